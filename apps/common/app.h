@@ -1,0 +1,228 @@
+/* What all executables share: nested commands over GNU argp, option tables, exit codes, signals, JSON, tables,
+ * progress, worker threads, text files and plots.
+ *
+ * Exit codes: 0 success; 1 a check failed; 2 usage; 3 a file; 4 not finite or no convergence; 5 out of memory;
+ * 130 stopped by Ctrl-C with the state saved. Results go to stdout, everything else to stderr.
+ */
+#ifndef LG_APPS_APP_H
+#define LG_APPS_APP_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+
+#include "liegrad/context.h"
+#include "liegrad/status.h"
+
+#define APP_COUNT(array) (sizeof(array) / sizeof((array)[0]))
+
+enum {
+    APP_EXIT_OK = 0,
+    APP_EXIT_CHECK = 1,
+    APP_EXIT_USAGE = 2,
+    APP_EXIT_FILE = 3,
+    APP_EXIT_NUMERIC = 4,
+    APP_EXIT_MEMORY = 5,
+    APP_EXIT_INTERRUPTED = 130
+};
+
+/* ---- options as data ---- */
+
+typedef enum app_kind {
+    APP_FLAG,   /* bool: true when given */
+    APP_SIZE,   /* uint64_t: a whole number in [low, high] */
+    APP_REAL,   /* double: finite, in [low, high] */
+    APP_TEXT,   /* const char * */
+    APP_CHOICE, /* int: position in choices */
+    APP_SIZES,  /* app_sizes: whole numbers in [low, high], separated by commas */
+    APP_REALS   /* app_reals: finite numbers in [low, high], separated by commas */
+} app_kind;
+
+#define APP_LIST_MAX 256
+typedef struct app_sizes {
+    size_t count;
+    uint32_t values[APP_LIST_MAX];
+} app_sizes;
+typedef struct app_reals {
+    size_t count;
+    double values[APP_LIST_MAX];
+} app_reals;
+
+/* A table of options ends with a row whose name is NULL. */
+typedef struct app_option {
+    const char *name;  /* without the dashes */
+    const char *value; /* what --help calls the value; NULL for a flag */
+    const char *help;
+    app_kind kind;
+    size_t offset; /* of the destination in the command's values */
+    double low, high;
+    bool above;                 /* low itself is refused */
+    const char *const *choices; /* APP_CHOICE: ends with NULL */
+} app_option;
+
+/* Rows of a table whose values live in `struct type`. */
+#define APP_ROW_FLAG(type, field, name, help)        {name, NULL, help, APP_FLAG, offsetof(type, field), 0, 0, false, NULL}
+#define APP_ROW_TEXT(type, field, name, value, help) {name, value, help, APP_TEXT, offsetof(type, field), 0, 0, false, NULL}
+#define APP_ROW_SIZE(type, field, name, value, low, high, help)                                             \
+    {name, value, help, APP_SIZE, offsetof(type, field), low, high, false, NULL}
+#define APP_ROW_REAL(type, field, name, value, low, high, help)                                             \
+    {name, value, help, APP_REAL, offsetof(type, field), low, high, false, NULL}
+#define APP_ROW_POSITIVE(type, field, name, value, help)                                                    \
+    {name, value, help, APP_REAL, offsetof(type, field), 0, 1e300, true, NULL}
+#define APP_ROW_CHOICE(type, field, name, names, help)                                                      \
+    {name, "NAME", help, APP_CHOICE, offsetof(type, field), 0, 0, false, names}
+#define APP_ROW_SIZES(type, field, name, value, low, high, help)                                            \
+    {name, value, help, APP_SIZES, offsetof(type, field), low, high, false, NULL}
+#define APP_ROW_REALS(type, field, name, value, help)                                                       \
+    {name, value, help, APP_REALS, offsetof(type, field), -1e300, 1e300, false, NULL}
+#define APP_ROW_END {NULL, NULL, NULL, APP_FLAG, 0, 0, 0, false, NULL}
+
+typedef struct app app;
+
+typedef struct app_command {
+    const char *name;      /* NULL in a program without commands; the table ends with run == NULL */
+    const char *arguments; /* "DATA.h5", for the usage line */
+    const char *summary;   /* one line */
+    const char *details;   /* after the options in --help; may be NULL */
+    const app_option *options;
+    void *values; /* where the options go; holds the defaults */
+    int arguments_min, arguments_max;
+    int (*run)(app *app); /* returns the exit code */
+} app_command;
+
+struct app {
+    const char *program;
+    const app_command *command;
+    char title[64];     /* "lg-hamiltonian train", begins every message */
+    char *command_line; /* as typed, for what we write into files */
+    bool json;
+    uint64_t seed, threads;
+    bool seed_given;
+    int argument_count;
+    const char *arguments[8];
+    bool given[64]; /* by row of the command's option table */
+    lg_context *context;
+};
+
+/* Parses, runs, flushes stdout; what main returns. */
+int app_main(int argc, char **argv, const char *program, const char *summary, const app_command *commands);
+/* Whether the option was on the command line. */
+bool app_given(const app *app, const char *option);
+/* True after the first Ctrl-C; the second one kills. */
+bool app_interrupted(void);
+
+/* ---- failing ---- */
+
+int app_exit_code(lg_status status);
+/* A sentence on stderr; returns the status' exit code. */
+int app_fail(const app *app, lg_status status, const char *format, ...) __attribute__((format(printf, 3, 4)));
+/* The same for what went wrong while reading or writing `path`: exit code 3 whatever the status, except for memory and
+ * Ctrl-C. `error` may be NULL. */
+int app_fail_file(const app *app, lg_status status, const lg_error *error, const char *path);
+void app_warn(const app *app, const char *format, ...) __attribute__((format(printf, 2, 3)));
+/* A sentence about the command line with a hint at --help; returns APP_EXIT_USAGE. */
+int app_usage(const app *app, const char *format, ...) __attribute__((format(printf, 2, 3)));
+/* Zeroed, aligned to 64 bytes; exits with code 5 when there is none. Freed with free. */
+void *app_alloc(size_t count, size_t size);
+/* printf into memory, with the same law. */
+char *app_format(const char *format, ...) __attribute__((format(printf, 1, 2)));
+
+/* ---- numbers ---- */
+
+/* Whole and finite, no blanks before or behind, decimal. False: *out is untouched. */
+bool app_parse_real(const char *text, double *out);
+bool app_parse_size(const char *text, uint64_t *out);
+/* The longest prefix up to the next comma must be a number. Returns false for an empty list or too many items. */
+bool app_parse_reals(const char *text, app_reals *out);
+
+double app_seconds(void); /* monotonic clock */
+double app_median(double *values, size_t count);     /* sorts; NAN for none */
+int app_compare_doubles(const void *a, const void *b); /* for qsort; NaN last */
+
+/* ---- JSON: one object in memory, printed when complete ---- */
+
+typedef struct app_json {
+    FILE *stream;
+    char *text;
+    size_t length;
+    bool comma;
+    bool failed;
+} app_json;
+void app_json_begin(app_json *json);
+void app_json_real(app_json *json, const char *key, double value); /* null when not finite; 17 digits */
+void app_json_size(app_json *json, const char *key, uint64_t value);
+void app_json_bool(app_json *json, const char *key, bool value);
+void app_json_text(app_json *json, const char *key, const char *value); /* NULL: null */
+void app_json_reals(app_json *json, const char *key, const double *values, size_t count);
+void app_json_open(app_json *json, const char *key, char bracket); /* '{' or '[' ; key NULL inside an array */
+void app_json_close(app_json *json, char bracket);                /* '}' or ']' */
+/* Closes the object and prints it on stdout. */
+void app_json_end(app_json *json);
+/* Text as a JSON string with its quotes: escapes, and \ufffd for what is not UTF-8. */
+void app_json_quote(FILE *stream, const char *text);
+
+/* ---- tables for people ---- */
+
+typedef struct app_table {
+    size_t columns, cells, room;
+    char **text;
+} app_table;
+void app_table_begin(app_table *table, size_t columns);
+void app_table_cell(app_table *table, const char *format, ...) __attribute__((format(printf, 2, 3)));
+/* Prints with aligned columns (the first to the left), a line under the first row, and frees. */
+void app_table_end(app_table *table, FILE *stream);
+
+/* ---- progress on stderr, only when it is a terminal ---- */
+
+typedef struct app_progress {
+    bool active;
+    double start, shown;
+    uint64_t first, total;
+} app_progress;
+/* `first` units were done before (a resumed run): they do not count for the remaining time. */
+void app_progress_begin(app_progress *progress, uint64_t first, uint64_t total);
+void app_progress_show(app_progress *progress, uint64_t done, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+void app_progress_end(app_progress *progress);
+
+/* ---- threads ---- */
+
+/* task(user, i) for i in 0..count-1, each once, on up to `threads` threads. A task writes to its own memory only. */
+void app_parallel(uint64_t threads, size_t count, void (*task)(void *user, size_t index), void *user);
+
+/* ---- files ---- */
+
+/* A text file in memory that replaces `path` when it is complete: temporary name beside it, fsync, rename. */
+typedef struct app_file {
+    const char *path;
+    FILE *stream;
+    char *text;
+    size_t length;
+} app_file;
+void app_file_begin(app_file *file, const char *path);
+/* On failure the old file stands and `error` says why. */
+lg_status app_file_end(app_file *file, lg_error *error);
+void app_file_discard(app_file *file);
+/* Fails now rather than after an hour of work: the folder of `path` must exist and be writable, `path` no folder. */
+lg_status app_check_writable(const char *path, lg_error *error);
+/* Creates the folder if there is none (one level). */
+lg_status app_make_folder(const char *path, lg_error *error);
+
+/* ---- plots through gnuplot ---- */
+
+/* FILE.svg or FILE.png; data go to FILE.dat and the script to FILE.gp beside it. Blocks of data are separated by
+ * app_plot_block and addressed as `index k` of `datafile` in the script. */
+typedef struct app_plot {
+    char *picture;
+    app_file data, script;
+    char *data_path, *script_path;
+} app_plot;
+bool app_plot_name_fits(const char *picture);
+/* Width and height in pixels. LG_INVALID_ARGUMENT for another ending. */
+lg_status app_plot_begin(app_plot *plot, const char *picture, int width, int height);
+void app_plot_block(app_plot *plot);
+/* Writes both files and runs gnuplot. Without gnuplot they are left, and a warning says so: *drawn = false, LG_OK. */
+lg_status app_plot_end(const app *app, app_plot *plot, bool *drawn, lg_error *error);
+
+#endif

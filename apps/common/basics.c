@@ -1,0 +1,203 @@
+/* Failing, memory, numbers, clocks, threads. */
+#include "common/app.h"
+
+#include <errno.h>
+#include <math.h>
+#include <pthread.h>
+#include <stdarg.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+/* The one table from status to exit code. */
+static const struct {
+    lg_status status;
+    int code;
+} exit_codes[] = {{LG_OK, APP_EXIT_OK},
+                  {LG_INVALID_ARGUMENT, APP_EXIT_USAGE},
+                  {LG_SHAPE, APP_EXIT_FILE},
+                  {LG_STALE_HANDLE, APP_EXIT_CHECK},
+                  {LG_OUT_OF_MEMORY, APP_EXIT_MEMORY},
+                  {LG_NOT_FINITE, APP_EXIT_NUMERIC},
+                  {LG_NO_CONVERGENCE, APP_EXIT_NUMERIC},
+                  {LG_STEP_TOO_SMALL, APP_EXIT_NUMERIC},
+                  {LG_TOO_MANY_STEPS, APP_EXIT_NUMERIC},
+                  {LG_NOT_DIFFERENTIABLE, APP_EXIT_USAGE},
+                  {LG_NOT_FOUND, APP_EXIT_FILE},
+                  {LG_FILE, APP_EXIT_FILE},
+                  {LG_FORMAT, APP_EXIT_FILE},
+                  {LG_VERSION, APP_EXIT_FILE},
+                  {LG_UNSUPPORTED, APP_EXIT_USAGE},
+                  {LG_CANCELLED, APP_EXIT_INTERRUPTED},
+                  {LG_CHECK_FAILED, APP_EXIT_CHECK}};
+
+int app_exit_code(lg_status status) {
+    for (size_t i = 0; i < APP_COUNT(exit_codes); i++)
+        if (exit_codes[i].status == status) return exit_codes[i].code;
+    return APP_EXIT_CHECK;
+}
+
+int app_fail(const app *self, lg_status status, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    (void)fprintf(stderr, "%s: ", self->title);
+    (void)vfprintf(stderr, format, arguments);
+    (void)fputc('\n', stderr);
+    va_end(arguments);
+    return app_exit_code(status);
+}
+
+int app_fail_file(const app *self, lg_status status, const lg_error *error, const char *path) {
+    const char *sentence =
+        error != NULL && error->message[0] != '\0' ? error->message : lg_status_sentence(status);
+    const bool named = strstr(sentence, path) != NULL;
+    const int code = app_fail(self, status, "%s%s%s", named ? "" : path, named ? "" : ": ", sentence);
+    return code == APP_EXIT_MEMORY || code == APP_EXIT_INTERRUPTED ? code : APP_EXIT_FILE;
+}
+
+int app_usage(const app *self, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    (void)fprintf(stderr, "%s: ", self->title);
+    (void)vfprintf(stderr, format, arguments);
+    (void)fprintf(stderr, "\nTry '%s --help' for more information.\n", self->title);
+    va_end(arguments);
+    return APP_EXIT_USAGE;
+}
+
+void app_warn(const app *self, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    (void)fprintf(stderr, "%s: warning: ", self->title);
+    (void)vfprintf(stderr, format, arguments);
+    (void)fputc('\n', stderr);
+    va_end(arguments);
+}
+
+static void die_of_memory(void) {
+    (void)fputs("out of memory\n", stderr);
+    exit(APP_EXIT_MEMORY);
+}
+
+void *app_alloc(size_t count, size_t size) {
+    void *memory = NULL;
+    if (count == 0 || size == 0) count = size = 1;
+    if (count > SIZE_MAX / size || posix_memalign(&memory, 64, count * size) != 0) die_of_memory();
+    memset(memory, 0, count * size);
+    return memory;
+}
+
+char *app_format(const char *format, ...) {
+    va_list arguments, again;
+    va_start(arguments, format);
+    va_copy(again, arguments);
+    const int length = vsnprintf(NULL, 0, format, arguments);
+    va_end(arguments);
+    char *text = app_alloc((size_t)(length < 0 ? 0 : length) + 1, 1);
+    (void)vsnprintf(text, (size_t)(length < 0 ? 0 : length) + 1, format, again);
+    va_end(again);
+    return text;
+}
+
+/* Decimal notation only: strtod alone would take blanks, hexadecimal, "inf" and "nan". */
+static bool is_number_start(const char *text) {
+    if (text[0] == '+' || text[0] == '-') text++;
+    if (text[0] == '0' && (text[1] == 'x' || text[1] == 'X')) return false;
+    return (text[0] >= '0' && text[0] <= '9') || text[0] == '.';
+}
+
+static bool real_prefix(const char *text, const char **end, double *out) {
+    if (!is_number_start(text)) return false;
+    char *stop = NULL;
+    const double value = strtod(text, &stop);
+    if (stop == text || !isfinite(value)) return false;
+    *end = stop;
+    *out = value;
+    return true;
+}
+
+bool app_parse_real(const char *text, double *out) {
+    const char *end;
+    double value;
+    if (!real_prefix(text, &end, &value) || *end != '\0') return false;
+    *out = value;
+    return true;
+}
+
+bool app_parse_size(const char *text, uint64_t *out) {
+    if (text[0] == '\0') return false;
+    uint64_t value = 0;
+    for (const char *c = text; *c != '\0'; c++) {
+        if (*c < '0' || *c > '9') return false;
+        const uint64_t digit = (uint64_t)(*c - '0');
+        if (value > (UINT64_MAX - digit) / 10) return false;
+        value = 10 * value + digit;
+    }
+    *out = value;
+    return true;
+}
+
+bool app_parse_reals(const char *text, app_reals *out) {
+    app_reals list = {0, {0}};
+    for (const char *at = text;; at++) {
+        if (list.count == APP_LIST_MAX || !real_prefix(at, &at, &list.values[list.count])) return false;
+        list.count++;
+        if (*at == '\0') break;
+        if (*at != ',') return false;
+    }
+    *out = list;
+    return true;
+}
+
+double app_seconds(void) {
+    struct timespec now;
+    (void)clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+int app_compare_doubles(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    if (isnan(x) || isnan(y)) return (int)isnan(x) - (int)isnan(y);
+    return (x > y) - (x < y);
+}
+
+double app_median(double *values, size_t count) {
+    if (count == 0) return (double)NAN;
+    qsort(values, count, sizeof *values, app_compare_doubles);
+    return count % 2 == 1 ? values[count / 2] : 0.5 * (values[count / 2 - 1] + values[count / 2]);
+}
+
+/* ---- threads ---- */
+
+typedef struct crew {
+    pthread_mutex_t mutex;
+    size_t next, count;
+    void (*task)(void *, size_t);
+    void *user;
+} crew;
+
+static void *crew_work(void *argument) {
+    crew *c = argument;
+    for (;;) {
+        (void)pthread_mutex_lock(&c->mutex);
+        const size_t index = c->next < c->count ? c->next++ : c->count;
+        (void)pthread_mutex_unlock(&c->mutex);
+        if (index == c->count) return NULL;
+        c->task(c->user, index);
+    }
+}
+
+void app_parallel(uint64_t threads, size_t count, void (*task)(void *user, size_t index), void *user) {
+    crew c = {.count = count, .task = task, .user = user};
+    if (threads > count) threads = count;
+    if (threads < 1) threads = 1;
+    (void)pthread_mutex_init(&c.mutex, NULL);
+    pthread_t *workers = app_alloc((size_t)threads, sizeof *workers);
+    size_t started = 0;
+    /* A thread that cannot be started is no failure: the others take its work. */
+    while (started + 1 < threads && pthread_create(&workers[started], NULL, crew_work, &c) == 0) started++;
+    (void)crew_work(&c);
+    for (size_t i = 0; i < started; i++) (void)pthread_join(workers[i], NULL);
+    (void)pthread_mutex_destroy(&c.mutex);
+    free(workers);
+}

@@ -1,0 +1,107 @@
+/* Pictures by gnuplot, which reads a script and data that stay beside the picture. */
+#include "common/app.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+/* Ending of the file's name, what the terminal is called, what follows its size. */
+static const struct {
+    const char *ending, *terminal, *rest;
+} formats[] = {{".svg", "svg", "dynamic background rgb 'white' font 'Helvetica,13'"},
+               {".png", "pngcairo", "font 'Helvetica,11'"}};
+
+static size_t format_of(const char *picture) {
+    const size_t length = strlen(picture);
+    for (size_t i = 0; i < APP_COUNT(formats); i++)
+        if (length > 4 && strcmp(picture + length - 4, formats[i].ending) == 0) return i;
+    return APP_COUNT(formats);
+}
+
+bool app_plot_name_fits(const char *picture) {
+    return format_of(picture) < APP_COUNT(formats);
+}
+
+/* A gnuplot string in single quotes: a quote inside is doubled. */
+static void put_quoted(FILE *stream, const char *text) {
+    (void)fputc('\'', stream);
+    for (; *text != '\0'; text++) {
+        if (*text == '\'') (void)fputc('\'', stream);
+        (void)fputc(*text, stream);
+    }
+    (void)fputc('\'', stream);
+}
+
+lg_status app_plot_begin(app_plot *plot, const char *picture, int width, int height) {
+    const size_t format = format_of(picture);
+    if (format == APP_COUNT(formats)) return LG_INVALID_ARGUMENT;
+    const int stem = (int)strlen(picture) - 4;
+    *plot = (app_plot){.picture = app_format("%s", picture)};
+    plot->data_path = app_format("%.*s.dat", stem, picture);
+    plot->script_path = app_format("%.*s.gp", stem, picture);
+    app_file_begin(&plot->data, plot->data_path);
+    app_file_begin(&plot->script, plot->script_path);
+    FILE *script = plot->script.stream;
+    (void)fprintf(script, "set terminal %s size %d,%d %s", formats[format].terminal, width, height,
+                  formats[format].rest);
+    (void)fputs("\nset output ", script);
+    put_quoted(script, picture);
+    (void)fputs("\ndatafile = ", script);
+    put_quoted(script, plot->data_path);
+    (void)fputs("\nset grid lc rgb '#dddddd'\nset border lc rgb '#555555'\n", script);
+    return LG_OK;
+}
+
+void app_plot_block(app_plot *plot) {
+    (void)fputs("\n\n", plot->data.stream);
+}
+
+/* Exit status of `gnuplot script`: 127 when there is none, -1 when it could not be started or died. */
+static int run_gnuplot(const char *script) {
+    const pid_t child = fork();
+    if (child < 0) return -1;
+    if (child == 0) {
+        const int null = open("/dev/null", O_RDWR);
+        if (null >= 0) {
+            (void)dup2(null, STDIN_FILENO);
+            (void)dup2(null, STDOUT_FILENO);
+            (void)dup2(null, STDERR_FILENO);
+        }
+        (void)execlp("gnuplot", "gnuplot", script, (char *)NULL);
+        _exit(127);
+    }
+    int status = 0;
+    while (waitpid(child, &status, 0) < 0)
+        if (errno != EINTR) return -1;
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+static void plot_free(app_plot *plot) {
+    free(plot->picture);
+    free(plot->data_path);
+    free(plot->script_path);
+}
+
+lg_status app_plot_end(const app *self, app_plot *plot, bool *drawn, lg_error *error) {
+    *drawn = false;
+    lg_status status = app_file_end(&plot->data, error);
+    if (status == LG_OK)
+        status = app_file_end(&plot->script, error);
+    else
+        app_file_discard(&plot->script);
+    if (status == LG_OK) {
+        const int code = run_gnuplot(plot->script_path);
+        *drawn = code == 0;
+        if (code == 127)
+            app_warn(self, "gnuplot is not installed: %s is not drawn, its data and script are left in %s and %s",
+                     plot->picture, plot->data_path, plot->script_path);
+        else if (code != 0)
+            app_warn(self, "gnuplot failed: %s is not drawn, its data and script are left in %s and %s", plot->picture,
+                     plot->data_path, plot->script_path);
+    }
+    plot_free(plot);
+    return status;
+}

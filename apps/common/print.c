@@ -1,0 +1,196 @@
+/* JSON, tables, progress. */
+#include "common/app.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+/* ---- JSON ---- */
+
+/* Length of the valid UTF-8 sequence at `s`, 0 when there is none (overlong forms and surrogates included). */
+static size_t utf8_length(const unsigned char *s) {
+    if (s[0] < 0x80) return 1;
+    const size_t n = s[0] >= 0xc2 && s[0] <= 0xdf ? 2 : s[0] >= 0xe0 && s[0] <= 0xef ? 3 : s[0] >= 0xf0 && s[0] <= 0xf4 ? 4 : 0;
+    for (size_t i = 1; i < n; i++)
+        if ((s[i] & 0xc0) != 0x80) return 0;
+    if ((s[0] == 0xe0 && s[1] < 0xa0) || (s[0] == 0xed && s[1] > 0x9f)) return 0;
+    if ((s[0] == 0xf0 && s[1] < 0x90) || (s[0] == 0xf4 && s[1] > 0x8f)) return 0;
+    return n;
+}
+
+void app_json_quote(FILE *stream, const char *text) {
+    (void)fputc('"', stream);
+    for (const unsigned char *s = (const unsigned char *)text; *s != '\0';) {
+        const size_t n = utf8_length(s);
+        if (n == 0)
+            (void)fputs("\\ufffd", stream);
+        else if (*s == '"' || *s == '\\')
+            (void)fprintf(stream, "\\%c", *s);
+        else if (*s < 0x20 || *s == 0x7f)
+            (void)fprintf(stream, "\\u%04x", *s);
+        else
+            (void)fwrite(s, 1, n, stream);
+        s += n > 0 ? n : 1;
+    }
+    (void)fputc('"', stream);
+}
+
+static void put_real(FILE *stream, double value) {
+    if (isfinite(value))
+        (void)fprintf(stream, "%.17g", value);
+    else
+        (void)fputs("null", stream);
+}
+
+static void put_key(app_json *json, const char *key) {
+    if (json->comma) (void)fputs(", ", json->stream);
+    json->comma = true;
+    if (key == NULL) return;
+    app_json_quote(json->stream, key);
+    (void)fputs(": ", json->stream);
+}
+
+void app_json_begin(app_json *json) {
+    *json = (app_json){.stream = NULL};
+    json->stream = open_memstream(&json->text, &json->length);
+    if (json->stream == NULL) {
+        (void)fputs("out of memory\n", stderr);
+        exit(APP_EXIT_MEMORY);
+    }
+    (void)fputc('{', json->stream);
+}
+
+void app_json_real(app_json *json, const char *key, double value) {
+    put_key(json, key);
+    put_real(json->stream, value);
+}
+
+void app_json_size(app_json *json, const char *key, uint64_t value) {
+    put_key(json, key);
+    (void)fprintf(json->stream, "%llu", (unsigned long long)value);
+}
+
+void app_json_bool(app_json *json, const char *key, bool value) {
+    put_key(json, key);
+    (void)fputs(value ? "true" : "false", json->stream);
+}
+
+void app_json_text(app_json *json, const char *key, const char *value) {
+    put_key(json, key);
+    if (value != NULL)
+        app_json_quote(json->stream, value);
+    else
+        (void)fputs("null", json->stream);
+}
+
+void app_json_reals(app_json *json, const char *key, const double *values, size_t count) {
+    app_json_open(json, key, '[');
+    for (size_t i = 0; i < count; i++) app_json_real(json, NULL, values[i]);
+    app_json_close(json, ']');
+}
+
+void app_json_open(app_json *json, const char *key, char bracket) {
+    put_key(json, key);
+    (void)fputc(bracket, json->stream);
+    json->comma = false;
+}
+
+void app_json_close(app_json *json, char bracket) {
+    (void)fputc(bracket, json->stream);
+    json->comma = true;
+}
+
+void app_json_end(app_json *json) {
+    (void)fputs("}\n", json->stream);
+    if (fclose(json->stream) != 0) {
+        (void)fputs("out of memory\n", stderr);
+        exit(APP_EXIT_MEMORY);
+    }
+    (void)fwrite(json->text, 1, json->length, stdout);
+    free(json->text);
+}
+
+/* ---- tables ---- */
+
+void app_table_begin(app_table *table, size_t columns) {
+    *table = (app_table){.columns = columns};
+}
+
+void app_table_cell(app_table *table, const char *format, ...) {
+    if (table->cells == table->room) {
+        table->room = table->room > 0 ? 2 * table->room : 64;
+        char **text = realloc(table->text, table->room * sizeof *text);
+        if (text == NULL) {
+            (void)fputs("out of memory\n", stderr);
+            exit(APP_EXIT_MEMORY);
+        }
+        table->text = text;
+    }
+    va_list arguments;
+    char cell[256];
+    va_start(arguments, format);
+    (void)vsnprintf(cell, sizeof cell, format, arguments);
+    va_end(arguments);
+    table->text[table->cells++] = app_format("%s", cell);
+}
+
+static size_t column_width(const app_table *table, size_t column) {
+    size_t width = 0;
+    for (size_t i = column; i < table->cells; i += table->columns)
+        if (strlen(table->text[i]) > width) width = strlen(table->text[i]);
+    return width;
+}
+
+void app_table_end(app_table *table, FILE *stream) {
+    for (size_t i = 0; i < table->cells; i++) {
+        const size_t column = i % table->columns, row = i / table->columns;
+        const int width = (int)column_width(table, column);
+        if (column == 0)
+            (void)fprintf(stream, "%-*s", width, table->text[i]);
+        else
+            (void)fprintf(stream, "  %*s", width, table->text[i]);
+        if (column + 1 < table->columns) continue;
+        (void)fputc('\n', stream);
+        if (row > 0) continue;
+        for (size_t c = 0; c < table->columns; c++) {
+            const size_t dashes = column_width(table, c) + (c > 0 ? 2 : 0);
+            for (size_t k = 0; k < dashes; k++) (void)fputc('-', stream);
+        }
+        (void)fputc('\n', stream);
+    }
+    for (size_t i = 0; i < table->cells; i++) free(table->text[i]);
+    free(table->text);
+}
+
+/* ---- progress ---- */
+
+void app_progress_begin(app_progress *progress, uint64_t first, uint64_t total) {
+    const double now = app_seconds();
+    *progress = (app_progress){isatty(STDERR_FILENO) == 1, now, now - 1, first, total};
+}
+
+void app_progress_show(app_progress *progress, uint64_t done, const char *format, ...) {
+    const double now = app_seconds();
+    if (!progress->active || progress->total == 0 || (now - progress->shown < 0.1 && done < progress->total)) return;
+    progress->shown = now;
+    char bar[25], words[96];
+    const double share = (double)done / (double)progress->total;
+    const int filled = (int)(24.0 * (share < 1 ? share : 1));
+    for (int i = 0; i < 24; i++) bar[i] = i < filled ? '#' : '.';
+    bar[24] = '\0';
+    va_list arguments;
+    va_start(arguments, format);
+    (void)vsnprintf(words, sizeof words, format, arguments);
+    va_end(arguments);
+    const double each = done > progress->first ? (now - progress->start) / (double)(done - progress->first) : 0;
+    const long left = (long)(each * (double)(progress->total - (done < progress->total ? done : progress->total)) + 0.5);
+    (void)fprintf(stderr, "\r[%s] %3.0f%%  %s  %ld:%02ld left\033[K", bar, 100 * share, words, left / 60, left % 60);
+    (void)fflush(stderr);
+}
+
+void app_progress_end(app_progress *progress) {
+    if (progress->active) (void)fputs("\r\033[K", stderr);
+    progress->active = false;
+}

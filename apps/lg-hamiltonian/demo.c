@@ -1,0 +1,239 @@
+/* lg-hamiltonian demo: the single spherical pendulum from nothing to pictures. */
+#include "lg-hamiltonian/learning.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+typedef struct demo_values {
+    const char *out;
+    uint64_t epochs;
+    double t_end;
+} demo_values;
+
+static const app_option demo_options[] = {
+    APP_ROW_TEXT(demo_values, out, "out", "DIR", "Folder for data, model and pictures (default liegrad-demo)"),
+    APP_ROW_SIZE(demo_values, epochs, "epochs", "E", 1, 1e6, "Default 100"),
+    APP_ROW_POSITIVE(demo_values, t_end, "t-end", "T", "Length of the long prediction (default 100)"),
+    APP_ROW_END};
+
+static demo_values values = {.out = "liegrad-demo", .epochs = 100, .t_end = 100};
+
+/* Published for CF4, N = 500, M = 5 without noise (thesis, study of section 4.4.3). */
+static const double published_e1 = 1.7e-7, published_e2 = 3.4e-4;
+
+enum { LONG_POINTS = 2001 };
+
+typedef struct demo {
+    app *app;
+    lg_scene scene;
+    lg_trajectories data, test;
+    learner learner;
+    double *theta, *predicted;
+    double loss, sampling_seconds, training_seconds, judging_seconds;
+    verdict verdict;
+    app_progress progress;
+    lg_error error;
+} demo;
+
+static char *inside(const char *name) {
+    return app_format("%s/%s", values.out, name);
+}
+
+static lg_status write_data(demo *self, const char *name, lg_trajectories *data) {
+    char *path = inside(name);
+    data->provenance = provenance_of(self->app, self->app->seed);
+    const lg_status status = lg_trajectories_write(self->app->context, path, data, &self->error);
+    free(path);
+    return status;
+}
+
+static lg_status sample_all(demo *self) {
+    const sampling training = {500, 5, 0.1, 0, LG_NOISE_NORMAL, self->app->seed};
+    const sampling test = {100, 15, 1, 0, LG_NOISE_NORMAL, self->app->seed + UINT64_C(0x9e3779b9)};
+    const double begin = app_seconds();
+    lg_status status = lg_scene_default("pendulum-chain", 1, &self->scene);
+    if (status == LG_OK) status = sample_scene(self->app->context, &self->scene, &training, &self->data, &self->error);
+    if (status == LG_OK) status = sample_scene(self->app->context, &self->scene, &test, &self->test, &self->error);
+    if (status == LG_OK) status = write_data(self, "train.h5", &self->data);
+    if (status == LG_OK) status = write_data(self, "test.h5", &self->test);
+    self->sampling_seconds = app_seconds() - begin;
+    return status;
+}
+
+static int on_epoch(void *user, const lg_fit_epoch *report) {
+    demo *self = user;
+    app_progress_show(&self->progress, report->epoch, "training  epoch %llu/%llu  loss %.2e",
+                      (unsigned long long)report->epoch, (unsigned long long)report->epochs, report->loss);
+    return 0;
+}
+
+static lg_status train_model(demo *self) {
+    static const uint32_t hidden[] = {100, 100, 100};
+    lg_hamiltonian_run run = {.dtype = LG_F64,
+                              .integrator = LG_TRAIN_CF4,
+                              .substeps = 1,
+                              .epochs = values.epochs,
+                              .batch = 80,
+                              .lr = 1e-2,
+                              .lr_gamma = 0.1,
+                              .lr_step = 50,
+                              .shards = 4,
+                              .seed = self->app->seed};
+    lg_fit_options options;
+    lg_fit_options_init(&options);
+    options.threads = (int)self->app->threads;
+    options.on_epoch = on_epoch;
+    options.user = self;
+    lg_status status = describe_run(&self->data, LG_POTENTIAL_MLP, hidden, 3, LG_TANH, &run, &self->error);
+    if (status == LG_OK)
+        status = learner_create(self->app->context, &run, &self->data, &options, &self->learner, &self->error);
+    if (status != LG_OK) return status;
+    const double begin = app_seconds();
+    app_progress_begin(&self->progress, 0, run.epochs);
+    status = lg_fit_run(self->learner.fit, &self->error);
+    app_progress_end(&self->progress);
+    self->training_seconds = app_seconds() - begin;
+    if (status != LG_OK) return status;
+    self->theta = app_alloc(lg_hamiltonian_parameters(&run.model), sizeof *self->theta);
+    lg_fit_parameters(self->learner.fit, self->theta);
+    status = mean_squared_error(self->app->context, &self->learner.problem, self->theta, &self->loss, &self->error);
+    char *path = inside("model.h5");
+    if (status == LG_OK) status = save_model(self->app, path, &self->learner, self->theta, &self->error);
+    free(path);
+    return status;
+}
+
+static lg_status judge_model(demo *self) {
+    const lg_hamiltonian *model = &self->learner.run.model;
+    const double begin = app_seconds();
+    self->predicted = app_alloc(self->test.count * self->test.points * self->test.state_size, sizeof(double));
+    const lg_status status = judge(self->app->context, self->app->threads, model, self->theta, &self->test,
+                                   default_tolerance(model), self->predicted, &self->verdict, &self->error);
+    self->judging_seconds = app_seconds() - begin;
+    return status;
+}
+
+/* The true and the learned energy along the learned flow of the first test start. */
+static lg_status draw_long(demo *self, const char *picture) {
+    const lg_hamiltonian *model = &self->learner.run.model;
+    const size_t dim = self->test.state_size;
+    double *t = app_alloc(LONG_POINTS, sizeof *t), *y = app_alloc(LONG_POINTS * dim, sizeof *y);
+    double *energies = app_alloc(2 * LONG_POINTS, sizeof *energies), *work = NULL;
+    lg_system *system = NULL;
+    for (int i = 0; i < LONG_POINTS; i++) t[i] = values.t_end * i / (LONG_POINTS - 1);
+    lg_status status = make_system(self->app->context, &self->scene, &system, &self->error);
+    if (status == LG_OK)
+        status = learned_flow(self->app->context, model, self->theta, 1e-10, self->test.data, t, LONG_POINTS, y, NULL);
+    if (status == LG_OK) {
+        work = app_alloc(lg_system_workspace(system), sizeof *work);
+        for (size_t i = 0; i < LONG_POINTS; i++) energies[i] = lg_system_hamiltonian(system, y + i * dim, work);
+        learned_energies(model, self->theta, y, LONG_POINTS, dim, energies + LONG_POINTS);
+        status = draw_energy(self->app, picture, t, energies, energies + LONG_POINTS, LONG_POINTS, &self->error);
+    }
+    lg_system_destroy(self->app->context, system);
+    free(work);
+    free(energies);
+    free(y);
+    free(t);
+    return status;
+}
+
+static lg_status draw_all(demo *self) {
+    char *sphere = inside("trajectories.svg"), *loss = inside("loss.svg"), *energy = inside("energy.svg");
+    char *history = inside("loss.csv");
+    const lg_fit *fit = self->learner.fit;
+    lg_status status = save_history(history, fit, &self->error);
+    if (status == LG_OK)
+        status = draw_trajectories(self->app, sphere, LG_HAMILTONIAN_CHAIN, 1, self->test.data, self->predicted,
+                                   self->test.count, self->test.points, &self->error);
+    if (status == LG_OK)
+        status = draw_loss(self->app, loss, lg_fit_history(fit, LG_FIT_LOSS), NULL, (size_t)lg_fit_epochs_done(fit),
+                           &self->error);
+    if (status == LG_OK) status = draw_long(self, energy);
+    free(sphere);
+    free(loss);
+    free(energy);
+    free(history);
+    return status;
+}
+
+static void report_json(const demo *self, double seconds) {
+    app_json json;
+    app_json_begin(&json);
+    app_json_real(&json, "E1", self->verdict.e1);
+    app_json_real(&json, "E2", self->verdict.e2);
+    app_json_real(&json, "published_E1", published_e1);
+    app_json_real(&json, "published_E2", published_e2);
+    app_json_real(&json, "loss", self->loss);
+    app_json_size(&json, "epochs", lg_fit_epochs_done(self->learner.fit));
+    app_json_real(&json, "seconds_per_epoch", lg_fit_seconds_per_epoch(self->learner.fit));
+    app_json_size(&json, "threads", self->app->threads);
+    app_json_size(&json, "seed", self->app->seed);
+    app_json_text(&json, "out", values.out);
+    app_json_real(&json, "seconds", seconds);
+    app_json_end(&json);
+}
+
+static void report(const demo *self, double seconds) {
+    app_table table;
+    (void)printf("The spherical pendulum on T*S^2, learned from %zu trajectories of %zu points on [0, 0.1]\n"
+                 "with the commutator-free integrator CF4: %zu parameters, %llu epochs, mean squared error %.2e.\n\n",
+                 self->data.count, self->data.points, lg_hamiltonian_parameters(&self->learner.run.model),
+                 (unsigned long long)lg_fit_epochs_done(self->learner.fit), self->loss);
+    app_table_begin(&table, 3);
+    app_table_cell(&table, "%zu test trajectories on [0, 1]", self->test.count);
+    app_table_cell(&table, "liegrad");
+    app_table_cell(&table, "published");
+    app_table_cell(&table, "E1  mean squared error of the flow");
+    app_table_cell(&table, "%.2e", self->verdict.e1);
+    app_table_cell(&table, "%.1e", published_e1);
+    app_table_cell(&table, "E2  deviation of the Hamiltonian");
+    app_table_cell(&table, "%.2e", self->verdict.e2);
+    app_table_cell(&table, "%.1e", published_e2);
+    app_table_end(&table, stdout);
+    (void)printf("\nIn %s:\n"
+                 "  train.h5  test.h5   the data\n"
+                 "  model.h5            the learned Hamiltonian\n"
+                 "  trajectories.svg    true and predicted, on the sphere\n"
+                 "  loss.svg  loss.csv  the training loss\n"
+                 "  energy.svg          the energy along a prediction to t = %g\n\n",
+                 values.out, values.t_end);
+    (void)printf("%.1f s: sampling %.1f, training %.1f (%.4f an epoch, %llu threads), judging %.1f\n", seconds,
+                 self->sampling_seconds, self->training_seconds, lg_fit_seconds_per_epoch(self->learner.fit),
+                 (unsigned long long)self->app->threads, self->judging_seconds);
+}
+
+static int run(app *app) {
+    demo self = {.app = app};
+    const double begin = app_seconds();
+    lg_status status = app_make_folder(values.out, &self.error);
+    if (status != LG_OK) return app_fail_file(app, status, &self.error, values.out);
+    status = sample_all(&self);
+    if (status == LG_OK) status = train_model(&self);
+    if (status == LG_OK) status = judge_model(&self);
+    if (status == LG_OK) status = draw_all(&self);
+    int code = APP_EXIT_OK;
+    if (status != LG_OK)
+        code = app_fail(app, status, "%s",
+                        self.error.message[0] != '\0' ? self.error.message : lg_status_sentence(status));
+    else if (app->json)
+        report_json(&self, app_seconds() - begin);
+    else
+        report(&self, app_seconds() - begin);
+    learner_destroy(&self.learner);
+    lg_trajectories_free(app->context, &self.data);
+    lg_trajectories_free(app->context, &self.test);
+    free(self.theta);
+    free(self.predicted);
+    return code;
+}
+
+const app_command demo_command = {.name = "demo",
+                                  .arguments = NULL,
+                                  .summary = "Learn the spherical pendulum, judge it, draw it",
+                                  .details = NULL,
+                                  .options = demo_options,
+                                  .values = &values,
+                                  .arguments_min = 0,
+                                  .arguments_max = 0,
+                                  .run = run};

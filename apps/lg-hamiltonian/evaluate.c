@@ -1,0 +1,102 @@
+/* lg-hamiltonian evaluate: E1 and E2 of a model on test trajectories. */
+#include "lg-hamiltonian/learning.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+typedef struct evaluate_values {
+    const char *plot;
+    double tolerance;
+} evaluate_values;
+
+static const app_option evaluate_options[] = {
+    APP_ROW_REAL(evaluate_values, tolerance, "tolerance", "TOL", 1e-14, 1e-2,
+                 "Of the adaptive integration of the learned flow (default 1e-10; 1e-13 for linear potentials)"),
+    APP_ROW_TEXT(evaluate_values, plot, "plot", "FILE.svg|.png", "Draw the test trajectories, true and predicted"),
+    APP_ROW_END};
+
+static evaluate_values values;
+
+static void report(const app *self, const lg_trajectories *test, const verdict *result, double seconds) {
+    if (self->json) {
+        app_json json;
+        app_json_begin(&json);
+        app_json_real(&json, "E1", result->e1);
+        app_json_real(&json, "E2", result->e2);
+        app_json_size(&json, "trajectories", test->count);
+        app_json_size(&json, "points", test->points);
+        app_json_real(&json, "t_end", test->t[test->points - 1] - test->t[0]);
+        app_json_size(&json, "threads", self->threads);
+        app_json_real(&json, "seconds", seconds);
+        app_json_end(&json);
+        return;
+    }
+    (void)printf("%zu trajectories of %zu points on [%g, %g] (%.2f s)\n", test->count, test->points, test->t[0],
+                 test->t[test->points - 1], seconds);
+    (void)printf("E1 = %.4e  mean squared error of the learned flow\n", result->e1);
+    if (isfinite(result->e2))
+        (void)printf("E2 = %.4e  mean deviation of the Hamiltonian from the true one, up to a constant\n", result->e2);
+    else
+        (void)printf("E2 unknown: %s has no /hamiltonian\n", self->arguments[1]);
+}
+
+static int evaluate(app *self, const lg_hamiltonian_file *file, const lg_trajectories *test) {
+    lg_error error = {LG_OK, ""};
+    verdict result;
+    const lg_hamiltonian *model = &file->run.model;
+    if (model->family != test->family || model->links != test->links)
+        return app_fail(self, LG_SHAPE, "%s: states of %u numbers, but the model %s has %u%s", self->arguments[1],
+                        test->state_size, self->arguments[0], lg_hamiltonian_state_size(model),
+                        model->family != test->family ? " of another layout" : "");
+    const double tolerance = values.tolerance > 0 ? values.tolerance : default_tolerance(model);
+    double *predicted = NULL;
+    if (values.plot != NULL)
+        predicted = app_alloc(test->count * test->points * test->state_size, sizeof *predicted);
+    const double begin = app_seconds();
+    lg_status status =
+        judge(self->context, self->threads, model, file->theta, test, tolerance, predicted, &result, &error);
+    int code = status == LG_OK ? APP_EXIT_OK : app_fail(self, status, "%s", error.message);
+    if (code == APP_EXIT_OK && predicted != NULL) {
+        status = draw_trajectories(self, values.plot, model->family, model->links, test->data, predicted, test->count,
+                                   test->points, &error);
+        if (status != LG_OK) code = app_fail_file(self, status, &error, values.plot);
+    }
+    if (code == APP_EXIT_OK) report(self, test, &result, app_seconds() - begin);
+    free(predicted);
+    return code;
+}
+
+static int run(app *self) {
+    lg_error error = {LG_OK, ""};
+    lg_hamiltonian_file file;
+    lg_trajectories test;
+    if (values.plot != NULL && !app_plot_name_fits(values.plot))
+        return app_usage(self, "--plot: '%s' does not end in .svg or .png", values.plot);
+    if (values.plot != NULL && app_check_writable(values.plot, &error) != LG_OK)
+        return app_fail_file(self, error.status, &error, values.plot);
+    lg_status status = lg_model_load_hamiltonian(self->context, self->arguments[0], NULL, &file, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
+    status = lg_trajectories_read(self->context, self->arguments[1], NULL, &test, &error);
+    int code = APP_EXIT_OK;
+    if (status == LG_OK) {
+        code = evaluate(self, &file, &test);
+        lg_trajectories_free(self->context, &test);
+    } else {
+        code = app_fail_file(self, status, &error, self->arguments[1]);
+    }
+    lg_hamiltonian_file_free(self->context, &file);
+    return code;
+}
+
+const app_command evaluate_command = {
+    .name = "evaluate",
+    .arguments = "MODEL.h5 TEST.h5",
+    .summary = "Judge a model on test trajectories: E1 and E2",
+    .details = "E1: mean of the squared differences over trajectories, coordinates and points, t = 0 included; the learned "
+               "flow is integrated by an adaptive method of order 5 from the file's first points. E2: mean |d - mean d|, d "
+               "= H - H_learned at the starts; unknown (null) without /hamiltonian in the file.",
+    .options = evaluate_options,
+    .values = &values,
+    .arguments_min = 2,
+    .arguments_max = 2,
+    .run = run};

@@ -1,0 +1,89 @@
+/* lg-hamiltonian generate: trajectories of a scene into a data file. */
+#include "lg-hamiltonian/learning.h"
+
+typedef struct generate_values {
+    const char *out;
+    uint64_t trajectories, points;
+    double t_end, noise;
+    int noise_kind;
+} generate_values;
+
+static const char *const noise_names[] = {"normal", "uniform", NULL};
+
+static const app_option generate_options[] = {
+    APP_ROW_SIZE(generate_values, trajectories, "trajectories", "N", 1, 1e9, "Number of trajectories (default 500)"),
+    APP_ROW_SIZE(generate_values, points, "points", "M", 2, 1e9,
+                 "Points of each, the start included (default 5); dt = T/(M-1)"),
+    APP_ROW_POSITIVE(generate_values, t_end, "t-end", "T", "Time of the last point (default: the scene's t_end, or 0.1)"),
+    APP_ROW_REAL(generate_values, noise, "noise", "EPS", 0, 1e300,
+                 "Size of the noise on all points but the first (default 0)"),
+    APP_ROW_CHOICE(generate_values, noise_kind, "noise-kind", noise_names, "normal: EPS N(0,1); uniform: EPS U(-1,1)"),
+    APP_ROW_TEXT(generate_values, out, "out", "FILE", "The HDF5 file to write"),
+    APP_ROW_END};
+
+static generate_values values = {.trajectories = 500, .points = 5};
+
+static void report(const app *self, const lg_trajectories *data, double seconds) {
+    if (self->json) {
+        app_json json;
+        app_json_begin(&json);
+        app_json_text(&json, "system", data->system);
+        app_json_size(&json, "links", data->links);
+        app_json_size(&json, "trajectories", data->count);
+        app_json_size(&json, "points", data->points);
+        app_json_size(&json, "state_size", data->state_size);
+        app_json_real(&json, "dt", data->dt);
+        app_json_real(&json, "noise", values.noise);
+        app_json_text(&json, "noise_kind", noise_names[values.noise_kind]);
+        app_json_size(&json, "seed", self->seed);
+        app_json_text(&json, "sha256", data->sha256);
+        app_json_text(&json, "out", values.out);
+        app_json_real(&json, "seconds", seconds);
+        app_json_end(&json);
+        return;
+    }
+    (void)printf("%s: %zu trajectories of %s, %zu points each %g apart, %u numbers a point (%.2f s)\n", values.out,
+                 data->count, data->system, data->points, data->dt, data->state_size, seconds);
+}
+
+static int run(app *self) {
+    lg_error error = {LG_OK, ""};
+    lg_scene scene;
+    const double begin = app_seconds();
+    if (values.out == NULL) return app_usage(self, "--out FILE is missing");
+    lg_status status = app_check_writable(values.out, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, values.out);
+    status = lg_scene_read(self->context, self->arguments[0], &scene, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
+    if (scene.has_initial)
+        return app_fail(self, LG_FORMAT, "%s:%u: `initial` is one start; many are drawn as `starts` says",
+                        self->arguments[0], scene.line_initial);
+    const double t_end = values.t_end > 0 ? values.t_end : scene.has_t_end ? scene.t_end : 0.1;
+    const sampling how = {.trajectories = (size_t)values.trajectories,
+                          .points = (size_t)values.points,
+                          .t_end = t_end,
+                          .noise = values.noise,
+                          .noise_kind = values.noise_kind == 0 ? LG_NOISE_NORMAL : LG_NOISE_UNIFORM,
+                          .seed = self->seed};
+    lg_trajectories data;
+    status = sample_scene(self->context, &scene, &how, &data, &error);
+    if (status != LG_OK) return app_fail(self, status, "%s: %s", self->arguments[0], error.message);
+    data.provenance = provenance_of(self, self->seed);
+    status = lg_trajectories_write(self->context, values.out, &data, &error);
+    if (status == LG_OK) report(self, &data, app_seconds() - begin);
+    lg_trajectories_free(self->context, &data);
+    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, values.out);
+}
+
+const app_command generate_command = {
+    .name = "generate",
+    .arguments = "SCENE.yaml",
+    .summary = "Sample trajectories of a scene from random starts",
+    .details = "The file holds /t (M), /trajectories (N, M, d) and /hamiltonian (N), the energies at the starts. The "
+               "system, its parameters and how starts are drawn are the scene's. The starts depend on the seed and their "
+               "number only, not on N, M, T or the noise.",
+    .options = generate_options,
+    .values = &values,
+    .arguments_min = 1,
+    .arguments_max = 1,
+    .run = run};

@@ -1,0 +1,170 @@
+/* Training a learned Hamiltonian: what `train`, `study` and `demo` have in common. */
+#include "lg-hamiltonian/learning.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { STREAM_WEIGHTS = 1, ERROR_CHUNK = 128 };
+
+static lg_status fail(lg_error *error, lg_status status, const char *sentence) {
+    if (error != NULL) {
+        error->status = status;
+        (void)snprintf(error->message, sizeof error->message, "%s", sentence);
+    }
+    return status;
+}
+
+lg_status describe_run(const lg_trajectories *data, lg_potential_kind potential, const uint32_t *hidden,
+                       uint32_t hidden_layers, lg_activation activation, lg_hamiltonian_run *run, lg_error *error) {
+    const lg_status status = lg_hamiltonian_init(&run->model, data->family, data->links, potential, hidden,
+                                                 hidden_layers, activation);
+    if (status != LG_OK) return fail(error, status, "a network of this size cannot be made");
+    memcpy(run->system, data->system, sizeof run->system);
+    memcpy(run->data_sha256, data->sha256, sizeof run->data_sha256);
+    run->trajectories = data->count;
+    run->points = data->points;
+    run->dt = data->dt;
+    return LG_OK;
+}
+
+static lg_hamiltonian_problem problem_of(const learner *self, const lg_trajectories *data) {
+    const lg_hamiltonian_run *run = &self->run;
+    return (lg_hamiltonian_problem){.model = &run->model,
+                                    .integrator = run->integrator,
+                                    .substeps = run->substeps,
+                                    .penalty = run->penalty,
+                                    .penalty_form = run->penalty_form,
+                                    .trajectories = data->count,
+                                    .points = data->points,
+                                    .dt = data->dt,
+                                    .data = data->data};
+}
+
+static lg_fit_options options_of(const lg_hamiltonian_run *run, const lg_fit_options *base) {
+    lg_fit_options options = *base;
+    options.dtype = run->dtype;
+    options.epochs = run->epochs;
+    options.batch = (size_t)run->batch;
+    options.shards = run->shards;
+    options.adam.lr = run->lr;
+    options.adam.weight_decay = run->weight_decay;
+    options.schedule.kind = LG_SCHEDULE_STEP;
+    options.schedule.every = run->lr_step;
+    options.schedule.gamma = run->lr_gamma;
+    options.seed = run->seed;
+    options.validation = run->validation;
+    options.keep_best = run->validation > 0;
+    return options;
+}
+
+lg_status learner_create(const lg_context *context, const lg_hamiltonian_run *run, const lg_trajectories *data,
+                         const lg_fit_options *options, learner *out, lg_error *error) {
+    *out = (learner){.run = *run};
+    out->problem = problem_of(out, data);
+    lg_status status = lg_hamiltonian_problem_check(&out->problem, error);
+    if (status != LG_OK) return status;
+    lg_hamiltonian_fit_problem(&out->problem, &out->fit_problem);
+    double *theta = app_alloc(lg_hamiltonian_parameters(&out->run.model), sizeof *theta);
+    lg_rng rng;
+    lg_rng_seed(&rng, run->seed, STREAM_WEIGHTS);
+    lg_hamiltonian_initialise(&out->run.model, &rng, theta);
+    const lg_fit_options chosen = options_of(&out->run, options);
+    status = lg_fit_create(context, &out->fit_problem, &chosen, theta, &out->fit, error);
+    free(theta);
+    return status;
+}
+
+void learner_destroy(learner *self) {
+    lg_fit_destroy(self->fit);
+    self->fit = NULL;
+}
+
+/* The sum of squares over all samples, chunk by chunk on one tape, as parts of one batch: their sum is the mean. */
+static lg_status add_chunks(lg_tape *tape, const lg_fit_problem *fit, const double *theta, double *sum) {
+    uint32_t samples[ERROR_CHUNK];
+    *sum = 0;
+    for (size_t first = 0; first < fit->samples; first += ERROR_CHUNK) {
+        const size_t left = fit->samples - first, count = left < ERROR_CHUNK ? left : ERROR_CHUNK;
+        for (size_t i = 0; i < count; i++) samples[i] = (uint32_t)(first + i);
+        lg_tape_reset(tape);
+        lg_var loss, parameters = lg_parameter(tape, lg_shape1((uint32_t)fit->parameters), theta);
+        lg_status status = fit->loss(fit->user, tape, parameters, samples, count, fit->samples, &loss);
+        double part = 0;
+        if (status == LG_OK) status = lg_read(tape, loss, &part, 1);
+        if (status != LG_OK) return status;
+        *sum += part;
+    }
+    return LG_OK;
+}
+
+lg_status mean_squared_error(const lg_context *context, const lg_hamiltonian_problem *problem, const double *theta,
+                             double *out, lg_error *error) {
+    lg_hamiltonian_problem plain = *problem;
+    plain.penalty = 0;
+    lg_fit_problem fit;
+    lg_hamiltonian_fit_problem(&plain, &fit);
+    lg_tape *tape = NULL;
+    lg_status status = lg_tape_create(context, NULL, &tape);
+    if (status == LG_OK) {
+        status = add_chunks(tape, &fit, theta, out);
+        if (status != LG_OK) (void)fail(error, status, lg_tape_message(tape));
+    } else {
+        (void)fail(error, status, lg_status_sentence(status));
+    }
+    lg_tape_destroy(tape);
+    return status;
+}
+
+lg_provenance provenance_of(const app *self, uint64_t seed) {
+    lg_provenance provenance = {.has_seed = true, .seed = seed};
+    (void)snprintf(provenance.command, sizeof provenance.command, "%s", self->command_line);
+    (void)lg_cpu_describe(provenance.cpu, sizeof provenance.cpu);
+    return provenance;
+}
+
+lg_status save_checkpoint(const app *self, const char *path, const lg_hamiltonian_run *run, const lg_fit *fit,
+                          lg_error *error) {
+    const lg_provenance provenance = provenance_of(self, run->seed);
+    lg_file_writer *writer = NULL;
+    lg_archive_writer archive;
+    lg_status status = lg_checkpoint_create(self->context, path, run, &provenance, &writer, error);
+    if (status == LG_OK) status = lg_file_writer_archive(writer, "fit", &archive);
+    if (status == LG_OK) status = lg_fit_save(fit, &archive, error);
+    if (status == LG_OK) status = lg_file_writer_commit(writer, error);
+    lg_file_writer_destroy(writer);
+    return status;
+}
+
+lg_status save_model(const app *self, const char *path, const learner *trained, const double *theta, lg_error *error) {
+    lg_hamiltonian_file file;
+    memset(&file, 0, sizeof file);
+    file.run = trained->run;
+    file.parameters = lg_hamiltonian_parameters(&trained->run.model);
+    file.provenance = provenance_of(self, trained->run.seed);
+    file.theta = app_alloc(file.parameters, sizeof *file.theta);
+    memcpy(file.theta, theta, file.parameters * sizeof *theta);
+    const lg_status status = lg_model_save_hamiltonian(self->context, path, &file, trained->fit, error);
+    free(file.theta);
+    return status;
+}
+
+static void csv_number(FILE *stream, double value) {
+    if (isfinite(value))
+        (void)fprintf(stream, ",%.17g", value);
+    else
+        (void)fputc(',', stream);
+}
+
+lg_status save_history(const char *path, const lg_fit *fit, lg_error *error) {
+    static const lg_fit_series columns[] = {LG_FIT_LOSS, LG_FIT_VALIDATION, LG_FIT_RATE, LG_FIT_SECONDS};
+    app_file file;
+    app_file_begin(&file, path);
+    (void)fputs("epoch,loss,validation,rate,seconds\n", file.stream);
+    for (uint64_t epoch = 0; epoch < lg_fit_epochs_done(fit); epoch++) {
+        (void)fprintf(file.stream, "%llu", (unsigned long long)(epoch + 1));
+        for (size_t c = 0; c < APP_COUNT(columns); c++) csv_number(file.stream, lg_fit_history(fit, columns[c])[epoch]);
+        (void)fputc('\n', file.stream);
+    }
+    return app_file_end(&file, error);
+}

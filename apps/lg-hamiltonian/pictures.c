@@ -1,0 +1,109 @@
+/* The pictures of lg-hamiltonian. */
+#include "lg-hamiltonian/learning.h"
+
+#include <math.h>
+
+enum { SHOWN_TRAJECTORIES = 10 };
+
+static lg_status begin(app_plot *plot, const char *picture, int width, int height, lg_error *error) {
+    const lg_status status = app_plot_begin(plot, picture, width, height);
+    if (status != LG_OK && error != NULL) {
+        error->status = status;
+        (void)snprintf(error->message, sizeof error->message, "%s: the name must end in .svg or .png", picture);
+    }
+    return status;
+}
+
+static lg_status end(const app *self, app_plot *plot, lg_error *error) {
+    bool drawn;
+    return app_plot_end(self, plot, &drawn, error);
+}
+
+lg_status draw_loss(const app *self, const char *picture, const double *loss, const double *validation, size_t epochs,
+                    lg_error *error) {
+    app_plot plot;
+    const lg_status status = begin(&plot, picture, 800, 500, error);
+    if (status != LG_OK) return status;
+    for (size_t i = 0; i < epochs; i++)
+        (void)fprintf(plot.data.stream, "%zu %.17g %.17g\n", i + 1, loss[i],
+                      validation != NULL ? validation[i] : (double)NAN);
+    (void)fputs("set logscale y\nset format y '10^{%L}'\nset xlabel 'epoch'\nset ylabel 'loss'\n"
+                "plot datafile using 1:2 with lines lw 2 lc rgb '#1f5fa8' title 'training'",
+                plot.script.stream);
+    if (validation != NULL)
+        (void)fputs(", datafile using 1:3 with lines lw 2 lc rgb '#d1641f' title 'validation'", plot.script.stream);
+    (void)fputc('\n', plot.script.stream);
+    return end(self, &plot, error);
+}
+
+/* One block a trajectory and link (three columns), or a trajectory: the first two coordinates. Returns the blocks written. */
+static size_t put_blocks(app_plot *plot, lg_hamiltonian_family family, size_t links, const double *y, size_t n,
+                         size_t points) {
+    const bool chain = family == LG_HAMILTONIAN_CHAIN;
+    const size_t dim = chain ? 6 * links : 2 * links, parts = chain ? links : 1;
+    for (size_t i = 0; i < n; i++)
+        for (size_t part = 0; part < parts; part++) {
+            for (size_t j = 0; j < points; j++) {
+                const double *q = y + (i * points + j) * dim + 6 * part * (chain ? 1 : 0);
+                (void)fprintf(plot->data.stream, "%.9g %.9g %.9g\n", q[0], q[1], chain ? q[2] : 0);
+            }
+            app_plot_block(plot);
+        }
+    return n * parts;
+}
+
+static void put_sphere(FILE *script) {
+    (void)fputs("set view equal xyz\nset view 65,35\nset xyplane at -1\nset parametric\nset urange [0:pi]\n"
+                "set vrange [0:2*pi]\nset isosamples 25,13\nset xrange [-1:1]\nset yrange [-1:1]\nset zrange [-1:1]\n"
+                "set border 0\nunset tics\nunset grid\n"
+                "splot sin(u)*cos(v), sin(u)*sin(v), cos(u) with lines lc rgb '#dcdcdc' lw 0.5 notitle",
+                script);
+}
+
+static void put_curves(FILE *script, size_t true_blocks, size_t predicted_blocks, bool space) {
+    const char *columns = space ? "1:2:3" : "1:2";
+    const char *separator = space ? ", " : "";
+    for (size_t k = 0; k < true_blocks; k++, separator = ", ")
+        (void)fprintf(script, "%sdatafile index %zu using %s with lines lw 2 lc rgb '#1f5fa8' %s", separator, k, columns,
+                      k == 0 ? "title 'true'" : "notitle");
+    for (size_t k = 0; k < predicted_blocks; k++, separator = ", ")
+        (void)fprintf(script, "%sdatafile index %zu using %s with %s lc rgb '#d1641f' %s", separator, true_blocks + k,
+                      columns, true_blocks > 0 ? "points pt 7 ps 0.35" : "lines lw 1.5",
+                      k == 0 ? "title 'predicted'" : "notitle");
+    (void)fputc('\n', script);
+}
+
+lg_status draw_trajectories(const app *self, const char *picture, lg_hamiltonian_family family, size_t links,
+                            const double *truth, const double *predicted, size_t n, size_t points, lg_error *error) {
+    app_plot plot;
+    const bool space = family == LG_HAMILTONIAN_CHAIN;
+    const lg_status status = begin(&plot, picture, 800, 700, error);
+    if (status != LG_OK) return status;
+    if (n > SHOWN_TRAJECTORIES) n = SHOWN_TRAJECTORIES;
+    const size_t true_blocks = truth != NULL ? put_blocks(&plot, family, links, truth, n, points) : 0;
+    const size_t predicted_blocks = put_blocks(&plot, family, links, predicted, n, points);
+    if (space)
+        put_sphere(plot.script.stream);
+    else
+        (void)fprintf(plot.script.stream, "set xlabel 'q_1'\nset ylabel '%s'\nset size ratio -1\nplot ",
+                      links > 1 ? "q_2" : "p_1");
+    put_curves(plot.script.stream, true_blocks, predicted_blocks, space);
+    return end(self, &plot, error);
+}
+
+lg_status draw_energy(const app *self, const char *picture, const double *t, const double *true_energy,
+                      const double *learned_energy, size_t count, lg_error *error) {
+    app_plot plot;
+    const lg_status status = begin(&plot, picture, 800, 500, error);
+    if (status != LG_OK) return status;
+    for (size_t i = 1; i < count; i++)
+        (void)fprintf(plot.data.stream, "%.9g %.9g %.9g\n", t[i], fabs(learned_energy[i] - learned_energy[0]),
+                      true_energy != NULL ? fabs(true_energy[i] - true_energy[0]) : (double)NAN);
+    (void)fputs("set logscale y\nset format y '10^{%L}'\nset xlabel 't'\nset ylabel '|H - H(0)|'\nplot ",
+                plot.script.stream);
+    if (true_energy != NULL)
+        (void)fputs("datafile using 1:3 with lines lw 1.5 lc rgb '#1f5fa8' title 'true energy of the prediction', ",
+                    plot.script.stream);
+    (void)fputs("datafile using 1:2 with lines lw 1.5 lc rgb '#d1641f' title 'learned energy'\n", plot.script.stream);
+    return end(self, &plot, error);
+}

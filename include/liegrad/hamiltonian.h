@@ -1,0 +1,108 @@
+/* Learned Hamiltonians: description, initialisation, training loss on a tape, evaluation without one.
+ *
+ * Two families, H_Theta(q, p):
+ *   LG_HAMILTONIAN_CHAIN      on (T*S^2)^k, state q_1, p_1, ..., q_k, p_k (6k numbers):
+ *                             H = 1/2 p^T M(q)^{-1} p + V(q), M_ij = m_ij P_i P_j (i != j), M_ii = m_ii I, P
+ * = I - q q^T, m = Gamma^T Gamma + diag(max(0, b)); V takes q (3k numbers). LG_HAMILTONIAN_SEPARABLE  on
+ * R^{2n}, state q, p: H = 1/2 |A p|^2 + V(q). V is an MLP whose last layer has no bias, or linear (one weight
+ * a coordinate).
+ *
+ * The flat parameter vector: V's layers in order (weight (in, out) row-major, then bias), then Gamma (k, k)
+ * and b (k), or A (n, n).
+ *
+ * On T*S^2: q' = v - q(q.v), p' = -g + q(q.g) + p(q.v) - q(p.v) with v = dH/dp, g = dH/dq, lifted to se(3) as
+ * xi = q x v, eta = g x q + v x p. The kinetic gradient needs one k x k solve only: W = m^{-1}, G_il =
+ * q_i.q_l, (W o G) lambda = u with u_i = q_i.(W p)_i, then v_i = sum_j W_ij (p_j - lambda_j q_j), dT/dq_i =
+ * -lambda_i v_i. Schemes that leave the manifold differentiate the extension T = 1/2 p^T W p + 1/2 u^T S^{-1}
+ * r, S_il = delta_il (1 - |q_i|^2)/m_ii + W_il G_il, r_i = q_i.p_i/m_ii - u_i, which agrees with it on the
+ * manifold and is definite near it.
+ */
+#ifndef LIEGRAD_HAMILTONIAN_H
+#define LIEGRAD_HAMILTONIAN_H
+
+#include "liegrad/context.h"
+#include "liegrad/nn.h"
+#include "liegrad/random.h"
+#include "liegrad/tape.h"
+
+LG_BEGIN_DECLS
+
+typedef enum lg_hamiltonian_family { LG_HAMILTONIAN_CHAIN, LG_HAMILTONIAN_SEPARABLE } lg_hamiltonian_family;
+typedef enum lg_potential_kind { LG_POTENTIAL_MLP, LG_POTENTIAL_LINEAR } lg_potential_kind;
+
+#define LG_HAMILTONIAN_MAX_LINKS 32
+
+/* Immutable after lg_hamiltonian_init; plain data, copied freely, holds no pointers. */
+typedef struct lg_hamiltonian {
+    lg_hamiltonian_family family;
+    uint32_t links; /* k, or n for separable systems */
+    lg_potential_kind potential;
+    lg_mlp net; /* V: 3k (or n) -> hidden -> 1; without hidden layers for the linear potential */
+} lg_hamiltonian;
+
+/* Errors: LG_INVALID_ARGUMENT for links outside 1..LG_HAMILTONIAN_MAX_LINKS, hidden widths of 0 or too many
+ * layers. `hidden` is ignored for the linear potential. */
+LG_API lg_status lg_hamiltonian_init(lg_hamiltonian *model, lg_hamiltonian_family family, uint32_t links,
+                                     lg_potential_kind potential, const uint32_t *hidden,
+                                     uint32_t hidden_layers, lg_activation activation);
+LG_API size_t lg_hamiltonian_parameters(const lg_hamiltonian *model);
+LG_API uint32_t lg_hamiltonian_state_size(const lg_hamiltonian *model); /* 6k or 2n */
+/* Weights and biases U(+-1/sqrt(fan_in)); Gamma, b, A ~ U[0, 1]. */
+LG_API void lg_hamiltonian_initialise(const lg_hamiltonian *model, lg_rng *rng, double *theta);
+
+/* Integrators that training can look through. */
+typedef enum lg_train_integrator {
+    LG_TRAIN_EULER,
+    LG_TRAIN_LIE_EULER,
+    LG_TRAIN_RK4,
+    LG_TRAIN_CF4,
+    LG_TRAIN_RKMK4,
+    LG_TRAIN_STORMER_VERLET
+} lg_train_integrator;
+#define LG_TRAIN_INTEGRATOR_COUNT 6
+LG_API const char *lg_train_integrator_name(lg_train_integrator integrator); /* "euler", "lie-euler", ... */
+LG_API lg_status lg_train_integrator_parse(const char *name, lg_train_integrator *out);
+
+/* First-integral penalty: G = (q_1^2 + p_1^2)/2 of the coupled oscillators. TEXT: mu times the mean over the
+ * batch of sum_j (G(y_j) - G(x))^2 over the predicted points. PUBLISHED: mu times the sum over the batch of
+ * |G(y_j) - G(x)| 2. */
+typedef enum lg_penalty_form { LG_PENALTY_TEXT, LG_PENALTY_PUBLISHED } lg_penalty_form;
+
+/* Trajectories (N, M, d) with equidistant points dt apart, and how to learn from them. Borrowed data. */
+typedef struct lg_hamiltonian_problem {
+    const lg_hamiltonian *model;
+    lg_train_integrator integrator;
+    uint32_t substeps; /* integrator steps between two points, >= 1 */
+    double penalty;    /* mu; 0: none */
+    lg_penalty_form penalty_form;
+    size_t trajectories, points;
+    double dt;
+    const double *data; /* (N, M, d) in the state's layout */
+} lg_hamiltonian_problem;
+
+/* Errors: LG_INVALID_ARGUMENT, LG_UNSUPPORTED (Lie integrators for separable systems, Stormer-Verlet for
+ * chains, a penalty for systems other than n >= 1 separable). */
+LG_API lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *problem, lg_error *error);
+
+/* Fills a training problem for lg_fit: loss = mean squared difference over (batch, d, M - 1) of predicted and
+ * given points, the initial point excluded, plus the penalty. `problem` is borrowed and must outlive the fit.
+ */
+LG_API void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg_fit_problem *out);
+
+/* ---- evaluation without a tape: caller's memory, no allocation, no lock ---- */
+
+/* Bytes of work memory for the functions below (one state). */
+LG_API size_t lg_hamiltonian_work_size(const lg_hamiltonian *model);
+/* theta: doubles. Work: at least lg_hamiltonian_work_size bytes, 64-byte aligned. */
+LG_API double lg_hamiltonian_value(const lg_hamiltonian *model, const double *theta, const double *state,
+                                   void *work);
+/* dH/dstate in the state's layout (on the manifold's extension chosen above: the exact kinetic gradient). */
+LG_API void lg_hamiltonian_gradient(const lg_hamiltonian *model, const double *theta, const double *state,
+                                    double *gradient, void *work);
+/* Chain: algebra elements (xi, eta) a link, 6k numbers; separable: (q', p'), 2n numbers. */
+LG_API void lg_hamiltonian_field(const lg_hamiltonian *model, const double *theta, const double *state,
+                                 double *field, void *work);
+
+LG_END_DECLS
+
+#endif

@@ -1,0 +1,309 @@
+/* Files: HDF5 data, models and checkpoints; YAML scenes and study grids. Library `liegrad_io`.
+ *
+ * What holds for every function here:
+ *   - A failure gives a status and, when `error` is not NULL, a sentence with the file, the key and, for
+ * YAML, the line. Outputs are untouched, nothing leaks.
+ *   - Structures that own memory are released by their own `_free`, which leaves them zeroed; a zeroed
+ * structure may be freed.
+ *   - HDF5's own messages are silenced while these functions run and restored afterwards.
+ *   - Writers compose the file in memory, write it under a temporary name in the target's folder, fsync,
+ * rename, fsync the folder. Until then the old file is whole; after a failure it still is, and no temporary
+ * stays. A target that exists and is not a regular file (a device, a folder) is refused. A full disk and
+ * RLIMIT_FSIZE are LG_FILE.
+ *
+ * Statuses of readers: LG_NOT_FOUND (no such file; a missing key is LG_FORMAT), LG_FILE (cannot be opened or
+ * read, is no regular file), LG_FORMAT (empty, truncated, foreign, wrong rank or type, sizes that do not fit
+ * or exceed the limit, bad values), LG_NOT_FINITE (a NaN or infinity, with key and first index), LG_VERSION
+ * (a newer major format version), LG_OUT_OF_MEMORY.
+ */
+#ifndef LIEGRAD_IO_H
+#define LIEGRAD_IO_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "liegrad/archive.h"
+#include "liegrad/context.h"
+#include "liegrad/hamiltonian.h"
+#include "liegrad/mechanics.h"
+#include "liegrad/nn.h"
+#include "liegrad/random.h"
+#include "liegrad/status.h"
+
+LG_BEGIN_DECLS
+
+/* Major version of every format written here (attribute `format_version`, an integer). */
+#define LG_FORMAT_VERSION 1
+
+typedef struct lg_read_options {
+    size_t size; /* sizeof(lg_read_options) */
+    /* HDF5 crashes or loops on some damaged files. With probe, the complete read happens first in a forked
+     * child with limits on memory and time; a child that dies is LG_FORMAT. Default true. Turn it off in a
+     * process that must not fork. */
+    bool probe;
+    uint32_t probe_seconds; /* CPU time of the child, default 20 and more for large files */
+    uint64_t max_bytes;     /* largest array in memory, default 8 GiB: beyond it LG_FORMAT */
+} lg_read_options;
+
+/* Every `const lg_read_options *` may be NULL for these defaults. */
+LG_API void lg_read_options_init(lg_read_options *options);
+
+/* Writes `bytes` bytes as the complete file `path`, in the way told above (CSV, SVG and JSON files too). */
+LG_API lg_status lg_file_write(const lg_context *context, const char *path, const void *data, size_t bytes,
+                               lg_error *error);
+
+/* A decimal number, consumed whole, whatever the locale: [+-] digits with optional point and exponent.
+ * LG_FORMAT for anything else (empty, "9,81", "9.81m", "0x1p3", "nan"), LG_NOT_FINITE when it overflows. */
+LG_API lg_status lg_number_parse(const char *text, double *out);
+/* The same for a whole number 0..UINT64_MAX, digits only. */
+LG_API lg_status lg_integer_parse(const char *text, uint64_t *out);
+
+/* ---- SHA-256 (FIPS 180-4) ---- */
+
+typedef struct lg_sha256 {
+    uint32_t h[8];
+    uint64_t bytes;
+    uint8_t block[64];
+} lg_sha256;
+
+#define LG_SHA256_TEXT 65 /* 64 lower-case hexadecimal digits and the terminator */
+
+LG_API void lg_sha256_init(lg_sha256 *state);
+LG_API void lg_sha256_add(lg_sha256 *state, const void *data, size_t bytes);
+LG_API void lg_sha256_finish(lg_sha256 *state, char text[LG_SHA256_TEXT]);
+
+/* ---- where a file comes from ---- */
+
+/* Optional in files of other programs: then empty. `liegrad_version` is filled by the writers when empty. */
+typedef struct lg_provenance {
+    char liegrad_version[32];
+    char command[2048]; /* the command line, cut when longer */
+    char cpu[256];      /* lg_cpu_describe: CPU, kernels, BLAS */
+    bool has_seed;
+    uint64_t seed;
+} lg_provenance;
+
+/* ---- named arrays in one HDF5 file: the archives of liegrad/archive.h ---- */
+
+/* A file under construction, in memory. One thread at a time. */
+typedef struct lg_file_writer lg_file_writer;
+
+/* `kind` ("hamiltonian", "checkpoint", "trajectories", ...) becomes attribute `kind`; `format` "liegrad",
+ * `format_version`, `liegrad_version`, `conventions` and the provenance (may be NULL) are written too.
+ * Nothing touches the disk before the commit. */
+LG_API lg_status lg_file_writer_create(const lg_context *context, const char *path, const char *kind,
+                                       const lg_provenance *provenance, lg_file_writer **out,
+                                       lg_error *error);
+/* An archive of paths below `prefix` ("" or "fit"; kept by copy, shorter than 64). Texts become attributes of
+ * the group that their path names ("a/b" is attribute b of group /a). Valid until the writer is destroyed. A
+ * failing call also sticks to the writer: the commit repeats it. */
+LG_API lg_status lg_file_writer_archive(lg_file_writer *writer, const char *prefix, lg_archive_writer *out);
+/* Image -> temporary -> fsync -> rename. Once; whatever comes of it, the writer can only be destroyed. */
+LG_API lg_status lg_file_writer_commit(lg_file_writer *writer, lg_error *error);
+LG_API void
+lg_file_writer_destroy(lg_file_writer *writer); /* NULL is fine; without a commit no file is made */
+
+typedef struct lg_file_reader lg_file_reader;
+
+/* `kind` NULL: any. With options->probe every array and attribute of the file is read once in the child. */
+LG_API lg_status lg_file_reader_open(const lg_context *context, const char *path, const char *kind,
+                                     const lg_read_options *options, lg_file_reader **out, lg_error *error);
+LG_API lg_status lg_file_reader_archive(lg_file_reader *reader, const char *prefix, lg_archive_reader *out);
+/* The sentence of the last failing archive call of this reader, "" if none. */
+LG_API const char *lg_file_reader_message(const lg_file_reader *reader);
+LG_API void lg_file_reader_provenance(const lg_file_reader *reader, lg_provenance *out);
+LG_API void lg_file_reader_close(lg_file_reader *reader); /* NULL is fine */
+
+/* ---- trajectories ---- */
+
+/* Systems are known by the names of liegrad/mechanics.h ("pendulum-chain", "quartic", "coupled-oscillators").
+ * A data set may have another one, or none: its layout tells the family. */
+#define LG_SYSTEM_NAME 64
+
+/* N trajectories of M equidistant points of d numbers. */
+typedef struct lg_trajectories {
+    char system[LG_SYSTEM_NAME];  /* "" when the file does not say */
+    lg_hamiltonian_family family; /* by the layout: q1 p1 q2 p2 ... of a chain, or q p */
+    uint32_t links;               /* k = d/6 for chains, n = d/2 otherwise */
+    size_t count, points;         /* N >= 1, M >= 2 */
+    uint32_t state_size;          /* d */
+    uint32_t input_size;          /* m, 0 without inputs */
+    double dt;                    /* (t[M-1] - t[0])/(M-1) */
+    double *t;                    /* (M) */
+    double *data;                 /* (N, M, d) */
+    double *hamiltonian;          /* (N), energies of the starts, or NULL */
+    double *inputs;               /* (N, M-1, m), or NULL */
+    char sha256[LG_SHA256_TEXT];  /* of t, data and inputs as little-endian doubles, one after the other; set
+                                     by reader and writer */
+    lg_provenance provenance;
+} lg_trajectories;
+
+/* Sets system (may be ""), family, links (k or n), sizes, dt and t = 0, dt, ..., t_end; allocates t, data
+ * and, where asked, hamiltonian and inputs, zeroed. `out` is overwritten. Errors: LG_INVALID_ARGUMENT (a
+ * known system of another family or size), LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_trajectories_create(const lg_context *context, const char *system,
+                                        lg_hamiltonian_family family, uint32_t links, size_t count,
+                                        size_t points, double t_end, bool with_hamiltonian,
+                                        uint32_t input_size, lg_trajectories *out);
+/* Datasets /t (M), /trajectories (N, M, d), optional /hamiltonian (N) and /inputs (N, M-1, m), any integer or
+ * float type. Attributes of the root (or of /trajectories), all optional where they can be derived: `system`,
+ * `links` (chains), `layout`. Checked: /t increasing and equidistant (each point within 1e-6 dt and the
+ * rounding of its stored type), everything finite, d fits system and links, first points of a chain on T*S^2
+ * within 1e-6 (later ones may carry noise). */
+LG_API lg_status lg_trajectories_read(const lg_context *context, const char *path,
+                                      const lg_read_options *options, lg_trajectories *out, lg_error *error);
+/* Fills data->sha256. Non-finite data is refused with LG_NOT_FINITE: a file that could not be read back is
+ * not written. */
+LG_API lg_status lg_trajectories_write(const lg_context *context, const char *path, lg_trajectories *data,
+                                       lg_error *error);
+LG_API void lg_trajectories_free(const lg_context *context, lg_trajectories *data);
+
+/* ---- learned Hamiltonians ---- */
+
+/* What was trained, how, and on what: written to models and checkpoints, compared on resume. */
+typedef struct lg_hamiltonian_run {
+    lg_hamiltonian model;
+    lg_dtype dtype;
+    char system[LG_SYSTEM_NAME];
+    lg_train_integrator integrator;
+    uint32_t substeps;
+    double penalty; /* mu */
+    lg_penalty_form penalty_form;
+    uint64_t epochs; /* planned total; a resumed run may plan more */
+    uint64_t batch;
+    double lr, lr_gamma;
+    uint64_t lr_step;
+    double weight_decay, validation; /* validation: fraction */
+    uint32_t shards;
+    uint64_t seed;
+    uint64_t trajectories, points; /* N, M */
+    double dt;
+    char data_sha256[LG_SHA256_TEXT];
+} lg_hamiltonian_run;
+
+typedef struct lg_hamiltonian_file {
+    lg_hamiltonian_run run;
+    size_t parameters;       /* lg_hamiltonian_parameters(&run.model) */
+    double *theta;           /* (parameters); stored as run.dtype */
+    double *adam_m, *adam_v; /* (parameters), or both NULL */
+    uint64_t adam_step;
+    bool has_rng;
+    lg_rng rng;
+    size_t epochs_done;
+    double *history[LG_FIT_SERIES_COUNT]; /* (epochs_done) each, or NULL; may hold NaN (no validation part) */
+    bool has_e1, has_e2;
+    double e1, e2; /* error on a test set, if one was evaluated */
+    lg_provenance provenance;
+} lg_hamiltonian_file;
+
+/* /model/potential/layer1/{weight (in, out), bias} ..., /model/mass/{gamma (k, k), b (k)} or /model/kinetic/A
+ * (n, n), /optimizer/adam/{m, v, step}, /rng, /train/history/{loss, validation, seconds, rate}. `file` is
+ * borrowed, pointers and all. With a `fit` (may be NULL) its whole state is written by lg_fit_save in place
+ * of the file's optimizer, rng and history; theta is always the file's. Errors also: LG_NOT_FINITE for
+ * parameters that are not, LG_INVALID_ARGUMENT for a model that lg_hamiltonian_init would refuse. */
+LG_API lg_status lg_model_save_hamiltonian(const lg_context *context, const char *path,
+                                           const lg_hamiltonian_file *file, const lg_fit *fit,
+                                           lg_error *error);
+/* Everything is validated against lg_hamiltonian_init; weights are finite. A model written by hand needs
+ * `kind`, `family`, `links`, `potential`, `activation`, `hidden` and /model; the rest takes zero or the
+ * defaults. */
+LG_API lg_status lg_model_load_hamiltonian(const lg_context *context, const char *path,
+                                           const lg_read_options *options, lg_hamiltonian_file *out,
+                                           lg_error *error);
+LG_API void lg_hamiltonian_file_free(const lg_context *context, lg_hamiltonian_file *file);
+
+/* A checkpoint holds the run's description under /run and the state of lg_fit under /fit:
+ *   lg_checkpoint_create -> lg_file_writer_archive(writer, "fit", &archive) -> the fit's save ->
+ * lg_file_writer_commit. */
+LG_API lg_status lg_checkpoint_create(const lg_context *context, const char *path,
+                                      const lg_hamiltonian_run *run, const lg_provenance *provenance,
+                                      lg_file_writer **out, lg_error *error);
+/* Opens a checkpoint and gives its run; /fit is reached by lg_file_reader_archive(reader, "fit", &archive).
+ */
+LG_API lg_status lg_checkpoint_open(const lg_context *context, const char *path,
+                                    const lg_read_options *options, lg_hamiltonian_run *run,
+                                    lg_file_reader **out, lg_error *error);
+/* LG_INVALID_ARGUMENT and a sentence naming the first difference ("...: written with batch 80, not 100") when
+ * `stored` is not the problem `wanted`. Compared: all but `epochs`. `path` is for the sentence. */
+LG_API lg_status lg_hamiltonian_run_compare(const char *path, const lg_hamiltonian_run *stored,
+                                            const lg_hamiltonian_run *wanted, lg_error *error);
+
+/* ---- scenes ---- */
+
+typedef enum lg_scene_form {
+    LG_SCENE_UNSPECIFIED, /* neither `form` nor `initial` tells */
+    LG_SCENE_LAGRANGIAN,
+    LG_SCENE_HAMILTONIAN
+} lg_scene_form;
+
+/* One system, its parameters, a start. Plain data; for lg_system_create use system, links, gravity, masses,
+ * lengths. */
+typedef struct lg_scene {
+    char system[LG_SYSTEM_NAME];
+    lg_hamiltonian_family family;
+    lg_scene_form form;
+    uint32_t links; /* chains: k; quartic and coupled-oscillators: n = 2 */
+    double gravity;
+    double masses[LG_HAMILTONIAN_MAX_LINKS], lengths[LG_HAMILTONIAN_MAX_LINKS];
+    bool has_initial;
+    uint32_t state_size;                        /* 6k or 2n */
+    double state[6 * LG_HAMILTONIAN_MAX_LINKS]; /* q_1, p_1 (or omega_1), ...; q, p; zero without `initial` */
+    bool projected;    /* the start was off the manifold by rounding (<= 1e-6) and was projected */
+    double projection; /* by how much */
+    bool has_t_end;
+    double t_end;
+    bool has_starts; /* otherwise thesis, 1 segment */
+    lg_starts starts;
+    double low, high;  /* box: chains p = q x u, u ~ U[low,high]^3; others U[low,high]^d; -1, 1 */
+    uint32_t segments; /* consecutive trajectories from one start, >= 1 */
+    uint32_t line_system, line_form, line_initial,
+        line_starts; /* for the caller's own messages; 0 when absent */
+} lg_scene;
+
+/* A YAML (or JSON) file. A projection is also logged as a warning with its line. */
+LG_API lg_status lg_scene_read(const lg_context *context, const char *path, lg_scene *out, lg_error *error);
+
+/* The defaults of a system without a file: masses and lengths 1, gravity 1, Hamiltonian form, thesis starts
+ * (quartic: 3 segments). `links` matters for chains only. Errors: LG_INVALID_ARGUMENT. */
+LG_API lg_status lg_scene_default(const char *system, uint32_t links, lg_scene *out);
+
+/* The keys of a system, one a line: name, shape, range, whether required, for docs and --help. Returns the
+ * length as snprintf does, 0 for an unknown system. */
+LG_API int lg_scene_describe(const char *system, char *text, size_t size);
+
+/* ---- grids of `lg-hamiltonian study` ---- */
+
+#define LG_GRID_VALUES 16
+
+/* Runs are the product of the lists: integrators x N x M x eps x penalty x substeps x repeats. Plain data. */
+typedef struct lg_grid {
+    lg_scene scene; /* `scene: FILE` (relative to the grid's folder), or `system` and the scene's keys in the
+                       grid itself */
+    uint32_t integrator_count, n_count, m_count, eps_count, penalty_count, substeps_count;
+    lg_train_integrator integrators[LG_GRID_VALUES]; /* required */
+    uint32_t n[LG_GRID_VALUES], m[LG_GRID_VALUES];   /* required; keys N and M */
+    double eps[LG_GRID_VALUES];                      /* 0 */
+    double penalty[LG_GRID_VALUES];                  /* 0 */
+    uint32_t substeps[LG_GRID_VALUES];               /* 1 */
+    uint32_t repeats;                                /* 1 */
+    double t_end;                      /* of the grid, else of the scene; required in one of them */
+    uint32_t epochs, batch, lr_step;   /* 100, 80, 50 */
+    double lr, lr_gamma, weight_decay; /* 1e-2, 0.1, 0 */
+    uint32_t hidden[LG_GRID_VALUES], hidden_count; /* 100, 100, 100 */
+    lg_activation activation;                      /* tanh */
+    lg_potential_kind potential;                   /* mlp */
+    lg_dtype dtype;                                /* f64 */
+    lg_noise noise_kind;                           /* normal */
+    lg_penalty_form penalty_form;                  /* text */
+    uint32_t shards;                               /* 4 */
+    uint32_t test_trajectories, test_points;       /* 100, 15; key test: {trajectories, points} */
+    uint64_t seed;                                 /* 1 */
+} lg_grid;
+
+LG_API lg_status lg_grid_read(const lg_context *context, const char *path, lg_grid *out, lg_error *error);
+LG_API uint64_t lg_grid_runs(const lg_grid *grid);
+
+LG_END_DECLS
+
+#endif

@@ -1,0 +1,161 @@
+/* Operations of the tape. Each evaluates at once, records one or more nodes, and returns the result, or
+ * LG_NONE with the tape's sticky error set: LG_STALE_HANDLE for a stale or foreign handle, LG_SHAPE for
+ * shapes that do not fit, LG_INVALID_ARGUMENT for an axis, index or order out of range, LG_OUT_OF_MEMORY.
+ *
+ * Broadcasting: shapes are aligned at the last axis, a missing axis counts as 1, an axis of 1 repeats.
+ * All derivatives exist to any order unless said. Kinks: the mask is a frozen constant (second derivative 0),
+ * ties as said at the operation.
+ */
+#ifndef LIEGRAD_OPS_H
+#define LIEGRAD_OPS_H
+
+#include "liegrad/tape.h"
+
+LG_BEGIN_DECLS
+
+/* ---- elementwise, broadcasting ---- */
+LG_API lg_var lg_add(lg_tape *tape, lg_var a, lg_var b);
+LG_API lg_var lg_sub(lg_tape *tape, lg_var a, lg_var b);
+LG_API lg_var lg_mul(lg_tape *tape, lg_var a, lg_var b);
+LG_API lg_var lg_div(lg_tape *tape, lg_var a, lg_var b);
+LG_API lg_var lg_max(lg_tape *tape, lg_var a, lg_var b); /* larger of two; ties: derivative to a */
+
+/* ---- elementwise ---- */
+LG_API lg_var lg_neg(lg_tape *tape, lg_var x);
+LG_API lg_var lg_scale(lg_tape *tape, lg_var x, double c); /* c x */
+LG_API lg_var lg_shift(lg_tape *tape, lg_var x, double c); /* x + c */
+LG_API lg_var lg_pow(lg_tape *tape, lg_var x,
+                     double exponent); /* x^c; C's pow: NaN for x < 0 and c not whole */
+LG_API lg_var lg_square(lg_tape *tape, lg_var x);
+LG_API lg_var lg_sqrt(lg_tape *tape, lg_var x);
+LG_API lg_var lg_exp(lg_tape *tape, lg_var x);
+LG_API lg_var lg_log(lg_tape *tape, lg_var x);
+LG_API lg_var lg_sin(lg_tape *tape, lg_var x);
+LG_API lg_var lg_cos(lg_tape *tape, lg_var x);
+LG_API lg_var lg_abs(lg_tape *tape, lg_var x);  /* derivative sign(x), +1 at 0 */
+LG_API lg_var lg_sign(lg_tape *tape, lg_var x); /* +1 for x >= 0, else -1; derivative 0 */
+
+/* Activations as families closed under differentiation: the n-th derivative is computed from stored values,
+ * to order 8; beyond that LG_NOT_DIFFERENTIABLE. Kinks at 0 belong to the branch of x < 0. LeakyReLU's slope
+ * is 0.01. */
+typedef enum lg_activation {
+    LG_IDENTITY,
+    LG_TANH,
+    LG_SIGMOID,
+    LG_SWISH, /* x sigmoid(x) */
+    LG_RELU,
+    LG_LEAKY_RELU,
+    LG_SINE
+} lg_activation;
+#define LG_ACTIVATION_COUNT 7
+LG_API const char *lg_activation_name(lg_activation kind);
+LG_API lg_status lg_activation_parse(const char *name, lg_activation *out);
+LG_API lg_var lg_act(lg_tape *tape, lg_var x, lg_activation kind);
+/* Derivative number `order` of the activation at x, elementwise. */
+LG_API lg_var lg_act_derivative(lg_tape *tape, lg_var x, lg_activation kind, int order);
+
+/* ---- matrix products; A and B of rank 2, or of rank 3 as batches (equal, or one of them 1) ---- */
+LG_API lg_var lg_matmul(lg_tape *tape, lg_var a, lg_var b);    /* nn: (m, k) (k, n) -> (m, n) */
+LG_API lg_var lg_matmul_nt(lg_tape *tape, lg_var a, lg_var b); /* A B^T: (m, k) (n, k) -> (m, n) */
+LG_API lg_var lg_matmul_tn(lg_tape *tape, lg_var a, lg_var b); /* A^T B: (k, m) (k, n) -> (m, n) */
+/* c + A B with c of shape (m, n), (1, n) or (n), or a scalar: accumulation and bias. Rank 2 only. */
+LG_API lg_var lg_matmul_add(lg_tape *tape, lg_var a, lg_var b, lg_var c);
+/* Fused dense layer sigma(x W + b): x (m, k), W (k, n), b (n) or LG_NONE -> (m, n). */
+LG_API lg_var lg_dense(lg_tape *tape, lg_var x, lg_var w, lg_var b, lg_activation kind);
+
+/* ---- reductions and broadcasts; axis -1 is the last ---- */
+LG_API lg_var lg_sum(lg_tape *tape, lg_var x);  /* over all: rank 0 */
+LG_API lg_var lg_mean(lg_tape *tape, lg_var x); /* over all: rank 0 */
+LG_API lg_var lg_sum_axis(lg_tape *tape, lg_var x, int axis,
+                          bool keep); /* keep: the axis stays with length 1 */
+LG_API lg_var lg_mean_axis(lg_tape *tape, lg_var x, int axis, bool keep);
+LG_API lg_var lg_max_axis(lg_tape *tape, lg_var x, int axis, bool keep); /* ties: to the first index */
+LG_API lg_var lg_sum_to(lg_tape *tape, lg_var x, lg_shape shape);        /* the adjoint of a broadcast */
+LG_API lg_var lg_broadcast_to(lg_tape *tape, lg_var x, lg_shape shape);
+
+/* ---- shapes ---- */
+LG_API lg_var lg_reshape(lg_tape *tape, lg_var x, lg_shape shape); /* same count; a view */
+LG_API lg_var lg_slice(lg_tape *tape, lg_var x, int axis, uint32_t start, uint32_t length); /* axis stays */
+LG_API lg_var lg_pad(lg_tape *tape, lg_var x, int axis, uint32_t before, uint32_t after);   /* with zeros */
+LG_API lg_var lg_concat(lg_tape *tape, const lg_var *parts, size_t n, int axis);
+LG_API lg_var lg_transpose(lg_tape *tape, lg_var x); /* the last two axes exchanged; rank >= 2 */
+LG_API lg_var lg_permute(lg_tape *tape, lg_var x, const int *axes); /* out axis i is x's axis axes[i] */
+/* Rows (axis 0) by index; out (n, ...). Indices are payload, not variables; repeated ones add in order of
+ * position. */
+LG_API lg_var lg_gather(lg_tape *tape, lg_var x, const uint32_t *indices, uint32_t n);
+/* out (rows, ...) with out[indices[i]] += x[i]: the adjoint of a gather. */
+LG_API lg_var lg_scatter(lg_tape *tape, lg_var x, const uint32_t *indices, uint32_t n, uint32_t rows);
+LG_API lg_var lg_stop_gradient(lg_tape *tape, lg_var x); /* same value, derivative 0 */
+
+/* ---- rows of vectors: the last axis is the vector, all others are batch; equal shapes ---- */
+LG_API lg_var lg_rowdot(lg_tape *tape, lg_var a, lg_var b); /* (..., d) (..., d) -> (..., 1) */
+LG_API lg_var lg_rownorm2(lg_tape *tape, lg_var a);         /* squared norm, (..., 1) */
+LG_API lg_var lg_cross(lg_tape *tape, lg_var a, lg_var b);  /* (..., 3) */
+
+/* Solves sym(A) X = B for a batch: A (n, k, k) with symmetric part positive definite, B (n, k, m) -> (n, k,
+ * m). The derivative with respect to A is symmetric. A row whose factorisation fails becomes NaN and is
+ * counted. */
+LG_API lg_var lg_spd_solve(lg_tape *tape, lg_var a, lg_var b);
+/* Failed factorisations since creation or the last reset of the tape. */
+LG_API size_t lg_tape_spd_failures(const lg_tape *tape);
+
+/* ---- functions of the rotation angle, w = |u|^2 of any shape (..., 1) ---- */
+/* Stumpff functions c_0..c_K, (..., 1) -> (..., K + 1): c_k(w) = sum_j (-w)^j / (k + 2j)!, 0 <= K <= 8;
+ * derivatives d c_k/dw = (k c_{k+2} - c_{k+1})/2, to order 8. */
+LG_API lg_var lg_stumpff_functions(lg_tape *tape, lg_var w, int K);
+/* (..., 1) -> (..., 1): d^order/dw^order of g2(w) = (1 - (x/2) cot(x/2))/x^2 with w = x^2, |x| < 2 pi; orders
+ * to 8. */
+LG_API lg_var lg_dexpinv_coefficient(lg_tape *tape, lg_var w, int order);
+
+/* ---- losses: scalars; `weights` of shape (n) gives each sample (axis 0) a weight, LG_NONE means 1 ---- */
+typedef enum lg_loss {
+    LG_LOSS_MSE,          /* mean over all elements of w (y - t)^2 */
+    LG_LOSS_MAE,          /* mean of w |y - t| */
+    LG_LOSS_HUBER,        /* mean of w h(y - t), h(r) = r^2/2 for |r| <= 1, |r| - 1/2 beyond */
+    LG_LOSS_BCE_LOGITS,   /* mean of w (max(y, 0) - y t + log(1 + exp(-|y|))), t in [0, 1] */
+    LG_LOSS_CROSS_ENTROPY /* y (n, classes) logits, t (n, classes) probabilities: mean over n of -w sum_c t
+                             log softmax(y) */
+} lg_loss;
+LG_API lg_var lg_loss_apply(lg_tape *tape, lg_loss kind, lg_var prediction, lg_var target, lg_var weights);
+LG_API lg_var lg_mse(lg_tape *tape, lg_var prediction, lg_var target); /* mean of squares, unweighted */
+LG_API lg_var lg_log_softmax(lg_tape *tape, lg_var x);                 /* over the last axis */
+
+/* ---- your own operation ---- */
+
+/* Builds with operations: derivatives of any order. `inputs` are the operation's inputs, `y` its output, g
+ * its cotangent; write LG_NONE or a variable of inputs[i]'s shape to out[i]; out[i] is only asked for where
+ * need[i]. */
+typedef lg_status (*lg_custom_vjp_fn)(void *user, lg_tape *tape, const lg_var *inputs, size_t n, lg_var y,
+                                      lg_var g, const bool *need, lg_var *out);
+/* tangents[i] is LG_NONE where inputs[i] does not vary. Write the output's tangent. */
+typedef lg_status (*lg_custom_jvp_fn)(void *user, lg_tape *tape, const lg_var *inputs, size_t n, lg_var y,
+                                      const lg_var *tangents, lg_var *out);
+/* Numeric: values only, elements of the tape's type. `y` has the declared shape. */
+typedef lg_status (*lg_custom_forward_fn)(void *user, lg_dtype dtype, const void *const *inputs, void *y);
+/* Adds nothing: writes the cotangents of all inputs for which out[i] != NULL. First order only. */
+typedef lg_status (*lg_custom_numeric_vjp_fn)(void *user, lg_dtype dtype, const void *const *inputs,
+                                              const void *y, const void *g, void *const *out);
+typedef lg_status (*lg_custom_numeric_jvp_fn)(void *user, lg_dtype dtype, const void *const *inputs,
+                                              const void *y, const void *const *tangents, void *out);
+
+#define LG_CUSTOM_MAX_INPUTS 8
+typedef struct lg_custom_op {
+    const char *name; /* for messages; must outlive the tape */
+    lg_custom_forward_fn forward;
+    /* Exactly one of each pair may be set; none means that this derivative is LG_NOT_DIFFERENTIABLE. A
+     * numeric derivative gives first order; asking for more is LG_NOT_DIFFERENTIABLE and names the operation.
+     */
+    lg_custom_vjp_fn vjp;
+    lg_custom_numeric_vjp_fn numeric_vjp;
+    lg_custom_jvp_fn jvp;
+    lg_custom_numeric_jvp_fn numeric_jvp;
+    void *user;
+} lg_custom_op;
+/* `op` is kept by pointer until rewound. The output has the shape given. n <= LG_CUSTOM_MAX_INPUTS. A failing
+ * callback's status becomes the tape's. */
+LG_API lg_var lg_custom(lg_tape *tape, const lg_custom_op *op, const lg_var *inputs, size_t n,
+                        lg_shape shape);
+
+LG_END_DECLS
+
+#endif

@@ -1,0 +1,81 @@
+/* One table of kernels. Compiled once for each type (LG_KERNEL_f64, LG_KERNEL_f32) and instruction set
+ * (LG_KERNEL_ISA = baseline, avx2, avx512, and LG_KERNEL_ISA_<set>); the only external symbol is the table
+ * lg_kernels_<type>_<set>. */
+#include "autodiff/kernels/kernels.h"
+#include "autodiff/kernels/stumpff.h"
+
+#include "autodiff/kernels/common.inc"
+#include "autodiff/kernels/math.inc"
+
+#include "autodiff/kernels/elementwise.inc"
+
+#include "autodiff/kernels/act.inc"
+#include "autodiff/kernels/gemm.inc"
+#include "autodiff/kernels/reduce.inc"
+#include "autodiff/kernels/geometry.inc"
+#include "autodiff/kernels/spd.inc"
+
+#define PASTE_(a, b) a##b
+#define PASTE(a, b)  PASTE_(a, b)
+#if defined(LG_KERNEL_f64)
+#define TABLE PASTE(lg_kernels_f64_, LG_KERNEL_ISA)
+#else
+#define TABLE PASTE(lg_kernels_f32_, LG_KERNEL_ISA)
+#endif
+#if defined(LG_KERNEL_ISA_avx512)
+#define TABLE_ISA LG_ISA_AVX512
+#elif defined(LG_KERNEL_ISA_avx2)
+#define TABLE_ISA LG_ISA_AVX2
+#else
+#define TABLE_ISA LG_ISA_BASELINE
+#endif
+
+extern const lg_kernels TABLE;
+const lg_kernels TABLE = {
+    .dtype = sizeof(real) == sizeof(double) ? LG_F64 : LG_F32,
+    .isa = TABLE_ISA,
+    .size = sizeof(real),
+    .fill = fill,
+    .axpy = axpy,
+    .convert_in = convert_in,
+    .convert_out = convert_out,
+    .all_finite = all_finite,
+    .binary = {[LG_K_ADD] = binary_add,
+               [LG_K_SUB] = binary_sub,
+               [LG_K_MUL] = binary_mul,
+               [LG_K_DIV] = binary_div,
+               [LG_K_MAX] = binary_max,
+               [LG_K_GE] = binary_ge},
+    .binary_strided = {[LG_K_ADD] = strided_add,
+                       [LG_K_SUB] = strided_sub,
+                       [LG_K_MUL] = strided_mul,
+                       [LG_K_DIV] = strided_div,
+                       [LG_K_MAX] = strided_max,
+                       [LG_K_GE] = strided_ge},
+    .unary = {[LG_K_SCALE] = unary_scale,
+              [LG_K_SHIFT] = unary_shift,
+              [LG_K_POW] = unary_pow,
+              [LG_K_SQRT] = unary_sqrt,
+              [LG_K_EXP] = unary_exp,
+              [LG_K_LOG] = unary_log,
+              [LG_K_SIN] = unary_sin,
+              [LG_K_COS] = unary_cos,
+              [LG_K_ABS] = unary_abs,
+              [LG_K_SIGN] = unary_sign,
+              [LG_K_RECIPROCAL] = unary_reciprocal},
+    .act = act,
+    .bias_act = bias_act,
+    .gemm = gemm,
+    .transpose = transpose,
+    .sum = sum,
+    .dot = dot,
+    .sum_rows = sum_rows,
+    .sum_cols = sum_cols,
+    .cross = cross,
+    .rowdot = rowdot,
+    .stumpff = stumpff,
+    .dexpinv_coef = dexpinv_coef,
+    .spd_factor = spd_factor,
+    .spd_solve = spd_solve,
+    .adam = adam,
+};

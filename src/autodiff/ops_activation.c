@@ -1,0 +1,166 @@
+/* Activations, closed under differentiation.
+ *
+ * ACT(x; kind) is the activation; ACT_DERIVATIVE(x, h[, g]; kind, n) is g times its n-th derivative at x,
+ * computed from the stored helper h (the value for tanh, sigmoid and the ReLUs, the sigmoid for swish), to
+ * which differentiation is blind. Its own derivative with respect to x is the family's next member.
+ */
+#include "autodiff/tape_internal.h"
+
+#include <string.h>
+
+static const char *const names[LG_ACTIVATION_COUNT] = {"identity", "tanh",       "sigmoid", "swish",
+                                                       "relu",     "leaky-relu", "sine"};
+
+const char *lg_activation_name(lg_activation kind) {
+    return (unsigned)kind < LG_ACTIVATION_COUNT ? names[kind] : "unknown";
+}
+
+lg_status lg_activation_parse(const char *name, lg_activation *out) {
+    for (int i = 0; i < LG_ACTIVATION_COUNT; i++)
+        if (strcmp(name, names[i]) == 0) {
+            *out = (lg_activation)i;
+            return LG_OK;
+        }
+    return LG_NOT_FOUND;
+}
+
+/* Which value the derivatives are computed from. */
+typedef enum helper { HELPER_NONE, HELPER_VALUE, HELPER_SIGMOID } helper;
+static const helper helpers[LG_ACTIVATION_COUNT] = {HELPER_NONE,  HELPER_VALUE, HELPER_VALUE, HELPER_SIGMOID,
+                                                    HELPER_VALUE, HELPER_VALUE, HELPER_NONE};
+
+static lg_status act_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+    (void)inputs;
+    if (attr->i[0] >= LG_ACTIVATION_COUNT) return LG_INVALID_ARGUMENT;
+    if (attr->i[1] > LG_K_ACT_ORDERS) return LG_NOT_DIFFERENTIABLE;
+    *out = in[0]->shape;
+    return LG_OK;
+}
+
+/* g * sigma^(order)(x) with the helper that belongs to the kind; g and h may be LG_NONE. */
+static lg_var derivative(lg_tape *tape, lg_var x, lg_var h, lg_var g, uint32_t kind, uint32_t order) {
+    lg_attr attr = {.i = {kind, order, !lg_is_none(h), !lg_is_none(g)}};
+    lg_var in[3] = {x};
+    uint32_t n = 1;
+    /* The helper's place is kept even when there is none, so that its bit in `frozen` is fixed. */
+    in[n++] = lg_is_none(h) ? x : h;
+    if (!lg_is_none(g)) in[n++] = g;
+    return lg_record(tape, LG_OP_ACT_DERIVATIVE, in, n, &attr);
+}
+
+static lg_status derivative_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr,
+                                  lg_shape *out) {
+    for (uint32_t i = 1; i < inputs; i++)
+        if (!lg_same_shape(&in[0]->shape, &in[i]->shape)) return LG_SHAPE;
+    return act_shape(in, inputs, attr, out);
+}
+
+static lg_status derivative_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    const void *x = in[0]->flags & LG_NODE_NO_VALUE ? NULL : in[0]->value;
+    tape->k->act((lg_k_act)out->attr.i[0], (int)out->attr.i[1], out->count, x,
+                 out->attr.i[2] ? in[1]->value : NULL, out->attr.i[3] ? in[2]->value : NULL, out->value);
+    return LG_OK;
+}
+
+static lg_var helper_of(const lg_attr *attr, const lg_var *in) {
+    return attr->i[2] ? in[1] : LG_NONE;
+}
+
+/* y = g s_n(x): dg = s_n(x) c, dx = (g c) s_{n+1}(x) */
+static void derivative_vjp(lg_reverse *r) {
+    uint32_t kind = r->attr->i[0], order = r->attr->i[1];
+    lg_var h = helper_of(r->attr, r->in);
+    bool has_g = r->attr->i[3] != 0;
+    if (has_g && r->need[2]) r->out[2] = derivative(r->tape, r->in[0], h, r->g, kind, order);
+    if (r->need[0]) {
+        lg_var both = has_g ? lg_mul(r->tape, r->g, r->in[2]) : r->g;
+        r->out[0] = derivative(r->tape, r->in[0], h, both, kind, order + 1);
+    }
+}
+
+static lg_var derivative_jvp(const lg_forward *f) {
+    uint32_t kind = f->attr->i[0], order = f->attr->i[1];
+    lg_var h = helper_of(f->attr, f->in), from_g = LG_NONE, from_x = LG_NONE;
+    bool has_g = f->attr->i[3] != 0;
+    if (has_g && !lg_is_none(f->tangents[2]))
+        from_g = derivative(f->tape, f->in[0], h, f->tangents[2], kind, order);
+    if (!lg_is_none(f->tangents[0])) {
+        lg_var both = has_g ? lg_mul(f->tape, f->tangents[0], f->in[2]) : f->tangents[0];
+        from_x = derivative(f->tape, f->in[0], h, both, kind, order + 1);
+    }
+    return lg_add_or(f->tape, from_g, from_x);
+}
+
+const lg_op lg_op_act_derivative = {
+    "act_derivative", 2u, derivative_shape, derivative_forward, derivative_vjp, derivative_jvp};
+
+static lg_status act_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    tape->k->act((lg_k_act)out->attr.i[0], 0, out->count, in[0]->value, NULL, NULL, out->value);
+    return LG_OK;
+}
+
+static lg_var act_times(lg_tape *tape, lg_var x, lg_var y, uint32_t kind, lg_var g) {
+    return derivative(tape, x, helpers[kind] == HELPER_VALUE ? y : LG_NONE, g, kind, 1);
+}
+
+static void act_vjp(lg_reverse *r) {
+    if (r->need[0]) r->out[0] = act_times(r->tape, r->in[0], r->y, r->attr->i[0], r->g);
+}
+
+static lg_var act_jvp(const lg_forward *f) {
+    return act_times(f->tape, f->in[0], f->y, f->attr->i[0], f->tangents[0]);
+}
+
+const lg_op lg_op_act = {"act", 0, act_shape, act_forward, act_vjp, act_jvp};
+
+static lg_var act_node(lg_tape *tape, lg_var x, lg_activation kind) {
+    lg_attr attr = {.i = {(uint32_t)kind, 0, 0, 0}};
+    return lg_record(tape, LG_OP_ACT, &x, 1, &attr);
+}
+
+lg_var lg_act(lg_tape *tape, lg_var x, lg_activation kind) {
+    return lg_act_derivative(tape, x, kind, 0);
+}
+
+lg_var lg_act_derivative(lg_tape *tape, lg_var x, lg_activation kind, int order) {
+    if ((unsigned)kind >= LG_ACTIVATION_COUNT || order < 0)
+        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "act", "unknown activation or negative order");
+    if (order == 0 && helpers[kind] != HELPER_SIGMOID) return act_node(tape, x, kind);
+    lg_var h = LG_NONE;
+    if (helpers[kind] == HELPER_VALUE) h = act_node(tape, x, kind);
+    if (helpers[kind] == HELPER_SIGMOID) h = act_node(tape, x, LG_SIGMOID);
+    if (tape->status != LG_OK) return LG_NONE;
+    return derivative(tape, x, h, LG_NONE, (uint32_t)kind, (uint32_t)order);
+}
+
+/* ---- fused dense layer ---- */
+
+/* Records z = x W + b and y = sigma(z) in one buffer: z's value is overwritten, which its derivatives never
+ * read. Kinds whose derivatives need z itself are not fused. */
+lg_var lg_dense(lg_tape *tape, lg_var x, lg_var w, lg_var b, lg_activation kind) {
+    if ((unsigned)kind >= LG_ACTIVATION_COUNT)
+        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "dense", "unknown activation");
+    bool has_bias = !lg_is_none(b);
+    if (kind == LG_IDENTITY || helpers[kind] != HELPER_VALUE || tape->unrecorded) {
+        lg_var z = has_bias ? lg_matmul_add(tape, x, w, b) : lg_matmul(tape, x, w);
+        return kind == LG_IDENTITY ? z : lg_act(tape, z, kind);
+    }
+    const lg_node *nx = lg_node_of(tape, x, "dense"), *nw = lg_node_of(tape, w, "dense");
+    const lg_node *nb = has_bias ? lg_node_of(tape, b, "dense") : NULL;
+    if (tape->status != LG_OK || nx == NULL || nw == NULL || (has_bias && nb == NULL)) return LG_NONE;
+    const lg_node *in[3] = {nx, nw, nb};
+    bool fits = nx->shape.rank == 2 && nw->shape.rank == 2 && nx->shape.dims[1] == nw->shape.dims[0];
+    if (!fits || (has_bias && (nb->shape.rank != 1 || nb->shape.dims[0] != nw->shape.dims[1])))
+        return lg_fail_shapes(tape, "dense", in, has_bias ? 3 : 2);
+    size_t m = nx->shape.dims[0], k = nx->shape.dims[1], n = nw->shape.dims[1];
+    void *value = lg_value_allocate(tape, m * n);
+    if (value == NULL) return LG_NONE;
+    lg_gemm(tape, 0, m, n, k, nx->value, nw->value, w.index, value, false);
+    tape->k->bias_act((lg_k_act)kind, m, n, has_bias ? nb->value : NULL, value);
+    lg_shape shape = lg_shape2((uint32_t)m, (uint32_t)n);
+    lg_var inputs[3] = {x, w, b};
+    lg_attr product = {.i = {0, 0, 0, 0}}, activation = {.i = {(uint32_t)kind, 0, 0, 0}};
+    lg_var z = lg_record_value(tape, LG_OP_MATMUL, inputs, has_bias ? 3 : 2, &product, shape, value,
+                               LG_NODE_NO_VALUE);
+    return lg_record_value(tape, LG_OP_ACT, &z, 1, &activation, shape, value, 0);
+}

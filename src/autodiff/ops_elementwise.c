@@ -1,0 +1,331 @@
+/* Elementwise operations: binary with broadcasting, unary. */
+#include "autodiff/tape_internal.h"
+
+/* ---- broadcasting ---- */
+
+/* Dimension of `shape` at axis i of a rank-`rank` result, aligned at the last axis. */
+static uint32_t dim_at(const lg_shape *shape, uint32_t rank, uint32_t i) {
+    uint32_t missing = rank - shape->rank;
+    return i < missing ? 1 : shape->dims[i - missing];
+}
+
+static lg_status broadcast_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr,
+                                 lg_shape *out) {
+    (void)inputs, (void)attr;
+    const lg_shape *a = &in[0]->shape, *b = &in[1]->shape;
+    out->rank = a->rank > b->rank ? a->rank : b->rank;
+    for (uint32_t i = 0; i < out->rank; i++) {
+        uint32_t da = dim_at(a, out->rank, i), db = dim_at(b, out->rank, i);
+        if (da != db && da != 1 && db != 1) return LG_SHAPE;
+        out->dims[i] = da == 1 ? db : da;
+    }
+    return LG_OK;
+}
+
+/* A strided loop nest of at most four levels, innermost last; strides in elements. */
+typedef struct nest {
+    uint32_t levels;
+    size_t dims[LG_MAX_RANK], a[LG_MAX_RANK], b[LG_MAX_RANK];
+} nest;
+
+/* Levels of length 1 vanish and neighbours that are one run for both operands merge. */
+static nest nest_of(const lg_shape *out, const lg_shape *a, const lg_shape *b) {
+    nest n = {0};
+    size_t stride_a = 1, stride_b = 1;
+    size_t dims[LG_MAX_RANK], sa[LG_MAX_RANK], sb[LG_MAX_RANK];
+    uint32_t levels = 0; /* innermost first here */
+    for (uint32_t i = out->rank; i-- > 0;) {
+        size_t da = dim_at(a, out->rank, i), db = dim_at(b, out->rank, i), d = out->dims[i];
+        size_t ra = da == 1 ? 0 : stride_a, rb = db == 1 ? 0 : stride_b;
+        stride_a *= da;
+        stride_b *= db;
+        if (d == 1) continue;
+        if (levels > 0 && ra == sa[levels - 1] * dims[levels - 1] &&
+            rb == sb[levels - 1] * dims[levels - 1]) {
+            dims[levels - 1] *= d;
+            continue;
+        }
+        dims[levels] = d;
+        sa[levels] = ra;
+        sb[levels] = rb;
+        levels++;
+    }
+    n.levels = LG_MAX_RANK;
+    for (uint32_t i = 0; i < LG_MAX_RANK; i++) {
+        bool used = i < levels;
+        n.dims[LG_MAX_RANK - 1 - i] = used ? dims[i] : 1;
+        n.a[LG_MAX_RANK - 1 - i] = used ? sa[i] : 0;
+        n.b[LG_MAX_RANK - 1 - i] = used ? sb[i] : 0;
+    }
+    return n;
+}
+
+static lg_status binary_forward(lg_tape *tape, const lg_node *const *in, lg_node *out, lg_k_binary op) {
+    const lg_kernels *k = tape->k;
+    if (lg_same_shape(&in[0]->shape, &in[1]->shape)) {
+        k->binary[op](out->count, in[0]->value, in[1]->value, out->value);
+        return LG_OK;
+    }
+    nest n = nest_of(&out->shape, &in[0]->shape, &in[1]->shape);
+    const unsigned char *a = in[0]->value, *b = in[1]->value;
+    unsigned char *y = out->value;
+    size_t block = n.dims[2] * n.dims[3];
+    for (size_t i = 0; i < n.dims[0]; i++)
+        for (size_t j = 0; j < n.dims[1]; j++) {
+            k->binary_strided[op](n.dims[2], n.dims[3], a + (i * n.a[0] + j * n.a[1]) * k->size, n.a[2],
+                                  n.a[3], b + (i * n.b[0] + j * n.b[1]) * k->size, n.b[2], n.b[3], y);
+            y += block * k->size;
+        }
+    return LG_OK;
+}
+
+/* The cotangent or tangent of an input that was broadcast, brought back to its shape. */
+static lg_var fold(const lg_reverse *r, uint32_t k, lg_var g) {
+    return lg_sum_to(r->tape, g, lg_node_at(r->tape, r->in[k])->shape);
+}
+
+/* fold(a * b) for input k: a row-wise dot product when only the last axis was broadcast. */
+static lg_var fold_product(const lg_reverse *r, uint32_t k, lg_var a, lg_var b) {
+    const lg_shape *target = &lg_node_at(r->tape, r->in[k])->shape;
+    const lg_shape *sa = &lg_node_at(r->tape, a)->shape, *sb = &lg_node_at(r->tape, b)->shape;
+    bool rows =
+        target->rank == sa->rank && sa->rank > 0 && lg_same_shape(sa, sb) && sa->dims[sa->rank - 1] > 1;
+    for (uint32_t i = 0; rows && i < sa->rank; i++)
+        rows = target->dims[i] == (i + 1 == sa->rank ? 1 : sa->dims[i]);
+    if (rows) return lg_rowdot(r->tape, a, b);
+    return fold(r, k, lg_mul(r->tape, a, b));
+}
+
+/* Brings a tangent of an input to the output's shape. */
+static lg_var spread(const lg_forward *f, lg_var t) {
+    return lg_is_none(t) ? t : lg_broadcast_to(f->tape, t, lg_node_at(f->tape, f->y)->shape);
+}
+
+/* ---- binary ---- */
+
+static lg_status add_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    return binary_forward(tape, in, out, LG_K_ADD);
+}
+static void add_vjp(lg_reverse *r) {
+    if (r->need[0]) r->out[0] = fold(r, 0, r->g);
+    if (r->need[1]) r->out[1] = fold(r, 1, r->g);
+}
+static lg_var add_jvp(const lg_forward *f) {
+    return lg_add_or(f->tape, spread(f, f->tangents[0]), spread(f, f->tangents[1]));
+}
+const lg_op lg_op_add = {"add", 0, broadcast_shape, add_forward, add_vjp, add_jvp};
+
+static lg_status sub_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    return binary_forward(tape, in, out, LG_K_SUB);
+}
+static void sub_vjp(lg_reverse *r) {
+    if (r->need[0]) r->out[0] = fold(r, 0, r->g);
+    if (r->need[1]) r->out[1] = lg_neg(r->tape, fold(r, 1, r->g));
+}
+static lg_var sub_jvp(const lg_forward *f) {
+    lg_var a = spread(f, f->tangents[0]), b = spread(f, f->tangents[1]);
+    if (lg_is_none(b)) return a;
+    return lg_is_none(a) ? lg_neg(f->tape, b) : lg_sub(f->tape, a, b);
+}
+const lg_op lg_op_sub = {"sub", 0, broadcast_shape, sub_forward, sub_vjp, sub_jvp};
+
+static lg_status mul_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    return binary_forward(tape, in, out, LG_K_MUL);
+}
+static void mul_vjp(lg_reverse *r) {
+    if (r->need[0]) r->out[0] = fold_product(r, 0, r->g, r->in[1]);
+    if (r->need[1]) r->out[1] = fold_product(r, 1, r->g, r->in[0]);
+}
+static lg_var mul_jvp(const lg_forward *f) {
+    lg_var a = LG_NONE, b = LG_NONE;
+    if (!lg_is_none(f->tangents[0])) a = lg_mul(f->tape, f->tangents[0], f->in[1]);
+    if (!lg_is_none(f->tangents[1])) b = lg_mul(f->tape, f->in[0], f->tangents[1]);
+    return lg_add_or(f->tape, a, b);
+}
+const lg_op lg_op_mul = {"mul", 0, broadcast_shape, mul_forward, mul_vjp, mul_jvp};
+
+static lg_status div_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    return binary_forward(tape, in, out, LG_K_DIV);
+}
+/* y = a/b: da = g/b, db = -g y/b */
+static void div_vjp(lg_reverse *r) {
+    lg_var over = lg_div(r->tape, r->g, r->in[1]);
+    if (r->need[0]) r->out[0] = fold(r, 0, over);
+    if (r->need[1]) r->out[1] = lg_neg(r->tape, fold_product(r, 1, over, r->y));
+}
+static lg_var div_jvp(const lg_forward *f) {
+    lg_var a = f->tangents[0], b = LG_NONE;
+    if (!lg_is_none(f->tangents[1])) b = lg_neg(f->tape, lg_mul(f->tape, f->y, f->tangents[1]));
+    return lg_div(f->tape, lg_add_or(f->tape, a, b), f->in[1]);
+}
+const lg_op lg_op_div = {"div", 0, broadcast_shape, div_forward, div_vjp, div_jvp};
+
+/* The mask a >= b, a frozen constant. */
+static lg_status ge_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    return binary_forward(tape, in, out, LG_K_GE);
+}
+static void none_vjp(lg_reverse *r) {
+    (void)r;
+}
+static lg_var none_jvp(const lg_forward *f) {
+    return lg_zeros_like(f->tape, f->y);
+}
+const lg_op lg_op_ge = {"ge", ~0u, broadcast_shape, ge_forward, none_vjp, none_jvp};
+
+static lg_status max_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    return binary_forward(tape, in, out, LG_K_MAX);
+}
+static lg_var mask_of(lg_tape *tape, const lg_var *in) {
+    return lg_record(tape, LG_OP_GE, in, 2, NULL);
+}
+static void max_vjp(lg_reverse *r) {
+    lg_var to_a = lg_mul(r->tape, r->g, mask_of(r->tape, r->in));
+    if (r->need[0]) r->out[0] = fold(r, 0, to_a);
+    if (r->need[1]) r->out[1] = fold(r, 1, lg_sub(r->tape, r->g, to_a));
+}
+static lg_var max_jvp(const lg_forward *f) {
+    lg_var mask = mask_of(f->tape, f->in), a = LG_NONE, b = LG_NONE;
+    if (!lg_is_none(f->tangents[0])) a = lg_mul(f->tape, mask, f->tangents[0]);
+    if (!lg_is_none(f->tangents[1])) {
+        lg_var other = lg_shift(f->tape, lg_neg(f->tape, mask), 1.0);
+        b = lg_mul(f->tape, other, f->tangents[1]);
+    }
+    return lg_add_or(f->tape, a, b);
+}
+const lg_op lg_op_max = {"max", 0, broadcast_shape, max_forward, max_vjp, max_jvp};
+
+static lg_var binary(lg_tape *tape, lg_op_code op, lg_var a, lg_var b) {
+    lg_var in[2] = {a, b};
+    return lg_record(tape, op, in, 2, NULL);
+}
+lg_var lg_add(lg_tape *tape, lg_var a, lg_var b) {
+    return binary(tape, LG_OP_ADD, a, b);
+}
+lg_var lg_sub(lg_tape *tape, lg_var a, lg_var b) {
+    return binary(tape, LG_OP_SUB, a, b);
+}
+lg_var lg_mul(lg_tape *tape, lg_var a, lg_var b) {
+    return binary(tape, LG_OP_MUL, a, b);
+}
+lg_var lg_div(lg_tape *tape, lg_var a, lg_var b) {
+    return binary(tape, LG_OP_DIV, a, b);
+}
+lg_var lg_max(lg_tape *tape, lg_var a, lg_var b) {
+    return binary(tape, LG_OP_MAX, a, b);
+}
+
+/* ---- unary: f'(x) is named by each row through its vjp ---- */
+
+static lg_status same_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+    (void)inputs, (void)attr;
+    *out = in[0]->shape;
+    return LG_OK;
+}
+
+static lg_var unary(lg_tape *tape, lg_op_code op, lg_var x, double c) {
+    lg_attr attr = {.c = c};
+    return lg_record(tape, op, &x, 1, &attr);
+}
+
+/* X(name, kernel, derivative times g): the derivative is an expression in t (tape), x (input), y (output), c
+ * and g; it serves the vjp and the jvp, for an elementwise Jacobian is its own transpose. */
+#define UNARY_LIST(X)                                                                                        \
+    X(scale, LG_K_SCALE, lg_scale(t, g, c))                                                                  \
+    X(shift, LG_K_SHIFT, g)                                                                                  \
+    X(sqrt, LG_K_SQRT, lg_scale(t, lg_div(t, g, y), 0.5))                                                    \
+    X(exp, LG_K_EXP, lg_mul(t, g, y))                                                                        \
+    X(log, LG_K_LOG, lg_div(t, g, x))                                                                        \
+    X(sin, LG_K_SIN, lg_mul(t, g, lg_cos(t, x)))                                                             \
+    X(cos, LG_K_COS, lg_neg(t, lg_mul(t, g, lg_sin(t, x))))                                                  \
+    X(abs, LG_K_ABS, lg_mul(t, g, lg_sign(t, x)))
+
+#define DEFINE_UNARY(name, kernel, derivative)                                                               \
+    static lg_status name##_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {                 \
+        tape->k->unary[kernel](out->count, out->attr.c, in[0]->value, out->value);                           \
+        return LG_OK;                                                                                        \
+    }                                                                                                        \
+    static lg_var name##_times(lg_tape *t, lg_var x, lg_var y, double c, lg_var g) {                         \
+        (void)t, (void)x, (void)y, (void)c;                                                                  \
+        return derivative;                                                                                   \
+    }                                                                                                        \
+    static void name##_vjp(lg_reverse *r) {                                                                  \
+        if (r->need[0]) r->out[0] = name##_times(r->tape, r->in[0], r->y, r->attr->c, r->g);                 \
+    }                                                                                                        \
+    static lg_var name##_jvp(const lg_forward *f) {                                                          \
+        return name##_times(f->tape, f->in[0], f->y, f->attr->c, f->tangents[0]);                            \
+    }                                                                                                        \
+    const lg_op lg_op_##name = {#name, 0, same_shape, name##_forward, name##_vjp, name##_jvp};
+UNARY_LIST(DEFINE_UNARY)
+
+static lg_status pow_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    if (out->attr.c == 2.0)
+        tape->k->binary[LG_K_MUL](out->count, in[0]->value, in[0]->value, out->value);
+    else
+        tape->k->unary[LG_K_POW](out->count, out->attr.c, in[0]->value, out->value);
+    return LG_OK;
+}
+/* c x^(c-1) g, exact zeros for c = 0, no powers for c = 1 and 2 */
+static lg_var pow_times(lg_tape *t, lg_var x, double c, lg_var g) {
+    if (c == 0.0) return lg_scale(t, g, 0.0);
+    if (c == 1.0) return g;
+    return lg_scale(t, lg_mul(t, g, c == 2.0 ? x : lg_pow(t, x, c - 1.0)), c);
+}
+static void pow_vjp(lg_reverse *r) {
+    if (r->need[0]) r->out[0] = pow_times(r->tape, r->in[0], r->attr->c, r->g);
+}
+static lg_var pow_jvp(const lg_forward *f) {
+    return pow_times(f->tape, f->in[0], f->attr->c, f->tangents[0]);
+}
+const lg_op lg_op_pow = {"pow", 0, same_shape, pow_forward, pow_vjp, pow_jvp};
+
+static lg_status sign_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    tape->k->unary[LG_K_SIGN](out->count, 0.0, in[0]->value, out->value);
+    return LG_OK;
+}
+const lg_op lg_op_sign = {"sign", ~0u, same_shape, sign_forward, none_vjp, none_jvp};
+
+static lg_status copy_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    tape->k->unary[LG_K_SCALE](out->count, 1.0, in[0]->value, out->value);
+    return LG_OK;
+}
+const lg_op lg_op_stop_gradient = {"stop_gradient", ~0u, same_shape, copy_forward, none_vjp, none_jvp};
+
+lg_var lg_neg(lg_tape *tape, lg_var x) {
+    return unary(tape, LG_OP_SCALE, x, -1.0);
+}
+lg_var lg_scale(lg_tape *tape, lg_var x, double c) {
+    return unary(tape, LG_OP_SCALE, x, c);
+}
+lg_var lg_shift(lg_tape *tape, lg_var x, double c) {
+    return unary(tape, LG_OP_SHIFT, x, c);
+}
+lg_var lg_pow(lg_tape *tape, lg_var x, double exponent) {
+    return unary(tape, LG_OP_POW, x, exponent);
+}
+lg_var lg_square(lg_tape *tape, lg_var x) {
+    return unary(tape, LG_OP_POW, x, 2.0);
+}
+lg_var lg_sqrt(lg_tape *tape, lg_var x) {
+    return unary(tape, LG_OP_SQRT, x, 0.0);
+}
+lg_var lg_exp(lg_tape *tape, lg_var x) {
+    return unary(tape, LG_OP_EXP, x, 0.0);
+}
+lg_var lg_log(lg_tape *tape, lg_var x) {
+    return unary(tape, LG_OP_LOG, x, 0.0);
+}
+lg_var lg_sin(lg_tape *tape, lg_var x) {
+    return unary(tape, LG_OP_SIN, x, 0.0);
+}
+lg_var lg_cos(lg_tape *tape, lg_var x) {
+    return unary(tape, LG_OP_COS, x, 0.0);
+}
+lg_var lg_abs(lg_tape *tape, lg_var x) {
+    return unary(tape, LG_OP_ABS, x, 0.0);
+}
+lg_var lg_sign(lg_tape *tape, lg_var x) {
+    return unary(tape, LG_OP_SIGN, x, 0.0);
+}
+lg_var lg_stop_gradient(lg_tape *tape, lg_var x) {
+    return unary(tape, LG_OP_STOP, x, 0.0);
+}

@@ -1,0 +1,231 @@
+/* Rows of vectors, small symmetric positive definite systems, and the analytic functions of w = |u|^2 from
+ * which exp, dexp and dexpinv are built. */
+#include "autodiff/tape_internal.h"
+
+/* ---- row-wise dot product: (..., d) (..., d) -> (..., 1) ---- */
+
+static lg_status rowdot_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+    (void)inputs, (void)attr;
+    if (in[0]->shape.rank == 0 || !lg_same_shape(&in[0]->shape, &in[1]->shape)) return LG_SHAPE;
+    *out = in[0]->shape;
+    out->dims[out->rank - 1] = 1;
+    return LG_OK;
+}
+
+static lg_status rowdot_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    size_t d = in[0]->shape.dims[in[0]->shape.rank - 1];
+    tape->k->rowdot(out->count, d, in[0]->value, in[1]->value, out->value);
+    return LG_OK;
+}
+
+static void rowdot_vjp(lg_reverse *r) {
+    if (r->need[0]) r->out[0] = lg_mul(r->tape, r->g, r->in[1]);
+    if (r->need[1]) r->out[1] = lg_mul(r->tape, r->g, r->in[0]);
+}
+
+static lg_var rowdot_jvp(const lg_forward *f) {
+    lg_var a = LG_NONE, b = LG_NONE;
+    if (!lg_is_none(f->tangents[0])) a = lg_rowdot(f->tape, f->tangents[0], f->in[1]);
+    if (!lg_is_none(f->tangents[1])) b = lg_rowdot(f->tape, f->in[0], f->tangents[1]);
+    return lg_add_or(f->tape, a, b);
+}
+
+const lg_op lg_op_rowdot = {"rowdot", 0, rowdot_shape, rowdot_forward, rowdot_vjp, rowdot_jvp};
+
+lg_var lg_rowdot(lg_tape *tape, lg_var a, lg_var b) {
+    lg_var in[2] = {a, b};
+    return lg_record(tape, LG_OP_ROWDOT, in, 2, NULL);
+}
+
+lg_var lg_rownorm2(lg_tape *tape, lg_var a) {
+    return lg_rowdot(tape, a, a);
+}
+
+/* ---- cross product of rows of three ---- */
+
+static lg_status cross_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+    (void)inputs, (void)attr;
+    const lg_shape *a = &in[0]->shape;
+    if (a->rank == 0 || a->dims[a->rank - 1] != 3 || !lg_same_shape(a, &in[1]->shape)) return LG_SHAPE;
+    *out = *a;
+    return LG_OK;
+}
+
+static lg_status cross_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    tape->k->cross(out->count / 3, in[0]->value, in[1]->value, out->value);
+    return LG_OK;
+}
+
+/* g.(da x b) = da.(b x g), g.(a x db) = db.(g x a) */
+static void cross_vjp(lg_reverse *r) {
+    if (r->need[0]) r->out[0] = lg_cross(r->tape, r->in[1], r->g);
+    if (r->need[1]) r->out[1] = lg_cross(r->tape, r->g, r->in[0]);
+}
+
+static lg_var cross_jvp(const lg_forward *f) {
+    lg_var a = LG_NONE, b = LG_NONE;
+    if (!lg_is_none(f->tangents[0])) a = lg_cross(f->tape, f->tangents[0], f->in[1]);
+    if (!lg_is_none(f->tangents[1])) b = lg_cross(f->tape, f->in[0], f->tangents[1]);
+    return lg_add_or(f->tape, a, b);
+}
+
+const lg_op lg_op_cross = {"cross", 0, cross_shape, cross_forward, cross_vjp, cross_jvp};
+
+lg_var lg_cross(lg_tape *tape, lg_var a, lg_var b) {
+    lg_var in[2] = {a, b};
+    return lg_record(tape, LG_OP_CROSS, in, 2, NULL);
+}
+
+/* ---- batched symmetric positive definite solve; the factor is a node of its own, constant to
+ * differentiation ---- */
+
+static lg_status factor_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+    (void)inputs, (void)attr;
+    const lg_shape *a = &in[0]->shape;
+    if (a->rank != 3 || a->dims[1] != a->dims[2]) return LG_SHAPE;
+    *out = *a;
+    return LG_OK;
+}
+
+static lg_status factor_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    tape->spd_failures +=
+        tape->k->spd_factor(out->shape.dims[0], out->shape.dims[1], in[0]->value, out->value);
+    return LG_OK;
+}
+
+static void factor_vjp(lg_reverse *r) {
+    (void)r;
+}
+static lg_var factor_jvp(const lg_forward *f) {
+    return lg_zeros_like(f->tape, f->y);
+}
+const lg_op lg_op_spd_factor = {"spd_factor", 1u, factor_shape, factor_forward, factor_vjp, factor_jvp};
+
+static lg_status solve_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+    (void)inputs, (void)attr;
+    const lg_shape *a = &in[0]->shape, *b = &in[1]->shape;
+    if (a->rank != 3 || b->rank != 3 || a->dims[0] != b->dims[0] || a->dims[2] != b->dims[1]) return LG_SHAPE;
+    *out = *b;
+    return LG_OK;
+}
+
+static lg_status solve_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    const uint32_t *d = out->shape.dims;
+    tape->k->spd_solve(d[0], d[1], d[2], in[2]->value, in[1]->value, out->value);
+    return LG_OK;
+}
+
+static lg_var solve_with(lg_tape *tape, lg_var a, lg_var b, lg_var factor) {
+    lg_var in[3] = {a, b, factor};
+    return lg_record(tape, LG_OP_SPD_SOLVE, in, 3, NULL);
+}
+
+static lg_var symmetric_part(lg_tape *tape, lg_var a) {
+    return lg_scale(tape, lg_add(tape, a, lg_transpose(tape, a)), 0.5);
+}
+
+/* X = S^-1 B, S = sym(A): dB = S^-1 G, dA = -sym(dB X^T) */
+static void solve_vjp(lg_reverse *r) {
+    lg_var db = solve_with(r->tape, r->in[0], r->g, r->in[2]);
+    if (r->need[0]) r->out[0] = lg_neg(r->tape, symmetric_part(r->tape, lg_matmul_nt(r->tape, db, r->y)));
+    if (r->need[1]) r->out[1] = db;
+}
+
+/* dX = S^-1 (dB - sym(dA) X) */
+static lg_var solve_jvp(const lg_forward *f) {
+    lg_var right = f->tangents[1];
+    if (!lg_is_none(f->tangents[0])) {
+        lg_var moved = lg_neg(f->tape, lg_matmul(f->tape, symmetric_part(f->tape, f->tangents[0]), f->y));
+        right = lg_add_or(f->tape, right, moved);
+    }
+    return solve_with(f->tape, f->in[0], right, f->in[2]);
+}
+
+const lg_op lg_op_spd_solve = {"spd_solve", 4u, solve_shape, solve_forward, solve_vjp, solve_jvp};
+
+lg_var lg_spd_solve(lg_tape *tape, lg_var a, lg_var b) {
+    lg_var factor = lg_record(tape, LG_OP_SPD_FACTOR, &a, 1, NULL);
+    return solve_with(tape, a, b, factor);
+}
+
+/* ---- Stumpff functions; attr.i = {K, order} ---- */
+
+static bool is_column(const lg_shape *shape) {
+    return shape->rank > 0 && shape->dims[shape->rank - 1] == 1;
+}
+
+#define HIGHEST_ORDER 8u
+
+static lg_status stumpff_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr,
+                               lg_shape *out) {
+    (void)inputs;
+    if (!is_column(&in[0]->shape)) return LG_SHAPE;
+    if (attr->i[0] > 8) return LG_INVALID_ARGUMENT;
+    if (attr->i[1] > HIGHEST_ORDER) return LG_NOT_DIFFERENTIABLE;
+    *out = in[0]->shape;
+    out->dims[out->rank - 1] = attr->i[0] + 1;
+    return LG_OK;
+}
+
+static lg_status stumpff_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    tape->k->stumpff(in[0]->count, (int)out->attr.i[0], (int)out->attr.i[1], in[0]->value, out->value);
+    return LG_OK;
+}
+
+/* The next derivative of the same family. */
+static lg_var next_order(lg_tape *tape, lg_op_code op, lg_var w, const lg_attr *attr) {
+    lg_attr next = *attr;
+    next.i[1]++;
+    return lg_record(tape, op, &w, 1, &next);
+}
+
+static void stumpff_vjp(lg_reverse *r) {
+    if (r->need[0])
+        r->out[0] = lg_rowdot(r->tape, r->g, next_order(r->tape, LG_OP_STUMPFF, r->in[0], r->attr));
+}
+
+static lg_var stumpff_jvp(const lg_forward *f) {
+    return lg_mul(f->tape, next_order(f->tape, LG_OP_STUMPFF, f->in[0], f->attr), f->tangents[0]);
+}
+
+const lg_op lg_op_stumpff = {"stumpff", 0, stumpff_shape, stumpff_forward, stumpff_vjp, stumpff_jvp};
+
+lg_var lg_stumpff_functions(lg_tape *tape, lg_var w, int K) {
+    if (K < 0) return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "stumpff", "K is negative");
+    lg_attr attr = {.i = {(uint32_t)K, 0, 0, 0}};
+    return lg_record(tape, LG_OP_STUMPFF, &w, 1, &attr);
+}
+
+/* ---- dexpinv's coefficient; attr.i = {0, order} ---- */
+
+static lg_status dexpinv_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr,
+                               lg_shape *out) {
+    (void)inputs;
+    if (!is_column(&in[0]->shape)) return LG_SHAPE;
+    if (attr->i[1] > HIGHEST_ORDER) return LG_NOT_DIFFERENTIABLE;
+    *out = in[0]->shape;
+    return LG_OK;
+}
+
+static lg_status dexpinv_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    tape->k->dexpinv_coef(in[0]->count, (int)out->attr.i[1], in[0]->value, out->value);
+    return LG_OK;
+}
+
+static void dexpinv_vjp(lg_reverse *r) {
+    if (r->need[0])
+        r->out[0] = lg_mul(r->tape, r->g, next_order(r->tape, LG_OP_DEXPINV_COEF, r->in[0], r->attr));
+}
+
+static lg_var dexpinv_jvp(const lg_forward *f) {
+    return lg_mul(f->tape, next_order(f->tape, LG_OP_DEXPINV_COEF, f->in[0], f->attr), f->tangents[0]);
+}
+
+const lg_op lg_op_dexpinv_coef = {"dexpinv_coef",  0,           dexpinv_shape,
+                                  dexpinv_forward, dexpinv_vjp, dexpinv_jvp};
+
+lg_var lg_dexpinv_coefficient(lg_tape *tape, lg_var w, int order) {
+    if (order < 0) return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "dexpinv_coef", "the order is negative");
+    lg_attr attr = {.i = {0, (uint32_t)order, 0, 0}};
+    return lg_record(tape, LG_OP_DEXPINV_COEF, &w, 1, &attr);
+}

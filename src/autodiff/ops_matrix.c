@@ -1,0 +1,171 @@
+/* Matrix products: one family, variants nn, nt, tn, closed under differentiation; rank 2, or rank 3 as
+ * batches. An optional third input is added: a full matrix, a bias row, or a scalar. */
+#include "autodiff/tape_internal.h"
+
+#include <cblas.h>
+#include <string.h>
+
+/* Above this many multiplications OpenBLAS' cache blocking pays for its lock and its packing. */
+#define OWN_KERNEL_LIMIT 64e6
+
+enum { NN, NT, TN };
+
+static void blas(lg_dtype dtype, uint32_t variant, size_t m, size_t n, size_t k, const void *a, const void *b,
+                 void *c, bool accumulate) {
+    enum CBLAS_TRANSPOSE ta = variant == TN ? CblasTrans : CblasNoTrans,
+                         tb = variant == NT ? CblasTrans : CblasNoTrans;
+    int lda = (int)(variant == TN ? m : k), ldb = (int)(variant == NT ? k : n);
+    if (dtype == LG_F64)
+        cblas_dgemm(CblasRowMajor, ta, tb, (int)m, (int)n, (int)k, 1.0, a, lda, b, ldb,
+                    accumulate ? 1.0 : 0.0, c, (int)n);
+    else
+        cblas_sgemm(CblasRowMajor, ta, tb, (int)m, (int)n, (int)k, 1.0f, a, lda, b, ldb,
+                    accumulate ? 1.0f : 0.0f, c, (int)n);
+}
+
+void lg_gemm(lg_tape *tape, uint32_t variant, size_t m, size_t n, size_t k, const void *a, const void *b,
+             uint32_t b_node, void *c, bool accumulate) {
+    if ((double)m * (double)n * (double)k > OWN_KERNEL_LIMIT && m < 1u << 30 && n < 1u << 30 &&
+        k < 1u << 30) {
+        blas(tape->k->dtype, variant, m, n, k, a, b, c, accumulate);
+        return;
+    }
+    if (variant == NT) {
+        /* Rows of B^T must be contiguous: the node's cached transpose, or a passing one for one matrix of a
+         * batch. */
+        if (b == tape->nodes[b_node].value && tape->nodes[b_node].shape.rank == 2) {
+            b = lg_transposed(tape, b_node);
+            if (b != NULL) tape->k->gemm(m, n, k, a, k, 1, b, n, c, n, accumulate);
+            return;
+        }
+        void *scratch = lg_pool_take(tape, n * k * tape->k->size);
+        if (scratch == NULL) return;
+        tape->k->transpose(n, k, b, scratch);
+        tape->k->gemm(m, n, k, a, k, 1, scratch, n, c, n, accumulate);
+        lg_pool_give(tape, scratch, n * k * tape->k->size);
+        return;
+    }
+    tape->k->gemm(m, n, k, a, variant == TN ? 1 : k, variant == TN ? m : 1, b, n, c, n, accumulate);
+}
+
+/* Sizes of one product: rows, columns, inner length; batch counts of both operands and of the result. */
+typedef struct extent {
+    size_t m, n, k, batch_a, batch_b, batch;
+} extent;
+
+static bool extent_of(const lg_shape *a, const lg_shape *b, uint32_t variant, extent *e) {
+    if (a->rank < 2 || a->rank > 3 || b->rank < 2 || b->rank > 3) return false;
+    const uint32_t *da = a->dims + (a->rank - 2), *db = b->dims + (b->rank - 2);
+    e->m = da[variant == TN ? 1 : 0];
+    e->k = da[variant == TN ? 0 : 1];
+    e->n = db[variant == NT ? 0 : 1];
+    e->batch_a = a->rank == 3 ? a->dims[0] : 1;
+    e->batch_b = b->rank == 3 ? b->dims[0] : 1;
+    e->batch = e->batch_a > e->batch_b ? e->batch_a : e->batch_b;
+    if (e->batch_a != e->batch_b) {
+        if (e->batch_a != 1 && e->batch_b != 1) return false;
+        e->batch = e->batch_a == 1 ? e->batch_b : e->batch_a;
+    }
+    return db[variant == NT ? 1 : 0] == e->k;
+}
+
+static lg_status matmul_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+    extent e = {0};
+    if (!extent_of(&in[0]->shape, &in[1]->shape, attr->i[0], &e)) return LG_SHAPE;
+    bool batched = in[0]->shape.rank == 3 || in[1]->shape.rank == 3;
+    *out = batched ? lg_shape3((uint32_t)e.batch, (uint32_t)e.m, (uint32_t)e.n)
+                   : lg_shape2((uint32_t)e.m, (uint32_t)e.n);
+    if (inputs < 3) return LG_OK;
+    const lg_shape *c = &in[2]->shape;
+    if (batched || c->rank > 2) return LG_SHAPE;
+    if (c->rank == 0) return LG_OK;
+    if (c->dims[c->rank - 1] != e.n) return LG_SHAPE;
+    return c->rank == 1 || c->dims[0] == 1 || c->dims[0] == e.m ? LG_OK : LG_SHAPE;
+}
+
+static lg_status matmul_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    const lg_kernels *k = tape->k;
+    extent e = {0};
+    uint32_t variant = out->attr.i[0];
+    (void)extent_of(&in[0]->shape, &in[1]->shape, variant, &e);
+    bool full = out->inputs == 3 && in[2]->count == out->count;
+    if (full) memcpy(out->value, in[2]->value, out->count * k->size);
+    const unsigned char *a = in[0]->value, *b = in[1]->value;
+    unsigned char *c = out->value;
+    size_t step_a = e.batch_a == 1 ? 0 : e.m * e.k * k->size,
+           step_b = e.batch_b == 1 ? 0 : e.k * e.n * k->size;
+    uint32_t b_node = (uint32_t)(in[1] - tape->nodes);
+    for (size_t i = 0; i < e.batch; i++)
+        lg_gemm(tape, variant, e.m, e.n, e.k, a + i * step_a, b + i * step_b, b_node,
+                c + i * e.m * e.n * k->size, full);
+    if (tape->status != LG_OK) return tape->status;
+    if (out->inputs < 3 || full) return LG_OK;
+    if (in[2]->count == e.n) {
+        k->bias_act(LG_K_IDENTITY, e.m, e.n, in[2]->value, out->value);
+    } else {
+        double value;
+        k->convert_out(1, in[2]->value, &value);
+        k->unary[LG_K_SHIFT](out->count, value, out->value, out->value);
+    }
+    return LG_OK;
+}
+
+static lg_var product(lg_tape *tape, uint32_t variant, lg_var a, lg_var b) {
+    lg_attr attr = {.i = {variant, 0, 0, 0}};
+    lg_var in[2] = {a, b};
+    return lg_record(tape, LG_OP_MATMUL, in, 2, &attr);
+}
+
+/* The two factors' cotangents: which variant, and which of (A, B, G) stand left and right. */
+enum { A, B, G };
+static const struct {
+    uint8_t variant, left, right;
+} adjoint[3][2] = {
+    [NN] = {{NT, G, B}, {TN, A, G}}, /* dA = G B^T, dB = A^T G */
+    [NT] = {{NN, G, B}, {TN, G, A}}, /* dA = G B,   dB = G^T A */
+    [TN] = {{NT, B, G}, {NN, A, G}}, /* dA = B G^T, dB = A G   */
+};
+
+static void matmul_vjp(lg_reverse *r) {
+    uint32_t variant = r->attr->i[0];
+    lg_var who[3] = {r->in[0], r->in[1], r->g};
+    bool batched = lg_node_at(r->tape, r->y)->shape.rank == 3;
+    for (uint32_t k = 0; k < 2; k++) {
+        if (!r->need[k]) continue;
+        lg_var left = who[adjoint[variant][k].left], right = who[adjoint[variant][k].right];
+        if (batched) {
+            lg_var full = product(r->tape, adjoint[variant][k].variant, left, right);
+            r->out[k] = lg_sum_to(r->tape, full, lg_node_at(r->tape, r->in[k])->shape);
+        } else {
+            lg_reverse_matmul(r, k, adjoint[variant][k].variant, left, right);
+        }
+    }
+    if (r->inputs == 3 && r->need[2])
+        r->out[2] = lg_sum_to(r->tape, r->g, lg_node_at(r->tape, r->in[2])->shape);
+}
+
+static lg_var matmul_jvp(const lg_forward *f) {
+    lg_var a = LG_NONE, b = LG_NONE, c = LG_NONE;
+    if (!lg_is_none(f->tangents[0])) a = product(f->tape, f->attr->i[0], f->tangents[0], f->in[1]);
+    if (!lg_is_none(f->tangents[1])) b = product(f->tape, f->attr->i[0], f->in[0], f->tangents[1]);
+    if (f->inputs == 3 && !lg_is_none(f->tangents[2]))
+        c = lg_broadcast_to(f->tape, f->tangents[2], lg_node_at(f->tape, f->y)->shape);
+    return lg_add_or(f->tape, lg_add_or(f->tape, a, b), c);
+}
+
+const lg_op lg_op_matmul = {"matmul", 0, matmul_shape, matmul_forward, matmul_vjp, matmul_jvp};
+
+lg_var lg_matmul(lg_tape *tape, lg_var a, lg_var b) {
+    return product(tape, NN, a, b);
+}
+lg_var lg_matmul_nt(lg_tape *tape, lg_var a, lg_var b) {
+    return product(tape, NT, a, b);
+}
+lg_var lg_matmul_tn(lg_tape *tape, lg_var a, lg_var b) {
+    return product(tape, TN, a, b);
+}
+lg_var lg_matmul_add(lg_tape *tape, lg_var a, lg_var b, lg_var c) {
+    lg_attr attr = {.i = {NN, 0, 0, 0}};
+    lg_var in[3] = {a, b, c};
+    return lg_record(tape, LG_OP_MATMUL, in, 3, &attr);
+}

@@ -1,0 +1,300 @@
+/* Sums and broadcasts, each other's adjoints; maximum over an axis.
+ *
+ * The primitives see a tensor as (outer, length, inner): REDUCE sums over the middle, REPEAT repeats along
+ * it. Everything else is a chain of them. attr.i = {outer, length, inner}; the output's shape travels in
+ * attr.pointer's place as the shape that the caller wants (same count).
+ */
+#include "autodiff/tape_internal.h"
+
+#include <string.h>
+
+/* The wanted shape is packed next to the sizes by the caller of record_sized; see sized_shape. */
+static lg_status sized_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+    (void)in, (void)inputs;
+    *out = *(const lg_shape *)attr->pointer;
+    return LG_OK;
+}
+
+/* `shape` is only read while recording; the node forgets the pointer. */
+static lg_var record_sized(lg_tape *tape, lg_op_code op, lg_var x, size_t outer, size_t length, size_t inner,
+                           lg_shape shape) {
+    if (outer > UINT32_MAX || length > UINT32_MAX || inner > UINT32_MAX)
+        return lg_tape_fail(tape, LG_SHAPE, "reduce", "more than 2^32 - 1 elements along an axis");
+    lg_attr attr = {.i = {(uint32_t)outer, (uint32_t)length, (uint32_t)inner, 0}, .pointer = &shape};
+    lg_var y = lg_record(tape, op, &x, 1, &attr);
+    if (!lg_is_none(y)) tape->nodes[y.index].attr.pointer = NULL;
+    return y;
+}
+
+static lg_status reduce_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    const lg_kernels *k = tape->k;
+    size_t outer = out->attr.i[0], length = out->attr.i[1], inner = out->attr.i[2];
+    const unsigned char *x = in[0]->value;
+    unsigned char *y = out->value;
+    if (outer == 1 && inner == 1) {
+        const double total = k->sum(length, x);
+        k->fill(1, total, y);
+    } else if (inner == 1) {
+        k->sum_cols(outer, length, x, y);
+    } else {
+        for (size_t o = 0; o < outer; o++)
+            k->sum_rows(length, inner, x + o * length * inner * k->size, y + o * inner * k->size, false);
+    }
+    return LG_OK;
+}
+
+static void reduce_vjp(lg_reverse *r) {
+    const uint32_t *i = r->attr->i;
+    if (r->need[0])
+        r->out[0] =
+            record_sized(r->tape, LG_OP_REPEAT, r->g, i[0], i[1], i[2], lg_node_at(r->tape, r->in[0])->shape);
+}
+
+static lg_var reduce_jvp(const lg_forward *f) {
+    const uint32_t *i = f->attr->i;
+    return record_sized(f->tape, LG_OP_REDUCE, f->tangents[0], i[0], i[1], i[2],
+                        lg_node_at(f->tape, f->y)->shape);
+}
+
+const lg_op lg_op_reduce = {"sum", 0, sized_shape, reduce_forward, reduce_vjp, reduce_jvp};
+
+/* y[o, l] = x[o]: the inner length is one, so single elements are repeated. */
+static void repeat_elements(size_t size, size_t outer, size_t length, const void *x, void *y) {
+    if (size == sizeof(double)) {
+        const double *from = x;
+        double *to = y;
+        for (size_t o = 0; o < outer; o++)
+            for (size_t l = 0; l < length; l++) *to++ = from[o];
+    } else {
+        const float *from = x;
+        float *to = y;
+        for (size_t o = 0; o < outer; o++)
+            for (size_t l = 0; l < length; l++) *to++ = from[o];
+    }
+}
+
+static lg_status repeat_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    size_t outer = out->attr.i[0], length = out->attr.i[1], inner = out->attr.i[2];
+    if (inner == 1) {
+        repeat_elements(tape->k->size, outer, length, in[0]->value, out->value);
+        return LG_OK;
+    }
+    const unsigned char *x = in[0]->value;
+    unsigned char *y = out->value;
+    size_t bytes = inner * tape->k->size;
+    for (size_t o = 0; o < outer; o++)
+        for (size_t l = 0; l < length; l++, y += bytes) memcpy(y, x + o * bytes, bytes);
+    return LG_OK;
+}
+
+static void repeat_vjp(lg_reverse *r) {
+    const uint32_t *i = r->attr->i;
+    if (r->need[0])
+        r->out[0] =
+            record_sized(r->tape, LG_OP_REDUCE, r->g, i[0], i[1], i[2], lg_node_at(r->tape, r->in[0])->shape);
+}
+
+static lg_var repeat_jvp(const lg_forward *f) {
+    const uint32_t *i = f->attr->i;
+    return record_sized(f->tape, LG_OP_REPEAT, f->tangents[0], i[0], i[1], i[2],
+                        lg_node_at(f->tape, f->y)->shape);
+}
+
+const lg_op lg_op_repeat = {"broadcast", 0, sized_shape, repeat_forward, repeat_vjp, repeat_jvp};
+
+/* ---- chains: one primitive for each run of axes that differ ---- */
+
+/* small's dimension at axis i of big, 1 where small has no such axis */
+static uint32_t aligned_dim(const lg_shape *small, const lg_shape *big, uint32_t i) {
+    uint32_t missing = big->rank - small->rank;
+    return i < missing ? 1 : small->dims[i - missing];
+}
+
+static bool broadcasts_to(const lg_shape *small, const lg_shape *big) {
+    if (small->rank > big->rank) return false;
+    for (uint32_t i = 0; i < big->rank; i++) {
+        uint32_t d = aligned_dim(small, big, i);
+        if (d != big->dims[i] && d != 1) return false;
+    }
+    return true;
+}
+
+/* Applies `op` for every run of axes of `big` that `small` lacks, from the last run to the first when
+ * reducing, from the first to the last when repeating. The result has small's shape (REDUCE) or big's
+ * (REPEAT). */
+static lg_var chain(lg_tape *tape, lg_op_code op, lg_var x, const lg_shape *small, const lg_shape *big) {
+    bool reducing = op == LG_OP_REDUCE;
+    lg_shape now = *big; /* big's axes, those already (or not yet) treated having length 1 */
+    if (!reducing)
+        for (uint32_t i = 0; i < big->rank; i++) now.dims[i] = aligned_dim(small, big, i);
+    for (uint32_t step = 0; step < big->rank;) {
+        uint32_t i = reducing ? big->rank - 1 - step : step, run = 0;
+        while (step + run < big->rank) {
+            uint32_t axis = reducing ? i - run : i + run;
+            if (aligned_dim(small, big, axis) == big->dims[axis]) break;
+            run++;
+        }
+        if (run == 0) {
+            step++;
+            continue;
+        }
+        uint32_t first = reducing ? i - run + 1 : i;
+        size_t outer = 1, length = 1, inner = 1;
+        for (uint32_t a = 0; a < big->rank; a++) {
+            if (a < first) outer *= now.dims[a];
+            if (a >= first + run) inner *= now.dims[a];
+            if (a >= first && a < first + run) {
+                length *= big->dims[a];
+                now.dims[a] = reducing ? 1 : big->dims[a];
+            }
+        }
+        x = record_sized(tape, op, x, outer, length, inner, now);
+        step += run;
+    }
+    return lg_reshape(tape, x, reducing ? *small : *big);
+}
+
+static lg_var fit(lg_tape *tape, lg_op_code op, lg_var x, lg_shape shape) {
+    const lg_node *node = lg_node_of(tape, x, lg_ops[op]->name);
+    if (tape->status != LG_OK || node == NULL) return LG_NONE;
+    if (shape.rank > LG_MAX_RANK) return lg_tape_fail(tape, LG_SHAPE, lg_ops[op]->name, "rank above 4");
+    if (lg_same_shape(&node->shape, &shape)) return x;
+    lg_shape from = node->shape;
+    const lg_shape *small = op == LG_OP_REDUCE ? &shape : &from, *big = op == LG_OP_REDUCE ? &from : &shape;
+    if (!broadcasts_to(small, big)) return lg_fail_shapes(tape, lg_ops[op]->name, &node, 1);
+    return chain(tape, op, x, small, big);
+}
+
+lg_var lg_sum_to(lg_tape *tape, lg_var x, lg_shape shape) {
+    return fit(tape, LG_OP_REDUCE, x, shape);
+}
+
+lg_var lg_broadcast_to(lg_tape *tape, lg_var x, lg_shape shape) {
+    return fit(tape, LG_OP_REPEAT, x, shape);
+}
+
+lg_var lg_sum(lg_tape *tape, lg_var x) {
+    const lg_node *node = lg_node_of(tape, x, "sum");
+    if (tape->status != LG_OK || node == NULL) return LG_NONE;
+    return record_sized(tape, LG_OP_REDUCE, x, 1, node->count, 1, lg_shape0());
+}
+
+lg_var lg_mean(lg_tape *tape, lg_var x) {
+    const lg_node *node = lg_node_of(tape, x, "mean");
+    if (tape->status != LG_OK || node == NULL) return LG_NONE;
+    double count = (double)node->count;
+    return lg_scale(tape, lg_sum(tape, x), 1.0 / count);
+}
+
+/* ---- along one axis ---- */
+
+static lg_shape without_axis(lg_shape shape, uint32_t axis, bool keep) {
+    if (keep) {
+        shape.dims[axis] = 1;
+        return shape;
+    }
+    for (uint32_t i = axis; i + 1 < shape.rank; i++) shape.dims[i] = shape.dims[i + 1];
+    shape.dims[--shape.rank] = 0;
+    return shape;
+}
+
+static lg_var along_axis(lg_tape *tape, lg_op_code op, lg_var x, int axis, bool keep, size_t *length) {
+    const lg_node *node = lg_node_of(tape, x, lg_ops[op]->name);
+    if (tape->status != LG_OK || node == NULL) return LG_NONE;
+    int a = lg_axis(axis, node->shape.rank);
+    if (a < 0) return lg_tape_fail(tape, LG_INVALID_ARGUMENT, lg_ops[op]->name, "no such axis");
+    size_t outer, inner;
+    lg_around(&node->shape, (uint32_t)a, &outer, length, &inner);
+    return record_sized(tape, op, x, outer, *length, inner, without_axis(node->shape, (uint32_t)a, keep));
+}
+
+lg_var lg_sum_axis(lg_tape *tape, lg_var x, int axis, bool keep) {
+    size_t length;
+    return along_axis(tape, LG_OP_REDUCE, x, axis, keep, &length);
+}
+
+lg_var lg_mean_axis(lg_tape *tape, lg_var x, int axis, bool keep) {
+    size_t length = 1;
+    lg_var total = along_axis(tape, LG_OP_REDUCE, x, axis, keep, &length);
+    return lg_is_none(total) ? total : lg_scale(tape, total, 1.0 / (double)length);
+}
+
+/* ---- maximum ---- */
+
+static double element(const lg_tape *tape, const lg_node *node, size_t i) {
+    return tape->k->size == sizeof(double) ? ((const double *)node->value)[i]
+                                           : (double)((const float *)node->value)[i];
+}
+
+/* Index along the axis of the first maximum of column (o, i); a NaN wins. */
+static size_t first_maximum(const lg_tape *tape, const lg_node *x, const uint32_t *size, size_t o, size_t i) {
+    size_t best = 0;
+    double value = element(tape, x, o * size[1] * size[2] + i);
+    for (size_t l = 1; l < size[1] && value == value; l++) {
+        double next = element(tape, x, (o * size[1] + l) * size[2] + i);
+        if (next > value || next != next) {
+            value = next;
+            best = l;
+        }
+    }
+    return best;
+}
+
+static lg_status reduce_max_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    const uint32_t *size = out->attr.i;
+    if (size[1] == 0) return LG_SHAPE;
+    for (size_t o = 0; o < size[0]; o++)
+        for (size_t i = 0; i < size[2]; i++) {
+            size_t at = (o * size[1] + first_maximum(tape, in[0], size, o, i)) * size[2] + i;
+            memcpy((unsigned char *)out->value + (o * size[2] + i) * tape->k->size,
+                   (const unsigned char *)in[0]->value + at * tape->k->size, tape->k->size);
+        }
+    return LG_OK;
+}
+
+static lg_status argmax_mask_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    const uint32_t *size = out->attr.i;
+    const double one = 1.0;
+    tape->k->fill(out->count, 0.0, out->value);
+    for (size_t o = 0; o < size[0]; o++)
+        for (size_t i = 0; i < size[2]; i++) {
+            size_t at = (o * size[1] + first_maximum(tape, in[0], size, o, i)) * size[2] + i;
+            tape->k->convert_in(1, &one, (unsigned char *)out->value + at * tape->k->size);
+        }
+    return LG_OK;
+}
+
+static void mask_vjp(lg_reverse *r) {
+    (void)r;
+}
+static lg_var mask_jvp(const lg_forward *f) {
+    return lg_zeros_like(f->tape, f->y);
+}
+const lg_op lg_op_argmax_mask = {"argmax_mask", ~0u, sized_shape, argmax_mask_forward, mask_vjp, mask_jvp};
+
+static lg_var mask_of(lg_tape *tape, const lg_attr *attr, lg_var x) {
+    return record_sized(tape, LG_OP_ARGMAX_MASK, x, attr->i[0], attr->i[1], attr->i[2],
+                        lg_node_at(tape, x)->shape);
+}
+
+static void reduce_max_vjp(lg_reverse *r) {
+    if (!r->need[0]) return;
+    const uint32_t *i = r->attr->i;
+    lg_shape shape = lg_node_at(r->tape, r->in[0])->shape;
+    lg_var spread = record_sized(r->tape, LG_OP_REPEAT, r->g, i[0], i[1], i[2], shape);
+    r->out[0] = lg_mul(r->tape, spread, mask_of(r->tape, r->attr, r->in[0]));
+}
+
+static lg_var reduce_max_jvp(const lg_forward *f) {
+    const uint32_t *i = f->attr->i;
+    lg_var chosen = lg_mul(f->tape, f->tangents[0], mask_of(f->tape, f->attr, f->in[0]));
+    return record_sized(f->tape, LG_OP_REDUCE, chosen, i[0], i[1], i[2], lg_node_at(f->tape, f->y)->shape);
+}
+
+const lg_op lg_op_reduce_max = {"max_axis",    0, sized_shape, reduce_max_forward, reduce_max_vjp,
+                                reduce_max_jvp};
+
+lg_var lg_max_axis(lg_tape *tape, lg_var x, int axis, bool keep) {
+    size_t length;
+    return along_axis(tape, LG_OP_REDUCE_MAX, x, axis, keep, &length);
+}

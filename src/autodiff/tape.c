@@ -1,0 +1,387 @@
+/* The tape: nodes, handles, marks, the sticky error, leaves and readers. */
+#include "autodiff/tape_internal.h"
+
+#include <stdio.h>
+#include <string.h>
+
+const lg_op *const lg_ops[LG_OP_COUNT] = {
+#define X(code, name) &lg_op_##name,
+    LG_OP_LIST(X)
+#undef X
+};
+
+/* ---- life ---- */
+
+void lg_tape_options_init(lg_tape_options *options) {
+    *options = (lg_tape_options){.size = sizeof *options, .dtype = LG_F64};
+}
+
+lg_status lg_tape_create(const lg_context *context, const lg_tape_options *options, lg_tape **out) {
+    lg_tape_options chosen;
+    lg_tape_options_init(&chosen);
+    if (options != NULL) {
+        if (options->size != sizeof *options) return LG_INVALID_ARGUMENT;
+        chosen = *options;
+    }
+    if (chosen.dtype != LG_F64 && chosen.dtype != LG_F32) return LG_INVALID_ARGUMENT;
+    lg_tape *tape = lg_alloc(context, 1, sizeof *tape);
+    if (tape == NULL) return LG_OUT_OF_MEMORY;
+    tape->context = context;
+    tape->options = chosen;
+    tape->k = lg_kernels_for(chosen.dtype);
+    /* Tapes start far apart, so that a foreign handle does not look like one's own. */
+    tape->generation = (uint32_t)((uintptr_t)tape >> 6) * 2654435761u | 1u;
+    *out = tape;
+    return LG_OK;
+}
+
+void lg_tape_destroy(lg_tape *tape) {
+    if (tape == NULL) return;
+    lg_arena_destroy(tape, &tape->arena);
+    lg_arena_destroy(tape, &tape->pool.arena);
+    lg_free(tape->context, tape->nodes);
+    lg_free(tape->context, tape->parents);
+    lg_free(tape->context, tape->transposed);
+    lg_free(tape->context, tape);
+}
+
+lg_dtype lg_tape_dtype(const lg_tape *tape) {
+    return tape->options.dtype;
+}
+
+size_t lg_tape_bytes(const lg_tape *tape) {
+    return tape->bytes;
+}
+
+size_t lg_tape_nodes(const lg_tape *tape) {
+    return tape->count;
+}
+
+size_t lg_tape_spd_failures(const lg_tape *tape) {
+    return tape->spd_failures;
+}
+
+/* ---- shapes ---- */
+
+lg_shape lg_shape_of(uint32_t rank, const uint32_t *dims) {
+    lg_shape shape = {rank, {0, 0, 0, 0}};
+    for (uint32_t i = 0; i < rank && i < LG_MAX_RANK; i++) shape.dims[i] = dims[i];
+    return shape;
+}
+
+size_t lg_shape_count(lg_shape shape) {
+    size_t count = 1;
+    for (uint32_t i = 0; i < shape.rank && i < LG_MAX_RANK; i++) {
+        if (shape.dims[i] != 0 && count > SIZE_MAX / shape.dims[i]) return SIZE_MAX;
+        count *= shape.dims[i];
+    }
+    return count;
+}
+
+/* ---- marks ---- */
+
+/* A mark is recognised by the node before it: if that node was rewound, its successor has another generation.
+ */
+lg_mark lg_tape_mark(const lg_tape *tape) {
+    lg_mark mark = {tape->count, tape->parents_count,
+                    tape->count == 0 ? 0 : tape->nodes[tape->count - 1].generation, tape->arena.current,
+                    tape->arena.used};
+    return mark;
+}
+
+void lg_forget_nodes(lg_tape *tape, uint32_t node) {
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < tape->transposed_count; i++) {
+        uint32_t owner = tape->transposed[i];
+        if (owner < node) {
+            tape->transposed[kept++] = owner;
+        } else {
+            lg_node *n = &tape->nodes[owner];
+            lg_pool_give(tape, n->transposed, n->count * tape->k->size);
+            n->transposed = NULL;
+        }
+    }
+    tape->transposed_count = kept;
+    tape->count = node;
+}
+
+lg_status lg_tape_rewind(lg_tape *tape, lg_mark mark) {
+    if (mark.nodes > tape->count) return LG_INVALID_ARGUMENT;
+    if (mark.nodes > 0 && tape->nodes[mark.nodes - 1].generation != mark.generation)
+        return LG_INVALID_ARGUMENT;
+    lg_forget_nodes(tape, mark.nodes);
+    tape->parents_count = mark.parents;
+    tape->arena.current = mark.chunk;
+    tape->arena.used = mark.used;
+    if (++tape->generation == 0) tape->generation = 1;
+    if (tape->status != LG_OK && tape->failed_at >= mark.nodes) {
+        tape->status = LG_OK;
+        tape->message[0] = '\0';
+    }
+    return LG_OK;
+}
+
+void lg_tape_reset(lg_tape *tape) {
+    (void)lg_tape_rewind(tape, (lg_mark){0, 0, 0, 0, 0});
+    tape->status = LG_OK;
+    tape->message[0] = '\0';
+    tape->scope_depth = 0;
+    tape->spd_failures = 0;
+}
+
+/* ---- errors ---- */
+
+lg_status lg_tape_status(const lg_tape *tape) {
+    return tape->status;
+}
+
+const char *lg_tape_message(const lg_tape *tape) {
+    return tape->message;
+}
+
+void lg_scope_push(lg_tape *tape, const char *name) {
+    if (tape->scope_depth < LG_SCOPE_DEPTH) tape->scopes[tape->scope_depth] = name;
+    tape->scope_depth++;
+}
+
+void lg_scope_pop(lg_tape *tape) {
+    if (tape->scope_depth > 0) tape->scope_depth--;
+}
+
+static void append(char *text, size_t size, const char *more) {
+    size_t used = strlen(text);
+    (void)snprintf(text + used, size - used, "%s", more);
+}
+
+lg_var lg_tape_fail(lg_tape *tape, lg_status status, const char *operation, const char *reason) {
+    if (tape->status != LG_OK) return LG_NONE;
+    tape->status = status;
+    tape->failed_at = tape->count;
+    (void)snprintf(tape->message, sizeof tape->message, "%s: %s", operation, reason);
+    for (int i = 0; i < tape->scope_depth && i < LG_SCOPE_DEPTH; i++) {
+        append(tape->message, sizeof tape->message, i == 0 ? ", in " : "/");
+        append(tape->message, sizeof tape->message, tape->scopes[i]);
+    }
+    return LG_NONE;
+}
+
+static void append_shape(char *text, size_t size, const lg_shape *shape) {
+    char number[16];
+    append(text, size, "(");
+    for (uint32_t i = 0; i < shape->rank; i++) {
+        (void)snprintf(number, sizeof number, i == 0 ? "%u" : ", %u", shape->dims[i]);
+        append(text, size, number);
+    }
+    append(text, size, ")");
+}
+
+lg_var lg_fail_shapes(lg_tape *tape, const char *operation, const lg_node *const *in, uint32_t inputs) {
+    char reason[200] = "shapes do not fit: ";
+    for (uint32_t i = 0; i < inputs && i < 4; i++) {
+        if (i > 0) append(reason, sizeof reason, " and ");
+        append_shape(reason, sizeof reason, &in[i]->shape);
+    }
+    return lg_tape_fail(tape, LG_SHAPE, operation, reason);
+}
+
+lg_node *lg_node_of(lg_tape *tape, lg_var v, const char *operation) {
+    if (v.index < tape->count && v.generation == tape->nodes[v.index].generation && v.generation != 0)
+        return &tape->nodes[v.index];
+    lg_tape_fail(tape, LG_STALE_HANDLE, operation,
+                 lg_is_none(v) ? "an input is LG_NONE" : "an input was rewound or belongs to another tape");
+    return NULL;
+}
+
+/* ---- recording ---- */
+
+void *lg_value_allocate(lg_tape *tape, size_t count) {
+    if (count > (SIZE_MAX / 16)) {
+        lg_tape_fail(tape, LG_OUT_OF_MEMORY, "tape", "a tensor is too large");
+        return NULL;
+    }
+    size_t bytes = count * tape->k->size;
+    return tape->unrecorded ? lg_pool_take(tape, bytes) : lg_arena_allocate(tape, &tape->arena, bytes);
+}
+
+void *lg_payload_allocate(lg_tape *tape, size_t bytes) {
+    return lg_arena_allocate(tape, &tape->arena, bytes);
+}
+
+/* Room for one more node with its parents, so that pointers to nodes stay valid while it is made. */
+static bool reserve(lg_tape *tape, uint32_t inputs) {
+    return lg_grow(tape, (void **)&tape->nodes, &tape->capacity, tape->count + 1, sizeof *tape->nodes) &&
+           lg_grow(tape, (void **)&tape->parents, &tape->parents_capacity, tape->parents_count + inputs,
+                   sizeof *tape->parents);
+}
+
+static lg_node *append_node(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs,
+                            const lg_attr *attr, lg_shape shape, void *value, uint32_t flags) {
+    lg_node *node = &tape->nodes[tape->count];
+    node->value = value;
+    node->transposed = NULL;
+    node->count = lg_shape_count(shape);
+    if (attr != NULL)
+        node->attr = *attr;
+    else
+        node->attr = (lg_attr){0};
+    node->shape = shape;
+    node->generation = tape->generation;
+    node->parents = tape->parents_count;
+    node->op = (uint8_t)op;
+    node->inputs = (uint8_t)inputs;
+    node->flags = (uint8_t)flags;
+    for (uint32_t i = 0; i < inputs; i++) tape->parents[tape->parents_count + i] = in[i].index;
+    return node;
+}
+
+static lg_var commit(lg_tape *tape, uint32_t inputs) {
+    tape->parents_count += inputs;
+    return lg_var_at(tape, tape->count++);
+}
+
+lg_var lg_record_value(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, const lg_attr *attr,
+                       lg_shape shape, void *value, uint32_t flags) {
+    if (tape->status != LG_OK || !reserve(tape, inputs)) return LG_NONE;
+    append_node(tape, op, in, inputs, attr, shape, value, flags);
+    return commit(tape, inputs);
+}
+
+lg_var lg_record(lg_tape *tape, lg_op_code code, const lg_var *in, uint32_t inputs, const lg_attr *attr) {
+    const lg_op *op = lg_ops[code];
+    const lg_node *nodes[LG_MAX_INPUTS];
+    if (tape->status != LG_OK) return LG_NONE;
+    if (inputs > LG_MAX_INPUTS) return lg_tape_fail(tape, LG_INVALID_ARGUMENT, op->name, "too many inputs");
+    if (!reserve(tape, inputs)) return LG_NONE;
+    for (uint32_t i = 0; i < inputs; i++) {
+        nodes[i] = lg_node_of(tape, in[i], op->name);
+        if (nodes[i] == NULL) return LG_NONE;
+    }
+    lg_shape shape = {0, {0, 0, 0, 0}};
+    lg_status status = op->shape(nodes, inputs, attr, &shape);
+    if (status == LG_SHAPE) return lg_fail_shapes(tape, op->name, nodes, inputs);
+    if (status != LG_OK) return lg_tape_fail(tape, status, op->name, lg_status_sentence(status));
+    void *value = lg_value_allocate(tape, lg_shape_count(shape));
+    if (value == NULL) return LG_NONE;
+    lg_node *node = append_node(tape, code, in, inputs, attr, shape, value,
+                                tape->unrecorded ? (uint32_t)LG_NODE_POOLED : 0u);
+    status = op->forward(tape, nodes, node);
+    if (status != LG_OK) {
+        if (tape->unrecorded) lg_pool_give(tape, value, node->count * tape->k->size);
+        return lg_tape_fail(tape, status, op->name, lg_status_sentence(status));
+    }
+    return commit(tape, inputs);
+}
+
+const void *lg_transposed(lg_tape *tape, uint32_t index) {
+    lg_node *node = &tape->nodes[index];
+    if (node->transposed != NULL) return node->transposed;
+    if (!lg_grow(tape, (void **)&tape->transposed, &tape->transposed_capacity, tape->transposed_count + 1,
+                 sizeof *tape->transposed))
+        return NULL;
+    void *memory = lg_pool_take(tape, node->count * tape->k->size);
+    if (memory == NULL) return NULL;
+    tape->k->transpose(node->shape.dims[0], node->shape.dims[1], node->value, memory);
+    node->transposed = memory;
+    tape->transposed[tape->transposed_count++] = index;
+    return memory;
+}
+
+/* ---- leaves ---- */
+
+static lg_status leaf_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+    (void)in, (void)inputs, (void)attr, (void)out;
+    return LG_INVALID_ARGUMENT;
+}
+
+static void leaf_vjp(lg_reverse *r) {
+    (void)r;
+}
+
+static lg_var leaf_jvp(const lg_forward *f) {
+    return lg_zeros_like(f->tape, f->y);
+}
+
+const lg_op lg_op_leaf = {"leaf", 0, leaf_shape, NULL, leaf_vjp, leaf_jvp};
+
+static lg_var record_leaf(lg_tape *tape, lg_shape shape, void *value, uint32_t flags) {
+    return lg_record_value(tape, LG_OP_LEAF, NULL, 0, NULL, shape, value, flags);
+}
+
+static void *leaf_memory(lg_tape *tape, const char *name, lg_shape *shape, bool valid) {
+    if (tape->status != LG_OK) return NULL;
+    if (shape->rank > LG_MAX_RANK || !valid) {
+        lg_tape_fail(tape, LG_INVALID_ARGUMENT, name, "rank above 4, or no data");
+        return NULL;
+    }
+    for (uint32_t i = shape->rank; i < LG_MAX_RANK; i++) shape->dims[i] = 0;
+    return lg_value_allocate(tape, lg_shape_count(*shape));
+}
+
+static uint32_t fresh_flags(const lg_tape *tape) {
+    return tape->unrecorded ? LG_NODE_POOLED : 0;
+}
+
+lg_var lg_input(lg_tape *tape, lg_shape shape, const void *data) {
+    void *value = leaf_memory(tape, "input", &shape, data != NULL);
+    if (value == NULL) return LG_NONE;
+    memcpy(value, data, lg_shape_count(shape) * tape->k->size);
+    return record_leaf(tape, shape, value, fresh_flags(tape));
+}
+
+lg_var lg_input_f64(lg_tape *tape, lg_shape shape, const double *data) {
+    void *value = leaf_memory(tape, "input", &shape, data != NULL);
+    if (value == NULL) return LG_NONE;
+    tape->k->convert_in(lg_shape_count(shape), data, value);
+    return record_leaf(tape, shape, value, fresh_flags(tape));
+}
+
+lg_var lg_parameter(lg_tape *tape, lg_shape shape, const void *data) {
+    if (tape->status != LG_OK) return LG_NONE;
+    if (shape.rank > LG_MAX_RANK || data == NULL)
+        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "parameter", "rank above 4, or no data");
+    /* The tape never writes to a leaf's value. */
+    union {
+        const void *shared;
+        void *value;
+    } memory = {.shared = data};
+    return record_leaf(tape, shape, memory.value, 0);
+}
+
+lg_var lg_full(lg_tape *tape, lg_shape shape, double c) {
+    void *value = leaf_memory(tape, "full", &shape, true);
+    if (value == NULL) return LG_NONE;
+    tape->k->fill(lg_shape_count(shape), c, value);
+    return record_leaf(tape, shape, value, fresh_flags(tape));
+}
+
+lg_var lg_zeros_like(lg_tape *tape, lg_var v) {
+    if (tape->status != LG_OK) return LG_NONE;
+    return lg_full(tape, lg_node_at(tape, v)->shape, 0.0);
+}
+
+/* ---- readers ---- */
+
+static const lg_node *readable(const lg_tape *tape, lg_var v) {
+    if (tape->status != LG_OK || v.index >= tape->count) return NULL;
+    const lg_node *node = &tape->nodes[v.index];
+    return node->generation == v.generation ? node : NULL;
+}
+
+lg_shape lg_var_shape(const lg_tape *tape, lg_var v) {
+    const lg_node *node = readable(tape, v);
+    return node != NULL ? node->shape : lg_shape0();
+}
+
+const void *lg_value(const lg_tape *tape, lg_var v) {
+    const lg_node *node = readable(tape, v);
+    return node != NULL ? node->value : NULL;
+}
+
+lg_status lg_read(const lg_tape *tape, lg_var v, double *out, size_t count) {
+    if (tape->status != LG_OK) return tape->status;
+    const lg_node *node = readable(tape, v);
+    if (node == NULL) return LG_STALE_HANDLE;
+    if (node->count != count || node->value == NULL) return LG_SHAPE;
+    tape->k->convert_out(count, node->value, out);
+    return LG_OK;
+}

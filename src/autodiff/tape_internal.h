@@ -1,0 +1,252 @@
+/* The tape inside: nodes, arena, pool, and the interface that an operation implements.
+ *
+ * An operation is one row of lg_ops: shape rule, forward, vjp, jvp. The vjp and jvp are written with
+ * operations, so they can be differentiated again. They run in two modes: recorded, where what they build
+ * stays on the tape, and unrecorded (lg_backward), where every value comes from the pool and is given back
+ * after the node.
+ */
+#ifndef LG_TAPE_INTERNAL_H
+#define LG_TAPE_INTERNAL_H
+
+#include "autodiff/kernels/kernels.h"
+#include "core/core.h"
+#include "liegrad/ops.h"
+#include "liegrad/tape.h"
+
+/* X(enumerator, descriptor): every operation that can be on a tape. lg-gradcheck has a row for each. */
+#define LG_OP_LIST(X)                                                                                        \
+    X(LEAF, leaf)                                                                                            \
+    X(ADD, add)                                                                                              \
+    X(SUB, sub)                                                                                              \
+    X(MUL, mul)                                                                                              \
+    X(DIV, div)                                                                                              \
+    X(MAX, max)                                                                                              \
+    X(GE, ge)                                                                                                \
+    X(SCALE, scale)                                                                                          \
+    X(SHIFT, shift)                                                                                          \
+    X(POW, pow)                                                                                              \
+    X(SQRT, sqrt)                                                                                            \
+    X(EXP, exp)                                                                                              \
+    X(LOG, log)                                                                                              \
+    X(SIN, sin)                                                                                              \
+    X(COS, cos)                                                                                              \
+    X(ABS, abs)                                                                                              \
+    X(SIGN, sign)                                                                                            \
+    X(STOP, stop_gradient)                                                                                   \
+    X(ACT, act)                                                                                              \
+    X(ACT_DERIVATIVE, act_derivative)                                                                        \
+    X(MATMUL, matmul)                                                                                        \
+    X(REDUCE, reduce)                                                                                        \
+    X(REPEAT, repeat)                                                                                        \
+    X(REDUCE_MAX, reduce_max)                                                                                \
+    X(ARGMAX_MASK, argmax_mask)                                                                              \
+    X(RESHAPE, reshape)                                                                                      \
+    X(SLICE, slice)                                                                                          \
+    X(PAD, pad)                                                                                              \
+    X(CONCAT, concat)                                                                                        \
+    X(PERMUTE, permute)                                                                                      \
+    X(GATHER, gather)                                                                                        \
+    X(SCATTER, scatter)                                                                                      \
+    X(ROWDOT, rowdot)                                                                                        \
+    X(CROSS, cross)                                                                                          \
+    X(SPD_FACTOR, spd_factor)                                                                                \
+    X(SPD_SOLVE, spd_solve)                                                                                  \
+    X(STUMPFF, stumpff)                                                                                      \
+    X(DEXPINV_COEF, dexpinv_coef)                                                                            \
+    X(CUSTOM, custom)                                                                                        \
+    X(CUSTOM_DERIVATIVE, custom_derivative)
+
+typedef enum lg_op_code {
+#define X(code, name) LG_OP_##code,
+    LG_OP_LIST(X)
+#undef X
+        LG_OP_COUNT
+} lg_op_code;
+
+/* What an operation remembers besides its inputs. */
+typedef struct lg_attr {
+    double c;
+    uint32_t i[4];
+    const void *pointer;
+} lg_attr;
+
+enum {
+    LG_NODE_POOLED = 1,  /* the value is a pool block that the node owns (unrecorded mode only) */
+    LG_NODE_VIEW = 2,    /* the value lies inside parent 0's value, attr.i[3] elements in, contiguous */
+    LG_NODE_NO_VALUE = 4 /* the value was overwritten by a fused operation; only handles to it remain */
+};
+
+typedef struct lg_node {
+    void *value;
+    void *transposed; /* cached transpose of a rank-2 value, a pool block; NULL until asked for */
+    size_t count;
+    lg_attr attr;
+    lg_shape shape;
+    uint32_t generation;
+    uint32_t parents; /* offset into lg_tape.parents */
+    uint8_t op, inputs, flags;
+} lg_node;
+
+typedef struct lg_chunk {
+    unsigned char *base;
+    size_t size;
+} lg_chunk;
+
+/* Chunked bump arena: addresses stay, rewinding is O(1), chunks are kept. */
+typedef struct lg_arena {
+    lg_chunk *chunks;
+    uint32_t count, capacity, current;
+    size_t used; /* in the current chunk */
+} lg_arena;
+
+/* Free lists by size class; blocks are carved from the pool's own arena and never returned. */
+#define LG_POOL_CLASSES 240
+typedef struct lg_pool_memory {
+    lg_arena arena;
+    void *free[LG_POOL_CLASSES];
+} lg_pool_memory;
+
+#define LG_SCOPE_DEPTH 8
+
+struct lg_tape {
+    const lg_context *context;
+    const lg_kernels *k;
+    lg_tape_options options;
+    size_t bytes; /* allocated through the context */
+
+    lg_node *nodes;
+    uint32_t count, capacity;
+    uint32_t *parents;
+    uint32_t parents_count, parents_capacity;
+    lg_arena arena;
+    lg_pool_memory pool;
+    uint32_t *transposed; /* indices of the nodes that own a cached transpose */
+    uint32_t transposed_count, transposed_capacity;
+
+    uint32_t generation;
+    bool unrecorded; /* values come from the pool */
+
+    lg_status status;
+    uint32_t failed_at; /* node count when the error struck */
+    char message[320];
+    const char *scopes[LG_SCOPE_DEPTH];
+    int scope_depth;
+    size_t spd_failures;
+};
+
+/* ---- the interface of an operation ---- */
+
+/* One reverse step. out[k] is set to the cotangent of input k, LG_NONE for zero, or left when need[k] is
+ * false. */
+typedef struct lg_reverse {
+    lg_tape *tape;
+    uint32_t node;
+    lg_var y, g;
+    const lg_attr *attr; /* a copy: recording may move the nodes */
+    const lg_var *in;
+    uint32_t inputs;
+    const bool *need;
+    lg_var *out;
+    struct lg_sweep *sweep; /* NULL when recorded */
+} lg_reverse;
+
+/* One forward step: tangents[k] is LG_NONE when input k does not vary. Returns the output's tangent. */
+typedef struct lg_forward {
+    lg_tape *tape;
+    lg_var y;
+    const lg_attr *attr;
+    const lg_var *in, *tangents;
+    uint32_t inputs;
+} lg_forward;
+
+typedef struct lg_op {
+    const char *name;
+    uint32_t frozen; /* bit k: input k is a constant to differentiation */
+    /* The output's shape. Must validate everything: forward cannot see bad shapes. */
+    lg_status (*shape)(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out);
+    /* Fills out->value. NULL: the value is set by whoever records (leaves, views). */
+    lg_status (*forward)(lg_tape *tape, const lg_node *const *in, lg_node *out);
+    void (*vjp)(lg_reverse *r);
+    lg_var (*jvp)(const lg_forward *f);
+} lg_op;
+
+extern const lg_op *const lg_ops[LG_OP_COUNT];
+#define X(code, name) extern const lg_op lg_op_##name;
+LG_OP_LIST(X)
+#undef X
+
+#define LG_MAX_INPUTS 64 /* of one node */
+
+/* ---- recording ---- */
+
+/* Validates handles, asks for the shape, allocates, evaluates, records. `attr` may be NULL. */
+lg_var lg_record(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, const lg_attr *attr);
+/* Records a node whose value is given (a view, a fused result): shape rule and forward are not run. */
+lg_var lg_record_value(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, const lg_attr *attr,
+                       lg_shape shape, void *value, uint32_t flags);
+/* NULL when stale or foreign: the error is then on the tape. */
+lg_node *lg_node_of(lg_tape *tape, lg_var v, const char *operation);
+/* A valid handle's node without ceremony. */
+static inline const lg_node *lg_node_at(const lg_tape *tape, lg_var v) {
+    return &tape->nodes[v.index];
+}
+static inline lg_var lg_var_at(const lg_tape *tape, uint32_t index) {
+    lg_var v = {index, tape->nodes[index].generation};
+    return v;
+}
+lg_var lg_fail_shapes(lg_tape *tape, const char *operation, const lg_node *const *in, uint32_t inputs);
+/* Memory for a value: from the arena, or from the pool in unrecorded mode. NULL: error set. */
+void *lg_value_allocate(lg_tape *tape, size_t count);
+/* Payload that lives as long as the nodes recorded now (indices and the like). NULL: error set. */
+void *lg_payload_allocate(lg_tape *tape, size_t bytes);
+/* Transpose of a rank-2 node's value, cached with the node. NULL: error set. */
+const void *lg_transposed(lg_tape *tape, uint32_t node);
+
+/* ---- memory ---- */
+void *lg_arena_allocate(lg_tape *tape, lg_arena *arena, size_t bytes);
+void lg_arena_destroy(lg_tape *tape, lg_arena *arena);
+void *lg_pool_take(lg_tape *tape, size_t bytes);
+void lg_pool_give(lg_tape *tape, void *block, size_t bytes);
+/* Grows a plain array to hold `needed` elements; false: out of memory (error set). */
+bool lg_grow(lg_tape *tape, void **array, uint32_t *capacity, uint32_t needed, size_t element);
+/* Forgets nodes from `node` on: returns their pool blocks and cached transposes. */
+void lg_forget_nodes(lg_tape *tape, uint32_t node);
+
+/* ---- help for vjps ---- */
+
+/* out[k] = product of the variant (0 nn, 1 nt, 2 tn); unrecorded it is accumulated into the adjoint in place.
+ */
+void lg_reverse_matmul(lg_reverse *r, uint32_t k, uint32_t variant, lg_var a, lg_var b);
+/* c + op(a) op(b) into memory; variant as above; chooses own kernel or BLAS. a (m, k) after op, b (k, n)
+ * after op. */
+void lg_gemm(lg_tape *tape, uint32_t variant, size_t m, size_t n, size_t k, const void *a, const void *b,
+             uint32_t b_node, void *c, bool accumulate);
+
+lg_var lg_zeros_like(lg_tape *tape, lg_var v);
+static inline bool lg_same_shape(const lg_shape *a, const lg_shape *b) {
+    if (a->rank != b->rank) return false;
+    for (uint32_t i = 0; i < a->rank; i++)
+        if (a->dims[i] != b->dims[i]) return false;
+    return true;
+}
+/* a + b where LG_NONE is zero */
+static inline lg_var lg_add_or(lg_tape *tape, lg_var a, lg_var b) {
+    if (lg_is_none(a)) return b;
+    if (lg_is_none(b)) return a;
+    return lg_add(tape, a, b);
+}
+/* Resolves a possibly negative axis; -1 on failure. */
+static inline int lg_axis(int axis, uint32_t rank) {
+    if (axis < 0) axis += (int)rank;
+    return axis >= 0 && axis < (int)rank ? axis : -1;
+}
+/* Shape (outer, length, inner) around an axis. */
+static inline void lg_around(const lg_shape *shape, uint32_t axis, size_t *outer, size_t *length,
+                             size_t *inner) {
+    *outer = *inner = 1;
+    for (uint32_t i = 0; i < axis; i++) *outer *= shape->dims[i];
+    *length = shape->dims[axis];
+    for (uint32_t i = axis + 1; i < shape->rank; i++) *inner *= shape->dims[i];
+}
+
+#endif

@@ -1,0 +1,88 @@
+#include "core/core.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+struct lg_context {
+    lg_context_options options;
+};
+
+static void *default_allocate(void *user, size_t bytes) {
+    (void)user;
+    void *memory = NULL;
+    return posix_memalign(&memory, LG_ALIGNMENT, bytes) == 0 ? memory : NULL;
+}
+
+static void default_release(void *user, void *memory) {
+    (void)user;
+    free(memory);
+}
+
+void lg_context_options_init(lg_context_options *options) {
+    *options = (lg_context_options){.size = sizeof *options};
+}
+
+lg_status lg_context_create(const lg_context_options *options, lg_context **out) {
+    lg_context_options chosen;
+    lg_context_options_init(&chosen);
+    if (options != NULL) {
+        if (options->size != sizeof *options) return LG_INVALID_ARGUMENT;
+        if ((options->allocate == NULL) != (options->release == NULL)) return LG_INVALID_ARGUMENT;
+        chosen = *options;
+    }
+    if (chosen.allocate == NULL) {
+        chosen.allocate = default_allocate;
+        chosen.release = default_release;
+    }
+    lg_context *context = chosen.allocate(chosen.allocator_user, sizeof *context);
+    if (context == NULL) return LG_OUT_OF_MEMORY;
+    context->options = chosen;
+    *out = context;
+    return LG_OK;
+}
+
+void lg_context_destroy(lg_context *context) {
+    if (context == NULL) return;
+    lg_context_options options = context->options;
+    options.release(options.allocator_user, context);
+}
+
+void *lg_alloc(const lg_context *context, size_t count, size_t size) {
+    if (size != 0 && count > (SIZE_MAX - 2 * LG_ALIGNMENT) / size) return NULL;
+    size_t bytes = count * size;
+    if (bytes == 0) bytes = 1;
+    void *memory = context != NULL ? context->options.allocate(context->options.allocator_user, bytes)
+                                   : default_allocate(NULL, bytes);
+    if (memory != NULL) memset(memory, 0, bytes);
+    return memory;
+}
+
+void lg_free(const lg_context *context, void *memory) {
+    if (memory == NULL) return;
+    if (context != NULL)
+        context->options.release(context->options.allocator_user, memory);
+    else
+        default_release(NULL, memory);
+}
+
+char *lg_strdup(const lg_context *context, const char *text) {
+    size_t bytes = strlen(text) + 1;
+    char *copy = lg_alloc(context, bytes, 1);
+    if (copy != NULL) memcpy(copy, text, bytes);
+    return copy;
+}
+
+bool lg_cancelled(const lg_context *context) {
+    return context != NULL && context->options.cancel != NULL && *context->options.cancel != 0;
+}
+
+void lg_log_message(const lg_context *context, lg_log_level level, const char *format, ...) {
+    if (context == NULL || context->options.log == NULL) return;
+    char message[512];
+    va_list arguments;
+    va_start(arguments, format);
+    (void)vsnprintf(message, sizeof message, format, arguments);
+    va_end(arguments);
+    context->options.log(context->options.log_user, level, message);
+}

@@ -1,0 +1,50 @@
+/* Internals shared by all rooms: memory through the context, messages, worker threads. */
+#ifndef LG_CORE_H
+#define LG_CORE_H
+
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "liegrad/context.h"
+#include "liegrad/status.h"
+
+#define LG_ALIGNMENT    64
+#define LG_COUNT(array) (sizeof(array) / sizeof((array)[0]))
+
+/* Returns the status of the call when it is not LG_OK. */
+#define LG_TRY(call)                                                                                         \
+    do {                                                                                                     \
+        lg_status lg_try_status_ = (call);                                                                   \
+        if (lg_try_status_ != LG_OK) return lg_try_status_;                                                  \
+    } while (0)
+
+/* Zeroed memory, 64-byte aligned; NULL on failure or overflow of count * size. count * size == 0 gives a
+ * valid pointer. A NULL context means the C library's allocator. */
+void *lg_alloc(const lg_context *context, size_t count, size_t size);
+void lg_free(const lg_context *context, void *memory);
+char *lg_strdup(const lg_context *context, const char *text);
+
+bool lg_cancelled(const lg_context *context);
+void lg_log_message(const lg_context *context, lg_log_level level, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+/* Fills `error` (may be NULL) and returns `status`, so that a failure is one statement. */
+lg_status lg_fail(lg_error *error, lg_status status, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+/* Worker threads that run task(user, i) for i in 0..count-1. Which thread runs which i is not specified: a
+ * task must write only to its own memory. threads - 1 workers are made; the caller works too. */
+typedef struct lg_pool lg_pool;
+lg_status lg_pool_create(const lg_context *context, int threads, lg_pool **out);
+void lg_pool_destroy(lg_pool *pool);
+void lg_pool_run(lg_pool *pool, size_t count, void (*task)(void *user, size_t index), void *user);
+
+/* Instruction sets, in rising order. */
+typedef enum lg_isa { LG_ISA_BASELINE, LG_ISA_AVX2, LG_ISA_AVX512, LG_ISA_COUNT } lg_isa;
+/* The set in use: the machine's best, or what LIEGRAD_ISA asks for when the machine has it. Constant. */
+lg_isa lg_isa_in_use(void);
+const char *lg_isa_name(lg_isa isa);
+
+#endif

@@ -1,0 +1,53 @@
+#include "core/core.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* OpenBLAS' own functions, weak: a BLAS without them links too. The last two are exported but not documented.
+ */
+#define LG_WEAK __attribute__((weak, visibility("default")))
+extern LG_WEAK char *openblas_get_corename(void);
+extern LG_WEAK char *openblas_get_config(void);
+extern LG_WEAK void openblas_set_num_threads(int threads);
+extern LG_WEAK int openblas_get_num_threads(void);
+extern LG_WEAK void gotoblas_dynamic_quit(void);
+extern LG_WEAK void gotoblas_dynamic_init(void);
+
+int lg_cpu_describe(char *text, size_t size) {
+    const char *isa = lg_isa_name(lg_isa_in_use());
+    if (openblas_get_corename == NULL) return snprintf(text, size, "kernels %s, BLAS unknown", isa);
+    const char *config = openblas_get_config != NULL ? openblas_get_config() : "OpenBLAS";
+    const char *end = strchr(config, ' '); /* "OpenBLAS 0.3.21 options...": name and version */
+    end = end != NULL ? strchr(end + 1, ' ') : NULL;
+    const int length = end != NULL ? (int)(end - config) : (int)strlen(config);
+    const int threads = openblas_get_num_threads != NULL ? openblas_get_num_threads() : 0;
+    return snprintf(text, size, "kernels %s, %.*s %s, %d BLAS thread%s", isa, length, config,
+                    openblas_get_corename(), threads, threads == 1 ? "" : "s");
+}
+
+/* OpenBLAS releases older than a processor take it for the newest they know, and run AVX2 kernels where
+ * AVX-512 is there at twice the speed. The environment is read when the table of kernels is chosen: it is
+ * chosen anew. */
+static void fit_core_type(void) {
+#if defined(__x86_64__)
+    static const char *const narrow[] = {"Haswell", "Zen", "Excavator", "Sandybridge", "Nehalem", "Prescott"};
+    if (lg_isa_in_use() != LG_ISA_AVX512 || getenv("OPENBLAS_CORETYPE") != NULL) return;
+    if (openblas_get_corename == NULL || gotoblas_dynamic_quit == NULL || gotoblas_dynamic_init == NULL)
+        return;
+    const char *core = openblas_get_corename();
+    for (size_t i = 0; i < LG_COUNT(narrow); i++) {
+        if (strcmp(core, narrow[i]) != 0) continue;
+        if (setenv("OPENBLAS_CORETYPE", "SkylakeX", 1) != 0) return;
+        gotoblas_dynamic_quit();
+        gotoblas_dynamic_init();
+        (void)unsetenv("OPENBLAS_CORETYPE");
+        return;
+    }
+#endif
+}
+
+void lg_runtime_setup(void) {
+    fit_core_type();
+    if (openblas_set_num_threads != NULL) openblas_set_num_threads(1);
+}

@@ -1,0 +1,36 @@
+#include "core/core.h"
+
+#include <stdio.h>
+
+const char *lg_status_name(lg_status status) {
+    switch (status) {
+#define X(code, value, sentence)                                                                             \
+    case LG_##code:                                                                                          \
+        return #code;
+        LG_STATUS_LIST(X)
+#undef X
+    }
+    return "UNKNOWN";
+}
+
+const char *lg_status_sentence(lg_status status) {
+    switch (status) {
+#define X(code, value, sentence)                                                                             \
+    case LG_##code:                                                                                          \
+        return sentence;
+        LG_STATUS_LIST(X)
+#undef X
+    }
+    return "unknown status";
+}
+
+lg_status lg_fail(lg_error *error, lg_status status, const char *format, ...) {
+    if (error != NULL) {
+        va_list arguments;
+        va_start(arguments, format);
+        error->status = status;
+        (void)vsnprintf(error->message, sizeof error->message, format, arguments);
+        va_end(arguments);
+    }
+    return status;
+}

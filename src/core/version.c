@@ -1,0 +1,5 @@
+#include "liegrad/context.h"
+
+const char *lg_version(void) {
+    return LG_VERSION_STRING;
+}

@@ -1,0 +1,216 @@
+/* The archives of liegrad/archive.h over one HDF5 file. */
+#include <stdio.h>
+#include <string.h>
+
+#include "datasets/h5.h"
+
+#define PREFIX_SIZE 64
+#define NAME_SIZE 256
+
+/* What an archive's `user` points to; lives as long as its file. */
+typedef struct lg_view {
+    struct lg_view *next;
+    struct lg_file_writer *writer;
+    struct lg_file_reader *reader;
+    char prefix[PREFIX_SIZE];
+} lg_view;
+
+struct lg_file_writer {
+    const lg_context *context;
+    lg_h5 *h5;
+    lg_view *views;
+    lg_error failure; /* the first one: it sticks */
+    bool committed;
+};
+
+struct lg_file_reader {
+    const lg_context *context;
+    lg_h5 *h5;
+    lg_view *views;
+    lg_error failure; /* the last one */
+};
+
+static void free_views(const lg_context *context, lg_view *view) {
+    while (view != NULL) {
+        lg_view *next = view->next;
+        lg_free(context, view);
+        view = next;
+    }
+}
+
+static lg_view *add_view(const lg_context *context, const char *prefix, lg_view **list) {
+    if (prefix == NULL || strlen(prefix) >= PREFIX_SIZE) return NULL;
+    lg_view *view = lg_alloc(context, 1, sizeof *view);
+    if (view == NULL) return NULL;
+    memcpy(view->prefix, prefix, strlen(prefix) + 1);
+    view->next = *list;
+    *list = view;
+    return view;
+}
+
+static bool full_name(const lg_view *view, const char *path, char name[NAME_SIZE]) {
+    const char *slash = view->prefix[0] == '\0' ? "" : "/";
+    int length = path == NULL || *path == '\0' ? -1 : snprintf(name, NAME_SIZE, "%s%s%s", view->prefix, slash, path);
+    return length > 0 && length < NAME_SIZE;
+}
+
+/* Splits "a/b/c" into group "a/b" and attribute "c", in place. */
+static const char *split(char *name, const char **group) {
+    char *slash = strrchr(name, '/');
+    *group = slash == NULL ? "" : name;
+    if (slash != NULL) *slash = '\0';
+    return slash == NULL ? name : slash + 1;
+}
+
+/* ---- writing ---- */
+
+static lg_status write_array(void *user, const char *path, lg_element type, uint32_t rank, const uint64_t *dims,
+                             const void *data) {
+    lg_view *view = user;
+    lg_file_writer *writer = view->writer;
+    char name[NAME_SIZE];
+    if (writer->failure.status != LG_OK) return writer->failure.status;
+    if (!full_name(view, path, name)) return lg_fail(&writer->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
+    return lg_h5_put(writer->h5, name, type, rank, dims, data, &writer->failure);
+}
+
+static lg_status write_text(void *user, const char *path, const char *value) {
+    lg_view *view = user;
+    lg_file_writer *writer = view->writer;
+    char name[NAME_SIZE];
+    const char *group;
+    if (writer->failure.status != LG_OK) return writer->failure.status;
+    if (value == NULL || !full_name(view, path, name))
+        return lg_fail(&writer->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
+    const char *attribute = split(name, &group);
+    return lg_h5_put_text(writer->h5, group, attribute, value, &writer->failure);
+}
+
+lg_status lg_file_writer_create(const lg_context *context, const char *path, const char *kind,
+                                const lg_provenance *provenance, lg_file_writer **out, lg_error *error) {
+    if (path == NULL || kind == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name and a kind");
+    lg_file_writer *writer = lg_alloc(context, 1, sizeof *writer);
+    if (writer == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    writer->context = context;
+    lg_status status = lg_h5_create(context, path, &writer->h5, error);
+    if (status == LG_OK) status = lg_h5_put_header(writer->h5, kind, provenance, error);
+    if (status == LG_OK)
+        *out = writer;
+    else
+        lg_file_writer_destroy(writer);
+    return status;
+}
+
+lg_status lg_file_writer_archive(lg_file_writer *writer, const char *prefix, lg_archive_writer *out) {
+    if (writer == NULL || out == NULL || prefix == NULL || strlen(prefix) >= PREFIX_SIZE) return LG_INVALID_ARGUMENT;
+    lg_view *view = add_view(writer->context, prefix, &writer->views);
+    if (view == NULL) return LG_OUT_OF_MEMORY;
+    view->writer = writer;
+    *out = (lg_archive_writer){.user = view, .array = write_array, .text = write_text};
+    return LG_OK;
+}
+
+lg_status lg_file_writer_commit(lg_file_writer *writer, lg_error *error) {
+    if (writer == NULL || writer->committed) return lg_fail(error, LG_INVALID_ARGUMENT, "a file is committed once");
+    writer->committed = true;
+    if (writer->failure.status != LG_OK) return lg_fail(error, writer->failure.status, "%s", writer->failure.message);
+    return lg_h5_commit(writer->h5, error);
+}
+
+void lg_file_writer_destroy(lg_file_writer *writer) {
+    if (writer == NULL) return;
+    lg_h5_close(writer->h5);
+    free_views(writer->context, writer->views);
+    lg_free(writer->context, writer);
+}
+
+/* ---- reading ---- */
+
+static lg_status read_array(void *user, const char *path, lg_element type, uint32_t rank, const uint64_t *dims, void *out) {
+    lg_view *view = user;
+    char name[NAME_SIZE];
+    if (!full_name(view, path, name)) return lg_fail(&view->reader->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
+    return lg_h5_get(view->reader->h5, name, type, rank, dims, out, &view->reader->failure);
+}
+
+static lg_status read_shape(void *user, const char *path, uint32_t *rank, uint64_t dims[4]) {
+    lg_view *view = user;
+    char name[NAME_SIZE];
+    if (!full_name(view, path, name)) return lg_fail(&view->reader->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
+    return lg_h5_shape(view->reader->h5, name, rank, dims, NULL, &view->reader->failure);
+}
+
+static lg_status read_text(void *user, const char *path, char *out, size_t size) {
+    lg_view *view = user;
+    char name[NAME_SIZE];
+    const char *group;
+    if (!full_name(view, path, name)) return lg_fail(&view->reader->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
+    const char *attribute = split(name, &group);
+    return lg_h5_text(view->reader->h5, group, attribute, out, size, &view->reader->failure);
+}
+
+typedef struct open_call {
+    const lg_context *context;
+    const char *path, *kind;
+    const lg_read_options *options;
+    lg_h5 *h5;
+} open_call;
+
+static lg_status open_checked(void *user, lg_error *error) {
+    open_call *call = user;
+    lg_h5 *h5;
+    LG_TRY(lg_h5_open(call->context, call->path, call->options, &h5, error));
+    lg_status status = lg_h5_check_format(h5, call->kind, false, error);
+    if (status == LG_OK)
+        call->h5 = h5;
+    else
+        lg_h5_close(h5);
+    return status;
+}
+
+static lg_status probe_all(void *user, lg_error *error) {
+    open_call *call = user;
+    LG_TRY(open_checked(call, error));
+    return lg_h5_read_all(call->h5, error);
+}
+
+lg_status lg_file_reader_open(const lg_context *context, const char *path, const char *kind,
+                              const lg_read_options *options, lg_file_reader **out, lg_error *error) {
+    if (path == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
+    open_call call = {context, path, kind, options, NULL};
+    LG_TRY(lg_probe(path, options, probe_all, &call, error));
+    lg_file_reader *reader = lg_alloc(context, 1, sizeof *reader);
+    if (reader == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    reader->context = context;
+    lg_status status = open_checked(&call, error);
+    reader->h5 = call.h5;
+    if (status == LG_OK)
+        *out = reader;
+    else
+        lg_file_reader_close(reader);
+    return status;
+}
+
+lg_status lg_file_reader_archive(lg_file_reader *reader, const char *prefix, lg_archive_reader *out) {
+    if (reader == NULL || out == NULL || prefix == NULL || strlen(prefix) >= PREFIX_SIZE) return LG_INVALID_ARGUMENT;
+    lg_view *view = add_view(reader->context, prefix, &reader->views);
+    if (view == NULL) return LG_OUT_OF_MEMORY;
+    view->reader = reader;
+    *out = (lg_archive_reader){.user = view, .array = read_array, .shape = read_shape, .text = read_text};
+    return LG_OK;
+}
+
+const char *lg_file_reader_message(const lg_file_reader *reader) {
+    return reader->failure.message;
+}
+
+void lg_file_reader_provenance(const lg_file_reader *reader, lg_provenance *out) {
+    lg_h5_provenance(reader->h5, out);
+}
+
+void lg_file_reader_close(lg_file_reader *reader) {
+    if (reader == NULL) return;
+    lg_h5_close(reader->h5);
+    free_views(reader->context, reader->views);
+    lg_free(reader->context, reader);
+}

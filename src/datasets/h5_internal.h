@@ -1,0 +1,30 @@
+/* Shared by the two halves of h5.h. */
+#ifndef LG_H5_INTERNAL_H
+#define LG_H5_INTERNAL_H
+
+#include "datasets/h5.h"
+
+/* Silence while a function talks to HDF5; what was set before comes back. */
+typedef struct lg_h5_quiet {
+    H5E_auto2_t report;
+    void *user;
+} lg_h5_quiet;
+
+static inline lg_h5_quiet lg_quiet_begin(void) {
+    lg_h5_quiet quiet = {NULL, NULL};
+    (void)H5Eget_auto2(H5E_DEFAULT, &quiet.report, &quiet.user);
+    (void)H5Eset_auto2(H5E_DEFAULT, NULL, NULL);
+    return quiet;
+}
+
+static inline void lg_quiet_end(lg_h5_quiet quiet) {
+    (void)H5Eclear2(H5E_DEFAULT);
+    (void)H5Eset_auto2(H5E_DEFAULT, quiet.report, quiet.user);
+}
+
+hid_t lg_h5_memory_type(lg_element type); /* native, not to be closed */
+size_t lg_element_size(lg_element type);
+/* A handle without a file: path copied, link access list made. */
+lg_status lg_h5_new(const lg_context *context, const char *path, lg_h5 **out, lg_error *error);
+
+#endif

@@ -1,0 +1,462 @@
+#include <errno.h>
+#include <float.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "datasets/h5_internal.h"
+
+/* What a byte of file can hold at most when compressed, with room to spare; larger declared sizes are absurd. */
+#define EXPANSION 8192u
+
+/* ---- opening ---- */
+
+static lg_status check_file(const char *path, uint64_t *bytes, lg_error *error) {
+    struct stat about;
+    const char *shown = lg_shown_path(path);
+    if (stat(path, &about) != 0) {
+        lg_status status = errno == ENOENT || errno == ENOTDIR ? LG_NOT_FOUND : LG_FILE;
+        return lg_fail(error, status, "%s: %s", shown, strerror(errno));
+    }
+    if (!S_ISREG(about.st_mode)) return lg_fail(error, LG_FILE, "%s: is not a regular file", shown);
+    if (access(path, R_OK) != 0) return lg_fail(error, LG_FILE, "%s: cannot be read: %s", shown, strerror(errno));
+    if (about.st_size == 0) return lg_fail(error, LG_FORMAT, "%s: is empty", shown);
+    *bytes = (uint64_t)about.st_size;
+    return LG_OK;
+}
+
+lg_status lg_h5_open(const lg_context *context, const char *path, const lg_read_options *options, lg_h5 **out,
+                     lg_error *error) {
+    lg_read_options chosen;
+    lg_h5 *h5;
+    uint64_t bytes = 0;
+    LG_TRY(lg_read_options_resolve(options, &chosen, error));
+    LG_TRY(lg_h5_new(context, path, &h5, error));
+    lg_status status = check_file(path, &bytes, error);
+    if (status == LG_OK) {
+        uint64_t plausible = bytes > UINT64_MAX / EXPANSION ? UINT64_MAX : bytes * EXPANSION;
+        h5->max_bytes = chosen.max_bytes < plausible ? chosen.max_bytes : plausible;
+        lg_h5_quiet quiet = lg_quiet_begin();
+        hid_t access_list = H5Pcreate(H5P_FILE_ACCESS);
+#if H5_VERSION_GE(1, 10, 7)
+        if (access_list >= 0) (void)H5Pset_file_locking(access_list, false, true);
+#endif
+        if (access_list >= 0) h5->file = H5Fopen(path, H5F_ACC_RDONLY, access_list);
+        if (access_list >= 0) (void)H5Pclose(access_list);
+        lg_quiet_end(quiet);
+        if (h5->file < 0)
+            status = lg_fail(error, LG_FORMAT, "%s: is not an HDF5 file, or is cut short or damaged", lg_shown_path(path));
+    }
+    if (status == LG_OK)
+        *out = h5;
+    else
+        lg_h5_close(h5);
+    return status;
+}
+
+/* ---- what is there ---- */
+
+/* Every link on the way exists and the last one leads to an object. */
+static bool path_exists(lg_h5 *h5, const char *name) {
+    char part[512];
+    size_t length = strlen(name);
+    if (length >= sizeof part) return false;
+    memcpy(part, name, length + 1);
+    for (size_t i = 1; i < length; i++) {
+        if (part[i] != '/') continue;
+        part[i] = '\0';
+        bool there = H5Lexists(h5->file, part, h5->links) > 0;
+        part[i] = '/';
+        if (!there) return false;
+    }
+    return H5Lexists(h5->file, name, h5->links) > 0 && H5Oexists_by_name(h5->file, name, h5->links) > 0;
+}
+
+bool lg_h5_has(lg_h5 *h5, const char *name) {
+    lg_h5_quiet quiet = lg_quiet_begin();
+    bool there = *name == '\0' || path_exists(h5, name);
+    lg_quiet_end(quiet);
+    return there;
+}
+
+bool lg_h5_has_attribute(lg_h5 *h5, const char *object, const char *name) {
+    lg_h5_quiet quiet = lg_quiet_begin();
+    bool there = (*object == '\0' || path_exists(h5, object)) &&
+                 H5Aexists_by_name(h5->file, *object == '\0' ? "/" : object, name, h5->links) > 0;
+    lg_quiet_end(quiet);
+    return there;
+}
+
+/* ---- data sets ---- */
+
+typedef struct dataset {
+    hid_t set, type;
+    uint32_t rank;
+    uint64_t dims[LG_MAX_RANK], count;
+} dataset;
+
+static void close_dataset(dataset *d) {
+    if (d->type >= 0) (void)H5Tclose(d->type);
+    if (d->set >= 0) (void)H5Dclose(d->set);
+}
+
+static lg_status format_error(const lg_h5 *h5, const char *name, const char *what, lg_error *error) {
+    return lg_fail(error, LG_FORMAT, "%s: /%s: %s", lg_shown_path(h5->path), name, what);
+}
+
+/* Data in other files is not read: neither external storage nor virtual data sets. */
+static bool is_local(hid_t set) {
+    hid_t list = H5Dget_create_plist(set);
+    if (list < 0) return false;
+    H5D_layout_t layout = H5Pget_layout(list);
+    bool local = (layout == H5D_COMPACT || layout == H5D_CONTIGUOUS || layout == H5D_CHUNKED) && H5Pget_external_count(list) == 0;
+    (void)H5Pclose(list);
+    return local;
+}
+
+static lg_status read_extent(const lg_h5 *h5, const char *name, dataset *d, lg_error *error) {
+    hid_t space = H5Dget_space(d->set);
+    H5S_class_t kind = space >= 0 ? H5Sget_simple_extent_type(space) : H5S_NO_CLASS;
+    int rank = kind == H5S_SIMPLE || kind == H5S_SCALAR ? H5Sget_simple_extent_ndims(space) : -1;
+    hsize_t extent[H5S_MAX_RANK] = {0};
+    if (rank > 0 && H5Sget_simple_extent_dims(space, extent, NULL) < 0) rank = -1;
+    if (space >= 0) (void)H5Sclose(space);
+    if (rank < 0) return format_error(h5, name, "has no shape", error);
+    if (rank > LG_MAX_RANK)
+        return lg_fail(error, LG_FORMAT, "%s: /%s: has rank %d, at most %d is read", lg_shown_path(h5->path), name, rank,
+                       LG_MAX_RANK);
+    uint64_t most = h5->max_bytes / sizeof(double);
+    d->rank = (uint32_t)rank;
+    d->count = 1;
+    bool fits = true, none = false;
+    for (int i = 0; i < rank; i++) {
+        d->dims[i] = extent[i];
+        none = none || extent[i] == 0;
+        fits = fits && (extent[i] == 0 || d->count <= most / extent[i]);
+        if (fits && extent[i] != 0) d->count *= extent[i];
+    }
+    if (!fits) return format_error(h5, name, "declares more data than the file can hold or the limit allows", error);
+    if (none) d->count = 0;
+    return LG_OK;
+}
+
+static lg_status open_dataset(lg_h5 *h5, const char *name, dataset *d, lg_error *error) {
+    *d = (dataset){.set = H5I_INVALID_HID, .type = H5I_INVALID_HID};
+    if (!path_exists(h5, name)) return lg_fail(error, LG_NOT_FOUND, "%s: has no /%s", lg_shown_path(h5->path), name);
+    d->set = H5Oopen(h5->file, name, h5->links);
+    if (d->set >= 0 && H5Iget_type(d->set) != H5I_DATASET) {
+        (void)H5Oclose(d->set);
+        d->set = H5I_INVALID_HID;
+    }
+    if (d->set < 0) return format_error(h5, name, "is not a data set", error);
+    if (!is_local(d->set)) return format_error(h5, name, "keeps its data in another file", error);
+    d->type = H5Dget_type(d->set);
+    H5T_class_t kind = d->type >= 0 ? H5Tget_class(d->type) : H5T_NO_CLASS;
+    if (kind != H5T_FLOAT && kind != H5T_INTEGER) return format_error(h5, name, "does not hold numbers", error);
+    return read_extent(h5, name, d, error);
+}
+
+static double spacing(hid_t type) {
+    if (H5Tget_class(type) != H5T_FLOAT) return 0.0;
+    size_t bytes = H5Tget_size(type);
+    return bytes <= 2 ? 0x1p-10 : bytes <= 4 ? FLT_EPSILON : DBL_EPSILON;
+}
+
+lg_status lg_h5_shape(lg_h5 *h5, const char *name, uint32_t *rank, uint64_t dims[4], double *epsilon, lg_error *error) {
+    lg_h5_quiet quiet = lg_quiet_begin();
+    dataset d;
+    lg_status status = open_dataset(h5, name, &d, error);
+    if (status == LG_OK) {
+        *rank = d.rank;
+        memcpy(dims, d.dims, sizeof d.dims);
+        if (epsilon != NULL) *epsilon = spacing(d.type);
+    }
+    close_dataset(&d);
+    lg_quiet_end(quiet);
+    return status;
+}
+
+static H5T_conv_ret_t no_overflow(H5T_conv_except_t kind, hid_t from, hid_t to, void *source, void *target, void *user) {
+    (void)from, (void)to, (void)source, (void)target, (void)user;
+    return kind == H5T_CONV_EXCEPT_RANGE_HI || kind == H5T_CONV_EXCEPT_RANGE_LOW ? H5T_CONV_ABORT : H5T_CONV_UNHANDLED;
+}
+
+static lg_status read_dataset(lg_h5 *h5, const char *name, const dataset *d, lg_element type, void *out, lg_error *error) {
+    bool to_float = type == LG_ELEMENT_F64 || type == LG_ELEMENT_F32;
+    if (!to_float && H5Tget_class(d->type) != H5T_INTEGER) return format_error(h5, name, "does not hold integers", error);
+    if (d->count == 0) return LG_OK;
+    hid_t transfer = H5Pcreate(H5P_DATASET_XFER);
+    bool read = transfer >= 0 && H5Pset_type_conv_cb(transfer, no_overflow, NULL) >= 0 &&
+                H5Dread(d->set, lg_h5_memory_type(type), H5S_ALL, H5S_ALL, transfer, out) >= 0;
+    if (transfer >= 0) (void)H5Pclose(transfer);
+    return read ? LG_OK : format_error(h5, name, "cannot be read: cut short, damaged, or a number out of range", error);
+}
+
+/* "(3, 4)" */
+static void shape_text(char *text, size_t size, uint32_t rank, const uint64_t *dims) {
+    size_t used = (size_t)snprintf(text, size, "(");
+    for (uint32_t i = 0; i < rank && used < size; i++)
+        used += (size_t)snprintf(text + used, size - used, "%s%llu", i > 0 ? ", " : "", (unsigned long long)dims[i]);
+    if (used < size) (void)snprintf(text + used, size - used, ")");
+}
+
+lg_status lg_h5_get(lg_h5 *h5, const char *name, lg_element type, uint32_t rank, const uint64_t *dims, void *out,
+                    lg_error *error) {
+    lg_h5_quiet quiet = lg_quiet_begin();
+    dataset d;
+    lg_status status = open_dataset(h5, name, &d, error);
+    if (status == LG_OK) {
+        bool same = d.rank == rank;
+        for (uint32_t i = 0; same && i < rank; i++) same = d.dims[i] == dims[i];
+        if (!same) {
+            char have[96], want[96];
+            shape_text(have, sizeof have, d.rank, d.dims);
+            shape_text(want, sizeof want, rank, dims);
+            status = lg_fail(error, LG_SHAPE, "%s: /%s: has shape %s, expected %s", lg_shown_path(h5->path), name, have, want);
+        } else {
+            status = read_dataset(h5, name, &d, type, out, error);
+        }
+    }
+    close_dataset(&d);
+    lg_quiet_end(quiet);
+    return status;
+}
+
+lg_status lg_check_finite(const char *path, const char *name, uint32_t rank, const uint64_t *dims, const double *data,
+                          lg_error *error) {
+    uint64_t count = 1, at = 0;
+    for (uint32_t i = 0; i < rank; i++) count *= dims[i];
+    while (at < count && isfinite(data[at])) at++;
+    if (at == count) return LG_OK;
+    uint64_t index[LG_MAX_RANK];
+    uint64_t rest = at;
+    for (uint32_t i = rank; i-- > 0; rest /= dims[i]) index[i] = rest % dims[i];
+    char where[96];
+    shape_text(where, sizeof where, rank, index);
+    return lg_fail(error, LG_NOT_FINITE, "%s: /%s: %s at index %s", lg_shown_path(path), name,
+                   isnan(data[at]) ? "NaN" : "an infinity", where);
+}
+
+lg_status lg_h5_get_doubles(lg_h5 *h5, const char *name, uint32_t rank, uint64_t dims[4], double **out,
+                            lg_error *error) {
+    lg_h5_quiet quiet = lg_quiet_begin();
+    dataset d;
+    double *data = NULL;
+    lg_status status = open_dataset(h5, name, &d, error);
+    if (status == LG_OK && d.rank != rank)
+        status = lg_fail(error, LG_FORMAT, "%s: /%s: has rank %u, expected %u", lg_shown_path(h5->path), name, d.rank, rank);
+    if (status == LG_OK) {
+        data = lg_alloc(h5->context, (size_t)d.count, sizeof *data);
+        if (data == NULL) status = lg_fail(error, LG_OUT_OF_MEMORY, "%s: /%s: out of memory", lg_shown_path(h5->path), name);
+    }
+    if (status == LG_OK) status = read_dataset(h5, name, &d, LG_ELEMENT_F64, data, error);
+    if (status == LG_OK) status = lg_check_finite(h5->path, name, rank, d.dims, data, error);
+    if (status == LG_OK) {
+        memcpy(dims, d.dims, sizeof d.dims);
+        *out = data;
+    } else {
+        lg_free(h5->context, data);
+    }
+    close_dataset(&d);
+    lg_quiet_end(quiet);
+    return status;
+}
+
+/* ---- attributes ---- */
+
+typedef struct attribute {
+    hid_t attribute, type;
+    bool single; /* one element; none for an empty (null) data space */
+} attribute;
+
+static void close_attribute(attribute *a) {
+    if (a->type >= 0) (void)H5Tclose(a->type);
+    if (a->attribute >= 0) (void)H5Aclose(a->attribute);
+}
+
+static lg_status attribute_error(const lg_h5 *h5, const char *object, const char *name, lg_status status, const char *what,
+                                 lg_error *error) {
+    return lg_fail(error, status, "%s: /%s: attribute %s: %s", lg_shown_path(h5->path), object, name, what);
+}
+
+static lg_status open_attribute(lg_h5 *h5, const char *object, const char *name, attribute *a, lg_error *error) {
+    *a = (attribute){.attribute = H5I_INVALID_HID, .type = H5I_INVALID_HID};
+    const char *at = *object == '\0' ? "/" : object;
+    if ((*object != '\0' && !path_exists(h5, object)) || H5Aexists_by_name(h5->file, at, name, h5->links) <= 0)
+        return attribute_error(h5, object, name, LG_NOT_FOUND, "is missing", error);
+    a->attribute = H5Aopen_by_name(h5->file, at, name, H5P_DEFAULT, h5->links);
+    a->type = a->attribute >= 0 ? H5Aget_type(a->attribute) : H5I_INVALID_HID;
+    hid_t space = a->attribute >= 0 ? H5Aget_space(a->attribute) : H5I_INVALID_HID;
+    hssize_t count = space >= 0 ? H5Sget_simple_extent_npoints(space) : -1;
+    if (space >= 0) (void)H5Sclose(space);
+    if (a->type < 0 || count < 0 || count > 1)
+        return attribute_error(h5, object, name, LG_FORMAT, count > 1 ? "has more than one value" : "cannot be read", error);
+    a->single = count == 1;
+    return LG_OK;
+}
+
+/* Any string type into fresh memory, terminated; padding removed. */
+static lg_status read_text(lg_h5 *h5, const char *object, const char *name, const attribute *a, char **out, lg_error *error) {
+    if (H5Tget_class(a->type) != H5T_STRING) return attribute_error(h5, object, name, LG_FORMAT, "is not a text", error);
+    bool variable = H5Tis_variable_str(a->type) > 0;
+    size_t size = variable ? 0 : H5Tget_size(a->type);
+    char *text = NULL, *pointer = NULL;
+    if (size >= (size_t)1 << 20) return attribute_error(h5, object, name, LG_FORMAT, "is too long", error);
+    bool read = !a->single;
+    if (!a->single)
+        text = lg_alloc(h5->context, 1, 1);
+    else if (variable) {
+        read = H5Aread(a->attribute, a->type, &pointer) >= 0;
+        if (read) text = lg_strdup(h5->context, pointer != NULL ? pointer : "");
+        if (pointer != NULL) (void)H5free_memory(pointer);
+    } else {
+        text = lg_alloc(h5->context, size + 1, 1);
+        read = text == NULL || H5Aread(a->attribute, a->type, text) >= 0;
+        size_t length = text != NULL ? strlen(text) : 0;
+        if (H5Tget_strpad(a->type) == H5T_STR_SPACEPAD)
+            while (length > 0 && text[length - 1] == ' ') text[--length] = '\0';
+    }
+    if (read && text != NULL) {
+        *out = text;
+        return LG_OK;
+    }
+    lg_free(h5->context, text);
+    if (!read) return attribute_error(h5, object, name, LG_FORMAT, "cannot be read", error);
+    return attribute_error(h5, object, name, LG_OUT_OF_MEMORY, "out of memory", error);
+}
+
+lg_status lg_h5_text(lg_h5 *h5, const char *object, const char *name, char *out, size_t size, lg_error *error) {
+    lg_h5_quiet quiet = lg_quiet_begin();
+    attribute a;
+    char *text = NULL;
+    lg_status status = open_attribute(h5, object, name, &a, error);
+    if (status == LG_OK) status = read_text(h5, object, name, &a, &text, error);
+    if (status == LG_OK) {
+        size_t length = strlen(text);
+        if (length < size)
+            memcpy(out, text, length + 1);
+        else
+            status = attribute_error(h5, object, name, LG_SHAPE, "is too long", error);
+    }
+    lg_free(h5->context, text);
+    close_attribute(&a);
+    lg_quiet_end(quiet);
+    return status;
+}
+
+lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_element type, void *out, lg_error *error) {
+    lg_h5_quiet quiet = lg_quiet_begin();
+    attribute a;
+    union {
+        double f64;
+        float f32;
+        int64_t i64;
+        uint64_t u64;
+        uint32_t u32;
+    } value = {0}, wide = {0};
+    lg_status status = open_attribute(h5, object, name, &a, error);
+    if (status == LG_OK) {
+        H5T_class_t kind = H5Tget_class(a.type);
+        bool to_float = type == LG_ELEMENT_F64 || type == LG_ELEMENT_F32;
+        if (!a.single || (kind != H5T_INTEGER && !(to_float && kind == H5T_FLOAT)))
+            status = attribute_error(h5, object, name, LG_FORMAT, to_float ? "is not a number" : "is not an integer", error);
+        else if (H5Aread(a.attribute, lg_h5_memory_type(type), &value) < 0 ||
+                 (!to_float && H5Aread(a.attribute, H5T_NATIVE_DOUBLE, &wide) < 0))
+            status = attribute_error(h5, object, name, LG_FORMAT, "cannot be read", error);
+    }
+    if (status == LG_OK && type != LG_ELEMENT_F64 && type != LG_ELEMENT_F32) {
+        /* Conversion clips: compare with the value as a double. */
+        double got = type == LG_ELEMENT_I64 ? (double)value.i64 : type == LG_ELEMENT_U64 ? (double)value.u64 : value.u32;
+        if (got != wide.f64) status = attribute_error(h5, object, name, LG_FORMAT, "is out of range", error);
+    }
+    if (status == LG_OK) memcpy(out, &value, lg_element_size(type));
+    close_attribute(&a);
+    lg_quiet_end(quiet);
+    return status;
+}
+
+/* ---- whole files ---- */
+
+typedef struct sweep {
+    lg_h5 *h5;
+    lg_status status;
+    lg_error *error;
+} sweep;
+
+static herr_t sweep_attribute(hid_t location, const char *name, const H5A_info_t *info, void *user) {
+    (void)info, (void)user;
+    unsigned char small[256];
+    hid_t attribute_id = H5Aopen(location, name, H5P_DEFAULT);
+    if (attribute_id < 0) return -1;
+    hid_t type = H5Aget_type(attribute_id);
+    /* Variable-length texts are read by those who ask for them. */
+    if (type >= 0 && H5Tis_variable_str(type) <= 0 && H5Tget_class(type) != H5T_VLEN && H5Aget_storage_size(attribute_id) <= sizeof small)
+        (void)H5Aread(attribute_id, type, small);
+    if (type >= 0) (void)H5Tclose(type);
+    (void)H5Aclose(attribute_id);
+    return 0;
+}
+
+static herr_t sweep_object(hid_t root, const char *name, const H5O_info_t *info, void *user) {
+    sweep *s = user;
+    hid_t object = H5Oopen(root, name, s->h5->links);
+    if (object < 0) return 0;
+    (void)H5Aiterate2(object, H5_INDEX_NAME, H5_ITER_NATIVE, NULL, sweep_attribute, s);
+    (void)H5Oclose(object);
+    dataset d = {.set = H5I_INVALID_HID, .type = H5I_INVALID_HID};
+    /* Foreign types are left alone; numbers must be readable. */
+    if (info->type == H5O_TYPE_DATASET && open_dataset(s->h5, name, &d, NULL) == LG_OK) {
+        double *data = lg_alloc(s->h5->context, (size_t)d.count, sizeof *data);
+        s->status = data == NULL ? lg_fail(s->error, LG_OUT_OF_MEMORY, "%s: /%s: out of memory", lg_shown_path(s->h5->path), name)
+                                 : read_dataset(s->h5, name, &d, LG_ELEMENT_F64, data, s->error);
+        lg_free(s->h5->context, data);
+    }
+    close_dataset(&d);
+    return s->status == LG_OK ? 0 : 1;
+}
+
+lg_status lg_h5_read_all(lg_h5 *h5, lg_error *error) {
+    lg_h5_quiet quiet = lg_quiet_begin();
+    sweep s = {h5, LG_OK, error};
+    herr_t visited = H5Ovisit(h5->file, H5_INDEX_NAME, H5_ITER_NATIVE, sweep_object, &s);
+    lg_quiet_end(quiet);
+    if (s.status == LG_OK && visited < 0)
+        return lg_fail(error, LG_FORMAT, "%s: is cut short or damaged", lg_shown_path(h5->path));
+    return s.status;
+}
+
+lg_status lg_h5_check_format(lg_h5 *h5, const char *kind, bool foreign, lg_error *error) {
+    char text[64] = "";
+    int64_t version = LG_FORMAT_VERSION;
+    bool has_format = lg_h5_has_attribute(h5, "", "format");
+    const char *shown = lg_shown_path(h5->path);
+    if (has_format && lg_h5_text(h5, "", "format", text, sizeof text, NULL) != LG_OK) text[0] = '\0';
+    bool ours = has_format && strcmp(text, "liegrad") == 0;
+    if (has_format && !ours && foreign) return LG_OK;
+    if (has_format && !ours) return lg_fail(error, LG_FORMAT, "%s: attribute format is '%s', expected 'liegrad'", shown, text);
+    if (lg_h5_has_attribute(h5, "", "format_version")) {
+        LG_TRY(lg_h5_number(h5, "", "format_version", LG_ELEMENT_I64, &version, error));
+        if (version > LG_FORMAT_VERSION)
+            return lg_fail(error, LG_VERSION, "%s: attribute format_version is %lld, this program reads up to %d", shown,
+                           (long long)version, LG_FORMAT_VERSION);
+        if (version < 1) return lg_fail(error, LG_FORMAT, "%s: attribute format_version is %lld", shown, (long long)version);
+    }
+    if (kind == NULL || (foreign && !lg_h5_has_attribute(h5, "", "kind"))) return LG_OK;
+    if (!lg_h5_has_attribute(h5, "", "kind"))
+        return lg_fail(error, LG_FORMAT, "%s: attribute kind is missing, expected '%s'", shown, kind);
+    lg_status status = lg_h5_text(h5, "", "kind", text, sizeof text, error);
+    if (status != LG_OK) return status == LG_SHAPE ? lg_fail(error, LG_FORMAT, "%s: attribute kind is too long", shown) : status;
+    if (strcmp(text, kind) != 0 && (ours || !foreign))
+        return lg_fail(error, LG_FORMAT, "%s: attribute kind is '%s', expected '%s'", shown, text, kind);
+    return LG_OK;
+}
+
+void lg_h5_provenance(lg_h5 *h5, lg_provenance *out) {
+    *out = (lg_provenance){0};
+    (void)lg_h5_text(h5, "", "liegrad_version", out->liegrad_version, sizeof out->liegrad_version, NULL);
+    (void)lg_h5_text(h5, "", "command", out->command, sizeof out->command, NULL);
+    (void)lg_h5_text(h5, "", "cpu", out->cpu, sizeof out->cpu, NULL);
+    out->has_seed = lg_h5_number(h5, "", "seed", LG_ELEMENT_U64, &out->seed, NULL) == LG_OK;
+}

@@ -1,0 +1,56 @@
+/* Numbers consumed whole, whatever the locale. */
+#include <locale.h>
+#include <math.h>
+#include <stdlib.h>
+
+#include "core/core.h"
+#include "liegrad/io.h"
+
+static const char *digits(const char *text, bool *any) {
+    while (*text >= '0' && *text <= '9') text++, *any = true;
+    return text;
+}
+
+/* [+-] digits [. digits] [e [+-] digits], with a digit before or after the point. */
+static bool is_decimal(const char *text) {
+    bool mantissa = false, exponent = false;
+    if (*text == '+' || *text == '-') text++;
+    text = digits(text, &mantissa);
+    if (*text == '.') text = digits(text + 1, &mantissa);
+    if (!mantissa) return false;
+    if (*text == 'e' || *text == 'E') {
+        text++;
+        if (*text == '+' || *text == '-') text++;
+        text = digits(text, &exponent);
+        if (!exponent) return false;
+    }
+    return *text == '\0';
+}
+
+lg_status lg_number_parse(const char *text, double *out) {
+    if (text == NULL || out == NULL) return LG_INVALID_ARGUMENT;
+    if (!is_decimal(text)) return LG_FORMAT;
+    locale_t c = newlocale(LC_ALL_MASK, "C", (locale_t)0);
+    if (c == (locale_t)0) return LG_OUT_OF_MEMORY;
+    locale_t caller = uselocale(c);
+    double value = strtod(text, NULL);
+    uselocale(caller);
+    freelocale(c);
+    if (!isfinite(value)) return LG_NOT_FINITE;
+    *out = value;
+    return LG_OK;
+}
+
+lg_status lg_integer_parse(const char *text, uint64_t *out) {
+    if (text == NULL || out == NULL) return LG_INVALID_ARGUMENT;
+    if (*text == '\0') return LG_FORMAT;
+    uint64_t value = 0;
+    for (; *text != '\0'; text++) {
+        if (*text < '0' || *text > '9') return LG_FORMAT;
+        uint64_t digit = (uint64_t)(*text - '0');
+        if (value > (UINT64_MAX - digit) / 10) return LG_FORMAT;
+        value = 10 * value + digit;
+    }
+    *out = value;
+    return LG_OK;
+}

@@ -1,0 +1,118 @@
+/* HDF5 1.10 crashes or loops on some damaged files. The complete read happens first in a child that may die. */
+#include <errno.h>
+#include <limits.h>
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <fcntl.h>
+#include <unistd.h>
+
+#include "datasets/h5.h"
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define LG_LIMIT_MEMORY 0 /* sanitizers reserve terabytes of addresses */
+#else
+#define LG_LIMIT_MEMORY 1
+#endif
+
+void lg_read_options_init(lg_read_options *options) {
+    *options = (lg_read_options){
+        .size = sizeof *options, .probe = true, .probe_seconds = 20, .max_bytes = (uint64_t)8 << 30};
+}
+
+lg_status lg_read_options_resolve(const lg_read_options *options, lg_read_options *out, lg_error *error) {
+    lg_read_options_init(out);
+    if (options == NULL) return LG_OK;
+    if (options->size != sizeof *options) return lg_fail(error, LG_INVALID_ARGUMENT, "read options: wrong size");
+    *out = *options;
+    return LG_OK;
+}
+
+/* Lowers a limit; never raises it. */
+static void limit(int resource, rlim_t value) {
+    struct rlimit now;
+    if (getrlimit(resource, &now) != 0) return;
+    if (now.rlim_max != RLIM_INFINITY && value > now.rlim_max) value = now.rlim_max;
+    now.rlim_cur = value;
+    now.rlim_max = value;
+    (void)setrlimit(resource, &now);
+}
+
+/* Addresses in use now, in bytes; a generous guess where /proc is missing. */
+static uint64_t addresses_in_use(void) {
+    unsigned long long pages = 0;
+    FILE *file = fopen("/proc/self/statm", "re");
+    if (file != NULL) {
+        if (fscanf(file, "%llu", &pages) != 1) pages = 0;
+        (void)fclose(file);
+    }
+    long page = sysconf(_SC_PAGESIZE);
+    return pages == 0 || page <= 0 ? (uint64_t)16 << 30 : (uint64_t)pages * (uint64_t)page;
+}
+
+static void enter_child(const lg_read_options *options, uint64_t file_bytes) {
+    static const int fatal[] = {SIGSEGV, SIGABRT, SIGBUS, SIGFPE, SIGILL, SIGXCPU, SIGTERM};
+    for (size_t i = 0; i < LG_COUNT(fatal); i++) (void)signal(fatal[i], SIG_DFL);
+    (void)signal(SIGINT, SIG_IGN); /* Ctrl-C is the parent's; it would look like a crash */
+    (void)signal(SIGPIPE, SIG_IGN);
+    int sink = open("/dev/null", O_WRONLY);
+    if (sink >= 0) (void)dup2(sink, STDERR_FILENO); /* the C library's last words on a broken heap */
+    limit(RLIMIT_CORE, 0);
+    uint64_t seconds = options->probe_seconds + (file_bytes >> 25); /* and one for each 32 MiB */
+    limit(RLIMIT_CPU, (rlim_t)seconds);
+    if (LG_LIMIT_MEMORY) {
+        uint64_t extra = ((uint64_t)1 << 30) + options->max_bytes / 4 + 16 * file_bytes;
+        limit(RLIMIT_AS, (rlim_t)(addresses_in_use() + extra));
+    }
+}
+
+static bool transfer(int fd, void *data, size_t bytes, bool out) {
+    unsigned char *at = data;
+    while (bytes > 0) {
+        ssize_t n = out ? write(fd, at, bytes) : read(fd, at, bytes);
+        if (n > 0)
+            at += n, bytes -= (size_t)n;
+        else if (n == 0 || errno != EINTR)
+            return false;
+    }
+    return true;
+}
+
+static _Noreturn void run_child(int fd, const lg_read_options *options, uint64_t file_bytes,
+                                lg_status (*read)(void *user, lg_error *error), void *user) {
+    lg_error report = {LG_OK, ""};
+    enter_child(options, file_bytes);
+    report.status = read(user, &report);
+    _exit(transfer(fd, &report, sizeof report, true) ? 0 : 1);
+}
+
+lg_status lg_probe(const char *path, const lg_read_options *options, lg_status (*read)(void *user, lg_error *error),
+                   void *user, lg_error *error) {
+    lg_read_options chosen;
+    LG_TRY(lg_read_options_resolve(options, &chosen, error));
+    struct stat about;
+    if (!chosen.probe || path == NULL || stat(path, &about) != 0 || !S_ISREG(about.st_mode)) return LG_OK;
+    int ends[2];
+    if (pipe(ends) != 0) return lg_fail(error, LG_FILE, "%s: no pipe for the check: %s", lg_shown_path(path), strerror(errno));
+    pid_t child = fork();
+    if (child == 0) {
+        (void)close(ends[0]);
+        run_child(ends[1], &chosen, (uint64_t)about.st_size, read, user);
+    }
+    int code = errno;
+    (void)close(ends[1]);
+    if (child < 0) {
+        (void)close(ends[0]);
+        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: no process for the check: %s", lg_shown_path(path), strerror(code));
+    }
+    lg_error report;
+    bool complete = transfer(ends[0], &report, sizeof report, false);
+    (void)close(ends[0]);
+    while (waitpid(child, NULL, 0) < 0 && errno == EINTR) continue;
+    if (!complete)
+        return lg_fail(error, LG_FORMAT, "%s: is damaged: reading it crashed or did not end", lg_shown_path(path));
+    return report.status == LG_OK ? LG_OK : lg_fail(error, report.status, "%s", report.message);
+}

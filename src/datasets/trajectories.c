@@ -1,0 +1,387 @@
+/* Trajectory data sets: /t (M), /trajectories (N, M, d), /hamiltonian (N), /inputs (N, M-1, m). */
+#include <float.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "datasets/h5.h"
+
+#define TIME_TOLERANCE     1e-6 /* of dt */
+#define MANIFOLD_TOLERANCE 1e-6
+
+/* The systems whose family and size are known. links 0: any. */
+typedef struct system_row {
+    const char *name;
+    lg_hamiltonian_family family;
+    uint32_t links;
+} system_row;
+
+static const system_row systems[] = {
+    {"pendulum-chain", LG_HAMILTONIAN_CHAIN, 0},
+    {"quartic", LG_HAMILTONIAN_SEPARABLE, 2},
+    {"coupled-oscillators", LG_HAMILTONIAN_SEPARABLE, 2},
+};
+
+static const system_row *find_system(const char *name) {
+    for (size_t i = 0; i < LG_COUNT(systems); i++)
+        if (strcmp(systems[i].name, name) == 0) return &systems[i];
+    return NULL;
+}
+
+static uint32_t numbers_per_link(lg_hamiltonian_family family) {
+    return family == LG_HAMILTONIAN_CHAIN ? 6 : 2;
+}
+
+/* ---- making and freeing ---- */
+
+void lg_trajectories_free(const lg_context *context, lg_trajectories *data) {
+    if (data == NULL) return;
+    lg_free(context, data->t);
+    lg_free(context, data->data);
+    lg_free(context, data->hamiltonian);
+    lg_free(context, data->inputs);
+    *data = (lg_trajectories){0};
+}
+
+static double *array3(const lg_context *context, size_t a, size_t b, size_t c) {
+    if (b != 0 && a > SIZE_MAX / b) return NULL;
+    size_t ab = a * b;
+    if (c != 0 && ab > SIZE_MAX / c) return NULL;
+    return lg_alloc(context, ab * c, sizeof(double));
+}
+
+lg_status lg_trajectories_create(const lg_context *context, const char *system, lg_hamiltonian_family family,
+                                 uint32_t links, size_t count, size_t points, double t_end, bool with_hamiltonian,
+                                 uint32_t input_size, lg_trajectories *out) {
+    if (system == NULL || out == NULL || strlen(system) >= LG_SYSTEM_NAME) return LG_INVALID_ARGUMENT;
+    if (family != LG_HAMILTONIAN_CHAIN && family != LG_HAMILTONIAN_SEPARABLE) return LG_INVALID_ARGUMENT;
+    if (links < 1 || links > LG_HAMILTONIAN_MAX_LINKS || count < 1 || points < 2) return LG_INVALID_ARGUMENT;
+    if (!isfinite(t_end) || t_end <= 0) return LG_INVALID_ARGUMENT;
+    const system_row *row = find_system(system);
+    if (row != NULL && (row->family != family || (row->links != 0 && row->links != links))) return LG_INVALID_ARGUMENT;
+    lg_trajectories made = {.family = family,
+                            .links = links,
+                            .count = count,
+                            .points = points,
+                            .state_size = links * numbers_per_link(family),
+                            .input_size = input_size,
+                            .dt = t_end / (double)(points - 1)};
+    memcpy(made.system, system, strlen(system) + 1);
+    made.t = lg_alloc(context, points, sizeof(double));
+    made.data = array3(context, count, points, made.state_size);
+    if (with_hamiltonian) made.hamiltonian = lg_alloc(context, count, sizeof(double));
+    if (input_size > 0) made.inputs = array3(context, count, points - 1, input_size);
+    if (made.t == NULL || made.data == NULL || (with_hamiltonian && made.hamiltonian == NULL) ||
+        (input_size > 0 && made.inputs == NULL)) {
+        lg_trajectories_free(context, &made);
+        return LG_OUT_OF_MEMORY;
+    }
+    for (size_t j = 0; j < points; j++) made.t[j] = t_end * ((double)j / (double)(points - 1));
+    *out = made;
+    return LG_OK;
+}
+
+/* ---- the hash ---- */
+
+static void add_doubles(lg_sha256 *state, const double *values, size_t count) {
+    unsigned char bytes[8 * 512];
+    for (size_t i = 0; i < count;) {
+        size_t part = count - i < 512 ? count - i : 512;
+        for (size_t j = 0; j < part; j++) {
+            uint64_t bits;
+            memcpy(&bits, values + i + j, sizeof bits);
+            for (int b = 0; b < 8; b++) bytes[8 * j + (size_t)b] = (unsigned char)(bits >> (8 * b));
+        }
+        lg_sha256_add(state, bytes, 8 * part);
+        i += part;
+    }
+}
+
+static void hash(lg_trajectories *data) {
+    lg_sha256 state;
+    lg_sha256_init(&state);
+    add_doubles(&state, data->t, data->points);
+    add_doubles(&state, data->data, data->count * data->points * data->state_size);
+    if (data->inputs != NULL) add_doubles(&state, data->inputs, data->count * (data->points - 1) * data->input_size);
+    lg_sha256_finish(&state, data->sha256);
+}
+
+/* ---- reading ---- */
+
+typedef struct read_call {
+    const lg_context *context;
+    const char *path;
+    const lg_read_options *options;
+    lg_h5 *h5;
+    lg_trajectories *out;
+    bool has_hamiltonian;
+    double epsilon; /* relative spacing of the stored /t */
+} read_call;
+
+/* A missing key is a matter of format. */
+static lg_status missing_is_format(lg_status status, lg_error *error) {
+    if (status != LG_NOT_FOUND) return status;
+    if (error != NULL) error->status = LG_FORMAT;
+    return LG_FORMAT;
+}
+
+static lg_status read_arrays(read_call *call, lg_error *error) {
+    lg_trajectories *out = call->out;
+    const char *shown = lg_shown_path(call->path);
+    uint64_t data[4] = {0}, t[4] = {0}, h[4] = {0}, inputs[4] = {0};
+    uint32_t rank;
+    LG_TRY(missing_is_format(lg_h5_shape(call->h5, "t", &rank, t, &call->epsilon, error), error));
+    LG_TRY(missing_is_format(lg_h5_get_doubles(call->h5, "trajectories", 3, data, &out->data, error), error));
+    if (data[0] < 1 || data[1] < 2 || data[2] < 2 || data[2] > 6 * LG_HAMILTONIAN_MAX_LINKS)
+        return lg_fail(error, LG_FORMAT,
+                       "%s: /trajectories: shape (%llu, %llu, %llu), expected N >= 1, M >= 2 and d of 2 to %d", shown,
+                       (unsigned long long)data[0], (unsigned long long)data[1], (unsigned long long)data[2],
+                       6 * LG_HAMILTONIAN_MAX_LINKS);
+    LG_TRY(lg_h5_get_doubles(call->h5, "t", 1, t, &out->t, error));
+    if (t[0] != data[1])
+        return lg_fail(error, LG_FORMAT, "%s: /t: has %llu times, /trajectories has %llu points", shown,
+                       (unsigned long long)t[0], (unsigned long long)data[1]);
+    call->has_hamiltonian = lg_h5_has(call->h5, "hamiltonian");
+    if (call->has_hamiltonian) LG_TRY(lg_h5_get_doubles(call->h5, "hamiltonian", 1, h, &out->hamiltonian, error));
+    if (call->has_hamiltonian && h[0] != data[0])
+        return lg_fail(error, LG_FORMAT, "%s: /hamiltonian: has %llu values for %llu trajectories", shown,
+                       (unsigned long long)h[0], (unsigned long long)data[0]);
+    if (lg_h5_has(call->h5, "inputs")) {
+        LG_TRY(lg_h5_get_doubles(call->h5, "inputs", 3, inputs, &out->inputs, error));
+        if (inputs[0] != data[0] || inputs[1] != data[1] - 1 || inputs[2] < 1 || inputs[2] > UINT32_MAX)
+            return lg_fail(error, LG_FORMAT, "%s: /inputs: expected shape (%llu, %llu, m)", shown, (unsigned long long)data[0],
+                           (unsigned long long)data[1] - 1);
+    }
+    out->count = (size_t)data[0], out->points = (size_t)data[1], out->state_size = (uint32_t)data[2];
+    out->input_size = (uint32_t)inputs[2];
+    return LG_OK;
+}
+
+static lg_status check_times(read_call *call, lg_error *error) {
+    lg_trajectories *out = call->out;
+    size_t last = out->points - 1;
+    const double *t = out->t;
+    double dt = (t[last] - t[0]) / (double)last, largest = fmax(fabs(t[0]), fabs(t[last]));
+    double tolerance = TIME_TOLERANCE * dt + 2 * call->epsilon * largest;
+    if (!isfinite(dt)) return lg_fail(error, LG_FORMAT, "%s: /t: its span overflows", lg_shown_path(call->path));
+    for (size_t i = 1; i <= last; i++) {
+        if (!(t[i] > t[i - 1]))
+            return lg_fail(error, LG_FORMAT, "%s: /t: does not increase at index (%zu)", lg_shown_path(call->path), i);
+    }
+    for (size_t i = 1; i < last; i++) {
+        double off = fabs(t[i] - (t[0] + (double)i * dt));
+        if (off > tolerance)
+            return lg_fail(error, LG_FORMAT, "%s: /t: is not equidistant: index (%zu) is off by %.3g steps",
+                           lg_shown_path(call->path), i, off / dt);
+    }
+    out->dt = dt;
+    return LG_OK;
+}
+
+/* An optional text attribute of the root or of /trajectories; "" when there is none. */
+static lg_status optional_text(read_call *call, const char *name, char *text, size_t size, lg_error *error) {
+    static const char *const places[] = {"", "trajectories"};
+    text[0] = '\0';
+    for (size_t i = 0; i < LG_COUNT(places); i++) {
+        if (!lg_h5_has_attribute(call->h5, places[i], name)) continue;
+        lg_status status = lg_h5_text(call->h5, places[i], name, text, size, error);
+        if (status == LG_SHAPE && error != NULL) error->status = LG_FORMAT;
+        return status == LG_SHAPE ? LG_FORMAT : status;
+    }
+    return LG_OK;
+}
+
+/* Removes what separates names, so that "q_1, p_1" and "q1 p1" are the same. */
+static void squeeze(char *text) {
+    char *to = text;
+    for (const char *from = text; *from != '\0'; from++)
+        if (strchr(" ,;_\t[]()", *from) == NULL) *to++ = *from;
+    *to = '\0';
+}
+
+typedef enum layout_kind { LAYOUT_NONE, LAYOUT_PAIRS, LAYOUT_BLOCKS, LAYOUT_UNKNOWN } layout_kind;
+
+/* PAIRS: q1 p1 q2 p2 ...; BLOCKS: q p, or q1 q2 ... p1 p2 ... */
+static layout_kind parse_layout(char *text) {
+    squeeze(text);
+    if (text[0] == '\0') return LAYOUT_NONE;
+    if (strncmp(text, "q1p1", 4) == 0) return LAYOUT_PAIRS;
+    if (strcmp(text, "qp") == 0 || strncmp(text, "q1q2", 4) == 0) return LAYOUT_BLOCKS;
+    return LAYOUT_UNKNOWN;
+}
+
+static double dot3(const double *a, const double *b) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/* The distance of a chain state from (T*S^2)^k: the largest | |q| - 1 | and |q.p| / (1 + |p|), and its link. */
+static double off_manifold(const double *state, uint32_t links, uint32_t *worst) {
+    double most = 0;
+    for (uint32_t i = 0; i < links; i++) {
+        const double *q = state + 6 * (size_t)i, *p = q + 3;
+        double off = fmax(fabs(sqrt(dot3(q, q)) - 1), fabs(dot3(q, p)) / (1 + sqrt(dot3(p, p))));
+        if (off > most) most = off, *worst = i;
+    }
+    return most;
+}
+
+static lg_status check_starts(read_call *call, lg_error *error) {
+    const lg_trajectories *out = call->out;
+    for (size_t n = 0; n < out->count; n++) {
+        uint32_t link = 0;
+        double off = off_manifold(out->data + n * out->points * out->state_size, out->links, &link);
+        if (off > MANIFOLD_TOLERANCE)
+            return lg_fail(error, LG_FORMAT,
+                           "%s: /trajectories: the first point of trajectory %zu is off the manifold by %.3g (link %u: |q| = 1 and "
+                           "q.p = 0 are wanted)",
+                           lg_shown_path(call->path), n, off, link + 1);
+    }
+    return LG_OK;
+}
+
+/* Without system and layout: a chain when d is a multiple of six and every start lies on the manifold. */
+static bool looks_like_chain(const lg_trajectories *out) {
+    uint32_t link = 0;
+    if (out->state_size % 6 != 0) return false;
+    for (size_t n = 0; n < out->count; n++)
+        if (off_manifold(out->data + n * out->points * out->state_size, out->state_size / 6, &link) > MANIFOLD_TOLERANCE)
+            return false;
+    return true;
+}
+
+static lg_status check_system(read_call *call, lg_error *error) {
+    lg_trajectories *out = call->out;
+    const char *shown = lg_shown_path(call->path);
+    char layout[1024];
+    LG_TRY(optional_text(call, "system", out->system, sizeof out->system, error));
+    LG_TRY(optional_text(call, "layout", layout, sizeof layout, error));
+    const system_row *row = find_system(out->system);
+    layout_kind kind = parse_layout(layout);
+    if (kind == LAYOUT_UNKNOWN)
+        return lg_fail(error, LG_FORMAT, "%s: attribute layout: expected 'q1 p1 q2 p2 ...' or 'q p'", shown);
+    if (row == NULL && out->system[0] != '\0' && kind == LAYOUT_NONE)
+        return lg_fail(error, LG_FORMAT, "%s: attribute system: '%s' is unknown; then attribute layout is needed", shown,
+                       out->system);
+    if (row != NULL)
+        out->family = row->family;
+    else if (kind == LAYOUT_NONE)
+        out->family = looks_like_chain(out) ? LG_HAMILTONIAN_CHAIN : LG_HAMILTONIAN_SEPARABLE;
+    else /* one degree of freedom is q1 p1 too */
+        out->family = kind == LAYOUT_PAIRS && out->state_size > 2 ? LG_HAMILTONIAN_CHAIN : LG_HAMILTONIAN_SEPARABLE;
+    uint32_t per = numbers_per_link(out->family);
+    if (out->state_size % per != 0 || out->state_size / per > LG_HAMILTONIAN_MAX_LINKS)
+        return lg_fail(error, LG_FORMAT, "%s: /trajectories: d = %u is not %u numbers for each of 1 to %d %s", shown, out->state_size,
+                       per, LG_HAMILTONIAN_MAX_LINKS, per == 6 ? "links" : "coordinates");
+    out->links = out->state_size / per;
+    if (row != NULL && row->links != 0 && row->links != out->links)
+        return lg_fail(error, LG_FORMAT, "%s: /trajectories: d = %u, %s has %u", shown, out->state_size, row->name,
+                       row->links * per);
+    layout_kind wanted = out->family == LG_HAMILTONIAN_CHAIN ? LAYOUT_PAIRS : LAYOUT_BLOCKS;
+    if (kind != LAYOUT_NONE && kind != wanted && out->links > 1)
+        return lg_fail(error, LG_FORMAT, "%s: attribute layout: '%s' is wanted for %s", shown,
+                       wanted == LAYOUT_PAIRS ? "q1 p1 q2 p2 ..." : "q p", row != NULL ? row->name : "this system");
+    return LG_OK;
+}
+
+/* `links` counts for chains only: programs disagree on what it is for others, and d tells. */
+static lg_status check_links(read_call *call, lg_error *error) {
+    static const char *const places[] = {"", "trajectories"};
+    const lg_trajectories *out = call->out;
+    for (size_t i = 0; i < LG_COUNT(places) && out->family == LG_HAMILTONIAN_CHAIN; i++) {
+        int64_t links = 0;
+        if (!lg_h5_has_attribute(call->h5, places[i], "links")) continue;
+        LG_TRY(lg_h5_number(call->h5, places[i], "links", LG_ELEMENT_I64, &links, error));
+        if (links != (int64_t)out->links)
+            return lg_fail(error, LG_FORMAT, "%s: attribute links is %lld, but d = %u means %u", lg_shown_path(call->path),
+                           (long long)links, out->state_size, out->links);
+        return LG_OK;
+    }
+    return LG_OK;
+}
+
+static lg_status read_checked(read_call *call, lg_error *error) {
+    LG_TRY(lg_h5_check_format(call->h5, "trajectories", true, error));
+    LG_TRY(read_arrays(call, error));
+    LG_TRY(check_times(call, error));
+    LG_TRY(check_system(call, error));
+    LG_TRY(check_links(call, error));
+    if (call->out->family == LG_HAMILTONIAN_CHAIN) LG_TRY(check_starts(call, error));
+    lg_h5_provenance(call->h5, &call->out->provenance);
+    return LG_OK;
+}
+
+static lg_status read_file(void *user, lg_error *error) {
+    read_call *call = user;
+    LG_TRY(lg_h5_open(call->context, call->path, call->options, &call->h5, error));
+    lg_status status = read_checked(call, error);
+    lg_h5_close(call->h5);
+    call->h5 = NULL;
+    return status;
+}
+
+lg_status lg_trajectories_read(const lg_context *context, const char *path, const lg_read_options *options,
+                               lg_trajectories *out, lg_error *error) {
+    if (path == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
+    lg_trajectories made = {.system = ""};
+    read_call call = {.context = context, .path = path, .options = options, .out = &made};
+    LG_TRY(lg_probe(path, options, read_file, &call, error));
+    lg_status status = read_file(&call, error);
+    if (status != LG_OK) {
+        lg_trajectories_free(context, &made);
+        return status;
+    }
+    hash(&made);
+    *out = made;
+    return LG_OK;
+}
+
+/* ---- writing ---- */
+
+static lg_status check_written(const char *path, const lg_trajectories *data, lg_error *error) {
+    uint64_t shape[3] = {data->count, data->points, data->state_size};
+    uint64_t inputs[3] = {data->count, data->points - 1, data->input_size};
+    LG_TRY(lg_check_finite(path, "t", 1, &shape[1], data->t, error));
+    LG_TRY(lg_check_finite(path, "trajectories", 3, shape, data->data, error));
+    if (data->hamiltonian != NULL) LG_TRY(lg_check_finite(path, "hamiltonian", 1, shape, data->hamiltonian, error));
+    if (data->inputs != NULL) LG_TRY(lg_check_finite(path, "inputs", 3, inputs, data->inputs, error));
+    return LG_OK;
+}
+
+static void layout_text(const lg_trajectories *data, char *text, size_t size) {
+    size_t used = 0;
+    (void)snprintf(text, size, "q p");
+    if (data->family != LG_HAMILTONIAN_CHAIN) return;
+    for (uint32_t i = 1; i <= data->links && used < size; i++)
+        used += (size_t)snprintf(text + used, size - used, "%sq%u p%u", i > 1 ? " " : "", i, i);
+}
+
+static lg_status put_all(lg_h5 *h5, const lg_trajectories *data, lg_error *error) {
+    uint64_t shape[3] = {data->count, data->points, data->state_size};
+    uint64_t inputs[3] = {data->count, data->points - 1, data->input_size};
+    char layout[12 * LG_HAMILTONIAN_MAX_LINKS];
+    layout_text(data, layout, sizeof layout);
+    LG_TRY(lg_h5_put_header(h5, "trajectories", &data->provenance, error));
+    if (data->system[0] != '\0') LG_TRY(lg_h5_put_text(h5, "", "system", data->system, error));
+    LG_TRY(lg_h5_put_text(h5, "", "layout", layout, error));
+    LG_TRY(lg_h5_put_number(h5, "", "links", LG_ELEMENT_U32, &data->links, error));
+    LG_TRY(lg_h5_put_text(h5, "", "data_sha256", data->sha256, error));
+    LG_TRY(lg_h5_put(h5, "t", LG_ELEMENT_F64, 1, &shape[1], data->t, error));
+    LG_TRY(lg_h5_put(h5, "trajectories", LG_ELEMENT_F64, 3, shape, data->data, error));
+    if (data->hamiltonian != NULL)
+        LG_TRY(lg_h5_put(h5, "hamiltonian", LG_ELEMENT_F64, 1, shape, data->hamiltonian, error));
+    if (data->inputs != NULL) LG_TRY(lg_h5_put(h5, "inputs", LG_ELEMENT_F64, 3, inputs, data->inputs, error));
+    return LG_OK;
+}
+
+lg_status lg_trajectories_write(const lg_context *context, const char *path, lg_trajectories *data, lg_error *error) {
+    if (path == NULL || data == NULL || data->t == NULL || data->data == NULL || data->count < 1 || data->points < 2)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "trajectories need a file name, times and points");
+    lg_h5 *h5;
+    LG_TRY(check_written(path, data, error));
+    LG_TRY(lg_h5_create(context, path, &h5, error));
+    hash(data);
+    lg_status status = put_all(h5, data, error);
+    if (status == LG_OK) status = lg_h5_commit(h5, error);
+    lg_h5_close(h5);
+    return status;
+}

@@ -1,0 +1,109 @@
+/* A file is written whole or not at all: temporary name, write, fsync, rename, fsync of the folder. */
+#define _XOPEN_SOURCE 700 /* realpath */
+#include <errno.h>
+#include <fcntl.h>
+#include <limits.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "datasets/h5.h"
+
+const char *lg_shown_path(const char *path) {
+    size_t length = strlen(path);
+    return length > 200 ? path + length - 200 : path;
+}
+
+static lg_status file_error(lg_error *error, const char *path, const char *what, int code) {
+    return lg_fail(error, LG_FILE, "%s: %s: %s", lg_shown_path(path), what, strerror(code));
+}
+
+/* Beyond RLIMIT_FSIZE the kernel sends SIGXFSZ, which kills by default: it is held back for this thread and taken away, so that
+ * write returns EFBIG whatever the process does with signals. */
+static int write_all(int fd, const unsigned char *data, size_t bytes) {
+    sigset_t limit, before, pending;
+    sigemptyset(&limit);
+    sigaddset(&limit, SIGXFSZ);
+    sigpending(&pending);
+    bool was_pending = sigismember(&pending, SIGXFSZ) == 1;
+    int code = pthread_sigmask(SIG_BLOCK, &limit, &before);
+    if (code != 0) return code;
+    while (bytes > 0 && code == 0) {
+        ssize_t n = write(fd, data, bytes < (1u << 30) ? bytes : 1u << 30);
+        if (n > 0)
+            data += n, bytes -= (size_t)n;
+        else if (n == 0)
+            code = ENOSPC;
+        else if (errno != EINTR)
+            code = errno;
+    }
+    if (code == EFBIG && !was_pending) {
+        struct timespec none = {0, 0};
+        while (sigtimedwait(&limit, NULL, &none) < 0 && errno == EINTR) continue;
+    }
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    return code;
+}
+
+/* Creates `target`.tmp-PID-i, which did not exist. Returns the descriptor, or -1 with errno. */
+static int create_temporary(const char *target, char *name, size_t size, mode_t mode) {
+    for (unsigned attempt = 0; attempt < 1000; attempt++) {
+        (void)snprintf(name, size, "%s.tmp-%ld-%u", target, (long)getpid(), attempt);
+        int fd = open(name, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode);
+        if (fd >= 0 || errno != EEXIST) return fd;
+    }
+    return -1;
+}
+
+/* Some file systems cannot sync a folder; the rename stands all the same. */
+static void sync_folder(const char *target, char *buffer) {
+    const char *slash = strrchr(target, '/');
+    size_t length = slash == NULL ? 0 : (size_t)(slash - target) + 1;
+    memcpy(buffer, target, length);
+    buffer[length] = '\0';
+    int fd = open(length == 0 ? "." : buffer, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (fd < 0) return;
+    (void)fsync(fd);
+    (void)close(fd);
+}
+
+static lg_status write_temporary(const char *path, const char *target, char *name, size_t size, const struct stat *old,
+                                 const void *data, size_t bytes, lg_error *error) {
+    int fd = create_temporary(target, name, size, 0666);
+    if (fd < 0) return file_error(error, path, "cannot be written", errno);
+    int code = write_all(fd, data, bytes);
+    if (code == 0 && old != NULL && fchmod(fd, old->st_mode & 0777) != 0) code = errno;
+    if (code == 0 && fsync(fd) != 0 && errno != EINVAL && errno != EROFS) code = errno;
+    if (close(fd) != 0 && code == 0 && errno != EINTR) code = errno;
+    if (code == 0 && rename(name, target) != 0) code = errno;
+    if (code == 0) return LG_OK;
+    (void)unlink(name);
+    return file_error(error, path, "cannot be written", code);
+}
+
+lg_status lg_file_write(const lg_context *context, const char *path, const void *data, size_t bytes, lg_error *error) {
+    if (path == NULL || *path == '\0' || (data == NULL && bytes > 0))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name and data");
+    struct stat old;
+    bool exists = stat(path, &old) == 0;
+    if (exists && !S_ISREG(old.st_mode))
+        return lg_fail(error, LG_FILE, "%s: exists and is not a regular file", lg_shown_path(path));
+    /* A symbolic link stays: its target is replaced. */
+    char *resolved = exists ? realpath(path, NULL) : NULL;
+    const char *target = resolved != NULL ? resolved : path;
+    size_t size = strlen(target) + 64;
+    char *name = lg_alloc(context, size, 1);
+    lg_status status = LG_OK;
+    if (name == NULL)
+        status = lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    else
+        status = write_temporary(path, target, name, size, exists ? &old : NULL, data, bytes, error);
+    if (status == LG_OK) sync_folder(target, name);
+    lg_free(context, name);
+    free(resolved);
+    return status;
+}

@@ -1,0 +1,196 @@
+/* Loops over steps: fixed and adaptive. */
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "integrators/stepper.h"
+
+static double dmax(double a, double b) {
+    return a > b ? a : b;
+}
+
+static double dmin(double a, double b) {
+    return a < b ? a : b;
+}
+
+/* ---- fixed ---- */
+
+lg_status lg_integrate_fixed(lg_stepper *stepper, double t0, double h, size_t steps, const double *inputs,
+                             size_t input_dim, size_t every, const double *y0, double *out, lg_run_stats *stats) {
+    lg_run_stats run = {0};
+    lg_status status = LG_OK;
+    if (!stepper || !y0 || !out || steps < 1 || every < 1 || steps % every != 0 || !isfinite(t0) || !isfinite(h) ||
+        !lg_all_finite(stepper->ode.space.dim, y0))
+        return LG_INVALID_ARGUMENT;
+    const size_t n = stepper->ode.space.dim, before = stepper->evaluations;
+    double *y = stepper->run[0];
+    memcpy(y, y0, n * sizeof(*y));
+    memcpy(out, y0, n * sizeof(*y));
+    for (size_t i = 0; i < steps; i++) {
+        const double *input = inputs ? inputs + i * input_dim : NULL;
+        status = lg_step(stepper, t0 + (double)i * h, h, y, input, y);
+        if (status != LG_OK) break;
+        run.steps++;
+        run.max_angle = dmax(run.max_angle, stepper->angle);
+        if ((i + 1) % every == 0) memcpy(out + (i + 1) / every * n, y, n * sizeof(*y));
+    }
+    run.evaluations = stepper->evaluations - before;
+    if (stats) *stats = run;
+    return status;
+}
+
+/* ---- step control ---- */
+
+void lg_control_init(lg_control *control) {
+    *control = (lg_control){.size = sizeof(lg_control),
+                            .rtol = 1e-6,
+                            .atol = 1e-9,
+                            .safety = 0.9,
+                            .factor_min = 0.2,
+                            .factor_max = 5.0,
+                            .max_angle = 3.14159265358979323846,
+                            .max_steps = 1000000};
+}
+
+static bool control_is_valid(const lg_control *c) {
+    const double values[] = {c->rtol,       c->atol,      c->safety, c->factor_min,
+                             c->factor_max, c->h_initial, c->h_max,  c->max_angle};
+    for (size_t i = 0; i < LG_COUNT(values); i++)
+        if (!(values[i] >= 0.0) || !isfinite(values[i])) return false;
+    return c->size == sizeof(lg_control) && c->rtol + c->atol > 0.0 && c->safety > 0.0 && c->safety < 1.0 &&
+           c->factor_min > 0.0 && c->factor_min < 1.0 && c->factor_max > 1.0 && c->max_angle > 0.0 &&
+           c->max_steps > 0;
+}
+
+lg_step_decision lg_step_control(const lg_control *control, double exponent, double error,
+                                 const lg_step_history *history) {
+    const bool turned = !(history->angle <= control->max_angle);
+    const bool accept = error <= 1.0 && !turned;
+    double factor = control->factor_min; /* also for an error that is not a number */
+    if (error <= DBL_MAX) factor = control->safety * pow(dmax(error, DBL_MIN), -exponent);
+    /* The angle is nearly proportional to the step: do not ask for one that will be refused. */
+    if (history->angle > 0.0) factor = dmin(factor, control->safety * control->max_angle / history->angle);
+    if (turned) factor = dmin(factor, 0.5);
+    if (isnan(history->angle)) factor = control->factor_min;
+    factor = dmin(factor, !accept || history->rejected ? 1.0 : control->factor_max);
+    factor = dmax(factor, control->factor_min);
+    const double h = history->h * factor;
+    return (lg_step_decision){accept, control->h_max > 0.0 ? dmin(h, control->h_max) : h};
+}
+
+double lg_error_norm(const lg_control *control, size_t dim, const double *error, const double *y,
+                     const double *y_next) {
+    double sum = 0.0;
+    for (size_t i = 0; i < dim; i++) {
+        const double scale = control->atol + control->rtol * dmax(fabs(y[i]), fabs(y_next[i]));
+        const double e = error[i] == 0.0 ? 0.0 : error[i] / scale;
+        sum += e * e;
+    }
+    return sqrt(sum / (double)dim);
+}
+
+/* ---- adaptive ---- */
+
+/* The state of a run; steps go in direction `sign`, sizes are positive. */
+typedef struct lg_run {
+    lg_stepper *stepper;
+    const lg_control *control;
+    double exponent;
+    double t, t_end, sign;
+    double h, h_min;
+    bool rejected; /* the last attempt */
+    lg_run_stats stats;
+} lg_run;
+
+/* A first step that changes y by about a hundredth of its size; after Hairer, Norsett and Wanner, II.4. */
+static lg_status first_step(lg_run *run) {
+    lg_stepper *s = run->stepper;
+    const size_t n = s->ode.space.dim;
+    const double span = fabs(run->t_end - run->t);
+    LG_TRY(lg_stepper_first(s, run->t, span, s->run[0], NULL, s->k));
+    lg_space_generator(&s->ode.space, s->k, s->run[0], s->run[1]);
+    if (!lg_all_finite(n, s->run[1])) return LG_NOT_FINITE;
+    const double size = lg_error_norm(run->control, n, s->run[0], s->run[0], s->run[0]);
+    const double speed = lg_error_norm(run->control, n, s->run[1], s->run[0], s->run[0]);
+    double h = 0.01 * size / speed;
+    if (!(h >= 1e-6 * span)) h = 1e-6 * span;
+    run->h = dmin(h, span);
+    if (run->control->h_initial > 0.0) run->h = run->control->h_initial;
+    if (run->control->h_max > 0.0) run->h = dmin(run->h, run->control->h_max);
+    return LG_OK;
+}
+
+/* One attempt of at most `left`, which ends exactly at `target` when it is clipped. */
+static lg_status attempt(lg_run *run, double target) {
+    lg_stepper *s = run->stepper;
+    const double left = fabs(target - run->t);
+    const bool clipped = run->h * (1.0 + 1e-3) >= left;
+    const double h = clipped ? left : run->h;
+    double error = NAN;
+    if (run->stats.steps + run->stats.rejected >= run->control->max_steps) return LG_TOO_MANY_STEPS;
+    const lg_status status = lg_step(s, run->t, run->sign * h, s->run[0], NULL, s->run[1]);
+    if (status == LG_OK) error = lg_error_norm(run->control, s->ode.space.dim, s->error, s->run[0], s->run[1]);
+    else if (status != LG_NOT_FINITE) return status;
+    const lg_step_history history = {h, s->angle, run->rejected};
+    const lg_step_decision decision = lg_step_control(run->control, run->exponent, error, &history);
+    run->rejected = !decision.accept;
+    if (!decision.accept) {
+        run->stats.rejected++;
+        run->h = decision.h;
+        return run->h >= run->h_min ? LG_OK : status == LG_OK ? LG_STEP_TOO_SMALL : status;
+    }
+    double *swap = s->run[0];
+    s->run[0] = s->run[1];
+    s->run[1] = swap;
+    run->t = clipped ? target : run->t + run->sign * h;
+    run->h = clipped ? dmax(run->h, decision.h) : decision.h; /* a clipped step says little about larger ones */
+    run->stats.steps++;
+    run->stats.max_angle = dmax(run->stats.max_angle, s->angle);
+    return LG_OK;
+}
+
+static bool times_are_valid(double t0, const double *times, size_t count) {
+    const double sign = times[count - 1] >= t0 ? 1.0 : -1.0;
+    double before = t0;
+    for (size_t i = 0; i < count; before = times[i], i++)
+        if (!isfinite(times[i]) || sign * (times[i] - before) < 0.0) return false;
+    return isfinite(t0);
+}
+
+static lg_status run_to_times(lg_run *run, const double *times, size_t count, double *out) {
+    const size_t n = run->stepper->ode.space.dim;
+    if (run->t_end != run->t) LG_TRY(first_step(run));
+    for (size_t i = 0; i < count; i++) {
+        while (run->t != times[i]) LG_TRY(attempt(run, times[i]));
+        memcpy(out + i * n, run->stepper->run[0], n * sizeof(*out));
+    }
+    return LG_OK;
+}
+
+lg_status lg_integrate_adaptive(lg_stepper *stepper, const lg_control *control, double t0, const double *y0,
+                                const double *times, size_t count, double *out, lg_run_stats *stats) {
+    lg_control defaults;
+    lg_control_init(&defaults);
+    if (!control) control = &defaults;
+    if (!stepper || !y0 || !times || !out || count < 1) return LG_INVALID_ARGUMENT;
+    if (stepper->scheme->embedded_order < 1) return LG_UNSUPPORTED;
+    if (!control_is_valid(control) || !times_are_valid(t0, times, count) ||
+        !lg_all_finite(stepper->ode.space.dim, y0))
+        return LG_INVALID_ARGUMENT;
+    const size_t before = stepper->evaluations;
+    const double t_end = times[count - 1];
+    const int lower = stepper->scheme->embedded_order < stepper->scheme->order ? stepper->scheme->embedded_order
+                                                                                : stepper->scheme->order;
+    lg_run run = {.stepper = stepper,
+                  .control = control,
+                  .exponent = 1.0 / (lower + 1),
+                  .t = t0,
+                  .t_end = t_end,
+                  .sign = t_end >= t0 ? 1.0 : -1.0,
+                  .h_min = 4.0 * DBL_EPSILON * dmax(fabs(t0), fabs(t_end))};
+    memcpy(stepper->run[0], y0, stepper->ode.space.dim * sizeof(*y0));
+    const lg_status status = run_to_times(&run, times, count, out);
+    run.stats.evaluations = stepper->evaluations - before;
+    if (stats) *stats = run.stats;
+    return status;
+}

@@ -1,0 +1,218 @@
+/* Random starts, and trajectories sampled from a system with the reference integrator. */
+#include <math.h>
+#include <string.h>
+
+#include "liegrad/geometry.h"
+#include "mechanics/system.h"
+
+/* ---- starts ---- */
+
+static void sphere_start(lg_rng *rng, double *y) {
+    double norm = 0.0, u[3];
+    while (!(norm > 1e-8)) { /* (almost) never twice */
+        for (int c = 0; c < 3; c++) y[c] = lg_rng_normal(rng);
+        norm = sqrt(lg_dot3(y, y));
+    }
+    for (int c = 0; c < 3; c++) y[c] /= norm;
+    for (int c = 0; c < 3; c++) u[c] = lg_rng_uniform(rng);
+    lg_cross3(y, u, y + 3);
+}
+
+lg_status lg_system_start(const lg_system *system, lg_starts kind, lg_rng *rng, double *y) {
+    if (!system || !rng || !y || (unsigned)kind > LG_STARTS_BOX) return LG_INVALID_ARGUMENT;
+    const bool chain = system->row == &lg_system_row_chain;
+    if (chain && kind == LG_STARTS_BOX) return LG_UNSUPPORTED;
+    for (size_t i = 0; chain && i < system->chain.links; i++) sphere_start(rng, y + 6 * i);
+    for (size_t i = 0; !chain && i < system->space.dim; i++) y[i] = lg_rng_uniform_in(rng, -1.0, 1.0);
+    return LG_OK;
+}
+
+/* ---- the reference integrator ---- */
+
+typedef struct reference {
+    lg_system_user user;
+    lg_stepper *stepper;
+    lg_control control;
+    double *work;
+} reference;
+
+static void reference_destroy(const lg_context *context, reference *r) {
+    lg_stepper_destroy(context, r->stepper);
+    lg_free(context, r->work);
+}
+
+/* Nothing to destroy after a failure. */
+static lg_status reference_create(const lg_context *context, const lg_system *system, double rtol, double atol,
+                                  reference *r) {
+    const bool lie = lg_system_constrained(system);
+    lg_ode ode;
+    *r = (reference){.work = lg_alloc(context, lg_system_workspace(system), sizeof(double))};
+    if (!r->work) return LG_OUT_OF_MEMORY;
+    lg_control_init(&r->control);
+    r->control.rtol = rtol;
+    r->control.atol = atol;
+    r->control.max_steps = 10000000;
+    lg_status status = lg_system_ode(system, lie ? LG_FORM_LIE : LG_FORM_AMBIENT, &r->user, r->work, &ode);
+    if (status == LG_OK)
+        status = lg_stepper_create(context, lg_scheme_find(lie ? "rkmk54" : "dp54"), &ode, &r->stepper);
+    if (status != LG_OK) lg_free(context, r->work);
+    return status;
+}
+
+/* ---- sampling ---- */
+
+void lg_trajectory_options_init(lg_trajectory_options *options) {
+    *options = (lg_trajectory_options){.size = sizeof(lg_trajectory_options),
+                                       .trajectories = 500,
+                                       .points = 5,
+                                       .t_end = 0.1,
+                                       .segments = 1,
+                                       .seed = 1,
+                                       .rtol = 1e-12,
+                                       .atol = 1e-13};
+}
+
+static bool is_tolerance(double x) {
+    return x >= 0.0 && isfinite(x);
+}
+
+static const char *options_fault(const lg_trajectory_options *o) {
+    if (o->size != sizeof(*o)) return "options of unknown size";
+    if (o->trajectories < 1) return "trajectories must be at least 1";
+    if (o->points < 2) return "points must be at least 2";
+    if (!(o->t_end > 0.0) || !isfinite(o->t_end)) return "t_end must be positive";
+    if (!(o->noise >= 0.0) || !isfinite(o->noise)) return "noise must not be negative";
+    if ((unsigned)o->noise_kind > LG_NOISE_UNIFORM) return "unknown kind of noise";
+    if ((unsigned)o->starts > LG_STARTS_BOX) return "unknown kind of starts";
+    if (o->segments < 1) return "segments must be at least 1";
+    if (!is_tolerance(o->rtol) || !is_tolerance(o->atol) || !(o->rtol + o->atol > 0.0))
+        return "tolerances must not be negative, nor both zero";
+    return NULL;
+}
+
+/* One job of lg_generate_trajectories; results wait in own memory until all is well. */
+typedef struct sampling {
+    const lg_context *context;
+    const lg_system *system;
+    const lg_trajectory_options *options;
+    reference reference;
+    double *t;            /* M */
+    double *trajectories; /* (N, M, d) */
+    double *hamiltonian;  /* N */
+} sampling;
+
+static void add_noise(const lg_trajectory_options *o, size_t number, size_t d, double *trajectory) {
+    lg_rng rng;
+    lg_rng_seed(&rng, o->seed, 2 * (uint64_t)number + 1);
+    for (size_t i = d; i < o->points * d; i++)
+        trajectory[i] +=
+            o->noise * (o->noise_kind == LG_NOISE_NORMAL ? lg_rng_normal(&rng) : lg_rng_uniform_in(&rng, -1.0, 1.0));
+}
+
+/* Segments of start `number`: each begins where the one before ended; noise comes last. */
+static lg_status sample_start(sampling *s, size_t number) {
+    const lg_trajectory_options *o = s->options;
+    const size_t d = s->system->space.dim, block = o->points * d, first = number * o->segments;
+    const size_t last = first + o->segments < o->trajectories ? first + o->segments : o->trajectories;
+    lg_rng rng;
+    lg_rng_seed(&rng, o->seed, 2 * (uint64_t)number);
+    LG_TRY(lg_system_start(s->system, o->starts, &rng, s->trajectories + first * block));
+    for (size_t i = first; i < last; i++) {
+        double *y = s->trajectories + i * block;
+        if (lg_cancelled(s->context)) return LG_CANCELLED;
+        if (i > first) memcpy(y, y - d, d * sizeof(*y));
+        LG_TRY(lg_integrate_adaptive(s->reference.stepper, &s->reference.control, 0.0, y, s->t + 1, o->points - 1,
+                                     y + d, NULL));
+        s->hamiltonian[i] = lg_system_hamiltonian(s->system, y, s->reference.work);
+    }
+    for (size_t i = first; o->noise > 0.0 && i < last; i++) add_noise(o, i, d, s->trajectories + i * block);
+    return LG_OK;
+}
+
+static lg_status sample_all(sampling *s, lg_error *error) {
+    const lg_trajectory_options *o = s->options;
+    for (size_t j = 0; j < o->points; j++) s->t[j] = o->t_end * (double)j / (double)(o->points - 1);
+    for (size_t number = 0; number * o->segments < o->trajectories; number++) {
+        const lg_status status = sample_start(s, number);
+        if (status != LG_OK)
+            return lg_fail(error, status, "%s, start %zu: %s", s->system->row->name, number,
+                           lg_status_sentence(status));
+    }
+    return LG_OK;
+}
+
+lg_status lg_generate_trajectories(const lg_context *context, const lg_system *system,
+                                   const lg_trajectory_options *options, double *t, double *trajectories,
+                                   double *hamiltonian, lg_error *error) {
+    lg_trajectory_options defaults;
+    lg_trajectory_options_init(&defaults);
+    const lg_trajectory_options *o = options ? options : &defaults;
+    if (!system || !t || !trajectories || !hamiltonian)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");
+    const char *fault = options_fault(o);
+    if (fault) return lg_fail(error, LG_INVALID_ARGUMENT, "%s", fault);
+    const size_t d = system->space.dim, n = o->trajectories;
+    if (n > SIZE_MAX / sizeof(double) / 4 / d / o->points) return lg_fail(error, LG_OUT_OF_MEMORY, "too many points");
+    const size_t states = n * o->points * d;
+    double *memory = lg_alloc(context, states + n + o->points, sizeof(double));
+    if (!memory) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu trajectories", n);
+    sampling s = {.context = context,
+                  .system = system,
+                  .options = o,
+                  .t = memory + states + n,
+                  .trajectories = memory,
+                  .hamiltonian = memory + states};
+    lg_status status = reference_create(context, system, o->rtol, o->atol, &s.reference);
+    if (status == LG_OK) {
+        status = sample_all(&s, error);
+        reference_destroy(context, &s.reference);
+    } else {
+        (void)lg_fail(error, status, "%s: %s", system->row->name, lg_status_sentence(status));
+    }
+    if (status == LG_OK) {
+        memcpy(t, s.t, o->points * sizeof(*t));
+        memcpy(trajectories, s.trajectories, states * sizeof(*trajectories));
+        memcpy(hamiltonian, s.hamiltonian, n * sizeof(*hamiltonian));
+        (void)lg_fail(error, LG_OK, "%s", "");
+    }
+    lg_free(context, memory);
+    return status;
+}
+
+/* ---- judging ---- */
+
+static lg_status run_references(const lg_context *context, reference *r, size_t d, const double *starts, size_t n,
+                                const double *times, size_t count, double *out, lg_error *error) {
+    for (size_t i = 0; i < n; i++) {
+        lg_status status = lg_cancelled(context) ? LG_CANCELLED
+                                                 : lg_integrate_adaptive(r->stepper, &r->control, 0.0, starts + i * d,
+                                                                         times, count, out + i * count * d, NULL);
+        if (status != LG_OK) return lg_fail(error, status, "trajectory %zu: %s", i, lg_status_sentence(status));
+    }
+    return LG_OK;
+}
+
+lg_status lg_reference_trajectories(const lg_context *context, const lg_system *system, const double *starts,
+                                    size_t n, const double *times, size_t count, double rtol, double atol,
+                                    double *out, lg_error *error) {
+    reference r;
+    if (!system || !starts || !times || !out || n < 1 || count < 1 || !isfinite(rtol) || !isfinite(atol))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL, empty or not finite");
+    const size_t d = system->space.dim;
+    if (n > SIZE_MAX / sizeof(double) / d / count) return lg_fail(error, LG_OUT_OF_MEMORY, "too many points");
+    double *memory = lg_alloc(context, n * count * d, sizeof(double));
+    if (!memory) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu trajectories", n);
+    lg_status status = reference_create(context, system, rtol > 0.0 ? rtol : 1e-12, atol > 0.0 ? atol : 1e-13, &r);
+    if (status == LG_OK) {
+        status = run_references(context, &r, d, starts, n, times, count, memory, error);
+        reference_destroy(context, &r);
+    } else {
+        (void)lg_fail(error, status, "%s: %s", system->row->name, lg_status_sentence(status));
+    }
+    if (status == LG_OK) {
+        memcpy(out, memory, n * count * d * sizeof(*out));
+        (void)lg_fail(error, LG_OK, "%s", "");
+    }
+    lg_free(context, memory);
+    return status;
+}

@@ -1,0 +1,385 @@
+/* The training loop: options, epochs, validation, stopping, accessors. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "nn/fit_internal.h"
+
+#define RNG_STREAM 0x66697400u /* keeps the fit's draws apart from an initialisation with the same seed */
+
+static double now(void) {
+    struct timespec t;
+    (void)clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+/* ---- options ---- */
+
+void lg_fit_options_init(lg_fit_options *options) {
+    *options = (lg_fit_options){
+        .size = sizeof *options,
+        .dtype = LG_F64,
+        .epochs = 100,
+        .shards = 4,
+        .adam = lg_adam_defaults(),
+        .schedule = {.kind = LG_SCHEDULE_CONSTANT, .every = 1, .gamma = 1.0, .floor = 0.0},
+        .seed = 1,
+        .shuffle = true,
+        .threads = 1,
+    };
+}
+
+static bool positive(double x) {
+    return x > 0.0 && isfinite(x);
+}
+
+static bool not_negative(double x) {
+    return x >= 0.0 && isfinite(x);
+}
+
+/* In [0, 1). */
+static bool fraction(double x) {
+    return x >= 0.0 && x < 1.0;
+}
+
+static lg_status check_problem(const lg_fit_problem *problem, lg_error *error) {
+    if (problem == NULL || problem->loss == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the problem has no loss function");
+    if (problem->parameters == 0 || problem->parameters > UINT32_MAX)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the problem has %zu parameters; 1 to 2^32 - 1 are possible",
+                       problem->parameters);
+    if (problem->samples == 0 || problem->samples > UINT32_MAX)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the problem has %zu samples; 1 to 2^32 - 1 are possible",
+                       problem->samples);
+    return LG_OK;
+}
+
+static lg_status check_options(const lg_fit_problem *problem, const lg_fit_options *o, lg_error *error) {
+    const lg_schedule *s = &o->schedule;
+    const struct {
+        bool good;
+        const char *rule;
+    } rules[] = {
+        {o->dtype == LG_F64 || o->dtype == LG_F32, "dtype must be LG_F64 or LG_F32"},
+        {o->epochs >= 1 && o->epochs <= UINT32_MAX, "epochs must be 1 to 2^32 - 1"},
+        {o->shards >= 1 && o->shards <= 1024, "shards must be 1 to 1024"},
+        {o->threads >= 1 && o->threads <= 1024, "threads must be 1 to 1024"},
+        {positive(o->adam.lr), "lr must be positive and finite"},
+        {fraction(o->adam.beta1) && fraction(o->adam.beta2), "beta1 and beta2 must be in [0, 1)"},
+        {positive(o->adam.eps), "eps must be positive and finite"},
+        {not_negative(o->adam.weight_decay), "weight_decay must be finite and not negative"},
+        {(int)s->kind >= 0 && (int)s->kind < LG_SCHEDULE_COUNT, "the schedule is unknown"},
+        {s->kind != LG_SCHEDULE_STEP || s->every >= 1, "the schedule's epochs a step must be at least 1"},
+        {s->kind != LG_SCHEDULE_STEP || positive(s->gamma), "the schedule's gamma must be positive and finite"},
+        {s->kind != LG_SCHEDULE_COSINE || (s->floor >= 0.0 && s->floor <= 1.0), "the schedule's floor must be in [0, 1]"},
+        {not_negative(o->clip_norm), "clip_norm must be finite and not negative"},
+        {fraction(o->validation), "validation must be in [0, 1)"},
+        {!(o->validation > 0.0) || problem->samples >= 2, "a validation part needs at least 2 samples"},
+    };
+    for (size_t i = 0; i < LG_COUNT(rules); i++)
+        if (!rules[i].good) return lg_fail(error, LG_INVALID_ARGUMENT, "training options: %s", rules[i].rule);
+    return LG_OK;
+}
+
+/* The nearest number of samples, but at least one on either side. */
+static size_t validation_samples(const lg_fit_problem *problem, double part) {
+    if (!(part > 0.0)) return 0;
+    const size_t count = (size_t)floor(part * (double)problem->samples + 0.5);
+    if (count == 0) return 1;
+    return count < problem->samples ? count : problem->samples - 1;
+}
+
+/* ---- memory ---- */
+
+static size_t padded(size_t bytes) {
+    return (bytes + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT;
+}
+
+lg_status lg_fit_state_create(const lg_fit *fit, lg_fit_state *out) {
+    const size_t vector = padded(fit->problem.parameters * fit->k->size);
+    const size_t order = padded(fit->problem.samples * sizeof(uint32_t));
+    const size_t series = padded((size_t)fit->options.epochs * sizeof(double));
+    lg_fit_state made = {0};
+    char *memory = lg_alloc(fit->context, 4 * vector + order + LG_FIT_SERIES_COUNT * series, 1);
+    if (memory == NULL) return LG_OUT_OF_MEMORY;
+    made.memory = memory;
+    made.theta = memory;
+    made.m = memory + vector;
+    made.v = memory + 2 * vector;
+    made.best = memory + 3 * vector;
+    made.order = (uint32_t *)(void *)(memory + 4 * vector);
+    for (size_t i = 0; i < LG_FIT_SERIES_COUNT; i++)
+        made.history[i] = (double *)(void *)(memory + 4 * vector + order + i * series);
+    *out = made;
+    return LG_OK;
+}
+
+void lg_fit_state_destroy(const lg_fit *fit, lg_fit_state *state) {
+    lg_free(fit->context, state->memory);
+    *state = (lg_fit_state){0};
+}
+
+static lg_status create_shards(lg_fit *fit) {
+    const lg_tape_options tape = {sizeof tape, fit->options.dtype, fit->options.max_tape_bytes};
+    fit->shards = lg_alloc(fit->context, fit->options.shards, sizeof *fit->shards);
+    if (fit->shards == NULL) return LG_OUT_OF_MEMORY;
+    const size_t most = fit->batch < fit->options.shards ? fit->batch : fit->options.shards;
+    for (size_t i = 0; i < most; i++) {
+        LG_TRY(lg_tape_create(fit->context, &tape, &fit->shards[i].tape));
+        fit->shards[i].gradient = lg_alloc(fit->context, fit->problem.parameters, fit->k->size);
+        if (fit->shards[i].gradient == NULL) return LG_OUT_OF_MEMORY;
+    }
+    return LG_OK;
+}
+
+static lg_status create_machinery(lg_fit *fit) {
+    const size_t n = fit->problem.parameters;
+    const int shards = (int)fit->options.shards;
+    LG_TRY(lg_fit_state_create(fit, &fit->state));
+    LG_TRY(create_shards(fit));
+    fit->blocks = (n + LG_FIT_BLOCK - 1) / LG_FIT_BLOCK;
+    fit->partial = lg_alloc(fit->context, fit->blocks, sizeof *fit->partial);
+    fit->overflowed = lg_alloc(fit->context, fit->blocks, sizeof *fit->overflowed);
+    fit->backup = lg_alloc(fit->context, 3 * n, fit->k->size);
+    fit->scratch = lg_alloc(fit->context, (size_t)fit->options.epochs, sizeof *fit->scratch);
+    if (fit->partial == NULL || fit->overflowed == NULL || fit->backup == NULL || fit->scratch == NULL)
+        return LG_OUT_OF_MEMORY;
+    return lg_pool_create(fit->context, fit->options.threads < shards ? fit->options.threads : shards, &fit->pool);
+}
+
+static void start(lg_fit *fit, const double *theta) {
+    lg_fit_state *s = &fit->state;
+    fit->k->convert_in(fit->problem.parameters, theta, s->theta);
+    for (size_t i = 0; i < fit->problem.samples; i++) s->order[i] = (uint32_t)i;
+    lg_rng_seed(&s->rng, fit->options.seed, RNG_STREAM);
+    if (fit->training < fit->problem.samples) lg_rng_shuffle(&s->rng, s->order, fit->problem.samples);
+}
+
+lg_status lg_fit_create(const lg_context *context, const lg_fit_problem *problem, const lg_fit_options *options,
+                        const double *theta, lg_fit **out, lg_error *error) {
+    (void)lg_fail(error, LG_OK, "%s", "");
+    lg_fit_options chosen;
+    lg_fit_options_init(&chosen);
+    if (options != NULL && options->size != sizeof *options)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the size of the training options is %zu, not %zu", options->size,
+                       sizeof *options);
+    if (options != NULL) chosen = *options;
+    if (theta == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "theta or the output is NULL");
+    LG_TRY(check_problem(problem, error));
+    LG_TRY(check_options(problem, &chosen, error));
+
+    lg_fit *fit = lg_alloc(context, 1, sizeof *fit);
+    if (fit == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the training state");
+    fit->context = context;
+    fit->problem = *problem;
+    fit->options = chosen;
+    fit->k = lg_kernels_for(chosen.dtype);
+    fit->training = problem->samples - validation_samples(problem, chosen.validation);
+    fit->batch = chosen.batch == 0 || chosen.batch > fit->training ? fit->training : chosen.batch;
+    lg_status status = create_machinery(fit);
+    if (status != LG_OK) {
+        lg_fit_destroy(fit);
+        return lg_fail(error, status, "no memory for the training state of %zu parameters", problem->parameters);
+    }
+    start(fit, theta);
+    if (!fit->k->all_finite(problem->parameters, fit->state.theta)) {
+        lg_fit_destroy(fit);
+        return lg_fail(error, LG_NOT_FINITE, "the parameters to start from are not finite in the training's type");
+    }
+    *out = fit;
+    return LG_OK;
+}
+
+void lg_fit_destroy(lg_fit *fit) {
+    if (fit == NULL) return;
+    lg_pool_destroy(fit->pool);
+    for (size_t i = 0; fit->shards != NULL && i < fit->options.shards; i++) {
+        lg_tape_destroy(fit->shards[i].tape);
+        lg_free(fit->context, fit->shards[i].gradient);
+    }
+    lg_free(fit->context, fit->shards);
+    lg_free(fit->context, fit->partial);
+    lg_free(fit->context, fit->overflowed);
+    lg_free(fit->context, fit->backup);
+    lg_free(fit->context, fit->scratch);
+    lg_fit_state_destroy(fit, &fit->state);
+    lg_free(fit->context, fit);
+}
+
+/* ---- epochs ---- */
+
+/* Draws the epoch's order. */
+static void open_epoch(lg_fit *fit) {
+    lg_fit_state *s = &fit->state;
+    if (s->open) return;
+    if (fit->options.shuffle) lg_rng_shuffle(&s->rng, s->order, fit->training);
+    s->running_loss = 0.0;
+    s->open = true;
+}
+
+static lg_status train_epoch(lg_fit *fit, double rate, lg_error *error) {
+    lg_fit_state *s = &fit->state;
+    while (s->position < fit->training) {
+        if (lg_cancelled(fit->context))
+            return lg_fail(error, LG_CANCELLED, "stopped in epoch %" PRIu64 " after %" PRIu64 " of %zu samples",
+                           s->epoch + 1, s->position, fit->training);
+        open_epoch(fit);
+        const size_t rest = fit->training - (size_t)s->position;
+        const size_t count = rest < fit->batch ? rest : fit->batch;
+        double loss = 0.0;
+        LG_TRY(lg_fit_step(fit, s->order + s->position, count, rate, &loss, error));
+        s->running_loss += loss * (double)count;
+        s->position += count;
+        s->step++;
+    }
+    return LG_OK;
+}
+
+/* Mean loss of the validation part, in batches as large as those of training; NaN without one. */
+static lg_status validate(lg_fit *fit, double *loss, lg_error *error) {
+    const size_t total = fit->problem.samples - fit->training;
+    const uint32_t *samples = fit->state.order + fit->training;
+    char what[64];
+    (void)snprintf(what, sizeof what, "epoch %" PRIu64 ", validation", fit->state.epoch + 1);
+    double sum = 0.0;
+    for (size_t done = 0; done < total;) {
+        const size_t count = total - done < fit->batch ? total - done : fit->batch;
+        double part = 0.0;
+        LG_TRY(lg_fit_batch_loss(fit, samples + done, count, false, what, &part, error));
+        sum += part * (double)count;
+        done += count;
+    }
+    *loss = total > 0 ? sum / (double)total : NAN;
+    return LG_OK;
+}
+
+/* Enters a finished epoch into the history and makes the state that of the next one. */
+static void close_epoch(lg_fit *fit, lg_fit_epoch *report) {
+    lg_fit_state *s = &fit->state;
+    report->loss = s->running_loss / (double)fit->training;
+    report->seconds = s->running_seconds;
+    report->epoch = s->epoch + 1;
+    report->epochs = fit->options.epochs;
+    s->history[LG_FIT_LOSS][s->epoch] = report->loss;
+    s->history[LG_FIT_VALIDATION][s->epoch] = report->validation;
+    s->history[LG_FIT_SECONDS][s->epoch] = report->seconds;
+    s->history[LG_FIT_RATE][s->epoch] = report->rate;
+    s->epoch++;
+    s->position = 0;
+    s->open = false;
+    s->running_loss = s->running_seconds = 0.0;
+    report->best = s->best_epoch == 0 || lg_fit_criterion(fit, s->epoch) < lg_fit_criterion(fit, s->best_epoch);
+    if (!report->best) return;
+    s->best_epoch = s->epoch;
+    memcpy(s->best, s->theta, fit->problem.parameters * fit->k->size);
+}
+
+static lg_status run_epoch(lg_fit *fit, lg_fit_epoch *report, lg_error *error) {
+    const double begin = now();
+    const double factor = lg_schedule_rate(&fit->options.schedule, fit->state.epoch, fit->options.epochs);
+    report->rate = fit->options.adam.lr * factor;
+    report->validation = NAN;
+    lg_status status = train_epoch(fit, factor, error);
+    if (status == LG_OK) status = validate(fit, &report->validation, error);
+    fit->state.running_seconds += now() - begin;
+    if (status == LG_OK) close_epoch(fit, report);
+    return status;
+}
+
+static lg_status checkpoint(lg_fit *fit, lg_error *error) {
+    if (fit->options.checkpoint == NULL) return LG_OK;
+    const lg_status status = fit->options.checkpoint(fit->options.user, fit);
+    if (status == LG_OK) return LG_OK;
+    return lg_fail(error, status, "the checkpoint after %" PRIu64 " epochs failed: %s", fit->state.epoch,
+                   lg_status_sentence(status));
+}
+
+/* Leaves before the plan is finished; `saved` tells that the state as it was at the last end of an epoch is safe. */
+static lg_status leave(lg_fit *fit, lg_status status, bool saved, lg_error *error) {
+    if (!saved || fit->state.position > 0) LG_TRY(checkpoint(fit, error));
+    return status;
+}
+
+lg_status lg_fit_run(lg_fit *fit, lg_error *error) {
+    (void)lg_fail(error, LG_OK, "%s", "");
+    const lg_fit_options *o = &fit->options;
+    bool saved = false;
+    for (uint64_t done = 0; !lg_fit_finished(fit); done++) {
+        if (o->stop_after > 0 && done == o->stop_after) return leave(fit, LG_OK, saved, error);
+        lg_fit_epoch report = {0};
+        const lg_status status = run_epoch(fit, &report, error);
+        if (status == LG_CANCELLED) return leave(fit, status, saved, error);
+        if (status != LG_OK) return status;
+        saved = o->checkpoint_every > 0 && fit->state.epoch % o->checkpoint_every == 0;
+        if (saved) LG_TRY(checkpoint(fit, error));
+        if (o->on_epoch == NULL || o->on_epoch(o->user, &report) == 0 || lg_fit_finished(fit)) continue;
+        (void)lg_fail(error, LG_CANCELLED, "stopped after epoch %" PRIu64, fit->state.epoch);
+        return leave(fit, LG_CANCELLED, saved, error);
+    }
+    return LG_OK;
+}
+
+/* ---- accessors ---- */
+
+bool lg_fit_finished(const lg_fit *fit) {
+    const lg_fit_state *s = &fit->state;
+    const uint64_t patience = fit->options.patience;
+    return s->epoch >= fit->options.epochs || (patience > 0 && s->epoch - s->best_epoch >= patience);
+}
+
+void lg_fit_current_parameters(const lg_fit *fit, double *theta) {
+    fit->k->convert_out(fit->problem.parameters, fit->state.theta, theta);
+}
+
+void lg_fit_parameters(const lg_fit *fit, double *theta) {
+    const bool best = fit->options.keep_best && fit->state.best_epoch > 0;
+    fit->k->convert_out(fit->problem.parameters, best ? fit->state.best : fit->state.theta, theta);
+}
+
+uint64_t lg_fit_epochs_done(const lg_fit *fit) {
+    return fit->state.epoch;
+}
+
+uint64_t lg_fit_steps_done(const lg_fit *fit) {
+    return fit->state.step;
+}
+
+uint64_t lg_fit_best_epoch(const lg_fit *fit) {
+    return fit->state.best_epoch;
+}
+
+size_t lg_fit_position(const lg_fit *fit) {
+    return (size_t)fit->state.position;
+}
+
+double lg_fit_loss(const lg_fit *fit) {
+    return fit->state.epoch > 0 ? fit->state.history[LG_FIT_LOSS][fit->state.epoch - 1] : NAN;
+}
+
+const double *lg_fit_history(const lg_fit *fit, lg_fit_series series) {
+    return fit->state.history[series];
+}
+
+static int compare(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+double lg_fit_seconds_per_epoch(const lg_fit *fit) {
+    const size_t epochs = (size_t)fit->state.epoch;
+    if (epochs == 0) return NAN;
+    const size_t skip = epochs > 1 ? 1 : 0, n = epochs - skip;
+    memcpy(fit->scratch, fit->state.history[LG_FIT_SECONDS] + skip, n * sizeof *fit->scratch);
+    qsort(fit->scratch, n, sizeof *fit->scratch, compare);
+    return 0.5 * (fit->scratch[(n - 1) / 2] + fit->scratch[n / 2]);
+}
+
+size_t lg_fit_tape_bytes(const lg_fit *fit) {
+    size_t bytes = 0;
+    for (size_t i = 0; i < fit->options.shards; i++)
+        if (fit->shards[i].tape != NULL) bytes += lg_tape_bytes(fit->shards[i].tape);
+    return bytes;
+}

@@ -1,0 +1,253 @@
+/* Saving and loading the state of a training run. One list names what is stored, in both directions. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "nn/fit_internal.h"
+
+/* ---- hyperparameters ---- */
+
+typedef struct hyperparameter {
+    const char *path;
+    bool real;
+    uint64_t whole;
+    double value;
+} hyperparameter;
+
+#define WHOLE(name, x) {"train/options/" name, false, (uint64_t)(x), 0.0}
+#define REAL(name, x)  {"train/options/" name, true, 0, (x)}
+#define HYPERPARAMETERS 22
+
+static void list_hyperparameters(const lg_fit *fit, hyperparameter out[HYPERPARAMETERS]) {
+    const lg_fit_options *o = &fit->options;
+    const hyperparameter list[HYPERPARAMETERS] = {
+        WHOLE("parameters", fit->problem.parameters),
+        WHOLE("samples", fit->problem.samples),
+        WHOLE("dtype", o->dtype),
+        WHOLE("epochs", o->epochs),
+        WHOLE("batch", fit->batch),
+        WHOLE("shards", o->shards),
+        WHOLE("seed", o->seed),
+        WHOLE("shuffle", o->shuffle),
+        WHOLE("keep_best", o->keep_best),
+        WHOLE("patience", o->patience),
+        WHOLE("decoupled", o->adam.decoupled),
+        WHOLE("schedule", o->schedule.kind),
+        WHOLE("schedule_every", o->schedule.every),
+        REAL("schedule_gamma", o->schedule.gamma),
+        REAL("schedule_floor", o->schedule.floor),
+        REAL("lr", o->adam.lr),
+        REAL("beta1", o->adam.beta1),
+        REAL("beta2", o->adam.beta2),
+        REAL("eps", o->adam.eps),
+        REAL("weight_decay", o->adam.weight_decay),
+        REAL("clip_norm", o->clip_norm),
+        REAL("validation", o->validation),
+    };
+    memcpy(out, list, sizeof list);
+}
+
+static lg_status check_hyperparameters(const lg_fit *fit, const lg_archive_reader *reader, lg_error *error) {
+    hyperparameter list[HYPERPARAMETERS];
+    list_hyperparameters(fit, list);
+    for (size_t i = 0; i < HYPERPARAMETERS; i++) {
+        const hyperparameter *h = &list[i];
+        hyperparameter stored = *h;
+        const lg_status status =
+            h->real ? reader->array(reader->user, h->path, LG_ELEMENT_F64, 0, NULL, &stored.value)
+                    : reader->array(reader->user, h->path, LG_ELEMENT_U64, 0, NULL, &stored.whole);
+        if (status != LG_OK) return lg_fail(error, status, "%s: %s", h->path, lg_status_sentence(status));
+        if (h->real && !(stored.value == h->value))
+            return lg_fail(error, LG_INVALID_ARGUMENT, "%s was %.17g in the saved run and is %.17g in this one",
+                           h->path, stored.value, h->value);
+        if (stored.whole != h->whole)
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "%s was %" PRIu64 " in the saved run and is %" PRIu64 " in this one", h->path,
+                           stored.whole, h->whole);
+    }
+    return LG_OK;
+}
+
+/* ---- the state as a list of arrays ---- */
+
+typedef struct item {
+    const char *path;
+    lg_element type;
+    uint32_t rank; /* 0 or 1 */
+    uint64_t count;
+    void *data;
+} item;
+
+#define SCALARS 7
+#define ITEMS   (SCALARS + 10)
+
+/* Numbers that say how long the arrays are come first. `open` is a flag of the caller, as a number. */
+static void list_scalars(lg_fit_state *s, uint64_t *open, item out[SCALARS]) {
+    const item list[SCALARS] = {
+        {"train/epoch", LG_ELEMENT_U64, 0, 1, &s->epoch},
+        {"train/position", LG_ELEMENT_U64, 0, 1, &s->position},
+        {"train/open", LG_ELEMENT_U64, 0, 1, open},
+        {"train/best_epoch", LG_ELEMENT_U64, 0, 1, &s->best_epoch},
+        {"train/running_loss", LG_ELEMENT_F64, 0, 1, &s->running_loss},
+        {"train/running_seconds", LG_ELEMENT_F64, 0, 1, &s->running_seconds},
+        {"optimizer/adam/step", LG_ELEMENT_U64, 0, 1, &s->step},
+    };
+    memcpy(out, list, sizeof list);
+}
+
+/* Returns how many of `out` are used. */
+static size_t list_arrays(const lg_fit *fit, lg_fit_state *s, item *out) {
+    const lg_element type = fit->options.dtype == LG_F64 ? LG_ELEMENT_F64 : LG_ELEMENT_F32;
+    const uint64_t n = fit->problem.parameters;
+    static const char *const series[LG_FIT_SERIES_COUNT] = {
+        [LG_FIT_LOSS] = "train/history/loss",
+        [LG_FIT_VALIDATION] = "train/history/validation",
+        [LG_FIT_SECONDS] = "train/history/seconds",
+        [LG_FIT_RATE] = "train/history/rate",
+    };
+    size_t used = 0;
+    out[used++] = (item){"optimizer/parameters", type, 1, n, s->theta};
+    out[used++] = (item){"optimizer/adam/m", type, 1, n, s->m};
+    out[used++] = (item){"optimizer/adam/v", type, 1, n, s->v};
+    out[used++] = (item){"rng", LG_ELEMENT_U64, 1, 4, s->rng.s};
+    out[used++] = (item){"train/permutation", LG_ELEMENT_U32, 1, fit->problem.samples, s->order};
+    if (s->epoch == 0) return used;
+    out[used++] = (item){"optimizer/best", type, 1, n, s->best};
+    for (size_t i = 0; i < LG_FIT_SERIES_COUNT; i++)
+        out[used++] = (item){series[i], LG_ELEMENT_F64, 1, s->epoch, s->history[i]};
+    return used;
+}
+
+static lg_status write_item(const lg_archive_writer *writer, const item *it, lg_error *error) {
+    const lg_status status = writer->array(writer->user, it->path, it->type, it->rank, &it->count, it->data);
+    if (status == LG_OK) return LG_OK;
+    return lg_fail(error, status, "%s could not be saved: %s", it->path, lg_status_sentence(status));
+}
+
+lg_status lg_fit_save(const lg_fit *fit, const lg_archive_writer *writer, lg_error *error) {
+    (void)lg_fail(error, LG_OK, "%s", "");
+    lg_fit_state copy = fit->state; /* pointers and numbers; only read */
+    uint64_t open = copy.open;
+    item items[ITEMS];
+    list_scalars(&copy, &open, items);
+    const size_t count = SCALARS + list_arrays(fit, &copy, items + SCALARS);
+    hyperparameter list[HYPERPARAMETERS];
+    list_hyperparameters(fit, list);
+    for (size_t i = 0; i < HYPERPARAMETERS; i++) {
+        hyperparameter *h = &list[i];
+        const item it = {h->path, h->real ? LG_ELEMENT_F64 : LG_ELEMENT_U64, 0, 1,
+                         h->real ? (void *)&h->value : (void *)&h->whole};
+        LG_TRY(write_item(writer, &it, error));
+    }
+    for (size_t i = 0; i < count; i++) LG_TRY(write_item(writer, &items[i], error));
+    return LG_OK;
+}
+
+static lg_status read_items(const lg_archive_reader *reader, const item *items, size_t count, lg_error *error) {
+    for (size_t i = 0; i < count; i++) {
+        const item *it = &items[i];
+        const lg_status status = reader->array(reader->user, it->path, it->type, it->rank, &it->count, it->data);
+        if (status != LG_OK) return lg_fail(error, status, "%s: %s", it->path, lg_status_sentence(status));
+    }
+    return LG_OK;
+}
+
+/* ---- what a state must satisfy ---- */
+
+static lg_status check_scalars(const lg_fit *fit, const lg_fit_state *s, uint64_t open, lg_error *error) {
+    const uint64_t batches = lg_fit_batches(fit, fit->training);
+    const struct {
+        bool good;
+        const char *rule;
+    } rules[] = {
+        {s->epoch <= fit->options.epochs, "train/epoch is larger than the planned epochs"},
+        {s->position <= fit->training, "train/position is larger than the training part"},
+        {s->position % fit->batch == 0 || s->position == fit->training, "train/position is no batch boundary"},
+        {open <= 1 && (open == 1 || s->position == 0), "train/open does not fit train/position"},
+        {s->epoch < fit->options.epochs || open == 0, "train/open is set after the last epoch"},
+        {s->best_epoch <= s->epoch && (s->best_epoch > 0) == (s->epoch > 0), "train/best_epoch does not fit train/epoch"},
+        {isfinite(s->running_loss), "train/running_loss is not finite"},
+        {isfinite(s->running_seconds), "train/running_seconds is not finite"},
+    };
+    for (size_t i = 0; i < LG_COUNT(rules); i++)
+        if (!rules[i].good) return lg_fail(error, LG_FORMAT, "%s", rules[i].rule);
+    if (s->step != s->epoch * batches + lg_fit_batches(fit, s->position))
+        return lg_fail(error, LG_FORMAT, "optimizer/adam/step is %" PRIu64 ", which does not fit train/epoch and "
+                       "train/position", s->step);
+    return LG_OK;
+}
+
+static lg_status check_permutation(const lg_fit *fit, const uint32_t *order, lg_error *error) {
+    const size_t n = fit->problem.samples;
+    bool *seen = lg_alloc(fit->context, n, sizeof *seen);
+    if (seen == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory to check train/permutation");
+    size_t i = 0;
+    while (i < n && order[i] < n && !seen[order[i]]) seen[order[i++]] = true;
+    lg_free(fit->context, seen);
+    if (i == n) return LG_OK;
+    return lg_fail(error, LG_FORMAT, "train/permutation is none: entry %zu is %" PRIu32, i, order[i]);
+}
+
+static bool all_not_negative(const lg_fit *fit, const void *x) {
+    for (size_t i = 0; i < fit->problem.parameters; i++) {
+        double value = 0.0;
+        fit->k->convert_out(1, (const char *)x + i * fit->k->size, &value);
+        if (!(value >= 0.0)) return false;
+    }
+    return true;
+}
+
+static bool all_finite(const double *x, uint64_t n) {
+    for (uint64_t i = 0; i < n; i++)
+        if (!isfinite(x[i])) return false;
+    return true;
+}
+
+static lg_status check_arrays(const lg_fit *fit, const lg_fit_state *s, lg_error *error) {
+    const size_t n = fit->problem.parameters;
+    const bool validated = fit->training < fit->problem.samples;
+    const struct {
+        bool good;
+        const char *rule;
+    } rules[] = {
+        {fit->k->all_finite(n, s->theta), "optimizer/parameters is not finite"},
+        {fit->k->all_finite(n, s->m), "optimizer/adam/m is not finite"},
+        {fit->k->all_finite(n, s->v) && all_not_negative(fit, s->v), "optimizer/adam/v is not finite or negative"},
+        {fit->k->all_finite(n, s->best), "optimizer/best is not finite"},
+        {(s->rng.s[0] | s->rng.s[1] | s->rng.s[2] | s->rng.s[3]) != 0, "rng is all zeros"},
+        {all_finite(s->history[LG_FIT_LOSS], s->epoch), "train/history/loss is not finite"},
+        {!validated || all_finite(s->history[LG_FIT_VALIDATION], s->epoch), "train/history/validation is not finite"},
+    };
+    for (size_t i = 0; i < LG_COUNT(rules); i++)
+        if (!rules[i].good) return lg_fail(error, LG_FORMAT, "%s", rules[i].rule);
+    return check_permutation(fit, s->order, error);
+}
+
+static lg_status load_state(const lg_fit *fit, const lg_archive_reader *reader, lg_fit_state *s, lg_error *error) {
+    uint64_t open = 0;
+    item items[ITEMS];
+    list_scalars(s, &open, items);
+    LG_TRY(read_items(reader, items, SCALARS, error));
+    LG_TRY(check_scalars(fit, s, open, error));
+    s->open = open == 1;
+    const size_t count = list_arrays(fit, s, items);
+    LG_TRY(read_items(reader, items, count, error));
+    return check_arrays(fit, s, error);
+}
+
+lg_status lg_fit_load(lg_fit *fit, const lg_archive_reader *reader, lg_error *error) {
+    (void)lg_fail(error, LG_OK, "%s", "");
+    LG_TRY(check_hyperparameters(fit, reader, error));
+    lg_fit_state loaded;
+    if (lg_fit_state_create(fit, &loaded) != LG_OK)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the saved state");
+    const lg_status status = load_state(fit, reader, &loaded, error);
+    if (status != LG_OK) {
+        lg_fit_state_destroy(fit, &loaded);
+        return status;
+    }
+    lg_fit_state_destroy(fit, &fit->state);
+    fit->state = loaded;
+    return LG_OK;
+}

@@ -1,0 +1,78 @@
+/* The training loop inside: what is saved (lg_fit_state) and what is only machinery. */
+#ifndef LG_FIT_INTERNAL_H
+#define LG_FIT_INTERNAL_H
+
+#include "autodiff/kernels/kernels.h"
+#include "core/core.h"
+#include "liegrad/nn.h"
+
+/* All that the next step depends on, besides the hyperparameters. One allocation each. */
+typedef struct lg_fit_state {
+    void *memory;
+    void *theta, *m, *v, *best; /* (parameters), the fit's type */
+    uint32_t *order;            /* permutation of all samples: training part, then validation part */
+    double *history[LG_FIT_SERIES_COUNT];
+    lg_rng rng;
+    uint64_t step;       /* Adam steps done */
+    uint64_t epoch;      /* epochs finished */
+    uint64_t position;   /* training samples used in the unfinished epoch; on a batch boundary */
+    uint64_t best_epoch; /* counted from 1; 0 before the first */
+    bool open;           /* the unfinished epoch has drawn its order */
+    double running_loss; /* sum of batch loss times samples in the unfinished epoch */
+    double running_seconds;
+} lg_fit_state;
+
+typedef struct lg_shard {
+    lg_tape *tape;
+    char *gradient; /* (parameters) */
+    const uint32_t *samples;
+    size_t count;
+    double loss;
+    lg_status status;
+} lg_shard;
+
+struct lg_fit {
+    const lg_context *context;
+    lg_fit_problem problem;
+    lg_fit_options options;
+    const lg_kernels *k;
+    size_t training, batch; /* samples of the training part; of a full batch */
+    lg_fit_state state;
+    lg_pool *pool;
+    lg_shard *shards;
+    /* The batch in work: pieces in use, its samples, whether gradients are wanted; then what the step needs. */
+    size_t active, batch_samples;
+    bool with_gradient;
+    double clip, rate;
+    size_t blocks;    /* of LG_FIT_BLOCK parameters: the unit of the reduction and of Adam */
+    double *partial;  /* (blocks): squared norm of a block's gradient */
+    bool *overflowed; /* (blocks): the step gave a value that is not finite */
+    char *backup;     /* theta, m, v before the step */
+    double *scratch;  /* (epochs) */
+};
+
+#define LG_FIT_BLOCK 4096
+
+lg_status lg_fit_state_create(const lg_fit *fit, lg_fit_state *out);
+void lg_fit_state_destroy(const lg_fit *fit, lg_fit_state *state);
+
+/* Loss of a batch at the present parameters, summed over shards in order, with gradients in the shards when asked.
+ * `what` names the place in the error's sentence. */
+lg_status lg_fit_batch_loss(lg_fit *fit, const uint32_t *samples, size_t count, bool with_gradient, const char *what,
+                            double *loss, lg_error *error);
+/* One Adam step on a batch; on failure theta, m, v are as before. */
+lg_status lg_fit_step(lg_fit *fit, const uint32_t *samples, size_t count, double rate, double *loss,
+                      lg_error *error);
+
+/* Batches in an epoch's first `samples` samples. */
+static inline uint64_t lg_fit_batches(const lg_fit *fit, uint64_t samples) {
+    return (samples + fit->batch - 1) / fit->batch;
+}
+
+/* What "best" compares, of a finished epoch counted from 1. */
+static inline double lg_fit_criterion(const lg_fit *fit, uint64_t epoch) {
+    const lg_fit_series series = fit->training < fit->problem.samples ? LG_FIT_VALIDATION : LG_FIT_LOSS;
+    return fit->state.history[series][epoch - 1];
+}
+
+#endif

@@ -1,0 +1,161 @@
+/* One step of training. A batch is cut into contiguous pieces, one a shard; each shard has its tape and its gradient.
+ * Gradients are added pairwise, (0 + 1) + (2 + 3) ..., then Adam runs. Nothing here depends on which thread does what:
+ * a task writes to its own shard, or to its own block of parameters. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "nn/fit_internal.h"
+
+/* Blocks are handed to threads when there are at least so many; below, waking them costs more than they save. */
+#define PARALLEL_BLOCKS 16
+
+static lg_status shard_loss(const lg_fit *fit, lg_shard *shard) {
+    lg_tape *tape = shard->tape;
+    lg_tape_reset(tape);
+    const lg_shape flat = lg_shape1((uint32_t)fit->problem.parameters);
+    const lg_var theta = lg_parameter(tape, flat, fit->state.theta);
+    lg_var loss = LG_NONE;
+    const lg_status given = fit->problem.loss(fit->problem.user, tape, theta, shard->samples, shard->count,
+                                              fit->batch_samples, &loss);
+    LG_TRY(lg_tape_status(tape));
+    LG_TRY(given);
+    LG_TRY(lg_read(tape, loss, &shard->loss, 1));
+    if (!fit->with_gradient || !isfinite(shard->loss)) return LG_OK;
+    void *gradient = shard->gradient;
+    memset(gradient, 0, fit->problem.parameters * fit->k->size);
+    return lg_backward(tape, loss, &theta, 1, &gradient);
+}
+
+static void shard_task(void *user, size_t index) {
+    lg_fit *fit = user;
+    fit->shards[index].status = shard_loss(fit, &fit->shards[index]);
+}
+
+/* Piece i of n of `count` samples: [i count/n, (i + 1) count/n), never empty since n <= count. */
+static void cut(lg_fit *fit, const uint32_t *samples, size_t count) {
+    const size_t n = count < fit->options.shards ? count : fit->options.shards;
+    for (size_t i = 0; i < n; i++) {
+        const size_t start = i * count / n;
+        fit->shards[i].samples = samples + start;
+        fit->shards[i].count = (i + 1) * count / n - start;
+    }
+    fit->active = n;
+    fit->batch_samples = count;
+}
+
+lg_status lg_fit_batch_loss(lg_fit *fit, const uint32_t *samples, size_t count, bool with_gradient, const char *what,
+                            double *loss, lg_error *error) {
+    cut(fit, samples, count);
+    fit->with_gradient = with_gradient;
+    lg_pool_run(fit->pool, fit->active, shard_task, fit);
+    double sum = 0.0;
+    for (size_t i = 0; i < fit->active; i++) {
+        const lg_shard *shard = &fit->shards[i];
+        if (shard->status != LG_OK) {
+            const char *message = lg_tape_message(shard->tape);
+            if (message[0] == '\0') message = lg_status_sentence(shard->status);
+            return lg_fail(error, shard->status, "%s, shard %zu: %s", what, i, message);
+        }
+        sum += shard->loss;
+    }
+    if (!isfinite(sum)) return lg_fail(error, LG_NOT_FINITE, "%s: the loss is %g", what, sum);
+    *loss = sum;
+    return LG_OK;
+}
+
+static size_t block_length(const lg_fit *fit, size_t block) {
+    const size_t rest = fit->problem.parameters - block * LG_FIT_BLOCK;
+    return rest < LG_FIT_BLOCK ? rest : LG_FIT_BLOCK;
+}
+
+static void for_blocks(lg_fit *fit, void (*task)(void *user, size_t block)) {
+    if (fit->blocks >= PARALLEL_BLOCKS) {
+        lg_pool_run(fit->pool, fit->blocks, task, fit);
+        return;
+    }
+    for (size_t i = 0; i < fit->blocks; i++) task(fit, i);
+}
+
+/* Sum of the shards' gradients into the first one's. */
+static void reduce_block(void *user, size_t block) {
+    lg_fit *fit = user;
+    const size_t n = block_length(fit, block), at = block * LG_FIT_BLOCK * fit->k->size;
+    for (size_t stride = 1; stride < fit->active; stride *= 2)
+        for (size_t i = 0; i + stride < fit->active; i += 2 * stride)
+            fit->k->axpy(n, 1.0, fit->shards[i + stride].gradient + at, fit->shards[i].gradient + at);
+    const char *gradient = fit->shards[0].gradient + at;
+    fit->partial[block] = fit->k->dot(n, gradient, gradient);
+}
+
+static void adam_block(void *user, size_t block) {
+    lg_fit *fit = user;
+    const lg_fit_state *s = &fit->state;
+    const size_t n = block_length(fit, block), size = fit->k->size, at = block * LG_FIT_BLOCK * size;
+    const size_t stride = fit->problem.parameters * size;
+    char *const arrays[3] = {(char *)s->theta + at, (char *)s->m + at, (char *)s->v + at};
+    for (size_t i = 0; i < 3; i++) memcpy(fit->backup + i * stride + at, arrays[i], n * size);
+    lg_adam_step(&fit->options.adam, fit->options.dtype, s->step + 1, fit->rate, fit->clip, n,
+                 fit->shards[0].gradient + at, arrays[1], arrays[2], arrays[0]);
+    fit->overflowed[block] = false;
+    for (size_t i = 0; i < 3; i++)
+        if (!fit->k->all_finite(n, arrays[i])) fit->overflowed[block] = true;
+}
+
+/* First element that is not finite, or n. */
+static size_t first_bad(const lg_fit *fit, const void *x, double *value) {
+    const size_t n = fit->problem.parameters;
+    for (size_t i = 0; i < n; i++) {
+        fit->k->convert_out(1, (const char *)x + i * fit->k->size, value);
+        if (!isfinite(*value)) return i;
+    }
+    return n;
+}
+
+static lg_status gradient_failure(const lg_fit *fit, const char *what, lg_error *error) {
+    double value = 0.0;
+    const size_t index = first_bad(fit, fit->shards[0].gradient, &value);
+    if (index < fit->problem.parameters)
+        return lg_fail(error, LG_NOT_FINITE, "%s: the gradient of parameter %zu is %g", what, index, value);
+    return lg_fail(error, LG_NOT_FINITE, "%s: the norm of the gradient overflows", what);
+}
+
+/* Names what overflowed and puts the state before the step back. */
+static lg_status step_failure(lg_fit *fit, const char *what, lg_error *error) {
+    static const char *const names[3] = {"parameter", "first moment of parameter", "second moment of parameter"};
+    void *const arrays[3] = {fit->state.theta, fit->state.m, fit->state.v};
+    const size_t bytes = fit->problem.parameters * fit->k->size;
+    size_t index = fit->problem.parameters, which = 0;
+    double value = 0.0;
+    for (size_t i = 0; i < 3; i++) {
+        if (index == fit->problem.parameters) {
+            index = first_bad(fit, arrays[i], &value);
+            which = i;
+        }
+        memcpy(arrays[i], fit->backup + i * bytes, bytes);
+    }
+    return lg_fail(error, LG_NOT_FINITE, "%s: Adam's step makes %s %zu %g", what, names[which], index, value);
+}
+
+lg_status lg_fit_step(lg_fit *fit, const uint32_t *samples, size_t count, double rate, double *loss,
+                      lg_error *error) {
+    char what[96];
+    const uint64_t batch = lg_fit_batches(fit, fit->state.position) + 1;
+    (void)snprintf(what, sizeof what, "epoch %" PRIu64 ", batch %" PRIu64, fit->state.epoch + 1, batch);
+    double value = 0.0;
+    LG_TRY(lg_fit_batch_loss(fit, samples, count, true, what, &value, error));
+
+    for_blocks(fit, reduce_block);
+    double squared = 0.0;
+    for (size_t i = 0; i < fit->blocks; i++) squared += fit->partial[i];
+    if (!isfinite(squared)) return gradient_failure(fit, what, error);
+
+    fit->clip = lg_clip_factor(sqrt(squared), fit->options.clip_norm);
+    fit->rate = rate;
+    for_blocks(fit, adam_block);
+    for (size_t i = 0; i < fit->blocks; i++)
+        if (fit->overflowed[i]) return step_failure(fit, what, error);
+    *loss = value;
+    return LG_OK;
+}

@@ -1,0 +1,152 @@
+/* Multilayer perceptrons: description, initialisation, application on a tape. */
+#include "liegrad/nn.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "core/core.h"
+
+#define MAX_WIDTH (1u << 20)
+
+lg_status lg_mlp_init(lg_mlp *net, uint32_t inputs, const uint32_t *hidden, uint32_t hidden_layers, uint32_t outputs,
+                      lg_activation activation, bool last_bias) {
+    if (net == NULL || hidden_layers >= LG_MLP_MAX_LAYERS || (hidden == NULL && hidden_layers > 0))
+        return LG_INVALID_ARGUMENT;
+    if ((int)activation < 0 || (int)activation >= LG_ACTIVATION_COUNT) return LG_INVALID_ARGUMENT;
+    lg_mlp made = {.layers = hidden_layers + 1, .activation = activation, .last_bias = last_bias};
+    made.width[0] = inputs;
+    for (uint32_t i = 0; i < hidden_layers; i++) made.width[i + 1] = hidden[i];
+    made.width[made.layers] = outputs;
+    for (uint32_t i = 0; i <= made.layers; i++)
+        if (made.width[i] == 0 || made.width[i] > MAX_WIDTH) return LG_INVALID_ARGUMENT;
+    *net = made;
+    return LG_OK;
+}
+
+uint32_t lg_mlp_inputs(const lg_mlp *net) {
+    return net->width[0];
+}
+
+uint32_t lg_mlp_outputs(const lg_mlp *net) {
+    return net->width[net->layers];
+}
+
+bool lg_mlp_has_bias(const lg_mlp *net, uint32_t layer) {
+    return net->last_bias || layer + 1 < net->layers;
+}
+
+static size_t weight_count(const lg_mlp *net, uint32_t layer) {
+    return (size_t)net->width[layer] * net->width[layer + 1];
+}
+
+static size_t bias_count(const lg_mlp *net, uint32_t layer) {
+    return lg_mlp_has_bias(net, layer) ? net->width[layer + 1] : 0;
+}
+
+/* Parameters of the layers before `layer`. */
+size_t lg_mlp_weight_offset(const lg_mlp *net, uint32_t layer) {
+    size_t count = 0;
+    for (uint32_t l = 0; l < layer; l++) count += weight_count(net, l) + bias_count(net, l);
+    return count;
+}
+
+size_t lg_mlp_bias_offset(const lg_mlp *net, uint32_t layer) {
+    return lg_mlp_weight_offset(net, layer) + weight_count(net, layer);
+}
+
+size_t lg_mlp_parameters(const lg_mlp *net) {
+    return lg_mlp_weight_offset(net, net->layers);
+}
+
+/* Weights have the scale sqrt(gain/(fan_in + both fan_out)): half the width of a uniform law, or a standard deviation. */
+typedef struct initialisation {
+    const char *name;
+    double gain, both;
+    bool normal, bias; /* bias: drawn like the weights, else 0 */
+} initialisation;
+
+static const initialisation initialisations[LG_INITIALISATION_COUNT] = {
+    [LG_INIT_FAN_IN] = {"fan-in", 1.0, 0.0, false, true},
+    [LG_INIT_GLOROT_UNIFORM] = {"glorot-uniform", 6.0, 1.0, false, false},
+    [LG_INIT_GLOROT_NORMAL] = {"glorot-normal", 2.0, 1.0, true, false},
+    [LG_INIT_HE_UNIFORM] = {"he-uniform", 6.0, 0.0, false, false},
+    [LG_INIT_HE_NORMAL] = {"he-normal", 2.0, 0.0, true, false},
+};
+
+const char *lg_initialisation_name(lg_initialisation kind) {
+    return (int)kind >= 0 && (int)kind < LG_INITIALISATION_COUNT ? initialisations[kind].name : "unknown";
+}
+
+lg_status lg_initialisation_parse(const char *name, lg_initialisation *out) {
+    for (int i = 0; i < LG_INITIALISATION_COUNT; i++) {
+        if (strcmp(name, initialisations[i].name) != 0) continue;
+        *out = (lg_initialisation)i;
+        return LG_OK;
+    }
+    return LG_NOT_FOUND;
+}
+
+static void draw(lg_rng *rng, bool normal, double scale, size_t n, double *out) {
+    for (size_t i = 0; i < n; i++)
+        out[i] = normal ? scale * lg_rng_normal(rng) : lg_rng_uniform_in(rng, -scale, scale);
+}
+
+void lg_mlp_initialise_as(const lg_mlp *net, lg_initialisation kind, lg_rng *rng, double *theta) {
+    const initialisation *law = &initialisations[kind];
+    for (uint32_t l = 0; l < net->layers; l++) {
+        const double fan_in = net->width[l], fan_out = net->width[l + 1];
+        const double scale = sqrt(law->gain / (fan_in + law->both * fan_out));
+        double *bias = theta + lg_mlp_bias_offset(net, l);
+        draw(rng, law->normal, scale, weight_count(net, l), theta + lg_mlp_weight_offset(net, l));
+        if (law->bias)
+            draw(rng, law->normal, scale, bias_count(net, l), bias);
+        else
+            memset(bias, 0, bias_count(net, l) * sizeof *bias);
+    }
+}
+
+void lg_mlp_initialise(const lg_mlp *net, lg_rng *rng, double *theta) {
+    lg_mlp_initialise_as(net, LG_INIT_FAN_IN, rng, theta);
+}
+
+/* ---- on a tape ---- */
+
+lg_status lg_mlp_bind(lg_tape *tape, const lg_mlp *net, lg_var theta, size_t offset, lg_mlp_vars *vars) {
+    lg_mlp_vars bound;
+    const size_t parameters = lg_mlp_parameters(net);
+    if (lg_tape_status(tape) == LG_OK && (parameters > UINT32_MAX || offset > UINT32_MAX - parameters))
+        (void)lg_tape_fail(tape, LG_SHAPE, "mlp", "the parameters of the network end beyond 2^32 elements");
+    for (uint32_t l = 0; l < net->layers; l++) {
+        const uint32_t in = net->width[l], out = net->width[l + 1];
+        const uint32_t weight = (uint32_t)(offset + lg_mlp_weight_offset(net, l));
+        const uint32_t bias = (uint32_t)(offset + lg_mlp_bias_offset(net, l));
+        const lg_var flat = lg_slice(tape, theta, 0, weight, in * out);
+        bound.weight[l] = lg_reshape(tape, flat, lg_shape2(in, out));
+        bound.bias[l] = lg_mlp_has_bias(net, l) ? lg_slice(tape, theta, 0, bias, out) : LG_NONE;
+    }
+    LG_TRY(lg_tape_status(tape));
+    *vars = bound;
+    return LG_OK;
+}
+
+lg_var lg_mlp_apply_bound(lg_tape *tape, const lg_mlp *net, const lg_mlp_vars *vars, lg_var x) {
+    lg_var a = x;
+    for (uint32_t l = 0; l < net->layers; l++) {
+        const lg_activation kind = l + 1 < net->layers ? net->activation : LG_IDENTITY;
+        a = lg_dense(tape, a, vars->weight[l], vars->bias[l], kind);
+    }
+    return a;
+}
+
+lg_var lg_mlp_gradient_bound(lg_tape *tape, const lg_mlp *net, const lg_mlp_vars *vars, lg_var x) {
+    lg_var y = lg_mlp_apply_bound(tape, net, vars, x);
+    if (lg_mlp_outputs(net) > 1) y = lg_slice(tape, y, 1, 0, 1);
+    lg_var gradient = LG_NONE;
+    return lg_grad(tape, y, &x, 1, &gradient) == LG_OK ? gradient : LG_NONE;
+}
+
+lg_var lg_mlp_apply(lg_tape *tape, const lg_mlp *net, lg_var theta, size_t offset, lg_var x) {
+    lg_mlp_vars vars;
+    if (lg_mlp_bind(tape, net, theta, offset, &vars) != LG_OK) return LG_NONE;
+    return lg_mlp_apply_bound(tape, net, &vars, x);
+}

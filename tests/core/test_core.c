@@ -1,0 +1,707 @@
+/* The core room: status list, context and allocator, random numbers, worker threads, instruction sets.
+ * ctest-labels: threads isa */
+#include "test_support.h"
+
+#include <stdatomic.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <cblas.h>
+
+#include "core/core.h"
+#include "liegrad/random.h"
+#include "support/fail_alloc.h"
+#include "support/malloc_count.h"
+
+/* ---- status ---- */
+
+/* The values are part of the interface: written out here, so that a renumbered list turns this red. */
+static const struct {
+    lg_status status;
+    int value;
+    const char *name;
+} statuses[] = {
+    {LG_OK, 0, "OK"},
+    {LG_INVALID_ARGUMENT, 1, "INVALID_ARGUMENT"},
+    {LG_SHAPE, 2, "SHAPE"},
+    {LG_STALE_HANDLE, 3, "STALE_HANDLE"},
+    {LG_OUT_OF_MEMORY, 4, "OUT_OF_MEMORY"},
+    {LG_NOT_FINITE, 5, "NOT_FINITE"},
+    {LG_NO_CONVERGENCE, 6, "NO_CONVERGENCE"},
+    {LG_STEP_TOO_SMALL, 7, "STEP_TOO_SMALL"},
+    {LG_TOO_MANY_STEPS, 8, "TOO_MANY_STEPS"},
+    {LG_NOT_DIFFERENTIABLE, 9, "NOT_DIFFERENTIABLE"},
+    {LG_NOT_FOUND, 10, "NOT_FOUND"},
+    {LG_FILE, 11, "FILE"},
+    {LG_FORMAT, 12, "FORMAT"},
+    {LG_VERSION, 13, "VERSION"},
+    {LG_UNSUPPORTED, 14, "UNSUPPORTED"},
+    {LG_CANCELLED, 15, "CANCELLED"},
+    {LG_CHECK_FAILED, 16, "CHECK_FAILED"},
+};
+
+static void test_status_list(void **state) {
+    (void)state;
+#define COUNT_ONE(code, value, sentence) +1
+    assert_int_equal(LG_COUNT(statuses), 0 LG_STATUS_LIST(COUNT_ONE));
+#undef COUNT_ONE
+    for (size_t i = 0; i < LG_COUNT(statuses); i++) {
+        assert_int_equal(statuses[i].status, statuses[i].value);
+        assert_string_equal(lg_status_name(statuses[i].status), statuses[i].name);
+        const char *sentence = lg_status_sentence(statuses[i].status);
+        assert_true(strlen(sentence) > 4);
+        assert_string_not_equal(sentence, lg_status_sentence((lg_status)1000));
+        for (size_t j = 0; j < i; j++)
+            assert_string_not_equal(sentence, lg_status_sentence(statuses[j].status));
+    }
+}
+
+static void test_status_outside_the_list(void **state) {
+    (void)state;
+    assert_string_equal(lg_status_name((lg_status)1000), "UNKNOWN");
+    assert_non_null(lg_status_sentence((lg_status)1000));
+}
+
+static void test_fail_fills_the_message(void **state) {
+    (void)state;
+    lg_error error;
+    memset(&error, 'x', sizeof error);
+    assert_int_equal(lg_fail(&error, LG_SHAPE, "line %d", 7), LG_SHAPE);
+    assert_int_equal(error.status, LG_SHAPE);
+    assert_string_equal(error.message, "line 7");
+    assert_int_equal(lg_fail(NULL, LG_FILE, "nobody listens"), LG_FILE);
+
+    char longer[2 * sizeof error.message];
+    memset(longer, 'y', sizeof longer);
+    longer[sizeof longer - 1] = '\0';
+    (void)lg_fail(&error, LG_FILE, "%s", longer);
+    assert_int_equal(strlen(error.message), sizeof error.message - 1);
+}
+
+/* ---- context ---- */
+
+static void *refuse(void *user, size_t bytes) {
+    (void)user;
+    (void)bytes;
+    return NULL;
+}
+
+static void release_nothing(void *user, void *memory) {
+    (void)user;
+    (void)memory;
+}
+
+static void test_context_options_are_checked(void **state) {
+    (void)state;
+    lg_context_options good, options;
+    lg_context_options_init(&good);
+    assert_int_equal(good.size, sizeof good);
+    lg_context *const untouched = (lg_context *)(void *)&good;
+    lg_context *context = untouched;
+
+    options = good;
+    options.size = sizeof options - 1;
+    assert_status(lg_context_create(&options, &context), LG_INVALID_ARGUMENT);
+    options = good;
+    options.allocate = refuse;
+    assert_status(lg_context_create(&options, &context), LG_INVALID_ARGUMENT);
+    options = good;
+    options.release = release_nothing;
+    assert_status(lg_context_create(&options, &context), LG_INVALID_ARGUMENT);
+    options.allocate = refuse;
+    assert_status(lg_context_create(&options, &context), LG_OUT_OF_MEMORY);
+    assert_ptr_equal(context, untouched);
+
+    assert_ok(lg_context_create(&good, &context));
+    lg_context_destroy(context);
+    assert_ok(lg_context_create(NULL, &context));
+    lg_context_destroy(context);
+    lg_context_destroy(NULL);
+}
+
+static void check_memory(const lg_context *context) {
+    static const size_t counts[] = {0, 1, 3, 64, 1000, 100000};
+    for (size_t i = 0; i < LG_COUNT(counts); i++) {
+        unsigned char *memory = lg_alloc(context, counts[i], 3);
+        assert_non_null(memory);
+        assert_int_equal((uintptr_t)memory % LG_ALIGNMENT, 0);
+        for (size_t j = 0; j < 3 * counts[i]; j++) assert_int_equal(memory[j], 0);
+        if (counts[i] != 0) memset(memory, 0xff, 3 * counts[i]);
+        lg_free(context, memory);
+    }
+    /* count * size overflows, or comes near enough to the end for an allocator's own additions to overflow */
+    assert_null(lg_alloc(context, SIZE_MAX, 2));
+    assert_null(lg_alloc(context, 2, SIZE_MAX));
+    assert_null(lg_alloc(context, SIZE_MAX / 2 + 2, 2));
+    assert_null(lg_alloc(context, SIZE_MAX, 1));
+    lg_free(context, NULL);
+
+    char *copy = lg_strdup(context, "qp");
+    assert_string_equal(copy, "qp");
+    lg_free(context, copy);
+    copy = lg_strdup(context, "");
+    assert_string_equal(copy, "");
+    lg_free(context, copy);
+}
+
+static void test_memory(void **state) {
+    (void)state;
+    lg_context *context = NULL;
+    assert_ok(lg_context_create(NULL, &context));
+    check_memory(context);
+    check_memory(NULL);
+    lg_context_destroy(context);
+}
+
+static void test_memory_comes_from_the_context(void **state) {
+    (void)state;
+    lg_fail_alloc memory;
+    lg_context *context = lg_fail_alloc_context(&memory);
+    assert_non_null(context);
+    assert_int_equal(lg_fail_alloc_live(&memory), 1);
+    check_memory(context);
+    assert_int_equal(lg_fail_alloc_live(&memory), 1);
+    lg_context_destroy(context);
+    assert_int_equal(lg_fail_alloc_live(&memory), 0);
+}
+
+static void test_failing_allocations(void **state) {
+    (void)state;
+    lg_fail_alloc memory;
+    lg_context *context = lg_fail_alloc_context(&memory);
+    lg_fail_alloc_arm(&memory, 1);
+    assert_null(lg_alloc(context, 1, 1));
+    lg_fail_alloc_arm(&memory, 1);
+    assert_null(lg_strdup(context, "text"));
+    assert_int_equal(lg_fail_alloc_live(&memory), 0);
+
+    long failures = 0;
+    for (long n = 1;; n++, failures++) {
+        lg_pool *const untouched = (lg_pool *)(void *)&memory;
+        lg_pool *pool = untouched;
+        lg_fail_alloc_arm(&memory, n);
+        const lg_status status = lg_pool_create(context, 3, &pool);
+        if (!lg_fail_alloc_hit(&memory)) {
+            assert_int_equal(status, LG_OK);
+            lg_pool_destroy(pool);
+            assert_int_equal(lg_fail_alloc_live(&memory), 0);
+            break;
+        }
+        assert_int_equal(status, LG_OUT_OF_MEMORY);
+        assert_ptr_equal(pool, untouched);
+        assert_int_equal(lg_fail_alloc_live(&memory), 0);
+    }
+    assert_true(failures >= 1);
+    lg_context_destroy(context);
+}
+
+typedef struct heard {
+    int calls;
+    lg_log_level level;
+    char message[1024];
+} heard;
+
+static void hear(void *user, lg_log_level level, const char *message) {
+    heard *all = user;
+    all->calls++;
+    all->level = level;
+    (void)snprintf(all->message, sizeof all->message, "%s", message);
+}
+
+static void test_log_and_cancel(void **state) {
+    (void)state;
+    heard all = {0, LG_LOG_DEBUG, ""};
+    volatile int cancel = 0;
+    lg_context_options options;
+    lg_context_options_init(&options);
+    options.log = hear;
+    options.log_user = &all;
+    options.cancel = &cancel;
+    lg_context *context = NULL;
+    assert_ok(lg_context_create(&options, &context));
+
+    lg_log_message(context, LG_LOG_WARNING, "epoch %d", 12);
+    assert_int_equal(all.calls, 1);
+    assert_int_equal(all.level, LG_LOG_WARNING);
+    assert_string_equal(all.message, "epoch 12");
+    assert_false(lg_cancelled(context));
+    cancel = 1;
+    assert_true(lg_cancelled(context));
+    lg_context_destroy(context);
+
+    assert_ok(lg_context_create(NULL, &context));
+    lg_log_message(context, LG_LOG_ERROR, "nobody listens");
+    lg_log_message(NULL, LG_LOG_ERROR, "nobody listens");
+    assert_false(lg_cancelled(context));
+    assert_false(lg_cancelled(NULL));
+    assert_int_equal(all.calls, 1);
+    lg_context_destroy(context);
+}
+
+/* ---- random numbers ---- */
+
+/* The reference implementation's first outputs from the state 1, 2, 3, 4 (Blackman & Vigna 2018). */
+static void test_rng_reference_sequence(void **state) {
+    (void)state;
+    static const uint64_t expected[] = {
+        11520u,
+        0u,
+        1509978240u,
+        1215971899390074240u,
+        1216172134540287360u,
+        607988272756665600u,
+        16172922978634559625u,
+        8476171486693032832u,
+        10595114339597558777u,
+        2904607092377533576u,
+    };
+    lg_rng rng = {{1, 2, 3, 4}};
+    for (size_t i = 0; i < LG_COUNT(expected); i++) assert_true(lg_rng_next(&rng) == expected[i]);
+}
+
+/* Seeded sequences are recorded in files and reports: they may never change. */
+static void test_rng_seeded_sequence(void **state) {
+    (void)state;
+    static const struct {
+        uint64_t seed, stream, next[3];
+    } rows[] = {
+        {1, 0, {0xee127fe613436e33u, 0xd6dad8d34a1874eau, 0x2a52c16cec1116a9u}},
+        {1, 1, {0x550e4e55a37114ccu, 0xa645791d18940fddu, 0xebededf9628ebf4cu}},
+        {42, 7, {0x62737c38a122f17bu, 0xea6ebb82a9ba9dafu, 0xd441ca1af7a73d34u}},
+    };
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        lg_rng rng;
+        lg_rng_seed(&rng, rows[i].seed, rows[i].stream);
+        for (int j = 0; j < 3; j++) assert_true(lg_rng_next(&rng) == rows[i].next[j]);
+    }
+}
+
+static void test_rng_state_is_all_there_is(void **state) {
+    (void)state;
+    lg_rng rng;
+    lg_rng_seed(&rng, 3, 0);
+    (void)lg_rng_normal(&rng);
+    lg_rng copy = rng;
+    for (int i = 0; i < 100; i++) {
+        assert_true(lg_rng_normal(&rng) == lg_rng_normal(&copy));
+        assert_true(lg_rng_below(&rng, 77) == lg_rng_below(&copy, 77));
+    }
+}
+
+/* Outputs of all ones and all zeros: the ends of [0, 1). s[1] is the preimage of the output word. */
+static void test_rng_uniform_ends(void **state) {
+    (void)state;
+    uint64_t inverse5 = 1, inverse9 = 1;
+    for (int i = 0; i < 6; i++) { /* Newton's iteration modulo 2^64 */
+        inverse5 *= 2 - 5 * inverse5;
+        inverse9 *= 2 - 9 * inverse9;
+    }
+    const uint64_t rotated = UINT64_MAX * inverse9;
+    lg_rng rng = {{1, ((rotated >> 7) | (rotated << 57)) * inverse5, 2, 3}};
+    lg_rng copy = rng;
+    assert_true(lg_rng_next(&copy) == UINT64_MAX);
+    const double highest = lg_rng_uniform(&rng);
+    assert_true(highest < 1.0);
+    assert_close(highest, 1.0, 1e-15, 0.0);
+    rng = (lg_rng){{1, 0, 2, 3}};
+    assert_close(lg_rng_uniform(&rng), 0.0, 0.0, 0.0);
+}
+
+/* Moments of n samples: mean, variance, skewness, kurtosis, correlation of neighbours. */
+static void moments(const double *x, size_t n, double out[5]) {
+    double mean = 0, m2 = 0, m3 = 0, m4 = 0, lag = 0;
+    for (size_t i = 0; i < n; i++) mean += x[i] / (double)n;
+    for (size_t i = 0; i < n; i++) {
+        const double d = x[i] - mean;
+        m2 += d * d / (double)n;
+        m3 += d * d * d / (double)n;
+        m4 += d * d * d * d / (double)n;
+        if (i > 0) lag += d * (x[i - 1] - mean) / (double)n;
+    }
+    out[0] = mean;
+    out[1] = m2;
+    out[2] = m3 / (m2 * sqrt(m2));
+    out[3] = m4 / (m2 * m2);
+    out[4] = lag / m2;
+}
+
+enum { SAMPLES = 200000 };
+
+/* Five standard deviations of each estimate. */
+static void test_rng_distributions(void **state) {
+    (void)state;
+    const double root = 5.0 / sqrt((double)SAMPLES);
+    double *x = malloc(SAMPLES * sizeof *x), m[5];
+    assert_non_null(x);
+    for (uint64_t seed = 1; seed <= 3; seed++) {
+        lg_rng rng;
+        lg_rng_seed(&rng, seed, 0);
+        for (int i = 0; i < SAMPLES; i++) {
+            x[i] = lg_rng_uniform_in(&rng, -2.0, 4.0);
+            assert_true(x[i] >= -2.0 && x[i] <= 4.0);
+        }
+        moments(x, SAMPLES, m);
+        assert_close(m[0], 1.0, 0.0, root * sqrt(3.0));
+        assert_close(m[1], 3.0, 0.0, root * 3.0 * sqrt(0.8));
+        assert_close(m[2], 0.0, 0.0, root * 2.0);
+        assert_close(m[3], 1.8, 0.0, root * 2.0);
+        assert_close(m[4], 0.0, 0.0, root);
+
+        double inside = 0;
+        for (int i = 0; i < SAMPLES; i++) {
+            x[i] = lg_rng_normal(&rng);
+            inside += fabs(x[i]) < 1.0 ? 1.0 / SAMPLES : 0.0;
+        }
+        moments(x, SAMPLES, m);
+        assert_close(m[0], 0.0, 0.0, root);
+        assert_close(m[1], 1.0, 0.0, root * sqrt(2.0));
+        assert_close(m[2], 0.0, 0.0, root * sqrt(6.0));
+        assert_close(m[3], 3.0, 0.0, root * sqrt(24.0));
+        assert_close(m[4], 0.0, 0.0, root);
+        assert_close(inside, 0.68268949213708590, 0.0, root * 0.5);
+    }
+    free(x);
+}
+
+static void test_rng_streams_are_independent(void **state) {
+    (void)state;
+    lg_rng a, b, c;
+    lg_rng_seed(&a, 5, 0);
+    lg_rng_seed(&b, 5, 1);
+    lg_rng_seed(&c, 6, 0);
+    double ab = 0, ac = 0;
+    for (int i = 0; i < SAMPLES; i++) {
+        const double x = lg_rng_normal(&a);
+        ab += x * lg_rng_normal(&b) / SAMPLES;
+        ac += x * lg_rng_normal(&c) / SAMPLES;
+    }
+    assert_close(ab, 0.0, 0.0, 5.0 / sqrt((double)SAMPLES));
+    assert_close(ac, 0.0, 0.0, 5.0 / sqrt((double)SAMPLES));
+}
+
+static void test_rng_below(void **state) {
+    (void)state;
+    lg_rng rng;
+    lg_rng_seed(&rng, 8, 0);
+    assert_true(lg_rng_below(&rng, 0) == 0);
+    for (int i = 0; i < 100; i++) assert_true(lg_rng_below(&rng, 1) == 0);
+
+    double seen[6] = {0}, chi2 = 0;
+    for (int i = 0; i < SAMPLES; i++) {
+        const uint64_t k = lg_rng_below(&rng, 6);
+        assert_true(k < 6);
+        seen[k] += 1;
+    }
+    for (int k = 0; k < 6; k++) chi2 += pow(seen[k] - SAMPLES / 6.0, 2) / (SAMPLES / 6.0);
+    assert_true(chi2 < 35.0); /* 5 degrees of freedom: probability 1.5e-6 */
+
+    /* A remainder without rejection would give the lowest third of 3 * 2^62 half of the draws. */
+    const uint64_t third = (uint64_t)1 << 62;
+    double low = 0;
+    for (int i = 0; i < SAMPLES; i++) low += lg_rng_below(&rng, 3 * third) < third ? 1.0 / SAMPLES : 0.0;
+    assert_close(low, 1.0 / 3.0, 0.0, 5.0 * sqrt(2.0 / 9.0 / SAMPLES));
+}
+
+static void test_rng_shuffle(void **state) {
+    (void)state;
+    lg_rng rng;
+    lg_rng_seed(&rng, 9, 0);
+    lg_rng_shuffle(&rng, NULL, 0);
+    uint32_t one = 7;
+    lg_rng_shuffle(&rng, &one, 1);
+    assert_int_equal(one, 7);
+
+    uint32_t items[1000];
+    bool there[1000] = {false};
+    for (uint32_t i = 0; i < 1000; i++) items[i] = i;
+    lg_rng_shuffle(&rng, items, 1000);
+    int fixed = 0;
+    for (uint32_t i = 0; i < 1000; i++) {
+        assert_true(items[i] < 1000 && !there[items[i]]);
+        there[items[i]] = true;
+        fixed += items[i] == i;
+    }
+    assert_true(fixed < 12); /* Poisson with mean 1 */
+
+    /* All six orders of three are equally likely. */
+    double seen[27] = {0}, chi2 = 0;
+    int orders = 0;
+    for (int i = 0; i < SAMPLES; i++) {
+        uint32_t p[3] = {0, 1, 2};
+        lg_rng_shuffle(&rng, p, 3);
+        seen[9 * p[0] + 3 * p[1] + p[2]] += 1;
+    }
+    for (int k = 0; k < 27; k++)
+        if (seen[k] > 0) {
+            orders++;
+            chi2 += pow(seen[k] - SAMPLES / 6.0, 2) / (SAMPLES / 6.0);
+        }
+    assert_int_equal(orders, 6);
+    assert_true(chi2 < 35.0);
+}
+
+/* ---- worker threads ---- */
+
+typedef struct job {
+    atomic_int *runs; /* one a task */
+    double *results;
+    atomic_int inside;
+} job;
+
+static void square(void *user, size_t index) {
+    job *all = user;
+    atomic_fetch_add(&all->inside, 1);
+    atomic_fetch_add(&all->runs[index], 1);
+    all->results[index] = (double)index * (double)index;
+    atomic_fetch_sub(&all->inside, 1);
+}
+
+static void check_pool(int threads, size_t count, int rounds) {
+    lg_pool *pool = NULL;
+    assert_ok(lg_pool_create(NULL, threads, &pool));
+    job all = {calloc(count + 1, sizeof *all.runs), calloc(count + 1, sizeof *all.results), 0};
+    for (int round = 1; round <= rounds; round++) {
+        lg_pool_run(pool, count, square, &all);
+        assert_int_equal(atomic_load(&all.inside), 0);
+        for (size_t i = 0; i < count; i++) {
+            assert_int_equal(atomic_load(&all.runs[i]), round);
+            assert_close(all.results[i], (double)i * (double)i, 0.0, 0.0);
+            all.results[i] = -1.0;
+        }
+        assert_int_equal(atomic_load(&all.runs[count]), 0);
+    }
+    lg_pool_destroy(pool);
+    free(all.runs);
+    free(all.results);
+}
+
+static void test_pool_runs_every_task_once(void **state) {
+    (void)state;
+    for (int threads = 1; threads <= 8; threads++) {
+        check_pool(threads, 0, 3);
+        check_pool(threads, 1, 3);
+        check_pool(threads, 2, 100);
+        check_pool(threads, 1000, 3);
+    }
+    check_pool(2, 4, 5000);
+    check_pool(3, 2, 5000);
+}
+
+static void wait_for_all(void *user, size_t index) {
+    (void)index;
+    atomic_int *arrived = user;
+    atomic_fetch_add(arrived, 1);
+    const struct timespec pause = {0, 500000};
+    for (int i = 0; i < 20000 && atomic_load(arrived) < 3; i++) nanosleep(&pause, NULL);
+}
+
+/* Three tasks that wait for each other end only when three threads run them at the same time. */
+static void test_pool_is_parallel(void **state) {
+    (void)state;
+    lg_pool *pool = NULL;
+    assert_ok(lg_pool_create(NULL, 3, &pool));
+    atomic_int arrived = 0;
+    lg_pool_run(pool, 3, wait_for_all, &arrived);
+    assert_int_equal(atomic_load(&arrived), 3);
+    lg_pool_destroy(pool);
+}
+
+static void test_pool_bad_input(void **state) {
+    (void)state;
+    lg_pool *pool = NULL;
+    static const int bad[] = {0, -1, -2147483647, 1025};
+    for (size_t i = 0; i < LG_COUNT(bad); i++) {
+        assert_status(lg_pool_create(NULL, bad[i], &pool), LG_INVALID_ARGUMENT);
+        assert_null(pool);
+    }
+    lg_pool_destroy(NULL);
+}
+
+/* ---- instruction sets ---- */
+
+/* The choice is made once a process: each value of the variable is tried in a child. */
+static int isa_with(const char *asked) {
+    const pid_t child = fork();
+    if (child == 0) {
+        if (asked == NULL)
+            unsetenv("LIEGRAD_ISA");
+        else
+            setenv("LIEGRAD_ISA", asked, 1);
+        _exit((int)lg_isa_in_use());
+    }
+    int status = 0;
+    assert_true(child > 0 && waitpid(child, &status, 0) == child && WIFEXITED(status));
+    return WEXITSTATUS(status);
+}
+
+static void test_isa_choice(void **state) {
+    (void)state;
+    static const char *const names[LG_ISA_COUNT] = {"baseline", "avx2", "avx512"};
+    const int best = isa_with(NULL);
+    assert_in_range(best, 0, LG_ISA_COUNT - 1);
+    for (int isa = 0; isa < LG_ISA_COUNT; isa++) {
+        assert_string_equal(lg_isa_name((lg_isa)isa), names[isa]);
+        assert_int_equal(isa_with(names[isa]), isa <= best ? isa : best);
+    }
+    assert_int_equal(isa_with("sse9"), best);
+    assert_int_equal(isa_with(""), best);
+}
+
+static void test_isa_in_use_is_what_was_asked_for(void **state) {
+    (void)state;
+    const char *asked = getenv("LIEGRAD_ISA");
+    if (asked != NULL && isa_with(asked) == isa_with(NULL)) asked = NULL;
+    if (asked != NULL) assert_string_equal(lg_isa_name(lg_isa_in_use()), asked);
+    assert_int_equal(lg_isa_in_use(), lg_isa_in_use());
+}
+
+static void test_cpu_description(void **state) {
+    (void)state;
+    char text[256], part[8];
+    memset(text, 'x', sizeof text);
+    const int length = lg_cpu_describe(text, sizeof text);
+    assert_in_range(length, 10, sizeof text - 1);
+    assert_int_equal(strlen(text), length);
+    assert_non_null(strstr(text, lg_isa_name(lg_isa_in_use())));
+    assert_null(strchr(text, '\n'));
+    assert_int_equal(lg_cpu_describe(part, sizeof part), length);
+    assert_memory_equal(part, text, sizeof part - 1);
+    assert_int_equal(part[sizeof part - 1], '\0');
+    assert_int_equal(lg_cpu_describe(NULL, 0), length);
+}
+
+/* Runs last: it changes the process. OpenBLAS computes as before, in one thread; the environment is as it
+ * was. */
+static void test_runtime_setup(void **state) {
+    (void)state;
+    enum { N = 96 };
+    static double a[N * N], c[N * N];
+    const char *before = getenv("OPENBLAS_CORETYPE");
+    lg_runtime_setup();
+    lg_runtime_setup();
+    assert_true(getenv("OPENBLAS_CORETYPE") == before);
+    assert_int_equal(openblas_get_num_threads(), 1);
+    for (int i = 0; i < N * N; i++) a[i] = i % 7;
+    cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasTrans, N, N, N, 1.0, a, N, a, N, 0.0, c, N);
+    for (int i = 0; i < N; i++)
+        for (int j = 0; j < N; j++) {
+            double sum = 0;
+            for (int k = 0; k < N; k++) sum += a[i * N + k] * a[j * N + k];
+            assert_close(c[i * N + j], sum, 0.0, 0.0); /* small integers: exact in any order */
+        }
+}
+
+static void test_version(void **state) {
+    (void)state;
+    assert_string_equal(lg_version(), LG_VERSION_STRING);
+}
+
+/* ---- the tests' own instruments ---- */
+
+static void take_and_give_back(void) {
+    void *volatile memory = malloc(100);
+    memory = realloc(memory, 200);
+    free(memory);
+    memory = calloc(3, 7);
+    free(memory);
+    void *aligned = NULL;
+    assert_int_equal(posix_memalign(&aligned, 64, 100), 0);
+    assert_int_equal((uintptr_t)aligned % 64, 0);
+    free(aligned);
+    memory = aligned_alloc(64, 128);
+    free(memory);
+}
+
+static void test_counting(void **state) {
+    (void)state;
+    if (!lg_count_available()) skip();
+    lg_count_begin();
+    take_and_give_back();
+    lg_counts used = lg_count_end();
+    assert_int_equal(used.allocations, 5);
+    assert_int_equal(used.releases, 4);
+
+    lg_rng rng;
+    lg_rng_seed(&rng, 1, 0);
+    assert_no_malloc_no_lock((void)lg_rng_normal(&rng));
+    take_and_give_back(); /* outside of a region: not counted */
+    used = lg_count_end();
+    assert_int_equal(used.allocations, 0);
+
+    lg_pool *pool = NULL;
+    lg_count_begin();
+    assert_ok(lg_pool_create(NULL, 2, &pool));
+    used = lg_count_end();
+    assert_true(used.allocations >= 2);
+    atomic_int runs[4] = {0};
+    double results[4];
+    job all = {runs, results, 0};
+    lg_count_begin();
+    lg_pool_run(pool, 4, square, &all);
+    used = lg_count_end();
+    assert_int_equal(used.allocations, 0);
+    assert_true(used.locks >= 1);
+    lg_pool_destroy(pool);
+}
+
+/* OpenBLAS allocates or locks in a product: a counter that does not see it would prove nothing. */
+static void test_counting_sees_openblas(void **state) {
+    (void)state;
+    if (!lg_count_available()) skip();
+    enum { N = 128 };
+    static double a[N * N], b[N * N], c[N * N];
+    for (int i = 0; i < N * N; i++) a[i] = b[i] = 1.0;
+    cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, N, N, N, 1.0, a, N, b, N, 0.0, c, N);
+    lg_count_begin();
+    cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, N, N, N, 1.0, a, N, b, N, 0.0, c, N);
+    const lg_counts used = lg_count_end();
+    assert_close(c[0], N, 0.0, 0.0);
+    assert_true(used.allocations + used.locks > 0);
+}
+
+/* The comparison that every test stands on: NaN is never close, not even to NaN. */
+static void test_closeness(void **state) {
+    (void)state;
+    assert_true(lg_is_close(1.0, 1.0 + 1e-12, 1e-11, 0.0));
+    assert_false(lg_is_close(1.0, 1.0 + 1e-10, 1e-11, 0.0));
+    assert_false(lg_is_close(NAN, 1.0, 1.0, 1.0));
+    assert_false(lg_is_close(1.0, NAN, 1.0, 1.0));
+    assert_false(lg_is_close(NAN, NAN, 1.0, 1.0));
+    assert_true(lg_is_close(INFINITY, INFINITY, 0.0, 0.0));
+    assert_false(lg_is_close(1.0, INFINITY, 1.0, 1.0));
+    assert_false(lg_is_close(-INFINITY, INFINITY, 1.0, 1.0));
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_isa_choice),
+        cmocka_unit_test(test_isa_in_use_is_what_was_asked_for),
+        cmocka_unit_test(test_status_list),
+        cmocka_unit_test(test_status_outside_the_list),
+        cmocka_unit_test(test_fail_fills_the_message),
+        cmocka_unit_test(test_context_options_are_checked),
+        cmocka_unit_test(test_memory),
+        cmocka_unit_test(test_memory_comes_from_the_context),
+        cmocka_unit_test(test_failing_allocations),
+        cmocka_unit_test(test_log_and_cancel),
+        cmocka_unit_test(test_rng_reference_sequence),
+        cmocka_unit_test(test_rng_seeded_sequence),
+        cmocka_unit_test(test_rng_state_is_all_there_is),
+        cmocka_unit_test(test_rng_uniform_ends),
+        cmocka_unit_test(test_rng_distributions),
+        cmocka_unit_test(test_rng_streams_are_independent),
+        cmocka_unit_test(test_rng_below),
+        cmocka_unit_test(test_rng_shuffle),
+        cmocka_unit_test(test_pool_runs_every_task_once),
+        cmocka_unit_test(test_pool_is_parallel),
+        cmocka_unit_test(test_pool_bad_input),
+        cmocka_unit_test(test_version),
+        cmocka_unit_test(test_counting),
+        cmocka_unit_test(test_counting_sees_openblas),
+        cmocka_unit_test(test_cpu_description),
+        cmocka_unit_test(test_closeness),
+        cmocka_unit_test(test_runtime_setup),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

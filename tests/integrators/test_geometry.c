@@ -1,0 +1,306 @@
+/* SO(3) and SE(3): group axioms, generators, dexp and dexpinv against series and against each other. */
+#include "test_support.h"
+
+#include "liegrad/geometry.h"
+#include "liegrad/integrators.h"
+#include "liegrad/random.h"
+
+#define PI 3.14159265358979323846
+
+static void random_vector(lg_rng *rng, int n, double *x) {
+    for (int i = 0; i < n; i++) x[i] = lg_rng_uniform_in(rng, -1.0, 1.0);
+}
+
+/* a with |u| = angle and, in general, rho = u.v != 0 */
+static void random_algebra(lg_rng *rng, double angle, double *a) {
+    random_vector(rng, 6, a);
+    const double norm = sqrt(lg_dot3(a, a));
+    for (int i = 0; i < 3; i++) a[i] *= angle / norm;
+}
+
+static const double angles[] = {0.0, 1e-160, 1e-9, 1e-4, 0.1, 1.0, 2.0, 3.0, PI, 4.0};
+#define ANGLES (sizeof(angles) / sizeof(angles[0]))
+
+static void assert_same(const double *x, const double *e, int n, double tolerance) {
+    for (int i = 0; i < n; i++) assert_close(x[i], e[i], 0.0, tolerance);
+}
+
+/* sum_n coefficient(n) ad_a^n b, in long double; coefficient 1/(n+1)! is dexp. */
+static void dexp_series(const double *a, const double *b, double *out) {
+    long double term[6], next[6], sum[6];
+    for (int i = 0; i < 6; i++) sum[i] = term[i] = b[i];
+    for (int n = 1; n < 90; n++) {
+        for (int part = 0; part < 2; part++)
+            for (int i = 0; i < 3; i++) {
+                const int j = (i + 1) % 3, k = (i + 2) % 3;
+                next[3 * part + i] = a[j] * term[3 * part + k] - a[k] * term[3 * part + j];
+                if (part == 1) next[3 + i] += a[3 + j] * term[k] - a[3 + k] * term[j];
+            }
+        for (int i = 0; i < 6; i++) {
+            term[i] = next[i] / (n + 1);
+            sum[i] += term[i];
+        }
+    }
+    for (int i = 0; i < 6; i++) out[i] = (double)sum[i];
+}
+
+static void test_exp_is_a_rotation(void **state) {
+    (void)state;
+    lg_rng rng;
+    lg_rng_seed(&rng, 1, 0);
+    for (size_t n = 0; n < ANGLES; n++) {
+        double a[6], R[9], r[3], q[3], rq[3];
+        random_algebra(&rng, angles[n], a);
+        random_vector(&rng, 3, q);
+        lg_se3_exp(a, R, r);
+        for (int i = 0; i < 3; i++)
+            for (int j = 0; j < 3; j++) assert_close(lg_dot3(R + 3 * i, R + 3 * j), i == j, 0.0, 4e-15);
+        double c[3];
+        lg_cross3(R, R + 3, c);
+        assert_same(c, R + 6, 3, 4e-15); /* det = +1 */
+        assert_close(R[0] + R[4] + R[8], 1.0 + 2.0 * cos(angles[n]), 0.0, 4e-15);
+        lg_so3_exp_act(a, q, rq);
+        for (int i = 0; i < 3; i++) assert_close(rq[i], lg_dot3(R + 3 * i, q), 0.0, 4e-15);
+    }
+    const double quarter[3] = {0.0, 0.0, PI / 2}, e1[3] = {1.0, 0.0, 0.0}, e2[3] = {0.0, 1.0, 0.0};
+    double out[3];
+    lg_so3_exp_act(quarter, e1, out); /* counterclockwise: hat(a) b = a x b */
+    assert_same(out, e2, 3, 4e-16);
+}
+
+/* exp((s + t) a) = exp(s a) exp(t a), exp(0) = 1, exp(-a) exp(a) = 1, and the action is that of (R, r). */
+static void test_action_axioms(void **state) {
+    (void)state;
+    lg_rng rng;
+    lg_rng_seed(&rng, 2, 0);
+    for (size_t n = 0; n < ANGLES; n++) {
+        double a[6], part[6], rest[6], y[6], whole[6], steps[6], R[9], r[3], rq[3];
+        random_algebra(&rng, angles[n], a);
+        random_vector(&rng, 6, y);
+        for (int i = 0; i < 6; i++) {
+            part[i] = 0.3 * a[i];
+            rest[i] = 0.7 * a[i];
+        }
+        lg_se3_exp_act(a, y, whole);
+        lg_se3_exp_act(part, y, steps);
+        lg_se3_exp_act(rest, steps, steps); /* out is an input */
+        assert_same(steps, whole, 6, 2e-15);
+        lg_se3_exp(a, R, r);
+        for (int i = 0; i < 3; i++) steps[i] = lg_dot3(R + 3 * i, y);
+        lg_cross3(r, steps, rq);
+        for (int i = 0; i < 3; i++) steps[3 + i] = lg_dot3(R + 3 * i, y + 3) + rq[i];
+        assert_same(steps, whole, 6, 8e-15);
+        for (int i = 0; i < 6; i++) part[i] = -a[i];
+        lg_se3_exp_act(part, whole, steps);
+        assert_same(steps, y, 6, 8e-15);
+        assert_close(lg_dot3(whole, whole + 3), lg_dot3(y, y + 3), 0.0, 8e-15);
+        assert_close(lg_dot3(whole, whole), lg_dot3(y, y), 0.0, 8e-15);
+    }
+    const double zero[6] = {0};
+    double y[6] = {1, 2, 3, 4, 5, 6}, out[6];
+    lg_se3_exp_act(zero, y, out);
+    assert_memory_equal(out, y, sizeof(y));
+}
+
+static void test_generator_is_the_derivative(void **state) {
+    (void)state;
+    lg_rng rng;
+    lg_rng_seed(&rng, 3, 0);
+    double a[6], y[6], g[6], plus[6], minus[6], da[6];
+    random_algebra(&rng, 1.0, a);
+    random_vector(&rng, 6, y);
+    lg_se3_generator(a, y, g);
+    for (int i = 0; i < 6; i++) da[i] = 1e-5 * a[i];
+    lg_se3_exp_act(da, y, plus);
+    for (int i = 0; i < 6; i++) da[i] = -da[i];
+    lg_se3_exp_act(da, y, minus);
+    for (int i = 0; i < 6; i++) assert_close((plus[i] - minus[i]) / 2e-5, g[i], 0.0, 1e-9);
+}
+
+static void test_bracket(void **state) {
+    (void)state;
+    lg_rng rng;
+    lg_rng_seed(&rng, 4, 0);
+    double a[6], b[6], c[6], x[6], sum[6] = {0}, y[6], ab[6], ba[6], bracket[6];
+    random_vector(&rng, 6, a);
+    random_vector(&rng, 6, b);
+    random_vector(&rng, 6, c);
+    random_vector(&rng, 6, y);
+    const double *cycle[5] = {a, b, c, a, b};
+    for (int n = 0; n < 3; n++) { /* Jacobi */
+        lg_se3_bracket(cycle[n + 1], cycle[n + 2], x);
+        lg_se3_bracket(cycle[n], x, x);
+        for (int i = 0; i < 6; i++) sum[i] += x[i];
+    }
+    for (int i = 0; i < 6; i++) assert_close(sum[i], 0.0, 0.0, 1e-15);
+    lg_se3_bracket(a, b, x);
+    lg_se3_bracket(b, a, sum);
+    for (int i = 0; i < 6; i++) assert_close(x[i], -sum[i], 0.0, 0.0);
+    /* A left action is linear on the state here: the bracket is the commutator of the generators. */
+    lg_se3_generator(b, y, ab);
+    lg_se3_generator(a, ab, ab);
+    lg_se3_generator(a, y, ba);
+    lg_se3_generator(b, ba, ba);
+    lg_se3_bracket(a, b, x);
+    lg_se3_generator(x, y, bracket);
+    for (int i = 0; i < 6; i++) assert_close(ab[i] - ba[i], bracket[i], 0.0, 2e-15);
+}
+
+static void test_dexp_against_series(void **state) {
+    (void)state;
+    lg_rng rng;
+    lg_rng_seed(&rng, 5, 0);
+    for (size_t n = 0; n < ANGLES; n++) {
+        double a[6], b[6], x[6], e[6];
+        random_algebra(&rng, angles[n], a);
+        random_vector(&rng, 6, b);
+        dexp_series(a, b, e);
+        lg_se3_dexp(a, b, x);
+        assert_same(x, e, 6, 8e-15);
+        lg_so3_dexp(a, b, x);
+        assert_same(x, e, 3, 8e-15);
+        if (angles[n] >= 3.0) assert_true(fabs(lg_dot3(a, a + 3)) > 1e-2); /* rho matters */
+    }
+}
+
+static void test_dexpinv_is_the_inverse(void **state) {
+    (void)state;
+    lg_rng rng;
+    lg_rng_seed(&rng, 6, 0);
+    for (int repeat = 0; repeat < 10; repeat++) {
+        for (size_t n = 0; n < ANGLES; n++) {
+            double a[6], b[6], x[6];
+            random_algebra(&rng, angles[n], a);
+            random_vector(&rng, 6, b);
+            dexp_series(a, b, x);
+            lg_se3_dexpinv(a, x, x);
+            assert_same(x, b, 6, 2e-14);
+            lg_so3_dexp(a, b, x);
+            lg_so3_dexpinv(a, x, x);
+            assert_same(x, b, 3, 1e-14);
+        }
+    }
+}
+
+/* |A| about 3 and rho != 0: without the term in gt2, which no order test sees, this is off by more than 1e-3. */
+static void test_dexpinv_sees_gt2(void **state) {
+    (void)state;
+    const double a[6] = {1.8, -1.7, 1.6, 0.9, 0.8, 0.7}, b[6] = {0.3, 0.5, -0.4, 0.2, -0.1, 0.6};
+    double x[6], y[6], ab[3], aab[3];
+    assert_true(fabs(sqrt(lg_dot3(a, a)) - 3.0) < 0.1 && lg_dot3(a, a + 3) > 1.0);
+    dexp_series(a, b, x);
+    lg_se3_dexpinv(a, x, y);
+    assert_same(y, b, 6, 5e-15);
+    lg_cross3(a, x, ab);
+    lg_cross3(a, ab, aab);
+    const double w = lg_dot3(a, a), h = 1e-4;
+    const double g[2] = {(1.0 - sqrt(w + h) / 2 / tan(sqrt(w + h) / 2)) / (w + h),
+                         (1.0 - sqrt(w - h) / 2 / tan(sqrt(w - h) / 2)) / (w - h)};
+    const double term = lg_dot3(a, a + 3) * 2.0 * (g[0] - g[1]) / (2.0 * h) * aab[1];
+    assert_true(fabs(term) > 1e-3);
+}
+
+/* Near 2 pi the pole of dexpinv is in the map; exp and dexp stay right. */
+static void test_near_two_pi(void **state) {
+    (void)state;
+    double a[6] = {0, 0, 2.0 * PI, 0.3, -0.2, 0.1}, y[6] = {0.6, 0.0, 0.8, 0.8, 0.5, -0.6}, out[6], e[6];
+    lg_so3_exp_act(a, y, out);
+    assert_same(out, y, 3, 2e-15);
+    a[2] = 2.0 * PI - 1e-3;
+    dexp_series(a, y, e);
+    lg_se3_dexp(a, y, out);
+    assert_same(out, e, 6, 1e-14);
+    lg_se3_dexpinv(a, out, out);
+    assert_same(out, y, 3, 1e-11); /* condition number 1e3 for the rotation, */
+    assert_same(out, y, 6, 1e-8);  /* 1e6 for the rest: the pole of gt2 is double */
+}
+
+static void test_truncations_approach_the_closed_form(void **state) {
+    (void)state;
+    lg_space space;
+    const lg_space_factor factors[] = {{LG_SPACE_RN, 2}, {LG_SPACE_TS2, 1}};
+    assert_ok(lg_space_init(&space, factors, 2));
+    lg_rng rng;
+    lg_rng_seed(&rng, 7, 0);
+    double a[8], b[8], exact[8], x[8], previous = INFINITY;
+    random_vector(&rng, 8, a);
+    random_vector(&rng, 8, b);
+    random_algebra(&rng, 0.5, a + 2);
+    lg_space_dexpinv(&space, LG_DEXPINV_EXACT, a, b, exact);
+    for (int K = 0; K <= LG_DEXPINV_MAX; K += 2) {
+        double error = 0.0;
+        lg_space_dexpinv(&space, K, a, b, x);
+        for (int i = 0; i < 8; i++) error = fmax(error, fabs(x[i] - exact[i]));
+        assert_true(error < 0.2 * previous); /* (|u|/2 pi)^2 = 0.006 a term, less what rho adds */
+        assert_true(x[0] == b[0] && x[1] == b[1]);
+        previous = error;
+    }
+    assert_true(previous < 1e-12);
+    lg_space_dexpinv(&space, 2, a, b, exact);
+    lg_space_dexpinv(&space, 3, a, b, x);
+    assert_memory_equal(x, exact, sizeof(x)); /* the third Bernoulli number is 0 */
+}
+
+static void test_space_products(void **state) {
+    (void)state;
+    lg_space space;
+    const lg_space_factor factors[] = {{LG_SPACE_TS2, 2}, {LG_SPACE_RN, 3}};
+    assert_ok(lg_space_init(&space, factors, 2));
+    assert_true(space.dim == 15 && space.algebra_dim == 15 && !lg_space_is_abelian(&space));
+    double a[15], y[15], out[15], bracket[15];
+    lg_rng rng;
+    lg_rng_seed(&rng, 8, 0);
+    random_vector(&rng, 15, a);
+    random_vector(&rng, 15, y);
+    lg_space_project(&space, y);
+    assert_true(lg_space_manifold_error(&space, y) <= 4e-16);
+    lg_space_act(&space, a, y, out);
+    assert_true(lg_space_manifold_error(&space, out) <= 2e-15);
+    for (int i = 12; i < 15; i++) assert_true(out[i] == y[i] + a[i]);
+    double second[6];
+    lg_se3_exp_act(a + 6, y + 6, second);
+    assert_memory_equal(out + 6, second, sizeof(second));
+    lg_space_bracket(&space, a, y, bracket);
+    for (int i = 12; i < 15; i++) assert_true(bracket[i] == 0.0);
+    assert_close(lg_space_angle(&space, a), sqrt(fmax(lg_dot3(a, a), lg_dot3(a + 6, a + 6))), 1e-15, 0.0);
+    y[7] = NAN;
+    assert_true(isnan(lg_space_manifold_error(&space, y)));
+    a[6] = NAN;
+    assert_true(isnan(lg_space_angle(&space, a)));
+    y[6] *= 2.0;
+    lg_space_generator(&space, a, y, out);
+    assert_true(out[12] == a[12]);
+}
+
+static void test_bad_spaces(void **state) {
+    (void)state;
+    lg_space space = {.dim = 77};
+    const lg_space_factor zero = {LG_SPACE_TS2, 0}, unknown = {LG_SPACE_KINDS, 1}, huge = {LG_SPACE_RN, SIZE_MAX};
+    const lg_space_factor many[LG_SPACE_MAX_FACTORS + 1] = {{LG_SPACE_RN, 1}};
+    assert_status(lg_space_init(&space, &zero, 1), LG_INVALID_ARGUMENT);
+    assert_status(lg_space_init(&space, &unknown, 1), LG_INVALID_ARGUMENT);
+    assert_status(lg_space_init(&space, &huge, 1), LG_INVALID_ARGUMENT);
+    assert_status(lg_space_init(&space, many, LG_SPACE_MAX_FACTORS + 1), LG_INVALID_ARGUMENT);
+    assert_status(lg_space_init(&space, &zero, 0), LG_INVALID_ARGUMENT);
+    assert_status(lg_space_init(&space, NULL, 1), LG_INVALID_ARGUMENT);
+    assert_status(lg_space_init_rn(&space, 0), LG_INVALID_ARGUMENT);
+    assert_true(space.dim == 77);
+    assert_null(lg_space_kind_row(LG_SPACE_KINDS));
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_exp_is_a_rotation),
+        cmocka_unit_test(test_action_axioms),
+        cmocka_unit_test(test_generator_is_the_derivative),
+        cmocka_unit_test(test_bracket),
+        cmocka_unit_test(test_dexp_against_series),
+        cmocka_unit_test(test_dexpinv_is_the_inverse),
+        cmocka_unit_test(test_dexpinv_sees_gt2),
+        cmocka_unit_test(test_near_two_pi),
+        cmocka_unit_test(test_truncations_approach_the_closed_form),
+        cmocka_unit_test(test_space_products),
+        cmocka_unit_test(test_bad_spaces),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

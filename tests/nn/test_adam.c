@@ -1,0 +1,139 @@
+/* Adam against its definition and against steps that can be worked out by hand; clipping; schedules. */
+#include "nn_support.h"
+
+#define N 3
+
+/* Algorithm 1 of Kingma & Ba with L2 (the gradient gets decay theta) or decoupled decay. */
+static void reference(const lg_adam_options *o, int step, double rate, double clip, const double *gradient, double *m,
+                      double *v, double *theta) {
+    const double lr = o->lr * rate;
+    for (int i = 0; i < N; i++) {
+        double g = clip * gradient[i];
+        if (!o->decoupled) g += o->weight_decay * theta[i];
+        m[i] = o->beta1 * m[i] + (1.0 - o->beta1) * g;
+        v[i] = o->beta2 * v[i] + (1.0 - o->beta2) * g * g;
+        const double m_hat = m[i] / (1.0 - pow(o->beta1, step)), v_hat = v[i] / (1.0 - pow(o->beta2, step));
+        const double decay = o->decoupled ? lr * o->weight_decay * theta[i] : 0.0;
+        theta[i] -= decay + lr * m_hat / (sqrt(v_hat) + o->eps);
+    }
+}
+
+static void compare_with_reference(bool decoupled, double decay) {
+    lg_adam_options o = lg_adam_defaults();
+    o.lr = 0.05;
+    o.weight_decay = decay;
+    o.decoupled = decoupled;
+    double theta[N] = {1.0, -2.0, 0.5}, m[N] = {0}, v[N] = {0};
+    double theta_e[N] = {1.0, -2.0, 0.5}, m_e[N] = {0}, v_e[N] = {0};
+    float theta_f[N] = {1.0f, -2.0f, 0.5f}, m_f[N] = {0}, v_f[N] = {0}, g_f[N];
+    for (int step = 1; step <= 20; step++) {
+        const double rate = 1.0 / step, clip = step % 3 == 0 ? 0.5 : 1.0;
+        double g[N];
+        for (int i = 0; i < N; i++) g_f[i] = (float)(g[i] = theta_e[i] * theta_e[i] - 0.3 * step + i);
+        lg_adam_step(&o, LG_F64, (uint64_t)step, rate, clip, N, g, m, v, theta);
+        lg_adam_step(&o, LG_F32, (uint64_t)step, rate, clip, N, g_f, m_f, v_f, theta_f);
+        reference(&o, step, rate, clip, g, m_e, v_e, theta_e);
+        for (int i = 0; i < N; i++) {
+            assert_close(theta[i], theta_e[i], 1e-14, 1e-15);
+            assert_close(m[i], m_e[i], 1e-14, 1e-15);
+            assert_close(v[i], v_e[i], 1e-14, 1e-15);
+            assert_close(theta_f[i], theta_e[i], 1e-4, 1e-5);
+        }
+    }
+}
+
+static void test_sequence(void **state) {
+    (void)state;
+    compare_with_reference(false, 0.0);
+    compare_with_reference(false, 0.1);
+    compare_with_reference(true, 0.1);
+}
+
+/* With a constant gradient m_hat = g and v_hat = g^2 in every step, so a step is lr g/(|g| + eps). */
+static void test_constant_gradient(void **state) {
+    (void)state;
+    lg_adam_options o = lg_adam_defaults();
+    assert_close(o.lr, 1e-3, 0.0, 0.0);
+    assert_close(o.eps, 1e-8, 0.0, 0.0);
+    o.eps = 0.5;
+    const double g[N] = {2.0, -0.25, 0.0};
+    double theta[N] = {1.0, 1.0, 1.0}, m[N] = {0}, v[N] = {0};
+    for (int step = 1; step <= 7; step++) {
+        lg_adam_step(&o, LG_F64, (uint64_t)step, 2.0, 1.0, N, g, m, v, theta);
+        assert_close(theta[0], 1.0 - step * 2e-3 * 2.0 / 2.5, 1e-14, 0.0);
+        assert_close(theta[1], 1.0 + step * 2e-3 * 0.25 / 0.75, 1e-14, 0.0);
+        assert_close(theta[2], 1.0, 0.0, 0.0);
+    }
+}
+
+/* Without a gradient decoupled decay multiplies by 1 - lr decay, L2 walks with unit speed towards zero. */
+static void test_decay_forms(void **state) {
+    (void)state;
+    lg_adam_options o = lg_adam_defaults();
+    o.lr = 0.01;
+    o.weight_decay = 0.5;
+    o.eps = 1e-300;
+    const double g[N] = {0};
+    double l2[N] = {4.0, -8.0, 1.0}, m[N] = {0}, v[N] = {0};
+    lg_adam_step(&o, LG_F64, 1, 1.0, 1.0, N, g, m, v, l2);
+    assert_close(l2[0], 3.99, 1e-14, 0.0);
+    assert_close(l2[1], -7.99, 1e-14, 0.0);
+    assert_close(l2[2], 0.99, 1e-14, 0.0);
+    o.decoupled = true;
+    double free_[N] = {4.0, -8.0, 1.0}, m0[N] = {0}, v0[N] = {0};
+    o.eps = 1e-8;
+    lg_adam_step(&o, LG_F64, 1, 1.0, 1.0, N, g, m0, v0, free_);
+    assert_close(free_[0], 4.0 * 0.995, 1e-15, 0.0);
+    assert_close(free_[1], -8.0 * 0.995, 1e-15, 0.0);
+    assert_close(m0[0], 0.0, 0.0, 0.0);
+}
+
+static void test_clipping(void **state) {
+    (void)state;
+    const double g[N] = {2.0, -3.0, 6.0};
+    const float f[N] = {2.0f, -3.0f, 6.0f};
+    assert_close(lg_gradient_norm(LG_F64, N, g), 7.0, 1e-15, 0.0);
+    assert_close(lg_gradient_norm(LG_F32, N, f), 7.0, 1e-15, 0.0);
+    assert_close(lg_clip_factor(7.0, 3.5), 0.5, 0.0, 0.0);
+    assert_close(lg_clip_factor(7.0, 7.0), 1.0, 0.0, 0.0);
+    assert_close(lg_clip_factor(7.0, 8.0), 1.0, 0.0, 0.0);
+    assert_close(lg_clip_factor(7.0, 0.0), 1.0, 0.0, 0.0);
+    assert_close(lg_clip_factor(0.0, 1.0), 1.0, 0.0, 0.0);
+    /* squares that overflow a float */
+    const float large[2] = {3e30f, 4e30f};
+    assert_close(lg_gradient_norm(LG_F32, 2, large), 5e30, 1e-6, 0.0);
+}
+
+static void test_schedules(void **state) {
+    (void)state;
+    lg_schedule s = {.kind = LG_SCHEDULE_CONSTANT};
+    assert_close(lg_schedule_rate(&s, 17, 20), 1.0, 0.0, 0.0);
+    s = (lg_schedule){.kind = LG_SCHEDULE_STEP, .every = 10, .gamma = 0.5};
+    assert_close(lg_schedule_rate(&s, 0, 100), 1.0, 0.0, 0.0);
+    assert_close(lg_schedule_rate(&s, 9, 100), 1.0, 0.0, 0.0);
+    assert_close(lg_schedule_rate(&s, 10, 100), 0.5, 1e-15, 0.0);
+    assert_close(lg_schedule_rate(&s, 39, 100), 0.125, 1e-15, 0.0);
+    s = (lg_schedule){.kind = LG_SCHEDULE_COSINE, .floor = 0.1};
+    assert_close(lg_schedule_rate(&s, 0, 12), 1.0, 1e-15, 0.0);
+    assert_close(lg_schedule_rate(&s, 4, 12), 0.1 + 0.9 * 0.75, 1e-14, 0.0); /* cos(pi/3) = 1/2 */
+    assert_close(lg_schedule_rate(&s, 6, 12), 0.55, 1e-14, 0.0);
+    assert_close(lg_schedule_rate(&s, 12, 12), 0.1, 0.0, 0.0);
+    assert_close(lg_schedule_rate(&s, 99, 12), 0.1, 0.0, 0.0);
+    for (int i = 0; i < LG_SCHEDULE_COUNT; i++) {
+        lg_schedule_kind kind;
+        assert_ok(lg_schedule_parse(lg_schedule_name((lg_schedule_kind)i), &kind));
+        assert_int_equal(kind, i);
+    }
+    lg_schedule_kind kind = LG_SCHEDULE_STEP;
+    assert_status(lg_schedule_parse("linear", &kind), LG_NOT_FOUND);
+    assert_int_equal(kind, LG_SCHEDULE_STEP);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_sequence),     cmocka_unit_test(test_constant_gradient),
+        cmocka_unit_test(test_decay_forms),  cmocka_unit_test(test_clipping),
+        cmocka_unit_test(test_schedules),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

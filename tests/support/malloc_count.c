@@ -1,0 +1,118 @@
+/* RTLD_NEXT is a GNU name. */
+#define _GNU_SOURCE
+#include "support/malloc_count.h"
+
+#include <dlfcn.h>
+#include <errno.h>
+#include <pthread.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__) || !defined(__GLIBC__)
+
+bool lg_count_available(void) {
+    return false;
+}
+void lg_count_begin(void) {
+}
+lg_counts lg_count_end(void) {
+    return (lg_counts){0, 0, 0};
+}
+
+#else
+
+static _Atomic int counting;
+static _Atomic unsigned long allocations, releases, locks;
+
+bool lg_count_available(void) {
+    return true;
+}
+
+void lg_count_begin(void) {
+    allocations = releases = locks = 0;
+    counting = 1;
+}
+
+lg_counts lg_count_end(void) {
+    counting = 0;
+    return (lg_counts){allocations, releases, locks};
+}
+
+/* Other libraries must find these definitions: they may not be hidden, as the project's symbols otherwise
+ * are. */
+#pragma GCC visibility push(default)
+
+/* glibc's own, under the names that it keeps for those who stand before it. */
+void *__libc_malloc(size_t bytes);
+void *__libc_calloc(size_t count, size_t bytes);
+void *__libc_realloc(void *memory, size_t bytes);
+void *__libc_memalign(size_t alignment, size_t bytes);
+void __libc_free(void *memory);
+void *memalign(size_t alignment, size_t bytes);
+
+#define TAKES(counter)                                                                                       \
+    do {                                                                                                     \
+        if (counting) counter++;                                                                             \
+    } while (0)
+
+void *malloc(size_t bytes) {
+    TAKES(allocations);
+    return __libc_malloc(bytes);
+}
+
+void *calloc(size_t count, size_t bytes) {
+    TAKES(allocations);
+    return __libc_calloc(count, bytes);
+}
+
+void *realloc(void *memory, size_t bytes) {
+    TAKES(allocations);
+    return __libc_realloc(memory, bytes);
+}
+
+void *memalign(size_t alignment, size_t bytes) {
+    TAKES(allocations);
+    return __libc_memalign(alignment, bytes);
+}
+
+void *aligned_alloc(size_t alignment, size_t bytes) {
+    TAKES(allocations);
+    return __libc_memalign(alignment, bytes);
+}
+
+int posix_memalign(void **out, size_t alignment, size_t bytes) {
+    TAKES(allocations);
+    if (alignment < sizeof(void *) || (alignment & (alignment - 1)) != 0) return EINVAL;
+    void *memory = __libc_memalign(alignment, bytes);
+    if (memory == NULL) return ENOMEM;
+    *out = memory;
+    return 0;
+}
+
+void free(void *memory) {
+    if (memory != NULL) TAKES(releases);
+    __libc_free(memory);
+}
+
+/* The next definition of a function after this executable's own. */
+#define NEXT(type, argument, function)                                                                       \
+    static int next_##function(type *argument) {                                                             \
+        static _Atomic(uintptr_t) found;                                                                     \
+        if (found == 0) found = (uintptr_t)dlsym(RTLD_NEXT, #function);                                      \
+        return ((int (*)(type *))(uintptr_t)found)(argument);                                                \
+    }                                                                                                        \
+    int function(type *argument) {                                                                           \
+        TAKES(locks);                                                                                        \
+        return next_##function(argument);                                                                    \
+    }
+
+NEXT(pthread_mutex_t, mutex, pthread_mutex_lock)
+NEXT(pthread_mutex_t, mutex, pthread_mutex_trylock)
+NEXT(pthread_rwlock_t, lock, pthread_rwlock_rdlock)
+NEXT(pthread_rwlock_t, lock, pthread_rwlock_wrlock)
+
+#pragma GCC visibility pop
+
+#endif

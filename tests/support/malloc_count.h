@@ -1,0 +1,49 @@
+/* Counts what a region of a test takes from the C library: memory and locks, of every thread, OpenBLAS
+ * included.
+ *
+ *     lg_count_begin();
+ *     ... the region ...
+ *     const lg_counts used = lg_count_end();
+ *     assert_int_equal(used.allocations, 0);
+ *
+ * A test file that includes this header is linked with malloc_count.c, which stands before the C library's
+ * malloc, calloc, realloc, posix_memalign, aligned_alloc, memalign, free and pthread_mutex_lock,
+ * pthread_mutex_trylock, pthread_rwlock_rdlock, pthread_rwlock_wrlock. Sanitizers stand there themselves:
+ * then lg_count_available() is false and the test must skip(). Regions do not nest. */
+#ifndef LG_MALLOC_COUNT_H
+#define LG_MALLOC_COUNT_H
+
+#include <stdbool.h>
+
+typedef struct lg_counts {
+    unsigned long allocations; /* malloc, calloc, realloc, posix_memalign, aligned_alloc, memalign */
+    unsigned long releases;    /* free of anything but NULL */
+    unsigned long locks;       /* mutexes and read-write locks taken or tried */
+} lg_counts;
+
+bool lg_count_available(void);
+void lg_count_begin(void);
+lg_counts lg_count_end(void);
+
+/* Runs `statement` and fails the test when it allocated, released or (second form) locked. */
+#define assert_no_malloc(statement)                                                                          \
+    do {                                                                                                     \
+        lg_count_begin();                                                                                    \
+        statement;                                                                                           \
+        const lg_counts lg_used_ = lg_count_end();                                                           \
+        if (lg_used_.allocations != 0 || lg_used_.releases != 0)                                             \
+            fail_msg("%s: %lu allocations, %lu releases", #statement, lg_used_.allocations,                  \
+                     lg_used_.releases);                                                                     \
+    } while (0)
+
+#define assert_no_malloc_no_lock(statement)                                                                  \
+    do {                                                                                                     \
+        lg_count_begin();                                                                                    \
+        statement;                                                                                           \
+        const lg_counts lg_used_ = lg_count_end();                                                           \
+        if (lg_used_.allocations != 0 || lg_used_.releases != 0 || lg_used_.locks != 0)                      \
+            fail_msg("%s: %lu allocations, %lu releases, %lu locks", #statement, lg_used_.allocations,       \
+                     lg_used_.releases, lg_used_.locks);                                                     \
+    } while (0)
+
+#endif
