@@ -31,8 +31,8 @@ static void range_text(const app_option *option, char *out, size_t size) {
     if (option->high >= 0x1p63)
         (void)snprintf(out, size, "%s %s %.17g", kind, option->above ? "above" : "of at least", option->low);
     else
-        (void)snprintf(out, size, "%s %s %.17g and at most %.17g", kind, option->above ? "above" : "of at least",
-                       option->low, option->high);
+        (void)snprintf(out, size, "%s %s %.17g and at most %.17g", kind,
+                       option->above ? "above" : "of at least", option->low, option->high);
 }
 
 static bool in_range(const app_option *option, double value) {
@@ -41,7 +41,8 @@ static bool in_range(const app_option *option, double value) {
 
 static bool all_in_range(const app_option *option, const app_reals *list, bool whole) {
     for (size_t i = 0; i < list->count; i++)
-        if (!in_range(option, list->values[i]) || (whole && list->values[i] != (double)(uint32_t)list->values[i]))
+        if (!in_range(option, list->values[i]) ||
+            (whole && list->values[i] != (double)(uint32_t)list->values[i]))
             return false;
     return true;
 }
@@ -76,7 +77,8 @@ static bool store_list(const app_option *option, const char *text, void *target)
 static void refuse_choice(const struct argp_state *state, const app_option *option, const char *text) {
     char names[512] = "";
     for (size_t i = 0, used = 0; option->choices[i] != NULL && used < sizeof names; i++)
-        used += (size_t)snprintf(names + used, sizeof names - used, "%s%s", i > 0 ? ", " : "", option->choices[i]);
+        used += (size_t)snprintf(names + used, sizeof names - used, "%s%s", i > 0 ? ", " : "",
+                                 option->choices[i]);
     argp_error(state, "--%s: '%s' is not one of %s", option->name, text, names);
 }
 
@@ -85,7 +87,9 @@ static void store(const struct argp_state *state, const app_option *option, cons
     char range[128];
     bool fits = true;
     switch (option->kind) {
-    case APP_FLAG: *(bool *)target = true; break;
+    case APP_FLAG:
+        *(bool *)target = true;
+        break;
     case APP_TEXT:
         if (text[0] == '\0') argp_error(state, "--%s: the value is empty", option->name);
         *(const char **)target = text;
@@ -99,15 +103,19 @@ static void store(const struct argp_state *state, const app_option *option, cons
         refuse_choice(state, option, text);
         break;
     case APP_SIZE:
-    case APP_REAL: fits = store_number(option, text, target); break;
+    case APP_REAL:
+        fits = store_number(option, text, target);
+        break;
     case APP_SIZES:
-    case APP_REALS: fits = store_list(option, text, target); break;
+    case APP_REALS:
+        fits = store_list(option, text, target);
+        break;
     }
     if (fits) return;
     range_text(option, range, sizeof range);
     const bool list = option->kind == APP_SIZES || option->kind == APP_REALS;
-    argp_error(state, "--%s: '%s' is not %s%s", option->name, text, list ? "a list, separated by commas, of: " : "",
-               range);
+    argp_error(state, "--%s: '%s' is not %s%s", option->name, text,
+               list ? "a list, separated by commas, of: " : "", range);
 }
 
 /* ---- argp from tables ---- */
@@ -125,8 +133,9 @@ static struct argp_option *argp_table(const app_option *own) {
         out[i] = (struct argp_option){own[i].name, KEY_COMMAND + (int)i, own[i].value, 0, own[i].help, 1};
     out[n] = (struct argp_option){NULL, 0, NULL, 0, "Common options:", 2};
     for (size_t i = 0; i < common; i++)
-        out[n + 1 + i] = (struct argp_option){
-            common_options[i].name, KEY_COMMON + (int)i, common_options[i].value, 0, common_options[i].help, 2};
+        out[n + 1 + i] = (struct argp_option){common_options[i].name,  KEY_COMMON + (int)i,
+                                              common_options[i].value, 0,
+                                              common_options[i].help,  2};
     return out;
 }
 
@@ -158,7 +167,8 @@ static error_t parse_command(int key, char *text, struct argp_state *state) {
         if (self->argument_count < command->arguments_min)
             argp_error(state, "missing argument; expected: %s", command->arguments);
         return 0;
-    default: return parse_option(key, text, state, self);
+    default:
+        return parse_option(key, text, state, self);
     }
 }
 
@@ -214,7 +224,8 @@ static error_t parse_top(int key, char *text, struct argp_state *state) {
     return ARGP_ERR_UNKNOWN;
 }
 
-static void parse_with_commands(app *self, int argc, char **argv, const char *summary, const app_command *commands) {
+static void parse_with_commands(app *self, int argc, char **argv, const char *summary,
+                                const app_command *commands) {
     size_t widest = 0;
     for (const app_command *c = commands; c->run != NULL; c++)
         if (strlen(c->name) > widest) widest = strlen(c->name);

@@ -1,8 +1,8 @@
-/* What all executables share: nested commands over GNU argp, option tables, exit codes, signals, JSON, tables,
- * progress, worker threads, text files and plots.
+/* What all executables share: nested commands over GNU argp, option tables, exit codes, signals, JSON,
+ * tables, progress, worker threads, text files and plots.
  *
- * Exit codes: 0 success; 1 a check failed; 2 usage; 3 a file; 4 not finite or no convergence; 5 out of memory;
- * 130 stopped by Ctrl-C with the state saved. Results go to stdout, everything else to stderr.
+ * Exit codes: 0 success; 1 a check failed; 2 usage; 3 a file; 4 not finite or no convergence; 5 out of
+ * memory; 130 stopped by Ctrl-C with the state saved. Results go to stdout, everything else to stderr.
  */
 #ifndef LG_APPS_APP_H
 #define LG_APPS_APP_H
@@ -62,21 +62,24 @@ typedef struct app_option {
 } app_option;
 
 /* Rows of a table whose values live in `struct type`. */
-#define APP_ROW_FLAG(type, field, name, help)        {name, NULL, help, APP_FLAG, offsetof(type, field), 0, 0, false, NULL}
-#define APP_ROW_TEXT(type, field, name, value, help) {name, value, help, APP_TEXT, offsetof(type, field), 0, 0, false, NULL}
-#define APP_ROW_SIZE(type, field, name, value, low, high, help)                                             \
-    {name, value, help, APP_SIZE, offsetof(type, field), low, high, false, NULL}
-#define APP_ROW_REAL(type, field, name, value, low, high, help)                                             \
-    {name, value, help, APP_REAL, offsetof(type, field), low, high, false, NULL}
-#define APP_ROW_POSITIVE(type, field, name, value, help)                                                    \
-    {name, value, help, APP_REAL, offsetof(type, field), 0, 1e300, true, NULL}
-#define APP_ROW_CHOICE(type, field, name, names, help)                                                      \
-    {name, "NAME", help, APP_CHOICE, offsetof(type, field), 0, 0, false, names}
-#define APP_ROW_SIZES(type, field, name, value, low, high, help)                                            \
-    {name, value, help, APP_SIZES, offsetof(type, field), low, high, false, NULL}
-#define APP_ROW_REALS(type, field, name, value, help)                                                       \
-    {name, value, help, APP_REALS, offsetof(type, field), -1e300, 1e300, false, NULL}
-#define APP_ROW_END {NULL, NULL, NULL, APP_FLAG, 0, 0, 0, false, NULL}
+#define APP_ROW_FLAG(type, field, name, help)                                                                \
+    { name, NULL, help, APP_FLAG, offsetof(type, field), 0, 0, false, NULL }
+#define APP_ROW_TEXT(type, field, name, value, help)                                                         \
+    { name, value, help, APP_TEXT, offsetof(type, field), 0, 0, false, NULL }
+#define APP_ROW_SIZE(type, field, name, value, low, high, help)                                              \
+    { name, value, help, APP_SIZE, offsetof(type, field), low, high, false, NULL }
+#define APP_ROW_REAL(type, field, name, value, low, high, help)                                              \
+    { name, value, help, APP_REAL, offsetof(type, field), low, high, false, NULL }
+#define APP_ROW_POSITIVE(type, field, name, value, help)                                                     \
+    { name, value, help, APP_REAL, offsetof(type, field), 0, 1e300, true, NULL }
+#define APP_ROW_CHOICE(type, field, name, names, help)                                                       \
+    { name, "NAME", help, APP_CHOICE, offsetof(type, field), 0, 0, false, names }
+#define APP_ROW_SIZES(type, field, name, value, low, high, help)                                             \
+    { name, value, help, APP_SIZES, offsetof(type, field), low, high, false, NULL }
+#define APP_ROW_REALS(type, field, name, value, help)                                                        \
+    { name, value, help, APP_REALS, offsetof(type, field), -1e300, 1e300, false, NULL }
+#define APP_ROW_END                                                                                          \
+    { NULL, NULL, NULL, APP_FLAG, 0, 0, 0, false, NULL }
 
 typedef struct app app;
 
@@ -117,8 +120,8 @@ bool app_interrupted(void);
 int app_exit_code(lg_status status);
 /* A sentence on stderr; returns the status' exit code. */
 int app_fail(const app *app, lg_status status, const char *format, ...) __attribute__((format(printf, 3, 4)));
-/* The same for what went wrong while reading or writing `path`: exit code 3 whatever the status, except for memory and
- * Ctrl-C. `error` may be NULL. */
+/* The same for what went wrong while reading or writing `path`: exit code 3 whatever the status, except for
+ * memory and Ctrl-C. `error` may be NULL. */
 int app_fail_file(const app *app, lg_status status, const lg_error *error, const char *path);
 void app_warn(const app *app, const char *format, ...) __attribute__((format(printf, 2, 3)));
 /* A sentence about the command line with a hint at --help; returns APP_EXIT_USAGE. */
@@ -133,11 +136,12 @@ char *app_format(const char *format, ...) __attribute__((format(printf, 1, 2)));
 /* Whole and finite, no blanks before or behind, decimal. False: *out is untouched. */
 bool app_parse_real(const char *text, double *out);
 bool app_parse_size(const char *text, uint64_t *out);
-/* The longest prefix up to the next comma must be a number. Returns false for an empty list or too many items. */
+/* The longest prefix up to the next comma must be a number. Returns false for an empty list or too many
+ * items. */
 bool app_parse_reals(const char *text, app_reals *out);
 
-double app_seconds(void); /* monotonic clock */
-double app_median(double *values, size_t count);     /* sorts; NAN for none */
+double app_seconds(void);                              /* monotonic clock */
+double app_median(double *values, size_t count);       /* sorts; NAN for none */
 int app_compare_doubles(const void *a, const void *b); /* for qsort; NaN last */
 
 /* ---- JSON: one object in memory, printed when complete ---- */
@@ -156,7 +160,7 @@ void app_json_bool(app_json *json, const char *key, bool value);
 void app_json_text(app_json *json, const char *key, const char *value); /* NULL: null */
 void app_json_reals(app_json *json, const char *key, const double *values, size_t count);
 void app_json_open(app_json *json, const char *key, char bracket); /* '{' or '[' ; key NULL inside an array */
-void app_json_close(app_json *json, char bracket);                /* '}' or ']' */
+void app_json_close(app_json *json, char bracket);                 /* '}' or ']' */
 /* Closes the object and prints it on stdout. */
 void app_json_end(app_json *json);
 /* Text as a JSON string with its quotes: escapes, and \ufffd for what is not UTF-8. */
@@ -188,7 +192,8 @@ void app_progress_end(app_progress *progress);
 
 /* ---- threads ---- */
 
-/* task(user, i) for i in 0..count-1, each once, on up to `threads` threads. A task writes to its own memory only. */
+/* task(user, i) for i in 0..count-1, each once, on up to `threads` threads. A task writes to its own memory
+ * only. */
 void app_parallel(uint64_t threads, size_t count, void (*task)(void *user, size_t index), void *user);
 
 /* ---- files ---- */
@@ -204,15 +209,16 @@ void app_file_begin(app_file *file, const char *path);
 /* On failure the old file stands and `error` says why. */
 lg_status app_file_end(app_file *file, lg_error *error);
 void app_file_discard(app_file *file);
-/* Fails now rather than after an hour of work: the folder of `path` must exist and be writable, `path` no folder. */
+/* Fails now rather than after an hour of work: the folder of `path` must exist and be writable, `path` no
+ * folder. */
 lg_status app_check_writable(const char *path, lg_error *error);
 /* Creates the folder if there is none (one level). */
 lg_status app_make_folder(const char *path, lg_error *error);
 
 /* ---- plots through gnuplot ---- */
 
-/* FILE.svg or FILE.png; data go to FILE.dat and the script to FILE.gp beside it. Blocks of data are separated by
- * app_plot_block and addressed as `index k` of `datafile` in the script. */
+/* FILE.svg or FILE.png; data go to FILE.dat and the script to FILE.gp beside it. Blocks of data are separated
+ * by app_plot_block and addressed as `index k` of `datafile` in the script. */
 typedef struct app_plot {
     char *picture;
     app_file data, script;
@@ -222,7 +228,8 @@ bool app_plot_name_fits(const char *picture);
 /* Width and height in pixels. LG_INVALID_ARGUMENT for another ending. */
 lg_status app_plot_begin(app_plot *plot, const char *picture, int width, int height);
 void app_plot_block(app_plot *plot);
-/* Writes both files and runs gnuplot. Without gnuplot they are left, and a warning says so: *drawn = false, LG_OK. */
+/* Writes both files and runs gnuplot. Without gnuplot they are left, and a warning says so: *drawn = false,
+ * LG_OK. */
 lg_status app_plot_end(const app *app, app_plot *plot, bool *drawn, lg_error *error);
 
 #endif

@@ -12,8 +12,8 @@
 static lg_status fail(lg_error *error, lg_status status, const char *path, const char *what, int number) {
     if (error != NULL) {
         error->status = status;
-        (void)snprintf(error->message, sizeof error->message, "%s: %s%s%s", path, what, number != 0 ? ": " : "",
-                       number != 0 ? strerror(number) : "");
+        (void)snprintf(error->message, sizeof error->message, "%s: %s%s%s", path, what,
+                       number != 0 ? ": " : "", number != 0 ? strerror(number) : "");
     }
     return status;
 }

@@ -96,11 +96,12 @@ lg_status app_plot_end(const app *self, app_plot *plot, bool *drawn, lg_error *e
         const int code = run_gnuplot(plot->script_path);
         *drawn = code == 0;
         if (code == 127)
-            app_warn(self, "gnuplot is not installed: %s is not drawn, its data and script are left in %s and %s",
+            app_warn(self,
+                     "gnuplot is not installed: %s is not drawn, its data and script are left in %s and %s",
                      plot->picture, plot->data_path, plot->script_path);
         else if (code != 0)
-            app_warn(self, "gnuplot failed: %s is not drawn, its data and script are left in %s and %s", plot->picture,
-                     plot->data_path, plot->script_path);
+            app_warn(self, "gnuplot failed: %s is not drawn, its data and script are left in %s and %s",
+                     plot->picture, plot->data_path, plot->script_path);
     }
     plot_free(plot);
     return status;

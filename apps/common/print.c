@@ -9,10 +9,14 @@
 
 /* ---- JSON ---- */
 
-/* Length of the valid UTF-8 sequence at `s`, 0 when there is none (overlong forms and surrogates included). */
+/* Length of the valid UTF-8 sequence at `s`, 0 when there is none (overlong forms and surrogates included).
+ */
 static size_t utf8_length(const unsigned char *s) {
     if (s[0] < 0x80) return 1;
-    const size_t n = s[0] >= 0xc2 && s[0] <= 0xdf ? 2 : s[0] >= 0xe0 && s[0] <= 0xef ? 3 : s[0] >= 0xf0 && s[0] <= 0xf4 ? 4 : 0;
+    const size_t n = s[0] >= 0xc2 && s[0] <= 0xdf   ? 2
+                     : s[0] >= 0xe0 && s[0] <= 0xef ? 3
+                     : s[0] >= 0xf0 && s[0] <= 0xf4 ? 4
+                                                    : 0;
     for (size_t i = 1; i < n; i++)
         if ((s[i] & 0xc0) != 0x80) return 0;
     if ((s[0] == 0xe0 && s[1] < 0xa0) || (s[0] == 0xed && s[1] > 0x9f)) return 0;
@@ -173,7 +177,8 @@ void app_progress_begin(app_progress *progress, uint64_t first, uint64_t total) 
 
 void app_progress_show(app_progress *progress, uint64_t done, const char *format, ...) {
     const double now = app_seconds();
-    if (!progress->active || progress->total == 0 || (now - progress->shown < 0.1 && done < progress->total)) return;
+    if (!progress->active || progress->total == 0 || (now - progress->shown < 0.1 && done < progress->total))
+        return;
     progress->shown = now;
     char bar[25], words[96];
     const double share = (double)done / (double)progress->total;
@@ -184,9 +189,12 @@ void app_progress_show(app_progress *progress, uint64_t done, const char *format
     va_start(arguments, format);
     (void)vsnprintf(words, sizeof words, format, arguments);
     va_end(arguments);
-    const double each = done > progress->first ? (now - progress->start) / (double)(done - progress->first) : 0;
-    const long left = (long)(each * (double)(progress->total - (done < progress->total ? done : progress->total)) + 0.5);
-    (void)fprintf(stderr, "\r[%s] %3.0f%%  %s  %ld:%02ld left\033[K", bar, 100 * share, words, left / 60, left % 60);
+    const double each =
+        done > progress->first ? (now - progress->start) / (double)(done - progress->first) : 0;
+    const long left =
+        (long)(each * (double)(progress->total - (done < progress->total ? done : progress->total)) + 0.5);
+    (void)fprintf(stderr, "\r[%s] %3.0f%%  %s  %ld:%02ld left\033[K", bar, 100 * share, words, left / 60,
+                  left % 60);
     (void)fflush(stderr);
 }
 

@@ -11,7 +11,8 @@ typedef struct demo_values {
 } demo_values;
 
 static const app_option demo_options[] = {
-    APP_ROW_TEXT(demo_values, out, "out", "DIR", "Folder for data, model and pictures (default liegrad-demo)"),
+    APP_ROW_TEXT(demo_values, out, "out", "DIR",
+                 "Folder for data, model and pictures (default liegrad-demo)"),
     APP_ROW_SIZE(demo_values, epochs, "epochs", "E", 1, 1e6, "Default 100"),
     APP_ROW_POSITIVE(demo_values, t_end, "t-end", "T", "Length of the long prediction (default 100)"),
     APP_ROW_END};
@@ -52,8 +53,10 @@ static lg_status sample_all(demo *self) {
     const sampling test = {100, 15, 1, 0, LG_NOISE_NORMAL, self->app->seed + UINT64_C(0x9e3779b9)};
     const double begin = app_seconds();
     lg_status status = lg_scene_default("pendulum-chain", 1, &self->scene);
-    if (status == LG_OK) status = sample_scene(self->app->context, &self->scene, &training, &self->data, &self->error);
-    if (status == LG_OK) status = sample_scene(self->app->context, &self->scene, &test, &self->test, &self->error);
+    if (status == LG_OK)
+        status = sample_scene(self->app->context, &self->scene, &training, &self->data, &self->error);
+    if (status == LG_OK)
+        status = sample_scene(self->app->context, &self->scene, &test, &self->test, &self->error);
     if (status == LG_OK) status = write_data(self, "train.h5", &self->data);
     if (status == LG_OK) status = write_data(self, "test.h5", &self->test);
     self->sampling_seconds = app_seconds() - begin;
@@ -86,7 +89,8 @@ static lg_status train_model(demo *self) {
     options.user = self;
     lg_status status = describe_run(&self->data, LG_POTENTIAL_MLP, hidden, 3, LG_TANH, &run, &self->error);
     if (status == LG_OK)
-        status = learner_create(self->app->context, &run, &self->data, &options, &self->learner, &self->error);
+        status =
+            learner_create(self->app->context, &run, &self->data, &options, &self->learner, &self->error);
     if (status != LG_OK) return status;
     const double begin = app_seconds();
     app_progress_begin(&self->progress, 0, run.epochs);
@@ -96,7 +100,8 @@ static lg_status train_model(demo *self) {
     if (status != LG_OK) return status;
     self->theta = app_alloc(lg_hamiltonian_parameters(&run.model), sizeof *self->theta);
     lg_fit_parameters(self->learner.fit, self->theta);
-    status = mean_squared_error(self->app->context, &self->learner.problem, self->theta, &self->loss, &self->error);
+    status = mean_squared_error(self->app->context, &self->learner.problem, self->theta, &self->loss,
+                                &self->error);
     char *path = inside("model.h5");
     if (status == LG_OK) status = save_model(self->app, path, &self->learner, self->theta, &self->error);
     free(path);
@@ -123,12 +128,15 @@ static lg_status draw_long(demo *self, const char *picture) {
     for (int i = 0; i < LONG_POINTS; i++) t[i] = values.t_end * i / (LONG_POINTS - 1);
     lg_status status = make_system(self->app->context, &self->scene, &system, &self->error);
     if (status == LG_OK)
-        status = learned_flow(self->app->context, model, self->theta, 1e-10, self->test.data, t, LONG_POINTS, y, NULL);
+        status = learned_flow(self->app->context, model, self->theta, 1e-10, self->test.data, t, LONG_POINTS,
+                              y, NULL);
     if (status == LG_OK) {
         work = app_alloc(lg_system_workspace(system), sizeof *work);
-        for (size_t i = 0; i < LONG_POINTS; i++) energies[i] = lg_system_hamiltonian(system, y + i * dim, work);
+        for (size_t i = 0; i < LONG_POINTS; i++)
+            energies[i] = lg_system_hamiltonian(system, y + i * dim, work);
         learned_energies(model, self->theta, y, LONG_POINTS, dim, energies + LONG_POINTS);
-        status = draw_energy(self->app, picture, t, energies, energies + LONG_POINTS, LONG_POINTS, &self->error);
+        status =
+            draw_energy(self->app, picture, t, energies, energies + LONG_POINTS, LONG_POINTS, &self->error);
     }
     lg_system_destroy(self->app->context, system);
     free(work);
@@ -144,11 +152,11 @@ static lg_status draw_all(demo *self) {
     const lg_fit *fit = self->learner.fit;
     lg_status status = save_history(history, fit, &self->error);
     if (status == LG_OK)
-        status = draw_trajectories(self->app, sphere, LG_HAMILTONIAN_CHAIN, 1, self->test.data, self->predicted,
-                                   self->test.count, self->test.points, &self->error);
+        status = draw_trajectories(self->app, sphere, LG_HAMILTONIAN_CHAIN, 1, self->test.data,
+                                   self->predicted, self->test.count, self->test.points, &self->error);
     if (status == LG_OK)
-        status = draw_loss(self->app, loss, lg_fit_history(fit, LG_FIT_LOSS), NULL, (size_t)lg_fit_epochs_done(fit),
-                           &self->error);
+        status = draw_loss(self->app, loss, lg_fit_history(fit, LG_FIT_LOSS), NULL,
+                           (size_t)lg_fit_epochs_done(fit), &self->error);
     if (status == LG_OK) status = draw_long(self, energy);
     free(sphere);
     free(loss);
@@ -176,10 +184,11 @@ static void report_json(const demo *self, double seconds) {
 
 static void report(const demo *self, double seconds) {
     app_table table;
-    (void)printf("The spherical pendulum on T*S^2, learned from %zu trajectories of %zu points on [0, 0.1]\n"
-                 "with the commutator-free integrator CF4: %zu parameters, %llu epochs, mean squared error %.2e.\n\n",
-                 self->data.count, self->data.points, lg_hamiltonian_parameters(&self->learner.run.model),
-                 (unsigned long long)lg_fit_epochs_done(self->learner.fit), self->loss);
+    (void)printf(
+        "The spherical pendulum on T*S^2, learned from %zu trajectories of %zu points on [0, 0.1]\n"
+        "with the commutator-free integrator CF4: %zu parameters, %llu epochs, mean squared error %.2e.\n\n",
+        self->data.count, self->data.points, lg_hamiltonian_parameters(&self->learner.run.model),
+        (unsigned long long)lg_fit_epochs_done(self->learner.fit), self->loss);
     app_table_begin(&table, 3);
     app_table_cell(&table, "%zu test trajectories on [0, 1]", self->test.count);
     app_table_cell(&table, "liegrad");
@@ -198,31 +207,32 @@ static void report(const demo *self, double seconds) {
                  "  loss.svg  loss.csv  the training loss\n"
                  "  energy.svg          the energy along a prediction to t = %g\n\n",
                  values.out, values.t_end);
-    (void)printf("%.1f s: sampling %.1f, training %.1f (%.4f an epoch, %llu threads), judging %.1f\n", seconds,
-                 self->sampling_seconds, self->training_seconds, lg_fit_seconds_per_epoch(self->learner.fit),
-                 (unsigned long long)self->app->threads, self->judging_seconds);
+    (void)printf("%.1f s: sampling %.1f, training %.1f (%.4f an epoch, %llu threads), judging %.1f\n",
+                 seconds, self->sampling_seconds, self->training_seconds,
+                 lg_fit_seconds_per_epoch(self->learner.fit), (unsigned long long)self->app->threads,
+                 self->judging_seconds);
 }
 
-static int run(app *app) {
-    demo self = {.app = app};
+static int run(app *host) {
+    demo self = {.app = host};
     const double begin = app_seconds();
     lg_status status = app_make_folder(values.out, &self.error);
-    if (status != LG_OK) return app_fail_file(app, status, &self.error, values.out);
+    if (status != LG_OK) return app_fail_file(host, status, &self.error, values.out);
     status = sample_all(&self);
     if (status == LG_OK) status = train_model(&self);
     if (status == LG_OK) status = judge_model(&self);
     if (status == LG_OK) status = draw_all(&self);
     int code = APP_EXIT_OK;
     if (status != LG_OK)
-        code = app_fail(app, status, "%s",
+        code = app_fail(host, status, "%s",
                         self.error.message[0] != '\0' ? self.error.message : lg_status_sentence(status));
-    else if (app->json)
+    else if (host->json)
         report_json(&self, app_seconds() - begin);
     else
         report(&self, app_seconds() - begin);
     learner_destroy(&self.learner);
-    lg_trajectories_free(app->context, &self.data);
-    lg_trajectories_free(app->context, &self.test);
+    lg_trajectories_free(host->context, &self.data);
+    lg_trajectories_free(host->context, &self.test);
     free(self.theta);
     free(self.predicted);
     return code;

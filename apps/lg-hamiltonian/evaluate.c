@@ -10,9 +10,11 @@ typedef struct evaluate_values {
 } evaluate_values;
 
 static const app_option evaluate_options[] = {
-    APP_ROW_REAL(evaluate_values, tolerance, "tolerance", "TOL", 1e-14, 1e-2,
-                 "Of the adaptive integration of the learned flow (default 1e-10; 1e-13 for linear potentials)"),
-    APP_ROW_TEXT(evaluate_values, plot, "plot", "FILE.svg|.png", "Draw the test trajectories, true and predicted"),
+    APP_ROW_REAL(
+        evaluate_values, tolerance, "tolerance", "TOL", 1e-14, 1e-2,
+        "Of the adaptive integration of the learned flow (default 1e-10; 1e-13 for linear potentials)"),
+    APP_ROW_TEXT(evaluate_values, plot, "plot", "FILE.svg|.png",
+                 "Draw the test trajectories, true and predicted"),
     APP_ROW_END};
 
 static evaluate_values values;
@@ -31,11 +33,12 @@ static void report(const app *self, const lg_trajectories *test, const verdict *
         app_json_end(&json);
         return;
     }
-    (void)printf("%zu trajectories of %zu points on [%g, %g] (%.2f s)\n", test->count, test->points, test->t[0],
-                 test->t[test->points - 1], seconds);
+    (void)printf("%zu trajectories of %zu points on [%g, %g] (%.2f s)\n", test->count, test->points,
+                 test->t[0], test->t[test->points - 1], seconds);
     (void)printf("E1 = %.4e  mean squared error of the learned flow\n", result->e1);
     if (isfinite(result->e2))
-        (void)printf("E2 = %.4e  mean deviation of the Hamiltonian from the true one, up to a constant\n", result->e2);
+        (void)printf("E2 = %.4e  mean deviation of the Hamiltonian from the true one, up to a constant\n",
+                     result->e2);
     else
         (void)printf("E2 unknown: %s has no /hamiltonian\n", self->arguments[1]);
 }
@@ -45,8 +48,9 @@ static int evaluate(app *self, const lg_hamiltonian_file *file, const lg_traject
     verdict result;
     const lg_hamiltonian *model = &file->run.model;
     if (model->family != test->family || model->links != test->links)
-        return app_fail(self, LG_SHAPE, "%s: states of %u numbers, but the model %s has %u%s", self->arguments[1],
-                        test->state_size, self->arguments[0], lg_hamiltonian_state_size(model),
+        return app_fail(self, LG_SHAPE, "%s: states of %u numbers, but the model %s has %u%s",
+                        self->arguments[1], test->state_size, self->arguments[0],
+                        lg_hamiltonian_state_size(model),
                         model->family != test->family ? " of another layout" : "");
     const double tolerance = values.tolerance > 0 ? values.tolerance : default_tolerance(model);
     double *predicted = NULL;
@@ -57,8 +61,8 @@ static int evaluate(app *self, const lg_hamiltonian_file *file, const lg_traject
         judge(self->context, self->threads, model, file->theta, test, tolerance, predicted, &result, &error);
     int code = status == LG_OK ? APP_EXIT_OK : app_fail(self, status, "%s", error.message);
     if (code == APP_EXIT_OK && predicted != NULL) {
-        status = draw_trajectories(self, values.plot, model->family, model->links, test->data, predicted, test->count,
-                                   test->points, &error);
+        status = draw_trajectories(self, values.plot, model->family, model->links, test->data, predicted,
+                                   test->count, test->points, &error);
         if (status != LG_OK) code = app_fail_file(self, status, &error, values.plot);
     }
     if (code == APP_EXIT_OK) report(self, test, &result, app_seconds() - begin);
@@ -92,8 +96,10 @@ const app_command evaluate_command = {
     .name = "evaluate",
     .arguments = "MODEL.h5 TEST.h5",
     .summary = "Judge a model on test trajectories: E1 and E2",
-    .details = "E1: mean of the squared differences over trajectories, coordinates and points, t = 0 included; the learned "
-               "flow is integrated by an adaptive method of order 5 from the file's first points. E2: mean |d - mean d|, d "
+    .details = "E1: mean of the squared differences over trajectories, coordinates and points, t = 0 "
+               "included; the learned "
+               "flow is integrated by an adaptive method of order 5 from the file's first points. E2: mean "
+               "|d - mean d|, d "
                "= H - H_learned at the starts; unknown (null) without /hamiltonian in the file.",
     .options = evaluate_options,
     .values = &values,

@@ -11,13 +11,16 @@ typedef struct generate_values {
 static const char *const noise_names[] = {"normal", "uniform", NULL};
 
 static const app_option generate_options[] = {
-    APP_ROW_SIZE(generate_values, trajectories, "trajectories", "N", 1, 1e9, "Number of trajectories (default 500)"),
+    APP_ROW_SIZE(generate_values, trajectories, "trajectories", "N", 1, 1e9,
+                 "Number of trajectories (default 500)"),
     APP_ROW_SIZE(generate_values, points, "points", "M", 2, 1e9,
                  "Points of each, the start included (default 5); dt = T/(M-1)"),
-    APP_ROW_POSITIVE(generate_values, t_end, "t-end", "T", "Time of the last point (default: the scene's t_end, or 0.1)"),
+    APP_ROW_POSITIVE(generate_values, t_end, "t-end", "T",
+                     "Time of the last point (default: the scene's t_end, or 0.1)"),
     APP_ROW_REAL(generate_values, noise, "noise", "EPS", 0, 1e300,
                  "Size of the noise on all points but the first (default 0)"),
-    APP_ROW_CHOICE(generate_values, noise_kind, "noise-kind", noise_names, "normal: EPS N(0,1); uniform: EPS U(-1,1)"),
+    APP_ROW_CHOICE(generate_values, noise_kind, "noise-kind", noise_names,
+                   "normal: EPS N(0,1); uniform: EPS U(-1,1)"),
     APP_ROW_TEXT(generate_values, out, "out", "FILE", "The HDF5 file to write"),
     APP_ROW_END};
 
@@ -42,8 +45,8 @@ static void report(const app *self, const lg_trajectories *data, double seconds)
         app_json_end(&json);
         return;
     }
-    (void)printf("%s: %zu trajectories of %s, %zu points each %g apart, %u numbers a point (%.2f s)\n", values.out,
-                 data->count, data->system, data->points, data->dt, data->state_size, seconds);
+    (void)printf("%s: %zu trajectories of %s, %zu points each %g apart, %u numbers a point (%.2f s)\n",
+                 values.out, data->count, data->system, data->points, data->dt, data->state_size, seconds);
 }
 
 static int run(app *self) {
@@ -75,15 +78,16 @@ static int run(app *self) {
     return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, values.out);
 }
 
-const app_command generate_command = {
-    .name = "generate",
-    .arguments = "SCENE.yaml",
-    .summary = "Sample trajectories of a scene from random starts",
-    .details = "The file holds /t (M), /trajectories (N, M, d) and /hamiltonian (N), the energies at the starts. The "
-               "system, its parameters and how starts are drawn are the scene's. The starts depend on the seed and their "
-               "number only, not on N, M, T or the noise.",
-    .options = generate_options,
-    .values = &values,
-    .arguments_min = 1,
-    .arguments_max = 1,
-    .run = run};
+const app_command generate_command = {.name = "generate",
+                                      .arguments = "SCENE.yaml",
+                                      .summary = "Sample trajectories of a scene from random starts",
+                                      .details = "The file holds /t (M), /trajectories (N, M, d) and "
+                                                 "/hamiltonian (N), the energies at the starts. The "
+                                                 "system, its parameters and how starts are drawn are the "
+                                                 "scene's. The starts depend on the seed and their "
+                                                 "number only, not on N, M, T or the noise.",
+                                      .options = generate_options,
+                                      .values = &values,
+                                      .arguments_min = 1,
+                                      .arguments_max = 1,
+                                      .run = run};

@@ -29,8 +29,9 @@ static lg_status learned_space(const lg_hamiltonian *model, lg_space *space) {
                                                  : lg_space_init_rn(space, (size_t)model->links * 2);
 }
 
-lg_status learned_flow(const lg_context *context, const lg_hamiltonian *model, const double *theta, double tolerance,
-                       const double *start, const double *times, size_t count, double *out, lg_run_stats *stats) {
+lg_status learned_flow(const lg_context *context, const lg_hamiltonian *model, const double *theta,
+                       double tolerance, const double *start, const double *times, size_t count, double *out,
+                       lg_run_stats *stats) {
     learned self = {model, theta, app_alloc(lg_hamiltonian_work_size(model), 1)};
     lg_ode ode = {.field = learned_field, .user = &self};
     lg_control control;
@@ -40,7 +41,8 @@ lg_status learned_flow(const lg_context *context, const lg_hamiltonian *model, c
     const lg_scheme *scheme = lg_scheme_find(model->family == LG_HAMILTONIAN_CHAIN ? "rkmk54" : "dp54");
     lg_status status = learned_space(model, &ode.space);
     if (status == LG_OK) status = lg_stepper_create(context, scheme, &ode, &stepper);
-    if (status == LG_OK) status = lg_integrate_adaptive(stepper, &control, times[0], start, times, count, out, stats);
+    if (status == LG_OK)
+        status = lg_integrate_adaptive(stepper, &control, times[0], start, times, count, out, stats);
     lg_stepper_destroy(context, stepper);
     free(self.work);
     return status;
@@ -67,8 +69,8 @@ static void judge_one(void *user, size_t i) {
     if (app_interrupted()) {
         self->status[i] = LG_CANCELLED;
     } else {
-        self->status[i] = learned_flow(self->context, self->model, self->theta, self->tolerance, given, test->t,
-                                       test->points, y, NULL);
+        self->status[i] = learned_flow(self->context, self->model, self->theta, self->tolerance, given,
+                                       test->t, test->points, y, NULL);
         for (size_t k = 0; self->status[i] == LG_OK && k < size; k++)
             self->squares[i] += (y[k] - given[k]) * (y[k] - given[k]);
     }
@@ -98,7 +100,8 @@ static double energy_error(const lg_hamiltonian *model, const double *theta, con
 }
 
 lg_status judge(const lg_context *context, uint64_t threads, const lg_hamiltonian *model, const double *theta,
-                const lg_trajectories *test, double tolerance, double *predicted, verdict *out, lg_error *error) {
+                const lg_trajectories *test, double tolerance, double *predicted, verdict *out,
+                lg_error *error) {
     judgement work = {.context = context,
                       .model = model,
                       .theta = theta,
@@ -115,8 +118,8 @@ lg_status judge(const lg_context *context, uint64_t threads, const lg_hamiltonia
         sum += work.squares[i];
         if (status != LG_OK && error != NULL) {
             error->status = status;
-            (void)snprintf(error->message, sizeof error->message, "the learned flow of test trajectory %zu: %s", i,
-                           lg_status_sentence(status));
+            (void)snprintf(error->message, sizeof error->message,
+                           "the learned flow of test trajectory %zu: %s", i, lg_status_sentence(status));
         }
     }
     if (status == LG_OK) {

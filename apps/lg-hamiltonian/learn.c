@@ -16,7 +16,8 @@ static lg_status fail(lg_error *error, lg_status status, const char *sentence) {
 }
 
 lg_status describe_run(const lg_trajectories *data, lg_potential_kind potential, const uint32_t *hidden,
-                       uint32_t hidden_layers, lg_activation activation, lg_hamiltonian_run *run, lg_error *error) {
+                       uint32_t hidden_layers, lg_activation activation, lg_hamiltonian_run *run,
+                       lg_error *error) {
     const lg_status status = lg_hamiltonian_init(&run->model, data->family, data->links, potential, hidden,
                                                  hidden_layers, activation);
     if (status != LG_OK) return fail(error, status, "a network of this size cannot be made");
@@ -58,8 +59,9 @@ static lg_fit_options options_of(const lg_hamiltonian_run *run, const lg_fit_opt
     return options;
 }
 
-lg_status learner_create(const lg_context *context, const lg_hamiltonian_run *run, const lg_trajectories *data,
-                         const lg_fit_options *options, learner *out, lg_error *error) {
+lg_status learner_create(const lg_context *context, const lg_hamiltonian_run *run,
+                         const lg_trajectories *data, const lg_fit_options *options, learner *out,
+                         lg_error *error) {
     *out = (learner){.run = *run};
     out->problem = problem_of(out, data);
     lg_status status = lg_hamiltonian_problem_check(&out->problem, error);
@@ -80,7 +82,8 @@ void learner_destroy(learner *self) {
     self->fit = NULL;
 }
 
-/* The sum of squares over all samples, chunk by chunk on one tape, as parts of one batch: their sum is the mean. */
+/* The sum of squares over all samples, chunk by chunk on one tape, as parts of one batch: their sum is the
+ * mean. */
 static lg_status add_chunks(lg_tape *tape, const lg_fit_problem *fit, const double *theta, double *sum) {
     uint32_t samples[ERROR_CHUNK];
     *sum = 0;
@@ -98,8 +101,8 @@ static lg_status add_chunks(lg_tape *tape, const lg_fit_problem *fit, const doub
     return LG_OK;
 }
 
-lg_status mean_squared_error(const lg_context *context, const lg_hamiltonian_problem *problem, const double *theta,
-                             double *out, lg_error *error) {
+lg_status mean_squared_error(const lg_context *context, const lg_hamiltonian_problem *problem,
+                             const double *theta, double *out, lg_error *error) {
     lg_hamiltonian_problem plain = *problem;
     plain.penalty = 0;
     lg_fit_problem fit;
@@ -136,7 +139,8 @@ lg_status save_checkpoint(const app *self, const char *path, const lg_hamiltonia
     return status;
 }
 
-lg_status save_model(const app *self, const char *path, const learner *trained, const double *theta, lg_error *error) {
+lg_status save_model(const app *self, const char *path, const learner *trained, const double *theta,
+                     lg_error *error) {
     lg_hamiltonian_file file;
     memset(&file, 0, sizeof file);
     file.run = trained->run;
@@ -163,7 +167,8 @@ lg_status save_history(const char *path, const lg_fit *fit, lg_error *error) {
     (void)fputs("epoch,loss,validation,rate,seconds\n", file.stream);
     for (uint64_t epoch = 0; epoch < lg_fit_epochs_done(fit); epoch++) {
         (void)fprintf(file.stream, "%llu", (unsigned long long)(epoch + 1));
-        for (size_t c = 0; c < APP_COUNT(columns); c++) csv_number(file.stream, lg_fit_history(fit, columns[c])[epoch]);
+        for (size_t c = 0; c < APP_COUNT(columns); c++)
+            csv_number(file.stream, lg_fit_history(fit, columns[c])[epoch]);
         (void)fputc('\n', file.stream);
     }
     return app_file_end(&file, error);

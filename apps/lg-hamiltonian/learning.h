@@ -1,5 +1,5 @@
-/* What the commands of lg-hamiltonian share: sampling a scene, training, judging, drawing. Functions that return a
- * status explain a failure in `error`. */
+/* What the commands of lg-hamiltonian share: sampling a scene, training, judging, drawing. Functions that
+ * return a status explain a failure in `error`. */
 #ifndef LG_APPS_LEARNING_H
 #define LG_APPS_LEARNING_H
 
@@ -21,11 +21,12 @@ typedef struct sampling {
     lg_noise noise_kind;
     uint64_t seed;
 } sampling;
-/* Trajectories of the scene's system from random starts as the scene's `starts` say; energies of the starts included. The
- * caller frees. */
-lg_status sample_scene(const lg_context *context, const lg_scene *scene, const sampling *how, lg_trajectories *out,
-                       lg_error *error);
-/* The scene's start in the Hamiltonian form (state q_1, p_1, ...), converted where the scene gives velocities. */
+/* Trajectories of the scene's system from random starts as the scene's `starts` say; energies of the starts
+ * included. The caller frees. */
+lg_status sample_scene(const lg_context *context, const lg_scene *scene, const sampling *how,
+                       lg_trajectories *out, lg_error *error);
+/* The scene's start in the Hamiltonian form (state q_1, p_1, ...), converted where the scene gives
+ * velocities. */
 lg_status scene_start(const lg_scene *scene, const lg_system *system, double *state, lg_error *error);
 
 /* ---- training (learn.c) ---- */
@@ -39,39 +40,46 @@ typedef struct learner {
 
 /* The run's fields that the data determine, and the model: family, links, sizes, dt, hash. */
 lg_status describe_run(const lg_trajectories *data, lg_potential_kind potential, const uint32_t *hidden,
-                       uint32_t hidden_layers, lg_activation activation, lg_hamiltonian_run *run, lg_error *error);
-/* `run` is copied, `data` borrowed. `options` holds what is free to differ between runs (threads, callbacks, ...); its
- * hyperparameters are taken from the run. The learner must not move while it lives. */
-lg_status learner_create(const lg_context *context, const lg_hamiltonian_run *run, const lg_trajectories *data,
-                         const lg_fit_options *options, learner *out, lg_error *error);
+                       uint32_t hidden_layers, lg_activation activation, lg_hamiltonian_run *run,
+                       lg_error *error);
+/* `run` is copied, `data` borrowed. `options` holds what is free to differ between runs (threads, callbacks,
+ * ...); its hyperparameters are taken from the run. The learner must not move while it lives. */
+lg_status learner_create(const lg_context *context, const lg_hamiltonian_run *run,
+                         const lg_trajectories *data, const lg_fit_options *options, learner *out,
+                         lg_error *error);
 void learner_destroy(learner *self);
-/* Mean over all trajectories, coordinates and points but the first of (predicted - given)^2, in double precision. */
-lg_status mean_squared_error(const lg_context *context, const lg_hamiltonian_problem *problem, const double *theta,
-                             double *out, lg_error *error);
+/* Mean over all trajectories, coordinates and points but the first of (predicted - given)^2, in double
+ * precision. */
+lg_status mean_squared_error(const lg_context *context, const lg_hamiltonian_problem *problem,
+                             const double *theta, double *out, lg_error *error);
 lg_provenance provenance_of(const app *app, uint64_t seed);
 lg_status save_checkpoint(const app *app, const char *path, const lg_hamiltonian_run *run, const lg_fit *fit,
                           lg_error *error);
 /* The model with the state of its fit; `theta` has lg_hamiltonian_parameters numbers. */
-lg_status save_model(const app *app, const char *path, const learner *trained, const double *theta, lg_error *error);
+lg_status save_model(const app *app, const char *path, const learner *trained, const double *theta,
+                     lg_error *error);
 /* Columns epoch, loss, validation, rate, seconds. */
 lg_status save_history(const char *path, const lg_fit *fit, lg_error *error);
 
 /* ---- judging (judge.c) ---- */
 
-/* Tolerance (relative and absolute) of the adaptive reference integrators for a learned model: 1e-10, and 1e-13 for linear
- * potentials, whose E1 may be 1e-17 and less. */
+/* Tolerance (relative and absolute) of the adaptive reference integrators for a learned model: 1e-10, and
+ * 1e-13 for linear potentials, whose E1 may be 1e-17 and less. */
 double default_tolerance(const lg_hamiltonian *model);
 /* The learned flow from `start` at the given times, out (count, d); stats may be NULL. */
-lg_status learned_flow(const lg_context *context, const lg_hamiltonian *model, const double *theta, double tolerance,
-                       const double *start, const double *times, size_t count, double *out, lg_run_stats *stats);
+lg_status learned_flow(const lg_context *context, const lg_hamiltonian *model, const double *theta,
+                       double tolerance, const double *start, const double *times, size_t count, double *out,
+                       lg_run_stats *stats);
 
 typedef struct verdict {
     double e1, e2; /* e2 is NaN when the energies of the starts are unknown */
 } verdict;
-/* E1: mean over trajectories, coordinates and points, the first included, of the squared difference; both flows integrated
- * accurately. E2: mean |d - mean d|, d = H - H_Theta at the starts. `predicted` (N, M, d) may be NULL. */
+/* E1: mean over trajectories, coordinates and points, the first included, of the squared difference; both
+ * flows integrated accurately. E2: mean |d - mean d|, d = H - H_Theta at the starts. `predicted` (N, M, d)
+ * may be NULL. */
 lg_status judge(const lg_context *context, uint64_t threads, const lg_hamiltonian *model, const double *theta,
-                const lg_trajectories *test, double tolerance, double *predicted, verdict *out, lg_error *error);
+                const lg_trajectories *test, double tolerance, double *predicted, verdict *out,
+                lg_error *error);
 /* H_Theta at `count` states, `stride` numbers apart. */
 void learned_energies(const lg_hamiltonian *model, const double *theta, const double *states, size_t count,
                       size_t stride, double *out);
@@ -79,11 +87,12 @@ void learned_energies(const lg_hamiltonian *model, const double *theta, const do
 /* ---- drawing (pictures.c) ---- */
 
 /* Each reports where the picture went; a missing gnuplot is only a warning. */
-lg_status draw_loss(const app *app, const char *picture, const double *loss, const double *validation, size_t epochs,
-                    lg_error *error);
+lg_status draw_loss(const app *app, const char *picture, const double *loss, const double *validation,
+                    size_t epochs, lg_error *error);
 /* True (may be NULL) and predicted (n, points, d): links on the sphere in space, or q_1 against q_2. */
 lg_status draw_trajectories(const app *app, const char *picture, lg_hamiltonian_family family, size_t links,
-                            const double *truth, const double *predicted, size_t n, size_t points, lg_error *error);
+                            const double *truth, const double *predicted, size_t n, size_t points,
+                            lg_error *error);
 /* |H - H(0)| of the true energy (may be NULL) and of the learned one along one prediction. */
 lg_status draw_energy(const app *app, const char *picture, const double *t, const double *true_energy,
                       const double *learned_energy, size_t count, lg_error *error);

@@ -9,7 +9,8 @@ static lg_status begin(app_plot *plot, const char *picture, int width, int heigh
     const lg_status status = app_plot_begin(plot, picture, width, height);
     if (status != LG_OK && error != NULL) {
         error->status = status;
-        (void)snprintf(error->message, sizeof error->message, "%s: the name must end in .svg or .png", picture);
+        (void)snprintf(error->message, sizeof error->message, "%s: the name must end in .svg or .png",
+                       picture);
     }
     return status;
 }
@@ -19,8 +20,8 @@ static lg_status end(const app *self, app_plot *plot, lg_error *error) {
     return app_plot_end(self, plot, &drawn, error);
 }
 
-lg_status draw_loss(const app *self, const char *picture, const double *loss, const double *validation, size_t epochs,
-                    lg_error *error) {
+lg_status draw_loss(const app *self, const char *picture, const double *loss, const double *validation,
+                    size_t epochs, lg_error *error) {
     app_plot plot;
     const lg_status status = begin(&plot, picture, 800, 500, error);
     if (status != LG_OK) return status;
@@ -31,14 +32,16 @@ lg_status draw_loss(const app *self, const char *picture, const double *loss, co
                 "plot datafile using 1:2 with lines lw 2 lc rgb '#1f5fa8' title 'training'",
                 plot.script.stream);
     if (validation != NULL)
-        (void)fputs(", datafile using 1:3 with lines lw 2 lc rgb '#d1641f' title 'validation'", plot.script.stream);
+        (void)fputs(", datafile using 1:3 with lines lw 2 lc rgb '#d1641f' title 'validation'",
+                    plot.script.stream);
     (void)fputc('\n', plot.script.stream);
     return end(self, &plot, error);
 }
 
-/* One block a trajectory and link (three columns), or a trajectory: the first two coordinates. Returns the blocks written. */
-static size_t put_blocks(app_plot *plot, lg_hamiltonian_family family, size_t links, const double *y, size_t n,
-                         size_t points) {
+/* One block a trajectory and link (three columns), or a trajectory: the first two coordinates. Returns the
+ * blocks written. */
+static size_t put_blocks(app_plot *plot, lg_hamiltonian_family family, size_t links, const double *y,
+                         size_t n, size_t points) {
     const bool chain = family == LG_HAMILTONIAN_CHAIN;
     const size_t dim = chain ? 6 * links : 2 * links, parts = chain ? links : 1;
     for (size_t i = 0; i < n; i++)
@@ -53,28 +56,30 @@ static size_t put_blocks(app_plot *plot, lg_hamiltonian_family family, size_t li
 }
 
 static void put_sphere(FILE *script) {
-    (void)fputs("set view equal xyz\nset view 65,35\nset xyplane at -1\nset parametric\nset urange [0:pi]\n"
-                "set vrange [0:2*pi]\nset isosamples 25,13\nset xrange [-1:1]\nset yrange [-1:1]\nset zrange [-1:1]\n"
-                "set border 0\nunset tics\nunset grid\n"
-                "splot sin(u)*cos(v), sin(u)*sin(v), cos(u) with lines lc rgb '#dcdcdc' lw 0.5 notitle",
-                script);
+    (void)fputs(
+        "set view equal xyz\nset view 65,35\nset xyplane at -1\nset parametric\nset urange [0:pi]\n"
+        "set vrange [0:2*pi]\nset isosamples 25,13\nset xrange [-1:1]\nset yrange [-1:1]\nset zrange [-1:1]\n"
+        "set border 0\nunset tics\nunset grid\n"
+        "splot sin(u)*cos(v), sin(u)*sin(v), cos(u) with lines lc rgb '#dcdcdc' lw 0.5 notitle",
+        script);
 }
 
 static void put_curves(FILE *script, size_t true_blocks, size_t predicted_blocks, bool space) {
     const char *columns = space ? "1:2:3" : "1:2";
     const char *separator = space ? ", " : "";
     for (size_t k = 0; k < true_blocks; k++, separator = ", ")
-        (void)fprintf(script, "%sdatafile index %zu using %s with lines lw 2 lc rgb '#1f5fa8' %s", separator, k, columns,
-                      k == 0 ? "title 'true'" : "notitle");
+        (void)fprintf(script, "%sdatafile index %zu using %s with lines lw 2 lc rgb '#1f5fa8' %s", separator,
+                      k, columns, k == 0 ? "title 'true'" : "notitle");
     for (size_t k = 0; k < predicted_blocks; k++, separator = ", ")
-        (void)fprintf(script, "%sdatafile index %zu using %s with %s lc rgb '#d1641f' %s", separator, true_blocks + k,
-                      columns, true_blocks > 0 ? "points pt 7 ps 0.35" : "lines lw 1.5",
+        (void)fprintf(script, "%sdatafile index %zu using %s with %s lc rgb '#d1641f' %s", separator,
+                      true_blocks + k, columns, true_blocks > 0 ? "points pt 7 ps 0.35" : "lines lw 1.5",
                       k == 0 ? "title 'predicted'" : "notitle");
     (void)fputc('\n', script);
 }
 
 lg_status draw_trajectories(const app *self, const char *picture, lg_hamiltonian_family family, size_t links,
-                            const double *truth, const double *predicted, size_t n, size_t points, lg_error *error) {
+                            const double *truth, const double *predicted, size_t n, size_t points,
+                            lg_error *error) {
     app_plot plot;
     const bool space = family == LG_HAMILTONIAN_CHAIN;
     const lg_status status = begin(&plot, picture, 800, 700, error);
@@ -102,8 +107,10 @@ lg_status draw_energy(const app *self, const char *picture, const double *t, con
     (void)fputs("set logscale y\nset format y '10^{%L}'\nset xlabel 't'\nset ylabel '|H - H(0)|'\nplot ",
                 plot.script.stream);
     if (true_energy != NULL)
-        (void)fputs("datafile using 1:3 with lines lw 1.5 lc rgb '#1f5fa8' title 'true energy of the prediction', ",
-                    plot.script.stream);
-    (void)fputs("datafile using 1:2 with lines lw 1.5 lc rgb '#d1641f' title 'learned energy'\n", plot.script.stream);
+        (void)fputs(
+            "datafile using 1:3 with lines lw 1.5 lc rgb '#1f5fa8' title 'true energy of the prediction', ",
+            plot.script.stream);
+    (void)fputs("datafile using 1:2 with lines lw 1.5 lc rgb '#d1641f' title 'learned energy'\n",
+                plot.script.stream);
     return end(self, &plot, error);
 }

@@ -13,9 +13,12 @@ typedef struct predict_values {
 } predict_values;
 
 static const app_option predict_options[] = {
-    APP_ROW_REALS(predict_values, initial, "initial", "X,X,...", "The start, in the layout of the model's state"),
-    APP_ROW_POSITIVE(predict_values, t_end, "t-end", "T", "Time of the last point (default: the scene's t_end, or 1)"),
-    APP_ROW_SIZE(predict_values, points, "points", "M", 2, 1e8, "Equidistant points, the start included (default 101)"),
+    APP_ROW_REALS(predict_values, initial, "initial", "X,X,...",
+                  "The start, in the layout of the model's state"),
+    APP_ROW_POSITIVE(predict_values, t_end, "t-end", "T",
+                     "Time of the last point (default: the scene's t_end, or 1)"),
+    APP_ROW_SIZE(predict_values, points, "points", "M", 2, 1e8,
+                 "Equidistant points, the start included (default 101)"),
     APP_ROW_REAL(predict_values, tolerance, "tolerance", "TOL", 1e-14, 1e-2,
                  "Of the adaptive integration (default 1e-10; 1e-13 for linear potentials)"),
     APP_ROW_TEXT(predict_values, out, "out", "FILE", "Write the trajectory as a data file (HDF5)"),
@@ -31,10 +34,10 @@ typedef struct prediction {
     lg_scene scene;
     bool has_scene;
     double t_end;
-    double *start;      /* (d) */
-    lg_trajectories y;  /* N = 1 */
-    double *truth;      /* (M, d), or NULL without a scene */
-    double *energy;     /* (M), learned */
+    double *start;     /* (d) */
+    lg_trajectories y; /* N = 1 */
+    double *truth;     /* (M, d), or NULL without a scene */
+    double *energy;    /* (M), learned */
     lg_run_stats stats;
     double seconds;
 } prediction;
@@ -56,7 +59,8 @@ static int check_start(const app *self, prediction *p) {
 
 static int start_from_numbers(const app *self, prediction *p) {
     if (values.initial.count != p->dim)
-        return app_usage(self, "--initial: %zu numbers, but the model's state has %zu", values.initial.count, p->dim);
+        return app_usage(self, "--initial: %zu numbers, but the model's state has %zu", values.initial.count,
+                         p->dim);
     memcpy(p->start, values.initial.values, p->dim * sizeof *p->start);
     return check_start(self, p);
 }
@@ -81,12 +85,13 @@ static int integrate(const app *self, prediction *p) {
     lg_error error = {LG_OK, ""};
     const lg_hamiltonian *model = &p->file->run.model;
     const size_t points = (size_t)values.points;
-    lg_status status = lg_trajectories_create(self->context, p->file->run.system, model->family, model->links, 1, points,
-                                              p->t_end, true, 0, &p->y);
+    lg_status status = lg_trajectories_create(self->context, p->file->run.system, model->family, model->links,
+                                              1, points, p->t_end, true, 0, &p->y);
     if (status != LG_OK) return app_fail(self, status, "%s", lg_status_sentence(status));
     const double tolerance = values.tolerance > 0 ? values.tolerance : default_tolerance(model);
     const double begin = app_seconds();
-    status = learned_flow(self->context, model, p->file->theta, tolerance, p->start, p->y.t, points, p->y.data, &p->stats);
+    status = learned_flow(self->context, model, p->file->theta, tolerance, p->start, p->y.t, points,
+                          p->y.data, &p->stats);
     p->seconds = app_seconds() - begin;
     if (status != LG_OK) return app_fail(self, status, "the learned flow: %s", lg_status_sentence(status));
     p->energy = app_alloc(points, sizeof *p->energy);
@@ -97,7 +102,8 @@ static int integrate(const app *self, prediction *p) {
     p->truth = app_alloc(points * p->dim, sizeof *p->truth);
     status = make_system(self->context, &p->scene, &system, &error);
     if (status == LG_OK)
-        status = lg_reference_trajectories(self->context, system, p->start, 1, p->y.t, points, 0, 0, p->truth, &error);
+        status = lg_reference_trajectories(self->context, system, p->start, 1, p->y.t, points, 0, 0, p->truth,
+                                           &error);
     lg_system_destroy(self->context, system);
     return status == LG_OK ? APP_EXIT_OK : app_fail(self, status, "the true flow: %s", error.message);
 }
@@ -105,7 +111,8 @@ static int integrate(const app *self, prediction *p) {
 static double largest_difference(const prediction *p) {
     if (p->truth == NULL) return (double)NAN;
     double largest = 0;
-    for (size_t i = 0; i < p->y.points * p->dim; i++) largest = fmax(largest, fabs(p->y.data[i] - p->truth[i]));
+    for (size_t i = 0; i < p->y.points * p->dim; i++)
+        largest = fmax(largest, fabs(p->y.data[i] - p->truth[i]));
     return largest;
 }
 
@@ -132,8 +139,8 @@ static void report(const app *self, const prediction *p) {
         app_json_end(&json);
         return;
     }
-    (void)printf("t = %g after %zu steps (%.3f s); the learned energy drifts by %.2e", p->t_end, p->stats.steps,
-                 p->seconds, energy_drift(p));
+    (void)printf("t = %g after %zu steps (%.3f s); the learned energy drifts by %.2e", p->t_end,
+                 p->stats.steps, p->seconds, energy_drift(p));
     if (p->truth != NULL) (void)printf("; largest difference from the true flow %.2e", largest_difference(p));
     (void)printf("\n");
     for (size_t i = 0; i < p->dim; i++) (void)printf("%s%.10g", i > 0 ? ", " : "y = ", end[i]);
@@ -149,8 +156,8 @@ static int write_outputs(app *self, prediction *p) {
         if (status != LG_OK) return app_fail_file(self, status, &error, values.out);
     }
     if (values.plot != NULL)
-        status = draw_trajectories(self, values.plot, p->file->run.model.family, p->file->run.model.links, p->truth,
-                                   p->y.data, 1, p->y.points, &error);
+        status = draw_trajectories(self, values.plot, p->file->run.model.family, p->file->run.model.links,
+                                   p->truth, p->y.data, 1, p->y.points, &error);
     return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, values.plot);
 }
 
@@ -182,21 +189,22 @@ static int run(app *self) {
     for (size_t i = 0; i < APP_COUNT(outputs); i++)
         if (outputs[i] != NULL && app_check_writable(outputs[i], &error) != LG_OK)
             return app_fail_file(self, error.status, &error, outputs[i]);
-    const lg_status status = lg_model_load_hamiltonian(self->context, self->arguments[0], NULL, &file, &error);
+    const lg_status status =
+        lg_model_load_hamiltonian(self->context, self->arguments[0], NULL, &file, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
     const int code = predict(self, &file);
     lg_hamiltonian_file_free(self->context, &file);
     return code;
 }
 
-const app_command predict_command = {
-    .name = "predict",
-    .arguments = "MODEL.h5 [SCENE.yaml]",
-    .summary = "Follow the learned flow from a start",
-    .details = "The start is --initial, or the scene's `initial`; with a scene the true flow is integrated too and the "
-               "largest difference reported.",
-    .options = predict_options,
-    .values = &values,
-    .arguments_min = 1,
-    .arguments_max = 2,
-    .run = run};
+const app_command predict_command = {.name = "predict",
+                                     .arguments = "MODEL.h5 [SCENE.yaml]",
+                                     .summary = "Follow the learned flow from a start",
+                                     .details = "The start is --initial, or the scene's `initial`; with a "
+                                                "scene the true flow is integrated too and the "
+                                                "largest difference reported.",
+                                     .options = predict_options,
+                                     .values = &values,
+                                     .arguments_min = 1,
+                                     .arguments_max = 2,
+                                     .run = run};

@@ -33,7 +33,8 @@ static double dot(const double *a, const double *b) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/* One start of `starts: box`. Chains: q normalised N(0, I), p = q x u, u ~ U[low, high]^3; others: U[low, high]^d. */
+/* One start of `starts: box`. Chains: q normalised N(0, I), p = q x u, u ~ U[low, high]^3; others: U[low,
+ * high]^d. */
 static void box_start(const lg_scene *scene, lg_rng *rng, double *state) {
     if (scene->family != LG_HAMILTONIAN_CHAIN) {
         for (uint32_t i = 0; i < scene->state_size; i++)
@@ -62,7 +63,8 @@ static void add_noise(const sampling *how, size_t index, size_t points, uint32_t
                                                                           : lg_rng_uniform_in(&rng, -1, 1));
 }
 
-/* Starts drawn here, each followed for `segments` trajectories that join: the last point of one is the first of the next. */
+/* Starts drawn here, each followed for `segments` trajectories that join: the last point of one is the first
+ * of the next. */
 static lg_status sample_box(const lg_context *context, const lg_scene *scene, const lg_system *system,
                             const sampling *how, lg_trajectories *data, lg_error *error) {
     const size_t segments = scene->segments > 0 ? scene->segments : 1, dim = data->state_size;
@@ -109,8 +111,8 @@ static lg_status sample_thesis(const lg_context *context, const lg_scene *scene,
     return lg_generate_trajectories(context, system, &options, data->t, data->data, data->hamiltonian, error);
 }
 
-lg_status sample_scene(const lg_context *context, const lg_scene *scene, const sampling *how, lg_trajectories *out,
-                       lg_error *error) {
+lg_status sample_scene(const lg_context *context, const lg_scene *scene, const sampling *how,
+                       lg_trajectories *out, lg_error *error) {
     lg_system *system = NULL;
     lg_trajectories data;
     lg_status status = make_system(context, scene, &system, error);

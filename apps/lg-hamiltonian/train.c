@@ -13,30 +13,36 @@ typedef struct train_values {
     double lr, lr_gamma, weight_decay, penalty, validation;
 } train_values;
 
-static const char *const integrators[] = {"euler", "lie-euler", "rk4", "cf4", "rkmk4", "stormer-verlet", NULL};
-static const char *const activations[] = {"tanh", "sigmoid", "swish", "relu", "leaky-relu", "sine", "identity", NULL};
+static const char *const integrators[] = {"euler", "lie-euler",      "rk4", "cf4",
+                                          "rkmk4", "stormer-verlet", NULL};
+static const char *const activations[] = {"tanh",       "sigmoid", "swish",    "relu",
+                                          "leaky-relu", "sine",    "identity", NULL};
 static const char *const potentials[] = {"mlp", "linear", NULL};
 static const char *const dtypes[] = {"f64", "f32", NULL};
 static const char *const penalty_forms[] = {"text", "published", NULL};
 
 static const app_option train_options[] = {
     APP_ROW_TEXT(train_values, out, "out", "FILE", "The model file to write"),
-    APP_ROW_CHOICE(train_values, integrator, "integrator", integrators,
-                   "euler, lie-euler, rk4, cf4, rkmk4, stormer-verlet (default: cf4 for pendulum chains, stormer-verlet "
-                   "otherwise)"),
-    APP_ROW_SIZE(train_values, substeps, "substeps", "n", 1, 1e6, "Integrator steps between two points (default 1)"),
+    APP_ROW_CHOICE(
+        train_values, integrator, "integrator", integrators,
+        "euler, lie-euler, rk4, cf4, rkmk4, stormer-verlet (default: cf4 for pendulum chains, stormer-verlet "
+        "otherwise)"),
+    APP_ROW_SIZE(train_values, substeps, "substeps", "n", 1, 1e6,
+                 "Integrator steps between two points (default 1)"),
     APP_ROW_SIZES(train_values, hidden, "hidden", "W,W,...", 1, 1048576,
                   "Widths of the hidden layers of the potential (default 100,100,100)"),
     APP_ROW_CHOICE(train_values, activation, "activation", activations,
                    "tanh (default), sigmoid, swish, relu, leaky-relu, sine, identity"),
     APP_ROW_CHOICE(train_values, potential, "potential", potentials, "mlp (default) or linear"),
-    APP_ROW_SIZE(train_values, epochs, "epochs", "E", 1, 1e9, "Planned total, a resumed run included (default 100)"),
+    APP_ROW_SIZE(train_values, epochs, "epochs", "E", 1, 1e9,
+                 "Planned total, a resumed run included (default 100)"),
     APP_ROW_SIZE(train_values, batch, "batch", "B", 1, 4e9, "Trajectories in a batch (default 80)"),
     APP_ROW_POSITIVE(train_values, lr, "lr", "R", "Learning rate of Adam (default 1e-2)"),
     APP_ROW_SIZE(train_values, lr_step, "lr-step", "E", 1, 1e9,
                  "Epochs after which the rate is multiplied by --lr-gamma (default 50)"),
     APP_ROW_POSITIVE(train_values, lr_gamma, "lr-gamma", "G", "Default 0.1"),
-    APP_ROW_REAL(train_values, weight_decay, "weight-decay", "W", 0, 1e300, "L2 penalty in the gradient (default 0)"),
+    APP_ROW_REAL(train_values, weight_decay, "weight-decay", "W", 0, 1e300,
+                 "L2 penalty in the gradient (default 0)"),
     APP_ROW_REAL(train_values, penalty, "penalty", "MU", 0, 1e300,
                  "First-integral penalty for (q_1^2 + p_1^2)/2 (default 0: none)"),
     APP_ROW_CHOICE(train_values, penalty_form, "penalty-form", penalty_forms,
@@ -46,14 +52,18 @@ static const app_option train_options[] = {
                  "Fraction kept for validation; the best epoch's parameters are then taken (default 0)"),
     APP_ROW_SIZE(train_values, shards, "shards", "n", 1, 1024,
                  "Pieces of a batch that threads share; the bits of the result depend on it (default 4)"),
-    APP_ROW_TEXT(train_values, checkpoint, "checkpoint", "FILE",
-                 "Where the state goes (default: FILE of --out with .checkpoint appended, when stopped early)"),
+    APP_ROW_TEXT(
+        train_values, checkpoint, "checkpoint", "FILE",
+        "Where the state goes (default: FILE of --out with .checkpoint appended, when stopped early)"),
     APP_ROW_SIZE(train_values, checkpoint_every, "checkpoint-every", "n", 1, 1e9,
                  "Epochs between checkpoints (default 10 with --checkpoint)"),
-    APP_ROW_SIZE(train_values, stop_after, "stop-after", "n", 1, 1e9, "Stop after n epochs of this run, state saved"),
-    APP_ROW_TEXT(train_values, resume, "resume", "FILE",
-                 "Continue from a checkpoint, to the same bits as one run; options not given are the checkpoint's"),
-    APP_ROW_TEXT(train_values, history, "history", "FILE.csv", "One row an epoch: epoch, loss, validation, rate, seconds"),
+    APP_ROW_SIZE(train_values, stop_after, "stop-after", "n", 1, 1e9,
+                 "Stop after n epochs of this run, state saved"),
+    APP_ROW_TEXT(
+        train_values, resume, "resume", "FILE",
+        "Continue from a checkpoint, to the same bits as one run; options not given are the checkpoint's"),
+    APP_ROW_TEXT(train_values, history, "history", "FILE.csv",
+                 "One row an epoch: epoch, loss, validation, rate, seconds"),
     APP_ROW_TEXT(train_values, plot, "plot", "FILE.svg|.png", "Draw the loss"),
     APP_ROW_END};
 
@@ -107,7 +117,8 @@ static void adopt(app *self, const lg_hamiltonian_run *stored) {
     if (!app_given(self, "lr-gamma")) values.lr_gamma = stored->lr_gamma;
     if (!app_given(self, "weight-decay")) values.weight_decay = stored->weight_decay;
     if (!app_given(self, "penalty")) values.penalty = stored->penalty;
-    if (!app_given(self, "penalty-form")) values.penalty_form = stored->penalty_form == LG_PENALTY_TEXT ? 0 : 1;
+    if (!app_given(self, "penalty-form"))
+        values.penalty_form = stored->penalty_form == LG_PENALTY_TEXT ? 0 : 1;
     if (!app_given(self, "dtype")) values.dtype = stored->dtype == LG_F64 ? 0 : 1;
     if (!app_given(self, "validation")) values.validation = stored->validation;
     if (!app_given(self, "shards")) values.shards = stored->shards;
@@ -120,7 +131,8 @@ static lg_status run_from_options(const app *self, const lg_trajectories *data, 
     *run = (lg_hamiltonian_run){.dtype = values.dtype == 0 ? LG_F64 : LG_F32,
                                 .substeps = (uint32_t)values.substeps,
                                 .penalty = values.penalty,
-                                .penalty_form = values.penalty_form == 0 ? LG_PENALTY_TEXT : LG_PENALTY_PUBLISHED,
+                                .penalty_form =
+                                    values.penalty_form == 0 ? LG_PENALTY_TEXT : LG_PENALTY_PUBLISHED,
                                 .epochs = values.epochs,
                                 .batch = values.batch,
                                 .lr = values.lr,
@@ -132,11 +144,12 @@ static lg_status run_from_options(const app *self, const lg_trajectories *data, 
                                 .seed = self->seed};
     run->integrator = data->family == LG_HAMILTONIAN_CHAIN ? LG_TRAIN_CF4 : LG_TRAIN_STORMER_VERLET;
     lg_status status = LG_OK;
-    if (values.integrator >= 0) status = lg_train_integrator_parse(integrators[values.integrator], &run->integrator);
+    if (values.integrator >= 0)
+        status = lg_train_integrator_parse(integrators[values.integrator], &run->integrator);
     if (status == LG_OK) status = lg_activation_parse(activations[values.activation], &activation);
     if (status != LG_OK) return status;
-    return describe_run(data, values.potential == 0 ? LG_POTENTIAL_MLP : LG_POTENTIAL_LINEAR, values.hidden.values,
-                        (uint32_t)values.hidden.count, activation, run, error);
+    return describe_run(data, values.potential == 0 ? LG_POTENTIAL_MLP : LG_POTENTIAL_LINEAR,
+                        values.hidden.values, (uint32_t)values.hidden.count, activation, run, error);
 }
 
 /* ---- callbacks of the fit ---- */
@@ -152,8 +165,8 @@ static lg_status on_checkpoint(void *user, const lg_fit *fit) {
 
 static int on_epoch(void *user, const lg_fit_epoch *report) {
     training *self = user;
-    app_progress_show(&self->progress, report->epoch, "epoch %llu/%llu  loss %.3g", (unsigned long long)report->epoch,
-                      (unsigned long long)report->epochs, report->loss);
+    app_progress_show(&self->progress, report->epoch, "epoch %llu/%llu  loss %.3g",
+                      (unsigned long long)report->epoch, (unsigned long long)report->epochs, report->loss);
     return 0;
 }
 
@@ -194,11 +207,12 @@ static void report(const app *self, const learner *learned, double loss, double 
         report_json(self, learned, loss, seconds);
         return;
     }
-    (void)printf("%s: %zu parameters, %llu epochs with %s, mean squared error %.3e (%.4f s an epoch, %.1f s in all)\n",
-                 values.out, lg_hamiltonian_parameters(&learned->run.model),
-                 (unsigned long long)lg_fit_epochs_done(learned->fit),
-                 lg_train_integrator_name(learned->run.integrator), loss, lg_fit_seconds_per_epoch(learned->fit),
-                 seconds);
+    (void)printf(
+        "%s: %zu parameters, %llu epochs with %s, mean squared error %.3e (%.4f s an epoch, %.1f s in all)\n",
+        values.out, lg_hamiltonian_parameters(&learned->run.model),
+        (unsigned long long)lg_fit_epochs_done(learned->fit),
+        lg_train_integrator_name(learned->run.integrator), loss, lg_fit_seconds_per_epoch(learned->fit),
+        seconds);
 }
 
 /* What is written when training has ended: model, history, picture. */
@@ -210,18 +224,20 @@ static int finish(training *self, double seconds) {
     lg_fit_parameters(learned->fit, theta);
     lg_status status = mean_squared_error(self->app->context, &learned->problem, theta, &loss, &error);
     if (status == LG_OK && !isfinite(loss)) status = LG_NOT_FINITE;
-    int code = status == LG_OK ? APP_EXIT_OK
-                               : app_fail(self->app, status, "the loss at the end: %s",
-                                          error.message[0] != '\0' ? error.message : lg_status_sentence(status));
+    int code = status == LG_OK
+                   ? APP_EXIT_OK
+                   : app_fail(self->app, status, "the loss at the end: %s",
+                              error.message[0] != '\0' ? error.message : lg_status_sentence(status));
     if (code == APP_EXIT_OK) {
         status = save_model(self->app, values.out, learned, theta, &error);
         if (status != LG_OK) code = app_fail_file(self->app, status, &error, values.out);
     }
     free(theta);
     if (code == APP_EXIT_OK && values.plot != NULL) {
-        status = draw_loss(self->app, values.plot, lg_fit_history(learned->fit, LG_FIT_LOSS),
-                           learned->run.validation > 0 ? lg_fit_history(learned->fit, LG_FIT_VALIDATION) : NULL, epochs,
-                           &error);
+        status =
+            draw_loss(self->app, values.plot, lg_fit_history(learned->fit, LG_FIT_LOSS),
+                      learned->run.validation > 0 ? lg_fit_history(learned->fit, LG_FIT_VALIDATION) : NULL,
+                      epochs, &error);
         if (status != LG_OK) code = app_fail_file(self->app, status, &error, values.plot);
     }
     if (code == APP_EXIT_OK) report(self->app, learned, loss, seconds);
@@ -239,11 +255,12 @@ static int conclude(training *self, lg_status status, const lg_error *fit_error,
     }
     const bool stopped = status == LG_CANCELLED || (status == LG_OK && !lg_fit_finished(learned->fit));
     if (stopped && self->checkpoint_status != LG_OK)
-        return app_fail(self->app, LG_FILE, "the state could not be saved: %s", self->checkpoint_error.message);
+        return app_fail(self->app, LG_FILE, "the state could not be saved: %s",
+                        self->checkpoint_error.message);
     if (stopped)
-        (void)fprintf(stderr, "%s: stopped in epoch %llu of %llu; continue with --resume %s\n", self->app->title,
-                      (unsigned long long)lg_fit_epochs_done(learned->fit) + 1, (unsigned long long)learned->run.epochs,
-                      self->checkpoint);
+        (void)fprintf(stderr, "%s: stopped in epoch %llu of %llu; continue with --resume %s\n",
+                      self->app->title, (unsigned long long)lg_fit_epochs_done(learned->fit) + 1,
+                      (unsigned long long)learned->run.epochs, self->checkpoint);
     if (status == LG_CANCELLED) return APP_EXIT_INTERRUPTED;
     if (status != LG_OK)
         return app_fail(self->app, status, "%s",
@@ -253,7 +270,8 @@ static int conclude(training *self, lg_status status, const lg_error *fit_error,
 
 /* ---- running ---- */
 
-static int train(training *self, const lg_hamiltonian_run *run, const lg_trajectories *data, lg_file_reader *stored) {
+static int train(training *self, const lg_hamiltonian_run *run, const lg_trajectories *data,
+                 lg_file_reader *stored) {
     lg_error error = {LG_OK, ""};
     lg_fit_options options;
     lg_archive_reader archive;
@@ -261,13 +279,15 @@ static int train(training *self, const lg_hamiltonian_run *run, const lg_traject
     options.threads = (int)self->app->threads;
     options.stop_after = values.stop_after;
     options.checkpoint = on_checkpoint;
-    options.checkpoint_every =
-        values.checkpoint_every > 0 ? values.checkpoint_every : values.checkpoint != NULL ? 10 : 0;
+    options.checkpoint_every = values.checkpoint_every > 0 ? values.checkpoint_every
+                               : values.checkpoint != NULL ? 10
+                                                           : 0;
     options.on_epoch = on_epoch;
     options.user = self;
     lg_status status = learner_create(self->app->context, run, data, &options, &self->learner, &error);
     if (status != LG_OK)
-        return app_fail(self->app, status, "%s", error.message[0] != '\0' ? error.message : lg_status_sentence(status));
+        return app_fail(self->app, status, "%s",
+                        error.message[0] != '\0' ? error.message : lg_status_sentence(status));
     if (stored != NULL) {
         status = lg_file_reader_archive(stored, "fit", &archive);
         if (status == LG_OK) status = lg_fit_load(self->learner.fit, &archive, &error);
@@ -275,7 +295,8 @@ static int train(training *self, const lg_hamiltonian_run *run, const lg_traject
             const char *more = lg_file_reader_message(stored);
             if (more[0] != '\0') (void)snprintf(error.message, sizeof error.message, "%s", more);
             learner_destroy(&self->learner);
-            if (status == LG_INVALID_ARGUMENT) return app_fail(self->app, status, "%s: %s", values.resume, error.message);
+            if (status == LG_INVALID_ARGUMENT)
+                return app_fail(self->app, status, "%s: %s", values.resume, error.message);
             return app_fail_file(self->app, status, &error, values.resume);
         }
     }
@@ -314,9 +335,10 @@ static int run_with(training *self, const lg_trajectories *data) {
     status = run_from_options(self->app, data, &run, &error);
     if (status == LG_OK && stored != NULL)
         status = lg_hamiltonian_run_compare(values.resume, &stored_run, &run, &error);
-    const int code = status == LG_OK ? train(self, &run, data, stored)
-                                     : app_fail(self->app, status, "%s",
-                                                error.message[0] != '\0' ? error.message : lg_status_sentence(status));
+    const int code = status == LG_OK
+                         ? train(self, &run, data, stored)
+                         : app_fail(self->app, status, "%s",
+                                    error.message[0] != '\0' ? error.message : lg_status_sentence(status));
     lg_file_reader_close(stored);
     return code;
 }
@@ -345,12 +367,15 @@ const app_command train_command = {
     .name = "train",
     .arguments = "DATA.h5",
     .summary = "Fit a Hamiltonian to trajectories",
-    .details =
-        "Loss: the mean squared difference over trajectories, coordinates and points (the first excluded) between the "
-        "data and what the integrator predicts with the learned Hamiltonian; with --penalty, plus the penalty. The `loss` "
-        "reported is this mean squared error (no penalty) over all trajectories of the file, in double precision, at the "
-        "parameters that are written; `running_loss` is the last epoch's mean over its batches.\n\nCtrl-C saves a "
-        "checkpoint and ends with exit code 130; --resume continues to the same bits.",
+    .details = "Loss: the mean squared difference over trajectories, coordinates and points (the first "
+               "excluded) between the "
+               "data and what the integrator predicts with the learned Hamiltonian; with --penalty, plus the "
+               "penalty. The `loss` "
+               "reported is this mean squared error (no penalty) over all trajectories of the file, in "
+               "double precision, at the "
+               "parameters that are written; `running_loss` is the last epoch's mean over its "
+               "batches.\n\nCtrl-C saves a "
+               "checkpoint and ends with exit code 130; --resume continues to the same bits.",
     .options = train_options,
     .values = &values,
     .arguments_min = 1,

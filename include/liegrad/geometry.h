@@ -1,15 +1,16 @@
 /* Rotations and rigid motions in coordinates, plain doubles.
  *
  * Conventions. A vector u of R^3 is the element hat(u) of so(3), hat(u) b = u x b. An element of se(3) is
- * a = (u, v), angular part first, 6 numbers. An element of SE(3) is (R, r), R row-major 3 x 3. Groups act from the
- * left and algebra elements are spatial (right-trivialised): y1 = exp(a) . y0, and y' = a . y has the solution
- * exp(t a) . y0.
+ * a = (u, v), angular part first, 6 numbers. An element of SE(3) is (R, r), R row-major 3 x 3. Groups act
+ * from the left and algebra elements are spatial (right-trivialised): y1 = exp(a) . y0, and y' = a . y has
+ * the solution exp(t a) . y0.
  *
- * Every coefficient is an analytic function of w = |u|^2, so nothing is lost near u = 0. With the Stumpff functions
- * c_k(w) = sum_j (-w)^j / (k + 2j)!: c_1 = sin x/x, c_2 = (1 - cos x)/x^2, c_3 = (x - sin x)/x^3 at w = x^2.
+ * Every coefficient is an analytic function of w = |u|^2, so nothing is lost near u = 0. With the Stumpff
+ * functions c_k(w) = sum_j (-w)^j / (k + 2j)!: c_1 = sin x/x, c_2 = (1 - cos x)/x^2, c_3 = (x - sin x)/x^3 at
+ * w = x^2.
  *
- * No function here fails, allocates or locks; NaN in gives NaN out. `out` may be the same array as an input, a
- * partial overlap is not allowed.
+ * No function here fails, allocates or locks; NaN in gives NaN out. `out` may be the same array as an input,
+ * a partial overlap is not allowed.
  */
 #ifndef LIEGRAD_GEOMETRY_H
 #define LIEGRAD_GEOMETRY_H
@@ -29,25 +30,26 @@ LG_API void lg_so3_exp(const double u[3], double R[9]);
 LG_API void lg_so3_exp_act(const double u[3], const double q[3], double out[3]);
 /* dexp_u(b) = b + c_2 u x b + c_3 u x (u x b): d/dt exp(u(t)) = hat(dexp_u(u')) exp(u) */
 LG_API void lg_so3_dexp(const double u[3], const double b[3], double out[3]);
-/* dexp_u^-1(b) = b - 1/2 u x b + g_2 u x (u x b), g_2 = (1 - (x/2) cot(x/2))/x^2. Accurate to |u| = pi and beyond; the
- * pole at |u| = 2 pi is a property of the map. */
+/* dexp_u^-1(b) = b - 1/2 u x b + g_2 u x (u x b), g_2 = (1 - (x/2) cot(x/2))/x^2. Accurate to |u| = pi and
+ * beyond; the pole at |u| = 2 pi is a property of the map. */
 LG_API void lg_so3_dexpinv(const double u[3], const double b[3], double out[3]);
 
 /* ---- SE(3) ---- */
 
 /* (R, r) = (exp(hat(u)), dexp_u(v)) */
 LG_API void lg_se3_exp(const double a[6], double R[9], double r[3]);
-/* The action of SE(3) on T*S^2 and on TS^2, y = (q, p): exp(u, v) . (q, p) = (R q, R p + r x R q). It keeps |q| and q.p. */
+/* The action of SE(3) on T*S^2 and on TS^2, y = (q, p): exp(u, v) . (q, p) = (R q, R p + r x R q). It keeps
+ * |q| and q.p. */
 LG_API void lg_se3_exp_act(const double a[6], const double y[6], double out[6]);
 /* Its infinitesimal generator: (u x q, u x p + v x q) */
 LG_API void lg_se3_generator(const double a[6], const double y[6], double out[6]);
 /* [(u1, v1), (u2, v2)] = (u1 x u2, u1 x v2 + v1 x u2) */
 LG_API void lg_se3_bracket(const double a[6], const double b[6], double out[6]);
-/* dexp_a(b) and dexp_a^-1(b) = sum_k B_k/k! ad_a^k b, closed forms. With phi(z) = (e^z - 1)/z, or its inverse:
- *   C = B + g1 A x B + g2 A x (A x B)
- *   c = b + g1 (a x B + A x b) + rho gt1 A x B + rho gt2 A x (A x B)
+/* dexp_a(b) and dexp_a^-1(b) = sum_k B_k/k! ad_a^k b, closed forms. With phi(z) = (e^z - 1)/z, or its
+ * inverse: C = B + g1 A x B + g2 A x (A x B) c = b + g1 (a x B + A x b) + rho gt1 A x B + rho gt2 A x (A x B)
  *       + g2 (a x (A x B) + A x (a x B) + A x (A x b)),   rho = A.a, gt = 2 dg/dw,
- * (A, a) the first and (B, b) the second argument; dexp: g1 = c_2, g2 = c_3; dexpinv: g1 = -1/2, g2 as for SO(3). */
+ * (A, a) the first and (B, b) the second argument; dexp: g1 = c_2, g2 = c_3; dexpinv: g1 = -1/2, g2 as for
+ * SO(3). */
 LG_API void lg_se3_dexp(const double a[6], const double b[6], double out[6]);
 LG_API void lg_se3_dexpinv(const double a[6], const double b[6], double out[6]);
 

@@ -30,7 +30,8 @@ LG_BEGIN_DECLS
 typedef enum lg_hamiltonian_family { LG_HAMILTONIAN_CHAIN, LG_HAMILTONIAN_SEPARABLE } lg_hamiltonian_family;
 typedef enum lg_potential_kind { LG_POTENTIAL_MLP, LG_POTENTIAL_LINEAR } lg_potential_kind;
 
-#define LG_HAMILTONIAN_MAX_LINKS 32
+#define LG_HAMILTONIAN_MAX_LINKS  32
+#define LG_HAMILTONIAN_MAX_POINTS 512 /* points of a training trajectory */
 
 /* Immutable after lg_hamiltonian_init; plain data, copied freely, holds no pointers. */
 typedef struct lg_hamiltonian {

@@ -1,4 +1,5 @@
-/* Integrators: spaces with a transitive group action, schemes as data, one stepper for all of them (plain doubles).
+/* Integrators: spaces with a transitive group action, schemes as data, one stepper for all of them (plain
+ * doubles).
  *
  *   lg_ode ode = {.field = my_field, .user = &my_parameters};
  *   lg_space_init(&ode.space, &(lg_space_factor){LG_SPACE_TS2, links}, 1);
@@ -7,11 +8,12 @@
  *   lg_integrate_fixed(stepper, 0.0, h, steps, NULL, 0, steps, y0, out, NULL);
  *   lg_stepper_destroy(context, stepper);
  *
- * or, without any allocation, lg_stepper_size and lg_stepper_init in the caller's memory. No function that takes a
- * stepper allocates or locks. A stepper belongs to one thread at a time.
+ * or, without any allocation, lg_stepper_size and lg_stepper_init in the caller's memory. No function that
+ * takes a stepper allocates or locks. A stepper belongs to one thread at a time.
  *
- * A differential equation on a space M with group action is y' = f(t, y) . y, f with values in the algebra; on R^n the
- * action is addition and f is the usual right-hand side. Conventions of the groups: liegrad/geometry.h.
+ * A differential equation on a space M with group action is y' = f(t, y) . y, f with values in the algebra;
+ * on R^n the action is addition and f is the usual right-hand side. Conventions of the groups:
+ * liegrad/geometry.h.
  */
 #ifndef LIEGRAD_INTEGRATORS_H
 #define LIEGRAD_INTEGRATORS_H
@@ -25,7 +27,8 @@
 
 LG_BEGIN_DECLS
 
-/* ---- Spaces ---------------------------------------------------------------------------------------------- */
+/* ---- Spaces ----------------------------------------------------------------------------------------------
+ */
 
 typedef enum lg_space_kind {
     LG_SPACE_RN,  /* R^n under addition: state 1, algebra 1 a copy; n copies are R^n */
@@ -39,11 +42,12 @@ typedef struct lg_space_row {
     size_t state;   /* numbers in the state of one copy */
     size_t algebra; /* numbers in the algebra of one copy, at most LG_SPACE_MAX_ALGEBRA */
     bool abelian;   /* bracket zero, dexpinv the identity; `bracket` and `dexpinv` are then NULL */
-    void (*act)(size_t count, const double *a, const double *y, double *out);       /* exp(a) . y */
-    void (*generator)(size_t count, const double *a, const double *y, double *out); /* a . y, an ambient vector */
+    void (*act)(size_t count, const double *a, const double *y, double *out); /* exp(a) . y */
+    void (*generator)(size_t count, const double *a, const double *y,
+                      double *out); /* a . y, an ambient vector */
     void (*bracket)(size_t count, const double *a, const double *b, double *out);
     void (*dexpinv)(size_t count, const double *a, const double *b, double *out); /* closed form */
-    void (*project)(size_t count, double *y);               /* to the nearby point of the manifold, in place */
+    void (*project)(size_t count, double *y); /* to the nearby point of the manifold, in place */
     double (*manifold_error)(size_t count, const double *y); /* largest violation of a constraint, absolute */
     double (*angle)(size_t count, const double *a);          /* largest |u| of the rotations in a; 0 on R^n */
 } lg_space_row;
@@ -56,7 +60,8 @@ typedef struct lg_space_factor {
     size_t count; /* copies; for LG_SPACE_RN the dimension */
 } lg_space_factor;
 
-/* A product of factors, each contiguous in state and algebra, in order. Plain data; fill it with lg_space_init. */
+/* A product of factors, each contiguous in state and algebra, in order. Plain data; fill it with
+ * lg_space_init. */
 typedef struct lg_space {
     size_t factors;
     lg_space_factor factor[LG_SPACE_MAX_FACTORS];
@@ -67,7 +72,8 @@ typedef struct lg_space {
 /* The row of a kind; NULL outside the enumeration. Static, constant. */
 LG_API const lg_space_row *lg_space_kind_row(lg_space_kind kind);
 
-/* Errors: LG_INVALID_ARGUMENT (unknown kind, no factor or more than LG_SPACE_MAX_FACTORS, a count of 0, overflow). */
+/* Errors: LG_INVALID_ARGUMENT (unknown kind, no factor or more than LG_SPACE_MAX_FACTORS, a count of 0,
+ * overflow). */
 LG_API lg_status lg_space_init(lg_space *space, const lg_space_factor *factors, size_t count);
 /* R^n */
 LG_API lg_status lg_space_init_rn(lg_space *space, size_t n);
@@ -83,26 +89,30 @@ LG_API void lg_space_bracket(const lg_space *space, const double *a, const doubl
 
 #define LG_DEXPINV_EXACT (-1)
 #define LG_DEXPINV_MAX   10
-/* out = dexp_a^-1(b); out may equal b. `truncation` LG_DEXPINV_EXACT is the closed form; K in 0..LG_DEXPINV_MAX is
- * sum_{k <= K} B_k/k! ad_a^k b = b - 1/2 [a, b] + 1/12 [a, [a, b]] + 0 - ... */
-LG_API void lg_space_dexpinv(const lg_space *space, int truncation, const double *a, const double *b, double *out);
+/* out = dexp_a^-1(b); out may equal b. `truncation` LG_DEXPINV_EXACT is the closed form; K in
+ * 0..LG_DEXPINV_MAX is sum_{k <= K} B_k/k! ad_a^k b = b - 1/2 [a, b] + 1/12 [a, [a, b]] + 0 - ... */
+LG_API void lg_space_dexpinv(const lg_space *space, int truncation, const double *a, const double *b,
+                             double *out);
 
-/* In place: q / |q|, p - q (q.p) on each T*S^2. Steps never call it; it is for starts that are off by rounding. */
+/* In place: q / |q|, p - q (q.p) on each T*S^2. Steps never call it; it is for starts that are off by
+ * rounding. */
 LG_API void lg_space_project(const lg_space *space, double *y);
 /* Largest of | |q| - 1 | and |q.p| over the factors; NaN when the state holds NaN; 0 on R^n. */
 LG_API double lg_space_manifold_error(const lg_space *space, const double *y);
 /* Largest rotation angle |u| in a; NaN when a holds NaN. */
 LG_API double lg_space_angle(const lg_space *space, const double *a);
 
-/* ---- Differential equations ------------------------------------------------------------------------------ */
+/* ---- Differential equations ------------------------------------------------------------------------------
+ */
 
-/* algebra = f(t, y), ode.space.algebra_dim numbers. `input` is what the stepper was given, or NULL. A status other than
- * LG_OK ends the integration with it, except LG_NOT_FINITE, for which an adaptive integration first tries smaller
- * steps. */
+/* algebra = f(t, y), ode.space.algebra_dim numbers. `input` is what the stepper was given, or NULL. A status
+ * other than LG_OK ends the integration with it, except LG_NOT_FINITE, for which an adaptive integration
+ * first tries smaller steps. */
 typedef lg_status (*lg_field)(void *user, double t, const double *y, const double *input, double *algebra);
-/* For separable systems on R^2n, y = (q, p): `half` is q for the force -dV/dq and p for the velocity dK/dp, n numbers
- * each. */
-typedef lg_status (*lg_half_field)(void *user, double t, const double *half, const double *input, double *out);
+/* For separable systems on R^2n, y = (q, p): `half` is q for the force -dV/dq and p for the velocity dK/dp, n
+ * numbers each. */
+typedef lg_status (*lg_half_field)(void *user, double t, const double *half, const double *input,
+                                   double *out);
 
 typedef struct lg_ode {
     lg_space space;
@@ -112,7 +122,8 @@ typedef struct lg_ode {
     void *user;
 } lg_ode;
 
-/* ---- Schemes --------------------------------------------------------------------------------------------- */
+/* ---- Schemes ---------------------------------------------------------------------------------------------
+ */
 
 #define LG_SCHEME_MAX_STAGES       8
 #define LG_SCHEME_MAX_EXPONENTIALS 4
@@ -120,19 +131,21 @@ typedef struct lg_ode {
 /* What an interpreter does with the data, h the step, y the start of the step. */
 typedef enum lg_scheme_kind {
     /* Runge-Kutta-Munthe-Kaas: sigma_i = h sum_j a_ij k_j; Y_i = exp(sigma_i) . y;
-     * k_i = dexpinv_{sigma_i} f(t + c_i h, Y_i); y1 = exp(h sum_i b_i k_i) . y. Classical Runge-Kutta on R^n. */
+     * k_i = dexpinv_{sigma_i} f(t + c_i h, Y_i); y1 = exp(h sum_i b_i k_i) . y. Classical Runge-Kutta on R^n.
+     */
     LG_SCHEME_RKMK,
-    /* f_i = f(t + c_i h, Y_i); Y_i and y1 by lg_cf_row: products of exponentials of combinations of the f_j. */
+    /* f_i = f(t + c_i h, Y_i); Y_i and y1 by lg_cf_row: products of exponentials of combinations of the f_j.
+     */
     LG_SCHEME_COMMUTATOR_FREE,
-    /* On R^2n, for i = 0..stages-1: p += kick_i h force(q), q += drift_i h velocity(p). A force at an unchanged q is
-     * not evaluated again, neither inside a step nor from one step to the next. */
+    /* On R^2n, for i = 0..stages-1: p += kick_i h force(q), q += drift_i h velocity(p). A force at an
+     * unchanged q is not evaluated again, neither inside a step nor from one step to the next. */
     LG_SCHEME_SPLITTING,
     LG_SCHEME_KINDS
 } lg_scheme_kind;
 
 #define LG_CF_START (-1)
-/* point = exp(h sum_j coefficient[n-1][j] f_j) ... exp(h sum_j coefficient[0][j] f_j) . base: coefficient[0] is
- * applied first. */
+/* point = exp(h sum_j coefficient[n-1][j] f_j) ... exp(h sum_j coefficient[0][j] f_j) . base: coefficient[0]
+ * is applied first. */
 typedef struct lg_cf_row {
     int base;         /* LG_CF_START: y; i >= 0: the earlier stage point Y_i (counted from 0) is reused */
     int exponentials; /* n; 0: the point is the base itself */
@@ -147,41 +160,45 @@ typedef struct lg_scheme {
     int order;          /* classical order of the solution */
     int stages;         /* 1..LG_SCHEME_MAX_STAGES */
     int embedded_order; /* order of the embedded solution; 0: there is none */
-    bool fsal;          /* RKMK: the last row of a is b: its Y is y1, and f there is the first f of the next step */
-    int dexpinv;        /* RKMK: LG_DEXPINV_EXACT or the truncation K. Order 3 needs K >= 1, orders 4 and 5 K >= 2. */
+    bool fsal;   /* RKMK: the last row of a is b: its Y is y1, and f there is the first f of the next step */
+    int dexpinv; /* RKMK: LG_DEXPINV_EXACT or the truncation K. Order 3 needs K >= 1, orders 4 and 5 K >= 2.
+                  */
     double c[LG_SCHEME_MAX_STAGES];
     double a[LG_SCHEME_MAX_STAGES][LG_SCHEME_MAX_STAGES]; /* RKMK: strictly lower triangular */
     double b[LG_SCHEME_MAX_STAGES];                       /* RKMK */
     double embedded[LG_SCHEME_MAX_STAGES];                /* RKMK: weights of the embedded solution */
-    const lg_cf_row *rows; /* commutator-free: `stages` rows of Y_i, one of y1, one of the embedded solution if any */
+    const lg_cf_row
+        *rows; /* commutator-free: `stages` rows of Y_i, one of y1, one of the embedded solution if any */
     double kick[LG_SCHEME_MAX_STAGES];  /* splitting */
     double drift[LG_SCHEME_MAX_STAGES]; /* splitting */
 } lg_scheme;
 
 /* The schemes of the library:
  *   euler, rk4, dp54             classical, ambient = true
- *   lie-euler, rkmk4, rkmk5      RKMK with exact dexpinv; rkmk5 is Dormand-Prince without the embedded solution
- *   rkmk54                       RKMK(5,4): Dormand-Prince 5(4), adaptive
- *   cf4                          commutator-free, order 4, five exponentials, f_2's point is reused
- *   stormer-verlet               splitting, order 2
- * lg_scheme_at(0..lg_scheme_count()-1); NULL beyond. lg_scheme_find: NULL for an unknown name. Static, constant. */
+ *   lie-euler, rkmk4, rkmk5      RKMK with exact dexpinv; rkmk5 is Dormand-Prince without the embedded
+ * solution rkmk54                       RKMK(5,4): Dormand-Prince 5(4), adaptive cf4 commutator-free, order
+ * 4, five exponentials, f_2's point is reused stormer-verlet               splitting, order 2
+ * lg_scheme_at(0..lg_scheme_count()-1); NULL beyond. lg_scheme_find: NULL for an unknown name. Static,
+ * constant. */
 LG_API size_t lg_scheme_count(void);
 LG_API const lg_scheme *lg_scheme_at(size_t index);
 LG_API const lg_scheme *lg_scheme_find(const char *name);
 
-/* Is the data consistent: ranges, explicit rows, c_i the sums of the rows, weights that sum to 1, FSAL rows equal, all to
- * 1e-12. The order is not checked. Errors: LG_INVALID_ARGUMENT with the reason in `error` (may be NULL). */
+/* Is the data consistent: ranges, explicit rows, c_i the sums of the rows, weights that sum to 1, FSAL rows
+ * equal, all to 1e-12. The order is not checked. Errors: LG_INVALID_ARGUMENT with the reason in `error` (may
+ * be NULL). */
 LG_API lg_status lg_scheme_check(const lg_scheme *scheme, lg_error *error);
 
-/* ---- Steps ----------------------------------------------------------------------------------------------- */
+/* ---- Steps -----------------------------------------------------------------------------------------------
+ */
 
 typedef struct lg_stepper lg_stepper;
 
 /* Bytes that lg_stepper_init needs for this pair; 0 for arguments that lg_stepper_init would refuse. */
 LG_API size_t lg_stepper_size(const lg_scheme *scheme, const lg_ode *ode);
-/* Builds a stepper in `memory` (64-byte aligned, at least lg_stepper_size bytes, the caller's, to outlive the stepper;
- * nothing to destroy). `ode` is copied; `scheme` and ode->user must outlive the stepper.
- * Errors: LG_INVALID_ARGUMENT (memory too small or misaligned, inconsistent scheme or space, missing functions),
+/* Builds a stepper in `memory` (64-byte aligned, at least lg_stepper_size bytes, the caller's, to outlive the
+ * stepper; nothing to destroy). `ode` is copied; `scheme` and ode->user must outlive the stepper. Errors:
+ * LG_INVALID_ARGUMENT (memory too small or misaligned, inconsistent scheme or space, missing functions),
  * LG_UNSUPPORTED (an ambient or splitting scheme on a space that is not R^n; splitting on odd dimension). */
 LG_API lg_status lg_stepper_init(void *memory, size_t bytes, const lg_scheme *scheme, const lg_ode *ode,
                                  lg_stepper **out);
@@ -190,24 +207,26 @@ LG_API lg_status lg_stepper_create(const lg_context *context, const lg_scheme *s
                                    lg_stepper **out);
 LG_API void lg_stepper_destroy(const lg_context *context, lg_stepper *stepper); /* NULL is fine */
 
-/* One step: y_next = Phi_h(t, y), dim numbers; may equal y. h may be negative. `input` goes to the field, constant over
- * the step; may be NULL. A field value at the same (t, y) as one already known is not evaluated again when input is NULL:
- * after a change of what ode.user points to, call lg_stepper_reset.
- * Errors: what the field returns; LG_NOT_FINITE when y_next is not finite. y_next is untouched then. */
-LG_API lg_status lg_step(lg_stepper *stepper, double t, double h, const double *y, const double *input, double *y_next);
+/* One step: y_next = Phi_h(t, y), dim numbers; may equal y. h may be negative. `input` goes to the field,
+ * constant over the step; may be NULL. A field value at the same (t, y) as one already known is not evaluated
+ * again when input is NULL: after a change of what ode.user points to, call lg_stepper_reset. Errors: what
+ * the field returns; LG_NOT_FINITE when y_next is not finite. y_next is untouched then. */
+LG_API lg_status lg_step(lg_stepper *stepper, double t, double h, const double *y, const double *input,
+                         double *y_next);
 /* Forget field values kept from earlier steps. */
 LG_API void lg_stepper_reset(lg_stepper *stepper);
 
 /* Of the last step: the estimated local error as an ambient vector (dim numbers; the algebra's difference
- * h sum (b_i - embedded_i) k_i mapped by the generator at y_next for RKMK, the difference of the two solutions for
- * commutator-free schemes), NULL when the scheme has no embedded solution; the largest rotation angle among all
- * exponents. */
+ * h sum (b_i - embedded_i) k_i mapped by the generator at y_next for RKMK, the difference of the two
+ * solutions for commutator-free schemes), NULL when the scheme has no embedded solution; the largest rotation
+ * angle among all exponents. */
 LG_API const double *lg_stepper_error(const lg_stepper *stepper);
 LG_API double lg_stepper_angle(const lg_stepper *stepper);
 /* Evaluations of the field (of the force for splitting schemes) since lg_stepper_init. */
 LG_API size_t lg_stepper_evaluations(const lg_stepper *stepper);
 
-/* ---- Integration ----------------------------------------------------------------------------------------- */
+/* ---- Integration -----------------------------------------------------------------------------------------
+ */
 
 typedef struct lg_run_stats {
     size_t steps;       /* accepted */
@@ -216,19 +235,20 @@ typedef struct lg_run_stats {
     double max_angle;   /* largest rotation angle of an accepted step */
 } lg_run_stats;
 
-/* `steps` steps of size h from t0, step n at t0 + n h. Every `every`-th state is kept (every >= 1 divides steps):
- * out (steps/every + 1, dim), row 0 is y0; out may not overlap y0. `inputs` NULL, or (steps, input_dim): row n is constant
- * over step n. `stats` may be NULL.
- * Errors: LG_INVALID_ARGUMENT (steps 0, every, non-finite t0, h or y0), those of lg_step. On failure the rows reached
- * before it are written, the others untouched; stats are filled. */
-LG_API lg_status lg_integrate_fixed(lg_stepper *stepper, double t0, double h, size_t steps, const double *inputs,
-                                    size_t input_dim, size_t every, const double *y0, double *out,
-                                    lg_run_stats *stats);
+/* `steps` steps of size h from t0, step n at t0 + n h. Every `every`-th state is kept (every >= 1 divides
+ * steps): out (steps/every + 1, dim), row 0 is y0; out may not overlap y0. `inputs` NULL, or (steps,
+ * input_dim): row n is constant over step n. `stats` may be NULL. Errors: LG_INVALID_ARGUMENT (steps 0,
+ * every, non-finite t0, h or y0), those of lg_step. On failure the rows reached before it are written, the
+ * others untouched; stats are filled. */
+LG_API lg_status lg_integrate_fixed(lg_stepper *stepper, double t0, double h, size_t steps,
+                                    const double *inputs, size_t input_dim, size_t every, const double *y0,
+                                    double *out, lg_run_stats *stats);
 
 typedef struct lg_control {
-    size_t size;       /* sizeof(lg_control) */
-    double rtol, atol; /* tolerance of component i: atol + rtol max(|y_i| before, after the step). 1e-6, 1e-9 */
-    double safety;     /* 0.9 */
+    size_t size; /* sizeof(lg_control) */
+    double rtol,
+        atol;      /* tolerance of component i: atol + rtol max(|y_i| before, after the step). 1e-6, 1e-9 */
+    double safety; /* 0.9 */
     double factor_min; /* 0.2 */
     double factor_max; /* 5 */
     double h_initial;  /* > 0, or 0: chosen from y0 and f(t0, y0) */
@@ -250,10 +270,10 @@ typedef struct lg_step_decision {
     double h; /* the next step to try, > 0 */
 } lg_step_decision;
 
-/* A pure function. `error` is the norm relative to the tolerance (accept when <= 1, NaN rejects), `exponent` is
- * 1/(embedded_order + 1): h_next = h clamp(safety error^-exponent, factor_min, factor_max), at most h_max. After a
- * rejection the step does not grow; a step whose angle is beyond max_angle, or not finite, is rejected and shrunk by
- * at least a half. */
+/* A pure function. `error` is the norm relative to the tolerance (accept when <= 1, NaN rejects), `exponent`
+ * is 1/(embedded_order + 1): h_next = h clamp(safety error^-exponent, factor_min, factor_max), at most h_max.
+ * After a rejection the step does not grow; a step whose angle is beyond max_angle, or not finite, is
+ * rejected and shrunk by at least a half. */
 LG_API lg_step_decision lg_step_control(const lg_control *control, double exponent, double error,
                                         const lg_step_history *history);
 
@@ -261,13 +281,15 @@ LG_API lg_step_decision lg_step_control(const lg_control *control, double expone
 LG_API double lg_error_norm(const lg_control *control, size_t dim, const double *error, const double *y,
                             const double *y_next);
 
-/* From (t0, y0) to each of times[0..count-1], monotone in either direction from t0 (equal neighbours are allowed); steps
- * are clipped to end exactly at those times: out (count, dim). control may be NULL for the defaults; stats may be NULL.
- * Errors: LG_UNSUPPORTED (no embedded solution), LG_INVALID_ARGUMENT (times, tolerances, non-finite start),
- * LG_STEP_TOO_SMALL, LG_TOO_MANY_STEPS, LG_NOT_FINITE (the field is not finite however small the step), what the field
- * returns. On failure the rows reached before it are written, the others untouched; stats are filled. */
-LG_API lg_status lg_integrate_adaptive(lg_stepper *stepper, const lg_control *control, double t0, const double *y0,
-                                       const double *times, size_t count, double *out, lg_run_stats *stats);
+/* From (t0, y0) to each of times[0..count-1], monotone in either direction from t0 (equal neighbours are
+ * allowed); steps are clipped to end exactly at those times: out (count, dim). control may be NULL for the
+ * defaults; stats may be NULL. Errors: LG_UNSUPPORTED (no embedded solution), LG_INVALID_ARGUMENT (times,
+ * tolerances, non-finite start), LG_STEP_TOO_SMALL, LG_TOO_MANY_STEPS, LG_NOT_FINITE (the field is not finite
+ * however small the step), what the field returns. On failure the rows reached before it are written, the
+ * others untouched; stats are filled. */
+LG_API lg_status lg_integrate_adaptive(lg_stepper *stepper, const lg_control *control, double t0,
+                                       const double *y0, const double *times, size_t count, double *out,
+                                       lg_run_stats *stats);
 
 LG_END_DECLS
 

@@ -170,7 +170,7 @@ typedef struct lg_hamiltonian_run {
     uint32_t substeps;
     double penalty; /* mu */
     lg_penalty_form penalty_form;
-    uint64_t epochs; /* planned total; a resumed run may plan more */
+    uint64_t epochs; /* planned total */
     uint64_t batch;
     double lr, lr_gamma;
     uint64_t lr_step;
@@ -225,7 +225,7 @@ LG_API lg_status lg_checkpoint_open(const lg_context *context, const char *path,
                                     const lg_read_options *options, lg_hamiltonian_run *run,
                                     lg_file_reader **out, lg_error *error);
 /* LG_INVALID_ARGUMENT and a sentence naming the first difference ("...: written with batch 80, not 100") when
- * `stored` is not the problem `wanted`. Compared: all but `epochs`. `path` is for the sentence. */
+ * `stored` is not the problem `wanted`. All fields are compared. `path` is for the sentence. */
 LG_API lg_status lg_hamiltonian_run_compare(const char *path, const lg_hamiltonian_run *stored,
                                             const lg_hamiltonian_run *wanted, lg_error *error);
 
@@ -264,8 +264,8 @@ typedef struct lg_scene {
 /* A YAML (or JSON) file. A projection is also logged as a warning with its line. */
 LG_API lg_status lg_scene_read(const lg_context *context, const char *path, lg_scene *out, lg_error *error);
 
-/* The defaults of a system without a file: masses and lengths 1, gravity 1, Hamiltonian form, thesis starts
- * (quartic: 3 segments). `links` matters for chains only. Errors: LG_INVALID_ARGUMENT. */
+/* The defaults of a system without a file: masses and lengths 1, gravity 1, Hamiltonian form, thesis starts,
+ * one segment. `links` matters for chains only. Errors: LG_INVALID_ARGUMENT. */
 LG_API lg_status lg_scene_default(const char *system, uint32_t links, lg_scene *out);
 
 /* The keys of a system, one a line: name, shape, range, whether required, for docs and --help. Returns the

@@ -1,7 +1,7 @@
 /* Networks over a flat parameter vector, Adam, learning rate schedules, and the training loop.
  *
- * A network is a small immutable description without pointers. Its parameters are a slice of one flat vector theta, so
- * that an optimiser, a file and a gradient see one array.
+ * A network is a small immutable description without pointers. Its parameters are a slice of one flat vector
+ * theta, so that an optimiser, a file and a gradient see one array.
  */
 #ifndef LIEGRAD_NN_H
 #define LIEGRAD_NN_H
@@ -24,9 +24,10 @@ LG_BEGIN_DECLS
 
 #define LG_MLP_MAX_LAYERS 16
 
-/* a_0 = x, a_{l+1} = sigma_l(a_l W_l + b_l), l = 0..layers-1, W_l of shape (width[l], width[l+1]), b_l (width[l+1]). sigma_l is
- * `activation` in the hidden layers and the identity in the last one, which has a bias only when `last_bias`.
- * Parameters: W_0 row-major, b_0, W_1, b_1, ... Plain data, copied freely, immutable after lg_mlp_init. */
+/* a_0 = x, a_{l+1} = sigma_l(a_l W_l + b_l), l = 0..layers-1, W_l of shape (width[l], width[l+1]), b_l
+ * (width[l+1]). sigma_l is `activation` in the hidden layers and the identity in the last one, which has a
+ * bias only when `last_bias`. Parameters: W_0 row-major, b_0, W_1, b_1, ... Plain data, copied freely,
+ * immutable after lg_mlp_init. */
 typedef struct lg_mlp {
     uint32_t layers;                       /* 1..LG_MLP_MAX_LAYERS; layers - 1 hidden ones */
     uint32_t width[LG_MLP_MAX_LAYERS + 1]; /* input, hidden..., output */
@@ -34,17 +35,17 @@ typedef struct lg_mlp {
     bool last_bias;
 } lg_mlp;
 
-/* inputs -> hidden[0] -> ... -> hidden[hidden_layers - 1] -> outputs; hidden_layers may be 0 (a linear map; `hidden` may be
- * NULL then). Errors: LG_INVALID_ARGUMENT for a NULL net, widths of 0 or above 2^20, more than LG_MLP_MAX_LAYERS - 1
- * hidden layers, an unknown activation. */
+/* inputs -> hidden[0] -> ... -> hidden[hidden_layers - 1] -> outputs; hidden_layers may be 0 (a linear map;
+ * `hidden` may be NULL then). Errors: LG_INVALID_ARGUMENT for a NULL net, widths of 0 or above 2^20, more
+ * than LG_MLP_MAX_LAYERS - 1 hidden layers, an unknown activation. */
 LG_API lg_status lg_mlp_init(lg_mlp *net, uint32_t inputs, const uint32_t *hidden, uint32_t hidden_layers,
                              uint32_t outputs, lg_activation activation, bool last_bias);
 LG_API size_t lg_mlp_parameters(const lg_mlp *net);
 LG_API uint32_t lg_mlp_inputs(const lg_mlp *net);
 LG_API uint32_t lg_mlp_outputs(const lg_mlp *net);
 LG_API bool lg_mlp_has_bias(const lg_mlp *net, uint32_t layer);
-/* Where a layer's weight and bias begin in the flat vector, in elements; layer < net->layers. A layer without bias gives
- * the offset at which its bias would stand. */
+/* Where a layer's weight and bias begin in the flat vector, in elements; layer < net->layers. A layer without
+ * bias gives the offset at which its bias would stand. */
 LG_API size_t lg_mlp_weight_offset(const lg_mlp *net, uint32_t layer);
 LG_API size_t lg_mlp_bias_offset(const lg_mlp *net, uint32_t layer);
 
@@ -72,35 +73,37 @@ typedef struct lg_mlp_vars {
     lg_var weight[LG_MLP_MAX_LAYERS], bias[LG_MLP_MAX_LAYERS];
 } lg_mlp_vars;
 
-/* theta: flat vector (rank 1), whose elements offset .. offset + lg_mlp_parameters - 1 are the network's. Errors: the tape's
- * (LG_SHAPE when theta is too short), which stick. */
-LG_API lg_status lg_mlp_bind(lg_tape *tape, const lg_mlp *net, lg_var theta, size_t offset, lg_mlp_vars *vars);
+/* theta: flat vector (rank 1), whose elements offset .. offset + lg_mlp_parameters - 1 are the network's.
+ * Errors: the tape's (LG_SHAPE when theta is too short), which stick. */
+LG_API lg_status lg_mlp_bind(lg_tape *tape, const lg_mlp *net, lg_var theta, size_t offset,
+                             lg_mlp_vars *vars);
 /* x (B, in) -> (B, out) */
 LG_API lg_var lg_mlp_apply_bound(lg_tape *tape, const lg_mlp *net, const lg_mlp_vars *vars, lg_var x);
-/* d sum(output[:, 0]) / dx: (B, in) -> (B, in); row b is the gradient of the first output at x_b. Recorded: it may be
- * differentiated again by theta and by x. */
+/* d sum(output[:, 0]) / dx: (B, in) -> (B, in); row b is the gradient of the first output at x_b. Recorded:
+ * it may be differentiated again by theta and by x. */
 LG_API lg_var lg_mlp_gradient_bound(lg_tape *tape, const lg_mlp *net, const lg_mlp_vars *vars, lg_var x);
 /* Bind and apply in one. */
 LG_API lg_var lg_mlp_apply(lg_tape *tape, const lg_mlp *net, lg_var theta, size_t offset, lg_var x);
 
 /* ---- multilayer perceptron: without a tape ----
- * No allocation, no lock, no failure: the caller gives memory. theta, x, y, tangents are arrays of `dtype`; theta points at
- * the network's first parameter. `work`: lg_mlp_work_size bytes, 64-byte aligned, contents irrelevant before and after.
- * Outputs must not overlap inputs or work. Values of a row do not depend on the other rows or their number; input
- * gradients of one row are accumulated in another order than those of several, and differ from them by rounding. */
+ * No allocation, no lock, no failure: the caller gives memory. theta, x, y, tangents are arrays of `dtype`;
+ * theta points at the network's first parameter. `work`: lg_mlp_work_size bytes, 64-byte aligned, contents
+ * irrelevant before and after. Outputs must not overlap inputs or work. Values of a row do not depend on the
+ * other rows or their number; input gradients of one row are accumulated in another order than those of
+ * several, and differ from them by rounding. */
 
 /* Bytes of work for each of the functions below for up to `rows` rows. */
 LG_API size_t lg_mlp_work_size(const lg_mlp *net, size_t rows, lg_dtype dtype);
 /* x (rows, in) -> y (rows, out) */
-LG_API void lg_mlp_eval(const lg_mlp *net, lg_dtype dtype, const void *theta, const void *x, size_t rows, void *y,
-                        void *work);
-/* gradient[r, i] = sum_o cotangent[r, o] d y[r, o]/d x[r, i]; cotangent (rows, out), NULL for ones; y (rows, out) or NULL;
- * gradient (rows, in). */
-LG_API void lg_mlp_input_gradient(const lg_mlp *net, lg_dtype dtype, const void *theta, const void *x, size_t rows,
-                                  const void *cotangent, void *y, void *gradient, void *work);
+LG_API void lg_mlp_eval(const lg_mlp *net, lg_dtype dtype, const void *theta, const void *x, size_t rows,
+                        void *y, void *work);
+/* gradient[r, i] = sum_o cotangent[r, o] d y[r, o]/d x[r, i]; cotangent (rows, out), NULL for ones; y (rows,
+ * out) or NULL; gradient (rows, in). */
+LG_API void lg_mlp_input_gradient(const lg_mlp *net, lg_dtype dtype, const void *theta, const void *x,
+                                  size_t rows, const void *cotangent, void *y, void *gradient, void *work);
 /* dy[r, o] = sum_i d y[r, o]/d x[r, i] tangent[r, i]; y (rows, out) or NULL, dy (rows, out). */
-LG_API void lg_mlp_jvp(const lg_mlp *net, lg_dtype dtype, const void *theta, const void *x, const void *tangent,
-                       size_t rows, void *y, void *dy, void *work);
+LG_API void lg_mlp_jvp(const lg_mlp *net, lg_dtype dtype, const void *theta, const void *x,
+                       const void *tangent, size_t rows, void *y, void *dy, void *work);
 
 /* ---- Adam (Kingma & Ba 2015; decoupled decay: Loshchilov & Hutter 2019) ---- */
 
@@ -109,7 +112,7 @@ typedef struct lg_adam_options {
     double beta1, beta2; /* 0.9, 0.999, in [0, 1) */
     double eps;          /* 1e-8, > 0 */
     double weight_decay; /* 0, >= 0 */
-    bool decoupled;      /* false: gradient + decay theta (L2); true: theta - lr decay theta beside the step */
+    bool decoupled; /* false: gradient + decay theta (L2); true: theta - lr decay theta beside the step */
 } lg_adam_options;
 LG_API lg_adam_options lg_adam_defaults(void);
 
@@ -117,12 +120,13 @@ LG_API lg_adam_options lg_adam_defaults(void);
  *   g = clip gradient [+ decay theta], m = beta1 m + (1 - beta1) g, v = beta2 v + (1 - beta2) g^2,
  *   theta = theta [- lr decay theta] - lr (m/(1 - beta1^step)) / (sqrt(v/(1 - beta2^step)) + eps).
  * lr is the options' lr times `rate`. m and v start from zero. */
-LG_API void lg_adam_step(const lg_adam_options *options, lg_dtype dtype, uint64_t step, double rate, double clip,
-                         size_t n, const void *gradient, void *m, void *v, void *theta);
+LG_API void lg_adam_step(const lg_adam_options *options, lg_dtype dtype, uint64_t step, double rate,
+                         double clip, size_t n, const void *gradient, void *m, void *v, void *theta);
 
 /* Euclidean norm, accumulated in double in a fixed order. */
 LG_API double lg_gradient_norm(lg_dtype dtype, size_t n, const void *gradient);
-/* What to multiply a gradient of this norm with so that its norm is at most `limit`: min(1, limit/norm); 1 for limit 0. */
+/* What to multiply a gradient of this norm with so that its norm is at most `limit`: min(1, limit/norm); 1
+ * for limit 0. */
 LG_API double lg_clip_factor(double norm, double limit);
 
 /* ---- schedules ---- */
@@ -150,12 +154,13 @@ LG_API double lg_schedule_rate(const lg_schedule *schedule, uint64_t epoch, uint
 typedef struct lg_fit_problem {
     size_t parameters; /* length of theta */
     size_t samples;    /* < 2^32 */
-    /* Builds on the tape the part of the batch loss that belongs to `count` >= 1 samples, as a variable with one element:
-     * the parts of a batch add up to the loss of the batch, which has `batch` samples (a mean is thus a sum divided by
-     * `batch`). theta: flat vector (parameters) of the tape's type. Called by several threads at once, each with its
-     * own tape; must be a pure function of its arguments. A status other than LG_OK, or the tape's, stops the fit. */
-    lg_status (*loss)(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count, size_t batch,
-                      lg_var *loss);
+    /* Builds on the tape the part of the batch loss that belongs to `count` >= 1 samples, as a variable with
+     * one element: the parts of a batch add up to the loss of the batch, which has `batch` samples (a mean is
+     * thus a sum divided by `batch`). theta: flat vector (parameters) of the tape's type. Called by several
+     * threads at once, each with its own tape; must be a pure function of its arguments. A status other than
+     * LG_OK, or the tape's, stops the fit. */
+    lg_status (*loss)(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
+                      size_t batch, lg_var *loss);
     void *user;
 } lg_fit_problem;
 
@@ -164,37 +169,38 @@ typedef struct lg_fit lg_fit;
 /* After an epoch. */
 typedef struct lg_fit_epoch {
     uint64_t epoch, epochs; /* finished, counted from 1; planned */
-    double loss;            /* mean over the batches, weighted by samples, each at the parameters before its step */
-    double validation;      /* loss of the validation part after the epoch; NaN without one */
-    double seconds;         /* wall time of the epoch */
-    double rate;            /* learning rate used: lr times the schedule's factor */
-    bool best;              /* the lowest criterion so far */
+    double loss; /* mean over the batches, weighted by samples, each at the parameters before its step */
+    double validation; /* loss of the validation part after the epoch; NaN without one */
+    double seconds;    /* wall time of the epoch */
+    double rate;       /* learning rate used: lr times the schedule's factor */
+    bool best;         /* the lowest criterion so far */
 } lg_fit_epoch;
 
 typedef struct lg_fit_options {
     size_t size; /* sizeof(lg_fit_options) */
     /* Hyperparameters: saved, and must be equal on load. */
-    lg_dtype dtype;       /* LG_F64; of tapes, theta and moments */
-    uint64_t epochs;      /* 100: planned total, >= 1 */
-    size_t batch;         /* 0: all samples; the last batch of an epoch may be smaller */
-    uint32_t shards;      /* 4, 1..1024: contiguous near-equal pieces of a batch, min(shards, batch) of them */
+    lg_dtype dtype;  /* LG_F64; of tapes, theta and moments */
+    uint64_t epochs; /* 100: planned total, >= 1 */
+    size_t batch;    /* 0: all samples; the last batch of an epoch may be smaller */
+    uint32_t shards; /* 4, 1..1024: contiguous near-equal pieces of a batch, min(shards, batch) of them */
     lg_adam_options adam; /* lg_adam_defaults() */
     lg_schedule schedule; /* constant */
     double clip_norm;     /* 0: off; else the bound on the gradient's Euclidean norm */
     uint64_t seed;        /* 1 */
     double validation;    /* 0, in [0, 1): part of the samples kept for validation, drawn by the seed */
     bool shuffle;         /* true: a new order of the training samples in each epoch */
-    bool keep_best;       /* false; true: lg_fit_parameters gives those after the epoch with the lowest criterion */
-    uint64_t patience;    /* 0: off; else stop after so many epochs without a new lowest criterion */
+    bool keep_best; /* false; true: lg_fit_parameters gives those after the epoch with the lowest criterion */
+    uint64_t patience; /* 0: off; else stop after so many epochs without a new lowest criterion */
     /* The criterion is the validation loss, or without a validation part the epoch's loss. */
 
     /* Free to differ between runs. */
-    int threads;             /* 1, 1..1024; the result does not depend on it */
-    uint64_t stop_after;     /* 0: off; else epochs in one call of lg_fit_run */
-    size_t max_tape_bytes;   /* 0: no limit; else for each shard's tape */
+    int threads;               /* 1, 1..1024; the result does not depend on it */
+    uint64_t stop_after;       /* 0: off; else epochs in one call of lg_fit_run */
+    size_t max_tape_bytes;     /* 0: no limit; else for each shard's tape */
     uint64_t checkpoint_every; /* 0: off; else calls `checkpoint` after each so many epochs */
-    /* Called on the thread of lg_fit_run with a state that can be saved: as said above, and whenever lg_fit_run returns before
-     * the plan is finished because of stop_after, the cancel flag or on_epoch. May be NULL. A status other than LG_OK stops. */
+    /* Called on the thread of lg_fit_run with a state that can be saved: as said above, and whenever
+     * lg_fit_run returns before the plan is finished because of stop_after, the cancel flag or on_epoch. May
+     * be NULL. A status other than LG_OK stops. */
     lg_status (*checkpoint)(void *user, const lg_fit *fit);
     /* May be NULL. A return other than 0 stops: lg_fit_run returns LG_CANCELLED. */
     int (*on_epoch)(void *user, const lg_fit_epoch *report);
@@ -204,35 +210,39 @@ typedef struct lg_fit_options {
 /* The defaults named above. */
 LG_API void lg_fit_options_init(lg_fit_options *options);
 
-/* theta: `parameters` doubles, copied: where training starts (a warm start is any such vector). The context must outlive the
- * fit. `options` NULL: defaults. Errors: LG_INVALID_ARGUMENT (the sentence names the option), LG_NOT_FINITE for theta,
- * LG_OUT_OF_MEMORY. */
-LG_API lg_status lg_fit_create(const lg_context *context, const lg_fit_problem *problem, const lg_fit_options *options,
-                               const double *theta, lg_fit **out, lg_error *error);
+/* theta: `parameters` doubles, copied: where training starts (a warm start is any such vector). The context
+ * must outlive the fit. `options` NULL: defaults. Errors: LG_INVALID_ARGUMENT (the sentence names the
+ * option), LG_NOT_FINITE for theta, LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_fit_create(const lg_context *context, const lg_fit_problem *problem,
+                               const lg_fit_options *options, const double *theta, lg_fit **out,
+                               lg_error *error);
 LG_API void lg_fit_destroy(lg_fit *fit); /* NULL is fine */
 
-/* Trains until the plan is finished (then LG_OK, at once when it already is), stop_after epochs are done (LG_OK), or something
- * stops it. In every case the state is that of a batch boundary: it can be saved, and lg_fit_run continues from it with
- * the same bits as a run that never stopped. Each shard has its own tape and gradient; gradients and losses are
- * added in a fixed tree, so that the bits depend on `shards` and not on `threads`. After the first batches no memory
- * is allocated.
- * Errors: LG_CANCELLED (the context's cancel flag, read between batches, or on_epoch), LG_NOT_FINITE (a loss, gradient,
- * parameter or moment is NaN or infinite; the state is the one before that step; the sentence names epoch, batch and
- * what), the loss callback's, the tape's, the checkpoint callback's, LG_OUT_OF_MEMORY. */
+/* Trains until the plan is finished (then LG_OK, at once when it already is), stop_after epochs are done
+ * (LG_OK), or something stops it. In every case the state is that of a batch boundary: it can be saved, and
+ * lg_fit_run continues from it with the same bits as a run that never stopped. Each shard has its own tape
+ * and gradient; gradients and losses are added in a fixed tree, so that the bits depend on `shards` and not
+ * on `threads`. After the first batches no memory is allocated. Errors: LG_CANCELLED (the context's cancel
+ * flag, read between batches, or on_epoch), LG_NOT_FINITE (a loss, gradient, parameter or moment is NaN or
+ * infinite; the state is the one before that step; the sentence names epoch, batch and what), the loss
+ * callback's, the tape's, the checkpoint callback's, LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_fit_run(lg_fit *fit, lg_error *error);
 
 /* True when the planned epochs are done or patience ran out. */
 LG_API bool lg_fit_finished(const lg_fit *fit);
 
-/* Saves the whole state: optimizer/{parameters,best}, optimizer/adam/{m,v,step}, rng, train/{permutation,epoch,...},
- * train/history/{loss,validation,seconds,rate}, train/options/... Errors: the writer's. */
+/* Saves the whole state: optimizer/{parameters,best}, optimizer/adam/{m,v,step}, rng,
+ * train/{permutation,epoch,...}, train/history/{loss,validation,seconds,rate}, train/options/... Errors: the
+ * writer's. */
 LG_API lg_status lg_fit_save(const lg_fit *fit, const lg_archive_writer *writer, lg_error *error);
-/* Replaces the state; on failure it is as before. Errors: LG_INVALID_ARGUMENT when a hyperparameter, the number of
- * parameters or samples differs (the sentence names it and both values), LG_FORMAT for a state that cannot be (no
- * permutation, position off a batch boundary, values not finite), the reader's, LG_OUT_OF_MEMORY. */
+/* Replaces the state; on failure it is as before. Errors: LG_INVALID_ARGUMENT when a hyperparameter, the
+ * number of parameters or samples differs (the sentence names it and both values), LG_FORMAT for a state that
+ * cannot be (no permutation, position off a batch boundary, values not finite), the reader's,
+ * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_fit_load(lg_fit *fit, const lg_archive_reader *reader, lg_error *error);
 
-/* The result as `parameters` doubles: with keep_best those of the best epoch (when one is finished), else the current ones. */
+/* The result as `parameters` doubles: with keep_best those of the best epoch (when one is finished), else the
+ * current ones. */
 LG_API void lg_fit_parameters(const lg_fit *fit, double *theta);
 LG_API void lg_fit_current_parameters(const lg_fit *fit, double *theta);
 LG_API uint64_t lg_fit_epochs_done(const lg_fit *fit);

@@ -243,13 +243,15 @@ void lg_reverse_matmul(lg_reverse *r, uint32_t k, uint32_t variant, lg_var a, lg
             block, accumulate);
 }
 
-/* Frees what a vjp left behind: nodes from `first` on and their pool blocks. */
-static void drop_temporaries(lg_tape *tape, uint32_t first, uint32_t parents) {
-    for (uint32_t i = first; i < tape->count; i++)
+/* Frees what a vjp left behind: nodes after the mark, their pool blocks, payload. */
+static void drop_temporaries(lg_tape *tape, lg_mark before) {
+    for (uint32_t i = before.nodes; i < tape->count; i++)
         if (tape->nodes[i].flags & LG_NODE_POOLED)
             lg_pool_give(tape, tape->nodes[i].value, node_bytes(tape, i));
-    lg_forget_nodes(tape, first);
-    tape->parents_count = parents;
+    lg_forget_nodes(tape, before.nodes);
+    tape->parents_count = before.parents;
+    tape->arena.current = before.chunk;
+    tape->arena.used = before.used;
 }
 
 /* No other cotangent of this step reads the memory of out[k]. */
@@ -265,14 +267,15 @@ static bool unshared(const lg_tape *tape, const lg_var *out, uint32_t inputs, ui
 static void unrecorded_step(lg_tape *tape, lg_sweep *sweep, uint32_t i, void *block) {
     lg_var in[LG_MAX_INPUTS], out[LG_MAX_INPUTS];
     bool need[LG_MAX_INPUTS];
-    uint32_t first = tape->count, parents = tape->parents_count, inputs = tape->nodes[i].inputs;
+    const lg_mark before = lg_tape_mark(tape);
+    uint32_t inputs = tape->nodes[i].inputs;
     lg_var g = lg_record_value(tape, LG_OP_LEAF, NULL, 0, NULL, tape->nodes[i].shape, block, 0);
     if (tape->status != LG_OK) return;
     reverse_step(tape, sweep, i, g, true, in, need, out);
     for (uint32_t k = 0; k < inputs && tape->status == LG_OK; k++)
         if (need[k] && !lg_is_none(out[k]))
             contribute(tape, sweep, in[k].index, out[k], unshared(tape, out, inputs, k));
-    drop_temporaries(tape, first, parents);
+    drop_temporaries(tape, before);
 }
 
 /* A variable that is a leaf has the caller's buffer as its block; any other has a block of its own that is
@@ -309,10 +312,10 @@ static void seed_sweep(lg_tape *tape, lg_sweep *sweep, lg_var y, const lg_var *w
         if (tape->nodes[wrt[i].index].inputs == 0) sweep->block[at] = grad[i];
     }
     if (y.index < sweep->range.lo || !sweep->reach[y.index - sweep->range.lo]) return;
-    uint32_t first = tape->count, parents = tape->parents_count;
+    const lg_mark before = lg_tape_mark(tape);
     lg_var one = lg_full(tape, tape->nodes[y.index].shape, 1.0);
     if (tape->status == LG_OK) contribute(tape, sweep, y.index, one, true);
-    drop_temporaries(tape, first, parents);
+    drop_temporaries(tape, before);
 }
 
 lg_status lg_backward(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, void *const *grad) {

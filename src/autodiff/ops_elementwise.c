@@ -214,6 +214,52 @@ lg_var lg_max(lg_tape *tape, lg_var a, lg_var b) {
     return binary(tape, LG_OP_MAX, a, b);
 }
 
+/* ---- linear combination; attr.pointer = coefficients (payload) ---- */
+
+static lg_status combine_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+    (void)attr;
+    if (inputs == 0) return LG_INVALID_ARGUMENT;
+    for (uint32_t i = 1; i < inputs; i++)
+        if (!lg_same_shape(&in[0]->shape, &in[i]->shape)) return LG_SHAPE;
+    *out = in[0]->shape;
+    return LG_OK;
+}
+
+static lg_status combine_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    const double *c = out->attr.pointer;
+    tape->k->unary[LG_K_SCALE](out->count, c[0], in[0]->value, out->value);
+    for (uint32_t i = 1; i < out->inputs; i++) tape->k->axpy(out->count, c[i], in[i]->value, out->value);
+    return LG_OK;
+}
+
+static void combine_vjp(lg_reverse *r) {
+    const double *c = r->attr->pointer;
+    for (uint32_t k = 0; k < r->inputs; k++)
+        if (r->need[k]) r->out[k] = lg_scale(r->tape, r->g, c[k]);
+}
+
+static lg_var combine_jvp(const lg_forward *f) {
+    const double *c = f->attr->pointer;
+    lg_var total = LG_NONE;
+    for (uint32_t k = 0; k < f->inputs; k++)
+        if (!lg_is_none(f->tangents[k]))
+            total = lg_add_or(f->tape, total, lg_scale(f->tape, f->tangents[k], c[k]));
+    return total;
+}
+
+const lg_op lg_op_combine = {"combine", 0, combine_shape, combine_forward, combine_vjp, combine_jvp};
+
+lg_var lg_combine(lg_tape *tape, const lg_var *x, const double *c, size_t n) {
+    if (tape->status != LG_OK) return LG_NONE;
+    if (n == 0 || n > LG_MAX_INPUTS)
+        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "combine", "the number of terms is not in 1..64");
+    double *kept = lg_payload_allocate(tape, n * sizeof *kept);
+    if (kept == NULL) return LG_NONE;
+    for (size_t i = 0; i < n; i++) kept[i] = c[i];
+    lg_attr attr = {.pointer = kept};
+    return lg_record(tape, LG_OP_COMBINE, x, (uint32_t)n, &attr);
+}
+
 /* ---- unary: f'(x) is named by each row through its vjp ---- */
 
 static lg_status same_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {

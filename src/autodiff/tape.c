@@ -335,6 +335,13 @@ lg_var lg_input_f64(lg_tape *tape, lg_shape shape, const double *data) {
     return record_leaf(tape, shape, value, fresh_flags(tape));
 }
 
+lg_var lg_input_buffer(lg_tape *tape, lg_shape shape, void **values) {
+    void *value = leaf_memory(tape, "input", &shape, values != NULL);
+    if (value == NULL) return LG_NONE;
+    *values = value;
+    return record_leaf(tape, shape, value, fresh_flags(tape));
+}
+
 lg_var lg_parameter(lg_tape *tape, lg_shape shape, const void *data) {
     if (tape->status != LG_OK) return LG_NONE;
     if (shape.rank > LG_MAX_RANK || data == NULL)

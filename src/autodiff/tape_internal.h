@@ -22,6 +22,7 @@
     X(DIV, div)                                                                                              \
     X(MAX, max)                                                                                              \
     X(GE, ge)                                                                                                \
+    X(COMBINE, combine)                                                                                      \
     X(SCALE, scale)                                                                                          \
     X(SHIFT, shift)                                                                                          \
     X(POW, pow)                                                                                              \

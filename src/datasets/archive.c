@@ -5,7 +5,7 @@
 #include "datasets/h5.h"
 
 #define PREFIX_SIZE 64
-#define NAME_SIZE 256
+#define NAME_SIZE   256
 
 /* What an archive's `user` points to; lives as long as its file. */
 typedef struct lg_view {
@@ -50,7 +50,8 @@ static lg_view *add_view(const lg_context *context, const char *prefix, lg_view 
 
 static bool full_name(const lg_view *view, const char *path, char name[NAME_SIZE]) {
     const char *slash = view->prefix[0] == '\0' ? "" : "/";
-    int length = path == NULL || *path == '\0' ? -1 : snprintf(name, NAME_SIZE, "%s%s%s", view->prefix, slash, path);
+    int length =
+        path == NULL || *path == '\0' ? -1 : snprintf(name, NAME_SIZE, "%s%s%s", view->prefix, slash, path);
     return length > 0 && length < NAME_SIZE;
 }
 
@@ -64,13 +65,14 @@ static const char *split(char *name, const char **group) {
 
 /* ---- writing ---- */
 
-static lg_status write_array(void *user, const char *path, lg_element type, uint32_t rank, const uint64_t *dims,
-                             const void *data) {
+static lg_status write_array(void *user, const char *path, lg_element type, uint32_t rank,
+                             const uint64_t *dims, const void *data) {
     lg_view *view = user;
     lg_file_writer *writer = view->writer;
     char name[NAME_SIZE];
     if (writer->failure.status != LG_OK) return writer->failure.status;
-    if (!full_name(view, path, name)) return lg_fail(&writer->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
+    if (!full_name(view, path, name))
+        return lg_fail(&writer->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
     return lg_h5_put(writer->h5, name, type, rank, dims, data, &writer->failure);
 }
 
@@ -88,7 +90,8 @@ static lg_status write_text(void *user, const char *path, const char *value) {
 
 lg_status lg_file_writer_create(const lg_context *context, const char *path, const char *kind,
                                 const lg_provenance *provenance, lg_file_writer **out, lg_error *error) {
-    if (path == NULL || kind == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name and a kind");
+    if (path == NULL || kind == NULL || out == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name and a kind");
     lg_file_writer *writer = lg_alloc(context, 1, sizeof *writer);
     if (writer == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
     writer->context = context;
@@ -102,7 +105,8 @@ lg_status lg_file_writer_create(const lg_context *context, const char *path, con
 }
 
 lg_status lg_file_writer_archive(lg_file_writer *writer, const char *prefix, lg_archive_writer *out) {
-    if (writer == NULL || out == NULL || prefix == NULL || strlen(prefix) >= PREFIX_SIZE) return LG_INVALID_ARGUMENT;
+    if (writer == NULL || out == NULL || prefix == NULL || strlen(prefix) >= PREFIX_SIZE)
+        return LG_INVALID_ARGUMENT;
     lg_view *view = add_view(writer->context, prefix, &writer->views);
     if (view == NULL) return LG_OUT_OF_MEMORY;
     view->writer = writer;
@@ -111,9 +115,11 @@ lg_status lg_file_writer_archive(lg_file_writer *writer, const char *prefix, lg_
 }
 
 lg_status lg_file_writer_commit(lg_file_writer *writer, lg_error *error) {
-    if (writer == NULL || writer->committed) return lg_fail(error, LG_INVALID_ARGUMENT, "a file is committed once");
+    if (writer == NULL || writer->committed)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a file is committed once");
     writer->committed = true;
-    if (writer->failure.status != LG_OK) return lg_fail(error, writer->failure.status, "%s", writer->failure.message);
+    if (writer->failure.status != LG_OK)
+        return lg_fail(error, writer->failure.status, "%s", writer->failure.message);
     return lg_h5_commit(writer->h5, error);
 }
 
@@ -126,17 +132,20 @@ void lg_file_writer_destroy(lg_file_writer *writer) {
 
 /* ---- reading ---- */
 
-static lg_status read_array(void *user, const char *path, lg_element type, uint32_t rank, const uint64_t *dims, void *out) {
+static lg_status read_array(void *user, const char *path, lg_element type, uint32_t rank,
+                            const uint64_t *dims, void *out) {
     lg_view *view = user;
     char name[NAME_SIZE];
-    if (!full_name(view, path, name)) return lg_fail(&view->reader->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
+    if (!full_name(view, path, name))
+        return lg_fail(&view->reader->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
     return lg_h5_get(view->reader->h5, name, type, rank, dims, out, &view->reader->failure);
 }
 
 static lg_status read_shape(void *user, const char *path, uint32_t *rank, uint64_t dims[4]) {
     lg_view *view = user;
     char name[NAME_SIZE];
-    if (!full_name(view, path, name)) return lg_fail(&view->reader->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
+    if (!full_name(view, path, name))
+        return lg_fail(&view->reader->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
     return lg_h5_shape(view->reader->h5, name, rank, dims, NULL, &view->reader->failure);
 }
 
@@ -144,7 +153,8 @@ static lg_status read_text(void *user, const char *path, char *out, size_t size)
     lg_view *view = user;
     char name[NAME_SIZE];
     const char *group;
-    if (!full_name(view, path, name)) return lg_fail(&view->reader->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
+    if (!full_name(view, path, name))
+        return lg_fail(&view->reader->failure, LG_INVALID_ARGUMENT, "a path is empty or too long");
     const char *attribute = split(name, &group);
     return lg_h5_text(view->reader->h5, group, attribute, out, size, &view->reader->failure);
 }
@@ -192,7 +202,8 @@ lg_status lg_file_reader_open(const lg_context *context, const char *path, const
 }
 
 lg_status lg_file_reader_archive(lg_file_reader *reader, const char *prefix, lg_archive_reader *out) {
-    if (reader == NULL || out == NULL || prefix == NULL || strlen(prefix) >= PREFIX_SIZE) return LG_INVALID_ARGUMENT;
+    if (reader == NULL || out == NULL || prefix == NULL || strlen(prefix) >= PREFIX_SIZE)
+        return LG_INVALID_ARGUMENT;
     lg_view *view = add_view(reader->context, prefix, &reader->views);
     if (view == NULL) return LG_OUT_OF_MEMORY;
     view->reader = reader;
@@ -213,4 +224,12 @@ void lg_file_reader_close(lg_file_reader *reader) {
     lg_h5_close(reader->h5);
     free_views(reader->context, reader->views);
     lg_free(reader->context, reader);
+}
+
+lg_h5 *lg_file_writer_h5(lg_file_writer *writer) {
+    return writer->h5;
+}
+
+lg_h5 *lg_file_reader_h5(lg_file_reader *reader) {
+    return reader->h5;
 }

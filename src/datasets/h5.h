@@ -1,5 +1,6 @@
-/* One HDF5 file being composed in memory or read. Paths name objects from the root, without a leading slash; "" is the root.
- * Every function silences HDF5's own messages for its duration. All failures give a sentence with the file and the key. */
+/* One HDF5 file being composed in memory or read. Paths name objects from the root, without a leading slash;
+ * "" is the root. Every function silences HDF5's own messages for its duration. All failures give a sentence
+ * with the file and the key. */
 #ifndef LG_H5_H
 #define LG_H5_H
 
@@ -27,10 +28,11 @@ lg_status lg_h5_create(const lg_context *context, const char *path, lg_h5 **out,
 /* Groups on the way are made. dims: rank numbers. */
 lg_status lg_h5_put(lg_h5 *h5, const char *name, lg_element type, uint32_t rank, const uint64_t *dims,
                     const void *data, lg_error *error);
-/* Attributes of a group, made if need be, or of a data set. Texts are fixed-length UTF-8, cut at LG_H5_TEXT - 1 bytes. */
+/* Attributes of a group, made if need be, or of a data set. Texts are fixed-length UTF-8, cut at LG_H5_TEXT -
+ * 1 bytes. */
 lg_status lg_h5_put_text(lg_h5 *h5, const char *object, const char *name, const char *value, lg_error *error);
-lg_status lg_h5_put_number(lg_h5 *h5, const char *object, const char *name, lg_element type, const void *value,
-                           lg_error *error);
+lg_status lg_h5_put_number(lg_h5 *h5, const char *object, const char *name, lg_element type,
+                           const void *value, lg_error *error);
 lg_status lg_h5_commit(lg_h5 *h5, lg_error *error);
 
 /* ---- reading ---- */
@@ -38,18 +40,23 @@ lg_status lg_h5_open(const lg_context *context, const char *path, const lg_read_
                      lg_error *error);
 bool lg_h5_has(lg_h5 *h5, const char *name);
 bool lg_h5_has_attribute(lg_h5 *h5, const char *object, const char *name);
-/* Shape of a numeric data set of rank <= 4 whose elements fit into max_bytes as doubles. `epsilon` (may be NULL): relative spacing
- * of the stored type, 0 for integers. LG_NOT_FOUND: no such data set. */
-lg_status lg_h5_shape(lg_h5 *h5, const char *name, uint32_t *rank, uint64_t dims[4], double *epsilon, lg_error *error);
-/* LG_SHAPE when the stored shape differs from (rank, dims). Integers are read from integers only and must fit. */
-lg_status lg_h5_get(lg_h5 *h5, const char *name, lg_element type, uint32_t rank, const uint64_t *dims, void *out,
-                    lg_error *error);
-/* The same into fresh memory (lg_free), with the shape found; rank as asked, else LG_FORMAT. Doubles must be finite. */
+/* Shape of a numeric data set of rank <= 4 whose elements fit into max_bytes as doubles. `epsilon` (may be
+ * NULL): relative spacing of the stored type, 0 for integers. LG_NOT_FOUND: no such data set. */
+lg_status lg_h5_shape(lg_h5 *h5, const char *name, uint32_t *rank, uint64_t dims[4], double *epsilon,
+                      lg_error *error);
+/* LG_SHAPE when the stored shape differs from (rank, dims). Integers are read from integers only and must
+ * fit. */
+lg_status lg_h5_get(lg_h5 *h5, const char *name, lg_element type, uint32_t rank, const uint64_t *dims,
+                    void *out, lg_error *error);
+/* The same into fresh memory (lg_free), with the shape found; rank as asked, else LG_FORMAT. Doubles must be
+ * finite. */
 lg_status lg_h5_get_doubles(lg_h5 *h5, const char *name, uint32_t rank, uint64_t dims[4], double **out,
                             lg_error *error);
-lg_status lg_h5_text(lg_h5 *h5, const char *object, const char *name, char *out, size_t size, lg_error *error);
+lg_status lg_h5_text(lg_h5 *h5, const char *object, const char *name, char *out, size_t size,
+                     lg_error *error);
 /* One element: F64, I64, U64 or U32; rank 0 or one element. */
-lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_element type, void *out, lg_error *error);
+lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_element type, void *out,
+                       lg_error *error);
 /* Reads every numeric data set and every attribute once: what the probe of an archive does. */
 lg_status lg_h5_read_all(lg_h5 *h5, lg_error *error);
 /* Version and kind. `foreign`: a file of another format, or of none, is fine. kind NULL: any. */
@@ -58,20 +65,24 @@ lg_status lg_h5_check_format(lg_h5 *h5, const char *kind, bool foreign, lg_error
 void lg_h5_close(lg_h5 *h5); /* NULL is fine */
 
 /* LG_NOT_FINITE with key and first index when data has a NaN or infinity. */
-lg_status lg_check_finite(const char *path, const char *name, uint32_t rank, const uint64_t *dims, const double *data,
-                          lg_error *error);
+lg_status lg_check_finite(const char *path, const char *name, uint32_t rank, const uint64_t *dims,
+                          const double *data, lg_error *error);
 
 /* format, format_version, liegrad_version, conventions, kind, seed, command line, CPU. */
 lg_status lg_h5_put_header(lg_h5 *h5, const char *kind, const lg_provenance *provenance, lg_error *error);
 void lg_h5_provenance(lg_h5 *h5, lg_provenance *out);
 
+/* What stands behind the archives. */
+lg_h5 *lg_file_writer_h5(lg_file_writer *writer);
+lg_h5 *lg_file_reader_h5(lg_file_reader *reader);
+
 /* ---- probe ---- */
 
-/* Runs read(user, error) in a forked child with limits on memory and CPU time. A child that dies gives LG_FORMAT; otherwise its
- * status and sentence. options NULL: the defaults; without options->probe: LG_OK at once. A file that cannot be opened at all is left
- * to the reader that follows. */
-lg_status lg_probe(const char *path, const lg_read_options *options, lg_status (*read)(void *user, lg_error *error),
-                   void *user, lg_error *error);
+/* Runs read(user, error) in a forked child with limits on memory and CPU time. A child that dies gives
+ * LG_FORMAT; otherwise its status and sentence. options NULL: the defaults; without options->probe: LG_OK at
+ * once. A file that cannot be opened at all is left to the reader that follows. */
+lg_status lg_probe(const char *path, const lg_read_options *options,
+                   lg_status (*read)(void *user, lg_error *error), void *user, lg_error *error);
 /* options with the defaults filled in; LG_INVALID_ARGUMENT for a wrong size. */
 lg_status lg_read_options_resolve(const lg_read_options *options, lg_read_options *out, lg_error *error);
 

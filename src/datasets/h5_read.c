@@ -8,7 +8,8 @@
 
 #include "datasets/h5_internal.h"
 
-/* What a byte of file can hold at most when compressed, with room to spare; larger declared sizes are absurd. */
+/* What a byte of file can hold at most when compressed, with room to spare; larger declared sizes are absurd.
+ */
 #define EXPANSION 8192u
 
 /* ---- opening ---- */
@@ -21,7 +22,8 @@ static lg_status check_file(const char *path, uint64_t *bytes, lg_error *error) 
         return lg_fail(error, status, "%s: %s", shown, strerror(errno));
     }
     if (!S_ISREG(about.st_mode)) return lg_fail(error, LG_FILE, "%s: is not a regular file", shown);
-    if (access(path, R_OK) != 0) return lg_fail(error, LG_FILE, "%s: cannot be read: %s", shown, strerror(errno));
+    if (access(path, R_OK) != 0)
+        return lg_fail(error, LG_FILE, "%s: cannot be read: %s", shown, strerror(errno));
     if (about.st_size == 0) return lg_fail(error, LG_FORMAT, "%s: is empty", shown);
     *bytes = (uint64_t)about.st_size;
     return LG_OK;
@@ -47,7 +49,8 @@ lg_status lg_h5_open(const lg_context *context, const char *path, const lg_read_
         if (access_list >= 0) (void)H5Pclose(access_list);
         lg_quiet_end(quiet);
         if (h5->file < 0)
-            status = lg_fail(error, LG_FORMAT, "%s: is not an HDF5 file, or is cut short or damaged", lg_shown_path(path));
+            status = lg_fail(error, LG_FORMAT, "%s: is not an HDF5 file, or is cut short or damaged",
+                             lg_shown_path(path));
     }
     if (status == LG_OK)
         *out = h5;
@@ -111,7 +114,8 @@ static bool is_local(hid_t set) {
     hid_t list = H5Dget_create_plist(set);
     if (list < 0) return false;
     H5D_layout_t layout = H5Pget_layout(list);
-    bool local = (layout == H5D_COMPACT || layout == H5D_CONTIGUOUS || layout == H5D_CHUNKED) && H5Pget_external_count(list) == 0;
+    bool local = (layout == H5D_COMPACT || layout == H5D_CONTIGUOUS || layout == H5D_CHUNKED) &&
+                 H5Pget_external_count(list) == 0;
     (void)H5Pclose(list);
     return local;
 }
@@ -125,8 +129,8 @@ static lg_status read_extent(const lg_h5 *h5, const char *name, dataset *d, lg_e
     if (space >= 0) (void)H5Sclose(space);
     if (rank < 0) return format_error(h5, name, "has no shape", error);
     if (rank > LG_MAX_RANK)
-        return lg_fail(error, LG_FORMAT, "%s: /%s: has rank %d, at most %d is read", lg_shown_path(h5->path), name, rank,
-                       LG_MAX_RANK);
+        return lg_fail(error, LG_FORMAT, "%s: /%s: has rank %d, at most %d is read", lg_shown_path(h5->path),
+                       name, rank, LG_MAX_RANK);
     uint64_t most = h5->max_bytes / sizeof(double);
     d->rank = (uint32_t)rank;
     d->count = 1;
@@ -137,14 +141,16 @@ static lg_status read_extent(const lg_h5 *h5, const char *name, dataset *d, lg_e
         fits = fits && (extent[i] == 0 || d->count <= most / extent[i]);
         if (fits && extent[i] != 0) d->count *= extent[i];
     }
-    if (!fits) return format_error(h5, name, "declares more data than the file can hold or the limit allows", error);
+    if (!fits)
+        return format_error(h5, name, "declares more data than the file can hold or the limit allows", error);
     if (none) d->count = 0;
     return LG_OK;
 }
 
 static lg_status open_dataset(lg_h5 *h5, const char *name, dataset *d, lg_error *error) {
     *d = (dataset){.set = H5I_INVALID_HID, .type = H5I_INVALID_HID};
-    if (!path_exists(h5, name)) return lg_fail(error, LG_NOT_FOUND, "%s: has no /%s", lg_shown_path(h5->path), name);
+    if (!path_exists(h5, name))
+        return lg_fail(error, LG_NOT_FOUND, "%s: has no /%s", lg_shown_path(h5->path), name);
     d->set = H5Oopen(h5->file, name, h5->links);
     if (d->set >= 0 && H5Iget_type(d->set) != H5I_DATASET) {
         (void)H5Oclose(d->set);
@@ -154,7 +160,8 @@ static lg_status open_dataset(lg_h5 *h5, const char *name, dataset *d, lg_error 
     if (!is_local(d->set)) return format_error(h5, name, "keeps its data in another file", error);
     d->type = H5Dget_type(d->set);
     H5T_class_t kind = d->type >= 0 ? H5Tget_class(d->type) : H5T_NO_CLASS;
-    if (kind != H5T_FLOAT && kind != H5T_INTEGER) return format_error(h5, name, "does not hold numbers", error);
+    if (kind != H5T_FLOAT && kind != H5T_INTEGER)
+        return format_error(h5, name, "does not hold numbers", error);
     return read_extent(h5, name, d, error);
 }
 
@@ -164,7 +171,8 @@ static double spacing(hid_t type) {
     return bytes <= 2 ? 0x1p-10 : bytes <= 4 ? FLT_EPSILON : DBL_EPSILON;
 }
 
-lg_status lg_h5_shape(lg_h5 *h5, const char *name, uint32_t *rank, uint64_t dims[4], double *epsilon, lg_error *error) {
+lg_status lg_h5_shape(lg_h5 *h5, const char *name, uint32_t *rank, uint64_t dims[4], double *epsilon,
+                      lg_error *error) {
     lg_h5_quiet quiet = lg_quiet_begin();
     dataset d;
     lg_status status = open_dataset(h5, name, &d, error);
@@ -178,32 +186,39 @@ lg_status lg_h5_shape(lg_h5 *h5, const char *name, uint32_t *rank, uint64_t dims
     return status;
 }
 
-static H5T_conv_ret_t no_overflow(H5T_conv_except_t kind, hid_t from, hid_t to, void *source, void *target, void *user) {
+static H5T_conv_ret_t no_overflow(H5T_conv_except_t kind, hid_t from, hid_t to, void *source, void *target,
+                                  void *user) {
     (void)from, (void)to, (void)source, (void)target, (void)user;
-    return kind == H5T_CONV_EXCEPT_RANGE_HI || kind == H5T_CONV_EXCEPT_RANGE_LOW ? H5T_CONV_ABORT : H5T_CONV_UNHANDLED;
+    return kind == H5T_CONV_EXCEPT_RANGE_HI || kind == H5T_CONV_EXCEPT_RANGE_LOW ? H5T_CONV_ABORT
+                                                                                 : H5T_CONV_UNHANDLED;
 }
 
-static lg_status read_dataset(lg_h5 *h5, const char *name, const dataset *d, lg_element type, void *out, lg_error *error) {
+static lg_status read_dataset(lg_h5 *h5, const char *name, const dataset *d, lg_element type, void *out,
+                              lg_error *error) {
     bool to_float = type == LG_ELEMENT_F64 || type == LG_ELEMENT_F32;
-    if (!to_float && H5Tget_class(d->type) != H5T_INTEGER) return format_error(h5, name, "does not hold integers", error);
+    if (!to_float && H5Tget_class(d->type) != H5T_INTEGER)
+        return format_error(h5, name, "does not hold integers", error);
     if (d->count == 0) return LG_OK;
     hid_t transfer = H5Pcreate(H5P_DATASET_XFER);
     bool read = transfer >= 0 && H5Pset_type_conv_cb(transfer, no_overflow, NULL) >= 0 &&
                 H5Dread(d->set, lg_h5_memory_type(type), H5S_ALL, H5S_ALL, transfer, out) >= 0;
     if (transfer >= 0) (void)H5Pclose(transfer);
-    return read ? LG_OK : format_error(h5, name, "cannot be read: cut short, damaged, or a number out of range", error);
+    return read ? LG_OK
+                : format_error(h5, name, "cannot be read: cut short, damaged, or a number out of range",
+                               error);
 }
 
 /* "(3, 4)" */
 static void shape_text(char *text, size_t size, uint32_t rank, const uint64_t *dims) {
     size_t used = (size_t)snprintf(text, size, "(");
     for (uint32_t i = 0; i < rank && used < size; i++)
-        used += (size_t)snprintf(text + used, size - used, "%s%llu", i > 0 ? ", " : "", (unsigned long long)dims[i]);
+        used += (size_t)snprintf(text + used, size - used, "%s%llu", i > 0 ? ", " : "",
+                                 (unsigned long long)dims[i]);
     if (used < size) (void)snprintf(text + used, size - used, ")");
 }
 
-lg_status lg_h5_get(lg_h5 *h5, const char *name, lg_element type, uint32_t rank, const uint64_t *dims, void *out,
-                    lg_error *error) {
+lg_status lg_h5_get(lg_h5 *h5, const char *name, lg_element type, uint32_t rank, const uint64_t *dims,
+                    void *out, lg_error *error) {
     lg_h5_quiet quiet = lg_quiet_begin();
     dataset d;
     lg_status status = open_dataset(h5, name, &d, error);
@@ -214,7 +229,8 @@ lg_status lg_h5_get(lg_h5 *h5, const char *name, lg_element type, uint32_t rank,
             char have[96], want[96];
             shape_text(have, sizeof have, d.rank, d.dims);
             shape_text(want, sizeof want, rank, dims);
-            status = lg_fail(error, LG_SHAPE, "%s: /%s: has shape %s, expected %s", lg_shown_path(h5->path), name, have, want);
+            status = lg_fail(error, LG_SHAPE, "%s: /%s: has shape %s, expected %s", lg_shown_path(h5->path),
+                             name, have, want);
         } else {
             status = read_dataset(h5, name, &d, type, out, error);
         }
@@ -224,8 +240,8 @@ lg_status lg_h5_get(lg_h5 *h5, const char *name, lg_element type, uint32_t rank,
     return status;
 }
 
-lg_status lg_check_finite(const char *path, const char *name, uint32_t rank, const uint64_t *dims, const double *data,
-                          lg_error *error) {
+lg_status lg_check_finite(const char *path, const char *name, uint32_t rank, const uint64_t *dims,
+                          const double *data, lg_error *error) {
     uint64_t count = 1, at = 0;
     for (uint32_t i = 0; i < rank; i++) count *= dims[i];
     while (at < count && isfinite(data[at])) at++;
@@ -246,10 +262,13 @@ lg_status lg_h5_get_doubles(lg_h5 *h5, const char *name, uint32_t rank, uint64_t
     double *data = NULL;
     lg_status status = open_dataset(h5, name, &d, error);
     if (status == LG_OK && d.rank != rank)
-        status = lg_fail(error, LG_FORMAT, "%s: /%s: has rank %u, expected %u", lg_shown_path(h5->path), name, d.rank, rank);
+        status = lg_fail(error, LG_FORMAT, "%s: /%s: has rank %u, expected %u", lg_shown_path(h5->path), name,
+                         d.rank, rank);
     if (status == LG_OK) {
         data = lg_alloc(h5->context, (size_t)d.count, sizeof *data);
-        if (data == NULL) status = lg_fail(error, LG_OUT_OF_MEMORY, "%s: /%s: out of memory", lg_shown_path(h5->path), name);
+        if (data == NULL)
+            status =
+                lg_fail(error, LG_OUT_OF_MEMORY, "%s: /%s: out of memory", lg_shown_path(h5->path), name);
     }
     if (status == LG_OK) status = read_dataset(h5, name, &d, LG_ELEMENT_F64, data, error);
     if (status == LG_OK) status = lg_check_finite(h5->path, name, rank, d.dims, data, error);
@@ -276,15 +295,17 @@ static void close_attribute(attribute *a) {
     if (a->attribute >= 0) (void)H5Aclose(a->attribute);
 }
 
-static lg_status attribute_error(const lg_h5 *h5, const char *object, const char *name, lg_status status, const char *what,
-                                 lg_error *error) {
+static lg_status attribute_error(const lg_h5 *h5, const char *object, const char *name, lg_status status,
+                                 const char *what, lg_error *error) {
     return lg_fail(error, status, "%s: /%s: attribute %s: %s", lg_shown_path(h5->path), object, name, what);
 }
 
-static lg_status open_attribute(lg_h5 *h5, const char *object, const char *name, attribute *a, lg_error *error) {
+static lg_status open_attribute(lg_h5 *h5, const char *object, const char *name, attribute *a,
+                                lg_error *error) {
     *a = (attribute){.attribute = H5I_INVALID_HID, .type = H5I_INVALID_HID};
     const char *at = *object == '\0' ? "/" : object;
-    if ((*object != '\0' && !path_exists(h5, object)) || H5Aexists_by_name(h5->file, at, name, h5->links) <= 0)
+    if ((*object != '\0' && !path_exists(h5, object)) ||
+        H5Aexists_by_name(h5->file, at, name, h5->links) <= 0)
         return attribute_error(h5, object, name, LG_NOT_FOUND, "is missing", error);
     a->attribute = H5Aopen_by_name(h5->file, at, name, H5P_DEFAULT, h5->links);
     a->type = a->attribute >= 0 ? H5Aget_type(a->attribute) : H5I_INVALID_HID;
@@ -292,14 +313,17 @@ static lg_status open_attribute(lg_h5 *h5, const char *object, const char *name,
     hssize_t count = space >= 0 ? H5Sget_simple_extent_npoints(space) : -1;
     if (space >= 0) (void)H5Sclose(space);
     if (a->type < 0 || count < 0 || count > 1)
-        return attribute_error(h5, object, name, LG_FORMAT, count > 1 ? "has more than one value" : "cannot be read", error);
+        return attribute_error(h5, object, name, LG_FORMAT,
+                               count > 1 ? "has more than one value" : "cannot be read", error);
     a->single = count == 1;
     return LG_OK;
 }
 
 /* Any string type into fresh memory, terminated; padding removed. */
-static lg_status read_text(lg_h5 *h5, const char *object, const char *name, const attribute *a, char **out, lg_error *error) {
-    if (H5Tget_class(a->type) != H5T_STRING) return attribute_error(h5, object, name, LG_FORMAT, "is not a text", error);
+static lg_status read_text(lg_h5 *h5, const char *object, const char *name, const attribute *a, char **out,
+                           lg_error *error) {
+    if (H5Tget_class(a->type) != H5T_STRING)
+        return attribute_error(h5, object, name, LG_FORMAT, "is not a text", error);
     bool variable = H5Tis_variable_str(a->type) > 0;
     size_t size = variable ? 0 : H5Tget_size(a->type);
     char *text = NULL, *pointer = NULL;
@@ -327,7 +351,8 @@ static lg_status read_text(lg_h5 *h5, const char *object, const char *name, cons
     return attribute_error(h5, object, name, LG_OUT_OF_MEMORY, "out of memory", error);
 }
 
-lg_status lg_h5_text(lg_h5 *h5, const char *object, const char *name, char *out, size_t size, lg_error *error) {
+lg_status lg_h5_text(lg_h5 *h5, const char *object, const char *name, char *out, size_t size,
+                     lg_error *error) {
     lg_h5_quiet quiet = lg_quiet_begin();
     attribute a;
     char *text = NULL;
@@ -346,7 +371,8 @@ lg_status lg_h5_text(lg_h5 *h5, const char *object, const char *name, char *out,
     return status;
 }
 
-lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_element type, void *out, lg_error *error) {
+lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_element type, void *out,
+                       lg_error *error) {
     lg_h5_quiet quiet = lg_quiet_begin();
     attribute a;
     union {
@@ -361,14 +387,17 @@ lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_eleme
         H5T_class_t kind = H5Tget_class(a.type);
         bool to_float = type == LG_ELEMENT_F64 || type == LG_ELEMENT_F32;
         if (!a.single || (kind != H5T_INTEGER && !(to_float && kind == H5T_FLOAT)))
-            status = attribute_error(h5, object, name, LG_FORMAT, to_float ? "is not a number" : "is not an integer", error);
+            status = attribute_error(h5, object, name, LG_FORMAT,
+                                     to_float ? "is not a number" : "is not an integer", error);
         else if (H5Aread(a.attribute, lg_h5_memory_type(type), &value) < 0 ||
                  (!to_float && H5Aread(a.attribute, H5T_NATIVE_DOUBLE, &wide) < 0))
             status = attribute_error(h5, object, name, LG_FORMAT, "cannot be read", error);
     }
     if (status == LG_OK && type != LG_ELEMENT_F64 && type != LG_ELEMENT_F32) {
         /* Conversion clips: compare with the value as a double. */
-        double got = type == LG_ELEMENT_I64 ? (double)value.i64 : type == LG_ELEMENT_U64 ? (double)value.u64 : value.u32;
+        double got = type == LG_ELEMENT_I64   ? (double)value.i64
+                     : type == LG_ELEMENT_U64 ? (double)value.u64
+                                              : value.u32;
         if (got != wide.f64) status = attribute_error(h5, object, name, LG_FORMAT, "is out of range", error);
     }
     if (status == LG_OK) memcpy(out, &value, lg_element_size(type));
@@ -392,7 +421,8 @@ static herr_t sweep_attribute(hid_t location, const char *name, const H5A_info_t
     if (attribute_id < 0) return -1;
     hid_t type = H5Aget_type(attribute_id);
     /* Variable-length texts are read by those who ask for them. */
-    if (type >= 0 && H5Tis_variable_str(type) <= 0 && H5Tget_class(type) != H5T_VLEN && H5Aget_storage_size(attribute_id) <= sizeof small)
+    if (type >= 0 && H5Tis_variable_str(type) <= 0 && H5Tget_class(type) != H5T_VLEN &&
+        H5Aget_storage_size(attribute_id) <= sizeof small)
         (void)H5Aread(attribute_id, type, small);
     if (type >= 0) (void)H5Tclose(type);
     (void)H5Aclose(attribute_id);
@@ -409,7 +439,8 @@ static herr_t sweep_object(hid_t root, const char *name, const H5O_info_t *info,
     /* Foreign types are left alone; numbers must be readable. */
     if (info->type == H5O_TYPE_DATASET && open_dataset(s->h5, name, &d, NULL) == LG_OK) {
         double *data = lg_alloc(s->h5->context, (size_t)d.count, sizeof *data);
-        s->status = data == NULL ? lg_fail(s->error, LG_OUT_OF_MEMORY, "%s: /%s: out of memory", lg_shown_path(s->h5->path), name)
+        s->status = data == NULL ? lg_fail(s->error, LG_OUT_OF_MEMORY, "%s: /%s: out of memory",
+                                           lg_shown_path(s->h5->path), name)
                                  : read_dataset(s->h5, name, &d, LG_ELEMENT_F64, data, s->error);
         lg_free(s->h5->context, data);
     }
@@ -435,19 +466,25 @@ lg_status lg_h5_check_format(lg_h5 *h5, const char *kind, bool foreign, lg_error
     if (has_format && lg_h5_text(h5, "", "format", text, sizeof text, NULL) != LG_OK) text[0] = '\0';
     bool ours = has_format && strcmp(text, "liegrad") == 0;
     if (has_format && !ours && foreign) return LG_OK;
-    if (has_format && !ours) return lg_fail(error, LG_FORMAT, "%s: attribute format is '%s', expected 'liegrad'", shown, text);
+    if (has_format && !ours)
+        return lg_fail(error, LG_FORMAT, "%s: attribute format is '%s', expected 'liegrad'", shown, text);
     if (lg_h5_has_attribute(h5, "", "format_version")) {
         LG_TRY(lg_h5_number(h5, "", "format_version", LG_ELEMENT_I64, &version, error));
         if (version > LG_FORMAT_VERSION)
-            return lg_fail(error, LG_VERSION, "%s: attribute format_version is %lld, this program reads up to %d", shown,
+            return lg_fail(error, LG_VERSION,
+                           "%s: attribute format_version is %lld, this program reads up to %d", shown,
                            (long long)version, LG_FORMAT_VERSION);
-        if (version < 1) return lg_fail(error, LG_FORMAT, "%s: attribute format_version is %lld", shown, (long long)version);
+        if (version < 1)
+            return lg_fail(error, LG_FORMAT, "%s: attribute format_version is %lld", shown,
+                           (long long)version);
     }
     if (kind == NULL || (foreign && !lg_h5_has_attribute(h5, "", "kind"))) return LG_OK;
     if (!lg_h5_has_attribute(h5, "", "kind"))
         return lg_fail(error, LG_FORMAT, "%s: attribute kind is missing, expected '%s'", shown, kind);
     lg_status status = lg_h5_text(h5, "", "kind", text, sizeof text, error);
-    if (status != LG_OK) return status == LG_SHAPE ? lg_fail(error, LG_FORMAT, "%s: attribute kind is too long", shown) : status;
+    if (status != LG_OK)
+        return status == LG_SHAPE ? lg_fail(error, LG_FORMAT, "%s: attribute kind is too long", shown)
+                                  : status;
     if (strcmp(text, kind) != 0 && (ours || !foreign))
         return lg_fail(error, LG_FORMAT, "%s: attribute kind is '%s', expected '%s'", shown, text, kind);
     return LG_OK;

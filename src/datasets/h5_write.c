@@ -10,34 +10,46 @@ size_t lg_element_size(lg_element type) {
 
 hid_t lg_h5_memory_type(lg_element type) {
     switch (type) {
-    case LG_ELEMENT_F64: return H5T_NATIVE_DOUBLE;
-    case LG_ELEMENT_F32: return H5T_NATIVE_FLOAT;
-    case LG_ELEMENT_I64: return H5T_NATIVE_INT64;
-    case LG_ELEMENT_U64: return H5T_NATIVE_UINT64;
-    case LG_ELEMENT_U32: return H5T_NATIVE_UINT32;
+    case LG_ELEMENT_F64:
+        return H5T_NATIVE_DOUBLE;
+    case LG_ELEMENT_F32:
+        return H5T_NATIVE_FLOAT;
+    case LG_ELEMENT_I64:
+        return H5T_NATIVE_INT64;
+    case LG_ELEMENT_U64:
+        return H5T_NATIVE_UINT64;
+    case LG_ELEMENT_U32:
+        return H5T_NATIVE_UINT32;
     }
     return H5I_INVALID_HID;
 }
 
 static hid_t file_type(lg_element type) {
     switch (type) {
-    case LG_ELEMENT_F64: return H5T_IEEE_F64LE;
-    case LG_ELEMENT_F32: return H5T_IEEE_F32LE;
-    case LG_ELEMENT_I64: return H5T_STD_I64LE;
-    case LG_ELEMENT_U64: return H5T_STD_U64LE;
-    case LG_ELEMENT_U32: return H5T_STD_U32LE;
+    case LG_ELEMENT_F64:
+        return H5T_IEEE_F64LE;
+    case LG_ELEMENT_F32:
+        return H5T_IEEE_F32LE;
+    case LG_ELEMENT_I64:
+        return H5T_STD_I64LE;
+    case LG_ELEMENT_U64:
+        return H5T_STD_U64LE;
+    case LG_ELEMENT_U32:
+        return H5T_STD_U32LE;
     }
     return H5I_INVALID_HID;
 }
 
 static herr_t refuse_external(const char *parent_file, const char *parent_group, const char *child_file,
                               const char *child_object, unsigned *flags, hid_t access, void *user) {
-    (void)parent_file, (void)parent_group, (void)child_file, (void)child_object, (void)flags, (void)access, (void)user;
+    (void)parent_file, (void)parent_group, (void)child_file, (void)child_object, (void)flags, (void)access,
+        (void)user;
     return -1;
 }
 
 lg_status lg_h5_new(const lg_context *context, const char *path, lg_h5 **out, lg_error *error) {
-    if (path == NULL || *path == '\0' || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
+    if (path == NULL || *path == '\0' || out == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
     lg_h5 *h5 = lg_alloc(context, 1, sizeof *h5);
     if (h5 != NULL) {
         *h5 = (lg_h5){.context = context, .file = H5I_INVALID_HID, .links = H5I_INVALID_HID};
@@ -67,7 +79,8 @@ lg_status lg_h5_create(const lg_context *context, const char *path, lg_h5 **out,
     LG_TRY(lg_h5_new(context, path, &h5, error));
     lg_h5_quiet quiet = lg_quiet_begin();
     hid_t create = H5Pcreate(H5P_FILE_CREATE), access = H5Pcreate(H5P_FILE_ACCESS);
-    /* No times: the same content gives the same bytes. The name is not used: nothing is stored behind the core driver. */
+    /* No times: the same content gives the same bytes. The name is not used: nothing is stored behind the
+     * core driver. */
     if (create >= 0 && access >= 0 && H5Pset_obj_track_times(create, false) >= 0 &&
         H5Pset_fapl_core(access, CORE_INCREMENT, false) >= 0)
         h5->file = H5Fcreate("liegrad-in-memory", H5F_ACC_TRUNC, create, access);
@@ -83,21 +96,23 @@ lg_status lg_h5_create(const lg_context *context, const char *path, lg_h5 **out,
 }
 
 static lg_status not_stored(const lg_h5 *h5, const char *object, const char *name, lg_error *error) {
-    return lg_fail(error, LG_OUT_OF_MEMORY, "%s: /%s%s%s could not be stored in memory", lg_shown_path(h5->path), object,
-                   *name == '\0' ? "" : " attribute ", name);
+    return lg_fail(error, LG_OUT_OF_MEMORY, "%s: /%s%s%s could not be stored in memory",
+                   lg_shown_path(h5->path), object, *name == '\0' ? "" : " attribute ", name);
 }
 
 /* A link creation list that makes groups on the way, in UTF-8. */
 static hid_t intermediate(void) {
     hid_t list = H5Pcreate(H5P_LINK_CREATE);
-    if (list >= 0 && (H5Pset_create_intermediate_group(list, 1) < 0 || H5Pset_char_encoding(list, H5T_CSET_UTF8) < 0)) {
+    if (list >= 0 &&
+        (H5Pset_create_intermediate_group(list, 1) < 0 || H5Pset_char_encoding(list, H5T_CSET_UTF8) < 0)) {
         (void)H5Pclose(list);
         return H5I_INVALID_HID;
     }
     return list;
 }
 
-static hid_t create_dataset(lg_h5 *h5, const char *name, lg_element type, uint32_t rank, const uint64_t *dims) {
+static hid_t create_dataset(lg_h5 *h5, const char *name, lg_element type, uint32_t rank,
+                            const uint64_t *dims) {
     hsize_t extent[LG_MAX_RANK];
     for (uint32_t i = 0; i < rank; i++) extent[i] = dims[i];
     hid_t space = rank == 0 ? H5Screate(H5S_SCALAR) : H5Screate_simple((int)rank, extent, NULL);
@@ -119,7 +134,8 @@ lg_status lg_h5_put(lg_h5 *h5, const char *name, lg_element type, uint32_t rank,
     for (uint32_t i = 0; i < rank; i++) count *= dims[i];
     lg_h5_quiet quiet = lg_quiet_begin();
     hid_t set = create_dataset(h5, name, type, rank, dims);
-    bool stored = set >= 0 && (count == 0 || H5Dwrite(set, lg_h5_memory_type(type), H5S_ALL, H5S_ALL, H5P_DEFAULT, data) >= 0);
+    bool stored = set >= 0 && (count == 0 || H5Dwrite(set, lg_h5_memory_type(type), H5S_ALL, H5S_ALL,
+                                                      H5P_DEFAULT, data) >= 0);
     if (set >= 0) (void)H5Dclose(set);
     lg_quiet_end(quiet);
     return stored ? LG_OK : not_stored(h5, name, "", error);
@@ -150,23 +166,25 @@ static lg_status put_attribute(lg_h5 *h5, const char *object, const char *name, 
     return written ? LG_OK : not_stored(h5, object, name, error);
 }
 
-lg_status lg_h5_put_text(lg_h5 *h5, const char *object, const char *name, const char *value, lg_error *error) {
+lg_status lg_h5_put_text(lg_h5 *h5, const char *object, const char *name, const char *value,
+                         lg_error *error) {
     size_t length = strlen(value);
     if (length >= LG_H5_TEXT) length = LG_H5_TEXT - 1;
     char padded[LG_H5_TEXT] = {0};
     memcpy(padded, value, length);
     lg_h5_quiet quiet = lg_quiet_begin();
     hid_t type = H5Tcopy(H5T_C_S1);
-    bool made = type >= 0 && H5Tset_size(type, length == 0 ? 1 : length) >= 0 && H5Tset_cset(type, H5T_CSET_UTF8) >= 0 &&
-                H5Tset_strpad(type, H5T_STR_NULLPAD) >= 0;
-    lg_status status = made ? put_attribute(h5, object, name, type, type, padded, error) : not_stored(h5, object, name, error);
+    bool made = type >= 0 && H5Tset_size(type, length == 0 ? 1 : length) >= 0 &&
+                H5Tset_cset(type, H5T_CSET_UTF8) >= 0 && H5Tset_strpad(type, H5T_STR_NULLPAD) >= 0;
+    lg_status status = made ? put_attribute(h5, object, name, type, type, padded, error)
+                            : not_stored(h5, object, name, error);
     if (type >= 0) (void)H5Tclose(type);
     lg_quiet_end(quiet);
     return status;
 }
 
-lg_status lg_h5_put_number(lg_h5 *h5, const char *object, const char *name, lg_element type, const void *value,
-                           lg_error *error) {
+lg_status lg_h5_put_number(lg_h5 *h5, const char *object, const char *name, lg_element type,
+                           const void *value, lg_error *error) {
     return put_attribute(h5, object, name, file_type(type), lg_h5_memory_type(type), value, error);
 }
 
@@ -179,9 +197,10 @@ lg_status lg_h5_put_header(lg_h5 *h5, const char *kind, const lg_provenance *pro
     LG_TRY(lg_h5_put_number(h5, "", "format_version", LG_ELEMENT_I64, &version, error));
     LG_TRY(lg_h5_put_text(h5, "", "kind", kind, error));
     LG_TRY(lg_h5_put_text(h5, "", "liegrad_version", writer, error));
-    LG_TRY(lg_h5_put_text(h5, "", "conventions",
-                          "row-major; e3 points up; y1 = exp(xi) y0, xi = (angular, linear); weights (in, out), y = x W + b",
-                          error));
+    LG_TRY(lg_h5_put_text(
+        h5, "", "conventions",
+        "row-major; e3 points up; y1 = exp(xi) y0, xi = (angular, linear); weights (in, out), y = x W + b",
+        error));
     if (from->command[0] != '\0') LG_TRY(lg_h5_put_text(h5, "", "command", from->command, error));
     if (from->cpu[0] != '\0') LG_TRY(lg_h5_put_text(h5, "", "cpu", from->cpu, error));
     if (from->has_seed) LG_TRY(lg_h5_put_number(h5, "", "seed", LG_ELEMENT_U64, &from->seed, error));
@@ -194,8 +213,9 @@ lg_status lg_h5_commit(lg_h5 *h5, lg_error *error) {
     void *image = bytes > 0 ? lg_alloc(h5->context, (size_t)bytes, 1) : NULL;
     bool copied = image != NULL && H5Fget_file_image(h5->file, image, (size_t)bytes) == bytes;
     lg_quiet_end(quiet);
-    lg_status status = copied ? lg_file_write(h5->context, h5->path, image, (size_t)bytes, error)
-                              : lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(h5->path));
+    lg_status status = copied
+                           ? lg_file_write(h5->context, h5->path, image, (size_t)bytes, error)
+                           : lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(h5->path));
     lg_free(h5->context, image);
     return status;
 }

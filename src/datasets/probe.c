@@ -1,4 +1,5 @@
-/* HDF5 1.10 crashes or loops on some damaged files. The complete read happens first in a child that may die. */
+/* HDF5 1.10 crashes or loops on some damaged files. The complete read happens first in a child that may die.
+ */
 #include <errno.h>
 #include <limits.h>
 #include <signal.h>
@@ -26,7 +27,8 @@ void lg_read_options_init(lg_read_options *options) {
 lg_status lg_read_options_resolve(const lg_read_options *options, lg_read_options *out, lg_error *error) {
     lg_read_options_init(out);
     if (options == NULL) return LG_OK;
-    if (options->size != sizeof *options) return lg_fail(error, LG_INVALID_ARGUMENT, "read options: wrong size");
+    if (options->size != sizeof *options)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "read options: wrong size");
     *out = *options;
     return LG_OK;
 }
@@ -89,14 +91,15 @@ static _Noreturn void run_child(int fd, const lg_read_options *options, uint64_t
     _exit(transfer(fd, &report, sizeof report, true) ? 0 : 1);
 }
 
-lg_status lg_probe(const char *path, const lg_read_options *options, lg_status (*read)(void *user, lg_error *error),
-                   void *user, lg_error *error) {
+lg_status lg_probe(const char *path, const lg_read_options *options,
+                   lg_status (*read)(void *user, lg_error *error), void *user, lg_error *error) {
     lg_read_options chosen;
     LG_TRY(lg_read_options_resolve(options, &chosen, error));
     struct stat about;
     if (!chosen.probe || path == NULL || stat(path, &about) != 0 || !S_ISREG(about.st_mode)) return LG_OK;
     int ends[2];
-    if (pipe(ends) != 0) return lg_fail(error, LG_FILE, "%s: no pipe for the check: %s", lg_shown_path(path), strerror(errno));
+    if (pipe(ends) != 0)
+        return lg_fail(error, LG_FILE, "%s: no pipe for the check: %s", lg_shown_path(path), strerror(errno));
     pid_t child = fork();
     if (child == 0) {
         (void)close(ends[0]);
@@ -106,13 +109,15 @@ lg_status lg_probe(const char *path, const lg_read_options *options, lg_status (
     (void)close(ends[1]);
     if (child < 0) {
         (void)close(ends[0]);
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: no process for the check: %s", lg_shown_path(path), strerror(code));
+        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: no process for the check: %s", lg_shown_path(path),
+                       strerror(code));
     }
     lg_error report;
     bool complete = transfer(ends[0], &report, sizeof report, false);
     (void)close(ends[0]);
     while (waitpid(child, NULL, 0) < 0 && errno == EINTR) continue;
     if (!complete)
-        return lg_fail(error, LG_FORMAT, "%s: is damaged: reading it crashed or did not end", lg_shown_path(path));
+        return lg_fail(error, LG_FORMAT, "%s: is damaged: reading it crashed or did not end",
+                       lg_shown_path(path));
     return report.status == LG_OK ? LG_OK : lg_fail(error, report.status, "%s", report.message);
 }

@@ -44,8 +44,8 @@ static void compress(uint32_t h[8], const uint8_t *block) {
 }
 
 void lg_sha256_init(lg_sha256 *state) {
-    *state = (lg_sha256){.h = {0x6a09e667, 0xbb67ae85, 0x3c6ef372, 0xa54ff53a, 0x510e527f, 0x9b05688c, 0x1f83d9ab,
-                               0x5be0cd19}};
+    *state = (lg_sha256){.h = {0x6a09e667, 0xbb67ae85, 0x3c6ef372, 0xa54ff53a, 0x510e527f, 0x9b05688c,
+                               0x1f83d9ab, 0x5be0cd19}};
 }
 
 void lg_sha256_add(lg_sha256 *state, const void *data, size_t bytes) {

@@ -51,14 +51,15 @@ static double *array3(const lg_context *context, size_t a, size_t b, size_t c) {
 }
 
 lg_status lg_trajectories_create(const lg_context *context, const char *system, lg_hamiltonian_family family,
-                                 uint32_t links, size_t count, size_t points, double t_end, bool with_hamiltonian,
-                                 uint32_t input_size, lg_trajectories *out) {
+                                 uint32_t links, size_t count, size_t points, double t_end,
+                                 bool with_hamiltonian, uint32_t input_size, lg_trajectories *out) {
     if (system == NULL || out == NULL || strlen(system) >= LG_SYSTEM_NAME) return LG_INVALID_ARGUMENT;
     if (family != LG_HAMILTONIAN_CHAIN && family != LG_HAMILTONIAN_SEPARABLE) return LG_INVALID_ARGUMENT;
     if (links < 1 || links > LG_HAMILTONIAN_MAX_LINKS || count < 1 || points < 2) return LG_INVALID_ARGUMENT;
     if (!isfinite(t_end) || t_end <= 0) return LG_INVALID_ARGUMENT;
     const system_row *row = find_system(system);
-    if (row != NULL && (row->family != family || (row->links != 0 && row->links != links))) return LG_INVALID_ARGUMENT;
+    if (row != NULL && (row->family != family || (row->links != 0 && row->links != links)))
+        return LG_INVALID_ARGUMENT;
     lg_trajectories made = {.family = family,
                             .links = links,
                             .count = count,
@@ -102,7 +103,8 @@ static void hash(lg_trajectories *data) {
     lg_sha256_init(&state);
     add_doubles(&state, data->t, data->points);
     add_doubles(&state, data->data, data->count * data->points * data->state_size);
-    if (data->inputs != NULL) add_doubles(&state, data->inputs, data->count * (data->points - 1) * data->input_size);
+    if (data->inputs != NULL)
+        add_doubles(&state, data->inputs, data->count * (data->points - 1) * data->input_size);
     lg_sha256_finish(&state, data->sha256);
 }
 
@@ -133,24 +135,26 @@ static lg_status read_arrays(read_call *call, lg_error *error) {
     LG_TRY(missing_is_format(lg_h5_shape(call->h5, "t", &rank, t, &call->epsilon, error), error));
     LG_TRY(missing_is_format(lg_h5_get_doubles(call->h5, "trajectories", 3, data, &out->data, error), error));
     if (data[0] < 1 || data[1] < 2 || data[2] < 2 || data[2] > 6 * LG_HAMILTONIAN_MAX_LINKS)
-        return lg_fail(error, LG_FORMAT,
-                       "%s: /trajectories: shape (%llu, %llu, %llu), expected N >= 1, M >= 2 and d of 2 to %d", shown,
-                       (unsigned long long)data[0], (unsigned long long)data[1], (unsigned long long)data[2],
-                       6 * LG_HAMILTONIAN_MAX_LINKS);
+        return lg_fail(
+            error, LG_FORMAT,
+            "%s: /trajectories: shape (%llu, %llu, %llu), expected N >= 1, M >= 2 and d of 2 to %d", shown,
+            (unsigned long long)data[0], (unsigned long long)data[1], (unsigned long long)data[2],
+            6 * LG_HAMILTONIAN_MAX_LINKS);
     LG_TRY(lg_h5_get_doubles(call->h5, "t", 1, t, &out->t, error));
     if (t[0] != data[1])
         return lg_fail(error, LG_FORMAT, "%s: /t: has %llu times, /trajectories has %llu points", shown,
                        (unsigned long long)t[0], (unsigned long long)data[1]);
     call->has_hamiltonian = lg_h5_has(call->h5, "hamiltonian");
-    if (call->has_hamiltonian) LG_TRY(lg_h5_get_doubles(call->h5, "hamiltonian", 1, h, &out->hamiltonian, error));
+    if (call->has_hamiltonian)
+        LG_TRY(lg_h5_get_doubles(call->h5, "hamiltonian", 1, h, &out->hamiltonian, error));
     if (call->has_hamiltonian && h[0] != data[0])
         return lg_fail(error, LG_FORMAT, "%s: /hamiltonian: has %llu values for %llu trajectories", shown,
                        (unsigned long long)h[0], (unsigned long long)data[0]);
     if (lg_h5_has(call->h5, "inputs")) {
         LG_TRY(lg_h5_get_doubles(call->h5, "inputs", 3, inputs, &out->inputs, error));
         if (inputs[0] != data[0] || inputs[1] != data[1] - 1 || inputs[2] < 1 || inputs[2] > UINT32_MAX)
-            return lg_fail(error, LG_FORMAT, "%s: /inputs: expected shape (%llu, %llu, m)", shown, (unsigned long long)data[0],
-                           (unsigned long long)data[1] - 1);
+            return lg_fail(error, LG_FORMAT, "%s: /inputs: expected shape (%llu, %llu, m)", shown,
+                           (unsigned long long)data[0], (unsigned long long)data[1] - 1);
     }
     out->count = (size_t)data[0], out->points = (size_t)data[1], out->state_size = (uint32_t)data[2];
     out->input_size = (uint32_t)inputs[2];
@@ -163,10 +167,12 @@ static lg_status check_times(read_call *call, lg_error *error) {
     const double *t = out->t;
     double dt = (t[last] - t[0]) / (double)last, largest = fmax(fabs(t[0]), fabs(t[last]));
     double tolerance = TIME_TOLERANCE * dt + 2 * call->epsilon * largest;
-    if (!isfinite(dt)) return lg_fail(error, LG_FORMAT, "%s: /t: its span overflows", lg_shown_path(call->path));
+    if (!isfinite(dt))
+        return lg_fail(error, LG_FORMAT, "%s: /t: its span overflows", lg_shown_path(call->path));
     for (size_t i = 1; i <= last; i++) {
         if (!(t[i] > t[i - 1]))
-            return lg_fail(error, LG_FORMAT, "%s: /t: does not increase at index (%zu)", lg_shown_path(call->path), i);
+            return lg_fail(error, LG_FORMAT, "%s: /t: does not increase at index (%zu)",
+                           lg_shown_path(call->path), i);
     }
     for (size_t i = 1; i < last; i++) {
         double off = fabs(t[i] - (t[0] + (double)i * dt));
@@ -214,7 +220,8 @@ static double dot3(const double *a, const double *b) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/* The distance of a chain state from (T*S^2)^k: the largest | |q| - 1 | and |q.p| / (1 + |p|), and its link. */
+/* The distance of a chain state from (T*S^2)^k: the largest | |q| - 1 | and |q.p| / (1 + |p|), and its link.
+ */
 static double off_manifold(const double *state, uint32_t links, uint32_t *worst) {
     double most = 0;
     for (uint32_t i = 0; i < links; i++) {
@@ -232,7 +239,8 @@ static lg_status check_starts(read_call *call, lg_error *error) {
         double off = off_manifold(out->data + n * out->points * out->state_size, out->links, &link);
         if (off > MANIFOLD_TOLERANCE)
             return lg_fail(error, LG_FORMAT,
-                           "%s: /trajectories: the first point of trajectory %zu is off the manifold by %.3g (link %u: |q| = 1 and "
+                           "%s: /trajectories: the first point of trajectory %zu is off the manifold by %.3g "
+                           "(link %u: |q| = 1 and "
                            "q.p = 0 are wanted)",
                            lg_shown_path(call->path), n, off, link + 1);
     }
@@ -244,7 +252,8 @@ static bool looks_like_chain(const lg_trajectories *out) {
     uint32_t link = 0;
     if (out->state_size % 6 != 0) return false;
     for (size_t n = 0; n < out->count; n++)
-        if (off_manifold(out->data + n * out->points * out->state_size, out->state_size / 6, &link) > MANIFOLD_TOLERANCE)
+        if (off_manifold(out->data + n * out->points * out->state_size, out->state_size / 6, &link) >
+            MANIFOLD_TOLERANCE)
             return false;
     return true;
 }
@@ -260,26 +269,30 @@ static lg_status check_system(read_call *call, lg_error *error) {
     if (kind == LAYOUT_UNKNOWN)
         return lg_fail(error, LG_FORMAT, "%s: attribute layout: expected 'q1 p1 q2 p2 ...' or 'q p'", shown);
     if (row == NULL && out->system[0] != '\0' && kind == LAYOUT_NONE)
-        return lg_fail(error, LG_FORMAT, "%s: attribute system: '%s' is unknown; then attribute layout is needed", shown,
+        return lg_fail(error, LG_FORMAT,
+                       "%s: attribute system: '%s' is unknown; then attribute layout is needed", shown,
                        out->system);
     if (row != NULL)
         out->family = row->family;
     else if (kind == LAYOUT_NONE)
         out->family = looks_like_chain(out) ? LG_HAMILTONIAN_CHAIN : LG_HAMILTONIAN_SEPARABLE;
     else /* one degree of freedom is q1 p1 too */
-        out->family = kind == LAYOUT_PAIRS && out->state_size > 2 ? LG_HAMILTONIAN_CHAIN : LG_HAMILTONIAN_SEPARABLE;
+        out->family =
+            kind == LAYOUT_PAIRS && out->state_size > 2 ? LG_HAMILTONIAN_CHAIN : LG_HAMILTONIAN_SEPARABLE;
     uint32_t per = numbers_per_link(out->family);
     if (out->state_size % per != 0 || out->state_size / per > LG_HAMILTONIAN_MAX_LINKS)
-        return lg_fail(error, LG_FORMAT, "%s: /trajectories: d = %u is not %u numbers for each of 1 to %d %s", shown, out->state_size,
-                       per, LG_HAMILTONIAN_MAX_LINKS, per == 6 ? "links" : "coordinates");
+        return lg_fail(error, LG_FORMAT, "%s: /trajectories: d = %u is not %u numbers for each of 1 to %d %s",
+                       shown, out->state_size, per, LG_HAMILTONIAN_MAX_LINKS,
+                       per == 6 ? "links" : "coordinates");
     out->links = out->state_size / per;
     if (row != NULL && row->links != 0 && row->links != out->links)
-        return lg_fail(error, LG_FORMAT, "%s: /trajectories: d = %u, %s has %u", shown, out->state_size, row->name,
-                       row->links * per);
+        return lg_fail(error, LG_FORMAT, "%s: /trajectories: d = %u, %s has %u", shown, out->state_size,
+                       row->name, row->links * per);
     layout_kind wanted = out->family == LG_HAMILTONIAN_CHAIN ? LAYOUT_PAIRS : LAYOUT_BLOCKS;
     if (kind != LAYOUT_NONE && kind != wanted && out->links > 1)
         return lg_fail(error, LG_FORMAT, "%s: attribute layout: '%s' is wanted for %s", shown,
-                       wanted == LAYOUT_PAIRS ? "q1 p1 q2 p2 ..." : "q p", row != NULL ? row->name : "this system");
+                       wanted == LAYOUT_PAIRS ? "q1 p1 q2 p2 ..." : "q p",
+                       row != NULL ? row->name : "this system");
     return LG_OK;
 }
 
@@ -292,8 +305,8 @@ static lg_status check_links(read_call *call, lg_error *error) {
         if (!lg_h5_has_attribute(call->h5, places[i], "links")) continue;
         LG_TRY(lg_h5_number(call->h5, places[i], "links", LG_ELEMENT_I64, &links, error));
         if (links != (int64_t)out->links)
-            return lg_fail(error, LG_FORMAT, "%s: attribute links is %lld, but d = %u means %u", lg_shown_path(call->path),
-                           (long long)links, out->state_size, out->links);
+            return lg_fail(error, LG_FORMAT, "%s: attribute links is %lld, but d = %u means %u",
+                           lg_shown_path(call->path), (long long)links, out->state_size, out->links);
         return LG_OK;
     }
     return LG_OK;
@@ -342,7 +355,8 @@ static lg_status check_written(const char *path, const lg_trajectories *data, lg
     uint64_t inputs[3] = {data->count, data->points - 1, data->input_size};
     LG_TRY(lg_check_finite(path, "t", 1, &shape[1], data->t, error));
     LG_TRY(lg_check_finite(path, "trajectories", 3, shape, data->data, error));
-    if (data->hamiltonian != NULL) LG_TRY(lg_check_finite(path, "hamiltonian", 1, shape, data->hamiltonian, error));
+    if (data->hamiltonian != NULL)
+        LG_TRY(lg_check_finite(path, "hamiltonian", 1, shape, data->hamiltonian, error));
     if (data->inputs != NULL) LG_TRY(lg_check_finite(path, "inputs", 3, inputs, data->inputs, error));
     return LG_OK;
 }
@@ -373,8 +387,10 @@ static lg_status put_all(lg_h5 *h5, const lg_trajectories *data, lg_error *error
     return LG_OK;
 }
 
-lg_status lg_trajectories_write(const lg_context *context, const char *path, lg_trajectories *data, lg_error *error) {
-    if (path == NULL || data == NULL || data->t == NULL || data->data == NULL || data->count < 1 || data->points < 2)
+lg_status lg_trajectories_write(const lg_context *context, const char *path, lg_trajectories *data,
+                                lg_error *error) {
+    if (path == NULL || data == NULL || data->t == NULL || data->data == NULL || data->count < 1 ||
+        data->points < 2)
         return lg_fail(error, LG_INVALID_ARGUMENT, "trajectories need a file name, times and points");
     lg_h5 *h5;
     LG_TRY(check_written(path, data, error));

@@ -22,8 +22,8 @@ static lg_status file_error(lg_error *error, const char *path, const char *what,
     return lg_fail(error, LG_FILE, "%s: %s: %s", lg_shown_path(path), what, strerror(code));
 }
 
-/* Beyond RLIMIT_FSIZE the kernel sends SIGXFSZ, which kills by default: it is held back for this thread and taken away, so that
- * write returns EFBIG whatever the process does with signals. */
+/* Beyond RLIMIT_FSIZE the kernel sends SIGXFSZ, which kills by default: it is held back for this thread and
+ * taken away, so that write returns EFBIG whatever the process does with signals. */
 static int write_all(int fd, const unsigned char *data, size_t bytes) {
     sigset_t limit, before, pending;
     sigemptyset(&limit);
@@ -71,8 +71,8 @@ static void sync_folder(const char *target, char *buffer) {
     (void)close(fd);
 }
 
-static lg_status write_temporary(const char *path, const char *target, char *name, size_t size, const struct stat *old,
-                                 const void *data, size_t bytes, lg_error *error) {
+static lg_status write_temporary(const char *path, const char *target, char *name, size_t size,
+                                 const struct stat *old, const void *data, size_t bytes, lg_error *error) {
     int fd = create_temporary(target, name, size, 0666);
     if (fd < 0) return file_error(error, path, "cannot be written", errno);
     int code = write_all(fd, data, bytes);
@@ -85,7 +85,8 @@ static lg_status write_temporary(const char *path, const char *target, char *nam
     return file_error(error, path, "cannot be written", code);
 }
 
-lg_status lg_file_write(const lg_context *context, const char *path, const void *data, size_t bytes, lg_error *error) {
+lg_status lg_file_write(const lg_context *context, const char *path, const void *data, size_t bytes,
+                        lg_error *error) {
     if (path == NULL || *path == '\0' || (data == NULL && bytes > 0))
         return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name and data");
     struct stat old;

@@ -95,8 +95,8 @@ void lg_se3_bracket(const double a[6], const double b[6], double out[6]) {
     se3_cross(a, b, out);
 }
 
-/* phi(ad_a) b for phi(0) = 1. With x = ad_a b and xx = ad_a ad_a b this is b + g1 x + g2 xx, and rho times the
- * w-derivatives of the coefficients on the translational part. */
+/* phi(ad_a) b for phi(0) = 1. With x = ad_a b and xx = ad_a ad_a b this is b + g1 x + g2 xx, and rho times
+ * the w-derivatives of the coefficients on the translational part. */
 static void se3_function(double g1, double gt1, double g2, double gt2, const double a[6], const double b[6],
                          double out[6]) {
     double x[6], xx[6];

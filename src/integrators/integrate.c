@@ -16,11 +16,12 @@ static double dmin(double a, double b) {
 /* ---- fixed ---- */
 
 lg_status lg_integrate_fixed(lg_stepper *stepper, double t0, double h, size_t steps, const double *inputs,
-                             size_t input_dim, size_t every, const double *y0, double *out, lg_run_stats *stats) {
+                             size_t input_dim, size_t every, const double *y0, double *out,
+                             lg_run_stats *stats) {
     lg_run_stats run = {0};
     lg_status status = LG_OK;
-    if (!stepper || !y0 || !out || steps < 1 || every < 1 || steps % every != 0 || !isfinite(t0) || !isfinite(h) ||
-        !lg_all_finite(stepper->ode.space.dim, y0))
+    if (!stepper || !y0 || !out || steps < 1 || every < 1 || steps % every != 0 || !isfinite(t0) ||
+        !isfinite(h) || !lg_all_finite(stepper->ode.space.dim, y0))
         return LG_INVALID_ARGUMENT;
     const size_t n = stepper->ode.space.dim, before = stepper->evaluations;
     double *y = stepper->run[0];
@@ -129,8 +130,10 @@ static lg_status attempt(lg_run *run, double target) {
     double error = NAN;
     if (run->stats.steps + run->stats.rejected >= run->control->max_steps) return LG_TOO_MANY_STEPS;
     const lg_status status = lg_step(s, run->t, run->sign * h, s->run[0], NULL, s->run[1]);
-    if (status == LG_OK) error = lg_error_norm(run->control, s->ode.space.dim, s->error, s->run[0], s->run[1]);
-    else if (status != LG_NOT_FINITE) return status;
+    if (status == LG_OK)
+        error = lg_error_norm(run->control, s->ode.space.dim, s->error, s->run[0], s->run[1]);
+    else if (status != LG_NOT_FINITE)
+        return status;
     const lg_step_history history = {h, s->angle, run->rejected};
     const lg_step_decision decision = lg_step_control(run->control, run->exponent, error, &history);
     run->rejected = !decision.accept;
@@ -143,7 +146,8 @@ static lg_status attempt(lg_run *run, double target) {
     s->run[0] = s->run[1];
     s->run[1] = swap;
     run->t = clipped ? target : run->t + run->sign * h;
-    run->h = clipped ? dmax(run->h, decision.h) : decision.h; /* a clipped step says little about larger ones */
+    run->h =
+        clipped ? dmax(run->h, decision.h) : decision.h; /* a clipped step says little about larger ones */
     run->stats.steps++;
     run->stats.max_angle = dmax(run->stats.max_angle, s->angle);
     return LG_OK;
@@ -179,8 +183,9 @@ lg_status lg_integrate_adaptive(lg_stepper *stepper, const lg_control *control, 
         return LG_INVALID_ARGUMENT;
     const size_t before = stepper->evaluations;
     const double t_end = times[count - 1];
-    const int lower = stepper->scheme->embedded_order < stepper->scheme->order ? stepper->scheme->embedded_order
-                                                                                : stepper->scheme->order;
+    const int lower = stepper->scheme->embedded_order < stepper->scheme->order
+                          ? stepper->scheme->embedded_order
+                          : stepper->scheme->order;
     lg_run run = {.stepper = stepper,
                   .control = control,
                   .exponent = 1.0 / (lower + 1),

@@ -26,8 +26,8 @@
     .stages = 7, .order = 5, .embedded_order = 4, .fsal = true,                                              \
     .c = {0.0, 1.0 / 5.0, 3.0 / 10.0, 4.0 / 5.0, 8.0 / 9.0, 1.0, 1.0}, .a = {DP_ROWS, DP_WEIGHTS},           \
     .b = DP_WEIGHTS,                                                                                         \
-    .embedded = {5179.0 / 57600.0, 0.0, 7571.0 / 16695.0, 393.0 / 640.0, -92097.0 / 339200.0, 187.0 / 2100.0, \
-                 1.0 / 40.0}
+    .embedded = {5179.0 / 57600.0, 0.0,       7571.0 / 16695.0, 393.0 / 640.0, -92097.0 / 339200.0,          \
+                 187.0 / 2100.0,   1.0 / 40.0}
 
 /* Celledoni, Marthinsen and Owren (2003), order 4 with the second stage's point reused by the fourth. */
 static const lg_cf_row cf4_rows[] = {

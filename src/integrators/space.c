@@ -84,7 +84,8 @@ static double ts2_angle(size_t count, const double *a) {
 /* ---- the table ---- */
 
 static const lg_space_row rows[LG_SPACE_KINDS] = {
-    [LG_SPACE_RN] = {"R^n", 1, 1, true, rn_act, rn_generator, NULL, NULL, rn_project, rn_manifold_error, rn_angle},
+    [LG_SPACE_RN] = {"R^n", 1, 1, true, rn_act, rn_generator, NULL, NULL, rn_project, rn_manifold_error,
+                     rn_angle},
     [LG_SPACE_TS2] = {"T*S^2", 6, 6, false, ts2_act, ts2_generator, ts2_bracket, ts2_dexpinv, ts2_project,
                       ts2_manifold_error, ts2_angle},
 };
@@ -124,8 +125,8 @@ bool lg_space_is_abelian(const lg_space *space) {
 #define FOR_FACTORS(space, row, n, y, a)                                                                     \
     size_t y = 0, a = 0, n = 0;                                                                              \
     const lg_space_row *row = NULL;                                                                          \
-    for (size_t f_ = 0; f_ < (space)->factors && (row = &rows[(space)->factor[f_].kind],                     \
-                                                  n = (space)->factor[f_].count, true);                      \
+    for (size_t f_ = 0; f_ < (space)->factors &&                                                             \
+                        (row = &rows[(space)->factor[f_].kind], n = (space)->factor[f_].count, true);        \
          y += n * row->state, a += n * row->algebra, f_++)
 
 void lg_space_act(const lg_space *space, const double *a, const double *y, double *out) {
@@ -151,8 +152,8 @@ void lg_space_bracket(const lg_space *space, const double *a, const double *b, d
 
 /* B_k / k! */
 static const double bernoulli[LG_DEXPINV_MAX + 1] = {
-    1.0, -1.0 / 2.0, 1.0 / 12.0, 0.0, -1.0 / 720.0, 0.0, 1.0 / 30240.0, 0.0, -1.0 / 1209600.0, 0.0,
-    1.0 / 47900160.0,
+    1.0,           -1.0 / 2.0, 1.0 / 12.0,       0.0, -1.0 / 720.0,     0.0,
+    1.0 / 30240.0, 0.0,        -1.0 / 1209600.0, 0.0, 1.0 / 47900160.0,
 };
 
 static void dexpinv_series(const lg_space_row *row, int K, size_t count, const double *a, const double *b,

@@ -27,9 +27,10 @@ static lg_status evaluate(lg_stepper *s, double t, const double *y, const double
     return s->ode.field(s->ode.user, t, y, input, out);
 }
 
-/* f(t, y) at the start of a step. memo[0] belongs to the start of the step before (which may have been rejected),
- * memo[1] to its end. */
-lg_status lg_stepper_first(lg_stepper *s, double t, double h, const double *y, const double *input, double *f) {
+/* f(t, y) at the start of a step. memo[0] belongs to the start of the step before (which may have been
+ * rejected), memo[1] to its end. */
+lg_status lg_stepper_first(lg_stepper *s, double t, double h, const double *y, const double *input,
+                           double *f) {
     const size_t n = s->ode.space.dim, m = s->ode.space.algebra_dim;
     if (!s->memoises || input) {
         lg_stepper_reset(s);
@@ -173,7 +174,8 @@ static lg_status check(const lg_scheme *scheme, const lg_ode *ode) {
     lg_space space;
     if (!ode || lg_scheme_check(scheme, NULL) != LG_OK) return LG_INVALID_ARGUMENT;
     LG_TRY(lg_space_init(&space, ode->space.factor, ode->space.factors));
-    if (space.dim != ode->space.dim || space.algebra_dim != ode->space.algebra_dim) return LG_INVALID_ARGUMENT;
+    if (space.dim != ode->space.dim || space.algebra_dim != ode->space.algebra_dim)
+        return LG_INVALID_ARGUMENT;
     const bool splitting = scheme->kind == LG_SCHEME_SPLITTING;
     if ((splitting || scheme->ambient) && !lg_space_is_abelian(&space)) return LG_UNSUPPORTED;
     if (splitting && space.dim % 2 != 0) return LG_UNSUPPORTED;
@@ -193,7 +195,8 @@ static double *carve(lg_carver *carver, size_t doubles) {
     return part;
 }
 
-#define STEPPER_DOUBLES ((sizeof(lg_stepper) + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT / sizeof(double))
+#define STEPPER_DOUBLES                                                                                      \
+    ((sizeof(lg_stepper) + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT / sizeof(double))
 
 static size_t lay_out(lg_stepper *s, double *memory, const lg_scheme *scheme, const lg_space *space) {
     lg_carver carver = {memory, STEPPER_DOUBLES};
@@ -218,7 +221,8 @@ size_t lg_stepper_size(const lg_scheme *scheme, const lg_ode *ode) {
     return check(scheme, ode) == LG_OK ? lay_out(&layout, NULL, scheme, &ode->space) : 0;
 }
 
-lg_status lg_stepper_init(void *memory, size_t bytes, const lg_scheme *scheme, const lg_ode *ode, lg_stepper **out) {
+lg_status lg_stepper_init(void *memory, size_t bytes, const lg_scheme *scheme, const lg_ode *ode,
+                          lg_stepper **out) {
     LG_TRY(check(scheme, ode));
     if (!memory || !out || (uintptr_t)memory % LG_ALIGNMENT != 0 || bytes < lg_stepper_size(scheme, ode))
         return LG_INVALID_ARGUMENT;
@@ -230,7 +234,8 @@ lg_status lg_stepper_init(void *memory, size_t bytes, const lg_scheme *scheme, c
     return LG_OK;
 }
 
-lg_status lg_stepper_create(const lg_context *context, const lg_scheme *scheme, const lg_ode *ode, lg_stepper **out) {
+lg_status lg_stepper_create(const lg_context *context, const lg_scheme *scheme, const lg_ode *ode,
+                            lg_stepper **out) {
     LG_TRY(check(scheme, ode));
     if (!out) return LG_INVALID_ARGUMENT;
     const size_t bytes = lg_stepper_size(scheme, ode);
@@ -253,7 +258,8 @@ bool lg_all_finite(size_t n, const double *x) {
     return true;
 }
 
-lg_status lg_step(lg_stepper *stepper, double t, double h, const double *y, const double *input, double *y_next) {
+lg_status lg_step(lg_stepper *stepper, double t, double h, const double *y, const double *input,
+                  double *y_next) {
     static lg_status (*const step_of[LG_SCHEME_KINDS])(lg_stepper *, double, double, const double *,
                                                        const double *) = {
         [LG_SCHEME_RKMK] = rkmk_step,

@@ -30,7 +30,8 @@ struct lg_stepper {
 };
 
 /* f(t, y) for a step of size about h, from memory when it is known. */
-lg_status lg_stepper_first(lg_stepper *s, double t, double h, const double *y, const double *input, double *f);
+lg_status lg_stepper_first(lg_stepper *s, double t, double h, const double *y, const double *input,
+                           double *f);
 
 bool lg_all_finite(size_t n, const double *x);
 

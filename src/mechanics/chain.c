@@ -1,9 +1,9 @@
 /* The chain of k spherical pendulums in Hamiltonian form on (T*S^2)^k.
  *
- * The positions are x_l = sum_{i <= l} L_i q_i, so the kinetic energy is 1/2 sum_l m_l |sum_{i <= l} L_i q_i'|^2 and
- * m = D U diag(m_l) U^T D with U_il = [i <= l], D = diag(L). U^-1 is bidiagonal, hence W = m^-1 is tridiagonal:
- * W_ii = (1/m_i + [i > 1]/m_{i-1})/L_i^2, W_{i,i+1} = -1/(m_i L_i L_{i+1}).
- * W is positive definite and so is its Hadamard product with the Gram matrix of the q (Schur's product theorem).
+ * The positions are x_l = sum_{i <= l} L_i q_i, so the kinetic energy is 1/2 sum_l m_l |sum_{i <= l} L_i
+ * q_i'|^2 and m = D U diag(m_l) U^T D with U_il = [i <= l], D = diag(L). U^-1 is bidiagonal, hence W = m^-1
+ * is tridiagonal: W_ii = (1/m_i + [i > 1]/m_{i-1})/L_i^2, W_{i,i+1} = -1/(m_i L_i L_{i+1}). W is positive
+ * definite and so is its Hadamard product with the Gram matrix of the q (Schur's product theorem).
  */
 #include <math.h>
 #include <string.h>
@@ -48,7 +48,8 @@ static void tridiagonal_solve(size_t k, const double *d, const double *e, const 
     for (size_t i = k - 1; i-- > 0;) x[i] = x[i] / d[i] - e[i] * x[i + 1];
 }
 
-/* out_i = sum_j W_ij x_j; x_j the 3-vectors at x + stride j, out contiguous (k, 3); out does not overlap x. */
+/* out_i = sum_j W_ij x_j; x_j the 3-vectors at x + stride j, out contiguous (k, 3); out does not overlap x.
+ */
 static void apply_w(const lg_chain *chain, const double *x, size_t stride, double *out) {
     const size_t k = chain->links;
     for (size_t i = 0; i < k; i++) {
@@ -65,10 +66,10 @@ static void apply_w(const lg_chain *chain, const double *x, size_t stride, doubl
 
 /* Parts of the workspace. */
 typedef struct chain_work {
-    double *wp;           /* (k, 3) W p */
-    double *x;            /* (k, 3) */
+    double *wp;            /* (k, 3) W p */
+    double *x;             /* (k, 3) */
     double *u, *r, *d, *e; /* k each */
-    double *lambda, *rho; /* k each */
+    double *lambda, *rho;  /* k each */
 } chain_work;
 
 static chain_work split_work(size_t k, double *work) {
@@ -97,7 +98,8 @@ static lg_status factor_gram(const lg_chain *chain, const double *y, bool extend
     return tridiagonal_factor(k, work->d, work->e);
 }
 
-static lg_status chain_gradient(const lg_chain *chain, const double *y, double *v, double *g, double *memory) {
+static lg_status chain_gradient(const lg_chain *chain, const double *y, double *v, double *g,
+                                double *memory) {
     const size_t k = chain->links;
     chain_work work = split_work(k, memory);
     LG_TRY(factor_gram(chain, y, false, &work));
@@ -136,8 +138,10 @@ static lg_status chain_gradient_extended(const lg_chain *chain, const double *y,
     for (size_t i = 0; i < k; i++) {
         const double *q = y + 6 * i, *p = q + 3;
         const double own = 2.0 * lambda[i] * rho[i] * (chain->w[i] - chain->m_inverse[i]);
-        const double last = i > 0 ? chain->w_next[i - 1] * (lambda[i] * rho[i - 1] + lambda[i - 1] * rho[i]) : 0.0;
-        const double next = i + 1 < k ? chain->w_next[i] * (lambda[i] * rho[i + 1] + lambda[i + 1] * rho[i]) : 0.0;
+        const double last =
+            i > 0 ? chain->w_next[i - 1] * (lambda[i] * rho[i - 1] + lambda[i - 1] * rho[i]) : 0.0;
+        const double next =
+            i + 1 < k ? chain->w_next[i] * (lambda[i] * rho[i + 1] + lambda[i + 1] * rho[i]) : 0.0;
         for (int c = 0; c < 3; c++) {
             double ds = own * q[c];
             if (i > 0) ds += last * q[c - 6];
@@ -165,7 +169,8 @@ static double chain_hamiltonian(const lg_system *system, const double *y, double
 
 /* ---- vector fields ---- */
 
-static lg_status chain_field_lie(void *user, double t, const double *y, const double *input, double *algebra) {
+static lg_status chain_field_lie(void *user, double t, const double *y, const double *input,
+                                 double *algebra) {
     const lg_system_user *own = user;
     const lg_chain *chain = &own->system->chain;
     const size_t k = chain->links;
@@ -182,7 +187,8 @@ static lg_status chain_field_lie(void *user, double t, const double *y, const do
     return LG_OK;
 }
 
-static lg_status chain_field_ambient(void *user, double t, const double *y, const double *input, double *out) {
+static lg_status chain_field_ambient(void *user, double t, const double *y, const double *input,
+                                     double *out) {
     const lg_system_user *own = user;
     const lg_chain *chain = &own->system->chain;
     const size_t k = chain->links;
@@ -258,6 +264,7 @@ lg_status lg_chain_gradient(const lg_system *system, const double *y, double *v,
     return public_gradient(system, y, v, g, work, chain_gradient);
 }
 
-lg_status lg_chain_gradient_extended(const lg_system *system, const double *y, double *v, double *g, double *work) {
+lg_status lg_chain_gradient_extended(const lg_system *system, const double *y, double *v, double *g,
+                                     double *work) {
     return public_gradient(system, y, v, g, work, chain_gradient_extended);
 }

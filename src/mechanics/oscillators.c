@@ -1,10 +1,11 @@
-/* Separable systems on R^4, y = (q_1, q_2, p_1, p_2): the quartic oscillators coupled through the kinetic energy, and
- * the two oscillators, one of them harmonic, of the experiment with noise and a first integral. */
+/* Separable systems on R^4, y = (q_1, q_2, p_1, p_2): the quartic oscillators coupled through the kinetic
+ * energy, and the two oscillators, one of them harmonic, of the experiment with noise and a first integral.
+ */
 #include "mechanics/system.h"
 
 /* The field from its halves: y' = (dK/dp, -dV/dq). */
-static lg_status from_halves(const lg_system_row *row, void *user, double t, const double *y, const double *input,
-                             double *out) {
+static lg_status from_halves(const lg_system_row *row, void *user, double t, const double *y,
+                             const double *input, double *out) {
     LG_TRY(row->velocity(user, t, y + 2, input, out));
     return row->force(user, t, y, input, out + 2);
 }
@@ -14,7 +15,8 @@ static lg_status from_halves(const lg_system_row *row, void *user, double t, con
 static double quartic_hamiltonian(const lg_system *system, const double *y, double *work) {
     const double a = y[0] * y[0], b = y[1] * y[1];
     (void)system, (void)work;
-    return 0.5 * (5.0 * y[2] * y[2] - 2.0 * y[2] * y[3] + 5.0 * y[3] * y[3]) + 0.25 * (a * a + b * b) + 0.5 * (a + b);
+    return 0.5 * (5.0 * y[2] * y[2] - 2.0 * y[2] * y[3] + 5.0 * y[3] * y[3]) + 0.25 * (a * a + b * b) +
+           0.5 * (a + b);
 }
 
 static lg_status quartic_force(void *user, double t, const double *q, const double *input, double *out) {

@@ -5,7 +5,8 @@
 #include <stdio.h>
 #include <string.h>
 
-static const lg_system_row *const rows[] = {&lg_system_row_chain, &lg_system_row_quartic, &lg_system_row_coupled};
+static const lg_system_row *const rows[] = {&lg_system_row_chain, &lg_system_row_quartic,
+                                            &lg_system_row_coupled};
 
 const char *lg_system_name_at(size_t index) {
     return index < LG_COUNT(rows) ? rows[index]->name : NULL;
@@ -24,7 +25,8 @@ static const lg_system_row *find_row(const char *name) {
 static lg_status check_positive(const double *x, size_t n, const char *what, lg_error *error) {
     for (size_t i = 0; x && i < n; i++)
         if (!(x[i] > 0.0) || !isfinite(x[i]))
-            return lg_fail(error, LG_INVALID_ARGUMENT, "%s[%zu] = %g is not a positive number", what, i, x[i]);
+            return lg_fail(error, LG_INVALID_ARGUMENT, "%s[%zu] = %g is not a positive number", what, i,
+                           x[i]);
     return LG_OK;
 }
 
@@ -67,13 +69,8 @@ lg_status lg_system_create(const lg_context *context, const char *name, const lg
     system->layout = (char *)(numbers + 6 * k);
     (void)lg_space_init(&system->space, &(lg_space_factor){row->kind, k > 0 ? k : row->copies}, 1);
     if (k > 0) {
-        system->chain = (lg_chain){k,
-                                   numbers,
-                                   numbers + k,
-                                   numbers + 2 * k,
-                                   numbers + 3 * k,
-                                   numbers + 4 * k,
-                                   numbers + 5 * k};
+        system->chain = (lg_chain){
+            k, numbers, numbers + k, numbers + 2 * k, numbers + 3 * k, numbers + 4 * k, numbers + 5 * k};
         lg_chain_fill(&system->chain, options->gravity, options->masses, options->lengths);
         write_layout(system->layout, k);
     }
@@ -138,7 +135,8 @@ lg_form lg_system_form_for(const lg_scheme *scheme) {
     return scheme->ambient || scheme->kind == LG_SCHEME_SPLITTING ? LG_FORM_AMBIENT : LG_FORM_LIE;
 }
 
-lg_status lg_system_ode(const lg_system *system, lg_form form, lg_system_user *user, double *work, lg_ode *ode) {
+lg_status lg_system_ode(const lg_system *system, lg_form form, lg_system_user *user, double *work,
+                        lg_ode *ode) {
     if (!system || !user || !work || !ode || (unsigned)form > LG_FORM_AMBIENT) return LG_INVALID_ARGUMENT;
     lg_ode result = {.space = system->space,
                      .field = system->row->field[form],

@@ -9,11 +9,11 @@
 typedef struct lg_chain {
     size_t links;
     double *length;
-    double *mu;       /* sum_{l >= i} m_l */
-    double *weight;   /* mu_i g L_i */
+    double *mu;        /* sum_{l >= i} m_l */
+    double *weight;    /* mu_i g L_i */
     double *m_inverse; /* 1/m_ii */
-    double *w;        /* W_ii */
-    double *w_next;   /* W_{i,i+1}; the last is 0 */
+    double *w;         /* W_ii */
+    double *w_next;    /* W_{i,i+1}; the last is 0 */
 } lg_chain;
 
 typedef struct lg_system_row {
@@ -25,8 +25,9 @@ typedef struct lg_system_row {
     bool separable;
     const char *const *invariants; /* names after "energy", ended by NULL */
     double (*hamiltonian)(const lg_system *system, const double *y, double *work);
-    double (*invariant)(const lg_system *system, size_t index, const double *y); /* index as in `invariants` */
-    lg_field field[2];                                                           /* by lg_form; user is lg_system_user */
+    double (*invariant)(const lg_system *system, size_t index,
+                        const double *y); /* index as in `invariants` */
+    lg_field field[2];                    /* by lg_form; user is lg_system_user */
     lg_half_field force, velocity;
 } lg_system_row;
 

@@ -42,8 +42,8 @@ static void reference_destroy(const lg_context *context, reference *r) {
 }
 
 /* Nothing to destroy after a failure. */
-static lg_status reference_create(const lg_context *context, const lg_system *system, double rtol, double atol,
-                                  reference *r) {
+static lg_status reference_create(const lg_context *context, const lg_system *system, double rtol,
+                                  double atol, reference *r) {
     const bool lie = lg_system_constrained(system);
     lg_ode ode;
     *r = (reference){.work = lg_alloc(context, lg_system_workspace(system), sizeof(double))};
@@ -105,8 +105,8 @@ static void add_noise(const lg_trajectory_options *o, size_t number, size_t d, d
     lg_rng rng;
     lg_rng_seed(&rng, o->seed, 2 * (uint64_t)number + 1);
     for (size_t i = d; i < o->points * d; i++)
-        trajectory[i] +=
-            o->noise * (o->noise_kind == LG_NOISE_NORMAL ? lg_rng_normal(&rng) : lg_rng_uniform_in(&rng, -1.0, 1.0));
+        trajectory[i] += o->noise * (o->noise_kind == LG_NOISE_NORMAL ? lg_rng_normal(&rng)
+                                                                      : lg_rng_uniform_in(&rng, -1.0, 1.0));
 }
 
 /* Segments of start `number`: each begins where the one before ended; noise comes last. */
@@ -121,8 +121,8 @@ static lg_status sample_start(sampling *s, size_t number) {
         double *y = s->trajectories + i * block;
         if (lg_cancelled(s->context)) return LG_CANCELLED;
         if (i > first) memcpy(y, y - d, d * sizeof(*y));
-        LG_TRY(lg_integrate_adaptive(s->reference.stepper, &s->reference.control, 0.0, y, s->t + 1, o->points - 1,
-                                     y + d, NULL));
+        LG_TRY(lg_integrate_adaptive(s->reference.stepper, &s->reference.control, 0.0, y, s->t + 1,
+                                     o->points - 1, y + d, NULL));
         s->hamiltonian[i] = lg_system_hamiltonian(s->system, y, s->reference.work);
     }
     for (size_t i = first; o->noise > 0.0 && i < last; i++) add_noise(o, i, d, s->trajectories + i * block);
@@ -152,7 +152,8 @@ lg_status lg_generate_trajectories(const lg_context *context, const lg_system *s
     const char *fault = options_fault(o);
     if (fault) return lg_fail(error, LG_INVALID_ARGUMENT, "%s", fault);
     const size_t d = system->space.dim, n = o->trajectories;
-    if (n > SIZE_MAX / sizeof(double) / 4 / d / o->points) return lg_fail(error, LG_OUT_OF_MEMORY, "too many points");
+    if (n > SIZE_MAX / sizeof(double) / 4 / d / o->points)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "too many points");
     const size_t states = n * o->points * d;
     double *memory = lg_alloc(context, states + n + o->points, sizeof(double));
     if (!memory) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu trajectories", n);
@@ -181,13 +182,15 @@ lg_status lg_generate_trajectories(const lg_context *context, const lg_system *s
 
 /* ---- judging ---- */
 
-static lg_status run_references(const lg_context *context, reference *r, size_t d, const double *starts, size_t n,
-                                const double *times, size_t count, double *out, lg_error *error) {
+static lg_status run_references(const lg_context *context, reference *r, size_t d, const double *starts,
+                                size_t n, const double *times, size_t count, double *out, lg_error *error) {
     for (size_t i = 0; i < n; i++) {
-        lg_status status = lg_cancelled(context) ? LG_CANCELLED
-                                                 : lg_integrate_adaptive(r->stepper, &r->control, 0.0, starts + i * d,
-                                                                         times, count, out + i * count * d, NULL);
-        if (status != LG_OK) return lg_fail(error, status, "trajectory %zu: %s", i, lg_status_sentence(status));
+        lg_status status = lg_cancelled(context)
+                               ? LG_CANCELLED
+                               : lg_integrate_adaptive(r->stepper, &r->control, 0.0, starts + i * d, times,
+                                                       count, out + i * count * d, NULL);
+        if (status != LG_OK)
+            return lg_fail(error, status, "trajectory %zu: %s", i, lg_status_sentence(status));
     }
     return LG_OK;
 }
@@ -202,7 +205,8 @@ lg_status lg_reference_trajectories(const lg_context *context, const lg_system *
     if (n > SIZE_MAX / sizeof(double) / d / count) return lg_fail(error, LG_OUT_OF_MEMORY, "too many points");
     double *memory = lg_alloc(context, n * count * d, sizeof(double));
     if (!memory) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu trajectories", n);
-    lg_status status = reference_create(context, system, rtol > 0.0 ? rtol : 1e-12, atol > 0.0 ? atol : 1e-13, &r);
+    lg_status status =
+        reference_create(context, system, rtol > 0.0 ? rtol : 1e-12, atol > 0.0 ? atol : 1e-13, &r);
     if (status == LG_OK) {
         status = run_references(context, &r, d, starts, n, times, count, memory, error);
         reference_destroy(context, &r);

@@ -9,12 +9,13 @@ lg_adam_options lg_adam_defaults(void) {
     return (lg_adam_options){.lr = 1e-3, .beta1 = 0.9, .beta2 = 0.999, .eps = 1e-8};
 }
 
-void lg_adam_step(const lg_adam_options *options, lg_dtype dtype, uint64_t step, double rate, double clip, size_t n,
-                  const void *gradient, void *m, void *v, void *theta) {
+void lg_adam_step(const lg_adam_options *options, lg_dtype dtype, uint64_t step, double rate, double clip,
+                  size_t n, const void *gradient, void *m, void *v, void *theta) {
     const double correction1 = 1.0 - pow(options->beta1, (double)step);
     const double correction2 = 1.0 - pow(options->beta2, (double)step);
-    lg_kernels_for(dtype)->adam(n, options->lr * rate, options->beta1, options->beta2, options->eps, correction1,
-                                correction2, options->weight_decay, options->decoupled, clip, gradient, m, v, theta);
+    lg_kernels_for(dtype)->adam(n, options->lr * rate, options->beta1, options->beta2, options->eps,
+                                correction1, correction2, options->weight_decay, options->decoupled, clip,
+                                gradient, m, v, theta);
 }
 
 double lg_gradient_norm(lg_dtype dtype, size_t n, const void *gradient) {
@@ -47,11 +48,14 @@ lg_status lg_schedule_parse(const char *name, lg_schedule_kind *out) {
 double lg_schedule_rate(const lg_schedule *schedule, uint64_t epoch, uint64_t epochs) {
     const double pi = 3.14159265358979323846;
     switch (schedule->kind) {
-    case LG_SCHEDULE_STEP: return pow(schedule->gamma, (double)(epoch / schedule->every));
+    case LG_SCHEDULE_STEP:
+        return pow(schedule->gamma, (double)(epoch / schedule->every));
     case LG_SCHEDULE_COSINE:
         if (epoch >= epochs) return schedule->floor;
-        return schedule->floor + (1.0 - schedule->floor) * 0.5 * (1.0 + cos(pi * (double)epoch / (double)epochs));
-    case LG_SCHEDULE_CONSTANT: break;
+        return schedule->floor +
+               (1.0 - schedule->floor) * 0.5 * (1.0 + cos(pi * (double)epoch / (double)epochs));
+    case LG_SCHEDULE_CONSTANT:
+        break;
     }
     return 1.0;
 }

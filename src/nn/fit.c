@@ -49,8 +49,8 @@ static lg_status check_problem(const lg_fit_problem *problem, lg_error *error) {
     if (problem == NULL || problem->loss == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the problem has no loss function");
     if (problem->parameters == 0 || problem->parameters > UINT32_MAX)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the problem has %zu parameters; 1 to 2^32 - 1 are possible",
-                       problem->parameters);
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the problem has %zu parameters; 1 to 2^32 - 1 are possible", problem->parameters);
     if (problem->samples == 0 || problem->samples > UINT32_MAX)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the problem has %zu samples; 1 to 2^32 - 1 are possible",
                        problem->samples);
@@ -73,8 +73,10 @@ static lg_status check_options(const lg_fit_problem *problem, const lg_fit_optio
         {not_negative(o->adam.weight_decay), "weight_decay must be finite and not negative"},
         {(int)s->kind >= 0 && (int)s->kind < LG_SCHEDULE_COUNT, "the schedule is unknown"},
         {s->kind != LG_SCHEDULE_STEP || s->every >= 1, "the schedule's epochs a step must be at least 1"},
-        {s->kind != LG_SCHEDULE_STEP || positive(s->gamma), "the schedule's gamma must be positive and finite"},
-        {s->kind != LG_SCHEDULE_COSINE || (s->floor >= 0.0 && s->floor <= 1.0), "the schedule's floor must be in [0, 1]"},
+        {s->kind != LG_SCHEDULE_STEP || positive(s->gamma),
+         "the schedule's gamma must be positive and finite"},
+        {s->kind != LG_SCHEDULE_COSINE || (s->floor >= 0.0 && s->floor <= 1.0),
+         "the schedule's floor must be in [0, 1]"},
         {not_negative(o->clip_norm), "clip_norm must be finite and not negative"},
         {fraction(o->validation), "validation must be in [0, 1)"},
         {!(o->validation > 0.0) || problem->samples >= 2, "a validation part needs at least 2 samples"},
@@ -147,7 +149,8 @@ static lg_status create_machinery(lg_fit *fit) {
     fit->scratch = lg_alloc(fit->context, (size_t)fit->options.epochs, sizeof *fit->scratch);
     if (fit->partial == NULL || fit->overflowed == NULL || fit->backup == NULL || fit->scratch == NULL)
         return LG_OUT_OF_MEMORY;
-    return lg_pool_create(fit->context, fit->options.threads < shards ? fit->options.threads : shards, &fit->pool);
+    return lg_pool_create(fit->context, fit->options.threads < shards ? fit->options.threads : shards,
+                          &fit->pool);
 }
 
 static void start(lg_fit *fit, const double *theta) {
@@ -158,16 +161,17 @@ static void start(lg_fit *fit, const double *theta) {
     if (fit->training < fit->problem.samples) lg_rng_shuffle(&s->rng, s->order, fit->problem.samples);
 }
 
-lg_status lg_fit_create(const lg_context *context, const lg_fit_problem *problem, const lg_fit_options *options,
-                        const double *theta, lg_fit **out, lg_error *error) {
+lg_status lg_fit_create(const lg_context *context, const lg_fit_problem *problem,
+                        const lg_fit_options *options, const double *theta, lg_fit **out, lg_error *error) {
     (void)lg_fail(error, LG_OK, "%s", "");
     lg_fit_options chosen;
     lg_fit_options_init(&chosen);
     if (options != NULL && options->size != sizeof *options)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the size of the training options is %zu, not %zu", options->size,
-                       sizeof *options);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the size of the training options is %zu, not %zu",
+                       options->size, sizeof *options);
     if (options != NULL) chosen = *options;
-    if (theta == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "theta or the output is NULL");
+    if (theta == NULL || out == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "theta or the output is NULL");
     LG_TRY(check_problem(problem, error));
     LG_TRY(check_options(problem, &chosen, error));
 
@@ -182,12 +186,14 @@ lg_status lg_fit_create(const lg_context *context, const lg_fit_problem *problem
     lg_status status = create_machinery(fit);
     if (status != LG_OK) {
         lg_fit_destroy(fit);
-        return lg_fail(error, status, "no memory for the training state of %zu parameters", problem->parameters);
+        return lg_fail(error, status, "no memory for the training state of %zu parameters",
+                       problem->parameters);
     }
     start(fit, theta);
     if (!fit->k->all_finite(problem->parameters, fit->state.theta)) {
         lg_fit_destroy(fit);
-        return lg_fail(error, LG_NOT_FINITE, "the parameters to start from are not finite in the training's type");
+        return lg_fail(error, LG_NOT_FINITE,
+                       "the parameters to start from are not finite in the training's type");
     }
     *out = fit;
     return LG_OK;
@@ -224,8 +230,9 @@ static lg_status train_epoch(lg_fit *fit, double rate, lg_error *error) {
     lg_fit_state *s = &fit->state;
     while (s->position < fit->training) {
         if (lg_cancelled(fit->context))
-            return lg_fail(error, LG_CANCELLED, "stopped in epoch %" PRIu64 " after %" PRIu64 " of %zu samples",
-                           s->epoch + 1, s->position, fit->training);
+            return lg_fail(error, LG_CANCELLED,
+                           "stopped in epoch %" PRIu64 " after %" PRIu64 " of %zu samples", s->epoch + 1,
+                           s->position, fit->training);
         open_epoch(fit);
         const size_t rest = fit->training - (size_t)s->position;
         const size_t count = rest < fit->batch ? rest : fit->batch;
@@ -271,7 +278,8 @@ static void close_epoch(lg_fit *fit, lg_fit_epoch *report) {
     s->position = 0;
     s->open = false;
     s->running_loss = s->running_seconds = 0.0;
-    report->best = s->best_epoch == 0 || lg_fit_criterion(fit, s->epoch) < lg_fit_criterion(fit, s->best_epoch);
+    report->best =
+        s->best_epoch == 0 || lg_fit_criterion(fit, s->epoch) < lg_fit_criterion(fit, s->best_epoch);
     if (!report->best) return;
     s->best_epoch = s->epoch;
     memcpy(s->best, s->theta, fit->problem.parameters * fit->k->size);
@@ -297,7 +305,8 @@ static lg_status checkpoint(lg_fit *fit, lg_error *error) {
                    lg_status_sentence(status));
 }
 
-/* Leaves before the plan is finished; `saved` tells that the state as it was at the last end of an epoch is safe. */
+/* Leaves before the plan is finished; `saved` tells that the state as it was at the last end of an epoch is
+ * safe. */
 static lg_status leave(lg_fit *fit, lg_status status, bool saved, lg_error *error) {
     if (!saved || fit->state.position > 0) LG_TRY(checkpoint(fit, error));
     return status;
@@ -313,9 +322,10 @@ lg_status lg_fit_run(lg_fit *fit, lg_error *error) {
         const lg_status status = run_epoch(fit, &report, error);
         if (status == LG_CANCELLED) return leave(fit, status, saved, error);
         if (status != LG_OK) return status;
+        const bool stop = o->on_epoch != NULL && o->on_epoch(o->user, &report) != 0;
         saved = o->checkpoint_every > 0 && fit->state.epoch % o->checkpoint_every == 0;
         if (saved) LG_TRY(checkpoint(fit, error));
-        if (o->on_epoch == NULL || o->on_epoch(o->user, &report) == 0 || lg_fit_finished(fit)) continue;
+        if (!stop || lg_fit_finished(fit)) continue;
         (void)lg_fail(error, LG_CANCELLED, "stopped after epoch %" PRIu64, fit->state.epoch);
         return leave(fit, LG_CANCELLED, saved, error);
     }

@@ -15,8 +15,10 @@ typedef struct hyperparameter {
     double value;
 } hyperparameter;
 
-#define WHOLE(name, x) {"train/options/" name, false, (uint64_t)(x), 0.0}
-#define REAL(name, x)  {"train/options/" name, true, 0, (x)}
+#define WHOLE(name, x)                                                                                       \
+    { "train/options/" name, false, (uint64_t)(x), 0.0 }
+#define REAL(name, x)                                                                                        \
+    { "train/options/" name, true, 0, (x) }
 #define HYPERPARAMETERS 22
 
 static void list_hyperparameters(const lg_fit *fit, hyperparameter out[HYPERPARAMETERS]) {
@@ -59,8 +61,9 @@ static lg_status check_hyperparameters(const lg_fit *fit, const lg_archive_reade
                     : reader->array(reader->user, h->path, LG_ELEMENT_U64, 0, NULL, &stored.whole);
         if (status != LG_OK) return lg_fail(error, status, "%s: %s", h->path, lg_status_sentence(status));
         if (h->real && !(stored.value == h->value))
-            return lg_fail(error, LG_INVALID_ARGUMENT, "%s was %.17g in the saved run and is %.17g in this one",
-                           h->path, stored.value, h->value);
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "%s was %.17g in the saved run and is %.17g in this one", h->path, stored.value,
+                           h->value);
         if (stored.whole != h->whole)
             return lg_fail(error, LG_INVALID_ARGUMENT,
                            "%s was %" PRIu64 " in the saved run and is %" PRIu64 " in this one", h->path,
@@ -144,10 +147,12 @@ lg_status lg_fit_save(const lg_fit *fit, const lg_archive_writer *writer, lg_err
     return LG_OK;
 }
 
-static lg_status read_items(const lg_archive_reader *reader, const item *items, size_t count, lg_error *error) {
+static lg_status read_items(const lg_archive_reader *reader, const item *items, size_t count,
+                            lg_error *error) {
     for (size_t i = 0; i < count; i++) {
         const item *it = &items[i];
-        const lg_status status = reader->array(reader->user, it->path, it->type, it->rank, &it->count, it->data);
+        const lg_status status =
+            reader->array(reader->user, it->path, it->type, it->rank, &it->count, it->data);
         if (status != LG_OK) return lg_fail(error, status, "%s: %s", it->path, lg_status_sentence(status));
     }
     return LG_OK;
@@ -163,18 +168,22 @@ static lg_status check_scalars(const lg_fit *fit, const lg_fit_state *s, uint64_
     } rules[] = {
         {s->epoch <= fit->options.epochs, "train/epoch is larger than the planned epochs"},
         {s->position <= fit->training, "train/position is larger than the training part"},
-        {s->position % fit->batch == 0 || s->position == fit->training, "train/position is no batch boundary"},
+        {s->position % fit->batch == 0 || s->position == fit->training,
+         "train/position is no batch boundary"},
         {open <= 1 && (open == 1 || s->position == 0), "train/open does not fit train/position"},
         {s->epoch < fit->options.epochs || open == 0, "train/open is set after the last epoch"},
-        {s->best_epoch <= s->epoch && (s->best_epoch > 0) == (s->epoch > 0), "train/best_epoch does not fit train/epoch"},
+        {s->best_epoch <= s->epoch && (s->best_epoch > 0) == (s->epoch > 0),
+         "train/best_epoch does not fit train/epoch"},
         {isfinite(s->running_loss), "train/running_loss is not finite"},
         {isfinite(s->running_seconds), "train/running_seconds is not finite"},
     };
     for (size_t i = 0; i < LG_COUNT(rules); i++)
         if (!rules[i].good) return lg_fail(error, LG_FORMAT, "%s", rules[i].rule);
     if (s->step != s->epoch * batches + lg_fit_batches(fit, s->position))
-        return lg_fail(error, LG_FORMAT, "optimizer/adam/step is %" PRIu64 ", which does not fit train/epoch and "
-                       "train/position", s->step);
+        return lg_fail(error, LG_FORMAT,
+                       "optimizer/adam/step is %" PRIu64 ", which does not fit train/epoch and "
+                       "train/position",
+                       s->step);
     return LG_OK;
 }
 
@@ -213,18 +222,21 @@ static lg_status check_arrays(const lg_fit *fit, const lg_fit_state *s, lg_error
     } rules[] = {
         {fit->k->all_finite(n, s->theta), "optimizer/parameters is not finite"},
         {fit->k->all_finite(n, s->m), "optimizer/adam/m is not finite"},
-        {fit->k->all_finite(n, s->v) && all_not_negative(fit, s->v), "optimizer/adam/v is not finite or negative"},
+        {fit->k->all_finite(n, s->v) && all_not_negative(fit, s->v),
+         "optimizer/adam/v is not finite or negative"},
         {fit->k->all_finite(n, s->best), "optimizer/best is not finite"},
         {(s->rng.s[0] | s->rng.s[1] | s->rng.s[2] | s->rng.s[3]) != 0, "rng is all zeros"},
         {all_finite(s->history[LG_FIT_LOSS], s->epoch), "train/history/loss is not finite"},
-        {!validated || all_finite(s->history[LG_FIT_VALIDATION], s->epoch), "train/history/validation is not finite"},
+        {!validated || all_finite(s->history[LG_FIT_VALIDATION], s->epoch),
+         "train/history/validation is not finite"},
     };
     for (size_t i = 0; i < LG_COUNT(rules); i++)
         if (!rules[i].good) return lg_fail(error, LG_FORMAT, "%s", rules[i].rule);
     return check_permutation(fit, s->order, error);
 }
 
-static lg_status load_state(const lg_fit *fit, const lg_archive_reader *reader, lg_fit_state *s, lg_error *error) {
+static lg_status load_state(const lg_fit *fit, const lg_archive_reader *reader, lg_fit_state *s,
+                            lg_error *error) {
     uint64_t open = 0;
     item items[ITEMS];
     list_scalars(s, &open, items);

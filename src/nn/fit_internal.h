@@ -40,7 +40,8 @@ struct lg_fit {
     lg_fit_state state;
     lg_pool *pool;
     lg_shard *shards;
-    /* The batch in work: pieces in use, its samples, whether gradients are wanted; then what the step needs. */
+    /* The batch in work: pieces in use, its samples, whether gradients are wanted; then what the step needs.
+     */
     size_t active, batch_samples;
     bool with_gradient;
     double clip, rate;
@@ -56,10 +57,10 @@ struct lg_fit {
 lg_status lg_fit_state_create(const lg_fit *fit, lg_fit_state *out);
 void lg_fit_state_destroy(const lg_fit *fit, lg_fit_state *state);
 
-/* Loss of a batch at the present parameters, summed over shards in order, with gradients in the shards when asked.
- * `what` names the place in the error's sentence. */
-lg_status lg_fit_batch_loss(lg_fit *fit, const uint32_t *samples, size_t count, bool with_gradient, const char *what,
-                            double *loss, lg_error *error);
+/* Loss of a batch at the present parameters, summed over shards in order, with gradients in the shards when
+ * asked. `what` names the place in the error's sentence. */
+lg_status lg_fit_batch_loss(lg_fit *fit, const uint32_t *samples, size_t count, bool with_gradient,
+                            const char *what, double *loss, lg_error *error);
 /* One Adam step on a batch; on failure theta, m, v are as before. */
 lg_status lg_fit_step(lg_fit *fit, const uint32_t *samples, size_t count, double rate, double *loss,
                       lg_error *error);

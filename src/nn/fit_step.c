@@ -1,6 +1,6 @@
-/* One step of training. A batch is cut into contiguous pieces, one a shard; each shard has its tape and its gradient.
- * Gradients are added pairwise, (0 + 1) + (2 + 3) ..., then Adam runs. Nothing here depends on which thread does what:
- * a task writes to its own shard, or to its own block of parameters. */
+/* One step of training. A batch is cut into contiguous pieces, one a shard; each shard has its tape and its
+ * gradient. Gradients are added pairwise, (0 + 1) + (2 + 3) ..., then Adam runs. Nothing here depends on
+ * which thread does what: a task writes to its own shard, or to its own block of parameters. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -8,7 +8,8 @@
 
 #include "nn/fit_internal.h"
 
-/* Blocks are handed to threads when there are at least so many; below, waking them costs more than they save. */
+/* Blocks are handed to threads when there are at least so many; below, waking them costs more than they save.
+ */
 #define PARALLEL_BLOCKS 16
 
 static lg_status shard_loss(const lg_fit *fit, lg_shard *shard) {
@@ -45,8 +46,8 @@ static void cut(lg_fit *fit, const uint32_t *samples, size_t count) {
     fit->batch_samples = count;
 }
 
-lg_status lg_fit_batch_loss(lg_fit *fit, const uint32_t *samples, size_t count, bool with_gradient, const char *what,
-                            double *loss, lg_error *error) {
+lg_status lg_fit_batch_loss(lg_fit *fit, const uint32_t *samples, size_t count, bool with_gradient,
+                            const char *what, double *loss, lg_error *error) {
     cut(fit, samples, count);
     fit->with_gradient = with_gradient;
     lg_pool_run(fit->pool, fit->active, shard_task, fit);
@@ -123,7 +124,8 @@ static lg_status gradient_failure(const lg_fit *fit, const char *what, lg_error 
 
 /* Names what overflowed and puts the state before the step back. */
 static lg_status step_failure(lg_fit *fit, const char *what, lg_error *error) {
-    static const char *const names[3] = {"parameter", "first moment of parameter", "second moment of parameter"};
+    static const char *const names[3] = {"parameter", "first moment of parameter",
+                                         "second moment of parameter"};
     void *const arrays[3] = {fit->state.theta, fit->state.m, fit->state.v};
     const size_t bytes = fit->problem.parameters * fit->k->size;
     size_t index = fit->problem.parameters, which = 0;

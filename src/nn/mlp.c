@@ -8,8 +8,8 @@
 
 #define MAX_WIDTH (1u << 20)
 
-lg_status lg_mlp_init(lg_mlp *net, uint32_t inputs, const uint32_t *hidden, uint32_t hidden_layers, uint32_t outputs,
-                      lg_activation activation, bool last_bias) {
+lg_status lg_mlp_init(lg_mlp *net, uint32_t inputs, const uint32_t *hidden, uint32_t hidden_layers,
+                      uint32_t outputs, lg_activation activation, bool last_bias) {
     if (net == NULL || hidden_layers >= LG_MLP_MAX_LAYERS || (hidden == NULL && hidden_layers > 0))
         return LG_INVALID_ARGUMENT;
     if ((int)activation < 0 || (int)activation >= LG_ACTIVATION_COUNT) return LG_INVALID_ARGUMENT;
@@ -58,7 +58,8 @@ size_t lg_mlp_parameters(const lg_mlp *net) {
     return lg_mlp_weight_offset(net, net->layers);
 }
 
-/* Weights have the scale sqrt(gain/(fan_in + both fan_out)): half the width of a uniform law, or a standard deviation. */
+/* Weights have the scale sqrt(gain/(fan_in + both fan_out)): half the width of a uniform law, or a standard
+ * deviation. */
 typedef struct initialisation {
     const char *name;
     double gain, both;

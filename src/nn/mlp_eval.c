@@ -11,13 +11,13 @@
 #include "core/core.h"
 #include "liegrad/nn.h"
 
-/* Which of z and the helper h the derivative of an activation reads, as kernels.h says; h is the activation's own value, or
- * sigmoid(z). */
+/* Which of z and the helper h the derivative of an activation reads, as kernels.h says; h is the activation's
+ * own value, or sigmoid(z). */
 typedef enum helper { HELPER_NONE, HELPER_VALUE, HELPER_SIGMOID } helper;
 
 static const helper helpers[LG_ACTIVATION_COUNT] = {
-    [LG_IDENTITY] = HELPER_NONE,  [LG_TANH] = HELPER_VALUE, [LG_SIGMOID] = HELPER_VALUE,
-    [LG_SWISH] = HELPER_SIGMOID,  [LG_RELU] = HELPER_NONE,  [LG_LEAKY_RELU] = HELPER_NONE,
+    [LG_IDENTITY] = HELPER_NONE, [LG_TANH] = HELPER_VALUE, [LG_SIGMOID] = HELPER_VALUE,
+    [LG_SWISH] = HELPER_SIGMOID, [LG_RELU] = HELPER_NONE,  [LG_LEAKY_RELU] = HELPER_NONE,
     [LG_SINE] = HELPER_NONE,
 };
 
@@ -93,7 +93,8 @@ static void multiply(const run *r, uint32_t l, const void *a, void *y) {
     r->k->gemm(r->rows, out, in, a, in, 1, weight(r, l), out, y, out, false);
 }
 
-/* y (rows, width[l]) = g W_l^T. One row: dot products with the rows of W. One output: W^T lies in memory as W does. */
+/* y (rows, width[l]) = g W_l^T. One row: dot products with the rows of W. One output: W^T lies in memory as W
+ * does. */
 static void multiply_transposed(const run *r, uint32_t l, const char *g, char *y) {
     const size_t in = r->net->width[l], out = r->net->width[l + 1], size = r->k->size;
     const char *w = weight(r, l);
@@ -137,8 +138,7 @@ static void scale_by_slope(const run *r, uint32_t l, const void *h, const void *
 static void last_layer(const run *r, const void *a, void *y) {
     const uint32_t last = r->net->layers - 1;
     multiply(r, last, a, y);
-    if (r->net->last_bias)
-        r->k->bias_act(LG_K_IDENTITY, r->rows, r->net->width[last + 1], bias(r, last), y);
+    if (r->net->last_bias) r->k->bias_act(LG_K_IDENTITY, r->rows, r->net->width[last + 1], bias(r, last), y);
 }
 
 void lg_mlp_eval(const lg_mlp *net, lg_dtype dtype, const void *theta, const void *x, size_t rows, void *y,
@@ -182,8 +182,8 @@ void lg_mlp_input_gradient(const lg_mlp *net, lg_dtype dtype, const void *theta,
     multiply_transposed(&r, 0, g, gradient);
 }
 
-void lg_mlp_jvp(const lg_mlp *net, lg_dtype dtype, const void *theta, const void *x, const void *tangent, size_t rows,
-                void *y, void *dy, void *work) {
+void lg_mlp_jvp(const lg_mlp *net, lg_dtype dtype, const void *theta, const void *x, const void *tangent,
+                size_t rows, void *y, void *dy, void *work) {
     const run r = layout(net, dtype, theta, rows, work);
     const void *a = x, *da = tangent;
     for (uint32_t l = 0; l + 1 < net->layers; l++) {

@@ -182,7 +182,8 @@ static void test_dexpinv_is_the_inverse(void **state) {
     }
 }
 
-/* |A| about 3 and rho != 0: without the term in gt2, which no order test sees, this is off by more than 1e-3. */
+/* |A| about 3 and rho != 0: without the term in gt2, which no order test sees, this is off by more than 1e-3.
+ */
 static void test_dexpinv_sees_gt2(void **state) {
     (void)state;
     const double a[6] = {1.8, -1.7, 1.6, 0.9, 0.8, 0.7}, b[6] = {0.3, 0.5, -0.4, 0.2, -0.1, 0.6};
@@ -275,7 +276,8 @@ static void test_space_products(void **state) {
 static void test_bad_spaces(void **state) {
     (void)state;
     lg_space space = {.dim = 77};
-    const lg_space_factor zero = {LG_SPACE_TS2, 0}, unknown = {LG_SPACE_KINDS, 1}, huge = {LG_SPACE_RN, SIZE_MAX};
+    const lg_space_factor zero = {LG_SPACE_TS2, 0}, unknown = {LG_SPACE_KINDS, 1},
+                          huge = {LG_SPACE_RN, SIZE_MAX};
     const lg_space_factor many[LG_SPACE_MAX_FACTORS + 1] = {{LG_SPACE_RN, 1}};
     assert_status(lg_space_init(&space, &zero, 1), LG_INVALID_ARGUMENT);
     assert_status(lg_space_init(&space, &unknown, 1), LG_INVALID_ARGUMENT);

@@ -1,4 +1,5 @@
-/* Shared by the tests of src/nn: an allocator that counts and can fail, an archive in memory, a small regression. */
+/* Shared by the tests of src/nn: an allocator that counts and can fail, an archive in memory, a small
+ * regression. */
 #ifndef LG_NN_SUPPORT_H
 #define LG_NN_SUPPORT_H
 
@@ -73,8 +74,8 @@ static inline memory_item *memory_find(memory_archive *archive, const char *path
     return NULL;
 }
 
-static lg_status memory_write(void *user, const char *path, lg_element type, uint32_t rank, const uint64_t *dims,
-                              const void *data) {
+static lg_status memory_write(void *user, const char *path, lg_element type, uint32_t rank,
+                              const uint64_t *dims, const void *data) {
     memory_archive *archive = user;
     if (archive->fail_after > 0 && archive->count >= archive->fail_after) return LG_FILE;
     assert_null(memory_find(archive, path));
@@ -94,8 +95,8 @@ static lg_status memory_write(void *user, const char *path, lg_element type, uin
     return LG_OK;
 }
 
-static lg_status memory_read(void *user, const char *path, lg_element type, uint32_t rank, const uint64_t *dims,
-                             void *out) {
+static lg_status memory_read(void *user, const char *path, lg_element type, uint32_t rank,
+                             const uint64_t *dims, void *out) {
     const memory_item *item = memory_find(user, path);
     if (item == NULL) return LG_NOT_FOUND;
     if (item->rank != rank) return LG_SHAPE;
@@ -125,8 +126,8 @@ static inline void memory_clear(memory_archive *archive) {
 typedef struct regression {
     lg_mlp net;
     double x[REGRESSION_SAMPLES], t[REGRESSION_SAMPLES];
-    int poison;      /* a sample whose target is NaN, or -1 */
-    int *cancel_at;  /* counts down with each call of the loss; at 0 raises `cancel`. NULL: never */
+    int poison;     /* a sample whose target is NaN, or -1 */
+    int *cancel_at; /* counts down with each call of the loss; at 0 raises `cancel`. NULL: never */
     volatile int *cancel;
 } regression;
 
@@ -140,8 +141,8 @@ static inline void regression_init(regression *r) {
     }
 }
 
-static lg_status regression_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
-                                 size_t batch, lg_var *loss) {
+static lg_status regression_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples,
+                                 size_t count, size_t batch, lg_var *loss) {
     const regression *r = user;
     double x[REGRESSION_SAMPLES], t[REGRESSION_SAMPLES];
     if (count == 0 || count > REGRESSION_SAMPLES) return LG_CHECK_FAILED;

@@ -4,8 +4,8 @@
 #define N 3
 
 /* Algorithm 1 of Kingma & Ba with L2 (the gradient gets decay theta) or decoupled decay. */
-static void reference(const lg_adam_options *o, int step, double rate, double clip, const double *gradient, double *m,
-                      double *v, double *theta) {
+static void reference(const lg_adam_options *o, int step, double rate, double clip, const double *gradient,
+                      double *m, double *v, double *theta) {
     const double lr = o->lr * rate;
     for (int i = 0; i < N; i++) {
         double g = clip * gradient[i];
@@ -131,8 +131,8 @@ static void test_schedules(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_sequence),     cmocka_unit_test(test_constant_gradient),
-        cmocka_unit_test(test_decay_forms),  cmocka_unit_test(test_clipping),
+        cmocka_unit_test(test_sequence),    cmocka_unit_test(test_constant_gradient),
+        cmocka_unit_test(test_decay_forms), cmocka_unit_test(test_clipping),
         cmocka_unit_test(test_schedules),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,5 +1,5 @@
-/* The training loop: one step after the other against plain loops, convergence, the same bytes whatever the threads and
- * however often interrupted, validation and best epoch, and what stops it. */
+/* The training loop: one step after the other against plain loops, convergence, the same bytes whatever the
+ * threads and however often interrupted, validation and best epoch, and what stops it. */
 #include "nn_support.h"
 
 static lg_fit_options options_of(uint64_t epochs, size_t batch) {
@@ -94,7 +94,8 @@ static double line_reference(int epochs, size_t batch, double clip, double theta
             for (int i = 0; i < 2; i++) {
                 m[i] = 0.9 * m[i] + 0.1 * scale * g[i];
                 v[i] = 0.999 * v[i] + 0.001 * scale * scale * g[i] * g[i];
-                theta[i] -= lr * m[i] / (1.0 - pow(0.9, step)) / (sqrt(v[i] / (1.0 - pow(0.999, step))) + 1e-8);
+                theta[i] -=
+                    lr * m[i] / (1.0 - pow(0.9, step)) / (sqrt(v[i] / (1.0 - pow(0.999, step))) + 1e-8);
             }
         }
     }
@@ -135,19 +136,21 @@ static void test_steps(void **state) {
         for (size_t j = 0; j < sizeof shards / sizeof shards[0]; j++) check_line(batches[i], shards[j]);
 }
 
-/* ---- convergence ---- */
+/* ---- convergence: a separate implementation of the same protocol, with seven other starts, ends
+ * between 1.4e-6 and 1.8e-5 after 1500 epochs, and at 0.7e-4 to 1.7e-4 after 400 ---- */
 static void converge(lg_dtype dtype, double bound) {
     regression r;
     regression_init(&r);
-    lg_fit_options o = options_of(400, 16);
+    lg_fit_options o = options_of(1500, 16);
     o.dtype = dtype;
     o.schedule = (lg_schedule){.kind = LG_SCHEDULE_COSINE, .floor = 0.01};
     lg_fit *fit = fit_of(NULL, &r, &o);
     run_ok(fit);
     const double *loss = lg_fit_history(fit, LG_FIT_LOSS);
     assert_true(loss[0] > 0.05);
+    printf("regression: loss %.3g -> %.3g\n", loss[0], lg_fit_loss(fit));
     assert_true(lg_fit_loss(fit) < bound);
-    assert_close(lg_fit_loss(fit), loss[399], 0.0, 0.0);
+    assert_close(lg_fit_loss(fit), loss[1499], 0.0, 0.0);
     assert_true(isnan(lg_fit_history(fit, LG_FIT_VALIDATION)[0]));
     assert_true(lg_fit_seconds_per_epoch(fit) > 0.0);
     assert_true(lg_fit_tape_bytes(fit) > 0);
@@ -269,7 +272,8 @@ static void test_resume(void **state) {
     }
 }
 
-/* The cancel flag goes up somewhere in an epoch, again and again; each time the state is saved and a new object goes on. */
+/* The cancel flag goes up somewhere in an epoch, again and again; each time the state is saved and a new
+ * object goes on. */
 static void test_cancel(void **state) {
     (void)state;
     regression r;

@@ -1,4 +1,5 @@
-/* Training that cannot go on, or should not start: NaN, failing memory, bad options, states that are not one. */
+/* Training that cannot go on, or should not start: NaN, failing memory, bad options, states that are not one.
+ */
 #include "nn_support.h"
 
 static lg_fit_options options_of(uint64_t epochs, size_t batch) {
@@ -144,12 +145,13 @@ static void test_nan_validation(void **state) {
 }
 
 /* ---- the caller's failures ---- */
-static lg_status bad_shape_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
-                                size_t batch, lg_var *loss) {
+static lg_status bad_shape_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples,
+                                size_t count, size_t batch, lg_var *loss) {
     (void)samples, (void)count, (void)batch;
-    if (*(int *)user == 0) *loss = theta;                                        /* more than one element */
-    if (*(int *)user == 1) *loss = lg_add(tape, theta, lg_full(tape, lg_shape1(7), 1.0)); /* shapes do not fit */
-    return LG_OK; /* 2: no loss at all */
+    if (*(int *)user == 0) *loss = theta; /* more than one element */
+    if (*(int *)user == 1)
+        *loss = lg_add(tape, theta, lg_full(tape, lg_shape1(7), 1.0)); /* shapes do not fit */
+    return LG_OK;                                                      /* 2: no loss at all */
 }
 
 static void test_failing_loss(void **state) {
@@ -249,15 +251,15 @@ static void test_failing_memory(void **state) {
 }
 
 /* ---- options ---- */
-#define BAD(change)                                                                                         \
-    do {                                                                                                    \
-        lg_fit_options o = options_of(5, 10);                                                               \
-        change;                                                                                             \
-        lg_fit *fit = NULL;                                                                                 \
-        lg_error error = {0};                                                                               \
-        assert_status(lg_fit_create(NULL, &problem, &o, theta, &fit, &error), LG_INVALID_ARGUMENT);         \
-        assert_null(fit);                                                                                   \
-        assert_true(strlen(error.message) > 0);                                                             \
+#define BAD(change)                                                                                          \
+    do {                                                                                                     \
+        lg_fit_options o = options_of(5, 10);                                                                \
+        change;                                                                                              \
+        lg_fit *fit = NULL;                                                                                  \
+        lg_error error = {0};                                                                                \
+        assert_status(lg_fit_create(NULL, &problem, &o, theta, &fit, &error), LG_INVALID_ARGUMENT);          \
+        assert_null(fit);                                                                                    \
+        assert_true(strlen(error.message) > 0);                                                              \
     } while (0)
 
 static void test_bad_options(void **state) {
@@ -354,13 +356,13 @@ static void test_other_hyperparameters(void **state) {
     (void)state;
     saved s;
     saved_init(&s);
-#define DIFFERS(change, name)                                                                               \
-    do {                                                                                                    \
-        lg_fit_options o = s.options;                                                                       \
-        change;                                                                                             \
-        lg_fit *fit = fit_of(NULL, &s.r, &o);                                                               \
-        assert_refused(&s, fit, LG_INVALID_ARGUMENT, "train/options/" name);                                \
-        lg_fit_destroy(fit);                                                                                \
+#define DIFFERS(change, name)                                                                                \
+    do {                                                                                                     \
+        lg_fit_options o = s.options;                                                                        \
+        change;                                                                                              \
+        lg_fit *fit = fit_of(NULL, &s.r, &o);                                                                \
+        assert_refused(&s, fit, LG_INVALID_ARGUMENT, "train/options/" name);                                 \
+        lg_fit_destroy(fit);                                                                                 \
     } while (0)
     DIFFERS(o.epochs = 7, "epochs");
     DIFFERS(o.batch = 11, "batch");
@@ -406,13 +408,13 @@ static void set_f64(saved *s, const char *path, size_t index, double value) {
 
 static void test_damaged_states(void **state) {
     (void)state;
-#define DAMAGED(damage, status, words)                                                                      \
-    do {                                                                                                    \
-        saved s;                                                                                            \
-        saved_init(&s);                                                                                     \
-        damage;                                                                                             \
-        assert_refused(&s, s.fit, status, words);                                                           \
-        saved_clear(&s);                                                                                    \
+#define DAMAGED(damage, status, words)                                                                       \
+    do {                                                                                                     \
+        saved s;                                                                                             \
+        saved_init(&s);                                                                                      \
+        damage;                                                                                              \
+        assert_refused(&s, s.fit, status, words);                                                            \
+        saved_clear(&s);                                                                                     \
     } while (0)
     DAMAGED(set_u64(&s, "train/epoch", 7), LG_FORMAT, "train/epoch");
     DAMAGED(set_u64(&s, "train/epoch", UINT64_MAX), LG_FORMAT, "train/epoch");
@@ -433,7 +435,8 @@ static void test_damaged_states(void **state) {
     DAMAGED(set_f64(&s, "train/history/loss", 1, NAN), LG_FORMAT, "train/history/loss");
     DAMAGED(set_f64(&s, "train/history/validation", 1, NAN), LG_FORMAT, "train/history/validation");
     DAMAGED(memset(memory_find(&s.archive, "rng")->data, 0, 32), LG_FORMAT, "rng");
-    DAMAGED(((uint32_t *)memory_find(&s.archive, "train/permutation")->data)[4] = 53, LG_FORMAT, "train/permutation");
+    DAMAGED(((uint32_t *)memory_find(&s.archive, "train/permutation")->data)[4] = 53, LG_FORMAT,
+            "train/permutation");
     DAMAGED(((uint32_t *)memory_find(&s.archive, "train/permutation")->data)[4] = UINT32_MAX, LG_FORMAT,
             "train/permutation");
     DAMAGED(((uint32_t *)memory_find(&s.archive, "train/permutation")->data)[4] =

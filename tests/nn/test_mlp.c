@@ -1,5 +1,5 @@
-/* Multilayer perceptrons: description, initialisation, evaluation without a tape against plain loops and difference
- * quotients, and the tape against evaluation. */
+/* Multilayer perceptrons: description, initialisation, evaluation without a tape against plain loops and
+ * difference quotients, and the tape against evaluation. */
 #include "nn_support.h"
 
 #define ROWS 5
@@ -9,13 +9,20 @@ static const uint32_t hidden[2] = {7, 4};
 static double activation(lg_activation kind, double x) {
     const double s = 1.0 / (1.0 + exp(-x));
     switch (kind) {
-    case LG_TANH: return tanh(x);
-    case LG_SIGMOID: return s;
-    case LG_SWISH: return x * s;
-    case LG_RELU: return x > 0.0 ? x : 0.0;
-    case LG_LEAKY_RELU: return x > 0.0 ? x : 0.01 * x;
-    case LG_SINE: return sin(x);
-    case LG_IDENTITY: break;
+    case LG_TANH:
+        return tanh(x);
+    case LG_SIGMOID:
+        return s;
+    case LG_SWISH:
+        return x * s;
+    case LG_RELU:
+        return x > 0.0 ? x : 0.0;
+    case LG_LEAKY_RELU:
+        return x > 0.0 ? x : 0.01 * x;
+    case LG_SINE:
+        return sin(x);
+    case LG_IDENTITY:
+        break;
     }
     return x;
 }
@@ -232,7 +239,8 @@ static void test_single_precision(void **state) {
     const size_t n = lg_mlp_parameters(&f.net);
     float *theta = malloc(n * sizeof *theta);
     assert_non_null(theta);
-    float x[ROWS * 3], direction[ROWS * 3], cotangent[ROWS * 2], y[ROWS * 2], dy[ROWS * 2], gradient[ROWS * 3];
+    float x[ROWS * 3], direction[ROWS * 3], cotangent[ROWS * 2], y[ROWS * 2], dy[ROWS * 2],
+        gradient[ROWS * 3];
     double y64[ROWS * 2], dy64[ROWS * 2], gradient64[ROWS * 3];
     to_float(n, f.theta, theta);
     to_float(ROWS * 3, f.x, x);
@@ -349,14 +357,10 @@ static void test_short_theta(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_description),
-        cmocka_unit_test(test_bad_descriptions),
-        cmocka_unit_test(test_initialisation),
-        cmocka_unit_test(test_eval),
-        cmocka_unit_test(test_derivatives),
-        cmocka_unit_test(test_single_precision),
-        cmocka_unit_test(test_taped),
-        cmocka_unit_test(test_gradient_of_gradient),
+        cmocka_unit_test(test_description),    cmocka_unit_test(test_bad_descriptions),
+        cmocka_unit_test(test_initialisation), cmocka_unit_test(test_eval),
+        cmocka_unit_test(test_derivatives),    cmocka_unit_test(test_single_precision),
+        cmocka_unit_test(test_taped),          cmocka_unit_test(test_gradient_of_gradient),
         cmocka_unit_test(test_short_theta),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,0 +1,283 @@
+/* lg-hamiltonian study: a grid of trainings, resumable. */
+#include "lg-hamiltonian/study.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+typedef struct study_values {
+    const char *out, *plot;
+    uint64_t jobs, stop_after;
+} study_values;
+
+static const app_option study_options[] = {
+    APP_ROW_TEXT(study_values, out, "out", "FILE.csv",
+                 "The table of runs; rows that it already holds are not run again"),
+    APP_ROW_SIZE(study_values, jobs, "jobs", "J", 1, 256,
+                 "Runs at the same time (default: --threads); each uses threads/jobs threads"),
+    APP_ROW_SIZE(study_values, stop_after, "stop-after", "n", 1, 1e9, "Stop after n new runs"),
+    APP_ROW_TEXT(study_values, plot, "plot", "FILE.svg|.png", "Draw median E1 against training time"),
+    APP_ROW_END};
+
+static study_values values;
+
+enum { SEED_TRAIN, SEED_TEST, SEED_KINDS = 8 };
+
+typedef struct study {
+    app *app;
+    lg_grid grid;
+    study_file file;
+    uint64_t *pending; /* indices of the runs to do */
+    size_t pending_count, done;
+    uint64_t threads_each;
+    pthread_mutex_t mutex; /* file, done, status, progress */
+    lg_status status;
+    lg_error error;
+    app_progress progress;
+} study;
+
+/* ---- the grid ---- */
+
+/* Weights, shuffling and starts depend on (seed of the grid, repeat) alone: the integrators of a repeat share
+ * them. */
+static uint64_t derived_seed(uint64_t seed, uint64_t repeat, uint64_t kind) {
+    lg_rng rng;
+    lg_rng_seed(&rng, seed, repeat * SEED_KINDS + kind);
+    return lg_rng_next(&rng) >> 1;
+}
+
+study_row study_run_at(const lg_grid *grid, uint64_t index) {
+    study_row row = {.failed = false};
+    row.integrator = grid->integrators[index % grid->integrator_count];
+    index /= grid->integrator_count;
+    row.substeps = grid->substeps[index % grid->substeps_count];
+    index /= grid->substeps_count;
+    row.penalty = grid->penalty[index % grid->penalty_count];
+    index /= grid->penalty_count;
+    row.m = grid->m[index % grid->m_count];
+    index /= grid->m_count;
+    row.n = grid->n[index % grid->n_count];
+    index /= grid->n_count;
+    row.eps = grid->eps[index % grid->eps_count];
+    index /= grid->eps_count;
+    row.repeat = (uint32_t)index + 1;
+    row.seed = derived_seed(grid->seed, row.repeat, SEED_TRAIN);
+    return row;
+}
+
+void study_protocol(const lg_grid *grid, char out[STUDY_PROTOCOL_TEXT]) {
+    const lg_scene *scene = &grid->scene;
+    char hash[LG_SHA256_TEXT];
+    app_file memory;
+    lg_sha256 sha;
+    app_file_begin(&memory, "");
+    FILE *text = memory.stream;
+    (void)fprintf(text, "%s %u %.17g %d %.17g %.17g %u;", scene->system, scene->links, scene->gravity,
+                  scene->has_starts ? (int)scene->starts : -1, scene->low, scene->high, scene->segments);
+    for (uint32_t i = 0; i < scene->links; i++)
+        (void)fprintf(text, " %.17g %.17g", scene->masses[i], scene->lengths[i]);
+    (void)fprintf(text, "; %.17g %u %u %u %.17g %.17g %.17g;", grid->t_end, grid->epochs, grid->batch,
+                  grid->lr_step, grid->lr, grid->lr_gamma, grid->weight_decay);
+    for (uint32_t i = 0; i < grid->hidden_count; i++) (void)fprintf(text, " %u", grid->hidden[i]);
+    (void)fprintf(text, "; %d %d %d %d %d %u %u %u %llu", (int)grid->activation, (int)grid->potential,
+                  (int)grid->dtype, (int)grid->noise_kind, (int)grid->penalty_form, grid->shards,
+                  grid->test_trajectories, grid->test_points, (unsigned long long)grid->seed);
+    (void)fclose(text);
+    lg_sha256_init(&sha);
+    lg_sha256_add(&sha, memory.text, strlen(memory.text));
+    lg_sha256_finish(&sha, hash);
+    free(memory.text);
+    (void)snprintf(out, STUDY_PROTOCOL_TEXT, "%.*s", STUDY_PROTOCOL_TEXT - 1, hash);
+}
+
+/* ---- one run ---- */
+
+static lg_hamiltonian_run run_of(const lg_grid *grid, const study_row *row) {
+    return (lg_hamiltonian_run){.dtype = grid->dtype,
+                                .integrator = row->integrator,
+                                .substeps = row->substeps,
+                                .penalty = row->penalty,
+                                .penalty_form = grid->penalty_form,
+                                .epochs = grid->epochs,
+                                .batch = grid->batch,
+                                .lr = grid->lr,
+                                .lr_gamma = grid->lr_gamma,
+                                .lr_step = grid->lr_step,
+                                .weight_decay = grid->weight_decay,
+                                .shards = grid->shards,
+                                .seed = row->seed};
+}
+
+static lg_status train_and_judge(const study *self, const lg_trajectories *data, const lg_trajectories *test,
+                                 study_row *row, lg_error *error) {
+    const lg_grid *grid = &self->grid;
+    const lg_context *context = self->app->context;
+    lg_hamiltonian_run run = run_of(grid, row);
+    lg_fit_options options;
+    learner learned;
+    verdict result = {0, 0};
+    lg_fit_options_init(&options);
+    options.threads = (int)self->threads_each;
+    lg_status status =
+        describe_run(data, grid->potential, grid->hidden, grid->hidden_count, grid->activation, &run, error);
+    if (status == LG_OK) status = learner_create(context, &run, data, &options, &learned, error);
+    if (status != LG_OK) return status;
+    const double begin = app_seconds();
+    status = lg_fit_run(learned.fit, error);
+    row->seconds = app_seconds() - begin;
+    row->epochs = lg_fit_epochs_done(learned.fit);
+    double *theta = app_alloc(lg_hamiltonian_parameters(&run.model), sizeof *theta);
+    lg_fit_parameters(learned.fit, theta);
+    if (status == LG_OK) status = mean_squared_error(context, &learned.problem, theta, &row->loss, error);
+    if (status == LG_OK)
+        status = judge(context, self->threads_each, &run.model, theta, test, default_tolerance(&run.model),
+                       NULL, &result, error);
+    row->e1 = result.e1;
+    row->e2 = result.e2;
+    free(theta);
+    learner_destroy(&learned);
+    return status;
+}
+
+/* A run whose numbers blow up is a result of the study; anything else ends it. */
+static bool is_result(lg_status status) {
+    return status == LG_NOT_FINITE || status == LG_NO_CONVERGENCE || status == LG_STEP_TOO_SMALL ||
+           status == LG_TOO_MANY_STEPS;
+}
+
+static lg_status do_run(const study *self, study_row *row, lg_error *error) {
+    const lg_grid *grid = &self->grid;
+    const sampling training = {row->n, row->m, grid->t_end, row->eps, grid->noise_kind, row->seed};
+    const sampling testing = {grid->test_trajectories,
+                              grid->test_points,
+                              1,
+                              0,
+                              LG_NOISE_NORMAL,
+                              derived_seed(grid->seed, row->repeat, SEED_TEST)};
+    lg_scene test_scene = grid->scene;
+    test_scene.segments = 1;
+    lg_trajectories data, test;
+    lg_status status = sample_scene(self->app->context, &grid->scene, &training, &data, error);
+    if (status != LG_OK) return status;
+    status = sample_scene(self->app->context, &test_scene, &testing, &test, error);
+    if (status == LG_OK) {
+        status = train_and_judge(self, &data, &test, row, error);
+        lg_trajectories_free(self->app->context, &test);
+    }
+    lg_trajectories_free(self->app->context, &data);
+    return status;
+}
+
+static void run_task(void *user, size_t index) {
+    study *self = user;
+    (void)pthread_mutex_lock(&self->mutex);
+    const bool stop = self->status != LG_OK || app_interrupted();
+    (void)pthread_mutex_unlock(&self->mutex);
+    if (stop) return;
+    lg_error error = {LG_OK, ""};
+    study_row row = study_run_at(&self->grid, self->pending[index]);
+    lg_status status = do_run(self, &row, &error);
+    if (is_result(status)) {
+        row.failed = true;
+        row.loss = row.e1 = row.e2 = (double)NAN;
+        status = LG_OK;
+    }
+    (void)pthread_mutex_lock(&self->mutex);
+    if (status == LG_OK) status = study_file_append(&self->file, &row, &error);
+    if (status == LG_OK) {
+        self->done++;
+        app_progress_show(&self->progress, self->done, "run %zu/%zu  %s N=%u M=%u eps=%g: E1 %.2e",
+                          self->done, self->pending_count, lg_train_integrator_name(row.integrator), row.n,
+                          row.m, row.eps, row.e1);
+    } else if (self->status == LG_OK) {
+        self->status = status;
+        self->error = error;
+    }
+    (void)pthread_mutex_unlock(&self->mutex);
+}
+
+/* ---- the study ---- */
+
+static void collect_pending(study *self) {
+    const uint64_t runs = lg_grid_runs(&self->grid);
+    self->pending = app_alloc((size_t)runs, sizeof *self->pending);
+    for (uint64_t i = 0; i < runs; i++) {
+        const study_row row = study_run_at(&self->grid, i);
+        if (study_file_find(&self->file, &row) == NULL) self->pending[self->pending_count++] = i;
+    }
+    if (values.stop_after > 0 && self->pending_count > values.stop_after)
+        self->pending_count = (size_t)values.stop_after;
+}
+
+static int run_all(study *self) {
+    const uint64_t jobs = values.jobs > 0 ? values.jobs : self->app->threads;
+    self->threads_each = self->app->threads / jobs > 0 ? self->app->threads / jobs : 1;
+    (void)pthread_mutex_init(&self->mutex, NULL);
+    app_progress_begin(&self->progress, 0, self->pending_count);
+    app_parallel(jobs, self->pending_count, run_task, self);
+    app_progress_end(&self->progress);
+    (void)pthread_mutex_destroy(&self->mutex);
+    if (app_interrupted() || self->status == LG_CANCELLED) {
+        (void)fprintf(stderr, "%s: stopped; %zu of %llu runs are in %s, the same command continues\n",
+                      self->app->title, self->file.count, (unsigned long long)lg_grid_runs(&self->grid),
+                      self->file.path);
+        return APP_EXIT_INTERRUPTED;
+    }
+    if (self->status != LG_OK)
+        return app_fail(self->app, self->status, "%s",
+                        self->error.message[0] != '\0' ? self->error.message
+                                                       : lg_status_sentence(self->status));
+    return APP_EXIT_OK;
+}
+
+static int study_with_file(study *self) {
+    const double begin = app_seconds();
+    lg_error error = {LG_OK, ""};
+    collect_pending(self);
+    int code = run_all(self);
+    if (code == APP_EXIT_OK && values.plot != NULL) {
+        const lg_status status = study_draw(self->app, values.plot, &self->grid, &self->file, &error);
+        if (status != LG_OK) code = app_fail_file(self->app, status, &error, values.plot);
+    }
+    if (code == APP_EXIT_OK && self->app->json)
+        study_print_json(self->app, &self->grid, &self->file, self->done, app_seconds() - begin);
+    else if (code == APP_EXIT_OK)
+        study_print_tables(&self->grid, &self->file);
+    free(self->pending);
+    return code;
+}
+
+static int run(app *host) {
+    study self = {.app = host};
+    char protocol[STUDY_PROTOCOL_TEXT];
+    if (values.out == NULL) return app_usage(host, "--out FILE.csv is missing");
+    if (values.plot != NULL && !app_plot_name_fits(values.plot))
+        return app_usage(host, "--plot: '%s' does not end in .svg or .png", values.plot);
+    lg_status status = lg_grid_read(host->context, host->arguments[0], &self.grid, &self.error);
+    if (status != LG_OK) return app_fail_file(host, status, &self.error, host->arguments[0]);
+    if (host->seed_given) self.grid.seed = host->seed;
+    study_protocol(&self.grid, protocol);
+    status = study_file_open(values.out, protocol, &self.file, &self.error);
+    if (status != LG_OK) return app_fail_file(host, status, &self.error, values.out);
+    const int code = study_with_file(&self);
+    study_file_close(&self.file);
+    return code;
+}
+
+const app_command study_command = {.name = "study",
+                                   .arguments = "GRID.yaml",
+                                   .summary = "Train over a grid of integrators, N, M, noise and repeats",
+                                   .details = "One row a run: integrator, substeps, N, M, eps, penalty, "
+                                              "repeat, seed, loss (mean squared error at the end), E1, "
+                                              "E2, seconds of training, epochs. Rows are appended as runs "
+                                              "end, so that the same command continues after "
+                                              "Ctrl-C or a crash. Runs of one repeat share initial weights, "
+                                              "starts, noise and test trajectories. Printed: "
+                                              "medians over the repeats of each cell and geometric means "
+                                              "over all runs of an integrator. The default seed is "
+                                              "the grid's.",
+                                   .options = study_options,
+                                   .values = &values,
+                                   .arguments_min = 1,
+                                   .arguments_max = 1,
+                                   .run = run};

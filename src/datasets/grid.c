@@ -1,0 +1,221 @@
+/* Grids of runs: the keys of a study beside those of a scene. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "datasets/h5.h"
+#include "datasets/scene.h"
+
+static const char *integrator_name(uint32_t value) {
+    return value < LG_TRAIN_INTEGRATOR_COUNT ? lg_train_integrator_name((lg_train_integrator)value) : NULL;
+}
+static const char *activation_name(uint32_t value) {
+    return value < LG_ACTIVATION_COUNT ? lg_activation_name((lg_activation)value) : NULL;
+}
+static const char *dtype_name(uint32_t value) {
+    static const char *const names[] = {[LG_F64] = "f64", [LG_F32] = "f32"};
+    return value < LG_COUNT(names) ? names[value] : NULL;
+}
+static const char *potential_name(uint32_t value) {
+    static const char *const names[] = {[LG_POTENTIAL_MLP] = "mlp", [LG_POTENTIAL_LINEAR] = "linear"};
+    return value < LG_COUNT(names) ? names[value] : NULL;
+}
+static const char *noise_name(uint32_t value) {
+    static const char *const names[] = {[LG_NOISE_NORMAL] = "normal", [LG_NOISE_UNIFORM] = "uniform"};
+    return value < LG_COUNT(names) ? names[value] : NULL;
+}
+static const char *penalty_form_name(uint32_t value) {
+    static const char *const names[] = {[LG_PENALTY_TEXT] = "text", [LG_PENALTY_PUBLISHED] = "published"};
+    return value < LG_COUNT(names) ? names[value] : NULL;
+}
+
+#define ALL   UINT32_MAX
+#define LISTS LG_GRID_VALUES
+
+enum {
+    KEY_INTEGRATORS,
+    KEY_N,
+    KEY_M,
+    KEY_EPS,
+    KEY_PENALTY,
+    KEY_SUBSTEPS,
+    KEY_REPEATS,
+    KEY_EPOCHS,
+    KEY_BATCH,
+    KEY_LR,
+    KEY_LR_STEP,
+    KEY_LR_GAMMA,
+    KEY_WEIGHT_DECAY,
+    KEY_HIDDEN,
+    KEY_ACTIVATION,
+    KEY_POTENTIAL,
+    KEY_DTYPE,
+    KEY_NOISE_KIND,
+    KEY_PENALTY_FORM,
+    KEY_SHARDS,
+    KEY_SEED,
+    KEY_TEST,
+    KEY_TEST_TRAJECTORIES,
+    KEY_TEST_POINTS,
+    KEYS
+};
+
+static const lg_key keys[KEYS] = {
+    [KEY_INTEGRATORS] = {"integrators", LG_KEY_NAMES, ALL, true, false, 0, 0, LISTS, integrator_name},
+    [KEY_N] = {"N", LG_KEY_COUNTS, ALL, true, false, 1, 1e9, LISTS, NULL},
+    [KEY_M] = {"M", LG_KEY_COUNTS, ALL, true, false, 2, 1e9, LISTS, NULL},
+    [KEY_EPS] = {"eps", LG_KEY_REALS, ALL, false, false, 0, 1e6, LISTS, NULL},
+    [KEY_PENALTY] = {"penalty", LG_KEY_REALS, ALL, false, false, 0, 1e12, LISTS, NULL},
+    [KEY_SUBSTEPS] = {"substeps", LG_KEY_COUNTS, ALL, false, false, 1, 1e6, LISTS, NULL},
+    [KEY_REPEATS] = {"repeats", LG_KEY_COUNT, ALL, false, false, 1, 1e6, 1, NULL},
+    [KEY_EPOCHS] = {"epochs", LG_KEY_COUNT, ALL, false, false, 1, 1e9, 1, NULL},
+    [KEY_BATCH] = {"batch", LG_KEY_COUNT, ALL, false, false, 1, 1e9, 1, NULL},
+    [KEY_LR] = {"lr", LG_KEY_REAL, ALL, false, true, 0, 1e3, 1, NULL},
+    [KEY_LR_STEP] = {"lr_step", LG_KEY_COUNT, ALL, false, false, 1, 1e9, 1, NULL},
+    [KEY_LR_GAMMA] = {"lr_gamma", LG_KEY_REAL, ALL, false, true, 0, 1e3, 1, NULL},
+    [KEY_WEIGHT_DECAY] = {"weight_decay", LG_KEY_REAL, ALL, false, false, 0, 1e3, 1, NULL},
+    [KEY_HIDDEN] = {"hidden", LG_KEY_COUNTS, ALL, false, false, 1, 1 << 20, LG_MLP_MAX_LAYERS - 1, NULL},
+    [KEY_ACTIVATION] = {"activation", LG_KEY_NAME, ALL, false, false, 0, 0, 1, activation_name},
+    [KEY_POTENTIAL] = {"potential", LG_KEY_NAME, ALL, false, false, 0, 0, 1, potential_name},
+    [KEY_DTYPE] = {"dtype", LG_KEY_NAME, ALL, false, false, 0, 0, 1, dtype_name},
+    [KEY_NOISE_KIND] = {"noise_kind", LG_KEY_NAME, ALL, false, false, 0, 0, 1, noise_name},
+    [KEY_PENALTY_FORM] = {"penalty_form", LG_KEY_NAME, ALL, false, false, 0, 0, 1, penalty_form_name},
+    [KEY_SHARDS] = {"shards", LG_KEY_COUNT, ALL, false, false, 1, 1024, 1, NULL},
+    [KEY_SEED] = {"seed", LG_KEY_WHOLE, ALL, false, false, 0, 0, 1, NULL},
+    [KEY_TEST] = {"test", LG_KEY_MAP, ALL, false, false, 0, 0, 0, NULL},
+    [KEY_TEST_TRAJECTORIES] = {"test.trajectories", LG_KEY_COUNT, ALL, false, false, 1, 1e9, 1, NULL},
+    [KEY_TEST_POINTS] = {"test.points", LG_KEY_COUNT, ALL, false, false, 2, 1e9, 1, NULL},
+};
+
+/* Beside a scene in a file of its own. */
+enum { KEY_SCENE, KEY_T_END, FILE_KEYS };
+static const lg_key file_keys[FILE_KEYS] = {
+    [KEY_SCENE] = {"scene", LG_KEY_TEXT, ALL, true, false, 0, 0, 1, NULL},
+    [KEY_T_END] = {"t_end", LG_KEY_REAL, ALL, false, true, 0, 1e12, 1, NULL},
+};
+
+static void set_u32(const lg_key_value *value, uint32_t *out) {
+    if (value->line != 0) *out = (uint32_t)value->real[0];
+}
+
+static void set_real(const lg_key_value *value, double *out) {
+    if (value->line != 0) *out = value->real[0];
+}
+
+static void set_u32s(const lg_key_value *value, uint32_t *count, uint32_t *out) {
+    if (value->line == 0) return;
+    *count = value->count;
+    for (uint32_t i = 0; i < value->count; i++) out[i] = (uint32_t)value->real[i];
+}
+
+static void set_reals(const lg_key_value *value, uint32_t *count, double *out) {
+    if (value->line == 0) return;
+    *count = value->count;
+    memcpy(out, value->real, value->count * sizeof *out);
+}
+
+static uint32_t name_or(const lg_key_value *value, uint32_t otherwise) {
+    return value->line != 0 ? (uint32_t)value->real[0] : otherwise;
+}
+
+static void fill(const lg_key_value *v, lg_grid *out) {
+    *out = (lg_grid){.scene = out->scene,
+                     .eps_count = 1,
+                     .penalty_count = 1,
+                     .substeps_count = 1,
+                     .substeps = {1},
+                     .repeats = 1,
+                     .epochs = 100,
+                     .batch = 80,
+                     .lr_step = 50,
+                     .lr = 1e-2,
+                     .lr_gamma = 0.1,
+                     .hidden = {100, 100, 100},
+                     .hidden_count = 3,
+                     .shards = 4,
+                     .test_trajectories = 100,
+                     .test_points = 15,
+                     .seed = 1};
+    out->integrator_count = v[KEY_INTEGRATORS].count;
+    for (uint32_t i = 0; i < out->integrator_count; i++)
+        out->integrators[i] = (lg_train_integrator)(int)v[KEY_INTEGRATORS].real[i];
+    set_u32s(&v[KEY_N], &out->n_count, out->n);
+    set_u32s(&v[KEY_M], &out->m_count, out->m);
+    set_reals(&v[KEY_EPS], &out->eps_count, out->eps);
+    set_reals(&v[KEY_PENALTY], &out->penalty_count, out->penalty);
+    set_u32s(&v[KEY_SUBSTEPS], &out->substeps_count, out->substeps);
+    set_u32s(&v[KEY_HIDDEN], &out->hidden_count, out->hidden);
+    set_u32(&v[KEY_REPEATS], &out->repeats);
+    set_u32(&v[KEY_EPOCHS], &out->epochs);
+    set_u32(&v[KEY_BATCH], &out->batch);
+    set_u32(&v[KEY_LR_STEP], &out->lr_step);
+    set_u32(&v[KEY_SHARDS], &out->shards);
+    set_u32(&v[KEY_TEST_TRAJECTORIES], &out->test_trajectories);
+    set_u32(&v[KEY_TEST_POINTS], &out->test_points);
+    set_real(&v[KEY_LR], &out->lr);
+    set_real(&v[KEY_LR_GAMMA], &out->lr_gamma);
+    set_real(&v[KEY_WEIGHT_DECAY], &out->weight_decay);
+    out->activation = (lg_activation)name_or(&v[KEY_ACTIVATION], LG_TANH);
+    out->potential = (lg_potential_kind)name_or(&v[KEY_POTENTIAL], LG_POTENTIAL_MLP);
+    out->dtype = (lg_dtype)name_or(&v[KEY_DTYPE], LG_F64);
+    out->noise_kind = (lg_noise)name_or(&v[KEY_NOISE_KIND], LG_NOISE_NORMAL);
+    out->penalty_form = (lg_penalty_form)name_or(&v[KEY_PENALTY_FORM], LG_PENALTY_TEXT);
+    if (v[KEY_SEED].line != 0) out->seed = v[KEY_SEED].whole;
+}
+
+/* `scene: FILE`, relative to the folder of the grid. */
+static lg_status read_scene_file(const lg_context *context, const lg_yaml *yaml, const lg_key_value *value,
+                                 lg_scene *out, lg_error *error) {
+    const char *path = lg_yaml_path(yaml), *slash = strrchr(path, '/');
+    size_t folder = slash == NULL || value->text[0] == '/' ? 0 : (size_t)(slash - path) + 1,
+           name = strlen(value->text);
+    char *joined = lg_alloc(context, folder + name + 1, 1);
+    if (joined == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    memcpy(joined, path, folder);
+    memcpy(joined + folder, value->text, name);
+    lg_error inner = {LG_OK, ""};
+    lg_status status = lg_scene_read(context, joined, out, &inner);
+    lg_free(context, joined);
+    if (status == LG_OK) return LG_OK;
+    return lg_fail(error, status, "%s: line %u: scene: %.300s", lg_shown_path(path), value->line,
+                   inner.message);
+}
+
+static lg_status read_grid(const lg_context *context, lg_yaml *yaml, lg_key_value *values, lg_grid *out,
+                           lg_error *error) {
+    lg_key_set sets[2] = {{keys, KEYS, values}, {file_keys, FILE_KEYS, values + KEYS}};
+    bool own_file = lg_yaml_has(yaml, "scene");
+    if (!own_file && !lg_yaml_has(yaml, "system"))
+        return lg_yaml_fail(yaml, 1, LG_FORMAT, error, "key 'scene' or 'system' is missing");
+    if (own_file) {
+        LG_TRY(lg_yaml_read(yaml, sets, 2, ALL, "the scene", error));
+        LG_TRY(read_scene_file(context, yaml, &values[KEYS + KEY_SCENE], &out->scene, error));
+    } else {
+        LG_TRY(lg_scene_from(context, yaml, sets, &out->scene, error));
+    }
+    fill(values, out);
+    out->t_end = out->scene.t_end;
+    if (own_file) set_real(&values[KEYS + KEY_T_END], &out->t_end);
+    if (out->t_end > 0) return LG_OK;
+    return lg_yaml_fail(yaml, 1, LG_FORMAT, error, "key 't_end' is missing, here and in the scene");
+}
+
+lg_status lg_grid_read(const lg_context *context, const char *path, lg_grid *out, lg_error *error) {
+    lg_yaml *yaml;
+    lg_grid made = {.repeats = 0};
+    if (out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a grid is read into something");
+    LG_TRY(lg_yaml_open(context, path, &yaml, error));
+    lg_key_value *values = lg_alloc(context, KEYS + FILE_KEYS, sizeof *values);
+    lg_status status = values == NULL
+                           ? lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path))
+                           : read_grid(context, yaml, values, &made, error);
+    lg_free(context, values);
+    lg_yaml_close(yaml);
+    if (status == LG_OK) *out = made;
+    return status;
+}
+
+uint64_t lg_grid_runs(const lg_grid *grid) {
+    return (uint64_t)grid->integrator_count * grid->n_count * grid->m_count * grid->eps_count *
+           grid->penalty_count * grid->substeps_count * grid->repeats;
+}

@@ -1,0 +1,11 @@
+/* Scenes inside other files: a study grid holds the keys of a scene at its top. */
+#ifndef LG_SCENE_H
+#define LG_SCENE_H
+
+#include "datasets/yaml.h"
+
+/* Reads the top mapping as a scene plus the keys of `more` (may be NULL). */
+lg_status lg_scene_from(const lg_context *context, lg_yaml *yaml, const lg_key_set *more, lg_scene *out,
+                        lg_error *error);
+
+#endif

@@ -1,0 +1,446 @@
+#include "datasets/yaml.h"
+
+#include <errno.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <yaml.h>
+
+#include "datasets/h5.h"
+
+#define MAX_BYTES ((size_t)1 << 20)
+#define MAX_DEPTH 16 /* brackets inside brackets */
+#define NAME_SIZE 64
+
+struct lg_yaml {
+    const lg_context *context;
+    const char *path; /* the caller's */
+    yaml_document_t document;
+    yaml_node_t *root;
+};
+
+const char *lg_yaml_path(const lg_yaml *yaml) {
+    return yaml->path;
+}
+
+lg_status lg_yaml_fail(const lg_yaml *yaml, uint32_t line, lg_status status, lg_error *error,
+                       const char *format, ...) {
+    char text[256];
+    va_list arguments;
+    va_start(arguments, format);
+    (void)vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    return lg_fail(error, status, "%s: line %u: %s", lg_shown_path(yaml->path), line, text);
+}
+
+static uint32_t line_of(const yaml_node_t *node) {
+    return (uint32_t)node->start_mark.line + 1;
+}
+
+/* ---- opening ---- */
+
+static lg_status read_bytes(const lg_context *context, const char *path, unsigned char **out, size_t *bytes,
+                            lg_error *error) {
+    const char *shown = lg_shown_path(path);
+    struct stat about;
+    if (stat(path, &about) != 0)
+        return lg_fail(error, errno == ENOENT || errno == ENOTDIR ? LG_NOT_FOUND : LG_FILE, "%s: %s", shown,
+                       strerror(errno));
+    if (!S_ISREG(about.st_mode)) return lg_fail(error, LG_FILE, "%s: is not a regular file", shown);
+    FILE *file = fopen(path, "rb");
+    if (file == NULL) return lg_fail(error, LG_FILE, "%s: cannot be read: %s", shown, strerror(errno));
+    unsigned char *data = lg_alloc(context, MAX_BYTES + 1, 1);
+    size_t size = data != NULL ? fread(data, 1, MAX_BYTES + 1, file) : 0;
+    bool broken = ferror(file) != 0;
+    (void)fclose(file);
+    lg_status status = LG_OK;
+    if (data == NULL)
+        status = lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", shown);
+    else if (broken)
+        status = lg_fail(error, LG_FILE, "%s: cannot be read", shown);
+    else if (size > MAX_BYTES)
+        status = lg_fail(error, LG_FORMAT, "%s: is larger than %zu bytes", shown, MAX_BYTES);
+    else if (size == 0)
+        status = lg_fail(error, LG_FORMAT, "%s: line 1: is empty", shown);
+    if (status == LG_OK) {
+        *out = data;
+        *bytes = size;
+    } else {
+        lg_free(context, data);
+    }
+    return status;
+}
+
+/* libyaml needs quadratic time on deep nesting; no file of ours is deep. Brackets in texts and comments count
+ * too. */
+static lg_status check_depth(const char *path, const unsigned char *data, size_t bytes, lg_error *error) {
+    unsigned line = 1;
+    int depth = 0;
+    for (size_t i = 0; i < bytes; i++) {
+        line += data[i] == '\n';
+        depth += (data[i] == '[' || data[i] == '{') - (data[i] == ']' || data[i] == '}');
+        if (depth > MAX_DEPTH)
+            return lg_fail(error, LG_FORMAT, "%s: line %u: more than %d brackets are open",
+                           lg_shown_path(path), line, MAX_DEPTH);
+    }
+    return LG_OK;
+}
+
+static lg_status parser_error(const char *path, const yaml_parser_t *parser, const unsigned char *data,
+                              size_t bytes, lg_error *error) {
+    if (parser->error == YAML_MEMORY_ERROR)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    size_t line = parser->problem_mark.line + 1;
+    if (parser->error == YAML_READER_ERROR) { /* has an offset only */
+        line = 1;
+        for (size_t i = 0; i < parser->problem_offset && i < bytes; i++) line += data[i] == '\n';
+    }
+    return lg_fail(error, LG_FORMAT, "%s: line %zu: is not YAML: %s", lg_shown_path(path), line,
+                   parser->problem != NULL ? parser->problem : "unknown problem");
+}
+
+/* Exactly one document. */
+static lg_status load(lg_yaml *yaml, yaml_parser_t *parser, const unsigned char *data, size_t bytes,
+                      lg_error *error) {
+    yaml_document_t next;
+    yaml_parser_set_input_string(parser, data, bytes);
+    if (!yaml_parser_load(parser, &yaml->document))
+        return parser_error(yaml->path, parser, data, bytes, error);
+    yaml->root = yaml_document_get_root_node(&yaml->document);
+    lg_status status = LG_OK;
+    if (yaml->root == NULL)
+        return lg_fail(error, LG_FORMAT, "%s: line 1: holds nothing", lg_shown_path(yaml->path));
+    if (yaml->root->type != YAML_MAPPING_NODE)
+        status = lg_yaml_fail(yaml, line_of(yaml->root), LG_FORMAT, error, "keys and values are expected");
+    if (status == LG_OK && !yaml_parser_load(parser, &next))
+        status = parser_error(yaml->path, parser, data, bytes, error);
+    else if (status == LG_OK) {
+        const yaml_node_t *second = yaml_document_get_root_node(&next);
+        if (second != NULL)
+            status = lg_yaml_fail(yaml, line_of(second), LG_FORMAT, error, "a second document");
+        yaml_document_delete(&next);
+    }
+    if (status != LG_OK) yaml_document_delete(&yaml->document);
+    return status;
+}
+
+lg_status lg_yaml_open(const lg_context *context, const char *path, lg_yaml **out, lg_error *error) {
+    unsigned char *data = NULL;
+    size_t bytes = 0;
+    yaml_parser_t parser;
+    if (path == NULL || *path == '\0') return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
+    LG_TRY(read_bytes(context, path, &data, &bytes, error));
+    lg_status status = check_depth(path, data, bytes, error);
+    lg_yaml *yaml = status == LG_OK ? lg_alloc(context, 1, sizeof *yaml) : NULL;
+    if (status == LG_OK && (yaml == NULL || !yaml_parser_initialize(&parser))) {
+        status = lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    } else if (status == LG_OK) {
+        yaml->context = context;
+        yaml->path = path;
+        status = load(yaml, &parser, data, bytes, error);
+        yaml_parser_delete(&parser);
+    }
+    lg_free(context, data);
+    if (status == LG_OK)
+        *out = yaml;
+    else
+        lg_free(context, yaml);
+    return status;
+}
+
+void lg_yaml_close(lg_yaml *yaml) {
+    if (yaml == NULL) return;
+    yaml_document_delete(&yaml->document);
+    lg_free(yaml->context, yaml);
+}
+
+/* ---- scalars ---- */
+
+/* A scalar's text as it may stand in a sentence: printable, short. */
+static const char *shown(const yaml_node_t *node, char out[NAME_SIZE]) {
+    size_t length = node->data.scalar.length, used = 0;
+    for (; used < length && used < NAME_SIZE - 1; used++) {
+        unsigned char c = node->data.scalar.value[used];
+        out[used] = c < 0x20 || c == 0x7f ? '?' : (char)c;
+    }
+    out[used] = '\0';
+    return out;
+}
+
+/* The text of an unbroken scalar shorter than `size`, or NULL. */
+static const char *plain_text(const yaml_node_t *node, size_t size) {
+    if (node->type != YAML_SCALAR_NODE || node->data.scalar.length >= size) return NULL;
+    const char *text = (const char *)node->data.scalar.value;
+    return strlen(text) == node->data.scalar.length ? text : NULL;
+}
+
+static lg_status read_number(const lg_yaml *yaml, const lg_key *key, const yaml_node_t *node, double *out,
+                             lg_error *error) {
+    char show[NAME_SIZE];
+    uint32_t line = line_of(node);
+    const char *text = plain_text(node, 512);
+    bool whole = key->type == LG_KEY_COUNT || key->type == LG_KEY_COUNTS;
+    if (node->type != YAML_SCALAR_NODE)
+        return lg_yaml_fail(yaml, line, LG_FORMAT, error, "%s: a number is expected", key->name);
+    lg_status status = LG_FORMAT;
+    if (text != NULL && node->data.scalar.style == YAML_PLAIN_SCALAR_STYLE)
+        status = lg_number_parse(text, out);
+    if (status == LG_OUT_OF_MEMORY)
+        return lg_yaml_fail(yaml, line, status, error, "%s: out of memory", key->name);
+    if (status != LG_OK)
+        return lg_yaml_fail(yaml, line, LG_FORMAT, error, "%s: '%s' is not %s number", key->name,
+                            shown(node, show), status == LG_NOT_FINITE ? "a finite" : "a");
+    if (whole && !(*out >= 0 && *out <= 0x1p53 && *out == (double)(uint64_t)*out))
+        return lg_yaml_fail(yaml, line, LG_FORMAT, error, "%s: '%s' is not a whole number", key->name,
+                            shown(node, show));
+    if (*out < key->low || *out > key->high || (key->open && *out == key->low))
+        return lg_yaml_fail(yaml, line, LG_FORMAT, error, "%s: %s is outside %s%g, %g]", key->name,
+                            shown(node, show), key->open ? "(" : "[", key->low, key->high);
+    return LG_OK;
+}
+
+static lg_status read_name(const lg_yaml *yaml, const lg_key *key, const yaml_node_t *node, double *out,
+                           lg_error *error) {
+    char show[NAME_SIZE], known[160] = "";
+    const char *text = plain_text(node, NAME_SIZE);
+    if (node->type != YAML_SCALAR_NODE)
+        return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: a name is expected", key->name);
+    size_t used = 0;
+    for (uint32_t value = 0; key->name_of(value) != NULL; value++) {
+        if (text != NULL && strcmp(text, key->name_of(value)) == 0) {
+            *out = value;
+            return LG_OK;
+        }
+        if (used < sizeof known)
+            used += (size_t)snprintf(known + used, sizeof known - used, "%s%s", value > 0 ? ", " : "",
+                                     key->name_of(value));
+    }
+    return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: '%s' is none of %s", key->name,
+                        shown(node, show), known);
+}
+
+/* ---- values ---- */
+
+static bool is_names(const lg_key *key) {
+    return key->type == LG_KEY_NAME || key->type == LG_KEY_NAMES;
+}
+
+static lg_status add_scalar(const lg_yaml *yaml, const lg_key *key, const yaml_node_t *node,
+                            lg_key_value *value, lg_error *error) {
+    if (value->count >= LG_VALUES)
+        return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: too many values", key->name);
+    double number = 0;
+    LG_TRY(is_names(key) ? read_name(yaml, key, node, &number, error)
+                         : read_number(yaml, key, node, &number, error));
+    value->lines[value->count] = line_of(node);
+    value->real[value->count++] = number;
+    return LG_OK;
+}
+
+static lg_status add_items(lg_yaml *yaml, const lg_key *key, const yaml_node_t *node, lg_key_value *value,
+                           lg_error *error) {
+    const yaml_node_item_t *item = node->data.sequence.items.start;
+    for (; item < node->data.sequence.items.top; item++)
+        LG_TRY(add_scalar(yaml, key, yaml_document_get_node(&yaml->document, *item), value, error));
+    return LG_OK;
+}
+
+static lg_status read_list(lg_yaml *yaml, const lg_key *key, const yaml_node_t *node, lg_key_value *value,
+                           lg_error *error) {
+    if (node->type == YAML_SCALAR_NODE) return add_scalar(yaml, key, node, value, error);
+    if (node->type != YAML_SEQUENCE_NODE)
+        return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: a list is expected", key->name);
+    size_t count = (size_t)(node->data.sequence.items.top - node->data.sequence.items.start);
+    if (count == 0 || count > key->capacity)
+        return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: has %zu values, 1 to %u are expected",
+                            key->name, count, key->capacity);
+    return add_items(yaml, key, node, value, error);
+}
+
+static lg_status read_row(lg_yaml *yaml, const lg_key *key, const yaml_node_t *node, lg_key_value *value,
+                          lg_error *error) {
+    if (node->type != YAML_SEQUENCE_NODE)
+        return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: a list of three numbers is expected",
+                            key->name);
+    size_t count = (size_t)(node->data.sequence.items.top - node->data.sequence.items.start);
+    if (count != 3)
+        return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: has %zu numbers, 3 are expected",
+                            key->name, count);
+    return add_items(yaml, key, node, value, error);
+}
+
+static lg_status read_rows(lg_yaml *yaml, const lg_key *key, const yaml_node_t *node, lg_key_value *value,
+                           lg_error *error) {
+    if (node->type != YAML_SEQUENCE_NODE)
+        return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error,
+                            "%s: a list of rows of three numbers is expected", key->name);
+    const yaml_node_item_t *item = node->data.sequence.items.start, *end = node->data.sequence.items.top;
+    size_t count = (size_t)(end - item);
+    if (count == 0 || count > key->capacity)
+        return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: has %zu rows, 1 to %u are expected",
+                            key->name, count, key->capacity);
+    if (yaml_document_get_node(&yaml->document, *item)->type == YAML_SCALAR_NODE)
+        return read_row(yaml, key, node, value, error);
+    for (; item < end; item++)
+        LG_TRY(read_row(yaml, key, yaml_document_get_node(&yaml->document, *item), value, error));
+    return LG_OK;
+}
+
+static lg_status read_whole(const lg_yaml *yaml, const lg_key *key, const yaml_node_t *node,
+                            lg_key_value *value, lg_error *error) {
+    char show[NAME_SIZE];
+    const char *text = plain_text(node, 64);
+    if (node->type != YAML_SCALAR_NODE)
+        return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: a whole number is expected",
+                            key->name);
+    if (text == NULL || node->data.scalar.style != YAML_PLAIN_SCALAR_STYLE ||
+        lg_integer_parse(text, &value->whole) != LG_OK)
+        return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: '%s' is not a whole number",
+                            key->name, shown(node, show));
+    return LG_OK;
+}
+
+static lg_status read_text(const lg_yaml *yaml, const lg_key *key, const yaml_node_t *node,
+                           lg_key_value *value, lg_error *error) {
+    const char *text = plain_text(node, sizeof value->text);
+    if (text == NULL || *text == '\0')
+        return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: a text of 1 to %zu bytes is expected",
+                            key->name, sizeof value->text - 1);
+    memcpy(value->text, text, strlen(text) + 1);
+    return LG_OK;
+}
+
+static lg_status read_value(lg_yaml *yaml, const lg_key *key, const yaml_node_t *node, lg_key_value *value,
+                            lg_error *error) {
+    *value = (lg_key_value){.line = line_of(node)};
+    switch (key->type) {
+    case LG_KEY_REAL:
+    case LG_KEY_COUNT:
+    case LG_KEY_NAME:
+        return add_scalar(yaml, key, node, value, error);
+    case LG_KEY_WHOLE:
+        return read_whole(yaml, key, node, value, error);
+    case LG_KEY_TEXT:
+        return read_text(yaml, key, node, value, error);
+    case LG_KEY_REALS:
+    case LG_KEY_COUNTS:
+    case LG_KEY_NAMES:
+        return read_list(yaml, key, node, value, error);
+    case LG_KEY_ROWS:
+        return read_rows(yaml, key, node, value, error);
+    case LG_KEY_MAP:
+        break;
+    }
+    if (node->type == YAML_MAPPING_NODE) return LG_OK;
+    return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: keys and values are expected", key->name);
+}
+
+/* ---- mappings ---- */
+
+static yaml_node_t *find_node(lg_yaml *yaml, const char *key) {
+    yaml_node_pair_t *pair = yaml->root->data.mapping.pairs.start;
+    for (; pair < yaml->root->data.mapping.pairs.top; pair++) {
+        const char *text = plain_text(yaml_document_get_node(&yaml->document, pair->key), NAME_SIZE);
+        if (text != NULL && strcmp(text, key) == 0)
+            return yaml_document_get_node(&yaml->document, pair->value);
+    }
+    return NULL;
+}
+
+bool lg_yaml_has(const lg_yaml *yaml, const char *key) {
+    return find_node((lg_yaml *)yaml, key) != NULL;
+}
+
+lg_status lg_yaml_name(lg_yaml *yaml, const lg_key *key, lg_key_value *value, lg_error *error) {
+    const yaml_node_t *node = find_node(yaml, key->name);
+    if (node == NULL)
+        return lg_yaml_fail(yaml, line_of(yaml->root), LG_FORMAT, error, "key '%s' is missing", key->name);
+    return read_value(yaml, key, node, value, error);
+}
+
+typedef struct reading {
+    lg_yaml *yaml;
+    const lg_key_set *sets;
+    size_t set_count;
+    uint32_t system;
+    const char *system_name;
+    lg_error *error;
+} reading;
+
+/* The row of a full name for this system. `elsewhere`: it is a key of other systems. */
+static const lg_key *find_key(const reading *r, const char *name, lg_key_value **value, bool *elsewhere) {
+    *elsewhere = false;
+    for (size_t s = 0; s < r->set_count; s++) {
+        for (size_t i = 0; i < r->sets[s].count; i++) {
+            const lg_key *key = &r->sets[s].keys[i];
+            if (strcmp(key->name, name) != 0) continue;
+            *value = &r->sets[s].values[i];
+            if (key->systems & r->system) return key;
+            *elsewhere = true;
+        }
+    }
+    return NULL;
+}
+
+static lg_status read_map(const reading *r, const yaml_node_t *map, const char *prefix);
+
+static lg_status read_pair(const reading *r, const yaml_node_t *key_node, const yaml_node_t *node,
+                           const char *prefix) {
+    char name[2 * NAME_SIZE], show[NAME_SIZE];
+    bool elsewhere = false;
+    lg_key_value *value = NULL;
+    uint32_t line = line_of(key_node);
+    const char *text = plain_text(key_node, NAME_SIZE);
+    if (key_node->type != YAML_SCALAR_NODE)
+        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "a key must be a name");
+    /* A dot would make a key of an inner mapping of it. */
+    bool usable = text != NULL && strchr(text, '.') == NULL;
+    (void)snprintf(name, sizeof name, "%s%s", prefix, usable ? text : "");
+    const lg_key *key = usable ? find_key(r, name, &value, &elsewhere) : NULL;
+    if (key == NULL && elsewhere)
+        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "key '%s' does not belong to system %s", name,
+                            r->system_name);
+    if (key == NULL)
+        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "unknown key '%s%s'", prefix,
+                            shown(key_node, show));
+    if (value->line != 0)
+        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "key '%s' stands twice, first on line %u",
+                            name, value->line);
+    LG_TRY(read_value(r->yaml, key, node, value, r->error));
+    if (key->type != LG_KEY_MAP) return LG_OK;
+    char inner[2 * NAME_SIZE];
+    (void)snprintf(inner, sizeof inner, "%s.", key->name);
+    return read_map(r, node, inner);
+}
+
+/* Keys directly below `prefix` that are required and absent. */
+static lg_status check_required(const reading *r, const yaml_node_t *map, const char *prefix) {
+    size_t length = strlen(prefix);
+    for (size_t s = 0; s < r->set_count; s++) {
+        for (size_t i = 0; i < r->sets[s].count; i++) {
+            const lg_key *key = &r->sets[s].keys[i];
+            bool here = strncmp(key->name, prefix, length) == 0 && strchr(key->name + length, '.') == NULL;
+            if (here && key->required && (key->systems & r->system) && r->sets[s].values[i].line == 0)
+                return lg_yaml_fail(r->yaml, line_of(map), LG_FORMAT, r->error, "key '%s' is missing",
+                                    key->name);
+        }
+    }
+    return LG_OK;
+}
+
+static lg_status read_map(const reading *r, const yaml_node_t *map, const char *prefix) {
+    const yaml_node_pair_t *pair = map->data.mapping.pairs.start;
+    for (; pair < map->data.mapping.pairs.top; pair++)
+        LG_TRY(read_pair(r, yaml_document_get_node(&r->yaml->document, pair->key),
+                         yaml_document_get_node(&r->yaml->document, pair->value), prefix));
+    return check_required(r, map, prefix);
+}
+
+lg_status lg_yaml_read(lg_yaml *yaml, const lg_key_set *sets, size_t set_count, uint32_t system,
+                       const char *system_name, lg_error *error) {
+    reading r = {yaml, sets, set_count, system, system_name, error};
+    for (size_t s = 0; s < set_count; s++)
+        for (size_t i = 0; i < sets[s].count; i++) sets[s].values[i].line = 0;
+    return read_map(&r, yaml->root, "");
+}

@@ -1,0 +1,278 @@
+/* Runs executables and looks at what they say: exit code, standard output, standard error, JSON. */
+#ifndef LG_TEST_CLI_SUPPORT_H
+#define LG_TEST_CLI_SUPPORT_H
+
+#include "test_support.h"
+
+#include <ctype.h>
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <sys/types.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+enum { CLI_TEXT = 65536, CLI_WORDS = 64 };
+
+typedef struct cli {
+    int code; /* exit code; 1000 + signal when killed */
+    char out[CLI_TEXT], err[CLI_TEXT];
+} cli;
+
+typedef struct cli_child {
+    pid_t pid;
+    int out, err;
+} cli_child;
+
+static char cli_folder[256]; /* where commands run */
+
+static inline void cli_make_folder(void) {
+    const char *base = getenv("TMPDIR");
+    (void)snprintf(cli_folder, sizeof cli_folder, "%s/lg-test-XXXXXX", base != NULL ? base : "/tmp");
+    if (mkdtemp(cli_folder) == NULL) cli_folder[0] = '\0';
+}
+
+static inline void cli_path(const char *name, char *out, size_t size) {
+    (void)snprintf(out, size, "%s/%s", cli_folder, name);
+}
+
+static inline void cli_remove_folder(void) {
+    DIR *folder = opendir(cli_folder);
+    char path[1024];
+    for (struct dirent *entry; folder != NULL && (entry = readdir(folder)) != NULL;) {
+        if (entry->d_name[0] == '.') continue;
+        (void)snprintf(path, sizeof path, "%s/%s", cli_folder, entry->d_name);
+        if (unlink(path) != 0) (void)rmdir(path);
+    }
+    if (folder != NULL) (void)closedir(folder);
+    (void)rmdir(cli_folder);
+}
+
+/* Entries of the folder whose name contains `part`. */
+static inline int cli_count_files(const char *part) {
+    int count = 0;
+    DIR *folder = opendir(cli_folder);
+    for (struct dirent *entry; folder != NULL && (entry = readdir(folder)) != NULL;)
+        if (entry->d_name[0] != '.' && strstr(entry->d_name, part) != NULL) count++;
+    if (folder != NULL) (void)closedir(folder);
+    return count;
+}
+
+static inline bool cli_exists(const char *name) {
+    char path[1024];
+    struct stat information;
+    cli_path(name, path, sizeof path);
+    return stat(path, &information) == 0;
+}
+
+static inline void cli_write(const char *name, const char *text) {
+    char path[1024];
+    cli_path(name, path, sizeof path);
+    FILE *file = fopen(path, "w");
+    assert_non_null(file);
+    assert_true(fputs(text, file) >= 0);
+    assert_int_equal(fclose(file), 0);
+}
+
+static inline size_t cli_read(const char *name, char *out, size_t size) {
+    char path[1024];
+    cli_path(name, path, sizeof path);
+    FILE *file = fopen(path, "r");
+    assert_non_null(file);
+    const size_t n = fread(out, 1, size - 1, file);
+    out[n] = '\0';
+    assert_int_equal(fclose(file), 0);
+    return n;
+}
+
+/* Words are separated by blanks. `file_limit` > 0: bytes that a file may have (RLIMIT_FSIZE). */
+static inline cli_child cli_start(const char *program, const char *arguments, rlim_t file_limit) {
+    int out[2], err[2];
+    char text[4096], path[1024];
+    char *words[CLI_WORDS] = {path};
+    int n = 1;
+    (void)snprintf(path, sizeof path, "%s/%s", LG_BIN_DIR, program);
+    (void)snprintf(text, sizeof text, "%s", arguments);
+    for (char *save = NULL, *word = strtok_r(text, " ", &save); word != NULL && n < CLI_WORDS - 1;
+         word = strtok_r(NULL, " ", &save))
+        words[n++] = word;
+    words[n] = NULL;
+    assert_int_equal(pipe(out), 0);
+    assert_int_equal(pipe(err), 0);
+    const pid_t pid = fork();
+    assert_true(pid >= 0);
+    if (pid == 0) {
+        const struct rlimit limit = {file_limit, file_limit};
+        if (dup2(out[1], STDOUT_FILENO) < 0 || dup2(err[1], STDERR_FILENO) < 0) _exit(126);
+        (void)close(out[0]);
+        (void)close(err[0]);
+        if (chdir(cli_folder) != 0) _exit(126);
+        if (file_limit > 0 && setrlimit(RLIMIT_FSIZE, &limit) != 0) _exit(126);
+        (void)execv(path, words);
+        _exit(127);
+    }
+    (void)close(out[1]);
+    (void)close(err[1]);
+    return (cli_child){pid, out[0], err[0]};
+}
+
+/* Appends what can be read now; false at the end of the stream. */
+static inline bool cli_drain(int fd, char *text, size_t *used) {
+    char buffer[4096];
+    const ssize_t n = read(fd, buffer, sizeof buffer);
+    if (n < 0 && errno == EINTR) return true;
+    if (n <= 0) return false;
+    const size_t room = CLI_TEXT - 1 - *used, kept = (size_t)n < room ? (size_t)n : room;
+    memcpy(text + *used, buffer, kept);
+    *used += kept;
+    text[*used] = '\0';
+    return true;
+}
+
+static inline void cli_finish(cli_child child, cli *result) {
+    struct pollfd streams[2] = {{child.out, POLLIN, 0}, {child.err, POLLIN, 0}};
+    size_t used[2] = {0, 0};
+    int status = 0;
+    result->out[0] = result->err[0] = '\0';
+    while (streams[0].fd >= 0 || streams[1].fd >= 0) {
+        if (poll(streams, 2, -1) < 0 && errno != EINTR) break;
+        for (int i = 0; i < 2; i++)
+            if (streams[i].fd >= 0 && streams[i].revents != 0 &&
+                !cli_drain(streams[i].fd, i == 0 ? result->out : result->err, &used[i]))
+                streams[i].fd = -1;
+    }
+    (void)close(child.out);
+    (void)close(child.err);
+    while (waitpid(child.pid, &status, 0) < 0 && errno == EINTR) {
+    }
+    result->code = WIFEXITED(status) ? WEXITSTATUS(status) : 1000 + WTERMSIG(status);
+}
+
+static inline void cli_run_limited(const char *program, const char *arguments, rlim_t file_limit,
+                                   cli *result) {
+    cli_finish(cli_start(program, arguments, file_limit), result);
+}
+
+/* Fails unless the exit code is `code` and standard error (code != 0) or output holds `words`. */
+static inline void cli_expect_limited(const char *program, const char *arguments, rlim_t file_limit, int code,
+                                      const char *words, cli *result) {
+    cli_run_limited(program, arguments, file_limit, result);
+    if (result->code != code)
+        fail_msg("%s %s: exit code %d, expected %d\n%s%s", program, arguments, result->code, code,
+                 result->out, result->err);
+    if (strstr(code != 0 ? result->err : result->out, words) == NULL)
+        fail_msg("%s %s: '%s' is not in\n%s%s", program, arguments, words, result->out, result->err);
+}
+
+static inline void cli_expect(const char *program, const char *arguments, int code, const char *words,
+                              cli *result) {
+    cli_expect_limited(program, arguments, 0, code, words, result);
+}
+
+/* ---- a strict JSON reader (RFC 8259): position after the value, NULL when there is none ---- */
+
+static inline const char *json_value(const char *s);
+
+static inline const char *json_space(const char *s) {
+    while (*s == ' ' || *s == '\n' || *s == '\t' || *s == '\r') s++;
+    return s;
+}
+
+static inline const char *json_string(const char *s) {
+    if (*s++ != '"') return NULL;
+    for (; *s != '"'; s++) {
+        if ((unsigned char)*s < 0x20) return NULL;
+        if (*s != '\\') continue;
+        s++;
+        if (*s == 'u') {
+            for (int i = 0; i < 4; i++)
+                if (!isxdigit((unsigned char)*++s)) return NULL;
+        } else if (*s == '\0' || strchr("\"\\/bfnrt", *s) == NULL) {
+            return NULL;
+        }
+    }
+    return s + 1;
+}
+
+static inline const char *json_digits(const char *s) {
+    if (!isdigit((unsigned char)*s)) return NULL;
+    while (isdigit((unsigned char)*s)) s++;
+    return s;
+}
+
+static inline const char *json_number_end(const char *s) {
+    if (*s == '-') s++;
+    s = *s == '0' ? s + 1 : json_digits(s);
+    if (s != NULL && *s == '.') s = json_digits(s + 1);
+    if (s != NULL && (*s == 'e' || *s == 'E')) {
+        s++;
+        if (*s == '+' || *s == '-') s++;
+        s = json_digits(s);
+    }
+    return s;
+}
+
+static inline const char *json_members(const char *s, char close, bool keys) {
+    s = json_space(s);
+    if (*s == close) return s + 1;
+    for (;;) {
+        if (keys) {
+            s = json_string(json_space(s));
+            if (s == NULL) return NULL;
+            s = json_space(s);
+            if (*s++ != ':') return NULL;
+        }
+        s = json_value(s);
+        if (s == NULL) return NULL;
+        s = json_space(s);
+        if (*s == close) return s + 1;
+        if (*s++ != ',') return NULL;
+    }
+}
+
+static inline const char *json_value(const char *s) {
+    static const char *const words[] = {"true", "false", "null"};
+    s = json_space(s);
+    if (*s == '{') return json_members(s + 1, '}', true);
+    if (*s == '[') return json_members(s + 1, ']', false);
+    if (*s == '"') return json_string(s);
+    for (size_t i = 0; i < 3; i++)
+        if (strncmp(s, words[i], strlen(words[i])) == 0) return s + strlen(words[i]);
+    return json_number_end(s);
+}
+
+/* One object and nothing else. */
+static inline bool json_is_object(const char *text) {
+    if (*json_space(text) != '{') return false;
+    const char *end = json_value(text);
+    return end != NULL && *json_space(end) == '\0';
+}
+
+/* Where the value of a key of the outermost object begins; NULL when it is not there. */
+static inline const char *json_find(const char *text, const char *key) {
+    const char *s = json_space(text) + 1;
+    for (;;) {
+        s = json_space(s);
+        const char *end = json_string(s);
+        if (end == NULL) return NULL;
+        const bool found = (size_t)(end - s) == strlen(key) + 2 && strncmp(s + 1, key, strlen(key)) == 0;
+        s = json_space(json_space(end) + 1);
+        if (found) return s;
+        s = json_value(s);
+        if (s == NULL || *(s = json_space(s)) != ',') return NULL;
+        s++;
+    }
+}
+
+static inline double json_number(const char *text, const char *key) {
+    const char *s = json_find(text, key);
+    if (s == NULL) fail_msg("no key '%s' in %s", key, text);
+    return s != NULL && json_number_end(s) != NULL ? strtod(s, NULL) : (double)NAN;
+}
+
+#endif

@@ -1,0 +1,366 @@
+/* lg-hamiltonian from outside: bad input, files, resumption, Ctrl-C. */
+#include "cli_support.h"
+
+#include "liegrad/io.h"
+
+static const char lg[] = "lg-hamiltonian";
+static cli result;
+
+static const char scene[] = "system: pendulum-chain\ngravity: 1\nmasses: [1]\nlengths: [1]\n";
+static const char start_scene[] =
+    "system: pendulum-chain\nform: hamiltonian\ngravity: 1\nmasses: [1]\nlengths: [1]\n"
+    "initial: { q: [[0.6, 0, 0.8]], p: [[0, 0.5, 0]] }\nt_end: 2\n";
+static const char quartic[] = "system: quartic\n";
+static const char grid[] =
+    "system: pendulum-chain\ngravity: 1\nmasses: [1]\nlengths: [1]\nintegrators: [cf4, euler]\n"
+    "N: [12]\nM: [3]\neps: [0]\nrepeats: 2\nt_end: 0.1\nepochs: 2\nbatch: 8\nhidden: [6]\n"
+    "test: { trajectories: 4, points: 5 }\nseed: 3\n";
+
+#define TRAIN "train train.h5 --hidden 12,12 --batch 16 "
+
+static int setup(void **state) {
+    (void)state;
+    cli_make_folder();
+    if (cli_folder[0] == '\0') return -1;
+    cli_write("scene.yaml", scene);
+    cli_write("start.yaml", start_scene);
+    cli_write("quartic.yaml", quartic);
+    cli_write("grid.yaml", grid);
+    cli_write("empty.h5", "");
+    cli_write("foreign.h5", "this is no HDF5 file, whatever its name says\n");
+    cli_expect(lg,
+               "generate scene.yaml --trajectories 40 --points 4 --t-end 0.1 --out train.h5 --seed 5 --json",
+               0, "\"trajectories\": 40", &result);
+    assert_true(json_is_object(result.out));
+    cli_expect(lg, "generate scene.yaml --trajectories 6 --points 8 --t-end 1 --out test.h5 --seed 6", 0,
+               "test.h5", &result);
+    cli_expect(lg, TRAIN "--epochs 3 --out model.h5 --json", 0, "\"epochs\": 3", &result);
+    return 0;
+}
+
+static int teardown(void **state) {
+    (void)state;
+    cli_remove_folder();
+    return 0;
+}
+
+/* ---- bad input: exit code and words of the sentence ---- */
+
+static const struct bad {
+    const char *arguments;
+    int code;
+    const char *words;
+} bad_input[] = {
+    {"", 2, "which command"},
+    {"--json", 2, "which command"},
+    {"learn", 2, "'learn' is no command"},
+    {"train", 2, "missing argument"},
+    {"train train.h5", 2, "--out FILE is missing"},
+    {"train train.h5 test.h5 --out m.h5", 2, "'test.h5' is one argument too many"},
+    {"train train.h5 --out m.h5 --bogus", 2, "--bogus"},
+    {"train train.h5 --out m.h5 --epochs", 2, "--epochs"},
+    {"train train.h5 --out m.h5 --epochs -3", 2, "--epochs: '-3'"},
+    {"train train.h5 --out m.h5 --epochs 0", 2, "--epochs: '0'"},
+    {"train train.h5 --out m.h5 --epochs 1e3", 2, "--epochs: '1e3'"},
+    {"train train.h5 --out m.h5 --epochs 99999999999999999999999", 2, "--epochs"},
+    {"train train.h5 --out m.h5 --batch -1", 2, "--batch: '-1'"},
+    {"train train.h5 --out m.h5 --batch 8x", 2, "--batch: '8x'"},
+    {"train train.h5 --out m.h5 --lr nan", 2, "--lr: 'nan'"},
+    {"train train.h5 --out m.h5 --lr inf", 2, "--lr: 'inf'"},
+    {"train train.h5 --out m.h5 --lr 0", 2, "--lr: '0'"},
+    {"train train.h5 --out m.h5 --lr 0x1p-3", 2, "--lr: '0x1p-3'"},
+    {"train train.h5 --out m.h5 --lr 1e999", 2, "--lr: '1e999'"},
+    {"train train.h5 --out m.h5 --lr 0,01", 2, "--lr: '0,01'"},
+    {"train train.h5 --out m.h5 --weight-decay -1", 2, "--weight-decay: '-1'"},
+    {"train train.h5 --out m.h5 --validation 1.5", 2, "--validation: '1.5'"},
+    {"train train.h5 --out m.h5 --hidden 10,,3", 2, "--hidden: '10,,3'"},
+    {"train train.h5 --out m.h5 --hidden 10,-3", 2, "--hidden: '10,-3'"},
+    {"train train.h5 --out m.h5 --hidden 10,2.5", 2, "--hidden: '10,2.5'"},
+    {"train train.h5 --out m.h5 --hidden 10,", 2, "--hidden"},
+    {"train train.h5 --out m.h5 --hidden 0", 2, "--hidden: '0'"},
+    {"train train.h5 --out m.h5 --hidden 1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1", 2, "network"},
+    {"train train.h5 --out m.h5 --integrator leapfrog", 2, "--integrator: 'leapfrog' is not one of euler"},
+    {"train train.h5 --out m.h5 --integrator stormer-verlet", 2, "stormer-verlet"},
+    {"train train.h5 --out m.h5 --dtype f16", 2, "--dtype: 'f16'"},
+    {"train train.h5 --out m.h5 --shards 0", 2, "--shards: '0'"},
+    {"train train.h5 --out m.h5 --threads 0", 2, "--threads: '0'"},
+    {"--threads -2 train train.h5 --out m.h5", 2, "--threads: '-2'"},
+    {"train train.h5 --out m.h5 --seed -1", 2, "--seed: '-1'"},
+    {"train train.h5 --out m.h5 --plot loss.pdf", 2, "loss.pdf"},
+    {"train train.h5 --out m.h5 --penalty 1e-3", 2, "penalty"},
+    {"train missing.h5 --out m.h5", 3, "missing.h5"},
+    {"train empty.h5 --out m.h5", 3, "empty.h5"},
+    {"train foreign.h5 --out m.h5", 3, "foreign.h5"},
+    {"train model.h5 --out m.h5", 3, "model.h5"},
+    {"train . --out m.h5", 3, "."},
+    {"train train.h5 --out nowhere/m.h5", 3, "nowhere/m.h5"},
+    {"train train.h5 --out .", 3, "folder"},
+    {"train train.h5 --out m.h5 --history nowhere/h.csv", 3, "nowhere/h.csv"},
+    {"train train.h5 --out m.h5 --checkpoint nowhere/c.h5", 3, "nowhere/c.h5"},
+    {"train train.h5 --out m.h5 --resume missing.h5", 3, "missing.h5"},
+    {"train train.h5 --out m.h5 --resume foreign.h5", 3, "foreign.h5"},
+    {"train train.h5 --out m.h5 --resume model.h5", 3, "model.h5"},
+    {"generate", 2, "missing argument"},
+    {"generate scene.yaml", 2, "--out FILE is missing"},
+    {"generate scene.yaml --out d.h5 --trajectories -5", 2, "--trajectories: '-5'"},
+    {"generate scene.yaml --out d.h5 --points 1", 2, "--points: '1'"},
+    {"generate scene.yaml --out d.h5 --t-end -1", 2, "--t-end: '-1'"},
+    {"generate scene.yaml --out d.h5 --noise -0.1", 2, "--noise: '-0.1'"},
+    {"generate scene.yaml --out d.h5 --noise-kind pink", 2, "--noise-kind: 'pink'"},
+    {"generate missing.yaml --out d.h5", 3, "missing.yaml"},
+    {"generate train.h5 --out d.h5", 3, "train.h5"},
+    {"generate start.yaml --out d.h5", 3, "initial"},
+    {"generate scene.yaml --out nowhere/d.h5", 3, "nowhere/d.h5"},
+    {"evaluate model.h5", 2, "missing argument"},
+    {"evaluate missing.h5 test.h5", 3, "missing.h5"},
+    {"evaluate model.h5 missing.h5", 3, "missing.h5"},
+    {"evaluate test.h5 model.h5", 3, "test.h5"},
+    {"evaluate model.h5 test.h5 --tolerance 0", 2, "--tolerance: '0'"},
+    {"predict model.h5", 2, "--initial"},
+    {"predict model.h5 start.yaml --initial 1,2", 2, "not both"},
+    {"predict model.h5 --initial 1,2,3", 2, "3 numbers"},
+    {"predict model.h5 --initial 1,0,0,0,nan,0", 2, "--initial: '1,0,0,0,nan,0'"},
+    {"predict model.h5 --initial 1,0,0,1,0,0", 2, "manifold"},
+    {"predict model.h5 quartic.yaml", 3, "quartic.yaml"},
+    {"predict model.h5 scene.yaml", 3, "initial"},
+    {"predict model.h5 start.yaml --out nowhere/p.h5", 3, "nowhere/p.h5"},
+    {"study grid.yaml", 2, "--out FILE.csv is missing"},
+    {"study missing.yaml --out s.csv", 3, "missing.yaml"},
+    {"study scene.yaml --out s.csv", 3, "scene.yaml"},
+    {"study grid.yaml --out nowhere/s.csv", 3, "nowhere/s.csv"},
+    {"study grid.yaml --out scene.yaml", 3, "not the table of a study"},
+    {"study grid.yaml --out s.csv --jobs 0", 2, "--jobs: '0'"},
+    {"demo --out scene.yaml", 3, "scene.yaml"},
+};
+
+static void test_bad_input(void **state) {
+    (void)state;
+    for (size_t i = 0; i < sizeof bad_input / sizeof bad_input[0]; i++) {
+        cli_expect(lg, bad_input[i].arguments, bad_input[i].code, bad_input[i].words, &result);
+        if (strncmp(result.err, lg, strlen(lg)) != 0)
+            fail_msg("%s: the message does not begin with the program: %s", bad_input[i].arguments,
+                     result.err);
+        assert_string_equal(result.out, "");
+    }
+    assert_false(cli_exists("m.h5"));
+    assert_false(cli_exists("d.h5"));
+    assert_int_equal(cli_count_files("tmp"), 0);
+}
+
+static const char *const bad_scenes[][2] = {
+    {"system: pendulum\n", "pendulum"},
+    {"gravity: 1\n", "system"},
+    {"system: pendulum-chain\nmasses: [1]\nlengths: [1]\nmasses: [2]\n", ":4"},
+    {"system: pendulum-chain\nmasses: [1, 2]\nlengths: [1]\n", "lengths"},
+    {"system: pendulum-chain\nmasses: [1]\nlengths: [1]\ngravity: 9.81m\n", ":4"},
+    {"system: pendulum-chain\nmasses: [1]\nlengths: [1]\ngravity: .nan\n", ":4"},
+    {"system: pendulum-chain\nmasses: [-1]\nlengths: [1]\n", ":2"},
+    {"system: pendulum-chain\nmasses: [1]\nlengths: [1]\ncolour: red\n", "colour"},
+    {"system: [pendulum-chain\n", "bad.yaml"},
+};
+
+static void test_bad_scenes(void **state) {
+    (void)state;
+    for (size_t i = 0; i < sizeof bad_scenes / sizeof bad_scenes[0]; i++) {
+        cli_write("bad.yaml", bad_scenes[i][0]);
+        cli_expect(lg, "generate bad.yaml --out d.h5", 3, bad_scenes[i][1], &result);
+        if (strstr(result.err, "bad.yaml") == NULL) fail_msg("no file in: %s", result.err);
+    }
+}
+
+/* ---- help, versions, JSON ---- */
+
+static void test_help(void **state) {
+    static const char *const commands[] = {"generate", "train", "evaluate", "predict", "study", "demo"};
+    char arguments[64];
+    (void)state;
+    cli_expect(lg, "--version", 0, "lg-hamiltonian (liegrad) ", &result);
+    cli_expect(lg, "--help", 0, "Commands:", &result);
+    for (size_t i = 0; i < sizeof commands / sizeof commands[0]; i++) {
+        (void)snprintf(arguments, sizeof arguments, "%s --help", commands[i]);
+        cli_expect(lg, arguments, 0, "Usage: lg-hamiltonian", &result);
+        assert_non_null(strstr(result.out, "--threads"));
+        (void)snprintf(arguments, sizeof arguments, "%s --version", commands[i]);
+        cli_expect(lg, arguments, 0, "(liegrad)", &result);
+    }
+}
+
+static void test_json_checker(void **state) {
+    (void)state;
+    assert_true(json_is_object("{\"a\": [1, -2.5e-3, null, true], \"b\": {\"c\": \"x\\u00e9\\n\"}}\n"));
+    assert_false(json_is_object("{\"a\": nan}"));
+    assert_false(json_is_object("{\"a\": 01}"));
+    assert_false(json_is_object("{\"a\": 1,}"));
+    assert_false(json_is_object("{\"a\": 1} {}"));
+    assert_close(json_number("{\"ab\": {\"b\": 1}, \"b\": 2}", "b"), 2, 0, 0);
+}
+
+static void test_evaluate_and_predict(void **state) {
+    (void)state;
+    cli_expect(lg, "evaluate model.h5 test.h5 --json", 0, "\"E1\"", &result);
+    assert_true(json_is_object(result.out));
+    const double e1 = json_number(result.out, "E1"), e2 = json_number(result.out, "E2");
+    assert_true(e1 > 0 && e1 < 1 && e2 > 0 && e2 < 10);
+    assert_close(json_number(result.out, "trajectories"), 6, 0, 0);
+    assert_close(json_number(result.out, "points"), 8, 0, 0);
+    cli_expect(lg, "--json --threads 1 evaluate model.h5 test.h5", 0, "\"E1\"", &result);
+    assert_close(json_number(result.out, "E1"), e1, 0, 0);
+    cli_expect(lg, "evaluate model.h5 test.h5 --tolerance 1e-12 --json", 0, "\"E1\"", &result);
+    assert_close(json_number(result.out, "E1"), e1, 1e-6, 1e-18);
+    cli_expect(lg, "predict model.h5 start.yaml --points 21 --out path.h5 --json", 0, "\"y\"", &result);
+    assert_true(json_is_object(result.out));
+    assert_close(json_number(result.out, "t"), 2, 0, 0);
+    assert_true(json_number(result.out, "max_error") > 0);
+    assert_true(json_number(result.out, "energy_drift") < 1e-7);
+    cli_expect(lg, "evaluate model.h5 path.h5 --json", 0, "\"E1\"", &result);
+    assert_true(json_number(result.out, "E1") < 1e-16);
+    assert_true(json_number(result.out, "E2") < 1e-12);
+    cli_expect(lg, "predict model.h5 --initial 1,0,0,0,0.5,0 --t-end 0.5", 0, "y = ", &result);
+}
+
+static void test_plots(void **state) {
+    (void)state;
+    cli_expect(lg, "evaluate model.h5 test.h5 --plot sphere.svg", 0, "E1", &result);
+    assert_true(cli_exists("sphere.dat") && cli_exists("sphere.gp"));
+    if (!cli_exists("sphere.svg")) assert_non_null(strstr(result.err, "gnuplot"));
+    cli_expect(lg, TRAIN "--epochs 2 --out plotted.h5 --plot loss.svg --history loss.csv", 0, "plotted.h5",
+               &result);
+    char text[4096];
+    cli_read("loss.csv", text, sizeof text);
+    assert_int_equal(strncmp(text, "epoch,loss,validation,rate,seconds\n1,", 37), 0);
+}
+
+static void test_separable(void **state) {
+    (void)state;
+    cli_expect(lg, "generate quartic.yaml --trajectories 20 --points 4 --t-end 0.3 --out q.h5", 0, "quartic",
+               &result);
+    cli_expect(lg, "train q.h5 --hidden 8 --epochs 2 --batch 10 --out qm.h5 --json", 0, "\"stormer-verlet\"",
+               &result);
+    cli_expect(lg, "evaluate qm.h5 q.h5 --json", 0, "\"E1\"", &result);
+    assert_true(json_number(result.out, "E1") > 0);
+    cli_expect(lg, "evaluate model.h5 q.h5", 3, "q.h5", &result);
+}
+
+/* ---- the same bits ---- */
+
+static void load(const char *name, lg_hamiltonian_file *file) {
+    char path[1024];
+    cli_path(name, path, sizeof path);
+    assert_ok(lg_model_load_hamiltonian(NULL, path, NULL, file, NULL));
+}
+
+static void assert_same_parameters(const char *a, const char *b, bool same) {
+    lg_hamiltonian_file first, second;
+    load(a, &first);
+    load(b, &second);
+    assert_int_equal(first.parameters, second.parameters);
+    const int difference = memcmp(first.theta, second.theta, first.parameters * sizeof(double));
+    if ((difference == 0) != same)
+        fail_msg("%s and %s: parameters are %s", a, b, same ? "different" : "the same");
+    lg_hamiltonian_file_free(NULL, &first);
+    lg_hamiltonian_file_free(NULL, &second);
+}
+
+static void test_same_bits(void **state) {
+    (void)state;
+    cli_expect(lg, TRAIN "--epochs 6 --threads 1 --seed 4 --out one.h5", 0, "one.h5", &result);
+    cli_expect(lg, TRAIN "--epochs 6 --threads 2 --seed 4 --out two.h5", 0, "two.h5", &result);
+    cli_expect(lg, TRAIN "--epochs 6 --threads 2 --seed 5 --out other.h5", 0, "other.h5", &result);
+    cli_expect(lg, TRAIN "--epochs 6 --seed 4 --stop-after 2 --checkpoint c.h5 --out half.h5 --json", 0,
+               "\"epochs\": 2", &result);
+    cli_expect(lg, "train train.h5 --resume c.h5 --out resumed.h5 --json", 0, "\"epochs\": 6", &result);
+    assert_same_parameters("one.h5", "two.h5", true);
+    assert_same_parameters("one.h5", "resumed.h5", true);
+    assert_same_parameters("one.h5", "other.h5", false);
+    assert_same_parameters("one.h5", "half.h5", false);
+    cli_expect(lg, "train train.h5 --resume c.h5 --out r.h5 --batch 10", 2, "batch", &result);
+    cli_expect(lg, "train test.h5 --resume c.h5 --out r.h5", 2, "c.h5", &result);
+}
+
+static void wait_for(const char *name) {
+    const struct timespec pause = {0, 20000000};
+    for (int i = 0; i < 1500 && !cli_exists(name); i++) (void)nanosleep(&pause, NULL);
+    assert_true(cli_exists(name));
+}
+
+static void test_interrupt(void **state) {
+    (void)state;
+    const cli_child child =
+        cli_start(lg, TRAIN "--epochs 1000000 --checkpoint-every 1 --out never.h5 --history never.csv", 0);
+    wait_for("never.h5.checkpoint");
+    assert_int_equal(kill(child.pid, SIGINT), 0);
+    cli_finish(child, &result);
+    assert_int_equal(result.code, 130);
+    assert_non_null(strstr(result.err, "--resume never.h5.checkpoint"));
+    assert_false(cli_exists("never.h5"));
+    assert_true(cli_exists("never.csv"));
+    cli_expect(lg, "train train.h5 --resume never.h5.checkpoint --stop-after 1 --out now.h5 --json", 0,
+               "\"epochs\"", &result);
+    assert_true(json_number(result.out, "epochs") >= 1);
+}
+
+/* ---- full disks ---- */
+
+static void test_full_disk(void **state) {
+    (void)state;
+    cli_expect_limited(lg, "generate scene.yaml --out full.h5 --trajectories 300", 4096, 3, "full.h5",
+                       &result);
+    cli_expect_limited(lg, TRAIN "--epochs 1 --out full.h5", 2048, 3, "full.h5", &result);
+    cli_expect_limited(lg, TRAIN "--epochs 9 --out full.h5 --stop-after 1", 2048, 3, "full.h5.checkpoint",
+                       &result);
+    cli_expect_limited(lg, "predict model.h5 start.yaml --points 500 --out full.h5", 2048, 3, "full.h5",
+                       &result);
+    cli_expect_limited(lg, TRAIN "--epochs 60 --out model-full.h5 --history full.csv", 512, 3, "full.csv",
+                       &result);
+    assert_false(cli_exists("full.h5"));
+    assert_false(cli_exists("full.csv"));
+    assert_int_equal(cli_count_files("tmp"), 0);
+}
+
+/* ---- study ---- */
+
+static int lines(const char *text) {
+    int n = 0;
+    for (; *text != '\0'; text++) n += *text == '\n';
+    return n;
+}
+
+static void test_study(void **state) {
+    char once[8192], again[8192], path[1024];
+    (void)state;
+    cli_expect(lg, "study grid.yaml --out once.csv --jobs 2 --threads 2", 0, "Geometric means", &result);
+    cli_expect(lg, "study grid.yaml --out again.csv --stop-after 1 --json", 0, "\"done\": 1", &result);
+    assert_true(json_is_object(result.out));
+    cli_path("again.csv", path, sizeof path);
+    FILE *file = fopen(path, "a");
+    assert_non_null(file);
+    (void)fputs("cf4,1,12,3,0,0,1,12", file);
+    assert_int_equal(fclose(file), 0);
+    cli_expect(lg, "study grid.yaml --out again.csv --jobs 1 --json", 0, "\"done\": 4", &result);
+    assert_close(json_number(result.out, "new"), 3, 0, 0);
+    cli_expect(lg, "study grid.yaml --out again.csv --json", 0, "\"new\": 0", &result);
+    cli_read("once.csv", once, sizeof once);
+    cli_read("again.csv", again, sizeof again);
+    assert_int_equal(lines(once), 5);
+    assert_int_equal(lines(again), 5);
+    cli_expect(lg, "study grid.yaml --out again.csv --seed 8", 3, "other settings", &result);
+    cli_expect_limited(lg, "study grid.yaml --out limited.csv --jobs 1", 200, 3, "limited.csv", &result);
+    cli_read("limited.csv", once, sizeof once);
+    assert_int_equal(once[strlen(once) - 1], '\n');
+    cli_expect(lg, "study grid.yaml --out limited.csv --json", 0, "\"done\": 4", &result);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_json_checker),
+                                       cmocka_unit_test(test_help),
+                                       cmocka_unit_test(test_bad_input),
+                                       cmocka_unit_test(test_bad_scenes),
+                                       cmocka_unit_test(test_evaluate_and_predict),
+                                       cmocka_unit_test(test_plots),
+                                       cmocka_unit_test(test_separable),
+                                       cmocka_unit_test(test_same_bits),
+                                       cmocka_unit_test(test_interrupt),
+                                       cmocka_unit_test(test_full_disk),
+                                       cmocka_unit_test(test_study)};
+    return cmocka_run_group_tests(tests, setup, teardown);
+}

@@ -1,0 +1,809 @@
+/* The kernels of both types on every instruction set that this machine has. */
+#include "test_support.h"
+
+#include <float.h>
+
+#include "autodiff/kernels/kernels.h"
+#include "autodiff/kernels/stumpff.h"
+#include "golden/stumpff_table.h"
+#include "liegrad/random.h"
+
+enum { MAX_N = 4096 };
+
+static const char *const type_names[2] = {"f64", "f32"};
+
+/* Runs test(table) for every table there is. */
+static void each_table(void (*test)(const lg_kernels *)) {
+    for (int dtype = 0; dtype < 2; dtype++)
+        for (int isa = 0; isa < LG_ISA_COUNT; isa++) {
+            const lg_kernels *k = lg_kernels_of((lg_dtype)dtype, (lg_isa)isa);
+            if (k != NULL) test(k);
+        }
+}
+
+static double get(const lg_kernels *k, const void *x, size_t i) {
+    return k->dtype == LG_F64 ? ((const double *)x)[i] : (double)((const float *)x)[i];
+}
+
+static void set(const lg_kernels *k, void *x, size_t i, double value) {
+    if (k->dtype == LG_F64)
+        ((double *)x)[i] = value;
+    else
+        ((float *)x)[i] = (float)value;
+}
+
+static const void *at(const lg_kernels *k, const void *x, size_t i) {
+    return (const char *)x + i * k->size;
+}
+
+static void *at_mutable(const lg_kernels *k, void *x, size_t i) {
+    return (char *)x + i * k->size;
+}
+
+static double epsilon(const lg_kernels *k) {
+    return k->dtype == LG_F64 ? DBL_EPSILON : (double)FLT_EPSILON;
+}
+
+/* The exact number of elements, so that a sanitizer sees a read or write past the end. */
+static void *numbers(const lg_kernels *k, size_t n) {
+    void *x = calloc(n > 0 ? n : 1, k->size);
+    assert_non_null(x);
+    return x;
+}
+
+static void *random_numbers(const lg_kernels *k, lg_rng *rng, size_t n, double low, double high) {
+    void *x = numbers(k, n);
+    for (size_t i = 0; i < n; i++) set(k, x, i, lg_rng_uniform_in(rng, low, high));
+    return x;
+}
+
+static void test_tables(void **state) {
+    (void)state;
+    for (int dtype = 0; dtype < 2; dtype++) {
+        const lg_kernels *k = lg_kernels_for((lg_dtype)dtype);
+        assert_non_null(k);
+        assert_int_equal(k->isa, lg_isa_in_use());
+        assert_ptr_equal(k, lg_kernels_of((lg_dtype)dtype, lg_isa_in_use()));
+        assert_non_null(lg_kernels_of((lg_dtype)dtype, LG_ISA_BASELINE));
+        for (int isa = 0; isa < LG_ISA_COUNT; isa++) {
+            k = lg_kernels_of((lg_dtype)dtype, (lg_isa)isa);
+            if (k == NULL) continue;
+            assert_int_equal(k->dtype, dtype);
+            assert_int_equal(k->isa, isa);
+            assert_int_equal(k->size, dtype == 0 ? sizeof(double) : sizeof(float));
+        }
+    }
+}
+
+/* ---- accuracy of the functions ---- */
+
+/* Distance in units in the last place of the type, or in `least` when that is more; 0 for equal infinities and for two
+ * NaN. */
+static double ulp_error(const lg_kernels *k, double got, long double exact, double least) {
+    if (isnan(exact) || isnan(got)) return isnan(exact) && isnan(got) ? 0 : 1e30;
+    const double e = k->dtype == LG_F64 ? (double)exact : (double)(float)exact;
+    if (isinf(e) || isinf(got)) return got == e ? 0 : 1e30;
+    if (exact == 0) return got == 0 && !signbit(got) == !signbit(e) ? 0 : 1e30;
+    const double unit = k->dtype == LG_F64 ? nextafter(fabs(e), INFINITY) - fabs(e)
+                                           : (double)(nextafterf((float)fabs(e), INFINITY) - (float)fabs(e));
+    return (double)(fabsl((long double)got - exact) / (long double)fmax(unit, least));
+}
+
+static long double sigmoid_exact(long double x) {
+    return x >= 0 ? 1 / (1 + expl(-x)) : expl(x) / (1 + expl(x));
+}
+
+static long double swish_exact(long double x) {
+    return isinf(x) && x < 0 ? -0.0L : x * sigmoid_exact(x);
+}
+
+enum { CALL_UNARY, CALL_ACT };
+
+static const struct {
+    const char *name;
+    int call, number;
+    long double (*exact)(long double);
+    double low, high; /* a dense range */
+    double bound;     /* units in the last place */
+} functions[] = {
+    {"exp", CALL_UNARY, LG_K_EXP, expl, -110, 100, 3},
+    {"exp wide", CALL_UNARY, LG_K_EXP, expl, -750, 715, 3},
+    {"log", CALL_UNARY, LG_K_LOG, logl, 0, 3, 3},
+    {"log near 1", CALL_UNARY, LG_K_LOG, logl, 0.99, 1.01, 3},
+    {"sin", CALL_UNARY, LG_K_SIN, sinl, -20, 20, 3},
+    {"sin far", CALL_UNARY, LG_K_SIN, sinl, -1.1e6, 1.1e6, 3},
+    {"cos", CALL_UNARY, LG_K_COS, cosl, -20, 20, 3},
+    {"cos far", CALL_UNARY, LG_K_COS, cosl, -1.1e6, 1.1e6, 3},
+    {"sqrt", CALL_UNARY, LG_K_SQRT, sqrtl, 0, 10, 0.5},
+    {"tanh", CALL_ACT, LG_K_TANH, tanhl, -20, 20, 3},
+    {"tanh near 0", CALL_ACT, LG_K_TANH, tanhl, -1, 1, 3},
+    {"sigmoid", CALL_ACT, LG_K_SIGMOID, sigmoid_exact, -40, 40, 3},
+    {"sigmoid wide", CALL_ACT, LG_K_SIGMOID, sigmoid_exact, -750, 100, 3},
+    {"swish", CALL_ACT, LG_K_SWISH, swish_exact, -40, 40, 4},
+    {"sine", CALL_ACT, LG_K_SINE, sinl, -20, 20, 3},
+};
+
+static void call_function(const lg_kernels *k, size_t f, size_t n, const void *x, void *y) {
+    if (functions[f].call == CALL_UNARY)
+        k->unary[functions[f].number](n, 0, x, y);
+    else
+        k->act((lg_k_act)functions[f].number, 0, n, x, NULL, NULL, y);
+}
+
+/* Zeros, denormals, ends of ranges, infinities, NaN, multiples of pi/2 and their neighbours. */
+static size_t special_values(const lg_kernels *k, void *x) {
+    static const double values[] = {0.0, 1.0, 0.5, 2.0, 1e-300, 4.9e-324, 1e-40, 1e-45, 1e-5, 1e-10, 20.0, 50.0, 88.7, 88.8, 103.9, 104.1,
+        709.7, 709.8, 745.1, 745.2, 746.0, 1e3, 1e5, 999999.9, 1e6, 1000001.0, 1e10, 1e22, 1e38, 1e300, DBL_MAX, FLT_MAX, FLT_MIN,
+        DBL_MIN, 1.1754942e-38, INFINITY, 0.34657359027997264, 0.70710678118654746, 0.70710678118654757, 1.4142135623730951};
+    size_t n = 0;
+    for (size_t i = 0; i < LG_COUNT(values); i++)
+        for (int sign = -1; sign <= 1; sign += 2) set(k, x, n++, sign * values[i]);
+    for (int i = 1; i < 400; i += i < 20 ? 1 : 37) set(k, x, n++, i * 1.5707963267948966);
+    set(k, x, n++, NAN);
+    return n;
+}
+
+static void functions_of(const lg_kernels *k) {
+    lg_rng rng;
+    lg_rng_seed(&rng, 1, 0);
+    void *x = numbers(k, MAX_N), *y = numbers(k, MAX_N);
+    for (size_t f = 0; f < LG_COUNT(functions); f++) {
+        double worst = 0;
+        for (int round = 0; round < 60; round++) {
+            size_t n = MAX_N;
+            if (round == 0)
+                n = special_values(k, x);
+            else
+                for (size_t i = 0; i < n; i++)
+                    set(k, x, i, round % 6 == 1 ? ldexp(lg_rng_uniform_in(&rng, -1, 1), -(int)lg_rng_below(&rng, 60))
+                                                : lg_rng_uniform_in(&rng, functions[f].low, functions[f].high));
+            call_function(k, f, n, x, y);
+            for (size_t i = 0; i < n; i++) {
+                const double v = get(k, x, i);
+                /* x sigmoid(x) where sigmoid(x) is denormal: the product magnifies its last place */
+                const double least = functions[f].exact == swish_exact && !isinf(v) ? fabs(v) * (k->dtype == LG_F64 ? 0x1p-1074 : 0x1p-149) : 0;
+                const double error = ulp_error(k, get(k, y, i), functions[f].exact((long double)v), least);
+                if (!(error <= functions[f].bound))
+                    fail_msg("%s %s %s(%.17g) = %.17g: %.3g units from %.21Lg", type_names[k->dtype], lg_isa_name(k->isa),
+                             functions[f].name, v, get(k, y, i), error, functions[f].exact((long double)v));
+                if (error > worst) worst = error;
+            }
+        }
+        print_message("%s %-8s %-12s %.2f ulp\n", type_names[k->dtype], lg_isa_name(k->isa), functions[f].name, worst);
+    }
+    free(x);
+    free(y);
+}
+
+static void test_functions(void **state) {
+    (void)state;
+    each_table(functions_of);
+}
+
+/* ---- results do not depend on position ---- */
+
+enum { POSITION_N = 37 };
+
+/* Equal bits; of a NaN neither sign nor payload is specified. */
+static void assert_same(const lg_kernels *k, const char *name, const void *whole, size_t i, const void *alone, size_t width) {
+    bool same = true;
+    for (size_t j = 0; j < width; j++)
+        same &= memcmp(at(k, whole, i * width + j), at(k, alone, j), k->size) == 0 ||
+                (isnan(get(k, whole, i * width + j)) && isnan(get(k, alone, j)));
+    if (!same)
+        fail_msg("%s %s %s: element %zu is %.17g in an array, %.17g alone", type_names[k->dtype], lg_isa_name(k->isa), name, i,
+                 get(k, whole, i * width), get(k, alone, 0));
+}
+
+static void positions_of(const lg_kernels *k) {
+    enum { N = POSITION_N };
+    lg_rng rng;
+    lg_rng_seed(&rng, 2, 0);
+    void *special = numbers(k, 256), *x = numbers(k, N), *g = random_numbers(k, &rng, N, -2, 2), *h = numbers(k, N), *y = numbers(k, 9 * N),
+         *in_place = numbers(k, N), *one = numbers(k, 9);
+    const size_t specials = special_values(k, special);
+    for (int round = 0; round < 20; round++) {
+        for (size_t i = 0; i < N; i++)
+            set(k, x, i, lg_rng_below(&rng, 4) == 0 ? get(k, special, lg_rng_below(&rng, specials)) : lg_rng_normal(&rng) * (round + 1));
+        for (int f = 0; f < LG_K_UNARIES; f++) {
+            const double c = round % 2 == 0 ? 1.37 : 3;
+            k->unary[f](N, c, x, y);
+            memcpy(in_place, x, N * k->size);
+            k->unary[f](N, c, in_place, in_place);
+            for (size_t i = 0; i < N; i++) {
+                k->unary[f](1, c, at(k, x, i), one);
+                assert_same(k, "unary", y, i, one, 1);
+                assert_same(k, "unary in place", in_place, i, one, 1);
+            }
+        }
+        for (int f = 0; f < LG_K_BINARIES; f++) {
+            k->binary[f](N, x, g, y);
+            for (size_t i = 0; i < N; i++) {
+                k->binary[f](1, at(k, x, i), at(k, g, i), one);
+                assert_same(k, "binary", y, i, one, 1);
+            }
+        }
+        for (int kind = 0; kind < LG_K_ACTS; kind++)
+            for (int order = 0; order <= LG_K_ACT_ORDERS; order++)
+                for (int variant = 0; variant < 4; variant++) {
+                    const bool with_h = variant & 1, with_g = variant & 2;
+                    k->act(kind == LG_K_TANH ? LG_K_TANH : LG_K_SIGMOID, 0, N, x, NULL, NULL, h);
+                    if (kind != LG_K_TANH && kind != LG_K_SIGMOID && kind != LG_K_SWISH && with_h) continue;
+                    k->act((lg_k_act)kind, order, N, x, with_h ? h : NULL, with_g ? g : NULL, y);
+                    for (size_t i = 0; i < N; i++) {
+                        k->act((lg_k_act)kind, order, 1, at(k, x, i), with_h ? at(k, h, i) : NULL, with_g ? at(k, g, i) : NULL, one);
+                        assert_same(k, "act", y, i, one, 1);
+                    }
+                }
+        for (int kind = 0; kind < LG_K_ACTS; kind++) {
+            memcpy(y, x, N * k->size);
+            k->bias_act((lg_k_act)kind, 1, N, g, y);
+            for (size_t i = 0; i < N; i++) {
+                memcpy(one, at(k, x, i), k->size);
+                k->bias_act((lg_k_act)kind, 1, 1, at(k, g, i), one);
+                assert_same(k, "bias_act", y, i, one, 1);
+            }
+        }
+        for (int order = 0; order < 4; order++) {
+            k->stumpff(N, 3, order, x, y);
+            for (size_t i = 0; i < N; i++) {
+                k->stumpff(1, 3, order, at(k, x, i), one);
+                assert_same(k, "stumpff", y, i, one, 4);
+            }
+            k->dexpinv_coef(N, order, x, y);
+            for (size_t i = 0; i < N; i++) {
+                k->dexpinv_coef(1, order, at(k, x, i), one);
+                assert_same(k, "dexpinv_coef", y, i, one, 1);
+            }
+        }
+    }
+    free(special), free(x), free(g), free(h), free(y), free(in_place), free(one);
+}
+
+static void test_positions(void **state) {
+    (void)state;
+    each_table(positions_of);
+}
+
+/* ---- elementwise ---- */
+
+static void elementwise_of(const lg_kernels *k) {
+    const double a[] = {1, -2, 3, NAN, 0.5, 5}, b[] = {2, -2, 1, 1, NAN, 5};
+    static const double max[] = {2, -2, 3, NAN, NAN, 5}, ge[] = {0, 1, 1, 0, 0, 1}, sub[] = {-1, 0, 2, NAN, NAN, 0};
+    void *x = numbers(k, 6), *y = numbers(k, 6), *z = numbers(k, 6);
+    k->convert_in(6, a, x);
+    k->convert_in(6, b, y);
+    static const struct {
+        lg_k_binary op;
+        const double *expected;
+    } cases[] = {{LG_K_MAX, max}, {LG_K_GE, ge}, {LG_K_SUB, sub}};
+    for (size_t c = 0; c < LG_COUNT(cases); c++) {
+        double got[6];
+        k->binary[cases[c].op](6, x, y, z);
+        k->convert_out(6, z, got);
+        for (size_t i = 0; i < 6; i++) {
+            if (isnan(cases[c].expected[i]))
+                assert_true(isnan(got[i]));
+            else
+                assert_close(got[i], cases[c].expected[i], 0, 0);
+        }
+    }
+    static const struct {
+        lg_k_unary op;
+        double c, x, y;
+    } unary[] = {{LG_K_SCALE, 3, 2, 6}, {LG_K_SHIFT, 3, 2, 5}, {LG_K_POW, 2, -3, 9}, {LG_K_POW, 3, -2, -8}, {LG_K_POW, -1, 4, 0.25},
+                 {LG_K_POW, 4, -2, 16}, {LG_K_POW, 0.5, 9, 3}, {LG_K_POW, 0, 7, 1}, {LG_K_POW, 1, 7, 7}, {LG_K_POW, -2, 4, 0.0625},
+                 {LG_K_ABS, 0, -3, 3}, {LG_K_SIGN, 0, -3, -1}, {LG_K_SIGN, 0, 0, 1}, {LG_K_SIGN, 0, 3, 1}, {LG_K_RECIPROCAL, 0, 8, 0.125},
+                 {LG_K_SQRT, 0, 16, 4}};
+    for (size_t c = 0; c < LG_COUNT(unary); c++) {
+        set(k, x, 0, unary[c].x);
+        k->unary[unary[c].op](1, unary[c].c, x, y);
+        assert_close(get(k, y, 0), unary[c].y, 0, 0);
+    }
+    set(k, x, 0, NAN);
+    k->unary[LG_K_SIGN](1, 0, x, y);
+    assert_true(isnan(get(k, y, 0)));
+    set(k, x, 0, 4);
+    set(k, y, 0, 1);
+    k->axpy(1, 0.5, x, y);
+    assert_close(get(k, y, 0), 3, 0, 0);
+    k->fill(6, -1.5, z);
+    for (size_t i = 0; i < 6; i++) assert_close(get(k, z, i), -1.5, 0, 0);
+    free(x), free(y), free(z);
+    for (size_t n = 0; n < 70; n++) {
+        void *v = numbers(k, n);
+        assert_true(k->all_finite(n, v));
+        for (size_t i = 0; i < n; i++) {
+            static const double bad[] = {NAN, INFINITY, -INFINITY};
+            set(k, v, i, bad[(n + i) % 3]);
+            assert_false(k->all_finite(n, v));
+            set(k, v, i, k->dtype == LG_F64 ? -DBL_MAX : (double)FLT_MAX);
+        }
+        assert_true(k->all_finite(n, v));
+        free(v);
+    }
+}
+
+static void test_elementwise(void **state) {
+    (void)state;
+    each_table(elementwise_of);
+}
+
+static void strided_of(const lg_kernels *k) {
+    lg_rng rng;
+    lg_rng_seed(&rng, 3, 0);
+    for (size_t rows = 1; rows < 20; rows += 3)
+        for (size_t cols = 1; cols < 24; cols += cols < 4 ? 1 : 5)
+            for (unsigned pattern = 0; pattern < 16; pattern++) {
+                const size_t ra = pattern & 1 ? cols : 0, ca = pattern >> 1 & 1, rb = pattern >> 2 & 1 ? cols + 1 : 0, cb = pattern >> 3;
+                void *a = random_numbers(k, &rng, rows * (cols + 1), 1, 2), *b = random_numbers(k, &rng, rows * (cols + 1), 1, 2);
+                void *y = numbers(k, rows * cols), *one = numbers(k, 1);
+                for (int op = 0; op < LG_K_BINARIES; op++) {
+                    k->binary_strided[op](rows, cols, a, ra, ca, b, rb, cb, y);
+                    for (size_t i = 0; i < rows; i++)
+                        for (size_t j = 0; j < cols; j++) {
+                            k->binary[op](1, at(k, a, i * ra + j * ca), at(k, b, i * rb + j * cb), one);
+                            assert_close(get(k, y, i * cols + j), get(k, one, 0), 0, 0);
+                        }
+                }
+                free(a), free(b), free(y), free(one);
+            }
+}
+
+static void test_strided(void **state) {
+    (void)state;
+    each_table(strided_of);
+}
+
+/* ---- activations ---- */
+
+/* Derivatives 0..8 by the Taylor series of the differential equations h' = 1 - h^2 and s' = s - s^2. */
+static void exact_derivatives(lg_k_act kind, long double x, long double d[LG_K_ACT_ORDERS + 1]) {
+    long double c[LG_K_ACT_ORDERS + 2], factorial = 1;
+    c[0] = kind == LG_K_TANH ? tanhl(x) : sigmoid_exact(x);
+    for (int n = 0; n <= LG_K_ACT_ORDERS; n++) {
+        long double square = 0;
+        for (int i = 0; i <= n; i++) square += c[i] * c[n - i];
+        c[n + 1] = ((kind == LG_K_TANH ? (n == 0 ? 1 : 0) : c[n]) - square) / (n + 1);
+    }
+    for (int n = 0; n <= LG_K_ACT_ORDERS; n++) {
+        factorial *= n > 1 ? n : 1;
+        d[n] = factorial * (kind == LG_K_SWISH ? x * c[n] + (n > 0 ? c[n - 1] : 0) : c[n]);
+    }
+}
+
+static void act_of(const lg_kernels *k) {
+    static const double points[] = {-3.1, -1.0, -0.3, 0, 0.2, 0.9, 2.5, 6.0};
+    static const lg_k_act smooth[] = {LG_K_TANH, LG_K_SIGMOID, LG_K_SWISH};
+    enum { N = LG_COUNT(points) };
+    void *x = numbers(k, N), *y = numbers(k, N), *h = numbers(k, N), *g = numbers(k, N);
+    k->convert_in(N, points, x);
+    for (size_t i = 0; i < N; i++) set(k, g, i, 2.0);
+    for (size_t s = 0; s < LG_COUNT(smooth); s++) {
+        k->act(smooth[s] == LG_K_SWISH ? LG_K_SIGMOID : smooth[s], 0, N, x, NULL, NULL, h);
+        for (int order = 0; order <= LG_K_ACT_ORDERS; order++) {
+            const double scale[] = {1, 1, 1, 2, 5, 20, 70, 300, 1500}; /* sizes of the derivatives near 0 */
+            for (int variant = 0; variant < 4; variant++) {
+                k->act(smooth[s], order, N, smooth[s] != LG_K_SWISH && variant & 1 ? NULL : x, variant & 1 ? h : NULL, variant & 2 ? g : NULL, y);
+                for (size_t i = 0; i < N; i++) {
+                    long double d[LG_K_ACT_ORDERS + 1];
+                    exact_derivatives(smooth[s], (long double)get(k, x, i), d);
+                    assert_close(get(k, y, i), (double)d[order] * (variant & 2 ? 2 : 1), 8 * epsilon(k), 8 * epsilon(k) * scale[order]);
+                }
+            }
+        }
+    }
+    static const double derivative_of_sine[4][2] = {{1, 0}, {0, 1}, {-1, 0}, {0, -1}}; /* of sin and of cos */
+    for (int order = 0; order <= LG_K_ACT_ORDERS; order++) {
+        k->act(LG_K_SINE, order, N, x, NULL, NULL, y);
+        for (size_t i = 0; i < N; i++) {
+            const double v = get(k, x, i), *w = derivative_of_sine[order % 4];
+            assert_close(get(k, y, i), w[0] * sin(v) + w[1] * cos(v), 4 * epsilon(k), 0);
+        }
+    }
+    for (int order = 0; order <= 2; order++)
+        for (size_t i = 0; i < N; i++) {
+            const double v = get(k, x, i), relu[] = {v > 0 ? v : 0, v > 0, 0}, leaky[] = {v > 0 ? v : LG_LEAKY_SLOPE * v, v > 0 ? 1 : LG_LEAKY_SLOPE, 0},
+                         identity[] = {v, 1, 0};
+            static const lg_k_act kinds[] = {LG_K_RELU, LG_K_LEAKY_RELU, LG_K_IDENTITY};
+            const double *expected[] = {relu, leaky, identity};
+            for (size_t s = 0; s < 3; s++) {
+                k->act(kinds[s], order, N, x, NULL, NULL, y);
+                assert_close(get(k, y, i), expected[s][order], 2 * epsilon(k), 0);
+                k->act(kinds[s], order, N, x, NULL, g, y);
+                assert_close(get(k, y, i), 2 * expected[s][order], 2 * epsilon(k), 0);
+                if (kinds[s] == LG_K_IDENTITY) continue;
+                k->act(kinds[s], 0, N, x, NULL, NULL, h);
+                k->act(kinds[s], order, N, NULL, h, g, y);
+                assert_close(get(k, y, i), 2 * expected[s][order], 2 * epsilon(k), 0);
+            }
+        }
+    free(x), free(y), free(h), free(g);
+}
+
+static void test_act(void **state) {
+    (void)state;
+    each_table(act_of);
+}
+
+/* bias_act is the addition and then the activation, to the bit. */
+static void bias_act_of(const lg_kernels *k) {
+    lg_rng rng;
+    lg_rng_seed(&rng, 4, 0);
+    static const size_t shapes[][2] = {{1, 1}, {5, 1}, {3, 37}, {20, 100}, {7, 8}};
+    for (size_t s = 0; s < LG_COUNT(shapes); s++)
+        for (int kind = 0; kind < LG_K_ACTS; kind++)
+            for (int with_bias = 0; with_bias < 2; with_bias++) {
+                const size_t rows = shapes[s][0], cols = shapes[s][1], n = rows * cols;
+                void *x = random_numbers(k, &rng, n, -9, 9), *bias = random_numbers(k, &rng, cols, -3, 3), *y = numbers(k, n), *z = numbers(k, n);
+                memcpy(y, x, n * k->size);
+                k->bias_act((lg_k_act)kind, rows, cols, with_bias ? bias : NULL, y);
+                if (with_bias) {
+                    k->binary_strided[LG_K_ADD](rows, cols, x, cols, 1, bias, 0, 1, z);
+                    memcpy(x, z, n * k->size);
+                }
+                k->act((lg_k_act)kind, 0, n, x, NULL, NULL, z);
+                assert_memory_equal(y, z, n * k->size);
+                free(x), free(bias), free(y), free(z);
+            }
+}
+
+static void test_bias_act(void **state) {
+    (void)state;
+    each_table(bias_act_of);
+}
+
+/* ---- products ---- */
+
+/* The definition: one chain over l; a fused multiply-add except on the baseline. */
+static double chain(const lg_kernels *t, size_t k, const void *a, size_t ca, const void *b, size_t ldb) {
+    if (t->dtype == LG_F64) {
+        double s = 0;
+        for (size_t l = 0; l < k; l++) {
+            const double x = ((const double *)a)[l * ca], y = ((const double *)b)[l * ldb];
+            s = t->isa == LG_ISA_BASELINE ? x * y + s : fma(x, y, s);
+        }
+        return s;
+    }
+    float s = 0;
+    for (size_t l = 0; l < k; l++) {
+        const float x = ((const float *)a)[l * ca], y = ((const float *)b)[l * ldb];
+        s = t->isa == LG_ISA_BASELINE ? x * y + s : fmaf(x, y, s);
+    }
+    return (double)s;
+}
+
+static void check_gemm(const lg_kernels *t, lg_rng *rng, size_t m, size_t n, size_t k, bool transposed, bool accumulate, size_t pad) {
+    const size_t ra = transposed ? 1 : k, ca = transposed ? m : 1, ldb = n + pad, ldc = n + pad;
+    void *a = random_numbers(t, rng, m * k, -1, 1), *b = random_numbers(t, rng, k > 0 ? k * ldb - pad : 0, -1, 1);
+    void *c = random_numbers(t, rng, m * ldc - pad, -1, 1), *before = numbers(t, m * ldc - pad);
+    memcpy(before, c, (m * ldc - pad) * t->size);
+    t->gemm(m, n, k, a, ra, ca, b, ldb, c, ldc, accumulate);
+    for (size_t i = 0; i < m; i++)
+        for (size_t j = 0; j < ldc && i * ldc + j < m * ldc - pad; j++) {
+            const double old = get(t, before, i * ldc + j), got = get(t, c, i * ldc + j);
+            double expected = old;
+            if (j < n) {
+                expected = chain(t, k, at(t, a, i * ra), ca, at(t, b, j), ldb);
+                if (accumulate) expected = t->dtype == LG_F64 ? old + expected : (double)((float)old + (float)expected);
+            }
+            if (!(got == expected))
+                fail_msg("%s %s gemm %zux%zux%zu%s%s: (%zu, %zu) = %.17g, expected %.17g", type_names[t->dtype], lg_isa_name(t->isa), m, n, k,
+                         transposed ? " transposed" : "", accumulate ? " accumulate" : "", i, j, got, expected);
+        }
+    free(a), free(b), free(c), free(before);
+}
+
+static void gemm_of(const lg_kernels *t) {
+    lg_rng rng;
+    lg_rng_seed(&rng, 5, 0);
+    for (size_t m = 1; m <= 19; m++)
+        for (size_t n = 1; n <= 35; n++)
+            for (unsigned v = 0; v < 4; v++) check_gemm(t, &rng, m, n, (m * 7 + n * 3 + v) % 12, v & 1, v >> 1, (m + n) % 3);
+    static const size_t shapes[][3] = {{50, 100, 100}, {1, 879, 61}, {67, 129, 33}, {1, 1, 500}, {500, 1, 20}, {33, 257, 3}, {3, 3, 3},
+                                       {100, 1, 130}, {2, 211, 17}, {3, 230, 17}, {600, 20, 200}};
+    for (size_t s = 0; s < LG_COUNT(shapes); s++)
+        for (unsigned v = 0; v < 8; v++) check_gemm(t, &rng, shapes[s][0], shapes[s][1], shapes[s][2], v & 1, v >> 1 & 1, v >> 2);
+}
+
+static void test_gemm(void **state) {
+    (void)state;
+    each_table(gemm_of);
+}
+
+static void transpose_of(const lg_kernels *k) {
+    lg_rng rng;
+    lg_rng_seed(&rng, 6, 0);
+    for (size_t rows = 1; rows < 23; rows++)
+        for (size_t cols = 1; cols < 23; cols++) {
+            void *x = random_numbers(k, &rng, rows * cols, -1, 1), *y = numbers(k, rows * cols);
+            k->transpose(rows, cols, x, y);
+            for (size_t i = 0; i < rows; i++)
+                for (size_t j = 0; j < cols; j++) assert_close(get(k, y, j * rows + i), get(k, x, i * cols + j), 0, 0);
+            free(x), free(y);
+        }
+}
+
+static void test_transpose(void **state) {
+    (void)state;
+    each_table(transpose_of);
+}
+
+/* ---- reductions ---- */
+
+static void reductions_of(const lg_kernels *k) {
+    lg_rng rng;
+    lg_rng_seed(&rng, 7, 0);
+    for (size_t n = 0; n < 300; n += n < 70 ? 1 : 41) {
+        void *x = random_numbers(k, &rng, n, -1, 1), *y = random_numbers(k, &rng, n, -1, 1);
+        long double s = 0, d = 0;
+        for (size_t i = 0; i < n; i++) {
+            s += (long double)get(k, x, i);
+            d += (long double)get(k, x, i) * (long double)get(k, y, i);
+        }
+        assert_close(k->sum(n, x), (double)s, 0, 1e-15 * (double)(n + 1));
+        assert_close(k->dot(n, x, y), (double)d, 0, 1e-15 * (double)(n + 1));
+        /* the same bits on every instruction set */
+        const lg_kernels *base = lg_kernels_of(k->dtype, LG_ISA_BASELINE);
+        assert_true(k->sum(n, x) == base->sum(n, x));
+        assert_true(k->dot(n, x, y) == base->dot(n, x, y));
+        free(x), free(y);
+    }
+    static const size_t shapes[][2] = {{1, 1}, {5, 3}, {8, 100}, {13, 300}, {50, 1}, {3, 700}};
+    for (size_t s = 0; s < LG_COUNT(shapes); s++) {
+        const size_t rows = shapes[s][0], cols = shapes[s][1];
+        void *x = random_numbers(k, &rng, rows * cols, -1, 1), *y = numbers(k, rows > cols ? rows : cols), *one = numbers(k, 1);
+        for (int accumulate = 0; accumulate < 2; accumulate++) {
+            for (size_t j = 0; j < cols; j++) set(k, y, j, 2.0);
+            k->sum_rows(rows, cols, x, y, accumulate);
+            for (size_t j = 0; j < cols; j++) {
+                set(k, one, 0, 0);
+                for (size_t i = 0; i < rows; i++) k->binary[LG_K_ADD](1, one, at(k, x, i * cols + j), one);
+                if (accumulate) k->unary[LG_K_SHIFT](1, 2.0, one, one);
+                assert_close(get(k, y, j), get(k, one, 0), 0, 0);
+            }
+        }
+        k->sum_cols(rows, cols, x, y);
+        for (size_t i = 0; i < rows; i++) {
+            set(k, one, 0, 0);
+            for (size_t j = 0; j < cols; j++) k->binary[LG_K_ADD](1, one, at(k, x, i * cols + j), one);
+            assert_close(get(k, y, i), get(k, one, 0), 0, 0);
+        }
+        free(x), free(y), free(one);
+    }
+}
+
+static void test_reductions(void **state) {
+    (void)state;
+    each_table(reductions_of);
+}
+
+/* ---- geometry ---- */
+
+static void vectors_of(const lg_kernels *k) {
+    lg_rng rng;
+    lg_rng_seed(&rng, 8, 0);
+    for (size_t rows = 1; rows < 40; rows += 3) {
+        void *a = random_numbers(k, &rng, rows * 5, -1, 1), *b = random_numbers(k, &rng, rows * 5, -1, 1), *y = numbers(k, rows * 3);
+        k->cross(rows, a, b, y);
+        for (size_t i = 0; i < rows; i++)
+            for (size_t j = 0; j < 3; j++) {
+                const size_t p = 3 * i + (j + 1) % 3, q = 3 * i + (j + 2) % 3;
+                assert_close(get(k, y, 3 * i + j), get(k, a, p) * get(k, b, q) - get(k, a, q) * get(k, b, p), 0, 2 * epsilon(k));
+            }
+        for (size_t cols = 1; cols <= 5; cols++) {
+            k->rowdot(rows, cols, a, b, y);
+            for (size_t i = 0; i < rows; i++) {
+                double s = 0;
+                for (size_t j = 0; j < cols; j++) s += get(k, a, i * cols + j) * get(k, b, i * cols + j);
+                assert_close(get(k, y, i), s, 0, 4 * epsilon(k));
+            }
+        }
+        free(a), free(b), free(y);
+    }
+}
+
+static void test_vectors(void **state) {
+    (void)state;
+    each_table(vectors_of);
+}
+
+/* Relative everywhere, next to the zeros of the functions too: the table's arguments are the very doubles. */
+static void test_stumpff(void **state) {
+    (void)state;
+    double worst = 0;
+    for (size_t i = 0; i < LG_COUNT(stumpff_table); i++) {
+        double c[9], part[9];
+        lg_stumpff(stumpff_table[i].w, 8, stumpff_table[i].order, c);
+        for (int k = 0; k < 9; k++) {
+            const double e = stumpff_table[i].c[k];
+            assert_close(c[k], e, 1e-13, 0);
+            worst = fmax(worst, fabs(c[k] - e) / fabs(e));
+        }
+        for (int K = 0; K < 8; K++) { /* the number of functions asked for does not matter */
+            lg_stumpff(stumpff_table[i].w, K, stumpff_table[i].order, part);
+            for (int k = 0; k <= K; k++) assert_close(part[k], c[k], 1e-15, 0);
+        }
+    }
+    print_message("lg_stumpff: relative error %.2e\n", worst);
+    double c[4];
+    lg_stumpff(NAN, 3, 1, c);
+    for (int k = 0; k < 4; k++) assert_true(isnan(c[k]));
+}
+
+static void stumpff_of(const lg_kernels *t) {
+    double worst = 0;
+    for (size_t i = 0; i < LG_COUNT(stumpff_table); i++) {
+        /* in single precision the argument is not the table's: only those that do not move it are compared */
+        double w[1] = {stumpff_table[i].w};
+        if (t->dtype == LG_F32 && (double)(float)w[0] != w[0]) continue;
+        void *x = numbers(t, 1), *y = numbers(t, 9);
+        t->convert_in(1, w, x);
+        t->stumpff(1, 8, stumpff_table[i].order, x, y);
+        for (size_t k = 0; k < 9; k++) {
+            const double e = stumpff_table[i].c[k];
+            assert_close(get(t, y, k), e, t->dtype == LG_F64 ? 1e-13 : 0.51 * (double)FLT_EPSILON, 0);
+            worst = fmax(worst, fabs(get(t, y, k) - e) / fabs(e));
+        }
+        free(x), free(y);
+    }
+    print_message("%s %-8s stumpff: relative error %.2e\n", type_names[t->dtype], lg_isa_name(t->isa), worst);
+}
+
+static void test_stumpff_kernels(void **state) {
+    (void)state;
+    each_table(stumpff_of);
+}
+
+static void test_dexpinv(void **state) {
+    (void)state;
+    for (size_t i = 0; i < LG_COUNT(dexpinv_table); i++)
+        for (int order = 0; order < 6; order++) {
+            const double e = dexpinv_table[i].g[order];
+            assert_close(lg_dexpinv_coef(dexpinv_table[i].w, order), e, 1e-13, 0);
+            double y;
+            lg_kernels_for(LG_F64)->dexpinv_coef(1, order, &dexpinv_table[i].w, &y);
+            assert_close(y, e, 1e-13, 0);
+        }
+    assert_true(isnan(lg_dexpinv_coef(NAN, 1)));
+}
+
+/* ---- small systems ---- */
+
+static void spd_of(const lg_kernels *t) {
+    lg_rng rng;
+    lg_rng_seed(&rng, 9, 0);
+    enum { N = 5, M = 3, MAX_K = 9 };
+    for (size_t k = 1; k <= MAX_K; k++) {
+        const size_t kk = k * k;
+        void *a = numbers(t, N * kk), *l = numbers(t, N * kk), *b = random_numbers(t, &rng, N * k * M, -1, 1), *x = numbers(t, N * k * M);
+        for (size_t s = 0; s < N; s++) { /* G G^T + I, and a skew part that symmetrisation removes */
+            double g[MAX_K * MAX_K];
+            for (size_t i = 0; i < kk; i++) g[i] = lg_rng_uniform_in(&rng, -1, 1);
+            for (size_t i = 0; i < k; i++)
+                for (size_t j = 0; j < k; j++) {
+                    double v = i == j ? 1 : (i < j ? 0.25 : -0.25);
+                    for (size_t p = 0; p < k; p++) v += g[i * k + p] * g[j * k + p];
+                    set(t, a, s * kk + i * k + j, v);
+                }
+        }
+        assert_int_equal(t->spd_factor(N, k, a, l), 0);
+        t->spd_solve(N, k, M, l, b, x);
+        for (size_t s = 0; s < N; s++)
+            for (size_t i = 0; i < k; i++) {
+                for (size_t j = i + 1; j < k; j++) assert_true(get(t, l, s * kk + i * k + j) == 0);
+                for (size_t c = 0; c < M; c++) {
+                    double v = 0;
+                    for (size_t j = 0; j < k; j++)
+                        v += 0.5 * (get(t, a, s * kk + i * k + j) + get(t, a, s * kk + j * k + i)) * get(t, x, s * k * M + j * M + c);
+                    assert_close(v, get(t, b, s * k * M + i * M + c), 0, 100 * epsilon(t));
+                }
+            }
+        void *in_place = numbers(t, N * k * M);
+        memcpy(in_place, b, N * k * M * t->size);
+        t->spd_solve(N, k, M, l, in_place, in_place);
+        assert_memory_equal(in_place, x, N * k * M * t->size);
+        set(t, a, 1 * kk, -1.0);
+        set(t, a, 3 * kk + kk - 1, NAN);
+        assert_int_equal(t->spd_factor(N, k, a, l), 2);
+        for (size_t i = 0; i < kk; i++) {
+            assert_true(isnan(get(t, l, kk + i)) && isnan(get(t, l, 3 * kk + i)));
+            assert_false(isnan(get(t, l, i)));
+        }
+        free(a), free(l), free(b), free(x), free(in_place);
+    }
+}
+
+static void test_spd(void **state) {
+    (void)state;
+    each_table(spd_of);
+}
+
+/* ---- Adam ---- */
+
+static void adam_of(const lg_kernels *k) {
+    lg_rng rng;
+    lg_rng_seed(&rng, 10, 0);
+    const double lr = 1e-2, b1 = 0.9, b2 = 0.99, eps = 1e-8, decay = 0.1, clip = 0.5;
+    for (int decoupled = 0; decoupled < 2; decoupled++) {
+        enum { N = 37 };
+        void *m = numbers(k, N), *v = numbers(k, N), *theta = random_numbers(k, &rng, N, -1, 1);
+        double em[N] = {0}, ev[N] = {0}, et[N];
+        k->convert_out(N, theta, et);
+        for (int step = 1; step <= 4; step++) {
+            void *g = random_numbers(k, &rng, N, -1, 1);
+            const double c1 = 1 - pow(b1, step), c2 = 1 - pow(b2, step);
+            for (size_t i = 0; i < N; i++) {
+                const double d = clip * get(k, g, i) + (decoupled ? 0 : decay * et[i]);
+                em[i] = b1 * em[i] + (1 - b1) * d;
+                ev[i] = b2 * ev[i] + (1 - b2) * d * d;
+                et[i] = et[i] - (decoupled ? lr * decay * et[i] : 0) - lr * (em[i] / c1) / (sqrt(ev[i] / c2) + eps);
+            }
+            k->adam(N, lr, b1, b2, eps, c1, c2, decay, decoupled, clip, g, m, v, theta);
+            for (size_t i = 0; i < N; i++) {
+                assert_close(get(k, m, i), em[i], 4 * epsilon(k), 4 * epsilon(k));
+                assert_close(get(k, v, i), ev[i], 16 * epsilon(k), 4 * epsilon(k));
+                assert_close(get(k, theta, i), et[i], 16 * epsilon(k), 16 * epsilon(k));
+            }
+            free(g);
+        }
+        free(m), free(v), free(theta);
+    }
+}
+
+/* An element's update does not depend on its position. */
+static void adam_positions_of(const lg_kernels *k) {
+    lg_rng rng;
+    lg_rng_seed(&rng, 11, 0);
+    enum { N = POSITION_N };
+    void *g = random_numbers(k, &rng, N, -1, 1), *m = random_numbers(k, &rng, N, -1, 1), *v = random_numbers(k, &rng, N, 0, 1),
+         *theta = random_numbers(k, &rng, N, -1, 1), *all[3] = {m, v, theta};
+    void *copy[3];
+    for (int a = 0; a < 3; a++) {
+        copy[a] = numbers(k, N);
+        memcpy(copy[a], all[a], N * k->size);
+    }
+    k->adam(N, 1e-3, 0.9, 0.999, 1e-8, 0.1, 0.001, 0.01, true, 1, g, m, v, theta);
+    for (size_t i = 0; i < N; i++)
+        k->adam(1, 1e-3, 0.9, 0.999, 1e-8, 0.1, 0.001, 0.01, true, 1, at(k, g, i), at_mutable(k, copy[0], i), at_mutable(k, copy[1], i),
+                at_mutable(k, copy[2], i));
+    for (int a = 0; a < 3; a++) {
+        assert_memory_equal(copy[a], all[a], N * k->size);
+        free(copy[a]), free(all[a]);
+    }
+    free(g);
+}
+
+static void test_adam(void **state) {
+    (void)state;
+    each_table(adam_of);
+    each_table(adam_positions_of);
+}
+
+static void test_describe(void **state) {
+    (void)state;
+    char text[200], cut[8];
+    const int length = lg_cpu_describe(text, sizeof text);
+    assert_true(length > 0 && (size_t)length == strlen(text));
+    assert_non_null(strstr(text, lg_isa_name(lg_isa_in_use())));
+    assert_int_equal(lg_cpu_describe(cut, sizeof cut), length);
+    assert_int_equal(strlen(cut), sizeof cut - 1);
+    print_message("%s\n", text);
+    assert_int_equal(unsetenv("OPENBLAS_CORETYPE"), 0);
+    lg_runtime_setup();
+    assert_true(lg_cpu_describe(text, sizeof text) > 0);
+    print_message("%s\n", text);
+    assert_null(getenv("OPENBLAS_CORETYPE")); /* child processes do not inherit it */
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_tables),          cmocka_unit_test(test_functions),  cmocka_unit_test(test_positions),
+        cmocka_unit_test(test_elementwise),     cmocka_unit_test(test_strided),    cmocka_unit_test(test_act),
+        cmocka_unit_test(test_bias_act),        cmocka_unit_test(test_gemm),       cmocka_unit_test(test_transpose),
+        cmocka_unit_test(test_reductions),      cmocka_unit_test(test_vectors),    cmocka_unit_test(test_stumpff),
+        cmocka_unit_test(test_stumpff_kernels), cmocka_unit_test(test_dexpinv),    cmocka_unit_test(test_spd),
+        cmocka_unit_test(test_adam),            cmocka_unit_test(test_describe),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

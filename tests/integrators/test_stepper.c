@@ -1,0 +1,402 @@
+/* The stepper and its loops: exact cases, memory, reuse of field values, step control, bad input. */
+#include "test_support.h"
+
+#include "liegrad/geometry.h"
+#include "liegrad/integrators.h"
+#include "liegrad/mechanics.h"
+
+#define PI 3.14159265358979323846
+
+/* y' = a . y with constant a behind user */
+static lg_status constant_field(void *user, double t, const double *y, const double *input, double *out) {
+    (void)t, (void)y, (void)input;
+    memcpy(out, user, 6 * sizeof(double));
+    return LG_OK;
+}
+
+/* R^2: y' = (t^4, input or 0) */
+static lg_status time_field(void *user, double t, const double *y, const double *input, double *out) {
+    (void)user, (void)y;
+    out[0] = t * t * t * t;
+    out[1] = input ? input[0] : 0.0;
+    return LG_OK;
+}
+
+/* R^1: y' = y^2, which reaches infinity at t = 1/y0; user: NULL, or the status to return */
+static lg_status blow_up_field(void *user, double t, const double *y, const double *input, double *out) {
+    (void)t, (void)input;
+    out[0] = y[0] * y[0];
+    return user ? *(lg_status *)user : LG_OK;
+}
+
+static lg_status sqrt_field(void *user, double t, const double *y, const double *input, double *out) {
+    (void)user, (void)y, (void)input;
+    out[0] = sqrt(0.5 - t); /* NaN beyond 1/2 */
+    return LG_OK;
+}
+
+static lg_stepper *make(const char *name, lg_ode ode) {
+    lg_stepper *stepper = NULL;
+    assert_ok(lg_stepper_create(NULL, lg_scheme_find(name), &ode, &stepper));
+    return stepper;
+}
+
+static lg_ode ode_on(lg_space_kind kind, size_t count, lg_field field, void *user) {
+    lg_ode ode = {.field = field, .user = user};
+    assert_ok(lg_space_init(&ode.space, &(lg_space_factor){kind, count}, 1));
+    return ode;
+}
+
+static void test_constant_field_is_exact(void **state) {
+    (void)state;
+    double a[6] = {0.5, -0.4, 0.7, 0.3, 0.6, -0.2}, y[6] = {0.6, 0.0, 0.8, 0.8, 0.5, -0.6}, exact[6], out[6],
+           ha[6];
+    for (int i = 0; i < 6; i++) ha[i] = 0.9 * a[i];
+    lg_se3_exp_act(ha, y, exact);
+    for (size_t i = 0; i < lg_scheme_count(); i++) {
+        const lg_scheme *scheme = lg_scheme_at(i);
+        if (scheme->ambient || scheme->kind == LG_SCHEME_SPLITTING) continue;
+        lg_stepper *stepper = make(scheme->name, ode_on(LG_SPACE_TS2, 1, constant_field, a));
+        assert_ok(lg_step(stepper, 0.0, 0.9, y, NULL, out));
+        for (int j = 0; j < 6; j++) assert_close(out[j], exact[j], 0.0, 2e-15);
+        const double *error = lg_stepper_error(stepper);
+        assert_true((error != NULL) == (scheme->embedded_order > 0));
+        for (int j = 0; error && j < 6; j++) assert_close(error[j], 0.0, 0.0, 1e-15);
+        const double share = scheme->kind == LG_SCHEME_COMMUTATOR_FREE ? 0.5 : 1.0; /* two exponentials */
+        assert_close(lg_stepper_angle(stepper), share * 0.9 * sqrt(lg_dot3(a, a)), 1e-14, 0.0);
+        lg_stepper_destroy(NULL, stepper);
+    }
+}
+
+/* Stages carry t + c_i h: t^4 is integrated exactly by order 5, t^3's quadrature by order 4 is tested by its
+ * error. */
+static void test_time_and_inputs(void **state) {
+    (void)state;
+    double y0[2] = {0.0, 0.0}, out[4 * 2];
+    const double inputs[3] = {1.0, -2.0, 4.0};
+    lg_stepper *stepper = make("rkmk5", ode_on(LG_SPACE_RN, 2, time_field, NULL));
+    assert_ok(lg_integrate_fixed(stepper, 1.0, 0.5, 3, inputs, 1, 1, y0, out, NULL));
+    for (int i = 0; i < 4; i++) assert_close(out[2 * i], (pow(1.0 + 0.5 * i, 5.0) - 1.0) / 5.0, 1e-14, 1e-14);
+    assert_close(out[3], 0.5, 1e-15, 0.0);
+    assert_close(out[5], -0.5, 1e-15, 0.0);
+    assert_close(out[7], 1.5, 1e-15, 0.0);
+    lg_stepper_destroy(NULL, stepper);
+    stepper = make("cf4", ode_on(LG_SPACE_RN, 2, time_field, NULL)); /* Simpson's rule on R^n */
+    assert_ok(lg_step(stepper, 1.0, 1.0, y0, NULL, out));
+    assert_close(out[0], (1.0 + 4.0 * pow(1.5, 4.0) + 16.0) / 6.0, 1e-15, 0.0);
+    lg_stepper_destroy(NULL, stepper);
+}
+
+/* On R^n the Lie group schemes are the classical ones, to the bit. */
+static void test_rkmk_is_classical_on_rn(void **state) {
+    (void)state;
+    static const char *const pairs[][2] = {{"euler", "lie-euler"}, {"rk4", "rkmk4"}, {"dp54", "rkmk54"}};
+    const double y0[1] = {0.3};
+    for (int i = 0; i < 3; i++) {
+        double out[2][2];
+        for (int j = 0; j < 2; j++) {
+            lg_stepper *stepper = make(pairs[i][j], ode_on(LG_SPACE_RN, 1, blow_up_field, NULL));
+            assert_ok(lg_integrate_fixed(stepper, 0.0, 0.1, 10, NULL, 0, 10, y0, out[j], NULL));
+            lg_stepper_destroy(NULL, stepper);
+        }
+        assert_memory_equal(out[0], out[1], sizeof(out[0]));
+    }
+}
+
+/* First same as last: six evaluations a step, and a rejected step costs none for its start. */
+static void test_evaluations(void **state) {
+    (void)state;
+    const double y0[1] = {0.3};
+    double out[2], y[1];
+    lg_run_stats stats;
+    static const struct {
+        const char *name;
+        size_t evaluations;
+    } cases[] = {{"rkmk54", 61}, {"rkmk5", 60}, {"cf4", 40}, {"lie-euler", 10}, {"dp54", 61}};
+    for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+        lg_stepper *stepper = make(cases[i].name, ode_on(LG_SPACE_RN, 1, blow_up_field, NULL));
+        assert_ok(lg_integrate_fixed(stepper, 0.7, 0.1, 10, NULL, 0, 10, y0, out, &stats));
+        assert_int_equal(stats.evaluations, cases[i].evaluations);
+        assert_int_equal(stats.steps, 10);
+        lg_stepper_destroy(NULL, stepper);
+    }
+    lg_stepper *stepper = make("rkmk54", ode_on(LG_SPACE_RN, 1, blow_up_field, NULL));
+    assert_ok(lg_step(stepper, 0.0, 0.2, y0, NULL, y));
+    assert_ok(lg_step(stepper, 0.0, 0.1, y0, NULL, y));
+    assert_int_equal(lg_stepper_evaluations(stepper), 7 + 6);
+    assert_ok(lg_step(stepper, 0.1, 0.1, y, NULL, y));
+    assert_int_equal(lg_stepper_evaluations(stepper), 7 + 6 + 6);
+    lg_stepper_reset(stepper);
+    assert_ok(lg_step(stepper, 0.2, 0.1, y, NULL, y));
+    assert_int_equal(lg_stepper_evaluations(stepper), 7 + 6 + 6 + 7);
+    lg_stepper_destroy(NULL, stepper);
+}
+
+static void test_callers_memory(void **state) {
+    (void)state;
+    const lg_ode ode = ode_on(LG_SPACE_RN, 3, blow_up_field, NULL);
+    const lg_scheme *scheme = lg_scheme_find("rkmk54");
+    const size_t bytes = lg_stepper_size(scheme, &ode);
+    unsigned char *memory = aligned_alloc(64, (bytes + 127) / 64 * 64);
+    lg_stepper *stepper = NULL;
+    memset(memory, 0xa5, bytes + 1);
+    assert_status(lg_stepper_init(memory, bytes - 1, scheme, &ode, &stepper), LG_INVALID_ARGUMENT);
+    assert_status(lg_stepper_init(memory + 8, bytes, scheme, &ode, &stepper), LG_INVALID_ARGUMENT);
+    assert_status(lg_stepper_init(NULL, bytes, scheme, &ode, &stepper), LG_INVALID_ARGUMENT);
+    assert_null(stepper);
+    assert_ok(lg_stepper_init(memory, bytes, scheme, &ode, &stepper));
+    double y[3] = {0.1, 0.2, 0.3};
+    assert_ok(lg_step(stepper, 0.0, 0.1, y, NULL, y));
+    assert_true(memory[bytes] == 0xa5); /* nothing beyond the block */
+    free(memory);
+}
+
+/* ---- step control ---- */
+
+static void test_control_is_a_pure_function(void **state) {
+    (void)state;
+    lg_control c;
+    lg_control_init(&c);
+    const lg_step_history plain = {.h = 0.1}, after = {.h = 0.1, .rejected = true};
+    lg_step_decision d = lg_step_control(&c, 0.2, 0.5, &plain);
+    assert_true(d.accept);
+    assert_close(d.h, 0.1 * 0.9 * pow(0.5, -0.2), 1e-15, 0.0);
+    d = lg_step_control(&c, 0.2, 32.0, &plain);
+    assert_false(d.accept);
+    assert_close(d.h, 0.1 * 0.9 / 2.0, 1e-15, 0.0);
+    assert_close(lg_step_control(&c, 0.2, 1e-20, &plain).h, 0.5, 1e-15, 0.0); /* clamp above */
+    assert_close(lg_step_control(&c, 0.2, 0.0, &plain).h, 0.5, 1e-15, 0.0);
+    assert_close(lg_step_control(&c, 0.2, 1e20, &plain).h, 0.02, 1e-15, 0.0); /* and below */
+    assert_close(lg_step_control(&c, 0.2, 1e-20, &after).h, 0.1, 1e-15,
+                 0.0); /* no growth after a rejection */
+    d = lg_step_control(&c, 0.2, NAN, &plain);
+    assert_true(!d.accept && lg_is_close(d.h, 0.02, 1e-15, 0.0));
+    d = lg_step_control(&c, 0.2, INFINITY, &plain);
+    assert_true(!d.accept && lg_is_close(d.h, 0.02, 1e-15, 0.0));
+    const lg_step_history turned = {.h = 0.1, .angle = 3.2}, near = {.h = 0.1, .angle = 3.1},
+                          undefined = {.h = 0.1, .angle = NAN};
+    d = lg_step_control(&c, 0.2, 1e-9, &turned);
+    assert_true(!d.accept && d.h <= 0.05);
+    assert_true(lg_step_control(&c, 0.2, 1e-9, &near).accept);
+    assert_true(lg_step_control(&c, 0.2, 1e-9, &near).h < 0.1);
+    assert_false(lg_step_control(&c, 0.2, 1e-9, &undefined).accept);
+    c.h_max = 0.2;
+    assert_close(lg_step_control(&c, 0.2, 1e-20, &plain).h, 0.2, 0.0, 0.0);
+    const double e[2] = {3e-6, 0.0}, y[2] = {1.0, 0.0}, next[2] = {-2.0, 0.0};
+    c.rtol = 1e-6, c.atol = 0.0;
+    assert_close(lg_error_norm(&c, 2, e, y, next), sqrt(0.5 * 1.5 * 1.5), 1e-14, 0.0);
+}
+
+static void test_adaptive_meets_tolerance_and_times(void **state) {
+    (void)state;
+    const double y0[1] = {1.0}, times[] = {0.0, 0.25, 0.25, 0.5, 0.9};
+    double out[5], previous = 1.0;
+    lg_control c;
+    lg_control_init(&c);
+    lg_stepper *stepper = make("dp54", ode_on(LG_SPACE_RN, 1, blow_up_field, NULL));
+    for (double tol = 1e-5; tol > 1e-13; tol *= 1e-2) {
+        lg_run_stats stats;
+        c.rtol = tol, c.atol = 0.0;
+        assert_ok(lg_integrate_adaptive(stepper, &c, 0.0, y0, times, 5, out, &stats));
+        for (int i = 0; i < 5; i++) assert_close(out[i], 1.0 / (1.0 - times[i]), 100.0 * tol, 0.0);
+        assert_true(out[0] == 1.0 && out[1] == out[2]);
+        const double error = fabs(out[4] / 10.0 - 1.0);
+        assert_true(error < previous);
+        assert_true(stats.evaluations <= 1 + 6 * (stats.steps + stats.rejected));
+        previous = error;
+    }
+    const double back[] = {0.0};
+    double y[1] = {10.0};
+    assert_ok(lg_integrate_adaptive(stepper, &c, 0.9, y, back, 1, out, NULL));
+    assert_close(out[0], 1.0, 1e-10, 0.0);
+    lg_stepper_destroy(NULL, stepper);
+}
+
+/* Free rotation is exact for every h: without the bound on the angle h would grow beyond 2 pi. */
+static void test_free_rotation_is_bounded_by_the_angle(void **state) {
+    (void)state;
+    double a[6] = {0.3, 0.2, -0.5, 0.0, 0.0, 0.0}, ta[6], y[6] = {0.6, 0.0, 0.8, 0.8, 0.5, -0.6}, exact[6],
+           out[6];
+    const double times[] = {1000.0};
+    lg_run_stats stats;
+    lg_stepper *stepper = make("rkmk54", ode_on(LG_SPACE_TS2, 1, constant_field, a));
+    assert_ok(lg_integrate_adaptive(stepper, NULL, 0.0, y, times, 1, out, &stats));
+    assert_true(stats.max_angle <= PI && stats.max_angle > 2.5);
+    assert_true(stats.steps < 300 && stats.rejected < 10);
+    const double angle = sqrt(lg_dot3(a, a)), turns = floor(1000.0 * angle / (2.0 * PI));
+    for (int i = 0; i < 6; i++) ta[i] = a[i] * (1000.0 - turns * 2.0 * PI / angle);
+    lg_se3_exp_act(ta, y, exact);
+    for (int i = 0; i < 6; i++) assert_close(out[i], exact[i], 0.0, 1e-11);
+    lg_stepper_destroy(NULL, stepper);
+}
+
+static void test_failures_of_a_run(void **state) {
+    (void)state;
+    const double y0[1] = {1.0}, times[] = {0.5, 2.0}, none[] = {0.25, 1.0};
+    double out[2] = {7.0, 7.0};
+    lg_run_stats stats;
+    lg_control c;
+    lg_control_init(&c);
+    lg_stepper *stepper = make("dp54", ode_on(LG_SPACE_RN, 1, blow_up_field, NULL));
+    const lg_status status = lg_integrate_adaptive(stepper, &c, 0.0, y0, times, 2, out, &stats);
+    assert_true(status == LG_STEP_TOO_SMALL || status == LG_NOT_FINITE); /* the solution ends at t = 1 */
+    assert_close(out[0], 2.0, 1e-5, 0.0);
+    assert_true(out[1] == 7.0 && stats.steps > 10);
+    c.max_steps = 5;
+    assert_status(lg_integrate_adaptive(stepper, &c, 0.0, y0, times, 1, out, &stats), LG_TOO_MANY_STEPS);
+    assert_int_equal(stats.steps + stats.rejected, 5);
+    lg_stepper_destroy(NULL, stepper);
+    stepper = make("dp54", ode_on(LG_SPACE_RN, 1, sqrt_field, NULL));
+    out[1] = 7.0;
+    assert_status(lg_integrate_adaptive(stepper, NULL, 0.0, y0, none, 2, out, NULL), LG_NOT_FINITE);
+    assert_true(out[1] == 7.0);
+    double start[1] = {1.0};
+    assert_status(lg_step(stepper, 0.4, 0.5, start, NULL, start), LG_NOT_FINITE);
+    assert_true(start[0] == 1.0);
+    lg_stepper_destroy(NULL, stepper);
+    lg_status cancelled = LG_CANCELLED;
+    stepper = make("dp54", ode_on(LG_SPACE_RN, 1, blow_up_field, &cancelled));
+    assert_status(lg_integrate_adaptive(stepper, NULL, 0.0, y0, times, 1, out, NULL), LG_CANCELLED);
+    assert_status(lg_integrate_fixed(stepper, 0.0, 0.1, 2, NULL, 0, 2, y0, out, &stats), LG_CANCELLED);
+    assert_int_equal(stats.evaluations, 1);
+    lg_stepper_destroy(NULL, stepper);
+}
+
+static void test_bad_arguments_of_a_run(void **state) {
+    (void)state;
+    const double y0[1] = {1.0}, bad[1] = {NAN}, zigzag[] = {0.5, 0.25}, through[] = {-0.5, 0.5},
+                 nan_time[] = {NAN};
+    double out[8] = {7.0};
+    lg_control c;
+    lg_control_init(&c);
+    lg_stepper *s = make("dp54", ode_on(LG_SPACE_RN, 1, blow_up_field, NULL));
+    assert_status(lg_integrate_adaptive(s, &c, 0.0, y0, zigzag, 2, out, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_integrate_adaptive(s, &c, 0.0, y0, through, 2, out, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_integrate_adaptive(s, &c, 0.0, y0, nan_time, 1, out, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_integrate_adaptive(s, &c, 0.0, bad, zigzag, 1, out, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_integrate_adaptive(s, &c, 0.0, y0, zigzag, 0, out, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_integrate_adaptive(s, &c, INFINITY, y0, zigzag, 1, out, NULL), LG_INVALID_ARGUMENT);
+    double *const fields[] = {&c.rtol, &c.safety, &c.factor_min, &c.factor_max, &c.max_angle, &c.h_max};
+    for (size_t i = 0; i < sizeof(fields) / sizeof(fields[0]); i++) {
+        *fields[i] = -1.0;
+        assert_status(lg_integrate_adaptive(s, &c, 0.0, y0, zigzag, 1, out, NULL), LG_INVALID_ARGUMENT);
+        lg_control_init(&c);
+    }
+    c.rtol = c.atol = 0.0;
+    assert_status(lg_integrate_adaptive(s, &c, 0.0, y0, zigzag, 1, out, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_integrate_fixed(s, 0.0, 0.1, 0, NULL, 0, 1, y0, out, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_integrate_fixed(s, 0.0, 0.1, 4, NULL, 0, 3, y0, out, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_integrate_fixed(s, 0.0, 0.1, 4, NULL, 0, 0, y0, out, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_integrate_fixed(s, 0.0, NAN, 4, NULL, 0, 4, y0, out, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_integrate_fixed(s, 0.0, 0.1, 4, NULL, 0, 4, bad, out, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_step(NULL, 0.0, 0.1, y0, NULL, out), LG_INVALID_ARGUMENT);
+    assert_true(out[0] == 7.0);
+    lg_stepper_destroy(NULL, s);
+    s = make("rk4", ode_on(LG_SPACE_RN, 1, blow_up_field, NULL));
+    assert_status(lg_integrate_adaptive(s, NULL, 0.0, y0, zigzag, 1, out, NULL), LG_UNSUPPORTED);
+    lg_stepper_destroy(NULL, s);
+}
+
+/* ---- schemes as data ---- */
+
+static void test_schemes_are_consistent(void **state) {
+    (void)state;
+    for (size_t i = 0; i < lg_scheme_count(); i++) {
+        lg_error error;
+        assert_ok(lg_scheme_check(lg_scheme_at(i), &error));
+        assert_ptr_equal(lg_scheme_find(lg_scheme_at(i)->name), lg_scheme_at(i));
+    }
+    assert_null(lg_scheme_at(lg_scheme_count()));
+    assert_null(lg_scheme_find("rk5"));
+    assert_null(lg_scheme_find(NULL));
+    const lg_scheme *dp = lg_scheme_find("dp54");
+    const double e[7] = {71.0 / 57600,      0,          -71.0 / 16695, 71.0 / 1920,
+                         -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
+    for (int i = 0; i < 7; i++) assert_close(dp->b[i] - dp->embedded[i], e[i], 0.0, 1e-16);
+}
+
+static void assert_faulty(const lg_scheme *scheme) {
+    lg_error error = {0};
+    const lg_ode ode = ode_on(LG_SPACE_RN, 2, time_field, NULL);
+    lg_stepper *stepper = NULL;
+    assert_status(lg_scheme_check(scheme, &error), LG_INVALID_ARGUMENT);
+    assert_true(strlen(error.message) > 0);
+    assert_status(lg_stepper_create(NULL, scheme, &ode, &stepper), LG_INVALID_ARGUMENT);
+    assert_int_equal(lg_stepper_size(scheme, &ode), 0);
+    assert_null(stepper);
+}
+
+static void test_faulty_schemes_are_refused(void **state) {
+    (void)state;
+    const lg_scheme rk4 = *lg_scheme_find("rk4"), cf4 = *lg_scheme_find("cf4"),
+                    sv = *lg_scheme_find("stormer-verlet"), dp = *lg_scheme_find("rkmk54");
+    lg_scheme s;
+    lg_cf_row rows[5];
+    assert_faulty(NULL);
+    s = rk4, s.stages = LG_SCHEME_MAX_STAGES + 1, assert_faulty(&s);
+    s = rk4, s.kind = LG_SCHEME_KINDS, assert_faulty(&s);
+    s = rk4, s.b[1] += 1e-9, assert_faulty(&s);
+    s = rk4, s.b[0] = NAN, assert_faulty(&s);
+    s = rk4, s.c[2] = 0.4, assert_faulty(&s);
+    s = rk4, s.a[1][1] = 0.5, s.a[1][0] = 0.0, assert_faulty(&s);
+    s = rk4, s.dexpinv = -2, assert_faulty(&s);
+    s = rk4, s.fsal = true, assert_faulty(&s);
+    s = dp, s.embedded[0] += 0.1, assert_faulty(&s);
+    s = cf4, s.rows = NULL, assert_faulty(&s);
+    for (int fault = 0; fault < 4; fault++) {
+        s = cf4, s.rows = rows;
+        memcpy(rows, cf4.rows, sizeof(rows));
+        if (fault == 0) rows[3].base = 3;
+        if (fault == 1) rows[3].exponentials = LG_SCHEME_MAX_EXPONENTIALS + 1;
+        if (fault == 2) rows[4].coefficient[0][0] = 0.0;
+        if (fault == 3) rows[1].coefficient[0][1] = 0.5, rows[1].coefficient[0][0] = 0.0;
+        assert_faulty(&s);
+    }
+    s = sv, s.drift[0] = 0.5, assert_faulty(&s);
+}
+
+static lg_status half(void *user, double t, const double *x, const double *input, double *out) {
+    (void)user, (void)t, (void)input;
+    out[0] = x[0];
+    return LG_OK;
+}
+
+static void test_unfitting_pairs_are_refused(void **state) {
+    (void)state;
+    lg_stepper *stepper = NULL;
+    lg_ode ode = ode_on(LG_SPACE_TS2, 1, constant_field, NULL);
+    assert_status(lg_stepper_create(NULL, lg_scheme_find("rk4"), &ode, &stepper), LG_UNSUPPORTED);
+    assert_status(lg_stepper_create(NULL, lg_scheme_find("stormer-verlet"), &ode, &stepper), LG_UNSUPPORTED);
+    ode = ode_on(LG_SPACE_RN, 3, constant_field, NULL);
+    ode.force = ode.velocity = half;
+    assert_status(lg_stepper_create(NULL, lg_scheme_find("stormer-verlet"), &ode, &stepper), LG_UNSUPPORTED);
+    ode = ode_on(LG_SPACE_RN, 2, constant_field, NULL);
+    assert_status(lg_stepper_create(NULL, lg_scheme_find("stormer-verlet"), &ode, &stepper),
+                  LG_INVALID_ARGUMENT);
+    ode.field = NULL;
+    assert_status(lg_stepper_create(NULL, lg_scheme_find("rk4"), &ode, &stepper), LG_INVALID_ARGUMENT);
+    ode = ode_on(LG_SPACE_RN, 2, constant_field, NULL);
+    ode.space.dim = 1; /* not what lg_space_init made */
+    assert_status(lg_stepper_create(NULL, lg_scheme_find("rk4"), &ode, &stepper), LG_INVALID_ARGUMENT);
+    assert_status(lg_stepper_create(NULL, lg_scheme_find("rk4"), NULL, &stepper), LG_INVALID_ARGUMENT);
+    assert_null(stepper);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_constant_field_is_exact),
+        cmocka_unit_test(test_time_and_inputs),
+        cmocka_unit_test(test_rkmk_is_classical_on_rn),
+        cmocka_unit_test(test_evaluations),
+        cmocka_unit_test(test_callers_memory),
+        cmocka_unit_test(test_control_is_a_pure_function),
+        cmocka_unit_test(test_adaptive_meets_tolerance_and_times),
+        cmocka_unit_test(test_free_rotation_is_bounded_by_the_angle),
+        cmocka_unit_test(test_failures_of_a_run),
+        cmocka_unit_test(test_bad_arguments_of_a_run),
+        cmocka_unit_test(test_schemes_are_consistent),
+        cmocka_unit_test(test_faulty_schemes_are_refused),
+        cmocka_unit_test(test_unfitting_pairs_are_refused),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,369 @@
+/* Systems on R^4, starts, sampled trajectories, and bad input. */
+#include "test_support.h"
+
+#include "liegrad/geometry.h"
+#include "liegrad/mechanics.h"
+
+static lg_system *make(const char *name, size_t links) {
+    lg_system *system = NULL;
+    lg_system_options options;
+    lg_system_options_init(&options);
+    options.links = links;
+    assert_ok(lg_system_create(NULL, name, &options, &system, NULL));
+    return system;
+}
+
+static const char *const planar[] = {"quartic", "coupled-oscillators"};
+
+/* y' = J grad H by difference quotients, and the halves are the field. */
+static void test_fields_are_hamiltonian(void **state) {
+    (void)state;
+    for (int n = 0; n < 2; n++) {
+        lg_system *system = make(planar[n], 1);
+        const double y[4] = {0.4, -0.7, 0.3, 0.6}, h = 1e-3;
+        double work[1], field[4], force[2], velocity[2], gradient[4];
+        lg_system_user user;
+        lg_ode ode;
+        assert_ok(lg_system_ode(system, LG_FORM_LIE, &user, work, &ode));
+        assert_true(lg_space_is_abelian(&ode.space) && !lg_system_constrained(system) &&
+                    lg_system_separable(system));
+        assert_ok(ode.field(&user, 0.0, y, NULL, field));
+        assert_ok(ode.force(&user, 0.0, y, NULL, force));
+        assert_ok(ode.velocity(&user, 0.0, y + 2, NULL, velocity));
+        for (int j = 0; j < 4; j++) {
+            double x[4], H[4];
+            for (int s = 0; s < 4; s++) {
+                memcpy(x, y, sizeof(x));
+                x[j] += h * (double[]){-2, -1, 1, 2}[s];
+                H[s] = lg_system_hamiltonian(system, x, work);
+            }
+            gradient[j] = (H[0] - 8 * H[1] + 8 * H[2] - H[3]) / (12 * h);
+        }
+        for (int j = 0; j < 2; j++) {
+            assert_close(field[j], gradient[2 + j], 0.0, 1e-9);
+            assert_close(field[2 + j], -gradient[j], 0.0, 1e-9);
+            assert_true(field[j] == velocity[j] && field[2 + j] == force[j]);
+        }
+        lg_system_destroy(NULL, system);
+    }
+    double work[1];
+    lg_system *quartic = make("quartic", 1); /* (4.3.4) at one point by hand */
+    assert_close(lg_system_hamiltonian(quartic, (double[]){1.0, 2.0, 1.0, -1.0}, work), 6.0 + 4.25 + 2.5,
+                 1e-15, 0.0);
+    assert_string_equal(lg_system_layout(quartic), "q p");
+    lg_system_destroy(NULL, quartic);
+}
+
+/* The first oscillator of the pair is harmonic: cos and sin; G is kept. */
+static void test_coupled_closed_form(void **state) {
+    (void)state;
+    lg_system *system = make("coupled-oscillators", 1);
+    const double y[4] = {0.4, -0.7, 0.3, 0.6}, times[2] = {0.1, 7.0};
+    double out[8], work[1];
+    assert_ok(lg_reference_trajectories(NULL, system, y, 1, times, 2, 0.0, 0.0, out, NULL));
+    for (int i = 0; i < 2; i++) {
+        assert_close(out[4 * i], 0.4 * cos(times[i]) + 0.3 * sin(times[i]), 0.0, 2e-12);
+        assert_close(out[4 * i + 2], 0.3 * cos(times[i]) - 0.4 * sin(times[i]), 0.0, 2e-12);
+    }
+    assert_int_equal(lg_system_invariants(system), 2);
+    assert_string_equal(lg_system_invariant_name(system, 1), "G");
+    assert_null(lg_system_invariant_name(system, 2));
+    assert_true(isnan(lg_system_invariant(system, 2, y, work)));
+    for (size_t i = 0; i < 2; i++)
+        assert_close(lg_system_invariant(system, i, out + 4, work), lg_system_invariant(system, i, y, work),
+                     1e-11, 0.0);
+    lg_system_destroy(NULL, system);
+}
+
+static void test_starts(void **state) {
+    (void)state;
+    lg_system *chain = make("pendulum-chain", 3), *quartic = make("quartic", 1);
+    double y[18], mean[3] = {0}, box[4], low = 1.0, high = -1.0;
+    lg_rng rng;
+    lg_rng_seed(&rng, 1, 0);
+    const int n = 2000;
+    for (int i = 0; i < n; i++) {
+        assert_ok(lg_system_start(chain, LG_STARTS_THESIS, &rng, y));
+        for (int j = 0; j < 3; j++) {
+            assert_close(lg_dot3(y + 6 * j, y + 6 * j), 1.0, 1e-15, 0.0);
+            assert_close(lg_dot3(y + 6 * j, y + 6 * j + 3), 0.0, 0.0, 1e-15);
+            for (int c = 0; c < 3; c++) mean[c] += y[6 * j + c] / (3 * n);
+        }
+        assert_ok(lg_system_start(quartic, LG_STARTS_BOX, &rng, box));
+        for (int c = 0; c < 4; c++) low = fmin(low, box[c]), high = fmax(high, box[c]);
+    }
+    for (int c = 0; c < 3; c++)
+        assert_close(mean[c], 0.0, 0.0, 4.0 / sqrt(3.0 * 3 * n)); /* uniform on the sphere */
+    assert_true(low >= -1.0 && low < -0.99 && high <= 1.0 && high > 0.99);
+    assert_status(lg_system_start(chain, LG_STARTS_BOX, &rng, y), LG_UNSUPPORTED);
+    lg_system_destroy(NULL, chain);
+    lg_system_destroy(NULL, quartic);
+}
+
+static void test_sampling(void **state) {
+    (void)state;
+    lg_system *system = make("pendulum-chain", 2);
+    lg_trajectory_options o;
+    lg_trajectory_options_init(&o);
+    o.trajectories = 7, o.points = 3, o.t_end = 0.2, o.seed = 5;
+    enum { N = 7, M = 3, D = 12 };
+    double t[M], y[N * M * D], H[N], t2[M], y2[N * M * D], H2[N], work[36];
+    assert_ok(lg_generate_trajectories(NULL, system, &o, t, y, H, NULL));
+    assert_true(t[0] == 0.0 && t[1] == 0.1 && t[2] == 0.2);
+    /* Independent of the tolerance to 1e-11, and energy is that of the start everywhere. */
+    o.rtol = 1e-9, o.atol = 1e-10;
+    assert_ok(lg_generate_trajectories(NULL, system, &o, t2, y2, H2, NULL));
+    for (int i = 0; i < N * M * D; i++) assert_close(y2[i], y[i], 0.0, 1e-8);
+    for (int i = 0; i < N; i++)
+        for (int j = 0; j < M; j++)
+            assert_close(lg_system_hamiltonian(system, y + (i * M + j) * D, work), H[i], 1e-11, 1e-11);
+    /* The same seed gives the same bits, and the same starts for another N, M, T and noise. */
+    o.rtol = 1e-12, o.atol = 1e-13;
+    assert_ok(lg_generate_trajectories(NULL, system, &o, t2, y2, H2, NULL));
+    assert_memory_equal(y, y2, sizeof(y));
+    o.trajectories = 3, o.points = 2, o.t_end = 0.1, o.noise = 0.1;
+    assert_ok(lg_generate_trajectories(NULL, system, &o, t2, y2, H2, NULL));
+    for (int i = 0; i < 3; i++) {
+        assert_memory_equal(y2 + i * 2 * D, y + i * M * D, D * sizeof(double));
+        assert_true(H2[i] == H[i]);
+    }
+    o.seed = 6;
+    assert_ok(lg_generate_trajectories(NULL, system, &o, t2, y2, H2, NULL));
+    assert_true(y2[0] != y[0]);
+    lg_system_destroy(NULL, system);
+}
+
+static void test_noise(void **state) {
+    (void)state;
+    enum { N = 400, M = 3, D = 6 };
+    lg_system *system = make("pendulum-chain", 1);
+    lg_trajectory_options o;
+    lg_trajectory_options_init(&o);
+    o.trajectories = N, o.points = M;
+    static double clean[N * M * D], noisy[N * M * D], H[N], t[M];
+    assert_ok(lg_generate_trajectories(NULL, system, &o, t, clean, H, NULL));
+    for (int kind = 0; kind < 2; kind++) {
+        double sum = 0, square = 0, largest = 0;
+        o.noise = 1e-2, o.noise_kind = (lg_noise)kind;
+        assert_ok(lg_generate_trajectories(NULL, system, &o, t, noisy, H, NULL));
+        for (int i = 0; i < N * M * D; i++) {
+            const double e = (noisy[i] - clean[i]) / 1e-2;
+            if (i / D % M == 0) {
+                assert_true(e == 0.0);
+                continue;
+            }
+            sum += e, square += e * e, largest = fmax(largest, fabs(e));
+        }
+        const double n = N * (M - 1) * D;
+        assert_close(sum / n, 0.0, 0.0, 4.0 / sqrt(n));
+        assert_close(square / n, kind == LG_NOISE_NORMAL ? 1.0 : 1.0 / 3.0, 0.1, 0.0);
+        assert_true(kind == LG_NOISE_NORMAL ? largest > 2.5 : largest <= 1.0 + 1e-9);
+    }
+    lg_system_destroy(NULL, system);
+}
+
+/* Three consecutive segments from each start; the last start gives what is left. Noise does not travel. */
+static void test_segments(void **state) {
+    (void)state;
+    enum { N = 8, M = 6, D = 4 };
+    lg_system *system = make("quartic", 1);
+    lg_trajectory_options o;
+    lg_trajectory_options_init(&o);
+    o.trajectories = N, o.points = M, o.t_end = 0.3, o.segments = 3;
+    double t[M], y[N * M * D], H[N], noisy[N * M * D], work[1];
+    assert_ok(lg_generate_trajectories(NULL, system, &o, t, y, H, NULL));
+    for (int i = 0; i < N; i++) {
+        const double *start = y + i * M * D;
+        if (i % 3 > 0)
+            assert_memory_equal(start, start - D, D * sizeof(double));
+        else if (i > 0)
+            assert_true(start[0] != start[-D]);
+        assert_close(H[i], lg_system_hamiltonian(system, start, work), 0.0, 0.0);
+        if (i % 3 > 0) assert_close(H[i], H[i - 1], 1e-11, 0.0);
+    }
+    o.noise = 0.1;
+    assert_ok(lg_generate_trajectories(NULL, system, &o, t, noisy, H, NULL));
+    for (int i = 0; i < N; i++) assert_memory_equal(noisy + i * M * D, y + i * M * D, D * sizeof(double));
+    lg_system_destroy(NULL, system);
+}
+
+/* ---- bad input ---- */
+
+static void test_bad_systems(void **state) {
+    (void)state;
+    const double bad[][2] = {{1.0, 0.0}, {-1.0, 1.0}, {1.0, NAN}, {INFINITY, 1.0}};
+    lg_system *system = NULL;
+    lg_system_options o;
+    lg_error error;
+    assert_status(lg_system_create(NULL, "pendulum", NULL, &system, &error), LG_NOT_FOUND);
+    assert_non_null(strstr(error.message, "pendulum"));
+    assert_status(lg_system_create(NULL, NULL, NULL, &system, NULL), LG_NOT_FOUND);
+    assert_status(lg_system_create(NULL, "quartic", NULL, NULL, &error), LG_INVALID_ARGUMENT);
+    lg_system_options_init(&o);
+    for (int i = 0; i < 4; i++) {
+        o.links = 2;
+        o.masses = bad[i], o.lengths = NULL;
+        assert_status(lg_system_create(NULL, "pendulum-chain", &o, &system, &error), LG_INVALID_ARGUMENT);
+        assert_non_null(strstr(error.message, "masses"));
+        o.masses = NULL, o.lengths = bad[i];
+        assert_status(lg_system_create(NULL, "pendulum-chain", &o, &system, &error), LG_INVALID_ARGUMENT);
+        assert_non_null(strstr(error.message, "lengths"));
+    }
+    lg_system_options_init(&o);
+    o.links = 0;
+    assert_status(lg_system_create(NULL, "pendulum-chain", &o, &system, &error), LG_INVALID_ARGUMENT);
+    o.links = SIZE_MAX;
+    assert_status(lg_system_create(NULL, "pendulum-chain", &o, &system, &error), LG_INVALID_ARGUMENT);
+    o.links = 1, o.gravity = NAN;
+    assert_status(lg_system_create(NULL, "pendulum-chain", &o, &system, &error), LG_INVALID_ARGUMENT);
+    o.gravity = 1.0, o.size = 3;
+    assert_status(lg_system_create(NULL, "pendulum-chain", &o, &system, &error), LG_INVALID_ARGUMENT);
+    assert_null(system);
+    size_t names = 0;
+    while (lg_system_name_at(names)) names++;
+    assert_int_equal(names, 3);
+    lg_system *quartic = make("quartic", 1);
+    double x[16], work[64];
+    lg_ode ode;
+    assert_status(lg_chain_mass_matrix(quartic, x), LG_UNSUPPORTED);
+    assert_status(lg_chain_gradient(quartic, x, x, x, work), LG_UNSUPPORTED);
+    assert_status(lg_system_ode(quartic, (lg_form)2, &(lg_system_user){0}, work, &ode), LG_INVALID_ARGUMENT);
+    assert_status(lg_system_ode(NULL, LG_FORM_LIE, &(lg_system_user){0}, work, &ode), LG_INVALID_ARGUMENT);
+    lg_system_destroy(NULL, quartic);
+}
+
+static void test_bad_sampling(void **state) {
+    (void)state;
+    lg_system *chain = make("pendulum-chain", 1);
+    double t[8] = {7.0}, y[64] = {7.0}, H[8] = {7.0};
+    lg_error error;
+    for (int fault = 0; fault < 13; fault++) {
+        lg_trajectory_options o;
+        lg_trajectory_options_init(&o);
+        o.trajectories = 2, o.points = 2;
+        lg_status expected = LG_INVALID_ARGUMENT;
+        switch (fault) {
+        case 0:
+            o.size = 1;
+            break;
+        case 1:
+            o.trajectories = 0;
+            break;
+        case 2:
+            o.points = 1;
+            break;
+        case 3:
+            o.t_end = 0.0;
+            break;
+        case 4:
+            o.t_end = NAN;
+            break;
+        case 5:
+            o.noise = -1.0;
+            break;
+        case 6:
+            o.noise = INFINITY;
+            break;
+        case 7:
+            o.noise_kind = (lg_noise)2;
+            break;
+        case 8:
+            o.segments = 0;
+            break;
+        case 9:
+            o.rtol = o.atol = 0.0;
+            break;
+        case 10:
+            o.starts = (lg_starts)7;
+            break;
+        case 11:
+            o.starts = LG_STARTS_BOX, expected = LG_UNSUPPORTED;
+            break;
+        default:
+            o.trajectories = SIZE_MAX / 8, expected = LG_OUT_OF_MEMORY;
+            break;
+        }
+        assert_status(lg_generate_trajectories(NULL, chain, &o, t, y, H, &error), expected);
+        assert_true(error.status == expected && strlen(error.message) > 0);
+    }
+    assert_status(lg_generate_trajectories(NULL, NULL, NULL, t, y, H, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_generate_trajectories(NULL, chain, NULL, NULL, y, H, NULL), LG_INVALID_ARGUMENT);
+    const double starts[6] = {0.0, 0.0, NAN, 0.0, 0.0, 0.0}, times[2] = {2.0, 1.0};
+    assert_status(lg_reference_trajectories(NULL, chain, starts, 1, times, 1, 0, 0, y, &error),
+                  LG_INVALID_ARGUMENT);
+    assert_status(lg_reference_trajectories(NULL, chain, starts, 0, times, 1, 0, 0, y, NULL),
+                  LG_INVALID_ARGUMENT);
+    assert_true(t[0] == 7.0 && y[0] == 7.0 && H[0] == 7.0);
+    lg_system_destroy(NULL, chain);
+}
+
+/* Every allocation fails in turn: a status, nothing leaks, outputs untouched. The cancel flag too. */
+typedef struct failing {
+    int left, live;
+} failing;
+
+static void *failing_allocate(void *user, size_t bytes) {
+    failing *f = user;
+    if (f->left-- <= 0) return NULL;
+    f->live++;
+    return aligned_alloc(64, (bytes + 63) / 64 * 64);
+}
+
+static void failing_release(void *user, void *memory) {
+    ((failing *)user)->live--;
+    free(memory);
+}
+
+static void test_failing_allocations(void **state) {
+    (void)state;
+    double t[5] = {7.0}, y[2 * 5 * 6] = {7.0}, H[2];
+    int cancel = 0;
+    failing f = {1000, 0};
+    lg_context_options options;
+    lg_context_options_init(&options);
+    options.allocate = failing_allocate, options.release = failing_release, options.allocator_user = &f;
+    options.cancel = &cancel;
+    lg_context *context = NULL;
+    assert_ok(lg_context_create(&options, &context));
+    const int live = f.live;
+    lg_trajectory_options o;
+    lg_trajectory_options_init(&o);
+    o.trajectories = 2;
+    int failures = 0;
+    for (int allowed = 0;; allowed++) {
+        lg_system *system = NULL;
+        f.left = allowed;
+        lg_status status = lg_system_create(context, "pendulum-chain", NULL, &system, NULL);
+        if (status == LG_OK) status = lg_generate_trajectories(context, system, &o, t, y, H, NULL);
+        lg_system_destroy(context, system);
+        assert_int_equal(f.live, live);
+        if (status == LG_OK) break;
+        assert_int_equal(status, LG_OUT_OF_MEMORY);
+        assert_true(t[0] == 7.0 && y[0] == 7.0);
+        failures++;
+    }
+    assert_int_equal(failures, 4);
+    f.left = 1000, cancel = 1, t[0] = 7.0;
+    lg_system *system = NULL;
+    assert_ok(lg_system_create(context, "pendulum-chain", NULL, &system, NULL));
+    assert_status(lg_generate_trajectories(context, system, &o, t, y, H, NULL), LG_CANCELLED);
+    assert_true(t[0] == 7.0);
+    lg_system_destroy(context, system);
+    assert_int_equal(f.live, live);
+    lg_context_destroy(context);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_fields_are_hamiltonian),
+        cmocka_unit_test(test_coupled_closed_form),
+        cmocka_unit_test(test_starts),
+        cmocka_unit_test(test_sampling),
+        cmocka_unit_test(test_noise),
+        cmocka_unit_test(test_segments),
+        cmocka_unit_test(test_bad_systems),
+        cmocka_unit_test(test_bad_sampling),
+        cmocka_unit_test(test_failing_allocations),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
