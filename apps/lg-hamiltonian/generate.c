@@ -3,7 +3,7 @@
 
 typedef struct generate_values {
     const char *out;
-    uint64_t trajectories, points;
+    uint64_t trajectories, points, segments;
     double t_end, noise;
     int noise_kind;
 } generate_values;
@@ -15,6 +15,8 @@ static const app_option generate_options[] = {
                  "Number of trajectories (default 500)"),
     APP_ROW_SIZE(generate_values, points, "points", "M", 2, 1e9,
                  "Points of each, the start included (default 5); dt = T/(M-1)"),
+    APP_ROW_SIZE(generate_values, segments, "segments", "s", 1, 1e6,
+                 "Consecutive trajectories from one start (default: the scene's, or 1)"),
     APP_ROW_POSITIVE(generate_values, t_end, "t-end", "T",
                      "Time of the last point (default: the scene's t_end, or 0.1)"),
     APP_ROW_REAL(generate_values, noise, "noise", "EPS", 0, 1e300,
@@ -59,7 +61,8 @@ static int run(app *self) {
     status = lg_scene_read(self->context, self->arguments[0], &scene, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
     if (scene.has_initial)
-        return app_fail(self, LG_FORMAT, "%s:%u: `initial` is one start; many are drawn as `starts` says",
+        return app_fail(self, LG_FORMAT,
+                        "%s: line %u: `initial` is one start; many are drawn as `starts` says",
                         self->arguments[0], scene.line_initial);
     const double t_end = values.t_end > 0 ? values.t_end : scene.has_t_end ? scene.t_end : 0.1;
     const sampling how = {.trajectories = (size_t)values.trajectories,
@@ -68,6 +71,7 @@ static int run(app *self) {
                           .noise = values.noise,
                           .noise_kind = values.noise_kind == 0 ? LG_NOISE_NORMAL : LG_NOISE_UNIFORM,
                           .seed = self->seed};
+    if (values.segments > 0) scene.segments = (uint32_t)values.segments;
     lg_trajectories data;
     status = sample_scene(self->context, &scene, &how, &data, &error);
     if (status != LG_OK) return app_fail(self, status, "%s: %s", self->arguments[0], error.message);

@@ -57,7 +57,8 @@ static size_t put_blocks(app_plot *plot, lg_hamiltonian_family family, size_t li
 
 static void put_sphere(FILE *script) {
     (void)fputs(
-        "set view equal xyz\nset view 65,35\nset xyplane at -1\nset parametric\nset urange [0:pi]\n"
+        "set view equal xyz\nset view 65,35,1.5\nset key bottom right\nset xyplane at -1\nset "
+        "parametric\nset urange [0:pi]\n"
         "set vrange [0:2*pi]\nset isosamples 25,13\nset xrange [-1:1]\nset yrange [-1:1]\nset zrange [-1:1]\n"
         "set border 0\nunset tics\nunset grid\n"
         "splot sin(u)*cos(v), sin(u)*sin(v), cos(u) with lines lc rgb '#dcdcdc' lw 0.5 notitle",
@@ -72,7 +73,7 @@ static void put_curves(FILE *script, size_t true_blocks, size_t predicted_blocks
                       k, columns, k == 0 ? "title 'true'" : "notitle");
     for (size_t k = 0; k < predicted_blocks; k++, separator = ", ")
         (void)fprintf(script, "%sdatafile index %zu using %s with %s lc rgb '#d1641f' %s", separator,
-                      true_blocks + k, columns, true_blocks > 0 ? "points pt 7 ps 0.35" : "lines lw 1.5",
+                      true_blocks + k, columns, true_blocks > 0 ? "points pt 7 ps 0.5" : "lines lw 1.5",
                       k == 0 ? "title 'predicted'" : "notitle");
     (void)fputc('\n', script);
 }
@@ -104,7 +105,8 @@ lg_status draw_energy(const app *self, const char *picture, const double *t, con
     for (size_t i = 1; i < count; i++)
         (void)fprintf(plot.data.stream, "%.9g %.9g %.9g\n", t[i], fabs(learned_energy[i] - learned_energy[0]),
                       true_energy != NULL ? fabs(true_energy[i] - true_energy[0]) : (double)NAN);
-    (void)fputs("set logscale y\nset format y '10^{%L}'\nset xlabel 't'\nset ylabel '|H - H(0)|'\nplot ",
+    (void)fputs("set logscale y\nset format y '10^{%L}'\nset xlabel 't'\nset ylabel '|H - H(0)|'\nset key "
+                "below\nplot ",
                 plot.script.stream);
     if (true_energy != NULL)
         (void)fputs(

@@ -72,7 +72,7 @@ static int start_from_scene(const app *self, prediction *p) {
     lg_status status = lg_scene_read(self->context, path, &p->scene, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, path);
     if (p->scene.family != p->file->run.model.family || p->scene.links != p->file->run.model.links)
-        return app_fail(self, LG_SHAPE, "%s:%u: a state of %u numbers, but the model's has %zu", path,
+        return app_fail(self, LG_SHAPE, "%s: line %u: a state of %u numbers, but the model's has %zu", path,
                         p->scene.line_system, p->scene.state_size, p->dim);
     status = make_system(self->context, &p->scene, &system, &error);
     if (status == LG_OK) status = scene_start(&p->scene, system, p->start, &error);

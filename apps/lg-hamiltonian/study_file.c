@@ -82,14 +82,15 @@ static lg_status parse_text(study_file *file, char *text, lg_error *error) {
         number++;
         if (number == 1) {
             if (strcmp(line, header) == 0) continue;
-            return fail(error, LG_FORMAT, "%s:1: this is not the table of a study; first line expected: %s",
-                        file->path, header);
+            return fail(error, LG_FORMAT,
+                        "%s: line 1: this is not the table of a study; first line expected: %s", file->path,
+                        header);
         }
         if (!parse_row(line, &protocol, &row))
-            return fail(error, LG_FORMAT, "%s:%zu: not a row of a study", file->path, number);
+            return fail(error, LG_FORMAT, "%s: line %zu: not a row of a study", file->path, number);
         if (strcmp(protocol, file->protocol) != 0)
             return fail(error, LG_FORMAT,
-                        "%s:%zu: the row belongs to a study with other settings (protocol %s, not %s)",
+                        "%s: line %zu: the row belongs to a study with other settings (protocol %s, not %s)",
                         file->path, number, protocol, file->protocol);
         keep(file, &row);
     }
@@ -154,7 +155,7 @@ lg_status study_file_open(const char *path, const char *protocol, study_file *ou
         const size_t whole = last != NULL ? (size_t)(last - text) + 1 : 0;
         const bool unfinished_header = whole == 0 && strncmp(header, text, size) == 0;
         if (whole == 0 && !unfinished_header)
-            status = fail(error, LG_FORMAT, "%s:1: this is not the table of a study", path);
+            status = fail(error, LG_FORMAT, "%s: line 1: this is not the table of a study", path);
         if (status == LG_OK) status = parse_text(&file, text, error);
         if (status == LG_OK && whole < size && ftruncate(file.fd, (off_t)whole) != 0)
             status = fail(error, LG_FILE, "%s: the unfinished last row cannot be removed: %s", path,

@@ -100,6 +100,7 @@ static void reverse_step(lg_tape *tape, lg_sweep *sweep, uint32_t i, lg_var g, b
     }
     lg_reverse r = {tape, i, lg_var_at(tape, i), g, &attr, in, inputs, need, out, unrecorded ? sweep : NULL};
     lg_ops[node->op]->vjp(&r);
+    if (lg_plant_hits(tape, i, LG_PLANT_VJP)) lg_plant_vjp(&r);
 }
 
 /* ---- recorded reverse mode ---- */
@@ -118,6 +119,15 @@ static void recorded_sweep(lg_tape *tape, lg_sweep *sweep, lg_var *adjoint) {
             *slot = lg_add_or(tape, *slot, out[k]);
         }
     }
+}
+
+/* out[i] = what was found for list[i], zeros for nothing. `out` is untouched unless all is well. */
+static void collect(lg_tape *tape, lg_range range, lg_var *found, const lg_var *list, size_t n, lg_var *out) {
+    for (size_t i = 0; i < n && tape->status == LG_OK; i++) {
+        lg_var *slot = &found[list[i].index - range.lo];
+        if (lg_is_none(*slot)) *slot = lg_zeros_like(tape, list[i]);
+    }
+    for (size_t i = 0; i < n && tape->status == LG_OK; i++) out[i] = found[list[i].index - range.lo];
 }
 
 lg_status lg_vjp(lg_tape *tape, const lg_var *y, const lg_var *cotangent, size_t ny, const lg_var *wrt,
@@ -145,11 +155,7 @@ lg_status lg_vjp(lg_tape *tape, const lg_var *y, const lg_var *cotangent, size_t
         *slot = lg_add_or(tape, *slot, cotangent[j]);
     }
     recorded_sweep(tape, &sweep, adjoint);
-    for (size_t i = 0; i < n && tape->status == LG_OK; i++) {
-        lg_var found = adjoint[wrt[i].index - sweep.range.lo];
-        lg_var result = lg_is_none(found) ? lg_zeros_like(tape, wrt[i]) : found;
-        if (tape->status == LG_OK) out[i] = result;
-    }
+    collect(tape, sweep.range, adjoint, wrt, n, out);
     lg_pool_give(tape, adjoint, bytes);
     return tape->status;
 }
@@ -221,7 +227,7 @@ void lg_reverse_matmul(lg_reverse *r, uint32_t k, uint32_t variant, lg_var a, lg
     if (!r->need[k] || tape->status != LG_OK) return;
     lg_attr attr = {.i = {variant, 0, 0, 0}};
     const lg_node *target = lg_node_at(tape, r->in[k]);
-    if (r->sweep == NULL || target->shape.rank != 2) {
+    if (r->sweep == NULL || target->shape.rank != 2 || lg_plant_hits(tape, r->node, LG_PLANT_VJP)) {
         lg_var in[2] = {a, b};
         r->out[k] = lg_record(tape, LG_OP_MATMUL, in, 2, &attr);
         return;
@@ -330,6 +336,8 @@ lg_status lg_backward(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, void
     sweep.reach = (uint8_t *)(sweep.block + length);
     sweep.owned = sweep.reach + length;
     mark_reach(tape, sweep.range, wrt, n, sweep.reach);
+    const uint32_t chunk = tape->arena.current; /* payload of a custom vjp's operations goes to the arena */
+    const size_t used = tape->arena.used;
     tape->unrecorded = true;
     seed_sweep(tape, &sweep, y, wrt, n, grad);
     unrecorded_sweep(tape, &sweep, wrt, n, grad);
@@ -337,26 +345,34 @@ lg_status lg_backward(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, void
         if (sweep.owned[at])
             lg_pool_give(tape, sweep.block[at], node_bytes(tape, sweep.range.lo + (uint32_t)at));
     tape->unrecorded = false;
+    tape->arena.current = chunk;
+    tape->arena.used = used;
     lg_pool_give(tape, sweep.block, bytes);
     return tape->status;
 }
 
 /* ---- recorded forward mode ---- */
 
+/* A variable that depends on another one gets its own direction and what comes to it through the other, as the
+ * reverse mode's total derivatives ask. */
 static void forward_sweep(lg_tape *tape, lg_range range, const uint8_t *reach, lg_var *tangent) {
     lg_var in[LG_MAX_INPUTS], tangents[LG_MAX_INPUTS];
     for (uint32_t i = range.lo; i <= range.hi && tape->status == LG_OK; i++) {
         const lg_node *node = &tape->nodes[i];
-        if (!reach[i - range.lo] || !lg_is_none(tangent[i - range.lo]) || node->inputs == 0) continue;
+        if (!reach[i - range.lo]) continue;
         const uint32_t *parents = parents_of(tape, node);
         lg_attr attr = node->attr;
+        bool any = false;
         for (uint32_t k = 0; k < node->inputs; k++) {
             in[k] = lg_var_at(tape, parents[k]);
             tangents[k] =
                 parents[k] >= range.lo && !frozen(node, k) ? tangent[parents[k] - range.lo] : LG_NONE;
+            any = any || !lg_is_none(tangents[k]);
         }
+        if (!any) continue;
         lg_forward f = {tape, lg_var_at(tape, i), &attr, in, tangents, node->inputs};
-        tangent[i - range.lo] = lg_ops[node->op]->jvp(&f);
+        lg_var moved = lg_plant_hits(tape, i, LG_PLANT_JVP) ? lg_plant_jvp(&f) : lg_ops[node->op]->jvp(&f);
+        tangent[i - range.lo] = lg_add_or(tape, tangent[i - range.lo], moved);
     }
 }
 
@@ -372,7 +388,8 @@ lg_status lg_jvp(lg_tape *tape, const lg_var *y, size_t ny, const lg_var *x, con
             return tape->status;
         }
     lg_range range = range_of(y, ny, x, nx);
-    if (nx == 0) range.lo = range.hi;
+    for (size_t j = 0; j < ny; j++)
+        if (y[j].index < range.lo) range.lo = y[j].index;
     size_t length = (size_t)range.hi - range.lo + 1;
     size_t bytes = length * (sizeof(lg_var) + 2);
     lg_var *tangent = lg_pool_take(tape, bytes);
@@ -386,11 +403,7 @@ lg_status lg_jvp(lg_tape *tape, const lg_var *y, size_t ny, const lg_var *x, con
         *slot = lg_add_or(tape, *slot, direction[i]);
     }
     forward_sweep(tape, range, reach, tangent);
-    for (size_t j = 0; j < ny && tape->status == LG_OK; j++) {
-        lg_var found = y[j].index >= range.lo ? tangent[y[j].index - range.lo] : LG_NONE;
-        lg_var result = lg_is_none(found) ? lg_zeros_like(tape, y[j]) : found;
-        if (tape->status == LG_OK) out[j] = result;
-    }
+    collect(tape, range, tangent, y, ny, out);
     lg_pool_give(tape, tangent, bytes);
     return tape->status;
 }

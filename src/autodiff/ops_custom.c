@@ -68,8 +68,10 @@ static void custom_vjp(lg_reverse *r) {
     if (op->vjp != NULL) {
         lg_status status = op->vjp(op->user, r->tape, r->in, r->inputs, r->y, r->g, r->need, r->out);
         if (status != LG_OK) fail_custom(r->tape, op, status, "the vjp failed");
+        for (uint32_t k = 0; k < r->inputs; k++)
+            if (!r->need[k]) r->out[k] = LG_NONE;
         for (uint32_t k = 0; k < r->inputs && r->tape->status == LG_OK; k++)
-            if (r->need[k]) (void)fits(r->tape, op, r->out[k], r->in[k]);
+            (void)fits(r->tape, op, r->out[k], r->in[k]);
     } else if (op->numeric_vjp != NULL) {
         numeric_vjp(r, op);
     } else {

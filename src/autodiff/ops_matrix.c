@@ -6,7 +6,7 @@
 #include <string.h>
 
 /* Above this many multiplications OpenBLAS' cache blocking pays for its lock and its packing. */
-#define OWN_KERNEL_LIMIT 64e6
+#define OWN_KERNEL_LIMIT 1e9
 
 enum { NN, NT, TN };
 

@@ -110,9 +110,10 @@ lg_status lg_tape_rewind(lg_tape *tape, lg_mark mark) {
     if (mark.nodes > 0 && tape->nodes[mark.nodes - 1].generation != mark.generation)
         return LG_INVALID_ARGUMENT;
     lg_forget_nodes(tape, mark.nodes);
-    tape->parents_count = mark.parents;
-    tape->arena.current = mark.chunk;
-    tape->arena.used = mark.used;
+    tape->parents_count = mark.nodes == 0 ? 0 : mark.parents;
+    /* A mark on an empty tape fits any tape. */
+    tape->arena.current = mark.nodes == 0 ? 0 : mark.chunk;
+    tape->arena.used = mark.nodes == 0 ? 0 : mark.used;
     if (++tape->generation == 0) tape->generation = 1;
     if (tape->status != LG_OK && tape->failed_at >= mark.nodes) {
         tape->status = LG_OK;

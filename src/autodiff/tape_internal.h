@@ -10,6 +10,7 @@
 
 #include "autodiff/kernels/kernels.h"
 #include "core/core.h"
+#include "liegrad/gradcheck.h"
 #include "liegrad/ops.h"
 #include "liegrad/tape.h"
 
@@ -133,6 +134,7 @@ struct lg_tape {
     const char *scopes[LG_SCOPE_DEPTH];
     int scope_depth;
     size_t spd_failures;
+    struct lg_plant *plant; /* a deliberately wrong derivative (gradcheck_plant.c); NULL */
 };
 
 /* ---- the interface of an operation ---- */
@@ -222,6 +224,12 @@ void lg_reverse_matmul(lg_reverse *r, uint32_t k, uint32_t variant, lg_var a, lg
  * after op. */
 void lg_gemm(lg_tape *tape, uint32_t variant, size_t m, size_t n, size_t k, const void *a, const void *b,
              uint32_t b_node, void *c, bool accumulate);
+
+/* Planted errors. With a plant on the tape: whether it strikes this node's vjp or jvp;
+ * its mutation of what a vjp has put out; a jvp with its mutation. */
+bool lg_plant_hits(const lg_tape *tape, uint32_t node, lg_plant_direction direction);
+void lg_plant_vjp(lg_reverse *r);
+lg_var lg_plant_jvp(const lg_forward *f);
 
 lg_var lg_zeros_like(lg_tape *tape, lg_var v);
 static inline bool lg_same_shape(const lg_shape *a, const lg_shape *b) {

@@ -319,53 +319,40 @@ static lg_status open_attribute(lg_h5 *h5, const char *object, const char *name,
     return LG_OK;
 }
 
-/* Any string type into fresh memory, terminated; padding removed. */
-static lg_status read_text(lg_h5 *h5, const char *object, const char *name, const attribute *a, char **out,
+/* Any string type, terminated, padding removed. No memory of ours is needed. */
+static lg_status read_text(lg_h5 *h5, const char *object, const char *name, const attribute *a, char *out, size_t size,
                            lg_error *error) {
-    if (H5Tget_class(a->type) != H5T_STRING)
-        return attribute_error(h5, object, name, LG_FORMAT, "is not a text", error);
-    bool variable = H5Tis_variable_str(a->type) > 0;
-    size_t size = variable ? 0 : H5Tget_size(a->type);
-    char *text = NULL, *pointer = NULL;
-    if (size >= (size_t)1 << 20) return attribute_error(h5, object, name, LG_FORMAT, "is too long", error);
-    bool read = !a->single;
-    if (!a->single)
-        text = lg_alloc(h5->context, 1, 1);
-    else if (variable) {
+    if (H5Tget_class(a->type) != H5T_STRING) return attribute_error(h5, object, name, LG_FORMAT, "is not a text", error);
+    bool variable = H5Tis_variable_str(a->type) > 0, read = true;
+    char fixed[LG_H5_TEXT + 1] = "", *pointer = NULL;
+    const char *text = fixed;
+    if (!variable && H5Tget_size(a->type) > LG_H5_TEXT)
+        return attribute_error(h5, object, name, LG_SHAPE, "is too long", error);
+    if (variable && a->single) {
         read = H5Aread(a->attribute, a->type, &pointer) >= 0;
-        if (read) text = lg_strdup(h5->context, pointer != NULL ? pointer : "");
-        if (pointer != NULL) (void)H5free_memory(pointer);
-    } else {
-        text = lg_alloc(h5->context, size + 1, 1);
-        read = text == NULL || H5Aread(a->attribute, a->type, text) >= 0;
-        size_t length = text != NULL ? strlen(text) : 0;
+        if (pointer != NULL) text = pointer;
+    } else if (a->single) {
+        read = H5Aread(a->attribute, a->type, fixed) >= 0;
         if (H5Tget_strpad(a->type) == H5T_STR_SPACEPAD)
-            while (length > 0 && text[length - 1] == ' ') text[--length] = '\0';
+            for (size_t n = strlen(fixed); n > 0 && fixed[n - 1] == ' ';) fixed[--n] = '\0';
     }
-    if (read && text != NULL) {
-        *out = text;
-        return LG_OK;
-    }
-    lg_free(h5->context, text);
-    if (!read) return attribute_error(h5, object, name, LG_FORMAT, "cannot be read", error);
-    return attribute_error(h5, object, name, LG_OUT_OF_MEMORY, "out of memory", error);
+    size_t length = strlen(text);
+    lg_status status = LG_OK;
+    if (!read)
+        status = attribute_error(h5, object, name, LG_FORMAT, "cannot be read", error);
+    else if (length >= size)
+        status = attribute_error(h5, object, name, LG_SHAPE, "is too long", error);
+    else
+        memcpy(out, text, length + 1);
+    if (pointer != NULL) (void)H5free_memory(pointer);
+    return status;
 }
 
-lg_status lg_h5_text(lg_h5 *h5, const char *object, const char *name, char *out, size_t size,
-                     lg_error *error) {
+lg_status lg_h5_text(lg_h5 *h5, const char *object, const char *name, char *out, size_t size, lg_error *error) {
     lg_h5_quiet quiet = lg_quiet_begin();
     attribute a;
-    char *text = NULL;
     lg_status status = open_attribute(h5, object, name, &a, error);
-    if (status == LG_OK) status = read_text(h5, object, name, &a, &text, error);
-    if (status == LG_OK) {
-        size_t length = strlen(text);
-        if (length < size)
-            memcpy(out, text, length + 1);
-        else
-            status = attribute_error(h5, object, name, LG_SHAPE, "is too long", error);
-    }
-    lg_free(h5->context, text);
+    if (status == LG_OK) status = read_text(h5, object, name, &a, out, size, error);
     close_attribute(&a);
     lg_quiet_end(quiet);
     return status;

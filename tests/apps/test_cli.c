@@ -1,4 +1,4 @@
-/* lg-hamiltonian from outside: bad input, files, resumption, Ctrl-C. */
+/* lg-hamiltonian (in LG_BIN_DIR) from outside: bad input, files, resumption, Ctrl-C. */
 #include "cli_support.h"
 
 #include "liegrad/io.h"
@@ -150,12 +150,12 @@ static void test_bad_input(void **state) {
 static const char *const bad_scenes[][2] = {
     {"system: pendulum\n", "pendulum"},
     {"gravity: 1\n", "system"},
-    {"system: pendulum-chain\nmasses: [1]\nlengths: [1]\nmasses: [2]\n", ":4"},
-    {"system: pendulum-chain\nmasses: [1, 2]\nlengths: [1]\n", "lengths"},
-    {"system: pendulum-chain\nmasses: [1]\nlengths: [1]\ngravity: 9.81m\n", ":4"},
-    {"system: pendulum-chain\nmasses: [1]\nlengths: [1]\ngravity: .nan\n", ":4"},
-    {"system: pendulum-chain\nmasses: [-1]\nlengths: [1]\n", ":2"},
-    {"system: pendulum-chain\nmasses: [1]\nlengths: [1]\ncolour: red\n", "colour"},
+    {"system: pendulum-chain\nmasses: [1]\nlengths: [1]\nmasses: [2]\ngravity: 1\n", "line 4"},
+    {"system: pendulum-chain\ngravity: 1\nmasses: [1, 2]\nlengths: [1]\n", "lengths"},
+    {"system: pendulum-chain\nmasses: [1]\nlengths: [1]\ngravity: 9.81m\n", "line 4"},
+    {"system: pendulum-chain\nmasses: [1]\nlengths: [1]\ngravity: .nan\n", "line 4"},
+    {"system: pendulum-chain\nmasses: [-1]\nlengths: [1]\ngravity: 1\n", "line 2"},
+    {"system: pendulum-chain\nmasses: [1]\nlengths: [1]\ngravity: 1\ncolour: red\n", "colour"},
     {"system: [pendulum-chain\n", "bad.yaml"},
 };
 

@@ -77,8 +77,8 @@ static void test_tables(void **state) {
 
 /* ---- accuracy of the functions ---- */
 
-/* Distance in units in the last place of the type, or in `least` when that is more; 0 for equal infinities and for two
- * NaN. */
+/* Distance in units in the last place of the type, or in `least` when that is more; 0 for equal infinities
+ * and for two NaN. */
 static double ulp_error(const lg_kernels *k, double got, long double exact, double least) {
     if (isnan(exact) || isnan(got)) return isnan(exact) && isnan(got) ? 0 : 1e30;
     const double e = k->dtype == LG_F64 ? (double)exact : (double)(float)exact;
@@ -132,9 +132,46 @@ static void call_function(const lg_kernels *k, size_t f, size_t n, const void *x
 
 /* Zeros, denormals, ends of ranges, infinities, NaN, multiples of pi/2 and their neighbours. */
 static size_t special_values(const lg_kernels *k, void *x) {
-    static const double values[] = {0.0, 1.0, 0.5, 2.0, 1e-300, 4.9e-324, 1e-40, 1e-45, 1e-5, 1e-10, 20.0, 50.0, 88.7, 88.8, 103.9, 104.1,
-        709.7, 709.8, 745.1, 745.2, 746.0, 1e3, 1e5, 999999.9, 1e6, 1000001.0, 1e10, 1e22, 1e38, 1e300, DBL_MAX, FLT_MAX, FLT_MIN,
-        DBL_MIN, 1.1754942e-38, INFINITY, 0.34657359027997264, 0.70710678118654746, 0.70710678118654757, 1.4142135623730951};
+    static const double values[] = {0.0,
+                                    1.0,
+                                    0.5,
+                                    2.0,
+                                    1e-300,
+                                    4.9e-324,
+                                    1e-40,
+                                    1e-45,
+                                    1e-5,
+                                    1e-10,
+                                    20.0,
+                                    50.0,
+                                    88.7,
+                                    88.8,
+                                    103.9,
+                                    104.1,
+                                    709.7,
+                                    709.8,
+                                    745.1,
+                                    745.2,
+                                    746.0,
+                                    1e3,
+                                    1e5,
+                                    999999.9,
+                                    1e6,
+                                    1000001.0,
+                                    1e10,
+                                    1e22,
+                                    1e38,
+                                    1e300,
+                                    DBL_MAX,
+                                    FLT_MAX,
+                                    FLT_MIN,
+                                    DBL_MIN,
+                                    1.1754942e-38,
+                                    INFINITY,
+                                    0.34657359027997264,
+                                    0.70710678118654746,
+                                    0.70710678118654757,
+                                    1.4142135623730951};
     size_t n = 0;
     for (size_t i = 0; i < LG_COUNT(values); i++)
         for (int sign = -1; sign <= 1; sign += 2) set(k, x, n++, sign * values[i]);
@@ -155,21 +192,26 @@ static void functions_of(const lg_kernels *k) {
                 n = special_values(k, x);
             else
                 for (size_t i = 0; i < n; i++)
-                    set(k, x, i, round % 6 == 1 ? ldexp(lg_rng_uniform_in(&rng, -1, 1), -(int)lg_rng_below(&rng, 60))
-                                                : lg_rng_uniform_in(&rng, functions[f].low, functions[f].high));
+                    set(k, x, i,
+                        round % 6 == 1 ? ldexp(lg_rng_uniform_in(&rng, -1, 1), -(int)lg_rng_below(&rng, 60))
+                                       : lg_rng_uniform_in(&rng, functions[f].low, functions[f].high));
             call_function(k, f, n, x, y);
             for (size_t i = 0; i < n; i++) {
                 const double v = get(k, x, i);
                 /* x sigmoid(x) where sigmoid(x) is denormal: the product magnifies its last place */
-                const double least = functions[f].exact == swish_exact && !isinf(v) ? fabs(v) * (k->dtype == LG_F64 ? 0x1p-1074 : 0x1p-149) : 0;
+                const double least = functions[f].exact == swish_exact && !isinf(v)
+                                         ? fabs(v) * (k->dtype == LG_F64 ? 0x1p-1074 : 0x1p-149)
+                                         : 0;
                 const double error = ulp_error(k, get(k, y, i), functions[f].exact((long double)v), least);
                 if (!(error <= functions[f].bound))
-                    fail_msg("%s %s %s(%.17g) = %.17g: %.3g units from %.21Lg", type_names[k->dtype], lg_isa_name(k->isa),
-                             functions[f].name, v, get(k, y, i), error, functions[f].exact((long double)v));
+                    fail_msg("%s %s %s(%.17g) = %.17g: %.3g units from %.21Lg", type_names[k->dtype],
+                             lg_isa_name(k->isa), functions[f].name, v, get(k, y, i), error,
+                             functions[f].exact((long double)v));
                 if (error > worst) worst = error;
             }
         }
-        print_message("%s %-8s %-12s %.2f ulp\n", type_names[k->dtype], lg_isa_name(k->isa), functions[f].name, worst);
+        print_message("%s %-8s %-12s %.2f ulp\n", type_names[k->dtype], lg_isa_name(k->isa),
+                      functions[f].name, worst);
     }
     free(x);
     free(y);
@@ -185,26 +227,29 @@ static void test_functions(void **state) {
 enum { POSITION_N = 37 };
 
 /* Equal bits; of a NaN neither sign nor payload is specified. */
-static void assert_same(const lg_kernels *k, const char *name, const void *whole, size_t i, const void *alone, size_t width) {
+static void assert_same(const lg_kernels *k, const char *name, const void *whole, size_t i, const void *alone,
+                        size_t width) {
     bool same = true;
     for (size_t j = 0; j < width; j++)
         same &= memcmp(at(k, whole, i * width + j), at(k, alone, j), k->size) == 0 ||
                 (isnan(get(k, whole, i * width + j)) && isnan(get(k, alone, j)));
     if (!same)
-        fail_msg("%s %s %s: element %zu is %.17g in an array, %.17g alone", type_names[k->dtype], lg_isa_name(k->isa), name, i,
-                 get(k, whole, i * width), get(k, alone, 0));
+        fail_msg("%s %s %s: element %zu is %.17g in an array, %.17g alone", type_names[k->dtype],
+                 lg_isa_name(k->isa), name, i, get(k, whole, i * width), get(k, alone, 0));
 }
 
 static void positions_of(const lg_kernels *k) {
     enum { N = POSITION_N };
     lg_rng rng;
     lg_rng_seed(&rng, 2, 0);
-    void *special = numbers(k, 256), *x = numbers(k, N), *g = random_numbers(k, &rng, N, -2, 2), *h = numbers(k, N), *y = numbers(k, 9 * N),
-         *in_place = numbers(k, N), *one = numbers(k, 9);
+    void *special = numbers(k, 256), *x = numbers(k, N), *g = random_numbers(k, &rng, N, -2, 2),
+         *h = numbers(k, N), *y = numbers(k, 9 * N), *in_place = numbers(k, N), *one = numbers(k, 9);
     const size_t specials = special_values(k, special);
     for (int round = 0; round < 20; round++) {
         for (size_t i = 0; i < N; i++)
-            set(k, x, i, lg_rng_below(&rng, 4) == 0 ? get(k, special, lg_rng_below(&rng, specials)) : lg_rng_normal(&rng) * (round + 1));
+            set(k, x, i,
+                lg_rng_below(&rng, 4) == 0 ? get(k, special, lg_rng_below(&rng, specials))
+                                           : lg_rng_normal(&rng) * (round + 1));
         for (int f = 0; f < LG_K_UNARIES; f++) {
             const double c = round % 2 == 0 ? 1.37 : 3;
             k->unary[f](N, c, x, y);
@@ -231,7 +276,8 @@ static void positions_of(const lg_kernels *k) {
                     if (kind != LG_K_TANH && kind != LG_K_SIGMOID && kind != LG_K_SWISH && with_h) continue;
                     k->act((lg_k_act)kind, order, N, x, with_h ? h : NULL, with_g ? g : NULL, y);
                     for (size_t i = 0; i < N; i++) {
-                        k->act((lg_k_act)kind, order, 1, at(k, x, i), with_h ? at(k, h, i) : NULL, with_g ? at(k, g, i) : NULL, one);
+                        k->act((lg_k_act)kind, order, 1, at(k, x, i), with_h ? at(k, h, i) : NULL,
+                               with_g ? at(k, g, i) : NULL, one);
                         assert_same(k, "act", y, i, one, 1);
                     }
                 }
@@ -269,7 +315,8 @@ static void test_positions(void **state) {
 
 static void elementwise_of(const lg_kernels *k) {
     const double a[] = {1, -2, 3, NAN, 0.5, 5}, b[] = {2, -2, 1, 1, NAN, 5};
-    static const double max[] = {2, -2, 3, NAN, NAN, 5}, ge[] = {0, 1, 1, 0, 0, 1}, sub[] = {-1, 0, 2, NAN, NAN, 0};
+    static const double max[] = {2, -2, 3, NAN, NAN, 5}, ge[] = {0, 1, 1, 0, 0, 1},
+                        sub[] = {-1, 0, 2, NAN, NAN, 0};
     void *x = numbers(k, 6), *y = numbers(k, 6), *z = numbers(k, 6);
     k->convert_in(6, a, x);
     k->convert_in(6, b, y);
@@ -291,9 +338,11 @@ static void elementwise_of(const lg_kernels *k) {
     static const struct {
         lg_k_unary op;
         double c, x, y;
-    } unary[] = {{LG_K_SCALE, 3, 2, 6}, {LG_K_SHIFT, 3, 2, 5}, {LG_K_POW, 2, -3, 9}, {LG_K_POW, 3, -2, -8}, {LG_K_POW, -1, 4, 0.25},
-                 {LG_K_POW, 4, -2, 16}, {LG_K_POW, 0.5, 9, 3}, {LG_K_POW, 0, 7, 1}, {LG_K_POW, 1, 7, 7}, {LG_K_POW, -2, 4, 0.0625},
-                 {LG_K_ABS, 0, -3, 3}, {LG_K_SIGN, 0, -3, -1}, {LG_K_SIGN, 0, 0, 1}, {LG_K_SIGN, 0, 3, 1}, {LG_K_RECIPROCAL, 0, 8, 0.125},
+    } unary[] = {{LG_K_SCALE, 3, 2, 6},     {LG_K_SHIFT, 3, 2, 5},   {LG_K_POW, 2, -3, 9},
+                 {LG_K_POW, 3, -2, -8},     {LG_K_POW, -1, 4, 0.25}, {LG_K_POW, 4, -2, 16},
+                 {LG_K_POW, 0.5, 9, 3},     {LG_K_POW, 0, 7, 1},     {LG_K_POW, 1, 7, 7},
+                 {LG_K_POW, -2, 4, 0.0625}, {LG_K_ABS, 0, -3, 3},    {LG_K_SIGN, 0, -3, -1},
+                 {LG_K_SIGN, 0, 0, 1},      {LG_K_SIGN, 0, 3, 1},    {LG_K_RECIPROCAL, 0, 8, 0.125},
                  {LG_K_SQRT, 0, 16, 4}};
     for (size_t c = 0; c < LG_COUNT(unary); c++) {
         set(k, x, 0, unary[c].x);
@@ -335,8 +384,10 @@ static void strided_of(const lg_kernels *k) {
     for (size_t rows = 1; rows < 20; rows += 3)
         for (size_t cols = 1; cols < 24; cols += cols < 4 ? 1 : 5)
             for (unsigned pattern = 0; pattern < 16; pattern++) {
-                const size_t ra = pattern & 1 ? cols : 0, ca = pattern >> 1 & 1, rb = pattern >> 2 & 1 ? cols + 1 : 0, cb = pattern >> 3;
-                void *a = random_numbers(k, &rng, rows * (cols + 1), 1, 2), *b = random_numbers(k, &rng, rows * (cols + 1), 1, 2);
+                const size_t ra = pattern & 1 ? cols : 0, ca = pattern >> 1 & 1,
+                             rb = pattern >> 2 & 1 ? cols + 1 : 0, cb = pattern >> 3;
+                void *a = random_numbers(k, &rng, rows * (cols + 1), 1, 2),
+                     *b = random_numbers(k, &rng, rows * (cols + 1), 1, 2);
                 void *y = numbers(k, rows * cols), *one = numbers(k, 1);
                 for (int op = 0; op < LG_K_BINARIES; op++) {
                     k->binary_strided[op](rows, cols, a, ra, ca, b, rb, cb, y);
@@ -384,11 +435,13 @@ static void act_of(const lg_kernels *k) {
         for (int order = 0; order <= LG_K_ACT_ORDERS; order++) {
             const double scale[] = {1, 1, 1, 2, 5, 20, 70, 300, 1500}; /* sizes of the derivatives near 0 */
             for (int variant = 0; variant < 4; variant++) {
-                k->act(smooth[s], order, N, smooth[s] != LG_K_SWISH && variant & 1 ? NULL : x, variant & 1 ? h : NULL, variant & 2 ? g : NULL, y);
+                k->act(smooth[s], order, N, smooth[s] != LG_K_SWISH && variant & 1 ? NULL : x,
+                       variant & 1 ? h : NULL, variant & 2 ? g : NULL, y);
                 for (size_t i = 0; i < N; i++) {
                     long double d[LG_K_ACT_ORDERS + 1];
                     exact_derivatives(smooth[s], (long double)get(k, x, i), d);
-                    assert_close(get(k, y, i), (double)d[order] * (variant & 2 ? 2 : 1), 8 * epsilon(k), 8 * epsilon(k) * scale[order]);
+                    assert_close(get(k, y, i), (double)d[order] * (variant & 2 ? 2 : 1), 8 * epsilon(k),
+                                 8 * epsilon(k) * scale[order]);
                 }
             }
         }
@@ -403,7 +456,8 @@ static void act_of(const lg_kernels *k) {
     }
     for (int order = 0; order <= 2; order++)
         for (size_t i = 0; i < N; i++) {
-            const double v = get(k, x, i), relu[] = {v > 0 ? v : 0, v > 0, 0}, leaky[] = {v > 0 ? v : LG_LEAKY_SLOPE * v, v > 0 ? 1 : LG_LEAKY_SLOPE, 0},
+            const double v = get(k, x, i), relu[] = {v > 0 ? v : 0, v > 0, 0},
+                         leaky[] = {v > 0 ? v : LG_LEAKY_SLOPE * v, v > 0 ? 1 : LG_LEAKY_SLOPE, 0},
                          identity[] = {v, 1, 0};
             static const lg_k_act kinds[] = {LG_K_RELU, LG_K_LEAKY_RELU, LG_K_IDENTITY};
             const double *expected[] = {relu, leaky, identity};
@@ -435,7 +489,8 @@ static void bias_act_of(const lg_kernels *k) {
         for (int kind = 0; kind < LG_K_ACTS; kind++)
             for (int with_bias = 0; with_bias < 2; with_bias++) {
                 const size_t rows = shapes[s][0], cols = shapes[s][1], n = rows * cols;
-                void *x = random_numbers(k, &rng, n, -9, 9), *bias = random_numbers(k, &rng, cols, -3, 3), *y = numbers(k, n), *z = numbers(k, n);
+                void *x = random_numbers(k, &rng, n, -9, 9), *bias = random_numbers(k, &rng, cols, -3, 3),
+                     *y = numbers(k, n), *z = numbers(k, n);
                 memcpy(y, x, n * k->size);
                 k->bias_act((lg_k_act)kind, rows, cols, with_bias ? bias : NULL, y);
                 if (with_bias) {
@@ -473,9 +528,11 @@ static double chain(const lg_kernels *t, size_t k, const void *a, size_t ca, con
     return (double)s;
 }
 
-static void check_gemm(const lg_kernels *t, lg_rng *rng, size_t m, size_t n, size_t k, bool transposed, bool accumulate, size_t pad) {
+static void check_gemm(const lg_kernels *t, lg_rng *rng, size_t m, size_t n, size_t k, bool transposed,
+                       bool accumulate, size_t pad) {
     const size_t ra = transposed ? 1 : k, ca = transposed ? m : 1, ldb = n + pad, ldc = n + pad;
-    void *a = random_numbers(t, rng, m * k, -1, 1), *b = random_numbers(t, rng, k > 0 ? k * ldb - pad : 0, -1, 1);
+    void *a = random_numbers(t, rng, m * k, -1, 1),
+         *b = random_numbers(t, rng, k > 0 ? k * ldb - pad : 0, -1, 1);
     void *c = random_numbers(t, rng, m * ldc - pad, -1, 1), *before = numbers(t, m * ldc - pad);
     memcpy(before, c, (m * ldc - pad) * t->size);
     t->gemm(m, n, k, a, ra, ca, b, ldb, c, ldc, accumulate);
@@ -485,11 +542,13 @@ static void check_gemm(const lg_kernels *t, lg_rng *rng, size_t m, size_t n, siz
             double expected = old;
             if (j < n) {
                 expected = chain(t, k, at(t, a, i * ra), ca, at(t, b, j), ldb);
-                if (accumulate) expected = t->dtype == LG_F64 ? old + expected : (double)((float)old + (float)expected);
+                if (accumulate)
+                    expected = t->dtype == LG_F64 ? old + expected : (double)((float)old + (float)expected);
             }
             if (!(got == expected))
-                fail_msg("%s %s gemm %zux%zux%zu%s%s: (%zu, %zu) = %.17g, expected %.17g", type_names[t->dtype], lg_isa_name(t->isa), m, n, k,
-                         transposed ? " transposed" : "", accumulate ? " accumulate" : "", i, j, got, expected);
+                fail_msg("%s %s gemm %zux%zux%zu%s%s: (%zu, %zu) = %.17g, expected %.17g",
+                         type_names[t->dtype], lg_isa_name(t->isa), m, n, k, transposed ? " transposed" : "",
+                         accumulate ? " accumulate" : "", i, j, got, expected);
         }
     free(a), free(b), free(c), free(before);
 }
@@ -499,11 +558,14 @@ static void gemm_of(const lg_kernels *t) {
     lg_rng_seed(&rng, 5, 0);
     for (size_t m = 1; m <= 19; m++)
         for (size_t n = 1; n <= 35; n++)
-            for (unsigned v = 0; v < 4; v++) check_gemm(t, &rng, m, n, (m * 7 + n * 3 + v) % 12, v & 1, v >> 1, (m + n) % 3);
-    static const size_t shapes[][3] = {{50, 100, 100}, {1, 879, 61}, {67, 129, 33}, {1, 1, 500}, {500, 1, 20}, {33, 257, 3}, {3, 3, 3},
-                                       {100, 1, 130}, {2, 211, 17}, {3, 230, 17}, {600, 20, 200}};
+            for (unsigned v = 0; v < 4; v++)
+                check_gemm(t, &rng, m, n, (m * 7 + n * 3 + v) % 12, v & 1, v >> 1, (m + n) % 3);
+    static const size_t shapes[][3] = {{50, 100, 100}, {1, 879, 61}, {67, 129, 33}, {1, 1, 500},
+                                       {500, 1, 20},   {33, 257, 3}, {3, 3, 3},     {100, 1, 130},
+                                       {2, 211, 17},   {3, 230, 17}, {600, 20, 200}};
     for (size_t s = 0; s < LG_COUNT(shapes); s++)
-        for (unsigned v = 0; v < 8; v++) check_gemm(t, &rng, shapes[s][0], shapes[s][1], shapes[s][2], v & 1, v >> 1 & 1, v >> 2);
+        for (unsigned v = 0; v < 8; v++)
+            check_gemm(t, &rng, shapes[s][0], shapes[s][1], shapes[s][2], v & 1, v >> 1 & 1, v >> 2);
 }
 
 static void test_gemm(void **state) {
@@ -519,7 +581,8 @@ static void transpose_of(const lg_kernels *k) {
             void *x = random_numbers(k, &rng, rows * cols, -1, 1), *y = numbers(k, rows * cols);
             k->transpose(rows, cols, x, y);
             for (size_t i = 0; i < rows; i++)
-                for (size_t j = 0; j < cols; j++) assert_close(get(k, y, j * rows + i), get(k, x, i * cols + j), 0, 0);
+                for (size_t j = 0; j < cols; j++)
+                    assert_close(get(k, y, j * rows + i), get(k, x, i * cols + j), 0, 0);
             free(x), free(y);
         }
 }
@@ -552,7 +615,8 @@ static void reductions_of(const lg_kernels *k) {
     static const size_t shapes[][2] = {{1, 1}, {5, 3}, {8, 100}, {13, 300}, {50, 1}, {3, 700}};
     for (size_t s = 0; s < LG_COUNT(shapes); s++) {
         const size_t rows = shapes[s][0], cols = shapes[s][1];
-        void *x = random_numbers(k, &rng, rows * cols, -1, 1), *y = numbers(k, rows > cols ? rows : cols), *one = numbers(k, 1);
+        void *x = random_numbers(k, &rng, rows * cols, -1, 1), *y = numbers(k, rows > cols ? rows : cols),
+             *one = numbers(k, 1);
         for (int accumulate = 0; accumulate < 2; accumulate++) {
             for (size_t j = 0; j < cols; j++) set(k, y, j, 2.0);
             k->sum_rows(rows, cols, x, y, accumulate);
@@ -584,12 +648,14 @@ static void vectors_of(const lg_kernels *k) {
     lg_rng rng;
     lg_rng_seed(&rng, 8, 0);
     for (size_t rows = 1; rows < 40; rows += 3) {
-        void *a = random_numbers(k, &rng, rows * 5, -1, 1), *b = random_numbers(k, &rng, rows * 5, -1, 1), *y = numbers(k, rows * 3);
+        void *a = random_numbers(k, &rng, rows * 5, -1, 1), *b = random_numbers(k, &rng, rows * 5, -1, 1),
+             *y = numbers(k, rows * 3);
         k->cross(rows, a, b, y);
         for (size_t i = 0; i < rows; i++)
             for (size_t j = 0; j < 3; j++) {
                 const size_t p = 3 * i + (j + 1) % 3, q = 3 * i + (j + 2) % 3;
-                assert_close(get(k, y, 3 * i + j), get(k, a, p) * get(k, b, q) - get(k, a, q) * get(k, b, p), 0, 2 * epsilon(k));
+                assert_close(get(k, y, 3 * i + j), get(k, a, p) * get(k, b, q) - get(k, a, q) * get(k, b, p),
+                             0, 2 * epsilon(k));
             }
         for (size_t cols = 1; cols <= 5; cols++) {
             k->rowdot(rows, cols, a, b, y);
@@ -676,7 +742,8 @@ static void spd_of(const lg_kernels *t) {
     enum { N = 5, M = 3, MAX_K = 9 };
     for (size_t k = 1; k <= MAX_K; k++) {
         const size_t kk = k * k;
-        void *a = numbers(t, N * kk), *l = numbers(t, N * kk), *b = random_numbers(t, &rng, N * k * M, -1, 1), *x = numbers(t, N * k * M);
+        void *a = numbers(t, N * kk), *l = numbers(t, N * kk), *b = random_numbers(t, &rng, N * k * M, -1, 1),
+             *x = numbers(t, N * k * M);
         for (size_t s = 0; s < N; s++) { /* G G^T + I, and a skew part that symmetrisation removes */
             double g[MAX_K * MAX_K];
             for (size_t i = 0; i < kk; i++) g[i] = lg_rng_uniform_in(&rng, -1, 1);
@@ -695,7 +762,8 @@ static void spd_of(const lg_kernels *t) {
                 for (size_t c = 0; c < M; c++) {
                     double v = 0;
                     for (size_t j = 0; j < k; j++)
-                        v += 0.5 * (get(t, a, s * kk + i * k + j) + get(t, a, s * kk + j * k + i)) * get(t, x, s * k * M + j * M + c);
+                        v += 0.5 * (get(t, a, s * kk + i * k + j) + get(t, a, s * kk + j * k + i)) *
+                             get(t, x, s * k * M + j * M + c);
                     assert_close(v, get(t, b, s * k * M + i * M + c), 0, 100 * epsilon(t));
                 }
             }
@@ -737,7 +805,8 @@ static void adam_of(const lg_kernels *k) {
                 const double d = clip * get(k, g, i) + (decoupled ? 0 : decay * et[i]);
                 em[i] = b1 * em[i] + (1 - b1) * d;
                 ev[i] = b2 * ev[i] + (1 - b2) * d * d;
-                et[i] = et[i] - (decoupled ? lr * decay * et[i] : 0) - lr * (em[i] / c1) / (sqrt(ev[i] / c2) + eps);
+                et[i] = et[i] - (decoupled ? lr * decay * et[i] : 0) -
+                        lr * (em[i] / c1) / (sqrt(ev[i] / c2) + eps);
             }
             k->adam(N, lr, b1, b2, eps, c1, c2, decay, decoupled, clip, g, m, v, theta);
             for (size_t i = 0; i < N; i++) {
@@ -756,8 +825,9 @@ static void adam_positions_of(const lg_kernels *k) {
     lg_rng rng;
     lg_rng_seed(&rng, 11, 0);
     enum { N = POSITION_N };
-    void *g = random_numbers(k, &rng, N, -1, 1), *m = random_numbers(k, &rng, N, -1, 1), *v = random_numbers(k, &rng, N, 0, 1),
-         *theta = random_numbers(k, &rng, N, -1, 1), *all[3] = {m, v, theta};
+    void *g = random_numbers(k, &rng, N, -1, 1), *m = random_numbers(k, &rng, N, -1, 1),
+         *v = random_numbers(k, &rng, N, 0, 1), *theta = random_numbers(k, &rng, N, -1, 1),
+         *all[3] = {m, v, theta};
     void *copy[3];
     for (int a = 0; a < 3; a++) {
         copy[a] = numbers(k, N);
@@ -765,8 +835,8 @@ static void adam_positions_of(const lg_kernels *k) {
     }
     k->adam(N, 1e-3, 0.9, 0.999, 1e-8, 0.1, 0.001, 0.01, true, 1, g, m, v, theta);
     for (size_t i = 0; i < N; i++)
-        k->adam(1, 1e-3, 0.9, 0.999, 1e-8, 0.1, 0.001, 0.01, true, 1, at(k, g, i), at_mutable(k, copy[0], i), at_mutable(k, copy[1], i),
-                at_mutable(k, copy[2], i));
+        k->adam(1, 1e-3, 0.9, 0.999, 1e-8, 0.1, 0.001, 0.01, true, 1, at(k, g, i), at_mutable(k, copy[0], i),
+                at_mutable(k, copy[1], i), at_mutable(k, copy[2], i));
     for (int a = 0; a < 3; a++) {
         assert_memory_equal(copy[a], all[a], N * k->size);
         free(copy[a]), free(all[a]);
@@ -798,12 +868,23 @@ static void test_describe(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_tables),          cmocka_unit_test(test_functions),  cmocka_unit_test(test_positions),
-        cmocka_unit_test(test_elementwise),     cmocka_unit_test(test_strided),    cmocka_unit_test(test_act),
-        cmocka_unit_test(test_bias_act),        cmocka_unit_test(test_gemm),       cmocka_unit_test(test_transpose),
-        cmocka_unit_test(test_reductions),      cmocka_unit_test(test_vectors),    cmocka_unit_test(test_stumpff),
-        cmocka_unit_test(test_stumpff_kernels), cmocka_unit_test(test_dexpinv),    cmocka_unit_test(test_spd),
-        cmocka_unit_test(test_adam),            cmocka_unit_test(test_describe),
+        cmocka_unit_test(test_tables),
+        cmocka_unit_test(test_functions),
+        cmocka_unit_test(test_positions),
+        cmocka_unit_test(test_elementwise),
+        cmocka_unit_test(test_strided),
+        cmocka_unit_test(test_act),
+        cmocka_unit_test(test_bias_act),
+        cmocka_unit_test(test_gemm),
+        cmocka_unit_test(test_transpose),
+        cmocka_unit_test(test_reductions),
+        cmocka_unit_test(test_vectors),
+        cmocka_unit_test(test_stumpff),
+        cmocka_unit_test(test_stumpff_kernels),
+        cmocka_unit_test(test_dexpinv),
+        cmocka_unit_test(test_spd),
+        cmocka_unit_test(test_adam),
+        cmocka_unit_test(test_describe),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

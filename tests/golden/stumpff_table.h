@@ -1,4 +1,5 @@
 /* Written by stumpff_table.py: do not edit. */
+/* clang-format off */
 #ifndef LG_STUMPFF_TABLE_H
 #define LG_STUMPFF_TABLE_H
 

@@ -35,7 +35,7 @@ def number(x):
     return mp.nstr(x, 25, min_fixed=0, max_fixed=0) if x else "0.0"
 
 
-lines = ["/* Written by stumpff_table.py: do not edit. */", "#ifndef LG_STUMPFF_TABLE_H", "#define LG_STUMPFF_TABLE_H", ""]
+lines = ["/* Written by stumpff_table.py: do not edit. */", "/* clang-format off */", "#ifndef LG_STUMPFF_TABLE_H", "#define LG_STUMPFF_TABLE_H", ""]
 lines += ["/* Arguments of the issue's list come first. c[k] is the derivative number `order` of c_k at w. */"]
 lines += ["static const struct {", "    double w;", "    int order;", "    double c[9];", "} stumpff_table[] = {"]
 for w in ARGUMENTS + MORE:

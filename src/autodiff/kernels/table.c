@@ -2,7 +2,8 @@
 
 extern const lg_kernels lg_kernels_f64_baseline, lg_kernels_f32_baseline;
 #if defined(__x86_64__)
-extern const lg_kernels lg_kernels_f64_avx2, lg_kernels_f32_avx2, lg_kernels_f64_avx512, lg_kernels_f32_avx512;
+extern const lg_kernels lg_kernels_f64_avx2, lg_kernels_f32_avx2, lg_kernels_f64_avx512,
+    lg_kernels_f32_avx512;
 #endif
 
 static const lg_kernels *const tables[LG_ISA_COUNT][2] = {

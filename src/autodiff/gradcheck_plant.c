@@ -1,0 +1,140 @@
+/* Planted errors: mutations of what an operation's vjp or jvp returns, and the run that wants each one
+ * caught. */
+#include "autodiff/gradcheck_internal.h"
+
+#include <string.h>
+
+#define PLANTED_FACTOR (1.0 + 1.0 / 1024.0)
+
+/* ---- mutations ---- */
+
+static bool same_numbers(const lg_tape *tape, lg_var a, lg_var b) {
+    const lg_node *na = lg_node_at(tape, a), *nb = lg_node_at(tape, b);
+    return memcmp(na->value, nb->value, na->count * tape->k->size) == 0;
+}
+
+static lg_var transposed(lg_tape *tape, lg_var v) {
+    lg_shape shape = lg_node_at(tape, v)->shape;
+    return shape.rank < 2 ? v : lg_reshape(tape, lg_transpose(tape, v), shape);
+}
+
+/* The wrong value in place of v; LG_NONE is zero. */
+static lg_var mutated(lg_tape *tape, lg_plant *plant, lg_var v) {
+    lg_var wrong = LG_NONE;
+    plant->applied++;
+    if (plant->mutation == LG_PLANT_SIGN) wrong = lg_neg(tape, v);
+    if (plant->mutation == LG_PLANT_FACTOR) wrong = lg_scale(tape, v, PLANTED_FACTOR);
+    if (plant->mutation == LG_PLANT_TRANSPOSE) wrong = transposed(tape, v);
+    if (lg_is_none(wrong) || tape->status != LG_OK || !same_numbers(tape, v, wrong)) plant->changed++;
+    return wrong;
+}
+
+bool lg_plant_hits(const lg_tape *tape, uint32_t node, lg_plant_direction direction) {
+    const lg_plant *plant = tape->plant;
+    return plant != NULL && plant->direction == direction && tape->nodes[node].op == plant->op;
+}
+
+void lg_plant_vjp(lg_reverse *r) {
+    uint32_t k = r->tape->plant->input;
+    if (k < r->inputs && r->need[k] && !lg_is_none(r->out[k]) && r->tape->status == LG_OK)
+        r->out[k] = mutated(r->tape, r->tape->plant, r->out[k]);
+}
+
+lg_var lg_plant_jvp(const lg_forward *f) {
+    lg_tape *tape = f->tape;
+    lg_plant *plant = tape->plant;
+    lg_op_code op = (lg_op_code)lg_node_at(tape, f->y)->op;
+    if (plant->mutation != LG_PLANT_DROP) {
+        lg_var right = lg_ops[op]->jvp(f);
+        return tape->status == LG_OK && !lg_is_none(right) ? mutated(tape, plant, right) : right;
+    }
+    lg_var kept[LG_MAX_INPUTS];
+    bool any = false;
+    for (uint32_t k = 0; k < f->inputs; k++) {
+        kept[k] = k == plant->input ? LG_NONE : f->tangents[k];
+        any = any || !lg_is_none(kept[k]);
+        if (k == plant->input && !lg_is_none(f->tangents[k])) plant->applied = ++plant->changed;
+    }
+    lg_forward without = *f;
+    without.tangents = kept;
+    return any ? lg_ops[op]->jvp(&without) : lg_zeros_like(tape, f->y);
+}
+
+int lg_op_by_name(const char *name) {
+    for (int op = 0; op < LG_OP_COUNT; op++)
+        if (strcmp(lg_ops[op]->name, name) == 0) return op;
+    return -1;
+}
+
+const char *lg_plant_direction_name(lg_plant_direction direction) {
+    return direction == LG_PLANT_VJP ? "vjp" : "jvp";
+}
+
+const char *lg_plant_mutation_name(lg_plant_mutation mutation) {
+    static const char *const names[LG_PLANT_MUTATIONS] = {"sign", "drop", "factor", "transpose"};
+    return (unsigned)mutation < LG_PLANT_MUTATIONS ? names[mutation] : "unknown";
+}
+
+/* ---- the run ---- */
+
+/* Why no mutation of this operation's input can be seen, or NULL. */
+static const char *never_asked(const lg_gradcheck_case *row, int op, uint32_t input) {
+    if (op == LG_OP_LEAF) return "a leaf has no inputs";
+    if (op == LG_OP_CUSTOM_DERIVATIVE) return "the derivative of a numeric derivative is an error";
+    if (lg_ops[op]->frozen == ~0u || (input < 32 && (lg_ops[op]->frozen >> input & 1u)))
+        return "constant to differentiation";
+    return row->zero ? "the derivative is identically zero" : NULL;
+}
+
+static lg_status plant_one(const lg_context *context, const lg_gradcheck_case *row,
+                           const lg_gradcheck_options *options, const lg_gradcheck_plant *plant,
+                           lg_plant_report_fn report, void *user) {
+    const char *why = never_asked(row, lg_op_by_name(plant->operation), plant->input);
+    if (why != NULL) {
+        report(user, row, plant, LG_PLANT_EXCLUDED, why);
+        return LG_OK;
+    }
+    lg_gradcheck_options planted = *options;
+    lg_gradcheck_result result;
+    planted.plant = plant;
+    lg_status status = lg_gradcheck_run(context, row, &planted, &result);
+    if (status != LG_OK && status != LG_CHECK_FAILED) return status;
+    if (plant->mutation == LG_PLANT_TRANSPOSE && result.plant_changed == 0)
+        report(user, row, plant, LG_PLANT_EXCLUDED, "the transposition changes no number");
+    else
+        report(user, row, plant, status == LG_OK ? LG_PLANT_MISSED : LG_PLANT_CAUGHT, result.message);
+    return LG_OK;
+}
+
+static lg_status plant_operation(const lg_context *context, const lg_gradcheck_case *row,
+                                 const char *operation, uint32_t inputs, const lg_gradcheck_options *options,
+                                 lg_plant_report_fn report, void *user) {
+    for (int direction = LG_PLANT_VJP; direction <= LG_PLANT_JVP; direction++)
+        for (int mutation = 0; mutation < LG_PLANT_MUTATIONS; mutation++) {
+            /* A jvp returns one tangent: only what is dropped depends on the input. */
+            bool whole = direction == LG_PLANT_JVP && mutation != LG_PLANT_DROP;
+            for (uint32_t input = 0; input < (whole ? 1 : inputs); input++) {
+                lg_gradcheck_plant plant = {operation, (lg_plant_direction)direction,
+                                            (lg_plant_mutation)mutation, input};
+                LG_TRY(plant_one(context, row, options, &plant, report, user));
+            }
+        }
+    return LG_OK;
+}
+
+lg_status lg_gradcheck_plant_all(const lg_context *context, const lg_gradcheck_case *row,
+                                 const lg_gradcheck_options *options, lg_plant_report_fn report, void *user) {
+    lg_gradcheck_options chosen;
+    lg_gradcheck_options_init(&chosen);
+    if (row == NULL || report == NULL) return LG_INVALID_ARGUMENT;
+    if (options != NULL) chosen = *options;
+    for (size_t i = 0; i < LG_GRADCHECK_CASE_OPERATIONS && row->operations[i] != NULL; i++) {
+        int op = lg_op_by_name(row->operations[i]);
+        uint32_t inputs = 0;
+        if (op < 0) return LG_INVALID_ARGUMENT;
+        LG_TRY(lg_gradcheck_inputs_of(context, &row->function, &chosen, (lg_op_code)op, &inputs));
+        LG_TRY(plant_operation(context, row, row->operations[i], inputs == 0 ? 1 : inputs, &chosen, report,
+                               user));
+    }
+    return LG_OK;
+}

@@ -1,0 +1,142 @@
+/* Damped Newton on the full batch, the Hessian by forward over reverse, for models with few parameters. */
+#include <math.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "liegrad/nn.h"
+
+/* LAPACK: solves A X = B, A symmetric positive definite, column-major. */
+void dposv_(const char *uplo, const int *n, const int *nrhs, double *a, const int *lda, double *b, const int *ldb, int *info);
+
+typedef struct newton {
+    const lg_context *context;
+    const lg_fit_problem *problem;
+    size_t n;
+    lg_tape *tape;
+    uint32_t *samples;
+    double *theta, *trial, *gradient, *hessian, *system, *step;
+} newton;
+
+static void destroy(newton *w) {
+    lg_tape_destroy(w->tape);
+    lg_free(w->context, w->samples);
+    lg_free(w->context, w->theta);
+}
+
+static lg_status create(newton *w) {
+    const size_t n = w->n;
+    w->samples = lg_alloc(w->context, w->problem->samples, sizeof *w->samples);
+    w->theta = lg_alloc(w->context, 4 * n + 2 * n * n, sizeof *w->theta);
+    if (w->samples == NULL || w->theta == NULL) return LG_OUT_OF_MEMORY;
+    w->trial = w->theta + n;
+    w->gradient = w->trial + n;
+    w->step = w->gradient + n;
+    w->hessian = w->step + n;
+    w->system = w->hessian + n * n;
+    for (size_t i = 0; i < w->problem->samples; i++) w->samples[i] = (uint32_t)i;
+    return lg_tape_create(w->context, NULL, &w->tape);
+}
+
+/* Records the full-batch loss at `at`; the value goes to *value. */
+static lg_status record_loss(newton *w, const double *at, lg_var *theta, lg_var *loss, double *value) {
+    lg_tape_reset(w->tape);
+    *theta = lg_parameter(w->tape, lg_shape1((uint32_t)w->n), at);
+    LG_TRY(w->problem->loss(w->problem->user, w->tape, *theta, w->samples, w->problem->samples, w->problem->samples, loss));
+    return lg_read(w->tape, *loss, value, 1);
+}
+
+static lg_status derivatives(newton *w, double *value) {
+    lg_var theta, loss, gradient;
+    LG_TRY(record_loss(w, w->theta, &theta, &loss, value));
+    LG_TRY(lg_grad(w->tape, loss, &theta, 1, &gradient));
+    LG_TRY(lg_read(w->tape, gradient, w->gradient, w->n));
+    const lg_mark mark = lg_tape_mark(w->tape);
+    for (size_t j = 0; j < w->n; j++) {
+        void *unit;
+        lg_var direction = lg_input_buffer(w->tape, lg_shape1((uint32_t)w->n), &unit), column;
+        if (lg_is_none(direction)) return lg_tape_status(w->tape);
+        for (size_t i = 0; i < w->n; i++) ((double *)unit)[i] = i == j ? 1.0 : 0.0;
+        LG_TRY(lg_jvp(w->tape, &gradient, 1, &theta, &direction, 1, &column));
+        LG_TRY(lg_read(w->tape, column, w->hessian + j * w->n, w->n));
+        LG_TRY(lg_tape_rewind(w->tape, mark));
+    }
+    return LG_OK;
+}
+
+static double largest(const double *x, size_t n) {
+    double top = 0.0;
+    for (size_t i = 0; i < n; i++)
+        if (!(fabs(x[i]) <= top)) top = fabs(x[i]);
+    return top;
+}
+
+/* (H + damping I) step = -gradient; false when that is not positive definite. */
+static bool solve_step(newton *w, double damping) {
+    const int n = (int)w->n, one = 1;
+    int info = 0;
+    memcpy(w->system, w->hessian, w->n * w->n * sizeof *w->system);
+    for (size_t i = 0; i < w->n; i++) {
+        w->system[i * w->n + i] += damping;
+        w->step[i] = -w->gradient[i];
+    }
+    dposv_("L", &n, &one, w->system, &n, w->step, &n, &info);
+    return info == 0;
+}
+
+/* Raises the damping until a step lowers the loss. False: no step does. */
+static lg_status descend(newton *w, double value, double scale, double *damping, bool *moved) {
+    *moved = false;
+    for (int attempt = 0; attempt < 60 && !*moved; attempt++) {
+        double next;
+        lg_var theta, loss;
+        if (solve_step(w, *damping * scale)) {
+            for (size_t i = 0; i < w->n; i++) w->trial[i] = w->theta[i] + w->step[i];
+            LG_TRY(record_loss(w, w->trial, &theta, &loss, &next));
+            *moved = next < value;
+        }
+        *damping = *moved ? *damping * 0.1 : *damping * 10.0;
+    }
+    if (*moved) memcpy(w->theta, w->trial, w->n * sizeof *w->theta);
+    return LG_OK;
+}
+
+static lg_status iterate(newton *w, const lg_newton_options *options, lg_newton_result *result) {
+    double damping = 1e-3;
+    for (result->iterations = 0; result->iterations < options->max_iterations; result->iterations++) {
+        if (lg_cancelled(w->context)) return LG_CANCELLED;
+        LG_TRY(derivatives(w, &result->loss));
+        result->gradient_norm = largest(w->gradient, w->n);
+        const double scale = largest(w->hessian, w->n * w->n);
+        if (!isfinite(result->loss) || !isfinite(result->gradient_norm) || !isfinite(scale)) return LG_NOT_FINITE;
+        if (result->gradient_norm <= options->gradient_tolerance * scale) break;
+        bool moved;
+        LG_TRY(descend(w, result->loss, scale, &damping, &moved));
+        if (!moved) break;
+    }
+    return LG_OK;
+}
+
+lg_newton_options lg_newton_defaults(void) {
+    return (lg_newton_options){.max_iterations = 200, .gradient_tolerance = 1e-15};
+}
+
+lg_status lg_newton_fit(const lg_context *context, const lg_fit_problem *problem, const lg_newton_options *options,
+                        double *theta, lg_newton_result *result) {
+    const lg_newton_options chosen = options != NULL ? *options : lg_newton_defaults();
+    if (problem->parameters == 0 || problem->parameters > LG_NEWTON_MAX_PARAMETERS || problem->samples == 0 ||
+        problem->samples > UINT32_MAX)
+        return LG_INVALID_ARGUMENT;
+    newton w = {.context = context, .problem = problem, .n = problem->parameters};
+    lg_newton_result found = {0};
+    lg_status status = create(&w);
+    if (status == LG_OK) {
+        memcpy(w.theta, theta, w.n * sizeof *theta);
+        status = iterate(&w, &chosen, &found);
+    }
+    if (status == LG_OK) {
+        memcpy(theta, w.theta, w.n * sizeof *theta);
+        if (result != NULL) *result = found;
+    }
+    destroy(&w);
+    return status;
+}

@@ -1,0 +1,265 @@
+/* Shared by the tests of files: a scratch folder, damaged copies, HDF5 written as another program would, an allocator that fails. */
+#ifndef LG_IO_TEST_H
+#define LG_IO_TEST_H
+
+#include <dirent.h>
+#include <unistd.h>
+
+#include "datasets/h5.h"
+#include "test_support.h"
+
+static char scratch[64];
+
+static inline int scratch_begin(void **state) {
+    (void)state;
+    (void)snprintf(scratch, sizeof scratch, "/tmp/liegrad-test-XXXXXX");
+    (void)H5Eset_auto2(H5E_DEFAULT, NULL, NULL);
+    return mkdtemp(scratch) == NULL;
+}
+
+/* Names in the scratch folder. */
+static inline size_t scratch_files(void) {
+    size_t count = 0;
+    DIR *folder = opendir(scratch);
+    assert_non_null(folder);
+    for (struct dirent *entry; (entry = readdir(folder)) != NULL;) count += entry->d_name[0] != '.';
+    (void)closedir(folder);
+    return count;
+}
+
+static inline int scratch_end(void **state) {
+    (void)state;
+    DIR *folder = opendir(scratch);
+    if (folder == NULL) return 1;
+    for (struct dirent *entry; (entry = readdir(folder)) != NULL;) {
+        char path[512];
+        (void)snprintf(path, sizeof path, "%s/%s", scratch, entry->d_name);
+        (void)unlink(path);
+    }
+    (void)closedir(folder);
+    return rmdir(scratch);
+}
+
+static inline const char *scratch_path(const char *name) {
+    static char paths[8][128];
+    static unsigned next;
+    char *path = paths[next++ % 8];
+    (void)snprintf(path, sizeof paths[0], "%s/%s", scratch, name);
+    return path;
+}
+
+/* ---- bytes ---- */
+
+static inline unsigned char *read_bytes_of(const char *path, size_t *size) {
+    FILE *file = fopen(path, "rb");
+    assert_non_null(file);
+    assert_int_equal(fseek(file, 0, SEEK_END), 0);
+    *size = (size_t)ftell(file);
+    rewind(file);
+    unsigned char *data = malloc(*size + 1);
+    assert_non_null(data);
+    assert_int_equal(fread(data, 1, *size, file), *size);
+    (void)fclose(file);
+    return data;
+}
+
+static inline void write_bytes_to(const char *path, const void *data, size_t size) {
+    FILE *file = fopen(path, "wb");
+    assert_non_null(file);
+    assert_int_equal(fwrite(data, 1, size, file), size);
+    assert_int_equal(fclose(file), 0);
+}
+
+static inline void write_text_to(const char *path, const char *text) {
+    write_bytes_to(path, text, strlen(text));
+}
+
+static inline void assert_same_bytes(const char *a, const char *b) {
+    size_t na, nb;
+    unsigned char *da = read_bytes_of(a, &na), *db = read_bytes_of(b, &nb);
+    assert_int_equal(na, nb);
+    assert_memory_equal(da, db, na);
+    free(da);
+    free(db);
+}
+
+/* ---- readers under damage ---- */
+
+/* Reads the file and frees what it got. */
+typedef lg_status (*read_fn)(const lg_context *context, const char *path, const lg_read_options *options, lg_error *error);
+
+/* The status is one of two, and every word is in the sentence ("" for none). */
+static inline void assert_refused(read_fn reader, const char *path, lg_status expected, const char *word1,
+                                  const char *word2) {
+    lg_error error = {LG_OK, ""};
+    lg_status status = reader(NULL, path, NULL, &error);
+    if (status != expected)
+        fail_msg("%s: %s (%s), expected %s", path, lg_status_name(status), error.message, lg_status_name(expected));
+    assert_int_equal(error.status, expected);
+    const char *const words[] = {strrchr(path, '/') + 1, word1, word2};
+    for (size_t i = 0; i < 3; i++)
+        if (strstr(error.message, words[i]) == NULL) fail_msg("no '%s' in: %s", words[i], error.message);
+    /* A NULL error is fine too. */
+    assert_int_equal(reader(NULL, path, NULL, NULL), expected);
+}
+
+/* Missing, empty, a folder, cut at each tenth, PNG, text: the same for every reader. `line`: what stands in sentences of YAML. */
+static inline void refuse_damaged_files(read_fn reader, const char *good, const char *line) {
+    static const unsigned char png[] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n', 0, 0, 0, 13, 'I', 'H', 'D', 'R', 0xff};
+    size_t size;
+    unsigned char *data = read_bytes_of(good, &size);
+    assert_ok(reader(NULL, good, NULL, NULL));
+    assert_refused(reader, scratch_path("nothing-here"), LG_NOT_FOUND, "", "");
+    assert_refused(reader, scratch, LG_FILE, "regular", "");
+    const char *bad = scratch_path("damaged");
+    write_bytes_to(bad, "", 0);
+    assert_refused(reader, bad, LG_FORMAT, "empty", line);
+    for (size_t tenth = 1; tenth < 10; tenth++) {
+        write_bytes_to(bad, data, size * tenth / 10);
+        assert_refused(reader, bad, LG_FORMAT, line, "");
+    }
+    write_bytes_to(bad, data, size - 1);
+    lg_status last = reader(NULL, bad, NULL, NULL);
+    assert_true(last == LG_OK || last == LG_FORMAT); /* the last byte may be padding */
+    write_bytes_to(bad, png, sizeof png);
+    assert_refused(reader, bad, LG_FORMAT, line, "");
+    write_text_to(bad, "It was a dark and stormy night.\n");
+    assert_refused(reader, bad, LG_FORMAT, line, "");
+    free(data);
+}
+
+/* Single bytes changed all over a file: any status, but the process lives on. */
+static inline void survive_changed_bytes(read_fn reader, const char *good, size_t changes) {
+    size_t size;
+    unsigned char *data = read_bytes_of(good, &size);
+    const char *bad = scratch_path("mutated");
+    for (size_t i = 0; i < changes; i++) {
+        size_t at = (size_t)((double)i / (double)changes * (double)size);
+        unsigned char before = data[at];
+        data[at] = (unsigned char)(before ^ (i % 3 == 0 ? 0xff : i % 3 == 1 ? 0x01 : 0x80));
+        write_bytes_to(bad, data, size);
+        lg_error error = {LG_OK, ""};
+        lg_status status = reader(NULL, bad, NULL, &error);
+        if (status != LG_OK && strstr(error.message, "mutated") == NULL)
+            fail_msg("byte %zu: %s: %s", at, lg_status_name(status), error.message);
+        data[at] = before;
+    }
+    free(data);
+}
+
+/* ---- HDF5 as another program writes it ---- */
+
+static inline hid_t open_for_change(const char *path) {
+    hid_t file = H5Fopen(path, H5F_ACC_RDWR, H5P_DEFAULT);
+    assert_true(file >= 0);
+    return file;
+}
+
+/* Puts a data set in place of what stands there. */
+static inline void replace_dataset(const char *path, const char *name, hid_t stored, hid_t memory, int rank,
+                                   const hsize_t *dims, const void *data) {
+    hid_t file = open_for_change(path), space = H5Screate_simple(rank, dims, NULL);
+    if (H5Lexists(file, name, H5P_DEFAULT) > 0) assert_true(H5Ldelete(file, name, H5P_DEFAULT) >= 0);
+    hid_t set = H5Dcreate2(file, name, stored, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
+    assert_true(set >= 0);
+    if (data != NULL) assert_true(H5Dwrite(set, memory, H5S_ALL, H5S_ALL, H5P_DEFAULT, data) >= 0);
+    assert_true(H5Dclose(set) >= 0 && H5Sclose(space) >= 0 && H5Fclose(file) >= 0);
+}
+
+static inline void delete_link(const char *path, const char *name) {
+    hid_t file = open_for_change(path);
+    assert_true(H5Ldelete(file, name, H5P_DEFAULT) >= 0 && H5Fclose(file) >= 0);
+}
+
+static inline void delete_attribute(const char *path, const char *object, const char *name) {
+    hid_t file = open_for_change(path);
+    if (H5Aexists_by_name(file, object, name, H5P_DEFAULT) > 0)
+        assert_true(H5Adelete_by_name(file, object, name, H5P_DEFAULT) >= 0);
+    assert_true(H5Fclose(file) >= 0);
+}
+
+static inline void replace_attribute(const char *path, const char *object, const char *name, hid_t stored, hid_t memory,
+                                     const void *value) {
+    delete_attribute(path, object, name);
+    hid_t file = open_for_change(path), space = H5Screate(H5S_SCALAR);
+    hid_t attribute = H5Acreate_by_name(file, object, name, stored, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
+    assert_true(attribute >= 0 && H5Awrite(attribute, memory, value) >= 0);
+    assert_true(H5Aclose(attribute) >= 0 && H5Sclose(space) >= 0 && H5Fclose(file) >= 0);
+}
+
+/* Variable-length text, as h5py writes a str. */
+static inline void replace_text(const char *path, const char *object, const char *name, const char *value) {
+    hid_t type = H5Tcopy(H5T_C_S1);
+    assert_true(type >= 0 && H5Tset_size(type, H5T_VARIABLE) >= 0 && H5Tset_cset(type, H5T_CSET_UTF8) >= 0);
+    replace_attribute(path, object, name, type, type, &value);
+    assert_true(H5Tclose(type) >= 0);
+}
+
+static inline void replace_integer(const char *path, const char *object, const char *name, int64_t value) {
+    replace_attribute(path, object, name, H5T_STD_I64LE, H5T_NATIVE_INT64, &value);
+}
+
+/* HDF5 identifiers that are open. */
+static inline hsize_t open_identifiers(void) {
+    static const H5I_type_t types[] = {H5I_FILE, H5I_GROUP, H5I_DATATYPE, H5I_DATASPACE, H5I_DATASET, H5I_ATTR, H5I_GENPROP_LST};
+    hsize_t total = 0;
+    for (size_t i = 0; i < LG_COUNT(types); i++) {
+        hsize_t count = 0;
+        if (H5Inmembers(types[i], &count) >= 0) total += count;
+    }
+    return total;
+}
+
+/* ---- an allocator whose nth allocation fails ---- */
+
+typedef struct failing {
+    size_t made, live, fail_at; /* fail_at counts from 1 */
+} failing;
+
+static inline void *failing_allocate(void *user, size_t bytes) {
+    failing *f = user;
+    if (++f->made == f->fail_at) return NULL;
+    void *memory = NULL;
+    if (posix_memalign(&memory, 64, bytes) != 0) return NULL;
+    f->live++;
+    return memory;
+}
+
+static inline void failing_release(void *user, void *memory) {
+    failing *f = user;
+    f->live--;
+    free(memory);
+}
+
+/* Calls act(context, user) with the 1st, 2nd, ... allocation failing until it succeeds. Returns how often it failed. */
+static inline size_t fail_every_allocation(lg_status (*act)(const lg_context *context, void *user, lg_error *error),
+                                           void *user) {
+    lg_error error;
+    failing f = {0, 0, 0};
+    lg_context_options options;
+    lg_context_options_init(&options);
+    options.allocate = failing_allocate;
+    options.release = failing_release;
+    options.allocator_user = &f;
+    lg_context *context;
+    assert_ok(lg_context_create(&options, &context));
+    size_t before = f.live;
+    assert_ok(act(context, user, &error)); /* HDF5 opens its own identifiers on first use */
+    hsize_t open = open_identifiers();
+    for (size_t n = 1; n < 10000; n++) {
+        f.made = 0;
+        f.fail_at = n;
+        lg_status status = act(context, user, &error);
+        assert_int_equal(f.live, before);
+        assert_int_equal(open_identifiers(), open);
+        if (status == LG_OK && f.made < n) {
+            lg_context_destroy(context);
+            return n - 1;
+        }
+        if (status != LG_OUT_OF_MEMORY) fail_msg("allocation %zu: %s: %s", n, lg_status_name(status), error.message);
+    }
+    fail_msg("never succeeds");
+    return 0;
+}
+
+#endif

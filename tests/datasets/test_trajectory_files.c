@@ -1,0 +1,501 @@
+/* Trajectory data: round trip, files of other programs, the matrix of bad input. */
+#include <sys/resource.h>
+#include <sys/stat.h>
+
+#include "io_test.h"
+
+/* N trajectories of a chain on T*S^2, noise on all points but the first. */
+static void make_chain(const lg_context *context, uint32_t links, size_t count, size_t points, lg_trajectories *out) {
+    lg_rng rng;
+    lg_rng_seed(&rng, 7, links);
+    assert_ok(lg_trajectories_create(context, "pendulum-chain", LG_HAMILTONIAN_CHAIN, links, count, points, 0.1, true, 2, out));
+    for (size_t i = 0; i < count * points * links; i++) {
+        double *q = out->data + 6 * i, u[3], length = 0;
+        bool start = i % (points * links) < links;
+        for (int j = 0; j < 3; j++) q[j] = lg_rng_normal(&rng), u[j] = lg_rng_uniform(&rng), length += q[j] * q[j];
+        for (int j = 0; j < 3; j++) q[j] /= sqrt(length) * (start ? 1.0 : 1.1);
+        for (int j = 0; j < 3; j++) q[3 + j] = q[(j + 1) % 3] * u[(j + 2) % 3] - q[(j + 2) % 3] * u[(j + 1) % 3];
+    }
+    for (size_t i = 0; i < count; i++) out->hamiltonian[i] = lg_rng_normal(&rng);
+    for (size_t i = 0; i < count * (points - 1) * 2; i++) out->inputs[i] = lg_rng_normal(&rng);
+    out->provenance.has_seed = true;
+    out->provenance.seed = 12345678901234567890u;
+    (void)snprintf(out->provenance.command, sizeof out->provenance.command, "lg-hamiltonian generate p\xc3\xa9ndulum.yaml");
+}
+
+static const char *good_file(uint32_t links) {
+    lg_trajectories data;
+    const char *path = scratch_path("good.h5");
+    make_chain(NULL, links, 3, 5, &data);
+    assert_ok(lg_trajectories_write(NULL, path, &data, NULL));
+    lg_trajectories_free(NULL, &data);
+    return path;
+}
+
+static lg_status read_and_free(const lg_context *context, const char *path, const lg_read_options *options, lg_error *error) {
+    lg_trajectories data;
+    lg_status status = lg_trajectories_read(context, path, options, &data, error);
+    if (status == LG_OK) lg_trajectories_free(context, &data);
+    return status;
+}
+
+static void round_trip(void **state) {
+    (void)state;
+    for (uint32_t links = 1; links <= 3; links++) {
+        lg_trajectories data, again;
+        const char *path = scratch_path("round.h5"), *second = scratch_path("round2.h5");
+        make_chain(NULL, links, 4, 5, &data);
+        assert_ok(lg_trajectories_write(NULL, path, &data, NULL));
+        assert_ok(lg_trajectories_read(NULL, path, NULL, &again, NULL));
+        assert_string_equal(again.system, "pendulum-chain");
+        assert_int_equal(again.family, LG_HAMILTONIAN_CHAIN);
+        assert_int_equal(again.links, links);
+        assert_int_equal(again.state_size, 6 * links);
+        assert_int_equal(again.count, 4);
+        assert_int_equal(again.points, 5);
+        assert_int_equal(again.input_size, 2);
+        assert_memory_equal(again.t, data.t, 5 * sizeof(double));
+        assert_memory_equal(again.data, data.data, 4 * 5 * 6 * links * sizeof(double));
+        assert_memory_equal(again.hamiltonian, data.hamiltonian, 4 * sizeof(double));
+        assert_memory_equal(again.inputs, data.inputs, 4 * 4 * 2 * sizeof(double));
+        assert_close(again.dt, 0.025, 1e-15, 0);
+        assert_string_equal(again.sha256, data.sha256);
+        assert_string_equal(again.provenance.command, data.provenance.command);
+        assert_true(again.provenance.has_seed && again.provenance.seed == 12345678901234567890u);
+        assert_ok(lg_trajectories_write(NULL, second, &again, NULL));
+        assert_same_bytes(path, second);
+        lg_trajectories_free(NULL, &data);
+        lg_trajectories_free(NULL, &again);
+    }
+}
+
+/* The hash is that of t, data and inputs as little-endian doubles. */
+static void hash_is_of_the_data(void **state) {
+    (void)state;
+    lg_trajectories data;
+    lg_sha256 sha;
+    char digest[LG_SHA256_TEXT];
+    make_chain(NULL, 1, 2, 3, &data);
+    assert_ok(lg_trajectories_write(NULL, scratch_path("hash.h5"), &data, NULL));
+    lg_sha256_init(&sha);
+    lg_sha256_add(&sha, data.t, 3 * 8);
+    lg_sha256_add(&sha, data.data, 2 * 3 * 6 * 8);
+    lg_sha256_add(&sha, data.inputs, 2 * 2 * 2 * 8);
+    lg_sha256_finish(&sha, digest);
+    assert_string_equal(data.sha256, digest);
+    data.data[17] = nextafter(data.data[17], 2);
+    assert_ok(lg_trajectories_write(NULL, scratch_path("hash.h5"), &data, NULL));
+    assert_string_not_equal(data.sha256, digest);
+    lg_trajectories_free(NULL, &data);
+}
+
+/* ---- files of other programs ---- */
+
+static void bare_file(const char *path) {
+    hid_t file = H5Fcreate(path, H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
+    assert_true(file >= 0 && H5Fclose(file) >= 0);
+}
+
+static void foreign_types(void **state) {
+    (void)state;
+    /* Big-endian floats, 16-bit integers as times, variable-length texts, no attributes of ours. */
+    const char *path = scratch_path("foreign.h5");
+    const float points[2 * 3 * 4] = {0.5f, -0.25f, 1, 0, 0.5f, -0.125f, 1, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17};
+    const int times[3] = {4, 6, 8};
+    const hsize_t shape[3] = {2, 3, 4}, three = 3, two = 2;
+    const int energies[2] = {-3, 250};
+    bare_file(path);
+    replace_dataset(path, "trajectories", H5T_IEEE_F32BE, H5T_NATIVE_FLOAT, 3, shape, points);
+    replace_dataset(path, "t", H5T_STD_I16BE, H5T_NATIVE_INT, 1, &three, times);
+    replace_dataset(path, "hamiltonian", H5T_STD_I32LE, H5T_NATIVE_INT, 1, &two, energies);
+    replace_text(path, "/", "system", "quartic");
+    replace_text(path, "/", "layout", "q p");
+    replace_integer(path, "/", "links", 1); /* means nothing here, and does not hurt */
+    replace_text(path, "/", "format", "somebody else's");
+    replace_integer(path, "/", "format_version", 99);
+    lg_trajectories data;
+    assert_ok(lg_trajectories_read(NULL, path, NULL, &data, NULL));
+    assert_string_equal(data.system, "quartic");
+    assert_int_equal(data.family, LG_HAMILTONIAN_SEPARABLE);
+    assert_int_equal(data.links, 2);
+    assert_close(data.dt, 2, 0, 0);
+    for (int i = 0; i < 24; i++) assert_close(data.data[i], points[i], 0, 0);
+    assert_close(data.hamiltonian[1], 250, 0, 0);
+    assert_null(data.inputs);
+    lg_trajectories_free(NULL, &data);
+}
+
+static void foreign_texts(void **state) {
+    (void)state;
+    static const H5T_str_t pads[] = {H5T_STR_NULLTERM, H5T_STR_NULLPAD, H5T_STR_SPACEPAD};
+    for (size_t i = 0; i < LG_COUNT(pads); i++) {
+        const char *path = good_file(2);
+        hid_t type = H5Tcopy(H5T_C_S1);
+        assert_true(type >= 0 && H5Tset_size(type, 20) >= 0 && H5Tset_strpad(type, pads[i]) >= 0);
+        replace_attribute(path, "/", "system", type, type, i == 2 ? "pendulum-chain      " : "pendulum-chain\0\0\0\0\0\0");
+        assert_true(H5Tclose(type) >= 0);
+        replace_text(path, "/", "layout", "q_1, p_1, q_2, p_2");
+        lg_trajectories data;
+        assert_ok(lg_trajectories_read(NULL, path, NULL, &data, NULL));
+        assert_string_equal(data.system, "pendulum-chain");
+        lg_trajectories_free(NULL, &data);
+    }
+}
+
+static void derived_attributes(void **state) {
+    (void)state;
+    static const char *const names[] = {"system", "links", "layout", "format", "format_version", "kind", "seed", "liegrad_version"};
+    const char *path = good_file(2);
+    lg_trajectories data;
+    for (size_t i = 0; i < LG_COUNT(names); i++) {
+        delete_attribute(path, "/", names[i]);
+        assert_ok(lg_trajectories_read(NULL, path, NULL, &data, NULL));
+        assert_int_equal(data.family, LG_HAMILTONIAN_CHAIN);
+        assert_int_equal(data.links, 2);
+        lg_trajectories_free(NULL, &data);
+    }
+    delete_link(path, "hamiltonian");
+    delete_link(path, "inputs");
+    assert_ok(lg_trajectories_read(NULL, path, NULL, &data, NULL));
+    assert_null(data.hamiltonian);
+    assert_null(data.inputs);
+    lg_trajectories_free(NULL, &data);
+    /* Attributes on the data set; a system of the user's own with a layout. */
+    replace_text(path, "trajectories", "system", "double spherical pendulum on a cart");
+    assert_refused(read_and_free, path, LG_FORMAT, "system", "layout");
+    replace_text(path, "trajectories", "layout", "q1 p1 q2 p2");
+    assert_ok(lg_trajectories_read(NULL, path, NULL, &data, NULL));
+    assert_string_equal(data.system, "double spherical pendulum on a cart");
+    lg_trajectories_free(NULL, &data);
+}
+
+/* Times stored as floats are equidistant to their own rounding. */
+static void float_times(void **state) {
+    (void)state;
+    const char *path = good_file(1);
+    const hsize_t five = 5;
+    const double times[5] = {1000.0, 1000.025, 1000.05, 1000.075, 1000.1};
+    replace_dataset(path, "t", H5T_IEEE_F32LE, H5T_NATIVE_DOUBLE, 1, &five, times);
+    assert_ok(read_and_free(NULL, path, NULL, NULL));
+    const double uneven[5] = {0, 0.025, 0.0501, 0.075, 0.1};
+    replace_dataset(path, "t", H5T_IEEE_F32LE, H5T_NATIVE_DOUBLE, 1, &five, uneven);
+    assert_refused(read_and_free, path, LG_FORMAT, "/t", "equidistant");
+}
+
+/* ---- bad input ---- */
+
+static void damaged_files(void **state) {
+    (void)state;
+    refuse_damaged_files(read_and_free, good_file(1), "");
+    survive_changed_bytes(read_and_free, good_file(1), 400);
+}
+
+static void put_doubles(const char *path, const char *name, int rank, const hsize_t *dims, size_t bad, double value) {
+    size_t count = 1;
+    for (int i = 0; i < rank; i++) count *= (size_t)dims[i];
+    double *data = calloc(count + 1, sizeof *data);
+    assert_non_null(data);
+    for (size_t i = 0; i < count; i++) data[i] = strcmp(name, "t") == 0 ? (double)i : i % 6 == 0 ? 1.0 : 0.0;
+    if (bad < count) data[bad] = value;
+    replace_dataset(path, name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, rank, dims, data);
+    free(data);
+}
+
+/* One row a case: a data set put in place of the good one (3 trajectories, 5 points, d = 6). */
+typedef struct bad_data {
+    const char *name;
+    int rank;
+    hsize_t dims[4];
+    size_t bad; /* index of the bad value, SIZE_MAX for none */
+    double value;
+    lg_status status;
+    const char *word1, *word2;
+} bad_data;
+
+static void bad_data_sets(void **state) {
+    (void)state;
+    const bad_data cases[] = {
+        {"t", 2, {5, 1}, SIZE_MAX, 0, LG_FORMAT, "/t", "rank"},
+        {"t", 1, {4}, SIZE_MAX, 0, LG_FORMAT, "/t", "4"},
+        {"t", 1, {0}, SIZE_MAX, 0, LG_FORMAT, "/t", ""},
+        {"t", 1, {5}, 3, NAN, LG_NOT_FINITE, "/t", "(3)"},
+        {"t", 1, {5}, 2, 1.5, LG_FORMAT, "/t", "equidistant"},
+        {"t", 1, {5}, 2, 1.0, LG_FORMAT, "/t", "increase"},
+        {"t", 1, {5}, 4, -9.0, LG_FORMAT, "/t", "increase"},
+        {"trajectories", 2, {15, 6}, SIZE_MAX, 0, LG_FORMAT, "/trajectories", "rank"},
+        {"trajectories", 4, {3, 5, 6, 1}, SIZE_MAX, 0, LG_FORMAT, "/trajectories", "rank"},
+        {"trajectories", 3, {3, 1, 6}, SIZE_MAX, 0, LG_FORMAT, "/trajectories", "M >= 2"},
+        {"trajectories", 3, {0, 5, 6}, SIZE_MAX, 0, LG_FORMAT, "/trajectories", "N >= 1"},
+        {"trajectories", 3, {3, 5, 5}, SIZE_MAX, 0, LG_FORMAT, "/trajectories", "d = 5"},
+        {"trajectories", 3, {3, 5, 12}, SIZE_MAX, 0, LG_FORMAT, "links", "12"},
+        {"trajectories", 3, {3, 5, 198}, SIZE_MAX, 0, LG_FORMAT, "/trajectories", "198"},
+        {"trajectories", 3, {3, 5, 6}, 31, NAN, LG_NOT_FINITE, "/trajectories", "(1, 0, 1)"},
+        {"trajectories", 3, {3, 5, 6}, 89, -INFINITY, LG_NOT_FINITE, "/trajectories", "(2, 4, 5)"},
+        {"trajectories", 3, {3, 5, 6}, 30, 1.00001, LG_FORMAT, "/trajectories", "trajectory 1"},
+        {"trajectories", 3, {3, 5, 6}, 63, 0.001, LG_FORMAT, "/trajectories", "trajectory 2"},
+        {"hamiltonian", 1, {4}, SIZE_MAX, 0, LG_FORMAT, "/hamiltonian", "4"},
+        {"hamiltonian", 2, {3, 1}, SIZE_MAX, 0, LG_FORMAT, "/hamiltonian", "rank"},
+        {"hamiltonian", 1, {3}, 2, NAN, LG_NOT_FINITE, "/hamiltonian", "(2)"},
+        {"inputs", 3, {3, 5, 2}, SIZE_MAX, 0, LG_FORMAT, "/inputs", "(3, 4, m)"},
+        {"inputs", 2, {3, 4}, SIZE_MAX, 0, LG_FORMAT, "/inputs", "rank"},
+        {"inputs", 3, {3, 4, 2}, 9, NAN, LG_NOT_FINITE, "/inputs", "(1, 0, 1)"},
+    };
+    for (size_t i = 0; i < LG_COUNT(cases); i++) {
+        const bad_data *c = &cases[i];
+        const char *path = good_file(1);
+        put_doubles(path, c->name, c->rank, c->dims, c->bad, c->value);
+        assert_refused(read_and_free, path, c->status, c->word1, c->word2);
+    }
+    /* Noise off the manifold is fine on any point but the first. */
+    const char *path = good_file(1);
+    put_doubles(path, "trajectories", 3, (const hsize_t[]){3, 5, 6}, 36, 1.5);
+    assert_ok(read_and_free(NULL, path, NULL, NULL));
+}
+
+static void wrong_types(void **state) {
+    (void)state;
+    static const char *const names[] = {"t", "trajectories", "hamiltonian", "inputs"};
+    for (size_t i = 0; i < LG_COUNT(names); i++) {
+        const char *path = good_file(1);
+        char key[32];
+        hid_t text = H5Tcopy(H5T_C_S1);
+        hsize_t one = 1;
+        (void)snprintf(key, sizeof key, "/%s", names[i]);
+        assert_true(text >= 0 && H5Tset_size(text, 4) >= 0);
+        replace_dataset(path, names[i], text, text, 1, &one, "abc");
+        assert_true(H5Tclose(text) >= 0);
+        assert_refused(read_and_free, path, LG_FORMAT, key, "numbers");
+        hid_t file = open_for_change(path);
+        assert_true(H5Ldelete(file, names[i], H5P_DEFAULT) >= 0);
+        hid_t group = H5Gcreate2(file, names[i], H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
+        assert_true(group >= 0 && H5Gclose(group) >= 0 && H5Fclose(file) >= 0);
+        assert_refused(read_and_free, path, LG_FORMAT, key, "not a data set");
+        if (i >= 2) continue;
+        delete_link(path, names[i]);
+        assert_refused(read_and_free, path, LG_FORMAT, key, "has no");
+    }
+}
+
+static void bad_attributes(void **state) {
+    (void)state;
+    const char *path = good_file(2);
+    replace_integer(path, "/", "format_version", 2);
+    assert_refused(read_and_free, path, LG_VERSION, "format_version", "2");
+    path = good_file(2);
+    replace_text(path, "/", "format_version", "1");
+    assert_refused(read_and_free, path, LG_FORMAT, "format_version", "");
+    path = good_file(2);
+    replace_text(path, "/", "kind", "hamiltonian");
+    assert_refused(read_and_free, path, LG_FORMAT, "kind", "trajectories");
+    path = good_file(2);
+    replace_integer(path, "/", "links", 3);
+    assert_refused(read_and_free, path, LG_FORMAT, "links", "3");
+    path = good_file(2);
+    replace_text(path, "/", "links", "two");
+    assert_refused(read_and_free, path, LG_FORMAT, "links", "integer");
+    path = good_file(2);
+    replace_text(path, "/", "layout", "q p");
+    assert_refused(read_and_free, path, LG_FORMAT, "layout", "");
+    path = good_file(2);
+    replace_text(path, "/", "layout", "p q");
+    assert_refused(read_and_free, path, LG_FORMAT, "layout", "");
+    path = good_file(2);
+    replace_text(path, "/", "system", "quartic");
+    assert_refused(read_and_free, path, LG_FORMAT, "quartic", "");
+    path = good_file(2);
+    replace_integer(path, "/", "system", 1);
+    assert_refused(read_and_free, path, LG_FORMAT, "system", "text");
+}
+
+/* A file of a few kilobytes that declares terabytes. */
+static void absurd_sizes(void **state) {
+    (void)state;
+    const hsize_t sizes[][3] = {{(hsize_t)1 << 40, 5, 6}, {(hsize_t)1 << 62, (hsize_t)1 << 62, 6}, {1u << 20, 64, 6}};
+    for (size_t i = 0; i < LG_COUNT(sizes); i++) {
+        const char *path = good_file(1);
+        const hsize_t chunk[3] = {16, 5, 6};
+        hid_t file = open_for_change(path);
+        assert_true(H5Ldelete(file, "trajectories", H5P_DEFAULT) >= 0);
+        hid_t create = H5Pcreate(H5P_DATASET_CREATE), space = H5Screate_simple(3, sizes[i], sizes[i]);
+        assert_true(H5Pset_chunk(create, 3, chunk) >= 0);
+        hid_t set = H5Dcreate2(file, "trajectories", H5T_IEEE_F64LE, space, H5P_DEFAULT, create, H5P_DEFAULT);
+        if (space >= 0) (void)H5Sclose(space);
+        if (set >= 0) (void)H5Dclose(set);
+        assert_true(H5Pclose(create) >= 0 && H5Fclose(file) >= 0);
+        assert_refused(read_and_free, path, LG_FORMAT, "/trajectories", "");
+    }
+}
+
+/* Data is not taken from other files. */
+static void other_files(void **state) {
+    (void)state;
+    const char *target = scratch_path("target.h5");
+    lg_trajectories data;
+    make_chain(NULL, 1, 3, 5, &data);
+    assert_ok(lg_trajectories_write(NULL, target, &data, NULL));
+    lg_trajectories_free(NULL, &data);
+    const char *path = good_file(1);
+    hid_t file = open_for_change(path);
+    assert_true(H5Ldelete(file, "t", H5P_DEFAULT) >= 0);
+    assert_true(H5Lcreate_external(target, "/t", file, "t", H5P_DEFAULT, H5P_DEFAULT) >= 0 && H5Fclose(file) >= 0);
+    assert_refused(read_and_free, path, LG_FORMAT, "/t", "");
+    file = open_for_change(path);
+    hid_t create = H5Pcreate(H5P_DATASET_CREATE);
+    hsize_t five = 5;
+    hid_t space = H5Screate_simple(1, &five, NULL);
+    assert_true(H5Ldelete(file, "t", H5P_DEFAULT) >= 0 && H5Pset_external(create, target, 0, 40) >= 0);
+    hid_t set = H5Dcreate2(file, "t", H5T_IEEE_F64LE, space, H5P_DEFAULT, create, H5P_DEFAULT);
+    assert_true(set >= 0 && H5Dclose(set) >= 0 && H5Sclose(space) >= 0 && H5Pclose(create) >= 0 && H5Fclose(file) >= 0);
+    assert_refused(read_and_free, path, LG_FORMAT, "/t", "another file");
+}
+
+static void bad_arguments(void **state) {
+    (void)state;
+    lg_trajectories data, untouched;
+    memset(&data, 0x5a, sizeof data);
+    memcpy(&untouched, &data, sizeof data);
+    assert_status(lg_trajectories_read(NULL, NULL, NULL, &data, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_trajectories_read(NULL, scratch_path("nothing"), NULL, &data, NULL), LG_NOT_FOUND);
+    assert_status(lg_trajectories_create(NULL, "quartic", LG_HAMILTONIAN_CHAIN, 2, 1, 2, 1, false, 0, &data), LG_INVALID_ARGUMENT);
+    assert_status(lg_trajectories_create(NULL, "quartic", LG_HAMILTONIAN_SEPARABLE, 3, 1, 2, 1, false, 0, &data), LG_INVALID_ARGUMENT);
+    assert_status(lg_trajectories_create(NULL, "", LG_HAMILTONIAN_CHAIN, 0, 1, 2, 1, false, 0, &data), LG_INVALID_ARGUMENT);
+    assert_status(lg_trajectories_create(NULL, "", LG_HAMILTONIAN_CHAIN, 33, 1, 2, 1, false, 0, &data), LG_INVALID_ARGUMENT);
+    assert_status(lg_trajectories_create(NULL, "", LG_HAMILTONIAN_CHAIN, 1, 1, 1, 1, false, 0, &data), LG_INVALID_ARGUMENT);
+    assert_status(lg_trajectories_create(NULL, "", LG_HAMILTONIAN_CHAIN, 1, 1, 2, NAN, false, 0, &data), LG_INVALID_ARGUMENT);
+    assert_status(lg_trajectories_create(NULL, "", LG_HAMILTONIAN_CHAIN, 1, SIZE_MAX / 8, 5, 1, false, 0, &data), LG_OUT_OF_MEMORY);
+    lg_read_options wrong = {.size = 3};
+    assert_status(lg_trajectories_read(NULL, good_file(1), &wrong, &data, NULL), LG_INVALID_ARGUMENT);
+    assert_memory_equal(&data, &untouched, sizeof data);
+    make_chain(NULL, 1, 2, 3, &data);
+    data.data[20] = NAN;
+    assert_status(lg_trajectories_write(NULL, scratch_path("nan.h5"), &data, NULL), LG_NOT_FINITE);
+    assert_int_not_equal(access(scratch_path("nan.h5"), F_OK), 0);
+    lg_trajectories_free(NULL, &data);
+}
+
+/* ---- memory and disk ---- */
+
+static lg_status read_step(const lg_context *context, void *user, lg_error *error) {
+    lg_read_options options;
+    lg_read_options_init(&options);
+    options.probe = false;
+    return read_and_free(context, user, &options, error);
+}
+
+static lg_status write_step(const lg_context *context, void *user, lg_error *error) {
+    lg_trajectories data;
+    make_chain(NULL, 2, 3, 5, &data);
+    lg_status status = lg_trajectories_write(context, user, &data, error);
+    lg_trajectories_free(NULL, &data);
+    return status;
+}
+
+static lg_status create_step(const lg_context *context, void *user, lg_error *error) {
+    (void)user, (void)error;
+    lg_trajectories data;
+    lg_status status = lg_trajectories_create(context, "", LG_HAMILTONIAN_CHAIN, 2, 3, 5, 1, true, 2, &data);
+    if (status == LG_OK) lg_trajectories_free(context, &data);
+    return status;
+}
+
+static void failing_allocations(void **state) {
+    (void)state;
+    const char *path = good_file(2);
+    size_t files = scratch_files();
+    assert_true(fail_every_allocation(read_step, (void *)path) >= 6);
+    assert_true(fail_every_allocation(write_step, (void *)path) >= 4);
+    assert_int_equal(fail_every_allocation(create_step, NULL), 4);
+    assert_int_equal(scratch_files(), files);
+}
+
+static void full_disk(void **state) {
+    (void)state;
+    const char *path = good_file(1), *copy = scratch_path("copy.h5");
+    size_t size, files;
+    unsigned char *before = read_bytes_of(path, &size);
+    write_bytes_to(copy, before, size);
+    files = scratch_files();
+    struct rlimit limit, tight;
+    assert_int_equal(getrlimit(RLIMIT_FSIZE, &limit), 0);
+    tight = limit;
+    /* SIGXFSZ keeps its default action, which would kill: the writer must hold it back. */
+    for (rlim_t bytes = 0; bytes < 4000; bytes += 999) {
+        lg_error error = {LG_OK, ""};
+        lg_trajectories data;
+        make_chain(NULL, 3, 30, 5, &data);
+        tight.rlim_cur = bytes;
+        assert_int_equal(setrlimit(RLIMIT_FSIZE, &tight), 0);
+        lg_status status = lg_trajectories_write(NULL, path, &data, &error);
+        assert_int_equal(setrlimit(RLIMIT_FSIZE, &limit), 0);
+        assert_int_equal(status, LG_FILE);
+        assert_non_null(strstr(error.message, "good.h5"));
+        lg_trajectories_free(NULL, &data);
+        assert_same_bytes(path, copy);
+        assert_int_equal(scratch_files(), files);
+    }
+    free(before);
+}
+
+static void unwritable(void **state) {
+    (void)state;
+    lg_trajectories data;
+    make_chain(NULL, 1, 2, 3, &data);
+    const char *const places[] = {"/proc/data.h5", scratch_path("no/such/folder/data.h5"), "/dev/full", "/dev/null", scratch};
+    for (size_t i = 0; i < LG_COUNT(places); i++) {
+        lg_error error = {LG_OK, ""};
+        assert_status(lg_trajectories_write(NULL, places[i], &data, &error), LG_FILE);
+        assert_non_null(strstr(error.message, places[i]));
+    }
+    /* A symbolic link stays one, the mode of an old file is kept. */
+    const char *target = scratch_path("pointed.h5"), *link_name = scratch_path("link.h5");
+    write_text_to(target, "old");
+    assert_int_equal(chmod(target, 0640), 0);
+    assert_int_equal(symlink(target, link_name), 0);
+    assert_ok(lg_trajectories_write(NULL, link_name, &data, NULL));
+    struct stat about;
+    assert_int_equal(lstat(link_name, &about), 0);
+    assert_true(S_ISLNK(about.st_mode));
+    assert_int_equal(stat(target, &about), 0);
+    assert_int_equal(about.st_mode & 0777, 0640);
+    assert_ok(read_and_free(NULL, target, NULL, NULL));
+    lg_trajectories_free(NULL, &data);
+}
+
+/* A reader that dies, loops or eats memory in the child is a sentence in the parent. */
+static lg_status dies(void *user, lg_error *error) {
+    (void)error;
+    if (*(int *)user == 0) abort();
+    if (*(int *)user == 1)
+        for (volatile int i = 0;; i++) i--;
+    volatile int *nowhere = NULL;
+    return *nowhere == 0 ? LG_OK : LG_FORMAT;
+}
+
+static void probe_catches(void **state) {
+    (void)state;
+    const char *path = good_file(1);
+    lg_read_options options;
+    lg_read_options_init(&options);
+    options.probe_seconds = 1;
+    for (int how = 0; how < 3; how++) {
+        lg_error error = {LG_OK, ""};
+        assert_status(lg_probe(path, &options, dies, &how, &error), LG_FORMAT);
+        assert_non_null(strstr(error.message, "good.h5"));
+        assert_non_null(strstr(error.message, "damaged"));
+    }
+    options.probe = false;
+    int how = 0;
+    assert_ok(lg_probe(path, &options, dies, &how, NULL));
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(round_trip),      cmocka_unit_test(hash_is_of_the_data), cmocka_unit_test(foreign_types),
+        cmocka_unit_test(foreign_texts),   cmocka_unit_test(derived_attributes),  cmocka_unit_test(float_times),
+        cmocka_unit_test(damaged_files),   cmocka_unit_test(bad_data_sets),       cmocka_unit_test(wrong_types),
+        cmocka_unit_test(bad_attributes),  cmocka_unit_test(absurd_sizes),        cmocka_unit_test(other_files),
+        cmocka_unit_test(bad_arguments),   cmocka_unit_test(failing_allocations), cmocka_unit_test(full_disk),
+        cmocka_unit_test(unwritable),      cmocka_unit_test(probe_catches),
+    };
+    return cmocka_run_group_tests(tests, scratch_begin, scratch_end);
+}
