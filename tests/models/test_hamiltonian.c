@@ -1,0 +1,379 @@
+/* Learned Hamiltonians: the exact parameters reproduce the true system; taped and untaped agree; losses and their gradients. */
+#include "test_support.h"
+
+#include "liegrad/hamiltonian.h"
+#include "liegrad/mechanics.h"
+#include "liegrad/ops.h"
+
+enum { N = 12, M = 4 };
+
+typedef struct data {
+    lg_system *system;
+    size_t d;
+    double t[M], *y, H[N];
+} data;
+
+static void make_data(data *set, const char *name, size_t links) {
+    lg_system_options so;
+    lg_trajectory_options to;
+    lg_system_options_init(&so);
+    so.links = links;
+    assert_ok(lg_system_create(NULL, name, &so, &set->system, NULL));
+    set->d = lg_system_dim(set->system);
+    set->y = malloc(N * M * set->d * sizeof(double));
+    lg_trajectory_options_init(&to);
+    to.trajectories = N;
+    to.points = M;
+    to.t_end = 0.06;
+    to.seed = 3;
+    assert_ok(lg_generate_trajectories(NULL, set->system, &to, set->t, set->y, set->H, NULL));
+}
+
+static void free_data(data *set) {
+    lg_system_destroy(NULL, set->system);
+    free(set->y);
+}
+
+static lg_hamiltonian_problem problem_of(const lg_hamiltonian *model, const data *set, const char *integrator) {
+    lg_hamiltonian_problem problem = {
+        .model = model, .substeps = 1, .trajectories = N, .points = M, .dt = set->t[1], .data = set->y};
+    assert_ok(lg_train_integrator_parse(integrator, &problem.integrator));
+    assert_ok(lg_hamiltonian_problem_check(&problem, NULL));
+    return problem;
+}
+
+/* Loss of the whole set, and its gradient when `gradient` is given. */
+static double loss_of(const lg_hamiltonian_problem *problem, const double *theta, double *gradient) {
+    uint32_t samples[N];
+    lg_fit_problem fit;
+    lg_tape *tape;
+    lg_var loss;
+    double value;
+    for (uint32_t i = 0; i < N; i++) samples[i] = i;
+    lg_hamiltonian_fit_problem(problem, &fit);
+    assert_ok(lg_tape_create(NULL, NULL, &tape));
+    lg_var parameter = lg_parameter(tape, lg_shape1((uint32_t)fit.parameters), theta);
+    assert_ok(fit.loss(fit.user, tape, parameter, samples, N, N, &loss));
+    assert_ok(lg_read(tape, loss, &value, 1));
+    if (gradient != NULL) {
+        memset(gradient, 0, fit.parameters * sizeof *gradient);
+        void *out = gradient;
+        assert_ok(lg_backward(tape, loss, &parameter, 1, &out));
+    }
+    lg_tape_destroy(tape);
+    return value;
+}
+
+/* The exact chain: linear potential with weights (k - i) e3, Gamma upper-right triangular of ones: Gamma^T Gamma has entries
+ * k - max(i, j) when Gamma_lj = 1 for l + j < k. */
+static void exact_chain(size_t k, lg_hamiltonian *model, double *theta) {
+    assert_ok(lg_hamiltonian_init(model, LG_HAMILTONIAN_CHAIN, (uint32_t)k, LG_POTENTIAL_LINEAR, NULL, 0, LG_TANH));
+    memset(theta, 0, lg_hamiltonian_parameters(model) * sizeof *theta);
+    for (size_t i = 0; i < k; i++) {
+        theta[3 * i + 2] = (double)(k - i);
+        for (size_t l = 0; l < k; l++) theta[3 * k + l * k + i] = l + i < k ? 1.0 : 0.0;
+    }
+}
+
+static void exact_chain_has_the_true_energy_and_field(void **state) {
+    (void)state;
+    for (size_t k = 1; k <= 3; k++) {
+        data set;
+        lg_hamiltonian model;
+        double theta[64], field[18], expected[18];
+        make_data(&set, "pendulum-chain", k);
+        exact_chain(k, &model, theta);
+        void *work = NULL, *system_work = NULL;
+        assert_int_equal(posix_memalign(&work, 64, lg_hamiltonian_work_size(&model)), 0);
+        assert_int_equal(posix_memalign(&system_work, 64, lg_system_workspace(set.system) * sizeof(double)), 0);
+        lg_system_user user;
+        lg_ode ode;
+        assert_ok(lg_system_ode(set.system, LG_FORM_LIE, &user, system_work, &ode));
+        for (size_t i = 0; i < N; i++) {
+            const double *y = set.y + i * M * set.d;
+            assert_close(lg_hamiltonian_value(&model, theta, y, work), set.H[i], 1e-13, 1e-13);
+            lg_hamiltonian_field(&model, theta, y, field, work);
+            assert_ok(ode.field(ode.user, 0.0, y, NULL, expected));
+            for (size_t j = 0; j < set.d; j++) assert_close(field[j], expected[j], 1e-12, 1e-12);
+        }
+        free(work);
+        free(system_work);
+        free_data(&set);
+    }
+}
+
+/* What is left of the loss is the integrator's error: it falls with the order. RK4 tests the extension off the manifold. */
+static void exact_chain_has_the_integrators_loss(void **state) {
+    (void)state;
+    static const struct {
+        const char *name;
+        double bound;
+    } row[] = {{"cf4", 1e-16}, {"rkmk4", 1e-16}, {"rk4", 1e-13}, {"lie-euler", 1e-4}, {"euler", 1e-4}};
+    for (size_t k = 1; k <= 3; k++) {
+        data set;
+        lg_hamiltonian model;
+        double theta[64];
+        make_data(&set, "pendulum-chain", k);
+        exact_chain(k, &model, theta);
+        for (size_t r = 0; r < sizeof row / sizeof *row; r++) {
+            lg_hamiltonian_problem problem = problem_of(&model, &set, row[r].name);
+            const double one = loss_of(&problem, theta, NULL);
+            problem.substeps = 2;
+            const double two = loss_of(&problem, theta, NULL);
+            assert_true(one <= row[r].bound);
+            /* squared error of a method of order p falls by 4^p; rounding floor 1e-31 */
+            const double order = row[r].bound == 1e-4 ? 1.0 : 4.0;
+            if (one > 1e-24) assert_true(two < one * pow(0.25, order) * 1.6);
+        }
+        free_data(&set);
+    }
+}
+
+static void gradient_matches_differences(const lg_hamiltonian_problem *problem, double *theta, size_t n) {
+    double *gradient = malloc(n * sizeof *gradient);
+    (void)loss_of(problem, theta, gradient);
+    double largest = 0.0;
+    for (size_t i = 0; i < n; i++) largest = fmax(largest, fabs(gradient[i]));
+    assert_true(largest > 0.0);
+    for (size_t i = 0; i < n; i += n > 60 ? 37 : 1) {
+        const double kept = theta[i], h = 1e-5;
+        theta[i] = kept + h;
+        const double up = loss_of(problem, theta, NULL);
+        theta[i] = kept - h;
+        const double down = loss_of(problem, theta, NULL);
+        theta[i] = kept;
+        assert_close(gradient[i], (up - down) / (2.0 * h), 1e-6, 1e-7 * largest);
+    }
+    free(gradient);
+}
+
+static void loss_gradients(void **state) {
+    (void)state;
+    static const struct {
+        const char *system;
+        size_t links;
+        lg_hamiltonian_family family;
+        const char *integrator;
+        double penalty;
+        lg_penalty_form form;
+    } row[] = {
+        {"pendulum-chain", 1, LG_HAMILTONIAN_CHAIN, "cf4", 0.0, LG_PENALTY_TEXT},
+        {"pendulum-chain", 1, LG_HAMILTONIAN_CHAIN, "rk4", 0.0, LG_PENALTY_TEXT},
+        {"pendulum-chain", 2, LG_HAMILTONIAN_CHAIN, "cf4", 0.0, LG_PENALTY_TEXT},
+        {"pendulum-chain", 2, LG_HAMILTONIAN_CHAIN, "rkmk4", 0.0, LG_PENALTY_TEXT},
+        {"pendulum-chain", 2, LG_HAMILTONIAN_CHAIN, "rk4", 0.0, LG_PENALTY_TEXT},
+        {"pendulum-chain", 3, LG_HAMILTONIAN_CHAIN, "euler", 0.0, LG_PENALTY_TEXT},
+        {"pendulum-chain", 3, LG_HAMILTONIAN_CHAIN, "lie-euler", 0.0, LG_PENALTY_TEXT},
+        {"quartic", 2, LG_HAMILTONIAN_SEPARABLE, "stormer-verlet", 0.0, LG_PENALTY_TEXT},
+        {"coupled-oscillators", 2, LG_HAMILTONIAN_SEPARABLE, "stormer-verlet", 0.7, LG_PENALTY_TEXT},
+        {"coupled-oscillators", 2, LG_HAMILTONIAN_SEPARABLE, "rk4", 1e-3, LG_PENALTY_PUBLISHED},
+    };
+    const uint32_t hidden[2] = {7, 5};
+    for (size_t r = 0; r < sizeof row / sizeof *row; r++) {
+        data set;
+        lg_hamiltonian model;
+        lg_rng rng;
+        make_data(&set, row[r].system, row[r].links);
+        assert_ok(lg_hamiltonian_init(&model, row[r].family, (uint32_t)row[r].links, LG_POTENTIAL_MLP, hidden, 2, LG_TANH));
+        const size_t n = lg_hamiltonian_parameters(&model);
+        double *theta = malloc(n * sizeof *theta);
+        lg_rng_seed(&rng, 11, r);
+        lg_hamiltonian_initialise(&model, &rng, theta);
+        if (row[r].family == LG_HAMILTONIAN_CHAIN) theta[n - 1] = -0.3; /* max(0, b) on its zero branch */
+        lg_hamiltonian_problem problem = problem_of(&model, &set, row[r].integrator);
+        problem.penalty = row[r].penalty;
+        problem.penalty_form = row[r].form;
+        gradient_matches_differences(&problem, theta, n);
+        free(theta);
+        free_data(&set);
+    }
+}
+
+/* mu mean sum (G - G0)^2 and mu sum |2 (G - G0)| against numbers from the predicted points themselves. */
+static void penalty_is_what_it_says(void **state) {
+    (void)state;
+    data set;
+    lg_hamiltonian model;
+    const uint32_t hidden[1] = {6};
+    double theta[64];
+    lg_rng rng;
+    make_data(&set, "coupled-oscillators", 2);
+    assert_ok(lg_hamiltonian_init(&model, LG_HAMILTONIAN_SEPARABLE, 2, LG_POTENTIAL_MLP, hidden, 1, LG_TANH));
+    lg_rng_seed(&rng, 2, 0);
+    lg_hamiltonian_initialise(&model, &rng, theta);
+    lg_hamiltonian_problem problem = problem_of(&model, &set, "rk4");
+    const double plain = loss_of(&problem, theta, NULL);
+
+    /* The same prediction by the plain interpreter. */
+    const size_t n = lg_hamiltonian_parameters(&model);
+    (void)n;
+    void *work = NULL;
+    assert_int_equal(posix_memalign(&work, 64, lg_hamiltonian_work_size(&model)), 0);
+    const lg_scheme *rk4 = lg_scheme_find("rk4");
+    double squares = 0.0, absolute = 0.0, mse = 0.0;
+    for (size_t i = 0; i < N; i++) {
+        double y[4], k[4][4], z[4];
+        memcpy(y, set.y + i * M * 4, sizeof y);
+        const double G0 = 0.5 * (y[0] * y[0] + y[2] * y[2]);
+        for (size_t j = 1; j < M; j++) {
+            for (int s = 0; s < 4; s++) {
+                for (int c = 0; c < 4; c++) {
+                    z[c] = y[c];
+                    for (int l = 0; l < s; l++) z[c] += problem.dt * rk4->a[s][l] * k[l][c];
+                }
+                lg_hamiltonian_field(&model, theta, z, k[s], work);
+            }
+            for (int c = 0; c < 4; c++)
+                for (int l = 0; l < 4; l++) y[c] += problem.dt * rk4->b[l] * k[l][c];
+            const double G = 0.5 * (y[0] * y[0] + y[2] * y[2]);
+            squares += (G - G0) * (G - G0);
+            absolute += 2.0 * fabs(G - G0);
+            for (int c = 0; c < 4; c++) {
+                const double e = y[c] - set.y[(i * M + j) * 4 + (size_t)c];
+                mse += e * e / (N * (M - 1) * 4.0);
+            }
+        }
+    }
+    assert_close(plain, mse, 1e-12, 0.0);
+    problem.penalty = 0.5;
+    assert_close(loss_of(&problem, theta, NULL), mse + 0.5 * squares / N, 1e-12, 0.0);
+    problem.penalty_form = LG_PENALTY_PUBLISHED;
+    assert_close(loss_of(&problem, theta, NULL), mse + 0.5 * absolute, 1e-12, 0.0);
+    free(work);
+    free_data(&set);
+}
+
+static void untaped_gradient_matches_differences(void **state) {
+    (void)state;
+    const uint32_t hidden[2] = {9, 8};
+    const struct {
+        lg_hamiltonian_family family;
+        uint32_t links;
+    } row[] = {{LG_HAMILTONIAN_CHAIN, 1}, {LG_HAMILTONIAN_CHAIN, 2}, {LG_HAMILTONIAN_CHAIN, 4}, {LG_HAMILTONIAN_SEPARABLE, 3}};
+    for (size_t r = 0; r < 4; r++) {
+        lg_hamiltonian model;
+        lg_rng rng;
+        double y[24], gradient[24];
+        assert_ok(lg_hamiltonian_init(&model, row[r].family, row[r].links, LG_POTENTIAL_MLP, hidden, 2, LG_SWISH));
+        double *theta = malloc(lg_hamiltonian_parameters(&model) * sizeof *theta);
+        lg_rng_seed(&rng, 4, r);
+        lg_hamiltonian_initialise(&model, &rng, theta);
+        const uint32_t d = lg_hamiltonian_state_size(&model);
+        for (uint32_t i = 0; i < d; i++) y[i] = lg_rng_normal(&rng);
+        if (row[r].family == LG_HAMILTONIAN_CHAIN) {
+            lg_space space;
+            assert_ok(lg_space_init(&space, &(lg_space_factor){LG_SPACE_TS2, row[r].links}, 1));
+            lg_space_project(&space, y);
+        }
+        void *work = NULL;
+        assert_int_equal(posix_memalign(&work, 64, lg_hamiltonian_work_size(&model)), 0);
+        lg_hamiltonian_gradient(&model, theta, y, gradient, work);
+        /* The chain's gradient is that of H on the manifold: differences along the group action. */
+        for (uint32_t a = 0; a < d; a++) {
+            double element[24] = {0}, up[24], down[24];
+            const double h = 1e-5;
+            double expected, got = 0.0;
+            if (row[r].family == LG_HAMILTONIAN_CHAIN) {
+                lg_space space;
+                double velocity[24];
+                assert_ok(lg_space_init(&space, &(lg_space_factor){LG_SPACE_TS2, row[r].links}, 1));
+                element[a] = h;
+                lg_space_act(&space, element, y, up);
+                element[a] = -h;
+                lg_space_act(&space, element, y, down);
+                element[a] = 1.0;
+                lg_space_generator(&space, element, y, velocity);
+                for (uint32_t i = 0; i < d; i++) got += gradient[i] * velocity[i];
+            } else {
+                memcpy(up, y, sizeof y);
+                memcpy(down, y, sizeof y);
+                up[a] += h;
+                down[a] -= h;
+                got = gradient[a];
+            }
+            expected = (lg_hamiltonian_value(&model, theta, up, work) - lg_hamiltonian_value(&model, theta, down, work)) /
+                       (2.0 * h);
+            assert_close(got, expected, 1e-7, 1e-8);
+        }
+        free(work);
+        free(theta);
+    }
+}
+
+/* Five parameters, full batch: Newton reaches the same floor from two starts, and the gradient is rounding there. */
+static void newton_reaches_the_floor(void **state) {
+    (void)state;
+    data set;
+    lg_hamiltonian model;
+    make_data(&set, "pendulum-chain", 1);
+    assert_ok(lg_hamiltonian_init(&model, LG_HAMILTONIAN_CHAIN, 1, LG_POTENTIAL_LINEAR, NULL, 0, LG_TANH));
+    lg_hamiltonian_problem problem = problem_of(&model, &set, "rk4");
+    lg_fit_problem fit;
+    lg_hamiltonian_fit_problem(&problem, &fit);
+    double theta[2][5] = {{0.3, -0.2, 0.4, 0.7, 0.3}, {-0.5, 0.1, 0.2, 0.9, 0.6}};
+    lg_newton_result result[2];
+    for (int i = 0; i < 2; i++) {
+        const double before = loss_of(&problem, theta[i], NULL);
+        assert_ok(lg_newton_fit(NULL, &fit, NULL, theta[i], &result[i]));
+        assert_true(result[i].loss < 1e-9 * before);
+    }
+    assert_close(result[0].loss, result[1].loss, 1e-6, 0.0);
+    for (int j = 0; j < 3; j++) assert_close(theta[0][j], theta[1][j], 0.0, 1e-10);
+    fit.parameters = LG_NEWTON_MAX_PARAMETERS + 1;
+    assert_status(lg_newton_fit(NULL, &fit, NULL, theta[0], NULL), LG_INVALID_ARGUMENT);
+    free_data(&set);
+}
+
+static void bad_problems(void **state) {
+    (void)state;
+    lg_hamiltonian chain, separable;
+    lg_error error;
+    const uint32_t hidden[1] = {4}, zero[1] = {0};
+    const double y[24] = {0};
+    assert_ok(lg_hamiltonian_init(&chain, LG_HAMILTONIAN_CHAIN, 1, LG_POTENTIAL_MLP, hidden, 1, LG_TANH));
+    assert_ok(lg_hamiltonian_init(&separable, LG_HAMILTONIAN_SEPARABLE, 2, LG_POTENTIAL_MLP, hidden, 1, LG_TANH));
+    const lg_hamiltonian_problem good = {
+        .model = &chain, .integrator = LG_TRAIN_CF4, .substeps = 1, .trajectories = 1, .points = 2, .dt = 0.1, .data = y};
+    assert_ok(lg_hamiltonian_problem_check(&good, &error));
+#define REFUSED(change, status)                                                                             \
+    do {                                                                                                    \
+        lg_hamiltonian_problem bad = good;                                                                  \
+        change;                                                                                             \
+        error.message[0] = '\0';                                                                            \
+        assert_status(lg_hamiltonian_problem_check(&bad, &error), status);                                  \
+        assert_true(error.message[0] != '\0');                                                              \
+    } while (0)
+    REFUSED(bad.points = 1, LG_INVALID_ARGUMENT);
+    REFUSED(bad.points = LG_HAMILTONIAN_MAX_POINTS + 1, LG_INVALID_ARGUMENT);
+    REFUSED(bad.dt = 0.0, LG_INVALID_ARGUMENT);
+    REFUSED(bad.dt = NAN, LG_INVALID_ARGUMENT);
+    REFUSED(bad.substeps = 0, LG_INVALID_ARGUMENT);
+    REFUSED(bad.penalty = -1.0, LG_INVALID_ARGUMENT);
+    REFUSED(bad.penalty = 1.0, LG_UNSUPPORTED);
+    REFUSED(bad.integrator = LG_TRAIN_STORMER_VERLET, LG_UNSUPPORTED);
+    REFUSED(bad.model = &separable, LG_UNSUPPORTED);
+    REFUSED(bad.data = NULL, LG_INVALID_ARGUMENT);
+    lg_hamiltonian model;
+    assert_status(lg_hamiltonian_init(&model, LG_HAMILTONIAN_CHAIN, 0, LG_POTENTIAL_LINEAR, NULL, 0, LG_TANH),
+                  LG_INVALID_ARGUMENT);
+    assert_status(lg_hamiltonian_init(&model, LG_HAMILTONIAN_CHAIN, LG_HAMILTONIAN_MAX_LINKS + 1, LG_POTENTIAL_LINEAR, NULL,
+                                      0, LG_TANH),
+                  LG_INVALID_ARGUMENT);
+    assert_status(lg_hamiltonian_init(&model, LG_HAMILTONIAN_CHAIN, 1, LG_POTENTIAL_MLP, zero, 1, LG_TANH),
+                  LG_INVALID_ARGUMENT);
+    lg_train_integrator parsed;
+    assert_status(lg_train_integrator_parse("cf5", &parsed), LG_NOT_FOUND);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(exact_chain_has_the_true_energy_and_field),
+        cmocka_unit_test(exact_chain_has_the_integrators_loss),
+        cmocka_unit_test(loss_gradients),
+        cmocka_unit_test(penalty_is_what_it_says),
+        cmocka_unit_test(untaped_gradient_matches_differences),
+        cmocka_unit_test(newton_reaches_the_floor),
+        cmocka_unit_test(bad_problems),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
