@@ -79,6 +79,8 @@ static lg_status train_model(demo *self) {
                               .batch = 80,
                               .lr = 1e-2,
                               .lr_gamma = 0.1,
+                              .adam_eps = LG_HAMILTONIAN_ADAM_EPS,
+                              .clip = LG_HAMILTONIAN_CLIP,
                               .lr_step = 50,
                               .shards = 4,
                               .seed = self->app->seed};

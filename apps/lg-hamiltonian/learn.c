@@ -50,6 +50,8 @@ static lg_fit_options options_of(const lg_hamiltonian_run *run, const lg_fit_opt
     options.shards = run->shards;
     options.adam.lr = run->lr;
     options.adam.weight_decay = run->weight_decay;
+    options.adam.eps = run->adam_eps;
+    options.clip_norm = run->clip;
     options.schedule.kind = LG_SCHEDULE_STEP;
     options.schedule.every = run->lr_step;
     options.schedule.gamma = run->lr_gamma;

@@ -6,7 +6,7 @@
 #include <string.h>
 
 typedef struct study_values {
-    const char *out, *plot;
+    const char *out, *plot, *plot_noise, *plot_parallel;
     uint64_t jobs, stop_after;
 } study_values;
 
@@ -17,6 +17,10 @@ static const app_option study_options[] = {
                  "Runs at the same time (default: --threads); each uses threads/jobs threads"),
     APP_ROW_SIZE(study_values, stop_after, "stop-after", "n", 1, 1e9, "Stop after n new runs"),
     APP_ROW_TEXT(study_values, plot, "plot", "FILE.svg|.png", "Draw median E1 against training time"),
+    APP_ROW_TEXT(study_values, plot_noise, "plot-noise", "FILE.svg|.png",
+                 "Draw E1 of every run against the noise"),
+    APP_ROW_TEXT(study_values, plot_parallel, "plot-parallel", "FILE.svg|.png",
+                 "Draw parallel coordinates of all cells"),
     APP_ROW_END};
 
 static study_values values;
@@ -76,8 +80,9 @@ void study_protocol(const lg_grid *grid, char out[STUDY_PROTOCOL_TEXT]) {
                   scene->has_starts ? (int)scene->starts : -1, scene->low, scene->high, scene->segments);
     for (uint32_t i = 0; i < scene->links; i++)
         (void)fprintf(text, " %.17g %.17g", scene->masses[i], scene->lengths[i]);
-    (void)fprintf(text, "; %.17g %u %u %u %.17g %.17g %.17g;", grid->t_end, grid->epochs, grid->batch,
-                  grid->lr_step, grid->lr, grid->lr_gamma, grid->weight_decay);
+    (void)fprintf(text, "; %.17g %u %u %u %.17g %.17g %.17g %.17g %.17g;", grid->t_end, grid->epochs,
+                  grid->batch, grid->lr_step, grid->lr, grid->lr_gamma, grid->weight_decay, grid->adam_eps,
+                  grid->clip);
     for (uint32_t i = 0; i < grid->hidden_count; i++) (void)fprintf(text, " %u", grid->hidden[i]);
     (void)fprintf(text, "; %d %d %d %d %d %u %u %u %llu", (int)grid->activation, (int)grid->potential,
                   (int)grid->dtype, (int)grid->noise_kind, (int)grid->penalty_form, grid->shards,
@@ -104,6 +109,8 @@ static lg_hamiltonian_run run_of(const lg_grid *grid, const study_row *row) {
                                 .lr_gamma = grid->lr_gamma,
                                 .lr_step = grid->lr_step,
                                 .weight_decay = grid->weight_decay,
+                                .adam_eps = grid->adam_eps,
+                                .clip = grid->clip,
                                 .shards = grid->shards,
                                 .seed = row->seed};
 }
@@ -230,15 +237,50 @@ static int run_all(study *self) {
     return APP_EXIT_OK;
 }
 
+typedef struct picture {
+    const char *option, *path;
+    study_picture draw;
+} picture;
+
+static void list_pictures(picture out[3]) {
+    out[0] = (picture){"--plot", values.plot, study_draw_work};
+    out[1] = (picture){"--plot-noise", values.plot_noise, study_draw_noise};
+    out[2] = (picture){"--plot-parallel", values.plot_parallel, study_draw_parallel};
+}
+
+static int check_pictures(const app *self) {
+    picture pictures[3];
+    lg_error error = {LG_OK, ""};
+    list_pictures(pictures);
+    for (size_t i = 0; i < APP_COUNT(pictures); i++) {
+        if (pictures[i].path == NULL) continue;
+        if (!app_plot_name_fits(pictures[i].path))
+            return app_usage(self, "%s: '%s' does not end in .svg or .png", pictures[i].option,
+                             pictures[i].path);
+        const lg_status status = app_check_writable(pictures[i].path, &error);
+        if (status != LG_OK) return app_fail_file(self, status, &error, pictures[i].path);
+    }
+    return APP_EXIT_OK;
+}
+
+static int draw_pictures(const study *self) {
+    picture pictures[3];
+    lg_error error = {LG_OK, ""};
+    list_pictures(pictures);
+    for (size_t i = 0; i < APP_COUNT(pictures); i++) {
+        if (pictures[i].path == NULL) continue;
+        const lg_status status =
+            pictures[i].draw(self->app, pictures[i].path, &self->grid, &self->file, &error);
+        if (status != LG_OK) return app_fail_file(self->app, status, &error, pictures[i].path);
+    }
+    return APP_EXIT_OK;
+}
+
 static int study_with_file(study *self) {
     const double begin = app_seconds();
-    lg_error error = {LG_OK, ""};
     collect_pending(self);
     int code = run_all(self);
-    if (code == APP_EXIT_OK && values.plot != NULL) {
-        const lg_status status = study_draw(self->app, values.plot, &self->grid, &self->file, &error);
-        if (status != LG_OK) code = app_fail_file(self->app, status, &error, values.plot);
-    }
+    if (code == APP_EXIT_OK) code = draw_pictures(self);
     if (code == APP_EXIT_OK && self->app->json)
         study_print_json(self->app, &self->grid, &self->file, self->done, app_seconds() - begin);
     else if (code == APP_EXIT_OK)
@@ -251,8 +293,8 @@ static int run(app *host) {
     study self = {.app = host};
     char protocol[STUDY_PROTOCOL_TEXT];
     if (values.out == NULL) return app_usage(host, "--out FILE.csv is missing");
-    if (values.plot != NULL && !app_plot_name_fits(values.plot))
-        return app_usage(host, "--plot: '%s' does not end in .svg or .png", values.plot);
+    const int checked = check_pictures(host);
+    if (checked != APP_EXIT_OK) return checked;
     lg_status status = lg_grid_read(host->context, host->arguments[0], &self.grid, &self.error);
     if (status != LG_OK) return app_fail_file(host, status, &self.error, host->arguments[0]);
     if (host->seed_given) self.grid.seed = host->seed;

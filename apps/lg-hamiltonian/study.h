@@ -44,9 +44,30 @@ void study_protocol(const lg_grid *grid, char out[STUDY_PROTOCOL_TEXT]);
 void study_print_tables(const lg_grid *grid, const study_file *file);
 void study_print_json(const app *app, const lg_grid *grid, const study_file *file, uint64_t fresh,
                       double seconds);
+
+/* Results of a set of runs: medians, geometric means, how many there are and how many failed. */
+enum { STUDY_LOSS, STUDY_E1, STUDY_E2, STUDY_SECONDS, STUDY_MEASURES };
+typedef struct summary {
+    size_t runs, failed;
+    double median[STUDY_MEASURES], geometric[STUDY_MEASURES];
+} summary;
+
+/* A cell is all repeats of a run; cell i is that of study_run_at(grid, i), i < study_cells(grid). */
+uint64_t study_cells(const lg_grid *grid);
+summary study_cell_summary(const lg_grid *grid, const study_file *file, study_row key);
+
+typedef lg_status (*study_picture)(const app *app, const char *picture, const lg_grid *grid,
+                                   const study_file *file, lg_error *error);
 /* Median E1 against median training time, one mark a cell, one series an integrator and number of substeps.
  */
-lg_status study_draw(const app *app, const char *picture, const lg_grid *grid, const study_file *file,
-                     lg_error *error);
+lg_status study_draw_work(const app *app, const char *picture, const lg_grid *grid, const study_file *file,
+                          lg_error *error);
+/* E1 of every run against the noise, one series an integrator, number of substeps and penalty. */
+lg_status study_draw_noise(const app *app, const char *picture, const lg_grid *grid, const study_file *file,
+                           lg_error *error);
+/* Parallel coordinates: integrator, N, M, eps, loss, E2, E1, one line a cell (medians); cyan where E1 < 1e-7.
+ */
+lg_status study_draw_parallel(const app *app, const char *picture, const lg_grid *grid,
+                              const study_file *file, lg_error *error);
 
 #endif

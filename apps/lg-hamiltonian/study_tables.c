@@ -4,11 +4,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-/* Results of a set of runs: medians, geometric means, how many there are and how many failed. */
-typedef struct summary {
-    size_t runs, failed;
-    double median[4], geometric[4]; /* loss, E1, E2, seconds */
-} summary;
 static const char *const measures[4] = {"loss", "E1", "E2", "seconds"};
 
 typedef struct collection {
@@ -44,8 +39,7 @@ static summary collection_end(collection *c) {
     return s;
 }
 
-/* Over the repeats of the cell of `key`. */
-static summary cell_summary(const lg_grid *grid, const study_file *file, study_row key) {
+summary study_cell_summary(const lg_grid *grid, const study_file *file, study_row key) {
     collection c = collection_make(grid->repeats);
     for (key.repeat = 1; key.repeat <= grid->repeats; key.repeat++) {
         const study_row *row = study_file_find(file, &key);
@@ -68,7 +62,51 @@ static summary integrator_summary(const lg_grid *grid, const study_file *file, l
     return collection_end(&c);
 }
 
-static uint64_t cells(const lg_grid *grid) {
+/* A combination (integrator, substeps, N, M, penalty) over all noises of one kind and all repeats. */
+typedef struct combination {
+    study_row key;
+    summary summary;
+} combination;
+
+enum { BEST = 5 };
+
+static int by_e1(const void *a, const void *b) {
+    return app_compare_doubles(&((const combination *)a)->summary.geometric[1],
+                               &((const combination *)b)->summary.geometric[1]);
+}
+
+static summary combination_summary(const lg_grid *grid, const study_file *file, study_row key, bool noisy) {
+    collection c = collection_make((size_t)grid->eps_count * grid->repeats);
+    for (uint32_t i = 0; i < grid->eps_count; i++) {
+        if ((grid->eps[i] > 0) != noisy) continue;
+        key.eps = grid->eps[i];
+        for (key.repeat = 1; key.repeat <= grid->repeats; key.repeat++) {
+            const study_row *row = study_file_find(file, &key);
+            if (row != NULL) collection_add(&c, row);
+        }
+    }
+    return collection_end(&c);
+}
+
+/* Fills best[0..] in the order of the geometric mean of E1; returns how many there are. */
+static size_t best_combinations(const lg_grid *grid, const study_file *file, bool noisy,
+                                combination best[BEST]) {
+    const size_t all = (size_t)(lg_grid_runs(grid) / grid->repeats / grid->eps_count);
+    combination *list = app_alloc(all, sizeof *list);
+    size_t n = 0;
+    for (size_t i = 0; i < all; i++) {
+        list[n].key = study_run_at(grid, i);
+        list[n].summary = combination_summary(grid, file, list[n].key, noisy);
+        if (list[n].summary.runs > list[n].summary.failed) n++;
+    }
+    qsort(list, n, sizeof *list, by_e1);
+    if (n > BEST) n = BEST;
+    for (size_t i = 0; i < n; i++) best[i] = list[i];
+    free(list);
+    return n;
+}
+
+uint64_t study_cells(const lg_grid *grid) {
     return lg_grid_runs(grid) / grid->repeats;
 }
 
@@ -85,9 +123,9 @@ static void print_cells(const lg_grid *grid, const study_file *file) {
     app_table table;
     app_table_begin(&table, APP_COUNT(titles));
     for (size_t i = 0; i < APP_COUNT(titles); i++) app_table_cell(&table, "%s", titles[i]);
-    for (uint64_t i = 0; i < cells(grid); i++) {
+    for (uint64_t i = 0; i < study_cells(grid); i++) {
         const study_row key = study_run_at(grid, i);
-        const summary s = cell_summary(grid, file, key);
+        const summary s = study_cell_summary(grid, file, key);
         if (s.runs == 0) continue;
         app_table_cell(&table, "%s", lg_train_integrator_name(key.integrator));
         app_table_cell(&table, "%u", key.substeps);
@@ -100,6 +138,28 @@ static void print_cells(const lg_grid *grid, const study_file *file) {
         app_table_cell(&table, "%zu", s.failed);
     }
     (void)printf("Medians over the repeats\n");
+    app_table_end(&table, stdout);
+}
+
+static void print_best(const lg_grid *grid, const study_file *file, bool noisy) {
+    static const char *const titles[] = {"integrator", "substeps", "N", "M", "penalty", "E1", "E2", "runs"};
+    combination best[BEST];
+    const size_t n = best_combinations(grid, file, noisy, best);
+    if (n == 0) return;
+    app_table table;
+    app_table_begin(&table, APP_COUNT(titles));
+    for (size_t i = 0; i < APP_COUNT(titles); i++) app_table_cell(&table, "%s", titles[i]);
+    for (size_t i = 0; i < n; i++) {
+        app_table_cell(&table, "%s", lg_train_integrator_name(best[i].key.integrator));
+        app_table_cell(&table, "%u", best[i].key.substeps);
+        app_table_cell(&table, "%u", best[i].key.n);
+        app_table_cell(&table, "%u", best[i].key.m);
+        app_table_cell(&table, "%g", best[i].key.penalty);
+        number_cell(&table, "%.2e", best[i].summary.geometric[1]);
+        number_cell(&table, "%.2e", best[i].summary.geometric[2]);
+        app_table_cell(&table, "%zu", best[i].summary.runs - best[i].summary.failed);
+    }
+    (void)printf("\nBest combinations %s noise (geometric means)\n", noisy ? "with" : "without");
     app_table_end(&table, stdout);
 }
 
@@ -123,12 +183,32 @@ void study_print_tables(const lg_grid *grid, const study_file *file) {
         }
     (void)printf("\nGeometric means over all runs of an integrator\n");
     app_table_end(&table, stdout);
+    print_best(grid, file, false);
+    print_best(grid, file, true);
 }
 
 static void json_summary(app_json *json, const summary *s, const double *figures) {
     for (int k = 0; k < 4; k++) app_json_real(json, measures[k], figures[k]);
     app_json_size(json, "runs", s->runs);
     app_json_size(json, "failed", s->failed);
+}
+
+static void json_best(app_json *json, const char *key, const lg_grid *grid, const study_file *file,
+                      bool noisy) {
+    combination best[BEST];
+    const size_t n = best_combinations(grid, file, noisy, best);
+    app_json_open(json, key, '[');
+    for (size_t i = 0; i < n; i++) {
+        app_json_open(json, NULL, '{');
+        app_json_text(json, "integrator", lg_train_integrator_name(best[i].key.integrator));
+        app_json_size(json, "substeps", best[i].key.substeps);
+        app_json_size(json, "N", best[i].key.n);
+        app_json_size(json, "M", best[i].key.m);
+        app_json_real(json, "penalty", best[i].key.penalty);
+        json_summary(json, &best[i].summary, best[i].summary.geometric);
+        app_json_close(json, '}');
+    }
+    app_json_close(json, ']');
 }
 
 void study_print_json(const app *self, const lg_grid *grid, const study_file *file, uint64_t fresh,
@@ -140,9 +220,9 @@ void study_print_json(const app *self, const lg_grid *grid, const study_file *fi
     app_json_size(&json, "new", fresh);
     app_json_text(&json, "protocol", file->protocol);
     app_json_open(&json, "medians", '[');
-    for (uint64_t i = 0; i < cells(grid); i++) {
+    for (uint64_t i = 0; i < study_cells(grid); i++) {
         const study_row key = study_run_at(grid, i);
-        const summary s = cell_summary(grid, file, key);
+        const summary s = study_cell_summary(grid, file, key);
         if (s.runs == 0) continue;
         app_json_open(&json, NULL, '{');
         app_json_text(&json, "integrator", lg_train_integrator_name(key.integrator));
@@ -166,40 +246,10 @@ void study_print_json(const app *self, const lg_grid *grid, const study_file *fi
             app_json_close(&json, '}');
         }
     app_json_close(&json, ']');
+    json_best(&json, "best_without_noise", grid, file, false);
+    json_best(&json, "best_with_noise", grid, file, true);
     app_json_size(&json, "threads", self->threads);
     app_json_text(&json, "out", file->path);
     app_json_real(&json, "seconds", seconds);
     app_json_end(&json);
-}
-
-lg_status study_draw(const app *self, const char *picture, const lg_grid *grid, const study_file *file,
-                     lg_error *error) {
-    app_plot plot;
-    bool drawn;
-    const lg_status status = app_plot_begin(&plot, picture, 800, 600);
-    if (status != LG_OK) return status;
-    (void)fputs("set logscale xy\nset format y '10^{%L}'\nset xlabel 'seconds of training'\nset ylabel 'E1'\n"
-                "set key outside\nplot ",
-                plot.script.stream);
-    size_t block = 0;
-    for (uint32_t i = 0; i < grid->integrator_count; i++)
-        for (uint32_t j = 0; j < grid->substeps_count; j++, block++) {
-            (void)fprintf(plot.data.stream, "# %s, %u substeps\n",
-                          lg_train_integrator_name(grid->integrators[i]), grid->substeps[j]);
-            (void)fputs("nan nan\n", plot.data.stream);
-            for (uint64_t c = 0; c < cells(grid); c++) {
-                const study_row key = study_run_at(grid, c);
-                if (key.integrator != grid->integrators[i] || key.substeps != grid->substeps[j]) continue;
-                const summary s = cell_summary(grid, file, key);
-                if (s.runs > s.failed)
-                    (void)fprintf(plot.data.stream, "%.9g %.9g\n", s.median[3], s.median[1]);
-            }
-            app_plot_block(&plot);
-            (void)fprintf(plot.script.stream,
-                          "%sdatafile index %zu using 1:2 with points pt 7 ps 0.8 title '%s x%u'",
-                          block > 0 ? ", " : "", block, lg_train_integrator_name(grid->integrators[i]),
-                          grid->substeps[j]);
-        }
-    (void)fputc('\n', plot.script.stream);
-    return app_plot_end(self, &plot, &drawn, error);
 }

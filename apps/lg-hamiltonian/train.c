@@ -1,156 +1,19 @@
 /* lg-hamiltonian train: fit a Hamiltonian to trajectories. */
-#include "lg-hamiltonian/learning.h"
+#include "lg-hamiltonian/train.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-typedef struct train_values {
-    const char *out, *checkpoint, *resume, *history, *plot;
-    int integrator, activation, potential, dtype, penalty_form;
-    app_sizes hidden;
-    uint64_t substeps, epochs, batch, lr_step, shards, checkpoint_every, stop_after;
-    double lr, lr_gamma, weight_decay, penalty, validation;
-} train_values;
-
-static const char *const integrators[] = {"euler", "lie-euler",      "rk4", "cf4",
-                                          "rkmk4", "stormer-verlet", NULL};
-static const char *const activations[] = {"tanh",       "sigmoid", "swish",    "relu",
-                                          "leaky-relu", "sine",    "identity", NULL};
-static const char *const potentials[] = {"mlp", "linear", NULL};
-static const char *const dtypes[] = {"f64", "f32", NULL};
-static const char *const penalty_forms[] = {"text", "published", NULL};
-
-static const app_option train_options[] = {
-    APP_ROW_TEXT(train_values, out, "out", "FILE", "The model file to write"),
-    APP_ROW_CHOICE(
-        train_values, integrator, "integrator", integrators,
-        "euler, lie-euler, rk4, cf4, rkmk4, stormer-verlet (default: cf4 for pendulum chains, stormer-verlet "
-        "otherwise)"),
-    APP_ROW_SIZE(train_values, substeps, "substeps", "n", 1, 1e6,
-                 "Integrator steps between two points (default 1)"),
-    APP_ROW_SIZES(train_values, hidden, "hidden", "W,W,...", 1, 1048576,
-                  "Widths of the hidden layers of the potential (default 100,100,100)"),
-    APP_ROW_CHOICE(train_values, activation, "activation", activations,
-                   "tanh (default), sigmoid, swish, relu, leaky-relu, sine, identity"),
-    APP_ROW_CHOICE(train_values, potential, "potential", potentials, "mlp (default) or linear"),
-    APP_ROW_SIZE(train_values, epochs, "epochs", "E", 1, 1e9,
-                 "Planned total, a resumed run included (default 100)"),
-    APP_ROW_SIZE(train_values, batch, "batch", "B", 1, 4e9, "Trajectories in a batch (default 80)"),
-    APP_ROW_POSITIVE(train_values, lr, "lr", "R", "Learning rate of Adam (default 1e-2)"),
-    APP_ROW_SIZE(train_values, lr_step, "lr-step", "E", 1, 1e9,
-                 "Epochs after which the rate is multiplied by --lr-gamma (default 50)"),
-    APP_ROW_POSITIVE(train_values, lr_gamma, "lr-gamma", "G", "Default 0.1"),
-    APP_ROW_REAL(train_values, weight_decay, "weight-decay", "W", 0, 1e300,
-                 "L2 penalty in the gradient (default 0)"),
-    APP_ROW_REAL(train_values, penalty, "penalty", "MU", 0, 1e300,
-                 "First-integral penalty for (q_1^2 + p_1^2)/2 (default 0: none)"),
-    APP_ROW_CHOICE(train_values, penalty_form, "penalty-form", penalty_forms,
-                   "text: mean over the batch of squares; published: sum over the batch of absolute values"),
-    APP_ROW_CHOICE(train_values, dtype, "dtype", dtypes, "f64 (default) or f32"),
-    APP_ROW_REAL(train_values, validation, "validation", "F", 0, 0.9,
-                 "Fraction kept for validation; the best epoch's parameters are then taken (default 0)"),
-    APP_ROW_SIZE(train_values, shards, "shards", "n", 1, 1024,
-                 "Pieces of a batch that threads share; the bits of the result depend on it (default 4)"),
-    APP_ROW_TEXT(
-        train_values, checkpoint, "checkpoint", "FILE",
-        "Where the state goes (default: FILE of --out with .checkpoint appended, when stopped early)"),
-    APP_ROW_SIZE(train_values, checkpoint_every, "checkpoint-every", "n", 1, 1e9,
-                 "Epochs between checkpoints (default 10 with --checkpoint)"),
-    APP_ROW_SIZE(train_values, stop_after, "stop-after", "n", 1, 1e9,
-                 "Stop after n epochs of this run, state saved"),
-    APP_ROW_TEXT(
-        train_values, resume, "resume", "FILE",
-        "Continue from a checkpoint, to the same bits as one run; options not given are the checkpoint's"),
-    APP_ROW_TEXT(train_values, history, "history", "FILE.csv",
-                 "One row an epoch: epoch, loss, validation, rate, seconds"),
-    APP_ROW_TEXT(train_values, plot, "plot", "FILE.svg|.png", "Draw the loss"),
-    APP_ROW_END};
-
-static train_values values = {.integrator = -1,
-                              .hidden = {3, {100, 100, 100}},
-                              .substeps = 1,
-                              .epochs = 100,
-                              .batch = 80,
-                              .lr_step = 50,
-                              .shards = 4,
-                              .lr = 1e-2,
-                              .lr_gamma = 0.1};
-
 typedef struct training {
     app *app;
     learner learner;
     app_progress progress;
+    lg_newton_result newton;
     const char *checkpoint;
     lg_status checkpoint_status; /* of the last one */
     lg_error checkpoint_error;
 } training;
-
-/* ---- options ---- */
-
-static int position_of(const char *const *names, const char *name, int otherwise) {
-    for (int i = 0; names[i] != NULL; i++)
-        if (strcmp(names[i], name) == 0) return i;
-    return otherwise;
-}
-
-static void adopt_network(const app *self, const lg_hamiltonian *model) {
-    if (!app_given(self, "potential")) values.potential = model->potential == LG_POTENTIAL_MLP ? 0 : 1;
-    if (!app_given(self, "activation"))
-        values.activation =
-            position_of(activations, lg_activation_name(model->net.activation), values.activation);
-    if (app_given(self, "hidden") || model->potential != LG_POTENTIAL_MLP) return;
-    values.hidden.count = model->net.layers - 1;
-    for (uint32_t i = 0; i + 1 < model->net.layers; i++) values.hidden.values[i] = model->net.width[i + 1];
-}
-
-/* What was not given on the command line is the stored run's. */
-static void adopt(app *self, const lg_hamiltonian_run *stored) {
-    adopt_network(self, &stored->model);
-    if (!app_given(self, "integrator"))
-        values.integrator = position_of(integrators, lg_train_integrator_name(stored->integrator), -1);
-    if (!app_given(self, "substeps")) values.substeps = stored->substeps;
-    if (!app_given(self, "epochs")) values.epochs = stored->epochs;
-    if (!app_given(self, "batch")) values.batch = stored->batch;
-    if (!app_given(self, "lr")) values.lr = stored->lr;
-    if (!app_given(self, "lr-step")) values.lr_step = stored->lr_step;
-    if (!app_given(self, "lr-gamma")) values.lr_gamma = stored->lr_gamma;
-    if (!app_given(self, "weight-decay")) values.weight_decay = stored->weight_decay;
-    if (!app_given(self, "penalty")) values.penalty = stored->penalty;
-    if (!app_given(self, "penalty-form"))
-        values.penalty_form = stored->penalty_form == LG_PENALTY_TEXT ? 0 : 1;
-    if (!app_given(self, "dtype")) values.dtype = stored->dtype == LG_F64 ? 0 : 1;
-    if (!app_given(self, "validation")) values.validation = stored->validation;
-    if (!app_given(self, "shards")) values.shards = stored->shards;
-    if (!self->seed_given) self->seed = stored->seed;
-}
-
-static lg_status run_from_options(const app *self, const lg_trajectories *data, lg_hamiltonian_run *run,
-                                  lg_error *error) {
-    lg_activation activation = LG_TANH;
-    *run = (lg_hamiltonian_run){.dtype = values.dtype == 0 ? LG_F64 : LG_F32,
-                                .substeps = (uint32_t)values.substeps,
-                                .penalty = values.penalty,
-                                .penalty_form =
-                                    values.penalty_form == 0 ? LG_PENALTY_TEXT : LG_PENALTY_PUBLISHED,
-                                .epochs = values.epochs,
-                                .batch = values.batch,
-                                .lr = values.lr,
-                                .lr_gamma = values.lr_gamma,
-                                .lr_step = values.lr_step,
-                                .weight_decay = values.weight_decay,
-                                .validation = values.validation,
-                                .shards = (uint32_t)values.shards,
-                                .seed = self->seed};
-    run->integrator = data->family == LG_HAMILTONIAN_CHAIN ? LG_TRAIN_CF4 : LG_TRAIN_STORMER_VERLET;
-    lg_status status = LG_OK;
-    if (values.integrator >= 0)
-        status = lg_train_integrator_parse(integrators[values.integrator], &run->integrator);
-    if (status == LG_OK) status = lg_activation_parse(activations[values.activation], &activation);
-    if (status != LG_OK) return status;
-    return describe_run(data, values.potential == 0 ? LG_POTENTIAL_MLP : LG_POTENTIAL_LINEAR,
-                        values.hidden.values, (uint32_t)values.hidden.count, activation, run, error);
-}
 
 /* ---- callbacks of the fit ---- */
 
@@ -172,7 +35,9 @@ static int on_epoch(void *user, const lg_fit_epoch *report) {
 
 /* ---- result ---- */
 
-static void report_json(const app *self, const learner *learned, double loss, double seconds) {
+static void report_json(const training *state, double loss, double seconds) {
+    const app *self = state->app;
+    const learner *learned = &state->learner;
     char cpu[256];
     app_json json;
     const lg_fit *fit = learned->fit;
@@ -197,19 +62,24 @@ static void report_json(const app *self, const learner *learned, double loss, do
     app_json_size(&json, "shards", learned->run.shards);
     app_json_size(&json, "steps", lg_fit_steps_done(fit));
     app_json_size(&json, "tape_bytes", lg_fit_tape_bytes(fit));
+    if (train_given.newton) {
+        app_json_size(&json, "newton_iterations", state->newton.iterations);
+        app_json_real(&json, "newton_gradient", state->newton.gradient_norm);
+    }
     app_json_text(&json, "cpu", cpu);
-    app_json_text(&json, "out", values.out);
+    app_json_text(&json, "out", train_given.out);
     app_json_end(&json);
 }
 
-static void report(const app *self, const learner *learned, double loss, double seconds) {
-    if (self->json) {
-        report_json(self, learned, loss, seconds);
+static void report(const training *state, double loss, double seconds) {
+    const learner *learned = &state->learner;
+    if (state->app->json) {
+        report_json(state, loss, seconds);
         return;
     }
     (void)printf(
         "%s: %zu parameters, %llu epochs with %s, mean squared error %.3e (%.4f s an epoch, %.1f s in all)\n",
-        values.out, lg_hamiltonian_parameters(&learned->run.model),
+        train_given.out, lg_hamiltonian_parameters(&learned->run.model),
         (unsigned long long)lg_fit_epochs_done(learned->fit),
         lg_train_integrator_name(learned->run.integrator), loss, lg_fit_seconds_per_epoch(learned->fit),
         seconds);
@@ -222,25 +92,29 @@ static int finish(training *self, double seconds) {
     const size_t epochs = (size_t)lg_fit_epochs_done(learned->fit);
     double loss = 0, *theta = app_alloc(lg_hamiltonian_parameters(&learned->run.model), sizeof *theta);
     lg_fit_parameters(learned->fit, theta);
-    lg_status status = mean_squared_error(self->app->context, &learned->problem, theta, &loss, &error);
+    lg_status status = LG_OK;
+    if (train_given.newton && lg_fit_finished(learned->fit))
+        status = lg_newton_fit(self->app->context, &learned->fit_problem, NULL, theta, &self->newton);
+    if (status == LG_OK)
+        status = mean_squared_error(self->app->context, &learned->problem, theta, &loss, &error);
     if (status == LG_OK && !isfinite(loss)) status = LG_NOT_FINITE;
     int code = status == LG_OK
                    ? APP_EXIT_OK
-                   : app_fail(self->app, status, "the loss at the end: %s",
+                   : app_fail(self->app, status, "after the last epoch: %s",
                               error.message[0] != '\0' ? error.message : lg_status_sentence(status));
     if (code == APP_EXIT_OK) {
-        status = save_model(self->app, values.out, learned, theta, &error);
-        if (status != LG_OK) code = app_fail_file(self->app, status, &error, values.out);
+        status = save_model(self->app, train_given.out, learned, theta, &error);
+        if (status != LG_OK) code = app_fail_file(self->app, status, &error, train_given.out);
     }
     free(theta);
-    if (code == APP_EXIT_OK && values.plot != NULL) {
+    if (code == APP_EXIT_OK && train_given.plot != NULL) {
         status =
-            draw_loss(self->app, values.plot, lg_fit_history(learned->fit, LG_FIT_LOSS),
+            draw_loss(self->app, train_given.plot, lg_fit_history(learned->fit, LG_FIT_LOSS),
                       learned->run.validation > 0 ? lg_fit_history(learned->fit, LG_FIT_VALIDATION) : NULL,
                       epochs, &error);
-        if (status != LG_OK) code = app_fail_file(self->app, status, &error, values.plot);
+        if (status != LG_OK) code = app_fail_file(self->app, status, &error, train_given.plot);
     }
-    if (code == APP_EXIT_OK) report(self->app, learned, loss, seconds);
+    if (code == APP_EXIT_OK) report(self, loss, seconds);
     return code;
 }
 
@@ -249,9 +123,9 @@ static int conclude(training *self, lg_status status, const lg_error *fit_error,
     lg_error error = {LG_OK, ""};
     int code = APP_EXIT_OK;
     const learner *learned = &self->learner;
-    if (values.history != NULL) {
-        const lg_status saved = save_history(values.history, learned->fit, &error);
-        if (saved != LG_OK) code = app_fail_file(self->app, saved, &error, values.history);
+    if (train_given.history != NULL) {
+        const lg_status saved = save_history(train_given.history, learned->fit, &error);
+        if (saved != LG_OK) code = app_fail_file(self->app, saved, &error, train_given.history);
     }
     const bool stopped = status == LG_CANCELLED || (status == LG_OK && !lg_fit_finished(learned->fit));
     if (stopped && self->checkpoint_status != LG_OK)
@@ -277,13 +151,16 @@ static int train(training *self, const lg_hamiltonian_run *run, const lg_traject
     lg_archive_reader archive;
     lg_fit_options_init(&options);
     options.threads = (int)self->app->threads;
-    options.stop_after = values.stop_after;
+    options.stop_after = train_given.stop_after;
     options.checkpoint = on_checkpoint;
-    options.checkpoint_every = values.checkpoint_every > 0 ? values.checkpoint_every
-                               : values.checkpoint != NULL ? 10
-                                                           : 0;
+    options.checkpoint_every = train_given.checkpoint_every > 0 ? train_given.checkpoint_every
+                               : train_given.checkpoint != NULL ? 10
+                                                                : 0;
     options.on_epoch = on_epoch;
     options.user = self;
+    if (train_given.newton && lg_hamiltonian_parameters(&run->model) > LG_NEWTON_MAX_PARAMETERS)
+        return app_usage(self->app, "--newton: the model has %zu parameters, at most %d are possible",
+                         lg_hamiltonian_parameters(&run->model), LG_NEWTON_MAX_PARAMETERS);
     lg_status status = learner_create(self->app->context, run, data, &options, &self->learner, &error);
     if (status != LG_OK)
         return app_fail(self->app, status, "%s",
@@ -296,8 +173,8 @@ static int train(training *self, const lg_hamiltonian_run *run, const lg_traject
             if (more[0] != '\0') (void)snprintf(error.message, sizeof error.message, "%s", more);
             learner_destroy(&self->learner);
             if (status == LG_INVALID_ARGUMENT)
-                return app_fail(self->app, status, "%s: %s", values.resume, error.message);
-            return app_fail_file(self->app, status, &error, values.resume);
+                return app_fail(self->app, status, "%s: %s", train_given.resume, error.message);
+            return app_fail_file(self->app, status, &error, train_given.resume);
         }
     }
     const double begin = app_seconds();
@@ -310,9 +187,9 @@ static int train(training *self, const lg_hamiltonian_run *run, const lg_traject
 }
 
 static int check_outputs(const app *self, const char *checkpoint) {
-    const char *const paths[] = {values.out, checkpoint, values.history, values.plot};
-    if (values.plot != NULL && !app_plot_name_fits(values.plot))
-        return app_usage(self, "--plot: '%s' does not end in .svg or .png", values.plot);
+    const char *const paths[] = {train_given.out, checkpoint, train_given.history, train_given.plot};
+    if (train_given.plot != NULL && !app_plot_name_fits(train_given.plot))
+        return app_usage(self, "--plot: '%s' does not end in .svg or .png", train_given.plot);
     for (size_t i = 0; i < APP_COUNT(paths); i++) {
         lg_error error = {LG_OK, ""};
         const lg_status status = paths[i] != NULL ? app_check_writable(paths[i], &error) : LG_OK;
@@ -327,14 +204,15 @@ static int run_with(training *self, const lg_trajectories *data) {
     lg_hamiltonian_run run, stored_run;
     lg_file_reader *stored = NULL;
     lg_status status = LG_OK;
-    if (values.resume != NULL) {
-        status = lg_checkpoint_open(self->app->context, values.resume, NULL, &stored_run, &stored, &error);
-        if (status != LG_OK) return app_fail_file(self->app, status, &error, values.resume);
-        adopt(self->app, &stored_run);
+    if (train_given.resume != NULL) {
+        status =
+            lg_checkpoint_open(self->app->context, train_given.resume, NULL, &stored_run, &stored, &error);
+        if (status != LG_OK) return app_fail_file(self->app, status, &error, train_given.resume);
+        train_adopt(self->app, &stored_run);
     }
-    status = run_from_options(self->app, data, &run, &error);
+    status = train_run(self->app, data, &run, &error);
     if (status == LG_OK && stored != NULL)
-        status = lg_hamiltonian_run_compare(values.resume, &stored_run, &run, &error);
+        status = lg_hamiltonian_run_compare(train_given.resume, &stored_run, &run, &error);
     const int code = status == LG_OK
                          ? train(self, &run, data, stored)
                          : app_fail(self->app, status, "%s",
@@ -345,9 +223,10 @@ static int run_with(training *self, const lg_trajectories *data) {
 
 static int run_train(app *self) {
     lg_error error = {LG_OK, ""};
-    if (values.out == NULL) return app_usage(self, "--out FILE is missing");
-    char *beside = app_format("%s.checkpoint", values.out);
-    training state = {.app = self, .checkpoint = values.checkpoint != NULL ? values.checkpoint : beside};
+    if (train_given.out == NULL) return app_usage(self, "--out FILE is missing");
+    char *beside = app_format("%s.checkpoint", train_given.out);
+    training state = {.app = self,
+                      .checkpoint = train_given.checkpoint != NULL ? train_given.checkpoint : beside};
     int code = check_outputs(self, state.checkpoint);
     lg_trajectories data;
     if (code == APP_EXIT_OK) {
@@ -377,7 +256,7 @@ const app_command train_command = {
                "batches.\n\nCtrl-C saves a "
                "checkpoint and ends with exit code 130; --resume continues to the same bits.",
     .options = train_options,
-    .values = &values,
+    .values = &train_given,
     .arguments_min = 1,
     .arguments_max = 1,
     .run = run_train};

@@ -1,9 +1,9 @@
 /* Gradient check: are the derivatives of a function built on a tape right?
  *
  * In double precision only. For each of a few random directions d and cotangents c, at each order:
- *   - slope: the Taylor remainder |<c, f(x(h)) - f(x)> - <J^T c, x(h) - x>|, x(h) = x + h d, falls like h^2.
- * Its slope over halvings of h, by regression over the smallest h above rounding, is at least 1.9; or the
- *     remainder is at rounding level for all h, as of a linear function;
+ *   - slope: the Taylor remainder R(h) = <c, f(x(h)) - f(x)> - <J^T c, x(h) - x>, x(h) = x + h d, falls like
+ * h^2: the slope of max(|R(h)|, |R(-h)|) over halvings of h, by regression over the smallest h above
+ * rounding, is at least 1.9; or the remainder is at rounding level for all h, as of a linear function;
  *   - the forward mode J d equals the difference quotient of f (extrapolated, order h^4) in each element;
  *   - <c, J d> = <J^T c, d> to rounding;
  *   - lg_backward equals lg_vjp to rounding.

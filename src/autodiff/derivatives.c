@@ -22,6 +22,10 @@ static bool frozen(const lg_node *node, uint32_t input) {
     return input < 32 && ((lg_ops[node->op]->frozen >> input) & 1u) != 0;
 }
 
+static bool planted(const lg_tape *tape, uint32_t node, lg_plant_direction direction) {
+    return tape->plant != NULL && lg_plant_hits(tape, node, direction);
+}
+
 static const uint32_t *parents_of(const lg_tape *tape, const lg_node *node) {
     return &tape->parents[node->parents];
 }
@@ -100,7 +104,7 @@ static void reverse_step(lg_tape *tape, lg_sweep *sweep, uint32_t i, lg_var g, b
     }
     lg_reverse r = {tape, i, lg_var_at(tape, i), g, &attr, in, inputs, need, out, unrecorded ? sweep : NULL};
     lg_ops[node->op]->vjp(&r);
-    if (lg_plant_hits(tape, i, LG_PLANT_VJP)) lg_plant_vjp(&r);
+    if (planted(tape, i, LG_PLANT_VJP)) lg_plant_vjp(&r);
 }
 
 /* ---- recorded reverse mode ---- */
@@ -161,7 +165,7 @@ lg_status lg_vjp(lg_tape *tape, const lg_var *y, const lg_var *cotangent, size_t
 }
 
 lg_status lg_grad(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, lg_var *out) {
-    if (!valid_list(tape, &y, 1, "grad")) return tape->status;
+    if (!valid_list(tape, &y, 1, "grad") || !valid_list(tape, wrt, n, "grad")) return tape->status;
     lg_var one = lg_full(tape, lg_node_at(tape, y)->shape, 1.0);
     if (tape->status != LG_OK) return tape->status;
     return lg_vjp(tape, &y, &one, 1, wrt, n, out);
@@ -227,7 +231,7 @@ void lg_reverse_matmul(lg_reverse *r, uint32_t k, uint32_t variant, lg_var a, lg
     if (!r->need[k] || tape->status != LG_OK) return;
     lg_attr attr = {.i = {variant, 0, 0, 0}};
     const lg_node *target = lg_node_at(tape, r->in[k]);
-    if (r->sweep == NULL || target->shape.rank != 2 || lg_plant_hits(tape, r->node, LG_PLANT_VJP)) {
+    if (r->sweep == NULL || target->shape.rank != 2 || planted(tape, r->node, LG_PLANT_VJP)) {
         lg_var in[2] = {a, b};
         r->out[k] = lg_record(tape, LG_OP_MATMUL, in, 2, &attr);
         return;
@@ -260,12 +264,15 @@ static void drop_temporaries(lg_tape *tape, lg_mark before) {
     tape->arena.used = before.used;
 }
 
-/* No other cotangent of this step reads the memory of out[k]. */
+/* No other cotangent of this step reads the memory of out[k], as itself or as a view of a part. */
 static bool unshared(const lg_tape *tape, const lg_var *out, uint32_t inputs, uint32_t k) {
-    const void *value = lg_node_at(tape, out[k])->value;
-    for (uint32_t other = 0; other < inputs; other++)
-        if (other != k && !lg_is_none(out[other]) && lg_node_at(tape, out[other])->value == value)
-            return false;
+    const uintptr_t begin = (uintptr_t)lg_node_at(tape, out[k])->value;
+    const uintptr_t end = begin + node_bytes(tape, out[k].index);
+    for (uint32_t other = 0; other < inputs; other++) {
+        if (other == k || lg_is_none(out[other])) continue;
+        const uintptr_t value = (uintptr_t)lg_node_at(tape, out[other])->value;
+        if (value >= begin && value < end) return false;
+    }
     return true;
 }
 
@@ -336,8 +343,6 @@ lg_status lg_backward(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, void
     sweep.reach = (uint8_t *)(sweep.block + length);
     sweep.owned = sweep.reach + length;
     mark_reach(tape, sweep.range, wrt, n, sweep.reach);
-    const uint32_t chunk = tape->arena.current; /* payload of a custom vjp's operations goes to the arena */
-    const size_t used = tape->arena.used;
     tape->unrecorded = true;
     seed_sweep(tape, &sweep, y, wrt, n, grad);
     unrecorded_sweep(tape, &sweep, wrt, n, grad);
@@ -345,16 +350,14 @@ lg_status lg_backward(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, void
         if (sweep.owned[at])
             lg_pool_give(tape, sweep.block[at], node_bytes(tape, sweep.range.lo + (uint32_t)at));
     tape->unrecorded = false;
-    tape->arena.current = chunk;
-    tape->arena.used = used;
     lg_pool_give(tape, sweep.block, bytes);
     return tape->status;
 }
 
 /* ---- recorded forward mode ---- */
 
-/* A variable that depends on another one gets its own direction and what comes to it through the other, as the
- * reverse mode's total derivatives ask. */
+/* A variable that depends on another one gets its own direction and what comes to it through the other, as
+ * the reverse mode's total derivatives ask. */
 static void forward_sweep(lg_tape *tape, lg_range range, const uint8_t *reach, lg_var *tangent) {
     lg_var in[LG_MAX_INPUTS], tangents[LG_MAX_INPUTS];
     for (uint32_t i = range.lo; i <= range.hi && tape->status == LG_OK; i++) {
@@ -371,7 +374,7 @@ static void forward_sweep(lg_tape *tape, lg_range range, const uint8_t *reach, l
         }
         if (!any) continue;
         lg_forward f = {tape, lg_var_at(tape, i), &attr, in, tangents, node->inputs};
-        lg_var moved = lg_plant_hits(tape, i, LG_PLANT_JVP) ? lg_plant_jvp(&f) : lg_ops[node->op]->jvp(&f);
+        lg_var moved = planted(tape, i, LG_PLANT_JVP) ? lg_plant_jvp(&f) : lg_ops[node->op]->jvp(&f);
         tangent[i - range.lo] = lg_add_or(tape, tangent[i - range.lo], moved);
     }
 }
@@ -451,7 +454,8 @@ lg_var lg_jacobian(lg_tape *tape, lg_var y, lg_var x) {
 }
 
 lg_var lg_hvp(lg_tape *tape, lg_var y, lg_var x, lg_var v) {
-    lg_var gradient, product;
+    lg_var gradient, product, all[3] = {y, x, v};
+    if (!valid_list(tape, all, 3, "hvp")) return LG_NONE;
     if (lg_grad(tape, y, &x, 1, &gradient) != LG_OK) return LG_NONE;
     if (lg_jvp(tape, &gradient, 1, &x, &v, 1, &product) != LG_OK) return LG_NONE;
     return product;

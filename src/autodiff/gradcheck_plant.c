@@ -31,7 +31,7 @@ static lg_var mutated(lg_tape *tape, lg_plant *plant, lg_var v) {
 
 bool lg_plant_hits(const lg_tape *tape, uint32_t node, lg_plant_direction direction) {
     const lg_plant *plant = tape->plant;
-    return plant != NULL && plant->direction == direction && tape->nodes[node].op == plant->op;
+    return plant->direction == direction && tape->nodes[node].op == plant->op;
 }
 
 void lg_plant_vjp(lg_reverse *r) {

@@ -46,6 +46,8 @@ enum {
     KEY_LR_STEP,
     KEY_LR_GAMMA,
     KEY_WEIGHT_DECAY,
+    KEY_ADAM_EPS,
+    KEY_CLIP,
     KEY_HIDDEN,
     KEY_ACTIVATION,
     KEY_POTENTIAL,
@@ -74,6 +76,8 @@ static const lg_key keys[KEYS] = {
     [KEY_LR_STEP] = {"lr_step", LG_KEY_COUNT, ALL, false, false, 1, 1e9, 1, NULL},
     [KEY_LR_GAMMA] = {"lr_gamma", LG_KEY_REAL, ALL, false, true, 0, 1e3, 1, NULL},
     [KEY_WEIGHT_DECAY] = {"weight_decay", LG_KEY_REAL, ALL, false, false, 0, 1e3, 1, NULL},
+    [KEY_ADAM_EPS] = {"adam_eps", LG_KEY_REAL, ALL, false, true, 0, 1, 1, NULL},
+    [KEY_CLIP] = {"clip", LG_KEY_REAL, ALL, false, false, 0, 1e300, 1, NULL},
     [KEY_HIDDEN] = {"hidden", LG_KEY_COUNTS, ALL, false, false, 1, 1 << 20, LG_MLP_MAX_LAYERS - 1, NULL},
     [KEY_ACTIVATION] = {"activation", LG_KEY_NAME, ALL, false, false, 0, 0, 1, activation_name},
     [KEY_POTENTIAL] = {"potential", LG_KEY_NAME, ALL, false, false, 0, 0, 1, potential_name},
@@ -130,6 +134,8 @@ static void fill(const lg_key_value *v, lg_grid *out) {
                      .lr_step = 50,
                      .lr = 1e-2,
                      .lr_gamma = 0.1,
+                     .adam_eps = LG_HAMILTONIAN_ADAM_EPS,
+                     .clip = LG_HAMILTONIAN_CLIP,
                      .hidden = {100, 100, 100},
                      .hidden_count = 3,
                      .shards = 4,
@@ -155,6 +161,8 @@ static void fill(const lg_key_value *v, lg_grid *out) {
     set_real(&v[KEY_LR], &out->lr);
     set_real(&v[KEY_LR_GAMMA], &out->lr_gamma);
     set_real(&v[KEY_WEIGHT_DECAY], &out->weight_decay);
+    set_real(&v[KEY_ADAM_EPS], &out->adam_eps);
+    set_real(&v[KEY_CLIP], &out->clip);
     out->activation = (lg_activation)name_or(&v[KEY_ACTIVATION], LG_TANH);
     out->potential = (lg_potential_kind)name_or(&v[KEY_POTENTIAL], LG_POTENTIAL_MLP);
     out->dtype = (lg_dtype)name_or(&v[KEY_DTYPE], LG_F64);

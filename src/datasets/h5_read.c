@@ -49,7 +49,8 @@ lg_status lg_h5_open(const lg_context *context, const char *path, const lg_read_
         if (access_list >= 0) (void)H5Pclose(access_list);
         lg_quiet_end(quiet);
         if (h5->file < 0)
-            status = lg_fail(error, LG_FORMAT, "%s: is not an HDF5 file, or is cut short or damaged",
+            status = lg_fail(error, LG_FORMAT,
+                             "%s: is not an HDF5 file, or is cut short, damaged or still being written",
                              lg_shown_path(path));
     }
     if (status == LG_OK)
@@ -320,9 +321,10 @@ static lg_status open_attribute(lg_h5 *h5, const char *object, const char *name,
 }
 
 /* Any string type, terminated, padding removed. No memory of ours is needed. */
-static lg_status read_text(lg_h5 *h5, const char *object, const char *name, const attribute *a, char *out, size_t size,
-                           lg_error *error) {
-    if (H5Tget_class(a->type) != H5T_STRING) return attribute_error(h5, object, name, LG_FORMAT, "is not a text", error);
+static lg_status read_text(lg_h5 *h5, const char *object, const char *name, const attribute *a, char *out,
+                           size_t size, lg_error *error) {
+    if (H5Tget_class(a->type) != H5T_STRING)
+        return attribute_error(h5, object, name, LG_FORMAT, "is not a text", error);
     bool variable = H5Tis_variable_str(a->type) > 0, read = true;
     char fixed[LG_H5_TEXT + 1] = "", *pointer = NULL;
     const char *text = fixed;
@@ -348,7 +350,8 @@ static lg_status read_text(lg_h5 *h5, const char *object, const char *name, cons
     return status;
 }
 
-lg_status lg_h5_text(lg_h5 *h5, const char *object, const char *name, char *out, size_t size, lg_error *error) {
+lg_status lg_h5_text(lg_h5 *h5, const char *object, const char *name, char *out, size_t size,
+                     lg_error *error) {
     lg_h5_quiet quiet = lg_quiet_begin();
     attribute a;
     lg_status status = open_attribute(h5, object, name, &a, error);

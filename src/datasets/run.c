@@ -57,6 +57,8 @@ static const row rows[] = {
     {"run", "lr_step", ROW_U64, FIELD(lr_step), 0, NULL},
     {"run", "lr_gamma", ROW_REAL, FIELD(lr_gamma), 0, NULL},
     {"run", "weight_decay", ROW_REAL, FIELD(weight_decay), 0, NULL},
+    {"run", "adam_eps", ROW_REAL, FIELD(adam_eps), 0, NULL},
+    {"run", "clip", ROW_REAL, FIELD(clip), 0, NULL},
     {"run", "validation", ROW_REAL, FIELD(validation), 0, NULL},
     {"run", "shards", ROW_U32, FIELD(shards), 1, NULL},
     {"run", "seed", ROW_U64, FIELD(seed), 0, NULL},

@@ -163,8 +163,8 @@ static lg_status chain_start(const lg_context *context, const lg_yaml *yaml, con
     for (uint32_t i = 0; i < out->links; i++) LG_TRY(place_link(yaml, &v[KEY_Q], w, w_name, i, out, error));
     if (out->projected)
         lg_log_message(context, LG_LOG_WARNING,
-               "%s: line %u: the start was off the manifold by %.3g and was projected", lg_yaml_path(yaml),
-               line, out->projection);
+                       "%s: line %u: the start was off the manifold by %.3g and was projected",
+                       lg_yaml_path(yaml), line, out->projection);
     return LG_OK;
 }
 

@@ -110,8 +110,8 @@ static lg_status load(lg_yaml *yaml, yaml_parser_t *parser, const unsigned char 
     yaml->root = yaml_document_get_root_node(&yaml->document);
     lg_status status = LG_OK;
     if (yaml->root == NULL)
-        return lg_fail(error, LG_FORMAT, "%s: line 1: holds nothing", lg_shown_path(yaml->path));
-    if (yaml->root->type != YAML_MAPPING_NODE)
+        status = lg_fail(error, LG_FORMAT, "%s: line 1: holds nothing", lg_shown_path(yaml->path));
+    else if (yaml->root->type != YAML_MAPPING_NODE)
         status = lg_yaml_fail(yaml, line_of(yaml->root), LG_FORMAT, error, "keys and values are expected");
     if (status == LG_OK && !yaml_parser_load(parser, &next))
         status = parser_error(yaml->path, parser, data, bytes, error);

@@ -88,6 +88,7 @@ static const struct bad {
     {"train train.h5 --out m.h5 --seed -1", 2, "--seed: '-1'"},
     {"train train.h5 --out m.h5 --plot loss.pdf", 2, "loss.pdf"},
     {"train train.h5 --out m.h5 --penalty 1e-3", 2, "penalty"},
+    {"train train.h5 --out m.h5 --newton", 2, "--newton"},
     {"train missing.h5 --out m.h5", 3, "missing.h5"},
     {"train empty.h5 --out m.h5", 3, "empty.h5"},
     {"train foreign.h5 --out m.h5", 3, "foreign.h5"},
@@ -100,6 +101,7 @@ static const struct bad {
     {"train train.h5 --out m.h5 --resume missing.h5", 3, "missing.h5"},
     {"train train.h5 --out m.h5 --resume foreign.h5", 3, "foreign.h5"},
     {"train train.h5 --out m.h5 --resume model.h5", 3, "model.h5"},
+    {"train train.h5 --out m.h5 --potential linear --lr 1e200", 4, "epoch 2, batch 1: the loss"},
     {"generate", 2, "missing argument"},
     {"generate scene.yaml", 2, "--out FILE is missing"},
     {"generate scene.yaml --out d.h5 --trajectories -5", 2, "--trajectories: '-5'"},
@@ -129,6 +131,8 @@ static const struct bad {
     {"study scene.yaml --out s.csv", 3, "scene.yaml"},
     {"study grid.yaml --out nowhere/s.csv", 3, "nowhere/s.csv"},
     {"study grid.yaml --out scene.yaml", 3, "not the table of a study"},
+    {"study grid.yaml --out s.csv --plot s.jpg", 2, "s.jpg"},
+    {"study grid.yaml --out s.csv --plot-noise nowhere/s.svg", 3, "nowhere/s.svg"},
     {"study grid.yaml --out s.csv --jobs 0", 2, "--jobs: '0'"},
     {"demo --out scene.yaml", 3, "scene.yaml"},
 };
@@ -230,6 +234,17 @@ static void test_plots(void **state) {
     assert_int_equal(strncmp(text, "epoch,loss,validation,rate,seconds\n1,", 37), 0);
 }
 
+/* Linear potential: Newton reaches the floor of the loss, below what Adam alone leaves. */
+static void test_newton(void **state) {
+    (void)state;
+    cli_expect(lg, "train train.h5 --potential linear --epochs 3 --out l.h5 --json", 0, "\"loss\"", &result);
+    const double adam = json_number(result.out, "loss");
+    cli_expect(lg, "train train.h5 --potential linear --epochs 3 --newton --out l.h5 --json", 0,
+               "newton_iterations", &result);
+    const double newton = json_number(result.out, "loss");
+    if (!(newton < 1e-14 && newton < 1e-6 * adam)) fail_msg("loss %g by Adam, %g by Newton", adam, newton);
+}
+
 static void test_separable(void **state) {
     (void)state;
     cli_expect(lg, "generate quartic.yaml --trajectories 20 --points 4 --t-end 0.3 --out q.h5", 0, "quartic",
@@ -328,7 +343,12 @@ static int lines(const char *text) {
 static void test_study(void **state) {
     char once[8192], again[8192], path[1024];
     (void)state;
-    cli_expect(lg, "study grid.yaml --out once.csv --jobs 2 --threads 2", 0, "Geometric means", &result);
+    cli_expect(lg,
+               "study grid.yaml --out once.csv --jobs 2 --threads 2 --plot w.svg --plot-noise n.svg "
+               "--plot-parallel p.png",
+               0, "Geometric means", &result);
+    assert_true(cli_exists("w.gp") && cli_exists("n.gp") && cli_exists("p.gp"));
+    if (!cli_exists("p.png")) assert_non_null(strstr(result.err, "gnuplot"));
     cli_expect(lg, "study grid.yaml --out again.csv --stop-after 1 --json", 0, "\"done\": 1", &result);
     assert_true(json_is_object(result.out));
     cli_path("again.csv", path, sizeof path);
@@ -357,6 +377,7 @@ int main(void) {
                                        cmocka_unit_test(test_bad_scenes),
                                        cmocka_unit_test(test_evaluate_and_predict),
                                        cmocka_unit_test(test_plots),
+                                       cmocka_unit_test(test_newton),
                                        cmocka_unit_test(test_separable),
                                        cmocka_unit_test(test_same_bits),
                                        cmocka_unit_test(test_interrupt),

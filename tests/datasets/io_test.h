@@ -1,4 +1,5 @@
-/* Shared by the tests of files: a scratch folder, damaged copies, HDF5 written as another program would, an allocator that fails. */
+/* Shared by the tests of files: a scratch folder, damaged copies, HDF5 written as another program would, an
+ * allocator that fails. */
 #ifndef LG_IO_TEST_H
 #define LG_IO_TEST_H
 
@@ -86,7 +87,8 @@ static inline void assert_same_bytes(const char *a, const char *b) {
 /* ---- readers under damage ---- */
 
 /* Reads the file and frees what it got. */
-typedef lg_status (*read_fn)(const lg_context *context, const char *path, const lg_read_options *options, lg_error *error);
+typedef lg_status (*read_fn)(const lg_context *context, const char *path, const lg_read_options *options,
+                             lg_error *error);
 
 /* The status is one of two, and every word is in the sentence ("" for none). */
 static inline void assert_refused(read_fn reader, const char *path, lg_status expected, const char *word1,
@@ -94,7 +96,8 @@ static inline void assert_refused(read_fn reader, const char *path, lg_status ex
     lg_error error = {LG_OK, ""};
     lg_status status = reader(NULL, path, NULL, &error);
     if (status != expected)
-        fail_msg("%s: %s (%s), expected %s", path, lg_status_name(status), error.message, lg_status_name(expected));
+        fail_msg("%s: %s (%s), expected %s", path, lg_status_name(status), error.message,
+                 lg_status_name(expected));
     assert_int_equal(error.status, expected);
     const char *const words[] = {strrchr(path, '/') + 1, word1, word2};
     for (size_t i = 0; i < 3; i++)
@@ -103,9 +106,11 @@ static inline void assert_refused(read_fn reader, const char *path, lg_status ex
     assert_int_equal(reader(NULL, path, NULL, NULL), expected);
 }
 
-/* Missing, empty, a folder, cut at each tenth, PNG, text: the same for every reader. `line`: what stands in sentences of YAML. */
+/* Missing, empty, a folder, cut at each tenth, PNG, text: the same for every reader. `line`: what stands in
+ * sentences of YAML. */
 static inline void refuse_damaged_files(read_fn reader, const char *good, const char *line) {
-    static const unsigned char png[] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n', 0, 0, 0, 13, 'I', 'H', 'D', 'R', 0xff};
+    static const unsigned char png[] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n', 0,
+                                        0,    0,   13,  'I', 'H',  'D',  'R',  0xff};
     size_t size;
     unsigned char *data = read_bytes_of(good, &size);
     assert_ok(reader(NULL, good, NULL, NULL));
@@ -178,11 +183,12 @@ static inline void delete_attribute(const char *path, const char *object, const 
     assert_true(H5Fclose(file) >= 0);
 }
 
-static inline void replace_attribute(const char *path, const char *object, const char *name, hid_t stored, hid_t memory,
-                                     const void *value) {
+static inline void replace_attribute(const char *path, const char *object, const char *name, hid_t stored,
+                                     hid_t memory, const void *value) {
     delete_attribute(path, object, name);
     hid_t file = open_for_change(path), space = H5Screate(H5S_SCALAR);
-    hid_t attribute = H5Acreate_by_name(file, object, name, stored, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
+    hid_t attribute =
+        H5Acreate_by_name(file, object, name, stored, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
     assert_true(attribute >= 0 && H5Awrite(attribute, memory, value) >= 0);
     assert_true(H5Aclose(attribute) >= 0 && H5Sclose(space) >= 0 && H5Fclose(file) >= 0);
 }
@@ -201,7 +207,8 @@ static inline void replace_integer(const char *path, const char *object, const c
 
 /* HDF5 identifiers that are open. */
 static inline hsize_t open_identifiers(void) {
-    static const H5I_type_t types[] = {H5I_FILE, H5I_GROUP, H5I_DATATYPE, H5I_DATASPACE, H5I_DATASET, H5I_ATTR, H5I_GENPROP_LST};
+    static const H5I_type_t types[] = {H5I_FILE,    H5I_GROUP, H5I_DATATYPE,   H5I_DATASPACE,
+                                       H5I_DATASET, H5I_ATTR,  H5I_GENPROP_LST};
     hsize_t total = 0;
     for (size_t i = 0; i < LG_COUNT(types); i++) {
         hsize_t count = 0;
@@ -231,9 +238,10 @@ static inline void failing_release(void *user, void *memory) {
     free(memory);
 }
 
-/* Calls act(context, user) with the 1st, 2nd, ... allocation failing until it succeeds. Returns how often it failed. */
-static inline size_t fail_every_allocation(lg_status (*act)(const lg_context *context, void *user, lg_error *error),
-                                           void *user) {
+/* Calls act(context, user) with the 1st, 2nd, ... allocation failing until it succeeds. Returns how often it
+ * failed. */
+static inline size_t
+fail_every_allocation(lg_status (*act)(const lg_context *context, void *user, lg_error *error), void *user) {
     lg_error error;
     failing f = {0, 0, 0};
     lg_context_options options;
@@ -256,7 +264,8 @@ static inline size_t fail_every_allocation(lg_status (*act)(const lg_context *co
             lg_context_destroy(context);
             return n - 1;
         }
-        if (status != LG_OUT_OF_MEMORY) fail_msg("allocation %zu: %s: %s", n, lg_status_name(status), error.message);
+        if (status != LG_OUT_OF_MEMORY)
+            fail_msg("allocation %zu: %s: %s", n, lg_status_name(status), error.message);
     }
     fail_msg("never succeeds");
     return 0;

@@ -19,7 +19,8 @@ static const example examples[] = {
 
 static lg_hamiltonian_run make_run(const example *e) {
     lg_hamiltonian_run run = {.dtype = e->dtype,
-                              .integrator = e->family == LG_HAMILTONIAN_CHAIN ? LG_TRAIN_CF4 : LG_TRAIN_STORMER_VERLET,
+                              .integrator =
+                                  e->family == LG_HAMILTONIAN_CHAIN ? LG_TRAIN_CF4 : LG_TRAIN_STORMER_VERLET,
                               .substeps = 2,
                               .penalty = 0.125,
                               .penalty_form = LG_PENALTY_PUBLISHED,
@@ -29,13 +30,16 @@ static lg_hamiltonian_run make_run(const example *e) {
                               .lr_gamma = 0.1,
                               .lr_step = 50,
                               .weight_decay = 1e-9,
+                              .adam_eps = 1e-11,
+                              .clip = 0.25,
                               .validation = 0.1,
                               .shards = 4,
                               .seed = UINT64_MAX,
                               .trajectories = 500,
                               .points = 5,
                               .dt = 0.025};
-    (void)snprintf(run.system, sizeof run.system, "%s", e->family == LG_HAMILTONIAN_CHAIN ? "pendulum-chain" : "quartic");
+    (void)snprintf(run.system, sizeof run.system, "%s",
+                   e->family == LG_HAMILTONIAN_CHAIN ? "pendulum-chain" : "quartic");
     (void)snprintf(run.data_sha256, sizeof run.data_sha256, "%064d", 42);
     assert_ok(lg_hamiltonian_init(&run.model, e->family, e->links, e->potential, hidden, 2, LG_TANH));
     return run;
@@ -54,7 +58,12 @@ static double *numbers(size_t count, lg_rng *rng, bool positive, lg_dtype dtype)
 static void make_model(const example *e, lg_hamiltonian_file *file) {
     lg_rng rng;
     lg_rng_seed(&rng, 3, 4);
-    *file = (lg_hamiltonian_file){.run = make_run(e), .adam_step = 700, .has_rng = true, .rng = rng, .epochs_done = 6, .has_e1 = true,
+    *file = (lg_hamiltonian_file){.run = make_run(e),
+                                  .adam_step = 700,
+                                  .has_rng = true,
+                                  .rng = rng,
+                                  .epochs_done = 6,
+                                  .has_e1 = true,
                                   .e1 = 1.7e-7};
     size_t n = file->parameters = lg_hamiltonian_parameters(&file->run.model);
     file->theta = numbers(n, &rng, false, e->dtype);
@@ -74,7 +83,8 @@ static const char *good_model(size_t which) {
     return path;
 }
 
-static lg_status read_model(const lg_context *context, const char *path, const lg_read_options *options, lg_error *error) {
+static lg_status read_model(const lg_context *context, const char *path, const lg_read_options *options,
+                            lg_error *error) {
     lg_hamiltonian_file file;
     lg_status status = lg_model_load_hamiltonian(context, path, options, &file, error);
     if (status == LG_OK) lg_hamiltonian_file_free(context, &file);
@@ -99,7 +109,8 @@ static void model_round_trip(void **state) {
         assert_memory_equal(&again.rng, &file.rng, sizeof file.rng);
         assert_close(again.e1, 1.7e-7, 0, 0);
         assert_int_equal(again.epochs_done, 6);
-        for (int i = 0; i < LG_FIT_SERIES_COUNT; i++) assert_memory_equal(again.history[i], file.history[i], 6 * sizeof(double));
+        for (int i = 0; i < LG_FIT_SERIES_COUNT; i++)
+            assert_memory_equal(again.history[i], file.history[i], 6 * sizeof(double));
         assert_string_equal(again.provenance.cpu, "kernels baseline");
         assert_string_equal(again.provenance.liegrad_version, lg_version());
         assert_ok(lg_model_save_hamiltonian(NULL, second, &again, NULL, NULL));
@@ -118,9 +129,12 @@ static void layers_by_name(void **state) {
     double weight[6 * 4], bias[4], last[3], gamma_[4], b[2];
     make_model(&examples[0], &file);
     assert_ok(lg_h5_open(NULL, path, NULL, &h5, NULL));
-    assert_ok(lg_h5_get(h5, "model/potential/layer1/weight", LG_ELEMENT_F64, 2, (const uint64_t[]){6, 4}, weight, NULL));
-    assert_ok(lg_h5_get(h5, "model/potential/layer1/bias", LG_ELEMENT_F64, 1, (const uint64_t[]){4}, bias, NULL));
-    assert_ok(lg_h5_get(h5, "model/potential/layer3/weight", LG_ELEMENT_F64, 2, (const uint64_t[]){3, 1}, last, NULL));
+    assert_ok(lg_h5_get(h5, "model/potential/layer1/weight", LG_ELEMENT_F64, 2, (const uint64_t[]){6, 4},
+                        weight, NULL));
+    assert_ok(
+        lg_h5_get(h5, "model/potential/layer1/bias", LG_ELEMENT_F64, 1, (const uint64_t[]){4}, bias, NULL));
+    assert_ok(lg_h5_get(h5, "model/potential/layer3/weight", LG_ELEMENT_F64, 2, (const uint64_t[]){3, 1},
+                        last, NULL));
     assert_false(lg_h5_has(h5, "model/potential/layer3/bias"));
     assert_ok(lg_h5_get(h5, "model/mass/gamma", LG_ELEMENT_F64, 2, (const uint64_t[]){2, 2}, gamma_, NULL));
     assert_ok(lg_h5_get(h5, "model/mass/b", LG_ELEMENT_F64, 1, (const uint64_t[]){2}, b, NULL));
@@ -139,7 +153,8 @@ static void minimal_model(void **state) {
     (void)state;
     const char *path = good_model(0);
     static const char *const links[] = {"optimizer", "rng", "train", "run"};
-    static const char *const attributes[] = {"E1", "seed", "command", "cpu", "liegrad_version", "conventions", "format"};
+    static const char *const attributes[] = {"E1",          "seed",  "command", "cpu", "liegrad_version",
+                                             "conventions", "format"};
     for (size_t i = 0; i < LG_COUNT(links); i++) delete_link(path, links[i]);
     for (size_t i = 0; i < LG_COUNT(attributes); i++) delete_attribute(path, "/", attributes[i]);
     lg_hamiltonian_file file;
@@ -193,12 +208,18 @@ static void bad_arrays(void **state) {
         replace_dataset(path, c->name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, c->rank, c->dims, data);
         assert_refused(read_model, path, c->status, c->name, c->word);
     }
-    static const char *const needed[] = {"model", "model/potential", "model/potential/layer2/weight", "model/potential/layer2/bias",
-                                         "model/mass/gamma", "model/mass/b", "optimizer/adam/v"};
+    static const char *const needed[] = {"model",
+                                         "model/potential",
+                                         "model/potential/layer2/weight",
+                                         "model/potential/layer2/bias",
+                                         "model/mass/gamma",
+                                         "model/mass/b",
+                                         "optimizer/adam/v"};
     for (size_t i = 0; i < LG_COUNT(needed); i++) {
         const char *path = good_model(0);
         delete_link(path, needed[i]);
-        assert_refused(read_model, path, LG_FORMAT, strcmp(needed[i], "model/potential") == 0 ? "layer1" : needed[i], "");
+        assert_refused(read_model, path, LG_FORMAT,
+                       strcmp(needed[i], "model/potential") == 0 ? "layer1" : needed[i], "");
     }
 }
 
@@ -244,14 +265,21 @@ static void bad_model_attributes(void **state) {
         const char *object, *name;
         int64_t value;
         lg_status status;
-    } integers[] = {{"/", "format_version", 2, LG_VERSION}, {"/", "format_version", 0, LG_FORMAT}, {"model", "links", 3, LG_FORMAT},
-                    {"model", "links", 0, LG_FORMAT},       {"model", "links", -1, LG_FORMAT},     {"model", "links", 1 << 20, LG_FORMAT},
-                    {"model", "links", 5000000000, LG_FORMAT}, {"run", "substeps", 0, LG_FORMAT},  {"run", "seed", -1, LG_FORMAT}};
+    } integers[] = {{"/", "format_version", 2, LG_VERSION},
+                    {"/", "format_version", 0, LG_FORMAT},
+                    {"model", "links", 3, LG_FORMAT},
+                    {"model", "links", 0, LG_FORMAT},
+                    {"model", "links", -1, LG_FORMAT},
+                    {"model", "links", 1 << 20, LG_FORMAT},
+                    {"model", "links", 5000000000, LG_FORMAT},
+                    {"run", "substeps", 0, LG_FORMAT},
+                    {"run", "seed", -1, LG_FORMAT}};
     for (size_t i = 0; i < LG_COUNT(integers); i++) {
         const char *path = good_model(0);
         replace_integer(path, integers[i].object, integers[i].name, integers[i].value);
         /* links 3 fits lg_hamiltonian_init: then the arrays do not. */
-        assert_refused(read_model, path, integers[i].status, integers[i].value == 3 ? "layer1" : integers[i].name, "");
+        assert_refused(read_model, path, integers[i].status,
+                       integers[i].value == 3 ? "layer1" : integers[i].name, "");
     }
     static const char *const reals[][2] = {{"run", "lr"}, {"run", "dt"}, {"run", "penalty"}, {"/", "E1"}};
     for (size_t i = 0; i < LG_COUNT(reals); i++) {
@@ -285,7 +313,8 @@ static void refused_on_save(void **state) {
     file.run.lr = NAN;
     assert_status(lg_model_save_hamiltonian(NULL, path, &file, NULL, NULL), LG_NOT_FINITE);
     file.run = make_run(&examples[0]);
-    assert_status(lg_model_save_hamiltonian(NULL, scratch_path("no/folder/model.h5"), &file, NULL, &error), LG_FILE);
+    assert_status(lg_model_save_hamiltonian(NULL, scratch_path("no/folder/model.h5"), &file, NULL, &error),
+                  LG_FILE);
     assert_non_null(strstr(error.message, "no/folder/model.h5"));
     assert_int_not_equal(access(path, F_OK), 0);
     lg_hamiltonian_file_free(NULL, &file);
@@ -293,8 +322,8 @@ static void refused_on_save(void **state) {
 
 /* ---- a model with the state of its fit ---- */
 
-static lg_status square_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count, size_t batch,
-                             lg_var *loss) {
+static lg_status square_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
+                             size_t batch, lg_var *loss) {
     (void)user, (void)samples;
     *loss = lg_scale(tape, lg_sum(tape, lg_mul(tape, theta, theta)), (double)count / (double)batch);
     return lg_tape_status(tape);
@@ -333,8 +362,8 @@ static void model_with_fit(void **state) {
 
 /* ---- checkpoints ---- */
 
-static lg_status write_checkpoint(const lg_context *context, const char *path, const lg_hamiltonian_run *run, const lg_fit *fit,
-                                  lg_error *error) {
+static lg_status write_checkpoint(const lg_context *context, const char *path, const lg_hamiltonian_run *run,
+                                  const lg_fit *fit, lg_error *error) {
     lg_file_writer *writer;
     lg_archive_writer archive;
     LG_TRY(lg_checkpoint_create(context, path, run, NULL, &writer, error));
@@ -346,7 +375,8 @@ static lg_status write_checkpoint(const lg_context *context, const char *path, c
     return status;
 }
 
-static lg_status read_checkpoint(const lg_context *context, const char *path, const lg_read_options *options, lg_error *error) {
+static lg_status read_checkpoint(const lg_context *context, const char *path, const lg_read_options *options,
+                                 lg_error *error) {
     lg_hamiltonian_run run;
     lg_file_reader *reader;
     lg_status status = lg_checkpoint_open(context, path, options, &run, &reader, error);
@@ -453,8 +483,14 @@ static void another_problem(void **state) {
     struct {
         lg_hamiltonian_run run;
         const char *word;
-    } cases[] = {{wanted, "batch 81, not 80"}, {wanted, "lr 0.02"},        {wanted, "integrator rk4, not cf4"}, {wanted, "seed 3"},
-                 {wanted, "data_sha256"},      {wanted, "hidden 4,3, not"}, {wanted, "dtype f32, not f64"},     {wanted, "dt 0.0"}};
+    } cases[] = {{wanted, "batch 81, not 80"},
+                 {wanted, "lr 0.02"},
+                 {wanted, "integrator rk4, not cf4"},
+                 {wanted, "seed 3"},
+                 {wanted, "data_sha256"},
+                 {wanted, "hidden 4,3, not"},
+                 {wanted, "dtype f32, not f64"},
+                 {wanted, "dt 0.0"}};
     cases[0].run.batch = 81;
     cases[1].run.lr = 0.02;
     cases[2].run.integrator = LG_TRAIN_RK4;
@@ -465,10 +501,13 @@ static void another_problem(void **state) {
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
         lg_hamiltonian_run other = wanted;
         uint32_t wide[] = {4, 5};
-        if (i == 5) assert_ok(lg_hamiltonian_init(&other.model, LG_HAMILTONIAN_CHAIN, 2, LG_POTENTIAL_MLP, wide, 2, LG_TANH));
+        if (i == 5)
+            assert_ok(lg_hamiltonian_init(&other.model, LG_HAMILTONIAN_CHAIN, 2, LG_POTENTIAL_MLP, wide, 2,
+                                          LG_TANH));
         assert_status(lg_hamiltonian_run_compare("a.h5", &cases[i].run, &other, &error), LG_INVALID_ARGUMENT);
         assert_non_null(strstr(error.message, "a.h5"));
-        if (strstr(error.message, cases[i].word) == NULL) fail_msg("no '%s' in: %s", cases[i].word, error.message);
+        if (strstr(error.message, cases[i].word) == NULL)
+            fail_msg("no '%s' in: %s", cases[i].word, error.message);
     }
 }
 
@@ -538,11 +577,13 @@ static void failing_allocations(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(model_round_trip),     cmocka_unit_test(layers_by_name),      cmocka_unit_test(minimal_model),
-        cmocka_unit_test(damaged_models),       cmocka_unit_test(bad_arrays),          cmocka_unit_test(bad_model_attributes),
-        cmocka_unit_test(refused_on_save),      cmocka_unit_test(model_with_fit),      cmocka_unit_test(checkpoint_resumes),
-        cmocka_unit_test(checkpoint_with_nan),  cmocka_unit_test(damaged_checkpoints), cmocka_unit_test(another_problem),
-        cmocka_unit_test(failures_stick),       cmocka_unit_test(failing_allocations),
+        cmocka_unit_test(model_round_trip),    cmocka_unit_test(layers_by_name),
+        cmocka_unit_test(minimal_model),       cmocka_unit_test(damaged_models),
+        cmocka_unit_test(bad_arrays),          cmocka_unit_test(bad_model_attributes),
+        cmocka_unit_test(refused_on_save),     cmocka_unit_test(model_with_fit),
+        cmocka_unit_test(checkpoint_resumes),  cmocka_unit_test(checkpoint_with_nan),
+        cmocka_unit_test(damaged_checkpoints), cmocka_unit_test(another_problem),
+        cmocka_unit_test(failures_stick),      cmocka_unit_test(failing_allocations),
     };
     return cmocka_run_group_tests(tests, scratch_begin, scratch_end);
 }

@@ -5,22 +5,27 @@
 #include "io_test.h"
 
 /* N trajectories of a chain on T*S^2, noise on all points but the first. */
-static void make_chain(const lg_context *context, uint32_t links, size_t count, size_t points, lg_trajectories *out) {
+static void make_chain(const lg_context *context, uint32_t links, size_t count, size_t points,
+                       lg_trajectories *out) {
     lg_rng rng;
     lg_rng_seed(&rng, 7, links);
-    assert_ok(lg_trajectories_create(context, "pendulum-chain", LG_HAMILTONIAN_CHAIN, links, count, points, 0.1, true, 2, out));
+    assert_ok(lg_trajectories_create(context, "pendulum-chain", LG_HAMILTONIAN_CHAIN, links, count, points,
+                                     0.1, true, 2, out));
     for (size_t i = 0; i < count * points * links; i++) {
         double *q = out->data + 6 * i, u[3], length = 0;
         bool start = i % (points * links) < links;
-        for (int j = 0; j < 3; j++) q[j] = lg_rng_normal(&rng), u[j] = lg_rng_uniform(&rng), length += q[j] * q[j];
+        for (int j = 0; j < 3; j++)
+            q[j] = lg_rng_normal(&rng), u[j] = lg_rng_uniform(&rng), length += q[j] * q[j];
         for (int j = 0; j < 3; j++) q[j] /= sqrt(length) * (start ? 1.0 : 1.1);
-        for (int j = 0; j < 3; j++) q[3 + j] = q[(j + 1) % 3] * u[(j + 2) % 3] - q[(j + 2) % 3] * u[(j + 1) % 3];
+        for (int j = 0; j < 3; j++)
+            q[3 + j] = q[(j + 1) % 3] * u[(j + 2) % 3] - q[(j + 2) % 3] * u[(j + 1) % 3];
     }
     for (size_t i = 0; i < count; i++) out->hamiltonian[i] = lg_rng_normal(&rng);
     for (size_t i = 0; i < count * (points - 1) * 2; i++) out->inputs[i] = lg_rng_normal(&rng);
     out->provenance.has_seed = true;
     out->provenance.seed = 12345678901234567890u;
-    (void)snprintf(out->provenance.command, sizeof out->provenance.command, "lg-hamiltonian generate p\xc3\xa9ndulum.yaml");
+    (void)snprintf(out->provenance.command, sizeof out->provenance.command,
+                   "lg-hamiltonian generate p\xc3\xa9ndulum.yaml");
 }
 
 static const char *good_file(uint32_t links) {
@@ -32,7 +37,8 @@ static const char *good_file(uint32_t links) {
     return path;
 }
 
-static lg_status read_and_free(const lg_context *context, const char *path, const lg_read_options *options, lg_error *error) {
+static lg_status read_and_free(const lg_context *context, const char *path, const lg_read_options *options,
+                               lg_error *error) {
     lg_trajectories data;
     lg_status status = lg_trajectories_read(context, path, options, &data, error);
     if (status == LG_OK) lg_trajectories_free(context, &data);
@@ -100,7 +106,8 @@ static void foreign_types(void **state) {
     (void)state;
     /* Big-endian floats, 16-bit integers as times, variable-length texts, no attributes of ours. */
     const char *path = scratch_path("foreign.h5");
-    const float points[2 * 3 * 4] = {0.5f, -0.25f, 1, 0, 0.5f, -0.125f, 1, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17};
+    const float points[2 * 3 * 4] = {0.5f, -0.25f, 1, 0, 0.5f, -0.125f, 1,  1,  2,  3,  4,  5,
+                                     6,    7,      8, 9, 10,   11,      12, 13, 14, 15, 16, 17};
     const int times[3] = {4, 6, 8};
     const hsize_t shape[3] = {2, 3, 4}, three = 3, two = 2;
     const int energies[2] = {-3, 250};
@@ -132,7 +139,8 @@ static void foreign_texts(void **state) {
         const char *path = good_file(2);
         hid_t type = H5Tcopy(H5T_C_S1);
         assert_true(type >= 0 && H5Tset_size(type, 20) >= 0 && H5Tset_strpad(type, pads[i]) >= 0);
-        replace_attribute(path, "/", "system", type, type, i == 2 ? "pendulum-chain      " : "pendulum-chain\0\0\0\0\0\0");
+        replace_attribute(path, "/", "system", type, type,
+                          i == 2 ? "pendulum-chain      " : "pendulum-chain\0\0\0\0\0\0");
         assert_true(H5Tclose(type) >= 0);
         replace_text(path, "/", "layout", "q_1, p_1, q_2, p_2");
         lg_trajectories data;
@@ -144,7 +152,8 @@ static void foreign_texts(void **state) {
 
 static void derived_attributes(void **state) {
     (void)state;
-    static const char *const names[] = {"system", "links", "layout", "format", "format_version", "kind", "seed", "liegrad_version"};
+    static const char *const names[] = {"system",         "links", "layout", "format",
+                                        "format_version", "kind",  "seed",   "liegrad_version"};
     const char *path = good_file(2);
     lg_trajectories data;
     for (size_t i = 0; i < LG_COUNT(names); i++) {
@@ -190,7 +199,8 @@ static void damaged_files(void **state) {
     survive_changed_bytes(read_and_free, good_file(1), 400);
 }
 
-static void put_doubles(const char *path, const char *name, int rank, const hsize_t *dims, size_t bad, double value) {
+static void put_doubles(const char *path, const char *name, int rank, const hsize_t *dims, size_t bad,
+                        double value) {
     size_t count = 1;
     for (int i = 0; i < rank; i++) count *= (size_t)dims[i];
     double *data = calloc(count + 1, sizeof *data);
@@ -310,7 +320,8 @@ static void bad_attributes(void **state) {
 /* A file of a few kilobytes that declares terabytes. */
 static void absurd_sizes(void **state) {
     (void)state;
-    const hsize_t sizes[][3] = {{(hsize_t)1 << 40, 5, 6}, {(hsize_t)1 << 62, (hsize_t)1 << 62, 6}, {1u << 20, 64, 6}};
+    const hsize_t sizes[][3] = {
+        {(hsize_t)1 << 40, 5, 6}, {(hsize_t)1 << 62, (hsize_t)1 << 62, 6}, {1u << 20, 64, 6}};
     for (size_t i = 0; i < LG_COUNT(sizes); i++) {
         const char *path = good_file(1);
         const hsize_t chunk[3] = {16, 5, 6};
@@ -337,7 +348,8 @@ static void other_files(void **state) {
     const char *path = good_file(1);
     hid_t file = open_for_change(path);
     assert_true(H5Ldelete(file, "t", H5P_DEFAULT) >= 0);
-    assert_true(H5Lcreate_external(target, "/t", file, "t", H5P_DEFAULT, H5P_DEFAULT) >= 0 && H5Fclose(file) >= 0);
+    assert_true(H5Lcreate_external(target, "/t", file, "t", H5P_DEFAULT, H5P_DEFAULT) >= 0 &&
+                H5Fclose(file) >= 0);
     assert_refused(read_and_free, path, LG_FORMAT, "/t", "");
     file = open_for_change(path);
     hid_t create = H5Pcreate(H5P_DATASET_CREATE);
@@ -345,7 +357,8 @@ static void other_files(void **state) {
     hid_t space = H5Screate_simple(1, &five, NULL);
     assert_true(H5Ldelete(file, "t", H5P_DEFAULT) >= 0 && H5Pset_external(create, target, 0, 40) >= 0);
     hid_t set = H5Dcreate2(file, "t", H5T_IEEE_F64LE, space, H5P_DEFAULT, create, H5P_DEFAULT);
-    assert_true(set >= 0 && H5Dclose(set) >= 0 && H5Sclose(space) >= 0 && H5Pclose(create) >= 0 && H5Fclose(file) >= 0);
+    assert_true(set >= 0 && H5Dclose(set) >= 0 && H5Sclose(space) >= 0 && H5Pclose(create) >= 0 &&
+                H5Fclose(file) >= 0);
     assert_refused(read_and_free, path, LG_FORMAT, "/t", "another file");
 }
 
@@ -356,13 +369,22 @@ static void bad_arguments(void **state) {
     memcpy(&untouched, &data, sizeof data);
     assert_status(lg_trajectories_read(NULL, NULL, NULL, &data, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_trajectories_read(NULL, scratch_path("nothing"), NULL, &data, NULL), LG_NOT_FOUND);
-    assert_status(lg_trajectories_create(NULL, "quartic", LG_HAMILTONIAN_CHAIN, 2, 1, 2, 1, false, 0, &data), LG_INVALID_ARGUMENT);
-    assert_status(lg_trajectories_create(NULL, "quartic", LG_HAMILTONIAN_SEPARABLE, 3, 1, 2, 1, false, 0, &data), LG_INVALID_ARGUMENT);
-    assert_status(lg_trajectories_create(NULL, "", LG_HAMILTONIAN_CHAIN, 0, 1, 2, 1, false, 0, &data), LG_INVALID_ARGUMENT);
-    assert_status(lg_trajectories_create(NULL, "", LG_HAMILTONIAN_CHAIN, 33, 1, 2, 1, false, 0, &data), LG_INVALID_ARGUMENT);
-    assert_status(lg_trajectories_create(NULL, "", LG_HAMILTONIAN_CHAIN, 1, 1, 1, 1, false, 0, &data), LG_INVALID_ARGUMENT);
-    assert_status(lg_trajectories_create(NULL, "", LG_HAMILTONIAN_CHAIN, 1, 1, 2, NAN, false, 0, &data), LG_INVALID_ARGUMENT);
-    assert_status(lg_trajectories_create(NULL, "", LG_HAMILTONIAN_CHAIN, 1, SIZE_MAX / 8, 5, 1, false, 0, &data), LG_OUT_OF_MEMORY);
+    assert_status(lg_trajectories_create(NULL, "quartic", LG_HAMILTONIAN_CHAIN, 2, 1, 2, 1, false, 0, &data),
+                  LG_INVALID_ARGUMENT);
+    assert_status(
+        lg_trajectories_create(NULL, "quartic", LG_HAMILTONIAN_SEPARABLE, 3, 1, 2, 1, false, 0, &data),
+        LG_INVALID_ARGUMENT);
+    assert_status(lg_trajectories_create(NULL, "", LG_HAMILTONIAN_CHAIN, 0, 1, 2, 1, false, 0, &data),
+                  LG_INVALID_ARGUMENT);
+    assert_status(lg_trajectories_create(NULL, "", LG_HAMILTONIAN_CHAIN, 33, 1, 2, 1, false, 0, &data),
+                  LG_INVALID_ARGUMENT);
+    assert_status(lg_trajectories_create(NULL, "", LG_HAMILTONIAN_CHAIN, 1, 1, 1, 1, false, 0, &data),
+                  LG_INVALID_ARGUMENT);
+    assert_status(lg_trajectories_create(NULL, "", LG_HAMILTONIAN_CHAIN, 1, 1, 2, NAN, false, 0, &data),
+                  LG_INVALID_ARGUMENT);
+    assert_status(
+        lg_trajectories_create(NULL, "", LG_HAMILTONIAN_CHAIN, 1, SIZE_MAX / 8, 5, 1, false, 0, &data),
+        LG_OUT_OF_MEMORY);
     lg_read_options wrong = {.size = 3};
     assert_status(lg_trajectories_read(NULL, good_file(1), &wrong, &data, NULL), LG_INVALID_ARGUMENT);
     assert_memory_equal(&data, &untouched, sizeof data);
@@ -440,7 +462,8 @@ static void unwritable(void **state) {
     (void)state;
     lg_trajectories data;
     make_chain(NULL, 1, 2, 3, &data);
-    const char *const places[] = {"/proc/data.h5", scratch_path("no/such/folder/data.h5"), "/dev/full", "/dev/null", scratch};
+    const char *const places[] = {"/proc/data.h5", scratch_path("no/such/folder/data.h5"), "/dev/full",
+                                  "/dev/null", scratch};
     for (size_t i = 0; i < LG_COUNT(places); i++) {
         lg_error error = {LG_OK, ""};
         assert_status(lg_trajectories_write(NULL, places[i], &data, &error), LG_FILE);
@@ -490,12 +513,15 @@ static void probe_catches(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(round_trip),      cmocka_unit_test(hash_is_of_the_data), cmocka_unit_test(foreign_types),
-        cmocka_unit_test(foreign_texts),   cmocka_unit_test(derived_attributes),  cmocka_unit_test(float_times),
-        cmocka_unit_test(damaged_files),   cmocka_unit_test(bad_data_sets),       cmocka_unit_test(wrong_types),
-        cmocka_unit_test(bad_attributes),  cmocka_unit_test(absurd_sizes),        cmocka_unit_test(other_files),
-        cmocka_unit_test(bad_arguments),   cmocka_unit_test(failing_allocations), cmocka_unit_test(full_disk),
-        cmocka_unit_test(unwritable),      cmocka_unit_test(probe_catches),
+        cmocka_unit_test(round_trip),         cmocka_unit_test(hash_is_of_the_data),
+        cmocka_unit_test(foreign_types),      cmocka_unit_test(foreign_texts),
+        cmocka_unit_test(derived_attributes), cmocka_unit_test(float_times),
+        cmocka_unit_test(damaged_files),      cmocka_unit_test(bad_data_sets),
+        cmocka_unit_test(wrong_types),        cmocka_unit_test(bad_attributes),
+        cmocka_unit_test(absurd_sizes),       cmocka_unit_test(other_files),
+        cmocka_unit_test(bad_arguments),      cmocka_unit_test(failing_allocations),
+        cmocka_unit_test(full_disk),          cmocka_unit_test(unwritable),
+        cmocka_unit_test(probe_catches),
     };
     return cmocka_run_group_tests(tests, scratch_begin, scratch_end);
 }

@@ -1,0 +1,213 @@
+/* lg-gradcheck: are all derivatives right, and would the check notice if they were not? */
+#include <ctype.h>
+#include <math.h>
+#include <string.h>
+
+#include "common/app.h"
+#include "lg-gradcheck/tables.h"
+
+/* The tables that are checked. A new room adds its own here. */
+typedef const lg_gradcheck_case *(*table_fn)(size_t *count);
+static const table_fn tables[] = {lg_gradcheck_operations, layer_rows, integrator_rows, hamiltonian_rows};
+
+typedef struct values {
+    const char *only;
+    bool plant;
+    uint64_t order;
+} values;
+static values given = {NULL, false, 2};
+
+static const app_option options[] = {
+    APP_ROW_TEXT(values, only, "only", "NAME", "only rows of this operation, or whose name begins with NAME"),
+    APP_ROW_FLAG(values, plant, "plant", "plant wrong derivatives; succeed only if every one is caught"),
+    APP_ROW_SIZE(values, order, "order", "N", 1, LG_GRADCHECK_ORDERS, "highest order of derivatives (2)"),
+    APP_ROW_END};
+
+static bool begins_with(const char *text, const char *start) {
+    while (*start != '\0' && tolower((unsigned char)*text) == tolower((unsigned char)*start)) text++, start++;
+    return *start == '\0';
+}
+
+static bool wanted(const lg_gradcheck_case *row) {
+    if (given.only == NULL || begins_with(row->function.name, given.only)) return true;
+    for (size_t i = 0; i < LG_GRADCHECK_CASE_OPERATIONS && row->operations[i] != NULL; i++)
+        if (strcmp(row->operations[i], given.only) == 0) return true;
+    return false;
+}
+
+/* visit(user, row) for all rows wanted, until one does not return LG_OK. */
+static lg_status each_row(lg_status (*visit)(void *user, const lg_gradcheck_case *row), void *user) {
+    for (size_t t = 0; t < APP_COUNT(tables); t++) {
+        size_t count;
+        const lg_gradcheck_case *table = tables[t](&count);
+        for (size_t i = 0; i < count; i++) {
+            if (!wanted(&table[i])) continue;
+            lg_status status = app_interrupted() ? LG_CANCELLED : visit(user, &table[i]);
+            if (status != LG_OK) return status;
+        }
+    }
+    return LG_OK;
+}
+
+static lg_status count_row(void *user, const lg_gradcheck_case *row) {
+    (void)row;
+    ++*(size_t *)user;
+    return LG_OK;
+}
+
+typedef struct run {
+    app *app;
+    lg_gradcheck_options options;
+    app_table table;
+    app_json json;
+    const char *row; /* the one at work, for messages */
+    size_t failures, checks, caught, excluded, missed;
+} run;
+
+/* ---- checking ---- */
+
+static const char *verdict_of(const lg_gradcheck_order *order) {
+    return order->passed ? "ok" : "WRONG";
+}
+
+static void report_order(run *r, const char *name, int order, const lg_gradcheck_order *found) {
+    char slope[32] = "-";
+    if (isfinite(found->slope))
+        (void)snprintf(slope, sizeof slope, "%.3f", found->slope);
+    else if (found->passed)
+        (void)snprintf(slope, sizeof slope, "rounding");
+    if (r->app->json) {
+        app_json_open(&r->json, NULL, '{');
+        app_json_text(&r->json, "name", name);
+        app_json_size(&r->json, "order", (uint64_t)order);
+        app_json_real(&r->json, "slope", found->slope);
+        app_json_real(&r->json, "error", found->error);
+        app_json_bool(&r->json, "passed", found->passed);
+        app_json_close(&r->json, '}');
+        return;
+    }
+    app_table_cell(&r->table, "%s", name);
+    app_table_cell(&r->table, "%d", order);
+    app_table_cell(&r->table, "%s", slope);
+    app_table_cell(&r->table, "%.1e", found->error);
+    app_table_cell(&r->table, "%s", verdict_of(found));
+}
+
+static lg_status check_row(void *user, const lg_gradcheck_case *row) {
+    run *r = user;
+    lg_gradcheck_result result;
+    r->row = row->function.name;
+    lg_status status = lg_gradcheck_run(r->app->context, row, &r->options, &result);
+    if (status == LG_OUT_OF_MEMORY || status == LG_INVALID_ARGUMENT) return status;
+    for (int order = 0; order < LG_GRADCHECK_ORDERS; order++)
+        if (result.order[order].checked) report_order(r, row->function.name, order + 1, &result.order[order]);
+    r->checks++;
+    if (status != LG_OK) {
+        r->failures++;
+        app_warn(r->app, "%s", result.message);
+    }
+    return LG_OK;
+}
+
+static lg_status check_all(run *r) {
+    static const char *const head[] = {"function", "order", "slope", "error", "verdict"};
+    if (r->app->json) app_json_open(&r->json, "checks", '[');
+    if (!r->app->json) app_table_begin(&r->table, APP_COUNT(head));
+    for (size_t i = 0; i < APP_COUNT(head) && !r->app->json; i++) app_table_cell(&r->table, "%s", head[i]);
+    lg_status status = each_row(check_row, r);
+    if (r->app->json) {
+        app_json_close(&r->json, ']');
+        app_json_size(&r->json, "functions", r->checks);
+        app_json_size(&r->json, "wrong", r->failures);
+        app_json_bool(&r->json, "passed", r->failures == 0 && status == LG_OK);
+    } else {
+        app_table_end(&r->table, stdout);
+        printf("\n%zu functions, %zu wrong.\n", r->checks, r->failures);
+    }
+    return status;
+}
+
+/* ---- planting ---- */
+
+static void count_plant(void *user, const lg_gradcheck_case *row, const lg_gradcheck_plant *plant,
+                        lg_plant_outcome outcome, const char *reason) {
+    static const char *const names[] = {"caught", "MISSED", "excluded"};
+    run *r = user;
+    size_t *const counts[] = {&r->caught, &r->missed, &r->excluded};
+    ++*counts[outcome];
+    if (r->app->json) {
+        app_json_open(&r->json, NULL, '{');
+        app_json_text(&r->json, "name", row->function.name);
+        app_json_text(&r->json, "operation", plant->operation);
+        app_json_text(&r->json, "direction", lg_plant_direction_name(plant->direction));
+        app_json_text(&r->json, "mutation", lg_plant_mutation_name(plant->mutation));
+        app_json_size(&r->json, "input", plant->input);
+        app_json_text(&r->json, "outcome", names[outcome]);
+        app_json_text(&r->json, "reason", reason);
+        app_json_close(&r->json, '}');
+        return;
+    }
+    app_table_cell(&r->table, "%s", row->function.name);
+    app_table_cell(&r->table, "%s %s of %s, input %u", plant->operation,
+                   lg_plant_direction_name(plant->direction), lg_plant_mutation_name(plant->mutation),
+                   plant->input);
+    app_table_cell(&r->table, "%s", names[outcome]);
+    app_table_cell(&r->table, "%s", outcome == LG_PLANT_EXCLUDED ? reason : "");
+}
+
+static lg_status plant_row(void *user, const lg_gradcheck_case *row) {
+    run *r = user;
+    r->row = row->function.name;
+    return lg_gradcheck_plant_all(r->app->context, row, &r->options, count_plant, r);
+}
+
+static lg_status plant_all(run *r) {
+    static const char *const head[] = {"function", "mutation", "outcome", "why excluded"};
+    if (r->app->json) app_json_open(&r->json, "plants", '[');
+    if (!r->app->json) app_table_begin(&r->table, APP_COUNT(head));
+    for (size_t i = 0; i < APP_COUNT(head) && !r->app->json; i++) app_table_cell(&r->table, "%s", head[i]);
+    lg_status status = each_row(plant_row, r);
+    r->failures = r->missed;
+    if (r->app->json) {
+        app_json_close(&r->json, ']');
+        app_json_size(&r->json, "caught", r->caught);
+        app_json_size(&r->json, "excluded", r->excluded);
+        app_json_size(&r->json, "missed", r->missed);
+        app_json_bool(&r->json, "passed", r->missed == 0 && status == LG_OK);
+    } else {
+        app_table_end(&r->table, stdout);
+        printf("\n%zu mutations caught, %zu excluded (cannot be seen), %zu missed.\n", r->caught, r->excluded,
+               r->missed);
+    }
+    return status;
+}
+
+static int gradcheck(struct app *program) {
+    run r = {.app = program};
+    size_t rows = 0;
+    (void)each_row(count_row, &rows);
+    if (rows == 0) return app_usage(program, "nothing is called '%s'", given.only);
+    lg_gradcheck_options_init(&r.options);
+    if (program->seed_given) r.options.seed = program->seed;
+    r.options.order = (int)given.order;
+    if (program->json) app_json_begin(&r.json);
+    lg_status status = given.plant ? plant_all(&r) : check_all(&r);
+    if (program->json) app_json_end(&r.json);
+    if (status != LG_OK) return app_fail(program, status, "%s: %s", r.row, lg_status_sentence(status));
+    return r.failures == 0 ? APP_EXIT_OK : APP_EXIT_CHECK;
+}
+
+int main(int argc, char **argv) {
+    const app_command commands[] = {
+        {.name = NULL,
+         .summary = "Checks the derivatives of every operation, layer and integrator",
+         .details = "A function passes when the remainder of its Taylor expansion falls like h^2 (slope >= "
+                    "1.9) or is "
+                    "at rounding level, forward and reverse mode agree with each other and with difference "
+                    "quotients, at first and second order.",
+         .options = options,
+         .values = &given,
+         .run = gradcheck},
+        {.run = NULL}};
+    return app_main(argc, argv, "lg-gradcheck", "Checks derivatives", commands);
+}

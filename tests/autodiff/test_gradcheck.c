@@ -1,0 +1,413 @@
+/* The gradient check: the registry passes and is complete, planted errors are caught, and each of the check's
+ * parts fails by itself when it should. ctest-labels: isa */
+#include "test_support.h"
+
+#include "autodiff/gradcheck_internal.h"
+#include "support/fail_alloc.h"
+
+/* ---- the registry ---- */
+
+static void test_every_row_passes(void **state) {
+    (void)state;
+    size_t count;
+    const lg_gradcheck_case *rows = lg_gradcheck_operations(&count);
+    for (size_t i = 0; i < count; i++) {
+        lg_gradcheck_result result;
+        lg_status status = lg_gradcheck_run(NULL, &rows[i], NULL, &result);
+        if (status != LG_OK)
+            fail_msg("%s: %s: %s", rows[i].function.name, lg_status_name(status), result.message);
+        assert_true(result.passed);
+        assert_string_equal(result.message, "");
+        int orders = rows[i].function.first_order_only ? 1 : 2;
+        for (int order = 0; order < 2; order++) {
+            assert_int_equal(result.order[order].checked, order < orders);
+            assert_int_equal(result.order[order].passed, order < orders);
+        }
+        if (!rows[i].zero) assert_true(result.order[0].derivative > 1e-6);
+    }
+}
+
+/* An operation outside the registry cannot exist: each has a row that names it and has it on its tape. */
+static void test_every_operation_has_a_row(void **state) {
+    (void)state;
+    size_t count;
+    const lg_gradcheck_case *rows = lg_gradcheck_operations(&count);
+    lg_gradcheck_options options;
+    lg_gradcheck_options_init(&options);
+    for (int op = 0; op < LG_OP_COUNT; op++) {
+        bool found = false;
+        for (size_t i = 0; i < count && !found; i++)
+            for (size_t j = 0; j < LG_GRADCHECK_CASE_OPERATIONS && rows[i].operations[j] != NULL; j++) {
+                if (strcmp(rows[i].operations[j], lg_ops[op]->name) != 0) continue;
+                uint32_t inputs = 0;
+                assert_ok(lg_gradcheck_inputs_of(NULL, &rows[i].function, &options, (lg_op_code)op, &inputs));
+                if (inputs == 0 && op != LG_OP_LEAF)
+                    fail_msg("%s has no %s on its tape", rows[i].function.name, lg_ops[op]->name);
+                found = true;
+            }
+        if (!found) fail_msg("no row for the operation %s", lg_ops[op]->name);
+    }
+}
+
+static void test_names_are_different_and_known(void **state) {
+    (void)state;
+    size_t count;
+    const lg_gradcheck_case *rows = lg_gradcheck_operations(&count);
+    for (size_t i = 0; i < count; i++) {
+        for (size_t j = 0; j < i; j++) assert_string_not_equal(rows[i].function.name, rows[j].function.name);
+        for (size_t j = 0; j < LG_GRADCHECK_CASE_OPERATIONS && rows[i].operations[j] != NULL; j++)
+            if (lg_op_by_name(rows[i].operations[j]) < 0) fail_msg("unknown %s", rows[i].operations[j]);
+    }
+    for (int a = 0; a < LG_OP_COUNT; a++)
+        for (int b = 0; b < a; b++) assert_string_not_equal(lg_ops[a]->name, lg_ops[b]->name);
+}
+
+/* ---- planted errors ---- */
+
+typedef struct tally {
+    size_t outcome[3], caught[LG_OP_COUNT][2][LG_PLANT_MUTATIONS];
+} tally;
+
+static void count_plant(void *user, const lg_gradcheck_case *row, const lg_gradcheck_plant *plant,
+                        lg_plant_outcome outcome, const char *reason) {
+    tally *t = user;
+    t->outcome[outcome]++;
+    assert_true(strlen(reason) > 0 || outcome == LG_PLANT_MISSED);
+    if (outcome == LG_PLANT_CAUGHT)
+        t->caught[lg_op_by_name(plant->operation)][plant->direction][plant->mutation]++;
+    if (outcome == LG_PLANT_MISSED)
+        fail_msg("%s: %s %s of %s, input %u, was not caught", row->function.name, plant->operation,
+                 lg_plant_direction_name(plant->direction), lg_plant_mutation_name(plant->mutation),
+                 plant->input);
+}
+
+static void test_every_plant_is_caught(void **state) {
+    (void)state;
+    static tally t;
+    size_t count;
+    const lg_gradcheck_case *rows = lg_gradcheck_operations(&count);
+    for (size_t i = 0; i < count; i++)
+        assert_ok(lg_gradcheck_plant_all(NULL, &rows[i], NULL, count_plant, &t));
+    assert_int_equal(t.outcome[LG_PLANT_MISSED], 0);
+    assert_true(t.outcome[LG_PLANT_CAUGHT] > 2000);
+    assert_true(t.outcome[LG_PLANT_CAUGHT] > 3 * t.outcome[LG_PLANT_EXCLUDED]);
+    /* No operation escapes altogether: sign, drop and factor are caught in all that have a derivative, and
+     * transposition in all whose derivative can have two axes. */
+    for (int op = 0; op < LG_OP_COUNT; op++) {
+        if (op == LG_OP_LEAF || op == LG_OP_CUSTOM_DERIVATIVE || lg_ops[op]->frozen == ~0u ||
+            op == LG_OP_SPD_FACTOR)
+            continue;
+        for (int direction = 0; direction < 2; direction++)
+            for (int mutation = 0; mutation < LG_PLANT_MUTATIONS; mutation++) {
+                /* three numbers, or one column */
+                bool flat = op == LG_OP_CUSTOM || op == LG_OP_DEXPINV_COEF ||
+                            (op == LG_OP_STUMPFF && direction == LG_PLANT_VJP) ||
+                            (op == LG_OP_ROWDOT && direction == LG_PLANT_JVP);
+                if (mutation == LG_PLANT_TRANSPOSE && flat) continue;
+                if (t.caught[op][direction][mutation] == 0)
+                    fail_msg("%s: no %s of a %s was caught", lg_ops[op]->name,
+                             lg_plant_mutation_name((lg_plant_mutation)mutation),
+                             lg_plant_direction_name((lg_plant_direction)direction));
+            }
+    }
+}
+
+static const lg_gradcheck_case *row_named(const char *name) {
+    size_t count;
+    const lg_gradcheck_case *rows = lg_gradcheck_operations(&count);
+    for (size_t i = 0; i < count; i++)
+        if (strcmp(rows[i].function.name, name) == 0) return &rows[i];
+    fail_msg("no row %s", name);
+    return NULL;
+}
+
+/* Each part of the check, alone, sees the error that is its own. */
+static void test_each_part_can_fail(void **state) {
+    (void)state;
+    static const struct {
+        const char *row, *operation, *says;
+        lg_plant_direction direction;
+        double rounding, difference;
+    } parts[] = {
+        {"sin", "sin", "<c, jvp(d)> differs", LG_PLANT_VJP, 1e-10, 1e9},
+        {"sin", "sin", "<c, jvp(d)> differs", LG_PLANT_JVP, 1e-10, 1e9},
+        {"sin", "sin", "difference quotient", LG_PLANT_JVP, 1e9, 1e-6},
+        {"sin", "sin", "Taylor remainder", LG_PLANT_VJP, 1e9, 1e9},
+        {"scale", "scale", "Taylor remainder", LG_PLANT_VJP, 1e9, 1e9},
+        {"matmul nn (3, 4) (4, 5)", "matmul", "Taylor remainder", LG_PLANT_VJP, 1e9, 1e9},
+    };
+    for (size_t i = 0; i < LG_COUNT(parts); i++) {
+        lg_gradcheck_plant plant = {parts[i].operation, parts[i].direction, LG_PLANT_FACTOR, 0};
+        lg_gradcheck_options options;
+        lg_gradcheck_options_init(&options);
+        options.plant = &plant;
+        options.rounding_tolerance = parts[i].rounding;
+        options.difference_tolerance = parts[i].difference;
+        lg_gradcheck_result result;
+        assert_status(lg_gradcheck_run(NULL, row_named(parts[i].row), &options, &result), LG_CHECK_FAILED);
+        if (strstr(result.message, parts[i].says) == NULL) fail_msg("%s: %s", parts[i].row, result.message);
+        assert_true(result.plant_applied > 0 && result.plant_changed > 0);
+        assert_false(result.passed);
+        assert_false(result.order[0].passed);
+        if (strcmp(parts[i].says, "Taylor remainder") == 0)
+            assert_close(result.order[0].slope, 1.0, 0.0, 0.05);
+    }
+}
+
+/* ---- a user's function ---- */
+
+static const lg_gradcheck_argument three[] = {{.shape = {1, {3, 0, 0, 0}}}};
+
+static lg_var tanh_of_sin(const void *user, lg_tape *tape, const lg_var *x) {
+    (void)user;
+    return lg_act(tape, lg_sin(tape, x[0]), LG_TANH);
+}
+
+/* Right to first order: the derivative's value is right but it does not know of x. */
+static lg_var once(const void *user, lg_tape *tape, const lg_var *x) {
+    (void)user;
+    return lg_mul(tape, lg_stop_gradient(tape, lg_scale(tape, lg_sin(tape, x[0]), 2.0)), x[0]);
+}
+
+static lg_status sine_forward(void *user, lg_dtype dtype, const void *const *in, void *y) {
+    (void)user, (void)dtype;
+    for (int i = 0; i < 3; i++) ((double *)y)[i] = sin(((const double *)in[0])[i]);
+    return LG_OK;
+}
+static lg_status frozen_vjp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y, lg_var g,
+                            const bool *need, lg_var *out) {
+    (void)user, (void)n, (void)y, (void)need;
+    out[0] = lg_mul(tape, g, lg_stop_gradient(tape, lg_cos(tape, in[0])));
+    return LG_OK;
+}
+static lg_status right_jvp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y,
+                           const lg_var *tangents, lg_var *out) {
+    (void)user, (void)n, (void)y;
+    *out = lg_mul(tape, tangents[0], lg_cos(tape, in[0]));
+    return LG_OK;
+}
+static lg_status numeric_cos(void *user, lg_dtype dtype, const void *const *in, const void *y, const void *g,
+                             void *const *out) {
+    (void)user, (void)dtype, (void)y;
+    for (int i = 0; i < 3; i++)
+        ((double *)out[0])[i] = ((const double *)g)[i] * cos(((const double *)in[0])[i]);
+    return LG_OK;
+}
+static lg_status numeric_cos_jvp(void *user, lg_dtype dtype, const void *const *in, const void *y,
+                                 const void *const *tangents, void *out) {
+    (void)user, (void)dtype, (void)y;
+    for (int i = 0; i < 3; i++)
+        ((double *)out)[i] = ((const double *)tangents[0])[i] * cos(((const double *)in[0])[i]);
+    return LG_OK;
+}
+static const lg_custom_op once_sine = {
+    .name = "once-sine", .forward = sine_forward, .vjp = frozen_vjp, .jvp = right_jvp};
+static const lg_custom_op numeric_sine = {.name = "numeric-sine",
+                                          .forward = sine_forward,
+                                          .numeric_vjp = numeric_cos,
+                                          .numeric_jvp = numeric_cos_jvp};
+static lg_var custom_of(const void *user, lg_tape *tape, const lg_var *x) {
+    return lg_custom(tape, user, x, 1, lg_shape1(3));
+}
+static lg_var root_of_negative(const void *user, lg_tape *tape, const lg_var *x) {
+    (void)user;
+    return lg_sqrt(tape, lg_shift(tape, x[0], -4.0));
+}
+static lg_var does_not_fit(const void *user, lg_tape *tape, const lg_var *x) {
+    (void)user;
+    return lg_matmul(tape, x[0], x[0]);
+}
+static lg_var own_failure(const void *user, lg_tape *tape, const lg_var *x) {
+    (void)user, (void)x;
+    return lg_tape_fail(tape, LG_NO_CONVERGENCE, "mine", "it does not converge");
+}
+static lg_var none(const void *user, lg_tape *tape, const lg_var *x) {
+    (void)user, (void)tape, (void)x;
+    return LG_NONE;
+}
+/* A kink closer than the steps: |x| at 1e-4. */
+static lg_var kinked(const void *user, lg_tape *tape, const lg_var *x) {
+    (void)user;
+    return lg_abs(tape, x[0]);
+}
+
+static void expect(lg_gradcheck_function f, lg_status status, const char *says, int failing_order) {
+    lg_gradcheck_result result;
+    if (f.arguments == NULL) f.arguments = three;
+    if (f.inputs == 0) f.inputs = 1;
+    lg_status got = lg_gradcheck(NULL, &f, NULL, &result);
+    if (got != status) fail_msg("%s: %s, %s", f.name, lg_status_name(got), result.message);
+    if (strstr(result.message, says) == NULL) fail_msg("%s: %s", f.name, result.message);
+    if (status != LG_OK && strstr(result.message, f.name) == NULL) fail_msg("no name in: %s", result.message);
+    assert_int_equal(result.passed, status == LG_OK);
+    if (failing_order > 0) assert_false(result.order[failing_order - 1].passed);
+    if (failing_order > 1) assert_true(result.order[0].passed);
+}
+
+static void test_user_functions(void **state) {
+    (void)state;
+    static const double close[3] = {1e-4, 1.0, -1.0};
+    static const lg_gradcheck_argument at_kink[] = {{.shape = {1, {3, 0, 0, 0}}, .values = close}};
+    expect((lg_gradcheck_function){.name = "right", .build = tanh_of_sin}, LG_OK, "", 0);
+    expect((lg_gradcheck_function){.name = "stopped", .build = once}, LG_CHECK_FAILED, "order 1", 1);
+    expect((lg_gradcheck_function){.name = "second", .build = custom_of, .user = &once_sine}, LG_CHECK_FAILED,
+           "order 2", 2);
+    expect((lg_gradcheck_function){.name = "kink", .build = kinked, .arguments = at_kink}, LG_CHECK_FAILED,
+           "difference quotient", 1);
+    expect((lg_gradcheck_function){.name = "nan", .build = root_of_negative}, LG_CHECK_FAILED, "order 1", 1);
+    expect((lg_gradcheck_function){.name = "shapes", .build = does_not_fit}, LG_SHAPE, "matmul", 0);
+    expect((lg_gradcheck_function){.name = "own", .build = own_failure}, LG_NO_CONVERGENCE,
+           "does not converge", 0);
+    expect((lg_gradcheck_function){.name = "none", .build = none}, LG_STALE_HANDLE, "LG_NONE", 0);
+}
+
+static void test_numeric_derivatives_have_no_second_order(void **state) {
+    (void)state;
+    lg_gradcheck_function f = {.name = "numeric", .build = custom_of, .user = &numeric_sine};
+    expect(f, LG_NOT_DIFFERENTIABLE, "numeric-sine", 2);
+    f.first_order_only = true;
+    expect(f, LG_OK, "", 0);
+    f = (lg_gradcheck_function){.name = "too modest", .build = tanh_of_sin, .first_order_only = true};
+    expect(f, LG_CHECK_FAILED, "declared impossible", 0);
+}
+
+static lg_var zero_claim(const void *user, lg_tape *tape, const lg_var *x) {
+    (void)user;
+    return lg_sin(tape, x[0]);
+}
+
+static void test_zero_must_be_zero(void **state) {
+    (void)state;
+    lg_gradcheck_result result;
+    lg_gradcheck_case row = {
+        .function = {.name = "not zero", .inputs = 1, .arguments = three, .build = zero_claim}, .zero = true};
+    assert_status(lg_gradcheck_run(NULL, &row, NULL, &result), LG_CHECK_FAILED);
+    assert_non_null(strstr(result.message, "identically zero"));
+    row.function.stops = true;
+    assert_status(lg_gradcheck_run(NULL, &row, NULL, &result), LG_CHECK_FAILED);
+    assert_non_null(strstr(result.message, "not zero"));
+}
+
+/* ---- manifolds ---- */
+
+static lg_gradcheck_function sphere;
+static double slip = 0.0;
+static lg_status wrong_tangent(const void *user, uint32_t argument, const double *x, const double *d,
+                               double *dx) {
+    lg_status status = row_named("on the sphere")->function.tangent(user, argument, x, d, dx);
+    dx[0] += slip;
+    return status;
+}
+static lg_status no_perturb(const void *user, uint32_t argument, const double *x, const double *d, double h,
+                            double *moved) {
+    (void)user, (void)argument, (void)x, (void)d, (void)h, (void)moved;
+    return LG_NO_CONVERGENCE;
+}
+
+static void test_manifold_arguments(void **state) {
+    (void)state;
+    lg_gradcheck_result result;
+    sphere = row_named("on the sphere")->function;
+    sphere.tangent = wrong_tangent;
+    slip = 0.0;
+    assert_ok(lg_gradcheck(NULL, &sphere, NULL, &result));
+    slip = 1e-3;
+    assert_status(lg_gradcheck(NULL, &sphere, NULL, &result), LG_CHECK_FAILED);
+    assert_non_null(strstr(result.message, "difference quotient"));
+    sphere.perturb = no_perturb;
+    assert_status(lg_gradcheck(NULL, &sphere, NULL, &result), LG_NO_CONVERGENCE);
+    sphere.perturb = NULL;
+    assert_status(lg_gradcheck(NULL, &sphere, NULL, &result), LG_INVALID_ARGUMENT);
+}
+
+/* ---- bad input ---- */
+
+static void test_bad_input(void **state) {
+    (void)state;
+    lg_gradcheck_result result;
+    const lg_gradcheck_function good = {
+        .name = "good", .inputs = 1, .arguments = three, .build = tanh_of_sin};
+    lg_gradcheck_function bad[6] = {good, good, good, good, good, good};
+    static const lg_gradcheck_argument rank5[] = {{.shape = {5, {1, 1, 1, 1}}}};
+    bad[0].name = NULL;
+    bad[1].build = NULL;
+    bad[2].arguments = NULL;
+    bad[3].inputs = 0;
+    bad[4].inputs = LG_GRADCHECK_MAX_INPUTS + 1;
+    bad[5].arguments = rank5;
+    for (size_t i = 0; i < LG_COUNT(bad); i++) {
+        assert_status(lg_gradcheck(NULL, &bad[i], NULL, &result), LG_INVALID_ARGUMENT);
+        assert_true(strlen(result.message) > 0 && !result.passed);
+    }
+    assert_status(lg_gradcheck(NULL, NULL, NULL, &result), LG_INVALID_ARGUMENT);
+    assert_status(lg_gradcheck(NULL, &good, NULL, NULL), LG_INVALID_ARGUMENT);
+
+    lg_gradcheck_options options[4];
+    for (size_t i = 0; i < 4; i++) lg_gradcheck_options_init(&options[i]);
+    const lg_gradcheck_plant unknown = {"no such operation", LG_PLANT_VJP, LG_PLANT_SIGN, 0};
+    options[0].size = 1;
+    options[1].order = 3;
+    options[2].directions = 0;
+    options[3].plant = &unknown;
+    for (size_t i = 0; i < 4; i++)
+        assert_status(lg_gradcheck(NULL, &good, &options[i], &result), LG_INVALID_ARGUMENT);
+
+    lg_gradcheck_case row = {.function = good, .operations = {"no such operation"}};
+    assert_status(lg_gradcheck_plant_all(NULL, &row, NULL, count_plant, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_gradcheck_plant_all(NULL, NULL, NULL, count_plant, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_gradcheck_plant_all(NULL, &row, NULL, NULL, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_gradcheck_run(NULL, NULL, NULL, &result), LG_INVALID_ARGUMENT);
+}
+
+static void test_order_one_alone(void **state) {
+    (void)state;
+    lg_gradcheck_options options;
+    lg_gradcheck_options_init(&options);
+    options.order = 1;
+    lg_gradcheck_result result;
+    const lg_gradcheck_function f = {
+        .name = "second", .inputs = 1, .arguments = three, .build = custom_of, .user = &once_sine};
+    assert_ok(lg_gradcheck(NULL, &f, &options, &result));
+    assert_false(result.order[1].checked);
+}
+
+static void test_every_allocation_may_fail(void **state) {
+    (void)state;
+    lg_fail_alloc memory;
+    lg_context *context = lg_fail_alloc_context(&memory);
+    const lg_gradcheck_case *row = row_named("dense tanh");
+    long tried = 0;
+    for (long n = 1;; n++, tried++) {
+        lg_gradcheck_result result;
+        lg_fail_alloc_arm(&memory, n);
+        lg_status status = lg_gradcheck_run(context, row, NULL, &result);
+        assert_int_equal(lg_fail_alloc_live(&memory), 0);
+        if (!lg_fail_alloc_hit(&memory)) {
+            assert_int_equal(status, LG_OK);
+            break;
+        }
+        assert_int_equal(status, LG_OUT_OF_MEMORY);
+        assert_true(!result.passed && strlen(result.message) > 0);
+    }
+    assert_true(tried > 5);
+    lg_fail_alloc_arm(&memory, 0);
+    lg_context_destroy(context);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_every_row_passes),
+        cmocka_unit_test(test_every_operation_has_a_row),
+        cmocka_unit_test(test_names_are_different_and_known),
+        cmocka_unit_test(test_every_plant_is_caught),
+        cmocka_unit_test(test_each_part_can_fail),
+        cmocka_unit_test(test_user_functions),
+        cmocka_unit_test(test_numeric_derivatives_have_no_second_order),
+        cmocka_unit_test(test_zero_must_be_zero),
+        cmocka_unit_test(test_manifold_arguments),
+        cmocka_unit_test(test_bad_input),
+        cmocka_unit_test(test_order_one_alone),
+        cmocka_unit_test(test_every_allocation_may_fail),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

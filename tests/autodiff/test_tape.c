@@ -1,0 +1,1293 @@
+/* The tape: handles, marks, errors and their sentences, memory, derivatives against closed forms, both types.
+ * ctest-labels: isa */
+#include "test_support.h"
+
+#include "autodiff/gradcheck_internal.h"
+#include "liegrad/random.h"
+#include "support/fail_alloc.h"
+
+static lg_tape *new_tape(lg_dtype dtype) {
+    lg_tape_options options;
+    lg_tape_options_init(&options);
+    options.dtype = dtype;
+    lg_tape *tape = NULL;
+    assert_ok(lg_tape_create(NULL, &options, &tape));
+    return tape;
+}
+
+static lg_var vector(lg_tape *tape, uint32_t n, const double *values) {
+    return lg_input_f64(tape, lg_shape1(n), values);
+}
+
+static double number(lg_tape *tape, lg_var v) {
+    double value = NAN;
+    assert_ok(lg_read(tape, v, &value, 1));
+    return value;
+}
+
+static void assert_tape_error(lg_tape *tape, lg_status status, const char *const *says, size_t n) {
+    if (lg_tape_status(tape) != status)
+        fail_msg("%s: %s, expected %s", lg_status_name(lg_tape_status(tape)), lg_tape_message(tape),
+                 lg_status_name(status));
+    for (size_t i = 0; i < n; i++)
+        if (says[i] != NULL && strstr(lg_tape_message(tape), says[i]) == NULL)
+            fail_msg("'%s' is not in: %s", says[i], lg_tape_message(tape));
+}
+
+/* ---- every public operation, as a function of one handle ---- */
+
+#define OP(name, expression)                                                                                 \
+    static lg_var call_##name(lg_tape *t, lg_var v) {                                                        \
+        return expression;                                                                                   \
+    }
+static lg_var good(lg_tape *t) {
+    static const double six[6] = {1, 2, 3, 4, 5, 6};
+    return lg_input_f64(t, lg_shape2(2, 3), six);
+}
+static const uint32_t first_rows[2] = {0, 1};
+static const double weights3[3] = {1, 2, 3};
+static lg_status identity_forward(void *user, lg_dtype dtype, const void *const *in, void *y) {
+    (void)user;
+    memcpy(y, in[0], 3 * (dtype == LG_F64 ? sizeof(double) : sizeof(float)));
+    return LG_OK;
+}
+static const lg_custom_op no_derivatives = {.name = "bare", .forward = identity_forward};
+static const int swapped[2] = {1, 0};
+
+OP(add, lg_add(t, good(t), v))
+OP(sub, lg_sub(t, v, good(t)))
+OP(mul, lg_mul(t, v, good(t)))
+OP(div, lg_div(t, good(t), v))
+OP(max, lg_max(t, v, good(t)))
+OP(combine, lg_combine(t, (lg_var[3]){good(t), v, good(t)}, weights3, 3))
+OP(neg, lg_neg(t, v))
+OP(scale, lg_scale(t, v, 2))
+OP(shift, lg_shift(t, v, 2))
+OP(pow, lg_pow(t, v, 3))
+OP(square, lg_square(t, v))
+OP(sqrt, lg_sqrt(t, v))
+OP(exp, lg_exp(t, v))
+OP(log, lg_log(t, v))
+OP(sin, lg_sin(t, v))
+OP(cos, lg_cos(t, v))
+OP(abs, lg_abs(t, v))
+OP(sign, lg_sign(t, v))
+OP(act, lg_act(t, v, LG_TANH))
+OP(swish, lg_act(t, v, LG_SWISH))
+OP(act_derivative, lg_act_derivative(t, v, LG_SINE, 2))
+OP(matmul, lg_matmul(t, v, good(t)))
+OP(matmul_nt, lg_matmul_nt(t, good(t), v))
+OP(matmul_tn, lg_matmul_tn(t, v, good(t)))
+OP(matmul_add, lg_matmul_add(t, good(t), good(t), v))
+OP(dense, lg_dense(t, v, good(t), LG_NONE, LG_TANH))
+OP(dense_weight, lg_dense(t, good(t), v, LG_NONE, LG_IDENTITY))
+OP(sum, lg_sum(t, v))
+OP(mean, lg_mean(t, v))
+OP(sum_axis, lg_sum_axis(t, v, 0, true))
+OP(mean_axis, lg_mean_axis(t, v, 0, true))
+OP(max_axis, lg_max_axis(t, v, 0, true))
+OP(sum_to, lg_sum_to(t, v, lg_shape0()))
+OP(broadcast_to, lg_broadcast_to(t, v, lg_shape2(2, 3)))
+OP(reshape, lg_reshape(t, v, lg_shape1(6)))
+OP(slice, lg_slice(t, v, 0, 0, 1))
+OP(pad, lg_pad(t, v, 0, 1, 1))
+OP(concat, lg_concat(t, (lg_var[2]){good(t), v}, 2, 0))
+OP(transpose, lg_transpose(t, v))
+OP(permute, lg_permute(t, v, swapped))
+OP(gather, lg_gather(t, v, first_rows, 2))
+OP(scatter, lg_scatter(t, v, first_rows, 2, 4))
+OP(stop_gradient, lg_stop_gradient(t, v))
+OP(rowdot, lg_rowdot(t, good(t), v))
+OP(rownorm2, lg_rownorm2(t, v))
+OP(cross, lg_cross(t, v, good(t)))
+OP(spd_solve, lg_spd_solve(t, v, good(t)))
+OP(stumpff, lg_stumpff_functions(t, v, 3))
+OP(dexpinv_coef, lg_dexpinv_coefficient(t, v, 0))
+OP(loss, lg_loss_apply(t, LG_LOSS_MSE, v, good(t), LG_NONE))
+OP(loss_target, lg_loss_apply(t, LG_LOSS_HUBER, good(t), v, LG_NONE))
+OP(loss_weights, lg_loss_apply(t, LG_LOSS_MSE, good(t), good(t), v))
+OP(mse, lg_mse(t, v, good(t)))
+OP(log_softmax, lg_log_softmax(t, v))
+OP(custom, lg_custom(t, &no_derivatives, &v, 1, lg_shape1(3)))
+OP(jacobian, lg_jacobian(t, v, good(t)))
+OP(hvp, lg_hvp(t, good(t), v, good(t)))
+static lg_var call_grad(lg_tape *t, lg_var v) {
+    lg_var out = LG_NONE;
+    (void)lg_grad(t, v, &v, 1, &out);
+    return out;
+}
+static lg_var call_vjp(lg_tape *t, lg_var v) {
+    lg_var y = good(t), out = LG_NONE;
+    (void)lg_vjp(t, &y, &v, 1, &y, 1, &out);
+    return out;
+}
+static lg_var call_jvp(lg_tape *t, lg_var v) {
+    lg_var y = good(t), out = LG_NONE;
+    (void)lg_jvp(t, &y, 1, &y, &v, 1, &out);
+    return out;
+}
+static lg_var call_backward(lg_tape *t, lg_var v) {
+    double g[6];
+    void *grad = g;
+    lg_var y = good(t);
+    (void)lg_backward(t, y, &v, 1, &grad);
+    return LG_NONE;
+}
+
+static const struct {
+    const char *names;
+    lg_var (*call)(lg_tape *, lg_var);
+} ops[] = {
+#define ROW(name, message)                                                                                   \
+    { message, call_##name }
+    ROW(add, "add"),
+    ROW(sub, "sub"),
+    ROW(mul, "mul"),
+    ROW(div, "div"),
+    ROW(max, "max"),
+    ROW(combine, "combine"),
+    ROW(neg, "scale"),
+    ROW(scale, "scale"),
+    ROW(shift, "shift"),
+    ROW(pow, "pow"),
+    ROW(square, "pow"),
+    ROW(sqrt, "sqrt"),
+    ROW(exp, "exp"),
+    ROW(log, "log"),
+    ROW(sin, "sin"),
+    ROW(cos, "cos"),
+    ROW(abs, "abs"),
+    ROW(sign, "sign"),
+    ROW(act, "act"),
+    ROW(swish, "act"),
+    ROW(act_derivative, "act_derivative"),
+    ROW(matmul, "matmul"),
+    ROW(matmul_nt, "matmul"),
+    ROW(matmul_tn, "matmul"),
+    ROW(matmul_add, "matmul"),
+    ROW(dense, "dense"),
+    ROW(dense_weight, "matmul"),
+    ROW(sum, "sum"),
+    ROW(mean, "mean"),
+    ROW(sum_axis, "sum"),
+    ROW(mean_axis, "sum"),
+    ROW(max_axis, "max_axis"),
+    ROW(sum_to, "sum"),
+    ROW(broadcast_to, "broadcast"),
+    ROW(reshape, "reshape"),
+    ROW(slice, "slice"),
+    ROW(pad, "pad"),
+    ROW(concat, "concat"),
+    ROW(transpose, "transpose"),
+    ROW(permute, "permute"),
+    ROW(gather, "gather"),
+    ROW(scatter, "scatter"),
+    ROW(stop_gradient, "stop_gradient"),
+    ROW(rowdot, "rowdot"),
+    ROW(rownorm2, "rowdot"),
+    ROW(cross, "cross"),
+    ROW(spd_solve, "spd_factor"),
+    ROW(stumpff, "stumpff"),
+    ROW(dexpinv_coef, "dexpinv_coef"),
+    ROW(loss, "loss"),
+    ROW(loss_target, "loss"),
+    ROW(loss_weights, "loss"),
+    ROW(mse, "sub"),
+    ROW(log_softmax, "max_axis"),
+    ROW(custom, "custom"),
+    ROW(jacobian, "jacobian"),
+    ROW(hvp, "hvp"),
+    ROW(grad, "grad"),
+    ROW(vjp, "vjp"),
+    ROW(jvp, "jvp"),
+    ROW(backward, "backward"),
+#undef ROW
+};
+
+/* ---- handles ---- */
+
+/* LG_NONE, rewound, of another tape, and made up: each an error that names the operation. */
+static void test_bad_handles_in_every_operation(void **state) {
+    (void)state;
+    lg_tape *tape = new_tape(LG_F64), *other = new_tape(LG_F64);
+    for (size_t i = 0; i < LG_COUNT(ops); i++)
+        for (int kind = 0; kind < 4; kind++) {
+            if (kind == 0 && ops[i].call == call_loss_weights) continue; /* LG_NONE means no weights */
+            lg_tape_reset(tape);
+            lg_tape_reset(other);
+            lg_mark mark = lg_tape_mark(tape);
+            lg_var stale = good(tape);
+            assert_ok(lg_tape_rewind(tape, mark));
+            const lg_var bad[4] = {LG_NONE, stale, good(other), {1000000u, 12345u}};
+            lg_var out = ops[i].call(tape, bad[kind]);
+            assert_true(lg_is_none(out));
+            const char *const says[] = {ops[i].names,
+                                        kind == 0 ? "LG_NONE" : "rewound or belongs to another tape"};
+            assert_tape_error(tape, LG_STALE_HANDLE, says, 2);
+        }
+    lg_tape_destroy(tape);
+    lg_tape_destroy(other);
+}
+
+/* After a failure every operation does nothing, and the first sentence stays. */
+static void test_errors_stick(void **state) {
+    (void)state;
+    lg_tape *tape = new_tape(LG_F64);
+    lg_var x = good(tape);
+    lg_scope_push(tape, "first");
+    (void)lg_matmul(tape, x, x);
+    lg_scope_pop(tape);
+    char before[400];
+    (void)snprintf(before, sizeof before, "%s", lg_tape_message(tape));
+    size_t nodes = lg_tape_nodes(tape);
+    for (size_t i = 0; i < LG_COUNT(ops); i++) {
+        assert_true(lg_is_none(ops[i].call(tape, x)));
+        assert_string_equal(lg_tape_message(tape), before);
+        assert_int_equal(lg_tape_nodes(tape), nodes);
+    }
+    double value[6], grad[6] = {7, 7, 7, 7, 7, 7};
+    void *grads = grad;
+    lg_var out = {77, 77};
+    assert_status(lg_read(tape, x, value, 6), LG_SHAPE);
+    assert_null(lg_value(tape, x));
+    assert_status(lg_grad(tape, x, &x, 1, &out), LG_SHAPE);
+    assert_status(lg_jvp(tape, &x, 1, &x, &x, 1, &out), LG_SHAPE);
+    assert_status(lg_backward(tape, x, &x, 1, &grads), LG_SHAPE);
+    assert_true(out.index == 77 && out.generation == 77);
+    for (int i = 0; i < 6; i++) assert_close(grad[i], 7.0, 0, 0);
+    assert_true(lg_is_none(lg_full(tape, lg_shape0(), 1)));
+    assert_true(lg_is_none(lg_parameter(tape, lg_shape1(6), value)));
+    assert_true(lg_is_none(lg_tape_fail(tape, LG_FILE, "later", "not heard")));
+    assert_string_equal(lg_tape_message(tape), before);
+    lg_tape_destroy(tape);
+}
+
+static void test_readers_refuse_bad_handles(void **state) {
+    (void)state;
+    lg_tape *tape = new_tape(LG_F64);
+    lg_mark mark = lg_tape_mark(tape);
+    lg_var x = good(tape);
+    double value[6];
+    assert_status(lg_read(tape, x, value, 5), LG_SHAPE);
+    assert_status(lg_read(tape, LG_NONE, value, 6), LG_STALE_HANDLE);
+    assert_ok(lg_read(tape, x, value, 6));
+    assert_ok(lg_tape_rewind(tape, mark));
+    assert_status(lg_read(tape, x, value, 6), LG_STALE_HANDLE);
+    assert_null(lg_value(tape, x));
+    assert_int_equal(lg_var_shape(tape, x).rank, 0);
+    lg_var again = good(tape); /* the same index, another generation */
+    assert_int_equal(again.index, x.index);
+    assert_status(lg_read(tape, x, value, 6), LG_STALE_HANDLE);
+    assert_ok(lg_tape_status(tape));
+    lg_tape_destroy(tape);
+}
+
+/* ---- marks ---- */
+
+static void test_rewinding_clears_later_errors_only(void **state) {
+    (void)state;
+    lg_tape *tape = new_tape(LG_F64);
+    lg_var x = good(tape);
+    lg_mark before = lg_tape_mark(tape);
+    lg_var y = lg_sin(tape, x);
+    (void)lg_matmul(tape, y, y);
+    assert_int_equal(lg_tape_status(tape), LG_SHAPE);
+    assert_ok(lg_tape_rewind(tape, before));
+    assert_ok(lg_tape_status(tape));
+    assert_string_equal(lg_tape_message(tape), "");
+    assert_close(number(tape, lg_sum(tape, x)), 21.0, 1e-15, 0);
+    assert_status(lg_read(tape, y, &(double){0}, 1), LG_STALE_HANDLE);
+    (void)lg_transpose(tape, lg_sum(tape, x));
+    lg_tape_reset(tape);
+    assert_ok(lg_tape_status(tape));
+    assert_int_equal(lg_tape_nodes(tape), 0);
+    lg_tape_destroy(tape);
+}
+
+static void test_stale_and_foreign_marks_are_refused(void **state) {
+    (void)state;
+    lg_tape *tape = new_tape(LG_F64), *other = new_tape(LG_F64);
+    lg_var x = good(tape);
+    (void)good(other);
+    lg_mark one = lg_tape_mark(tape);
+    (void)lg_sin(tape, x);
+    (void)lg_cos(tape, x);
+    lg_mark three = lg_tape_mark(tape);
+    assert_ok(lg_tape_rewind(tape, one));
+    assert_status(lg_tape_rewind(tape, three), LG_INVALID_ARGUMENT); /* ahead */
+    (void)lg_exp(tape, x);
+    lg_var kept = lg_exp(tape, x);
+    assert_status(lg_tape_rewind(tape, three),
+                  LG_INVALID_ARGUMENT); /* its nodes are gone, others stand there */
+    assert_status(lg_tape_rewind(tape, lg_tape_mark(other)), LG_INVALID_ARGUMENT);
+    assert_int_equal(lg_tape_nodes(tape), 3);
+    assert_close(((const double *)lg_value(tape, kept))[0], exp(1.0), 1e-15, 0);
+    assert_ok(lg_tape_status(tape));
+    assert_ok(lg_tape_rewind(tape, one)); /* the same mark again */
+    assert_int_equal(lg_tape_nodes(tape), 1);
+    assert_close(number(tape, lg_sum(tape, x)), 21.0, 1e-15, 0);
+    /* The mark of an empty tape fits any tape and does not bring foreign memory along. */
+    lg_tape *empty = new_tape(LG_F64);
+    (void)lg_tape_fail(empty, LG_SHAPE, "x", "y");
+    lg_tape_reset(empty);
+    assert_ok(lg_tape_rewind(tape, lg_tape_mark(empty)));
+    assert_close(number(tape, lg_sum(tape, good(tape))), 21.0, 1e-15, 0);
+    lg_tape_destroy(empty);
+    lg_tape_destroy(tape);
+    lg_tape_destroy(other);
+}
+
+/* ---- shapes that do not fit ---- */
+
+static lg_var of(lg_tape *t, uint32_t rank, uint32_t a, uint32_t b, uint32_t c) {
+    uint32_t dims[4] = {a, b, c, 0};
+    return lg_full(t, lg_shape_of(rank, dims), 0.5);
+}
+#define V0          of(t, 0, 0, 0, 0)
+#define V1(a)       of(t, 1, a, 0, 0)
+#define V2(a, b)    of(t, 2, a, b, 0)
+#define V3(a, b, c) of(t, 3, a, b, c)
+static const uint32_t out_of_range[2] = {0, 9};
+static const int not_axes[3] = {0, 0, 1};
+static const int beyond[2] = {0, 2};
+
+/* X(expression, status, operation, shape or reason, other shape) */
+#define WRONG_LIST(X)                                                                                        \
+    X(lg_add(t, V2(2, 3), V2(3, 2)), LG_SHAPE, "add", "(2, 3)", "(3, 2)")                                    \
+    X(lg_sub(t, V2(2, 3), V1(2)), LG_SHAPE, "sub", "(2, 3)", "(2)")                                          \
+    X(lg_mul(t, V3(2, 3, 4), V2(2, 4)), LG_SHAPE, "mul", "(2, 3, 4)", "(2, 4)")                              \
+    X(lg_div(t, V1(4), V1(3)), LG_SHAPE, "div", "(4)", "(3)")                                                \
+    X(lg_max(t, V2(4, 1), V1(3)), LG_OK, NULL, NULL, NULL)                                                   \
+    X(lg_max(t, V2(4, 2), V1(3)), LG_SHAPE, "max", "(4, 2)", "(3)")                                          \
+    X(lg_combine(t, (lg_var[2]){V1(3), V1(4)}, weights3, 2), LG_SHAPE, "combine", "(3)", "(4)")              \
+    X(lg_combine(t, NULL, weights3, 0), LG_INVALID_ARGUMENT, "combine", "number of terms", NULL)             \
+    X(lg_mse(t, V1(4), V1(3)), LG_SHAPE, "sub", "(4)", "(3)")                                                \
+    X(lg_act(t, V1(4), (lg_activation)99), LG_INVALID_ARGUMENT, "act", "unknown", NULL)                      \
+    X(lg_act_derivative(t, V1(4), LG_TANH, -1), LG_INVALID_ARGUMENT, "act", "negative", NULL)                \
+    X(lg_act_derivative(t, V1(4), LG_TANH, 9), LG_NOT_DIFFERENTIABLE, "act_derivative", "order", NULL)       \
+    X(lg_matmul(t, V2(2, 3), V2(2, 3)), LG_SHAPE, "matmul", "(2, 3) and (2, 3)", NULL)                       \
+    X(lg_matmul_nt(t, V2(2, 3), V2(3, 2)), LG_SHAPE, "matmul", "(2, 3)", "(3, 2)")                           \
+    X(lg_matmul_tn(t, V2(2, 3), V2(3, 2)), LG_SHAPE, "matmul", "(2, 3)", "(3, 2)")                           \
+    X(lg_matmul(t, V1(3), V2(3, 2)), LG_SHAPE, "matmul", "(3)", "(3, 2)")                                    \
+    X(lg_matmul(t, V3(2, 2, 3), V3(3, 3, 2)), LG_SHAPE, "matmul", "(2, 2, 3)", "(3, 3, 2)")                  \
+    X(lg_matmul_add(t, V2(2, 3), V2(3, 4), V1(3)), LG_SHAPE, "matmul", "(3, 4)", "(3)")                      \
+    X(lg_matmul_add(t, V2(2, 3), V2(3, 4), V2(3, 4)), LG_SHAPE, "matmul", "(2, 3)", "(3, 4)")                \
+    X(lg_matmul_add(t, V3(1, 2, 3), V2(3, 4), V1(4)), LG_SHAPE, "matmul", "(1, 2, 3)", "(4)")                \
+    X(lg_dense(t, V2(2, 3), V2(2, 4), LG_NONE, LG_TANH), LG_SHAPE, "dense", "(2, 3)", "(2, 4)")              \
+    X(lg_dense(t, V2(2, 3), V2(3, 4), V1(3), LG_TANH), LG_SHAPE, "dense", "(3, 4)", "(3)")                   \
+    X(lg_dense(t, V2(2, 3), V2(3, 4), V1(3), LG_SWISH), LG_SHAPE, "matmul", "(3, 4)", "(3)")                 \
+    X(lg_dense(t, V2(2, 3), V2(3, 4), V1(4), (lg_activation)-1), LG_INVALID_ARGUMENT, "dense", "unknown",    \
+      NULL)                                                                                                  \
+    X(lg_sum_axis(t, V2(2, 3), 2, false), LG_INVALID_ARGUMENT, "sum", "axis", NULL)                          \
+    X(lg_sum_axis(t, V2(2, 3), -3, false), LG_INVALID_ARGUMENT, "sum", "axis", NULL)                         \
+    X(lg_mean_axis(t, V0, 0, false), LG_INVALID_ARGUMENT, "sum", "axis", NULL)                               \
+    X(lg_max_axis(t, V2(2, 3), 5, false), LG_INVALID_ARGUMENT, "max_axis", "axis", NULL)                     \
+    X(lg_max_axis(t, V2(2, 0), 1, false), LG_SHAPE, "max_axis", "shapes", NULL)                              \
+    X(lg_sum_to(t, V2(2, 3), lg_shape1(2)), LG_SHAPE, "sum", "(2, 3)", NULL)                                 \
+    X(lg_broadcast_to(t, V1(2), lg_shape2(2, 3)), LG_SHAPE, "broadcast", "(2)", NULL)                        \
+    X(lg_broadcast_to(t, V1(2), (lg_shape){5, {1, 1, 1, 1}}), LG_SHAPE, "broadcast", "rank", NULL)           \
+    X(lg_reshape(t, V2(2, 3), lg_shape1(5)), LG_SHAPE, "reshape", "(2, 3)", NULL)                            \
+    X(lg_reshape(t, V2(2, 3), (lg_shape){7, {6, 1, 1, 1}}), LG_SHAPE, "reshape", "(2, 3)", NULL)             \
+    X(lg_slice(t, V2(2, 3), 1, 2, 2), LG_INVALID_ARGUMENT, "slice", "range", NULL)                           \
+    X(lg_slice(t, V2(2, 3), 1, UINT32_MAX, 2), LG_INVALID_ARGUMENT, "slice", "range", NULL)                  \
+    X(lg_slice(t, V2(2, 3), 2, 0, 1), LG_INVALID_ARGUMENT, "slice", "axis", NULL)                            \
+    X(lg_pad(t, V2(2, 3), 2, 0, 1), LG_INVALID_ARGUMENT, "pad", "axis", NULL)                                \
+    X(lg_pad(t, V2(2, 3), 0, UINT32_MAX, 1), LG_INVALID_ARGUMENT, "pad", "long", NULL)                       \
+    X(lg_concat(t, (lg_var[2]){V2(2, 3), V2(2, 4)}, 2, 0), LG_SHAPE, "concat", "(2, 3)", "(2, 4)")           \
+    X(lg_concat(t, (lg_var[2]){V2(2, 3), V1(3)}, 2, 0), LG_SHAPE, "concat", "(2, 3)", "(3)")                 \
+    X(lg_concat(t, NULL, 0, 0), LG_INVALID_ARGUMENT, "concat", "nothing", NULL)                              \
+    X(lg_transpose(t, V1(3)), LG_SHAPE, "transpose", "rank", NULL)                                           \
+    X(lg_permute(t, V3(2, 3, 4), not_axes), LG_INVALID_ARGUMENT, "permute", "permutation", NULL)             \
+    X(lg_permute(t, V2(2, 3), beyond), LG_INVALID_ARGUMENT, "permute", "permutation", NULL)                  \
+    X(lg_gather(t, V2(3, 2), out_of_range, 2), LG_INVALID_ARGUMENT, "gather", "index", NULL)                 \
+    X(lg_gather(t, V0, out_of_range, 1), LG_INVALID_ARGUMENT, "gather", "index", NULL)                       \
+    X(lg_scatter(t, V2(2, 2), out_of_range, 2, 5), LG_INVALID_ARGUMENT, "scatter", "index", NULL)            \
+    X(lg_scatter(t, V2(3, 2), first_rows, 2, 5), LG_SHAPE, "scatter", "(3, 2)", NULL)                        \
+    X(lg_rowdot(t, V2(2, 3), V2(2, 1)), LG_SHAPE, "rowdot", "(2, 3)", "(2, 1)")                              \
+    X(lg_rownorm2(t, V0), LG_SHAPE, "rowdot", "()", NULL)                                                    \
+    X(lg_cross(t, V2(2, 3), V2(1, 3)), LG_SHAPE, "cross", "(2, 3)", "(1, 3)")                                \
+    X(lg_cross(t, V2(3, 2), V2(3, 2)), LG_SHAPE, "cross", "(3, 2)", NULL)                                    \
+    X(lg_spd_solve(t, V3(2, 3, 2), V3(2, 3, 1)), LG_SHAPE, "spd_factor", "(2, 3, 2)", NULL)                  \
+    X(lg_spd_solve(t, V2(3, 3), V2(3, 1)), LG_SHAPE, "spd_factor", "(3, 3)", NULL)                           \
+    X(lg_spd_solve(t, V3(1, 1, 1), V3(2, 1, 1)), LG_SHAPE, "spd_solve", "(1, 1, 1)", "(2, 1, 1)")            \
+    X(lg_stumpff_functions(t, V2(2, 3), 3), LG_SHAPE, "stumpff", "(2, 3)", NULL)                             \
+    X(lg_stumpff_functions(t, V2(2, 1), 9), LG_INVALID_ARGUMENT, "stumpff", "range", NULL)                   \
+    X(lg_stumpff_functions(t, V2(2, 1), -1), LG_INVALID_ARGUMENT, "stumpff", "negative", NULL)               \
+    X(lg_stumpff_functions(t, V0, 1), LG_SHAPE, "stumpff", "()", NULL)                                       \
+    X(lg_dexpinv_coefficient(t, V1(3), 0), LG_SHAPE, "dexpinv_coef", "(3)", NULL)                            \
+    X(lg_dexpinv_coefficient(t, V1(1), 9), LG_NOT_DIFFERENTIABLE, "dexpinv_coef", "order", NULL)             \
+    X(lg_dexpinv_coefficient(t, V1(1), -1), LG_INVALID_ARGUMENT, "dexpinv_coef", "negative", NULL)           \
+    X(lg_loss_apply(t, LG_LOSS_MSE, V2(4, 3), V2(4, 1), LG_NONE), LG_SHAPE, "loss", "(4, 3)", "(4, 1)")      \
+    X(lg_loss_apply(t, LG_LOSS_MSE, V0, V0, LG_NONE), LG_SHAPE, "loss", "()", NULL)                          \
+    X(lg_loss_apply(t, LG_LOSS_MAE, V2(4, 3), V2(4, 3), V1(3)), LG_SHAPE, "loss weights", "(4, 3)", "(3)")   \
+    X(lg_loss_apply(t, (lg_loss)17, V2(4, 3), V2(4, 3), LG_NONE), LG_INVALID_ARGUMENT, "loss", "unknown",    \
+      NULL)                                                                                                  \
+    X(lg_log_softmax(t, V0), LG_INVALID_ARGUMENT, "max_axis", "axis", NULL)                                  \
+    X(lg_input(t, lg_shape1(2), NULL), LG_INVALID_ARGUMENT, "input", "no data", NULL)                        \
+    X(lg_input_f64(t, (lg_shape){5, {1, 1, 1, 1}}, weights3), LG_INVALID_ARGUMENT, "input", "rank", NULL)    \
+    X(lg_parameter(t, lg_shape1(2), NULL), LG_INVALID_ARGUMENT, "parameter", "no data", NULL)                \
+    X(lg_full(t, lg_shape4(65535, 65535, 65535, 65535), 1.0), LG_OUT_OF_MEMORY, "tape", "", NULL)            \
+    X(lg_custom(t, NULL, NULL, 0, lg_shape0()), LG_INVALID_ARGUMENT, "custom", "no name", NULL)              \
+    X(lg_jacobian(t, V1(2), LG_NONE), LG_STALE_HANDLE, "jacobian", "LG_NONE", NULL)
+
+static void test_wrong_shapes(void **state) {
+    (void)state;
+    lg_tape *t = new_tape(LG_F64);
+#define X(expression, status, operation, one, two)                                                           \
+    {                                                                                                        \
+        lg_tape_reset(t);                                                                                    \
+        lg_scope_push(t, "net");                                                                             \
+        lg_scope_push(t, "layer 3");                                                                         \
+        lg_var y = expression;                                                                               \
+        const char *const says[] = {operation, one, two, (status) != LG_OK ? ", in net/layer 3" : NULL};     \
+        assert_int_equal(lg_is_none(y), (status) != LG_OK);                                                  \
+        assert_tape_error(t, status, says, 4);                                                               \
+    }
+    WRONG_LIST(X)
+#undef X
+    lg_tape_destroy(t);
+}
+
+static void test_wrong_shapes_of_directions(void **state) {
+    (void)state;
+    lg_tape *t = new_tape(LG_F64);
+    lg_var x = good(t), c = lg_full(t, lg_shape1(6), 1.0), out = {9, 9};
+    lg_mark mark = lg_tape_mark(t);
+    assert_status(lg_vjp(t, &x, &c, 1, &x, 1, &out), LG_SHAPE);
+    assert_non_null(strstr(lg_tape_message(t), "vjp"));
+    assert_ok(lg_tape_rewind(t, mark));
+    assert_status(lg_jvp(t, &x, 1, &x, &c, 1, &out), LG_SHAPE);
+    assert_non_null(strstr(lg_tape_message(t), "jvp"));
+    assert_int_equal(out.index, 9);
+    lg_tape_destroy(t);
+}
+
+static void test_scopes_nest_and_overflow(void **state) {
+    (void)state;
+    lg_tape *t = new_tape(LG_F64);
+    static const char *const names[10] = {"s0", "s1", "s2", "s3", "s4", "s5", "s6", "s7", "s8", "s9"};
+    for (int i = 0; i < 10; i++) lg_scope_push(t, names[i]);
+    for (int i = 0; i < 9; i++) lg_scope_pop(t);
+    (void)lg_transpose(t, lg_full(t, lg_shape0(), 1));
+    assert_non_null(strstr(lg_tape_message(t), ", in s0"));
+    assert_null(strstr(lg_tape_message(t), "s1"));
+    lg_scope_pop(t);
+    lg_scope_pop(t); /* one too many does no harm */
+    lg_tape_destroy(t);
+}
+
+/* ---- memory ---- */
+
+typedef struct model {
+    double theta[3 * 8 + 8 + 8 + 1], x[5 * 3], grad[3 * 8 + 8 + 8 + 1];
+} model;
+
+static void fill(model *m) {
+    lg_rng rng;
+    lg_rng_seed(&rng, 5, 0);
+    for (size_t i = 0; i < LG_COUNT(m->theta); i++) m->theta[i] = lg_rng_uniform_in(&rng, -1, 1);
+    for (size_t i = 0; i < LG_COUNT(m->x); i++) m->x[i] = lg_rng_uniform_in(&rng, -1, 1);
+    memset(m->grad, 0, sizeof m->grad);
+}
+
+/* A network whose input gradient enters the loss: a training step with everything that a tape does. */
+static lg_var record_step(lg_tape *t, const model *m, lg_var *theta) {
+    static const uint32_t indices[6] = {4, 1, 1, 0, 3, 1};
+    *theta = lg_parameter(t, lg_shape1(LG_COUNT(m->theta)), m->theta);
+    lg_var x = lg_gather(t, lg_input_f64(t, lg_shape2(5, 3), m->x), indices, 6);
+    lg_var w1 = lg_reshape(t, lg_slice(t, *theta, 0, 0, 24), lg_shape2(3, 8)),
+           b1 = lg_slice(t, *theta, 0, 24, 8);
+    lg_var w2 = lg_reshape(t, lg_slice(t, *theta, 0, 32, 8), lg_shape2(8, 1)),
+           b2 = lg_slice(t, *theta, 0, 40, 1);
+    lg_var v = lg_matmul_add(t, lg_dense(t, x, w1, b1, LG_TANH), w2, b2), g = LG_NONE;
+    (void)lg_grad(t, lg_sum(t, v), &x, 1, &g);
+    lg_var y = lg_concat(t, (lg_var[2]){g, lg_cross(t, g, x)}, 2, 1);
+    return lg_mean(t, lg_square(t, lg_add(t, y, v)));
+}
+
+static lg_status train_step(lg_tape *t, model *m) {
+    lg_var theta, loss = record_step(t, m, &theta);
+    void *grad = m->grad;
+    lg_status status = lg_backward(t, loss, &theta, 1, &grad);
+    return status;
+}
+
+static void test_no_allocation_after_the_first_step(void **state) {
+    (void)state;
+    lg_fail_alloc memory;
+    lg_context *context = lg_fail_alloc_context(&memory);
+    lg_tape *tape;
+    static model m;
+    fill(&m);
+    assert_ok(lg_tape_create(context, NULL, &tape));
+    lg_mark start = lg_tape_mark(tape);
+    assert_ok(train_step(tape, &m));
+    size_t nodes = lg_tape_nodes(tape), bytes = lg_tape_bytes(tape);
+    lg_fail_alloc_arm(&memory, 0);
+    for (int step = 0; step < 20; step++) {
+        if (step % 2 == 0)
+            lg_tape_reset(tape);
+        else
+            assert_ok(lg_tape_rewind(tape, start));
+        assert_ok(train_step(tape, &m));
+        assert_int_equal(lg_tape_nodes(tape), nodes);
+    }
+    assert_int_equal(atomic_load(&memory.calls), 0);
+    assert_int_equal(lg_tape_bytes(tape), bytes);
+    lg_tape_destroy(tape);
+    lg_context_destroy(context);
+}
+
+static void test_every_allocation_may_fail(void **state) {
+    (void)state;
+    lg_fail_alloc memory;
+    lg_context *context = lg_fail_alloc_context(&memory);
+    static model m;
+    fill(&m);
+    long tried = 0;
+    for (long n = 1;; n++, tried++) {
+        lg_tape *tape = NULL;
+        lg_fail_alloc_arm(&memory, n);
+        lg_status status = lg_tape_create(context, NULL, &tape);
+        if (status == LG_OK) status = train_step(tape, &m);
+        if (status != LG_OK && tape != NULL) { /* and the tape works again after a reset */
+            assert_non_null(strstr(lg_tape_message(tape), "allocation"));
+            lg_tape_reset(tape);
+            assert_ok(train_step(tape, &m));
+        }
+        lg_tape_destroy(tape);
+        assert_int_equal(lg_fail_alloc_live(&memory), 0);
+        if (!lg_fail_alloc_hit(&memory)) {
+            assert_int_equal(status, LG_OK);
+            break;
+        }
+        assert_int_equal(status, LG_OUT_OF_MEMORY);
+    }
+    assert_true(tried >= 6);
+    lg_fail_alloc_arm(&memory, 0);
+    lg_context_destroy(context);
+}
+
+static void test_max_bytes(void **state) {
+    (void)state;
+    static model m;
+    fill(&m);
+    lg_tape *tape = new_tape(LG_F64);
+    assert_ok(train_step(tape, &m));
+    lg_tape_options options;
+    lg_tape_options_init(&options);
+    options.max_bytes = lg_tape_bytes(tape) / 2;
+    lg_tape_destroy(tape);
+    assert_ok(lg_tape_create(NULL, &options, &tape));
+    assert_status(train_step(tape, &m), LG_OUT_OF_MEMORY);
+    assert_non_null(strstr(lg_tape_message(tape), "max_bytes"));
+    assert_true(lg_tape_bytes(tape) <= options.max_bytes);
+    lg_tape_destroy(tape);
+}
+
+static void test_options(void **state) {
+    (void)state;
+    lg_tape *tape = NULL;
+    lg_tape_options options;
+    lg_tape_options_init(&options);
+    options.size = 3;
+    assert_status(lg_tape_create(NULL, &options, &tape), LG_INVALID_ARGUMENT);
+    lg_tape_options_init(&options);
+    options.dtype = (lg_dtype)7;
+    assert_status(lg_tape_create(NULL, &options, &tape), LG_INVALID_ARGUMENT);
+    assert_null(tape);
+    lg_tape_destroy(NULL);
+}
+
+/* ---- float against double ---- */
+
+/* Value, vjp and jvp of a row at drawn points, on a tape of either type. */
+static size_t derivatives_of(const lg_gradcheck_function *f, lg_dtype dtype, double *out, size_t room) {
+    lg_tape *t = new_tape(dtype);
+    lg_var x[LG_GRADCHECK_MAX_INPUTS], d[LG_GRADCHECK_MAX_INPUTS], g[LG_GRADCHECK_MAX_INPUTS], jd = LG_NONE;
+    double values[256];
+    lg_rng rng;
+    lg_rng_seed(&rng, 11, 0);
+    for (uint32_t i = 0; i < f->inputs; i++) {
+        const lg_gradcheck_argument *a = &f->arguments[i];
+        size_t count = lg_shape_count(a->shape);
+        assert_true(count <= LG_COUNT(values));
+        bool plain = a->low == 0 && a->high == 0;
+        for (size_t j = 0; j < count; j++)
+            values[j] = a->values != NULL ? a->values[j]
+                                          : lg_rng_uniform_in(&rng, plain ? -1 : a->low, plain ? 1 : a->high);
+        x[i] = lg_input_f64(t, a->shape, values);
+        for (size_t j = 0; j < count; j++) values[j] = lg_rng_uniform_in(&rng, -1, 1);
+        d[i] = lg_input_f64(t, a->shape, values);
+    }
+    lg_var y = f->build(f->user, t, x);
+    lg_var c = lg_act(t, lg_full(t, lg_var_shape(t, y), 0.7), LG_SINE);
+    if (lg_vjp(t, &y, &c, 1, x, f->inputs, g) != LG_OK || lg_jvp(t, &y, 1, x, d, f->inputs, &jd) != LG_OK)
+        fail_msg("%s: %s", f->name, lg_tape_message(t));
+    size_t used = 0;
+    for (uint32_t i = 0; i < f->inputs + 2; i++) {
+        lg_var v = i < f->inputs ? g[i] : (i == f->inputs ? y : jd);
+        size_t count = lg_shape_count(lg_var_shape(t, v));
+        assert_true(used + count <= room);
+        assert_ok(lg_read(t, v, out + used, count));
+        used += count;
+    }
+    lg_tape_destroy(t);
+    return used;
+}
+
+static void test_float_agrees_with_double(void **state) {
+    (void)state;
+    size_t count;
+    const lg_gradcheck_case *rows = lg_gradcheck_operations(&count);
+    for (size_t i = 0; i < count; i++) {
+        double in_double[1024], in_float[1024], most = 0.0;
+        size_t n = derivatives_of(&rows[i].function, LG_F64, in_double, 1024);
+        assert_int_equal(derivatives_of(&rows[i].function, LG_F32, in_float, 1024), n);
+        for (size_t j = 0; j < n; j++) most = fmax(most, fabs(in_double[j]));
+        for (size_t j = 0; j < n; j++)
+            if (!lg_is_close(in_float[j], in_double[j], 2e-5, 2e-5 * most))
+                fail_msg("%s, number %zu: float %.9g, double %.9g", rows[i].function.name, j, in_float[j],
+                         in_double[j]);
+    }
+}
+
+/* ---- gradients of gradients ---- */
+
+typedef struct closed_form {
+    const char *name;
+    lg_var (*build)(lg_tape *, lg_var);
+    double (*derivative)(int order, double x);
+    double x;
+} closed_form;
+
+static double factorial_ratio(int n, int k) {
+    double p = 1;
+    for (int i = 0; i < k; i++) p *= n - i;
+    return p;
+}
+static double d_x5(int n, double x) {
+    return n > 5 ? 0 : factorial_ratio(5, n) * pow(x, 5 - n);
+}
+static double d_sin(int n, double x) {
+    const double all[4] = {sin(x), cos(x), -sin(x), -cos(x)};
+    return all[n % 4];
+}
+static double d_cos(int n, double x) {
+    return d_sin(n + 1, x);
+}
+static double d_exp(int n, double x) {
+    (void)n;
+    return exp(x);
+}
+static double d_log(int n, double x) {
+    return n == 0 ? log(x) : factorial_ratio(-1, n - 1) * pow(x, -n);
+}
+static double d_reciprocal(int n, double x) {
+    return factorial_ratio(-1, n) * pow(x, -1 - n);
+}
+static double d_sqrt(int n, double x) {
+    double p = 1;
+    for (int i = 0; i < n; i++) p *= 0.5 - i;
+    return p * pow(x, 0.5 - n);
+}
+static double d_tanh(int n, double x) {
+    double t = tanh(x), s = 1 - t * t;
+    const double all[5] = {t, s, -2 * t * s, s * (6 * t * t - 2), s * (16 * t - 24 * t * t * t)};
+    return all[n];
+}
+static double d_sigmoid(int n, double x) {
+    return (n == 0 ? 0.5 : 0.0) + 0.5 * pow(0.5, n) * d_tanh(n, 0.5 * x);
+}
+static double d_swish(int n, double x) {
+    return x * d_sigmoid(n, x) + (n > 0 ? n * d_sigmoid(n - 1, x) : 0.0);
+}
+
+OP(x5, lg_pow(t, v, 5))
+OP(x5_products, lg_mul(t, lg_mul(t, lg_square(t, v), lg_square(t, v)), v))
+OP(tanh, lg_act(t, v, LG_TANH))
+OP(tanh_of_exp, lg_div(t, lg_sub(t, lg_exp(t, v), lg_exp(t, lg_neg(t, v))),
+                       lg_add(t, lg_exp(t, v), lg_exp(t, lg_neg(t, v)))))
+OP(sigmoid, lg_act(t, v, LG_SIGMOID))
+OP(sine, lg_act(t, v, LG_SINE))
+OP(reciprocal, lg_div(t, lg_full(t, lg_shape0(), 1.0), v))
+
+/* Reverse over reverse, forward over forward, and in turn, to fourth order. */
+static void test_fourth_order_closed_forms(void **state) {
+    (void)state;
+    static const closed_form forms[] = {
+        {"x^5", call_x5, d_x5, 1.3},
+        {"x^5 at 0", call_x5, d_x5, 0.0},
+        {"x x^2 x^2", call_x5_products, d_x5, -0.8},
+        {"tanh", call_tanh, d_tanh, 0.4},
+        {"tanh by exp", call_tanh_of_exp, d_tanh, -0.3},
+        {"sigmoid", call_sigmoid, d_sigmoid, 0.9},
+        {"swish", call_swish, d_swish, -0.6},
+        {"sine", call_sine, d_sin, 2.1},
+        {"sin", call_sin, d_sin, 0.7},
+        {"cos", call_cos, d_cos, 0.7},
+        {"exp", call_exp, d_exp, -1.1},
+        {"log", call_log, d_log, 1.7},
+        {"1/x", call_reciprocal, d_reciprocal, -1.4},
+        {"sqrt", call_sqrt, d_sqrt, 2.3},
+    };
+    lg_tape *tape = new_tape(LG_F64);
+    for (size_t i = 0; i < LG_COUNT(forms); i++)
+        for (int modes = 0; modes < 16; modes++) {
+            lg_tape_reset(tape);
+            lg_var x = lg_full(tape, lg_shape0(), forms[i].x), one = lg_full(tape, lg_shape0(), 1.0);
+            lg_var y = forms[i].build(tape, x);
+            for (int order = 0; order <= 4; order++) {
+                double expected = forms[i].derivative(order, forms[i].x);
+                if (!lg_is_close(number(tape, y), expected, 1e-12, 1e-13))
+                    fail_msg("%s, order %d, modes %d: %.17g, expected %.17g", forms[i].name, order, modes,
+                             number(tape, y), expected);
+                lg_var next = LG_NONE;
+                if (order < 4 && (modes >> order & 1)) assert_ok(lg_jvp(tape, &y, 1, &x, &one, 1, &next));
+                if (order < 4 && !(modes >> order & 1)) assert_ok(lg_grad(tape, y, &x, 1, &next));
+                if (order < 4) y = next;
+            }
+        }
+    lg_tape_destroy(tape);
+}
+
+static void test_activations_end_at_order_eight(void **state) {
+    (void)state;
+    lg_tape *tape = new_tape(LG_F64);
+    lg_var x = lg_full(tape, lg_shape0(), 0.3), y = lg_act(tape, x, LG_TANH);
+    for (int order = 1; order <= 8; order++) assert_ok(lg_grad(tape, y, &x, 1, &y));
+    assert_status(lg_grad(tape, y, &x, 1, &y), LG_NOT_DIFFERENTIABLE);
+    assert_non_null(strstr(lg_tape_message(tape), "act_derivative"));
+    lg_tape_destroy(tape);
+}
+
+/* f(x) = sum_i x_i^3 + x_0 x_1 x_2: gradient, Hessian and third derivative known. */
+static lg_var cubic(lg_tape *t, lg_var x) {
+    lg_var p =
+        lg_mul(t, lg_mul(t, lg_slice(t, x, 0, 0, 1), lg_slice(t, x, 0, 1, 1)), lg_slice(t, x, 0, 2, 1));
+    return lg_add(t, lg_sum(t, lg_pow(t, x, 3)), lg_sum(t, p));
+}
+
+static void test_hessian_vector_product(void **state) {
+    (void)state;
+    static const double x0[3] = {0.5, -1.5, 2.0}, v0[3] = {1.0, 0.25, -0.75};
+    double got[3], hessian[9];
+    lg_tape *t = new_tape(LG_F64);
+    lg_var x = vector(t, 3, x0), v = vector(t, 3, v0), y = cubic(t, x), g;
+    assert_ok(lg_read(t, lg_hvp(t, y, x, v), got, 3));
+    for (int i = 0; i < 3; i++) {
+        int j = (i + 1) % 3, k = (i + 2) % 3;
+        assert_close(got[i], 6 * x0[i] * v0[i] + x0[k] * v0[j] + x0[j] * v0[k], 1e-14, 1e-14);
+    }
+    assert_ok(lg_grad(t, y, &x, 1, &g));
+    assert_ok(lg_read(t, lg_jacobian(t, g, x), hessian, 9));
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            assert_close(hessian[3 * i + j], i == j ? 6 * x0[i] : x0[3 - i - j], 1e-14, 1e-14);
+    /* of a linear function: zeros of x's shape */
+    assert_ok(lg_read(t, lg_hvp(t, lg_sum(t, x), x, v), got, 3));
+    for (int i = 0; i < 3; i++) assert_close(got[i], 0.0, 0, 0);
+    lg_tape_destroy(t);
+}
+
+/* y = sin(x A): J[a, b] = cos(y_a) A[b, a]; wide, tall, and with more than 64 passes. */
+static void test_jacobian_wide_and_tall(void **state) {
+    (void)state;
+    static const uint32_t sizes[][2] = {{3, 5}, {5, 3}, {4, 4}, {70, 90}, {90, 70}};
+    static double a0[90 * 90], x0[90], j0[90 * 90];
+    lg_rng rng;
+    lg_rng_seed(&rng, 3, 3);
+    for (size_t i = 0; i < LG_COUNT(a0); i++) a0[i] = lg_rng_uniform_in(&rng, -1, 1);
+    for (size_t i = 0; i < LG_COUNT(x0); i++) x0[i] = lg_rng_uniform_in(&rng, -1, 1);
+    lg_tape *t = new_tape(LG_F64);
+    for (size_t s = 0; s < LG_COUNT(sizes); s++) {
+        uint32_t in = sizes[s][0], out = sizes[s][1];
+        lg_tape_reset(t);
+        lg_var x = lg_input_f64(t, lg_shape2(1, in), x0), a = lg_input_f64(t, lg_shape2(in, out), a0);
+        lg_var j = lg_jacobian(t, lg_sin(t, lg_matmul(t, x, a)), x);
+        assert_ok(lg_read(t, j, j0, (size_t)in * out));
+        assert_int_equal(lg_var_shape(t, j).rank, 2);
+        assert_int_equal(lg_var_shape(t, j).dims[0], out);
+        for (uint32_t r = 0; r < out; r++) {
+            double z = 0;
+            for (uint32_t k = 0; k < in; k++) z += x0[k] * a0[k * out + r];
+            for (uint32_t k = 0; k < in; k++)
+                assert_close(j0[r * in + k], cos(z) * a0[k * out + r], 1e-11, 1e-13);
+        }
+    }
+    lg_tape_destroy(t);
+}
+
+/* ---- what is asked for ---- */
+
+static void test_backward_adds_and_leaves_the_tape(void **state) {
+    (void)state;
+    static const double x0[3] = {0.5, -1.5, 2.0};
+    double gx[3] = {10, 20, 30}, gz[3] = {1, 2, 3};
+    lg_tape *t = new_tape(LG_F64);
+    lg_var x = vector(t, 3, x0), z = lg_scale(t, x, 3.0), y = lg_sum(t, lg_square(t, z));
+    lg_var wrt[2] = {z, x}; /* an interior node and a leaf, newest first */
+    void *grads[2] = {gz, gx};
+    size_t nodes = lg_tape_nodes(t);
+    for (int pass = 1; pass <= 3; pass++) {
+        assert_ok(lg_backward(t, y, wrt, 2, grads));
+        assert_int_equal(lg_tape_nodes(t), nodes);
+        for (int i = 0; i < 3; i++) {
+            assert_close(gz[i], 1.0 + i + pass * 6.0 * x0[i], 1e-14, 0);
+            assert_close(gx[i], 10.0 * (i + 1) + pass * 18.0 * x0[i], 1e-14, 0);
+        }
+    }
+    /* y itself, and what y does not depend on */
+    double gy = 5.0, unused[3] = {7, 8, 9};
+    lg_var other = vector(t, 3, x0), both[2] = {y, other};
+    void *into[2] = {&gy, unused};
+    assert_ok(lg_backward(t, y, both, 2, into));
+    assert_close(gy, 6.0, 0, 0);
+    for (int i = 0; i < 3; i++) assert_close(unused[i], 7.0 + i, 0, 0);
+    assert_ok(lg_backward(t, y, wrt, 0, NULL));
+    /* twice the same is refused */
+    lg_var twice[2] = {x, x};
+    assert_status(lg_backward(t, y, twice, 2, grads), LG_INVALID_ARGUMENT);
+    assert_non_null(strstr(lg_tape_message(t), "twice"));
+    lg_tape_destroy(t);
+}
+
+/* Derivatives are total: what depends on another variable asked for carries on to it, in every mode alike. */
+static void test_interior_variables(void **state) {
+    (void)state;
+    lg_tape *t = new_tape(LG_F64);
+    lg_var x = lg_full(t, lg_shape0(), 2.0), z = lg_square(t, x), y = lg_mul(t, z, x);
+    lg_var wrt[3] = {x, z, x}, out[3], d[2] = {lg_full(t, lg_shape0(), 0.5), lg_full(t, lg_shape0(), 0.25)};
+    assert_ok(lg_grad(t, y, wrt, 3, out));
+    assert_close(number(t, out[0]), 12.0, 1e-15, 0); /* d x^3 */
+    assert_close(number(t, out[1]), 2.0, 1e-15, 0);  /* x */
+    assert_close(number(t, out[2]), 12.0, 1e-15, 0);
+    double gx = 0, gz = 0;
+    void *grads[2] = {&gx, &gz};
+    assert_ok(lg_backward(t, y, wrt, 2, grads));
+    assert_close(gx, 12.0, 1e-15, 0);
+    assert_close(gz, 2.0, 1e-15, 0);
+    assert_ok(lg_jvp(t, &y, 1, wrt, d, 2, out));
+    assert_close(number(t, out[0]), 12.0 * 0.5 + 2.0 * 0.25, 1e-15, 0);
+    /* outputs older than the variables, the variable itself, and no variables at all */
+    lg_var ys[3] = {x, y, z};
+    assert_ok(lg_jvp(t, ys, 3, &z, &d[0], 1, out));
+    assert_close(number(t, out[0]), 0.0, 0, 0);
+    assert_close(number(t, out[1]), 2.0 * 0.5, 1e-15, 0);
+    assert_close(number(t, out[2]), 0.5, 0, 0);
+    lg_var same[2] = {x, x}; /* twice: both directions count */
+    assert_ok(lg_jvp(t, &y, 1, same, d, 2, out));
+    assert_close(number(t, out[0]), 12.0 * 0.75, 1e-15, 0);
+    assert_ok(lg_jvp(t, &y, 1, NULL, NULL, 0, out));
+    assert_close(number(t, out[0]), 0.0, 0, 0);
+    assert_ok(lg_grad(t, x, &y, 1, out));
+    assert_close(number(t, out[0]), 0.0, 0, 0);
+    assert_ok(lg_vjp(t, ys, ys, 3, &x, 1, out)); /* several outputs: x + y 3 x^2 + z 2 x */
+    assert_close(number(t, out[0]), 2.0 + 8.0 * 12.0 + 4.0 * 4.0, 1e-15, 0);
+    lg_tape_destroy(t);
+}
+
+/* A flat parameter whose slices overlap, are reshaped, sliced again, and used many times. */
+static void test_views_of_a_flat_parameter(void **state) {
+    (void)state;
+    static double theta[12], grad[12], part_grad[6];
+    for (int i = 0; i < 12; i++) theta[i] = 0.1 * (i + 1);
+    for (int f32 = 0; f32 < 2; f32++) {
+        lg_tape *t = new_tape(f32 ? LG_F32 : LG_F64);
+        float theta32[12], grad32[12], part32[6];
+        for (int i = 0; i < 12; i++) theta32[i] = (float)theta[i];
+        lg_var p = lg_parameter(t, lg_shape1(12), f32 ? (const void *)theta32 : theta);
+        lg_var a = lg_slice(t, p, 0, 0, 6), b = lg_slice(t, p, 0, 4, 6);             /* overlap in 4, 5 */
+        lg_var m = lg_reshape(t, a, lg_shape2(2, 3)), row = lg_slice(t, m, 0, 1, 1); /* 3, 4, 5 */
+        lg_var column = lg_slice(t, m, 1, 1, 1); /* 1, 4; not contiguous */
+        lg_var y = lg_add(t, lg_sum(t, a), lg_scale(t, lg_sum(t, b), 10.0));
+        for (int i = 0; i < 3; i++) y = lg_add(t, y, lg_scale(t, lg_sum(t, row), 100.0));
+        y = lg_add(t, y, lg_scale(t, lg_sum(t, column), 1000.0));
+        lg_var gram = lg_matmul_nt(t, m, m); /* used on both sides */
+        y = lg_add(t, y, lg_sum(t, gram));
+        double expected[12];
+        for (int i = 0; i < 12; i++)
+            expected[i] = (i < 6 ? 1.0 : 0.0) + (i >= 4 && i < 10 ? 10.0 : 0.0) +
+                          (i >= 3 && i < 6 ? 300.0 : 0.0) + (i == 1 || i == 4 ? 1000.0 : 0.0) +
+                          (i < 6 ? 2 * (theta[i % 3] + theta[3 + i % 3]) : 0.0);
+        double tolerance = f32 ? 1e-6 : 1e-14;
+        for (int with_slice = 0; with_slice < 2; with_slice++) {
+            memset(grad, 0, sizeof grad);
+            memset(part_grad, 0, sizeof part_grad);
+            memset(grad32, 0, sizeof grad32);
+            memset(part32, 0, sizeof part32);
+            lg_var wrt[2] = {p, a};
+            void *grads[2] = {f32 ? (void *)grad32 : grad, f32 ? (void *)part32 : part_grad};
+            assert_ok(lg_backward(t, y, wrt, with_slice ? 2 : 1, grads));
+            for (int i = 0; i < 12; i++) {
+                double b_part = i >= 4 && i < 10 ? 10.0 : 0.0;
+                assert_close(f32 ? grad32[i] : grad[i], expected[i], tolerance, 0);
+                if (with_slice && i < 6)
+                    assert_close(f32 ? part32[i] : part_grad[i], expected[i] - b_part, tolerance, 1e-4 * f32);
+            }
+            lg_var out;
+            assert_ok(lg_grad(t, y, &p, 1, &out));
+            double recorded[12];
+            assert_ok(lg_read(t, out, recorded, 12));
+            for (int i = 0; i < 12; i++) assert_close(recorded[i], expected[i], tolerance, 0);
+        }
+        lg_tape_destroy(t);
+    }
+}
+
+static void test_parameter_is_not_copied(void **state) {
+    (void)state;
+    static const double theta[2] = {1, 2};
+    lg_tape *t = new_tape(LG_F64);
+    assert_ptr_equal(lg_value(t, lg_parameter(t, lg_shape1(2), theta)), theta);
+    lg_tape_destroy(t);
+}
+
+/* ---- not a number, kinks ---- */
+
+static void test_nan_is_not_an_error(void **state) {
+    (void)state;
+    lg_tape *t = new_tape(LG_F64);
+    static const double x0[2] = {-1.0, 4.0};
+    double y[2], g[2];
+    lg_var x = vector(t, 2, x0), r = lg_sqrt(t, x), gradient;
+    assert_ok(lg_read(t, r, y, 2));
+    assert_true(isnan(y[0]));
+    assert_close(y[1], 2.0, 0, 0);
+    assert_ok(lg_grad(t, r, &x, 1, &gradient));
+    assert_ok(lg_read(t, gradient, g, 2));
+    assert_true(isnan(g[0]));
+    assert_close(g[1], 0.25, 0, 0);
+    assert_true(isnan(number(t, lg_max_axis(t, r, 0, false))));
+    assert_true(isinf(number(t, lg_log(t, lg_full(t, lg_shape0(), 0.0)))));
+    assert_ok(lg_tape_status(t));
+    lg_tape_destroy(t);
+}
+
+/* The documented side at each kink; second derivatives are zero. */
+static void test_kinks(void **state) {
+    (void)state;
+    static const struct {
+        const char *name;
+        lg_var (*call)(lg_tape *, lg_var);
+        double value, derivative;
+    } kinks[] = {
+        {"abs", call_abs, 0.0, 1.0},
+        {"sign", call_sign, 1.0, 0.0},
+    };
+    static const double activation_slope[LG_ACTIVATION_COUNT] = {1.0, 1.0, 0.25, 0.5, 0.0, 0.01, 1.0};
+    lg_tape *t = new_tape(LG_F64);
+    for (size_t i = 0; i < LG_COUNT(kinks); i++) {
+        lg_var x = lg_full(t, lg_shape0(), 0.0), y = kinks[i].call(t, x), g, gg;
+        assert_close(number(t, y), kinks[i].value, 0, 0);
+        assert_ok(lg_grad(t, y, &x, 1, &g));
+        assert_close(number(t, g), kinks[i].derivative, 0, 0);
+        assert_ok(lg_grad(t, g, &x, 1, &gg));
+        assert_close(number(t, gg), 0.0, 0, 0);
+    }
+    for (int kind = 0; kind < LG_ACTIVATION_COUNT; kind++) {
+        lg_var x = lg_full(t, lg_shape0(), 0.0), g;
+        assert_ok(lg_grad(t, lg_act(t, x, (lg_activation)kind), &x, 1, &g));
+        assert_close(number(t, g), activation_slope[kind], 0, 0);
+    }
+    static const double tie[4] = {1.0, 3.0, 3.0, 2.0};
+    double got[4];
+    lg_var x = vector(t, 4, tie), g, ab[2] = {lg_full(t, lg_shape0(), 2.0), lg_full(t, lg_shape0(), 2.0)},
+           gab[2];
+    assert_ok(lg_grad(t, lg_max_axis(t, x, 0, false), &x, 1, &g));
+    assert_ok(lg_read(t, g, got, 4));
+    for (int i = 0; i < 4; i++) assert_close(got[i], i == 1 ? 1.0 : 0.0, 0, 0); /* the first of equals */
+    assert_ok(lg_grad(t, lg_max(t, ab[0], ab[1]), ab, 2, gab));
+    assert_close(number(t, gab[0]), 1.0, 0, 0);
+    assert_close(number(t, gab[1]), 0.0, 0, 0);
+    lg_tape_destroy(t);
+}
+
+/* ---- products above the size of the own kernel ---- */
+
+/* (M, K) (K, N), stored as each variant wants it; above the limit at which the BLAS takes over. */
+static void test_large_products(void **state) {
+    (void)state;
+    enum { M = 1009, N = 997, K = 1013 };
+    static const struct {
+        uint32_t a[2], b[2];
+        size_t step_a[2], step_b[2]; /* of A(i, l), B(l, j) */
+        lg_var (*product)(lg_tape *, lg_var, lg_var);
+    } variants[3] = {
+        {{M, K}, {K, N}, {K, 1}, {N, 1}, lg_matmul},
+        {{M, K}, {N, K}, {K, 1}, {1, K}, lg_matmul_nt},
+        {{K, M}, {K, N}, {1, M}, {N, 1}, lg_matmul_tn},
+    };
+    double *a = malloc(sizeof *a * (M * K + K * N)), *b = a + M * K;
+    assert_non_null(a);
+    lg_rng rng;
+    lg_rng_seed(&rng, 1, 1);
+    for (size_t i = 0; i < M * K + K * N; i++) a[i] = lg_rng_uniform_in(&rng, -1, 1);
+    for (size_t v = 0; v < 3; v++)
+        for (int f32 = 0; f32 < 2; f32++) {
+            lg_tape *t = new_tape(f32 ? LG_F32 : LG_F64);
+            lg_var va = lg_input_f64(t, lg_shape_of(2, variants[v].a), a);
+            lg_var vb = lg_input_f64(t, lg_shape_of(2, variants[v].b), b);
+            lg_var product = variants[v].product(t, va, vb);
+            double *c = malloc(sizeof *c * M * N);
+            assert_ok(lg_read(t, product, c, (size_t)M * N));
+            for (size_t i = 0; i < M; i += 31)
+                for (size_t j = 0; j < N; j += 29) {
+                    double sum = 0;
+                    for (size_t l = 0; l < K; l++)
+                        sum += a[i * variants[v].step_a[0] + l * variants[v].step_a[1]] *
+                               b[l * variants[v].step_b[0] + j * variants[v].step_b[1]];
+                    assert_close(c[i * N + j], sum, 0, f32 ? 1e-3 : 1e-11);
+                }
+            free(c);
+            lg_tape_destroy(t);
+        }
+    free(a);
+}
+
+/* ---- solves ---- */
+
+static void test_spd_failures_are_counted(void **state) {
+    (void)state;
+    static const double a[12] = {4, 1, 3, 2 /* symmetric part 4 2; 2 2 */, -1, 0, 0, 1, 2, 0, 0, 5},
+                        b[6] = {2, 4, 1, 1, 4, 10};
+    double x[6];
+    lg_tape *t = new_tape(LG_F64);
+    lg_var va = lg_input_f64(t, lg_shape3(3, 2, 2), a), vb = lg_input_f64(t, lg_shape3(3, 2, 1), b), g;
+    lg_var vx = lg_spd_solve(t, va, vb);
+    assert_ok(lg_read(t, vx, x, 6));
+    assert_close(x[0], -1.0, 1e-14, 0); /* 4 x + 2 y = 2, 2 x + 2 y = 4 */
+    assert_close(x[1], 3.0, 1e-14, 0);
+    assert_true(isnan(x[2]) && isnan(x[3]));
+    assert_close(x[4], 2.0, 1e-15, 0);
+    assert_close(x[5], 2.0, 1e-15, 0);
+    assert_int_equal(lg_tape_spd_failures(t), 1);
+    assert_ok(lg_grad(t, vx, &va, 1, &g)); /* shares the factor: not counted again */
+    assert_int_equal(lg_tape_spd_failures(t), 1);
+    lg_tape_reset(t);
+    assert_int_equal(lg_tape_spd_failures(t), 0);
+    lg_tape_destroy(t);
+}
+
+/* ---- losses ---- */
+
+static void test_loss_values(void **state) {
+    (void)state;
+    static const double y0[4] = {0.5, -2.0, 1.5, 0.25}, t0[4] = {0.0, 1.0, 0.5, 1.0}, w0[2] = {2.0, 0.5};
+    double expected[5] = {0}, weighted[5] = {0};
+    for (int i = 0; i < 4; i++) {
+        double r = y0[i] - t0[i], w = w0[i / 2];
+        double each[4] = {r * r, fabs(r), fabs(r) <= 1 ? r * r / 2 : fabs(r) - 0.5,
+                          fmax(y0[i], 0) - y0[i] * t0[i] + log1p(exp(-fabs(y0[i])))};
+        for (int l = 0; l < 4; l++) {
+            expected[l] += each[l] / 4;
+            weighted[l] += w * each[l] / 4;
+        }
+        double total = exp(y0[i / 2 * 2]) + exp(y0[i / 2 * 2 + 1]);
+        expected[4] -= t0[i] * (y0[i] - log(total)) / 2;
+        weighted[4] -= w * t0[i] * (y0[i] - log(total)) / 2;
+    }
+    lg_tape *t = new_tape(LG_F64);
+    lg_var y = lg_input_f64(t, lg_shape2(2, 2), y0), target = lg_input_f64(t, lg_shape2(2, 2), t0);
+    lg_var w = vector(t, 2, w0);
+    for (int l = 0; l < 5; l++) {
+        assert_close(number(t, lg_loss_apply(t, (lg_loss)l, y, target, LG_NONE)), expected[l], 1e-14, 0);
+        assert_close(number(t, lg_loss_apply(t, (lg_loss)l, y, target, w)), weighted[l], 1e-14, 0);
+    }
+    assert_close(number(t, lg_mse(t, y, target)), expected[0], 1e-14, 0);
+    lg_tape_destroy(t);
+}
+
+/* ---- custom operations ---- */
+
+static lg_status failing_forward(void *user, lg_dtype dtype, const void *const *in, void *y) {
+    (void)user, (void)dtype, (void)in, (void)y;
+    return LG_NO_CONVERGENCE;
+}
+static lg_status wrong_shape_vjp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y, lg_var g,
+                                 const bool *need, lg_var *out) {
+    (void)user, (void)in, (void)n, (void)y, (void)need;
+    out[0] = lg_sum(tape, g);
+    return LG_OK;
+}
+static lg_status failing_vjp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y, lg_var g,
+                             const bool *need, lg_var *out) {
+    (void)user, (void)tape, (void)in, (void)n, (void)y, (void)g, (void)need, (void)out;
+    return LG_NO_CONVERGENCE;
+}
+/* Through operations with payload, and writing rubbish where nothing is asked for. */
+static lg_status payload_vjp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y, lg_var g,
+                             const bool *need, lg_var *out) {
+    static const uint32_t order[3] = {0, 1, 2};
+    (void)user, (void)in, (void)n, (void)y;
+    if (need[0]) out[0] = lg_gather(tape, g, order, 3);
+    if (!need[1]) out[1] = (lg_var){4000000000u, 1};
+    return LG_OK;
+}
+/* One temporary for both inputs; then one and a view of a part of it. */
+static lg_status shared_vjp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y, lg_var g,
+                            const bool *need, lg_var *out) {
+    (void)user, (void)in, (void)n, (void)y, (void)need;
+    out[0] = out[1] = lg_scale(tape, g, 2.0);
+    return LG_OK;
+}
+static lg_status shared_part_vjp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y, lg_var g,
+                                 const bool *need, lg_var *out) {
+    (void)user, (void)in, (void)n, (void)y, (void)need;
+    out[0] = lg_scale(tape, g, 2.0);
+    out[1] = lg_slice(tape, out[0], 0, 0, 2);
+    return LG_OK;
+}
+static const lg_custom_op custom_table[] = {
+    {.name = "bad forward", .forward = failing_forward},
+    {.name = "bad shape", .forward = identity_forward, .vjp = wrong_shape_vjp},
+    {.name = "bad vjp", .forward = identity_forward, .vjp = failing_vjp},
+    {.name = "bare", .forward = identity_forward},
+    {.name = "payload", .forward = identity_forward, .vjp = payload_vjp},
+    {.name = "shared", .forward = identity_forward, .vjp = shared_vjp},
+    {.name = "shared part", .forward = identity_forward, .vjp = shared_part_vjp},
+};
+
+static void test_custom_failures_name_the_operation(void **state) {
+    (void)state;
+    static const double x0[3] = {1, 2, 3};
+    static const lg_status expected[4] = {LG_NO_CONVERGENCE, LG_SHAPE, LG_NO_CONVERGENCE,
+                                          LG_NOT_DIFFERENTIABLE};
+    lg_tape *t = new_tape(LG_F64);
+    for (int backward = 0; backward < 2; backward++)
+        for (size_t i = 0; i < 4; i++) {
+            lg_tape_reset(t);
+            double g[3] = {0};
+            void *grad = g;
+            lg_var x = vector(t, 3, x0), y = lg_custom(t, &custom_table[i], &x, 1, lg_shape1(3)), out;
+            lg_status status = backward ? lg_backward(t, y, &x, 1, &grad) : lg_grad(t, y, &x, 1, &out);
+            assert_int_equal(status, expected[i]);
+            assert_non_null(strstr(lg_tape_message(t), custom_table[i].name));
+        }
+    lg_tape_reset(t);
+    lg_var x = vector(t, 3, x0), y = lg_custom(t, &custom_table[3], &x, 1, lg_shape1(3)), out;
+    assert_status(lg_jvp(t, &y, 1, &x, &x, 1, &out), LG_NOT_DIFFERENTIABLE);
+    assert_non_null(strstr(lg_tape_message(t), "bare"));
+    lg_tape_reset(t);
+    lg_custom_op both = custom_table[1];
+    both.numeric_vjp = (lg_custom_numeric_vjp_fn)NULL;
+    lg_var many[LG_CUSTOM_MAX_INPUTS + 1];
+    for (size_t i = 0; i < LG_COUNT(many); i++) many[i] = vector(t, 3, x0);
+    assert_true(lg_is_none(lg_custom(t, &both, many, LG_COUNT(many), lg_shape1(3))));
+    assert_int_equal(lg_tape_status(t), LG_INVALID_ARGUMENT);
+    lg_tape_destroy(t);
+}
+
+static void test_custom_vjp_in_the_last_pass(void **state) {
+    (void)state;
+    static const double x0[3] = {1, 2, 3};
+    lg_tape *t = new_tape(LG_F64);
+    lg_var in[2] = {vector(t, 3, x0), vector(t, 3, x0)};
+    lg_var y = lg_custom(t, &custom_table[4], in, 2, lg_shape1(3));
+    double g[3] = {0};
+    void *grad = g;
+    assert_ok(lg_backward(t, y, in, 1, &grad));
+    lg_mark before = lg_tape_mark(t);
+    size_t bytes = lg_tape_bytes(t);
+    for (int i = 0; i < 10000; i++) assert_ok(lg_backward(t, y, in, 1, &grad));
+    lg_mark after = lg_tape_mark(t);
+    assert_int_equal(after.used, before.used); /* payload of the vjp's operations is given back */
+    assert_int_equal(after.chunk, before.chunk);
+    assert_int_equal(lg_tape_bytes(t), bytes);
+    for (int i = 0; i < 3; i++) assert_close(g[i], 10001.0, 0, 0);
+    lg_tape_destroy(t);
+}
+
+/* A temporary that serves two inputs must not become the adjoint of one while the other still reads it. */
+static void test_custom_vjp_with_shared_cotangents(void **state) {
+    (void)state;
+    static const double x0[3] = {1, 2, 3}, ten[3] = {10, 20, 30};
+    lg_tape *t = new_tape(LG_F64);
+    for (int part = 0; part < 2; part++) {
+        lg_tape_reset(t);
+        lg_var x = vector(t, 3, x0), a = lg_scale(t, x, 1.0);
+        lg_var b = part ? lg_slice(t, a, 0, 1, 2) : lg_scale(t, x, 1.0), in[2] = {a, b}, g,
+               c = vector(t, 3, ten);
+        /* older than the custom operation, so that its cotangents come first */
+        lg_var aa = lg_mul(t, a, a), bb = lg_mul(t, b, b);
+        lg_var y = lg_custom(t, &custom_table[5 + part], in, 2, lg_shape1(3));
+        lg_var z = lg_add(t, lg_sum(t, lg_mul(t, c, lg_add(t, y, aa))), lg_sum(t, bb));
+        double grad[3] = {0}, recorded[3];
+        void *into = grad;
+        assert_ok(lg_backward(t, z, &x, 1, &into));
+        assert_ok(lg_grad(t, z, &x, 1, &g));
+        assert_ok(lg_read(t, g, recorded, 3));
+        for (int i = 0; i < 3; i++) {
+            double second = part ? (i > 0 ? 2 * ten[i - 1] + 2 * x0[i] : 0.0) : 2 * ten[i] + 2 * x0[i];
+            double expected = 2 * ten[i] + 2 * ten[i] * x0[i] + second;
+            assert_close(grad[i], expected, 1e-14, 0);
+            assert_close(recorded[i], expected, 1e-14, 0);
+        }
+    }
+    lg_tape_destroy(t);
+}
+
+static void test_activation_names(void **state) {
+    (void)state;
+    for (int i = 0; i < LG_ACTIVATION_COUNT; i++) {
+        lg_activation found = (lg_activation)-1;
+        assert_ok(lg_activation_parse(lg_activation_name((lg_activation)i), &found));
+        assert_int_equal(found, i);
+    }
+    lg_activation untouched = LG_SINE;
+    assert_status(lg_activation_parse("Tanh", &untouched), LG_NOT_FOUND);
+    assert_int_equal(untouched, LG_SINE);
+    assert_string_equal(lg_activation_name((lg_activation)50), "unknown");
+}
+
+/* Empty tensors flow through without reading or writing. */
+static void test_empty_tensors(void **state) {
+    (void)state;
+    lg_tape *t = new_tape(LG_F64);
+    lg_var x = lg_full(t, lg_shape2(0, 3), 1.0), w = lg_full(t, lg_shape2(3, 4), 1.0), g;
+    lg_var y = lg_sum(t, lg_act(t, lg_matmul(t, x, w), LG_TANH));
+    assert_close(number(t, y), 0.0, 0, 0);
+    assert_ok(lg_grad(t, y, &w, 1, &g));
+    assert_close(number(t, lg_sum(t, g)), 0.0, 0, 0);
+    lg_var inner = lg_matmul(t, lg_full(t, lg_shape2(2, 0), 1.0), lg_full(t, lg_shape2(0, 3), 1.0));
+    assert_close(number(t, lg_sum(t, inner)), 0.0, 0, 0);
+    assert_ok(lg_tape_status(t));
+    lg_tape_destroy(t);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_bad_handles_in_every_operation),
+        cmocka_unit_test(test_errors_stick),
+        cmocka_unit_test(test_readers_refuse_bad_handles),
+        cmocka_unit_test(test_rewinding_clears_later_errors_only),
+        cmocka_unit_test(test_stale_and_foreign_marks_are_refused),
+        cmocka_unit_test(test_wrong_shapes),
+        cmocka_unit_test(test_wrong_shapes_of_directions),
+        cmocka_unit_test(test_scopes_nest_and_overflow),
+        cmocka_unit_test(test_no_allocation_after_the_first_step),
+        cmocka_unit_test(test_every_allocation_may_fail),
+        cmocka_unit_test(test_max_bytes),
+        cmocka_unit_test(test_options),
+        cmocka_unit_test(test_float_agrees_with_double),
+        cmocka_unit_test(test_fourth_order_closed_forms),
+        cmocka_unit_test(test_activations_end_at_order_eight),
+        cmocka_unit_test(test_hessian_vector_product),
+        cmocka_unit_test(test_jacobian_wide_and_tall),
+        cmocka_unit_test(test_backward_adds_and_leaves_the_tape),
+        cmocka_unit_test(test_interior_variables),
+        cmocka_unit_test(test_views_of_a_flat_parameter),
+        cmocka_unit_test(test_parameter_is_not_copied),
+        cmocka_unit_test(test_nan_is_not_an_error),
+        cmocka_unit_test(test_kinks),
+        cmocka_unit_test(test_large_products),
+        cmocka_unit_test(test_spd_failures_are_counted),
+        cmocka_unit_test(test_loss_values),
+        cmocka_unit_test(test_custom_failures_name_the_operation),
+        cmocka_unit_test(test_custom_vjp_in_the_last_pass),
+        cmocka_unit_test(test_custom_vjp_with_shared_cotangents),
+        cmocka_unit_test(test_activation_names),
+        cmocka_unit_test(test_empty_tensors),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
