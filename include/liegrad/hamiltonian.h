@@ -90,10 +90,11 @@ LG_API lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *prob
  */
 LG_API void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg_fit_problem *out);
 
-/* Settings of Adam that training a Hamiltonian wants, beside its default betas. Early in a run a nearly singular mass matrix gives
- * gradients a million times those of the end; Adam's second moment remembers them for a thousand steps, longer than a run
- * of a hundred epochs has, and the mass matrix stops moving (about one seed in nine): hence a bound on the norm. Near the end
- * gradients are of the size of the usual eps = 1e-8, which then acts as a brake. */
+/* Settings of Adam that training a Hamiltonian wants, beside its default betas. Early in a run a nearly
+ * singular mass matrix gives gradients a million times those of the end; Adam's second moment remembers them
+ * for a thousand steps, longer than a run of a hundred epochs has, and the mass matrix stops moving (about
+ * one seed in nine): hence a bound on the norm. Near the end gradients are of the size of the usual eps =
+ * 1e-8, which then acts as a brake. */
 #define LG_HAMILTONIAN_ADAM_EPS 1e-12
 #define LG_HAMILTONIAN_CLIP     1e-3
 

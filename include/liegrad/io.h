@@ -175,7 +175,7 @@ typedef struct lg_hamiltonian_run {
     double lr, lr_gamma;
     uint64_t lr_step;
     double weight_decay, validation; /* validation: fraction */
-    double adam_eps, clip; /* clip: bound on the gradient's norm, 0 none */
+    double adam_eps, clip;           /* clip: bound on the gradient's norm, 0 none */
     uint32_t shards;
     uint64_t seed;
     uint64_t trajectories, points; /* N, M */
@@ -291,7 +291,7 @@ typedef struct lg_grid {
     double t_end;                      /* of the grid, else of the scene; required in one of them */
     uint32_t epochs, batch, lr_step;   /* 100, 80, 50 */
     double lr, lr_gamma, weight_decay; /* 1e-2, 0.1, 0 */
-    double adam_eps, clip; /* LG_HAMILTONIAN_ADAM_EPS, LG_HAMILTONIAN_CLIP */
+    double adam_eps, clip;             /* LG_HAMILTONIAN_ADAM_EPS, LG_HAMILTONIAN_CLIP */
     uint32_t hidden[LG_GRID_VALUES], hidden_count; /* 100, 100, 100 */
     lg_activation activation;                      /* tanh */
     lg_potential_kind potential;                   /* mlp */

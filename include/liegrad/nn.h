@@ -277,13 +277,14 @@ typedef struct lg_newton_result {
     double loss, gradient_norm; /* at the last point where derivatives were taken */
 } lg_newton_result;
 
-/* Minimises the full-batch loss from theta (doubles, in/out) by Newton's method with Levenberg's damping: (H + mu I) s = -g, the
- * step taken when it lowers the loss, H exact by forward over reverse differentiation. It ends at the tolerance, or where
- * rounding lets no step lower the loss: then the loss is at its floor. The whole batch lies on one f64 tape.
- * `options` NULL: defaults; `result` may be NULL. Errors, theta untouched: LG_INVALID_ARGUMENT (more than
- * LG_NEWTON_MAX_PARAMETERS parameters), LG_OUT_OF_MEMORY, LG_NOT_FINITE, LG_CANCELLED, the loss callback's. */
-LG_API lg_status lg_newton_fit(const lg_context *context, const lg_fit_problem *problem, const lg_newton_options *options,
-                               double *theta, lg_newton_result *result);
+/* Minimises the full-batch loss from theta (doubles, in/out) by Newton's method with Levenberg's damping: (H
+ * + mu I) s = -g, the step taken when it lowers the loss, H exact by forward over reverse differentiation. It
+ * ends at the tolerance, or where rounding lets no step lower the loss: then the loss is at its floor. The
+ * whole batch lies on one f64 tape. `options` NULL: defaults; `result` may be NULL. Errors, theta untouched:
+ * LG_INVALID_ARGUMENT (more than LG_NEWTON_MAX_PARAMETERS parameters), LG_OUT_OF_MEMORY, LG_NOT_FINITE,
+ * LG_CANCELLED, the loss callback's. */
+LG_API lg_status lg_newton_fit(const lg_context *context, const lg_fit_problem *problem,
+                               const lg_newton_options *options, double *theta, lg_newton_result *result);
 
 LG_END_DECLS
 

@@ -117,7 +117,8 @@ LG_API void lg_scope_pop(lg_tape *tape);
 LG_API lg_var lg_input(lg_tape *tape, lg_shape shape, const void *data);
 /* The same from doubles, on a tape of either type. */
 LG_API lg_var lg_input_f64(lg_tape *tape, lg_shape shape, const double *data);
-/* A tensor whose values the caller writes to *values (count(shape) elements of the tape's type) before using it. */
+/* A tensor whose values the caller writes to *values (count(shape) elements of the tape's type) before using
+ * it. */
 LG_API lg_var lg_input_buffer(lg_tape *tape, lg_shape shape, void **values);
 /* A tensor that refers to the caller's memory without copying; it must stay unchanged and alive until
  * rewound. Many tapes may share it. This is how a flat parameter vector comes on a tape. */

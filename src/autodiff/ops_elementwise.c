@@ -216,7 +216,8 @@ lg_var lg_max(lg_tape *tape, lg_var a, lg_var b) {
 
 /* ---- linear combination; attr.pointer = coefficients (payload) ---- */
 
-static lg_status combine_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+static lg_status combine_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr,
+                               lg_shape *out) {
     (void)attr;
     if (inputs == 0) return LG_INVALID_ARGUMENT;
     for (uint32_t i = 1; i < inputs; i++)

@@ -1,4 +1,5 @@
-/* The taped interpreter: the same scheme tables as the plain one, points and algebra elements as tuples of variables. */
+/* The taped interpreter: the same scheme tables as the plain one, points and algebra elements as tuples of
+ * variables. */
 #include "liegrad/taped.h"
 
 #include "core/core.h"
@@ -48,7 +49,8 @@ static void bracket_ts2(lg_tape *tape, const lg_var *a, const lg_var *b, lg_var 
 
 /* The closed form of lg_se3_dexpinv, (A, a) the first argument and (B, b) the second:
  *   C = B - 1/2 A x B + g2 A x (A x B)
- *   c = b - 1/2 (a x B + A x b) + rho gt2 A x (A x B) + g2 (a x (A x B) + A x (a x B) + A x (A x b)), rho = A.a */
+ *   c = b - 1/2 (a x B + A x b) + rho gt2 A x (A x B) + g2 (a x (A x B) + A x (a x B) + A x (A x b)), rho =
+ * A.a */
 static void dexpinv_ts2(lg_tape *tape, const lg_var *first, const lg_var *second, lg_var *out) {
     lg_var A = first[0], a = first[1], B = second[0], b = second[1];
     lg_var w = lg_rownorm2(tape, A);
@@ -93,9 +95,11 @@ lg_status lg_taped_act(lg_tape *tape, const lg_space *space, const lg_var *a, co
 }
 
 /* sum_{k <= K} B_k/k! ad_a^k b; B_k/k! for k = 0..10, odd ones above 1 are zero */
-static void dexpinv_series(lg_tape *tape, lg_space_kind kind, int truncation, const lg_var *a, const lg_var *b, lg_var *out) {
+static void dexpinv_series(lg_tape *tape, lg_space_kind kind, int truncation, const lg_var *a,
+                           const lg_var *b, lg_var *out) {
     static const double bernoulli[LG_DEXPINV_MAX + 1] = {
-        1.0, -1.0 / 2.0, 1.0 / 12.0, 0.0, -1.0 / 720.0, 0.0, 1.0 / 30240.0, 0.0, -1.0 / 1209600.0, 0.0, 1.0 / 47900160.0};
+        1.0,           -1.0 / 2.0, 1.0 / 12.0,       0.0, -1.0 / 720.0,    0.0,
+        1.0 / 30240.0, 0.0,        -1.0 / 1209600.0, 0.0, 1.0 / 47900160.0};
     const size_t parts = factors[kind].parts;
     lg_var power[LG_TAPED_MAX_PARTS], sum[LG_TAPED_MAX_PARTS];
     for (size_t p = 0; p < parts; p++) sum[p] = power[p] = b[p];
@@ -111,8 +115,8 @@ static void dexpinv_series(lg_tape *tape, lg_space_kind kind, int truncation, co
     for (size_t p = 0; p < parts; p++) out[p] = sum[p];
 }
 
-lg_status lg_taped_dexpinv(lg_tape *tape, const lg_space *space, int truncation, const lg_var *a, const lg_var *b,
-                           lg_var *out) {
+lg_status lg_taped_dexpinv(lg_tape *tape, const lg_space *space, int truncation, const lg_var *a,
+                           const lg_var *b, lg_var *out) {
     if (truncation < LG_DEXPINV_EXACT || truncation > LG_DEXPINV_MAX) return LG_INVALID_ARGUMENT;
     size_t at = 0;
     for (size_t i = 0; i < space->factors; i++) {
@@ -188,8 +192,8 @@ static lg_status rkmk_step(run *r, double t, point *y) {
     return LG_OK;
 }
 
-static lg_status cf_point(run *r, const lg_cf_row *row, const point *y, const point *stage, const point *f, int known,
-                          point *out) {
+static lg_status cf_point(run *r, const lg_cf_row *row, const point *y, const point *stage, const point *f,
+                          int known, point *out) {
     *out = row->base == LG_CF_START ? *y : stage[row->base];
     for (int e = 0; e < row->exponentials; e++) {
         point a, next;
@@ -241,20 +245,26 @@ static lg_status check(const lg_scheme *scheme, const lg_taped_ode *ode, size_t 
     bool splitting = scheme->kind == LG_SCHEME_SPLITTING;
     if ((scheme->ambient || splitting) && !lg_space_is_abelian(&ode->space)) return LG_UNSUPPORTED;
     if (splitting)
-        return ode->force != NULL && ode->velocity != NULL && lg_taped_parts(&ode->space) == 2 ? LG_OK
-                                                                                               : LG_INVALID_ARGUMENT;
+        return ode->force != NULL && ode->velocity != NULL && lg_taped_parts(&ode->space) == 2
+                   ? LG_OK
+                   : LG_INVALID_ARGUMENT;
     return ode->field != NULL ? LG_OK : LG_INVALID_ARGUMENT;
 }
 
-lg_status lg_taped_integrate(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode, double t0, double h,
-                             size_t steps, size_t every, const lg_var *y0, lg_var *out) {
+lg_status lg_taped_integrate(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode, double t0,
+                             double h, size_t steps, size_t every, const lg_var *y0, lg_var *out) {
     static lg_status (*const step[LG_SCHEME_KINDS])(run *, double, point *) = {
         [LG_SCHEME_RKMK] = rkmk_step,
         [LG_SCHEME_COMMUTATOR_FREE] = cf_step,
         [LG_SCHEME_SPLITTING] = splitting_step,
     };
     LG_TRY(check(scheme, ode, steps, every));
-    run r = {.tape = tape, .scheme = scheme, .ode = ode, .parts = lg_taped_parts(&ode->space), .h = h, .force = LG_NONE};
+    run r = {.tape = tape,
+             .scheme = scheme,
+             .ode = ode,
+             .parts = lg_taped_parts(&ode->space),
+             .h = h,
+             .force = LG_NONE};
     point y;
     for (size_t p = 0; p < r.parts; p++) y.part[p] = y0[p];
     for (size_t n = 0; n < steps; n++) {

@@ -8,8 +8,8 @@
 #include "liegrad/geometry.h"
 #include "models/hamiltonian_internal.h"
 
-static const char *const integrator_names[LG_TRAIN_INTEGRATOR_COUNT] = {"euler", "lie-euler", "rk4",
-                                                                        "cf4",   "rkmk4",     "stormer-verlet"};
+static const char *const integrator_names[LG_TRAIN_INTEGRATOR_COUNT] = {
+    "euler", "lie-euler", "rk4", "cf4", "rkmk4", "stormer-verlet"};
 
 const char *lg_train_integrator_name(lg_train_integrator integrator) {
     return (unsigned)integrator < LG_TRAIN_INTEGRATOR_COUNT ? integrator_names[integrator] : "unknown";
@@ -63,11 +63,11 @@ void lg_hamiltonian_initialise(const lg_hamiltonian *model, lg_rng *rng, double 
 
 /* The caller's memory, cut into arrays of doubles; the network's work comes last. */
 typedef struct work_parts {
-    double *q, *g;       /* (inputs) positions gathered, dV/dq */
-    double *W, *S;       /* (k, k) m^-1; factor of W o G */
-    double *wp, *v;      /* (k, 3) */
-    double *u, *lambda;  /* (k) */
-    double *column;      /* (k) */
+    double *q, *g;      /* (inputs) positions gathered, dV/dq */
+    double *W, *S;      /* (k, k) m^-1; factor of W o G */
+    double *wp, *v;     /* (k, 3) */
+    double *u, *lambda; /* (k) */
+    double *column;     /* (k) */
     void *net;
 } work_parts;
 
@@ -80,7 +80,8 @@ static size_t cut(size_t *at, size_t doubles) {
 static work_parts parts_of(const lg_hamiltonian *model, void *work, size_t *bytes) {
     size_t k = model->links, inputs = model->net.width[0], at = 0;
     size_t q = cut(&at, inputs), g = cut(&at, inputs), W = cut(&at, k * k), S = cut(&at, k * k);
-    size_t wp = cut(&at, 3 * k), v = cut(&at, 3 * k), u = cut(&at, k), lambda = cut(&at, k), column = cut(&at, k);
+    size_t wp = cut(&at, 3 * k), v = cut(&at, 3 * k), u = cut(&at, k), lambda = cut(&at, k),
+           column = cut(&at, k);
     double *base = work;
     if (bytes != NULL) *bytes = at * sizeof(double) + lg_mlp_work_size(&model->net, 1, LG_F64);
     if (base == NULL) return (work_parts){0};
@@ -94,8 +95,8 @@ size_t lg_hamiltonian_work_size(const lg_hamiltonian *model) {
     return bytes;
 }
 
-/* Cholesky factor of the symmetric matrix a (k, k), lower triangle, in place. A pivot that is not positive turns it and what
- * follows into NaN. */
+/* Cholesky factor of the symmetric matrix a (k, k), lower triangle, in place. A pivot that is not positive
+ * turns it and what follows into NaN. */
 static void factor(size_t k, double *a) {
     for (size_t j = 0; j < k; j++)
         for (size_t i = j; i < k; i++) {
@@ -164,7 +165,8 @@ static double times_row(size_t n, const double *a, size_t i, const double *p) {
     return sum;
 }
 
-double lg_hamiltonian_value(const lg_hamiltonian *model, const double *theta, const double *state, void *work) {
+double lg_hamiltonian_value(const lg_hamiltonian *model, const double *theta, const double *state,
+                            void *work) {
     work_parts w = parts_of(model, work, NULL);
     const size_t k = model->links;
     const double *kinetic = theta + lg_hamiltonian_kinetic_offset(model);
@@ -191,15 +193,16 @@ static void chain_gradient(const lg_hamiltonian *model, const double *theta, con
     for (size_t i = 0; i < k; i++)
         for (int c = 0; c < 3; c++) {
             double sum = 0.0;
-            for (size_t j = 0; j < k; j++) sum += w->W[i * k + j] * (y[6 * j + 3 + c] - w->lambda[j] * y[6 * j + c]);
+            for (size_t j = 0; j < k; j++)
+                sum += w->W[i * k + j] * (y[6 * j + 3 + c] - w->lambda[j] * y[6 * j + c]);
             w->v[3 * i + c] = sum;
             w->g[3 * i + c] -= w->lambda[i] * sum;
         }
 }
 
 /* Separable: dV/dq -> g_q, A^T A p -> g_p */
-static void separable_gradient(const lg_hamiltonian *model, const double *theta, const double *y, double *g_q, double *g_p,
-                               work_parts *w) {
+static void separable_gradient(const lg_hamiltonian *model, const double *theta, const double *y, double *g_q,
+                               double *g_p, work_parts *w) {
     const size_t n = model->links;
     const double *a = theta + lg_hamiltonian_kinetic_offset(model);
     lg_mlp_input_gradient(&model->net, LG_F64, theta, y, 1, NULL, NULL, g_q, w->net);
@@ -210,8 +213,8 @@ static void separable_gradient(const lg_hamiltonian *model, const double *theta,
     }
 }
 
-void lg_hamiltonian_gradient(const lg_hamiltonian *model, const double *theta, const double *state, double *gradient,
-                             void *work) {
+void lg_hamiltonian_gradient(const lg_hamiltonian *model, const double *theta, const double *state,
+                             double *gradient, void *work) {
     work_parts w = parts_of(model, work, NULL);
     if (model->family == LG_HAMILTONIAN_SEPARABLE) {
         separable_gradient(model, theta, state, gradient, gradient + model->links, &w);
@@ -224,8 +227,8 @@ void lg_hamiltonian_gradient(const lg_hamiltonian *model, const double *theta, c
     }
 }
 
-void lg_hamiltonian_field(const lg_hamiltonian *model, const double *theta, const double *state, double *field,
-                          void *work) {
+void lg_hamiltonian_field(const lg_hamiltonian *model, const double *theta, const double *state,
+                          double *field, void *work) {
     work_parts w = parts_of(model, work, NULL);
     const size_t n = model->links;
     if (model->family == LG_HAMILTONIAN_SEPARABLE) {

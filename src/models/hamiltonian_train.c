@@ -10,9 +10,9 @@
 typedef struct bound {
     const lg_hamiltonian *model;
     lg_mlp_vars net;
-    lg_var W;             /* chain: m^-1 (1, k, k) */
-    lg_var inverse_mii;   /* chain: 1/m_ii (1, k, 1) */
-    lg_var K;             /* separable: A^T A (n, n) */
+    lg_var W;           /* chain: m^-1 (1, k, k) */
+    lg_var inverse_mii; /* chain: 1/m_ii (1, k, 1) */
+    lg_var K;           /* separable: A^T A (n, n) */
 } bound;
 
 static lg_var slice_of(lg_tape *tape, lg_var theta, size_t at, uint32_t count, lg_shape shape) {
@@ -174,10 +174,10 @@ static void store(lg_dtype dtype, void *values, size_t i, double value) {
         ((float *)values)[i] = (float)value;
 }
 
-/* Points first..last of the samples as one tensor, ((last - first + 1) count, ...), point-major, so that it stands beside the
- * concatenated predictions. */
-static lg_var gather_points(lg_tape *tape, const lg_hamiltonian_problem *problem, size_t part, const uint32_t *samples,
-                            size_t count, size_t first, size_t last) {
+/* Points first..last of the samples as one tensor, ((last - first + 1) count, ...), point-major, so that it
+ * stands beside the concatenated predictions. */
+static lg_var gather_points(lg_tape *tape, const lg_hamiltonian_problem *problem, size_t part,
+                            const uint32_t *samples, size_t count, size_t first, size_t last) {
     const lg_hamiltonian *model = problem->model;
     const size_t half = lg_hamiltonian_state_size(model) / 2;
     const uint32_t rows = (uint32_t)((last - first + 1) * count);
@@ -204,8 +204,10 @@ static lg_var first_oscillator(lg_tape *tape, lg_var q, lg_var p) {
     return lg_scale(tape, lg_add(tape, lg_square(tape, q1), lg_square(tape, p1)), 0.5);
 }
 
-/* Sum over samples and points of (G(y_j) - G(x))^2, or of 2 |G(y_j) - G(x)|; `predicted` is (M - 1) x (q, p). */
-static lg_var penalty_sum(lg_tape *tape, const lg_hamiltonian_problem *problem, const lg_var *start, const lg_var *predicted) {
+/* Sum over samples and points of (G(y_j) - G(x))^2, or of 2 |G(y_j) - G(x)|; `predicted` is (M - 1) x (q, p).
+ */
+static lg_var penalty_sum(lg_tape *tape, const lg_hamiltonian_problem *problem, const lg_var *start,
+                          const lg_var *predicted) {
     lg_var at_start = first_oscillator(tape, start[0], start[1]), total = LG_NONE;
     for (size_t j = 0; j + 1 < problem->points; j++) {
         lg_var gap = lg_sub(tape, first_oscillator(tape, predicted[2 * j], predicted[2 * j + 1]), at_start);
@@ -218,8 +220,8 @@ static lg_var penalty_sum(lg_tape *tape, const lg_hamiltonian_problem *problem, 
 }
 
 /* Sum of squares of predicted minus given points over both parts. */
-static lg_var squared_error(lg_tape *tape, const lg_hamiltonian_problem *problem, const uint32_t *samples, size_t count,
-                            const lg_var *predicted) {
+static lg_var squared_error(lg_tape *tape, const lg_hamiltonian_problem *problem, const uint32_t *samples,
+                            size_t count, const lg_var *predicted) {
     const size_t last = problem->points - 1;
     lg_var total = LG_NONE;
     for (size_t part = 0; part < 2; part++) {
@@ -233,8 +235,8 @@ static lg_var squared_error(lg_tape *tape, const lg_hamiltonian_problem *problem
     return total;
 }
 
-static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count, size_t batch,
-                            lg_var *loss) {
+static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
+                            size_t batch, lg_var *loss) {
     const lg_hamiltonian_problem *problem = user;
     const lg_scheme *scheme = lg_scheme_find(lg_train_integrator_name(problem->integrator));
     bound b = {.model = problem->model};
@@ -242,14 +244,17 @@ static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint3
     LG_TRY(bind(tape, theta, &b));
     LG_TRY(taped_ode(&b, scheme, &ode));
     lg_var start[2], predicted[2 * LG_HAMILTONIAN_MAX_POINTS];
-    for (size_t part = 0; part < 2; part++) start[part] = gather_points(tape, problem, part, samples, count, 0, 0);
+    for (size_t part = 0; part < 2; part++)
+        start[part] = gather_points(tape, problem, part, samples, count, 0, 0);
     const size_t steps = problem->substeps * (problem->points - 1);
-    LG_TRY(lg_taped_integrate(tape, scheme, &ode, 0.0, problem->dt / problem->substeps, steps, problem->substeps, start,
-                              predicted));
-    const double terms = (double)batch * lg_hamiltonian_state_size(problem->model) * (double)(problem->points - 1);
+    LG_TRY(lg_taped_integrate(tape, scheme, &ode, 0.0, problem->dt / problem->substeps, steps,
+                              problem->substeps, start, predicted));
+    const double terms =
+        (double)batch * lg_hamiltonian_state_size(problem->model) * (double)(problem->points - 1);
     lg_var total = lg_scale(tape, squared_error(tape, problem, samples, count, predicted), 1.0 / terms);
     if (problem->penalty != 0.0) {
-        double weight = problem->penalty_form == LG_PENALTY_TEXT ? problem->penalty / (double)batch : problem->penalty;
+        double weight =
+            problem->penalty_form == LG_PENALTY_TEXT ? problem->penalty / (double)batch : problem->penalty;
         total = lg_add(tape, total, lg_scale(tape, penalty_sum(tape, problem, start, predicted), weight));
     }
     *loss = total;
@@ -257,11 +262,12 @@ static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint3
 }
 
 lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *problem, lg_error *error) {
-    if (problem->model == NULL || problem->data == NULL || problem->trajectories == 0 || problem->substeps == 0)
+    if (problem->model == NULL || problem->data == NULL || problem->trajectories == 0 ||
+        problem->substeps == 0)
         return lg_fail(error, LG_INVALID_ARGUMENT, "no model, no data, no trajectories or no substeps");
     if (problem->points < 2 || problem->points > LG_HAMILTONIAN_MAX_POINTS)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the number of points is %zu, not in 2..%d", problem->points,
-                       LG_HAMILTONIAN_MAX_POINTS);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the number of points is %zu, not in 2..%d",
+                       problem->points, LG_HAMILTONIAN_MAX_POINTS);
     if (!(problem->dt > 0.0) || !(problem->penalty >= 0.0))
         return lg_fail(error, LG_INVALID_ARGUMENT, "dt must be positive and the penalty not negative");
     const char *name = lg_train_integrator_name(problem->integrator);
@@ -271,7 +277,8 @@ lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *problem, lg
     if (chain && scheme->kind == LG_SCHEME_SPLITTING)
         return lg_fail(error, LG_UNSUPPORTED, "%s needs a separable Hamiltonian; a chain has none", name);
     if (!chain && !scheme->ambient && scheme->kind != LG_SCHEME_SPLITTING)
-        return lg_fail(error, LG_UNSUPPORTED, "%s is for chains on the sphere; use euler, rk4 or stormer-verlet", name);
+        return lg_fail(error, LG_UNSUPPORTED,
+                       "%s is for chains on the sphere; use euler, rk4 or stormer-verlet", name);
     if (chain && problem->penalty != 0.0)
         return lg_fail(error, LG_UNSUPPORTED, "the first-integral penalty is for separable systems only");
     return LG_OK;

@@ -6,7 +6,8 @@
 #include "liegrad/nn.h"
 
 /* LAPACK: solves A X = B, A symmetric positive definite, column-major. */
-void dposv_(const char *uplo, const int *n, const int *nrhs, double *a, const int *lda, double *b, const int *ldb, int *info);
+void dposv_(const char *uplo, const int *n, const int *nrhs, double *a, const int *lda, double *b,
+            const int *ldb, int *info);
 
 typedef struct newton {
     const lg_context *context;
@@ -41,7 +42,8 @@ static lg_status create(newton *w) {
 static lg_status record_loss(newton *w, const double *at, lg_var *theta, lg_var *loss, double *value) {
     lg_tape_reset(w->tape);
     *theta = lg_parameter(w->tape, lg_shape1((uint32_t)w->n), at);
-    LG_TRY(w->problem->loss(w->problem->user, w->tape, *theta, w->samples, w->problem->samples, w->problem->samples, loss));
+    LG_TRY(w->problem->loss(w->problem->user, w->tape, *theta, w->samples, w->problem->samples,
+                            w->problem->samples, loss));
     return lg_read(w->tape, *loss, value, 1);
 }
 
@@ -107,7 +109,8 @@ static lg_status iterate(newton *w, const lg_newton_options *options, lg_newton_
         LG_TRY(derivatives(w, &result->loss));
         result->gradient_norm = largest(w->gradient, w->n);
         const double scale = largest(w->hessian, w->n * w->n);
-        if (!isfinite(result->loss) || !isfinite(result->gradient_norm) || !isfinite(scale)) return LG_NOT_FINITE;
+        if (!isfinite(result->loss) || !isfinite(result->gradient_norm) || !isfinite(scale))
+            return LG_NOT_FINITE;
         if (result->gradient_norm <= options->gradient_tolerance * scale) break;
         bool moved;
         LG_TRY(descend(w, result->loss, scale, &damping, &moved));
@@ -120,8 +123,8 @@ lg_newton_options lg_newton_defaults(void) {
     return (lg_newton_options){.max_iterations = 200, .gradient_tolerance = 1e-15};
 }
 
-lg_status lg_newton_fit(const lg_context *context, const lg_fit_problem *problem, const lg_newton_options *options,
-                        double *theta, lg_newton_result *result) {
+lg_status lg_newton_fit(const lg_context *context, const lg_fit_problem *problem,
+                        const lg_newton_options *options, double *theta, lg_newton_result *result) {
     const lg_newton_options chosen = options != NULL ? *options : lg_newton_defaults();
     if (problem->parameters == 0 || problem->parameters > LG_NEWTON_MAX_PARAMETERS || problem->samples == 0 ||
         problem->samples > UINT32_MAX)

@@ -6,7 +6,8 @@
 #include "liegrad/random.h"
 #include "liegrad/taped.h"
 
-/* A nonplanar field on (T*S^2)^2 and its twin with operations: u = a q + s (q_other x p), v = cos(t) p + c q_other. */
+/* A nonplanar field on (T*S^2)^2 and its twin with operations: u = a q + s (q_other x p), v = cos(t) p + c
+ * q_other. */
 enum { LINKS = 2, BATCH = 3, STEPS = 6 };
 
 static const double a[3] = {0.3, -0.7, 0.5}, c[3] = {1.1, 0.2, -0.4};
@@ -69,7 +70,8 @@ static lg_var part_of(lg_tape *tape, const double *y, int part, bool flat) {
 }
 
 static lg_status taped_ambient(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
-    lg_var q = lg_reshape(tape, y[0], lg_shape3(BATCH, LINKS, 3)), p = lg_reshape(tape, y[1], lg_shape3(BATCH, LINKS, 3));
+    lg_var q = lg_reshape(tape, y[0], lg_shape3(BATCH, LINKS, 3)),
+           p = lg_reshape(tape, y[1], lg_shape3(BATCH, LINKS, 3));
     lg_var in[2] = {q, p}, f[2] = {LG_NONE, LG_NONE};
     lg_status status = taped_field(user, tape, t, in, f);
     out[0] = lg_reshape(tape, f[0], lg_shape2(BATCH, 6));
@@ -108,7 +110,8 @@ static void compare(lg_tape *tape, const lg_scheme *scheme, lg_dtype dtype) {
                 assert_ok(lg_read(tape, out[2 * n + part], got, BATCH * 6));
                 for (int i = 0; i < LINKS; i++)
                     for (int j = 0; j < 3; j++)
-                        assert_close(got[b * 6 + 3 * i + j], expected[(n + 1) * 12 + 6 * i + 3 * part + j], 0.0, tolerance);
+                        assert_close(got[b * 6 + 3 * i + j], expected[(n + 1) * 12 + 6 * i + 3 * part + j],
+                                     0.0, tolerance);
             }
     }
     lg_stepper_destroy(NULL, stepper);
@@ -192,7 +195,8 @@ static void stormer_verlet_reuses_forces(void **state) {
     for (int n = 0; n < 10; n++)
         for (int part = 0; part < 2; part++) {
             assert_ok(lg_read(tape, out[2 * n + part], got, 2));
-            for (int i = 0; i < 2; i++) assert_close(got[i], expected[4 * (n + 1) + 2 * part + i], 0.0, 1e-15);
+            for (int i = 0; i < 2; i++)
+                assert_close(got[i], expected[4 * (n + 1) + 2 * part + i], 0.0, 1e-15);
         }
     lg_stepper_destroy(NULL, stepper);
     lg_tape_destroy(tape);
@@ -248,7 +252,8 @@ static void bad_arguments(void **state) {
     const lg_scheme *cf4 = lg_scheme_find("cf4");
     assert_status(lg_taped_integrate(tape, cf4, &ode, 0, 0.1, 0, 1, start, out), LG_INVALID_ARGUMENT);
     assert_status(lg_taped_integrate(tape, cf4, &ode, 0, 0.1, 3, 2, start, out), LG_INVALID_ARGUMENT);
-    assert_status(lg_taped_integrate(tape, lg_scheme_find("rk4"), &ode, 0, 0.1, 1, 1, start, out), LG_UNSUPPORTED);
+    assert_status(lg_taped_integrate(tape, lg_scheme_find("rk4"), &ode, 0, 0.1, 1, 1, start, out),
+                  LG_UNSUPPORTED);
     assert_status(lg_taped_integrate(tape, lg_scheme_find("stormer-verlet"), &ode, 0, 0.1, 1, 1, start, out),
                   LG_UNSUPPORTED);
     start[1] = LG_NONE;

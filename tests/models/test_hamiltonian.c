@@ -1,4 +1,5 @@
-/* Learned Hamiltonians: the exact parameters reproduce the true system; taped and untaped agree; losses and their gradients. */
+/* Learned Hamiltonians: the exact parameters reproduce the true system; taped and untaped agree; losses and
+ * their gradients. */
 #include "test_support.h"
 
 #include "liegrad/hamiltonian.h"
@@ -34,7 +35,8 @@ static void free_data(data *set) {
     free(set->y);
 }
 
-static lg_hamiltonian_problem problem_of(const lg_hamiltonian *model, const data *set, const char *integrator) {
+static lg_hamiltonian_problem problem_of(const lg_hamiltonian *model, const data *set,
+                                         const char *integrator) {
     lg_hamiltonian_problem problem = {
         .model = model, .substeps = 1, .trajectories = N, .points = M, .dt = set->t[1], .data = set->y};
     assert_ok(lg_train_integrator_parse(integrator, &problem.integrator));
@@ -64,10 +66,11 @@ static double loss_of(const lg_hamiltonian_problem *problem, const double *theta
     return value;
 }
 
-/* The exact chain: linear potential with weights (k - i) e3, Gamma upper-right triangular of ones: Gamma^T Gamma has entries
- * k - max(i, j) when Gamma_lj = 1 for l + j < k. */
+/* The exact chain: linear potential with weights (k - i) e3, Gamma upper-right triangular of ones: Gamma^T
+ * Gamma has entries k - max(i, j) when Gamma_lj = 1 for l + j < k. */
 static void exact_chain(size_t k, lg_hamiltonian *model, double *theta) {
-    assert_ok(lg_hamiltonian_init(model, LG_HAMILTONIAN_CHAIN, (uint32_t)k, LG_POTENTIAL_LINEAR, NULL, 0, LG_TANH));
+    assert_ok(
+        lg_hamiltonian_init(model, LG_HAMILTONIAN_CHAIN, (uint32_t)k, LG_POTENTIAL_LINEAR, NULL, 0, LG_TANH));
     memset(theta, 0, lg_hamiltonian_parameters(model) * sizeof *theta);
     for (size_t i = 0; i < k; i++) {
         theta[3 * i + 2] = (double)(k - i);
@@ -85,7 +88,8 @@ static void exact_chain_has_the_true_energy_and_field(void **state) {
         exact_chain(k, &model, theta);
         void *work = NULL, *system_work = NULL;
         assert_int_equal(posix_memalign(&work, 64, lg_hamiltonian_work_size(&model)), 0);
-        assert_int_equal(posix_memalign(&system_work, 64, lg_system_workspace(set.system) * sizeof(double)), 0);
+        assert_int_equal(posix_memalign(&system_work, 64, lg_system_workspace(set.system) * sizeof(double)),
+                         0);
         lg_system_user user;
         lg_ode ode;
         assert_ok(lg_system_ode(set.system, LG_FORM_LIE, &user, system_work, &ode));
@@ -102,7 +106,8 @@ static void exact_chain_has_the_true_energy_and_field(void **state) {
     }
 }
 
-/* What is left of the loss is the integrator's error: it falls with the order. RK4 tests the extension off the manifold. */
+/* What is left of the loss is the integrator's error: it falls with the order. RK4 tests the extension off
+ * the manifold. */
 static void exact_chain_has_the_integrators_loss(void **state) {
     (void)state;
     static const struct {
@@ -135,7 +140,7 @@ static void gradient_matches_differences(const lg_hamiltonian_problem *problem, 
     double largest = 0.0;
     for (size_t i = 0; i < n; i++) largest = fmax(largest, fabs(gradient[i]));
     assert_true(largest > 0.0);
-    for (size_t i = 0; i < n; i += n > 60 ? 37 : 1) {
+    for (size_t i = 0; i<n; i += n> 60 ? 37 : 1) {
         const double kept = theta[i], h = 1e-5;
         theta[i] = kept + h;
         const double up = loss_of(problem, theta, NULL);
@@ -174,7 +179,8 @@ static void loss_gradients(void **state) {
         lg_hamiltonian model;
         lg_rng rng;
         make_data(&set, row[r].system, row[r].links);
-        assert_ok(lg_hamiltonian_init(&model, row[r].family, (uint32_t)row[r].links, LG_POTENTIAL_MLP, hidden, 2, LG_TANH));
+        assert_ok(lg_hamiltonian_init(&model, row[r].family, (uint32_t)row[r].links, LG_POTENTIAL_MLP, hidden,
+                                      2, LG_TANH));
         const size_t n = lg_hamiltonian_parameters(&model);
         double *theta = malloc(n * sizeof *theta);
         lg_rng_seed(&rng, 11, r);
@@ -249,12 +255,16 @@ static void untaped_gradient_matches_differences(void **state) {
     const struct {
         lg_hamiltonian_family family;
         uint32_t links;
-    } row[] = {{LG_HAMILTONIAN_CHAIN, 1}, {LG_HAMILTONIAN_CHAIN, 2}, {LG_HAMILTONIAN_CHAIN, 4}, {LG_HAMILTONIAN_SEPARABLE, 3}};
+    } row[] = {{LG_HAMILTONIAN_CHAIN, 1},
+               {LG_HAMILTONIAN_CHAIN, 2},
+               {LG_HAMILTONIAN_CHAIN, 4},
+               {LG_HAMILTONIAN_SEPARABLE, 3}};
     for (size_t r = 0; r < 4; r++) {
         lg_hamiltonian model;
         lg_rng rng;
         double y[24], gradient[24];
-        assert_ok(lg_hamiltonian_init(&model, row[r].family, row[r].links, LG_POTENTIAL_MLP, hidden, 2, LG_SWISH));
+        assert_ok(
+            lg_hamiltonian_init(&model, row[r].family, row[r].links, LG_POTENTIAL_MLP, hidden, 2, LG_SWISH));
         double *theta = malloc(lg_hamiltonian_parameters(&model) * sizeof *theta);
         lg_rng_seed(&rng, 4, r);
         lg_hamiltonian_initialise(&model, &rng, theta);
@@ -291,7 +301,8 @@ static void untaped_gradient_matches_differences(void **state) {
                 down[a] -= h;
                 got = gradient[a];
             }
-            expected = (lg_hamiltonian_value(&model, theta, up, work) - lg_hamiltonian_value(&model, theta, down, work)) /
+            expected = (lg_hamiltonian_value(&model, theta, up, work) -
+                        lg_hamiltonian_value(&model, theta, down, work)) /
                        (2.0 * h);
             assert_close(got, expected, 1e-7, 1e-8);
         }
@@ -300,7 +311,8 @@ static void untaped_gradient_matches_differences(void **state) {
     }
 }
 
-/* Five parameters, full batch: Newton reaches the same floor from two starts, and the gradient is rounding there. */
+/* Five parameters, full batch: Newton reaches the same floor from two starts, and the gradient is rounding
+ * there. */
 static void newton_reaches_the_floor(void **state) {
     (void)state;
     data set;
@@ -331,17 +343,23 @@ static void bad_problems(void **state) {
     const uint32_t hidden[1] = {4}, zero[1] = {0};
     const double y[24] = {0};
     assert_ok(lg_hamiltonian_init(&chain, LG_HAMILTONIAN_CHAIN, 1, LG_POTENTIAL_MLP, hidden, 1, LG_TANH));
-    assert_ok(lg_hamiltonian_init(&separable, LG_HAMILTONIAN_SEPARABLE, 2, LG_POTENTIAL_MLP, hidden, 1, LG_TANH));
-    const lg_hamiltonian_problem good = {
-        .model = &chain, .integrator = LG_TRAIN_CF4, .substeps = 1, .trajectories = 1, .points = 2, .dt = 0.1, .data = y};
+    assert_ok(
+        lg_hamiltonian_init(&separable, LG_HAMILTONIAN_SEPARABLE, 2, LG_POTENTIAL_MLP, hidden, 1, LG_TANH));
+    const lg_hamiltonian_problem good = {.model = &chain,
+                                         .integrator = LG_TRAIN_CF4,
+                                         .substeps = 1,
+                                         .trajectories = 1,
+                                         .points = 2,
+                                         .dt = 0.1,
+                                         .data = y};
     assert_ok(lg_hamiltonian_problem_check(&good, &error));
-#define REFUSED(change, status)                                                                             \
-    do {                                                                                                    \
-        lg_hamiltonian_problem bad = good;                                                                  \
-        change;                                                                                             \
-        error.message[0] = '\0';                                                                            \
-        assert_status(lg_hamiltonian_problem_check(&bad, &error), status);                                  \
-        assert_true(error.message[0] != '\0');                                                              \
+#define REFUSED(change, status)                                                                              \
+    do {                                                                                                     \
+        lg_hamiltonian_problem bad = good;                                                                   \
+        change;                                                                                              \
+        error.message[0] = '\0';                                                                             \
+        assert_status(lg_hamiltonian_problem_check(&bad, &error), status);                                   \
+        assert_true(error.message[0] != '\0');                                                               \
     } while (0)
     REFUSED(bad.points = 1, LG_INVALID_ARGUMENT);
     REFUSED(bad.points = LG_HAMILTONIAN_MAX_POINTS + 1, LG_INVALID_ARGUMENT);
@@ -356,8 +374,8 @@ static void bad_problems(void **state) {
     lg_hamiltonian model;
     assert_status(lg_hamiltonian_init(&model, LG_HAMILTONIAN_CHAIN, 0, LG_POTENTIAL_LINEAR, NULL, 0, LG_TANH),
                   LG_INVALID_ARGUMENT);
-    assert_status(lg_hamiltonian_init(&model, LG_HAMILTONIAN_CHAIN, LG_HAMILTONIAN_MAX_LINKS + 1, LG_POTENTIAL_LINEAR, NULL,
-                                      0, LG_TANH),
+    assert_status(lg_hamiltonian_init(&model, LG_HAMILTONIAN_CHAIN, LG_HAMILTONIAN_MAX_LINKS + 1,
+                                      LG_POTENTIAL_LINEAR, NULL, 0, LG_TANH),
                   LG_INVALID_ARGUMENT);
     assert_status(lg_hamiltonian_init(&model, LG_HAMILTONIAN_CHAIN, 1, LG_POTENTIAL_MLP, zero, 1, LG_TANH),
                   LG_INVALID_ARGUMENT);

@@ -1,11 +1,11 @@
-/* The kernels: everything that loops over numbers. One source per family, compiled for both types and for each
- * instruction set; a tape holds a pointer to one table and never branches on type.
+/* The kernels: everything that loops over numbers. One source per family, compiled for both types and for
+ * each instruction set; a tape holds a pointer to one table and never branches on type.
  *
- * Conventions. Arrays are contiguous unless strides are given; `size_t n` counts elements; pointers are to the
- * table's own type (double or float), 64-byte alignment is usual but not required. Outputs do not overlap inputs
- * except where "in place" is said or y == x / y == a is allowed for elementwise kernels (it is, for all that take
- * n). No kernel allocates, locks or fails. Elementwise results do not depend on an element's position.
- * Reductions (sum, dot) accumulate in double on both types, in a fixed order.
+ * Conventions. Arrays are contiguous unless strides are given; `size_t n` counts elements; pointers are to
+ * the table's own type (double or float), 64-byte alignment is usual but not required. Outputs do not overlap
+ * inputs except where "in place" is said or y == x / y == a is allowed for elementwise kernels (it is, for
+ * all that take n). No kernel allocates, locks or fails. Elementwise results do not depend on an element's
+ * position. Reductions (sum, dot) accumulate in double on both types, in a fixed order.
  */
 #ifndef LG_KERNELS_H
 #define LG_KERNELS_H
@@ -17,7 +17,15 @@
 #include "core/core.h"
 #include "liegrad/context.h"
 
-typedef enum lg_k_binary { LG_K_ADD, LG_K_SUB, LG_K_MUL, LG_K_DIV, LG_K_MAX, LG_K_GE /* a >= b ? 1 : 0 */, LG_K_BINARIES } lg_k_binary;
+typedef enum lg_k_binary {
+    LG_K_ADD,
+    LG_K_SUB,
+    LG_K_MUL,
+    LG_K_DIV,
+    LG_K_MAX,
+    LG_K_GE /* a >= b ? 1 : 0 */,
+    LG_K_BINARIES
+} lg_k_binary;
 
 typedef enum lg_k_unary {
     LG_K_SCALE, /* c x */
@@ -35,10 +43,19 @@ typedef enum lg_k_unary {
 } lg_k_unary;
 
 /* Same order as lg_activation in liegrad/ops.h. */
-typedef enum lg_k_act { LG_K_IDENTITY, LG_K_TANH, LG_K_SIGMOID, LG_K_SWISH, LG_K_RELU, LG_K_LEAKY_RELU, LG_K_SINE, LG_K_ACTS } lg_k_act;
+typedef enum lg_k_act {
+    LG_K_IDENTITY,
+    LG_K_TANH,
+    LG_K_SIGMOID,
+    LG_K_SWISH,
+    LG_K_RELU,
+    LG_K_LEAKY_RELU,
+    LG_K_SINE,
+    LG_K_ACTS
+} lg_k_act;
 
 #define LG_K_ACT_ORDERS 8 /* highest derivative of an activation */
-#define LG_LEAKY_SLOPE 0.01
+#define LG_LEAKY_SLOPE  0.01
 
 typedef struct lg_kernels {
     lg_dtype dtype;
@@ -54,28 +71,27 @@ typedef struct lg_kernels {
     /* y[i] = op(a[i], b[i]) */
     void (*binary[LG_K_BINARIES])(size_t n, const void *a, const void *b, void *y);
     /* y[i, j] = op(a[i*ra + j*ca], b[i*rb + j*cb]), y contiguous (rows, cols); ca, cb in {0, 1} */
-    void (*binary_strided[LG_K_BINARIES])(size_t rows, size_t cols, const void *a, size_t ra, size_t ca, const void *b,
-                                          size_t rb, size_t cb, void *y);
+    void (*binary_strided[LG_K_BINARIES])(size_t rows, size_t cols, const void *a, size_t ra, size_t ca,
+                                          const void *b, size_t rb, size_t cb, void *y);
     void (*unary[LG_K_UNARIES])(size_t n, double c, const void *x, void *y);
 
     /* Derivative number `order` (0..8) of an activation, times g when g is not NULL.
      * h is the stored helper: tanh: tanh(x); sigmoid and swish: sigmoid(x); others: unused, may be NULL.
-     * x may be NULL for tanh and sigmoid when order >= 1 or h is given, and for ReLU and leaky ReLU when h is given
-     * (then h is the activation's value, whose sign is that of x).
-     * order 0 with h == NULL computes from x.
-     * tanh^(n), sigmoid^(n): polynomials in h. swish^(n) = x s^(n) + n s^(n-1). ReLU: 1 for x > 0 else 0 (0 at the
-     * kink: ties to the zero branch), leaky: LG_LEAKY_SLOPE for x <= 0; orders >= 2 are 0. sine^(n) = sin(x + n pi/2),
-     * exactly +-sin or +-cos. identity: x, 1, 0. */
+     * x may be NULL for tanh and sigmoid when order >= 1 or h is given, and for ReLU and leaky ReLU when h is
+     * given (then h is the activation's value, whose sign is that of x). order 0 with h == NULL computes from
+     * x. tanh^(n), sigmoid^(n): polynomials in h. swish^(n) = x s^(n) + n s^(n-1). ReLU: 1 for x > 0 else 0
+     * (0 at the kink: ties to the zero branch), leaky: LG_LEAKY_SLOPE for x <= 0; orders >= 2 are 0. sine^(n)
+     * = sin(x + n pi/2), exactly +-sin or +-cos. identity: x, 1, 0. */
     void (*act)(lg_k_act kind, int order, size_t n, const void *x, const void *h, const void *g, void *y);
     /* In place: y[i, j] = sigma(y[i, j] + bias[j]); bias may be NULL. Order 0 only. */
     void (*bias_act)(lg_k_act kind, size_t rows, size_t cols, const void *bias, void *y);
 
     /* C(m, n) = [C +] A(m, k) B(k, n): element (i, l) of A at a[i*ra + l*ca] (one of ra, ca is usually 1), B
      * row-major with leading dimension ldb, C with ldc. Each element of C is one chain of fma over l = 0..k-1
-     * starting from 0 and, with `accumulate`, added to C at the end: the result does not depend on m, n, blocking or
-     * the position in C. k == 0 gives zero. */
-    void (*gemm)(size_t m, size_t n, size_t k, const void *a, size_t ra, size_t ca, const void *b, size_t ldb, void *c,
-                 size_t ldc, bool accumulate);
+     * starting from 0 and, with `accumulate`, added to C at the end: the result does not depend on m, n,
+     * blocking or the position in C. k == 0 gives zero. */
+    void (*gemm)(size_t m, size_t n, size_t k, const void *a, size_t ra, size_t ca, const void *b, size_t ldb,
+                 void *c, size_t ldc, bool accumulate);
     /* y(cols, rows) = transpose of x(rows, cols), both contiguous */
     void (*transpose)(size_t rows, size_t cols, const void *x, void *y);
 
@@ -85,8 +101,9 @@ typedef struct lg_kernels {
     void (*sum_rows)(size_t rows, size_t cols, const void *x, void *y, bool accumulate);
     void (*sum_cols)(size_t rows, size_t cols, const void *x, void *y); /* y[i] = sum_j x[i, j], in order */
 
-    void (*cross)(size_t rows, const void *a, const void *b, void *y);                    /* rows of 3 */
-    void (*rowdot)(size_t rows, size_t cols, const void *a, const void *b, void *y); /* y[i] = sum_j a[i,j] b[i,j] */
+    void (*cross)(size_t rows, const void *a, const void *b, void *y); /* rows of 3 */
+    void (*rowdot)(size_t rows, size_t cols, const void *a, const void *b,
+                   void *y); /* y[i] = sum_j a[i,j] b[i,j] */
 
     /* y[i, k] = d^order/dw^order c_k(w[i]), k = 0..K, y is (n, K + 1). Computed in double for both types.
      * c_k(w) = sum_j (-w)^j/(k + 2j)!; dc_k/dw = (k c_{k+2} - c_{k+1})/2. Any finite w (negative too);
@@ -95,17 +112,19 @@ typedef struct lg_kernels {
     /* y[i] = d^order/dw^order g2(w[i]), g2 = (1 - (x/2) cot(x/2))/x^2, w = x^2, pole form; in double. */
     void (*dexpinv_coef)(size_t n, int order, const void *w, void *y);
 
-    /* Batches of n symmetric positive definite k x k systems. factor: L = Cholesky factor (lower; upper part zero) of
-     * (A + A^T)/2; a row whose pivot is not positive becomes all NaN and is counted in the returned number.
-     * solve: x(n, k, m) = A^-1 b(n, k, m) from L; x == b allowed. */
+    /* Batches of n symmetric positive definite k x k systems. factor: L = Cholesky factor (lower; upper part
+     * zero) of (A + A^T)/2; a row whose pivot is not positive becomes all NaN and is counted in the returned
+     * number. solve: x(n, k, m) = A^-1 b(n, k, m) from L; x == b allowed. */
     size_t (*spd_factor)(size_t n, size_t k, const void *a, void *l);
     void (*spd_solve)(size_t n, size_t k, size_t m, const void *l, const void *b, void *x);
 
     /* One fused pass: g' = clip g; m = b1 m + (1-b1) g'; v = b2 v + (1-b2) g'^2;
-     * theta = theta - lr decay theta - lr (m/(1-b1^t)) / (sqrt(v/(1-b2^t)) + eps). Decoupled weight decay when
-     * `decoupled`, else g' = clip g + decay theta (the L2 form). correction1 = 1-b1^t, correction2 = 1-b2^t. */
-    void (*adam)(size_t n, double lr, double beta1, double beta2, double eps, double correction1, double correction2,
-                 double decay, bool decoupled, double clip, const void *g, void *m, void *v, void *theta);
+     * theta = theta - lr decay theta - lr (m/(1-b1^t)) / (sqrt(v/(1-b2^t)) + eps). Decoupled weight decay
+     * when `decoupled`, else g' = clip g + decay theta (the L2 form). correction1 = 1-b1^t, correction2 =
+     * 1-b2^t. */
+    void (*adam)(size_t n, double lr, double beta1, double beta2, double eps, double correction1,
+                 double correction2, double decay, bool decoupled, double clip, const void *g, void *m,
+                 void *v, void *theta);
 } lg_kernels;
 
 /* The table for the instruction set in use. Never NULL; constant. */

@@ -1,0 +1,179 @@
+/* A steady training step calls no malloc; evaluation of a learned Hamiltonian, its field and a step of an
+ * integrator with it call none and take no lock. */
+#include "test_support.h"
+
+#include "liegrad/hamiltonian.h"
+#include "liegrad/integrators.h"
+#include "liegrad/mechanics.h"
+#include "support/malloc_count.h"
+
+enum { N = 50, M = 3 };
+
+typedef struct setting {
+    const char *system, *integrator;
+    uint32_t links;
+    lg_hamiltonian_family family;
+    lg_dtype dtype;
+    int threads;
+} setting;
+
+typedef struct counting {
+    lg_counts used;
+    bool done;
+} counting;
+
+/* Epoch 1 and 2 warm up; epochs 3..6 are counted. The counters stand outside the library's own work. */
+static int count_epochs(void *user, const lg_fit_epoch *report) {
+    counting *self = user;
+    if (report->epoch == 2) lg_count_begin();
+    if (report->epoch == 6) {
+        self->used = lg_count_end();
+        self->done = true;
+    }
+    return 0;
+}
+
+static void train_counted(const setting *s) {
+    lg_system_options so;
+    lg_trajectory_options to;
+    lg_system *system;
+    lg_hamiltonian model;
+    lg_rng rng;
+    double t[M], H[N];
+    const uint32_t hidden[3] = {20, 20, 20};
+    lg_system_options_init(&so);
+    so.links = s->links;
+    assert_ok(lg_system_create(NULL, s->system, &so, &system, NULL));
+    double *y = malloc(N * M * lg_system_dim(system) * sizeof *y);
+    lg_trajectory_options_init(&to);
+    to.trajectories = N;
+    to.points = M;
+    assert_ok(lg_generate_trajectories(NULL, system, &to, t, y, H, NULL));
+    assert_ok(lg_hamiltonian_init(&model, s->family, s->links, LG_POTENTIAL_MLP, hidden, 3, LG_TANH));
+    double *theta = malloc(lg_hamiltonian_parameters(&model) * sizeof *theta);
+    lg_rng_seed(&rng, 1, 0);
+    lg_hamiltonian_initialise(&model, &rng, theta);
+
+    lg_hamiltonian_problem problem = {
+        .model = &model, .substeps = 1, .trajectories = N, .points = M, .dt = t[1], .data = y};
+    assert_ok(lg_train_integrator_parse(s->integrator, &problem.integrator));
+    lg_fit_problem fit_problem;
+    lg_hamiltonian_fit_problem(&problem, &fit_problem);
+    counting counted = {.done = false};
+    lg_fit_options options;
+    lg_fit *fit;
+    lg_error error;
+    lg_fit_options_init(&options);
+    options.dtype = s->dtype;
+    options.threads = s->threads;
+    options.epochs = 6;
+    options.batch = 16;
+    options.clip_norm = 1e-3;
+    options.on_epoch = count_epochs;
+    options.user = &counted;
+    assert_ok(lg_fit_create(NULL, &fit_problem, &options, theta, &fit, &error));
+    assert_ok(lg_fit_run(fit, &error));
+    assert_true(counted.done);
+    assert_int_equal(counted.used.allocations, 0);
+    assert_int_equal(counted.used.releases, 0);
+    lg_fit_destroy(fit);
+    lg_system_destroy(NULL, system);
+    free(theta);
+    free(y);
+}
+
+static void a_steady_training_step(void **state) {
+    (void)state;
+    static const setting settings[] = {
+        {"pendulum-chain", "cf4", 1, LG_HAMILTONIAN_CHAIN, LG_F64, 1},
+        {"pendulum-chain", "cf4", 1, LG_HAMILTONIAN_CHAIN, LG_F32, 2},
+        {"pendulum-chain", "rkmk4", 2, LG_HAMILTONIAN_CHAIN, LG_F64, 2},
+        {"pendulum-chain", "rk4", 2, LG_HAMILTONIAN_CHAIN, LG_F64, 1},
+        {"quartic", "stormer-verlet", 2, LG_HAMILTONIAN_SEPARABLE, LG_F32, 1},
+    };
+    if (!lg_count_available()) skip();
+    for (size_t i = 0; i < sizeof settings / sizeof *settings; i++) train_counted(&settings[i]);
+}
+
+typedef struct learned {
+    lg_hamiltonian model;
+    double *theta;
+    void *work;
+} learned;
+
+static lg_status learned_field(void *user, double t, const double *y, const double *input, double *out) {
+    const learned *self = user;
+    (void)t, (void)input;
+    lg_hamiltonian_field(&self->model, self->theta, y, out, self->work);
+    return LG_OK;
+}
+
+static void evaluation_and_steps(void **state) {
+    (void)state;
+    if (!lg_count_available()) skip();
+    for (uint32_t k = 1; k <= 3; k++) {
+        learned self;
+        lg_rng rng;
+        const uint32_t hidden[3] = {100, 100, 100};
+        double y[18] = {0}, out[18], h = 0.0;
+        assert_ok(
+            lg_hamiltonian_init(&self.model, LG_HAMILTONIAN_CHAIN, k, LG_POTENTIAL_MLP, hidden, 3, LG_TANH));
+        self.theta = malloc(lg_hamiltonian_parameters(&self.model) * sizeof *self.theta);
+        assert_int_equal(posix_memalign(&self.work, 64, lg_hamiltonian_work_size(&self.model)), 0);
+        lg_rng_seed(&rng, 7, k);
+        lg_hamiltonian_initialise(&self.model, &rng, self.theta);
+        for (uint32_t i = 0; i < k; i++) {
+            y[6 * i + i % 3] = 1.0;
+            y[6 * i + 3 + (i + 1) % 3] = 0.4;
+        }
+        lg_ode ode = {.field = learned_field, .user = &self};
+        lg_stepper *stepper;
+        assert_ok(lg_space_init(&ode.space, &(lg_space_factor){LG_SPACE_TS2, k}, 1));
+        assert_ok(lg_stepper_create(NULL, lg_scheme_find("cf4"), &ode, &stepper));
+        lg_status status = LG_OK;
+        assert_no_malloc_no_lock(h += lg_hamiltonian_value(&self.model, self.theta, y, self.work));
+        assert_no_malloc_no_lock(lg_hamiltonian_gradient(&self.model, self.theta, y, out, self.work));
+        assert_no_malloc_no_lock(lg_hamiltonian_field(&self.model, self.theta, y, out, self.work));
+        assert_no_malloc_no_lock(status = lg_step(stepper, 0.0, 0.01, y, NULL, y));
+        assert_ok(status);
+        assert_true(isfinite(h));
+        lg_stepper_destroy(NULL, stepper);
+        free(self.work);
+        free(self.theta);
+    }
+}
+
+static void network_evaluation(void **state) {
+    (void)state;
+    if (!lg_count_available()) skip();
+    static const lg_dtype dtypes[] = {LG_F64, LG_F32};
+    for (size_t d = 0; d < 2; d++) {
+        enum { ROWS = 5 };
+        lg_mlp net;
+        lg_rng rng;
+        const uint32_t hidden[2] = {40, 30};
+        assert_ok(lg_mlp_init(&net, 3, hidden, 2, 2, LG_SWISH, true));
+        double theta[2000];
+        assert_true(lg_mlp_parameters(&net) <= 2000);
+        lg_rng_seed(&rng, 3, 0);
+        lg_mlp_initialise(&net, &rng, theta);
+        for (size_t i = 0; dtypes[d] == LG_F32 && i < lg_mlp_parameters(&net); i++)
+            ((float *)(void *)theta)[i] = (float)theta[i];
+        double x[ROWS * 3] = {0}, y[ROWS * 2], dy[ROWS * 2], dx[ROWS * 3];
+        void *work = NULL;
+        assert_int_equal(posix_memalign(&work, 64, lg_mlp_work_size(&net, ROWS, dtypes[d])), 0);
+        assert_no_malloc_no_lock(lg_mlp_eval(&net, dtypes[d], theta, x, ROWS, y, work));
+        assert_no_malloc_no_lock(lg_mlp_input_gradient(&net, dtypes[d], theta, x, ROWS, NULL, y, dx, work));
+        assert_no_malloc_no_lock(lg_mlp_jvp(&net, dtypes[d], theta, x, x, ROWS, y, dy, work));
+        free(work);
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_steady_training_step),
+        cmocka_unit_test(evaluation_and_steps),
+        cmocka_unit_test(network_evaluation),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
