@@ -9,6 +9,13 @@
 #include "datasets/h5.h"
 #include "test_support.h"
 
+/* HDF5 1.10 loses a block of its own free list when a damaged header makes H5Fopen fail. Objects that we
+ * forget to close are found by scratch_end instead. */
+const char *__lsan_default_suppressions(void);
+const char *__lsan_default_suppressions(void) {
+    return "leak:libhdf5";
+}
+
 static char scratch[64];
 
 static inline int scratch_begin(void **state) {
@@ -30,6 +37,10 @@ static inline size_t scratch_files(void) {
 
 static inline int scratch_end(void **state) {
     (void)state;
+    if (H5Fget_obj_count((hid_t)H5F_OBJ_ALL, H5F_OBJ_ALL) != 0) {
+        print_error("HDF5 objects were left open\n");
+        return 1;
+    }
     DIR *folder = opendir(scratch);
     if (folder == NULL) return 1;
     for (struct dirent *entry; (entry = readdir(folder)) != NULL;) {
