@@ -46,8 +46,12 @@ LG_API void lg_se3_generator(const double a[6], const double y[6], double out[6]
 /* [(u1, v1), (u2, v2)] = (u1 x u2, u1 x v2 + v1 x u2) */
 LG_API void lg_se3_bracket(const double a[6], const double b[6], double out[6]);
 /* dexp_a(b) and dexp_a^-1(b) = sum_k B_k/k! ad_a^k b, closed forms. With phi(z) = (e^z - 1)/z, or its
- * inverse: C = B + g1 A x B + g2 A x (A x B) c = b + g1 (a x B + A x b) + rho gt1 A x B + rho gt2 A x (A x B)
+ * inverse:
+ *
+ *   C = B + g1 A x B + g2 A x (A x B)
+ *   c = b + g1 (a x B + A x b) + rho gt1 A x B + rho gt2 A x (A x B)
  *       + g2 (a x (A x B) + A x (a x B) + A x (A x b)),   rho = A.a, gt = 2 dg/dw,
+ *
  * (A, a) the first and (B, b) the second argument; dexp: g1 = c_2, g2 = c_3; dexpinv: g1 = -1/2, g2 as for
  * SO(3). */
 LG_API void lg_se3_dexp(const double a[6], const double b[6], double out[6]);

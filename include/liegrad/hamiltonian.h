@@ -1,11 +1,12 @@
 /* Learned Hamiltonians: description, initialisation, training loss on a tape, evaluation without one.
  *
  * Two families, H_Theta(q, p):
- *   LG_HAMILTONIAN_CHAIN      on (T*S^2)^k, state q_1, p_1, ..., q_k, p_k (6k numbers):
- *                             H = 1/2 p^T M(q)^{-1} p + V(q), M_ij = m_ij P_i P_j (i != j), M_ii = m_ii I, P
- * = I - q q^T, m = Gamma^T Gamma + diag(max(0, b)); V takes q (3k numbers). LG_HAMILTONIAN_SEPARABLE  on
- * R^{2n}, state q, p: H = 1/2 |A p|^2 + V(q). V is an MLP whose last layer has no bias, or linear (one weight
- * a coordinate).
+ * - LG_HAMILTONIAN_CHAIN on (T*S^2)^k, state q_1, p_1, ..., q_k, p_k (6k numbers):
+ *   H = 1/2 p^T M(q)^{-1} p + V(q), M_ij = m_ij P_i P_j (i != j), M_ii = m_ii I, P_i = I - q_i q_i^T,
+ *   m = Gamma^T Gamma + diag(max(0, b)); V takes q (3k numbers).
+ * - LG_HAMILTONIAN_SEPARABLE on R^{2n}, state q, p: H = 1/2 |A p|^2 + V(q).
+ *
+ * V is an MLP whose last layer has no bias, or linear (one weight a coordinate).
  *
  * The flat parameter vector: V's layers in order (weight (in, out) row-major, then bias), then Gamma (k, k)
  * and b (k), or A (n, n).
@@ -81,8 +82,9 @@ typedef struct lg_hamiltonian_problem {
     const double *data; /* (N, M, d) in the state's layout */
 } lg_hamiltonian_problem;
 
-/* Errors: LG_INVALID_ARGUMENT, LG_UNSUPPORTED (Lie integrators for separable systems, Stormer-Verlet for
- * chains, a penalty for systems other than n >= 1 separable). */
+/* Errors: LG_INVALID_ARGUMENT (nothing to learn from, points outside 2..LG_HAMILTONIAN_MAX_POINTS, N M above
+ * 2^32 - 1, substeps 0, dt or penalty out of range or not finite, an unknown integrator or form),
+ * LG_UNSUPPORTED (Lie integrators for separable systems, Stormer-Verlet for chains, a penalty for chains). */
 LG_API lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *problem, lg_error *error);
 
 /* Fills a training problem for lg_fit: loss = mean squared difference over (batch, d, M - 1) of predicted and
@@ -105,9 +107,13 @@ LG_API size_t lg_hamiltonian_work_size(const lg_hamiltonian *model);
 /* theta: doubles. Work: at least lg_hamiltonian_work_size bytes, 64-byte aligned. */
 LG_API double lg_hamiltonian_value(const lg_hamiltonian *model, const double *theta, const double *state,
                                    void *work);
-/* dH/dstate in the state's layout (on the manifold's extension chosen above: the exact kinetic gradient). */
+/* dH/dstate in the state's layout (2n or 6k numbers), chains by the formula above: v_i at p_i, and
+ * dT/dq_i + dV/dq_i at q_i. NaN where the mass matrix or W o G is not positive definite. */
 LG_API void lg_hamiltonian_gradient(const lg_hamiltonian *model, const double *theta, const double *state,
                                     double *gradient, void *work);
+/* dH(state)[tangent] = sum_i dH/dstate_i tangent_i, the gradient above on a tangent in the state's layout. */
+LG_API double lg_hamiltonian_jvp(const lg_hamiltonian *model, const double *theta, const double *state,
+                                 const double *tangent, void *work);
 /* Chain: algebra elements (xi, eta) a link, 6k numbers; separable: (q', p'), 2n numbers. */
 LG_API void lg_hamiltonian_field(const lg_hamiltonian *model, const double *theta, const double *state,
                                  double *field, void *work);

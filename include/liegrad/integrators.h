@@ -27,8 +27,7 @@
 
 LG_BEGIN_DECLS
 
-/* ---- Spaces ----------------------------------------------------------------------------------------------
- */
+/* ---- Spaces ---- */
 
 typedef enum lg_space_kind {
     LG_SPACE_RN,  /* R^n under addition: state 1, algebra 1 a copy; n copies are R^n */
@@ -102,8 +101,7 @@ LG_API double lg_space_manifold_error(const lg_space *space, const double *y);
 /* Largest rotation angle |u| in a; NaN when a holds NaN. */
 LG_API double lg_space_angle(const lg_space *space, const double *a);
 
-/* ---- Differential equations ------------------------------------------------------------------------------
- */
+/* ---- Differential equations ---- */
 
 /* algebra = f(t, y), ode.space.algebra_dim numbers. `input` is what the stepper was given, or NULL. A status
  * other than LG_OK ends the integration with it, except LG_NOT_FINITE, for which an adaptive integration
@@ -122,8 +120,7 @@ typedef struct lg_ode {
     void *user;
 } lg_ode;
 
-/* ---- Schemes ---------------------------------------------------------------------------------------------
- */
+/* ---- Schemes ---- */
 
 #define LG_SCHEME_MAX_STAGES       8
 #define LG_SCHEME_MAX_EXPONENTIALS 4
@@ -174,10 +171,11 @@ typedef struct lg_scheme {
 } lg_scheme;
 
 /* The schemes of the library:
- *   euler, rk4, dp54             classical, ambient = true
- *   lie-euler, rkmk4, rkmk5      RKMK with exact dexpinv; rkmk5 is Dormand-Prince without the embedded
- * solution rkmk54                       RKMK(5,4): Dormand-Prince 5(4), adaptive cf4 commutator-free, order
- * 4, five exponentials, f_2's point is reused stormer-verlet               splitting, order 2
+ * - euler, rk4, dp54: classical, ambient = true; dp54 is Dormand-Prince 5(4), adaptive
+ * - lie-euler, rkmk4, rkmk5: RKMK with exact dexpinv; rkmk5 is Dormand-Prince without the embedded solution
+ * - rkmk54: RKMK(5,4), Dormand-Prince 5(4), adaptive
+ * - cf4: commutator-free, order 4, five exponentials, f_2's point is reused
+ * - stormer-verlet: splitting, order 2
  * lg_scheme_at(0..lg_scheme_count()-1); NULL beyond. lg_scheme_find: NULL for an unknown name. Static,
  * constant. */
 LG_API size_t lg_scheme_count(void);
@@ -189,8 +187,7 @@ LG_API const lg_scheme *lg_scheme_find(const char *name);
  * be NULL). */
 LG_API lg_status lg_scheme_check(const lg_scheme *scheme, lg_error *error);
 
-/* ---- Steps -----------------------------------------------------------------------------------------------
- */
+/* ---- Steps ---- */
 
 typedef struct lg_stepper lg_stepper;
 
@@ -225,8 +222,7 @@ LG_API double lg_stepper_angle(const lg_stepper *stepper);
 /* Evaluations of the field (of the force for splitting schemes) since lg_stepper_init. */
 LG_API size_t lg_stepper_evaluations(const lg_stepper *stepper);
 
-/* ---- Integration -----------------------------------------------------------------------------------------
- */
+/* ---- Integration ---- */
 
 typedef struct lg_run_stats {
     size_t steps;       /* accepted */

@@ -5,7 +5,8 @@
  * YAML, the line. Outputs are untouched, nothing leaks.
  *   - Structures that own memory are released by their own `_free`, which leaves them zeroed; a zeroed
  * structure may be freed.
- *   - HDF5's own messages are silenced while these functions run and restored afterwards.
+ *   - HDF5's own messages are silenced while these functions run and restored afterwards. HDF5 as Debian
+ * builds it is not thread-safe: functions that read or write HDF5 run in one thread of the process at a time.
  *   - Writers compose the file in memory, write it under a temporary name in the target's folder, fsync,
  * rename, fsync the folder. Until then the old file is whole; after a failure it still is, and no temporary
  * stays. A target that exists and is not a regular file (a device, a folder) is refused. A full disk and
@@ -39,8 +40,8 @@ LG_BEGIN_DECLS
 typedef struct lg_read_options {
     size_t size; /* sizeof(lg_read_options) */
     /* HDF5 crashes or loops on some damaged files. With probe, the complete read happens first in a forked
-     * child with limits on memory and time; a child that dies is LG_FORMAT. Default true. Turn it off in a
-     * process that must not fork. */
+     * child with limits on memory and time (of the CPU and, far above it, of the clock); a child that dies is
+     * LG_FORMAT. Default true. Turn it off in a process that must not fork. */
     bool probe;
     uint32_t probe_seconds; /* CPU time of the child, default 20 and more for large files */
     uint64_t max_bytes;     /* largest array in memory, default 8 GiB: beyond it LG_FORMAT */

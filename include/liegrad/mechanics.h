@@ -2,11 +2,11 @@
  *
  * Rows of the table, state layout, parameters:
  *
- *   pendulum-chain       (T*S^2)^k, state q_1, p_1, q_2, p_2, ... (6k); links, gravity, masses, lengths. e3
- * points up. H = 1/2 p^T M(q)^-1 p + sum_i mu_i g L_i e3.q_i, mu_i = sum_{l >= i} m_l, M_ij = m_ij P_i P_j (i
- * != j), m_ii I (i = j), m_ij = mu_max(i,j) L_i L_j, P_i = I - q_i q_i^T, p = M q'. quartic              R^4,
- * state q, p: H = 1/2 p^T [5 -1; -1 5] p + (q_1^4 + q_2^4)/4 + (q_1^2 + q_2^2)/2 coupled-oscillators  R^4,
- * state q, p: H = (q_1^2 + p_1^2)/2 + p_2^2/2 + q_2^2/2 + q_2^4/4
+ * - pendulum-chain: (T*S^2)^k, state q_1, p_1, q_2, p_2, ... (6k); links, gravity, masses, lengths. e3 points
+ *   up. H = 1/2 p^T M(q)^-1 p + sum_i mu_i g L_i e3.q_i with mu_i = sum_{l >= i} m_l, p = M q',
+ *   P_i = I - q_i q_i^T, m_ij = mu_max(i,j) L_i L_j, M_ij = m_ij P_i P_j (i != j), M_ii = m_ii I.
+ * - quartic: R^4, state q, p. H = 1/2 p^T [5 -1; -1 5] p + (q_1^4 + q_2^4)/4 + (q_1^2 + q_2^2)/2
+ * - coupled-oscillators: R^4, state q, p. H = (q_1^2 + p_1^2)/2 + p_2^2/2 + q_2^2/2 + q_2^4/4
  *
  * Invariants: index 0 is always the energy H; chains add the vertical angular momentum sum_i e3.(q_i x p_i),
  * coupled-oscillators add G = (q_1^2 + p_1^2)/2.
@@ -96,8 +96,7 @@ typedef struct lg_system_user {
 LG_API lg_status lg_system_ode(const lg_system *system, lg_form form, lg_system_user *user, double *work,
                                lg_ode *ode);
 
-/* ---- The chain's parts (LG_UNSUPPORTED for another system) ------------------------------------------------
- */
+/* ---- The chain's parts (LG_UNSUPPORTED for another system) ---- */
 
 /* The constant k x k matrix m_ij = mu_max(i,j) L_i L_j, row-major. */
 LG_API lg_status lg_chain_mass_matrix(const lg_system *system, double *m);
@@ -120,8 +119,7 @@ LG_API lg_status lg_chain_gradient(const lg_system *system, const double *y, dou
 LG_API lg_status lg_chain_gradient_extended(const lg_system *system, const double *y, double *v, double *g,
                                             double *work);
 
-/* ---- Starts and trajectories ------------------------------------------------------------------------------
- */
+/* ---- Starts and trajectories ---- */
 
 typedef enum lg_starts {
     LG_STARTS_THESIS, /* chains: q_i = normalised N(0, I_3), p_i = q_i x u, u ~ U[0,1]^3; others: U[-1,1]^d */
@@ -141,10 +139,11 @@ typedef struct lg_trajectory_options {
     double noise;        /* eps >= 0; 0 */
     lg_noise noise_kind; /* normal */
     lg_starts starts;    /* thesis */
-    size_t segments;     /* s >= 1: each start is followed for s consecutive trajectories of length T; 1. The
-                          * quartic of     (4.3.4) uses 3: 900 trajectories from 300 starts. */
-    uint64_t seed;       /* 1 */
-    double rtol, atol;   /* of the reference integration; 1e-12, 1e-13 */
+    /* s >= 1: each start is followed for s consecutive trajectories of length T; 1. With 3, 900 trajectories
+     * come from 300 starts. */
+    size_t segments;
+    uint64_t seed;     /* 1 */
+    double rtol, atol; /* of the reference integration; 1e-12, 1e-13 */
 } lg_trajectory_options;
 
 LG_API void lg_trajectory_options_init(lg_trajectory_options *options);

@@ -182,7 +182,9 @@ typedef struct lg_fit_options {
     lg_dtype dtype;  /* LG_F64; of tapes, theta and moments */
     uint64_t epochs; /* 100: planned total, >= 1 */
     size_t batch;    /* 0: all samples; the last batch of an epoch may be smaller */
-    uint32_t shards; /* 4, 1..1024: contiguous near-equal pieces of a batch, min(shards, batch) of them */
+    uint32_t shards; /* 4, 1..1024: contiguous near-equal pieces of a batch, min(shards, batch) of them. Each has a
+                      * gradient of its own: where parameters outweigh the batch take 1; threads beyond the
+                      * shards split the large products instead */
     lg_adam_options adam; /* lg_adam_defaults() */
     lg_schedule schedule; /* constant */
     double clip_norm;     /* 0: off; else the bound on the gradient's Euclidean norm */
@@ -277,12 +279,13 @@ typedef struct lg_newton_result {
     double loss, gradient_norm; /* at the last point where derivatives were taken */
 } lg_newton_result;
 
-/* Minimises the full-batch loss from theta (doubles, in/out) by Newton's method with Levenberg's damping: (H
- * + mu I) s = -g, the step taken when it lowers the loss, H exact by forward over reverse differentiation. It
- * ends at the tolerance, or where rounding lets no step lower the loss: then the loss is at its floor. The
- * whole batch lies on one f64 tape. `options` NULL: defaults; `result` may be NULL. Errors, theta untouched:
- * LG_INVALID_ARGUMENT (more than LG_NEWTON_MAX_PARAMETERS parameters), LG_OUT_OF_MEMORY, LG_NOT_FINITE,
- * LG_CANCELLED, the loss callback's. */
+/* Minimises the full-batch loss from theta (`parameters` doubles, in/out) by Newton's method with Levenberg's
+ * damping: (H + mu I) s = -g, the step taken when it lowers the loss, H exact by forward over reverse
+ * differentiation. LG_OK at the tolerance, where rounding lets no step lower the loss (then it is at its
+ * floor), and after max_iterations (then result->iterations says so). The whole batch lies on one f64 tape.
+ * `options` NULL: defaults; `result` may be NULL. Errors, theta untouched: LG_INVALID_ARGUMENT (a NULL, no
+ * samples, parameters outside 1..LG_NEWTON_MAX_PARAMETERS), LG_OUT_OF_MEMORY, LG_NOT_FINITE, LG_CANCELLED,
+ * the loss callback's. */
 LG_API lg_status lg_newton_fit(const lg_context *context, const lg_fit_problem *problem,
                                const lg_newton_options *options, double *theta, lg_newton_result *result);
 

@@ -120,8 +120,9 @@ typedef enum lg_loss {
                              log softmax(y) */
 } lg_loss;
 LG_API lg_var lg_loss_apply(lg_tape *tape, lg_loss kind, lg_var prediction, lg_var target, lg_var weights);
-LG_API lg_var lg_mse(lg_tape *tape, lg_var prediction, lg_var target); /* mean of squares, unweighted */
-LG_API lg_var lg_log_softmax(lg_tape *tape, lg_var x);                 /* over the last axis */
+/* Mean of squares of prediction - target, which broadcast as in lg_sub; lg_loss_apply wants equal shapes. */
+LG_API lg_var lg_mse(lg_tape *tape, lg_var prediction, lg_var target);
+LG_API lg_var lg_log_softmax(lg_tape *tape, lg_var x); /* over the last axis */
 
 /* ---- your own operation ---- */
 

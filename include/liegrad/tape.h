@@ -73,6 +73,7 @@ static inline lg_shape lg_shape4(uint32_t a, uint32_t b, uint32_t c, uint32_t d)
 typedef struct lg_tape_options {
     size_t size;      /* sizeof(lg_tape_options) */
     lg_dtype dtype;   /* LG_F64 */
+    int threads;      /* 1, 1..1024: large products are split over so many; the bits do not depend on it */
     size_t max_bytes; /* 0: no limit; else LG_OUT_OF_MEMORY when values, nodes and adjoints would exceed it */
 } lg_tape_options;
 
@@ -89,7 +90,8 @@ LG_API size_t lg_tape_nodes(const lg_tape *tape);
 
 /* A position on the tape. Rewinding forgets all that came after the mark in O(1); handles made after it
  * become stale. Memory is kept, so a repeated step allocates nothing. Rewinding to a mark that lies ahead of
- * the tape, or that belongs to another tape: LG_INVALID_ARGUMENT, nothing changes. */
+ * the tape, or that belongs to another tape: LG_INVALID_ARGUMENT, nothing changes; only the mark of an empty
+ * tape fits any tape. */
 typedef struct lg_mark {
     uint32_t nodes, parents, generation;
     uint32_t chunk;
@@ -147,7 +149,8 @@ LG_API lg_status lg_jvp(lg_tape *tape, const lg_var *y, size_t ny, const lg_var 
                         size_t nx, lg_var *out);
 /* Unrecorded reverse mode, the last pass of a training step: adds d sum(y) / d wrt[i] to the caller's grad[i]
  * (elements of the tape's type, count of wrt[i]). Temporaries are freed as it goes; the tape is as before. On
- * failure the contents of grad are unspecified and the error sticks. */
+ * failure the contents of grad are unspecified and the error sticks. LG_INVALID_ARGUMENT: a variable asked
+ * for twice, a grad[i] that is NULL. */
 LG_API lg_status lg_backward(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, void *const *grad);
 
 /* Recorded (rows of y flattened) x (x flattened): J[a, b] = d y_a / d x_b, shape (count(y), count(x)). One

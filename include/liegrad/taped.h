@@ -1,10 +1,13 @@
 /* Integrators that the tape can see through: the schemes of liegrad/integrators.h on batches of trajectories.
  *
  * A point of a space and an element of its algebra are tuples of variables, the parts, in the order of the
- * space's factors: LG_SPACE_RN  of dimension n:   one part (B, n); algebra: one part (B, n) LG_SPACE_TS2 with
- * k copies:    two parts q, p (B, k, 3); algebra: two parts u, v (B, k, 3) Splitting schemes take two parts
- * q, p (B, n). Everything recorded can be differentiated to any order, in the start and in whatever the field
- * depends on. The plain interpreter and this one agree to rounding on every scheme.
+ * space's factors:
+ * - LG_SPACE_RN of dimension n: one part (B, n); algebra: one part (B, n)
+ * - LG_SPACE_TS2 with k copies: two parts q, p (B, k, 3); algebra: two parts u, v (B, k, 3)
+ *
+ * Splitting schemes take two parts q, p (B, n). Everything recorded can be differentiated to any order, in
+ * the start and in whatever the field depends on. The plain interpreter and this one agree to rounding on
+ * every scheme.
  */
 #ifndef LIEGRAD_TAPED_H
 #define LIEGRAD_TAPED_H

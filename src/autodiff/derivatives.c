@@ -317,8 +317,10 @@ static void seed_sweep(lg_tape *tape, lg_sweep *sweep, lg_var y, const lg_var *w
                        void *const *grad) {
     for (size_t i = 0; i < n; i++) {
         uint32_t at = wrt[i].index - sweep->range.lo;
-        if (sweep->reach[at] == ASKED) {
-            lg_tape_fail(tape, LG_INVALID_ARGUMENT, "backward", "a variable is asked for twice");
+        const bool twice = sweep->reach[at] == ASKED;
+        if (twice || grad[i] == NULL) {
+            lg_tape_fail(tape, LG_INVALID_ARGUMENT, "backward",
+                         twice ? "a variable is asked for twice" : "a gradient has no memory");
             return;
         }
         sweep->reach[at] = ASKED;

@@ -24,6 +24,12 @@ lg_status lg_activation_parse(const char *name, lg_activation *out) {
     return LG_NOT_FOUND;
 }
 
+_Static_assert((int)LG_K_IDENTITY == (int)LG_IDENTITY && (int)LG_K_TANH == (int)LG_TANH &&
+                   (int)LG_K_SIGMOID == (int)LG_SIGMOID && (int)LG_K_SWISH == (int)LG_SWISH &&
+                   (int)LG_K_RELU == (int)LG_RELU && (int)LG_K_LEAKY_RELU == (int)LG_LEAKY_RELU &&
+                   (int)LG_K_SINE == (int)LG_SINE && (int)LG_K_ACTS == LG_ACTIVATION_COUNT,
+               "kinds are handed to the kernels as they are");
+
 /* Which value the derivatives are computed from. */
 typedef enum helper { HELPER_NONE, HELPER_VALUE, HELPER_SIGMOID } helper;
 static const helper helpers[LG_ACTIVATION_COUNT] = {HELPER_NONE,  HELPER_VALUE, HELPER_VALUE, HELPER_SIGMOID,

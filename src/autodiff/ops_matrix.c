@@ -2,51 +2,9 @@
  * batches. An optional third input is added: a full matrix, a bias row, or a scalar. */
 #include "autodiff/tape_internal.h"
 
-#include <cblas.h>
 #include <string.h>
 
-/* Above this many multiplications OpenBLAS' cache blocking pays for its lock and its packing. */
-#define OWN_KERNEL_LIMIT 1e9
-
 enum { NN, NT, TN };
-
-static void blas(lg_dtype dtype, uint32_t variant, size_t m, size_t n, size_t k, const void *a, const void *b,
-                 void *c, bool accumulate) {
-    enum CBLAS_TRANSPOSE ta = variant == TN ? CblasTrans : CblasNoTrans,
-                         tb = variant == NT ? CblasTrans : CblasNoTrans;
-    int lda = (int)(variant == TN ? m : k), ldb = (int)(variant == NT ? k : n);
-    if (dtype == LG_F64)
-        cblas_dgemm(CblasRowMajor, ta, tb, (int)m, (int)n, (int)k, 1.0, a, lda, b, ldb,
-                    accumulate ? 1.0 : 0.0, c, (int)n);
-    else
-        cblas_sgemm(CblasRowMajor, ta, tb, (int)m, (int)n, (int)k, 1.0f, a, lda, b, ldb,
-                    accumulate ? 1.0f : 0.0f, c, (int)n);
-}
-
-void lg_gemm(lg_tape *tape, uint32_t variant, size_t m, size_t n, size_t k, const void *a, const void *b,
-             uint32_t b_node, void *c, bool accumulate) {
-    if ((double)m * (double)n * (double)k > OWN_KERNEL_LIMIT && m < 1u << 30 && n < 1u << 30 &&
-        k < 1u << 30) {
-        blas(tape->k->dtype, variant, m, n, k, a, b, c, accumulate);
-        return;
-    }
-    if (variant == NT) {
-        /* Rows of B^T must be contiguous: the node's cached transpose, or a passing one for one matrix of a
-         * batch. */
-        if (b == tape->nodes[b_node].value && tape->nodes[b_node].shape.rank == 2) {
-            b = lg_transposed(tape, b_node);
-            if (b != NULL) tape->k->gemm(m, n, k, a, k, 1, b, n, c, n, accumulate);
-            return;
-        }
-        void *scratch = lg_pool_take(tape, n * k * tape->k->size);
-        if (scratch == NULL) return;
-        tape->k->transpose(n, k, b, scratch);
-        tape->k->gemm(m, n, k, a, k, 1, scratch, n, c, n, accumulate);
-        lg_pool_give(tape, scratch, n * k * tape->k->size);
-        return;
-    }
-    tape->k->gemm(m, n, k, a, variant == TN ? 1 : k, variant == TN ? m : 1, b, n, c, n, accumulate);
-}
 
 /* Sizes of one product: rows, columns, inner length; batch counts of both operands and of the result. */
 typedef struct extent {

@@ -13,7 +13,7 @@ const lg_op *const lg_ops[LG_OP_COUNT] = {
 /* ---- life ---- */
 
 void lg_tape_options_init(lg_tape_options *options) {
-    *options = (lg_tape_options){.size = sizeof *options, .dtype = LG_F64};
+    *options = (lg_tape_options){.size = sizeof *options, .dtype = LG_F64, .threads = 1};
 }
 
 lg_status lg_tape_create(const lg_context *context, const lg_tape_options *options, lg_tape **out) {
@@ -24,6 +24,7 @@ lg_status lg_tape_create(const lg_context *context, const lg_tape_options *optio
         chosen = *options;
     }
     if (chosen.dtype != LG_F64 && chosen.dtype != LG_F32) return LG_INVALID_ARGUMENT;
+    if (chosen.threads < 1 || chosen.threads > 1024) return LG_INVALID_ARGUMENT;
     lg_tape *tape = lg_alloc(context, 1, sizeof *tape);
     if (tape == NULL) return LG_OUT_OF_MEMORY;
     tape->context = context;
@@ -31,12 +32,20 @@ lg_status lg_tape_create(const lg_context *context, const lg_tape_options *optio
     tape->k = lg_kernels_for(chosen.dtype);
     /* Tapes start far apart, so that a foreign handle does not look like one's own. */
     tape->generation = (uint32_t)((uintptr_t)tape >> 6) * 2654435761u | 1u;
+    if (chosen.threads > 1) {
+        const lg_status status = lg_pool_create(context, chosen.threads, &tape->workers);
+        if (status != LG_OK) {
+            lg_tape_destroy(tape);
+            return status;
+        }
+    }
     *out = tape;
     return LG_OK;
 }
 
 void lg_tape_destroy(lg_tape *tape) {
     if (tape == NULL) return;
+    lg_pool_destroy(tape->workers);
     lg_arena_destroy(tape, &tape->arena);
     lg_arena_destroy(tape, &tape->pool.arena);
     lg_free(tape->context, tape->nodes);
@@ -345,8 +354,9 @@ lg_var lg_input_buffer(lg_tape *tape, lg_shape shape, void **values) {
 
 lg_var lg_parameter(lg_tape *tape, lg_shape shape, const void *data) {
     if (tape->status != LG_OK) return LG_NONE;
-    if (shape.rank > LG_MAX_RANK || data == NULL)
-        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "parameter", "rank above 4, or no data");
+    if (shape.rank > LG_MAX_RANK || data == NULL || lg_shape_count(shape) > SIZE_MAX / 16)
+        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "parameter", "rank above 4, too large, or no data");
+    for (uint32_t i = shape.rank; i < LG_MAX_RANK; i++) shape.dims[i] = 0;
     /* The tape never writes to a leaf's value. */
     union {
         const void *shared;

@@ -125,7 +125,12 @@ void lg_fit_state_destroy(const lg_fit *fit, lg_fit_state *state) {
 }
 
 static lg_status create_shards(lg_fit *fit) {
-    const lg_tape_options tape = {sizeof tape, fit->options.dtype, fit->options.max_tape_bytes};
+    lg_tape_options tape;
+    lg_tape_options_init(&tape);
+    tape.dtype = fit->options.dtype;
+    tape.max_bytes = fit->options.max_tape_bytes;
+    tape.threads = fit->options.threads / (int)fit->options.shards;
+    if (tape.threads < 1) tape.threads = 1;
     fit->shards = lg_alloc(fit->context, fit->options.shards, sizeof *fit->shards);
     if (fit->shards == NULL) return LG_OUT_OF_MEMORY;
     const size_t most = fit->batch < fit->options.shards ? fit->batch : fit->options.shards;
@@ -139,7 +144,6 @@ static lg_status create_shards(lg_fit *fit) {
 
 static lg_status create_machinery(lg_fit *fit) {
     const size_t n = fit->problem.parameters;
-    const int shards = (int)fit->options.shards;
     LG_TRY(lg_fit_state_create(fit, &fit->state));
     LG_TRY(create_shards(fit));
     fit->blocks = (n + LG_FIT_BLOCK - 1) / LG_FIT_BLOCK;
@@ -149,8 +153,7 @@ static lg_status create_machinery(lg_fit *fit) {
     fit->scratch = lg_alloc(fit->context, (size_t)fit->options.epochs, sizeof *fit->scratch);
     if (fit->partial == NULL || fit->overflowed == NULL || fit->backup == NULL || fit->scratch == NULL)
         return LG_OUT_OF_MEMORY;
-    return lg_pool_create(fit->context, fit->options.threads < shards ? fit->options.threads : shards,
-                          &fit->pool);
+    return lg_pool_create(fit->context, fit->options.threads, &fit->pool);
 }
 
 static void start(lg_fit *fit, const double *theta) {
@@ -218,8 +221,20 @@ void lg_fit_destroy(lg_fit *fit) {
 /* ---- epochs ---- */
 
 /* Draws the epoch's order. */
+/* Within an epoch parameters cannot leave the range for which a moderate step is safe. */
+static void measure_parameters(lg_fit *fit) {
+    double chunk[256];
+    fit->largest = 0.0;
+    for (size_t at = 0; at < fit->problem.parameters; at += LG_COUNT(chunk)) {
+        const size_t rest = fit->problem.parameters - at, n = rest < LG_COUNT(chunk) ? rest : LG_COUNT(chunk);
+        fit->k->convert_out(n, (const char *)fit->state.theta + at * fit->k->size, chunk);
+        for (size_t i = 0; i < n; i++) fit->largest = fmax(fit->largest, fabs(chunk[i]));
+    }
+}
+
 static void open_epoch(lg_fit *fit) {
     lg_fit_state *s = &fit->state;
+    measure_parameters(fit);
     if (s->open) return;
     if (fit->options.shuffle) lg_rng_shuffle(&s->rng, s->order, fit->training);
     s->running_loss = 0.0;

@@ -48,7 +48,9 @@ struct lg_fit {
     size_t blocks;    /* of LG_FIT_BLOCK parameters: the unit of the reduction and of Adam */
     double *partial;  /* (blocks): squared norm of a block's gradient */
     bool *overflowed; /* (blocks): the step gave a value that is not finite */
-    char *backup;     /* theta, m, v before the step */
+    double largest;   /* |parameter| at the start of the epoch */
+    bool careful;     /* this step might overflow: keep a backup and look at the result */
+    char *backup;     /* theta, m, v before a careful step */
     double *scratch;  /* (epochs) */
 };
 

@@ -90,17 +90,27 @@ static void reduce_block(void *user, size_t block) {
     fit->partial[block] = fit->k->dot(n, gradient, gradient);
 }
 
+/* Adam's step is at most lr rate C with C = (1 - beta1^2/beta2)^{-1/2} (1 - beta2)^{-1/2} (Cauchy-Schwarz on its two moments), so
+ * with moderate gradients nothing can overflow. Parameters beyond 1e10 make every step careful. */
+static bool may_overflow(const lg_fit *fit, double norm, double rate) {
+    const lg_adam_options *o = &fit->options.adam;
+    const double limit = fit->options.dtype == LG_F32 ? 1e15 : 1e150;
+    const bool bounded = o->beta1 * o->beta1 < 0.999 * o->beta2 && o->beta2 <= 1.0 - 1e-12 && o->eps >= 1e-20 &&
+                         o->lr * rate <= 1.0 && o->weight_decay <= 1.0;
+    return !(bounded && norm < limit && fit->largest < 1e10);
+}
+
 static void adam_block(void *user, size_t block) {
     lg_fit *fit = user;
     const lg_fit_state *s = &fit->state;
     const size_t n = block_length(fit, block), size = fit->k->size, at = block * LG_FIT_BLOCK * size;
     const size_t stride = fit->problem.parameters * size;
     char *const arrays[3] = {(char *)s->theta + at, (char *)s->m + at, (char *)s->v + at};
-    for (size_t i = 0; i < 3; i++) memcpy(fit->backup + i * stride + at, arrays[i], n * size);
+    for (size_t i = 0; fit->careful && i < 3; i++) memcpy(fit->backup + i * stride + at, arrays[i], n * size);
     lg_adam_step(&fit->options.adam, fit->options.dtype, s->step + 1, fit->rate, fit->clip, n,
                  fit->shards[0].gradient + at, arrays[1], arrays[2], arrays[0]);
     fit->overflowed[block] = false;
-    for (size_t i = 0; i < 3; i++)
+    for (size_t i = 0; fit->careful && i < 3; i++)
         if (!fit->k->all_finite(n, arrays[i])) fit->overflowed[block] = true;
 }
 
@@ -155,6 +165,7 @@ lg_status lg_fit_step(lg_fit *fit, const uint32_t *samples, size_t count, double
 
     fit->clip = lg_clip_factor(sqrt(squared), fit->options.clip_norm);
     fit->rate = rate;
+    fit->careful = may_overflow(fit, sqrt(squared) * fit->clip, rate);
     for_blocks(fit, adam_block);
     for (size_t i = 0; i < fit->blocks; i++)
         if (fit->overflowed[i]) return step_failure(fit, what, error);

@@ -126,6 +126,7 @@ lg_newton_options lg_newton_defaults(void) {
 lg_status lg_newton_fit(const lg_context *context, const lg_fit_problem *problem,
                         const lg_newton_options *options, double *theta, lg_newton_result *result) {
     const lg_newton_options chosen = options != NULL ? *options : lg_newton_defaults();
+    if (problem == NULL || problem->loss == NULL || theta == NULL) return LG_INVALID_ARGUMENT;
     if (problem->parameters == 0 || problem->parameters > LG_NEWTON_MAX_PARAMETERS || problem->samples == 0 ||
         problem->samples > UINT32_MAX)
         return LG_INVALID_ARGUMENT;

@@ -652,6 +652,70 @@ static void test_float_agrees_with_double(void **state) {
     }
 }
 
+/* ---- values: the gradient check only wants derivatives that fit them ---- */
+
+OP(mean_all, lg_mean(t, v))
+OP(sum_rows, lg_sum_axis(t, v, 0, false))
+OP(mean_rows, lg_mean_axis(t, v, 0, false))
+OP(mean_columns, lg_mean_axis(t, v, -1, true))
+OP(max_columns, lg_max_axis(t, v, 1, false))
+OP(last_column, lg_slice(t, v, 1, 2, 1))
+OP(padded_rows, lg_pad(t, v, 0, 1, 0))
+OP(beside, lg_concat(t, (lg_var[2]){v, good(t)}, 2, 1))
+OP(transposed, lg_transpose(t, v))
+OP(second_row, lg_gather(t, v, first_rows + 1, 1))
+OP(dot_rows, lg_rowdot(t, v, good(t)))
+OP(cross_rows, lg_cross(t, v, good(t)))
+OP(times_row, lg_mul(t, v, lg_input_f64(t, lg_shape1(3), weights3)))
+OP(product_nt, lg_matmul_nt(t, v, good(t)))
+OP(product_tn, lg_matmul_tn(t, v, good(t)))
+OP(combination, lg_combine(t, (lg_var[2]){v, good(t)}, (const double[2]){2, -1}, 2))
+OP(solved, lg_spd_solve(t, lg_input_f64(t, lg_shape3(1, 2, 2), (const double[4]){2, 1, 1, 3}),
+                        lg_reshape(t, v, lg_shape3(1, 2, 3))))
+
+/* At v = (1 -2 3; 4 5 -6), with (1 2 3; 4 5 6) as the other operand. */
+static void test_values_by_hand(void **state) {
+    (void)state;
+    static const double v[6] = {1, -2, 3, 4, 5, -6};
+    static const struct {
+        const char *name;
+        lg_var (*call)(lg_tape *, lg_var);
+        size_t count;
+        double expected[12];
+    } rows[] = {
+        {"mean", call_mean_all, 1, {5.0 / 6}},
+        {"sum of rows", call_sum_rows, 3, {5, 3, -3}},
+        {"mean of rows", call_mean_rows, 3, {2.5, 1.5, -1.5}},
+        {"mean of columns", call_mean_columns, 2, {2.0 / 3, 1}},
+        {"maximum of columns", call_max_columns, 2, {3, 5}},
+        {"slice", call_last_column, 2, {3, -6}},
+        {"pad", call_padded_rows, 9, {0, 0, 0, 1, -2, 3, 4, 5, -6}},
+        {"concat", call_beside, 12, {1, -2, 3, 1, 2, 3, 4, 5, -6, 4, 5, 6}},
+        {"transpose", call_transposed, 6, {1, 4, -2, 5, 3, -6}},
+        {"gather", call_second_row, 3, {4, 5, -6}},
+        {"rowdot", call_dot_rows, 2, {6, 5}},
+        {"cross", call_cross_rows, 6, {-12, 0, 4, 60, -48, 0}},
+        {"broadcast product", call_times_row, 6, {1, -4, 9, 4, 10, -18}},
+        {"product nt", call_product_nt, 4, {6, 12, -4, 5}},
+        {"product tn", call_product_tn, 9, {17, 22, 27, 18, 21, 24, -21, -24, -27}},
+        {"combine", call_combination, 6, {1, -6, 3, 4, 5, -18}},
+        {"solve", call_solved, 6, {-0.2, -2.2, 3, 1.4, 2.4, -3}},
+    };
+    for (int dtype = 0; dtype < 2; dtype++) {
+        lg_tape *t = new_tape((lg_dtype)dtype);
+        for (size_t i = 0; i < LG_COUNT(rows); i++) {
+            double got[12];
+            lg_var y = rows[i].call(t, lg_input_f64(t, lg_shape2(2, 3), v));
+            if (lg_read(t, y, got, rows[i].count) != LG_OK)
+                fail_msg("%s: %s", rows[i].name, lg_tape_message(t));
+            for (size_t j = 0; j < rows[i].count; j++)
+                if (!lg_is_close(got[j], rows[i].expected[j], 1e-6, 1e-6))
+                    fail_msg("%s, number %zu: %g, expected %g", rows[i].name, j, got[j], rows[i].expected[j]);
+        }
+        lg_tape_destroy(t);
+    }
+}
+
 /* ---- gradients of gradients ---- */
 
 typedef struct closed_form {
@@ -1270,6 +1334,7 @@ int main(void) {
         cmocka_unit_test(test_max_bytes),
         cmocka_unit_test(test_options),
         cmocka_unit_test(test_float_agrees_with_double),
+        cmocka_unit_test(test_values_by_hand),
         cmocka_unit_test(test_fourth_order_closed_forms),
         cmocka_unit_test(test_activations_end_at_order_eight),
         cmocka_unit_test(test_hessian_vector_product),
