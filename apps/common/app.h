@@ -123,6 +123,9 @@ int app_fail(const app *app, lg_status status, const char *format, ...) __attrib
 /* The same for what went wrong while reading or writing `path`: exit code 3 whatever the status, except for
  * memory and Ctrl-C. `error` may be NULL. */
 int app_fail_file(const app *app, lg_status status, const lg_error *error, const char *path);
+/* Fills `error` (may be NULL) and returns `status`: what a function gives back to the one that will tell. */
+lg_status app_error(lg_error *error, lg_status status, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
 void app_warn(const app *app, const char *format, ...) __attribute__((format(printf, 2, 3)));
 /* A sentence about the command line with a hint at --help; returns APP_EXIT_USAGE. */
 int app_usage(const app *app, const char *format, ...) __attribute__((format(printf, 2, 3)));
@@ -151,7 +154,6 @@ typedef struct app_json {
     char *text;
     size_t length;
     bool comma;
-    bool failed;
 } app_json;
 void app_json_begin(app_json *json);
 void app_json_real(app_json *json, const char *key, double value); /* null when not finite; 17 digits */

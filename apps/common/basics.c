@@ -9,6 +9,8 @@
 #include <string.h>
 #include <time.h>
 
+#include "liegrad/io.h"
+
 /* The one table from status to exit code. */
 static const struct {
     lg_status status;
@@ -53,6 +55,16 @@ int app_fail_file(const app *self, lg_status status, const lg_error *error, cons
     const bool named = strstr(sentence, path) != NULL;
     const int code = app_fail(self, status, "%s%s%s", named ? "" : path, named ? "" : ": ", sentence);
     return code == APP_EXIT_MEMORY || code == APP_EXIT_INTERRUPTED ? code : APP_EXIT_FILE;
+}
+
+lg_status app_error(lg_error *error, lg_status status, const char *format, ...) {
+    if (error == NULL) return status;
+    va_list arguments;
+    va_start(arguments, format);
+    error->status = status;
+    (void)vsnprintf(error->message, sizeof error->message, format, arguments);
+    va_end(arguments);
+    return status;
 }
 
 int app_usage(const app *self, const char *format, ...) {
@@ -125,16 +137,7 @@ bool app_parse_real(const char *text, double *out) {
 }
 
 bool app_parse_size(const char *text, uint64_t *out) {
-    if (text[0] == '\0') return false;
-    uint64_t value = 0;
-    for (const char *c = text; *c != '\0'; c++) {
-        if (*c < '0' || *c > '9') return false;
-        const uint64_t digit = (uint64_t)(*c - '0');
-        if (value > (UINT64_MAX - digit) / 10) return false;
-        value = 10 * value + digit;
-    }
-    *out = value;
-    return true;
+    return lg_integer_parse(text, out) == LG_OK;
 }
 
 bool app_parse_reals(const char *text, app_reals *out) {

@@ -83,6 +83,7 @@ static int run(app *self) {
     status = lg_trajectories_read(self->context, self->arguments[1], NULL, &test, &error);
     int code = APP_EXIT_OK;
     if (status == LG_OK) {
+        warn_of_inputs(self, self->arguments[1], &test);
         code = evaluate(self, &file, &test);
         lg_trajectories_free(self->context, &test);
     } else {

@@ -7,20 +7,12 @@
 
 enum { STREAM_WEIGHTS = 1, ERROR_CHUNK = 128 };
 
-static lg_status fail(lg_error *error, lg_status status, const char *sentence) {
-    if (error != NULL) {
-        error->status = status;
-        (void)snprintf(error->message, sizeof error->message, "%s", sentence);
-    }
-    return status;
-}
-
 lg_status describe_run(const lg_trajectories *data, lg_potential_kind potential, const uint32_t *hidden,
                        uint32_t hidden_layers, lg_activation activation, lg_hamiltonian_run *run,
                        lg_error *error) {
     const lg_status status = lg_hamiltonian_init(&run->model, data->family, data->links, potential, hidden,
                                                  hidden_layers, activation);
-    if (status != LG_OK) return fail(error, status, "a network of this size cannot be made");
+    if (status != LG_OK) return app_error(error, status, "a network of this size cannot be made");
     memcpy(run->system, data->system, sizeof run->system);
     memcpy(run->data_sha256, data->sha256, sizeof run->data_sha256);
     run->trajectories = data->count;
@@ -113,12 +105,18 @@ lg_status mean_squared_error(const lg_context *context, const lg_hamiltonian_pro
     lg_status status = lg_tape_create(context, NULL, &tape);
     if (status == LG_OK) {
         status = add_chunks(tape, &fit, theta, out);
-        if (status != LG_OK) (void)fail(error, status, lg_tape_message(tape));
+        if (status != LG_OK) (void)app_error(error, status, "%s", lg_tape_message(tape));
     } else {
-        (void)fail(error, status, lg_status_sentence(status));
+        (void)app_error(error, status, "%s", lg_status_sentence(status));
     }
     lg_tape_destroy(tape);
     return status;
+}
+
+void warn_of_inputs(const app *self, const char *path, const lg_trajectories *data) {
+    if (data->inputs != NULL)
+        app_warn(self, "%s: /inputs (%u a step) are not used: the learned system has none", path,
+                 data->input_size);
 }
 
 lg_provenance provenance_of(const app *self, uint64_t seed) {

@@ -52,6 +52,9 @@ void learner_destroy(learner *self);
  * precision. */
 lg_status mean_squared_error(const lg_context *context, const lg_hamiltonian_problem *problem,
                              const double *theta, double *out, lg_error *error);
+/* Learned systems are autonomous: says so when the data come with inputs. */
+void warn_of_inputs(const app *self, const char *path, const lg_trajectories *data);
+
 lg_provenance provenance_of(const app *app, uint64_t seed);
 lg_status save_checkpoint(const app *app, const char *path, const lg_hamiltonian_run *run, const lg_fit *fit,
                           lg_error *error);

@@ -5,13 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static lg_status fail(lg_error *error, lg_status status, const char *sentence) {
-    if (error != NULL) {
-        error->status = status;
-        (void)snprintf(error->message, sizeof error->message, "%s", sentence);
-    }
-    return status;
-}
+#include "liegrad/geometry.h"
 
 lg_status make_system(const lg_context *context, const lg_scene *scene, lg_system **out, lg_error *error) {
     lg_system_options options;
@@ -21,16 +15,6 @@ lg_status make_system(const lg_context *context, const lg_scene *scene, lg_syste
     options.masses = scene->masses;
     options.lengths = scene->lengths;
     return lg_system_create(context, scene->system, &options, out, error);
-}
-
-static void cross(const double *a, const double *b, double *out) {
-    out[0] = a[1] * b[2] - a[2] * b[1];
-    out[1] = a[2] * b[0] - a[0] * b[2];
-    out[2] = a[0] * b[1] - a[1] * b[0];
-}
-
-static double dot(const double *a, const double *b) {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
 /* One start of `starts: box`. Chains: q normalised N(0, I), p = q x u, u ~ U[low, high]^3; others: U[low,
@@ -45,13 +29,13 @@ static void box_start(const lg_scene *scene, lg_rng *rng, double *state) {
         double *q = state + 6 * link, u[3], length;
         do {
             for (int i = 0; i < 3; i++) q[i] = lg_rng_normal(rng);
-            length = sqrt(dot(q, q));
+            length = sqrt(lg_dot3(q, q));
         } while (length < 1e-3);
         for (int i = 0; i < 3; i++) {
             q[i] /= length;
             u[i] = lg_rng_uniform_in(rng, scene->low, scene->high);
         }
-        cross(q, u, q + 3);
+        lg_cross3(q, u, q + 3);
     }
 }
 
@@ -121,7 +105,7 @@ lg_status sample_scene(const lg_context *context, const lg_scene *scene, const s
                                     how->points, how->t_end, true, 0, &data);
     if (status != LG_OK) {
         lg_system_destroy(context, system);
-        return fail(error, status, lg_status_sentence(status));
+        return app_error(error, status, "%s", lg_status_sentence(status));
     }
     const bool box = scene->has_starts && scene->starts == LG_STARTS_BOX;
     status = (box ? sample_box : sample_thesis)(context, scene, system, how, &data, error);
@@ -136,13 +120,13 @@ lg_status sample_scene(const lg_context *context, const lg_scene *scene, const s
 /* p_i = m_ii q_i' + P_i sum_{j != i} m_ij q_j', q_j' = omega_j x q_j, from the state q_1, omega_1, ... */
 static void momenta(const double *mass, size_t links, const double *velocities, double *state) {
     double *rates = app_alloc(3 * links, sizeof *rates);
-    for (size_t i = 0; i < links; i++) cross(velocities + 6 * i + 3, velocities + 6 * i, rates + 3 * i);
+    for (size_t i = 0; i < links; i++) lg_cross3(velocities + 6 * i + 3, velocities + 6 * i, rates + 3 * i);
     for (size_t i = 0; i < links; i++) {
         const double *q = velocities + 6 * i;
         double others[3] = {0, 0, 0};
         for (size_t j = 0; j < links; j++)
             for (int c = 0; j != i && c < 3; c++) others[c] += mass[i * links + j] * rates[3 * j + (size_t)c];
-        const double along = dot(q, others);
+        const double along = lg_dot3(q, others);
         for (int c = 0; c < 3; c++) {
             state[6 * i + (size_t)c] = q[c];
             state[6 * i + 3 + (size_t)c] =
@@ -153,7 +137,7 @@ static void momenta(const double *mass, size_t links, const double *velocities, 
 }
 
 lg_status scene_start(const lg_scene *scene, const lg_system *system, double *state, lg_error *error) {
-    if (!scene->has_initial) return fail(error, LG_FORMAT, "the scene has no `initial`");
+    if (!scene->has_initial) return app_error(error, LG_FORMAT, "the scene has no `initial`");
     if (scene->family != LG_HAMILTONIAN_CHAIN || scene->form != LG_SCENE_LAGRANGIAN) {
         memcpy(state, scene->state, scene->state_size * sizeof *state);
         return LG_OK;
@@ -162,5 +146,5 @@ lg_status scene_start(const lg_scene *scene, const lg_system *system, double *st
     const lg_status status = lg_chain_mass_matrix(system, mass);
     if (status == LG_OK) momenta(mass, scene->links, scene->state, state);
     free(mass);
-    return status == LG_OK ? LG_OK : fail(error, status, lg_status_sentence(status));
+    return status == LG_OK ? LG_OK : app_error(error, status, "%s", lg_status_sentence(status));
 }

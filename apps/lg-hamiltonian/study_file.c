@@ -4,7 +4,6 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <math.h>
-#include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -13,17 +12,6 @@
 enum { COLUMNS = 15 };
 static const char header[] =
     "integrator,substeps,N,M,eps,penalty,repeat,seed,loss,E1,E2,seconds,epochs,status,protocol";
-
-static lg_status fail(lg_error *error, lg_status status, const char *format, ...)
-    __attribute__((format(printf, 3, 4)));
-static lg_status fail(lg_error *error, lg_status status, const char *format, ...) {
-    va_list arguments;
-    va_start(arguments, format);
-    error->status = status;
-    (void)vsnprintf(error->message, sizeof error->message, format, arguments);
-    va_end(arguments);
-    return status;
-}
 
 /* ---- reading ---- */
 
@@ -82,16 +70,17 @@ static lg_status parse_text(study_file *file, char *text, lg_error *error) {
         number++;
         if (number == 1) {
             if (strcmp(line, header) == 0) continue;
-            return fail(error, LG_FORMAT,
-                        "%s: line 1: this is not the table of a study; first line expected: %s", file->path,
-                        header);
+            return app_error(error, LG_FORMAT,
+                             "%s: line 1: this is not the table of a study; first line expected: %s",
+                             file->path, header);
         }
         if (!parse_row(line, &protocol, &row))
-            return fail(error, LG_FORMAT, "%s: line %zu: not a row of a study", file->path, number);
+            return app_error(error, LG_FORMAT, "%s: line %zu: not a row of a study", file->path, number);
         if (strcmp(protocol, file->protocol) != 0)
-            return fail(error, LG_FORMAT,
-                        "%s: line %zu: the row belongs to a study with other settings (protocol %s, not %s)",
-                        file->path, number, protocol, file->protocol);
+            return app_error(
+                error, LG_FORMAT,
+                "%s: line %zu: the row belongs to a study with other settings (protocol %s, not %s)",
+                file->path, number, protocol, file->protocol);
         keep(file, &row);
     }
     return LG_OK;
@@ -135,31 +124,31 @@ static lg_status append(study_file *file, const char *text, lg_error *error) {
     if (number == 0 && fsync(file->fd) != 0) number = errno;
     if (number == 0) return LG_OK;
     if (before >= 0 && ftruncate(file->fd, before) != 0) number = errno;
-    return fail(error, LG_FILE, "%s: a row cannot be written: %s", file->path, strerror(number));
+    return app_error(error, LG_FILE, "%s: a row cannot be written: %s", file->path, strerror(number));
 }
 
 lg_status study_file_open(const char *path, const char *protocol, study_file *out, lg_error *error) {
     study_file file = {.path = path, .fd = open(path, O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0666)};
     if (file.fd < 0)
-        return fail(error, LG_FILE, "%s: cannot be opened for writing: %s", path, strerror(errno));
+        return app_error(error, LG_FILE, "%s: cannot be opened for writing: %s", path, strerror(errno));
     (void)snprintf(file.protocol, sizeof file.protocol, "%s", protocol);
     size_t size = 0;
     char *text = read_whole(file.fd, &size);
     lg_status status = LG_OK;
     if (text == NULL) {
-        status = fail(error, LG_FILE, "%s: cannot be read", path);
+        status = app_error(error, LG_FILE, "%s: cannot be read", path);
     } else if (strlen(text) != size) {
-        status = fail(error, LG_FORMAT, "%s: this is not the table of a study", path);
+        status = app_error(error, LG_FORMAT, "%s: this is not the table of a study", path);
     } else {
         const char *last = strrchr(text, '\n');
         const size_t whole = last != NULL ? (size_t)(last - text) + 1 : 0;
         const bool unfinished_header = whole == 0 && strncmp(header, text, size) == 0;
         if (whole == 0 && !unfinished_header)
-            status = fail(error, LG_FORMAT, "%s: line 1: this is not the table of a study", path);
+            status = app_error(error, LG_FORMAT, "%s: line 1: this is not the table of a study", path);
         if (status == LG_OK) status = parse_text(&file, text, error);
         if (status == LG_OK && whole < size && ftruncate(file.fd, (off_t)whole) != 0)
-            status = fail(error, LG_FILE, "%s: the unfinished last row cannot be removed: %s", path,
-                          strerror(errno));
+            status = app_error(error, LG_FILE, "%s: the unfinished last row cannot be removed: %s", path,
+                               strerror(errno));
         if (status == LG_OK && whole == 0) {
             char *first = app_format("%s\n", header);
             status = append(&file, first, error);

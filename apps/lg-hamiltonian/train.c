@@ -118,6 +118,17 @@ static int finish(training *self, double seconds) {
     return code;
 }
 
+/* Training broke down: the state before the step that failed is kept: nothing is lost. */
+static int broken(training *self, lg_status status, const lg_error *fit_error) {
+    const char *message = fit_error->message[0] != '\0' ? fit_error->message : lg_status_sentence(status);
+    if (lg_fit_steps_done(self->learner.fit) > 0) {
+        (void)on_checkpoint(self, self->learner.fit);
+        if (self->checkpoint_status == LG_OK)
+            return app_fail(self->app, status, "%s; the state before it is in %s", message, self->checkpoint);
+    }
+    return app_fail(self->app, status, "%s", message);
+}
+
 /* The fit has returned `status`: history, then what the status asks for. */
 static int conclude(training *self, lg_status status, const lg_error *fit_error, double seconds) {
     lg_error error = {LG_OK, ""};
@@ -136,9 +147,7 @@ static int conclude(training *self, lg_status status, const lg_error *fit_error,
                       self->app->title, (unsigned long long)lg_fit_epochs_done(learned->fit) + 1,
                       (unsigned long long)learned->run.epochs, self->checkpoint);
     if (status == LG_CANCELLED) return APP_EXIT_INTERRUPTED;
-    if (status != LG_OK)
-        return app_fail(self->app, status, "%s",
-                        fit_error->message[0] != '\0' ? fit_error->message : lg_status_sentence(status));
+    if (status != LG_OK) return broken(self, status, fit_error);
     return code == APP_EXIT_OK ? finish(self, seconds) : code;
 }
 
@@ -234,6 +243,7 @@ static int run_train(app *self) {
         if (status != LG_OK) {
             code = app_fail_file(self, status, &error, self->arguments[0]);
         } else {
+            warn_of_inputs(self, self->arguments[0], &data);
             code = run_with(&state, &data);
             lg_trajectories_free(self->context, &data);
         }

@@ -35,7 +35,7 @@ const app_option train_options[] = {
                  "L2 penalty in the gradient (default 0)"),
     APP_ROW_POSITIVE(train_values, adam_eps, "adam-eps", "EPS", "Adam's eps (default 1e-12)"),
     APP_ROW_REAL(train_values, clip, "clip", "NORM", 0, 1e300,
-                 "Bound on the gradient's norm, 0 for none (default 0.01)"),
+                 "Bound on the gradient's norm, 0 for none (default 1e-3)"),
     APP_ROW_REAL(train_values, penalty, "penalty", "MU", 0, 1e300,
                  "First-integral penalty for (q_1^2 + p_1^2)/2 (default 0: none)"),
     APP_ROW_CHOICE(train_values, penalty_form, "penalty-form", penalty_forms,

@@ -182,9 +182,9 @@ typedef struct lg_fit_options {
     lg_dtype dtype;  /* LG_F64; of tapes, theta and moments */
     uint64_t epochs; /* 100: planned total, >= 1 */
     size_t batch;    /* 0: all samples; the last batch of an epoch may be smaller */
-    uint32_t shards; /* 4, 1..1024: contiguous near-equal pieces of a batch, min(shards, batch) of them. Each has a
-                      * gradient of its own: where parameters outweigh the batch take 1; threads beyond the
-                      * shards split the large products instead */
+    uint32_t shards; /* 4, 1..1024: contiguous near-equal pieces of a batch, min(shards, batch) of them. Each
+                      * has a gradient of its own: where parameters outweigh the batch take 1; threads beyond
+                      * the shards split the large products instead */
     lg_adam_options adam; /* lg_adam_defaults() */
     lg_schedule schedule; /* constant */
     double clip_norm;     /* 0: off; else the bound on the gradient's Euclidean norm */

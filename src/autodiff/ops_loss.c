@@ -65,5 +65,9 @@ lg_var lg_loss_apply(lg_tape *tape, lg_loss kind, lg_var prediction, lg_var targ
 }
 
 lg_var lg_mse(lg_tape *tape, lg_var prediction, lg_var target) {
+    if (tape->status != LG_OK) return LG_NONE;
+    const lg_node *in[2] = {lg_node_of(tape, prediction, "mse"), lg_node_of(tape, target, "mse")};
+    if (in[0] == NULL || in[1] == NULL) return LG_NONE;
+    if (!lg_same_shape(&in[0]->shape, &in[1]->shape)) return lg_fail_shapes(tape, "mse", in, 2);
     return lg_mean(tape, lg_square(tape, lg_sub(tape, prediction, target)));
 }

@@ -1,11 +1,11 @@
 /* Dense products C = [C +] op(A) op(B): which form, which kernel, how many threads.
  *
- * nn and tn go straight to the own kernel, which reads A through strides. nt needs rows of B^T: for small B its transpose is
- * made once and kept with the node (a weight is used many times in a step); for large B and few rows the transposed product
- * C^T = B A^T is formed instead, which only transposes A and C. Every form sums over the inner index in the same order, so
- * they agree to the last bit, as do all ways of splitting a product among threads. OpenBLAS takes over where its cache
- * blocking pays for its lock and its packing; the limit depends on the shape alone, so that bits do not depend on
- * threads.
+ * nn and tn go straight to the own kernel, which reads A through strides. nt needs rows of B^T: for small B
+ * its transpose is made once and kept with the node (a weight is used many times in a step); for large B and
+ * few rows the transposed product C^T = B A^T is formed instead, which only transposes A and C. Every form
+ * sums over the inner index in the same order, so they agree to the last bit, as do all ways of splitting a
+ * product among threads. OpenBLAS takes over where its cache blocking pays for its lock and its packing; the
+ * limit depends on the shape alone, so that bits do not depend on threads.
  */
 #include <cblas.h>
 
@@ -20,8 +20,8 @@
 
 enum { NN, NT, TN };
 
-static void blas(lg_dtype dtype, uint32_t variant, size_t m, size_t n, size_t k, const void *a, const void *b, void *c,
-                 bool accumulate) {
+static void blas(lg_dtype dtype, uint32_t variant, size_t m, size_t n, size_t k, const void *a, const void *b,
+                 void *c, bool accumulate) {
     const enum CBLAS_TRANSPOSE ta = variant == TN ? CblasTrans : CblasNoTrans;
     const enum CBLAS_TRANSPOSE tb = variant == NT ? CblasTrans : CblasNoTrans;
     const int lda = (int)(variant == TN ? m : k), ldb = (int)(variant == NT ? k : n);
@@ -29,7 +29,8 @@ static void blas(lg_dtype dtype, uint32_t variant, size_t m, size_t n, size_t k,
     if (dtype == LG_F64)
         cblas_dgemm(CblasRowMajor, ta, tb, (int)m, (int)n, (int)k, 1.0, a, lda, b, ldb, beta, c, (int)n);
     else
-        cblas_sgemm(CblasRowMajor, ta, tb, (int)m, (int)n, (int)k, 1.0f, a, lda, b, ldb, (float)beta, c, (int)n);
+        cblas_sgemm(CblasRowMajor, ta, tb, (int)m, (int)n, (int)k, 1.0f, a, lda, b, ldb, (float)beta, c,
+                    (int)n);
 }
 
 /* ---- the own kernel, split over columns or rows of C ---- */
@@ -51,8 +52,8 @@ static void run_piece(void *user, size_t index) {
         p->kernels->gemm(length, p->n, p->k, p->a + start * p->ra * size, p->ra, p->ca, p->b, p->n,
                          p->c + start * p->n * size, p->n, p->accumulate);
     else
-        p->kernels->gemm(p->m, length, p->k, p->a, p->ra, p->ca, p->b + start * size, p->n, p->c + start * size, p->n,
-                         p->accumulate);
+        p->kernels->gemm(p->m, length, p->k, p->a, p->ra, p->ca, p->b + start * size, p->n,
+                         p->c + start * size, p->n, p->accumulate);
 }
 
 static void run(lg_tape *tape, product *p) {
@@ -69,7 +70,8 @@ static void run(lg_tape *tape, product *p) {
 
 /* ---- nt ---- */
 
-static const void *kept_transpose(lg_tape *tape, size_t m, size_t n, size_t k, const void *b, uint32_t b_node) {
+static const void *kept_transpose(lg_tape *tape, size_t m, size_t n, size_t k, const void *b,
+                                  uint32_t b_node) {
     const lg_node *node = &tape->nodes[b_node];
     if (b != node->value || node->shape.rank != 2) return NULL;
     if (node->transposed == NULL && n * k > KEPT_TRANSPOSE && m < MANY_ROWS) return NULL;
@@ -93,14 +95,22 @@ static void run_transposed(lg_tape *tape, size_t m, size_t n, size_t k, const vo
     if (ct != NULL) lg_pool_give(tape, ct, 2 * c_bytes);
 }
 
-void lg_gemm(lg_tape *tape, uint32_t variant, size_t m, size_t n, size_t k, const void *a, const void *b, uint32_t b_node,
-             void *c, bool accumulate) {
+void lg_gemm(lg_tape *tape, uint32_t variant, size_t m, size_t n, size_t k, const void *a, const void *b,
+             uint32_t b_node, void *c, bool accumulate) {
     const size_t largest = (size_t)1 << 30;
     if ((double)m * (double)n * (double)k > OWN_KERNEL_LIMIT && m < largest && n < largest && k < largest) {
         blas(tape->k->dtype, variant, m, n, k, a, b, c, accumulate);
         return;
     }
-    product p = {.kernels = tape->k, .m = m, .n = n, .k = k, .ra = k, .ca = 1, .a = a, .b = b, .c = c,
+    product p = {.kernels = tape->k,
+                 .m = m,
+                 .n = n,
+                 .k = k,
+                 .ra = k,
+                 .ca = 1,
+                 .a = a,
+                 .b = b,
+                 .c = c,
                  .accumulate = accumulate};
     if (variant == TN) {
         p.ra = 1;

@@ -114,7 +114,7 @@ struct lg_tape {
     const lg_context *context;
     const lg_kernels *k;
     lg_tape_options options;
-    size_t bytes; /* allocated through the context */
+    size_t bytes;     /* allocated through the context */
     lg_pool *workers; /* NULL for one thread */
 
     lg_node *nodes;

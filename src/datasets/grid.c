@@ -4,30 +4,8 @@
 #include <string.h>
 
 #include "datasets/h5.h"
+#include "datasets/names.h"
 #include "datasets/scene.h"
-
-static const char *integrator_name(uint32_t value) {
-    return value < LG_TRAIN_INTEGRATOR_COUNT ? lg_train_integrator_name((lg_train_integrator)value) : NULL;
-}
-static const char *activation_name(uint32_t value) {
-    return value < LG_ACTIVATION_COUNT ? lg_activation_name((lg_activation)value) : NULL;
-}
-static const char *dtype_name(uint32_t value) {
-    static const char *const names[] = {[LG_F64] = "f64", [LG_F32] = "f32"};
-    return value < LG_COUNT(names) ? names[value] : NULL;
-}
-static const char *potential_name(uint32_t value) {
-    static const char *const names[] = {[LG_POTENTIAL_MLP] = "mlp", [LG_POTENTIAL_LINEAR] = "linear"};
-    return value < LG_COUNT(names) ? names[value] : NULL;
-}
-static const char *noise_name(uint32_t value) {
-    static const char *const names[] = {[LG_NOISE_NORMAL] = "normal", [LG_NOISE_UNIFORM] = "uniform"};
-    return value < LG_COUNT(names) ? names[value] : NULL;
-}
-static const char *penalty_form_name(uint32_t value) {
-    static const char *const names[] = {[LG_PENALTY_TEXT] = "text", [LG_PENALTY_PUBLISHED] = "published"};
-    return value < LG_COUNT(names) ? names[value] : NULL;
-}
 
 #define ALL   UINT32_MAX
 #define LISTS LG_GRID_VALUES
@@ -63,7 +41,7 @@ enum {
 };
 
 static const lg_key keys[KEYS] = {
-    [KEY_INTEGRATORS] = {"integrators", LG_KEY_NAMES, ALL, true, false, 0, 0, LISTS, integrator_name},
+    [KEY_INTEGRATORS] = {"integrators", LG_KEY_NAMES, ALL, true, false, 0, 0, LISTS, lg_name_integrator},
     [KEY_N] = {"N", LG_KEY_COUNTS, ALL, true, false, 1, 1e9, LISTS, NULL},
     [KEY_M] = {"M", LG_KEY_COUNTS, ALL, true, false, 2, 1e9, LISTS, NULL},
     [KEY_EPS] = {"eps", LG_KEY_REALS, ALL, false, false, 0, 1e6, LISTS, NULL},
@@ -79,11 +57,11 @@ static const lg_key keys[KEYS] = {
     [KEY_ADAM_EPS] = {"adam_eps", LG_KEY_REAL, ALL, false, true, 0, 1, 1, NULL},
     [KEY_CLIP] = {"clip", LG_KEY_REAL, ALL, false, false, 0, 1e300, 1, NULL},
     [KEY_HIDDEN] = {"hidden", LG_KEY_COUNTS, ALL, false, false, 1, 1 << 20, LG_MLP_MAX_LAYERS - 1, NULL},
-    [KEY_ACTIVATION] = {"activation", LG_KEY_NAME, ALL, false, false, 0, 0, 1, activation_name},
-    [KEY_POTENTIAL] = {"potential", LG_KEY_NAME, ALL, false, false, 0, 0, 1, potential_name},
-    [KEY_DTYPE] = {"dtype", LG_KEY_NAME, ALL, false, false, 0, 0, 1, dtype_name},
-    [KEY_NOISE_KIND] = {"noise_kind", LG_KEY_NAME, ALL, false, false, 0, 0, 1, noise_name},
-    [KEY_PENALTY_FORM] = {"penalty_form", LG_KEY_NAME, ALL, false, false, 0, 0, 1, penalty_form_name},
+    [KEY_ACTIVATION] = {"activation", LG_KEY_NAME, ALL, false, false, 0, 0, 1, lg_name_activation},
+    [KEY_POTENTIAL] = {"potential", LG_KEY_NAME, ALL, false, false, 0, 0, 1, lg_name_potential},
+    [KEY_DTYPE] = {"dtype", LG_KEY_NAME, ALL, false, false, 0, 0, 1, lg_name_dtype},
+    [KEY_NOISE_KIND] = {"noise_kind", LG_KEY_NAME, ALL, false, false, 0, 0, 1, lg_name_noise},
+    [KEY_PENALTY_FORM] = {"penalty_form", LG_KEY_NAME, ALL, false, false, 0, 0, 1, lg_name_penalty_form},
     [KEY_SHARDS] = {"shards", LG_KEY_COUNT, ALL, false, false, 1, 1024, 1, NULL},
     [KEY_SEED] = {"seed", LG_KEY_WHOLE, ALL, false, false, 0, 0, 1, NULL},
     [KEY_TEST] = {"test", LG_KEY_MAP, ALL, false, false, 0, 0, 0, NULL},

@@ -65,6 +65,10 @@ static void enter_child(const lg_read_options *options, uint64_t file_bytes) {
     limit(RLIMIT_CORE, 0);
     uint64_t seconds = options->probe_seconds + (file_bytes >> 25); /* and one for each 32 MiB */
     limit(RLIMIT_CPU, (rlim_t)seconds);
+    /* A lock that another thread of the parent held at the fork is held for ever: that takes no CPU time. */
+    (void)signal(SIGALRM, SIG_DFL);
+    const uint64_t patience = 60 + 10 * seconds;
+    (void)alarm(patience < INT_MAX ? (unsigned)patience : (unsigned)INT_MAX);
     if (LG_LIMIT_MEMORY) {
         uint64_t extra = ((uint64_t)1 << 30) + options->max_bytes / 4 + 16 * file_bytes;
         limit(RLIMIT_AS, (rlim_t)(addresses_in_use() + extra));

@@ -4,27 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-/* ---- enumerations as names ---- */
-
-static const char *const family_names[] = {"chain", "separable"};
-static const char *const potential_names[] = {"mlp", "linear"};
-static const char *const dtype_names[] = {"f64", "f32"};
-static const char *const penalty_names[] = {"text", "published"};
-
-static const char *activation_name(uint32_t value) {
-    return value < LG_ACTIVATION_COUNT ? lg_activation_name((lg_activation)value) : NULL;
-}
-static const char *integrator_name(uint32_t value) {
-    return value < LG_TRAIN_INTEGRATOR_COUNT ? lg_train_integrator_name((lg_train_integrator)value) : NULL;
-}
-#define NAME_FUNCTION(kind)                                                                                  \
-    static const char *kind##_name(uint32_t value) {                                                         \
-        return value < LG_COUNT(kind##_names) ? kind##_names[value] : NULL;                                  \
-    }
-NAME_FUNCTION(family)
-NAME_FUNCTION(potential)
-NAME_FUNCTION(dtype)
-NAME_FUNCTION(penalty)
+#include "datasets/names.h"
 
 /* ---- one table for saving, loading and comparing ---- */
 
@@ -41,16 +21,16 @@ typedef struct row {
 #define FIELD(member) offsetof(lg_hamiltonian_run, member), sizeof(((lg_hamiltonian_run *)0)->member)
 
 static const row rows[] = {
-    {"model", "family", ROW_NAME, FIELD(model.family), 0, family_name},
+    {"model", "family", ROW_NAME, FIELD(model.family), 0, lg_name_family},
     {"model", "links", ROW_U32, FIELD(model.links), 1, NULL},
-    {"model", "potential", ROW_NAME, FIELD(model.potential), 0, potential_name},
-    {"model", "activation", ROW_NAME, FIELD(model.net.activation), 0, activation_name},
-    {"run", "dtype", ROW_NAME, FIELD(dtype), 0, dtype_name},
+    {"model", "potential", ROW_NAME, FIELD(model.potential), 0, lg_name_potential},
+    {"model", "activation", ROW_NAME, FIELD(model.net.activation), 0, lg_name_activation},
+    {"run", "dtype", ROW_NAME, FIELD(dtype), 0, lg_name_dtype},
     {"run", "system", ROW_TEXT, FIELD(system), 0, NULL},
-    {"run", "integrator", ROW_NAME, FIELD(integrator), 0, integrator_name},
+    {"run", "integrator", ROW_NAME, FIELD(integrator), 0, lg_name_integrator},
     {"run", "substeps", ROW_U32, FIELD(substeps), 1, NULL},
     {"run", "penalty", ROW_REAL, FIELD(penalty), 0, NULL},
-    {"run", "penalty_form", ROW_NAME, FIELD(penalty_form), 0, penalty_name},
+    {"run", "penalty_form", ROW_NAME, FIELD(penalty_form), 0, lg_name_penalty_form},
     {"run", "epochs", ROW_U64, FIELD(epochs), 0, NULL},
     {"run", "batch", ROW_U64, FIELD(batch), 0, NULL},
     {"run", "lr", ROW_REAL, FIELD(lr), 0, NULL},
@@ -172,16 +152,8 @@ lg_status lg_run_check(const char *path, const lg_hamiltonian_run *run, lg_error
     return LG_OK;
 }
 
-static void input_names(const lg_hamiltonian *model, char *text, size_t size) {
-    size_t used = 0;
-    (void)snprintf(text, size, "q p");
-    if (model->family != LG_HAMILTONIAN_CHAIN) return;
-    for (uint32_t i = 1; i <= model->links && used < size; i++)
-        used += (size_t)snprintf(text + used, size - used, "%sq%u p%u", i > 1 ? " " : "", i, i);
-}
-
 lg_status lg_run_put(lg_h5 *h5, const lg_hamiltonian_run *run, lg_error *error) {
-    char text[12 * LG_HAMILTONIAN_MAX_LINKS];
+    char text[LG_LAYOUT_TEXT];
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         const row *r = &rows[i];
         row_value value = value_of(r, run);
@@ -197,7 +169,7 @@ lg_status lg_run_put(lg_h5 *h5, const lg_hamiltonian_run *run, lg_error *error) 
     bool chain = run->model.family == LG_HAMILTONIAN_CHAIN;
     hidden_text(&run->model, text, sizeof text);
     LG_TRY(lg_h5_put_text(h5, "model", "hidden", text, error));
-    input_names(&run->model, text, sizeof text);
+    lg_layout_text(run->model.family, run->model.links, text);
     LG_TRY(lg_h5_put_text(h5, "model", "inputs", text, error));
     LG_TRY(lg_h5_put_text(h5, "model", "input_units", chain ? "q: 1, p: kg m^2/s" : "q: 1, p: 1", error));
     LG_TRY(lg_h5_put_text(h5, "model", "outputs", "H", error));
@@ -247,12 +219,6 @@ static lg_status get_row(lg_h5 *h5, const row *r, lg_hamiltonian_run *run, lg_er
     return check_row(h5->path, r, run, LG_FORMAT, error);
 }
 
-static lg_status missing_is_format(lg_status status, lg_error *error) {
-    if (status != LG_NOT_FOUND) return status;
-    if (error != NULL) error->status = LG_FORMAT;
-    return LG_FORMAT;
-}
-
 lg_status lg_run_get(lg_h5 *h5, bool complete, lg_hamiltonian_run *run, lg_error *error) {
     char text[LG_H5_TEXT];
     uint32_t hidden[LG_MLP_MAX_LAYERS], count;
@@ -261,10 +227,10 @@ lg_status lg_run_get(lg_h5 *h5, bool complete, lg_hamiltonian_run *run, lg_error
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         bool needed = complete || strcmp(rows[i].group, "model") == 0;
         if (!needed && !lg_h5_has_attribute(h5, rows[i].group, rows[i].name)) continue;
-        LG_TRY(missing_is_format(get_row(h5, &rows[i], &got, error), error));
+        LG_TRY(lg_missing_is_format(get_row(h5, &rows[i], &got, error), error));
     }
     lg_status status = lg_h5_text(h5, "model", "hidden", text, sizeof text, error);
-    if (status != LG_OK && status != LG_SHAPE) return missing_is_format(status, error);
+    if (status != LG_OK && status != LG_SHAPE) return lg_missing_is_format(status, error);
     if (status == LG_SHAPE || !parse_hidden(text, hidden, &count))
         return lg_fail(error, LG_FORMAT, "%s: /model: attribute hidden: expected widths as '100,100,100'",
                        shown);

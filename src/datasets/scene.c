@@ -4,26 +4,16 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "datasets/names.h"
+#include "liegrad/geometry.h"
+
 #define OFF_MANIFOLD 1e-6  /* beyond it a start is an error, not rounding */
 #define ROUNDING     1e-14 /* below it nothing is said or changed */
 
-/* ---- systems: one row each ---- */
-
-typedef struct system_row {
-    const char *name;
-    lg_hamiltonian_family family;
-    uint32_t links; /* 0: chains, as the scene says */
-} system_row;
-
-enum { CHAIN, QUARTIC, COUPLED, SYSTEMS };
-static const system_row systems[SYSTEMS] = {
-    [CHAIN] = {"pendulum-chain", LG_HAMILTONIAN_CHAIN, 0},
-    [QUARTIC] = {"quartic", LG_HAMILTONIAN_SEPARABLE, 2},
-    [COUPLED] = {"coupled-oscillators", LG_HAMILTONIAN_SEPARABLE, 2},
-};
+/* ---- names ---- */
 
 static const char *system_name(uint32_t value) {
-    return value < SYSTEMS ? systems[value].name : NULL;
+    return value < LG_KNOWN_SYSTEMS ? lg_known_systems[value].name : NULL;
 }
 
 static const char *form_name(uint32_t value) {
@@ -40,7 +30,7 @@ static const char *starts_name(uint32_t value) {
 
 #define ON(system) (1u << (system))
 #define ALL        UINT32_MAX
-#define FLAT       (ON(QUARTIC) | ON(COUPLED))
+#define FLAT       (ON(LG_KNOWN_QUARTIC) | ON(LG_KNOWN_COUPLED))
 #define LINKS      LG_HAMILTONIAN_MAX_LINKS
 
 enum {
@@ -69,15 +59,15 @@ enum {
 static const lg_key keys[KEYS] = {
     [KEY_SYSTEM] = {"system", LG_KEY_NAME, ALL, true, false, 0, 0, 1, system_name},
     [KEY_FORM] = {"form", LG_KEY_NAME, ALL, false, false, 0, 0, 1, form_name},
-    [KEY_LINKS] = {"links", LG_KEY_COUNT, ON(CHAIN), false, false, 1, LINKS, 1, NULL},
-    [KEY_GRAVITY] = {"gravity", LG_KEY_REAL, ON(CHAIN), true, false, -1e12, 1e12, 1, NULL},
-    [KEY_MASSES] = {"masses", LG_KEY_REALS, ON(CHAIN), false, true, 0, 1e12, LINKS, NULL},
-    [KEY_LENGTHS] = {"lengths", LG_KEY_REALS, ON(CHAIN), false, true, 0, 1e12, LINKS, NULL},
+    [KEY_LINKS] = {"links", LG_KEY_COUNT, ON(LG_KNOWN_CHAIN), false, false, 1, LINKS, 1, NULL},
+    [KEY_GRAVITY] = {"gravity", LG_KEY_REAL, ON(LG_KNOWN_CHAIN), true, false, -1e12, 1e12, 1, NULL},
+    [KEY_MASSES] = {"masses", LG_KEY_REALS, ON(LG_KNOWN_CHAIN), false, true, 0, 1e12, LINKS, NULL},
+    [KEY_LENGTHS] = {"lengths", LG_KEY_REALS, ON(LG_KNOWN_CHAIN), false, true, 0, 1e12, LINKS, NULL},
     [KEY_T_END] = {"t_end", LG_KEY_REAL, ALL, false, true, 0, 1e12, 1, NULL},
     [KEY_INITIAL] = {"initial", LG_KEY_MAP, ALL, false, false, 0, 0, 0, NULL},
-    [KEY_Q] = {"initial.q", LG_KEY_ROWS, ON(CHAIN), true, false, -2, 2, LINKS, NULL},
-    [KEY_P] = {"initial.p", LG_KEY_ROWS, ON(CHAIN), false, false, -1e12, 1e12, LINKS, NULL},
-    [KEY_OMEGA] = {"initial.omega", LG_KEY_ROWS, ON(CHAIN), false, false, -1e12, 1e12, LINKS, NULL},
+    [KEY_Q] = {"initial.q", LG_KEY_ROWS, ON(LG_KNOWN_CHAIN), true, false, -2, 2, LINKS, NULL},
+    [KEY_P] = {"initial.p", LG_KEY_ROWS, ON(LG_KNOWN_CHAIN), false, false, -1e12, 1e12, LINKS, NULL},
+    [KEY_OMEGA] = {"initial.omega", LG_KEY_ROWS, ON(LG_KNOWN_CHAIN), false, false, -1e12, 1e12, LINKS, NULL},
     [KEY_FLAT_Q] = {"initial.q", LG_KEY_REALS, FLAT, true, false, -1e12, 1e12, LINKS, NULL},
     [KEY_FLAT_P] = {"initial.p", LG_KEY_REALS, FLAT, true, false, -1e12, 1e12, LINKS, NULL},
     [KEY_STARTS] = {"starts", LG_KEY_MAP, ALL, false, false, 0, 0, 0, NULL},
@@ -115,7 +105,7 @@ static lg_status find_links(const lg_yaml *yaml, const lg_key_value *v, uint32_t
 }
 
 static double norm3(const double *a) {
-    return sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
+    return sqrt(lg_dot3(a, a));
 }
 
 /* One link's (q, w) onto T S^2: q/|q|, w - q (q.w). What is off by rounding is projected and told, more is an
@@ -131,7 +121,7 @@ static lg_status place_link(const lg_yaml *yaml, const lg_key_value *q, const lg
                             length, OFF_MANIFOLD);
     double scale = off_sphere > ROUNDING ? 1 / length : 1;
     for (int i = 0; i < 3; i++) to[i] = from_q[i] * scale;
-    double along = to[0] * from_w[0] + to[1] * from_w[1] + to[2] * from_w[2];
+    double along = lg_dot3(to, from_w);
     double off_tangent = fabs(along) / (1 + norm3(from_w));
     if (!(off_tangent <= OFF_MANIFOLD))
         return lg_yaml_fail(yaml, w->lines[3 * link], LG_FORMAT, error,
@@ -202,7 +192,7 @@ static lg_status set_starts(const lg_yaml *yaml, const lg_key_value *v, lg_scene
 
 static lg_status fill(const lg_context *context, const lg_yaml *yaml, const lg_key_value *v, lg_scene *out,
                       lg_error *error) {
-    const system_row *row = &systems[(size_t)v[KEY_SYSTEM].real[0]];
+    const lg_known_system *row = &lg_known_systems[(size_t)v[KEY_SYSTEM].real[0]];
     *out = (lg_scene){.family = row->family,
                       .links = row->links,
                       .low = -1,
@@ -261,14 +251,13 @@ lg_status lg_scene_read(const lg_context *context, const char *path, lg_scene *o
 
 lg_status lg_scene_default(const char *system, uint32_t links, lg_scene *out) {
     if (system == NULL || out == NULL) return LG_INVALID_ARGUMENT;
-    uint32_t index = 0;
-    while (index < SYSTEMS && strcmp(systems[index].name, system) != 0) index++;
-    if (index == SYSTEMS) return LG_INVALID_ARGUMENT;
-    bool chain = systems[index].family == LG_HAMILTONIAN_CHAIN;
+    const lg_known_system *row = lg_find_system(system);
+    if (row == NULL) return LG_INVALID_ARGUMENT;
+    bool chain = row->family == LG_HAMILTONIAN_CHAIN;
     if (chain && (links < 1 || links > LINKS)) return LG_INVALID_ARGUMENT;
-    *out = (lg_scene){.family = systems[index].family,
+    *out = (lg_scene){.family = row->family,
                       .form = LG_SCENE_HAMILTONIAN,
-                      .links = chain ? links : systems[index].links,
+                      .links = chain ? links : row->links,
                       .gravity = chain ? 1 : 0,
                       .low = -1,
                       .high = 1,
@@ -288,14 +277,14 @@ int lg_scene_describe(const char *system, char *text, size_t size) {
         [LG_KEY_COUNTS] = "list", [LG_KEY_NAMES] = "list of names", [LG_KEY_ROWS] = "k x 3 numbers",
         [LG_KEY_MAP] = "mapping"};
     size_t used = 0;
-    uint32_t index = 0;
-    while (index < SYSTEMS && (system == NULL || strcmp(systems[index].name, system) != 0)) index++;
-    if (index == SYSTEMS) return 0;
+    const lg_known_system *row = system != NULL ? lg_find_system(system) : NULL;
+    if (row == NULL) return 0;
+    const uint32_t mask = ON(row - lg_known_systems);
     if (size > 0) text[0] = '\0';
     for (size_t i = 0; i < KEYS; i++) {
         char range[64] = "";
         const lg_key *key = &keys[i];
-        if (!(key->systems & ON(index))) continue;
+        if (!(key->systems & mask)) continue;
         if (key->low < key->high && key->high < 1e12)
             (void)snprintf(range, sizeof range, ", %s%g, %g]", key->open ? "(" : "[", key->low, key->high);
         else if (key->open)

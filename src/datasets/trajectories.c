@@ -5,28 +5,11 @@
 #include <string.h>
 
 #include "datasets/h5.h"
+#include "datasets/names.h"
+#include "liegrad/geometry.h"
 
 #define TIME_TOLERANCE     1e-6 /* of dt */
 #define MANIFOLD_TOLERANCE 1e-6
-
-/* The systems whose family and size are known. links 0: any. */
-typedef struct system_row {
-    const char *name;
-    lg_hamiltonian_family family;
-    uint32_t links;
-} system_row;
-
-static const system_row systems[] = {
-    {"pendulum-chain", LG_HAMILTONIAN_CHAIN, 0},
-    {"quartic", LG_HAMILTONIAN_SEPARABLE, 2},
-    {"coupled-oscillators", LG_HAMILTONIAN_SEPARABLE, 2},
-};
-
-static const system_row *find_system(const char *name) {
-    for (size_t i = 0; i < LG_COUNT(systems); i++)
-        if (strcmp(systems[i].name, name) == 0) return &systems[i];
-    return NULL;
-}
 
 static uint32_t numbers_per_link(lg_hamiltonian_family family) {
     return family == LG_HAMILTONIAN_CHAIN ? 6 : 2;
@@ -57,7 +40,7 @@ lg_status lg_trajectories_create(const lg_context *context, const char *system, 
     if (family != LG_HAMILTONIAN_CHAIN && family != LG_HAMILTONIAN_SEPARABLE) return LG_INVALID_ARGUMENT;
     if (links < 1 || links > LG_HAMILTONIAN_MAX_LINKS || count < 1 || points < 2) return LG_INVALID_ARGUMENT;
     if (!isfinite(t_end) || t_end <= 0) return LG_INVALID_ARGUMENT;
-    const system_row *row = find_system(system);
+    const lg_known_system *row = lg_find_system(system);
     if (row != NULL && (row->family != family || (row->links != 0 && row->links != links)))
         return LG_INVALID_ARGUMENT;
     lg_trajectories made = {.family = family,
@@ -120,20 +103,14 @@ typedef struct read_call {
     double epsilon; /* relative spacing of the stored /t */
 } read_call;
 
-/* A missing key is a matter of format. */
-static lg_status missing_is_format(lg_status status, lg_error *error) {
-    if (status != LG_NOT_FOUND) return status;
-    if (error != NULL) error->status = LG_FORMAT;
-    return LG_FORMAT;
-}
-
 static lg_status read_arrays(read_call *call, lg_error *error) {
     lg_trajectories *out = call->out;
     const char *shown = lg_shown_path(call->path);
     uint64_t data[4] = {0}, t[4] = {0}, h[4] = {0}, inputs[4] = {0};
     uint32_t rank;
-    LG_TRY(missing_is_format(lg_h5_shape(call->h5, "t", &rank, t, &call->epsilon, error), error));
-    LG_TRY(missing_is_format(lg_h5_get_doubles(call->h5, "trajectories", 3, data, &out->data, error), error));
+    LG_TRY(lg_missing_is_format(lg_h5_shape(call->h5, "t", &rank, t, &call->epsilon, error), error));
+    LG_TRY(
+        lg_missing_is_format(lg_h5_get_doubles(call->h5, "trajectories", 3, data, &out->data, error), error));
     if (data[0] < 1 || data[1] < 2 || data[2] < 2 || data[2] > 6 * LG_HAMILTONIAN_MAX_LINKS)
         return lg_fail(
             error, LG_FORMAT,
@@ -216,17 +193,13 @@ static layout_kind parse_layout(char *text) {
     return LAYOUT_UNKNOWN;
 }
 
-static double dot3(const double *a, const double *b) {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
 /* The distance of a chain state from (T*S^2)^k: the largest | |q| - 1 | and |q.p| / (1 + |p|), and its link.
  */
 static double off_manifold(const double *state, uint32_t links, uint32_t *worst) {
     double most = 0;
     for (uint32_t i = 0; i < links; i++) {
         const double *q = state + 6 * (size_t)i, *p = q + 3;
-        double off = fmax(fabs(sqrt(dot3(q, q)) - 1), fabs(dot3(q, p)) / (1 + sqrt(dot3(p, p))));
+        double off = fmax(fabs(sqrt(lg_dot3(q, q)) - 1), fabs(lg_dot3(q, p)) / (1 + sqrt(lg_dot3(p, p))));
         if (off > most) most = off, *worst = i;
     }
     return most;
@@ -264,7 +237,7 @@ static lg_status check_system(read_call *call, lg_error *error) {
     char layout[1024];
     LG_TRY(optional_text(call, "system", out->system, sizeof out->system, error));
     LG_TRY(optional_text(call, "layout", layout, sizeof layout, error));
-    const system_row *row = find_system(out->system);
+    const lg_known_system *row = lg_find_system(out->system);
     layout_kind kind = parse_layout(layout);
     if (kind == LAYOUT_UNKNOWN)
         return lg_fail(error, LG_FORMAT, "%s: attribute layout: expected 'q1 p1 q2 p2 ...' or 'q p'", shown);
@@ -361,19 +334,11 @@ static lg_status check_written(const char *path, const lg_trajectories *data, lg
     return LG_OK;
 }
 
-static void layout_text(const lg_trajectories *data, char *text, size_t size) {
-    size_t used = 0;
-    (void)snprintf(text, size, "q p");
-    if (data->family != LG_HAMILTONIAN_CHAIN) return;
-    for (uint32_t i = 1; i <= data->links && used < size; i++)
-        used += (size_t)snprintf(text + used, size - used, "%sq%u p%u", i > 1 ? " " : "", i, i);
-}
-
 static lg_status put_all(lg_h5 *h5, const lg_trajectories *data, lg_error *error) {
     uint64_t shape[3] = {data->count, data->points, data->state_size};
     uint64_t inputs[3] = {data->count, data->points - 1, data->input_size};
-    char layout[12 * LG_HAMILTONIAN_MAX_LINKS];
-    layout_text(data, layout, sizeof layout);
+    char layout[LG_LAYOUT_TEXT];
+    lg_layout_text(data->family, data->links, layout);
     LG_TRY(lg_h5_put_header(h5, "trajectories", &data->provenance, error));
     if (data->system[0] != '\0') LG_TRY(lg_h5_put_text(h5, "", "system", data->system, error));
     LG_TRY(lg_h5_put_text(h5, "", "layout", layout, error));

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "core/core.h"
+#include "integrators/series.h"
 #include "liegrad/geometry.h"
 
 /* ---- R^n ---- */
@@ -150,8 +151,7 @@ void lg_space_bracket(const lg_space *space, const double *a, const double *b, d
     }
 }
 
-/* B_k / k! */
-static const double bernoulli[LG_DEXPINV_MAX + 1] = {
+const double lg_dexpinv_series[LG_DEXPINV_MAX + 1] = {
     1.0,           -1.0 / 2.0, 1.0 / 12.0,       0.0, -1.0 / 720.0,     0.0,
     1.0 / 30240.0, 0.0,        -1.0 / 1209600.0, 0.0, 1.0 / 47900160.0,
 };
@@ -165,7 +165,7 @@ static void dexpinv_series(const lg_space_row *row, int K, size_t count, const d
         memcpy(sum, b, m * sizeof(*b));
         for (int k = 1; k <= K; k++) {
             row->bracket(1, a, term, term);
-            for (size_t j = 0; j < m; j++) sum[j] += bernoulli[k] * term[j];
+            for (size_t j = 0; j < m; j++) sum[j] += lg_dexpinv_series[k] * term[j];
         }
         memcpy(out, sum, m * sizeof(*out));
     }

@@ -3,6 +3,7 @@
 #include "liegrad/taped.h"
 
 #include "core/core.h"
+#include "integrators/series.h"
 #include "liegrad/ops.h"
 
 typedef struct point {
@@ -94,21 +95,18 @@ lg_status lg_taped_act(lg_tape *tape, const lg_space *space, const lg_var *a, co
     return lg_tape_status(tape);
 }
 
-/* sum_{k <= K} B_k/k! ad_a^k b; B_k/k! for k = 0..10, odd ones above 1 are zero */
+/* sum_{k <= K} B_k/k! ad_a^k b; odd ones above 1 are zero */
 static void dexpinv_series(lg_tape *tape, lg_space_kind kind, int truncation, const lg_var *a,
                            const lg_var *b, lg_var *out) {
-    static const double bernoulli[LG_DEXPINV_MAX + 1] = {
-        1.0,           -1.0 / 2.0, 1.0 / 12.0,       0.0, -1.0 / 720.0,    0.0,
-        1.0 / 30240.0, 0.0,        -1.0 / 1209600.0, 0.0, 1.0 / 47900160.0};
     const size_t parts = factors[kind].parts;
     lg_var power[LG_TAPED_MAX_PARTS], sum[LG_TAPED_MAX_PARTS];
     for (size_t p = 0; p < parts; p++) sum[p] = power[p] = b[p];
     for (int k = 1; k <= truncation; k++) {
         factors[kind].bracket(tape, a, power, power);
-        if (bernoulli[k] == 0.0) continue;
+        if (lg_dexpinv_series[k] == 0.0) continue;
         for (size_t p = 0; p < parts; p++) {
             lg_var terms[2] = {sum[p], power[p]};
-            const double weights[2] = {1.0, bernoulli[k]};
+            const double weights[2] = {1.0, lg_dexpinv_series[k]};
             sum[p] = lg_combine(tape, terms, weights, 2);
         }
     }
@@ -224,15 +222,18 @@ static lg_var moved(const run *r, lg_var from, double weight, lg_var by) {
 
 static lg_status splitting_step(run *r, double t, point *y) {
     const lg_scheme *s = r->scheme;
+    double time = t; /* of the positions */
     for (int i = 0; i < s->stages; i++) {
         if (s->kick[i] != 0.0) {
-            if (lg_is_none(r->force)) LG_TRY(r->ode->force(r->ode->user, r->tape, t, y->part[0], &r->force));
+            if (lg_is_none(r->force))
+                LG_TRY(r->ode->force(r->ode->user, r->tape, time, y->part[0], &r->force));
             y->part[1] = moved(r, y->part[1], s->kick[i], r->force);
         }
         if (s->drift[i] != 0.0) {
             lg_var velocity;
-            LG_TRY(r->ode->velocity(r->ode->user, r->tape, t, y->part[1], &velocity));
+            LG_TRY(r->ode->velocity(r->ode->user, r->tape, time, y->part[1], &velocity));
             y->part[0] = moved(r, y->part[0], s->drift[i], velocity);
+            time += r->h * s->drift[i];
             r->force = LG_NONE;
         }
     }

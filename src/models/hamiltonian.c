@@ -227,6 +227,22 @@ void lg_hamiltonian_gradient(const lg_hamiltonian *model, const double *theta, c
     }
 }
 
+double lg_hamiltonian_jvp(const lg_hamiltonian *model, const double *theta, const double *state,
+                          const double *tangent, void *work) {
+    work_parts w = parts_of(model, work, NULL);
+    const size_t k = model->links;
+    double sum = 0.0;
+    if (model->family == LG_HAMILTONIAN_SEPARABLE) {
+        separable_gradient(model, theta, state, w.g, w.v, &w);
+        for (size_t i = 0; i < k; i++) sum += w.g[i] * tangent[i] + w.v[i] * tangent[k + i];
+        return sum;
+    }
+    chain_gradient(model, theta, state, &w);
+    for (size_t i = 0; i < k; i++)
+        sum += lg_dot3(w.g + 3 * i, tangent + 6 * i) + lg_dot3(w.v + 3 * i, tangent + 6 * i + 3);
+    return sum;
+}
+
 void lg_hamiltonian_field(const lg_hamiltonian *model, const double *theta, const double *state,
                           double *field, void *work) {
     work_parts w = parts_of(model, work, NULL);

@@ -1,4 +1,5 @@
 /* Learned Hamiltonians on a tape: vector fields and the training loss. */
+#include <float.h>
 #include <string.h>
 
 #include "core/core.h"
@@ -268,8 +269,17 @@ lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *problem, lg
     if (problem->points < 2 || problem->points > LG_HAMILTONIAN_MAX_POINTS)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the number of points is %zu, not in 2..%d",
                        problem->points, LG_HAMILTONIAN_MAX_POINTS);
-    if (!(problem->dt > 0.0) || !(problem->penalty >= 0.0))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "dt must be positive and the penalty not negative");
+    /* The points of a batch stand in one tensor. */
+    if (problem->trajectories > UINT32_MAX / problem->points)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "%zu trajectories of %zu points are more than 2^32 - 1 points", problem->trajectories,
+                       problem->points);
+    if (!(problem->dt > 0.0 && problem->dt <= DBL_MAX) ||
+        !(problem->penalty >= 0.0 && problem->penalty <= DBL_MAX))
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "dt must be positive and the penalty not negative, both finite");
+    if ((unsigned)problem->penalty_form > LG_PENALTY_PUBLISHED)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "unknown form of the penalty");
     const char *name = lg_train_integrator_name(problem->integrator);
     const lg_scheme *scheme = lg_scheme_find(name);
     if (scheme == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "unknown integrator");

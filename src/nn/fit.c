@@ -220,8 +220,8 @@ void lg_fit_destroy(lg_fit *fit) {
 
 /* ---- epochs ---- */
 
-/* Draws the epoch's order. */
-/* Within an epoch parameters cannot leave the range for which a moderate step is safe. */
+/* Once an epoch, or what is left of one: within it parameters cannot leave the range for which a moderate
+ * step is safe. */
 static void measure_parameters(lg_fit *fit) {
     double chunk[256];
     fit->largest = 0.0;
@@ -232,9 +232,9 @@ static void measure_parameters(lg_fit *fit) {
     }
 }
 
+/* Draws the epoch's order. */
 static void open_epoch(lg_fit *fit) {
     lg_fit_state *s = &fit->state;
-    measure_parameters(fit);
     if (s->open) return;
     if (fit->options.shuffle) lg_rng_shuffle(&s->rng, s->order, fit->training);
     s->running_loss = 0.0;
@@ -243,6 +243,7 @@ static void open_epoch(lg_fit *fit) {
 
 static lg_status train_epoch(lg_fit *fit, double rate, lg_error *error) {
     lg_fit_state *s = &fit->state;
+    measure_parameters(fit);
     while (s->position < fit->training) {
         if (lg_cancelled(fit->context))
             return lg_fail(error, LG_CANCELLED,

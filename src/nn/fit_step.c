@@ -90,13 +90,14 @@ static void reduce_block(void *user, size_t block) {
     fit->partial[block] = fit->k->dot(n, gradient, gradient);
 }
 
-/* Adam's step is at most lr rate C with C = (1 - beta1^2/beta2)^{-1/2} (1 - beta2)^{-1/2} (Cauchy-Schwarz on its two moments), so
- * with moderate gradients nothing can overflow. Parameters beyond 1e10 make every step careful. */
+/* Adam's step is at most lr rate C with C = (1 - beta1^2/beta2)^{-1/2} (1 - beta2)^{-1/2} (Cauchy-Schwarz on
+ * its two moments), so with moderate gradients nothing can overflow. Parameters beyond 1e10 make every step
+ * careful. */
 static bool may_overflow(const lg_fit *fit, double norm, double rate) {
     const lg_adam_options *o = &fit->options.adam;
     const double limit = fit->options.dtype == LG_F32 ? 1e15 : 1e150;
-    const bool bounded = o->beta1 * o->beta1 < 0.999 * o->beta2 && o->beta2 <= 1.0 - 1e-12 && o->eps >= 1e-20 &&
-                         o->lr * rate <= 1.0 && o->weight_decay <= 1.0;
+    const bool bounded = o->beta1 * o->beta1 < 0.999 * o->beta2 && o->beta2 <= 1.0 - 1e-12 &&
+                         o->eps >= 1e-20 && o->lr * rate <= 1.0 && o->weight_decay <= 1.0;
     return !(bounded && norm < limit && fit->largest < 1e10);
 }
 

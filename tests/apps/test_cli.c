@@ -1,6 +1,8 @@
 /* lg-hamiltonian (in LG_BIN_DIR) from outside: bad input, files, resumption, Ctrl-C. */
 #include "cli_support.h"
 
+#include <hdf5.h>
+
 #include "liegrad/io.h"
 
 static const char lg[] = "lg-hamiltonian";
@@ -17,6 +19,21 @@ static const char grid[] =
     "test: { trajectories: 4, points: 5 }\nseed: 3\n";
 
 #define TRAIN "train train.h5 --hidden 12,12 --batch 16 "
+
+/* Training data, one of its numbers NaN. */
+static void write_nan_file(void) {
+    double data[3 * 4 * 6];
+    char path[1024];
+    cli_expect(lg, "generate scene.yaml --trajectories 3 --points 4 --t-end 0.1 --out nan.h5", 0, "nan.h5",
+               &result);
+    cli_path("nan.h5", path, sizeof path);
+    const hid_t file = H5Fopen(path, H5F_ACC_RDWR, H5P_DEFAULT);
+    const hid_t set = H5Dopen2(file, "trajectories", H5P_DEFAULT);
+    assert_true(H5Dread(set, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, data) >= 0);
+    data[31] = NAN; /* trajectory 1, point 1, component 1 */
+    assert_true(H5Dwrite(set, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, data) >= 0);
+    assert_true(H5Dclose(set) >= 0 && H5Fclose(file) >= 0);
+}
 
 static int setup(void **state) {
     (void)state;
@@ -35,6 +52,7 @@ static int setup(void **state) {
     cli_expect(lg, "generate scene.yaml --trajectories 6 --points 8 --t-end 1 --out test.h5 --seed 6", 0,
                "test.h5", &result);
     cli_expect(lg, TRAIN "--epochs 3 --out model.h5 --json", 0, "\"epochs\": 3", &result);
+    write_nan_file();
     return 0;
 }
 
@@ -92,6 +110,8 @@ static const struct bad {
     {"train missing.h5 --out m.h5", 3, "missing.h5"},
     {"train empty.h5 --out m.h5", 3, "empty.h5"},
     {"train foreign.h5 --out m.h5", 3, "foreign.h5"},
+    {"train nan.h5 --out m.h5", 3, "nan.h5: /trajectories: NaN at index (1, 1, 1)"},
+    {"evaluate model.h5 nan.h5", 3, "NaN"},
     {"train model.h5 --out m.h5", 3, "model.h5"},
     {"train . --out m.h5", 3, "."},
     {"train train.h5 --out nowhere/m.h5", 3, "nowhere/m.h5"},

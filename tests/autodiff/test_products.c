@@ -1,6 +1,6 @@
 /* ctest-labels: threads */
-/* Dense products on the tape: every form (own kernel, kept transpose, transposed product, BLAS) against a naive loop, and the same
- * bits whatever the number of threads. */
+/* Dense products on the tape: every form (own kernel, kept transpose, transposed product, BLAS) against a
+ * naive loop, and the same bits whatever the number of threads. */
 #include "test_support.h"
 
 #include "liegrad/ops.h"
@@ -53,8 +53,9 @@ static double *evaluate(shape s, int variant, lg_dtype dtype, int threads) {
     return out;
 }
 
-/* Around the limits: below the split, split by columns and by rows, B small and large for nt, few and many rows. */
-static const shape shapes[] = {{1, 1, 1},     {3, 5, 7},      {20, 100, 100}, {33, 101, 97},
+/* Around the limits: below the split, split by columns and by rows, B small and large for nt, few and many
+ * rows. */
+static const shape shapes[] = {{1, 1, 1},      {3, 5, 7},      {20, 100, 100},  {33, 101, 97},
                                {32, 300, 301}, {500, 100, 60}, {130, 300, 300}, {7, 700, 129}};
 
 static void against_naive_loops(void **state) {

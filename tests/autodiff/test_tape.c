@@ -192,7 +192,7 @@ static const struct {
     ROW(loss, "loss"),
     ROW(loss_target, "loss"),
     ROW(loss_weights, "loss"),
-    ROW(mse, "sub"),
+    ROW(mse, "mse"),
     ROW(log_softmax, "max_axis"),
     ROW(custom, "custom"),
     ROW(jacobian, "jacobian"),
@@ -361,7 +361,7 @@ static const int beyond[2] = {0, 2};
     X(lg_max(t, V2(4, 2), V1(3)), LG_SHAPE, "max", "(4, 2)", "(3)")                                          \
     X(lg_combine(t, (lg_var[2]){V1(3), V1(4)}, weights3, 2), LG_SHAPE, "combine", "(3)", "(4)")              \
     X(lg_combine(t, NULL, weights3, 0), LG_INVALID_ARGUMENT, "combine", "number of terms", NULL)             \
-    X(lg_mse(t, V1(4), V1(3)), LG_SHAPE, "sub", "(4)", "(3)")                                                \
+    X(lg_mse(t, V1(4), V1(3)), LG_SHAPE, "mse", "(4)", "(3)")                                                \
     X(lg_act(t, V1(4), (lg_activation)99), LG_INVALID_ARGUMENT, "act", "unknown", NULL)                      \
     X(lg_act_derivative(t, V1(4), LG_TANH, -1), LG_INVALID_ARGUMENT, "act", "negative", NULL)                \
     X(lg_act_derivative(t, V1(4), LG_TANH, 9), LG_NOT_DIFFERENTIABLE, "act_derivative", "order", NULL)       \

@@ -1,5 +1,5 @@
-/* What a C program outside the tree sees of the library: a network on a tape, its input gradient, and the parameter gradient
- * of the squared norm of that, beside the evaluation without a tape. */
+/* What a C program outside the tree sees of the library: a network on a tape, its input gradient, and the
+ * parameter gradient of the squared norm of that, beside the evaluation without a tape. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -13,7 +13,8 @@ static int close_to(double a, double b) {
     return fabs(a - b) <= 1e-12 * (1.0 + fabs(b));
 }
 
-/* Returns 0 when value and input gradient agree with and without a tape and the last pass gives a finite gradient. */
+/* Returns 0 when value and input gradient agree with and without a tape and the last pass gives a finite
+ * gradient. */
 static int use(const lg_context *context) {
     const uint32_t hidden[1] = {HIDDEN};
     const double x[ROWS * 3] = {0.1, -0.4, 0.9, 0.3, 0.2, -0.7};
@@ -35,12 +36,14 @@ static int use(const lg_context *context) {
     lg_grad(tape, lg_sum(tape, V), &q, 1, &g);
     lg_var loss = lg_sum(tape, lg_square(tape, g));
     void *out = grad;
-    int failed = lg_backward(tape, loss, &theta, 1, &out) != LG_OK || lg_read(tape, g, taped, ROWS * 3) != LG_OK;
+    int failed =
+        lg_backward(tape, loss, &theta, 1, &out) != LG_OK || lg_read(tape, g, taped, ROWS * 3) != LG_OK;
     lg_tape_destroy(tape);
 
     void *work = malloc(lg_mlp_work_size(&net, ROWS, LG_F64) + 64);
     if (work == NULL) return 4;
-    lg_mlp_input_gradient(&net, LG_F64, params, x, ROWS, NULL, y, dx, (void *)(((size_t)work + 63) & ~(size_t)63));
+    lg_mlp_input_gradient(&net, LG_F64, params, x, ROWS, NULL, y, dx,
+                          (void *)(((size_t)work + 63) & ~(size_t)63));
     free(work);
     for (int i = 0; i < ROWS * 3; i++) failed |= !close_to(dx[i], taped[i]);
     for (size_t i = 0; i < n; i++) norm += grad[i] * grad[i];

@@ -11,7 +11,7 @@
 
 /* HDF5 1.10 loses a block of its own free list when a damaged header makes H5Fopen fail. Objects that we
  * forget to close are found by scratch_end instead. */
-const char *__lsan_default_suppressions(void);
+__attribute__((visibility("default"))) const char *__lsan_default_suppressions(void);
 const char *__lsan_default_suppressions(void) {
     return "leak:libhdf5";
 }

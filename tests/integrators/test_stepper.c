@@ -132,6 +132,56 @@ static void test_evaluations(void **state) {
     lg_stepper_destroy(NULL, stepper);
 }
 
+static lg_status spring(void *user, double t, const double *q, const double *input, double *out) {
+    (void)user, (void)t;
+    out[0] = (input ? input[0] : 0.0) - q[0];
+    return LG_OK;
+}
+
+static lg_status same(void *user, double t, const double *p, const double *input, double *out) {
+    (void)user, (void)t, (void)input;
+    out[0] = p[0];
+    return LG_OK;
+}
+
+/* A field value is not carried to where it does not hold: from a step with an input to one without, or past
+ * a last drift. The same step by a stepper without a past is the judge. */
+static void test_stale_values_are_not_reused(void **state) {
+    (void)state;
+    const double y0[2] = {0.2, 0.3}, input[1] = {5.0};
+    double y[2], here[2], there[2];
+    for (size_t i = 0; i < lg_scheme_count(); i++) {
+        const lg_scheme *scheme = lg_scheme_at(i);
+        lg_ode ode = ode_on(LG_SPACE_RN, 2, time_field, NULL);
+        ode.force = spring, ode.velocity = same;
+        lg_stepper *stepper = make(scheme->name, ode), *fresh = make(scheme->name, ode);
+        assert_ok(lg_step(stepper, 0.0, 0.1, y0, input, y));
+        assert_ok(lg_step(stepper, 0.1, 0.1, y, NULL, here));
+        assert_ok(lg_step(fresh, 0.1, 0.1, y, NULL, there));
+        assert_memory_equal(here, there, sizeof(here));
+        lg_stepper_destroy(NULL, stepper);
+        lg_stepper_destroy(NULL, fresh);
+    }
+    const lg_scheme drift_last = {.name = "kick-drift",
+                                  .kind = LG_SCHEME_SPLITTING,
+                                  .stages = 1,
+                                  .order = 1,
+                                  .kick = {1.0},
+                                  .drift = {1.0}};
+    lg_ode ode = ode_on(LG_SPACE_RN, 2, time_field, NULL);
+    lg_stepper *stepper = NULL;
+    ode.force = spring, ode.velocity = same;
+    assert_ok(lg_stepper_create(NULL, &drift_last, &ode, &stepper));
+    memcpy(y, y0, sizeof(y));
+    for (int i = 0; i < 2; i++) {
+        const double p = y[1] - 0.1 * y[0], q = y[0] + 0.1 * p;
+        assert_ok(lg_step(stepper, 0.1 * i, 0.1, y, NULL, y));
+        assert_close(y[0], q, 1e-15, 0.0);
+        assert_close(y[1], p, 1e-15, 0.0);
+    }
+    lg_stepper_destroy(NULL, stepper);
+}
+
 static void test_callers_memory(void **state) {
     (void)state;
     const lg_ode ode = ode_on(LG_SPACE_RN, 3, blow_up_field, NULL);
@@ -185,6 +235,42 @@ static void test_control_is_a_pure_function(void **state) {
     const double e[2] = {3e-6, 0.0}, y[2] = {1.0, 0.0}, next[2] = {-2.0, 0.0};
     c.rtol = 1e-6, c.atol = 0.0;
     assert_close(lg_error_norm(&c, 2, e, y, next), sqrt(0.5 * 1.5 * 1.5), 1e-14, 0.0);
+}
+
+/* y' = y; the times of the evaluations are noted. */
+typedef struct times_seen {
+    double t[16];
+    size_t count;
+} times_seen;
+
+static lg_status noting_field(void *user, double t, const double *y, const double *input, double *out) {
+    times_seen *seen = user;
+    (void)input;
+    if (seen->count < 16) seen->t[seen->count++] = t;
+    out[0] = y[0];
+    return LG_OK;
+}
+
+/* The second step of a run has the length that the first one's error asks for: safety h err^(-1/5). */
+static void test_run_uses_the_lower_order(void **state) {
+    (void)state;
+    const double y0[1] = {1.0}, times[1] = {10.0}, h = 0.25;
+    double y[1], out[1];
+    times_seen seen = {.count = 0};
+    lg_control c;
+    lg_control_init(&c);
+    c.h_initial = h;
+    lg_stepper *stepper = make("dp54", ode_on(LG_SPACE_RN, 1, noting_field, &seen));
+    assert_ok(lg_step(stepper, 0.0, h, y0, NULL, y));
+    const double error = lg_error_norm(&c, 1, lg_stepper_error(stepper), y0, y);
+    assert_true(error < 1.0 && error > 1e-3); /* accepted, and not clamped */
+    lg_stepper_reset(stepper);
+    seen.count = 0;
+    assert_ok(lg_integrate_adaptive(stepper, &c, 0.0, y0, times, 1, out, NULL));
+    /* seven evaluations in the first step, the first of the second at its c_2 = 1/5 */
+    assert_close(seen.t[6], h, 1e-15, 0.0);
+    assert_close(5.0 * (seen.t[7] - h), 0.9 * h * pow(error, -0.2), 1e-12, 0.0);
+    lg_stepper_destroy(NULL, stepper);
 }
 
 static void test_adaptive_meets_tolerance_and_times(void **state) {
@@ -388,8 +474,10 @@ int main(void) {
         cmocka_unit_test(test_time_and_inputs),
         cmocka_unit_test(test_rkmk_is_classical_on_rn),
         cmocka_unit_test(test_evaluations),
+        cmocka_unit_test(test_stale_values_are_not_reused),
         cmocka_unit_test(test_callers_memory),
         cmocka_unit_test(test_control_is_a_pure_function),
+        cmocka_unit_test(test_run_uses_the_lower_order),
         cmocka_unit_test(test_adaptive_meets_tolerance_and_times),
         cmocka_unit_test(test_free_rotation_is_bounded_by_the_angle),
         cmocka_unit_test(test_failures_of_a_run),

@@ -78,7 +78,7 @@ static void test_coupled_closed_form(void **state) {
 static void test_starts(void **state) {
     (void)state;
     lg_system *chain = make("pendulum-chain", 3), *quartic = make("quartic", 1);
-    double y[18], mean[3] = {0}, box[4], low = 1.0, high = -1.0;
+    double y[18], mean[3] = {0}, tangent[3] = {0}, square = 0.0, box[4], low = 1.0, high = -1.0;
     lg_rng rng;
     lg_rng_seed(&rng, 1, 0);
     const int n = 2000;
@@ -88,12 +88,19 @@ static void test_starts(void **state) {
             assert_close(lg_dot3(y + 6 * j, y + 6 * j), 1.0, 1e-15, 0.0);
             assert_close(lg_dot3(y + 6 * j, y + 6 * j + 3), 0.0, 0.0, 1e-15);
             for (int c = 0; c < 3; c++) mean[c] += y[6 * j + c] / (3 * n);
+            /* p = q x u with u uniform in [0, 1)^3: p x q = u - q (q.u), of mean 1/3, of mean square 2/3 */
+            double along[3];
+            lg_cross3(y + 6 * j + 3, y + 6 * j, along);
+            for (int c = 0; c < 3; c++) tangent[c] += along[c] / (3 * n);
+            square += lg_dot3(along, along) / (3 * n);
         }
         assert_ok(lg_system_start(quartic, LG_STARTS_BOX, &rng, box));
         for (int c = 0; c < 4; c++) low = fmin(low, box[c]), high = fmax(high, box[c]);
     }
     for (int c = 0; c < 3; c++)
         assert_close(mean[c], 0.0, 0.0, 4.0 / sqrt(3.0 * 3 * n)); /* uniform on the sphere */
+    for (int c = 0; c < 3; c++) assert_close(tangent[c], 1.0 / 3.0, 0.0, 4.0 / sqrt(3.0 * 3 * n));
+    assert_close(square, 2.0 / 3.0, 0.0, 4.0 / sqrt(3.0 * n));
     assert_true(low >= -1.0 && low < -0.99 && high <= 1.0 && high > 0.99);
     assert_status(lg_system_start(chain, LG_STARTS_BOX, &rng, y), LG_UNSUPPORTED);
     lg_system_destroy(NULL, chain);
@@ -158,6 +165,30 @@ static void test_noise(void **state) {
         assert_close(sum / n, 0.0, 0.0, 4.0 / sqrt(n));
         assert_close(square / n, kind == LG_NOISE_NORMAL ? 1.0 : 1.0 / 3.0, 0.1, 0.0);
         assert_true(kind == LG_NOISE_NORMAL ? largest > 2.5 : largest <= 1.0 + 1e-9);
+    }
+    lg_system_destroy(NULL, system);
+}
+
+/* The noise of a trajectory is not drawn from the stream that its start, or another one's, came from. */
+static void test_noise_is_independent_of_the_starts(void **state) {
+    (void)state;
+    enum { N = 500, M = 2, D = 4 };
+    lg_system *system = make("quartic", 1);
+    lg_trajectory_options o;
+    lg_trajectory_options_init(&o);
+    o.trajectories = N, o.points = M, o.t_end = 1e-3, o.starts = LG_STARTS_BOX;
+    static double clean[N * M * D], noisy[N * M * D], H[N], t[M];
+    assert_ok(lg_generate_trajectories(NULL, system, &o, t, clean, H, NULL));
+    o.noise = 1.0, o.noise_kind = LG_NOISE_UNIFORM;
+    assert_ok(lg_generate_trajectories(NULL, system, &o, t, noisy, H, NULL));
+    for (int shift = 0; shift < 3; shift++) {
+        double correlation = 0.0; /* variances 1/3 and 1/3 */
+        for (int i = 0; i + shift < N; i++)
+            for (int c = 0; c < D; c++) {
+                const double e = noisy[(i * M + 1) * D + c] - clean[(i * M + 1) * D + c];
+                correlation += 3.0 * e * clean[(i + shift) * M * D + c] / ((N - shift) * D);
+            }
+        assert_close(correlation, 0.0, 0.0, 4.0 / sqrt((N - shift) * D));
     }
     lg_system_destroy(NULL, system);
 }
@@ -360,6 +391,7 @@ int main(void) {
         cmocka_unit_test(test_starts),
         cmocka_unit_test(test_sampling),
         cmocka_unit_test(test_noise),
+        cmocka_unit_test(test_noise_is_independent_of_the_starts),
         cmocka_unit_test(test_segments),
         cmocka_unit_test(test_bad_systems),
         cmocka_unit_test(test_bad_sampling),

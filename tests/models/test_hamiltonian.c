@@ -134,6 +134,57 @@ static void exact_chain_has_the_integrators_loss(void **state) {
     }
 }
 
+/* Off the manifold the extension of the learned Hamiltonian is that of the true one: with long steps, whose
+ * stages lie far from it, RK4 on the tape makes the points that RK4 makes of the true ambient field. */
+static void exact_chain_leaves_the_manifold_as_the_true_one(void **state) {
+    (void)state;
+    for (size_t k = 1; k <= 3; k++) {
+        data set;
+        lg_hamiltonian model;
+        double theta[64];
+        make_data(&set, "pendulum-chain", k);
+        exact_chain(k, &model, theta);
+        double *work = NULL;
+        assert_int_equal(posix_memalign((void **)&work, 64, lg_system_workspace(set.system) * sizeof(double)),
+                         0);
+        lg_system_user user;
+        lg_ode ode;
+        lg_stepper *stepper;
+        assert_ok(lg_system_ode(set.system, LG_FORM_AMBIENT, &user, work, &ode));
+        assert_ok(lg_stepper_create(NULL, lg_scheme_find("rk4"), &ode, &stepper));
+        for (size_t i = 0; i < N; i++)
+            for (size_t j = 0; j + 1 < M; j++) {
+                double *y = set.y + (i * M + j) * set.d;
+                assert_ok(lg_step(stepper, 0.0, 0.3, y, NULL, y + set.d));
+            }
+        lg_hamiltonian_problem problem = problem_of(&model, &set, "rk4");
+        problem.dt = 0.3;
+        assert_true(loss_of(&problem, theta, NULL) < 1e-24);
+        lg_stepper_destroy(NULL, stepper);
+        free(work);
+        free_data(&set);
+    }
+}
+
+/* A negative b is a zero b, a positive one adds to the mass: p^2/(2 m) by hand for one link. */
+static void masses_are_not_negative(void **state) {
+    (void)state;
+    static const double b[] = {-0.7, 0.0, 0.5}, mass[] = {0.64, 0.64, 1.14};
+    const double y[6] = {0.0, 0.6, 0.8, 2.0, 0.0, 0.0};
+    lg_hamiltonian model;
+    assert_ok(lg_hamiltonian_init(&model, LG_HAMILTONIAN_CHAIN, 1, LG_POTENTIAL_LINEAR, NULL, 0, LG_TANH));
+    void *work = NULL;
+    assert_int_equal(posix_memalign(&work, 64, lg_hamiltonian_work_size(&model)), 0);
+    for (size_t i = 0; i < sizeof b / sizeof *b; i++) {
+        const double theta[5] = {0.0, 0.0, 1.0, 0.8, b[i]};
+        double gradient[6];
+        assert_close(lg_hamiltonian_value(&model, theta, y, work), 2.0 / mass[i] + 0.8, 1e-14, 0.0);
+        lg_hamiltonian_gradient(&model, theta, y, gradient, work);
+        assert_close(gradient[3], 2.0 / mass[i], 1e-14, 0.0);
+    }
+    free(work);
+}
+
 static void gradient_matches_differences(const lg_hamiltonian_problem *problem, double *theta, size_t n) {
     double *gradient = malloc(n * sizeof *gradient);
     (void)loss_of(problem, theta, gradient);
@@ -311,6 +362,40 @@ static void untaped_gradient_matches_differences(void **state) {
     }
 }
 
+/* dH along a tangent direction equals gradient times direction; on a chain along the group action. */
+static void untaped_jvp(void **state) {
+    (void)state;
+    const uint32_t hidden[2] = {7, 5};
+    for (uint32_t k = 1; k <= 3; k++)
+        for (int family = 0; family < 2; family++) {
+            lg_hamiltonian model;
+            lg_rng rng;
+            double theta[600], y[18], direction[18], gradient[18], sum = 0.0;
+            assert_ok(lg_hamiltonian_init(&model,
+                                          family == 0 ? LG_HAMILTONIAN_CHAIN : LG_HAMILTONIAN_SEPARABLE, k,
+                                          LG_POTENTIAL_MLP, hidden, 2, LG_SIGMOID));
+            assert_true(lg_hamiltonian_parameters(&model) <= 600);
+            lg_rng_seed(&rng, 6, k);
+            lg_hamiltonian_initialise(&model, &rng, theta);
+            const uint32_t d = lg_hamiltonian_state_size(&model);
+            for (uint32_t i = 0; i < d; i++) y[i] = lg_rng_normal(&rng);
+            for (uint32_t i = 0; i < d; i++) direction[i] = lg_rng_normal(&rng);
+            if (family == 0) {
+                lg_space space;
+                assert_ok(lg_space_init(&space, &(lg_space_factor){LG_SPACE_TS2, k}, 1));
+                lg_space_project(&space, y);
+                lg_space_generator(&space, direction, y, direction);
+            }
+            void *work = NULL;
+            assert_int_equal(posix_memalign(&work, 64, lg_hamiltonian_work_size(&model)), 0);
+            lg_hamiltonian_gradient(&model, theta, y, gradient, work);
+            for (uint32_t i = 0; i < d; i++) sum += gradient[i] * direction[i];
+            assert_true(fabs(sum) > 1e-3);
+            assert_close(lg_hamiltonian_jvp(&model, theta, y, direction, work), sum, 1e-12, 1e-14);
+            free(work);
+        }
+}
+
 /* Five parameters, full batch: Newton reaches the same floor from two starts, and the gradient is rounding
  * there. */
 static void newton_reaches_the_floor(void **state) {
@@ -387,9 +472,12 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(exact_chain_has_the_true_energy_and_field),
         cmocka_unit_test(exact_chain_has_the_integrators_loss),
+        cmocka_unit_test(exact_chain_leaves_the_manifold_as_the_true_one),
+        cmocka_unit_test(masses_are_not_negative),
         cmocka_unit_test(loss_gradients),
         cmocka_unit_test(penalty_is_what_it_says),
         cmocka_unit_test(untaped_gradient_matches_differences),
+        cmocka_unit_test(untaped_jvp),
         cmocka_unit_test(newton_reaches_the_floor),
         cmocka_unit_test(bad_problems),
     };

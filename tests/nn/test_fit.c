@@ -392,6 +392,34 @@ static void test_validation(void **state) {
     lg_fit_destroy(fit);
 }
 
+/* One unit for each sample, whatever the parameter. */
+static lg_status unit_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
+                           size_t batch, lg_var *loss) {
+    (void)user, (void)samples;
+    const lg_var ones = lg_input_f64(tape, lg_shape0(), (const double[1]){(double)count / (double)batch});
+    *loss = lg_add(tape, lg_scale(tape, lg_sum(tape, theta), 0.0), ones);
+    return LG_OK;
+}
+
+/* The losses of an epoch are means over the training part and over the validation part, each by itself. */
+static void test_epoch_losses_are_means(void **state) {
+    (void)state;
+    const double start[1] = {0.5};
+    const lg_fit_problem problem = {.parameters = 1, .samples = 53, .loss = unit_loss};
+    for (size_t batch = 0; batch <= 10; batch += 5) {
+        lg_fit_options o = options_of(2, batch);
+        o.validation = 0.2;
+        lg_fit *fit = NULL;
+        assert_ok(lg_fit_create(NULL, &problem, &o, start, &fit, NULL));
+        run_ok(fit);
+        for (int i = 0; i < 2; i++) {
+            assert_close(lg_fit_history(fit, LG_FIT_LOSS)[i], 1.0, 1e-13, 0.0);
+            assert_close(lg_fit_history(fit, LG_FIT_VALIDATION)[i], 1.0, 1e-13, 0.0);
+        }
+        lg_fit_destroy(fit);
+    }
+}
+
 static void test_patience(void **state) {
     (void)state;
     regression r;
@@ -475,11 +503,17 @@ static void test_no_allocation(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_steps),       cmocka_unit_test(test_convergence),
-        cmocka_unit_test(test_threads),     cmocka_unit_test(test_threads_many_blocks),
-        cmocka_unit_test(test_resume),      cmocka_unit_test(test_cancel),
-        cmocka_unit_test(test_validation),  cmocka_unit_test(test_patience),
-        cmocka_unit_test(test_checkpoints), cmocka_unit_test(test_no_allocation),
+        cmocka_unit_test(test_steps),
+        cmocka_unit_test(test_convergence),
+        cmocka_unit_test(test_threads),
+        cmocka_unit_test(test_threads_many_blocks),
+        cmocka_unit_test(test_resume),
+        cmocka_unit_test(test_cancel),
+        cmocka_unit_test(test_validation),
+        cmocka_unit_test(test_patience),
+        cmocka_unit_test(test_epoch_losses_are_means),
+        cmocka_unit_test(test_checkpoints),
+        cmocka_unit_test(test_no_allocation),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

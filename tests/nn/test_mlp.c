@@ -228,6 +228,31 @@ static void test_derivatives(void **state) {
         }
 }
 
+/* One output, as a potential has it: its own way through the last layer, whatever the memory held before. */
+static void test_single_output(void **state) {
+    (void)state;
+    for (uint32_t layers = 0; layers <= 2; layers++)
+        for (size_t rows = 1; rows <= ROWS; rows += ROWS - 1) {
+            fixture f;
+            setup(&f, LG_TANH, true, layers);
+            assert_ok(lg_mlp_init(&f.net, 3, hidden, layers, 1, LG_TANH, false));
+            double gradient[ROWS * 3], dy[ROWS];
+            assert_true(lg_mlp_work_size(&f.net, rows, LG_F64) <= f.bytes);
+            memset(f.work, 0x41, f.bytes); /* 2261634.5... */
+            lg_mlp_input_gradient(&f.net, LG_F64, f.theta, f.x, rows, NULL, NULL, gradient, f.work);
+            memset(f.work, 0x41, f.bytes);
+            lg_mlp_jvp(&f.net, LG_F64, f.theta, f.x, f.direction, rows, NULL, dy, f.work);
+            for (int r = 0; r < (int)rows; r++) {
+                for (int i = 0; i < 3; i++) {
+                    const double unit[3] = {i == 0, i == 1, i == 2};
+                    assert_close(gradient[3 * r + i], quotient(&f, r, unit, 0), 1e-7, 1e-9);
+                }
+                assert_close(dy[r], quotient(&f, r, f.direction + 3 * r, 0), 1e-7, 1e-9);
+            }
+            teardown(&f);
+        }
+}
+
 static void to_float(size_t n, const double *x, float *y) {
     for (size_t i = 0; i < n; i++) y[i] = (float)x[i];
 }
@@ -361,7 +386,7 @@ int main(void) {
         cmocka_unit_test(test_initialisation), cmocka_unit_test(test_eval),
         cmocka_unit_test(test_derivatives),    cmocka_unit_test(test_single_precision),
         cmocka_unit_test(test_taped),          cmocka_unit_test(test_gradient_of_gradient),
-        cmocka_unit_test(test_short_theta),
+        cmocka_unit_test(test_short_theta),    cmocka_unit_test(test_single_output),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

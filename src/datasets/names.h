@@ -1,0 +1,35 @@
+/* What every file of this room calls things: enumerations, systems, layouts, missing keys. */
+#ifndef LG_NAMES_H
+#define LG_NAMES_H
+
+#include "liegrad/io.h"
+
+/* Names of enumerations by value; NULL beyond the last. */
+const char *lg_name_activation(uint32_t value);
+const char *lg_name_integrator(uint32_t value);
+const char *lg_name_family(uint32_t value);
+const char *lg_name_potential(uint32_t value);
+const char *lg_name_dtype(uint32_t value);
+const char *lg_name_penalty_form(uint32_t value);
+const char *lg_name_noise(uint32_t value);
+
+/* The systems whose family and size are known. */
+typedef struct lg_known_system {
+    const char *name;
+    lg_hamiltonian_family family;
+    uint32_t links; /* 0: any */
+} lg_known_system;
+
+enum { LG_KNOWN_CHAIN, LG_KNOWN_QUARTIC, LG_KNOWN_COUPLED, LG_KNOWN_SYSTEMS };
+extern const lg_known_system lg_known_systems[LG_KNOWN_SYSTEMS];
+/* NULL: unknown. */
+const lg_known_system *lg_find_system(const char *name);
+
+#define LG_LAYOUT_TEXT (12 * LG_HAMILTONIAN_MAX_LINKS)
+/* "q1 p1 q2 p2 ..." of a chain, else "q p". */
+void lg_layout_text(lg_hamiltonian_family family, uint32_t links, char text[LG_LAYOUT_TEXT]);
+
+/* A missing key is a matter of format: LG_NOT_FOUND becomes LG_FORMAT, here and in `error` (may be NULL). */
+lg_status lg_missing_is_format(lg_status status, lg_error *error);
+
+#endif
