@@ -1,0 +1,252 @@
+/* Learned Hamiltonians: seconds an epoch of training, and how good the result is. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lg-bench/bench.h"
+#include "liegrad/hamiltonian.h"
+#include "liegrad/mechanics.h"
+
+enum { STREAM_WEIGHTS = 1, DATA_SEED = 1, TEST_SEED = 1001 };
+
+/* One row an experiment. Learning rate 1e-2, a tenth of it every `decay` epochs. */
+typedef struct experiment {
+    const char *name, *system;
+    size_t links, trajectories, points, segments;
+    double t_end;
+    lg_train_integrator integrator;
+    uint32_t hidden[3];
+    uint64_t decay;
+    size_t test_points;
+} experiment;
+
+static const experiment experiments[] = {
+    {"hamiltonian", "pendulum-chain", 1, 500, 5, 1, 0.1, LG_TRAIN_CF4, {100, 100, 100}, 50, 15},
+    {"hamiltonian-double", "pendulum-chain", 2, 500, 5, 1, 0.1, LG_TRAIN_CF4, {100, 100, 100}, 50, 15},
+    {"hamiltonian-quartic", "quartic", 2, 900, 6, 3, 0.3, LG_TRAIN_STORMER_VERLET, {100, 50, 50}, 30, 20},
+};
+
+typedef struct learning {
+    const experiment *what;
+    lg_system *system;
+    size_t dim;
+    double *t, *data, *energies;
+    lg_hamiltonian model;
+    lg_hamiltonian_problem problem;
+    double *theta;
+} learning;
+
+static void sample(const bench *b, const learning *l, size_t trajectories, size_t points, size_t segments,
+                   uint64_t seed, double *t, double *data, double *energies) {
+    lg_trajectory_options options;
+    lg_error error = {LG_OK, ""};
+    lg_trajectory_options_init(&options);
+    options.trajectories = trajectories;
+    options.points = points;
+    options.t_end = l->what->t_end;
+    options.segments = segments;
+    options.seed = seed;
+    bench_check(b, lg_generate_trajectories(b->app->context, l->system, &options, t, data, energies, &error),
+                error.message);
+}
+
+static void open_learning(const bench *b, learning *l) {
+    const experiment *e = l->what;
+    lg_system_options options;
+    lg_rng rng;
+    const bool chain = e->integrator != LG_TRAIN_STORMER_VERLET;
+    lg_system_options_init(&options);
+    options.links = e->links;
+    bench_check(b, lg_system_create(b->app->context, e->system, &options, &l->system, NULL),
+                "making the system");
+    l->dim = lg_system_dim(l->system);
+    l->t = app_alloc(e->points, sizeof *l->t);
+    l->data = app_alloc(e->trajectories * e->points * l->dim, sizeof *l->data);
+    l->energies = app_alloc(e->trajectories, sizeof *l->energies);
+    sample(b, l, e->trajectories, e->points, e->segments, DATA_SEED, l->t, l->data, l->energies);
+    bench_check(b,
+                lg_hamiltonian_init(&l->model, chain ? LG_HAMILTONIAN_CHAIN : LG_HAMILTONIAN_SEPARABLE,
+                                    (uint32_t)e->links, LG_POTENTIAL_MLP, e->hidden, 3, LG_TANH),
+                "making the model");
+    l->problem = (lg_hamiltonian_problem){.model = &l->model,
+                                          .integrator = e->integrator,
+                                          .substeps = 1,
+                                          .trajectories = e->trajectories,
+                                          .points = e->points,
+                                          .dt = e->t_end / (double)(e->points - 1),
+                                          .data = l->data};
+    l->theta = app_alloc(lg_hamiltonian_parameters(&l->model), sizeof *l->theta);
+    lg_rng_seed(&rng, b->app->seed, STREAM_WEIGHTS);
+    lg_hamiltonian_initialise(&l->model, &rng, l->theta);
+}
+
+static void close_learning(const bench *b, learning *l) {
+    lg_system_destroy(b->app->context, l->system);
+    free(l->t);
+    free(l->data);
+    free(l->energies);
+    free(l->theta);
+}
+
+/* ---- E1: both flows integrated accurately, mean squared difference over all points ---- */
+
+typedef struct learned {
+    const learning *l;
+    const double *theta;
+    void *work;
+} learned;
+
+static lg_status learned_field(void *user, double t, const double *y, const double *input, double *field) {
+    const learned *self = user;
+    (void)t;
+    (void)input;
+    lg_hamiltonian_field(&self->l->model, self->theta, y, field, self->work);
+    return LG_OK;
+}
+
+static double e1(const bench *b, const learning *l, const double *theta) {
+    enum { TEST = 100 };
+    const bool chain = l->model.family == LG_HAMILTONIAN_CHAIN;
+    const size_t points = l->what->test_points, size = points * l->dim;
+    double *t = app_alloc(points, sizeof *t), *truth = app_alloc(TEST * size, sizeof *truth);
+    double *y = app_alloc(size, sizeof *y), energies[TEST], sum = 0;
+    learned self = {l, theta, app_alloc(lg_hamiltonian_work_size(&l->model), 1)};
+    lg_ode ode = {.field = learned_field, .user = &self};
+    lg_control control;
+    lg_stepper *stepper = NULL;
+    sample(b, l, TEST, points, 1, TEST_SEED, t, truth, energies);
+    lg_control_init(&control);
+    control.rtol = control.atol = 1e-10;
+    const lg_space_factor links = {LG_SPACE_TS2, l->what->links};
+    bench_check(b, chain ? lg_space_init(&ode.space, &links, 1) : lg_space_init_rn(&ode.space, l->dim),
+                "making the space");
+    bench_check(b,
+                lg_stepper_create(b->app->context, lg_scheme_find(chain ? "rkmk54" : "dp54"), &ode, &stepper),
+                "making the stepper");
+    for (size_t i = 0; i < TEST; i++) {
+        const double *given = truth + i * size;
+        bench_check(b, lg_integrate_adaptive(stepper, &control, t[0], given, t, points, y, NULL),
+                    "integrating the learned flow");
+        for (size_t k = 0; k < size; k++) sum += (y[k] - given[k]) * (y[k] - given[k]);
+    }
+    lg_stepper_destroy(b->app->context, stepper);
+    free(self.work);
+    free(t);
+    free(truth);
+    free(y);
+    return sum / (double)(TEST * size);
+}
+
+/* Mean squared error over the whole training set in double precision. */
+static double full_loss(const bench *b, const learning *l, const double *theta) {
+    lg_fit_problem problem;
+    lg_var loss = LG_NONE;
+    double value = NAN;
+    uint32_t *samples = app_alloc(l->what->trajectories, sizeof *samples);
+    lg_tape *tape = bench_tape(b, LG_F64, 1);
+    lg_hamiltonian_fit_problem(&l->problem, &problem);
+    for (uint32_t i = 0; i < l->what->trajectories; i++) samples[i] = i;
+    const lg_var parameters = lg_parameter(tape, lg_shape1((uint32_t)problem.parameters), theta);
+    (void)problem.loss(problem.user, tape, parameters, samples, problem.samples, problem.samples, &loss);
+    (void)lg_read(tape, loss, &value, 1);
+    bench_check_tape(b, tape);
+    lg_tape_destroy(tape);
+    free(samples);
+    return value;
+}
+
+static void judge_row(const bench *b, const learning *l, const double *theta, bench_row *row) {
+    row->error = full_loss(b, l, theta);
+    row->error_is = "mean squared error over the training set, f64";
+    if (b->given->judge || b->given->weights != NULL) bench_note_add(row, "E1", e1(b, l, theta));
+}
+
+/* ---- training ---- */
+
+static void train(bench *b, learning *l) {
+    lg_fit_problem problem;
+    lg_fit_options options;
+    lg_fit *fit = NULL;
+    lg_error error = {LG_OK, ""};
+    size_t count;
+    lg_hamiltonian_fit_problem(&l->problem, &problem);
+    lg_fit_options_init(&options);
+    options.dtype = b->dtype;
+    options.epochs =
+        b->given->repeats > 0 && !app_given(b->app, "epochs") ? b->given->repeats + 1 : b->given->epochs;
+    options.batch = (size_t)*bench_batches(b, &count);
+    options.adam.lr = 1e-2;
+    options.adam.eps = LG_HAMILTONIAN_ADAM_EPS;
+    options.clip_norm = LG_HAMILTONIAN_CLIP;
+    options.schedule = (lg_schedule){.kind = LG_SCHEDULE_STEP, .every = l->what->decay, .gamma = 0.1};
+    options.seed = b->app->seed;
+    options.threads = b->threads;
+    bench_check(b, lg_fit_create(b->app->context, &problem, &options, l->theta, &fit, &error), error.message);
+    bench_check(b, lg_fit_run(fit, &error), error.message);
+    const size_t epochs = (size_t)lg_fit_epochs_done(fit);
+    double *us = app_alloc(epochs, sizeof *us);
+    for (size_t i = 1; i < epochs; i++) us[i - 1] = 1e6 * lg_fit_history(fit, LG_FIT_SECONDS)[i];
+    bench_row *row = bench_from_samples(b, "epoch", us, epochs - 1);
+    free(us);
+    if (row != NULL) {
+        lg_fit_parameters(fit, l->theta);
+        row->batch = options.batch;
+        judge_row(b, l, l->theta, row);
+        bench_note_add(row, "loss", lg_fit_loss(fit));
+        bench_note_add(row, "epochs", (double)epochs);
+        row->series_is = "losses";
+        row->series_count = epochs;
+        row->series = app_alloc(epochs, sizeof *row->series);
+        memcpy(row->series, lg_fit_history(fit, LG_FIT_LOSS), epochs * sizeof *row->series);
+    }
+    lg_fit_destroy(fit);
+}
+
+/* ---- for other programs ---- */
+
+static void write_doubles(const bench *b, const char *ending, const double *x, size_t n) {
+    char *path = app_format("%s.%s", b->given->out, ending);
+    FILE *file = fopen(path, "wb");
+    bool written = file != NULL && fwrite(x, sizeof *x, n, file) == n;
+    if (file != NULL && fclose(file) != 0) written = false;
+    if (!written) exit(app_fail_file(b->app, LG_FILE, NULL, path));
+    free(path);
+}
+
+static void read_weights(const bench *b, learning *l) {
+    const size_t n = lg_hamiltonian_parameters(&l->model);
+    FILE *file = fopen(b->given->weights, "rb");
+    const bool whole = file != NULL && fread(l->theta, sizeof *l->theta, n, file) == n && fgetc(file) == EOF;
+    if (file != NULL) (void)fclose(file);
+    if (!whole) exit(app_fail_file(b->app, LG_FORMAT, NULL, b->given->weights));
+}
+
+/* No training: error and E1 of given parameters, and what the judging took. */
+static void judge_weights(bench *b, learning *l) {
+    read_weights(b, l);
+    const double start = app_seconds();
+    bench_row judged = {.error = NAN};
+    judge_row(b, l, l->theta, &judged);
+    double us = 1e6 * (app_seconds() - start);
+    bench_row *row = bench_from_samples(b, "judge", &us, 1);
+    if (row == NULL) return;
+    row->error = judged.error;
+    row->error_is = judged.error_is;
+    bench_note_add(row, judged.note[0].name, judged.note[0].value);
+}
+
+void bench_hamiltonian(bench *b) {
+    learning l = {.what = NULL};
+    for (size_t i = 0; i < APP_COUNT(experiments); i++)
+        if (strcmp(experiments[i].name, b->what->name) == 0) l.what = &experiments[i];
+    open_learning(b, &l);
+    if (b->given->out != NULL) {
+        write_doubles(b, "data", l.data, l.what->trajectories * l.what->points * l.dim);
+        write_doubles(b, "weights", l.theta, lg_hamiltonian_parameters(&l.model));
+    }
+    if (b->given->weights != NULL)
+        judge_weights(b, &l);
+    else
+        train(b, &l);
+    close_learning(b, &l);
+}

@@ -1,0 +1,278 @@
+/* lg-bench: how fast, how exact, on what. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lg-bench/bench.h"
+
+static bench_options given = {.dtype = 0};
+
+static const bench_case cases[] = {
+    {"mlp2",
+     "d/dtheta sum |grad_x V|^2 of V: 3-W-W-W-1, tanh",
+     LG_F64,
+     {1, 50, 500, 1500},
+     100,
+     0,
+     bench_mlp2},
+    {"mlp2-parts",
+     "the 12 products B x W x W of mlp2 and its activations, alone",
+     LG_F64,
+     {1, 50, 500, 1500},
+     100,
+     0,
+     bench_mlp2_parts},
+    {"jvp", "d/dtheta sum |dq/ds|^2 of q: 1-W-W-W-2, tanh", LG_F64, {50, 500}, 100, 0, bench_jvp},
+    {"hamiltonian",
+     "an epoch of the single pendulum: CF4, N=500, M=5",
+     LG_F64,
+     {80},
+     0,
+     20,
+     bench_hamiltonian},
+    {"hamiltonian-double",
+     "an epoch of the double pendulum: CF4, N=500, M=5",
+     LG_F64,
+     {80},
+     0,
+     20,
+     bench_hamiltonian},
+    {"hamiltonian-quartic",
+     "an epoch of the quartic potential: Stormer-Verlet, N=900, M=6",
+     LG_F64,
+     {50},
+     0,
+     20,
+     bench_hamiltonian},
+    {"dense", "a training step of 8-5xW-196: forward, backward, Adam", LG_F32, {32}, 879, 0, bench_dense},
+    {"adam", "Adam's step on W parameters", LG_F32, {0}, 2500000, 0, bench_adam},
+    {"scalar",
+     "planar double pendulum, RK4, 100 steps, gradient in the start, as a custom operation",
+     LG_F64,
+     {0},
+     0,
+     0,
+     bench_scalar},
+    {"scalar-ops", "the same with plain operations on the tape", LG_F64, {0}, 0, 0, bench_scalar_ops},
+    {"gemm",
+     "dense products of one thread: own kernels, OpenBLAS, the tape's operation",
+     LG_F64,
+     {0},
+     0,
+     0,
+     bench_gemm},
+    {"act", "elementwise functions on W elements, error in ULP", LG_F64, {0}, 4096, 0, bench_act},
+    {"node",
+     "recording and differentiating a chain of W scalar additions",
+     LG_F64,
+     {0},
+     10000,
+     0,
+     bench_node},
+    {"batch1",
+     "value and gradient of a learned Hamiltonian (net of width W) at one state",
+     LG_F64,
+     {0},
+     100,
+     0,
+     bench_batch1},
+};
+
+static const char *const dtypes[] = {"default", "f64", "f32", NULL};
+
+static const app_option options[] = {
+    APP_ROW_SIZE(bench_options, batch, "batch", "B", 1, 1e6, "Rows of a batch (default: the case's list)"),
+    APP_ROW_SIZE(bench_options, width, "width", "W", 1, 1e8, "Width of the hidden layers, or length"),
+    APP_ROW_CHOICE(bench_options, dtype, "dtype", dtypes, "f64 or f32 (default: the case's)"),
+    APP_ROW_SIZE(bench_options, repeats, "repeats", "r", 1, 1e6,
+                 "Timed samples (default 101, fewer when they take long)"),
+    APP_ROW_SIZE(bench_options, epochs, "epochs", "k", 2, 1e6,
+                 "Epochs of the hamiltonian cases (default 20)"),
+    APP_ROW_FLAG(bench_options, judge, "judge", "hamiltonian: also E1 of the trained model on a test set"),
+    APP_ROW_TEXT(bench_options, weights, "weights", "FILE",
+                 "hamiltonian: no training; judges these parameters (doubles, as --out writes them)"),
+    APP_ROW_TEXT(bench_options, out, "out", "PREFIX",
+                 "hamiltonian: writes PREFIX.data and PREFIX.weights, the training set and the initial "
+                 "parameters as doubles, for other programs"),
+    APP_ROW_TEXT(bench_options, only, "only", "TEXT", "Only rows whose name contains TEXT"),
+    APP_ROW_END};
+
+/* ---- list ---- */
+
+static void list_json(void) {
+    app_json json;
+    app_json_begin(&json);
+    app_json_open(&json, "cases", '[');
+    for (size_t i = 0; i < APP_COUNT(cases); i++) {
+        double batches[APP_COUNT(cases[i].batches)];
+        size_t n = 0;
+        for (; n < APP_COUNT(batches) && cases[i].batches[n] > 0; n++)
+            batches[n] = (double)cases[i].batches[n];
+        app_json_open(&json, NULL, '{');
+        app_json_text(&json, "case", cases[i].name);
+        app_json_text(&json, "what", cases[i].summary);
+        app_json_text(&json, "dtype", cases[i].dtype == LG_F64 ? "f64" : "f32");
+        app_json_reals(&json, "batches", batches, n);
+        app_json_size(&json, "width", cases[i].width);
+        app_json_close(&json, '}');
+    }
+    app_json_close(&json, ']');
+    app_json_end(&json);
+}
+
+static int list(app *self) {
+    if (self->json) {
+        list_json();
+        return APP_EXIT_OK;
+    }
+    for (size_t i = 0; i < APP_COUNT(cases); i++) (void)printf("%-20s %s\n", cases[i].name, cases[i].summary);
+    return APP_EXIT_OK;
+}
+
+/* ---- reports ---- */
+
+/* "AMD EPYC ..." where the system tells, else "unknown". */
+static void processor_name(char *name, size_t size) {
+    char line[512];
+    (void)snprintf(name, size, "unknown");
+    FILE *file = fopen("/proc/cpuinfo", "r");
+    while (file != NULL && fgets(line, sizeof line, file) != NULL) {
+        if (strncmp(line, "model name", 10) != 0) continue;
+        const char *value = strchr(line, ':');
+        if (value == NULL) break;
+        line[strcspn(line, "\n")] = '\0';
+        (void)snprintf(name, size, "%s", value + 1 + strspn(value + 1, " "));
+        break;
+    }
+    if (file != NULL) (void)fclose(file);
+}
+
+static void row_json(app_json *json, const bench_row *row) {
+    app_json_real(json, "median_us", row->median_us);
+    app_json_real(json, "min_us", row->min_us);
+    app_json_real(json, "p10_us", row->p10_us);
+    app_json_real(json, "p90_us", row->p90_us);
+    app_json_real(json, "error", row->error);
+    app_json_text(json, "error_is", row->error_is);
+    app_json_size(json, "samples", row->samples);
+    app_json_size(json, "inner", row->inner);
+    if (row->batch > 0) app_json_size(json, "batch", row->batch);
+    if (row->width > 0) app_json_size(json, "width", row->width);
+    if (row->unit != NULL) {
+        app_json_real(json, "rate", row->rate);
+        app_json_text(json, "unit", row->unit);
+    }
+    for (size_t i = 0; i < row->notes; i++) app_json_real(json, row->note[i].name, row->note[i].value);
+    if (row->series != NULL) app_json_reals(json, row->series_is, row->series, row->series_count);
+}
+
+/* The first row's numbers stand at the top too: a case of one row needs no search. */
+static void report_json(const bench *b) {
+    char processor[256], kernels[256];
+    app_json json;
+    processor_name(processor, sizeof processor);
+    (void)lg_cpu_describe(kernels, sizeof kernels);
+    app_json_begin(&json);
+    app_json_text(&json, "case", b->what->name);
+    app_json_text(&json, "name", b->row[0].name);
+    row_json(&json, &b->row[0]);
+    app_json_text(&json, "dtype", b->dtype == LG_F64 ? "f64" : "f32");
+    app_json_size(&json, "threads", (uint64_t)b->threads);
+    if (b->core >= 0) app_json_size(&json, "core", (uint64_t)b->core);
+    app_json_text(&json, "cpu", processor);
+    app_json_text(&json, "kernels", kernels);
+    app_json_text(&json, "version", lg_version());
+    app_json_open(&json, "rows", '[');
+    for (size_t i = 0; i < b->rows; i++) {
+        app_json_open(&json, NULL, '{');
+        app_json_text(&json, "name", b->row[i].name);
+        row_json(&json, &b->row[i]);
+        app_json_close(&json, '}');
+    }
+    app_json_close(&json, ']');
+    app_json_end(&json);
+}
+
+static void report_table(const bench *b) {
+    static const char *const head[] = {"row", "median us", "min", "10 %", "90 %", "error", "rate"};
+    char processor[256], kernels[256];
+    app_table table;
+    processor_name(processor, sizeof processor);
+    (void)lg_cpu_describe(kernels, sizeof kernels);
+    (void)printf("%s: %s\n%s; %s; %s, %d thread%s", b->what->name, b->what->summary, processor, kernels,
+                 b->dtype == LG_F64 ? "f64" : "f32", b->threads, b->threads == 1 ? "" : "s");
+    if (b->core >= 0) (void)printf(", core %d", b->core);
+    (void)printf("\n\n");
+    app_table_begin(&table, APP_COUNT(head));
+    for (size_t i = 0; i < APP_COUNT(head); i++) app_table_cell(&table, "%s", head[i]);
+    for (size_t i = 0; i < b->rows; i++) {
+        const bench_row *row = &b->row[i];
+        app_table_cell(&table, "%s", row->name);
+        const double times[] = {row->median_us, row->min_us, row->p10_us, row->p90_us};
+        for (size_t k = 0; k < APP_COUNT(times); k++) app_table_cell(&table, "%.4g", times[k]);
+        if (isnan(row->error))
+            app_table_cell(&table, "-");
+        else
+            app_table_cell(&table, "%.2g", row->error);
+        if (row->unit != NULL)
+            app_table_cell(&table, "%.4g %s", row->rate, row->unit);
+        else
+            app_table_cell(&table, "%s", "");
+    }
+    app_table_end(&table, stdout);
+    for (size_t i = 0; i < b->rows; i++)
+        for (size_t k = 0; k < b->row[i].notes; k++)
+            (void)printf("%s: %s %.6g\n", b->row[i].name, b->row[i].note[k].name, b->row[i].note[k].value);
+    if (b->row[0].error_is != NULL) (void)printf("error: %s\n", b->row[0].error_is);
+}
+
+/* ---- running ---- */
+
+static const bench_case *find(const char *name) {
+    for (size_t i = 0; i < APP_COUNT(cases); i++)
+        if (strcmp(cases[i].name, name) == 0) return &cases[i];
+    return NULL;
+}
+
+static bool threads_given; /* one thread is the default here */
+
+static int run(app *self) {
+    static bench b; /* too large for a stack */
+    b = (bench){.app = self, .what = find(self->command->name), .given = &given, .core = -1};
+    b.dtype = given.dtype == 0 ? b.what->dtype : given.dtype == 1 ? LG_F64 : LG_F32;
+    b.threads = threads_given ? (int)self->threads : 1;
+    if (given.width == 0) given.width = b.what->width;
+    if (given.epochs == 0) given.epochs = b.what->epochs;
+    if (b.threads == 1) b.core = bench_pin();
+    b.what->run(&b);
+    if (app_interrupted()) return APP_EXIT_INTERRUPTED;
+    if (b.rows == 0 && given.only != NULL) return app_usage(self, "no row's name contains '%s'", given.only);
+    if (b.rows == 0) return app_usage(self, "nothing to measure with these options");
+    if (self->json)
+        report_json(&b);
+    else
+        report_table(&b);
+    for (size_t i = 0; i < b.rows; i++) free(b.row[i].series);
+    return APP_EXIT_OK;
+}
+
+int main(int argc, char **argv) {
+    static app_command commands[APP_COUNT(cases) + 2];
+    static const app_option none[] = {APP_ROW_END};
+    commands[0] =
+        (app_command){.name = "list", .summary = "What can be measured", .options = none, .run = list};
+    for (size_t i = 0; i < APP_COUNT(cases); i++)
+        commands[i + 1] = (app_command){
+            .name = cases[i].name,
+            .summary = cases[i].summary,
+            .details =
+                "One thread unless --threads says otherwise; a single thread is pinned to a core. Inputs "
+                "come from a fixed seed. Times are medians over samples after a warm-up; short calls are "
+                "timed many at a time. The error of what was computed stands beside its time.",
+            .options = options,
+            .values = &given,
+            .run = run};
+    for (int i = 1; i < argc; i++) /* argp takes abbreviations; no other option begins with t */
+        if (strncmp(argv[i], "--t", 3) == 0) threads_given = true;
+    return app_main(argc, argv, "lg-bench", "Measures speed, and the error beside it", commands);
+}

@@ -1,0 +1,357 @@
+/* Second order of small networks: mlp2, its parts alone, jvp. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "autodiff/kernels/kernels.h"
+#include "core/core.h"
+#include "lg-bench/bench.h"
+#include "liegrad/ops.h"
+
+/* ---- what mlp2 and jvp have in common: a loss of rows, cut into one piece a thread ---- */
+
+typedef struct second second;
+typedef lg_var (*loss_fn)(lg_tape *tape, const lg_mlp *net, const lg_mlp_vars *vars, lg_var x);
+
+typedef struct piece {
+    lg_tape *tape;
+    void *gradient;
+    size_t first, rows;
+} piece;
+
+struct second {
+    lg_mlp net;
+    lg_dtype dtype;
+    loss_fn loss;
+    size_t parameters, rows, pieces;
+    void *theta, *x;
+    piece *piece;
+    lg_pool *pool;
+};
+
+static void piece_gradient(void *user, size_t index) {
+    const second *s = user;
+    piece *p = &s->piece[index];
+    lg_mlp_vars vars;
+    const uint32_t in = lg_mlp_inputs(&s->net);
+    lg_tape_reset(p->tape);
+    const lg_var theta = lg_parameter(p->tape, lg_shape1((uint32_t)s->parameters), s->theta);
+    const lg_var x = lg_parameter(p->tape, lg_shape2((uint32_t)p->rows, in),
+                                  (const char *)s->x + p->first * in * bench_size(s->dtype));
+    (void)lg_mlp_bind(p->tape, &s->net, theta, 0, &vars);
+    const lg_var loss = s->loss(p->tape, &s->net, &vars, x);
+    memset(p->gradient, 0, s->parameters * bench_size(s->dtype));
+    (void)lg_backward(p->tape, loss, &theta, 1, &p->gradient);
+}
+
+/* The gradient of the whole batch, in the first piece's memory. */
+static void second_call(void *user) {
+    const second *s = user;
+    if (s->pool == NULL)
+        piece_gradient(user, 0);
+    else
+        lg_pool_run(s->pool, s->pieces, piece_gradient, user);
+    for (size_t i = 1; i < s->pieces; i++)
+        lg_kernels_for(s->dtype)->axpy(s->parameters, 1.0, s->piece[i].gradient, s->piece[0].gradient);
+}
+
+static void second_open(const bench *b, lg_dtype dtype, int threads, const lg_mlp *net, loss_fn loss,
+                        const double *theta, const double *x, size_t rows, second *s) {
+    *s = (second){.net = *net, .dtype = dtype, .loss = loss, .rows = rows};
+    s->parameters = lg_mlp_parameters(net);
+    s->theta = bench_typed(dtype, theta, s->parameters);
+    s->x = bench_typed(dtype, x, rows * lg_mlp_inputs(net));
+    s->pieces = rows < (size_t)threads ? rows : (size_t)threads;
+    s->piece = app_alloc(s->pieces, sizeof *s->piece);
+    for (size_t i = 0; i < s->pieces; i++) {
+        piece *p = &s->piece[i];
+        p->tape = bench_tape(b, dtype, 1);
+        p->gradient = app_alloc(s->parameters, bench_size(dtype));
+        p->first = i * rows / s->pieces;
+        p->rows = (i + 1) * rows / s->pieces - p->first;
+    }
+    if (s->pieces > 1) bench_check(b, lg_pool_create(b->app->context, threads, &s->pool), "making threads");
+}
+
+static void second_close(second *s) {
+    lg_pool_destroy(s->pool);
+    for (size_t i = 0; i < s->pieces; i++) {
+        lg_tape_destroy(s->piece[i].tape);
+        free(s->piece[i].gradient);
+    }
+    free(s->piece);
+    free(s->theta);
+    free(s->x);
+}
+
+/* The gradient as doubles, computed once. */
+static double *second_gradient(const bench *b, second *s) {
+    second_call(s);
+    for (size_t i = 0; i < s->pieces; i++) bench_check_tape(b, s->piece[i].tape);
+    return bench_doubles(s->dtype, s->piece[0].gradient, s->parameters);
+}
+
+/* The reference's gradient, which is of twice the loss' inner derivative: filled by the case. */
+typedef void (*reference_fn)(const lg_mlp *net, const double *theta, const double *x, size_t rows,
+                             long double *gradient);
+
+static const char against_doubles[] = "max |x - r| / max |r|, r: the same computation in f64";
+
+/* f64: against long double; f32: against f64 with the same (rounded) inputs. Large batches are judged by
+ * their first rows: naive long double loops take a second for some 1e8 products. */
+static void second_error(const bench *b, const lg_mlp *net, loss_fn loss, reference_fn reference,
+                         const double *theta, const double *x, size_t rows, bench_row *row) {
+    const size_t n = lg_mlp_parameters(net), affordable = 50000000 / n > 0 ? 50000000 / n : 1;
+    const size_t judged = b->dtype == LG_F64 && rows > affordable ? affordable : rows;
+    second fast, slow;
+    second_open(b, b->dtype, b->threads, net, loss, theta, x, judged, &fast);
+    double *found = second_gradient(b, &fast), *expected;
+    if (b->dtype == LG_F64) {
+        long double *sum = app_alloc(n, sizeof *sum);
+        reference(net, theta, x, judged, sum);
+        expected = reference_narrow(sum, n);
+        free(sum);
+    } else {
+        double *theta32 = bench_doubles(LG_F32, fast.theta, n);
+        double *x32 = bench_doubles(LG_F32, fast.x, rows * lg_mlp_inputs(net));
+        second_open(b, LG_F64, 1, net, loss, theta32, x32, judged, &slow);
+        expected = second_gradient(b, &slow);
+        second_close(&slow);
+        free(theta32);
+        free(x32);
+    }
+    row->error = bench_difference(found, expected, n);
+    row->error_is = b->dtype == LG_F64 ? bench_long_double : against_doubles;
+    free(found);
+    free(expected);
+    second_close(&fast);
+}
+
+/* `work`: floating point operations of one row's dominant products. */
+static void second_case(bench *b, const lg_mlp *net, loss_fn loss, reference_fn reference, double products) {
+    size_t count;
+    const uint64_t *batches = bench_batches(b, &count);
+    double *theta = bench_parameters(net);
+    for (size_t i = 0; i < count; i++) {
+        const size_t rows = (size_t)batches[i];
+        const uint32_t width = net->width[1];
+        char name[64];
+        second s;
+        double *x = bench_uniform(rows * lg_mlp_inputs(net), 1);
+        (void)snprintf(name, sizeof name, "B=%zu", rows);
+        second_open(b, b->dtype, b->threads, net, loss, theta, x, rows, &s);
+        free(second_gradient(b, &s));
+        bench_row *row = bench_measure(b, name, second_call, &s);
+        second_close(&s);
+        if (row != NULL) {
+            row->batch = rows;
+            row->width = width;
+            row->rate = products * 2e-3 * (double)rows * width * width / row->median_us;
+            row->unit = "GF/s in its large products";
+            second_error(b, net, loss, reference, theta, x, rows, row);
+        }
+        free(x);
+    }
+    free(theta);
+}
+
+/* ---- mlp2: d/dtheta sum |grad_x V|^2 ---- */
+
+static lg_var squared_gradient(lg_tape *tape, const lg_mlp *net, const lg_mlp_vars *vars, lg_var x) {
+    return lg_sum(tape, lg_square(tape, lg_mlp_gradient_bound(tape, net, vars, x)));
+}
+
+/* With u = grad_x V held fixed, d/dtheta |grad_x V|^2 = d/dtheta (2 u . grad_x V): the reverse of a tangent.
+ */
+static void squared_gradient_reference(const lg_mlp *net, const double *theta, const double *x, size_t rows,
+                                       long double *gradient) {
+    const size_t size = rows * lg_mlp_inputs(net);
+    long double *wide = reference_widen(x, size), *u = app_alloc(size, sizeof *u);
+    long double *one = app_alloc(rows, sizeof *one);
+    for (size_t i = 0; i < rows; i++) one[i] = 1;
+    reference_run(
+        &(reference_pass){.net = net, .theta = theta, .rows = rows, .x = wide, .cy = one, .input = u});
+    for (size_t i = 0; i < size; i++) u[i] *= 2;
+    reference_run(&(reference_pass){
+        .net = net, .theta = theta, .rows = rows, .x = wide, .dx = u, .cdy = one, .gradient = gradient});
+    free(wide);
+    free(u);
+    free(one);
+}
+
+void bench_mlp2(bench *b) {
+    const lg_mlp net = bench_net(b, 3, (uint32_t)b->given->width, 3, 1, false);
+    second_case(b, &net, squared_gradient, squared_gradient_reference, 12);
+}
+
+/* ---- jvp: d/dtheta sum |dq/ds|^2 of a curve q(s) in the plane ---- */
+
+static lg_var squared_speed(lg_tape *tape, const lg_mlp *net, const lg_mlp_vars *vars, lg_var s) {
+    lg_var q = lg_mlp_apply_bound(tape, net, vars, s), speed = LG_NONE;
+    lg_var one = lg_full(tape, lg_var_shape(tape, s), 1.0);
+    if (lg_jvp(tape, &q, 1, &s, &one, 1, &speed) != LG_OK) return LG_NONE;
+    return lg_sum(tape, lg_square(tape, speed));
+}
+
+static void squared_speed_reference(const lg_mlp *net, const double *theta, const double *s, size_t rows,
+                                    long double *gradient) {
+    const size_t size = rows * lg_mlp_outputs(net);
+    long double *wide = reference_widen(s, rows), *one = app_alloc(rows, sizeof *one);
+    long double *speed = app_alloc(size, sizeof *speed);
+    for (size_t i = 0; i < rows; i++) one[i] = 1;
+    reference_run(
+        &(reference_pass){.net = net, .theta = theta, .rows = rows, .x = wide, .dx = one, .dy = speed});
+    for (size_t i = 0; i < size; i++) speed[i] *= 2;
+    reference_run(&(reference_pass){
+        .net = net, .theta = theta, .rows = rows, .x = wide, .dx = one, .cdy = speed, .gradient = gradient});
+    free(wide);
+    free(one);
+    free(speed);
+}
+
+void bench_jvp(bench *b) {
+    const lg_mlp net = bench_net(b, 1, (uint32_t)b->given->width, 3, 2, true);
+    second_case(b, &net, squared_speed, squared_speed_reference, 12);
+}
+
+/* ---- mlp2-parts: the 12 products and the activations alone ---- */
+
+/* Memory as the computation has it: values of each layer in their own places; W^T is given, not timed. a:
+ * three layers' activations; g: gradients before, r: adjoints of those, z: where values and adjoints go. */
+typedef struct parts {
+    const lg_kernels *k;
+    size_t rows, width;
+    void *weight[2], *transposed[2], *dw[2], *a[3], *g[3], *r[3], *z[3];
+} parts;
+
+/* c = a w (nn; nt with the transposed weight), the products of rows by width by width. */
+static void product(const parts *p, const void *a, const void *w, void *c) {
+    p->k->gemm(p->rows, p->width, p->width, a, p->width, 1, w, p->width, c, p->width, false);
+}
+
+/* dw = a^T c, or added to it */
+static void outer(const parts *p, const void *a, const void *c, void *dw, bool accumulate) {
+    p->k->gemm(p->width, p->width, p->rows, a, 1, p->width, c, p->width, dw, p->width, accumulate);
+}
+
+static void products_call(void *user) {
+    const parts *p = user;
+    for (int l = 0; l < 2; l++) product(p, p->a[l], p->weight[l], p->z[l + 1]);      /* forward */
+    for (int l = 1; l >= 0; l--) product(p, p->g[l + 1], p->transposed[l], p->z[l]); /* its gradient in x */
+    for (int l = 0; l < 2; l++) {                                                    /* adjoint of that */
+        product(p, p->r[l], p->weight[l], p->z[l + 1]);
+        outer(p, p->r[l], p->g[l + 1], p->dw[l], false);
+    }
+    for (int l = 1; l >= 0; l--) { /* adjoint of the values */
+        product(p, p->g[l + 1], p->transposed[l], p->z[l]);
+        outer(p, p->a[l], p->g[l + 1], p->dw[l], true);
+    }
+}
+
+static void tanh_call(void *user) {
+    const parts *p = user;
+    for (int l = 0; l < 3; l++) p->k->act(LG_K_TANH, 0, p->rows * p->width, p->a[l], NULL, NULL, p->z[l]);
+}
+
+/* g sigma' for the gradient, r sigma' and (r g) sigma'' for its adjoint, z sigma' for that of the values. */
+static void derivatives_call(void *user) {
+    const parts *p = user;
+    const size_t n = p->rows * p->width;
+    for (int l = 0; l < 3; l++) {
+        p->k->act(LG_K_TANH, 1, n, NULL, p->a[l], p->g[l], p->z[l]);
+        p->k->act(LG_K_TANH, 1, n, NULL, p->a[l], p->r[l], p->z[l]);
+        p->k->act(LG_K_TANH, 2, n, NULL, p->a[l], p->r[l], p->z[l]);
+        p->k->act(LG_K_TANH, 1, n, NULL, p->a[l], p->g[l], p->z[l]);
+    }
+}
+
+static void parts_call(void *user) {
+    products_call(user);
+    tanh_call(user);
+}
+
+static void all_call(void *user) {
+    parts_call(user);
+    derivatives_call(user);
+}
+
+static void *parts_array(const bench *b, size_t n, uint64_t stream) {
+    double *x = bench_uniform(n, stream);
+    void *typed = bench_typed(b->dtype, x, n);
+    free(x);
+    return typed;
+}
+
+/* Error of the first product's forward row: that what is timed does compute. */
+static double parts_error(const bench *b, const parts *p) {
+    const size_t w = p->width;
+    double *a = bench_doubles(b->dtype, p->a[0], w), *m = bench_doubles(b->dtype, p->weight[0], w * w),
+           *found;
+    double *expected = app_alloc(w, sizeof *expected);
+    product(p, p->a[0], p->weight[0], p->z[1]);
+    found = bench_doubles(b->dtype, p->z[1], w);
+    for (size_t j = 0; j < w; j++) {
+        long double sum = 0;
+        for (size_t i = 0; i < w; i++) sum += (long double)a[i] * m[i * w + j];
+        expected[j] = (double)sum;
+    }
+    const double error = bench_difference(found, expected, w);
+    free(a);
+    free(m);
+    free(found);
+    free(expected);
+    return error;
+}
+
+static void parts_batch(bench *b, size_t rows) {
+    static const struct {
+        const char *name;
+        void (*call)(void *user);
+        double products;
+    } table[] = {{"parts", parts_call, 12},
+                 {"products", products_call, 12},
+                 {"tanh", tanh_call, 0},
+                 {"derivatives", derivatives_call, 0},
+                 {"all", all_call, 12}};
+    const size_t w = (size_t)b->given->width;
+    parts p = {.k = lg_kernels_for(b->dtype), .rows = rows, .width = w};
+    for (uint64_t l = 0; l < 3; l++) {
+        void **const arrays[] = {&p.a[l], &p.g[l], &p.r[l], &p.z[l]};
+        for (uint64_t i = 0; i < APP_COUNT(arrays); i++)
+            *arrays[i] = parts_array(b, rows * w, 10 + 4 * l + i);
+    }
+    for (uint64_t l = 0; l < 2; l++) {
+        p.weight[l] = parts_array(b, w * w, 30 + l);
+        p.transposed[l] = parts_array(b, w * w, 32 + l);
+        p.dw[l] = parts_array(b, w * w, 34 + l);
+    }
+    for (size_t i = 0; i < APP_COUNT(table); i++) {
+        char name[64];
+        (void)snprintf(name, sizeof name, "%s B=%zu", table[i].name, rows);
+        bench_row *row = bench_measure(b, name, table[i].call, &p);
+        if (row == NULL) continue;
+        row->batch = rows;
+        row->width = w;
+        if (table[i].products > 0) {
+            row->rate = table[i].products * 2e-3 * (double)(rows * w * w) / row->median_us;
+            row->unit = "GF/s";
+        }
+        row->error = parts_error(b, &p);
+        row->error_is = "of the first product, against long double";
+    }
+    for (int l = 0; l < 3; l++) {
+        void *const arrays[] = {p.a[l], p.g[l], p.r[l], p.z[l]};
+        for (size_t i = 0; i < APP_COUNT(arrays); i++) free(arrays[i]);
+    }
+    for (int l = 0; l < 2; l++) {
+        free(p.weight[l]);
+        free(p.transposed[l]);
+        free(p.dw[l]);
+    }
+}
+
+void bench_mlp2_parts(bench *b) {
+    size_t count;
+    const uint64_t *batches = bench_batches(b, &count);
+    for (size_t i = 0; i < count; i++) parts_batch(b, (size_t)batches[i]);
+}

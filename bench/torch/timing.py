@@ -1,0 +1,51 @@
+"""The discipline of lg-bench in Python: pinning, warm-up, medians over samples, short calls timed many at a time."""
+import gc
+import json
+import math
+import os
+import statistics
+import time
+
+
+def pin(threads):
+    """One thread: the core that lg-bench takes too."""
+    if threads == 1:
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+
+
+def row(samples_us, **more):
+    s = sorted(samples_us)
+    at = lambda f: s[max(0, math.ceil(f * len(s)) - 1)]
+    return dict(median_us=statistics.median(s), min_us=s[0], p10_us=at(0.1), p90_us=at(0.9), samples=len(s), **more)
+
+
+def measure(call, repeats=0, patience=4.0, **more):
+    clock = time.perf_counter
+    start, calls, one = clock(), 1, 0.0
+    while True:
+        t = clock()
+        for _ in range(calls):
+            call()
+        one = (clock() - t) / calls
+        if repeats == 1 or clock() - start > 0.3:
+            break
+        calls *= 2
+    inner = max(1, math.ceil(4e-4 / one))
+    samples = repeats or max(5, min(101, int(patience / (one * inner))))
+    times = []
+    gc.collect()
+    gc.disable()
+    for _ in range(samples):
+        t = clock()
+        for _ in range(inner):
+            call()
+        times.append((clock() - t) * 1e6 / inner)
+    gc.enable()
+    return row(times, inner=inner, **more)
+
+
+def report(args, rows, **more):
+    import torch
+    settings = {k: os.environ[k] for k in ("MKL_DEBUG_CPU_TYPE", "ATEN_CPU_CAPABILITY") if k in os.environ}
+    print(json.dumps(dict(peer="torch " + torch.__version__, case=args.case, dtype=args.dtype, threads=args.threads,
+                          settings=settings, rows=rows, **rows[0], **more)))

@@ -1,0 +1,113 @@
+/* lg-bench from outside: every case in its smallest form, options, JSON. What it measures is not judged here,
+ * what it computes is. */
+#include "cli_support.h"
+
+static int make_folder(void **state) {
+    (void)state;
+    cli_make_folder();
+    return cli_folder[0] == '\0';
+}
+
+static int remove_folder(void **state) {
+    (void)state;
+    cli_remove_folder();
+    return 0;
+}
+
+static void run_case(const char *arguments, double largest_error, cli *result) {
+    char words[512];
+    (void)snprintf(words, sizeof words, "%s --json", arguments);
+    cli_expect("lg-bench", words, 0, "median_us", result);
+    if (!json_is_object(result->out)) fail_msg("lg-bench %s: no JSON object: %s", words, result->out);
+    const double median = json_number(result->out, "median_us"), least = json_number(result->out, "min_us");
+    assert_true(least > 0 && least <= median);
+    if (largest_error < 0) return;
+    const double error = json_number(result->out, "error");
+    if (!(error >= 0 && error <= largest_error)) fail_msg("lg-bench %s: error %g", words, error);
+}
+
+static void every_case_runs(void **state) {
+    static const struct {
+        const char *arguments;
+        double error; /* largest; negative: there is none */
+    } cases[] = {
+        {"mlp2 --batch 3 --width 8 --repeats 1", 1e-14},
+        {"mlp2 --batch 3 --width 8 --repeats 1 --dtype f32", 1e-5},
+        {"mlp2 --batch 5 --width 8 --repeats 1 --threads 2", 1e-14},
+        {"mlp2-parts --batch 3 --width 8 --repeats 1", 1e-14},
+        {"jvp --batch 3 --width 8 --repeats 1", 1e-14},
+        {"dense --batch 4 --width 16 --repeats 1", 1e-5},
+        {"dense --batch 4 --width 16 --repeats 1 --dtype f64", 1e-14},
+        {"adam --width 1000 --repeats 1", 1e-6},
+        {"adam --width 1000 --repeats 1 --dtype f64 --threads 2", 1e-14},
+        {"scalar --repeats 1", 1e-13},
+        {"scalar-ops --repeats 1", 1e-13},
+        {"gemm --repeats 1 --only 3x3x3", 1e-15},
+        {"act --width 64 --repeats 1", 3},
+        {"act --width 64 --repeats 1 --dtype f32", 3},
+        {"node --width 100 --repeats 1", -1},
+        {"batch1 --width 8 --repeats 100", 1e-14},
+    };
+    cli result;
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
+        run_case(cases[i].arguments, cases[i].error, &result);
+}
+
+/* The other program's way: parameters written, read again, judged. Two epochs lower the loss. */
+static void a_hamiltonian_is_trained_and_judged(void **state) {
+    cli result;
+    (void)state;
+    run_case("hamiltonian-quartic --epochs 3 --out set --judge", 0.2, &result);
+    const double trained = json_number(result.out, "error");
+    assert_true(isfinite(json_number(result.out, "E1")));
+    assert_true(json_find(result.out, "losses") != NULL);
+    assert_true(cli_exists("set.data") && cli_exists("set.weights"));
+    run_case("hamiltonian-quartic --weights set.weights", 10, &result);
+    assert_true(trained < json_number(result.out, "error"));
+    cli_expect("lg-bench", "hamiltonian --weights set.weights", 3, "set.weights", &result);
+    cli_expect("lg-bench", "hamiltonian --weights missing", 3, "missing", &result);
+}
+
+static void the_list_names_all_cases(void **state) {
+    static const char *const names[] = {"mlp2", "hamiltonian", "dense", "adam", "scalar",
+                                        "jvp",  "gemm",        "act",   "node", "batch1"};
+    cli result;
+    (void)state;
+    cli_expect("lg-bench", "list", 0, "mlp2", &result);
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) assert_non_null(strstr(result.out, names[i]));
+    cli_expect("lg-bench", "list --json", 0, "\"cases\"", &result);
+    assert_true(json_is_object(result.out));
+}
+
+/* What it ran on is told; rows can be chosen. */
+static void the_report_says_on_what_it_ran(void **state) {
+    static const char *const keys[] = {"cpu",      "kernels", "dtype",  "threads",
+                                       "error_is", "p10_us",  "p90_us", "rows"};
+    cli result;
+    (void)state;
+    run_case("act --width 64 --repeats 1 --only exp", 3, &result);
+    for (size_t i = 0; i < sizeof keys / sizeof *keys; i++) assert_non_null(json_find(result.out, keys[i]));
+    assert_null(strstr(result.out, "tanh"));
+    cli_expect("lg-bench", "mlp2 --batch 2 --width 4 --repeats 1", 0, "B=2", &result);
+}
+
+static void bad_options_are_refused(void **state) {
+    static const char *const bad[] = {"nothing",          "mlp2 --batch 0",
+                                      "mlp2 --dtype f16", "mlp2 --repeats x",
+                                      "mlp2 --width -1",  "act --repeats 1 --only nothing"};
+    cli result;
+    (void)state;
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)
+        cli_expect("lg-bench", bad[i], 2, "lg-bench", &result);
+    cli_expect("lg-bench", "scalar --dtype f32", 2, "f64", &result);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(every_case_runs),          cmocka_unit_test(a_hamiltonian_is_trained_and_judged),
+        cmocka_unit_test(the_list_names_all_cases), cmocka_unit_test(the_report_says_on_what_it_ran),
+        cmocka_unit_test(bad_options_are_refused),
+    };
+    return cmocka_run_group_tests(tests, make_folder, remove_folder);
+}
