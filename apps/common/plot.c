@@ -47,8 +47,6 @@ lg_status app_plot_begin(app_plot *plot, const char *picture, int width, int hei
     FILE *script = plot->script.stream;
     (void)fprintf(script, "set terminal %s size %d,%d %s", formats[format].terminal, width, height,
                   formats[format].rest);
-    (void)fputs("\nset output ", script);
-    put_quoted(script, picture);
     (void)fputs("\ndatafile = ", script);
     put_quoted(script, plot->data_path);
     (void)fputs("\nset grid lc rgb '#dddddd'\nset border lc rgb '#555555'\n", script);
@@ -59,20 +57,36 @@ void app_plot_block(app_plot *plot) {
     (void)fputs("\n\n", plot->data.stream);
 }
 
-/* Exit status of `gnuplot script`: 127 when there is none, -1 when it could not be started or died. */
-static int run_gnuplot(const char *script) {
+/* Reads a pipe to its end. */
+static void drain(int from, FILE *to) {
+    char buffer[65536];
+    ssize_t got;
+    while ((got = read(from, buffer, sizeof buffer)) > 0 || (got < 0 && errno == EINTR))
+        if (got > 0) (void)fwrite(buffer, 1, (size_t)got, to);
+}
+
+/* Runs `gnuplot script`, whose standard output is the picture. Its exit status: 127 when there is none, -1 when it could
+ * not be started or died. The picture is written by us, whole or not at all: gnuplot does not see a full disk. */
+static int run_gnuplot(const char *script, FILE *picture) {
+    int ends[2];
+    if (pipe(ends) != 0) return -1;
     const pid_t child = fork();
-    if (child < 0) return -1;
     if (child == 0) {
         const int null = open("/dev/null", O_RDWR);
         if (null >= 0) {
             (void)dup2(null, STDIN_FILENO);
-            (void)dup2(null, STDOUT_FILENO);
             (void)dup2(null, STDERR_FILENO);
         }
+        (void)dup2(ends[1], STDOUT_FILENO);
+        (void)close(ends[0]);
+        (void)close(ends[1]);
         (void)execlp("gnuplot", "gnuplot", script, (char *)NULL);
         _exit(127);
     }
+    (void)close(ends[1]);
+    if (child > 0) drain(ends[0], picture);
+    (void)close(ends[0]);
+    if (child < 0) return -1;
     int status = 0;
     while (waitpid(child, &status, 0) < 0)
         if (errno != EINTR) return -1;
@@ -93,11 +107,17 @@ lg_status app_plot_end(const app *self, app_plot *plot, bool *drawn, lg_error *e
     else
         app_file_discard(&plot->script);
     if (status == LG_OK) {
-        const int code = run_gnuplot(plot->script_path);
-        *drawn = code == 0;
+        app_file picture;
+        app_file_begin(&picture, plot->picture);
+        const int code = run_gnuplot(plot->script_path, picture.stream);
+        if (code == 0)
+            status = app_file_end(&picture, error);
+        else
+            app_file_discard(&picture);
+        *drawn = code == 0 && status == LG_OK;
         if (code == 127)
             app_warn(self,
-                     "gnuplot is not installed: %s is not drawn, its data and script are left in %s and %s",
+                     "gnuplot is not installed: %s is not drawn, its data and script are left in %s and %s (gnuplot SCRIPT > PICTURE)",
                      plot->picture, plot->data_path, plot->script_path);
         else if (code != 0)
             app_warn(self, "gnuplot failed: %s is not drawn, its data and script are left in %s and %s",

@@ -8,7 +8,12 @@
 #include "lg-bench/bench.h"
 #include "liegrad/ops.h"
 
-/* ---- what mlp2 and jvp have in common: a loss of rows, cut into one piece a thread ---- */
+/* ---- what mlp2 and jvp have in common: a loss of rows, cut into shards by the number of rows alone ---- */
+
+/* As lg_fit does: each shard has its tape and gradient, and takes its rows in chunks. */
+static size_t shards_of(size_t rows) {
+    return rows < 32 ? 1 : rows < 256 ? 2 : 4;
+}
 
 typedef struct second second;
 typedef lg_var (*loss_fn)(lg_tape *tape, const lg_mlp *net, const lg_mlp_vars *vars, lg_var x);
@@ -34,23 +39,23 @@ static void piece_gradient(void *user, size_t index) {
     piece *p = &s->piece[index];
     lg_mlp_vars vars;
     const uint32_t in = lg_mlp_inputs(&s->net);
-    lg_tape_reset(p->tape);
-    const lg_var theta = lg_parameter(p->tape, lg_shape1((uint32_t)s->parameters), s->theta);
-    const lg_var x = lg_parameter(p->tape, lg_shape2((uint32_t)p->rows, in),
-                                  (const char *)s->x + p->first * in * bench_size(s->dtype));
-    (void)lg_mlp_bind(p->tape, &s->net, theta, 0, &vars);
-    const lg_var loss = s->loss(p->tape, &s->net, &vars, x);
     memset(p->gradient, 0, s->parameters * bench_size(s->dtype));
-    (void)lg_backward(p->tape, loss, &theta, 1, &p->gradient);
+    for (size_t at = 0; at < p->rows; at += LG_FIT_CHUNK) {
+        const size_t rows = p->rows - at < LG_FIT_CHUNK ? p->rows - at : LG_FIT_CHUNK;
+        lg_tape_reset(p->tape);
+        const lg_var theta = lg_parameter(p->tape, lg_shape1((uint32_t)s->parameters), s->theta);
+        const lg_var x = lg_parameter(p->tape, lg_shape2((uint32_t)rows, in),
+                                      (const char *)s->x + (p->first + at) * in * bench_size(s->dtype));
+        (void)lg_mlp_bind(p->tape, &s->net, theta, 0, &vars);
+        const lg_var loss = s->loss(p->tape, &s->net, &vars, x);
+        (void)lg_backward(p->tape, loss, &theta, 1, &p->gradient);
+    }
 }
 
 /* The gradient of the whole batch, in the first piece's memory. */
 static void second_call(void *user) {
     const second *s = user;
-    if (s->pool == NULL)
-        piece_gradient(user, 0);
-    else
-        lg_pool_run(s->pool, s->pieces, piece_gradient, user);
+    lg_pool_run(s->pool, s->pieces, piece_gradient, user);
     for (size_t i = 1; i < s->pieces; i++)
         lg_kernels_for(s->dtype)->axpy(s->parameters, 1.0, s->piece[i].gradient, s->piece[0].gradient);
 }
@@ -61,7 +66,7 @@ static void second_open(const bench *b, lg_dtype dtype, int threads, const lg_ml
     s->parameters = lg_mlp_parameters(net);
     s->theta = bench_typed(dtype, theta, s->parameters);
     s->x = bench_typed(dtype, x, rows * lg_mlp_inputs(net));
-    s->pieces = rows < (size_t)threads ? rows : (size_t)threads;
+    s->pieces = shards_of(rows);
     s->piece = app_alloc(s->pieces, sizeof *s->piece);
     for (size_t i = 0; i < s->pieces; i++) {
         piece *p = &s->piece[i];
@@ -70,7 +75,7 @@ static void second_open(const bench *b, lg_dtype dtype, int threads, const lg_ml
         p->first = i * rows / s->pieces;
         p->rows = (i + 1) * rows / s->pieces - p->first;
     }
-    if (s->pieces > 1) bench_check(b, lg_pool_create(b->app->context, threads, &s->pool), "making threads");
+    bench_check(b, lg_pool_create(b->app->context, threads, &s->pool), "making threads");
 }
 
 static void second_close(second *s) {

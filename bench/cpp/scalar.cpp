@@ -1,5 +1,5 @@
-// Peers of lg-bench scalar: gradient of a trajectory in its start. One JSON object, a row for each way at hand.
-// HAVE_ADOLC, HAVE_ADEPT, HAVE_CPPAD are defined by ../compare when the headers are installed.
+// Peers of lg-bench scalar: gradient of a trajectory in its start. One JSON object, a row for each way at
+// hand. HAVE_ADOLC, HAVE_ADEPT, HAVE_CPPAD are defined by ../compare when the headers are installed.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -25,7 +25,8 @@ static double seconds() {
 }
 
 static bool first = true;
-static volatile double start[4] = {start_state[0], start_state[1], start_state[2], start_state[3]}; // not folded away
+static volatile double start[4] = {start_state[0], start_state[1], start_state[2],
+                                   start_state[3]}; // not folded away
 
 // Warm-up, then medians over samples of many calls each; `gradient` is printed so that all can be compared.
 template <class Call> static void measure(const char *name, int repeats, const double *gradient, Call call) {
@@ -43,10 +44,11 @@ template <class Call> static void measure(const char *name, int repeats, const d
         us.push_back((seconds() - t) * 1e6 / inner);
     }
     std::sort(us.begin(), us.end());
-    std::printf("%s{\"name\": \"%s\", \"median_us\": %.6g, \"min_us\": %.6g, \"samples\": %d, \"inner\": %d, \"gradient\": "
+    std::printf("%s{\"name\": \"%s\", \"median_us\": %.6g, \"min_us\": %.6g, \"samples\": %d, \"inner\": %d, "
+                "\"gradient\": "
                 "[%.17g, %.17g, %.17g, %.17g]}",
-                first ? "" : ", ", name, us[us.size() / 2], us[0], repeats, inner, gradient[0], gradient[1], gradient[2],
-                gradient[3]);
+                first ? "" : ", ", name, us[us.size() / 2], us[0], repeats, inner, gradient[0], gradient[1],
+                gradient[2], gradient[3]);
     first = false;
 }
 

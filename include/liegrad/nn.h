@@ -150,6 +150,9 @@ LG_API double lg_schedule_rate(const lg_schedule *schedule, uint64_t epoch, uint
 
 /* ---- training ---- */
 
+/* Samples of a shard that lie on its tape at once: larger shards are taken in pieces of so many. */
+#define LG_FIT_CHUNK 128
+
 /* What is learned. Borrowed by the fit, with all that it points to. */
 typedef struct lg_fit_problem {
     size_t parameters; /* length of theta */

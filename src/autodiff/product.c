@@ -14,6 +14,9 @@
 /* In multiplications m n k. */
 #define OWN_KERNEL_LIMIT 1e9
 #define SPLIT_LIMIT      2e5
+/* Longer inner sums are taken in blocks of so many, each added to C: rounding does not grow with the batch.
+ */
+#define INNER_BLOCK 256
 /* Elements of B up to which its transpose is kept, and rows of A from which it is made anyway. */
 #define KEPT_TRANSPOSE 65536
 #define MANY_ROWS      96
@@ -33,7 +36,7 @@ static void blas(lg_dtype dtype, uint32_t variant, size_t m, size_t n, size_t k,
                     (int)n);
 }
 
-/* ---- the own kernel, split over columns or rows of C ---- */
+/* ---- the own kernel, split over columns or rows of C and over the inner index ---- */
 
 typedef struct product {
     const lg_kernels *kernels;
@@ -44,21 +47,33 @@ typedef struct product {
     size_t piece; /* columns or rows of a piece */
 } product;
 
+/* Rows i0.. and columns j0.. of the product. */
+static void run_block(const product *p, size_t i0, size_t rows, size_t j0, size_t columns) {
+    const size_t size = p->kernels->size;
+    const unsigned char *a = p->a + i0 * p->ra * size, *b = p->b + j0 * size;
+    unsigned char *c = p->c + (i0 * p->n + j0) * size;
+    size_t l = 0;
+    do {
+        const size_t rest = p->k - l, length = rest > INNER_BLOCK + INNER_BLOCK / 2 ? INNER_BLOCK : rest;
+        p->kernels->gemm(rows, columns, length, a + l * p->ca * size, p->ra, p->ca, b + l * p->n * size, p->n,
+                         c, p->n, p->accumulate || l > 0);
+        l += length;
+    } while (l < p->k);
+}
+
 static void run_piece(void *user, size_t index) {
     const product *p = user;
-    const size_t size = p->kernels->size, start = index * p->piece, whole = p->by_rows ? p->m : p->n;
+    const size_t start = index * p->piece, whole = p->by_rows ? p->m : p->n;
     const size_t length = start + p->piece < whole ? p->piece : whole - start;
     if (p->by_rows)
-        p->kernels->gemm(length, p->n, p->k, p->a + start * p->ra * size, p->ra, p->ca, p->b, p->n,
-                         p->c + start * p->n * size, p->n, p->accumulate);
+        run_block(p, start, length, 0, p->n);
     else
-        p->kernels->gemm(p->m, length, p->k, p->a, p->ra, p->ca, p->b + start * size, p->n,
-                         p->c + start * size, p->n, p->accumulate);
+        run_block(p, 0, p->m, start, length);
 }
 
 static void run(lg_tape *tape, product *p) {
     if (tape->workers == NULL || (double)p->m * (double)p->n * (double)p->k < SPLIT_LIMIT) {
-        p->kernels->gemm(p->m, p->n, p->k, p->a, p->ra, p->ca, p->b, p->n, p->c, p->n, p->accumulate);
+        run_block(p, 0, p->m, 0, p->n);
         return;
     }
     p->by_rows = p->m > p->n;

@@ -1,42 +1,75 @@
+/* Worker threads. Indices are handed out by an atomic counter; between runs workers first watch the round for
+ * a moment, as the next run often comes within microseconds, then sleep. */
+#include <pthread.h>
+#include <stdatomic.h>
+
 #include "core/core.h"
 
-#include <pthread.h>
+/* Looks before sleeping: about 20 microseconds. */
+#define PATIENCE 2000
 
 struct lg_pool {
     const lg_context *context;
-    pthread_mutex_t mutex;
-    pthread_cond_t start, done;
     int workers;
     pthread_t *threads;
+
+    pthread_mutex_t mutex; /* for entering a round, and for sleeping */
+    pthread_cond_t start, done;
+    bool open, stop, waiting; /* a round may be entered; workers end; the caller sleeps until active is 0 */
+    atomic_uint round;
+    atomic_int active; /* workers inside the round */
+
+    /* Constant while active workers or the caller are inside a round. */
     void (*task)(void *, size_t);
     void *user;
-    size_t count, next, finished;
-    uint64_t round;
-    bool stop;
+    size_t count;
+    atomic_size_t next;
 };
 
-/* Takes indices under the lock until none is left. Called and returns with the mutex held. */
+static void relax(void) {
+#if defined(__x86_64__)
+    __builtin_ia32_pause();
+#endif
+}
+
 static void work(lg_pool *pool) {
-    while (pool->next < pool->count) {
-        size_t index = pool->next++;
-        pthread_mutex_unlock(&pool->mutex);
+    for (;;) {
+        const size_t index = atomic_fetch_add_explicit(&pool->next, 1, memory_order_relaxed);
+        if (index >= pool->count) return;
         pool->task(pool->user, index);
-        pthread_mutex_lock(&pool->mutex);
-        if (++pool->finished == pool->count) pthread_cond_signal(&pool->done);
     }
+}
+
+/* Waits for a round other than `seen` and enters it if it is still open. False: stop. */
+static bool enter(lg_pool *pool, unsigned *seen, bool *inside) {
+    for (int i = 0; i < PATIENCE && atomic_load_explicit(&pool->round, memory_order_relaxed) == *seen; i++)
+        relax();
+    pthread_mutex_lock(&pool->mutex);
+    while (!pool->stop && atomic_load(&pool->round) == *seen) pthread_cond_wait(&pool->start, &pool->mutex);
+    *seen = atomic_load(&pool->round);
+    *inside = pool->open && !pool->stop;
+    if (*inside) atomic_fetch_add(&pool->active, 1);
+    const bool more = !pool->stop;
+    pthread_mutex_unlock(&pool->mutex);
+    return more;
+}
+
+static void leave(lg_pool *pool) {
+    if (atomic_fetch_sub(&pool->active, 1) != 1) return;
+    pthread_mutex_lock(&pool->mutex);
+    if (pool->waiting) pthread_cond_signal(&pool->done);
+    pthread_mutex_unlock(&pool->mutex);
 }
 
 static void *worker(void *user) {
     lg_pool *pool = user;
-    uint64_t seen = 0;
-    pthread_mutex_lock(&pool->mutex);
-    for (;;) {
-        while (!pool->stop && pool->round == seen) pthread_cond_wait(&pool->start, &pool->mutex);
-        if (pool->stop) break;
-        seen = pool->round;
+    unsigned seen = 0;
+    bool inside;
+    while (enter(pool, &seen, &inside)) {
+        if (!inside) continue;
         work(pool);
+        leave(pool);
     }
-    pthread_mutex_unlock(&pool->mutex);
     return NULL;
 }
 
@@ -78,19 +111,37 @@ void lg_pool_destroy(lg_pool *pool) {
     lg_free(pool->context, pool);
 }
 
+static void open_round(lg_pool *pool) {
+    pthread_mutex_lock(&pool->mutex);
+    pool->open = true;
+    atomic_fetch_add(&pool->round, 1);
+    pthread_cond_broadcast(&pool->start);
+    pthread_mutex_unlock(&pool->mutex);
+}
+
+/* No worker enters any more; those inside finish what they hold. */
+static void close_round(lg_pool *pool) {
+    pthread_mutex_lock(&pool->mutex);
+    pool->open = false;
+    pthread_mutex_unlock(&pool->mutex);
+    for (int i = 0; i < PATIENCE && atomic_load(&pool->active) != 0; i++) relax();
+    pthread_mutex_lock(&pool->mutex);
+    pool->waiting = true;
+    while (atomic_load(&pool->active) != 0) pthread_cond_wait(&pool->done, &pool->mutex);
+    pool->waiting = false;
+    pthread_mutex_unlock(&pool->mutex);
+}
+
 void lg_pool_run(lg_pool *pool, size_t count, void (*task)(void *, size_t), void *user) {
     if (pool->workers == 0 || count < 2) {
         for (size_t i = 0; i < count; i++) task(user, i);
         return;
     }
-    pthread_mutex_lock(&pool->mutex);
     pool->task = task;
     pool->user = user;
     pool->count = count;
-    pool->next = pool->finished = 0;
-    pool->round++;
-    pthread_cond_broadcast(&pool->start);
+    atomic_store(&pool->next, 0);
+    open_round(pool);
     work(pool);
-    while (pool->finished < count) pthread_cond_wait(&pool->done, &pool->mutex);
-    pthread_mutex_unlock(&pool->mutex);
+    close_round(pool);
 }

@@ -361,6 +361,11 @@ lg_status lg_h5_text(lg_h5 *h5, const char *object, const char *name, char *out,
     return status;
 }
 
+/* An integer that a double holds exactly: false for fractions, NaN and anything above 2^53. */
+static bool is_whole(double x) {
+    return fabs(x) <= 0x1p53 && floor(x) == x;
+}
+
 lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_element type, void *out,
                        lg_error *error) {
     lg_h5_quiet quiet = lg_quiet_begin();
@@ -376,12 +381,14 @@ lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_eleme
     if (status == LG_OK) {
         H5T_class_t kind = H5Tget_class(a.type);
         bool to_float = type == LG_ELEMENT_F64 || type == LG_ELEMENT_F32;
-        if (!a.single || (kind != H5T_INTEGER && !(to_float && kind == H5T_FLOAT)))
+        if (!a.single || (kind != H5T_INTEGER && kind != H5T_FLOAT))
             status = attribute_error(h5, object, name, LG_FORMAT,
                                      to_float ? "is not a number" : "is not an integer", error);
         else if (H5Aread(a.attribute, lg_h5_memory_type(type), &value) < 0 ||
                  (!to_float && H5Aread(a.attribute, H5T_NATIVE_DOUBLE, &wide) < 0))
             status = attribute_error(h5, object, name, LG_FORMAT, "cannot be read", error);
+        else if (!to_float && kind == H5T_FLOAT && !is_whole(wide.f64))
+            status = attribute_error(h5, object, name, LG_FORMAT, "is not an integer", error);
     }
     if (status == LG_OK && type != LG_ELEMENT_F64 && type != LG_ELEMENT_F32) {
         /* Conversion clips: compare with the value as a double. */

@@ -53,10 +53,47 @@ uint32_t lg_hamiltonian_state_size(const lg_hamiltonian *model) {
     return model->family == LG_HAMILTONIAN_CHAIN ? 6 * model->links : 2 * model->links;
 }
 
+/* m = Gamma^T Gamma + diag(max(0, b)) */
+static double mass_entry(size_t k, const double *kinetic, size_t i, size_t j) {
+    double sum = 0.0;
+    for (size_t l = 0; l < k; l++) sum += kinetic[l * k + i] * kinetic[l * k + j];
+    const double b = kinetic[k * k + i];
+    return i == j && b > 0.0 ? sum + b : sum;
+}
+
+/* Cholesky factor of the symmetric matrix a (k, k), lower triangle, in place. A pivot that is not positive turns it and
+ * what follows into NaN. */
+static void factor(size_t k, double *a) {
+    for (size_t j = 0; j < k; j++)
+        for (size_t i = j; i < k; i++) {
+            double sum = a[i * k + j];
+            for (size_t l = 0; l < j; l++) sum -= a[i * k + l] * a[j * k + l];
+            a[i * k + j] = i == j ? (sum > 0.0 ? sqrt(sum) : NAN) : sum / a[j * k + j];
+        }
+}
+
+/* Smallest pivot of m; NaN when one is not positive. */
+static double smallest_pivot(size_t k, const double *kinetic) {
+    double m[LG_HAMILTONIAN_MAX_LINKS * LG_HAMILTONIAN_MAX_LINKS], least = INFINITY;
+    for (size_t i = 0; i < k * k; i++) m[i] = mass_entry(k, kinetic, i / k, i % k);
+    factor(k, m);
+    for (size_t i = 0; i < k; i++) {
+        const double pivot = m[i * k + i] * m[i * k + i];
+        if (!(pivot >= least)) least = pivot;
+    }
+    return least;
+}
+
+enum { MASS_DRAWS = 10000 };
+
 void lg_hamiltonian_initialise(const lg_hamiltonian *model, lg_rng *rng, double *theta) {
+    const size_t k = model->links, n = lg_hamiltonian_parameters(model);
+    double *kinetic = theta + lg_hamiltonian_kinetic_offset(model);
     lg_mlp_initialise(&model->net, rng, theta);
-    for (size_t i = lg_hamiltonian_kinetic_offset(model); i < lg_hamiltonian_parameters(model); i++)
-        theta[i] = lg_rng_uniform(rng);
+    for (int draw = 0; draw < MASS_DRAWS; draw++) {
+        for (double *x = kinetic; x < theta + n; x++) *x = lg_rng_uniform(rng);
+        if (model->family == LG_HAMILTONIAN_SEPARABLE || smallest_pivot(k, kinetic) >= LG_HAMILTONIAN_LEAST_PIVOT) return;
+    }
 }
 
 /* ---- evaluation ---- */
@@ -95,17 +132,6 @@ size_t lg_hamiltonian_work_size(const lg_hamiltonian *model) {
     return bytes;
 }
 
-/* Cholesky factor of the symmetric matrix a (k, k), lower triangle, in place. A pivot that is not positive
- * turns it and what follows into NaN. */
-static void factor(size_t k, double *a) {
-    for (size_t j = 0; j < k; j++)
-        for (size_t i = j; i < k; i++) {
-            double sum = a[i * k + j];
-            for (size_t l = 0; l < j; l++) sum -= a[i * k + l] * a[j * k + l];
-            a[i * k + j] = i == j ? (sum > 0.0 ? sqrt(sum) : NAN) : sum / a[j * k + j];
-        }
-}
-
 static void solve(size_t k, const double *l, double *x) {
     for (size_t i = 0; i < k; i++) {
         for (size_t j = 0; j < i; j++) x[i] -= l[i * k + j] * x[j];
@@ -115,14 +141,6 @@ static void solve(size_t k, const double *l, double *x) {
         for (size_t j = i + 1; j < k; j++) x[i] -= l[j * k + i] * x[j];
         x[i] /= l[i * k + i];
     }
-}
-
-/* m = Gamma^T Gamma + diag(max(0, b)) */
-static double mass_entry(size_t k, const double *kinetic, size_t i, size_t j) {
-    double sum = 0.0;
-    for (size_t l = 0; l < k; l++) sum += kinetic[l * k + i] * kinetic[l * k + j];
-    const double b = kinetic[k * k + i];
-    return i == j && b > 0.0 ? sum + b : sum;
 }
 
 static void invert_mass(size_t k, const double *kinetic, work_parts *w) {

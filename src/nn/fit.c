@@ -223,13 +223,7 @@ void lg_fit_destroy(lg_fit *fit) {
 /* Once an epoch, or what is left of one: within it parameters cannot leave the range for which a moderate
  * step is safe. */
 static void measure_parameters(lg_fit *fit) {
-    double chunk[256];
-    fit->largest = 0.0;
-    for (size_t at = 0; at < fit->problem.parameters; at += LG_COUNT(chunk)) {
-        const size_t rest = fit->problem.parameters - at, n = rest < LG_COUNT(chunk) ? rest : LG_COUNT(chunk);
-        fit->k->convert_out(n, (const char *)fit->state.theta + at * fit->k->size, chunk);
-        for (size_t i = 0; i < n; i++) fit->largest = fmax(fit->largest, fabs(chunk[i]));
-    }
+    fit->largest = sqrt(fit->k->dot(fit->problem.parameters, fit->state.theta, fit->state.theta));
 }
 
 /* Draws the epoch's order. */

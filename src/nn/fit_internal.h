@@ -48,7 +48,7 @@ struct lg_fit {
     size_t blocks;    /* of LG_FIT_BLOCK parameters: the unit of the reduction and of Adam */
     double *partial;  /* (blocks): squared norm of a block's gradient */
     bool *overflowed; /* (blocks): the step gave a value that is not finite */
-    double largest;   /* |parameter| at the start of the epoch */
+    double largest;   /* norm of the parameters at the start of the epoch: bounds each of them */
     bool careful;     /* this step might overflow: keep a backup and look at the result */
     char *backup;     /* theta, m, v before a careful step */
     double *scratch;  /* (epochs) */

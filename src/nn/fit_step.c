@@ -12,21 +12,34 @@
  */
 #define PARALLEL_BLOCKS 16
 
-static lg_status shard_loss(const lg_fit *fit, lg_shard *shard) {
+/* Adds loss and gradient of `count` samples to the shard's. */
+static lg_status chunk_loss(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count) {
     lg_tape *tape = shard->tape;
     lg_tape_reset(tape);
     const lg_shape flat = lg_shape1((uint32_t)fit->problem.parameters);
     const lg_var theta = lg_parameter(tape, flat, fit->state.theta);
     lg_var loss = LG_NONE;
-    const lg_status given = fit->problem.loss(fit->problem.user, tape, theta, shard->samples, shard->count,
-                                              fit->batch_samples, &loss);
+    const lg_status given =
+        fit->problem.loss(fit->problem.user, tape, theta, samples, count, fit->batch_samples, &loss);
+    double value = 0.0;
     LG_TRY(lg_tape_status(tape));
     LG_TRY(given);
-    LG_TRY(lg_read(tape, loss, &shard->loss, 1));
+    LG_TRY(lg_read(tape, loss, &value, 1));
+    shard->loss += value;
     if (!fit->with_gradient || !isfinite(shard->loss)) return LG_OK;
     void *gradient = shard->gradient;
-    memset(gradient, 0, fit->problem.parameters * fit->k->size);
     return lg_backward(tape, loss, &theta, 1, &gradient);
+}
+
+/* Large shards pass over the tape in chunks: their values stay in the cache and memory is bounded. */
+static lg_status shard_loss(const lg_fit *fit, lg_shard *shard) {
+    shard->loss = 0.0;
+    if (fit->with_gradient) memset(shard->gradient, 0, fit->problem.parameters * fit->k->size);
+    for (size_t at = 0; at < shard->count; at += LG_FIT_CHUNK) {
+        const size_t rest = shard->count - at;
+        LG_TRY(chunk_loss(fit, shard, shard->samples + at, rest < LG_FIT_CHUNK ? rest : LG_FIT_CHUNK));
+    }
+    return LG_OK;
 }
 
 static void shard_task(void *user, size_t index) {

@@ -2,6 +2,7 @@
  * ctest-labels: threads isa */
 #include "test_support.h"
 
+#include <pthread.h>
 #include <stdatomic.h>
 #include <sys/wait.h>
 #include <time.h>
@@ -507,6 +508,37 @@ static void test_pool_is_parallel(void **state) {
     lg_pool_destroy(pool);
 }
 
+typedef struct late {
+    pthread_t caller;
+    atomic_int arrived, finished;
+} late;
+
+/* Both threads take one task each; the worker's takes its time. */
+static void finish_late(void *user, size_t index) {
+    late *self = user;
+    (void)index;
+    atomic_fetch_add(&self->arrived, 1);
+    while (atomic_load(&self->arrived) < 2) continue;
+    if (!pthread_equal(pthread_self(), self->caller)) {
+        const struct timespec pause = {0, 20000000};
+        (void)nanosleep(&pause, NULL);
+    }
+    atomic_fetch_add(&self->finished, 1);
+}
+
+/* A run returns when the last task has ended, even long after the caller's own. */
+static void test_pool_waits_for_late_tasks(void **state) {
+    (void)state;
+    lg_pool *pool = NULL;
+    assert_ok(lg_pool_create(NULL, 2, &pool));
+    for (int i = 0; i < 3; i++) {
+        late all = {.caller = pthread_self()};
+        lg_pool_run(pool, 2, finish_late, &all);
+        assert_int_equal(atomic_load(&all.finished), 2);
+    }
+    lg_pool_destroy(pool);
+}
+
 static void test_pool_bad_input(void **state) {
     (void)state;
     lg_pool *pool = NULL;
@@ -695,6 +727,7 @@ int main(void) {
         cmocka_unit_test(test_rng_shuffle),
         cmocka_unit_test(test_pool_runs_every_task_once),
         cmocka_unit_test(test_pool_is_parallel),
+        cmocka_unit_test(test_pool_waits_for_late_tasks),
         cmocka_unit_test(test_pool_bad_input),
         cmocka_unit_test(test_version),
         cmocka_unit_test(test_counting),
