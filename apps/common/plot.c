@@ -65,8 +65,9 @@ static void drain(int from, FILE *to) {
         if (got > 0) (void)fwrite(buffer, 1, (size_t)got, to);
 }
 
-/* Runs `gnuplot script`, whose standard output is the picture. Its exit status: 127 when there is none, -1 when it could
- * not be started or died. The picture is written by us, whole or not at all: gnuplot does not see a full disk. */
+/* Runs `gnuplot script`, whose standard output is the picture. Its exit status: 127 when there is none, -1
+ * when it could not be started or died. The picture is written by us, whole or not at all: gnuplot does not
+ * see a full disk. */
 static int run_gnuplot(const char *script, FILE *picture) {
     int ends[2];
     if (pipe(ends) != 0) return -1;
@@ -117,7 +118,8 @@ lg_status app_plot_end(const app *self, app_plot *plot, bool *drawn, lg_error *e
         *drawn = code == 0 && status == LG_OK;
         if (code == 127)
             app_warn(self,
-                     "gnuplot is not installed: %s is not drawn, its data and script are left in %s and %s (gnuplot SCRIPT > PICTURE)",
+                     "gnuplot is not installed: %s is not drawn, its data and script are left in %s and %s "
+                     "(gnuplot SCRIPT > PICTURE)",
                      plot->picture, plot->data_path, plot->script_path);
         else if (code != 0)
             app_warn(self, "gnuplot failed: %s is not drawn, its data and script are left in %s and %s",

@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 typedef struct evaluate_values {
     const char *plot;
@@ -39,8 +40,29 @@ static void report(const app *self, const lg_trajectories *test, const verdict *
     if (isfinite(result->e2))
         (void)printf("E2 = %.4e  mean deviation of the Hamiltonian from the true one, up to a constant\n",
                      result->e2);
-    else
+    else if (test->hamiltonian == NULL)
         (void)printf("E2 unknown: %s has no /hamiltonian\n", self->arguments[1]);
+    else
+        (void)printf("E2 is not finite\n");
+}
+
+/* A result that is no number was still reported; only an E2 that nobody can know is no failure. */
+static int check_finite(const app *self, const lg_trajectories *test, const verdict *result) {
+    if (!isfinite(result->e1))
+        return app_fail(self, LG_NOT_FINITE, "%s: E1 is not finite (%g): the squared differences overflow",
+                        self->arguments[1], result->e1);
+    if (test->hamiltonian != NULL && !isfinite(result->e2))
+        return app_fail(
+            self, LG_NOT_FINITE,
+            "%s: E2 is not finite (%g): a learned energy is not finite or the differences overflow",
+            self->arguments[1], result->e2);
+    return APP_EXIT_OK;
+}
+
+static void warn_of_systems(const app *self, const char *trained, const char *given) {
+    if (trained[0] != '\0' && given[0] != '\0' && strcmp(trained, given) != 0)
+        app_warn(self, "%s was trained on %s, but %s holds %s", self->arguments[0], trained,
+                 self->arguments[1], given);
 }
 
 static int evaluate(app *self, const lg_hamiltonian_file *file, const lg_trajectories *test) {
@@ -65,7 +87,10 @@ static int evaluate(app *self, const lg_hamiltonian_file *file, const lg_traject
                                    test->count, test->points, &error);
         if (status != LG_OK) code = app_fail_file(self, status, &error, values.plot);
     }
-    if (code == APP_EXIT_OK) report(self, test, &result, app_seconds() - begin);
+    if (code == APP_EXIT_OK) {
+        report(self, test, &result, app_seconds() - begin);
+        code = check_finite(self, test, &result);
+    }
     free(predicted);
     return code;
 }
@@ -84,6 +109,7 @@ static int run(app *self) {
     int code = APP_EXIT_OK;
     if (status == LG_OK) {
         warn_of_inputs(self, self->arguments[1], &test);
+        warn_of_systems(self, file.run.system, test.system);
         code = evaluate(self, &file, &test);
         lg_trajectories_free(self->context, &test);
     } else {

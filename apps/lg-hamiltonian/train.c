@@ -170,6 +170,10 @@ static int train(training *self, const lg_hamiltonian_run *run, const lg_traject
     if (train_given.newton && lg_hamiltonian_parameters(&run->model) > LG_NEWTON_MAX_PARAMETERS)
         return app_usage(self->app, "--newton: the model has %zu parameters, at most %d are possible",
                          lg_hamiltonian_parameters(&run->model), LG_NEWTON_MAX_PARAMETERS);
+    if (data->points > LG_HAMILTONIAN_MAX_POINTS)
+        return app_fail(self->app, LG_FORMAT,
+                        "%s: /trajectories has %zu points a trajectory; training takes at most %d",
+                        self->app->arguments[0], data->points, LG_HAMILTONIAN_MAX_POINTS);
     lg_status status = learner_create(self->app->context, run, data, &options, &self->learner, &error);
     if (status != LG_OK)
         return app_fail(self->app, status, "%s",

@@ -49,8 +49,9 @@ LG_API lg_status lg_hamiltonian_init(lg_hamiltonian *model, lg_hamiltonian_famil
                                      uint32_t hidden_layers, lg_activation activation);
 LG_API size_t lg_hamiltonian_parameters(const lg_hamiltonian *model);
 LG_API uint32_t lg_hamiltonian_state_size(const lg_hamiltonian *model); /* 6k or 2n */
-/* A start with a nearly singular mass sends trajectories far away, and training may end at a mass near 0, from which no
- * gradient leads away: Gamma and b are drawn again while a pivot of m is below this (of one link, 2 draws in 100). */
+/* A start with a nearly singular mass sends trajectories far away, and training may end at a mass near 0,
+ * from which no gradient leads away: Gamma and b are drawn again while a pivot of m is below this (of one
+ * link, 2 draws in 100). */
 #define LG_HAMILTONIAN_LEAST_PIVOT 0.1
 /* Weights and biases U(+-1/sqrt(fan_in)); Gamma, b, A ~ U[0, 1]. */
 LG_API void lg_hamiltonian_initialise(const lg_hamiltonian *model, lg_rng *rng, double *theta);

@@ -61,8 +61,8 @@ static double mass_entry(size_t k, const double *kinetic, size_t i, size_t j) {
     return i == j && b > 0.0 ? sum + b : sum;
 }
 
-/* Cholesky factor of the symmetric matrix a (k, k), lower triangle, in place. A pivot that is not positive turns it and
- * what follows into NaN. */
+/* Cholesky factor of the symmetric matrix a (k, k), lower triangle, in place. A pivot that is not positive
+ * turns it and what follows into NaN. */
 static void factor(size_t k, double *a) {
     for (size_t j = 0; j < k; j++)
         for (size_t i = j; i < k; i++) {
@@ -92,7 +92,9 @@ void lg_hamiltonian_initialise(const lg_hamiltonian *model, lg_rng *rng, double 
     lg_mlp_initialise(&model->net, rng, theta);
     for (int draw = 0; draw < MASS_DRAWS; draw++) {
         for (double *x = kinetic; x < theta + n; x++) *x = lg_rng_uniform(rng);
-        if (model->family == LG_HAMILTONIAN_SEPARABLE || smallest_pivot(k, kinetic) >= LG_HAMILTONIAN_LEAST_PIVOT) return;
+        if (model->family == LG_HAMILTONIAN_SEPARABLE ||
+            smallest_pivot(k, kinetic) >= LG_HAMILTONIAN_LEAST_PIVOT)
+            return;
     }
 }
 

@@ -511,6 +511,36 @@ static void probe_catches(void **state) {
     assert_ok(lg_probe(path, &options, dies, &how, NULL));
 }
 
+/* Programs that know only doubles store k as 2.0: the same number, but nothing else is. */
+static void integers_as_floats(void **state) {
+    (void)state;
+    static const struct {
+        double value;
+        const char *words; /* NULL: accepted */
+    } rows[] = {{2, NULL},
+                {3, "links is 3"},
+                {2.5, "integer"},
+                {-2, "links is -2"},
+                {1e300, "integer"},
+                {(double)NAN, "integer"},
+                {(double)INFINITY, "integer"}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        const char *path = good_file(2);
+        replace_attribute(path, "/", "links", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, &rows[i].value);
+        if (rows[i].words == NULL)
+            assert_ok(read_and_free(NULL, path, NULL, NULL));
+        else
+            assert_refused(read_and_free, path, LG_FORMAT, "links", rows[i].words);
+    }
+    const char *path = good_file(2);
+    const float two = 2;
+    replace_attribute(path, "/", "links", H5T_IEEE_F32BE, H5T_NATIVE_FLOAT, &two);
+    const double version = 2;
+    assert_ok(read_and_free(NULL, path, NULL, NULL));
+    replace_attribute(path, "/", "format_version", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, &version);
+    assert_refused(read_and_free, path, LG_VERSION, "format_version", "2");
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(round_trip),         cmocka_unit_test(hash_is_of_the_data),
@@ -521,7 +551,7 @@ int main(void) {
         cmocka_unit_test(absurd_sizes),       cmocka_unit_test(other_files),
         cmocka_unit_test(bad_arguments),      cmocka_unit_test(failing_allocations),
         cmocka_unit_test(full_disk),          cmocka_unit_test(unwritable),
-        cmocka_unit_test(probe_catches),
+        cmocka_unit_test(probe_catches),      cmocka_unit_test(integers_as_floats),
     };
     return cmocka_run_group_tests(tests, scratch_begin, scratch_end);
 }

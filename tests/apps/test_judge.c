@@ -1,0 +1,373 @@
+/* The headline numbers of lg-hamiltonian (in LG_BIN_DIR), computed a second time: E1 and E2 of `evaluate`,
+ * starts, noise and energies of `generate`, medians and geometric means of `study`. */
+#include "cli_support.h"
+
+#include "liegrad/integrators.h"
+#include "liegrad/io.h"
+
+static const char lg[] = "lg-hamiltonian";
+static cli result;
+
+static const char chain1[] = "system: pendulum-chain\ngravity: 1\nmasses: [1]\nlengths: [1]\n";
+static const char chain2[] = "system: pendulum-chain\ngravity: 1\nmasses: [1, 1.3]\nlengths: [1, 0.8]\n";
+/* All u are near (2, 2, 2): p = q x u is then known to 1e-3. */
+static const char chain_box[] = "system: pendulum-chain\ngravity: 1\nmasses: [1, 1]\nlengths: [1, 1]\n"
+                                "starts: { kind: box, low: 2, high: 2.0005 }\n";
+static const char oscillators_box[] =
+    "system: coupled-oscillators\nstarts: { kind: box, low: 0.5, high: 0.75, segments: 2 }\n";
+static const char grid[] =
+    "system: pendulum-chain\ngravity: 1\nmasses: [1]\nlengths: [1]\nintegrators: [cf4, euler]\n"
+    "N: [12]\nM: [3]\neps: [0, 1e-2]\nrepeats: 3\nt_end: 0.1\nepochs: 2\nbatch: 8\nhidden: [6]\n"
+    "test: { trajectories: 4, points: 5 }\nseed: 3\n";
+
+static int setup(void **state) {
+    (void)state;
+    cli_make_folder();
+    if (cli_folder[0] == '\0') return -1;
+    cli_write("chain1.yaml", chain1);
+    cli_write("chain2.yaml", chain2);
+    cli_write("chain-box.yaml", chain_box);
+    cli_write("oscillators.yaml", oscillators_box);
+    cli_write("grid.yaml", grid);
+    return 0;
+}
+
+static int teardown(void **state) {
+    (void)state;
+    cli_remove_folder();
+    return 0;
+}
+
+static void read_data(const char *name, lg_trajectories *out) {
+    char path[1024];
+    cli_path(name, path, sizeof path);
+    assert_ok(lg_trajectories_read(NULL, path, NULL, out, NULL));
+}
+
+static void write_data(const char *name, lg_trajectories *data) {
+    char path[1024];
+    cli_path(name, path, sizeof path);
+    assert_ok(lg_trajectories_write(NULL, path, data, NULL));
+}
+
+static void generate(const char *arguments, const char *name, lg_trajectories *out) {
+    char line[512];
+    (void)snprintf(line, sizeof line, "generate %s --out %s", arguments, name);
+    cli_expect(lg, line, 0, name, &result);
+    read_data(name, out);
+}
+
+/* ---- E1 and E2 ---- */
+
+typedef struct learned {
+    const lg_hamiltonian_file *file;
+    void *work;
+} learned;
+
+static lg_status field(void *user, double t, const double *y, const double *input, double *algebra) {
+    const learned *self = user;
+    (void)t;
+    (void)input;
+    lg_hamiltonian_field(&self->file->run.model, self->file->theta, y, algebra, self->work);
+    return LG_OK;
+}
+
+static void learned_begin(const lg_hamiltonian_file *file, learned *self) {
+    self->file = file;
+    assert_int_equal(posix_memalign(&self->work, 64, lg_hamiltonian_work_size(&file->run.model)), 0);
+}
+
+/* Mean over trajectories, points (t = 0 included) and coordinates of the squared difference. */
+static double first_error(const lg_hamiltonian_file *file, const lg_trajectories *test) {
+    const bool chain = test->family == LG_HAMILTONIAN_CHAIN;
+    const size_t size = test->points * test->state_size;
+    learned self;
+    lg_control control;
+    lg_stepper *stepper = NULL;
+    double sum = 0, *y = malloc(size * sizeof *y);
+    assert_non_null(y);
+    learned_begin(file, &self);
+    lg_ode ode = {.field = field, .user = &self};
+    const lg_space_factor links = {LG_SPACE_TS2, test->links};
+    assert_ok(chain ? lg_space_init(&ode.space, &links, 1) : lg_space_init_rn(&ode.space, test->state_size));
+    assert_ok(lg_stepper_create(NULL, lg_scheme_find(chain ? "rkmk54" : "dp54"), &ode, &stepper));
+    lg_control_init(&control);
+    control.rtol = control.atol = 1e-11;
+    for (size_t i = 0; i < test->count; i++) {
+        const double *given = test->data + i * size;
+        assert_ok(
+            lg_integrate_adaptive(stepper, &control, test->t[0], given, test->t, test->points, y, NULL));
+        for (size_t k = 0; k < size; k++) sum += (y[k] - given[k]) * (y[k] - given[k]);
+    }
+    lg_stepper_destroy(NULL, stepper);
+    free(self.work);
+    free(y);
+    return sum / (double)(test->count * size);
+}
+
+/* Mean |d - mean d|, d = H - H_Theta at the starts. */
+static double second_error(const lg_hamiltonian_file *file, const lg_trajectories *test) {
+    double d[64], mean = 0, sum = 0;
+    learned self;
+    assert_true(test->count <= 64);
+    learned_begin(file, &self);
+    for (size_t i = 0; i < test->count; i++) {
+        const double *start = test->data + i * test->points * test->state_size;
+        d[i] = test->hamiltonian[i] - lg_hamiltonian_value(&file->run.model, file->theta, start, self.work);
+        mean += d[i] / (double)test->count;
+    }
+    for (size_t i = 0; i < test->count; i++) sum += fabs(d[i] - mean);
+    free(self.work);
+    return sum / (double)test->count;
+}
+
+static void check_errors(const char *scene, const char *integrator, const char *noise) {
+    char line[512], path[1024];
+    lg_trajectories train, test;
+    lg_hamiltonian_file model;
+    (void)snprintf(line, sizeof line, "%s --trajectories 24 --points 3 --t-end 0.2 --seed 4 --noise %s",
+                   scene, noise);
+    generate(line, "train.h5", &train);
+    (void)snprintf(line, sizeof line, "%s --trajectories 6 --points 4 --t-end 1 --seed 5 --noise %s", scene,
+                   noise);
+    generate(line, "test.h5", &test);
+    (void)snprintf(line, sizeof line,
+                   "train train.h5 --hidden 8,8 --batch 8 --epochs 2 --integrator %s --out model.h5",
+                   integrator);
+    cli_expect(lg, line, 0, "model.h5", &result);
+    cli_path("model.h5", path, sizeof path);
+    assert_ok(lg_model_load_hamiltonian(NULL, path, NULL, &model, NULL));
+    cli_expect(lg, "evaluate model.h5 test.h5 --json", 0, "\"E1\"", &result);
+    assert_string_equal(result.err, "");
+    assert_close(json_number(result.out, "E1"), first_error(&model, &test), 1e-6, 0);
+    assert_close(json_number(result.out, "E2"), second_error(&model, &test), 1e-6, 0);
+    lg_hamiltonian_file_free(NULL, &model);
+    lg_trajectories_free(NULL, &train);
+    lg_trajectories_free(NULL, &test);
+}
+
+static void test_errors(void **state) {
+    (void)state;
+    check_errors("chain1.yaml", "cf4", "0");
+    check_errors("chain2.yaml", "lie-euler", "1e-2");
+    check_errors("oscillators.yaml", "rk4", "1e-2"); /* leaves model.h5 and test.h5 to the next two */
+}
+
+/* Results that overflow are shown as null and end with a sentence; an unknown E2 is no failure. */
+static void test_not_finite(void **state) {
+    lg_trajectories test;
+    (void)state;
+    read_data("test.h5", &test);
+    const size_t last = test.points * test.state_size - 1;
+    const double kept = test.data[last];
+    test.data[last] = 1e200;
+    write_data("far.h5", &test);
+    cli_expect(lg, "evaluate model.h5 far.h5 --json", 4, "far.h5: E1 is not finite", &result);
+    assert_true(json_is_object(result.out));
+    assert_int_equal(strncmp(json_find(result.out, "E1"), "null", 4), 0);
+    assert_true(json_number(result.out, "E2") > 0);
+    test.data[last] = kept;
+    for (size_t i = 0; i < test.count; i++) test.hamiltonian[i] = i % 2 == 0 ? 1.7e308 : -1.7e308;
+    write_data("high.h5", &test);
+    cli_expect(lg, "evaluate model.h5 high.h5 --json", 4, "high.h5: E2 is not finite", &result);
+    assert_int_equal(strncmp(json_find(result.out, "E2"), "null", 4), 0);
+    assert_true(json_number(result.out, "E1") > 0);
+    double *energies = test.hamiltonian;
+    test.hamiltonian = NULL;
+    write_data("unknown.h5", &test);
+    test.hamiltonian = energies;
+    cli_expect(lg, "evaluate model.h5 unknown.h5 --json", 0, "\"E2\": null", &result);
+    lg_trajectories_free(NULL, &test);
+}
+
+static void test_other_system(void **state) {
+    lg_trajectories test;
+    (void)state;
+    read_data("test.h5", &test);
+    (void)snprintf(test.system, sizeof test.system, "quartic");
+    write_data("quartic.h5", &test);
+    test.system[0] = '\0';
+    write_data("nameless.h5", &test);
+    lg_trajectories_free(NULL, &test);
+    cli_expect(lg, "evaluate model.h5 quartic.h5 --json", 0, "\"E1\"", &result);
+    assert_non_null(strstr(result.err, "model.h5 was trained on coupled-oscillators"));
+    assert_non_null(strstr(result.err, "quartic.h5 holds quartic"));
+    cli_expect(lg, "evaluate model.h5 nameless.h5 --json", 0, "\"E1\"", &result);
+    assert_string_equal(result.err, "");
+}
+
+static void test_too_many_points(void **state) {
+    lg_trajectories data;
+    (void)state;
+    generate("oscillators.yaml --trajectories 2 --points 513 --t-end 0.5", "long.h5", &data);
+    lg_trajectories_free(NULL, &data);
+    cli_expect(lg, "train long.h5 --integrator rk4 --epochs 1 --out m.h5", 3,
+               "long.h5: /trajectories has 513 points", &result);
+    assert_non_null(strstr(result.err, "512"));
+    assert_false(cli_exists("m.h5"));
+}
+
+/* ---- starts and noise ---- */
+
+static const double *point(const lg_trajectories *data, size_t i, size_t j) {
+    return data->data + (i * data->points + j) * data->state_size;
+}
+
+static void test_box_of_chain(void **state) {
+    lg_trajectories data;
+    (void)state;
+    generate("chain-box.yaml --trajectories 10 --points 3 --t-end 0.1 --noise 1e-2", "box.h5", &data);
+    for (size_t i = 0; i < data.count; i++)
+        for (size_t link = 0; link < 2; link++) {
+            const double *q = point(&data, i, 0) + 6 * link, *p = q + 3;
+            assert_close(q[0] * q[0] + q[1] * q[1] + q[2] * q[2], 1, 1e-14, 0);
+            for (int c = 0; c < 3; c++) assert_close(p[c], 2 * (q[(c + 1) % 3] - q[(c + 2) % 3]), 0, 2e-3);
+        }
+    lg_trajectories_free(NULL, &data);
+}
+
+/* H = (q1^2 + p1^2)/2 + p2^2/2 + q2^2/2 + q2^4/4, state q1 q2 p1 p2. */
+static double oscillators_energy(const double *y) {
+    return (y[0] * y[0] + y[2] * y[2] + y[3] * y[3] + y[1] * y[1]) / 2 + pow(y[1], 4) / 4;
+}
+
+static void check_noise(const lg_trajectories *clean, const char *kind, double eps, double variance) {
+    char line[256];
+    lg_trajectories noisy;
+    double sum = 0;
+    const size_t d = clean->state_size;
+    (void)snprintf(line, sizeof line,
+                   "oscillators.yaml --trajectories 40 --points 9 --t-end 0.5 --noise %g --noise-kind %s",
+                   eps, kind);
+    generate(line, "noisy.h5", &noisy);
+    for (size_t i = 0; i < clean->count; i++) {
+        assert_memory_equal(point(clean, i, 0), point(&noisy, i, 0), d * sizeof(double));
+        assert_close(noisy.hamiltonian[i], clean->hamiltonian[i], 0, 0);
+        for (size_t k = d; k < clean->points * d; k++) {
+            const double off = point(&noisy, i, 0)[k] - point(clean, i, 0)[k];
+            assert_true(off != 0 && fabs(off) < 6 * eps);
+            sum += off * off;
+        }
+    }
+    /* 1280 numbers: the mean of their squares is within 20 percent */
+    assert_close(sum / (double)(clean->count * (clean->points - 1) * d), variance, 0.2, 0);
+    lg_trajectories_free(NULL, &noisy);
+}
+
+static void test_box_and_noise(void **state) {
+    lg_trajectories clean;
+    (void)state;
+    generate("oscillators.yaml --trajectories 40 --points 9 --t-end 0.5", "clean.h5", &clean);
+    for (size_t i = 0; i < clean.count; i++) {
+        const double *y = point(&clean, i, 0);
+        for (size_t c = 0; c < 4 && i % 2 == 0; c++) assert_true(y[c] >= 0.5 && y[c] < 0.75);
+        if (i % 2 == 1) /* the second of two segments begins where the first ends */
+            assert_memory_equal(y, point(&clean, i - 1, clean.points - 1), 4 * sizeof(double));
+        assert_close(clean.hamiltonian[i], oscillators_energy(y), 1e-14, 0);
+        for (size_t j = 1; j < clean.points; j++)
+            assert_close(oscillators_energy(point(&clean, i, j)), clean.hamiltonian[i], 1e-9, 0);
+    }
+    check_noise(&clean, "normal", 1e-2, 1e-4);
+    check_noise(&clean, "uniform", 1e-2, 1e-4 / 3);
+    lg_trajectories_free(NULL, &clean);
+}
+
+/* ---- study ---- */
+
+enum { ROWS = 12, RESULTS = 4 };
+static const char *const measures[RESULTS] = {"loss", "E1", "E2", "seconds"};
+
+typedef struct row {
+    char integrator[16];
+    double eps, values[RESULTS];
+} row;
+
+static size_t read_rows(const char *name, row rows[ROWS]) {
+    char text[8192];
+    size_t n = 0;
+    cli_read(name, text, sizeof text);
+    char *save = NULL, *line = strtok_r(text, "\n", &save);
+    for (line = strtok_r(NULL, "\n", &save); line != NULL; line = strtok_r(NULL, "\n", &save)) {
+        row *r = &rows[n];
+        assert_true(n++ < ROWS);
+        assert_int_equal(sscanf(line, "%15[^,],%*u,%*u,%*u,%lf,%*f,%*u,%*u,%lf,%lf,%lf,%lf", r->integrator,
+                                &r->eps, &r->values[0], &r->values[1], &r->values[2], &r->values[3]),
+                         6);
+    }
+    return n;
+}
+
+/* The rows of an integrator with this noise (eps < 0: all), measure k, in increasing order. */
+static size_t pick(const row rows[ROWS], const char *integrator, double eps, int k, double out[ROWS]) {
+    size_t n = 0;
+    for (size_t i = 0; i < ROWS; i++) {
+        if (strcmp(rows[i].integrator, integrator) != 0 || (eps >= 0 && rows[i].eps != eps)) continue;
+        size_t at = n++;
+        for (; at > 0 && out[at - 1] > rows[i].values[k]; at--) out[at] = out[at - 1];
+        out[at] = rows[i].values[k];
+    }
+    return n;
+}
+
+static double geometric(const double *values, size_t n) {
+    double product = 1;
+    for (size_t i = 0; i < n; i++) product *= pow(values[i], 1.0 / (double)n);
+    return product;
+}
+
+/* Objects of the list `key`: each with its own integrator and, where it has one, noise. */
+static int check_list(const char *key, const row rows[ROWS], double eps, size_t expected, bool median) {
+    int count = 0;
+    const char *s = json_find(result.out, key);
+    assert_non_null(s);
+    for (s = json_space(s + 1); *s == '{'; count++) {
+        char integrator[16] = "";
+        double values[ROWS];
+        assert_int_equal(sscanf(json_find(s, "integrator"), "\"%15[^\"]", integrator), 1);
+        const double noise = json_find(s, "eps") != NULL ? json_number(s, "eps") : eps;
+        assert_close(json_number(s, "runs"), (double)expected, 0, 0);
+        assert_close(json_number(s, "failed"), 0, 0, 0);
+        for (int k = 0; k < RESULTS; k++) {
+            assert_int_equal(pick(rows, integrator, noise, k, values), expected);
+            assert_close(json_number(s, measures[k]),
+                         median ? values[expected / 2] : geometric(values, expected), 1e-9, 0);
+        }
+        s = json_space(json_value(s));
+        if (*s == ',') s = json_space(s + 1);
+    }
+    return count;
+}
+
+static void test_study(void **state) {
+    static const char *const names[] = {"cf4", "euler"};
+    row rows[ROWS];
+    double values[ROWS];
+    char words[64];
+    (void)state;
+    cli_expect(lg, "study grid.yaml --out study.csv --jobs 2 --threads 2 --json", 0, "\"done\": 12", &result);
+    assert_int_equal(read_rows("study.csv", rows), ROWS);
+    assert_int_equal(check_list("medians", rows, 0, 3, true), 4);
+    assert_int_equal(check_list("geometric_means", rows, -1, 6, false), 2);
+    assert_int_equal(check_list("best_without_noise", rows, 0, 3, false), 2);
+    assert_int_equal(check_list("best_with_noise", rows, 1e-2, 3, false), 2);
+    cli_expect(lg, "study grid.yaml --out study.csv", 0, "Geometric means", &result);
+    const char *means = strstr(result.out, "Geometric means");
+    for (size_t i = 0; i < 2; i++)
+        for (int k = 0; k < 3; k++) {
+            const size_t n = pick(rows, names[i], -1, k, values);
+            (void)snprintf(words, sizeof words, "%.2e", geometric(values, n));
+            if (strstr(means, words) == NULL) fail_msg("%s is not in %s", words, means);
+            (void)pick(rows, names[i], 0, k, values);
+            (void)snprintf(words, sizeof words, "%.2e", values[1]);
+            if (strstr(result.out, words) == NULL) fail_msg("%s is not in %s", words, result.out);
+        }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_errors),       cmocka_unit_test(test_not_finite),
+        cmocka_unit_test(test_other_system), cmocka_unit_test(test_too_many_points),
+        cmocka_unit_test(test_box_of_chain), cmocka_unit_test(test_box_and_noise),
+        cmocka_unit_test(test_study)};
+    return cmocka_run_group_tests(tests, setup, teardown);
+}
