@@ -347,6 +347,10 @@ static void test_full_disk(void **state) {
                        &result);
     cli_expect_limited(lg, TRAIN "--epochs 60 --out model-full.h5 --history full.csv", 512, 3, "full.csv",
                        &result);
+    /* The data of the picture fit, the picture does not. */
+    cli_expect_limited(lg, "evaluate model.h5 test.h5 --plot full.svg", 8192, 3, "full.svg", &result);
+    assert_true(cli_exists("full.dat"));
+    assert_false(cli_exists("full.svg"));
     assert_false(cli_exists("full.h5"));
     assert_false(cli_exists("full.csv"));
     assert_int_equal(cli_count_files("tmp"), 0);

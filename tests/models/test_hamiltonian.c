@@ -362,6 +362,25 @@ static void untaped_gradient_matches_differences(void **state) {
     }
 }
 
+/* Whatever the seed, no start has a nearly singular mass. Of one link m = Gamma^2 + b. */
+static void starts_have_a_mass(void **state) {
+    (void)state;
+    lg_hamiltonian model;
+    double theta[3 + 2], least = INFINITY, largest = 0.0;
+    assert_ok(lg_hamiltonian_init(&model, LG_HAMILTONIAN_CHAIN, 1, LG_POTENTIAL_LINEAR, NULL, 0, LG_TANH));
+    for (uint64_t seed = 0; seed < 5000; seed++) {
+        lg_rng rng;
+        lg_rng_seed(&rng, seed, 1);
+        lg_hamiltonian_initialise(&model, &rng, theta);
+        const double m = theta[3] * theta[3] + theta[4];
+        assert_true(theta[3] >= 0.0 && theta[3] < 1.0 && theta[4] >= 0.0 && theta[4] < 1.0);
+        least = fmin(least, m);
+        largest = fmax(largest, m);
+    }
+    assert_true(least >= LG_HAMILTONIAN_LEAST_PIVOT && least < 1.1 * LG_HAMILTONIAN_LEAST_PIVOT);
+    assert_true(largest > 1.8);
+}
+
 /* dH along a tangent direction equals gradient times direction; on a chain along the group action. */
 static void untaped_jvp(void **state) {
     (void)state;
@@ -477,6 +496,7 @@ int main(void) {
         cmocka_unit_test(loss_gradients),
         cmocka_unit_test(penalty_is_what_it_says),
         cmocka_unit_test(untaped_gradient_matches_differences),
+        cmocka_unit_test(starts_have_a_mass),
         cmocka_unit_test(untaped_jvp),
         cmocka_unit_test(newton_reaches_the_floor),
         cmocka_unit_test(bad_problems),
