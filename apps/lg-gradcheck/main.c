@@ -18,18 +18,23 @@ typedef struct values {
 static values given = {NULL, false, 2};
 
 static const app_option options[] = {
-    APP_ROW_TEXT(values, only, "only", "NAME", "only rows of this operation, or whose name begins with NAME"),
+    APP_ROW_TEXT(values, only, "only", "NAME", "only rows of this operation, or whose name contains NAME"),
     APP_ROW_FLAG(values, plant, "plant", "plant wrong derivatives; succeed only if every one is caught"),
     APP_ROW_SIZE(values, order, "order", "N", 1, LG_GRADCHECK_ORDERS, "highest order of derivatives (2)"),
     APP_ROW_END};
 
-static bool begins_with(const char *text, const char *start) {
-    while (*start != '\0' && tolower((unsigned char)*text) == tolower((unsigned char)*start)) text++, start++;
-    return *start == '\0';
+/* Whatever the case of the letters. */
+static bool contains(const char *text, const char *part) {
+    for (; *text != '\0'; text++) {
+        size_t i = 0;
+        while (part[i] != '\0' && tolower((unsigned char)text[i]) == tolower((unsigned char)part[i])) i++;
+        if (part[i] == '\0') return true;
+    }
+    return false;
 }
 
 static bool wanted(const lg_gradcheck_case *row) {
-    if (given.only == NULL || begins_with(row->function.name, given.only)) return true;
+    if (given.only == NULL || contains(row->function.name, given.only)) return true;
     for (size_t i = 0; i < LG_GRADCHECK_CASE_OPERATIONS && row->operations[i] != NULL; i++)
         if (strcmp(row->operations[i], given.only) == 0) return true;
     return false;
