@@ -50,8 +50,8 @@ LG_API lg_status lg_hamiltonian_init(lg_hamiltonian *model, lg_hamiltonian_famil
 LG_API size_t lg_hamiltonian_parameters(const lg_hamiltonian *model);
 LG_API uint32_t lg_hamiltonian_state_size(const lg_hamiltonian *model); /* 6k or 2n */
 /* A start with a nearly singular mass sends trajectories far away, and training may end at a mass near 0,
- * from which no gradient leads away: Gamma and b are drawn again while a pivot of m is below this (of one
- * link, 2 draws in 100). */
+ * from which no gradient leads away: Gamma and b are drawn again, at most 10000 times, while a pivot of m is
+ * below this (of one link, 2 draws in 100). */
 #define LG_HAMILTONIAN_LEAST_PIVOT 0.1
 /* Weights and biases U(+-1/sqrt(fan_in)); Gamma, b, A ~ U[0, 1]. */
 LG_API void lg_hamiltonian_initialise(const lg_hamiltonian *model, lg_rng *rng, double *theta);
@@ -71,7 +71,7 @@ LG_API lg_status lg_train_integrator_parse(const char *name, lg_train_integrator
 
 /* First-integral penalty: G = (q_1^2 + p_1^2)/2 of the coupled oscillators. TEXT: mu times the mean over the
  * batch of sum_j (G(y_j) - G(x))^2 over the predicted points. PUBLISHED: mu times the sum over the batch of
- * |G(y_j) - G(x)| 2. */
+ * sum_j |2 G(y_j) - 2 G(x)|, where 2 G = q_1^2 + p_1^2. */
 typedef enum lg_penalty_form { LG_PENALTY_TEXT, LG_PENALTY_PUBLISHED } lg_penalty_form;
 
 /* Trajectories (N, M, d) with equidistant points dt apart, and how to learn from them. Borrowed data. */

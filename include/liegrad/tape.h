@@ -150,7 +150,8 @@ LG_API lg_status lg_jvp(lg_tape *tape, const lg_var *y, size_t ny, const lg_var 
 /* Unrecorded reverse mode, the last pass of a training step: adds d sum(y) / d wrt[i] to the caller's grad[i]
  * (elements of the tape's type, count of wrt[i]). Temporaries are freed as it goes; the tape is as before. On
  * failure the contents of grad are unspecified and the error sticks. LG_INVALID_ARGUMENT: a variable asked
- * for twice, a grad[i] that is NULL. */
+ * for twice, a grad[i] that is NULL. LG_UNSUPPORTED: called by a
+ * custom operation's vjp while it runs. */
 LG_API lg_status lg_backward(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, void *const *grad);
 
 /* Recorded (rows of y flattened) x (x flattened): J[a, b] = d y_a / d x_b, shape (count(y), count(x)). One

@@ -335,6 +335,10 @@ static void seed_sweep(lg_tape *tape, lg_sweep *sweep, lg_var y, const lg_var *w
 
 lg_status lg_backward(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, void *const *grad) {
     if (!valid_list(tape, &y, 1, "backward") || !valid_list(tape, wrt, n, "backward")) return tape->status;
+    if (tape->unrecorded) {
+        lg_tape_fail(tape, LG_UNSUPPORTED, "backward", "it cannot be called by a vjp that it runs");
+        return tape->status;
+    }
     if (n == 0) return LG_OK;
     lg_sweep sweep = {.range = range_of(&y, 1, wrt, n)};
     size_t length = (size_t)sweep.range.hi - sweep.range.lo + 1;

@@ -164,13 +164,7 @@ const lg_op lg_op_div = {"div", 0, broadcast_shape, div_forward, div_vjp, div_jv
 static lg_status ge_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
     return binary_forward(tape, in, out, LG_K_GE);
 }
-static void none_vjp(lg_reverse *r) {
-    (void)r;
-}
-static lg_var none_jvp(const lg_forward *f) {
-    return lg_zeros_like(f->tape, f->y);
-}
-const lg_op lg_op_ge = {"ge", ~0u, broadcast_shape, ge_forward, none_vjp, none_jvp};
+const lg_op lg_op_ge = {"ge", ~0u, broadcast_shape, ge_forward, lg_no_vjp, lg_zero_jvp};
 
 static lg_status max_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
     return binary_forward(tape, in, out, LG_K_MAX);
@@ -329,13 +323,13 @@ static lg_status sign_forward(lg_tape *tape, const lg_node *const *in, lg_node *
     tape->k->unary[LG_K_SIGN](out->count, 0.0, in[0]->value, out->value);
     return LG_OK;
 }
-const lg_op lg_op_sign = {"sign", ~0u, same_shape, sign_forward, none_vjp, none_jvp};
+const lg_op lg_op_sign = {"sign", ~0u, same_shape, sign_forward, lg_no_vjp, lg_zero_jvp};
 
 static lg_status copy_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
     tape->k->unary[LG_K_SCALE](out->count, 1.0, in[0]->value, out->value);
     return LG_OK;
 }
-const lg_op lg_op_stop_gradient = {"stop_gradient", ~0u, same_shape, copy_forward, none_vjp, none_jvp};
+const lg_op lg_op_stop_gradient = {"stop_gradient", ~0u, same_shape, copy_forward, lg_no_vjp, lg_zero_jvp};
 
 lg_var lg_neg(lg_tape *tape, lg_var x) {
     return unary(tape, LG_OP_SCALE, x, -1.0);

@@ -93,13 +93,7 @@ static lg_status factor_forward(lg_tape *tape, const lg_node *const *in, lg_node
     return LG_OK;
 }
 
-static void factor_vjp(lg_reverse *r) {
-    (void)r;
-}
-static lg_var factor_jvp(const lg_forward *f) {
-    return lg_zeros_like(f->tape, f->y);
-}
-const lg_op lg_op_spd_factor = {"spd_factor", 1u, factor_shape, factor_forward, factor_vjp, factor_jvp};
+const lg_op lg_op_spd_factor = {"spd_factor", 1u, factor_shape, factor_forward, lg_no_vjp, lg_zero_jvp};
 
 static lg_status solve_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
     (void)inputs, (void)attr;

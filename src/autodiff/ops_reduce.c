@@ -1,29 +1,18 @@
 /* Sums and broadcasts, each other's adjoints; maximum over an axis.
  *
  * The primitives see a tensor as (outer, length, inner): REDUCE sums over the middle, REPEAT repeats along
- * it. Everything else is a chain of them. attr.i = {outer, length, inner}; the output's shape travels in
- * attr.pointer's place as the shape that the caller wants (same count).
+ * it. Everything else is a chain of them. attr.i = {outer, length, inner}.
  */
 #include "autodiff/tape_internal.h"
 
 #include <string.h>
 
-/* The wanted shape is packed next to the sizes by the caller of record_sized; see sized_shape. */
-static lg_status sized_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
-    (void)in, (void)inputs;
-    *out = *(const lg_shape *)attr->pointer;
-    return LG_OK;
-}
-
-/* `shape` is only read while recording; the node forgets the pointer. */
 static lg_var record_sized(lg_tape *tape, lg_op_code op, lg_var x, size_t outer, size_t length, size_t inner,
                            lg_shape shape) {
     if (outer > UINT32_MAX || length > UINT32_MAX || inner > UINT32_MAX)
         return lg_tape_fail(tape, LG_SHAPE, "reduce", "more than 2^32 - 1 elements along an axis");
-    lg_attr attr = {.i = {(uint32_t)outer, (uint32_t)length, (uint32_t)inner, 0}, .pointer = &shape};
-    lg_var y = lg_record(tape, op, &x, 1, &attr);
-    if (!lg_is_none(y)) tape->nodes[y.index].attr.pointer = NULL;
-    return y;
+    lg_attr attr = {.i = {(uint32_t)outer, (uint32_t)length, (uint32_t)inner, 0}};
+    return lg_record_shaped(tape, op, &x, 1, attr, shape);
 }
 
 static lg_status reduce_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
@@ -56,7 +45,7 @@ static lg_var reduce_jvp(const lg_forward *f) {
                         lg_node_at(f->tape, f->y)->shape);
 }
 
-const lg_op lg_op_reduce = {"sum", 0, sized_shape, reduce_forward, reduce_vjp, reduce_jvp};
+const lg_op lg_op_reduce = {"sum", 0, lg_given_shape, reduce_forward, reduce_vjp, reduce_jvp};
 
 /* y[o, l] = x[o]: the inner length is one, so single elements are repeated. */
 static void repeat_elements(size_t size, size_t outer, size_t length, const void *x, void *y) {
@@ -100,7 +89,7 @@ static lg_var repeat_jvp(const lg_forward *f) {
                         lg_node_at(f->tape, f->y)->shape);
 }
 
-const lg_op lg_op_repeat = {"broadcast", 0, sized_shape, repeat_forward, repeat_vjp, repeat_jvp};
+const lg_op lg_op_repeat = {"broadcast", 0, lg_given_shape, repeat_forward, repeat_vjp, repeat_jvp};
 
 /* ---- chains: one primitive for each run of axes that differ ---- */
 
@@ -264,13 +253,8 @@ static lg_status argmax_mask_forward(lg_tape *tape, const lg_node *const *in, lg
     return LG_OK;
 }
 
-static void mask_vjp(lg_reverse *r) {
-    (void)r;
-}
-static lg_var mask_jvp(const lg_forward *f) {
-    return lg_zeros_like(f->tape, f->y);
-}
-const lg_op lg_op_argmax_mask = {"argmax_mask", ~0u, sized_shape, argmax_mask_forward, mask_vjp, mask_jvp};
+const lg_op lg_op_argmax_mask = {"argmax_mask",       ~0u,       lg_given_shape,
+                                 argmax_mask_forward, lg_no_vjp, lg_zero_jvp};
 
 static lg_var mask_of(lg_tape *tape, const lg_attr *attr, lg_var x) {
     return record_sized(tape, LG_OP_ARGMAX_MASK, x, attr->i[0], attr->i[1], attr->i[2],
@@ -291,7 +275,7 @@ static lg_var reduce_max_jvp(const lg_forward *f) {
     return record_sized(f->tape, LG_OP_REDUCE, chosen, i[0], i[1], i[2], lg_node_at(f->tape, f->y)->shape);
 }
 
-const lg_op lg_op_reduce_max = {"max_axis",    0, sized_shape, reduce_max_forward, reduce_max_vjp,
+const lg_op lg_op_reduce_max = {"max_axis",    0, lg_given_shape, reduce_max_forward, reduce_max_vjp,
                                 reduce_max_jvp};
 
 lg_var lg_max_axis(lg_tape *tape, lg_var x, int axis, bool keep) {

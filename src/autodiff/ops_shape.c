@@ -3,22 +3,6 @@
 
 #include <string.h>
 
-/* Shape rule of operations whose output shape is worked out by the public function and handed over while
- * recording. */
-static lg_status given_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
-    (void)in, (void)inputs;
-    *out = *(const lg_shape *)attr->pointer;
-    return LG_OK;
-}
-
-static lg_var record_shaped(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, lg_attr attr,
-                            lg_shape shape) {
-    attr.pointer = &shape;
-    lg_var y = lg_record(tape, op, in, inputs, &attr);
-    if (!lg_is_none(y)) tape->nodes[y.index].attr.pointer = NULL;
-    return y;
-}
-
 /* ---- reshape: a view ---- */
 
 static lg_status never_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
@@ -34,7 +18,7 @@ static lg_var reshape_jvp(const lg_forward *f) {
     return lg_reshape(f->tape, f->tangents[0], lg_node_at(f->tape, f->y)->shape);
 }
 
-const lg_op lg_op_reshape = {"reshape", 0, given_shape, never_forward, reshape_vjp, reshape_jvp};
+const lg_op lg_op_reshape = {"reshape", 0, lg_given_shape, never_forward, reshape_vjp, reshape_jvp};
 
 lg_var lg_reshape(lg_tape *tape, lg_var x, lg_shape shape) {
     if (tape->status != LG_OK) return LG_NONE;
@@ -76,7 +60,7 @@ static lg_var slice_jvp(const lg_forward *f) {
     return lg_slice(f->tape, f->tangents[0], (int)f->attr->i[0], f->attr->i[1], f->attr->i[2]);
 }
 
-const lg_op lg_op_slice = {"slice", 0, given_shape, slice_forward, slice_vjp, slice_jvp};
+const lg_op lg_op_slice = {"slice", 0, lg_given_shape, slice_forward, slice_vjp, slice_jvp};
 
 lg_var lg_slice(lg_tape *tape, lg_var x, int axis, uint32_t start, uint32_t length) {
     if (tape->status != LG_OK) return LG_NONE;
@@ -91,7 +75,7 @@ lg_var lg_slice(lg_tape *tape, lg_var x, int axis, uint32_t start, uint32_t leng
     shape.dims[a] = length;
     lg_attr attr = {.i = {(uint32_t)a, start, length, 0}};
     if (outer != 1 || (size_t)start * inner > UINT32_MAX)
-        return record_shaped(tape, LG_OP_SLICE, &x, 1, attr, shape);
+        return lg_record_shaped(tape, LG_OP_SLICE, &x, 1, attr, shape);
     attr.i[3] = start * (uint32_t)inner;
     unsigned char *value = (unsigned char *)node->value + (size_t)attr.i[3] * tape->k->size;
     return lg_record_value(tape, LG_OP_SLICE, &x, 1, &attr, shape, value, LG_NODE_VIEW);
@@ -118,7 +102,7 @@ static lg_var pad_jvp(const lg_forward *f) {
     return lg_pad(f->tape, f->tangents[0], (int)f->attr->i[0], f->attr->i[1], f->attr->i[2]);
 }
 
-const lg_op lg_op_pad = {"pad", 0, given_shape, pad_forward, pad_vjp, pad_jvp};
+const lg_op lg_op_pad = {"pad", 0, lg_given_shape, pad_forward, pad_vjp, pad_jvp};
 
 lg_var lg_pad(lg_tape *tape, lg_var x, int axis, uint32_t before, uint32_t after) {
     if (tape->status != LG_OK) return LG_NONE;
@@ -129,7 +113,7 @@ lg_var lg_pad(lg_tape *tape, lg_var x, int axis, uint32_t before, uint32_t after
         return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "pad", "no such axis, or it becomes too long");
     lg_shape shape = node->shape;
     shape.dims[a] += before + after;
-    return record_shaped(tape, LG_OP_PAD, &x, 1, (lg_attr){.i = {(uint32_t)a, before, after, 0}}, shape);
+    return lg_record_shaped(tape, LG_OP_PAD, &x, 1, (lg_attr){.i = {(uint32_t)a, before, after, 0}}, shape);
 }
 
 /* ---- concatenation; attr.i = {axis} ---- */
@@ -163,7 +147,7 @@ static lg_var concat_jvp(const lg_forward *f) {
     return lg_concat(f->tape, parts, f->inputs, (int)f->attr->i[0]);
 }
 
-const lg_op lg_op_concat = {"concat", 0, given_shape, concat_forward, concat_vjp, concat_jvp};
+const lg_op lg_op_concat = {"concat", 0, lg_given_shape, concat_forward, concat_vjp, concat_jvp};
 
 /* At most LG_MAX_INPUTS parts. */
 static lg_var concat_some(lg_tape *tape, const lg_var *parts, size_t n, int axis) {
@@ -186,8 +170,8 @@ static lg_var concat_some(lg_tape *tape, const lg_var *parts, size_t n, int axis
     }
     if (length > UINT32_MAX) return lg_tape_fail(tape, LG_SHAPE, "concat", "the result is too long");
     shape.dims[a] = (uint32_t)length;
-    return record_shaped(tape, LG_OP_CONCAT, parts, (uint32_t)n, (lg_attr){.i = {(uint32_t)a, 0, 0, 0}},
-                         shape);
+    return lg_record_shaped(tape, LG_OP_CONCAT, parts, (uint32_t)n, (lg_attr){.i = {(uint32_t)a, 0, 0, 0}},
+                            shape);
 }
 
 lg_var lg_concat(lg_tape *tape, const lg_var *parts, size_t n, int axis) {
@@ -243,7 +227,7 @@ static lg_var permute_jvp(const lg_forward *f) {
     return lg_permute(f->tape, f->tangents[0], axes);
 }
 
-const lg_op lg_op_permute = {"permute", 0, given_shape, permute_forward, permute_vjp, permute_jvp};
+const lg_op lg_op_permute = {"permute", 0, lg_given_shape, permute_forward, permute_vjp, permute_jvp};
 
 lg_var lg_permute(lg_tape *tape, lg_var x, const int *axes) {
     if (tape->status != LG_OK) return LG_NONE;
@@ -260,7 +244,7 @@ lg_var lg_permute(lg_tape *tape, lg_var x, const int *axes) {
         attr.i[i] = (uint32_t)a;
         shape.dims[i] = node->shape.dims[a];
     }
-    return record_shaped(tape, LG_OP_PERMUTE, &x, 1, attr, shape);
+    return lg_record_shaped(tape, LG_OP_PERMUTE, &x, 1, attr, shape);
 }
 
 lg_var lg_transpose(lg_tape *tape, lg_var x) {

@@ -3,9 +3,10 @@
  * nn and tn go straight to the own kernel, which reads A through strides. nt needs rows of B^T: for small B
  * its transpose is made once and kept with the node (a weight is used many times in a step); for large B and
  * few rows the transposed product C^T = B A^T is formed instead, which only transposes A and C. Every form
- * sums over the inner index in the same order, so they agree to the last bit, as do all ways of splitting a
- * product among threads. OpenBLAS takes over where its cache blocking pays for its lock and its packing; the
- * limit depends on the shape alone, so that bits do not depend on threads.
+ * sums over the inner index in the same order, in the same blocks; they agree to the last bit where nothing
+ * is added to. All ways of splitting a product among threads agree to the last bit. OpenBLAS takes over where
+ * its cache blocking pays for its lock and its packing. The form depends on shapes and on what the tape has
+ * kept, never on threads.
  */
 #include <cblas.h>
 

@@ -282,6 +282,29 @@ lg_var lg_record(lg_tape *tape, lg_op_code code, const lg_var *in, uint32_t inpu
     return commit(tape, inputs);
 }
 
+lg_status lg_given_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+    (void)in, (void)inputs;
+    *out = *(const lg_shape *)attr->pointer;
+    return LG_OK;
+}
+
+/* The shape rule reads the shape through the attribute's pointer while recording; the node forgets it. */
+lg_var lg_record_shaped(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, lg_attr attr,
+                        lg_shape shape) {
+    attr.pointer = &shape;
+    lg_var y = lg_record(tape, op, in, inputs, &attr);
+    if (!lg_is_none(y)) tape->nodes[y.index].attr.pointer = NULL;
+    return y;
+}
+
+void lg_no_vjp(lg_reverse *r) {
+    (void)r;
+}
+
+lg_var lg_zero_jvp(const lg_forward *f) {
+    return lg_zeros_like(f->tape, f->y);
+}
+
 const void *lg_transposed(lg_tape *tape, uint32_t index) {
     lg_node *node = &tape->nodes[index];
     if (node->transposed != NULL) return node->transposed;
@@ -303,15 +326,7 @@ static lg_status leaf_shape(const lg_node *const *in, uint32_t inputs, const lg_
     return LG_INVALID_ARGUMENT;
 }
 
-static void leaf_vjp(lg_reverse *r) {
-    (void)r;
-}
-
-static lg_var leaf_jvp(const lg_forward *f) {
-    return lg_zeros_like(f->tape, f->y);
-}
-
-const lg_op lg_op_leaf = {"leaf", 0, leaf_shape, NULL, leaf_vjp, leaf_jvp};
+const lg_op lg_op_leaf = {"leaf", 0, leaf_shape, NULL, lg_no_vjp, lg_zero_jvp};
 
 static lg_var record_leaf(lg_tape *tape, lg_shape shape, void *value, uint32_t flags) {
     return lg_record_value(tape, LG_OP_LEAF, NULL, 0, NULL, shape, value, flags);

@@ -188,6 +188,14 @@ lg_var lg_record(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs
 /* Records a node whose value is given (a view, a fused result): shape rule and forward are not run. */
 lg_var lg_record_value(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, const lg_attr *attr,
                        lg_shape shape, void *value, uint32_t flags);
+/* For operations whose public function has worked out the output's shape: their shape rule is lg_given_shape.
+ */
+lg_var lg_record_shaped(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, lg_attr attr,
+                        lg_shape shape);
+lg_status lg_given_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out);
+/* For what is constant to differentiation. */
+void lg_no_vjp(lg_reverse *r);
+lg_var lg_zero_jvp(const lg_forward *f);
 /* NULL when stale or foreign: the error is then on the tape. */
 lg_node *lg_node_of(lg_tape *tape, lg_var v, const char *operation);
 /* A valid handle's node without ceremony. */

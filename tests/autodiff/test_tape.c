@@ -1319,8 +1319,44 @@ static void test_empty_tensors(void **state) {
     lg_tape_destroy(t);
 }
 
+static lg_status copy_input(void *user, lg_dtype dtype, const void *const *inputs, void *y) {
+    (void)user, (void)dtype;
+    memcpy(y, inputs[0], sizeof(double));
+    return LG_OK;
+}
+
+static lg_status vjp_with_a_pass(void *user, lg_tape *t, const lg_var *inputs, size_t n, lg_var y, lg_var g,
+                                 const bool *need, lg_var *out) {
+    double inner = 0.0;
+    void *memory = &inner;
+    (void)user, (void)n, (void)y, (void)need;
+    out[0] = g;
+    return lg_backward(t, g, inputs, 1, &memory);
+}
+
+/* The last pass cannot run inside itself; the tape is usable again after a rewind. */
+static void test_last_pass_inside_itself(void **state) {
+    (void)state;
+    const lg_custom_op op = {.name = "nested", .forward = copy_input, .vjp = vjp_with_a_pass};
+    const double value = 2.0;
+    double grad = 0.0;
+    void *memory = &grad;
+    lg_tape *t;
+    assert_ok(lg_tape_create(NULL, NULL, &t));
+    lg_var x = lg_input(t, lg_shape0(), &value);
+    assert_status(lg_backward(t, lg_custom(t, &op, &x, 1, lg_shape0()), &x, 1, &memory), LG_UNSUPPORTED);
+    assert_non_null(strstr(lg_tape_message(t), "backward"));
+    lg_tape_reset(t);
+    x = lg_input(t, lg_shape0(), &value);
+    grad = 0.0;
+    assert_ok(lg_backward(t, lg_square(t, x), &x, 1, &memory));
+    assert_close(grad, 4.0, 0.0, 0.0);
+    lg_tape_destroy(t);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_last_pass_inside_itself),
         cmocka_unit_test(test_bad_handles_in_every_operation),
         cmocka_unit_test(test_errors_stick),
         cmocka_unit_test(test_readers_refuse_bad_handles),
