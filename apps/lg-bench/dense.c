@@ -32,8 +32,7 @@ static void dense_gradient(dense *d) {
     lg_tape_reset(d->tape);
     const lg_var theta = lg_parameter(d->tape, lg_shape1((uint32_t)d->parameters), d->theta);
     const lg_var loss = dense_loss(d->tape, d, theta);
-    memset(d->gradient, 0, d->parameters * bench_size(d->dtype));
-    (void)lg_backward(d->tape, loss, &theta, 1, &d->gradient);
+    (void)lg_backward_set(d->tape, loss, &theta, 1, &d->gradient);
     (void)lg_read(d->tape, loss, &d->loss, 1);
 }
 

@@ -256,9 +256,7 @@ static void both_call(void *user) {
     lg_var x;
     const lg_var y = chain(c, &x);
     void *gradient = lg_tape_dtype(c->tape) == LG_F64 ? (void *)&c->gradient : &c->gradient32;
-    c->gradient = 0;
-    c->gradient32 = 0;
-    (void)lg_backward(c->tape, y, &x, 1, &gradient);
+    (void)lg_backward_set(c->tape, y, &x, 1, &gradient);
 }
 
 void bench_node(bench *b) {

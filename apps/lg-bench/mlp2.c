@@ -39,7 +39,6 @@ static void piece_gradient(void *user, size_t index) {
     piece *p = &s->piece[index];
     lg_mlp_vars vars;
     const uint32_t in = lg_mlp_inputs(&s->net);
-    memset(p->gradient, 0, s->parameters * bench_size(s->dtype));
     for (size_t at = 0; at < p->rows; at += LG_FIT_CHUNK) {
         const size_t rows = p->rows - at < LG_FIT_CHUNK ? p->rows - at : LG_FIT_CHUNK;
         lg_tape_reset(p->tape);
@@ -48,7 +47,7 @@ static void piece_gradient(void *user, size_t index) {
                                       (const char *)s->x + (p->first + at) * in * bench_size(s->dtype));
         (void)lg_mlp_bind(p->tape, &s->net, theta, 0, &vars);
         const lg_var loss = s->loss(p->tape, &s->net, &vars, x);
-        (void)lg_backward(p->tape, loss, &theta, 1, &p->gradient);
+        (void)(at == 0 ? lg_backward_set : lg_backward)(p->tape, loss, &theta, 1, &p->gradient);
     }
 }
 

@@ -151,22 +151,20 @@ static void custom_call(void *user) {
     scalar *s = user;
     void *gradient = s->gradient;
     lg_tape_reset(s->tape);
-    memset(s->gradient, 0, sizeof s->gradient);
     const lg_var y0 = lg_input(s->tape, lg_shape1(4), start);
     const lg_var y = lg_custom(s->tape, &s->operation, &y0, 1, lg_shape1(4));
-    (void)lg_backward(s->tape, y, &y0, 1, &gradient);
+    (void)lg_backward_set(s->tape, y, &y0, 1, &gradient);
 }
 
 static void operations_call(void *user) {
     scalar *s = user;
     lg_var y0[4], y[4];
     lg_tape_reset(s->tape);
-    memset(s->gradient, 0, sizeof s->gradient);
     void *const gradient[4] = {&s->gradient[0], &s->gradient[1], &s->gradient[2], &s->gradient[3]};
     for (int j = 0; j < 4; j++) y[j] = y0[j] = lg_input(s->tape, lg_shape0(), &start[j]);
     tape_run(s->tape, y);
     const lg_var sum = lg_add(s->tape, lg_add(s->tape, y[0], y[1]), lg_add(s->tape, y[2], y[3]));
-    (void)lg_backward(s->tape, sum, y0, 4, gradient);
+    (void)lg_backward_set(s->tape, sum, y0, 4, gradient);
 }
 
 static void forward_call(void *user) {

@@ -153,6 +153,9 @@ LG_API lg_status lg_jvp(lg_tape *tape, const lg_var *y, size_t ny, const lg_var 
  * for twice, a grad[i] that is NULL. LG_UNSUPPORTED: called by a
  * custom operation's vjp while it runs. */
 LG_API lg_status lg_backward(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, void *const *grad);
+/* The same, but what grad[i] held is neither read nor kept: grad[i] = d sum(y) / d wrt[i]. For the first or
+ * only pass of a step: a large gradient need not be cleared before, nor read while it is formed. */
+LG_API lg_status lg_backward_set(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, void *const *grad);
 
 /* Recorded (rows of y flattened) x (x flattened): J[a, b] = d y_a / d x_b, shape (count(y), count(x)). One
  * reverse pass for each element of y when it has fewer than x, otherwise one forward pass for each element of

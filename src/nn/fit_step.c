@@ -12,7 +12,7 @@
  */
 #define PARALLEL_BLOCKS 16
 
-/* Adds loss and gradient of `count` samples to the shard's. */
+/* Adds loss and gradient of `count` samples to the shard's; the first chunk of a shard sets its gradient. */
 static lg_status chunk_loss(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count) {
     lg_tape *tape = shard->tape;
     lg_tape_reset(tape);
@@ -28,13 +28,13 @@ static lg_status chunk_loss(const lg_fit *fit, lg_shard *shard, const uint32_t *
     shard->loss += value;
     if (!fit->with_gradient || !isfinite(shard->loss)) return LG_OK;
     void *gradient = shard->gradient;
+    if (samples == shard->samples) return lg_backward_set(tape, loss, &theta, 1, &gradient);
     return lg_backward(tape, loss, &theta, 1, &gradient);
 }
 
 /* Large shards pass over the tape in chunks: their values stay in the cache and memory is bounded. */
 static lg_status shard_loss(const lg_fit *fit, lg_shard *shard) {
     shard->loss = 0.0;
-    if (fit->with_gradient) memset(shard->gradient, 0, fit->problem.parameters * fit->k->size);
     for (size_t at = 0; at < shard->count; at += LG_FIT_CHUNK) {
         const size_t rest = shard->count - at;
         LG_TRY(chunk_loss(fit, shard, shard->samples + at, rest < LG_FIT_CHUNK ? rest : LG_FIT_CHUNK));

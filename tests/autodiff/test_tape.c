@@ -916,6 +916,44 @@ static void test_backward_adds_and_leaves_the_tape(void **state) {
     lg_tape_destroy(t);
 }
 
+/* lg_backward_set into memory full of NaN equals lg_backward onto zeros to the last bit, whatever parts of a
+ * flat parameter are used: random views of 1 to 7 elements of 60, a few of them or more than there are places
+ * to remember them; views of views; weights; what nothing reaches; inner variables. */
+static void test_backward_set(void **state) {
+    (void)state;
+    enum { N = 60, UNUSED = 5 };
+    lg_rng rng;
+    lg_rng_seed(&rng, 7, 0);
+    double theta[N], unused[UNUSED] = {0}, set[2][N], apart[2][UNUSED], inner[2][N];
+    for (int i = 0; i < N; i++) theta[i] = lg_rng_uniform_in(&rng, -1, 1);
+    for (uint32_t views = 1; views < 60; views++) {
+        lg_tape *t = new_tape(LG_F64);
+        lg_var p = vector(t, N, theta), other = vector(t, UNUSED, unused), z = lg_square(t, p);
+        lg_var y = lg_scale(t, lg_sum(t, lg_slice(t, z, 0, 0, N / 2)), 0.25);
+        for (uint32_t i = 0; i < views; i++) {
+            const uint32_t length = 1 + (uint32_t)lg_rng_below(&rng, 7);
+            const uint32_t start = views % 2 == 0 ? 10 * (i % 6) : (uint32_t)lg_rng_below(&rng, N - 7);
+            const bool again = length > 3 && i % 4 == 0;
+            lg_var part = lg_slice(t, i % 3 == 0 ? z : p, 0, start, length);
+            if (again) part = lg_slice(t, part, 0, 1, 2);
+            lg_var row = lg_reshape(t, part, lg_shape2(1, again ? 2 : length));
+            y = lg_add(t, y, i % 2 == 0 ? lg_sum(t, lg_sin(t, part)) : lg_sum(t, lg_matmul_nt(t, row, row)));
+        }
+        lg_var wrt[3] = {p, other, z};
+        for (size_t n = 2; n <= 3; n++) {
+            for (int i = 0; i < N; i++) set[0][i] = inner[0][i] = 0, set[1][i] = inner[1][i] = NAN;
+            for (int i = 0; i < UNUSED; i++) apart[0][i] = 0, apart[1][i] = NAN;
+            void *zeros[3] = {set[0], apart[0], inner[0]}, *nans[3] = {set[1], apart[1], inner[1]};
+            assert_ok(lg_backward(t, y, wrt, n, zeros));
+            assert_ok(lg_backward_set(t, y, wrt, n, nans));
+            for (int i = 0; i < N; i++) assert_close(set[1][i], set[0][i], 0, 0);
+            for (int i = 0; i < UNUSED; i++) assert_close(apart[1][i], 0, 0, 0);
+            for (int i = 0; i < N && n == 3; i++) assert_close(inner[1][i], inner[0][i], 0, 0);
+        }
+        lg_tape_destroy(t);
+    }
+}
+
 /* Derivatives are total: what depends on another variable asked for carries on to it, in every mode alike. */
 static void test_interior_variables(void **state) {
     (void)state;
@@ -1376,6 +1414,7 @@ int main(void) {
         cmocka_unit_test(test_hessian_vector_product),
         cmocka_unit_test(test_jacobian_wide_and_tall),
         cmocka_unit_test(test_backward_adds_and_leaves_the_tape),
+        cmocka_unit_test(test_backward_set),
         cmocka_unit_test(test_interior_variables),
         cmocka_unit_test(test_views_of_a_flat_parameter),
         cmocka_unit_test(test_parameter_is_not_copied),
