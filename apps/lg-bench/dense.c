@@ -3,11 +3,20 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "autodiff/kernels/kernels.h"
 #include "core/core.h"
 #include "lg-bench/bench.h"
 #include "liegrad/ops.h"
 
 enum { IN = 8, OUT = 196, HIDDEN = 5 };
+
+/* Memory as lg_fit takes it, in large pages; x converted, or zeros. */
+static void *placed(const bench *b, const double *x, size_t n) {
+    void *out = lg_alloc(b->app->context, n, bench_size(b->dtype));
+    bench_check(b, out != NULL ? LG_OK : LG_OUT_OF_MEMORY, "the parameters");
+    if (x != NULL) lg_kernels_for(b->dtype)->convert_in(n, x, out);
+    return out;
+}
 
 /* ---- dense ---- */
 
@@ -76,11 +85,14 @@ static double dense_error(const bench *b, dense *d) {
     return error;
 }
 
-/* The whole step as lg_fit makes it: shards, order of sums, checks included. */
+/* The whole step as lg_fit makes it, in epochs of so many on the same rows: shards, order of sums, checks,
+ * the best parameters kept once an epoch. */
+enum { STEPS = 16 };
+
 static lg_status fit_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                           size_t batch, lg_var *loss) {
     const dense *d = user;
-    const size_t size = bench_size(d->dtype), first = samples[0];
+    const size_t size = bench_size(d->dtype), first = samples[0] % d->rows;
     const lg_var x =
         lg_parameter(tape, lg_shape2((uint32_t)count, IN), (const char *)d->x + first * IN * size);
     const lg_var target =
@@ -92,14 +104,15 @@ static lg_status fit_loss(void *user, lg_tape *tape, lg_var theta, const uint32_
 }
 
 static void fit_row(bench *b, dense *d, const double *start, double error) {
-    const uint64_t repeats = b->given->repeats > 0 ? b->given->repeats : 101;
+    const uint64_t repeats = (b->given->repeats > 0 ? b->given->repeats : 101) / STEPS + 1;
     lg_fit_options options;
     lg_fit *fit = NULL;
     lg_error message = {LG_OK, ""};
-    const lg_fit_problem problem = {d->parameters, d->rows, fit_loss, d};
+    const lg_fit_problem problem = {d->parameters, STEPS * d->rows, fit_loss, d};
     lg_fit_options_init(&options);
     options.dtype = d->dtype;
     options.epochs = repeats + 2;
+    options.batch = d->rows;
     options.shards = 1;
     options.shuffle = false;
     options.threads = b->threads;
@@ -107,7 +120,7 @@ static void fit_row(bench *b, dense *d, const double *start, double error) {
                 message.message);
     bench_check(b, lg_fit_run(fit, &message), message.message);
     double *us = app_alloc(repeats, sizeof *us);
-    for (uint64_t i = 0; i < repeats; i++) us[i] = 1e6 * lg_fit_history(fit, LG_FIT_SECONDS)[i + 2];
+    for (uint64_t i = 0; i < repeats; i++) us[i] = 1e6 / STEPS * lg_fit_history(fit, LG_FIT_SECONDS)[i + 2];
     bench_row *row = bench_from_samples(b, "fit", us, repeats);
     if (row != NULL) {
         row->batch = d->rows;
@@ -145,17 +158,19 @@ void bench_dense(bench *b) {
     d.adam = lg_adam_defaults();
     double *x = bench_uniform(d.rows * IN, 1), *target = bench_uniform(d.rows * OUT, 2);
     double *theta = bench_parameters(&d.net);
-    void **const arrays[] = {&d.x, &d.target, &d.theta, &d.gradient, &d.m, &d.v};
+    void **const arrays[] = {&d.theta, &d.gradient, &d.m, &d.v};
     d.x = bench_typed(d.dtype, x, d.rows * IN);
     d.target = bench_typed(d.dtype, target, d.rows * OUT);
-    d.theta = bench_typed(d.dtype, theta, d.parameters);
-    for (size_t i = 3; i < APP_COUNT(arrays); i++) *arrays[i] = app_alloc(d.parameters, bench_size(d.dtype));
+    for (size_t i = 0; i < APP_COUNT(arrays); i++)
+        *arrays[i] = placed(b, i == 0 ? theta : NULL, d.parameters);
     d.tape = bench_tape(b, d.dtype, b->threads);
     const double error = dense_error(b, &d);
     dense_rows(b, &d, error);
     if (bench_wanted(b, "fit")) fit_row(b, &d, theta, error);
     lg_tape_destroy(d.tape);
-    for (size_t i = 0; i < APP_COUNT(arrays); i++) free(*arrays[i]);
+    for (size_t i = 0; i < APP_COUNT(arrays); i++) lg_free(b->app->context, *arrays[i]);
+    free(d.x);
+    free(d.target);
     free(x);
     free(target);
     free(theta);
@@ -218,10 +233,9 @@ void bench_adam(bench *b) {
     adam a = {.dtype = b->dtype, .options = lg_adam_defaults(), .n = (size_t)b->given->width};
     a.pieces = (size_t)b->threads;
     double *gradient = bench_uniform(a.n, 1), *theta = bench_uniform(a.n, 2);
-    a.gradient = bench_typed(a.dtype, gradient, a.n);
-    a.theta = bench_typed(a.dtype, theta, a.n);
-    a.m = app_alloc(a.n, bench_size(a.dtype));
-    a.v = app_alloc(a.n, bench_size(a.dtype));
+    char **const arrays[] = {&a.gradient, &a.theta, &a.m, &a.v};
+    const double *const values[] = {gradient, theta, NULL, NULL};
+    for (size_t i = 0; i < APP_COUNT(arrays); i++) *arrays[i] = placed(b, values[i], a.n);
     if (b->threads > 1)
         bench_check(b, lg_pool_create(b->app->context, b->threads, &a.pool), "making threads");
     const double error = adam_error(&a);
@@ -236,8 +250,5 @@ void bench_adam(bench *b) {
     lg_pool_destroy(a.pool);
     free(gradient);
     free(theta);
-    free(a.gradient);
-    free(a.theta);
-    free(a.m);
-    free(a.v);
+    for (size_t i = 0; i < APP_COUNT(arrays); i++) lg_free(b->app->context, *arrays[i]);
 }
