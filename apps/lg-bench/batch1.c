@@ -1,5 +1,6 @@
 /* One state at a time, as a controller asks: the distribution of single calls, beside that of an empty loop
- * around the same clock. */
+ * around the same clock, and of a loop that only looks at the clock until as much time has passed: what
+ * interrupts do to calls of this length. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -12,14 +13,13 @@ enum { CALLS = 50000, STATES = 64, WARM = 2000 };
 
 typedef struct controller {
     lg_hamiltonian model;
-    double *theta, *states, gradient[6], value;
+    double *theta, *states, gradient[6], value, as_long;
     void *work;
 } controller;
 
 static void ask(controller *c, size_t i) {
     const double *state = c->states + 6 * (i % STATES);
-    c->value += lg_hamiltonian_value(&c->model, c->theta, state, c->work);
-    lg_hamiltonian_gradient(&c->model, c->theta, state, c->gradient, c->work);
+    c->value += lg_hamiltonian_gradient(&c->model, c->theta, state, c->gradient, c->work);
 }
 
 static void nothing(controller *c, size_t i) {
@@ -30,6 +30,12 @@ static double nanoseconds(void) {
     struct timespec t;
     (void)clock_gettime(CLOCK_MONOTONIC, &t);
     return 1e9 * (double)t.tv_sec + (double)t.tv_nsec;
+}
+
+static void wait(controller *c, size_t i) {
+    (void)i;
+    for (const double end = nanoseconds() + c->as_long; nanoseconds() < end;) {
+    }
 }
 
 /* Every call is timed by itself. Tails of the distribution go into the notes. */
@@ -111,7 +117,9 @@ void bench_batch1(bench *b) {
         b->row[i].error = controller_error(&c);
         b->row[i].error_is = bench_long_double;
     }
+    c.as_long = b->rows > 0 ? 1e3 * b->row[0].median_us : 0;
     distribution(b, "empty loop", &c, nothing, calls);
+    distribution(b, "empty loop as long", &c, wait, calls);
     free(c.theta);
     free(c.states);
     free(c.work);

@@ -112,9 +112,10 @@ LG_API size_t lg_hamiltonian_work_size(const lg_hamiltonian *model);
 LG_API double lg_hamiltonian_value(const lg_hamiltonian *model, const double *theta, const double *state,
                                    void *work);
 /* dH/dstate in the state's layout (2n or 6k numbers), chains by the formula above: v_i at p_i, and
- * dT/dq_i + dV/dq_i at q_i. NaN where the mass matrix or W o G is not positive definite. */
-LG_API void lg_hamiltonian_gradient(const lg_hamiltonian *model, const double *theta, const double *state,
-                                    double *gradient, void *work);
+ * dT/dq_i + dV/dq_i at q_i. Returns H, as lg_hamiltonian_value does. NaN where the mass matrix or W o G is
+ * not positive definite. */
+LG_API double lg_hamiltonian_gradient(const lg_hamiltonian *model, const double *theta, const double *state,
+                                      double *gradient, void *work);
 /* dH(state)[tangent] = sum_i dH/dstate_i tangent_i, the gradient above on a tangent in the state's layout. */
 LG_API double lg_hamiltonian_jvp(const lg_hamiltonian *model, const double *theta, const double *state,
                                  const double *tangent, void *work);

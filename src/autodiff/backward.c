@@ -142,30 +142,40 @@ static void contribute(lg_tape *tape, lg_sweep *sweep, uint32_t i, lg_var v, boo
     }
 }
 
+bool lg_reverse_in_place(const lg_reverse *r) {
+    return r->sweep != NULL && !lg_planted(r->tape, r->node, LG_PLANT_VJP);
+}
+
+void *lg_reverse_into(lg_reverse *r, uint32_t k, bool *add) {
+    lg_tape *tape = r->tape;
+    const uint32_t i = r->in[k].index, at = i - r->sweep->range.lo;
+    void *block = block_of(tape, r->sweep, i, false);
+    if (tape->status != LG_OK) return NULL;
+    *add = block != NULL && !untouched(tape, r->sweep, i);
+    if (block != NULL) return block;
+    block = lg_pool_take(tape, node_bytes(tape, i));
+    if (block == NULL) return NULL;
+    r->sweep->block[at] = block;
+    r->sweep->owned[at] = 1;
+    return block;
+}
+
 void lg_reverse_matmul(lg_reverse *r, uint32_t k, uint32_t variant, lg_var a, lg_var b) {
     lg_tape *tape = r->tape;
     if (!r->need[k] || tape->status != LG_OK) return;
-    lg_attr attr = {.i = {variant, 0, 0, 0}};
-    const lg_node *input = lg_node_at(tape, r->in[k]);
-    if (r->sweep == NULL || input->shape.rank != 2 || lg_planted(tape, r->node, LG_PLANT_VJP)) {
+    const lg_shape *shape = &lg_node_at(tape, r->in[k])->shape;
+    if (!lg_reverse_in_place(r) || shape->rank != 2) {
+        lg_attr attr = {.i = {variant, 0, 0, 0}};
         lg_var in[2] = {a, b};
         r->out[k] = lg_record(tape, LG_OP_MATMUL, in, 2, &attr);
         return;
     }
+    bool add = false;
+    void *block = lg_reverse_into(r, k, &add);
+    if (block == NULL) return;
     const lg_node *na = lg_node_at(tape, a), *nb = lg_node_at(tape, b);
-    void *block = block_of(tape, r->sweep, r->in[k].index, false);
-    if (tape->status != LG_OK) return;
-    const bool accumulate = block != NULL && !untouched(tape, r->sweep, r->in[k].index);
-    if (block == NULL) {
-        uint32_t at = r->in[k].index - r->sweep->range.lo;
-        block = lg_pool_take(tape, node_bytes(tape, r->in[k].index));
-        if (block == NULL) return;
-        r->sweep->block[at] = block;
-        r->sweep->owned[at] = 1;
-    }
-    size_t inner = na->shape.dims[variant == 2 ? 0 : 1];
-    lg_gemm(tape, variant, input->shape.dims[0], input->shape.dims[1], inner, na->value, nb->value, b.index,
-            block, accumulate);
+    const size_t inner = na->shape.dims[variant == 2 ? 0 : 1];
+    lg_gemm(tape, variant, shape->dims[0], shape->dims[1], inner, na->value, nb->value, b.index, block, add);
 }
 
 /* Frees what a vjp left behind: nodes after the mark, their pool blocks, payload. */

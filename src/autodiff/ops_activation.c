@@ -72,11 +72,29 @@ static lg_var helper_of(const lg_attr *attr, const lg_var *in) {
     return attr->i[2] ? in[1] : LG_NONE;
 }
 
+/* Both cotangents in one pass, straight into the adjoints. `order` of y = q sigma^(order)(x). */
+static bool reversed_in_place(lg_reverse *r, uint32_t order, lg_var h, bool has_q) {
+    if (!lg_reverse_in_place(r) || (has_q && r->in[2].index == r->in[0].index)) return false;
+    lg_tape *tape = r->tape;
+    if (order + 1 > LG_K_ACT_ORDERS) return false;
+    bool add_q = false, add_x = false;
+    void *dq = has_q && r->need[2] ? lg_reverse_into(r, 2, &add_q) : NULL;
+    void *dx = r->need[0] && tape->status == LG_OK ? lg_reverse_into(r, 0, &add_x) : NULL;
+    if (tape->status != LG_OK) return true;
+    const lg_node *x = lg_node_at(tape, r->in[0]);
+    tape->k->act_reverse((lg_k_act)r->attr->i[0], (int)order, x->count,
+                         x->flags & LG_NODE_NO_VALUE ? NULL : x->value,
+                         lg_is_none(h) ? NULL : lg_node_at(tape, h)->value, lg_node_at(tape, r->g)->value,
+                         has_q ? lg_node_at(tape, r->in[2])->value : NULL, dq, add_q, dx, add_x);
+    return true;
+}
+
 /* y = g s_n(x): dg = s_n(x) c, dx = (g c) s_{n+1}(x) */
 static void derivative_vjp(lg_reverse *r) {
     uint32_t kind = r->attr->i[0], order = r->attr->i[1];
     lg_var h = helper_of(r->attr, r->in);
     bool has_g = r->attr->i[3] != 0;
+    if (reversed_in_place(r, order, h, has_g)) return;
     if (has_g && r->need[2]) r->out[2] = derivative(r->tape, r->in[0], h, r->g, kind, order);
     if (r->need[0]) {
         lg_var both = has_g ? lg_mul(r->tape, r->g, r->in[2]) : r->g;
@@ -105,16 +123,20 @@ static lg_status act_forward(lg_tape *tape, const lg_node *const *in, lg_node *o
     return LG_OK;
 }
 
-static lg_var act_times(lg_tape *tape, lg_var x, lg_var y, uint32_t kind, lg_var g) {
-    return derivative(tape, x, helpers[kind] == HELPER_VALUE ? y : LG_NONE, g, kind, 1);
+/* The helper of the activation's own node: its value. Swish has none here. */
+static lg_var own_helper(uint32_t kind, lg_var y) {
+    return helpers[kind] == HELPER_VALUE ? y : LG_NONE;
 }
 
 static void act_vjp(lg_reverse *r) {
-    if (r->need[0]) r->out[0] = act_times(r->tape, r->in[0], r->y, r->attr->i[0], r->g);
+    const lg_var h = own_helper(r->attr->i[0], r->y);
+    if (reversed_in_place(r, 0, h, false)) return;
+    if (r->need[0]) r->out[0] = derivative(r->tape, r->in[0], h, r->g, r->attr->i[0], 1);
 }
 
 static lg_var act_jvp(const lg_forward *f) {
-    return act_times(f->tape, f->in[0], f->y, f->attr->i[0], f->tangents[0]);
+    const uint32_t kind = f->attr->i[0];
+    return derivative(f->tape, f->in[0], own_helper(kind, f->y), f->tangents[0], kind, 1);
 }
 
 const lg_op lg_op_act = {"act", 0, act_shape, act_forward, act_vjp, act_jvp};

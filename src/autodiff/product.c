@@ -1,12 +1,12 @@
 /* Dense products C = [C +] op(A) op(B): which form, which kernel, how many threads.
  *
- * nn and tn go straight to the own kernel, which reads A through strides. nt needs rows of B^T: for small B
- * its transpose is made once and kept with the node (a weight is used many times in a step); for large B and
- * few rows the transposed product C^T = B A^T is formed instead, which only transposes A and C. Every form
- * sums over the inner index in the same order, in the same blocks; they agree to the last bit where nothing
- * is added to. All ways of splitting a product among threads agree to the last bit. OpenBLAS takes over where
- * its cache blocking pays for its lock and its packing. The form depends on shapes and on what the tape has
- * kept, never on threads.
+ * nn and tn go straight to the own kernel, which reads A through strides. nt of a single row is B times a
+ * vector. Otherwise nt needs rows of B^T: for small B its transpose is made once and kept with the node (a
+ * weight is used many times in a step); for large B and few rows the transposed product C^T = B A^T is formed
+ * instead, which only transposes A and C. Every form but that of a single row sums over the inner index in
+ * the same order, in the same blocks; they agree to the last bit where nothing is added to. All ways of
+ * splitting a product among threads agree to the last bit. OpenBLAS takes over where its cache blocking pays
+ * for its lock and its packing. The form depends on shapes and on what the tape has kept, never on threads.
  */
 #include <cblas.h>
 
@@ -116,6 +116,10 @@ void lg_gemm(lg_tape *tape, uint32_t variant, size_t m, size_t n, size_t k, cons
     const size_t largest = (size_t)1 << 30;
     if ((double)m * (double)n * (double)k > OWN_KERNEL_LIMIT && m < largest && n < largest && k < largest) {
         blas(tape->k->dtype, variant, m, n, k, a, b, c, accumulate);
+        return;
+    }
+    if (variant == NT && m == 1) { /* a row lies in memory as a column does: c^T = B a^T */
+        tape->k->matvec(n, k, b, a, c, accumulate);
         return;
     }
     product p = {.kernels = tape->k,

@@ -226,8 +226,12 @@ void lg_forget_nodes(lg_tape *tape, uint32_t node);
 
 /* ---- help for vjps ---- */
 
-/* out[k] = product of the variant (0 nn, 1 nt, 2 tn); unrecorded it is accumulated into the adjoint in place.
- */
+/* Whether this step may write its inputs' adjoints by itself: nobody records or plants errors in it. */
+bool lg_reverse_in_place(const lg_reverse *r);
+/* Then: memory of input k's adjoint. *add: it holds numbers already and is added to; else it is to be
+ * written, all of it. NULL: error set. */
+void *lg_reverse_into(lg_reverse *r, uint32_t k, bool *add);
+/* out[k] = product of the variant (0 nn, 1 nt, 2 tn); unrecorded it goes into the adjoint in place. */
 void lg_reverse_matmul(lg_reverse *r, uint32_t k, uint32_t variant, lg_var a, lg_var b);
 /* c + op(a) op(b) into memory; variant as above; chooses own kernel or BLAS. a (m, k) after op, b (k, n)
  * after op. */

@@ -178,6 +178,14 @@ static const double *positions(const lg_hamiltonian *model, const double *y, wor
     return w->q;
 }
 
+/* 1/2 p^T (W p) less what the constraints take, from kinetic_parts. */
+static double chain_energy(size_t k, const double *y, const work_parts *w) {
+    double energy = 0.0;
+    for (size_t i = 0; i < k; i++)
+        energy += 0.5 * (lg_dot3(y + 6 * i + 3, w->wp + 3 * i) - w->u[i] * w->lambda[i]);
+    return energy;
+}
+
 /* row i of A p */
 static double times_row(size_t n, const double *a, size_t i, const double *p) {
     double sum = 0.0;
@@ -200,15 +208,16 @@ double lg_hamiltonian_value(const lg_hamiltonian *model, const double *theta, co
         return energy + potential;
     }
     kinetic_parts(k, kinetic, state, &w);
-    for (size_t i = 0; i < k; i++)
-        energy += 0.5 * (lg_dot3(state + 6 * i + 3, w.wp + 3 * i) - w.u[i] * w.lambda[i]);
-    return energy + potential;
+    return chain_energy(k, state, &w) + potential;
 }
 
-/* Chain: w->v = dH/dp, w->g = dH/dq, both (k, 3). */
-static void chain_gradient(const lg_hamiltonian *model, const double *theta, const double *y, work_parts *w) {
+/* Chain: w->v = dH/dp, w->g = dH/dq, both (k, 3). Returns H. */
+static double chain_gradient(const lg_hamiltonian *model, const double *theta, const double *y,
+                             work_parts *w) {
     const size_t k = model->links;
-    lg_mlp_input_gradient(&model->net, LG_F64, theta, positions(model, y, w), 1, NULL, NULL, w->g, w->net);
+    double potential;
+    lg_mlp_input_gradient(&model->net, LG_F64, theta, positions(model, y, w), 1, NULL, &potential, w->g,
+                          w->net);
     kinetic_parts(k, theta + lg_hamiltonian_kinetic_offset(model), y, w);
     for (size_t i = 0; i < k; i++)
         for (int c = 0; c < 3; c++) {
@@ -218,33 +227,36 @@ static void chain_gradient(const lg_hamiltonian *model, const double *theta, con
             w->v[3 * i + c] = sum;
             w->g[3 * i + c] -= w->lambda[i] * sum;
         }
+    return chain_energy(k, y, w) + potential;
 }
 
-/* Separable: dV/dq -> g_q, A^T A p -> g_p */
-static void separable_gradient(const lg_hamiltonian *model, const double *theta, const double *y, double *g_q,
-                               double *g_p, work_parts *w) {
+/* Separable: dV/dq -> g_q, A^T A p -> g_p. Returns H. */
+static double separable_gradient(const lg_hamiltonian *model, const double *theta, const double *y,
+                                 double *g_q, double *g_p, work_parts *w) {
     const size_t n = model->links;
     const double *a = theta + lg_hamiltonian_kinetic_offset(model);
-    lg_mlp_input_gradient(&model->net, LG_F64, theta, y, 1, NULL, NULL, g_q, w->net);
+    double potential, energy = 0.0;
+    lg_mlp_input_gradient(&model->net, LG_F64, theta, y, 1, NULL, &potential, g_q, w->net);
     for (size_t i = 0; i < n; i++) w->u[i] = times_row(n, a, i, y + n);
+    for (size_t i = 0; i < n; i++) energy += 0.5 * w->u[i] * w->u[i];
     for (size_t j = 0; j < n; j++) {
         g_p[j] = 0.0;
         for (size_t i = 0; i < n; i++) g_p[j] += a[i * n + j] * w->u[i];
     }
+    return energy + potential;
 }
 
-void lg_hamiltonian_gradient(const lg_hamiltonian *model, const double *theta, const double *state,
-                             double *gradient, void *work) {
+double lg_hamiltonian_gradient(const lg_hamiltonian *model, const double *theta, const double *state,
+                               double *gradient, void *work) {
     work_parts w = parts_of(model, work, NULL);
-    if (model->family == LG_HAMILTONIAN_SEPARABLE) {
-        separable_gradient(model, theta, state, gradient, gradient + model->links, &w);
-        return;
-    }
-    chain_gradient(model, theta, state, &w);
+    if (model->family == LG_HAMILTONIAN_SEPARABLE)
+        return separable_gradient(model, theta, state, gradient, gradient + model->links, &w);
+    const double energy = chain_gradient(model, theta, state, &w);
     for (size_t i = 0; i < model->links; i++) {
         memcpy(gradient + 6 * i, w.g + 3 * i, 3 * sizeof(double));
         memcpy(gradient + 6 * i + 3, w.v + 3 * i, 3 * sizeof(double));
     }
+    return energy;
 }
 
 double lg_hamiltonian_jvp(const lg_hamiltonian *model, const double *theta, const double *state,
@@ -253,11 +265,11 @@ double lg_hamiltonian_jvp(const lg_hamiltonian *model, const double *theta, cons
     const size_t k = model->links;
     double sum = 0.0;
     if (model->family == LG_HAMILTONIAN_SEPARABLE) {
-        separable_gradient(model, theta, state, w.g, w.v, &w);
+        (void)separable_gradient(model, theta, state, w.g, w.v, &w);
         for (size_t i = 0; i < k; i++) sum += w.g[i] * tangent[i] + w.v[i] * tangent[k + i];
         return sum;
     }
-    chain_gradient(model, theta, state, &w);
+    (void)chain_gradient(model, theta, state, &w);
     for (size_t i = 0; i < k; i++)
         sum += lg_dot3(w.g + 3 * i, tangent + 6 * i) + lg_dot3(w.v + 3 * i, tangent + 6 * i + 3);
     return sum;
@@ -268,11 +280,11 @@ void lg_hamiltonian_field(const lg_hamiltonian *model, const double *theta, cons
     work_parts w = parts_of(model, work, NULL);
     const size_t n = model->links;
     if (model->family == LG_HAMILTONIAN_SEPARABLE) {
-        separable_gradient(model, theta, state, w.g, field, &w);
+        (void)separable_gradient(model, theta, state, w.g, field, &w);
         for (size_t i = 0; i < n; i++) field[n + i] = -w.g[i];
         return;
     }
-    chain_gradient(model, theta, state, &w);
+    (void)chain_gradient(model, theta, state, &w);
     for (size_t i = 0; i < n; i++) {
         double gq[3], vp[3];
         lg_cross3(w.g + 3 * i, state + 6 * i, gq);

@@ -93,18 +93,15 @@ static void multiply(const run *r, uint32_t l, const void *a, void *y) {
     r->k->gemm(r->rows, out, in, a, in, 1, weight(r, l), out, y, out, false);
 }
 
-/* y (rows, width[l]) = g W_l^T. One row: dot products with the rows of W. One output: W^T lies in memory as W
+/* y (rows, width[l]) = g W_l^T. One row: W times a column. One output: W^T lies in memory as W
  * does. */
 static void multiply_transposed(const run *r, uint32_t l, const char *g, char *y) {
-    const size_t in = r->net->width[l], out = r->net->width[l + 1], size = r->k->size;
-    const char *w = weight(r, l);
+    const size_t in = r->net->width[l], out = r->net->width[l + 1];
+    const void *w = weight(r, l);
     if (out == 1) {
         r->k->gemm(r->rows, in, 1, g, 1, 1, w, in, y, in, false);
     } else if (r->rows == 1) {
-        for (size_t i = 0; i < in; i++) {
-            const double value = r->k->dot(out, w + i * out * size, g);
-            r->k->convert_in(1, &value, y + i * size);
-        }
+        r->k->matvec(in, out, w, g, y, false);
     } else {
         r->k->transpose(in, out, w, r->transposed);
         r->k->gemm(r->rows, in, out, g, out, 1, r->transposed, in, y, in, false);

@@ -119,7 +119,7 @@ static const struct {
     {"tanh near 0", CALL_ACT, LG_K_TANH, tanhl, -1, 1, 3},
     {"sigmoid", CALL_ACT, LG_K_SIGMOID, sigmoid_exact, -40, 40, 3},
     {"sigmoid wide", CALL_ACT, LG_K_SIGMOID, sigmoid_exact, -750, 100, 3},
-    {"swish", CALL_ACT, LG_K_SWISH, swish_exact, -40, 40, 4},
+    {"swish", CALL_ACT, LG_K_SWISH, swish_exact, -40, 40, 3},
     {"sine", CALL_ACT, LG_K_SINE, sinl, -20, 20, 3},
 };
 
@@ -480,6 +480,47 @@ static void test_act(void **state) {
     each_table(act_of);
 }
 
+/* act_reverse is its passes one by one, to the bit: dq [+]= c s^(order), dx [+]= (c q) s^(order + 1). */
+static void act_reverse_of(const lg_kernels *k) {
+    lg_rng rng;
+    lg_rng_seed(&rng, 14, 0);
+    static const size_t sizes[] = {1, 7, 256, 300, 1000};
+    static const lg_k_act kinds[] = {LG_K_TANH, LG_K_SIGMOID, LG_K_SWISH, LG_K_LEAKY_RELU, LG_K_SINE};
+    for (size_t i = 0; i < LG_COUNT(sizes) * LG_COUNT(kinds) * 64; i++) {
+        const size_t n = sizes[i / 64 % LG_COUNT(sizes)];
+        const lg_k_act kind = kinds[i / 64 / LG_COUNT(sizes)];
+        const int order = (int)(i & 1);
+        const bool add_q = i >> 1 & 1, add_x = i >> 2 & 1, has_q = i >> 3 & 1, to_q = i >> 4 & 1;
+        const bool to_x = !to_q || (i >> 5 & 1);
+        void *x = random_numbers(k, &rng, n, -3, 3), *c = random_numbers(k, &rng, n, -1, 1);
+        void *q = random_numbers(k, &rng, n, -1, 1), *h = numbers(k, n), *both = numbers(k, n);
+        void *dq = random_numbers(k, &rng, n, -1, 1), *dx = random_numbers(k, &rng, n, -1, 1);
+        void *found_q = numbers(k, n), *found_x = numbers(k, n), *y = numbers(k, n);
+        memcpy(found_q, dq, n * k->size);
+        memcpy(found_x, dx, n * k->size);
+        const bool helped = kind == LG_K_TANH || kind == LG_K_SIGMOID || kind == LG_K_SWISH;
+        k->act(kind == LG_K_SWISH ? LG_K_SIGMOID : kind, 0, n, x, NULL, NULL, h);
+        k->act_reverse(kind, order, n, x, helped ? h : NULL, c, has_q ? q : NULL, to_q ? found_q : NULL,
+                       add_q, to_x ? found_x : NULL, add_x);
+        k->binary[LG_K_MUL](n, c, q, both);
+        k->act(kind, order, n, x, helped ? h : NULL, c, y);
+        if (to_q && add_q) k->axpy(n, 1.0, y, dq);
+        if (to_q && !add_q) memcpy(dq, y, n * k->size);
+        k->act(kind, order + 1, n, x, helped ? h : NULL, has_q ? both : c, y);
+        if (to_x && add_x) k->axpy(n, 1.0, y, dx);
+        if (to_x && !add_x) memcpy(dx, y, n * k->size);
+        assert_memory_equal(found_q, dq, n * k->size);
+        assert_memory_equal(found_x, dx, n * k->size);
+        free(x), free(c), free(q), free(h), free(both), free(dq), free(dx), free(found_q), free(found_x),
+            free(y);
+    }
+}
+
+static void test_act_reverse(void **state) {
+    (void)state;
+    each_table(act_reverse_of);
+}
+
 /* bias_act is the addition and then the activation, to the bit. */
 static void bias_act_of(const lg_kernels *k) {
     lg_rng rng;
@@ -571,6 +612,39 @@ static void gemm_of(const lg_kernels *t) {
 static void test_gemm(void **state) {
     (void)state;
     each_table(gemm_of);
+}
+
+/* Within rounding of the sum; the same for every row and with every m. */
+static void matvec_of(const lg_kernels *k) {
+    lg_rng rng;
+    lg_rng_seed(&rng, 15, 0);
+    for (size_t i = 0; i < 40 * 40; i++) {
+        const size_t m = i % 40 + 1, n = i < 1600 - 40 ? i / 40 : 700;
+        void *a = random_numbers(k, &rng, m * n, -1, 1), *x = random_numbers(k, &rng, n, -1, 1);
+        void *y = random_numbers(k, &rng, m + 1, -1, 1), *z = numbers(k, m + 1);
+        memcpy(z, y, (m + 1) * k->size);
+        k->matvec(m, n, a, x, y, i & 1);
+        for (size_t r = 0; r < m; r++) {
+            double sum = i & 1 ? get(k, z, r) : 0, size = fabs(sum);
+            for (size_t l = 0; l < n; l++) {
+                sum += get(k, a, r * n + l) * get(k, x, l);
+                size += fabs(get(k, a, r * n + l) * get(k, x, l));
+            }
+            assert_close(get(k, y, r), sum, 0, 4 * epsilon(k) * (1 + 0.3 * sqrt((double)n)) * size);
+        }
+        assert_close(get(k, y, m), get(k, z, m), 0, 0);
+        if (m >= 16) {
+            k->matvec(m, n, a, x, y, false);
+            k->matvec(8, n, at(k, a, 5 * n), x, z, false);
+            assert_memory_equal(at(k, y, 5), z, 8 * k->size);
+        }
+        free(a), free(x), free(y), free(z);
+    }
+}
+
+static void test_matvec(void **state) {
+    (void)state;
+    each_table(matvec_of);
 }
 
 static void transpose_of(const lg_kernels *k) {
@@ -876,7 +950,9 @@ int main(void) {
         cmocka_unit_test(test_act),
         cmocka_unit_test(test_bias_act),
         cmocka_unit_test(test_gemm),
+        cmocka_unit_test(test_matvec),
         cmocka_unit_test(test_transpose),
+        cmocka_unit_test(test_act_reverse),
         cmocka_unit_test(test_reductions),
         cmocka_unit_test(test_vectors),
         cmocka_unit_test(test_stumpff),

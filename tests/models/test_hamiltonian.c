@@ -179,7 +179,8 @@ static void masses_are_not_negative(void **state) {
         const double theta[5] = {0.0, 0.0, 1.0, 0.8, b[i]};
         double gradient[6];
         assert_close(lg_hamiltonian_value(&model, theta, y, work), 2.0 / mass[i] + 0.8, 1e-14, 0.0);
-        lg_hamiltonian_gradient(&model, theta, y, gradient, work);
+        const double energy = lg_hamiltonian_gradient(&model, theta, y, gradient, work);
+        assert_close(energy, lg_hamiltonian_value(&model, theta, y, work), 0.0, 0.0);
         assert_close(gradient[3], 2.0 / mass[i], 1e-14, 0.0);
     }
     free(work);
@@ -328,7 +329,8 @@ static void untaped_gradient_matches_differences(void **state) {
         }
         void *work = NULL;
         assert_int_equal(posix_memalign(&work, 64, lg_hamiltonian_work_size(&model)), 0);
-        lg_hamiltonian_gradient(&model, theta, y, gradient, work);
+        const double energy = lg_hamiltonian_gradient(&model, theta, y, gradient, work);
+        assert_close(energy, lg_hamiltonian_value(&model, theta, y, work), 1e-14, 0.0);
         /* The chain's gradient is that of H on the manifold: differences along the group action. */
         for (uint32_t a = 0; a < d; a++) {
             double element[24] = {0}, up[24], down[24];

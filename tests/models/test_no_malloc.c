@@ -132,7 +132,7 @@ static void evaluation_and_steps(void **state) {
         assert_ok(lg_stepper_create(NULL, lg_scheme_find("cf4"), &ode, &stepper));
         lg_status status = LG_OK;
         assert_no_malloc_no_lock(h += lg_hamiltonian_value(&self.model, self.theta, y, self.work));
-        assert_no_malloc_no_lock(lg_hamiltonian_gradient(&self.model, self.theta, y, out, self.work));
+        assert_no_malloc_no_lock(h += lg_hamiltonian_gradient(&self.model, self.theta, y, out, self.work));
         assert_no_malloc_no_lock(lg_hamiltonian_field(&self.model, self.theta, y, out, self.work));
         assert_no_malloc_no_lock(status = lg_step(stepper, 0.0, 0.01, y, NULL, y));
         assert_ok(status);

@@ -10,6 +10,8 @@
 #include "autodiff/kernels/elementwise.inc"
 
 #include "autodiff/kernels/act.inc"
+#include "autodiff/kernels/transpose.inc"
+
 #include "autodiff/kernels/gemm.inc"
 #include "autodiff/kernels/reduce.inc"
 #include "autodiff/kernels/geometry.inc"
@@ -64,9 +66,11 @@ const lg_kernels TABLE = {
               [LG_K_SIGN] = unary_sign,
               [LG_K_RECIPROCAL] = unary_reciprocal},
     .act = act,
+    .act_reverse = act_reverse,
     .bias_act = bias_act,
     .gemm = gemm,
     .transpose = transpose,
+    .matvec = matvec,
     .sum = sum,
     .dot = dot,
     .sum_rows = sum_rows,

@@ -83,6 +83,11 @@ typedef struct lg_kernels {
      * (0 at the kink: ties to the zero branch), leaky: LG_LEAKY_SLOPE for x <= 0; orders >= 2 are 0. sine^(n)
      * = sin(x + n pi/2), exactly +-sin or +-cos. identity: x, 1, 0. */
     void (*act)(lg_k_act kind, int order, size_t n, const void *x, const void *h, const void *g, void *y);
+    /* One reverse step of y = q sigma^(order)(x) (q NULL: ones) with cotangent c: dq [+]= c sigma^(order),
+     * dx [+]= c q sigma^(order + 1); either may be NULL. Whether something is added is said for each. dq and
+     * dx may be the same memory when dx is added. */
+    void (*act_reverse)(lg_k_act kind, int order, size_t n, const void *x, const void *h, const void *c,
+                        const void *q, void *dq, bool add_q, void *dx, bool add_x);
     /* In place: y[i, j] = sigma(y[i, j] + bias[j]); bias may be NULL. Order 0 only. */
     void (*bias_act)(lg_k_act kind, size_t rows, size_t cols, const void *bias, void *y);
 
@@ -92,6 +97,9 @@ typedef struct lg_kernels {
      * blocking or the position in C. k == 0 gives zero. */
     void (*gemm)(size_t m, size_t n, size_t k, const void *a, size_t ra, size_t ca, const void *b, size_t ldb,
                  void *c, size_t ldc, bool accumulate);
+    /* y(m) = [y +] A(m, k) x(k), all contiguous: several partial sums a row, in an order that depends on k
+     * alone where m and k are at least 8. */
+    void (*matvec)(size_t m, size_t k, const void *a, const void *x, void *y, bool accumulate);
     /* y(cols, rows) = transpose of x(rows, cols), both contiguous */
     void (*transpose)(size_t rows, size_t cols, const void *x, void *y);
 
