@@ -77,13 +77,12 @@ class Torch:
         self.settings = {"usual": [{"MKL_DEBUG_CPU_TYPE": "5"}], "forced": [{"MKL_DEBUG_CPU_TYPE": "7", **wide}]}
         if quick:
             return
-        self.settings["usual"] += [{}, wide, {"MKL_DEBUG_CPU_TYPE": "5", **wide}]
-        self.settings["forced"] += [{"MKL_DEBUG_CPU_TYPE": "7"}]
+        self.settings["usual"] += [{}, {"MKL_DEBUG_CPU_TYPE": "5", **wide}]
         shim = os.path.join(folder, "mkl.so")
         source = "int mkl_serv_intel_cpu_true(void) { return 1; }\n"
         if self.version and shutil.which("cc") and subprocess.run(
             ["cc", "-shared", "-fPIC", "-x", "c", "-", "-o", shim], input=source, text=True).returncode == 0:
-            self.settings["forced"] += [{"LD_PRELOAD": shim}, {"LD_PRELOAD": shim, **wide}]
+            self.settings["forced"] += [{"LD_PRELOAD": shim, **wide}]
 
     def __call__(self, case, setting, *options):
         return run([self.python, os.path.join(HERE, "torch", "peer.py"), case, *map(str, options)], setting)
