@@ -146,9 +146,10 @@ typedef lg_status (*lg_custom_numeric_jvp_fn)(void *user, lg_dtype dtype, const 
 typedef struct lg_custom_op {
     const char *name; /* for messages; must outlive the tape */
     lg_custom_forward_fn forward;
-    /* Exactly one of each pair may be set; none means that this derivative is LG_NOT_DIFFERENTIABLE. A
-     * numeric derivative gives first order; asking for more is LG_NOT_DIFFERENTIABLE and names the operation.
-     */
+    /* Of each pair one or none: this derivative is LG_NOT_DIFFERENTIABLE then. A numeric derivative gives
+     * first order; asking for more is LG_NOT_DIFFERENTIABLE and names the operation. Both kinds of a vjp
+     * together: the numeric one serves lg_backward and lg_backward_set, where nothing is recorded, the other
+     * one lg_grad and lg_vjp: any order, and a fast last pass. */
     lg_custom_vjp_fn vjp;
     lg_custom_numeric_vjp_fn numeric_vjp;
     lg_custom_jvp_fn jvp;

@@ -1,6 +1,7 @@
 /* The registry: rows for every operation of LG_OP_LIST in the variants of shapes and attributes that matter.
  */
 #include "autodiff/gradcheck_internal.h"
+#include "autodiff/lie.h"
 
 #include <math.h>
 
@@ -359,6 +360,31 @@ BUILD(build_dexpinv) {
     SETTINGS;
     return lg_dexpinv_coefficient(t, x[0], s->i[0]);
 }
+BUILD(build_lie) {
+    SETTINGS;
+    switch (s->i[0]) {
+    case LG_K_SO3_EXP:
+        return lg_so3_exp_rows(t, x[0], x[s->i[1]]);
+    case LG_K_SO3_DEXP:
+        return lg_so3_dexp_rows(t, x[0], x[1]);
+    case LG_K_SE3_ACT:
+        return lg_se3_act_rows(t, x[0], x[1], x[2], x[3]);
+    case LG_K_SO3_DEXPINV:
+        return lg_so3_dexpinv_rows(t, x[0], x[1]);
+    default:
+        return lg_se3_dexpinv_rows(t, x[0], x[1], x[2], x[3]);
+    }
+}
+/* Rows of u: none, a tiny one, angles on both sides of where the series end, beyond pi. */
+static const double rotations[15] = {0.0, 0.0,  0.0, 1e-9, -2e-9, 2e-9, 1.1, -0.3,
+                                     0.4, -1.2, 1.6, 1.1,  3.0,   1.0,  -1.5};
+#define ROTATIONS                                                                                            \
+    { .shape = S3(5, 1, 3), .values = rotations, .scale = 0.25 }
+#define LIE(label, ...)         ROW("lie " label, "lie", build_lie, __VA_ARGS__)
+#define LIE_PAIR(label, map, u) LIE(label, WITH(.i = {map, 1}), INPUTS(u, ANY(S3(5, 1, 3))))
+#define LIE_FOUR(label, map, u)                                                                              \
+    LIE(label, WITH(.i = {map}), INPUTS(u, ANY(S3(5, 1, 3)), ANY(S3(5, 1, 3)), ANY(S3(5, 1, 3))))
+
 /* A row for each angle, for numbers of very different size would hide each other. */
 #define ANGLE_ROWS(w)                                                                                        \
     ROW("stumpff w = " #w, "stumpff", build_stumpff, WITH(.i = {3}),                                         \
@@ -642,6 +668,14 @@ static const lg_gradcheck_case rows[] = {
         INPUTS(IN_VALUES(angles, S2(8, 1)))),
     ROW("dexpinv_coef of (8, 1), order 2", "dexpinv_coef", build_dexpinv, WITH(.i = {2}),
         INPUTS(IN_VALUES(angles, S2(8, 1)))),
+    LIE_PAIR("exp(u) x", LG_K_SO3_EXP, ROTATIONS),
+    LIE_PAIR("dexp", LG_K_SO3_DEXP, ROTATIONS),
+    LIE_PAIR("dexpinv", LG_K_SO3_DEXPINV, ROTATIONS),
+    LIE_FOUR("action of SE(3), second half", LG_K_SE3_ACT, ROTATIONS),
+    LIE_FOUR("dexpinv of se(3), second half", LG_K_SE3_DEXPINV, ROTATIONS),
+    LIE("exp(u) x of (19, 3)", WITH(.i = {LG_K_SO3_EXP, 1}), INPUTS(ANY(S2(19, 3)), ANY(S2(19, 3)))),
+    LIE("exp(u) X of (9, 9)", WITH(.i = {LG_K_SO3_EXP, 1}), INPUTS(ANY(S2(9, 3)), ANY(S2(9, 9)))),
+    LIE("exp(u) u", WITH(.i = {LG_K_SO3_EXP, 0}), INPUTS(ANY(S1(3)))),
 
     LOSS_ROWS("mse", LG_LOSS_MSE, ANY, ANY),
     LOSS_ROWS("mae", LG_LOSS_MAE, APART, BETWEEN),

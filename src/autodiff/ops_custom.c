@@ -1,5 +1,6 @@
 /* Operations brought by the user. A derivative built with operations is differentiable again; a numeric one
- * is recorded as CUSTOM_DERIVATIVE, whose own derivative is an error that names the operation. */
+ * is recorded as CUSTOM_DERIVATIVE, whose own derivative is an error that names the operation. With both
+ * kinds of a vjp, the numeric one is taken where nothing is recorded. */
 #include "autodiff/tape_internal.h"
 
 #include <string.h>
@@ -65,7 +66,7 @@ static bool fits(lg_tape *tape, const lg_custom_op *op, lg_var got, lg_var like)
 
 static void custom_vjp(lg_reverse *r) {
     const lg_custom_op *op = r->attr->pointer;
-    if (op->vjp != NULL) {
+    if (op->vjp != NULL && !(op->numeric_vjp != NULL && r->sweep != NULL)) {
         lg_status status = op->vjp(op->user, r->tape, r->in, r->inputs, r->y, r->g, r->need, r->out);
         if (status != LG_OK) fail_custom(r->tape, op, status, "the vjp failed");
         for (uint32_t k = 0; k < r->inputs; k++)
@@ -132,11 +133,9 @@ const lg_op lg_op_custom_derivative = {"custom_derivative", 0, custom_shape, no_
 
 lg_var lg_custom(lg_tape *tape, const lg_custom_op *op, const lg_var *inputs, size_t n, lg_shape shape) {
     if (op == NULL || op->name == NULL || op->forward == NULL || n > LG_CUSTOM_MAX_INPUTS ||
-        shape.rank > LG_MAX_RANK || (op->vjp != NULL && op->numeric_vjp != NULL) ||
-        (op->jvp != NULL && op->numeric_jvp != NULL))
-        return lg_tape_fail(
-            tape, LG_INVALID_ARGUMENT, "custom",
-            "no name or forward, both kinds of a derivative, too many inputs, or rank above 4");
+        shape.rank > LG_MAX_RANK || (op->jvp != NULL && op->numeric_jvp != NULL))
+        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "custom",
+                            "no name or forward, both kinds of a jvp, too many inputs, or rank above 4");
     lg_attr attr = {.pointer = op};
     for (uint32_t i = 0; i < LG_MAX_RANK; i++) attr.i[i] = i < shape.rank ? shape.dims[i] : UINT32_MAX;
     lg_scope_push(tape, op->name);

@@ -55,6 +55,7 @@
     X(SPD_SOLVE, spd_solve)                                                                                  \
     X(STUMPFF, stumpff)                                                                                      \
     X(DEXPINV_COEF, dexpinv_coef)                                                                            \
+    X(LIE, lie)                                                                                              \
     X(CUSTOM, custom)                                                                                        \
     X(CUSTOM_DERIVATIVE, custom_derivative)
 
@@ -226,7 +227,8 @@ void lg_forget_nodes(lg_tape *tape, uint32_t node);
 
 /* ---- help for vjps ---- */
 
-/* Whether this step may write its inputs' adjoints by itself: nobody records or plants errors in it. */
+/* Whether this step may write its inputs' adjoints by itself: nobody records or plants errors in it, and no
+ * two wanted inputs are different views of the same numbers. (One node may stand for several inputs.) */
 bool lg_reverse_in_place(const lg_reverse *r);
 /* Then: memory of input k's adjoint. *add: it holds numbers already and is added to; else it is to be
  * written, all of it. NULL: error set. */

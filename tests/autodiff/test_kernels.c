@@ -6,6 +6,7 @@
 #include "autodiff/kernels/kernels.h"
 #include "autodiff/kernels/stumpff.h"
 #include "golden/stumpff_table.h"
+#include "liegrad/geometry.h"
 #include "liegrad/random.h"
 
 enum { MAX_N = 4096 };
@@ -633,6 +634,13 @@ static void matvec_of(const lg_kernels *k) {
             assert_close(get(k, y, r), sum, 0, 4 * epsilon(k) * (1 + 0.3 * sqrt((double)n)) * size);
         }
         assert_close(get(k, y, m), get(k, z, m), 0, 0);
+        for (size_t l = 0; l < n && n < 20; l++) { /* stays infinite wherever it stands */
+            const double kept = get(k, a, l);
+            set(k, a, l, INFINITY);
+            k->matvec(m, n, a, x, y, false);
+            assert_true(isinf(get(k, y, 0)));
+            set(k, a, l, kept);
+        }
         if (m >= 16) {
             k->matvec(m, n, a, x, y, false);
             k->matvec(8, n, at(k, a, 5 * n), x, z, false);
@@ -793,6 +801,77 @@ static void stumpff_of(const lg_kernels *t) {
 static void test_stumpff_kernels(void **state) {
     (void)state;
     each_table(stumpff_of);
+}
+
+/* ---- Lie group actions ---- */
+
+/* Angles on both sides of the limit of the series, in every lane; exact sizes, in place, every position the
+ * same bits. */
+static void lie_of(const lg_kernels *t) {
+    const double angles[] = {0.0, 1e-9, 0.3, 1.0, 1.999, 2.001, 3.0, 5.0};
+    lg_rng rng;
+    lg_rng_seed(&rng, 71, 0);
+    for (size_t n = 0; n <= 19; n++) {
+        double *a = calloc(6 * n + 1, sizeof *a), *y = calloc(6 * n + 1, sizeof *y),
+               *out = calloc(6 * n + 1, sizeof *out);
+        double *inverse = calloc(6 * n + 1, sizeof *inverse), largest = 0.0;
+        for (size_t i = 0; i < 6 * n; i++) {
+            a[i] = lg_rng_uniform_in(&rng, -1, 1);
+            y[i] = lg_rng_uniform_in(&rng, -1, 1);
+        }
+        for (size_t i = 0; i < n; i++) {
+            const double angle = angles[lg_rng_below(&rng, LG_COUNT(angles))],
+                         norm = sqrt(lg_dot3(a + 6 * i, a + 6 * i));
+            for (size_t j = 0; j < 3; j++) a[6 * i + j] *= angle / norm;
+            largest = fmax(largest, angle);
+        }
+        t->se3_act(n, a, y, out);
+        t->se3_dexpinv(n, a, y, inverse);
+        for (size_t i = 0; i < n; i++) {
+            double e[6], one[6];
+            lg_se3_exp_act(a + 6 * i, y + 6 * i, e);
+            for (int j = 0; j < 6; j++) assert_close(out[6 * i + (size_t)j], e[j], 0, 1e-14);
+            t->se3_act(1, a + 6 * i, y + 6 * i, one);
+            assert_memory_equal(one, out + 6 * i, sizeof one);
+            lg_se3_dexpinv(a + 6 * i, y + 6 * i, e);
+            for (int j = 0; j < 6; j++) assert_close(inverse[6 * i + (size_t)j], e[j], 2e-14, 2e-14);
+            t->se3_dexpinv(1, a + 6 * i, y + 6 * i, one);
+            assert_memory_equal(one, inverse + 6 * i, sizeof one);
+        }
+        assert_close(t->se3_angle(n, a), largest, 1e-15, 0);
+        memcpy(inverse, y, 6 * n * sizeof *y);
+        t->se3_act(n, a, y, y);
+        assert_memory_equal(y, out, 6 * n * sizeof *y);
+        for (size_t i = 0; i < n; i++) {
+            const double kept = a[6 * i + 1];
+            a[6 * i + 1] = NAN;
+            assert_true(isnan(t->se3_angle(n, a)));
+            t->se3_act(n, a, inverse, out);
+            assert_true(isnan(out[6 * i]) && (n < 2 || isfinite(out[6 * ((i + 1) % n)])));
+            a[6 * i + 1] = kept;
+        }
+        free(a), free(y), free(out), free(inverse);
+    }
+}
+
+/* A point off its manifold by rounding is returned to it, one that is farther away is not. */
+static void lie_settles_of(const lg_kernels *t) {
+    const double a[6] = {0.1, 0.2, -0.3, 0.4, 0.0, 0.2};
+    double y[6] = {0.6, 0.0, 0.8, 1.6 + 1e-14, 2.0, -1.2}, out[6];
+    y[0] += 2e-14;
+    t->se3_act(1, a, y, out);
+    assert_close(lg_dot3(out, out), 1.0, 0, 5e-16);
+    assert_close(lg_dot3(out, out + 3), 0.0, 0, 2e-15);
+    y[0] += 1e-12;
+    t->se3_act(1, a, y, out);
+    assert_close(lg_dot3(out, out) - lg_dot3(y, y), 0.0, 0, 2e-15);
+    assert_close(lg_dot3(out, out + 3) - lg_dot3(y, y + 3), 0.0, 0, 5e-15);
+}
+
+static void test_lie(void **state) {
+    (void)state;
+    each_table(lie_of);
+    each_table(lie_settles_of);
 }
 
 static void test_dexpinv(void **state) {
@@ -958,6 +1037,7 @@ int main(void) {
         cmocka_unit_test(test_stumpff),
         cmocka_unit_test(test_stumpff_kernels),
         cmocka_unit_test(test_dexpinv),
+        cmocka_unit_test(test_lie),
         cmocka_unit_test(test_spd),
         cmocka_unit_test(test_adam),
         cmocka_unit_test(test_describe),

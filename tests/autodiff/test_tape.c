@@ -954,6 +954,38 @@ static void test_backward_set(void **state) {
     }
 }
 
+/* Two inputs of one operation are overlapping views of the parameter, longer than a block of the kernels: x
+ * and its factor in the derivative of an activation; the vector and the angle of a rotation. */
+static void test_backward_set_overlapping_inputs(void **state) {
+    (void)state;
+    enum { N = 1200, LENGTH = 900 };
+    static double theta[N], set[N], zero[N];
+    lg_rng rng;
+    lg_rng_seed(&rng, 8, 0);
+    for (int i = 0; i < N; i++) theta[i] = lg_rng_uniform_in(&rng, -1, 1);
+    for (uint32_t apart = 0; apart <= 300; apart += 60)
+        for (int kind = 0; kind < 3; kind++) {
+            lg_tape *t = new_tape(LG_F64);
+            lg_var p = vector(t, N, theta), y = LG_NONE;
+            lg_var x = lg_slice(t, p, 0, apart, LENGTH), q = lg_slice(t, p, 0, 300 - apart, LENGTH);
+            if (kind < 2) {
+                lg_var h = lg_act(t, kind == 0 ? x : q, LG_TANH);
+                assert_ok(lg_vjp(t, &h, kind == 0 ? &q : &x, 1, kind == 0 ? &x : &q, 1, &y));
+            } else {
+                lg_var a = lg_reshape(t, x, lg_shape2(LENGTH / 3, 3)),
+                       b = lg_reshape(t, q, lg_shape2(LENGTH / 3, 3));
+                y = lg_mul(t, lg_cross(t, a, b), lg_mul(t, a, b));
+            }
+            lg_var loss = lg_sum(t, lg_sin(t, y));
+            void *zeros = zero, *nans = set;
+            for (int i = 0; i < N; i++) zero[i] = 0, set[i] = NAN;
+            assert_ok(lg_backward(t, loss, &p, 1, &zeros));
+            assert_ok(lg_backward_set(t, loss, &p, 1, &nans));
+            for (int i = 0; i < N; i++) assert_close(set[i], zero[i], 1e-13, 1e-15);
+            lg_tape_destroy(t);
+        }
+}
+
 /* Derivatives are total: what depends on another variable asked for carries on to it, in every mode alike. */
 static void test_interior_variables(void **state) {
     (void)state;
@@ -1280,6 +1312,62 @@ static void test_custom_failures_name_the_operation(void **state) {
     lg_tape_destroy(t);
 }
 
+/* y = x^2 with both kinds of a vjp, which count their calls. */
+typedef struct both_counts {
+    int built, numeric;
+} both_counts;
+
+static lg_status square_forward(void *user, lg_dtype dtype, const void *const *in, void *y) {
+    const double *x = in[0];
+    (void)user, (void)dtype;
+    for (int i = 0; i < 3; i++) ((double *)y)[i] = x[i] * x[i];
+    return LG_OK;
+}
+static lg_status square_vjp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y, lg_var g,
+                            const bool *need, lg_var *out) {
+    (void)n, (void)y, (void)need;
+    ((both_counts *)user)->built++;
+    out[0] = lg_scale(tape, lg_mul(tape, g, in[0]), 2.0);
+    return LG_OK;
+}
+static lg_status square_numeric_vjp(void *user, lg_dtype dtype, const void *const *in, const void *y,
+                                    const void *g, void *const *out) {
+    const double *x = in[0], *by = g;
+    (void)dtype, (void)y;
+    ((both_counts *)user)->numeric++;
+    for (int i = 0; i < 3; i++) ((double *)out[0])[i] = 2.0 * by[i] * x[i];
+    return LG_OK;
+}
+
+/* The numeric one where nothing is recorded, the other one where it is: any order. */
+static void test_custom_with_both_vjps(void **state) {
+    (void)state;
+    static const double x0[3] = {1, 2, 3};
+    both_counts counts = {0, 0};
+    const lg_custom_op op = {.name = "square",
+                             .forward = square_forward,
+                             .vjp = square_vjp,
+                             .numeric_vjp = square_numeric_vjp,
+                             .user = &counts};
+    lg_tape *t = new_tape(LG_F64);
+    double first[3] = {1, 1, 1}, second[3];
+    void *into_first = first, *into_second = second;
+    lg_var x = vector(t, 3, x0), y = lg_custom(t, &op, &x, 1, lg_shape1(3)), g;
+    assert_ok(lg_backward(t, y, &x, 1, &into_first));
+    assert_true(counts.numeric == 1 && counts.built == 0);
+    for (int i = 0; i < 3; i++) assert_close(first[i], 1.0 + 2.0 * x0[i], 0, 0);
+    assert_ok(lg_backward_set(t, y, &x, 1, &into_first));
+    assert_true(counts.numeric == 2 && counts.built == 0);
+    for (int i = 0; i < 3; i++) assert_close(first[i], 2.0 * x0[i], 0, 0);
+    assert_ok(lg_grad(t, y, &x, 1, &g));
+    assert_true(counts.numeric == 2 && counts.built == 1);
+    assert_ok(
+        lg_backward_set(t, g, &x, 1, &into_second)); /* the operations' own, the square is not in between */
+    for (int i = 0; i < 3; i++) assert_close(second[i], 2.0, 0, 0);
+    assert_true(counts.numeric == 2 && counts.built == 1);
+    lg_tape_destroy(t);
+}
+
 static void test_custom_vjp_in_the_last_pass(void **state) {
     (void)state;
     static const double x0[3] = {1, 2, 3};
@@ -1415,6 +1503,7 @@ int main(void) {
         cmocka_unit_test(test_jacobian_wide_and_tall),
         cmocka_unit_test(test_backward_adds_and_leaves_the_tape),
         cmocka_unit_test(test_backward_set),
+        cmocka_unit_test(test_backward_set_overlapping_inputs),
         cmocka_unit_test(test_interior_variables),
         cmocka_unit_test(test_views_of_a_flat_parameter),
         cmocka_unit_test(test_parameter_is_not_copied),
@@ -1424,6 +1513,7 @@ int main(void) {
         cmocka_unit_test(test_spd_failures_are_counted),
         cmocka_unit_test(test_loss_values),
         cmocka_unit_test(test_custom_failures_name_the_operation),
+        cmocka_unit_test(test_custom_with_both_vjps),
         cmocka_unit_test(test_custom_vjp_in_the_last_pass),
         cmocka_unit_test(test_custom_vjp_with_shared_cotangents),
         cmocka_unit_test(test_activation_names),

@@ -15,7 +15,10 @@
 #include "autodiff/kernels/gemm.inc"
 #include "autodiff/kernels/reduce.inc"
 #include "autodiff/kernels/geometry.inc"
+#include "autodiff/kernels/lie.inc"
+#include "autodiff/kernels/lie_maps.inc"
 #include "autodiff/kernels/spd.inc"
+#include "autodiff/kernels/steps.inc"
 
 #define PASTE_(a, b) a##b
 #define PASTE(a, b)  PASTE_(a, b)
@@ -79,6 +82,24 @@ const lg_kernels TABLE = {
     .rowdot = rowdot,
     .stumpff = stumpff,
     .dexpinv_coef = dexpinv_coef,
+    .stage_sum = stage_sum,
+    .error_norm = error_norm,
+    .se3_act = se3_act,
+    .se3_dexpinv = se3_dexpinv,
+    .se3_angle = se3_angle,
+    .se3_pack = se3_pack,
+    .se3_stage = se3_stage,
+    .se3_estimate = se3_estimate,
+    .lie = {[LG_K_SO3_EXP] = so3_exp_rows,
+            [LG_K_SO3_DEXP] = so3_dexp_rows,
+            [LG_K_SE3_ACT] = se3_act_second_rows,
+            [LG_K_SO3_DEXPINV] = so3_dexpinv_rows,
+            [LG_K_SE3_DEXPINV] = se3_dexpinv_second_rows},
+    .lie_reverse = {[LG_K_SO3_EXP] = so3_exp_reverse,
+                    [LG_K_SO3_DEXP] = so3_dexp_reverse,
+                    [LG_K_SE3_ACT] = se3_act_second_reverse,
+                    [LG_K_SO3_DEXPINV] = so3_dexpinv_reverse,
+                    [LG_K_SE3_DEXPINV] = se3_dexpinv_second_reverse},
     .spd_factor = spd_factor,
     .spd_solve = spd_solve,
     .adam = adam,

@@ -54,8 +54,41 @@ typedef enum lg_k_act {
     LG_K_ACTS
 } lg_k_act;
 
+/* Maps of so(3) and se(3) on rows of three numbers, by their inputs; y and cotangents are as long as the last
+ * input. liegrad/geometry.h has the formulas. */
+typedef enum lg_k_lie {
+    LG_K_SO3_EXP,     /* u, x: exp(u) x; or x row-major matrices, 9 numbers a row */
+    LG_K_SO3_DEXP,    /* u, v: dexp_u(v) */
+    LG_K_SE3_ACT,     /* u, v, q, p: the second half of exp(u, v) . (q, p) */
+    LG_K_SO3_DEXPINV, /* A, B: dexp_A^-1(B) */
+    LG_K_SE3_DEXPINV, /* A, a, B, b: the second half of dexp_(A, a)^-1(B, b) */
+    LG_K_LIE_MAPS
+} lg_k_lie;
+#define LG_K_LIE_INPUTS 4
+
 #define LG_K_ACT_ORDERS 8 /* highest derivative of an activation */
 #define LG_LEAKY_SLOPE  0.01
+
+/* A point this close to its manifold was taken from it by rounding: a step's error, many times over. */
+#define LG_LIE_ROUNDING 1e-13
+
+/* A stage of Runge-Kutta-Munthe-Kaas on copies of T*S^2. First, unless f is NULL, k_new = dexp_sigma^-1(f), f
+ * the field's value at the stage before, sigma its exponent; then sigma = sum_j c_j k_j + c_new k_new and out
+ * = exp(sigma) . y. f and out are plain; the others are packed: told apart in blocks that only the table's
+ * own functions read. All arrays have room for, and are aligned to, whole blocks of LG_SE3_BLOCK copies. */
+typedef struct lg_se3_stage {
+    size_t count;
+    const double *c, *const *k, *y, *f;
+    double c_new, *k_new;
+    double *f_packed; /* not NULL: f, for later */
+    double *sigma, *out;
+    double *end;  /* not NULL: the step's end, taken back to the manifold as by se3_act, goes here too */
+    double *most; /* LG_SE3_BLOCK numbers, 0 at first: the largest |u|^2 so far, or NaN, is among them */
+} lg_se3_stage;
+#define LG_SE3_BLOCK 8
+
+#define LG_K_STAGES      8
+#define LG_K_STAGE_BLOCK ((size_t)8)
 
 typedef struct lg_kernels {
     lg_dtype dtype;
@@ -119,6 +152,36 @@ typedef struct lg_kernels {
     void (*stumpff)(size_t n, int K, int order, const void *w, void *y);
     /* y[i] = d^order/dw^order g2(w[i]), g2 = (1 - (x/2) cot(x/2))/x^2, w = x^2, pole form; in double. */
     void (*dexpinv_coef)(size_t n, int order, const void *w, void *y);
+
+    /* Lie group actions on many copies, in double in both tables; results do not depend on a copy's position;
+     * out may be an input. liegrad/geometry.h has the formulas, a = (u, v) six numbers a copy.
+     * se3_act: on T*S^2, y = (q, p) six numbers, exp(a) . y; where |q|^2 is then within LG_LIE_ROUNDING of 1,
+     * it is returned to 1 to first order, and q.p to 0 where it is within LG_LIE_ROUNDING of 0 relative to
+     * (1, r, p).
+     * se3_dexpinv: out = dexp_a^-1(b). se3_angle: the largest |u|, NaN when there is one. */
+    void (*se3_act)(size_t count, const double *a, const double *y, double *out);
+    void (*se3_dexpinv)(size_t count, const double *a, const double *b, double *out);
+    double (*se3_angle)(size_t count, const double *a);
+    /* se3_pack: plain to packed. se3_stage: the sum of n terms k_j, 0 <= n. se3_estimate: the same k_new and
+     * sum, out = (the sum) . y, an ambient vector; sigma, end and most stay. */
+    void (*se3_pack)(size_t count, const double *x, double *packed);
+    void (*se3_stage)(int n, const lg_se3_stage *stage);
+    void (*se3_estimate)(int n, const lg_se3_stage *stage);
+
+    /* Of integrators, in double in both tables, the same bits on every set. stage_sum: out = sum_{j < n} c_j
+     * k_j, 1
+     * <= n <= LG_K_STAGES, rows aligned to LG_ALIGNMENT, m a multiple of LG_K_STAGE_BLOCK. error_norm: root
+     * mean square of error_i / (atol + rtol max(|y_i|, |y_next_i|)), 0/0 counts as 0. */
+    void (*stage_sum)(size_t m, int n, const double *c, const double *const *k, double *out);
+    double (*error_norm)(size_t dim, double rtol, double atol, const double *error, const double *y,
+                         const double *y_next);
+
+    /* One map on n rows, in double in both tables; `columns`: of the matrices x, 1 for vectors. reverse: the
+     * inputs' cotangents from g, y's one, into out[k], NULL where it is not asked for; added where add[k].
+     * Those that are only written overlap no other. */
+    void (*lie[LG_K_LIE_MAPS])(size_t n, size_t columns, const void *const *in, void *y);
+    void (*lie_reverse[LG_K_LIE_MAPS])(size_t n, size_t columns, const void *const *in, const void *g,
+                                       void *const *out, const bool *add);
 
     /* Batches of n symmetric positive definite k x k systems. factor: L = Cholesky factor (lower; upper part
      * zero) of (A + A^T)/2; a row whose pivot is not positive becomes all NaN and is counted in the returned

@@ -1,0 +1,271 @@
+/* Maps of so(3) and se(3) as operations: values against the plain functions, in every instruction set and
+ * both types; cotangents of the kernels against those that the tape records; third derivatives; bad shapes.
+ */
+#include "test_support.h"
+
+#include "autodiff/kernels/kernels.h"
+#include "autodiff/lie.h"
+#include "liegrad/geometry.h"
+#include "liegrad/ops.h"
+#include "liegrad/random.h"
+
+enum { ROWS = 37, NUMBERS = 9 * ROWS, LONGEST = 4 };
+
+/* Rows of u: angles from 0 to beyond pi, so that every block of lanes has both sides of where the series end.
+ */
+static void draw_rotations(double *u) {
+    lg_rng rng;
+    lg_rng_seed(&rng, 21, 0);
+    for (int i = 0; i < ROWS; i++) {
+        double length = 0.0;
+        for (int j = 0; j < 3; j++) u[3 * i + j] = lg_rng_uniform_in(&rng, -1.0, 1.0);
+        length = sqrt(lg_dot3(u + 3 * i, u + 3 * i));
+        const double angle = i % 7 == 0 ? 0.0 : i % 5 == 0 ? 3.6 : i % 5 == 1 ? 1e-9 : 0.1 * (double)(i % 20);
+        for (int j = 0; j < 3; j++) u[3 * i + j] *= angle / length;
+    }
+}
+
+static void draw(uint64_t stream, size_t n, double *x) {
+    lg_rng rng;
+    lg_rng_seed(&rng, 22, stream);
+    for (size_t i = 0; i < n; i++) x[i] = lg_rng_uniform_in(&rng, -1.5, 1.5);
+}
+
+typedef struct problem {
+    double in[LG_K_LIE_INPUTS][NUMBERS];
+    double g[NUMBERS];
+} problem;
+
+static problem *problem_make(void) {
+    problem *p = malloc(sizeof *p);
+    draw_rotations(p->in[0]);
+    for (int k = 1; k < LG_K_LIE_INPUTS; k++) draw((uint64_t)k, NUMBERS, p->in[k]);
+    draw(9, NUMBERS, p->g);
+    return p;
+}
+
+/* Map number `map`, or exp(u) on matrices. */
+enum { MATRICES = LG_K_LIE_MAPS, CASES };
+
+static uint32_t inputs_of(int map) {
+    return map == LG_K_SE3_ACT || map == LG_K_SE3_DEXPINV ? 4 : 2;
+}
+
+static uint32_t width_of(int map, uint32_t input) {
+    return map == MATRICES && input == 1 ? 9 : 3;
+}
+
+static uint32_t result_width(int map) {
+    return width_of(map, inputs_of(map) - 1);
+}
+
+static void plain(int map, const problem *p, size_t row, double *out) {
+    const double *x[LG_K_LIE_INPUTS];
+    double a[6], b[6], c[6];
+    for (uint32_t k = 0; k < LG_K_LIE_INPUTS; k++) x[k] = p->in[k] + width_of(map, k) * row;
+    memcpy(a, x[0], 3 * sizeof *a);
+    memcpy(a + 3, x[1], 3 * sizeof *a);
+    memcpy(b, x[2], 3 * sizeof *b);
+    memcpy(b + 3, x[3], 3 * sizeof *b);
+    if (map == LG_K_SO3_EXP) lg_so3_exp_act(x[0], x[1], out);
+    if (map == LG_K_SO3_DEXP) lg_so3_dexp(x[0], x[1], out);
+    if (map == LG_K_SO3_DEXPINV) lg_so3_dexpinv(x[0], x[1], out);
+    if (map == MATRICES) lg_so3_exp_multiply(x[0], x[1], out);
+    if (map == LG_K_SE3_ACT) lg_se3_exp_act(a, b, c);
+    if (map == LG_K_SE3_DEXPINV) lg_se3_dexpinv(a, b, c);
+    if (inputs_of(map) == 4) memcpy(out, c + 3, 3 * sizeof *out);
+}
+
+static int kernel_of(int map) {
+    return map == MATRICES ? LG_K_SO3_EXP : map;
+}
+
+/* ---- kernels ---- */
+
+static void convert(const lg_kernels *k, const double *x, void *out) {
+    k->convert_in(NUMBERS, x, out);
+}
+
+/* The value, then the cotangents of the inputs, added to what their memory holds: one each. */
+static void run_kernel(const lg_kernels *k, int map, const problem *p, double (*out)[NUMBERS]) {
+    static double in[LG_K_LIE_INPUTS][NUMBERS], g[NUMBERS], y[LG_K_LIE_INPUTS + 1][NUMBERS];
+    const void *const values[] = {in[0], in[1], in[2], in[3]};
+    void *const cotangents[] = {y[1], y[2], y[3], y[4]};
+    const bool add[] = {true, false, true, true};
+    const size_t columns = map == MATRICES ? 3 : 1;
+    for (int i = 0; i < LG_K_LIE_INPUTS; i++) convert(k, p->in[i], in[i]);
+    convert(k, p->g, g);
+    for (int i = 0; i <= LG_K_LIE_INPUTS; i++) k->fill(NUMBERS, 1.0, y[i]);
+    k->lie[kernel_of(map)](ROWS, columns, values, y[0]);
+    k->lie_reverse[kernel_of(map)](ROWS, columns, values, g, cotangents, add);
+    for (int i = 0; i <= LG_K_LIE_INPUTS; i++) k->convert_out(NUMBERS, y[i], out[i]);
+}
+
+static void test_kernels(void **state) {
+    (void)state;
+    static double found[LG_K_LIE_INPUTS + 1][NUMBERS], expected[LG_K_LIE_INPUTS + 1][NUMBERS];
+    problem *p = problem_make();
+    for (int map = 0; map < CASES; map++) {
+        run_kernel(lg_kernels_of(LG_F64, LG_ISA_BASELINE), map, p, expected);
+        for (size_t row = 0; row < ROWS; row++) {
+            const size_t width = result_width(map);
+            double y[9];
+            plain(map, p, row, y);
+            for (size_t j = 0; j < width; j++) assert_close(expected[0][width * row + j], y[j], 1e-14, 1e-13);
+        }
+        for (int dtype = LG_F64; dtype <= LG_F32; dtype++)
+            for (int isa = LG_ISA_BASELINE; isa < LG_ISA_COUNT; isa++) {
+                const lg_kernels *k = lg_kernels_of((lg_dtype)dtype, (lg_isa)isa);
+                const double tolerance = dtype == LG_F64 ? 1e-13 : 2e-5;
+                if (k == NULL) continue;
+                run_kernel(k, map, p, found);
+                for (int i = 0; i <= LG_K_LIE_INPUTS; i++)
+                    for (size_t j = 0; j < NUMBERS; j++)
+                        assert_close(found[i][j], expected[i][j], tolerance, tolerance);
+            }
+    }
+    free(p);
+}
+
+/* ---- on the tape ---- */
+
+static lg_var apply(lg_tape *tape, int map, const lg_var *x) {
+    if (map == LG_K_SO3_EXP || map == MATRICES) return lg_so3_exp_rows(tape, x[0], x[1]);
+    if (map == LG_K_SO3_DEXP) return lg_so3_dexp_rows(tape, x[0], x[1]);
+    if (map == LG_K_SO3_DEXPINV) return lg_so3_dexpinv_rows(tape, x[0], x[1]);
+    if (map == LG_K_SE3_ACT) return lg_se3_act_rows(tape, x[0], x[1], x[2], x[3]);
+    return lg_se3_dexpinv_rows(tape, x[0], x[1], x[2], x[3]);
+}
+
+static lg_tape *tape_make(lg_dtype dtype) {
+    lg_tape_options options;
+    lg_tape *tape = NULL;
+    lg_tape_options_init(&options);
+    options.dtype = dtype;
+    assert_ok(lg_tape_create(NULL, &options, &tape));
+    return tape;
+}
+
+/* The kernels' cotangents are those that are recorded; inputs may be views of one variable. */
+static void test_backward(void **state) {
+    (void)state;
+    static double block[LG_K_LIE_INPUTS * NUMBERS], expected[LG_K_LIE_INPUTS * NUMBERS];
+    static double found[LG_K_LIE_INPUTS * NUMBERS];
+    problem *p = problem_make();
+    lg_tape *tape = tape_make(LG_F64);
+    for (int map = 0; map < CASES; map++) {
+        const uint32_t n = inputs_of(map);
+        lg_var x[LG_K_LIE_INPUTS], gradient;
+        uint32_t total = 0, at = 0;
+        lg_tape_reset(tape);
+        for (uint32_t k = 0; k < n; k++) {
+            memcpy(block + total, p->in[k], ROWS * width_of(map, k) * sizeof *block);
+            total += ROWS * width_of(map, k);
+        }
+        lg_var all = lg_input_f64(tape, lg_shape1(total), block);
+        for (uint32_t k = 0; k < n; at += ROWS * width_of(map, k), k++)
+            x[k] = lg_reshape(tape, lg_slice(tape, all, 0, at, ROWS * width_of(map, k)),
+                              lg_shape2(ROWS, width_of(map, k)));
+        lg_var g = lg_input_f64(tape, lg_shape2(ROWS, result_width(map)), p->g);
+        lg_var sum = lg_sum(tape, lg_mul(tape, apply(tape, map, x), g));
+        assert_ok(lg_grad(tape, sum, &all, 1, &gradient));
+        assert_ok(lg_read(tape, gradient, expected, total));
+        assert_ok(lg_backward_set(tape, sum, &all, 1, (void *[]){found}));
+        for (size_t i = 0; i < total; i++) assert_close(found[i], expected[i], 1e-12, 1e-12);
+    }
+    lg_tape_destroy(tape);
+    free(p);
+}
+
+/* Inputs that are overlapping rows of one variable, or one and the same. */
+static void test_shared_inputs(void **state) {
+    (void)state;
+    static double expected[NUMBERS], found[NUMBERS];
+    problem *p = problem_make();
+    lg_tape *tape = tape_make(LG_F64);
+    for (uint32_t apart = 0; apart < 2; apart++) {
+        const uint32_t rows = ROWS - apart;
+        lg_var gradient;
+        lg_tape_reset(tape);
+        lg_var all = lg_input_f64(tape, lg_shape2(ROWS, 3), p->in[0]);
+        lg_var x[2] = {lg_slice(tape, all, 0, 0, rows), lg_slice(tape, all, 0, apart, rows)};
+        lg_var g = lg_input_f64(tape, lg_shape2(rows, 3), p->g);
+        lg_var sum = lg_sum(tape, lg_mul(tape, lg_so3_dexp_rows(tape, x[0], x[1]), g));
+        assert_ok(lg_grad(tape, sum, &all, 1, &gradient));
+        assert_ok(lg_read(tape, gradient, expected, 3 * ROWS));
+        assert_ok(lg_backward_set(tape, sum, &all, 1, (void *[]){found}));
+        for (size_t i = 0; i < 3 * ROWS; i++) assert_close(found[i], expected[i], 1e-12, 1e-12);
+    }
+    lg_tape_destroy(tape);
+    free(p);
+}
+
+/* d^order/ds^order of <g, map(x + s dx)> at s = `at`, one row */
+static double along(int map, const problem *p, double at, int order) {
+    lg_tape *tape = tape_make(LG_F64);
+    lg_var s = lg_input_f64(tape, lg_shape1(1), &at), x[LG_K_LIE_INPUTS];
+    double value = 0.0;
+    for (uint32_t k = 0; k < inputs_of(map); k++) {
+        const lg_shape shape = lg_shape2(1, width_of(map, k));
+        lg_var d = lg_input_f64(tape, shape, p->g + 9 * k + 9);
+        x[k] = lg_add(tape, lg_input_f64(tape, shape, p->in[k] + 6 * width_of(map, k)), lg_mul(tape, d, s));
+    }
+    lg_var g = lg_input_f64(tape, lg_shape2(1, result_width(map)), p->g);
+    lg_var y = lg_sum(tape, lg_mul(tape, apply(tape, map, x), g));
+    for (int i = 0; i < order; i++) {
+        lg_var one = lg_full(tape, lg_var_shape(tape, s), 1.0), next;
+        if (i % 2 == 0)
+            assert_ok(lg_grad(tape, y, &s, 1, &next));
+        else
+            assert_ok(lg_jvp(tape, &y, 1, &s, &one, 1, &next));
+        y = next;
+    }
+    assert_ok(lg_read(tape, y, &value, 1));
+    lg_tape_destroy(tape);
+    return value;
+}
+
+static void test_higher_orders(void **state) {
+    (void)state;
+    problem *p = problem_make();
+    for (int map = 0; map < CASES; map++)
+        for (int order = 1; order <= LONGEST; order++) {
+            const double h = 1e-3, exact = along(map, p, 0.2, order);
+            const double near = along(map, p, 0.2 + h, order - 1) - along(map, p, 0.2 - h, order - 1);
+            const double far = along(map, p, 0.2 + 2 * h, order - 1) - along(map, p, 0.2 - 2 * h, order - 1);
+            assert_close((8.0 * near - far) / (12.0 * h), exact, 1e-7, 1e-7);
+        }
+    free(p);
+}
+
+static void test_bad_shapes(void **state) {
+    (void)state;
+    static const double zeros[64] = {0};
+    lg_tape *tape = tape_make(LG_F64);
+    for (int wrong = 0; wrong < 5; wrong++) {
+        lg_tape_reset(tape);
+        lg_var u = lg_input_f64(tape, lg_shape2(2, 3), zeros),
+               four = lg_input_f64(tape, lg_shape2(2, 4), zeros);
+        lg_var nine = lg_input_f64(tape, lg_shape2(2, 9), zeros),
+               other = lg_input_f64(tape, lg_shape2(3, 3), zeros);
+        lg_var flat = lg_input_f64(tape, lg_shape1(3), zeros);
+        lg_var y = wrong == 0   ? lg_so3_exp_rows(tape, four, u)
+                   : wrong == 1 ? lg_so3_exp_rows(tape, u, other)
+                   : wrong == 2 ? lg_so3_dexp_rows(tape, u, nine)
+                   : wrong == 3 ? lg_so3_exp_rows(tape, flat, u)
+                                : lg_se3_act_rows(tape, u, other, u, u);
+        assert_true(lg_is_none(y));
+        assert_status(lg_tape_status(tape), LG_SHAPE);
+        assert_non_null(strstr(lg_tape_message(tape), "lie"));
+    }
+    lg_tape_destroy(tape);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_kernels),       cmocka_unit_test(test_backward),
+        cmocka_unit_test(test_shared_inputs), cmocka_unit_test(test_higher_orders),
+        cmocka_unit_test(test_bad_shapes),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
