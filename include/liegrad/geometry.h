@@ -22,29 +22,63 @@ LG_BEGIN_DECLS
 LG_API double lg_dot3(const double a[3], const double b[3]);
 LG_API void lg_cross3(const double a[3], const double b[3], double out[3]);
 
-/* ---- SO(3) ---- */
+/* ---- SO(3) ----
+ *
+ * ad_u b = [u, b] = u x b is lg_cross3. Duals are taken with the dot product: (F^* mu) . b = mu . (F b).
+ */
 
 /* R = I + c_1 hat(u) + c_2 hat(u)^2 (Rodrigues) */
 LG_API void lg_so3_exp(const double u[3], double R[9]);
-/* exp(hat(u)) q = q + c_1 u x q + c_2 u x (u x q), without forming R */
+/* exp(hat(u)) q = q + c_1 u x q + c_2 u x (u x q), without forming exp(hat(u)) */
 LG_API void lg_so3_exp_act(const double u[3], const double q[3], double out[3]);
+/* out = exp(hat(u)) R */
+LG_API void lg_so3_exp_multiply(const double u[3], const double R[9], double out[9]);
+/* u with exp(hat(u)) = R and |u| <= pi, to a few 1e-16 at every angle: from the unit quaternion with
+ * nonnegative scalar part, out of the row of 4 q q^T with the largest diagonal entry. At |u| = pi, where u
+ * and -u are the same rotation, the component of u with the largest magnitude (the first of equals) is
+ * positive. R off by rounding gives u off by as much; it need not be exactly orthogonal. */
+LG_API void lg_so3_log(const double R[9], double u[3]);
+/* Ad_R b = R b and its dual Ad_R^* mu = R^T mu */
+LG_API void lg_so3_adjoint(const double R[9], const double b[3], double out[3]);
+LG_API void lg_so3_coadjoint(const double R[9], const double mu[3], double out[3]);
 /* dexp_u(b) = b + c_2 u x b + c_3 u x (u x b): d/dt exp(u(t)) = hat(dexp_u(u')) exp(u) */
 LG_API void lg_so3_dexp(const double u[3], const double b[3], double out[3]);
 /* dexp_u^-1(b) = b - 1/2 u x b + g_2 u x (u x b), g_2 = (1 - (x/2) cot(x/2))/x^2. Accurate to |u| = pi and
  * beyond; the pole at |u| = 2 pi is a property of the map. */
 LG_API void lg_so3_dexpinv(const double u[3], const double b[3], double out[3]);
+/* dexp_u^* = dexp_{-u} and its inverse (dexp_u^-1)^* = dexp_{-u}^-1; dexp_u^* mu = Ad_{exp u}^* dexp_u mu */
+LG_API void lg_so3_dexp_dual(const double u[3], const double mu[3], double out[3]);
+LG_API void lg_so3_dexpinv_dual(const double u[3], const double mu[3], double out[3]);
+/* In place: the nearest rotation in the Frobenius norm, the orthogonal polar factor, by Newton's iteration R
+ * <- (R + R^-T)/2 (Higham 1986). NaN when det R is not positive: such a matrix is not a rotation off by
+ * rounding. */
+LG_API void lg_so3_project(double R[9]);
 
-/* ---- SE(3) ---- */
+/* ---- SE(3) ----
+ *
+ * Elements of the dual are mu = (m, n), paired as mu . b = m . B + n . b with b = (B, b).
+ */
 
 /* (R, r) = (exp(hat(u)), dexp_u(v)) */
 LG_API void lg_se3_exp(const double a[6], double R[9], double r[3]);
+/* exp(u, v) (R, r) = (exp(hat(u)) R, exp(hat(u)) r + dexp_u(v)); out_R and out_r may be R and r */
+LG_API void lg_se3_exp_multiply(const double a[6], const double R[9], const double r[3], double out_R[9],
+                                double out_r[3]);
+/* a = (u, v) with exp(a) = (R, r): u = log R with its branch at |u| = pi, v = dexp_u^-1(r) */
+LG_API void lg_se3_log(const double R[9], const double r[3], double a[6]);
 /* The action of SE(3) on T*S^2 and on TS^2, y = (q, p): exp(u, v) . (q, p) = (R q, R p + r x R q). It keeps
  * |q| and q.p. */
 LG_API void lg_se3_exp_act(const double a[6], const double y[6], double out[6]);
 /* Its infinitesimal generator: (u x q, u x p + v x q) */
 LG_API void lg_se3_generator(const double a[6], const double y[6], double out[6]);
-/* [(u1, v1), (u2, v2)] = (u1 x u2, u1 x v2 + v1 x u2) */
+/* [(u1, v1), (u2, v2)] = ad_(u1, v1) (u2, v2) = (u1 x u2, u1 x v2 + v1 x u2) */
 LG_API void lg_se3_bracket(const double a[6], const double b[6], double out[6]);
+/* ad_a^* mu = (m x u + n x v, n x u), a = (u, v): (ad_a^* mu) . b = mu . [a, b] */
+LG_API void lg_se3_cobracket(const double a[6], const double mu[6], double out[6]);
+/* Ad_(R, r) (B, b) = (R B, R b + r x R B); Ad_(R, r)^* (m, n) = (R^T (m - r x n), R^T n): (Ad_g^* mu) . b =
+ * mu . (Ad_g b), so that Ad_{gh}^* = Ad_h^* Ad_g^*. */
+LG_API void lg_se3_adjoint(const double R[9], const double r[3], const double b[6], double out[6]);
+LG_API void lg_se3_coadjoint(const double R[9], const double r[3], const double mu[6], double out[6]);
 /* dexp_a(b) and dexp_a^-1(b) = sum_k B_k/k! ad_a^k b, closed forms. With phi(z) = (e^z - 1)/z, or its
  * inverse:
  *
@@ -56,6 +90,9 @@ LG_API void lg_se3_bracket(const double a[6], const double b[6], double out[6]);
  * SO(3). */
 LG_API void lg_se3_dexp(const double a[6], const double b[6], double out[6]);
 LG_API void lg_se3_dexpinv(const double a[6], const double b[6], double out[6]);
+/* (dexp_a^* mu) . b = mu . dexp_a(b), and the same for dexp_a^-1: the series in ad_a^* */
+LG_API void lg_se3_dexp_dual(const double a[6], const double mu[6], double out[6]);
+LG_API void lg_se3_dexpinv_dual(const double a[6], const double mu[6], double out[6]);
 
 LG_END_DECLS
 

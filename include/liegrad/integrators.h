@@ -30,8 +30,14 @@ LG_BEGIN_DECLS
 /* ---- Spaces ---- */
 
 typedef enum lg_space_kind {
-    LG_SPACE_RN,  /* R^n under addition: state 1, algebra 1 a copy; n copies are R^n */
-    LG_SPACE_TS2, /* T*S^2 (and TS^2) under SE(3): state (q, p) 6, algebra (u, v) 6 */
+    LG_SPACE_RN,       /* R^n under addition: state 1, algebra 1 a copy; n copies are R^n */
+    LG_SPACE_TS2,      /* T*S^2 (and TS^2) under SE(3): state (q, p) 6, algebra (u, v) 6 */
+    LG_SPACE_SO3,      /* SO(3) under itself: state R row-major 9, algebra u 3; exp(u) R */
+    LG_SPACE_SE3,      /* SE(3) under itself: state (R, r) 12, algebra (u, v) 6; (exp(u) R, exp(u) r +
+                        * dexp_u v). It is the right-trivialised T*SO(3), r the spatial momentum. */
+    LG_SPACE_SO3_DUAL, /* so(3)* = R^3 under SO(3): state 3, algebra u 3; exp(u) x */
+    LG_SPACE_SE3_DUAL, /* se(3)* = R^6 under SE(3): state (G, P) 6, algebra (u, v) 6; as on T*S^2, (R G, R P
+                        * + r x R G), with any |G| */
     LG_SPACE_KINDS
 } lg_space_kind;
 
@@ -79,7 +85,10 @@ LG_API lg_status lg_space_init_rn(lg_space *space, size_t n);
 /* True when every factor is R^n, where Lie group schemes are the classical ones. */
 LG_API bool lg_space_is_abelian(const lg_space *space);
 
-/* out = exp(a) . y; a algebra_dim numbers, y and out dim numbers; out may equal y. */
+/* out = exp(a) . y; a algebra_dim numbers, y and out dim numbers; out may equal y. Points within 1e-13 of
+ * T*S^2, SO(3) and SE(3) are returned to them to first order, so that rounding does not add up; farther ones
+ * keep their distance.
+ */
 LG_API void lg_space_act(const lg_space *space, const double *a, const double *y, double *out);
 /* out = a . y, the ambient velocity of the algebra element a at y (dim numbers); out may equal y. */
 LG_API void lg_space_generator(const lg_space *space, const double *a, const double *y, double *out);
@@ -93,10 +102,11 @@ LG_API void lg_space_bracket(const lg_space *space, const double *a, const doubl
 LG_API void lg_space_dexpinv(const lg_space *space, int truncation, const double *a, const double *b,
                              double *out);
 
-/* In place: q / |q|, p - q (q.p) on each T*S^2. Steps never call it; it is for starts that are off by
- * rounding. */
+/* In place: q / |q|, p - q (q.p) on each T*S^2; the nearest rotation on SO(3) and SE(3), NaN where the
+ * determinant is not positive. For starts that are off by rounding, and for schemes with `project`. */
 LG_API void lg_space_project(const lg_space *space, double *y);
-/* Largest of | |q| - 1 | and |q.p| over the factors; NaN when the state holds NaN; 0 on R^n. */
+/* Largest of | |q| - 1 | and |q.p|, for rotations of the entries of R^T R - I (a reflection: 2), over the
+ * factors; NaN when the state holds NaN; 0 on R^n and the duals. */
 LG_API double lg_space_manifold_error(const lg_space *space, const double *y);
 /* Largest rotation angle |u| in a; NaN when a holds NaN. */
 LG_API double lg_space_angle(const lg_space *space, const double *a);
@@ -112,12 +122,19 @@ typedef lg_status (*lg_field)(void *user, double t, const double *y, const doubl
 typedef lg_status (*lg_half_field)(void *user, double t, const double *half, const double *input,
                                    double *out);
 
+/* One step of a variational integrator in the system's own coordinates, in place: y(t) -> y(t + h). Kept
+ * between steps: nothing. */
+typedef lg_status (*lg_variational_step)(void *user, double t, double h, double *y);
+
 typedef struct lg_ode {
     lg_space space;
     lg_field field;         /* NULL only when all that is used is a splitting scheme */
     lg_half_field force;    /* NULL when the system is not separable */
     lg_half_field velocity; /* NULL exactly when force is */
     void *user;
+    lg_space manifold; /* ambient forms: where the states of R^n ought to lie, for projection; factors 0:
+                        * everywhere */
+    lg_variational_step step; /* NULL when the system has no variational integrator of its own */
 } lg_ode;
 
 /* ---- Schemes ---- */
@@ -137,6 +154,18 @@ typedef enum lg_scheme_kind {
     /* On R^2n, for i = 0..stages-1: p += kick_i h force(q), q += drift_i h velocity(p). A force at an
      * unchanged q is not evaluated again, neither inside a step nor from one step to the next. */
     LG_SCHEME_SPLITTING,
+    /* On R^n, one implicit stage, 0 <= theta <= 1: Y = y + theta h f(t + theta h, Y), y1 = y + h f(t + theta
+     * h, Y), by Newton's method with a full difference Jacobian (8 n^2 bytes of the stepper, n <= 16384), to
+     * rounding. theta = 1: implicit Euler, 1/2: midpoint. */
+    LG_SCHEME_IMPLICIT,
+    /* Symplectic Lie group integrators on T*G, G = SO(3) x R^m (one factor SE(3), then perhaps one R^2m as
+     * (q, p)), 0 <= theta <= 1. With (xi, n) = h f(exp(theta xi) . g0, M_theta):
+     *   M_theta = dexp_{-xi}^*(mu0 + Ad_{exp(theta xi)}^* n) - theta dexp_{-theta xi}^* Ad_{exp(theta xi)}^*
+     * n g1 = exp(xi) g0, mu1 = Ad_{exp(-xi)}^* mu0 + Ad_{exp((theta - 1) xi)}^* n (Celledoni, Marthinsen,
+     * Owren) by Newton's method, to rounding. Order 2 for theta = 1/2, else 1. Steps of implicit kinds keep
+     * nothing from the step before. */
+    LG_SCHEME_SLGI,
+    LG_SCHEME_VARIATIONAL, /* ode.step */
     LG_SCHEME_KINDS
 } lg_scheme_kind;
 
@@ -148,6 +177,15 @@ typedef struct lg_cf_row {
     int exponentials; /* n; 0: the point is the base itself */
     double coefficient[LG_SCHEME_MAX_EXPONENTIALS][LG_SCHEME_MAX_STAGES];
 } lg_cf_row;
+
+/* RKMK: adds h^2 weight [k_first, k_second] to the exponent of stage `row`, 1 <= row < stages, or of the
+ * step, row = stages (never with fsal, where the last stage is the step); first, second < row. */
+typedef struct lg_commutator {
+    int row, first, second;
+    double weight;
+} lg_commutator;
+
+#define LG_DENSE_POWERS 5
 
 /* A scheme is data: copy a row and change it, or fill in your own; nothing is registered. */
 typedef struct lg_scheme {
@@ -168,23 +206,36 @@ typedef struct lg_scheme {
         *rows; /* commutator-free: `stages` rows of Y_i, one of y1, one of the embedded solution if any */
     double kick[LG_SCHEME_MAX_STAGES];  /* splitting */
     double drift[LG_SCHEME_MAX_STAGES]; /* splitting */
+    double theta;                       /* implicit, symplectic Lie group integrators */
+    bool project; /* ambient: each step (and dense output) ends with ode.manifold's projection, if there is
+                     one */
+    const lg_commutator *commutators; /* RKMK; with them, dexpinv is usually 0 */
+    int commutator_count;
+    /* RKMK without commutators, with dense output: at t + s h, exp(h sum_i b_i(s) k_i) . y with b_i(s) =
+     * sum_j dense[i][j] s^(j+1), of order dense_order; 0: none. */
+    int dense_order;
+    double dense[LG_SCHEME_MAX_STAGES][LG_DENSE_POWERS];
 } lg_scheme;
 
-/* The schemes of the library:
- * - euler, rk4, dp54: classical, ambient = true; dp54 is Dormand-Prince 5(4), adaptive
- * - lie-euler, rkmk4, rkmk5: RKMK with exact dexpinv; rkmk5 is Dormand-Prince without the embedded solution
- * - rkmk54: RKMK(5,4), Dormand-Prince 5(4), adaptive
- * - cf4: commutator-free, order 4, five exponentials, f_2's point is reused
- * - stormer-verlet: splitting, order 2
+/* The schemes of the library. Classical, ambient = true: euler, implicit-euler, midpoint, rk4, rk4-projected,
+ * dp54 (Dormand-Prince 5(4), adaptive). Splitting: symplectic-euler (p first), stormer-verlet. variational.
+ * Lie group methods, with exact dexpinv where there is one:
+ * - lie-euler; lie-heun: k_2 = f(exp(h k_1) y), exp(h/2 (k_1 + k_2)) y; rkmk3 (Kutta's tableau); rkmk4
+ *   (classical tableau); rkmk4-2c: the classical tableau with two commutators; rkmk5, rkmk54
+ *   (Dormand-Prince, the second adaptive, with dense output of order 4)
+ * - cg3: Crouch and Grossman, order 3; cf4; cf32a, cf32b: 3(2), adaptive; cf43: cf4 with an embedded solution
+ * of order 3, adaptive
+ * - slgi: theta = 1/2; copy the row for another
  * lg_scheme_at(0..lg_scheme_count()-1); NULL beyond. lg_scheme_find: NULL for an unknown name. Static,
  * constant. */
 LG_API size_t lg_scheme_count(void);
 LG_API const lg_scheme *lg_scheme_at(size_t index);
 LG_API const lg_scheme *lg_scheme_find(const char *name);
 
-/* Is the data consistent: ranges, explicit rows, c_i the sums of the rows, weights that sum to 1, FSAL rows
- * equal, all to 1e-12. The order is not checked. Errors: LG_INVALID_ARGUMENT with the reason in `error` (may
- * be NULL). */
+/* Is the data consistent: ranges, explicit rows and commutators, c_i the sums of the rows, weights that sum
+ * to 1 (those of dense output to s), FSAL rows equal, all to 1e-12; nothing that the kind does not have
+ * (embedded solution, dense output, commutators, projection). The order is not checked. Errors:
+ * LG_INVALID_ARGUMENT with the reason in `error` (may be NULL). */
 LG_API lg_status lg_scheme_check(const lg_scheme *scheme, lg_error *error);
 
 /* ---- Steps ---- */
@@ -196,7 +247,8 @@ LG_API size_t lg_stepper_size(const lg_scheme *scheme, const lg_ode *ode);
 /* Builds a stepper in `memory` (64-byte aligned, at least lg_stepper_size bytes, the caller's, to outlive the
  * stepper; nothing to destroy). `ode` is copied; `scheme` and ode->user must outlive the stepper. Errors:
  * LG_INVALID_ARGUMENT (memory too small or misaligned, inconsistent scheme or space, missing functions),
- * LG_UNSUPPORTED (an ambient or splitting scheme on a space that is not R^n; splitting on odd dimension). */
+ * LG_UNSUPPORTED (an ambient, splitting or implicit scheme on a space that is not R^n; splitting on odd
+ * dimension; slgi on a space it is not for; an implicit scheme of more than 16384 unknowns). */
 LG_API lg_status lg_stepper_init(void *memory, size_t bytes, const lg_scheme *scheme, const lg_ode *ode,
                                  lg_stepper **out);
 /* The same in memory from the context (NULL: the C library). Errors: as above, LG_OUT_OF_MEMORY. */
@@ -207,7 +259,8 @@ LG_API void lg_stepper_destroy(const lg_context *context, lg_stepper *stepper); 
 /* One step: y_next = Phi_h(t, y), dim numbers; may equal y. h may be negative. `input` goes to the field,
  * constant over the step; may be NULL. A field value at the same (t, y) as one already known is not evaluated
  * again when input is NULL: after a change of what ode.user points to, call lg_stepper_reset. Errors: what
- * the field returns; LG_NOT_FINITE when y_next is not finite. y_next is untouched then. */
+ * the field returns; LG_NOT_FINITE when y_next is not finite; LG_NO_CONVERGENCE (implicit kinds). y_next is
+ * untouched then. */
 LG_API lg_status lg_step(lg_stepper *stepper, double t, double h, const double *y, const double *input,
                          double *y_next);
 /* Forget field values kept from earlier steps. */
@@ -219,7 +272,11 @@ LG_API void lg_stepper_reset(lg_stepper *stepper);
  * angle among all exponents. */
 LG_API const double *lg_stepper_error(const lg_stepper *stepper);
 LG_API double lg_stepper_angle(const lg_stepper *stepper);
-/* Evaluations of the field (of the force for splitting schemes) since lg_stepper_init. */
+/* Dense output: the state at t + s h inside the step just made, 0 <= s <= 1, for schemes with dense_order >
+ * 0; on the manifold. Errors: LG_UNSUPPORTED, LG_INVALID_ARGUMENT (no step yet, s outside). */
+LG_API lg_status lg_stepper_dense(const lg_stepper *stepper, double s, double *y);
+/* Evaluations of the field (of the force for splitting schemes, of ode.step for variational ones) since
+ * lg_stepper_init. */
 LG_API size_t lg_stepper_evaluations(const lg_stepper *stepper);
 
 /* ---- Integration ---- */
@@ -240,6 +297,10 @@ LG_API lg_status lg_integrate_fixed(lg_stepper *stepper, double t0, double h, si
                                     const double *inputs, size_t input_dim, size_t every, const double *y0,
                                     double *out, lg_run_stats *stats);
 
+/* Called after each accepted step from t to t + h, with the state at its end (dim numbers). A status other
+ * than LG_OK ends the integration with it. */
+typedef lg_status (*lg_step_observer)(void *user, double t, double h, const double *y);
+
 typedef struct lg_control {
     size_t size; /* sizeof(lg_control) */
     double rtol,
@@ -247,10 +308,15 @@ typedef struct lg_control {
     double safety; /* 0.9 */
     double factor_min; /* 0.2 */
     double factor_max; /* 5 */
-    double h_initial;  /* > 0, or 0: chosen from y0 and f(t0, y0) */
+    double h_initial;  /* > 0, or 0: chosen from y0, f(t0, y0) and one more value of f */
     double h_max;      /* > 0, or 0: no bound */
     double max_angle;  /* a step with a larger rotation angle in any exponent is rejected; pi */
     size_t max_steps;  /* accepted and rejected together; 1000000 */
+    /* Times between steps by dense output where the scheme has it; otherwise, and when false, steps are
+     * clipped to end at them. The last time always ends a step. false */
+    bool dense;
+    lg_step_observer observe; /* NULL: nobody */
+    void *observer;
 } lg_control;
 
 LG_API void lg_control_init(lg_control *control);
@@ -278,7 +344,7 @@ LG_API double lg_error_norm(const lg_control *control, size_t dim, const double 
                             const double *y_next);
 
 /* From (t0, y0) to each of times[0..count-1], monotone in either direction from t0 (equal neighbours are
- * allowed); steps are clipped to end exactly at those times: out (count, dim). control may be NULL for the
+ * allowed): out (count, dim), where control->dense says how. control may be NULL for the
  * defaults; stats may be NULL. Errors: LG_UNSUPPORTED (no embedded solution), LG_INVALID_ARGUMENT (times,
  * tolerances, non-finite start), LG_STEP_TOO_SMALL, LG_TOO_MANY_STEPS, LG_NOT_FINITE (the field is not finite
  * however small the step), what the field returns. On failure the rows reached before it are written, the

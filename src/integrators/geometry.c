@@ -6,11 +6,11 @@
 
 #include "autodiff/kernels/stumpff.h"
 
-double lg_dot3(const double a[3], const double b[3]) {
+static inline double dot(const double a[3], const double b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-void lg_cross3(const double a[3], const double b[3], double out[3]) {
+static inline void cross(const double a[3], const double b[3], double out[3]) {
     const double x = a[1] * b[2] - a[2] * b[1];
     const double y = a[2] * b[0] - a[0] * b[2];
     const double z = a[0] * b[1] - a[1] * b[0];
@@ -19,40 +19,114 @@ void lg_cross3(const double a[3], const double b[3], double out[3]) {
     out[2] = z;
 }
 
+double lg_dot3(const double a[3], const double b[3]) {
+    return dot(a, b);
+}
+
+void lg_cross3(const double a[3], const double b[3], double out[3]) {
+    cross(a, b, out);
+}
+
 /* out = b + g1 u x b + g2 u x (u x b): every function of hat(u) that is I at 0 has this form. */
 static void so3_function(double g1, double g2, const double u[3], const double b[3], double out[3]) {
     double ub[3], uub[3];
-    lg_cross3(u, b, ub);
-    lg_cross3(u, ub, uub);
+    cross(u, b, ub);
+    cross(u, ub, uub);
     for (int i = 0; i < 3; i++) out[i] = b[i] + (g1 * ub[i] + g2 * uub[i]);
 }
 
-void lg_so3_exp(const double u[3], double R[9]) {
-    double c[4], column[3], unit[3] = {0.0, 0.0, 0.0}, result[9];
-    lg_stumpff(lg_dot3(u, u), 3, 0, c);
+/* The same for the three columns of a matrix. */
+static void so3_function_columns(double g1, double g2, const double u[3], const double B[9], double out[9]) {
+    double result[9];
     for (int j = 0; j < 3; j++) {
-        unit[j] = 1.0;
-        so3_function(c[1], c[2], u, unit, column);
-        unit[j] = 0.0;
+        double column[3] = {B[j], B[3 + j], B[6 + j]};
+        so3_function(g1, g2, u, column, column);
         for (int i = 0; i < 3; i++) result[3 * i + j] = column[i];
     }
-    memcpy(R, result, sizeof(result));
+    memcpy(out, result, sizeof(result));
+}
+
+void lg_so3_exp_multiply(const double u[3], const double R[9], double out[9]) {
+    double c[4];
+    lg_stumpff(dot(u, u), 3, 0, c);
+    so3_function_columns(c[1], c[2], u, R, out);
+}
+
+void lg_so3_exp(const double u[3], double R[9]) {
+    static const double identity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+    lg_so3_exp_multiply(u, identity, R);
+}
+
+/* The rows of 4 q q^T, q = (scalar, vector) the unit quaternion, are linear in R; the one with the largest
+ * diagonal entry has at least length 2 and loses nothing. */
+void lg_so3_log(const double R[9], double u[3]) {
+    const double wx = R[7] - R[5], wy = R[2] - R[6], wz = R[3] - R[1];
+    const double xy = R[1] + R[3], xz = R[2] + R[6], yz = R[5] + R[7];
+    const double rows[4][4] = {{1.0 + R[0] + R[4] + R[8], wx, wy, wz},
+                               {wx, 1.0 + R[0] - R[4] - R[8], xy, xz},
+                               {wy, xy, 1.0 - R[0] + R[4] - R[8], yz},
+                               {wz, xz, yz, 1.0 - R[0] - R[4] + R[8]}};
+    int best = 0;
+    for (int k = 1; k < 4; k++)
+        if (rows[k][k] > rows[best][best]) best = k;
+    const double *q = rows[best], norm = sqrt(dot(q + 1, q + 1)), scalar = fabs(q[0]);
+    const double half = norm == 0.0 ? 1.0 / scalar : atan2(norm, scalar) / norm;
+    const double factor = q[0] < 0.0 ? -2.0 * half : 2.0 * half;
+    for (int i = 0; i < 3; i++) u[i] = factor * q[i + 1];
+}
+
+void lg_so3_adjoint(const double R[9], const double b[3], double out[3]) {
+    const double x[3] = {dot(R, b), dot(R + 3, b), dot(R + 6, b)};
+    memcpy(out, x, sizeof(x));
+}
+
+void lg_so3_coadjoint(const double R[9], const double mu[3], double out[3]) {
+    double x[3];
+    for (int j = 0; j < 3; j++) x[j] = R[j] * mu[0] + R[3 + j] * mu[1] + R[6 + j] * mu[2];
+    memcpy(out, x, sizeof(x));
 }
 
 void lg_so3_exp_act(const double u[3], const double q[3], double out[3]) {
     double c[4];
-    lg_stumpff(lg_dot3(u, u), 3, 0, c);
+    lg_stumpff(dot(u, u), 3, 0, c);
     so3_function(c[1], c[2], u, q, out);
 }
 
 void lg_so3_dexp(const double u[3], const double b[3], double out[3]) {
     double c[4];
-    lg_stumpff(lg_dot3(u, u), 3, 0, c);
+    lg_stumpff(dot(u, u), 3, 0, c);
     so3_function(c[2], c[3], u, b, out);
 }
 
 void lg_so3_dexpinv(const double u[3], const double b[3], double out[3]) {
-    so3_function(-0.5, lg_dexpinv_coef(lg_dot3(u, u), 0), u, b, out);
+    so3_function(-0.5, lg_dexpinv_coef(dot(u, u), 0), u, b, out);
+}
+
+void lg_so3_dexp_dual(const double u[3], const double mu[3], double out[3]) {
+    const double minus[3] = {-u[0], -u[1], -u[2]};
+    lg_so3_dexp(minus, mu, out);
+}
+
+void lg_so3_dexpinv_dual(const double u[3], const double mu[3], double out[3]) {
+    const double minus[3] = {-u[0], -u[1], -u[2]};
+    lg_so3_dexpinv(minus, mu, out);
+}
+
+enum { POLAR_STEPS = 100 }; /* 10 from condition number 1e3; each one halves the largest singular value */
+
+/* R^-T = cofactors / determinant. The error after a step is half the square of the one before. */
+void lg_so3_project(double R[9]) {
+    double cofactor[9], change = 1.0;
+    for (int step = 0; step < POLAR_STEPS && change > 1e-9; step++) {
+        for (int i = 0; i < 3; i++) cross(R + 3 * ((i + 1) % 3), R + 3 * ((i + 2) % 3), cofactor + 3 * i);
+        const double det = dot(R, cofactor), scale = det > 0.0 ? 1.0 / det : NAN;
+        change = 0.0;
+        for (int i = 0; i < 9; i++) {
+            const double d = 0.5 * (scale * cofactor[i] - R[i]);
+            R[i] += d;
+            change = fmax(change, fabs(d));
+        }
+    }
 }
 
 void lg_se3_exp(const double a[6], double R[9], double r[3]) {
@@ -62,13 +136,30 @@ void lg_se3_exp(const double a[6], double R[9], double r[3]) {
     memcpy(r, translation, sizeof(translation));
 }
 
+void lg_se3_exp_multiply(const double a[6], const double R[9], const double r[3], double out_R[9],
+                         double out_r[3]) {
+    double c[4], moved[3], translation[3];
+    lg_stumpff(dot(a, a), 3, 0, c);
+    so3_function(c[2], c[3], a, a + 3, translation);
+    so3_function(c[1], c[2], a, r, moved);
+    so3_function_columns(c[1], c[2], a, R, out_R);
+    for (int i = 0; i < 3; i++) out_r[i] = moved[i] + translation[i];
+}
+
+void lg_se3_log(const double R[9], const double r[3], double a[6]) {
+    double u[3];
+    lg_so3_log(R, u);
+    lg_so3_dexpinv(u, r, a + 3);
+    memcpy(a, u, sizeof(u));
+}
+
 void lg_se3_exp_act(const double a[6], const double y[6], double out[6]) {
     double c[4], r[3], q[3], p[3], rq[3];
-    lg_stumpff(lg_dot3(a, a), 3, 0, c);
+    lg_stumpff(dot(a, a), 3, 0, c);
     so3_function(c[2], c[3], a, a + 3, r);
     so3_function(c[1], c[2], a, y, q);
     so3_function(c[1], c[2], a, y + 3, p);
-    lg_cross3(r, q, rq);
+    cross(r, q, rq);
     for (int i = 0; i < 3; i++) {
         out[i] = q[i];
         out[3 + i] = p[i] + rq[i];
@@ -78,9 +169,9 @@ void lg_se3_exp_act(const double a[6], const double y[6], double out[6]) {
 /* (u1 x x1, u1 x x2 + v1 x x1): the generator on T*S^2 and the bracket have the same coordinates. */
 static void se3_cross(const double a[6], const double x[6], double out[6]) {
     double first[3], second[3], third[3];
-    lg_cross3(a, x, first);
-    lg_cross3(a, x + 3, second);
-    lg_cross3(a + 3, x, third);
+    cross(a, x, first);
+    cross(a, x + 3, second);
+    cross(a + 3, x, third);
     for (int i = 0; i < 3; i++) {
         out[i] = first[i];
         out[3 + i] = second[i] + third[i];
@@ -95,28 +186,87 @@ void lg_se3_bracket(const double a[6], const double b[6], double out[6]) {
     se3_cross(a, b, out);
 }
 
-/* phi(ad_a) b for phi(0) = 1. With x = ad_a b and xx = ad_a ad_a b this is b + g1 x + g2 xx, and rho times
- * the w-derivatives of the coefficients on the translational part. */
-static void se3_function(double g1, double gt1, double g2, double gt2, const double a[6], const double b[6],
-                         double out[6]) {
-    double x[6], xx[6];
-    se3_cross(a, b, x);
-    se3_cross(a, x, xx);
-    const double rho = lg_dot3(a, a + 3);
+void lg_se3_cobracket(const double a[6], const double mu[6], double out[6]) {
+    double first[3], second[3], third[3];
+    cross(mu, a, first);
+    cross(mu + 3, a + 3, second);
+    cross(mu + 3, a, third);
     for (int i = 0; i < 3; i++) {
-        out[3 + i] = b[3 + i] + (g1 * x[3 + i] + g2 * xx[3 + i] + rho * (gt1 * x[i] + gt2 * xx[i]));
-        out[i] = b[i] + (g1 * x[i] + g2 * xx[i]);
+        out[i] = first[i] + second[i];
+        out[3 + i] = third[i];
     }
 }
 
-/* gt = 2 dg/dw by dc_k/dw = (k c_{k+2} - c_{k+1})/2 */
-void lg_se3_dexp(const double a[6], const double b[6], double out[6]) {
+void lg_se3_adjoint(const double R[9], const double r[3], const double b[6], double out[6]) {
+    double turned[3], moved[3];
+    lg_so3_adjoint(R, b + 3, moved);
+    lg_so3_adjoint(R, b, out);
+    cross(r, out, turned);
+    for (int i = 0; i < 3; i++) out[3 + i] = moved[i] + turned[i];
+}
+
+void lg_se3_coadjoint(const double R[9], const double r[3], const double mu[6], double out[6]) {
+    double m[3];
+    cross(r, mu + 3, m);
+    for (int i = 0; i < 3; i++) m[i] = mu[i] - m[i];
+    lg_so3_coadjoint(R, mu + 3, out + 3);
+    lg_so3_coadjoint(R, m, out);
+}
+
+/* A function of ad_a that is 1 at 0, by its coefficients; gt = 2 dg/dw. */
+typedef struct coefficients {
+    double g1, gt1, g2, gt2;
+} coefficients;
+
+/* dc_k/dw = (k c_{k+2} - c_{k+1})/2 */
+static coefficients dexp_coefficients(const double a[6]) {
     double c[6];
-    lg_stumpff(lg_dot3(a, a), 5, 0, c);
-    se3_function(c[2], 2.0 * c[4] - c[3], c[3], 3.0 * c[5] - c[4], a, b, out);
+    lg_stumpff(dot(a, a), 5, 0, c);
+    return (coefficients){c[2], 2.0 * c[4] - c[3], c[3], 3.0 * c[5] - c[4]};
+}
+
+static coefficients dexpinv_coefficients(const double a[6]) {
+    const double w = dot(a, a);
+    return (coefficients){-0.5, 0.0, lg_dexpinv_coef(w, 0), 2.0 * lg_dexpinv_coef(w, 1)};
+}
+
+/* phi(ad_a) b. With x = ad_a b and xx = ad_a ad_a b this is b + g1 x + g2 xx, and rho times the derivatives
+ * of the coefficients, with the rotational parts of x and xx, on the translational part. */
+static void se3_function(coefficients k, const double a[6], const double b[6], double out[6]) {
+    double x[6], xx[6];
+    se3_cross(a, b, x);
+    se3_cross(a, x, xx);
+    const double rho = dot(a, a + 3);
+    for (int i = 0; i < 3; i++) {
+        out[3 + i] = b[3 + i] + (k.g1 * x[3 + i] + k.g2 * xx[3 + i] + rho * (k.gt1 * x[i] + k.gt2 * xx[i]));
+        out[i] = b[i] + (k.g1 * x[i] + k.g2 * xx[i]);
+    }
+}
+
+/* phi(ad_a^*) mu, the transpose. */
+static void se3_function_dual(coefficients k, const double a[6], const double mu[6], double out[6]) {
+    double x[6], xx[6];
+    lg_se3_cobracket(a, mu, x);
+    lg_se3_cobracket(a, x, xx);
+    const double rho = dot(a, a + 3);
+    for (int i = 0; i < 3; i++) {
+        out[i] = mu[i] + (k.g1 * x[i] + k.g2 * xx[i] + rho * (k.gt1 * x[3 + i] + k.gt2 * xx[3 + i]));
+        out[3 + i] = mu[3 + i] + (k.g1 * x[3 + i] + k.g2 * xx[3 + i]);
+    }
+}
+
+void lg_se3_dexp(const double a[6], const double b[6], double out[6]) {
+    se3_function(dexp_coefficients(a), a, b, out);
 }
 
 void lg_se3_dexpinv(const double a[6], const double b[6], double out[6]) {
-    const double w = lg_dot3(a, a);
-    se3_function(-0.5, 0.0, lg_dexpinv_coef(w, 0), 2.0 * lg_dexpinv_coef(w, 1), a, b, out);
+    se3_function(dexpinv_coefficients(a), a, b, out);
+}
+
+void lg_se3_dexp_dual(const double a[6], const double mu[6], double out[6]) {
+    se3_function_dual(dexp_coefficients(a), a, mu, out);
+}
+
+void lg_se3_dexpinv_dual(const double a[6], const double mu[6], double out[6]) {
+    se3_function_dual(dexpinv_coefficients(a), a, mu, out);
 }

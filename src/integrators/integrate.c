@@ -3,9 +3,10 @@
 #include <math.h>
 #include <string.h>
 
+#include "autodiff/kernels/kernels.h"
 #include "integrators/stepper.h"
 
-static double dmax(double a, double b) {
+static inline double dmax(double a, double b) {
     return a > b ? a : b;
 }
 
@@ -81,13 +82,7 @@ lg_step_decision lg_step_control(const lg_control *control, double exponent, dou
 
 double lg_error_norm(const lg_control *control, size_t dim, const double *error, const double *y,
                      const double *y_next) {
-    double sum = 0.0;
-    for (size_t i = 0; i < dim; i++) {
-        const double scale = control->atol + control->rtol * dmax(fabs(y[i]), fabs(y_next[i]));
-        const double e = error[i] == 0.0 ? 0.0 : error[i] / scale;
-        sum += e * e;
-    }
-    return sqrt(sum / (double)dim);
+    return lg_kernels_for(LG_F64)->error_norm(dim, control->rtol, control->atol, error, y, y_next);
 }
 
 /* ---- adaptive ---- */
@@ -98,30 +93,68 @@ typedef struct lg_run {
     const lg_control *control;
     double exponent;
     double t, t_end, sign;
+    double t_before; /* start of the last accepted step */
     double h, h_min;
     bool rejected; /* the last attempt */
     lg_run_stats stats;
 } lg_run;
 
-/* A first step that changes y by about a hundredth of its size; after Hairer, Norsett and Wanner, II.4. */
-static lg_status first_step(lg_run *run) {
+/* Of f(t, y) at y: its size relative to the tolerance. `velocity` is overwritten. */
+static double speed_of(const lg_run *run, const double *f, const double *y, double *velocity) {
+    lg_space_generator(&run->stepper->ode.space, f, y, velocity);
+    return lg_error_norm(run->control, run->stepper->ode.space.dim, velocity, y, y);
+}
+
+/* |f(t + h, exp(h f) . y) - f(t, y)| / h as ambient vectors, relative to the tolerance; NaN where the field
+ * is not finite there. */
+static lg_status curvature(const lg_run *run, double h, const double *f, double *out) {
     lg_stepper *s = run->stepper;
-    const size_t n = s->ode.space.dim;
-    const double span = fabs(run->t_end - run->t);
-    LG_TRY(lg_stepper_first(s, run->t, span, s->run[0], NULL, s->k));
-    lg_space_generator(&s->ode.space, s->k, s->run[0], s->run[1]);
-    if (!lg_all_finite(n, s->run[1])) return LG_NOT_FINITE;
-    const double size = lg_error_norm(run->control, n, s->run[0], s->run[0], s->run[0]);
-    const double speed = lg_error_norm(run->control, n, s->run[1], s->run[0], s->run[0]);
-    double h = 0.01 * size / speed;
-    if (!(h >= 1e-6 * span)) h = 1e-6 * span;
-    run->h = dmin(h, span);
-    if (run->control->h_initial > 0.0) run->h = run->control->h_initial;
-    if (run->control->h_max > 0.0) run->h = dmin(run->h, run->control->h_max);
+    const size_t n = s->ode.space.dim, m = s->ode.space.algebra_dim;
+    double *y = s->run[1], *velocity = s->point;
+    for (size_t i = 0; i < m; i++) s->sigma[i] = run->sign * h * f[i];
+    lg_space_act(&s->ode.space, s->sigma, s->run[0], y);
+    const lg_status status = lg_stepper_evaluate(s, run->t + run->sign * h, y, NULL, s->bracket);
+    *out = NAN;
+    if (status != LG_OK) return status == LG_NOT_FINITE ? LG_OK : status;
+    lg_space_generator(&s->ode.space, f, s->run[0], s->error);
+    lg_space_generator(&s->ode.space, s->bracket, y, velocity);
+    for (size_t i = 0; i < n; i++) s->error[i] = (velocity[i] - s->error[i]) / h;
+    *out = lg_error_norm(run->control, n, s->error, s->run[0], s->run[0]);
     return LG_OK;
 }
 
-/* One attempt of at most `left`, which ends exactly at `target` when it is clipped. */
+/* Hairer, Norsett and Wanner, Solving ordinary differential equations I, II.4: a step for which an Euler
+ * step's terms of first and second order are a hundredth of the tolerance to the power of the order, and no
+ * rotation beyond half of the largest. */
+static lg_status first_step(lg_run *run) {
+    lg_stepper *s = run->stepper;
+    const size_t n = s->ode.space.dim;
+    const double span = fabs(run->t_end - run->t), least = 1e-6 * span;
+    const double *f;
+    double second;
+    run->h = dmin(run->control->h_initial > 0.0 ? run->control->h_initial : span,
+                  run->control->h_max > 0.0 ? run->control->h_max : span);
+    if (run->control->h_initial > 0.0) return LG_OK;
+    LG_TRY(lg_stepper_first(s, run->t, span, s->run[0], NULL, &f));
+    const double angle = lg_space_angle(&s->ode.space, f);
+    const double size = lg_error_norm(run->control, n, s->run[0], s->run[0], s->run[0]);
+    const double speed = speed_of(run, f, s->run[0], s->point);
+    if (!lg_all_finite(n, s->point)) return LG_NOT_FINITE;
+    double h = 0.01 * size / speed;
+    if (!(h >= least)) h = least;
+    h = dmin(h, run->h);
+    if (angle > 0.0) h = dmin(h, 0.5 * run->control->max_angle / angle);
+    LG_TRY(curvature(run, h, f, &second));
+    const double steepest = dmax(speed, second);
+    double limit = 100.0 * h;
+    if (steepest > 1e-15) limit = dmin(limit, pow(0.01 / steepest, run->exponent));
+    if (!isfinite(second)) limit = 0.1 * h;
+    if (angle > 0.0) limit = dmin(limit, 0.5 * run->control->max_angle / angle);
+    run->h = dmax(dmin(limit, run->h), run->h_min);
+    return LG_OK;
+}
+
+/* One attempt, which ends exactly at `target` when it is clipped. */
 static lg_status attempt(lg_run *run, double target) {
     lg_stepper *s = run->stepper;
     const double left = fabs(target - run->t);
@@ -145,12 +178,14 @@ static lg_status attempt(lg_run *run, double target) {
     double *swap = s->run[0];
     s->run[0] = s->run[1];
     s->run[1] = swap;
+    run->t_before = run->t;
     run->t = clipped ? target : run->t + run->sign * h;
     run->h =
         clipped ? dmax(run->h, decision.h) : decision.h; /* a clipped step says little about larger ones */
     run->stats.steps++;
     run->stats.max_angle = dmax(run->stats.max_angle, s->angle);
-    return LG_OK;
+    if (!run->control->observe) return LG_OK;
+    return run->control->observe(run->control->observer, run->t_before, run->sign * h, s->run[0]);
 }
 
 static bool times_are_valid(double t0, const double *times, size_t count) {
@@ -161,12 +196,23 @@ static bool times_are_valid(double t0, const double *times, size_t count) {
     return isfinite(t0);
 }
 
+/* The state at `time`, which the last step has reached or passed. */
+static lg_status state_at(const lg_run *run, double time, double *out) {
+    const lg_stepper *s = run->stepper;
+    if (time == run->t) {
+        memcpy(out, s->run[0], s->ode.space.dim * sizeof(*out));
+        return LG_OK;
+    }
+    return lg_stepper_dense(s, dmin((time - run->t_before) / (run->t - run->t_before), 1.0), out);
+}
+
 static lg_status run_to_times(lg_run *run, const double *times, size_t count, double *out) {
     const size_t n = run->stepper->ode.space.dim;
+    const bool dense = run->control->dense && run->stepper->scheme->dense_order > 0;
     if (run->t_end != run->t) LG_TRY(first_step(run));
     for (size_t i = 0; i < count; i++) {
-        while (run->t != times[i]) LG_TRY(attempt(run, times[i]));
-        memcpy(out + i * n, run->stepper->run[0], n * sizeof(*out));
+        while (run->sign * (times[i] - run->t) > 0.0) LG_TRY(attempt(run, dense ? run->t_end : times[i]));
+        LG_TRY(state_at(run, times[i], out + i * n));
     }
     return LG_OK;
 }

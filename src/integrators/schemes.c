@@ -29,6 +29,33 @@
     .embedded = {5179.0 / 57600.0, 0.0,       7571.0 / 16695.0, 393.0 / 640.0, -92097.0 / 339200.0,          \
                  187.0 / 2100.0,   1.0 / 40.0}
 
+/* Their continuous extension of order 4 with the least error (Shampine 1986), b_i(s) = sum_j dense[i][j]
+ * s^(j+1). */
+#define DENSE_DP54                                                                                           \
+    .dense_order = 4,                                                                                        \
+    .dense = {                                                                                               \
+        {1.0, -8048581381.0 / 2820520608.0, 8663915743.0 / 2820520608.0, -12715105075.0 / 11282082432.0},    \
+        {0.0},                                                                                               \
+        {0.0, 131558114200.0 / 32700410799.0, -68118460800.0 / 10900136933.0,                                \
+         87487479700.0 / 32700410799.0},                                                                     \
+        {0.0, -1754552775.0 / 470086768.0, 14199869525.0 / 1410260304.0, -10690763975.0 / 1880347072.0},     \
+        {0.0, 127303824393.0 / 49829197408.0, -318862633887.0 / 49829197408.0,                               \
+         701980252875.0 / 199316789632.0},                                                                   \
+        {0.0, -282668133.0 / 205662961.0, 2019193451.0 / 616988883.0, -1453857185.0 / 822651844.0},          \
+        {0.0, 40617522.0 / 29380423.0, -110615467.0 / 29380423.0, 69997945.0 / 29380423.0}}
+
+/* Munthe-Kaas and Owren (1999): the classical tableau with the brackets that order 4 needs, in units of h^2.
+ */
+static const lg_commutator rkmk4_2c_commutators[] = {{2, 0, 1, -1.0 / 8.0}, {4, 0, 3, -1.0 / 12.0}};
+
+/* Crouch and Grossman (1993) */
+static const lg_cf_row cg3_rows[] = {
+    {LG_CF_START, 0, {{0.0}}},
+    {LG_CF_START, 1, {{3.0 / 4.0}}},
+    {LG_CF_START, 2, {{119.0 / 216.0}, {0.0, 17.0 / 108.0}}},
+    {LG_CF_START, 3, {{13.0 / 51.0}, {0.0, -2.0 / 3.0}, {0.0, 0.0, 24.0 / 17.0}}},
+};
+
 /* Celledoni, Marthinsen and Owren (2003), order 4 with the second stage's point reused by the fourth. */
 static const lg_cf_row cf4_rows[] = {
     {LG_CF_START, 0, {{0.0}}},
@@ -40,31 +67,107 @@ static const lg_cf_row cf4_rows[] = {
      {{3.0 / 12.0, 2.0 / 12.0, 2.0 / 12.0, -1.0 / 12.0}, {-1.0 / 12.0, 2.0 / 12.0, 2.0 / 12.0, 3.0 / 12.0}}},
 };
 
+/* The same with a solution of order 3 from one more stage (Curry and Owren 2019). */
+static const lg_cf_row cf43_rows[] = {
+    {LG_CF_START, 0, {{0.0}}},
+    {LG_CF_START, 1, {{1.0 / 2.0}}},
+    {LG_CF_START, 1, {{0.0, 1.0 / 2.0}}},
+    {1, 1, {{-1.0 / 2.0, 0.0, 1.0}}},
+    {LG_CF_START, 1, {{0.0, 3.0 / 4.0}}},
+    {LG_CF_START,
+     2,
+     {{1.0 / 4.0, 1.0 / 6.0, 1.0 / 6.0, -1.0 / 12.0}, {-1.0 / 12.0, 1.0 / 6.0, 1.0 / 6.0, 1.0 / 4.0}}},
+    {LG_CF_START, 2, {{1.0 / 3.0}, {-1.0 / 9.0, 1.0 / 3.0, 0.0, 0.0, 4.0 / 9.0}}},
+};
+
+/* Curry and Owren (2019), order 3 with embedded order 2; the update reuses the second or the third point. */
+static const lg_cf_row cf32a_rows[] = {
+    {LG_CF_START, 0, {{0.0}}},
+    {LG_CF_START, 1, {{1.0 / 3.0}}},
+    {LG_CF_START, 1, {{0.0, 2.0 / 3.0}}},
+    {1, 1, {{-1.0 / 12.0, 0.0, 3.0 / 4.0}}},
+    {LG_CF_START, 1, {{0.0, 0.5, 0.5}}},
+};
+static const lg_cf_row cf32b_rows[] = {
+    {LG_CF_START, 0, {{0.0}}},
+    {LG_CF_START, 1, {{2.0 / 3.0}}},
+    {LG_CF_START, 1, {{5.0 / 12.0, 1.0 / 4.0}}},
+    {2, 1, {{-1.0 / 6.0, -1.0 / 2.0, 1.0}}},
+    {LG_CF_START, 1, {{1.0 / 4.0, 0.0, 3.0 / 4.0}}},
+};
+
+#define CLASSICAL           .kind = LG_SCHEME_RKMK, .ambient = true
+#define IMPLICIT            .kind = LG_SCHEME_IMPLICIT, .ambient = true, .stages = 1
+#define RKMK(bracket_depth) .kind = LG_SCHEME_RKMK, .dexpinv = (bracket_depth)
+#define CF                  .kind = LG_SCHEME_COMMUTATOR_FREE
+
 static const lg_scheme schemes[] = {
-    {.name = "euler", .kind = LG_SCHEME_RKMK, .ambient = true, .stages = 1, .order = 1, .b = {1.0}},
-    {.name = "rk4", .kind = LG_SCHEME_RKMK, .ambient = true, TABLEAU_RK4},
-    {.name = "dp54", .kind = LG_SCHEME_RKMK, .ambient = true, TABLEAU_DP54},
-    {.name = "lie-euler",
-     .kind = LG_SCHEME_RKMK,
-     .dexpinv = LG_DEXPINV_EXACT,
+    {.name = "euler", CLASSICAL, .stages = 1, .order = 1, .b = {1.0}},
+    {.name = "implicit-euler", IMPLICIT, .order = 1, .theta = 1.0},
+    {.name = "midpoint", IMPLICIT, .order = 2, .theta = 0.5},
+    {.name = "rk4", CLASSICAL, TABLEAU_RK4},
+    {.name = "rk4-projected", CLASSICAL, TABLEAU_RK4, .project = true},
+    {.name = "dp54", CLASSICAL, TABLEAU_DP54, DENSE_DP54},
+    {.name = "symplectic-euler",
+     .kind = LG_SCHEME_SPLITTING,
      .stages = 1,
      .order = 1,
-     .b = {1.0}},
-    {.name = "rkmk4", .kind = LG_SCHEME_RKMK, .dexpinv = LG_DEXPINV_EXACT, TABLEAU_RK4},
-    {.name = "rkmk5", .kind = LG_SCHEME_RKMK, .dexpinv = LG_DEXPINV_EXACT, TABLEAU_DP5},
-    {.name = "rkmk54", .kind = LG_SCHEME_RKMK, .dexpinv = LG_DEXPINV_EXACT, TABLEAU_DP54},
-    {.name = "cf4",
-     .kind = LG_SCHEME_COMMUTATOR_FREE,
-     .stages = 4,
-     .order = 4,
-     .c = {0.0, 0.5, 0.5, 1.0},
-     .rows = cf4_rows},
+     .kick = {1.0},
+     .drift = {1.0}},
     {.name = "stormer-verlet",
      .kind = LG_SCHEME_SPLITTING,
      .stages = 2,
      .order = 2,
      .kick = {0.5, 0.5},
      .drift = {1.0, 0.0}},
+    {.name = "variational", .kind = LG_SCHEME_VARIATIONAL, .stages = 1, .order = 2},
+    {.name = "lie-euler", RKMK(LG_DEXPINV_EXACT), .stages = 1, .order = 1, .b = {1.0}},
+    {.name = "lie-heun",
+     RKMK(0),
+     .stages = 2,
+     .order = 2,
+     .c = {0.0, 1.0},
+     .a = {{0.0}, {1.0}},
+     .b = {0.5, 0.5}},
+    {.name = "rkmk3",
+     RKMK(LG_DEXPINV_EXACT),
+     .stages = 3,
+     .order = 3,
+     .c = {0.0, 0.5, 1.0},
+     .a = {{0.0}, {0.5}, {-1.0, 2.0}},
+     .b = {1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0}},
+    {.name = "rkmk4", RKMK(LG_DEXPINV_EXACT), TABLEAU_RK4},
+    {.name = "rkmk4-2c",
+     RKMK(0),
+     TABLEAU_RK4,
+     .commutators = rkmk4_2c_commutators,
+     .commutator_count = LG_COUNT(rkmk4_2c_commutators)},
+    {.name = "rkmk5", RKMK(LG_DEXPINV_EXACT), TABLEAU_DP5},
+    {.name = "rkmk54", RKMK(LG_DEXPINV_EXACT), TABLEAU_DP54, DENSE_DP54},
+    {.name = "cg3", CF, .stages = 3, .order = 3, .c = {0.0, 3.0 / 4.0, 17.0 / 24.0}, .rows = cg3_rows},
+    {.name = "cf4", CF, .stages = 4, .order = 4, .c = {0.0, 0.5, 0.5, 1.0}, .rows = cf4_rows},
+    {.name = "cf32a",
+     CF,
+     .stages = 3,
+     .order = 3,
+     .embedded_order = 2,
+     .c = {0.0, 1.0 / 3.0, 2.0 / 3.0},
+     .rows = cf32a_rows},
+    {.name = "cf32b",
+     CF,
+     .stages = 3,
+     .order = 3,
+     .embedded_order = 2,
+     .c = {0.0, 2.0 / 3.0, 2.0 / 3.0},
+     .rows = cf32b_rows},
+    {.name = "cf43",
+     CF,
+     .stages = 5,
+     .order = 4,
+     .embedded_order = 3,
+     .c = {0.0, 0.5, 0.5, 1.0, 0.75},
+     .rows = cf43_rows},
+    {.name = "slgi", .kind = LG_SCHEME_SLGI, .stages = 1, .order = 2, .theta = 0.5},
 };
 
 size_t lg_scheme_count(void) {
@@ -94,7 +197,7 @@ static double sum(const double *x, int n) {
     return s;
 }
 
-static const char *rkmk_fault(const lg_scheme *s) {
+static const char *tableau_fault(const lg_scheme *s) {
     for (int i = 0; i < s->stages; i++) {
         if (!near(sum(s->a[i], s->stages), s->c[i])) return "c_i is not the sum of row i of a";
         for (int j = i; j < s->stages; j++)
@@ -106,8 +209,42 @@ static const char *rkmk_fault(const lg_scheme *s) {
     for (int j = 0; s->fsal && j < s->stages; j++)
         if (!near(s->a[s->stages - 1][j], s->b[j])) return "fsal: the last row of a is not b";
     if (s->fsal && s->stages < 2) return "fsal needs two stages";
-    if (s->dexpinv < LG_DEXPINV_EXACT || s->dexpinv > LG_DEXPINV_MAX) return "dexpinv is out of range";
     return NULL;
+}
+
+static const char *commutator_fault(const lg_scheme *s) {
+    if (s->commutator_count < 0 || (s->commutator_count > 0 && !s->commutators))
+        return "commutators are missing";
+    for (int i = 0; i < s->commutator_count; i++) {
+        const lg_commutator *c = &s->commutators[i];
+        if (c->row < 1 || c->row > s->stages) return "a commutator's row is out of range";
+        if (c->first < 0 || c->first >= c->row || c->second < 0 || c->second >= c->row)
+            return "a commutator is not explicit";
+        if (!isfinite(c->weight)) return "a commutator's weight is not finite";
+        if (s->fsal && c->row == s->stages) return "fsal: the step's commutators belong to the last stage";
+    }
+    return s->commutator_count > 0 && s->dense_order > 0 ? "no dense output with commutators" : NULL;
+}
+
+/* b_i(1) = b_i, and sum_i b_i(s) = s */
+static const char *dense_fault(const lg_scheme *s) {
+    double powers[LG_DENSE_POWERS] = {0.0};
+    if (s->dense_order < 1) return s->dense_order < 0 ? "the order is out of range" : NULL;
+    for (int i = 0; i < s->stages; i++) {
+        if (!near(sum(s->dense[i], LG_DENSE_POWERS), s->b[i])) return "dense output does not end at b";
+        for (int j = 0; j < LG_DENSE_POWERS; j++) powers[j] += s->dense[i][j];
+    }
+    for (int j = 0; j < LG_DENSE_POWERS; j++)
+        if (!near(powers[j], j == 0 ? 1.0 : 0.0)) return "the weights of dense output do not sum to s";
+    return NULL;
+}
+
+static const char *rkmk_fault(const lg_scheme *s) {
+    const char *fault = tableau_fault(s);
+    if (!fault && (s->dexpinv < LG_DEXPINV_EXACT || s->dexpinv > LG_DEXPINV_MAX))
+        fault = "dexpinv is out of range";
+    if (!fault) fault = commutator_fault(s);
+    return fault ? fault : dense_fault(s);
 }
 
 /* Row `index`, whose point lies at time `c`, may use the first `known` stages. */
@@ -138,14 +275,34 @@ static const char *cf_fault(const lg_scheme *s) {
 static const char *splitting_fault(const lg_scheme *s) {
     if (!near(sum(s->kick, s->stages), 1.0)) return "the kicks do not sum to 1";
     if (!near(sum(s->drift, s->stages), 1.0)) return "the drifts do not sum to 1";
-    return s->embedded_order > 0 ? "splitting schemes have no embedded solution" : NULL;
+    return NULL;
+}
+
+static const char *theta_fault(const lg_scheme *s) {
+    if (s->stages != 1) return "the scheme has one stage";
+    return s->theta >= 0.0 && s->theta <= 1.0 ? NULL : "theta is outside 0..1";
+}
+
+static const char *variational_fault(const lg_scheme *s) {
+    (void)s;
+    return NULL;
+}
+
+/* What a kind does not have is not asked for. */
+static const char *kind_fault(const lg_scheme *s) {
+    const bool rkmk = s->kind == LG_SCHEME_RKMK;
+    if (s->embedded_order > 0 && !rkmk && s->kind != LG_SCHEME_COMMUTATOR_FREE)
+        return "this kind has no embedded solution";
+    if (s->dense_order != 0 && !rkmk) return "this kind has no dense output";
+    if (s->commutator_count != 0 && !rkmk) return "this kind has no commutators";
+    return s->project && !s->ambient ? "only ambient schemes project" : NULL;
 }
 
 lg_status lg_scheme_check(const lg_scheme *scheme, lg_error *error) {
     static const char *(*const fault_of[LG_SCHEME_KINDS])(const lg_scheme *) = {
-        [LG_SCHEME_RKMK] = rkmk_fault,
-        [LG_SCHEME_COMMUTATOR_FREE] = cf_fault,
-        [LG_SCHEME_SPLITTING] = splitting_fault,
+        [LG_SCHEME_RKMK] = rkmk_fault,           [LG_SCHEME_COMMUTATOR_FREE] = cf_fault,
+        [LG_SCHEME_SPLITTING] = splitting_fault, [LG_SCHEME_IMPLICIT] = theta_fault,
+        [LG_SCHEME_SLGI] = theta_fault,          [LG_SCHEME_VARIATIONAL] = variational_fault,
     };
     if (!scheme) return lg_fail(error, LG_INVALID_ARGUMENT, "scheme is NULL");
     const char *name = scheme->name ? scheme->name : "(no name)";
@@ -157,7 +314,8 @@ lg_status lg_scheme_check(const lg_scheme *scheme, lg_error *error) {
     else if (scheme->order < 1 || scheme->embedded_order < 0)
         fault = "the order is out of range";
     else
-        fault = fault_of[scheme->kind](scheme);
+        fault = kind_fault(scheme);
+    if (!fault) fault = fault_of[scheme->kind](scheme);
     if (fault) return lg_fail(error, LG_INVALID_ARGUMENT, "scheme %s: %s", name, fault);
     return lg_fail(error, LG_OK, "%s", "");
 }

@@ -5,9 +5,31 @@
 #include <stdint.h>
 #include <string.h>
 
+#include "autodiff/kernels/kernels.h"
+#include "autodiff/kernels/stumpff.h"
 #include "core/core.h"
 #include "integrators/series.h"
+#include "liegrad/adjoint.h"
 #include "liegrad/geometry.h"
+
+/* The groups keep |q| = 1 and R^T R = I exactly, rounding does not: the rounding error of a coefficient is
+ * the same in every step with the same |u|, and the drift grows with the number of steps. An action here ends
+ * with one Newton correction of the constraint for points that are off by less than LG_LIE_ROUNDING, nothing
+ * in exact arithmetic; points farther away are starts that somebody meant, and keep their distance. Dual
+ * spaces have no constraint, but invariants whose values only the start knows: there the rotation itself is
+ * made exact. */
+
+/* The larger one, NaN when either is. */
+static double worse(double a, double b) {
+    return b > a || isnan(b) ? b : a;
+}
+
+/* 0, or NaN when y holds NaN */
+static double nan_in(size_t n, const double *y) {
+    bool found = false;
+    for (size_t i = 0; i < n; i++) found = found || isnan(y[i]);
+    return found ? NAN : 0.0;
+}
 
 /* ---- R^n ---- */
 
@@ -20,37 +42,61 @@ static void rn_generator(size_t count, const double *a, const double *y, double 
     memmove(out, a, count * sizeof(*a));
 }
 
-static void rn_project(size_t count, double *y) {
+static void free_project(size_t count, double *y) {
     (void)count;
     (void)y;
 }
 
 static double rn_manifold_error(size_t count, const double *y) {
-    double sum = 0.0;
-    for (size_t i = 0; i < count; i++) sum += y[i];
-    return isnan(sum) ? sum : 0.0;
+    return nan_in(count, y);
 }
 
 static double rn_angle(size_t count, const double *a) {
-    return rn_manifold_error(count, a);
+    return nan_in(count, a);
+}
+
+static void free_gradient(size_t count, const double *y, double *g) {
+    (void)count;
+    (void)y;
+    (void)g;
+}
+
+/* ---- what the groups share: algebras of so(3) and se(3) ---- */
+
+static void so3_bracket(size_t count, const double *a, const double *b, double *out) {
+    for (size_t i = 0; i < count; i++) lg_cross3(a + 3 * i, b + 3 * i, out + 3 * i);
+}
+
+static void so3_dexpinv(size_t count, const double *a, const double *b, double *out) {
+    for (size_t i = 0; i < count; i++) lg_so3_dexpinv(a + 3 * i, b + 3 * i, out + 3 * i);
+}
+
+static double so3_angle(size_t count, const double *a) {
+    double w = 0.0;
+    for (size_t i = 0; i < count; i++) w = worse(w, lg_dot3(a + 3 * i, a + 3 * i));
+    return sqrt(w);
+}
+
+static void se3_bracket(size_t count, const double *a, const double *b, double *out) {
+    for (size_t i = 0; i < count; i++) lg_se3_bracket(a + 6 * i, b + 6 * i, out + 6 * i);
+}
+
+static void se3_dexpinv(size_t count, const double *a, const double *b, double *out) {
+    lg_kernels_for(LG_F64)->se3_dexpinv(count, a, b, out);
+}
+
+static double se3_angle(size_t count, const double *a) {
+    return lg_kernels_for(LG_F64)->se3_angle(count, a);
 }
 
 /* ---- T*S^2 under SE(3) ---- */
 
 static void ts2_act(size_t count, const double *a, const double *y, double *out) {
-    for (size_t i = 0; i < count; i++) lg_se3_exp_act(a + 6 * i, y + 6 * i, out + 6 * i);
+    lg_kernels_for(LG_F64)->se3_act(count, a, y, out);
 }
 
 static void ts2_generator(size_t count, const double *a, const double *y, double *out) {
     for (size_t i = 0; i < count; i++) lg_se3_generator(a + 6 * i, y + 6 * i, out + 6 * i);
-}
-
-static void ts2_bracket(size_t count, const double *a, const double *b, double *out) {
-    for (size_t i = 0; i < count; i++) lg_se3_bracket(a + 6 * i, b + 6 * i, out + 6 * i);
-}
-
-static void ts2_dexpinv(size_t count, const double *a, const double *b, double *out) {
-    for (size_t i = 0; i < count; i++) lg_se3_dexpinv(a + 6 * i, b + 6 * i, out + 6 * i);
 }
 
 static void ts2_project(size_t count, double *y) {
@@ -62,11 +108,6 @@ static void ts2_project(size_t count, double *y) {
     }
 }
 
-/* The larger one, NaN when either is. */
-static double worse(double a, double b) {
-    return b > a || isnan(b) ? b : a;
-}
-
 static double ts2_manifold_error(size_t count, const double *y) {
     double error = 0.0;
     for (size_t i = 0; i < count && !isnan(error); i++, y += 6) {
@@ -76,19 +117,237 @@ static double ts2_manifold_error(size_t count, const double *y) {
     return error;
 }
 
-static double ts2_angle(size_t count, const double *a) {
-    double w = 0.0;
-    for (size_t i = 0; i < count && !isnan(w); i++) w = worse(w, lg_dot3(a + 6 * i, a + 6 * i));
-    return sqrt(w);
+/* The constraints |q|^2/2 and q.p have the gradients (q, 0) and (p, q): g less its part in their span. */
+static void ts2_gradient(size_t count, const double *y, double *g) {
+    for (size_t i = 0; i < count; i++, y += 6, g += 6) {
+        const double *q = y, *p = y + 3;
+        const double a11 = lg_dot3(q, q), a12 = lg_dot3(q, p), a22 = a11 + lg_dot3(p, p);
+        const double b1 = lg_dot3(q, g), b2 = lg_dot3(p, g) + lg_dot3(q, g + 3);
+        const double det = a11 * a22 - a12 * a12;
+        const double x1 = (a22 * b1 - a12 * b2) / det, x2 = (a11 * b2 - a12 * b1) / det;
+        for (int j = 0; j < 3; j++) {
+            g[j] -= x1 * q[j] + x2 * p[j];
+            g[3 + j] -= x2 * q[j];
+        }
+    }
+}
+
+/* ---- rotation matrices: SO(3), SE(3) ---- */
+
+enum { SO3_STATE = 9, SE3_STATE = 12 };
+
+/* G = R R^T - I, symmetric; returns the largest entry or NaN */
+static double gram(const double R[9], double G[9]) {
+    double error = 0.0;
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j <= i; j++) {
+            const double g = lg_dot3(R + 3 * i, R + 3 * j) - (i == j ? 1.0 : 0.0);
+            G[3 * i + j] = G[3 * j + i] = g;
+            if (!isnan(error)) error = worse(error, fabs(g));
+        }
+    return error;
+}
+
+/* R <- (I - G/2) R (Newton-Schulz) */
+static void settle_rotation(double R[9]) {
+    double G[9], d[9];
+    if (!(gram(R, G) <= LG_LIE_ROUNDING)) return;
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            d[3 * i + j] = G[3 * i] * R[j] + G[3 * i + 1] * R[3 + j] + G[3 * i + 2] * R[6 + j];
+    for (int i = 0; i < 9; i++) R[i] -= 0.5 * d[i];
+}
+
+/* hat(u) R */
+static void hat_multiply(const double u[3], const double R[9], double out[9]) {
+    double result[9];
+    for (int j = 0; j < 3; j++) {
+        const double column[3] = {R[j], R[3 + j], R[6 + j]};
+        double moved[3];
+        lg_cross3(u, column, moved);
+        for (int i = 0; i < 3; i++) result[3 * i + j] = moved[i];
+    }
+    memcpy(out, result, sizeof(result));
+}
+
+/* Largest entry of R^T R - I; a reflection is 2 away. */
+static double rotation_error(const double R[9]) {
+    double transposed[9], G[9], c[3];
+    for (int i = 0; i < 9; i++) transposed[i] = R[3 * (i % 3) + i / 3];
+    const double error = gram(transposed, G);
+    lg_cross3(R, R + 3, c);
+    const double det = lg_dot3(c, R + 6);
+    return det < 0.0 && !isnan(error) ? worse(error, 1.0 - det) : error;
+}
+
+/* The tangent space is {hat(u) R}, |hat(u) R|^2 = 2 |u|^2: u = 1/2 sum of column of R x column of G, which is
+ * R skew(R^T G) for orthogonal R. */
+static void rotation_gradient(const double R[9], double G[9]) {
+    double u[3] = {0.0, 0.0, 0.0};
+    for (int j = 0; j < 3; j++) {
+        const double column[3] = {R[j], R[3 + j], R[6 + j]}, of_g[3] = {G[j], G[3 + j], G[6 + j]};
+        double c[3];
+        lg_cross3(column, of_g, c);
+        for (int i = 0; i < 3; i++) u[i] += 0.5 * c[i];
+    }
+    hat_multiply(u, R, G);
+}
+
+static void so3_act(size_t count, const double *a, const double *y, double *out) {
+    for (size_t i = 0; i < count; i++, a += 3, y += SO3_STATE, out += SO3_STATE) {
+        lg_so3_exp_multiply(a, y, out);
+        settle_rotation(out);
+    }
+}
+
+static void so3_generator(size_t count, const double *a, const double *y, double *out) {
+    for (size_t i = 0; i < count; i++) hat_multiply(a + 3 * i, y + SO3_STATE * i, out + SO3_STATE * i);
+}
+
+static void se3_act(size_t count, const double *a, const double *y, double *out) {
+    for (size_t i = 0; i < count; i++, a += 6, y += SE3_STATE, out += SE3_STATE) {
+        lg_se3_exp_multiply(a, y, y + 9, out, out + 9);
+        settle_rotation(out);
+    }
+}
+
+static void se3_generator(size_t count, const double *a, const double *y, double *out) {
+    for (size_t i = 0; i < count; i++, a += 6, y += SE3_STATE, out += SE3_STATE) {
+        double turned[3];
+        lg_cross3(a, y + 9, turned);
+        hat_multiply(a, y, out);
+        for (int j = 0; j < 3; j++) out[9 + j] = turned[j] + a[3 + j];
+    }
+}
+
+static void project_rotations(size_t count, size_t stride, double *y) {
+    for (size_t i = 0; i < count; i++) lg_so3_project(y + stride * i);
+}
+
+static void so3_project(size_t count, double *y) {
+    project_rotations(count, SO3_STATE, y);
+}
+
+static void se3_project(size_t count, double *y) {
+    project_rotations(count, SE3_STATE, y);
+}
+
+static double so3_manifold_error(size_t count, const double *y) {
+    double error = 0.0;
+    for (size_t i = 0; i < count && !isnan(error); i++)
+        error = worse(error, rotation_error(y + SO3_STATE * i));
+    return error;
+}
+
+static double se3_manifold_error(size_t count, const double *y) {
+    double error = 0.0;
+    for (size_t i = 0; i < count && !isnan(error); i++, y += SE3_STATE) {
+        error = worse(error, rotation_error(y));
+        if (!isnan(error)) error = worse(error, nan_in(3, y + 9));
+    }
+    return error;
+}
+
+static void so3_gradient(size_t count, const double *y, double *g) {
+    for (size_t i = 0; i < count; i++) rotation_gradient(y + SO3_STATE * i, g + SO3_STATE * i);
+}
+
+static void se3_gradient(size_t count, const double *y, double *g) {
+    for (size_t i = 0; i < count; i++) rotation_gradient(y + SE3_STATE * i, g + SE3_STATE * i);
+}
+
+/* ---- dual spaces ---- */
+
+/* exp(hat(u)) by a quaternion q = (scalar, v): x + k (scalar v x x + v x (v x x)) is a rotation for any q
+ * when k = 2/|q|^2. k has twice the precision and a sum is rounded once, so that |x| has no error that
+ * repeats from step to step: it drifts like a random walk. q is not of unit length: at k = 2 the sums lie
+ * half-way between two numbers too often, where what k is off by decides for the same side every time. */
+typedef struct rotor {
+    double scalar, v[3], k, k_low;
+} rotor;
+
+static rotor rotor_of(const double u[3]) {
+    rotor q;
+    const double length = 0.7310585786300049;
+    double c[2];
+    lg_stumpff(0.25 * lg_dot3(u, u), 1, 0, c);
+    q.scalar = length * c[0];
+    for (int i = 0; i < 3; i++) q.v[i] = 0.5 * length * c[1] * u[i];
+    const double part[4] = {q.scalar, q.v[0], q.v[1], q.v[2]};
+    double norm = 0.0, low = 0.0; /* |q|^2 = norm + low */
+    for (int i = 0; i < 4; i++) {
+        const double square = part[i] * part[i], sum = norm + square, back = sum - norm;
+        low += (norm - (sum - back)) + (square - back) + fma(part[i], part[i], -square);
+        norm = sum;
+    }
+    q.k = 2.0 / norm;
+    q.k_low = (fma(-q.k, norm, 2.0) - q.k * low) / norm;
+    return q;
+}
+
+static void rotate(const rotor *q, const double x[3], double out[3]) {
+    double vx[3], vvx[3];
+    lg_cross3(q->v, x, vx);
+    lg_cross3(q->v, vx, vvx);
+    for (int i = 0; i < 3; i++) {
+        const double z = q->scalar * vx[i] + vvx[i], turn = q->k * z, sum = x[i] + turn, back = sum - x[i];
+        const double low = fma(q->k, z, -turn) + q->k_low * z;
+        out[i] = sum + (((x[i] - (sum - back)) + (turn - back)) + low);
+    }
+}
+
+static void so3_dual_act(size_t count, const double *a, const double *y, double *out) {
+    for (size_t i = 0; i < count; i++) {
+        const rotor q = rotor_of(a + 3 * i);
+        rotate(&q, y + 3 * i, out + 3 * i);
+    }
+}
+
+static void so3_dual_generator(size_t count, const double *a, const double *y, double *out) {
+    so3_bracket(count, a, y, out);
+}
+
+static double so3_dual_manifold_error(size_t count, const double *y) {
+    return nan_in(3 * count, y);
+}
+
+static void se3_dual_act(size_t count, const double *a, const double *y, double *out) {
+    for (size_t i = 0; i < count; i++, a += 6, y += 6, out += 6) {
+        const rotor q = rotor_of(a);
+        double r[3], moved[3], turned[3];
+        lg_so3_dexp(a, a + 3, r);
+        rotate(&q, y + 3, moved);
+        rotate(&q, y, out);
+        lg_cross3(r, out, turned);
+        for (int j = 0; j < 3; j++) out[3 + j] = moved[j] + turned[j];
+    }
+}
+
+static double se3_dual_manifold_error(size_t count, const double *y) {
+    return nan_in(6 * count, y);
 }
 
 /* ---- the table ---- */
 
 static const lg_space_row rows[LG_SPACE_KINDS] = {
-    [LG_SPACE_RN] = {"R^n", 1, 1, true, rn_act, rn_generator, NULL, NULL, rn_project, rn_manifold_error,
+    [LG_SPACE_RN] = {"R^n", 1, 1, true, rn_act, rn_generator, NULL, NULL, free_project, rn_manifold_error,
                      rn_angle},
-    [LG_SPACE_TS2] = {"T*S^2", 6, 6, false, ts2_act, ts2_generator, ts2_bracket, ts2_dexpinv, ts2_project,
-                      ts2_manifold_error, ts2_angle},
+    [LG_SPACE_TS2] = {"T*S^2", 6, 6, false, ts2_act, ts2_generator, se3_bracket, se3_dexpinv, ts2_project,
+                      ts2_manifold_error, se3_angle},
+    [LG_SPACE_SO3] = {"SO(3)", SO3_STATE, 3, false, so3_act, so3_generator, so3_bracket, so3_dexpinv,
+                      so3_project, so3_manifold_error, so3_angle},
+    [LG_SPACE_SE3] = {"SE(3)", SE3_STATE, 6, false, se3_act, se3_generator, se3_bracket, se3_dexpinv,
+                      se3_project, se3_manifold_error, se3_angle},
+    [LG_SPACE_SO3_DUAL] = {"so(3)*", 3, 3, false, so3_dual_act, so3_dual_generator, so3_bracket, so3_dexpinv,
+                           free_project, so3_dual_manifold_error, so3_angle},
+    [LG_SPACE_SE3_DUAL] = {"se(3)*", 6, 6, false, se3_dual_act, ts2_generator, se3_bracket, se3_dexpinv,
+                           free_project, se3_dual_manifold_error, se3_angle},
+};
+
+/* In place: an ambient gradient g at y, orthogonally onto the tangent space. */
+static void (*const project_gradient[LG_SPACE_KINDS])(size_t count, const double *y, double *g) = {
+    [LG_SPACE_RN] = free_gradient, [LG_SPACE_TS2] = ts2_gradient,       [LG_SPACE_SO3] = so3_gradient,
+    [LG_SPACE_SE3] = se3_gradient, [LG_SPACE_SO3_DUAL] = free_gradient, [LG_SPACE_SE3_DUAL] = free_gradient,
 };
 
 const lg_space_row *lg_space_kind_row(lg_space_kind kind) {
@@ -203,4 +462,10 @@ double lg_space_angle(const lg_space *space, const double *a) {
         if (!isnan(angle)) angle = worse(angle, row->angle(n, a + in));
     }
     return angle;
+}
+
+void lg_space_project_gradient(const lg_space *space, const double *y, double *g) {
+    FOR_FACTORS(space, row, n, at, in) {
+        project_gradient[space->factor[f_].kind](n, y + at, g + at);
+    }
 }

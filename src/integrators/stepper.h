@@ -10,28 +10,70 @@ typedef struct lg_memo {
     bool valid;
     double t;
     double *y;     /* dim */
-    double *value; /* algebra_dim */
+    double *value; /* a row */
+    bool is_packed;
+    double *packed[2]; /* for a packed stepper: y and value */
 } lg_memo;
 
+/* Newton's method for one implicit stage; m = algebra_dim. */
+typedef struct lg_newton {
+    double *z, *trial;   /* m: h times the field at the stage */
+    double *residual;    /* m: z - h f(stage(z)) */
+    double *step, *next; /* m: Newton corrections */
+    double *scale;       /* m: the size of a component that rounding is measured by, > 0 */
+    double *jacobian;    /* (m, m): of the residual, then its factors */
+    size_t *pivot;       /* m */
+} lg_newton;
+
+/* Elements of the algebra are rows of whole blocks (LG_K_STAGE_BLOCK), aligned; what lies behind algebra_dim
+ * numbers is 0. */
 struct lg_stepper {
     const lg_scheme *scheme;
     lg_ode ode;
     size_t evaluations;
     double angle;  /* largest in the last step */
+    double h;      /* the size of the last step */
     bool memoises; /* the first evaluation of a step may be known already */
+    bool abelian;  /* the space is R^n: no angles */
+    bool identity; /* dexpinv changes nothing: k_i is the field's value */
+    bool dense;    /* the last step succeeded: dense output may look at it */
+    const struct lg_kernels *kernels;
+    /* RKMK with exact dexpinv on copies of T*S^2: one kernel a stage, and what only kernels read, k_i and
+     * sigma, is packed. Not NULL then; states and rows have room for whole blocks of copies. */
+    const struct lg_kernels *packed;
     lg_memo memo[2];
-    double *k;      /* (stages, algebra_dim) */
-    double *f;      /* algebra_dim */
-    double *sigma;  /* algebra_dim */
-    double *point;  /* (stages, dim) for commutator-free schemes, else dim */
-    double *y_next; /* dim */
+    size_t row_size;                         /* numbers in a row, at least algebra_dim */
+    double *k;                               /* (stages, row_size) */
+    const double *row[LG_SCHEME_MAX_STAGES]; /* k_i of this step: in k, or where a memo keeps it */
+    double *sigma;                           /* row_size */
+    double *bracket;                         /* row_size */
+    double *most;                            /* LG_SE3_BLOCK: squares of angles, for packed steps */
+    double difference[LG_SCHEME_MAX_STAGES]; /* RKMK: b less the weights of the embedded solution */
+    double *point;                           /* (stages, dim) for commutator-free schemes, else dim */
+    double *y_next; /* dim; for FSAL schemes memo[1].y, where the next step's first value waits */
     double *error;  /* dim */
     double *run[2]; /* dim each, for the loops over steps */
+    lg_newton newton;
 };
 
-/* f(t, y) for a step of size about h, from memory when it is known. */
+/* f(t, y) for a step of size about h, from memory when it is known; *f stays valid during the step. */
 lg_status lg_stepper_first(lg_stepper *s, double t, double h, const double *y, const double *input,
-                           double *f);
+                           const double **f);
+lg_status lg_stepper_evaluate(lg_stepper *s, double t, const double *y, const double *input, double *out);
+/* Takes the angle of an exponent into account. */
+void lg_stepper_turn(lg_stepper *s, const double *a);
+
+/* Steps of single kinds: from (t, y) to s->y_next. */
+lg_status lg_step_implicit(lg_stepper *s, double t, double h, const double *y, const double *input);
+lg_status lg_step_slgi(lg_stepper *s, double t, double h, const double *y, const double *input);
+
+/* Solves z = h f(t + theta h, stage(z)) into s->newton.z; `stage` writes the point of z. newton.scale is set.
+ * Errors: LG_NO_CONVERGENCE, LG_NOT_FINITE (the field at y is not finite), the field's. */
+typedef void (*lg_stage_map)(const lg_stepper *s, const double *y, const double *z, double *point);
+lg_status lg_newton_solve(lg_stepper *s, double t, double h, const double *y, const double *input,
+                          lg_stage_map stage);
+/* One factor SE(3), then perhaps one R^2m. */
+bool lg_slgi_fits(const lg_space *space);
 
 bool lg_all_finite(size_t n, const double *x);
 

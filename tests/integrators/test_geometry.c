@@ -1,5 +1,8 @@
-/* SO(3) and SE(3): group axioms, generators, dexp and dexpinv against series and against each other. */
+/* SO(3) and SE(3): group axioms, generators, logarithms, duals, dexp and dexpinv against series, matrix
+ * functions and each other. */
 #include "test_support.h"
+
+#include "integrators/matrix_function.h"
 
 #include "liegrad/geometry.h"
 #include "liegrad/integrators.h"
@@ -218,6 +221,293 @@ static void test_near_two_pi(void **state) {
     assert_same(out, y, 6, 1e-8);  /* 1e6 for the rest: the pole of gt2 is double */
 }
 
+/* ---- against matrix functions, on every group ---- */
+
+static void so3_bracket(const double *a, const double *b, double *out) {
+    lg_cross3(a, b, out);
+}
+
+static void se3_bracket(const double *a, const double *b, double *out) {
+    lg_se3_bracket(a, b, out);
+}
+
+static void so3_adjoint_of_exp(const double *a, const double *b, double *out) {
+    double R[9];
+    lg_so3_exp(a, R);
+    lg_so3_adjoint(R, b, out);
+}
+
+static void so3_coadjoint_of_exp(const double *a, const double *mu, double *out) {
+    double R[9];
+    lg_so3_exp(a, R);
+    lg_so3_coadjoint(R, mu, out);
+}
+
+static void se3_adjoint_of_exp(const double *a, const double *b, double *out) {
+    double R[9], r[3];
+    lg_se3_exp(a, R, r);
+    lg_se3_adjoint(R, r, b, out);
+}
+
+static void se3_coadjoint_of_exp(const double *a, const double *mu, double *out) {
+    double R[9], r[3];
+    lg_se3_exp(a, R, r);
+    lg_se3_coadjoint(R, r, mu, out);
+}
+
+static void so3_cobracket(const double *a, const double *mu, double *out) {
+    lg_cross3(mu, a, out);
+}
+
+typedef void (*map)(const double *, const double *, double *);
+
+/* One row a group; every function takes an algebra element and a vector. */
+static const struct group {
+    const char *name;
+    int n;
+    map bracket, cobracket, adjoint, coadjoint, dexp, dexpinv, dexp_dual, dexpinv_dual;
+} groups[] = {
+    {"SO(3)", 3, so3_bracket, so3_cobracket, so3_adjoint_of_exp, so3_coadjoint_of_exp, lg_so3_dexp,
+     lg_so3_dexpinv, lg_so3_dexp_dual, lg_so3_dexpinv_dual},
+    {"SE(3)", 6, se3_bracket, lg_se3_cobracket, se3_adjoint_of_exp, se3_coadjoint_of_exp, lg_se3_dexp,
+     lg_se3_dexpinv, lg_se3_dexp_dual, lg_se3_dexpinv_dual},
+};
+#define GROUPS (sizeof(groups) / sizeof(groups[0]))
+
+static const double wide_angles[] = {0.0, 1e-9, 1e-4, 1.0, 2.9, 3.0, PI - 1e-9, PI, 4.5, 2.0 * PI - 1e-3};
+#define WIDE_ANGLES (sizeof(wide_angles) / sizeof(wide_angles[0]))
+
+static double dot(int n, const double *x, const double *y) {
+    double sum = 0.0;
+    for (int i = 0; i < n; i++) sum += x[i] * y[i];
+    return sum;
+}
+
+/* Ad of exp is exp of ad, dexp is phi of ad, dexpinv its inverse (from the right and from the left), duals
+ * are transposes. dexpinv is as ill-conditioned as its pole is near: 1/(2 pi - |u|), squared for the
+ * translation. */
+static void check_group(const struct group *g, const double *a, double condition) {
+    const matrix ad = matrix_of_bracket(g->n, g->bracket, a);
+    matrix exponential, phi;
+    matrix_functions(&ad, &exponential, &phi);
+    for (int j = 0; j < g->n; j++) {
+        double unit[6] = {0}, e[6], x[6];
+        unit[j] = 1.0;
+        matrix_apply(&exponential, 0, unit, e);
+        g->adjoint(a, unit, x);
+        assert_same(x, e, g->n, 2e-14);
+        matrix_apply(&exponential, 1, unit, e);
+        g->coadjoint(a, unit, x);
+        assert_same(x, e, g->n, 2e-14);
+        matrix_apply(&ad, 1, unit, e);
+        g->cobracket(a, unit, x);
+        assert_same(x, e, g->n, 0.0);
+        matrix_apply(&phi, 0, unit, e);
+        g->dexp(a, unit, x);
+        assert_same(x, e, g->n, 2e-14);
+        g->dexpinv(a, e, x);
+        assert_same(x, unit, g->n, 2e-14 * condition);
+        g->dexpinv(a, unit, e);
+        matrix_apply(&phi, 0, e, x);
+        assert_same(x, unit, g->n, 2e-14 * condition);
+        matrix_apply(&phi, 1, unit, e);
+        g->dexp_dual(a, unit, x);
+        assert_same(x, e, g->n, 2e-14);
+        g->dexpinv_dual(a, e, e); /* out is an input */
+        assert_same(e, unit, g->n, 2e-14 * condition);
+    }
+}
+
+static void test_groups_against_matrix_functions(void **state) {
+    (void)state;
+    lg_rng rng;
+    lg_rng_seed(&rng, 9, 0);
+    for (size_t k = 0; k < GROUPS; k++)
+        for (size_t n = 0; n < WIDE_ANGLES; n++)
+            for (int repeat = 0; repeat < 5; repeat++) {
+                const double distance = 2.0 * PI - wide_angles[n];
+                double a[6];
+                random_algebra(&rng, wide_angles[n], a);
+                check_group(&groups[k], a, distance < 1.0 ? 1.0 / (distance * distance) : 1.0);
+            }
+}
+
+/* Jacobi's identity, antisymmetry; a duality on vectors that are not units. */
+static void test_groups_brackets(void **state) {
+    (void)state;
+    lg_rng rng;
+    lg_rng_seed(&rng, 10, 0);
+    for (size_t k = 0; k < GROUPS; k++) {
+        const struct group *g = &groups[k];
+        double v[5][6], x[6], y[6], sum[6] = {0};
+        for (int i = 0; i < 3; i++) random_vector(&rng, 6, v[i]);
+        memcpy(v[3], v[0], sizeof(v[0]));
+        memcpy(v[4], v[1], sizeof(v[1]));
+        for (int n = 0; n < 3; n++) {
+            g->bracket(v[n + 1], v[n + 2], x);
+            g->bracket(v[n], x, x);
+            for (int i = 0; i < g->n; i++) sum[i] += x[i];
+        }
+        for (int i = 0; i < g->n; i++) assert_close(sum[i], 0.0, 0.0, 1e-15);
+        g->bracket(v[0], v[0], x);
+        for (int i = 0; i < g->n; i++) assert_close(x[i], 0.0, 0.0, 0.0);
+        g->bracket(v[0], v[1], x);
+        g->cobracket(v[0], v[2], y);
+        assert_close(dot(g->n, v[2], x), dot(g->n, y, v[1]), 0.0, 2e-15);
+    }
+}
+
+/* exp against the 4 x 4 matrix, exp(a) g against the product, Ad of a product. */
+static void test_motions(void **state) {
+    (void)state;
+    lg_rng rng;
+    lg_rng_seed(&rng, 11, 0);
+    for (size_t n = 0; n < WIDE_ANGLES; n++) {
+        double a[6], b[6], x[6], y[6], R[9], r[3], S[9], s[3], T[9], t[3];
+        random_algebra(&rng, wide_angles[n], a);
+        random_algebra(&rng, 2.0, b);
+        random_vector(&rng, 6, x);
+        const matrix m = matrix_of_motion(a);
+        matrix e, unused;
+        matrix_functions(&m, &e, &unused);
+        lg_se3_exp(a, R, r);
+        for (int i = 0; i < 3; i++) {
+            assert_close(r[i], (double)e.at[i][3], 0.0, 5e-15);
+            for (int j = 0; j < 3; j++) assert_close(R[3 * i + j], (double)e.at[i][j], 0.0, 5e-15);
+        }
+        lg_se3_exp(b, S, s);
+        lg_se3_exp_multiply(a, S, s, T, t);
+        for (int i = 0; i < 3; i++) {
+            assert_close(t[i], r[i] + lg_dot3(R + 3 * i, s), 0.0, 1e-14);
+            for (int j = 0; j < 3; j++) {
+                const double column[3] = {S[j], S[3 + j], S[6 + j]};
+                assert_close(T[3 * i + j], lg_dot3(R + 3 * i, column), 0.0, 5e-15);
+            }
+        }
+        lg_se3_adjoint(T, t, x, y);
+        lg_se3_adjoint(S, s, x, x);
+        lg_se3_adjoint(R, r, x, x);
+        assert_same(y, x, 6, 2e-14);
+        lg_se3_coadjoint(T, t, x, y);
+        lg_se3_coadjoint(R, r, x, x);
+        lg_se3_coadjoint(S, s, x, x);
+        assert_same(y, x, 6, 5e-14);
+        lg_se3_exp_multiply(a, S, s, S, s); /* out is an input */
+        lg_so3_exp_multiply(a, R, R);
+        assert_same(S, T, 9, 0.0);
+        assert_same(s, t, 3, 0.0);
+    }
+}
+
+/* ---- logarithms ---- */
+
+static void test_log_of_exp(void **state) {
+    (void)state;
+    const double some[] = {0.0, 1e-300, 1e-160, 1e-12, 1e-9, 1e-4, 0.1, 1.0, 2.0, 3.0, PI - 1e-4, PI - 1e-9};
+    lg_rng rng;
+    lg_rng_seed(&rng, 12, 0);
+    for (size_t n = 0; n < sizeof(some) / sizeof(some[0]); n++)
+        for (int repeat = 0; repeat < 20; repeat++) {
+            double a[6], x[6], R[9], r[3];
+            random_algebra(&rng, some[n], a);
+            lg_se3_exp(a, R, r);
+            lg_so3_log(R, x);
+            assert_same(x, a, 3, 3e-15);
+            if (some[n] < 1e-8)
+                for (int i = 0; i < 3; i++) assert_close(x[i], a[i], 1e-15, 0.0); /* nothing is lost near 0 */
+            lg_se3_log(R, r, x);
+            assert_same(x, a, 6, 2e-14);
+        }
+}
+
+/* Beyond pi the logarithm is another one; its exponential is the same. */
+static void test_exp_of_log(void **state) {
+    (void)state;
+    lg_rng rng;
+    lg_rng_seed(&rng, 13, 0);
+    for (size_t n = 0; n < WIDE_ANGLES; n++)
+        for (int repeat = 0; repeat < 20; repeat++) {
+            double a[6], x[6], R[9], r[3], S[9], s[3];
+            random_algebra(&rng, wide_angles[n], a);
+            lg_se3_exp(a, R, r);
+            lg_se3_log(R, r, x);
+            assert_true(sqrt(lg_dot3(x, x)) <= PI * (1.0 + 1e-15));
+            lg_se3_exp(x, S, s);
+            assert_same(S, R, 9, 1e-14);
+            assert_same(s, r, 3, 1e-14);
+        }
+}
+
+static void test_log_at_pi(void **state) {
+    (void)state;
+    static const struct {
+        double axis[3], expected[3];
+    } turns[] = {
+        {{0.6, 0.0, -0.8}, {-0.6, 0.0, 0.8}},
+        {{-0.6, 0.0, 0.8}, {-0.6, 0.0, 0.8}},
+        {{0.0, -1.0, 0.0}, {0.0, 1.0, 0.0}},
+        {{-0.5, 0.5, -0.70710678118654752}, {0.5, -0.5, 0.70710678118654752}},
+        {{-0.70710678118654752, 0.70710678118654752, 0.0}, {0.70710678118654752, -0.70710678118654752, 0.0}},
+    };
+    for (size_t n = 0; n < sizeof(turns) / sizeof(turns[0]); n++) {
+        const double *axis = turns[n].axis;
+        double R[9], u[3];
+        for (int i = 0; i < 3; i++)
+            for (int j = 0; j < 3; j++) R[3 * i + j] = 2.0 * axis[i] * axis[j] - (i == j ? 1.0 : 0.0);
+        lg_so3_log(R, u);
+        for (int i = 0; i < 3; i++) assert_close(u[i], PI * turns[n].expected[i], 0.0, 2e-15);
+    }
+}
+
+/* R off by rounding and more: the logarithm is off by as much, at every angle. NaN stays. */
+static void test_log_of_almost_rotations(void **state) {
+    (void)state;
+    lg_rng rng;
+    lg_rng_seed(&rng, 14, 0);
+    for (size_t n = 0; n < WIDE_ANGLES; n++)
+        for (int repeat = 0; repeat < 50; repeat++) {
+            const double size = repeat % 2 == 0 ? 4e-16 : 1e-9;
+            double a[6], R[9], S[9], u[3];
+            random_algebra(&rng, wide_angles[n], a);
+            lg_so3_exp(a, R);
+            for (int i = 0; i < 9; i++) R[i] += lg_rng_uniform_in(&rng, -size, size);
+            lg_so3_log(R, u);
+            lg_so3_exp(u, S);
+            assert_same(S, R, 9, 8.0 * size + 2e-14);
+        }
+    for (int i = 0; i < 9; i++) {
+        double R[9], u[3];
+        lg_so3_exp((double[3]){0.1, 2.0, 0.3}, R);
+        R[i] = NAN;
+        lg_so3_log(R, u);
+        for (int j = 0; j < 3; j++) assert_true(isnan(u[j]));
+    }
+}
+
+static void test_nearest_rotation(void **state) {
+    (void)state;
+    lg_rng rng;
+    lg_rng_seed(&rng, 15, 0);
+    for (int repeat = 0; repeat < 50; repeat++) {
+        /* R S, S symmetric and positive definite, has the polar factor R */
+        double a[6], R[9], S[9], X[9], s[6];
+        random_algebra(&rng, 3.0, a);
+        lg_so3_exp(a, R);
+        random_vector(&rng, 6, s);
+        for (int i = 0; i < 6; i++) s[i] *= repeat % 2 == 0 ? 1e-13 : 0.3;
+        const double symmetric[9] = {1.0 + s[0], s[3], s[4], s[3], 1.0 + s[1], s[5], s[4], s[5], 1.0 + s[2]};
+        memcpy(S, symmetric, sizeof(S));
+        for (int i = 0; i < 3; i++)
+            for (int j = 0; j < 3; j++) X[3 * i + j] = lg_dot3(R + 3 * i, S + 3 * j);
+        lg_so3_project(X);
+        assert_same(X, R, 9, 2e-15);
+    }
+    double reflection[9] = {1, 0, 0, 0, 1, 0, 0, 0, -1}, zero[9] = {0};
+    lg_so3_project(reflection);
+    lg_so3_project(zero);
+    for (int i = 0; i < 9; i++) assert_true(isnan(reflection[i]) && isnan(zero[i]));
+}
+
 static void test_truncations_approach_the_closed_form(void **state) {
     (void)state;
     lg_space space;
@@ -262,7 +552,7 @@ static void test_space_products(void **state) {
     for (int i = 12; i < 15; i++) assert_true(out[i] == y[i] + a[i]);
     double second[6];
     lg_se3_exp_act(a + 6, y + 6, second);
-    assert_memory_equal(out + 6, second, sizeof(second));
+    assert_same(out + 6, second, 6, 1e-15);
     lg_space_bracket(&space, a, y, bracket);
     for (int i = 12; i < 15; i++) assert_true(bracket[i] == 0.0);
     assert_close(lg_space_angle(&space, a), sqrt(fmax(lg_dot3(a, a), lg_dot3(a + 6, a + 6))), 1e-15, 0.0);
@@ -302,6 +592,14 @@ int main(void) {
         cmocka_unit_test(test_dexpinv_is_the_inverse),
         cmocka_unit_test(test_dexpinv_sees_gt2),
         cmocka_unit_test(test_near_two_pi),
+        cmocka_unit_test(test_groups_against_matrix_functions),
+        cmocka_unit_test(test_groups_brackets),
+        cmocka_unit_test(test_motions),
+        cmocka_unit_test(test_log_of_exp),
+        cmocka_unit_test(test_exp_of_log),
+        cmocka_unit_test(test_log_at_pi),
+        cmocka_unit_test(test_log_of_almost_rotations),
+        cmocka_unit_test(test_nearest_rotation),
         cmocka_unit_test(test_truncations_approach_the_closed_form),
         cmocka_unit_test(test_space_products),
         cmocka_unit_test(test_bad_spaces),

@@ -1,0 +1,300 @@
+/* Gradients of functionals of a trajectory: plain states at checkpoints, one step at a time on a tape. */
+#include "liegrad/adjoint.h"
+
+#include <math.h>
+#include <string.h>
+#include <time.h>
+
+#include "core/core.h"
+#include "liegrad/ops.h"
+
+typedef struct lg_adjoint {
+    const lg_context *context;
+    const lg_adjoint_problem *problem;
+    lg_error *error;
+    lg_stepper *stepper;
+    lg_tape *tape;
+    size_t dim, segments, longest; /* steps in the longest segment */
+    double *memory;
+    double *checkpoint; /* (segments + 1, dim): the starts of the segments, the end */
+    double *state;      /* (longest, dim): the starts of the steps of the segment at hand */
+    double *after;      /* dJ/dy after the step at hand */
+    double *before;     /* and before it */
+    double *parameters; /* dJ/dparameters of the steps done, or NULL: not asked for */
+} lg_adjoint;
+
+/* A step as the tape has it. */
+typedef struct lg_recorded {
+    lg_var y, parameters, next; /* y and next (1, dim) */
+} lg_recorded;
+
+void lg_adjoint_problem_init(lg_adjoint_problem *problem) {
+    *problem = (lg_adjoint_problem){.size = sizeof(lg_adjoint_problem)};
+}
+
+static double now(void) {
+    struct timespec t;
+    (void)clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+static bool finite_numbers(size_t n, const double *x) {
+    for (size_t i = 0; i < n; i++)
+        if (!isfinite(x[i])) return false;
+    return true;
+}
+
+static lg_status fail_at(const lg_adjoint *a, lg_status status, size_t n, const char *what) {
+    return lg_fail(a->error, status, "step %zu of %zu, t = %.10g, h = %.3g: %s", n + 1, a->problem->steps,
+                   a->problem->t[n], a->problem->h[n], what);
+}
+
+/* ---- plain states ---- */
+
+/* The first step of segment s; of s = segments: N. The longer segments come first. */
+static size_t first_step(const lg_adjoint *a, size_t s) {
+    const size_t extra = a->problem->steps % a->segments;
+    return s * (a->problem->steps / a->segments) + (s < extra ? s : extra);
+}
+
+static lg_status advance(lg_adjoint *a, size_t n, const double *y, double *next) {
+    if (lg_cancelled(a->context)) return fail_at(a, LG_CANCELLED, n, "cancelled");
+    const lg_status status = lg_step(a->stepper, a->problem->t[n], a->problem->h[n], y, NULL, next);
+    return status == LG_OK ? LG_OK : fail_at(a, status, n, lg_status_sentence(status));
+}
+
+/* The checkpoint at the end of segment s from the one at its start; the last segment's states are kept. The
+ * stepper forgets what it knew of the segment before, so that computing the segment again gives the same
+ * bits. */
+static lg_status cross_segment(lg_adjoint *a, size_t s) {
+    const size_t d = a->dim, begin = first_step(a, s), end = first_step(a, s + 1);
+    double *y = a->checkpoint + (s + 1) * d;
+    memcpy(y, y - d, d * sizeof(*y));
+    lg_stepper_reset(a->stepper);
+    for (size_t n = begin; n < end; n++) {
+        if (s + 1 == a->segments) memcpy(a->state + (n - begin) * d, y, d * sizeof(*y));
+        LG_TRY(advance(a, n, y, y));
+    }
+    return LG_OK;
+}
+
+static lg_status recompute_segment(lg_adjoint *a, size_t s) {
+    const size_t d = a->dim, begin = first_step(a, s), length = first_step(a, s + 1) - begin;
+    if (s + 1 == a->segments) return LG_OK;
+    memcpy(a->state, a->checkpoint + s * d, d * sizeof(*a->state));
+    lg_stepper_reset(a->stepper);
+    for (size_t i = 0; i + 1 < length; i++)
+        LG_TRY(advance(a, begin + i, a->state + i * d, a->state + (i + 1) * d));
+    return LG_OK;
+}
+
+/* ---- steps on the tape ---- */
+
+/* Splitting schemes take q and p apart: R^2n in one piece is cut. */
+static lg_status halve(const lg_scheme *scheme, lg_space *space) {
+    const size_t n = space->dim / 2;
+    if (scheme->kind != LG_SCHEME_SPLITTING || space->factors != 1) return LG_OK;
+    if (space->factor[0].kind != LG_SPACE_RN || space->dim % 2 != 0) return LG_UNSUPPORTED;
+    const lg_space_factor halves[2] = {{LG_SPACE_RN, n}, {LG_SPACE_RN, n}};
+    return lg_space_init(space, halves, 2);
+}
+
+static lg_status record(lg_adjoint *a, size_t n, const double *y, lg_recorded *r) {
+    const lg_adjoint_problem *p = a->problem;
+    lg_taped_ode ode = {0};
+    lg_var start[LG_TAPED_MAX_PARTS], end[LG_TAPED_MAX_PARTS];
+    lg_tape_reset(a->tape);
+    *r = (lg_recorded){.y = lg_parameter(a->tape, lg_shape2(1, (uint32_t)a->dim), y), .parameters = LG_NONE};
+    if (p->parameter_count > 0)
+        r->parameters = lg_parameter(a->tape, lg_shape1((uint32_t)p->parameter_count), p->parameters);
+    LG_TRY(lg_tape_status(a->tape));
+    LG_TRY(p->bind(p->user, a->tape, r->parameters, &ode));
+    if (ode.space.dim != a->dim) {
+        (void)lg_tape_fail(a->tape, LG_INVALID_ARGUMENT, "bind", "the taped space has another dimension");
+        return LG_INVALID_ARGUMENT;
+    }
+    LG_TRY(halve(p->scheme, &ode.space));
+    LG_TRY(lg_taped_split(a->tape, &ode.space, r->y, start));
+    LG_TRY(lg_taped_step(a->tape, p->scheme, &ode, p->t[n], p->h[n], start, end));
+    r->next = lg_taped_join(a->tape, &ode.space, end);
+    return lg_tape_status(a->tape);
+}
+
+static lg_status fail_recording(const lg_adjoint *a, lg_status status, size_t n) {
+    const char *message = lg_tape_message(a->tape);
+    if (message[0] == '\0')
+        message = status == LG_UNSUPPORTED ? "the scheme has no taped form here" : lg_status_sentence(status);
+    return fail_at(a, status, n, message);
+}
+
+/* Both forms are made by the caller: parameters or formulas that differ would give the gradient of something
+ * else. */
+static const double agreement = 1e-8;
+
+static double largest(size_t n, const double *x) {
+    double most = 0.0;
+    for (size_t i = 0; i < n; i++) most = fmax(most, fabs(x[i]));
+    return most;
+}
+
+/* The first step in both forms, before a long run that could not be differentiated. */
+static lg_status compare_forms(lg_adjoint *a, const double *y0) {
+    const size_t d = a->dim;
+    lg_recorded r;
+    LG_TRY(advance(a, 0, y0, a->after));
+    lg_status status = record(a, 0, y0, &r);
+    if (status == LG_OK) status = lg_read(a->tape, r.next, a->before, d);
+    if (status != LG_OK) return fail_recording(a, status, 0);
+    const double scale = fmax(largest(d, y0), largest(d, a->after));
+    for (size_t i = 0; i < d; i++) {
+        const double difference = fabs(a->before[i] - a->after[i]);
+        if (difference <= agreement * scale) continue;
+        return lg_fail(
+            a->error, LG_INVALID_ARGUMENT,
+            "after the first step number %zu of the state is %.17g in the taped form and %.17g in the "
+            "plain one",
+            i, a->before[i], a->after[i]);
+    }
+    return LG_OK;
+}
+
+/* Adds dJ_n/dy, y the state after n steps. */
+static lg_status add_source(lg_adjoint *a, size_t n, const double *y, double *gradient) {
+    const lg_adjoint_problem *p = a->problem;
+    const size_t last = p->steps - 1;
+    const double t = n < p->steps ? p->t[n] : p->t[last] + p->h[last];
+    memset(gradient, 0, a->dim * sizeof(*gradient));
+    const lg_status status = p->source(p->user, n, t, y, gradient);
+    return status == LG_OK ? LG_OK
+                           : lg_fail(a->error, status, "source %zu: %s", n, lg_status_sentence(status));
+}
+
+/* From dJ/dy after step n, which starts at y, to that before it. */
+static lg_status reverse_step(lg_adjoint *a, size_t n, const double *y) {
+    lg_recorded r;
+    if (lg_cancelled(a->context)) return fail_at(a, LG_CANCELLED, n, "cancelled");
+    LG_TRY(add_source(a, n, y, a->before));
+    lg_status status = record(a, n, y, &r);
+    if (status != LG_OK) return fail_recording(a, status, n);
+    const lg_var weight = lg_parameter(a->tape, lg_shape2(1, (uint32_t)a->dim), a->after);
+    const lg_var product = lg_rowdot(a->tape, weight, r.next);
+    const lg_var variables[2] = {r.y, r.parameters};
+    void *const gradients[2] = {a->before, a->parameters};
+    status = lg_backward(a->tape, product, variables, a->parameters ? 2 : 1, gradients);
+    if (status != LG_OK) return fail_recording(a, status, n);
+    if (!finite_numbers(a->dim, a->before)) return fail_at(a, LG_NOT_FINITE, n, "the gradient is not finite");
+    double *swap = a->after;
+    a->after = a->before;
+    a->before = swap;
+    return LG_OK;
+}
+
+static lg_status reverse(lg_adjoint *a) {
+    LG_TRY(add_source(a, a->problem->steps, a->checkpoint + a->segments * a->dim, a->after));
+    if (!finite_numbers(a->dim, a->after))
+        return fail_at(a, LG_NOT_FINITE, a->problem->steps - 1, "the source after it is not finite");
+    for (size_t s = a->segments; s-- > 0;) {
+        const size_t begin = first_step(a, s);
+        LG_TRY(recompute_segment(a, s));
+        for (size_t n = first_step(a, s + 1); n-- > begin;)
+            LG_TRY(reverse_step(a, n, a->state + (n - begin) * a->dim));
+    }
+    if (a->parameters && !finite_numbers(a->problem->parameter_count, a->parameters))
+        return lg_fail(a->error, LG_NOT_FINITE, "the gradient in the parameters is not finite");
+    return LG_OK;
+}
+
+/* ---- the whole ---- */
+
+static const char *fault_of(const lg_adjoint_problem *p, const double *y0) {
+    if (!p || p->size != sizeof *p) return "the problem was not initialised";
+    if (!p->scheme || !p->ode || !p->bind || !p->source || !p->t || !p->h || !y0)
+        return "an argument is NULL";
+    if (p->steps < 1) return "there are no steps";
+    if (p->checkpoints > p->steps) return "more checkpoints than steps";
+    if (p->parameter_count > 0 && !p->parameters) return "parameters are counted but not given";
+    if (p->ode->space.dim < 1 || p->ode->space.dim > UINT32_MAX || p->parameter_count > UINT32_MAX)
+        return "a state or the parameters are too large";
+    if (!finite_numbers(p->steps, p->t) || !finite_numbers(p->steps, p->h))
+        return "a time or a step is not finite";
+    if (!finite_numbers(p->ode->space.dim, y0)) return "the start is not finite";
+    if (!finite_numbers(p->parameter_count, p->parameters)) return "a parameter is not finite";
+    return NULL;
+}
+
+static size_t root_up(size_t n) {
+    size_t root = (size_t)sqrt((double)n);
+    while (root * root < n) root++;
+    while (root > 1 && (root - 1) * (root - 1) >= n) root--;
+    return root;
+}
+
+static void lay_out(lg_adjoint *a, bool parameters) {
+    a->checkpoint = a->memory;
+    a->state = a->checkpoint + (a->segments + 1) * a->dim;
+    a->after = a->state + a->longest * a->dim;
+    a->before = a->after + a->dim;
+    a->parameters = parameters ? a->before + a->dim : NULL;
+}
+
+static lg_status open_adjoint(lg_adjoint *a, bool parameters) {
+    const lg_adjoint_problem *p = a->problem;
+    const size_t rows = a->segments + 1 + a->longest + 2, extra = parameters ? p->parameter_count : 0;
+    const lg_status status = lg_stepper_create(a->context, p->scheme, p->ode, &a->stepper);
+    if (status != LG_OK)
+        return lg_fail(a->error, status, "scheme and equation: %s", lg_status_sentence(status));
+    if (rows <= SIZE_MAX / sizeof(double) / 2 / a->dim)
+        a->memory = lg_alloc(a->context, rows * a->dim + extra, sizeof(double));
+    if (!a->memory || lg_tape_create(a->context, NULL, &a->tape) != LG_OK)
+        return lg_fail(a->error, LG_OUT_OF_MEMORY, "no memory for %zu states of %zu numbers", rows, a->dim);
+    lay_out(a, parameters);
+    return LG_OK;
+}
+
+static void close_adjoint(lg_adjoint *a) {
+    lg_tape_destroy(a->tape);
+    lg_free(a->context, a->memory);
+    lg_stepper_destroy(a->context, a->stepper);
+}
+
+static lg_status run(lg_adjoint *a, const double *y0, bool gradient) {
+    if (gradient) LG_TRY(compare_forms(a, y0));
+    memcpy(a->checkpoint, y0, a->dim * sizeof(*y0));
+    for (size_t s = 0; s < a->segments; s++) LG_TRY(cross_segment(a, s));
+    return gradient ? reverse(a) : LG_OK;
+}
+
+static void copy_out(size_t n, const double *from, double *to) {
+    if (to && n > 0) memcpy(to, from, n * sizeof(*to));
+}
+
+lg_status lg_adjoint_gradient(const lg_context *context, const lg_adjoint_problem *problem, const double *y0,
+                              double *y_end, double *dy0, double *dparameters, lg_adjoint_stats *stats,
+                              lg_error *error) {
+    const double begin = now();
+    const char *fault = fault_of(problem, y0);
+    if (fault) return lg_fail(error, LG_INVALID_ARGUMENT, "%s", fault);
+    const size_t steps = problem->steps, d = problem->ode->space.dim;
+    const size_t segments = problem->checkpoints > 0 ? problem->checkpoints : root_up(steps);
+    const bool parameters = dparameters && problem->parameter_count > 0;
+    lg_adjoint a = {.context = context,
+                    .problem = problem,
+                    .error = error,
+                    .dim = d,
+                    .segments = segments,
+                    .longest = (steps - 1) / segments + 1};
+    lg_status status = open_adjoint(&a, parameters);
+    if (status == LG_OK) status = run(&a, y0, dy0 || parameters);
+    if (status == LG_OK) {
+        copy_out(d, a.checkpoint + segments * d, y_end);
+        copy_out(d, a.after, dy0);
+        copy_out(parameters ? problem->parameter_count : 0, a.parameters, dparameters);
+        if (stats)
+            *stats = (lg_adjoint_stats){.checkpoints = segments,
+                                        .state_bytes = sizeof(double) * d * (segments + 1 + a.longest),
+                                        .tape_bytes = lg_tape_bytes(a.tape),
+                                        .seconds = now() - begin};
+    }
+    close_adjoint(&a);
+    return status;
+}

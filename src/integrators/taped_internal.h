@@ -1,0 +1,31 @@
+/* Inside of the taped interpreter: tuples of variables, and what its files need of each other. */
+#ifndef LG_TAPED_INTERNAL_H
+#define LG_TAPED_INTERNAL_H
+
+#include "core/core.h"
+#include "liegrad/taped.h"
+
+/* A point of a space or an element of its algebra. */
+typedef struct lg_parts {
+    lg_var part[LG_TAPED_MAX_PARTS];
+} lg_parts;
+
+/* Elements of the algebra as the plain interpreter has them, (B, algebra_dim), to parts, and back. */
+lg_status lg_taped_split_algebra(lg_tape *tape, const lg_space *space, lg_var a, lg_var *parts);
+lg_var lg_taped_join_algebra(lg_tape *tape, const lg_space *space, const lg_var *parts);
+
+/* out = [a, b]; arrays of parts, zeros on R^n. `out` may be an input. */
+lg_status lg_taped_bracket(lg_tape *tape, const lg_space *space, const lg_var *a, const lg_var *b,
+                           lg_var *out);
+
+/* out = the nearby point of the manifold as lg_space_project finds it; arrays of parts. */
+lg_status lg_taped_project(lg_tape *tape, const lg_space *manifold, const lg_var *y, lg_var *out);
+
+/* from + weight by */
+lg_var lg_taped_moved(lg_tape *tape, lg_var from, double weight, lg_var by);
+
+/* One step of LG_SCHEME_IMPLICIT or LG_SCHEME_SLGI; `out` may be `y`. */
+lg_status lg_taped_implicit_step(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode, double t,
+                                 double h, const lg_parts *y, lg_parts *out);
+
+#endif

@@ -1,0 +1,321 @@
+/* Spaces on the tape: parts, actions, brackets, dexpinv, generators and projections, one table row a kind of
+ * factor. */
+#include "integrators/taped_internal.h"
+
+#include <math.h>
+
+#include "autodiff/lie.h"
+#include "integrators/series.h"
+#include "liegrad/ops.h"
+
+/* ---- rows ---- */
+
+/* The columns of matrices (B, k, 9) as the rows of (B, k, 3, 3), and back. */
+static lg_var columns_of(lg_tape *tape, lg_var X) {
+    const lg_shape s = lg_var_shape(tape, X);
+    return lg_transpose(tape, lg_reshape(tape, X, lg_shape4(s.dims[0], s.dims[1], 3, 3)));
+}
+
+static lg_var from_columns(lg_tape *tape, lg_var columns) {
+    const lg_shape s = lg_var_shape(tape, columns);
+    return lg_reshape(tape, lg_transpose(tape, columns), lg_shape3(s.dims[0], s.dims[1], 9));
+}
+
+/* Vectors (B, k, 3) beside the three columns of as many matrices: (B, k, 3, 3). */
+static lg_var beside_columns(lg_tape *tape, lg_var u) {
+    const lg_shape s = lg_var_shape(tape, u);
+    lg_var one = lg_reshape(tape, u, lg_shape4(s.dims[0], s.dims[1], 1, 3));
+    return lg_broadcast_to(tape, one, lg_shape4(s.dims[0], s.dims[1], 3, 3));
+}
+
+lg_var lg_taped_moved(lg_tape *tape, lg_var from, double weight, lg_var by) {
+    lg_var terms[2] = {from, by};
+    const double c[2] = {1.0, weight};
+    return lg_combine(tape, terms, c, 2);
+}
+
+/* ---- actions: exp(a) . y ---- */
+
+static void act_rn(lg_tape *tape, const lg_var *a, const lg_var *y, lg_var *out) {
+    out[0] = lg_add(tape, y[0], a[0]);
+}
+
+/* exp(u, v) . (q, p) = (R q, R p + (V v) x R q), see lg_se3_exp_act */
+static void act_ts2(lg_tape *tape, const lg_var *a, const lg_var *y, lg_var *out) {
+    lg_var p = lg_se3_act_rows(tape, a[0], a[1], y[0], y[1]);
+    out[0] = lg_so3_exp_rows(tape, a[0], y[0]);
+    out[1] = p;
+}
+
+/* (exp(u) R, exp(u) r + dexp_u v) */
+static void act_se3(lg_tape *tape, const lg_var *a, const lg_var *y, lg_var *out) {
+    lg_var r = lg_so3_exp_rows(tape, a[0], y[1]), shift = lg_so3_dexp_rows(tape, a[0], a[1]);
+    out[0] = lg_so3_exp_rows(tape, a[0], y[0]);
+    out[1] = lg_add(tape, r, shift);
+}
+
+/* exp(u) on matrices and on vectors */
+static void act_so3(lg_tape *tape, const lg_var *a, const lg_var *y, lg_var *out) {
+    out[0] = lg_so3_exp_rows(tape, a[0], y[0]);
+}
+
+/* ---- generators: a . y ---- */
+
+static void generator_rn(lg_tape *tape, const lg_var *a, const lg_var *y, lg_var *out) {
+    (void)tape, (void)y;
+    out[0] = a[0];
+}
+
+static void cross_one(lg_tape *tape, const lg_var *a, const lg_var *y, lg_var *out) {
+    out[0] = lg_cross(tape, a[0], y[0]);
+}
+
+/* (u1 x x1, u1 x x2 + v1 x x1): the generator on pairs of vectors, and the bracket of se(3) */
+static void cross_two(lg_tape *tape, const lg_var *a, const lg_var *x, lg_var *out) {
+    lg_var u = lg_cross(tape, a[0], x[0]);
+    lg_var v = lg_add(tape, lg_cross(tape, a[0], x[1]), lg_cross(tape, a[1], x[0]));
+    out[0] = u;
+    out[1] = v;
+}
+
+static void generator_so3(lg_tape *tape, const lg_var *a, const lg_var *y, lg_var *out) {
+    lg_var U = beside_columns(tape, a[0]), columns = columns_of(tape, y[0]);
+    out[0] = from_columns(tape, lg_cross(tape, U, columns));
+}
+
+/* (hat(u) R, u x r + v) */
+static void generator_se3(lg_tape *tape, const lg_var *a, const lg_var *y, lg_var *out) {
+    lg_var r = lg_add(tape, lg_cross(tape, a[0], y[1]), a[1]);
+    generator_so3(tape, a, y, out);
+    out[1] = r;
+}
+
+/* ---- dexpinv, closed forms ---- */
+
+static void dexpinv_so3(lg_tape *tape, const lg_var *a, const lg_var *b, lg_var *out) {
+    out[0] = lg_so3_dexpinv_rows(tape, a[0], b[0]);
+}
+
+static void dexpinv_se3(lg_tape *tape, const lg_var *a, const lg_var *b, lg_var *out) {
+    lg_var v = lg_se3_dexpinv_rows(tape, a[0], a[1], b[0], b[1]);
+    out[0] = lg_so3_dexpinv_rows(tape, a[0], b[0]);
+    out[1] = v;
+}
+
+/* ---- projections ---- */
+
+/* q / |q|, p - q (q.p) */
+static void project_ts2(lg_tape *tape, const lg_var *y, lg_var *out) {
+    lg_var q = lg_div(tape, y[0], lg_sqrt(tape, lg_rownorm2(tape, y[0])));
+    out[1] = lg_sub(tape, y[1], lg_mul(tape, q, lg_rowdot(tape, q, y[1])));
+    out[0] = q;
+}
+
+/* (X + X^-T)/2 and the squared length of the change, X (N, 3, 3); NaN when det X is not positive. */
+static lg_var polar_step(lg_tape *tape, lg_var X, lg_var *change) {
+    lg_var row[3], cofactor[3];
+    for (uint32_t i = 0; i < 3; i++) row[i] = lg_slice(tape, X, 1, i, 1);
+    for (int i = 0; i < 3; i++) cofactor[i] = lg_cross(tape, row[(i + 1) % 3], row[(i + 2) % 3]);
+    lg_var determinant = lg_rowdot(tape, row[0], cofactor[0]);
+    lg_var scale = lg_square(tape, lg_pow(tape, determinant, -0.5));
+    lg_var step = lg_sub(tape, lg_mul(tape, lg_concat(tape, cofactor, 3, 1), scale), X);
+    *change = lg_sum(tape, lg_square(tape, step));
+    return lg_taped_moved(tape, X, 0.5, step);
+}
+
+/* The orthogonal polar factor of X (B, k, 9), see lg_so3_project. The error after a step is half the square
+ * of the one before: three steps after a change of 1e-4 leave rounding, and exact derivatives of the orders
+ * below 8. */
+static lg_var polar(lg_tape *tape, lg_var X) {
+    enum { LONGEST = 100 };
+    const lg_shape shape = lg_var_shape(tape, X);
+    lg_var R = lg_reshape(tape, X, lg_shape3(shape.dims[0] * shape.dims[1], 3, 3));
+    double change = 1.0;
+    for (int more = 3, n = 0; more > 0 && n < LONGEST && isfinite(change); n++) {
+        lg_var squared;
+        R = polar_step(tape, R, &squared);
+        if (lg_read(tape, squared, &change, 1) != LG_OK) return LG_NONE;
+        if (change <= 1e-8) more--;
+    }
+    return lg_reshape(tape, R, shape);
+}
+
+static void project_so3(lg_tape *tape, const lg_var *y, lg_var *out) {
+    out[0] = polar(tape, y[0]);
+}
+
+static void project_se3(lg_tape *tape, const lg_var *y, lg_var *out) {
+    out[1] = y[1];
+    out[0] = polar(tape, y[0]);
+}
+
+/* ---- the table ---- */
+
+/* `bracket` and `dexpinv` NULL: abelian, the bracket is zero and dexpinv the identity. `project` NULL: every
+ * point is on the manifold. Widths: numbers of one copy in each part, in the order of the plain state; R^n
+ * has one part of all its copies. */
+typedef void (*pair_fn)(lg_tape *, const lg_var *a, const lg_var *b, lg_var *out);
+typedef struct factor_row {
+    uint32_t parts, state[2], algebra[2];
+    pair_fn act, generator, bracket, dexpinv;
+    void (*project)(lg_tape *, const lg_var *y, lg_var *out);
+} factor_row;
+
+static const factor_row rows[LG_SPACE_KINDS] = {
+    [LG_SPACE_RN] = {1, {1, 0}, {1, 0}, act_rn, generator_rn, NULL, NULL, NULL},
+    [LG_SPACE_TS2] = {2, {3, 3}, {3, 3}, act_ts2, cross_two, cross_two, dexpinv_se3, project_ts2},
+    [LG_SPACE_SO3] = {1, {9, 0}, {3, 0}, act_so3, generator_so3, cross_one, dexpinv_so3, project_so3},
+    [LG_SPACE_SE3] = {2, {9, 3}, {3, 3}, act_se3, generator_se3, cross_two, dexpinv_se3, project_se3},
+    [LG_SPACE_SO3_DUAL] = {1, {3, 0}, {3, 0}, act_so3, cross_one, cross_one, dexpinv_so3, NULL},
+    [LG_SPACE_SE3_DUAL] = {2, {3, 3}, {3, 3}, act_ts2, cross_two, cross_two, dexpinv_se3, NULL},
+};
+
+/* Visits the factors with their row and a running offset into arrays of parts. */
+#define FOR_FACTORS(space, f, row, at)                                                                       \
+    size_t at = 0;                                                                                           \
+    const factor_row *row = NULL;                                                                            \
+    for (size_t f = 0; f < (space)->factors && (row = &rows[(space)->factor[f].kind], true);                 \
+         at += row->parts, f++)
+
+size_t lg_taped_parts(const lg_space *space) {
+    size_t parts = 0;
+    for (size_t f = 0; f < space->factors; f++) parts += rows[space->factor[f].kind].parts;
+    return parts;
+}
+
+/* ---- split and join ---- */
+
+typedef enum side { STATE, ALGEBRA } side;
+
+static const uint32_t *widths(const factor_row *row, side which) {
+    return which == STATE ? row->state : row->algebra;
+}
+
+/* Parts of one factor from its block (B, count width). */
+static void split_block(lg_tape *tape, const factor_row *row, const uint32_t *width, uint32_t count,
+                        lg_var block, lg_var *parts) {
+    if (row == &rows[LG_SPACE_RN]) {
+        parts[0] = block;
+        return;
+    }
+    const uint32_t batch = lg_var_shape(tape, block).dims[0], total = width[0] + width[1];
+    lg_var copies = lg_reshape(tape, block, lg_shape3(batch, count, total));
+    parts[0] = row->parts == 1 ? copies : lg_slice(tape, copies, 2, 0, width[0]);
+    if (row->parts == 2) parts[1] = lg_slice(tape, copies, 2, width[0], width[1]);
+}
+
+static lg_status split(lg_tape *tape, const lg_space *space, side which, lg_var y, lg_var *parts) {
+    const lg_shape shape = lg_var_shape(tape, y);
+    const size_t dim = which == STATE ? space->dim : space->algebra_dim;
+    lg_var result[LG_TAPED_MAX_PARTS];
+    uint32_t from = 0;
+    if (lg_is_none(y))
+        (void)lg_tape_fail(tape, LG_STALE_HANDLE, "split", "the state is LG_NONE");
+    else if (shape.rank != 2 || shape.dims[1] != dim)
+        (void)lg_tape_fail(tape, LG_SHAPE, "split", "the state is not (B, dim) of the space");
+    FOR_FACTORS(space, f, row, at) {
+        const uint32_t *width = widths(row, which), count = (uint32_t)space->factor[f].count;
+        const uint32_t length = count * (width[0] + width[1]);
+        lg_var block = space->factors == 1 ? y : lg_slice(tape, y, 1, from, length);
+        split_block(tape, row, width, count, block, result + at);
+        from += length;
+    }
+    LG_TRY(lg_tape_status(tape));
+    for (size_t p = 0; p < lg_taped_parts(space); p++) parts[p] = result[p];
+    return LG_OK;
+}
+
+static lg_var join(lg_tape *tape, const lg_space *space, side which, const lg_var *parts) {
+    const uint32_t batch = lg_var_shape(tape, parts[0]).dims[0];
+    lg_var block[LG_SPACE_MAX_FACTORS];
+    FOR_FACTORS(space, f, row, at) {
+        const uint32_t *width = widths(row, which), count = (uint32_t)space->factor[f].count;
+        block[f] = row->parts == 1 ? parts[at] : lg_concat(tape, parts + at, 2, 2);
+        if (row != &rows[LG_SPACE_RN])
+            block[f] = lg_reshape(tape, block[f], lg_shape2(batch, count * (width[0] + width[1])));
+    }
+    if (lg_tape_status(tape) != LG_OK) return LG_NONE;
+    return space->factors == 1 ? block[0] : lg_concat(tape, block, space->factors, 1);
+}
+
+lg_status lg_taped_split(lg_tape *tape, const lg_space *space, lg_var y, lg_var *parts) {
+    return split(tape, space, STATE, y, parts);
+}
+
+lg_var lg_taped_join(lg_tape *tape, const lg_space *space, const lg_var *parts) {
+    return join(tape, space, STATE, parts);
+}
+
+lg_status lg_taped_split_algebra(lg_tape *tape, const lg_space *space, lg_var a, lg_var *parts) {
+    return split(tape, space, ALGEBRA, a, parts);
+}
+
+lg_var lg_taped_join_algebra(lg_tape *tape, const lg_space *space, const lg_var *parts) {
+    return join(tape, space, ALGEBRA, parts);
+}
+
+/* ---- loops over the factors ---- */
+
+lg_status lg_taped_act(lg_tape *tape, const lg_space *space, const lg_var *a, const lg_var *y, lg_var *out) {
+    FOR_FACTORS(space, f, row, at) {
+        row->act(tape, a + at, y + at, out + at);
+    }
+    return lg_tape_status(tape);
+}
+
+lg_status lg_taped_generator(lg_tape *tape, const lg_space *space, const lg_var *a, const lg_var *y,
+                             lg_var *out) {
+    FOR_FACTORS(space, f, row, at) {
+        row->generator(tape, a + at, y + at, out + at);
+    }
+    return lg_tape_status(tape);
+}
+
+lg_status lg_taped_bracket(lg_tape *tape, const lg_space *space, const lg_var *a, const lg_var *b,
+                           lg_var *out) {
+    FOR_FACTORS(space, f, row, at) {
+        if (row->bracket != NULL)
+            row->bracket(tape, a + at, b + at, out + at);
+        else
+            out[at] = lg_full(tape, lg_var_shape(tape, b[at]), 0.0);
+    }
+    return lg_tape_status(tape);
+}
+
+lg_status lg_taped_project(lg_tape *tape, const lg_space *manifold, const lg_var *y, lg_var *out) {
+    FOR_FACTORS(manifold, f, row, at) {
+        if (row->project != NULL)
+            row->project(tape, y + at, out + at);
+        else
+            for (size_t p = 0; p < row->parts; p++) out[at + p] = y[at + p];
+    }
+    return lg_tape_status(tape);
+}
+
+/* sum_{k <= K} B_k/k! ad_a^k b; odd ones above 1 are zero */
+static void dexpinv_series(lg_tape *tape, const factor_row *row, int truncation, const lg_var *a,
+                           const lg_var *b, lg_var *out) {
+    lg_var power[2], sum[2];
+    for (size_t p = 0; p < row->parts; p++) sum[p] = power[p] = b[p];
+    for (int k = 1; k <= truncation; k++) {
+        row->bracket(tape, a, power, power);
+        if (lg_dexpinv_series[k] == 0.0) continue;
+        for (size_t p = 0; p < row->parts; p++)
+            sum[p] = lg_taped_moved(tape, sum[p], lg_dexpinv_series[k], power[p]);
+    }
+    for (size_t p = 0; p < row->parts; p++) out[p] = sum[p];
+}
+
+lg_status lg_taped_dexpinv(lg_tape *tape, const lg_space *space, int truncation, const lg_var *a,
+                           const lg_var *b, lg_var *out) {
+    if (truncation < LG_DEXPINV_EXACT || truncation > LG_DEXPINV_MAX) return LG_INVALID_ARGUMENT;
+    FOR_FACTORS(space, f, row, at) {
+        if (row->dexpinv == NULL)
+            for (size_t p = 0; p < row->parts; p++) out[at + p] = b[at + p];
+        else if (truncation == LG_DEXPINV_EXACT)
+            row->dexpinv(tape, a + at, b + at, out + at);
+        else
+            dexpinv_series(tape, row, truncation, a + at, b + at, out + at);
+    }
+    return lg_tape_status(tape);
+}

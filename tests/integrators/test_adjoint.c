@@ -1,0 +1,992 @@
+/* Gradients of trajectories against closed forms, against differences, and against themselves with other
+ * checkpoints. */
+#include "test_support.h"
+
+#include "liegrad/adjoint.h"
+#include "liegrad/ops.h"
+#include "support/fail_alloc.h"
+
+enum { MOST = 16, STEPS = 23 };
+
+/* J = final.y_N + along/2 sum_n |y_n|^2 */
+typedef struct setup {
+    const char *scheme;
+    lg_ode ode;
+    lg_taped_ode taped;
+    double parameters[MOST];
+    size_t parameter_count;
+    double y0[MOST], final[MOST], along;
+    const double *t, *h;
+    size_t steps, checkpoints;
+    lg_var theta; /* on the tape */
+    double *seen; /* (steps + 1, dim): the states that the source was given, or NULL */
+    /* What is told to go wrong. */
+    size_t stop_at; /* source number with status `stop` */
+    lg_status stop;
+    double bind_shift; /* added to parameter 0 on the tape only */
+    bool bind_dimension;
+} setup;
+
+static lg_status bind(void *user, lg_tape *tape, lg_var parameters, lg_taped_ode *ode) {
+    setup *s = user;
+    s->theta = parameters;
+    if (s->bind_shift != 0.0) s->theta = lg_shift(tape, parameters, s->bind_shift);
+    *ode = s->taped;
+    ode->user = s;
+    if (s->bind_dimension) ode->space.dim++;
+    return LG_OK;
+}
+
+static lg_status source(void *user, size_t n, double t, const double *y, double *gradient) {
+    const setup *s = user;
+    if (s->stop != LG_OK && n == s->stop_at) return s->stop;
+    const double expected = n < s->steps ? s->t[n] : s->t[n - 1] + s->h[n - 1];
+    if (t != expected) return LG_CHECK_FAILED;
+    if (s->seen) memcpy(s->seen + n * s->ode.space.dim, y, s->ode.space.dim * sizeof *y);
+    for (size_t i = 0; i < s->ode.space.dim; i++) {
+        if (gradient[i] != 0.0) return LG_CHECK_FAILED;
+        gradient[i] += s->along * y[i] + (n == s->steps ? s->final[i] : 0.0);
+    }
+    return LG_OK;
+}
+
+static lg_adjoint_problem problem_of(setup *s) {
+    lg_adjoint_problem p;
+    lg_adjoint_problem_init(&p);
+    s->ode.user = s;
+    p.scheme = lg_scheme_find(s->scheme);
+    p.ode = &s->ode;
+    p.bind = bind;
+    p.parameters = s->parameters;
+    p.parameter_count = s->parameter_count;
+    p.source = source;
+    p.user = s;
+    p.t = s->t;
+    p.h = s->h;
+    p.steps = s->steps;
+    p.checkpoints = s->checkpoints;
+    return p;
+}
+
+typedef struct result {
+    double y_end[MOST], dy0[MOST], dparameters[MOST];
+    lg_adjoint_stats stats;
+} result;
+
+static lg_status try_gradient(const lg_context *context, setup *s, result *r, lg_error *error) {
+    lg_adjoint_problem p = problem_of(s);
+    return lg_adjoint_gradient(context, &p, s->y0, r->y_end, r->dy0, r->dparameters, &r->stats, error);
+}
+
+static void gradient_of(setup *s, result *r) {
+    lg_error error = {LG_OK, ""};
+    memset(r, 0, sizeof *r);
+    if (try_gradient(NULL, s, r, &error) != LG_OK)
+        fail_msg("%s: %s: %s", s->scheme, lg_status_name(error.status), error.message);
+}
+
+/* J by the plain stepper, with the same steps. */
+static double functional(setup *s) {
+    lg_stepper *stepper;
+    double y[MOST], J = 0.0;
+    s->ode.user = s;
+    const size_t d = s->ode.space.dim;
+    assert_ok(lg_stepper_create(NULL, lg_scheme_find(s->scheme), &s->ode, &stepper));
+    memcpy(y, s->y0, d * sizeof *y);
+    for (size_t n = 0; n <= s->steps; n++) {
+        for (size_t i = 0; i < d; i++) J += 0.5 * s->along * y[i] * y[i];
+        if (n < s->steps) assert_ok(lg_step(stepper, s->t[n], s->h[n], y, NULL, y));
+    }
+    for (size_t i = 0; i < d; i++) J += s->final[i] * y[i];
+    lg_stepper_destroy(NULL, stepper);
+    return J;
+}
+
+/* dJ/dx by five points, error O(e^4). */
+static double difference(setup *s, double *x) {
+    static const double weight[4] = {1.0, -8.0, 8.0, -1.0}, place[4] = {-2.0, -1.0, 1.0, 2.0};
+    const double x0 = *x, e = 5e-4;
+    double sum = 0.0;
+    for (int i = 0; i < 4; i++) {
+        *x = x0 + place[i] * e;
+        sum += weight[i] * functional(s);
+    }
+    *x = x0;
+    return sum / (12.0 * e);
+}
+
+static double largest(const double *x, size_t n) {
+    double most = 0.0;
+    for (size_t i = 0; i < n; i++) most = fmax(most, fabs(x[i]));
+    return most;
+}
+
+/* The largest error of `g` against differences, over the largest number of g. */
+static double worst(setup *s, const double *g, double *x, size_t n) {
+    double most = 0.0;
+    for (size_t i = 0; i < n; i++) most = fmax(most, fabs(g[i] - difference(s, &x[i])));
+    return n > 0 ? most / largest(g, n) : 0.0;
+}
+
+static void against_differences(setup *s, const char *what) {
+    result r;
+    gradient_of(s, &r);
+    const double in_y0 = worst(s, r.dy0, s->y0, s->ode.space.dim);
+    const double in_parameters = worst(s, r.dparameters, s->parameters, s->parameter_count);
+    print_message("%-16s %-34s start %.1e, parameters %.1e\n", s->scheme, what, in_y0, in_parameters);
+    assert_true(in_y0 < 1e-9 && in_parameters < 1e-9);
+}
+
+/* ---- steps ---- */
+
+/* Unequal steps from t = 0.3. */
+static void unequal_steps(double h, double *times, double *sizes, size_t steps) {
+    double t = 0.3;
+    for (size_t n = 0; n < steps; n++) {
+        times[n] = t;
+        sizes[n] = h * (1.0 + 0.3 * sin(1.7 * (double)n));
+        t += sizes[n];
+    }
+}
+
+static double times[STEPS], sizes[STEPS];
+
+static void use_steps(setup *s, double h) {
+    unequal_steps(h, times, sizes, STEPS);
+    s->t = times;
+    s->h = sizes;
+    s->steps = STEPS;
+}
+
+/* ---- y' = A y ---- */
+
+enum { LINEAR = 3 };
+
+static lg_status linear_field(void *user, double t, const double *y, const double *input, double *out) {
+    const setup *s = user;
+    (void)t, (void)input;
+    for (int i = 0; i < LINEAR; i++) {
+        out[i] = 0.0;
+        for (int j = 0; j < LINEAR; j++) out[i] += s->parameters[LINEAR * i + j] * y[j];
+    }
+    return LG_OK;
+}
+
+static lg_status linear_taped(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
+    const setup *s = user;
+    (void)t;
+    out[0] = lg_matmul_nt(tape, y[0], lg_reshape(tape, s->theta, lg_shape2(LINEAR, LINEAR)));
+    return lg_tape_status(tape);
+}
+
+static setup linear_setup(void) {
+    setup s = {.scheme = "rk4",
+               .ode.field = linear_field,
+               .taped.field = linear_taped,
+               .parameters = {-0.2, 1.3, 0.4, -1.1, 0.1, 0.7, 0.3, -0.9, -0.3},
+               .parameter_count = LINEAR * LINEAR,
+               .y0 = {1.0, -0.4, 0.6},
+               .final = {0.7, 1.2, -0.5},
+               .along = 0.3};
+    assert_ok(lg_space_init_rn(&s.ode.space, LINEAR));
+    s.taped.space = s.ode.space;
+    use_steps(&s, 0.1);
+    return s;
+}
+
+/* out = R(h A) y and, for every entry of A, its derivative, with R(Z) = sum_{k <= 4} Z^k/k! by Horner:
+ * u <- y + Z u/k, du <- (dZ u + Z du)/k. Z may be transposed. */
+static void linear_step(const double *A, double h, bool transposed, const double *y, double *out,
+                        double d[LINEAR * LINEAR][LINEAR]) {
+    double u[LINEAR], du[LINEAR * LINEAR][LINEAR] = {{0}};
+    memcpy(u, y, sizeof u);
+    for (int k = 4; k >= 1; k--) {
+        double next[LINEAR], dnext[LINEAR * LINEAR][LINEAR] = {{0}};
+        for (int i = 0; i < LINEAR; i++) {
+            next[i] = y[i];
+            for (int j = 0; j < LINEAR; j++) {
+                const double z = h / k * A[transposed ? LINEAR * j + i : LINEAR * i + j];
+                next[i] += z * u[j];
+                for (int e = 0; e < LINEAR * LINEAR; e++) dnext[e][i] += z * du[e][j];
+                dnext[LINEAR * i + j][i] += h / k * u[j];
+            }
+        }
+        memcpy(u, next, sizeof u);
+        memcpy(du, dnext, sizeof du);
+    }
+    memcpy(out, u, sizeof u);
+    if (d) memcpy(d, du, sizeof du);
+}
+
+static void linear_closed_form(void **state) {
+    (void)state;
+    setup s = linear_setup();
+    result r;
+    gradient_of(&s, &r);
+    double y[STEPS + 1][LINEAR], lambda[LINEAR], dA[LINEAR * LINEAR] = {0}, d[LINEAR * LINEAR][LINEAR];
+    memcpy(y[0], s.y0, sizeof y[0]);
+    for (size_t n = 0; n < STEPS; n++) linear_step(s.parameters, s.h[n], false, y[n], y[n + 1], NULL);
+    for (int i = 0; i < LINEAR; i++) lambda[i] = s.final[i] + s.along * y[STEPS][i];
+    for (size_t n = STEPS; n-- > 0;) {
+        double end[LINEAR];
+        linear_step(s.parameters, s.h[n], false, y[n], end, d);
+        for (int e = 0; e < LINEAR * LINEAR; e++)
+            for (int i = 0; i < LINEAR; i++) dA[e] += lambda[i] * d[e][i];
+        linear_step(s.parameters, s.h[n], true, lambda, lambda, NULL); /* R(hA)^T = R(hA^T) */
+        for (int i = 0; i < LINEAR; i++) lambda[i] += s.along * y[n][i];
+    }
+    for (int i = 0; i < LINEAR; i++) {
+        assert_close(r.y_end[i], y[STEPS][i], 1e-14, 1e-15);
+        assert_close(r.dy0[i], lambda[i], 1e-13, 1e-14);
+    }
+    for (int e = 0; e < LINEAR * LINEAR; e++) assert_close(r.dparameters[e], dA[e], 1e-13, 1e-13);
+    against_differences(&s, "linear");
+}
+
+/* Newton's corrections are differentiated too. */
+static void implicit_schemes(void **state) {
+    (void)state;
+    static const char *const schemes[] = {"implicit-euler", "midpoint"};
+    for (size_t i = 0; i < sizeof schemes / sizeof *schemes; i++) {
+        setup s = linear_setup();
+        s.scheme = schemes[i];
+        against_differences(&s, "linear");
+    }
+}
+
+/* ---- two links, (T*S^2)^2, parameters m1, m2, g ---- */
+
+/* W = m^-1, (W o G) lambda = u, u_i = q_i.(W p)_i; v_i = sum_j W_ij (p_j - lambda_j q_j), g_i = -lambda_i v_i
+ * + w_i e3; algebra (q_i x v_i, g_i x q_i + v_i x p_i). Lengths 1. */
+static double dot(const double *a, const double *b) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static void cross_add(const double *a, const double *b, double *out) {
+    out[0] += a[1] * b[2] - a[2] * b[1];
+    out[1] += a[2] * b[0] - a[0] * b[2];
+    out[2] += a[0] * b[1] - a[1] * b[0];
+}
+
+static lg_status chain_field(void *user, double t, const double *y, const double *input, double *out) {
+    const setup *s = user;
+    (void)t, (void)input;
+    const double m1 = s->parameters[0], m2 = s->parameters[1], gravity = s->parameters[2];
+    const double W[2][2] = {{1.0 / m1, -1.0 / m1}, {-1.0 / m1, 1.0 / m1 + 1.0 / m2}};
+    const double weight[2] = {(m1 + m2) * gravity, m2 * gravity}, *q[2] = {y, y + 6}, *p[2] = {y + 3, y + 9};
+    const double c = W[0][1] * dot(q[0], q[1]), det = W[0][0] * W[1][1] - c * c;
+    double u[2];
+    for (int i = 0; i < 2; i++) u[i] = W[i][0] * dot(q[i], p[0]) + W[i][1] * dot(q[i], p[1]);
+    const double lambda[2] = {(u[0] * W[1][1] - c * u[1]) / det, (u[1] * W[0][0] - c * u[0]) / det};
+    memset(out, 0, 12 * sizeof *out);
+    for (int i = 0; i < 2; i++) {
+        double v[3], g[3];
+        for (int j = 0; j < 3; j++) {
+            v[j] = W[i][0] * (p[0][j] - lambda[0] * q[0][j]) + W[i][1] * (p[1][j] - lambda[1] * q[1][j]);
+            g[j] = -lambda[i] * v[j] + (j == 2 ? weight[i] : 0.0);
+        }
+        cross_add(q[i], v, out + 6 * i);
+        cross_add(g, q[i], out + 6 * i + 3);
+        cross_add(v, p[i], out + 6 * i + 3);
+    }
+    return LG_OK;
+}
+
+static lg_status chain_taped(void *user, lg_tape *T, double t, const lg_var *y, lg_var *out) {
+    const setup *s = user;
+    (void)t;
+    static const double up[3] = {0.0, 0.0, 1.0};
+    lg_var e3 = lg_input_f64(T, lg_shape1(3), up), q[2], p[2], u[2], rest[2], v[2], xi[2], eta[2];
+    lg_var m1 = lg_slice(T, s->theta, 0, 0, 1), m2 = lg_slice(T, s->theta, 0, 1, 1);
+    lg_var gravity = lg_slice(T, s->theta, 0, 2, 1);
+    lg_var w11 = lg_pow(T, m1, -1.0), w12 = lg_neg(T, w11), w22 = lg_add(T, w11, lg_pow(T, m2, -1.0));
+    const lg_var W[2][2] = {{w11, w12}, {w12, w22}};
+    const lg_var weight[2] = {lg_mul(T, lg_add(T, m1, m2), gravity), lg_mul(T, m2, gravity)};
+    for (uint32_t i = 0; i < 2; i++) {
+        q[i] = lg_slice(T, y[0], 1, i, 1);
+        p[i] = lg_slice(T, y[1], 1, i, 1);
+    }
+    for (int i = 0; i < 2; i++)
+        u[i] = lg_add(T, lg_mul(T, W[i][0], lg_rowdot(T, q[i], p[0])),
+                      lg_mul(T, W[i][1], lg_rowdot(T, q[i], p[1])));
+    lg_var c = lg_mul(T, w12, lg_rowdot(T, q[0], q[1]));
+    lg_var det = lg_sub(T, lg_mul(T, w11, w22), lg_square(T, c));
+    for (int i = 0; i < 2; i++) {
+        lg_var top = lg_sub(T, lg_mul(T, u[i], W[1 - i][1 - i]), lg_mul(T, c, u[1 - i]));
+        rest[i] = lg_div(T, top, det);
+    }
+    const lg_var lambda[2] = {rest[0], rest[1]};
+    for (int i = 0; i < 2; i++) rest[i] = lg_sub(T, p[i], lg_mul(T, lambda[i], q[i]));
+    for (int i = 0; i < 2; i++) {
+        v[i] = lg_add(T, lg_mul(T, W[i][0], rest[0]), lg_mul(T, W[i][1], rest[1]));
+        lg_var g = lg_sub(T, lg_mul(T, weight[i], e3), lg_mul(T, lambda[i], v[i]));
+        xi[i] = lg_cross(T, q[i], v[i]);
+        eta[i] = lg_add(T, lg_cross(T, g, q[i]), lg_cross(T, v[i], p[i]));
+    }
+    out[0] = lg_concat(T, xi, 2, 1);
+    out[1] = lg_concat(T, eta, 2, 1);
+    return lg_tape_status(T);
+}
+
+static setup chain_setup(const char *scheme) {
+    setup s = {.scheme = scheme,
+               .ode.field = chain_field,
+               .taped.field = chain_taped,
+               .parameters = {1.0, 0.7, 2.0},
+               .parameter_count = 3,
+               .y0 = {0.6, 0.0, 0.8, 0.8, 0.5, -0.6, 0.0, -0.6, 0.8, 0.9, 0.4, 0.3},
+               .along = 0.2};
+    for (int i = 0; i < 12; i++) s.final[i] = cos(2.0 * i + 0.5);
+    assert_ok(lg_space_init(&s.ode.space, &(lg_space_factor){LG_SPACE_TS2, 2}, 1));
+    s.taped.space = s.ode.space;
+    use_steps(&s, 0.05);
+    return s;
+}
+
+static void chain_of_two_links(void **state) {
+    (void)state;
+    static const char *const schemes[] = {"lie-euler", "rkmk3", "rkmk4", "cf4", "rkmk54", "cf32a"};
+    for (size_t i = 0; i < sizeof schemes / sizeof *schemes; i++) {
+        setup s = chain_setup(schemes[i]);
+        against_differences(&s, "two links");
+        s.along = 0.0;
+        s.parameter_count = 3;
+        against_differences(&s, "two links, the end only");
+    }
+}
+
+/* The derivative along the symmetry is zero: rotating the start about the vertical does not change what
+ * depends on heights only. */
+static void chain_symmetry(void **state) {
+    (void)state;
+    setup s = chain_setup("rkmk4");
+    result r;
+    s.along = 0.0;
+    for (int i = 0; i < 12; i++) s.final[i] = i % 3 == 2 ? 1.0 + 0.1 * i : 0.0;
+    gradient_of(&s, &r);
+    double sum = 0.0;
+    for (int i = 0; i < 4; i++) sum += r.dy0[3 * i] * -s.y0[3 * i + 1] + r.dy0[3 * i + 1] * s.y0[3 * i];
+    assert_close(sum, 0.0, 0.0, 1e-13 * largest(r.dy0, 12));
+    /* Turned on one link alone it is not. */
+    assert_true(fabs(r.dy0[6] * -s.y0[7] + r.dy0[7] * s.y0[6]) > 1e-3);
+}
+
+/* ---- a top on SE(3): u = R D R^T r, force b x R e3, parameters the diagonal D ---- */
+
+static const double top_b[3] = {0.4, -0.7, 1.1};
+
+static lg_status top_field(void *user, double t, const double *y, const double *input, double *out) {
+    const setup *s = user;
+    (void)t, (void)input;
+    const double *R = y, *r = y + 9, axis[3] = {R[2], R[5], R[8]};
+    memset(out, 0, 6 * sizeof *out);
+    for (int k = 0; k < 3; k++) {
+        const double body = R[k] * r[0] + R[3 + k] * r[1] + R[6 + k] * r[2];
+        for (int i = 0; i < 3; i++) out[i] += R[3 * i + k] * s->parameters[k] * body;
+    }
+    cross_add(top_b, axis, out + 3);
+    return LG_OK;
+}
+
+static lg_status top_taped(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
+    const setup *s = user;
+    (void)t;
+    lg_var R = lg_reshape(tape, y[0], lg_shape3(1, 3, 3)), r = lg_reshape(tape, y[1], lg_shape3(1, 3, 1));
+    lg_var D = lg_reshape(tape, s->theta, lg_shape3(1, 3, 1));
+    lg_var u = lg_matmul(tape, R, lg_mul(tape, D, lg_matmul_tn(tape, R, r)));
+    lg_var axis = lg_reshape(tape, lg_slice(tape, R, 2, 2, 1), lg_shape3(1, 1, 3));
+    out[0] = lg_reshape(tape, u, lg_shape3(1, 1, 3));
+    out[1] = lg_cross(tape, lg_input_f64(tape, lg_shape3(1, 1, 3), top_b), axis);
+    return lg_tape_status(tape);
+}
+
+static void top(void **state) {
+    (void)state;
+    static const char *const schemes[] = {"slgi", "rkmk4", "cf4"};
+    for (size_t k = 0; k < sizeof schemes / sizeof *schemes; k++) {
+        setup s = {.scheme = schemes[k],
+                   .ode.field = top_field,
+                   .taped.field = top_taped,
+                   .parameters = {1.0, 0.7, 1.6},
+                   .parameter_count = 3,
+                   .y0 = {0.8, -0.6, 0.0, 0.48, 0.64, -0.6, 0.36, 0.48, 0.8, 0.5, -1.2, 0.9},
+                   .along = 0.2};
+        for (int i = 0; i < 12; i++) s.final[i] = cos(2.0 * i + 0.5);
+        assert_ok(lg_space_init(&s.ode.space, &(lg_space_factor){LG_SPACE_SE3, 1}, 1));
+        s.taped.space = s.ode.space;
+        use_steps(&s, 0.05);
+        against_differences(&s, "top");
+    }
+}
+
+/* ---- H = p^2/2 + a q^4, pushed by b cos t ---- */
+
+static lg_status quartic_force(void *user, double t, const double *q, const double *input, double *out) {
+    const setup *s = user;
+    (void)input;
+    out[0] = -4.0 * s->parameters[0] * q[0] * q[0] * q[0];
+    if (s->parameters[1] != 0.0) out[0] += s->parameters[1] * cos(t);
+    return LG_OK;
+}
+
+static lg_status velocity(void *user, double t, const double *p, const double *input, double *out) {
+    (void)user, (void)t, (void)input;
+    out[0] = p[0];
+    return LG_OK;
+}
+
+static lg_status quartic_force_taped(void *user, lg_tape *tape, double t, lg_var q, lg_var *out) {
+    const setup *s = user;
+    lg_var a = lg_slice(tape, s->theta, 0, 0, 1), b = lg_slice(tape, s->theta, 0, 1, 1);
+    lg_var cube = lg_mul(tape, lg_square(tape, q), q);
+    *out = lg_add(tape, lg_scale(tape, lg_mul(tape, a, cube), -4.0), lg_scale(tape, b, cos(t)));
+    return lg_tape_status(tape);
+}
+
+static lg_status velocity_taped(void *user, lg_tape *tape, double t, lg_var p, lg_var *out) {
+    (void)user, (void)t;
+    *out = p;
+    return lg_tape_status(tape);
+}
+
+static void split_plane(setup *s) {
+    const lg_space_factor two[2] = {{LG_SPACE_RN, 1}, {LG_SPACE_RN, 1}};
+    assert_ok(lg_space_init_rn(&s->ode.space, 2));
+    assert_ok(lg_space_init(&s->taped.space, two, 2));
+}
+
+static setup quartic_setup(const char *scheme) {
+    setup s = {.scheme = scheme,
+               .ode = {.force = quartic_force, .velocity = velocity},
+               .taped = {.force = quartic_force_taped, .velocity = velocity_taped},
+               .parameters = {0.8, 0.6},
+               .parameter_count = 2,
+               .y0 = {1.1, 0.3},
+               .final = {1.0, -0.7},
+               .along = 0.4};
+    split_plane(&s);
+    use_steps(&s, 0.1);
+    return s;
+}
+
+static void quartic(void **state) {
+    (void)state;
+    setup verlet = quartic_setup("stormer-verlet"), euler = quartic_setup("symplectic-euler");
+    against_differences(&verlet, "quartic, driven");
+    against_differences(&euler, "quartic, driven");
+    result two, one; /* factors of the taped plane */
+    gradient_of(&verlet, &two);
+    verlet.taped.space = verlet.ode.space;
+    gradient_of(&verlet, &one);
+    assert_memory_equal(one.dy0, two.dy0, sizeof one.dy0);
+    assert_memory_equal(one.dparameters, two.dparameters, sizeof one.dparameters);
+}
+
+/* ---- which steps ---- */
+
+enum { ADAPTIVE = 400 };
+
+typedef struct accepted {
+    double t[ADAPTIVE], h[ADAPTIVE];
+    size_t count;
+} accepted;
+
+static lg_status observe(void *user, double t, double h, const double *y) {
+    accepted *a = user;
+    (void)y;
+    if (a->count == ADAPTIVE) return LG_TOO_MANY_STEPS;
+    a->t[a->count] = t;
+    a->h[a->count++] = h;
+    return LG_OK;
+}
+
+/* The steps of an adaptive run, forward or backward, held fixed. */
+static void frozen_adaptive_steps(void **state) {
+    (void)state;
+    static accepted steps;
+    static const double ends[] = {2.0, -1.5};
+    for (int i = 0; i < 2; i++) {
+        setup s = chain_setup("rkmk54");
+        lg_control control;
+        lg_stepper *stepper;
+        lg_run_stats stats;
+        double y_end[12];
+        result r;
+        lg_control_init(&control);
+        control.rtol = control.atol = 1e-8;
+        control.h_initial = 0.2;
+        control.observe = observe;
+        control.observer = &steps;
+        steps.count = 0;
+        s.ode.user = &s;
+        assert_ok(lg_stepper_create(NULL, lg_scheme_find(s.scheme), &s.ode, &stepper));
+        assert_ok(lg_integrate_adaptive(stepper, &control, 0.0, s.y0, &ends[i], 1, y_end, &stats));
+        lg_stepper_destroy(NULL, stepper);
+        print_message("%zu steps accepted, %zu rejected, from %.3g to %.3g\n", stats.steps, stats.rejected,
+                      steps.h[0], steps.h[steps.count - 1]);
+        assert_int_equal(steps.count, stats.steps);
+        assert_true(steps.count > 10 && stats.rejected > 0);
+        s.t = steps.t;
+        s.h = steps.h;
+        s.steps = steps.count;
+        against_differences(&s, "two links, accepted steps");
+        gradient_of(&s, &r);
+        assert_memory_equal(r.y_end, y_end, sizeof y_end);
+        s.along = 0.0;
+        against_differences(&s, "two links, accepted steps, the end");
+    }
+}
+
+static void backward_in_time(void **state) {
+    (void)state;
+    setup s = chain_setup("rkmk4"), q = quartic_setup("stormer-verlet");
+    unequal_steps(-0.05, times, sizes, STEPS);
+    against_differences(&s, "two links, backward");
+    against_differences(&q, "quartic, backward");
+}
+
+static void one_step(void **state) {
+    (void)state;
+    setup s = chain_setup("cf4");
+    s.steps = 1;
+    against_differences(&s, "two links, one step");
+    result r;
+    gradient_of(&s, &r);
+    assert_int_equal(r.stats.checkpoints, 1);
+}
+
+/* ---- checkpoints ---- */
+
+static void assert_bits(const result *a, const result *b) {
+    assert_memory_equal(a->y_end, b->y_end, sizeof a->y_end);
+    assert_memory_equal(a->dy0, b->dy0, sizeof a->dy0);
+    assert_memory_equal(a->dparameters, b->dparameters, sizeof a->dparameters);
+}
+
+static void checkpoints_change_nothing(void **state) {
+    (void)state;
+    static const size_t counts[] = {1, 2, 7, STEPS - 1, STEPS, 0};
+    static const char *const schemes[] = {"rkmk54", "rkmk4", "cf4",
+                                          "cf43"}; /* the first one remembers stages */
+    for (size_t k = 0; k < sizeof schemes / sizeof *schemes; k++) {
+        setup s = chain_setup(schemes[k]);
+        result first, r;
+        s.checkpoints = 1;
+        gradient_of(&s, &first);
+        for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) {
+            s.checkpoints = counts[i];
+            gradient_of(&s, &r);
+            assert_bits(&r, &first);
+            const size_t used = counts[i] > 0 ? counts[i] : 5, longest = (STEPS + used - 1) / used;
+            assert_int_equal(r.stats.checkpoints, used);
+            assert_int_equal(r.stats.state_bytes, 8 * 12 * (used + 1 + longest));
+        }
+    }
+}
+
+/* Where time is part of the field, a segment that starts anew differs by the rounding of t + h; what is
+ * computed again inside it does not. */
+static void checkpoints_of_a_driven_system(void **state) {
+    (void)state;
+    setup s = quartic_setup("stormer-verlet");
+    result first, r;
+    double seen[STEPS + 1][2], y[2];
+    lg_stepper *stepper;
+    for (size_t n = 0; n < STEPS; n++) times[n] = 0.3 + 0.1 * (double)n, sizes[n] = 0.1;
+    s.seen = seen[0];
+    s.checkpoints = 1;
+    gradient_of(&s, &first);
+    assert_ok(lg_stepper_create(NULL, lg_scheme_find(s.scheme), &s.ode, &stepper));
+    size_t moved = 0;
+    for (size_t c = 2; c <= STEPS; c++) {
+        s.checkpoints = c;
+        gradient_of(&s, &r);
+        moved += memcmp(r.y_end, first.y_end, sizeof r.y_end) != 0;
+        for (int i = 0; i < 2; i++) {
+            assert_close(r.y_end[i], first.y_end[i], 1e-13, 1e-14);
+            assert_close(r.dy0[i], first.dy0[i], 1e-13, 1e-14);
+            assert_close(r.dparameters[i], first.dparameters[i], 1e-13, 1e-13);
+        }
+        const size_t length = STEPS / c, longer = STEPS % c;
+        for (size_t segment = 0, n = 0; segment < c; segment++) {
+            const size_t end = n + length + (segment < longer);
+            lg_stepper_reset(stepper);
+            for (memcpy(y, seen[n], sizeof y); n < end; n++) {
+                assert_memory_equal(y, seen[n], sizeof y);
+                assert_ok(lg_step(stepper, s.t[n], s.h[n], y, NULL, y));
+            }
+            assert_memory_equal(y, seen[end], sizeof y);
+        }
+    }
+    lg_stepper_destroy(NULL, stepper);
+    assert_true(moved > 0); /* or the comparison would say nothing */
+}
+
+/* ---- a long run ---- */
+
+static lg_status pendulum_force(void *user, double t, const double *q, const double *input, double *out) {
+    const setup *s = user;
+    (void)t, (void)input;
+    out[0] = -s->parameters[0] * sin(q[0]);
+    return LG_OK;
+}
+
+static lg_status pendulum_force_taped(void *user, lg_tape *tape, double t, lg_var q, lg_var *out) {
+    const setup *s = user;
+    (void)t;
+    *out = lg_neg(tape, lg_mul(tape, s->theta, lg_sin(tape, q)));
+    return lg_tape_status(tape);
+}
+
+enum { LONG = 100000 };
+
+/* p <- p - h/2 a sin q; q <- q + h p; p <- p - h/2 a sin q, and backwards by hand, all states kept. */
+static void pendulum_by_hand(const setup *s, double y[][2], double *lambda, double *da) {
+    const double a = s->parameters[0];
+    memcpy(y[0], s->y0, sizeof y[0]);
+    for (size_t n = 0; n < s->steps; n++) {
+        const double half = 0.5 * s->h[n], p = y[n][1] - half * a * sin(y[n][0]);
+        y[n + 1][0] = y[n][0] + s->h[n] * p;
+        y[n + 1][1] = p - half * a * sin(y[n + 1][0]);
+    }
+    *da = 0.0;
+    for (int i = 0; i < 2; i++) lambda[i] = s->final[i] + s->along * y[s->steps][i];
+    for (size_t n = s->steps; n-- > 0;) {
+        const double half = 0.5 * s->h[n];
+        *da -= half * sin(y[n + 1][0]) * lambda[1];
+        lambda[0] -= half * a * cos(y[n + 1][0]) * lambda[1];
+        lambda[1] += s->h[n] * lambda[0];
+        *da -= half * sin(y[n][0]) * lambda[1];
+        lambda[0] -= half * a * cos(y[n][0]) * lambda[1];
+        for (int i = 0; i < 2; i++) lambda[i] += s->along * y[n][i];
+    }
+}
+
+static void hundred_thousand_steps(void **state) {
+    (void)state;
+    static double t[LONG], h[LONG], y[LONG + 1][2];
+    setup s = {.scheme = "stormer-verlet",
+               .ode = {.force = pendulum_force, .velocity = velocity},
+               .taped = {.force = pendulum_force_taped, .velocity = velocity_taped},
+               .parameters = {1.3},
+               .parameter_count = 1,
+               .y0 = {2.1, 0.0},
+               .final = {1.0, -0.7},
+               .along = 1e-5,
+               .t = t,
+               .h = h,
+               .steps = LONG};
+    split_plane(&s);
+    for (size_t n = 0; n < LONG; n++) t[n] = 0.02 * (double)n, h[n] = 0.02;
+    result r;
+    gradient_of(&s, &r);
+    double lambda[2], da;
+    pendulum_by_hand(&s, y, lambda, &da);
+    print_message("%d steps: dJ/dy0 %.15g %.15g, dJ/da %.15g\n", LONG, r.dy0[0], r.dy0[1], r.dparameters[0]);
+    print_message("  relative errors %.1e %.1e %.1e\n", r.dy0[0] / lambda[0] - 1.0,
+                  r.dy0[1] / lambda[1] - 1.0, r.dparameters[0] / da - 1.0);
+    print_message("  C = %zu, states %zu bytes, tape %zu bytes, %.3g s\n", r.stats.checkpoints,
+                  r.stats.state_bytes, r.stats.tape_bytes, r.stats.seconds);
+    for (int i = 0; i < 2; i++) {
+        assert_close(r.y_end[i], y[LONG][i], 1e-9, 1e-9);
+        assert_close(r.dy0[i], lambda[i], 1e-9, 0.0);
+    }
+    assert_close(r.dparameters[0], da, 1e-9, 0.0);
+    assert_true(r.stats.state_bytes + r.stats.tape_bytes < 10000000);
+    assert_int_equal(r.stats.state_bytes, 8 * 2 * (317 + 1 + 316));
+    assert_true(r.stats.seconds > 0.0);
+    /* The tape holds one step, however many there are. */
+    const size_t tape_bytes = r.stats.tape_bytes;
+    s.steps = 10;
+    gradient_of(&s, &r);
+    assert_int_equal(r.stats.tape_bytes, tape_bytes);
+}
+
+/* ---- what may go wrong ---- */
+
+static void some_outputs(void **state) {
+    (void)state;
+    setup s = chain_setup("rkmk4");
+    result r, part = {.stats = {0}};
+    gradient_of(&s, &r);
+    lg_adjoint_problem p = problem_of(&s);
+    assert_ok(lg_adjoint_gradient(NULL, &p, s.y0, NULL, part.dy0, NULL, NULL, NULL));
+    assert_memory_equal(part.dy0, r.dy0, sizeof r.dy0);
+    assert_ok(lg_adjoint_gradient(NULL, &p, s.y0, NULL, NULL, part.dparameters, NULL, NULL));
+    assert_memory_equal(part.dparameters, r.dparameters, sizeof r.dparameters);
+    /* Only the end: neither bind nor source is asked. */
+    s.stop = LG_CHECK_FAILED;
+    s.bind_dimension = true;
+    assert_ok(lg_adjoint_gradient(NULL, &p, s.y0, part.y_end, NULL, NULL, NULL, NULL));
+    assert_memory_equal(part.y_end, r.y_end, sizeof r.y_end);
+    assert_ok(lg_adjoint_gradient(NULL, &p, s.y0, NULL, NULL, NULL, NULL, NULL));
+    /* A field without parameters; the gradient in place of the start. */
+    setup linear = linear_setup();
+    linear.scheme = "rkmk4";
+    gradient_of(&linear, &r);
+    p = problem_of(&linear);
+    assert_ok(lg_adjoint_gradient(NULL, &p, linear.y0, NULL, linear.y0, NULL, NULL, NULL));
+    assert_memory_equal(linear.y0, r.dy0, LINEAR * sizeof *r.dy0);
+}
+
+static lg_status drift_field(void *user, double t, const double *y, const double *input, double *out) {
+    (void)user, (void)t, (void)y, (void)input;
+    out[0] = 2.0;
+    return LG_OK;
+}
+
+static lg_status drift_taped(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
+    const setup *s = user;
+    (void)t, (void)y;
+    out[0] = lg_full(tape, lg_shape2(1, 1), lg_is_none(s->theta) ? 2.0 : NAN);
+    return lg_tape_status(tape);
+}
+
+/* y' = 2 depends on neither the state nor a parameter. */
+static void constant_field(void **state) {
+    (void)state;
+    setup s = {
+        .scheme = "rk4", .ode.field = drift_field, .taped.field = drift_taped, .y0 = {0.5}, .final = {3.0}};
+    assert_ok(lg_space_init_rn(&s.ode.space, 1));
+    s.taped.space = s.ode.space;
+    use_steps(&s, 0.1);
+    result r;
+    gradient_of(&s, &r);
+    assert_close(r.dy0[0], 3.0, 0.0, 0.0);
+    assert_close(r.y_end[0], 0.5 + 2.0 * (sizes[STEPS - 1] + times[STEPS - 1] - times[0]), 1e-14, 0.0);
+}
+
+/* Fails with this status and a sentence that holds the word, and nothing is written. */
+static void refused(const lg_context *context, setup *s, const lg_adjoint_problem *p, lg_status expected,
+                    const char *word) {
+    result r, untouched;
+    lg_error error = {LG_OK, ""};
+    memset(&r, 0x5a, sizeof r);
+    memset(&untouched, 0x5a, sizeof untouched);
+    const lg_status status =
+        lg_adjoint_gradient(context, p, s->y0, r.y_end, r.dy0, r.dparameters, &r.stats, &error);
+    if (status != expected || error.status != status || strstr(error.message, word) == NULL)
+        fail_msg("%s: %s, expected %s with '%s'", lg_status_name(status), error.message,
+                 lg_status_name(expected), word);
+    assert_memory_equal(&r, &untouched, sizeof r);
+    assert_status(lg_adjoint_gradient(context, p, s->y0, NULL, r.dy0, r.dparameters, NULL, NULL), expected);
+}
+
+static void refused_setup(setup *s, lg_status expected, const char *word) {
+    const lg_adjoint_problem p = problem_of(s);
+    refused(NULL, s, &p, expected, word);
+}
+
+static void bad_arguments(void **state) {
+    (void)state;
+    setup s = chain_setup("rkmk4");
+    const lg_adjoint_problem good = problem_of(&s);
+    double bad[STEPS];
+    memcpy(bad, s.h, sizeof bad);
+    bad[STEPS - 1] = NAN;
+    lg_adjoint_problem p;
+    refused(NULL, &s, NULL, LG_INVALID_ARGUMENT, "initialised");
+#define WITH(change, word) p = good, change, refused(NULL, &s, &p, LG_INVALID_ARGUMENT, word)
+    WITH(p.size = 0, "initialised");
+    WITH(p.scheme = NULL, "NULL");
+    WITH(p.ode = NULL, "NULL");
+    WITH(p.bind = NULL, "NULL");
+    WITH(p.source = NULL, "NULL");
+    WITH(p.t = NULL, "NULL");
+    WITH(p.h = NULL, "NULL");
+    WITH(p.steps = 0, "no steps");
+    WITH(p.checkpoints = STEPS + 1, "checkpoints");
+    WITH(p.parameters = NULL, "not given");
+    WITH(p.h = bad, "finite");
+    WITH(p.t = bad, "finite");
+#undef WITH
+    assert_status(lg_adjoint_gradient(NULL, &good, NULL, NULL, NULL, NULL, NULL, NULL), LG_INVALID_ARGUMENT);
+    s.y0[3] = INFINITY;
+    refused_setup(&s, LG_INVALID_ARGUMENT, "start");
+    s = chain_setup("rkmk4");
+    s.parameters[1] = NAN;
+    refused_setup(&s, LG_INVALID_ARGUMENT, "parameter");
+    s = chain_setup("rk4"); /* a classical scheme on a manifold */
+    refused_setup(&s, LG_UNSUPPORTED, "scheme");
+    s = chain_setup("rkmk4");
+    s.bind_dimension = true;
+    refused_setup(&s, LG_INVALID_ARGUMENT, "dimension");
+    s = chain_setup("rkmk4");
+    s.bind_shift = 1e-4; /* the gradient at other parameters */
+    refused_setup(&s, LG_INVALID_ARGUMENT, "taped form");
+    s = chain_setup("rkmk4");
+    s.taped.field = NULL;
+    refused_setup(&s, LG_INVALID_ARGUMENT, "step 1");
+}
+
+static lg_status wrong_shape(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
+    (void)user, (void)t;
+    out[0] = y[0];
+    out[1] = lg_full(tape, lg_shape3(1, 5, 3), 1.0);
+    return lg_tape_status(tape);
+}
+
+static lg_status refusing_field(void *user, double t, const double *y, const double *input, double *out) {
+    (void)user, (void)y, (void)input, (void)out;
+    return t > 0.8 ? LG_NO_CONVERGENCE : chain_field(user, t, y, input, out);
+}
+
+static lg_status refusing_taped(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
+    return t > 0.8 ? LG_NO_CONVERGENCE : chain_taped(user, tape, t, y, out);
+}
+
+/* y' = y^2 */
+static lg_status steep_field(void *user, double t, const double *y, const double *input, double *out) {
+    (void)user, (void)t, (void)input;
+    out[0] = y[0] * y[0];
+    return LG_OK;
+}
+
+static lg_status steep_taped(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
+    (void)user, (void)t;
+    out[0] = lg_square(tape, y[0]);
+    return lg_tape_status(tape);
+}
+
+static lg_status own_step(void *user, double t, double h, double *y) {
+    (void)user, (void)t, (void)h, (void)y;
+    return LG_OK;
+}
+
+static void no_taped_form(void **state) {
+    (void)state;
+    setup s = chain_setup("variational");
+    s.ode.step = own_step;
+    refused_setup(&s, LG_UNSUPPORTED, "no taped form");
+}
+
+static void failing_callbacks(void **state) {
+    (void)state;
+    setup s = chain_setup("rkmk4");
+    for (size_t n = 0; n <= STEPS; n += STEPS) {
+        s.stop_at = n;
+        s.stop = LG_NOT_FOUND;
+        refused_setup(&s, LG_NOT_FOUND, "source");
+    }
+    s.stop = LG_OK;
+    s.final[2] = NAN;
+    refused_setup(&s, LG_NOT_FINITE, "source");
+    s = chain_setup("rkmk4");
+    s.taped.field = wrong_shape;
+    refused_setup(&s, LG_SHAPE, "(1, 5, 3)");
+    s = chain_setup("rkmk4");
+    s.ode.field = refusing_field;
+    refused_setup(&s, LG_NO_CONVERGENCE, "converge");
+    s = chain_setup("rkmk4");
+    s.taped.field = refusing_taped;
+    refused_setup(&s, LG_NO_CONVERGENCE, "converge");
+    /* y' = y^2 leaves the numbers. */
+    s = (setup){
+        .scheme = "rk4", .ode.field = steep_field, .taped.field = steep_taped, .y0 = {1.5}, .final = {1.0}};
+    assert_ok(lg_space_init_rn(&s.ode.space, 1));
+    s.taped.space = s.ode.space;
+    use_steps(&s, 0.9);
+    refused_setup(&s, LG_NOT_FINITE, "NaN");
+    /* The states stay finite, the derivative does not. */
+    use_steps(&s, 0.02);
+    s.y0[0] = 1.7;
+    s.final[0] = 1e308;
+    s.along = 0.0;
+    refused_setup(&s, LG_NOT_FINITE, "finite");
+}
+
+static void memory_that_fails(void **state) {
+    (void)state;
+    lg_fail_alloc memory;
+    lg_context *context = lg_fail_alloc_context(&memory);
+    assert_non_null(context);
+    setup s = chain_setup("rkmk54");
+    s.steps = 4;
+    long failures = 0;
+    for (long n = 1;; n++) {
+        result r, untouched;
+        memset(&r, 0x5a, sizeof r);
+        memset(&untouched, 0x5a, sizeof untouched);
+        lg_fail_alloc_arm(&memory, n);
+        const lg_status status = try_gradient(context, &s, &r, NULL);
+        assert_int_equal(lg_fail_alloc_live(&memory), 0);
+        if (!lg_fail_alloc_hit(&memory)) {
+            assert_int_equal(status, LG_OK);
+            break;
+        }
+        assert_int_equal(status, LG_OUT_OF_MEMORY);
+        assert_memory_equal(&r, &untouched, sizeof r);
+        failures++;
+    }
+    print_message("%ld allocations failed in turn\n", failures);
+    assert_true(failures >= 5);
+    lg_fail_alloc_arm(&memory, 0);
+    lg_context_destroy(context);
+}
+
+static volatile int cancel_flag;
+static size_t fields_left;
+
+static lg_status cancelling_field(void *user, double t, const double *y, const double *input, double *out) {
+    if (fields_left > 0 && --fields_left == 0) cancel_flag = 1;
+    return chain_field(user, t, y, input, out);
+}
+
+static lg_status cancelling_taped(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
+    if (fields_left > 0 && --fields_left == 0) cancel_flag = 1;
+    return chain_taped(user, tape, t, y, out);
+}
+
+static void cancelled(void **state) {
+    (void)state;
+    lg_context_options options;
+    lg_context_options_init(&options);
+    options.cancel = &cancel_flag;
+    lg_context *context;
+    assert_ok(lg_context_create(&options, &context));
+    setup s = chain_setup("rkmk4");
+    s.ode.field = cancelling_field;
+    s.taped.field = cancelling_taped;
+    const lg_adjoint_problem p = problem_of(&s);
+    const size_t all = 4 * (2 + 2 * STEPS); /* at least: once forward, once on the tape */
+    for (size_t at = 1; at < all; at += 5) {
+        result r, untouched;
+        memset(&r, 0x5a, sizeof r);
+        memset(&untouched, 0x5a, sizeof untouched);
+        cancel_flag = 0;
+        fields_left = at;
+        assert_status(lg_adjoint_gradient(context, &p, s.y0, r.y_end, r.dy0, r.dparameters, &r.stats, NULL),
+                      LG_CANCELLED);
+        assert_memory_equal(&r, &untouched, sizeof r);
+    }
+    cancel_flag = 0;
+    fields_left = 0;
+    result r;
+    assert_ok(try_gradient(context, &s, &r, NULL));
+    lg_context_destroy(context);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(linear_closed_form),
+        cmocka_unit_test(implicit_schemes),
+        cmocka_unit_test(chain_of_two_links),
+        cmocka_unit_test(chain_symmetry),
+        cmocka_unit_test(top),
+        cmocka_unit_test(quartic),
+        cmocka_unit_test(frozen_adaptive_steps),
+        cmocka_unit_test(backward_in_time),
+        cmocka_unit_test(one_step),
+        cmocka_unit_test(checkpoints_change_nothing),
+        cmocka_unit_test(checkpoints_of_a_driven_system),
+        cmocka_unit_test(hundred_thousand_steps),
+        cmocka_unit_test(some_outputs),
+        cmocka_unit_test(constant_field),
+        cmocka_unit_test(bad_arguments),
+        cmocka_unit_test(no_taped_form),
+        cmocka_unit_test(failing_callbacks),
+        cmocka_unit_test(memory_that_fails),
+        cmocka_unit_test(cancelled),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

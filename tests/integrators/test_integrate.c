@@ -1,0 +1,360 @@
+/* Adaptive runs: dense output and its order, observers, rejection by the angle for every adaptive scheme,
+ * first steps, failures. */
+#include "fields.h"
+
+#define PI 3.14159265358979323846
+
+static double swing = 0.3;
+
+static lg_stepper *make(const lg_scheme *scheme, const lg_ode *ode) {
+    lg_stepper *stepper = NULL;
+    assert_ok(lg_stepper_create(NULL, scheme, ode, &stepper));
+    return stepper;
+}
+
+static lg_space chain_space(void) {
+    lg_space space;
+    assert_ok(lg_space_init(&space, &(lg_space_factor){LG_SPACE_TS2, 2}, 1));
+    return space;
+}
+
+/* ---- dense output ---- */
+
+/* The solution from t = 0, by short steps of rkmk5. */
+static void reference(double t_end, double *y) {
+    const lg_scheme *scheme = lg_scheme_find("rkmk5");
+    const lg_ode ode = chain_ode(scheme, &swing);
+    const size_t steps = 40 + (size_t)(400.0 * t_end);
+    double out[2 * CHAIN_DIM], y0[CHAIN_DIM];
+    lg_stepper *stepper = make(scheme, &ode);
+    chain_start(y0);
+    assert_ok(lg_integrate_fixed(stepper, 0.0, t_end / (double)steps, steps, NULL, 0, steps, y0, out, NULL));
+    memcpy(y, out + CHAIN_DIM, CHAIN_DIM * sizeof(*y));
+    lg_stepper_destroy(NULL, stepper);
+}
+
+static double difference(const double *x, const double *y) {
+    double worst = 0.0;
+    for (int i = 0; i < CHAIN_DIM; i++) worst = fmax(worst, fabs(x[i] - y[i]));
+    return isnan(worst) ? INFINITY : worst;
+}
+
+static lg_ode rigid_ode(bool ambient) {
+    lg_ode ode = {.field = ambient ? rigid_ambient_field : rigid_field};
+    assert_ok(lg_space_init(&ode.space, &(lg_space_factor){LG_SPACE_SO3_DUAL, 1}, 1));
+    if (ambient) assert_ok(lg_space_init_rn(&ode.space, 3));
+    return ode;
+}
+
+/* Error of a rigid body inside the second of two steps of size h / 2, so that a value kept by FSAL takes
+ * part. */
+static double dense_error(const lg_scheme *scheme, double h) {
+    const lg_ode ode = rigid_ode(scheme->ambient), lie = rigid_ode(false);
+    const double y0[3] = {0.4, 1.1, -0.7};
+    double y[3], out[3], exact[6], worst = 0.0;
+    lg_stepper *stepper = make(scheme, &ode), *fine = make(lg_scheme_find("rkmk5"), &lie);
+    assert_ok(lg_step(stepper, 0.0, h / 2, y0, NULL, y));
+    assert_ok(lg_step(stepper, h / 2, h / 2, y, NULL, y));
+    assert_ok(lg_stepper_dense(stepper, 0.4, out));
+    assert_ok(lg_integrate_fixed(fine, 0.0, 0.7 * h / 400, 400, NULL, 0, 400, y0, exact, NULL));
+    for (int i = 0; i < 3; i++) worst = fmax(worst, fabs(out[i] - exact[3 + i]));
+    lg_stepper_destroy(NULL, stepper);
+    lg_stepper_destroy(NULL, fine);
+    return worst;
+}
+
+/* Local order: one more than the global one. */
+static double dense_slope(const lg_scheme *scheme) {
+    fit_line fit = {0};
+    for (int i = 0; i <= 20; i++) { /* five halvings */
+        const double h = 1.2 * pow(2.0, -0.25 * i), error = dense_error(scheme, h);
+        assert_true(error < 1e-2 && error > 1e-14);
+        fit_add(&fit, log(h), log(error));
+    }
+    return fit_slope(&fit);
+}
+
+static void test_dense_order(void **state) {
+    (void)state;
+    static const char *const names[] = {"rkmk54", "dp54"};
+    for (int i = 0; i < 2; i++) {
+        const lg_scheme *scheme = lg_scheme_find(names[i]);
+        const double slope = dense_slope(scheme);
+        print_message("  %-7s dense output: local order %.3f\n", names[i], slope);
+        assert_int_equal(scheme->dense_order, 4);
+        assert_true(slope >= 5.0 - 0.15 && slope < 6.0 - 0.15);
+        /* Planted: two coefficients with their consistency kept, order lost. */
+        lg_scheme wrong = *scheme;
+        wrong.dense[2][1] += 1e-2, wrong.dense[2][2] -= 1e-2;
+        wrong.dense[3][1] -= 1e-2, wrong.dense[3][2] += 1e-2;
+        assert_ok(lg_scheme_check(&wrong, NULL));
+        assert_true(dense_slope(&wrong) < 5.0 - 0.15);
+    }
+}
+
+static void test_dense_ends_and_manifold(void **state) {
+    (void)state;
+    const lg_scheme *scheme = lg_scheme_find("rkmk54");
+    const lg_ode ode = chain_ode(scheme, &swing);
+    const lg_space space = chain_space();
+    double y[CHAIN_DIM], next[CHAIN_DIM], out[CHAIN_DIM], input[1] = {0.0};
+    lg_stepper *stepper = make(scheme, &ode);
+    chain_start(y);
+    assert_status(lg_stepper_dense(stepper, 0.5, out), LG_INVALID_ARGUMENT); /* no step yet */
+    for (int n = 0; n < 20; n++) {
+        assert_ok(lg_step(stepper, 0.1 * n, 0.1, y, n % 3 == 2 ? input : NULL, next));
+        assert_ok(lg_stepper_dense(stepper, 0.0, out));
+        assert_true(difference(out, y) <= 1e-15);
+        assert_ok(lg_stepper_dense(stepper, 1.0, out));
+        assert_true(difference(out, next) <= 1e-14);
+        for (double s = 0.05; s < 1.0; s += 0.1) {
+            assert_ok(lg_stepper_dense(stepper, s, out));
+            assert_true(lg_space_manifold_error(&space, out) <= 1e-14);
+        }
+        memcpy(y, next, sizeof(y));
+    }
+    lg_stepper_reset(stepper); /* what the step found is still there */
+    assert_ok(lg_stepper_dense(stepper, 1.0, out));
+    assert_true(difference(out, next) <= 1e-14);
+    assert_status(lg_stepper_dense(stepper, 1.1, out), LG_INVALID_ARGUMENT);
+    assert_status(lg_stepper_dense(stepper, -0.1, out), LG_INVALID_ARGUMENT);
+    assert_status(lg_stepper_dense(stepper, NAN, out), LG_INVALID_ARGUMENT);
+    assert_status(lg_stepper_dense(NULL, 0.5, out), LG_INVALID_ARGUMENT);
+    y[0] = NAN;
+    assert_status(lg_step(stepper, 0.0, 0.1, y, NULL, next), LG_NOT_FINITE);
+    assert_status(lg_stepper_dense(stepper, 0.5, out), LG_INVALID_ARGUMENT); /* that step failed */
+    lg_stepper_destroy(NULL, stepper);
+    const lg_ode same = chain_ode(lg_scheme_find("cf4"), &swing);
+    stepper = make(lg_scheme_find("cf4"), &same);
+    assert_status(lg_stepper_dense(stepper, 0.5, out), LG_UNSUPPORTED);
+    lg_stepper_destroy(NULL, stepper);
+}
+
+enum { TIMES = 200 };
+
+/* Many times: as accurate as the tolerance, and they cost nothing; both directions. */
+static void test_dense_run(void **state) {
+    (void)state;
+    static const char *const names[] = {"rkmk54", "dp54", "cf43"};
+    const lg_space space = chain_space();
+    double times[TIMES], y0[CHAIN_DIM], exact[CHAIN_DIM];
+    static double out[3][TIMES * CHAIN_DIM], back[TIMES * CHAIN_DIM], backwards[TIMES];
+    for (int i = 0; i < TIMES; i++) times[i] = 2.0 * i / (TIMES - 1);
+    chain_start(y0);
+    reference(2.0, exact);
+    for (int k = 0; k < 3; k++) {
+        const lg_scheme *scheme = lg_scheme_find(names[k]);
+        const lg_ode ode = chain_ode(scheme, &swing);
+        lg_stepper *stepper = make(scheme, &ode);
+        lg_run_stats dense, one, clipped;
+        lg_control c;
+        lg_control_init(&c);
+        c.rtol = c.atol = 1e-9;
+        c.dense = true;
+        assert_ok(lg_integrate_adaptive(stepper, &c, 0.0, y0, times, TIMES, out[k], &dense));
+        const double *end = out[k] + (TIMES - 1) * CHAIN_DIM;
+        print_message("  %-7s: %zu steps for %d times, error %.2g\n", names[k], dense.steps, TIMES,
+                      difference(end, exact));
+        assert_true(difference(end, exact) < 2e-6);
+        assert_true(difference(out[k], y0) == 0.0);
+        for (int i = 0; i < TIMES && !scheme->ambient; i++)
+            assert_true(lg_space_manifold_error(&space, out[k] + i * CHAIN_DIM) <= 1e-14);
+        assert_ok(lg_integrate_adaptive(stepper, &c, 0.0, y0, times + TIMES - 1, 1, back, &one));
+        if (scheme->dense_order > 0) {
+            assert_true(dense.steps == one.steps && dense.evaluations == one.evaluations);
+            assert_memory_equal(back, end, sizeof(exact));
+        }
+        c.dense = false;
+        assert_ok(lg_integrate_adaptive(stepper, &c, 0.0, y0, times, TIMES, back, &clipped));
+        assert_true(clipped.steps >= TIMES - 1);
+        double worst = 0.0;
+        for (int i = 0; i < TIMES; i++)
+            worst = fmax(worst, difference(back + i * CHAIN_DIM, out[k] + i * CHAIN_DIM));
+        print_message("           largest difference from clipped steps %.2g\n", worst);
+        assert_true(worst < 2e-6);
+        c.dense = true; /* and home again */
+        for (int i = 0; i < TIMES; i++) backwards[i] = times[TIMES - 1 - i];
+        memcpy(exact, end, sizeof(exact));
+        assert_ok(lg_integrate_adaptive(stepper, &c, 2.0, exact, backwards, TIMES, back, NULL));
+        for (int i = 0; i < TIMES; i++)
+            assert_true(difference(back + i * CHAIN_DIM, out[k] + (TIMES - 1 - i) * CHAIN_DIM) < 2e-6);
+        reference(2.0, exact);
+        lg_stepper_destroy(NULL, stepper);
+    }
+}
+
+/* ---- observers ---- */
+
+typedef struct watch {
+    size_t count, stop_at;
+    double t[4096], h[4096], y[4096][CHAIN_DIM];
+} watch;
+
+static lg_status observe(void *user, double t, double h, const double *y) {
+    watch *w = user;
+    assert_true(w->count < 4096);
+    w->t[w->count] = t, w->h[w->count] = h;
+    memcpy(w->y[w->count], y, sizeof(w->y[0]));
+    w->count++;
+    return w->count == w->stop_at ? LG_CANCELLED : LG_OK;
+}
+
+/* The steps seen are a chain from start to end, and repeating them gives the same bits. */
+static void test_observer(void **state) {
+    (void)state;
+    static watch w;
+    static const char *const names[] = {"rkmk54", "dp54", "cf43", "cf32a", "cf32b"};
+    double y0[CHAIN_DIM], y[CHAIN_DIM], out[3 * CHAIN_DIM];
+    const double times[] = {0.3, 0.7, 1.0};
+    for (int k = 0; k < 5; k++) {
+        const lg_scheme *scheme = lg_scheme_find(names[k]);
+        const lg_ode ode = chain_ode(scheme, &swing);
+        lg_stepper *stepper = make(scheme, &ode), *again = make(scheme, &ode);
+        lg_run_stats stats;
+        lg_control c;
+        lg_control_init(&c);
+        c.observe = observe, c.observer = &w, c.dense = k % 2 == 0;
+        c.rtol = c.atol = 1e-7;
+        chain_start(y0);
+        memset(&w, 0, sizeof(w));
+        assert_ok(lg_integrate_adaptive(stepper, &c, 0.0, y0, times, 3, out, &stats));
+        assert_int_equal(w.count, stats.steps);
+        assert_true(w.t[0] == 0.0);
+        memcpy(y, y0, sizeof(y));
+        for (size_t n = 0; n < w.count; n++) {
+            assert_ok(lg_step(again, w.t[n], w.h[n], y, NULL, y));
+            assert_memory_equal(y, w.y[n], sizeof(y));
+            assert_close(w.t[n] + w.h[n], n + 1 < w.count ? w.t[n + 1] : 1.0, 1e-15, 0.0);
+        }
+        assert_memory_equal(y, out + 2 * CHAIN_DIM, sizeof(y));
+        memset(&w, 0, sizeof(w));
+        w.stop_at = 3;
+        assert_status(lg_integrate_adaptive(stepper, &c, 0.0, y0, times, 3, out, &stats), LG_CANCELLED);
+        assert_int_equal(stats.steps, 3);
+        lg_stepper_destroy(NULL, stepper);
+        lg_stepper_destroy(NULL, again);
+    }
+}
+
+/* ---- rejection and first steps ---- */
+
+static lg_status spin_field(void *user, double t, const double *y, const double *input, double *out) {
+    (void)t, (void)y, (void)input;
+    for (int i = 0; i < 6; i++) out[i] = ((const double *)user)[i];
+    return LG_OK;
+}
+
+/* A free rotation is exact for every h: only the angle bounds the step. */
+static void test_angles_are_bounded(void **state) {
+    (void)state;
+    const double a[6] = {30.0, -20.0, 50.0, 0.0, 0.0, 0.0}, y0[6] = {0.6, 0.0, 0.8, 0.8, 0.5, -0.6};
+    const double times[] = {10.0};
+    for (size_t i = 0; i < lg_scheme_count(); i++) {
+        const lg_scheme *scheme = lg_scheme_at(i);
+        double user[6], out[6];
+        if (scheme->embedded_order == 0 || scheme->ambient) continue;
+        memcpy(user, a, sizeof(user));
+        lg_ode ode = {.field = spin_field, .user = user};
+        assert_ok(lg_space_init(&ode.space, &(lg_space_factor){LG_SPACE_TS2, 1}, 1));
+        for (int limited = 0; limited < 2; limited++) {
+            lg_stepper *stepper = make(scheme, &ode);
+            lg_run_stats stats;
+            lg_control c;
+            lg_control_init(&c);
+            c.h_initial = 10.0; /* far too long */
+            if (limited) c.max_angle = 0.5;
+            assert_ok(lg_integrate_adaptive(stepper, &c, 0.0, y0, times, 1, out, &stats));
+            assert_true(stats.max_angle <= c.max_angle && stats.max_angle > 0.7 * c.max_angle);
+            assert_true(stats.rejected > 0 && stats.rejected < 20);
+            lg_stepper_destroy(NULL, stepper);
+        }
+    }
+}
+
+/* R^1: y' = rate y */
+static lg_status growth(void *user, double t, const double *y, const double *input, double *out) {
+    (void)t, (void)input;
+    out[0] = *(const double *)user * y[0];
+    return LG_OK;
+}
+
+static lg_status from_zero(void *user, double t, const double *y, const double *input, double *out) {
+    (void)user, (void)y, (void)input;
+    out[0] = t > 0.0 ? 3.0 * t * t : 0.0;
+    return LG_OK;
+}
+
+/* Whatever the scale, few steps are wasted at the start. */
+static void test_first_steps(void **state) {
+    (void)state;
+    const double rates[] = {1e-12, 1e-3, -1.0, 40.0, -1e6}, y0[1] = {1.0}, zero[1] = {0.0};
+    double out[1];
+    lg_run_stats stats;
+    lg_ode ode = {.field = growth};
+    assert_ok(lg_space_init_rn(&ode.space, 1));
+    for (size_t i = 0; i < 5; i++) {
+        for (double tol = 1e-3; tol > 1e-13; tol *= 1e-3) {
+            double rate = rates[i];
+            const double t_end[] = {1.0 / fmax(fabs(rate), 1e-6)};
+            lg_control c;
+            lg_control_init(&c);
+            c.rtol = tol, c.atol = 0.0;
+            ode.user = &rate;
+            lg_stepper *stepper = make(lg_scheme_find("dp54"), &ode);
+            assert_ok(lg_integrate_adaptive(stepper, &c, 0.0, y0, t_end, 1, out, &stats));
+            assert_close(out[0], exp(rate * t_end[0]), 10.0 * tol, 1e-15);
+            assert_true(stats.rejected <= 3 && stats.steps < 15.0 + 0.3 * pow(tol, -0.2));
+            lg_stepper_destroy(NULL, stepper);
+        }
+    }
+    const double one[] = {1.0};
+    ode.field = from_zero;
+    lg_stepper *stepper = make(lg_scheme_find("dp54"), &ode);
+    assert_ok(lg_integrate_adaptive(stepper, NULL, 0.0, zero, one, 1, out, &stats)); /* no size, no speed */
+    assert_close(out[0], 1.0, 1e-6, 0.0);
+    lg_stepper_destroy(NULL, stepper);
+}
+
+/* ---- failures ---- */
+
+static lg_status noise(void *user, double t, const double *y, const double *input, double *out) {
+    (void)user, (void)y, (void)input;
+    const double x = 1e9 * sin(1e9 * t + 1.0);
+    out[0] = 1e12 * (x - floor(x) - 0.5);
+    return LG_OK;
+}
+
+static void test_failures(void **state) {
+    (void)state;
+    const double y0[1] = {1.0}, times[] = {0.0, 1.0, 2.0};
+    double out[3] = {7.0, 7.0, 7.0};
+    lg_run_stats stats;
+    lg_control c;
+    lg_ode ode = {.field = noise};
+    assert_ok(lg_space_init_rn(&ode.space, 1));
+    for (int dense = 0; dense < 2; dense++) {
+        lg_control_init(&c);
+        c.dense = dense == 1;
+        c.rtol = 1e-15, c.atol = 0.0;
+        out[1] = out[2] = 7.0;
+        lg_stepper *stepper = make(lg_scheme_find("dp54"), &ode);
+        assert_status(lg_integrate_adaptive(stepper, &c, 0.0, y0, times, 3, out, &stats), LG_STEP_TOO_SMALL);
+        assert_true(out[0] == 1.0 && out[1] == 7.0 && out[2] == 7.0);
+        assert_true(stats.rejected > 0);
+        c.rtol = 1e15;
+        c.max_steps = 4, c.h_max = 0.01;
+        assert_status(lg_integrate_adaptive(stepper, &c, 0.0, y0, times, 3, out, &stats), LG_TOO_MANY_STEPS);
+        assert_int_equal(stats.steps + stats.rejected, 4);
+        lg_stepper_destroy(NULL, stepper);
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_dense_order),        cmocka_unit_test(test_dense_ends_and_manifold),
+        cmocka_unit_test(test_dense_run),          cmocka_unit_test(test_observer),
+        cmocka_unit_test(test_angles_are_bounded), cmocka_unit_test(test_first_steps),
+        cmocka_unit_test(test_failures),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

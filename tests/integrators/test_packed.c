@@ -1,0 +1,190 @@
+/* Steps on copies of T*S^2 go through kernels of their own. They agree with the interpreter, which the same
+ * space as a product of two factors still uses, and do not depend on where a copy stands. */
+#include "test_support.h"
+
+#include "liegrad/integrators.h"
+
+enum { MOST = 17, DIM = 6 * MOST };
+
+typedef struct field_data {
+    size_t copies;
+    double scale; /* of the algebra elements */
+    int coupled;
+    size_t broken; /* evaluations until a NaN appears in the last copy; 0: never */
+    size_t calls;
+} field_data;
+
+/* u_i = scale (q_i x p_i + (t, input or 1/2, -1/4)), v_i = scale (p_i + q_(i+1) |q_i|) */
+static lg_status swirl(void *user, double t, const double *y, const double *input, double *out) {
+    field_data *d = user;
+    d->calls++;
+    for (size_t i = 0; i < d->copies; i++) {
+        const double *q = y + 6 * i, *p = q + 3, *next = d->coupled ? y + 6 * ((i + 1) % d->copies) : q;
+        double *f = out + 6 * i;
+        const double extra[3] = {t, input ? input[0] : 0.5, -0.25};
+        for (int j = 0; j < 3; j++) {
+            const int k = (j + 1) % 3, l = (j + 2) % 3;
+            f[j] = d->scale * (q[k] * p[l] - q[l] * p[k] + extra[j]);
+            f[3 + j] = d->scale * (p[j] + next[(j + 1) % 3]);
+        }
+    }
+    if (d->broken > 0 && d->calls >= d->broken) out[6 * d->copies - 2] = NAN;
+    return LG_OK;
+}
+
+static void fill(size_t copies, double *y) {
+    for (size_t i = 0; i < copies; i++, y += 6) {
+        const double a = 0.3 + (double)i, b = 1.1 * (double)i - 0.7;
+        const double q[3] = {cos(a) * cos(b), sin(a) * cos(b), sin(b)};
+        const double p[3] = {-sin(a), cos(a), 0.0};
+        for (int j = 0; j < 3; j++) y[j] = q[j], y[3 + j] = (0.5 + 0.1 * (double)i) * p[j];
+    }
+}
+
+static lg_stepper *make(const lg_scheme *scheme, field_data *data, int whole) {
+    const lg_space_factor factors[2] = {{LG_SPACE_TS2, whole ? data->copies : 1},
+                                        {LG_SPACE_TS2, data->copies - 1}};
+    lg_ode ode = {.field = swirl, .user = data};
+    lg_stepper *stepper = NULL;
+    assert_ok(lg_space_init(&ode.space, factors, whole ? 1 : 2));
+    assert_ok(lg_stepper_create(NULL, scheme, &ode, &stepper));
+    return stepper;
+}
+
+static double largest(size_t n, const double *x) {
+    double most = 1.0;
+    for (size_t i = 0; i < n; i++) most = fmax(most, fabs(x[i]));
+    return most;
+}
+
+/* Relative to the largest number. */
+static void assert_same(size_t n, const double *x, const double *y, double relative) {
+    const double size = largest(n, y);
+    for (size_t i = 0; i < n; i++) assert_close(x[i], y[i], 0.0, relative * size);
+}
+
+/* Steps of several sizes, one of them twice from the same state, as after a rejection. */
+static void compare(const lg_scheme *scheme, size_t copies, double scale, const double *input) {
+    static const double sizes[] = {0.1, 0.3, 0.2, -0.1};
+    field_data data[2] = {{.copies = copies, .scale = scale, .coupled = 1},
+                          {.copies = copies, .scale = scale, .coupled = 1}};
+    lg_stepper *packed = make(scheme, &data[0], 1), *plain = make(scheme, &data[1], 0);
+    double y[DIM], a[DIM], b[DIM], t = 0.5;
+    const size_t n = 6 * copies;
+    const double close = scale > 1.0 ? 1e-9 : 1e-13; /* large steps enlarge what rounding makes different */
+    fill(copies, y);
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
+        assert_ok(lg_step(packed, t, sizes[i], y, input, a));
+        assert_ok(lg_step(plain, t, sizes[i], y, input, b));
+        assert_same(n, a, b, close);
+        assert_close(lg_stepper_angle(packed), lg_stepper_angle(plain), close, 0.0);
+        const lg_space space = {1, {{LG_SPACE_TS2, copies}}, n, n};
+        assert_true(lg_space_manifold_error(&space, a) <=
+                    4e-15 * largest(n, b) + 4.0 * lg_space_manifold_error(&space, b));
+        assert_true(data[0].calls <= data[1].calls); /* y is the end of its own last step, to the bit */
+        if (scheme->embedded_order > 0)
+            assert_same(n, lg_stepper_error(packed), lg_stepper_error(plain), close);
+        if (scheme->dense_order > 0) {
+            double c[DIM], d[DIM];
+            assert_ok(lg_stepper_dense(packed, 0.4, c));
+            assert_ok(lg_stepper_dense(plain, 0.4, d));
+            assert_same(n, c, d, close);
+            if (scheme->embedded_order > 0) /* it is still there */
+                assert_same(n, lg_stepper_error(packed), lg_stepper_error(plain), close);
+        }
+        if (i != 1) memcpy(y, a, n * sizeof *y), t += sizes[i];
+    }
+    lg_stepper_destroy(NULL, packed);
+    lg_stepper_destroy(NULL, plain);
+}
+
+static void test_agrees_with_the_interpreter(void **state) {
+    static const char *const names[] = {"lie-euler", "lie-heun", "rkmk3", "rkmk4", "rkmk5", "rkmk54"};
+    static const size_t copies[] = {2, 7, 8, 9, 16, 17};
+    static const double scales[] = {0.1, 1.0, 3.0}; /* short series, both, long series and beyond */
+    const double input = 0.9;
+    (void)state;
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+        for (size_t j = 0; j < sizeof copies / sizeof *copies; j++)
+            for (size_t k = 0; k < sizeof scales / sizeof *scales; k++) {
+                compare(lg_scheme_find(names[i]), copies[j], scales[k], NULL);
+                compare(lg_scheme_find(names[i]), copies[j], scales[k], &input);
+            }
+}
+
+/* The constant input of a step may change: a value from the end of the last one must not be taken. */
+static void test_inputs_change(void **state) {
+    const double inputs[2] = {0.9, -2.0};
+    field_data data = {.copies = 3, .scale = 1.0}, fresh = data;
+    lg_stepper *stepper = make(lg_scheme_find("rkmk54"), &data, 1);
+    double y[18], a[18], b[18];
+    (void)state;
+    fill(3, y);
+    assert_ok(lg_step(stepper, 0.0, 0.1, y, &inputs[0], y));
+    assert_ok(lg_step(stepper, 0.1, 0.1, y, NULL, a));
+    lg_stepper *other = make(lg_scheme_find("rkmk54"), &fresh, 1);
+    assert_ok(lg_step(other, 0.1, 0.1, y, NULL, b));
+    assert_memory_equal(a, b, sizeof a);
+    assert_ok(lg_step(stepper, 0.1, 0.1, y, &inputs[1], a));
+    lg_stepper_reset(other);
+    assert_ok(lg_step(other, 0.1, 0.1, y, &inputs[1], b));
+    assert_memory_equal(a, b, sizeof a);
+    lg_stepper_destroy(NULL, stepper);
+    lg_stepper_destroy(NULL, other);
+}
+
+/* Copies that do not see each other: the same bits at every place and in every number of them, whatever the
+ * angles of the others. */
+static void test_place_does_not_matter(void **state) {
+    double y[DIM], out[DIM], one[6];
+    field_data data = {.copies = MOST, .scale = 1.0};
+    (void)state;
+    fill(MOST, y);
+    for (size_t i = 0; i < MOST; i++)
+        for (int j = 3; j < 6; j++) y[6 * i + (size_t)j] *= i % 3 == 0 ? 0.01 : i % 3 == 1 ? 1.0 : 9.0;
+    lg_stepper *all = make(lg_scheme_find("rkmk54"), &data, 1);
+    assert_ok(lg_step(all, 0.0, 0.2, y, NULL, out));
+    for (size_t i = 0; i < MOST; i++) {
+        field_data alone = {.copies = 1, .scale = 1.0};
+        lg_stepper *single = make(lg_scheme_find("rkmk54"), &alone, 1);
+        assert_ok(lg_step(single, 0.0, 0.2, y + 6 * i, NULL, one));
+        assert_memory_equal(one, out + 6 * i, sizeof one);
+        for (int j = 0; j < 6; j++)
+            assert_true(lg_stepper_error(single)[j] == lg_stepper_error(all)[6 * i + (size_t)j]);
+        assert_true(lg_stepper_angle(single) <= lg_stepper_angle(all));
+        lg_stepper_destroy(NULL, single);
+    }
+    lg_stepper_destroy(NULL, all);
+}
+
+/* A value that is not finite, at any stage, in one copy only. */
+static void test_not_finite(void **state) {
+    (void)state;
+    for (size_t broken = 1; broken <= 7; broken++) {
+        field_data data = {.copies = 9, .scale = 1.0, .broken = broken};
+        lg_stepper *stepper = make(lg_scheme_find("rkmk54"), &data, 1);
+        double y[54], out[54] = {0.0};
+        fill(9, y);
+        const lg_status status = lg_step(stepper, 0.0, 0.1, y, NULL, out);
+        assert_int_equal(status, broken <= 6 ? LG_NOT_FINITE : LG_OK);
+        if (status == LG_OK)
+            assert_true(isnan(lg_stepper_error(stepper)[52])); /* only the estimate sees the last one */
+        else
+            assert_true(out[0] == 0.0);
+        data.broken = 0; /* nothing of it stays */
+        lg_stepper_reset(stepper);
+        assert_ok(lg_step(stepper, 0.0, 0.1, y, NULL, out));
+        assert_true(lg_stepper_angle(stepper) < 1.0 && isfinite(lg_stepper_error(stepper)[52]));
+        lg_stepper_destroy(NULL, stepper);
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_agrees_with_the_interpreter),
+        cmocka_unit_test(test_inputs_change),
+        cmocka_unit_test(test_place_does_not_matter),
+        cmocka_unit_test(test_not_finite),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

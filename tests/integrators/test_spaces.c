@@ -1,0 +1,514 @@
+/* Every kind of space by the same properties: action axioms, generator, bracket, dexpinv against the matrix
+ * function of ad, projections, and how far 10^5 steps drift from the manifold. */
+#include "test_support.h"
+
+#include "integrators/matrix_function.h"
+#include "liegrad/adjoint.h"
+#include "liegrad/geometry.h"
+#include "liegrad/integrators.h"
+#include "liegrad/random.h"
+
+#define PI 3.14159265358979323846
+
+enum { COPIES = 11, MAX_STATE = 12 * COPIES, MAX_ALGEBRA = 6 * COPIES };
+
+static const double angles[] = {0.0, 1e-9, 1e-4, 1.0, 1.99, 2.01, 3.0, PI - 1e-9, PI, 2.0 * PI - 1e-3};
+#define ANGLES (sizeof(angles) / sizeof(angles[0]))
+
+static void random_vector(lg_rng *rng, size_t n, double *x) {
+    for (size_t i = 0; i < n; i++) x[i] = lg_rng_uniform_in(rng, -1.0, 1.0);
+}
+
+/* ---- the kinds ---- */
+
+static void random_ts2(lg_rng *rng, double *y) {
+    random_vector(rng, 6, y);
+    const double norm = sqrt(lg_dot3(y, y));
+    for (int i = 0; i < 3; i++) y[i] /= norm;
+    const double along = lg_dot3(y, y + 3);
+    for (int i = 0; i < 3; i++) y[3 + i] -= along * y[i];
+}
+
+static void random_rotation(lg_rng *rng, double *y) {
+    double u[3];
+    random_vector(rng, 3, u);
+    for (int i = 0; i < 3; i++) u[i] *= 3.0;
+    lg_so3_exp(u, y);
+}
+
+static void random_motion(lg_rng *rng, double *y) {
+    random_rotation(rng, y);
+    random_vector(rng, 3, y + 9);
+}
+
+static void random_3(lg_rng *rng, double *y) {
+    random_vector(rng, 3, y);
+}
+
+static void random_6(lg_rng *rng, double *y) {
+    random_vector(rng, 6, y);
+}
+
+static const struct space_case {
+    lg_space_kind kind;
+    size_t state, algebra;
+    void (*point)(lg_rng *rng, double *y);
+    bool constrained;
+} cases[] = {
+    {LG_SPACE_TS2, 6, 6, random_ts2, true},     {LG_SPACE_SO3, 9, 3, random_rotation, true},
+    {LG_SPACE_SE3, 12, 6, random_motion, true}, {LG_SPACE_SO3_DUAL, 3, 3, random_3, false},
+    {LG_SPACE_SE3_DUAL, 6, 6, random_6, false},
+};
+#define CASES (sizeof(cases) / sizeof(cases[0]))
+
+typedef struct fixture {
+    const struct space_case *of;
+    const lg_space_row *row;
+    lg_space space;
+    size_t dim, algebra; /* of all copies */
+    lg_rng rng;
+} fixture;
+
+static fixture make(const struct space_case *c, size_t copies) {
+    fixture f = {.of = c, .row = lg_space_kind_row(c->kind)};
+    assert_ok(lg_space_init(&f.space, &(lg_space_factor){c->kind, copies}, 1));
+    f.dim = c->state * copies;
+    f.algebra = c->algebra * copies;
+    lg_rng_seed(&f.rng, 40 + c->kind, 0);
+    return f;
+}
+
+static void random_point(fixture *f, double *y) {
+    for (size_t at = 0; at < f->dim; at += f->of->state) f->of->point(&f->rng, y + at);
+}
+
+/* Every copy's rotation has this angle. */
+static void random_element(fixture *f, double angle, double *a) {
+    random_vector(&f->rng, f->algebra, a);
+    for (size_t at = 0; at < f->algebra; at += f->of->algebra) {
+        const double norm = sqrt(lg_dot3(a + at, a + at));
+        for (int i = 0; i < 3; i++) a[at + (size_t)i] *= angle / norm;
+    }
+}
+
+static void scaled(const fixture *f, double c, const double *a, double *out) {
+    for (size_t i = 0; i < f->algebra; i++) out[i] = c * a[i];
+}
+
+static void assert_same(const double *x, const double *e, size_t n, double tolerance) {
+    for (size_t i = 0; i < n; i++) assert_close(x[i], e[i], 0.0, tolerance);
+}
+
+/* ---- properties ---- */
+
+static void test_rows(void **state) {
+    (void)state;
+    for (size_t k = 0; k < CASES; k++) {
+        fixture f = make(&cases[k], COPIES);
+        assert_true(f.row->state == cases[k].state && f.row->algebra == cases[k].algebra && !f.row->abelian);
+        assert_true(f.space.dim == f.dim && f.space.algebra_dim == f.algebra &&
+                    !lg_space_is_abelian(&f.space));
+    }
+}
+
+/* exp(0) y = y, exp(-a) exp(a) y = y, exp(.7 a) exp(.3 a) y = exp(a) y, in place too; |u| is what angle says
+ */
+static void test_action_axioms(void **state) {
+    (void)state;
+    for (size_t k = 0; k < CASES; k++)
+        for (size_t n = 0; n < ANGLES; n++) {
+            fixture f = make(&cases[k], COPIES);
+            double a[MAX_ALGEBRA], part[MAX_ALGEBRA], y[MAX_STATE], out[MAX_STATE], back[MAX_STATE];
+            random_point(&f, y);
+            random_element(&f, angles[n], a);
+            assert_close(lg_space_angle(&f.space, a), angles[n], 1e-15, 0.0);
+            lg_space_act(&f.space, a, y, out);
+            scaled(&f, -1.0, a, part);
+            lg_space_act(&f.space, part, out, back);
+            assert_same(back, y, f.dim, 1e-14);
+            scaled(&f, 0.3, a, part);
+            lg_space_act(&f.space, part, y, back);
+            scaled(&f, 0.7, a, part);
+            lg_space_act(&f.space, part, back, back);
+            assert_same(back, out, f.dim, 1e-14);
+            scaled(&f, 0.0, a, part);
+            lg_space_act(&f.space, part, y, out);
+            assert_same(out, y, f.dim, 1e-15); /* the points are off by rounding, and settled */
+        }
+}
+
+/* A copy's result is the same bits wherever it stands and however many there are. */
+static void test_positions(void **state) {
+    (void)state;
+    for (size_t k = 0; k < CASES; k++)
+        for (size_t copies = 1; copies <= COPIES; copies++) {
+            fixture f = make(&cases[k], copies);
+            double a[MAX_ALGEBRA], b[MAX_ALGEBRA], y[MAX_STATE], out[MAX_STATE], one[MAX_STATE],
+                x[MAX_ALGEBRA];
+            random_point(&f, y);
+            random_vector(&f.rng, f.algebra, a);
+            random_vector(&f.rng, f.algebra, b);
+            a[0] = 2.5; /* beyond the series of the fast kernels, its neighbours are not */
+            lg_space_act(&f.space, a, y, out);
+            lg_space_dexpinv(&f.space, LG_DEXPINV_EXACT, a, b, x);
+            const lg_space_row *row = f.row;
+            for (size_t i = 0; i < copies; i++) {
+                row->act(1, a + i * row->algebra, y + i * row->state, one);
+                assert_memory_equal(one, out + i * row->state, row->state * sizeof(*one));
+                row->dexpinv(1, a + i * row->algebra, b + i * row->algebra, one);
+                assert_memory_equal(one, x + i * row->algebra, row->algebra * sizeof(*one));
+            }
+        }
+}
+
+/* The generator is the action's derivative, and stays tangent. */
+static void test_generator(void **state) {
+    (void)state;
+    for (size_t k = 0; k < CASES; k++) {
+        fixture f = make(&cases[k], 3);
+        double a[MAX_ALGEBRA], part[MAX_ALGEBRA], y[MAX_STATE], g[MAX_STATE], plus[MAX_STATE],
+            minus[MAX_STATE];
+        random_point(&f, y);
+        random_element(&f, 1.0, a);
+        lg_space_generator(&f.space, a, y, g);
+        scaled(&f, 1e-5, a, part);
+        lg_space_act(&f.space, part, y, plus);
+        scaled(&f, -1e-5, a, part);
+        lg_space_act(&f.space, part, y, minus);
+        for (size_t i = 0; i < f.dim; i++) assert_close((plus[i] - minus[i]) / 2e-5, g[i], 0.0, 2e-10);
+        memcpy(plus, g, f.dim * sizeof(*g));
+        lg_space_project_gradient(&f.space, y, plus);
+        assert_same(plus, g, f.dim, 3e-15);
+        lg_space_generator(&f.space, a, y, y); /* out is an input */
+        assert_same(y, g, f.dim, 0.0);
+    }
+}
+
+/* Antisymmetry, Jacobi's identity, and with the action: exp(a) exp(b) exp(-a) = exp(Ad b), to second order
+ * the bracket is the commutator of the flows. */
+static void test_bracket(void **state) {
+    (void)state;
+    for (size_t k = 0; k < CASES; k++) {
+        fixture f = make(&cases[k], COPIES);
+        double v[5][MAX_ALGEBRA], x[MAX_ALGEBRA], sum[MAX_ALGEBRA] = {0}, y[MAX_STATE], z[MAX_STATE];
+        for (int i = 0; i < 3; i++) random_vector(&f.rng, f.algebra, v[i]);
+        memcpy(v[3], v[0], sizeof(v[0]));
+        memcpy(v[4], v[1], sizeof(v[1]));
+        for (int i = 0; i < 3; i++) {
+            lg_space_bracket(&f.space, v[i + 1], v[i + 2], x);
+            lg_space_bracket(&f.space, v[i], x, x);
+            for (size_t j = 0; j < f.algebra; j++) sum[j] += x[j];
+        }
+        for (size_t j = 0; j < f.algebra; j++) assert_close(sum[j], 0.0, 0.0, 1e-15);
+        random_point(&f, y);
+        const double e = 1e-4;
+        memcpy(z, y, sizeof(z));
+        const double signs[4] = {-e, -e, e, e};
+        for (int i = 0; i < 4; i++) { /* exp(ea) exp(eb) exp(-ea) exp(-eb) y = y + e^2 [a, b] . y + O(e^3) */
+            scaled(&f, signs[i], v[1 - i % 2], x);
+            lg_space_act(&f.space, x, z, z);
+        }
+        double g[MAX_STATE];
+        lg_space_bracket(&f.space, v[0], v[1], x);
+        lg_space_generator(&f.space, x, y, g);
+        for (size_t i = 0; i < f.dim; i++) assert_close((z[i] - y[i]) / (e * e), g[i], 0.0, 5e-3);
+    }
+}
+
+/* dexp_a dexpinv_a b = b, with dexp from the matrix of ad_a in long double; rho = u.v is not small. */
+static void test_dexpinv(void **state) {
+    (void)state;
+    for (size_t k = 0; k < CASES; k++)
+        for (size_t n = 0; n < ANGLES; n++) {
+            fixture f = make(&cases[k], COPIES);
+            const size_t m = f.of->algebra;
+            double a[MAX_ALGEBRA], b[MAX_ALGEBRA], x[MAX_ALGEBRA], e[6];
+            random_element(&f, angles[n], a);
+            random_vector(&f.rng, f.algebra, b);
+            lg_space_dexpinv(&f.space, LG_DEXPINV_EXACT, a, b, x);
+            const double distance = 2.0 * PI - angles[n];
+            for (size_t at = 0; at < f.algebra; at += m) {
+                const matrix ad = matrix_of_bracket((int)m, m == 3 ? lg_cross3 : lg_se3_bracket, a + at);
+                matrix unused, phi;
+                matrix_functions(&ad, &unused, &phi);
+                matrix_apply(&phi, 0, x + at, e);
+                assert_same(e, b + at, m, distance < 1.0 ? 2e-14 / (distance * distance) : 2e-14);
+            }
+            lg_space_dexpinv(&f.space, LG_DEXPINV_EXACT, a, b, b); /* out is an input */
+            assert_same(b, x, f.algebra, 0.0);
+        }
+}
+
+/* The action against the exponential of the 4 x 4 matrix. */
+static void test_action_against_matrices(void **state) {
+    (void)state;
+    for (size_t n = 0; n < ANGLES; n++)
+        for (size_t k = 0; k < CASES; k++) {
+            fixture f = make(&cases[k], 1);
+            double a[6] = {0}, y[12], out[12], E[9], e[3], x[3];
+            random_point(&f, y);
+            random_element(&f, angles[n], a);
+            lg_space_act(&f.space, a, y, out);
+            const matrix m = matrix_of_motion(a);
+            matrix big, unused;
+            matrix_functions(&m, &big, &unused);
+            for (int i = 0; i < 3; i++) {
+                e[i] = (double)big.at[i][3];
+                for (int j = 0; j < 3; j++) E[3 * i + j] = (double)big.at[i][j];
+            }
+            const double tolerance = 1e-14;
+            if (f.of->state >= 9) {
+                for (int j = 0; j < 3; j++) {
+                    const double column[3] = {y[j], y[3 + j], y[6 + j]};
+                    for (int i = 0; i < 3; i++)
+                        assert_close(out[3 * i + j], lg_dot3(E + 3 * i, column), 0.0, tolerance);
+                }
+                for (int i = 0; f.of->state == 12 && i < 3; i++)
+                    assert_close(out[9 + i], lg_dot3(E + 3 * i, y + 9) + e[i], 0.0, tolerance);
+                continue;
+            }
+            for (int i = 0; i < 3; i++) assert_close(out[i], lg_dot3(E + 3 * i, y), 0.0, tolerance);
+            if (f.of->state == 3) continue;
+            lg_cross3(e, out, x);
+            for (int i = 0; i < 3; i++)
+                assert_close(out[3 + i], lg_dot3(E + 3 * i, y + 3) + x[i], 0.0, tolerance);
+        }
+}
+
+/* ---- a constant field ---- */
+
+static lg_status constant_field(void *user, double t, const double *y, const double *input, double *out) {
+    const fixture *f = user;
+    (void)t;
+    (void)y;
+    (void)input;
+    for (size_t i = 0; i < f->algebra; i++) out[i] = 0.1 * (double)(i % 5) - 0.2 + 0.05 * (double)(i % 3);
+    return LG_OK;
+}
+
+static void test_constant_field(void **state) {
+    (void)state;
+    for (size_t k = 0; k < CASES; k++) {
+        fixture f = make(&cases[k], 2);
+        const lg_ode ode = {.space = f.space, .field = constant_field, .user = &f};
+        double y[MAX_STATE], e[MAX_STATE], out[MAX_STATE], a[MAX_ALGEBRA];
+        random_point(&f, y);
+        assert_ok(constant_field(&f, 0.0, y, NULL, a));
+        scaled(&f, 2.0, a, a);
+        lg_space_act(&f.space, a, y, e);
+        for (size_t s = 0; s < lg_scheme_count(); s++) {
+            const lg_scheme *scheme = lg_scheme_at(s);
+            if (scheme->ambient ||
+                (scheme->kind != LG_SCHEME_RKMK && scheme->kind != LG_SCHEME_COMMUTATOR_FREE))
+                continue;
+            lg_stepper *stepper;
+            assert_ok(lg_stepper_create(NULL, scheme, &ode, &stepper));
+            assert_ok(lg_step(stepper, 0.0, 2.0, y, NULL, out));
+            assert_same(out, e, f.dim, 1e-14);
+            lg_stepper_destroy(NULL, stepper);
+        }
+    }
+}
+
+/* ---- projections ---- */
+
+static void test_projection(void **state) {
+    (void)state;
+    for (size_t k = 0; k < CASES; k++) {
+        fixture f = make(&cases[k], COPIES);
+        double y[MAX_STATE], off[MAX_STATE];
+        random_point(&f, y);
+        assert_true(lg_space_manifold_error(&f.space, y) <= 4e-15);
+        for (size_t i = 0; i < f.dim; i++) off[i] = y[i] + lg_rng_uniform_in(&f.rng, -1e-3, 1e-3);
+        if (f.of->constrained) assert_true(lg_space_manifold_error(&f.space, off) > 1e-4);
+        lg_space_project(&f.space, off);
+        assert_true(lg_space_manifold_error(&f.space, off) <= 2e-15);
+        assert_same(off, y, f.dim, 5e-3);
+        off[f.dim - 1] = NAN; /* p, r or R: all are looked at */
+        assert_true(isnan(lg_space_manifold_error(&f.space, off)));
+    }
+    lg_space space;
+    double reflection[9] = {1, 0, 0, 0, 1, 0, 0, 0, -1};
+    assert_ok(lg_space_init(&space, &(lg_space_factor){LG_SPACE_SO3, 1}, 1));
+    assert_close(lg_space_manifold_error(&space, reflection), 2.0, 0.0, 0.0);
+    double a[3] = {0.1, NAN, 0.2};
+    assert_true(isnan(lg_space_angle(&space, a)));
+}
+
+/* The projection P of gradients: g.t = (P g).t for tangent t = a . y, P P = P, and P g is a tangent vector
+ * itself: it keeps the constraints to first order. */
+static void test_gradient_projection(void **state) {
+    (void)state;
+    for (size_t k = 0; k < CASES; k++) {
+        fixture f = make(&cases[k], COPIES);
+        double y[MAX_STATE], g[MAX_STATE], p[MAX_STATE], pp[MAX_STATE], t[MAX_STATE], a[MAX_ALGEBRA],
+            moved = 0.0;
+        random_point(&f, y);
+        random_vector(&f.rng, f.dim, g);
+        memcpy(p, g, sizeof(g));
+        lg_space_project_gradient(&f.space, y, p);
+        for (int repeat = 0; repeat < 5; repeat++) {
+            double before = 0.0, after = 0.0;
+            random_vector(&f.rng, f.algebra, a);
+            lg_space_generator(&f.space, a, y, t);
+            for (size_t i = 0; i < f.dim; i++) {
+                before += g[i] * t[i];
+                after += p[i] * t[i];
+            }
+            assert_close(after, before, 0.0, 1e-14);
+        }
+        memcpy(pp, p, sizeof(p));
+        lg_space_project_gradient(&f.space, y, pp);
+        assert_same(pp, p, f.dim, 2e-15);
+        for (size_t i = 0; i < f.dim; i++) {
+            moved = fmax(moved, fabs(p[i] - g[i]));
+            t[i] = y[i] + 1e-6 * p[i];
+        }
+        assert_true(f.of->constrained ? moved > 0.1 : moved == 0.0);
+        assert_true(lg_space_manifold_error(&f.space, t) < 2e-11);
+    }
+}
+
+/* ---- drift ---- */
+
+/* 10^5 steps with the same |u| each, so that the error of the coefficients is the same in each; the largest
+ * error seen at every 1000th. */
+static double drift(fixture *f, const double *speed, bool turning, double *y) {
+    enum { STEPS = 100000 };
+    double a[12], worst = 0.0;
+    memcpy(a, speed, f->algebra * sizeof(*a));
+    for (int n = 1; n <= STEPS; n++) {
+        if (turning)
+            for (size_t i = 0; i < f->algebra; i++) a[i] = speed[i] * lg_rng_uniform_in(&f->rng, -1.0, 1.0);
+        lg_space_act(&f->space, a, y, y);
+        if (n % 1000 == 0) worst = fmax(worst, lg_space_manifold_error(&f->space, y));
+    }
+    return worst;
+}
+
+/* v orthogonal to u and as small: a screw would carry r and p away. */
+static void bounded_orbit(double *a) {
+    const double w = lg_dot3(a, a), rho = lg_dot3(a, a + 3);
+    for (int i = 0; i < 3; i++) a[3 + i] = 0.3 * sqrt(w) * (a[3 + i] - rho / w * a[i]);
+}
+
+static void test_drift(void **state) {
+    (void)state;
+    static const double speeds[] = {1e-3, 0.05, 0.3, 1.0, 2.3};
+    for (size_t k = 0; k < CASES; k++) {
+        if (!cases[k].constrained) continue;
+        double worst = 0.0;
+        for (size_t s = 0; s < sizeof(speeds) / sizeof(speeds[0]); s++)
+            for (int turning = 0; turning < 2; turning++) {
+                fixture f = make(&cases[k], 1);
+                double y[12], a[6];
+                random_point(&f, y);
+                random_element(&f, speeds[s], a);
+                if (f.algebra == 6) bounded_orbit(a);
+                worst = fmax(worst, drift(&f, a, turning != 0, y));
+            }
+        print_message("%-8s off by %.1e after 10^5 steps\n", lg_space_kind_row(cases[k].kind)->name, worst);
+        assert_true(worst <= 2e-14);
+    }
+}
+
+/* A spherical pendulum (q, omega), and a body that turns with it: rotations of 0.05 to 0.6 a step. */
+static lg_status turning_field(void *user, double t, const double *y, const double *input, double *out) {
+    (void)user;
+    (void)t;
+    (void)input;
+    for (int j = 0; j < 3; j++) {
+        out[j] = y[3 + j];
+        out[3 + j] = j == 2 ? 9.81 : 0.0;
+        out[6 + j] = y[j] + y[3 + j];
+    }
+    return LG_OK;
+}
+
+static void test_every_scheme_stays(void **state) {
+    (void)state;
+    enum { STEPS = 100000 };
+    const lg_space_factor factors[] = {{LG_SPACE_TS2, 1}, {LG_SPACE_SO3, 1}};
+    lg_ode ode = {.field = turning_field};
+    assert_ok(lg_space_init(&ode.space, factors, 2));
+    for (size_t k = 0; k < lg_scheme_count(); k++) {
+        const lg_scheme *scheme = lg_scheme_at(k);
+        double y[15] = {0.6, 0.0, 0.8, -0.8, 2.0, 0.6, 1, 0, 0, 0, 1, 0, 0, 0, 1}, worst = 0.0;
+        lg_stepper *stepper;
+        if (scheme->ambient || (scheme->kind != LG_SCHEME_RKMK && scheme->kind != LG_SCHEME_COMMUTATOR_FREE))
+            continue;
+        assert_ok(lg_stepper_create(NULL, scheme, &ode, &stepper));
+        for (int n = 0; n < STEPS; n++) {
+            assert_ok(lg_step(stepper, 0.05 * n, 0.05, y, NULL, y));
+            if (n % 100 == 0 || n + 1 == STEPS) worst = fmax(worst, lg_space_manifold_error(&ode.space, y));
+        }
+        print_message("%-12s off by %.1e in 10^5 steps\n", scheme->name, worst);
+        assert_true(worst <= 1e-13);
+        lg_stepper_destroy(NULL, stepper);
+    }
+}
+
+/* The dual spaces keep |G|^2 and G.P, relative to |G|^2 and |G| |P|. */
+static void test_casimirs(void **state) {
+    (void)state;
+    static const lg_space_kind kinds[] = {LG_SPACE_SO3_DUAL, LG_SPACE_SE3_DUAL};
+    for (int k = 0; k < 2; k++) {
+        fixture f = make(&cases[3 + k], 1);
+        double y[6] = {0}, start[6] = {0}, a[6];
+        assert_int_equal(cases[3 + k].kind, kinds[k]);
+        random_point(&f, y);
+        for (size_t i = 0; i < f.dim; i++) y[i] *= 5.0;
+        memcpy(start, y, sizeof(y));
+        random_element(&f, 1.0, a);
+        for (size_t i = 3; i < f.algebra; i++) a[i] = 0.0;
+        (void)drift(&f, a, false, y);
+        const double norm = lg_dot3(start, start), size = sqrt(norm * lg_dot3(start + 3, start + 3));
+        const double first = fabs(lg_dot3(y, y) / norm - 1.0);
+        const double second = k == 0 ? 0.0 : fabs(lg_dot3(y, y + 3) - lg_dot3(start, start + 3)) / size;
+        print_message("%-8s Casimirs off by %.1e and %.1e\n", f.row->name, first, second);
+        assert_true(first <= 2e-13 && second <= 2e-13); /* a random walk; without k_low 1e-12 */
+    }
+}
+
+/* A start farther than rounding from the manifold keeps its distance: the action is linear there. */
+static void test_starts_off_the_manifold(void **state) {
+    (void)state;
+    lg_space space;
+    double a[6] = {0.3, -0.2, 0.1, 0.5, 0.4, -0.3}, y[6] = {0.6, 0.0, 0.9, 0.3, 0.1, 0.2}, out[6], e[6];
+    assert_ok(lg_space_init(&space, &(lg_space_factor){LG_SPACE_TS2, 1}, 1));
+    lg_space_act(&space, a, y, out);
+    lg_se3_exp_act(a, y, e);
+    assert_same(out, e, 6, 1e-15);
+    double R[9], S[9];
+    lg_so3_exp(a, R);
+    for (int i = 0; i < 9; i++) R[i] *= 1.001;
+    assert_ok(lg_space_init(&space, &(lg_space_factor){LG_SPACE_SO3, 1}, 1));
+    lg_space_act(&space, a, R, S);
+    lg_so3_exp_multiply(a, R, R);
+    assert_same(S, R, 9, 0.0);
+    assert_close(lg_space_manifold_error(&space, S), 1.001 * 1.001 - 1.0, 0.0, 1e-15);
+    double zero[6] = {0};
+    assert_ok(lg_space_init(&space, &(lg_space_factor){LG_SPACE_SE3_DUAL, 1}, 1));
+    lg_space_act(&space, a, zero, out);
+    assert_same(out, zero, 6, 0.0);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_rows),
+        cmocka_unit_test(test_action_axioms),
+        cmocka_unit_test(test_positions),
+        cmocka_unit_test(test_generator),
+        cmocka_unit_test(test_bracket),
+        cmocka_unit_test(test_dexpinv),
+        cmocka_unit_test(test_action_against_matrices),
+        cmocka_unit_test(test_constant_field),
+        cmocka_unit_test(test_projection),
+        cmocka_unit_test(test_gradient_projection),
+        cmocka_unit_test(test_drift),
+        cmocka_unit_test(test_every_scheme_stays),
+        cmocka_unit_test(test_casimirs),
+        cmocka_unit_test(test_starts_off_the_manifold),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
