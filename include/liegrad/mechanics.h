@@ -1,18 +1,12 @@
-/* Mechanical systems, their Hamiltonians and vector fields, and trajectories sampled from them.
+/* Mechanical systems: parameters, states, vector fields, invariants, and trajectories sampled from them.
  *
- * Rows of the table, state layout, parameters:
- *
- * - pendulum-chain: (T*S^2)^k, state q_1, p_1, q_2, p_2, ... (6k); links, gravity, masses, lengths. e3 points
- *   up. H = 1/2 p^T M(q)^-1 p + sum_i mu_i g L_i e3.q_i with mu_i = sum_{l >= i} m_l, p = M q',
- *   P_i = I - q_i q_i^T, m_ij = mu_max(i,j) L_i L_j, M_ij = m_ij P_i P_j (i != j), M_ii = m_ii I.
- * - quartic: R^4, state q, p. H = 1/2 p^T [5 -1; -1 5] p + (q_1^4 + q_2^4)/4 + (q_1^2 + q_2^2)/2
- * - coupled-oscillators: R^4, state q, p. H = (q_1^2 + p_1^2)/2 + p_2^2/2 + q_2^2/2 + q_2^4/4
- *
- * Invariants: index 0 is always the energy H; chains add the vertical angular momentum sum_i e3.(q_i x p_i),
- * coupled-oscillators add G = (q_1^2 + p_1^2)/2.
+ * A system is a row of a table (src/mechanics), found by name and form; docs/systems.md has its equations,
+ * keys, state order, invariants and the names of its parameters in gradients. Rows: oscillator; quartic;
+ * coupled-oscillators; pendulum-chain (lagrangian | hamiltonian); rigid-body; rigid-body-attitude; heavy-top
+ * (cotangent | direct | lie-poisson | quadratic); quadrotors.
  *
  * A system is immutable after it is made and may be shared by threads; each thread brings its own workspace.
- * Evaluation allocates nothing. The chain costs O(k).
+ * Evaluation allocates nothing. Chains cost O(links).
  */
 #ifndef LIEGRAD_MECHANICS_H
 #define LIEGRAD_MECHANICS_H
@@ -26,46 +20,98 @@
 #include "liegrad/integrators.h"
 #include "liegrad/random.h"
 #include "liegrad/status.h"
+#include "liegrad/taped.h"
 
 LG_BEGIN_DECLS
 
 typedef struct lg_system lg_system;
 
+/* Values of one parameter, by the key that scenes use. */
+typedef struct lg_named_values {
+    const char *key;
+    const double *values;
+    size_t count;
+} lg_named_values;
+
 typedef struct lg_system_options {
-    size_t size;           /* sizeof(lg_system_options) */
-    size_t links;          /* chains: k >= 1; 1. Others ignore what follows. */
-    double gravity;        /* finite; 1 */
-    const double *masses;  /* k numbers > 0, or NULL: all 1 */
-    const double *lengths; /* k numbers > 0, or NULL: all 1 */
+    size_t size;                       /* sizeof(lg_system_options) */
+    const char *form;                  /* NULL: the system's first */
+    size_t links;                      /* pendulum-chain: k in 1..1000000; 1. Others ignore it. */
+    const lg_named_values *parameters; /* those given; the others have their defaults, where they have one */
+    size_t parameter_count;
 } lg_system_options;
 
 LG_API void lg_system_options_init(lg_system_options *options);
 
-/* The names of the table; NULL beyond. */
-LG_API const char *lg_system_name_at(size_t index);
+typedef enum lg_parameter_rule {
+    LG_PARAMETER_FINITE,
+    LG_PARAMETER_POSITIVE,
+    LG_PARAMETER_UNIT_VECTOR, /* of length 1 to 1e-9 */
+    LG_PARAMETER_ANGLE        /* radians, at most pi in size */
+} lg_parameter_rule;
 
-/* `options` may be NULL for the defaults; its arrays are copied. Errors, explained in `error` (may be NULL):
- * LG_NOT_FOUND (name), LG_INVALID_ARGUMENT (links 0, a mass or length that is not finite and > 0, gravity not
- * finite), LG_OUT_OF_MEMORY. */
+/* A parameter of a system. */
+typedef struct lg_parameter_row {
+    const char *key;   /* in scenes: "masses" */
+    const char *label; /* in gradients: "m" gives m1, m2, ...; with `count` 1 it stands alone: "g" */
+    size_t count;      /* numbers; 0: one a link */
+    lg_parameter_rule rule;
+    const double *fallback; /* `count` numbers (one when count is 0, for all links); NULL: must be given */
+    const char *meaning;    /* with its unit */
+} lg_parameter_row;
+
+/* A part of the state: `outer` blocks, `stride` numbers apart from `first` on, of rows x columns numbers. In
+ * scenes a list of lists of lists; levels of one are left out. In layouts a block is the key with its number,
+ * "q2"; where `outer` is 1, the key alone. */
+typedef struct lg_state_row {
+    const char *key; /* in scenes and layouts: "q" */
+    size_t outer;    /* 0: one a link */
+    size_t rows, columns, first, stride;
+    const double *fallback; /* of one block; NULL: must be given */
+} lg_state_row;
+
+/* Name and form of row `index` of the table; false beyond. `form` NULL where there is one only. */
+LG_API bool lg_system_at(size_t index, const char **name, const char **form);
+/* The parameters and the parts of the state of a row, ended by a key NULL; NULL for an unknown pair. `form`
+ * NULL: the system's first. */
+LG_API const lg_parameter_row *lg_system_parameters(const char *name, const char *form);
+LG_API const lg_state_row *lg_system_state(const char *name, const char *form);
+
+/* `options` may be NULL for the defaults; its arrays are copied. `form` NULL is the first form of that name.
+ * Errors, explained in `error` (may be NULL): LG_NOT_FOUND (name, form), LG_INVALID_ARGUMENT (an unknown or
+ * repeated key, a wrong count, a value against its rule, a parameter missing, links 0 or above a million),
+ * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_system_create(const lg_context *context, const char *name,
                                   const lg_system_options *options, lg_system **out, lg_error *error);
 LG_API void lg_system_destroy(const lg_context *context, lg_system *system); /* NULL is fine */
 
 LG_API const char *lg_system_name(const lg_system *system);
-LG_API const char *lg_system_layout(const lg_system *system); /* "q1 p1 q2 p2" (chains) or "q p" */
-LG_API size_t lg_system_dim(const lg_system *system);         /* numbers in a state */
-LG_API size_t lg_system_links(const lg_system *system);       /* chains: k; others 0 */
-LG_API bool lg_system_constrained(const lg_system *system);   /* lives on a manifold other than R^n */
-LG_API bool lg_system_separable(const lg_system *system);     /* H = K(p) + V(q): splitting schemes apply */
+LG_API const char *lg_system_form(const lg_system *system); /* NULL where there is one only */
+/* The order of the state: "q1 omega1 q2 omega2", "q p", "y v R1 Omega1 R2 Omega2 q1 omega1 q2 omega2". */
+LG_API const char *lg_system_layout(const lg_system *system);
+LG_API const lg_space *lg_system_space(const lg_system *system);
+/* All parameters, in the order of lg_system_parameters: lg_system_parameter_count numbers; the label of each
+ * ("m2") into `text`, at least 32 characters. */
+LG_API size_t lg_system_parameter_count(const lg_system *system);
+LG_API const double *lg_system_parameter_values(const lg_system *system);
+LG_API void lg_system_parameter_label(const lg_system *system, size_t index, char *text);
+LG_API size_t lg_system_dim(const lg_system *system); /* numbers in a state */
+/* Numbers of it that are reported, the first ones: all, but for heavy-top, quadratic, whose last six are p
+ * and q. */
+LG_API size_t lg_system_reported(const lg_system *system);
+LG_API size_t lg_system_links(const lg_system *system);     /* chains: k; others 0 */
+LG_API bool lg_system_constrained(const lg_system *system); /* lives on a manifold other than R^n */
+LG_API bool lg_system_separable(const lg_system *system);   /* H = K(p) + V(q): splitting schemes apply */
 
 /* Doubles of workspace that the functions below need (at least 1); the caller's, content irrelevant before
  * and after. */
 LG_API size_t lg_system_workspace(const lg_system *system);
 
-/* H(y); work: lg_system_workspace doubles. Chains off the manifold: the extension of
- * lg_chain_gradient_extended; NaN where that is not defined. */
+/* H(y); work: lg_system_workspace doubles. NaN where there is none (quadrotors), and off the manifold where
+ * it is not defined. */
 LG_API double lg_system_hamiltonian(const lg_system *system, const double *y, double *work);
 
+/* First integrals of the exact flow: "energy" first where there is one, then as docs/systems.md says. */
 LG_API size_t lg_system_invariants(const lg_system *system);
 LG_API const char *lg_system_invariant_name(const lg_system *system, size_t index); /* NULL beyond */
 LG_API double lg_system_invariant(const lg_system *system, size_t index, const double *y,
@@ -85,23 +131,61 @@ typedef struct lg_system_user {
     double *work;
 } lg_system_user;
 
-/* Fills `ode` (space, functions, user). `user` (filled too) and `work` (lg_system_workspace doubles) must
- * outlive its use.
+/* Fills `ode` (space, functions, user, for AMBIENT the manifold). `user` (filled too) and `work`
+ * (lg_system_workspace doubles) must outlive its use. The ambient field is the generator of the other one,
+ * f(t, y) . y, but for chains in Hamiltonian form. Chains, e3 up:
  *
- * Chains, v_i = dH/dp_i, g_i = dH/dq_i:
+ * Lagrangian form, state q_1, omega_1, q_2, omega_2, ... The tensions lambda of the links solve a symmetric
+ * tridiagonal system, d_i lambda_i + e_{i-1} lambda_{i-1} + e_i lambda_{i+1} = b_i with
+ *   d_i = 1/m_i + [i > 1]/m_{i-1}, e_i = -q_i.q_{i+1}/m_i, b_i = L_i |omega_i|^2 - [i = 1] g e3.q_1;
+ *   a_i = (lambda_{i+1} q_{i+1} - lambda_i q_i)/m_i - g e3 is the acceleration of mass i, a_0 = 0;
+ *   q_i'' = (a_i - a_{i-1})/L_i
+ *   LIE:     f_i = (omega_i, q_i (q_i.q_i'') - q_i'')
+ *   AMBIENT: q_i' = omega_i x q_i, omega_i' = q_i x q_i''. Defined off the manifold too, by the same
+ * formulas.
+ *
+ * Hamiltonian form, v_i = dH/dp_i, g_i = dH/dq_i:
  *   LIE:     f_i = (xi_i, eta_i) = (q_i x v_i, g_i x q_i + v_i x p_i)
  *   AMBIENT: q_i' = v_i - q_i (q_i.v_i), p_i' = -g_i + q_i (q_i.g_i) + p_i (q_i.v_i) - q_i (p_i.v_i), with
- * the gradient of lg_chain_gradient_extended, as a classical scheme leaves the manifold. Errors:
- * LG_INVALID_ARGUMENT. The field returns LG_NOT_FINITE where the kinetic energy is not defined. */
+ * the gradient of lg_chain_gradient_extended, as a classical scheme leaves the manifold. The field returns
+ * LG_NOT_FINITE where the kinetic energy is not defined.
+ *
+ * ode.step: oscillator, the midpoint rule (discrete Lagrangian h L((q0 + q1)/2, (q1 - q0)/h)); chains in both
+ * forms, the trapezoidal discrete Lagrangian in ambient coordinates with the constraints |q_i| = 1 (SHAKE for
+ * the positions, RATTLE for the velocities; Hairer, Lubich, Wanner, Geometric Numerical Integration,
+ * VII.1.4), by Newton's method to rounding; LG_NO_CONVERGENCE when the step is too large for it.
+ *
+ * Errors: LG_INVALID_ARGUMENT. */
 LG_API lg_status lg_system_ode(const lg_system *system, lg_form form, lg_system_user *user, double *work,
                                lg_ode *ode);
 
+/* The same on a tape: `parameters` is a variable of lg_system_parameter_count elements, `user` is filled and
+ * must outlive the use of `ode`. Chains in Lagrangian form are one custom operation with hand-written first
+ * derivatives of cost O(k) in lg_backward and lg_jvp; derivatives of those, and lg_grad, are built of plain
+ * operations on k x k matrices, to any order. Errors: LG_INVALID_ARGUMENT, LG_UNSUPPORTED (AMBIENT for chains
+ * in Hamiltonian form). */
+typedef struct lg_system_taped_user {
+    const lg_system *system;
+    lg_var parameters;
+} lg_system_taped_user;
+
+LG_API lg_status lg_system_taped_ode(const lg_system *system, lg_form form, lg_var parameters,
+                                     lg_system_taped_user *user, lg_taped_ode *ode);
+
 /* ---- The chain's parts (LG_UNSUPPORTED for another system) ---- */
 
-/* The constant k x k matrix m_ij = mu_max(i,j) L_i L_j, row-major. */
+/* The constant k x k matrix m_ij = mu_max(i,j) L_i L_j, mu_i = sum_{l >= i} m_l, row-major. Both forms. */
 LG_API lg_status lg_chain_mass_matrix(const lg_system *system, double *m);
-/* V(q) = sum_i weight_i e3.q_i: the k weights mu_i g L_i. */
+/* V(q) = sum_i weight_i e3.q_i: the k weights mu_i g L_i. Both forms. */
 LG_API lg_status lg_chain_potential_weights(const lg_system *system, double *weights);
+/* Between the forms, of the same parameters: q_1, omega_1, ... to q_1, p_1, ... and back; `from` and `to`
+ * (6k) may be equal. With q_i' = omega_i x q_i: p_i = m_ii q_i' + P_i sum_{j != i} m_ij q_j', P_i = I - q_i
+ * q_i^T; back q_i' = dH/dp_i and omega_i = q_i x q_i'. Systems of either form. O(k). work:
+ * lg_system_workspace doubles. Errors: LG_NOT_FINITE (back only). */
+LG_API lg_status lg_chain_momenta(const lg_system *system, const double *from, double *to, double *work);
+LG_API lg_status lg_chain_velocities(const lg_system *system, const double *from, double *to, double *work);
+
+/* What follows is for the Hamiltonian form only. */
 
 /* On the manifold. dH/dp_i -> v (3k), dH/dq_i -> g (3k), from y (6k). W = m^-1 is tridiagonal; with G_il =
  * q_i.q_l and u_i = q_i.(W p)_i, (W o G) lambda = u: v_i = sum_j W_ij (p_j - lambda_j q_j), dT/dq_i =
@@ -122,11 +206,12 @@ LG_API lg_status lg_chain_gradient_extended(const lg_system *system, const doubl
 /* ---- Starts and trajectories ---- */
 
 typedef enum lg_starts {
-    LG_STARTS_THESIS, /* chains: q_i = normalised N(0, I_3), p_i = q_i x u, u ~ U[0,1]^3; others: U[-1,1]^d */
+    LG_STARTS_THESIS, /* chains: q_i = normalised N(0, I_3), p_i = q_i x u, u ~ U[0,1]^3; on R^d: U[-1,1]^d */
     LG_STARTS_BOX     /* U[-1,1]^d; LG_UNSUPPORTED for chains */
 } lg_starts;
 
-/* One random start, lg_system_dim numbers. */
+/* One random start, lg_system_dim numbers. Errors: LG_INVALID_ARGUMENT, LG_UNSUPPORTED (a system that is
+ * neither a chain in Hamiltonian form nor on R^d). */
 LG_API lg_status lg_system_start(const lg_system *system, lg_starts kind, lg_rng *rng, double *y);
 
 typedef enum lg_noise { LG_NOISE_NORMAL /* eps N(0, 1) */, LG_NOISE_UNIFORM /* eps U(-1, 1) */ } lg_noise;

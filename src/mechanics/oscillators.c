@@ -1,20 +1,115 @@
-/* Separable systems on R^4, y = (q_1, q_2, p_1, p_2): the quartic oscillators coupled through the kinetic
- * energy, and the two oscillators, one of them harmonic, of the experiment with noise and a first integral.
+/* Separable systems on R^2n, y = (q, p): the harmonic oscillator; the quartic oscillators coupled through the
+ * kinetic energy; and the two oscillators, one of them harmonic, of the experiment with noise and a first
+ * integral. None has parameters.
  */
+#include "liegrad/ops.h"
 #include "mechanics/system.h"
 
-/* The field from its halves: y' = (dK/dp, -dV/dq). */
-static lg_status from_halves(const lg_system_row *row, void *user, double t, const double *y,
-                             const double *input, double *out) {
-    LG_TRY(row->velocity(user, t, y + 2, input, out));
-    return row->force(user, t, y, input, out + 2);
+static const lg_parameter_row no_parameters[] = {{.key = NULL}};
+static const lg_state_row one_degree[] = {
+    {.key = "q", .outer = 1, .rows = 1, .columns = 1, .first = 0, .stride = 1},
+    {.key = "p", .outer = 1, .rows = 1, .columns = 1, .first = 1, .stride = 1},
+    {.key = NULL}};
+static const lg_state_row two_degrees[] = {
+    {.key = "q", .outer = 1, .rows = 1, .columns = 2, .first = 0, .stride = 2},
+    {.key = "p", .outer = 1, .rows = 1, .columns = 2, .first = 2, .stride = 2},
+    {.key = NULL}};
+static const char *const energy_only[] = {"energy", NULL};
+
+static lg_status space_r2(size_t links, lg_space *out) {
+    (void)links;
+    return lg_space_init_rn(out, 2);
 }
+
+static lg_status space_r4(size_t links, lg_space *out) {
+    (void)links;
+    return lg_space_init_rn(out, 4);
+}
+
+/* The fields from their halves: y' = (dK/dp, -dV/dq). */
+static lg_status field(void *user, double t, const double *y, const double *input, double *out) {
+    const lg_system *system = ((const lg_system_user *)user)->system;
+    const size_t n = system->space.dim / 2;
+    LG_TRY(system->row->velocity(user, t, y + n, input, out));
+    return system->row->force(user, t, y, input, out + n);
+}
+
+static lg_status taped(const lg_system *system, lg_tape *tape, double t, const lg_var *y, lg_var parameters,
+                       lg_var *algebra) {
+    const uint32_t n = (uint32_t)system->space.dim / 2;
+    lg_var half[2] = {LG_NONE, LG_NONE};
+    (void)t;
+    LG_TRY(system->row->taped_velocity(system, tape, lg_slice(tape, y[0], -1, n, n), parameters, &half[0]));
+    LG_TRY(system->row->taped_force(system, tape, lg_slice(tape, y[0], -1, 0, n), parameters, &half[1]));
+    algebra[0] = lg_concat(tape, half, 2, -1);
+    return lg_tape_status(tape);
+}
+
+/* ---- H = (p^2 + q^2)/2 ---- */
+
+static double oscillator_energy(const lg_system *system, size_t index, const double *y, double *work) {
+    (void)system, (void)index, (void)work;
+    return 0.5 * (y[0] * y[0] + y[1] * y[1]);
+}
+
+static lg_status oscillator_force(void *user, double t, const double *q, const double *input, double *out) {
+    (void)user, (void)t, (void)input;
+    out[0] = -q[0];
+    return LG_OK;
+}
+
+static lg_status oscillator_velocity(void *user, double t, const double *p, const double *input,
+                                     double *out) {
+    (void)user, (void)t, (void)input;
+    out[0] = p[0];
+    return LG_OK;
+}
+
+/* L_d(q0, q1) = h ((q1 - q0)^2/h^2 - (q0 + q1)^2/4)/2 with p0 = -D_1 L_d, p1 = D_2 L_d. */
+static lg_status oscillator_step(void *user, double t, double h, double *y) {
+    const double a = 0.25 * h * h, s = 1.0 / (1.0 + a), q = y[0], p = y[1];
+    (void)user, (void)t;
+    y[0] = ((1.0 - a) * q + h * p) * s;
+    y[1] = ((1.0 - a) * p - h * q) * s;
+    return LG_OK;
+}
+
+static lg_status oscillator_taped_force(const lg_system *system, lg_tape *tape, lg_var q, lg_var parameters,
+                                        lg_var *out) {
+    (void)system, (void)parameters;
+    *out = lg_neg(tape, q);
+    return lg_tape_status(tape);
+}
+
+static lg_status identity_velocity(const lg_system *system, lg_tape *tape, lg_var p, lg_var parameters,
+                                   lg_var *out) {
+    (void)system, (void)parameters;
+    *out = p;
+    return lg_tape_status(tape);
+}
+
+const lg_system_row lg_system_row_oscillator = {
+    .name = "oscillator",
+    .parameters = no_parameters,
+    .state = one_degree,
+    .separable = true,
+    .space = space_r2,
+    .invariants = energy_only,
+    .invariant = oscillator_energy,
+    .field = {field, field},
+    .force = oscillator_force,
+    .velocity = oscillator_velocity,
+    .step = oscillator_step,
+    .taped = taped,
+    .taped_force = oscillator_taped_force,
+    .taped_velocity = identity_velocity,
+};
 
 /* ---- H = 1/2 p^T [5 -1; -1 5] p + (q_1^4 + q_2^4)/4 + (q_1^2 + q_2^2)/2 ---- */
 
-static double quartic_hamiltonian(const lg_system *system, const double *y, double *work) {
+static double quartic_energy(const lg_system *system, size_t index, const double *y, double *work) {
     const double a = y[0] * y[0], b = y[1] * y[1];
-    (void)system, (void)work;
+    (void)system, (void)index, (void)work;
     return 0.5 * (5.0 * y[2] * y[2] - 2.0 * y[2] * y[3] + 5.0 * y[3] * y[3]) + 0.25 * (a * a + b * b) +
            0.5 * (a + b);
 }
@@ -32,36 +127,43 @@ static lg_status quartic_velocity(void *user, double t, const double *p, const d
     return LG_OK;
 }
 
-static lg_status quartic_field(void *user, double t, const double *y, const double *input, double *out) {
-    return from_halves(&lg_system_row_quartic, user, t, y, input, out);
+static lg_status quartic_taped_force(const lg_system *system, lg_tape *tape, lg_var q, lg_var parameters,
+                                     lg_var *out) {
+    (void)system, (void)parameters;
+    *out = lg_neg(tape, lg_mul(tape, q, lg_shift(tape, lg_square(tape, q), 1.0)));
+    return lg_tape_status(tape);
 }
 
-static const char *const no_invariants[] = {NULL};
+static lg_status quartic_taped_velocity(const lg_system *system, lg_tape *tape, lg_var p, lg_var parameters,
+                                        lg_var *out) {
+    static const double inverse_mass[4] = {5.0, -1.0, -1.0, 5.0};
+    (void)system, (void)parameters;
+    *out = lg_matmul(tape, p, lg_input_f64(tape, lg_shape2(2, 2), inverse_mass));
+    return lg_tape_status(tape);
+}
 
 const lg_system_row lg_system_row_quartic = {
     .name = "quartic",
-    .layout = "q p",
-    .kind = LG_SPACE_RN,
-    .copies = 4,
+    .parameters = no_parameters,
+    .state = two_degrees,
     .separable = true,
-    .invariants = no_invariants,
-    .hamiltonian = quartic_hamiltonian,
-    .field = {quartic_field, quartic_field},
+    .space = space_r4,
+    .invariants = energy_only,
+    .invariant = quartic_energy,
+    .field = {field, field},
     .force = quartic_force,
     .velocity = quartic_velocity,
+    .taped = taped,
+    .taped_force = quartic_taped_force,
+    .taped_velocity = quartic_taped_velocity,
 };
 
 /* ---- H = (q_1^2 + p_1^2)/2 + p_2^2/2 + q_2^2/2 + q_2^4/4, G = (q_1^2 + p_1^2)/2 ---- */
 
-static double coupled_invariant(const lg_system *system, size_t index, const double *y) {
-    (void)system, (void)index;
-    return 0.5 * (y[0] * y[0] + y[2] * y[2]);
-}
-
-static double coupled_hamiltonian(const lg_system *system, const double *y, double *work) {
-    const double b = y[1] * y[1];
-    (void)work;
-    return coupled_invariant(system, 0, y) + 0.5 * (y[3] * y[3] + b) + 0.25 * b * b;
+static double coupled_invariant(const lg_system *system, size_t index, const double *y, double *work) {
+    const double first = 0.5 * (y[0] * y[0] + y[2] * y[2]), b = y[1] * y[1];
+    (void)system, (void)work;
+    return index == 0 ? first + 0.5 * (y[3] * y[3] + b) + 0.25 * b * b : first;
 }
 
 static lg_status coupled_force(void *user, double t, const double *q, const double *input, double *out) {
@@ -78,22 +180,29 @@ static lg_status coupled_velocity(void *user, double t, const double *p, const d
     return LG_OK;
 }
 
-static lg_status coupled_field(void *user, double t, const double *y, const double *input, double *out) {
-    return from_halves(&lg_system_row_coupled, user, t, y, input, out);
+static lg_status coupled_taped_force(const lg_system *system, lg_tape *tape, lg_var q, lg_var parameters,
+                                     lg_var *out) {
+    static const double second[2] = {0.0, 1.0};
+    (void)system, (void)parameters;
+    lg_var cubic = lg_mul(tape, lg_input_f64(tape, lg_shape1(2), second), lg_square(tape, q));
+    *out = lg_neg(tape, lg_mul(tape, q, lg_shift(tape, cubic, 1.0)));
+    return lg_tape_status(tape);
 }
 
-static const char *const coupled_invariants[] = {"G", NULL};
+static const char *const coupled_invariants[] = {"energy", "G", NULL};
 
 const lg_system_row lg_system_row_coupled = {
     .name = "coupled-oscillators",
-    .layout = "q p",
-    .kind = LG_SPACE_RN,
-    .copies = 4,
+    .parameters = no_parameters,
+    .state = two_degrees,
     .separable = true,
+    .space = space_r4,
     .invariants = coupled_invariants,
-    .hamiltonian = coupled_hamiltonian,
     .invariant = coupled_invariant,
-    .field = {coupled_field, coupled_field},
+    .field = {field, field},
     .force = coupled_force,
     .velocity = coupled_velocity,
+    .taped = taped,
+    .taped_force = coupled_taped_force,
+    .taped_velocity = identity_velocity,
 };

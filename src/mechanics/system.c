@@ -5,97 +5,332 @@
 #include <stdio.h>
 #include <string.h>
 
-static const lg_system_row *const rows[] = {&lg_system_row_chain, &lg_system_row_quartic,
-                                            &lg_system_row_coupled};
+#include "liegrad/ops.h"
 
-const char *lg_system_name_at(size_t index) {
-    return index < LG_COUNT(rows) ? rows[index]->name : NULL;
+static const lg_system_row *const rows[] = {
+    &lg_system_row_oscillator,       &lg_system_row_quartic,           &lg_system_row_coupled,
+    &lg_system_row_chain_lagrangian, &lg_system_row_chain_hamiltonian, &lg_system_row_rigid_body,
+    &lg_system_row_attitude,         &lg_system_row_top_cotangent,     &lg_system_row_top_direct,
+    &lg_system_row_top_lie_poisson,  &lg_system_row_top_quadratic,     &lg_system_row_quadrotors,
+};
+
+/* ---- the table ---- */
+
+bool lg_system_at(size_t index, const char **name, const char **form) {
+    if (index >= LG_COUNT(rows)) return false;
+    if (name) *name = rows[index]->name;
+    if (form) *form = rows[index]->form;
+    return true;
 }
 
-void lg_system_options_init(lg_system_options *options) {
-    *options = (lg_system_options){.size = sizeof(lg_system_options), .links = 1, .gravity = 1.0};
+static bool same(const char *a, const char *b) {
+    return a && b && strcmp(a, b) == 0;
 }
 
-static const lg_system_row *find_row(const char *name) {
-    for (size_t i = 0; name && i < LG_COUNT(rows); i++)
-        if (strcmp(rows[i]->name, name) == 0) return rows[i];
+/* The first row of that name when `form` is NULL. */
+static const lg_system_row *find_row(const char *name, const char *form) {
+    for (size_t i = 0; i < LG_COUNT(rows); i++)
+        if (same(rows[i]->name, name) && (!form || same(rows[i]->form, form))) return rows[i];
     return NULL;
 }
 
-static lg_status check_positive(const double *x, size_t n, const char *what, lg_error *error) {
-    for (size_t i = 0; x && i < n; i++)
-        if (!(x[i] > 0.0) || !isfinite(x[i]))
-            return lg_fail(error, LG_INVALID_ARGUMENT, "%s[%zu] = %g is not a positive number", what, i,
+const lg_parameter_row *lg_system_parameters(const char *name, const char *form) {
+    const lg_system_row *row = find_row(name, form);
+    return row ? row->parameters : NULL;
+}
+
+const lg_state_row *lg_system_state(const char *name, const char *form) {
+    const lg_system_row *row = find_row(name, form);
+    return row ? row->state : NULL;
+}
+
+void lg_system_options_init(lg_system_options *options) {
+    *options = (lg_system_options){.size = sizeof(lg_system_options), .links = 1};
+}
+
+/* ---- sentences ---- */
+
+typedef struct list_text {
+    char text[320];
+    size_t length;
+} list_text;
+
+static void list_add(list_text *list, const char *word) {
+    if (!word || list->length >= sizeof(list->text)) return;
+    const int n = snprintf(list->text + list->length, sizeof(list->text) - list->length, "%s%s",
+                           list->length > 0 ? ", " : "", word);
+    list->length += n > 0 ? (size_t)n : 0;
+}
+
+static lg_status fail_row(const char *name, const char *form, lg_error *error) {
+    const lg_system_row *row = find_row(name, NULL);
+    list_text known = {.length = 0};
+    for (size_t i = 0; i < LG_COUNT(rows); i++)
+        if (row && strcmp(rows[i]->name, name) == 0)
+            list_add(&known, rows[i]->form);
+        else if (!row && (i == 0 || strcmp(rows[i]->name, rows[i - 1]->name) != 0))
+            list_add(&known, rows[i]->name);
+    if (!row)
+        return lg_fail(error, LG_NOT_FOUND, "there is no system \"%s\"; there are %s", name ? name : "(null)",
+                       known.text);
+    if (known.length == 0)
+        return lg_fail(error, LG_NOT_FOUND, "%s has no form \"%s\"; it has one form only", name, form);
+    return lg_fail(error, LG_NOT_FOUND, "%s has no form \"%s\"; it has %s", name, form, known.text);
+}
+
+static lg_status fail_key(const lg_system_row *row, const char *key, lg_error *error) {
+    list_text known = {.length = 0};
+    for (const lg_parameter_row *p = row->parameters; p->key; p++) list_add(&known, p->key);
+    if (known.length == 0)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s has no parameter \"%s\"; it has none", row->name,
+                       key ? key : "(null)");
+    return lg_fail(error, LG_INVALID_ARGUMENT, "%s has no parameter \"%s\"; it has %s", row->name,
+                   key ? key : "(null)", known.text);
+}
+
+/* ---- parameters ---- */
+
+static size_t numbers_of(const lg_parameter_row *parameter, size_t links) {
+    return parameter->count > 0 ? parameter->count : links;
+}
+
+static lg_status check_rule(const lg_parameter_row *p, const double *x, size_t n, lg_error *error) {
+    double square = 0.0;
+    for (size_t i = 0; i < n; i++) {
+        char place[32] = "";
+        if (n > 1) (void)snprintf(place, sizeof(place), "[%zu]", i);
+        if (!isfinite(x[i]))
+            return lg_fail(error, LG_INVALID_ARGUMENT, "%s%s = %g is not finite", p->key, place, x[i]);
+        if (p->rule == LG_PARAMETER_POSITIVE && !(x[i] > 0.0))
+            return lg_fail(error, LG_INVALID_ARGUMENT, "%s%s = %g is not a positive number", p->key, place,
                            x[i]);
+        if (p->rule == LG_PARAMETER_ANGLE && !(fabs(x[i]) <= 3.14159265358979323846))
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "%s%s = %g is not an angle in radians, at most pi in size", p->key, place, x[i]);
+        square += x[i] * x[i];
+    }
+    if (p->rule == LG_PARAMETER_UNIT_VECTOR && !(fabs(sqrt(square) - 1.0) <= 1e-9))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s has length %.12g, not 1", p->key, sqrt(square));
     return LG_OK;
 }
 
+/* What was given for the key; NULL: nothing. */
+static const lg_named_values *given_for(const lg_system_options *options, const char *key) {
+    for (size_t i = 0; i < options->parameter_count; i++)
+        if (same(options->parameters[i].key, key)) return &options->parameters[i];
+    return NULL;
+}
+
+static lg_status check_keys(const lg_system_row *row, const lg_system_options *options, lg_error *error) {
+    if (options->parameter_count > 0 && !options->parameters)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the parameters of %s are NULL", row->name);
+    for (size_t i = 0; i < options->parameter_count; i++) {
+        const lg_named_values *given = &options->parameters[i];
+        const lg_parameter_row *p = row->parameters;
+        while (p->key && !same(p->key, given->key)) p++;
+        if (!p->key) return fail_key(row, given->key, error);
+        if (given_for(options, given->key) != given)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "%s is given twice", p->key);
+    }
+    return LG_OK;
+}
+
+static lg_status check_parameter(const lg_system_row *row, const lg_system_options *options,
+                                 const lg_parameter_row *p, size_t links, lg_error *error) {
+    const lg_named_values *given = given_for(options, p->key);
+    const size_t n = numbers_of(p, links);
+    if (!given && !p->fallback)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: the parameter \"%s\" (%s) must be given", row->name,
+                       p->key, p->meaning);
+    if (!given) return LG_OK;
+    if (!given->values || given->count != n)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: %zu number%s given, expected %zu%s", p->key,
+                       given->values ? given->count : 0, given->values && given->count == 1 ? "" : "s", n,
+                       p->count == 0 ? ", one a link" : "");
+    return check_rule(p, given->values, n, error);
+}
+
+static void copy_parameter(const lg_system_options *options, const lg_parameter_row *p, size_t links,
+                           double *out) {
+    const lg_named_values *given = given_for(options, p->key);
+    for (size_t i = 0; i < numbers_of(p, links); i++)
+        out[i] = given ? given->values[i] : p->fallback[p->count > 0 ? i : 0];
+}
+
+/* Offset of the numbers of parameter `index`; of all when it is beyond. */
+static size_t parameter_offset(const lg_system_row *row, size_t links, size_t index) {
+    size_t at = 0;
+    for (size_t i = 0; i < index && row->parameters[i].key; i++) at += numbers_of(&row->parameters[i], links);
+    return at;
+}
+
+const double *lg_system_parameter(const lg_system *system, size_t index) {
+    return system->parameters + parameter_offset(system->row, system->links, index);
+}
+
+lg_var lg_system_taped_parameter(const lg_system *system, lg_tape *tape, lg_var parameters, size_t index) {
+    return lg_slice(tape, parameters, 0, (uint32_t)parameter_offset(system->row, system->links, index),
+                    (uint32_t)numbers_of(&system->row->parameters[index], system->links));
+}
+
+void lg_system_parameter_label(const lg_system *system, size_t index, char *text) {
+    const lg_parameter_row *p = system->row->parameters;
+    while (p->key && index >= numbers_of(p, system->links)) index -= numbers_of(p++, system->links);
+    if (!p->key)
+        text[0] = '\0';
+    else if (p->count == 1)
+        (void)snprintf(text, 32, "%s", p->label);
+    else
+        (void)snprintf(text, 32, "%s%zu", p->label, index + 1);
+}
+
+/* ---- layout ---- */
+
+/* A text that grows, or is only counted where `at` is NULL. */
+typedef struct layout_text {
+    char *at;
+    size_t length;
+} layout_text;
+
+static void append(layout_text *text, const char *word) {
+    const size_t n = strlen(word);
+    if (text->at) memcpy(text->at + text->length, word, n + 1);
+    text->length += n;
+}
+
+static void append_number(layout_text *text, size_t number) {
+    char digits[24], *first = digits + sizeof(digits) - 1;
+    *first = '\0';
+    for (; number > 0; number /= 10) *--first = (char)('0' + number % 10);
+    append(text, first);
+}
+
+/* The blocks of the state in the order of offsets, for as far as they follow each other. Returns the length.
+ */
+static size_t write_layout(const lg_system_row *row, size_t links, char *out) {
+    layout_text text = {out, 0};
+    size_t at = 0;
+    if (row->layout) append(&text, row->layout);
+    for (const lg_state_row *s = row->state; !row->layout && s->key;) {
+        const size_t outer = s->outer > 0 ? s->outer : links;
+        const size_t block = at >= s->first && s->stride > 0 ? (at - s->first) / s->stride : 0;
+        if (block >= outer || at != s->first + block * s->stride) {
+            s++;
+            continue;
+        }
+        if (text.length > 0) append(&text, " ");
+        append(&text, s->key);
+        if (s->outer != 1) append_number(&text, block + 1);
+        at += s->rows * s->columns;
+        s = row->state;
+    }
+    return text.length;
+}
+
+/* ---- making ---- */
+
 #define LINKS_MAX 1000000
 
-static lg_status check_options(const lg_system_row *row, const lg_system_options *options, lg_error *error) {
-    if (options->size != sizeof(lg_system_options))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "system options of unknown size %zu", options->size);
-    if (row->copies > 0) return LG_OK;
-    if (options->links < 1 || options->links > LINKS_MAX)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "links = %zu is outside 1..%d", options->links, LINKS_MAX);
-    if (!isfinite(options->gravity))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "gravity = %g is not finite", options->gravity);
-    LG_TRY(check_positive(options->masses, options->links, "masses", error));
-    return check_positive(options->lengths, options->links, "lengths", error);
+static bool has_links(const lg_system_row *row) {
+    for (const lg_state_row *s = row->state; s->key; s++)
+        if (s->outer == 0) return true;
+    return false;
 }
 
-#define LAYOUT_CHARACTERS 20 /* a link, " q1000000 p1000000" */
-
-static void write_layout(char *text, size_t links) {
-    for (size_t i = 1; i <= links; i++) text += sprintf(text, "%sq%zu p%zu", i > 1 ? " " : "", i, i);
+static lg_status check_options(const lg_system_row *row, const lg_system_options *options, size_t links,
+                               lg_error *error) {
+    if (has_links(row) && (links < 1 || links > LINKS_MAX))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "links = %zu is outside 1..%d", links, LINKS_MAX);
+    LG_TRY(check_keys(row, options, error));
+    for (const lg_parameter_row *p = row->parameters; p->key; p++)
+        LG_TRY(check_parameter(row, options, p, links, error));
+    return LG_OK;
 }
 
-/* One block: the structure, the chain's numbers, the text of the layout. */
+/* One block: the structure, parameters, constants, the text of the layout. */
+static lg_status make(const lg_context *context, const lg_system_row *row, const lg_system_options *options,
+                      size_t links, lg_system **out) {
+    const size_t head = (sizeof(lg_system) + 7) / sizeof(double), none = SIZE_MAX;
+    const size_t count = parameter_offset(row, links, none);
+    const size_t constants = row->constants ? row->constants(links) : 0;
+    const size_t text = write_layout(row, links, NULL) / sizeof(double) + 1;
+    lg_space space;
+    LG_TRY(row->space(links, &space));
+    lg_system *system = lg_alloc(context, head + count + constants + text, sizeof(double));
+    if (!system) return LG_OUT_OF_MEMORY;
+    system->row = row;
+    system->links = links;
+    system->space = space;
+    system->parameter_count = count;
+    system->parameters = (double *)system + head;
+    system->constants = system->parameters + count;
+    system->layout = (char *)(system->constants + constants);
+    (void)write_layout(row, links, system->layout);
+    for (size_t i = 0; row->parameters[i].key; i++)
+        copy_parameter(options, &row->parameters[i], links,
+                       system->parameters + parameter_offset(row, links, i));
+    if (row->prepare) row->prepare(system, system->constants);
+    *out = system;
+    return LG_OK;
+}
+
 lg_status lg_system_create(const lg_context *context, const char *name, const lg_system_options *options,
                            lg_system **out, lg_error *error) {
     lg_system_options defaults;
     lg_system_options_init(&defaults);
     if (!options) options = &defaults;
     if (!out) return lg_fail(error, LG_INVALID_ARGUMENT, "out is NULL");
-    const lg_system_row *row = find_row(name);
-    if (!row) return lg_fail(error, LG_NOT_FOUND, "there is no system \"%s\"", name ? name : "(null)");
-    LG_TRY(check_options(row, options, error));
-    const size_t k = row->copies > 0 ? 0 : options->links;
-    const size_t head = (sizeof(lg_system) + sizeof(double) - 1) / sizeof(double);
-    lg_system *system = lg_alloc(context, (head + 6 * k) * sizeof(double) + k * LAYOUT_CHARACTERS + 8, 1);
-    if (!system) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %s", row->name);
-    double *numbers = (double *)system + head;
-    system->row = row;
-    system->layout = (char *)(numbers + 6 * k);
-    (void)lg_space_init(&system->space, &(lg_space_factor){row->kind, k > 0 ? k : row->copies}, 1);
-    if (k > 0) {
-        system->chain = (lg_chain){
-            k, numbers, numbers + k, numbers + 2 * k, numbers + 3 * k, numbers + 4 * k, numbers + 5 * k};
-        lg_chain_fill(&system->chain, options->gravity, options->masses, options->lengths);
-        write_layout(system->layout, k);
-    }
-    *out = system;
-    return lg_fail(error, LG_OK, "%s", "");
+    if (options->size != sizeof(lg_system_options))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "system options of unknown size %zu", options->size);
+    const lg_system_row *row = find_row(name, options->form);
+    if (!row) return fail_row(name, options->form, error);
+    const size_t links = has_links(row) ? options->links : 0;
+    LG_TRY(check_options(row, options, links, error));
+    const lg_status status = make(context, row, options, links, out);
+    if (status == LG_OUT_OF_MEMORY) return lg_fail(error, status, "no memory for %s", row->name);
+    return lg_fail(error, status, "%s", status == LG_OK ? "" : lg_status_sentence(status));
 }
 
 void lg_system_destroy(const lg_context *context, lg_system *system) {
     lg_free(context, system);
 }
 
+/* ---- asking ---- */
+
 const char *lg_system_name(const lg_system *system) {
     return system->row->name;
 }
 
+const char *lg_system_form(const lg_system *system) {
+    return system->row->form;
+}
+
 const char *lg_system_layout(const lg_system *system) {
-    return system->row->layout ? system->row->layout : system->layout;
+    return system->layout;
+}
+
+const lg_space *lg_system_space(const lg_system *system) {
+    return &system->space;
+}
+
+size_t lg_system_parameter_count(const lg_system *system) {
+    return system->parameter_count;
+}
+
+const double *lg_system_parameter_values(const lg_system *system) {
+    return system->parameters;
 }
 
 size_t lg_system_dim(const lg_system *system) {
     return system->space.dim;
 }
 
+size_t lg_system_reported(const lg_system *system) {
+    return system->space.dim - system->row->unreported;
+}
+
 size_t lg_system_links(const lg_system *system) {
-    return system->chain.links;
+    return system->links;
 }
 
 bool lg_system_constrained(const lg_system *system) {
@@ -106,45 +341,121 @@ bool lg_system_separable(const lg_system *system) {
     return system->row->separable;
 }
 
+/* Where the ambient field is made from the other one, that one's value comes last. */
+static size_t own_work(const lg_system *system) {
+    return system->row->work ? system->row->work(system->links) : 0;
+}
+
+static bool is_generated(const lg_system *system) {
+    return lg_system_constrained(system) && !system->row->field[LG_FORM_AMBIENT];
+}
+
 size_t lg_system_workspace(const lg_system *system) {
-    const size_t work = system->row->work * system->space.factor[0].count;
+    const size_t work = own_work(system) + (is_generated(system) ? system->space.algebra_dim : 0);
     return work > 0 ? work : 1;
 }
 
-double lg_system_hamiltonian(const lg_system *system, const double *y, double *work) {
-    return system->row->hamiltonian(system, y, work);
-}
+/* ---- invariants ---- */
 
 size_t lg_system_invariants(const lg_system *system) {
-    size_t n = 1;
-    while (system->row->invariants[n - 1]) n++;
+    size_t n = 0;
+    while (system->row->invariants && system->row->invariants[n]) n++;
     return n;
 }
 
 const char *lg_system_invariant_name(const lg_system *system, size_t index) {
-    if (index == 0) return "energy";
-    return index < lg_system_invariants(system) ? system->row->invariants[index - 1] : NULL;
+    return index < lg_system_invariants(system) ? system->row->invariants[index] : NULL;
 }
 
 double lg_system_invariant(const lg_system *system, size_t index, const double *y, double *work) {
-    if (index == 0) return lg_system_hamiltonian(system, y, work);
-    return index < lg_system_invariants(system) ? system->row->invariant(system, index - 1, y) : NAN;
+    return index < lg_system_invariants(system) ? system->row->invariant(system, index, y, work) : NAN;
 }
+
+double lg_system_hamiltonian(const lg_system *system, const double *y, double *work) {
+    return same(lg_system_invariant_name(system, 0), "energy") ? system->row->invariant(system, 0, y, work)
+                                                               : NAN;
+}
+
+/* ---- fields ---- */
 
 lg_form lg_system_form_for(const lg_scheme *scheme) {
     return scheme->ambient || scheme->kind == LG_SCHEME_SPLITTING ? LG_FORM_AMBIENT : LG_FORM_LIE;
+}
+
+static lg_status generated_field(void *user, double t, const double *y, const double *input, double *out) {
+    const lg_system_user *own = user;
+    double *algebra = own->work + own_work(own->system);
+    LG_TRY(own->system->row->field[LG_FORM_LIE](user, t, y, input, algebra));
+    lg_space_generator(&own->system->space, algebra, y, out);
+    return LG_OK;
+}
+
+static lg_field field_of(const lg_system *system, lg_form form) {
+    const lg_system_row *row = system->row;
+    if (form == LG_FORM_LIE || row->field[form]) return row->field[form];
+    return lg_system_constrained(system) ? generated_field : row->field[LG_FORM_LIE];
 }
 
 lg_status lg_system_ode(const lg_system *system, lg_form form, lg_system_user *user, double *work,
                         lg_ode *ode) {
     if (!system || !user || !work || !ode || (unsigned)form > LG_FORM_AMBIENT) return LG_INVALID_ARGUMENT;
     lg_ode result = {.space = system->space,
-                     .field = system->row->field[form],
+                     .field = field_of(system, form),
                      .force = system->row->force,
                      .velocity = system->row->velocity,
-                     .user = user};
-    if (form == LG_FORM_AMBIENT) LG_TRY(lg_space_init_rn(&result.space, system->space.dim));
+                     .user = user,
+                     .step = system->row->step};
+    if (form == LG_FORM_AMBIENT) {
+        result.manifold = system->space;
+        LG_TRY(lg_space_init_rn(&result.space, system->space.dim));
+    }
     *user = (lg_system_user){system, work};
+    *ode = result;
+    return LG_OK;
+}
+
+/* ---- fields on a tape ---- */
+
+static lg_status taped_field(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *algebra) {
+    const lg_system_taped_user *own = user;
+    return own->system->row->taped(own->system, tape, t, y, own->parameters, algebra);
+}
+
+static lg_status taped_ambient(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
+    const lg_system_taped_user *own = user;
+    const lg_space *space = &own->system->space;
+    lg_var parts[LG_TAPED_MAX_PARTS], algebra[LG_TAPED_MAX_PARTS], velocity[LG_TAPED_MAX_PARTS];
+    LG_TRY(lg_taped_split(tape, space, y[0], parts));
+    LG_TRY(taped_field(user, tape, t, parts, algebra));
+    LG_TRY(lg_taped_generator(tape, space, algebra, parts, velocity));
+    *out = lg_taped_join(tape, space, velocity);
+    return lg_tape_status(tape);
+}
+
+static lg_status taped_force(void *user, lg_tape *tape, double t, lg_var q, lg_var *out) {
+    const lg_system_taped_user *own = user;
+    (void)t;
+    return own->system->row->taped_force(own->system, tape, q, own->parameters, out);
+}
+
+static lg_status taped_velocity(void *user, lg_tape *tape, double t, lg_var p, lg_var *out) {
+    const lg_system_taped_user *own = user;
+    (void)t;
+    return own->system->row->taped_velocity(own->system, tape, p, own->parameters, out);
+}
+
+lg_status lg_system_taped_ode(const lg_system *system, lg_form form, lg_var parameters,
+                              lg_system_taped_user *user, lg_taped_ode *ode) {
+    if (!system || !user || !ode || (unsigned)form > LG_FORM_AMBIENT) return LG_INVALID_ARGUMENT;
+    const bool ambient = form == LG_FORM_AMBIENT, constrained = lg_system_constrained(system);
+    if (ambient && system->row->extended) return LG_UNSUPPORTED;
+    lg_taped_ode result = {.space = system->space,
+                           .field = ambient && constrained ? taped_ambient : taped_field,
+                           .force = system->row->taped_force ? taped_force : NULL,
+                           .velocity = system->row->taped_velocity ? taped_velocity : NULL,
+                           .user = user};
+    if (ambient) LG_TRY(lg_space_init_rn(&result.space, system->space.dim));
+    *user = (lg_system_taped_user){system, parameters};
     *ode = result;
     return LG_OK;
 }

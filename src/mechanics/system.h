@@ -1,46 +1,67 @@
-/* Inside of a system, and the row that each file of this room fills in. */
+/* Inside of a system, and the row that each file of this room fills in.
+ *
+ * A new system is a file with its row (one for each form) and a line in the list at the end: parameters and
+ * parts of the state are tables, which scenes, messages, layouts and gradients read.
+ */
 #ifndef LG_SYSTEM_H
 #define LG_SYSTEM_H
 
 #include "core/core.h"
 #include "liegrad/mechanics.h"
-
-/* Numbers of a chain that do not depend on the state; k each. W = m^-1 is tridiagonal. */
-typedef struct lg_chain {
-    size_t links;
-    double *length;
-    double *mu;        /* sum_{l >= i} m_l */
-    double *weight;    /* mu_i g L_i */
-    double *m_inverse; /* 1/m_ii */
-    double *w;         /* W_ii */
-    double *w_next;    /* W_{i,i+1}; the last is 0 */
-} lg_chain;
+#include "liegrad/taped.h"
 
 typedef struct lg_system_row {
-    const char *name;
-    const char *layout; /* NULL: "q1 p1 q2 p2 ..." */
-    lg_space_kind kind; /* the factor that the state consists of */
-    size_t copies;      /* of it; 0: one a link */
-    size_t work;        /* doubles of workspace a copy */
-    bool separable;
-    const char *const *invariants; /* names after "energy", ended by NULL */
-    double (*hamiltonian)(const lg_system *system, const double *y, double *work);
-    double (*invariant)(const lg_system *system, size_t index,
-                        const double *y); /* index as in `invariants` */
-    lg_field field[2];                    /* by lg_form; user is lg_system_user */
+    const char *name, *form;            /* form NULL: the only one */
+    const lg_parameter_row *parameters; /* ended by a key NULL */
+    const lg_state_row *state;          /* ended by a key NULL */
+    const char *layout;                 /* NULL: from `state`, in the order of offsets */
+    bool separable;                     /* force and velocity are there */
+    size_t unreported;                  /* numbers at the end of the state that are not reported */
+    lg_status (*space)(size_t links, lg_space *out);
+    size_t (*constants)(size_t links); /* numbers made from the parameters once; NULL: none */
+    void (*prepare)(lg_system *system, double *constants);
+    size_t (*work)(size_t links);  /* doubles of workspace; NULL: none */
+    const char *const *invariants; /* names, ended by NULL; "energy" first where there is one */
+    double (*invariant)(const lg_system *system, size_t index, const double *y, double *work);
+    /* By lg_form; AMBIENT NULL: the generator of the other one. The user is lg_system_user. */
+    lg_field field[2];
+    bool extended; /* field[AMBIENT] is not the generator of the other one off the manifold, and has no taped
+                      form */
     lg_half_field force, velocity;
+    lg_variational_step step; /* NULL: none; user is lg_system_user */
+    /* The LIE field on a tape, batches as liegrad/taped.h says; parameters: all of them, (P), in the order of
+     * the table. Differentiable to any order in y and parameters, but for what a row says. */
+    lg_status (*taped)(const lg_system *system, lg_tape *tape, double t, const lg_var *y, lg_var parameters,
+                       lg_var *algebra);
+    /* For splitting schemes; NULL: none. */
+    lg_status (*taped_force)(const lg_system *system, lg_tape *tape, lg_var q, lg_var parameters,
+                             lg_var *out);
+    lg_status (*taped_velocity)(const lg_system *system, lg_tape *tape, lg_var p, lg_var parameters,
+                                lg_var *out);
 } lg_system_row;
 
+/* One block of memory with all it points to. */
 struct lg_system {
     const lg_system_row *row;
+    size_t links; /* 0 where the system has none */
     lg_space space;
     char *layout;
-    lg_chain chain; /* zero for other systems */
+    size_t parameter_count;
+    double *parameters; /* in the order of the table */
+    double *constants;
 };
 
-extern const lg_system_row lg_system_row_chain, lg_system_row_quartic, lg_system_row_coupled;
+/* The numbers of the parameter at `index` of the row's table. */
+const double *lg_system_parameter(const lg_system *system, size_t index);
+/* The same on a tape: the slice of `parameters`, shape (count). */
+lg_var lg_system_taped_parameter(const lg_system *system, lg_tape *tape, lg_var parameters, size_t index);
 
-/* Fills the arrays of `chain`, which point to k doubles each. masses and lengths may be NULL for ones. */
-void lg_chain_fill(lg_chain *chain, double gravity, const double *masses, const double *lengths);
+/* The rows, first forms first. */
+extern const lg_system_row lg_system_row_oscillator, lg_system_row_quartic, lg_system_row_coupled;
+extern const lg_system_row lg_system_row_chain_lagrangian, lg_system_row_chain_hamiltonian;
+extern const lg_system_row lg_system_row_rigid_body, lg_system_row_attitude;
+extern const lg_system_row lg_system_row_top_cotangent, lg_system_row_top_direct,
+    lg_system_row_top_lie_poisson, lg_system_row_top_quadratic;
+extern const lg_system_row lg_system_row_quadrotors;
 
 #endif

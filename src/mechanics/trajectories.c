@@ -20,9 +20,9 @@ static void sphere_start(lg_rng *rng, double *y) {
 
 lg_status lg_system_start(const lg_system *system, lg_starts kind, lg_rng *rng, double *y) {
     if (!system || !rng || !y || (unsigned)kind > LG_STARTS_BOX) return LG_INVALID_ARGUMENT;
-    const bool chain = system->row == &lg_system_row_chain;
-    if (chain && kind == LG_STARTS_BOX) return LG_UNSUPPORTED;
-    for (size_t i = 0; chain && i < system->chain.links; i++) sphere_start(rng, y + 6 * i);
+    const bool chain = system->row == &lg_system_row_chain_hamiltonian;
+    if (chain ? kind == LG_STARTS_BOX : lg_system_constrained(system)) return LG_UNSUPPORTED;
+    for (size_t i = 0; chain && i < system->links; i++) sphere_start(rng, y + 6 * i);
     for (size_t i = 0; !chain && i < system->space.dim; i++) y[i] = lg_rng_uniform_in(rng, -1.0, 1.0);
     return LG_OK;
 }

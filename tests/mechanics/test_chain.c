@@ -12,16 +12,22 @@ static const double masses[MAX_LINKS] = {1.0, 1.3, 0.7, 2.0, 0.4},
                     lengths[MAX_LINKS] = {1.0, 0.8, 1.5, 0.6, 1.1};
 #define GRAVITY 9.81
 
-static lg_system *make_chain(size_t links) {
+/* Arrays NULL: ones. */
+static lg_system *make(size_t links, double gravity, const double *m, const double *l) {
+    const lg_named_values given[] = {{"gravity", &gravity, 1}, {"masses", m, links}, {"lengths", l, links}};
     lg_system *system = NULL;
     lg_system_options options;
     lg_system_options_init(&options);
+    options.form = "hamiltonian";
     options.links = links;
-    options.gravity = GRAVITY;
-    options.masses = masses;
-    options.lengths = lengths;
+    options.parameters = given;
+    options.parameter_count = m ? 3 : 1;
     assert_ok(lg_system_create(NULL, "pendulum-chain", &options, &system, NULL));
     return system;
+}
+
+static lg_system *make_chain(size_t links) {
+    return make(links, GRAVITY, masses, lengths);
 }
 
 /* x = A^-1 b by elimination with pivoting; A (n, n) and b are destroyed. */
@@ -235,8 +241,7 @@ static void test_extended_gradient(void **state) {
 /* k = 1: H = |p|^2/(2 m L^2) + m g L q_z, f = (q x p/(m L^2), m g L e3 x q). */
 static void test_single_pendulum(void **state) {
     (void)state;
-    lg_system *system = NULL;
-    assert_ok(lg_system_create(NULL, "pendulum-chain", NULL, &system, NULL));
+    lg_system *system = make(1, 1.0, NULL, NULL);
     const double y[6] = {0.6, 0.0, 0.8, 0.8, 0.5, -0.6};
     double work[18], a[6], e[6] = {-0.4, 1.0, 0.3, 0.0, 0.6, 0.0};
     lg_system_user user;
@@ -256,11 +261,7 @@ static void test_single_pendulum(void **state) {
 /* Two links, masses and lengths 1: m = [[2, 1], [1, 1]], V = 2 q1_z + q2_z. */
 static void test_double_pendulum_constants(void **state) {
     (void)state;
-    lg_system *system = NULL;
-    lg_system_options options;
-    lg_system_options_init(&options);
-    options.links = 2;
-    assert_ok(lg_system_create(NULL, "pendulum-chain", &options, &system, NULL));
+    lg_system *system = make(2, 1.0, NULL, NULL);
     double m[4], weights[2];
     const double expected[4] = {2.0, 1.0, 1.0, 1.0};
     assert_ok(lg_chain_mass_matrix(system, m));
@@ -276,11 +277,7 @@ static void test_invariants_are_kept(void **state) {
     static const size_t links[] = {1, 2, 5, 200};
     for (size_t n = 0; n < 4; n++) {
         const size_t k = links[n], d = 6 * k;
-        lg_system *system = NULL;
-        lg_system_options options;
-        lg_system_options_init(&options);
-        options.links = k;
-        assert_ok(lg_system_create(NULL, "pendulum-chain", &options, &system, NULL));
+        lg_system *system = make(k, 1.0, NULL, NULL);
         double *y = calloc(3 * d + lg_system_workspace(system), sizeof(*y)), *out = y + d,
                *work = out + 2 * d;
         const double times[2] = {0.25, k > 10 ? 0.5 : 3.0};
@@ -310,8 +307,7 @@ static void test_invariants_are_kept(void **state) {
 /* Upright plus 1e-8 falls: theta grows like exp(t sqrt(g/L)); an essentially relative tolerance sees it. */
 static void test_upright_pendulum(void **state) {
     (void)state;
-    lg_system *system = NULL;
-    assert_ok(lg_system_create(NULL, "pendulum-chain", NULL, &system, NULL));
+    lg_system *system = make(1, 1.0, NULL, NULL);
     const double y[6] = {1e-8, 0.0, 1.0, 0.0, 0.0, 0.0}, times[2] = {5.0, 10.0},
                  rest[6] = {0.0, 0.0, 1.0, 0.0, 0.0, 0.0};
     double out[12];

@@ -17,8 +17,15 @@ typedef struct data {
 static void make_data(data *set, const char *name, size_t links) {
     lg_system_options so;
     lg_trajectory_options to;
+    const double gravity = 1.0;
+    const lg_named_values given = {"gravity", &gravity, 1};
     lg_system_options_init(&so);
     so.links = links;
+    if (strcmp(name, "pendulum-chain") == 0) {
+        so.form = "hamiltonian";
+        so.parameters = &given;
+        so.parameter_count = 1;
+    }
     assert_ok(lg_system_create(NULL, name, &so, &set->system, NULL));
     set->d = lg_system_dim(set->system);
     set->y = malloc(N * M * set->d * sizeof(double));

@@ -41,8 +41,15 @@ static void train_counted(const setting *s) {
     lg_rng rng;
     double t[M], H[N];
     const uint32_t hidden[3] = {20, 20, 20};
+    const double gravity = 1.0;
+    const lg_named_values given = {"gravity", &gravity, 1};
     lg_system_options_init(&so);
     so.links = s->links;
+    if (s->family == LG_HAMILTONIAN_CHAIN) {
+        so.form = "hamiltonian";
+        so.parameters = &given;
+        so.parameter_count = 1;
+    }
     assert_ok(lg_system_create(NULL, s->system, &so, &system, NULL));
     double *y = malloc(N * M * lg_system_dim(system) * sizeof *y);
     lg_trajectory_options_init(&to);

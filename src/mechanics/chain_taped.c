@@ -1,0 +1,237 @@
+/* The chain's fields on a tape, both forms, as compositions of plain operations on k x k matrices; the
+ * Lagrangian one inside a custom operation whose value and first derivatives cost O(k) (chain_derivatives.c).
+ */
+#include "liegrad/ops.h"
+#include "mechanics/chain_derivatives.h"
+
+/* ---- constants ---- */
+
+static void put(lg_tape *tape, void *values, size_t index, double value) {
+    if (lg_tape_dtype(tape) == LG_F64)
+        ((double *)values)[index] = value;
+    else
+        ((float *)values)[index] = (float)value;
+}
+
+/* (1, k, k) with three diagonals. */
+static lg_var band(lg_tape *tape, uint32_t k, double below, double main, double above) {
+    void *values = NULL;
+    lg_var out = lg_input_buffer(tape, lg_shape3(1, k, k), &values);
+    if (lg_is_none(out)) return out;
+    for (size_t i = 0; i < k; i++)
+        for (size_t j = 0; j < k; j++)
+            put(tape, values, i * k + j, i == j ? main : i == j + 1 ? below : j == i + 1 ? above : 0.0);
+    return out;
+}
+
+/* (1, k, k), one on and above the diagonal. */
+static lg_var upper_ones(lg_tape *tape, uint32_t k) {
+    void *values = NULL;
+    lg_var out = lg_input_buffer(tape, lg_shape3(1, k, k), &values);
+    if (lg_is_none(out)) return out;
+    for (size_t i = 0; i < k; i++)
+        for (size_t j = 0; j < k; j++) put(tape, values, i * k + j, j >= i ? 1.0 : 0.0);
+    return out;
+}
+
+/* (1, rows, 3): e3 in the first row, zero in others. */
+static lg_var e3_first(lg_tape *tape, uint32_t rows) {
+    void *values = NULL;
+    lg_var out = lg_input_buffer(tape, lg_shape3(1, rows, 3), &values);
+    if (lg_is_none(out)) return out;
+    for (size_t i = 0; i < 3 * (size_t)rows; i++) put(tape, values, i, i == 2 ? 1.0 : 0.0);
+    return out;
+}
+
+/* ---- parameters ---- */
+
+typedef struct taped_chain {
+    uint32_t k;
+    lg_var gravity;      /* (1) */
+    lg_var mass, length; /* (1, k, 1) */
+    lg_var light;        /* 1/m */
+    lg_var curvature;    /* 1/L */
+    lg_var links;        /* (1, k, k): 1/m_i + [i > 1]/m_{i-1} on the diagonal, zero elsewhere */
+    lg_var coupling;     /* (1, k, k): -1/m_i at (i, i + 1) and (i + 1, i), zero elsewhere */
+} taped_chain;
+
+static taped_chain bind(lg_tape *tape, uint32_t k, lg_var parameters) {
+    const lg_shape column = lg_shape3(1, k, 1);
+    taped_chain c = {.k = k, .gravity = lg_slice(tape, parameters, 0, 0, 1)};
+    c.mass = lg_reshape(tape, lg_slice(tape, parameters, 0, 1, k), column);
+    c.length = lg_reshape(tape, lg_slice(tape, parameters, 0, 1 + k, k), column);
+    c.light = lg_pow(tape, c.mass, -1.0);
+    c.curvature = lg_pow(tape, c.length, -1.0);
+    lg_var diagonal = lg_matmul(tape, band(tape, k, 1.0, 1.0, 0.0), c.light);
+    c.links = lg_mul(tape, band(tape, k, 0.0, 1.0, 0.0), diagonal);
+    lg_var above = lg_mul(tape, band(tape, k, 0.0, 0.0, -1.0), c.light);
+    c.coupling = lg_add(tape, above, lg_transpose(tape, above));
+    return c;
+}
+
+/* ---- Lagrangian ---- */
+
+/* v of the field, (B, k, 3), from q and omega; notation as in chain_lagrangian.c. */
+static lg_var compose(lg_tape *tape, lg_var q, lg_var omega, lg_var parameters) {
+    const uint32_t k = lg_var_shape(tape, q).dims[1];
+    const taped_chain c = bind(tape, k, parameters);
+    lg_var gravity = lg_mul(tape, c.gravity, e3_first(tape, k)); /* (1, k, 3) */
+    lg_var gram = lg_matmul_nt(tape, q, q);
+    lg_var T = lg_add(tape, c.links, lg_mul(tape, c.coupling, gram));
+    lg_var weight = lg_sum_axis(tape, lg_mul(tape, gravity, q), -1, true);
+    lg_var b = lg_sub(tape, lg_mul(tape, c.length, lg_rownorm2(tape, omega)), weight);
+    lg_var pull = lg_mul(tape, lg_spd_solve(tape, T, b), q);
+    lg_var a = lg_mul(tape, c.light, lg_matmul(tape, band(tape, k, 0.0, -1.0, 1.0), pull));
+    lg_var jump = lg_sub(tape, lg_matmul(tape, band(tape, k, -1.0, 1.0, 0.0), a), gravity);
+    lg_var second = lg_mul(tape, c.curvature, jump);
+    return lg_sub(tape, lg_mul(tape, q, lg_rowdot(tape, q, second)), second);
+}
+
+enum { Q, OMEGA, PARAMETERS, VARIABLES };
+enum { SIZES = VARIABLES, SCRATCH, INPUTS }; /* of the field: two constants follow */
+enum { TANGENT_SIZES = 2 * VARIABLES, TANGENT_SCRATCH, TANGENT_INPUTS }; /* of its derivative */
+
+/* Variables of their own for partial derivatives: an input may depend on another one. */
+static void separate(lg_tape *tape, const lg_var *in, size_t n, lg_var *out) {
+    for (size_t i = 0; i < n; i++) out[i] = lg_scale(tape, in[i], 1.0);
+}
+
+/* out[i] for what is needed among the first n inputs, y being made of the variables x. */
+static lg_status pull_back(lg_tape *tape, lg_var y, lg_var g, const lg_var *x, size_t n, const bool *need,
+                           lg_var *out) {
+    lg_var wanted[2 * VARIABLES], found[2 * VARIABLES];
+    size_t count = 0;
+    for (size_t i = 0; i < n; i++)
+        if (need[i]) wanted[count++] = x[i];
+    LG_TRY(lg_vjp(tape, &y, &g, 1, wanted, count, found));
+    count = 0;
+    for (size_t i = 0; i < n; i++)
+        if (need[i]) out[i] = found[count++];
+    return LG_OK;
+}
+
+/* The derivative of the composition at x in the directions dx. */
+static lg_status push(lg_tape *tape, const lg_var *x, const lg_var *dx, lg_var *out) {
+    lg_var y = compose(tape, x[Q], x[OMEGA], x[PARAMETERS]);
+    return lg_jvp(tape, &y, 1, x, dx, VARIABLES, out);
+}
+
+static lg_status tangent_vjp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y, lg_var g,
+                             const bool *need, lg_var *out) {
+    lg_var x[2 * VARIABLES], value;
+    (void)user, (void)n, (void)y;
+    separate(tape, in, 2 * VARIABLES, x);
+    LG_TRY(push(tape, x, x + VARIABLES, &value));
+    return pull_back(tape, value, g, x, 2 * VARIABLES, need, out);
+}
+
+static lg_status tangent_jvp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y,
+                             const lg_var *tangents, lg_var *out) {
+    lg_var x[2 * VARIABLES], moving[2 * VARIABLES], direction[2 * VARIABLES], value;
+    size_t count = 0;
+    (void)user, (void)n, (void)y;
+    separate(tape, in, 2 * VARIABLES, x);
+    LG_TRY(push(tape, x, x + VARIABLES, &value));
+    for (size_t i = 0; i < 2 * VARIABLES; i++) {
+        if (lg_is_none(tangents[i])) continue;
+        moving[count] = x[i];
+        direction[count++] = tangents[i];
+    }
+    return lg_jvp(tape, &value, 1, moving, direction, count, out);
+}
+
+/* inputs: q, omega, parameters, their tangents, sizes, scratch */
+static lg_status tangent_forward(void *user, lg_dtype dtype, const void *const *in, void *y) {
+    (void)user;
+    lg_chain_batch_tangent(&(lg_chain_batch){dtype, in[TANGENT_SIZES], in[TANGENT_SCRATCH]}, in,
+                           in + VARIABLES, y);
+    return LG_OK;
+}
+
+static const lg_custom_op tangent_op = {
+    .name = "pendulum-chain, derivative", .forward = tangent_forward, .vjp = tangent_vjp, .jvp = tangent_jvp};
+
+static lg_status field_forward(void *user, lg_dtype dtype, const void *const *in, void *y) {
+    (void)user;
+    lg_chain_batch_value(&(lg_chain_batch){dtype, in[SIZES], in[SCRATCH]}, in, y);
+    return LG_OK;
+}
+
+static lg_status field_numeric_vjp(void *user, lg_dtype dtype, const void *const *in, const void *y,
+                                   const void *g, void *const *out) {
+    (void)user, (void)y;
+    lg_chain_batch_adjoint(&(lg_chain_batch){dtype, in[SIZES], in[SCRATCH]}, in, g, out);
+    return LG_OK;
+}
+
+static lg_status field_vjp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y, lg_var g,
+                           const bool *need, lg_var *out) {
+    lg_var x[VARIABLES];
+    (void)user, (void)n, (void)y;
+    separate(tape, in, VARIABLES, x);
+    return pull_back(tape, compose(tape, x[Q], x[OMEGA], x[PARAMETERS]), g, x, VARIABLES, need, out);
+}
+
+static lg_status field_jvp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y,
+                           const lg_var *tangents, lg_var *out) {
+    lg_var all[TANGENT_INPUTS];
+    (void)user, (void)n;
+    for (size_t i = 0; i < VARIABLES; i++) {
+        all[i] = in[i];
+        all[VARIABLES + i] =
+            lg_is_none(tangents[i]) ? lg_full(tape, lg_var_shape(tape, in[i]), 0.0) : tangents[i];
+    }
+    all[TANGENT_SIZES] = in[SIZES];
+    all[TANGENT_SCRATCH] = in[SCRATCH];
+    *out = lg_custom(tape, &tangent_op, all, TANGENT_INPUTS, lg_var_shape(tape, y));
+    return lg_tape_status(tape);
+}
+
+static const lg_custom_op field_op = {.name = "pendulum-chain",
+                                      .forward = field_forward,
+                                      .vjp = field_vjp,
+                                      .numeric_vjp = field_numeric_vjp,
+                                      .jvp = field_jvp};
+
+lg_status lg_chain_taped_lagrangian(const lg_system *system, lg_tape *tape, double t, const lg_var *y,
+                                    lg_var parameters, lg_var *algebra) {
+    const uint32_t k = (uint32_t)system->links, batch = lg_var_shape(tape, y[0]).dims[0];
+    const size_t scratch = lg_chain_scratch(k) * (lg_tape_dtype(tape) == LG_F64 ? 1 : 2);
+    void *unused = NULL;
+    (void)t;
+    if (scratch > UINT32_MAX) {
+        (void)lg_tape_fail(tape, LG_OUT_OF_MEMORY, "pendulum-chain", "too many links for a tape");
+        return lg_tape_status(tape);
+    }
+    const double sizes[2] = {batch, k};
+    lg_var in[INPUTS] = {[Q] = y[0],
+                         [OMEGA] = y[1],
+                         [PARAMETERS] = parameters,
+                         [SIZES] = lg_input_f64(tape, lg_shape1(2), sizes),
+                         [SCRATCH] = lg_input_buffer(tape, lg_shape1((uint32_t)scratch), &unused)};
+    lg_var v = lg_custom(tape, &field_op, in, INPUTS, lg_shape3(batch, k, 3));
+    algebra[0] = y[1];
+    algebra[1] = v;
+    return lg_tape_status(tape);
+}
+
+/* ---- Hamiltonian: notation as at lg_chain_gradient ---- */
+
+lg_status lg_chain_taped_hamiltonian(const lg_system *system, lg_tape *tape, double t, const lg_var *y,
+                                     lg_var parameters, lg_var *algebra) {
+    const uint32_t k = (uint32_t)system->links;
+    const taped_chain c = bind(tape, k, parameters);
+    lg_var q = y[0], p = y[1];
+    (void)t;
+    lg_var scaled = lg_mul(tape, lg_add(tape, c.links, c.coupling), c.curvature);
+    lg_var W = lg_mul(tape, scaled, lg_transpose(tape, c.curvature));
+    lg_var u = lg_rowdot(tape, q, lg_matmul(tape, W, p));
+    lg_var lambda = lg_spd_solve(tape, lg_mul(tape, W, lg_matmul_nt(tape, q, q)), u);
+    lg_var v = lg_matmul(tape, W, lg_sub(tape, p, lg_mul(tape, lambda, q)));
+    lg_var mu = lg_matmul(tape, upper_ones(tape, k), c.mass);
+    lg_var weight = lg_mul(tape, c.gravity, lg_mul(tape, mu, c.length)); /* (1, k, 1) */
+    lg_var g = lg_sub(tape, lg_mul(tape, weight, e3_first(tape, 1)), lg_mul(tape, lambda, v));
+    algebra[0] = lg_cross(tape, q, v);
+    algebra[1] = lg_add(tape, lg_cross(tape, g, q), lg_cross(tape, v, p));
+    return lg_tape_status(tape);
+}

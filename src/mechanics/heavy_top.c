@@ -1,0 +1,329 @@
+/* The heavy top, a rigid body with a fixed point, in four forms.
+ *
+ * Q takes body to inertial coordinates; I are the principal moments of inertia about the fixed point, chi the
+ * unit vector in the body from it to the centre of mass, at the distance l, M the mass, Gamma0 gravity in the
+ * inertial frame: the potential energy is M l Gamma0.Q chi. With the spatial momentum pi,
+ *
+ *   Q' = hat(omega) Q, omega = Q I^-1 Q^T pi, pi' = tau = M l Gamma0 x Q chi;
+ *
+ * with the body momentum Pi = Q^T pi and Gamma = Q^T Gamma0,
+ *
+ *   Pi' = Pi x I^-1 Pi + M l Gamma x chi, Gamma' = Gamma x I^-1 Pi.
+ *
+ * - cotangent: right-trivialised T*SO(3) as SE(3), f = (dH/dpi, -R_Q^* dH/dQ) = (omega, tau - omega x pi).
+ * The velocity of pi under (u, n) is n + u x pi, and -ad_u^* pi = u x pi: this is the f of the symplectic
+ * integrators.
+ * - direct: the direct product SO(3) x R^3, f = (omega, tau).
+ * - lie-poisson: (Gamma, Pi) in se(3)* under (R Gamma, R Pi + r x R Gamma), f = -(dH/dPi, dH/dGamma)
+ *   = -(I^-1 Pi, M l chi).
+ * - quadratic: q in R^3 with a constant momentum p = -M l chi makes the Hamiltonian quadratic,
+ *     H = 1/2 Pi.I^-1 Pi + 1/2 |p - Gamma|^2 - 1/2 |Gamma|^2:
+ *     pi' = -Gamma0 x Q p, q' = p - Q^T Gamma0, p' = 0.
+ *   The state holds p + M l chi, which is zero for the top: a shift of p by a constant is symplectic, the
+ * start does not depend on the parameters, and derivatives in M, l, chi are those of the top.
+ *
+ * Celledoni, Cokaj, Leone, Murari, Owren: Lie group integrators for mechanical systems (2022).
+ */
+#include "mechanics/rotation.h"
+#include "mechanics/system.h"
+
+#include "liegrad/geometry.h"
+
+/* Places in the parameters, in the order of the table. */
+enum { INERTIA = 0, MASS = 3, LENGTH = 4, CHI = 5, GAMMA0 = 8 };
+
+static const double inertia_fallback[3] = {0.234375, 0.46875, 0.234375}, mass_fallback = 15.0,
+                    length_fallback = 2.0, chi_fallback[3] = {0.0, 1.0, 0.0},
+                    gamma0_fallback[3] = {0.0, 0.0, -9.81};
+
+static const lg_parameter_row parameters[] = {
+    {"inertia", "I", 3, LG_PARAMETER_POSITIVE, inertia_fallback,
+     "principal moments of inertia about the fixed point, kg m^2"},
+    {"mass", "m", 1, LG_PARAMETER_POSITIVE, &mass_fallback, "mass, kg"},
+    {"length", "L", 1, LG_PARAMETER_POSITIVE, &length_fallback,
+     "distance of the centre of mass from the fixed point, m"},
+    {"chi", "chi", 3, LG_PARAMETER_UNIT_VECTOR, chi_fallback,
+     "direction from the fixed point to the centre of mass, in the body"},
+    {"gamma0", "gamma0_", 3, LG_PARAMETER_FINITE, gamma0_fallback,
+     "gradient of the potential energy of unit mass in the inertial frame, m/s^2"},
+    {.key = NULL},
+};
+
+static const double *parameters_of(const void *user) {
+    return ((const lg_system_user *)user)->system->parameters;
+}
+
+/* ---- (Q, pi): the state of cotangent and direct, and how that of quadratic begins ---- */
+
+enum { ATTITUDE = 0, MOMENTUM = 9, POSITION = 12, SHIFT = 15 }; /* places in the state */
+
+static const double identity[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
+
+static const lg_state_row spatial_state[] = {
+    {"Q", 1, 3, 3, ATTITUDE, 9, identity},
+    {"pi", 1, 1, 3, MOMENTUM, 3, NULL},
+    {.key = NULL},
+};
+
+static const char *const spatial_invariants[] = {"energy", "pi.Gamma0", NULL};
+
+/* M l chi */
+static void weight_arm(const double *parameter, double out[3]) {
+    for (int i = 0; i < 3; i++) out[i] = parameter[MASS] * parameter[LENGTH] * parameter[CHI + i];
+}
+
+/* Gamma0 x Q arm */
+static void torque(const double *parameter, const double Q[9], const double arm[3], double out[3]) {
+    double spatial[3];
+    lg_so3_adjoint(Q, arm, spatial);
+    lg_cross3(parameter + GAMMA0, spatial, out);
+}
+
+static double spatial_energy(const double *parameter, const double *y, const double arm[3]) {
+    double body[3], gamma[3];
+    lg_so3_coadjoint(y + ATTITUDE, y + MOMENTUM, body);
+    lg_so3_coadjoint(y + ATTITUDE, parameter + GAMMA0, gamma);
+    return lg_body_energy(parameter + INERTIA, body) + lg_dot3(gamma, arm);
+}
+
+static double spatial_invariant(const lg_system *system, size_t index, const double *y, double *work) {
+    const double *parameter = system->parameters;
+    double arm[3];
+    (void)work;
+    if (index > 0) return lg_dot3(y + MOMENTUM, parameter + GAMMA0);
+    weight_arm(parameter, arm);
+    return spatial_energy(parameter, y, arm);
+}
+
+static lg_status direct_field(void *user, double t, const double *y, const double *input, double *out) {
+    const double *parameter = parameters_of(user);
+    double arm[3];
+    (void)t, (void)input;
+    weight_arm(parameter, arm);
+    lg_body_velocity(parameter + INERTIA, y + ATTITUDE, y + MOMENTUM, out);
+    torque(parameter, y + ATTITUDE, arm, out + 3);
+    return LG_OK;
+}
+
+/* From (omega, tau) to (omega, tau - omega x pi). */
+static void to_cotangent(const double pi[3], double out[6]) {
+    double cross[3];
+    lg_cross3(out, pi, cross);
+    for (int i = 0; i < 3; i++) out[3 + i] -= cross[i];
+}
+
+static lg_status cotangent_field(void *user, double t, const double *y, const double *input, double *out) {
+    LG_TRY(direct_field(user, t, y, input, out));
+    to_cotangent(y + MOMENTUM, out);
+    return LG_OK;
+}
+
+/* ---- on a tape ---- */
+
+typedef struct taped_parameters {
+    lg_var inertia, arm, gamma0; /* arm = M l chi; 3 each */
+} taped_parameters;
+
+static taped_parameters slice_parameters(lg_tape *tape, lg_var parameter) {
+    lg_var scale =
+        lg_mul(tape, lg_slice(tape, parameter, 0, MASS, 1), lg_slice(tape, parameter, 0, LENGTH, 1));
+    return (taped_parameters){.inertia = lg_slice(tape, parameter, 0, INERTIA, 3),
+                              .arm = lg_mul(tape, scale, lg_slice(tape, parameter, 0, CHI, 3)),
+                              .gamma0 = lg_slice(tape, parameter, 0, GAMMA0, 3)};
+}
+
+/* Gamma0 x Q arm; Q (B, 1, 9), arm and result (B, 1, 3) */
+static lg_var taped_torque(lg_tape *tape, const taped_parameters *of, lg_var Q, lg_var arm) {
+    return lg_cross(tape, lg_taped_spread(tape, of->gamma0, arm), lg_taped_rotate(tape, Q, arm));
+}
+
+/* y: Q (B, 1, 9), pi (B, 3) */
+static lg_status direct_taped(const lg_system *system, lg_tape *tape, double t, const lg_var *y,
+                              lg_var parameter, lg_var *algebra) {
+    const taped_parameters of = slice_parameters(tape, parameter);
+    const lg_shape shape = lg_var_shape(tape, y[1]);
+    lg_var pi = lg_reshape(tape, y[1], lg_shape3(shape.dims[0], 1, 3));
+    (void)system, (void)t;
+    algebra[0] = lg_taped_body_velocity(tape, of.inertia, y[0], pi);
+    algebra[1] = lg_reshape(tape, taped_torque(tape, &of, y[0], lg_taped_spread(tape, of.arm, pi)), shape);
+    return lg_tape_status(tape);
+}
+
+/* (omega, tau - omega x pi) for a torque by `arm` */
+static void taped_cotangent(lg_tape *tape, const taped_parameters *of, const lg_var *y, lg_var arm,
+                            lg_var *algebra) {
+    algebra[0] = lg_taped_body_velocity(tape, of->inertia, y[0], y[1]);
+    algebra[1] = lg_sub(tape, taped_torque(tape, of, y[0], arm), lg_cross(tape, algebra[0], y[1]));
+}
+
+/* y: Q (B, 1, 9), pi (B, 1, 3) */
+static lg_status cotangent_taped(const lg_system *system, lg_tape *tape, double t, const lg_var *y,
+                                 lg_var parameter, lg_var *algebra) {
+    const taped_parameters of = slice_parameters(tape, parameter);
+    (void)system, (void)t;
+    taped_cotangent(tape, &of, y, lg_taped_spread(tape, of.arm, y[1]), algebra);
+    return lg_tape_status(tape);
+}
+
+/* ---- cotangent, direct ---- */
+
+static lg_status cotangent_space(size_t links, lg_space *out) {
+    (void)links;
+    return lg_space_init(out, &(lg_space_factor){LG_SPACE_SE3, 1}, 1);
+}
+
+static lg_status direct_space(size_t links, lg_space *out) {
+    (void)links;
+    return lg_space_init(out, (const lg_space_factor[]){{LG_SPACE_SO3, 1}, {LG_SPACE_RN, 3}}, 2);
+}
+
+const lg_system_row lg_system_row_top_cotangent = {
+    .name = "heavy-top",
+    .form = "cotangent",
+    .parameters = parameters,
+    .state = spatial_state,
+    .space = cotangent_space,
+    .invariants = spatial_invariants,
+    .invariant = spatial_invariant,
+    .field = {cotangent_field, NULL},
+    .taped = cotangent_taped,
+};
+
+const lg_system_row lg_system_row_top_direct = {
+    .name = "heavy-top",
+    .form = "direct",
+    .parameters = parameters,
+    .state = spatial_state,
+    .space = direct_space,
+    .invariants = spatial_invariants,
+    .invariant = spatial_invariant,
+    .field = {direct_field, NULL},
+    .taped = direct_taped,
+};
+
+/* ---- lie-poisson ---- */
+
+enum { GAMMA = 0, BODY_MOMENTUM = 3 }; /* places in the state */
+
+static const lg_state_row poisson_state[] = {
+    {"Gamma", 1, 1, 3, GAMMA, 3, NULL},
+    {"Pi", 1, 1, 3, BODY_MOMENTUM, 3, NULL},
+    {.key = NULL},
+};
+
+static lg_status poisson_space(size_t links, lg_space *out) {
+    (void)links;
+    return lg_space_init(out, &(lg_space_factor){LG_SPACE_SE3_DUAL, 1}, 1);
+}
+
+static const char *const poisson_invariants[] = {"energy", "|Gamma|^2", "Gamma.Pi", NULL};
+
+static double poisson_invariant(const lg_system *system, size_t index, const double *y, double *work) {
+    const double *parameter = system->parameters;
+    double arm[3];
+    (void)work;
+    if (index > 0) return lg_dot3(y + GAMMA, y + (index == 1 ? GAMMA : BODY_MOMENTUM));
+    weight_arm(parameter, arm);
+    return lg_body_energy(parameter + INERTIA, y + BODY_MOMENTUM) + lg_dot3(y + GAMMA, arm);
+}
+
+static lg_status poisson_field(void *user, double t, const double *y, const double *input, double *out) {
+    const double *parameter = parameters_of(user);
+    double arm[3];
+    (void)t, (void)input;
+    weight_arm(parameter, arm);
+    for (int i = 0; i < 3; i++) {
+        out[i] = -y[BODY_MOMENTUM + i] / parameter[INERTIA + i];
+        out[3 + i] = -arm[i];
+    }
+    return LG_OK;
+}
+
+/* y: Gamma, Pi (B, 1, 3) */
+static lg_status poisson_taped(const lg_system *system, lg_tape *tape, double t, const lg_var *y,
+                               lg_var parameter, lg_var *algebra) {
+    const taped_parameters of = slice_parameters(tape, parameter);
+    (void)system, (void)t;
+    algebra[0] = lg_neg(tape, lg_div(tape, y[1], of.inertia));
+    algebra[1] = lg_taped_spread(tape, lg_neg(tape, of.arm), y[1]);
+    return lg_tape_status(tape);
+}
+
+const lg_system_row lg_system_row_top_lie_poisson = {
+    .name = "heavy-top",
+    .form = "lie-poisson",
+    .parameters = parameters,
+    .state = poisson_state,
+    .space = poisson_space,
+    .invariants = poisson_invariants,
+    .invariant = poisson_invariant,
+    .field = {poisson_field, NULL},
+    .taped = poisson_taped,
+};
+
+/* ---- quadratic: Q, pi, q, p + M l chi ---- */
+
+static lg_status quadratic_space(size_t links, lg_space *out) {
+    (void)links;
+    return lg_space_init(out, (const lg_space_factor[]){{LG_SPACE_SE3, 1}, {LG_SPACE_RN, 6}}, 2);
+}
+
+/* -p */
+static void quadratic_arm(const double *parameter, const double *y, double out[3]) {
+    weight_arm(parameter, out);
+    for (int i = 0; i < 3; i++) out[i] -= y[SHIFT + i];
+}
+
+/* The energy is H - |p|^2/2, as in the other forms. */
+static double quadratic_invariant(const lg_system *system, size_t index, const double *y, double *work) {
+    const double *parameter = system->parameters;
+    double arm[3];
+    (void)work;
+    if (index > 0) return lg_dot3(y + MOMENTUM, parameter + GAMMA0);
+    quadratic_arm(parameter, y, arm);
+    return spatial_energy(parameter, y, arm);
+}
+
+static lg_status quadratic_field(void *user, double t, const double *y, const double *input, double *out) {
+    const double *parameter = parameters_of(user);
+    double arm[3], gamma[3];
+    (void)t, (void)input;
+    quadratic_arm(parameter, y, arm);
+    lg_body_velocity(parameter + INERTIA, y + ATTITUDE, y + MOMENTUM, out);
+    torque(parameter, y + ATTITUDE, arm, out + 3);
+    to_cotangent(y + MOMENTUM, out);
+    lg_so3_coadjoint(y + ATTITUDE, parameter + GAMMA0, gamma);
+    for (int i = 0; i < 3; i++) {
+        out[6 + i] = -arm[i] - gamma[i];
+        out[9 + i] = 0.0;
+    }
+    return LG_OK;
+}
+
+/* y: Q (B, 1, 9), pi (B, 1, 3), (q, p + M l chi) (B, 6) */
+static lg_status quadratic_taped(const lg_system *system, lg_tape *tape, double t, const lg_var *y,
+                                 lg_var parameter, lg_var *algebra) {
+    const taped_parameters of = slice_parameters(tape, parameter);
+    const uint32_t batch = lg_var_shape(tape, y[1]).dims[0];
+    lg_var shift = lg_reshape(tape, lg_slice(tape, y[2], 1, 3, 3), lg_shape3(batch, 1, 3));
+    lg_var arm = lg_sub(tape, of.arm, shift);
+    (void)system, (void)t;
+    taped_cotangent(tape, &of, y, arm, algebra);
+    lg_var gamma = lg_taped_rotate_back(tape, y[0], lg_taped_spread(tape, of.gamma0, y[1]));
+    lg_var velocity = lg_neg(tape, lg_add(tape, arm, gamma));
+    algebra[2] = lg_pad(tape, lg_reshape(tape, velocity, lg_shape2(batch, 3)), 1, 0, 3);
+    return lg_tape_status(tape);
+}
+
+const lg_system_row lg_system_row_top_quadratic = {
+    .name = "heavy-top",
+    .form = "quadratic",
+    .parameters = parameters,
+    .state = spatial_state,
+    .unreported = 6,
+    .space = quadratic_space,
+    .invariants = spatial_invariants,
+    .invariant = quadratic_invariant,
+    .field = {quadratic_field, NULL},
+    .taped = quadratic_taped,
+};

@@ -1,0 +1,48 @@
+/* Products with one rotation, for systems that hold R in their state: plain, and on a tape with R (B, 1, 9)
+ * and vectors (B, 1, 3).
+ */
+#ifndef LG_ROTATION_H
+#define LG_ROTATION_H
+
+#include "liegrad/geometry.h"
+#include "liegrad/ops.h"
+
+/* omega = R I^-1 R^T pi, both in the inertial frame, I diagonal: the angular velocity of a body of momentum
+ * pi. */
+static inline void lg_body_velocity(const double inertia[3], const double R[9], const double pi[3],
+                                    double omega[3]) {
+    double body[3];
+    lg_so3_coadjoint(R, pi, body);
+    for (int i = 0; i < 3; i++) body[i] /= inertia[i];
+    lg_so3_adjoint(R, body, omega);
+}
+
+/* 1/2 sum_i x_i^2 / inertia_i */
+static inline double lg_body_energy(const double inertia[3], const double body_momentum[3]) {
+    double sum = 0.0;
+    for (int i = 0; i < 3; i++) sum += body_momentum[i] * body_momentum[i] / inertia[i];
+    return 0.5 * sum;
+}
+
+static inline lg_var lg_taped_matrix(lg_tape *tape, lg_var R) {
+    return lg_reshape(tape, R, lg_shape3(lg_var_shape(tape, R).dims[0], 3, 3));
+}
+
+static inline lg_var lg_taped_rotate(lg_tape *tape, lg_var R, lg_var x) {
+    return lg_matmul_nt(tape, x, lg_taped_matrix(tape, R));
+}
+
+static inline lg_var lg_taped_rotate_back(lg_tape *tape, lg_var R, lg_var x) {
+    return lg_matmul(tape, x, lg_taped_matrix(tape, R));
+}
+
+static inline lg_var lg_taped_body_velocity(lg_tape *tape, lg_var inertia, lg_var R, lg_var pi) {
+    return lg_taped_rotate(tape, R, lg_div(tape, lg_taped_rotate_back(tape, R, pi), inertia));
+}
+
+/* `x` repeated to the shape of `like`. */
+static inline lg_var lg_taped_spread(lg_tape *tape, lg_var x, lg_var like) {
+    return lg_broadcast_to(tape, x, lg_var_shape(tape, like));
+}
+
+#endif

@@ -1,0 +1,151 @@
+/* What the tests of systems share: making one, integrating it, and its taped field against the plain one and
+ * under the gradient check in state and parameters. */
+#ifndef LG_SYSTEM_CHECK_H
+#define LG_SYSTEM_CHECK_H
+
+#include "test_support.h"
+
+#include "liegrad/geometry.h"
+#include "liegrad/gradcheck.h"
+#include "liegrad/mechanics.h"
+#include "liegrad/random.h"
+
+enum { SYSTEM_MAX_DIM = 64 };
+
+static inline lg_system *make_system(const char *name, const char *form, const lg_named_values *parameters,
+                                     size_t count) {
+    lg_system *system = NULL;
+    lg_error error;
+    lg_system_options options;
+    lg_system_options_init(&options);
+    options.form = form;
+    options.parameters = parameters;
+    options.parameter_count = count;
+    if (lg_system_create(NULL, name, &options, &system, &error) != LG_OK) fail_msg("%s", error.message);
+    return system;
+}
+
+/* f(t, y) in the algebra. */
+static inline void evaluate(const lg_system *system, double t, const double *y, double *algebra) {
+    double work[SYSTEM_MAX_DIM];
+    lg_system_user user;
+    lg_ode ode;
+    assert_true(lg_system_workspace(system) <= SYSTEM_MAX_DIM);
+    assert_ok(lg_system_ode(system, LG_FORM_LIE, &user, work, &ode));
+    assert_ok(ode.field(ode.user, t, y, NULL, algebra));
+}
+
+/* y' = f(t, y) . y */
+static inline void velocity(const lg_system *system, double t, const double *y, double *out) {
+    double algebra[SYSTEM_MAX_DIM];
+    evaluate(system, t, y, algebra);
+    lg_space_generator(lg_system_space(system), algebra, y, out);
+}
+
+/* The states at `times` from y0 at 0 with RKMK(5,4) at this relative tolerance. */
+static inline void integrate(const lg_system *system, double tolerance, const double *y0, const double *times,
+                             size_t count, double *out) {
+    double work[SYSTEM_MAX_DIM];
+    lg_system_user user;
+    lg_ode ode;
+    lg_stepper *stepper = NULL;
+    lg_control control;
+    lg_run_stats stats;
+    lg_control_init(&control);
+    control.rtol = tolerance;
+    control.atol = tolerance;
+    assert_ok(lg_system_ode(system, LG_FORM_LIE, &user, work, &ode));
+    assert_ok(lg_stepper_create(NULL, lg_scheme_find("rkmk54"), &ode, &stepper));
+    assert_ok(lg_integrate_adaptive(stepper, &control, 0.0, y0, times, count, out, &stats));
+    lg_stepper_destroy(NULL, stepper);
+}
+
+static inline void random_rotation(lg_rng *rng, double R[9]) {
+    double u[3];
+    for (int i = 0; i < 3; i++) u[i] = lg_rng_uniform_in(rng, -2, 2);
+    lg_so3_exp(u, R);
+}
+
+/* ---- taped fields ---- */
+
+typedef struct taped_check {
+    const lg_system *system;
+    double t;
+} taped_check;
+
+/* x: states (B, dim), parameters (P) -> algebra (B, algebra_dim), parts one after another */
+static inline lg_var build_field(const void *user, lg_tape *tape, const lg_var *x) {
+    const taped_check *check = user;
+    const lg_space *space = lg_system_space(check->system);
+    const uint32_t batch = lg_var_shape(tape, x[0]).dims[0];
+    const size_t parts = lg_taped_parts(space);
+    lg_var y[LG_TAPED_MAX_PARTS], algebra[LG_TAPED_MAX_PARTS];
+    lg_system_taped_user taped;
+    lg_taped_ode ode;
+    if (lg_system_taped_ode(check->system, LG_FORM_LIE, x[1], &taped, &ode) != LG_OK ||
+        lg_taped_split(tape, space, x[0], y) != LG_OK ||
+        ode.field(ode.user, tape, check->t, y, algebra) != LG_OK)
+        return LG_NONE;
+    for (size_t i = 0; i < parts; i++) {
+        const uint32_t count = (uint32_t)lg_shape_count(lg_var_shape(tape, algebra[i]));
+        algebra[i] = lg_reshape(tape, algebra[i], lg_shape2(batch, count / batch));
+    }
+    return lg_concat(tape, algebra, parts, 1);
+}
+
+/* Plain algebra in the order of the parts: on factors with parts (u, v) the u of all copies come first. */
+static inline void algebra_in_parts(const lg_space *space, const double *algebra, double *out) {
+    for (size_t f = 0; f < space->factors; f++) {
+        const size_t copies = space->factor[f].count,
+                     size = lg_space_kind_row(space->factor[f].kind)->algebra;
+        for (size_t i = 0; i < copies; i++)
+            for (size_t j = 0; j < size; j++)
+                out[size < 6 ? i * size + j : (j / 3) * 3 * copies + 3 * i + j % 3] = algebra[i * size + j];
+        algebra += copies * size;
+        out += copies * size;
+    }
+}
+
+/* `states` (batch, dim): values equal to rounding, derivatives to second order in the states and in all
+ * parameters. */
+static inline void check_taped_field(const lg_system *system, double t, const double *states, uint32_t batch,
+                                     double parameter_scale) {
+    const lg_space *space = lg_system_space(system);
+    const uint32_t dim = (uint32_t)lg_system_dim(system), n = (uint32_t)space->algebra_dim;
+    const uint32_t count = (uint32_t)lg_system_parameter_count(system);
+    const taped_check check = {system, t};
+    double taped[4 * SYSTEM_MAX_DIM], algebra[SYSTEM_MAX_DIM], plain[SYSTEM_MAX_DIM];
+    lg_tape *tape = NULL;
+    assert_true(batch <= 4);
+    assert_ok(lg_tape_create(NULL, NULL, &tape));
+    const lg_var x[2] = {lg_input_f64(tape, lg_shape2(batch, dim), states),
+                         lg_input_f64(tape, lg_shape1(count), lg_system_parameter_values(system))};
+    lg_var field = build_field(&check, tape, x);
+    if (lg_tape_status(tape) != LG_OK) fail_msg("%s", lg_tape_message(tape));
+    assert_ok(lg_read(tape, field, taped, batch * n));
+    for (uint32_t b = 0; b < batch; b++) {
+        double size = 0.0;
+        evaluate(system, t, states + b * dim, algebra);
+        algebra_in_parts(space, algebra, plain);
+        for (uint32_t i = 0; i < n; i++) size = fmax(size, fabs(plain[i]));
+        for (uint32_t i = 0; i < n; i++) assert_close(taped[b * n + i], plain[i], 0.0, 1e-13 * size);
+    }
+    lg_tape_destroy(tape);
+
+    const lg_gradcheck_argument arguments[2] = {
+        {.shape = lg_shape2(batch, dim), .values = states, .scale = 0.1},
+        {.shape = lg_shape1(count), .values = lg_system_parameter_values(system), .scale = parameter_scale}};
+    const lg_gradcheck_function function = {.name = lg_system_name(system),
+                                            .inputs = 2,
+                                            .arguments = arguments,
+                                            .build = build_field,
+                                            .user = &check};
+    lg_gradcheck_result result;
+    (void)lg_gradcheck(NULL, &function, NULL, &result);
+    printf("%s %s: slopes %.3f %.3f, errors %.1e %.1e\n", lg_system_name(system),
+           lg_system_form(system) ? lg_system_form(system) : "", result.order[0].slope, result.order[1].slope,
+           result.order[0].error, result.order[1].error);
+    if (!result.passed) fail_msg("%s", result.message);
+}
+
+#endif

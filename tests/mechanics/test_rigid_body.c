@@ -1,0 +1,218 @@
+/* The free rigid body against Jacobi's elliptic functions, its attitude against the equations in the body. */
+#include "test_support.h"
+
+#include "liegrad/geometry.h"
+#include "system_check.h"
+
+static const double inertia[3] = {1.0, 2.0, 3.0};
+
+static lg_system *make_body(const char *name, const double *moments) {
+    return make_system(name, NULL, &(lg_named_values){"inertia", moments, 3}, 1);
+}
+
+/* mu_i' = mu_j mu_k (1/I_k - 1/I_j), i j k cyclic */
+static void euler(const double *I, const double *mu, double *out) {
+    for (int i = 0; i < 3; i++) {
+        const int j = (i + 1) % 3, k = (i + 2) % 3;
+        out[i] = mu[j] * mu[k] * (1.0 / I[k] - 1.0 / I[j]);
+    }
+}
+
+static void test_field_is_eulers(void **state) {
+    (void)state;
+    const double mu[3] = {0.4, -1.3, 0.8};
+    double expected[3], v[3];
+    lg_system *system = make_body("rigid-body", inertia);
+    euler(inertia, mu, expected);
+    velocity(system, 0.0, mu, v);
+    for (int i = 0; i < 3; i++) assert_close(v[i], expected[i], 1e-14, 1e-15);
+    assert_string_equal(lg_system_layout(system), "mu");
+    lg_system_destroy(NULL, system);
+}
+
+/* sn, cn, dn of u for the modulus with complement m1 = 1 - k^2, by the arithmetic-geometric mean (Abramowitz
+ * and Stegun 16.4). */
+static void jacobi(double u, double m1, double *sn, double *cn, double *dn) {
+    enum { LEVELS = 16 };
+    double a[LEVELS], c[LEVELS], b = sqrt(m1), phi;
+    int n = 0;
+    a[0] = 1.0;
+    c[0] = sqrt(1.0 - m1);
+    while (fabs(c[n]) > 1e-16 && n + 1 < LEVELS) {
+        a[n + 1] = 0.5 * (a[n] + b);
+        c[n + 1] = 0.5 * (a[n] - b);
+        b = sqrt(a[n] * b);
+        n++;
+    }
+    phi = ldexp(a[n] * u, n);
+    for (; n > 0; n--) phi = 0.5 * (phi + asin(c[n] / a[n] * sin(phi)));
+    *sn = sin(phi);
+    *cn = cos(phi);
+    *dn = sqrt(m1 + (1.0 - m1) * *cn * *cn);
+}
+
+static void test_elliptic_functions(void **state) {
+    (void)state;
+    /* sn^2 + cn^2 = 1; the limits sin (m = 0) and tanh (m = 1); sn(K/2)^2 = 1/(1 + k') with K = pi/(2 agm(1,
+     * k')). */
+    double sn, cn, dn, a = 1.0, b = 0.8;
+    jacobi(0.7, 1.0 - 1e-14, &sn, &cn, &dn);
+    assert_close(sn, sin(0.7), 1e-12, 0.0);
+    jacobi(0.7, 1e-14, &sn, &cn, &dn);
+    assert_close(sn, tanh(0.7), 1e-12, 0.0);
+    assert_close(cn, 1.0 / cosh(0.7), 1e-12, 0.0);
+    assert_close(dn, 1.0 / cosh(0.7), 1e-12, 0.0);
+    for (int i = 0; i < 8; i++) {
+        const double mean = 0.5 * (a + b);
+        b = sqrt(a * b);
+        a = mean;
+    }
+    jacobi(acos(-1.0) / (4.0 * a), 0.64, &sn, &cn, &dn);
+    assert_close(sn * sn, 1.0 / 1.8, 1e-13, 0.0);
+    assert_close(dn * dn, 0.8, 1e-13, 0.0);
+}
+
+/* The solution with 2 E = 1 and I_1 < I_2 < I_3, |mu|^2 > 2 E I_2 (Landau and Lifshitz, Mechanics, 37):
+ * omega = (A cn, B sn, C dn) of the phase rate t. */
+typedef struct elliptic {
+    double amplitude[3], rate, m1;
+} elliptic;
+
+static elliptic make_elliptic(const double *I, double m1) {
+    const double m = 1.0 - m1, p = I[1] - I[0], r = m * (I[2] - I[1]);
+    /* |mu|^2 is what gives this modulus; I_3 - |mu|^2 and |mu|^2 - I_1 without cancellation: */
+    const double high = r * (I[2] - I[0]) / (p + r), low = p * (I[2] - I[0]) / (p + r);
+    return (elliptic){.amplitude = {sqrt(high / (I[0] * (I[2] - I[0]))), sqrt(high / (I[1] * (I[2] - I[1]))),
+                                    sqrt(low / (I[2] * (I[2] - I[0])))},
+                      .rate = sqrt((I[2] - I[1]) * low / (I[0] * I[1] * I[2])),
+                      .m1 = m1};
+}
+
+static void elliptic_momentum(const elliptic *of, const double *I, double phase, double *mu) {
+    double value[3];
+    jacobi(phase, of->m1, &value[1], &value[0], &value[2]);
+    for (int i = 0; i < 3; i++) mu[i] = I[i] * of->amplitude[i] * value[i];
+}
+
+/* Starts close to -e_2, to T = 100. m1 = 1 - k^2 is the distance from the separatrix; a perturbation of the
+ * start by epsilon shifts the phase by about epsilon/m1 a period. */
+static void check_near_the_middle_axis(double m1, double start, double tolerance, double error) {
+    enum { POINTS = 20 };
+    const elliptic of = make_elliptic(inertia, m1);
+    double times[POINTS], y[POINTS * 3], mu[3], worst = 0.0, work[8];
+    lg_system *system = make_body("rigid-body", inertia);
+    elliptic_momentum(&of, inertia, start, mu);
+    const double energy = lg_system_invariant(system, 0, mu, work),
+                 square = lg_system_invariant(system, 1, mu, work);
+    assert_true(fabs(mu[1]) > 0.99 * sqrt(square));
+    assert_close(energy, 0.5, 1e-14, 0.0);
+    for (int n = 0; n < POINTS; n++) times[n] = 5.0 * (n + 1);
+    integrate(system, tolerance, mu, times, POINTS, y);
+    for (int n = 0; n < POINTS; n++) {
+        elliptic_momentum(&of, inertia, start + of.rate * times[n], mu);
+        for (int i = 0; i < 3; i++) worst = fmax(worst, fabs(y[3 * n + i] - mu[i]));
+        assert_close(lg_system_invariant(system, 0, y + 3 * n, work), energy, 1e-10, 0.0);
+        assert_close(lg_system_invariant(system, 1, y + 3 * n, work), square, 1e-13, 0.0);
+    }
+    printf("1 - k^2 = %.0e: error to T = 100: %.2e\n", m1, worst);
+    assert_true(worst < error);
+    lg_system_destroy(NULL, system);
+}
+
+static void test_middle_axis_to_100(void **state) {
+    (void)state;
+    check_near_the_middle_axis(1e-4, -4.0, 1e-12, 5e-7);
+    check_near_the_middle_axis(1e-8, -9.0, 1e-14, 2e-5);
+}
+
+/* (R, Pi) in the body: R' = R hat(Omega), Pi' = Pi x Omega, Omega = I^-1 Pi. */
+static void body_equations(const double *y, double *out) {
+    double omega[3];
+    for (int i = 0; i < 3; i++) omega[i] = y[9 + i] / inertia[i];
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++) {
+            const int d = (c + 1) % 3, e = (c + 2) % 3; /* (R hat(w))_rc = R_rd w_e - R_re w_d */
+            out[3 * r + c] = y[3 * r + d] * omega[e] - y[3 * r + e] * omega[d];
+        }
+    euler(inertia, y + 9, out + 9);
+}
+
+static void rk4(void (*f)(const double *, double *), size_t n, double h, size_t steps, double *y) {
+    double k[4][SYSTEM_MAX_DIM], z[SYSTEM_MAX_DIM];
+    static const double c[4] = {0.0, 0.5, 0.5, 1.0};
+    for (size_t s = 0; s < steps; s++) {
+        for (int i = 0; i < 4; i++) {
+            for (size_t j = 0; j < n; j++) z[j] = y[j] + (i > 0 ? c[i] * h * k[i - 1][j] : 0.0);
+            f(z, k[i]);
+        }
+        for (size_t j = 0; j < n; j++) y[j] += h / 6.0 * (k[0][j] + 2.0 * (k[1][j] + k[2][j]) + k[3][j]);
+    }
+}
+
+static void test_attitude_is_that_of_the_body(void **state) {
+    (void)state;
+    lg_rng rng;
+    lg_rng_seed(&rng, 3, 0);
+    double y[12], body[12], end[12], work[16];
+    const double T = 2.0;
+    lg_system *system = make_body("rigid-body-attitude", inertia);
+    random_rotation(&rng, y);
+    for (int i = 0; i < 3; i++) y[9 + i] = lg_rng_uniform_in(&rng, -2, 2);
+    memcpy(body, y, 9 * sizeof(*y));
+    for (int c = 0; c < 3; c++) body[9 + c] = y[c] * y[9] + y[3 + c] * y[10] + y[6 + c] * y[11];
+    rk4(body_equations, 12, T / 4000, 4000, body);
+    integrate(system, 1e-12, y, &T, 1, end);
+    for (int i = 0; i < 9; i++) assert_close(end[i], body[i], 0.0, 1e-10);
+    for (int i = 9; i < 12; i++) assert_close(end[i], y[i], 0.0, 0.0);
+    for (size_t k = 0; k < lg_system_invariants(system); k++)
+        assert_close(lg_system_invariant(system, k, end, work), lg_system_invariant(system, k, y, work),
+                     1e-11, 0.0);
+    assert_int_equal(lg_system_invariants(system), 2);
+    assert_string_equal(lg_system_layout(system), "R pi");
+    lg_system_destroy(NULL, system);
+}
+
+static void test_taped_fields(void **state) {
+    (void)state;
+    lg_rng rng;
+    lg_rng_seed(&rng, 4, 0);
+    double mu[6], y[24];
+    for (int i = 0; i < 6; i++) mu[i] = lg_rng_uniform_in(&rng, -2, 2);
+    for (int b = 0; b < 2; b++) {
+        random_rotation(&rng, y + 12 * b);
+        for (int i = 9; i < 12; i++) y[12 * b + i] = lg_rng_uniform_in(&rng, -2, 2);
+    }
+    lg_system *body = make_body("rigid-body", inertia), *attitude = make_body("rigid-body-attitude", inertia);
+    check_taped_field(body, 0.0, mu, 2, 0.1);
+    check_taped_field(attitude, 0.0, y, 2, 0.1);
+    lg_system_destroy(NULL, body);
+    lg_system_destroy(NULL, attitude);
+}
+
+static void test_bad_input(void **state) {
+    (void)state;
+    static const double bad[3][3] = {{1.0, 0.0, 1.0}, {1.0, -2.0, 1.0}, {1.0, NAN, 1.0}};
+    lg_system_options options;
+    lg_system *system = NULL;
+    lg_named_values value = {.key = "inertia", .count = 3};
+    lg_system_options_init(&options);
+    options.parameters = &value;
+    options.parameter_count = 1;
+    for (int i = 0; i < 3; i++) {
+        value.values = bad[i];
+        assert_status(lg_system_create(NULL, "rigid-body", &options, &system, NULL), LG_INVALID_ARGUMENT);
+    }
+    value = (lg_named_values){"inertia", inertia, 2};
+    assert_status(lg_system_create(NULL, "rigid-body-attitude", &options, &system, NULL),
+                  LG_INVALID_ARGUMENT);
+    assert_null(system);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_field_is_eulers),    cmocka_unit_test(test_elliptic_functions),
+        cmocka_unit_test(test_middle_axis_to_100), cmocka_unit_test(test_attitude_is_that_of_the_body),
+        cmocka_unit_test(test_taped_fields),       cmocka_unit_test(test_bad_input),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
