@@ -48,11 +48,25 @@ static lg_status write_data(demo *self, const char *name, lg_trajectories *data)
     return status;
 }
 
+/* m = L = g = 1 */
+static lg_status make_scene(demo *self) {
+    static const double gravity = 1;
+    static const lg_named_values parameters = {"gravity", &gravity, 1};
+    lg_system_options options;
+    lg_system_options_init(&options);
+    options.form = FORM;
+    options.parameters = &parameters;
+    options.parameter_count = 1;
+    self->scene = (lg_scene){.segments = 1};
+    return lg_system_create(self->app->context, "pendulum-chain", &options, &self->scene.system,
+                            &self->error);
+}
+
 static lg_status sample_all(demo *self) {
     const sampling training = {500, 5, 0.1, 0, LG_NOISE_NORMAL, self->app->seed};
     const sampling test = {100, 15, 1, 0, LG_NOISE_NORMAL, self->app->seed + UINT64_C(0x9e3779b9)};
     const double begin = app_seconds();
-    lg_status status = lg_scene_default("pendulum-chain", 1, &self->scene);
+    lg_status status = make_scene(self);
     if (status == LG_OK)
         status = sample_scene(self->app->context, &self->scene, &training, &self->data, &self->error);
     if (status == LG_OK)
@@ -126,12 +140,10 @@ static lg_status draw_long(demo *self, const char *picture) {
     const size_t dim = self->test.state_size;
     double *t = app_alloc(LONG_POINTS, sizeof *t), *y = app_alloc(LONG_POINTS * dim, sizeof *y);
     double *energies = app_alloc(2 * LONG_POINTS, sizeof *energies), *work = NULL;
-    lg_system *system = NULL;
+    const lg_system *system = self->scene.system;
     for (int i = 0; i < LONG_POINTS; i++) t[i] = values.t_end * i / (LONG_POINTS - 1);
-    lg_status status = make_system(self->app->context, &self->scene, &system, &self->error);
-    if (status == LG_OK)
-        status = learned_flow(self->app->context, model, self->theta, 1e-10, self->test.data, t, LONG_POINTS,
-                              y, NULL);
+    lg_status status =
+        learned_flow(self->app->context, model, self->theta, 1e-10, self->test.data, t, LONG_POINTS, y, NULL);
     if (status == LG_OK) {
         work = app_alloc(lg_system_workspace(system), sizeof *work);
         for (size_t i = 0; i < LONG_POINTS; i++)
@@ -140,7 +152,6 @@ static lg_status draw_long(demo *self, const char *picture) {
         status =
             draw_energy(self->app, picture, t, energies, energies + LONG_POINTS, LONG_POINTS, &self->error);
     }
-    lg_system_destroy(self->app->context, system);
     free(work);
     free(energies);
     free(y);
@@ -235,6 +246,7 @@ static int run(app *host) {
     learner_destroy(&self.learner);
     lg_trajectories_free(host->context, &self.data);
     lg_trajectories_free(host->context, &self.test);
+    lg_scene_destroy(host->context, &self.scene);
     free(self.theta);
     free(self.predicted);
     return code;

@@ -51,35 +51,46 @@ static void report(const app *self, const lg_trajectories *data, double seconds)
                  values.out, data->count, data->system, data->points, data->dt, data->state_size, seconds);
 }
 
-static int run(app *self) {
+static int generate(app *self, const lg_scene *scene) {
     lg_error error = {LG_OK, ""};
-    lg_scene scene;
-    const double begin = app_seconds();
-    if (values.out == NULL) return app_usage(self, "--out FILE is missing");
-    lg_status status = app_check_writable(values.out, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, values.out);
-    status = lg_scene_read(self->context, self->arguments[0], &scene, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
-    if (scene.has_initial)
-        return app_fail(self, LG_FORMAT,
-                        "%s: line %u: `initial` is one start; many are drawn as `starts` says",
-                        self->arguments[0], scene.line_initial);
-    const double t_end = values.t_end > 0 ? values.t_end : scene.has_t_end ? scene.t_end : 0.1;
+    lg_trajectories data;
+    const double begin = app_seconds(), t_end = values.t_end > 0   ? values.t_end
+                                                : scene->has_t_end ? scene->t_end
+                                                                   : 0.1;
     const sampling how = {.trajectories = (size_t)values.trajectories,
                           .points = (size_t)values.points,
                           .t_end = t_end,
                           .noise = values.noise,
                           .noise_kind = values.noise_kind == 0 ? LG_NOISE_NORMAL : LG_NOISE_UNIFORM,
                           .seed = self->seed};
-    if (values.segments > 0) scene.segments = (uint32_t)values.segments;
-    lg_trajectories data;
-    status = sample_scene(self->context, &scene, &how, &data, &error);
+    lg_status status = sample_scene(self->context, scene, &how, &data, &error);
+    if (status == LG_UNSUPPORTED)
+        return app_fail(self, LG_FORMAT, "%s: line %u: %s", self->arguments[0], scene->line_system,
+                        error.message);
     if (status != LG_OK) return app_fail(self, status, "%s: %s", self->arguments[0], error.message);
     data.provenance = provenance_of(self, self->seed);
     status = lg_trajectories_write(self->context, values.out, &data, &error);
     if (status == LG_OK) report(self, &data, app_seconds() - begin);
     lg_trajectories_free(self->context, &data);
     return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, values.out);
+}
+
+static int run(app *self) {
+    lg_error error = {LG_OK, ""};
+    lg_scene scene;
+    if (values.out == NULL) return app_usage(self, "--out FILE is missing");
+    lg_status status = app_check_writable(values.out, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, values.out);
+    status = lg_scene_read(self->context, self->arguments[0], FORM, &scene, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
+    if (values.segments > 0) scene.segments = (uint32_t)values.segments;
+    const int code = !scene.has_initial
+                         ? generate(self, &scene)
+                         : app_fail(self, LG_FORMAT,
+                                    "%s: line %u: `initial` is one start; many are drawn as `starts` says",
+                                    self->arguments[0], scene.line_initial);
+    lg_scene_destroy(self->context, &scene);
+    return code;
 }
 
 const app_command generate_command = {.name = "generate",

@@ -13,7 +13,10 @@ extern const app_command generate_command, train_command, evaluate_command, pred
 
 /* ---- sampling (sample.c) ---- */
 
-lg_status make_system(const lg_context *context, const lg_scene *scene, lg_system **out, lg_error *error);
+/* Family and size (k or n) of what is learned from a scene that was read in FORM. Errors: LG_UNSUPPORTED. */
+#define FORM "hamiltonian"
+lg_status scene_family(const lg_scene *scene, lg_hamiltonian_family *family, uint32_t *links,
+                       lg_error *error);
 
 typedef struct sampling {
     size_t trajectories, points; /* N, M */
@@ -25,10 +28,6 @@ typedef struct sampling {
  * included. The caller frees. */
 lg_status sample_scene(const lg_context *context, const lg_scene *scene, const sampling *how,
                        lg_trajectories *out, lg_error *error);
-/* The scene's start in the Hamiltonian form (state q_1, p_1, ...), converted where the scene gives
- * velocities. */
-lg_status scene_start(const lg_scene *scene, const lg_system *system, double *state, lg_error *error);
-
 /* ---- training (learn.c) ---- */
 
 typedef struct learner {

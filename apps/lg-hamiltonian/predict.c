@@ -68,17 +68,21 @@ static int start_from_numbers(const app *self, prediction *p) {
 static int start_from_scene(const app *self, prediction *p) {
     lg_error error = {LG_OK, ""};
     const char *path = self->arguments[1];
-    lg_system *system = NULL;
-    lg_status status = lg_scene_read(self->context, path, &p->scene, &error);
+    const lg_hamiltonian *model = &p->file->run.model;
+    lg_hamiltonian_family family;
+    uint32_t links;
+    lg_status status = lg_scene_read(self->context, path, FORM, &p->scene, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, path);
-    if (p->scene.family != p->file->run.model.family || p->scene.links != p->file->run.model.links)
-        return app_fail(self, LG_SHAPE, "%s: line %u: a state of %u numbers, but the model's has %zu", path,
-                        p->scene.line_system, p->scene.state_size, p->dim);
-    status = make_system(self->context, &p->scene, &system, &error);
-    if (status == LG_OK) status = scene_start(&p->scene, system, p->start, &error);
-    lg_system_destroy(self->context, system);
     p->has_scene = true;
-    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, path);
+    status = scene_family(&p->scene, &family, &links, &error);
+    if (status != LG_OK)
+        return app_fail(self, LG_FORMAT, "%s: line %u: %s", path, p->scene.line_system, error.message);
+    if (family != model->family || links != model->links)
+        return app_fail(self, LG_SHAPE, "%s: line %u: a state of %zu numbers, but the model's has %zu", path,
+                        p->scene.line_system, lg_system_dim(p->scene.system), p->dim);
+    if (!p->scene.has_initial) return app_fail(self, LG_FORMAT, "%s: the scene has no `initial`", path);
+    memcpy(p->start, p->scene.state, p->dim * sizeof *p->start);
+    return APP_EXIT_OK;
 }
 
 static int integrate(const app *self, prediction *p) {
@@ -98,13 +102,9 @@ static int integrate(const app *self, prediction *p) {
     learned_energies(model, p->file->theta, p->y.data, points, p->dim, p->energy);
     p->y.hamiltonian[0] = p->energy[0];
     if (!p->has_scene) return APP_EXIT_OK;
-    lg_system *system = NULL;
     p->truth = app_alloc(points * p->dim, sizeof *p->truth);
-    status = make_system(self->context, &p->scene, &system, &error);
-    if (status == LG_OK)
-        status = lg_reference_trajectories(self->context, system, p->start, 1, p->y.t, points, 0, 0, p->truth,
-                                           &error);
-    lg_system_destroy(self->context, system);
+    status = lg_reference_trajectories(self->context, p->scene.system, p->start, 1, p->y.t, points, 0, 0,
+                                       p->truth, &error);
     return status == LG_OK ? APP_EXIT_OK : app_fail(self, status, "the true flow: %s", error.message);
 }
 
@@ -173,6 +173,7 @@ static int predict(app *self, const lg_hamiltonian_file *file) {
     free(p.truth);
     free(p.energy);
     lg_trajectories_free(self->context, &p.y);
+    lg_scene_destroy(self->context, &p.scene);
     return code;
 }
 

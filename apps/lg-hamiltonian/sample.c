@@ -7,25 +7,27 @@
 
 #include "liegrad/geometry.h"
 
-lg_status make_system(const lg_context *context, const lg_scene *scene, lg_system **out, lg_error *error) {
-    lg_system_options options;
-    lg_system_options_init(&options);
-    options.links = scene->links;
-    options.gravity = scene->gravity;
-    options.masses = scene->masses;
-    options.lengths = scene->lengths;
-    return lg_system_create(context, scene->system, &options, out, error);
+lg_status scene_family(const lg_scene *scene, lg_hamiltonian_family *family, uint32_t *links,
+                       lg_error *error) {
+    const lg_system *system = scene->system;
+    const size_t k = lg_system_links(system), n = lg_system_dim(system) / 2;
+    if (k == 0 && !lg_system_separable(system))
+        return app_error(error, LG_UNSUPPORTED, "no Hamiltonian is learned for system %s",
+                         lg_system_name(system));
+    if ((k > 0 ? k : n) > LG_HAMILTONIAN_MAX_LINKS)
+        return app_error(error, LG_UNSUPPORTED, "%zu links are more than the %d that can be learned",
+                         k > 0 ? k : n, LG_HAMILTONIAN_MAX_LINKS);
+    *family = k > 0 ? LG_HAMILTONIAN_CHAIN : LG_HAMILTONIAN_SEPARABLE;
+    *links = (uint32_t)(k > 0 ? k : n);
+    return LG_OK;
 }
 
 /* One start of `starts: box`. Chains: q normalised N(0, I), p = q x u, u ~ U[low, high]^3; others: U[low,
  * high]^d. */
 static void box_start(const lg_scene *scene, lg_rng *rng, double *state) {
-    if (scene->family != LG_HAMILTONIAN_CHAIN) {
-        for (uint32_t i = 0; i < scene->state_size; i++)
-            state[i] = lg_rng_uniform_in(rng, scene->low, scene->high);
-        return;
-    }
-    for (uint32_t link = 0; link < scene->links; link++) {
+    const size_t links = lg_system_links(scene->system), dim = lg_system_dim(scene->system);
+    for (size_t i = 0; links == 0 && i < dim; i++) state[i] = lg_rng_uniform_in(rng, scene->low, scene->high);
+    for (size_t link = 0; link < links; link++) {
         double *q = state + 6 * link, u[3], length;
         do {
             for (int i = 0; i < 3; i++) q[i] = lg_rng_normal(rng);
@@ -49,8 +51,9 @@ static void add_noise(const sampling *how, size_t index, size_t points, uint32_t
 
 /* Starts drawn here, each followed for `segments` trajectories that join: the last point of one is the first
  * of the next. */
-static lg_status sample_box(const lg_context *context, const lg_scene *scene, const lg_system *system,
-                            const sampling *how, lg_trajectories *data, lg_error *error) {
+static lg_status sample_box(const lg_context *context, const lg_scene *scene, const sampling *how,
+                            lg_trajectories *data, lg_error *error) {
+    const lg_system *system = scene->system;
     const size_t segments = scene->segments > 0 ? scene->segments : 1, dim = data->state_size;
     const size_t groups = (how->trajectories + segments - 1) / segments, intervals = how->points - 1;
     const size_t joined = segments * intervals + 1;
@@ -80,8 +83,8 @@ static lg_status sample_box(const lg_context *context, const lg_scene *scene, co
     return status;
 }
 
-static lg_status sample_thesis(const lg_context *context, const lg_scene *scene, const lg_system *system,
-                               const sampling *how, lg_trajectories *data, lg_error *error) {
+static lg_status sample_thesis(const lg_context *context, const lg_scene *scene, const sampling *how,
+                               lg_trajectories *data, lg_error *error) {
     lg_trajectory_options options;
     lg_trajectory_options_init(&options);
     options.trajectories = how->trajectories;
@@ -92,59 +95,25 @@ static lg_status sample_thesis(const lg_context *context, const lg_scene *scene,
     options.starts = LG_STARTS_THESIS;
     options.segments = scene->segments > 0 ? scene->segments : 1;
     options.seed = how->seed;
-    return lg_generate_trajectories(context, system, &options, data->t, data->data, data->hamiltonian, error);
+    return lg_generate_trajectories(context, scene->system, &options, data->t, data->data, data->hamiltonian,
+                                    error);
 }
 
 lg_status sample_scene(const lg_context *context, const lg_scene *scene, const sampling *how,
                        lg_trajectories *out, lg_error *error) {
-    lg_system *system = NULL;
+    lg_hamiltonian_family family = LG_HAMILTONIAN_CHAIN;
+    uint32_t links = 0;
     lg_trajectories data;
-    lg_status status = make_system(context, scene, &system, error);
+    lg_status status = scene_family(scene, &family, &links, error);
     if (status != LG_OK) return status;
-    status = lg_trajectories_create(context, scene->system, scene->family, scene->links, how->trajectories,
+    status = lg_trajectories_create(context, lg_system_name(scene->system), family, links, how->trajectories,
                                     how->points, how->t_end, true, 0, &data);
-    if (status != LG_OK) {
-        lg_system_destroy(context, system);
-        return app_error(error, status, "%s", lg_status_sentence(status));
-    }
+    if (status != LG_OK) return app_error(error, status, "%s", lg_status_sentence(status));
     const bool box = scene->has_starts && scene->starts == LG_STARTS_BOX;
-    status = (box ? sample_box : sample_thesis)(context, scene, system, how, &data, error);
-    lg_system_destroy(context, system);
+    status = (box ? sample_box : sample_thesis)(context, scene, how, &data, error);
     if (status == LG_OK)
         *out = data;
     else
         lg_trajectories_free(context, &data);
     return status;
-}
-
-/* p_i = m_ii q_i' + P_i sum_{j != i} m_ij q_j', q_j' = omega_j x q_j, from the state q_1, omega_1, ... */
-static void momenta(const double *mass, size_t links, const double *velocities, double *state) {
-    double *rates = app_alloc(3 * links, sizeof *rates);
-    for (size_t i = 0; i < links; i++) lg_cross3(velocities + 6 * i + 3, velocities + 6 * i, rates + 3 * i);
-    for (size_t i = 0; i < links; i++) {
-        const double *q = velocities + 6 * i;
-        double others[3] = {0, 0, 0};
-        for (size_t j = 0; j < links; j++)
-            for (int c = 0; j != i && c < 3; c++) others[c] += mass[i * links + j] * rates[3 * j + (size_t)c];
-        const double along = lg_dot3(q, others);
-        for (int c = 0; c < 3; c++) {
-            state[6 * i + (size_t)c] = q[c];
-            state[6 * i + 3 + (size_t)c] =
-                mass[i * links + i] * rates[3 * i + (size_t)c] + others[c] - along * q[c];
-        }
-    }
-    free(rates);
-}
-
-lg_status scene_start(const lg_scene *scene, const lg_system *system, double *state, lg_error *error) {
-    if (!scene->has_initial) return app_error(error, LG_FORMAT, "the scene has no `initial`");
-    if (scene->family != LG_HAMILTONIAN_CHAIN || scene->form != LG_SCENE_LAGRANGIAN) {
-        memcpy(state, scene->state, scene->state_size * sizeof *state);
-        return LG_OK;
-    }
-    double *mass = app_alloc((size_t)scene->links * scene->links, sizeof *mass);
-    const lg_status status = lg_chain_mass_matrix(system, mass);
-    if (status == LG_OK) momenta(mass, scene->links, scene->state, state);
-    free(mass);
-    return status == LG_OK ? LG_OK : app_error(error, status, "%s", lg_status_sentence(status));
 }

@@ -69,17 +69,31 @@ study_row study_run_at(const lg_grid *grid, uint64_t index) {
     return row;
 }
 
+/* The numbers of a parameter; NULL when the system has none of that key. */
+static const double *parameter_of(const lg_system *system, const char *key) {
+    const lg_parameter_row *row = lg_system_parameters(lg_system_name(system), lg_system_form(system));
+    const double *numbers = lg_system_parameter_values(system);
+    for (; row->key != NULL && strcmp(row->key, key) != 0; row++)
+        numbers += row->count > 0 ? row->count : lg_system_links(system);
+    return row->key != NULL ? numbers : NULL;
+}
+
 void study_protocol(const lg_grid *grid, char out[STUDY_PROTOCOL_TEXT]) {
     const lg_scene *scene = &grid->scene;
+    const lg_system *system = scene->system;
+    const double *gravity = parameter_of(system, "gravity"), *masses = parameter_of(system, "masses"),
+                 *lengths = parameter_of(system, "lengths");
+    const size_t k = lg_system_links(system), links = k > 0 ? k : lg_system_dim(system) / 2;
     char hash[LG_SHA256_TEXT];
     app_file memory;
     lg_sha256 sha;
     app_file_begin(&memory, "");
     FILE *text = memory.stream;
-    (void)fprintf(text, "%s %u %.17g %d %.17g %.17g %u;", scene->system, scene->links, scene->gravity,
-                  scene->has_starts ? (int)scene->starts : -1, scene->low, scene->high, scene->segments);
-    for (uint32_t i = 0; i < scene->links; i++)
-        (void)fprintf(text, " %.17g %.17g", scene->masses[i], scene->lengths[i]);
+    (void)fprintf(text, "%s %zu %.17g %d %.17g %.17g %u;", lg_system_name(system), links,
+                  gravity != NULL ? gravity[0] : 0, scene->has_starts ? (int)scene->starts : -1, scene->low,
+                  scene->high, scene->segments);
+    for (size_t i = 0; i < links; i++)
+        (void)fprintf(text, " %.17g %.17g", masses != NULL ? masses[i] : 0, lengths != NULL ? lengths[i] : 0);
     (void)fprintf(text, "; %.17g %u %u %u %.17g %.17g %.17g %.17g %.17g;", grid->t_end, grid->epochs,
                   grid->batch, grid->lr_step, grid->lr, grid->lr_gamma, grid->weight_decay, grid->adam_eps,
                   grid->clip);
@@ -289,20 +303,31 @@ static int study_with_file(study *self) {
     return code;
 }
 
+static int study_grid(study *self) {
+    app *host = self->app;
+    char protocol[STUDY_PROTOCOL_TEXT];
+    lg_hamiltonian_family family;
+    uint32_t links;
+    if (host->seed_given) self->grid.seed = host->seed;
+    lg_status status = scene_family(&self->grid.scene, &family, &links, &self->error);
+    if (status != LG_OK) return app_fail(host, LG_FORMAT, "%s: %s", host->arguments[0], self->error.message);
+    study_protocol(&self->grid, protocol);
+    status = study_file_open(values.out, protocol, &self->file, &self->error);
+    if (status != LG_OK) return app_fail_file(host, status, &self->error, values.out);
+    const int code = study_with_file(self);
+    study_file_close(&self->file);
+    return code;
+}
+
 static int run(app *host) {
     study self = {.app = host};
-    char protocol[STUDY_PROTOCOL_TEXT];
     if (values.out == NULL) return app_usage(host, "--out FILE.csv is missing");
     const int checked = check_pictures(host);
     if (checked != APP_EXIT_OK) return checked;
-    lg_status status = lg_grid_read(host->context, host->arguments[0], &self.grid, &self.error);
+    const lg_status status = lg_grid_read(host->context, host->arguments[0], &self.grid, &self.error);
     if (status != LG_OK) return app_fail_file(host, status, &self.error, host->arguments[0]);
-    if (host->seed_given) self.grid.seed = host->seed;
-    study_protocol(&self.grid, protocol);
-    status = study_file_open(values.out, protocol, &self.file, &self.error);
-    if (status != LG_OK) return app_fail_file(host, status, &self.error, values.out);
-    const int code = study_with_file(&self);
-    study_file_close(&self.file);
+    const int code = study_grid(&self);
+    lg_grid_destroy(host->context, &self.grid);
     return code;
 }
 

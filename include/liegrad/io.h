@@ -3,8 +3,8 @@
  * What holds for every function here:
  *   - A failure gives a status and, when `error` is not NULL, a sentence with the file, the key and, for
  * YAML, the line. Outputs are untouched, nothing leaks.
- *   - Structures that own memory are released by their own `_free`, which leaves them zeroed; a zeroed
- * structure may be freed.
+ *   - Structures that own memory are released by their own `_free` or `_destroy`, which leaves them zeroed; a
+ * zeroed structure may be freed.
  *   - HDF5's own messages are silenced while these functions run and restored afterwards. HDF5 as Debian
  * builds it is not thread-safe: functions that read or write HDF5 run in one thread of the process at a time.
  *   - Writers compose the file in memory, write it under a temporary name in the target's folder, fsync,
@@ -233,24 +233,12 @@ LG_API lg_status lg_hamiltonian_run_compare(const char *path, const lg_hamiltoni
 
 /* ---- scenes ---- */
 
-typedef enum lg_scene_form {
-    LG_SCENE_UNSPECIFIED, /* neither `form` nor `initial` tells */
-    LG_SCENE_LAGRANGIAN,
-    LG_SCENE_HAMILTONIAN
-} lg_scene_form;
-
-/* One system, its parameters, a start. Plain data; for lg_system_create use system, links, gravity, masses,
- * lengths. */
+/* One system with its parameters, and a start. Any system of liegrad/mechanics.h; keys and shapes are those
+ * of its tables there. */
 typedef struct lg_scene {
-    char system[LG_SYSTEM_NAME];
-    lg_hamiltonian_family family;
-    lg_scene_form form;
-    uint32_t links; /* chains: k; quartic and coupled-oscillators: n = 2 */
-    double gravity;
-    double masses[LG_HAMILTONIAN_MAX_LINKS], lengths[LG_HAMILTONIAN_MAX_LINKS];
+    lg_system *system; /* owned */
     bool has_initial;
-    uint32_t state_size;                        /* 6k or 2n */
-    double state[6 * LG_HAMILTONIAN_MAX_LINKS]; /* q_1, p_1 (or omega_1), ...; q, p; zero without `initial` */
+    double *state;     /* owned: lg_system_dim numbers, in the system's form; NULL without `initial` */
     bool projected;    /* the start was off the manifold by rounding (<= 1e-6) and was projected */
     double projection; /* by how much */
     bool has_t_end;
@@ -263,25 +251,51 @@ typedef struct lg_scene {
         line_starts; /* for the caller's own messages; 0 when absent */
 } lg_scene;
 
-/* A YAML (or JSON) file. A projection is also logged as a warning with its line. */
-LG_API lg_status lg_scene_read(const lg_context *context, const char *path, lg_scene *out, lg_error *error);
+/* A YAML (or JSON) file. Keys: `system`; `form`; the parameters of the system; `links` where lists have one
+ * entry a link (else told by them); `initial` with the parts of the state; `t_end`; `starts` {kind, low,
+ * high, segments}; quadrotors: `reference` (parabola). Chains take `omega` or `p` in either form and convert:
+ * p_i = m_ii q_i' + P_i sum_{j != i} m_ij q_j', q_i' = omega_i x q_i. Without `form` it is `form_wanted`
+ * where the system has it; NULL: the first form whose state `initial` gives, else the system's first. Errors
+ * also: LG_FORMAT when the scene names a form other than `form_wanted`. A projection is logged as a warning
+ * with its line. `out` is overwritten. */
+LG_API lg_status lg_scene_read(const lg_context *context, const char *path, const char *form_wanted,
+                               lg_scene *out, lg_error *error);
+/* With the context it was read with. Leaves it zeroed; NULL and a zeroed scene are fine. */
+LG_API void lg_scene_destroy(const lg_context *context, lg_scene *scene);
 
-/* The defaults of a system without a file: masses and lengths 1, gravity 1, Hamiltonian form, thesis starts,
- * one segment. `links` matters for chains only. Errors: LG_INVALID_ARGUMENT. */
-LG_API lg_status lg_scene_default(const char *system, uint32_t links, lg_scene *out);
+/* The keys of a system in this form (NULL: its first), one a line: name, shape, meaning, whether required,
+ * for docs and --help. Returns the length as snprintf does, 0 for an unknown pair. */
+LG_API int lg_scene_describe(const char *system, const char *form, char *text, size_t size);
 
-/* The keys of a system, one a line: name, shape, range, whether required, for docs and --help. Returns the
- * length as snprintf does, 0 for an unknown system. */
-LG_API int lg_scene_describe(const char *system, char *text, size_t size);
+/* ---- schemes ---- */
+
+/* A scheme from a YAML (or JSON) file, checked with lg_scheme_check. Numbers are decimals or quotients a/b.
+ * Keys: name           (the file's name) kind           rkmk | runge-kutta (in the ambient space) |
+ * commutator-free | splitting order          of the method embedded_order with `embedded`: order of the
+ * embedded solution, for adaptive steps rkmk, runge-kutta: a, a list for each stage, the first one empty, and
+ * b, one number a stage; embedded, likewise; c (else the sums of a). rkmk: dexpinv, exact or the truncation K
+ * (exact); commutators, a list of [row, first, second, weight], stages counted from 1, row = stages + 1 is
+ * the step (then dexpinv is 0 unless given). commutator-free: rows, one for each stage and one for the end of
+ * the step; embedded, a row. A row is a list of exponentials, each a list of coefficients, the first one
+ * applied first; one such list stands for itself; {base: i, exponentials: [...]} starts at stage i.
+ * splitting: kick, drift.
+ *   kind: rkmk
+ *   order: 3
+ *   a: [[], [1/2], [-1, 2]]
+ *   b: [1/6, 2/3, 1/6]
+ * lg_scheme_destroy frees it, with the context it was read with; NULL is fine. */
+LG_API lg_status lg_scheme_read(const lg_context *context, const char *path, lg_scheme **out,
+                                lg_error *error);
+LG_API void lg_scheme_destroy(const lg_context *context, lg_scheme *scheme);
 
 /* ---- grids of `lg-hamiltonian study` ---- */
 
 #define LG_GRID_VALUES 16
 
-/* Runs are the product of the lists: integrators x N x M x eps x penalty x substeps x repeats. Plain data. */
+/* Runs are the product of the lists: integrators x N x M x eps x penalty x substeps x repeats. */
 typedef struct lg_grid {
-    lg_scene scene; /* `scene: FILE` (relative to the grid's folder), or `system` and the scene's keys in the
-                       grid itself */
+    lg_scene scene; /* in Hamiltonian form, owned; `scene: FILE` (relative to the grid's folder), or `system`
+                       and the scene's keys in the grid itself */
     uint32_t integrator_count, n_count, m_count, eps_count, penalty_count, substeps_count;
     lg_train_integrator integrators[LG_GRID_VALUES]; /* required */
     uint32_t n[LG_GRID_VALUES], m[LG_GRID_VALUES];   /* required; keys N and M */
@@ -305,6 +319,7 @@ typedef struct lg_grid {
 } lg_grid;
 
 LG_API lg_status lg_grid_read(const lg_context *context, const char *path, lg_grid *out, lg_error *error);
+LG_API void lg_grid_destroy(const lg_context *context, lg_grid *grid); /* as lg_scene_destroy */
 LG_API uint64_t lg_grid_runs(const lg_grid *grid);
 
 LG_END_DECLS

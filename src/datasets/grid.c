@@ -7,8 +7,8 @@
 #include "datasets/names.h"
 #include "datasets/scene.h"
 
-#define ALL   UINT32_MAX
 #define LISTS LG_GRID_VALUES
+#define FORM  "hamiltonian" /* learned is a Hamiltonian */
 
 enum {
     KEY_INTEGRATORS,
@@ -41,39 +41,39 @@ enum {
 };
 
 static const lg_key keys[KEYS] = {
-    [KEY_INTEGRATORS] = {"integrators", LG_KEY_NAMES, ALL, true, false, 0, 0, LISTS, lg_name_integrator},
-    [KEY_N] = {"N", LG_KEY_COUNTS, ALL, true, false, 1, 1e9, LISTS, NULL},
-    [KEY_M] = {"M", LG_KEY_COUNTS, ALL, true, false, 2, 1e9, LISTS, NULL},
-    [KEY_EPS] = {"eps", LG_KEY_REALS, ALL, false, false, 0, 1e6, LISTS, NULL},
-    [KEY_PENALTY] = {"penalty", LG_KEY_REALS, ALL, false, false, 0, 1e12, LISTS, NULL},
-    [KEY_SUBSTEPS] = {"substeps", LG_KEY_COUNTS, ALL, false, false, 1, 1e6, LISTS, NULL},
-    [KEY_REPEATS] = {"repeats", LG_KEY_COUNT, ALL, false, false, 1, 1e6, 1, NULL},
-    [KEY_EPOCHS] = {"epochs", LG_KEY_COUNT, ALL, false, false, 1, 1e9, 1, NULL},
-    [KEY_BATCH] = {"batch", LG_KEY_COUNT, ALL, false, false, 1, 1e9, 1, NULL},
-    [KEY_LR] = {"lr", LG_KEY_REAL, ALL, false, true, 0, 1e3, 1, NULL},
-    [KEY_LR_STEP] = {"lr_step", LG_KEY_COUNT, ALL, false, false, 1, 1e9, 1, NULL},
-    [KEY_LR_GAMMA] = {"lr_gamma", LG_KEY_REAL, ALL, false, true, 0, 1e3, 1, NULL},
-    [KEY_WEIGHT_DECAY] = {"weight_decay", LG_KEY_REAL, ALL, false, false, 0, 1e3, 1, NULL},
-    [KEY_ADAM_EPS] = {"adam_eps", LG_KEY_REAL, ALL, false, true, 0, 1, 1, NULL},
-    [KEY_CLIP] = {"clip", LG_KEY_REAL, ALL, false, false, 0, 1e300, 1, NULL},
-    [KEY_HIDDEN] = {"hidden", LG_KEY_COUNTS, ALL, false, false, 1, 1 << 20, LG_MLP_MAX_LAYERS - 1, NULL},
-    [KEY_ACTIVATION] = {"activation", LG_KEY_NAME, ALL, false, false, 0, 0, 1, lg_name_activation},
-    [KEY_POTENTIAL] = {"potential", LG_KEY_NAME, ALL, false, false, 0, 0, 1, lg_name_potential},
-    [KEY_DTYPE] = {"dtype", LG_KEY_NAME, ALL, false, false, 0, 0, 1, lg_name_dtype},
-    [KEY_NOISE_KIND] = {"noise_kind", LG_KEY_NAME, ALL, false, false, 0, 0, 1, lg_name_noise},
-    [KEY_PENALTY_FORM] = {"penalty_form", LG_KEY_NAME, ALL, false, false, 0, 0, 1, lg_name_penalty_form},
-    [KEY_SHARDS] = {"shards", LG_KEY_COUNT, ALL, false, false, 1, 1024, 1, NULL},
-    [KEY_SEED] = {"seed", LG_KEY_WHOLE, ALL, false, false, 0, 0, 1, NULL},
-    [KEY_TEST] = {"test", LG_KEY_MAP, ALL, false, false, 0, 0, 0, NULL},
-    [KEY_TEST_TRAJECTORIES] = {"test.trajectories", LG_KEY_COUNT, ALL, false, false, 1, 1e9, 1, NULL},
-    [KEY_TEST_POINTS] = {"test.points", LG_KEY_COUNT, ALL, false, false, 2, 1e9, 1, NULL},
+    [KEY_INTEGRATORS] = {"integrators", LG_KEY_NAMES, true, false, 0, 0, LISTS, lg_name_integrator},
+    [KEY_N] = {"N", LG_KEY_COUNTS, true, false, 1, 1e9, LISTS, NULL},
+    [KEY_M] = {"M", LG_KEY_COUNTS, true, false, 2, 1e9, LISTS, NULL},
+    [KEY_EPS] = {"eps", LG_KEY_REALS, false, false, 0, 1e6, LISTS, NULL},
+    [KEY_PENALTY] = {"penalty", LG_KEY_REALS, false, false, 0, 1e12, LISTS, NULL},
+    [KEY_SUBSTEPS] = {"substeps", LG_KEY_COUNTS, false, false, 1, 1e6, LISTS, NULL},
+    [KEY_REPEATS] = {"repeats", LG_KEY_COUNT, false, false, 1, 1e6, 1, NULL},
+    [KEY_EPOCHS] = {"epochs", LG_KEY_COUNT, false, false, 1, 1e9, 1, NULL},
+    [KEY_BATCH] = {"batch", LG_KEY_COUNT, false, false, 1, 1e9, 1, NULL},
+    [KEY_LR] = {"lr", LG_KEY_REAL, false, true, 0, 1e3, 1, NULL},
+    [KEY_LR_STEP] = {"lr_step", LG_KEY_COUNT, false, false, 1, 1e9, 1, NULL},
+    [KEY_LR_GAMMA] = {"lr_gamma", LG_KEY_REAL, false, true, 0, 1e3, 1, NULL},
+    [KEY_WEIGHT_DECAY] = {"weight_decay", LG_KEY_REAL, false, false, 0, 1e3, 1, NULL},
+    [KEY_ADAM_EPS] = {"adam_eps", LG_KEY_REAL, false, true, 0, 1, 1, NULL},
+    [KEY_CLIP] = {"clip", LG_KEY_REAL, false, false, 0, 1e300, 1, NULL},
+    [KEY_HIDDEN] = {"hidden", LG_KEY_COUNTS, false, false, 1, 1 << 20, LG_MLP_MAX_LAYERS - 1, NULL},
+    [KEY_ACTIVATION] = {"activation", LG_KEY_NAME, false, false, 0, 0, 1, lg_name_activation},
+    [KEY_POTENTIAL] = {"potential", LG_KEY_NAME, false, false, 0, 0, 1, lg_name_potential},
+    [KEY_DTYPE] = {"dtype", LG_KEY_NAME, false, false, 0, 0, 1, lg_name_dtype},
+    [KEY_NOISE_KIND] = {"noise_kind", LG_KEY_NAME, false, false, 0, 0, 1, lg_name_noise},
+    [KEY_PENALTY_FORM] = {"penalty_form", LG_KEY_NAME, false, false, 0, 0, 1, lg_name_penalty_form},
+    [KEY_SHARDS] = {"shards", LG_KEY_COUNT, false, false, 1, 1024, 1, NULL},
+    [KEY_SEED] = {"seed", LG_KEY_WHOLE, false, false, 0, 0, 1, NULL},
+    [KEY_TEST] = {"test", LG_KEY_MAP, false, false, 0, 0, 0, NULL},
+    [KEY_TEST_TRAJECTORIES] = {"test.trajectories", LG_KEY_COUNT, false, false, 1, 1e9, 1, NULL},
+    [KEY_TEST_POINTS] = {"test.points", LG_KEY_COUNT, false, false, 2, 1e9, 1, NULL},
 };
 
 /* Beside a scene in a file of its own. */
 enum { KEY_SCENE, KEY_T_END, FILE_KEYS };
 static const lg_key file_keys[FILE_KEYS] = {
-    [KEY_SCENE] = {"scene", LG_KEY_TEXT, ALL, true, false, 0, 0, 1, NULL},
-    [KEY_T_END] = {"t_end", LG_KEY_REAL, ALL, false, true, 0, 1e12, 1, NULL},
+    [KEY_SCENE] = {"scene", LG_KEY_TEXT, true, false, 0, 0, 1, NULL},
+    [KEY_T_END] = {"t_end", LG_KEY_REAL, false, true, 0, 1e12, 1, NULL},
 };
 
 static void set_u32(const lg_key_value *value, uint32_t *out) {
@@ -160,7 +160,7 @@ static lg_status read_scene_file(const lg_context *context, const lg_yaml *yaml,
     memcpy(joined, path, folder);
     memcpy(joined + folder, value->text, name);
     lg_error inner = {LG_OK, ""};
-    lg_status status = lg_scene_read(context, joined, out, &inner);
+    lg_status status = lg_scene_read(context, joined, FORM, out, &inner);
     lg_free(context, joined);
     if (status == LG_OK) return LG_OK;
     return lg_fail(error, status, "%s: line %u: scene: %.300s", lg_shown_path(path), value->line,
@@ -174,10 +174,10 @@ static lg_status read_grid(const lg_context *context, lg_yaml *yaml, lg_key_valu
     if (!own_file && !lg_yaml_has(yaml, "system"))
         return lg_yaml_fail(yaml, 1, LG_FORMAT, error, "key 'scene' or 'system' is missing");
     if (own_file) {
-        LG_TRY(lg_yaml_read(yaml, sets, 2, ALL, "the scene", error));
+        LG_TRY(lg_yaml_read(yaml, sets, 2, NULL, "", error));
         LG_TRY(read_scene_file(context, yaml, &values[KEYS + KEY_SCENE], &out->scene, error));
     } else {
-        LG_TRY(lg_scene_from(context, yaml, sets, &out->scene, error));
+        LG_TRY(lg_scene_from(context, yaml, FORM, sets, &out->scene, error));
     }
     fill(values, out);
     out->t_end = out->scene.t_end;
@@ -197,8 +197,17 @@ lg_status lg_grid_read(const lg_context *context, const char *path, lg_grid *out
                            : read_grid(context, yaml, values, &made, error);
     lg_free(context, values);
     lg_yaml_close(yaml);
-    if (status == LG_OK) *out = made;
+    if (status == LG_OK)
+        *out = made;
+    else
+        lg_grid_destroy(context, &made);
     return status;
+}
+
+void lg_grid_destroy(const lg_context *context, lg_grid *grid) {
+    if (grid == NULL) return;
+    lg_scene_destroy(context, &grid->scene);
+    *grid = (lg_grid){.repeats = 0};
 }
 
 uint64_t lg_grid_runs(const lg_grid *grid) {

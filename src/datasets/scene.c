@@ -1,182 +1,563 @@
+/* Scenes: keys and shapes come from the table of systems. */
 #include "datasets/scene.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
-#include "datasets/names.h"
 #include "liegrad/geometry.h"
 
 #define OFF_MANIFOLD 1e-6  /* beyond it a start is an error, not rounding */
 #define ROUNDING     1e-14 /* below it nothing is said or changed */
+#define UNIT_VECTOR  1e-9
+#define LARGEST      1e12 /* of every number */
+#define MAX_LINKS    1000000
+#define MAX_KEYS     48
 
-/* ---- names ---- */
+/* ---- the table of systems ---- */
 
+/* Names by value, each once; NULL beyond the last. */
 static const char *system_name(uint32_t value) {
-    return value < LG_KNOWN_SYSTEMS ? lg_known_systems[value].name : NULL;
+    const char *name, *last = "";
+    for (size_t i = 0; lg_system_at(i, &name, NULL); i++) {
+        if (strcmp(name, last) == 0) continue; /* the forms of a system stand together */
+        if (value-- == 0) return name;
+        last = name;
+    }
+    return NULL;
 }
 
-static const char *form_name(uint32_t value) {
-    static const char *const names[] = {"lagrangian", "hamiltonian"}; /* lg_scene_form - 1 */
-    return value < LG_COUNT(names) ? names[value] : NULL;
+/* The forms of a system by value; NULL beyond the last, and where there is one only. */
+static const char *form_of(const char *system, size_t value) {
+    const char *name, *form;
+    for (size_t i = 0; lg_system_at(i, &name, &form); i++)
+        if (strcmp(name, system) == 0 && value-- == 0) return form;
+    return NULL;
 }
+
+static const char *find_form(const char *system, const char *text) {
+    size_t i = 0;
+    while (form_of(system, i) != NULL && strcmp(form_of(system, i), text) != 0) i++;
+    return form_of(system, i);
+}
+
+/* One form only, and the state of a Hamiltonian system: `form: hamiltonian` says nothing new. */
+static bool plainly_hamiltonian(const char *system) {
+    const lg_state_row *state = lg_system_state(system, NULL);
+    return form_of(system, 0) == NULL && strcmp(state[0].key, "q") == 0 && strcmp(state[1].key, "p") == 0;
+}
+
+static bool is_chain(const char *system) {
+    return strcmp(system, "pendulum-chain") == 0;
+}
+
+static bool has_reference(const char *system) {
+    return strcmp(system, "quadrotors") == 0;
+}
+
+/* True when a parameter or a part of the state is there once a link. */
+static bool has_links(const char *system, const char *form) {
+    const lg_parameter_row *parameter = lg_system_parameters(system, form);
+    const lg_state_row *part = lg_system_state(system, form);
+    while (parameter->key != NULL && parameter->count != 0) parameter++;
+    while (part->key != NULL && part->outer != 0) part++;
+    return parameter->key != NULL || part->key != NULL;
+}
+
+/* A key that some system has. */
+static bool known_elsewhere(const char *name) {
+    static const char initial[] = "initial.";
+    const char *system, *form;
+    const bool inner = strncmp(name, initial, sizeof initial - 1) == 0;
+    const char *key = inner ? name + sizeof initial - 1 : name;
+    if (strcmp(name, "links") == 0 || strcmp(name, "reference") == 0) return true;
+    for (size_t i = 0; lg_system_at(i, &system, &form); i++) {
+        const lg_parameter_row *parameter = lg_system_parameters(system, form);
+        const lg_state_row *part = lg_system_state(system, form);
+        for (; !inner && parameter->key != NULL; parameter++)
+            if (strcmp(parameter->key, key) == 0) return true;
+        for (; inner && part->key != NULL; part++)
+            if (strcmp(part->key, key) == 0) return true;
+    }
+    return false;
+}
+
+/* ---- the keys of one system ---- */
 
 static const char *starts_name(uint32_t value) {
     static const char *const names[] = {[LG_STARTS_THESIS] = "thesis", [LG_STARTS_BOX] = "box"};
     return value < LG_COUNT(names) ? names[value] : NULL;
 }
 
-/* ---- keys: one row each ---- */
-
-#define ON(system) (1u << (system))
-#define ALL        UINT32_MAX
-#define FLAT       (ON(LG_KNOWN_QUARTIC) | ON(LG_KNOWN_COUPLED))
-#define LINKS      LG_HAMILTONIAN_MAX_LINKS
+static const char *reference_name(uint32_t value) {
+    return value == 0 ? "parabola" : NULL;
+}
 
 enum {
     KEY_SYSTEM,
     KEY_FORM,
-    KEY_LINKS,
-    KEY_GRAVITY,
-    KEY_MASSES,
-    KEY_LENGTHS,
     KEY_T_END,
     KEY_INITIAL,
-    KEY_Q,
-    KEY_P,
-    KEY_OMEGA,
-    KEY_FLAT_Q,
-    KEY_FLAT_P,
     KEY_STARTS,
     KEY_KIND,
     KEY_LOW,
     KEY_HIGH,
     KEY_SEGMENTS,
-    KEYS
+    COMMON_KEYS
 };
 
-/* name, type, systems, required, open, low, high, capacity, names */
-static const lg_key keys[KEYS] = {
-    [KEY_SYSTEM] = {"system", LG_KEY_NAME, ALL, true, false, 0, 0, 1, system_name},
-    [KEY_FORM] = {"form", LG_KEY_NAME, ALL, false, false, 0, 0, 1, form_name},
-    [KEY_LINKS] = {"links", LG_KEY_COUNT, ON(LG_KNOWN_CHAIN), false, false, 1, LINKS, 1, NULL},
-    [KEY_GRAVITY] = {"gravity", LG_KEY_REAL, ON(LG_KNOWN_CHAIN), true, false, -1e12, 1e12, 1, NULL},
-    [KEY_MASSES] = {"masses", LG_KEY_REALS, ON(LG_KNOWN_CHAIN), false, true, 0, 1e12, LINKS, NULL},
-    [KEY_LENGTHS] = {"lengths", LG_KEY_REALS, ON(LG_KNOWN_CHAIN), false, true, 0, 1e12, LINKS, NULL},
-    [KEY_T_END] = {"t_end", LG_KEY_REAL, ALL, false, true, 0, 1e12, 1, NULL},
-    [KEY_INITIAL] = {"initial", LG_KEY_MAP, ALL, false, false, 0, 0, 0, NULL},
-    [KEY_Q] = {"initial.q", LG_KEY_ROWS, ON(LG_KNOWN_CHAIN), true, false, -2, 2, LINKS, NULL},
-    [KEY_P] = {"initial.p", LG_KEY_ROWS, ON(LG_KNOWN_CHAIN), false, false, -1e12, 1e12, LINKS, NULL},
-    [KEY_OMEGA] = {"initial.omega", LG_KEY_ROWS, ON(LG_KNOWN_CHAIN), false, false, -1e12, 1e12, LINKS, NULL},
-    [KEY_FLAT_Q] = {"initial.q", LG_KEY_REALS, FLAT, true, false, -1e12, 1e12, LINKS, NULL},
-    [KEY_FLAT_P] = {"initial.p", LG_KEY_REALS, FLAT, true, false, -1e12, 1e12, LINKS, NULL},
-    [KEY_STARTS] = {"starts", LG_KEY_MAP, ALL, false, false, 0, 0, 0, NULL},
-    [KEY_KIND] = {"starts.kind", LG_KEY_NAME, ALL, true, false, 0, 0, 1, starts_name},
-    [KEY_LOW] = {"starts.low", LG_KEY_REAL, ALL, false, false, -1e12, 1e12, 1, NULL},
-    [KEY_HIGH] = {"starts.high", LG_KEY_REAL, ALL, false, false, -1e12, 1e12, 1, NULL},
-    [KEY_SEGMENTS] = {"starts.segments", LG_KEY_COUNT, ALL, false, false, 1, 1000, 1, NULL},
+/* name, type, required, open, low, high, capacity, names */
+static const lg_key common_keys[COMMON_KEYS] = {
+    [KEY_SYSTEM] = {"system", LG_KEY_NAME, true, false, 0, 0, 1, system_name},
+    [KEY_FORM] = {"form", LG_KEY_TEXT, false, false, 0, 0, 1, NULL},
+    [KEY_T_END] = {"t_end", LG_KEY_REAL, false, true, 0, LARGEST, 1, NULL},
+    [KEY_INITIAL] = {"initial", LG_KEY_MAP, false, false, 0, 0, 0, NULL},
+    [KEY_STARTS] = {"starts", LG_KEY_MAP, false, false, 0, 0, 0, NULL},
+    [KEY_KIND] = {"starts.kind", LG_KEY_NAME, true, false, 0, 0, 1, starts_name},
+    [KEY_LOW] = {"starts.low", LG_KEY_REAL, false, false, -LARGEST, LARGEST, 1, NULL},
+    [KEY_HIGH] = {"starts.high", LG_KEY_REAL, false, false, -LARGEST, LARGEST, 1, NULL},
+    [KEY_SEGMENTS] = {"starts.segments", LG_KEY_COUNT, false, false, 1, 1000, 1, NULL},
 };
+static const lg_key links_key = {"links", LG_KEY_COUNT, false, false, 1, MAX_LINKS, 1, NULL};
+static const lg_key reference_key = {"reference", LG_KEY_NAME, false, false, 0, 0, 1, reference_name};
 
-/* ---- the chain's numbers ---- */
+typedef struct scene_table {
+    const char *system, *form;
+    const lg_parameter_row *parameters;
+    const lg_state_row *parts;
+    /* A part that may be given under another key and is then converted: chains, omega and p. */
+    const char *own_key, *other_key;
+    size_t links_at, parameters_at, parts_at, other_at; /* in `keys`; 0: none */
+    char title[64];                                     /* "heavy-top (direct)" */
+    size_t count;
+    lg_key keys[MAX_KEYS];
+    lg_key_value values[MAX_KEYS];
+    char names[MAX_KEYS][32];
+} scene_table;
+
+static size_t add_key(scene_table *table, const char *prefix, const lg_key *key) {
+    const size_t at = table->count++;
+    if (at >= MAX_KEYS) return 0;
+    table->keys[at] = *key;
+    (void)snprintf(table->names[at], sizeof table->names[at], "%s%s", prefix, key->name);
+    table->keys[at].name = table->names[at];
+    return at;
+}
+
+static void add_parameters(scene_table *table) {
+    table->parameters_at = table->count;
+    for (const lg_parameter_row *row = table->parameters; row->key != NULL; row++) {
+        const bool positive = row->rule == LG_PARAMETER_POSITIVE;
+        const lg_key key = {.name = row->key,
+                            .type = row->count == 1 ? LG_KEY_REAL : LG_KEY_BLOCK,
+                            .required = row->fallback == NULL,
+                            .open = positive,
+                            .low = positive ? 0 : -LARGEST,
+                            .high = LARGEST,
+                            .capacity = 1};
+        (void)add_key(table, "", &key);
+    }
+}
+
+static void add_parts(scene_table *table) {
+    lg_key key = {.type = LG_KEY_BLOCK, .low = -LARGEST, .high = LARGEST, .capacity = 1};
+    table->parts_at = table->count;
+    for (const lg_state_row *row = table->parts; row->key != NULL; row++) {
+        key.name = row->key;
+        key.required = row->fallback == NULL;
+        if (table->own_key != NULL && strcmp(table->own_key, row->key) == 0) key.required = false;
+        (void)add_key(table, "initial.", &key);
+    }
+    if (table->other_key == NULL) return;
+    key.name = table->other_key;
+    key.required = false;
+    table->other_at = add_key(table, "initial.", &key);
+}
+
+static lg_status build_table(const char *system, const char *form, scene_table *table, lg_error *error) {
+    table->system = system;
+    table->form = form;
+    (void)snprintf(table->title, sizeof table->title, form != NULL ? "%s (%s)" : "%s", system, form);
+    table->parameters = lg_system_parameters(system, form);
+    table->parts = lg_system_state(system, form);
+    if (is_chain(system)) {
+        const bool momenta = form != NULL && strcmp(form, "hamiltonian") == 0;
+        table->own_key = momenta ? "p" : "omega";
+        table->other_key = momenta ? "omega" : "p";
+    }
+    for (size_t i = 0; i < COMMON_KEYS; i++) (void)add_key(table, "", &common_keys[i]);
+    if (has_links(system, form)) table->links_at = add_key(table, "", &links_key);
+    if (has_reference(system)) (void)add_key(table, "", &reference_key);
+    add_parameters(table);
+    add_parts(table);
+    if (table->count <= MAX_KEYS) return LG_OK;
+    return lg_fail(error, LG_UNSUPPORTED, "system %s has more than %d keys", system, MAX_KEYS);
+}
+
+/* ---- which form ---- */
+
+static lg_status wrong_form(const lg_yaml *yaml, const char *system, const lg_key_value *value,
+                            lg_error *error) {
+    char known[120] = "";
+    size_t used = 0;
+    for (size_t i = 0; form_of(system, i) != NULL && used < sizeof known; i++)
+        used += (size_t)snprintf(known + used, sizeof known - used, "%s%s", i > 0 ? ", " : "",
+                                 form_of(system, i));
+    if (used == 0 && !plainly_hamiltonian(system))
+        return lg_yaml_fail(yaml, value->line, LG_FORMAT, error, "form: system %s has one form only", system);
+    return lg_yaml_fail(yaml, value->line, LG_FORMAT, error, "form: '%.40s' is none of %s", value->text,
+                        used > 0 ? known : "hamiltonian");
+}
+
+/* The first form all of whose parts are in `initial`, else the system's first. */
+static const char *form_of_initial(const lg_yaml *yaml, const char *system) {
+    for (size_t i = 0; form_of(system, i) != NULL; i++) {
+        bool all = true;
+        for (const lg_state_row *row = lg_system_state(system, form_of(system, i)); row->key != NULL; row++) {
+            char name[48];
+            (void)snprintf(name, sizeof name, "initial.%s", row->key);
+            all = all && (row->fallback != NULL || lg_yaml_has(yaml, name));
+        }
+        if (all) return form_of(system, i);
+    }
+    return form_of(system, 0);
+}
+
+static lg_status choose_form(lg_yaml *yaml, const char *system, const char *wanted, const char **form,
+                             lg_error *error) {
+    lg_key_value value;
+    *form = NULL;
+    if (wanted != NULL) wanted = find_form(system, wanted);
+    if (!lg_yaml_has(yaml, "form")) {
+        *form = wanted != NULL ? wanted : form_of_initial(yaml, system);
+        return LG_OK;
+    }
+    LG_TRY(lg_yaml_name(yaml, &common_keys[KEY_FORM], &value, error));
+    if (plainly_hamiltonian(system) && strcmp(value.text, "hamiltonian") == 0) return LG_OK;
+    *form = find_form(system, value.text);
+    if (*form == NULL) return wrong_form(yaml, system, &value, error);
+    if (wanted == NULL || *form == wanted) return LG_OK;
+    return lg_yaml_fail(yaml, value.line, LG_FORMAT, error, "form: %s, but %s is needed here", *form, wanted);
+}
+
+/* ---- reading ---- */
+
+typedef struct reading {
+    const lg_context *context;
+    lg_yaml *yaml;
+    const scene_table *table;
+    size_t links; /* 0 where the system has none */
+    lg_scene *out;
+    lg_error *error;
+} reading;
+
+static size_t per_link(size_t count, size_t links) {
+    return count != 0 ? count : links;
+}
+
+/* Compares the entries of the value at key `at` with the number of links found so far, which it sets. */
+static lg_status count_links(reading *r, size_t at, size_t inner, const char **by) {
+    const lg_key_value *value = &r->table->values[at];
+    const char *name = r->table->keys[at].name;
+    size_t count = 0;
+    if (value->line == 0) return LG_OK;
+    if (at == r->table->links_at)
+        count = (size_t)value->real[0];
+    else
+        LG_TRY(lg_yaml_entries(r->yaml, &r->table->keys[at], value, inner, &count, r->error));
+    if (count > MAX_LINKS)
+        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "%s: is for more than %d links", name,
+                            MAX_LINKS);
+    if (r->links != 0 && count != r->links)
+        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "%s: is for %zu links, %s for %zu",
+                            name, count, *by, r->links);
+    r->links = count;
+    *by = name;
+    return LG_OK;
+}
 
 /* Every list that is there has one entry a link; the first of them says how many links. */
-static lg_status find_links(const lg_yaml *yaml, const lg_key_value *v, uint32_t *links, lg_error *error) {
-    static const struct {
-        int key;
-        uint32_t per;
-    } sources[] = {{KEY_LINKS, 0}, {KEY_MASSES, 1}, {KEY_LENGTHS, 1}, {KEY_Q, 3}, {KEY_P, 3}, {KEY_OMEGA, 3}};
-    uint32_t found = 0;
-    const char *by = "";
-    for (size_t i = 0; i < LG_COUNT(sources); i++) {
-        const lg_key_value *value = &v[sources[i].key];
-        const char *name = keys[sources[i].key].name;
-        if (value->line == 0) continue;
-        uint32_t count = sources[i].per == 0 ? (uint32_t)value->real[0] : value->count / sources[i].per;
-        if (found != 0 && count != found)
-            return lg_yaml_fail(yaml, value->line, LG_FORMAT, error, "%s: is for %u links, %s for %u", name,
-                                count, by, found);
-        found = count;
-        by = name;
+static lg_status find_links(reading *r) {
+    const scene_table *table = r->table;
+    const char *by = "", *needed = "links";
+    if (table->links_at == 0) return LG_OK;
+    LG_TRY(count_links(r, table->links_at, 1, &by));
+    for (size_t i = 0; table->parameters[i].key != NULL; i++) {
+        if (table->parameters[i].count != 0) continue;
+        needed = table->parameters[i].key;
+        LG_TRY(count_links(r, table->parameters_at + i, 1, &by));
     }
-    if (found == 0)
-        return lg_yaml_fail(yaml, v[KEY_SYSTEM].line, LG_FORMAT, error, "key 'links' or 'masses' is missing");
-    *links = found;
+    for (size_t i = 0; table->parts[i].key != NULL; i++) {
+        const lg_state_row *row = &table->parts[i];
+        if (row->outer != 0) continue;
+        LG_TRY(count_links(r, table->parts_at + i, row->rows * row->columns, &by));
+        if (table->other_at != 0 && strcmp(row->key, table->own_key) == 0)
+            LG_TRY(count_links(r, table->other_at, row->rows * row->columns, &by));
+    }
+    if (r->links != 0) return LG_OK;
+    return lg_yaml_fail(r->yaml, table->values[KEY_SYSTEM].line, LG_FORMAT, r->error,
+                        "key 'links' or '%s' is missing", needed);
+}
+
+/* ---- parameters ---- */
+
+static lg_status check_unit(const reading *r, size_t at, const double *values, size_t count) {
+    double sum = 0;
+    for (size_t i = 0; i < count; i++) sum += values[i] * values[i];
+    if (fabs(sqrt(sum) - 1) <= UNIT_VECTOR) return LG_OK;
+    return lg_yaml_fail(r->yaml, r->table->values[at].line, LG_FORMAT, r->error,
+                        "%s: is not a unit vector: its length is %.12g", r->table->keys[at].name, sqrt(sum));
+}
+
+static lg_status read_parameter(const reading *r, size_t index, double *out) {
+    const lg_parameter_row *row = &r->table->parameters[index];
+    const size_t at = r->table->parameters_at + index, count = per_link(row->count, r->links);
+    const lg_key_value *value = &r->table->values[at];
+    const size_t shape[3] = {1, 1, count};
+    if (row->count == 1)
+        out[0] = value->real[0];
+    else
+        LG_TRY(lg_yaml_block(r->yaml, &r->table->keys[at], value, shape, out, NULL, r->error));
+    return row->rule == LG_PARAMETER_UNIT_VECTOR ? check_unit(r, at, out, count) : LG_OK;
+}
+
+/* `values` is as large as all parameters together, `named` as long as their table. */
+static lg_status create_system(reading *r, double *values, lg_named_values *named) {
+    const scene_table *table = r->table;
+    lg_system_options options;
+    lg_system_options_init(&options);
+    for (size_t i = 0; table->parameters[i].key != NULL; i++) {
+        const size_t count = per_link(table->parameters[i].count, r->links);
+        if (table->values[table->parameters_at + i].line == 0) continue;
+        LG_TRY(read_parameter(r, i, values));
+        named[options.parameter_count++] = (lg_named_values){table->parameters[i].key, values, count};
+        values += count;
+    }
+    options.form = table->form;
+    if (r->links > 0) options.links = r->links;
+    options.parameters = named;
+    lg_error inner = {LG_OK, ""};
+    const lg_status status = lg_system_create(r->context, table->system, &options, &r->out->system, &inner);
+    if (status == LG_OK) return LG_OK;
+    return lg_yaml_fail(r->yaml, table->values[KEY_SYSTEM].line,
+                        status == LG_INVALID_ARGUMENT ? LG_FORMAT : status, r->error, "%.300s",
+                        inner.message);
+}
+
+static lg_status no_memory(const reading *r) {
+    return lg_fail(r->error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_yaml_path(r->yaml));
+}
+
+static lg_status read_system(reading *r) {
+    size_t numbers = 0, rows = 0;
+    for (; r->table->parameters[rows].key != NULL; rows++)
+        numbers += per_link(r->table->parameters[rows].count, r->links);
+    double *values = lg_alloc(r->context, numbers, sizeof *values);
+    lg_named_values *named = lg_alloc(r->context, rows, sizeof *named);
+    const lg_status status = values != NULL && named != NULL ? create_system(r, values, named) : no_memory(r);
+    lg_free(r->context, named);
+    lg_free(r->context, values);
+    return status;
+}
+
+/* ---- the start: numbers ---- */
+
+/* The state and the line of each of its numbers. */
+typedef struct start {
+    double *y;
+    uint32_t *lines;
+    double *numbers; /* of one part, before they are put into place; dim of them */
+    uint32_t *number_lines;
+    bool other; /* the part `own_key` was given under the other key */
+} start;
+
+static size_t key_of_part(const reading *r, const start *s, size_t part) {
+    const scene_table *table = r->table;
+    const bool other = s->other && strcmp(table->parts[part].key, table->own_key) == 0;
+    return other ? table->other_at : table->parts_at + part;
+}
+
+static lg_status read_part(const reading *r, start *s, size_t part) {
+    const lg_state_row *row = &r->table->parts[part];
+    const size_t at = key_of_part(r, s, part), size = row->rows * row->columns;
+    const size_t shape[3] = {per_link(row->outer, r->links), row->rows, row->columns};
+    const lg_key_value *value = &r->table->values[at];
+    const bool given = value->line != 0;
+    if (given)
+        LG_TRY(
+            lg_yaml_block(r->yaml, &r->table->keys[at], value, shape, s->numbers, s->number_lines, r->error));
+    for (size_t block = 0; block < shape[0]; block++) {
+        for (size_t i = 0; i < size; i++) {
+            const size_t to = row->first + block * row->stride + i, from = block * size + i;
+            s->y[to] = given ? s->numbers[from] : row->fallback[i];
+            s->lines[to] = given ? s->number_lines[from] : r->out->line_initial;
+        }
+    }
     return LG_OK;
+}
+
+/* Exactly one of the two keys. */
+static lg_status check_alternatives(const reading *r, start *s) {
+    const scene_table *table = r->table;
+    if (table->other_at == 0) return LG_OK;
+    size_t part = 0;
+    while (strcmp(table->parts[part].key, table->own_key) != 0) part++;
+    const lg_key_value *own = &table->values[table->parts_at + part],
+                       *other = &table->values[table->other_at];
+    s->other = other->line != 0;
+    if ((own->line != 0) != s->other) return LG_OK;
+    if (s->other)
+        return lg_yaml_fail(r->yaml, r->out->line_initial, LG_FORMAT, r->error,
+                            "initial: %s and %s exclude each other", table->own_key, table->other_key);
+    return lg_yaml_fail(r->yaml, r->out->line_initial, LG_FORMAT, r->error,
+                        "key 'initial.%s' (or 'initial.%s') is missing", table->own_key, table->other_key);
+}
+
+/* ---- the start: onto the manifold ---- */
+
+/* The key of the number at an offset of the state, and which of its blocks that is, from 1. */
+static const char *find_source(const reading *r, const start *s, size_t offset, size_t *block) {
+    const lg_state_row *parts = r->table->parts;
+    for (size_t i = 0; parts[i].key != NULL; i++) {
+        const size_t blocks = per_link(parts[i].outer, r->links), stride = parts[i].stride;
+        if (offset < parts[i].first) continue;
+        const size_t from = offset - parts[i].first;
+        *block = (stride > 0 ? from / stride : 0) + 1;
+        if (*block <= blocks && from - (*block - 1) * stride < parts[i].rows * parts[i].columns)
+            return r->table->keys[key_of_part(r, s, i)].name;
+    }
+    *block = 1;
+    return "initial";
+}
+
+static void note(lg_scene *out, double off) {
+    if (off > ROUNDING) out->projected = true;
+    if (off > out->projection) out->projection = off;
 }
 
 static double norm3(const double *a) {
     return sqrt(lg_dot3(a, a));
 }
 
-/* One link's (q, w) onto T S^2: q/|q|, w - q (q.w). What is off by rounding is projected and told, more is an
- * error. */
-static lg_status place_link(const lg_yaml *yaml, const lg_key_value *q, const lg_key_value *w,
-                            const char *w_name, uint32_t link, lg_scene *out, lg_error *error) {
-    const double *from_q = q->real + 3 * (size_t)link, *from_w = w->real + 3 * (size_t)link;
-    double *to = out->state + 6 * (size_t)link;
-    double length = norm3(from_q), off_sphere = fabs(length - 1);
-    if (!(off_sphere <= OFF_MANIFOLD))
-        return lg_yaml_fail(yaml, q->lines[3 * link], LG_FORMAT, error,
-                            "initial.q: row %u is off the sphere: |q| = %.9g, expected 1 within %g", link + 1,
-                            length, OFF_MANIFOLD);
-    double scale = off_sphere > ROUNDING ? 1 / length : 1;
-    for (int i = 0; i < 3; i++) to[i] = from_q[i] * scale;
-    double along = lg_dot3(to, from_w);
-    double off_tangent = fabs(along) / (1 + norm3(from_w));
-    if (!(off_tangent <= OFF_MANIFOLD))
-        return lg_yaml_fail(yaml, w->lines[3 * link], LG_FORMAT, error,
-                            "%s: row %u is not orthogonal to q: their product is %.9g", w_name, link + 1,
-                            along);
-    if (off_tangent <= ROUNDING) along = 0;
-    for (int i = 0; i < 3; i++) to[3 + i] = from_w[i] - along * to[i];
-    double off = fmax(off_sphere, off_tangent);
-    if (off > ROUNDING) out->projected = true;
-    if (off > out->projection) out->projection = off;
-    return LG_OK;
-}
-
-static lg_status chain_start(const lg_context *context, const lg_yaml *yaml, const lg_key_value *v,
-                             lg_scene *out, lg_error *error) {
-    bool has_p = v[KEY_P].line != 0, has_omega = v[KEY_OMEGA].line != 0;
-    uint32_t line = v[KEY_INITIAL].line;
-    if (has_p == has_omega)
-        return lg_yaml_fail(yaml, line, LG_FORMAT, error, "initial: %s",
-                            has_p ? "p and omega exclude each other"
-                                  : "key 'initial.p' (or 'initial.omega') is missing");
-    lg_scene_form means = has_p ? LG_SCENE_HAMILTONIAN : LG_SCENE_LAGRANGIAN;
-    const lg_key_value *w = &v[has_p ? KEY_P : KEY_OMEGA];
-    const char *w_name = keys[has_p ? KEY_P : KEY_OMEGA].name;
-    if (out->form != LG_SCENE_UNSPECIFIED && out->form != means)
-        return lg_yaml_fail(yaml, w->line, LG_FORMAT, error, "%s: does not belong to the form %s", w_name,
-                            form_name((uint32_t)out->form - 1));
-    out->form = means;
-    for (uint32_t i = 0; i < out->links; i++) LG_TRY(place_link(yaml, &v[KEY_Q], w, w_name, i, out, error));
-    if (out->projected)
-        lg_log_message(context, LG_LOG_WARNING,
-                       "%s: line %u: the start was off the manifold by %.3g and was projected",
-                       lg_yaml_path(yaml), line, out->projection);
-    return LG_OK;
-}
-
-static lg_status flat_start(const lg_yaml *yaml, const lg_key_value *v, lg_scene *out, lg_error *error) {
-    static const int parts[] = {KEY_FLAT_Q, KEY_FLAT_P};
-    for (size_t i = 0; i < LG_COUNT(parts); i++) {
-        const lg_key_value *value = &v[parts[i]];
-        if (value->count != out->links)
-            return lg_yaml_fail(yaml, value->line, LG_FORMAT, error, "%s: has %u numbers, %u are expected",
-                                keys[parts[i]].name, value->count, out->links);
-        memcpy(out->state + i * out->links, value->real, out->links * sizeof *out->state);
+/* (q, w) at offset `at` onto T S^2: q/|q|, w - q (q.w). What is off by rounding is projected and told, more
+ * is an error. */
+static lg_status place_on_sphere(const reading *r, start *s, size_t at) {
+    size_t block;
+    double *q = s->y + at, *w = q + 3, length = norm3(q), off_sphere = fabs(length - 1);
+    if (!(off_sphere <= OFF_MANIFOLD)) {
+        const char *key = find_source(r, s, at, &block);
+        return lg_yaml_fail(r->yaml, s->lines[at], LG_FORMAT, r->error,
+                            "%s: row %zu is off the sphere: its length is %.9g, expected 1 within %g", key,
+                            block, length, OFF_MANIFOLD);
     }
+    const double scale = off_sphere > ROUNDING ? 1 / length : 1;
+    for (int i = 0; i < 3; i++) q[i] *= scale;
+    double along = lg_dot3(q, w);
+    const double off_tangent = fabs(along) / (1 + norm3(w));
+    if (!(off_tangent <= OFF_MANIFOLD)) {
+        const char *key = find_source(r, s, at + 3, &block);
+        return lg_yaml_fail(r->yaml, s->lines[at + 3], LG_FORMAT, r->error,
+                            "%s: row %zu is not orthogonal to q: their product is %.9g", key, block, along);
+    }
+    if (off_tangent <= ROUNDING) along = 0;
+    for (int i = 0; i < 3; i++) w[i] -= along * q[i];
+    note(r->out, fmax(off_sphere, off_tangent));
     return LG_OK;
 }
 
-/* ---- a scene from the values of its keys ---- */
-
-static void set_list(const lg_key_value *value, uint32_t links, double *out) {
-    for (uint32_t i = 0; i < links; i++) out[i] = value->line != 0 ? value->real[i] : 1.0;
+static double determinant(const double *a) {
+    double minors[3];
+    lg_cross3(a + 3, a + 6, minors);
+    return lg_dot3(a, minors);
 }
 
-static lg_status set_starts(const lg_yaml *yaml, const lg_key_value *v, lg_scene *out, lg_error *error) {
+/* The rotation at offset `at`, the first of the numbers of SO(3) and SE(3). */
+static lg_status place_rotation(const reading *r, start *s, size_t at) {
+    const lg_space_row *so3 = lg_space_kind_row(LG_SPACE_SO3);
+    double *rotation = s->y + at;
+    const double off = so3->manifold_error(1, rotation), det = determinant(rotation);
+    if (!(off <= OFF_MANIFOLD)) {
+        size_t block;
+        const char *key = find_source(r, s, at, &block);
+        return lg_yaml_fail(
+            r->yaml, s->lines[at], LG_FORMAT, r->error,
+            "%s: matrix %zu is no rotation: its transpose times itself is off the identity by "
+            "%.3g, its determinant is %.9g",
+            key, block, off, det);
+    }
+    if (off > ROUNDING) so3->project(1, rotation);
+    note(r->out, off);
+    return LG_OK;
+}
+
+static lg_status place(const reading *r, start *s) {
+    const lg_space *space = lg_system_space(r->out->system);
+    size_t at = 0;
+    for (size_t f = 0; f < space->factors; f++) {
+        const lg_space_kind kind = space->factor[f].kind;
+        const size_t numbers = lg_space_kind_row(kind)->state;
+        for (size_t i = 0; i < space->factor[f].count; i++, at += numbers) {
+            if (kind == LG_SPACE_TS2) LG_TRY(place_on_sphere(r, s, at));
+            if (kind == LG_SPACE_SO3 || kind == LG_SPACE_SE3) LG_TRY(place_rotation(r, s, at));
+        }
+    }
+    if (r->out->projected)
+        lg_log_message(r->context, LG_LOG_WARNING,
+                       "%s: line %u: the start was off the manifold by %.3g and was projected",
+                       lg_yaml_path(r->yaml), r->out->line_initial, r->out->projection);
+    return LG_OK;
+}
+
+/* What was given under the other key becomes the system's own. */
+static lg_status convert(const reading *r, start *s) {
+    const lg_system *system = r->out->system;
+    if (!s->other) return LG_OK;
+    double *work = lg_alloc(r->context, lg_system_workspace(system), sizeof *work);
+    if (work == NULL) return no_memory(r);
+    const bool momenta = strcmp(r->table->own_key, "p") == 0;
+    const lg_status status =
+        momenta ? lg_chain_momenta(system, s->y, s->y, work) : lg_chain_velocities(system, s->y, s->y, work);
+    lg_free(r->context, work);
+    if (status == LG_OK) return LG_OK;
+    return lg_yaml_fail(r->yaml, r->out->line_initial, LG_FORMAT, r->error,
+                        "initial: %s does not follow from %s: %s", r->table->own_key, r->table->other_key,
+                        lg_status_sentence(status));
+}
+
+/* ---- the start ---- */
+
+static lg_status fill_start(reading *r, start *s) {
+    LG_TRY(check_alternatives(r, s));
+    for (size_t i = 0; r->table->parts[i].key != NULL; i++) LG_TRY(read_part(r, s, i));
+    LG_TRY(place(r, s));
+    return convert(r, s);
+}
+
+static lg_status read_start(reading *r) {
+    const size_t dim = lg_system_dim(r->out->system);
+    start s = {.y = lg_alloc(r->context, dim, sizeof *s.y),
+               .numbers = lg_alloc(r->context, dim, sizeof *s.numbers),
+               .lines = lg_alloc(r->context, 2 * dim, sizeof *s.lines)};
+    lg_status status = LG_OK;
+    if (s.y == NULL || s.numbers == NULL || s.lines == NULL) {
+        status = no_memory(r);
+    } else {
+        s.number_lines = s.lines + dim;
+        for (size_t i = 0; i < dim; i++) s.lines[i] = r->out->line_initial;
+        status = fill_start(r, &s);
+    }
+    if (status == LG_OK)
+        r->out->state = s.y;
+    else
+        lg_free(r->context, s.y);
+    lg_free(r->context, s.numbers);
+    lg_free(r->context, s.lines);
+    return status;
+}
+
+static lg_status read_starts(reading *r) {
+    const lg_key_value *v = r->table->values;
+    lg_scene *out = r->out;
     if (!out->has_starts) return LG_OK;
     out->starts = (lg_starts)(int)v[KEY_KIND].real[0];
     if (v[KEY_LOW].line != 0) out->low = v[KEY_LOW].real[0];
@@ -184,114 +565,139 @@ static lg_status set_starts(const lg_yaml *yaml, const lg_key_value *v, lg_scene
     if (v[KEY_SEGMENTS].line != 0) out->segments = (uint32_t)v[KEY_SEGMENTS].real[0];
     uint32_t bounds = v[KEY_HIGH].line != 0 ? v[KEY_HIGH].line : v[KEY_LOW].line;
     if (bounds != 0 && out->starts != LG_STARTS_BOX)
-        return lg_yaml_fail(yaml, bounds, LG_FORMAT, error, "starts: low and high belong to kind: box");
+        return lg_yaml_fail(r->yaml, bounds, LG_FORMAT, r->error, "starts: low and high belong to kind: box");
     if (!(out->low < out->high))
-        return lg_yaml_fail(yaml, bounds, LG_FORMAT, error, "starts: low must be below high");
+        return lg_yaml_fail(r->yaml, bounds, LG_FORMAT, r->error, "starts: low must be below high");
     return LG_OK;
 }
 
-static lg_status fill(const lg_context *context, const lg_yaml *yaml, const lg_key_value *v, lg_scene *out,
-                      lg_error *error) {
-    const lg_known_system *row = &lg_known_systems[(size_t)v[KEY_SYSTEM].real[0]];
-    *out = (lg_scene){.family = row->family,
-                      .links = row->links,
-                      .low = -1,
-                      .high = 1,
-                      .segments = 1,
-                      .has_initial = v[KEY_INITIAL].line != 0,
-                      .has_t_end = v[KEY_T_END].line != 0,
-                      .has_starts = v[KEY_STARTS].line != 0,
-                      .line_system = v[KEY_SYSTEM].line,
-                      .line_form = v[KEY_FORM].line,
-                      .line_initial = v[KEY_INITIAL].line,
-                      .line_starts = v[KEY_STARTS].line};
-    bool chain = row->family == LG_HAMILTONIAN_CHAIN;
-    memcpy(out->system, row->name, strlen(row->name) + 1);
-    if (v[KEY_FORM].line != 0) out->form = (lg_scene_form)((int)v[KEY_FORM].real[0] + 1);
-    if (!chain && out->form == LG_SCENE_LAGRANGIAN)
-        return lg_yaml_fail(yaml, v[KEY_FORM].line, LG_FORMAT, error, "form: %s is Hamiltonian", row->name);
-    if (!chain) out->form = LG_SCENE_HAMILTONIAN;
-    if (chain) LG_TRY(find_links(yaml, v, &out->links, error));
-    out->state_size = out->links * (chain ? 6 : 2);
-    out->gravity = chain ? v[KEY_GRAVITY].real[0] : 0;
-    if (chain) set_list(&v[KEY_MASSES], out->links, out->masses);
-    if (chain) set_list(&v[KEY_LENGTHS], out->links, out->lengths);
-    if (out->has_t_end) out->t_end = v[KEY_T_END].real[0];
-    LG_TRY(set_starts(yaml, v, out, error));
-    if (!out->has_initial) return LG_OK;
-    return chain ? chain_start(context, yaml, v, out, error) : flat_start(yaml, v, out, error);
+/* ---- a scene from the values of its keys ---- */
+
+static lg_status fill(reading *r) {
+    const lg_key_value *v = r->table->values;
+    *r->out = (lg_scene){.low = -1,
+                         .high = 1,
+                         .segments = 1,
+                         .has_initial = v[KEY_INITIAL].line != 0,
+                         .has_t_end = v[KEY_T_END].line != 0,
+                         .t_end = v[KEY_T_END].line != 0 ? v[KEY_T_END].real[0] : 0,
+                         .has_starts = v[KEY_STARTS].line != 0,
+                         .line_system = v[KEY_SYSTEM].line,
+                         .line_form = v[KEY_FORM].line,
+                         .line_initial = v[KEY_INITIAL].line,
+                         .line_starts = v[KEY_STARTS].line};
+    LG_TRY(find_links(r));
+    LG_TRY(read_starts(r));
+    LG_TRY(read_system(r));
+    return r->out->has_initial ? read_start(r) : LG_OK;
 }
 
-lg_status lg_scene_from(const lg_context *context, lg_yaml *yaml, const lg_key_set *more, lg_scene *out,
-                        lg_error *error) {
-    lg_key_value *values = lg_alloc(context, KEYS, sizeof *values);
-    if (values == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_yaml_path(yaml));
-    lg_key_set sets[2] = {{keys, KEYS, values}, {NULL, 0, NULL}};
+static lg_status read_scene(const lg_context *context, lg_yaml *yaml, const char *form_wanted,
+                            const lg_key_set *more, scene_table *table, lg_scene *out, lg_error *error) {
+    const char *form;
+    LG_TRY(lg_yaml_name(yaml, &common_keys[KEY_SYSTEM], &table->values[KEY_SYSTEM], error));
+    const char *system = system_name((uint32_t)table->values[KEY_SYSTEM].real[0]);
+    LG_TRY(choose_form(yaml, system, form_wanted, &form, error));
+    LG_TRY(build_table(system, form, table, error));
+    lg_key_set sets[2] = {{table->keys, table->count, table->values}, {NULL, 0, NULL}};
     if (more != NULL) sets[1] = *more;
-    lg_scene made;
-    lg_status status = lg_yaml_name(yaml, &keys[KEY_SYSTEM], &values[KEY_SYSTEM], error);
-    if (status == LG_OK) {
-        uint32_t system = (uint32_t)values[KEY_SYSTEM].real[0];
-        status = lg_yaml_read(yaml, sets, more != NULL ? 2 : 1, ON(system), system_name(system), error);
-    }
-    if (status == LG_OK) status = fill(context, yaml, values, &made, error);
-    lg_free(context, values);
+    LG_TRY(lg_yaml_read(yaml, sets, more != NULL ? 2 : 1, known_elsewhere, table->title, error));
+    reading r = {context, yaml, table, 0, out, error};
+    const lg_status status = fill(&r);
+    if (status != LG_OK) lg_scene_destroy(context, out);
+    return status;
+}
+
+lg_status lg_scene_from(const lg_context *context, lg_yaml *yaml, const char *form_wanted,
+                        const lg_key_set *more, lg_scene *out, lg_error *error) {
+    lg_scene made = {.system = NULL};
+    scene_table *table = lg_alloc(context, 1, sizeof *table);
+    if (table == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_yaml_path(yaml));
+    const lg_status status = read_scene(context, yaml, form_wanted, more, table, &made, error);
+    lg_free(context, table);
     if (status == LG_OK) *out = made;
     return status;
 }
 
-lg_status lg_scene_read(const lg_context *context, const char *path, lg_scene *out, lg_error *error) {
+lg_status lg_scene_read(const lg_context *context, const char *path, const char *form_wanted, lg_scene *out,
+                        lg_error *error) {
     lg_yaml *yaml;
     if (out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a scene is read into something");
     LG_TRY(lg_yaml_open(context, path, &yaml, error));
-    lg_status status = lg_scene_from(context, yaml, NULL, out, error);
+    const lg_status status = lg_scene_from(context, yaml, form_wanted, NULL, out, error);
     lg_yaml_close(yaml);
     return status;
 }
 
-lg_status lg_scene_default(const char *system, uint32_t links, lg_scene *out) {
-    if (system == NULL || out == NULL) return LG_INVALID_ARGUMENT;
-    const lg_known_system *row = lg_find_system(system);
-    if (row == NULL) return LG_INVALID_ARGUMENT;
-    bool chain = row->family == LG_HAMILTONIAN_CHAIN;
-    if (chain && (links < 1 || links > LINKS)) return LG_INVALID_ARGUMENT;
-    *out = (lg_scene){.family = row->family,
-                      .form = LG_SCENE_HAMILTONIAN,
-                      .links = chain ? links : row->links,
-                      .gravity = chain ? 1 : 0,
-                      .low = -1,
-                      .high = 1,
-                      .segments = 1};
-    memcpy(out->system, system, strlen(system) + 1);
-    out->state_size = out->links * (chain ? 6 : 2);
-    for (uint32_t i = 0; chain && i < links; i++) out->masses[i] = out->lengths[i] = 1;
-    return LG_OK;
+void lg_scene_destroy(const lg_context *context, lg_scene *scene) {
+    if (scene == NULL) return;
+    lg_system_destroy(context, scene->system);
+    lg_free(context, scene->state);
+    *scene = (lg_scene){.system = NULL};
 }
 
 /* ---- the table in words ---- */
 
-int lg_scene_describe(const char *system, char *text, size_t size) {
-    static const char *const shapes[] = {
-        [LG_KEY_REAL] = "number", [LG_KEY_COUNT] = "whole number",  [LG_KEY_WHOLE] = "whole number",
-        [LG_KEY_NAME] = "name",   [LG_KEY_TEXT] = "text",           [LG_KEY_REALS] = "list of numbers",
-        [LG_KEY_COUNTS] = "list", [LG_KEY_NAMES] = "list of names", [LG_KEY_ROWS] = "k x 3 numbers",
-        [LG_KEY_MAP] = "mapping"};
-    size_t used = 0;
-    const lg_known_system *row = system != NULL ? lg_find_system(system) : NULL;
-    if (row == NULL) return 0;
-    const uint32_t mask = ON(row - lg_known_systems);
-    if (size > 0) text[0] = '\0';
-    for (size_t i = 0; i < KEYS; i++) {
-        char range[64] = "";
-        const lg_key *key = &keys[i];
-        if (!(key->systems & mask)) continue;
-        if (key->low < key->high && key->high < 1e12)
-            (void)snprintf(range, sizeof range, ", %s%g, %g]", key->open ? "(" : "[", key->low, key->high);
-        else if (key->open)
-            (void)snprintf(range, sizeof range, ", > %g", key->low);
-        bool room = used < size;
-        used += (size_t)snprintf(room ? text + used : NULL, room ? size - used : 0, "%-16s %s%s%s\n",
-                                 key->name, shapes[key->type], range, key->required ? ", required" : "");
+typedef struct words {
+    char *text;
+    size_t size, used;
+} words;
+
+static void add_line(words *w, const char *prefix, const char *key, const char *shape, const char *rest) {
+    const bool room = w->used < w->size;
+    const int pad = 16 - (int)strlen(prefix);
+    w->used +=
+        (size_t)snprintf(room ? w->text + w->used : NULL, room ? w->size - w->used : 0, "%s%-*s %s%s%s\n",
+                         prefix, pad > 0 ? pad : 0, key, shape, rest[0] != '\0' ? ", " : "", rest);
+}
+
+static void shape_in_words(size_t outer, bool links, size_t rows, size_t columns, char *text, size_t size) {
+    char first[40] = "", last[56] = "a number";
+    if (links)
+        (void)snprintf(first, sizeof first, "one a link: ");
+    else if (outer > 1)
+        (void)snprintf(first, sizeof first, "%zu times ", outer);
+    if (rows > 1)
+        (void)snprintf(last, sizeof last, "%zu x %zu numbers", rows, columns);
+    else if (columns > 1)
+        (void)snprintf(last, sizeof last, "%zu numbers", columns);
+    (void)snprintf(text, size, "%s%s", first, last);
+}
+
+static void describe_parameters(words *w, const lg_parameter_row *row) {
+    static const char *const rules[] = {[LG_PARAMETER_FINITE] = "",
+                                        [LG_PARAMETER_POSITIVE] = " > 0",
+                                        [LG_PARAMETER_UNIT_VECTOR] = " of length 1",
+                                        [LG_PARAMETER_ANGLE] = " in radians"};
+    for (; row->key != NULL; row++) {
+        char shape[96], rest[200];
+        shape_in_words(1, row->count == 0, 1, row->count, shape, sizeof shape - 16);
+        (void)strcat(shape, rules[row->rule]);
+        (void)snprintf(rest, sizeof rest, "%s%s", row->meaning != NULL ? row->meaning : "",
+                       row->fallback == NULL ? "; required" : "");
+        add_line(w, "", row->key, shape, rest);
     }
-    return (int)used;
+}
+
+int lg_scene_describe(const char *system, const char *form, char *text, size_t size) {
+    words w = {text, size, 0};
+    const lg_parameter_row *parameters = system != NULL ? lg_system_parameters(system, form) : NULL;
+    if (parameters == NULL) return 0;
+    if (size > 0) text[0] = '\0';
+    add_line(&w, "", "system", system, "required");
+    for (size_t i = 0; form_of(system, i) != NULL; i++) add_line(&w, "", "form", form_of(system, i), "");
+    if (has_links(system, form)) add_line(&w, "", "links", "a whole number", "needed when no list tells");
+    if (has_reference(system)) add_line(&w, "", "reference", reference_name(0), "");
+    describe_parameters(&w, parameters);
+    for (const lg_state_row *row = lg_system_state(system, form); row->key != NULL; row++) {
+        char shape[96];
+        shape_in_words(row->outer, row->outer == 0, row->rows, row->columns, shape, sizeof shape);
+        add_line(&w, "initial.", row->key, shape, row->fallback == NULL ? "required in `initial`" : "");
+    }
+    add_line(&w, "", "t_end", "a number > 0", "");
+    add_line(&w, "starts.", "kind", "thesis or box", "required in `starts`");
+    add_line(&w, "starts.", "low", "a number", "of box");
+    add_line(&w, "starts.", "high", "a number", "of box");
+    add_line(&w, "starts.", "segments", "a whole number", "consecutive trajectories from one start");
+    return (int)w.used;
 }

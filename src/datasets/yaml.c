@@ -24,9 +24,13 @@ const char *lg_yaml_path(const lg_yaml *yaml) {
     return yaml->path;
 }
 
+yaml_document_t *lg_yaml_document(lg_yaml *yaml) {
+    return &yaml->document;
+}
+
 lg_status lg_yaml_fail(const lg_yaml *yaml, uint32_t line, lg_status status, lg_error *error,
                        const char *format, ...) {
-    char text[256];
+    char text[400];
     va_list arguments;
     va_start(arguments, format);
     (void)vsnprintf(text, sizeof text, format, arguments);
@@ -233,7 +237,6 @@ static lg_status add_scalar(const lg_yaml *yaml, const lg_key *key, const yaml_n
     double number = 0;
     LG_TRY(is_names(key) ? read_name(yaml, key, node, &number, error)
                          : read_number(yaml, key, node, &number, error));
-    value->lines[value->count] = line_of(node);
     value->real[value->count++] = number;
     return LG_OK;
 }
@@ -256,35 +259,6 @@ static lg_status read_list(lg_yaml *yaml, const lg_key *key, const yaml_node_t *
         return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: has %zu values, 1 to %u are expected",
                             key->name, count, key->capacity);
     return add_items(yaml, key, node, value, error);
-}
-
-static lg_status read_row(lg_yaml *yaml, const lg_key *key, const yaml_node_t *node, lg_key_value *value,
-                          lg_error *error) {
-    if (node->type != YAML_SEQUENCE_NODE)
-        return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: a list of three numbers is expected",
-                            key->name);
-    size_t count = (size_t)(node->data.sequence.items.top - node->data.sequence.items.start);
-    if (count != 3)
-        return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: has %zu numbers, 3 are expected",
-                            key->name, count);
-    return add_items(yaml, key, node, value, error);
-}
-
-static lg_status read_rows(lg_yaml *yaml, const lg_key *key, const yaml_node_t *node, lg_key_value *value,
-                           lg_error *error) {
-    if (node->type != YAML_SEQUENCE_NODE)
-        return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error,
-                            "%s: a list of rows of three numbers is expected", key->name);
-    const yaml_node_item_t *item = node->data.sequence.items.start, *end = node->data.sequence.items.top;
-    size_t count = (size_t)(end - item);
-    if (count == 0 || count > key->capacity)
-        return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: has %zu rows, 1 to %u are expected",
-                            key->name, count, key->capacity);
-    if (yaml_document_get_node(&yaml->document, *item)->type == YAML_SCALAR_NODE)
-        return read_row(yaml, key, node, value, error);
-    for (; item < end; item++)
-        LG_TRY(read_row(yaml, key, yaml_document_get_node(&yaml->document, *item), value, error));
-    return LG_OK;
 }
 
 static lg_status read_whole(const lg_yaml *yaml, const lg_key *key, const yaml_node_t *node,
@@ -327,8 +301,9 @@ static lg_status read_value(lg_yaml *yaml, const lg_key *key, const yaml_node_t 
     case LG_KEY_COUNTS:
     case LG_KEY_NAMES:
         return read_list(yaml, key, node, value, error);
-    case LG_KEY_ROWS:
-        return read_rows(yaml, key, node, value, error);
+    case LG_KEY_BLOCK:
+        value->node = node;
+        return LG_OK;
     case LG_KEY_MAP:
         break;
     }
@@ -336,24 +311,92 @@ static lg_status read_value(lg_yaml *yaml, const lg_key *key, const yaml_node_t 
     return lg_yaml_fail(yaml, line_of(node), LG_FORMAT, error, "%s: keys and values are expected", key->name);
 }
 
+/* ---- blocks ---- */
+
+static size_t length_of(const yaml_node_t *node) {
+    if (node->type != YAML_SEQUENCE_NODE) return 0;
+    return (size_t)(node->data.sequence.items.top - node->data.sequence.items.start);
+}
+
+static const yaml_node_t *item_at(lg_yaml *yaml, const yaml_node_t *node, size_t index) {
+    return yaml_document_get_node(&yaml->document, node->data.sequence.items.start[index]);
+}
+
+lg_status lg_yaml_entries(lg_yaml *yaml, const lg_key *key, const lg_key_value *value, size_t inner,
+                          size_t *out, lg_error *error) {
+    const yaml_node_t *node = value->node;
+    const size_t length = length_of(node);
+    bool alone = node->type == YAML_SCALAR_NODE && inner == 1;
+    if (!alone && node->type != YAML_SEQUENCE_NODE)
+        return lg_yaml_fail(yaml, value->line, LG_FORMAT, error, "%s: a list is expected", key->name);
+    if (!alone && length == 0)
+        return lg_yaml_fail(yaml, value->line, LG_FORMAT, error, "%s: is an empty list", key->name);
+    if (!alone && inner > 1) alone = item_at(yaml, node, 0)->type == YAML_SCALAR_NODE;
+    *out = alone ? 1 : length;
+    return LG_OK;
+}
+
+typedef struct block {
+    lg_yaml *yaml;
+    const lg_key *key;
+    const size_t *shape; /* 3 levels */
+    double *out;         /* of the next number */
+    uint32_t *line;      /* likewise, or NULL */
+    lg_error *error;
+} block;
+
+static lg_status read_level(block *b, const yaml_node_t *node, size_t level) {
+    if (level == 3) {
+        LG_TRY(read_number(b->yaml, b->key, node, b->out, b->error));
+        b->out++;
+        if (b->line != NULL) *b->line++ = line_of(node);
+        return LG_OK;
+    }
+    const size_t expected = b->shape[level], length = length_of(node);
+    if (expected == 1 && length != 1) return read_level(b, node, level + 1);
+    size_t inner = 1;
+    for (size_t l = level + 1; l < 3; l++) inner *= b->shape[l];
+    const char *what = inner == 1 ? "number" : "row", *plural = expected == 1 ? "" : "s";
+    if (node->type != YAML_SEQUENCE_NODE)
+        return lg_yaml_fail(b->yaml, line_of(node), LG_FORMAT, b->error, "%s: a list of %zu %s%s is expected",
+                            b->key->name, expected, what, plural);
+    if (length != expected)
+        return lg_yaml_fail(b->yaml, line_of(node), LG_FORMAT, b->error, "%s: has %zu %s%s, %zu are expected",
+                            b->key->name, length, what, length == 1 ? "" : "s", expected);
+    for (size_t i = 0; i < length; i++) LG_TRY(read_level(b, item_at(b->yaml, node, i), level + 1));
+    return LG_OK;
+}
+
+lg_status lg_yaml_block(lg_yaml *yaml, const lg_key *key, const lg_key_value *value, const size_t shape[3],
+                        double *out, uint32_t *lines, lg_error *error) {
+    block b = {yaml, key, shape, out, lines, error};
+    return read_level(&b, value->node, 0);
+}
+
 /* ---- mappings ---- */
 
-static yaml_node_t *find_node(lg_yaml *yaml, const char *key) {
-    yaml_node_pair_t *pair = yaml->root->data.mapping.pairs.start;
-    for (; pair < yaml->root->data.mapping.pairs.top; pair++) {
-        const char *text = plain_text(yaml_document_get_node(&yaml->document, pair->key), NAME_SIZE);
-        if (text != NULL && strcmp(text, key) == 0)
-            return yaml_document_get_node(&yaml->document, pair->value);
+static const yaml_node_t *find_below(const lg_yaml *yaml, const yaml_node_t *map, const char *key,
+                                     size_t length) {
+    yaml_document_t *document = (yaml_document_t *)&yaml->document; /* only read */
+    const yaml_node_pair_t *pair = map->data.mapping.pairs.start;
+    for (; pair < map->data.mapping.pairs.top; pair++) {
+        const char *text = plain_text(yaml_document_get_node(document, pair->key), NAME_SIZE);
+        if (text != NULL && strlen(text) == length && memcmp(text, key, length) == 0)
+            return yaml_document_get_node(document, pair->value);
     }
     return NULL;
 }
 
 bool lg_yaml_has(const lg_yaml *yaml, const char *key) {
-    return find_node((lg_yaml *)yaml, key) != NULL;
+    const char *dot = strchr(key, '.');
+    const yaml_node_t *node =
+        find_below(yaml, yaml->root, key, dot != NULL ? (size_t)(dot - key) : strlen(key));
+    if (dot == NULL || node == NULL) return node != NULL;
+    return node->type == YAML_MAPPING_NODE && find_below(yaml, node, dot + 1, strlen(dot + 1)) != NULL;
 }
 
 lg_status lg_yaml_name(lg_yaml *yaml, const lg_key *key, lg_key_value *value, lg_error *error) {
-    const yaml_node_t *node = find_node(yaml, key->name);
+    const yaml_node_t *node = find_below(yaml, yaml->root, key->name, strlen(key->name));
     if (node == NULL)
         return lg_yaml_fail(yaml, line_of(yaml->root), LG_FORMAT, error, "key '%s' is missing", key->name);
     return read_value(yaml, key, node, value, error);
@@ -363,47 +406,65 @@ typedef struct reading {
     lg_yaml *yaml;
     const lg_key_set *sets;
     size_t set_count;
-    uint32_t system;
-    const char *system_name;
+    bool (*elsewhere)(const char *name);
+    const char *system;
     lg_error *error;
 } reading;
 
-/* The row of a full name for this system. `elsewhere`: it is a key of other systems. */
-static const lg_key *find_key(const reading *r, const char *name, lg_key_value **value, bool *elsewhere) {
-    *elsewhere = false;
+static const lg_key *find_key(const reading *r, const char *name, lg_key_value **value) {
     for (size_t s = 0; s < r->set_count; s++) {
         for (size_t i = 0; i < r->sets[s].count; i++) {
-            const lg_key *key = &r->sets[s].keys[i];
-            if (strcmp(key->name, name) != 0) continue;
+            if (strcmp(r->sets[s].keys[i].name, name) != 0) continue;
             *value = &r->sets[s].values[i];
-            if (key->systems & r->system) return key;
-            *elsewhere = true;
+            return &r->sets[s].keys[i];
         }
     }
     return NULL;
+}
+
+/* The key's own name when it stands directly below `prefix`, else NULL. */
+static const char *name_below(const lg_key *key, const char *prefix) {
+    const size_t length = strlen(prefix);
+    const bool here = strncmp(key->name, prefix, length) == 0 && strchr(key->name + length, '.') == NULL;
+    return here ? key->name + length : NULL;
+}
+
+/* `elsewhere`: it is a key of other systems. */
+static lg_status unknown_key(const reading *r, const yaml_node_t *node, const char *prefix, bool elsewhere) {
+    char known[240] = "", show[NAME_SIZE];
+    size_t used = 0;
+    for (size_t s = 0; s < r->set_count; s++) {
+        for (size_t i = 0; i < r->sets[s].count; i++) {
+            const char *name = name_below(&r->sets[s].keys[i], prefix);
+            if (name != NULL && used < sizeof known)
+                used +=
+                    (size_t)snprintf(known + used, sizeof known - used, "%s%s", used > 0 ? ", " : "", name);
+        }
+    }
+    const char *more = used >= sizeof known ? " ..." : "", *key = shown(node, show);
+    if (elsewhere)
+        return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
+                            "key '%s%s' does not belong to system %s; known: %s%s", prefix, key, r->system,
+                            known, more);
+    return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "unknown key '%s%s'; known: %s%s",
+                        prefix, key, known, more);
 }
 
 static lg_status read_map(const reading *r, const yaml_node_t *map, const char *prefix);
 
 static lg_status read_pair(const reading *r, const yaml_node_t *key_node, const yaml_node_t *node,
                            const char *prefix) {
-    char name[2 * NAME_SIZE], show[NAME_SIZE];
-    bool elsewhere = false;
+    char name[2 * NAME_SIZE];
     lg_key_value *value = NULL;
     uint32_t line = line_of(key_node);
     const char *text = plain_text(key_node, NAME_SIZE);
     if (key_node->type != YAML_SCALAR_NODE)
         return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "a key must be a name");
     /* A dot would make a key of an inner mapping of it. */
-    bool usable = text != NULL && strchr(text, '.') == NULL;
-    (void)snprintf(name, sizeof name, "%s%s", prefix, usable ? text : "");
-    const lg_key *key = usable ? find_key(r, name, &value, &elsewhere) : NULL;
-    if (key == NULL && elsewhere)
-        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "key '%s' does not belong to system %s", name,
-                            r->system_name);
-    if (key == NULL)
-        return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "unknown key '%s%s'", prefix,
-                            shown(key_node, show));
+    if (text == NULL || strchr(text, '.') != NULL) return unknown_key(r, key_node, prefix, false);
+    (void)snprintf(name, sizeof name, "%s%s", prefix, text);
+    const lg_key *key = find_key(r, name, &value);
+    if (key == NULL) return unknown_key(r, key_node, prefix, r->elsewhere != NULL && r->elsewhere(name));
     if (value->line != 0)
         return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "key '%s' stands twice, first on line %u",
                             name, value->line);
@@ -416,12 +477,10 @@ static lg_status read_pair(const reading *r, const yaml_node_t *key_node, const 
 
 /* Keys directly below `prefix` that are required and absent. */
 static lg_status check_required(const reading *r, const yaml_node_t *map, const char *prefix) {
-    size_t length = strlen(prefix);
     for (size_t s = 0; s < r->set_count; s++) {
         for (size_t i = 0; i < r->sets[s].count; i++) {
             const lg_key *key = &r->sets[s].keys[i];
-            bool here = strncmp(key->name, prefix, length) == 0 && strchr(key->name + length, '.') == NULL;
-            if (here && key->required && (key->systems & r->system) && r->sets[s].values[i].line == 0)
+            if (key->required && r->sets[s].values[i].line == 0 && name_below(key, prefix) != NULL)
                 return lg_yaml_fail(r->yaml, line_of(map), LG_FORMAT, r->error, "key '%s' is missing",
                                     key->name);
         }
@@ -437,9 +496,9 @@ static lg_status read_map(const reading *r, const yaml_node_t *map, const char *
     return check_required(r, map, prefix);
 }
 
-lg_status lg_yaml_read(lg_yaml *yaml, const lg_key_set *sets, size_t set_count, uint32_t system,
-                       const char *system_name, lg_error *error) {
-    reading r = {yaml, sets, set_count, system, system_name, error};
+lg_status lg_yaml_read(lg_yaml *yaml, const lg_key_set *sets, size_t set_count,
+                       bool (*elsewhere)(const char *name), const char *system, lg_error *error) {
+    reading r = {yaml, sets, set_count, elsewhere, system, error};
     for (size_t s = 0; s < set_count; s++)
         for (size_t i = 0; i < sets[s].count; i++) sets[s].values[i].line = 0;
     return read_map(&r, yaml->root, "");

@@ -15,33 +15,30 @@ typedef enum lg_key_type {
     LG_KEY_REALS,  /* a list of numbers; a single one may stand for itself */
     LG_KEY_COUNTS, /* a list of whole numbers; likewise */
     LG_KEY_NAMES,  /* a list of names; likewise */
-    LG_KEY_ROWS,   /* a list of lists of three numbers; one of them may stand for itself */
+    LG_KEY_BLOCK,  /* nested lists of numbers, read by lg_yaml_block once their shape is known */
     LG_KEY_MAP     /* a mapping, whose keys have rows of their own */
 } lg_key_type;
 
 typedef struct lg_key {
     const char *name;
     lg_key_type type;
-    uint32_t systems;  /* bit mask of the systems that have it */
     bool required;     /* when its mapping is there */
     bool open;         /* low < value rather than low <= value */
     double low, high;  /* of every number */
-    uint32_t capacity; /* most values of a list, most rows of ROWS */
+    uint32_t capacity; /* most values of a list */
     /* Names of an enumeration by value; NULL beyond the last. */
     const char *(*name_of)(uint32_t value);
 } lg_key;
 
-#define LG_VALUES 96 /* 3 * LG_HAMILTONIAN_MAX_LINKS */
+#define LG_VALUES 32 /* the longest list, but for blocks */
 typedef struct lg_key_value {
     uint32_t line;  /* of the value, from 1; 0: absent */
-    uint32_t count; /* numbers or names read; 3 * rows for ROWS */
+    uint32_t count; /* numbers or names read */
     double real[LG_VALUES];
-    uint32_t lines[LG_VALUES]; /* of each number */
-    uint64_t whole;            /* WHOLE */
-    char text[256];            /* TEXT */
+    uint64_t whole;   /* WHOLE */
+    char text[256];   /* TEXT */
+    const void *node; /* BLOCK */
 } lg_key_value;
-
-_Static_assert(LG_VALUES >= 3 * LG_HAMILTONIAN_MAX_LINKS, "a row of three numbers a link");
 
 /* A table and where its values go, one for each row. */
 typedef struct lg_key_set {
@@ -55,16 +52,26 @@ typedef struct lg_yaml lg_yaml;
 lg_status lg_yaml_open(const lg_context *context, const char *path, lg_yaml **out, lg_error *error);
 void lg_yaml_close(lg_yaml *yaml); /* NULL is fine */
 const char *lg_yaml_path(const lg_yaml *yaml);
+/* libyaml's document, for the nodes of a BLOCK. */
+struct yaml_document_s *lg_yaml_document(lg_yaml *yaml);
 
-/* True when the top mapping has the key. */
+/* True when the top mapping has the key; "initial.q" is key q of its mapping `initial`. */
 bool lg_yaml_has(const lg_yaml *yaml, const char *key);
-/* The value of a NAME key of the top mapping, before the rest can be read: required. */
+/* The value of a NAME or TEXT key of the top mapping, before the rest can be read: required. */
 lg_status lg_yaml_name(lg_yaml *yaml, const lg_key *key, lg_key_value *value, lg_error *error);
-/* Reads the top mapping. Refused, each with its line: keys in no table, duplicate keys, keys of other
- * systems, missing keys, wrong shapes, numbers that are none or out of range. `system` is the bit of the
- * system at hand, `system_name` for sentences. */
-lg_status lg_yaml_read(lg_yaml *yaml, const lg_key_set *sets, size_t set_count, uint32_t system,
-                       const char *system_name, lg_error *error);
+/* Reads the top mapping. Refused, each with its line: keys in no table, duplicate keys, missing keys, wrong
+ * shapes, numbers that are none or out of range. `elsewhere` (may be NULL) knows the keys that other systems
+ * have, `system` names the one at hand. */
+lg_status lg_yaml_read(lg_yaml *yaml, const lg_key_set *sets, size_t set_count,
+                       bool (*elsewhere)(const char *name), const char *system, lg_error *error);
+/* How many entries of `inner` numbers a BLOCK has: those of its list; a list of `inner` > 1 numbers and a
+ * single number are one entry. */
+lg_status lg_yaml_entries(lg_yaml *yaml, const lg_key *key, const lg_key_value *value, size_t inner,
+                          size_t *out, lg_error *error);
+/* The numbers of a BLOCK, lists of lists of lists of these lengths, where levels of one may be left out.
+ * `lines` (may be NULL): the line of each. */
+lg_status lg_yaml_block(lg_yaml *yaml, const lg_key *key, const lg_key_value *value, const size_t shape[3],
+                        double *out, uint32_t *lines, lg_error *error);
 /* "FILE: line 7: ..." */
 lg_status lg_yaml_fail(const lg_yaml *yaml, uint32_t line, lg_status status, lg_error *error,
                        const char *format, ...) __attribute__((format(printf, 5, 6)));

@@ -1,7 +1,11 @@
 /* Scenes and grids: every key, the matrix of bad input, the scenes that come with the program. */
+#include <dirent.h>
+#include <stdarg.h>
 #include <sys/stat.h>
 
 #include "io_test.h"
+
+#include "liegrad/geometry.h"
 
 static const char good_scene[] = "# a comment\n"                  /* 1 */
                                  "system: pendulum-chain\n"       /* 2 */
@@ -38,14 +42,27 @@ static lg_status read_scene(const lg_context *context, const char *path, const l
                             lg_error *error) {
     (void)options;
     lg_scene scene;
-    return lg_scene_read(context, path, &scene, error);
+    const lg_status status = lg_scene_read(context, path, NULL, &scene, error);
+    if (status == LG_OK) lg_scene_destroy(context, &scene);
+    return status;
+}
+
+static lg_status read_hamiltonian(const lg_context *context, const char *path, const lg_read_options *options,
+                                  lg_error *error) {
+    (void)options;
+    lg_scene scene;
+    const lg_status status = lg_scene_read(context, path, "hamiltonian", &scene, error);
+    if (status == LG_OK) lg_scene_destroy(context, &scene);
+    return status;
 }
 
 static lg_status read_grid(const lg_context *context, const char *path, const lg_read_options *options,
                            lg_error *error) {
     (void)options;
     lg_grid grid;
-    return lg_grid_read(context, path, &grid, error);
+    const lg_status status = lg_grid_read(context, path, &grid, error);
+    if (status == LG_OK) lg_grid_destroy(context, &grid);
+    return status;
 }
 
 static const char *file_of(const char *name, const char *text) {
@@ -63,53 +80,446 @@ static const char *changed(const char *name, const char *text, const char *from,
     return file_of(name, out);
 }
 
+static lg_scene read_text(const char *name, const char *text, const char *form_wanted) {
+    lg_scene scene;
+    lg_error error = {LG_OK, ""};
+    if (lg_scene_read(NULL, file_of(name, text), form_wanted, &scene, &error) != LG_OK)
+        fail_msg("%s: %s", text, error.message);
+    return scene;
+}
+
+static const double *parameter(const lg_scene *scene, const char *key) {
+    const lg_parameter_row *row =
+        lg_system_parameters(lg_system_name(scene->system), lg_system_form(scene->system));
+    const double *values = lg_system_parameter_values(scene->system);
+    for (; strcmp(row->key, key) != 0; row++)
+        values += row->count > 0 ? row->count : lg_system_links(scene->system);
+    return values;
+}
+
 static void every_key(void **state) {
     (void)state;
-    lg_scene scene;
-    assert_ok(lg_scene_read(NULL, file_of("scene.yaml", good_scene), &scene, NULL));
-    assert_string_equal(scene.system, "pendulum-chain");
-    assert_int_equal(scene.family, LG_HAMILTONIAN_CHAIN);
-    assert_int_equal(scene.form, LG_SCENE_HAMILTONIAN);
-    assert_int_equal(scene.links, 2);
-    assert_int_equal(scene.state_size, 12);
-    assert_close(scene.gravity, 9.81, 0, 0);
-    assert_close(scene.masses[1], 1.3, 0, 0);
-    assert_close(scene.lengths[1], 0.8, 0, 0);
+    lg_scene scene = read_text("scene.yaml", good_scene, NULL);
+    assert_string_equal(lg_system_name(scene.system), "pendulum-chain");
+    assert_string_equal(lg_system_form(scene.system), "hamiltonian");
+    assert_int_equal(lg_system_links(scene.system), 2);
+    assert_int_equal(lg_system_dim(scene.system), 12);
+    assert_close(parameter(&scene, "gravity")[0], 9.81, 0, 0);
+    assert_close(parameter(&scene, "masses")[1], 1.3, 0, 0);
+    assert_close(parameter(&scene, "lengths")[1], 0.8, 0, 0);
     const double state12[12] = {0.6, 0, 0.8, 0, 2, 0, 0, 1, 0, 1, 0, -3};
     for (int i = 0; i < 12; i++) assert_close(scene.state[i], state12[i], 0, 0);
     assert_true(scene.has_initial && !scene.projected && scene.has_t_end && !scene.has_starts);
     assert_close(scene.t_end, 3, 0, 0);
     assert_int_equal(scene.line_system, 2);
     assert_int_equal(scene.line_form, 3);
+    assert_int_equal(scene.line_initial, 8);
     assert_int_equal(scene.segments, 1);
-    assert_ok(lg_scene_read(NULL, file_of("scene.json", json_scene), &scene, NULL));
-    assert_int_equal(scene.form, LG_SCENE_LAGRANGIAN);
-    assert_close(scene.gravity, -9.81, 0, 0);
-    assert_close(scene.masses[0], 1, 0, 0);
+    lg_scene_destroy(NULL, &scene);
+    assert_null(scene.system);
+    assert_null(scene.state);
+    lg_scene_destroy(NULL, &scene);
+    lg_scene_destroy(NULL, NULL);
+    scene = read_text("scene.json", json_scene, NULL);
+    assert_string_equal(lg_system_form(scene.system), "lagrangian");
+    assert_close(parameter(&scene, "gravity")[0], -9.81, 0, 0);
+    assert_close(parameter(&scene, "masses")[0], 1, 0, 0);
     assert_close(scene.state[4], 2, 0, 0);
-    assert_ok(lg_scene_read(NULL,
-                            file_of("flat.yaml", "system: quartic\ninitial: {q: [1, -2], p: [.5, 4]}\n"
-                                                 "starts: {kind: box, low: -3, high: 2, segments: 3}\n"),
-                            &scene, NULL));
-    assert_int_equal(scene.family, LG_HAMILTONIAN_SEPARABLE);
-    assert_int_equal(scene.state_size, 4);
+    lg_scene_destroy(NULL, &scene);
+    scene = read_text("flat.yaml",
+                      "system: quartic\nform: hamiltonian\ninitial: {q: [1, -2], p: [.5, 4]}\n"
+                      "starts: {kind: box, low: -3, high: 2, segments: 3}\n",
+                      "hamiltonian");
+    assert_int_equal(lg_system_dim(scene.system), 4);
     assert_close(scene.state[1], -2, 0, 0);
     assert_close(scene.state[2], 0.5, 0, 0);
     assert_true(scene.has_starts && scene.starts == LG_STARTS_BOX && scene.segments == 3);
     assert_close(scene.low, -3, 0, 0);
     assert_close(scene.high, 2, 0, 0);
-    assert_ok(lg_scene_default("pendulum-chain", 3, &scene));
-    assert_int_equal(scene.state_size, 18);
-    assert_close(scene.masses[2], 1, 0, 0);
-    assert_status(lg_scene_default("pendulum", 1, &scene), LG_INVALID_ARGUMENT);
-    assert_status(lg_scene_default("pendulum-chain", 0, &scene), LG_INVALID_ARGUMENT);
-    char text[4096], small[8];
-    int length = lg_scene_describe("pendulum-chain", text, sizeof text);
-    assert_int_equal(length, strlen(text));
-    assert_non_null(strstr(text, "gravity"));
-    assert_int_equal(lg_scene_describe("pendulum-chain", small, sizeof small), length);
-    assert_int_equal(lg_scene_describe("nothing", text, sizeof text), 0);
+    assert_true(!scene.has_t_end && scene.line_starts == 4);
+    lg_scene_destroy(NULL, &scene);
 }
+
+/* One link and one number may leave out their lists; a scalar is a list of one. */
+static void short_forms(void **state) {
+    (void)state;
+    static const char *const chains[] = {
+        "system: pendulum-chain\ngravity: 1\nmasses: 2\ninitial: {q: [0, 0, 1], omega: [1, 0, 0]}\n",
+        "system: pendulum-chain\ngravity: 1\nmasses: [2]\ninitial: {q: [[0, 0, 1]], omega: [1, 0, 0]}\n"};
+    for (size_t i = 0; i < LG_COUNT(chains); i++) {
+        lg_scene scene = read_text("short.yaml", chains[i], NULL);
+        assert_int_equal(lg_system_links(scene.system), 1);
+        assert_close(parameter(&scene, "masses")[0], 2, 0, 0);
+        assert_close(scene.state[2], 1, 0, 0);
+        assert_close(scene.state[3], 1, 0, 0);
+        lg_scene_destroy(NULL, &scene);
+    }
+    lg_scene scene = read_text("short.yaml", "system: oscillator\ninitial: {q: 3, p: [4]}\n", NULL);
+    assert_close(scene.state[0], 3, 0, 0);
+    assert_close(scene.state[1], 4, 0, 0);
+    lg_scene_destroy(NULL, &scene);
+    /* Links may be told by the start alone; parts that need not be given have their defaults. */
+    scene = read_text("short.yaml",
+                      "system: pendulum-chain\ngravity: 1\ninitial: {q: [[0, 0, 1], [0, 1, 0]], omega: "
+                      "[[0, 0, 0], [0, 0, 2]]}\n",
+                      NULL);
+    assert_int_equal(lg_system_links(scene.system), 2);
+    assert_close(scene.state[11], 2, 0, 0);
+    lg_scene_destroy(NULL, &scene);
+    scene = read_text("short.yaml", "system: heavy-top\ninitial: {pi: [1, 2, 3]}\n", NULL);
+    const double expected[12] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 2, 3};
+    for (int i = 0; i < 12; i++) assert_close(scene.state[i], expected[i], 0, 0);
+    assert_string_equal(lg_system_form(scene.system), "cotangent");
+    lg_scene_destroy(NULL, &scene);
+}
+
+static void many_links(void **state) {
+    (void)state;
+    enum { LINKS = 10000 };
+    char *text = malloc(LINKS * 20 + 200), *at = text;
+    assert_non_null(text);
+    at += sprintf(at, "system: pendulum-chain\ngravity: 1\ninitial:\n  q: [");
+    for (int i = 0; i < LINKS; i++) at += sprintf(at, "[0,0,%d],", i == 7 ? -1 : 1);
+    at += sprintf(at, "]\n  omega: [");
+    for (int i = 0; i < LINKS; i++) at += sprintf(at, "[%d,0,0],", i);
+    at += sprintf(at, "]\n");
+    lg_scene scene = read_text("long.yaml", text, NULL);
+    assert_int_equal(lg_system_links(scene.system), LINKS);
+    assert_close(scene.state[6 * 7 + 2], -1, 0, 0);
+    assert_close(scene.state[6 * (LINKS - 1) + 3], LINKS - 1, 0, 0);
+    lg_scene_destroy(NULL, &scene);
+    free(text);
+}
+
+/* ---- all systems, from their tables ---- */
+
+typedef struct whole {
+    const char *name, *form;
+    size_t links;
+    const char *key, *value; /* what stands in place of the value of this key ("initial.q"); NULL: nothing */
+    bool twice, gone;        /* that key stands twice, or not at all */
+    char text[8192];
+    size_t used;
+    unsigned line, key_line;
+} whole;
+
+static void put(whole *w, const char *format, ...) __attribute__((format(printf, 2, 3)));
+static void put(whole *w, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    w->used += (size_t)vsnprintf(w->text + w->used, sizeof w->text - w->used, format, arguments);
+    va_end(arguments);
+    assert_true(w->used < sizeof w->text);
+}
+
+static void put_block(whole *w, const size_t shape[3], size_t level, const double **next) {
+    if (level == 3) {
+        put(w, "%.17g", *(*next)++);
+        return;
+    }
+    const bool list = shape[level] > 1;
+    if (list) put(w, "[");
+    for (size_t i = 0; i < shape[level]; i++) {
+        if (i > 0) put(w, ", ");
+        put_block(w, shape, level + 1, next);
+    }
+    if (list) put(w, "]");
+}
+
+static void put_key(whole *w, const char *prefix, const char *key, const size_t shape[3],
+                    const double *values) {
+    char name[64];
+    (void)snprintf(name, sizeof name, "%s%s", prefix, key);
+    const bool chosen = w->key != NULL && strcmp(name, w->key) == 0;
+    if (chosen && w->gone) return;
+    for (int i = 0; i < (chosen && w->twice ? 2 : 1); i++) {
+        const double *next = values;
+        put(w, "%s%s: ", *prefix != '\0' ? "  " : "", key);
+        w->line++;
+        if (chosen && w->value != NULL)
+            put(w, "%s", w->value);
+        else
+            put_block(w, shape, 0, &next);
+        put(w, "\n");
+        if (chosen) w->key_line = w->line;
+    }
+}
+
+static double number(size_t i) {
+    return 0.3 + 0.0625 * (double)i;
+}
+
+/* A point of the space: an exponential that turns and shifts everything. */
+static void make_state(const lg_space *space, double *y) {
+    double a[64];
+    size_t at = 0;
+    memset(y, 0, space->dim * sizeof *y);
+    for (size_t f = 0; f < space->factors; f++) {
+        const lg_space_kind kind = space->factor[f].kind;
+        for (size_t i = 0; i < space->factor[f].count; i++, at += lg_space_kind_row(kind)->state)
+            for (size_t d = 0; d < 3 && kind != LG_SPACE_RN; d++)
+                y[at + (kind == LG_SPACE_SO3 || kind == LG_SPACE_SE3 ? 4 * d : 0)] = 1;
+    }
+    assert_true(space->algebra_dim <= 64);
+    for (size_t i = 0; i < space->algebra_dim; i++) a[i] = number(i);
+    lg_space_act(space, a, y, y);
+}
+
+static void gather(const lg_state_row *row, size_t links, const double *y, double *out) {
+    const size_t blocks = row->outer > 0 ? row->outer : links, size = row->rows * row->columns;
+    for (size_t b = 0; b < blocks; b++)
+        memcpy(out + b * size, y + row->first + b * row->stride, size * sizeof *y);
+}
+
+/* All keys of the system, with values of its own; parameters and state as they should be read. */
+static void compose(whole *w, double *parameters, double *y) {
+    lg_system *system = NULL;
+    lg_system_options options;
+    lg_named_values named[16];
+    size_t n = 0, used = 0;
+    double part[128];
+    w->used = w->line = w->key_line = 0;
+    put(w, "system: %s\n", w->name);
+    if (w->form != NULL) put(w, "form: %s\n", w->form);
+    if (w->links > 0) put(w, "links: %zu\n", w->links);
+    w->line = 1U + (w->form != NULL) + (w->links > 0);
+    for (const lg_parameter_row *row = lg_system_parameters(w->name, w->form); row->key != NULL; row++, n++) {
+        const size_t count = row->count > 0 ? row->count : w->links;
+        for (size_t i = 0; i < count; i++)
+            parameters[used + i] = row->rule == LG_PARAMETER_UNIT_VECTOR ? (i == 1   ? 0.6
+                                                                            : i == 2 ? 0.8
+                                                                                     : 0)
+                                                                         : number(used + i);
+        named[n] = (lg_named_values){row->key, parameters + used, count};
+        put_key(w, "", row->key, (const size_t[3]){1, 1, count}, parameters + used);
+        used += count;
+    }
+    lg_system_options_init(&options);
+    options.form = w->form;
+    options.links = w->links > 0 ? w->links : 1;
+    options.parameters = named;
+    options.parameter_count = n;
+    assert_ok(lg_system_create(NULL, w->name, &options, &system, NULL));
+    make_state(lg_system_space(system), y);
+    lg_system_destroy(NULL, system);
+    put(w, "initial:\n");
+    w->line++;
+    for (const lg_state_row *row = lg_system_state(w->name, w->form); row->key != NULL; row++) {
+        gather(row, w->links, y, part);
+        put_key(w, "initial.", row->key,
+                (const size_t[3]){row->outer > 0 ? row->outer : w->links, row->rows, row->columns}, part);
+    }
+}
+
+/* Links of the chain that stands for them all; 0 where there are none. */
+static size_t links_of(const char *name) {
+    return strcmp(name, "pendulum-chain") == 0 ? 2 : 0;
+}
+
+static void every_system(void **state) {
+    (void)state;
+    whole w = {.key = NULL};
+    double parameters[64], y[64], found[64], expected[64];
+    size_t systems = 0;
+    for (; lg_system_at(systems, &w.name, &w.form); systems++) {
+        w.links = links_of(w.name);
+        compose(&w, parameters, y);
+        lg_scene scene = read_text("system.yaml", w.text, NULL);
+        assert_string_equal(lg_system_name(scene.system), w.name);
+        if (w.form != NULL) assert_string_equal(lg_system_form(scene.system), w.form);
+        assert_int_equal(lg_system_links(scene.system), w.links);
+        for (size_t i = 0; i < lg_system_parameter_count(scene.system); i++)
+            assert_close(lg_system_parameter_values(scene.system)[i], parameters[i], 0, 0);
+        for (const lg_state_row *row = lg_system_state(w.name, w.form); row->key != NULL; row++) {
+            const size_t size = (row->outer > 0 ? row->outer : w.links) * row->rows * row->columns;
+            gather(row, w.links, scene.state, found);
+            gather(row, w.links, y, expected);
+            for (size_t i = 0; i < size; i++) assert_close(found[i], expected[i], 0, 0);
+        }
+        assert_false(scene.projected);
+        lg_scene_destroy(NULL, &scene);
+        char text[4096], small[8];
+        const int length = lg_scene_describe(w.name, w.form, text, sizeof text);
+        assert_int_equal(length, strlen(text));
+        for (const lg_parameter_row *row = lg_system_parameters(w.name, w.form); row->key != NULL; row++)
+            assert_non_null(strstr(text, row->key));
+        assert_int_equal(lg_scene_describe(w.name, w.form, small, sizeof small), length);
+    }
+    assert_int_equal(systems, 12);
+    assert_int_equal(lg_scene_describe("nothing", NULL, w.text, sizeof w.text), 0);
+    assert_int_equal(lg_scene_describe("heavy-top", "indirect", w.text, sizeof w.text), 0);
+}
+
+/* The file of `w` is refused with the line of its key and the key's name. */
+static void refuse(whole *w, const char *key, const char *value, const char *word) {
+    double parameters[64], y[64];
+    char line[32];
+    w->key = key;
+    w->value = value;
+    compose(w, parameters, y);
+    (void)snprintf(line, sizeof line, "line %u: ", w->key_line);
+    assert_refused(read_scene, file_of("system.yaml", w->text), LG_FORMAT, line, word);
+}
+
+/* What no number, no list and no shape of any system may look like. */
+static void refuse_values(whole *w, const char *key, bool positive) {
+    static const char *const never[] = {"1.0abc", "0x",    "0x1p3", "nan",         ".nan",   "inf",
+                                        "-.inf",  "1e999", "1,",    "[1, 2, nan]", "{a: 1}", "\"1\"",
+                                        "true",   "",      "[]",    "[[]]"};
+    static const char *const wrong[] = {"[1, 2, 3, 4, 5, 6, 7]", "[[1, 2], [3, 4], [5, 6], [7, 8]]",
+                                        "[[[[1]]]]", "&a [*a, *a, *a]", "[[1, 2, 3], [4, 5]]"};
+    static const char *const nonpositive[] = {"0", "-1", "[1, 0]", "[0, 1, 1]", "[1, 1, -2]", "1e13"};
+    const char *name = strchr(key, '.') != NULL ? strchr(key, '.') + 1 : key;
+    for (size_t i = 0; i < LG_COUNT(never); i++) refuse(w, key, never[i], name);
+    for (size_t i = 0; i < LG_COUNT(wrong); i++) refuse(w, key, wrong[i], "");
+    for (size_t i = 0; positive && i < LG_COUNT(nonpositive); i++) refuse(w, key, nonpositive[i], name);
+}
+
+static void refuse_twice(whole *w, const char *key) {
+    w->twice = true;
+    refuse(w, key, NULL, "twice");
+    w->twice = false;
+}
+
+static void refuse_gone(whole *w, const char *key, bool needed) {
+    double parameters[64], y[64];
+    w->key = key;
+    w->value = NULL;
+    w->gone = true;
+    compose(w, parameters, y);
+    if (needed)
+        assert_refused(read_scene, file_of("system.yaml", w->text), LG_FORMAT, "is missing", key);
+    else
+        assert_ok(read_scene(NULL, file_of("system.yaml", w->text), NULL, NULL));
+    w->gone = false;
+}
+
+static void every_system_refuses(void **state) {
+    (void)state;
+    whole w = {.key = NULL};
+    for (size_t i = 0; lg_system_at(i, &w.name, &w.form); i++) {
+        w.links = links_of(w.name);
+        for (const lg_parameter_row *row = lg_system_parameters(w.name, w.form); row->key != NULL; row++) {
+            refuse_values(&w, row->key, row->rule == LG_PARAMETER_POSITIVE);
+            refuse_twice(&w, row->key);
+            refuse_gone(&w, row->key, row->fallback == NULL);
+            if (row->rule == LG_PARAMETER_UNIT_VECTOR)
+                refuse(&w, row->key, "[0, 0.6, 0.8001]", "unit vector");
+        }
+        for (const lg_state_row *row = lg_system_state(w.name, w.form); row->key != NULL; row++) {
+            char key[64];
+            (void)snprintf(key, sizeof key, "initial.%s", row->key);
+            refuse_values(&w, key, false);
+            refuse_twice(&w, key);
+            const bool alone = lg_system_state(w.name, w.form)[1].key == NULL;
+            if (!alone) refuse_gone(&w, key, row->fallback == NULL);
+        }
+    }
+}
+
+/* Keys that nothing has, with those that the system has; keys of other systems and other forms. */
+static void foreign_keys(void **state) {
+    (void)state;
+    static const struct {
+        const char *text, *line, *word;
+    } cases[] = {
+        {"system: rigid-body\ncolour: red\n", "line 2",
+         "unknown key 'colour'; known: system, form, t_end, initial"},
+        {"system: rigid-body\ninitial: {q: 1, nu: [1, 2, 3]}\n", "line 2", "initial.q"},
+        {"system: rigid-body\ninitial: {nu: [1, 2, 3]}\n", "line 2", "unknown key 'initial.nu'; known: mu"},
+        {"system: rigid-body\nmass: 1\n", "line 2", "'mass' does not belong to system rigid-body"},
+        {"system: rigid-body\nlinks: 1\n", "line 2", "'links' does not belong"},
+        {"system: rigid-body\nreference: parabola\n", "line 2", "'reference' does not belong"},
+        {"system: rigid-body\ninertia: [1, 2, 3]\nform: free\n", "line 3", "one form only"},
+        {"system: quadrotors\nreference: circle\n", "line 2", "'circle' is none of parabola"},
+        {"system: quadrotors\nlinks: 2\n", "line 2", "'links' does not belong"},
+        {"system: heavy-top\nform: indirect\n", "line 2",
+         "'indirect' is none of cotangent, direct, lie-poisson, quadratic"},
+        {"system: heavy-top\nform: direct\ninitial: {Gamma: [0, 0, 1], Pi: [1, 2, 3]}\n", "line 3",
+         "'initial.Gamma' does not belong to system heavy-top (direct)"},
+        {"system: oscillator\nform: lagrangian\n", "line 2", "hamiltonian"},
+        {"system: oscillator\nmasses: [1]\n", "line 2", "does not belong"},
+        {"system: pendulum-chain\ngravity: 1\nlinks: 1\nreference: parabola\n", "line 4", "does not belong"},
+    };
+    for (size_t i = 0; i < LG_COUNT(cases); i++)
+        assert_refused(read_scene, file_of("foreign.yaml", cases[i].text), LG_FORMAT, cases[i].line,
+                       cases[i].word);
+}
+
+/* ---- forms ---- */
+
+static const char *form_read(const char *text, const char *wanted) {
+    lg_scene scene = read_text("form.yaml", text, wanted);
+    const char *form = lg_system_form(scene.system);
+    lg_scene_destroy(NULL, &scene);
+    return form;
+}
+
+static void forms(void **state) {
+    (void)state;
+    static const char bare[] = "system: pendulum-chain\ngravity: 1\nlinks: 2\n";
+    static const char with_p[] =
+        "system: pendulum-chain\ngravity: 1\ninitial: {q: [0, 0, 1], p: [1, 0, 0]}\n";
+    static const char top[] = "system: heavy-top\ninitial: {Gamma: [0, 0, 1], Pi: [1, 2, 3]}\n";
+    assert_string_equal(form_read(bare, NULL), "lagrangian");
+    assert_string_equal(form_read(bare, "hamiltonian"), "hamiltonian");
+    assert_string_equal(form_read(with_p, NULL), "hamiltonian");
+    assert_string_equal(form_read(with_p, "lagrangian"), "lagrangian");
+    assert_string_equal(form_read(top, NULL), "lie-poisson");
+    assert_string_equal(form_read("system: heavy-top\n", "hamiltonian"), "cotangent");
+    assert_null(form_read("system: quartic\n", "hamiltonian"));
+    const char *path =
+        file_of("form.yaml", "system: pendulum-chain\ngravity: 1\nform: lagrangian\nlinks: 2\n");
+    assert_refused(read_hamiltonian, path, LG_FORMAT, "line 3",
+                   "form: lagrangian, but hamiltonian is needed");
+}
+
+/* The same motion from omega and from p, read in both forms. */
+static void velocities_and_momenta(void **state) {
+    (void)state;
+    static const char head[] =
+        "system: pendulum-chain\ngravity: 9.81\nmasses: [1, 1.3, 0.7]\nlengths: [1, 0.8, 1.5]\n";
+    static const char turn[] = "initial: {q: [[0.6, 0, 0.8], [0, 1, 0], [0.48, 0.6, 0.64]],\n"
+                               "  omega: [[0, 2, 0], [1, 0, -3], [0.8, 0, -0.6]]}\n";
+    char text[2048];
+    (void)snprintf(text, sizeof text, "%s%s", head, turn);
+    lg_scene lagrangian = read_text("omega.yaml", text, NULL),
+             hamiltonian = read_text("omega.yaml", text, "hamiltonian");
+    double work[512];
+    assert_true(lg_system_workspace(lagrangian.system) <= LG_COUNT(work) &&
+                lg_system_workspace(hamiltonian.system) <= LG_COUNT(work));
+    assert_close(lg_system_hamiltonian(hamiltonian.system, hamiltonian.state, work),
+                 lg_system_hamiltonian(lagrangian.system, lagrangian.state, work), 1e-14, 0);
+    /* The last p: m_33 q_3' + P_3 (m_31 q_1' + m_32 q_2'), q' = omega x q. */
+    const double *y = lagrangian.state;
+    double rate[3][3], sum[3], along = 0;
+    for (int i = 0; i < 3; i++) lg_cross3(y + 6 * i + 3, y + 6 * i, rate[i]);
+    for (int c = 0; c < 3; c++) {
+        sum[c] = 0.7 * 1.5 * (1 * rate[0][c] + 0.8 * rate[1][c]);
+        along += y[12 + c] * sum[c];
+    }
+    for (int c = 0; c < 3; c++)
+        assert_close(hamiltonian.state[15 + c], 0.7 * 1.5 * 1.5 * rate[2][c] + sum[c] - along * y[12 + c], 0,
+                     1e-14);
+    /* And back. */
+    int used = snprintf(text, sizeof text, "%sform: lagrangian\ninitial:\n", head);
+    for (int part = 0; part < 2; part++) {
+        used += snprintf(text + used, sizeof text - (size_t)used, "  %s:\n", part == 0 ? "q" : "p");
+        for (int i = 0; i < 3; i++) {
+            const double *x = hamiltonian.state + 6 * i + 3 * part;
+            used += snprintf(text + used, sizeof text - (size_t)used, "    - [%.17g, %.17g, %.17g]\n", x[0],
+                             x[1], x[2]);
+        }
+    }
+    lg_scene back = read_text("p.yaml", text, NULL);
+    assert_string_equal(lg_system_form(back.system), "lagrangian");
+    for (int i = 0; i < 18; i++) assert_close(back.state[i], lagrangian.state[i], 0, 1e-14);
+    lg_scene_destroy(NULL, &back);
+    lg_scene_destroy(NULL, &lagrangian);
+    lg_scene_destroy(NULL, &hamiltonian);
+}
+
+/* ---- the manifold ---- */
 
 static char logged[512];
 static void keep_log(void *user, lg_log_level level, const char *message) {
@@ -127,7 +537,7 @@ static void rounding_is_projected(void **state) {
     options.log = keep_log;
     assert_ok(lg_context_create(&options, &context));
     const char *path = changed("near.yaml", good_scene, "[0.6, 0, 0.8]", "[0.6000001, 0, 0.8000002]");
-    assert_ok(lg_scene_read(context, path, &scene, NULL));
+    assert_ok(lg_scene_read(context, path, NULL, &scene, NULL));
     assert_true(scene.projected);
     assert_close(scene.projection, 2.2e-7, 0.01, 0);
     const double *q = scene.state;
@@ -135,15 +545,64 @@ static void rounding_is_projected(void **state) {
     assert_close(q[0] / q[2], 0.6000001 / 0.8000002, 1e-15, 0);
     assert_non_null(strstr(logged, "near.yaml"));
     assert_non_null(strstr(logged, "line"));
+    lg_scene_destroy(context, &scene);
     path = changed("near.yaml", good_scene, "[1, 0, -3]", "[1, 1e-7, -3]");
-    assert_ok(lg_scene_read(context, path, &scene, NULL));
+    assert_ok(lg_scene_read(context, path, NULL, &scene, NULL));
     assert_true(scene.projected);
     assert_close(scene.state[10], 0, 0, 0);
+    lg_scene_destroy(context, &scene);
     lg_context_destroy(context);
     assert_refused(read_scene, changed("off.yaml", good_scene, "[0, 1, 0]", "[0, 1.00001, 0]"), LG_FORMAT,
                    "line 9", "sphere");
     assert_refused(read_scene, changed("off.yaml", good_scene, "[0, 2, 0]", "[0.01, 2, 0]"), LG_FORMAT,
                    "line 10", "orthogonal");
+}
+
+#define BODIES                                                                                               \
+    "system: quadrotors\ninitial:\n  R: [[[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, 1]],\n"                      \
+    "    [[1, 0, 0], [0, 1, 0],\n [0, 0, 1]]]\n"                                                             \
+    "  q: [[0.6, 0, 0.8],\n [-0.6, 0, 0.8]]\n  omega: [[0, 1, 0],\n [0, -1, 0]]\n"
+
+/* Rotations and the links of the quadrotors. */
+static void rotations(void **state) {
+    (void)state;
+    static const char *const tops[] = {
+        "system: rigid-body-attitude\ninitial: {pi: [1, 2, 3], R: [[1, 0, 0],\n[0, 1, 0], [0, 0, %s]]}\n",
+        "system: heavy-top\nform: cotangent\ninitial: {pi: [1, 2, 3], Q: [[1, 0, 0],\n[0, 1, 0], [0, 0, "
+        "%s]]}\n",
+        "system: heavy-top\nform: direct\ninitial: {pi: [1, 2, 3], Q: [[1, 0, 0],\n[0, 1, 0], [0, 0, %s]]}\n",
+        "system: heavy-top\nform: quadratic\ninitial: {pi: [1, 2, 3], Q: [[1, 0, 0],\n[0, 1, 0], [0, 0, "
+        "%s]]}\n"};
+    char text[1024];
+    for (size_t i = 0; i < LG_COUNT(tops); i++) {
+        (void)snprintf(text, sizeof text, tops[i], "1.0000001");
+        lg_scene scene = read_text("top.yaml", text, NULL);
+        assert_true(scene.projected);
+        assert_close(scene.projection, 2e-7, 1e-3, 0);
+        assert_close(scene.state[8], 1, 0, 1e-15);
+        assert_close(lg_space_manifold_error(lg_system_space(scene.system), scene.state), 0, 0, 1e-15);
+        lg_scene_destroy(NULL, &scene);
+        (void)snprintf(text, sizeof text, tops[i], "1.00001");
+        assert_refused(read_scene, file_of("top.yaml", text), LG_FORMAT, i == 0 ? "line 2" : "line 3",
+                       "no rotation");
+        (void)snprintf(text, sizeof text, tops[i], "-1");
+        assert_refused(read_scene, file_of("top.yaml", text), LG_FORMAT, i == 0 ? "initial.R" : "initial.Q",
+                       "determinant is -1");
+    }
+    lg_scene scene = read_text("bodies.yaml", BODIES, NULL);
+    assert_false(scene.projected);
+    assert_close(scene.state[0], -2, 0, 0);
+    assert_close(scene.state[6], 0.6, 0, 0);
+    assert_close(scene.state[9], 0.8, 0, 0);
+    lg_scene_destroy(NULL, &scene);
+    assert_refused(read_scene, changed("b.yaml", BODIES, "[[0.6, -0.8, 0]", "[[0.6, 0.8, 0]"), LG_FORMAT,
+                   "line 3", "initial.R: matrix 1");
+    assert_refused(read_scene, changed("b.yaml", BODIES, "\n [0, 0, 1]]]", "\n [0, 0, 2]]]"), LG_FORMAT,
+                   "line 4", "initial.R: matrix 2");
+    assert_refused(read_scene, changed("b.yaml", BODIES, "[-0.6, 0, 0.8]", "[-0.6, 0, 0.7]"), LG_FORMAT,
+                   "line 7", "initial.q: row 2");
+    assert_refused(read_scene, changed("b.yaml", BODIES, "[0, -1, 0]", "[1, -1, 0]"), LG_FORMAT, "line 9",
+                   "initial.omega: row 2");
 }
 
 typedef struct bad_text {
@@ -168,7 +627,8 @@ static void bad_scenes(void **state) {
         {"system: pendulum-chain", "system: pendulum", "line 2", "pendulum-chain"},
         {"system: pendulum-chain", "system: quartic", "line 4", "does not belong"},
         {"form: hamiltonian", "form: newtonian", "line 3", "form"},
-        {"form: hamiltonian", "form: lagrangian", "line 10", "initial.p"},
+        {"form: hamiltonian", "form: [hamiltonian]", "line 3", "form"},
+        {"form: hamiltonian", "form:", "line 3", "form"},
         {"masses: [1, 1.3]", "masses: [1, 1.3, 2]", "line 6", "lengths"},
         {"masses: [1, 1.3]", "masses: [1, 0]", "line 5", "masses"},
         {"masses: [1, 1.3]", "masses: [1, -2]", "line 5", "masses"},
@@ -176,10 +636,14 @@ static void bad_scenes(void **state) {
         {"masses: [1, 1.3]", "masses: [1, [1.3]]", "line 5", "masses"},
         {"masses: [1, 1.3]", "masses: {a: 1}", "line 5", "masses"},
         {"masses: [1, 1.3]", "links: 2.5", "line 5", "whole"},
-        {"masses: [1, 1.3]", "links: 33", "line 5", "links"},
+        {"masses: [1, 1.3]", "links: 0", "line 5", "links"},
+        {"masses: [1, 1.3]", "links: 1000001", "line 5", "links"},
+        {"masses: [1, 1.3]", "links: 1e300", "line 5", "links"},
         {"masses: [1, 1.3]", "links: 3", "line 6", "lengths"},
-        {"masses: [1, 1.3]", "mass: [1, 1.3]", "line 5", "unknown key 'mass'"},
-        {"masses: [1, 1.3]", "initial.q: [1, 1.3]", "line 5", "unknown key"},
+        {"masses: [1, 1.3]", "mass: [1, 1.3]", "line 5",
+         "'mass' does not belong to system pendulum-chain (hamiltonian); known: system,"},
+        {"masses: [1, 1.3]", "initial.q: [1, 1.3]", "line 5", "unknown key 'initial.q'; known: system,"},
+        {"masses: [1, 1.3]", "masse: [1, 1.3]", "line 5", "unknown key 'masse'; known: system,"},
         {"masses: [1, 1.3]", "[1, 2]: 3", "line 5", "key"},
         {"[0, 1, 0]]", "[0, 1]]", "line 9", "3 are expected"},
         {"[0, 1, 0]]", "[0, 1, 0], [0, 0, 1]]", "line 8", "initial.q"},
@@ -188,7 +652,7 @@ static void bad_scenes(void **state) {
         {"  p: [[0, 2, 0], [1, 0, -3]]\n", "", "line 8", "initial.p"},
         {"  p: [[0, 2, 0], [1, 0, -3]]\n", "  p: [[0, 2, 0]]\n", "line 10", "initial.p"},
         {"  p: ", "  r: ", "line 10", "unknown key 'initial.r'"},
-        {"  p: ", "  omega: ", "line 10", "initial.omega"},
+        {"  p: ", "  omega: [[0, 2, 0], [1, 0, -3]]\n  p: ", "line 8", "exclude"},
         {"t_end: 3", "t_end: 0", "line 11", "t_end"},
         {"t_end: 3", "t_end: -1", "line 11", "t_end"},
         {"t_end: 3", "t_end: 3 s", "line 11", "t_end"},
@@ -212,14 +676,14 @@ static void bad_scenes(void **state) {
     assert_refused(read_scene, file_of("bad.yaml", "system: quartic\ninitial: {q: [1], p: [1, 2]}\n"),
                    LG_FORMAT, "line 2", "initial.q");
     assert_refused(read_scene, file_of("bad.yaml", "system: quartic\nform: lagrangian\n"), LG_FORMAT,
-                   "line 2", "Hamiltonian");
+                   "line 2", "hamiltonian");
     assert_refused(read_scene, file_of("bad.yaml", "system: pendulum-chain\ngravity: 1\n"), LG_FORMAT,
                    "line 1", "links");
     assert_refused(read_scene, file_of("bad.yaml", "- system\n- quartic\n"), LG_FORMAT, "line 1", "keys");
     assert_refused(read_scene, file_of("bad.yaml", "# only a comment\n"), LG_FORMAT, "line 1", "nothing");
     /* An anchor that holds itself. */
-    assert_refused(read_scene, file_of("bad.yaml", "system: quartic\ninitial: &a {q: *a}\n"), LG_FORMAT,
-                   "line 2", "initial.q");
+    assert_refused(read_scene, file_of("bad.yaml", "system: quartic\ninitial: &a {q: *a, p: [1, 2]}\n"),
+                   LG_FORMAT, "line 2", "initial.q");
 }
 
 static void damaged_scenes(void **state) {
@@ -260,7 +724,7 @@ static void grid_every_key(void **state) {
     (void)file_of("scene.yaml", good_scene);
     assert_ok(lg_grid_read(NULL, file_of("grid.yaml", good_grid), &grid, NULL));
     assert_int_equal(lg_grid_runs(&grid), 2 * 2 * 1 * 3 * 2 * 2 * 5);
-    assert_int_equal(grid.scene.links, 2);
+    assert_int_equal(lg_system_links(grid.scene.system), 2);
     assert_true(grid.integrators[0] == LG_TRAIN_CF4 && grid.integrators[1] == LG_TRAIN_RK4);
     assert_true(grid.n[1] == 500 && grid.m[0] == 5 && grid.m_count == 1 && grid.substeps[1] == 2);
     assert_close(grid.eps[2], 0.1, 0, 0);
@@ -271,16 +735,21 @@ static void grid_every_key(void **state) {
     assert_true(grid.epochs == 100 && grid.batch == 80 && grid.lr_step == 50 && grid.shards == 4);
     assert_close(grid.lr, 1e-2, 0, 0);
     assert_close(grid.t_end, 0.1, 0, 0);
+    lg_grid_destroy(NULL, &grid);
     assert_ok(lg_grid_read(NULL, changed("grid.yaml", good_grid, "t_end: 0.1\n", ""), &grid, NULL));
     assert_close(grid.t_end, 3, 0, 0);
+    lg_grid_destroy(NULL, &grid);
     const char *own = file_of(
         "own.yaml",
         "system: quartic\nt_end: 0.3\nintegrators: stormer-verlet\nN: 900\nM: 6\nhidden: [100, 50, 50]\n");
     assert_ok(lg_grid_read(NULL, own, &grid, NULL));
-    assert_string_equal(grid.scene.system, "quartic");
+    assert_string_equal(lg_system_name(grid.scene.system), "quartic");
     assert_int_equal(lg_grid_runs(&grid), 1);
     assert_close(grid.t_end, 0.3, 0, 0);
     assert_close(grid.eps[0], 0, 0, 0);
+    lg_grid_destroy(NULL, &grid);
+    assert_null(grid.scene.system);
+    lg_grid_destroy(NULL, &grid);
 }
 
 static void bad_grids(void **state) {
@@ -316,6 +785,8 @@ static void bad_grids(void **state) {
         assert_refused(read_grid, changed("bad.yaml", good_grid, cases[i].from, cases[i].to), expected,
                        cases[i].line, cases[i].word);
     }
+    (void)changed("scene.yaml", good_scene, "form: hamiltonian", "form: lagrangian");
+    assert_refused(read_grid, file_of("bad.yaml", good_grid), LG_FORMAT, "line 1", "line 3");
     /* A broken scene is told with its own line, and the grid's. */
     (void)changed("scene.yaml", good_scene, "gravity: 9.81", "gravity: heavy");
     assert_refused(read_grid, file_of("bad.yaml", good_grid), LG_FORMAT, "line 1", "line 4");
@@ -335,34 +806,81 @@ static void damaged_grids(void **state) {
 
 /* ---- what comes with the program ---- */
 
+static bool is_yaml(const char *name) {
+    const size_t length = strlen(name);
+    return length > 5 && strcmp(name + length - 5, ".yaml") == 0;
+}
+
+/* Every file of scenes/ is a scene, or a grid where its name says so; every system has a scene. */
 static void own_scenes(void **state) {
     (void)state;
-    static const struct {
-        const char *name;
-        uint32_t links;
-        const char *system;
-    } scenes[] = {{"pendulum", 1, "pendulum-chain"},
-                  {"double-pendulum", 2, "pendulum-chain"},
-                  {"chain5", 5, "pendulum-chain"},
-                  {"quartic", 2, "quartic"},
-                  {"coupled-oscillators", 2, "coupled-oscillators"}};
     char path[512];
-    lg_grid grid;
+    size_t count = 0, seen = 0;
+    const char *name, *form, *const folder_name = LG_TEST_DIR "/../scenes";
+    bool systems[32] = {false};
+    DIR *folder = opendir(folder_name);
+    assert_non_null(folder);
+    for (struct dirent *entry; (entry = readdir(folder)) != NULL;) {
+        lg_scene scene;
+        lg_error error = {LG_OK, ""};
+        if (!is_yaml(entry->d_name) || strncmp(entry->d_name, "study-", 6) == 0) continue;
+        (void)snprintf(path, sizeof path, "%s/%.200s", folder_name, entry->d_name);
+        if (lg_scene_read(NULL, path, NULL, &scene, &error) != LG_OK) fail_msg("%s", error.message);
+        assert_true(scene.has_t_end);
+        assert_false(scene.projected);
+        for (size_t i = 0; lg_system_at(i, &name, &form); i++)
+            if (strcmp(name, lg_system_name(scene.system)) == 0) systems[i] = true;
+        lg_scene_destroy(NULL, &scene);
+        count++;
+    }
+    (void)closedir(folder);
+    assert_true(count >= 13);
+    for (; lg_system_at(seen, &name, &form); seen++)
+        if (!systems[seen]) fail_msg("no scene of %s", name);
+}
+
+static void own_values(void **state) {
+    (void)state;
+    static const struct {
+        const char *name, *form;
+        size_t dim, at; /* of a number of the start; dim 0: no start */
+        double value;
+    } scenes[] = {{"pendulum", "hamiltonian", 0, 0, 0},
+                  {"double-pendulum", "hamiltonian", 0, 0, 0},
+                  {"chain5", "hamiltonian", 0, 0, 0},
+                  {"quartic", NULL, 0, 0, 0},
+                  {"coupled-oscillators", NULL, 0, 0, 0},
+                  {"oscillator", NULL, 2, 0, 1},
+                  {"rigid-body", NULL, 3, 1, 2},
+                  {"attitude", NULL, 12, 9, 0.6},
+                  {"heavy-top", "cotangent", 12, 11, -0.234375 * 4.61538},
+                  {"heavy-top-reduced", "lie-poisson", 6, 2, -9.81},
+                  {"chain-2", "lagrangian", 12, 8, 0.70710678118654752},
+                  {"chain-20", "lagrangian", 120, 118, 1},
+                  {"quadrotors", NULL, 42, 36, -0.98480775301220806}};
+    char path[512];
     for (size_t i = 0; i < LG_COUNT(scenes); i++) {
         lg_scene scene;
+        const char *wanted = scenes[i].dim == 0 ? "hamiltonian" : NULL;
         (void)snprintf(path, sizeof path, "%s/../scenes/%s.yaml", LG_TEST_DIR, scenes[i].name);
-        assert_ok(lg_scene_read(NULL, path, &scene, NULL));
-        assert_string_equal(scene.system, scenes[i].system);
-        assert_int_equal(scene.links, scenes[i].links);
-        assert_int_equal(scene.form, LG_SCENE_HAMILTONIAN);
-        assert_true(scene.has_t_end);
+        assert_ok(lg_scene_read(NULL, path, wanted, &scene, NULL));
+        if (scenes[i].form != NULL) assert_string_equal(lg_system_form(scene.system), scenes[i].form);
+        assert_int_equal(scene.has_initial, scenes[i].dim > 0);
+        if (scenes[i].dim > 0) {
+            assert_int_equal(lg_system_dim(scene.system), scenes[i].dim);
+            assert_close(scene.state[scenes[i].at], scenes[i].value, 1e-15, 0);
+        }
+        lg_scene_destroy(NULL, &scene);
     }
+    lg_grid grid;
     (void)snprintf(path, sizeof path, "%s/../scenes/study-thesis.yaml", LG_TEST_DIR);
     assert_ok(lg_grid_read(NULL, path, &grid, NULL));
     assert_int_equal(lg_grid_runs(&grid), 960);
+    lg_grid_destroy(NULL, &grid);
     (void)snprintf(path, sizeof path, "%s/../scenes/study-small.yaml", LG_TEST_DIR);
     assert_ok(lg_grid_read(NULL, path, &grid, NULL));
     assert_int_equal(lg_grid_runs(&grid), 96);
+    lg_grid_destroy(NULL, &grid);
 }
 
 /* ---- memory ---- */
@@ -377,16 +895,29 @@ static lg_status grid_step(const lg_context *context, void *user, lg_error *erro
 static void failing_allocations(void **state) {
     (void)state;
     const char *scene = file_of("scene.yaml", good_scene), *grid = file_of("grid.yaml", good_grid);
-    assert_int_equal(fail_every_allocation(scene_step, (void *)scene), 3);
-    assert_int_equal(fail_every_allocation(grid_step, (void *)grid), 7);
+    assert_int_equal(fail_every_allocation(scene_step, (void *)scene), 9);
+    assert_int_equal(fail_every_allocation(grid_step, (void *)grid), 13);
 }
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_key),           cmocka_unit_test(rounding_is_projected),
-        cmocka_unit_test(bad_scenes),          cmocka_unit_test(damaged_scenes),
-        cmocka_unit_test(grid_every_key),      cmocka_unit_test(bad_grids),
-        cmocka_unit_test(damaged_grids),       cmocka_unit_test(own_scenes),
+        cmocka_unit_test(every_key),
+        cmocka_unit_test(rounding_is_projected),
+        cmocka_unit_test(short_forms),
+        cmocka_unit_test(many_links),
+        cmocka_unit_test(every_system),
+        cmocka_unit_test(every_system_refuses),
+        cmocka_unit_test(foreign_keys),
+        cmocka_unit_test(forms),
+        cmocka_unit_test(velocities_and_momenta),
+        cmocka_unit_test(rotations),
+        cmocka_unit_test(own_values),
+        cmocka_unit_test(bad_scenes),
+        cmocka_unit_test(damaged_scenes),
+        cmocka_unit_test(grid_every_key),
+        cmocka_unit_test(bad_grids),
+        cmocka_unit_test(damaged_grids),
+        cmocka_unit_test(own_scenes),
         cmocka_unit_test(failing_allocations),
     };
     return cmocka_run_group_tests(tests, scratch_begin, scratch_end);

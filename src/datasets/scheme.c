@@ -1,0 +1,397 @@
+/* Schemes from YAML files: tableaus, rows of exponentials, kicks and drifts. */
+#include <math.h>
+#include <string.h>
+#include <yaml.h>
+
+#include "datasets/yaml.h"
+
+#define SYNTAX_SIZE 64
+
+/* What a caller gets is the first member. */
+typedef struct scheme_file {
+    lg_scheme scheme;
+    char name[64];
+    lg_cf_row rows[LG_SCHEME_MAX_STAGES + 2];
+    lg_commutator commutators[LG_SCHEME_MAX_STAGES];
+} scheme_file;
+
+typedef enum file_kind {
+    KIND_RKMK,
+    KIND_RUNGE_KUTTA,
+    KIND_COMMUTATOR_FREE,
+    KIND_SPLITTING,
+    KIND_COUNT
+} file_kind;
+
+static const struct {
+    const char *name;
+    lg_scheme_kind kind;
+    bool ambient;
+} kinds[KIND_COUNT] = {{"rkmk", LG_SCHEME_RKMK, false},
+                       {"runge-kutta", LG_SCHEME_RKMK, true},
+                       {"commutator-free", LG_SCHEME_COMMUTATOR_FREE, false},
+                       {"splitting", LG_SCHEME_SPLITTING, false}};
+
+static const char *kind_name(uint32_t value) {
+    return value < KIND_COUNT ? kinds[value].name : NULL;
+}
+
+enum key_index {
+    KEY_NAME,
+    KEY_KIND,
+    KEY_ORDER,
+    KEY_C,
+    KEY_A,
+    KEY_B,
+    KEY_EMBEDDED,
+    KEY_EMBEDDED_ORDER,
+    KEY_DEXPINV,
+    KEY_COMMUTATORS,
+    KEY_ROWS,
+    KEY_KICK,
+    KEY_DRIFT,
+    KEY_COUNT
+};
+
+static const lg_key keys[KEY_COUNT] = {
+    [KEY_NAME] = {.name = "name", .type = LG_KEY_TEXT},
+    [KEY_KIND] = {.name = "kind", .type = LG_KEY_NAME, .required = true, .name_of = kind_name},
+    [KEY_ORDER] = {.name = "order", .type = LG_KEY_COUNT, .required = true, .low = 1, .high = 10},
+    [KEY_C] = {.name = "c", .type = LG_KEY_BLOCK},
+    [KEY_A] = {.name = "a", .type = LG_KEY_BLOCK},
+    [KEY_B] = {.name = "b", .type = LG_KEY_BLOCK},
+    [KEY_EMBEDDED] = {.name = "embedded", .type = LG_KEY_BLOCK},
+    [KEY_EMBEDDED_ORDER] = {.name = "embedded_order", .type = LG_KEY_COUNT, .low = 1, .high = 10},
+    [KEY_DEXPINV] = {.name = "dexpinv", .type = LG_KEY_TEXT},
+    [KEY_COMMUTATORS] = {.name = "commutators", .type = LG_KEY_BLOCK},
+    [KEY_ROWS] = {.name = "rows", .type = LG_KEY_BLOCK},
+    [KEY_KICK] = {.name = "kick", .type = LG_KEY_BLOCK},
+    [KEY_DRIFT] = {.name = "drift", .type = LG_KEY_BLOCK},
+};
+
+/* Which kinds must have a key (bit set in `needed`) and which may. */
+#define BIT(kind)    (1U << (kind))
+#define TABLEAU_BITS (BIT(KIND_RKMK) | BIT(KIND_RUNGE_KUTTA))
+static const struct {
+    unsigned allowed, needed;
+} uses[KEY_COUNT] = {
+    [KEY_NAME] = {~0U, 0},
+    [KEY_KIND] = {~0U, 0},
+    [KEY_ORDER] = {~0U, 0},
+    [KEY_C] = {TABLEAU_BITS | BIT(KIND_COMMUTATOR_FREE), 0},
+    [KEY_A] = {TABLEAU_BITS, TABLEAU_BITS},
+    [KEY_B] = {TABLEAU_BITS, TABLEAU_BITS},
+    [KEY_EMBEDDED] = {TABLEAU_BITS | BIT(KIND_COMMUTATOR_FREE), 0},
+    [KEY_EMBEDDED_ORDER] = {TABLEAU_BITS | BIT(KIND_COMMUTATOR_FREE), 0},
+    [KEY_DEXPINV] = {BIT(KIND_RKMK), 0},
+    [KEY_COMMUTATORS] = {BIT(KIND_RKMK), 0},
+    [KEY_ROWS] = {BIT(KIND_COMMUTATOR_FREE), BIT(KIND_COMMUTATOR_FREE)},
+    [KEY_KICK] = {BIT(KIND_SPLITTING), BIT(KIND_SPLITTING)},
+    [KEY_DRIFT] = {BIT(KIND_SPLITTING), BIT(KIND_SPLITTING)},
+};
+
+typedef struct reader {
+    lg_yaml *yaml;
+    lg_key_value values[KEY_COUNT];
+    scheme_file *out;
+    lg_error *error;
+} reader;
+
+/* ---- nodes ---- */
+
+static uint32_t line_of(const yaml_node_t *node) {
+    return (uint32_t)node->start_mark.line + 1;
+}
+
+static lg_status fail_at(reader *r, const yaml_node_t *node, enum key_index key, const char *what) {
+    return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "%s: %s", keys[key].name, what);
+}
+
+static size_t items_of(const yaml_node_t *node) {
+    return node->type == YAML_SEQUENCE_NODE
+               ? (size_t)(node->data.sequence.items.top - node->data.sequence.items.start)
+               : 0;
+}
+
+static const yaml_node_t *item_of(reader *r, const yaml_node_t *node, size_t i) {
+    return yaml_document_get_node(lg_yaml_document(r->yaml), node->data.sequence.items.start[i]);
+}
+
+/* A decimal number, or a quotient "a/b" of two. */
+static lg_status read_number(reader *r, const yaml_node_t *node, enum key_index key, double *out) {
+    char text[SYNTAX_SIZE] = "";
+    double above = NAN, below = 1;
+    bool good = node->type == YAML_SCALAR_NODE && node->data.scalar.length < sizeof text &&
+                memchr(node->data.scalar.value, '\0', node->data.scalar.length) == NULL;
+    if (!good) return fail_at(r, node, key, "a number is expected");
+    memcpy(text, node->data.scalar.value, node->data.scalar.length);
+    char *slash = strchr(text, '/');
+    if (slash != NULL) *slash = '\0';
+    good = lg_number_parse(text, &above) == LG_OK &&
+           (slash == NULL || lg_number_parse(slash + 1, &below) == LG_OK);
+    if (slash != NULL) *slash = '/';
+    if (good && isfinite(above / below)) {
+        *out = above / below;
+        return LG_OK;
+    }
+    return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
+                        "%s: '%s' is neither a number nor a quotient a/b", keys[key].name, text);
+}
+
+/* A list of at most `most` numbers; those beyond its end stay. */
+static lg_status read_list(reader *r, const yaml_node_t *node, enum key_index key, size_t most, double *out,
+                           size_t *count) {
+    if (node->type != YAML_SEQUENCE_NODE) return fail_at(r, node, key, "a list of numbers is expected");
+    *count = items_of(node);
+    if (*count > most)
+        return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
+                            "%s: %zu numbers, at most %zu are expected", keys[key].name, *count, most);
+    for (size_t i = 0; i < *count; i++) LG_TRY(read_number(r, item_of(r, node, i), key, &out[i]));
+    return LG_OK;
+}
+
+/* One number a stage. */
+static lg_status read_stages(reader *r, enum key_index key, size_t stages, double *out) {
+    const yaml_node_t *node = r->values[key].node;
+    size_t count = 0;
+    LG_TRY(read_list(r, node, key, stages, out, &count));
+    if (count == stages) return LG_OK;
+    return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "%s: %zu numbers for %zu stages",
+                        keys[key].name, count, stages);
+}
+
+/* The number of stages is the length of this list, less `more`. */
+static lg_status count_stages(reader *r, enum key_index key, size_t more) {
+    const yaml_node_t *node = r->values[key].node;
+    const size_t stages = items_of(node) - (items_of(node) > more ? more : items_of(node));
+    if (stages < 1 || stages > LG_SCHEME_MAX_STAGES)
+        return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
+                            "%s: %zu stages, 1 to %d are possible", keys[key].name, stages,
+                            LG_SCHEME_MAX_STAGES);
+    r->out->scheme.stages = (int)stages;
+    return LG_OK;
+}
+
+static double sum(const double *x, size_t n) {
+    double s = 0;
+    for (size_t i = 0; i < n; i++) s += x[i];
+    return s;
+}
+
+/* ---- tableaus ---- */
+
+static lg_status read_commutators(reader *r) {
+    const yaml_node_t *node = r->values[KEY_COMMUTATORS].node;
+    const int stages = r->out->scheme.stages;
+    if (items_of(node) < 1 || items_of(node) > LG_COUNT(r->out->commutators))
+        return fail_at(r, node, KEY_COMMUTATORS, "a list of [row, first, second, weight] is expected");
+    for (size_t i = 0; i < items_of(node); i++) {
+        const yaml_node_t *item = item_of(r, node, i);
+        double numbers[4];
+        size_t count = 0;
+        LG_TRY(read_list(r, item, KEY_COMMUTATORS, 4, numbers, &count));
+        for (size_t k = 0; k < 3; k++)
+            if (count != 4 || numbers[k] != floor(numbers[k]) || numbers[k] < 1 ||
+                numbers[k] > stages + (k == 0))
+                return fail_at(r, item, KEY_COMMUTATORS,
+                               "[row, first, second, weight] with stages counted from 1 is expected");
+        r->out->commutators[i] =
+            (lg_commutator){(int)numbers[0] - 1, (int)numbers[1] - 1, (int)numbers[2] - 1, numbers[3]};
+    }
+    r->out->scheme.commutators = r->out->commutators;
+    r->out->scheme.commutator_count = (int)items_of(node);
+    return LG_OK;
+}
+
+static lg_status read_dexpinv(reader *r) {
+    const lg_key_value *value = &r->values[KEY_DEXPINV];
+    uint64_t terms = 0;
+    r->out->scheme.dexpinv = r->values[KEY_COMMUTATORS].line > 0 ? 0 : LG_DEXPINV_EXACT;
+    if (value->line == 0) return LG_OK;
+    const bool exact = strcmp(value->text, "exact") == 0;
+    if (!exact && (lg_integer_parse(value->text, &terms) != LG_OK || terms > LG_DEXPINV_MAX))
+        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error,
+                            "dexpinv: '%s' is neither exact nor a whole number of at most %d", value->text,
+                            LG_DEXPINV_MAX);
+    r->out->scheme.dexpinv = exact ? LG_DEXPINV_EXACT : (int)terms;
+    return LG_OK;
+}
+
+static lg_status read_tableau(reader *r) {
+    lg_scheme *s = &r->out->scheme;
+    const yaml_node_t *a = r->values[KEY_A].node;
+    LG_TRY(count_stages(r, KEY_B, 0));
+    const size_t stages = (size_t)s->stages;
+    LG_TRY(read_stages(r, KEY_B, stages, s->b));
+    if (items_of(a) != stages)
+        return fail_at(r, a, KEY_A, "a list for each stage is expected, the first one empty");
+    for (size_t i = 0; i < stages; i++) {
+        size_t count = 0;
+        LG_TRY(read_list(r, item_of(r, a, i), KEY_A, stages, s->a[i], &count));
+        s->c[i] = sum(s->a[i], stages);
+    }
+    if (r->values[KEY_EMBEDDED].line > 0) LG_TRY(read_stages(r, KEY_EMBEDDED, stages, s->embedded));
+    if (r->values[KEY_COMMUTATORS].line > 0) LG_TRY(read_commutators(r));
+    s->fsal = stages > 1 && memcmp(s->a[stages - 1], s->b, sizeof s->b) == 0;
+    return read_dexpinv(r);
+}
+
+/* ---- rows of exponentials ---- */
+
+/* One list of numbers stands for a list of it alone. */
+static lg_status read_exponentials(reader *r, const yaml_node_t *node, enum key_index key, lg_cf_row *row) {
+    size_t count = 0;
+    const size_t stages = (size_t)r->out->scheme.stages, items = items_of(node);
+    if (node->type != YAML_SEQUENCE_NODE || items > LG_SCHEME_MAX_EXPONENTIALS * (size_t)LG_SCHEME_MAX_STAGES)
+        return fail_at(r, node, key, "a list of exponentials is expected, each a list of coefficients");
+    if (items > 0 && item_of(r, node, 0)->type == YAML_SCALAR_NODE) {
+        row->exponentials = 1;
+        return read_list(r, node, key, stages, row->coefficient[0], &count);
+    }
+    if (items > LG_SCHEME_MAX_EXPONENTIALS) return fail_at(r, node, key, "too many exponentials");
+    row->exponentials = (int)items;
+    for (size_t e = 0; e < items; e++)
+        LG_TRY(read_list(r, item_of(r, node, e), key, stages, row->coefficient[e], &count));
+    return LG_OK;
+}
+
+/* {base: i, exponentials: [...]}: base a stage, counted from 1. */
+static lg_status read_mapped_row(reader *r, const yaml_node_t *node, enum key_index key, lg_cf_row *row) {
+    yaml_document_t *document = lg_yaml_document(r->yaml);
+    const yaml_node_pair_t *pair = node->data.mapping.pairs.start;
+    unsigned seen = 0;
+    for (; pair < node->data.mapping.pairs.top; pair++) {
+        const yaml_node_t *name = yaml_document_get_node(document, pair->key);
+        const yaml_node_t *value = yaml_document_get_node(document, pair->value);
+        const char *text = name->type == YAML_SCALAR_NODE ? (const char *)name->data.scalar.value : "";
+        const unsigned bit = strcmp(text, "base") == 0 ? 1U : strcmp(text, "exponentials") == 0 ? 2U : 0U;
+        if (bit == 0 || (seen & bit) != 0)
+            return fail_at(r, name, key, "`base` and `exponentials` are expected, once");
+        seen |= bit;
+        if (bit == 2U) {
+            LG_TRY(read_exponentials(r, value, key, row));
+            continue;
+        }
+        double base = 0;
+        LG_TRY(read_number(r, value, key, &base));
+        if (base != floor(base) || base < 1 || base > r->out->scheme.stages)
+            return fail_at(r, value, key, "base: the number of a stage is expected, from 1");
+        row->base = (int)base - 1;
+    }
+    return LG_OK;
+}
+
+static lg_status read_row(reader *r, const yaml_node_t *node, enum key_index key, lg_cf_row *row) {
+    row->base = LG_CF_START;
+    return node->type == YAML_MAPPING_NODE ? read_mapped_row(r, node, key, row)
+                                           : read_exponentials(r, node, key, row);
+}
+
+static lg_status read_rows(reader *r) {
+    lg_scheme *s = &r->out->scheme;
+    const yaml_node_t *node = r->values[KEY_ROWS].node;
+    LG_TRY(count_stages(r, KEY_ROWS, 1));
+    for (int i = 0; i <= s->stages; i++) {
+        lg_cf_row *row = &r->out->rows[i];
+        LG_TRY(read_row(r, item_of(r, node, (size_t)i), KEY_ROWS, row));
+        if (i == s->stages) break;
+        if (row->base >= i)
+            return fail_at(r, item_of(r, node, (size_t)i), KEY_ROWS, "base is not an earlier stage");
+        s->c[i] = row->base >= 0 ? s->c[row->base] : 0;
+        for (int e = 0; e < row->exponentials; e++) s->c[i] += sum(row->coefficient[e], LG_SCHEME_MAX_STAGES);
+    }
+    if (r->values[KEY_EMBEDDED].line > 0)
+        LG_TRY(read_row(r, r->values[KEY_EMBEDDED].node, KEY_EMBEDDED, &r->out->rows[s->stages + 1]));
+    s->rows = r->out->rows;
+    return LG_OK;
+}
+
+static lg_status read_splitting(reader *r) {
+    lg_scheme *s = &r->out->scheme;
+    LG_TRY(count_stages(r, KEY_KICK, 0));
+    LG_TRY(read_stages(r, KEY_KICK, (size_t)s->stages, s->kick));
+    return read_stages(r, KEY_DRIFT, (size_t)s->stages, s->drift);
+}
+
+/* ---- all of it ---- */
+
+static lg_status check_keys(reader *r, file_kind kind) {
+    for (int i = 0; i < KEY_COUNT; i++) {
+        const uint32_t line = r->values[i].line;
+        if (line > 0 && (uses[i].allowed & BIT(kind)) == 0)
+            return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "%s: a scheme of kind %s has no such key",
+                                keys[i].name, kinds[kind].name);
+        if (line == 0 && (uses[i].needed & BIT(kind)) != 0)
+            return lg_yaml_fail(r->yaml, r->values[KEY_KIND].line, LG_FORMAT, r->error,
+                                "a scheme of kind %s needs the key '%s'", kinds[kind].name, keys[i].name);
+    }
+    const uint32_t weights = r->values[KEY_EMBEDDED].line, order = r->values[KEY_EMBEDDED_ORDER].line;
+    if ((weights > 0) != (order > 0))
+        return lg_yaml_fail(r->yaml, weights > 0 ? weights : order, LG_FORMAT, r->error,
+                            "embedded and embedded_order belong together");
+    return LG_OK;
+}
+
+static void set_name(reader *r) {
+    const char *path = lg_yaml_path(r->yaml), *slash = strrchr(path, '/');
+    const char *name = r->values[KEY_NAME].line > 0 ? r->values[KEY_NAME].text
+                       : slash != NULL              ? slash + 1
+                                                    : path;
+    const size_t length = strnlen(name, sizeof r->out->name - 1);
+    memcpy(r->out->name, name, length);
+    r->out->name[length] = '\0';
+    r->out->scheme.name = r->out->name;
+}
+
+static lg_status read_scheme(reader *r) {
+    static lg_status (*const read_kind[KIND_COUNT])(reader *) = {
+        [KIND_RKMK] = read_tableau,
+        [KIND_RUNGE_KUTTA] = read_tableau,
+        [KIND_COMMUTATOR_FREE] = read_rows,
+        [KIND_SPLITTING] = read_splitting,
+    };
+    const lg_key_set set = {keys, KEY_COUNT, r->values};
+    lg_scheme *s = &r->out->scheme;
+    lg_error fault = {LG_OK, ""};
+    LG_TRY(lg_yaml_read(r->yaml, &set, 1, NULL, "scheme", r->error));
+    const file_kind kind = (file_kind)(int)r->values[KEY_KIND].real[0];
+    LG_TRY(check_keys(r, kind));
+    set_name(r);
+    s->kind = kinds[kind].kind;
+    s->ambient = kinds[kind].ambient;
+    s->order = (int)r->values[KEY_ORDER].real[0];
+    LG_TRY(read_kind[kind](r));
+    if (r->values[KEY_EMBEDDED_ORDER].line > 0)
+        s->embedded_order = (int)r->values[KEY_EMBEDDED_ORDER].real[0];
+    if (r->values[KEY_C].line > 0) LG_TRY(read_stages(r, KEY_C, (size_t)s->stages, s->c));
+    if (lg_scheme_check(s, &fault) == LG_OK) return LG_OK;
+    return lg_yaml_fail(r->yaml, r->values[KEY_KIND].line, LG_FORMAT, r->error, "%s", fault.message);
+}
+
+lg_status lg_scheme_read(const lg_context *context, const char *path, lg_scheme **out, lg_error *error) {
+    lg_yaml *yaml = NULL;
+    if (out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "out is NULL");
+    LG_TRY(lg_yaml_open(context, path, &yaml, error));
+    reader *r = lg_alloc(context, 1, sizeof *r);
+    scheme_file *file = lg_alloc(context, 1, sizeof *file);
+    lg_status status = LG_OK;
+    if (r == NULL || file == NULL) {
+        status = lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", path);
+    } else {
+        r->yaml = yaml;
+        r->out = file;
+        r->error = error;
+        status = read_scheme(r);
+    }
+    lg_free(context, r);
+    lg_yaml_close(yaml);
+    if (status == LG_OK)
+        *out = &file->scheme;
+    else
+        lg_free(context, file);
+    return status;
+}
+
+void lg_scheme_destroy(const lg_context *context, lg_scheme *scheme) {
+    lg_free(context, scheme); /* the first member */
+}
