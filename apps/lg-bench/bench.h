@@ -10,7 +10,7 @@
 enum { BENCH_ROWS = 96, BENCH_NOTES = 6 };
 
 typedef struct bench_options {
-    uint64_t batch, width, repeats, epochs;
+    uint64_t batch, width, links, repeats, epochs;
     int dtype; /* 0: the case's own, 1: f64, 2: f32 */
     const char *only, *out, *weights;
     bool judge;
@@ -128,5 +128,6 @@ void bench_gemm(bench *b);
 void bench_act(bench *b);
 void bench_node(bench *b);
 void bench_batch1(bench *b);
+void bench_ode(bench *b);
 
 #endif

@@ -55,8 +55,15 @@ static void open_learning(const bench *b, learning *l) {
     lg_system_options options;
     lg_rng rng;
     const bool chain = e->integrator != LG_TRAIN_STORMER_VERLET;
+    const double gravity = 1.0;
+    const lg_named_values given = {"gravity", &gravity, 1};
     lg_system_options_init(&options);
     options.links = e->links;
+    if (chain) {
+        options.form = "hamiltonian";
+        options.parameters = &given;
+        options.parameter_count = 1;
+    }
     bench_check(b, lg_system_create(b->app->context, e->system, &options, &l->system, NULL),
                 "making the system");
     l->dim = lg_system_dim(l->system);

@@ -76,6 +76,7 @@ static const bench_case cases[] = {
      100,
      0,
      bench_batch1},
+    {"ode", "RKMK(5,4) on pendulum chains: time against error, cost of a step", LG_F64, {0}, 0, 0, bench_ode},
 };
 
 static const char *const dtypes[] = {"default", "f64", "f32", NULL};
@@ -84,6 +85,8 @@ static const app_option options[] = {
     APP_ROW_SIZE(bench_options, batch, "batch", "B", 1, 1e6, "Rows of a batch (default: the case's list)"),
     APP_ROW_SIZE(bench_options, width, "width", "W", 1, 1e8, "Width of the hidden layers, or length"),
     APP_ROW_CHOICE(bench_options, dtype, "dtype", dtypes, "f64 or f32 (default: the case's)"),
+    APP_ROW_SIZE(bench_options, links, "links", "N", 1, 1e4,
+                 "ode: links of the chain (default: 2, 6, 10 and 20)"),
     APP_ROW_SIZE(bench_options, repeats, "repeats", "r", 1, 1e6,
                  "Timed samples (default 101, fewer when they take long)"),
     APP_ROW_SIZE(bench_options, epochs, "epochs", "k", 2, 1e6,

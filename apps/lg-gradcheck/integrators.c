@@ -1,8 +1,9 @@
-/* Taped integrators: two steps of every scheme, with respect to the start, which is moved along the manifold
- * by SE(3), and to the parameters of the field. */
+/* Taped integrators: two steps of every scheme in the library's table, with respect to the start and to the
+ * parameters of the field; on T*S^2 the start is moved along the manifold by SE(3). Then a step on every
+ * space, from numbers anywhere, and the maps of the spaces. */
 #include "lg-gradcheck/tables.h"
 
-#include <string.h>
+#include <stdio.h>
 
 #include "common/app.h"
 #include "liegrad/geometry.h"
@@ -10,9 +11,11 @@
 
 enum { BATCH = 2, COPIES = 2, STEPS = 2 };
 
+typedef lg_status (*pair_fn)(lg_tape *, const lg_space *, const lg_var *, const lg_var *, lg_var *);
 typedef struct settings {
-    const char *scheme;
-    bool truncated; /* dexpinv after ad^2 */
+    lg_scheme scheme;
+    lg_space_factor factor; /* of rows on one space */
+    pair_fn pair;
 } settings;
 
 /* (q, p) of T*S^2, four of them: |q| = 1, q.p = 0 */
@@ -82,12 +85,12 @@ static lg_var joined(lg_tape *tape, lg_status status, const lg_var *parts) {
 
 static lg_var integrated(const settings *s, lg_tape *tape, lg_taped_ode *ode, const lg_space_factor *factors,
                          size_t count, const lg_var *y) {
-    lg_scheme scheme = *lg_scheme_find(s->scheme);
+    const lg_space_factor sphere = {LG_SPACE_TS2, COPIES};
     lg_var out[2] = {LG_NONE, LG_NONE};
-    if (s->truncated) scheme.dexpinv = 2;
     lg_status status = lg_space_init(&ode->space, factors, count);
-    if (status == LG_OK) status = lg_taped_integrate(tape, &scheme, ode, 0.1, 0.2, STEPS, STEPS, y, out);
-    if (status != LG_OK) (void)lg_tape_fail(tape, status, s->scheme, "the integration failed");
+    if (status == LG_OK && s->scheme.project) status = lg_space_init(&ode->manifold, &sphere, 1);
+    if (status == LG_OK) status = lg_taped_integrate(tape, &s->scheme, ode, 0.1, 0.2, STEPS, STEPS, y, out);
+    if (status != LG_OK) (void)lg_tape_fail(tape, status, s->scheme.name, "the integration failed");
     return joined(tape, status, out);
 }
 
@@ -112,80 +115,167 @@ static lg_var build_splitting(const void *user, lg_tape *tape, const lg_var *x) 
     return integrated(user, tape, &ode, (const lg_space_factor[]){{LG_SPACE_RN, 3}, {LG_SPACE_RN, 3}}, 2, x);
 }
 
+/* ---- any space ---- */
+
+/* Three numbers of every row of a part. */
+static lg_var vector_of(lg_tape *tape, lg_var part) {
+    return lg_var_shape(tape, part).rank == 3 ? lg_slice(tape, part, 2, 0, 3) : part;
+}
+
+/* The field c x + x_next * x, x the vectors of a part. */
+typedef struct mixture {
+    size_t parts;
+    lg_var c; /* (3) */
+} mixture;
+
+static lg_status mix(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
+    const mixture *own = user;
+    (void)t;
+    for (size_t p = 0; p < own->parts; p++) {
+        lg_var x = vector_of(tape, y[p]), next = vector_of(tape, y[(p + 1) % own->parts]);
+        out[p] = lg_add(tape, lg_mul(tape, own->c, x), lg_mul(tape, next, x));
+    }
+    return lg_tape_status(tape);
+}
+
+/* x: y (B, dim), c (3) */
+static lg_var build_on_space(const void *user, lg_tape *tape, const lg_var *x) {
+    const settings *s = user;
+    lg_var y[LG_TAPED_MAX_PARTS];
+    mixture own = {.c = x[1]};
+    lg_taped_ode ode = {.field = mix, .user = &own};
+    lg_status status = lg_space_init(&ode.space, &s->factor, 1);
+    own.parts = lg_taped_parts(&ode.space);
+    if (status == LG_OK) status = lg_taped_split(tape, &ode.space, x[0], y);
+    if (status == LG_OK) status = lg_taped_integrate(tape, &s->scheme, &ode, 0.1, 0.2, 1, 1, y, y);
+    if (status != LG_OK) return lg_tape_fail(tape, status, s->scheme.name, "the step failed");
+    return lg_taped_join(tape, &ode.space, y);
+}
+
+static lg_status dexpinv_exact(lg_tape *tape, const lg_space *space, const lg_var *a, const lg_var *b,
+                               lg_var *out) {
+    return lg_taped_dexpinv(tape, space, LG_DEXPINV_EXACT, a, b, out);
+}
+static lg_status dexpinv_truncated(lg_tape *tape, const lg_space *space, const lg_var *a, const lg_var *b,
+                                   lg_var *out) {
+    return lg_taped_dexpinv(tape, space, 4, a, b, out);
+}
+
 /* x: u, v of (B, k, 3), then the second argument in two parts */
-static lg_var build_act(const void *user, lg_tape *tape, const lg_var *x) {
+static lg_var build_pair(const void *user, lg_tape *tape, const lg_var *x) {
+    const settings *s = user;
     lg_space space;
     lg_var out[2] = {LG_NONE, LG_NONE};
     lg_status status = lg_space_init(&space, &(lg_space_factor){LG_SPACE_TS2, COPIES}, 1);
-    (void)user;
-    if (status == LG_OK) status = lg_taped_act(tape, &space, x, x + 2, out);
-    return joined(tape, status, out);
-}
-static lg_var build_dexpinv(const void *user, lg_tape *tape, const lg_var *x) {
-    lg_space space;
-    lg_var out[2] = {LG_NONE, LG_NONE};
-    lg_status status = lg_space_init(&space, &(lg_space_factor){LG_SPACE_TS2, COPIES}, 1);
-    if (status == LG_OK) status = lg_taped_dexpinv(tape, &space, *(const int *)user, x, x + 2, out);
+    if (status == LG_OK) status = s->pair(tape, &space, x, x + 2, out);
     return joined(tape, status, out);
 }
 
-#define ON_MANIFOLD(label, ...)                                                                              \
-    {                                                                                                        \
-        .function = {                                                                                        \
-            .name = "integrator " label,                                                                     \
-            .build = build_on_manifold,                                                                      \
-            .perturb = move,                                                                                 \
-            .tangent = tangent,                                                                              \
-            .user = &(const settings){__VA_ARGS__},                                                          \
-            INPUTS({.shape = S3(BATCH, COPIES, 6), .values = starts, .algebra = BATCH * COPIES * 6},         \
-                   {.shape = S1(3)}, {.shape = S1(3)})                                                       \
-        }                                                                                                    \
-    }
-#define AMBIENT(label, builder, n, parameters)                                                               \
-    {                                                                                                        \
-        .function = {                                                                                        \
-            .name = "integrator " label,                                                                     \
-            .build = builder,                                                                                \
-            .user = &(const settings){label, false},                                                         \
-            INPUTS({.shape = S2(BATCH, n)}, {.shape = S2(BATCH, n)}, {.shape = S1(parameters)},              \
-                   {.shape = S1(parameters)})                                                                \
-        }                                                                                                    \
-    }
-#define PAIR(label, builder, data, ...)                                                                      \
-    {                                                                                                        \
-        .function = {                                                                                        \
-            .name = label,                                                                                   \
-            .build = builder,                                                                                \
-            .user = data,                                                                                    \
-            INPUTS(__VA_ARGS__, __VA_ARGS__, {.shape = S3(BATCH, COPIES, 3)},                                \
-                   {.shape = S3(BATCH, COPIES, 3)})                                                          \
-        }                                                                                                    \
-    }
+/* ---- the rows ---- */
 
-static const int closed_form = LG_DEXPINV_EXACT, truncated = 4;
 static const double no_angle[BATCH * COPIES * 3] = {0};
 
-static const lg_gradcheck_case rows[] = {
-    ON_MANIFOLD("lie-euler", "lie-euler", false),
-    ON_MANIFOLD("rkmk4", "rkmk4", false),
-    ON_MANIFOLD("rkmk4, dexpinv truncated", "rkmk4", true),
-    ON_MANIFOLD("rkmk5", "rkmk5", false),
-    ON_MANIFOLD("rkmk54", "rkmk54", false),
-    ON_MANIFOLD("cf4", "cf4", false),
-    AMBIENT("euler", build_ambient, 6, 3),
-    AMBIENT("rk4", build_ambient, 6, 3),
-    AMBIENT("dp54", build_ambient, 6, 3),
-    AMBIENT("stormer-verlet", build_splitting, 3, 3),
-    PAIR("action of SE(3)", build_act, NULL, {.shape = S3(BATCH, COPIES, 3)}),
-    PAIR("action of SE(3) at the identity", build_act, NULL,
-         {.shape = S3(BATCH, COPIES, 3), .values = no_angle}),
-    PAIR("dexpinv of se(3)", build_dexpinv, &closed_form, {.shape = S3(BATCH, COPIES, 3)}),
-    PAIR("dexpinv of se(3) at zero", build_dexpinv, &closed_form,
-         {.shape = S3(BATCH, COPIES, 3), .values = no_angle}),
-    PAIR("dexpinv of se(3), truncated", build_dexpinv, &truncated, {.shape = S3(BATCH, COPIES, 3)}),
+#define SPHERES                                                                                              \
+    { .shape = S3(BATCH, COPIES, 6), .values = starts, .algebra = BATCH * COPIES * 6 }
+#define VECTORS                                                                                              \
+    { .shape = S3(BATCH, COPIES, 3) }
+#define ON_MANIFOLD                                                                                          \
+    .build = build_on_manifold, .perturb = move, .tangent = tangent,                                         \
+    INPUTS(SPHERES, {.shape = S1(3)}, {.shape = S1(3)})
+#define ON_SPACE(dim) .build = build_on_space, INPUTS({.shape = S2(BATCH, dim)}, {.shape = S1(3)})
+#define PAIR(...)     .build = build_pair, INPUTS(__VA_ARGS__, __VA_ARGS__, VECTORS, VECTORS)
+
+/* How a scheme of the table is checked. */
+static const lg_gradcheck_function on_manifold = {ON_MANIFOLD}, on_group = {ON_SPACE(12)};
+static const lg_gradcheck_function ambient = {
+    .build = build_ambient,
+    INPUTS({.shape = S2(BATCH, 6)}, {.shape = S2(BATCH, 6)}, {.shape = S1(3)}, {.shape = S1(3)})};
+static const lg_gradcheck_function projected = {.build = build_ambient,
+                                                INPUTS({.shape = S2(BATCH, 6), .low = 0.4, .high = 0.9},
+                                                       {.shape = S2(BATCH, 6)}, {.shape = S1(3)},
+                                                       {.shape = S1(3)})};
+static const lg_gradcheck_function split = {
+    .build = build_splitting,
+    INPUTS({.shape = S2(BATCH, 3)}, {.shape = S2(BATCH, 3)}, {.shape = S1(3)}, {.shape = S1(3)})};
+
+typedef struct extra_row {
+    lg_gradcheck_function function;
+    const char *scheme;
+    int truncation;
+    lg_space_factor factor;
+    pair_fn pair;
+} extra_row;
+
+static const extra_row extras[] = {
+    {{.name = "integrator rkmk4, dexpinv truncated", ON_MANIFOLD}, "rkmk4", .truncation = 2},
+    {{.name = "integrator rkmk4 on R^n", ON_SPACE(3)}, "rkmk4", .factor = {LG_SPACE_RN, 3}},
+    {{.name = "integrator rkmk4 on T*S^2, anywhere", ON_SPACE(12)}, "rkmk4", .factor = {LG_SPACE_TS2, 2}},
+    {{.name = "integrator rkmk4 on SO(3)", ON_SPACE(18)}, "rkmk4", .factor = {LG_SPACE_SO3, 2}},
+    {{.name = "integrator rkmk4 on SE(3)", ON_SPACE(24)}, "rkmk4", .factor = {LG_SPACE_SE3, 2}},
+    {{.name = "integrator rkmk4 on so(3)*", ON_SPACE(6)}, "rkmk4", .factor = {LG_SPACE_SO3_DUAL, 2}},
+    {{.name = "integrator rkmk4 on se(3)*", ON_SPACE(12)}, "rkmk4", .factor = {LG_SPACE_SE3_DUAL, 2}},
+    {{.name = "action of SE(3)", PAIR(VECTORS)}, .pair = lg_taped_act},
+    {{.name = "action of SE(3) at the identity", PAIR({.shape = S3(BATCH, COPIES, 3), .values = no_angle})},
+     .pair = lg_taped_act},
+    {{.name = "generator of SE(3)", PAIR(VECTORS)}, .pair = lg_taped_generator},
+    {{.name = "dexpinv of se(3)", PAIR(VECTORS)}, .pair = dexpinv_exact},
+    {{.name = "dexpinv of se(3) at zero", PAIR({.shape = S3(BATCH, COPIES, 3), .values = no_angle})},
+     .pair = dexpinv_exact},
+    {{.name = "dexpinv of se(3), truncated", PAIR(VECTORS)}, .pair = dexpinv_truncated},
 };
 
+/* A row as it is made: a name and settings of its own. */
+typedef struct made_row {
+    char name[64];
+    settings settings;
+} made_row;
+
+static const lg_gradcheck_function *function_of(const lg_scheme *scheme) {
+    if (scheme->kind == LG_SCHEME_SPLITTING) return &split;
+    if (scheme->kind == LG_SCHEME_SLGI) return &on_group;
+    if (scheme->project) return &projected;
+    return scheme->ambient || scheme->kind == LG_SCHEME_IMPLICIT ? &ambient : &on_manifold;
+}
+
+static lg_gradcheck_case complete(const lg_gradcheck_function *function, made_row *own) {
+    lg_gradcheck_case row = {.function = *function};
+    row.function.name = own->name;
+    row.function.user = &own->settings;
+    return row;
+}
+
+static lg_gradcheck_case row_of_scheme(const lg_scheme *scheme, made_row *own) {
+    own->settings = (settings){.scheme = *scheme, .factor = {LG_SPACE_SE3, 1}};
+    (void)snprintf(own->name, sizeof own->name, "integrator %s", scheme->name);
+    return complete(function_of(scheme), own);
+}
+
+static lg_gradcheck_case row_of_extra(const extra_row *extra, made_row *own) {
+    own->settings = (settings){.factor = extra->factor, .pair = extra->pair};
+    if (extra->scheme != NULL) own->settings.scheme = *lg_scheme_find(extra->scheme);
+    if (extra->truncation != 0) own->settings.scheme.dexpinv = extra->truncation;
+    (void)snprintf(own->name, sizeof own->name, "%s", extra->function.name);
+    return complete(&extra->function, own);
+}
+
+/* Made once, kept to the end. */
 const lg_gradcheck_case *integrator_rows(size_t *count) {
-    *count = APP_COUNT(rows);
+    static lg_gradcheck_case *rows;
+    static made_row *own;
+    static size_t used;
+    if (rows == NULL) {
+        const size_t most = lg_scheme_count() + APP_COUNT(extras);
+        rows = app_alloc(most, sizeof *rows);
+        own = app_alloc(most, sizeof *own);
+        for (size_t i = 0; i < lg_scheme_count(); i++) {
+            const lg_scheme *scheme = lg_scheme_at(i);
+            if (scheme->kind == LG_SCHEME_VARIATIONAL) continue; /* has no taped form */
+            rows[used] = row_of_scheme(scheme, &own[used]);
+            used++;
+        }
+        for (size_t i = 0; i < APP_COUNT(extras); i++, used++)
+            rows[used] = row_of_extra(&extras[i], &own[used]);
+    }
+    *count = used;
     return rows;
 }

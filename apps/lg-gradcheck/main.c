@@ -8,7 +8,8 @@
 
 /* The tables that are checked. A new room adds its own here. */
 typedef const lg_gradcheck_case *(*table_fn)(size_t *count);
-static const table_fn tables[] = {lg_gradcheck_operations, layer_rows, integrator_rows, hamiltonian_rows};
+static const table_fn tables[] = {lg_gradcheck_operations, layer_rows, integrator_rows, system_rows,
+                                  hamiltonian_rows};
 
 typedef struct values {
     const char *only;
@@ -205,7 +206,7 @@ static int gradcheck(struct app *program) {
 int main(int argc, char **argv) {
     const app_command commands[] = {
         {.name = NULL,
-         .summary = "Checks the derivatives of every operation, layer and integrator",
+         .summary = "Checks the derivatives of every operation, layer, integrator and system",
          .details = "A function passes when the remainder of its Taylor expansion falls like h^2 (slope >= "
                     "1.9) or is "
                     "at rounding level, forward and reverse mode agree with each other and with difference "

@@ -47,6 +47,8 @@ static void every_case_runs(void **state) {
         {"act --width 64 --repeats 1 --dtype f32", 3},
         {"node --width 100 --repeats 1", -1},
         {"batch1 --width 8 --repeats 100", 1e-14},
+        {"ode --links 2 --repeats 1 --only N=2", 0.1},
+        {"ode --links 3 --repeats 1 --only tol=1e-12", 1e-9},
     };
     cli result;
     (void)state;
@@ -70,14 +72,28 @@ static void a_hamiltonian_is_trained_and_judged(void **state) {
 }
 
 static void the_list_names_all_cases(void **state) {
-    static const char *const names[] = {"mlp2", "hamiltonian", "dense", "adam", "scalar",
-                                        "jvp",  "gemm",        "act",   "node", "batch1"};
+    static const char *const names[] = {"mlp2", "hamiltonian", "dense", "adam",   "scalar", "jvp",
+                                        "gemm", "act",         "node",  "batch1", "ode"};
     cli result;
     (void)state;
     cli_expect("lg-bench", "list", 0, "mlp2", &result);
     for (size_t i = 0; i < sizeof names / sizeof *names; i++) assert_non_null(strstr(result.out, names[i]));
     cli_expect("lg-bench", "list --json", 0, "\"cases\"", &result);
     assert_true(json_is_object(result.out));
+}
+
+/* A chain's rows tell what the solver did, and a step's cost stands behind them. */
+static void an_integration_tells_its_work(void **state) {
+    static const char *const keys[] = {"steps", "rejected", "evaluations", "manifold_error",
+                                       "reference_error"};
+    cli result;
+    (void)state;
+    run_case("ode --links 2 --repeats 1 --only tol=1e-06", 1e-4, &result);
+    for (size_t i = 0; i < sizeof keys / sizeof *keys; i++) assert_non_null(json_find(result.out, keys[i]));
+    assert_true(json_number(result.out, "manifold_error") <= 1e-14);
+    assert_true(json_number(result.out, "evaluations") >= 6 * json_number(result.out, "steps"));
+    run_case("ode --links 1 --repeats 1 --only step", -1, &result);
+    assert_non_null(strstr(result.out, "ns a link"));
 }
 
 /* What it ran on is told; rows can be chosen. */
@@ -101,13 +117,14 @@ static void bad_options_are_refused(void **state) {
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)
         cli_expect("lg-bench", bad[i], 2, "lg-bench", &result);
     cli_expect("lg-bench", "scalar --dtype f32", 2, "f64", &result);
+    cli_expect("lg-bench", "ode --dtype f32", 2, "f64", &result);
 }
 
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_case_runs),          cmocka_unit_test(a_hamiltonian_is_trained_and_judged),
         cmocka_unit_test(the_list_names_all_cases), cmocka_unit_test(the_report_says_on_what_it_ran),
-        cmocka_unit_test(bad_options_are_refused),
+        cmocka_unit_test(bad_options_are_refused),  cmocka_unit_test(an_integration_tells_its_work),
     };
     return cmocka_run_group_tests(tests, make_folder, remove_folder);
 }

@@ -1,0 +1,152 @@
+/* J = sum w_k y_k at the final time, and its gradient in the start and in the parameters. */
+#include "lg-simulate/simulate.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { MAX_TEXT = 1 << 26 };
+
+/* ---- weights ---- */
+
+static char *read_text(const app *self, const char *path, int *code) {
+    lg_error error = {LG_OK, ""};
+    FILE *file = fopen(path, "r");
+    if (file == NULL) {
+        (void)app_error(&error, LG_FILE, "%s: cannot be read: %s", path, strerror(errno));
+        *code = app_fail_file(self, LG_FILE, &error, path);
+        return NULL;
+    }
+    size_t used = 0, room = 4096;
+    char *text = app_alloc(room, 1);
+    for (size_t got; used < MAX_TEXT && (got = fread(text + used, 1, room - 1 - used, file)) > 0;) {
+        used += got;
+        if (used + 1 < room) continue;
+        char *longer = app_alloc(2 * room, 1);
+        memcpy(longer, text, used);
+        free(text);
+        text = longer;
+        room *= 2;
+    }
+    const bool broken = ferror(file) != 0, whole = feof(file) != 0, binary = strlen(text) != used;
+    (void)fclose(file);
+    if (!broken && whole && !binary) return text;
+    free(text);
+    (void)app_error(&error, LG_FILE, "%s: %s", path, broken ? "cannot be read" : "is no list of numbers");
+    *code = app_fail_file(self, LG_FILE, &error, path);
+    return NULL;
+}
+
+/* Numbers separated by commas, blanks or lines; true when there are no more than `room`, each one whole.
+ * `bad` is the word that is none. */
+static bool parse_weights(char *text, double *out, size_t room, size_t *count, const char **bad) {
+    const char *const between = ", \t\r\n";
+    *count = 0;
+    for (char *save = NULL, *word = strtok_r(text, between, &save); word != NULL;
+         word = strtok_r(NULL, between, &save)) {
+        double value;
+        *bad = word;
+        if (!app_parse_real(word, &value)) return false;
+        if (*count < room) out[*count] = value;
+        ++*count;
+    }
+    return true;
+}
+
+static int check_count(const simulation *sim, size_t count) {
+    if (count == sim->reported) return APP_EXIT_OK;
+    return app_usage(sim->self, "--gradient: %zu weights, but the state has %zu numbers: %s", count,
+                     sim->reported, lg_system_layout(sim->system));
+}
+
+int gradient_read(const simulation *sim, gradient *out) {
+    const char *given = sim->values->gradient, *bad = NULL;
+    int code = APP_EXIT_OK;
+    size_t count = 0;
+    char *text = given[0] == '@' ? read_text(sim->self, given + 1, &code) : app_format("%s", given);
+    if (text == NULL) return code;
+    *out = (gradient){.count = sim->reported, .weights = app_alloc(sim->dim, sizeof *out->weights)};
+    if (parse_weights(text, out->weights, sim->reported, &count, &bad))
+        code = check_count(sim, count);
+    else
+        code = app_usage(sim->self, "--gradient: '%.40s' is not a number", bad);
+    free(text);
+    return code;
+}
+
+/* ---- the gradient ---- */
+
+typedef struct functional {
+    const simulation *sim;
+    lg_form form;
+    const double *weights;
+    size_t steps;
+    lg_system_taped_user user;
+} functional;
+
+static lg_status bind(void *user, lg_tape *tape, lg_var parameters, lg_taped_ode *ode) {
+    functional *self = user;
+    (void)tape;
+    return lg_system_taped_ode(self->sim->system, self->form, parameters, &self->user, ode);
+}
+
+static lg_status source(void *user, size_t n, double t, const double *y, double *slope) {
+    const functional *self = user;
+    (void)t;
+    (void)y;
+    if (app_interrupted()) return LG_CANCELLED;
+    for (size_t i = 0; n == self->steps && i < self->sim->dim; i++) slope[i] += self->weights[i];
+    return LG_OK;
+}
+
+static int fail_gradient(const simulation *sim, const lg_scheme *scheme, lg_status status,
+                         const lg_error *error) {
+    const char *sentence = error->message[0] != '\0' ? error->message : lg_status_sentence(status);
+    if (status == LG_CANCELLED) return app_fail(sim->self, status, "stopped by Ctrl-C");
+    if (status == LG_UNSUPPORTED) {
+        const char *form = lg_system_form(sim->system);
+        return app_usage(
+            sim->self, "--gradient: '%s' has no differentiable form on %s%s%s; Lie group methods have",
+            scheme->name, lg_system_name(sim->system), form != NULL ? ", " : "", form != NULL ? form : "");
+    }
+    return app_fail(sim->self, status, "--gradient with %s: %s", scheme->name, sentence);
+}
+
+int gradient_compute(const simulation *sim, const lg_scheme *scheme, const watch *seen, gradient *out) {
+    lg_error error = {LG_OK, ""};
+    lg_adjoint_problem problem;
+    const lg_form form = lg_system_form_for(scheme);
+    functional user = {.sim = sim, .form = form, .weights = out->weights, .steps = seen->steps};
+    double *end = app_alloc(sim->dim, sizeof *end);
+    out->dy0 = app_alloc(sim->dim, sizeof *out->dy0);
+    out->dparameters = app_alloc(lg_system_parameter_count(sim->system), sizeof *out->dparameters);
+    lg_adjoint_problem_init(&problem);
+    problem.scheme = scheme;
+    problem.ode = &sim->ode[form];
+    problem.bind = bind;
+    problem.parameters = lg_system_parameter_values(sim->system);
+    problem.parameter_count = lg_system_parameter_count(sim->system);
+    problem.source = source;
+    problem.user = &user;
+    problem.t = seen->t;
+    problem.h = seen->h;
+    problem.steps = seen->steps;
+    problem.checkpoints =
+        sim->values->checkpoints < seen->steps ? (size_t)sim->values->checkpoints : seen->steps;
+    const lg_status status = lg_adjoint_gradient(sim->self->context, &problem, sim->scene.state, end,
+                                                 out->dy0, out->dparameters, &out->stats, &error);
+    if (status == LG_OK) {
+        lg_space_project_gradient(lg_system_space(sim->system), sim->scene.state, out->dy0);
+        out->j = 0;
+        for (size_t i = 0; i < sim->reported; i++) out->j += out->weights[i] * end[i];
+    }
+    free(end);
+    return status == LG_OK ? APP_EXIT_OK : fail_gradient(sim, scheme, status, &error);
+}
+
+void gradient_free(gradient *self) {
+    free(self->weights);
+    free(self->dy0);
+    free(self->dparameters);
+    *self = (gradient){.count = 0};
+}

@@ -1,0 +1,241 @@
+/* lg-simulate: integrate a mechanical system and look at the result. */
+#include "lg-simulate/simulate.h"
+
+#include <stdlib.h>
+
+static simulate_values values = {.tol = 1e-9, .atol = -1, .theta = 0.5, .levels = 9, .max_steps = 1000000};
+
+static const char *const picture_kinds[] = {"overview", "components", "invariants", "manifold",
+                                            "steps",    "3d",         NULL};
+
+static const app_option options[] = {
+    APP_ROW_TEXT(simulate_values, method, "method", "NAME",
+                 "A method of the list below (default rkmk54, and dp54 on R^n)"),
+    APP_ROW_TEXT(simulate_values, scheme, "scheme", "FILE.yaml", "A method of your own: a tableau in a file"),
+    APP_ROW_SIZE(simulate_values, steps, "steps", "N", 1, 1e12, "N equal steps"),
+    APP_ROW_REAL(simulate_values, tol, "tol", "T", 1e-15, 1,
+                 "Adaptive steps: tolerance T |y_i| + A of component i (default 1e-9)"),
+    APP_ROW_REAL(simulate_values, atol, "atol", "A", 0, 1e300,
+                 "The absolute part of the tolerance (default 1e-4 T, at least 1e-16: for states of size 1)"),
+    APP_ROW_SIZE(simulate_values, max_steps, "max-steps", "N", 1, 1e12,
+                 "Adaptive steps to give up after, rejected ones included (default 1000000)"),
+    APP_ROW_POSITIVE(simulate_values, t_end, "t-end", "T", "Final time (default: the scene's t_end)"),
+    APP_ROW_REAL(simulate_values, theta, "theta", "TH", 0, 1,
+                 "Parameter of slgi, midpoint and implicit-euler: order 2 at 1/2, else 1"),
+    APP_ROW_TEXT(simulate_values, dexpinv, "dexpinv", "exact|K",
+                 "RKMK methods: closed form, or the series up to ad^K, K = 0..10"),
+    APP_ROW_TEXT(simulate_values, out, "out", "FILE.h5", "Write the trajectory (HDF5)"),
+    APP_ROW_SIZE(simulate_values, points, "points", "M", 2, 1e8,
+                 "Equidistant points of the trajectory, the start included (default 501, or steps)"),
+    APP_ROW_REALS(simulate_values, times, "times", "T,T,...", "Times of the trajectory instead, ascending"),
+    APP_ROW_TEXT(simulate_values, plot, "plot", "FILE.svg|.png", "Draw the run, or the diagram"),
+    APP_ROW_CHOICE(simulate_values, plot_kind, "plot-kind", picture_kinds,
+                   "overview, components, invariants, manifold, steps or 3d (default overview)"),
+    APP_ROW_FLAG(simulate_values, work_precision, "work-precision",
+                 "Error at the final time against CPU time and evaluations, several methods"),
+    APP_ROW_TEXT(simulate_values, methods, "methods", "NAME,NAME,...",
+                 "Those of --work-precision (default: a selection of those that apply)"),
+    APP_ROW_SIZE(simulate_values, levels, "levels", "L", 1, 40,
+                 "Runs of each method in --work-precision: steps times 2, tolerances by 10 (default 9)"),
+    APP_ROW_TEXT(simulate_values, gradient, "gradient", "W,W,...|@FILE",
+                 "J = sum W_k y_k at the end, its gradient in the start and in the parameters"),
+    APP_ROW_SIZE(simulate_values, checkpoints, "checkpoints", "C", 1, 1e12,
+                 "States kept for --gradient (default: the square root of the number of steps)"),
+    APP_ROW_END};
+
+/* ---- options against each other ---- */
+
+typedef struct dependency {
+    const char *option, *other;
+    bool needs; /* the option needs the other; else they exclude each other */
+} dependency;
+
+static const dependency dependencies[] = {
+    {"checkpoints", "gradient", true},     {"plot-kind", "plot", true},
+    {"methods", "work-precision", true},   {"levels", "work-precision", true},
+    {"method", "scheme", false},           {"points", "times", false},
+    {"work-precision", "gradient", false}, {"work-precision", "out", false},
+    {"work-precision", "method", false},   {"work-precision", "plot-kind", false}};
+
+static int check_options(const app *self) {
+    for (size_t i = 0; i < APP_COUNT(dependencies); i++) {
+        const dependency *d = &dependencies[i];
+        if (!app_given(self, d->option) || app_given(self, d->other) == d->needs) continue;
+        if (d->needs) return app_usage(self, "--%s: works together with --%s only", d->option, d->other);
+        return app_usage(self, "either --%s or --%s, not both", d->option, d->other);
+    }
+    if (!values.work_precision && app_given(self, "steps") &&
+        (app_given(self, "tol") || app_given(self, "atol")))
+        return app_usage(self, "either --steps (equal steps) or --tol (adaptive ones), not both");
+    if (values.plot != NULL && !app_plot_name_fits(values.plot))
+        return app_usage(self, "--plot: '%s' does not end in .svg or .png", values.plot);
+    return APP_EXIT_OK;
+}
+
+static int check_outputs(const app *self) {
+    lg_error error = {LG_OK, ""};
+    const char *const outputs[] = {values.out, values.plot};
+    for (size_t i = 0; i < APP_COUNT(outputs); i++)
+        if (outputs[i] != NULL && app_check_writable(outputs[i], &error) != LG_OK)
+            return app_fail_file(self, error.status, &error, outputs[i]);
+    return APP_EXIT_OK;
+}
+
+/* Equal or adaptive steps must fit the method. */
+static int check_control(const simulation *sim, const lg_scheme *scheme) {
+    const app *self = sim->self;
+    if (values.steps > 0 || scheme->embedded_order > 0) return APP_EXIT_OK;
+    char *names = method_names(sim, true, true);
+    const int code =
+        app_given(self, "tol") || app_given(self, "atol")
+            ? app_usage(self, "--tol: '%s' does not estimate its error: give --steps N; adaptive methods: %s",
+                        scheme->name, names)
+            : app_usage(self, "'%s' needs --steps N, as it does not estimate its error; adaptive methods: %s",
+                        scheme->name, names);
+    free(names);
+    return code;
+}
+
+/* ---- one run ---- */
+
+static int fail_run(const simulation *sim, const plan *how, const outcome *run, lg_status status,
+                    const lg_error *error) {
+    const app *self = sim->self;
+    const char *name = how->scheme->name;
+    switch (status) {
+    case LG_CANCELLED:
+        return app_fail(self, status, "stopped by Ctrl-C at t = %g", run->t);
+    case LG_STEP_TOO_SMALL:
+        return app_fail(
+            self, status,
+            "%s: the step size fell below the resolution of time at t = %.17g, after %zu steps; try a "
+            "larger --tol or --atol",
+            name, run->t, run->stats.steps);
+    case LG_TOO_MANY_STEPS:
+        return app_fail(self, status, "%s: t = %g is all that %zu steps reached (--max-steps); t_end is %g",
+                        name, run->t, how->max_steps, how->t_end);
+    case LG_NOT_FINITE:
+        return app_fail(self, status, "%s: the state is not finite in the step from t = %g, after %zu steps",
+                        name, run->t, run->stats.steps);
+    case LG_NO_CONVERGENCE:
+        return app_fail(self, status,
+                        "%s: Newton's method does not converge in the step from t = %g; give more steps",
+                        name, run->t);
+    default:
+        return app_fail(self, status, "%s: %s", name,
+                        error->message[0] != '\0' ? error->message : lg_status_sentence(status));
+    }
+}
+
+static int write_outputs(const report *what) {
+    const app *self = what->sim->self;
+    lg_error error = {LG_OK, ""};
+    lg_status status = LG_OK;
+    if (values.out != NULL) status = write_trajectory(what, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, values.out);
+    if (values.plot != NULL) status = draw_run(what, &error);
+    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, values.plot);
+}
+
+/* What was reached before Ctrl-C is kept. */
+static void keep_begun(const report *what) {
+    lg_error error = {LG_OK, ""};
+    if (values.out == NULL || what->path->kept == 0) return;
+    if (write_trajectory(what, &error) == LG_OK)
+        app_warn(what->sim->self, "%s holds the %zu points reached", values.out, what->path->kept);
+}
+
+static int run_and_report(const simulation *sim, const plan *how, watch *seen, samples *path,
+                          gradient *slope) {
+    lg_error error = {LG_OK, ""};
+    outcome run = {.t = 0};
+    report what = {sim, how, &run, seen, path, slope};
+    for (size_t i = 0; i < sim->dim; i++) path->y[i] = sim->scene.state[i];
+    const lg_status status = integrate(sim, how, path->y, path->y + sim->dim, &run, &error);
+    run.seconds -= seen->spent;
+    if (run.seconds < 0) run.seconds = 0;
+    if (status == LG_CANCELLED) {
+        for (size_t i = 0; i < path->kept; i++)
+            if (path->t[path->first + i] > run.t) path->kept = i;
+        keep_begun(&what);
+    }
+    if (status != LG_OK) return fail_run(sim, how, &run, status, &error);
+    int code = slope != NULL ? gradient_compute(sim, how->scheme, seen, slope) : APP_EXIT_OK;
+    if (code == APP_EXIT_OK) code = write_outputs(&what);
+    if (code != APP_EXIT_OK) return code;
+    if (sim->self->json)
+        report_json(&what);
+    else
+        report_text(&what);
+    return APP_EXIT_OK;
+}
+
+static int run_with(const simulation *sim, const lg_scheme *scheme) {
+    plan how;
+    samples path = {0};
+    gradient slope = {0};
+    watch seen = {.sim = NULL};
+    plan_init(sim, scheme, &how);
+    int code = check_control(sim, scheme);
+    if (code == APP_EXIT_OK)
+        code = samples_choose(sim, &how, values.out != NULL || values.plot != NULL, &path);
+    if (code == APP_EXIT_OK && values.gradient != NULL) code = gradient_read(sim, &slope);
+    if (code == APP_EXIT_OK) {
+        how.times = path.t + 1;
+        how.count = path.count - 1;
+        watch_begin(&seen, sim, values.plot != NULL, values.gradient != NULL, sim->scene.state);
+        how.observe = watch_step;
+        how.observer = &seen;
+        code = run_and_report(sim, &how, &seen, &path, values.gradient != NULL ? &slope : NULL);
+    }
+    watch_end(&seen);
+    gradient_free(&slope);
+    samples_free(&path);
+    return code;
+}
+
+static int run_once(const simulation *sim) {
+    method what = {.file = NULL};
+    if (values.plot != NULL && values.plot_kind == PICTURE_SPACE && !has_space_picture(sim))
+        return app_usage(sim->self, "--plot-kind 3d: there is no picture in space of %s",
+                         lg_system_name(sim->system));
+    int code = method_choose(sim, &what);
+    if (code == APP_EXIT_OK) code = run_with(sim, &what.scheme);
+    method_free(sim, &what);
+    return code;
+}
+
+static int run(app *self) {
+    simulation sim = {.self = NULL};
+    int code = check_options(self);
+    if (code == APP_EXIT_OK) code = check_outputs(self);
+    if (code != APP_EXIT_OK) return code;
+    code = simulation_open(self, &values, self->arguments[0], &sim);
+    if (code == APP_EXIT_OK) code = values.work_precision ? work_precision(&sim) : run_once(&sim);
+    simulation_close(&sim);
+    return code;
+}
+
+int main(int argc, char **argv) {
+    static const char details[] =
+        "Methods: euler, implicit-euler, midpoint, rk4, rk4-projected, dp54 in the ambient space; "
+        "symplectic-euler, "
+        "stormer-verlet for separable systems; variational for the oscillator and chains; lie-euler, "
+        "lie-heun, rkmk3, "
+        "rkmk4, rkmk4-2c, rkmk5, rkmk54, cg3, cf4, cf32a, cf32b, cf43 on the manifold itself; slgi for the "
+        "heavy top "
+        "as cotangent or quadratic. Adaptive: dp54, rkmk54, cf32a, cf32b, cf43; they take --steps too.\n"
+        "Every number of the state counts as of size 1 in the absolute tolerance: --atol for other sizes.";
+    const app_command command[] = {
+        {.arguments = "SCENE.yaml",
+         .summary = "Integrates a mechanical system with a classical or a Lie group method: "
+                    "final state, invariants, distance from the manifold, pictures, "
+                    "work-precision diagrams, gradients.",
+         .details = details,
+         .options = options,
+         .values = &values,
+         .arguments_min = 1,
+         .arguments_max = 1,
+         .run = run}};
+    return app_main(argc, argv, "lg-simulate", command[0].summary, command);
+}

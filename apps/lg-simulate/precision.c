@@ -1,0 +1,350 @@
+/* --work-precision: error at the final time against CPU time and evaluations. Each method runs with steps in
+ * powers of two, or with tolerances in powers of ten where it estimates its error. */
+#include "lg-simulate/simulate.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* A run is repeated until this much CPU time has passed, and the fastest counts. A method is not refined
+ * further once one run needs MAX_SECONDS, or once its error is below FLOOR times the reference's own. */
+#define MIN_SECONDS 0.01
+#define MAX_SECONDS 1.0
+#define FLOOR       3.0
+enum { REPEATS = 200, CURVES = 32 };
+
+/* Those of the default that apply are taken. */
+static const char *const on_manifolds[] = {"rk4", "dp54", "rk4-projected", "lie-euler", "rkmk4",
+                                           "cf4", "cf43", "slgi",          "rkmk54"};
+static const char *const on_rn[] = {
+    "euler", "implicit-euler", "symplectic-euler", "midpoint", "stormer-verlet", "rk4", "dp54"};
+
+typedef struct point {
+    size_t steps, rejected, evaluations;
+    double tol; /* 0: equal steps */
+    double seconds, error;
+} point;
+
+typedef struct curve {
+    method what;
+    bool adaptive;
+    size_t count;
+    point points[40];
+} curve;
+
+typedef struct diagram {
+    simulation *sim;
+    const char *reference; /* name of its method */
+    double tol, reference_error, size;
+    double *y; /* (dim), the reference */
+    size_t count;
+    curve *curves;
+} diagram;
+
+/* ---- runs ---- */
+
+static double distance(const diagram *d, const double *a, const double *b) {
+    double sum = 0;
+    for (size_t i = 0; i < d->sim->reported; i++) sum += (a[i] - b[i]) * (a[i] - b[i]);
+    return sqrt(sum) / d->size;
+}
+
+static lg_status run_to_end(const diagram *d, const plan *how, double *y, outcome *out) {
+    lg_error error = {LG_OK, ""};
+    return integrate(d->sim, how, d->sim->scene.state, y, out, &error);
+}
+
+static void plan_of(const diagram *d, const lg_scheme *scheme, size_t steps, double tol, plan *out) {
+    plan_init(d->sim, scheme, out);
+    out->steps = steps;
+    out->rtol = tol;
+    out->atol = d->sim->values->atol >= 0 ? d->sim->values->atol : fmax(1e-4 * tol, 1e-16);
+    out->times = &d->sim->t_end;
+    out->count = 1;
+}
+
+/* At 1e-13, and how far that is from 1e-12. */
+static int find_reference(diagram *d) {
+    const app *self = d->sim->self;
+    const lg_scheme *scheme = lg_scheme_find(d->reference);
+    double *coarse = app_alloc(d->sim->dim, sizeof *coarse);
+    outcome run;
+    plan how;
+    plan_of(d, scheme, 0, 10 * d->tol, &how);
+    lg_status status = run_to_end(d, &how, coarse, &run);
+    plan_of(d, scheme, 0, d->tol, &how);
+    if (status == LG_OK) status = run_to_end(d, &how, d->y, &run);
+    if (status == LG_OK) {
+        d->size = 0;
+        for (size_t i = 0; i < d->sim->reported; i++) d->size += d->y[i] * d->y[i];
+        d->size = d->size > 0 ? sqrt(d->size) : 1;
+        d->reference_error = distance(d, coarse, d->y);
+    }
+    free(coarse);
+    if (status == LG_OK) return APP_EXIT_OK;
+    if (status == LG_CANCELLED) return app_fail(self, status, "stopped by Ctrl-C");
+    return app_fail(self, status, "the reference, %s at tolerance %g: %s (t = %g)", scheme->name, d->tol,
+                    lg_status_sentence(status), run.t);
+}
+
+/* One point of a curve. A run that fails is left out: the error of a coarse step may be beyond all bounds. */
+static lg_status measure(const diagram *d, const plan *how, point *out) {
+    double *y = app_alloc(d->sim->dim, sizeof *y), spent = 0;
+    outcome run;
+    lg_status status = LG_OK;
+    out->seconds = HUGE_VAL;
+    for (int i = 0; i < REPEATS && (i == 0 || spent < MIN_SECONDS) && status == LG_OK; i++) {
+        status = run_to_end(d, how, y, &run);
+        spent += run.cpu;
+        out->seconds = fmin(out->seconds, run.cpu);
+    }
+    out->steps = run.stats.steps;
+    out->rejected = run.stats.rejected;
+    out->evaluations = run.stats.evaluations;
+    out->tol = how->steps > 0 ? 0 : how->rtol;
+    out->error = distance(d, y, d->y);
+    free(y);
+    return status == LG_OK && !isfinite(out->error) ? LG_NOT_FINITE : status;
+}
+
+static size_t first_steps(const diagram *d) {
+    if (d->sim->values->steps > 0) return (size_t)d->sim->values->steps;
+    size_t steps = 16; /* h <= 1/8 */
+    while ((double)steps < 8 * d->sim->t_end && steps < (size_t)1 << 30) steps *= 2;
+    return steps;
+}
+
+static lg_status fill_curve(const diagram *d, curve *at) {
+    size_t steps = first_steps(d);
+    double tol = app_given(d->sim->self, "tol") ? d->sim->values->tol : 1e-3;
+    for (size_t level = 0; level < (size_t)d->sim->values->levels; level++, steps *= 2, tol /= 10) {
+        point *to = &at->points[at->count];
+        plan how;
+        if (at->adaptive && tol < 0.5e-14) break;
+        plan_of(d, &at->what.scheme, at->adaptive ? 0 : steps, tol, &how);
+        const lg_status status = measure(d, &how, to);
+        if (status == LG_CANCELLED || status == LG_OUT_OF_MEMORY || status == LG_UNSUPPORTED ||
+            status == LG_INVALID_ARGUMENT)
+            return status;
+        if (status != LG_OK) continue;
+        at->count++;
+        if (to->error <= FLOOR * d->reference_error || to->seconds > MAX_SECONDS) break;
+    }
+    return LG_OK;
+}
+
+/* ---- which methods ---- */
+
+static void add_curve(diagram *d, const method *what) {
+    d->curves[d->count++] = (curve){.what = *what, .adaptive = what->scheme.embedded_order > 0};
+}
+
+static int add_named(diagram *d, char *names) {
+    for (char *save = NULL, *name = strtok_r(names, ",", &save); name != NULL;
+         name = strtok_r(NULL, ",", &save)) {
+        method what = {.file = NULL};
+        if (d->count == CURVES) return app_usage(d->sim->self, "--methods: more than %d", CURVES);
+        const int code = method_named(d->sim, "methods", name, &what);
+        if (code != APP_EXIT_OK) return code;
+        add_curve(d, &what);
+    }
+    return d->count > 0 ? APP_EXIT_OK : app_usage(d->sim->self, "--methods: no name in the list");
+}
+
+static void add_default(diagram *d, bool flat) {
+    const char *const *names = flat ? on_rn : on_manifolds;
+    const size_t count = flat ? APP_COUNT(on_rn) : APP_COUNT(on_manifolds);
+    for (size_t i = 0; i < count; i++) {
+        const lg_scheme *scheme = lg_scheme_find(names[i]);
+        if (scheme == NULL || method_obstacle(d->sim, scheme) != NULL) continue;
+        add_curve(d, &(method){.scheme = *scheme});
+    }
+}
+
+static int choose_methods(diagram *d) {
+    const simulate_values *values = d->sim->values;
+    int code = APP_EXIT_OK;
+    if (values->methods != NULL) {
+        char *names = app_format("%s", values->methods);
+        code = add_named(d, names);
+        free(names);
+    } else {
+        add_default(d, lg_space_is_abelian(lg_system_space(d->sim->system)));
+    }
+    if (code != APP_EXIT_OK || values->scheme == NULL) return code;
+    method file = {.file = NULL};
+    code = method_read(d->sim, values->scheme, &file);
+    if (code == APP_EXIT_OK)
+        add_curve(d, &file);
+    else
+        method_free(d->sim, &file);
+    return code;
+}
+
+/* ---- results ---- */
+
+/* Observed order between neighbours with equal steps; NaN otherwise. */
+static double order_at(const curve *at, size_t i) {
+    if (at->adaptive || i == 0 || at->points[i].steps != 2 * at->points[i - 1].steps) return (double)NAN;
+    return log2(at->points[i - 1].error / at->points[i].error);
+}
+
+static void print_json(const diagram *d) {
+    const char *form = lg_system_form(d->sim->system);
+    app_json json;
+    app_json_begin(&json);
+    app_json_text(&json, "system", lg_system_name(d->sim->system));
+    app_json_text(&json, "form", form);
+    app_json_real(&json, "t", d->sim->t_end);
+    app_json_open(&json, "reference", '{');
+    app_json_text(&json, "method", d->reference);
+    app_json_real(&json, "tol", d->tol);
+    app_json_real(&json, "error", d->reference_error);
+    app_json_close(&json, '}');
+    app_json_open(&json, "work_precision", '[');
+    for (size_t c = 0; c < d->count; c++)
+        for (size_t i = 0; i < d->curves[c].count; i++) {
+            const point *at = &d->curves[c].points[i];
+            app_json_open(&json, NULL, '{');
+            app_json_text(&json, "method", d->curves[c].what.scheme.name);
+            if (at->tol > 0) app_json_real(&json, "tol", at->tol);
+            app_json_size(&json, "steps", at->steps);
+            app_json_size(&json, "rejected", at->rejected);
+            app_json_size(&json, "evaluations", at->evaluations);
+            app_json_real(&json, "seconds", at->seconds);
+            app_json_real(&json, "error", at->error);
+            app_json_close(&json, '}');
+        }
+    app_json_close(&json, ']');
+    app_json_end(&json);
+}
+
+static void print_point(app_table *table, const curve *at, size_t i) {
+    const point *p = &at->points[i];
+    const double order = order_at(at, i);
+    app_table_cell(table, "%s", at->what.scheme.name);
+    if (p->tol > 0)
+        app_table_cell(table, "%.0e", p->tol);
+    else
+        app_table_cell(table, "%s", "");
+    app_table_cell(table, "%zu", p->steps);
+    app_table_cell(table, "%zu", p->evaluations);
+    app_table_cell(table, "%.2e", p->seconds);
+    app_table_cell(table, "%.2e", p->error);
+    if (isfinite(order))
+        app_table_cell(table, "%.2f", order);
+    else
+        app_table_cell(table, "%s", "");
+}
+
+static void print_table(const diagram *d) {
+    static const char *const heads[] = {"method", "tolerance", "steps", "evaluations",
+                                        "CPU s",  "error",     "order"};
+    app_table table;
+    (void)printf(
+        "%s to t = %g. Error: |y - reference|/|reference| at the end; the reference is %s at tolerance %.0e, "
+        "%.1e from\nits run at tolerance %.0e.\n\n",
+        lg_system_name(d->sim->system), d->sim->t_end, d->reference, d->tol, d->reference_error, 10 * d->tol);
+    app_table_begin(&table, APP_COUNT(heads));
+    for (size_t i = 0; i < APP_COUNT(heads); i++) app_table_cell(&table, "%s", heads[i]);
+    for (size_t c = 0; c < d->count; c++)
+        for (size_t i = 0; i < d->curves[c].count; i++) print_point(&table, &d->curves[c], i);
+    app_table_end(&table, stdout);
+}
+
+/* ---- the picture ---- */
+
+static void put_panel(FILE *script, const diagram *d, const char *label, int column, bool key) {
+    static const char *const colours[] = {"#1f5fa8", "#d1641f", "#2f8f4e", "#8e3fa8", "#b8242f",
+                                          "#7a5c2e", "#12909a", "#555555", "#c49a00", "#e377c2"};
+    const char *separator = "plot ";
+    (void)fprintf(script, "set xlabel '%s'\n%s\n", label,
+                  key ? "set key bottom left samplen 2 spacing 1.1 box lc rgb '#cccccc' opaque"
+                      : "unset key");
+    size_t index = 0;
+    for (size_t c = 0; c < d->count; c++) {
+        if (d->curves[c].count == 0) continue;
+        (void)fprintf(
+            script,
+            "%sdatafile index %zu using %d:3 with linespoints lw 1.6 pt %zu ps 0.6 lc rgb '%s' %s title '%s'",
+            separator, index++, column, 5 + c % 10, colours[c % APP_COUNT(colours)],
+            c >= APP_COUNT(colours) ? "dt 2" : "dt 1", d->curves[c].what.scheme.name);
+        separator = ", \\\n  ";
+    }
+    (void)fputc('\n', script);
+}
+
+static lg_status draw(const diagram *d, lg_error *error) {
+    app_plot plot;
+    bool drawn;
+    const lg_status status = app_plot_begin(&plot, d->sim->values->plot, 1100, 560);
+    if (status != LG_OK) return status;
+    for (size_t c = 0; c < d->count; c++) {
+        if (d->curves[c].count == 0) continue;
+        for (size_t i = 0; i < d->curves[c].count; i++) {
+            const point *at = &d->curves[c].points[i];
+            (void)fprintf(plot.data.stream, "%.9g %zu %.9g\n", at->seconds, at->evaluations,
+                          fmax(at->error, 1e-17));
+        }
+        app_plot_block(&plot);
+    }
+    FILE *script = plot.script.stream;
+    (void)fprintf(
+        script,
+        "set logscale xy\nset format x '10^{%%L}'\nset format y '10^{%%L}'\nset multiplot layout 1,2 title "
+        "'%s to t = %g'\nset ylabel 'relative error at the end'\n",
+        lg_system_name(d->sim->system), d->sim->t_end);
+    put_panel(script, d, "CPU time [s]", 1, true);
+    (void)fputs("unset ylabel\n", script);
+    put_panel(script, d, "evaluations of the field", 2, false);
+    (void)fputs("unset multiplot\n", script);
+    return app_plot_end(d->sim->self, &plot, &drawn, error);
+}
+
+/* ---- all of it ---- */
+
+static int fill(diagram *d) {
+    app_progress progress;
+    lg_status status = LG_OK;
+    size_t c = 0, points = 0;
+    app_progress_begin(&progress, 0, d->count);
+    for (; c < d->count && status == LG_OK; c++) {
+        app_progress_show(&progress, c, "%s", d->curves[c].what.scheme.name);
+        status = fill_curve(d, &d->curves[c]);
+        points += d->curves[c].count;
+    }
+    app_progress_end(&progress);
+    if (status == LG_CANCELLED) return app_fail(d->sim->self, status, "stopped by Ctrl-C");
+    if (status != LG_OK)
+        return app_fail(d->sim->self, status, "%s: %s", d->curves[c - 1].what.scheme.name,
+                        lg_status_sentence(status));
+    if (points > 0) return APP_EXIT_OK;
+    return app_fail(d->sim->self, LG_NOT_FINITE, "no run of any method ended with a finite state");
+}
+
+static int run_diagram(diagram *d) {
+    lg_error error = {LG_OK, ""};
+    int code = choose_methods(d);
+    if (code == APP_EXIT_OK) code = find_reference(d);
+    if (code == APP_EXIT_OK) code = fill(d);
+    if (code != APP_EXIT_OK) return code;
+    const lg_status status = d->sim->values->plot != NULL ? draw(d, &error) : LG_OK;
+    if (status != LG_OK) return app_fail_file(d->sim->self, status, &error, d->sim->values->plot);
+    if (d->sim->self->json)
+        print_json(d);
+    else
+        print_table(d);
+    return APP_EXIT_OK;
+}
+
+int work_precision(simulation *sim) {
+    const bool flat = lg_space_is_abelian(lg_system_space(sim->system));
+    diagram d = {.sim = sim, .reference = flat ? "dp54" : "rkmk54", .tol = 1e-13, .size = 1};
+    d.y = app_alloc(sim->dim, sizeof *d.y);
+    d.curves = app_alloc(CURVES + 1, sizeof *d.curves);
+    const int code = run_diagram(&d);
+    for (size_t c = 0; c < d.count; c++) method_free(sim, &d.curves[c].what);
+    free(d.curves);
+    free(d.y);
+    return code;
+}

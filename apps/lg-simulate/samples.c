@@ -1,0 +1,86 @@
+/* Where states are kept for --out and --plot. */
+#include "lg-simulate/simulate.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Points when nobody asks for a number: fewer where states are long. */
+enum { POINTS = 501, POINTS_OF_STEPS = 1001, NUMBERS = 8000000 };
+
+static size_t default_points(const simulation *sim, size_t points) {
+    const size_t most = NUMBERS / sim->dim;
+    return points <= most ? points : most > 2 ? most : 2;
+}
+
+/* The start, `inner` times between, t_end. */
+static void allocate(const simulation *sim, size_t inner, samples *out) {
+    *out = (samples){.count = inner + 2, .kept = inner + 2};
+    out->t = app_alloc(out->count, sizeof *out->t);
+    out->y = app_alloc(out->count, sim->dim * sizeof *out->y);
+    out->t[out->count - 1] = sim->t_end;
+}
+
+/* Every k-th step, and the last. */
+static void from_steps(const simulation *sim, size_t steps, samples *out) {
+    const size_t intervals = default_points(sim, POINTS_OF_STEPS) - 1;
+    const size_t every = (steps + intervals - 1) / intervals, inner = (steps - 1) / every;
+    allocate(sim, inner, out);
+    for (size_t i = 1; i <= inner; i++) out->t[i] = (double)(i * every) * (sim->t_end / (double)steps);
+}
+
+static void equidistant(const simulation *sim, size_t points, samples *out) {
+    allocate(sim, points - 2, out);
+    for (size_t i = 1; i + 1 < points; i++) out->t[i] = sim->t_end * ((double)i / (double)(points - 1));
+}
+
+/* The given times without 0 and t_end, which are rows anyway. */
+static void given(const simulation *sim, const app_reals *times, samples *out) {
+    const bool from_zero = times->values[0] == 0, to_end = times->values[times->count - 1] == sim->t_end;
+    const size_t inner = times->count - from_zero - to_end;
+    allocate(sim, inner, out);
+    for (size_t i = 0; i < inner; i++) out->t[i + 1] = times->values[i + from_zero];
+    out->first = from_zero ? 0 : 1;
+    out->kept = times->count;
+}
+
+/* Between equal steps there are states for schemes with dense output only. */
+static int check_steps(const simulation *sim, const plan *how, const samples *path) {
+    const double h = how->t_end / (double)how->steps;
+    if (how->steps == 0 || how->scheme->dense_order > 0) return APP_EXIT_OK;
+    for (size_t i = 0; i < path->count; i++) {
+        const double n = path->t[i] / h;
+        if (fabs(n - round(n)) <= 1e-9 + 4 * DBL_EPSILON * n) continue;
+        if (sim->values->points > 0)
+            return app_usage(
+                sim->self,
+                "--points: %llu points are %llu intervals, which do not divide %zu steps, and '%s' "
+                "has no dense output",
+                (unsigned long long)sim->values->points, (unsigned long long)sim->values->points - 1,
+                how->steps, how->scheme->name);
+        return app_usage(sim->self,
+                         "--times: %.17g is no multiple of the step %.17g, and '%s' has no dense output",
+                         path->t[i], h, how->scheme->name);
+    }
+    return APP_EXIT_OK;
+}
+
+int samples_choose(const simulation *sim, const plan *how, bool wanted, samples *out) {
+    const simulate_values *values = sim->values;
+    if (!wanted)
+        allocate(sim, 0, out);
+    else if (values->times.count > 0)
+        given(sim, &values->times, out);
+    else if (values->points == 0 && how->steps > 0)
+        from_steps(sim, how->steps, out);
+    else
+        equidistant(sim, values->points > 0 ? (size_t)values->points : default_points(sim, POINTS), out);
+    return check_steps(sim, how, out);
+}
+
+void samples_free(samples *self) {
+    free(self->t);
+    free(self->y);
+    *self = (samples){.count = 0};
+}

@@ -1,0 +1,104 @@
+/* The scene at hand: system, start, final time, and what its numbers are called. */
+#include "lg-simulate/simulate.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* ---- names ---- */
+
+static int by_offset(const void *a, const void *b) {
+    const block *x = a, *y = b;
+    return x->offset < y->offset ? -1 : x->offset > y->offset;
+}
+
+static size_t outer_count(const simulation *sim, const lg_state_row *row) {
+    const size_t links = lg_system_links(sim->system);
+    return row->outer > 0 ? row->outer : links > 0 ? links : 1;
+}
+
+static void make_blocks(simulation *sim) {
+    const lg_state_row *rows = lg_system_state(lg_system_name(sim->system), lg_system_form(sim->system));
+    size_t count = 0;
+    for (const lg_state_row *row = rows; row != NULL && row->key != NULL; row++)
+        count += outer_count(sim, row);
+    sim->blocks = app_alloc(count, sizeof *sim->blocks);
+    for (const lg_state_row *row = rows; row != NULL && row->key != NULL; row++)
+        for (size_t i = 0, n = outer_count(sim, row); i < n; i++) {
+            const block at = {row->key, row->outer == 1 ? 0 : i + 1, row->first + i * row->stride,
+                              row->rows * row->columns, row->columns};
+            if (at.offset + at.count <= sim->reported) sim->blocks[sim->block_count++] = at;
+        }
+    qsort(sim->blocks, sim->block_count, sizeof *sim->blocks, by_offset);
+}
+
+void block_name(const block *at, char *text, size_t size) {
+    if (at->index > 0)
+        (void)snprintf(text, size, "%s%zu", at->key, at->index);
+    else
+        (void)snprintf(text, size, "%s", at->key);
+}
+
+const block *find_block(const simulation *sim, const char *key, size_t index) {
+    for (size_t i = 0; i < sim->block_count; i++)
+        if (strcmp(sim->blocks[i].key, key) == 0 &&
+            (sim->blocks[i].index == index || sim->blocks[i].index == 0))
+            return &sim->blocks[i];
+    return NULL;
+}
+
+const double *parameter_values(const simulation *sim, const char *key, size_t *count) {
+    const lg_parameter_row *row =
+        lg_system_parameters(lg_system_name(sim->system), lg_system_form(sim->system));
+    const double *at = lg_system_parameter_values(sim->system);
+    for (; row != NULL && row->key != NULL; row++) {
+        *count = row->count > 0 ? row->count : lg_system_links(sim->system);
+        if (strcmp(row->key, key) == 0) return at;
+        at += *count;
+    }
+    return NULL;
+}
+
+/* ---- opening ---- */
+
+static int choose_t_end(simulation *sim, const char *path) {
+    const simulate_values *values = sim->values;
+    const app_reals *times = &values->times;
+    sim->t_end = values->t_end > 0      ? values->t_end
+                 : sim->scene.has_t_end ? sim->scene.t_end
+                 : times->count > 0     ? times->values[times->count - 1]
+                                        : 0;
+    if (!(sim->t_end > 0)) return app_usage(sim->self, "no final time: give --t-end T, or t_end in %s", path);
+    for (size_t i = 0; i < times->count; i++)
+        if (times->values[i] < 0 || times->values[i] > sim->t_end ||
+            (i > 0 && times->values[i] <= times->values[i - 1]))
+            return app_usage(sim->self, "--times: %g: they ascend in [0, t_end], which is [0, %g]",
+                             times->values[i], sim->t_end);
+    return APP_EXIT_OK;
+}
+
+int simulation_open(app *self, const simulate_values *values, const char *path, simulation *out) {
+    lg_error error = {LG_OK, ""};
+    *out = (simulation){.self = self, .values = values};
+    lg_status status = lg_scene_read(self->context, path, NULL, &out->scene, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, path);
+    out->system = out->scene.system;
+    if (!out->scene.has_initial)
+        return app_fail(self, LG_FORMAT, "%s: there is no start: the key `initial` is missing", path);
+    out->dim = lg_system_dim(out->system);
+    out->reported = lg_system_reported(out->system);
+    out->work = app_alloc(lg_system_workspace(out->system), sizeof *out->work);
+    for (int form = 0; form < 2 && status == LG_OK; form++)
+        status = lg_system_ode(out->system, (lg_form)form, &out->user[form], out->work, &out->ode[form]);
+    if (status != LG_OK) return app_fail(self, status, "%s: %s", path, lg_status_sentence(status));
+    make_blocks(out);
+    return choose_t_end(out, path);
+}
+
+void simulation_close(simulation *sim) {
+    if (sim->self == NULL) return;
+    lg_scene_destroy(sim->self->context, &sim->scene);
+    free(sim->work);
+    free(sim->blocks);
+    *sim = (simulation){.self = NULL};
+}

@@ -1,0 +1,314 @@
+/* Pictures in space: the chain's links, the axis of the top, the momentum of the body, the quadrotors. */
+#include "lg-simulate/pictures.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { SNAPSHOTS = 6 };
+
+/* ---- common ---- */
+
+/* From light to dark with time, s in [0, 1]. */
+static void shade(double s, char text[8]) {
+    static const double light[3] = {190, 210, 235}, dark[3] = {16, 54, 104};
+    int part[3];
+    for (int i = 0; i < 3; i++) part[i] = (int)(light[i] + s * (dark[i] - light[i]) + 0.5);
+    (void)snprintf(text, 8, "#%02x%02x%02x", part[0] & 255, part[1] & 255, part[2] & 255);
+}
+
+static void put_point(drawing *to, const double x[3]) {
+    (void)fprintf(to->plot.data.stream, "%.9g %.9g %.9g\n", x[0], x[1], x[2]);
+}
+
+static size_t snapshot_count(const drawing *from) {
+    return from->what->path->kept < SNAPSHOTS ? from->what->path->kept : (size_t)SNAPSHOTS;
+}
+
+static size_t snapshot(const drawing *from, size_t k) {
+    const size_t count = snapshot_count(from);
+    return count > 1 ? k * (from->what->path->kept - 1) / (count - 1) : 0;
+}
+
+/* A distance between tics that leaves about five on the longest axis. */
+static double tic_distance(const double low[3], const double high[3]) {
+    double longest = 0;
+    for (int i = 0; i < 3; i++) longest = fmax(longest, high[i] - low[i]);
+    const double rough = longest / 5, power = pow(10, floor(log10(rough)));
+    return rough > 5 * power ? 10 * power : rough > 2 * power ? 5 * power : rough > power ? 2 * power : power;
+}
+
+static void put_axes(FILE *script, const char *title, const double low[3], const double high[3]) {
+    const double tics = tic_distance(low, high);
+    (void)fprintf(
+        script,
+        "set title \"%s\"\nset view 68,30,1.15\nset view equal xyz\nset xyplane relative 0\n"
+        "set xrange [%g:%g]\nset yrange [%g:%g]\nset zrange [%g:%g]\nset xtics %g\nset ytics %g\nset ztics "
+        "%g\nset border 31 lc rgb '#bbbbbb'\nset tics textcolor rgb '#555555'\nset key at screen 0.98,0.93 "
+        "right "
+        "top vertical samplen 2 nobox\n",
+        title, low[0], high[0], low[1], high[1], low[2], high[2], tics, tics, tics);
+}
+
+/* Ranges of equal length around what was drawn. */
+typedef struct bounds {
+    double low[3], high[3];
+} bounds;
+
+static void bounds_begin(bounds *of) {
+    *of = (bounds){{HUGE_VAL, HUGE_VAL, HUGE_VAL}, {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL}};
+}
+
+static void bounds_add(bounds *of, const double x[3]) {
+    for (int i = 0; i < 3; i++) {
+        of->low[i] = fmin(of->low[i], x[i]);
+        of->high[i] = fmax(of->high[i], x[i]);
+    }
+}
+
+/* At least a third of the longest side, a little room around. */
+static void bounds_end(bounds *of) {
+    double longest = 1e-3;
+    for (int i = 0; i < 3; i++) longest = fmax(longest, of->high[i] - of->low[i]);
+    for (int i = 0; i < 3; i++) {
+        const double middle = 0.5 * (of->low[i] + of->high[i]);
+        const double half = 0.53 * fmax(of->high[i] - of->low[i], longest / 3);
+        of->low[i] = middle - half;
+        of->high[i] = middle + half;
+    }
+}
+
+static void put_metre_labels(FILE *script) {
+    (void)fputs("set xlabel 'x [m]'\nset ylabel 'y [m]'\nset zlabel 'z [m]' rotate\n", script);
+}
+
+/* ---- chains ---- */
+
+/* x of mass j, 0 the suspension. */
+static void mass_positions(const simulation *sim, const double *y, double *x) {
+    size_t count = 0;
+    const double *lengths = parameter_values(sim, "lengths", &count);
+    for (int c = 0; c < 3; c++) x[c] = 0;
+    for (size_t i = 0; i < count; i++) {
+        const double *q = y + find_block(sim, "q", i + 1)->offset;
+        for (size_t c = 0; c < 3; c++) x[3 * (i + 1) + c] = x[3 * i + c] + lengths[i] * q[c];
+    }
+}
+
+static void draw_chain(drawing *to) {
+    const simulation *sim = to->what->sim;
+    const size_t links = lg_system_links(sim->system), count = snapshot_count(to);
+    double *x = app_alloc(3 * (links + 1), sizeof *x);
+    bounds box;
+    FILE *script = to->plot.script.stream;
+    bounds_begin(&box);
+    for (size_t i = 0; i < to->what->path->kept; i++) {
+        mass_positions(sim, state_at(to, i), x);
+        put_point(to, x + 3 * links);
+        for (size_t j = 0; j <= links; j++) bounds_add(&box, x + 3 * j);
+    }
+    const size_t path = end_block(to);
+    for (size_t k = 0; k < count; k++) {
+        mass_positions(sim, state_at(to, snapshot(to, k)), x);
+        for (size_t j = 0; j <= links; j++) put_point(to, x + 3 * j);
+        (void)end_block(to);
+    }
+    bounds_end(&box);
+    put_axes(script, links > 1 ? "the chain, and the path of its last mass" : "the pendulum and its path",
+             box.low, box.high);
+    put_metre_labels(script);
+    (void)fprintf(script, "splot datafile index %zu using 1:2:3 with lines lw 0.8 lc rgb '%s' title 'path'",
+                  path, colour(1));
+    for (size_t k = 0; k < count; k++) {
+        char dark[8];
+        shade(count > 1 ? (double)k / (double)(count - 1) : 1, dark);
+        (void)fprintf(
+            script,
+            ", \\\n  datafile index %zu using 1:2:3 with linespoints lw 2 pt 7 ps %g lc rgb '%s' title 't = "
+            "%.3g s'",
+            path + 1 + k, links > 10 ? 0.4 : 0.8, dark, time_at(to, snapshot(to, k)));
+    }
+    (void)fputc('\n', script);
+    free(x);
+}
+
+/* ---- curves on the unit sphere ---- */
+
+typedef struct sphere_curve {
+    const char *title;
+    void (*point)(const simulation *sim, const double *y, double x[3]);
+} sphere_curve;
+
+static void put_sphere(drawing *to, const char *title, const sphere_curve *curves, size_t count) {
+    static const double low[3] = {-1, -1, -1}, high[3] = {1, 1, 1};
+    FILE *script = to->plot.script.stream;
+    const size_t first = to->blocks, last = to->what->path->kept - 1;
+    for (size_t c = 0; c < count; c++) {
+        double x[3];
+        for (size_t i = 0; i <= last; i++) {
+            curves[c].point(to->what->sim, state_at(to, i), x);
+            put_point(to, x);
+        }
+        (void)end_block(to);
+    }
+    put_axes(script, title, low, high);
+    (void)fputs("set xtics -1,1,1\nset ytics -1,1,1\nset ztics -1,1,1\nset xlabel 'x'\nset ylabel 'y'\nset "
+                "zlabel 'z'\n"
+                "set parametric\nset urange [0:pi]\nset vrange [0:2*pi]\nset isosamples 25,13\n"
+                "splot sin(u)*cos(v), sin(u)*sin(v), cos(u) with lines lc rgb '#e2e2e2' lw 0.5 notitle",
+                script);
+    for (size_t c = 0; c < count; c++)
+        (void)fprintf(
+            script,
+            ", \\\n  datafile index %zu using 1:2:3 with lines lw 1.6 lc rgb '%s' title '%s', \\\n  datafile "
+            "index %zu every ::0::0 using 1:2:3 with points pt 7 ps 0.9 lc rgb '%s' title '%s'",
+            first + c, colour(c), curves[c].title, first + c, colour(c), count > 1 ? "" : "start");
+    (void)fputc('\n', script);
+}
+
+static void unit(const double *from, double x[3]) {
+    const double length = sqrt(from[0] * from[0] + from[1] * from[1] + from[2] * from[2]);
+    for (int i = 0; i < 3; i++) x[i] = length > 0 ? from[i] / length : 0;
+}
+
+static void unit_momentum(const simulation *sim, const double *y, double x[3]) {
+    unit(y + find_block(sim, "mu", 1)->offset, x);
+}
+
+static void unit_gamma(const simulation *sim, const double *y, double x[3]) {
+    unit(y + find_block(sim, "Gamma", 1)->offset, x);
+}
+
+/* Q chi */
+static void top_axis(const simulation *sim, const double *y, double x[3]) {
+    size_t count = 0;
+    const double *chi = parameter_values(sim, "chi", &count), *Q = y + find_block(sim, "Q", 1)->offset;
+    for (int i = 0; i < 3; i++) x[i] = Q[3 * i] * chi[0] + Q[3 * i + 1] * chi[1] + Q[3 * i + 2] * chi[2];
+}
+
+static void body_axis(const simulation *sim, const double *y, int axis, double x[3]) {
+    const double *R = y + find_block(sim, "R", 1)->offset;
+    for (int i = 0; i < 3; i++) x[i] = R[3 * i + axis];
+}
+
+static void body_axis_1(const simulation *sim, const double *y, double x[3]) {
+    body_axis(sim, y, 0, x);
+}
+
+static void body_axis_2(const simulation *sim, const double *y, double x[3]) {
+    body_axis(sim, y, 1, x);
+}
+
+static void body_axis_3(const simulation *sim, const double *y, double x[3]) {
+    body_axis(sim, y, 2, x);
+}
+
+static void draw_top(drawing *to) {
+    static const sphere_curve axis = {"Qχ", top_axis}, gamma = {"Γ/|Γ|", unit_gamma};
+    if (find_block(to->what->sim, "Q", 1) != NULL)
+        put_sphere(to, "axis of the top", &axis, 1);
+    else
+        put_sphere(to, "direction of gravity seen from the body", &gamma, 1);
+}
+
+static void draw_body(drawing *to) {
+    static const sphere_curve momentum = {"μ/|μ|", unit_momentum};
+    put_sphere(to, "angular momentum in the body", &momentum, 1);
+}
+
+static void draw_attitude(drawing *to) {
+    static const sphere_curve axes[] = {
+        {"R e_1", body_axis_1}, {"R e_2", body_axis_2}, {"R e_3", body_axis_3}};
+    put_sphere(to, "axes of the body in space", axes, APP_COUNT(axes));
+}
+
+/* ---- quadrotors: e3 points down, pictures up ---- */
+
+static void turned(const double from[3], double x[3]) {
+    x[0] = from[0];
+    x[1] = -from[1];
+    x[2] = -from[2];
+}
+
+/* A row of data: where the segment begins, and its vector; from e3 down to up. */
+static void put_segment(drawing *to, const double from[3], const double end[3], bounds *box) {
+    double a[3], b[3];
+    turned(from, a);
+    turned(end, b);
+    bounds_add(box, a);
+    bounds_add(box, b);
+    (void)fprintf(to->plot.data.stream, "%.9g %.9g %.9g %.9g %.9g %.9g\n", a[0], a[1], a[2], b[0] - a[0],
+                  b[1] - a[1], b[2] - a[2]);
+}
+
+/* The link and the two arms of each quadrotor. */
+static void put_quadrotors(drawing *to, const double *y, bounds *box) {
+    const simulation *sim = to->what->sim;
+    size_t count = 0;
+    const double *lengths = parameter_values(sim, "lengths", &count);
+    const double *payload = y + find_block(sim, "y", 1)->offset;
+    for (size_t i = 0; i < count; i++) {
+        const double *q = y + find_block(sim, "q", i + 1)->offset,
+                     *R = y + find_block(sim, "R", i + 1)->offset;
+        double at[3], ends[2][3];
+        for (int c = 0; c < 3; c++) at[c] = payload[c] - lengths[i] * q[c];
+        put_segment(to, payload, at, box);
+        for (int arm = 0; arm < 2; arm++) {
+            for (int c = 0; c < 3; c++) {
+                ends[0][c] = at[c] - 0.2 * R[3 * c + arm];
+                ends[1][c] = at[c] + 0.2 * R[3 * c + arm];
+            }
+            put_segment(to, ends[0], ends[1], box);
+        }
+    }
+}
+
+static void draw_quadrotors(drawing *to) {
+    const simulation *sim = to->what->sim;
+    const size_t offset = find_block(sim, "y", 1)->offset, count = snapshot_count(to);
+    FILE *script = to->plot.script.stream;
+    bounds box;
+    bounds_begin(&box);
+    for (size_t i = 0; i < to->what->path->kept; i++) {
+        double x[3];
+        turned(state_at(to, i) + offset, x);
+        put_point(to, x);
+        bounds_add(&box, x);
+    }
+    const size_t path = end_block(to);
+    for (size_t k = 0; k < count; k++) {
+        put_quadrotors(to, state_at(to, snapshot(to, k)), &box);
+        (void)end_block(to);
+    }
+    bounds_end(&box);
+    put_axes(script, "payload, links and quadrotors; up is -e_{3}", box.low, box.high);
+    (void)fputs("set xlabel 'e_{1}  [m]'\nset ylabel '-e_{2}  [m]'\nset zlabel '-e_{3}  [m]' rotate\nset "
+                "view 75,20,1.15\n",
+                script);
+    (void)fprintf(script,
+                  "splot datafile index %zu using 1:2:3 with lines lw 1.2 lc rgb '%s' title 'payload'", path,
+                  colour(1));
+    for (size_t k = 0; k < count; k++) {
+        char dark[8];
+        shade(count > 1 ? (double)k / (double)(count - 1) : 1, dark);
+        (void)fprintf(script,
+                      ", \\\n  datafile index %zu using 1:2:3:4:5:6 with vectors nohead lw 2 lc rgb '%s' "
+                      "title 't = %.3g s'",
+                      path + 1 + k, dark, time_at(to, snapshot(to, k)));
+    }
+    (void)fputc('\n', script);
+}
+
+/* ---- which ---- */
+
+static const space_picture pictures[] = {{"pendulum-chain", draw_chain},
+                                         {"heavy-top", draw_top},
+                                         {"rigid-body", draw_body},
+                                         {"rigid-body-attitude", draw_attitude},
+                                         {"quadrotors", draw_quadrotors}};
+
+const space_picture *find_space_picture(const simulation *sim) {
+    for (size_t i = 0; i < APP_COUNT(pictures); i++)
+        if (strcmp(pictures[i].system, lg_system_name(sim->system)) == 0) return &pictures[i];
+    return NULL;
+}

@@ -1,0 +1,117 @@
+/* What is seen along a run: invariants, distance from the manifold, step sizes. */
+#include "lg-simulate/simulate.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { TRACE_MAX = 4096 };
+
+/* NaN stays. */
+static double larger(double a, double b) {
+    return isnan(a) || a > b ? a : b; /* NaN in b: the comparison is false */
+}
+
+static double *grown(double *old, size_t used, size_t room) {
+    double *new = app_alloc(room, sizeof *new);
+    if (used > 0) memcpy(new, old, used * sizeof *new);
+    free(old);
+    return new;
+}
+
+/* ---- the trace ---- */
+
+static void merge_rows(double *into, const double *row, size_t width) {
+    into[0] = row[0];
+    for (size_t i = 1; i < width; i++) into[i] = larger(into[i], row[i]);
+}
+
+/* Twice as many steps a row from now on. */
+static void thin_out(trace *at) {
+    for (size_t i = 0; i < at->count / 2; i++) {
+        double *to = at->rows + i * at->width;
+        memmove(to, at->rows + 2 * i * at->width, at->width * sizeof *to);
+        merge_rows(to, at->rows + (2 * i + 1) * at->width, at->width);
+    }
+    at->count /= 2;
+    at->stride *= 2;
+}
+
+static void trace_add(trace *at, const double *row) {
+    if (at->pending > 0) {
+        merge_rows(at->rows + (at->count - 1) * at->width, row, at->width);
+    } else {
+        if (at->count == TRACE_MAX) thin_out(at);
+        if (at->count == at->room) {
+            at->room = at->room > 0 ? 2 * at->room : 256;
+            at->rows = grown(at->rows, at->count * at->width, at->room * at->width);
+        }
+        memcpy(at->rows + at->count++ * at->width, row, at->width * sizeof *row);
+    }
+    at->pending = (at->pending + 1) % at->stride;
+}
+
+/* ---- the watch ---- */
+
+static double invariant(const watch *self, size_t i, const double *y) {
+    return lg_system_invariant(self->sim->system, i, y, self->work);
+}
+
+void watch_begin(watch *self, const simulation *sim, bool traced, bool recorded, const double *y0) {
+    *self = (watch){.sim = sim, .traced = traced, .recorded = recorded};
+    self->invariants = lg_system_invariants(sim->system);
+    self->work = app_alloc(lg_system_workspace(sim->system), sizeof *self->work);
+    self->start = app_alloc(self->invariants, sizeof *self->start);
+    self->end = app_alloc(self->invariants, sizeof *self->end);
+    self->drift = app_alloc(self->invariants, sizeof *self->drift);
+    self->trace = (trace){.width = 3 + self->invariants, .stride = 1};
+    for (size_t i = 0; i < self->invariants; i++) self->start[i] = self->end[i] = invariant(self, i, y0);
+    self->manifold = lg_space_manifold_error(lg_system_space(sim->system), y0);
+}
+
+static void record(watch *self, double t, double h) {
+    if (self->steps == self->room) {
+        self->room = self->room > 0 ? 2 * self->room : 1024;
+        self->t = grown(self->t, self->steps, self->room);
+        self->h = grown(self->h, self->steps, self->room);
+    }
+    self->t[self->steps] = t;
+    self->h[self->steps++] = h;
+}
+
+static void add_to_trace(watch *self, double t, double h, double manifold) {
+    double row[64];
+    const size_t invariants = self->invariants < 60 ? self->invariants : 60;
+    row[0] = t + h;
+    row[1] = h;
+    row[2] = manifold;
+    for (size_t i = 0; i < invariants; i++) row[3 + i] = fabs(self->end[i] - self->start[i]);
+    self->trace.width = 3 + invariants;
+    trace_add(&self->trace, row);
+}
+
+lg_status watch_step(void *user, double t, double h, const double *y) {
+    watch *self = user;
+    const double begin = app_seconds();
+    const double manifold = lg_space_manifold_error(lg_system_space(self->sim->system), y);
+    self->manifold = larger(self->manifold, manifold);
+    for (size_t i = 0; i < self->invariants; i++) {
+        self->end[i] = invariant(self, i, y);
+        self->drift[i] = larger(self->drift[i], fabs(self->end[i] - self->start[i]));
+    }
+    if (self->traced) add_to_trace(self, t, h, manifold);
+    if (self->recorded) record(self, t, h);
+    self->spent += app_seconds() - begin;
+    return LG_OK;
+}
+
+void watch_end(watch *self) {
+    free(self->work);
+    free(self->start);
+    free(self->end);
+    free(self->drift);
+    free(self->trace.rows);
+    free(self->t);
+    free(self->h);
+    *self = (watch){.sim = NULL};
+}
