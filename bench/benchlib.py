@@ -1,5 +1,6 @@
 """What bench/compare and bench/report share: running lg-bench and its peers, settings, tables."""
 import json
+import math
 import os
 import shutil
 import statistics
@@ -134,6 +135,41 @@ def cpp_peers(folder):
     command = [compiler, "-O3", "-march=native", "-std=c++17", *flags, os.path.join(HERE, "cpp", "scalar.cpp"), "-o", out,
                *libraries]
     return out if subprocess.run(command).returncode == 0 else None
+
+
+def ode_peers(folder, lg_bench):
+    """Compiles bench/c/ode_peers.c against the static library beside lg-bench, with ARKODE where it is installed; the
+    path, or None."""
+    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+    library = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(lg_bench))), "libliegrad.a")
+    if not compiler or not os.path.exists(library):
+        say("peers of ode: skipped, no %s" % ("C compiler" if not compiler else library))
+        return None
+    blas = subprocess.run(["pkg-config", "--libs", "openblas"], stdout=subprocess.PIPE, text=True).stdout.split()
+    libraries, flags = [*(blas or ["-lopenblas"]), "-lpthread", "-lm"], []
+    test = "#include <arkode/arkode_erkstep.h>\n#include <nvector/nvector_serial.h>\nint main(void) { return 0; }\n"
+    arkode = ["-lsundials_arkode", "-lsundials_nvecserial"]
+    probe = [compiler, "-x", "c", "-", "-o", os.path.join(folder, "probe"), *arkode, "-lm"]
+    if subprocess.run(probe, input=test, text=True, stderr=subprocess.DEVNULL).returncode == 0:
+        flags, libraries = ["-DHAVE_ARKODE"], arkode + libraries
+    else:
+        say("ARKODE: skipped, not installed")
+    out = os.path.join(folder, "ode_peers")
+    command = [compiler, "-O3", "-march=native", "-std=gnu11", *flags, "-I", os.path.join(ROOT, "include"),
+               os.path.join(HERE, "c", "ode_peers.c"), "-o", out, library, *libraries]
+    return out if subprocess.run(command).returncode == 0 else None
+
+
+def at_error(points, target, key):
+    """What `key` is where the error falls to the target: both logarithms interpolated between the last tolerance that
+    misses it and the next one. None when the points do not enclose it."""
+    points = sorted(points, key=lambda p: -p["tolerance"])
+    for before, after in reversed(list(zip(points, points[1:]))):
+        if before["error"] > target >= after["error"] > 0:
+            share = math.log(before["error"] / target) / math.log(before["error"] / after["error"])
+            x, y = max(before[key], 1e-17), max(after[key], 1e-17)  # manifold errors may be 0
+            return math.exp((1 - share) * math.log(x) + share * math.log(y))
+    return None
 
 
 def median_rows(results, batched):
