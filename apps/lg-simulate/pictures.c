@@ -183,11 +183,13 @@ static void begin_logarithmic(FILE *script, const char *title, const char *label
                   title, label);
 }
 
-static void put_empty(FILE *script) {
-    (void)fputs("unset logscale y\nset format y '%g'\nset yrange [-1:1]\nset xrange [0:1]\nplot 0 with lines "
-                "lw 1.6 lc "
-                "rgb '#1f5fa8' title 'zero all along'\nset autoscale\n",
-                script);
+/* A panel without a curve says why. */
+static void put_empty(FILE *script, const char *why) {
+    (void)fprintf(script,
+                  "unset logscale y\nset format y '%%g'\nset yrange [-1:1]\nset xrange [0:1]\nunset "
+                  "xtics\nunset ytics\n"
+                  "plot NaN title '%s'\nset autoscale\nset xtics\nset ytics\n",
+                  why);
 }
 
 static void panel_invariants(drawing *to) {
@@ -205,7 +207,8 @@ static void panel_invariants(drawing *to) {
     if (shown > 0)
         (void)fputc('\n', script);
     else
-        put_empty(script);
+        put_empty(script,
+                  lg_system_invariants(to->what->sim->system) > 0 ? "zero all along" : "the system has none");
 }
 
 static void panel_manifold(drawing *to) {
@@ -219,7 +222,7 @@ static void panel_manifold(drawing *to) {
             "notitle\nset autoscale y\n",
             to->what->seen->manifold < 1e-14 ? "1e-13" : "*", index, colour(3));
     else
-        put_empty(script);
+        put_empty(script, "zero all along");
 }
 
 static void panel_steps(drawing *to) {

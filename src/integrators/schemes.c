@@ -206,6 +206,9 @@ static const char *tableau_fault(const lg_scheme *s) {
     if (!near(sum(s->b, s->stages), 1.0)) return "the weights do not sum to 1";
     if (s->embedded_order > 0 && !near(sum(s->embedded, s->stages), 1.0))
         return "the embedded weights do not sum to 1";
+    bool differs = s->embedded_order == 0;
+    for (int j = 0; j < s->stages; j++) differs = differs || s->embedded[j] != s->b[j];
+    if (!differs) return "the embedded weights are the weights: no error could be estimated";
     for (int j = 0; s->fsal && j < s->stages; j++)
         if (!near(s->a[s->stages - 1][j], s->b[j])) return "fsal: the last row of a is not b";
     if (s->fsal && s->stages < 2) return "fsal needs two stages";

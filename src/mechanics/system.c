@@ -454,7 +454,10 @@ lg_status lg_system_taped_ode(const lg_system *system, lg_form form, lg_var para
                            .force = system->row->taped_force ? taped_force : NULL,
                            .velocity = system->row->taped_velocity ? taped_velocity : NULL,
                            .user = user};
-    if (ambient) LG_TRY(lg_space_init_rn(&result.space, system->space.dim));
+    if (ambient) {
+        result.manifold = system->space;
+        LG_TRY(lg_space_init_rn(&result.space, system->space.dim));
+    }
     *user = (lg_system_taped_user){system, parameters};
     *ode = result;
     return LG_OK;

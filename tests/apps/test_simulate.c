@@ -337,6 +337,8 @@ static const char *const bad_schemes[][2] = {
     {"kind: rkmk\norder: 2\na: [[1], [1]]\nb: [0.5, 0.5]\n", "not explicit"},
     {"kind: rkmk\norder: 2\na: [[], [1]]\nb: [0.5, 0.5]\nc: [0, 0.5]\n", "c_i is not the sum"},
     {"kind: rkmk\norder: 2\na: [[], [1]]\nb: [0.5, 0.5]\ndexpinv: 12\n", "dexpinv: '12'"},
+    {"kind: rkmk\norder: 2\nembedded_order: 1\na: [[], [1]]\nb: [0.5, 0.5]\nembedded: [0.5, 0.5]\n",
+     "no error could be"},
     {"kind: rkmk\norder: 2\na: [[], [1]]\nb: [0.5, 0.5]\nembedded: [1, 0]\n", "belong together"},
     {"kind: rkmk\norder: 2\na: [[], [1]]\nb: [0.5, 0.5]\ncommutators: [[1, 1, 9, 0.5]]\n", "commutators"},
     {"kind: commutator-free\norder: 1\nrows: [[]]\n", "0 stages"},
@@ -532,6 +534,7 @@ static void test_gradient(void **state) {
     check_gradient("--method rkmk4 --steps 60", "", 1e-6);
     check_gradient("--method cf4 --steps 60", "--checkpoints 7", 1e-6);
     check_gradient("--method rk4 --steps 60", "", 1e-6);
+    check_gradient("--method rk4-projected --steps 20", "", 1e-6);
     check_gradient("--tol 1e-11", "", 1e-6);
     cli_write("weights.txt", "0.3 -0.2\n0.5,0.1,\t0.7 -0.4 0.25 -0.6 0.15 0.35 -0.45 0.55\n");
     run("chain.yaml --method rkmk4 --steps 60 --json --gradient @weights.txt");
