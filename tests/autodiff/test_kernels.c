@@ -805,10 +805,10 @@ static void test_stumpff_kernels(void **state) {
 
 /* ---- Lie group actions ---- */
 
-/* Angles on both sides of the limit of the series, in every lane; exact sizes, in place, every position the
- * same bits. */
+/* Angles on both sides of the limits of the series, 1/4 and 2, in every lane; exact sizes, in place, every
+ * position the same bits. */
 static void lie_of(const lg_kernels *t) {
-    const double angles[] = {0.0, 1e-9, 0.3, 1.0, 1.999, 2.001, 3.0, 5.0};
+    const double angles[] = {0.0, 1e-9, 0.1, 0.2499, 0.2501, 0.3, 1.0, 1.999, 2.001, 3.0, 5.0};
     lg_rng rng;
     lg_rng_seed(&rng, 71, 0);
     for (size_t n = 0; n <= 19; n++) {
