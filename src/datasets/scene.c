@@ -1,5 +1,5 @@
 /* Scenes: keys and shapes come from the table of systems. */
-#include "datasets/scene.h"
+#include "datasets/scene_reading.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -7,12 +7,9 @@
 
 #include "liegrad/geometry.h"
 
-#define OFF_MANIFOLD 1e-6  /* beyond it a start is an error, not rounding */
-#define ROUNDING     1e-14 /* below it nothing is said or changed */
-#define UNIT_VECTOR  1e-9
-#define LARGEST      1e12 /* of every number */
-#define MAX_LINKS    1000000
-#define MAX_KEYS     48
+#define UNIT_VECTOR 1e-9
+#define LARGEST     1e12 /* of every number */
+#define MAX_LINKS   1000000
 
 /* ---- the table of systems ---- */
 
@@ -121,23 +118,9 @@ static const lg_key common_keys[COMMON_KEYS] = {
 static const lg_key links_key = {"links", LG_KEY_COUNT, false, false, 1, MAX_LINKS, 1, NULL};
 static const lg_key reference_key = {"reference", LG_KEY_NAME, false, false, 0, 0, 1, reference_name};
 
-typedef struct scene_table {
-    const char *system, *form;
-    const lg_parameter_row *parameters;
-    const lg_state_row *parts;
-    /* A part that may be given under another key and is then converted: chains, omega and p. */
-    const char *own_key, *other_key;
-    size_t links_at, parameters_at, parts_at, other_at; /* in `keys`; 0: none */
-    char title[64];                                     /* "heavy-top (direct)" */
-    size_t count;
-    lg_key keys[MAX_KEYS];
-    lg_key_value values[MAX_KEYS];
-    char names[MAX_KEYS][32];
-} scene_table;
-
 static size_t add_key(scene_table *table, const char *prefix, const lg_key *key) {
     const size_t at = table->count++;
-    if (at >= MAX_KEYS) return 0;
+    if (at >= LG_SCENE_MAX_KEYS) return 0;
     table->keys[at] = *key;
     (void)snprintf(table->names[at], sizeof table->names[at], "%s%s", prefix, key->name);
     table->keys[at].name = table->names[at];
@@ -190,8 +173,8 @@ static lg_status build_table(const char *system, const char *form, scene_table *
     if (has_reference(system)) (void)add_key(table, "", &reference_key);
     add_parameters(table);
     add_parts(table);
-    if (table->count <= MAX_KEYS) return LG_OK;
-    return lg_fail(error, LG_UNSUPPORTED, "system %s has more than %d keys", system, MAX_KEYS);
+    if (table->count <= LG_SCENE_MAX_KEYS) return LG_OK;
+    return lg_fail(error, LG_UNSUPPORTED, "system %s has more than %d keys", system, LG_SCENE_MAX_KEYS);
 }
 
 /* ---- which form ---- */
@@ -241,19 +224,6 @@ static lg_status choose_form(lg_yaml *yaml, const char *system, const char *want
 }
 
 /* ---- reading ---- */
-
-typedef struct reading {
-    const lg_context *context;
-    lg_yaml *yaml;
-    const scene_table *table;
-    size_t links; /* 0 where the system has none */
-    lg_scene *out;
-    lg_error *error;
-} reading;
-
-static size_t per_link(size_t count, size_t links) {
-    return count != 0 ? count : links;
-}
 
 /* Compares the entries of the value at key `at` with the number of links found so far, which it sets. */
 static lg_status count_links(reading *r, size_t at, size_t inner, const char **by) {
@@ -344,7 +314,7 @@ static lg_status create_system(reading *r, double *values, lg_named_values *name
                         inner.message);
 }
 
-static lg_status no_memory(const reading *r) {
+lg_status lg_scene_no_memory(const reading *r) {
     return lg_fail(r->error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_yaml_path(r->yaml));
 }
 
@@ -354,206 +324,14 @@ static lg_status read_system(reading *r) {
         numbers += per_link(r->table->parameters[rows].count, r->links);
     double *values = lg_alloc(r->context, numbers, sizeof *values);
     lg_named_values *named = lg_alloc(r->context, rows, sizeof *named);
-    const lg_status status = values != NULL && named != NULL ? create_system(r, values, named) : no_memory(r);
+    const lg_status status =
+        values != NULL && named != NULL ? create_system(r, values, named) : lg_scene_no_memory(r);
     lg_free(r->context, named);
     lg_free(r->context, values);
     return status;
 }
 
-/* ---- the start: numbers ---- */
-
-/* The state and the line of each of its numbers. */
-typedef struct start {
-    double *y;
-    uint32_t *lines;
-    double *numbers; /* of one part, before they are put into place; dim of them */
-    uint32_t *number_lines;
-    bool other; /* the part `own_key` was given under the other key */
-} start;
-
-static size_t key_of_part(const reading *r, const start *s, size_t part) {
-    const scene_table *table = r->table;
-    const bool other = s->other && strcmp(table->parts[part].key, table->own_key) == 0;
-    return other ? table->other_at : table->parts_at + part;
-}
-
-static lg_status read_part(const reading *r, start *s, size_t part) {
-    const lg_state_row *row = &r->table->parts[part];
-    const size_t at = key_of_part(r, s, part), size = row->rows * row->columns;
-    const size_t shape[3] = {per_link(row->outer, r->links), row->rows, row->columns};
-    const lg_key_value *value = &r->table->values[at];
-    const bool given = value->line != 0;
-    if (given)
-        LG_TRY(
-            lg_yaml_block(r->yaml, &r->table->keys[at], value, shape, s->numbers, s->number_lines, r->error));
-    for (size_t block = 0; block < shape[0]; block++) {
-        for (size_t i = 0; i < size; i++) {
-            const size_t to = row->first + block * row->stride + i, from = block * size + i;
-            s->y[to] = given ? s->numbers[from] : row->fallback[i];
-            s->lines[to] = given ? s->number_lines[from] : r->out->line_initial;
-        }
-    }
-    return LG_OK;
-}
-
-/* Exactly one of the two keys. */
-static lg_status check_alternatives(const reading *r, start *s) {
-    const scene_table *table = r->table;
-    if (table->other_at == 0) return LG_OK;
-    size_t part = 0;
-    while (strcmp(table->parts[part].key, table->own_key) != 0) part++;
-    const lg_key_value *own = &table->values[table->parts_at + part],
-                       *other = &table->values[table->other_at];
-    s->other = other->line != 0;
-    if ((own->line != 0) != s->other) return LG_OK;
-    if (s->other)
-        return lg_yaml_fail(r->yaml, r->out->line_initial, LG_FORMAT, r->error,
-                            "initial: %s and %s exclude each other", table->own_key, table->other_key);
-    return lg_yaml_fail(r->yaml, r->out->line_initial, LG_FORMAT, r->error,
-                        "key 'initial.%s' (or 'initial.%s') is missing", table->own_key, table->other_key);
-}
-
-/* ---- the start: onto the manifold ---- */
-
-/* The key of the number at an offset of the state, and which of its blocks that is, from 1. */
-static const char *find_source(const reading *r, const start *s, size_t offset, size_t *block) {
-    const lg_state_row *parts = r->table->parts;
-    for (size_t i = 0; parts[i].key != NULL; i++) {
-        const size_t blocks = per_link(parts[i].outer, r->links), stride = parts[i].stride;
-        if (offset < parts[i].first) continue;
-        const size_t from = offset - parts[i].first;
-        *block = (stride > 0 ? from / stride : 0) + 1;
-        if (*block <= blocks && from - (*block - 1) * stride < parts[i].rows * parts[i].columns)
-            return r->table->keys[key_of_part(r, s, i)].name;
-    }
-    *block = 1;
-    return "initial";
-}
-
-static void note(lg_scene *out, double off) {
-    if (off > ROUNDING) out->projected = true;
-    if (off > out->projection) out->projection = off;
-}
-
-static double norm3(const double *a) {
-    return sqrt(lg_dot3(a, a));
-}
-
-/* (q, w) at offset `at` onto T S^2: q/|q|, w - q (q.w). What is off by rounding is projected and told, more
- * is an error. */
-static lg_status place_on_sphere(const reading *r, start *s, size_t at) {
-    size_t block;
-    double *q = s->y + at, *w = q + 3, length = norm3(q), off_sphere = fabs(length - 1);
-    if (!(off_sphere <= OFF_MANIFOLD)) {
-        const char *key = find_source(r, s, at, &block);
-        return lg_yaml_fail(r->yaml, s->lines[at], LG_FORMAT, r->error,
-                            "%s: row %zu is off the sphere: its length is %.9g, expected 1 within %g", key,
-                            block, length, OFF_MANIFOLD);
-    }
-    const double scale = off_sphere > ROUNDING ? 1 / length : 1;
-    for (int i = 0; i < 3; i++) q[i] *= scale;
-    double along = lg_dot3(q, w);
-    const double off_tangent = fabs(along) / (1 + norm3(w));
-    if (!(off_tangent <= OFF_MANIFOLD)) {
-        const char *key = find_source(r, s, at + 3, &block);
-        return lg_yaml_fail(r->yaml, s->lines[at + 3], LG_FORMAT, r->error,
-                            "%s: row %zu is not orthogonal to q: their product is %.9g", key, block, along);
-    }
-    if (off_tangent <= ROUNDING) along = 0;
-    for (int i = 0; i < 3; i++) w[i] -= along * q[i];
-    note(r->out, fmax(off_sphere, off_tangent));
-    return LG_OK;
-}
-
-static double determinant(const double *a) {
-    double minors[3];
-    lg_cross3(a + 3, a + 6, minors);
-    return lg_dot3(a, minors);
-}
-
-/* The rotation at offset `at`, the first of the numbers of SO(3) and SE(3). */
-static lg_status place_rotation(const reading *r, start *s, size_t at) {
-    const lg_space_row *so3 = lg_space_kind_row(LG_SPACE_SO3);
-    double *rotation = s->y + at;
-    const double off = so3->manifold_error(1, rotation), det = determinant(rotation);
-    if (!(off <= OFF_MANIFOLD)) {
-        size_t block;
-        const char *key = find_source(r, s, at, &block);
-        return lg_yaml_fail(
-            r->yaml, s->lines[at], LG_FORMAT, r->error,
-            "%s: matrix %zu is no rotation: its transpose times itself is off the identity by "
-            "%.3g, its determinant is %.9g",
-            key, block, off, det);
-    }
-    if (off > ROUNDING) so3->project(1, rotation);
-    note(r->out, off);
-    return LG_OK;
-}
-
-static lg_status place(const reading *r, start *s) {
-    const lg_space *space = lg_system_space(r->out->system);
-    size_t at = 0;
-    for (size_t f = 0; f < space->factors; f++) {
-        const lg_space_kind kind = space->factor[f].kind;
-        const size_t numbers = lg_space_kind_row(kind)->state;
-        for (size_t i = 0; i < space->factor[f].count; i++, at += numbers) {
-            if (kind == LG_SPACE_TS2) LG_TRY(place_on_sphere(r, s, at));
-            if (kind == LG_SPACE_SO3 || kind == LG_SPACE_SE3) LG_TRY(place_rotation(r, s, at));
-        }
-    }
-    if (r->out->projected)
-        lg_log_message(r->context, LG_LOG_WARNING,
-                       "%s: line %u: the start was off the manifold by %.3g and was projected",
-                       lg_yaml_path(r->yaml), r->out->line_initial, r->out->projection);
-    return LG_OK;
-}
-
-/* What was given under the other key becomes the system's own. */
-static lg_status convert(const reading *r, start *s) {
-    const lg_system *system = r->out->system;
-    if (!s->other) return LG_OK;
-    double *work = lg_alloc(r->context, lg_system_workspace(system), sizeof *work);
-    if (work == NULL) return no_memory(r);
-    const bool momenta = strcmp(r->table->own_key, "p") == 0;
-    const lg_status status =
-        momenta ? lg_chain_momenta(system, s->y, s->y, work) : lg_chain_velocities(system, s->y, s->y, work);
-    lg_free(r->context, work);
-    if (status == LG_OK) return LG_OK;
-    return lg_yaml_fail(r->yaml, r->out->line_initial, LG_FORMAT, r->error,
-                        "initial: %s does not follow from %s: %s", r->table->own_key, r->table->other_key,
-                        lg_status_sentence(status));
-}
-
-/* ---- the start ---- */
-
-static lg_status fill_start(reading *r, start *s) {
-    LG_TRY(check_alternatives(r, s));
-    for (size_t i = 0; r->table->parts[i].key != NULL; i++) LG_TRY(read_part(r, s, i));
-    LG_TRY(place(r, s));
-    return convert(r, s);
-}
-
-static lg_status read_start(reading *r) {
-    const size_t dim = lg_system_dim(r->out->system);
-    start s = {.y = lg_alloc(r->context, dim, sizeof *s.y),
-               .numbers = lg_alloc(r->context, dim, sizeof *s.numbers),
-               .lines = lg_alloc(r->context, 2 * dim, sizeof *s.lines)};
-    lg_status status = LG_OK;
-    if (s.y == NULL || s.numbers == NULL || s.lines == NULL) {
-        status = no_memory(r);
-    } else {
-        s.number_lines = s.lines + dim;
-        for (size_t i = 0; i < dim; i++) s.lines[i] = r->out->line_initial;
-        status = fill_start(r, &s);
-    }
-    if (status == LG_OK)
-        r->out->state = s.y;
-    else
-        lg_free(r->context, s.y);
-    lg_free(r->context, s.numbers);
-    lg_free(r->context, s.lines);
-    return status;
-}
+/* ---- random starts ---- */
 
 static lg_status read_starts(reading *r) {
     const lg_key_value *v = r->table->values;
@@ -589,7 +367,7 @@ static lg_status fill(reading *r) {
     LG_TRY(find_links(r));
     LG_TRY(read_starts(r));
     LG_TRY(read_system(r));
-    return r->out->has_initial ? read_start(r) : LG_OK;
+    return r->out->has_initial ? lg_scene_read_start(r) : LG_OK;
 }
 
 static lg_status read_scene(const lg_context *context, lg_yaml *yaml, const char *form_wanted,

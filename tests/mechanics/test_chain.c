@@ -4,6 +4,7 @@
 
 #include "liegrad/geometry.h"
 #include "liegrad/mechanics.h"
+#include "dense_solve.h"
 
 #define MAX_LINKS 5
 #define MAX_N     (3 * MAX_LINKS)
@@ -28,33 +29,6 @@ static lg_system *make(size_t links, double gravity, const double *m, const doub
 
 static lg_system *make_chain(size_t links) {
     return make(links, GRAVITY, masses, lengths);
-}
-
-/* x = A^-1 b by elimination with pivoting; A (n, n) and b are destroyed. */
-static void dense_solve(size_t n, double *a, double *b, double *x) {
-    for (size_t c = 0; c < n; c++) {
-        size_t pivot = c;
-        for (size_t r = c + 1; r < n; r++)
-            if (fabs(a[r * n + c]) > fabs(a[pivot * n + c])) pivot = r;
-        for (size_t j = 0; j < n; j++) {
-            const double swap = a[c * n + j];
-            a[c * n + j] = a[pivot * n + j];
-            a[pivot * n + j] = swap;
-        }
-        const double swap = b[c];
-        b[c] = b[pivot];
-        b[pivot] = swap;
-        for (size_t r = c + 1; r < n; r++) {
-            const double l = a[r * n + c] / a[c * n + c];
-            for (size_t j = c; j < n; j++) a[r * n + j] -= l * a[c * n + j];
-            b[r] -= l * b[c];
-        }
-    }
-    for (size_t c = n; c-- > 0;) {
-        x[c] = b[c];
-        for (size_t j = c + 1; j < n; j++) x[c] -= a[c * n + j] * x[j];
-        x[c] /= a[c * n + c];
-    }
 }
 
 /* M(q), 3k x 3k: m_ij P_i P_j off the diagonal, m_ii I on it; q contiguous (k, 3) */

@@ -1,0 +1,40 @@
+/* A scene while it is read: the keys of its system with their values, and what has been made of them. */
+#ifndef LG_SCENE_READING_H
+#define LG_SCENE_READING_H
+
+#include "datasets/scene.h"
+
+#define LG_SCENE_MAX_KEYS 48
+
+typedef struct scene_table {
+    const char *system, *form;
+    const lg_parameter_row *parameters;
+    const lg_state_row *parts;
+    /* A part that may be given under another key and is then converted: chains, omega and p. */
+    const char *own_key, *other_key;
+    size_t links_at, parameters_at, parts_at, other_at; /* in `keys`; 0: none */
+    char title[64];                                     /* "heavy-top (direct)" */
+    size_t count;
+    lg_key keys[LG_SCENE_MAX_KEYS];
+    lg_key_value values[LG_SCENE_MAX_KEYS];
+    char names[LG_SCENE_MAX_KEYS][32];
+} scene_table;
+
+typedef struct reading {
+    const lg_context *context;
+    lg_yaml *yaml;
+    const scene_table *table;
+    size_t links; /* 0 where the system has none */
+    lg_scene *out;
+    lg_error *error;
+} reading;
+
+static inline size_t per_link(size_t count, size_t links) {
+    return count != 0 ? count : links;
+}
+
+lg_status lg_scene_no_memory(const reading *r);
+/* r->out->state from the values of `initial`; the system is made. */
+lg_status lg_scene_read_start(reading *r);
+
+#endif
