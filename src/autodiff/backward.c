@@ -142,7 +142,7 @@ static void contribute(lg_tape *tape, lg_sweep *sweep, uint32_t i, lg_var v, boo
     }
 }
 
-/* Adjoints of views overlap where the values do. */
+/* Adjoints overlap where the values do: views of the same numbers, or one node twice. */
 static bool overlap(const lg_tape *tape, lg_var a, lg_var b) {
     const uintptr_t pa = (uintptr_t)lg_node_at(tape, a)->value, pb = (uintptr_t)lg_node_at(tape, b)->value;
     return pa < pb + node_bytes(tape, b.index) && pb < pa + node_bytes(tape, a.index);
@@ -152,9 +152,7 @@ bool lg_reverse_in_place(const lg_reverse *r) {
     if (r->sweep == NULL || lg_planted(r->tape, r->node, LG_PLANT_VJP)) return false;
     for (uint32_t i = 0; i < r->inputs; i++)
         for (uint32_t j = 0; j < i; j++)
-            if (r->need[i] && r->need[j] && r->in[i].index != r->in[j].index &&
-                overlap(r->tape, r->in[i], r->in[j]))
-                return false;
+            if (r->need[i] && r->need[j] && overlap(r->tape, r->in[i], r->in[j])) return false;
     return true;
 }
 

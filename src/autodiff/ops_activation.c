@@ -74,7 +74,7 @@ static lg_var helper_of(const lg_attr *attr, const lg_var *in) {
 
 /* Both cotangents in one pass, straight into the adjoints. `order` of y = q sigma^(order)(x). */
 static bool reversed_in_place(lg_reverse *r, uint32_t order, lg_var h, bool has_q) {
-    if (!lg_reverse_in_place(r) || (has_q && r->in[2].index == r->in[0].index)) return false;
+    if (!lg_reverse_in_place(r)) return false;
     lg_tape *tape = r->tape;
     if (order + 1 > LG_K_ACT_ORDERS) return false;
     bool add_q = false, add_x = false;

@@ -130,25 +130,6 @@ static lg_status lie_forward(lg_tape *tape, const lg_node *const *in, lg_node *o
     return LG_OK;
 }
 
-/* Inputs that share memory have their cotangents added, none of them is written first: to a place that holds
- * nothing yet, zeros. */
-static void add_to_shared(const lg_reverse *r, void *const *out, bool *add) {
-    const lg_kernels *kernels = r->tape->k;
-    for (uint32_t k = 0; k < r->inputs; k++) {
-        const size_t count = lg_node_at(r->tape, r->in[k])->count;
-        const uintptr_t begin = (uintptr_t)out[k], end = begin + count * kernels->size;
-        bool shared = false;
-        for (uint32_t j = 0; j < r->inputs; j++) {
-            const uintptr_t other = (uintptr_t)out[j];
-            const size_t bytes = lg_node_at(r->tape, r->in[j])->count * kernels->size;
-            shared = shared || (j != k && out[j] != NULL && other < end && begin < other + bytes);
-        }
-        if (out[k] == NULL || add[k] || !shared) continue;
-        kernels->fill(count, 0.0, out[k]);
-        add[k] = true;
-    }
-}
-
 static void reverse_in_place(lg_reverse *r) {
     lg_tape *tape = r->tape;
     const void *values[LG_K_LIE_INPUTS];
@@ -159,7 +140,6 @@ static void reverse_in_place(lg_reverse *r) {
         if (r->need[k] && out[k] == NULL) return;
         values[k] = lg_node_at(tape, r->in[k])->value;
     }
-    add_to_shared(r, out, add);
     const size_t n = lg_node_at(tape, r->in[0])->count / 3;
     const uint32_t columns = columns_of(&lg_node_at(tape, r->y)->shape);
     tape->k->lie_reverse[r->attr->i[0]](n, columns, values, lg_node_at(tape, r->g)->value, out, add);

@@ -228,7 +228,7 @@ void lg_forget_nodes(lg_tape *tape, uint32_t node);
 /* ---- help for vjps ---- */
 
 /* Whether this step may write its inputs' adjoints by itself: nobody records or plants errors in it, and no
- * two wanted inputs are different views of the same numbers. (One node may stand for several inputs.) */
+ * two wanted inputs share memory. */
 bool lg_reverse_in_place(const lg_reverse *r);
 /* Then: memory of input k's adjoint. *add: it holds numbers already and is added to; else it is to be
  * written, all of it. NULL: error set. */

@@ -5,8 +5,6 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "liegrad/geometry.h"
-
 #define UNIT_VECTOR 1e-9
 #define LARGEST     1e12 /* of every number */
 #define MAX_LINKS   1000000

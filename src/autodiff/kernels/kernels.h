@@ -117,8 +117,8 @@ typedef struct lg_kernels {
      * = sin(x + n pi/2), exactly +-sin or +-cos. identity: x, 1, 0. */
     void (*act)(lg_k_act kind, int order, size_t n, const void *x, const void *h, const void *g, void *y);
     /* One reverse step of y = q sigma^(order)(x) (q NULL: ones) with cotangent c: dq [+]= c sigma^(order),
-     * dx [+]= c q sigma^(order + 1); either may be NULL. Whether something is added is said for each. dq and
-     * dx may be the same memory when dx is added. */
+     * dx [+]= c q sigma^(order + 1); either may be NULL. Whether something is added is said for each.
+     * dq and dx do not overlap. */
     void (*act_reverse)(lg_k_act kind, int order, size_t n, const void *x, const void *h, const void *c,
                         const void *q, void *dq, bool add_q, void *dx, bool add_x);
     /* In place: y[i, j] = sigma(y[i, j] + bias[j]); bias may be NULL. Order 0 only. */
