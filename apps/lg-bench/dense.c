@@ -108,7 +108,8 @@ static void fit_row(bench *b, dense *d, const double *start, double error) {
     lg_fit_options options;
     lg_fit *fit = NULL;
     lg_error message = {LG_OK, ""};
-    const lg_fit_problem problem = {d->parameters, STEPS * d->rows, fit_loss, d};
+    const lg_fit_problem problem = {
+        .parameters = d->parameters, .samples = STEPS * d->rows, .loss = fit_loss, .user = d};
     lg_fit_options_init(&options);
     options.dtype = d->dtype;
     options.epochs = repeats + 2;

@@ -165,9 +165,27 @@ typedef struct lg_fit_problem {
     lg_status (*loss)(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                       size_t batch, lg_var *loss);
     void *user;
+    size_t chunk; /* samples on a tape at once, so that their values stay in the cache; 0: LG_FIT_CHUNK */
 } lg_fit_problem;
 
 typedef struct lg_fit lg_fit;
+
+/* How a model is trained, as command lines and files say it: the hyperparameters of lg_fit_options. */
+typedef struct lg_training {
+    lg_dtype dtype;
+    uint64_t epochs; /* planned total */
+    uint64_t batch;
+    double lr;
+    lg_schedule_kind schedule;
+    uint64_t lr_step; /* step: epochs between two reductions */
+    double lr_gamma;  /* step: factor of a reduction; cosine: last factor, in [0, 1] */
+    double weight_decay;
+    double adam_eps;
+    double clip;       /* bound on the gradient's norm, 0 none */
+    double validation; /* fraction; above 0 the parameters of the best epoch are the result */
+    uint32_t shards;
+    uint64_t seed;
+} lg_training;
 
 /* After an epoch. */
 typedef struct lg_fit_epoch {
@@ -214,6 +232,8 @@ typedef struct lg_fit_options {
 
 /* The defaults named above. */
 LG_API void lg_fit_options_init(lg_fit_options *options);
+/* Sets the hyperparameters of *options, and leaves the rest. */
+LG_API void lg_training_apply(const lg_training *training, lg_fit_options *options);
 
 /* theta: `parameters` doubles, copied: where training starts (a warm start is any such vector). The context
  * must outlive the fit. `options` NULL: defaults. Errors: LG_INVALID_ARGUMENT (the sentence names the

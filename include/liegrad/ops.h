@@ -20,6 +20,9 @@ LG_API lg_var lg_mul(lg_tape *tape, lg_var a, lg_var b);
 LG_API lg_var lg_div(lg_tape *tape, lg_var a, lg_var b);
 LG_API lg_var lg_max(lg_tape *tape, lg_var a, lg_var b); /* larger of two; ties: derivative to a */
 
+/* (1 - z) u + z v elementwise, equal shapes: the gate of multiplicative networks in one node. */
+LG_API lg_var lg_mix(lg_tape *tape, lg_var z, lg_var u, lg_var v);
+
 /* sum_i c[i] x[i], equal shapes, 1 <= n <= 64: the linear combinations of Runge-Kutta stages in one node. */
 LG_API lg_var lg_combine(lg_tape *tape, const lg_var *x, const double *c, size_t n);
 

@@ -5,9 +5,14 @@
  * (reshape, contiguous slice) has no block of its own: its adjoint lies inside its parent's, so a weight's
  * gradient is accumulated straight into the caller's flat gradient. Of the caller's memory it is known what
  * holds numbers already: what does not is written by the first contribution, without being read or cleared.
+ *
+ * On request it bounds the norm of what it leaves in the caller's memory, by the triangle inequality over
+ * contributions: |A B| <= |A| |B| (Frobenius) for a product, where that is less work than to measure it; all
+ * else is measured while it is near.
  */
 #include "autodiff/sweep.h"
 
+#include <math.h>
 #include <string.h>
 
 enum { REACHED = 1, ASKED = 2 }; /* ASKED: one of the variables wanted */
@@ -75,8 +80,12 @@ typedef struct lg_sweep {
     target *targets; /* of the variables */
     uint32_t *lent;  /* 1 + the target in which the block lies, 0 for the pool's memory */
     uint8_t *reach;
-    uint8_t *owned; /* the block is the pool's, not the caller's or a parent's */
+    uint8_t *owned;     /* the block is the pool's, not the caller's or a parent's */
+    double *bound;      /* of the norm of the caller's memory; NULL when nobody asks */
+    uint64_t unbounded; /* bit k: the step in work writes input k's adjoint by itself; not in the bound yet */
 } lg_sweep;
+
+_Static_assert(LG_MAX_INPUTS <= 64, "a bit for each input");
 
 static size_t node_bytes(const lg_tape *tape, uint32_t i) {
     return tape->nodes[i].count * tape->k->size;
@@ -118,6 +127,16 @@ static bool untouched(const lg_tape *tape, lg_sweep *sweep, uint32_t i) {
     return first_touch(t, begin, begin + node_bytes(tape, i));
 }
 
+static double norm_of(const lg_tape *tape, size_t count, const void *value) {
+    return sqrt(tape->k->dot(count, value, value));
+}
+
+/* Adds what lies in node i's block to the bound, if that is the caller's memory. */
+static void add_to_bound(const lg_tape *tape, lg_sweep *sweep, uint32_t i, const void *value) {
+    if (sweep->bound == NULL || sweep->lent[i - sweep->range.lo] == 0) return;
+    *sweep->bound += norm_of(tape, tape->nodes[i].count, value);
+}
+
 /* Adds contribution v to node i's adjoint. A temporary that owns its value, and is its only reader, gives it
  * away when it is the first contribution. */
 static void contribute(lg_tape *tape, lg_sweep *sweep, uint32_t i, lg_var v, bool only_reader) {
@@ -125,6 +144,7 @@ static void contribute(lg_tape *tape, lg_sweep *sweep, uint32_t i, lg_var v, boo
     void *block = block_of(tape, sweep, i, false);
     if (tape->status != LG_OK) return;
     lg_node *from = &tape->nodes[v.index];
+    add_to_bound(tape, sweep, i, from->value);
     if (block != NULL && untouched(tape, sweep, i)) {
         memcpy(block, from->value, node_bytes(tape, i));
     } else if (block != NULL) {
@@ -162,12 +182,40 @@ void *lg_reverse_into(lg_reverse *r, uint32_t k, bool *add) {
     void *block = block_of(tape, r->sweep, i, false);
     if (tape->status != LG_OK) return NULL;
     *add = block != NULL && !untouched(tape, r->sweep, i);
+    r->sweep->unbounded |= (uint64_t)1 << k;
     if (block != NULL) return block;
     block = lg_pool_take(tape, node_bytes(tape, i));
     if (block == NULL) return NULL;
     r->sweep->block[at] = block;
     r->sweep->owned[at] = 1;
     return block;
+}
+
+/* The adjoint of an asked variable or a view may hold numbers that are not its own: it counts as started. */
+bool lg_reverse_started(const lg_reverse *r, uint32_t k) {
+    const uint32_t i = r->in[k].index, at = i - r->sweep->range.lo;
+    return r->sweep->block[at] != NULL || inside_parent(r->sweep, &r->tape->nodes[i], at);
+}
+
+void lg_reverse_three(lg_reverse *r, lg_reverse_kernel kernel, size_t n) {
+    const void *in[3];
+    void *out[3] = {NULL, NULL, NULL};
+    bool add[3] = {false, false, false};
+    for (uint32_t k = 0; k < 3; k++) {
+        in[k] = lg_node_at(r->tape, r->in[k])->value;
+        if (r->need[k] && r->tape->status == LG_OK) out[k] = lg_reverse_into(r, k, &add[k]);
+    }
+    if (r->tape->status == LG_OK) kernel(n, in, lg_node_at(r->tape, r->g)->value, out, add);
+}
+
+/* Takes the product of a and b into the bound if that is less work than to measure it. */
+static void bound_product(lg_reverse *r, uint32_t k, const lg_node *a, const lg_node *b) {
+    lg_sweep *sweep = r->sweep;
+    const uint32_t i = r->in[k].index;
+    if (sweep->bound == NULL || sweep->lent[i - sweep->range.lo] == 0) return;
+    if (a->count + b->count > r->tape->nodes[i].count) return;
+    *sweep->bound += norm_of(r->tape, a->count, a->value) * norm_of(r->tape, b->count, b->value);
+    sweep->unbounded &= ~((uint64_t)1 << k);
 }
 
 void lg_reverse_matmul(lg_reverse *r, uint32_t k, uint32_t variant, lg_var a, lg_var b) {
@@ -186,6 +234,7 @@ void lg_reverse_matmul(lg_reverse *r, uint32_t k, uint32_t variant, lg_var a, lg
     const lg_node *na = lg_node_at(tape, a), *nb = lg_node_at(tape, b);
     const size_t inner = na->shape.dims[variant == 2 ? 0 : 1];
     lg_gemm(tape, variant, shape->dims[0], shape->dims[1], inner, na->value, nb->value, b.index, block, add);
+    bound_product(r, k, na, nb);
 }
 
 /* Frees what a vjp left behind: nodes after the mark, their pool blocks, payload. */
@@ -219,16 +268,21 @@ static void unrecorded_step(lg_tape *tape, lg_sweep *sweep, uint32_t i, void *bl
     uint32_t inputs = tape->nodes[i].inputs;
     lg_var g = lg_record_value(tape, LG_OP_LEAF, NULL, 0, NULL, tape->nodes[i].shape, block, 0);
     if (tape->status != LG_OK) return;
+    sweep->unbounded = 0;
     lg_reverse_step(tape, sweep->range, sweep->reach, sweep, i, g, in, need, out);
-    for (uint32_t k = 0; k < inputs && tape->status == LG_OK; k++)
+    for (uint32_t k = 0; k < inputs && tape->status == LG_OK; k++) {
+        if (sweep->unbounded >> k & 1)
+            add_to_bound(tape, sweep, in[k].index, sweep->block[in[k].index - sweep->range.lo]);
         if (need[k] && !lg_is_none(out[k]))
             contribute(tape, sweep, in[k].index, out[k], unshared(tape, out, inputs, k));
+    }
     drop_temporaries(tape, before);
 }
 
 /* A variable that is a leaf has the caller's buffer as its block; any other has a block of its own that goes
  * to the caller's when complete. */
-static void hand_out(const lg_tape *tape, uint32_t i, const void *block, target *t) {
+static void hand_out(const lg_tape *tape, lg_sweep *sweep, uint32_t i, const void *block, target *t) {
+    if (sweep->bound != NULL) *sweep->bound += norm_of(tape, tape->nodes[i].count, block);
     if (first_touch(t, 0, t->bytes))
         memcpy(t->base, block, t->bytes);
     else
@@ -243,7 +297,7 @@ static void unrecorded_sweep(lg_tape *tape, lg_sweep *sweep, const lg_var *wrt, 
         if (tape->nodes[i].inputs > 0) {
             unrecorded_step(tape, sweep, i, block);
             for (size_t w = 0; sweep->reach[at] == ASKED && w < n; w++)
-                if (wrt[w].index == i) hand_out(tape, i, block, &sweep->targets[w]);
+                if (wrt[w].index == i) hand_out(tape, sweep, i, block, &sweep->targets[w]);
         }
         if (sweep->owned[at]) {
             lg_pool_give(tape, block, node_bytes(tape, i));
@@ -299,8 +353,8 @@ static void sweep_back(lg_tape *tape, lg_sweep *sweep, lg_var y, const lg_var *w
     tape->unrecorded = false;
 }
 
-static lg_status backward(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, void *const *grad,
-                          bool added) {
+static lg_status backward(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, void *const *grad, bool added,
+                          double *bound) {
     if (!lg_valid_list(tape, &y, 1, "backward") || !lg_valid_list(tape, wrt, n, "backward"))
         return tape->status;
     if (tape->unrecorded) {
@@ -308,7 +362,7 @@ static lg_status backward(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, 
         return tape->status;
     }
     if (n == 0) return LG_OK;
-    lg_sweep sweep = {.range = lg_range_of(&y, 1, wrt, n)};
+    lg_sweep sweep = {.range = lg_range_of(&y, 1, wrt, n), .bound = bound};
     const size_t length = (size_t)sweep.range.hi - sweep.range.lo + 1;
     const size_t each = sizeof *sweep.block + sizeof *sweep.lent + sizeof *sweep.reach + sizeof *sweep.owned;
     const size_t bytes = length * each + n * sizeof *sweep.targets;
@@ -325,9 +379,15 @@ static lg_status backward(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, 
 }
 
 lg_status lg_backward(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, void *const *grad) {
-    return backward(tape, y, wrt, n, grad, true);
+    return backward(tape, y, wrt, n, grad, true, NULL);
 }
 
 lg_status lg_backward_set(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, void *const *grad) {
-    return backward(tape, y, wrt, n, grad, false);
+    return backward(tape, y, wrt, n, grad, false, NULL);
+}
+
+lg_status lg_backward_set_bounded(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, void *const *grad,
+                                  double *bound) {
+    *bound = 0.0;
+    return backward(tape, y, wrt, n, grad, false, bound);
 }

@@ -208,6 +208,52 @@ lg_var lg_max(lg_tape *tape, lg_var a, lg_var b) {
     return binary(tape, LG_OP_MAX, a, b);
 }
 
+/* ---- y = (1 - z) u + z v ---- */
+
+static lg_status mix_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+    (void)inputs, (void)attr;
+    if (!lg_same_shape(&in[0]->shape, &in[1]->shape) || !lg_same_shape(&in[0]->shape, &in[2]->shape))
+        return LG_SHAPE;
+    *out = in[0]->shape;
+    return LG_OK;
+}
+
+static lg_status mix_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    tape->k->mix(out->count, in[0]->value, in[1]->value, in[2]->value, out->value);
+    return LG_OK;
+}
+
+/* dz = g (v - u), du = g (1 - z) = g - dv, dv = g z */
+static void mix_vjp(lg_reverse *r) {
+    lg_tape *t = r->tape;
+    if (lg_reverse_in_place(r)) {
+        lg_reverse_three(r, t->k->mix_reverse, lg_node_at(t, r->y)->count);
+        return;
+    }
+    if (r->need[0]) r->out[0] = lg_mul(t, r->g, lg_sub(t, r->in[2], r->in[1]));
+    if (!r->need[1] && !r->need[2]) return;
+    const lg_var to_v = lg_mul(t, r->g, r->in[0]);
+    if (r->need[1]) r->out[1] = lg_sub(t, r->g, to_v);
+    if (r->need[2]) r->out[2] = to_v;
+}
+
+static lg_var mix_jvp(const lg_forward *f) {
+    lg_tape *t = f->tape;
+    lg_var from_z = LG_NONE, from_u = LG_NONE, from_v = LG_NONE;
+    if (!lg_is_none(f->tangents[0])) from_z = lg_mul(t, f->tangents[0], lg_sub(t, f->in[2], f->in[1]));
+    if (!lg_is_none(f->tangents[1]))
+        from_u = lg_mul(t, f->tangents[1], lg_shift(t, lg_neg(t, f->in[0]), 1.0));
+    if (!lg_is_none(f->tangents[2])) from_v = lg_mul(t, f->tangents[2], f->in[0]);
+    return lg_add_or(t, from_z, lg_add_or(t, from_u, from_v));
+}
+
+const lg_op lg_op_mix = {"mix", 0, mix_shape, mix_forward, mix_vjp, mix_jvp};
+
+lg_var lg_mix(lg_tape *tape, lg_var z, lg_var u, lg_var v) {
+    const lg_var in[3] = {z, u, v};
+    return lg_record(tape, LG_OP_MIX, in, 3, NULL);
+}
+
 /* ---- linear combination; attr.pointer = coefficients (payload) ---- */
 
 static lg_status combine_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr,

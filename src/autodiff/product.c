@@ -78,7 +78,7 @@ static void run(lg_tape *tape, product *p) {
         return;
     }
     p->by_rows = p->m > p->n;
-    const size_t whole = p->by_rows ? p->m : p->n, unit = p->by_rows ? 8 : 64;
+    const size_t whole = p->by_rows ? p->m : p->n, unit = p->by_rows ? 8 : 16;
     const size_t pieces = 2 * (size_t)tape->options.threads;
     p->piece = (whole + pieces * unit - 1) / (pieces * unit) * unit;
     lg_pool_run(tape->workers, (whole + p->piece - 1) / p->piece, run_piece, p);

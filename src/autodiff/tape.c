@@ -51,6 +51,7 @@ void lg_tape_destroy(lg_tape *tape) {
     lg_free(tape->context, tape->nodes);
     lg_free(tape->context, tape->parents);
     lg_free(tape->context, tape->transposed);
+    lg_free(tape->context, tape->lasting);
     lg_free(tape->context, tape);
 }
 
@@ -256,7 +257,9 @@ lg_var lg_record_value(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t 
     return commit(tape, inputs);
 }
 
-lg_var lg_record(lg_tape *tape, lg_op_code code, const lg_var *in, uint32_t inputs, const lg_attr *attr) {
+/* `over`: the value is that of the first input. */
+static lg_var record(lg_tape *tape, lg_op_code code, const lg_var *in, uint32_t inputs, const lg_attr *attr,
+                     bool over) {
     const lg_op *op = lg_ops[code];
     const lg_node *nodes[LG_MAX_INPUTS];
     if (tape->status != LG_OK) return LG_NONE;
@@ -270,7 +273,7 @@ lg_var lg_record(lg_tape *tape, lg_op_code code, const lg_var *in, uint32_t inpu
     lg_status status = op->shape(nodes, inputs, attr, &shape);
     if (status == LG_SHAPE) return lg_fail_shapes(tape, op->name, nodes, inputs);
     if (status != LG_OK) return lg_tape_fail(tape, status, op->name, lg_status_sentence(status));
-    void *value = lg_value_allocate(tape, lg_shape_count(shape));
+    void *value = over ? nodes[0]->value : lg_value_allocate(tape, lg_shape_count(shape));
     if (value == NULL) return LG_NONE;
     lg_node *node = append_node(tape, code, in, inputs, attr, shape, value,
                                 tape->unrecorded ? (uint32_t)LG_NODE_POOLED : 0u);
@@ -279,7 +282,17 @@ lg_var lg_record(lg_tape *tape, lg_op_code code, const lg_var *in, uint32_t inpu
         if (tape->unrecorded) lg_pool_give(tape, value, node->count * tape->k->size);
         return lg_tape_fail(tape, status, op->name, lg_status_sentence(status));
     }
+    if (over) tape->nodes[in[0].index].flags |= LG_NODE_NO_VALUE;
     return commit(tape, inputs);
+}
+
+lg_var lg_record(lg_tape *tape, lg_op_code code, const lg_var *in, uint32_t inputs, const lg_attr *attr) {
+    return record(tape, code, in, inputs, attr, false);
+}
+
+lg_var lg_record_over(lg_tape *tape, lg_op_code code, const lg_var *in, uint32_t inputs,
+                      const lg_attr *attr) {
+    return record(tape, code, in, inputs, attr, true);
 }
 
 lg_status lg_given_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
@@ -305,18 +318,68 @@ lg_var lg_zero_jvp(const lg_forward *f) {
     return lg_zeros_like(f->tape, f->y);
 }
 
-const void *lg_transposed(lg_tape *tape, uint32_t index) {
-    lg_node *node = &tape->nodes[index];
-    if (node->transposed != NULL) return node->transposed;
+/* ---- transposes ---- */
+
+void lg_tape_constant(lg_tape *tape, const void *memory, size_t bytes) {
+    for (uint32_t i = 0; i < tape->lasting_count; i++) {
+        const lg_lasting *l = &tape->lasting[i];
+        lg_pool_give(tape, l->transposed, (size_t)l->rows * l->cols * tape->k->size);
+    }
+    tape->lasting_count = 0;
+    tape->constant = memory;
+    tape->constant_bytes = bytes;
+}
+
+static bool is_constant(const lg_tape *tape, const lg_node *node) {
+    const uintptr_t at = (uintptr_t)node->value - (uintptr_t)tape->constant;
+    return at < tape->constant_bytes && node->count * tape->k->size <= tape->constant_bytes - at;
+}
+
+static void *lasting_transpose(const lg_tape *tape, const lg_node *node) {
+    for (uint32_t i = 0; i < tape->lasting_count; i++) {
+        const lg_lasting *l = &tape->lasting[i];
+        if (l->value == node->value && l->rows == node->shape.dims[0] && l->cols == node->shape.dims[1])
+            return l->transposed;
+    }
+    return NULL;
+}
+
+static void *make_transpose(lg_tape *tape, const lg_node *node) {
+    void *memory = lg_pool_take(tape, node->count * tape->k->size);
+    if (memory != NULL) tape->k->transpose(node->shape.dims[0], node->shape.dims[1], node->value, memory);
+    return memory;
+}
+
+static void *new_lasting(lg_tape *tape, const lg_node *node) {
+    if (!lg_grow(tape, (void **)&tape->lasting, &tape->lasting_capacity, tape->lasting_count + 1,
+                 sizeof *tape->lasting))
+        return NULL;
+    void *memory = make_transpose(tape, node);
+    if (memory == NULL) return NULL;
+    tape->lasting[tape->lasting_count++] =
+        (lg_lasting){node->value, memory, node->shape.dims[0], node->shape.dims[1]};
+    return memory;
+}
+
+static void *new_owned(lg_tape *tape, const lg_node *node, uint32_t index) {
     if (!lg_grow(tape, (void **)&tape->transposed, &tape->transposed_capacity, tape->transposed_count + 1,
                  sizeof *tape->transposed))
         return NULL;
-    void *memory = lg_pool_take(tape, node->count * tape->k->size);
-    if (memory == NULL) return NULL;
-    tape->k->transpose(node->shape.dims[0], node->shape.dims[1], node->value, memory);
-    node->transposed = memory;
-    tape->transposed[tape->transposed_count++] = index;
+    void *memory = make_transpose(tape, node);
+    if (memory != NULL) tape->transposed[tape->transposed_count++] = index;
     return memory;
+}
+
+const void *lg_transposed(lg_tape *tape, uint32_t index) {
+    lg_node *node = &tape->nodes[index];
+    if (node->transposed != NULL) return node->transposed;
+    if (is_constant(tape, node)) {
+        node->transposed = lasting_transpose(tape, node);
+        if (node->transposed == NULL) node->transposed = new_lasting(tape, node);
+    } else {
+        node->transposed = new_owned(tape, node, index);
+    }
+    return node->transposed;
 }
 
 /* ---- leaves ---- */

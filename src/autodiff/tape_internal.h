@@ -23,6 +23,7 @@
     X(DIV, div)                                                                                              \
     X(MAX, max)                                                                                              \
     X(GE, ge)                                                                                                \
+    X(MIX, mix)                                                                                              \
     X(COMBINE, combine)                                                                                      \
     X(SCALE, scale)                                                                                          \
     X(SHIFT, shift)                                                                                          \
@@ -37,6 +38,8 @@
     X(STOP, stop_gradient)                                                                                   \
     X(ACT, act)                                                                                              \
     X(ACT_DERIVATIVE, act_derivative)                                                                        \
+    X(DUAL_ACT, dual_act)                                                                                    \
+    X(DUAL_MIX, dual_mix)                                                                                    \
     X(MATMUL, matmul)                                                                                        \
     X(REDUCE, reduce)                                                                                        \
     X(REPEAT, repeat)                                                                                        \
@@ -81,7 +84,7 @@ enum {
 
 typedef struct lg_node {
     void *value;
-    void *transposed; /* cached transpose of a rank-2 value, a pool block; NULL until asked for */
+    void *transposed; /* transpose of a rank-2 value; NULL until asked for. Its owner: see lg_transposed */
     size_t count;
     lg_attr attr;
     lg_shape shape;
@@ -109,6 +112,13 @@ typedef struct lg_pool_memory {
     void *free[LG_POOL_CLASSES];
 } lg_pool_memory;
 
+/* The transpose of a (rows, cols) matrix outside the tape, a pool block. */
+typedef struct lg_lasting {
+    const void *value;
+    void *transposed;
+    uint32_t rows, cols;
+} lg_lasting;
+
 #define LG_SCOPE_DEPTH 8
 
 struct lg_tape {
@@ -124,8 +134,12 @@ struct lg_tape {
     uint32_t parents_count, parents_capacity;
     lg_arena arena;
     lg_pool_memory pool;
-    uint32_t *transposed; /* indices of the nodes that own a cached transpose */
+    uint32_t *transposed; /* indices of the nodes that own their transpose */
     uint32_t transposed_count, transposed_capacity;
+    const unsigned char *constant; /* see lg_tape_constant */
+    size_t constant_bytes;
+    lg_lasting *lasting;
+    uint32_t lasting_count, lasting_capacity;
 
     uint32_t generation;
     bool unrecorded; /* values come from the pool */
@@ -189,6 +203,9 @@ lg_var lg_record(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs
 /* Records a node whose value is given (a view, a fused result): shape rule and forward are not run. */
 lg_var lg_record_value(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, const lg_attr *attr,
                        lg_shape shape, void *value, uint32_t flags);
+/* lg_record of an operation that works in place of its first input's value, which becomes its own: the
+ * input's node must be the newest, and its value never be read again. Recorded mode only. */
+lg_var lg_record_over(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, const lg_attr *attr);
 /* For operations whose public function has worked out the output's shape: their shape rule is lg_given_shape.
  */
 lg_var lg_record_shaped(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, lg_attr attr,
@@ -212,8 +229,12 @@ lg_var lg_fail_shapes(lg_tape *tape, const char *operation, const lg_node *const
 void *lg_value_allocate(lg_tape *tape, size_t count);
 /* Payload that lives as long as the nodes recorded now (indices and the like). NULL: error set. */
 void *lg_payload_allocate(lg_tape *tape, size_t bytes);
-/* Transpose of a rank-2 node's value, cached with the node. NULL: error set. */
+/* Transpose of a rank-2 node's value, made once: it lasts as long as the node, or as the memory that has been
+ * declared constant. NULL: error set. */
 const void *lg_transposed(lg_tape *tape, uint32_t node);
+/* Promises that all that is done on the tape until the next such call finds these bytes, which lg_parameter
+ * points to, as they are now: what is derived from them survives lg_tape_reset. NULL, 0: no promise. */
+void lg_tape_constant(lg_tape *tape, const void *memory, size_t bytes);
 
 /* ---- memory ---- */
 void *lg_arena_allocate(lg_tape *tape, lg_arena *arena, size_t bytes);
@@ -233,12 +254,26 @@ bool lg_reverse_in_place(const lg_reverse *r);
 /* Then: memory of input k's adjoint. *add: it holds numbers already and is added to; else it is to be
  * written, all of it. NULL: error set. */
 void *lg_reverse_into(lg_reverse *r, uint32_t k, bool *add);
+/* Whether something has been added to input k's adjoint already. */
+bool lg_reverse_started(const lg_reverse *r, uint32_t k);
+/* Where lg_reverse_in_place: cotangents of three inputs at once, by a kernel of the form of mix_reverse; n is
+ * handed to it. */
+typedef void (*lg_reverse_kernel)(size_t n, const void *const *in, const void *g, void *const *out,
+                                  const bool *add);
+void lg_reverse_three(lg_reverse *r, lg_reverse_kernel kernel, size_t n);
 /* out[k] = product of the variant (0 nn, 1 nt, 2 tn); unrecorded it goes into the adjoint in place. */
 void lg_reverse_matmul(lg_reverse *r, uint32_t k, uint32_t variant, lg_var a, lg_var b);
 /* c + op(a) op(b) into memory; variant as above; chooses own kernel or BLAS. a (m, k) after op, b (k, n)
  * after op. */
 void lg_gemm(lg_tape *tape, uint32_t variant, size_t m, size_t n, size_t k, const void *a, const void *b,
              uint32_t b_node, void *c, bool accumulate);
+
+/* lg_backward_set that also tells how large the result is at most: *bound is the norm of all of grad or above
+ * it, up to rounding; where it is within the type's range, all numbers on the way to grad and in it are
+ * finite. It costs less than to measure the gradient where that is mostly made of products of small factors.
+ */
+lg_status lg_backward_set_bounded(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, void *const *grad,
+                                  double *bound);
 
 /* Planted errors. With a plant on the tape: whether it strikes this node's vjp or jvp;
  * its mutation of what a vjp has put out; a jvp with its mutation. */

@@ -32,6 +32,24 @@ void lg_fit_options_init(lg_fit_options *options) {
     };
 }
 
+void lg_training_apply(const lg_training *training, lg_fit_options *options) {
+    options->dtype = training->dtype;
+    options->epochs = training->epochs;
+    options->batch = (size_t)training->batch;
+    options->shards = training->shards;
+    options->adam.lr = training->lr;
+    options->adam.weight_decay = training->weight_decay;
+    options->adam.eps = training->adam_eps;
+    options->clip_norm = training->clip;
+    options->schedule.kind = training->schedule;
+    options->schedule.every = training->lr_step;
+    options->schedule.gamma = training->lr_gamma;
+    options->schedule.floor = training->schedule == LG_SCHEDULE_COSINE ? training->lr_gamma : 0.0;
+    options->seed = training->seed;
+    options->validation = training->validation;
+    options->keep_best = training->validation > 0;
+}
+
 static bool positive(double x) {
     return x > 0.0 && isfinite(x);
 }

@@ -28,6 +28,7 @@ typedef struct lg_shard {
     const uint32_t *samples;
     size_t count;
     double loss;
+    double bound; /* of the gradient's norm; infinite where none is known */
     lg_status status;
 } lg_shard;
 

@@ -6,11 +6,18 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "autodiff/tape_internal.h"
 #include "nn/fit_internal.h"
 
 /* Blocks are handed to threads when there are at least so many; below, waking them costs more than they save.
  */
 #define PARALLEL_BLOCKS 16
+
+/* A gradient that one sweep writes and nobody adds to needs no pass over it when its norm is only wanted to
+ * be moderate. */
+static bool bound_suffices(const lg_fit *fit, const lg_shard *shard, size_t count) {
+    return fit->active == 1 && count == shard->count && fit->options.clip_norm == 0.0;
+}
 
 /* Adds loss and gradient of `count` samples to the shard's; the first chunk of a shard sets its gradient. */
 static lg_status chunk_loss(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count) {
@@ -28,16 +35,21 @@ static lg_status chunk_loss(const lg_fit *fit, lg_shard *shard, const uint32_t *
     shard->loss += value;
     if (!fit->with_gradient || !isfinite(shard->loss)) return LG_OK;
     void *gradient = shard->gradient;
+    if (bound_suffices(fit, shard, count))
+        return lg_backward_set_bounded(tape, loss, &theta, 1, &gradient, &shard->bound);
     if (samples == shard->samples) return lg_backward_set(tape, loss, &theta, 1, &gradient);
     return lg_backward(tape, loss, &theta, 1, &gradient);
 }
 
 /* Large shards pass over the tape in chunks: their values stay in the cache and memory is bounded. */
 static lg_status shard_loss(const lg_fit *fit, lg_shard *shard) {
+    const size_t chunk = fit->problem.chunk > 0 ? fit->problem.chunk : LG_FIT_CHUNK;
     shard->loss = 0.0;
-    for (size_t at = 0; at < shard->count; at += LG_FIT_CHUNK) {
+    shard->bound = INFINITY;
+    lg_tape_constant(shard->tape, fit->state.theta, fit->problem.parameters * fit->k->size);
+    for (size_t at = 0; at < shard->count; at += chunk) {
         const size_t rest = shard->count - at;
-        LG_TRY(chunk_loss(fit, shard, shard->samples + at, rest < LG_FIT_CHUNK ? rest : LG_FIT_CHUNK));
+        LG_TRY(chunk_loss(fit, shard, shard->samples + at, rest < chunk ? rest : chunk));
     }
     return LG_OK;
 }
@@ -101,6 +113,14 @@ static void reduce_block(void *user, size_t block) {
             fit->k->axpy(n, 1.0, fit->shards[i + stride].gradient + at, fit->shards[i].gradient + at);
     const char *gradient = fit->shards[0].gradient + at;
     fit->partial[block] = fit->k->dot(n, gradient, gradient);
+}
+
+/* Norm of the sum of the shards' gradients, which is then in the first one's. */
+static double reduced_norm(lg_fit *fit) {
+    double squared = 0.0;
+    for_blocks(fit, reduce_block);
+    for (size_t i = 0; i < fit->blocks; i++) squared += fit->partial[i];
+    return sqrt(squared);
 }
 
 /* Adam's step is at most lr rate C with C = (1 - beta1^2/beta2)^{-1/2} (1 - beta2)^{-1/2} (Cauchy-Schwarz on
@@ -172,14 +192,14 @@ lg_status lg_fit_step(lg_fit *fit, const uint32_t *samples, size_t count, double
     double value = 0.0;
     LG_TRY(lg_fit_batch_loss(fit, samples, count, true, what, &value, error));
 
-    for_blocks(fit, reduce_block);
-    double squared = 0.0;
-    for (size_t i = 0; i < fit->blocks; i++) squared += fit->partial[i];
-    if (!isfinite(squared)) return gradient_failure(fit, what, error);
-
-    fit->clip = lg_clip_factor(sqrt(squared), fit->options.clip_norm);
+    double norm = fit->shards[0].bound;
+    if (may_overflow(fit, norm, rate)) {
+        norm = reduced_norm(fit);
+        if (!isfinite(norm)) return gradient_failure(fit, what, error);
+    }
+    fit->clip = lg_clip_factor(norm, fit->options.clip_norm);
     fit->rate = rate;
-    fit->careful = may_overflow(fit, sqrt(squared) * fit->clip, rate);
+    fit->careful = may_overflow(fit, norm * fit->clip, rate);
     for_blocks(fit, adam_block);
     for (size_t i = 0; i < fit->blocks; i++)
         if (fit->overflowed[i]) return step_failure(fit, what, error);

@@ -7,9 +7,8 @@
  */
 #include <string.h>
 
-#include "autodiff/kernels/kernels.h"
-#include "core/core.h"
 #include "liegrad/nn.h"
+#include "nn/eval.h"
 
 /* Which of z and the helper h the derivative of an activation reads, as kernels.h says; h is the activation's
  * own value, or sigmoid(z). */
@@ -33,10 +32,6 @@ typedef struct run {
     char *transposed;   /* the largest hidden W^T, for more than one row */
 } run;
 
-static size_t padded(size_t bytes) {
-    return (bytes + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT;
-}
-
 static size_t widest(const lg_mlp *net) {
     size_t width = 0;
     for (uint32_t l = 0; l <= net->layers; l++)
@@ -53,29 +48,25 @@ static size_t largest_weight(const lg_mlp *net) {
     return largest;
 }
 
-static char *take(char **work, size_t bytes) {
-    char *piece = *work;
-    *work += padded(bytes);
-    return piece;
-}
-
-static run layout(const lg_mlp *net, lg_dtype dtype, const void *theta, size_t rows, void *work) {
+/* With `work` NULL only *bytes is of use. */
+static run layout(const lg_mlp *net, lg_dtype dtype, const void *theta, size_t rows, void *work,
+                  size_t *bytes) {
     run r = {.net = net, .k = lg_kernels_for(dtype), .theta = theta, .rows = rows};
     char *rest = work;
+    *bytes = 0;
     for (uint32_t l = 0; l + 1 < net->layers; l++) {
-        r.z[l] = take(&rest, rows * net->width[l + 1] * r.k->size);
-        r.h[l] = take(&rest, rows * net->width[l + 1] * r.k->size);
+        r.z[l] = eval_take(&rest, bytes, rows * net->width[l + 1] * r.k->size);
+        r.h[l] = eval_take(&rest, bytes, rows * net->width[l + 1] * r.k->size);
     }
     for (size_t i = 0; i < LG_COUNT(r.temporary); i++)
-        r.temporary[i] = take(&rest, rows * widest(net) * r.k->size);
-    r.transposed = rest;
+        r.temporary[i] = eval_take(&rest, bytes, rows * widest(net) * r.k->size);
+    r.transposed = eval_take(&rest, bytes, largest_weight(net) * r.k->size);
     return r;
 }
 
 size_t lg_mlp_work_size(const lg_mlp *net, size_t rows, lg_dtype dtype) {
-    const size_t size = dtype == LG_F64 ? sizeof(double) : sizeof(float);
-    size_t bytes = 3 * padded(rows * widest(net) * size) + padded(largest_weight(net) * size);
-    for (uint32_t l = 0; l + 1 < net->layers; l++) bytes += 2 * padded(rows * net->width[l + 1] * size);
+    size_t bytes;
+    (void)layout(net, dtype, NULL, rows, NULL, &bytes);
     return bytes;
 }
 
@@ -89,23 +80,13 @@ static const void *bias(const run *r, uint32_t l) {
 
 /* y (rows, width[l + 1]) = a W_l */
 static void multiply(const run *r, uint32_t l, const void *a, void *y) {
-    const size_t in = r->net->width[l], out = r->net->width[l + 1];
-    r->k->gemm(r->rows, out, in, a, in, 1, weight(r, l), out, y, out, false);
+    eval_multiply(r->k, r->rows, r->net->width[l], r->net->width[l + 1], a, weight(r, l), y, false);
 }
 
-/* y (rows, width[l]) = g W_l^T. One row: W times a column. One output: W^T lies in memory as W
- * does. */
-static void multiply_transposed(const run *r, uint32_t l, const char *g, char *y) {
-    const size_t in = r->net->width[l], out = r->net->width[l + 1];
-    const void *w = weight(r, l);
-    if (out == 1) {
-        r->k->gemm(r->rows, in, 1, g, 1, 1, w, in, y, in, false);
-    } else if (r->rows == 1) {
-        r->k->matvec(in, out, w, g, y, false);
-    } else {
-        r->k->transpose(in, out, w, r->transposed);
-        r->k->gemm(r->rows, in, out, g, out, 1, r->transposed, in, y, in, false);
-    }
+/* y (rows, width[l]) = g W_l^T */
+static void multiply_transposed(const run *r, uint32_t l, const void *g, void *y) {
+    eval_multiply_transposed(r->k, r->rows, r->net->width[l], r->net->width[l + 1], g, weight(r, l),
+                             r->transposed, y, false);
 }
 
 /* The hidden layer's z from its input; then h, where the derivative needs one. Returns h or NULL. */
@@ -140,7 +121,8 @@ static void last_layer(const run *r, const void *a, void *y) {
 
 void lg_mlp_eval(const lg_mlp *net, lg_dtype dtype, const void *theta, const void *x, size_t rows, void *y,
                  void *work) {
-    const run r = layout(net, dtype, theta, rows, work);
+    size_t bytes;
+    const run r = layout(net, dtype, theta, rows, work, &bytes);
     const void *a = x;
     for (uint32_t l = 0; l + 1 < net->layers; l++) {
         multiply(&r, l, a, r.z[l]);
@@ -162,7 +144,8 @@ static const void *forward(const run *r, const void *x) {
 
 void lg_mlp_input_gradient(const lg_mlp *net, lg_dtype dtype, const void *theta, const void *x, size_t rows,
                            const void *cotangent, void *y, void *gradient, void *work) {
-    const run r = layout(net, dtype, theta, rows, work);
+    size_t bytes;
+    const run r = layout(net, dtype, theta, rows, work, &bytes);
     const void *a = forward(&r, x);
     if (y != NULL) last_layer(&r, a, y);
     const char *g = cotangent;
@@ -181,7 +164,8 @@ void lg_mlp_input_gradient(const lg_mlp *net, lg_dtype dtype, const void *theta,
 
 void lg_mlp_jvp(const lg_mlp *net, lg_dtype dtype, const void *theta, const void *x, const void *tangent,
                 size_t rows, void *y, void *dy, void *work) {
-    const run r = layout(net, dtype, theta, rows, work);
+    size_t bytes;
+    const run r = layout(net, dtype, theta, rows, work, &bytes);
     const void *a = x, *da = tangent;
     for (uint32_t l = 0; l + 1 < net->layers; l++) {
         const void *h = pre_activate(&r, l, a);

@@ -17,7 +17,7 @@
 #include <time.h>
 #include <unistd.h>
 
-enum { CLI_TEXT = 65536, CLI_WORDS = 64 };
+enum { CLI_TEXT = 262144, CLI_WORDS = 64 };
 
 typedef struct cli {
     int code; /* exit code; 1000 + signal when killed */
@@ -77,6 +77,13 @@ static inline void cli_write(const char *name, const char *text) {
     assert_non_null(file);
     assert_true(fputs(text, file) >= 0);
     assert_int_equal(fclose(file), 0);
+}
+
+/* A symbolic link `name` to `target`, both in the folder. */
+static inline void cli_link(const char *target, const char *name) {
+    char path[1024];
+    cli_path(name, path, sizeof path);
+    assert_int_equal(symlink(target, path), 0);
 }
 
 static inline size_t cli_read(const char *name, char *out, size_t size) {

@@ -59,6 +59,7 @@ OP(sub, lg_sub(t, v, good(t)))
 OP(mul, lg_mul(t, v, good(t)))
 OP(div, lg_div(t, good(t), v))
 OP(max, lg_max(t, v, good(t)))
+OP(mix, lg_mix(t, good(t), v, good(t)))
 OP(combine, lg_combine(t, (lg_var[3]){good(t), v, good(t)}, weights3, 3))
 OP(neg, lg_neg(t, v))
 OP(scale, lg_scale(t, v, 2))
@@ -145,6 +146,7 @@ static const struct {
     ROW(mul, "mul"),
     ROW(div, "div"),
     ROW(max, "max"),
+    ROW(mix, "mix"),
     ROW(combine, "combine"),
     ROW(neg, "scale"),
     ROW(scale, "scale"),
@@ -359,6 +361,7 @@ static const int beyond[2] = {0, 2};
     X(lg_div(t, V1(4), V1(3)), LG_SHAPE, "div", "(4)", "(3)")                                                \
     X(lg_max(t, V2(4, 1), V1(3)), LG_OK, NULL, NULL, NULL)                                                   \
     X(lg_max(t, V2(4, 2), V1(3)), LG_SHAPE, "max", "(4, 2)", "(3)")                                          \
+    X(lg_mix(t, V1(3), V1(3), V1(4)), LG_SHAPE, "mix", "(3)", "(4)")                                         \
     X(lg_combine(t, (lg_var[2]){V1(3), V1(4)}, weights3, 2), LG_SHAPE, "combine", "(3)", "(4)")              \
     X(lg_combine(t, NULL, weights3, 0), LG_INVALID_ARGUMENT, "combine", "number of terms", NULL)             \
     X(lg_mse(t, V1(4), V1(3)), LG_SHAPE, "mse", "(4)", "(3)")                                                \
@@ -924,7 +927,7 @@ static void test_backward_set(void **state) {
     enum { N = 60, UNUSED = 5 };
     lg_rng rng;
     lg_rng_seed(&rng, 7, 0);
-    double theta[N], unused[UNUSED] = {0}, set[2][N], apart[2][UNUSED], inner[2][N];
+    double theta[N], unused[UNUSED] = {0}, set[2][N], apart[2][UNUSED], inner[2][N], bound, sum;
     for (int i = 0; i < N; i++) theta[i] = lg_rng_uniform_in(&rng, -1, 1);
     for (uint32_t views = 1; views < 60; views++) {
         lg_tape *t = new_tape(LG_F64);
@@ -945,13 +948,54 @@ static void test_backward_set(void **state) {
             for (int i = 0; i < UNUSED; i++) apart[0][i] = 0, apart[1][i] = NAN;
             void *zeros[3] = {set[0], apart[0], inner[0]}, *nans[3] = {set[1], apart[1], inner[1]};
             assert_ok(lg_backward(t, y, wrt, n, zeros));
-            assert_ok(lg_backward_set(t, y, wrt, n, nans));
+            assert_ok(views % 2 == 0 ? lg_backward_set(t, y, wrt, n, nans)
+                                     : lg_backward_set_bounded(t, y, wrt, n, nans, &bound));
+            sum = 0;
+            for (int i = 0; i < N; i++)
+                sum += set[0][i] * set[0][i] + (n == 3 ? inner[0][i] * inner[0][i] : 0);
+            assert_true(views % 2 == 0 || (bound >= (1 - 1e-12) * sqrt(sum) && bound < 100 * sqrt(sum)));
             for (int i = 0; i < N; i++) assert_close(set[1][i], set[0][i], 0, 0);
             for (int i = 0; i < UNUSED; i++) assert_close(apart[1][i], 0, 0, 0);
             for (int i = 0; i < N && n == 3; i++) assert_close(inner[1][i], inner[0][i], 0, 0);
         }
         lg_tape_destroy(t);
     }
+}
+
+/* Of two layers and what is not one: equality where a gradient is a single contribution, a product's is of
+ * rank one; infinity and NaN in any of them are seen. */
+static void test_backward_set_bounded(void **state) {
+    (void)state;
+    enum { SIDE = 20, N = SIDE * SIDE + 2 * SIDE };
+    static double theta[N], grad[N];
+    for (int kind = 0; kind < 6; kind++)
+        for (uint32_t rows = 1; rows <= 40; rows += 13) {
+            lg_tape *t = new_tape(LG_F64);
+            const double left = kind == 1 ? 1e200 : kind == 2 ? NAN : 2.0, right = kind == 1 ? 1e200 : 3.0;
+            for (int i = 0; i < N; i++) theta[i] = kind == 3 && i == N - 1 ? 0.0 : 0.25;
+            lg_var p = vector(t, N, theta), x = lg_full(t, lg_shape2(rows, SIDE), left);
+            lg_var w = lg_reshape(t, lg_slice(t, p, 0, 0, SIDE * SIDE), lg_shape2(SIDE, SIDE));
+            lg_var b = lg_slice(t, p, 0, SIDE * SIDE, SIDE), c = lg_slice(t, p, 0, N - SIDE, SIDE);
+            lg_var y = lg_sum(t, lg_scale(t, lg_matmul(t, x, w), right)); /* right left rows in W */
+            if (kind >= 3) y = lg_add(t, y, lg_sum(t, lg_sqrt(t, c)));    /* 1 in c, infinite for kind 3 */
+            if (kind >= 4) y = lg_add(t, y, lg_sum(t, lg_scale(t, b, kind == 5 ? -INFINITY : 4.0)));
+            const lg_var wrt = p;
+            void *into = grad;
+            double bound = -1.0, squares = 0.0;
+            assert_ok(lg_backward_set_bounded(t, y, &wrt, 1, &into, &bound));
+            for (int i = 0; i < N; i++) squares += grad[i] * grad[i];
+            if (kind == 0) {
+                assert_close(sqrt(squares), SIDE * left * right * rows, 1e-12, 0);
+                assert_close(bound, sqrt(squares), 1e-12, 0);
+            } else if (kind == 4) {
+                const double layer = SIDE * left * right * rows, rest = (4.0 + 1.0) * sqrt(SIDE);
+                assert_close(bound, layer + rest, 1e-12, 0);
+            } else {
+                assert_false(isfinite(squares));
+                assert_false(bound < 1e300);
+            }
+            lg_tape_destroy(t);
+        }
 }
 
 /* Two inputs of one operation are overlapping views of the parameter, longer than a block of the kernels: x
@@ -1503,6 +1547,7 @@ int main(void) {
         cmocka_unit_test(test_jacobian_wide_and_tall),
         cmocka_unit_test(test_backward_adds_and_leaves_the_tape),
         cmocka_unit_test(test_backward_set),
+        cmocka_unit_test(test_backward_set_bounded),
         cmocka_unit_test(test_backward_set_overlapping_inputs),
         cmocka_unit_test(test_interior_variables),
         cmocka_unit_test(test_views_of_a_flat_parameter),

@@ -125,6 +125,98 @@ static void test_overflowing_moment(void **state) {
     assert_close(theta[1], 0.25, 0.0, 0.0);
 }
 
+/* theta = (W (SIDE, SIDE), b (SIDE)). A sample's loss is right sum(x W) + root sum(sqrt(b - shift)) with
+ * x = (left, ..., left), so that the gradient is left right in W and root / (2 sqrt(b - shift)) in b. */
+enum { SIDE = 24, STEEP = SIDE * SIDE + SIDE };
+typedef struct steep {
+    double left, right, root, shift;
+    uint32_t sample; /* the only one that is so; the others have left = right = root = 1, shift = 0 */
+} steep;
+
+static lg_status steep_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
+                            size_t batch, lg_var *loss) {
+    const steep *s = user;
+    const lg_var w = lg_reshape(tape, lg_slice(tape, theta, 0, 0, SIDE * SIDE), lg_shape2(SIDE, SIDE));
+    const lg_var b = lg_slice(tape, theta, 0, SIDE * SIDE, SIDE);
+    lg_var sum = LG_NONE;
+    for (size_t i = 0; i < count; i++) {
+        const bool it = samples[i] == s->sample;
+        const lg_var x = lg_full(tape, lg_shape2(1, SIDE), it ? s->left : 1.0);
+        const lg_var flat = lg_scale(tape, lg_sum(tape, lg_matmul(tape, x, w)), it ? s->right : 1.0);
+        const lg_var roots = lg_sum(tape, lg_sqrt(tape, lg_shift(tape, b, it ? -s->shift : 0.0)));
+        const lg_var one = lg_add(tape, flat, lg_scale(tape, roots, it ? s->root : 1.0));
+        sum = lg_is_none(sum) ? one : lg_add(tape, sum, one);
+    }
+    *loss = lg_scale(tape, sum, 1.0 / (double)batch);
+    return lg_tape_status(tape);
+}
+
+/* One good epoch, then one as told; the rate is so small that W stays near 0 and b = 1/4. On failure the
+ * state must be that after the good epoch. */
+static lg_status run_steep(const steep *bad, lg_dtype dtype, uint32_t shards, size_t chunk, lg_error *error) {
+    steep now = {1.0, 1.0, 1.0, 0.0, UINT32_MAX};
+    const lg_fit_problem problem = {
+        .parameters = STEEP, .samples = 3, .loss = steep_loss, .user = &now, .chunk = chunk};
+    static double start[STEEP], before[STEEP], after[STEEP];
+    for (int i = 0; i < STEEP; i++) start[i] = i < SIDE * SIDE ? 0.0 : 0.25;
+    lg_fit_options o = options_of(2, 0);
+    o.dtype = dtype;
+    o.shards = shards;
+    o.stop_after = 1;
+    o.shuffle = false;
+    o.adam.lr = 1e-300;
+    lg_fit *fit = NULL;
+    assert_ok(lg_fit_create(NULL, &problem, &o, start, &fit, NULL));
+    assert_ok(lg_fit_run(fit, error));
+    memory_archive kept = {0}, found = {0};
+    save(fit, &kept);
+    lg_fit_current_parameters(fit, before);
+    now = *bad;
+    const lg_status status = lg_fit_run(fit, error);
+    lg_fit_current_parameters(fit, after);
+    assert_int_equal(lg_fit_steps_done(fit), status == LG_OK ? 2 : 1);
+    if (status != LG_OK) {
+        assert_memory_equal(before, after, sizeof before);
+        save(fit, &found);
+        for (size_t i = 0; i < kept.count; i++)
+            if (strncmp(kept.items[i].path, "optimizer/", 10) == 0)
+                assert_memory_equal(kept.items[i].data, found.items[i].data, kept.items[i].bytes);
+        memory_clear(&found);
+    }
+    memory_clear(&kept);
+    lg_fit_destroy(fit);
+    return status;
+}
+
+/* Whatever the way in which the gradient is cut into pieces, and how its norm is known: in a weight, where it
+ * is a product that overflows; in a bias; in one chunk of several. */
+static void test_gradients_of_layers(void **state) {
+    (void)state;
+    lg_error error;
+    for (int dtype = 0; dtype < 2; dtype++)
+        for (uint32_t shards = 1; shards <= 2; shards++)
+            for (size_t chunk = 1; chunk <= 3; chunk++) {
+                const bool f32 = (lg_dtype)dtype == LG_F32;
+                const double large = f32 ? 1e25 : 1e200, huge = f32 ? 1e25 : 1e155;
+                const struct {
+                    steep bad;
+                    const char *words; /* NULL: nothing is wrong */
+                } cases[] = {
+                    {{large, large, 1.0, 0.0, 1}, "epoch 2, batch 1: the gradient of parameter 0 is inf"},
+                    {{1.0, 1.0, 1.0, 0.25, 1}, "the gradient of parameter 576 is inf"},
+                    {{1.0, 1.0, 0.0, 0.25, 1}, "the gradient of parameter 576 is "}, /* 0 / 0 */
+                    {{large, 1.0 / large, 1.0, 0.0, 1}, NULL},
+                    {{huge, 1.0, 1.0, 0.0, 1},
+                     f32 ? "second moment of parameter 0" : "the norm of the gradient"},
+                };
+                for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+                    const lg_status status = run_steep(&cases[i].bad, (lg_dtype)dtype, shards, chunk, &error);
+                    assert_status(status, cases[i].words == NULL ? LG_OK : LG_NOT_FINITE);
+                    if (cases[i].words != NULL) assert_message(&error, cases[i].words);
+                }
+            }
+}
+
 static void test_nan_validation(void **state) {
     (void)state;
     regression r;
@@ -471,15 +563,11 @@ static void test_damaged_states(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_nan_loss),
-        cmocka_unit_test(test_infinite_gradient),
-        cmocka_unit_test(test_overflowing_moment),
-        cmocka_unit_test(test_nan_validation),
-        cmocka_unit_test(test_failing_loss),
-        cmocka_unit_test(test_tape_limit),
-        cmocka_unit_test(test_failing_memory),
-        cmocka_unit_test(test_bad_options),
-        cmocka_unit_test(test_other_hyperparameters),
+        cmocka_unit_test(test_nan_loss),           cmocka_unit_test(test_infinite_gradient),
+        cmocka_unit_test(test_overflowing_moment), cmocka_unit_test(test_gradients_of_layers),
+        cmocka_unit_test(test_nan_validation),     cmocka_unit_test(test_failing_loss),
+        cmocka_unit_test(test_tape_limit),         cmocka_unit_test(test_failing_memory),
+        cmocka_unit_test(test_bad_options),        cmocka_unit_test(test_other_hyperparameters),
         cmocka_unit_test(test_damaged_states),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

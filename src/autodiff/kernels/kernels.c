@@ -10,6 +10,7 @@
 #include "autodiff/kernels/elementwise.inc"
 
 #include "autodiff/kernels/act.inc"
+#include "autodiff/kernels/dual.inc"
 #include "autodiff/kernels/transpose.inc"
 
 #include "autodiff/kernels/gemm.inc"
@@ -71,6 +72,12 @@ const lg_kernels TABLE = {
     .act = act,
     .act_reverse = act_reverse,
     .bias_act = bias_act,
+    .mix = mix,
+    .mix_reverse = mix_reverse,
+    .dual_mix = dual_mix,
+    .dual_mix_reverse = dual_mix_reverse,
+    .dual_act = dual_act,
+    .dual_act_reverse = dual_act_reverse,
     .gemm = gemm,
     .transpose = transpose,
     .matvec = matvec,

@@ -124,6 +124,22 @@ typedef struct lg_kernels {
     /* In place: y[i, j] = sigma(y[i, j] + bias[j]); bias may be NULL. Order 0 only. */
     void (*bias_act)(lg_k_act kind, size_t rows, size_t cols, const void *bias, void *y);
 
+    /* y = (1 - z) u + z v. reverse: cotangents of in = (z, u, v) from g, y's one, into out[k], NULL where it
+     * is not asked for; added where add[k]. No two of them overlap. */
+    void (*mix)(size_t n, const void *z, const void *u, const void *v, void *y);
+    void (*mix_reverse)(size_t n, const void *const *in, const void *g, void *const *out, const bool *add);
+    /* Pairs of a value and its derivative in a direction: arrays of 2 n numbers, n = rows cols of values and
+     * n of derivatives. dual_mix: mix of pairs. dual_act, in place: (x, x') -> (sigma(x + bias), sigma'(x +
+     * bias) x'), bias may be NULL; `cosines` (n), of the sine, or NULL. dual_act_reverse: d [+]= the
+     * cotangent of (x + bias, x') from g, that of y; x, the argument with its bias, is read for swish and
+     * sine alone and may be NULL for the others; `cosines` NULL: computed again. */
+    void (*dual_mix)(size_t n, const void *z, const void *u, const void *v, void *y);
+    void (*dual_mix_reverse)(size_t n, const void *const *in, const void *g, void *const *out,
+                             const bool *add);
+    void (*dual_act)(lg_k_act kind, size_t rows, size_t cols, const void *bias, void *cosines, void *y);
+    void (*dual_act_reverse)(lg_k_act kind, size_t n, const void *x, const void *cosines, const void *y,
+                             const void *g, void *d, bool add);
+
     /* C(m, n) = [C +] A(m, k) B(k, n): element (i, l) of A at a[i*ra + l*ca] (one of ra, ca is usually 1), B
      * row-major with leading dimension ldb, C with ldc. Each element of C is one chain of fma over l = 0..k-1
      * starting from 0 and, with `accumulate`, added to C at the end: the result does not depend on m, n,

@@ -1,0 +1,38 @@
+/* The dense layers of a network (liegrad/networks.h), in the order in which its parameters lie in the flat
+ * vector: embedding, the layers that read the network's input ("heads": U, V and H for the gated kinds), then
+ * for each of its l layers one or two, then the output. */
+#ifndef LG_NET_H
+#define LG_NET_H
+
+#include "liegrad/networks.h"
+
+#define NET_MAX_HEADS 3
+#define NET_MAX_STEPS 2
+#define NET_MAX_DENSE (1 + NET_MAX_HEADS + NET_MAX_STEPS * LG_NET_MAX_LAYERS + 1)
+
+typedef struct net_dense {
+    uint32_t in, out;
+    bool has_bias;
+    size_t weight, bias; /* where they begin; `bias` is where the weight ends */
+} net_dense;
+
+typedef struct net_layout {
+    uint32_t count;
+    uint32_t heads, first_head; /* how many, and which dense layer is the first */
+    uint32_t steps, first_step; /* dense layers in each of the l layers */
+    size_t parameters;
+    net_dense dense[NET_MAX_DENSE]; /* dense[0] is the embedding where there is one, the last the output */
+} net_layout;
+
+void lg_net_layout(const lg_net *net, net_layout *layout);
+
+/* Whether H <- (1 - Z) o U + Z o V. */
+bool lg_net_gated(const lg_net *net);
+
+/* A perceptron without an embedding is one of liegrad/nn.h: the same parameters in the same order. */
+bool lg_net_is_mlp(const lg_net *net);
+lg_mlp lg_net_mlp(const lg_net *net);
+
+#define LG_TWO_PI 6.283185307179586476925286766559
+
+#endif

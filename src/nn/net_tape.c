@@ -1,0 +1,100 @@
+/* Networks of several architectures on a tape. */
+#include "nn/net.h"
+
+#include "autodiff/dual.h"
+#include "core/core.h"
+
+/* The dense layers' parameters as views of the flat vector; LG_NONE where there is no bias. */
+typedef struct bound {
+    net_layout layout;
+    lg_var weight[NET_MAX_DENSE], bias[NET_MAX_DENSE];
+} bound;
+
+static bool bind(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, bound *b) {
+    lg_net_layout(net, &b->layout);
+    const size_t parameters = b->layout.parameters;
+    if (lg_tape_status(tape) == LG_OK && (parameters > UINT32_MAX || offset > UINT32_MAX - parameters))
+        (void)lg_tape_fail(tape, LG_SHAPE, "net", "the parameters of the network end beyond 2^32 elements");
+    for (uint32_t i = 0; i < b->layout.count; i++) {
+        const net_dense *d = &b->layout.dense[i];
+        const lg_var flat = lg_slice(tape, theta, 0, (uint32_t)(offset + d->weight), d->in * d->out);
+        b->weight[i] = lg_reshape(tape, flat, lg_shape2(d->in, d->out));
+        b->bias[i] = d->has_bias ? lg_slice(tape, theta, 0, (uint32_t)(offset + d->bias), d->out) : LG_NONE;
+    }
+    return lg_tape_status(tape) == LG_OK;
+}
+
+/* ---- value ---- */
+
+static lg_var dense(lg_tape *tape, const bound *b, uint32_t i, lg_var x, lg_activation kind) {
+    return lg_dense(tape, x, b->weight[i], b->bias[i], kind);
+}
+
+static lg_var apply(lg_tape *tape, const lg_net *net, const bound *b, lg_var x) {
+    const net_layout *layout = &b->layout;
+    const lg_activation kind = net->activation;
+    const bool gated = lg_net_gated(net);
+    lg_var head[NET_MAX_HEADS];
+    if (net->embedding > 0) x = lg_sin(tape, lg_scale(tape, dense(tape, b, 0, x, LG_IDENTITY), LG_TWO_PI));
+    for (uint32_t i = 0; i < layout->heads; i++) head[i] = dense(tape, b, layout->first_head + i, x, kind);
+    lg_var h = head[layout->heads - 1];
+    for (uint32_t l = 0; l < net->layers; l++) {
+        const uint32_t step = layout->first_step + l * layout->steps;
+        lg_var z = dense(tape, b, step, h, kind);
+        if (net->kind == LG_NET_RESNET)
+            h = lg_matmul_add(tape, z, b->weight[step + 1], h);
+        else if (gated)
+            h = lg_mix(tape, layout->steps > 1 ? dense(tape, b, step + 1, z, LG_IDENTITY) : z, head[0],
+                       head[1]);
+        else
+            h = z;
+    }
+    return dense(tape, b, layout->count - 1, h, LG_IDENTITY);
+}
+
+lg_var lg_net_apply(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, lg_var x) {
+    bound b;
+    return bind(tape, net, theta, offset, &b) ? apply(tape, net, &b, x) : LG_NONE;
+}
+
+/* ---- value and directional derivative: the same on pairs ---- */
+
+static lg_var dual_dense(lg_tape *tape, const bound *b, uint32_t i, lg_var x, lg_activation kind) {
+    return lg_dual_dense(tape, x, b->weight[i], b->bias[i], kind);
+}
+
+static lg_var apply_dual(lg_tape *tape, const lg_net *net, const bound *b, lg_var x) {
+    const net_layout *layout = &b->layout;
+    const lg_activation kind = net->activation;
+    const bool gated = lg_net_gated(net);
+    lg_var head[NET_MAX_HEADS];
+    if (net->embedding > 0)
+        x = lg_dual_act(tape, lg_scale(tape, dual_dense(tape, b, 0, x, LG_IDENTITY), LG_TWO_PI), LG_SINE);
+    for (uint32_t i = 0; i < layout->heads; i++)
+        head[i] = dual_dense(tape, b, layout->first_head + i, x, kind);
+    lg_var h = head[layout->heads - 1];
+    for (uint32_t l = 0; l < net->layers; l++) {
+        const uint32_t step = layout->first_step + l * layout->steps;
+        lg_var z = dual_dense(tape, b, step, h, kind);
+        if (net->kind == LG_NET_RESNET)
+            h = lg_matmul_add(tape, z, b->weight[step + 1], h);
+        else if (gated)
+            h = lg_dual_mix(tape, layout->steps > 1 ? dual_dense(tape, b, step + 1, z, LG_IDENTITY) : z,
+                            head[0], head[1]);
+        else
+            h = z;
+    }
+    return dual_dense(tape, b, layout->count - 1, h, LG_IDENTITY);
+}
+
+lg_status lg_net_apply_jvp(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, lg_var x, lg_var dx,
+                           lg_var *y, lg_var *dy) {
+    bound b;
+    if (!bind(tape, net, theta, offset, &b)) return lg_tape_status(tape);
+    const lg_var both = apply_dual(tape, net, &b, lg_dual_pair(tape, x, dx));
+    const lg_var value = lg_dual_half(tape, both, 0), derivative = lg_dual_half(tape, both, 1);
+    LG_TRY(lg_tape_status(tape));
+    *y = value;
+    *dy = derivative;
+    return LG_OK;
+}

@@ -1,0 +1,550 @@
+/* Networks of several architectures: description, values against a plain evaluation of their formulas,
+ * derivatives against difference quotients and against each other. */
+#include "nn_support.h"
+
+#include "autodiff/kernels/kernels.h"
+#include "liegrad/networks.h"
+#include "support/malloc_count.h"
+
+enum { ROWS = 5, MAX_WIDTH = 16, MAX_PARAMETERS = 1200 };
+
+/* ---- the formulas, one row at a time ---- */
+
+static double sigma(lg_activation kind, double x) {
+    switch (kind) {
+    case LG_TANH:
+        return tanh(x);
+    case LG_SIGMOID:
+        return 1.0 / (1.0 + exp(-x));
+    case LG_SWISH:
+        return x / (1.0 + exp(-x));
+    case LG_RELU:
+        return x > 0.0 ? x : 0.0;
+    case LG_LEAKY_RELU:
+        return x > 0.0 ? x : 0.01 * x;
+    case LG_SINE:
+        return sin(x);
+    default:
+        return x;
+    }
+}
+
+/* y = sigma(x W + b), the parameters at *theta, which moves past them. */
+static void plain_dense(const double **theta, uint32_t in, uint32_t out, bool bias, lg_activation kind,
+                        const double *x, double *y) {
+    for (uint32_t j = 0; j < out; j++) {
+        double z = bias ? (*theta)[in * out + j] : 0.0;
+        for (uint32_t i = 0; i < in; i++) z += x[i] * (*theta)[i * out + j];
+        y[j] = sigma(kind, z);
+    }
+    *theta += in * out + (bias ? out : 0);
+}
+
+static void plain(const lg_net *net, const double *theta, const double *x, double *y) {
+    double e[MAX_WIDTH], u[MAX_WIDTH], v[MAX_WIDTH], h[MAX_WIDTH], z[MAX_WIDTH], w[MAX_WIDTH];
+    uint32_t in = net->inputs;
+    const uint32_t n = net->hidden;
+    const bool gated = net->kind == LG_NET_MULT || net->kind == LG_NET_MULT_AFFINE;
+    memcpy(e, x, in * sizeof *x);
+    if (net->embedding > 0) {
+        plain_dense(&theta, in, net->embedding, true, LG_IDENTITY, x, e);
+        in = net->embedding;
+        for (uint32_t i = 0; i < in; i++) e[i] = sin(6.283185307179586 * e[i]);
+    }
+    if (gated) {
+        plain_dense(&theta, in, n, true, net->activation, e, u);
+        plain_dense(&theta, in, n, true, net->activation, e, v);
+    }
+    plain_dense(&theta, in, n, true, net->activation, e, h);
+    for (uint32_t l = 0; l < net->layers; l++) {
+        plain_dense(&theta, n, n, true, net->activation, h, z);
+        memcpy(w, z, sizeof w);
+        if (net->kind == LG_NET_RESNET) plain_dense(&theta, n, n, false, LG_IDENTITY, z, w);
+        if (net->kind == LG_NET_MULT_AFFINE) plain_dense(&theta, n, n, true, LG_IDENTITY, z, w);
+        for (uint32_t j = 0; j < n; j++) {
+            if (gated)
+                h[j] = (1.0 - w[j]) * u[j] + w[j] * v[j];
+            else
+                h[j] = net->kind == LG_NET_RESNET ? h[j] + w[j] : w[j];
+        }
+    }
+    plain_dense(&theta, n, net->outputs, true, LG_IDENTITY, h, y);
+}
+
+/* ---- fixture ---- */
+
+typedef struct fixture {
+    lg_net net;
+    size_t n;
+    double theta[MAX_PARAMETERS], x[ROWS * MAX_WIDTH], dx[ROWS * MAX_WIDTH], c[ROWS * MAX_WIDTH];
+    void *work;
+} fixture;
+
+static void setup(fixture *f, lg_net_kind kind, uint32_t embedding, uint32_t layers,
+                  lg_activation activation) {
+    lg_rng rng;
+    assert_ok(lg_net_init(&f->net, kind, 3, embedding, 7, layers, 2, activation));
+    f->n = lg_net_parameters(&f->net);
+    assert_true(f->n <= MAX_PARAMETERS);
+    lg_rng_seed(&rng, 11 + (uint64_t)kind, embedding);
+    lg_net_initialise(&f->net, LG_INIT_FAN_IN, &rng, f->theta);
+    for (size_t i = 0; i < ROWS * MAX_WIDTH; i++) {
+        f->x[i] = lg_rng_uniform_in(&rng, -1.0, 1.0);
+        f->dx[i] = lg_rng_uniform_in(&rng, -1.0, 1.0);
+        f->c[i] = lg_rng_uniform_in(&rng, -1.0, 1.0);
+    }
+    assert_int_equal(posix_memalign(&f->work, 64, lg_net_work_size(&f->net, ROWS, LG_F64)), 0);
+    memset(f->work, 0xff, lg_net_work_size(&f->net, ROWS, LG_F64));
+}
+
+/* Every kind, with and without an embedding, with several activations; also without layers. */
+static void each(void (*check)(fixture *f)) {
+    static const lg_activation kinds[4] = {LG_TANH, LG_SIGMOID, LG_SWISH, LG_SINE};
+    fixture f;
+    for (int kind = 0; kind < LG_NET_KIND_COUNT; kind++)
+        for (uint32_t embedding = 0; embedding <= 6; embedding += 6)
+            for (uint32_t layers = 0; layers <= 3; layers += 3)
+                for (size_t a = 0; a < sizeof kinds / sizeof kinds[0]; a++) {
+                    setup(&f, (lg_net_kind)kind, embedding, layers, kinds[a]);
+                    check(&f);
+                    free(f.work);
+                }
+}
+
+/* ---- description ---- */
+
+static void test_names(void **state) {
+    (void)state;
+    lg_net_kind kind = LG_NET_MLP;
+    for (int i = 0; i < LG_NET_KIND_COUNT; i++) {
+        assert_ok(lg_net_kind_parse(lg_net_kind_name((lg_net_kind)i), &kind));
+        assert_int_equal(kind, i);
+    }
+    assert_string_equal(lg_net_kind_name(LG_NET_MULT_AFFINE), "mult-affine");
+    assert_status(lg_net_kind_parse("mult_affine", &kind), LG_NOT_FOUND);
+    assert_int_equal(kind, LG_NET_KIND_COUNT - 1);
+    assert_string_equal(lg_net_kind_name((lg_net_kind)LG_NET_KIND_COUNT), "unknown");
+}
+
+static void test_counts(void **state) {
+    (void)state;
+    lg_net net;
+    assert_ok(lg_net_init(&net, LG_NET_MULT, 9, 190, 190, 5, 2, LG_TANH));
+    assert_int_equal(lg_net_parameters(&net), 292602);
+    assert_ok(lg_net_init(&net, LG_NET_MULT_AFFINE, 9, 190, 190, 5, 2, LG_TANH));
+    assert_int_equal(lg_net_parameters(&net), 474052);
+    assert_ok(lg_net_init(&net, LG_NET_MLP, 8, 0, 879, 4, 196, LG_TANH));
+    assert_int_equal(lg_net_parameters(&net), 3274471);
+    assert_ok(lg_net_init(&net, LG_NET_RESNET, 2, 0, 3, 2, 1, LG_TANH));
+    assert_int_equal(lg_net_parameters(&net), 9 + 2 * (12 + 9) + 4);
+}
+
+static void test_bad_descriptions(void **state) {
+    (void)state;
+    lg_net net, before;
+    assert_ok(lg_net_init(&net, LG_NET_MULT, 3, 0, 4, LG_NET_MAX_LAYERS, 2, LG_TANH));
+    before = net;
+    assert_status(lg_net_init(NULL, LG_NET_MLP, 3, 0, 4, 1, 2, LG_TANH), LG_INVALID_ARGUMENT);
+    assert_status(lg_net_init(&net, (lg_net_kind)4, 3, 0, 4, 1, 2, LG_TANH), LG_INVALID_ARGUMENT);
+    assert_status(lg_net_init(&net, LG_NET_MLP, 0, 0, 4, 1, 2, LG_TANH), LG_INVALID_ARGUMENT);
+    assert_status(lg_net_init(&net, LG_NET_MLP, 3, 0, 0, 1, 2, LG_TANH), LG_INVALID_ARGUMENT);
+    assert_status(lg_net_init(&net, LG_NET_MLP, 3, 0, 4, 1, 0, LG_TANH), LG_INVALID_ARGUMENT);
+    assert_status(lg_net_init(&net, LG_NET_MLP, 3, 0, (1u << 20) + 1, 1, 2, LG_TANH), LG_INVALID_ARGUMENT);
+    assert_status(lg_net_init(&net, LG_NET_MLP, 3, (1u << 20) + 1, 4, 1, 2, LG_TANH), LG_INVALID_ARGUMENT);
+    assert_status(lg_net_init(&net, LG_NET_MLP, 3, 0, 4, LG_NET_MAX_LAYERS + 1, 2, LG_TANH),
+                  LG_INVALID_ARGUMENT);
+    assert_status(lg_net_init(&net, LG_NET_MLP, 3, 0, 4, 1, 2, (lg_activation)99), LG_INVALID_ARGUMENT);
+    assert_memory_equal(&net, &before, sizeof net);
+}
+
+/* Slices lie one after the other and cover the vector; no name comes twice. */
+static void check_slices(fixture *f) {
+    lg_slice_info slice = {.rank = 0};
+    char names[64][48];
+    size_t at = 0;
+    uint32_t count = 0;
+    for (; lg_net_slice(&f->net, count, &slice); count++) {
+        assert_int_equal(slice.offset, at);
+        assert_int_equal(slice.count, slice.rank == 2 ? slice.dims[0] * slice.dims[1] : slice.dims[0]);
+        assert_non_null(strstr(slice.name, slice.rank == 2 ? "/weight" : "/bias"));
+        for (uint32_t i = 0; i < count; i++) assert_string_not_equal(slice.name, names[i]);
+        memcpy(names[count], slice.name, sizeof names[count]);
+        at += slice.count;
+    }
+    assert_int_equal(at, f->n);
+    assert_string_equal(names[0], f->net.embedding > 0           ? "embedding/weight"
+                                  : f->net.kind == LG_NET_MLP    ? "layer1/weight"
+                                  : f->net.kind == LG_NET_RESNET ? "first/weight"
+                                                                 : "u/weight");
+    assert_string_equal(names[count - 1], "output/bias");
+}
+
+static void test_slices(void **state) {
+    (void)state;
+    each(check_slices);
+    lg_net net;
+    lg_slice_info slice;
+    assert_ok(lg_net_init(&net, LG_NET_MULT_AFFINE, 3, 5, 7, 3, 2, LG_TANH));
+    assert_true(lg_net_slice(&net, 11, &slice)); /* embedding, u, v, first, gate1, affine1 */
+    assert_string_equal(slice.name, "affine1/bias");
+    assert_false(lg_net_slice(&net, 22, &slice));
+    assert_string_equal(slice.name, "affine1/bias");
+}
+
+/* Bounds of the uniform law slice by slice, and no slice left out. */
+static void check_initialisation(fixture *f) {
+    lg_slice_info slice;
+    double bound = 0.0;
+    for (uint32_t i = 0; lg_net_slice(&f->net, i, &slice); i++) {
+        double most = 0.0;
+        if (slice.rank == 2) bound = 1.0 / sqrt((double)slice.dims[0]);
+        for (size_t k = 0; k < slice.count; k++) most = fmax(most, fabs(f->theta[slice.offset + k]));
+        assert_true(most <= bound && most > 0.1 * bound);
+    }
+}
+
+static void test_initialisation(void **state) {
+    (void)state;
+    each(check_initialisation);
+}
+
+/* ---- values ---- */
+
+static void check_values(fixture *f) {
+    double y[ROWS * 2], taped[ROWS * 2], row[2], expected[2];
+    lg_tape *tape = NULL;
+    lg_net_eval(&f->net, LG_F64, f->theta, f->x, ROWS, y, f->work);
+    assert_ok(lg_tape_create(NULL, NULL, &tape));
+    const lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)f->n), f->theta);
+    const lg_var x = lg_input(tape, lg_shape2(ROWS, 3), f->x);
+    assert_ok(lg_read(tape, lg_net_apply(tape, &f->net, theta, 0, x), taped, ROWS * 2));
+    lg_tape_destroy(tape);
+    for (size_t r = 0; r < ROWS; r++) {
+        plain(&f->net, f->theta, f->x + 3 * r, expected);
+        lg_net_eval(&f->net, LG_F64, f->theta, f->x + 3 * r, 1, row, f->work);
+        for (size_t o = 0; o < 2; o++) {
+            assert_close(y[2 * r + o], expected[o], 1e-13, 1e-14);
+            assert_close(taped[2 * r + o], expected[o], 1e-13, 1e-14);
+            assert_true(row[o] == y[2 * r + o]);
+        }
+    }
+}
+
+static void test_values(void **state) {
+    (void)state;
+    each(check_values);
+}
+
+/* ---- directional derivative and input gradient, untaped ---- */
+
+static void check_jvp(fixture *f) {
+    double y[ROWS * 2], dy[ROWS * 2], only[ROWS * 2], row[2], expected[2], plus[2], minus[2], moved[3];
+    const double h = 1e-5;
+    lg_net_jvp(&f->net, LG_F64, f->theta, f->x, f->dx, ROWS, y, dy, f->work);
+    lg_net_jvp(&f->net, LG_F64, f->theta, f->x, f->dx, ROWS, NULL, only, f->work);
+    assert_memory_equal(dy, only, sizeof dy);
+    for (size_t r = 0; r < ROWS; r++) {
+        plain(&f->net, f->theta, f->x + 3 * r, expected);
+        for (size_t i = 0; i < 3; i++) moved[i] = f->x[3 * r + i] + h * f->dx[3 * r + i];
+        plain(&f->net, f->theta, moved, plus);
+        for (size_t i = 0; i < 3; i++) moved[i] = f->x[3 * r + i] - h * f->dx[3 * r + i];
+        plain(&f->net, f->theta, moved, minus);
+        lg_net_jvp(&f->net, LG_F64, f->theta, f->x + 3 * r, f->dx + 3 * r, 1, NULL, row, f->work);
+        for (size_t o = 0; o < 2; o++) {
+            assert_close(y[2 * r + o], expected[o], 1e-13, 1e-14);
+            assert_close(dy[2 * r + o], (plus[o] - minus[o]) / (2.0 * h), 1e-7, 1e-8);
+            assert_true(row[o] == dy[2 * r + o]);
+        }
+    }
+}
+
+static void test_jvp(void **state) {
+    (void)state;
+    each(check_jvp);
+}
+
+/* <gradient, dx> = <cotangent, dy>, row by row; several rows agree with one. */
+static void check_input_gradient(fixture *f) {
+    double y[ROWS * 2], gradient[ROWS * 3], ones[ROWS * 3], dy[ROWS * 2], row[3], all[ROWS * 2];
+    lg_net_jvp(&f->net, LG_F64, f->theta, f->x, f->dx, ROWS, NULL, dy, f->work);
+    lg_net_input_gradient(&f->net, LG_F64, f->theta, f->x, ROWS, f->c, y, gradient, f->work);
+    lg_net_input_gradient(&f->net, LG_F64, f->theta, f->x, ROWS, NULL, NULL, ones, f->work);
+    lg_net_eval(&f->net, LG_F64, f->theta, f->x, ROWS, all, f->work);
+    assert_memory_equal(y, all, sizeof y);
+    for (size_t r = 0; r < ROWS; r++) {
+        double left = 0.0, left_ones = 0.0;
+        for (size_t i = 0; i < 3; i++) {
+            left += gradient[3 * r + i] * f->dx[3 * r + i];
+            left_ones += ones[3 * r + i] * f->dx[3 * r + i];
+        }
+        assert_close(left, f->c[2 * r] * dy[2 * r] + f->c[2 * r + 1] * dy[2 * r + 1], 1e-12, 1e-13);
+        assert_close(left_ones, dy[2 * r] + dy[2 * r + 1], 1e-12, 1e-13);
+        lg_net_input_gradient(&f->net, LG_F64, f->theta, f->x + 3 * r, 1, f->c + 2 * r, NULL, row, f->work);
+        for (size_t i = 0; i < 3; i++) assert_close(row[i], gradient[3 * r + i], 1e-12, 1e-13);
+    }
+}
+
+static void test_input_gradient(void **state) {
+    (void)state;
+    each(check_input_gradient);
+}
+
+static void test_single_precision(void **state) {
+    (void)state;
+    fixture f;
+    for (int kind = 0; kind < LG_NET_KIND_COUNT; kind++) {
+        float theta[MAX_PARAMETERS], x[ROWS * 3], dx[ROWS * 3], y[ROWS * 2], dy[ROWS * 2];
+        double wide[ROWS * 2], wide_dy[ROWS * 2];
+        setup(&f, (lg_net_kind)kind, 6, 3, LG_TANH);
+        for (size_t i = 0; i < f.n; i++) f.theta[i] = theta[i] = (float)f.theta[i];
+        for (size_t i = 0; i < ROWS * 3; i++) f.x[i] = x[i] = (float)f.x[i];
+        for (size_t i = 0; i < ROWS * 3; i++) f.dx[i] = dx[i] = (float)f.dx[i];
+        lg_net_jvp(&f.net, LG_F64, f.theta, f.x, f.dx, ROWS, wide, wide_dy, f.work);
+        lg_net_jvp(&f.net, LG_F32, theta, x, dx, ROWS, y, dy, f.work);
+        for (size_t i = 0; i < ROWS * 2; i++) {
+            assert_close((double)y[i], wide[i], 1e-5, 1e-6);
+            assert_close((double)dy[i], wide_dy[i], 1e-5, 1e-5);
+        }
+        free(f.work);
+    }
+}
+
+/* ---- the taped pair ---- */
+
+static void check_apply_jvp(fixture *f) {
+    double value[ROWS * 2], derivative[ROWS * 2], y_plain[ROWS * 2], dy_plain[ROWS * 2];
+    lg_tape *tape = NULL;
+    lg_var y = LG_NONE, dy = LG_NONE, other = LG_NONE;
+    assert_ok(lg_tape_create(NULL, NULL, &tape));
+    const lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)f->n), f->theta);
+    const lg_var x = lg_input(tape, lg_shape2(ROWS, 3), f->x);
+    for (uint32_t directions = 1; directions <= ROWS; directions += ROWS - 1) {
+        const lg_var dx = lg_input(tape, lg_shape2(directions, 3), f->dx);
+        const lg_var whole = lg_broadcast_to(tape, dx, lg_shape2(ROWS, 3));
+        assert_ok(lg_net_apply_jvp(tape, &f->net, theta, 0, x, dx, &y, &dy));
+        const lg_var v = lg_net_apply(tape, &f->net, theta, 0, x);
+        assert_ok(lg_jvp(tape, &v, 1, &x, &whole, 1, &other));
+        assert_ok(lg_read(tape, y, value, ROWS * 2));
+        assert_ok(lg_read(tape, dy, derivative, ROWS * 2));
+        assert_ok(lg_read(tape, v, y_plain, ROWS * 2));
+        assert_ok(lg_read(tape, other, dy_plain, ROWS * 2));
+        for (size_t i = 0; i < ROWS * 2; i++) {
+            assert_close(value[i], y_plain[i], 1e-13, 1e-14);
+            assert_close(derivative[i], dy_plain[i], 1e-12, 1e-13);
+        }
+    }
+    lg_tape_destroy(tape);
+}
+
+static void test_apply_jvp(void **state) {
+    (void)state;
+    each(check_apply_jvp);
+}
+
+/* sum of y^2 and of (dy)^2, either by the pair or by recorded forward mode */
+static lg_var loss_of(lg_tape *tape, const fixture *f, lg_var theta, lg_var x, lg_var dx, bool pairs) {
+    lg_var y = LG_NONE, dy = LG_NONE;
+    if (pairs) {
+        if (lg_net_apply_jvp(tape, &f->net, theta, 1, x, dx, &y, &dy) != LG_OK) return LG_NONE;
+    } else {
+        y = lg_net_apply(tape, &f->net, theta, 1, x);
+        if (lg_jvp(tape, &y, 1, &x, &dx, 1, &dy) != LG_OK) return LG_NONE;
+    }
+    return lg_add(tape, lg_sum(tape, lg_square(tape, y)), lg_sum(tape, lg_square(tape, dy)));
+}
+
+/* The last pass through the pair, the recorded one, and both through lg_jvp give one gradient, by theta, x
+ * and direction. A theta with an element before and after the network's. */
+static void check_gradients(fixture *f) {
+    static double flat[MAX_PARAMETERS], out[4][MAX_PARAMETERS], by_x[4][ROWS * 3], by_dx[4][ROWS * 3];
+    const uint32_t n = (uint32_t)f->n + 2;
+    lg_tape *tape = NULL;
+    assert_true(n <= MAX_PARAMETERS);
+    memset(out, 0, sizeof out);
+    memset(by_x, 0, sizeof by_x);
+    memset(by_dx, 0, sizeof by_dx);
+    flat[0] = flat[n - 1] = 1e3;
+    memcpy(flat + 1, f->theta, f->n * sizeof *flat);
+    assert_ok(lg_tape_create(NULL, NULL, &tape));
+    for (int way = 0; way < 4; way++) {
+        lg_tape_reset(tape);
+        const lg_var theta = lg_parameter(tape, lg_shape1(n), flat);
+        const lg_var x = lg_input(tape, lg_shape2(ROWS, 3), f->x);
+        const lg_var dx = lg_input(tape, lg_shape2(ROWS, 3), f->dx), wrt[3] = {theta, x, dx};
+        const lg_var loss = loss_of(tape, f, theta, x, dx, way % 2 == 0);
+        void *const into[3] = {out[way], by_x[way], by_dx[way]};
+        if (way < 2) {
+            assert_ok(lg_backward_set(tape, loss, wrt, 3, into));
+            continue;
+        }
+        lg_var g[3];
+        assert_ok(lg_grad(tape, loss, wrt, 3, g));
+        assert_ok(lg_read(tape, g[0], out[way], n));
+        assert_ok(lg_read(tape, g[1], by_x[way], ROWS * 3));
+        assert_ok(lg_read(tape, g[2], by_dx[way], ROWS * 3));
+    }
+    lg_tape_destroy(tape);
+    for (int way = 0; way < 3; way++) {
+        assert_true(out[way][0] == 0.0 && out[way][n - 1] == 0.0);
+        for (uint32_t i = 0; i < n; i++) assert_close(out[way][i], out[3][i], 1e-10, 1e-11);
+        for (size_t i = 0; i < ROWS * 3; i++) {
+            assert_close(by_x[way][i], by_x[3][i], 1e-10, 1e-11);
+            assert_close(by_dx[way][i], by_dx[3][i], 1e-10, 1e-11);
+        }
+    }
+}
+
+static void test_gradients(void **state) {
+    (void)state;
+    each(check_gradients);
+}
+
+/* Second order through the pair: the gradient of |gradient|^2 by way of pairs equals that by lg_jvp. */
+static void test_gradient_of_gradient(void **state) {
+    (void)state;
+    static double out[2][MAX_PARAMETERS], flat[MAX_PARAMETERS];
+    static const lg_activation kinds[2] = {LG_TANH, LG_SINE};
+    fixture f;
+    for (int a = 0; a < 2; a++) {
+        setup(&f, LG_NET_MULT_AFFINE, 6, 2, kinds[a]);
+        lg_tape *tape = NULL;
+        assert_ok(lg_tape_create(NULL, NULL, &tape));
+        memcpy(flat + 1, f.theta, f.n * sizeof *flat);
+        for (int way = 0; way < 2; way++) {
+            lg_tape_reset(tape);
+            const lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)f.n + 1), flat);
+            const lg_var x = lg_input(tape, lg_shape2(ROWS, 3), f.x);
+            const lg_var dx = lg_input(tape, lg_shape2(ROWS, 3), f.dx);
+            lg_var g = LG_NONE;
+            assert_ok(lg_grad(tape, loss_of(tape, &f, theta, x, dx, way == 0), &theta, 1, &g));
+            void *into = out[way];
+            assert_ok(lg_backward_set(tape, lg_sum(tape, lg_square(tape, g)), &theta, 1, &into));
+        }
+        for (size_t i = 0; i <= f.n; i++) assert_close(out[0][i], out[1][i], 1e-9, 1e-9);
+        lg_tape_destroy(tape);
+        free(f.work);
+    }
+}
+
+static void test_misuse(void **state) {
+    (void)state;
+    fixture f;
+    lg_var y = LG_NONE, dy = LG_NONE;
+    lg_tape *tape = NULL;
+    setup(&f, LG_NET_MULT, 6, 3, LG_TANH);
+    assert_ok(lg_tape_create(NULL, NULL, &tape));
+    for (int i = 0; i < 4; i++) {
+        lg_tape_reset(tape);
+        const lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)f.n - (i == 0)), f.theta);
+        const lg_var x = lg_input(tape, lg_shape2(ROWS, i == 1 ? 2 : 3), f.x);
+        const lg_var dx = lg_input(tape, lg_shape2(i == 2 ? 2 : 1, 3), f.dx);
+        const lg_status status = lg_net_apply_jvp(tape, &f.net, theta, i == 3 ? SIZE_MAX : 0, x, dx, &y, &dy);
+        assert_int_not_equal(status, LG_OK);
+        assert_int_equal(status, lg_tape_status(tape));
+        assert_true(lg_is_none(y) && lg_is_none(dy));
+    }
+    lg_tape_reset(tape);
+    const lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)f.n - 1), f.theta);
+    assert_true(lg_is_none(lg_net_apply(tape, &f.net, theta, 0, lg_input(tape, lg_shape2(ROWS, 3), f.x))));
+    lg_tape_destroy(tape);
+    free(f.work);
+}
+
+static void test_no_malloc(void **state) {
+    (void)state;
+    fixture f;
+    double y[ROWS * 2], gradient[ROWS * 3];
+    if (!lg_count_available()) skip();
+    for (int kind = 0; kind < LG_NET_KIND_COUNT; kind++) {
+        setup(&f, (lg_net_kind)kind, 6, 3, LG_TANH);
+        assert_no_malloc_no_lock(lg_net_eval(&f.net, LG_F64, f.theta, f.x, ROWS, y, f.work));
+        assert_no_malloc_no_lock(lg_net_jvp(&f.net, LG_F64, f.theta, f.x, f.dx, ROWS, NULL, y, f.work));
+        assert_no_malloc_no_lock(
+            lg_net_input_gradient(&f.net, LG_F64, f.theta, f.x, ROWS, NULL, y, gradient, f.work));
+        free(f.work);
+    }
+}
+
+/* ---- kernels: no element's result depends on where it stands, or on what else is asked for ---- */
+
+enum { N = 37 };
+
+static void take_pair(const float *pairs, size_t i, float *one) {
+    one[0] = pairs[i];
+    one[1] = pairs[N + i];
+}
+
+static void check_positions(const lg_kernels *k, const float *z, const float *u, const float *v,
+                            const float *g) {
+    float y[2 * N], d[3][2 * N], some[2 * N], one[4][2], y1[2], d1[3][2];
+    const void *in[3] = {z, u, v};
+    void *out[3] = {d[0], d[1], d[2]}, *only_v[3] = {NULL, NULL, some};
+    const bool add[3] = {false, true, true};
+    k->dual_mix(N, z, u, v, y);
+    memset(d, 0, sizeof d);
+    memset(some, 0, sizeof some);
+    k->dual_mix_reverse(N, in, g, out, add);
+    k->dual_mix_reverse(N, in, g, only_v, add);
+    assert_memory_equal(some, d[2], sizeof some);
+    for (size_t i = 0; i < N; i++) {
+        const void *in1[3] = {one[0], one[1], one[2]};
+        void *out1[3] = {d1[0], d1[1], d1[2]};
+        take_pair(z, i, one[0]);
+        take_pair(u, i, one[1]);
+        take_pair(v, i, one[2]);
+        take_pair(g, i, one[3]);
+        memset(d1, 0, sizeof d1);
+        k->dual_mix(1, one[0], one[1], one[2], y1);
+        k->dual_mix_reverse(1, in1, one[3], out1, add);
+        assert_true(y1[0] == y[i] && y1[1] == y[N + i]);
+        for (int p = 0; p < 3; p++) assert_true(d1[p][0] == d[p][i] && d1[p][1] == d[p][N + i]);
+    }
+    for (int kind = 0; kind < (int)LG_K_ACTS; kind++) {
+        memcpy(y, z, sizeof y);
+        k->dual_act((lg_k_act)kind, 1, N, u, NULL, y);
+        k->dual_act_reverse((lg_k_act)kind, N, z, NULL, y, g, d[0], false);
+        for (size_t i = 0; i < N; i++) {
+            take_pair(z, i, one[0]);
+            take_pair(z, i, y1);
+            take_pair(g, i, one[3]);
+            k->dual_act((lg_k_act)kind, 1, 1, u + i, NULL, y1);
+            k->dual_act_reverse((lg_k_act)kind, 1, one[0], NULL, y1, one[3], d1[0], false);
+            assert_true(y1[0] == y[i] && y1[1] == y[N + i]);
+            assert_true(d1[0][0] == d[0][i] && d1[0][1] == d[0][N + i]);
+        }
+    }
+}
+
+static void test_positions(void **state) {
+    (void)state;
+    float numbers[4][2 * N];
+    lg_rng rng;
+    lg_rng_seed(&rng, 5, 0);
+    for (int p = 0; p < 4; p++)
+        for (size_t i = 0; i < 2 * N; i++) numbers[p][i] = (float)lg_rng_uniform_in(&rng, -1.5, 1.5);
+    for (int isa = 0; isa < LG_ISA_COUNT; isa++) {
+        const lg_kernels *k = lg_kernels_of(LG_F32, (lg_isa)isa);
+        if (k != NULL) check_positions(k, numbers[0], numbers[1], numbers[2], numbers[3]);
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_names),
+        cmocka_unit_test(test_counts),
+        cmocka_unit_test(test_bad_descriptions),
+        cmocka_unit_test(test_slices),
+        cmocka_unit_test(test_initialisation),
+        cmocka_unit_test(test_values),
+        cmocka_unit_test(test_jvp),
+        cmocka_unit_test(test_input_gradient),
+        cmocka_unit_test(test_single_precision),
+        cmocka_unit_test(test_apply_jvp),
+        cmocka_unit_test(test_gradients),
+        cmocka_unit_test(test_gradient_of_gradient),
+        cmocka_unit_test(test_misuse),
+        cmocka_unit_test(test_no_malloc),
+        cmocka_unit_test(test_positions),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
