@@ -1,0 +1,265 @@
+/* Continuation in the end angles and the chord, and the public solver.
+ *
+ * A moderate problem has end angles of the same ratio of which the larger is 1 radian, and a chord of
+ * moderate length. From its minimum the problem asked for is reached on a line in both end angles and in
+ * log(1 - d), a minimum at every step. For theta_N = -theta_0 and for theta_0 = 0 this is the branch of
+ * global minima.
+ */
+#include <math.h>
+#include <string.h>
+
+#include "mechanics/elastica.h"
+
+#define CHORD_LOW    0.3
+#define CHORD_HIGH   0.92
+#define CHORD_STEP   0.2  /* of log(1 - d) */
+#define PROBLEMS_MAX 4000 /* beyond: many turns, which wind evenly and need no path */
+#define COARSE       256
+#define BRANCHES     16
+#define SEARCH_LIMIT 60 /* Newton steps from one of many starts */
+
+/* ---- paths ---- */
+
+static lg_beam between(const lg_beam *a, const lg_beam *b, double t) {
+    lg_beam beam = *b;
+    if (t >= 1.0) return beam;
+    beam.first = a->first + t * (b->first - a->first);
+    beam.last = a->last + t * (b->last - a->last);
+    beam.d = a->d == b->d ? b->d : 1.0 - (1.0 - a->d) * pow((1.0 - b->d) / (1.0 - a->d), t);
+    return beam;
+}
+
+static double problems_between(const lg_beam *a, const lg_beam *b, double step) {
+    const double angle = fmax(fabs(b->first - a->first), fabs(b->last - a->last)) / step;
+    const double chord = fabs(log((1.0 - b->d) / (1.0 - a->d))) / CHORD_STEP;
+    return fmax(1.0, ceil(fmax(angle, chord) - 1e-9));
+}
+
+static void set_line(const lg_beam *beam, double *theta) {
+    for (size_t k = 0; k <= beam->n; k++) {
+        const double t = (double)k / (double)beam->n;
+        theta[k] = k == beam->n ? beam->last : (1.0 - t) * beam->first + t * beam->last;
+    }
+}
+
+/* The next guess: by the secant when there are two points behind, otherwise moved with the ends. */
+static void predict(const lg_beam *beam, lg_beam_work *w, bool secant) {
+    const size_t n = beam->n;
+    const double first = beam->first - w->theta[0], last = beam->last - w->theta[n];
+    for (size_t k = 0; k <= n; k++) {
+        const double now = w->theta[k], t = (double)k / (double)n;
+        w->theta[k] += secant ? now - w->before[k] : (1.0 - t) * first + t * last;
+        w->before[k] = now;
+    }
+    w->theta[0] = beam->first;
+    w->theta[n] = beam->last;
+}
+
+lg_status lg_beam_continue(const lg_beam *from, const lg_beam *beam, lg_beam_work *work, double step,
+                           lg_beam_end *end) {
+    const double count = problems_between(from, beam, step);
+    *end = LG_BEAM_MINIMUM;
+    for (double i = 1.0; i <= count; i += 1.0) {
+        if (lg_cancelled(work->context)) return LG_CANCELLED;
+        const lg_beam next = between(from, beam, i / count);
+        predict(&next, work, i > 1.0);
+        work->problems++;
+        *end = lg_beam_minimise(&next, work);
+        if (*end != LG_BEAM_MINIMUM) return LG_OK;
+    }
+    return LG_OK;
+}
+
+static lg_beam moderate(const lg_beam *beam) {
+    const double largest = fmax(fabs(beam->first), fabs(beam->last));
+    lg_beam start = *beam;
+    start.first = largest > 0.0 ? beam->first / largest : 1.0;
+    start.last = largest > 0.0 ? beam->last / largest : -1.0;
+    start.d = fmin(fmax(beam->d, CHORD_LOW), CHORD_HIGH);
+    return start;
+}
+
+lg_status lg_beam_follow(const lg_beam *beam, lg_beam_work *work, double step, lg_beam_end *end) {
+    lg_beam start = moderate(beam);
+    if (!(problems_between(&start, beam, step) <= PROBLEMS_MAX)) start = *beam;
+    set_line(&start, work->theta);
+    work->problems++;
+    *end = lg_beam_minimise(&start, work);
+    if (*end != LG_BEAM_MINIMUM || memcmp(&start, beam, sizeof start) == 0) return LG_OK;
+    return lg_beam_continue(&start, beam, work, step, end);
+}
+
+/* ---- grids ---- */
+
+size_t lg_beam_coarse(const lg_beam *beam) {
+    const double wanted = fmax(COARSE, 12.0 * fabs(beam->last - beam->first));
+    return wanted < (double)beam->n ? (size_t)wanted : beam->n;
+}
+
+void lg_beam_prolong(size_t from_n, const double *from, size_t to_n, double *to) {
+    for (size_t k = 0; k <= to_n; k++) {
+        const double x = (double)k / (double)to_n * (double)from_n;
+        size_t j = (size_t)x;
+        if (j + 2 > from_n) j = from_n < 2 ? 0 : from_n - 2;
+        if (j > 0) j--; /* from[j] .. from[j + 3] */
+        const size_t points = from_n >= 3 ? 4 : from_n + 1;
+        if (j + points > from_n + 1) j = from_n + 1 - points;
+        to[k] = 0.0;
+        for (size_t a = 0; a < points; a++) {
+            double weight = 1.0;
+            for (size_t b = 0; b < points; b++)
+                if (b != a) weight *= (x - (double)(j + b)) / ((double)a - (double)b);
+            to[k] += weight * from[j + a];
+        }
+    }
+    to[0] = from[0];
+    to[to_n] = from[from_n];
+}
+
+/* work->theta from intervals `from` to those of the beam, and the minimum there. */
+static lg_beam_end refine(size_t from, const lg_beam *beam, lg_beam_work *work) {
+    memcpy(work->before, work->theta, (from + 1) * sizeof(double));
+    lg_beam_prolong(from, work->before, beam->n, work->theta);
+    work->theta[0] = beam->first;
+    work->theta[beam->n] = beam->last;
+    work->problems++;
+    return lg_beam_minimise(beam, work);
+}
+
+/* ---- from many starts ---- */
+
+static lg_status solve_anyhow(const lg_beam *beam, lg_beam_work *work, lg_beam_end *end) {
+    const size_t n = beam->n;
+    double *theta = lg_alloc(work->context, BRANCHES * (n + 1), sizeof *theta);
+    lg_beam_branch branches[BRANCHES];
+    size_t count = 0;
+    if (!theta) return LG_OUT_OF_MEMORY;
+    const uint32_t limit = work->limit;
+    work->limit = limit < SEARCH_LIMIT ? limit : SEARCH_LIMIT;
+    const lg_status status = lg_beam_search(beam, work, false, true, BRANCHES, theta, branches, &count);
+    work->limit = limit;
+    if (status == LG_OK && count > 0) {
+        memcpy(work->theta, theta, (n + 1) * sizeof *theta);
+        *end = lg_beam_minimise(beam, work);
+    }
+    lg_free(work->context, theta);
+    return status;
+}
+
+lg_status lg_beam_solve(const lg_beam *beam, lg_beam_work *work, double step, lg_beam_end *end) {
+    lg_beam coarse = *beam;
+    coarse.n = lg_beam_coarse(beam);
+    LG_TRY(lg_beam_follow(&coarse, work, step, end));
+    if (*end == LG_BEAM_MINIMUM && coarse.n < beam->n) *end = refine(coarse.n, beam, work);
+    return *end == LG_BEAM_MINIMUM ? LG_OK : solve_anyhow(beam, work, end);
+}
+
+lg_status lg_beam_next(const lg_beam *from, const lg_beam *beam, lg_beam_work *work, double step,
+                       lg_beam_end *end) {
+    if (from && from->n == beam->n) {
+        LG_TRY(lg_beam_continue(from, beam, work, step, end));
+        if (*end == LG_BEAM_MINIMUM) return LG_OK;
+    }
+    return lg_beam_solve(beam, work, step, end);
+}
+
+/* ---- the public solver ---- */
+
+lg_status lg_elastica_no_minimum(lg_beam_end end, const lg_beam *beam, const lg_beam_work *work,
+                                 lg_error *error) {
+    const double gradient = lg_beam_relative_gradient(beam, work);
+    switch (end) {
+    case LG_BEAM_MINIMUM:
+        return lg_fail(error, LG_OK, "%s", "");
+    case LG_BEAM_SADDLE:
+        return lg_fail(
+            error, LG_NO_CONVERGENCE,
+            "elastica: the equilibrium found is no minimum, %u negative eigenvalues (relative gradient %.3g)",
+            work->negative, gradient);
+    case LG_BEAM_FOLDED:
+        return lg_fail(
+            error, LG_NO_CONVERGENCE,
+            "elastica: no minimum with this rotation, angles of neighbouring nodes differ by pi or more "
+            "(relative gradient %.3g); more intervals may help",
+            gradient);
+    default:
+        return lg_fail(error, LG_NO_CONVERGENCE,
+                       "elastica: no equilibrium found, relative gradient %.3g reached", gradient);
+    }
+}
+
+static void report(const lg_elastica *problem, const lg_beam_frame *frame, const lg_beam_work *work,
+                   const double *theta, double *curve, lg_elastica_solution *solution) {
+    const double c = cos(frame->chord), s = sin(frame->chord);
+    const size_t points = 2 * (frame->beam.n + 1);
+    lg_elastica_curve(problem, theta, curve, curve + points);
+    *solution =
+        (lg_elastica_solution){.energy = frame->energy * lg_beam_energy(&frame->beam, work->theta),
+                               .gradient = frame->energy * lg_beam_gradient(&frame->beam, work),
+                               .residual = lg_elastica_euler_lagrange(problem, curve, curve + points, NULL),
+                               .force = {frame->force * (c * work->force[0] - s * work->force[1]),
+                                         frame->force * (s * work->force[0] + c * work->force[1])},
+                               .negative_eigenvalues = work->negative,
+                               .iterations = work->iterations,
+                               .problems = work->problems};
+}
+
+static void export_angles(const lg_elastica *problem, const lg_beam_frame *frame, const double *beam,
+                          double *theta) {
+    const size_t n = frame->beam.n;
+    for (size_t k = 1; k < n; k++) theta[k] = beam[k] + frame->turn;
+    theta[0] = problem->theta0;
+    theta[n] = problem->theta0 + problem->rotation;
+}
+
+static lg_status take_guess(const lg_beam_frame *frame, const double *guess, lg_beam_work *work,
+                            lg_error *error) {
+    const size_t n = frame->beam.n;
+    for (size_t k = 1; k < n; k++) {
+        if (!isfinite(guess[k]))
+            return lg_fail(error, LG_NOT_FINITE, "elastica: angle %zu of the guess is not finite", k);
+        work->theta[k] = guess[k] - frame->turn;
+    }
+    work->theta[0] = frame->beam.first;
+    work->theta[n] = frame->beam.last;
+    return LG_OK;
+}
+
+lg_status lg_elastica_solve(const lg_context *context, const lg_elastica *problem,
+                            const lg_elastica_options *options, double *theta, lg_elastica_solution *solution,
+                            lg_error *error) {
+    lg_elastica_options o;
+    lg_beam_work work;
+    lg_beam_end end = LG_BEAM_LOST;
+    LG_TRY(lg_elastica_check(problem, error));
+    LG_TRY(lg_elastica_options_take(options, &o, error));
+    if (!theta) return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: nowhere to put the angles");
+    const lg_beam_frame frame = lg_beam_frame_make(problem);
+    const size_t n = frame.beam.n;
+    if (lg_beam_work_create(context, n, &work) != LG_OK)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "elastica: no memory");
+    double *curve = lg_alloc(context, 4 * (n + 1), sizeof *curve);
+    work.tolerance = o.gradient_tolerance;
+    work.limit = o.max_iterations;
+    work.keep_saddles = o.guess != NULL;
+    lg_status status = curve ? LG_OK : LG_OUT_OF_MEMORY;
+    if (status == LG_OK && o.guess) {
+        status = take_guess(&frame, o.guess, &work, error);
+        if (status == LG_OK) end = lg_beam_minimise(&frame.beam, &work);
+        work.problems = 1;
+    } else if (status == LG_OK) {
+        status = lg_beam_solve(&frame.beam, &work, o.max_step, &end);
+    }
+    if (status == LG_OK) {
+        if (end == LG_BEAM_MINIMUM || end == LG_BEAM_SADDLE) {
+            export_angles(problem, &frame, work.theta, theta);
+            if (solution) report(problem, &frame, &work, theta, curve, solution);
+        }
+        status = lg_elastica_no_minimum(end, &frame.beam, &work, error);
+    } else if (status != LG_NOT_FINITE) {
+        lg_fail(error, status, "elastica: %s", lg_status_sentence(status));
+    }
+    lg_free(context, curve);
+    lg_beam_work_destroy(&work);
+    return status;
+}

@@ -1,0 +1,394 @@
+/* The discrete elastica: description, energies and nodes known from elsewhere, derivatives and
+ * Euler-Lagrange equations against differences, minima, frames, hard cases and bad input. */
+#include "liegrad/elastica.h"
+#include "test_support.h"
+
+#define PI     3.14159265358979323846
+#define POINTS 1001
+
+static double theta[POINTS], other[POINTS], q[2 * POINTS], v[2 * POINTS], multiplier[POINTS];
+
+static lg_elastica family(lg_elastica_case kind, double x, uint32_t n) {
+    lg_elastica p = lg_elastica_defaults();
+    lg_elastica_set_case(&p, kind, x);
+    p.intervals = n;
+    return p;
+}
+
+static lg_elastica_solution solved(const lg_elastica *p) {
+    lg_elastica_solution s;
+    lg_error error;
+    if (lg_elastica_solve(NULL, p, NULL, theta, &s, &error) != LG_OK) fail_msg("%s", error.message);
+    return s;
+}
+
+/* ---- description ---- */
+
+static void test_cases(void **state) {
+    (void)state;
+    lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.5 * PI, 50);
+    lg_elastica_case kind = LG_ELASTICA_RIGHT_END;
+    assert_close(p.theta0, 0.5 * PI, 0, 1e-15);
+    assert_close(p.rotation, -PI, 0, 1e-15);
+    p = family(LG_ELASTICA_BOTH_ENDS, 1.5 * PI, 50);
+    assert_close(p.theta0, -0.5 * PI, 0, 1e-15);
+    p = family(LG_ELASTICA_RIGHT_END, 2.0, 50);
+    assert_close(p.theta0, 0.0, 0, 0);
+    assert_close(p.rotation, -2.0, 0, 1e-15);
+    assert_close(family(LG_ELASTICA_BOTH_ENDS, -PI, 50).theta0, PI, 0, 0); /* (-pi, pi] */
+    assert_string_equal(lg_elastica_case_name(LG_ELASTICA_RIGHT_END), "right-end");
+    assert_ok(lg_elastica_case_parse("both-ends", &kind));
+    assert_int_equal(kind, LG_ELASTICA_BOTH_ENDS);
+    assert_status(lg_elastica_case_parse("left-end", &kind), LG_NOT_FOUND);
+    assert_status(lg_elastica_case_parse(NULL, &kind), LG_NOT_FOUND);
+}
+
+static void test_bad_input(void **state) {
+    (void)state;
+    lg_error error;
+    const lg_elastica good = family(LG_ELASTICA_BOTH_ENDS, 1.0, 50);
+    assert_ok(lg_elastica_check(&good, &error));
+    lg_elastica bad[12];
+    lg_status expected[12];
+    for (int i = 0; i < 12; i++) {
+        bad[i] = good;
+        expected[i] = LG_INVALID_ARGUMENT;
+    }
+    bad[0].theta0 = NAN;
+    bad[1].rotation = INFINITY;
+    bad[2].q0[1] = NAN;
+    expected[0] = expected[1] = expected[2] = LG_NOT_FINITE;
+    bad[3].qN[0] = 3.3; /* straight: exactly the length */
+    bad[4].qN[1] = -4.0;
+    bad[5].length = 0.0;
+    bad[6].stiffness = -1.0;
+    bad[7].intervals = 1;
+    bad[8].intervals = LG_ELASTICA_MAX_INTERVALS + 1;
+    bad[9].rotation = 41.0 * PI; /* more than twenty turns */
+    bad[10].theta0 = 1e7;
+    bad[11].q0[0] = -1.7e308;
+    bad[11].qN[0] = 1.7e308;
+    for (int i = 0; i < 12; i++) {
+        theta[0] = 77.0;
+        assert_status(lg_elastica_solve(NULL, &bad[i], NULL, theta, NULL, &error), expected[i]);
+        assert_true(strlen(error.message) > 10);
+        assert_status(lg_elastica_solve_continuous(NULL, &bad[i], NULL, theta, q, NULL, NULL), expected[i]);
+        assert_close(theta[0], 77.0, 0, 0);
+    }
+    assert_status(lg_elastica_check(NULL, NULL), LG_INVALID_ARGUMENT);
+    lg_elastica_options o;
+    lg_elastica_options_init(&o);
+    o.gradient_tolerance = 0.0;
+    assert_status(lg_elastica_solve(NULL, &good, &o, theta, NULL, NULL), LG_INVALID_ARGUMENT);
+    lg_elastica_options_init(&o);
+    o.max_step = NAN;
+    assert_status(lg_elastica_solve(NULL, &good, &o, theta, NULL, NULL), LG_INVALID_ARGUMENT);
+    lg_elastica_options_init(&o);
+    memset(other, 0, sizeof other);
+    other[7] = NAN;
+    o.guess = other;
+    assert_status(lg_elastica_solve(NULL, &good, &o, theta, NULL, NULL), LG_NOT_FINITE);
+    assert_status(lg_elastica_solve_continuous(NULL, &good, &o, theta, q, NULL, NULL), LG_NOT_FINITE);
+    assert_status(lg_elastica_solve(NULL, &good, NULL, NULL, NULL, NULL), LG_INVALID_ARGUMENT);
+}
+
+/* ---- energy, gradient, Euler-Lagrange equations ---- */
+
+/* The action from its definition with Lambda = 0: trapezoidal rule on (EI/2)(|a-|^2 + |a+|^2). */
+static double action(const lg_elastica *p, const double *nodes, const double *tangents) {
+    const double h = p->length / p->intervals;
+    double sum = 0.0;
+    for (size_t k = 0; k < p->intervals; k++)
+        for (size_t c = 0; c < 2; c++) {
+            const double dq = nodes[2 * k + 2 + c] - nodes[2 * k + c];
+            const double v0 = tangents[2 * k + c], v1 = tangents[2 * k + 2 + c];
+            const double minus = ((-2.0 * v1 - 4.0 * v0) * h + 6.0 * dq) / (h * h);
+            const double plus = ((4.0 * v1 + 2.0 * v0) * h - 6.0 * dq) / (h * h);
+            sum += 0.5 * h * 0.5 * p->stiffness * (minus * minus + plus * plus);
+        }
+    return sum;
+}
+
+static void test_energy_is_action(void **state) {
+    (void)state;
+    lg_elastica p = family(LG_ELASTICA_RIGHT_END, 1.7, 20);
+    p.q0[0] = 0.4;
+    p.q0[1] = -0.3;
+    for (size_t k = 0; k <= 20; k++) theta[k] = sin(1.0 + 0.7 * (double)k) - 0.1 * (double)k;
+    lg_elastica_curve(&p, theta, q, v);
+    assert_close(lg_elastica_energy(&p, theta), action(&p, q, v), 1e-13, 0);
+    assert_close(q[40], p.qN[0], 0, 0);
+    assert_close(q[1], p.q0[1], 0, 0);
+}
+
+/* d action / d(q_k, v_k) by central differences, plus 2 h Lambda v: zero at the solution, and equal to the
+ * multipliers found. */
+static void test_euler_lagrange(void **state) {
+    (void)state;
+    const lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.6 * PI, 50);
+    const lg_elastica_solution s = solved(&p);
+    const double h = p.length / p.intervals, step = 1e-5;
+    lg_elastica_curve(&p, theta, q, v);
+    const double residual = lg_elastica_euler_lagrange(&p, q, v, multiplier);
+    assert_true(residual < 1e-9);
+    assert_close(residual, s.residual, 0, 0);
+    for (size_t k = 1; k < 50; k += 7)
+        for (size_t c = 0; c < 2; c++) {
+            double *const variables[2] = {q, v};
+            double d[2];
+            for (int i = 0; i < 2; i++) {
+                double *x = &variables[i][2 * k + c];
+                const double x0 = *x;
+                *x = x0 + step;
+                const double up = action(&p, q, v);
+                *x = x0 - step;
+                d[i] = (up - action(&p, q, v)) / (2.0 * step);
+                *x = x0;
+            }
+            assert_close(d[0], 0.0, 0, 2e-6);
+            assert_close(d[1] + 2.0 * h * multiplier[k - 1] * v[2 * k + c], 0.0, 0, 2e-6);
+        }
+    q[2 * 20] += 1e-6; /* a node off its place is seen */
+    assert_true(lg_elastica_euler_lagrange(&p, q, v, NULL) > 1e-4);
+    q[2 * 20] -= 1e-6;
+    v[2 * 20] += 1e-6;
+    assert_true(lg_elastica_euler_lagrange(&p, q, v, NULL) > 1e-6);
+    q[2 * 20] = NAN;
+    assert_true(isnan(lg_elastica_euler_lagrange(&p, q, v, NULL)));
+}
+
+/* The gradient of E by differences vanishes; the force is dE/dq_N; any small move costs energy. */
+static void test_minimum(void **state) {
+    (void)state;
+    for (int kind = 0; kind < LG_ELASTICA_CASE_COUNT; kind++) {
+        lg_elastica p = family((lg_elastica_case)kind, 2.3, 30);
+        const lg_elastica_solution s = solved(&p);
+        const double e = lg_elastica_energy(&p, theta);
+        assert_close(s.energy, e, 1e-14, 0);
+        assert_int_equal(s.negative_eigenvalues, 0);
+        assert_true(s.gradient < 1e-11);
+        for (size_t k = 1; k < 30; k++) {
+            const double kept = theta[k];
+            theta[k] = kept + 1e-4;
+            const double up = lg_elastica_energy(&p, theta);
+            theta[k] = kept - 1e-4;
+            const double down = lg_elastica_energy(&p, theta);
+            theta[k] = kept;
+            assert_true(up > e && down > e);
+            assert_close((up - down) / 2e-4, 0.0, 0, 1e-3);
+        }
+        for (int c = 0; c < 2; c++) {
+            p.qN[c] += 1e-4;
+            const double up = solved(&p).energy;
+            p.qN[c] -= 2e-4;
+            const double down = solved(&p).energy;
+            p.qN[c] += 1e-4;
+            assert_close((up - down) / 2e-4, s.force[c], 1e-5, 1e-5);
+        }
+    }
+}
+
+/* ---- known values ---- */
+
+static void test_known_energies(void **state) {
+    (void)state;
+    const struct {
+        double x;
+        uint32_t n;
+        double energy, atol;
+    } rows[] = {{PI / 3.0, 1000, 9.695403610363, 1e-11},
+                {PI / 2.0, 1000, 45.752542288901, 1e-11},
+                {PI, 50, 420.415, 5e-4},
+                {PI, 1000, 532.9, 5e-2}};
+    for (size_t i = 0; i < 4; i++) {
+        const lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, rows[i].x, rows[i].n);
+        assert_close(solved(&p).energy, rows[i].energy, 0, rows[i].atol);
+    }
+}
+
+/* Every x of both families, gap's edges included: a minimum with small residual, and the mirror image. */
+static void test_families(void **state) {
+    (void)state;
+    for (int i = 0; i < 120; i++) {
+        const lg_elastica_case kind = (lg_elastica_case)(i % 2);
+        const double x = PI * (0.01 + 0.98 * (i / 2) / 59.0);
+        lg_elastica p = family(kind, x, 50);
+        const lg_elastica_solution s = solved(&p);
+        assert_int_equal(s.negative_eigenvalues, 0);
+        assert_true(s.residual < 1e-9);
+        memcpy(other, theta, 51 * sizeof(double));
+        p = family(kind, 2.0 * PI - x, 50);
+        assert_close(solved(&p).energy, s.energy, 1e-13, 0);
+        for (size_t k = 0; k <= 50; k++) assert_close(theta[k], -other[k], 0, 1e-12);
+    }
+}
+
+/* Moved, turned and scaled: the same shape. */
+static void test_frame(void **state) {
+    (void)state;
+    const double scale = 2.5, turn = 2.0, EI = 3.0;
+    lg_elastica p = family(LG_ELASTICA_RIGHT_END, 2.0, 40);
+    const lg_elastica_solution s = solved(&p);
+    memcpy(other, theta, 41 * sizeof(double));
+    p.length *= scale;
+    p.stiffness *= EI;
+    p.q0[0] = -7.0;
+    p.q0[1] = 11.0;
+    p.qN[0] = p.q0[0] + scale * 3.0 * cos(turn);
+    p.qN[1] = p.q0[1] + scale * 3.0 * sin(turn);
+    p.theta0 += turn + 4.0 * PI;
+    const lg_elastica_solution moved = solved(&p);
+    assert_close(moved.energy, s.energy * EI / scale, 1e-12, 0);
+    const double unit = EI / scale / scale, c = cos(turn), r = sin(turn);
+    assert_close(moved.force[0], unit * (c * s.force[0] - r * s.force[1]), 1e-9, 1e-9);
+    assert_close(moved.force[1], unit * (r * s.force[0] + c * s.force[1]), 1e-9, 1e-9);
+    for (size_t k = 0; k <= 40; k++) assert_close(theta[k], other[k] + turn + 4.0 * PI, 0, 1e-12);
+    assert_close(theta[0], p.theta0, 0, 0);
+    assert_close(theta[40], p.theta0 + p.rotation, 0, 0);
+}
+
+/* ---- guesses ---- */
+
+static void test_guess(void **state) {
+    (void)state;
+    lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.1, 50);
+    lg_elastica_options o;
+    lg_elastica_solution s, first = solved(&p);
+    lg_error error;
+    lg_elastica_options_init(&o);
+    o.guess = other;
+    for (size_t k = 0; k <= 50; k++) other[k] = -0.7 * sin(2.0 * PI * (double)k / 50.0);
+    assert_ok(lg_elastica_solve(NULL, &p, &o, theta, &s, &error)); /* the arch below */
+    assert_true(s.energy > first.energy + 4.0);
+    for (size_t k = 0; k <= 50; k++) other[k] = 0.0;
+    p = family(LG_ELASTICA_BOTH_ENDS, 0.0, 50);
+    assert_status(lg_elastica_solve(NULL, &p, &o, theta, &s, &error), LG_NO_CONVERGENCE);
+    assert_non_null(strstr(error.message, "no minimum"));
+    assert_true(s.negative_eigenvalues > 0); /* the straight compressed beam, all the same filled in */
+    assert_close(s.energy, 18.0 * 10.0 * 2500.0 / pow(3.3, 3.0) * 0.09, 1e-12, 0);
+}
+
+/* ---- hard cases ---- */
+
+static void test_degenerate(void **state) {
+    (void)state;
+    lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.0, 50);
+    lg_elastica_solution s = solved(&p);
+    assert_int_equal(s.negative_eigenvalues, 0);
+    assert_true(theta[10] > 0.1); /* buckled, upwards */
+    assert_close(s.energy, 11.084103198529, 1e-11, 0);
+    p = family(LG_ELASTICA_RIGHT_END, PI, 50);
+    assert_close(solved(&p).energy, 130.730254824581, 1e-11, 0);
+    for (uint32_t n = 2; n <= 5; n++)
+        for (double x = 0.0; x < 3.0; x += 0.5) {
+            p = family(LG_ELASTICA_RIGHT_END, x, n);
+            s = solved(&p);
+            assert_int_equal(s.negative_eigenvalues, 0);
+            assert_true(s.gradient < 1e-10);
+        }
+    p = family(LG_ELASTICA_BOTH_ENDS, 1.0, 2); /* one inner angle: by symmetry 0 */
+    (void)solved(&p);
+    assert_close(theta[1], 0.0, 0, 1e-14);
+}
+
+/* Ends that meet: a circle, E = (EI/2)(2 pi)^2/L; and with half a turn a drop. */
+static void test_closed(void **state) {
+    (void)state;
+    lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.0, 1000);
+    p.qN[0] = 0.0;
+    p.theta0 = 0.4;
+    p.rotation = 2.0 * PI;
+    assert_close(solved(&p).energy, 5.0 * 4.0 * PI * PI / 3.3, 1e-5, 0);
+    for (size_t k = 0; k <= 1000; k += 100)
+        assert_close(theta[k], 0.4 + 2.0 * PI * (double)k / 1000.0, 0, 1e-9);
+    p.intervals = 60;
+    p.rotation = PI;
+    assert_int_equal(solved(&p).negative_eigenvalues, 0);
+}
+
+static void test_turns(void **state) {
+    (void)state;
+    lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.0, 100);
+    p.qN[0] = 1.0;
+    p.theta0 = 0.3;
+    p.rotation = 4.0 * PI;
+    assert_int_equal(solved(&p).negative_eigenvalues, 0);
+    for (size_t k = 0; k < 100; k++) assert_true(fabs(theta[k + 1] - theta[k]) < 1.0);
+    p.qN[0] = 3.25; /* loops of a radius below the spacing of the nodes */
+    lg_error error;
+    assert_status(lg_elastica_solve(NULL, &p, NULL, theta, NULL, &error), LG_NO_CONVERGENCE);
+    assert_true(strlen(error.message) > 10);
+}
+
+static void test_taut(void **state) {
+    (void)state;
+    for (double slack = 1e-2; slack > 1e-13; slack *= 1e-5) {
+        lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 1.0, 50);
+        p.qN[0] = 3.3 * (1.0 - slack);
+        assert_int_equal(solved(&p).negative_eigenvalues, 0);
+    }
+}
+
+static void test_many_intervals(void **state) {
+    (void)state;
+    const uint32_t n = 100000;
+    const lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, PI / 3.0, n);
+    double *angles = calloc(n + 1, sizeof *angles);
+    assert_non_null(angles);
+    lg_elastica_solution s;
+    lg_error error;
+    assert_ok(lg_elastica_solve(NULL, &p, NULL, angles, &s, &error));
+    assert_close(s.energy, 9.69540085496, 1e-9, 0); /* that of the continuous problem but for O(h^2) */
+    assert_int_equal(s.negative_eigenvalues, 0);
+    free(angles);
+}
+
+/* Random problems, chord and angles anywhere: a minimum each, or a sentence. */
+static void test_anywhere(void **state) {
+    (void)state;
+    uint32_t seed = 7;
+    int found = 0;
+    for (int i = 0; i < 40; i++) {
+        double u[4];
+        for (int j = 0; j < 4; j++) {
+            seed = seed * 1664525u + 1013904223u;
+            u[j] = seed / 4294967296.0;
+        }
+        lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.0, 60);
+        p.qN[0] = 3.0 * u[0] * cos(6.0 * u[1]);
+        p.qN[1] = 3.0 * u[0] * sin(6.0 * u[1]);
+        p.theta0 = 8.0 * u[2] - 4.0;
+        p.rotation = 9.0 * u[3] - 4.5;
+        lg_elastica_solution s;
+        lg_error error = {LG_OK, ""};
+        const lg_status status = lg_elastica_solve(NULL, &p, NULL, theta, &s, &error);
+        if (status == LG_OK) {
+            found++;
+            assert_int_equal(s.negative_eigenvalues, 0);
+            assert_true(s.residual < 1e-8);
+        } else {
+            assert_int_equal(status, LG_NO_CONVERGENCE);
+            assert_true(strlen(error.message) > 10);
+        }
+    }
+    assert_true(found >= 36);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_cases),
+                                       cmocka_unit_test(test_bad_input),
+                                       cmocka_unit_test(test_energy_is_action),
+                                       cmocka_unit_test(test_euler_lagrange),
+                                       cmocka_unit_test(test_minimum),
+                                       cmocka_unit_test(test_known_energies),
+                                       cmocka_unit_test(test_families),
+                                       cmocka_unit_test(test_frame),
+                                       cmocka_unit_test(test_guess),
+                                       cmocka_unit_test(test_degenerate),
+                                       cmocka_unit_test(test_closed),
+                                       cmocka_unit_test(test_turns),
+                                       cmocka_unit_test(test_taut),
+                                       cmocka_unit_test(test_many_intervals),
+                                       cmocka_unit_test(test_anywhere)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

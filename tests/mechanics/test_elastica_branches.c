@@ -1,0 +1,240 @@
+/* Branches of the elastica: the documented hard cases, saddles, generated curves, memory. */
+#include "liegrad/elastica.h"
+#include "support/fail_alloc.h"
+#include "test_support.h"
+/* ctest-labels: threads */
+
+#define PI   3.14159265358979323846
+#define ROOM 16
+
+static double theta[ROOM * 51];
+static lg_elastica_solution solutions[ROOM];
+
+/* Branches of a family at x = share pi, the rotation `turns` turns beyond that of the global minimum. */
+static size_t branches(lg_elastica_case kind, double share, int turns, bool saddles) {
+    lg_elastica p = lg_elastica_defaults();
+    lg_error error;
+    size_t count = 99;
+    lg_elastica_set_case(&p, kind, share * PI);
+    p.rotation += 2.0 * PI * turns;
+    if (lg_elastica_branches(NULL, &p, NULL, saddles, ROOM, theta, solutions, &count, &error) != LG_OK)
+        fail_msg("%s", error.message);
+    for (size_t i = 0; i < count; i++) {
+        assert_close(lg_elastica_energy(&p, theta + 51 * i), solutions[i].energy, 1e-12, 0);
+        assert_true(i == 0 || solutions[i].energy >= solutions[i - 1].energy * (1.0 - 1e-10));
+        assert_true(saddles || solutions[i].negative_eigenvalues == 0);
+        assert_true(solutions[i].residual < 1e-7);
+    }
+    return count;
+}
+
+/* Both-ends: a second arch, below, up to |w| = 0.1925 pi. Right-end: the wrong-way buckle up to 0.171 pi. */
+static void test_second_minimum(void **state) {
+    (void)state;
+    assert_int_equal(branches(LG_ELASTICA_BOTH_ENDS, 0.192, 0, false), 2);
+    assert_true(theta[10] > 0.0 && theta[51 + 10] < 0.0);
+    assert_int_equal(branches(LG_ELASTICA_BOTH_ENDS, 0.193, 0, false), 1);
+    assert_int_equal(branches(LG_ELASTICA_RIGHT_END, 0.170, 0, false), 2);
+    assert_int_equal(branches(LG_ELASTICA_RIGHT_END, 0.172, 0, false), 1);
+}
+
+/* The same tangents with other rotations: both loops and the asymmetric pair. */
+static void test_loops(void **state) {
+    (void)state;
+    assert_int_equal(branches(LG_ELASTICA_BOTH_ENDS, 1.0, 0, false), 1);
+    assert_close(solutions[0].energy, 420.415, 0, 5e-4);
+    assert_int_equal(branches(LG_ELASTICA_BOTH_ENDS, 1.0, 2, false), 1);
+    assert_close(solutions[0].energy, 420.415, 0, 5e-4);
+    assert_int_equal(branches(LG_ELASTICA_BOTH_ENDS, 1.0, 1, false), 2);
+    assert_close(solutions[0].energy, 439.367, 0, 5e-4);
+    assert_close(solutions[1].energy, 439.367, 0, 5e-4);
+    for (int turns = 1; turns <= 2; turns++) {
+        assert_int_equal(branches(LG_ELASTICA_BOTH_ENDS, 0.890, turns, false), turns == 1 ? 2 : 1);
+        assert_int_equal(branches(LG_ELASTICA_BOTH_ENDS, 0.887, turns, false), 0);
+    }
+}
+
+/* The clamped straight beam buckles: two arches, two S (one negative eigenvalue each), then two of two. */
+static void test_saddles(void **state) {
+    (void)state;
+    assert_true(branches(LG_ELASTICA_BOTH_ENDS, 0.0, 0, true) >= 6);
+    const double energies[] = {11.084, 11.084, 22.442, 22.442, 43.774, 43.774};
+    for (uint32_t i = 0; i < 6; i++) {
+        assert_close(solutions[i].energy, energies[i], 0, 1e-3);
+        assert_int_equal(solutions[i].negative_eigenvalues, i / 2);
+    }
+    /* between two minima there is a saddle */
+    const size_t count = branches(LG_ELASTICA_BOTH_ENDS, 0.03, 0, true);
+    assert_true(count >= 3);
+    assert_int_equal(solutions[2].negative_eigenvalues, 1);
+}
+
+static void test_branches_bad_input(void **state) {
+    (void)state;
+    lg_elastica p = lg_elastica_defaults();
+    size_t count = 5;
+    assert_status(lg_elastica_branches(NULL, &p, NULL, false, 0, theta, solutions, &count, NULL),
+                  LG_INVALID_ARGUMENT);
+    assert_status(lg_elastica_branches(NULL, &p, NULL, false, 1, NULL, solutions, &count, NULL),
+                  LG_INVALID_ARGUMENT);
+    p.theta0 = NAN;
+    assert_status(lg_elastica_branches(NULL, &p, NULL, false, 1, theta, solutions, &count, NULL),
+                  LG_NOT_FINITE);
+    assert_int_equal(count, 5);
+    p.theta0 = 0.0; /* room for one: the lowest */
+    assert_ok(lg_elastica_branches(NULL, &p, NULL, false, 1, theta, solutions, &count, NULL));
+    assert_int_equal(count, 1);
+    assert_close(solutions[0].energy, 11.084103198529, 1e-10, 0);
+}
+
+/* ---- sets of curves ---- */
+
+static void test_generate(void **state) {
+    (void)state;
+    lg_elastica_sampling s = lg_elastica_sampling_defaults();
+    lg_elastica_curves one = {.count = 0}, two = {.count = 0};
+    s.right_end = true;
+    s.count = 91;
+    assert_ok(lg_elastica_generate(NULL, &s, &one, NULL));
+    assert_int_equal(one.count, 182);
+    assert_false(one.continuous);
+    s.threads = 3;
+    assert_ok(lg_elastica_generate(NULL, &s, &two, NULL));
+    assert_memory_equal(one.q, two.q, 182 * 102 * sizeof(double));
+    assert_memory_equal(one.v, two.v, 182 * 102 * sizeof(double));
+    assert_memory_equal(one.energy, two.energy, 182 * sizeof(double));
+    assert_close(one.x[0], 0.01 * PI, 1e-15, 0);
+    assert_close(one.x[45], 0.99 * PI, 1e-15, 0); /* 46 in the first half */
+    assert_close(one.x[46], 1.01 * PI, 1e-15, 0);
+    assert_close(one.x[90], 1.99 * PI, 1e-15, 0);
+    for (size_t i = 0; i < one.count; i += 11) {
+        lg_elastica p = s.problem;
+        lg_elastica_solution solution;
+        double q[102], v[102];
+        assert_int_equal(one.kind[i], i < 91 ? LG_ELASTICA_BOTH_ENDS : LG_ELASTICA_RIGHT_END);
+        lg_elastica_set_case(&p, (lg_elastica_case)one.kind[i], one.x[i]);
+        assert_ok(lg_elastica_solve(NULL, &p, NULL, theta, &solution, NULL));
+        lg_elastica_curve(&p, theta, q, v);
+        assert_close(one.energy[i], solution.energy, 1e-12, 0);
+        for (size_t k = 0; k < 102; k++) {
+            assert_close(one.q[102 * i + k], q[k], 0, 1e-11);
+            assert_close(one.v[102 * i + k], v[k], 0, 1e-11);
+        }
+        for (size_t c = 0; c < 2; c++) {
+            assert_close(one.boundary[8 * i + c], q[c], 0, 0);
+            assert_close(one.boundary[8 * i + 2 + c], one.v[102 * i + c], 0, 0);
+            assert_close(one.boundary[8 * i + 4 + c], q[100 + c], 0, 0);
+            assert_close(one.boundary[8 * i + 6 + c], one.v[102 * i + 100 + c], 0, 0);
+        }
+    }
+    lg_elastica_curves_free(NULL, &one);
+    lg_elastica_curves_free(NULL, &two);
+    assert_null(two.q);
+}
+
+/* Without a gap the ends are the bifurcations themselves. */
+static void test_generate_edges(void **state) {
+    (void)state;
+    lg_elastica_sampling s = lg_elastica_sampling_defaults();
+    lg_elastica_curves curves = {.count = 0};
+    s.gap = 0.0;
+    s.count = 9;
+    assert_ok(lg_elastica_generate(NULL, &s, &curves, NULL));
+    assert_close(curves.energy[0], curves.energy[8], 1e-12, 0); /* x = 0 and 2 pi */
+    assert_close(curves.energy[4], curves.energy[5], 1e-12, 0); /* pi, twice */
+    lg_elastica_curves_free(NULL, &curves);
+    s.count = 100; /* x = 2 pi is x = 0, whatever its neighbours */
+    assert_ok(lg_elastica_generate(NULL, &s, &curves, NULL));
+    for (size_t k = 0; k < 102; k++) assert_close(curves.q[99 * 102 + k], curves.q[k], 0, 1e-11);
+    lg_elastica_curves_free(NULL, &curves);
+    s.count = 1;
+    assert_ok(lg_elastica_generate(NULL, &s, &curves, NULL));
+    lg_elastica_curves_free(NULL, &curves);
+}
+
+static void test_generate_bad_input(void **state) {
+    (void)state;
+    lg_error error;
+    lg_elastica_curves curves = {.count = 77};
+    lg_elastica_sampling bad[6];
+    for (int i = 0; i < 6; i++) bad[i] = lg_elastica_sampling_defaults();
+    bad[0].both_ends = false;
+    bad[1].count = 0;
+    bad[2].gap = 0.5;
+    bad[3].threads = 0;
+    bad[4].problem.qN[0] = 3.3;
+    bad[5].problem.intervals = 1;
+    for (int i = 0; i < 6; i++) {
+        assert_status(lg_elastica_generate(NULL, &bad[i], &curves, &error), LG_INVALID_ARGUMENT);
+        assert_true(strlen(error.message) > 10);
+    }
+    bad[0] = lg_elastica_sampling_defaults();
+    bad[0].gap = NAN;
+    assert_status(lg_elastica_generate(NULL, &bad[0], &curves, &error), LG_NOT_FINITE);
+    assert_int_equal(curves.count, 77);
+    assert_status(lg_elastica_curves_create(NULL, 0, 50, true, &curves), LG_INVALID_ARGUMENT);
+}
+
+static lg_status everything(const lg_context *context) {
+    lg_elastica_sampling s = lg_elastica_sampling_defaults();
+    lg_elastica_curves curves = {.count = 0};
+    size_t count;
+    s.count = 3;
+    s.problem.intervals = 10;
+    lg_elastica p = s.problem;
+    lg_elastica_set_case(&p, LG_ELASTICA_BOTH_ENDS, 1.1);
+    lg_status status = lg_elastica_solve(context, &p, NULL, theta, NULL, NULL);
+    if (status == LG_OK) status = lg_elastica_solve_continuous(context, &p, NULL, theta, NULL, NULL, NULL);
+    if (status == LG_OK)
+        status = lg_elastica_branches(context, &p, NULL, true, 2, theta, solutions, &count, NULL);
+    if (status == LG_OK) status = lg_elastica_generate(context, &s, &curves, NULL);
+    lg_elastica_curves_free(context, &curves);
+    s.continuous = true;
+    if (status == LG_OK) status = lg_elastica_generate(context, &s, &curves, NULL);
+    lg_elastica_curves_free(context, &curves);
+    return status;
+}
+
+static void test_out_of_memory(void **state) {
+    (void)state;
+    lg_fail_alloc memory;
+    lg_context *context = lg_fail_alloc_context(&memory);
+    for (long n = 1;; n++) {
+        lg_fail_alloc_arm(&memory, n);
+        const lg_status status = everything(context);
+        if (!lg_fail_alloc_hit(&memory)) break;
+        assert_int_equal(status, LG_OUT_OF_MEMORY);
+        assert_int_equal(lg_fail_alloc_live(&memory), 0);
+    }
+    assert_int_equal(lg_fail_alloc_live(&memory), 0);
+    lg_context_destroy(context);
+}
+
+static void test_cancel(void **state) {
+    (void)state;
+    const volatile int stop = 1;
+    lg_context_options o;
+    lg_context *context;
+    lg_context_options_init(&o);
+    o.cancel = &stop;
+    assert_ok(lg_context_create(&o, &context));
+    assert_status(everything(context), LG_CANCELLED);
+    lg_elastica_sampling s = lg_elastica_sampling_defaults();
+    lg_elastica_curves curves = {.count = 0};
+    assert_status(lg_elastica_generate(context, &s, &curves, NULL), LG_CANCELLED);
+    assert_null(curves.q);
+    lg_context_destroy(context);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_second_minimum),
+                                       cmocka_unit_test(test_loops),
+                                       cmocka_unit_test(test_saddles),
+                                       cmocka_unit_test(test_branches_bad_input),
+                                       cmocka_unit_test(test_generate),
+                                       cmocka_unit_test(test_generate_edges),
+                                       cmocka_unit_test(test_generate_bad_input),
+                                       cmocka_unit_test(test_out_of_memory),
+                                       cmocka_unit_test(test_cancel)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
