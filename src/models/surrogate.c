@@ -1,0 +1,207 @@
+/* Surrogates of the elastica: description, symmetry, split, range. */
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "liegrad/random.h"
+#include "models/surrogate_internal.h"
+
+static const char *const kind_names[LG_SURROGATE_KIND_COUNT] = {"discrete", "continuous", "angle"};
+
+const char *lg_surrogate_kind_name(lg_surrogate_kind kind) {
+    return (unsigned)kind < LG_SURROGATE_KIND_COUNT ? kind_names[kind] : "unknown";
+}
+
+lg_status lg_surrogate_kind_parse(const char *name, lg_surrogate_kind *out) {
+    for (int i = 0; i < LG_SURROGATE_KIND_COUNT; i++)
+        if (strcmp(name, kind_names[i]) == 0) {
+            *out = (lg_surrogate_kind)i;
+            return LG_OK;
+        }
+    return LG_NOT_FOUND;
+}
+
+/* ---- description ---- */
+
+static bool positive(double x) {
+    return x > 0.0 && x <= DBL_MAX;
+}
+
+static lg_status check(const lg_surrogate_options *o, uint32_t intervals, double length, double centre,
+                       lg_error *error) {
+    if ((unsigned)o->kind >= LG_SURROGATE_KIND_COUNT)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "unknown kind of surrogate");
+    if (o->boundary && o->kind != LG_SURROGATE_ANGLE)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "boundary conditions by construction belong to the angle network, not to the %s one",
+                       kind_names[o->kind]);
+    if (intervals < LG_ELASTICA_MIN_INTERVALS || intervals > LG_ELASTICA_MAX_INTERVALS)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%u intervals; %d to %d are possible", intervals,
+                       LG_ELASTICA_MIN_INTERVALS, LG_ELASTICA_MAX_INTERVALS);
+    if (!positive(length) || !positive(centre))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "length %g and centre %g must both be positive and finite",
+                       length, centre);
+    if (!(o->gamma >= 0.0 && o->gamma <= DBL_MAX))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "gamma %g must be finite and not negative", o->gamma);
+    return LG_OK;
+}
+
+lg_status lg_surrogate_init(lg_surrogate *model, const lg_surrogate_options *options, uint32_t intervals,
+                            double length, double centre, lg_error *error) {
+    if (model == NULL || options == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "no model or no options");
+    LG_TRY(check(options, intervals, length, centre, error));
+    static const uint32_t inputs[] = {8, 9, 3};
+    const uint32_t outputs[] = {4 * (intervals - 1), 2, 1};
+    lg_surrogate made = {.options = *options, .intervals = intervals, .length = length, .centre = centre};
+    const lg_status status =
+        lg_net_init(&made.net, options->architecture, inputs[options->kind], options->embedding,
+                    options->hidden, options->layers, outputs[options->kind], options->activation);
+    if (status != LG_OK)
+        return lg_fail(error, status,
+                       "no network of %u layers of %u, embedding %u, architecture %d, activation %d",
+                       options->layers, options->hidden, options->embedding, (int)options->architecture,
+                       (int)options->activation);
+    *model = made;
+    return LG_OK;
+}
+
+size_t lg_surrogate_parameters(const lg_surrogate *model) {
+    return lg_net_parameters(&model->net);
+}
+
+/* ---- what the network sees ---- */
+
+/* The first number that is not zero decides; they all change sign under reflection. Where all are zero the
+ * boundary conditions are their own mirror image. */
+double lg_surrogate_sign(const lg_surrogate *model, const double *x) {
+    const double order[] = {x[LG_AT_V0 + 1] - x[LG_AT_VN + 1], x[LG_AT_V0 + 1],
+                            x[LG_AT_QN + 1] - x[LG_AT_Q0 + 1]};
+    if (!model->options.mirror) return 1.0;
+    for (size_t i = 0; i < LG_COUNT(order); i++)
+        if (order[i] != 0.0) return order[i] < 0.0 ? -1.0 : 1.0;
+    return 1.0;
+}
+
+/* -0 would turn pi into -pi; -0 + 0 = 0. */
+void lg_surrogate_angles(const double *x, double sign, double *angles) {
+    angles[0] = atan2(sign * x[LG_AT_V0 + 1] + 0.0, x[LG_AT_V0]);
+    angles[1] = atan2(sign * x[LG_AT_VN + 1] + 0.0, x[LG_AT_VN]);
+}
+
+void lg_surrogate_row(const lg_surrogate *model, const double *x, double sign, double s, double *row) {
+    if (model->options.kind == LG_SURROGATE_ANGLE) {
+        lg_surrogate_angles(x, sign, row);
+        row[0] /= LG_SURROGATE_PI;
+        row[1] /= LG_SURROGATE_PI;
+        row[2] = s;
+        return;
+    }
+    if (model->options.kind == LG_SURROGATE_CONTINUOUS) *row++ = s / model->length;
+    for (size_t c = 0; c < 8; c++) {
+        const double from = c < LG_AT_V0 || (c >= LG_AT_QN && c < LG_AT_VN) ? x[c % 2] : 0.0;
+        row[c] = (c % 2 == 1 ? sign : 1.0) * (x[c] - from);
+    }
+    if (!model->options.normalise) return;
+    row[LG_AT_Q0] = (row[LG_AT_Q0] - model->centre) / model->centre;
+    row[LG_AT_QN] = (row[LG_AT_QN] - model->centre) / model->centre;
+}
+
+void lg_surrogate_end_weights(const lg_surrogate *model, double s, double *weights) {
+    const double rest = s - model->length;
+    const double a = exp(-100.0 * s * s), b = exp(-100.0 * rest * rest);
+    const double c = exp(-100.0 * model->length * model->length);
+    weights[0] = (a - c * b) / ((1.0 - c) * (1.0 + c));
+    weights[1] = (b - c * a) / ((1.0 - c) * (1.0 + c));
+}
+
+lg_status lg_surrogate_check_curves(const lg_surrogate *model, const lg_elastica_curves *curves,
+                                    lg_error *error) {
+    if (!(fabs(curves->length - model->length) <= 1e-9 * model->length))
+        return lg_fail(error, LG_SHAPE, "curves of length %.17g do not fit a network for length %.17g",
+                       curves->length, model->length);
+    if (model->options.kind == LG_SURROGATE_DISCRETE && curves->intervals != model->intervals)
+        return lg_fail(error, LG_SHAPE,
+                       "curves of %u intervals do not fit a discrete network of %u; train one for them, or "
+                       "use a continuous or angle network",
+                       curves->intervals, model->intervals);
+    return LG_OK;
+}
+
+/* ---- split ---- */
+
+#define SPLIT_STREAM 0x73706c74u /* keeps the split apart from other draws with the same seed */
+
+static bool fraction(double x) {
+    return x >= 0.0 && x <= 1.0;
+}
+
+/* The labels of the permuted order are shuffled instead of indices: label i stands at the same place for all
+ * fractions, and no memory is needed. */
+lg_status lg_surrogate_split(size_t n, double train_fraction, double test_fraction, uint64_t seed,
+                             uint8_t *parts) {
+    if (!fraction(train_fraction) || !fraction(test_fraction) || parts == NULL) return LG_INVALID_ARGUMENT;
+    if (train_fraction + test_fraction > 1.0 + 1e-12) return LG_INVALID_ARGUMENT;
+    const size_t test = (size_t)(test_fraction * (double)n + 0.5), rest = n - test;
+    const size_t wanted = (size_t)(train_fraction * (double)n + 0.5), train = wanted < rest ? wanted : rest;
+    if (train == 0) return LG_INVALID_ARGUMENT;
+    lg_rng rng;
+    lg_rng_seed(&rng, seed, SPLIT_STREAM);
+    memset(parts, LG_PART_NONE, n);
+    memset(parts, LG_PART_TEST, test);
+    memset(parts + test, LG_PART_TRAIN, train);
+    for (size_t i = n; i > 1; i--) {
+        const size_t j = (size_t)lg_rng_below(&rng, i);
+        const uint8_t label = parts[j];
+        parts[j] = parts[i - 1];
+        parts[i - 1] = label;
+    }
+    return LG_OK;
+}
+
+/* ---- range ---- */
+
+/* (v0, qN - q0, vN), reflected for sign -1. */
+static void relative(const double *x, double sign, double *out) {
+    for (size_t c = 0; c < 6; c++) {
+        const double from = c == 2 || c == 3 ? x[c - 2] : 0.0;
+        out[c] = (c % 2 == 1 ? sign : 1.0) * (x[c + 2] - from);
+    }
+}
+
+/* Squared distance of x from its nearest neighbour among the trained ones, number `but` left out. */
+static double nearest(const double *trained, size_t n, size_t but, const double *x, double sign) {
+    double least = INFINITY, here[6], there[6];
+    relative(x, sign, here);
+    for (size_t i = 0; i < n; i++) {
+        double sum = 0.0;
+        relative(trained + 8 * i, 1.0, there);
+        for (size_t c = 0; c < 6; c++) sum += (there[c] - here[c]) * (there[c] - here[c]);
+        if (i != but && sum < least) least = sum;
+    }
+    return least;
+}
+
+/* The largest distances so far, by falling size: those that are left out, and one more. */
+enum { LONERS = 32 };
+
+double lg_surrogate_reach(const double *trained, size_t n) {
+    const size_t loners = n / 100 < LONERS ? n / 100 : LONERS;
+    double largest[LONERS + 1] = {0.0};
+    for (size_t i = 0; n > 1 && i < n; i++) {
+        const double distance = nearest(trained, n, i, trained + 8 * i, 1.0);
+        size_t at = loners + 1;
+        for (; at > 0 && largest[at - 1] < distance; at--)
+            if (at <= loners) largest[at] = largest[at - 1];
+        if (at <= loners) largest[at] = distance;
+    }
+    return sqrt(largest[loners]);
+}
+
+double lg_surrogate_distance(const lg_surrogate *model, const double *trained, size_t n, const double *x) {
+    const double here = nearest(trained, n, SIZE_MAX, x, 1.0);
+    if (!model->options.mirror) return sqrt(here);
+    const double image = nearest(trained, n, SIZE_MAX, x, -1.0);
+    return sqrt(image < here ? image : here);
+}

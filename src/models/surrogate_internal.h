@@ -1,0 +1,53 @@
+/* Shared by training and use of the surrogates. */
+#ifndef LG_SURROGATE_INTERNAL_H
+#define LG_SURROGATE_INTERNAL_H
+
+#include "liegrad/surrogate.h"
+
+/* Gauss's rule of 3 points on [0, 1]: abscissae (1 -+ sqrt(3/5))/2 and weights. */
+#define LG_GAUSS_POINTS 3
+static const double lg_gauss_at[LG_GAUSS_POINTS] = {0.11270166537925831, 0.5, 0.88729833462074169};
+static const double lg_gauss_weight[LG_GAUSS_POINTS] = {5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0};
+
+/* Pi to double precision. */
+#define LG_SURROGATE_PI 3.14159265358979323846
+
+/* Where the components of boundary conditions x = (q0, v0, qN, vN) begin. */
+enum { LG_AT_Q0 = 0, LG_AT_V0 = 2, LG_AT_QN = 4, LG_AT_VN = 6 };
+
+/* Arc length of node k; exactly 0 and L at the ends. */
+static inline double lg_surrogate_node(const lg_surrogate *model, uint32_t k) {
+    return k == model->intervals ? model->length : model->length * k / model->intervals;
+}
+
+/* -1 where the network works on the mirror image of these boundary conditions, else 1. */
+double lg_surrogate_sign(const lg_surrogate *model, const double *x);
+/* theta_0 and theta_N in (-pi, pi], of the mirror image for sign -1. */
+void lg_surrogate_angles(const double *x, double sign, double *angles);
+/* How far from its node, in intervals, a sample of training `between` nodes lies: U[-1/2, 1/2), always the
+ * same for the same sample. */
+double lg_surrogate_shift(uint64_t sample);
+/* The cubic through both nodes q (2, 2) with their tangents v (2, 2) at 0 <= t <= 1 of an interval of length
+ * h, and its derivative by arc length. */
+void lg_surrogate_hermite(const double *q, const double *v, double h, double t, double *point,
+                          double *tangent);
+/* A row of the network's input at s: 8 numbers (discrete), 9 (continuous) or 3 (angle). */
+void lg_surrogate_row(const lg_surrogate *model, const double *x, double sign, double s, double *row);
+/* Weights at s of what is missing in the angles at the ends: (1, 0) at s = 0, (0, 1) at s = L. */
+void lg_surrogate_end_weights(const lg_surrogate *model, double s, double *weights);
+/* LG_SHAPE where these curves are not for the model. */
+lg_status lg_surrogate_check_curves(const lg_surrogate *model, const lg_elastica_curves *curves,
+                                    lg_error *error);
+
+static inline void lg_surrogate_put(lg_dtype dtype, void *values, size_t at, const double *from, size_t n) {
+    if (dtype == LG_F64)
+        for (size_t i = 0; i < n; i++) ((double *)values)[at + i] = from[i];
+    else
+        for (size_t i = 0; i < n; i++) ((float *)values)[at + i] = (float)from[i];
+}
+
+static inline double lg_surrogate_get(lg_dtype dtype, const void *values, size_t at) {
+    return dtype == LG_F64 ? ((const double *)values)[at] : (double)((const float *)values)[at];
+}
+
+#endif

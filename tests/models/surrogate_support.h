@@ -1,0 +1,138 @@
+/* Small surrogates, and smooth curves of unit tangents to learn from, without a solver. */
+#ifndef LG_SURROGATE_SUPPORT_H
+#define LG_SURROGATE_SUPPORT_H
+
+#include "test_support.h"
+
+#include "liegrad/surrogate.h"
+
+#define TEST_LENGTH 3.3
+#define TEST_PI     3.14159265358979323846
+
+/* Settings of the tests: every kind with and without its options. */
+static const lg_surrogate_options test_options[] = {
+    {.kind = LG_SURROGATE_DISCRETE, .architecture = LG_NET_MLP, .hidden = 13, .layers = 2},
+    {.kind = LG_SURROGATE_DISCRETE,
+     .architecture = LG_NET_RESNET,
+     .hidden = 13,
+     .layers = 1,
+     .normalise = true,
+     .mirror = true,
+     .gamma = 0.3},
+    {.kind = LG_SURROGATE_CONTINUOUS, .architecture = LG_NET_MULT_AFFINE, .hidden = 11, .layers = 2},
+    {.kind = LG_SURROGATE_CONTINUOUS,
+     .architecture = LG_NET_MULT,
+     .embedding = 7,
+     .hidden = 11,
+     .layers = 2,
+     .normalise = true,
+     .mirror = true,
+     .gamma = 0.02},
+    {.kind = LG_SURROGATE_CONTINUOUS,
+     .architecture = LG_NET_MULT_AFFINE,
+     .embedding = 7,
+     .hidden = 10,
+     .layers = 1,
+     .normalise = true,
+     .gamma = 2.0},
+    {.kind = LG_SURROGATE_ANGLE, .architecture = LG_NET_MULT, .hidden = 9, .layers = 2},
+    {.kind = LG_SURROGATE_ANGLE,
+     .architecture = LG_NET_MULT_AFFINE,
+     .embedding = 5,
+     .hidden = 9,
+     .layers = 2,
+     .boundary = true},
+    {.kind = LG_SURROGATE_ANGLE,
+     .architecture = LG_NET_MLP,
+     .hidden = 9,
+     .layers = 2,
+     .mirror = true,
+     .boundary = true},
+};
+enum { TEST_OPTIONS = sizeof test_options / sizeof test_options[0] };
+
+typedef struct small {
+    lg_surrogate model;
+    size_t parameters;
+    double *theta;
+    float *theta32;
+    void *work;
+    size_t work_points;
+} small;
+
+/* Number `which` of the settings, tanh, with parameters drawn by `seed`. */
+static inline void make_small(small *s, size_t which, uint32_t intervals, double length, uint64_t seed) {
+    lg_surrogate_options options = test_options[which];
+    lg_rng rng;
+    options.activation = LG_TANH;
+    assert_ok(lg_surrogate_init(&s->model, &options, intervals, length, 1.5, NULL));
+    s->parameters = lg_surrogate_parameters(&s->model);
+    s->theta = malloc(s->parameters * sizeof *s->theta);
+    s->theta32 = malloc(s->parameters * sizeof *s->theta32);
+    lg_rng_seed(&rng, seed, which);
+    lg_net_initialise(&s->model.net, LG_INIT_FAN_IN, &rng, s->theta);
+    for (size_t i = 0; i < s->parameters; i++) s->theta32[i] = (float)s->theta[i];
+    s->work_points = 1000;
+    size_t bytes = lg_surrogate_work_size(&s->model, s->work_points, LG_F64);
+    assert_int_equal(posix_memalign(&s->work, 64, bytes + 64), 0);
+}
+
+static inline void free_small(small *s) {
+    free(s->theta);
+    free(s->theta32);
+    free(s->work);
+}
+
+static inline void curve_of(const small *s, const double *x, const double *at, size_t points, double *q,
+                            double *v) {
+    assert_true(points <= s->work_points);
+    lg_surrogate_curve(&s->model, LG_F64, s->theta, x, at, points, q, v, s->work);
+}
+
+/* theta(s) of curve i, some turning one way and some the other. */
+static inline double test_angle(size_t i, double t) {
+    const double a = 0.4 + 0.23 * (double)i, side = i % 2 == 0 ? 1.0 : -1.0;
+    return side * (a * (1.0 - 2.0 * t) + 0.3 * a * t * t + 0.1 * sin(2.0 * TEST_PI * t));
+}
+
+/* n curves of N intervals; q by Simpson's rule on fine panels. */
+static inline void make_curves(lg_elastica_curves *set, size_t n, uint32_t intervals) {
+    enum { FINE = 20 };
+    const size_t nodes = (size_t)intervals + 1;
+    *set = (lg_elastica_curves){.count = n, .intervals = intervals, .length = TEST_LENGTH, .stiffness = 10.0};
+    set->boundary = calloc(8 * n, sizeof(double));
+    set->q = calloc(2 * nodes * n, sizeof(double));
+    set->v = calloc(2 * nodes * n, sizeof(double));
+    for (size_t i = 0; i < n; i++) {
+        double *q = set->q + 2 * nodes * i, *v = set->v + 2 * nodes * i, *x = set->boundary + 8 * i;
+        const double h = 1.0 / ((double)intervals * FINE);
+        q[0] = 0.01 * (double)i;
+        q[1] = -0.02 * (double)i;
+        for (size_t k = 0; k < nodes; k++) {
+            const double t = (double)k / intervals;
+            v[2 * k] = cos(test_angle(i, t));
+            v[2 * k + 1] = sin(test_angle(i, t));
+            if (k + 1 == nodes) break;
+            double sum[2] = {0.0, 0.0};
+            for (size_t j = 0; j < FINE; j++)
+                for (size_t e = 0; e < 3; e++) {
+                    const double angle = test_angle(i, t + ((double)j + 0.5 * (double)e) * h);
+                    sum[0] += (e == 1 ? 4.0 : 1.0) * cos(angle);
+                    sum[1] += (e == 1 ? 4.0 : 1.0) * sin(angle);
+                }
+            for (size_t c = 0; c < 2; c++) q[2 * k + 2 + c] = q[2 * k + c] + TEST_LENGTH * h / 6.0 * sum[c];
+        }
+        memcpy(x, q, 2 * sizeof *x);
+        memcpy(x + 2, v, 2 * sizeof *x);
+        memcpy(x + 4, q + 2 * nodes - 2, 2 * sizeof *x);
+        memcpy(x + 6, v + 2 * nodes - 2, 2 * sizeof *x);
+    }
+}
+
+static inline void free_curves(lg_elastica_curves *set) {
+    free(set->boundary);
+    free(set->q);
+    free(set->v);
+}
+
+#endif

@@ -1,0 +1,776 @@
+/* Surrogates: description, presets, split, range, and their curves: symmetry, ends, derivatives, integrals,
+ * precision, memory, errors. */
+#include "models/surrogate_support.h"
+
+#include "support/fail_alloc.h"
+
+enum { N = 50 };
+
+static const double some_x[][8] = {
+    {0.0, 0.0, 0.8, 0.6, 3.0, 0.0, 0.8, -0.6},    {0.0, 0.0, 0.8, -0.6, 3.0, 0.0, 0.8, 0.6},
+    {0.0, 0.0, 1.0, 0.0, 3.0, 0.0, -0.6, 0.8},    {0.1, -0.2, -0.6, 0.8, 2.9, 0.3, -0.8, 0.6},
+    {0.1, -0.2, -0.6, -0.8, 2.9, 0.3, -0.8, 0.6}, {0.0, 0.0, -1.0, 0.0, 3.0, 0.0, 0.8, 0.6}};
+enum { SOME = sizeof some_x / sizeof some_x[0] };
+
+/* ---- description ---- */
+
+static void names(void **state) {
+    (void)state;
+    for (int i = 0; i < LG_SURROGATE_KIND_COUNT; i++) {
+        lg_surrogate_kind kind;
+        assert_ok(lg_surrogate_kind_parse(lg_surrogate_kind_name((lg_surrogate_kind)i), &kind));
+        assert_int_equal(kind, i);
+    }
+    lg_surrogate_kind kind = LG_SURROGATE_ANGLE;
+    assert_status(lg_surrogate_kind_parse("discreet", &kind), LG_NOT_FOUND);
+    assert_int_equal(kind, LG_SURROGATE_ANGLE);
+    assert_string_equal(lg_surrogate_kind_name(LG_SURROGATE_CONTINUOUS), "continuous");
+    assert_string_equal(lg_surrogate_kind_name((lg_surrogate_kind)9), "unknown");
+}
+
+static void published_sizes(void **state) {
+    (void)state;
+    const struct {
+        lg_surrogate_kind kind;
+        size_t parameters;
+    } rows[] = {{LG_SURROGATE_DISCRETE, 3274471}, {LG_SURROGATE_CONTINUOUS, 474052}};
+    for (size_t i = 0; i < 2; i++) {
+        lg_surrogate model;
+        const lg_surrogate_preset *row = lg_surrogate_preset_find("thesis", rows[i].kind, false, false, 0.9);
+        assert_non_null(row);
+        assert_ok(lg_surrogate_init(&model, &row->model, N, 3.3, 1.5, NULL));
+        assert_int_equal(lg_surrogate_parameters(&model), rows[i].parameters);
+    }
+}
+
+static void what_init_refuses(void **state) {
+    (void)state;
+    lg_surrogate model, before;
+    lg_error error;
+    lg_surrogate_options good = test_options[0], o;
+    memset(&model, 7, sizeof model);
+    before = model;
+    assert_status(lg_surrogate_init(NULL, &good, N, 3.3, 1.5, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_surrogate_init(&model, NULL, N, 3.3, 1.5, &error), LG_INVALID_ARGUMENT);
+    const double bad[] = {0.0, -1.0, NAN, INFINITY};
+    for (size_t i = 0; i < 4; i++) {
+        assert_status(lg_surrogate_init(&model, &good, N, bad[i], 1.5, &error), LG_INVALID_ARGUMENT);
+        assert_status(lg_surrogate_init(&model, &good, N, 3.3, bad[i], NULL), LG_INVALID_ARGUMENT);
+    }
+    const double gammas[] = {-1e-300, NAN, INFINITY};
+    for (size_t i = 0; i < 3; i++) {
+        o = good;
+        o.gamma = gammas[i];
+        assert_status(lg_surrogate_init(&model, &o, N, 3.3, 1.5, &error), LG_INVALID_ARGUMENT);
+    }
+    assert_status(lg_surrogate_init(&model, &good, 1, 3.3, 1.5, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_surrogate_init(&model, &good, 100001, 3.3, 1.5, &error), LG_INVALID_ARGUMENT);
+    for (int kind = 0; kind < 2; kind++) {
+        o = good;
+        o.kind = (lg_surrogate_kind)kind;
+        o.boundary = true;
+        assert_status(lg_surrogate_init(&model, &o, N, 3.3, 1.5, &error), LG_INVALID_ARGUMENT);
+        assert_non_null(strstr(error.message, "angle"));
+    }
+    o = good;
+    o.kind = (lg_surrogate_kind)3;
+    assert_status(lg_surrogate_init(&model, &o, N, 3.3, 1.5, &error), LG_INVALID_ARGUMENT);
+    o = good;
+    o.hidden = 0;
+    assert_status(lg_surrogate_init(&model, &o, N, 3.3, 1.5, &error), LG_INVALID_ARGUMENT);
+    o = good;
+    o.layers = LG_NET_MAX_LAYERS + 1;
+    assert_status(lg_surrogate_init(&model, &o, N, 3.3, 1.5, &error), LG_INVALID_ARGUMENT);
+    assert_memory_equal(&model, &before, sizeof model);
+    assert_ok(lg_surrogate_init(&model, &good, 2, 3.3, 1.5, &error));
+    assert_int_equal(model.net.outputs, 4);
+}
+
+/* ---- presets ---- */
+
+static void published_presets(void **state) {
+    (void)state;
+    static const struct {
+        lg_surrogate_kind kind;
+        bool boundary, merged;
+        double asked, fraction;
+        uint32_t layers, hidden;
+        double lr, gamma;
+        uint64_t batch;
+    } rows[] = {
+        {LG_SURROGATE_DISCRETE, false, false, 0.1, 0.1, 4, 950, 1.019e-3, 8.595e-3, 64},
+        {LG_SURROGATE_DISCRETE, false, false, 0.22, 0.2, 4, 351, 5.455e-3, 2.973e-3, 32},
+        {LG_SURROGATE_DISCRETE, false, false, 0.6, 0.4, 3, 904, 1.429e-3, 9.338e-3, 32},
+        {LG_SURROGATE_DISCRETE, false, false, 0.8, 0.9, 4, 879, 1.378e-3, 4.242e-3, 32},
+        {LG_SURROGATE_DISCRETE, false, true, 0.1, 0.9, 2, 1006, 3.611e-3, 6.388e-3, 32},
+        {LG_SURROGATE_CONTINUOUS, false, false, 0.0, 0.1, 5, 193, 4.548e-3, 2e-2, 1024},
+        {LG_SURROGATE_CONTINUOUS, false, false, 0.2, 0.2, 6, 121, 4.913e-3, 2e-2, 1024},
+        {LG_SURROGATE_CONTINUOUS, false, false, 0.4, 0.4, 6, 169, 4.2e-3, 2e-2, 1024},
+        {LG_SURROGATE_CONTINUOUS, false, false, 1.0, 0.9, 5, 190, 3.025e-3, 2e-2, 1024},
+        {LG_SURROGATE_ANGLE, false, false, 0.9, 0.9, 7, 143, 3.007e-3, 0.0, 20},
+        {LG_SURROGATE_ANGLE, true, false, 0.9, 0.9, 4, 175, 1.846e-3, 0.0, 20},
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        const lg_surrogate_preset *row =
+            lg_surrogate_preset_find("thesis", rows[i].kind, rows[i].boundary, rows[i].merged, rows[i].asked);
+        assert_non_null(row);
+        assert_close(row->fraction, rows[i].fraction, 0.0, 0.0);
+        assert_int_equal(row->model.layers, rows[i].layers);
+        assert_int_equal(row->model.hidden, rows[i].hidden);
+        assert_close(row->training.lr, rows[i].lr, 0.0, 0.0);
+        assert_close(row->model.gamma, rows[i].gamma, 0.0, 0.0);
+        assert_int_equal(row->training.batch, rows[i].batch);
+        const bool discrete = rows[i].kind == LG_SURROGATE_DISCRETE;
+        assert_int_equal(row->training.epochs, discrete ? 300 : 100);
+        assert_int_equal(row->training.lr_step, discrete ? 100 : 45);
+        assert_false(row->model.mirror);
+        assert_int_equal(row->model.architecture, discrete ? LG_NET_MLP : LG_NET_MULT_AFFINE);
+        assert_int_equal(row->model.embedding, discrete ? 0 : rows[i].hidden);
+        assert_int_equal(row->training.dtype, LG_F32);
+    }
+    assert_int_equal(
+        lg_surrogate_preset_find("thesis", LG_SURROGATE_CONTINUOUS, false, false, 0.4)->model.activation,
+        LG_SINE);
+}
+
+/* Every row can be built and trained with, and each setting has one of ours. */
+static void presets_are_valid(void **state) {
+    (void)state;
+    const char *const families[] = {"thesis", "best"};
+    for (size_t f = 0; f < 2; f++)
+        for (int which = 0; which < 80; which++) {
+            const lg_surrogate_kind kind = (lg_surrogate_kind)(which % 4 == 3 ? 2 : which % 4);
+            const bool boundary = which % 4 == 3, merged = which / 4 % 2 == 1;
+            lg_surrogate model;
+            const lg_surrogate_preset *row =
+                lg_surrogate_preset_find(families[f], kind, boundary, merged, which / 8 * 0.1);
+            if (row == NULL) {
+                assert_true(f == 0 && merged && kind != LG_SURROGATE_DISCRETE);
+                continue;
+            }
+            assert_string_equal(row->name, families[f]);
+            assert_int_equal(row->kind, kind);
+            assert_int_equal(row->model.kind, kind);
+            assert_int_equal(row->model.boundary, boundary);
+            assert_int_equal(row->boundary, boundary);
+            assert_int_equal(row->merged, merged);
+            assert_ok(lg_surrogate_init(&model, &row->model, N, 3.3, 1.5, NULL));
+            assert_true(row->training.epochs > 0 && row->training.batch > 0 && row->training.shards > 0);
+            assert_true(row->training.lr > 0.0 && row->training.adam_eps > 0.0 && row->training.lr_step > 0);
+        }
+    assert_null(lg_surrogate_preset_find("worst", LG_SURROGATE_DISCRETE, false, false, 0.9));
+    assert_null(lg_surrogate_preset_find(NULL, LG_SURROGATE_DISCRETE, false, false, 0.9));
+    assert_null(lg_surrogate_preset_find("best", LG_SURROGATE_DISCRETE, true, false, 0.9));
+    assert_null(lg_surrogate_preset_find("best", LG_SURROGATE_DISCRETE, false, false, NAN));
+}
+
+/* ---- split ---- */
+
+static size_t count_of(const uint8_t *parts, size_t n, uint8_t part) {
+    size_t count = 0;
+    for (size_t i = 0; i < n; i++) count += parts[i] == part;
+    return count;
+}
+
+static void split(void **state) {
+    (void)state;
+    enum { CURVES = 1000 };
+    static uint8_t parts[CURVES], whole[CURVES], other[CURVES];
+    assert_ok(lg_surrogate_split(CURVES, 0.9, 0.1, 3, whole));
+    assert_int_equal(count_of(whole, CURVES, LG_PART_TEST), 100);
+    assert_int_equal(count_of(whole, CURVES, LG_PART_TRAIN), 900);
+    const double fractions[] = {0.1, 0.2, 0.4, 0.9};
+    for (size_t f = 0; f < 4; f++) {
+        assert_ok(lg_surrogate_split(CURVES, fractions[f], 0.1, 3, parts));
+        assert_int_equal(count_of(parts, CURVES, LG_PART_TRAIN), (int)(fractions[f] * CURVES + 0.5));
+        for (size_t i = 0; i < CURVES; i++)
+            assert_int_equal(parts[i] == LG_PART_TEST, whole[i] == LG_PART_TEST);
+    }
+    assert_ok(lg_surrogate_split(CURVES, 0.9, 0.1, 4, other));
+    assert_memory_not_equal(whole, other, CURVES);
+    size_t early = count_of(whole, CURVES / 2, LG_PART_TEST); /* spread over both halves */
+    assert_true(early > 30 && early < 70);
+    /* Every curve is tested on with some seed. */
+    static unsigned tested[20];
+    for (uint64_t seed = 0; seed < 4000; seed++) {
+        assert_ok(lg_surrogate_split(20, 0.5, 0.25, seed, parts));
+        assert_int_equal(count_of(parts, 20, LG_PART_TEST), 5);
+        for (size_t i = 0; i < 20; i++) tested[i] += parts[i] == LG_PART_TEST;
+    }
+    for (size_t i = 0; i < 20; i++) assert_true(tested[i] > 890 && tested[i] < 1110);
+}
+
+static void what_split_refuses(void **state) {
+    (void)state;
+    uint8_t parts[5] = {9, 9, 9, 9, 9};
+    const double bad[][2] = {{1.1, 0.0}, {-0.1, 0.1}, {0.5, -0.1}, {0.6, 0.5}, {NAN, 0.1},
+                             {0.5, NAN}, {0.0, 0.5},  {0.0, 0.0},  {0.05, 0.1}};
+    for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++)
+        assert_status(lg_surrogate_split(5, bad[i][0], bad[i][1], 1, parts), LG_INVALID_ARGUMENT);
+    assert_status(lg_surrogate_split(0, 0.9, 0.1, 1, parts), LG_INVALID_ARGUMENT);
+    assert_status(lg_surrogate_split(5, 0.9, 0.1, 1, NULL), LG_INVALID_ARGUMENT);
+    for (size_t i = 0; i < 5; i++) assert_int_equal(parts[i], 9);
+    assert_ok(lg_surrogate_split(5, 0.5, 0.5, 1, parts)); /* 2.5 and 2.5: three and the two that are left */
+    assert_int_equal(count_of(parts, 5, LG_PART_TEST), 3);
+    assert_int_equal(count_of(parts, 5, LG_PART_TRAIN), 2);
+}
+
+/* ---- range ---- */
+
+static void range(void **state) {
+    (void)state;
+    const lg_surrogate plain = {.length = 1.0}, folded = {.options = {.mirror = true}};
+    double trained[4][8] = {{0.0}, {0.0}, {0.0}, {0.0}}, x[8] = {0.0};
+    trained[1][2] = 1.0;
+    trained[2][2] = 1.5;
+    trained[3][2] = 1.5;
+    trained[3][7] = 2.0;
+    assert_close(lg_surrogate_reach(trained[0], 4), 2.0, 1e-15, 0.0);
+    assert_close(lg_surrogate_reach(trained[0], 3), 1.0, 1e-15, 0.0);
+    assert_close(lg_surrogate_reach(trained[0], 1), 0.0, 0.0, 0.0);
+    assert_close(lg_surrogate_reach(trained[0], 0), 0.0, 0.0, 0.0);
+    x[2] = 1.5;
+    x[7] = 5.0;
+    assert_close(lg_surrogate_distance(&plain, trained[0], 4, x), 3.0, 1e-15, 0.0);
+    assert_close(lg_surrogate_distance(&plain, trained[0], 1, x), sqrt(27.25), 1e-15, 0.0);
+    assert_close(lg_surrogate_distance(&plain, trained[0], 4, trained[2]), 0.0, 0.0, 0.0);
+    assert_true(isinf(lg_surrogate_distance(&plain, trained[0], 0, x)));
+    x[7] = -2.0; /* the mirror image of the last one */
+    assert_close(lg_surrogate_distance(&plain, trained[0], 4, x), 2.0, 1e-15, 0.0);
+    assert_close(lg_surrogate_distance(&folded, trained[0], 4, x), 0.0, 0.0, 0.0);
+    x[7] = 2.0;
+    x[0] = x[4] = 7.0; /* the last one moved */
+    assert_close(lg_surrogate_distance(&plain, trained[0], 4, x), 0.0, 0.0, 0.0);
+    x[2] = NAN;
+    assert_true(isinf(lg_surrogate_distance(&plain, trained[0], 4, x)));
+}
+
+/* One curve in a hundred that stands alone does not widen the range; two do. */
+static void reach_without_loners(void **state) {
+    enum { COUNT = 100 };
+    double trained[COUNT][8];
+    (void)state;
+    memset(trained, 0, sizeof trained);
+    for (size_t i = 0; i < COUNT; i++) trained[i][2] = 0.01 * (double)i;
+    trained[COUNT / 2][7] = 5.0;
+    assert_close(lg_surrogate_reach(trained[0], COUNT), 0.01, 1e-9, 0.0);
+    trained[COUNT / 4][7] = 9.0;
+    assert_close(lg_surrogate_reach(trained[0], COUNT), sqrt(16.0 + 0.25 * 0.25), 1e-9, 0.0);
+    assert_close(lg_surrogate_reach(trained[0], COUNT - 1), sqrt(25.0 + 0.01 * 0.01), 1.0, 0.0);
+}
+
+/* ---- curves ---- */
+
+/* What the network is shown, as the header says it, and what it answers. */
+static void ask(const small *s, const double *row, double *y, double *dy) {
+    const double along[9] = {1.0 / s->model.length};
+    void *work = NULL;
+    assert_int_equal(posix_memalign(&work, 64, lg_net_work_size(&s->model.net, 1, LG_F64) + 64), 0);
+    lg_net_eval(&s->model.net, LG_F64, s->theta, row, 1, y, work);
+    if (dy != NULL) lg_net_jvp(&s->model.net, LG_F64, s->theta, row, along, 1, NULL, dy, work);
+    free(work);
+}
+
+/* Setting 0: the boundary conditions as they are. Setting 1: x-coordinates normalised; v0y < vNy reflected.
+ */
+static void discrete_nodes(void **state) {
+    (void)state;
+    const double shown[2][8] = {{0.0, 0.0, -0.6, -0.8, 2.9 - 0.1, 0.3 + 0.2, -0.8, 0.6},
+                                {-1.0, 0.0, -0.6, 0.8, (2.9 - 0.1 - 1.5) / 1.5, -0.3 - 0.2, -0.8, -0.6}};
+    for (size_t which = 0; which < 2; which++) {
+        small s;
+        double y[4 * (N - 1)], at[N + 1], q[2 * (N + 1)], v[2 * (N + 1)];
+        const double sign = which == 1 ? -1.0 : 1.0;
+        make_small(&s, which, N, TEST_LENGTH, 21);
+        for (size_t k = 0; k <= N; k++) at[k] = TEST_LENGTH / N * (double)k;
+        curve_of(&s, some_x[4], at, N + 1, q, v);
+        ask(&s, shown[which], y, NULL);
+        for (size_t k = 1; k < N; k++)
+            for (size_t c = 0; c < 2; c++) {
+                const double side = c == 1 ? sign : 1.0;
+                assert_close(q[2 * k + c], some_x[4][c] + side * y[2 * (k - 1) + c], 0.0, 0.0);
+                assert_close(v[2 * k + c], side * y[2 * (N - 1) + 2 * (k - 1) + c], 0.0, 0.0);
+            }
+        for (size_t c = 0; c < 2; c++) {
+            assert_close(q[c], some_x[4][c], 0.0, 0.0);
+            assert_close(v[c], some_x[4][2 + c], 0.0, 0.0);
+            assert_close(q[2 * N + c], some_x[4][4 + c], 0.0, 0.0);
+            assert_close(v[2 * N + c], some_x[4][6 + c], 0.0, 0.0);
+        }
+        free_small(&s);
+    }
+}
+
+/* Makes the network give these numbers whatever it is shown: its last bias is what it gives. */
+static void make_constant(small *s, const double *numbers) {
+    const size_t n = s->model.net.outputs;
+    memset(s->theta, 0, s->parameters * sizeof *s->theta);
+    memcpy(s->theta + s->parameters - n, numbers, n * sizeof *numbers);
+}
+
+/* A cubic comes back between the nodes, with its derivative. */
+static void between_the_nodes(void **state) {
+    (void)state;
+    enum { M = 4, POINTS = 97 };
+    small s;
+    double numbers[4 * (M - 1)], at[POINTS], q[2 * POINTS], v[2 * POINTS], x[8];
+    make_small(&s, 0, M, TEST_LENGTH, 22);
+    for (size_t k = 0; k <= M; k++) {
+        const double t = TEST_LENGTH * (double)k / M;
+        const double place[2] = {t - 0.1 * t * t * t, 0.3 * t * t - 0.05 * t * t * t};
+        const double tangent[2] = {1.0 - 0.3 * t * t, 0.6 * t - 0.15 * t * t};
+        const bool end = k == 0 || k == M;
+        memcpy(end ? x + k : numbers + 2 * (k - 1), place, sizeof place);
+        memcpy(end ? x + 2 + k : numbers + 2 * (M + k - 2), tangent, sizeof tangent);
+    }
+    make_constant(&s, numbers);
+    for (size_t i = 0; i < POINTS; i++) at[i] = TEST_LENGTH * (double)i / (POINTS - 1);
+    curve_of(&s, x, at, POINTS, q, v);
+    for (size_t i = 0; i < POINTS; i++) {
+        const double t = at[i];
+        assert_close(q[2 * i], t - 0.1 * t * t * t, 0.0, 1e-14);
+        assert_close(q[2 * i + 1], 0.3 * t * t - 0.05 * t * t * t, 0.0, 1e-14);
+        assert_close(v[2 * i], 1.0 - 0.3 * t * t, 0.0, 1e-13);
+        assert_close(v[2 * i + 1], 0.6 * t - 0.15 * t * t, 0.0, 1e-13);
+    }
+    free_small(&s);
+}
+
+static void continuous_points(void **state) {
+    (void)state;
+    const double at = 1.234, sign = -1.0;
+    const double shown[3][9] = {
+        {1.234 / 3.3, 0.0, 0.0, -0.6, -0.8, 2.9 - 0.1, 0.3 + 0.2, -0.8, 0.6},
+        {1.234 / 3.3, -1.0, 0.0, -0.6, 0.8, (2.9 - 0.1 - 1.5) / 1.5, -0.3 - 0.2, -0.8, -0.6},
+        {1.234 / 3.3, -1.0, 0.0, -0.6, -0.8, (2.9 - 0.1 - 1.5) / 1.5, 0.3 + 0.2, -0.8, 0.6}};
+    for (size_t i = 0; i < 3; i++) {
+        small s;
+        double y[2], dy[2], q[2], v[2];
+        make_small(&s, 2 + i, N, TEST_LENGTH, 23);
+        curve_of(&s, some_x[4], &at, 1, q, v);
+        ask(&s, shown[i], y, dy);
+        assert_close(q[0], some_x[4][0] + y[0], 1e-15, 0.0);
+        assert_close(v[0], dy[0], 1e-15, 0.0);
+        assert_close(q[1], some_x[4][1] + (i == 1 ? sign : 1.0) * y[1], 1e-15, 0.0);
+        assert_close(v[1], (i == 1 ? sign : 1.0) * dy[1], 1e-15, 0.0);
+        free_small(&s);
+    }
+}
+
+/* v is the derivative of q: central differences, extrapolated to h^6. */
+static void tangents_are_derivatives(void **state) {
+    const double panel = TEST_LENGTH / (N * ((50 + N - 1) / N));
+    (void)state;
+    for (size_t which = 0; which < TEST_OPTIONS; which++) {
+        small s;
+        make_small(&s, which, N, TEST_LENGTH, 24);
+        /* Between nodes, where a cubic's difference quotient is exact after the first extrapolation; the
+         * quadrature of the angle network is smooth within a panel; held ends that are far off make it rough.
+         */
+        const bool angle = s.model.options.kind == LG_SURROGATE_ANGLE;
+        const double tolerance = s.model.options.boundary ? 1e-4 : angle ? 1e-6 : 1e-9;
+        for (size_t i = 0; i < SOME; i++)
+            for (double place = 0.1; place < 3.25; place += 0.331) {
+                const double middle = (floor(place / panel) + 0.5) * panel;
+                const double at = angle ? middle : place;
+                double v[2], table[3][2];
+                curve_of(&s, some_x[i], &at, 1, NULL, v);
+                for (int e = 0; e < 3; e++) {
+                    const double h = 8e-3 / (1 << e), pair[2] = {at - h, at + h};
+                    double q[4];
+                    curve_of(&s, some_x[i], pair, 2, q, NULL);
+                    for (size_t c = 0; c < 2; c++) table[e][c] = (q[2 + c] - q[c]) / (2.0 * h);
+                }
+                for (size_t c = 0; c < 2; c++) {
+                    const double a = (4.0 * table[1][c] - table[0][c]) / 3.0;
+                    const double b = (4.0 * table[2][c] - table[1][c]) / 3.0;
+                    assert_close((16.0 * b - a) / 15.0, v[c], tolerance, tolerance);
+                }
+            }
+        free_small(&s);
+    }
+}
+
+/* In (-pi, pi], whatever the sign of a zero. */
+static double angle_of(double x, double y) {
+    const double angle = atan2(y, x);
+    return angle <= -TEST_PI ? TEST_PI : angle;
+}
+
+/* Theta is pi f(theta_0/pi, theta_N/pi, s), reflected or not, with the ends held or not. */
+static void angles(void **state) {
+    (void)state;
+    const double at = 0.17;
+    for (size_t which = 5; which < TEST_OPTIONS; which++)
+        for (size_t i = 0; i < SOME; i++) {
+            small s;
+            double f, f0, fL, v[2];
+            const double *x = some_x[i];
+            make_small(&s, which, N, TEST_LENGTH, 25);
+            const double sign = s.model.options.mirror && x[3] < x[7] ? -1.0 : 1.0;
+            const double a = angle_of(x[2], sign * x[3]), b = angle_of(x[6], sign * x[7]);
+            ask(&s, (double[3]){a / TEST_PI, b / TEST_PI, at}, &f, NULL);
+            ask(&s, (double[3]){a / TEST_PI, b / TEST_PI, 0.0}, &f0, NULL);
+            ask(&s, (double[3]){a / TEST_PI, b / TEST_PI, TEST_LENGTH}, &fL, NULL);
+            double theta = TEST_PI * f;
+            if (s.model.options.boundary)
+                theta += (a - TEST_PI * f0) * exp(-100.0 * at * at) +
+                         (b - TEST_PI * fL) * exp(-100.0 * (at - TEST_LENGTH) * (at - TEST_LENGTH));
+            curve_of(&s, x, &at, 1, NULL, v);
+            assert_close(v[0], cos(theta), 0.0, 1e-14);
+            assert_close(v[1], sign * sin(theta), 0.0, 1e-14);
+            free_small(&s);
+        }
+}
+
+/* q of the angle network is the integral of its tangents, wherever the points lie; where the ends are held,
+ * their weights e^{-100 s^2} are integrated less exactly. */
+static void integrals(void **state) {
+    (void)state;
+    enum { FINE = 4001 };
+    for (size_t which = 5; which < TEST_OPTIONS; which++) {
+        small s;
+        static double at[FINE], v[2 * FINE];
+        make_small(&s, which, N, TEST_LENGTH, 26);
+        const double *x = some_x[3], tolerance = s.model.options.boundary ? 1e-5 : 1e-8;
+        for (size_t i = 0; i < FINE; i++) at[i] = TEST_LENGTH * (double)i / (FINE - 1);
+        for (size_t i = 0; i < FINE; i += 500)
+            curve_of(&s, x, at + i, FINE - i < 500 ? FINE - i : 500, NULL, v + 2 * i);
+        double sum[2] = {x[0], x[1]}, q[8];
+        const double h = TEST_LENGTH / (FINE - 1), points[4] = {at[1000], at[1000], at[1500], at[4000]};
+        curve_of(&s, x, points, 4, q, NULL);
+        for (size_t i = 0; i + 2 < FINE; i += 2) {
+            for (size_t c = 0; c < 2; c++)
+                sum[c] += h / 3.0 * (v[2 * i + c] + 4.0 * v[2 * i + 2 + c] + v[2 * i + 4 + c]);
+            for (size_t p = 0; p < 4; p++)
+                for (size_t c = 0; c < 2; c++)
+                    if (at[i + 2] == points[p]) assert_close(q[2 * p + c], sum[c], 0.0, tolerance);
+        }
+        free_small(&s);
+    }
+}
+
+/* Unit tangents whatever the parameters; with `boundary` the end angles, of long beams and short ones, in
+ * both precisions. */
+static void ends_and_norms(void **state) {
+    (void)state;
+    static const double lengths[] = {3.3, 1.0, 0.3, 0.02};
+    for (size_t which = 5; which < TEST_OPTIONS; which++)
+        for (size_t l = 0; l < 4; l++)
+            for (size_t i = 0; i < SOME; i++) {
+                small s;
+                double at[101], v[202];
+                make_small(&s, which, N, lengths[l], 27);
+                for (size_t k = 0; k <= 100; k++)
+                    at[k] = k == 100 ? lengths[l] : lengths[l] * 0.01 * (double)k;
+                for (int single = 0; single < 2; single++) {
+                    lg_surrogate_curve(&s.model, single ? LG_F32 : LG_F64,
+                                       single ? (const void *)s.theta32 : s.theta, some_x[i], at, 101, NULL,
+                                       v, s.work);
+                    for (size_t k = 0; k <= 100; k++)
+                        assert_close(sqrt(v[2 * k] * v[2 * k] + v[2 * k + 1] * v[2 * k + 1]), 1.0, 0.0,
+                                     1e-15);
+                    double error = 0.0;
+                    for (size_t c = 0; c < 2; c++) {
+                        error = fmax(error, fabs(v[c] - some_x[i][2 + c]));
+                        error = fmax(error, fabs(v[200 + c] - some_x[i][6 + c]));
+                    }
+                    assert_true(s.model.options.boundary ? error <= 1e-12 : error > 1e-3);
+                }
+                free_small(&s);
+            }
+}
+
+/* ---- symmetry ---- */
+
+static void mirror_images(void **state) {
+    (void)state;
+    /* Also where both ends tie, at angles of pi, and with -0. */
+    static const double more[][8] = {{0.0, 0.0, 0.8, 0.6, 3.0, 0.0, -0.8, 0.6},
+                                     {0.0, 0.0, 1.0, 0.0, 3.0, 0.4, 1.0, 0.0},
+                                     {0.0, 0.0, -1.0, 0.0, 3.0, 0.0, 0.8, 0.6},
+                                     {0.0, -0.0, -1.0, -0.0, 3.0, 0.0, 0.8, -0.6}};
+    enum { POINTS = 40 };
+    for (size_t which = 0; which < TEST_OPTIONS; which++)
+        for (size_t i = 0; i < SOME + sizeof more / sizeof more[0]; i++) {
+            small s;
+            const double *x = i < SOME ? some_x[i] : more[i - SOME];
+            double image[8], at[POINTS], q[4 * POINTS], v[4 * POINTS];
+            make_small(&s, which, N, TEST_LENGTH, 28);
+            for (size_t c = 0; c < 8; c++) image[c] = c % 2 == 1 ? -x[c] : x[c];
+            for (size_t k = 0; k < POINTS; k++) at[k] = TEST_LENGTH * (double)k / (POINTS - 1);
+            curve_of(&s, x, at, POINTS, q, v);
+            curve_of(&s, image, at, POINTS, q + 2 * POINTS, v + 2 * POINTS);
+            double error = 0.0;
+            for (size_t k = 0; k < 2 * POINTS; k++) {
+                const double side = k % 2 == 1 ? -1.0 : 1.0;
+                error = fmax(error, fabs(q[2 * POINTS + k] - side * q[k]));
+                error = fmax(error, fabs(v[2 * POINTS + k] - side * v[k]));
+            }
+            if (s.model.options.mirror)
+                assert_true(error == 0.0);
+            else
+                assert_true(error > 1e-6);
+            free_small(&s);
+        }
+}
+
+/* ---- precision, memory ---- */
+
+static void single_and_double(void **state) {
+    (void)state;
+    enum { POINTS = 77 };
+    for (size_t which = 0; which < TEST_OPTIONS; which++) {
+        small s;
+        double at[POINTS], q[4 * POINTS], v[4 * POINTS];
+        make_small(&s, which, N, TEST_LENGTH, 29);
+        for (size_t i = 0; i < s.parameters; i++) s.theta[i] = s.theta32[i];
+        for (size_t k = 0; k < POINTS; k++) at[k] = TEST_LENGTH * (double)k / (POINTS - 1);
+        curve_of(&s, some_x[3], at, POINTS, q, v);
+        lg_surrogate_curve(&s.model, LG_F32, s.theta32, some_x[3], at, POINTS, q + 2 * POINTS, v + 2 * POINTS,
+                           s.work);
+        double error = 0.0;
+        for (size_t k = 0; k < 2 * POINTS; k++) {
+            error = fmax(error, fabs(q[2 * POINTS + k] - q[k]));
+            error = fmax(error, fabs(v[2 * POINTS + k] - v[k]));
+        }
+        assert_true(error > 0.0 && error < 1e-5);
+        free_small(&s);
+    }
+}
+
+/* Neither more than the bytes asked for is touched, nor do the values depend on how points are grouped or on
+ * which of q and v is wanted. */
+static void work_size(void **state) {
+    (void)state;
+    static const size_t counts[] = {0, 1, 2, 42, 127, 128, 129, 300};
+    enum { MOST = 300, GUARD = 256 };
+    for (size_t which = 0; which < TEST_OPTIONS; which++)
+        for (int single = 0; single < 2; single++) {
+            small s;
+            double at[MOST], all_q[2 * MOST], all_v[2 * MOST], q[2 * MOST], v[2 * MOST];
+            const lg_dtype dtype = single ? LG_F32 : LG_F64;
+            make_small(&s, which, N, TEST_LENGTH, 30);
+            const void *theta = single ? (const void *)s.theta32 : s.theta;
+            for (size_t k = 0; k < MOST; k++) at[k] = TEST_LENGTH * (double)k / (MOST - 1);
+            lg_surrogate_curve(&s.model, dtype, theta, some_x[3], at, MOST, all_q, all_v, s.work);
+            for (size_t n = 0; n < sizeof counts / sizeof counts[0]; n++) {
+                const size_t bytes = lg_surrogate_work_size(&s.model, counts[n], dtype);
+                const size_t values = 2 * counts[n] * sizeof(double);
+                unsigned char *work = NULL;
+                assert_int_equal(posix_memalign((void **)&work, 64, bytes + GUARD), 0);
+                memset(work, 0xA5, bytes + GUARD);
+                lg_surrogate_curve(&s.model, dtype, theta, some_x[3], at, counts[n], q, v, work);
+                assert_memory_equal(q, all_q, values);
+                assert_memory_equal(v, all_v, values);
+                lg_surrogate_curve(&s.model, dtype, theta, some_x[3], at, counts[n], q, NULL, work);
+                lg_surrogate_curve(&s.model, dtype, theta, some_x[3], at, counts[n], NULL, v, work);
+                for (size_t k = 0; k < 2 * counts[n]; k++) {
+                    assert_close(q[k], all_q[k], 1e-6, 1e-6);
+                    assert_close(v[k], all_v[k], 0.0, 0.0);
+                }
+                lg_surrogate_curve(&s.model, dtype, theta, some_x[3], at, counts[n], NULL, NULL, work);
+                for (size_t k = 0; k < GUARD; k++) assert_int_equal(work[bytes + k], 0xA5);
+                free(work);
+            }
+            free_small(&s);
+        }
+}
+
+/* Arc lengths that are none, or that go beyond the ends, harm nobody: the sanitizers watch. */
+static void arc_lengths_out_of_range(void **state) {
+    (void)state;
+    static const double at[] = {-1.0, 4.0, 1e300, -INFINITY, INFINITY, NAN, 1.0, 0.5};
+    for (size_t which = 0; which < TEST_OPTIONS; which++) {
+        small s;
+        double q[16], v[16];
+        make_small(&s, which, N, TEST_LENGTH, 31);
+        curve_of(&s, some_x[0], at, 8, q, v);
+        free_small(&s);
+    }
+}
+
+/* ---- evaluation ---- */
+
+static void errors_of_a_discrete_network(void **state) {
+    (void)state;
+    enum { M = 5, NUMBERS = 4 * (M - 1) };
+    small s;
+    lg_elastica_curves set;
+    lg_surrogate_errors e;
+    double numbers[NUMBERS], node[2 * (M + 1)];
+    const uint32_t chosen[1] = {1};
+    make_curves(&set, 3, M);
+    make_small(&s, 0, M, TEST_LENGTH, 32);
+    const size_t at = 2 * (M + 1) + 2;
+    memcpy(numbers, set.q + at, 2 * (M - 1) * sizeof *numbers);
+    memcpy(numbers + 2 * (M - 1), set.v + at, 2 * (M - 1) * sizeof *numbers);
+    for (size_t i = 0; i < 2 * (M - 1); i++) numbers[i] -= set.boundary[8 + i % 2];
+    make_constant(&s, numbers);
+    assert_ok(lg_surrogate_evaluate(NULL, &s.model, s.theta, &set, chosen, 1, node, &e, NULL));
+    assert_close(e.mse, 0.0, 0.0, 1e-30);
+    assert_close(e.max_error, 0.0, 0.0, 1e-15);
+    assert_close(e.unit_tangent_error, 0.0, 0.0, 1e-15);
+    numbers[2] += 0.3; /* q_2x */
+    numbers[3] -= 0.4;
+    numbers[NUMBERS - 1] += 0.25; /* v_4y */
+    make_constant(&s, numbers);
+    assert_ok(lg_surrogate_evaluate(NULL, &s.model, s.theta, &set, chosen, 1, node, &e, NULL));
+    assert_close(e.mse_q, 0.25 / (2.0 * (M - 1)), 1e-14, 0.0);
+    assert_close(e.mse_v, 0.0625 / (2.0 * (M - 1)), 1e-14, 0.0);
+    assert_close(e.mse, 0.3125 / NUMBERS, 1e-14, 0.0);
+    assert_close(e.max_error, 0.4, 1e-14, 0.0);
+    assert_close(e.boundary_error, 0.0, 0.0, 0.0);
+    const double *v4 = set.v + 2 * (M + 1) + 8;
+    assert_close(e.unit_tangent_error, fabs(hypot(v4[0], v4[1] + 0.25) - 1.0), 1e-12, 0.0);
+    for (size_t k = 0; k <= M; k++) {
+        assert_close(node[2 * k], k == 2 ? 0.5 : 0.0, 1e-14, 1e-16);
+        assert_close(node[2 * k + 1], k == 4 ? 0.25 : 0.0, 1e-14, 1e-16);
+    }
+    free_small(&s);
+    free_curves(&set);
+}
+
+/* The same curve everywhere: what is chosen is what counts, and in blocks as one by one. */
+static void errors_add_up(void **state) {
+    (void)state;
+    enum { CURVES = 300 };
+    lg_elastica_curves set;
+    make_curves(&set, CURVES, 4);
+    for (size_t which = 0; which < TEST_OPTIONS; which++) {
+        small s;
+        lg_surrogate_errors whole, e;
+        double node[10], sum = 0.0, sum_node = 0.0, largest = 0.0, ends = 0.0;
+        double at[5], q[10], v[10];
+        make_small(&s, which, 4, TEST_LENGTH, 33);
+        assert_ok(lg_surrogate_evaluate(NULL, &s.model, s.theta, &set, NULL, 0, node, &whole, NULL));
+        const bool discrete = s.model.options.kind == LG_SURROGATE_DISCRETE;
+        for (size_t k = 0; k < 5; k++) at[k] = TEST_LENGTH * 0.25 * (double)k;
+        for (uint32_t i = 0; i < CURVES; i++) {
+            double square = 0.0;
+            curve_of(&s, set.boundary + 8 * i, at, 5, q, v);
+            for (size_t k = discrete ? 2 : 0; k < (discrete ? 8 : 10); k++) {
+                const double dq = q[k] - set.q[10 * i + k], dv = v[k] - set.v[10 * i + k];
+                square += (dq * dq + dv * dv) / (discrete ? 12.0 : 20.0);
+                largest = fmax(largest, fmax(fabs(dq), fabs(dv)));
+            }
+            assert_ok(lg_surrogate_evaluate(NULL, &s.model, s.theta, &set, &i, 1, NULL, &e, NULL));
+            assert_close(e.mse, square, 1e-12, 0.0);
+            sum += square / CURVES;
+            sum_node += hypot(q[4] - set.q[10 * i + 4], q[5] - set.q[10 * i + 5]) / CURVES;
+            for (size_t c = 0; c < 2; c++) {
+                ends = fmax(ends, fabs(v[c] - set.v[10 * i + c]));
+                ends = fmax(ends, fabs(v[8 + c] - set.v[10 * i + 8 + c]));
+                if (s.model.options.kind == LG_SURROGATE_ANGLE) continue;
+                ends = fmax(ends, fabs(q[c] - set.q[10 * i + c]));
+                ends = fmax(ends, fabs(q[8 + c] - set.q[10 * i + 8 + c]));
+            }
+        }
+        assert_close(whole.mse, sum, 1e-12, 0.0);
+        assert_close(whole.mse, 0.5 * (whole.mse_q + whole.mse_v), 1e-14, 0.0);
+        assert_close(whole.max_error, largest, 1e-12, 0.0);
+        assert_close(node[4], sum_node, 1e-12, 0.0);
+        assert_close(whole.boundary_error, ends, 1e-12, 1e-15);
+        free_small(&s);
+    }
+    free_curves(&set);
+}
+
+static void what_evaluate_refuses(void **state) {
+    (void)state;
+    lg_elastica_curves set;
+    const uint32_t beyond = 3;
+    make_curves(&set, 3, 6);
+    for (size_t which = 0; which < TEST_OPTIONS; which++) {
+        small s;
+        lg_surrogate_errors e = {.mse = 7.0};
+        lg_error error;
+        double node[14] = {7.0};
+        make_small(&s, which, 8, TEST_LENGTH, 34);
+        const lg_status other_n = s.model.options.kind == LG_SURROGATE_DISCRETE ? LG_SHAPE : LG_OK;
+        assert_status(lg_surrogate_evaluate(NULL, &s.model, s.theta, &set, NULL, 0, NULL, &e, &error),
+                      other_n);
+        free_small(&s);
+        make_small(&s, which, 6, TEST_LENGTH, 34);
+        e.mse = 7.0;
+        assert_status(lg_surrogate_evaluate(NULL, &s.model, s.theta, &set, &beyond, 0, NULL, &e, &error),
+                      LG_INVALID_ARGUMENT);
+        assert_status(lg_surrogate_evaluate(NULL, &s.model, s.theta, &set, &beyond, 1, NULL, &e, &error),
+                      LG_INVALID_ARGUMENT);
+        set.length = 3.0;
+        assert_status(lg_surrogate_evaluate(NULL, &s.model, s.theta, &set, NULL, 0, NULL, &e, &error),
+                      LG_SHAPE);
+        set.length = TEST_LENGTH;
+        set.q[14 + 5] = NAN;
+        assert_status(lg_surrogate_evaluate(NULL, &s.model, s.theta, &set, NULL, 0, node, &e, &error),
+                      LG_NOT_FINITE);
+        set.q[14 + 5] = 0.0;
+        s.theta[s.parameters - 1] = NAN;
+        assert_status(lg_surrogate_evaluate(NULL, &s.model, s.theta, &set, NULL, 0, node, &e, &error),
+                      LG_NOT_FINITE);
+        assert_close(e.mse, 7.0, 0.0, 0.0);
+        assert_close(node[0], 7.0, 0.0, 0.0);
+        free_small(&s);
+    }
+    free_curves(&set);
+}
+
+static void memory_that_fails(void **state) {
+    (void)state;
+    lg_elastica_curves set;
+    lg_fail_alloc memory;
+    lg_context *context = lg_fail_alloc_context(&memory);
+    assert_non_null(context);
+    make_curves(&set, 3, 6);
+    for (size_t which = 0; which < TEST_OPTIONS; which++) {
+        small s;
+        make_small(&s, which, 6, TEST_LENGTH, 35);
+        for (long n = 1;; n++) {
+            lg_surrogate_errors e = {.mse = 7.0};
+            lg_fail_alloc_arm(&memory, n);
+            const lg_status status =
+                lg_surrogate_evaluate(context, &s.model, s.theta, &set, NULL, 0, NULL, &e, NULL);
+            assert_int_equal(lg_fail_alloc_live(&memory), 0);
+            if (!lg_fail_alloc_hit(&memory)) {
+                assert_ok(status);
+                break;
+            }
+            assert_status(status, LG_OUT_OF_MEMORY);
+            assert_close(e.mse, 7.0, 0.0, 0.0);
+        }
+        lg_fail_alloc_arm(&memory, 0);
+        free_small(&s);
+    }
+    lg_context_destroy(context);
+    free_curves(&set);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(names),
+        cmocka_unit_test(published_sizes),
+        cmocka_unit_test(what_init_refuses),
+        cmocka_unit_test(published_presets),
+        cmocka_unit_test(presets_are_valid),
+        cmocka_unit_test(split),
+        cmocka_unit_test(what_split_refuses),
+        cmocka_unit_test(range),
+        cmocka_unit_test(reach_without_loners),
+        cmocka_unit_test(discrete_nodes),
+        cmocka_unit_test(between_the_nodes),
+        cmocka_unit_test(continuous_points),
+        cmocka_unit_test(tangents_are_derivatives),
+        cmocka_unit_test(angles),
+        cmocka_unit_test(integrals),
+        cmocka_unit_test(ends_and_norms),
+        cmocka_unit_test(mirror_images),
+        cmocka_unit_test(single_and_double),
+        cmocka_unit_test(work_size),
+        cmocka_unit_test(arc_lengths_out_of_range),
+        cmocka_unit_test(errors_of_a_discrete_network),
+        cmocka_unit_test(errors_add_up),
+        cmocka_unit_test(what_evaluate_refuses),
+        cmocka_unit_test(memory_that_fails),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
