@@ -1,0 +1,298 @@
+/* Random search with early stopping: what a trial is, when it stops, which ones are left to run. */
+#include "liegrad/search.h"
+
+#include <math.h>
+#include <string.h>
+#include <time.h>
+
+#include "core/core.h"
+#include "liegrad/random.h"
+
+/* A trial is drawn from streams of its own, apart from those that training with the same seed takes. */
+#define STREAM_TAG UINT64_C(0x7365617263680000)
+
+struct lg_search {
+    const lg_search_options *options;
+    const lg_trial *before; /* (count) */
+    size_t count;
+    lg_trial *trial; /* the one that runs */
+    bool stopped;    /* a report said so */
+};
+
+const char *lg_trial_state_name(lg_trial_state state) {
+    static const char *const names[LG_TRIAL_STATE_COUNT] = {
+        [LG_TRIAL_DONE] = "done", [LG_TRIAL_PRUNED] = "pruned", [LG_TRIAL_FAILED] = "failed"};
+    return (int)state >= 0 && (int)state < LG_TRIAL_STATE_COUNT ? names[state] : "unknown";
+}
+
+void lg_search_options_init(lg_search_options *options) {
+    *options = (lg_search_options){
+        .size = sizeof *options, .trials = 50, .seed = 1, .rungs = 5, .warm_up = 5, .quantile = 0.5};
+}
+
+/* ---- spaces ---- */
+
+/* Terminated, not empty, and a cell of a table without quotes. */
+static bool is_name(const char name[LG_RANGE_NAME]) {
+    const char *end = memchr(name, '\0', LG_RANGE_NAME);
+    if (end == NULL || end == name) return false;
+    for (; name < end; name++)
+        if ((unsigned char)*name < 0x20 || *name == 0x7f || *name == ',' || *name == '"') return false;
+    return true;
+}
+
+static lg_status check_choices(const lg_range *range, lg_error *error) {
+    if (range->choices == 0 || range->choices > LG_RANGE_MAX_CHOICES)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: has %u choices, 1 to %d are expected", range->name,
+                       range->choices, LG_RANGE_MAX_CHOICES);
+    for (uint32_t i = 0; i < range->choices; i++) {
+        if (!is_name(range->choice[i]))
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "%s: choice %u is empty, too long, or holds a comma, a quote or a control "
+                           "character",
+                           range->name, i + 1);
+        for (uint32_t k = 0; k < i; k++)
+            if (strcmp(range->choice[i], range->choice[k]) == 0)
+                return lg_fail(error, LG_INVALID_ARGUMENT, "%s: choice '%s' stands twice", range->name,
+                               range->choice[i]);
+    }
+    return LG_OK;
+}
+
+static bool is_whole(double x) {
+    return fabs(x) <= 0x1p53 && floor(x) == x;
+}
+
+static lg_status check_bounds(const lg_range *range, lg_error *error) {
+    const double low = range->low, high = range->high;
+    if (!isfinite(low) || !isfinite(high))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: a bound is not finite", range->name);
+    if (low > high) return lg_fail(error, LG_INVALID_ARGUMENT, "%s: %g is above %g", range->name, low, high);
+    if (range->kind == LG_RANGE_LOG_UNIFORM && !(low > 0))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: %g has no logarithm", range->name, low);
+    if (range->kind == LG_RANGE_INTEGER && (!is_whole(low) || !is_whole(high)))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: %.17g is not a whole number up to 2^53", range->name,
+                       is_whole(low) ? high : low);
+    return LG_OK;
+}
+
+static lg_status check_range(const lg_search_space *space, size_t index, lg_error *error) {
+    const lg_range *range = &space->ranges[index];
+    if (!is_name(range->name))
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the name of range %zu is empty, too long, or holds a comma, a quote or a control "
+                       "character",
+                       index + 1);
+    for (size_t k = 0; k < index; k++)
+        if (strcmp(range->name, space->ranges[k].name) == 0)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "range '%s' stands twice", range->name);
+    switch (range->kind) {
+    case LG_RANGE_UNIFORM:
+    case LG_RANGE_LOG_UNIFORM:
+    case LG_RANGE_INTEGER:
+        return check_bounds(range, error);
+    case LG_RANGE_CHOICE:
+        return check_choices(range, error);
+    }
+    return lg_fail(error, LG_INVALID_ARGUMENT, "%s: unknown kind %d", range->name, (int)range->kind);
+}
+
+lg_status lg_search_space_check(const lg_search_space *space, lg_error *error) {
+    if (space == NULL || space->count == 0 || space->count > LG_RANGE_MAX)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a search needs 1 to %d ranges", LG_RANGE_MAX);
+    for (size_t i = 0; i < space->count; i++) LG_TRY(check_range(space, i, error));
+    return LG_OK;
+}
+
+static double clamp(double x, double low, double high) {
+    return x < low ? low : x > high ? high : x;
+}
+
+/* Rounding may not leave the range, nor reach the open end of a uniform one. */
+static double draw(const lg_range *range, lg_rng *rng) {
+    const double low = range->low, high = range->high;
+    switch (range->kind) {
+    case LG_RANGE_UNIFORM: {
+        const double u = lg_rng_uniform(rng), x = low * (1 - u) + high * u;
+        return low == high ? low : clamp(x, low, nextafter(high, low));
+    }
+    case LG_RANGE_LOG_UNIFORM: {
+        const double u = lg_rng_uniform(rng);
+        return clamp(exp(log(low) * (1 - u) + log(high) * u), low, high);
+    }
+    case LG_RANGE_INTEGER:
+        return (double)((int64_t)low +
+                        (int64_t)lg_rng_below(rng, (uint64_t)((int64_t)high - (int64_t)low) + 1));
+    case LG_RANGE_CHOICE:
+        break;
+    }
+    return (double)lg_rng_below(rng, range->choices);
+}
+
+void lg_search_draw(const lg_search_space *space, uint64_t seed, uint64_t number, double *value) {
+    for (size_t i = 0; i < space->count; i++) {
+        lg_rng rng;
+        lg_rng_seed(&rng, seed, STREAM_TAG ^ (number * LG_RANGE_MAX + i));
+        value[i] = draw(&space->ranges[i], &rng);
+    }
+}
+
+/* ---- early stopping ---- */
+
+bool lg_search_prune(const lg_search_options *options, const lg_trial *trials, size_t count, uint64_t number,
+                     uint32_t rung, double objective) {
+    if (!isfinite(objective)) return true;
+    size_t reached = 0, better = 0;
+    for (size_t i = 0; i < count; i++) {
+        if (trials[i].number >= number || trials[i].reports <= rung) continue;
+        const double other = trials[i].report[rung];
+        reached++;
+        better += isfinite(other) && other < objective;
+    }
+    if (reached == 0 || reached < options->warm_up) return false;
+    /* 0.1 * 30 is a little more than 3. */
+    const double needed = options->quantile * (double)reached * (1 - 1e-12);
+    return better > 0 && (double)better >= needed;
+}
+
+/* The first epoch at which the rung is passed: total (rung + 1)/parts, rounded up, without overflow. */
+static uint64_t rung_epoch(uint64_t total, uint32_t rung, uint32_t parts) {
+    return total / parts * (rung + 1) + (total % parts * (rung + 1) + parts - 1) / parts;
+}
+
+bool lg_search_report(lg_search *search, uint64_t done, uint64_t total, double objective) {
+    if (search == NULL) return false;
+    lg_trial *trial = search->trial;
+    const uint32_t rungs = search->options->rungs;
+    bool stop = !isfinite(objective);
+    trial->objective = objective;
+    while (trial->reports < rungs && done >= rung_epoch(total, trial->reports, rungs + 1)) {
+        const uint32_t rung = trial->reports++;
+        trial->report[rung] = objective;
+        stop = stop || (done < total && lg_search_prune(search->options, search->before, search->count,
+                                                        trial->number, rung, objective));
+    }
+    search->stopped = search->stopped || stop;
+    return search->stopped;
+}
+
+/* ---- running ---- */
+
+static double now(void) {
+    struct timespec t;
+    (void)clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+static lg_status check_options(const lg_search_options *options, lg_error *error) {
+    if (options->size != sizeof *options)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the options of a search were not initialised");
+    if (options->rungs > LG_TRIAL_REPORTS)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "rungs: %u is more than %d", options->rungs,
+                       LG_TRIAL_REPORTS);
+    if (!(options->quantile > 0 && options->quantile <= 1))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "quantile: %g is outside (0, 1]", options->quantile);
+    return LG_OK;
+}
+
+static bool has_number(const lg_trial *trials, size_t count, uint64_t number) {
+    for (size_t i = 0; i < count; i++)
+        if (trials[i].number == number) return true;
+    return false;
+}
+
+static lg_status check_earlier(const lg_search_options *options, const lg_trial *trials, size_t count,
+                               lg_error *error) {
+    for (size_t i = 0; i < count; i++) {
+        const unsigned long long number = trials[i].number;
+        if (number >= options->trials)
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "trial %llu was already run, and %llu trials are planned in all", number,
+                           (unsigned long long)options->trials);
+        if (has_number(trials, i, number))
+            return lg_fail(error, LG_INVALID_ARGUMENT, "trial %llu stands twice", number);
+        if (trials[i].reports > LG_TRIAL_REPORTS)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "trial %llu has %u reports, more than %d", number,
+                           trials[i].reports, LG_TRIAL_REPORTS);
+    }
+    return LG_OK;
+}
+
+/* Fills `why` of a failed trial where its run left it empty. */
+static void explain(const lg_trial *trial, lg_status status, lg_error *why) {
+    if (status == LG_OK) /* the run has nothing to say about it */
+        (void)lg_fail(why, LG_NOT_FINITE, "trial %llu: the objective is not finite",
+                      (unsigned long long)trial->number);
+    else if (why->message[0] == '\0')
+        (void)lg_fail(why, status, "trial %llu: %s", (unsigned long long)trial->number,
+                      lg_status_sentence(status));
+    why->status = status == LG_OK ? LG_NOT_FINITE : status;
+}
+
+/* Runs trials[count]. False: it was cancelled and is not kept. */
+static bool run_trial(const lg_search_options *options, const lg_search_problem *problem,
+                      const lg_search_space *space, lg_trial *trials, size_t count, uint64_t number,
+                      lg_error *why) {
+    lg_trial *trial = &trials[count];
+    lg_search search = {options, trials, count, trial, false};
+    *trial = (lg_trial){.number = number, .objective = NAN};
+    lg_search_draw(space, options->seed, number, trial->value);
+    const double start = now();
+    lg_status status = problem->run(problem->user, &search, trial, why);
+    trial->seconds = now() - start;
+    trial->number = number;
+    if (status == LG_CANCELLED && search.stopped) status = LG_OK;
+    if (status == LG_CANCELLED) return false;
+    if (status == LG_OK && search.stopped)
+        trial->state = LG_TRIAL_PRUNED;
+    else
+        trial->state = status == LG_OK && isfinite(trial->objective) ? LG_TRIAL_DONE : LG_TRIAL_FAILED;
+    if (trial->state != LG_TRIAL_FAILED) {
+        *why = (lg_error){LG_OK, ""};
+        return true;
+    }
+    trial->objective = NAN;
+    explain(trial, status, why);
+    return true;
+}
+
+lg_status lg_search_run(const lg_context *context, const lg_search_space *space,
+                        const lg_search_options *options, const lg_search_problem *problem, lg_trial *trials,
+                        size_t *count, lg_error *error) {
+    lg_search_options defaults;
+    lg_search_options_init(&defaults);
+    if (options == NULL) options = &defaults;
+    if (problem == NULL || problem->run == NULL || trials == NULL || count == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a search needs something to run and room for trials");
+    LG_TRY(lg_search_space_check(space, error));
+    LG_TRY(check_options(options, error));
+    LG_TRY(check_earlier(options, trials, *count, error));
+    for (uint64_t number = 0; number < options->trials; number++) {
+        if (has_number(trials, *count, number)) continue;
+        lg_error why = {LG_OK, ""};
+        if (lg_cancelled(context)) return lg_fail(error, LG_CANCELLED, "the search was stopped");
+        if (!run_trial(options, problem, space, trials, *count, number, &why))
+            return lg_fail(error, LG_CANCELLED, "the search was stopped in trial %llu",
+                           (unsigned long long)number);
+        ++*count;
+        if (problem->finished == NULL) continue;
+        const lg_status saved = problem->finished(problem->user, trials, *count, &why);
+        if (saved != LG_OK)
+            return lg_fail(error, saved, "trial %llu could not be saved: %s", (unsigned long long)number,
+                           lg_status_sentence(saved));
+    }
+    if (error != NULL) *error = (lg_error){LG_OK, ""};
+    return LG_OK;
+}
+
+size_t lg_search_best(const lg_trial *trials, size_t count) {
+    size_t best = count;
+    for (size_t i = 0; i < count; i++) {
+        if (trials[i].state != LG_TRIAL_DONE || !isfinite(trials[i].objective)) continue;
+        const double least = best < count ? trials[best].objective : INFINITY;
+        if (trials[i].objective < least ||
+            (trials[i].objective == least && trials[i].number < trials[best].number))
+            best = i;
+    }
+    return best;
+}
