@@ -11,7 +11,7 @@
 enum { KEY_COMMON = 0x1000, KEY_COMMAND = 0x2000 };
 
 static volatile int interrupted;
-static const char *running_program;
+static const app *running; /* for --version and the last words */
 
 static const app_option common_options[] = {
     APP_ROW_FLAG(app, json, "json", "Print the result as one JSON object"),
@@ -20,19 +20,47 @@ static const app_option common_options[] = {
                  "Threads (default: the processors there are); results do not depend on it"),
     APP_ROW_END};
 
+void app_out_of_memory(void) {
+    (void)fprintf(stderr, "%s: out of memory\n", running != NULL ? running->title : "liegrad");
+    exit(APP_EXIT_MEMORY);
+}
+
 bool app_interrupted(void) {
     return interrupted != 0;
 }
 
 /* ---- one option ---- */
 
-static void range_text(const app_option *option, char *out, size_t size) {
-    const char *kind = option->kind == APP_SIZE || option->kind == APP_SIZES ? "a whole number" : "a number";
-    if (option->high >= 0x1p63)
-        (void)snprintf(out, size, "%s %s %.17g", kind, option->above ? "above" : "of at least", option->low);
-    else
-        (void)snprintf(out, size, "%s %s %.17g and at most %.17g", kind,
-                       option->above ? "above" : "of at least", option->low, option->high);
+/* The fewest digits, 15 or 17, that give the number back. */
+static void bound_text(double bound, char out[32]) {
+    (void)snprintf(out, 32, "%.15g", bound);
+    if (strtod(out, NULL) != bound) (void)snprintf(out, 32, "%.17g", bound);
+}
+
+/* Whether a number of the list (or the only one) is beyond the upper bound. */
+static bool exceeds(const app_option *option, const char *text) {
+    for (char *end;; text = end + 1) {
+        const double value = strtod(text, &end);
+        if (value > option->high || (option->high == 0x1p64 && value >= option->high)) return true;
+        if (end == text || *end != ',') return false;
+    }
+}
+
+/* What the option takes. Bounds that stand for none are named only where `text` is beyond them. */
+static void range_text(const app_option *option, const char *text, char *out, size_t size) {
+    const bool whole = option->kind == APP_SIZE || option->kind == APP_SIZES;
+    const bool low = option->low > -1e300, high = option->high < 0x1p63 || exceeds(option, text);
+    char bound[32];
+    size_t used = (size_t)snprintf(out, size, "%s", whole ? "a whole number" : "a number");
+    bound_text(option->low, bound);
+    if (low)
+        used += (size_t)snprintf(out + used, size - used, " %s %s", option->above ? "above" : "of at least",
+                                 bound);
+    bound_text(option->high, bound);
+    if (high && option->high == 0x1p64)
+        (void)snprintf(out + used, size - used, " and below 2^64");
+    else if (high)
+        (void)snprintf(out + used, size - used, " %s %s", low ? "and at most" : "of at most", bound);
 }
 
 static bool in_range(const app_option *option, double value) {
@@ -74,34 +102,50 @@ static bool store_list(const app_option *option, const char *text, void *target)
     return true;
 }
 
-static void refuse_choice(const struct argp_state *state, const app_option *option, const char *text) {
+static void refuse_choice(const app_option *option, const char *text, char *message, size_t size) {
     char names[512] = "";
     for (size_t i = 0, used = 0; option->choices[i] != NULL && used < sizeof names; i++)
         used += (size_t)snprintf(names + used, sizeof names - used, "%s%s", i > 0 ? ", " : "",
                                  option->choices[i]);
-    argp_error(state, "--%s: '%s' is not one of %s", option->name, text, names);
+    (void)snprintf(message, size, "'%s' is not one of %s", text, names);
 }
 
-static void store(const struct argp_state *state, const app_option *option, const char *text, void *base) {
-    void *target = (char *)base + option->offset;
-    char range[128];
+static void refuse_number(const app_option *option, const char *text, char *message, size_t size) {
+    enum { SHOWN = 80 };
+    char range[160];
+    const bool list = option->kind == APP_SIZES || option->kind == APP_REALS;
+    size_t items = 1;
+    for (const char *c = text; list && *c != '\0'; c++) items += *c == ',';
+    if (items > APP_LIST_MAX) {
+        (void)snprintf(message, size, "a list of %zu numbers is too long: at most %d%s%s", items,
+                       APP_LIST_MAX, option->longer != NULL ? "; " : "",
+                       option->longer != NULL ? option->longer : "");
+        return;
+    }
+    range_text(option, text, range, sizeof range);
+    (void)snprintf(message, size, "'%.*s%s' is not %s%s", SHOWN, text, strlen(text) > SHOWN ? "..." : "",
+                   list ? "a list, separated by commas, of: " : "", range);
+}
+
+bool app_store(const app_option *option, const char *text, void *values, char *message, size_t size) {
+    void *target = (char *)values + option->offset;
     bool fits = true;
     switch (option->kind) {
     case APP_FLAG:
         *(bool *)target = true;
-        break;
+        return true;
     case APP_TEXT:
-        if (text[0] == '\0') argp_error(state, "--%s: the value is empty", option->name);
+        if (text[0] == '\0') (void)snprintf(message, size, "the value is empty");
         *(const char **)target = text;
-        break;
+        return text[0] != '\0';
     case APP_CHOICE:
         for (int i = 0; option->choices[i] != NULL; i++)
             if (strcmp(option->choices[i], text) == 0) {
                 *(int *)target = i;
-                return;
+                return true;
             }
-        refuse_choice(state, option, text);
-        break;
+        refuse_choice(option, text, message, size);
+        return false;
     case APP_SIZE:
     case APP_REAL:
         fits = store_number(option, text, target);
@@ -111,11 +155,14 @@ static void store(const struct argp_state *state, const app_option *option, cons
         fits = store_list(option, text, target);
         break;
     }
-    if (fits) return;
-    range_text(option, range, sizeof range);
-    const bool list = option->kind == APP_SIZES || option->kind == APP_REALS;
-    argp_error(state, "--%s: '%s' is not %s%s", option->name, text,
-               list ? "a list, separated by commas, of: " : "", range);
+    if (!fits) refuse_number(option, text, message, size);
+    return fits;
+}
+
+static void store(const struct argp_state *state, const app_option *option, const char *text, void *values) {
+    char message[1024];
+    if (!app_store(option, text, values, message, sizeof message))
+        argp_error(state, "--%s: %s", option->name, message);
 }
 
 /* ---- argp from tables ---- */
@@ -247,7 +294,7 @@ static void parse_with_commands(app *self, int argc, char **argv, const char *su
 
 static void print_version(FILE *stream, struct argp_state *state) {
     (void)state;
-    (void)fprintf(stream, "%s (liegrad) %s\n", running_program, lg_version());
+    (void)fprintf(stream, "%s (liegrad) %s\n", running->program, lg_version());
 }
 
 bool app_given(const app *self, const char *option) {
@@ -310,7 +357,7 @@ int app_main(int argc, char **argv, const char *program, const char *summary, co
     const long processors = sysconf(_SC_NPROCESSORS_ONLN);
     app self = {.program = program, .seed = 1, .threads = processors > 0 ? (uint64_t)processors : 1};
     if (self.threads > 256) self.threads = 256;
-    running_program = program;
+    running = &self;
     argp_err_exit_status = APP_EXIT_USAGE;
     argp_program_version_hook = print_version;
     (void)snprintf(self.title, sizeof self.title, "%s", program);
@@ -325,5 +372,6 @@ int app_main(int argc, char **argv, const char *program, const char *summary, co
     lg_runtime_setup();
     const int code = run_command(&self);
     free(self.command_line);
+    running = NULL;
     return code;
 }

@@ -59,27 +59,28 @@ typedef struct app_option {
     double low, high;
     bool above;                 /* low itself is refused */
     const char *const *choices; /* APP_CHOICE: ends with NULL */
+    const char *longer;         /* lists: what takes more than APP_LIST_MAX numbers; may be NULL */
 } app_option;
 
 /* Rows of a table whose values live in `struct type`. */
 #define APP_ROW_FLAG(type, field, name, help)                                                                \
-    { name, NULL, help, APP_FLAG, offsetof(type, field), 0, 0, false, NULL }
+    { name, NULL, help, APP_FLAG, offsetof(type, field), 0, 0, false, NULL, NULL }
 #define APP_ROW_TEXT(type, field, name, value, help)                                                         \
-    { name, value, help, APP_TEXT, offsetof(type, field), 0, 0, false, NULL }
+    { name, value, help, APP_TEXT, offsetof(type, field), 0, 0, false, NULL, NULL }
 #define APP_ROW_SIZE(type, field, name, value, low, high, help)                                              \
-    { name, value, help, APP_SIZE, offsetof(type, field), low, high, false, NULL }
+    { name, value, help, APP_SIZE, offsetof(type, field), low, high, false, NULL, NULL }
 #define APP_ROW_REAL(type, field, name, value, low, high, help)                                              \
-    { name, value, help, APP_REAL, offsetof(type, field), low, high, false, NULL }
+    { name, value, help, APP_REAL, offsetof(type, field), low, high, false, NULL, NULL }
 #define APP_ROW_POSITIVE(type, field, name, value, help)                                                     \
-    { name, value, help, APP_REAL, offsetof(type, field), 0, 1e300, true, NULL }
+    { name, value, help, APP_REAL, offsetof(type, field), 0, 1e300, true, NULL, NULL }
 #define APP_ROW_CHOICE(type, field, name, names, help)                                                       \
-    { name, "NAME", help, APP_CHOICE, offsetof(type, field), 0, 0, false, names }
+    { name, "NAME", help, APP_CHOICE, offsetof(type, field), 0, 0, false, names, NULL }
 #define APP_ROW_SIZES(type, field, name, value, low, high, help)                                             \
-    { name, value, help, APP_SIZES, offsetof(type, field), low, high, false, NULL }
-#define APP_ROW_REALS(type, field, name, value, help)                                                        \
-    { name, value, help, APP_REALS, offsetof(type, field), -1e300, 1e300, false, NULL }
+    { name, value, help, APP_SIZES, offsetof(type, field), low, high, false, NULL, NULL }
+#define APP_ROW_REALS(type, field, name, value, help, longer)                                                \
+    { name, value, help, APP_REALS, offsetof(type, field), -1e300, 1e300, false, NULL, longer }
 #define APP_ROW_END                                                                                          \
-    { NULL, NULL, NULL, APP_FLAG, 0, 0, 0, false, NULL }
+    { NULL, NULL, NULL, APP_FLAG, 0, 0, 0, false, NULL, NULL }
 
 typedef struct app app;
 
@@ -112,6 +113,9 @@ struct app {
 int app_main(int argc, char **argv, const char *program, const char *summary, const app_command *commands);
 /* Whether the option was on the command line. */
 bool app_given(const app *app, const char *option);
+/* `text` becomes the option's value, as from the command line (a text is borrowed). False: nothing is stored,
+ * and `message` says why. */
+bool app_store(const app_option *option, const char *text, void *values, char *message, size_t size);
 /* True after the first Ctrl-C; the second one kills. */
 bool app_interrupted(void);
 
@@ -129,8 +133,12 @@ lg_status app_error(lg_error *error, lg_status status, const char *format, ...)
 void app_warn(const app *app, const char *format, ...) __attribute__((format(printf, 2, 3)));
 /* A sentence about the command line with a hint at --help; returns APP_EXIT_USAGE. */
 int app_usage(const app *app, const char *format, ...) __attribute__((format(printf, 2, 3)));
+/* A sentence with the program's name; exits with code 5. */
+void app_out_of_memory(void) __attribute__((noreturn));
 /* Zeroed, aligned to 64 bytes; exits with code 5 when there is none. Freed with free. */
 void *app_alloc(size_t count, size_t size);
+/* The same, but NULL when there is none: for sizes that the user chooses in a run that can go on. */
+void *app_try_alloc(size_t count, size_t size);
 /* printf into memory, with the same law. */
 char *app_format(const char *format, ...) __attribute__((format(printf, 1, 2)));
 
@@ -214,6 +222,23 @@ void app_file_discard(app_file *file);
 /* Fails now rather than after an hour of work: the folder of `path` must exist and be writable, `path` no
  * folder. */
 lg_status app_check_writable(const char *path, lg_error *error);
+/* Whether both paths lead to one file, through links or other spellings too. */
+bool app_same_file(const char *a, const char *b);
+
+typedef enum app_use {
+    APP_WRITTEN, /* the file is replaced */
+    APP_DRAWN,   /* a picture: data and script beside it are replaced too */
+    APP_READ     /* an input that an option names */
+} app_use;
+typedef struct app_path {
+    const char *option; /* without the dashes */
+    const char *path;   /* NULL: not given */
+    app_use use;
+} app_path;
+/* Before anything long: each output can be written, none of them is an input (the command's arguments and
+ * what is APP_READ) or another output, pictures have a picture's ending. Otherwise tells why; an exit code.
+ */
+int app_check_outputs(const app *app, const app_path *paths, size_t count);
 /* Creates the folder if there is none (one level). */
 lg_status app_make_folder(const char *path, lg_error *error);
 
@@ -231,7 +256,7 @@ bool app_plot_name_fits(const char *picture);
 lg_status app_plot_begin(app_plot *plot, const char *picture, int width, int height);
 void app_plot_block(app_plot *plot);
 /* Writes both files and runs gnuplot. Without gnuplot they are left, and a warning says so: *drawn = false,
- * LG_OK. */
+ * LG_OK. When a file cannot be written none of the three is left by this call. */
 lg_status app_plot_end(const app *app, app_plot *plot, bool *drawn, lg_error *error);
 
 #endif

@@ -86,16 +86,17 @@ void app_warn(const app *self, const char *format, ...) {
     va_end(arguments);
 }
 
-static void die_of_memory(void) {
-    (void)fputs("out of memory\n", stderr);
-    exit(APP_EXIT_MEMORY);
+void *app_try_alloc(size_t count, size_t size) {
+    void *memory = NULL;
+    if (count == 0 || size == 0) count = size = 1;
+    if (count > SIZE_MAX / size || posix_memalign(&memory, 64, count * size) != 0) return NULL;
+    memset(memory, 0, count * size);
+    return memory;
 }
 
 void *app_alloc(size_t count, size_t size) {
-    void *memory = NULL;
-    if (count == 0 || size == 0) count = size = 1;
-    if (count > SIZE_MAX / size || posix_memalign(&memory, 64, count * size) != 0) die_of_memory();
-    memset(memory, 0, count * size);
+    void *memory = app_try_alloc(count, size);
+    if (memory == NULL) app_out_of_memory();
     return memory;
 }
 

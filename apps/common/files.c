@@ -12,10 +12,7 @@
 void app_file_begin(app_file *file, const char *path) {
     *file = (app_file){.path = path};
     file->stream = open_memstream(&file->text, &file->length);
-    if (file->stream == NULL) {
-        (void)fputs("out of memory\n", stderr);
-        exit(APP_EXIT_MEMORY);
-    }
+    if (file->stream == NULL) app_out_of_memory();
 }
 
 lg_status app_file_end(app_file *file, lg_error *error) {
@@ -50,6 +47,89 @@ lg_status app_check_writable(const char *path, lg_error *error) {
         status = app_error(error, LG_FILE, "%s: cannot be written: %s", path, strerror(errno));
     free(folder);
     return status;
+}
+
+/* ---- outputs ---- */
+
+/* The path with its folder resolved; of no folder as it is. */
+static char *resolved(const char *path) {
+    const char *slash = strrchr(path, '/'), *name = slash != NULL ? slash + 1 : path;
+    char *folder = slash != NULL ? app_format("%.*s/", (int)(slash - path), path) : app_format(".");
+    char *real = realpath(folder, NULL);
+    char *out = real != NULL ? app_format("%s/%s", real, name) : app_format("%s", path);
+    free(real);
+    free(folder);
+    return out;
+}
+
+bool app_same_file(const char *a, const char *b) {
+    struct stat first, second;
+    const bool has_first = stat(a, &first) == 0, has_second = stat(b, &second) == 0;
+    if (has_first != has_second) return false;
+    if (has_first) return first.st_dev == second.st_dev && first.st_ino == second.st_ino;
+    char *p = resolved(a), *q = resolved(b);
+    const bool same = strcmp(p, q) == 0;
+    free(p);
+    free(q);
+    return same;
+}
+
+/* One file of a command. */
+typedef struct used_file {
+    const char *option; /* NULL: an argument */
+    char *path;
+    bool written;
+} used_file;
+
+/* All files that a command touches, inputs first; `out` has room for app.arguments and 3 (count). */
+static size_t list_files(const app *self, const app_path *paths, size_t count, used_file *out) {
+    size_t n = 0;
+    for (int i = 0; i < self->argument_count; i++)
+        out[n++] = (used_file){NULL, app_format("%s", self->arguments[i]), false};
+    for (size_t i = 0; i < count; i++)
+        if (paths[i].path != NULL && paths[i].use == APP_READ)
+            out[n++] = (used_file){paths[i].option, app_format("%s", paths[i].path), false};
+    for (size_t i = 0; i < count; i++) {
+        if (paths[i].path == NULL || paths[i].use == APP_READ) continue;
+        const int stem = (int)strlen(paths[i].path) - 4;
+        out[n++] = (used_file){paths[i].option, app_format("%s", paths[i].path), true};
+        if (paths[i].use != APP_DRAWN) continue;
+        out[n++] = (used_file){paths[i].option, app_format("%.*s.dat", stem, paths[i].path), true};
+        out[n++] = (used_file){paths[i].option, app_format("%.*s.gp", stem, paths[i].path), true};
+    }
+    return n;
+}
+
+/* files[at] is written: it can be, and it is none of those before it. */
+static int check_output(const app *self, const used_file *files, size_t at) {
+    const used_file *file = &files[at];
+    lg_error error = {LG_OK, ""};
+    const lg_status status = app_check_writable(file->path, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, file->path);
+    for (size_t i = 0; i < at; i++) {
+        if (!app_same_file(file->path, files[i].path)) continue;
+        if (files[i].written)
+            return app_usage(self, "--%s: %s is what --%s writes too", file->option, file->path,
+                             files[i].option);
+        return app_usage(self, "--%s: %s is an input%s%s and would be replaced", file->option, file->path,
+                         files[i].option != NULL ? " of --" : "",
+                         files[i].option != NULL ? files[i].option : "");
+    }
+    return APP_EXIT_OK;
+}
+
+int app_check_outputs(const app *self, const app_path *paths, size_t count) {
+    for (size_t i = 0; i < count; i++)
+        if (paths[i].use == APP_DRAWN && paths[i].path != NULL && !app_plot_name_fits(paths[i].path))
+            return app_usage(self, "--%s: '%s' does not end in .svg or .png", paths[i].option, paths[i].path);
+    used_file *files = app_alloc(APP_COUNT(self->arguments) + 3 * count, sizeof *files);
+    const size_t n = list_files(self, paths, count, files);
+    int code = APP_EXIT_OK;
+    for (size_t i = 0; i < n && code == APP_EXIT_OK; i++)
+        if (files[i].written) code = check_output(self, files, i);
+    for (size_t i = 0; i < n; i++) free(files[i].path);
+    free(files);
+    return code;
 }
 
 lg_status app_make_folder(const char *path, lg_error *error) {

@@ -100,13 +100,21 @@ static void plot_free(app_plot *plot) {
     free(plot->script_path);
 }
 
+/* What was written before the disk was full is of no use alone. */
+static void remove_written(const app_plot *plot, bool script) {
+    (void)unlink(plot->data_path);
+    if (script) (void)unlink(plot->script_path);
+}
+
 lg_status app_plot_end(const app *self, app_plot *plot, bool *drawn, lg_error *error) {
     *drawn = false;
     lg_status status = app_file_end(&plot->data, error);
-    if (status == LG_OK)
+    if (status == LG_OK) {
         status = app_file_end(&plot->script, error);
-    else
+        if (status != LG_OK) remove_written(plot, false);
+    } else {
         app_file_discard(&plot->script);
+    }
     if (status == LG_OK) {
         app_file picture;
         app_file_begin(&picture, plot->picture);
@@ -115,6 +123,7 @@ lg_status app_plot_end(const app *self, app_plot *plot, bool *drawn, lg_error *e
             status = app_file_end(&picture, error);
         else
             app_file_discard(&picture);
+        if (status != LG_OK) remove_written(plot, true);
         *drawn = code == 0 && status == LG_OK;
         if (code == 127)
             app_warn(self,

@@ -59,10 +59,7 @@ static void put_key(app_json *json, const char *key) {
 void app_json_begin(app_json *json) {
     *json = (app_json){.stream = NULL};
     json->stream = open_memstream(&json->text, &json->length);
-    if (json->stream == NULL) {
-        (void)fputs("out of memory\n", stderr);
-        exit(APP_EXIT_MEMORY);
-    }
+    if (json->stream == NULL) app_out_of_memory();
     (void)fputc('{', json->stream);
 }
 
@@ -108,10 +105,7 @@ void app_json_close(app_json *json, char bracket) {
 
 void app_json_end(app_json *json) {
     (void)fputs("}\n", json->stream);
-    if (fclose(json->stream) != 0) {
-        (void)fputs("out of memory\n", stderr);
-        exit(APP_EXIT_MEMORY);
-    }
+    if (fclose(json->stream) != 0) app_out_of_memory();
     (void)fwrite(json->text, 1, json->length, stdout);
     free(json->text);
 }
@@ -126,10 +120,7 @@ void app_table_cell(app_table *table, const char *format, ...) {
     if (table->cells == table->room) {
         table->room = table->room > 0 ? 2 * table->room : 64;
         char **text = realloc(table->text, table->room * sizeof *text);
-        if (text == NULL) {
-            (void)fputs("out of memory\n", stderr);
-            exit(APP_EXIT_MEMORY);
-        }
+        if (text == NULL) app_out_of_memory();
         table->text = text;
     }
     va_list arguments;

@@ -91,6 +91,8 @@ double *bench_uniform(size_t n, uint64_t stream);
 double *bench_parameters(const lg_mlp *net);
 lg_mlp bench_net(const bench *b, uint32_t inputs, uint32_t width, uint32_t hidden, uint32_t outputs,
                  bool last_bias);
+/* n doubles as the file --out.ending, for other programs. */
+void bench_write_doubles(const bench *b, const char *ending, const double *x, size_t n);
 /* max |x - reference| / max |reference|; NaN when either holds one. */
 double bench_difference(const double *x, const double *reference, size_t n);
 /* The values that --batch or the case's table gives: *count of them. */
@@ -120,6 +122,9 @@ void bench_mlp2(bench *b);
 void bench_mlp2_parts(bench *b);
 void bench_jvp(bench *b);
 void bench_hamiltonian(bench *b);
+void bench_elastica(bench *b);
+void bench_elastica_solve(bench *b);
+void bench_elastica_curve(bench *b);
 void bench_dense(bench *b);
 void bench_adam(bench *b);
 void bench_scalar(bench *b);

@@ -211,15 +211,6 @@ static void train(bench *b, learning *l) {
 
 /* ---- for other programs ---- */
 
-static void write_doubles(const bench *b, const char *ending, const double *x, size_t n) {
-    char *path = app_format("%s.%s", b->given->out, ending);
-    FILE *file = fopen(path, "wb");
-    bool written = file != NULL && fwrite(x, sizeof *x, n, file) == n;
-    if (file != NULL && fclose(file) != 0) written = false;
-    if (!written) exit(app_fail_file(b->app, LG_FILE, NULL, path));
-    free(path);
-}
-
 static void read_weights(const bench *b, learning *l) {
     const size_t n = lg_hamiltonian_parameters(&l->model);
     FILE *file = fopen(b->given->weights, "rb");
@@ -248,8 +239,8 @@ void bench_hamiltonian(bench *b) {
         if (strcmp(experiments[i].name, b->what->name) == 0) l.what = &experiments[i];
     open_learning(b, &l);
     if (b->given->out != NULL) {
-        write_doubles(b, "data", l.data, l.what->trajectories * l.what->points * l.dim);
-        write_doubles(b, "weights", l.theta, lg_hamiltonian_parameters(&l.model));
+        bench_write_doubles(b, "data", l.data, l.what->trajectories * l.what->points * l.dim);
+        bench_write_doubles(b, "weights", l.theta, lg_hamiltonian_parameters(&l.model));
     }
     if (b->given->weights != NULL)
         judge_weights(b, &l);

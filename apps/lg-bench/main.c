@@ -44,6 +44,27 @@ static const bench_case cases[] = {
      0,
      20,
      bench_hamiltonian},
+    {"elastica-discrete",
+     "an epoch of the discrete surrogate: 8-5x879-196, 900 curves",
+     LG_F32,
+     {32},
+     0,
+     6,
+     bench_elastica},
+    {"elastica-continuous",
+     "an epoch of the continuous surrogate: 5 x 190, derivative in the loss, 45900 points",
+     LG_F32,
+     {1024},
+     0,
+     6,
+     bench_elastica},
+    {"elastica-angle",
+     "an epoch of the angle surrogate: 7 x 143, 900 curves of 51 nodes and 150 Gauss points",
+     LG_F32,
+     {20},
+     0,
+     6,
+     bench_elastica},
     {"dense", "a training step of 8-5xW-196: forward, backward, Adam", LG_F32, {32}, 879, 0, bench_dense},
     {"adam", "Adam's step on W parameters", LG_F32, {0}, 2500000, 0, bench_adam},
     {"scalar",
@@ -76,6 +97,20 @@ static const bench_case cases[] = {
      100,
      0,
      bench_batch1},
+    {"elastica-solve",
+     "a curve by Newton's method, cold and from a neighbour, on W intervals: time and error",
+     LG_F64,
+     {0},
+     0,
+     0,
+     bench_elastica_solve},
+    {"elastica-curve",
+     "the same curve by the network of --weights MODEL.h5",
+     LG_F32,
+     {0},
+     0,
+     0,
+     bench_elastica_curve},
     {"ode", "RKMK(5,4) on pendulum chains: time against error, cost of a step", LG_F64, {0}, 0, 0, bench_ode},
 };
 
@@ -90,13 +125,15 @@ static const app_option options[] = {
     APP_ROW_SIZE(bench_options, repeats, "repeats", "r", 1, 1e6,
                  "Timed samples (default 101, fewer when they take long)"),
     APP_ROW_SIZE(bench_options, epochs, "epochs", "k", 2, 1e6,
-                 "Epochs of the hamiltonian cases (default 20)"),
+                 "Epochs of the hamiltonian and elastica cases (default 20; 6)"),
     APP_ROW_FLAG(bench_options, judge, "judge", "hamiltonian: also E1 of the trained model on a test set"),
     APP_ROW_TEXT(bench_options, weights, "weights", "FILE",
-                 "hamiltonian: no training; judges these parameters (doubles, as --out writes them)"),
+                 "hamiltonian: no training; judges these parameters (doubles, as --out writes them); "
+                 "elastica-curve: the model file"),
     APP_ROW_TEXT(bench_options, out, "out", "PREFIX",
-                 "hamiltonian: writes PREFIX.data and PREFIX.weights, the training set and the initial "
-                 "parameters as doubles, for other programs"),
+                 "hamiltonian, elastica: writes the training set and the initial parameters as doubles, for "
+                 "other programs: PREFIX.data, PREFIX.weights; elastica: PREFIX.data, PREFIX.order, and a "
+                 "file named by each row"),
     APP_ROW_TEXT(bench_options, only, "only", "TEXT", "Only rows whose name contains TEXT"),
     APP_ROW_END};
 
@@ -239,6 +276,20 @@ static const bench_case *find(const char *name) {
 
 static bool threads_given; /* one thread is the default here */
 
+static int check_outputs(const app *self) {
+    static const char *const endings[] = {"data", "weights", "order", "mlp", "resnet", "mult", "mult-affine"};
+    app_path paths[APP_COUNT(endings) + 1] = {{"weights", given.weights, APP_READ}};
+    char *names[APP_COUNT(endings)];
+    if (given.out == NULL) return APP_EXIT_OK;
+    for (size_t i = 0; i < APP_COUNT(endings); i++) {
+        names[i] = app_format("%s.%s", given.out, endings[i]);
+        paths[i + 1] = (app_path){"out", names[i], APP_WRITTEN};
+    }
+    const int code = app_check_outputs(self, paths, APP_COUNT(paths));
+    for (size_t i = 0; i < APP_COUNT(endings); i++) free(names[i]);
+    return code;
+}
+
 static int run(app *self) {
     static bench b; /* too large for a stack */
     b = (bench){.app = self, .what = find(self->command->name), .given = &given, .core = -1};
@@ -246,6 +297,8 @@ static int run(app *self) {
     b.threads = threads_given ? (int)self->threads : 1;
     if (given.width == 0) given.width = b.what->width;
     if (given.epochs == 0) given.epochs = b.what->epochs;
+    const int code = check_outputs(self);
+    if (code != APP_EXIT_OK) return code;
     if (b.threads == 1) b.core = bench_pin();
     b.what->run(&b);
     if (app_interrupted()) return APP_EXIT_INTERRUPTED;

@@ -152,6 +152,15 @@ lg_mlp bench_net(const bench *b, uint32_t inputs, uint32_t width, uint32_t hidde
     return net;
 }
 
+void bench_write_doubles(const bench *b, const char *ending, const double *x, size_t n) {
+    char *path = app_format("%s.%s", b->given->out, ending);
+    FILE *file = fopen(path, "wb");
+    bool written = file != NULL && fwrite(x, sizeof *x, n, file) == n;
+    if (file != NULL && fclose(file) != 0) written = false;
+    if (!written) exit(app_fail_file(b->app, LG_FILE, NULL, path));
+    free(path);
+}
+
 double bench_difference(const double *x, const double *reference, size_t n) {
     double difference = 0, largest = 0;
     for (size_t i = 0; i < n; i++) {

@@ -1,7 +1,9 @@
-/* Multilayer perceptrons: value and recorded input gradient, with respect to inputs and parameters. */
+/* Networks: value and recorded input gradient or directional derivative, with respect to inputs, direction
+ * and parameters. */
 #include "lg-gradcheck/tables.h"
 
 #include "common/app.h"
+#include "liegrad/networks.h"
 #include "liegrad/nn.h"
 
 typedef struct settings {
@@ -38,12 +40,66 @@ static lg_var build(const void *user, lg_tape *tape, const lg_var *x) {
 #define ROWS(label, kind)                                                                                    \
     ROW("mlp " label, kind, 2, true, false), ROW("mlp " label ", input gradient", kind, 1, false, true)
 
+/* ---- networks of several architectures: 2 -> [3 ->] 3 -> 3 -> 3 -> 2 ---- */
+
+typedef struct net_settings {
+    lg_net_kind kind;
+    uint32_t embedding;
+    lg_activation activation;
+} net_settings;
+
+static bool describe(const net_settings *s, lg_tape *tape, lg_net *net) {
+    const lg_status status = lg_net_init(net, s->kind, 2, s->embedding, 3, 2, 2, s->activation);
+    if (status != LG_OK) (void)lg_tape_fail(tape, status, "net", "not a network");
+    return status == LG_OK;
+}
+
+static lg_var build_net(const void *user, lg_tape *tape, const lg_var *x) {
+    lg_net net;
+    return describe(user, tape, &net) ? lg_net_apply(tape, &net, x[1], OFFSET, x[0]) : LG_NONE;
+}
+
+/* (4, 2): y, then its derivative in the direction x[2] */
+static lg_var build_net_jvp(const void *user, lg_tape *tape, const lg_var *x) {
+    lg_net net;
+    lg_var both[2];
+    if (!describe(user, tape, &net)) return LG_NONE;
+    if (lg_net_apply_jvp(tape, &net, x[1], OFFSET, x[0], x[2], &both[0], &both[1]) != LG_OK) return LG_NONE;
+    return lg_concat(tape, both, 2, 0);
+}
+
+/* `count`: the network's parameters */
+#define NET_ROWS(label, kind, e, activation, count)                                                          \
+    {.function = {.name = label,                                                                             \
+                  .build = build_net,                                                                        \
+                  .user = &(const net_settings){kind, e, activation},                                        \
+                  INPUTS({.shape = S2(2, 2)}, {.shape = S1(OFFSET + count)})}},                              \
+        NET_JVP_ROW(label ", directional", kind, e, activation, count, 2)
+#define NET_JVP_ROW(label, kind, e, activation, count, directions)                                           \
+    {                                                                                                        \
+        .function = {                                                                                        \
+            .name = label,                                                                                   \
+            .build = build_net_jvp,                                                                          \
+            .user = &(const net_settings){kind, e, activation},                                              \
+            INPUTS({.shape = S2(2, 2)}, {.shape = S1(OFFSET + count)}, {.shape = S2(directions, 2)})         \
+        }                                                                                                    \
+    }
+
 static const lg_gradcheck_case rows[] = {
     ROWS("tanh", LG_TANH),
     ROWS("sigmoid", LG_SIGMOID),
     ROWS("swish", LG_SWISH),
     ROWS("sine", LG_SINE),
     ROWS("identity", LG_IDENTITY),
+    NET_ROWS("net mlp", LG_NET_MLP, 0, LG_TANH, 41),
+    NET_ROWS("net mlp, embedding", LG_NET_MLP, 3, LG_SIGMOID, 53),
+    NET_ROWS("net resnet", LG_NET_RESNET, 0, LG_TANH, 59),
+    NET_ROWS("net resnet, embedding", LG_NET_RESNET, 3, LG_SWISH, 71),
+    NET_ROWS("net mult", LG_NET_MULT, 0, LG_TANH, 59),
+    NET_ROWS("net mult, embedding", LG_NET_MULT, 3, LG_TANH, 77),
+    NET_ROWS("net mult-affine", LG_NET_MULT_AFFINE, 0, LG_SINE, 83),
+    NET_ROWS("net mult-affine, embedding", LG_NET_MULT_AFFINE, 3, LG_TANH, 101),
+    NET_JVP_ROW("net mult, one direction", LG_NET_MULT, 3, LG_TANH, 77, 1),
     ROW("mlp tanh, input gradient of the first of two outputs", LG_TANH, 2, true, true),
 };
 

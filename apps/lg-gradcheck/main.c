@@ -8,8 +8,8 @@
 
 /* The tables that are checked. A new room adds its own here. */
 typedef const lg_gradcheck_case *(*table_fn)(size_t *count);
-static const table_fn tables[] = {lg_gradcheck_operations, layer_rows, integrator_rows, system_rows,
-                                  hamiltonian_rows};
+static const table_fn tables[] = {lg_gradcheck_operations, layer_rows,    integrator_rows, system_rows,
+                                  hamiltonian_rows,        surrogate_rows};
 
 typedef struct values {
     const char *only;
@@ -55,9 +55,16 @@ static lg_status each_row(lg_status (*visit)(void *user, const lg_gradcheck_case
     return LG_OK;
 }
 
+/* What --only leaves. */
+typedef struct extent {
+    size_t rows, operations; /* functions, and the derivatives registered for which they stand */
+} extent;
+
 static lg_status count_row(void *user, const lg_gradcheck_case *row) {
-    (void)row;
-    ++*(size_t *)user;
+    extent *found = user;
+    found->rows++;
+    for (size_t i = 0; i < LG_GRADCHECK_CASE_OPERATIONS && row->operations[i] != NULL; i++)
+        found->operations++;
     return LG_OK;
 }
 
@@ -190,9 +197,15 @@ static lg_status plant_all(run *r) {
 
 static int gradcheck(struct app *program) {
     run r = {.app = program};
-    size_t rows = 0;
-    (void)each_row(count_row, &rows);
-    if (rows == 0) return app_usage(program, "nothing is called '%s'", given.only);
+    extent found = {0, 0};
+    (void)each_row(count_row, &found);
+    if (found.rows == 0) return app_usage(program, "--only: nothing is called '%s'", given.only);
+    if (given.plant && found.operations == 0)
+        return app_usage(
+            program,
+            "--plant: none of the %zu functions that '%s' chooses has a registered derivative of "
+            "its own: there is nothing to plant",
+            found.rows, given.only);
     lg_gradcheck_options_init(&r.options);
     if (program->seed_given) r.options.seed = program->seed;
     r.options.order = (int)given.order;

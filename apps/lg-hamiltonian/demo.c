@@ -42,7 +42,7 @@ static char *inside(const char *name) {
 
 static lg_status write_data(demo *self, const char *name, lg_trajectories *data) {
     char *path = inside(name);
-    data->provenance = provenance_of(self->app, self->app->seed);
+    data->provenance = app_provenance(self->app, self->app->seed);
     const lg_status status = lg_trajectories_write(self->app->context, path, data, &self->error);
     free(path);
     return status;
@@ -86,18 +86,19 @@ static int on_epoch(void *user, const lg_fit_epoch *report) {
 
 static lg_status train_model(demo *self) {
     static const uint32_t hidden[] = {100, 100, 100};
-    lg_hamiltonian_run run = {.dtype = LG_F64,
-                              .integrator = LG_TRAIN_CF4,
+    lg_hamiltonian_run run = {.integrator = LG_TRAIN_CF4,
                               .substeps = 1,
-                              .epochs = values.epochs,
-                              .batch = 80,
-                              .lr = 1e-2,
-                              .lr_gamma = 0.1,
-                              .adam_eps = LG_HAMILTONIAN_ADAM_EPS,
-                              .clip = LG_HAMILTONIAN_CLIP,
-                              .lr_step = 50,
-                              .shards = 4,
-                              .seed = self->app->seed};
+                              .training = {.dtype = LG_F64,
+                                           .epochs = values.epochs,
+                                           .batch = 80,
+                                           .lr = 1e-2,
+                                           .schedule = LG_SCHEDULE_STEP,
+                                           .lr_step = 50,
+                                           .lr_gamma = 0.1,
+                                           .adam_eps = LG_HAMILTONIAN_ADAM_EPS,
+                                           .clip = LG_HAMILTONIAN_CLIP,
+                                           .shards = 4,
+                                           .seed = self->app->seed}};
     lg_fit_options options;
     lg_fit_options_init(&options);
     options.threads = (int)self->app->threads;
@@ -109,7 +110,7 @@ static lg_status train_model(demo *self) {
             learner_create(self->app->context, &run, &self->data, &options, &self->learner, &self->error);
     if (status != LG_OK) return status;
     const double begin = app_seconds();
-    app_progress_begin(&self->progress, 0, run.epochs);
+    app_progress_begin(&self->progress, 0, run.training.epochs);
     status = lg_fit_run(self->learner.fit, &self->error);
     app_progress_end(&self->progress);
     self->training_seconds = app_seconds() - begin;
@@ -163,13 +164,13 @@ static lg_status draw_all(demo *self) {
     char *sphere = inside("trajectories.svg"), *loss = inside("loss.svg"), *energy = inside("energy.svg");
     char *history = inside("loss.csv");
     const lg_fit *fit = self->learner.fit;
-    lg_status status = save_history(history, fit, &self->error);
+    lg_status status = fit_save_history(history, fit, &self->error);
     if (status == LG_OK)
         status = draw_trajectories(self->app, sphere, LG_HAMILTONIAN_CHAIN, 1, self->test.data,
                                    self->predicted, self->test.count, self->test.points, &self->error);
     if (status == LG_OK)
-        status = draw_loss(self->app, loss, lg_fit_history(fit, LG_FIT_LOSS), NULL,
-                           (size_t)lg_fit_epochs_done(fit), &self->error);
+        status = fit_draw_loss(self->app, loss, lg_fit_history(fit, LG_FIT_LOSS), NULL,
+                               (size_t)lg_fit_epochs_done(fit), &self->error);
     if (status == LG_OK) status = draw_long(self, energy);
     free(sphere);
     free(loss);

@@ -99,14 +99,12 @@ static int run(app *self) {
     lg_error error = {LG_OK, ""};
     lg_hamiltonian_file file;
     lg_trajectories test;
-    if (values.plot != NULL && !app_plot_name_fits(values.plot))
-        return app_usage(self, "--plot: '%s' does not end in .svg or .png", values.plot);
-    if (values.plot != NULL && app_check_writable(values.plot, &error) != LG_OK)
-        return app_fail_file(self, error.status, &error, values.plot);
+    const app_path plot = {"plot", values.plot, APP_DRAWN};
+    int code = app_check_outputs(self, &plot, 1);
+    if (code != APP_EXIT_OK) return code;
     lg_status status = lg_model_load_hamiltonian(self->context, self->arguments[0], NULL, &file, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
     status = lg_trajectories_read(self->context, self->arguments[1], NULL, &test, &error);
-    int code = APP_EXIT_OK;
     if (status == LG_OK) {
         warn_of_inputs(self, self->arguments[1], &test);
         warn_of_systems(self, file.run.system, test.system);

@@ -68,7 +68,7 @@ static int generate(app *self, const lg_scene *scene) {
         return app_fail(self, LG_FORMAT, "%s: line %u: %s", self->arguments[0], scene->line_system,
                         error.message);
     if (status != LG_OK) return app_fail(self, status, "%s: %s", self->arguments[0], error.message);
-    data.provenance = provenance_of(self, self->seed);
+    data.provenance = app_provenance(self, self->seed);
     status = lg_trajectories_write(self->context, values.out, &data, &error);
     if (status == LG_OK) report(self, &data, app_seconds() - begin);
     lg_trajectories_free(self->context, &data);
@@ -79,16 +79,17 @@ static int run(app *self) {
     lg_error error = {LG_OK, ""};
     lg_scene scene;
     if (values.out == NULL) return app_usage(self, "--out FILE is missing");
-    lg_status status = app_check_writable(values.out, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, values.out);
-    status = lg_scene_read(self->context, self->arguments[0], FORM, &scene, &error);
+    const app_path out = {"out", values.out, APP_WRITTEN};
+    int code = app_check_outputs(self, &out, 1);
+    if (code != APP_EXIT_OK) return code;
+    const lg_status status = lg_scene_read(self->context, self->arguments[0], FORM, &scene, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
     if (values.segments > 0) scene.segments = (uint32_t)values.segments;
-    const int code = !scene.has_initial
-                         ? generate(self, &scene)
-                         : app_fail(self, LG_FORMAT,
-                                    "%s: line %u: `initial` is one start; many are drawn as `starts` says",
-                                    self->arguments[0], scene.line_initial);
+    code = !scene.has_initial
+               ? generate(self, &scene)
+               : app_fail(self, LG_FORMAT,
+                          "%s: line %u: `initial` is one start; many are drawn as `starts` says",
+                          self->arguments[0], scene.line_initial);
     lg_scene_destroy(self->context, &scene);
     return code;
 }

@@ -1,7 +1,6 @@
 /* Training a learned Hamiltonian: what `train`, `study` and `demo` have in common. */
 #include "lg-hamiltonian/learning.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -34,25 +33,6 @@ static lg_hamiltonian_problem problem_of(const learner *self, const lg_trajector
                                     .data = data->data};
 }
 
-static lg_fit_options options_of(const lg_hamiltonian_run *run, const lg_fit_options *base) {
-    lg_fit_options options = *base;
-    options.dtype = run->dtype;
-    options.epochs = run->epochs;
-    options.batch = (size_t)run->batch;
-    options.shards = run->shards;
-    options.adam.lr = run->lr;
-    options.adam.weight_decay = run->weight_decay;
-    options.adam.eps = run->adam_eps;
-    options.clip_norm = run->clip;
-    options.schedule.kind = LG_SCHEDULE_STEP;
-    options.schedule.every = run->lr_step;
-    options.schedule.gamma = run->lr_gamma;
-    options.seed = run->seed;
-    options.validation = run->validation;
-    options.keep_best = run->validation > 0;
-    return options;
-}
-
 lg_status learner_create(const lg_context *context, const lg_hamiltonian_run *run,
                          const lg_trajectories *data, const lg_fit_options *options, learner *out,
                          lg_error *error) {
@@ -63,9 +43,10 @@ lg_status learner_create(const lg_context *context, const lg_hamiltonian_run *ru
     lg_hamiltonian_fit_problem(&out->problem, &out->fit_problem);
     double *theta = app_alloc(lg_hamiltonian_parameters(&out->run.model), sizeof *theta);
     lg_rng rng;
-    lg_rng_seed(&rng, run->seed, STREAM_WEIGHTS);
+    lg_rng_seed(&rng, run->training.seed, STREAM_WEIGHTS);
     lg_hamiltonian_initialise(&out->run.model, &rng, theta);
-    const lg_fit_options chosen = options_of(&out->run, options);
+    lg_fit_options chosen = *options;
+    lg_training_apply(&out->run.training, &chosen);
     status = lg_fit_create(context, &out->fit_problem, &chosen, theta, &out->fit, error);
     free(theta);
     return status;
@@ -119,57 +100,16 @@ void warn_of_inputs(const app *self, const char *path, const lg_trajectories *da
                  data->input_size);
 }
 
-lg_provenance provenance_of(const app *self, uint64_t seed) {
-    lg_provenance provenance = {.has_seed = true, .seed = seed};
-    (void)snprintf(provenance.command, sizeof provenance.command, "%s", self->command_line);
-    (void)lg_cpu_describe(provenance.cpu, sizeof provenance.cpu);
-    return provenance;
-}
-
-lg_status save_checkpoint(const app *self, const char *path, const lg_hamiltonian_run *run, const lg_fit *fit,
-                          lg_error *error) {
-    const lg_provenance provenance = provenance_of(self, run->seed);
-    lg_file_writer *writer = NULL;
-    lg_archive_writer archive;
-    lg_status status = lg_checkpoint_create(self->context, path, run, &provenance, &writer, error);
-    if (status == LG_OK) status = lg_file_writer_archive(writer, "fit", &archive);
-    if (status == LG_OK) status = lg_fit_save(fit, &archive, error);
-    if (status == LG_OK) status = lg_file_writer_commit(writer, error);
-    lg_file_writer_destroy(writer);
-    return status;
-}
-
 lg_status save_model(const app *self, const char *path, const learner *trained, const double *theta,
                      lg_error *error) {
     lg_hamiltonian_file file;
     memset(&file, 0, sizeof file);
     file.run = trained->run;
     file.parameters = lg_hamiltonian_parameters(&trained->run.model);
-    file.provenance = provenance_of(self, trained->run.seed);
+    file.provenance = app_provenance(self, trained->run.training.seed);
     file.theta = app_alloc(file.parameters, sizeof *file.theta);
     memcpy(file.theta, theta, file.parameters * sizeof *theta);
     const lg_status status = lg_model_save_hamiltonian(self->context, path, &file, trained->fit, error);
     free(file.theta);
     return status;
-}
-
-static void csv_number(FILE *stream, double value) {
-    if (isfinite(value))
-        (void)fprintf(stream, ",%.17g", value);
-    else
-        (void)fputc(',', stream);
-}
-
-lg_status save_history(const char *path, const lg_fit *fit, lg_error *error) {
-    static const lg_fit_series columns[] = {LG_FIT_LOSS, LG_FIT_VALIDATION, LG_FIT_RATE, LG_FIT_SECONDS};
-    app_file file;
-    app_file_begin(&file, path);
-    (void)fputs("epoch,loss,validation,rate,seconds\n", file.stream);
-    for (uint64_t epoch = 0; epoch < lg_fit_epochs_done(fit); epoch++) {
-        (void)fprintf(file.stream, "%llu", (unsigned long long)(epoch + 1));
-        for (size_t c = 0; c < APP_COUNT(columns); c++)
-            csv_number(file.stream, lg_fit_history(fit, columns[c])[epoch]);
-        (void)fputc('\n', file.stream);
-    }
-    return app_file_end(&file, error);
 }

@@ -4,6 +4,7 @@
 #define LG_APPS_LEARNING_H
 
 #include "common/app.h"
+#include "common/fit.h"
 #include "liegrad/hamiltonian.h"
 #include "liegrad/io.h"
 #include "liegrad/mechanics.h"
@@ -54,14 +55,9 @@ lg_status mean_squared_error(const lg_context *context, const lg_hamiltonian_pro
 /* Learned systems are autonomous: says so when the data come with inputs. */
 void warn_of_inputs(const app *self, const char *path, const lg_trajectories *data);
 
-lg_provenance provenance_of(const app *app, uint64_t seed);
-lg_status save_checkpoint(const app *app, const char *path, const lg_hamiltonian_run *run, const lg_fit *fit,
-                          lg_error *error);
 /* The model with the state of its fit; `theta` has lg_hamiltonian_parameters numbers. */
 lg_status save_model(const app *app, const char *path, const learner *trained, const double *theta,
                      lg_error *error);
-/* Columns epoch, loss, validation, rate, seconds. */
-lg_status save_history(const char *path, const lg_fit *fit, lg_error *error);
 
 /* ---- judging (judge.c) ---- */
 
@@ -89,8 +85,6 @@ void learned_energies(const lg_hamiltonian *model, const double *theta, const do
 /* ---- drawing (pictures.c) ---- */
 
 /* Each reports where the picture went; a missing gnuplot is only a warning. */
-lg_status draw_loss(const app *app, const char *picture, const double *loss, const double *validation,
-                    size_t epochs, lg_error *error);
 /* True (may be NULL) and predicted (n, points, d): links on the sphere in space, or q_1 against q_2. */
 lg_status draw_trajectories(const app *app, const char *picture, lg_hamiltonian_family family, size_t links,
                             const double *truth, const double *predicted, size_t n, size_t points,

@@ -20,24 +20,6 @@ static lg_status end(const app *self, app_plot *plot, lg_error *error) {
     return app_plot_end(self, plot, &drawn, error);
 }
 
-lg_status draw_loss(const app *self, const char *picture, const double *loss, const double *validation,
-                    size_t epochs, lg_error *error) {
-    app_plot plot;
-    const lg_status status = begin(&plot, picture, 800, 500, error);
-    if (status != LG_OK) return status;
-    for (size_t i = 0; i < epochs; i++)
-        (void)fprintf(plot.data.stream, "%zu %.17g %.17g\n", i + 1, loss[i],
-                      validation != NULL ? validation[i] : (double)NAN);
-    (void)fputs("set logscale y\nset format y '10^{%L}'\nset xlabel 'epoch'\nset ylabel 'loss'\n"
-                "plot datafile using 1:2 with lines lw 2 lc rgb '#1f5fa8' title 'training'",
-                plot.script.stream);
-    if (validation != NULL)
-        (void)fputs(", datafile using 1:3 with lines lw 2 lc rgb '#d1641f' title 'validation'",
-                    plot.script.stream);
-    (void)fputc('\n', plot.script.stream);
-    return end(self, &plot, error);
-}
-
 /* One block a trajectory and link (three columns), or a trajectory: the first two coordinates. Returns the
  * blocks written. */
 static size_t put_blocks(app_plot *plot, lg_hamiltonian_family family, size_t links, const double *y,

@@ -14,7 +14,7 @@ typedef struct predict_values {
 
 static const app_option predict_options[] = {
     APP_ROW_REALS(predict_values, initial, "initial", "X,X,...",
-                  "The start, in the layout of the model's state"),
+                  "The start, in the layout of the model's state", NULL),
     APP_ROW_POSITIVE(predict_values, t_end, "t-end", "T",
                      "Time of the last point (default: the scene's t_end, or 1)"),
     APP_ROW_SIZE(predict_values, points, "points", "M", 2, 1e8,
@@ -151,7 +151,7 @@ static int write_outputs(app *self, prediction *p) {
     lg_error error = {LG_OK, ""};
     lg_status status = LG_OK;
     if (values.out != NULL) {
-        p->y.provenance = provenance_of(self, self->seed);
+        p->y.provenance = app_provenance(self, self->seed);
         status = lg_trajectories_write(self->context, values.out, &p->y, &error);
         if (status != LG_OK) return app_fail_file(self, status, &error, values.out);
     }
@@ -184,16 +184,13 @@ static int run(app *self) {
     if (scene == (values.initial.count > 0))
         return app_usage(self, scene ? "either --initial or a scene, not both"
                                      : "no start: give --initial X,X,... or a scene");
-    if (values.plot != NULL && !app_plot_name_fits(values.plot))
-        return app_usage(self, "--plot: '%s' does not end in .svg or .png", values.plot);
-    const char *const outputs[] = {values.out, values.plot};
-    for (size_t i = 0; i < APP_COUNT(outputs); i++)
-        if (outputs[i] != NULL && app_check_writable(outputs[i], &error) != LG_OK)
-            return app_fail_file(self, error.status, &error, outputs[i]);
+    const app_path paths[] = {{"out", values.out, APP_WRITTEN}, {"plot", values.plot, APP_DRAWN}};
+    int code = app_check_outputs(self, paths, APP_COUNT(paths));
+    if (code != APP_EXIT_OK) return code;
     const lg_status status =
         lg_model_load_hamiltonian(self->context, self->arguments[0], NULL, &file, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
-    const int code = predict(self, &file);
+    code = predict(self, &file);
     lg_hamiltonian_file_free(self->context, &file);
     return code;
 }

@@ -112,21 +112,22 @@ void study_protocol(const lg_grid *grid, char out[STUDY_PROTOCOL_TEXT]) {
 /* ---- one run ---- */
 
 static lg_hamiltonian_run run_of(const lg_grid *grid, const study_row *row) {
-    return (lg_hamiltonian_run){.dtype = grid->dtype,
-                                .integrator = row->integrator,
+    return (lg_hamiltonian_run){.integrator = row->integrator,
                                 .substeps = row->substeps,
                                 .penalty = row->penalty,
                                 .penalty_form = grid->penalty_form,
-                                .epochs = grid->epochs,
-                                .batch = grid->batch,
-                                .lr = grid->lr,
-                                .lr_gamma = grid->lr_gamma,
-                                .lr_step = grid->lr_step,
-                                .weight_decay = grid->weight_decay,
-                                .adam_eps = grid->adam_eps,
-                                .clip = grid->clip,
-                                .shards = grid->shards,
-                                .seed = row->seed};
+                                .training = {.dtype = grid->dtype,
+                                             .epochs = grid->epochs,
+                                             .batch = grid->batch,
+                                             .lr = grid->lr,
+                                             .schedule = LG_SCHEDULE_STEP,
+                                             .lr_step = grid->lr_step,
+                                             .lr_gamma = grid->lr_gamma,
+                                             .weight_decay = grid->weight_decay,
+                                             .adam_eps = grid->adam_eps,
+                                             .clip = grid->clip,
+                                             .shards = grid->shards,
+                                             .seed = row->seed}};
 }
 
 static lg_status train_and_judge(const study *self, const lg_trajectories *data, const lg_trajectories *test,
@@ -252,29 +253,22 @@ static int run_all(study *self) {
 }
 
 typedef struct picture {
-    const char *option, *path;
+    const char *path;
     study_picture draw;
 } picture;
 
 static void list_pictures(picture out[3]) {
-    out[0] = (picture){"--plot", values.plot, study_draw_work};
-    out[1] = (picture){"--plot-noise", values.plot_noise, study_draw_noise};
-    out[2] = (picture){"--plot-parallel", values.plot_parallel, study_draw_parallel};
+    out[0] = (picture){values.plot, study_draw_work};
+    out[1] = (picture){values.plot_noise, study_draw_noise};
+    out[2] = (picture){values.plot_parallel, study_draw_parallel};
 }
 
-static int check_pictures(const app *self) {
-    picture pictures[3];
-    lg_error error = {LG_OK, ""};
-    list_pictures(pictures);
-    for (size_t i = 0; i < APP_COUNT(pictures); i++) {
-        if (pictures[i].path == NULL) continue;
-        if (!app_plot_name_fits(pictures[i].path))
-            return app_usage(self, "%s: '%s' does not end in .svg or .png", pictures[i].option,
-                             pictures[i].path);
-        const lg_status status = app_check_writable(pictures[i].path, &error);
-        if (status != LG_OK) return app_fail_file(self, status, &error, pictures[i].path);
-    }
-    return APP_EXIT_OK;
+static int check_outputs(const app *self) {
+    const app_path paths[] = {{"out", values.out, APP_WRITTEN},
+                              {"plot", values.plot, APP_DRAWN},
+                              {"plot-noise", values.plot_noise, APP_DRAWN},
+                              {"plot-parallel", values.plot_parallel, APP_DRAWN}};
+    return app_check_outputs(self, paths, APP_COUNT(paths));
 }
 
 static int draw_pictures(const study *self) {
@@ -322,7 +316,7 @@ static int study_grid(study *self) {
 static int run(app *host) {
     study self = {.app = host};
     if (values.out == NULL) return app_usage(host, "--out FILE.csv is missing");
-    const int checked = check_pictures(host);
+    const int checked = check_outputs(host);
     if (checked != APP_EXIT_OK) return checked;
     const lg_status status = lg_grid_read(host->context, host->arguments[0], &self.grid, &self.error);
     if (status != LG_OK) return app_fail_file(host, status, &self.error, host->arguments[0]);

@@ -5,11 +5,11 @@
 #include "lg-hamiltonian/learning.h"
 
 typedef struct train_values {
-    const char *out, *checkpoint, *resume, *history, *plot;
-    int integrator, activation, potential, dtype, penalty_form;
+    fit_values fit;
+    int integrator, activation, potential, penalty_form;
     app_sizes hidden;
-    uint64_t substeps, epochs, batch, lr_step, shards, checkpoint_every, stop_after;
-    double lr, lr_gamma, weight_decay, adam_eps, clip, penalty, validation;
+    uint64_t substeps;
+    double penalty;
     bool newton;
 } train_values;
 

@@ -27,7 +27,8 @@ static const app_option options[] = {
     APP_ROW_TEXT(simulate_values, out, "out", "FILE.h5", "Write the trajectory (HDF5)"),
     APP_ROW_SIZE(simulate_values, points, "points", "M", 2, 1e8,
                  "Equidistant points of the trajectory, the start included (default 501, or steps)"),
-    APP_ROW_REALS(simulate_values, times, "times", "T,T,...", "Times of the trajectory instead, ascending"),
+    APP_ROW_REALS(simulate_values, times, "times", "T,T,...", "Times of the trajectory instead, ascending",
+                  "use --points"),
     APP_ROW_TEXT(simulate_values, plot, "plot", "FILE.svg|.png", "Draw the run, or the diagram"),
     APP_ROW_CHOICE(simulate_values, plot_kind, "plot-kind", picture_kinds,
                    "overview, components, invariants, manifold, steps or 3d (default overview)"),
@@ -67,18 +68,16 @@ static int check_options(const app *self) {
     if (!values.work_precision && app_given(self, "steps") &&
         (app_given(self, "tol") || app_given(self, "atol")))
         return app_usage(self, "either --steps (equal steps) or --tol (adaptive ones), not both");
-    if (values.plot != NULL && !app_plot_name_fits(values.plot))
-        return app_usage(self, "--plot: '%s' does not end in .svg or .png", values.plot);
     return APP_EXIT_OK;
 }
 
 static int check_outputs(const app *self) {
-    lg_error error = {LG_OK, ""};
-    const char *const outputs[] = {values.out, values.plot};
-    for (size_t i = 0; i < APP_COUNT(outputs); i++)
-        if (outputs[i] != NULL && app_check_writable(outputs[i], &error) != LG_OK)
-            return app_fail_file(self, error.status, &error, outputs[i]);
-    return APP_EXIT_OK;
+    const bool weights = values.gradient != NULL && values.gradient[0] == '@';
+    const app_path paths[] = {{"scheme", values.scheme, APP_READ},
+                              {"gradient", weights ? values.gradient + 1 : NULL, APP_READ},
+                              {"out", values.out, APP_WRITTEN},
+                              {"plot", values.plot, APP_DRAWN}};
+    return app_check_outputs(self, paths, APP_COUNT(paths));
 }
 
 /* Equal or adaptive steps must fit the method. */

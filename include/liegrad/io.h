@@ -26,11 +26,14 @@
 
 #include "liegrad/archive.h"
 #include "liegrad/context.h"
+#include "liegrad/elastica.h"
 #include "liegrad/hamiltonian.h"
 #include "liegrad/mechanics.h"
 #include "liegrad/nn.h"
 #include "liegrad/random.h"
+#include "liegrad/search.h"
 #include "liegrad/status.h"
+#include "liegrad/surrogate.h"
 
 LG_BEGIN_DECLS
 
@@ -165,20 +168,12 @@ LG_API void lg_trajectories_free(const lg_context *context, lg_trajectories *dat
 /* What was trained, how, and on what: written to models and checkpoints, compared on resume. */
 typedef struct lg_hamiltonian_run {
     lg_hamiltonian model;
-    lg_dtype dtype;
     char system[LG_SYSTEM_NAME];
     lg_train_integrator integrator;
     uint32_t substeps;
     double penalty; /* mu */
     lg_penalty_form penalty_form;
-    uint64_t epochs; /* planned total */
-    uint64_t batch;
-    double lr, lr_gamma;
-    uint64_t lr_step;
-    double weight_decay, validation; /* validation: fraction */
-    double adam_eps, clip;           /* clip: bound on the gradient's norm, 0 none */
-    uint32_t shards;
-    uint64_t seed;
+    lg_training training;
     uint64_t trajectories, points; /* N, M */
     double dt;
     char data_sha256[LG_SHA256_TEXT];
@@ -187,7 +182,7 @@ typedef struct lg_hamiltonian_run {
 typedef struct lg_hamiltonian_file {
     lg_hamiltonian_run run;
     size_t parameters;       /* lg_hamiltonian_parameters(&run.model) */
-    double *theta;           /* (parameters); stored as run.dtype */
+    double *theta;           /* (parameters); stored as run.training.dtype */
     double *adam_m, *adam_v; /* (parameters), or both NULL */
     uint64_t adam_step;
     bool has_rng;
@@ -209,7 +204,7 @@ LG_API lg_status lg_model_save_hamiltonian(const lg_context *context, const char
                                            lg_error *error);
 /* Everything is validated against lg_hamiltonian_init; weights are finite. A model written by hand needs
  * `kind`, `family`, `links`, `potential`, `activation`, `hidden` and /model; the rest takes zero or the
- * defaults. */
+ * defaults. Without `schedule`, which files of earlier versions lack, the schedule is LG_SCHEDULE_STEP. */
 LG_API lg_status lg_model_load_hamiltonian(const lg_context *context, const char *path,
                                            const lg_read_options *options, lg_hamiltonian_file *out,
                                            lg_error *error);
@@ -230,6 +225,123 @@ LG_API lg_status lg_checkpoint_open(const lg_context *context, const char *path,
  * `stored` is not the problem `wanted`. All fields are compared. `path` is for the sentence. */
 LG_API lg_status lg_hamiltonian_run_compare(const char *path, const lg_hamiltonian_run *stored,
                                             const lg_hamiltonian_run *wanted, lg_error *error);
+
+/* ---- curves of the elastica ---- */
+
+typedef struct lg_elastica_data {
+    lg_elastica_curves curves;
+    char sha256[LG_SHA256_TEXT]; /* of boundary, q and v as little-endian doubles; set by reader and writer */
+    lg_provenance provenance;
+} lg_elastica_data;
+
+/* Datasets /boundary (n, 8) as q0, v0, qN, vN; /q, /v (n, N + 1, 2); optional /energy, /x (n) and /case (n; 0
+ * both-ends, 1 right-end); any integer or float type, any byte order, chunked and compressed as well.
+ * Attributes of the root, optional: `length`, `stiffness` (10), `values` ("discrete" or "continuous";
+ * discrete).
+ *
+ * Without `length` the curves tell it, in two readings: the sum over the intervals of chord
+ * (phi/2)/sin(phi/2), phi the turning of the tangent (arcs); and N times the regression of the second
+ * differences of q_k on those of (v_k + v_{k+1})/2 (exact for minimisers of the discrete energy). The median
+ * over the curves of the reading on which they agree more, from the first to the last tenth, rounded to three
+ * significant digits (at most 0.5 %): a length that was not chosen with three digits needs the attribute.
+ *
+ * Checked: everything finite, 2 <= N <= LG_ELASTICA_MAX_INTERVALS, |v| = 1 within 1e-6 at the ends, the first
+ * and last nodes and tangents are the boundary's within 1e-6 (1 + their size), no ends farther apart than
+ * `length`. */
+LG_API lg_status lg_elastica_data_read(const lg_context *context, const char *path,
+                                       const lg_read_options *options, lg_elastica_data *out,
+                                       lg_error *error);
+/* Fills data->sha256. LG_NOT_FINITE for data that could not be read back; LG_INVALID_ARGUMENT for a length or
+ * stiffness that is not positive, an unknown case. */
+LG_API lg_status lg_elastica_data_write(const lg_context *context, const char *path, lg_elastica_data *data,
+                                        lg_error *error);
+LG_API void lg_elastica_data_free(const lg_context *context, lg_elastica_data *data);
+
+/* ---- surrogates of the elastica ---- */
+
+typedef struct lg_surrogate_run {
+    lg_surrogate model;
+    lg_training training;
+    double train_fraction, test_fraction;
+    uint64_t curves; /* n of the data, before the split */
+    bool continuous; /* of the data's values */
+    char data_sha256[LG_SHA256_TEXT];
+} lg_surrogate_run;
+
+typedef struct lg_surrogate_file {
+    lg_surrogate_run run;
+    size_t parameters;
+    double *theta; /* (parameters); stored as training.dtype */
+    size_t trained_count;
+    double *trained; /* (trained_count, 8): boundary conditions of the training part */
+    bool has_errors;
+    double train_mse, test_mse; /* test_mse NaN without a test part */
+    size_t epochs_done;
+    double *history[LG_FIT_SERIES_COUNT]; /* as in lg_hamiltonian_file */
+    lg_provenance provenance;
+} lg_surrogate_file;
+
+/* Kind "surrogate": /model/embedding, /model/layer1, ... as lg_net_slice names them, /trained (n, 8; may be
+ * missing when written by hand: then NULL), attributes `train_mse` and `test_mse` of the root; otherwise like
+ * the model files of learned Hamiltonians, with the same laws. A model written by hand needs `kind` and the
+ * attributes of /model: `network`, `architecture`, `activation`, `embedding`, `hidden`, `layers`,
+ * `normalise`, `mirror`, `boundary`, `intervals`, `length`, `centre`. With a `fit` (may be NULL) its whole
+ * state is written in place of the history. */
+LG_API lg_status lg_model_save_surrogate(const lg_context *context, const char *path,
+                                         const lg_surrogate_file *file, const lg_fit *fit, lg_error *error);
+LG_API lg_status lg_model_load_surrogate(const lg_context *context, const char *path,
+                                         const lg_read_options *options, lg_surrogate_file *out,
+                                         lg_error *error);
+LG_API void lg_surrogate_file_free(const lg_context *context, lg_surrogate_file *file);
+/* As for learned Hamiltonians; kind "surrogate-checkpoint". */
+LG_API lg_status lg_surrogate_checkpoint_create(const lg_context *context, const char *path,
+                                                const lg_surrogate_run *run, const lg_provenance *provenance,
+                                                lg_file_writer **out, lg_error *error);
+LG_API lg_status lg_surrogate_checkpoint_open(const lg_context *context, const char *path,
+                                              const lg_read_options *options, lg_surrogate_run *run,
+                                              lg_file_reader **out, lg_error *error);
+LG_API lg_status lg_surrogate_run_compare(const char *path, const lg_surrogate_run *stored,
+                                          const lg_surrogate_run *wanted, lg_error *error);
+
+/* ---- random search ---- */
+
+#define LG_SEARCH_FIXED_TEXT 64
+
+/* What a search varies, and what it holds fixed: names and values of options, as the command takes them. */
+typedef struct lg_search_file {
+    lg_search_space space;
+    size_t fixed_count;
+    char fixed_name[LG_RANGE_MAX][LG_RANGE_NAME];
+    char fixed_value[LG_RANGE_MAX][LG_SEARCH_FIXED_TEXT];
+    uint32_t line[LG_RANGE_MAX], fixed_line[LG_RANGE_MAX]; /* of the file, for the caller's own messages */
+} lg_search_file;
+/* A YAML (or JSON) file:
+ *   fixed: {network: discrete, batch: 32}
+ *   ranges:
+ *     architecture: {choice: [mlp, resnet]}
+ *     layers: {integer: [0, 4]}
+ *     gamma: {uniform: [0, 1e-2]}
+ *     lr: {log-uniform: [1e-4, 1e-1]}
+ * `fixed` may be missing. Errors: as for scenes, with the line; LG_FORMAT for what lg_search_space_check
+ * refuses, a name that is both fixed and a range, names other than letters, digits, - and _. */
+LG_API lg_status lg_search_file_read(const lg_context *context, const char *path, lg_search_file *out,
+                                     lg_error *error);
+/* Trials as CSV by rising number, one a line: trial, state, objective, parameters, epochs, seconds, one
+ * column a range (choices by name), then the reports rung1, rung2, ... as far as any trial has them. Numbers
+ * with 17 digits; nan, inf, -inf. The first line, `# seed S space HASH setting HASH`, ties the file to its
+ * search: the ranges, and with the fixed options `setting` (NULL: ""), any text on what else the results
+ * depend on, such as the SHA-256 of the data and the search's options. LG_INVALID_ARGUMENT: what
+ * lg_search_space_check refuses, a trial that could not be read back. */
+LG_API lg_status lg_trials_write(const lg_context *context, const char *path, const lg_search_file *search,
+                                 uint64_t seed, const char *setting, const lg_trial *trials, size_t count,
+                                 lg_error *error);
+/* Reads the trials of the same search: the ranges, fixed options, seed and setting that were written.
+ * `trials` NULL and room 0: only counts them. A last line without its end is left out: that trial was not
+ * saved and is to run again. LG_NOT_FOUND: no such file; LG_INVALID_ARGUMENT: of another search (the sentence
+ * says what differs), or more than `room`; LG_FORMAT: with the line. */
+LG_API lg_status lg_trials_read(const lg_context *context, const char *path, const lg_search_file *search,
+                                uint64_t seed, const char *setting, lg_trial *trials, size_t room,
+                                size_t *count, lg_error *error);
 
 /* ---- scenes ---- */
 

@@ -13,6 +13,18 @@ const char *lg_name_integrator(uint32_t value) {
     return value < LG_TRAIN_INTEGRATOR_COUNT ? lg_train_integrator_name((lg_train_integrator)value) : NULL;
 }
 
+const char *lg_name_schedule(uint32_t value) {
+    return value < LG_SCHEDULE_COUNT ? lg_schedule_name((lg_schedule_kind)value) : NULL;
+}
+
+const char *lg_name_surrogate(uint32_t value) {
+    return value < LG_SURROGATE_KIND_COUNT ? lg_surrogate_kind_name((lg_surrogate_kind)value) : NULL;
+}
+
+const char *lg_name_net(uint32_t value) {
+    return value < LG_NET_KIND_COUNT ? lg_net_kind_name((lg_net_kind)value) : NULL;
+}
+
 #define NAMES(what, ...)                                                                                     \
     const char *lg_name_##what(uint32_t value) {                                                             \
         static const char *const names[] = {__VA_ARGS__};                                                    \
@@ -22,6 +34,7 @@ NAMES(family, [LG_HAMILTONIAN_CHAIN] = "chain", [LG_HAMILTONIAN_SEPARABLE] = "se
 NAMES(potential, [LG_POTENTIAL_MLP] = "mlp", [LG_POTENTIAL_LINEAR] = "linear")
 NAMES(dtype, [LG_F64] = "f64", [LG_F32] = "f32")
 NAMES(penalty_form, [LG_PENALTY_TEXT] = "text", [LG_PENALTY_PUBLISHED] = "published")
+NAMES(values, [false] = "discrete", [true] = "continuous")
 NAMES(noise, [LG_NOISE_NORMAL] = "normal", [LG_NOISE_UNIFORM] = "uniform")
 
 const lg_known_system lg_known_systems[LG_KNOWN_SYSTEMS] = {

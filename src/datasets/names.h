@@ -12,6 +12,10 @@ const char *lg_name_potential(uint32_t value);
 const char *lg_name_dtype(uint32_t value);
 const char *lg_name_penalty_form(uint32_t value);
 const char *lg_name_noise(uint32_t value);
+const char *lg_name_schedule(uint32_t value);
+const char *lg_name_surrogate(uint32_t value);
+const char *lg_name_net(uint32_t value);
+const char *lg_name_values(uint32_t value); /* of curves: 0 discrete, 1 continuous */
 
 /* The systems whose family and size are known. */
 typedef struct lg_known_system {
@@ -31,5 +35,8 @@ void lg_layout_text(lg_hamiltonian_family family, uint32_t links, char text[LG_L
 
 /* A missing key is a matter of format: LG_NOT_FOUND becomes LG_FORMAT, here and in `error` (may be NULL). */
 lg_status lg_missing_is_format(lg_status status, lg_error *error);
+
+/* Adds them as little-endian doubles. */
+void lg_sha256_add_doubles(lg_sha256 *state, const double *values, size_t count);
 
 #endif

@@ -1,12 +1,99 @@
-/* The description of a training run as attributes of /model (what is learned) and /run (how and on what). */
+/* Models in files. A kind of model is data: a table of what describes its run, the slices of its parameter
+ * vector, and where its file structure keeps what all kinds have. Attributes of /model say what is learned,
+ * those of /run how and on what; weights lie below /model by name; optimizer, generator and history are the
+ * same for all. */
 #ifndef LG_RUN_H
 #define LG_RUN_H
 
 #include "datasets/h5.h"
+#include "liegrad/networks.h"
 
-lg_status lg_run_check(const char *path, const lg_hamiltonian_run *run, lg_error *error);
-lg_status lg_run_put(lg_h5 *h5, const lg_hamiltonian_run *run, lg_error *error);
-/* `complete`: every key of /run must be there; otherwise missing ones keep their defaults. */
-lg_status lg_run_get(lg_h5 *h5, bool complete, lg_hamiltonian_run *run, lg_error *error);
+typedef enum lg_row_type {
+    LG_ROW_REAL,
+    LG_ROW_U64,
+    LG_ROW_U32,
+    LG_ROW_FLAG, /* bool; stored as 0 or 1 */
+    LG_ROW_TEXT,
+    LG_ROW_NAME, /* enumeration, or bool with two names; stored as text */
+    LG_ROW_SHOWN /* a text made of several fields; read by the kind's `build` */
+} lg_row_type;
+
+/* One attribute of a run. */
+typedef struct lg_row {
+    const char *group, *name;
+    lg_row_type type;
+    size_t offset, size;
+    double low;                                             /* smallest value of a number */
+    const char *(*value_name)(uint32_t);                    /* LG_ROW_NAME: NULL beyond the last */
+    void (*show)(const void *run, char *text, size_t size); /* LG_ROW_SHOWN */
+    bool optional; /* files of earlier versions lack it: the default stands */
+} lg_row;
+
+/* A row about a member of `struct`; what follows are designated initialisers, `.low = 0` when there is
+ * nothing to say. */
+#define LG_ROW(struct_, group_, name_, type_, member, ...)                                                   \
+    {                                                                                                        \
+        .group = group_, .name = name_, .type = LG_ROW_##type_, .offset = offsetof(struct_, member),         \
+        .size = sizeof(((struct_ *)0)->member), __VA_ARGS__                                                  \
+    }
+#define LG_ROW_TEXT_SIZE 256 /* of a value as it stands in a sentence */
+
+typedef struct lg_model_kind {
+    const char *name;       /* attribute `kind` of a model, */
+    const char *checkpoint; /* and of a checkpoint */
+    /* The run. */
+    const lg_row *rows;
+    size_t row_count;
+    size_t run_size, training;                                 /* offset of its lg_training */
+    const void *defaults;                                      /* a run */
+    lg_status (*build)(lg_h5 *h5, void *run, lg_error *error); /* rows read: the model is made from them */
+    lg_status (*check)(const void *run);                       /* the model is one that init would make */
+    lg_status (*describe)(lg_h5 *h5, const void *run, lg_error *error); /* attributes for people */
+    /* Parameters: slice number `index`, named below /model; false beyond the last. */
+    size_t (*parameters)(const void *run);
+    bool (*slice)(const void *run, uint32_t index, lg_slice_info *out);
+    /* The file structure: offsets of what all kinds have. */
+    size_t file_run, file_parameters, file_theta, file_epochs, file_history, file_provenance;
+    /* What else is in the file; `fitted`: lg_fit_save writes optimizer and generator. */
+    lg_status (*put_rest)(lg_h5 *h5, const void *file, bool fitted, lg_error *error);
+    lg_status (*get_rest)(lg_h5 *h5, void *file, lg_error *error);
+    void (*release)(const lg_context *context, void *file);
+} lg_model_kind;
+
+/* Offsets of the members that every file structure names alike. */
+#define LG_MODEL_FILE(type)                                                                                  \
+    .file_run = offsetof(type, run), .file_parameters = offsetof(type, parameters),                          \
+    .file_theta = offsetof(type, theta), .file_epochs = offsetof(type, epochs_done),                         \
+    .file_history = offsetof(type, history), .file_provenance = offsetof(type, provenance)
+
+/* ---- runs (run.c) ---- */
+
+lg_status lg_run_check(const char *path, const lg_model_kind *kind, const void *run, lg_error *error);
+lg_status lg_run_put(lg_h5 *h5, const lg_model_kind *kind, const void *run, lg_error *error);
+/* `complete`: every key of /run must be there, but for optional ones; otherwise missing ones keep their
+ * defaults. */
+lg_status lg_run_get(lg_h5 *h5, const lg_model_kind *kind, bool complete, void *run, lg_error *error);
+lg_status lg_run_compare(const char *path, const lg_model_kind *kind, const void *stored, const void *wanted,
+                         lg_error *error);
+
+/* ---- models and checkpoints (model.c) ---- */
+
+lg_status lg_model_save(const lg_context *context, const char *path, const lg_model_kind *kind,
+                        const void *file, const lg_fit *fit, lg_error *error);
+/* `file`: zeroed; on failure it is released. */
+lg_status lg_model_load(const lg_context *context, const char *path, const lg_read_options *options,
+                        const lg_model_kind *kind, void *file, lg_error *error);
+lg_status lg_run_checkpoint_create(const lg_context *context, const char *path, const lg_model_kind *kind,
+                                   const void *run, const lg_provenance *provenance, lg_file_writer **out,
+                                   lg_error *error);
+/* On failure `run` holds anything. */
+lg_status lg_run_checkpoint_open(const lg_context *context, const char *path, const lg_read_options *options,
+                                 const lg_model_kind *kind, void *run, lg_file_reader **out, lg_error *error);
+
+/* LG_NOT_FOUND and LG_SHAPE of a key are matters of format in a file: here and in `error` (may be NULL). */
+lg_status lg_as_format(lg_status status, lg_error *error);
+/* An optional, finite number of the root. */
+lg_status lg_model_get_number(lg_h5 *h5, const char *name, bool *has, double *value, lg_error *error);
+void lg_history_free(const lg_context *context, double *history[LG_FIT_SERIES_COUNT]);
 
 #endif

@@ -1,7 +1,7 @@
 /* SHA-256, FIPS 180-4 sections 4.1.2, 4.2.2, 5.3.3 and 6.2. */
 #include <string.h>
 
-#include "liegrad/io.h"
+#include "datasets/names.h"
 
 static const uint32_t round_constants[64] = {
     0x428a2f98, 0x71374491, 0xb5c0fbcf, 0xe9b5dba5, 0x3956c25b, 0x59f111f1, 0x923f82a4, 0xab1c5ed5,
@@ -75,4 +75,18 @@ void lg_sha256_finish(lg_sha256 *state, char text[LG_SHA256_TEXT]) {
     lg_sha256_add(state, length, sizeof length);
     for (int i = 0; i < 64; i++) text[i] = digits[state->h[i / 8] >> (28 - 4 * (i % 8)) & 15];
     text[64] = '\0';
+}
+
+void lg_sha256_add_doubles(lg_sha256 *state, const double *values, size_t count) {
+    unsigned char bytes[8 * 512];
+    for (size_t i = 0; i < count;) {
+        size_t part = count - i < 512 ? count - i : 512;
+        for (size_t j = 0; j < part; j++) {
+            uint64_t bits;
+            memcpy(&bits, values + i + j, sizeof bits);
+            for (int b = 0; b < 8; b++) bytes[8 * j + (size_t)b] = (unsigned char)(bits >> (8 * b));
+        }
+        lg_sha256_add(state, bytes, 8 * part);
+        i += part;
+    }
 }

@@ -67,27 +67,13 @@ lg_status lg_trajectories_create(const lg_context *context, const char *system, 
 
 /* ---- the hash ---- */
 
-static void add_doubles(lg_sha256 *state, const double *values, size_t count) {
-    unsigned char bytes[8 * 512];
-    for (size_t i = 0; i < count;) {
-        size_t part = count - i < 512 ? count - i : 512;
-        for (size_t j = 0; j < part; j++) {
-            uint64_t bits;
-            memcpy(&bits, values + i + j, sizeof bits);
-            for (int b = 0; b < 8; b++) bytes[8 * j + (size_t)b] = (unsigned char)(bits >> (8 * b));
-        }
-        lg_sha256_add(state, bytes, 8 * part);
-        i += part;
-    }
-}
-
 static void hash(lg_trajectories *data) {
     lg_sha256 state;
     lg_sha256_init(&state);
-    add_doubles(&state, data->t, data->points);
-    add_doubles(&state, data->data, data->count * data->points * data->state_size);
+    lg_sha256_add_doubles(&state, data->t, data->points);
+    lg_sha256_add_doubles(&state, data->data, data->count * data->points * data->state_size);
     if (data->inputs != NULL)
-        add_doubles(&state, data->inputs, data->count * (data->points - 1) * data->input_size);
+        lg_sha256_add_doubles(&state, data->inputs, data->count * (data->points - 1) * data->input_size);
     lg_sha256_finish(&state, data->sha256);
 }
 

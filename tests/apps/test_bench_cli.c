@@ -68,6 +68,8 @@ static void a_hamiltonian_is_trained_and_judged(void **state) {
     run_case("hamiltonian-quartic --weights set.weights", 10, &result);
     assert_true(trained < json_number(result.out, "error"));
     cli_expect("lg-bench", "hamiltonian --weights set.weights", 3, "set.weights", &result);
+    cli_expect("lg-bench", "hamiltonian-quartic --weights set.weights --out set", 2,
+               "--out: set.weights is an input of --weights", &result);
     cli_expect("lg-bench", "hamiltonian --weights missing", 3, "missing", &result);
 }
 

@@ -53,6 +53,7 @@ static int setup(void **state) {
                "test.h5", &result);
     cli_expect(lg, TRAIN "--epochs 3 --out model.h5 --json", 0, "\"epochs\": 3", &result);
     write_nan_file();
+    cli_link("test.h5", "link.dat");
     return 0;
 }
 
@@ -122,6 +123,17 @@ static const struct bad {
     {"train train.h5 --out m.h5 --resume foreign.h5", 3, "foreign.h5"},
     {"train train.h5 --out m.h5 --resume model.h5", 3, "model.h5"},
     {"train train.h5 --out m.h5 --potential linear --lr 1e200", 4, "epoch 2, batch 1: the loss"},
+    {"train train.h5 --out train.h5", 2, "--out: train.h5 is an input and would be replaced"},
+    {"train train.h5 --out m.h5 --history ./train.h5", 2, "--history: ./train.h5 is an input"},
+    {"train train.h5 --out m.h5 --history m.h5", 2, "--history: m.h5 is what --out writes too"},
+    {"train train.h5 --out m.h5 --checkpoint m.h5", 2, "--checkpoint: m.h5 is what --out writes too"},
+    {"train train.h5 --out model.h5 --resume model.h5", 2, "--out: model.h5 is an input of --resume"},
+    {"generate scene.yaml --out scene.yaml", 2, "--out: scene.yaml is an input"},
+    {"predict model.h5 start.yaml --out model.h5", 2, "--out: model.h5 is an input"},
+    {"predict model.h5 start.yaml --out m.gp --plot m.svg", 2, "--plot: m.gp is what --out writes too"},
+    {"evaluate model.h5 link.dat --plot link.svg", 2, "--plot: link.dat is an input"},
+    {"study grid.yaml --out grid.yaml", 2, "--out: grid.yaml is an input"},
+    {"study grid.yaml --out s.csv --plot s.svg --plot-noise s.png", 2, "--plot-noise: s.dat is what --plot"},
     {"generate", 2, "missing argument"},
     {"generate scene.yaml", 2, "--out FILE is missing"},
     {"generate scene.yaml --out d.h5 --trajectories -5", 2, "--trajectories: '-5'"},
@@ -349,8 +361,7 @@ static void test_full_disk(void **state) {
                        &result);
     /* The data of the picture fit, the picture does not. */
     cli_expect_limited(lg, "evaluate model.h5 test.h5 --plot full.svg", 8192, 3, "full.svg", &result);
-    assert_true(cli_exists("full.dat"));
-    assert_false(cli_exists("full.svg"));
+    assert_false(cli_exists("full.dat") || cli_exists("full.gp") || cli_exists("full.svg"));
     assert_false(cli_exists("full.h5"));
     assert_false(cli_exists("full.csv"));
     assert_int_equal(cli_count_files("tmp"), 0);

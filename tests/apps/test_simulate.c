@@ -125,6 +125,10 @@ static const struct bad {
     {"chain.yaml --scheme chain.yaml --method rk4", 2, "either --method or --scheme"},
     {"chain.yaml --out nowhere/t.h5", 3, "nowhere/t.h5"},
     {"chain.yaml --out .", 3, "folder"},
+    {"chain.yaml --out chain.yaml", 2, "--out: chain.yaml is an input and would be replaced"},
+    {"chain.yaml --scheme oscillator.yaml --out oscillator.yaml", 2, "is an input of --scheme"},
+    {"chain.yaml --gradient @oscillator.yaml --out oscillator.yaml", 2, "is an input of --gradient"},
+    {"chain.yaml --out t.dat --plot t.svg", 2, "--plot: t.dat is what --out writes too"},
     {"chain.yaml --plot t.pdf", 2, "t.pdf"},
     {"chain.yaml --plot nowhere/t.svg", 3, "nowhere/t.svg"},
     {"chain.yaml --plot-kind 3d", 2, "--plot-kind: works together with --plot only"},
@@ -417,7 +421,7 @@ static void test_full_disk(void **state) {
     (void)state;
     cli_expect_limited(lg, "chain.yaml --out full.h5", 4096, 3, "full.h5", &result);
     cli_expect_limited(lg, "chain.yaml --plot full.svg", 4096, 3, "full", &result);
-    assert_false(cli_exists("full.h5") || cli_exists("full.svg"));
+    assert_false(cli_exists("full.h5") || cli_exists("full.svg") || cli_exists("full.dat"));
     assert_int_equal(cli_count_files("tmp"), 0);
 }
 

@@ -60,6 +60,10 @@ static void test_bad_usage(void **state) {
     cli_expect(program, "--only nosuch", 2, "nosuch", &result);
     cli_expect(program, "--only nosuch --plant --json", 2, "nosuch", &result);
     assert_string_equal(result.out, "");
+    /* A network has no derivative of its own: nothing planted would be nothing missed. */
+    cli_expect(program, "--plant --only net", 2, "there is nothing to plant", &result);
+    cli_expect(program, "--plant --only net --json", 2, "'net'", &result);
+    assert_string_equal(result.out, "");
     cli_expect(program, "--order 3", 2, "order", &result);
     cli_expect(program, "--order 0", 2, "order", &result);
     cli_expect(program, "--seed -1", 2, "seed", &result);

@@ -18,23 +18,24 @@ static const example examples[] = {
 };
 
 static lg_hamiltonian_run make_run(const example *e) {
-    lg_hamiltonian_run run = {.dtype = e->dtype,
-                              .integrator =
+    lg_hamiltonian_run run = {.integrator =
                                   e->family == LG_HAMILTONIAN_CHAIN ? LG_TRAIN_CF4 : LG_TRAIN_STORMER_VERLET,
                               .substeps = 2,
                               .penalty = 0.125,
                               .penalty_form = LG_PENALTY_PUBLISHED,
-                              .epochs = 100,
-                              .batch = 80,
-                              .lr = 0.01,
-                              .lr_gamma = 0.1,
-                              .lr_step = 50,
-                              .weight_decay = 1e-9,
-                              .adam_eps = 1e-11,
-                              .clip = 0.25,
-                              .validation = 0.1,
-                              .shards = 4,
-                              .seed = UINT64_MAX,
+                              .training = {.dtype = e->dtype,
+                                           .epochs = 100,
+                                           .batch = 80,
+                                           .lr = 0.01,
+                                           .schedule = LG_SCHEDULE_COSINE,
+                                           .lr_gamma = 0.1,
+                                           .lr_step = 50,
+                                           .weight_decay = 1e-9,
+                                           .adam_eps = 1e-11,
+                                           .clip = 0.25,
+                                           .validation = 0.1,
+                                           .shards = 4,
+                                           .seed = UINT64_MAX},
                               .trajectories = 500,
                               .points = 5,
                               .dt = 0.025};
@@ -310,7 +311,7 @@ static void refused_on_save(void **state) {
     file.run.integrator = (lg_train_integrator)77;
     assert_status(lg_model_save_hamiltonian(NULL, path, &file, NULL, NULL), LG_INVALID_ARGUMENT);
     file.run = make_run(&examples[0]);
-    file.run.lr = NAN;
+    file.run.training.lr = NAN;
     assert_status(lg_model_save_hamiltonian(NULL, path, &file, NULL, NULL), LG_NOT_FINITE);
     file.run = make_run(&examples[0]);
     assert_status(lg_model_save_hamiltonian(NULL, scratch_path("no/folder/model.h5"), &file, NULL, &error),
@@ -393,6 +394,34 @@ static const char *good_checkpoint(void) {
     assert_ok(write_checkpoint(NULL, path, &run, fit, NULL));
     lg_fit_destroy(fit);
     return path;
+}
+
+/* Files of before there were schedules have no key for it: then it is steps. Every other row is there. */
+static void without_schedule(void **state) {
+    (void)state;
+    lg_hamiltonian_run run, wanted = make_run(&examples[0]);
+    lg_file_reader *reader;
+    lg_hamiltonian_file file;
+    const char *path = good_checkpoint();
+    delete_attribute(path, "run", "schedule");
+    assert_ok(lg_checkpoint_open(NULL, path, NULL, &run, &reader, NULL));
+    lg_file_reader_close(reader);
+    wanted.training.schedule = LG_SCHEDULE_STEP;
+    assert_ok(lg_hamiltonian_run_compare(path, &run, &wanted, NULL));
+    path = good_model(0);
+    delete_attribute(path, "run", "schedule");
+    assert_ok(lg_model_load_hamiltonian(NULL, path, NULL, &file, NULL));
+    assert_ok(lg_hamiltonian_run_compare(path, &file.run, &wanted, NULL));
+    lg_hamiltonian_file_free(NULL, &file);
+    /* Their fits were saved with a floor of 0, whatever lr_gamma: they must find it again. */
+    lg_fit_options options;
+    lg_fit_options_init(&options);
+    lg_training_apply(&run.training, &options);
+    assert_close(options.schedule.gamma, 0.1, 0, 0);
+    assert_close(options.schedule.floor, 0, 0, 0);
+    path = good_model(0);
+    replace_text(path, "run", "schedule", "sawtooth");
+    assert_refused(read_model, path, LG_FORMAT, "schedule", "known name");
 }
 
 /* 3 epochs, checkpoint, 2 more: the same bits as 5. */
@@ -490,14 +519,18 @@ static void another_problem(void **state) {
                  {wanted, "data_sha256"},
                  {wanted, "hidden 4,3, not"},
                  {wanted, "dtype f32, not f64"},
-                 {wanted, "dt 0.0"}};
-    cases[0].run.batch = 81;
-    cases[1].run.lr = 0.02;
+                 {wanted, "dt 0.0"},
+                 {wanted, "schedule step, not cosine"},
+                 {wanted, "validation 0.2"}};
+    cases[0].run.training.batch = 81;
+    cases[1].run.training.lr = 0.02;
     cases[2].run.integrator = LG_TRAIN_RK4;
-    cases[3].run.seed = 3;
+    cases[3].run.training.seed = 3;
     cases[4].run.data_sha256[0] = 'f';
-    cases[6].run.dtype = LG_F32;
+    cases[6].run.training.dtype = LG_F32;
     cases[7].run.dt = nextafter(wanted.dt, 1);
+    cases[8].run.training.schedule = LG_SCHEDULE_STEP;
+    cases[9].run.training.validation = 0.2;
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
         lg_hamiltonian_run other = wanted;
         uint32_t wide[] = {4, 5};
@@ -583,7 +616,8 @@ int main(void) {
         cmocka_unit_test(refused_on_save),     cmocka_unit_test(model_with_fit),
         cmocka_unit_test(checkpoint_resumes),  cmocka_unit_test(checkpoint_with_nan),
         cmocka_unit_test(damaged_checkpoints), cmocka_unit_test(another_problem),
-        cmocka_unit_test(failures_stick),      cmocka_unit_test(failing_allocations),
+        cmocka_unit_test(failures_stick),      cmocka_unit_test(without_schedule),
+        cmocka_unit_test(failing_allocations),
     };
     return cmocka_run_group_tests(tests, scratch_begin, scratch_end);
 }

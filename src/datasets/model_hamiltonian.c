@@ -1,0 +1,257 @@
+/* Learned Hamiltonians as a kind of model. */
+#include <stdio.h>
+#include <string.h>
+
+#include "datasets/names.h"
+#include "datasets/run.h"
+
+/* ---- the run ---- */
+
+static uint32_t hidden_layers(const lg_hamiltonian *model) {
+    return model->net.layers > 0 && model->net.layers <= LG_MLP_MAX_LAYERS ? model->net.layers - 1 : 0;
+}
+
+/* "100,100,100", as on the command line */
+static void show_hidden(const void *run, char *text, size_t size) {
+    const lg_hamiltonian *model = &((const lg_hamiltonian_run *)run)->model;
+    size_t used = 0;
+    text[0] = '\0';
+    for (uint32_t i = 1; i <= hidden_layers(model) && used < size; i++)
+        used += (size_t)snprintf(text + used, size - used, "%s%u", i > 1 ? "," : "", model->net.width[i]);
+}
+
+static bool parse_hidden(const char *text, uint32_t *hidden, uint32_t *count) {
+    *count = 0;
+    while (*text != '\0') {
+        char part[16];
+        uint64_t value;
+        size_t length = strcspn(text, ",");
+        if (length >= sizeof part || *count >= LG_MLP_MAX_LAYERS - 1) return false;
+        memcpy(part, text, length);
+        part[length] = '\0';
+        if (lg_integer_parse(part, &value) != LG_OK || value > UINT32_MAX) return false;
+        hidden[(*count)++] = (uint32_t)value;
+        text += length;
+        if (*text == ',' && *++text == '\0') return false;
+    }
+    return true;
+}
+
+#define ROW(group, name, type, member, ...) LG_ROW(lg_hamiltonian_run, group, name, type, member, __VA_ARGS__)
+static const lg_row rows[] = {
+    ROW("model", "family", NAME, model.family, .value_name = lg_name_family),
+    ROW("model", "links", U32, model.links, .low = 1),
+    ROW("model", "potential", NAME, model.potential, .value_name = lg_name_potential),
+    ROW("model", "activation", NAME, model.net.activation, .value_name = lg_name_activation),
+    ROW("model", "hidden", SHOWN, model, .show = show_hidden),
+    ROW("run", "system", TEXT, system, .low = 0),
+    ROW("run", "integrator", NAME, integrator, .value_name = lg_name_integrator),
+    ROW("run", "substeps", U32, substeps, .low = 1),
+    ROW("run", "penalty", REAL, penalty, .low = 0),
+    ROW("run", "penalty_form", NAME, penalty_form, .value_name = lg_name_penalty_form),
+    ROW("run", "trajectories", U64, trajectories, .low = 0),
+    ROW("run", "points", U64, points, .low = 0),
+    ROW("run", "dt", REAL, dt, .low = 0),
+    ROW("run", "data_sha256", TEXT, data_sha256, .low = 0),
+};
+
+static const lg_hamiltonian_run defaults = {.substeps = 1,
+                                            .training = {.shards = 4, .schedule = LG_SCHEDULE_STEP}};
+
+static lg_status build(lg_h5 *h5, void *user, lg_error *error) {
+    lg_hamiltonian *model = &((lg_hamiltonian_run *)user)->model;
+    char text[LG_H5_TEXT];
+    uint32_t hidden[LG_MLP_MAX_LAYERS], count;
+    const char *shown = lg_shown_path(h5->path);
+    lg_status status = lg_h5_text(h5, "model", "hidden", text, sizeof text, error);
+    if (status != LG_OK && status != LG_SHAPE) return lg_missing_is_format(status, error);
+    if (status == LG_SHAPE || !parse_hidden(text, hidden, &count))
+        return lg_fail(error, LG_FORMAT, "%s: /model: attribute hidden: expected widths as '100,100,100'",
+                       shown);
+    status = lg_hamiltonian_init(model, model->family, model->links, model->potential, hidden, count,
+                                 model->net.activation);
+    if (status != LG_OK)
+        return lg_fail(error, LG_FORMAT, "%s: /model: attributes links and hidden are out of range", shown);
+    return LG_OK;
+}
+
+static size_t parameters(const void *run) {
+    return lg_hamiltonian_parameters(&((const lg_hamiltonian_run *)run)->model);
+}
+
+static lg_status check(const void *user) {
+    const lg_hamiltonian_run *run = user;
+    const lg_hamiltonian *model = &run->model;
+    lg_hamiltonian again;
+    LG_TRY(lg_hamiltonian_init(&again, model->family, model->links, model->potential, model->net.width + 1,
+                               hidden_layers(model), model->net.activation));
+    return lg_hamiltonian_parameters(&again) == parameters(run) ? LG_OK : LG_INVALID_ARGUMENT;
+}
+
+static lg_status describe(lg_h5 *h5, const void *user, lg_error *error) {
+    const lg_hamiltonian *model = &((const lg_hamiltonian_run *)user)->model;
+    const bool chain = model->family == LG_HAMILTONIAN_CHAIN;
+    char layout[LG_LAYOUT_TEXT];
+    lg_layout_text(model->family, model->links, layout);
+    LG_TRY(lg_h5_put_text(h5, "model", "inputs", layout, error));
+    LG_TRY(lg_h5_put_text(h5, "model", "input_units", chain ? "q: 1, p: kg m^2/s" : "q: 1, p: 1", error));
+    LG_TRY(lg_h5_put_text(h5, "model", "outputs", "H", error));
+    return lg_h5_put_text(h5, "model", "output_units", chain ? "J" : "1", error);
+}
+
+/* ---- the flat parameter vector as named arrays ---- */
+
+static void set_slice(lg_slice_info *s, size_t offset, uint32_t rank, uint64_t first, uint64_t second) {
+    s->rank = rank;
+    s->dims[0] = first, s->dims[1] = second;
+    s->offset = offset;
+    s->count = (size_t)(first * (rank == 2 ? second : 1));
+}
+
+/* Order: weights and biases of the potential, then the kinetic part. */
+static bool slice(const void *run, uint32_t index, lg_slice_info *s) {
+    const lg_hamiltonian *model = &((const lg_hamiltonian_run *)run)->model;
+    const lg_mlp *net = &model->net;
+    const uint64_t k = model->links;
+    for (uint32_t layer = 0; layer < net->layers; layer++) {
+        if (index-- == 0) {
+            set_slice(s, lg_mlp_weight_offset(net, layer), 2, net->width[layer], net->width[layer + 1]);
+            (void)snprintf(s->name, sizeof s->name, "potential/layer%u/weight", layer + 1);
+            return true;
+        }
+        if (!lg_mlp_has_bias(net, layer)) continue;
+        if (index-- == 0) {
+            set_slice(s, lg_mlp_bias_offset(net, layer), 1, net->width[layer + 1], 0);
+            (void)snprintf(s->name, sizeof s->name, "potential/layer%u/bias", layer + 1);
+            return true;
+        }
+    }
+    const bool chain = model->family == LG_HAMILTONIAN_CHAIN;
+    const size_t kinetic = lg_mlp_parameters(net);
+    if (index == 0) {
+        set_slice(s, kinetic, 2, k, k);
+        (void)snprintf(s->name, sizeof s->name, "%s", chain ? "mass/gamma" : "kinetic/A");
+        return true;
+    }
+    if (index > 1 || !chain) return false;
+    set_slice(s, kinetic + (size_t)(k * k), 1, k, 0);
+    (void)snprintf(s->name, sizeof s->name, "mass/b");
+    return true;
+}
+
+/* ---- the rest of the file ---- */
+
+static lg_status put_optimizer(lg_h5 *h5, const lg_hamiltonian_file *file, lg_error *error) {
+    const uint64_t count = file->parameters, words = 4;
+    if (file->adam_m != NULL && file->adam_v != NULL) {
+        LG_TRY(lg_h5_put(h5, "optimizer/adam/m", LG_ELEMENT_F64, 1, &count, file->adam_m, error));
+        LG_TRY(lg_h5_put(h5, "optimizer/adam/v", LG_ELEMENT_F64, 1, &count, file->adam_v, error));
+        LG_TRY(lg_h5_put(h5, "optimizer/adam/step", LG_ELEMENT_U64, 0, NULL, &file->adam_step, error));
+    }
+    return file->has_rng ? lg_h5_put(h5, "rng", LG_ELEMENT_U64, 1, &words, file->rng.s, error) : LG_OK;
+}
+
+static lg_status put_rest(lg_h5 *h5, const void *user, bool fitted, lg_error *error) {
+    const lg_hamiltonian_file *file = user;
+    if (file->has_e1) LG_TRY(lg_h5_put_number(h5, "", "E1", LG_ELEMENT_F64, &file->e1, error));
+    if (file->has_e2) LG_TRY(lg_h5_put_number(h5, "", "E2", LG_ELEMENT_F64, &file->e2, error));
+    return fitted ? LG_OK : put_optimizer(h5, file, error);
+}
+
+static lg_status get_moment(lg_h5 *h5, const char *name, size_t count, double **out, lg_error *error) {
+    uint64_t dims[4];
+    LG_TRY(lg_as_format(lg_h5_get_doubles(h5, name, 1, dims, out, error), error));
+    if (dims[0] == count) return LG_OK;
+    return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu values for %zu parameters", lg_shown_path(h5->path),
+                   name, (unsigned long long)dims[0], count);
+}
+
+static lg_status get_optimizer(lg_h5 *h5, lg_hamiltonian_file *out, lg_error *error) {
+    const uint64_t words = 4;
+    if (lg_h5_has(h5, "optimizer/adam")) {
+        LG_TRY(get_moment(h5, "optimizer/adam/m", out->parameters, &out->adam_m, error));
+        LG_TRY(get_moment(h5, "optimizer/adam/v", out->parameters, &out->adam_v, error));
+        LG_TRY(lg_as_format(
+            lg_h5_get(h5, "optimizer/adam/step", LG_ELEMENT_U64, 0, NULL, &out->adam_step, error), error));
+        for (size_t i = 0; i < out->parameters; i++)
+            if (out->adam_v[i] < 0)
+                return lg_fail(error, LG_FORMAT, "%s: /optimizer/adam/v: is negative at index (%zu)",
+                               lg_shown_path(h5->path), i);
+    }
+    out->has_rng = lg_h5_has(h5, "rng");
+    if (!out->has_rng) return LG_OK;
+    return lg_as_format(lg_h5_get(h5, "rng", LG_ELEMENT_U64, 1, &words, out->rng.s, error), error);
+}
+
+static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
+    lg_hamiltonian_file *file = user;
+    LG_TRY(get_optimizer(h5, file, error));
+    LG_TRY(lg_model_get_number(h5, "E1", &file->has_e1, &file->e1, error));
+    return lg_model_get_number(h5, "E2", &file->has_e2, &file->e2, error);
+}
+
+static void release(const lg_context *context, void *file) {
+    lg_hamiltonian_file_free(context, file);
+}
+
+void lg_hamiltonian_file_free(const lg_context *context, lg_hamiltonian_file *file) {
+    if (file == NULL) return;
+    lg_free(context, file->theta);
+    lg_free(context, file->adam_m);
+    lg_free(context, file->adam_v);
+    lg_history_free(context, file->history);
+    *file = (lg_hamiltonian_file){0};
+}
+
+/* ---- outside ---- */
+
+static const lg_model_kind hamiltonian = {.name = "hamiltonian",
+                                          .checkpoint = "checkpoint",
+                                          .rows = rows,
+                                          .row_count = LG_COUNT(rows),
+                                          .run_size = sizeof(lg_hamiltonian_run),
+                                          .training = offsetof(lg_hamiltonian_run, training),
+                                          .defaults = &defaults,
+                                          .build = build,
+                                          .check = check,
+                                          .describe = describe,
+                                          .parameters = parameters,
+                                          .slice = slice,
+                                          LG_MODEL_FILE(lg_hamiltonian_file),
+                                          .put_rest = put_rest,
+                                          .get_rest = get_rest,
+                                          .release = release};
+
+lg_status lg_model_save_hamiltonian(const lg_context *context, const char *path,
+                                    const lg_hamiltonian_file *file, const lg_fit *fit, lg_error *error) {
+    return lg_model_save(context, path, &hamiltonian, file, fit, error);
+}
+
+lg_status lg_model_load_hamiltonian(const lg_context *context, const char *path,
+                                    const lg_read_options *options, lg_hamiltonian_file *out,
+                                    lg_error *error) {
+    if (path == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a model file needs a name");
+    lg_hamiltonian_file made = {.parameters = 0};
+    LG_TRY(lg_model_load(context, path, options, &hamiltonian, &made, error));
+    *out = made;
+    return LG_OK;
+}
+
+lg_status lg_checkpoint_create(const lg_context *context, const char *path, const lg_hamiltonian_run *run,
+                               const lg_provenance *provenance, lg_file_writer **out, lg_error *error) {
+    return lg_run_checkpoint_create(context, path, &hamiltonian, run, provenance, out, error);
+}
+
+lg_status lg_checkpoint_open(const lg_context *context, const char *path, const lg_read_options *options,
+                             lg_hamiltonian_run *run, lg_file_reader **out, lg_error *error) {
+    lg_hamiltonian_run got;
+    LG_TRY(
+        lg_run_checkpoint_open(context, path, options, &hamiltonian, &got, run != NULL ? out : NULL, error));
+    *run = got;
+    return LG_OK;
+}
+
+lg_status lg_hamiltonian_run_compare(const char *path, const lg_hamiltonian_run *stored,
+                                     const lg_hamiltonian_run *wanted, lg_error *error) {
+    return lg_run_compare(path, &hamiltonian, stored, wanted, error);
+}

@@ -1,0 +1,190 @@
+/* Surrogates of the elastica as a kind of model. */
+#include <math.h>
+
+#include "datasets/names.h"
+#include "datasets/run.h"
+
+enum { BOUNDARY = 8 };
+
+/* ---- the run ---- */
+
+#define ROW(group, name, type, member, ...) LG_ROW(lg_surrogate_run, group, name, type, member, __VA_ARGS__)
+#define OPTION(member, type, ...)           ROW("model", #member, type, model.options.member, __VA_ARGS__)
+static const lg_row rows[] = {
+    ROW("model", "network", NAME, model.options.kind, .value_name = lg_name_surrogate),
+    OPTION(architecture, NAME, .value_name = lg_name_net),
+    OPTION(activation, NAME, .value_name = lg_name_activation),
+    OPTION(embedding, U32, .low = 0),
+    OPTION(hidden, U32, .low = 1),
+    OPTION(layers, U32, .low = 0),
+    OPTION(normalise, FLAG, .low = 0),
+    OPTION(mirror, FLAG, .low = 0),
+    OPTION(boundary, FLAG, .low = 0),
+    ROW("model", "intervals", U32, model.intervals, .low = LG_ELASTICA_MIN_INTERVALS),
+    ROW("model", "length", REAL, model.length, .low = 0),
+    ROW("model", "centre", REAL, model.centre, .low = 0),
+    ROW("run", "gamma", REAL, model.options.gamma, .low = 0),
+    ROW("run", "between", FLAG, model.options.between, .low = 0),
+    ROW("run", "train_fraction", REAL, train_fraction, .low = 0),
+    ROW("run", "test_fraction", REAL, test_fraction, .low = 0),
+    ROW("run", "curves", U64, curves, .low = 0),
+    ROW("run", "values", NAME, continuous, .value_name = lg_name_values),
+    ROW("run", "data_sha256", TEXT, data_sha256, .low = 0),
+};
+
+static const lg_surrogate_run defaults = {.training = {.shards = 4}};
+
+static lg_status check_fractions(const lg_surrogate_run *run) {
+    return run->train_fraction <= 1 && run->test_fraction <= 1 ? LG_OK : LG_INVALID_ARGUMENT;
+}
+
+static lg_status build(lg_h5 *h5, void *user, lg_error *error) {
+    lg_surrogate_run *run = user;
+    const lg_surrogate *model = &run->model;
+    const char *shown = lg_shown_path(h5->path);
+    lg_error reason = {LG_OK, ""};
+    const lg_surrogate_options options = model->options;
+    if (lg_surrogate_init(&run->model, &options, model->intervals, model->length, model->centre, &reason) !=
+        LG_OK)
+        return lg_fail(error, LG_FORMAT, "%s: /model: the attributes are no network: %s", shown,
+                       reason.message);
+    if (check_fractions(run) != LG_OK)
+        return lg_fail(error, LG_FORMAT, "%s: /run: attributes train_fraction and test_fraction: above 1",
+                       shown);
+    return LG_OK;
+}
+
+static lg_status check(const void *user) {
+    const lg_surrogate_run *run = user;
+    const lg_surrogate *model = &run->model;
+    lg_surrogate again;
+    LG_TRY(lg_surrogate_init(&again, &model->options, model->intervals, model->length, model->centre, NULL));
+    const lg_net *net = &model->net, *made = &again.net;
+    const bool same = net->kind == made->kind && net->inputs == made->inputs &&
+                      net->outputs == made->outputs && net->embedding == made->embedding &&
+                      net->hidden == made->hidden && net->layers == made->layers &&
+                      net->activation == made->activation;
+    return same ? check_fractions(run) : LG_INVALID_ARGUMENT;
+}
+
+static lg_status describe(lg_h5 *h5, const void *user, lg_error *error) {
+    static const struct {
+        const char *inputs, *outputs;
+    } names[LG_SURROGATE_KIND_COUNT] = {
+        [LG_SURROGATE_DISCRETE] = {"q0 v0 qN vN", "q1 ... q(N-1) v1 ... v(N-1)"},
+        [LG_SURROGATE_CONTINUOUS] = {"s/L q0 v0 qN vN", "q"},
+        [LG_SURROGATE_ANGLE] = {"theta_0/pi theta_N/pi s", "theta/pi"},
+    };
+    const lg_surrogate_kind kind = ((const lg_surrogate_run *)user)->model.options.kind;
+    LG_TRY(lg_h5_put_text(h5, "model", "inputs", names[kind].inputs, error));
+    return lg_h5_put_text(h5, "model", "outputs", names[kind].outputs, error);
+}
+
+static size_t parameters(const void *run) {
+    return lg_surrogate_parameters(&((const lg_surrogate_run *)run)->model);
+}
+
+static bool slice(const void *run, uint32_t index, lg_slice_info *out) {
+    return lg_net_slice(&((const lg_surrogate_run *)run)->model.net, index, out);
+}
+
+/* ---- the rest of the file ---- */
+
+static lg_status put_rest(lg_h5 *h5, const void *user, bool fitted, lg_error *error) {
+    const lg_surrogate_file *file = user;
+    const uint64_t dims[2] = {file->trained_count, BOUNDARY};
+    (void)fitted;
+    if (file->trained != NULL) {
+        LG_TRY(lg_check_finite(h5->path, "trained", 2, dims, file->trained, error));
+        LG_TRY(lg_h5_put(h5, "trained", LG_ELEMENT_F64, 2, dims, file->trained, error));
+    }
+    if (!file->has_errors) return LG_OK;
+    if (!isfinite(file->train_mse))
+        return lg_fail(error, LG_NOT_FINITE, "%s: attribute train_mse is not finite",
+                       lg_shown_path(h5->path));
+    LG_TRY(lg_h5_put_number(h5, "", "train_mse", LG_ELEMENT_F64, &file->train_mse, error));
+    if (isnan(file->test_mse)) return LG_OK;
+    return lg_h5_put_number(h5, "", "test_mse", LG_ELEMENT_F64, &file->test_mse, error);
+}
+
+static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
+    lg_surrogate_file *file = user;
+    bool tested;
+    uint64_t dims[4];
+    if (lg_h5_has(h5, "trained")) {
+        LG_TRY(lg_as_format(lg_h5_get_doubles(h5, "trained", 2, dims, &file->trained, error), error));
+        if (dims[0] < 1 || dims[1] != BOUNDARY)
+            return lg_fail(error, LG_FORMAT, "%s: /trained: shape (%llu, %llu), expected (n, %d)",
+                           lg_shown_path(h5->path), (unsigned long long)dims[0], (unsigned long long)dims[1],
+                           BOUNDARY);
+        file->trained_count = (size_t)dims[0];
+    }
+    file->test_mse = NAN;
+    LG_TRY(lg_model_get_number(h5, "train_mse", &file->has_errors, &file->train_mse, error));
+    return lg_model_get_number(h5, "test_mse", &tested, &file->test_mse, error);
+}
+
+static void release(const lg_context *context, void *file) {
+    lg_surrogate_file_free(context, file);
+}
+
+void lg_surrogate_file_free(const lg_context *context, lg_surrogate_file *file) {
+    if (file == NULL) return;
+    lg_free(context, file->theta);
+    lg_free(context, file->trained);
+    lg_history_free(context, file->history);
+    *file = (lg_surrogate_file){0};
+}
+
+/* ---- outside ---- */
+
+static const lg_model_kind surrogate = {.name = "surrogate",
+                                        .checkpoint = "surrogate-checkpoint",
+                                        .rows = rows,
+                                        .row_count = LG_COUNT(rows),
+                                        .run_size = sizeof(lg_surrogate_run),
+                                        .training = offsetof(lg_surrogate_run, training),
+                                        .defaults = &defaults,
+                                        .build = build,
+                                        .check = check,
+                                        .describe = describe,
+                                        .parameters = parameters,
+                                        .slice = slice,
+                                        LG_MODEL_FILE(lg_surrogate_file),
+                                        .put_rest = put_rest,
+                                        .get_rest = get_rest,
+                                        .release = release};
+
+lg_status lg_model_save_surrogate(const lg_context *context, const char *path, const lg_surrogate_file *file,
+                                  const lg_fit *fit, lg_error *error) {
+    return lg_model_save(context, path, &surrogate, file, fit, error);
+}
+
+lg_status lg_model_load_surrogate(const lg_context *context, const char *path, const lg_read_options *options,
+                                  lg_surrogate_file *out, lg_error *error) {
+    if (path == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a model file needs a name");
+    lg_surrogate_file made = {.parameters = 0};
+    LG_TRY(lg_model_load(context, path, options, &surrogate, &made, error));
+    *out = made;
+    return LG_OK;
+}
+
+lg_status lg_surrogate_checkpoint_create(const lg_context *context, const char *path,
+                                         const lg_surrogate_run *run, const lg_provenance *provenance,
+                                         lg_file_writer **out, lg_error *error) {
+    return lg_run_checkpoint_create(context, path, &surrogate, run, provenance, out, error);
+}
+
+lg_status lg_surrogate_checkpoint_open(const lg_context *context, const char *path,
+                                       const lg_read_options *options, lg_surrogate_run *run,
+                                       lg_file_reader **out, lg_error *error) {
+    lg_surrogate_run got;
+    LG_TRY(lg_run_checkpoint_open(context, path, options, &surrogate, &got, run != NULL ? out : NULL, error));
+    *run = got;
+    return LG_OK;
+}
+
+lg_status lg_surrogate_run_compare(const char *path, const lg_surrogate_run *stored,
+                                   const lg_surrogate_run *wanted, lg_error *error) {
+    return lg_run_compare(path, &surrogate, stored, wanted, error);
+}

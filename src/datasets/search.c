@@ -1,0 +1,647 @@
+/* Random search: ranges from YAML, trials as CSV. */
+#include <errno.h>
+#include <float.h>
+#include <inttypes.h>
+#include <locale.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <yaml.h>
+
+#include "datasets/h5.h"
+#include "datasets/yaml.h"
+
+/* ---- ranges ---- */
+
+enum { KEY_FIXED, KEY_RANGES, KEY_COUNT };
+/* Blocks: their keys are the names of options, which no table knows. */
+static const lg_key keys[KEY_COUNT] = {
+    [KEY_FIXED] = {.name = "fixed", .type = LG_KEY_BLOCK},
+    [KEY_RANGES] = {.name = "ranges", .type = LG_KEY_BLOCK, .required = true},
+};
+
+static const char *const kind_names[] = {[LG_RANGE_UNIFORM] = "uniform",
+                                         [LG_RANGE_LOG_UNIFORM] = "log-uniform",
+                                         [LG_RANGE_INTEGER] = "integer",
+                                         [LG_RANGE_CHOICE] = "choice"};
+
+typedef struct reading {
+    lg_yaml *yaml;
+    lg_search_file *out;
+    lg_error *error;
+} reading;
+
+static uint32_t line_of(const yaml_node_t *node) {
+    return (uint32_t)node->start_mark.line + 1;
+}
+
+static yaml_node_t *node_at(const reading *r, int index) {
+    return yaml_document_get_node(lg_yaml_document(r->yaml), index);
+}
+
+static size_t pairs_of(const yaml_node_t *map) {
+    return (size_t)(map->data.mapping.pairs.top - map->data.mapping.pairs.start);
+}
+
+/* Copies a scalar shorter than `size` and without a NUL; false when it is none or empty. */
+static bool copy_text(const yaml_node_t *node, char *out, size_t size) {
+    if (node->type != YAML_SCALAR_NODE) return false;
+    const size_t length = node->data.scalar.length;
+    if (length == 0 || length >= size || memchr(node->data.scalar.value, '\0', length) != NULL) return false;
+    memcpy(out, node->data.scalar.value, length);
+    out[length] = '\0';
+    return true;
+}
+
+/* The name of an option: letters, digits, - and _, the first one a letter. */
+static bool copy_name(const yaml_node_t *node, char out[LG_RANGE_NAME]) {
+    char name[LG_RANGE_NAME];
+    if (!copy_text(node, name, sizeof name)) return false;
+    for (const char *c = name; *c != '\0'; c++) {
+        const bool letter = (*c >= 'a' && *c <= 'z') || (*c >= 'A' && *c <= 'Z');
+        const bool other = (*c >= '0' && *c <= '9') || *c == '-' || *c == '_';
+        if (!letter && (c == name || !other)) return false;
+    }
+    memcpy(out, name, sizeof name);
+    return true;
+}
+
+/* The line where a name stood before, 0 when it is new. */
+static uint32_t seen(const lg_search_file *file, const char *name) {
+    for (size_t i = 0; i < file->fixed_count; i++)
+        if (strcmp(file->fixed_name[i], name) == 0) return file->fixed_line[i];
+    for (size_t i = 0; i < file->space.count; i++)
+        if (strcmp(file->space.ranges[i].name, name) == 0) return file->line[i];
+    return 0;
+}
+
+/* Name of the next entry of `map`, whose entries number `count` so far. */
+static lg_status read_key(const reading *r, const yaml_node_t *node, size_t count, char name[LG_RANGE_NAME]) {
+    if (count == LG_RANGE_MAX)
+        return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "more than %d entries",
+                            LG_RANGE_MAX);
+    if (!copy_name(node, name))
+        return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
+                            "the name of an option is expected: up to %d letters, digits, - and _",
+                            LG_RANGE_NAME - 1);
+    const uint32_t line = seen(r->out, name);
+    if (line == 0) return LG_OK;
+    return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "'%s' stands twice, first on line %u",
+                        name, line);
+}
+
+static lg_status read_fixed(const reading *r, const yaml_node_t *map) {
+    lg_search_file *out = r->out;
+    const yaml_node_pair_t *pair = map->data.mapping.pairs.start;
+    for (; pair < map->data.mapping.pairs.top; pair++) {
+        const size_t i = out->fixed_count;
+        const yaml_node_t *value = node_at(r, pair->value);
+        char name[LG_RANGE_NAME] = "";
+        LG_TRY(read_key(r, node_at(r, pair->key), i, name));
+        if (!copy_text(value, out->fixed_value[i], LG_SEARCH_FIXED_TEXT))
+            return lg_yaml_fail(r->yaml, line_of(value), LG_FORMAT, r->error,
+                                "%s: a value of 1 to %d bytes is expected", name, LG_SEARCH_FIXED_TEXT - 1);
+        memcpy(out->fixed_name[i], name, sizeof name);
+        out->fixed_line[i] = line_of(value);
+        out->fixed_count++;
+    }
+    return LG_OK;
+}
+
+static lg_status read_choices(const reading *r, const yaml_node_t *list, lg_range *range) {
+    if (list->type != YAML_SEQUENCE_NODE)
+        return lg_yaml_fail(r->yaml, line_of(list), LG_FORMAT, r->error, "%s: a list is expected",
+                            range->name);
+    const yaml_node_item_t *item = list->data.sequence.items.start;
+    for (; item < list->data.sequence.items.top; item++) {
+        const yaml_node_t *node = node_at(r, *item);
+        if (range->choices == LG_RANGE_MAX_CHOICES)
+            return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error, "%s: more than %d choices",
+                                range->name, LG_RANGE_MAX_CHOICES);
+        if (!copy_text(node, range->choice[range->choices], LG_RANGE_NAME))
+            return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
+                                "%s: a choice of 1 to %d bytes is expected", range->name, LG_RANGE_NAME - 1);
+        range->choices++;
+    }
+    return LG_OK;
+}
+
+static lg_status read_bounds(const reading *r, const yaml_node_t *list, lg_range *range) {
+    const lg_key key = {.name = range->name, .type = LG_KEY_BLOCK, .low = -DBL_MAX, .high = DBL_MAX};
+    const lg_key_value value = {.line = line_of(list), .node = list};
+    double bounds[2] = {0, 0};
+    LG_TRY(lg_yaml_block(r->yaml, &key, &value, (const size_t[3]){2, 1, 1}, bounds, NULL, r->error));
+    range->low = bounds[0];
+    range->high = bounds[1];
+    return LG_OK;
+}
+
+/* {KIND: [...]} */
+static lg_status read_range(const reading *r, const yaml_node_t *node, lg_range *range) {
+    char kind[LG_RANGE_NAME] = "";
+    const bool one = node->type == YAML_MAPPING_NODE && pairs_of(node) == 1;
+    const yaml_node_pair_t *pair = one ? node->data.mapping.pairs.start : NULL;
+    const bool named = one && copy_text(node_at(r, pair->key), kind, sizeof kind);
+    for (size_t i = 0; named && i < LG_COUNT(kind_names); i++) {
+        if (strcmp(kind, kind_names[i]) != 0) continue;
+        const yaml_node_t *list = node_at(r, pair->value);
+        range->kind = (lg_range_kind)i;
+        return range->kind == LG_RANGE_CHOICE ? read_choices(r, list, range) : read_bounds(r, list, range);
+    }
+    return lg_yaml_fail(r->yaml, line_of(node), LG_FORMAT, r->error,
+                        "%s: one of {uniform: [low, high]}, {log-uniform: [low, high]}, {integer: [low, "
+                        "high]}, {choice: [...]} is expected",
+                        range->name);
+}
+
+static lg_status read_ranges(const reading *r, const yaml_node_t *map) {
+    lg_search_space *space = &r->out->space;
+    const yaml_node_pair_t *pair = map->data.mapping.pairs.start;
+    for (; pair < map->data.mapping.pairs.top; pair++) {
+        const yaml_node_t *value = node_at(r, pair->value);
+        lg_range *range = &space->ranges[space->count];
+        lg_error inner = {LG_OK, ""};
+        char name[LG_RANGE_NAME] = "";
+        LG_TRY(read_key(r, node_at(r, pair->key), space->count, name));
+        memcpy(range->name, name, sizeof name);
+        LG_TRY(read_range(r, value, range));
+        r->out->line[space->count++] = line_of(value);
+        if (lg_search_space_check(space, &inner) != LG_OK)
+            return lg_yaml_fail(r->yaml, line_of(value), LG_FORMAT, r->error, "%s", inner.message);
+    }
+    return LG_OK;
+}
+
+static lg_status read_file(lg_yaml *yaml, lg_search_file *out, lg_error *error) {
+    lg_key_value values[KEY_COUNT] = {{.line = 0}};
+    const lg_key_set set = {keys, KEY_COUNT, values};
+    const reading r = {yaml, out, error};
+    LG_TRY(lg_yaml_read(yaml, &set, 1, NULL, "", error));
+    for (int i = 0; i < KEY_COUNT; i++) {
+        const yaml_node_t *node = values[i].node;
+        if (values[i].line == 0) continue;
+        if (node->type != YAML_MAPPING_NODE || (i == KEY_RANGES && pairs_of(node) == 0))
+            return lg_yaml_fail(yaml, values[i].line, LG_FORMAT, error,
+                                "%s: names of options with their %s are expected", keys[i].name,
+                                i == KEY_FIXED ? "values" : "ranges");
+        LG_TRY(i == KEY_FIXED ? read_fixed(&r, node) : read_ranges(&r, node));
+    }
+    return LG_OK;
+}
+
+lg_status lg_search_file_read(const lg_context *context, const char *path, lg_search_file *out,
+                              lg_error *error) {
+    lg_yaml *yaml;
+    if (out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a search is read into something");
+    LG_TRY(lg_yaml_open(context, path, &yaml, error));
+    lg_search_file *made = lg_alloc(context, 1, sizeof *made);
+    lg_status status = made == NULL
+                           ? lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path))
+                           : read_file(yaml, made, error);
+    lg_yaml_close(yaml);
+    if (status == LG_OK) *out = *made;
+    lg_free(context, made);
+    return status;
+}
+
+/* ---- what a table of trials belongs to ---- */
+
+#define HASH_DIGITS 16
+#define HEAD_SIZE   128 /* "# seed S space HASH setting HASH" */
+#define MAX_BYTES   ((size_t)64 << 20)
+
+static const char *const columns[] = {"trial", "state", "objective", "parameters", "epochs", "seconds"};
+
+static void add_text(lg_sha256 *sha, const char *text) {
+    lg_sha256_add(sha, text, strlen(text) + 1);
+}
+
+/* Bits of numbers, not their digits; texts with their terminators. */
+static void add_bits(lg_sha256 *sha, uint64_t bits) {
+    uint8_t bytes[8];
+    for (int i = 0; i < 8; i++) bytes[i] = (uint8_t)(bits >> (8 * i));
+    lg_sha256_add(sha, bytes, sizeof bytes);
+}
+
+static void add_real(lg_sha256 *sha, double x) {
+    uint64_t bits;
+    x += 0.0; /* -0 and 0 are one bound */
+    memcpy(&bits, &x, sizeof bits);
+    add_bits(sha, bits);
+}
+
+static void finish_hash(lg_sha256 *sha, char out[HASH_DIGITS + 1]) {
+    char text[LG_SHA256_TEXT];
+    lg_sha256_finish(sha, text);
+    memcpy(out, text, HASH_DIGITS);
+    out[HASH_DIGITS] = '\0';
+}
+
+static void space_hash(const lg_search_space *space, char out[HASH_DIGITS + 1]) {
+    lg_sha256 sha;
+    lg_sha256_init(&sha);
+    add_bits(&sha, space->count);
+    for (size_t i = 0; i < space->count; i++) {
+        const lg_range *range = &space->ranges[i];
+        const bool choice = range->kind == LG_RANGE_CHOICE;
+        add_text(&sha, range->name);
+        add_text(&sha, kind_names[range->kind]);
+        if (!choice) add_real(&sha, range->low);
+        if (!choice) add_real(&sha, range->high);
+        if (choice) add_bits(&sha, range->choices);
+        for (uint32_t k = 0; choice && k < range->choices; k++) add_text(&sha, range->choice[k]);
+    }
+    finish_hash(&sha, out);
+}
+
+static void setting_hash(const lg_search_file *search, const char *setting, char out[HASH_DIGITS + 1]) {
+    lg_sha256 sha;
+    lg_sha256_init(&sha);
+    add_bits(&sha, search->fixed_count);
+    for (size_t i = 0; i < search->fixed_count; i++) {
+        add_text(&sha, search->fixed_name[i]);
+        add_text(&sha, search->fixed_value[i]);
+    }
+    add_text(&sha, setting != NULL ? setting : "");
+    finish_hash(&sha, out);
+}
+
+static lg_status check_search(const lg_search_file *search, lg_error *error) {
+    if (search == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "trials belong to a search");
+    if (search->fixed_count > LG_RANGE_MAX)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "more than %d fixed options", LG_RANGE_MAX);
+    for (size_t i = 0; i < search->fixed_count; i++)
+        if (memchr(search->fixed_name[i], '\0', LG_RANGE_NAME) == NULL ||
+            memchr(search->fixed_value[i], '\0', LG_SEARCH_FIXED_TEXT) == NULL)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "fixed option %zu is too long", i + 1);
+    return lg_search_space_check(&search->space, error);
+}
+
+/* ---- a trial's value in its range ---- */
+
+static bool in_range(const lg_range *range, double x) {
+    if (range->kind == LG_RANGE_CHOICE) return x >= 0 && x < range->choices && floor(x) == x;
+    if (range->kind == LG_RANGE_INTEGER && floor(x) != x) return false;
+    return x >= range->low && x <= range->high; /* false for NaN */
+}
+
+static lg_status check_trials(const lg_search_space *space, const lg_trial *trials, size_t count,
+                              lg_error *error) {
+    for (size_t i = 0; i < count; i++) {
+        const lg_trial *trial = &trials[i];
+        bool good = (int)trial->state >= 0 && (int)trial->state < LG_TRIAL_STATE_COUNT &&
+                    trial->reports <= LG_TRIAL_REPORTS;
+        for (size_t k = 0; good && k < space->count; k++) good = in_range(&space->ranges[k], trial->value[k]);
+        for (size_t k = 0; good && k < i; k++) good = trials[k].number != trial->number;
+        if (!good)
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "trial %" PRIu64 " stands twice or has a state, value or number of reports that "
+                           "cannot be",
+                           trial->number);
+    }
+    return LG_OK;
+}
+
+/* ---- writing ---- */
+
+#define CELL_SIZE 40 /* longer than any cell: a number of 17 digits, a name, a whole number */
+
+typedef struct text {
+    char *data;
+    size_t used, size;
+} text;
+
+static void add(text *t, const char *format, ...) __attribute__((format(printf, 2, 3)));
+
+static void add(text *t, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    const int length = vsnprintf(t->data + t->used, t->size - t->used, format, arguments);
+    va_end(arguments);
+    t->used += (size_t)length;
+}
+
+/* 17 digits, and one word each for what is not finite. */
+static void add_number(text *t, double x) {
+    if (isnan(x))
+        add(t, ",nan");
+    else
+        add(t, ",%.17g", x);
+}
+
+static void add_head(text *t, const lg_search_file *search, uint64_t seed, const char *setting,
+                     uint32_t reports) {
+    char space[HASH_DIGITS + 1], settings[HASH_DIGITS + 1];
+    space_hash(&search->space, space);
+    setting_hash(search, setting, settings);
+    add(t, "# seed %" PRIu64 " space %s setting %s\n", seed, space, settings);
+    for (size_t i = 0; i < LG_COUNT(columns); i++) add(t, "%s%s", i > 0 ? "," : "", columns[i]);
+    for (size_t i = 0; i < search->space.count; i++) add(t, ",%s", search->space.ranges[i].name);
+    for (uint32_t i = 0; i < reports; i++) add(t, ",rung%u", i + 1);
+    add(t, "\n");
+}
+
+static void add_trial(text *t, const lg_search_space *space, const lg_trial *trial, uint32_t reports) {
+    add(t, "%" PRIu64 ",%s", trial->number, lg_trial_state_name(trial->state));
+    add_number(t, trial->objective);
+    add(t, ",%" PRIu64 ",%" PRIu64, trial->parameters, trial->epochs);
+    add_number(t, trial->seconds);
+    for (size_t i = 0; i < space->count; i++)
+        if (space->ranges[i].kind == LG_RANGE_CHOICE)
+            add(t, ",%s", space->ranges[i].choice[(size_t)trial->value[i]]);
+        else
+            add_number(t, trial->value[i]);
+    for (uint32_t i = 0; i < reports; i++)
+        if (i < trial->reports)
+            add_number(t, trial->report[i]);
+        else
+            add(t, ",");
+    add(t, "\n");
+}
+
+/* Position of the trial with the lowest number above `last` (any, when `first`). */
+static size_t next_trial(const lg_trial *trials, size_t count, uint64_t last, bool first) {
+    size_t found = count;
+    for (size_t i = 0; i < count; i++) {
+        const bool after = first || trials[i].number > last;
+        if (after && (found == count || trials[i].number < trials[found].number)) found = i;
+    }
+    return found;
+}
+
+static lg_status compose(text *t, const lg_search_file *search, uint64_t seed, const char *setting,
+                         const lg_trial *trials, size_t count, uint32_t reports) {
+    const locale_t c = newlocale(LC_ALL_MASK, "C", (locale_t)0);
+    if (c == (locale_t)0) return LG_OUT_OF_MEMORY;
+    const locale_t caller = uselocale(c); /* decimal points, wherever we are */
+    add_head(t, search, seed, setting, reports);
+    uint64_t last = 0;
+    for (size_t i = 0; i < count; i++) {
+        const lg_trial *trial = &trials[next_trial(trials, count, last, i == 0)];
+        add_trial(t, &search->space, trial, reports);
+        last = trial->number;
+    }
+    uselocale(caller);
+    freelocale(c);
+    return LG_OK;
+}
+
+lg_status lg_trials_write(const lg_context *context, const char *path, const lg_search_file *search,
+                          uint64_t seed, const char *setting, const lg_trial *trials, size_t count,
+                          lg_error *error) {
+    if (path == NULL || (trials == NULL && count > 0))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name and trials");
+    LG_TRY(check_search(search, error));
+    LG_TRY(check_trials(&search->space, trials, count, error));
+    uint32_t reports = 0;
+    for (size_t i = 0; i < count; i++)
+        if (trials[i].reports > reports) reports = trials[i].reports;
+    const size_t row = (LG_COUNT(columns) + search->space.count + reports) * CELL_SIZE;
+    text t = {.size = HEAD_SIZE + (count + 1) * row};
+    t.data = lg_alloc(context, t.size, 1);
+    lg_status status =
+        t.data == NULL ? LG_OUT_OF_MEMORY : compose(&t, search, seed, setting, trials, count, reports);
+    if (status != LG_OK)
+        (void)lg_fail(error, status, "%s: out of memory", lg_shown_path(path));
+    else
+        status = lg_file_write(context, path, t.data, t.used, error);
+    lg_free(context, t.data);
+    return status;
+}
+
+/* ---- reading ---- */
+
+typedef struct table {
+    const char *path;
+    char *at;      /* the next line */
+    uint32_t line; /* number of the current one */
+    uint32_t reports;
+    lg_error *error;
+} table;
+
+/* The next complete line, terminated, without its end; NULL: there is none. */
+static char *next_line(table *t) {
+    char *line = t->at, *end = strchr(line, '\n');
+    if (end == NULL) return NULL;
+    *end = '\0';
+    if (end > line && end[-1] == '\r') end[-1] = '\0';
+    t->at = end + 1;
+    t->line++;
+    return line;
+}
+
+/* The next cell, terminated; NULL when there is none. */
+static char *next_cell(char **line) {
+    char *cell = *line;
+    if (cell == NULL) return NULL;
+    char *comma = strchr(cell, ',');
+    if (comma != NULL) *comma = '\0';
+    *line = comma != NULL ? comma + 1 : NULL;
+    return cell;
+}
+
+static lg_status bad(const table *t, const char *column, const char *cell) {
+    return lg_fail(t->error, LG_FORMAT, "%s: line %u: %s: '%.60s' cannot be", lg_shown_path(t->path), t->line,
+                   column, cell != NULL ? cell : "");
+}
+
+/* What add_number wrote. */
+static bool parse_number(const char *cell, double *out) {
+    static const struct {
+        const char *word;
+        double value;
+    } words[] = {{"nan", NAN}, {"inf", INFINITY}, {"-inf", -INFINITY}};
+    for (size_t i = 0; i < LG_COUNT(words); i++) {
+        if (strcmp(cell, words[i].word) != 0) continue;
+        *out = words[i].value;
+        return true;
+    }
+    return lg_number_parse(cell, out) == LG_OK;
+}
+
+static bool parse_state(const char *cell, lg_trial_state *out) {
+    for (int i = 0; i < LG_TRIAL_STATE_COUNT; i++) {
+        if (strcmp(cell, lg_trial_state_name((lg_trial_state)i)) != 0) continue;
+        *out = (lg_trial_state)i;
+        return true;
+    }
+    return false;
+}
+
+static bool parse_value(const lg_range *range, const char *cell, double *out) {
+    if (range->kind != LG_RANGE_CHOICE) return lg_number_parse(cell, out) == LG_OK && in_range(range, *out);
+    for (uint32_t i = 0; i < range->choices; i++) {
+        if (strcmp(cell, range->choice[i]) != 0) continue;
+        *out = i;
+        return true;
+    }
+    return false;
+}
+
+/* The cell of a fixed column. */
+static bool parse_column(size_t column, const char *cell, lg_trial *trial) {
+    switch (column) {
+    case 0:
+        return lg_integer_parse(cell, &trial->number) == LG_OK;
+    case 1:
+        return parse_state(cell, &trial->state);
+    case 2:
+        return parse_number(cell, &trial->objective);
+    case 3:
+        return lg_integer_parse(cell, &trial->parameters) == LG_OK;
+    case 4:
+        return lg_integer_parse(cell, &trial->epochs) == LG_OK;
+    default:
+        return parse_number(cell, &trial->seconds);
+    }
+}
+
+static lg_status parse_trial(const table *t, const lg_search_space *space, char *line, lg_trial *trial) {
+    *trial = (lg_trial){.number = 0};
+    for (size_t i = 0; i < LG_COUNT(columns); i++) {
+        const char *cell = next_cell(&line);
+        if (cell == NULL || !parse_column(i, cell, trial)) return bad(t, columns[i], cell);
+    }
+    for (size_t i = 0; i < space->count; i++) {
+        const char *cell = next_cell(&line);
+        if (cell == NULL || !parse_value(&space->ranges[i], cell, &trial->value[i]))
+            return bad(t, space->ranges[i].name, cell);
+    }
+    for (uint32_t i = 0; i < t->reports; i++) {
+        const char *cell = next_cell(&line);
+        if (cell != NULL && *cell == '\0') continue; /* this rung was not reached */
+        if (cell == NULL || trial->reports != i || !parse_number(cell, &trial->report[i]))
+            return bad(t, "a report", cell);
+        trial->reports++;
+    }
+    return line == NULL ? LG_OK : bad(t, "more cells than columns", line);
+}
+
+/* `# seed S space HASH setting HASH`, the same as this search writes. */
+static lg_status check_head(table *t, const lg_search_file *search, uint64_t seed, const char *setting) {
+    char want[2][HASH_DIGITS + 1], seen_hash[2][HASH_DIGITS + 1], seen_seed[24];
+    const char *shown = lg_shown_path(t->path);
+    const char *line = next_line(t);
+    uint64_t number = 0;
+    int end = 0;
+    space_hash(&search->space, want[0]);
+    setting_hash(search, setting, want[1]);
+    if (line == NULL ||
+        sscanf(line, "# seed %20[0-9] space %16[0-9a-f] setting %16[0-9a-f]%n", seen_seed, seen_hash[0],
+               seen_hash[1], &end) != 3 ||
+        line[end] != '\0' || lg_integer_parse(seen_seed, &number) != LG_OK)
+        return lg_fail(t->error, LG_FORMAT, "%s: line 1: '# seed S space HASH setting HASH' is expected",
+                       shown);
+    if (number != seed)
+        return lg_fail(t->error, LG_INVALID_ARGUMENT, "%s: trials of seed %" PRIu64 ", not %" PRIu64, shown,
+                       number, seed);
+    if (strcmp(seen_hash[0], want[0]) != 0)
+        return lg_fail(t->error, LG_INVALID_ARGUMENT, "%s: trials of other ranges", shown);
+    if (strcmp(seen_hash[1], want[1]) != 0)
+        return lg_fail(t->error, LG_INVALID_ARGUMENT,
+                       "%s: trials with other fixed options or settings, or on other data", shown);
+    return LG_OK;
+}
+
+/* The names of the columns; sets the number of reports. */
+static lg_status check_columns(table *t, const lg_search_space *space, char *line) {
+    for (size_t i = 0; i < LG_COUNT(columns) + space->count; i++) {
+        const char *name = i < LG_COUNT(columns) ? columns[i] : space->ranges[i - LG_COUNT(columns)].name;
+        const char *cell = next_cell(&line);
+        if (cell == NULL || strcmp(cell, name) != 0)
+            return lg_fail(t->error, LG_FORMAT, "%s: line %u: column '%s' is expected",
+                           lg_shown_path(t->path), t->line, name);
+    }
+    for (char *cell; (cell = next_cell(&line)) != NULL; t->reports++) {
+        char name[16];
+        (void)snprintf(name, sizeof name, "rung%u", t->reports + 1);
+        if (t->reports == LG_TRIAL_REPORTS || strcmp(cell, name) != 0) return bad(t, "a column", cell);
+    }
+    return LG_OK;
+}
+
+static lg_status read_rows(table *t, const lg_search_space *space, lg_trial *trials, size_t room,
+                           size_t *count) {
+    lg_trial one;
+    char *line;
+    size_t found = 0;
+    for (; (line = next_line(t)) != NULL; found++) {
+        lg_trial *trial = found < room ? &trials[found] : &one;
+        LG_TRY(parse_trial(t, space, line, trial));
+        for (size_t i = 0; i < found && i < room; i++)
+            if (trials[i].number == trial->number) return bad(t, "trial, a second time", line);
+    }
+    *count = found;
+    return LG_OK;
+}
+
+static lg_status parse_table(table *t, const lg_search_file *search, uint64_t seed, const char *setting,
+                             lg_trial *trials, size_t room, size_t *count) {
+    LG_TRY(check_head(t, search, seed, setting));
+    char *line = next_line(t);
+    *count = 0;
+    if (line == NULL) return LG_OK;
+    LG_TRY(check_columns(t, &search->space, line));
+    return read_rows(t, &search->space, trials, room, count);
+}
+
+static lg_status read_text(const lg_context *context, const char *path, char **out, lg_error *error) {
+    const char *shown = lg_shown_path(path);
+    struct stat about;
+    if (stat(path, &about) != 0)
+        return lg_fail(error, errno == ENOENT || errno == ENOTDIR ? LG_NOT_FOUND : LG_FILE, "%s: %s", shown,
+                       strerror(errno));
+    if (!S_ISREG(about.st_mode)) return lg_fail(error, LG_FILE, "%s: is not a regular file", shown);
+    if (about.st_size == 0) return lg_fail(error, LG_FORMAT, "%s: line 1: is empty", shown);
+    if ((uintmax_t)about.st_size > MAX_BYTES)
+        return lg_fail(error, LG_FORMAT, "%s: is larger than %zu bytes", shown, MAX_BYTES);
+    const size_t size = (size_t)about.st_size;
+    FILE *file = fopen(path, "rb");
+    if (file == NULL) return lg_fail(error, LG_FILE, "%s: cannot be read: %s", shown, strerror(errno));
+    char *data = lg_alloc(context, size + 1, 1);
+    const bool whole = data != NULL && fread(data, 1, size, file) == size;
+    (void)fclose(file);
+    const char *hole = whole ? memchr(data, '\0', size) : NULL;
+    lg_status status = LG_OK;
+    if (data == NULL)
+        status = lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", shown);
+    else if (!whole)
+        status = lg_fail(error, LG_FILE, "%s: cannot be read", shown);
+    else if (hole != NULL) {
+        uint32_t line = 1;
+        for (const char *c = data; c < hole; c++) line += *c == '\n';
+        status = lg_fail(error, LG_FORMAT, "%s: line %u: is not text", shown, line);
+    }
+    if (status == LG_OK)
+        *out = data;
+    else
+        lg_free(context, data);
+    return status;
+}
+
+lg_status lg_trials_read(const lg_context *context, const char *path, const lg_search_file *search,
+                         uint64_t seed, const char *setting, lg_trial *trials, size_t room, size_t *count,
+                         lg_error *error) {
+    char *data = NULL;
+    size_t found = 0;
+    if (path == NULL || *path == '\0' || count == NULL || (trials == NULL && room > 0))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name, and its trials room");
+    LG_TRY(check_search(search, error));
+    LG_TRY(read_text(context, path, &data, error));
+    table t = {.path = path, .at = data, .error = error};
+    lg_trial *made = trials == NULL ? NULL : lg_alloc(context, room, sizeof *made);
+    lg_status status = LG_OK;
+    if (trials != NULL && made == NULL)
+        status = lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    else
+        status = parse_table(&t, search, seed, setting, made, room, &found);
+    if (status == LG_OK && trials != NULL && found > room)
+        status = lg_fail(error, LG_INVALID_ARGUMENT, "%s: holds %zu trials, more than %zu",
+                         lg_shown_path(path), found, room);
+    if (status == LG_OK && trials != NULL && found > 0) memcpy(trials, made, found * sizeof *made);
+    if (status == LG_OK) *count = found;
+    lg_free(context, made);
+    lg_free(context, data);
+    return status;
+}
