@@ -1,0 +1,159 @@
+/* What the commands of lg-elastica share: boundary conditions as options, curves, models, pictures. Functions
+ * that return int return an exit code, and have told the user when it is not APP_EXIT_OK; those that return a
+ * status explain a failure in `error`. */
+#ifndef LG_APPS_BEAM_H
+#define LG_APPS_BEAM_H
+
+#include "common/app.h"
+#include "liegrad/elastica.h"
+#include "liegrad/io.h"
+
+extern const app_command solve_command, generate_command, train_command, evaluate_command, predict_command,
+    search_command;
+
+/* ---- boundary conditions as options (boundary.c) ---- */
+
+extern const char *const case_names[]; /* in the order of lg_elastica_case */
+
+/* A part of a command's values. */
+typedef struct boundary_values {
+    int kind; /* position in case_names */
+    double x, theta0, thetaN, rotation;
+    app_reals q0, qN;
+} boundary_values;
+
+#define BOUNDARY_ROWS(type, field, case_default, end_default)                                                \
+    APP_ROW_CHOICE(type, field.kind, "case", case_names,                                                     \
+                   "both-ends (theta0 = x, theta(L) = -x) or right-end (theta0 = 0, theta(L) = -x), x "      \
+                   "wrapped to (-pi, pi] (default " case_default ")"),                                       \
+        APP_ROW_REAL(type, field.x, "x", "X", -1e6, 1e6, "The case's parameter, radians"),                   \
+        APP_ROW_REAL(type, field.theta0, "theta0", "A", -1e6, 1e6,                                           \
+                     "Instead: tangent angle at s = 0, radians"),                                            \
+        APP_ROW_REAL(type, field.thetaN, "thetaN", "B", -1e6, 1e6, "and at s = L"),                          \
+        APP_ROW_REAL(                                                                                        \
+            type, field.rotation, "rotation", "R", -1e6, 1e6,                                                \
+            "Turning of the tangent along the beam: B - A and whole turns (default: that of lowest "         \
+            "energy among B - A and one turn more or less)"),                                                \
+        APP_ROW_REALS(type, field.q0, "q0", "X,Y", "Where the beam begins (default " end_default ")", NULL), \
+        APP_ROW_REALS(type, field.qN, "qN", "X,Y", "Where it ends (default likewise)", NULL)
+
+#define BOUNDARY_ROTATIONS 3
+
+/* Boundary conditions and the rotations that come into question: the one given, or B - A wrapped to
+ * (-pi, pi], one turn less, one turn more. `chosen` is the case's own, or the one given; NaN otherwise. */
+typedef struct boundary {
+    lg_elastica problem; /* with the first rotation */
+    size_t count;
+    double rotation[BOUNDARY_ROTATIONS], chosen;
+} boundary;
+
+/* `problem`: what the options do not say. `kind`: the case when --x is given alone. */
+int boundary_read(const app *app, const boundary_values *values, const lg_elastica *problem,
+                  lg_elastica_case kind, boundary *out);
+/* --q0 and --qN, where given, into *problem. */
+int boundary_ends(const app *app, const boundary_values *values, lg_elastica *problem);
+/* All rotations of a pair of end angles. */
+void boundary_rotations(double theta0, double thetaN, boundary *out);
+/* An angle wrapped to (-pi, pi]. */
+double wrap_angle(double angle);
+/* q0, v0, qN, vN. */
+void boundary_vector(const lg_elastica *problem, double x[8]);
+
+/* ---- curves (curves.c) ---- */
+
+/* An equilibrium at the N + 1 nodes, arrays owned. */
+typedef struct beam_curve {
+    lg_elastica problem; /* with the curve's own rotation */
+    double *theta, *q, *v;
+    lg_elastica_solution solution;
+} beam_curve;
+beam_curve beam_curve_create(const lg_elastica *problem);
+void beam_curve_free(beam_curve *curve);
+
+/* The equilibrium with the chosen rotation, or without one that of lowest energy. Tells what went wrong. */
+int beam_solve(const app *app, const boundary *where, const lg_elastica_options *options, bool continuous,
+               beam_curve *out);
+
+typedef struct beam_curves {
+    size_t count;
+    beam_curve *list; /* by rising energy */
+    bool full;        /* the search stopped for want of room */
+} beam_curves;
+/* All equilibria of the discrete problem that the library finds, over the boundary's rotations. */
+lg_status beam_branches(const lg_context *context, const boundary *where, const lg_elastica_options *options,
+                        bool saddles, beam_curves *out, lg_error *error);
+void beam_curves_free(beam_curves *curves);
+/* Root of the mean square of the tangents' differences; equal N. */
+double beam_distance(const beam_curve *a, const beam_curve *b);
+
+/* Columns s,x,y,vx,vy,theta; with more than one curve `branch` before them. */
+lg_status write_curves(const char *path, const beam_curve *curves, size_t count, bool numbered,
+                       lg_error *error);
+/* (count, 2) as an array of pairs. */
+void json_pairs(app_json *json, const char *key, const double *values, size_t count);
+
+/* lg-elastica solve --sweep (sweep.c): `where` tells everything but x. */
+typedef struct sweep_values {
+    size_t points;
+    lg_elastica problem;
+    lg_elastica_case kind;
+    bool saddles;
+    const char *out, *plot;
+} sweep_values;
+int sweep_run(const app *app, const sweep_values *values, const lg_elastica_options *options);
+
+/* ---- data (families.c) ---- */
+
+int read_curves(const app *app, const char *path, lg_elastica_data *out);
+/* Whether boundary conditions (n, 8) are of the right-end family: v0 along the chord; at least one such, and
+ * at least one other. */
+typedef struct families {
+    bool both_ends, right_end;
+} families;
+families families_of(const double *boundary, size_t n);
+
+/* Curves whose boundary conditions lie farther from the trained ones than twice their reach. */
+typedef struct outside {
+    double reach, largest; /* largest distance */
+    size_t count;
+} outside;
+outside count_outside(const lg_surrogate *model, const double *trained, size_t trained_count,
+                      const double *boundary, const uint32_t *chosen, size_t count);
+
+/* ---- pictures (pictures.c) ---- */
+
+/* Curves in the plane, equal axes; `labels` (count) may be NULL. */
+lg_status draw_curves(const app *app, const char *picture, const beam_curve *curves, size_t count,
+                      char *const *labels, lg_error *error);
+/* Curves of a set, evenly chosen. */
+lg_status draw_set(const app *app, const char *picture, const lg_elastica_curves *curves, lg_error *error);
+
+typedef struct sweep_point {
+    double x, energy;
+    uint32_t negative_eigenvalues;
+    double rotation;
+    size_t branch;
+} sweep_point;
+/* Ordered by branch, then x. */
+lg_status draw_sweep(const app *app, const char *picture, const sweep_point *points, size_t count,
+                     lg_error *error);
+
+/* `shown` curves of (intervals + 1) nodes each, true and learned; node_error (N + 1, 2). */
+typedef struct comparison {
+    size_t shown;
+    uint32_t intervals;
+    double length;
+    const double *true_q, *true_v, *q, *v; /* (shown, N + 1, 2) */
+    const double *node_error;
+    const char *title;
+} comparison;
+lg_status draw_comparison(const app *app, const char *picture, const comparison *what, lg_error *error);
+
+/* A learned curve (points, 2) and, when not NULL, a solution. */
+lg_status draw_prediction(const app *app, const char *picture, const double *q, size_t points,
+                          const beam_curve *truth, lg_error *error);
+/* Objective against trial, and the best so far. */
+lg_status draw_search(const app *app, const char *picture, const lg_trial *trials, size_t count,
+                      lg_error *error);
+
+#endif

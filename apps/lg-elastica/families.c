@@ -1,0 +1,38 @@
+/* Sets of curves: reading them, which family they are of, whether a network knows their like. */
+#include <math.h>
+
+#include "lg-elastica/beam.h"
+
+/* A curve is outside when it is farther away than this many times the reach. */
+static const double outside_factor = 2;
+
+int read_curves(const app *self, const char *path, lg_elastica_data *out) {
+    lg_error error = {LG_OK, ""};
+    const lg_status status = lg_elastica_data_read(self->context, path, NULL, out, &error);
+    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, path);
+}
+
+families families_of(const double *boundary_rows, size_t n) {
+    families found = {false, false};
+    for (size_t i = 0; i < n; i++) {
+        const double *x = boundary_rows + 8 * i, dx = x[4] - x[0], dy = x[5] - x[1];
+        const double along = x[2] * dx + x[3] * dy, across = x[2] * dy - x[3] * dx;
+        const bool right_end = along > 0 && fabs(across) <= 1e-9 * along;
+        found.right_end = found.right_end || right_end;
+        found.both_ends = found.both_ends || !right_end;
+    }
+    return found;
+}
+
+outside count_outside(const lg_surrogate *model, const double *trained, size_t trained_count,
+                      const double *boundary_rows, const uint32_t *chosen, size_t count) {
+    if (trained_count == 0) return (outside){.reach = (double)NAN, .largest = (double)NAN};
+    outside out = {.reach = lg_surrogate_reach(trained, trained_count)};
+    for (size_t i = 0; i < count; i++) {
+        const double *x = boundary_rows + 8 * (chosen != NULL ? chosen[i] : i);
+        const double distance = lg_surrogate_distance(model, trained, trained_count, x);
+        out.largest = fmax(out.largest, distance);
+        out.count += distance > outside_factor * out.reach;
+    }
+    return out;
+}

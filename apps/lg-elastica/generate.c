@@ -1,0 +1,122 @@
+/* lg-elastica generate: curves over families of boundary conditions into a data file. */
+#include <math.h>
+#include <stdlib.h>
+
+#include "lg-elastica/beam.h"
+#include "common/fit.h"
+
+typedef struct generate_values {
+    const char *out, *plot;
+    int kind;
+    uint64_t count, intervals;
+    double gap, length, stiffness;
+    app_reals q0, qN;
+    bool continuous;
+} generate_values;
+
+static const char *const families_names[] = {"both-ends", "right-end", "both", NULL};
+
+static const app_option generate_options[] = {
+    APP_ROW_CHOICE(generate_values, kind, "case", families_names,
+                   "both-ends (default), right-end, or both, one after the other"),
+    APP_ROW_SIZE(generate_values, count, "count", "n", 1, 100000000, "Curves of each case (default 1000)"),
+    APP_ROW_SIZE(generate_values, intervals, "intervals", "N", LG_ELASTICA_MIN_INTERVALS,
+                 LG_ELASTICA_MAX_INTERVALS, "Equal intervals between the nodes (default 50)"),
+    APP_ROW_REAL(generate_values, gap, "gap", "G", 0, 0.499,
+                 "Distance kept from x = 0, pi and 2 pi, in units of pi (default 0.01)"),
+    APP_ROW_FLAG(generate_values, continuous, "continuous",
+                 "Values of the differential equation at the nodes, not of the discrete problem"),
+    APP_ROW_POSITIVE(generate_values, length, "length", "L", "Length of the beam (default 3.3)"),
+    APP_ROW_POSITIVE(generate_values, stiffness, "stiffness", "EI", "Bending stiffness (default 10)"),
+    APP_ROW_REALS(generate_values, q0, "q0", "X,Y", "Where the beam begins (default 0,0)", NULL),
+    APP_ROW_REALS(generate_values, qN, "qN", "X,Y", "Where it ends (default 3,0)", NULL),
+    APP_ROW_TEXT(generate_values, out, "out", "FILE", "The HDF5 file to write"),
+    APP_ROW_TEXT(generate_values, plot, "plot", "FILE.svg|.png", "Draw some of the curves"),
+    APP_ROW_END};
+
+static generate_values values = {.count = 1000, .intervals = 50, .gap = 0.01, .length = 3.3, .stiffness = 10};
+
+static void report(const app *self, const lg_elastica_data *data, double seconds) {
+    const lg_elastica_curves *curves = &data->curves;
+    double low = INFINITY, high = -INFINITY;
+    for (size_t i = 0; curves->energy != NULL && i < curves->count; i++) {
+        low = fmin(low, curves->energy[i]);
+        high = fmax(high, curves->energy[i]);
+    }
+    if (!self->json) {
+        (void)printf("%s: %zu curves (%s, %s values), %u intervals, energies %.6g to %.6g (%.2f s)\n",
+                     values.out, curves->count, families_names[values.kind],
+                     curves->continuous ? "continuous" : "discrete", curves->intervals, low, high, seconds);
+        return;
+    }
+    app_json json;
+    app_json_begin(&json);
+    app_json_text(&json, "case", families_names[values.kind]);
+    app_json_size(&json, "curves", curves->count);
+    app_json_size(&json, "intervals", curves->intervals);
+    app_json_text(&json, "values", curves->continuous ? "continuous" : "discrete");
+    app_json_real(&json, "length", curves->length);
+    app_json_real(&json, "stiffness", curves->stiffness);
+    app_json_real(&json, "gap", values.gap);
+    app_json_real(&json, "energy_min", low);
+    app_json_real(&json, "energy_max", high);
+    app_json_size(&json, "threads", self->threads);
+    app_json_text(&json, "sha256", data->sha256);
+    app_json_text(&json, "out", values.out);
+    app_json_real(&json, "seconds", seconds);
+    app_json_end(&json);
+}
+
+static int fill_sampling(const app *self, lg_elastica_sampling *sampling) {
+    const boundary_values ends = {.q0 = values.q0, .qN = values.qN};
+    *sampling = lg_elastica_sampling_defaults();
+    sampling->both_ends = values.kind != 1;
+    sampling->right_end = values.kind != 0;
+    sampling->count = (size_t)values.count;
+    sampling->gap = values.gap;
+    sampling->continuous = values.continuous;
+    sampling->threads = (int)self->threads;
+    sampling->problem.length = values.length;
+    sampling->problem.stiffness = values.stiffness;
+    sampling->problem.intervals = (uint32_t)values.intervals;
+    return boundary_ends(self, &ends, &sampling->problem);
+}
+
+static int run(app *self) {
+    const app_path paths[] = {{"out", values.out, APP_WRITTEN}, {"plot", values.plot, APP_DRAWN}};
+    lg_error error = {LG_OK, ""};
+    lg_elastica_sampling sampling;
+    lg_elastica_data data = {.sha256 = ""};
+    if (values.out == NULL) return app_usage(self, "--out FILE is missing");
+    int code = fill_sampling(self, &sampling);
+    if (code == APP_EXIT_OK) code = app_check_outputs(self, paths, APP_COUNT(paths));
+    if (code != APP_EXIT_OK) return code;
+    const double begin = app_seconds();
+    lg_status status = lg_elastica_generate(self->context, &sampling, &data.curves, &error);
+    if (status == LG_CANCELLED) return app_fail(self, status, "stopped by Ctrl-C");
+    if (status != LG_OK)
+        return app_fail(self, status, "%s",
+                        error.message[0] != '\0' ? error.message : lg_status_sentence(status));
+    const double seconds = app_seconds() - begin;
+    const char *path = values.out;
+    data.provenance = app_provenance(self, self->seed);
+    status = lg_elastica_data_write(self->context, path, &data, &error);
+    if (status == LG_OK && values.plot != NULL) {
+        path = values.plot;
+        status = draw_set(self, path, &data.curves, &error);
+    }
+    if (status == LG_OK) report(self, &data, seconds);
+    lg_elastica_data_free(self->context, &data);
+    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, path);
+}
+
+const app_command generate_command = {
+    .name = "generate",
+    .summary = "Equilibria over a range of boundary conditions, as training data",
+    .details =
+        "The file holds /boundary (n, 8) as q0, v0, qN, vN, /q and /v (n, N + 1, 2), /energy, /x and "
+        "/case (n). x is equidistant over [G pi, (1 - G) pi] and its mirror image, ends included: half of "
+        "the curves in each.",
+    .options = generate_options,
+    .values = &values,
+    .run = run};
