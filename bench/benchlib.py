@@ -15,7 +15,8 @@ ROOT = os.path.dirname(HERE)
 NEUTRAL = ("OPENBLAS_CORETYPE", "OPENBLAS_NUM_THREADS", "OPENBLAS_L2_SIZE", "OMP_NUM_THREADS", "MKL_NUM_THREADS",
            "MKL_DEBUG_CPU_TYPE", "ATEN_CPU_CAPABILITY", "LIEGRAD_ISA", "NVPL_BLAS_DEBUG_CPU_TYPE")
 
-BATCHED = ("mlp2", "jvp")  # cases with a row a batch; of the others the first row is compared
+BATCHED = ("mlp2", "jvp")  # cases with a row a batch
+NAMED = ("elastica-discrete", "elastica-continuous", "elastica-angle")  # with several rows; of the others the first counts
 
 
 def say(*words):
@@ -96,6 +97,8 @@ class Torch:
         if key not in self.chosen:
             tried = []
             brief = ("--epochs", 4) if case.startswith("hamiltonian") else ("--patience", 0.3)
+            if case in NAMED:
+                brief += ("--epochs", 2)
             for setting in self.settings[group]:
                 result = self(case, setting, "--dtype", dtype, "--threads", threads, *brief, *options)
                 if result:
@@ -172,13 +175,15 @@ def at_error(points, target, key):
     return None
 
 
-def median_rows(results, batched):
-    """Rows of several runs of the same: medians of medians, least of least; other fields of the first run. By batch, or
-    only the first row, under None."""
+def median_rows(results, case):
+    """Rows of several runs of the same: medians of medians, least of least; other fields of the first run. By batch, by
+    name, or only the first row, under None."""
+    if case in NAMED:
+        return median_by_name(results)
     out = {}
     for result in results:
-        for r in result["rows"] if batched else result["rows"][:1]:
-            out.setdefault(r["batch"] if batched else None, []).append(r)
+        for r in result["rows"] if case in BATCHED else result["rows"][:1]:
+            out.setdefault(r["batch"] if case in BATCHED else None, []).append(r)
     return {key: median_row(rows) for key, rows in out.items()}
 
 

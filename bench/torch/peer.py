@@ -14,7 +14,7 @@ parser.add_argument("--threads", type=int, default=1)
 parser.add_argument("--repeats", type=int, default=0)
 parser.add_argument("--patience", type=float, default=4.0)
 parser.add_argument("--epochs", type=int, default=20)
-parser.add_argument("--inputs", help="prefix that lg-bench hamiltonian --out wrote to")
+parser.add_argument("--inputs", help="prefix that lg-bench hamiltonian or elastica-... --out wrote to")
 parser.add_argument("--out", help="where the trained parameters go, as doubles")
 args = parser.parse_args()
 
@@ -27,6 +27,7 @@ import torch
 torch.set_num_threads(args.threads)
 torch.set_flush_denormal(True)
 
+import elastica
 import hamiltonian
 import networks
 
@@ -200,6 +201,8 @@ cases = dict(mlp2=mlp2, jvp=jvp, adam=adam, dense=dense, scalar=scalar, batch1=b
 cases["scalar-ops"] = scalar
 if args.case in hamiltonian.EXPERIMENTS:
     rows = hamiltonian.run(args)
+elif args.case in elastica.EXPERIMENTS:
+    rows = elastica.run(args)
 elif args.case in cases:
     rows = cases[args.case]()
 else:
