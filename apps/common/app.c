@@ -362,6 +362,7 @@ int app_main(int argc, char **argv, const char *program, const char *summary, co
     argp_program_version_hook = print_version;
     (void)snprintf(self.title, sizeof self.title, "%s", program);
     self.command_line = join(argc, argv);
+    argv[0] = self.title; /* what getopt's own messages begin with */
     install_signals();
     if (commands[0].name == NULL) {
         self.command = &commands[0];

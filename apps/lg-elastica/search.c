@@ -49,7 +49,7 @@ typedef struct searching {
 
 /* One trial while it is trained. */
 typedef struct trial_state {
-    const searching *search;
+    searching *search;
     lg_search *session;
     lg_trial *trial;
     learner learner;
@@ -181,7 +181,7 @@ static double objective_of(const trial_state *state) {
 static int on_epoch(void *user, const lg_fit_epoch *report) {
     trial_state *state = user;
     const uint64_t parts = values.rungs + 1, done = report->epoch, total = report->epochs;
-    searching *search = (searching *)state->search;
+    searching *search = state->search;
     app_progress_show(&search->progress, search->count, "trial %llu/%llu, epoch %llu/%llu, loss %.3g",
                       (unsigned long long)state->trial->number + 1, (unsigned long long)values.trials,
                       (unsigned long long)done, (unsigned long long)total, report->loss);

@@ -33,7 +33,6 @@ static void hash(lg_elastica_data *data) {
 typedef struct read_call {
     const lg_context *context;
     const char *path;
-    const lg_read_options *options;
     lg_h5 *h5;
     lg_elastica_data *out;
 } read_call;
@@ -272,7 +271,9 @@ static lg_status read_attributes(read_call *call, lg_error *error) {
     return check_length(call, error);
 }
 
-static lg_status read_checked(read_call *call, lg_error *error) {
+static lg_status read_checked(void *user, lg_h5 *h5, lg_error *error) {
+    read_call *call = user;
+    call->h5 = h5;
     LG_TRY(lg_h5_check_format(call->h5, "elastica", true, error));
     LG_TRY(read_arrays(call, error));
     LG_TRY(check_ends(call, error));
@@ -282,22 +283,12 @@ static lg_status read_checked(read_call *call, lg_error *error) {
     return LG_OK;
 }
 
-static lg_status read_file(void *user, lg_error *error) {
-    read_call *call = user;
-    LG_TRY(lg_h5_open(call->context, call->path, call->options, &call->h5, error));
-    lg_status status = read_checked(call, error);
-    lg_h5_close(call->h5);
-    call->h5 = NULL;
-    return status;
-}
-
 lg_status lg_elastica_data_read(const lg_context *context, const char *path, const lg_read_options *options,
                                 lg_elastica_data *out, lg_error *error) {
     if (path == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
     lg_elastica_data made = {.sha256 = ""};
-    read_call call = {.context = context, .path = path, .options = options, .out = &made};
-    LG_TRY(lg_probe(path, options, read_file, &call, error));
-    const lg_status status = read_file(&call, error);
+    read_call call = {.context = context, .path = path, .out = &made};
+    const lg_status status = lg_h5_read(context, path, options, read_checked, &call, error);
     if (status != LG_OK) {
         lg_elastica_data_free(context, &made);
         return status;

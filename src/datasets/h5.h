@@ -83,6 +83,9 @@ lg_h5 *lg_file_reader_h5(lg_file_reader *reader);
  * once. A file that cannot be opened at all is left to the reader that follows. */
 lg_status lg_probe(const char *path, const lg_read_options *options,
                    lg_status (*read)(void *user, lg_error *error), void *user, lg_error *error);
+/* Opens the file and runs read(user, h5, error), first in the child of lg_probe, then here. */
+lg_status lg_h5_read(const lg_context *context, const char *path, const lg_read_options *options,
+                     lg_status (*read)(void *user, lg_h5 *h5, lg_error *error), void *user, lg_error *error);
 /* options with the defaults filled in; LG_INVALID_ARGUMENT for a wrong size. */
 lg_status lg_read_options_resolve(const lg_read_options *options, lg_read_options *out, lg_error *error);
 

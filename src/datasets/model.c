@@ -213,27 +213,19 @@ static lg_status get_model(lg_h5 *h5, const lg_model_kind *kind, void *file, lg_
 }
 
 typedef struct load_call {
-    const lg_context *context;
-    const char *path;
-    const lg_read_options *options;
     const lg_model_kind *kind;
     void *file;
 } load_call;
 
-static lg_status load_file(void *user, lg_error *error) {
-    load_call *call = user;
-    lg_h5 *h5;
-    LG_TRY(lg_h5_open(call->context, call->path, call->options, &h5, error));
-    lg_status status = get_model(h5, call->kind, call->file, error);
-    lg_h5_close(h5);
-    return status;
+static lg_status load_file(void *user, lg_h5 *h5, lg_error *error) {
+    const load_call *call = user;
+    return get_model(h5, call->kind, call->file, error);
 }
 
 lg_status lg_model_load(const lg_context *context, const char *path, const lg_read_options *options,
                         const lg_model_kind *kind, void *file, lg_error *error) {
-    load_call call = {context, path, options, kind, file};
-    LG_TRY(lg_probe(path, options, load_file, &call, error));
-    lg_status status = load_file(&call, error);
+    load_call call = {kind, file};
+    const lg_status status = lg_h5_read(context, path, options, load_file, &call, error);
     if (status != LG_OK) kind->release(context, file);
     return status;
 }

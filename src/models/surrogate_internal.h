@@ -15,11 +15,6 @@ static const double lg_gauss_weight[LG_GAUSS_POINTS] = {5.0 / 18.0, 8.0 / 18.0, 
 /* Where the components of boundary conditions x = (q0, v0, qN, vN) begin. */
 enum { LG_AT_Q0 = 0, LG_AT_V0 = 2, LG_AT_QN = 4, LG_AT_VN = 6 };
 
-/* Arc length of node k; exactly 0 and L at the ends. */
-static inline double lg_surrogate_node(const lg_surrogate *model, uint32_t k) {
-    return k == model->intervals ? model->length : model->length * k / model->intervals;
-}
-
 /* -1 where the network works on the mirror image of these boundary conditions, else 1. */
 double lg_surrogate_sign(const lg_surrogate *model, const double *x);
 /* theta_0 and theta_N in (-pi, pi], of the mirror image for sign -1. */

@@ -176,9 +176,28 @@ static inline void cli_expect_limited(const char *program, const char *arguments
         fail_msg("%s %s: '%s' is not in\n%s%s", program, arguments, words, result->out, result->err);
 }
 
+/* A command line that is refused: its exit code and words of the sentence. */
+typedef struct cli_bad {
+    const char *arguments;
+    int code;
+    const char *words;
+} cli_bad;
+
 static inline void cli_expect(const char *program, const char *arguments, int code, const char *words,
                               cli *result) {
     cli_expect_limited(program, arguments, 0, code, words, result);
+}
+
+/* Each is refused as it says, in a message that begins with the program's name, with nothing on standard
+ * output and no temporary file left. */
+static inline void cli_expect_refused(const char *program, const cli_bad *rows, size_t count, cli *result) {
+    for (size_t i = 0; i < count; i++) {
+        cli_expect(program, rows[i].arguments, rows[i].code, rows[i].words, result);
+        if (strncmp(result->err, program, strlen(program)) != 0)
+            fail_msg("%s: the message does not begin with the program: %s", rows[i].arguments, result->err);
+        assert_string_equal(result->out, "");
+    }
+    assert_int_equal(cli_count_files("tmp"), 0);
 }
 
 /* ---- a strict JSON reader (RFC 8259): position after the value, NULL when there is none ---- */
