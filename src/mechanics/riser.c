@@ -1,0 +1,361 @@
+/* The riser scene: parameters, matrices, periods, the standard runs. */
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "mechanics/riser.h"
+
+#define PI 3.14159265358979323846
+
+const char *lg_riser_channel(uint32_t index) {
+    static const char *const names[LG_RISER_CHANNELS] = {"acc_lower_x", "acc_lower_y", "acc_upper_x",
+                                                         "acc_upper_y", "moment_x",    "moment_y"};
+    return index < LG_RISER_CHANNELS ? names[index] : NULL;
+}
+
+static const char *const housings[LG_HOUSING_COUNT] = {"slack", "tight"};
+
+const char *lg_housing_name(lg_housing housing) {
+    return (unsigned)housing < LG_HOUSING_COUNT ? housings[housing] : NULL;
+}
+
+lg_status lg_housing_parse(const char *name, lg_housing *out) {
+    if (!name || !out) return LG_INVALID_ARGUMENT;
+    for (int i = 0; i < LG_HOUSING_COUNT; i++) {
+        if (strcmp(name, housings[i]) != 0) continue;
+        *out = (lg_housing)i;
+        return LG_OK;
+    }
+    return LG_NOT_FOUND;
+}
+
+/* ---- parameters ---- */
+
+void lg_riser_parameters_init(lg_riser_parameters *out) {
+    *out = (lg_riser_parameters){.size = sizeof(*out),
+                                 .depth = 100.0,
+                                 .rho = 1025.0,
+                                 .gravity = 9.81,
+                                 .bop_mass = 200e3,
+                                 .bop_added_mass = 120e3,
+                                 .bop_height = 10.0,
+                                 .bop_centre = 5.0,
+                                 .bop_weight = 1.6e6,
+                                 .bop_diameter = 4.5,
+                                 .bop_drag = 1.8,
+                                 .bop_volume = 60.0,
+                                 .riser_mass = 550.0,
+                                 .hydro_diameter = 0.9,
+                                 .drag = 1.1,
+                                 .added_mass = 1.0,
+                                 .bending_stiffness = 2.7e8,
+                                 .submerged_weight = 1.5e3,
+                                 .flex_joint = 2.3e6,
+                                 .top_tension = 1.4e6,
+                                 .housing_stiffness = 150e6,
+                                 .housing_factor = 2.0,
+                                 .housing_gap = 60e3,
+                                 .softening = 0.03,
+                                 .soil_stiffness = 1.2e8,
+                                 .soil_strength = 3e6,
+                                 .damping_rotation = 0.04,
+                                 .damping_offset = 0.08,
+                                 .damping_riser = 0.01,
+                                 .sensor_moment = 1.0,
+                                 .sensor_lower = 9.0,
+                                 .sensor_upper = 2.0,
+                                 .noise_acceleration = 3e-4,
+                                 .noise_moment = 500.0,
+                                 .current = 0.35,
+                                 .housing = LG_HOUSING_SLACK,
+                                 .severity = 1.0};
+}
+
+typedef enum limit { POSITIVE, NOT_NEGATIVE, ANY } limit;
+
+static const struct range {
+    const char *name;
+    size_t offset;
+    limit limit;
+} ranges[] = {
+#define ROW(member, range)                                                                                   \
+    { #member, offsetof(lg_riser_parameters, member), range }
+    ROW(depth, POSITIVE),
+    ROW(rho, NOT_NEGATIVE),
+    ROW(gravity, POSITIVE),
+    ROW(bop_mass, POSITIVE),
+    ROW(bop_added_mass, NOT_NEGATIVE),
+    ROW(bop_height, POSITIVE),
+    ROW(bop_centre, NOT_NEGATIVE),
+    ROW(bop_weight, ANY),
+    ROW(bop_diameter, NOT_NEGATIVE),
+    ROW(bop_drag, NOT_NEGATIVE),
+    ROW(bop_volume, NOT_NEGATIVE),
+    ROW(riser_mass, POSITIVE),
+    ROW(hydro_diameter, NOT_NEGATIVE),
+    ROW(drag, NOT_NEGATIVE),
+    ROW(added_mass, NOT_NEGATIVE),
+    ROW(bending_stiffness, NOT_NEGATIVE),
+    ROW(submerged_weight, ANY),
+    ROW(flex_joint, NOT_NEGATIVE),
+    ROW(top_tension, POSITIVE),
+    ROW(housing_stiffness, POSITIVE),
+    ROW(housing_factor, POSITIVE),
+    ROW(housing_gap, NOT_NEGATIVE),
+    ROW(softening, POSITIVE),
+    ROW(soil_stiffness, POSITIVE),
+    ROW(soil_strength, POSITIVE),
+    ROW(damping_rotation, NOT_NEGATIVE),
+    ROW(damping_offset, NOT_NEGATIVE),
+    ROW(damping_riser, NOT_NEGATIVE),
+    ROW(sensor_moment, ANY),
+    ROW(sensor_lower, ANY),
+    ROW(sensor_upper, ANY),
+    ROW(noise_acceleration, NOT_NEGATIVE),
+    ROW(noise_moment, NOT_NEGATIVE),
+    ROW(current, ANY),
+    ROW(severity, POSITIVE),
+#undef ROW
+};
+
+static bool within(double x, limit kind) {
+    return isfinite(x) && (kind == ANY || x > 0.0 || (kind == NOT_NEGATIVE && x == 0.0));
+}
+
+/* ---- matrices ---- */
+
+double lg_riser_segment(const lg_riser_parameters *p) {
+    return (p->depth - p->bop_height) / (LG_RISER_NODES + 1);
+}
+
+double lg_riser_height(const lg_riser_parameters *p, size_t station) {
+    return station == 0 ? p->bop_centre : p->bop_height + (double)(station - 1) * lg_riser_segment(p);
+}
+
+/* matrix += factor d d^T */
+static void add_square(double factor, const double *d, double *matrix) {
+    for (size_t i = 0; i < LG_RISER_DOF; i++)
+        for (size_t j = 0; j < LG_RISER_DOF; j++) matrix[i * LG_RISER_DOF + j] += factor * d[i] * d[j];
+}
+
+/* Row i of y: offset of the flex joint (0), of node i (1..12), of the fixed top (13), in degrees of freedom.
+ */
+static void offsets(const lg_riser_parameters *p, double y[LG_RISER_NODES + 2][LG_RISER_DOF]) {
+    memset(y, 0, (LG_RISER_NODES + 2) * sizeof *y);
+    y[0][0] = 1.0;
+    y[0][1] = p->bop_height;
+    for (size_t i = 1; i <= LG_RISER_NODES; i++) y[i][i + 1] = 1.0;
+}
+
+static double tension(const lg_riser_parameters *p, double z) {
+    return p->top_tension - p->submerged_weight * (p->depth - z);
+}
+
+/* Tension, bending and flex joint. */
+static void add_riser_stiffness(const lg_riser_parameters *p, double y[][LG_RISER_DOF], double *k) {
+    const double l = lg_riser_segment(p);
+    double d[LG_RISER_DOF];
+    for (size_t i = 0; i <= LG_RISER_NODES; i++) {
+        for (size_t j = 0; j < LG_RISER_DOF; j++) d[j] = y[i + 1][j] - y[i][j];
+        add_square(tension(p, p->bop_height + ((double)i + 0.5) * l) / l, d, k);
+    }
+    for (size_t i = 1; i <= LG_RISER_NODES; i++) {
+        for (size_t j = 0; j < LG_RISER_DOF; j++)
+            d[j] = (y[i - 1][j] - 2.0 * y[i][j] + y[i + 1][j]) / (l * l);
+        add_square(p->bending_stiffness * l, d, k);
+    }
+    for (size_t j = 0; j < LG_RISER_DOF; j++) d[j] = (y[1][j] - y[0][j]) / l;
+    d[1] -= 1.0;
+    add_square(p->flex_joint, d, k);
+}
+
+void lg_riser_matrices_make(const lg_riser_parameters *p, lg_riser_matrices *out) {
+    enum { N = LG_RISER_DOF };
+    const double m = p->bop_mass + p->bop_added_mass, h = p->bop_centre, L = p->bop_height;
+    const double area = PI / 4.0 * p->hydro_diameter * p->hydro_diameter;
+    const double lump = (p->riser_mass + p->rho * area * p->added_mass) * lg_riser_segment(p);
+    double y[LG_RISER_NODES + 2][LG_RISER_DOF];
+    memset(out, 0, sizeof *out);
+    offsets(p, y);
+    add_square(lump / 2.0, y[0], out->mass);
+    for (size_t i = 1; i <= LG_RISER_NODES; i++) add_square(lump, y[i], out->mass);
+    out->mass[0] += m;
+    out->mass[1] += m * h;
+    out->mass[N] += m * h;
+    out->mass[N + 1] += m * (L * L / 12.0 + h * h);
+    add_riser_stiffness(p, y, out->stiffness);
+    for (size_t i = 0; i < LG_RISER_MATRIX; i++) out->damping[i] = p->damping_riser * out->stiffness[i];
+    out->damping[0] += 2.0 * p->damping_offset * sqrt(p->soil_stiffness * out->mass[0]);
+    out->damping[N + 1] += 2.0 * p->damping_rotation * sqrt(p->housing_stiffness * out->mass[N + 1]);
+    out->stiffness[N + 1] += tension(p, L) * L - p->bop_weight * h;
+}
+
+/* Cholesky factor, in place in the lower triangle; false: not positive definite. */
+static bool factor(double *a) {
+    enum { N = LG_RISER_DOF };
+    for (size_t j = 0; j < N; j++) {
+        for (size_t i = j; i < N; i++) {
+            double sum = a[i * N + j];
+            for (size_t k = 0; k < j; k++) sum -= a[i * N + k] * a[j * N + k];
+            if (i == j && !(sum > 0.0 && isfinite(sum))) return false;
+            a[i * N + j] = i == j ? sqrt(sum) : sum / a[j * N + j];
+        }
+    }
+    return true;
+}
+
+/* Stiffness with the springs of soil and wellhead. */
+static void add_springs(const lg_riser_parameters *p, double wellhead, double *stiffness) {
+    stiffness[0] += p->soil_stiffness;
+    stiffness[LG_RISER_DOF + 1] += wellhead;
+}
+
+/* ---- check ---- */
+
+/* At least where the housing is at its stiffest, beyond its gap. */
+static bool stands(const lg_riser_parameters *p) {
+    lg_riser_matrices m;
+    lg_wellhead w;
+    lg_riser_matrices_make(p, &m);
+    lg_wellhead_make(p, &w);
+    add_springs(p, w.outer, m.stiffness);
+    return factor(m.mass) && factor(m.stiffness);
+}
+
+lg_status lg_riser_parameters_check(const lg_riser_parameters *p, lg_error *error) {
+    static const char *const words[] = {"positive", "zero or positive", "finite"};
+    if (!p || p->size != sizeof(*p))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "riser parameters of unknown size");
+    for (size_t i = 0; i < LG_COUNT(ranges); i++) {
+        double x;
+        memcpy(&x, (const char *)p + ranges[i].offset, sizeof x);
+        if (!within(x, ranges[i].limit))
+            return lg_fail(error, LG_INVALID_ARGUMENT, "riser: %s is %g, it must be %s", ranges[i].name, x,
+                           words[ranges[i].limit]);
+    }
+    if ((unsigned)p->housing >= LG_HOUSING_COUNT)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "riser: housing %d is unknown", (int)p->housing);
+    if (p->severity > 1.0)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "riser: severity is %g, it must not exceed 1 (intact)",
+                       p->severity);
+    if (!(p->bop_height < p->depth))
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "riser: bop_height is %g, it must be below the surface (depth %g)", p->bop_height,
+                       p->depth);
+    if (!stands(p))
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "riser: these parameters make a structure that does not stand (negative stiffness)");
+    return lg_fail(error, LG_OK, "%s", "");
+}
+
+/* ---- periods ---- */
+
+/* a := L^-1 a L^-T, symmetric. */
+static void reduce(const double *l, double *a) {
+    enum { N = LG_RISER_DOF };
+    for (int pass = 0; pass < 2; pass++) {
+        for (size_t c = 0; c < N; c++)
+            for (size_t i = 0; i < N; i++) {
+                for (size_t k = 0; k < i; k++) a[i * N + c] -= l[i * N + k] * a[k * N + c];
+                a[i * N + c] /= l[i * N + i];
+            }
+        for (size_t i = 0; i < N; i++)
+            for (size_t j = 0; j < i; j++) {
+                const double kept = a[i * N + j];
+                a[i * N + j] = a[j * N + i];
+                a[j * N + i] = kept;
+            }
+    }
+}
+
+/* One rotation that makes a[p, q] zero (Golub & Van Loan, Matrix Computations, 8.5). */
+static void rotate(double *a, size_t p, size_t q) {
+    enum { N = LG_RISER_DOF };
+    const double apq = a[p * N + q];
+    if (apq == 0.0) return;
+    const double tau = (a[q * N + q] - a[p * N + p]) / (2.0 * apq);
+    const double t = (tau >= 0.0 ? 1.0 : -1.0) / (fabs(tau) + sqrt(1.0 + tau * tau));
+    const double c = 1.0 / sqrt(1.0 + t * t), s = t * c;
+    for (size_t i = 0; i < N; i++) {
+        const double x = a[i * N + p], y = a[i * N + q];
+        a[i * N + p] = c * x - s * y;
+        a[i * N + q] = s * x + c * y;
+    }
+    for (size_t i = 0; i < N; i++) {
+        const double x = a[p * N + i], y = a[q * N + i];
+        a[p * N + i] = c * x - s * y;
+        a[q * N + i] = s * x + c * y;
+    }
+    a[p * N + q] = a[q * N + p] = 0.0;
+}
+
+/* Eigenvalues to the diagonal; false when the sweeps run out. */
+static bool diagonalise(double *a) {
+    enum { N = LG_RISER_DOF, SWEEPS = 50 };
+    for (int sweep = 0; sweep < SWEEPS; sweep++) {
+        double off = 0.0, on = 0.0;
+        for (size_t i = 0; i < N; i++)
+            for (size_t j = 0; j < N; j++) *(i == j ? &on : &off) += a[i * N + j] * a[i * N + j];
+        if (off <= on * DBL_EPSILON * DBL_EPSILON) return true;
+        for (size_t p = 0; p < N; p++)
+            for (size_t q = p + 1; q < N; q++) rotate(a, p, q);
+    }
+    return false;
+}
+
+lg_status lg_riser_periods(const lg_riser_parameters *p, bool locked, double periods[LG_RISER_DOF]) {
+    enum { N = LG_RISER_DOF };
+    lg_riser_matrices m;
+    lg_wellhead w;
+    if (!periods) return LG_INVALID_ARGUMENT;
+    LG_TRY(lg_riser_parameters_check(p, NULL));
+    lg_riser_matrices_make(p, &m);
+    lg_wellhead_make(p, &w);
+    add_springs(p, locked ? w.outer : w.inner, m.stiffness);
+    if (!factor(m.mass)) return LG_INVALID_ARGUMENT;
+    reduce(m.mass, m.stiffness);
+    if (!diagonalise(m.stiffness)) return LG_NO_CONVERGENCE;
+    double sorted[N];
+    for (size_t i = 0; i < N; i++) {
+        const double value = m.stiffness[i * N + i];
+        if (!(value > 0.0)) return LG_INVALID_ARGUMENT;
+        size_t at = i;
+        for (; at > 0 && sorted[at - 1] > value; at--) sorted[at] = sorted[at - 1];
+        sorted[at] = value;
+    }
+    for (size_t i = 0; i < N; i++) periods[i] = 2.0 * PI / sqrt(sorted[i]);
+    return LG_OK;
+}
+
+/* ---- the standard runs ---- */
+
+enum { STREAM_SEA_STATE = 0x5ea, STREAM_WAVES = 0x3a7e, STREAM_NOISE = 0x2015e };
+
+lg_sea_state lg_sea_state_draw(uint32_t index, lg_rng *rng) {
+    static const double heights[6] = {1.5, 2.0, 2.5, 3.0, 3.5, 4.5}, directions[3] = {20.0, 45.0, 70.0};
+    const double height = heights[index / 3 % 6];
+    const double stretch = lg_rng_uniform_in(rng, 0.95, 1.25), turn = lg_rng_uniform_in(rng, -10.0, 10.0);
+    return (lg_sea_state){.height = height,
+                          .period = 4.2 * sqrt(height) * stretch + 1.0,
+                          .direction = (directions[index % 3] + turn) * PI / 180.0};
+}
+
+void lg_riser_standard_run(uint32_t index, uint64_t seed, double severity, lg_riser_parameters *parameters,
+                           lg_riser_run *run, uint32_t *label, uint32_t *sea_state) {
+    static const double tensions[3] = {1.1e6, 1.4e6, 1.7e6}, joints[3] = {2e6, 2.3e6, 2.6e6};
+    const uint32_t condition = index % LG_RISER_RUNS / 2, sea = condition % LG_SEA_STATES;
+    lg_rng rng;
+    lg_riser_parameters_init(parameters);
+    parameters->top_tension = tensions[condition / LG_SEA_STATES];
+    parameters->flex_joint = joints[condition / LG_SEA_STATES];
+    parameters->severity = index % 2 ? severity : 1.0;
+    lg_riser_run_init(run);
+    lg_rng_seed(&rng, seed, STREAM_SEA_STATE + ((uint64_t)sea << 32));
+    run->sea = lg_sea_state_draw(sea, &rng);
+    lg_rng_seed(&rng, seed, STREAM_WAVES + ((uint64_t)condition << 32));
+    run->seed = lg_rng_next(&rng);
+    lg_rng_seed(&rng, seed, STREAM_NOISE + ((uint64_t)(index % LG_RISER_RUNS) << 32));
+    run->noise_seed = lg_rng_next(&rng);
+    *label = index % 2;
+    *sea_state = sea;
+}
