@@ -93,6 +93,22 @@ LG_API lg_var lg_gather(lg_tape *tape, lg_var x, const uint32_t *indices, uint32
 LG_API lg_var lg_scatter(lg_tape *tape, lg_var x, const uint32_t *indices, uint32_t n, uint32_t rows);
 LG_API lg_var lg_stop_gradient(lg_tape *tape, lg_var x); /* same value, derivative 0 */
 
+/* ---- convolution and pooling along time: x (B, L, C), time before channels ---- */
+/* y[b, t, o] = sum_{j,c} x[b, s t + j - p, c] w[j, c, o], w (k, C, O) -> y (B, L', O), L' = floor((L + 2p -
+ * k)/s) + 1, zeros outside; stride s >= 1, padding p < k. LG_SHAPE when nothing is left. Its derivatives are
+ * convolutions again, to any order. */
+LG_API lg_var lg_conv1d(lg_tape *tape, lg_var x, lg_var w, uint32_t stride, uint32_t padding);
+/* sigma(conv + b) in one: b (O) or LG_NONE. */
+LG_API lg_var lg_conv1d_dense(lg_tape *tape, lg_var x, lg_var w, lg_var b, uint32_t stride, uint32_t padding,
+                              lg_activation kind);
+/* Mean of `size` samples every `stride`: (B, L, C) -> (B, floor((L - size)/stride) + 1, C). */
+LG_API lg_var lg_avg_pool1d(lg_tape *tape, lg_var x, uint32_t size, uint32_t stride);
+/* lg_avg_pool1d(lg_conv1d_dense(...), size, step) in one: of the convolution only sigma' is kept. */
+LG_API lg_var lg_conv1d_pooled(lg_tape *tape, lg_var x, lg_var w, lg_var b, uint32_t stride, uint32_t padding,
+                               lg_activation kind, uint32_t size, uint32_t step);
+/* Largest of them; ties: to the first. A kink: second derivative 0. */
+LG_API lg_var lg_max_pool1d(lg_tape *tape, lg_var x, uint32_t size, uint32_t stride);
+
 /* ---- rows of vectors: the last axis is the vector, all others are batch; equal shapes ---- */
 LG_API lg_var lg_rowdot(lg_tape *tape, lg_var a, lg_var b); /* (..., d) (..., d) -> (..., 1) */
 LG_API lg_var lg_rownorm2(lg_tape *tape, lg_var a);         /* squared norm, (..., 1) */

@@ -335,10 +335,18 @@ static bool is_constant(const lg_tape *tape, const lg_node *node) {
     return at < tape->constant_bytes && node->count * tape->k->size <= tape->constant_bytes - at;
 }
 
+static uint32_t columns_of(const lg_node *node) {
+    return node->shape.dims[node->shape.rank - 1];
+}
+
+static uint32_t rows_of(const lg_node *node) {
+    return node->shape.rank == 3 ? node->shape.dims[0] * node->shape.dims[1] : node->shape.dims[0];
+}
+
 static void *lasting_transpose(const lg_tape *tape, const lg_node *node) {
     for (uint32_t i = 0; i < tape->lasting_count; i++) {
         const lg_lasting *l = &tape->lasting[i];
-        if (l->value == node->value && l->rows == node->shape.dims[0] && l->cols == node->shape.dims[1])
+        if (l->value == node->value && l->rows == rows_of(node) && l->cols == columns_of(node))
             return l->transposed;
     }
     return NULL;
@@ -346,7 +354,7 @@ static void *lasting_transpose(const lg_tape *tape, const lg_node *node) {
 
 static void *make_transpose(lg_tape *tape, const lg_node *node) {
     void *memory = lg_pool_take(tape, node->count * tape->k->size);
-    if (memory != NULL) tape->k->transpose(node->shape.dims[0], node->shape.dims[1], node->value, memory);
+    if (memory != NULL) tape->k->transpose(rows_of(node), columns_of(node), node->value, memory);
     return memory;
 }
 
@@ -356,8 +364,7 @@ static void *new_lasting(lg_tape *tape, const lg_node *node) {
         return NULL;
     void *memory = make_transpose(tape, node);
     if (memory == NULL) return NULL;
-    tape->lasting[tape->lasting_count++] =
-        (lg_lasting){node->value, memory, node->shape.dims[0], node->shape.dims[1]};
+    tape->lasting[tape->lasting_count++] = (lg_lasting){node->value, memory, rows_of(node), columns_of(node)};
     return memory;
 }
 

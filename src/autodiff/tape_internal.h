@@ -50,6 +50,14 @@
     X(PAD, pad)                                                                                              \
     X(CONCAT, concat)                                                                                        \
     X(PERMUTE, permute)                                                                                      \
+    X(CONV1D, conv1d)                                                                                        \
+    X(CONV1D_BLOCK, conv1d_block)                                                                            \
+    X(CONV1D_INPUT, conv1d_input)                                                                            \
+    X(CONV1D_WEIGHT, conv1d_weight)                                                                          \
+    X(AVG_POOL1D, avg_pool1d)                                                                                \
+    X(AVG_POOL1D_ADJOINT, avg_pool1d_adjoint)                                                                \
+    X(POOL_PICK, pool_pick)                                                                                  \
+    X(POOL_PLACE, pool_place)                                                                                \
     X(GATHER, gather)                                                                                        \
     X(SCATTER, scatter)                                                                                      \
     X(ROWDOT, rowdot)                                                                                        \
@@ -84,7 +92,7 @@ enum {
 
 typedef struct lg_node {
     void *value;
-    void *transposed; /* transpose of a rank-2 value; NULL until asked for. Its owner: see lg_transposed */
+    void *transposed; /* transpose of the value; NULL until asked for. Its owner: see lg_transposed */
     size_t count;
     lg_attr attr;
     lg_shape shape;
@@ -229,8 +237,8 @@ lg_var lg_fail_shapes(lg_tape *tape, const char *operation, const lg_node *const
 void *lg_value_allocate(lg_tape *tape, size_t count);
 /* Payload that lives as long as the nodes recorded now (indices and the like). NULL: error set. */
 void *lg_payload_allocate(lg_tape *tape, size_t bytes);
-/* Transpose of a rank-2 node's value, made once: it lasts as long as the node, or as the memory that has been
- * declared constant. NULL: error set. */
+/* Transpose of a node's value of rank 2, or of rank 3 seen as (d0 d1, d2), made once: it lasts as long as the
+ * node, or as the memory that has been declared constant. NULL: error set. */
 const void *lg_transposed(lg_tape *tape, uint32_t node);
 /* Promises that all that is done on the tape until the next such call finds these bytes, which lg_parameter
  * points to, as they are now: what is derived from them survives lg_tape_reset. NULL, 0: no promise. */

@@ -14,6 +14,8 @@
 #include "autodiff/kernels/transpose.inc"
 
 #include "autodiff/kernels/gemm.inc"
+#include "autodiff/kernels/window.inc"
+
 #include "autodiff/kernels/reduce.inc"
 #include "autodiff/kernels/geometry.inc"
 #include "autodiff/kernels/lie.inc"
@@ -72,6 +74,7 @@ const lg_kernels TABLE = {
     .act = act,
     .act_reverse = act_reverse,
     .bias_act = bias_act,
+    .act_slope = act_slope,
     .mix = mix,
     .mix_reverse = mix_reverse,
     .dual_mix = dual_mix,
@@ -81,6 +84,10 @@ const lg_kernels TABLE = {
     .gemm = gemm,
     .transpose = transpose,
     .matvec = matvec,
+    .window_mean = window_mean,
+    .window_pick = window_pick,
+    .window_place = window_place,
+    .window_fold = window_fold,
     .sum = sum,
     .dot = dot,
     .sum_rows = sum_rows,

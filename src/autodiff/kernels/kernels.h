@@ -87,6 +87,13 @@ typedef struct lg_se3_stage {
 } lg_se3_stage;
 #define LG_SE3_BLOCK 8
 
+/* `count` windows of `size` rows of a series, one every `stride` rows, the first begins `padding` rows before
+ * the series; a row has `channels` numbers. Window t has rows stride t - padding .. + size - 1; those outside
+ * of the series are zero. count = (length + 2 padding - size)/stride + 1 or less. */
+typedef struct lg_k_windows {
+    size_t length, channels, size, stride, padding, count;
+} lg_k_windows;
+
 #define LG_K_STAGES      8
 #define LG_K_STAGE_BLOCK ((size_t)8)
 
@@ -123,6 +130,8 @@ typedef struct lg_kernels {
                         const void *q, void *dq, bool add_q, void *dx, bool add_x);
     /* In place: y[i, j] = sigma(y[i, j] + bias[j]); bias may be NULL. Order 0 only. */
     void (*bias_act)(lg_k_act kind, size_t rows, size_t cols, const void *bias, void *y);
+    /* y[i, j] = sigma(x), d[i, j] = sigma'(x) at x = d[i, j] + bias[j]; y does not overlap d. */
+    void (*act_slope)(lg_k_act kind, size_t rows, size_t cols, const void *bias, void *d, void *y);
 
     /* y = (1 - z) u + z v. reverse: cotangents of in = (z, u, v) from g, y's one, into out[k], NULL where it
      * is not asked for; added where add[k]. No two of them overlap. */
@@ -151,6 +160,19 @@ typedef struct lg_kernels {
     void (*matvec)(size_t m, size_t k, const void *a, const void *x, void *y, bool accumulate);
     /* y(cols, rows) = transpose of x(rows, cols), both contiguous */
     void (*transpose)(size_t rows, size_t cols, const void *x, void *y);
+
+    /* Of series x (batch, length, channels) and their windows, y and g (batch, count, channels).
+     * mean: of each window; pick: of h in the row of the window in which x is largest (ties: the first; a NaN
+     * is larger than all); no padding. place: g into that row of `to`, [added to] zeros. fold: x[u] = [x[u]
+     * +] factor times the sum over windows t that have row u, as their row j, of the channels at from[t pitch
+     * + j inner], t ascending; a sample's windows follow the windows of the one before. `times`, as long as
+     * x: each sum is multiplied by its number, and nothing is added to; or NULL. */
+    void (*window_mean)(const lg_k_windows *w, size_t batch, const void *x, void *y);
+    void (*window_pick)(const lg_k_windows *w, size_t batch, const void *h, const void *x, void *y);
+    void (*window_place)(const lg_k_windows *w, size_t batch, const void *g, const void *x, void *to,
+                         bool add);
+    void (*window_fold)(const lg_k_windows *w, size_t batch, double factor, const void *from, size_t pitch,
+                        size_t inner, const void *times, void *x, bool add);
 
     double (*sum)(size_t n, const void *x);
     double (*dot)(size_t n, const void *a, const void *b);

@@ -1,0 +1,514 @@
+/* Convolution and pooling along time.
+ *
+ * CONV1D y = conv(x, w), CONV1D_INPUT x = conv_input(g, w) and CONV1D_WEIGHT w = conv_weight(x, g) are the
+ * three bilinear maps with g.conv(x, w) = conv_input(g, w).x = conv_weight(x, g).w: each one's derivatives
+ * are the other two. CONV1D may have a bias as third input. attr.i = {stride, padding, extent}: the length of
+ * x for CONV1D_INPUT, the kernel for CONV1D_WEIGHT, which the shapes of the inputs leave open.
+ *
+ * CONV1D_BLOCK(x, w[, b]) is CONV1D, an activation and AVG_POOL1D: attr.i = {stride, padding, size and stride
+ * of pooling}, attr.c the activation, attr.pointer its slope, the one array that is kept: neither the
+ * convolution nor its activation is. Derivatives that are themselves differentiated are made of the three.
+ *
+ * AVG_POOL1D and AVG_POOL1D_ADJOINT are linear; attr.i = {size, stride, length}. POOL_PICK(h, x) takes of
+ * each window the element of h where x is largest, POOL_PLACE(g, x) puts it back: linear in the first input,
+ * constant to differentiation in the second. Maximum pooling is POOL_PICK(x, x).
+ */
+#include "autodiff/conv.h"
+#include "autodiff/tape_internal.h"
+
+/* ---- convolution: sizes ---- */
+
+/* From the shapes of x and w. */
+static bool conv_of(const lg_shape *x, const lg_shape *w, const lg_attr *attr, lg_conv *out) {
+    *out = (lg_conv){.windows = {.length = x->dims[1],
+                                 .channels = x->dims[2],
+                                 .size = w->dims[0],
+                                 .stride = attr->i[0],
+                                 .padding = attr->i[1]},
+                     .batch = x->dims[0],
+                     .outputs = w->dims[2]};
+    return x->rank == 3 && w->rank == 3 && x->dims[2] == w->dims[1] && lg_windows_count(&out->windows) &&
+           out->windows.count <= UINT32_MAX;
+}
+
+/* The shape of y. */
+static lg_shape windows_shape(const lg_conv *c) {
+    return lg_shape3((uint32_t)c->batch, (uint32_t)c->windows.count, (uint32_t)c->outputs);
+}
+
+static lg_status conv1d_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+    lg_conv c;
+    if (!conv_of(&in[0]->shape, &in[1]->shape, attr, &c)) return LG_SHAPE;
+    if (inputs > 2 && (in[2]->shape.rank != 1 || in[2]->shape.dims[0] != c.outputs)) return LG_SHAPE;
+    *out = windows_shape(&c);
+    return LG_OK;
+}
+
+static lg_status conv1d_input_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr,
+                                    lg_shape *out) {
+    (void)inputs;
+    const lg_shape *g = &in[0]->shape, *w = &in[1]->shape;
+    if (g->rank != 3 || w->rank != 3) return LG_SHAPE;
+    *out = lg_shape3(g->dims[0], attr->i[2], w->dims[1]);
+    lg_conv c;
+    if (!conv_of(out, w, attr, &c)) return LG_SHAPE;
+    const lg_shape y = windows_shape(&c);
+    return lg_same_shape(g, &y) ? LG_OK : LG_SHAPE;
+}
+
+static lg_status conv1d_weight_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr,
+                                     lg_shape *out) {
+    (void)inputs;
+    const lg_shape *x = &in[0]->shape, *g = &in[1]->shape;
+    if (x->rank != 3 || g->rank != 3) return LG_SHAPE;
+    *out = lg_shape3(attr->i[2], x->dims[2], g->dims[2]);
+    lg_conv c;
+    if (!conv_of(x, out, attr, &c)) return LG_SHAPE;
+    const lg_shape y = windows_shape(&c);
+    return lg_same_shape(g, &y) ? LG_OK : LG_SHAPE;
+}
+
+/* ---- convolution: values ---- */
+
+/* *memory is NULL where none is wanted; false: error set. */
+static bool take_scratch(lg_tape *tape, size_t count, void **memory) {
+    *memory = count == 0 ? NULL : lg_pool_take(tape, count * tape->k->size);
+    return count == 0 || *memory != NULL;
+}
+
+static void give_scratch(lg_tape *tape, size_t count, void *memory) {
+    if (memory != NULL) lg_pool_give(tape, memory, count * tape->k->size);
+}
+
+static lg_status apply(lg_tape *tape, const lg_conv *c, const lg_node *const *in, uint32_t inputs,
+                       lg_k_act kind, void *slope, void *y) {
+    const size_t count = lg_conv_scratch(c);
+    void *scratch;
+    if (!take_scratch(tape, count, &scratch)) return tape->status;
+    lg_conv_apply(tape->k, c, in[0]->value, in[1]->value, inputs > 2 ? in[2]->value : NULL, kind, slope, y,
+                  scratch);
+    give_scratch(tape, count, scratch);
+    return LG_OK;
+}
+
+static lg_status input_into(lg_tape *tape, const lg_conv *c, const void *g, uint32_t w, void *x, bool add) {
+    const size_t count = lg_conv_input_scratch(c);
+    void *scratch;
+    const void *wt = lg_node_at(tape, lg_var_at(tape, w))->count == 0 ? g : lg_transposed(tape, w);
+    if (wt == NULL || !take_scratch(tape, count, &scratch)) return tape->status;
+    lg_conv_input(tape->k, c, g, wt, x, add, scratch);
+    give_scratch(tape, count, scratch);
+    return LG_OK;
+}
+
+static lg_status weight_into(lg_tape *tape, const lg_conv *c, const void *x, const void *g, void *w,
+                             bool add) {
+    const size_t count = lg_conv_weight_scratch(c);
+    void *scratch;
+    if (!take_scratch(tape, count, &scratch)) return tape->status;
+    lg_conv_weight(tape->k, c, x, g, w, add, scratch);
+    give_scratch(tape, count, scratch);
+    return LG_OK;
+}
+
+static lg_status bias_into(lg_tape *tape, const lg_conv *c, const void *g, void *bias, bool add) {
+    const size_t count = LG_CONV_BIAS_SCRATCH * c->outputs;
+    void *scratch;
+    if (!take_scratch(tape, count, &scratch)) return tape->status;
+    lg_conv_bias(tape->k, c, g, bias, add, scratch);
+    give_scratch(tape, count, scratch);
+    return LG_OK;
+}
+
+static lg_status conv1d_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    lg_conv c;
+    (void)conv_of(&in[0]->shape, &in[1]->shape, &out->attr, &c);
+    return apply(tape, &c, in, out->inputs, LG_K_IDENTITY, NULL, out->value);
+}
+
+static lg_status conv1d_input_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    lg_conv c;
+    (void)conv_of(&out->shape, &in[1]->shape, &out->attr, &c);
+    return input_into(tape, &c, in[0]->value, (uint32_t)(in[1] - tape->nodes), out->value, false);
+}
+
+static lg_status conv1d_weight_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    lg_conv c;
+    (void)conv_of(&in[0]->shape, &out->shape, &out->attr, &c);
+    return weight_into(tape, &c, in[0]->value, in[1]->value, out->value, false);
+}
+
+/* ---- convolution: derivatives ---- */
+
+static lg_var record_two(lg_tape *tape, lg_op_code op, lg_var a, lg_var b, const lg_attr *attr,
+                         uint32_t extent) {
+    const lg_attr own = {.i = {attr->i[0], attr->i[1], extent, 0}};
+    const lg_var in[2] = {a, b};
+    return lg_record(tape, op, in, 2, &own);
+}
+
+static lg_var conv(lg_tape *tape, lg_var x, lg_var w, const lg_attr *attr) {
+    return record_two(tape, LG_OP_CONV1D, x, w, attr, 0);
+}
+
+static lg_var conv_input(lg_tape *tape, lg_var g, lg_var w, const lg_attr *attr, uint32_t length) {
+    return record_two(tape, LG_OP_CONV1D_INPUT, g, w, attr, length);
+}
+
+static lg_var conv_weight(lg_tape *tape, lg_var x, lg_var g, const lg_attr *attr, uint32_t kernel) {
+    return record_two(tape, LG_OP_CONV1D_WEIGHT, x, g, attr, kernel);
+}
+
+/* All cotangents straight into the adjoints, from g, that of the convolution c. */
+static void conv1d_reversed(lg_reverse *r, const lg_conv *c, const void *g) {
+    lg_tape *tape = r->tape;
+    void *to;
+    bool add;
+    if (r->need[0] && (to = lg_reverse_into(r, 0, &add)) != NULL)
+        (void)input_into(tape, c, g, r->in[1].index, to, add);
+    if (r->need[1] && tape->status == LG_OK && (to = lg_reverse_into(r, 1, &add)) != NULL)
+        (void)weight_into(tape, c, lg_node_at(tape, r->in[0])->value, g, to, add);
+    if (r->inputs > 2 && r->need[2] && tape->status == LG_OK && (to = lg_reverse_into(r, 2, &add)) != NULL)
+        (void)bias_into(tape, c, g, to, add);
+}
+
+/* The same recorded. */
+static void conv1d_recorded(lg_reverse *r, lg_var g) {
+    const lg_shape x = lg_node_at(r->tape, r->in[0])->shape, w = lg_node_at(r->tape, r->in[1])->shape;
+    if (r->need[0]) r->out[0] = conv_input(r->tape, g, r->in[1], r->attr, x.dims[1]);
+    if (r->need[1]) r->out[1] = conv_weight(r->tape, r->in[0], g, r->attr, w.dims[0]);
+    if (r->inputs > 2 && r->need[2]) r->out[2] = lg_sum_to(r->tape, g, lg_node_at(r->tape, r->in[2])->shape);
+}
+
+static void conv1d_vjp(lg_reverse *r) {
+    lg_conv c;
+    if (!lg_reverse_in_place(r)) {
+        conv1d_recorded(r, r->g);
+        return;
+    }
+    (void)conv_of(&lg_node_at(r->tape, r->in[0])->shape, &lg_node_at(r->tape, r->in[1])->shape, r->attr, &c);
+    conv1d_reversed(r, &c, lg_node_at(r->tape, r->g)->value);
+}
+
+static lg_var conv1d_tangent(const lg_forward *f, lg_shape shape) {
+    lg_var x = LG_NONE, w = LG_NONE, bias = LG_NONE;
+    if (!lg_is_none(f->tangents[0])) x = conv(f->tape, f->tangents[0], f->in[1], f->attr);
+    if (!lg_is_none(f->tangents[1])) w = conv(f->tape, f->in[0], f->tangents[1], f->attr);
+    if (f->inputs > 2 && !lg_is_none(f->tangents[2])) bias = lg_broadcast_to(f->tape, f->tangents[2], shape);
+    return lg_add_or(f->tape, lg_add_or(f->tape, x, w), bias);
+}
+
+static lg_var conv1d_jvp(const lg_forward *f) {
+    return conv1d_tangent(f, lg_node_at(f->tape, f->y)->shape);
+}
+
+/* h: the cotangent of conv_input(g, w) */
+static void conv1d_input_vjp(lg_reverse *r) {
+    const uint32_t kernel = lg_node_at(r->tape, r->in[1])->shape.dims[0];
+    if (r->need[0]) r->out[0] = conv(r->tape, r->g, r->in[1], r->attr);
+    if (r->need[1]) r->out[1] = conv_weight(r->tape, r->g, r->in[0], r->attr, kernel);
+}
+
+static lg_var conv1d_input_jvp(const lg_forward *f) {
+    lg_var g = LG_NONE, w = LG_NONE;
+    if (!lg_is_none(f->tangents[0]))
+        g = conv_input(f->tape, f->tangents[0], f->in[1], f->attr, f->attr->i[2]);
+    if (!lg_is_none(f->tangents[1]))
+        w = conv_input(f->tape, f->in[0], f->tangents[1], f->attr, f->attr->i[2]);
+    return lg_add_or(f->tape, g, w);
+}
+
+static void conv1d_weight_vjp(lg_reverse *r) {
+    const uint32_t length = lg_node_at(r->tape, r->in[0])->shape.dims[1];
+    if (r->need[0]) r->out[0] = conv_input(r->tape, r->in[1], r->g, r->attr, length);
+    if (r->need[1]) r->out[1] = conv(r->tape, r->in[0], r->g, r->attr);
+}
+
+static lg_var conv1d_weight_jvp(const lg_forward *f) {
+    lg_var x = LG_NONE, g = LG_NONE;
+    if (!lg_is_none(f->tangents[0]))
+        x = conv_weight(f->tape, f->tangents[0], f->in[1], f->attr, f->attr->i[2]);
+    if (!lg_is_none(f->tangents[1]))
+        g = conv_weight(f->tape, f->in[0], f->tangents[1], f->attr, f->attr->i[2]);
+    return lg_add_or(f->tape, x, g);
+}
+
+const lg_op lg_op_conv1d = {"conv1d", 0, conv1d_shape, conv1d_forward, conv1d_vjp, conv1d_jvp};
+const lg_op lg_op_conv1d_input = {
+    "conv1d_input", 0, conv1d_input_shape, conv1d_input_forward, conv1d_input_vjp, conv1d_input_jvp};
+const lg_op lg_op_conv1d_weight = {
+    "conv1d_weight", 0, conv1d_weight_shape, conv1d_weight_forward, conv1d_weight_vjp, conv1d_weight_jvp};
+
+/* ---- pooling: sizes ---- */
+
+/* Of a series (batch, length, channels) of this shape; attr.i = {size, stride}. */
+static bool pool_of(const lg_shape *x, const lg_attr *attr, lg_k_windows *out) {
+    *out = (lg_k_windows){
+        .length = x->dims[1], .channels = x->dims[2], .size = attr->i[0], .stride = attr->i[1]};
+    return x->rank == 3 && lg_windows_count(out);
+}
+
+static lg_status pooled_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+    const lg_shape *x = &in[0]->shape;
+    lg_k_windows w;
+    if (!pool_of(x, attr, &w)) return LG_SHAPE;
+    if (inputs > 1 && !lg_same_shape(x, &in[1]->shape)) return LG_SHAPE;
+    *out = lg_shape3(x->dims[0], (uint32_t)w.count, x->dims[2]);
+    return LG_OK;
+}
+
+/* g (batch, count, channels) belongs to a series x. */
+static bool pooled_from(const lg_shape *g, const lg_shape *x, const lg_attr *attr) {
+    lg_k_windows w;
+    return pool_of(x, attr, &w) && g->rank == 3 && g->dims[0] == x->dims[0] && g->dims[1] == w.count &&
+           g->dims[2] == x->dims[2];
+}
+
+static lg_status spread_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+    (void)inputs;
+    const lg_shape *g = &in[0]->shape;
+    if (g->rank != 3) return LG_SHAPE;
+    *out = lg_shape3(g->dims[0], attr->i[2], g->dims[2]);
+    return pooled_from(g, out, attr) ? LG_OK : LG_SHAPE;
+}
+
+static lg_status place_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+    (void)inputs;
+    *out = in[1]->shape;
+    return pooled_from(&in[0]->shape, out, attr) ? LG_OK : LG_SHAPE;
+}
+
+static lg_var record_pool(lg_tape *tape, lg_op_code op, lg_var a, lg_var b, const lg_attr *attr,
+                          uint32_t length) {
+    const lg_attr own = {.i = {attr->i[0], attr->i[1], length, 0}};
+    const lg_var in[2] = {a, b};
+    return lg_record(tape, op, in, lg_is_none(b) ? 1 : 2, &own);
+}
+
+/* ---- average pooling ---- */
+
+static void spread(const lg_kernels *k, const lg_shape *shape, const lg_attr *attr, const void *g, void *x,
+                   bool add) {
+    lg_k_windows w;
+    (void)pool_of(shape, attr, &w);
+    k->window_fold(&w, shape->dims[0], 1.0 / (double)w.size, g, w.channels, 0, NULL, x, add);
+}
+
+static lg_status avg_pool1d_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    lg_k_windows w;
+    (void)pool_of(&in[0]->shape, &out->attr, &w);
+    tape->k->window_mean(&w, out->shape.dims[0], in[0]->value, out->value);
+    return LG_OK;
+}
+
+static lg_status avg_pool1d_adjoint_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    spread(tape->k, &out->shape, &out->attr, in[0]->value, out->value, false);
+    return LG_OK;
+}
+
+static void avg_pool1d_vjp(lg_reverse *r) {
+    if (!r->need[0]) return;
+    const lg_shape x = lg_node_at(r->tape, r->in[0])->shape;
+    if (!lg_reverse_in_place(r)) {
+        r->out[0] = record_pool(r->tape, LG_OP_AVG_POOL1D_ADJOINT, r->g, LG_NONE, r->attr, x.dims[1]);
+        return;
+    }
+    bool add = false;
+    void *to = lg_reverse_into(r, 0, &add);
+    if (to != NULL) spread(r->tape->k, &x, r->attr, lg_node_at(r->tape, r->g)->value, to, add);
+}
+
+static lg_var avg_pool1d_jvp(const lg_forward *f) {
+    return record_pool(f->tape, LG_OP_AVG_POOL1D, f->tangents[0], LG_NONE, f->attr, 0);
+}
+
+static void avg_pool1d_adjoint_vjp(lg_reverse *r) {
+    if (r->need[0]) r->out[0] = record_pool(r->tape, LG_OP_AVG_POOL1D, r->g, LG_NONE, r->attr, 0);
+}
+
+static lg_var avg_pool1d_adjoint_jvp(const lg_forward *f) {
+    return record_pool(f->tape, LG_OP_AVG_POOL1D_ADJOINT, f->tangents[0], LG_NONE, f->attr, f->attr->i[2]);
+}
+
+const lg_op lg_op_avg_pool1d = {"avg_pool1d",  0, pooled_shape, avg_pool1d_forward, avg_pool1d_vjp,
+                                avg_pool1d_jvp};
+const lg_op lg_op_avg_pool1d_adjoint = {"avg_pool1d_adjoint",   0,
+                                        spread_shape,           avg_pool1d_adjoint_forward,
+                                        avg_pool1d_adjoint_vjp, avg_pool1d_adjoint_jvp};
+
+/* ---- maximum pooling ---- */
+
+static lg_status pool_pick_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    lg_k_windows w;
+    (void)pool_of(&in[0]->shape, &out->attr, &w);
+    tape->k->window_pick(&w, out->shape.dims[0], in[0]->value, in[1]->value, out->value);
+    return LG_OK;
+}
+
+static lg_status pool_place_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    lg_k_windows w;
+    (void)pool_of(&out->shape, &out->attr, &w);
+    tape->k->window_place(&w, out->shape.dims[0], in[0]->value, in[1]->value, out->value, false);
+    return LG_OK;
+}
+
+static void pool_pick_vjp(lg_reverse *r) {
+    if (!r->need[0]) return;
+    if (!lg_reverse_in_place(r)) {
+        r->out[0] = record_pool(r->tape, LG_OP_POOL_PLACE, r->g, r->in[1], r->attr, 0);
+        return;
+    }
+    bool add = false;
+    void *to = lg_reverse_into(r, 0, &add);
+    if (to == NULL) return;
+    const lg_node *x = lg_node_at(r->tape, r->in[1]);
+    lg_k_windows w;
+    (void)pool_of(&x->shape, r->attr, &w);
+    r->tape->k->window_place(&w, x->shape.dims[0], lg_node_at(r->tape, r->g)->value, x->value, to, add);
+}
+
+static lg_var pool_pick_jvp(const lg_forward *f) {
+    return record_pool(f->tape, LG_OP_POOL_PICK, f->tangents[0], f->in[1], f->attr, 0);
+}
+
+static void pool_place_vjp(lg_reverse *r) {
+    if (r->need[0]) r->out[0] = record_pool(r->tape, LG_OP_POOL_PICK, r->g, r->in[1], r->attr, 0);
+}
+
+static lg_var pool_place_jvp(const lg_forward *f) {
+    return record_pool(f->tape, LG_OP_POOL_PLACE, f->tangents[0], f->in[1], f->attr, 0);
+}
+
+const lg_op lg_op_pool_pick = {"pool_pick",   2u,           pooled_shape, pool_pick_forward,
+                               pool_pick_vjp, pool_pick_jvp};
+const lg_op lg_op_pool_place = {"pool_place",  2u, place_shape, pool_place_forward, pool_place_vjp,
+                                pool_place_jvp};
+
+/* ---- convolution, activation and average pooling in one ---- */
+
+static bool block_of(const lg_shape *x, const lg_shape *w, const lg_attr *attr, lg_conv *out) {
+    if (!conv_of(x, w, attr, out)) return false;
+    const lg_shape convolved = windows_shape(out);
+    const lg_attr pool = {.i = {attr->i[2], attr->i[3], 0, 0}};
+    return (attr->i[2] == 1 && attr->i[3] == 1) || pool_of(&convolved, &pool, &out->pool);
+}
+
+static lg_status block_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+    lg_conv c;
+    if (conv1d_shape(in, inputs, attr, out) != LG_OK) return LG_SHAPE;
+    if (!block_of(&in[0]->shape, &in[1]->shape, attr, &c)) return LG_SHAPE;
+    if (c.pool.count > 0) out->dims[1] = (uint32_t)c.pool.count;
+    return LG_OK;
+}
+
+static lg_status block_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+    lg_conv c;
+    void *slope = NULL;
+    (void)block_of(&in[0]->shape, &in[1]->shape, &out->attr, &c);
+    if (!tape->unrecorded) {
+        slope = lg_payload_allocate(tape, c.batch * c.windows.count * c.outputs * tape->k->size);
+        if (slope == NULL) return tape->status;
+    }
+    out->attr.pointer = slope;
+    return apply(tape, &c, in, out->inputs, (lg_k_act)out->attr.c, slope, out->value);
+}
+
+static void block_reversed(lg_reverse *r) {
+    lg_tape *tape = r->tape;
+    lg_conv c;
+    (void)block_of(&lg_node_at(tape, r->in[0])->shape, &lg_node_at(tape, r->in[1])->shape, r->attr, &c);
+    const size_t count = c.batch * c.windows.count * c.outputs;
+    void *g;
+    if (!take_scratch(tape, count, &g)) return;
+    lg_conv_slope(tape->k, &c, lg_node_at(tape, r->g)->value, r->attr->pointer, g);
+    conv1d_reversed(r, &c, g);
+    give_scratch(tape, count, g);
+}
+
+/* sigma'(z), z and what leads to it recorded. */
+static lg_var block_slope(lg_tape *tape, const lg_var *in, uint32_t inputs, const lg_attr *attr) {
+    const lg_attr own = {.i = {attr->i[0], attr->i[1], 0, 0}};
+    return lg_act_derivative(tape, lg_record(tape, LG_OP_CONV1D, in, inputs, &own), (lg_activation)attr->c,
+                             1);
+}
+
+static void block_vjp(lg_reverse *r) {
+    if (r->attr->pointer != NULL && lg_reverse_in_place(r)) {
+        block_reversed(r);
+        return;
+    }
+    const lg_var slope = block_slope(r->tape, r->in, r->inputs, r->attr);
+    if (lg_is_none(slope)) return;
+    const lg_attr pool = {.i = {r->attr->i[2], r->attr->i[3], 0, 0}};
+    const uint32_t length = lg_node_at(r->tape, slope)->shape.dims[1];
+    const lg_var g = record_pool(r->tape, LG_OP_AVG_POOL1D_ADJOINT, r->g, LG_NONE, &pool, length);
+    conv1d_recorded(r, lg_mul(r->tape, g, slope));
+}
+
+static lg_var block_jvp(const lg_forward *f) {
+    const lg_var slope = block_slope(f->tape, f->in, f->inputs, f->attr);
+    if (lg_is_none(slope)) return LG_NONE;
+    const lg_attr pool = {.i = {f->attr->i[2], f->attr->i[3], 0, 0}};
+    const lg_var z = conv1d_tangent(f, lg_node_at(f->tape, slope)->shape);
+    return record_pool(f->tape, LG_OP_AVG_POOL1D, lg_mul(f->tape, z, slope), LG_NONE, &pool, 0);
+}
+
+const lg_op lg_op_conv1d_block = {"conv1d_block", 0, block_shape, block_forward, block_vjp, block_jvp};
+
+/* ---- what the caller sees ---- */
+
+static bool good_steps(lg_tape *tape, uint32_t stride, const lg_node *w, uint32_t padding,
+                       const char *operation) {
+    if (stride == 0) {
+        lg_tape_fail(tape, LG_INVALID_ARGUMENT, operation, "the stride is 0");
+        return false;
+    }
+    if (w->shape.rank == 3 && padding > 0 && padding >= w->shape.dims[0]) {
+        lg_tape_fail(tape, LG_INVALID_ARGUMENT, operation, "the padding is not below the kernel's length");
+        return false;
+    }
+    return true;
+}
+
+lg_var lg_conv1d(lg_tape *tape, lg_var x, lg_var w, uint32_t stride, uint32_t padding) {
+    return lg_conv1d_dense(tape, x, w, LG_NONE, stride, padding, LG_IDENTITY);
+}
+
+lg_var lg_conv1d_dense(lg_tape *tape, lg_var x, lg_var w, lg_var b, uint32_t stride, uint32_t padding,
+                       lg_activation kind) {
+    return lg_conv1d_pooled(tape, x, w, b, stride, padding, kind, 1, 1);
+}
+
+lg_var lg_conv1d_pooled(lg_tape *tape, lg_var x, lg_var w, lg_var b, uint32_t stride, uint32_t padding,
+                        lg_activation kind, uint32_t size, uint32_t step) {
+    const char *name = lg_op_conv1d.name;
+    if (tape->status != LG_OK) return LG_NONE;
+    if ((unsigned)kind >= LG_ACTIVATION_COUNT)
+        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, name, "unknown activation");
+    if (size == 0 || step == 0)
+        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, name, "the size or the stride of pooling is 0");
+    const uint32_t inputs = lg_is_none(b) ? 2 : 3;
+    const lg_var in[3] = {x, w, b};
+    const lg_attr attr = {.i = {stride, padding, size, step}, .c = (double)kind};
+    const lg_node *weight = lg_node_of(tape, w, name);
+    if (weight == NULL || !good_steps(tape, stride, weight, padding, name)) return LG_NONE;
+    const bool plain = kind == LG_IDENTITY && size == 1 && step == 1;
+    return lg_record(tape, plain ? LG_OP_CONV1D : LG_OP_CONV1D_BLOCK, in, inputs, &attr);
+}
+
+static lg_var pool(lg_tape *tape, lg_op_code op, const char *name, lg_var x, bool twice, uint32_t size,
+                   uint32_t stride) {
+    const lg_attr attr = {.i = {size, stride, 0, 0}};
+    if (tape->status != LG_OK) return LG_NONE;
+    if (size == 0 || stride == 0)
+        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, name, "the size or the stride is 0");
+    return record_pool(tape, op, x, twice ? x : LG_NONE, &attr, 0);
+}
+
+lg_var lg_avg_pool1d(lg_tape *tape, lg_var x, uint32_t size, uint32_t stride) {
+    return pool(tape, LG_OP_AVG_POOL1D, "avg_pool1d", x, false, size, stride);
+}
+
+lg_var lg_max_pool1d(lg_tape *tape, lg_var x, uint32_t size, uint32_t stride) {
+    return pool(tape, LG_OP_POOL_PICK, "max_pool1d", x, true, size, stride);
+}
