@@ -3,6 +3,7 @@
 #include "lg-gradcheck/tables.h"
 
 #include "common/app.h"
+#include "liegrad/convolution.h"
 #include "liegrad/networks.h"
 #include "liegrad/nn.h"
 
@@ -85,6 +86,50 @@ static lg_var build_net_jvp(const void *user, lg_tape *tape, const lg_var *x) {
         }                                                                                                    \
     }
 
+/* ---- convolutional networks: (9, 2) -> kernel 3, padding 1 -> (5, 3) -> pooling -> (4 or 5, 3) -> kernel 2
+ * -> (3 or 4, 2) -> 2 -> 2 ---- */
+
+typedef struct cnn_settings {
+    lg_activation activation;
+    lg_pooling pooling;
+} cnn_settings;
+
+static lg_var build_cnn(const void *user, lg_tape *tape, const lg_var *x) {
+    const cnn_settings *s = user;
+    lg_cnn net = {
+        .channels = 2,
+        .length = 9,
+        .blocks = 2,
+        .block = {{.channels = 3,
+                   .kernel = 3,
+                   .stride = 2,
+                   .padding = 1,
+                   .pooling = s->pooling,
+                   .pool_size = 2,
+                   .pool_stride = 1},
+                  {.channels = 2, .kernel = 2, .stride = 1}},
+        .plane = 2,
+        .outputs = 2,
+        .activation = s->activation,
+    };
+    const lg_status status = lg_cnn_init(&net, NULL);
+    if (status != LG_OK) return lg_tape_fail(tape, status, "cnn", "not a network");
+    return lg_cnn_apply(tape, &net, x[1], OFFSET, x[0], NULL);
+}
+
+/* 3 2 3 + 3, 2 3 2 + 2, 2 2 a sample that is left + 2, 2 2 + 2 parameters. Steps are so short that no kink is
+ * crossed where the activation or the pooling has some. */
+#define CNN_ROW(label, kind, pool, left, step)                                                               \
+    {                                                                                                        \
+        .function = {                                                                                        \
+            .name = "cnn " label,                                                                            \
+            .build = build_cnn,                                                                              \
+            .user = &(const cnn_settings){kind, pool},                                                       \
+            INPUTS({.shape = S3(2, 9, 2), .scale = step},                                                    \
+                   {.shape = S1(OFFSET + 43 + 4 * left), .scale = step})                                     \
+        }                                                                                                    \
+    }
+
 static const lg_gradcheck_case rows[] = {
     ROWS("tanh", LG_TANH),
     ROWS("sigmoid", LG_SIGMOID),
@@ -101,6 +146,16 @@ static const lg_gradcheck_case rows[] = {
     NET_ROWS("net mult-affine, embedding", LG_NET_MULT_AFFINE, 3, LG_TANH, 101),
     NET_JVP_ROW("net mult, one direction", LG_NET_MULT, 3, LG_TANH, 77, 1),
     ROW("mlp tanh, input gradient of the first of two outputs", LG_TANH, 2, true, true),
+    CNN_ROW("identity", LG_IDENTITY, LG_POOL_AVERAGE, 3, 0.0),
+    CNN_ROW("tanh", LG_TANH, LG_POOL_AVERAGE, 3, 0.0),
+    CNN_ROW("sigmoid", LG_SIGMOID, LG_POOL_AVERAGE, 3, 0.0),
+    CNN_ROW("swish", LG_SWISH, LG_POOL_AVERAGE, 3, 0.0),
+    CNN_ROW("sine", LG_SINE, LG_POOL_AVERAGE, 3, 0.0),
+    CNN_ROW("relu", LG_RELU, LG_POOL_AVERAGE, 3, 0.03),
+    CNN_ROW("leaky-relu", LG_LEAKY_RELU, LG_POOL_AVERAGE, 3, 0.03),
+    CNN_ROW("tanh, without pooling", LG_TANH, LG_POOL_NONE, 4, 0.0),
+    CNN_ROW("tanh, max pooling", LG_TANH, LG_POOL_MAX, 3, 0.03),
+    CNN_ROW("leaky-relu, max pooling", LG_LEAKY_RELU, LG_POOL_MAX, 3, 0.03),
 };
 
 const lg_gradcheck_case *layer_rows(size_t *count) {

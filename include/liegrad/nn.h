@@ -165,8 +165,14 @@ typedef struct lg_fit_problem {
     lg_status (*loss)(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                       size_t batch, lg_var *loss);
     void *user;
+    size_t validation; /* so many of the samples, the last ones, are the validation part, in place of one
+                        * drawn by lg_fit_options.validation (then 0); 0: none */
     size_t chunk; /* samples on a tape at once, so that their values stay in the cache; 0: LG_FIT_CHUNK */
 } lg_fit_problem;
+
+/* What a sample is for. */
+typedef enum lg_part { LG_PART_NONE, LG_PART_TRAIN, LG_PART_TEST, LG_PART_VALIDATION } lg_part;
+#define LG_PART_COUNT 4
 
 typedef struct lg_fit lg_fit;
 

@@ -95,9 +95,8 @@ LG_API const lg_surrogate_preset *lg_surrogate_preset_find(const char *name, lg_
 
 /* Which curves are trained on and tested on: a permutation drawn by `seed` (in a stream of its own), whose
  * first test_fraction n entries (rounded) are the test part, the same for every train_fraction, and whose
- * following train_fraction n the training part. parts (n): LG_PART_... of each curve. LG_INVALID_ARGUMENT:
- * fractions outside [0, 1], together more than 1, or a training part without a curve. */
-typedef enum lg_part { LG_PART_NONE, LG_PART_TRAIN, LG_PART_TEST } lg_part;
+ * following train_fraction n the training part. parts (n): lg_part of each curve (liegrad/nn.h).
+ * LG_INVALID_ARGUMENT: fractions outside [0, 1], together more than 1, or a training part without a curve. */
 LG_API lg_status lg_surrogate_split(size_t n, double train_fraction, double test_fraction, uint64_t seed,
                                     uint8_t *parts);
 

@@ -72,6 +72,10 @@ static lg_status check_problem(const lg_fit_problem *problem, lg_error *error) {
     if (problem->samples == 0 || problem->samples > UINT32_MAX)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the problem has %zu samples; 1 to 2^32 - 1 are possible",
                        problem->samples);
+    if (problem->validation >= problem->samples)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "%zu of %zu samples are the validation part: none is left to train on",
+                       problem->validation, problem->samples);
     return LG_OK;
 }
 
@@ -98,15 +102,17 @@ static lg_status check_options(const lg_fit_problem *problem, const lg_fit_optio
         {not_negative(o->clip_norm), "clip_norm must be finite and not negative"},
         {fraction(o->validation), "validation must be in [0, 1)"},
         {!(o->validation > 0.0) || problem->samples >= 2, "a validation part needs at least 2 samples"},
+        {!(o->validation > 0.0) || problem->validation == 0,
+         "validation must be 0 where the problem has a validation part of its own"},
     };
     for (size_t i = 0; i < LG_COUNT(rules); i++)
         if (!rules[i].good) return lg_fail(error, LG_INVALID_ARGUMENT, "training options: %s", rules[i].rule);
     return LG_OK;
 }
 
-/* The nearest number of samples, but at least one on either side. */
+/* The problem's own part, or the nearest number of samples, but at least one on either side. */
 static size_t validation_samples(const lg_fit_problem *problem, double part) {
-    if (!(part > 0.0)) return 0;
+    if (!(part > 0.0)) return problem->validation;
     const size_t count = (size_t)floor(part * (double)problem->samples + 0.5);
     if (count == 0) return 1;
     return count < problem->samples ? count : problem->samples - 1;
@@ -179,7 +185,7 @@ static void start(lg_fit *fit, const double *theta) {
     fit->k->convert_in(fit->problem.parameters, theta, s->theta);
     for (size_t i = 0; i < fit->problem.samples; i++) s->order[i] = (uint32_t)i;
     lg_rng_seed(&s->rng, fit->options.seed, RNG_STREAM);
-    if (fit->training < fit->problem.samples) lg_rng_shuffle(&s->rng, s->order, fit->problem.samples);
+    if (fit->options.validation > 0.0) lg_rng_shuffle(&s->rng, s->order, fit->problem.samples);
 }
 
 lg_status lg_fit_create(const lg_context *context, const lg_fit_problem *problem,

@@ -10,16 +10,18 @@
 
 typedef struct hyperparameter {
     const char *path;
-    bool real;
+    bool real, added; /* added after the format was first written: missing where it is 0 */
     uint64_t whole;
     double value;
 } hyperparameter;
 
 #define WHOLE(name, x)                                                                                       \
-    { "train/options/" name, false, (uint64_t)(x), 0.0 }
+    { "train/options/" name, false, false, (uint64_t)(x), 0.0 }
 #define REAL(name, x)                                                                                        \
-    { "train/options/" name, true, 0, (x) }
-#define HYPERPARAMETERS 22
+    { "train/options/" name, true, false, 0, (x) }
+#define ADDED(name, x)                                                                                       \
+    { "train/options/" name, false, true, (uint64_t)(x), 0.0 }
+#define HYPERPARAMETERS 23
 
 static void list_hyperparameters(const lg_fit *fit, hyperparameter out[HYPERPARAMETERS]) {
     const lg_fit_options *o = &fit->options;
@@ -46,6 +48,7 @@ static void list_hyperparameters(const lg_fit *fit, hyperparameter out[HYPERPARA
         REAL("weight_decay", o->adam.weight_decay),
         REAL("clip_norm", o->clip_norm),
         REAL("validation", o->validation),
+        ADDED("validation_samples", fit->problem.validation),
     };
     memcpy(out, list, sizeof list);
 }
@@ -56,9 +59,13 @@ static lg_status check_hyperparameters(const lg_fit *fit, const lg_archive_reade
     for (size_t i = 0; i < HYPERPARAMETERS; i++) {
         const hyperparameter *h = &list[i];
         hyperparameter stored = *h;
-        const lg_status status =
-            h->real ? reader->array(reader->user, h->path, LG_ELEMENT_F64, 0, NULL, &stored.value)
-                    : reader->array(reader->user, h->path, LG_ELEMENT_U64, 0, NULL, &stored.whole);
+        lg_status status = h->real
+                               ? reader->array(reader->user, h->path, LG_ELEMENT_F64, 0, NULL, &stored.value)
+                               : reader->array(reader->user, h->path, LG_ELEMENT_U64, 0, NULL, &stored.whole);
+        if (status == LG_NOT_FOUND && h->added) {
+            stored.whole = 0;
+            status = LG_OK;
+        }
         if (status != LG_OK) return lg_fail(error, status, "%s: %s", h->path, lg_status_sentence(status));
         if (h->real && !(stored.value == h->value))
             return lg_fail(error, LG_INVALID_ARGUMENT,
@@ -139,6 +146,7 @@ lg_status lg_fit_save(const lg_fit *fit, const lg_archive_writer *writer, lg_err
     list_hyperparameters(fit, list);
     for (size_t i = 0; i < HYPERPARAMETERS; i++) {
         hyperparameter *h = &list[i];
+        if (h->added && h->whole == 0) continue;
         const item it = {h->path, h->real ? LG_ELEMENT_F64 : LG_ELEMENT_U64, 0, 1,
                          h->real ? (void *)&h->value : (void *)&h->whole};
         LG_TRY(write_item(writer, &it, error));
@@ -194,8 +202,13 @@ static lg_status check_permutation(const lg_fit *fit, const uint32_t *order, lg_
     size_t i = 0;
     while (i < n && order[i] < n && !seen[order[i]]) seen[order[i++]] = true;
     lg_free(fit->context, seen);
-    if (i == n) return LG_OK;
-    return lg_fail(error, LG_FORMAT, "train/permutation is none: entry %zu is %" PRIu32, i, order[i]);
+    if (i < n)
+        return lg_fail(error, LG_FORMAT, "train/permutation is none: entry %zu is %" PRIu32, i, order[i]);
+    for (i = n - fit->problem.validation; i < n; i++)
+        if (order[i] != i)
+            return lg_fail(error, LG_FORMAT,
+                           "train/permutation moves sample %zu of the validation part, which is fixed", i);
+    return LG_OK;
 }
 
 static bool all_not_negative(const lg_fit *fit, const void *x) {

@@ -71,6 +71,11 @@ static void cut(lg_fit *fit, const uint32_t *samples, size_t count) {
     fit->batch_samples = count;
 }
 
+/* A number that is not finite; NaN has no sign worth telling. */
+static const char *shown(double x) {
+    return isnan(x) ? "NaN" : x > 0 ? "inf" : "-inf";
+}
+
 lg_status lg_fit_batch_loss(lg_fit *fit, const uint32_t *samples, size_t count, bool with_gradient,
                             const char *what, double *loss, lg_error *error) {
     cut(fit, samples, count);
@@ -86,7 +91,7 @@ lg_status lg_fit_batch_loss(lg_fit *fit, const uint32_t *samples, size_t count, 
         }
         sum += shard->loss;
     }
-    if (!isfinite(sum)) return lg_fail(error, LG_NOT_FINITE, "%s: the loss is %g", what, sum);
+    if (!isfinite(sum)) return lg_fail(error, LG_NOT_FINITE, "%s: the loss is %s", what, shown(sum));
     *loss = sum;
     return LG_OK;
 }
@@ -162,7 +167,8 @@ static lg_status gradient_failure(const lg_fit *fit, const char *what, lg_error 
     double value = 0.0;
     const size_t index = first_bad(fit, fit->shards[0].gradient, &value);
     if (index < fit->problem.parameters)
-        return lg_fail(error, LG_NOT_FINITE, "%s: the gradient of parameter %zu is %g", what, index, value);
+        return lg_fail(error, LG_NOT_FINITE, "%s: the gradient of parameter %zu is %s", what, index,
+                       shown(value));
     return lg_fail(error, LG_NOT_FINITE, "%s: the norm of the gradient overflows", what);
 }
 
@@ -181,7 +187,8 @@ static lg_status step_failure(lg_fit *fit, const char *what, lg_error *error) {
         }
         memcpy(arrays[i], fit->backup + i * bytes, bytes);
     }
-    return lg_fail(error, LG_NOT_FINITE, "%s: Adam's step makes %s %zu %g", what, names[which], index, value);
+    return lg_fail(error, LG_NOT_FINITE, "%s: Adam's step makes %s %zu %s", what, names[which], index,
+                   shown(value));
 }
 
 lg_status lg_fit_step(lg_fit *fit, const uint32_t *samples, size_t count, double rate, double *loss,

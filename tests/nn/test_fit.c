@@ -392,6 +392,168 @@ static void test_validation(void **state) {
     lg_fit_destroy(fit);
 }
 
+/* ---- a validation part of the problem's own ---- */
+enum { OWN = 11 }; /* the last samples */
+
+static lg_fit_options own_options(void) {
+    lg_fit_options o = rich_options(LG_F64);
+    o.validation = 0.0;
+    return o;
+}
+
+static lg_fit *own_fit(regression *r, const lg_fit_options *o, size_t validation) {
+    lg_fit_problem problem = regression_problem(r);
+    double *theta = regression_start(r);
+    lg_fit *fit = NULL;
+    lg_error error;
+    problem.validation = validation;
+    if (lg_fit_create(NULL, &problem, o, theta, &fit, &error) != LG_OK) fail_msg("%s", error.message);
+    free(theta);
+    return fit;
+}
+
+/* The last samples validate, in their order; the others train, all of them, in a new order. */
+static void test_own_validation(void **state) {
+    (void)state;
+    regression r;
+    regression_init(&r);
+    watcher w = {.stop_at = -1};
+    lg_fit_options o = own_options();
+    o.on_epoch = watch_epoch;
+    o.user = &w;
+    lg_fit *fit = own_fit(&r, &o, OWN);
+    run_ok(fit);
+    memory_archive archive = {0};
+    save(fit, &archive);
+    const uint32_t *order = memory_find(&archive, "train/permutation")->data;
+    bool trains[REGRESSION_SAMPLES] = {false};
+    size_t moved = 0;
+    for (uint32_t i = 0; i < REGRESSION_SAMPLES; i++) {
+        if (i >= REGRESSION_SAMPLES - OWN) assert_int_equal(order[i], i);
+        trains[order[i]] = i < REGRESSION_SAMPLES - OWN;
+        moved += order[i] != i;
+    }
+    for (uint32_t i = 0; i < REGRESSION_SAMPLES; i++)
+        assert_int_equal(trains[i], i < REGRESSION_SAMPLES - OWN);
+    assert_true(moved > 20);
+    memory_clear(&archive);
+    double theta[512];
+    lg_fit_parameters(fit, theta);
+    assert_close(part_loss(fit, &r, theta, REGRESSION_SAMPLES - OWN, REGRESSION_SAMPLES), w.best.validation,
+                 1e-10, 0.0);
+    assert_int_equal(lg_fit_best_epoch(fit), w.best.epoch);
+    lg_fit_destroy(fit);
+}
+
+/* Trained on the first samples, with or without others behind them that validate: the same steps. */
+static void test_own_validation_does_not_train(void **state) {
+    (void)state;
+    regression r, fewer;
+    regression_init(&r);
+    regression_init(&fewer);
+    lg_fit_options o = own_options();
+    o.keep_best = false;
+    lg_fit *fit = own_fit(&r, &o, OWN), *alone = NULL;
+    lg_fit_problem problem = regression_problem(&fewer);
+    problem.samples -= OWN;
+    double *theta = regression_start(&fewer), x[512], y[512];
+    assert_ok(lg_fit_create(NULL, &problem, &o, theta, &alone, NULL));
+    for (int i = REGRESSION_SAMPLES - OWN; i < REGRESSION_SAMPLES; i++) fewer.t[i] = NAN;
+    free(theta);
+    run_ok(fit);
+    run_ok(alone);
+    lg_fit_parameters(fit, x);
+    lg_fit_parameters(alone, y);
+    assert_memory_equal(x, y, lg_mlp_parameters(&r.net) * sizeof *x);
+    lg_fit_destroy(fit);
+    lg_fit_destroy(alone);
+}
+
+static void test_own_validation_resumed(void **state) {
+    (void)state;
+    regression r;
+    regression_init(&r);
+    lg_fit_options o = own_options();
+    lg_fit *whole = own_fit(&r, &o, OWN);
+    run_ok(whole);
+    o.threads = 2;
+    lg_fit *threaded = own_fit(&r, &o, OWN);
+    run_ok(threaded);
+    assert_same(whole, threaded);
+    lg_fit_destroy(threaded);
+    o.threads = 1;
+    o.stop_after = 13;
+    memory_archive archive = {0};
+    lg_fit *fit = own_fit(&r, &o, OWN);
+    while (!lg_fit_finished(fit)) {
+        run_ok(fit);
+        save(fit, &archive);
+        lg_fit_destroy(fit);
+        fit = own_fit(&r, &o, OWN);
+        load(fit, &archive);
+    }
+    assert_same(whole, fit);
+
+    /* another part, none, or one drawn by the seed: another run */
+    const lg_archive_reader reader = memory_reader(&archive);
+    lg_error error;
+    for (size_t validation = 0; validation < OWN; validation += OWN - 1) {
+        lg_fit *other = own_fit(&r, &o, validation);
+        assert_status(lg_fit_load(other, &reader, &error), LG_INVALID_ARGUMENT);
+        assert_non_null(strstr(error.message, "validation_samples was 11"));
+        lg_fit_destroy(other);
+    }
+    uint32_t *order = memory_find(&archive, "train/permutation")->data;
+    order[REGRESSION_SAMPLES - 1] = order[0];
+    order[0] = REGRESSION_SAMPLES - 1;
+    assert_status(lg_fit_load(fit, &reader, &error), LG_FORMAT);
+    assert_non_null(strstr(error.message, "validation part"));
+    assert_same(whole, fit);
+    lg_fit_destroy(fit);
+
+    /* without such a part, its number is not there at all: states are as they always were */
+    o.stop_after = 13;
+    fit = own_fit(&r, &o, 0);
+    run_ok(fit);
+    save(fit, &archive);
+    assert_null(memory_find(&archive, "train/options/validation_samples"));
+    lg_fit *old = own_fit(&r, &o, 0);
+    load(old, &archive);
+    lg_fit *with_part = own_fit(&r, &o, OWN);
+    assert_status(lg_fit_load(with_part, &reader, &error), LG_INVALID_ARGUMENT);
+    run_ok(fit);
+    run_ok(old);
+    assert_same(fit, old);
+    lg_fit_destroy(fit);
+    lg_fit_destroy(old);
+    lg_fit_destroy(with_part);
+    lg_fit_destroy(whole);
+    memory_clear(&archive);
+}
+
+static void test_own_validation_refused(void **state) {
+    (void)state;
+    regression r;
+    regression_init(&r);
+    lg_fit_problem problem = regression_problem(&r);
+    lg_fit_options o = own_options();
+    double *theta = regression_start(&r);
+    lg_fit *fit = NULL;
+    lg_error error;
+    static const size_t parts[] = {REGRESSION_SAMPLES, REGRESSION_SAMPLES + 1, SIZE_MAX};
+    for (size_t i = 0; i < 3; i++) {
+        problem.validation = parts[i];
+        assert_status(lg_fit_create(NULL, &problem, &o, theta, &fit, &error), LG_INVALID_ARGUMENT);
+        assert_non_null(strstr(error.message, "none is left to train on"));
+    }
+    problem.validation = 1;
+    o.validation = 0.1;
+    assert_status(lg_fit_create(NULL, &problem, &o, theta, &fit, &error), LG_INVALID_ARGUMENT);
+    assert_non_null(strstr(error.message, "part of its own"));
+    assert_null(fit);
+    free(theta);
+}
+
 /* One unit for each sample, whatever the parameter. */
 static lg_status unit_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                            size_t batch, lg_var *loss) {
@@ -510,6 +672,10 @@ int main(void) {
         cmocka_unit_test(test_resume),
         cmocka_unit_test(test_cancel),
         cmocka_unit_test(test_validation),
+        cmocka_unit_test(test_own_validation),
+        cmocka_unit_test(test_own_validation_does_not_train),
+        cmocka_unit_test(test_own_validation_resumed),
+        cmocka_unit_test(test_own_validation_refused),
         cmocka_unit_test(test_patience),
         cmocka_unit_test(test_epoch_losses_are_means),
         cmocka_unit_test(test_checkpoints),

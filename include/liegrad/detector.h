@@ -1,0 +1,89 @@
+/* Detectors: convolutional networks that tell the class of a window of sensor data.
+ *
+ * A window (channels, length) is scaled channel by channel, z = (x - mean)/scale, with the numbers of the
+ * training part; with `centred` each window's own mean is taken off first. Loss:
+ *   LG_DETECTOR_MSE            two classes, one output: mean of (sigmoid(y) - label)^2
+ *   LG_DETECTOR_CROSS_ENTROPY  an output a class: mean of -log softmax(y)[label]
+ */
+#ifndef LIEGRAD_DETECTOR_H
+#define LIEGRAD_DETECTOR_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "liegrad/convolution.h"
+#include "liegrad/nn.h"
+#include "liegrad/series.h"
+
+LG_BEGIN_DECLS
+
+typedef enum lg_detector_loss { LG_DETECTOR_MSE, LG_DETECTOR_CROSS_ENTROPY } lg_detector_loss;
+#define LG_DETECTOR_LOSS_COUNT 2
+LG_API const char *lg_detector_loss_name(lg_detector_loss loss);                  /* "mse", "cross-entropy" */
+LG_API lg_status lg_detector_loss_parse(const char *name, lg_detector_loss *out); /* LG_NOT_FOUND */
+
+/* Plain data. net.outputs is 1 for LG_DETECTOR_MSE, `classes` otherwise. */
+typedef struct lg_detector {
+    lg_cnn net;
+    uint32_t classes; /* >= 2; 2 for LG_DETECTOR_MSE */
+    lg_detector_loss loss;
+    bool centred;
+} lg_detector;
+/* net has been through lg_cnn_init. LG_INVALID_ARGUMENT with a sentence. */
+LG_API lg_status lg_detector_check(const lg_detector *model, lg_error *error);
+
+/* ---- training ---- */
+
+/* Windows scaled and ordered as the network reads them: (count, length, channels) of `dtype`. Made once. */
+typedef struct lg_detector_data {
+    size_t count;
+    lg_dtype dtype;
+    void *x;         /* (count, length, channels) */
+    uint32_t *label; /* (count) */
+} lg_detector_data;
+/* Of windows `chosen` (count; NULL: all of them), in this order: the training part first, then the validation
+ * part. Errors, with a sentence: LG_SHAPE (channels, length or classes other than the model's),
+ * LG_INVALID_ARGUMENT (no windows, or one that does not exist), LG_OUT_OF_MEMORY, LG_NOT_FINITE (overflow in
+ * dtype). */
+LG_API lg_status lg_detector_data_create(const lg_context *context, const lg_detector *model,
+                                         const lg_scaler *scaler, const lg_series *series,
+                                         const lg_windows *windows, const uint32_t *chosen, size_t count,
+                                         lg_dtype dtype, lg_detector_data *out, lg_error *error);
+LG_API void lg_detector_data_free(const lg_context *context, lg_detector_data *data);
+
+/* A model and what it learns from: the first `training` windows of data are trained on, the rest are the
+ * validation part (lg_fit_problem.validation; set lg_fit_options.keep_best for the parameters of its best
+ * epoch). Borrowed. */
+typedef struct lg_detector_problem {
+    const lg_detector *model;
+    const lg_detector_data *data;
+    size_t training;
+} lg_detector_problem;
+LG_API void lg_detector_fit_problem(const lg_detector_problem *problem, lg_fit_problem *out);
+
+/* Settings by the level of the sensors' noise: those published for the subsea well ("thesis"), and our own
+ * ("best"), which have a row for data of unknown noise besides. */
+typedef struct lg_detector_preset {
+    const char *name; /* "thesis", "best" */
+    double noise;     /* 1, 10, 50, or NaN: unknown. The nearest row is taken, the first where none is near */
+    const char *source; /* "table 6.5", ... */
+    lg_activation activation;
+    lg_detector_loss loss;
+    lg_training training;
+} lg_detector_preset;
+/* NULL for an unknown name. Static storage. */
+LG_API const lg_detector_preset *lg_detector_preset_find(const char *name, double noise);
+
+/* ---- use, without a tape: caller's memory, no allocation, no lock ---- */
+
+LG_API size_t lg_detector_work_size(const lg_detector *model, lg_dtype dtype);
+/* One window x (channels, length), as recorded. probability (classes), plane (net.plane) or NULL; work
+ * 64-byte aligned. The network computes in dtype. */
+LG_API void lg_detector_eval(const lg_detector *model, const lg_scaler *scaler, lg_dtype dtype,
+                             const void *theta, const float *x, double *probability, double *plane,
+                             void *work);
+
+LG_END_DECLS
+
+#endif

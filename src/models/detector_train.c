@@ -1,0 +1,214 @@
+/* Detectors as a learning problem: scaled windows, the loss on a tape, settings. */
+#include <inttypes.h>
+#include <math.h>
+#include <string.h>
+
+#include "autodiff/kernels/kernels.h"
+#include "core/core.h"
+#include "liegrad/ops.h"
+#include "models/detector_internal.h"
+
+/* ---- data ---- */
+
+static lg_status check_data(const lg_detector *model, const lg_scaler *scaler, const lg_series *series,
+                            const lg_windows *windows, const uint32_t *chosen, size_t count,
+                            lg_error *error) {
+    if (count == 0) return lg_fail(error, LG_INVALID_ARGUMENT, "there are no windows to learn from");
+    if (series->channels != model->net.channels || windows->length != model->net.length)
+        return lg_fail(error, LG_SHAPE,
+                       "windows of %" PRIu32 " channels and %" PRIu32
+                       " samples do not fit a detector for %" PRIu32 " channels and %" PRIu32 " samples",
+                       series->channels, windows->length, model->net.channels, model->net.length);
+    if (scaler->channels != series->channels)
+        return lg_fail(error, LG_SHAPE, "the scaling is of %" PRIu32 " channels, the windows have %" PRIu32,
+                       scaler->channels, series->channels);
+    for (size_t i = 0; i < count; i++) {
+        const size_t window = chosen != NULL ? chosen[i] : i;
+        if (window >= windows->count)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "window %zu is asked for; there are %zu", window,
+                           windows->count);
+        const uint32_t label = series->label[windows->first[window]];
+        if (label >= model->classes)
+            return lg_fail(error, LG_SHAPE,
+                           "window %zu is of class %" PRIu32 " (counted from 0); the detector tells %" PRIu32
+                           " classes apart",
+                           window, label, model->classes);
+    }
+    return LG_OK;
+}
+
+lg_status lg_detector_data_create(const lg_context *context, const lg_detector *model,
+                                  const lg_scaler *scaler, const lg_series *series, const lg_windows *windows,
+                                  const uint32_t *chosen, size_t count, lg_dtype dtype, lg_detector_data *out,
+                                  lg_error *error) {
+    (void)lg_fail(error, LG_OK, "%s", "");
+    if (model == NULL || scaler == NULL || series == NULL || windows == NULL || out == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "no detector, scaling, series or windows");
+    if (chosen == NULL) count = windows->count;
+    LG_TRY(check_data(model, scaler, series, windows, chosen, count, error));
+    const lg_kernels *k = lg_kernels_for(dtype);
+    const size_t numbers = (size_t)model->net.length * model->net.channels;
+    lg_detector_data made = {.count = count, .dtype = dtype};
+    lg_status status = LG_OK;
+    made.x = lg_alloc(context, count, numbers * k->size);
+    made.label = lg_alloc(context, count, sizeof *made.label);
+    float *window = lg_alloc(context, numbers, sizeof *window);
+    if (made.x == NULL || made.label == NULL || window == NULL)
+        status = lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu scaled windows of %zu numbers", count,
+                         numbers);
+    for (size_t i = 0; status == LG_OK && i < count; i++) {
+        const size_t index = chosen != NULL ? chosen[i] : i;
+        char *row = (char *)made.x + i * numbers * k->size;
+        lg_windows_copy(series, windows, index, window);
+        lg_detector_scale(model, scaler, dtype, window, row);
+        made.label[i] = series->label[windows->first[index]];
+        if (!k->all_finite(numbers, row))
+            status = lg_fail(error, LG_NOT_FINITE, "window %zu is not finite when it is scaled", index);
+    }
+    lg_free(context, window);
+    if (status != LG_OK) {
+        lg_detector_data_free(context, &made);
+        return status;
+    }
+    *out = made;
+    return LG_OK;
+}
+
+void lg_detector_data_free(const lg_context *context, lg_detector_data *data) {
+    if (data == NULL) return;
+    lg_free(context, data->x);
+    lg_free(context, data->label);
+    *data = (lg_detector_data){0};
+}
+
+/* ---- loss ---- */
+
+/* n numbers of type `from` into type `to`. */
+static void copy_numbers(lg_dtype from, lg_dtype to, size_t n, const char *x, void *out) {
+    if (from == to)
+        memcpy(out, x, n * lg_kernels_for(to)->size);
+    else if (to == LG_F64)
+        lg_kernels_for(from)->convert_out(n, (const void *)x, out);
+    else
+        lg_kernels_for(to)->convert_in(n, (const void *)x, out);
+}
+
+static lg_var put_windows(const lg_detector_problem *problem, lg_tape *tape, const uint32_t *samples,
+                          uint32_t count) {
+    const lg_cnn *net = &problem->model->net;
+    const lg_detector_data *data = problem->data;
+    const lg_dtype to = lg_tape_dtype(tape);
+    const size_t numbers = (size_t)net->length * net->channels;
+    const size_t from_row = numbers * lg_kernels_for(data->dtype)->size;
+    const size_t to_row = numbers * lg_kernels_for(to)->size;
+    void *values;
+    const lg_var x = lg_input_buffer(tape, lg_shape3(count, net->length, net->channels), &values);
+    if (lg_is_none(x)) return x;
+    for (size_t i = 0; i < count; i++)
+        copy_numbers(data->dtype, to, numbers, (const char *)data->x + samples[i] * from_row,
+                     (char *)values + i * to_row);
+    return x;
+}
+
+/* (count, outputs): the label itself, or a 1 in its column. */
+static lg_var put_targets(const lg_detector_problem *problem, lg_tape *tape, const uint32_t *samples,
+                          uint32_t count) {
+    const uint32_t outputs = problem->model->net.outputs;
+    const lg_kernels *k = lg_kernels_for(lg_tape_dtype(tape));
+    void *values;
+    const lg_var target = lg_input_buffer(tape, lg_shape2(count, outputs), &values);
+    if (lg_is_none(target)) return target;
+    k->fill((size_t)count * outputs, 0.0, values);
+    for (size_t i = 0; i < count; i++) {
+        const size_t label = problem->data->label[samples[i]];
+        const size_t at = outputs == 1 ? i : i * outputs + label;
+        k->fill(1, outputs == 1 ? (double)label : 1.0, (char *)values + at * k->size);
+    }
+    return target;
+}
+
+static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
+                            size_t batch, lg_var *loss) {
+    const lg_detector_problem *problem = user;
+    const lg_var x = put_windows(problem, tape, samples, (uint32_t)count);
+    const lg_var target = put_targets(problem, tape, samples, (uint32_t)count);
+    const lg_var y = lg_cnn_apply(tape, &problem->model->net, theta, 0, x, NULL);
+    lg_var mean;
+    if (problem->model->loss == LG_DETECTOR_MSE)
+        mean = lg_loss_apply(tape, LG_LOSS_MSE, lg_act(tape, y, LG_SIGMOID), target, LG_NONE);
+    else
+        mean = lg_loss_apply(tape, LG_LOSS_CROSS_ENTROPY, y, target, LG_NONE);
+    *loss = count == batch ? mean : lg_scale(tape, mean, (double)count / (double)batch);
+    return lg_tape_status(tape);
+}
+
+/* Numbers that one window leaves on a tape, about: each block's input, sums, activations and their
+ * cotangents. */
+static size_t numbers_a_window(const lg_cnn *net) {
+    size_t sum = (size_t)net->length * net->channels;
+    for (uint32_t i = 0; i < net->blocks; i++)
+        sum += 4 * (size_t)net->lengths[i + 1] * net->block[i].channels *
+               (net->block[i].pooling != LG_POOL_NONE ? net->block[i].pool_stride : 1);
+    return sum;
+}
+
+/* So many that their values lie in a second cache of a megabyte, about: from 8 to 15 windows of 6 x 300 there
+ * is no difference, below and above there is. */
+static size_t chunk_of(const lg_detector_problem *problem) {
+    const size_t limit = ((size_t)3 << 19) / lg_kernels_for(problem->data->dtype)->size;
+    const size_t chunk = limit / numbers_a_window(&problem->model->net);
+    return chunk < 1 ? 1 : chunk < LG_FIT_CHUNK ? chunk : LG_FIT_CHUNK;
+}
+
+void lg_detector_fit_problem(const lg_detector_problem *problem, lg_fit_problem *out) {
+    /* The loss only reads the problem. */
+    union {
+        const lg_detector_problem *borrowed;
+        void *user;
+    } pointer = {.borrowed = problem};
+    *out = (lg_fit_problem){.parameters = lg_cnn_parameters(&problem->model->net),
+                            .samples = problem->data->count,
+                            .loss = shard_loss,
+                            .user = pointer.user,
+                            .validation = problem->data->count - problem->training,
+                            .chunk = chunk_of(problem)};
+}
+
+/* ---- settings ---- */
+
+#define TRAINING(epochs_, batch_, lr_, schedule_, factor_, decay_, clip_)                                    \
+    {                                                                                                        \
+        .dtype = LG_F32, .epochs = epochs_, .batch = batch_, .lr = lr_, .schedule = LG_SCHEDULE_##schedule_, \
+        .lr_step = 1, .lr_gamma = factor_, .weight_decay = decay_, .adam_eps = 1e-8, .clip = clip_,          \
+        .validation = 0.0, .shards = 4, .seed = 1                                                            \
+    }
+
+/* clang-format off */
+static const lg_detector_preset presets[] = {
+    /* name    noise  source       activation     loss                                 epochs batch lr     schedule factor decay  clip */
+    {"thesis",  1.0, "table 6.5", LG_LEAKY_RELU, LG_DETECTOR_MSE,           TRAINING(100, 30, 2.562e-2, CONSTANT, 1.0,  1.243e-5, 0.0)},
+    {"thesis", 10.0, "table 6.5", LG_LEAKY_RELU, LG_DETECTOR_MSE,           TRAINING(100, 10, 2.102e-3, CONSTANT, 1.0,  1.221e-5, 0.0)},
+    {"thesis", 50.0, "table 6.5", LG_SWISH,      LG_DETECTOR_MSE,           TRAINING(100, 30, 1.017e-2, CONSTANT, 1.0,  1.520e-7, 0.0)},
+    {"best",    NAN, "ours",      LG_LEAKY_RELU, LG_DETECTOR_CROSS_ENTROPY, TRAINING(100, 30, 1.0e-2,   COSINE,   1e-3, 1.0e-5,   1.0)},
+    {"best",    1.0, "ours",      LG_SWISH,      LG_DETECTOR_CROSS_ENTROPY, TRAINING(100, 30, 3.0e-3,   COSINE,   0.0,  1.0e-5,   0.0)},
+    {"best",   10.0, "ours",      LG_SWISH,      LG_DETECTOR_CROSS_ENTROPY, TRAINING(100, 30, 3.0e-3,   COSINE,   0.0,  1.0e-5,   0.0)},
+    {"best",   50.0, "ours",      LG_SWISH,      LG_DETECTOR_CROSS_ENTROPY, TRAINING(100, 30, 3.0e-3,   COSINE,   0.0,  1.0e-3,   0.0)},
+};
+/* clang-format on */
+
+/* A level that is not known is nearest to a row for such data, and to no other. */
+static double level_distance(double row, double noise) {
+    if (isnan(row) || isnan(noise)) return isnan(row) && isnan(noise) ? 0 : INFINITY;
+    return fabs(row - noise);
+}
+
+const lg_detector_preset *lg_detector_preset_find(const char *name, double noise) {
+    const lg_detector_preset *best = NULL;
+    for (size_t i = 0; name != NULL && i < LG_COUNT(presets); i++) {
+        const lg_detector_preset *row = &presets[i];
+        if (strcmp(row->name, name) != 0) continue;
+        if (best == NULL || level_distance(row->noise, noise) < level_distance(best->noise, noise))
+            best = row;
+    }
+    return best;
+}

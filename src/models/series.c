@@ -1,0 +1,262 @@
+/* Sets of series: memory, windows, scaling. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "liegrad/series.h"
+
+/* ---- memory ---- */
+
+lg_status lg_series_allocate(const lg_context *context, bool with_group, bool with_run, lg_series *series) {
+    if (series == NULL || series->count == 0 || series->channels == 0 || series->length == 0 ||
+        series->classes == 0)
+        return LG_INVALID_ARGUMENT;
+    lg_series made = {.count = series->count,
+                      .channels = series->channels,
+                      .length = series->length,
+                      .classes = series->classes,
+                      .rate = series->rate};
+    const uint64_t window = (uint64_t)made.channels * made.length;
+    if (window > SIZE_MAX / sizeof(float)) return LG_OUT_OF_MEMORY;
+    made.x = lg_alloc(context, made.count, (size_t)window * sizeof(float));
+    made.label = lg_alloc(context, made.count, sizeof *made.label);
+    made.class_name = lg_alloc(context, made.classes, sizeof *made.class_name);
+    if (with_group) made.group = lg_alloc(context, made.count, sizeof *made.group);
+    if (with_run) made.run = lg_alloc(context, made.count, sizeof *made.run);
+    if (made.x == NULL || made.label == NULL || made.class_name == NULL ||
+        (with_group && made.group == NULL) || (with_run && made.run == NULL)) {
+        lg_series_free(context, &made);
+        return LG_OUT_OF_MEMORY;
+    }
+    for (uint32_t c = 0; c < made.classes; c++)
+        (void)snprintf(made.class_name[c], sizeof made.class_name[c], "%" PRIu32, c);
+    *series = made;
+    return LG_OK;
+}
+
+void lg_series_free(const lg_context *context, lg_series *series) {
+    if (series == NULL) return;
+    lg_free(context, series->x);
+    lg_free(context, series->label);
+    lg_free(context, series->group);
+    lg_free(context, series->run);
+    lg_free(context, series->class_name);
+    lg_free(context, series->class_label);
+    lg_free(context, series->channel_name);
+    *series = (lg_series){0};
+}
+
+/* ---- windows ---- */
+
+/* One past the last stored window of the run that begins at `first`. */
+static size_t end_of_run(const lg_series *series, size_t first) {
+    size_t end = first + 1;
+    if (series->run == NULL) return end;
+    while (end < series->count && series->run[end] == series->run[first]) end++;
+    return end;
+}
+
+/* One past the last stored window from `first` on that has the same label and group, at most `end`. */
+static size_t end_of_label(const lg_series *series, size_t first, size_t end) {
+    size_t i = first + 1;
+    while (i < end && series->label[i] == series->label[first] &&
+           (series->group == NULL || series->group[i] == series->group[first]))
+        i++;
+    return i;
+}
+
+/* Windows of one run, [first, end): into *out from its window `at` on, or only counted where out->first is
+ * NULL. Returns how many there are then. */
+static size_t cut_run(const lg_series *series, size_t first, size_t end, uint64_t hop, size_t at,
+                      lg_windows *out) {
+    const uint64_t stored = series->length, samples = (end - first) * stored;
+    size_t same = first; /* end of the stretch of one label in which the window begins */
+    for (uint64_t start = 0; start + out->length <= samples; start += hop) {
+        const size_t from = first + (size_t)(start / stored);
+        const size_t last = first + (size_t)((start + out->length - 1) / stored);
+        if (from >= same) same = end_of_label(series, from, end);
+        if (last >= same) continue;
+        if (out->first != NULL) {
+            out->first[at] = (uint32_t)from;
+            out->offset[at] = (uint32_t)(start % stored);
+        }
+        at++;
+    }
+    return at;
+}
+
+static size_t cut_all(const lg_series *series, uint64_t hop, lg_windows *out) {
+    size_t at = 0;
+    for (size_t first = 0, end; first < series->count; first = end) {
+        end = end_of_run(series, first);
+        at = cut_run(series, first, end, hop, at, out);
+    }
+    return at;
+}
+
+lg_status lg_windows_create(const lg_context *context, const lg_series *series, size_t length, size_t hop,
+                            lg_windows *out, lg_error *error) {
+    (void)lg_fail(error, LG_OK, "%s", "");
+    if (series == NULL || out == NULL || series->count == 0 || series->length == 0)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "there are no series to cut");
+    if (length == 0) length = series->length;
+    if (hop == 0) hop = length;
+    if (length > UINT32_MAX || series->count > UINT32_MAX)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "%zu stored windows, cut into windows of %zu samples: both must be below 2^32",
+                       series->count, length);
+    lg_windows made = {.length = (uint32_t)length};
+    const uint64_t all = (uint64_t)series->count * series->length;
+    const uint64_t step = hop < all ? hop : all; /* no overflow: one hop beyond the end is enough */
+    made.count = cut_all(series, step, &made);
+    if (made.count == 0)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "not one window of %zu samples fits: the series are stored in windows of %" PRIu32
+                       " samples%s",
+                       length, series->length,
+                       series->run != NULL ? ", and no run is long enough without a change of its class"
+                                           : " and tell no runs through which a window could reach");
+    if (made.count > UINT32_MAX)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%zu windows; below 2^32 are possible: take a larger hop",
+                       made.count);
+    made.first = lg_alloc(context, made.count, sizeof *made.first);
+    made.offset = lg_alloc(context, made.count, sizeof *made.offset);
+    if (made.first == NULL || made.offset == NULL) {
+        lg_windows_free(context, &made);
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the places of the windows");
+    }
+    (void)cut_all(series, step, &made);
+    *out = made;
+    return LG_OK;
+}
+
+void lg_windows_free(const lg_context *context, lg_windows *windows) {
+    if (windows == NULL) return;
+    lg_free(context, windows->first);
+    lg_free(context, windows->offset);
+    *windows = (lg_windows){0};
+}
+
+void lg_windows_copy(const lg_series *series, const lg_windows *windows, size_t index, float *out) {
+    const size_t stored = series->length;
+    size_t window = windows->first[index], offset = windows->offset[index];
+    for (size_t done = 0, piece; done < windows->length; done += piece) {
+        const size_t rest = windows->length - done;
+        piece = stored - offset < rest ? stored - offset : rest;
+        for (size_t c = 0; c < series->channels; c++)
+            memcpy(out + c * windows->length + done,
+                   series->x + (window * series->channels + c) * stored + offset, piece * sizeof *out);
+        window++;
+        offset = 0;
+    }
+}
+
+/* ---- scaling ---- */
+
+/* Mean of n samples; that of equal ones is exact. */
+static double mean_of(const float *x, size_t n) {
+    double sum = 0.0;
+    bool constant = true;
+    for (size_t i = 0; i < n; i++) {
+        sum += (double)x[i];
+        constant = constant && x[i] == x[0];
+    }
+    return constant ? (double)x[0] : sum / (double)n;
+}
+
+static double squares_about(const float *x, size_t n, double mean) {
+    double sum = 0.0;
+    for (size_t i = 0; i < n; i++) sum += ((double)x[i] - mean) * ((double)x[i] - mean);
+    return sum;
+}
+
+/* What the passes over the windows share. */
+typedef struct scan {
+    const lg_series *series;
+    const lg_windows *windows;
+    const uint32_t *chosen; /* NULL: all */
+    size_t count;
+    float *window; /* (channels, length) */
+} scan;
+
+static void load(const scan *s, size_t i) {
+    lg_windows_copy(s->series, s->windows, s->chosen != NULL ? s->chosen[i] : i, s->window);
+}
+
+/* Means of the windows' means, which are as long as each other; a channel that never changes keeps its value.
+ */
+static void fit_means(const scan *s, double *mean) {
+    const size_t channels = s->series->channels, length = s->windows->length;
+    double *first = mean + channels, *constant = mean + 2 * channels;
+    for (size_t i = 0; i < s->count; i++) {
+        load(s, i);
+        for (size_t c = 0; c < channels; c++) {
+            const float *x = s->window + c * length;
+            const double here = mean_of(x, length);
+            if (i == 0) first[c] = here;
+            if (here != first[c] || squares_about(x, length, here) > 0.0) constant[c] = 0.0;
+            mean[c] += (here - first[c]) / (double)s->count;
+        }
+    }
+    for (size_t c = 0; c < channels; c++) mean[c] = constant[c] > 0.0 ? first[c] : first[c] + mean[c];
+}
+
+static void fit_scales(const scan *s, bool centred, const double *mean, double *scale) {
+    const size_t channels = s->series->channels, length = s->windows->length;
+    for (size_t i = 0; i < s->count; i++) {
+        load(s, i);
+        for (size_t c = 0; c < channels; c++) {
+            const float *x = s->window + c * length;
+            scale[c] += squares_about(x, length, centred ? mean_of(x, length) : mean[c]);
+        }
+    }
+    for (size_t c = 0; c < channels; c++) {
+        scale[c] = sqrt(scale[c] / ((double)s->count * (double)length));
+        if (!(scale[c] > 0.0)) scale[c] = 1.0;
+    }
+}
+
+static bool in_range(const lg_windows *windows, const uint32_t *chosen, size_t count) {
+    if (chosen == NULL) return count <= windows->count;
+    for (size_t i = 0; i < count; i++)
+        if (chosen[i] >= windows->count) return false;
+    return true;
+}
+
+lg_status lg_scaler_fit(const lg_context *context, const lg_series *series, const lg_windows *windows,
+                        const uint32_t *chosen, size_t count, bool centred, lg_scaler *out) {
+    if (series == NULL || windows == NULL || out == NULL || count == 0) return LG_INVALID_ARGUMENT;
+    if (!in_range(windows, chosen, count)) return LG_INVALID_ARGUMENT;
+    const size_t channels = series->channels;
+    lg_scaler made = {.channels = series->channels};
+    scan s = {series, windows, chosen, count, NULL};
+    s.window = lg_alloc(context, channels * windows->length, sizeof *s.window);
+    double *mean = lg_alloc(context, 3 * channels, sizeof *mean);
+    made.mean = lg_alloc(context, channels, sizeof *made.mean);
+    made.scale = lg_alloc(context, channels, sizeof *made.scale);
+    const bool good = s.window != NULL && mean != NULL && made.mean != NULL && made.scale != NULL;
+    if (good) {
+        for (size_t c = 0; c < channels; c++) mean[2 * channels + c] = 1.0;
+        if (!centred) fit_means(&s, mean);
+        memcpy(made.mean, mean, channels * sizeof *mean);
+        if (centred) memset(made.mean, 0, channels * sizeof *made.mean);
+        fit_scales(&s, centred, made.mean, made.scale);
+    }
+    lg_free(context, s.window);
+    lg_free(context, mean);
+    if (!good) {
+        lg_scaler_free(context, &made);
+        return LG_OUT_OF_MEMORY;
+    }
+    *out = made;
+    return LG_OK;
+}
+
+void lg_scaler_free(const lg_context *context, lg_scaler *scaler) {
+    if (scaler == NULL) return;
+    lg_free(context, scaler->mean);
+    lg_free(context, scaler->scale);
+    *scaler = (lg_scaler){0};
+}

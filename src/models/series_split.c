@@ -1,0 +1,301 @@
+/* Splits of sets of series and folds: units that stay together, sorted into strata, dealt out. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "liegrad/random.h"
+#include "liegrad/series.h"
+
+static const char *const split_names[LG_SPLIT_COUNT] = {"random", "run", "group"};
+
+const char *lg_split_name(lg_split split) {
+    return (unsigned)split < LG_SPLIT_COUNT ? split_names[split] : "unknown";
+}
+
+lg_status lg_split_parse(const char *name, lg_split *out) {
+    for (int i = 0; name != NULL && i < LG_SPLIT_COUNT; i++)
+        if (strcmp(name, split_names[i]) == 0) {
+            *out = (lg_split)i;
+            return LG_OK;
+        }
+    return LG_NOT_FOUND;
+}
+
+#define SPLIT_STREAM 0x73657269u /* keeps the split apart from other draws with the same seed */
+
+/* A window, a run or a group: the classes that it holds, without repetition, by rising number. */
+typedef struct unit {
+    uint32_t id;
+    size_t count;
+    const uint32_t *classes;
+    uint32_t part; /* or fold */
+} unit;
+
+/* Made of a number and a class for each item. */
+typedef struct unit_set {
+    size_t items, units;
+    uint64_t *keys;    /* (items): unit, class */
+    uint32_t *classes; /* (items): of one unit after the other */
+    unit *unit;        /* (items), `units` of them used */
+} unit_set;
+
+static lg_status allocate_units(const lg_context *context, size_t items, unit_set *out) {
+    *out = (unit_set){.items = items,
+                      .keys = lg_alloc(context, items, sizeof *out->keys),
+                      .classes = lg_alloc(context, items, sizeof *out->classes),
+                      .unit = lg_alloc(context, items, sizeof *out->unit)};
+    const bool good = out->keys != NULL && out->classes != NULL && out->unit != NULL;
+    return good ? LG_OK : LG_OUT_OF_MEMORY;
+}
+
+static void free_units(const lg_context *context, unit_set *set) {
+    lg_free(context, set->keys);
+    lg_free(context, set->classes);
+    lg_free(context, set->unit);
+}
+
+static uint64_t unit_key(uint32_t id, uint32_t label) {
+    return (uint64_t)id << 32 | label;
+}
+
+typedef struct split_task {
+    const lg_series *series;
+    const lg_windows *windows;
+    lg_split split;
+    double test, validation;
+    unit_set set; /* of windows */
+    bool *seen;   /* (classes): by training */
+} split_task;
+
+static uint32_t unit_id(const split_task *t, size_t window) {
+    const uint32_t first = t->windows->first[window];
+    if (t->split == LG_SPLIT_RUN) return t->series->run[first];
+    return t->split == LG_SPLIT_GROUP ? t->series->group[first] : (uint32_t)window;
+}
+
+static int by_key(const void *a, const void *b) {
+    const uint64_t x = *(const uint64_t *)a, y = *(const uint64_t *)b;
+    return (x > y) - (x < y);
+}
+
+static int by_id(const void *a, const void *b) {
+    const uint32_t x = ((const unit *)a)->id, y = ((const unit *)b)->id;
+    return (x > y) - (x < y);
+}
+
+/* Order of the strata. */
+static int by_classes(const unit *a, const unit *b) {
+    for (size_t i = 0; i < a->count && i < b->count; i++)
+        if (a->classes[i] != b->classes[i]) return a->classes[i] < b->classes[i] ? -1 : 1;
+    return (a->count > b->count) - (a->count < b->count);
+}
+
+static int by_stratum(const void *a, const void *b) {
+    const int order = by_classes(a, b);
+    return order != 0 ? order : by_id(a, b);
+}
+
+/* The units of the keys, stratum by stratum, in each by rising number. */
+static void collect_units(unit_set *set) {
+    uint32_t *classes = set->classes;
+    qsort(set->keys, set->items, sizeof *set->keys, by_key);
+    set->units = 0;
+    for (size_t i = 0; i < set->items; i++) {
+        const uint32_t id = (uint32_t)(set->keys[i] >> 32);
+        if (i > 0 && set->keys[i] == set->keys[i - 1]) continue;
+        if (set->units == 0 || set->unit[set->units - 1].id != id)
+            set->unit[set->units++] = (unit){.id = id, .classes = classes};
+        *classes++ = (uint32_t)set->keys[i];
+        set->unit[set->units - 1].count++;
+    }
+    qsort(set->unit, set->units, sizeof *set->unit, by_stratum);
+}
+
+static size_t end_of_stratum(const unit_set *set, size_t first) {
+    size_t end = first + 1;
+    while (end < set->units && by_classes(&set->unit[first], &set->unit[end]) == 0) end++;
+    return end;
+}
+
+/* For units sorted by number. */
+static const unit *find_unit(const unit_set *set, uint32_t id) {
+    const unit key = {.id = id};
+    return bsearch(&key, set->unit, set->units, sizeof key, by_id);
+}
+
+static void shuffle_units(unit *units, size_t n, lg_rng *rng) {
+    for (size_t i = n; i > 1; i--) {
+        const size_t j = (size_t)lg_rng_below(rng, i);
+        const unit other = units[j];
+        units[j] = units[i - 1];
+        units[i - 1] = other;
+    }
+}
+
+/* One stratum. Validation gives way to testing, both to the one unit that training keeps. */
+static size_t deal(const split_task *t, unit *units, size_t n, lg_rng *rng) {
+    size_t test = (size_t)floor(t->test * (double)n + 0.5);
+    size_t validation = (size_t)floor(t->validation * (double)n + 0.5);
+    if (test > n - 1) test = n - 1;
+    if (validation > n - 1 - test) validation = n - 1 - test;
+    shuffle_units(units, n, rng);
+    for (size_t i = 0; i < n; i++)
+        units[i].part = i < test ? LG_PART_TEST : i < test + validation ? LG_PART_VALIDATION : LG_PART_TRAIN;
+    return test;
+}
+
+static size_t deal_all(split_task *t, uint64_t seed) {
+    lg_rng rng;
+    lg_rng_seed(&rng, seed, SPLIT_STREAM);
+    size_t tested = 0;
+    for (size_t first = 0, end; first < t->set.units; first = end) {
+        end = end_of_stratum(&t->set, first);
+        tested += deal(t, t->set.unit + first, end - first, &rng);
+    }
+    return tested;
+}
+
+/* The first class of which no unit trains, or the number of classes. */
+static uint32_t unseen_class(split_task *t) {
+    const unit *u = t->set.unit;
+    for (size_t i = 0; i < t->set.units; i++)
+        for (size_t c = 0; u[i].part == LG_PART_TRAIN && c < u[i].count; c++) t->seen[u[i].classes[c]] = true;
+    uint32_t c = 0;
+    while (c < t->series->classes && t->seen[c]) c++;
+    return c;
+}
+
+static void write_parts(split_task *t, uint8_t *parts) {
+    qsort(t->set.unit, t->set.units, sizeof *t->set.unit, by_id);
+    for (size_t i = 0; i < t->windows->count; i++)
+        parts[i] = (uint8_t)find_unit(&t->set, unit_id(t, i))->part;
+}
+
+static const char *const unit_names[LG_SPLIT_COUNT] = {"windows", "runs", "groups"};
+
+static lg_status run_split(split_task *t, uint64_t seed, uint8_t *parts, lg_error *error) {
+    for (size_t i = 0; i < t->windows->count; i++)
+        t->set.keys[i] = unit_key(unit_id(t, i), t->series->label[t->windows->first[i]]);
+    collect_units(&t->set);
+    const size_t tested = deal_all(t, seed);
+    const uint32_t unseen = unseen_class(t);
+    if (unseen < t->series->classes)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "there is no window of class \"%s\" to train on",
+                       t->series->class_name != NULL ? t->series->class_name[unseen] : "?");
+    if (t->test > 0.0 && tested == 0)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "a test part of %g of %zu %s is empty: each kind of them must keep one to train on",
+                       t->test, t->set.units, unit_names[t->split]);
+    write_parts(t, parts);
+    return LG_OK;
+}
+
+static bool fraction(double x) {
+    return x >= 0.0 && x < 1.0;
+}
+
+static lg_status check_split(const split_task *t, const uint8_t *parts, lg_error *error) {
+    const lg_series *series = t->series;
+    if (series == NULL || t->windows == NULL || parts == NULL || t->windows->count == 0)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "there are no windows to split");
+    if ((unsigned)t->split >= LG_SPLIT_COUNT)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "unknown kind of split");
+    if (!fraction(t->test) || !fraction(t->validation) || !(t->test + t->validation < 1.0))
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "parts of %g for testing and %g for validation: each must be in [0, 1), together "
+                       "below 1",
+                       t->test, t->validation);
+    if ((t->split == LG_SPLIT_RUN && series->run == NULL) ||
+        (t->split == LG_SPLIT_GROUP && series->group == NULL))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the series tell no %s to split by", unit_names[t->split]);
+    for (size_t i = 0; i < series->count; i++)
+        if (series->label[i] >= series->classes)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "the label of window %zu is %u of %u classes", i,
+                           (unsigned)series->label[i], (unsigned)series->classes);
+    return LG_OK;
+}
+
+lg_status lg_series_split(const lg_context *context, const lg_series *series, const lg_windows *windows,
+                          lg_split split, double test_fraction, double validation_fraction, uint64_t seed,
+                          uint8_t *parts, lg_error *error) {
+    (void)lg_fail(error, LG_OK, "%s", "");
+    split_task t = {.series = series,
+                    .windows = windows,
+                    .split = split,
+                    .test = test_fraction,
+                    .validation = validation_fraction};
+    LG_TRY(check_split(&t, parts, error));
+    t.seen = lg_alloc(context, series->classes, sizeof *t.seen);
+    lg_status status = LG_OUT_OF_MEMORY;
+    if (allocate_units(context, windows->count, &t.set) == LG_OK && t.seen != NULL)
+        status = run_split(&t, seed, parts, error);
+    else
+        (void)lg_fail(error, status, "no memory to split %zu windows", windows->count);
+    free_units(context, &t.set);
+    lg_free(context, t.seen);
+    return status;
+}
+
+/* ---- folds ---- */
+
+typedef struct fold_task {
+    size_t folds, classes; /* the largest label and one */
+    unit_set set;
+    double *total; /* (classes) units that hold the class */
+    double *held;  /* (folds, classes) of them in the fold */
+} fold_task;
+
+/* The first of the folds that hold the least part of the classes of u. */
+static size_t emptiest_fold(const fold_task *t, const unit *u) {
+    size_t best = 0;
+    double least = INFINITY;
+    for (size_t f = 0; f < t->folds; f++) {
+        double share = 0.0;
+        for (size_t c = 0; c < u->count; c++)
+            share += t->held[f * t->classes + u->classes[c]] / t->total[u->classes[c]];
+        if (!(share < least)) continue;
+        best = f;
+        least = share;
+    }
+    return best;
+}
+
+static void deal_folds(fold_task *t) {
+    unit *units = t->set.unit;
+    for (size_t i = 0; i < t->set.units; i++)
+        for (size_t c = 0; c < units[i].count; c++) t->total[units[i].classes[c]]++;
+    for (size_t first = 0, end; first < t->set.units; first = end) {
+        const size_t start = emptiest_fold(t, &units[first]);
+        end = end_of_stratum(&t->set, first);
+        for (size_t i = first; i < end; i++) {
+            units[i].part = (uint32_t)((start + i - first) % t->folds);
+            for (size_t c = 0; c < units[i].count; c++)
+                t->held[units[i].part * t->classes + units[i].classes[c]]++;
+        }
+    }
+    qsort(units, t->set.units, sizeof *units, by_id);
+}
+
+lg_status lg_folds(const lg_context *context, const uint32_t *label, const uint32_t *number, size_t count,
+                   uint32_t folds, uint32_t *fold) {
+    fold_task t = {.folds = folds > 0 ? folds : 1, .classes = 1};
+    for (size_t i = 0; i < count; i++)
+        if (label[i] >= t.classes) t.classes = (size_t)label[i] + 1;
+    t.total = lg_alloc(context, t.classes, sizeof *t.total);
+    t.held = lg_alloc(context, t.classes, t.folds * sizeof *t.held);
+    lg_status status = LG_OUT_OF_MEMORY;
+    if (allocate_units(context, count, &t.set) == LG_OK && t.total != NULL && t.held != NULL) {
+        for (size_t i = 0; i < count; i++)
+            t.set.keys[i] = unit_key(number != NULL ? number[i] : (uint32_t)i, label[i]);
+        collect_units(&t.set);
+        deal_folds(&t);
+        for (size_t i = 0; i < count; i++)
+            fold[i] = find_unit(&t.set, number != NULL ? number[i] : (uint32_t)i)->part;
+        status = LG_OK;
+    }
+    free_units(context, &t.set);
+    lg_free(context, t.total);
+    lg_free(context, t.held);
+    return status;
+}

@@ -1,0 +1,221 @@
+/* Convolutional networks: description, parameters, initialisation. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "nn/cnn.h"
+
+static const char *const pooling_names[LG_POOLING_COUNT] = {"none", "average", "max"};
+
+const char *lg_pooling_name(lg_pooling kind) {
+    return (unsigned)kind < LG_POOLING_COUNT ? pooling_names[kind] : "unknown";
+}
+
+lg_status lg_pooling_parse(const char *name, lg_pooling *out) {
+    for (int i = 0; name != NULL && i < LG_POOLING_COUNT; i++)
+        if (strcmp(name, pooling_names[i]) == 0) {
+            *out = (lg_pooling)i;
+            return LG_OK;
+        }
+    return LG_NOT_FOUND;
+}
+
+/* ---- description ---- */
+
+#define MAX_SIZE       ((uint32_t)1 << 20)
+#define MAX_PARAMETERS ((uint64_t)1 << 31)
+
+static bool size_fits(uint32_t x) {
+    return x >= 1 && x <= MAX_SIZE;
+}
+
+/* Of block number i, counted from 0; *length becomes that of what it gives. */
+static lg_status check_block(const lg_cnn_block *b, uint32_t i, uint32_t *length, lg_error *error) {
+    const uint32_t number = i + 1;
+    const bool pooled = b->pooling != LG_POOL_NONE;
+    if ((unsigned)b->pooling >= LG_POOLING_COUNT)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "block %" PRIu32 ": unknown pooling", number);
+    if (!size_fits(b->channels) || !size_fits(b->kernel) || !size_fits(b->stride) ||
+        (pooled && (!size_fits(b->pool_size) || !size_fits(b->pool_stride))))
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "block %" PRIu32 ": channels, kernel, stride, pooling size and stride must be 1 to "
+                       "2^20",
+                       number);
+    if (b->padding >= b->kernel)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "block %" PRIu32 ": a padding of %" PRIu32 " must be below its kernel of %" PRIu32,
+                       number, b->padding, b->kernel);
+    const uint32_t padded = *length + 2 * b->padding;
+    if (padded < b->kernel)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "block %" PRIu32 ": a kernel of %" PRIu32 " is longer than the %" PRIu32
+                       " samples that reach it",
+                       number, b->kernel, padded);
+    const uint32_t convolved = (padded - b->kernel) / b->stride + 1;
+    if (pooled && convolved < b->pool_size)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "block %" PRIu32 ": pooling over %" PRIu32
+                       " samples, and its convolution leaves %" PRIu32,
+                       number, b->pool_size, convolved);
+    *length = pooled ? (convolved - b->pool_size) / b->pool_stride + 1 : convolved;
+    return LG_OK;
+}
+
+static bool few_parameters(const lg_cnn *net) {
+    uint64_t sum = 0;
+    for (uint32_t i = 0; i < net->blocks; i++) {
+        const lg_cnn_block *b = &net->block[i];
+        sum += (uint64_t)b->kernel * cnn_channels(net, i) * b->channels + b->channels;
+        if (sum > MAX_PARAMETERS) return false;
+    }
+    const uint64_t flat = (uint64_t)net->lengths[net->blocks] * cnn_channels(net, net->blocks);
+    const uint64_t last = net->plane > 0 ? net->plane : flat;
+    if (net->plane > 0) sum += (flat + 1) * net->plane;
+    return sum <= MAX_PARAMETERS && (last + 1) <= (MAX_PARAMETERS - sum) / net->outputs;
+}
+
+lg_status lg_cnn_init(lg_cnn *net, lg_error *error) {
+    (void)lg_fail(error, LG_OK, "%s", "");
+    if (net == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "there is no network");
+    if (net->blocks > LG_CNN_MAX_BLOCKS)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%" PRIu32 " blocks; at most %d are possible", net->blocks,
+                       LG_CNN_MAX_BLOCKS);
+    if (!size_fits(net->channels) || !size_fits(net->length) || !size_fits(net->outputs) ||
+        net->plane > MAX_SIZE)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "%" PRIu32 " channels, %" PRIu32 " samples, a plane of %" PRIu32 ", %" PRIu32
+                       " outputs: sizes must be 1 to 2^20",
+                       net->channels, net->length, net->plane, net->outputs);
+    if ((unsigned)net->activation >= LG_ACTIVATION_COUNT)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "unknown activation");
+    lg_cnn made = *net;
+    uint32_t length = net->length;
+    memset(made.lengths, 0, sizeof made.lengths);
+    made.lengths[0] = length;
+    for (uint32_t i = 0; i < net->blocks; i++) {
+        LG_TRY(check_block(&net->block[i], i, &length, error));
+        made.lengths[i + 1] = length;
+    }
+    if (!few_parameters(&made))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the network has more than 2^31 parameters");
+    *net = made;
+    return LG_OK;
+}
+
+/* ---- the default network ---- */
+
+enum { DEFAULT_BLOCKS = 3, DEFAULT_KERNEL = 5, DEFAULT_POOL = 2, DEFAULT_PLANE = 2 };
+enum { WIDEST_DEFAULT = 4096, LARGEST_DEFAULT = 1 << 28 };
+
+/* Twice as many channels as come in, unless the block would be huge. */
+static uint32_t default_channels(uint32_t in) {
+    uint32_t out = in < WIDEST_DEFAULT / 2 ? 2 * in : WIDEST_DEFAULT;
+    const uint32_t limit = in > 0 ? LARGEST_DEFAULT / DEFAULT_KERNEL / in : out;
+    if (out > limit) out = limit;
+    return out > 0 ? out : 1;
+}
+
+lg_cnn lg_cnn_defaults(uint32_t channels, uint32_t length, uint32_t outputs, lg_activation activation) {
+    lg_cnn net = {.channels = channels,
+                  .length = length,
+                  .plane = DEFAULT_PLANE,
+                  .outputs = outputs,
+                  .activation = activation};
+    uint32_t left = length;
+    while (net.blocks < DEFAULT_BLOCKS && (net.blocks == 0 || left > 1)) {
+        const uint32_t kernel = left < DEFAULT_KERNEL ? left : DEFAULT_KERNEL;
+        const uint32_t convolved = left - kernel + 1;
+        const bool pooled = convolved >= DEFAULT_POOL;
+        net.block[net.blocks] = (lg_cnn_block){
+            .channels = default_channels(cnn_channels(&net, net.blocks)),
+            .kernel = kernel,
+            .stride = 1,
+            .pooling = pooled ? LG_POOL_AVERAGE : LG_POOL_NONE,
+            .pool_size = DEFAULT_POOL,
+            .pool_stride = DEFAULT_POOL,
+        };
+        left = pooled ? convolved / DEFAULT_POOL : convolved;
+        net.blocks++;
+    }
+    (void)lg_cnn_init(&net, NULL);
+    return net;
+}
+
+/* ---- parameters ---- */
+
+static void append(cnn_layout *layout, size_t in, uint32_t out, uint32_t kernel) {
+    cnn_layer *l = &layout->layer[layout->count++];
+    *l = (cnn_layer){in, out, kernel, layout->parameters, layout->parameters + in * out};
+    layout->parameters = l->bias + out;
+}
+
+void lg_cnn_layout(const lg_cnn *net, cnn_layout *layout) {
+    layout->count = 0;
+    layout->parameters = 0;
+    for (uint32_t i = 0; i < net->blocks; i++) {
+        const lg_cnn_block *b = &net->block[i];
+        append(layout, (size_t)b->kernel * cnn_channels(net, i), b->channels, b->kernel);
+    }
+    size_t in = (size_t)net->lengths[net->blocks] * cnn_channels(net, net->blocks);
+    if (net->plane > 0) {
+        append(layout, in, net->plane, 0);
+        in = net->plane;
+    }
+    append(layout, in, net->outputs, 0);
+}
+
+size_t lg_cnn_parameters(const lg_cnn *net) {
+    cnn_layout layout;
+    lg_cnn_layout(net, &layout);
+    return layout.parameters;
+}
+
+bool lg_cnn_slice(const lg_cnn *net, uint32_t index, lg_slice_info *out) {
+    cnn_layout layout;
+    lg_cnn_layout(net, &layout);
+    const uint32_t i = index / 2;
+    const bool weight = index % 2 == 0;
+    if (i >= layout.count) return false;
+    const cnn_layer *l = &layout.layer[i];
+    lg_slice_info info = {.rank = 1, .dims = {l->out}, .offset = l->bias, .count = l->out};
+    if (weight) {
+        info =
+            (lg_slice_info){.rank = 2, .dims = {l->in, l->out}, .offset = l->weight, .count = l->in * l->out};
+        if (l->kernel > 0) {
+            info.rank = 3;
+            info.dims[0] = l->kernel;
+            info.dims[1] = l->in / l->kernel;
+            info.dims[2] = l->out;
+        }
+    }
+    const char *what = weight ? "weight" : "bias";
+    if (i < net->blocks)
+        (void)snprintf(info.name, sizeof info.name, "conv%u/%s", (unsigned)i + 1, what);
+    else
+        (void)snprintf(info.name, sizeof info.name, "%s/%s", i + 1 < layout.count ? "plane" : "output", what);
+    *out = info;
+    return true;
+}
+
+/* Each layer is drawn as a dense one of the same fan in; a convolution's fan out is `kernel` times as large
+ * as that one's. */
+void lg_cnn_initialise(const lg_cnn *net, lg_initialisation kind, lg_rng *rng, double *theta) {
+    cnn_layout layout;
+    lg_cnn_layout(net, &layout);
+    const bool both_fans = kind == LG_INIT_GLOROT_UNIFORM || kind == LG_INIT_GLOROT_NORMAL;
+    for (uint32_t i = 0; i < layout.count; i++) {
+        const cnn_layer *l = &layout.layer[i];
+        const lg_mlp one = {.layers = 1,
+                            .width = {(uint32_t)l->in, l->out},
+                            .activation = net->activation,
+                            .last_bias = true};
+        double *weight = theta + l->weight;
+        lg_mlp_initialise_as(&one, kind, rng, weight);
+        if (!both_fans || l->kernel == 0) continue;
+        const double in = (double)l->in, out = (double)l->out;
+        const double factor = sqrt((in + out) / (in + l->kernel * out));
+        for (size_t j = 0; j < l->in * l->out; j++) weight[j] *= factor;
+    }
+}

@@ -1,0 +1,59 @@
+/* Convolutional networks on a tape. */
+#include "core/core.h"
+#include "nn/cnn.h"
+
+/* The network's parameters and input, or nothing to be done. */
+static bool fits(lg_tape *tape, const lg_cnn *net, size_t parameters, size_t offset, lg_var x) {
+    if (lg_tape_status(tape) != LG_OK) return false;
+    if (parameters > UINT32_MAX || offset > UINT32_MAX - parameters) {
+        (void)lg_tape_fail(tape, LG_SHAPE, "cnn", "the parameters of the network end beyond 2^32 elements");
+        return false;
+    }
+    if (lg_value(tape, x) == NULL) return true; /* a stale handle: the first operation says so */
+    const lg_shape shape = lg_var_shape(tape, x);
+    if (shape.rank == 3 && shape.dims[1] == net->length && shape.dims[2] == net->channels) return true;
+    (void)lg_tape_fail(tape, LG_SHAPE, "cnn", "series must be of shape (count, length, channels)");
+    return false;
+}
+
+static lg_var weight(lg_tape *tape, lg_var theta, size_t offset, const cnn_layer *l) {
+    const uint32_t at = (uint32_t)(offset + l->weight), in = (uint32_t)l->in;
+    const lg_var flat = lg_slice(tape, theta, 0, at, in * l->out);
+    if (l->kernel == 0) return lg_reshape(tape, flat, lg_shape2(in, l->out));
+    return lg_reshape(tape, flat, lg_shape3(l->kernel, in / l->kernel, l->out));
+}
+
+static lg_var bias(lg_tape *tape, lg_var theta, size_t offset, const cnn_layer *l) {
+    return lg_slice(tape, theta, 0, (uint32_t)(offset + l->bias), l->out);
+}
+
+static lg_var block(lg_tape *tape, const lg_cnn *net, uint32_t i, lg_var w, lg_var b, lg_var x) {
+    const lg_cnn_block *it = &net->block[i];
+    const bool average = it->pooling == LG_POOL_AVERAGE;
+    const lg_var y = lg_conv1d_pooled(tape, x, w, b, it->stride, it->padding, net->activation,
+                                      average ? it->pool_size : 1, average ? it->pool_stride : 1);
+    return it->pooling == LG_POOL_MAX ? lg_max_pool1d(tape, y, it->pool_size, it->pool_stride) : y;
+}
+
+lg_var lg_cnn_apply(lg_tape *tape, const lg_cnn *net, lg_var theta, size_t offset, lg_var x, lg_var *plane) {
+    cnn_layout layout;
+    lg_cnn_layout(net, &layout);
+    if (plane != NULL) *plane = LG_NONE;
+    if (!fits(tape, net, layout.parameters, offset, x)) return LG_NONE;
+    const uint32_t count = lg_var_shape(tape, x).dims[0];
+    lg_var h = x, wide = LG_NONE;
+    for (uint32_t i = 0; i < layout.count; i++) {
+        const cnn_layer *l = &layout.layer[i];
+        const lg_var w = weight(tape, theta, offset, l), b = bias(tape, theta, offset, l);
+        if (i < net->blocks) {
+            h = block(tape, net, i, w, b, h);
+            continue;
+        }
+        const bool last = i + 1 == layout.count;
+        h = lg_reshape(tape, h, lg_shape2(count, (uint32_t)l->in));
+        h = lg_dense(tape, h, w, b, last ? LG_IDENTITY : net->activation);
+        if (!last) wide = h;
+    }
+    if (plane != NULL && !lg_is_none(h)) *plane = wide;
+    return h;
+}

@@ -1,0 +1,624 @@
+/* Detectors: scaling, losses against direct formulas, learning to tell two sounds apart, the same bits
+ * whatever the threads and however often interrupted, use without memory, what is refused. */
+#include "nn/nn_support.h"
+
+#include "liegrad/detector.h"
+#include "support/fail_alloc.h"
+#include "support/malloc_count.h"
+
+/* ---- a small set: sines of one frequency a class, in noise ---- */
+
+enum { CHANNELS = 2, LENGTH = 40 };
+
+typedef struct sounds {
+    lg_series series;
+    lg_windows windows;
+    lg_scaler scaler;
+    uint32_t *chosen; /* training part, then test part */
+    size_t training;
+} sounds;
+
+static double frequency(uint32_t label) {
+    static const double cycles[] = {0.05, 0.2, 0.4};
+    return 6.283185307179586 * cycles[label];
+}
+
+/* `rare`: of ten windows, so many are of class 1 where there are two. */
+static sounds make_sounds(size_t count, uint32_t classes, size_t rare, double noise, bool centred) {
+    sounds s = {.series = {.count = count, .channels = CHANNELS, .length = LENGTH, .classes = classes}};
+    lg_rng rng;
+    lg_rng_seed(&rng, 31, 0);
+    assert_ok(lg_series_allocate(NULL, false, false, &s.series));
+    for (size_t i = 0; i < count; i++) {
+        const uint32_t label = rare > 0 ? i % 10 < rare : (uint32_t)(i % classes);
+        s.series.label[i] = label;
+        for (size_t c = 0; c < CHANNELS; c++) {
+            const double phase = 6.3 * lg_rng_uniform(&rng);
+            for (size_t t = 0; t < LENGTH; t++)
+                s.series.x[(i * CHANNELS + c) * LENGTH + t] =
+                    (float)(100.0 * (double)c + (c + 0.5) * (sin(frequency(label) * (double)t + phase) +
+                                                             noise * lg_rng_normal(&rng)));
+        }
+    }
+    assert_ok(lg_windows_create(NULL, &s.series, 0, 0, &s.windows, NULL));
+    uint8_t *parts = malloc(count);
+    s.chosen = malloc(count * sizeof *s.chosen);
+    assert_ok(lg_series_split(NULL, &s.series, &s.windows, LG_SPLIT_RANDOM, count > 9 ? 0.3 : 0.0, 0.0, 1,
+                              parts, NULL));
+    size_t at = 0;
+    for (int part = LG_PART_TRAIN; part <= LG_PART_TEST; part++) {
+        for (size_t i = 0; i < count; i++)
+            if (parts[i] == part) s.chosen[at++] = (uint32_t)i;
+        if (part == LG_PART_TRAIN) s.training = at;
+    }
+    free(parts);
+    assert_ok(lg_scaler_fit(NULL, &s.series, &s.windows, s.chosen, s.training, centred, &s.scaler));
+    return s;
+}
+
+static void free_sounds(sounds *s) {
+    lg_scaler_free(NULL, &s->scaler);
+    lg_windows_free(NULL, &s->windows);
+    lg_series_free(NULL, &s->series);
+    free(s->chosen);
+}
+
+static lg_detector make_detector(uint32_t classes, lg_detector_loss loss, bool centred) {
+    const uint32_t outputs = loss == LG_DETECTOR_MSE ? 1 : classes;
+    const lg_detector model = {.net = lg_cnn_defaults(CHANNELS, LENGTH, outputs, LG_SWISH),
+                               .classes = classes,
+                               .loss = loss,
+                               .centred = centred};
+    lg_error error;
+    if (lg_detector_check(&model, &error) != LG_OK) fail_msg("%s", error.message);
+    return model;
+}
+
+static double *start_of(const lg_detector *model) {
+    lg_rng rng;
+    lg_rng_seed(&rng, 32, 0);
+    double *theta = malloc(lg_cnn_parameters(&model->net) * sizeof *theta);
+    lg_cnn_initialise(&model->net, LG_INIT_FAN_IN, &rng, theta);
+    return theta;
+}
+
+static lg_detector_data data_of(const sounds *s, const lg_detector *model, size_t count, lg_dtype dtype) {
+    lg_detector_data data;
+    lg_error error;
+    if (lg_detector_data_create(NULL, model, &s->scaler, &s->series, &s->windows, s->chosen, count, dtype,
+                                &data, &error) != LG_OK)
+        fail_msg("%s", error.message);
+    return data;
+}
+
+/* ---- scaling ---- */
+
+static void scaled_windows(void **state) {
+    (void)state;
+    for (int centred = 0; centred < 2; centred++)
+        for (int dtype = LG_F64; dtype <= LG_F32; dtype++) {
+            sounds s = make_sounds(20, 2, 0, 0.1, centred);
+            const lg_detector model = make_detector(2, LG_DETECTOR_MSE, centred);
+            lg_detector_data data = data_of(&s, &model, s.training, (lg_dtype)dtype);
+            double sum[CHANNELS] = {0}, squares[CHANNELS] = {0};
+            assert_int_equal(data.count, s.training);
+            for (size_t i = 0; i < data.count; i++) {
+                assert_int_equal(data.label[i], s.series.label[s.chosen[i]]);
+                for (size_t c = 0; c < CHANNELS; c++) {
+                    const float *x = s.series.x + (s.chosen[i] * CHANNELS + c) * LENGTH;
+                    double own = 0.0;
+                    for (size_t t = 0; t < LENGTH; t++) own += (double)x[t] / LENGTH;
+                    for (size_t t = 0; t < LENGTH; t++) {
+                        const size_t at = (i * LENGTH + t) * CHANNELS + c;
+                        const double z =
+                            dtype == LG_F64 ? ((double *)data.x)[at] : (double)((float *)data.x)[at];
+                        const double mean = centred ? own : s.scaler.mean[c];
+                        assert_close(z, ((double)x[t] - mean) / s.scaler.scale[c], 1e-7,
+                                     dtype == LG_F64 ? 1e-11 : 1e-7);
+                        sum[c] += z;
+                        squares[c] += z * z;
+                    }
+                }
+            }
+            for (size_t c = 0; c < CHANNELS; c++) {
+                assert_close(sum[c] / (double)(data.count * LENGTH), 0.0, 0, 1e-6);
+                assert_close(squares[c] / (double)(data.count * LENGTH), 1.0, 1e-5, 0);
+            }
+            lg_detector_data_free(NULL, &data);
+            lg_detector_data_free(NULL, &data);
+            free_sounds(&s);
+        }
+}
+
+/* ---- evaluation and loss ---- */
+
+static void probabilities(const lg_detector *model, const sounds *s, lg_dtype dtype, const double *theta,
+                          uint32_t window, double *probability, double *plane) {
+    void *work;
+    const size_t n = lg_cnn_parameters(&model->net);
+    float *theta32 = malloc(n * sizeof *theta32);
+    float x[CHANNELS * LENGTH];
+    for (size_t i = 0; i < n; i++) theta32[i] = (float)theta[i];
+    if (posix_memalign(&work, 64, lg_detector_work_size(model, dtype)) != 0) fail_msg("no memory");
+    lg_windows_copy(&s->series, &s->windows, window, x);
+    lg_detector_eval(model, &s->scaler, dtype, dtype == LG_F64 ? (const void *)theta : theta32, x,
+                     probability, plane, work);
+    free(work);
+    free(theta32);
+}
+
+/* The loss as the header has it, from the probabilities. */
+static double direct_loss(const lg_detector *model, const sounds *s, const double *theta,
+                          const uint32_t *samples, size_t count) {
+    double sum = 0.0, p[3];
+    for (size_t i = 0; i < count; i++) {
+        const uint32_t window = s->chosen[samples[i]], label = s->series.label[window];
+        probabilities(model, s, LG_F64, theta, window, p, NULL);
+        double total = 0.0;
+        for (uint32_t c = 0; c < model->classes; c++) total += p[c];
+        assert_close(total, 1.0, 1e-14, 0);
+        sum += model->loss == LG_DETECTOR_MSE ? (p[1] - label) * (p[1] - label) : -log(p[label]);
+    }
+    return sum;
+}
+
+static void losses(void **state) {
+    (void)state;
+    static const uint32_t samples[] = {4, 0, 11, 5, 5};
+    for (int which = 0; which < 3; which++) {
+        const uint32_t classes = which == 2 ? 3 : 2;
+        const lg_detector model =
+            make_detector(classes, which == 0 ? LG_DETECTOR_MSE : LG_DETECTOR_CROSS_ENTROPY, true);
+        sounds s = make_sounds(30, classes, 0, 0.2, true);
+        double *theta = start_of(&model);
+        for (int dtype = LG_F64; dtype <= LG_F32; dtype++)
+            for (int stored = LG_F64; stored <= LG_F32; stored++) {
+                lg_detector_data data = data_of(&s, &model, s.training, (lg_dtype)stored);
+                const lg_detector_problem problem = {&model, &data, s.training};
+                lg_fit_problem fit;
+                lg_detector_fit_problem(&problem, &fit);
+                assert_int_equal(fit.parameters, lg_cnn_parameters(&model.net));
+                assert_int_equal(fit.samples, s.training);
+                assert_int_equal(fit.validation, 0);
+                lg_tape_options options;
+                lg_tape_options_init(&options);
+                options.dtype = (lg_dtype)dtype;
+                lg_tape *tape;
+                assert_ok(lg_tape_create(NULL, &options, &tape));
+                const lg_var flat = lg_input_f64(tape, lg_shape1((uint32_t)fit.parameters), theta);
+                for (size_t count = 1; count <= 5; count += 4) {
+                    lg_var loss;
+                    double value;
+                    assert_ok(fit.loss(fit.user, tape, flat, samples, count, 5, &loss));
+                    assert_ok(lg_read(tape, loss, &value, 1));
+                    const double rtol = dtype == LG_F64 && stored == LG_F64 ? 1e-12 : 1e-5;
+                    assert_close(value, direct_loss(&model, &s, theta, samples, count) / 5.0, rtol, 0);
+                }
+                lg_tape_destroy(tape);
+                lg_detector_data_free(NULL, &data);
+            }
+        free(theta);
+        free_sounds(&s);
+    }
+}
+
+/* f32 follows f64; the plane is the network's; logits beyond the range of exp do no harm. */
+static void evaluation(void **state) {
+    (void)state;
+    for (int loss = 0; loss < LG_DETECTOR_LOSS_COUNT; loss++) {
+        const lg_detector model = make_detector(2, (lg_detector_loss)loss, false);
+        sounds s = make_sounds(10, 2, 0, 0.2, false);
+        double *theta = start_of(&model), p[2], q[2], plane[2], plane32[2];
+        for (uint32_t i = 0; i < 10; i++) {
+            probabilities(&model, &s, LG_F64, theta, i, p, plane);
+            probabilities(&model, &s, LG_F32, theta, i, q, plane32);
+            for (int c = 0; c < 2; c++) {
+                assert_true(p[c] > 0.0 && p[c] < 1.0);
+                assert_close(q[c], p[c], 1e-5, 0);
+                assert_close(plane32[c], plane[c], 1e-4, 1e-5);
+            }
+        }
+        const size_t last = lg_cnn_parameters(&model.net) - 1;
+        theta[last] = 5000.0; /* the output's bias */
+        probabilities(&model, &s, LG_F64, theta, 0, p, NULL);
+        assert_close(p[0], 0.0, 0, 0);
+        assert_close(p[1], 1.0, 0, 0);
+        theta[last] = -300.0;
+        probabilities(&model, &s, LG_F64, theta, 0, p, NULL);
+        assert_close(p[0], 1.0, 0, 0);
+        assert_true(p[1] > 0.0 && p[1] < 1e-120);
+        free(theta);
+        free_sounds(&s);
+    }
+}
+
+/* ---- training ---- */
+
+static lg_fit *fit_of(const lg_detector_problem *problem, uint64_t epochs, size_t batch, int threads) {
+    lg_fit_problem fit_problem;
+    lg_fit_options options;
+    lg_fit *fit;
+    lg_error error;
+    lg_detector_fit_problem(problem, &fit_problem);
+    lg_fit_options_init(&options);
+    lg_training_apply(&lg_detector_preset_find("best", NAN)->training, &options);
+    options.epochs = epochs;
+    options.batch = batch;
+    options.threads = threads;
+    options.adam.lr = 1e-2;
+    options.keep_best = true;
+    double *theta = start_of(problem->model);
+    if (lg_fit_create(NULL, &fit_problem, &options, theta, &fit, &error) != LG_OK)
+        fail_msg("%s", error.message);
+    free(theta);
+    return fit;
+}
+
+static void run(lg_fit *fit) {
+    lg_error error;
+    if (lg_fit_run(fit, &error) != LG_OK) fail_msg("%s", error.message);
+}
+
+/* Windows of the chosen ones from `first` on that are told right. */
+static size_t told_right(const lg_detector *model, const sounds *s, const lg_fit *fit, size_t first) {
+    double *theta = malloc(lg_cnn_parameters(&model->net) * sizeof *theta), p[3];
+    size_t right = 0;
+    lg_fit_parameters(fit, theta);
+    for (size_t i = first; i < s->series.count; i++) {
+        uint32_t best = 0;
+        probabilities(model, s, LG_F32, theta, s->chosen[i], p, NULL);
+        for (uint32_t c = 1; c < model->classes; c++)
+            if (p[c] > p[best]) best = c;
+        right += best == s->series.label[s->chosen[i]];
+    }
+    free(theta);
+    return right;
+}
+
+/* Never seen windows, all told right: two classes by either loss, three classes, one in ten. */
+static void learning(void **state) {
+    (void)state;
+    static const struct {
+        uint32_t classes;
+        size_t rare;
+        lg_detector_loss loss;
+        bool centred;
+    } cases[] = {{2, 0, LG_DETECTOR_MSE, false},
+                 {2, 0, LG_DETECTOR_CROSS_ENTROPY, true},
+                 {3, 0, LG_DETECTOR_CROSS_ENTROPY, false},
+                 {2, 1, LG_DETECTOR_CROSS_ENTROPY, false}};
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        sounds s = make_sounds(160, cases[i].classes, cases[i].rare, 0.2, cases[i].centred);
+        const lg_detector model = make_detector(cases[i].classes, cases[i].loss, cases[i].centred);
+        lg_detector_data data = data_of(&s, &model, s.training, LG_F32);
+        const lg_detector_problem problem = {&model, &data, s.training};
+        lg_fit *fit = fit_of(&problem, 60, 10, 1);
+        run(fit);
+        assert_int_equal(told_right(&model, &s, fit, s.training), s.series.count - s.training);
+        lg_fit_destroy(fit);
+        lg_detector_data_free(NULL, &data);
+        free_sounds(&s);
+    }
+}
+
+static void saved_state(const lg_fit *fit, memory_archive *archive) {
+    const lg_archive_writer writer = memory_writer(archive);
+    memory_clear(archive);
+    assert_ok(lg_fit_save(fit, &writer, NULL));
+}
+
+static void same_parameters(const lg_fit *a, const lg_fit *b, size_t n) {
+    double *x = malloc(n * sizeof *x), *y = malloc(n * sizeof *y);
+    lg_fit_current_parameters(a, x);
+    lg_fit_current_parameters(b, y);
+    assert_memory_equal(x, y, n * sizeof *x);
+    lg_fit_parameters(a, x);
+    lg_fit_parameters(b, y);
+    assert_memory_equal(x, y, n * sizeof *x);
+    assert_memory_equal(lg_fit_history(a, LG_FIT_VALIDATION), lg_fit_history(b, LG_FIT_VALIDATION),
+                        6 * sizeof *x);
+    free(x);
+    free(y);
+}
+
+static void same_bits(void **state) {
+    (void)state;
+    sounds s = make_sounds(60, 2, 0, 0.3, false);
+    const lg_detector model = make_detector(2, LG_DETECTOR_CROSS_ENTROPY, false);
+    lg_detector_data data = data_of(&s, &model, s.series.count, LG_F32);
+    const lg_detector_problem problem = {&model, &data, s.training};
+    const size_t n = lg_cnn_parameters(&model.net);
+    lg_fit *one = fit_of(&problem, 6, 7, 1), *two = fit_of(&problem, 6, 7, 2);
+    run(one);
+    run(two);
+    same_parameters(one, two, n);
+
+    lg_fit_problem fit_problem;
+    lg_fit_options options;
+    memory_archive archive = {0};
+    lg_detector_fit_problem(&problem, &fit_problem);
+    assert_int_equal(fit_problem.validation, s.series.count - s.training);
+    lg_fit_options_init(&options);
+    lg_training_apply(&lg_detector_preset_find("best", NAN)->training, &options);
+    options.epochs = 6;
+    options.batch = 7;
+    options.adam.lr = 1e-2;
+    options.keep_best = true;
+    options.stop_after = 2;
+    double *theta = start_of(&model);
+    lg_fit *resumed;
+    assert_ok(lg_fit_create(NULL, &fit_problem, &options, theta, &resumed, NULL));
+    while (!lg_fit_finished(resumed)) {
+        run(resumed);
+        saved_state(resumed, &archive);
+        lg_fit_destroy(resumed);
+        assert_ok(lg_fit_create(NULL, &fit_problem, &options, theta, &resumed, NULL));
+        const lg_archive_reader reader = memory_reader(&archive);
+        assert_ok(lg_fit_load(resumed, &reader, NULL));
+    }
+    same_parameters(one, resumed, n);
+    memory_clear(&archive);
+    free(theta);
+    lg_fit_destroy(one);
+    lg_fit_destroy(two);
+    lg_fit_destroy(resumed);
+    lg_detector_data_free(NULL, &data);
+    free_sounds(&s);
+}
+
+/* One sample, one-window batches, all of one class: odd, but no failure. */
+static void small_sets(void **state) {
+    (void)state;
+    static const size_t counts[] = {1, 2, 5};
+    for (size_t i = 0; i < 3; i++)
+        for (size_t batch = 0; batch < 2; batch++) {
+            sounds s = {
+                .series = {.count = counts[i], .channels = 1, .length = 1 + (uint32_t)i, .classes = 2}};
+            assert_ok(lg_series_allocate(NULL, false, false, &s.series));
+            for (size_t j = 0; j < counts[i] * (1 + i); j++) s.series.x[j] = (float)j;
+            assert_ok(lg_windows_create(NULL, &s.series, 0, 0, &s.windows, NULL));
+            assert_ok(lg_scaler_fit(NULL, &s.series, &s.windows, NULL, counts[i], true, &s.scaler));
+            const lg_detector model = {.net = lg_cnn_defaults(1, 1 + (uint32_t)i, 2, LG_RELU),
+                                       .classes = 2,
+                                       .loss = LG_DETECTOR_CROSS_ENTROPY,
+                                       .centred = true};
+            assert_ok(lg_detector_check(&model, NULL));
+            lg_detector_data data = data_of(&s, &model, 0, LG_F32);
+            assert_int_equal(data.count, counts[i]);
+            const lg_detector_problem problem = {&model, &data, data.count};
+            lg_fit *fit = fit_of(&problem, 3, batch, 1);
+            run(fit);
+            assert_true(isfinite(lg_fit_loss(fit)));
+            lg_fit_destroy(fit);
+            lg_detector_data_free(NULL, &data);
+            free_sounds(&s);
+        }
+}
+
+/* ---- settings ---- */
+
+static void presets(void **state) {
+    (void)state;
+    static const struct {
+        double noise, lr, decay;
+        uint64_t batch;
+        lg_activation activation;
+    } rows[] = {{1, 2.562e-2, 1.243e-5, 30, LG_LEAKY_RELU},  {0, 2.562e-2, 1.243e-5, 30, LG_LEAKY_RELU},
+                {10, 2.102e-3, 1.221e-5, 10, LG_LEAKY_RELU}, {20, 2.102e-3, 1.221e-5, 10, LG_LEAKY_RELU},
+                {50, 1.017e-2, 1.52e-7, 30, LG_SWISH},       {1e9, 1.017e-2, 1.52e-7, 30, LG_SWISH}};
+    for (size_t i = 0; i < 6; i++) {
+        const lg_detector_preset *p = lg_detector_preset_find("thesis", rows[i].noise);
+        assert_non_null(p);
+        assert_close(p->training.lr, rows[i].lr, 0, 0);
+        assert_close(p->training.weight_decay, rows[i].decay, 0, 0);
+        assert_int_equal(p->training.batch, rows[i].batch);
+        assert_int_equal(p->activation, rows[i].activation);
+        assert_int_equal(p->loss, LG_DETECTOR_MSE);
+        assert_int_equal(p->training.epochs, 100);
+        assert_int_equal(p->training.schedule, LG_SCHEDULE_CONSTANT);
+        assert_int_equal(p->training.dtype, LG_F32);
+        assert_string_equal(p->source, "table 6.5");
+    }
+    assert_close(lg_detector_preset_find("best", 11.0)->noise, 10, 0, 0);
+    assert_close(lg_detector_preset_find("best", 50.0)->training.weight_decay, 1e-3, 0, 0);
+    assert_true(
+        isnan(lg_detector_preset_find("best", NAN)->noise)); /* data of unknown noise: a row of their own */
+    assert_close(lg_detector_preset_find("thesis", NAN)->noise, 1, 0, 0);
+    assert_null(lg_detector_preset_find("worst", 1.0));
+    assert_null(lg_detector_preset_find(NULL, 1.0));
+    for (int i = 0; i < LG_DETECTOR_LOSS_COUNT; i++) {
+        lg_detector_loss found = (lg_detector_loss)9;
+        assert_ok(lg_detector_loss_parse(lg_detector_loss_name((lg_detector_loss)i), &found));
+        assert_int_equal(found, i);
+    }
+    lg_detector_loss kept = LG_DETECTOR_CROSS_ENTROPY;
+    assert_status(lg_detector_loss_parse("hinge", &kept), LG_NOT_FOUND);
+    assert_int_equal(kept, LG_DETECTOR_CROSS_ENTROPY);
+}
+
+/* ---- bad input ---- */
+
+static void refused_detectors(void **state) {
+    (void)state;
+    const lg_detector good = make_detector(2, LG_DETECTOR_MSE, false);
+    lg_detector bad[6] = {good, good, good, good, good, good};
+    static const char *const sentences[6] = {"at least 2 classes", "cross-entropy", "2 outputs",
+                                             "lg_cnn_init",        "unknown loss",  "kernel"};
+    bad[0].classes = 1;
+    bad[1].classes = 3;
+    bad[2].net = lg_cnn_defaults(CHANNELS, LENGTH, 2, LG_SWISH);
+    bad[3].net.lengths[1] = 7;
+    bad[4].loss = (lg_detector_loss)2;
+    bad[5].net.block[0].kernel = 41;
+    for (size_t i = 0; i < 6; i++) {
+        lg_error error;
+        assert_status(lg_detector_check(&bad[i], &error), LG_INVALID_ARGUMENT);
+        if (strstr(error.message, sentences[i]) == NULL) fail_msg("%s", error.message);
+    }
+    assert_status(lg_detector_check(NULL, NULL), LG_INVALID_ARGUMENT);
+}
+
+static void refused_data(void **state) {
+    (void)state;
+    sounds s = make_sounds(10, 3, 0, 0.1, false);
+    const lg_detector model = make_detector(3, LG_DETECTOR_CROSS_ENTROPY, false);
+    const lg_detector two = make_detector(2, LG_DETECTOR_MSE, false);
+    lg_detector other = model;
+    lg_scaler scaler = s.scaler;
+    static const uint32_t beyond[] = {0, 10};
+    lg_detector_data data = {.count = 5};
+    lg_error error;
+    scaler.channels = 1;
+    other.net = lg_cnn_defaults(CHANNELS, LENGTH + 1, 3, LG_SWISH);
+#define CREATE(m, sc, chosen, count, type)                                                                   \
+    lg_detector_data_create(NULL, m, sc, &s.series, &s.windows, chosen, count, type, &data, &error)
+    assert_status(CREATE(&other, &s.scaler, NULL, 0, LG_F32), LG_SHAPE);
+    other.net = lg_cnn_defaults(CHANNELS + 1, LENGTH, 3, LG_SWISH);
+    assert_status(CREATE(&other, &s.scaler, NULL, 0, LG_F32), LG_SHAPE);
+    assert_non_null(strstr(error.message, "3 channels"));
+    assert_status(CREATE(&two, &s.scaler, NULL, 0, LG_F32), LG_SHAPE);
+    assert_non_null(strstr(error.message, "class 2"));
+    assert_status(CREATE(&model, &scaler, NULL, 0, LG_F32), LG_SHAPE);
+    assert_status(CREATE(&model, &s.scaler, beyond, 2, LG_F32), LG_INVALID_ARGUMENT);
+    assert_status(CREATE(&model, &s.scaler, beyond, 0, LG_F32), LG_INVALID_ARGUMENT);
+    assert_status(CREATE(NULL, &s.scaler, NULL, 0, LG_F32), LG_INVALID_ARGUMENT);
+    s.scaler.scale[0] = 1e-300;
+    assert_status(CREATE(&model, &s.scaler, NULL, 0, LG_F32), LG_NOT_FINITE);
+    assert_true(CREATE(&model, &s.scaler, NULL, 0, LG_F64) == LG_OK);
+    lg_detector_data_free(NULL, &data);
+    s.series.x[77] = NAN;
+    assert_status(CREATE(&model, &s.scaler, NULL, 0, LG_F64), LG_NOT_FINITE);
+    assert_int_equal(data.count, 0);
+    free_sounds(&s);
+}
+
+/* A training part that does not fit the data is refused when the fit is made. */
+static void refused_parts(void **state) {
+    (void)state;
+    sounds s = make_sounds(10, 2, 0, 0.1, false);
+    const lg_detector model = make_detector(2, LG_DETECTOR_MSE, false);
+    lg_detector_data data = data_of(&s, &model, 10, LG_F32);
+    double *theta = start_of(&model);
+    static const size_t parts[] = {0, 11};
+    for (size_t i = 0; i < 2; i++) {
+        const lg_detector_problem problem = {&model, &data, parts[i]};
+        lg_fit_problem fit_problem;
+        lg_fit *fit = NULL;
+        lg_detector_fit_problem(&problem, &fit_problem);
+        assert_status(lg_fit_create(NULL, &fit_problem, NULL, theta, &fit, NULL), LG_INVALID_ARGUMENT);
+        assert_null(fit);
+    }
+    free(theta);
+    lg_detector_data_free(NULL, &data);
+    free_sounds(&s);
+}
+
+static void failing_memory(void **state) {
+    (void)state;
+    sounds s = make_sounds(10, 2, 0, 0.1, false);
+    const lg_detector model = make_detector(2, LG_DETECTOR_MSE, false);
+    lg_fail_alloc memory;
+    lg_context *context = lg_fail_alloc_context(&memory);
+    for (long n = 1;; n++) {
+        lg_detector_data data = {.count = 3};
+        lg_fail_alloc_arm(&memory, n);
+        const lg_status status = lg_detector_data_create(context, &model, &s.scaler, &s.series, &s.windows,
+                                                         NULL, 0, LG_F32, &data, NULL);
+        if (!lg_fail_alloc_hit(&memory)) {
+            assert_ok(status);
+            assert_true(n > 3);
+            lg_detector_data_free(context, &data);
+            break;
+        }
+        assert_status(status, LG_OUT_OF_MEMORY);
+        assert_int_equal(lg_fail_alloc_live(&memory), 0);
+        assert_int_equal(data.count, 3);
+    }
+    lg_fail_alloc_arm(&memory, 0);
+    lg_context_destroy(context);
+    free_sounds(&s);
+}
+
+/* ---- no memory on the way ---- */
+
+static void eval_takes_nothing(void **state) {
+    (void)state;
+    if (!lg_count_available()) skip();
+    for (int loss = 0; loss < LG_DETECTOR_LOSS_COUNT; loss++) {
+        sounds s = make_sounds(10, 2, 0, 0.1, true);
+        const lg_detector model = make_detector(2, (lg_detector_loss)loss, true);
+        double *theta = start_of(&model), p[2], plane[2];
+        void *work;
+        if (posix_memalign(&work, 64, lg_detector_work_size(&model, LG_F64)) != 0) fail_msg("no memory");
+        assert_no_malloc_no_lock(
+            lg_detector_eval(&model, &s.scaler, LG_F64, theta, s.series.x, p, plane, work));
+        free(work);
+        free(theta);
+        free_sounds(&s);
+    }
+}
+
+typedef struct counting {
+    lg_counts used;
+    bool done;
+} counting;
+
+/* Epochs 1 and 2 warm up; 3 to 5 are counted. */
+static int count_epochs(void *user, const lg_fit_epoch *report) {
+    counting *self = user;
+    if (report->epoch == 2) lg_count_begin();
+    if (report->epoch == 5) {
+        self->used = lg_count_end();
+        self->done = true;
+    }
+    return 0;
+}
+
+static void steady_steps_take_nothing(void **state) {
+    (void)state;
+    if (!lg_count_available()) skip();
+    sounds s = make_sounds(40, 2, 0, 0.1, false);
+    const lg_detector model = make_detector(2, LG_DETECTOR_CROSS_ENTROPY, false);
+    lg_detector_data data = data_of(&s, &model, 40, LG_F32);
+    const lg_detector_problem problem = {&model, &data, s.training};
+    lg_fit_problem fit_problem;
+    lg_fit_options options;
+    counting counted = {.done = false};
+    lg_detector_fit_problem(&problem, &fit_problem);
+    lg_fit_options_init(&options);
+    options.dtype = LG_F32;
+    options.epochs = 5;
+    options.batch = 9;
+    options.shards = 2;
+    options.on_epoch = count_epochs;
+    options.user = &counted;
+    double *theta = start_of(&model);
+    lg_fit *fit;
+    assert_ok(lg_fit_create(NULL, &fit_problem, &options, theta, &fit, NULL));
+    run(fit);
+    assert_true(counted.done);
+    assert_int_equal(counted.used.allocations, 0);
+    lg_fit_destroy(fit);
+    free(theta);
+    lg_detector_data_free(NULL, &data);
+    free_sounds(&s);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(scaled_windows),
+        cmocka_unit_test(losses),
+        cmocka_unit_test(evaluation),
+        cmocka_unit_test(learning),
+        cmocka_unit_test(same_bits),
+        cmocka_unit_test(small_sets),
+        cmocka_unit_test(presets),
+        cmocka_unit_test(refused_detectors),
+        cmocka_unit_test(refused_data),
+        cmocka_unit_test(refused_parts),
+        cmocka_unit_test(failing_memory),
+        cmocka_unit_test(eval_takes_nothing),
+        cmocka_unit_test(steady_steps_take_nothing),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,553 @@
+/* Sets of series: memory, windows through stored windows, splits that tear nothing apart, scaling against
+ * direct formulas. */
+#include "test_support.h"
+
+#include "liegrad/random.h"
+#include "liegrad/series.h"
+#include "support/fail_alloc.h"
+
+/* ---- helpers ---- */
+
+static lg_series make(size_t count, uint32_t channels, uint32_t length, uint32_t classes, bool group,
+                      bool run) {
+    lg_series s = {.count = count, .channels = channels, .length = length, .classes = classes};
+    assert_ok(lg_series_allocate(NULL, group, run, &s));
+    for (size_t i = 0; i < count; i++) s.label[i] = (uint32_t)(i % classes);
+    return s;
+}
+
+static lg_windows cut(const lg_series *s, size_t length, size_t hop) {
+    lg_windows w;
+    lg_error error;
+    if (lg_windows_create(NULL, s, length, hop, &w, &error) != LG_OK) fail_msg("%s", error.message);
+    return w;
+}
+
+/* Sample number `at` of channel c in the run that starts at stored window 0. */
+static float ramp(size_t c, size_t at) {
+    return (float)(1000 * c + at);
+}
+
+/* Every stored window continues the one before, over all runs. */
+static void fill_ramp(lg_series *s) {
+    for (size_t i = 0; i < s->count; i++)
+        for (size_t c = 0; c < s->channels; c++)
+            for (size_t t = 0; t < s->length; t++)
+                s->x[(i * s->channels + c) * s->length + t] = ramp(c, i * s->length + t);
+}
+
+/* ---- memory ---- */
+
+static void allocation(void **state) {
+    (void)state;
+    lg_series s = {.count = 3, .channels = 2, .length = 4, .classes = 11, .rate = 5.0};
+    assert_ok(lg_series_allocate(NULL, true, false, &s));
+    assert_string_equal(s.class_name[0], "0");
+    assert_string_equal(s.class_name[10], "10");
+    assert_non_null(s.group);
+    assert_null(s.run);
+    assert_null(s.channel_name);
+    assert_close(s.rate, 5.0, 0, 0);
+    for (size_t i = 0; i < 24; i++) assert_close((double)s.x[i], 0.0, 0, 0);
+    lg_series_free(NULL, &s);
+    assert_null(s.x);
+    lg_series_free(NULL, &s);
+    const lg_series bad[] = {{.count = 0, .channels = 1, .length = 1, .classes = 1},
+                             {.count = 1, .channels = 0, .length = 1, .classes = 1},
+                             {.count = 1, .channels = 1, .length = 0, .classes = 1},
+                             {.count = 1, .channels = 1, .length = 1, .classes = 0}};
+    for (size_t i = 0; i < 4; i++) {
+        lg_series copy = bad[i];
+        assert_status(lg_series_allocate(NULL, false, false, &copy), LG_INVALID_ARGUMENT);
+        assert_null(copy.x);
+    }
+    lg_series huge = {.count = SIZE_MAX / 2, .channels = UINT32_MAX, .length = UINT32_MAX, .classes = 1};
+    assert_status(lg_series_allocate(NULL, true, true, &huge), LG_OUT_OF_MEMORY);
+    assert_null(huge.x);
+}
+
+/* ---- windows ---- */
+
+static void check_ramp(const lg_series *s, const lg_windows *w, const size_t *starts, size_t n) {
+    float *x = malloc((size_t)s->channels * w->length * sizeof *x);
+    assert_int_equal(w->count, n);
+    for (size_t i = 0; i < n; i++) {
+        assert_int_equal(w->first[i] * s->length + w->offset[i], starts[i]);
+        assert_true(w->offset[i] < s->length);
+        lg_windows_copy(s, w, i, x);
+        for (size_t c = 0; c < s->channels; c++)
+            for (size_t t = 0; t < w->length; t++)
+                assert_close((double)x[c * w->length + t], (double)ramp(c, starts[i] + t), 0, 0);
+    }
+    free(x);
+}
+
+/* Two runs of four and two stored windows of ten samples. */
+static lg_series two_runs(void) {
+    lg_series s = make(6, 3, 10, 2, false, true);
+    for (size_t i = 0; i < 6; i++) s.label[i] = s.run[i] = i < 4 ? 0 : 1;
+    fill_ramp(&s);
+    return s;
+}
+
+static void windows(void **state) {
+    (void)state;
+    lg_series s = two_runs();
+    const struct {
+        size_t length, hop, count, start[8];
+    } cases[] = {
+        {0, 0, 6, {0, 10, 20, 30, 40, 50}}, /* as stored */
+        {25, 0, 1, {0}},                    /* 40 = 25 + 15, 20 < 25 */
+        {20, 0, 3, {0, 20, 40}},            /* whole stored windows together */
+        {7, 13, 5, {0, 13, 26, 40, 53}},    /* across and inside */
+        {40, 1, 1, {0}},                    /* all of a run */
+        {15, 9, 4, {0, 9, 18, 40}},
+        {20, SIZE_MAX, 2, {0, 40}},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        lg_windows w = cut(&s, cases[i].length, cases[i].hop);
+        check_ramp(&s, &w, cases[i].start, cases[i].count);
+        lg_windows_free(NULL, &w);
+        lg_windows_free(NULL, &w);
+    }
+    lg_windows w = {.count = 77};
+    lg_error error;
+    assert_status(lg_windows_create(NULL, &s, 41, 0, &w, &error), LG_INVALID_ARGUMENT);
+    assert_non_null(strstr(error.message, "41 samples"));
+    assert_int_equal(w.count, 77);
+    assert_status(lg_windows_create(NULL, &s, (size_t)UINT32_MAX + 1, 0, &w, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_windows_create(NULL, NULL, 1, 0, &w, &error), LG_INVALID_ARGUMENT);
+    lg_series_free(NULL, &s);
+}
+
+/* The third of a run's four stored windows is of another class, or of another group. */
+static void changes_of_label(void **state) {
+    (void)state;
+    static const size_t starts[] = {0, 5, 10, 20, 30, 35, 40, 45, 50};
+    for (int grouped = 0; grouped < 2; grouped++) {
+        lg_series s = make(6, 1, 10, 2, true, true);
+        memset(s.label, 0, 6 * sizeof *s.label);
+        *(grouped ? &s.group[2] : &s.label[2]) = 1;
+        fill_ramp(&s);
+        lg_windows w = cut(&s, 10, 5);
+        check_ramp(&s, &w, starts, 9);
+        lg_windows_free(NULL, &w);
+        lg_error error;
+        assert_status(lg_windows_create(NULL, &s, 40, 0, &w, &error), LG_INVALID_ARGUMENT);
+        lg_series_free(NULL, &s);
+    }
+}
+
+static void without_runs(void **state) {
+    (void)state;
+    static const size_t starts[] = {0, 4, 10, 14, 20, 24};
+    lg_series s = make(3, 2, 10, 1, false, false);
+    fill_ramp(&s);
+    lg_windows w = cut(&s, 6, 4);
+    check_ramp(&s, &w, starts, 6);
+    lg_windows_free(NULL, &w);
+    lg_error error;
+    assert_status(lg_windows_create(NULL, &s, 11, 0, &w, &error), LG_INVALID_ARGUMENT);
+    assert_non_null(strstr(error.message, "runs"));
+    lg_series_free(NULL, &s);
+    s = make(1, 1, 1, 1, false, false);
+    w = cut(&s, 0, 0);
+    assert_int_equal(w.count, 1);
+    lg_windows_free(NULL, &w);
+    lg_series_free(NULL, &s);
+}
+
+/* ---- splits ---- */
+
+typedef struct counts {
+    size_t part[4];
+} counts;
+
+static counts split_of(const lg_series *s, const lg_windows *w, lg_split kind, double test, double validation,
+                       uint64_t seed, uint8_t *parts) {
+    lg_error error;
+    if (lg_series_split(NULL, s, w, kind, test, validation, seed, parts, &error) != LG_OK)
+        fail_msg("%s", error.message);
+    counts c = {{0}};
+    for (size_t i = 0; i < w->count; i++) {
+        assert_true(parts[i] >= LG_PART_TRAIN && parts[i] <= LG_PART_VALIDATION);
+        c.part[parts[i]]++;
+    }
+    return c;
+}
+
+/* Of each class, not only of all. */
+static void random_split(void **state) {
+    (void)state;
+    enum { N = 250 };
+    uint8_t parts[N], again[N], other[N];
+    lg_series s = make(N, 1, 1, 3, false, false);
+    for (size_t i = 0; i < N; i++) s.label[i] = i < 150 ? 0 : i < 240 ? 1 : 2; /* 150, 90, 10 */
+    lg_windows w = cut(&s, 0, 0);
+    const counts c = split_of(&s, &w, LG_SPLIT_RANDOM, 0.2, 0.1, 7, parts);
+    assert_int_equal(c.part[LG_PART_TEST], 30 + 18 + 2);
+    assert_int_equal(c.part[LG_PART_VALIDATION], 15 + 9 + 1);
+    static const size_t wanted[3] = {30, 18, 2};
+    for (uint32_t k = 0; k < 3; k++) {
+        size_t tested = 0;
+        for (size_t i = 0; i < N; i++) tested += s.label[i] == k && parts[i] == LG_PART_TEST;
+        assert_int_equal(tested, wanted[k]);
+    }
+    (void)split_of(&s, &w, LG_SPLIT_RANDOM, 0.2, 0.1, 7, again);
+    (void)split_of(&s, &w, LG_SPLIT_RANDOM, 0.2, 0.1, 8, other);
+    assert_memory_equal(parts, again, N);
+    assert_memory_not_equal(parts, other, N);
+    /* the test part does not depend on how much validates */
+    (void)split_of(&s, &w, LG_SPLIT_RANDOM, 0.2, 0.3, 7, other);
+    for (size_t i = 0; i < N; i++) assert_int_equal(parts[i] == LG_PART_TEST, other[i] == LG_PART_TEST);
+    assert_int_equal(split_of(&s, &w, LG_SPLIT_RANDOM, 0.0, 0.0, 7, parts).part[LG_PART_TRAIN], N);
+    lg_windows_free(NULL, &w);
+    lg_series_free(NULL, &s);
+}
+
+static void shuffled(void **state) {
+    (void)state;
+    enum { N = 1000 };
+    uint8_t parts[N];
+    lg_series s = make(N, 1, 1, 1, false, false);
+    lg_windows w = cut(&s, 0, 0);
+    (void)split_of(&s, &w, LG_SPLIT_RANDOM, 0.5, 0.0, 3, parts);
+    size_t first_half = 0;
+    for (size_t i = 0; i < N / 2; i++) first_half += parts[i] == LG_PART_TEST;
+    assert_in_range(first_half, 200, 300); /* six standard deviations of a fair draw */
+    lg_windows_free(NULL, &w);
+    lg_series_free(NULL, &s);
+}
+
+/* 18 sea states of both classes, 6 runs a state, 4 stored windows a run; windows overlap. */
+static void units_stay_together(void **state) {
+    (void)state;
+    enum { STATES = 18, RUNS = 6, STORED = 4, N = STATES * RUNS * STORED };
+    uint8_t parts[4 * N];
+    lg_series s = make(N, 1, 10, 2, true, true);
+    for (size_t i = 0; i < N; i++) {
+        s.run[i] = (uint32_t)(1000000 - i / STORED);
+        s.group[i] = (uint32_t)(i / STORED % STATES * 7919);
+        s.label[i] = (uint32_t)(i / (STORED * STATES) % 2);
+    }
+    lg_windows w = cut(&s, 20, 5);
+    assert_true(w.count < sizeof parts);
+    for (int kind = LG_SPLIT_RUN; kind <= LG_SPLIT_GROUP; kind++) {
+        const uint32_t *unit = kind == LG_SPLIT_RUN ? s.run : s.group;
+        const counts c = split_of(&s, &w, (lg_split)kind, 0.2, 0.2, 11, parts);
+        const size_t per_unit = w.count / (kind == LG_SPLIT_RUN ? STATES * RUNS : STATES);
+        /* runs: round(0.2 54) of each class; groups: round(0.2 18) of the one stratum */
+        assert_int_equal(c.part[LG_PART_TEST], (kind == LG_SPLIT_RUN ? 22 : 4) * per_unit);
+        assert_int_equal(c.part[LG_PART_VALIDATION], (kind == LG_SPLIT_RUN ? 22 : 4) * per_unit);
+        for (size_t i = 0; i < w.count; i++)
+            for (size_t j = 0; j < i; j++)
+                if (unit[w.first[i]] == unit[w.first[j]]) assert_int_equal(parts[i], parts[j]);
+    }
+    lg_windows_free(NULL, &w);
+    lg_series_free(NULL, &s);
+}
+
+/* Whatever the sizes: each class trains, and no stratum is emptied. */
+static void every_class_trains(void **state) {
+    (void)state;
+    lg_rng rng;
+    lg_rng_seed(&rng, 5, 0);
+    for (int trial = 0; trial < 200; trial++) {
+        uint8_t parts[64];
+        const size_t n = 2 + (size_t)lg_rng_below(&rng, 60);
+        const uint32_t classes = 1 + (uint32_t)lg_rng_below(&rng, 4);
+        if (n < classes) continue;
+        lg_series s = make(n, 1, 1, classes, true, false);
+        for (size_t i = classes; i < n; i++) s.label[i] = (uint32_t)lg_rng_below(&rng, classes);
+        for (size_t i = 0; i < n; i++) s.group[i] = (uint32_t)lg_rng_below(&rng, 12);
+        lg_windows w = cut(&s, 0, 0);
+        const lg_split kind = trial % 2 ? LG_SPLIT_GROUP : LG_SPLIT_RANDOM;
+        const double test = 0.6 * lg_rng_uniform(&rng), validation = (0.99 - test) * lg_rng_uniform(&rng);
+        lg_error error;
+        const lg_status status =
+            lg_series_split(NULL, &s, &w, kind, test, validation, (uint64_t)trial, parts, &error);
+        if (status == LG_OK) {
+            for (uint32_t k = 0; k < classes; k++) {
+                bool trains = false;
+                for (size_t i = 0; i < n; i++) trains |= s.label[i] == k && parts[i] == LG_PART_TRAIN;
+                assert_true(trains);
+            }
+        } else {
+            assert_status(status, LG_INVALID_ARGUMENT);
+            assert_non_null(strstr(error.message, "is empty"));
+        }
+        lg_windows_free(NULL, &w);
+        lg_series_free(NULL, &s);
+    }
+}
+
+static void refused_splits(void **state) {
+    (void)state;
+    uint8_t parts[6] = {9, 9, 9, 9, 9, 9};
+    lg_series s = make(6, 1, 1, 2, false, false);
+    lg_windows w = cut(&s, 0, 0);
+    lg_error error;
+    static const double fractions[][2] = {{-0.1, 0.0}, {1.0, 0.0}, {0.5, 0.5},
+                                          {0.0, -1.0}, {NAN, 0.0}, {0.0, NAN}};
+    for (size_t i = 0; i < 6; i++) {
+        assert_status(lg_series_split(NULL, &s, &w, LG_SPLIT_RANDOM, fractions[i][0], fractions[i][1], 1,
+                                      parts, &error),
+                      LG_INVALID_ARGUMENT);
+        assert_true(strlen(error.message) > 0);
+    }
+    assert_status(lg_series_split(NULL, &s, &w, LG_SPLIT_RUN, 0.2, 0, 1, parts, &error), LG_INVALID_ARGUMENT);
+    assert_non_null(strstr(error.message, "no runs"));
+    assert_status(lg_series_split(NULL, &s, &w, LG_SPLIT_GROUP, 0.2, 0, 1, parts, &error),
+                  LG_INVALID_ARGUMENT);
+    assert_non_null(strstr(error.message, "no groups"));
+    assert_status(lg_series_split(NULL, &s, &w, (lg_split)3, 0.2, 0, 1, parts, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_series_split(NULL, &s, &w, LG_SPLIT_RANDOM, 0.1, 0, 1, parts, &error),
+                  LG_INVALID_ARGUMENT);
+    assert_non_null(strstr(error.message, "empty")); /* round(0.1 3) = 0 */
+    assert_status(lg_series_split(NULL, &s, NULL, LG_SPLIT_RANDOM, 0.1, 0, 1, parts, NULL),
+                  LG_INVALID_ARGUMENT);
+    s.label[3] = 2;
+    assert_status(lg_series_split(NULL, &s, &w, LG_SPLIT_RANDOM, 0.4, 0, 1, parts, &error),
+                  LG_INVALID_ARGUMENT);
+    assert_non_null(strstr(error.message, "label"));
+    memset(s.label, 0, 6 * sizeof *s.label); /* no window of class 1 */
+    assert_status(lg_series_split(NULL, &s, &w, LG_SPLIT_RANDOM, 0.4, 0, 1, parts, &error),
+                  LG_INVALID_ARGUMENT);
+    assert_non_null(strstr(error.message, "\"1\""));
+    for (size_t i = 0; i < 6; i++) assert_int_equal(parts[i], 9);
+    lg_windows_free(NULL, &w);
+    lg_series_free(NULL, &s);
+}
+
+static void split_names(void **state) {
+    (void)state;
+    for (int i = 0; i < LG_SPLIT_COUNT; i++) {
+        lg_split found = (lg_split)9;
+        assert_ok(lg_split_parse(lg_split_name((lg_split)i), &found));
+        assert_int_equal(found, i);
+    }
+    lg_split kept = LG_SPLIT_RUN;
+    assert_status(lg_split_parse("rnu", &kept), LG_NOT_FOUND);
+    assert_int_equal(kept, LG_SPLIT_RUN);
+    assert_string_equal(lg_split_name((lg_split)9), "unknown");
+}
+
+static void folds(void **state) {
+    (void)state;
+    static const uint32_t label[] = {0, 0, 1, 0, 2, 1, 0, 0, 1, 1, 5};
+    static const uint32_t wanted[] = {0, 1, 0, 2, 0, 1, 0, 1, 2, 0, 0};
+    uint32_t fold[11];
+    assert_ok(lg_folds(NULL, label, NULL, 11, 3, fold));
+    for (size_t i = 0; i < 11; i++) assert_int_equal(fold[i], wanted[i]);
+    assert_ok(lg_folds(NULL, label, NULL, 11, 1, fold));
+    for (size_t i = 0; i < 11; i++) assert_int_equal(fold[i], 0);
+    assert_ok(lg_folds(NULL, label, NULL, 11, 0, fold));
+    for (size_t i = 0; i < 11; i++) assert_int_equal(fold[i], 0);
+}
+
+/* Strata {0}: units 2, 4, 9; {0, 1}: 3, 7; {1}: 5, 6, 8. The second starts where there is least of 0. */
+static void folds_of_units(void **state) {
+    (void)state;
+    static const uint32_t unit[] = {9, 4, 4, 2, 2, 2, 7, 7, 3, 3, 3, 5, 6, 8, 8, 9};
+    static const uint32_t label[] = {0, 0, 0, 0, 0, 0, 1, 0, 0, 1, 1, 1, 1, 1, 1, 0};
+    static const uint32_t wanted[] = {0, 1, 1, 0, 0, 0, 0, 0, 1, 1, 1, 0, 1, 0, 0, 0};
+    static const uint32_t same[16] = {0};
+    uint32_t fold[16], more[16];
+    assert_ok(lg_folds(NULL, label, unit, 16, 2, fold));
+    for (size_t i = 0; i < 16; i++) assert_int_equal(fold[i], wanted[i]);
+    assert_ok(lg_folds(NULL, label, unit, 16, 100, more)); /* more folds than units: none shared in a class */
+    for (size_t i = 0; i < 16; i++)
+        for (size_t j = 0; j < 16; j++)
+            if (label[i] == label[j]) assert_true((more[i] == more[j]) == (unit[i] == unit[j]));
+    assert_ok(lg_folds(NULL, label, same, 16, 5, fold));
+    for (size_t i = 0; i < 16; i++) assert_int_equal(fold[i], 0);
+    assert_ok(lg_folds(NULL, label, unit, 16, 0, fold));
+    for (size_t i = 0; i < 16; i++) assert_int_equal(fold[i], 0);
+}
+
+/* Random units: never torn, balanced in their strata; of two classes, both in every fold's rest; units of one
+ * item as no units. */
+static void folds_of_random_units(void **state) {
+    (void)state;
+    enum { N = 300, UNITS = 40 };
+    lg_rng rng;
+    lg_rng_seed(&rng, 12, 0);
+    for (uint32_t draw = 0; draw < 200; draw++) {
+        const uint32_t units = 4 + draw % (UNITS - 4), classes = 2 + draw % 3, folds = 2 + draw % 4;
+        uint32_t label[N], unit[N], fold[N], of[UNITS], kind[UNITS], holds[UNITS][4] = {{0}};
+        for (size_t u = 0; u < units; u++) kind[u] = (uint32_t)lg_rng_below(&rng, 2 * classes);
+        for (size_t i = 0; i < N; i++) {
+            unit[i] = i < units ? (uint32_t)i : (uint32_t)lg_rng_below(&rng, units);
+            label[i] = kind[unit[i]] < classes ? kind[unit[i]] : (uint32_t)lg_rng_below(&rng, classes);
+            holds[unit[i]][label[i]] = 1;
+        }
+        assert_ok(lg_folds(NULL, label, unit, N, folds, fold));
+        for (size_t i = 0; i < units; i++) of[i] = fold[i];
+        for (size_t i = 0; i < N; i++) assert_true(fold[i] < folds && fold[i] == of[unit[i]]);
+        for (size_t u = 0; u < units; u++) { /* of u's stratum, each fold has as many, or one more */
+            uint32_t most = 0, least = N;
+            for (uint32_t f = 0; f < folds; f++) {
+                uint32_t count = 0;
+                for (size_t v = 0; v < units; v++)
+                    count += of[v] == f && memcmp(holds[u], holds[v], sizeof holds[u]) == 0;
+                most = count > most ? count : most;
+                least = count < least ? count : least;
+            }
+            assert_true(most - least <= 1);
+        }
+        for (uint32_t c = 0; c < classes && classes == 2; c++) {
+            uint32_t total = 0, in[8] = {0};
+            for (size_t u = 0; u < units; u++) {
+                total += holds[u][c];
+                in[of[u]] += holds[u][c];
+            }
+            for (uint32_t f = 0; f < folds && total >= folds; f++) assert_true(in[f] < total);
+        }
+        uint32_t alone[N], none[N];
+        for (uint32_t i = 0; i < N; i++) unit[i] = i;
+        assert_ok(lg_folds(NULL, label, unit, N, folds, alone));
+        assert_ok(lg_folds(NULL, label, NULL, N, folds, none));
+        assert_memory_equal(alone, none, sizeof alone);
+    }
+}
+
+/* ---- scaling ---- */
+
+/* Channel 0: offset 1e6, deviation about 1; channel 1: constant; channel 2: small numbers with a trend. */
+static void scaling(void **state) {
+    (void)state;
+    enum { N = 40, L = 25 };
+    lg_rng rng;
+    lg_rng_seed(&rng, 8, 0);
+    lg_series s = make(N, 3, L, 2, false, false);
+    for (size_t i = 0; i < N; i++)
+        for (size_t t = 0; t < L; t++) {
+            float *x = s.x + i * 3 * L + t;
+            x[0] = (float)(1e6 + 0.125 * (double)lg_rng_below(&rng, 24)); /* exact in float */
+            x[L] = 0.1f;
+            x[2 * L] = (float)(1e-6 * lg_rng_normal(&rng) + 1e-6 * (double)i);
+        }
+    lg_windows w = cut(&s, 0, 0);
+    static const uint32_t chosen[] = {3, 17, 4, 39, 0, 3};
+    for (int centred = 0; centred < 2; centred++)
+        for (int all = 0; all < 2; all++) {
+            lg_scaler scaler;
+            const size_t count = all ? N : 6;
+            assert_ok(lg_scaler_fit(NULL, &s, &w, all ? NULL : chosen, count, centred, &scaler));
+            assert_int_equal(scaler.channels, 3);
+            for (size_t c = 0; c < 3; c++) {
+                long double mean = 0, squares = 0;
+                for (size_t i = 0; i < count; i++)
+                    for (size_t t = 0; t < L; t++)
+                        mean += (long double)s.x[((all ? i : chosen[i]) * 3 + c) * L + t] / (count * L);
+                for (size_t i = 0; i < count; i++) {
+                    const float *x = s.x + ((all ? i : chosen[i]) * 3 + c) * L;
+                    long double own = 0;
+                    for (size_t t = 0; t < L; t++) own += (long double)x[t] / L;
+                    for (size_t t = 0; t < L; t++) {
+                        const long double d = x[t] - (centred ? own : mean);
+                        squares += d * d / (count * L);
+                    }
+                }
+                if (centred)
+                    assert_close(scaler.mean[c], 0.0, 0, 0);
+                else
+                    assert_close(scaler.mean[c], (double)mean, 1e-14, 0);
+                assert_close(scaler.scale[c], c == 1 ? 1.0 : (double)sqrtl(squares), 1e-11, 0);
+            }
+            if (!centred) assert_close(scaler.mean[1], (double)0.1f, 0, 0);
+            lg_scaler_free(NULL, &scaler);
+            lg_scaler_free(NULL, &scaler);
+        }
+    lg_scaler none = {.channels = 5};
+    static const uint32_t beyond[] = {N};
+    assert_status(lg_scaler_fit(NULL, &s, &w, beyond, 1, false, &none), LG_INVALID_ARGUMENT);
+    assert_status(lg_scaler_fit(NULL, &s, &w, chosen, 0, false, &none), LG_INVALID_ARGUMENT);
+    assert_status(lg_scaler_fit(NULL, &s, &w, NULL, N + 1, false, &none), LG_INVALID_ARGUMENT);
+    assert_int_equal(none.channels, 5);
+    lg_windows_free(NULL, &w);
+    lg_series_free(NULL, &s);
+}
+
+/* Windows that are constant by themselves and differ from each other: constant when centred, not otherwise.
+ */
+static void constant_windows(void **state) {
+    (void)state;
+    lg_series s = make(2, 1, 7, 1, false, false);
+    for (size_t t = 0; t < 7; t++) {
+        s.x[t] = 0.1f;
+        s.x[7 + t] = 0.3f;
+    }
+    lg_windows w = cut(&s, 0, 0);
+    lg_scaler scaler;
+    assert_ok(lg_scaler_fit(NULL, &s, &w, NULL, 2, true, &scaler));
+    assert_close(scaler.scale[0], 1.0, 0, 0);
+    lg_scaler_free(NULL, &scaler);
+    assert_ok(lg_scaler_fit(NULL, &s, &w, NULL, 2, false, &scaler));
+    assert_close(scaler.mean[0], 0.5 * ((double)0.1f + (double)0.3f), 1e-15, 0);
+    assert_close(scaler.scale[0], 0.5 * ((double)0.3f - (double)0.1f), 1e-14, 0);
+    lg_scaler_free(NULL, &scaler);
+    lg_windows_free(NULL, &w);
+    lg_series_free(NULL, &s);
+}
+
+/* ---- memory that fails ---- */
+
+static lg_status all_at_once(const lg_context *context) {
+    lg_series s = {.count = 8, .channels = 2, .length = 3, .classes = 2};
+    lg_windows w = {0};
+    lg_scaler scaler = {0};
+    uint8_t parts[8];
+    lg_status status = lg_series_allocate(context, true, true, &s);
+    for (size_t i = 0; status == LG_OK && i < 8; i++) s.label[i] = (uint32_t)(i % 2);
+    if (status == LG_OK) status = lg_windows_create(context, &s, 0, 0, &w, NULL);
+    if (status == LG_OK) status = lg_series_split(context, &s, &w, LG_SPLIT_RANDOM, 0.3, 0, 1, parts, NULL);
+    if (status == LG_OK) status = lg_folds(context, s.label, NULL, 8, 3, (uint32_t[8]){0});
+    if (status == LG_OK) status = lg_scaler_fit(context, &s, &w, NULL, 8, false, &scaler);
+    lg_scaler_free(context, &scaler);
+    lg_windows_free(context, &w);
+    lg_series_free(context, &s);
+    return status;
+}
+
+static void failing_memory(void **state) {
+    (void)state;
+    lg_fail_alloc memory;
+    lg_context *context = lg_fail_alloc_context(&memory);
+    long n = 1;
+    for (;; n++) {
+        lg_fail_alloc_arm(&memory, n);
+        const lg_status status = all_at_once(context);
+        assert_int_equal(lg_fail_alloc_live(&memory), 0);
+        if (!lg_fail_alloc_hit(&memory)) {
+            assert_ok(status);
+            break;
+        }
+        assert_status(status, LG_OUT_OF_MEMORY);
+    }
+    assert_true(n > 10);
+    lg_fail_alloc_arm(&memory, 0);
+    lg_context_destroy(context);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(allocation),
+        cmocka_unit_test(windows),
+        cmocka_unit_test(changes_of_label),
+        cmocka_unit_test(without_runs),
+        cmocka_unit_test(random_split),
+        cmocka_unit_test(shuffled),
+        cmocka_unit_test(units_stay_together),
+        cmocka_unit_test(every_class_trains),
+        cmocka_unit_test(refused_splits),
+        cmocka_unit_test(split_names),
+        cmocka_unit_test(folds),
+        cmocka_unit_test(folds_of_units),
+        cmocka_unit_test(folds_of_random_units),
+        cmocka_unit_test(scaling),
+        cmocka_unit_test(constant_windows),
+        cmocka_unit_test(failing_memory),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
