@@ -1,0 +1,280 @@
+/* Features of windows of sensor data and classical classifiers on them. Library `liegrad_classify` (LAPACK,
+ * libsvm).
+ *
+ * A classifier is a chain, all of it fitted on the training part only:
+ *   window -> features (d) -> standardise -> [principal components (k)] -> logistic | tree | svm
+ * Matrices are row-major, a row a window. Functions that can fail explain it in `error`, which may be NULL.
+ */
+#ifndef LIEGRAD_CLASSIFY_H
+#define LIEGRAD_CLASSIFY_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "liegrad/archive.h"
+#include "liegrad/context.h"
+#include "liegrad/export.h"
+#include "liegrad/series.h"
+#include "liegrad/status.h"
+
+LG_BEGIN_DECLS
+
+/* ---- features (src/classify/features.c) ---- */
+
+typedef enum lg_feature_kind {
+    LG_FEATURES_RAW,     /* the window as it is, channel by channel: m length numbers */
+    LG_FEATURES_STD,     /* standard deviation of each channel: m */
+    LG_FEATURES_COV,     /* upper triangle, row by row, of the symmetric square root of the covariance of the
+                          * scaled channels: m (m + 1)/2. Denominator `length`, as for STD. */
+    LG_FEATURES_BASELINE /* the window in `segments` parts, the standard deviation of each part, and over the
+                          * parts the regression line, moment against acceleration: intercept and slope for
+                          * each pair: 2 pairs. A part whose acceleration does not vary: slope 0. */
+} lg_feature_kind;
+#define LG_FEATURE_KIND_COUNT 4
+LG_API const char *lg_feature_kind_name(lg_feature_kind kind); /* "raw", "std", "cov", "baseline" */
+LG_API lg_status lg_feature_kind_parse(const char *name, lg_feature_kind *out); /* LG_NOT_FOUND */
+
+/* What is computed from a window. Owned arrays. */
+typedef struct lg_features {
+    lg_feature_kind kind;
+    uint32_t channels, length; /* of the windows */
+    uint32_t selected;         /* m: channels used */
+    uint32_t *select;          /* (m) rising */
+    uint32_t segments;         /* BASELINE: 10 */
+    uint32_t pairs;            /* BASELINE: (acceleration, moment) channels */
+    uint32_t *pair;            /* (pairs, 2) */
+    double *scale;             /* (channels): channels are divided by it before COV and BASELINE */
+    uint32_t count;            /* d */
+} lg_features;
+/* `directions_x`: only channels of the x-direction, those whose name ends in "_x", or without names every
+ * second one from the first. BASELINE pairs acc_lower with moment of the same ending (acc_lower_x, moment_x),
+ * or without names channels 0 and 4, and 1 and 5. `scaler` fitted on the training part; NULL: scale 1.
+ * Errors: LG_INVALID_ARGUMENT (no channel is of the x-direction; BASELINE on channels that have no pair, a
+ * length below the number of segments; more than 2^20 features), LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_features_create(const lg_context *context, lg_feature_kind kind, bool directions_x,
+                                    const lg_series *series, uint32_t length, const lg_scaler *scaler,
+                                    lg_features *out, lg_error *error);
+LG_API void lg_features_free(const lg_context *context, lg_features *features);
+/* Doubles of work for lg_features_compute. */
+LG_API size_t lg_features_work(const lg_features *features);
+/* x (channels, length) -> out (d). A constant channel, or one sample, has standard deviation and covariance 0
+ * exactly. LG_NO_CONVERGENCE (the eigenvalues of the covariance), LG_NOT_FINITE; then out is undefined. */
+LG_API lg_status lg_features_compute(const lg_features *features, const float *x, double *out, double *work);
+/* "raw acc_lower_x 17" (sample), "std acc_lower_x", "cov acc_lower_x moment_x", "intercept moment_x
+ * acc_lower_x", "slope ..."; numbers of channels where there are no names, or no series (NULL). As snprintf.
+ */
+LG_API int lg_features_name(const lg_features *features, const lg_series *series, uint32_t index, char *text,
+                            size_t size);
+/* All windows: out (windows->count, d), by `threads` >= 1 threads with the same bits for any number. The
+ * error names the window. On failure `out` is undefined. */
+LG_API lg_status lg_features_table(const lg_context *context, const lg_features *features,
+                                   const lg_series *series, const lg_windows *windows, int threads,
+                                   double *out, lg_error *error);
+
+/* ---- principal components (pca.c) ---- */
+
+/* z = (x - mean)/scale, p = z W. W (d, k): eigenvectors of Z^T Z/n, by falling eigenvalue, each with its
+ * largest component (the first of equals) positive. k = 0: standardisation alone, p = z. */
+typedef struct lg_pca {
+    uint32_t inputs, components; /* d, k */
+    double *mean, *scale;        /* (d); a constant feature has scale 1 */
+    double *vectors;             /* (d, k) */
+    double *variance;            /* (variances) all eigenvalues, falling; explained ratio: over their sum */
+    uint32_t variances;          /* min(n, d); 0 for k = 0, where they are not computed */
+} lg_pca;
+/* x (n, d). components 0..min(n, d). Errors: LG_INVALID_ARGUMENT, LG_NOT_FINITE, LG_NO_CONVERGENCE,
+ * LG_OUT_OF_MEMORY. Where d > n the eigenvectors come from the Gram matrix Z Z^T. With components, n or d
+ * must be at most 8192. "First of equals": equal to 1e-9. */
+LG_API lg_status lg_pca_fit(const lg_context *context, const double *x, size_t n, uint32_t d,
+                            uint32_t components, lg_pca *out, lg_error *error);
+LG_API void lg_pca_free(const lg_context *context, lg_pca *pca);
+/* Width of p: k, or d for k = 0. */
+LG_API uint32_t lg_pca_outputs(const lg_pca *pca);
+/* x (n, d) -> p (n, k); work: d doubles. */
+LG_API void lg_pca_apply(const lg_pca *pca, const double *x, size_t n, double *p, double *work);
+
+/* ---- logistic regression (logistic.c) ---- */
+
+/* Scores b_c + w_c.x. Two classes: one row (class 1 against 0, the logit); more: softmax over K rows. */
+typedef struct lg_logistic {
+    uint32_t inputs, classes;
+    double *weight;    /* (rows, d) */
+    double *intercept; /* (rows) */
+    uint32_t iterations;
+} lg_logistic;
+/* Minimises C sum_i -log p(label_i | x_i) + |w|^2/2 by Newton's method with backtracking; intercepts are not
+ * penalised. x (n, d), C > 0. With d >= n in the coordinates of the rows' span, where the minimiser lies.
+ * With more than two classes the intercepts (and the weights of each feature) add up to 0; a class that does
+ * not occur gets weights 0, intercept -10^4: probability 0. Errors: LG_INVALID_ARGUMENT (fewer than two
+ * classes, a label out of range), LG_NO_CONVERGENCE, LG_NOT_FINITE, LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_logistic_fit(const lg_context *context, const double *x, const uint32_t *label, size_t n,
+                                 uint32_t d, uint32_t classes, double c, lg_logistic *out, lg_error *error);
+LG_API void lg_logistic_free(const lg_context *context, lg_logistic *model);
+/* x (n, d) -> probability (n, classes) */
+LG_API void lg_logistic_predict(const lg_logistic *model, const double *x, size_t n, double *probability);
+
+/* ---- decision trees (tree.c): CART (Breiman et al. 1984) ---- */
+
+typedef enum lg_criterion { LG_GINI, LG_ENTROPY } lg_criterion; /* entropy in bits */
+#define LG_CRITERION_COUNT 2
+LG_API const char *lg_criterion_name(lg_criterion criterion);             /* "gini", "entropy" */
+LG_API lg_status lg_criterion_parse(const char *name, lg_criterion *out); /* LG_NOT_FOUND */
+
+typedef struct lg_tree_options {
+    size_t size;                /* sizeof(lg_tree_options) */
+    lg_criterion criterion;     /* Gini */
+    uint32_t max_depth;         /* 0: no limit */
+    uint32_t min_samples_split; /* 2 */
+    uint32_t min_samples_leaf;  /* 1 */
+    double ccp_alpha;           /* 0: no pruning; above: cost-complexity pruning with this alpha */
+} lg_tree_options;
+LG_API void lg_tree_options_init(lg_tree_options *options);
+
+typedef struct lg_tree_node {
+    uint32_t feature, left, right; /* left == 0: a leaf. Rows with x[feature] <= threshold go left */
+    double threshold, impurity;
+    uint32_t samples;
+} lg_tree_node;
+typedef struct lg_tree {
+    uint32_t inputs, classes, count; /* nodes; node 0 is the root, children after their parents */
+    lg_criterion criterion;
+    lg_tree_node *node; /* (count) */
+    uint32_t *counts;   /* (count, classes): training samples of each class */
+} lg_tree;
+/* Splits half-way between neighbouring distinct values (the lower one, where half-way rounds to the upper);
+ * the split of the largest fall of the impurity, ties (of the computed numbers) to the lower feature, then
+ * the lower threshold. A node that is not pure is split wherever the options and the values allow it, by a
+ * split that gains nothing too: exclusive or needs one. Nodes stand in depth-first order, left before right.
+ * x (n, d) row-major, label (n). Each column is sorted once, then a level costs O(d n); memory 16 d n bytes.
+ * Errors: LG_INVALID_ARGUMENT (n, d or classes 0, n > 2^29, a label out of range, min_samples_split < 2,
+ * min_samples_leaf < 1, ccp_alpha < 0), LG_NOT_FINITE, LG_OUT_OF_MEMORY, LG_CANCELLED. */
+LG_API lg_status lg_tree_fit(const lg_context *context, const lg_tree_options *options, const double *x,
+                             const uint32_t *label, size_t n, uint32_t d, uint32_t classes, lg_tree *out,
+                             lg_error *error);
+LG_API void lg_tree_free(const lg_context *context, lg_tree *tree);
+/* 0 for a single leaf. Samples of children must add up to their parent's. */
+LG_API uint32_t lg_tree_depth(const lg_tree *tree);
+LG_API uint32_t lg_tree_leaf(const lg_tree *tree, const double *x); /* index of the leaf of x (d) */
+/* Class fractions of the leaf: probability (n, classes). */
+LG_API void lg_tree_predict(const lg_tree *tree, const double *x, size_t n, double *probability);
+/* Minimal cost-complexity pruning, R_alpha(T) = sum over leaves of (n_t/n) impurity_t + alpha leaves. The
+ * sequence of trees from the whole tree (alpha 0) to the root, one branch fewer in each; tree i minimises R_a
+ * for alpha_i <= a < alpha_{i+1}. Equal alphas in a row are branches that go together. */
+typedef struct lg_pruning_step {
+    double alpha, impurity; /* impurity: sum over leaves of (n_t/n) impurity_t */
+    uint32_t nodes, depth;
+} lg_pruning_step;
+/* *count: trees of the sequence, also beyond `room`, where nothing is written; steps may be NULL for room 0.
+ * The work is O(nodes (depth + log nodes)). LG_INVALID_ARGUMENT (an empty tree), LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_tree_pruning_path(const lg_context *context, const lg_tree *tree, lg_pruning_step *steps,
+                                      size_t room, size_t *count);
+/* The subtree that minimises R_alpha, the smallest such (up to rounding: an alpha of the path gives the tree
+ * of its last step). alpha 0 cuts splits that gain nothing; infinity leaves the root. *out is another tree.
+ * LG_INVALID_ARGUMENT (alpha < 0 or NaN, an empty tree), LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_tree_prune(const lg_context *context, const lg_tree *tree, double alpha, lg_tree *out);
+
+/* ---- support vectors (svm.c): libsvm trains, we evaluate ---- */
+
+typedef enum lg_kernel { LG_KERNEL_LINEAR, LG_KERNEL_RBF } lg_kernel; /* x.y, exp(-gamma |x - y|^2) */
+
+/* One against one: pair (i, j), i < j, has the decision sum_v coefficient K(x_v, x) - rho, positive for i. */
+typedef struct lg_svm {
+    lg_kernel kernel;
+    double gamma, c;
+    uint32_t inputs, classes, vectors;
+    uint32_t *vectors_of; /* (classes); vectors are grouped by class */
+    double *vector;       /* (vectors, d) */
+    double *coefficient;  /* (classes - 1, vectors), libsvm's order */
+    double *rho;          /* (classes (classes - 1)/2) */
+} lg_svm;
+/* C-SVC with hinge loss, C > 0; gamma <= 0: 1/(d var x), over all numbers of x (1 where they are all the
+ * same). A class that does not occur has no vectors and is never given. Standardise first: libsvm forms |x -
+ * y|^2 from squares and a product. Errors: as for lg_logistic_fit. Sets libsvm's print function to one that
+ * prints nothing. */
+LG_API lg_status lg_svm_fit(const lg_context *context, lg_kernel kernel, double c, double gamma,
+                            const double *x, const uint32_t *label, size_t n, uint32_t d, uint32_t classes,
+                            lg_svm *out, lg_error *error);
+LG_API void lg_svm_free(const lg_context *context, lg_svm *svm);
+/* Linear kernel, two classes: w (d), b with decision w.x + b, positive for class 1. LG_UNSUPPORTED otherwise.
+ */
+LG_API lg_status lg_svm_plane(const lg_svm *svm, double *w, double *b);
+/* x (n, d) -> score (n, classes): two classes: -+ decision; more: votes, plus a term within 1/3 made of the
+ * class's decisions, by which rows of equal votes are ordered. The first of the classes with the most votes,
+ * which is libsvm's answer, has the largest score: where another one's is not smaller, the next number above
+ * it. The class is that of the largest score. work: lg_svm_work doubles. */
+LG_API size_t lg_svm_work(const lg_svm *svm);
+LG_API void lg_svm_predict(const lg_svm *svm, const double *x, size_t n, double *score, double *work);
+
+/* ---- the chain (classifier.c) ---- */
+
+typedef enum lg_method {
+    LG_METHOD_LOGISTIC,
+    LG_METHOD_TREE,
+    LG_METHOD_SVM_LINEAR,
+    LG_METHOD_SVM_RBF
+} lg_method;
+#define LG_METHOD_COUNT 4
+LG_API const char *lg_method_name(lg_method method); /* "logistic", "tree", "svm-linear", "svm-rbf" */
+LG_API lg_status lg_method_parse(const char *name, lg_method *out); /* LG_NOT_FOUND */
+
+typedef struct lg_method_options {
+    size_t size;         /* sizeof(lg_method_options) */
+    lg_method method;    /* logistic */
+    uint32_t components; /* 0: no principal components */
+    double c;            /* 1 */
+    double gamma;        /* 0: 1/(d var) */
+    lg_tree_options tree;
+} lg_method_options;
+LG_API void lg_method_options_init(lg_method_options *options);
+
+typedef struct lg_classifier {
+    lg_method method;
+    uint32_t classes;
+    lg_features features;
+    lg_pca pca;
+    lg_logistic logistic; /* the one of `method`; the others are zeroed */
+    lg_tree tree;
+    lg_svm svm;
+} lg_classifier;
+
+/* Fits pca and model on rows `chosen` (count; NULL: all) of table x (rows, d). `out->features` stays as it
+ * is. */
+LG_API lg_status lg_classifier_fit(const lg_context *context, const lg_method_options *options,
+                                   const double *x, const uint32_t *label, const uint32_t *chosen,
+                                   size_t count, uint32_t d, uint32_t classes, lg_classifier *out,
+                                   lg_error *error);
+LG_API void lg_classifier_free(const lg_context *context, lg_classifier *classifier);
+/* Doubles of work for the two functions below. */
+LG_API size_t lg_classifier_work(const lg_classifier *classifier);
+/* Features f (d) -> score (classes): probabilities; for svm as lg_svm_predict. */
+LG_API void lg_classifier_score(const lg_classifier *classifier, const double *f, double *score,
+                                double *work);
+/* Window x (channels, length) -> score. LG_NO_CONVERGENCE as lg_features_compute. */
+LG_API lg_status lg_classifier_window(const lg_classifier *classifier, const float *x, double *score,
+                                      double *work);
+/* Arrays and texts below "classifier/"; the reader checks sizes and values before it trusts them: LG_FORMAT,
+ * LG_NOT_FINITE. On failure *out is zeroed. */
+LG_API lg_status lg_classifier_save(const lg_classifier *classifier, const lg_archive_writer *writer,
+                                    lg_error *error);
+LG_API lg_status lg_classifier_load(const lg_context *context, const lg_archive_reader *reader,
+                                    lg_classifier *out, lg_error *error);
+
+/* ---- choosing (choose.c): grid search by cross-validation on the training part ---- */
+
+/* Tries every options[i] (count) with `folds` stratified folds of rows `chosen` (rows; NULL: all of x);
+ * accuracy (count) becomes the mean over the folds; *best the first of the highest. unit (of every row of x,
+ * as label) or NULL: rows of the same number, such as the windows of a sea state, fall into one fold
+ * (lg_folds, liegrad/series.h), so that no setting is chosen for what it knows of the rows that it is tested
+ * on. Folds are at most the rows, or units, of the class that has the fewest and occurs; with fewer than two,
+ * accuracy on the training rows. In a fold that has fewer rows than components, as many as it has rows.
+ * Options that do not converge have accuracy NaN and are not chosen; LG_NO_CONVERGENCE when none does. Other
+ * errors: those of lg_classifier_fit. `threads` >= 1; the result does not depend on it. */
+LG_API lg_status lg_choose(const lg_context *context, const lg_method_options *options, size_t count,
+                           uint32_t folds, const double *x, const uint32_t *label, const uint32_t *unit,
+                           const uint32_t *chosen, size_t rows, uint32_t d, uint32_t classes, int threads,
+                           double *accuracy, size_t *best, lg_error *error);
+
+LG_END_DECLS
+
+#endif

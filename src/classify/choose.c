@@ -1,0 +1,197 @@
+/* Grid search by cross-validation. */
+#include "classify/classify_internal.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "liegrad/judge.h"
+
+typedef struct search {
+    const lg_context *context;
+    const lg_method_options *options;
+    size_t count; /* options */
+    uint32_t folds;
+    const double *x;
+    const uint32_t *label, *unit; /* of the table; unit may be NULL */
+    const uint32_t *chosen;
+    size_t rows;
+    uint32_t d, classes;
+    uint32_t *fold;     /* (rows) */
+    uint32_t *own;      /* (rows) labels of the rows, in their order */
+    uint32_t *own_unit; /* (rows) or NULL */
+    double *part;       /* (count, folds) accuracy */
+    lg_status *status;  /* (count, folds) */
+    lg_error *error;    /* (count, folds) */
+} search;
+
+/* Rows of the table that fold `fold` learns from, or is tested on; without folds both are all. */
+static size_t gather(const search *s, uint32_t fold, bool test, uint32_t *out) {
+    size_t n = 0;
+    for (size_t i = 0; i < s->rows; i++)
+        if (s->folds < 2 || (s->fold[i] == fold) == test) out[n++] = (uint32_t)lg_chosen_row(s->chosen, i);
+    return n;
+}
+
+static double accuracy_of(const search *s, const lg_classifier *c, const uint32_t *rows, size_t n,
+                          double *score, double *work) {
+    size_t right = 0;
+    for (size_t i = 0; i < n; i++) {
+        lg_classifier_score(c, s->x + (size_t)rows[i] * s->d, score, work);
+        right += lg_class_of(score, s->classes) == s->label[rows[i]];
+    }
+    return n > 0 ? (double)right / (double)n : NAN;
+}
+
+static lg_status try_fold(const search *s, size_t option, uint32_t fold, double *accuracy, lg_error *error) {
+    uint32_t *rows = lg_alloc(s->context, s->rows, sizeof *rows);
+    if (rows == NULL) return LG_OUT_OF_MEMORY;
+    size_t n = gather(s, fold, false, rows);
+    lg_method_options o = s->options[option];
+    const size_t most = n < s->d ? n : s->d; /* a fold has fewer rows than the whole */
+    if (o.components > most && most < s->rows) o.components = (uint32_t)most;
+    lg_classifier c = {0};
+    lg_status status =
+        lg_classifier_fit(s->context, &o, s->x, s->label, rows, n, s->d, s->classes, &c, error);
+    if (status == LG_OK) {
+        double *work = lg_alloc(s->context, lg_classifier_work(&c) + s->classes, sizeof *work);
+        n = gather(s, fold, true, rows);
+        if (work != NULL)
+            *accuracy = accuracy_of(s, &c, rows, n, work, work + s->classes);
+        else
+            status = LG_OUT_OF_MEMORY;
+        lg_free(s->context, work);
+    }
+    lg_classifier_free(s->context, &c);
+    lg_free(s->context, rows);
+    return status;
+}
+
+static void search_task(void *user, size_t index) {
+    const search *s = user;
+    const uint32_t folds = s->folds < 2 ? 1 : s->folds;
+    s->status[index] = lg_cancelled(s->context) ? LG_CANCELLED
+                                                : try_fold(s, index / folds, (uint32_t)(index % folds),
+                                                           &s->part[index], &s->error[index]);
+}
+
+static int by_key(const void *a, const void *b) {
+    const uint64_t x = *(const uint64_t *)a, y = *(const uint64_t *)b;
+    return (x > y) - (x < y);
+}
+
+/* counts (classes): units that hold the class. */
+static lg_status count_units(const search *s, size_t *counts) {
+    uint64_t *keys = lg_alloc(s->context, s->rows, sizeof *keys);
+    if (keys == NULL) return LG_OUT_OF_MEMORY;
+    for (size_t i = 0; i < s->rows; i++) keys[i] = (uint64_t)s->own[i] << 32 | s->own_unit[i];
+    qsort(keys, s->rows, sizeof *keys, by_key);
+    memset(counts, 0, s->classes * sizeof *counts);
+    for (size_t i = 0; i < s->rows; i++)
+        if (i == 0 || keys[i] != keys[i - 1]) counts[keys[i] >> 32]++;
+    lg_free(s->context, keys);
+    return LG_OK;
+}
+
+/* At most as many folds as there are rows, or units, of the class that has the fewest. */
+static lg_status limit_folds(search *s, uint32_t folds, size_t *counts, lg_error *error) {
+    size_t smallest = s->rows;
+    LG_TRY(lg_check_labels(s->own, s->rows, s->classes, counts, error));
+    if (s->own_unit != NULL) LG_TRY(count_units(s, counts));
+    for (uint32_t c = 0; c < s->classes; c++)
+        if (counts[c] > 0 && counts[c] < smallest) smallest = counts[c];
+    s->folds = folds < smallest ? folds : (uint32_t)smallest;
+    return s->folds < 2 ? LG_OK : lg_folds(s->context, s->own, s->own_unit, s->rows, s->folds, s->fold);
+}
+
+static lg_status prepare(search *s, uint32_t folds, lg_error *error) {
+    s->fold = lg_alloc(s->context, s->rows, sizeof *s->fold);
+    s->own = lg_alloc(s->context, s->rows, sizeof *s->own);
+    if (s->unit != NULL) s->own_unit = lg_alloc(s->context, s->rows, sizeof *s->own_unit);
+    size_t *counts = lg_alloc(s->context, s->classes, sizeof *counts);
+    lg_status status = LG_OUT_OF_MEMORY;
+    if (s->fold != NULL && s->own != NULL && (s->unit == NULL || s->own_unit != NULL) && counts != NULL) {
+        for (size_t i = 0; i < s->rows; i++) {
+            const size_t row = lg_chosen_row(s->chosen, i);
+            s->own[i] = s->label[row];
+            if (s->unit != NULL) s->own_unit[i] = s->unit[row];
+        }
+        status = limit_folds(s, folds, counts, error);
+    }
+    lg_free(s->context, counts);
+    if (status != LG_OUT_OF_MEMORY) return status;
+    return lg_fail(error, status, "no memory for %zu rows", s->rows);
+}
+
+/* Mean of each option's folds; an option that did not converge has NaN and is not chosen. */
+static lg_status collect(const search *s, double *accuracy, size_t *best, lg_error *error) {
+    const uint32_t folds = s->folds < 2 ? 1 : s->folds;
+    size_t chosen = s->count;
+    for (size_t i = 0; i < s->count * folds; i++)
+        if (s->status[i] != LG_OK && s->status[i] != LG_NO_CONVERGENCE)
+            return lg_fail(error, s->status[i], "setting %zu: %s", i / folds,
+                           s->error[i].message[0] != '\0' ? s->error[i].message
+                                                          : lg_status_sentence(s->status[i]));
+    for (size_t o = 0; o < s->count; o++) {
+        double sum = 0.0;
+        for (uint32_t f = 0; f < folds; f++)
+            sum += s->status[o * folds + f] == LG_OK ? s->part[o * folds + f] : NAN;
+        s->part[o] = sum / folds; /* its folds are not read again: o <= o folds */
+        if (!isnan(s->part[o]) && (chosen == s->count || s->part[o] > s->part[chosen])) chosen = o;
+    }
+    if (chosen == s->count)
+        return lg_fail(error, LG_NO_CONVERGENCE, "none of %zu settings converged", s->count);
+    memcpy(accuracy, s->part, s->count * sizeof *accuracy);
+    *best = chosen;
+    return LG_OK;
+}
+
+static lg_status run(search *s, uint32_t folds, int threads, double *accuracy, size_t *best,
+                     lg_error *error) {
+    LG_TRY(prepare(s, folds, error));
+    const size_t jobs = s->count * (s->folds < 2 ? 1 : s->folds);
+    s->part = lg_alloc(s->context, jobs, sizeof *s->part);
+    s->status = lg_alloc(s->context, jobs, sizeof *s->status);
+    s->error = lg_alloc(s->context, jobs, sizeof *s->error);
+    if (s->part == NULL || s->status == NULL || s->error == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu fits", jobs);
+    lg_pool *pool = NULL;
+    const lg_status made = lg_pool_create(s->context, (size_t)threads < jobs ? threads : (int)jobs, &pool);
+    if (made != LG_OK) return lg_fail(error, made, "%d threads could not be started", threads);
+    lg_pool_run(pool, jobs, search_task, s);
+    lg_pool_destroy(pool);
+    return collect(s, accuracy, best, error);
+}
+
+lg_status lg_choose(const lg_context *context, const lg_method_options *options, size_t count, uint32_t folds,
+                    const double *x, const uint32_t *label, const uint32_t *unit, const uint32_t *chosen,
+                    size_t rows, uint32_t d, uint32_t classes, int threads, double *accuracy, size_t *best,
+                    lg_error *error) {
+    (void)lg_fail(error, LG_OK, "%s", "");
+    if (options == NULL || count == 0 || x == NULL || label == NULL || accuracy == NULL || best == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is missing");
+    if (rows == 0 || rows > UINT32_MAX || d == 0 || classes < 2 || classes > LG_CLASSES_MAX || threads < 1)
+        return lg_fail(
+            error, LG_INVALID_ARGUMENT,
+            "%zu rows, %u features, %u classes, %d threads: cross-validation needs rows, features, "
+            "two classes and a thread",
+            rows, d, classes, threads);
+    search s = {.context = context,
+                .options = options,
+                .count = count,
+                .x = x,
+                .label = label,
+                .unit = unit,
+                .chosen = chosen,
+                .rows = rows,
+                .d = d,
+                .classes = classes};
+    const lg_status status = run(&s, folds, threads, accuracy, best, error);
+    lg_free(context, s.fold);
+    lg_free(context, s.own);
+    lg_free(context, s.own_unit);
+    lg_free(context, s.part);
+    lg_free(context, s.status);
+    lg_free(context, s.error);
+    return status;
+}

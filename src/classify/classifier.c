@@ -1,0 +1,151 @@
+/* The chain: standardise, principal components, model. */
+#include "classify/classify_internal.h"
+
+#include <string.h>
+
+static const char *const method_names[LG_METHOD_COUNT] = {
+    [LG_METHOD_LOGISTIC] = "logistic",
+    [LG_METHOD_TREE] = "tree",
+    [LG_METHOD_SVM_LINEAR] = "svm-linear",
+    [LG_METHOD_SVM_RBF] = "svm-rbf",
+};
+
+const char *lg_method_name(lg_method method) {
+    return (unsigned)method < LG_METHOD_COUNT ? method_names[method] : "unknown";
+}
+
+lg_status lg_method_parse(const char *name, lg_method *out) {
+    if (name == NULL || out == NULL) return LG_INVALID_ARGUMENT;
+    for (int i = 0; i < LG_METHOD_COUNT; i++)
+        if (strcmp(name, method_names[i]) == 0) {
+            *out = (lg_method)i;
+            return LG_OK;
+        }
+    return LG_NOT_FOUND;
+}
+
+void lg_method_options_init(lg_method_options *options) {
+    *options = (lg_method_options){.size = sizeof *options, .method = LG_METHOD_LOGISTIC, .c = 1.0};
+    lg_tree_options_init(&options->tree);
+}
+
+/* ---- fitting ---- */
+
+typedef struct fitting {
+    const lg_context *context;
+    const lg_method_options *options;
+    size_t n;
+    uint32_t d;
+    double *x, *p;   /* (n, d), (n, k) */
+    uint32_t *label; /* (n) */
+} fitting;
+
+static lg_status fit_method(const fitting *f, uint32_t k, lg_classifier *c, lg_error *error) {
+    const lg_method_options *o = f->options;
+    switch (o->method) {
+    case LG_METHOD_LOGISTIC:
+        return lg_logistic_fit(f->context, f->p, f->label, f->n, k, c->classes, o->c, &c->logistic, error);
+    case LG_METHOD_TREE:
+        return lg_tree_fit(f->context, &o->tree, f->p, f->label, f->n, k, c->classes, &c->tree, error);
+    default:
+        return lg_svm_fit(f->context, o->method == LG_METHOD_SVM_RBF ? LG_KERNEL_RBF : LG_KERNEL_LINEAR, o->c,
+                          o->gamma, f->p, f->label, f->n, k, c->classes, &c->svm, error);
+    }
+}
+
+static lg_status fit_chain(fitting *f, const double *x, const uint32_t *label, const uint32_t *chosen,
+                           lg_classifier *c, lg_error *error) {
+    const size_t d = f->d;
+    f->x = lg_alloc(f->context, f->n, d * sizeof *f->x);
+    f->label = lg_alloc(f->context, f->n, sizeof *f->label);
+    if (f->x == NULL || f->label == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu rows of %u features", f->n, f->d);
+    for (size_t i = 0; i < f->n; i++) {
+        const size_t row = lg_chosen_row(chosen, i);
+        memcpy(f->x + i * d, x + row * d, d * sizeof *x);
+        f->label[i] = label[row];
+    }
+    LG_TRY(lg_pca_fit(f->context, f->x, f->n, f->d, f->options->components, &c->pca, error));
+    const uint32_t k = lg_pca_outputs(&c->pca);
+    double *work = lg_alloc(f->context, d, sizeof *work);
+    f->p = lg_alloc(f->context, f->n, k * sizeof *f->p);
+    const bool good = work != NULL && f->p != NULL;
+    if (good) lg_pca_apply(&c->pca, f->x, f->n, f->p, work);
+    lg_free(f->context, work);
+    if (!good) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu rows of %u components", f->n, k);
+    return fit_method(f, k, c, error);
+}
+
+static void free_fitted(const lg_context *context, lg_classifier *c) {
+    lg_pca_free(context, &c->pca);
+    lg_logistic_free(context, &c->logistic);
+    lg_tree_free(context, &c->tree);
+    lg_svm_free(context, &c->svm);
+}
+
+lg_status lg_classifier_fit(const lg_context *context, const lg_method_options *options, const double *x,
+                            const uint32_t *label, const uint32_t *chosen, size_t count, uint32_t d,
+                            uint32_t classes, lg_classifier *out, lg_error *error) {
+    (void)lg_fail(error, LG_OK, "%s", "");
+    if (options == NULL || options->size != sizeof *options || x == NULL || label == NULL || out == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is missing, or options were not initialised");
+    if ((unsigned)options->method >= LG_METHOD_COUNT)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "no such method");
+    if (count == 0 || d == 0)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%zu rows of %u features: nothing to learn from", count,
+                       d);
+    lg_classifier made = {.method = options->method, .classes = classes};
+    fitting f = {.context = context, .options = options, .n = count, .d = d};
+    const lg_status status = fit_chain(&f, x, label, chosen, &made, error);
+    lg_free(context, f.x);
+    lg_free(context, f.p);
+    lg_free(context, f.label);
+    if (status != LG_OK) {
+        free_fitted(context, &made);
+        return status;
+    }
+    made.features = out->features;
+    *out = made;
+    return LG_OK;
+}
+
+void lg_classifier_free(const lg_context *context, lg_classifier *classifier) {
+    if (classifier == NULL) return;
+    lg_features_free(context, &classifier->features);
+    free_fitted(context, classifier);
+    *classifier = (lg_classifier){0};
+}
+
+/* ---- judging: work is d features, k components, then what the stages need one after the other ---- */
+
+static size_t larger(size_t a, size_t b) {
+    return a > b ? a : b;
+}
+
+size_t lg_classifier_work(const lg_classifier *c) {
+    const size_t features = c->features.count > 0 ? lg_features_work(&c->features) : 0;
+    const size_t svm = c->svm.vectors > 0 ? lg_svm_work(&c->svm) : 0;
+    return (size_t)c->pca.inputs + lg_pca_outputs(&c->pca) + larger(larger(features, svm), c->pca.inputs);
+}
+
+void lg_classifier_score(const lg_classifier *c, const double *f, double *score, double *work) {
+    double *p = work + c->pca.inputs, *rest = p + lg_pca_outputs(&c->pca);
+    lg_pca_apply(&c->pca, f, 1, p, rest);
+    switch (c->method) {
+    case LG_METHOD_LOGISTIC:
+        lg_logistic_predict(&c->logistic, p, 1, score);
+        break;
+    case LG_METHOD_TREE:
+        lg_tree_predict(&c->tree, p, 1, score);
+        break;
+    default:
+        lg_svm_predict(&c->svm, p, 1, score, rest);
+    }
+}
+
+lg_status lg_classifier_window(const lg_classifier *c, const float *x, double *score, double *work) {
+    if (c->features.count == 0 || c->features.count != c->pca.inputs) return LG_INVALID_ARGUMENT;
+    LG_TRY(lg_features_compute(&c->features, x, work, work + c->pca.inputs + lg_pca_outputs(&c->pca)));
+    lg_classifier_score(c, work, score, work);
+    return LG_OK;
+}

@@ -1,0 +1,380 @@
+/* Classifiers in archives. One list names what is stored, in both directions; what is read is checked before
+ * anything is computed with it: sizes before memory is taken, then values. */
+#include "classify/classify_internal.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#define ROOT "classifier/"
+
+typedef struct item {
+    const char *path;
+    lg_element type;
+    uint32_t rank; /* 0: `data` is the number itself; else *data is an array */
+    uint64_t dims[2];
+    void *data;
+    bool used;
+} item;
+
+#define SCALARS 13
+#define ARRAYS  15
+
+/* Numbers of the file that say how large everything else is. */
+typedef struct header {
+    uint32_t classes, channels, length, selected, segments, pairs, count, inputs, components, variances,
+        nodes, vectors, iterations;
+} header;
+
+static void list_scalars(header *h, item out[SCALARS]) {
+    const struct {
+        const char *path;
+        uint32_t *data;
+    } rows[SCALARS] = {
+        {ROOT "classes", &h->classes},
+        {ROOT "features/channels", &h->channels},
+        {ROOT "features/length", &h->length},
+        {ROOT "features/selected", &h->selected},
+        {ROOT "features/segments", &h->segments},
+        {ROOT "features/pairs", &h->pairs},
+        {ROOT "features/count", &h->count},
+        {ROOT "pca/inputs", &h->inputs},
+        {ROOT "pca/components", &h->components},
+        {ROOT "pca/variances", &h->variances},
+        {ROOT "tree/nodes", &h->nodes},
+        {ROOT "svm/vectors", &h->vectors},
+        {ROOT "logistic/iterations", &h->iterations},
+    };
+    for (size_t i = 0; i < SCALARS; i++)
+        out[i] = (item){rows[i].path, LG_ELEMENT_U32, 0, {0, 0}, rows[i].data, true};
+}
+
+/* Arrays of the method and the features that the header describes; `nodes` stands for the tree's (nodes, 6):
+ * feature, left, right, threshold, impurity, samples. */
+static void list_arrays(lg_classifier *c, double **nodes, item out[ARRAYS]) {
+    const bool features = c->features.count > 0, logistic = c->method == LG_METHOD_LOGISTIC;
+    const bool tree = c->method == LG_METHOD_TREE, svm = !logistic && !tree;
+    const uint64_t m = c->features.selected, d = c->pca.inputs, k = c->pca.components, classes = c->classes;
+    const uint64_t inputs = lg_pca_outputs(&c->pca), rows = classes == 2 ? 1 : classes;
+    const item list[ARRAYS] = {
+        {ROOT "features/select", LG_ELEMENT_U32, 1, {m, 0}, &c->features.select, features},
+        {ROOT "features/pair",
+         LG_ELEMENT_U32,
+         2,
+         {c->features.pairs, 2},
+         &c->features.pair,
+         c->features.pairs > 0},
+        {ROOT "features/scale", LG_ELEMENT_F64, 1, {c->features.channels, 0}, &c->features.scale, features},
+        {ROOT "pca/mean", LG_ELEMENT_F64, 1, {d, 0}, &c->pca.mean, true},
+        {ROOT "pca/scale", LG_ELEMENT_F64, 1, {d, 0}, &c->pca.scale, true},
+        {ROOT "pca/vectors", LG_ELEMENT_F64, 2, {d, k}, &c->pca.vectors, k > 0},
+        {ROOT "pca/variance",
+         LG_ELEMENT_F64,
+         1,
+         {c->pca.variances, 0},
+         &c->pca.variance,
+         c->pca.variances > 0},
+        {ROOT "logistic/weight", LG_ELEMENT_F64, 2, {rows, inputs}, &c->logistic.weight, logistic},
+        {ROOT "logistic/intercept", LG_ELEMENT_F64, 1, {rows, 0}, &c->logistic.intercept, logistic},
+        {ROOT "tree/node", LG_ELEMENT_F64, 2, {c->tree.count, 6}, nodes, tree},
+        {ROOT "tree/counts", LG_ELEMENT_U32, 2, {c->tree.count, classes}, &c->tree.counts, tree},
+        {ROOT "svm/vectors_of", LG_ELEMENT_U32, 1, {classes, 0}, &c->svm.vectors_of, svm},
+        {ROOT "svm/vector", LG_ELEMENT_F64, 2, {c->svm.vectors, inputs}, &c->svm.vector, svm},
+        {ROOT "svm/coefficient", LG_ELEMENT_F64, 2, {classes - 1, c->svm.vectors}, &c->svm.coefficient, svm},
+        {ROOT "svm/rho", LG_ELEMENT_F64, 1, {classes * (classes - 1) / 2, 0}, &c->svm.rho, svm},
+    };
+    memcpy(out, list, sizeof list);
+}
+
+/* ---- writing ---- */
+
+static lg_status written(lg_status status, const char *path, lg_error *error) {
+    if (status == LG_OK) return LG_OK;
+    return lg_fail(error, status, "%s could not be saved: %s", path, lg_status_sentence(status));
+}
+
+static lg_status write_text(const lg_archive_writer *w, const char *path, const char *value,
+                            lg_error *error) {
+    return written(w->text(w->user, path, value), path, error);
+}
+
+static lg_status write_items(const lg_archive_writer *w, const item *items, size_t count, lg_error *error) {
+    for (size_t i = 0; i < count; i++) {
+        const item *it = &items[i];
+        const void *data = it->data;
+        if (it->rank > 0) memcpy(&data, it->data, sizeof data);
+        if (it->used)
+            LG_TRY(written(w->array(w->user, it->path, it->type, it->rank, it->dims, data), it->path, error));
+    }
+    return LG_OK;
+}
+
+static double *pack_nodes(const lg_tree *tree) {
+    double *out = lg_alloc(NULL, tree->count, 6 * sizeof *out);
+    for (uint32_t i = 0; out != NULL && i < tree->count; i++) {
+        const lg_tree_node *n = &tree->node[i];
+        const double row[6] = {n->feature, n->left, n->right, n->threshold, n->impurity, n->samples};
+        memcpy(out + 6 * (size_t)i, row, sizeof row);
+    }
+    return out;
+}
+
+lg_status lg_classifier_save(const lg_classifier *classifier, const lg_archive_writer *writer,
+                             lg_error *error) {
+    (void)lg_fail(error, LG_OK, "%s", "");
+    if (classifier == NULL || writer == NULL || (unsigned)classifier->method >= LG_METHOD_COUNT)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "no classifier to save");
+    lg_classifier c = *classifier; /* only read */
+    const lg_features *f = &c.features;
+    header h = {c.classes,
+                f->channels,
+                f->length,
+                f->selected,
+                f->segments,
+                f->pairs,
+                f->count,
+                c.pca.inputs,
+                c.pca.components,
+                c.pca.variances,
+                c.tree.count,
+                c.svm.vectors,
+                c.logistic.iterations};
+    double gamma = c.svm.gamma, penalty = c.svm.c, *nodes = NULL;
+    item scalars[SCALARS], arrays[ARRAYS];
+    list_scalars(&h, scalars);
+    if (c.method == LG_METHOD_TREE && (nodes = pack_nodes(&c.tree)) == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory to save %u nodes", c.tree.count);
+    list_arrays(&c, &nodes, arrays);
+    const item reals[2] = {{ROOT "svm/gamma", LG_ELEMENT_F64, 0, {0, 0}, &gamma, true},
+                           {ROOT "svm/c", LG_ELEMENT_F64, 0, {0, 0}, &penalty, true}};
+    lg_status status = write_text(writer, ROOT "method", lg_method_name(c.method), error);
+    if (status == LG_OK)
+        status = write_text(writer, ROOT "features/kind", lg_feature_kind_name(f->kind), error);
+    if (status == LG_OK)
+        status = write_text(writer, ROOT "tree/criterion", lg_criterion_name(c.tree.criterion), error);
+    if (status == LG_OK) status = write_items(writer, scalars, SCALARS, error);
+    if (status == LG_OK) status = write_items(writer, reals, 2, error);
+    if (status == LG_OK) status = write_items(writer, arrays, ARRAYS, error);
+    lg_free(NULL, nodes);
+    return status;
+}
+
+/* ---- reading ---- */
+
+static lg_status refused(lg_status status, const char *path, lg_error *error) {
+    if (status == LG_OK) return LG_OK;
+    if (status == LG_SHAPE) status = LG_FORMAT;
+    return lg_fail(error, status, "%s: %s", path, lg_status_sentence(status));
+}
+
+static lg_status wrong(lg_error *error, const char *path, const char *what) {
+    return lg_fail(error, LG_FORMAT, ROOT "%s %s", path, what);
+}
+
+static lg_status read_texts(const lg_archive_reader *r, lg_classifier *c, lg_error *error) {
+    char text[32];
+    LG_TRY(refused(r->text(r->user, ROOT "method", text, sizeof text), ROOT "method", error));
+    if (lg_method_parse(text, &c->method) != LG_OK) return wrong(error, "method", "is unknown");
+    LG_TRY(refused(r->text(r->user, ROOT "features/kind", text, sizeof text), ROOT "features/kind", error));
+    if (lg_feature_kind_parse(text, &c->features.kind) != LG_OK)
+        return wrong(error, "features/kind", "is unknown");
+    LG_TRY(refused(r->text(r->user, ROOT "tree/criterion", text, sizeof text), ROOT "tree/criterion", error));
+    if (lg_criterion_parse(text, &c->tree.criterion) != LG_OK)
+        return wrong(error, "tree/criterion", "is unknown");
+    return LG_OK;
+}
+
+static lg_status read_scalars(const lg_archive_reader *r, header *h, lg_classifier *c, lg_error *error) {
+    item items[SCALARS];
+    list_scalars(h, items);
+    for (size_t i = 0; i < SCALARS; i++)
+        LG_TRY(refused(r->array(r->user, items[i].path, LG_ELEMENT_U32, 0, NULL, items[i].data),
+                       items[i].path, error));
+    double *const reals[2] = {&c->svm.gamma, &c->svm.c};
+    const char *const paths[2] = {ROOT "svm/gamma", ROOT "svm/c"};
+    for (size_t i = 0; i < 2; i++)
+        LG_TRY(refused(r->array(r->user, paths[i], LG_ELEMENT_F64, 0, NULL, reals[i]), paths[i], error));
+    return LG_OK;
+}
+
+typedef struct rule {
+    bool good;
+    const char *path, *what;
+} rule;
+
+static lg_status check_rules(const rule *rules, size_t count, lg_error *error) {
+    for (size_t i = 0; i < count; i++)
+        if (!rules[i].good) return wrong(error, rules[i].path, rules[i].what);
+    return LG_OK;
+}
+
+/* Puts the sizes into *c once they fit each other. */
+static lg_status take_sizes(const header *h, lg_classifier *c, lg_error *error) {
+    lg_features *f = &c->features;
+    const bool baseline = f->kind == LG_FEATURES_BASELINE, svm = c->method >= LG_METHOD_SVM_LINEAR;
+    f->channels = h->channels, f->length = h->length, f->selected = h->selected;
+    f->segments = h->segments, f->pairs = h->pairs, f->count = h->count;
+    c->classes = c->logistic.classes = c->tree.classes = c->svm.classes = h->classes;
+    c->pca.inputs = h->inputs, c->pca.components = h->components, c->pca.variances = h->variances;
+    c->logistic.inputs = c->tree.inputs = c->svm.inputs = lg_pca_outputs(&c->pca);
+    c->logistic.iterations = h->iterations, c->tree.count = h->nodes, c->svm.vectors = h->vectors;
+    c->svm.kernel = c->method == LG_METHOD_SVM_RBF ? LG_KERNEL_RBF : LG_KERNEL_LINEAR;
+    const rule rules[] = {
+        {h->classes >= 2 && h->classes <= LG_CLASSES_MAX, "classes", "is out of range"},
+        {h->channels <= LG_FEATURES_MAX, "features/channels", "is out of range"},
+        {(h->count > 0) == (h->channels > 0) && (h->count > 0) == (h->length > 0), "features/count",
+         "does not fit channels and length"},
+        {(uint64_t)h->channels * h->length <= UINT32_MAX, "features/length", "is out of range"},
+        {h->selected <= h->channels && (h->count > 0) == (h->selected > 0), "features/selected",
+         "does not fit the channels"},
+        {baseline && h->count > 0 ? h->segments >= 1 && h->segments <= h->length : h->segments == 0,
+         "features/segments", "is out of range"},
+        {h->pairs <= h->channels && (baseline || h->pairs == 0), "features/pairs", "is out of range"},
+        {h->count == lg_features_count(f) && h->count <= LG_FEATURES_MAX, "features/count",
+         "does not fit the kind of the features"},
+        {h->inputs >= 1 && h->inputs <= LG_FEATURES_MAX && (h->count == 0 || h->inputs == h->count),
+         "pca/inputs", "is not the number of features"},
+        {h->components <= h->inputs, "pca/components", "is larger than the number of features"},
+        {h->components > 0 ? h->variances >= h->components && h->variances <= h->inputs : h->variances == 0,
+         "pca/variances", "does not fit the components"},
+        {(h->nodes > 0) == (c->method == LG_METHOD_TREE), "tree/nodes", "does not fit the method"},
+        {(h->vectors > 0) == svm, "svm/vectors", "does not fit the method"},
+        {isfinite(c->svm.gamma) && c->svm.gamma >= 0.0, "svm/gamma", "is out of range"},
+        {isfinite(c->svm.c) && (c->svm.c > 0.0) == svm, "svm/c", "is out of range"},
+    };
+    return check_rules(rules, LG_COUNT(rules), error);
+}
+
+static size_t element_size(lg_element type) {
+    return type == LG_ELEMENT_F64 ? sizeof(double) : sizeof(uint32_t);
+}
+
+/* Compares the stored shape before it takes memory for it. */
+static lg_status read_array(const lg_context *context, const lg_archive_reader *r, const item *it,
+                            lg_error *error) {
+    uint32_t rank = 0;
+    uint64_t dims[4] = {0};
+    LG_TRY(refused(r->shape(r->user, it->path, &rank, dims), it->path, error));
+    const bool same = rank == it->rank && dims[0] == it->dims[0] && (rank < 2 || dims[1] == it->dims[1]);
+    if (!same) return refused(LG_SHAPE, it->path, error);
+    const uint64_t columns = it->rank == 2 ? it->dims[1] : 1;
+    if (columns != 0 && it->dims[0] > SIZE_MAX / sizeof(double) / columns)
+        return refused(LG_SHAPE, it->path, error);
+    const size_t count = (size_t)(it->dims[0] * columns);
+    void *block = lg_alloc(context, count, element_size(it->type));
+    if (block == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory to read %s", it->path);
+    memcpy(it->data, &block, sizeof block); /* whatever the pointer points to */
+    LG_TRY(refused(r->array(r->user, it->path, it->type, it->rank, it->dims, block), it->path, error));
+    if (it->type != LG_ELEMENT_F64) return LG_OK;
+    for (size_t i = 0; i < count; i++)
+        if (!isfinite(((const double *)block)[i]))
+            return lg_fail(error, LG_NOT_FINITE, "%s: entry %zu is %g", it->path, i,
+                           ((const double *)block)[i]);
+    return LG_OK;
+}
+
+static bool positive(const double *x, size_t n) {
+    for (size_t i = 0; i < n; i++)
+        if (!(x[i] > 0.0)) return false;
+    return true;
+}
+
+static lg_status check_features(const lg_classifier *c, lg_error *error) {
+    const lg_features *f = &c->features;
+    for (uint32_t i = 0; i < f->selected; i++)
+        if (f->select[i] >= f->channels || (i > 0 && f->select[i] <= f->select[i - 1]))
+            return wrong(error, "features/select", "is no rising list of channels");
+    for (uint32_t i = 0; i < 2 * f->pairs; i++)
+        if (f->pair[i] >= f->channels)
+            return wrong(error, "features/pair", "names a channel that is not there");
+    if (f->count > 0 && !positive(f->scale, f->channels))
+        return wrong(error, "features/scale", "is not positive");
+    if (!positive(c->pca.scale, c->pca.inputs)) return wrong(error, "pca/scale", "is not positive");
+    return LG_OK;
+}
+
+static bool is_index(double x, double below) {
+    return x >= 0.0 && x < below && floor(x) == x;
+}
+
+/* Children come after their parent, and each node but the root is the child of one: a tree. */
+static const char *unpack_nodes(lg_tree *tree, const double *rows, bool *child) {
+    for (uint32_t i = 0; i < tree->count; i++) {
+        const double *row = rows + 6 * (size_t)i;
+        if (!is_index(row[0], tree->inputs)) return "has a feature that is not there";
+        if (!is_index(row[1], tree->count) || !is_index(row[2], tree->count))
+            return "has a child that is not there";
+        if (!is_index(row[5], 0x1p32)) return "has a number of samples that is none";
+        const uint32_t left = (uint32_t)row[1], right = (uint32_t)row[2];
+        if ((left == 0) != (right == 0)) return "has a node with one child";
+        if (left != 0 && (left <= i || right <= i || left == right || child[left] || child[right]))
+            return "is no tree";
+        if (left != 0) child[left] = child[right] = true;
+        tree->node[i] = (lg_tree_node){(uint32_t)row[0], left, right, row[3], row[4], (uint32_t)row[5]};
+    }
+    for (uint32_t i = 1; i < tree->count; i++)
+        if (!child[i]) return "has a node that nothing leads to";
+    return NULL;
+}
+
+static lg_status check_tree(const lg_context *context, lg_tree *tree, const double *rows, lg_error *error) {
+    bool *child = lg_alloc(context, tree->count, sizeof *child);
+    tree->node = lg_alloc(context, tree->count, sizeof *tree->node);
+    const bool good = child != NULL && tree->node != NULL;
+    const char *what = good ? unpack_nodes(tree, rows, child) : NULL;
+    lg_free(context, child);
+    if (!good) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u nodes", tree->count);
+    if (what != NULL) return wrong(error, "tree/node", what);
+    for (uint32_t i = 0; i < tree->count; i++) {
+        uint64_t sum = 0;
+        for (uint32_t c = 0; c < tree->classes; c++) sum += tree->counts[(size_t)i * tree->classes + c];
+        if (sum == 0 || sum != tree->node[i].samples)
+            return wrong(error, "tree/counts", "does not add up to the samples of the nodes");
+    }
+    return LG_OK;
+}
+
+static lg_status check_svm(const lg_svm *svm, lg_error *error) {
+    uint64_t sum = 0;
+    for (uint32_t c = 0; c < svm->classes; c++) sum += svm->vectors_of[c];
+    return sum == svm->vectors ? LG_OK : wrong(error, "svm/vectors_of", "does not add up to the vectors");
+}
+
+static lg_status read_classifier(const lg_context *context, const lg_archive_reader *r, lg_classifier *c,
+                                 double **nodes, lg_error *error) {
+    header h = {0};
+    item arrays[ARRAYS];
+    LG_TRY(read_texts(r, c, error));
+    LG_TRY(read_scalars(r, &h, c, error));
+    LG_TRY(take_sizes(&h, c, error));
+    list_arrays(c, nodes, arrays);
+    for (size_t i = 0; i < ARRAYS; i++)
+        if (arrays[i].used) LG_TRY(read_array(context, r, &arrays[i], error));
+    LG_TRY(check_features(c, error));
+    if (c->method == LG_METHOD_TREE) return check_tree(context, &c->tree, *nodes, error);
+    if (c->method >= LG_METHOD_SVM_LINEAR) return check_svm(&c->svm, error);
+    return LG_OK;
+}
+
+/* Models of other methods are zeroed. */
+static void forget_others(lg_classifier *c) {
+    if (c->method != LG_METHOD_LOGISTIC) c->logistic = (lg_logistic){0};
+    if (c->method != LG_METHOD_TREE) c->tree = (lg_tree){0};
+    if (c->method < LG_METHOD_SVM_LINEAR) c->svm = (lg_svm){0};
+}
+
+lg_status lg_classifier_load(const lg_context *context, const lg_archive_reader *reader, lg_classifier *out,
+                             lg_error *error) {
+    (void)lg_fail(error, LG_OK, "%s", "");
+    if (reader == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");
+    lg_classifier c = {0};
+    double *nodes = NULL;
+    const lg_status status = read_classifier(context, reader, &c, &nodes, error);
+    lg_free(context, nodes);
+    if (status == LG_OK)
+        forget_others(&c);
+    else
+        lg_classifier_free(context, &c);
+    *out = c;
+    return status;
+}

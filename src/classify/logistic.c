@@ -1,0 +1,575 @@
+/* Logistic regression by Newton's method (Nelder and Wedderburn 1972; Boyd and Vandenberghe, "Convex
+ * Optimization", 9.5: damped steps, Newton decrement).
+ *
+ * Rows of the table are centred and get a last column of ones, q = d + 1: as the intercept is not penalised,
+ * that is the same problem. theta is (rows, q), its last column the intercepts. Where d >= n, x^T = Q R and
+ * the columns of R take the place of the rows: the minimiser has w = Q v, |w| = |v|. */
+#include "classify/classify_internal.h"
+
+#include <cblas.h>
+#include <limits.h>
+#include <math.h>
+#include <string.h>
+
+#include "classify/lapack.h"
+
+#define MAX_ITERATIONS 200
+#define MAX_HALVINGS   60
+/* Of the squared Newton decrement, as a part of the objective; the step that is measured is still taken, and
+ * squares the error. */
+#define TOLERANCE 1e-13
+/* Conjugate gradients of a step at most. */
+#define MAX_CG 2000
+/* A factor costs the time of about FACTOR_COST q (1 + q/(3 n))/rows products with the Hessian. So many are
+ * spent before one is made, these among them before the first step: short tables have one at once. */
+#define FACTOR_COST (1.0 / 16.0)
+#define START       8.0
+#define SMALL_Q     12
+/* What conjugate gradients leave of the model's fall, at the end. */
+#define EXACT 1e-9
+/* Doubles of the table that are worked on at a time: both passes over them find them in the cache. */
+#define BLOCK_DOUBLES 32768
+/* Score of a class that training has not seen: its probability is 0 beside scores that add up to 0. */
+#define UNSEEN (-1e4)
+
+typedef struct problem {
+    const lg_context *context;
+    size_t n, q, unknowns;
+    uint32_t rows, classes;
+    double c;
+    double *x;       /* (n, q) */
+    uint32_t *label; /* (n), among the classes that occur */
+    double *theta, *trial, *step, *gradient;
+    double *score;    /* (n, rows) */
+    double *residual; /* (n, rows): p - y */
+    double *weight;   /* (n, rows): rows == 1: p (1 - p), else p */
+    double *scaled;   /* (n, q); with `factor` */
+    double *factor;   /* (q, q) Cholesky's, for conjugate gradients; NULL until it pays */
+    double *diagonal; /* (q) until then */
+    double *vectors;  /* (4, unknowns): of conjugate gradients */
+    double objective, forcing;
+    double worth; /* products that cost as much as a factor */
+    double spent; /* products since the factor was made */
+    bool solved;  /* the last step is as exact as `forcing` */
+} problem;
+
+/* ---- the objective ---- */
+
+/* Sums log(1 + e), e >= 0, in products: one logarithm for many terms. */
+typedef struct log_sum {
+    double sum, product;
+    int count;
+} log_sum;
+
+static inline void log_sum_add(log_sum *s, double e) {
+    if (e < 1e-5) {
+        s->sum += e * (1.0 - e * (0.5 - e / 3.0));
+        return;
+    }
+    s->product *= 1.0 + e;
+    if (++s->count < 512) return;
+    s->sum += log(s->product);
+    s->product = 1.0;
+    s->count = 0;
+}
+
+/* Two classes, one logit. Small tails are formed without cancellation. */
+static double binary_loss(problem *p) {
+    log_sum logs = {0.0, 1.0, 0};
+    double linear = 0.0;
+    for (size_t i = 0; i < p->n; i++) {
+        const double s = p->score[i], e = exp(-fabs(s)), small = e / (1.0 + e), large = 1.0 / (1.0 + e);
+        const bool right = (s >= 0.0) == (p->label[i] == 1); /* the likelier class is the true one */
+        const double miss = right ? small : large;           /* probability of the other class */
+        p->residual[i] = p->label[i] == 1 ? -miss : miss;
+        p->weight[i] = small * large;
+        if (!right) linear += fabs(s);
+        log_sum_add(&logs, e);
+    }
+    return linear + logs.sum + log(logs.product);
+}
+
+static double softmax_loss(problem *p) {
+    double loss = 0.0;
+    const size_t k = p->rows;
+    for (size_t i = 0; i < p->n; i++) {
+        const double *s = p->score + i * k;
+        double *w = p->weight + i * k, *r = p->residual + i * k, largest = s[0], sum = 0.0, others = 0.0;
+        const uint32_t truth = p->label[i];
+        for (size_t a = 1; a < k; a++) largest = fmax(largest, s[a]);
+        for (size_t a = 0; a < k; a++) {
+            w[a] = exp(s[a] - largest);
+            sum += w[a];
+            if (a != truth) others += w[a];
+        }
+        loss += others < 0.5 * w[truth] ? log1p(others / w[truth]) : largest - s[truth] + log(sum);
+        for (size_t a = 0; a < k; a++) r[a] = w[a] /= sum;
+        r[truth] = -others / sum;
+    }
+    return loss;
+}
+
+/* score = x theta^T, of rows first..last-1 of the table. */
+static void scores(const problem *p, size_t first, size_t last, const double *theta) {
+    const int n = (int)(last - first), q = (int)p->q, rows = (int)p->rows;
+    const double *x = p->x + first * p->q;
+    double *out = p->score + first * p->rows;
+    if (rows == 1 && q <= SMALL_Q)
+        for (size_t i = 0; i < last - first; i++) {
+            double sum = 0.0;
+            for (size_t j = 0; j < p->q; j++) sum += x[i * p->q + j] * theta[j];
+            out[i] = sum;
+        }
+    else if (rows == 1)
+        cblas_dgemv(CblasRowMajor, CblasNoTrans, n, q, 1.0, x, q, theta, 1, 0.0, out, 1);
+    else
+        cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasTrans, n, rows, q, 1.0, x, q, theta, q, 0.0, out, rows);
+}
+
+/* Value at `theta`; residual and weight belong to it then. */
+static double evaluate(problem *p, const double *theta) {
+    scores(p, 0, p->n, theta);
+    double square = 0.0;
+    for (size_t a = 0; a < p->rows; a++) square += lg_dot(theta + a * p->q, theta + a * p->q, p->q - 1);
+    return p->c * (p->rows == 1 ? binary_loss(p) : softmax_loss(p)) + 0.5 * square;
+}
+
+/* out (rows, q) += factor r^T x, of rows first..last-1 of the table. */
+static void add_transposed(const problem *p, size_t first, size_t last, double factor, const double *r,
+                           double *out) {
+    const int n = (int)(last - first), q = (int)p->q, rows = (int)p->rows;
+    const double *x = p->x + first * p->q;
+    r += first * p->rows;
+    if (rows == 1 && q <= SMALL_Q)
+        for (size_t i = 0; i < last - first; i++)
+            for (size_t j = 0; j < p->q; j++) out[j] += factor * r[i] * x[i * p->q + j];
+    else if (rows == 1)
+        cblas_dgemv(CblasRowMajor, CblasTrans, n, q, factor, x, q, r, 1, 1.0, out, 1);
+    else
+        cblas_dgemm(CblasRowMajor, CblasTrans, CblasNoTrans, rows, q, n, factor, r, rows, x, q, 1.0, out, q);
+}
+
+static void add_penalty(const problem *p, const double *v, double *out) {
+    for (size_t a = 0; a < p->rows; a++)
+        for (size_t j = 0; j + 1 < p->q; j++) out[a * p->q + j] += v[a * p->q + j];
+}
+
+/* ---- the step: conjugate gradients ---- */
+
+/* The Hessian is sum_i C (diag(p_i) - p_i p_i^T) (x) x_i x_i^T and the penalty. On vectors that add up to 0
+ * over the classes, where all steps lie, diag(p) - p p^T of K equal p is 1/K: the preconditioner has the same
+ * number, sum_c p_c (1 - p_c)/(K - 1), for every class; with one row of theta it is the Hessian itself. */
+static double curvature(const problem *p, size_t i) {
+    const size_t k = p->rows;
+    const double *w = p->weight + i * k;
+    if (k == 1) return p->c * w[0];
+    double sum = 0.0;
+    for (size_t a = 0; a < k; a++) sum += w[a] * (1.0 - w[a]);
+    return p->c * sum / (double)(k - 1);
+}
+
+/* Few features: rank-one updates of the upper triangle, without the calls. */
+static void form_small(const problem *p) {
+    const size_t q = p->q;
+    double upper[SMALL_Q * SMALL_Q] = {0};
+    for (size_t i = 0; i < p->n; i++) {
+        const double *x = p->x + i * q, factor = curvature(p, i);
+        for (size_t a = 0; a < q; a++) {
+            const double t = factor * x[a];
+            for (size_t b = a; b < q; b++) upper[a * q + b] += t * x[b];
+        }
+    }
+    memcpy(p->factor, upper, q * q * sizeof *upper);
+}
+
+static void form_large(const problem *p) {
+    const size_t q = p->q;
+    for (size_t i = 0; i < p->n; i++) {
+        const double factor = sqrt(curvature(p, i));
+        for (size_t j = 0; j < q; j++) p->scaled[i * q + j] = factor * p->x[i * q + j];
+    }
+    cblas_dsyrk(CblasRowMajor, CblasUpper, CblasTrans, (int)q, (int)p->n, 1.0, p->scaled, (int)q, 0.0,
+                p->factor, (int)q);
+}
+
+/* The preconditioner's upper triangle, row-major; its diagonal gets `ridge` of its largest entry. */
+static void form(const problem *p, double ridge) {
+    const size_t q = p->q;
+    double largest = 0.0;
+    if (q <= SMALL_Q)
+        form_small(p);
+    else
+        form_large(p);
+    for (size_t j = 0; j < q; j++) {
+        p->factor[j * q + j] += j + 1 < q ? 1.0 : 0x1p-1000;
+        largest = fmax(largest, p->factor[j * q + j]);
+    }
+    for (size_t j = 0; j < q; j++) p->factor[j * q + j] += ridge * largest;
+}
+
+static lg_status make_factor(problem *p) {
+    if (p->factor == NULL) {
+        p->factor = lg_alloc(p->context, p->q, p->q * sizeof *p->factor);
+        p->scaled = lg_alloc(p->context, p->n, p->q * sizeof *p->scaled);
+        if (p->factor == NULL || p->scaled == NULL) return LG_OUT_OF_MEMORY;
+    }
+    const int q = (int)p->q;
+    double ridge = 0.0;
+    p->spent = 0.0;
+    for (int attempt = 0; attempt < 8; attempt++) {
+        int info = 0;
+        form(p, ridge);
+        dpotrf_("L", &q, p->factor, &q, &info); /* its lower is our upper triangle */
+        if (info == 0) return LG_OK;
+        ridge = ridge == 0.0 ? 1e-14 : 100.0 * ridge;
+    }
+    return LG_NO_CONVERGENCE;
+}
+
+static void make_diagonal(problem *p) {
+    const size_t q = p->q;
+    memset(p->diagonal, 0, q * sizeof *p->diagonal);
+    for (size_t i = 0; i < p->n; i++) {
+        const double *x = p->x + i * q, factor = curvature(p, i);
+        for (size_t j = 0; j < q; j++) p->diagonal[j] += factor * x[j] * x[j];
+    }
+    for (size_t j = 0; j < q; j++) p->diagonal[j] += j + 1 < q ? 1.0 : 0x1p-1000;
+}
+
+/* out = P^-1 r */
+static void precondition(const problem *p, const double *r, double *out) {
+    const int q = (int)p->q, rows = (int)p->rows;
+    int info = 0;
+    for (size_t i = 0; i < p->unknowns; i++) out[i] = p->factor != NULL ? r[i] : r[i] / p->diagonal[i % p->q];
+    if (p->factor != NULL) dpotrs_("L", &q, &rows, p->factor, &q, out, &q, &info);
+}
+
+/* s = (diag(w) - w w^T) s of each row; two classes: w s. */
+static void curve(const problem *p, size_t first, size_t last) {
+    const size_t k = p->rows;
+    for (size_t i = first; i < last; i++) {
+        const double *w = p->weight + i * k;
+        double *s = p->score + i * k;
+        if (k == 1) {
+            s[0] *= w[0];
+            continue;
+        }
+        const double mean = lg_dot(w, s, k);
+        for (size_t a = 0; a < k; a++) s[a] = w[a] * (s[a] - mean);
+    }
+}
+
+/* out = H v */
+static void hessian_product(problem *p, const double *v, double *out) {
+    const size_t q = p->q, block = BLOCK_DOUBLES / q + 1;
+    memset(out, 0, p->unknowns * sizeof *out);
+    for (size_t first = 0; first < p->n; first += block) {
+        const size_t last = p->n - first < block ? p->n : first + block;
+        scores(p, first, last, v);
+        curve(p, first, last);
+        add_transposed(p, first, last, p->c, p->score, out);
+    }
+    add_penalty(p, v, out);
+    p->spent += 1.0;
+}
+
+/* Minimiser, gradients and steps add up to 0 over the classes. What rounding leaves of the sum is taken off:
+ * there the preconditioner is far from the Hessian, which on the intercepts' sum is 0. */
+static void balance(const problem *p, double *v) {
+    for (size_t j = 0; j < p->q && p->rows > 1; j++) {
+        double sum = 0.0;
+        for (size_t a = 0; a < p->rows; a++) sum += v[a * p->q + j];
+        for (size_t a = 0; a < p->rows; a++) v[a * p->q + j] -= sum / (double)p->rows;
+    }
+}
+
+/* As exactly as the last decrement asks for (Dembo, Eisenstat, Steihaug 1982); without a factor, at most
+ * until that would have cost as much. */
+static lg_status conjugate_gradients(problem *p) {
+    const size_t n = p->unknowns;
+    const double limit = p->factor == NULL ? p->worth + 1.0 : MAX_CG;
+    double *r = p->vectors, *z = r + n, *direction = z + n, *image = direction + n;
+    memset(p->step, 0, n * sizeof *p->step);
+    for (size_t i = 0; i < n; i++) r[i] = -p->gradient[i];
+    balance(p, r);
+    precondition(p, r, direction);
+    double rho = lg_dot(r, direction, n);
+    double fallen = 0.0, last = 1.0; /* of the quadratic model: in all, by the last direction */
+    size_t iteration = 0;
+    for (; rho > 0.0 && (double)(iteration + 1) * last > p->forcing * fallen; iteration++) {
+        p->solved = p->factor != NULL;
+        if ((double)iteration >= limit) return LG_OK;
+        if (lg_cancelled(p->context)) return LG_CANCELLED;
+        hessian_product(p, direction, image);
+        const double alpha = rho / lg_dot(direction, image, n);
+        if (!isfinite(alpha)) break;
+        last = alpha * rho;
+        fallen += last;
+        cblas_daxpy((int)n, alpha, direction, 1, p->step, 1);
+        cblas_daxpy((int)n, -alpha, image, 1, r, 1);
+        const double before = rho;
+        balance(p, r);
+        precondition(p, r, z);
+        rho = lg_dot(r, z, n);
+        for (size_t i = 0; i < n; i++) direction[i] = z[i] + rho / before * direction[i];
+    }
+    p->solved = true;
+    return LG_OK;
+}
+
+/* A factor is made, and made anew, when the products before have cost as much. With one row of theta a new
+ * one solves the equations by itself. */
+static lg_status find_step(problem *p) {
+    if (p->spent < p->worth) {
+        if (p->factor == NULL) make_diagonal(p);
+        return conjugate_gradients(p);
+    }
+    LG_TRY(make_factor(p));
+    if (p->rows > 1) return conjugate_gradients(p);
+    for (size_t i = 0; i < p->unknowns; i++) p->vectors[i] = -p->gradient[i];
+    precondition(p, p->vectors, p->step);
+    p->spent = 1.0;
+    p->solved = true;
+    p->forcing = EXACT;
+    return LG_OK;
+}
+
+/* ---- Newton's method ---- */
+
+/* Goes along the step as far as the objective falls enough; what rounding hides counts as fallen. */
+static lg_status backtrack(problem *p, double decrement) {
+    const double slack = 0x1p-48 * p->objective;
+    double length = 1.0;
+    for (int i = 0; i < MAX_HALVINGS; i++, length *= 0.5) {
+        for (size_t j = 0; j < p->unknowns; j++) p->trial[j] = p->theta[j] + length * p->step[j];
+        const double value = evaluate(p, p->trial);
+        if (!(value <= p->objective - 1e-4 * length * decrement + slack)) continue;
+        double *swap = p->theta;
+        p->theta = p->trial;
+        p->trial = swap;
+        p->objective = value;
+        return LG_OK;
+    }
+    return LG_NO_CONVERGENCE;
+}
+
+static lg_status newton(problem *p, uint32_t *iterations) {
+    p->objective = evaluate(p, p->theta);
+    if (!isfinite(p->objective)) return LG_NOT_FINITE;
+    for (uint32_t i = 1; i <= MAX_ITERATIONS; i++) {
+        if (lg_cancelled(p->context)) return LG_CANCELLED;
+        *iterations = i;
+        memset(p->gradient, 0, p->unknowns * sizeof *p->gradient);
+        add_transposed(p, 0, p->n, p->c, p->residual, p->gradient);
+        add_penalty(p, p->theta, p->gradient);
+        LG_TRY(find_step(p));
+        const double decrement = -lg_dot(p->gradient, p->step, p->unknowns);
+        if (!isfinite(decrement)) return LG_NOT_FINITE;
+        if (decrement <= 0.0) return LG_OK; /* at the minimum to the last bit */
+        const bool exact = p->solved && p->forcing <= EXACT;
+        p->forcing = fmin(1e-2, fmax(EXACT, decrement / p->objective));
+        const lg_status moved = backtrack(p, decrement);
+        if (exact && decrement <= TOLERANCE * p->objective) return LG_OK;
+        if (moved != LG_OK) return decrement <= 1e-10 * p->objective ? LG_OK : moved;
+    }
+    return LG_NO_CONVERGENCE;
+}
+
+/* ---- fitting ---- */
+
+/* x^T = Q R as LAPACK leaves it: the row-major table (n, d) is its column-major (d, n). */
+typedef struct span {
+    double *qr, *tau, *work;
+    int lwork;
+} span;
+
+static void span_free(const lg_context *context, span *s) {
+    lg_free(context, s->qr);
+    lg_free(context, s->tau);
+    lg_free(context, s->work);
+}
+
+static void column_means(const double *x, size_t n, size_t d, double *mean) {
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < d; j++) mean[j] += x[i * d + j] / (double)n;
+}
+
+static lg_status take_span(const lg_context *context, const double *x, const double *mean, size_t n, size_t d,
+                           span *s, double *out) {
+    s->lwork = 64 * (int)n;
+    s->qr = lg_alloc(context, n, d * sizeof *s->qr);
+    s->tau = lg_alloc(context, n, sizeof *s->tau);
+    s->work = lg_alloc(context, (size_t)s->lwork, sizeof *s->work);
+    if (s->qr == NULL || s->tau == NULL || s->work == NULL) return LG_OUT_OF_MEMORY;
+    const int rows = (int)d, columns = (int)n;
+    int info = 0;
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < d; j++) s->qr[i * d + j] = x[i * d + j] - mean[j];
+    dgeqrf_(&rows, &columns, s->qr, &rows, s->tau, s->work, &s->lwork, &info);
+    for (size_t i = 0; i < n; i++) {
+        memset(out + i * (n + 1), 0, n * sizeof *out);
+        memcpy(out + i * (n + 1), s->qr + i * d, (i + 1) * sizeof *out);
+        out[i * (n + 1) + n] = 1.0;
+    }
+    return info == 0 ? LG_OK : LG_NO_CONVERGENCE;
+}
+
+/* v (n) at the front of w (d), zeros behind it: w = Q v. */
+static void leave_span(const span *s, size_t n, size_t d, double *w) {
+    const int rows = (int)d, one = 1, reflections = (int)n;
+    int info = 0;
+    dormqr_("L", "N", &rows, &one, &reflections, s->qr, &rows, s->tau, w, &rows, s->work, &s->lwork, &info);
+}
+
+static void centre_rows(const double *x, const double *mean, size_t n, size_t d, double *out) {
+    for (size_t i = 0; i < n; i++) {
+        for (size_t j = 0; j < d; j++) out[i * (d + 1) + j] = x[i * d + j] - mean[j];
+        out[i * (d + 1) + d] = 1.0;
+    }
+}
+
+static lg_status problem_allocate(problem *p) {
+    const lg_context *context = p->context;
+    p->x = lg_alloc(context, p->n, p->q * sizeof *p->x);
+    p->label = lg_alloc(context, p->n, sizeof *p->label);
+    p->theta = lg_alloc(context, p->unknowns, sizeof *p->theta);
+    p->trial = lg_alloc(context, p->unknowns, sizeof *p->trial);
+    p->step = lg_alloc(context, p->unknowns, sizeof *p->step);
+    p->gradient = lg_alloc(context, p->unknowns, sizeof *p->gradient);
+    p->score = lg_alloc(context, p->n, p->rows * sizeof *p->score);
+    p->residual = lg_alloc(context, p->n, p->rows * sizeof *p->residual);
+    p->weight = lg_alloc(context, p->n, p->rows * sizeof *p->weight);
+    p->diagonal = lg_alloc(context, p->q, sizeof *p->diagonal);
+    p->vectors = lg_alloc(context, p->unknowns, 4 * sizeof *p->vectors);
+    const bool good = p->x != NULL && p->label != NULL && p->theta != NULL && p->trial != NULL &&
+                      p->step != NULL && p->gradient != NULL && p->score != NULL && p->residual != NULL &&
+                      p->weight != NULL && p->diagonal != NULL && p->vectors != NULL;
+    return good ? LG_OK : LG_OUT_OF_MEMORY;
+}
+
+static void problem_free(problem *p) {
+    void *const blocks[] = {p->x,        p->label,  p->theta,  p->trial,  p->step,     p->gradient, p->score,
+                            p->residual, p->weight, p->scaled, p->factor, p->diagonal, p->vectors};
+    for (size_t i = 0; i < LG_COUNT(blocks); i++) lg_free(p->context, blocks[i]);
+}
+
+/* theta of the classes that occur -> the model, in the coordinates and with the origin of the table. */
+static void write_model(const problem *p, const size_t *counts, const double *mean, const span *s,
+                        lg_logistic *model) {
+    const size_t d = model->inputs, rows = p->classes == 2 ? 1 : p->classes;
+    size_t from = 0;
+    for (size_t a = 0; a < rows; a++) {
+        double *w = model->weight + a * d;
+        if (rows > 1 && counts[a] == 0) {
+            model->intercept[a] = UNSEEN;
+            continue;
+        }
+        const double *theta = p->theta + from++ * p->q;
+        memcpy(w, theta, (p->q - 1) * sizeof *w);
+        if (s->qr != NULL) leave_span(s, p->n, d, w);
+        model->intercept[a] = theta[p->q - 1] - lg_dot(w, mean, d);
+    }
+}
+
+static lg_status solve(problem *p, const double *x, const uint32_t *label, const size_t *counts, double *mean,
+                       span *s, lg_logistic *model) {
+    const size_t d = model->inputs;
+    LG_TRY(problem_allocate(p));
+    column_means(x, p->n, d, mean);
+    if (d >= p->n)
+        LG_TRY(take_span(p->context, x, mean, p->n, d, s, p->x));
+    else
+        centre_rows(x, mean, p->n, d, p->x);
+    for (size_t i = 0; i < p->n; i++) {
+        for (uint32_t c = 0; c < label[i]; c++) p->label[i] += counts[c] > 0;
+    }
+    LG_TRY(newton(p, &model->iterations));
+    balance(p, p->theta);
+    write_model(p, counts, mean, s, model);
+    const size_t rows = model->classes == 2 ? 1 : model->classes;
+    for (size_t i = 0; i < rows * d; i++)
+        if (!isfinite(model->weight[i])) return LG_NOT_FINITE;
+    return LG_OK;
+}
+
+static lg_status fit_model(const lg_context *context, const double *x, const uint32_t *label, size_t n,
+                           double c, size_t *counts, lg_logistic *model, lg_error *error) {
+    const uint32_t d = model->inputs, classes = model->classes, rows = classes == 2 ? 1 : classes;
+    LG_TRY(lg_check_labels(label, n, classes, counts, error));
+    problem p = {
+        .context = context, .n = n, .q = (d >= n ? n : d) + 1, .classes = classes, .c = c, .forcing = 1e-2};
+    for (uint32_t a = 0; a < classes; a++) p.rows += counts[a] > 0;
+    if (classes == 2) p.rows = 1;
+    p.unknowns = p.rows * p.q;
+    p.worth = FACTOR_COST * (double)p.q * (1.0 + (double)p.q / (3.0 * (double)n)) / (double)p.rows;
+    p.spent = START;
+    if (p.unknowns > INT_MAX / 2)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%u classes of %u features are too many", classes, d);
+    span s = {0};
+    double *mean = lg_alloc(context, d, sizeof *mean);
+    model->weight = lg_alloc(context, rows, d * sizeof *model->weight);
+    model->intercept = lg_alloc(context, rows, sizeof *model->intercept);
+    lg_status status = LG_OUT_OF_MEMORY;
+    if (mean != NULL && model->weight != NULL && model->intercept != NULL)
+        status = solve(&p, x, label, counts, mean, &s, model);
+    problem_free(&p);
+    span_free(context, &s);
+    lg_free(context, mean);
+    if (status == LG_OK) return LG_OK;
+    return lg_fail(error, status, "logistic regression of %zu rows and %u features, C = %g: %s", n, d, c,
+                   lg_status_sentence(status));
+}
+
+lg_status lg_logistic_fit(const lg_context *context, const double *x, const uint32_t *label, size_t n,
+                          uint32_t d, uint32_t classes, double c, lg_logistic *out, lg_error *error) {
+    (void)lg_fail(error, LG_OK, "%s", "");
+    if (label == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");
+    if (!(c > 0.0) || !isfinite(c)) return lg_fail(error, LG_INVALID_ARGUMENT, "C is %g, not positive", c);
+    if (classes < 2 || classes > LG_CLASSES_MAX)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%u classes: 2 to %u are expected", classes,
+                       LG_CLASSES_MAX);
+    LG_TRY(lg_check_table(x, n, d, error));
+    size_t *counts = lg_alloc(context, classes, sizeof *counts);
+    if (counts == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u classes", classes);
+    lg_logistic model = {.inputs = d, .classes = classes};
+    const lg_status status = fit_model(context, x, label, n, c, counts, &model, error);
+    lg_free(context, counts);
+    if (status != LG_OK) {
+        lg_logistic_free(context, &model);
+        return status;
+    }
+    *out = model;
+    return LG_OK;
+}
+
+void lg_logistic_free(const lg_context *context, lg_logistic *model) {
+    if (model == NULL) return;
+    lg_free(context, model->weight);
+    lg_free(context, model->intercept);
+    *model = (lg_logistic){0};
+}
+
+/* ---- predicting ---- */
+
+static void softmax(double *s, size_t k) {
+    double largest = s[0], sum = 0.0;
+    for (size_t a = 1; a < k; a++) largest = fmax(largest, s[a]);
+    for (size_t a = 0; a < k; a++) sum += s[a] = exp(s[a] - largest);
+    for (size_t a = 0; a < k; a++) s[a] /= sum;
+}
+
+void lg_logistic_predict(const lg_logistic *model, const double *x, size_t n, double *probability) {
+    const size_t d = model->inputs, k = model->classes;
+    for (size_t i = 0; i < n; i++) {
+        double *p = probability + i * k;
+        if (k == 2) {
+            const double s = model->intercept[0] + lg_dot(model->weight, x + i * d, d), e = exp(-fabs(s));
+            p[0] = s >= 0.0 ? e / (1.0 + e) : 1.0 / (1.0 + e);
+            p[1] = s >= 0.0 ? 1.0 / (1.0 + e) : e / (1.0 + e);
+            continue;
+        }
+        for (size_t a = 0; a < k; a++)
+            p[a] = model->intercept[a] + lg_dot(model->weight + a * d, x + i * d, d);
+        softmax(p, k);
+    }
+}

@@ -1,0 +1,162 @@
+/* Confusion matrices, what is read from them, receiver operating characteristics. */
+#include <math.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "liegrad/judge.h"
+
+uint32_t lg_class_of(const double *score, uint32_t classes) {
+    if (classes == 2) return score[1] >= score[0];
+    uint32_t best = 0;
+    for (uint32_t k = 1; k < classes; k++)
+        if (score[k] > score[best]) best = k;
+    return best;
+}
+
+/* ---- confusion ---- */
+
+void lg_confusion(const uint32_t *truth, const uint32_t *given, size_t n, uint32_t classes,
+                  uint64_t *confusion) {
+    memset(confusion, 0, (size_t)classes * classes * sizeof *confusion);
+    for (size_t i = 0; i < n; i++)
+        if (truth[i] < classes && given[i] < classes) confusion[(size_t)truth[i] * classes + given[i]]++;
+}
+
+static double ratio(double a, double b) {
+    return b > 0.0 ? a / b : 0.0;
+}
+
+typedef struct class_metrics {
+    double precision, recall, f1;
+} class_metrics;
+
+static class_metrics metrics_of_class(const uint64_t *confusion, uint32_t classes, uint32_t k) {
+    double occurs = 0.0, given = 0.0;
+    for (uint32_t j = 0; j < classes; j++) {
+        occurs += (double)confusion[(size_t)k * classes + j];
+        given += (double)confusion[(size_t)j * classes + k];
+    }
+    const double right = (double)confusion[(size_t)k * classes + k];
+    /* 2 p r/(p + r) = 2 right/(occurs + given) */
+    return (class_metrics){ratio(right, given), ratio(right, occurs), ratio(2.0 * right, occurs + given)};
+}
+
+lg_metrics lg_metrics_of(const uint64_t *confusion, uint32_t classes) {
+    lg_metrics m = {.accuracy = 0.0};
+    double all = 0.0, right = 0.0, normal = 0.0;
+    for (uint32_t i = 0; i < classes; i++) {
+        right += (double)confusion[(size_t)i * classes + i];
+        for (uint32_t j = 0; j < classes; j++) all += (double)confusion[(size_t)i * classes + j];
+    }
+    for (uint32_t j = 0; j < classes; j++) normal += (double)confusion[j];
+    m.accuracy = ratio(right, all);
+    m.false_positive_rate = normal > 0.0 ? (normal - (double)confusion[0]) / normal : (double)NAN;
+    const uint32_t first = classes == 2 ? 1 : 0;
+    for (uint32_t k = first; k < classes; k++) {
+        const class_metrics one = metrics_of_class(confusion, classes, k);
+        m.precision += one.precision / (classes - first);
+        m.recall += one.recall / (classes - first);
+        m.f1 += one.f1 / (classes - first);
+    }
+    return m;
+}
+
+/* ---- receiver operating characteristic ---- */
+
+/* NaN stands below every number: such a window is the last to be called positive. */
+static double key_of(double score) {
+    return isnan(score) ? -(double)INFINITY : score;
+}
+
+/* Moves order[root] down in the heap order[0..count-1] whose top is the lowest score. */
+static void sift(uint32_t *order, const double *score, size_t stride, size_t root, size_t count) {
+    const uint32_t one = order[root];
+    const double key = key_of(score[one * stride]);
+    for (size_t child; (child = 2 * root + 1) < count; root = child) {
+        if (child + 1 < count &&
+            key_of(score[order[child + 1] * stride]) < key_of(score[order[child] * stride]))
+            child++;
+        if (key_of(score[order[child] * stride]) >= key) break;
+        order[root] = order[child];
+    }
+    order[root] = one;
+}
+
+/* Heap sort: falling scores, no memory. Equal ones end in one point, their order does not matter. */
+static void sort_falling(uint32_t *order, const double *score, size_t stride, size_t n) {
+    for (size_t i = 0; i < n; i++) order[i] = (uint32_t)i;
+    for (size_t i = n / 2; i-- > 0;) sift(order, score, stride, i, n);
+    for (size_t count = n; count-- > 1;) {
+        const uint32_t lowest = order[0];
+        order[0] = order[count];
+        order[count] = lowest;
+        sift(order, score, stride, 0, count);
+    }
+}
+
+static size_t count_of(const uint32_t *truth, uint32_t positive, size_t n) {
+    size_t count = 0;
+    for (size_t i = 0; i < n; i++) count += truth[i] == positive;
+    return count;
+}
+
+/* From position i of the order, the positions of one score: counts its windows of either side. */
+static size_t next_score(const uint32_t *order, const double *score, size_t stride, const uint32_t *truth,
+                         uint32_t positive, size_t i, size_t n, size_t *hits, size_t *false_alarms) {
+    const double key = key_of(score[order[i] * stride]);
+    for (; i < n && key_of(score[order[i] * stride]) == key; i++)
+        *(truth[order[i]] == positive ? hits : false_alarms) += 1;
+    return i;
+}
+
+size_t lg_roc(const uint32_t *truth, uint32_t positive, const double *score, size_t n, uint32_t *order,
+              double *fpr, double *tpr, double *threshold) {
+    const size_t positives = count_of(truth, positive, n), negatives = n - positives;
+    size_t points = 1, hits = 0, false_alarms = 0;
+    if (positives == 0 || negatives == 0) return 0;
+    sort_falling(order, score, 1, n);
+    fpr[0] = tpr[0] = 0.0;
+    threshold[0] = (double)INFINITY;
+    for (size_t i = 0; i < n; points++) {
+        threshold[points] = key_of(score[order[i]]);
+        i = next_score(order, score, 1, truth, positive, i, n, &hits, &false_alarms);
+        fpr[points] = (double)false_alarms / (double)negatives;
+        tpr[points] = (double)hits / (double)positives;
+    }
+    return points;
+}
+
+/* Pairs (positive, negative) in the right order, ties half, over all pairs (Mann and Whitney 1947). */
+static double area(const uint32_t *truth, uint32_t positive, const double *score, size_t stride, size_t n,
+                   uint32_t *order) {
+    const size_t positives = count_of(truth, positive, n), negatives = n - positives;
+    double pairs = 0.0;
+    size_t hits = 0, false_alarms = 0;
+    if (positives == 0 || negatives == 0) return (double)NAN;
+    sort_falling(order, score, stride, n);
+    for (size_t i = 0; i < n;) {
+        const size_t hits_before = hits, alarms_before = false_alarms;
+        i = next_score(order, score, stride, truth, positive, i, n, &hits, &false_alarms);
+        pairs += (double)(false_alarms - alarms_before) * 0.5 * (double)(hits + hits_before);
+    }
+    return pairs / ((double)positives * (double)negatives);
+}
+
+lg_status lg_auc(const lg_context *context, const uint32_t *truth, const double *score, size_t n,
+                 uint32_t classes, double *auc) {
+    if (truth == NULL || score == NULL || auc == NULL || classes == 0 || n > UINT32_MAX)
+        return LG_INVALID_ARGUMENT;
+    uint32_t *order = lg_alloc(context, n, sizeof *order);
+    double sum = 0.0;
+    uint32_t areas = 0;
+    if (order == NULL) return LG_OUT_OF_MEMORY;
+    for (uint32_t k = classes == 2 ? 1 : 0; k < classes; k++) {
+        const double one = area(truth, k, score + k, classes, n, order);
+        if (isnan(one)) continue;
+        sum += one;
+        areas++;
+    }
+    lg_free(context, order);
+    *auc = areas > 0 ? sum / areas : (double)NAN;
+    return LG_OK;
+}

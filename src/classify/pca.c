@@ -1,0 +1,244 @@
+/* Standardisation and principal components; eigenvectors of symmetric matrices. */
+#include "classify/classify_internal.h"
+
+#include <cblas.h>
+#include <limits.h>
+#include <math.h>
+#include <string.h>
+
+#include "classify/lapack.h"
+
+/* ---- eigenvectors ---- */
+
+static size_t eigen_doubles(size_t n) {
+    return 1 + 6 * n + 2 * n * n;
+}
+
+size_t lg_eigen_work(size_t n) {
+    return eigen_doubles(n) + (3 + 5 * n) / 2 + 1;
+}
+
+/* The rows of a row-major matrix are the columns of LAPACK's, and its upper triangle is LAPACK's lower. */
+lg_status lg_eigen(double *a, size_t n, double *values, double *work) {
+    const int order = (int)n, lwork = (int)eigen_doubles(n), liwork = (int)(3 + 5 * n);
+    int info = 0;
+    dsyevd_("V", "L", &order, a, &order, values, work, &lwork, (int *)(void *)(work + lwork), &liwork, &info);
+    return info == 0 ? LG_OK : LG_NO_CONVERGENCE;
+}
+
+/* ---- what every fit asks of its table ---- */
+
+lg_status lg_check_table(const double *x, size_t n, uint32_t d, lg_error *error) {
+    if (x == NULL || n == 0 || d == 0)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a table of %zu rows and %u features holds nothing", n, d);
+    if (n > INT_MAX / 2 || d > LG_FEATURES_MAX)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "a table of %zu rows and %u features is too large: at most %d and %u", n, d,
+                       INT_MAX / 2, LG_FEATURES_MAX);
+    for (size_t i = 0; i < n; i++)
+        for (uint32_t j = 0; j < d; j++)
+            if (!isfinite(x[i * d + j]))
+                return lg_fail(error, LG_NOT_FINITE, "feature %u of row %zu is %g", j, i, x[i * d + j]);
+    return LG_OK;
+}
+
+lg_status lg_check_labels(const uint32_t *label, size_t n, uint32_t classes, size_t *counts,
+                          lg_error *error) {
+    uint32_t present = 0;
+    memset(counts, 0, classes * sizeof *counts);
+    for (size_t i = 0; i < n; i++) {
+        if (label[i] >= classes)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "row %zu is of class %u, of %u classes", i, label[i],
+                           classes);
+        if (counts[label[i]]++ == 0) present++;
+    }
+    if (present < 2)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "all %zu rows are of one class: there is nothing to tell apart", n);
+    return LG_OK;
+}
+
+/* ---- standardisation ---- */
+
+/* mean and scale of column j. Constant to rounding: scale 1. */
+static lg_status measure(const double *x, size_t n, uint32_t d, lg_pca *p) {
+    const double weight = 1.0 / (double)n;
+    for (size_t i = 0; i < n; i++)
+        for (uint32_t j = 0; j < d; j++) p->mean[j] += weight * x[i * d + j];
+    for (size_t i = 0; i < n; i++) /* second pass: variance in place of the scale */
+        for (uint32_t j = 0; j < d; j++) {
+            const double z = x[i * d + j] - p->mean[j];
+            p->scale[j] += weight * z * z;
+        }
+    for (uint32_t j = 0; j < d; j++) {
+        const double rounding = (double)n * 0x1p-52 * p->mean[j];
+        if (!isfinite(p->scale[j]) || !isfinite(p->mean[j])) return LG_NOT_FINITE;
+        p->scale[j] = p->scale[j] > rounding * rounding ? sqrt(p->scale[j]) : 1.0;
+    }
+    return LG_OK;
+}
+
+static void standardise(const lg_pca *p, const double *x, double *z) {
+    for (uint32_t j = 0; j < p->inputs; j++) z[j] = (x[j] - p->mean[j]) / p->scale[j];
+}
+
+/* ---- components: rows v (k, d) ---- */
+
+/* v becomes orthogonal to the rows before it, twice for rounding; returns its norm. */
+static double orthogonalise(const double *rows, size_t before, size_t d, double *v) {
+    for (int pass = 0; pass < 2; pass++)
+        for (size_t i = 0; i < before; i++)
+            cblas_daxpy((int)d, -lg_dot(rows + i * d, v, d), rows + i * d, 1, v, 1);
+    return sqrt(lg_dot(v, v, d));
+}
+
+/* A unit vector orthogonal to all `before` < d rows. Of the axes, one has at least the mean square distance
+ * (d - before)/d from their span. */
+static void complete(const double *rows, size_t before, size_t d, double *v) {
+    const double enough = sqrt(0.5 * (double)(d - before) / (double)d);
+    double norm = 0.0;
+    for (size_t axis = 0; axis < d && norm < enough; axis++) {
+        memset(v, 0, d * sizeof *v);
+        v[axis] = 1.0;
+        norm = orthogonalise(rows, before, d, v);
+    }
+    cblas_dscal((int)d, 1.0 / norm, v, 1);
+}
+
+/* From eigenvectors u of Z Z^T/n (n, n; rows, rising): v = Z^T u/|Z^T u|, orthogonal again to rounding; what
+ * has no variance gets some orthogonal direction. */
+static void from_gram(const double *z, const double *u, const double *variance, size_t n, size_t d, size_t k,
+                      double *rows) {
+    for (size_t j = 0; j < k; j++) {
+        double *v = rows + j * d;
+        cblas_dgemv(CblasRowMajor, CblasTrans, (int)n, (int)d, 1.0, z, (int)d, u + (n - 1 - j) * n, 1, 0.0, v,
+                    1);
+        const double norm = sqrt(lg_dot(v, v, d));
+        bool good = variance[j] > (double)n * 0x1p-50 * variance[0] && norm > 0.0;
+        if (good) {
+            cblas_dscal((int)d, 1.0 / norm, v, 1);
+            const double left = orthogonalise(rows, j, d, v);
+            good = left > 0.5;
+            if (good) cblas_dscal((int)d, 1.0 / left, v, 1);
+        }
+        if (!good) complete(rows, j, d, v);
+    }
+}
+
+/* The largest component positive; the first of those that are equal but for rounding. */
+static void fix_sign(double *v, size_t d) {
+    double largest = 0.0;
+    for (size_t i = 0; i < d; i++) largest = fmax(largest, fabs(v[i]));
+    size_t i = 0;
+    while (fabs(v[i]) < (1.0 - 1e-9) * largest) i++;
+    if (v[i] < 0.0) cblas_dscal((int)d, -1.0, v, 1);
+}
+
+typedef struct scratch {
+    double *z, *a, *values, *rows, *work;
+} scratch;
+
+static lg_status decompose(const double *x, size_t n, lg_pca *p, const scratch *s) {
+    const size_t d = p->inputs, k = p->components, small = p->variances;
+    for (size_t i = 0; i < n; i++) standardise(p, x + i * d, s->z + i * d);
+    cblas_dsyrk(CblasRowMajor, CblasUpper, d <= n ? CblasTrans : CblasNoTrans, (int)small,
+                (int)(d <= n ? n : d), 1.0 / (double)n, s->z, (int)d, 0.0, s->a, (int)small);
+    LG_TRY(lg_eigen(s->a, small, s->values, s->work));
+    for (size_t i = 0; i < small; i++) p->variance[i] = fmax(s->values[small - 1 - i], 0.0);
+    if (d <= n)
+        for (size_t j = 0; j < k; j++) memcpy(s->rows + j * d, s->a + (d - 1 - j) * d, d * sizeof *s->rows);
+    else
+        from_gram(s->z, s->a, p->variance, n, d, k, s->rows);
+    for (size_t j = 0; j < k; j++) {
+        fix_sign(s->rows + j * d, d);
+        for (size_t i = 0; i < d; i++) p->vectors[i * k + j] = s->rows[j * d + i];
+    }
+    return LG_OK;
+}
+
+static lg_status fit_components(const lg_context *context, const double *x, size_t n, lg_pca *p,
+                                lg_error *error) {
+    const size_t d = p->inputs, small = p->variances;
+    scratch s = {.z = lg_alloc(context, n, d * sizeof *s.z),
+                 .a = lg_alloc(context, small, small * sizeof *s.a),
+                 .values = lg_alloc(context, small, sizeof *s.values),
+                 .rows = lg_alloc(context, p->components, d * sizeof *s.rows),
+                 .work = lg_alloc(context, lg_eigen_work(small), sizeof *s.work)};
+    lg_status status = LG_OUT_OF_MEMORY;
+    if (s.z != NULL && s.a != NULL && s.values != NULL && s.rows != NULL && s.work != NULL)
+        status = decompose(x, n, p, &s);
+    lg_free(context, s.z);
+    lg_free(context, s.a);
+    lg_free(context, s.values);
+    lg_free(context, s.rows);
+    lg_free(context, s.work);
+    if (status == LG_OK) return LG_OK;
+    return lg_fail(error, status, "principal components of %zu rows and %u features: %s", n, p->inputs,
+                   lg_status_sentence(status));
+}
+
+static lg_status fit_into(const lg_context *context, const double *x, size_t n, lg_pca *p, lg_error *error) {
+    const size_t d = p->inputs;
+    p->mean = lg_alloc(context, d, sizeof *p->mean);
+    p->scale = lg_alloc(context, d, sizeof *p->scale);
+    p->vectors = lg_alloc(context, p->components, d * sizeof *p->vectors);
+    p->variance = lg_alloc(context, p->variances, sizeof *p->variance);
+    if (p->mean == NULL || p->scale == NULL || p->vectors == NULL || p->variance == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory to standardise %u features", p->inputs);
+    if (measure(x, n, p->inputs, p) != LG_OK)
+        return lg_fail(error, LG_NOT_FINITE, "the squares of a feature are too large for a double");
+    return p->components > 0 ? fit_components(context, x, n, p, error) : LG_OK;
+}
+
+lg_status lg_pca_fit(const lg_context *context, const double *x, size_t n, uint32_t d, uint32_t components,
+                     lg_pca *out, lg_error *error) {
+    (void)lg_fail(error, LG_OK, "%s", "");
+    if (out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "no place for the result");
+    LG_TRY(lg_check_table(x, n, d, error));
+    const size_t small = n < d ? n : d;
+    if (components > small)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "%u principal components asked for; %zu rows of %u features have at most %zu",
+                       components, n, d, small);
+    if (components > 0 && small > LG_EIGEN_MAX)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "principal components need at most %d rows or %d features, these are %zu and %u",
+                       LG_EIGEN_MAX, LG_EIGEN_MAX, n, d);
+    lg_pca p = {.inputs = d, .components = components};
+    p.variances = components > 0 ? (uint32_t)small : 0;
+    const lg_status status = fit_into(context, x, n, &p, error);
+    if (status != LG_OK) {
+        lg_pca_free(context, &p);
+        return status;
+    }
+    *out = p;
+    return LG_OK;
+}
+
+void lg_pca_free(const lg_context *context, lg_pca *pca) {
+    if (pca == NULL) return;
+    lg_free(context, pca->mean);
+    lg_free(context, pca->scale);
+    lg_free(context, pca->vectors);
+    lg_free(context, pca->variance);
+    *pca = (lg_pca){0};
+}
+
+uint32_t lg_pca_outputs(const lg_pca *pca) {
+    return pca->components > 0 ? pca->components : pca->inputs;
+}
+
+void lg_pca_apply(const lg_pca *pca, const double *x, size_t n, double *p, double *work) {
+    const size_t d = pca->inputs, k = pca->components;
+    for (size_t i = 0; i < n; i++) {
+        if (k == 0) {
+            standardise(pca, x + i * d, p + i * d);
+            continue;
+        }
+        double *row = p + i * k;
+        standardise(pca, x + i * d, work);
+        memset(row, 0, k * sizeof *row);
+        for (size_t a = 0; a < d; a++)
+            for (size_t j = 0; j < k; j++) row[j] += work[a] * pca->vectors[a * k + j];
+    }
+}

@@ -1,0 +1,460 @@
+/* Support vector classification: libsvm (Chang and Lin 2011) solves the dual, models are converted and
+ * evaluated here. */
+#include "classify/classify_internal.h"
+
+#include <libsvm/svm.h>
+#include <limits.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cblas.h>
+
+#define CACHE_MB 200.0
+/* libsvm walks through lists of (index, value) for each entry of the kernel that it needs. A table of the
+ * whole kernel by BLAS costs less when it needs many and the lists are long: never below so many features nor
+ * above so many rows (8 bytes an entry), always up to so many rows, in between as a trial on a few rows says.
+ */
+#define TABLE_FEATURES 8
+#define TABLE_ROWS     8192
+#define TABLE_ALWAYS   1500
+#define PILOT_ROWS     300
+/* What libsvm takes besides its cache: bytes a row. */
+#define ROW_BYTES 256
+
+/* ---- training ---- */
+
+static void silent(const char *text) {
+    (void)text;
+}
+
+/* Rows sorted by class: libsvm numbers the classes by first appearance. */
+typedef struct training {
+    const lg_context *context;
+    const double *x; /* (n, d), the caller's */
+    size_t n;
+    uint32_t d, classes;
+    size_t *counts;  /* (classes) */
+    uint32_t *order; /* (n) caller's row of each row */
+    double *target;  /* (n) */
+    double *scaled;  /* (n, d): sorted, times `factor` */
+    struct svm_node *nodes;
+    struct svm_node **rows; /* (n) into nodes */
+    double factor;          /* a power of two */
+    struct svm_parameter parameter;
+} training;
+
+static void sort_rows(training *t, const uint32_t *label) {
+    size_t at = 0;
+    for (uint32_t c = 0; c < t->classes; c++) {
+        if (t->counts[c] == 0) continue;
+        for (size_t i = 0; i < t->n; i++)
+            if (label[i] == c) {
+                t->target[at] = (double)c;
+                t->order[at++] = (uint32_t)i;
+            }
+    }
+    for (size_t i = 0; i < t->n; i++)
+        for (size_t j = 0; j < t->d; j++)
+            t->scaled[i * t->d + j] = t->factor * t->x[t->order[i] * (size_t)t->d + j];
+}
+
+/* For libsvm's kernel PRECOMPUTED: entry `value` of node 0 of a row is its number, of node j its kernel with
+ * row j; nothing else of a node is read. As a node is two doubles wide, two rows share their nodes: the
+ * second of the two begins a double later. */
+static double *table_row(const training *t, size_t i) {
+    return (double *)(void *)t->nodes + i / 2 * 2 * (t->n + 1) + i % 2;
+}
+
+/* Entries first..first+rows-1 against first..n-1, and their mirror images. product (rows, n - first) */
+static void fill_stripe(const training *t, size_t first, size_t rows, const double *square, double *product) {
+    const size_t columns = t->n - first, d = t->d;
+    const double gamma = t->parameter.gamma, *x = t->scaled + first * d;
+    cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasTrans, (int)rows, (int)columns, (int)d, 1.0, x, (int)d, x,
+                (int)d, 0.0, product, (int)columns);
+    for (size_t i = 0; i < rows; i++) {
+        double *k = product + i * columns, *row = table_row(t, first + i) + 1;
+        for (size_t j = i; j < columns; j++) {
+            if (gamma > 0.0)
+                k[j] = exp(-gamma * fmax(0.0, square[first + i] + square[first + j] - 2.0 * k[j]));
+            row[2 * (first + j + 1)] = k[j];
+        }
+    }
+    for (size_t j = 1; j < columns; j++) {
+        double *row = table_row(t, first + j) + 1;
+        for (size_t i = 0; i < rows && i < j; i++) row[2 * (first + i + 1)] = product[i * columns + j];
+    }
+}
+
+#define STRIPE 64
+
+/* work: (STRIPE + 1) n */
+static void fill_table(const training *t, double *work) {
+    const size_t n = t->n, d = t->d;
+    for (size_t i = 0; i < n; i++) {
+        work[i] = lg_dot(t->scaled + i * d, t->scaled + i * d, d);
+        t->rows[i] = (struct svm_node *)(void *)table_row(t, i);
+        table_row(t, i)[1] = (double)(i + 1);
+    }
+    for (size_t first = 0; first < n; first += STRIPE)
+        fill_stripe(t, first, n - first < STRIPE ? n - first : STRIPE, work, work + n);
+}
+
+static void fill_lists(training *t) {
+    const size_t d = t->d;
+    for (size_t i = 0; i < t->n; i++) {
+        struct svm_node *row = t->rows[i] = t->nodes + i * (d + 1);
+        for (size_t j = 0; j < d; j++) row[j] = (struct svm_node){(int)j + 1, t->scaled[i * d + j]};
+        row[d] = (struct svm_node){-1, 0.0};
+    }
+}
+
+static lg_status training_allocate(training *t) {
+    t->order = lg_alloc(t->context, t->n, sizeof *t->order);
+    t->target = lg_alloc(t->context, t->n, sizeof *t->target);
+    t->scaled = lg_alloc(t->context, t->n, t->d * sizeof *t->scaled);
+    t->rows = lg_alloc(t->context, t->n, sizeof *t->rows);
+    const bool good = t->order != NULL && t->target != NULL && t->scaled != NULL && t->rows != NULL;
+    return good ? LG_OK : LG_OUT_OF_MEMORY;
+}
+
+static void training_free(training *t) {
+    lg_free(t->context, t->order);
+    lg_free(t->context, t->target);
+    lg_free(t->context, t->scaled);
+    lg_free(t->context, t->rows);
+    lg_free(t->context, t->nodes);
+}
+
+/* libsvm does not look whether it got its memory. What it will take is asked for, and given back, first. */
+static bool memory_is_there(const training *t) {
+    const double kernel = 4.0 * (double)t->n * (double)t->n, cache = CACHE_MB * 1048576.0;
+    void *volatile probe = malloc((size_t)(kernel < cache ? kernel : cache) +
+                                  t->n * (ROW_BYTES + 8 * (size_t)t->classes) + 65536);
+    const bool there = probe != NULL;
+    free(probe);
+    return there;
+}
+
+static struct svm_model *run_libsvm(const training *t, size_t n, const struct svm_parameter *parameter) {
+    const struct svm_problem problem = {(int)n, t->target, t->rows};
+    svm_set_print_string_function(silent);
+    return svm_train(&problem, parameter);
+}
+
+/* Part of the rows that a rough solution on PILOT_ROWS of them, at equal distances, makes support vectors. */
+static double pilot(const training *t) {
+    double target[PILOT_ROWS];
+    struct svm_node *rows[PILOT_ROWS];
+    for (size_t i = 0; i < PILOT_ROWS; i++) {
+        target[i] = t->target[i * t->n / PILOT_ROWS];
+        rows[i] = t->rows[i * t->n / PILOT_ROWS];
+    }
+    if (!(target[0] < target[PILOT_ROWS - 1])) return 0.0;
+    training few = *t;
+    few.target = target;
+    few.rows = rows;
+    struct svm_parameter rough = t->parameter;
+    rough.eps = 0.1;
+    struct svm_model *model = run_libsvm(&few, PILOT_ROWS, &rough);
+    const double part = model != NULL ? (double)model->l / PILOT_ROWS : 0.0;
+    svm_free_and_destroy_model(&model);
+    return part;
+}
+
+/* In nanoseconds an entry: lists about 8 + 1.1 d, of as many columns as there are vectors; the table 6 + d/16
+ * for each entry. Vectors become fewer, as a part, with the rows. */
+static bool table_pays(const training *t) {
+    if (t->d < TABLE_FEATURES || t->n > TABLE_ROWS) return false;
+    if (t->n <= TABLE_ALWAYS) return true;
+    const double d = (double)t->d;
+    return 0.7 * pilot(t) * (8.0 + 1.1 * d) > 6.0 + d / 16.0;
+}
+
+static lg_status lay_lists(training *t) {
+    t->nodes = lg_alloc(t->context, t->n, ((size_t)t->d + 1) * sizeof *t->nodes);
+    if (t->nodes == NULL) return LG_OUT_OF_MEMORY;
+    fill_lists(t);
+    return LG_OK;
+}
+
+static lg_status lay_table(training *t) {
+    double *work = lg_alloc(t->context, t->n, (STRIPE + 1) * sizeof *work);
+    lg_free(t->context, t->nodes);
+    t->nodes = lg_alloc(t->context, t->n / 2 + 1, (t->n + 2) * sizeof *t->nodes);
+    if (work != NULL && t->nodes != NULL) fill_table(t, work);
+    lg_free(t->context, work);
+    t->parameter.kernel_type = PRECOMPUTED;
+    return work != NULL && t->nodes != NULL ? LG_OK : LG_OUT_OF_MEMORY;
+}
+
+/* Squares of linear kernels must keep clear of the ends of single precision, in which libsvm stores them:
+ * with x' = f x and C' = C/f^2 the dual has alpha' = alpha/f^2 and the same margins. */
+static double factor_for(const double *x, size_t count) {
+    double largest = 0.0;
+    for (size_t i = 0; i < count; i++) largest = fmax(largest, fabs(x[i]));
+    if (largest == 0.0) return 1.0;
+    int exponent = 0;
+    (void)frexp(largest, &exponent);
+    return ldexp(1.0, exponent > 500 ? -500 : exponent < -500 ? 500 : -exponent);
+}
+
+/* ---- conversion ---- */
+
+/* Row of the coefficients that a vector of class `own` has against class `other`. */
+static size_t coefficient_row(size_t own, size_t other) {
+    return other > own ? other - 1 : other;
+}
+
+static size_t pair_index(size_t i, size_t j, size_t classes) {
+    return i * classes - i * (i + 1) / 2 + (j - i - 1);
+}
+
+static void copy_vectors(const training *t, const struct svm_model *model, lg_svm *out) {
+    const size_t d = t->d, total = out->vectors;
+    size_t at = 0;
+    for (size_t a = 0; a < (size_t)model->nr_class; a++) {
+        const size_t own = (size_t)model->label[a];
+        out->vectors_of[own] = (uint32_t)model->nSV[a];
+        for (int k = 0; k < model->nSV[a]; k++, at++) {
+            const size_t row = t->order[model->sv_indices[at] - 1];
+            memcpy(out->vector + at * d, t->x + row * d, d * sizeof *t->x);
+            for (size_t b = 0; b < (size_t)model->nr_class; b++) {
+                if (b == a) continue;
+                const size_t other = (size_t)model->label[b];
+                out->coefficient[coefficient_row(own, other) * total + at] =
+                    model->sv_coef[coefficient_row(a, b)][at] * t->factor * t->factor;
+            }
+        }
+    }
+}
+
+static lg_status convert(const training *t, const struct svm_model *model, lg_svm *out) {
+    const size_t classes = t->classes, pairs = classes * (classes - 1) / 2;
+    out->vectors = (uint32_t)model->l;
+    out->vectors_of = lg_alloc(t->context, classes, sizeof *out->vectors_of);
+    out->vector = lg_alloc(t->context, out->vectors, t->d * sizeof *out->vector);
+    out->coefficient = lg_alloc(t->context, out->vectors, (classes - 1) * sizeof *out->coefficient);
+    out->rho = lg_alloc(t->context, pairs, sizeof *out->rho);
+    if (out->vectors_of == NULL || out->vector == NULL || out->coefficient == NULL || out->rho == NULL)
+        return LG_OUT_OF_MEMORY;
+    copy_vectors(t, model, out);
+    size_t p = 0;
+    for (size_t a = 0; a < (size_t)model->nr_class; a++)
+        for (size_t b = a + 1; b < (size_t)model->nr_class; b++, p++)
+            out->rho[pair_index((size_t)model->label[a], (size_t)model->label[b], classes)] = model->rho[p];
+    for (size_t i = 0; i < pairs; i++)
+        if (!isfinite(out->rho[i])) return LG_NO_CONVERGENCE;
+    for (size_t i = 0; i < out->vectors * (classes - 1); i++)
+        if (!isfinite(out->coefficient[i])) return LG_NO_CONVERGENCE;
+    return LG_OK;
+}
+
+static lg_status train(training *t, const uint32_t *label, lg_svm *out) {
+    LG_TRY(training_allocate(t));
+    sort_rows(t, label);
+    if (!memory_is_there(t)) return LG_OUT_OF_MEMORY;
+    LG_TRY(lay_lists(t));
+    if (table_pays(t)) LG_TRY(lay_table(t));
+    struct svm_model *model = run_libsvm(t, t->n, &t->parameter);
+    const lg_status status = model != NULL ? convert(t, model, out) : LG_OUT_OF_MEMORY;
+    svm_free_and_destroy_model(&model);
+    return status;
+}
+
+/* 1/(d var) over all numbers; 1 where they are all the same. */
+static double default_gamma(const double *x, size_t count, uint32_t d) {
+    const double mean = lg_sum_of(x, count) / (double)count;
+    double variance = 0.0;
+    for (size_t i = 0; i < count; i++) variance += (x[i] - mean) * (x[i] - mean) / (double)count;
+    const double gamma = 1.0 / ((double)d * variance);
+    return isfinite(gamma) && gamma > 0.0 ? gamma : 1.0;
+}
+
+static lg_status fit_model(training *t, const uint32_t *label, lg_svm *out, lg_error *error) {
+    LG_TRY(lg_check_labels(label, t->n, t->classes, t->counts, error));
+    if ((double)t->n * (double)t->d * sizeof(struct svm_node) > 0x1p36)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "%zu rows of %u features are too many for support vectors: use principal components "
+                       "or fewer windows",
+                       t->n, t->d);
+    const lg_status status = train(t, label, out);
+    training_free(t);
+    if (status == LG_OK) return LG_OK;
+    return lg_fail(error, status, "support vectors of %zu rows and %u features, C = %g: %s", t->n, t->d,
+                   out->c, lg_status_sentence(status));
+}
+
+static lg_status check_fit(lg_kernel kernel, double c, double gamma, const uint32_t *label, uint32_t classes,
+                           const lg_svm *out, lg_error *error) {
+    if (label == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");
+    if (kernel != LG_KERNEL_LINEAR && kernel != LG_KERNEL_RBF)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "no such kernel");
+    if (!(c > 0.0) || !isfinite(c)) return lg_fail(error, LG_INVALID_ARGUMENT, "C is %g, not positive", c);
+    if (isnan(gamma) || gamma > 1e300) return lg_fail(error, LG_INVALID_ARGUMENT, "gamma is %g", gamma);
+    if (classes < 2 || classes > LG_CLASSES_MAX)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%u classes: 2 to %u are expected", classes,
+                       LG_CLASSES_MAX);
+    return LG_OK;
+}
+
+lg_status lg_svm_fit(const lg_context *context, lg_kernel kernel, double c, double gamma, const double *x,
+                     const uint32_t *label, size_t n, uint32_t d, uint32_t classes, lg_svm *out,
+                     lg_error *error) {
+    (void)lg_fail(error, LG_OK, "%s", "");
+    LG_TRY(check_fit(kernel, c, gamma, label, classes, out, error));
+    LG_TRY(lg_check_table(x, n, d, error));
+    lg_svm svm = {.kernel = kernel, .c = c, .inputs = d, .classes = classes};
+    training t = {.context = context, .x = x, .n = n, .d = d, .classes = classes, .factor = 1.0};
+    if (kernel == LG_KERNEL_RBF) svm.gamma = gamma > 0.0 ? gamma : default_gamma(x, n * d, d);
+    if (kernel == LG_KERNEL_LINEAR) t.factor = factor_for(x, n * d);
+    t.parameter = (struct svm_parameter){.svm_type = C_SVC,
+                                         .kernel_type = kernel == LG_KERNEL_RBF ? RBF : LINEAR,
+                                         .gamma = svm.gamma,
+                                         .cache_size = CACHE_MB,
+                                         .eps = 1e-3,
+                                         .C = c / t.factor / t.factor,
+                                         .shrinking = 1};
+    if (!isfinite(t.parameter.C) || t.parameter.C == 0.0)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "C = %g does not fit the size of the features: scale them",
+                       c);
+    t.counts = lg_alloc(context, classes, sizeof *t.counts);
+    if (t.counts == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u classes", classes);
+    const lg_status status = fit_model(&t, label, &svm, error);
+    lg_free(context, t.counts);
+    if (status != LG_OK) {
+        lg_svm_free(context, &svm);
+        return status;
+    }
+    *out = svm;
+    return LG_OK;
+}
+
+void lg_svm_free(const lg_context *context, lg_svm *svm) {
+    if (svm == NULL) return;
+    lg_free(context, svm->vectors_of);
+    lg_free(context, svm->vector);
+    lg_free(context, svm->coefficient);
+    lg_free(context, svm->rho);
+    *svm = (lg_svm){0};
+}
+
+/* ---- evaluation ---- */
+
+/* sum_v coefficient_v x_v of a pair; the vectors of both classes. */
+typedef struct pair_view {
+    const double *a, *b; /* coefficients of the vectors of class i, of class j */
+    size_t first, last;  /* first vector of each */
+    size_t count_a, count_b;
+} pair_view;
+
+static pair_view view_pair(const lg_svm *svm, size_t i, size_t j, size_t first_i, size_t first_j) {
+    const size_t total = svm->vectors;
+    return (pair_view){svm->coefficient + coefficient_row(i, j) * total + first_i,
+                       svm->coefficient + coefficient_row(j, i) * total + first_j,
+                       first_i,
+                       first_j,
+                       svm->vectors_of[i],
+                       svm->vectors_of[j]};
+}
+
+lg_status lg_svm_plane(const lg_svm *svm, double *w, double *b) {
+    if (svm == NULL || w == NULL || b == NULL) return LG_INVALID_ARGUMENT;
+    if (svm->kernel != LG_KERNEL_LINEAR || svm->classes != 2) return LG_UNSUPPORTED;
+    memset(w, 0, svm->inputs * sizeof *w);
+    for (size_t v = 0; v < svm->vectors; v++)
+        for (size_t j = 0; j < svm->inputs; j++)
+            w[j] -= svm->coefficient[v] * svm->vector[v * svm->inputs + j];
+    *b = svm->rho[0];
+    return LG_OK;
+}
+
+static double square_distance(const double *a, const double *b, size_t n) {
+    double lane[4] = {0};
+    size_t i = 0;
+    for (; i + 4 <= n; i += 4)
+        for (size_t j = 0; j < 4; j++) lane[j] += (a[i + j] - b[i + j]) * (a[i + j] - b[i + j]);
+    for (size_t j = 0; i < n; i++, j++) lane[j] += (a[i] - b[i]) * (a[i] - b[i]);
+    return (lane[0] + lane[2]) + (lane[1] + lane[3]);
+}
+
+static void kernel_values(const lg_svm *svm, const double *x, double *k) {
+    const size_t d = svm->inputs;
+    if (svm->kernel == LG_KERNEL_LINEAR)
+        for (size_t v = 0; v < svm->vectors; v++) k[v] = lg_dot(svm->vector + v * d, x, d);
+    else
+        for (size_t v = 0; v < svm->vectors; v++)
+            k[v] = exp(-svm->gamma * square_distance(svm->vector + v * d, x, d));
+}
+
+/* libsvm's answer, the first of the classes with the most votes, gets the largest score. votes (classes) */
+static void prefer_first(const double *votes, size_t classes, double *score) {
+    size_t first = 0, largest = 0;
+    for (size_t i = 1; i < classes; i++) {
+        if (votes[i] > votes[first]) first = i;
+        if (score[i] > score[largest]) largest = i;
+    }
+    if (largest != first) score[first] = nextafter(score[largest], INFINITY);
+}
+
+/* Less than 1/3 in size, or as much, whatever x is. */
+static double bounded(double x) {
+    return isfinite(x) ? x / (3.0 * (fabs(x) + 1.0)) : 0.0;
+}
+
+/* Votes, and in `lean` the sum of the decisions for each class. A pair without vectors of one class is won by
+ * the other. */
+static void vote(const lg_svm *svm, const double *k, double *score, double *lean) {
+    const size_t classes = svm->classes;
+    size_t pair = 0, first_i = 0;
+    memset(score, 0, classes * sizeof *score);
+    memset(lean, 0, classes * sizeof *lean);
+    for (size_t i = 0; i < classes; first_i += svm->vectors_of[i++]) {
+        size_t first_j = first_i + svm->vectors_of[i];
+        for (size_t j = i + 1; j < classes; first_j += svm->vectors_of[j++], pair++) {
+            const pair_view p = view_pair(svm, i, j, first_i, first_j);
+            if (p.count_a == 0 || p.count_b == 0) {
+                score[i] += p.count_a > 0;
+                score[j] += p.count_b > 0;
+                continue;
+            }
+            const double decision =
+                lg_dot(p.a, k + p.first, p.count_a) + lg_dot(p.b, k + p.last, p.count_b) - svm->rho[pair];
+            score[decision > 0.0 ? i : j] += 1.0;
+            lean[i] += decision;
+            lean[j] -= decision;
+        }
+    }
+    for (size_t i = 0; i < classes; i++) {
+        const double votes = svm->vectors_of[i] > 0 ? score[i] : -1.0;
+        score[i] = votes + (votes < 0.0 ? 0.0 : bounded(lean[i]));
+        lean[i] = votes;
+    }
+    prefer_first(lean, classes, score);
+}
+
+size_t lg_svm_work(const lg_svm *svm) {
+    return (size_t)svm->vectors + svm->inputs + svm->classes;
+}
+
+void lg_svm_predict(const lg_svm *svm, const double *x, size_t n, double *score, double *work) {
+    const size_t d = svm->inputs, k = svm->classes;
+    double *w = work, *lean = work + svm->vectors, b = 0.0;
+    const bool plane = n > 1 && lg_svm_plane(svm, w + svm->vectors, &b) == LG_OK;
+    if (plane) w += svm->vectors;
+    for (size_t i = 0; i < n; i++) {
+        double *s = score + i * k;
+        if (k > 2) {
+            kernel_values(svm, x + i * d, work);
+            vote(svm, work, s, lean);
+            continue;
+        }
+        if (plane) {
+            s[1] = lg_dot(w, x + i * d, d) + b;
+        } else {
+            kernel_values(svm, x + i * d, work);
+            s[1] = svm->rho[0] - lg_dot(svm->coefficient, work, svm->vectors);
+        }
+        s[0] = -s[1];
+    }
+}

@@ -1,0 +1,417 @@
+/* Classification trees: Breiman, Friedman, Olshen, Stone, "Classification and Regression Trees" (1984).
+ *
+ * Each column is sorted once. A node owns the same range of positions in every column; when it is split, the
+ * range is partitioned and keeps its order, so that a level of the tree costs O(d n). A column whose values
+ * are all equal within a node is not looked at again below it: it may hold rows of the sibling there, but its
+ * values stay equal, which is all that is asked of it. */
+#include "classify/tree.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "core/core.h"
+
+/* ---- names, options ---- */
+
+static const char *const criterion_names[LG_CRITERION_COUNT] = {"gini", "entropy"};
+
+const char *lg_criterion_name(lg_criterion criterion) {
+    return (unsigned)criterion < LG_CRITERION_COUNT ? criterion_names[criterion] : "unknown";
+}
+
+lg_status lg_criterion_parse(const char *name, lg_criterion *out) {
+    if (name == NULL || out == NULL) return LG_INVALID_ARGUMENT;
+    for (int i = 0; i < LG_CRITERION_COUNT; i++)
+        if (strcmp(name, criterion_names[i]) == 0) {
+            *out = (lg_criterion)i;
+            return LG_OK;
+        }
+    return LG_NOT_FOUND;
+}
+
+void lg_tree_options_init(lg_tree_options *options) {
+    *options = (lg_tree_options){.size = sizeof *options,
+                                 .criterion = LG_GINI,
+                                 .max_depth = 0,
+                                 .min_samples_split = 2,
+                                 .min_samples_leaf = 1,
+                                 .ccp_alpha = 0.0};
+}
+
+/* ---- growing ---- */
+
+typedef struct item {
+    double value;
+    uint32_t row, label;
+} item;
+
+/* A node that is to be split: positions first..last-1 of every column. */
+typedef struct task {
+    uint32_t node, first, last, depth;
+} task;
+
+typedef struct split {
+    bool found;
+    uint32_t feature, position; /* the first position of the right part */
+    double threshold, score;    /* the higher the better */
+} split;
+
+typedef struct grower {
+    const lg_context *context;
+    lg_tree_options options;
+    size_t n;
+    item *items;            /* (d, n): the columns */
+    item *spare;            /* (n) */
+    uint8_t *side;          /* (n), by row: 1 goes right */
+    double *i_log_i;        /* (n + 1), entropy only */
+    uint32_t *left, *right; /* (classes) of the split in question */
+    task *stack;            /* (n): tasks are disjoint, not empty ranges */
+    size_t tasks;
+    lg_tree tree;
+    uint32_t room; /* nodes */
+} grower;
+
+static double impurity_of(lg_criterion criterion, const uint32_t *counts, uint32_t classes,
+                          uint32_t samples) {
+    const double n = samples;
+    double sum = 0.0;
+    for (uint32_t k = 0; k < classes; k++) {
+        const double c = counts[k];
+        if (criterion == LG_GINI)
+            sum += c * c;
+        else if (counts[k] > 0)
+            sum -= c / n * log2(c / n);
+    }
+    return criterion == LG_GINI ? 1.0 - sum / (n * n) : sum;
+}
+
+/* Room for two more nodes. */
+static lg_status reserve(grower *g) {
+    lg_tree *tree = &g->tree;
+    if (tree->count + 2 <= g->room) return LG_OK;
+    const uint32_t room = g->room < 32 ? 64 : 2 * g->room;
+    lg_tree_node *node = lg_alloc(g->context, room, sizeof *node);
+    uint32_t *counts = lg_alloc(g->context, (size_t)room * tree->classes, sizeof *counts);
+    if (node == NULL || counts == NULL) {
+        lg_free(g->context, node);
+        lg_free(g->context, counts);
+        return LG_OUT_OF_MEMORY;
+    }
+    if (tree->count > 0) {
+        memcpy(node, tree->node, tree->count * sizeof *node);
+        memcpy(counts, tree->counts, (size_t)tree->count * tree->classes * sizeof *counts);
+    }
+    lg_free(g->context, tree->node);
+    lg_free(g->context, tree->counts);
+    tree->node = node;
+    tree->counts = counts;
+    g->room = room;
+    return LG_OK;
+}
+
+static bool may_split(const grower *g, const lg_tree_node *node, const uint32_t *counts, uint32_t depth) {
+    const lg_tree_options *o = &g->options;
+    if (o->max_depth != 0 && depth >= o->max_depth) return false;
+    if (node->samples < o->min_samples_split || node->samples / 2 < o->min_samples_leaf) return false;
+    for (uint32_t k = 0; k < g->tree.classes; k++)
+        if (counts[k] == node->samples) return false;
+    return true;
+}
+
+/* Appends a leaf; a task when it may be split. True when it is one. */
+static bool add_node(grower *g, const uint32_t *counts, uint32_t first, uint32_t last, uint32_t depth) {
+    lg_tree *tree = &g->tree;
+    const uint32_t index = tree->count++;
+    uint32_t *own = &tree->counts[(size_t)index * tree->classes];
+    memcpy(own, counts, tree->classes * sizeof *own);
+    tree->node[index] = (lg_tree_node){
+        .impurity = impurity_of(tree->criterion, own, tree->classes, last - first), .samples = last - first};
+    if (!may_split(g, &tree->node[index], own, depth)) return false;
+    g->stack[g->tasks++] = (task){index, first, last, depth};
+    return true;
+}
+
+/* Half-way, rounded below the upper value. */
+static double between(double lower, double upper) {
+    const double middle = 0.5 * lower + 0.5 * upper;
+    return middle >= lower && middle < upper ? middle : lower;
+}
+
+static void take(split *best, double score, uint32_t feature, uint32_t position, const item *column) {
+    if (best->found && !(score > best->score)) return;
+    *best =
+        (split){true, feature, position, between(column[position - 1].value, column[position].value), score};
+}
+
+/* Score of Gini: sum over both sides of |counts|^2/samples; n impurity is samples minus it. */
+static void search_gini(grower *g, const task *t, uint32_t feature, split *best) {
+    const item *column = &g->items[(size_t)feature * g->n];
+    const uint32_t samples = t->last - t->first, leaf = g->options.min_samples_leaf;
+    uint32_t *left = g->left, *right = g->right;
+    uint64_t left_squares = 0, right_squares = 0;
+    for (uint32_t k = 0; k < g->tree.classes; k++) right_squares += (uint64_t)right[k] * right[k];
+    for (uint32_t p = t->first; p + 1 < t->last; p++) {
+        const uint32_t k = column[p].label, done = p + 1 - t->first;
+        left_squares += 2 * (uint64_t)left[k]++ + 1;
+        right_squares -= 2 * (uint64_t)right[k]-- - 1;
+        if (column[p].value == column[p + 1].value || done < leaf || samples - done < leaf) continue;
+        const double score = (double)left_squares / done + (double)right_squares / (samples - done);
+        if (!best->found || score > best->score) take(best, score, feature, p + 1, column);
+    }
+}
+
+static double entropy_score(const grower *g, const uint32_t *counts, uint32_t samples) {
+    double sum = 0.0;
+    for (uint32_t k = 0; k < g->tree.classes; k++) sum += g->i_log_i[counts[k]];
+    return sum - g->i_log_i[samples];
+}
+
+/* Score of the entropy: minus samples times impurity, over both sides. */
+static void search_entropy(grower *g, const task *t, uint32_t feature, split *best) {
+    const item *column = &g->items[(size_t)feature * g->n];
+    const uint32_t samples = t->last - t->first, leaf = g->options.min_samples_leaf;
+    for (uint32_t p = t->first; p + 1 < t->last; p++) {
+        const uint32_t k = column[p].label, done = p + 1 - t->first;
+        g->left[k]++;
+        g->right[k]--;
+        if (column[p].value == column[p + 1].value || done < leaf || samples - done < leaf) continue;
+        const double score = entropy_score(g, g->left, done) + entropy_score(g, g->right, samples - done);
+        take(best, score, feature, p + 1, column);
+    }
+}
+
+static bool is_constant(const grower *g, const task *t, uint32_t feature) {
+    const item *column = &g->items[(size_t)feature * g->n];
+    return column[t->first].value == column[t->last - 1].value;
+}
+
+static split find_split(grower *g, const task *t) {
+    const uint32_t classes = g->tree.classes;
+    split best = {.found = false};
+    for (uint32_t j = 0; j < g->tree.inputs; j++) {
+        if (is_constant(g, t, j)) continue;
+        memset(g->left, 0, classes * sizeof *g->left);
+        memcpy(g->right, &g->tree.counts[(size_t)t->node * classes], classes * sizeof *g->right);
+        if (g->tree.criterion == LG_GINI)
+            search_gini(g, t, j, &best);
+        else
+            search_entropy(g, t, j, &best);
+    }
+    return best;
+}
+
+/* Left rows first, in every column that varies; both parts keep their order. */
+static void partition(grower *g, const task *t) {
+    for (uint32_t j = 0; j < g->tree.inputs; j++) {
+        if (is_constant(g, t, j)) continue;
+        item *column = &g->items[(size_t)j * g->n];
+        uint32_t kept = t->first, moved = 0;
+        for (uint32_t p = t->first; p < t->last; p++) {
+            const item one = column[p];
+            const uint32_t right = g->side[one.row];
+            column[kept] = one;
+            g->spare[moved] = one;
+            kept += 1 - right;
+            moved += right;
+        }
+        memcpy(&column[kept], g->spare, moved * sizeof *column);
+    }
+}
+
+/* Children become leaves or tasks, the left one on top of the stack. */
+static lg_status split_node(grower *g, const task *t, const split *s) {
+    const uint32_t classes = g->tree.classes;
+    const item *column = &g->items[(size_t)s->feature * g->n];
+    LG_TRY(reserve(g));
+    memset(g->left, 0, classes * sizeof *g->left);
+    memcpy(g->right, &g->tree.counts[(size_t)t->node * classes], classes * sizeof *g->right);
+    for (uint32_t p = t->first; p < t->last; p++) {
+        g->side[column[p].row] = p >= s->position;
+        if (p >= s->position) continue;
+        g->left[column[p].label]++;
+        g->right[column[p].label]--;
+    }
+    lg_tree_node *node = &g->tree.node[t->node];
+    node->feature = s->feature;
+    node->threshold = s->threshold;
+    node->left = g->tree.count;
+    node->right = g->tree.count + 1;
+    bool more = add_node(g, g->left, t->first, s->position, t->depth + 1);
+    more = add_node(g, g->right, s->position, t->last, t->depth + 1) || more;
+    if (more) partition(g, t);
+    return LG_OK;
+}
+
+static lg_status grow(grower *g, const uint32_t *label) {
+    LG_TRY(reserve(g));
+    memset(g->left, 0, g->tree.classes * sizeof *g->left);
+    for (size_t i = 0; i < g->n; i++) g->left[label[i]]++;
+    (void)add_node(g, g->left, 0, (uint32_t)g->n, 0);
+    while (g->tasks > 0) {
+        const task t = g->stack[--g->tasks];
+        if (lg_cancelled(g->context)) return LG_CANCELLED;
+        const split s = find_split(g, &t);
+        if (s.found) LG_TRY(split_node(g, &t, &s));
+    }
+    return LG_OK;
+}
+
+/* ---- the sorted columns ---- */
+
+enum { RUN = 16 }; /* items sorted by insertion */
+
+static void insertion_sort(item *items, size_t count) {
+    for (size_t i = 1; i < count; i++) {
+        const item one = items[i];
+        size_t j = i;
+        for (; j > 0 && items[j - 1].value > one.value; j--) items[j] = items[j - 1];
+        items[j] = one;
+    }
+}
+
+static void merge(const item *a, size_t a_count, const item *b, size_t b_count, item *out) {
+    const item *a_end = a + a_count, *b_end = b + b_count;
+    while (a < a_end && b < b_end) {
+        const bool from_b = b->value < a->value;
+        *out++ = from_b ? *b : *a;
+        a += !from_b;
+        b += from_b;
+    }
+    memcpy(out, a, (size_t)(a_end - a) * sizeof *out);
+    memcpy(out + (a_end - a), b, (size_t)(b_end - b) * sizeof *out);
+}
+
+/* Rising values, equal ones by row. */
+static void sort_items(item *items, item *spare, size_t n) {
+    item *from = items, *to = spare;
+    for (size_t i = 0; i < n; i += RUN) insertion_sort(&items[i], n - i < RUN ? n - i : RUN);
+    for (size_t run = RUN; run < n; run *= 2) {
+        for (size_t i = 0; i < n; i += 2 * run) {
+            const size_t a = n - i < run ? n - i : run, rest = n - i - a, b = rest < run ? rest : run;
+            merge(&from[i], a, &from[i + a], b, &to[i]);
+        }
+        item *swap = from;
+        from = to;
+        to = swap;
+    }
+    if (from != items) memcpy(items, from, n * sizeof *items);
+}
+
+static void fill_columns(grower *g, const double *x, const uint32_t *label) {
+    const uint32_t d = g->tree.inputs;
+    for (uint32_t j = 0; j < d; j++) {
+        item *column = &g->items[(size_t)j * g->n];
+        for (size_t i = 0; i < g->n; i++) column[i] = (item){x[i * d + j], (uint32_t)i, label[i]};
+        sort_items(column, g->spare, g->n);
+    }
+}
+
+/* ---- the public side ---- */
+
+/* So that nodes, and twice the nodes, are numbers of 32 bits. */
+#define MOST_ROWS ((size_t)1 << 29)
+
+static lg_status check_options(const lg_tree_options *o, lg_error *error) {
+    if (o->size != sizeof *o || (unsigned)o->criterion >= LG_CRITERION_COUNT)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "options of a tree that lg_tree_options_init did not make");
+    if (o->min_samples_split < 2)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "min_samples_split is %u: a split needs two samples",
+                       o->min_samples_split);
+    if (o->min_samples_leaf < 1)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "min_samples_leaf is 0: a leaf has a sample");
+    if (!(o->ccp_alpha >= 0.0) || !isfinite(o->ccp_alpha))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "ccp_alpha is %g: it must be 0 or a positive number",
+                       o->ccp_alpha);
+    return LG_OK;
+}
+
+static lg_status check_table(const double *x, const uint32_t *label, size_t n, uint32_t d, uint32_t classes,
+                             lg_error *error) {
+    if (x == NULL || label == NULL || n == 0 || d == 0 || classes == 0 || n > MOST_ROWS)
+        return lg_fail(
+            error, LG_INVALID_ARGUMENT,
+            "a tree of %zu rows, %u features, %u classes: each must be at least 1, rows at most 2^29", n, d,
+            classes);
+    for (size_t i = 0; i < n; i++)
+        if (label[i] >= classes)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "label %u of row %zu: there are %u classes", label[i],
+                           i, classes);
+    for (size_t i = 0; i < n * d; i++)
+        if (!isfinite(x[i]))
+            return lg_fail(error, LG_NOT_FINITE, "feature %zu of row %zu is not finite", i % d, i / d);
+    return LG_OK;
+}
+
+static lg_status grower_create(grower *g) {
+    const size_t n = g->n;
+    const uint32_t classes = g->tree.classes;
+    g->items = lg_alloc(g->context, n * g->tree.inputs, sizeof *g->items);
+    g->spare = lg_alloc(g->context, n, sizeof *g->spare);
+    g->side = lg_alloc(g->context, n, 1);
+    g->left = lg_alloc(g->context, classes, sizeof *g->left);
+    g->right = lg_alloc(g->context, classes, sizeof *g->right);
+    g->stack = lg_alloc(g->context, n, sizeof *g->stack);
+    if (g->tree.criterion == LG_ENTROPY) {
+        g->i_log_i = lg_alloc(g->context, n + 1, sizeof *g->i_log_i);
+        if (g->i_log_i == NULL) return LG_OUT_OF_MEMORY;
+        for (size_t i = 2; i <= n; i++) g->i_log_i[i] = (double)i * log2((double)i);
+    }
+    const bool all = g->items != NULL && g->spare != NULL && g->side != NULL && g->left != NULL &&
+                     g->right != NULL && g->stack != NULL;
+    return all ? LG_OK : LG_OUT_OF_MEMORY;
+}
+
+static void grower_free(grower *g) {
+    void *const owned[] = {g->items, g->spare, g->side, g->i_log_i, g->left, g->right, g->stack};
+    for (size_t i = 0; i < LG_COUNT(owned); i++) lg_free(g->context, owned[i]);
+    lg_tree_free(g->context, &g->tree);
+}
+
+lg_status lg_tree_fit(const lg_context *context, const lg_tree_options *options, const double *x,
+                      const uint32_t *label, size_t n, uint32_t d, uint32_t classes, lg_tree *out,
+                      lg_error *error) {
+    grower g = {.context = context, .n = n};
+    if (options == NULL || out == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a tree needs options and a place to go");
+    LG_TRY(check_options(options, error));
+    LG_TRY(check_table(x, label, n, d, classes, error));
+    g.options = *options;
+    g.tree = (lg_tree){.inputs = d, .classes = classes, .criterion = options->criterion};
+    lg_status status = grower_create(&g);
+    if (status == LG_OK) {
+        fill_columns(&g, x, label);
+        status = grow(&g, label);
+    }
+    if (status == LG_OK)
+        status = options->ccp_alpha > 0.0 ? lg_tree_prune(context, &g.tree, options->ccp_alpha, out)
+                                          : lg_tree_compact(context, &g.tree, NULL, out);
+    grower_free(&g);
+    if (status == LG_OK) return LG_OK;
+    return lg_fail(error, status, "growing a tree on %zu rows of %u features: %s", n, d,
+                   lg_status_sentence(status));
+}
+
+void lg_tree_free(const lg_context *context, lg_tree *tree) {
+    if (tree == NULL) return;
+    lg_free(context, tree->node);
+    lg_free(context, tree->counts);
+    *tree = (lg_tree){.inputs = 0};
+}
+
+uint32_t lg_tree_leaf(const lg_tree *tree, const double *x) {
+    uint32_t i = 0;
+    while (tree->node[i].left != 0)
+        i = x[tree->node[i].feature] <= tree->node[i].threshold ? tree->node[i].left : tree->node[i].right;
+    return i;
+}
+
+void lg_tree_predict(const lg_tree *tree, const double *x, size_t n, double *probability) {
+    const uint32_t classes = tree->classes;
+    for (size_t i = 0; i < n; i++) {
+        const uint32_t leaf = lg_tree_leaf(tree, &x[i * tree->inputs]);
+        const uint32_t *counts = &tree->counts[(size_t)leaf * classes];
+        const double samples = tree->node[leaf].samples;
+        for (uint32_t k = 0; k < classes; k++) probability[i * classes + k] = counts[k] / samples;
+    }
+}

@@ -1,0 +1,263 @@
+/* Minimal cost-complexity pruning: Breiman et al. (1984), chapter 3.
+ *
+ * With R(t) = (n_t/n) impurity_t and, over the leaves below t, R(T_t) and |T_t|, the branch at t is worth
+ * keeping as long as alpha < g(t) = (R(t) - R(T_t))/(|T_t| - 1). The branch of the smallest g is cut, its
+ * ancestors get new R(T), |T| and g, and so on to the root. A tournament over the nodes keeps the smallest g
+ * at hand: a cut costs O(depth log nodes). */
+#include <math.h>
+#include <string.h>
+
+#include "classify/tree.h"
+#include "core/core.h"
+
+#define NO_NODE UINT32_MAX
+
+/* ---- copies, depth ---- */
+
+typedef struct visit {
+    uint32_t from, parent; /* parent in the copy */
+    bool right;
+} visit;
+
+static uint32_t count_kept(const lg_tree *tree, const bool *cut, visit *stack) {
+    uint32_t count = 0;
+    size_t used = 0;
+    stack[used++].from = 0;
+    while (used > 0) {
+        const uint32_t i = stack[--used].from;
+        count++;
+        if (tree->node[i].left == 0 || (cut != NULL && cut[i])) continue;
+        stack[used++].from = tree->node[i].right;
+        stack[used++].from = tree->node[i].left;
+    }
+    return count;
+}
+
+static void copy_kept(const lg_tree *tree, const bool *cut, visit *stack, lg_tree *out) {
+    const size_t row = tree->classes * sizeof *out->counts;
+    size_t used = 0;
+    uint32_t count = 0;
+    stack[used++] = (visit){0, 0, false};
+    while (used > 0) {
+        const visit v = stack[--used];
+        lg_tree_node *node = &out->node[count];
+        *node = tree->node[v.from];
+        memcpy(&out->counts[(size_t)count * tree->classes], &tree->counts[(size_t)v.from * tree->classes],
+               row);
+        if (count > 0 && v.right) out->node[v.parent].right = count;
+        if (count > 0 && !v.right) out->node[v.parent].left = count;
+        if (node->left == 0 || (cut != NULL && cut[v.from])) {
+            node->left = node->right = node->feature = 0;
+            node->threshold = 0.0;
+        } else {
+            stack[used++] = (visit){node->right, count, true};
+            stack[used++] = (visit){node->left, count, false};
+        }
+        count++;
+    }
+}
+
+lg_status lg_tree_compact(const lg_context *context, const lg_tree *tree, const bool *cut, lg_tree *out) {
+    lg_tree copy = *tree;
+    visit *stack = lg_alloc(context, (size_t)tree->count + 1, sizeof *stack);
+    if (stack == NULL) return LG_OUT_OF_MEMORY;
+    copy.count = count_kept(tree, cut, stack);
+    copy.node = lg_alloc(context, copy.count, sizeof *copy.node);
+    copy.counts = lg_alloc(context, (size_t)copy.count * copy.classes, sizeof *copy.counts);
+    const bool all = copy.node != NULL && copy.counts != NULL;
+    if (all) {
+        copy_kept(tree, cut, stack, &copy);
+        *out = copy;
+    } else {
+        lg_tree_free(context, &copy);
+    }
+    lg_free(context, stack);
+    return all ? LG_OK : LG_OUT_OF_MEMORY;
+}
+
+/* The child of fewer samples first: the one that waits is the larger, so that the samples at hand halve with
+ * every node that waits, and 32 places are enough for any tree whose samples add up. */
+uint32_t lg_tree_depth(const lg_tree *tree) {
+    struct {
+        uint32_t node, depth;
+    } waiting[32];
+    uint32_t used = 0, node = 0, depth = 0, deepest = 0;
+    for (;;) {
+        const lg_tree_node *t = &tree->node[node];
+        if (depth > deepest) deepest = depth;
+        if (t->left != 0) {
+            const bool left_first = tree->node[t->left].samples <= tree->node[t->right].samples;
+            depth++;
+            if (used < LG_COUNT(waiting)) {
+                waiting[used].node = left_first ? t->right : t->left;
+                waiting[used++].depth = depth;
+            }
+            node = left_first ? t->left : t->right;
+        } else {
+            if (used == 0) return deepest;
+            node = waiting[--used].node;
+            depth = waiting[used].depth;
+        }
+    }
+}
+
+/* ---- the weakest links ---- */
+
+typedef struct pruner {
+    const lg_context *context;
+    const lg_tree *tree; /* in depth-first order, its own */
+    lg_tree ordered;
+    uint32_t nodes, depth;                                /* of the subtree at hand */
+    uint32_t base;                                        /* leaves of the tournament, a power of two */
+    uint32_t *parent, *leaves, *level, *at_depth, *stack; /* (count) */
+    double *own, *branch;                                 /* R(t), R(T_t) */
+    double *link; /* (2 base): g(t) of leaf base + t; above, the smaller of two */
+    bool *cut;
+    double alpha; /* of the last cut */
+} pruner;
+
+static void pruner_free(pruner *p) {
+    void *const owned[] = {p->parent, p->leaves, p->level, p->at_depth, p->stack,
+                           p->own,    p->branch, p->link,  p->cut};
+    for (size_t i = 0; i < LG_COUNT(owned); i++) lg_free(p->context, owned[i]);
+    lg_tree_free(p->context, &p->ordered);
+}
+
+static double link_of(const pruner *p, uint32_t t) {
+    if (p->leaves[t] < 2) return (double)INFINITY;
+    return (p->own[t] - p->branch[t]) / (double)(p->leaves[t] - 1);
+}
+
+static void play(pruner *p, uint32_t t) {
+    uint32_t i = p->base + t;
+    p->link[i] = link_of(p, t);
+    for (i /= 2; i > 0; i /= 2) p->link[i] = fmin(p->link[2 * i], p->link[2 * i + 1]);
+}
+
+/* The node of the smallest g, the first of equals; NO_NODE when only the root is left. */
+static uint32_t weakest(const pruner *p) {
+    if (p->leaves[0] < 2) return NO_NODE;
+    uint32_t i = 1;
+    while (i < p->base) i = p->link[2 * i] <= p->link[2 * i + 1] ? 2 * i : 2 * i + 1;
+    return i - p->base;
+}
+
+static lg_status pruner_allocate(pruner *p) {
+    const size_t count = p->tree->count;
+    p->parent = lg_alloc(p->context, count, sizeof *p->parent);
+    p->leaves = lg_alloc(p->context, count, sizeof *p->leaves);
+    p->level = lg_alloc(p->context, count, sizeof *p->level);
+    p->at_depth = lg_alloc(p->context, count, sizeof *p->at_depth);
+    p->stack = lg_alloc(p->context, count + 1, sizeof *p->stack);
+    p->own = lg_alloc(p->context, count, sizeof *p->own);
+    p->branch = lg_alloc(p->context, count, sizeof *p->branch);
+    p->cut = lg_alloc(p->context, count, sizeof *p->cut);
+    p->link = lg_alloc(p->context, 2 * (size_t)p->base, sizeof *p->link);
+    const bool all = p->parent != NULL && p->leaves != NULL && p->level != NULL && p->at_depth != NULL &&
+                     p->stack != NULL && p->own != NULL && p->branch != NULL && p->cut != NULL &&
+                     p->link != NULL;
+    return all ? LG_OK : LG_OUT_OF_MEMORY;
+}
+
+static lg_status pruner_create(pruner *p, const lg_tree *tree) {
+    if (tree->count > (uint32_t)1 << 30) return LG_OUT_OF_MEMORY; /* twice as many are numbered below */
+    LG_TRY(lg_tree_compact(p->context, tree, NULL, &p->ordered));
+    p->tree = &p->ordered;
+    p->nodes = p->tree->count;
+    for (p->base = 1; p->base < p->nodes; p->base *= 2) {
+    }
+    LG_TRY(pruner_allocate(p));
+    const lg_tree_node *node = p->tree->node;
+    p->parent[0] = NO_NODE;
+    for (uint32_t t = 0; t < p->nodes; t++) {
+        p->own[t] = (double)node[t].samples * node[t].impurity / (double)node[0].samples;
+        p->at_depth[p->level[t]]++;
+        if (p->level[t] > p->depth) p->depth = p->level[t];
+        if (node[t].left == 0) continue;
+        p->parent[node[t].left] = p->parent[node[t].right] = t;
+        p->level[node[t].left] = p->level[node[t].right] = p->level[t] + 1;
+    }
+    for (uint32_t t = p->nodes; t-- > 0;) {
+        if (node[t].left == 0) {
+            p->leaves[t] = 1;
+            p->branch[t] = p->own[t];
+        }
+        if (t == 0) break;
+        p->leaves[p->parent[t]] += p->leaves[t];
+        p->branch[p->parent[t]] += p->branch[t];
+    }
+    for (uint32_t i = 0; i < 2 * p->base; i++) p->link[i] = (double)INFINITY;
+    for (uint32_t t = 0; t < p->nodes; t++) p->link[p->base + t] = link_of(p, t);
+    for (uint32_t i = p->base; i-- > 1;) p->link[i] = fmin(p->link[2 * i], p->link[2 * i + 1]);
+    return LG_OK;
+}
+
+/* Takes what hangs below t out of the subtree. */
+static void remove_below(pruner *p, uint32_t t) {
+    size_t used = 0;
+    p->stack[used++] = t;
+    while (used > 0) {
+        const uint32_t i = p->stack[--used];
+        if (i != t) {
+            p->nodes--;
+            p->at_depth[p->level[i]]--;
+            p->leaves[i] = 0;
+            play(p, i);
+        }
+        if (p->tree->node[i].left == 0 || (i != t && p->cut[i])) continue;
+        p->stack[used++] = p->tree->node[i].left;
+        p->stack[used++] = p->tree->node[i].right;
+    }
+    while (p->at_depth[p->depth] == 0) p->depth--;
+}
+
+/* Cuts the weakest link when its alpha, which never falls, is at most `limit`. */
+static bool cut_weakest(pruner *p, double limit) {
+    const uint32_t t = weakest(p);
+    if (t == NO_NODE) return false;
+    const double alpha = fmax(p->alpha, link_of(p, t));
+    if (!(alpha <= limit)) return false;
+    const uint32_t fewer = p->leaves[t] - 1;
+    const double more = p->own[t] - p->branch[t];
+    remove_below(p, t);
+    p->cut[t] = true;
+    for (uint32_t i = t; i != NO_NODE; i = p->parent[i]) {
+        p->leaves[i] -= fewer;
+        p->branch[i] += more;
+        play(p, i);
+    }
+    p->branch[t] = p->own[t];
+    p->alpha = alpha;
+    return true;
+}
+
+lg_status lg_tree_pruning_path(const lg_context *context, const lg_tree *tree, lg_pruning_step *steps,
+                               size_t room, size_t *count) {
+    if (tree == NULL || tree->count == 0 || count == NULL || (steps == NULL && room > 0))
+        return LG_INVALID_ARGUMENT;
+    pruner p = {.context = context};
+    const lg_status status = pruner_create(&p, tree);
+    if (status == LG_OK) {
+        size_t done = 0;
+        do {
+            if (done < room) steps[done] = (lg_pruning_step){p.alpha, p.branch[0], p.nodes, p.depth};
+            done++;
+        } while (cut_weakest(&p, (double)INFINITY));
+        *count = done;
+    }
+    pruner_free(&p);
+    return status;
+}
+
+lg_status lg_tree_prune(const lg_context *context, const lg_tree *tree, double alpha, lg_tree *out) {
+    if (tree == NULL || tree->count == 0 || out == NULL || !(alpha >= 0.0)) return LG_INVALID_ARGUMENT;
+    pruner p = {.context = context};
+    lg_status status = pruner_create(&p, tree);
+    if (status == LG_OK) {
+        while (cut_weakest(&p, alpha)) {
+        }
+        status = lg_tree_compact(context, p.tree, p.cut, out);
+    }
+    pruner_free(&p);
+    return status;
+}

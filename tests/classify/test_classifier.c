@@ -1,0 +1,513 @@
+/* ctest-labels: threads
+ * The chain: every method on hard tables, through archives and back, archives that lie, cross-validation. */
+#include "classify_support.h"
+
+#include "liegrad/judge.h"
+#include "support/fail_alloc.h"
+
+static const struct {
+    lg_method method;
+    uint32_t components;
+} chains[] = {{LG_METHOD_LOGISTIC, 0},   {LG_METHOD_LOGISTIC, 2}, {LG_METHOD_TREE, 0},   {LG_METHOD_TREE, 2},
+              {LG_METHOD_SVM_LINEAR, 2}, {LG_METHOD_SVM_RBF, 0},  {LG_METHOD_SVM_RBF, 2}};
+#define CHAINS (sizeof chains / sizeof chains[0])
+
+static lg_method_options options_of(size_t chain) {
+    lg_method_options o;
+    lg_method_options_init(&o);
+    o.method = chains[chain].method;
+    o.components = chains[chain].components;
+    return o;
+}
+
+static double accuracy(const lg_classifier *c, const double *x, const uint32_t *label, size_t n, uint32_t d) {
+    double *work = malloc((lg_classifier_work(c) + c->classes) * sizeof *work), right = 0;
+    for (size_t i = 0; i < n; i++) {
+        lg_classifier_score(c, x + i * d, work, work + c->classes);
+        right += lg_class_of(work, c->classes) == label[i];
+    }
+    free(work);
+    return right / (double)n;
+}
+
+static void chains_tell_clouds_apart(void **state) {
+    (void)state;
+    for (uint32_t classes = 2; classes <= 4; classes++)
+        for (size_t t = 0; t < CHAINS; t++) {
+            uint32_t label[160], chosen[80];
+            double *x = clouds(160, 5, classes, 6.0, 40, label);
+            for (int i = 0; i < 160; i++) x[5 * i + 1] *= 1e9; /* standardisation sees to that */
+            for (uint32_t i = 0; i < 80; i++) chosen[i] = 2 * (i / classes * classes) + i % classes;
+            const lg_method_options o = options_of(t);
+            lg_classifier c = {0};
+            assert_ok(lg_classifier_fit(NULL, &o, x, label, chosen, 80, 5, classes, &c, NULL));
+            assert_true(accuracy(&c, x, label, 160, 5) >= (classes == 2 ? 0.97 : o.components ? 0.7 : 0.93));
+            /* only chosen rows count */
+            for (uint32_t i = 0; i < 160; i++) {
+                bool used = false;
+                for (int k = 0; k < 80; k++) used |= chosen[k] == i;
+                if (!used) x[5 * i] = 1e6;
+            }
+            lg_classifier again = {0};
+            assert_ok(lg_classifier_fit(NULL, &o, x, label, chosen, 80, 5, classes, &again, NULL));
+            assert_memory_equal(c.pca.mean, again.pca.mean, 5 * sizeof(double));
+            lg_classifier_free(NULL, &c);
+            lg_classifier_free(NULL, &again);
+            free(x);
+        }
+}
+
+static void hard_tables(void **state) {
+    (void)state;
+    static const uint32_t shapes[][3] = {
+        {30, 1, 2}, {20, 600, 4}, {2, 3, 2}, {3, 2, 3}, {4, 1, 4}}; /* n, d, classes */
+    for (size_t s = 0; s < sizeof shapes / sizeof shapes[0]; s++)
+        for (int variant = 0; variant < 5; variant++)
+            for (size_t t = 0; t < CHAINS; t++) {
+                const uint32_t n = shapes[s][0], d = shapes[s][1], classes = shapes[s][2];
+                uint32_t label[30];
+                double *x = clouds(n, d, classes, 1.0, s, label);
+                const double factor = variant == 1 ? 1e-12 : variant == 2 ? 1e12 : variant == 3 ? 0.0 : 1.0;
+                for (size_t i = 0; i < n * d; i++) x[i] *= factor;
+                if (variant == 4) memcpy(x + d, x, d * sizeof *x); /* one row, two labels */
+                lg_method_options o = options_of(t);
+                if (o.components > (n < d ? n : d)) o.components = n < d ? n : d;
+                lg_classifier c = {0};
+                lg_error e;
+                const lg_status status = lg_classifier_fit(NULL, &o, x, label, NULL, n, d, classes, &c, &e);
+                if (status != LG_OK)
+                    fail_msg("n %u d %u variant %d chain %zu: %s", n, d, variant, t, e.message);
+                double *work = malloc((lg_classifier_work(&c) + classes) * sizeof *work);
+                for (uint32_t i = 0; i < n; i++) {
+                    lg_classifier_score(&c, x + i * d, work, work + classes);
+                    for (uint32_t k = 0; k < classes; k++) assert_true(isfinite(work[k]));
+                }
+                free(work);
+                lg_classifier_free(NULL, &c);
+                free(x);
+            }
+}
+
+static void refusals(void **state) {
+    (void)state;
+    uint32_t label[8];
+    double *x = clouds(8, 2, 2, 1.0, 3, label);
+    lg_classifier c = {.classes = 55};
+    lg_error e;
+    for (size_t t = 0; t < CHAINS; t++) {
+        lg_method_options o = options_of(t);
+        x[3] = NAN;
+        assert_status(lg_classifier_fit(NULL, &o, x, label, NULL, 8, 2, 2, &c, &e), LG_NOT_FINITE);
+        x[3] = 0;
+        o.components = 3;
+        assert_status(lg_classifier_fit(NULL, &o, x, label, NULL, 8, 2, 2, &c, &e), LG_INVALID_ARGUMENT);
+        o = options_of(t);
+        assert_status(lg_classifier_fit(NULL, &o, x, label, NULL, 0, 2, 2, &c, &e), LG_INVALID_ARGUMENT);
+        o.size = 1;
+        assert_status(lg_classifier_fit(NULL, &o, x, label, NULL, 8, 2, 2, &c, &e), LG_INVALID_ARGUMENT);
+    }
+    assert_int_equal(c.classes, 55);
+    lg_method method;
+    for (int m = 0; m < LG_METHOD_COUNT; m++) {
+        assert_ok(lg_method_parse(lg_method_name((lg_method)m), &method));
+        assert_int_equal(method, m);
+    }
+    assert_status(lg_method_parse("svm", &method), LG_NOT_FOUND);
+    free(x);
+}
+
+/* ---- archives ---- */
+
+static lg_series make_series(void) {
+    lg_series s = {.count = 24, .channels = 6, .length = 40, .classes = 3};
+    assert_ok(lg_series_allocate(NULL, false, false, &s));
+    lg_rng rng;
+    lg_rng_seed(&rng, 9, 1);
+    for (size_t i = 0; i < 24; i++) {
+        s.label[i] = (uint32_t)(i % 3);
+        for (size_t t = 0; t < 240; t++)
+            s.x[i * 240 + t] = (float)(lg_rng_normal(&rng) * (1.0 + (double)s.label[i] * (t / 40 == 2)));
+    }
+    return s;
+}
+
+/* Fits chain t on features of the series. */
+static void make_classifier(const lg_series *s, size_t t, lg_classifier *c) {
+    static const lg_feature_kind kinds[] = {LG_FEATURES_STD, LG_FEATURES_COV, LG_FEATURES_RAW,
+                                            LG_FEATURES_BASELINE};
+    *c = (lg_classifier){0};
+    lg_windows w;
+    assert_ok(lg_windows_create(NULL, s, 0, 0, &w, NULL));
+    assert_ok(lg_features_create(NULL, kinds[t % 4], false, s, 40, NULL, &c->features, NULL));
+    double *x = malloc(w.count * c->features.count * sizeof *x);
+    assert_ok(lg_features_table(NULL, &c->features, s, &w, 1, x, NULL));
+    const lg_method_options o = options_of(t);
+    assert_ok(lg_classifier_fit(NULL, &o, x, s->label, NULL, w.count, c->features.count, 3, c, NULL));
+    free(x);
+    lg_windows_free(NULL, &w);
+}
+
+static void archives_keep_every_bit(void **state) {
+    (void)state;
+    lg_series s = make_series();
+    for (size_t t = 0; t < CHAINS; t++) {
+        lg_classifier c, back;
+        memory_archive archive = {0};
+        const lg_archive_writer writer = memory_writer(&archive);
+        const lg_archive_reader reader = memory_reader(&archive);
+        make_classifier(&s, t, &c);
+        lg_error e;
+        assert_ok(lg_classifier_save(&c, &writer, NULL));
+        const lg_status status = lg_classifier_load(NULL, &reader, &back, &e);
+        if (status != LG_OK) fail_msg("%s", e.message);
+        assert_int_equal(back.method, c.method);
+        assert_int_equal(lg_classifier_work(&back), lg_classifier_work(&c));
+        double *work = malloc(lg_classifier_work(&c) * sizeof *work), a[3], b[3];
+        for (size_t i = 0; i < s.count; i++) {
+            assert_ok(lg_classifier_window(&c, s.x + i * 240, a, work));
+            assert_ok(lg_classifier_window(&back, s.x + i * 240, b, work));
+            assert_memory_equal(a, b, sizeof a);
+        }
+        free(work);
+        lg_classifier_free(NULL, &c);
+        lg_classifier_free(NULL, &back);
+        memory_clear(&archive);
+    }
+    lg_series_free(NULL, &s);
+}
+
+/* Every entry of every stored array, one at a time, becomes another number; every dimension another size: the
+ * reader refuses, or what it returns can be used (the address sanitizer looks on). */
+static void use(const lg_archive_reader *reader, const float *x) {
+    lg_classifier c;
+    if (lg_classifier_load(NULL, reader, &c, NULL) != LG_OK) {
+        assert_null(c.pca.mean);
+        assert_int_equal(c.classes, 0);
+        return;
+    }
+    double *work = malloc((lg_classifier_work(&c) + c.classes) * sizeof *work);
+    if (c.features.channels * c.features.length <= 240)
+        (void)lg_classifier_window(&c, x, work, work + c.classes);
+    free(work);
+    lg_classifier_free(NULL, &c);
+}
+
+static void archives_that_lie(void **state) {
+    (void)state;
+    static const double wrong[] = {-1.0, 0.0, 1.0, 2.5, 1e9, NAN, INFINITY};
+    static const uint32_t wrong32[] = {0, 1, 2, 3, 7, 1u << 20, UINT32_MAX};
+    lg_series s = make_series();
+    for (size_t t = 0; t < CHAINS; t++) {
+        lg_classifier c;
+        memory_archive archive = {0};
+        const lg_archive_writer writer = memory_writer(&archive);
+        const lg_archive_reader reader = memory_reader(&archive);
+        make_classifier(&s, t, &c);
+        assert_ok(lg_classifier_save(&c, &writer, NULL));
+        for (size_t i = 0; i < archive.count; i++) {
+            memory_item *item = &archive.item[i];
+            const size_t size = item->type == LG_ELEMENT_F64 ? 8 : 4;
+            const size_t step = item->bytes / size > 12 ? item->bytes / size / 12 : 1;
+            for (size_t at = 0; (at + 1) * size <= item->bytes; at += step)
+                for (int w = 0; w < 7; w++) {
+                    unsigned char saved[8];
+                    memcpy(saved, item->data + at * size, size);
+                    memcpy(item->data + at * size, size == 8 ? (const void *)&wrong[w] : &wrong32[w], size);
+                    use(&reader, s.x);
+                    memcpy(item->data + at * size, saved, size);
+                }
+            for (uint32_t r = 0; r < item->rank; r++) {
+                item->dims[r] ^= 1;
+                lg_classifier back;
+                assert_status(lg_classifier_load(NULL, &reader, &back, NULL), LG_FORMAT);
+                item->dims[r] ^= 1;
+            }
+            const char first = item->path[0]; /* missing */
+            lg_classifier back;
+            item->path[0] = '?';
+            assert_status(lg_classifier_load(NULL, &reader, &back, NULL), LG_NOT_FOUND);
+            item->path[0] = first;
+        }
+        memory_clear(&archive);
+        lg_classifier_free(NULL, &c);
+    }
+    lg_series_free(NULL, &s);
+}
+
+/* What must be refused by name. */
+static void lies_that_are_named(void **state) {
+    (void)state;
+    static const struct {
+        size_t chain;
+        const char *path;
+        size_t entry;
+        double value;
+        lg_status status;
+    } lies[] = {{0, "classifier/classes", 0, 1, LG_FORMAT},
+                {0, "classifier/pca/scale", 2, 0.0, LG_FORMAT},
+                {0, "classifier/pca/scale", 2, -1.0, LG_FORMAT},
+                {0, "classifier/logistic/weight", 1, NAN, LG_NOT_FINITE},
+                {0, "classifier/features/select", 1, 6, LG_FORMAT},
+                {0, "classifier/features/select", 1, 0, LG_FORMAT},
+                {3, "classifier/features/pair", 1, 6, LG_FORMAT},
+                {1, "classifier/features/scale", 1, 0.0, LG_FORMAT},
+                {2, "classifier/tree/node", 1, 0, LG_FORMAT},   /* a root with one child */
+                {2, "classifier/tree/node", 0, 1e6, LG_FORMAT}, /* feature */
+                {2, "classifier/tree/node", 1, 1e6, LG_FORMAT}, /* child */
+                {2, "classifier/tree/node", 1, 1.5, LG_FORMAT},
+                {2, "classifier/tree/counts", 0, 999, LG_FORMAT},
+                {4, "classifier/svm/vectors_of", 0, 9999, LG_FORMAT},
+                {5, "classifier/svm/gamma", 0, -1.0, LG_FORMAT}};
+    lg_series s = make_series();
+    for (size_t i = 0; i < sizeof lies / sizeof lies[0]; i++) {
+        lg_classifier c, back;
+        memory_archive archive = {0};
+        const lg_archive_writer writer = memory_writer(&archive);
+        const lg_archive_reader reader = memory_reader(&archive);
+        make_classifier(&s, lies[i].chain, &c);
+        assert_ok(lg_classifier_save(&c, &writer, NULL));
+        memory_item *item = memory_find(&archive, lies[i].path);
+        assert_non_null(item);
+        const uint32_t whole = (uint32_t)(lies[i].value > 0 ? lies[i].value : 0);
+        if (item->type == LG_ELEMENT_F64)
+            memcpy(item->data + 8 * lies[i].entry, &lies[i].value, 8);
+        else
+            memcpy(item->data + 4 * lies[i].entry, &whole, 4);
+        lg_error e;
+        const lg_status status = lg_classifier_load(NULL, &reader, &back, &e);
+        if (status != lies[i].status) fail_msg("%s: %s", lies[i].path, lg_status_name(status));
+        assert_non_null(strstr(e.message, lies[i].path));
+        memory_clear(&archive);
+        lg_classifier_free(NULL, &c);
+    }
+    lg_series_free(NULL, &s);
+}
+
+static void replace(memory_archive *archive, const char *path, const void *data, size_t rows,
+                    size_t row_bytes) {
+    memory_item *item = memory_find(archive, path);
+    assert_non_null(item);
+    free(item->data);
+    item->bytes = rows * row_bytes;
+    item->data = malloc(item->bytes);
+    assert_non_null(item->data);
+    memcpy(item->data, data, item->bytes);
+    item->dims[0] = rows;
+}
+
+/* Seven nodes, each the child of one: 0 has 1 and 2, and apart from them 3 has 4 and 5, 4 has 3 and 6. With
+ * `honest` 2 has 3 and 4, 4 has 5 and 6. */
+static void trees_with_cycles(void **state) {
+    (void)state;
+    lg_series s = make_series();
+    for (int honest = 0; honest < 2; honest++) {
+        static const double children[2][7][2] = {
+            {{1, 2}, {0, 0}, {0, 0}, {4, 5}, {3, 6}, {0, 0}, {0, 0}},
+            {{1, 2}, {0, 0}, {3, 4}, {0, 0}, {5, 6}, {0, 0}, {0, 0}},
+        };
+        double node[7][6] = {{0}};
+        uint32_t counts[7][3] = {{0}};
+        const uint32_t seven = 7;
+        for (int i = 0; i < 7; i++) {
+            memcpy(&node[i][1], children[honest][i], sizeof children[honest][i]);
+            node[i][5] = counts[i][0] = 1;
+        }
+        lg_classifier c, back;
+        memory_archive archive = {0};
+        const lg_archive_writer writer = memory_writer(&archive);
+        const lg_archive_reader reader = memory_reader(&archive);
+        make_classifier(&s, 2, &c);
+        assert_ok(lg_classifier_save(&c, &writer, NULL));
+        replace(&archive, "classifier/tree/nodes", &seven, 1, sizeof seven);
+        replace(&archive, "classifier/tree/node", node, 7, sizeof node[0]);
+        replace(&archive, "classifier/tree/counts", counts, 7, sizeof counts[0]);
+        assert_status(lg_classifier_load(NULL, &reader, &back, NULL), honest ? LG_OK : LG_FORMAT);
+        lg_classifier_free(NULL, &back);
+        lg_classifier_free(NULL, &c);
+        memory_clear(&archive);
+    }
+    lg_series_free(NULL, &s);
+}
+
+static void allocations_that_fail(void **state) {
+    (void)state;
+    lg_series s = make_series();
+    for (size_t t = 0; t < CHAINS; t++) {
+        lg_classifier c, back;
+        memory_archive archive = {0};
+        const lg_archive_writer writer = memory_writer(&archive);
+        const lg_archive_reader reader = memory_reader(&archive);
+        make_classifier(&s, t, &c);
+        assert_ok(lg_classifier_save(&c, &writer, NULL));
+        static const uint32_t unit[12] = {0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3};
+        uint32_t label[12];
+        double *x = clouds(12, 3, 3, 1.0, 2, label);
+        const lg_method_options o = options_of(t);
+        lg_fail_alloc memory;
+        lg_context *context = lg_fail_alloc_context(&memory);
+        for (int what = 0; what < 3; what++)
+            for (long n = 1;; n++) {
+                double rates[1];
+                size_t best;
+                lg_fail_alloc_arm(&memory, n);
+                back = (lg_classifier){0};
+                const lg_status status =
+                    what == 0 ? lg_classifier_load(context, &reader, &back, NULL)
+                    : what == 1
+                        ? lg_classifier_fit(context, &o, x, label, NULL, 12, 3, 3, &back, NULL)
+                        : lg_choose(context, &o, 1, 2, x, label, unit, NULL, 12, 3, 3, 1, rates, &best, NULL);
+                lg_classifier_free(context, &back);
+                assert_int_equal(lg_fail_alloc_live(&memory), 0);
+                if (!lg_fail_alloc_hit(&memory)) break;
+                assert_status(status, LG_OUT_OF_MEMORY);
+            }
+        lg_fail_alloc_arm(&memory, 0);
+        lg_context_destroy(context);
+        free(x);
+        memory_clear(&archive);
+        lg_classifier_free(NULL, &c);
+    }
+    lg_series_free(NULL, &s);
+}
+
+/* ---- choosing ---- */
+
+static void choice_by_hand(void **state) {
+    (void)state;
+    enum { N = 61, FOLDS = 5 };
+    uint32_t chosen[N], own[N], fold[N], n = 0;
+    double *x = clouds(70, 4, 2, 1.5, 77, (uint32_t[70]){0});
+    uint32_t all[70];
+    for (uint32_t i = 0; i < 70; i++) all[i] = i % 2;
+    for (uint32_t i = 9; i < 70; i++) chosen[n++] = 78 - i; /* not in order */
+    for (uint32_t i = 0; i < N; i++) own[i] = all[chosen[i]];
+    lg_method_options grid[4];
+    for (int i = 0; i < 4; i++) lg_method_options_init(&grid[i]);
+    grid[1].method = LG_METHOD_TREE;
+    grid[2].method = LG_METHOD_SVM_RBF;
+    grid[3].components = 1;
+    double rates[4], expected = 0, other[4];
+    size_t best = 99, again;
+    assert_ok(lg_choose(NULL, grid, 4, FOLDS, x, all, NULL, chosen, N, 4, 2, 1, rates, &best, NULL));
+    assert_ok(lg_folds(NULL, own, NULL, N, FOLDS, fold));
+    for (uint32_t f = 0; f < FOLDS; f++) { /* option 2 again, by hand */
+        uint32_t rows[N], count = 0, tested = 0;
+        double right = 0, score[2], *work;
+        for (uint32_t i = 0; i < N; i++)
+            if (fold[i] != f) rows[count++] = chosen[i];
+        lg_classifier c = {0};
+        assert_ok(lg_classifier_fit(NULL, &grid[2], x, all, rows, count, 4, 2, &c, NULL));
+        work = malloc(lg_classifier_work(&c) * sizeof *work);
+        for (uint32_t i = 0; i < N; i++) {
+            if (fold[i] != f) continue;
+            lg_classifier_score(&c, x + 4 * chosen[i], score, work);
+            right += lg_class_of(score, 2) == own[i];
+            tested++;
+        }
+        expected += right / tested / FOLDS;
+        free(work);
+        lg_classifier_free(NULL, &c);
+    }
+    assert_close(rates[2], expected, 1e-14, 0);
+    for (int i = 0; i < 4; i++)
+        assert_true(rates[i] <= rates[best] && (i >= (int)best || rates[i] < rates[best]));
+    for (int threads = 2; threads <= 5; threads += 3) {
+        assert_ok(
+            lg_choose(NULL, grid, 4, FOLDS, x, all, NULL, chosen, N, 4, 2, threads, other, &again, NULL));
+        assert_memory_equal(other, rates, sizeof rates);
+        assert_int_equal(again, best);
+    }
+    free(x);
+}
+
+/* Four recordings of each class, each a tight cloud about a centre of its own that tells nothing of the
+ * class. Torn apart, every row is known from its neighbours; as units, none is. */
+static void units_are_not_torn(void **state) {
+    (void)state;
+    enum { UNITS = 12, EACH = 10, N = UNITS * EACH };
+    uint32_t label[N], unit[N], chosen[N];
+    double x[2 * N], torn, whole, few;
+    lg_rng rng;
+    lg_rng_seed(&rng, 5, 0);
+    for (uint32_t i = 0; i < N; i++) {
+        const uint32_t u = i / EACH;
+        unit[i] = 70 - 3 * u;
+        label[i] = (u + u / 4) % 2;
+        x[2 * i] = 10.0 * (u % 4) + 0.01 * lg_rng_normal(&rng);
+        x[2 * i + 1] = 10.0 * (u / 4) + 0.01 * lg_rng_normal(&rng);
+        chosen[i] = (i * 7) % N;
+    }
+    lg_method_options o;
+    lg_method_options_init(&o);
+    o.method = LG_METHOD_SVM_RBF;
+    o.gamma = 10.0;
+    o.c = 100.0;
+    size_t best;
+    assert_ok(lg_choose(NULL, &o, 1, 3, x, label, NULL, chosen, N, 2, 2, 1, &torn, &best, NULL));
+    assert_ok(lg_choose(NULL, &o, 1, 3, x, label, unit, chosen, N, 2, 2, 2, &whole, &best, NULL));
+    assert_close(torn, 1.0, 0, 0);
+    assert_true(whole < 0.6);
+    /* one unit of class 1 alone: no folds, accuracy on the training rows */
+    for (uint32_t i = 0; i < N; i++) unit[i] = label[i] == 1 ? 99 : i / EACH;
+    assert_ok(lg_choose(NULL, &o, 1, 3, x, label, unit, NULL, N, 2, 2, 1, &few, &best, NULL));
+    assert_close(few, 1.0, 0, 0);
+    /* every row a unit: as without */
+    double alone, none;
+    for (uint32_t i = 0; i < N; i++) unit[i] = i;
+    o.gamma = 1e-3;
+    assert_ok(lg_choose(NULL, &o, 1, 7, x, label, NULL, NULL, N, 2, 2, 1, &none, &best, NULL));
+    assert_ok(lg_choose(NULL, &o, 1, 7, x, label, unit, NULL, N, 2, 2, 1, &alone, &best, NULL));
+    assert_close(alone, none, 0, 0);
+    assert_true(none < 1.0);
+}
+
+static void choice_of_few(void **state) {
+    (void)state;
+    uint32_t label[30];
+    double *x = clouds(30, 40, 3, 3.0, 5, label), rate[2];
+    lg_method_options o[2];
+    for (int i = 0; i < 2; i++) lg_method_options_init(&o[i]);
+    size_t best = 7;
+    lg_error e;
+    assert_ok(lg_choose(NULL, o, 2, 3, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e));
+    assert_true(rate[0] == rate[1]);
+    assert_int_equal(best, 0); /* the first of equals */
+    o[1].components = 30;      /* more than a fold has rows */
+    assert_ok(lg_choose(NULL, o, 2, 10, x, label, NULL, NULL, 30, 40, 3, 2, rate, &best, &e));
+    assert_ok(
+        lg_choose(NULL, o, 1, 10, x, label, NULL, NULL, 3, 40, 3, 2, rate, &best, &e)); /* one row a class */
+    assert_close(rate[0], 1.0, 0, 0); /* on the training rows */
+    assert_ok(lg_choose(NULL, o, 1, 0, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e));
+    for (int i = 0; i < 30; i++) label[i] = i < 28 ? 0 : 2; /* class 1 nowhere, class 2 rare */
+    assert_ok(lg_choose(NULL, o, 1, 5, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e));
+    memset(label, 0, sizeof label);
+    best = 7;
+    assert_status(lg_choose(NULL, o, 1, 5, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e),
+                  LG_INVALID_ARGUMENT);
+    label[0] = 3;
+    assert_status(lg_choose(NULL, o, 1, 5, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e),
+                  LG_INVALID_ARGUMENT);
+    assert_status(lg_choose(NULL, o, 0, 5, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e),
+                  LG_INVALID_ARGUMENT);
+    assert_int_equal(best, 7);
+    free(x);
+}
+
+int main(void) {
+    lg_runtime_setup(); /* one thread of BLAS, as in the executables: the thread sanitizer cannot see into its
+                           own */
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(chains_tell_clouds_apart),
+        cmocka_unit_test(hard_tables),
+        cmocka_unit_test(refusals),
+        cmocka_unit_test(archives_keep_every_bit),
+        cmocka_unit_test(archives_that_lie),
+        cmocka_unit_test(lies_that_are_named),
+        cmocka_unit_test(allocations_that_fail),
+        cmocka_unit_test(choice_by_hand),
+        cmocka_unit_test(units_are_not_torn),
+        cmocka_unit_test(choice_of_few),
+        cmocka_unit_test(trees_with_cycles),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,291 @@
+/* Features of windows: formulas against long double, square roots that square to the covariance, names,
+ * threads, bad input. */
+#include "classify_support.h"
+
+#include "support/fail_alloc.h"
+
+static const char *const riser[6] = {"acc_lower_x", "acc_lower_y", "acc_upper_x",
+                                     "acc_upper_y", "moment_x",    "moment_y"};
+
+static lg_series make_series(size_t count, uint32_t channels, uint32_t length, bool named) {
+    lg_series s = {.count = count, .channels = channels, .length = length, .classes = 2};
+    assert_ok(lg_series_allocate(NULL, false, false, &s));
+    lg_rng rng;
+    lg_rng_seed(&rng, 5, 1);
+    for (size_t i = 0; i < count * channels * length; i++)
+        s.x[i] = (float)(lg_rng_normal(&rng) * (1.0 + (double)((i / length) % channels)) + 3.0);
+    if (named) {
+        s.channel_name = calloc(channels, sizeof *s.channel_name);
+        for (uint32_t c = 0; c < channels; c++)
+            (void)snprintf(s.channel_name[c], LG_SERIES_NAME, "%s", riser[c]);
+    }
+    return s;
+}
+
+static void free_series(lg_series *s) {
+    free(s->channel_name);
+    s->channel_name = NULL;
+    lg_series_free(NULL, s);
+}
+
+static double covariance(const float *a, const float *b, size_t n) {
+    long double ma = 0, mb = 0, sum = 0;
+    for (size_t i = 0; i < n; i++) {
+        ma += (long double)a[i] / n;
+        mb += (long double)b[i] / n;
+    }
+    for (size_t i = 0; i < n; i++) sum += (a[i] - ma) * (b[i] - mb) / n;
+    return (double)sum;
+}
+
+static double *compute(const lg_features *f, const float *x) {
+    double *out = malloc(f->count * sizeof *out), *work = malloc(lg_features_work(f) * sizeof *work);
+    assert_ok(lg_features_compute(f, x, out, work));
+    free(work);
+    return out;
+}
+
+static void std_and_raw(void **state) {
+    (void)state;
+    lg_series s = make_series(1, 6, 37, true);
+    lg_features f;
+    assert_ok(lg_features_create(NULL, LG_FEATURES_STD, false, &s, 37, NULL, &f, NULL));
+    assert_int_equal(f.count, 6);
+    double *out = compute(&f, s.x);
+    for (int c = 0; c < 6; c++)
+        assert_close(out[c], sqrt(covariance(s.x + 37 * c, s.x + 37 * c, 37)), 1e-14, 0);
+    free(out);
+    for (int t = 0; t < 37; t++) s.x[t] = 1e5f + 0.1f;
+    out = compute(&f, s.x);
+    assert_close(out[0], 0.0, 0, 0); /* not what rounding of the mean leaves */
+    free(out);
+    lg_features_free(NULL, &f);
+    assert_ok(lg_features_create(NULL, LG_FEATURES_RAW, true, &s, 37, NULL, &f, NULL));
+    assert_int_equal(f.count, 3 * 37);
+    out = compute(&f, s.x);
+    for (int i = 0; i < 37; i++) assert_close(out[37 + i], s.x[2 * 37 + i], 0, 0);
+    free(out);
+    lg_features_free(NULL, &f);
+    free_series(&s);
+}
+
+/* S S = covariance of the scaled channels, S symmetric and positive semidefinite; also with a channel that is
+ * the sum of two others and a constant one. */
+static void cov_squares_to_covariance(void **state) {
+    (void)state;
+    lg_series s = make_series(1, 6, 50, true);
+    for (int i = 0; i < 50; i++) {
+        s.x[2 * 50 + i] = s.x[i] + s.x[50 + i];
+        s.x[5 * 50 + i] = 1e5f + 0.1f;
+    }
+    double mean[6] = {0}, scale[6] = {1, 2, 3, 0.5, 1e6, 3};
+    const lg_scaler scaler = {6, mean, scale};
+    lg_features f;
+    assert_ok(lg_features_create(NULL, LG_FEATURES_COV, false, &s, 50, &scaler, &f, NULL));
+    assert_int_equal(f.count, 21);
+    double *out = compute(&f, s.x), root[6][6];
+    for (int i = 0, at = 0; i < 6; i++)
+        for (int j = i; j < 6; j++, at++) root[i][j] = root[j][i] = out[at];
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j < 6; j++) {
+            double square = 0;
+            for (int k = 0; k < 6; k++) square += root[i][k] * root[k][j];
+            const double e = covariance(s.x + 50 * i, s.x + 50 * j, 50) / scale[i] / scale[j];
+            assert_close(square, e, 1e-12, 1e-12 * sqrt(root[i][i] * root[j][j]) + 1e-18);
+        }
+    for (int i = 0; i < 6; i++) assert_true(root[i][i] >= 0.0);
+    for (int j = 0; j < 6; j++) assert_close(root[5][j], 0.0, 0, 1e-18); /* no rounding of a constant */
+    free(out);
+    lg_features_free(NULL, &f);
+    free_series(&s);
+}
+
+/* Moments that are 2 acceleration + offset in each part give intercept and slope, in this order. */
+static void baseline_line(void **state) {
+    (void)state;
+    lg_series s = make_series(1, 6, 100, true);
+    for (int part = 0; part < 10; part++)
+        for (int t = 0; t < 10; t++) {
+            const float sign = t % 2 == 0 ? 1.0f : -1.0f;
+            s.x[10 * part + t] = sign * (float)(1 + part) + 4.0f;
+            s.x[400 + 10 * part + t] = sign * (3.0f + 2.0f * (float)(1 + part)) - 7.0f;
+            s.x[100 + 10 * part + t] = sign; /* acc_lower_y does not vary over the parts */
+        }
+    lg_features f;
+    assert_ok(lg_features_create(NULL, LG_FEATURES_BASELINE, false, &s, 100, NULL, &f, NULL));
+    assert_int_equal(f.count, 4);
+    double *out = compute(&f, s.x), mean = 0;
+    assert_close(out[0], 3.0, 1e-13, 0);
+    assert_close(out[1], 2.0, 1e-13, 0);
+    for (int p = 0; p < 10; p++) mean += 0.1 * sqrt(covariance(s.x + 500 + 10 * p, s.x + 500 + 10 * p, 10));
+    assert_close(out[2], mean, 1e-13, 0);
+    assert_close(out[3], 0.0, 0, 0);
+    free(out);
+    lg_features_free(NULL, &f);
+    assert_ok(lg_features_create(NULL, LG_FEATURES_BASELINE, true, &s, 100, NULL, &f, NULL));
+    assert_int_equal(f.count, 2);
+    lg_features_free(NULL, &f);
+    free_series(&s);
+}
+
+static void short_windows(void **state) {
+    (void)state;
+    lg_series s = make_series(1, 3, 1, false);
+    lg_features f;
+    for (int kind = LG_FEATURES_STD; kind <= LG_FEATURES_COV; kind++) {
+        assert_ok(lg_features_create(NULL, (lg_feature_kind)kind, false, &s, 1, NULL, &f, NULL));
+        double *out = compute(&f, s.x);
+        for (uint32_t i = 0; i < f.count; i++) assert_close(out[i], 0.0, 0, 0);
+        free(out);
+        lg_features_free(NULL, &f);
+    }
+    free_series(&s);
+}
+
+/* Zero, not what rounding of the mean leaves: some lengths would. */
+static void constant_channels(void **state) {
+    (void)state;
+    double mean[1] = {0}, scale[1] = {3};
+    const lg_scaler scaler = {1, mean, scale};
+    for (uint32_t length = 2; length <= 60; length++) {
+        lg_series s = make_series(1, 1, length, false);
+        for (uint32_t t = 0; t < length; t++) s.x[t] = 0.1f;
+        lg_features f;
+        assert_ok(lg_features_create(NULL, LG_FEATURES_COV, false, &s, length, &scaler, &f, NULL));
+        double *out = compute(&f, s.x);
+        assert_close(out[0], 0.0, 0, 0);
+        free(out);
+        lg_features_free(NULL, &f);
+        free_series(&s);
+    }
+}
+
+static void names(void **state) {
+    (void)state;
+    lg_series s = make_series(1, 6, 20, true);
+    static const struct {
+        lg_feature_kind kind;
+        bool x;
+        uint32_t index;
+        const char *name, *bare;
+    } cases[] = {{LG_FEATURES_STD, true, 1, "std acc_upper_x", "std 2"},
+                 {LG_FEATURES_COV, false, 6, "cov acc_lower_y acc_lower_y", "cov 1 1"},
+                 {LG_FEATURES_COV, false, 20, "cov moment_y moment_y", "cov 5 5"},
+                 {LG_FEATURES_COV, false, 7, "cov acc_lower_y acc_upper_x", "cov 1 2"},
+                 {LG_FEATURES_RAW, true, 41, "raw moment_x 1", "raw 4 1"},
+                 {LG_FEATURES_BASELINE, false, 3, "slope moment_y acc_lower_y", "slope 5 1"}};
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        lg_features f;
+        char text[200];
+        assert_ok(lg_features_create(NULL, cases[i].kind, cases[i].x, &s, 20, NULL, &f, NULL));
+        assert_int_equal(lg_features_name(&f, &s, cases[i].index, text, sizeof text), strlen(cases[i].name));
+        assert_string_equal(text, cases[i].name);
+        (void)lg_features_name(&f, NULL, cases[i].index, text, sizeof text);
+        assert_string_equal(text, cases[i].bare);
+        lg_features_free(NULL, &f);
+        lg_feature_kind kind;
+        assert_ok(lg_feature_kind_parse(lg_feature_kind_name(cases[i].kind), &kind));
+        assert_int_equal(kind, cases[i].kind);
+    }
+    lg_feature_kind kind;
+    assert_status(lg_feature_kind_parse("covariance", &kind), LG_NOT_FOUND);
+    free_series(&s);
+}
+
+static void threads_give_the_same_bits(void **state) {
+    (void)state;
+    lg_series s = make_series(23, 6, 60, false);
+    lg_windows w;
+    assert_ok(lg_windows_create(NULL, &s, 0, 0, &w, NULL));
+    for (int kind = 0; kind < LG_FEATURE_KIND_COUNT; kind++) {
+        lg_features f;
+        assert_ok(lg_features_create(NULL, (lg_feature_kind)kind, false, &s, 60, NULL, &f, NULL));
+        double *one = malloc(23 * f.count * sizeof *one), *more = malloc(23 * f.count * sizeof *more);
+        assert_ok(lg_features_table(NULL, &f, &s, &w, 1, one, NULL));
+        double *row = compute(&f, s.x + 22 * 6 * 60);
+        assert_memory_equal(row, one + 22 * f.count, f.count * sizeof *row);
+        for (int threads = 2; threads <= 40; threads += 19) {
+            memset(more, 0, 23 * f.count * sizeof *more);
+            assert_ok(lg_features_table(NULL, &f, &s, &w, threads, more, NULL));
+            assert_memory_equal(one, more, 23 * f.count * sizeof *one);
+        }
+        free(row);
+        free(one);
+        free(more);
+        lg_features_free(NULL, &f);
+    }
+    lg_windows_free(NULL, &w);
+    free_series(&s);
+}
+
+static void refusals(void **state) {
+    (void)state;
+    lg_series s = make_series(2, 3, 20, false);
+    lg_features f = {.count = 77};
+    lg_error e;
+    const lg_status bad = LG_INVALID_ARGUMENT;
+    assert_status(lg_features_create(NULL, LG_FEATURES_BASELINE, false, &s, 20, NULL, &f, &e),
+                  bad); /* no pair */
+    assert_non_null(strstr(e.message, "moment"));
+    assert_status(lg_features_create(NULL, LG_FEATURES_BASELINE, false, &s, 9, NULL, &f, &e), bad);
+    assert_status(lg_features_create(NULL, (lg_feature_kind)9, false, &s, 20, NULL, &f, &e), bad);
+    assert_status(lg_features_create(NULL, LG_FEATURES_RAW, false, &s, 1u << 20, NULL, &f, &e), bad);
+    double mean[3] = {0}, scale[3] = {1, 0, 1};
+    const lg_scaler zero = {3, mean, scale}, narrow = {2, mean, scale};
+    assert_status(lg_features_create(NULL, LG_FEATURES_COV, false, &s, 20, &zero, &f, &e), bad);
+    assert_status(lg_features_create(NULL, LG_FEATURES_COV, false, &s, 20, &narrow, &f, &e), bad);
+    assert_int_equal(f.count, 77);
+    assert_ok(lg_features_create(NULL, LG_FEATURES_COV, false, &s, 20, NULL, &f, &e));
+    double out[6], *work = malloc(lg_features_work(&f) * sizeof *work);
+    s.x[30] = NAN;
+    assert_status(lg_features_compute(&f, s.x, out, work), LG_NOT_FINITE);
+    lg_windows w;
+    assert_ok(lg_windows_create(NULL, &s, 0, 0, &w, NULL));
+    double table[12];
+    assert_status(lg_features_table(NULL, &f, &s, &w, 2, table, &e), LG_NOT_FINITE);
+    assert_non_null(strstr(e.message, "window 0"));
+    assert_status(lg_features_table(NULL, &f, &s, &w, 0, table, &e), bad);
+    lg_windows_free(NULL, &w);
+    free(work);
+    lg_features_free(NULL, &f);
+    free_series(&s);
+}
+
+static void allocations_that_fail(void **state) {
+    (void)state;
+    lg_series s = make_series(4, 6, 30, false);
+    lg_windows w;
+    assert_ok(lg_windows_create(NULL, &s, 0, 0, &w, NULL));
+    lg_fail_alloc memory;
+    lg_context *context = lg_fail_alloc_context(&memory);
+    double table[4 * 21];
+    for (long n = 1;; n++) {
+        lg_features f = {0};
+        lg_fail_alloc_arm(&memory, n);
+        lg_status status = lg_features_create(context, LG_FEATURES_COV, false, &s, 30, NULL, &f, NULL);
+        if (status == LG_OK) status = lg_features_table(context, &f, &s, &w, 2, table, NULL);
+        lg_features_free(context, &f);
+        assert_int_equal(lg_fail_alloc_live(&memory), 0);
+        if (!lg_fail_alloc_hit(&memory)) break;
+        assert_status(status, LG_OUT_OF_MEMORY);
+    }
+    lg_fail_alloc_arm(&memory, 0);
+    lg_context_destroy(context);
+    lg_windows_free(NULL, &w);
+    free_series(&s);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(std_and_raw),
+        cmocka_unit_test(cov_squares_to_covariance),
+        cmocka_unit_test(baseline_line),
+        cmocka_unit_test(short_windows),
+        cmocka_unit_test(constant_channels),
+        cmocka_unit_test(names),
+        cmocka_unit_test(threads_give_the_same_bits),
+        cmocka_unit_test(refusals),
+        cmocka_unit_test(allocations_that_fail),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

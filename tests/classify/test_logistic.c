@@ -1,0 +1,203 @@
+/* Logistic regression against scikit-learn's minimiser and against the gradient of what it minimises. */
+#include "classify_support.h"
+
+#include "golden/logistic_table.h"
+#include "support/fail_alloc.h"
+
+static void golden(void **state) {
+    (void)state;
+    for (size_t t = 0; t < sizeof logistic_table / sizeof logistic_table[0]; t++) {
+        const uint32_t classes = logistic_table[t].classes, n = logistic_table[t].n, d = logistic_table[t].d;
+        double x[600];
+        uint32_t label[60];
+        for (uint32_t i = 0; i < n; i++) {
+            label[i] = i % classes;
+            for (uint32_t j = 0; j < d; j++)
+                x[i * d + j] =
+                    sin(0.7 * (i + 1.0) * (j + 1.0) + 0.3 * j) + 0.4 * cos((label[i] + 1.0) * (j + 2.0));
+        }
+        lg_logistic m;
+        assert_ok(lg_logistic_fit(NULL, x, label, n, d, classes, logistic_table[t].c, &m, NULL));
+        for (uint32_t a = 0; a < (classes == 2 ? 1 : classes); a++) {
+            const double *row = logistic_table[t].row + a * (d + 1);
+            for (uint32_t j = 0; j < d; j++) assert_close(m.weight[a * d + j], row[j], 1e-7, 1e-7);
+            assert_close(m.intercept[a], row[d], 1e-7, 1e-7);
+        }
+        lg_logistic_free(NULL, &m);
+    }
+}
+
+/* Largest entry of the gradient of C sum -log p + |w|^2/2, with the probabilities as predicted. */
+static double largest_gradient(const lg_logistic *m, const double *x, const uint32_t *label, size_t n,
+                               double c) {
+    const uint32_t d = m->inputs, k = m->classes, rows = k == 2 ? 1 : k;
+    double *p = malloc(n * k * sizeof *p), largest = 0;
+    lg_logistic_predict(m, x, n, p);
+    for (uint32_t a = 0; a < rows; a++)
+        for (uint32_t j = 0; j <= d; j++) {
+            const uint32_t of = k == 2 ? 1 : a;
+            double g = j < d ? m->weight[a * d + j] : 0.0;
+            for (size_t i = 0; i < n; i++)
+                g += c * (p[i * k + of] - (label[i] == of)) * (j < d ? x[i * d + j] : 1.0);
+            largest = fmax(largest, fabs(g));
+        }
+    free(p);
+    return largest;
+}
+
+static void gradient_vanishes(void **state) {
+    (void)state;
+    static const struct {
+        uint32_t n, d, classes;
+        double c, apart, tolerance;
+    } cases[] = {
+        {200, 5, 2, 1.0, 1.0, 1e-9},    {200, 5, 2, 1e4, 20.0, 1e-7},   {200, 13, 3, 1.0, 1.0, 1e-9},
+        {20, 600, 4, 1.0, 1.0, 1e-9},   {20, 600, 2, 1.0, 0.0, 1e-9},   {2, 3, 2, 1.0, 1.0, 1e-9},
+        {3, 1, 3, 1.0, 1.0, 1e-9},      {100, 1, 2, 1.0, 1.0, 1e-9},    {300, 60, 3, 10.0, 0.3, 1e-7},
+        {300, 100, 2, 10.0, 0.3, 1e-8}, {400, 200, 2, 10.0, 0.3, 1e-8}, {300, 290, 3, 1.0, 0.3, 1e-8},
+    };
+    for (size_t t = 0; t < sizeof cases / sizeof cases[0]; t++) {
+        uint32_t *label = malloc(cases[t].n * sizeof *label);
+        double *x = clouds(cases[t].n, cases[t].d, cases[t].classes, cases[t].apart, 11 + t, label);
+        lg_logistic m;
+        assert_ok(
+            lg_logistic_fit(NULL, x, label, cases[t].n, cases[t].d, cases[t].classes, cases[t].c, &m, NULL));
+        assert_close(largest_gradient(&m, x, label, cases[t].n, cases[t].c), 0.0, 0, cases[t].tolerance);
+        for (uint32_t j = 0; j <= m.inputs && m.classes > 2; j++) {
+            double sum = 0;
+            for (uint32_t a = 0; a < m.classes; a++)
+                sum += j < m.inputs ? m.weight[a * m.inputs + j] : m.intercept[a];
+            assert_close(sum, 0.0, 0, 1e-11);
+        }
+        lg_logistic_free(NULL, &m);
+        free(x);
+        free(label);
+    }
+}
+
+/* Series are smooth: neighbouring features are nearly the same, and conjugate gradients alone are slow. */
+static void correlated_features(void **state) {
+    (void)state;
+    enum { N = 200, D = 190 };
+    for (uint32_t classes = 2; classes <= 4; classes++) {
+        uint32_t label[N];
+        double *x = clouds(N, D, classes, 0.5, classes, label);
+        for (int i = 0; i < N; i++)
+            for (int j = 1; j < D; j++) x[i * D + j] = 0.97 * x[i * D + j - 1] + 0.03 * x[i * D + j];
+        lg_logistic m;
+        assert_ok(lg_logistic_fit(NULL, x, label, N, D, classes, 100.0, &m, NULL));
+        assert_close(largest_gradient(&m, x, label, N, 100.0), 0.0, 0, 1e-6);
+        assert_true(m.iterations <= 20); /* of Newton's method: none is wasted on a poor solution */
+        lg_logistic_free(NULL, &m);
+        free(x);
+    }
+}
+
+/* Almost no penalty: what holds the sum over the classes at 0 is 10^-12 of the rest. */
+static void little_penalty(void **state) {
+    (void)state;
+    enum { N = 200, D = 13, K = 3 };
+    uint32_t label[N];
+    double *x = clouds(N, D, K, 0.1, 9, label), largest = 0;
+    lg_logistic m;
+    assert_ok(lg_logistic_fit(NULL, x, label, N, D, K, 1e10, &m, NULL));
+    for (int i = 0; i < K * D; i++) largest = fmax(largest, fabs(m.weight[i]));
+    for (int j = 0; j < D; j++)
+        assert_close((m.weight[j] + m.weight[D + j] + m.weight[2 * D + j]) / largest, 0.0, 0, 1e-13);
+    assert_close(largest_gradient(&m, x, label, N, 1e10), 0.0, 0, 1e-1);
+    lg_logistic_free(NULL, &m);
+    free(x);
+}
+
+static void hard_tables(void **state) {
+    (void)state;
+    uint32_t label[40];
+    double *x = clouds(40, 2, 2, 1.0, 6, label), p[120];
+    lg_logistic m;
+    for (int i = 0; i < 40; i++) { /* the same rows with both labels, 3 to 1 */
+        x[2 * i] = x[2 * i + 1] = 7.0;
+        label[i] = i % 4 == 0;
+    }
+    assert_ok(lg_logistic_fit(NULL, x, label, 40, 2, 2, 1.0, &m, NULL));
+    assert_close(m.intercept[0], log(1.0 / 3.0), 1e-9, 0);
+    assert_close(m.weight[0], 0.0, 0, 1e-12);
+    lg_logistic_free(NULL, &m);
+    static const double factors[] = {1e-12, 1e12};
+    for (int f = 0; f < 2; f++) {
+        free(x);
+        x = clouds(40, 2, 2, 1.0, 6, label);
+        for (int i = 0; i < 80; i++) x[i] *= factors[f];
+        assert_ok(lg_logistic_fit(NULL, x, label, 40, 2, 2, 1.0, &m, NULL));
+        lg_logistic_predict(&m, x, 40, p);
+        for (int i = 0; i < 80; i++) assert_true(p[i] >= 0.0 && p[i] <= 1.0);
+        assert_close(largest_gradient(&m, x, label, 40, 1.0) / factors[f], 0.0, 0, f == 0 ? 1e3 : 1e-4);
+        lg_logistic_free(NULL, &m);
+    }
+    for (int i = 0; i < 40; i++) label[i] = i % 2 == 0 ? 0 : 2; /* class 1 is not seen */
+    assert_ok(lg_logistic_fit(NULL, x, label, 40, 2, 3, 1.0, &m, NULL));
+    lg_logistic_predict(&m, x, 40, p);
+    for (int i = 0; i < 40; i++) {
+        assert_close(p[3 * i + 1], 0.0, 0, 0);
+        assert_close(p[3 * i] + p[3 * i + 2], 1.0, 1e-14, 0);
+    }
+    lg_logistic_free(NULL, &m);
+    free(x);
+}
+
+static void refusals(void **state) {
+    (void)state;
+    uint32_t label[6];
+    double *x = clouds(6, 2, 2, 1.0, 4, label);
+    lg_logistic m = {.inputs = 99};
+    lg_error e;
+    assert_status(lg_logistic_fit(NULL, x, label, 6, 2, 2, 0.0, &m, &e), LG_INVALID_ARGUMENT);
+    assert_status(lg_logistic_fit(NULL, x, label, 6, 2, 2, NAN, &m, &e), LG_INVALID_ARGUMENT);
+    assert_status(lg_logistic_fit(NULL, x, label, 6, 2, 1, 1.0, &m, &e), LG_INVALID_ARGUMENT);
+    label[3] = 2;
+    assert_status(lg_logistic_fit(NULL, x, label, 6, 2, 2, 1.0, &m, &e), LG_INVALID_ARGUMENT);
+    memset(label, 0, sizeof label);
+    assert_status(lg_logistic_fit(NULL, x, label, 6, 2, 2, 1.0, &m, &e), LG_INVALID_ARGUMENT);
+    assert_non_null(strstr(e.message, "one class"));
+    label[1] = 1;
+    x[5] = INFINITY;
+    assert_status(lg_logistic_fit(NULL, x, label, 6, 2, 2, 1.0, &m, &e), LG_NOT_FINITE);
+    assert_int_equal(m.inputs, 99);
+    free(x);
+}
+
+static void allocations_that_fail(void **state) {
+    (void)state;
+    static const uint32_t shapes[][3] = {{30, 2, 2}, {12, 40, 3}, {200, 80, 2}};
+    for (size_t t = 0; t < 3; t++) {
+        uint32_t label[200];
+        double *x = clouds(shapes[t][0], shapes[t][1], shapes[t][2], 1.0, 4, label);
+        lg_fail_alloc memory;
+        lg_context *context = lg_fail_alloc_context(&memory);
+        for (long n = 1;; n++) {
+            lg_logistic m = {0};
+            lg_fail_alloc_arm(&memory, n);
+            const lg_status status =
+                lg_logistic_fit(context, x, label, shapes[t][0], shapes[t][1], shapes[t][2], 1.0, &m, NULL);
+            lg_logistic_free(context, &m);
+            assert_int_equal(lg_fail_alloc_live(&memory), 0);
+            if (!lg_fail_alloc_hit(&memory)) break;
+            assert_status(status, LG_OUT_OF_MEMORY);
+        }
+        lg_fail_alloc_arm(&memory, 0);
+        lg_context_destroy(context);
+        free(x);
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(golden),
+        cmocka_unit_test(gradient_vanishes),
+        cmocka_unit_test(correlated_features),
+        cmocka_unit_test(little_penalty),
+        cmocka_unit_test(hard_tables),
+        cmocka_unit_test(refusals),
+        cmocka_unit_test(allocations_that_fail),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

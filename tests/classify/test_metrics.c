@@ -1,0 +1,152 @@
+/* Metrics against scikit-learn's, ties, empty classes. */
+#include "test_support.h"
+
+#include "golden/metrics_table.h"
+#include "liegrad/judge.h"
+#include "support/fail_alloc.h"
+
+static void expect_golden(const uint32_t *truth, const uint32_t *given, const double *score, uint32_t classes,
+                          const uint64_t *confusion, const double *metrics, double auc) {
+    uint32_t own[TABLE_WINDOWS];
+    uint64_t counted[16];
+    for (int i = 0; i < TABLE_WINDOWS; i++) {
+        own[i] = lg_class_of(&score[(size_t)i * classes], classes);
+        assert_int_equal(own[i], given[i]);
+    }
+    lg_confusion(truth, own, TABLE_WINDOWS, classes, counted);
+    assert_memory_equal(counted, confusion, classes * classes * sizeof *counted);
+    const lg_metrics m = lg_metrics_of(counted, classes);
+    assert_close(m.accuracy, metrics[0], 1e-14, 0);
+    assert_close(m.precision, metrics[1], 1e-14, 0);
+    assert_close(m.recall, metrics[2], 1e-14, 0);
+    assert_close(m.f1, metrics[3], 1e-14, 0);
+    double got = 0.0;
+    assert_ok(lg_auc(NULL, truth, score, TABLE_WINDOWS, classes, &got));
+    assert_close(got, auc, 1e-14, 0);
+}
+
+static void test_golden_metrics(void **state) {
+    (void)state;
+    expect_golden(two_truth, two_given, two_score, 2, two_confusion, two_metrics, two_auc);
+    expect_golden(four_truth, four_given, four_score, 4, four_confusion, four_metrics, four_auc);
+}
+
+static void expect_roc(const uint32_t *truth, const double *score, uint32_t classes, const double *fpr,
+                       const double *tpr, const double *threshold, size_t points) {
+    double column[TABLE_WINDOWS], x[TABLE_WINDOWS + 1], y[TABLE_WINDOWS + 1], t[TABLE_WINDOWS + 1];
+    uint32_t order[TABLE_WINDOWS];
+    for (int i = 0; i < TABLE_WINDOWS; i++) column[i] = score[(size_t)i * classes + 1];
+    assert_int_equal(lg_roc(truth, 1, column, TABLE_WINDOWS, order, x, y, t), points);
+    for (size_t i = 0; i < points; i++) {
+        assert_close(x[i], fpr[i], 1e-15, 0);
+        assert_close(y[i], tpr[i], 1e-15, 0);
+        assert_close(t[i], i == 0 ? INFINITY : threshold[i - 1], 0, 0);
+    }
+}
+
+static void test_golden_roc(void **state) {
+    (void)state;
+    expect_roc(two_truth, two_score, 2, two_fpr, two_tpr, two_threshold, sizeof two_fpr / sizeof *two_fpr);
+    expect_roc(four_truth, four_score, 4, four_fpr, four_tpr, four_threshold,
+               sizeof four_fpr / sizeof *four_fpr);
+}
+
+static void test_roc_by_hand(void **state) {
+    (void)state;
+    const uint32_t truth[] = {1, 0, 1, 0};
+    const double score[] = {0.9, 0.5, 0.5, 0.1}, flat[] = {2, 2, 2, 2}, missing[] = {0.9, 0.5, NAN, NAN};
+    double fpr[5], tpr[5], threshold[5];
+    uint32_t order[4];
+    assert_int_equal(lg_roc(truth, 1, score, 4, order, fpr, tpr, threshold), 4);
+    const double f[] = {0, 0, 0.5, 1}, t[] = {0, 0.5, 1, 1}, h[] = {INFINITY, 0.9, 0.5, 0.1};
+    for (int i = 0; i < 4; i++) {
+        assert_close(fpr[i], f[i], 0, 0);
+        assert_close(tpr[i], t[i], 0, 0);
+        assert_close(threshold[i], h[i], 0, 0);
+    }
+    assert_int_equal(lg_roc(truth, 1, flat, 4, order, fpr, tpr, threshold), 2);
+    assert_int_equal(lg_roc(truth, 1, missing, 4, order, fpr, tpr, threshold), 4);
+    assert_close(threshold[3], -INFINITY, 0, 0);
+    assert_int_equal(lg_roc(truth, 2, score, 4, order, fpr, tpr, threshold), 0);
+    assert_int_equal(lg_roc(truth + 2, 1, score, 1, order, fpr, tpr, threshold), 0); /* positives only */
+    assert_int_equal(lg_roc(truth, 1, score, 0, order, fpr, tpr, threshold), 0);
+}
+
+static void test_area_by_hand(void **state) {
+    (void)state;
+    const uint32_t truth[] = {1, 0, 1, 0}, three[] = {0, 0, 2, 2}, none[] = {0, 0, 0, 0};
+    const double score[] = {0, 0.9, 0, 0.5, 0, 0.5, 0, 0.1}, flat[8] = {0};
+    const double of_three[] = {1, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 1};
+    double auc = 0.0;
+    assert_ok(lg_auc(NULL, truth, score, 4, 2, &auc));
+    assert_close(auc, 3.5 / 4, 1e-15, 0);
+    assert_ok(lg_auc(NULL, truth, flat, 4, 2, &auc));
+    assert_close(auc, 0.5, 1e-15, 0);
+    assert_ok(lg_auc(NULL, three, of_three, 4, 3, &auc)); /* class 1 does not occur: the mean over 0 and 2 */
+    assert_close(auc, 1.0, 1e-15, 0);
+    assert_ok(lg_auc(NULL, none, score, 4, 2, &auc));
+    assert_true(isnan(auc));
+    assert_ok(lg_auc(NULL, none, score, 0, 2, &auc));
+    assert_true(isnan(auc));
+    assert_status(lg_auc(NULL, NULL, score, 4, 2, &auc), LG_INVALID_ARGUMENT);
+    assert_status(lg_auc(NULL, none, score, 4, 0, &auc), LG_INVALID_ARGUMENT);
+}
+
+static void test_class_of(void **state) {
+    (void)state;
+    const double two[] = {0.5, 0.5}, lower[] = {0.6, 0.4}, three[] = {1, 3, 3}, unknown[] = {NAN, 1};
+    assert_int_equal(lg_class_of(two, 2), 1);
+    assert_int_equal(lg_class_of(lower, 2), 0);
+    assert_int_equal(lg_class_of(three, 3), 1);
+    assert_int_equal(lg_class_of(three, 1), 0);
+    assert_int_equal(lg_class_of(unknown, 2), 0);
+}
+
+static void test_empty_classes(void **state) {
+    (void)state;
+    /* class 1 was never given; class 2 does not occur, but was given once */
+    const uint64_t confusion[] = {3, 0, 1, 2, 0, 0, 0, 0, 0};
+    const lg_metrics m = lg_metrics_of(confusion, 3);
+    assert_close(m.accuracy, 0.5, 1e-15, 0);
+    assert_close(m.precision, (3.0 / 5) / 3, 1e-15, 0);
+    assert_close(m.recall, (3.0 / 4) / 3, 1e-15, 0);
+    assert_close(m.f1, (6.0 / 9) / 3, 1e-15, 0);
+    assert_close(m.false_positive_rate, 0.25, 1e-15, 0);
+    const uint64_t no_zero[] = {0, 0, 1, 4}, nothing[] = {0, 0, 0, 0};
+    assert_true(isnan(lg_metrics_of(no_zero, 2).false_positive_rate));
+    assert_close(lg_metrics_of(no_zero, 2).recall, 0.8, 1e-15, 0);
+    assert_close(lg_metrics_of(nothing, 2).accuracy, 0.0, 0, 0);
+    assert_close(lg_metrics_of(nothing, 2).f1, 0.0, 0, 0);
+    uint64_t counted[4] = {9, 9, 9, 9};
+    const uint32_t truth[] = {0, 1, 5}, given[] = {1, 1, 0};
+    lg_confusion(truth, given, 3, 2, counted);
+    const uint64_t expected[] = {0, 1, 0, 1};
+    assert_memory_equal(counted, expected, sizeof expected);
+}
+
+static void test_memory_that_runs_out(void **state) {
+    (void)state;
+    lg_fail_alloc memory;
+    lg_context *context = lg_fail_alloc_context(&memory);
+    double auc = 77.0;
+    lg_fail_alloc_arm(&memory, 1);
+    assert_status(lg_auc(context, two_truth, two_score, TABLE_WINDOWS, 2, &auc), LG_OUT_OF_MEMORY);
+    assert_close(auc, 77.0, 0, 0);
+    lg_fail_alloc_arm(&memory, 0);
+    assert_ok(lg_auc(context, two_truth, two_score, TABLE_WINDOWS, 2, &auc));
+    assert_int_equal(lg_fail_alloc_live(&memory), 0);
+    lg_context_destroy(context);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_golden_metrics),
+        cmocka_unit_test(test_golden_roc),
+        cmocka_unit_test(test_roc_by_hand),
+        cmocka_unit_test(test_area_by_hand),
+        cmocka_unit_test(test_class_of),
+        cmocka_unit_test(test_empty_classes),
+        cmocka_unit_test(test_memory_that_runs_out),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

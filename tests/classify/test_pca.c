@@ -1,0 +1,163 @@
+/* Principal components: orthonormal, of the right variance, signs fixed, both routes agree; hard tables. */
+#include "classify_support.h"
+
+#include "support/fail_alloc.h"
+
+#define HALF_ROOT 0.70710678118654752440
+
+/* W orthonormal; projections uncorrelated with variances as told; their sum is the trace. */
+static void check_components(const double *x, size_t n, uint32_t d, const lg_pca *p) {
+    const uint32_t k = p->components;
+    double *z = malloc(n * k * sizeof *z), *work = malloc(d * sizeof *work);
+    lg_pca_apply(p, x, n, z, work);
+    for (uint32_t a = 0; a < k; a++) {
+        double largest = 0;
+        for (uint32_t i = 0; i < d; i++)
+            if (fabs(p->vectors[i * k + a]) > fabs(largest) * (1 + 1e-9)) largest = p->vectors[i * k + a];
+        assert_true(largest > 0.0);
+        for (uint32_t b = 0; b <= a; b++) {
+            double dot = 0, cross = 0;
+            for (uint32_t i = 0; i < d; i++) dot += p->vectors[i * k + a] * p->vectors[i * k + b];
+            for (size_t i = 0; i < n; i++) cross += z[i * k + a] * z[i * k + b] / (double)n;
+            assert_close(dot, a == b ? 1.0 : 0.0, 0, 1e-12);
+            assert_close(cross, a == b ? p->variance[a] : 0.0, 1e-10, 1e-11 * p->variance[0]);
+        }
+        if (a > 0) assert_true(p->variance[a] <= p->variance[a - 1]);
+    }
+    free(z);
+    free(work);
+}
+
+static void components_of_clouds(void **state) {
+    (void)state;
+    static const uint32_t sizes[][3] = {{50, 4, 4}, {50, 4, 2}, {20, 60, 20},
+                                        {7, 7, 7},  {2, 5, 2},  {30, 1, 1}};
+    for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++) {
+        uint32_t label[50];
+        const uint32_t n = sizes[i][0], d = sizes[i][1];
+        double *x = clouds(n, d, 2, 2.0, 3, label), trace = 0;
+        lg_pca p;
+        assert_ok(lg_pca_fit(NULL, x, n, d, sizes[i][2], &p, NULL));
+        assert_int_equal(lg_pca_outputs(&p), sizes[i][2]);
+        check_components(x, n, d, &p);
+        for (uint32_t j = 0; j < p.variances; j++) trace += p.variance[j];
+        assert_close(trace, d, 1e-12, 0); /* each standardised feature has variance 1 */
+        lg_pca_free(NULL, &p);
+        free(x);
+    }
+}
+
+/* A table and the same table with its rows repeated have the same components; d > n goes one way, d < n the
+ * other. */
+static void both_routes_agree(void **state) {
+    (void)state;
+    uint32_t label[6];
+    double *x = clouds(6, 9, 2, 1.0, 8, label), twice[12 * 9];
+    memcpy(twice, x, 54 * sizeof *x);
+    memcpy(twice + 54, x, 54 * sizeof *x);
+    lg_pca a, b;
+    assert_ok(lg_pca_fit(NULL, x, 6, 9, 5, &a, NULL));
+    assert_ok(lg_pca_fit(NULL, twice, 12, 9, 5, &b, NULL));
+    for (int i = 0; i < 5; i++) assert_close(a.variance[i], b.variance[i], 1e-12, 0);
+    for (int i = 0; i < 45; i++) assert_close(a.vectors[i], b.vectors[i], 1e-10, 1e-11);
+    lg_pca_free(NULL, &a);
+    lg_pca_free(NULL, &b);
+    free(x);
+}
+
+/* Along (1, 1)/sqrt 2: variance 1 + r and 1 - r, by hand. */
+static void two_features_by_hand(void **state) {
+    (void)state;
+    const double x[] = {1, 1, -1, -1, 1, -1, -1, 1, 1, 1, -1, -1}; /* r = (4 - 2)/6 */
+    lg_pca p;
+    assert_ok(lg_pca_fit(NULL, x, 6, 2, 2, &p, NULL));
+    assert_close(p.variance[0], 4.0 / 3.0, 1e-14, 0);
+    assert_close(p.variance[1], 2.0 / 3.0, 1e-14, 0);
+    const double expected[] = {HALF_ROOT, HALF_ROOT, HALF_ROOT, -HALF_ROOT};
+    for (int i = 0; i < 4; i++) assert_close(p.vectors[i], expected[i], 1e-14, 0);
+    lg_pca_free(NULL, &p);
+}
+
+static void scales(void **state) {
+    (void)state;
+    uint32_t label[30];
+    double *x = clouds(30, 3, 2, 1.0, 4, label), z[90], expected[90], work[3];
+    lg_pca p;
+    assert_ok(lg_pca_fit(NULL, x, 30, 3, 0, &p, NULL));
+    assert_int_equal(lg_pca_outputs(&p), 3);
+    lg_pca_apply(&p, x, 30, expected, work);
+    double mean = 0, square = 0;
+    for (int i = 0; i < 30; i++) mean += expected[3 * i] / 30;
+    for (int i = 0; i < 30; i++) square += expected[3 * i] * expected[3 * i] / 30;
+    assert_close(mean, 0.0, 0, 1e-15);
+    assert_close(square, 1.0, 1e-14, 0);
+    lg_pca_free(NULL, &p);
+    const double factor[3] = {1e-12, 1e12, 1};
+    for (int i = 0; i < 90; i++) x[i] = x[i] * factor[i % 3] + (i % 3 == 2 ? 1e6 : 0.0);
+    assert_ok(lg_pca_fit(NULL, x, 30, 3, 0, &p, NULL));
+    lg_pca_apply(&p, x, 30, z, work);
+    for (int i = 0; i < 90; i++) assert_close(z[i], expected[i], 1e-8, 1e-8);
+    lg_pca_free(NULL, &p);
+    for (int i = 0; i < 30; i++) x[3 * i + 1] = 0.1; /* constant: scale 1, not its rounding */
+    assert_ok(lg_pca_fit(NULL, x, 30, 3, 3, &p, NULL));
+    assert_close(p.scale[1], 1.0, 0, 0);
+    assert_close(p.variance[2], 0.0, 0, 1e-14);
+    lg_pca_free(NULL, &p);
+    for (int i = 0; i < 90; i++) x[i] = 5.0; /* all constant, d > n too: still orthonormal */
+    assert_ok(lg_pca_fit(NULL, x, 3, 30, 3, &p, NULL));
+    check_components(x, 3, 30, &p);
+    lg_pca_free(NULL, &p);
+    assert_ok(lg_pca_fit(NULL, x, 1, 5, 1, &p, NULL));
+    lg_pca_free(NULL, &p);
+    free(x);
+}
+
+static void refusals(void **state) {
+    (void)state;
+    uint32_t label[6];
+    double *x = clouds(6, 3, 2, 1.0, 4, label);
+    lg_pca p = {.inputs = 99};
+    lg_error e;
+    assert_status(lg_pca_fit(NULL, x, 6, 3, 4, &p, &e), LG_INVALID_ARGUMENT);
+    assert_non_null(strstr(e.message, "at most 3"));
+    assert_status(lg_pca_fit(NULL, x, 2, 9, 3, &p, &e), LG_INVALID_ARGUMENT);
+    assert_status(lg_pca_fit(NULL, x, 0, 3, 0, &p, &e), LG_INVALID_ARGUMENT);
+    x[4] = NAN;
+    assert_status(lg_pca_fit(NULL, x, 6, 3, 1, &p, &e), LG_NOT_FINITE);
+    x[4] = 1e200; /* its square is not a double */
+    assert_status(lg_pca_fit(NULL, x, 6, 3, 1, &p, &e), LG_NOT_FINITE);
+    assert_int_equal(p.inputs, 99);
+    free(x);
+}
+
+static void allocations_that_fail(void **state) {
+    (void)state;
+    uint32_t label[6];
+    double *x = clouds(6, 3, 2, 1.0, 4, label);
+    lg_fail_alloc memory;
+    lg_context *context = lg_fail_alloc_context(&memory);
+    for (long n = 1;; n++) {
+        lg_pca p = {0};
+        lg_fail_alloc_arm(&memory, n);
+        const lg_status status = lg_pca_fit(context, x, n % 2 ? 6 : 2, 3, 2, &p, NULL);
+        lg_pca_free(context, &p);
+        assert_int_equal(lg_fail_alloc_live(&memory), 0);
+        if (!lg_fail_alloc_hit(&memory)) break;
+        assert_status(status, LG_OUT_OF_MEMORY);
+    }
+    lg_fail_alloc_arm(&memory, 0);
+    lg_context_destroy(context);
+    free(x);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(components_of_clouds),
+        cmocka_unit_test(both_routes_agree),
+        cmocka_unit_test(two_features_by_hand),
+        cmocka_unit_test(scales),
+        cmocka_unit_test(refusals),
+        cmocka_unit_test(allocations_that_fail),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

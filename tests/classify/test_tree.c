@@ -1,0 +1,446 @@
+/* Trees against scikit-learn's, against brute force, and what a tree must not do. */
+#include "test_support.h"
+
+#include "golden/tree_table.h"
+#include "liegrad/classify.h"
+#include "liegrad/random.h"
+#include "support/fail_alloc.h"
+
+static lg_tree_options options_of(lg_criterion criterion, uint32_t leaf) {
+    lg_tree_options options;
+    lg_tree_options_init(&options);
+    options.criterion = criterion;
+    options.min_samples_leaf = leaf;
+    return options;
+}
+
+/* A tree of the table, borrowed. */
+#define GOLDEN(name, of)                                                                                     \
+    {                                                                                                        \
+        .inputs = TABLE_FEATURES, .classes = TABLE_CLASSES,                                                  \
+        .count = sizeof name##_node / sizeof *name##_node, .criterion = of,                                  \
+        .node = (lg_tree_node *)name##_node, .counts = (uint32_t *)name##_counts                             \
+    }
+
+static void expect_same(const lg_tree *tree, const lg_tree *golden) {
+    assert_int_equal(tree->count, golden->count);
+    for (uint32_t i = 0; i < tree->count; i++) {
+        assert_int_equal(tree->node[i].left, golden->node[i].left);
+        assert_int_equal(tree->node[i].right, golden->node[i].right);
+        assert_int_equal(tree->node[i].feature, golden->node[i].feature);
+        assert_int_equal(tree->node[i].samples, golden->node[i].samples);
+        assert_close(tree->node[i].threshold, golden->node[i].threshold, 0, 0);
+        assert_close(tree->node[i].impurity, golden->node[i].impurity, 1e-13, 1e-15);
+    }
+    assert_memory_equal(tree->counts, golden->counts,
+                        (size_t)tree->count * tree->classes * sizeof *tree->counts);
+}
+
+static void test_same_tree_as_the_golden_one(void **state) {
+    (void)state;
+    const lg_tree golden[] = {GOLDEN(leaf_gini, LG_GINI), GOLDEN(leaf_entropy, LG_ENTROPY)};
+    const double *probability[] = {leaf_gini_probability, leaf_entropy_probability};
+    const double alpha[] = {leaf_gini_ccp_alpha, leaf_entropy_ccp_alpha};
+    const uint32_t nodes[] = {leaf_gini_ccp_nodes, leaf_entropy_ccp_nodes};
+    const uint32_t depths[] = {leaf_gini_ccp_depth, leaf_entropy_ccp_depth};
+    const uint32_t whole_depth[] = {leaf_gini_depth, leaf_entropy_depth};
+    double got[TABLE_TESTS * TABLE_CLASSES];
+    for (int c = 0; c < 2; c++) {
+        lg_tree_options options = options_of((lg_criterion)c, 8);
+        lg_tree tree;
+        assert_ok(lg_tree_fit(NULL, &options, table_x, table_y, TABLE_ROWS, TABLE_FEATURES, TABLE_CLASSES,
+                              &tree, NULL));
+        expect_same(&tree, &golden[c]);
+        assert_int_equal(lg_tree_depth(&tree), whole_depth[c]);
+        lg_tree_predict(&tree, table_test, TABLE_TESTS, got);
+        for (int i = 0; i < TABLE_TESTS * TABLE_CLASSES; i++)
+            assert_close(got[i], probability[c][i], 1e-15, 0);
+        lg_tree_free(NULL, &tree);
+        options.ccp_alpha = alpha[c];
+        assert_ok(lg_tree_fit(NULL, &options, table_x, table_y, TABLE_ROWS, TABLE_FEATURES, TABLE_CLASSES,
+                              &tree, NULL));
+        assert_int_equal(tree.count, nodes[c]);
+        assert_int_equal(lg_tree_depth(&tree), depths[c]);
+        lg_tree_free(NULL, &tree);
+    }
+}
+
+static void expect_path(const lg_tree *tree, const double *alpha, const double *impurity, size_t count) {
+    lg_pruning_step steps[256];
+    size_t got = 0;
+    assert_ok(lg_tree_pruning_path(NULL, tree, NULL, 0, &got));
+    assert_int_equal(got, count);
+    assert_ok(lg_tree_pruning_path(NULL, tree, steps, 256, &got));
+    assert_int_equal(got, count);
+    for (size_t i = 0; i < count; i++) {
+        assert_close(steps[i].alpha, alpha[i], 1e-10, 1e-15);
+        assert_close(steps[i].impurity, impurity[i], 1e-11, 1e-14);
+    }
+    assert_int_equal(steps[0].nodes, tree->count);
+    assert_int_equal(steps[0].depth, lg_tree_depth(tree));
+    assert_int_equal(steps[count - 1].nodes, 1);
+    assert_int_equal(steps[count - 1].depth, 0);
+}
+
+static void test_same_pruning_path_as_the_golden_one(void **state) {
+    (void)state;
+    const lg_tree gini = GOLDEN(leaf_gini, LG_GINI), entropy = GOLDEN(leaf_entropy, LG_ENTROPY);
+    const lg_tree full = GOLDEN(full, LG_GINI);
+    expect_path(&gini, leaf_gini_alpha, leaf_gini_impurity, sizeof leaf_gini_alpha / sizeof *leaf_gini_alpha);
+    expect_path(&entropy, leaf_entropy_alpha, leaf_entropy_impurity,
+                sizeof leaf_entropy_alpha / sizeof *leaf_entropy_alpha);
+    expect_path(&full, full_alpha, full_impurity, sizeof full_alpha / sizeof *full_alpha);
+}
+
+/* ---- against brute force ---- */
+
+enum { ROWS = 60, FEATURES = 3, CLASSES = 3 };
+
+static void draw_table(uint64_t seed, uint32_t levels, double *x, uint32_t *label) {
+    lg_rng rng;
+    lg_rng_seed(&rng, seed, 0);
+    for (int i = 0; i < ROWS * FEATURES; i++) x[i] = (double)lg_rng_below(&rng, levels);
+    for (int i = 0; i < ROWS; i++) label[i] = (uint32_t)lg_rng_below(&rng, CLASSES);
+}
+
+static double impurity_of(lg_criterion criterion, const uint32_t *counts, uint32_t samples) {
+    double sum = criterion == LG_GINI ? 1.0 : 0.0;
+    for (int k = 0; k < CLASSES; k++) {
+        const double p = (double)counts[k] / samples;
+        if (criterion == LG_GINI)
+            sum -= p * p;
+        else if (p > 0)
+            sum -= p * log(p) / log(2.0);
+    }
+    return sum;
+}
+
+/* samples * impurity of both sides of a split of the rows with in[i]; negative when a side is too small. */
+static double cost_of(lg_criterion criterion, const double *x, const uint32_t *label, const bool *in,
+                      uint32_t feature, double threshold, uint32_t leaf) {
+    uint32_t counts[2][CLASSES] = {{0}}, samples[2] = {0, 0};
+    for (int i = 0; i < ROWS; i++) {
+        if (!in[i]) continue;
+        const int side = x[i * FEATURES + feature] > threshold;
+        counts[side][label[i]]++;
+        samples[side]++;
+    }
+    if (samples[0] < leaf || samples[1] < leaf) return -1.0;
+    return samples[0] * impurity_of(criterion, counts[0], samples[0]) +
+           samples[1] * impurity_of(criterion, counts[1], samples[1]);
+}
+
+/* Every node: its rows are those that reach it, no split of them is better, and it is a leaf only when it is
+ * pure or cannot be split. */
+static void expect_best_splits(const lg_tree *tree, lg_criterion criterion, const double *x,
+                               const uint32_t *label, uint32_t leaf) {
+    static bool in[ROWS * 2][ROWS];
+    memset(in, 0, sizeof in);
+    for (int i = 0; i < ROWS; i++) in[0][i] = true;
+    assert_in_range(tree->count, 1, ROWS * 2 - 1);
+    for (uint32_t t = 0; t < tree->count; t++) {
+        const lg_tree_node *node = &tree->node[t];
+        uint32_t samples = 0;
+        for (int i = 0; i < ROWS; i++) samples += in[t][i];
+        assert_int_equal(samples, node->samples);
+        double best = INFINITY;
+        for (uint32_t j = 0; j < FEATURES; j++)
+            for (int i = 0; i < ROWS; i++) {
+                const double cost = cost_of(criterion, x, label, in[t], j, x[i * FEATURES + j], leaf);
+                if (in[t][i] && cost >= 0.0) best = fmin(best, cost);
+            }
+        if (node->left == 0) {
+            assert_true(best == INFINITY || node->impurity < 1e-12);
+            continue;
+        }
+        assert_true(node->left == t + 1 && node->right > node->left);
+        const double own = cost_of(criterion, x, label, in[t], node->feature, node->threshold, leaf);
+        assert_close(own, best, 0, 1e-9);
+        for (int i = 0; i < ROWS; i++) {
+            if (!in[t][i]) continue;
+            in[x[i * FEATURES + node->feature] <= node->threshold ? node->left : node->right][i] = true;
+        }
+    }
+}
+
+static void test_every_split_is_the_best_there_is(void **state) {
+    (void)state;
+    double x[ROWS * FEATURES];
+    uint32_t label[ROWS];
+    for (uint64_t seed = 1; seed <= 20; seed++)
+        for (int c = 0; c < LG_CRITERION_COUNT; c++) {
+            const uint32_t leaf = seed % 3 == 0 ? 4 : 1;
+            const lg_tree_options options = options_of((lg_criterion)c, leaf);
+            lg_tree tree;
+            draw_table(seed, seed % 2 == 0 ? 5 : 1000, x, label);
+            assert_ok(lg_tree_fit(NULL, &options, x, label, ROWS, FEATURES, CLASSES, &tree, NULL));
+            expect_best_splits(&tree, (lg_criterion)c, x, label, leaf);
+            lg_tree_free(NULL, &tree);
+        }
+}
+
+/* ---- pruning ---- */
+
+static double risk(const lg_tree *tree, double alpha) {
+    double sum = 0.0;
+    for (uint32_t i = 0; i < tree->count; i++)
+        if (tree->node[i].left == 0)
+            sum += alpha + tree->node[i].impurity * tree->node[i].samples / tree->node[0].samples;
+    return sum;
+}
+
+/* Smallest R_alpha below node t, by recursion: min(leaf, best left + best right). */
+static double smallest_risk(const lg_tree *tree, uint32_t t, double alpha) {
+    const lg_tree_node *node = &tree->node[t];
+    const double leaf = alpha + node->impurity * node->samples / tree->node[0].samples;
+    if (node->left == 0) return leaf;
+    return fmin(leaf, smallest_risk(tree, node->left, alpha) + smallest_risk(tree, node->right, alpha));
+}
+
+static void test_pruning_minimises_the_risk(void **state) {
+    (void)state;
+    double x[ROWS * FEATURES];
+    uint32_t label[ROWS];
+    lg_pruning_step steps[ROWS];
+    for (uint64_t seed = 1; seed <= 10; seed++) {
+        const lg_tree_options options = options_of((lg_criterion)(seed % 2), 1);
+        lg_tree tree, pruned;
+        size_t count;
+        draw_table(seed, 1000, x, label);
+        assert_ok(lg_tree_fit(NULL, &options, x, label, ROWS, FEATURES, CLASSES, &tree, NULL));
+        assert_ok(lg_tree_pruning_path(NULL, &tree, steps, ROWS, &count));
+        for (size_t i = 0; i < count; i++) {
+            if (i > 0)
+                assert_true(steps[i].alpha >= steps[i - 1].alpha && steps[i].nodes < steps[i - 1].nodes);
+            if (i + 1 < count && steps[i + 1].alpha <= steps[i].alpha)
+                continue; /* goes together with the next */
+            assert_ok(lg_tree_prune(NULL, &tree, steps[i].alpha, &pruned));
+            assert_int_equal(pruned.count, steps[i].nodes);
+            assert_int_equal(lg_tree_depth(&pruned), steps[i].depth);
+            assert_close(risk(&pruned, 0.0), steps[i].impurity, 1e-12, 1e-14);
+            assert_close(risk(&pruned, steps[i].alpha), smallest_risk(&tree, 0, steps[i].alpha), 1e-12, 0);
+            lg_tree_free(NULL, &pruned);
+        }
+        assert_ok(lg_tree_prune(NULL, &tree, INFINITY, &pruned));
+        assert_int_equal(pruned.count, 1);
+        assert_memory_equal(pruned.counts, tree.counts, CLASSES * sizeof *tree.counts);
+        lg_tree_free(NULL, &pruned);
+        lg_tree_free(NULL, &tree);
+    }
+}
+
+/* ---- limits, ties, strange tables ---- */
+
+static const double exclusive_x[] = {0, 0, 0, 1, 1, 0, 1, 1};
+static const uint32_t exclusive_y[] = {0, 1, 1, 0};
+
+static void test_a_split_that_gains_nothing_is_made(void **state) {
+    (void)state;
+    for (int c = 0; c < LG_CRITERION_COUNT; c++) {
+        const lg_tree_options options = options_of((lg_criterion)c, 1);
+        lg_tree tree, pruned;
+        assert_ok(lg_tree_fit(NULL, &options, exclusive_x, exclusive_y, 4, 2, 2, &tree, NULL));
+        assert_int_equal(tree.count, 7);
+        assert_int_equal(tree.node[0].feature, 0);
+        assert_close(tree.node[0].threshold, 0.5, 0, 0);
+        for (int i = 0; i < 4; i++) {
+            double p[2];
+            lg_tree_predict(&tree, &exclusive_x[2 * i], 1, p);
+            assert_close(p[exclusive_y[i]], 1.0, 0, 0);
+        }
+        /* Without gain at the root alpha 0 keeps all: the two splits below gain. */
+        assert_ok(lg_tree_prune(NULL, &tree, 0.0, &pruned));
+        assert_int_equal(pruned.count, 7);
+        lg_tree_free(NULL, &pruned);
+        lg_tree_free(NULL, &tree);
+    }
+}
+
+static void test_ties_go_to_the_lower_feature_and_threshold(void **state) {
+    (void)state;
+    /* features 1 and 2 are copies, one mirrored; 0 is constant. Cutting after the first or before the last
+     * row is equally good. */
+    const double x[] = {7, 0, 3, 7, 1, 2, 7, 2, 1, 7, 3, 0};
+    const uint32_t y[] = {0, 1, 1, 0};
+    for (int c = 0; c < LG_CRITERION_COUNT; c++) {
+        lg_tree_options options = options_of((lg_criterion)c, 1);
+        lg_tree tree;
+        options.max_depth = 1;
+        assert_ok(lg_tree_fit(NULL, &options, x, y, 4, 3, 2, &tree, NULL));
+        assert_int_equal(tree.node[0].feature, 1);
+        assert_close(tree.node[0].threshold, 0.5, 0, 0);
+        lg_tree_free(NULL, &tree);
+    }
+}
+
+static void test_limits(void **state) {
+    (void)state;
+    double x[ROWS * FEATURES];
+    uint32_t label[ROWS];
+    lg_tree tree;
+    draw_table(3, 1000, x, label);
+    for (uint32_t depth = 1; depth <= 4; depth++) {
+        lg_tree_options options = options_of(LG_GINI, 1);
+        options.max_depth = depth;
+        assert_ok(lg_tree_fit(NULL, &options, x, label, ROWS, FEATURES, CLASSES, &tree, NULL));
+        assert_int_equal(lg_tree_depth(&tree), depth);
+        lg_tree_free(NULL, &tree);
+    }
+    lg_tree_options options = options_of(LG_ENTROPY, 3);
+    options.min_samples_split = 10;
+    assert_ok(lg_tree_fit(NULL, &options, x, label, ROWS, FEATURES, CLASSES, &tree, NULL));
+    for (uint32_t i = 0; i < tree.count; i++) {
+        assert_true(tree.node[i].samples >= 3);
+        if (tree.node[i].left != 0) assert_true(tree.node[i].samples >= 10);
+    }
+    lg_tree_free(NULL, &tree);
+}
+
+static void test_values_side_by_side(void **state) {
+    (void)state;
+    const lg_tree_options options = options_of(LG_GINI, 1);
+    const double pairs[][2] = {{1.0, 1.0 + 0x1p-52}, {-1e308, 1e308},   {1e308, 1.7e308},
+                               {0.0, 0x1p-1074},     {-0x1p-1074, 0.0}, {-1.0 - 0x1p-52, -1.0}};
+    const uint32_t y[] = {0, 1};
+    for (size_t i = 0; i < sizeof pairs / sizeof *pairs; i++) {
+        lg_tree tree;
+        assert_ok(lg_tree_fit(NULL, &options, pairs[i], y, 2, 1, 2, &tree, NULL));
+        assert_int_equal(tree.count, 3);
+        assert_true(tree.node[0].threshold >= pairs[i][0] && tree.node[0].threshold < pairs[i][1]);
+        assert_int_equal(lg_tree_leaf(&tree, &pairs[i][0]), 1);
+        assert_int_equal(lg_tree_leaf(&tree, &pairs[i][1]), 2);
+        lg_tree_free(NULL, &tree);
+    }
+}
+
+static void test_tables_without_a_split(void **state) {
+    (void)state;
+    const lg_tree_options options = options_of(LG_ENTROPY, 1);
+    const double same[] = {2, 2, 2, -0.0, 0.0, 0.0}, one[] = {5.0};
+    const uint32_t y[] = {0, 1, 1};
+    double p[4];
+    lg_tree tree;
+    assert_ok(lg_tree_fit(NULL, &options, same, y, 3, 1, 2, &tree, NULL));
+    assert_int_equal(tree.count, 1);
+    lg_tree_predict(&tree, same, 1, p);
+    assert_close(p[1], 2.0 / 3.0, 1e-15, 0);
+    assert_int_equal(lg_tree_depth(&tree), 0);
+    lg_tree_free(NULL, &tree);
+    assert_ok(lg_tree_fit(NULL, &options, same + 3, y, 3, 1, 2, &tree, NULL)); /* -0 and 0 are equal */
+    assert_int_equal(tree.count, 1);
+    lg_tree_free(NULL, &tree);
+    assert_ok(lg_tree_fit(NULL, &options, one, y, 1, 1, 4, &tree, NULL)); /* classes 1 to 3 do not occur */
+    lg_tree_predict(&tree, one, 1, p);
+    assert_close(p[0], 1.0, 0, 0);
+    assert_close(p[3], 0.0, 0, 0);
+    lg_tree_free(NULL, &tree);
+}
+
+/* A tree as deep as it has rows: no recursion anywhere. */
+static void test_a_very_deep_tree(void **state) {
+    (void)state;
+    enum { DEEP = 3000 };
+    const lg_tree_options options = options_of(LG_GINI, 1);
+    double *x = calloc(DEEP, sizeof *x);
+    uint32_t *y = calloc(DEEP, sizeof *y);
+    lg_tree tree, pruned;
+    assert_true(x != NULL && y != NULL);
+    for (uint32_t i = 0; i < DEEP; i++) {
+        x[i] = i;
+        y[i] = i % 2; /* the best split cuts off an end */
+    }
+    assert_ok(lg_tree_fit(NULL, &options, x, y, DEEP, 1, 2, &tree, NULL));
+    assert_int_equal(tree.count, 2 * DEEP - 1);
+    assert_true(lg_tree_depth(&tree) > DEEP / 4);
+    assert_ok(lg_tree_prune(NULL, &tree, 1.0, &pruned));
+    assert_int_equal(pruned.count, 1);
+    lg_tree_free(NULL, &pruned);
+    lg_tree_free(NULL, &tree);
+    free(x);
+    free(y);
+}
+
+static void test_bad_input(void **state) {
+    (void)state;
+    const lg_tree_options good = options_of(LG_GINI, 1);
+    const double x[] = {1, 2, 3}, bad[] = {1, NAN, 3}, worse[] = {1, 2, -INFINITY};
+    const uint32_t y[] = {0, 1, 0}, out_of_range[] = {0, 2, 0};
+    lg_tree tree = {.inputs = 77};
+    lg_error error;
+    assert_status(lg_tree_fit(NULL, &good, x, y, 0, 1, 2, &tree, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_tree_fit(NULL, &good, x, y, 3, 0, 2, &tree, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_tree_fit(NULL, &good, x, y, 3, 1, 0, &tree, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_tree_fit(NULL, &good, x, out_of_range, 3, 1, 2, &tree, &error), LG_INVALID_ARGUMENT);
+    assert_non_null(strstr(error.message, "label 2 of row 1"));
+    assert_status(lg_tree_fit(NULL, &good, bad, y, 3, 1, 2, &tree, &error), LG_NOT_FINITE);
+    assert_non_null(strstr(error.message, "row 1"));
+    assert_status(lg_tree_fit(NULL, &good, worse, y, 3, 1, 2, &tree, NULL), LG_NOT_FINITE);
+    lg_tree_options options = good;
+    options.min_samples_split = 1;
+    assert_status(lg_tree_fit(NULL, &options, x, y, 3, 1, 2, &tree, NULL), LG_INVALID_ARGUMENT);
+    options = good;
+    options.min_samples_leaf = 0;
+    assert_status(lg_tree_fit(NULL, &options, x, y, 3, 1, 2, &tree, NULL), LG_INVALID_ARGUMENT);
+    options = good;
+    options.ccp_alpha = NAN;
+    assert_status(lg_tree_fit(NULL, &options, x, y, 3, 1, 2, &tree, NULL), LG_INVALID_ARGUMENT);
+    options = good;
+    options.criterion = (lg_criterion)2;
+    assert_status(lg_tree_fit(NULL, &options, x, y, 3, 1, 2, &tree, NULL), LG_INVALID_ARGUMENT);
+    assert_int_equal(tree.inputs, 77);
+    const lg_tree golden = GOLDEN(leaf_gini, LG_GINI), empty = {.inputs = 0};
+    size_t count;
+    assert_status(lg_tree_prune(NULL, &golden, -1.0, &tree), LG_INVALID_ARGUMENT);
+    assert_status(lg_tree_prune(NULL, &golden, NAN, &tree), LG_INVALID_ARGUMENT);
+    assert_status(lg_tree_prune(NULL, &empty, 0.0, &tree), LG_INVALID_ARGUMENT);
+    assert_status(lg_tree_pruning_path(NULL, &empty, NULL, 0, &count), LG_INVALID_ARGUMENT);
+    lg_criterion criterion = LG_GINI;
+    assert_ok(lg_criterion_parse("entropy", &criterion));
+    assert_int_equal(criterion, LG_ENTROPY);
+    assert_string_equal(lg_criterion_name(LG_GINI), "gini");
+    assert_status(lg_criterion_parse("Gini", &criterion), LG_NOT_FOUND);
+}
+
+static void test_memory_that_runs_out(void **state) {
+    (void)state;
+    lg_fail_alloc memory;
+    lg_context *context = lg_fail_alloc_context(&memory);
+    lg_tree_options options = options_of(LG_ENTROPY, 1);
+    lg_tree tree = {.inputs = 77};
+    options.ccp_alpha = 1e-3;
+    long n = 1;
+    for (;; n++) {
+        lg_fail_alloc_arm(&memory, n);
+        const lg_status status = lg_tree_fit(context, &options, table_x, table_y, TABLE_ROWS, TABLE_FEATURES,
+                                             TABLE_CLASSES, &tree, NULL);
+        if (!lg_fail_alloc_hit(&memory)) {
+            assert_ok(status);
+            break;
+        }
+        assert_status(status, LG_OUT_OF_MEMORY);
+        assert_int_equal(lg_fail_alloc_live(&memory), 0);
+        assert_int_equal(tree.inputs, 77);
+    }
+    assert_true(n > 15);
+    lg_tree_free(context, &tree);
+    assert_int_equal(lg_fail_alloc_live(&memory), 0);
+    lg_context_destroy(context);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_same_tree_as_the_golden_one),
+        cmocka_unit_test(test_same_pruning_path_as_the_golden_one),
+        cmocka_unit_test(test_every_split_is_the_best_there_is),
+        cmocka_unit_test(test_pruning_minimises_the_risk),
+        cmocka_unit_test(test_a_split_that_gains_nothing_is_made),
+        cmocka_unit_test(test_ties_go_to_the_lower_feature_and_threshold),
+        cmocka_unit_test(test_limits),
+        cmocka_unit_test(test_values_side_by_side),
+        cmocka_unit_test(test_tables_without_a_split),
+        cmocka_unit_test(test_a_very_deep_tree),
+        cmocka_unit_test(test_bad_input),
+        cmocka_unit_test(test_memory_that_runs_out),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
