@@ -26,12 +26,14 @@
 
 #include "liegrad/archive.h"
 #include "liegrad/context.h"
+#include "liegrad/detector.h"
 #include "liegrad/elastica.h"
 #include "liegrad/hamiltonian.h"
 #include "liegrad/mechanics.h"
 #include "liegrad/nn.h"
 #include "liegrad/random.h"
 #include "liegrad/search.h"
+#include "liegrad/series.h"
 #include "liegrad/status.h"
 #include "liegrad/surrogate.h"
 
@@ -302,6 +304,123 @@ LG_API lg_status lg_surrogate_checkpoint_open(const lg_context *context, const c
                                               lg_file_reader **out, lg_error *error);
 LG_API lg_status lg_surrogate_run_compare(const char *path, const lg_surrogate_run *stored,
                                           const lg_surrogate_run *wanted, lg_error *error);
+
+/* ---- labelled series ---- */
+
+typedef struct lg_series_data {
+    lg_series series;
+    double noise;    /* factor on the sensors' noise, where known; NaN */
+    double severity; /* r of the broken runs, where known; NaN */
+    char housing[16];
+    char sha256[LG_SHA256_TEXT]; /* of x as little-endian floats and label as u32; set by reader and writer */
+    lg_provenance provenance;
+} lg_series_data;
+
+/* Datasets /X (n, channels, length), or (n, length) for one channel, any float or integer type, byte order
+ * and chunking; read as floats without a second copy. /y (n) or (n, 1): whole numbers (integers, booleans,
+ * floats with whole values, negative too) or texts (fixed or variable length, 1 to 63 bytes), at most 65536
+ * different ones. All else is optional:
+ *   - attribute `classes`: K names, joined by | or as a list of texts. Without it the labels are the names,
+ * in rising order. Which label has which name, by the first rule that holds:
+ *       1. attribute `class_labels` (K texts, likewise): what /y holds for each class;
+ *       2. `like` (see below) has the same names in the same order, and class_label: as there. A number that
+ *          is not among them is an error;
+ *       3. /y of whole numbers within 1..K, K among them: counted from 1 (not in files written here);
+ *       4. whole numbers within 0..K-1: counted from 0; with a warning where 0 does not occur, as nothing
+ *          tells then (none in files written here);
+ *       5. texts that are all among the names: by name;
+ *       6. the different labels are K: in rising order (texts bytewise).
+ *     What was found is series.class_label; with `like` it is that of `like`.
+ *   - attribute `channels`: names, likewise; `rate`: samples a second; in files of other programs a `rate`
+ *     that is no such number is taken as unknown, with a warning.
+ *   - /group, /run (n) or (n, 1): whole numbers 0 to 2^32 - 1, or texts, which become 0, 1, ... in rising
+ *     order. Windows of a run that do not stand together: the runs are taken as unknown, with a warning.
+ *   - attributes `noise`, `severity`, `housing`, of files written here.
+ *
+ * Attributes `classes` and `channels` that are numbers are no names and left alone. With `like` (may be
+ * NULL), a series read before or the names of a model (lg_file_reader_names), the classes are those of
+ * `like`: those that occur are matched by name, or by value where both names are whole numbers. In a file
+ * without `classes` the labels must be among the class_label of `like`, or else among its names; where
+ * neither are numbers, labels that begin with 0 and are all numbers of classes of `like` are taken so, with a
+ * warning.
+ *
+ * X of more than single precision: where the rounding to floats (root mean square) is above 1 % of a
+ * channel's standard deviation there is a warning, above 50 % the file is refused, unless the channel is
+ * constant up to 1e-13 of its largest value. Errors also: LG_FORMAT for labels that are empty or not whole, a
+ * label or class that `like` does not have, no window; LG_NOT_FINITE with window, channel and sample, also
+ * for what a float cannot hold. */
+LG_API lg_status lg_series_read(const lg_context *context, const char *path, const lg_read_options *options,
+                                const lg_series *like, lg_series_data *out, lg_error *error);
+/* Kind "series": /X as f32, /y as u32 (class_label is not written), /group, /run where known; names that
+ * cannot be joined by | in 4095 bytes become data sets /classes, /channels of texts. Fills sha256. Errors
+ * also: LG_NOT_FINITE; LG_INVALID_ARGUMENT for a label beyond the classes, class names that are empty or
+ * twice the same, a run that stands apart. */
+LG_API lg_status lg_series_write(const lg_context *context, const char *path, lg_series_data *data,
+                                 lg_error *error);
+LG_API void lg_series_data_free(const lg_context *context, lg_series_data *data);
+
+/* Attributes `classes`, `class_labels`, `channels` and `rate` of a file of any kind, from series->classes,
+ * class_name, class_label, channels, channel_name and rate; the rest of the series is not looked at. Names
+ * that cannot be joined become data sets /classes, /channels. LG_INVALID_ARGUMENT: classes without names,
+ * empty or twice the same. */
+LG_API lg_status lg_file_writer_names(lg_file_writer *writer, const lg_series *series, lg_error *error);
+/* The same back; channel_name NULL and channels 0 where they are not named, class_label NULL where not told.
+ * Freed by lg_series_free with the reader's context; a series without windows is good as `like` above.
+ * LG_FORMAT: no `classes`. */
+LG_API lg_status lg_file_reader_names(lg_file_reader *reader, lg_series *out, lg_error *error);
+
+/* ---- detectors ---- */
+
+typedef struct lg_detector_run {
+    lg_detector model;
+    lg_training training;
+    lg_split split;
+    double test_fraction, validation_fraction; /* of the windows; training.validation is 0 */
+    uint64_t windows, window, hop;             /* windows cut from the data; samples */
+    char data_sha256[LG_SHA256_TEXT];
+} lg_detector_run;
+
+typedef struct lg_detector_file {
+    lg_detector_run run;
+    size_t parameters;
+    double *theta; /* (parameters); stored as training.dtype */
+    lg_scaler scaler;
+    char (*class_name)[LG_SERIES_NAME];   /* (classes) */
+    char (*class_label)[LG_SERIES_NAME];  /* (classes) or NULL; as in lg_series */
+    char (*channel_name)[LG_SERIES_NAME]; /* (channels) or NULL */
+    double rate;                          /* Hz, 0 unknown */
+    double accuracy, f1, test_mse;        /* on the test part; NaN without one */
+    size_t epochs_done;
+    double *history[LG_FIT_SERIES_COUNT];
+    lg_provenance provenance;
+} lg_detector_file;
+
+/* Kind "detector": /model/conv1/weight ... as lg_cnn_slice names them, /scaler/{mean, scale} (channels), root
+ * attributes `classes`, `class_labels`, `channels`, `rate`, `accuracy`, `f1`, `test_mse`; laws as for the
+ * other kinds. The blocks are an attribute of /model, "12 kernel 5 stride 1 padding 0 average 2/2, 24 kernel
+ * ...": channels, pooling `none` or `average`, `max` with size/stride. A model written by hand needs `kind`,
+ * /scaler, the weights and the attributes of /model: `channels`, `length`, `blocks` (from `stride` on
+ * optional: 1, 0, none), `plane`, `activation`, `classes`, `loss`, `centred`; without root attribute
+ * `classes` they are "0", "1", ... */
+LG_API lg_status lg_model_save_detector(const lg_context *context, const char *path,
+                                        const lg_detector_file *file, const lg_fit *fit, lg_error *error);
+LG_API lg_status lg_model_load_detector(const lg_context *context, const char *path,
+                                        const lg_read_options *options, lg_detector_file *out,
+                                        lg_error *error);
+LG_API void lg_detector_file_free(const lg_context *context, lg_detector_file *file);
+LG_API lg_status lg_detector_checkpoint_create(const lg_context *context, const char *path,
+                                               const lg_detector_run *run, const lg_provenance *provenance,
+                                               lg_file_writer **out, lg_error *error);
+LG_API lg_status lg_detector_checkpoint_open(const lg_context *context, const char *path,
+                                             const lg_read_options *options, lg_detector_run *run,
+                                             lg_file_reader **out, lg_error *error);
+LG_API lg_status lg_detector_run_compare(const char *path, const lg_detector_run *stored,
+                                         const lg_detector_run *wanted, lg_error *error);
+
+/* Attribute `kind` of a file written here (or by hand, without `format`), "" for a file without one or of
+ * another format: which loader is wanted. LG_INVALID_ARGUMENT: no room in `size` bytes; 64 are enough. */
+LG_API lg_status lg_file_kind(const lg_context *context, const char *path, const lg_read_options *options,
+                              char *kind, size_t size, lg_error *error);
 
 /* ---- random search ---- */
 

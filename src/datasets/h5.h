@@ -28,6 +28,9 @@ lg_status lg_h5_create(const lg_context *context, const char *path, lg_h5 **out,
 /* Groups on the way are made. dims: rank numbers. */
 lg_status lg_h5_put(lg_h5 *h5, const char *name, lg_element type, uint32_t rank, const uint64_t *dims,
                     const void *data, lg_error *error);
+/* Texts of `size` bytes each, terminators included, (count, size). */
+lg_status lg_h5_put_texts(lg_h5 *h5, const char *name, const char *texts, size_t size, uint64_t count,
+                          lg_error *error);
 /* Attributes of a group, made if need be, or of a data set. Texts are fixed-length UTF-8, cut at LG_H5_TEXT -
  * 1 bytes. */
 lg_status lg_h5_put_text(lg_h5 *h5, const char *object, const char *name, const char *value, lg_error *error);
@@ -52,6 +55,38 @@ lg_status lg_h5_get(lg_h5 *h5, const char *name, lg_element type, uint32_t rank,
  * finite. */
 lg_status lg_h5_get_doubles(lg_h5 *h5, const char *name, uint32_t rank, uint64_t dims[4], double **out,
                             lg_error *error);
+/* ---- arrays of other programs, of any type ---- */
+typedef enum lg_h5_class { LG_H5_WHOLE, LG_H5_REAL, LG_H5_WORDS, LG_H5_OTHER } lg_h5_class;
+typedef struct lg_h5_about {
+    lg_h5_class kind; /* LG_H5_WHOLE: integers and enumerations; LG_H5_WORDS: texts of any sort */
+    uint32_t rank;    /* <= 4 */
+    uint64_t dims[4], count;
+    bool
+        wide; /* numbers that a float need not hold exactly: reals of more than 4 bytes, integers from 4 on */
+} lg_h5_about;
+/* LG_NOT_FOUND: no such data set; LG_FORMAT: not max_bytes enough for `bytes` an element. Nothing is read. */
+lg_status lg_h5_look(lg_h5 *h5, const char *name, size_t bytes, lg_h5_about *out, lg_error *error);
+/* Numbers, all of them, into the caller's memory. No second array is made, whatever the stored type. Not
+ * checked for finiteness: what is beyond the range of a float becomes an infinity. */
+lg_status lg_h5_get_floats(lg_h5 *h5, const char *name, float *out, lg_error *error);
+/* The same numbers as doubles, a block of whole rows of the first extent at a time, in order: visit(user,
+ * row, rows, values). Of a block only about a megabyte, or a chunk up to 64 of them, is in memory. */
+typedef void (*lg_h5_rows)(void *user, uint64_t row, uint64_t rows, const double *values);
+lg_status lg_h5_each_rows(lg_h5 *h5, const char *name, lg_h5_rows visit, void *user, lg_error *error);
+/* Integers that fit, or reals that are whole (up to 2^53). Errors: LG_FORMAT, LG_NOT_FINITE with the index.
+ */
+lg_status lg_h5_get_wholes(lg_h5 *h5, const char *name, const lg_h5_about *about, int64_t *out,
+                           lg_error *error);
+/* visit(user, index, text, error) for each text of a data set in order, until one fails. Shorter than
+ * LG_H5_TEXT each, padding removed. All extents but the first are 1. */
+typedef lg_status (*lg_h5_visit)(void *user, uint64_t index, const char *text, lg_error *error);
+lg_status lg_h5_each_text(lg_h5 *h5, const char *name, lg_h5_visit visit, void *user, lg_error *error);
+/* The same for the texts of an attribute, one or a list; a single one may have up to 64 KiB. *words false: it
+ * is missing or of another type, and nothing was visited. */
+lg_status lg_h5_each_attribute_text(lg_h5 *h5, const char *object, const char *name, bool *words,
+                                    lg_h5_visit visit, void *user, lg_error *error);
+
+/* ---- attributes ---- */
 lg_status lg_h5_text(lg_h5 *h5, const char *object, const char *name, char *out, size_t size,
                      lg_error *error);
 /* One element: F64, I64, U64 or U32; rank 0 or one element. */

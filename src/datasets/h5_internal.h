@@ -22,6 +22,21 @@ static inline void lg_quiet_end(lg_h5_quiet quiet) {
     (void)H5Eset_auto2(H5E_DEFAULT, quiet.report, quiet.user);
 }
 
+/* A data set that is open. Between lg_quiet_begin and lg_quiet_end only. */
+typedef struct lg_dataset {
+    hid_t set, type;
+    uint32_t rank;
+    uint64_t dims[LG_MAX_RANK], count;
+} lg_dataset;
+
+/* Of any type, at most max_bytes at `bytes` an element. *d may be closed whatever comes of it. */
+lg_status lg_dataset_open(lg_h5 *h5, const char *name, size_t bytes, lg_dataset *d, lg_error *error);
+void lg_dataset_close(lg_dataset *d);
+/* LG_FORMAT with the data set's name. */
+lg_status lg_dataset_error(const lg_h5 *h5, const char *name, const char *what, lg_error *error);
+/* Every link on the way exists and the last one leads to an object. */
+bool lg_path_exists(lg_h5 *h5, const char *name);
+
 hid_t lg_h5_memory_type(lg_element type); /* native, not to be closed */
 size_t lg_element_size(lg_element type);
 /* A handle without a file: path copied, link access list made. */

@@ -63,7 +63,7 @@ lg_status lg_h5_open(const lg_context *context, const char *path, const lg_read_
 /* ---- what is there ---- */
 
 /* Every link on the way exists and the last one leads to an object. */
-static bool path_exists(lg_h5 *h5, const char *name) {
+bool lg_path_exists(lg_h5 *h5, const char *name) {
     char part[512];
     size_t length = strlen(name);
     if (length >= sizeof part) return false;
@@ -80,14 +80,14 @@ static bool path_exists(lg_h5 *h5, const char *name) {
 
 bool lg_h5_has(lg_h5 *h5, const char *name) {
     lg_h5_quiet quiet = lg_quiet_begin();
-    bool there = *name == '\0' || path_exists(h5, name);
+    bool there = *name == '\0' || lg_path_exists(h5, name);
     lg_quiet_end(quiet);
     return there;
 }
 
 bool lg_h5_has_attribute(lg_h5 *h5, const char *object, const char *name) {
     lg_h5_quiet quiet = lg_quiet_begin();
-    bool there = (*object == '\0' || path_exists(h5, object)) &&
+    bool there = (*object == '\0' || lg_path_exists(h5, object)) &&
                  H5Aexists_by_name(h5->file, *object == '\0' ? "/" : object, name, h5->links) > 0;
     lg_quiet_end(quiet);
     return there;
@@ -95,18 +95,12 @@ bool lg_h5_has_attribute(lg_h5 *h5, const char *object, const char *name) {
 
 /* ---- data sets ---- */
 
-typedef struct dataset {
-    hid_t set, type;
-    uint32_t rank;
-    uint64_t dims[LG_MAX_RANK], count;
-} dataset;
-
-static void close_dataset(dataset *d) {
+void lg_dataset_close(lg_dataset *d) {
     if (d->type >= 0) (void)H5Tclose(d->type);
     if (d->set >= 0) (void)H5Dclose(d->set);
 }
 
-static lg_status format_error(const lg_h5 *h5, const char *name, const char *what, lg_error *error) {
+lg_status lg_dataset_error(const lg_h5 *h5, const char *name, const char *what, lg_error *error) {
     return lg_fail(error, LG_FORMAT, "%s: /%s: %s", lg_shown_path(h5->path), name, what);
 }
 
@@ -121,18 +115,19 @@ static bool is_local(hid_t set) {
     return local;
 }
 
-static lg_status read_extent(const lg_h5 *h5, const char *name, dataset *d, lg_error *error) {
+static lg_status read_extent(const lg_h5 *h5, const char *name, size_t bytes, lg_dataset *d,
+                             lg_error *error) {
     hid_t space = H5Dget_space(d->set);
     H5S_class_t kind = space >= 0 ? H5Sget_simple_extent_type(space) : H5S_NO_CLASS;
     int rank = kind == H5S_SIMPLE || kind == H5S_SCALAR ? H5Sget_simple_extent_ndims(space) : -1;
     hsize_t extent[H5S_MAX_RANK] = {0};
     if (rank > 0 && H5Sget_simple_extent_dims(space, extent, NULL) < 0) rank = -1;
     if (space >= 0) (void)H5Sclose(space);
-    if (rank < 0) return format_error(h5, name, "has no shape", error);
+    if (rank < 0) return lg_dataset_error(h5, name, "has no shape", error);
     if (rank > LG_MAX_RANK)
         return lg_fail(error, LG_FORMAT, "%s: /%s: has rank %d, at most %d is read", lg_shown_path(h5->path),
                        name, rank, LG_MAX_RANK);
-    uint64_t most = h5->max_bytes / sizeof(double);
+    uint64_t most = h5->max_bytes / bytes;
     d->rank = (uint32_t)rank;
     d->count = 1;
     bool fits = true, none = false;
@@ -143,27 +138,34 @@ static lg_status read_extent(const lg_h5 *h5, const char *name, dataset *d, lg_e
         if (fits && extent[i] != 0) d->count *= extent[i];
     }
     if (!fits)
-        return format_error(h5, name, "declares more data than the file can hold or the limit allows", error);
+        return lg_dataset_error(h5, name, "declares more data than the file can hold or the limit allows",
+                                error);
     if (none) d->count = 0;
     return LG_OK;
 }
 
-static lg_status open_dataset(lg_h5 *h5, const char *name, dataset *d, lg_error *error) {
-    *d = (dataset){.set = H5I_INVALID_HID, .type = H5I_INVALID_HID};
-    if (!path_exists(h5, name))
+lg_status lg_dataset_open(lg_h5 *h5, const char *name, size_t bytes, lg_dataset *d, lg_error *error) {
+    *d = (lg_dataset){.set = H5I_INVALID_HID, .type = H5I_INVALID_HID};
+    if (!lg_path_exists(h5, name))
         return lg_fail(error, LG_NOT_FOUND, "%s: has no /%s", lg_shown_path(h5->path), name);
     d->set = H5Oopen(h5->file, name, h5->links);
     if (d->set >= 0 && H5Iget_type(d->set) != H5I_DATASET) {
         (void)H5Oclose(d->set);
         d->set = H5I_INVALID_HID;
     }
-    if (d->set < 0) return format_error(h5, name, "is not a data set", error);
-    if (!is_local(d->set)) return format_error(h5, name, "keeps its data in another file", error);
+    if (d->set < 0) return lg_dataset_error(h5, name, "is not a data set", error);
+    if (!is_local(d->set)) return lg_dataset_error(h5, name, "keeps its data in another file", error);
     d->type = H5Dget_type(d->set);
-    H5T_class_t kind = d->type >= 0 ? H5Tget_class(d->type) : H5T_NO_CLASS;
-    if (kind != H5T_FLOAT && kind != H5T_INTEGER)
-        return format_error(h5, name, "does not hold numbers", error);
-    return read_extent(h5, name, d, error);
+    if (d->type < 0) return lg_dataset_error(h5, name, "has no type", error);
+    return read_extent(h5, name, bytes, d, error);
+}
+
+static lg_status open_numbers(lg_h5 *h5, const char *name, lg_dataset *d, lg_error *error) {
+    LG_TRY(lg_dataset_open(h5, name, sizeof(double), d, error));
+    const H5T_class_t kind = H5Tget_class(d->type);
+    return kind == H5T_FLOAT || kind == H5T_INTEGER
+               ? LG_OK
+               : lg_dataset_error(h5, name, "does not hold numbers", error);
 }
 
 static double spacing(hid_t type) {
@@ -175,14 +177,14 @@ static double spacing(hid_t type) {
 lg_status lg_h5_shape(lg_h5 *h5, const char *name, uint32_t *rank, uint64_t dims[4], double *epsilon,
                       lg_error *error) {
     lg_h5_quiet quiet = lg_quiet_begin();
-    dataset d;
-    lg_status status = open_dataset(h5, name, &d, error);
+    lg_dataset d;
+    lg_status status = open_numbers(h5, name, &d, error);
     if (status == LG_OK) {
         *rank = d.rank;
         memcpy(dims, d.dims, sizeof d.dims);
         if (epsilon != NULL) *epsilon = spacing(d.type);
     }
-    close_dataset(&d);
+    lg_dataset_close(&d);
     lg_quiet_end(quiet);
     return status;
 }
@@ -194,19 +196,54 @@ static H5T_conv_ret_t no_overflow(H5T_conv_except_t kind, hid_t from, hid_t to, 
                                                                                  : H5T_CONV_UNHANDLED;
 }
 
-static lg_status read_dataset(lg_h5 *h5, const char *name, const dataset *d, lg_element type, void *out,
+/* A filter that the data went through and that is not here to undo it: its name; false for none. */
+static bool missing_filter(hid_t set, char *name, size_t size) {
+    hid_t list = H5Dget_create_plist(set);
+    const int filters = list >= 0 ? H5Pget_nfilters(list) : 0;
+    bool missing = false;
+    for (int i = 0; i < filters && !missing; i++) {
+        unsigned flags, config;
+        size_t values = 0;
+        const H5Z_filter_t filter =
+            H5Pget_filter2(list, (unsigned)i, &flags, &values, NULL, size, name, &config);
+        missing = filter >= 0 && H5Zfilter_avail(filter) <= 0;
+        if (missing && name[0] == '\0') (void)snprintf(name, size, "%d", (int)filter);
+    }
+    if (list >= 0) (void)H5Pclose(list);
+    name[size - 1] = '\0';
+    return missing;
+}
+
+/* HDF5 converts as it reads, in pieces of a megabyte. `checked`: what is out of range is an error; else what
+ * is beyond the range of a float becomes an infinity. */
+static lg_status read_part(lg_h5 *h5, const char *name, const lg_dataset *d, hid_t memory, hid_t room,
+                           hid_t part, bool checked, void *out, lg_error *error) {
+    char filter[64] = "";
+    hid_t transfer = H5Pcreate(H5P_DATASET_XFER);
+    const bool read = transfer >= 0 && (!checked || H5Pset_type_conv_cb(transfer, no_overflow, NULL) >= 0) &&
+                      H5Dread(d->set, memory, room, part, transfer, out) >= 0;
+    if (transfer >= 0) (void)H5Pclose(transfer);
+    if (read) return LG_OK;
+    if (missing_filter(d->set, filter, sizeof filter))
+        return lg_fail(error, LG_FORMAT,
+                       "%s: /%s: is compressed with '%s', which this HDF5 cannot undo: write it with gzip or "
+                       "without compression",
+                       lg_shown_path(h5->path), name, filter);
+    return lg_dataset_error(h5, name, "cannot be read: cut short, damaged, or a number out of range", error);
+}
+
+static lg_status read_all(lg_h5 *h5, const char *name, const lg_dataset *d, hid_t memory, bool checked,
+                          void *out, lg_error *error) {
+    return read_part(h5, name, d, memory, H5S_ALL, H5S_ALL, checked, out, error);
+}
+
+static lg_status read_dataset(lg_h5 *h5, const char *name, const lg_dataset *d, lg_element type, void *out,
                               lg_error *error) {
     bool to_float = type == LG_ELEMENT_F64 || type == LG_ELEMENT_F32;
     if (!to_float && H5Tget_class(d->type) != H5T_INTEGER)
-        return format_error(h5, name, "does not hold integers", error);
+        return lg_dataset_error(h5, name, "does not hold integers", error);
     if (d->count == 0) return LG_OK;
-    hid_t transfer = H5Pcreate(H5P_DATASET_XFER);
-    bool read = transfer >= 0 && H5Pset_type_conv_cb(transfer, no_overflow, NULL) >= 0 &&
-                H5Dread(d->set, lg_h5_memory_type(type), H5S_ALL, H5S_ALL, transfer, out) >= 0;
-    if (transfer >= 0) (void)H5Pclose(transfer);
-    return read ? LG_OK
-                : format_error(h5, name, "cannot be read: cut short, damaged, or a number out of range",
-                               error);
+    return read_all(h5, name, d, lg_h5_memory_type(type), true, out, error);
 }
 
 /* "(3, 4)" */
@@ -221,8 +258,8 @@ static void shape_text(char *text, size_t size, uint32_t rank, const uint64_t *d
 lg_status lg_h5_get(lg_h5 *h5, const char *name, lg_element type, uint32_t rank, const uint64_t *dims,
                     void *out, lg_error *error) {
     lg_h5_quiet quiet = lg_quiet_begin();
-    dataset d;
-    lg_status status = open_dataset(h5, name, &d, error);
+    lg_dataset d;
+    lg_status status = open_numbers(h5, name, &d, error);
     if (status == LG_OK) {
         bool same = d.rank == rank;
         for (uint32_t i = 0; same && i < rank; i++) same = d.dims[i] == dims[i];
@@ -236,7 +273,7 @@ lg_status lg_h5_get(lg_h5 *h5, const char *name, lg_element type, uint32_t rank,
             status = read_dataset(h5, name, &d, type, out, error);
         }
     }
-    close_dataset(&d);
+    lg_dataset_close(&d);
     lg_quiet_end(quiet);
     return status;
 }
@@ -259,9 +296,9 @@ lg_status lg_check_finite(const char *path, const char *name, uint32_t rank, con
 lg_status lg_h5_get_doubles(lg_h5 *h5, const char *name, uint32_t rank, uint64_t dims[4], double **out,
                             lg_error *error) {
     lg_h5_quiet quiet = lg_quiet_begin();
-    dataset d;
+    lg_dataset d;
     double *data = NULL;
-    lg_status status = open_dataset(h5, name, &d, error);
+    lg_status status = open_numbers(h5, name, &d, error);
     if (status == LG_OK && d.rank != rank)
         status = lg_fail(error, LG_FORMAT, "%s: /%s: has rank %u, expected %u", lg_shown_path(h5->path), name,
                          d.rank, rank);
@@ -279,8 +316,137 @@ lg_status lg_h5_get_doubles(lg_h5 *h5, const char *name, uint32_t rank, uint64_t
     } else {
         lg_free(h5->context, data);
     }
-    close_dataset(&d);
+    lg_dataset_close(&d);
     lg_quiet_end(quiet);
+    return status;
+}
+
+/* ---- arrays of any type ---- */
+
+static lg_h5_class class_of(hid_t type) {
+    switch (H5Tget_class(type)) {
+    case H5T_INTEGER:
+    case H5T_ENUM:
+        return LG_H5_WHOLE;
+    case H5T_FLOAT:
+        return LG_H5_REAL;
+    case H5T_STRING:
+        return LG_H5_WORDS;
+    default:
+        return LG_H5_OTHER;
+    }
+}
+
+static bool is_wide(hid_t type) {
+    const size_t exact = H5Tget_class(type) == H5T_FLOAT ? sizeof(float) : 3;
+    return H5Tget_size(type) > exact;
+}
+
+lg_status lg_h5_look(lg_h5 *h5, const char *name, size_t bytes, lg_h5_about *out, lg_error *error) {
+    lg_h5_quiet quiet = lg_quiet_begin();
+    lg_dataset d;
+    const lg_status status = lg_dataset_open(h5, name, bytes, &d, error);
+    if (status == LG_OK) {
+        *out = (lg_h5_about){
+            .kind = class_of(d.type), .rank = d.rank, .count = d.count, .wide = is_wide(d.type)};
+        memcpy(out->dims, d.dims, sizeof d.dims);
+    }
+    lg_dataset_close(&d);
+    lg_quiet_end(quiet);
+    return status;
+}
+
+static lg_status get_all(lg_h5 *h5, const char *name, size_t bytes, hid_t memory, bool checked, void *out,
+                         lg_error *error) {
+    lg_h5_quiet quiet = lg_quiet_begin();
+    lg_dataset d;
+    lg_status status = lg_dataset_open(h5, name, bytes, &d, error);
+    if (status == LG_OK && d.count > 0) status = read_all(h5, name, &d, memory, checked, out, error);
+    lg_dataset_close(&d);
+    lg_quiet_end(quiet);
+    return status;
+}
+
+lg_status lg_h5_get_floats(lg_h5 *h5, const char *name, float *out, lg_error *error) {
+    return get_all(h5, name, sizeof *out, H5T_NATIVE_FLOAT, false, out, error);
+}
+
+/* Rows of a block: of a megabyte, but whole chunks where these are not much larger. */
+static hsize_t rows_of_block(const lg_dataset *d) {
+    const uint64_t row = d->count / d->dims[0], megabyte = (1u << 20) / sizeof(double);
+    hsize_t rows = row < megabyte ? megabyte / row : 1, chunk[LG_MAX_RANK] = {0};
+    hid_t plist = H5Dget_create_plist(d->set);
+    if (plist >= 0 && H5Pget_layout(plist) == H5D_CHUNKED &&
+        H5Pget_chunk(plist, LG_MAX_RANK, chunk) == (int)d->rank && chunk[0] > 0 &&
+        chunk[0] <= 64 * megabyte / row)
+        rows = (rows + chunk[0] - 1) / chunk[0] * chunk[0];
+    if (plist >= 0) (void)H5Pclose(plist);
+    return rows < d->dims[0] ? rows : d->dims[0];
+}
+
+static lg_status each_block(lg_h5 *h5, const char *name, const lg_dataset *d, hsize_t rows, double *values,
+                            lg_h5_rows visit, void *user, lg_error *error) {
+    lg_status status = LG_OK;
+    hsize_t start[LG_MAX_RANK] = {0}, extent[LG_MAX_RANK];
+    for (uint32_t i = 0; i < d->rank; i++) extent[i] = d->dims[i];
+    for (hsize_t at = 0; at < d->dims[0] && status == LG_OK; at += rows) {
+        start[0] = at;
+        extent[0] = d->dims[0] - at < rows ? d->dims[0] - at : rows;
+        hid_t part = H5Dget_space(d->set), room = H5Screate_simple((int)d->rank, extent, NULL);
+        status =
+            part >= 0 && room >= 0 &&
+                    H5Sselect_hyperslab(part, H5S_SELECT_SET, start, NULL, extent, NULL) >= 0
+                ? read_part(h5, name, d, H5T_NATIVE_DOUBLE, room, part, false, values, error)
+                : lg_fail(error, LG_OUT_OF_MEMORY, "%s: /%s: out of memory", lg_shown_path(h5->path), name);
+        if (room >= 0) (void)H5Sclose(room);
+        if (part >= 0) (void)H5Sclose(part);
+        if (status == LG_OK) visit(user, at, extent[0], values);
+    }
+    return status;
+}
+
+lg_status lg_h5_each_rows(lg_h5 *h5, const char *name, lg_h5_rows visit, void *user, lg_error *error) {
+    lg_h5_quiet quiet = lg_quiet_begin();
+    lg_dataset d;
+    lg_status status = lg_dataset_open(h5, name, sizeof(float), &d, error);
+    if (status == LG_OK && d.count > 0) {
+        const hsize_t rows = rows_of_block(&d);
+        double *values = lg_alloc(h5->context, (size_t)(rows * (d.count / d.dims[0])), sizeof *values);
+        status = values != NULL ? each_block(h5, name, &d, rows, values, visit, user, error)
+                                : lg_fail(error, LG_OUT_OF_MEMORY, "%s: /%s: out of memory",
+                                          lg_shown_path(h5->path), name);
+        lg_free(h5->context, values);
+    }
+    lg_dataset_close(&d);
+    lg_quiet_end(quiet);
+    return status;
+}
+
+/* An integer that a double holds exactly: false for fractions, NaN and anything above 2^53. */
+static bool is_whole(double x) {
+    return fabs(x) <= 0x1p53 && floor(x) == x;
+}
+
+static lg_status not_whole(const lg_h5 *h5, const char *name, double value, uint64_t at, lg_error *error) {
+    return lg_fail(error, isfinite(value) ? LG_FORMAT : LG_NOT_FINITE,
+                   "%s: /%s: %.17g at index (%llu) is not a whole number", lg_shown_path(h5->path), name,
+                   value, (unsigned long long)at);
+}
+
+lg_status lg_h5_get_wholes(lg_h5 *h5, const char *name, const lg_h5_about *about, int64_t *out,
+                           lg_error *error) {
+    if (about->kind == LG_H5_WHOLE) return get_all(h5, name, sizeof *out, H5T_NATIVE_INT64, true, out, error);
+    double *values = lg_alloc(h5->context, (size_t)about->count, sizeof *values);
+    if (values == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: /%s: out of memory", lg_shown_path(h5->path), name);
+    lg_status status = get_all(h5, name, sizeof *values, H5T_NATIVE_DOUBLE, true, values, error);
+    for (uint64_t i = 0; i < about->count && status == LG_OK; i++) {
+        if (is_whole(values[i]))
+            out[i] = (int64_t)values[i];
+        else
+            status = not_whole(h5, name, values[i], i, error);
+    }
+    lg_free(h5->context, values);
     return status;
 }
 
@@ -305,7 +471,7 @@ static lg_status open_attribute(lg_h5 *h5, const char *object, const char *name,
                                 lg_error *error) {
     *a = (attribute){.attribute = H5I_INVALID_HID, .type = H5I_INVALID_HID};
     const char *at = *object == '\0' ? "/" : object;
-    if ((*object != '\0' && !path_exists(h5, object)) ||
+    if ((*object != '\0' && !lg_path_exists(h5, object)) ||
         H5Aexists_by_name(h5->file, at, name, h5->links) <= 0)
         return attribute_error(h5, object, name, LG_NOT_FOUND, "is missing", error);
     a->attribute = H5Aopen_by_name(h5->file, at, name, H5P_DEFAULT, h5->links);
@@ -361,11 +527,6 @@ lg_status lg_h5_text(lg_h5 *h5, const char *object, const char *name, char *out,
     return status;
 }
 
-/* An integer that a double holds exactly: false for fractions, NaN and anything above 2^53. */
-static bool is_whole(double x) {
-    return fabs(x) <= 0x1p53 && floor(x) == x;
-}
-
 lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_element type, void *out,
                        lg_error *error) {
     lg_h5_quiet quiet = lg_quiet_begin();
@@ -413,7 +574,7 @@ typedef struct sweep {
 
 static herr_t sweep_attribute(hid_t location, const char *name, const H5A_info_t *info, void *user) {
     (void)info, (void)user;
-    unsigned char small[256];
+    unsigned char small[LG_H5_TEXT];
     hid_t attribute_id = H5Aopen(location, name, H5P_DEFAULT);
     if (attribute_id < 0) return -1;
     hid_t type = H5Aget_type(attribute_id);
@@ -432,16 +593,16 @@ static herr_t sweep_object(hid_t root, const char *name, const H5O_info_t *info,
     if (object < 0) return 0;
     (void)H5Aiterate2(object, H5_INDEX_NAME, H5_ITER_NATIVE, NULL, sweep_attribute, s);
     (void)H5Oclose(object);
-    dataset d = {.set = H5I_INVALID_HID, .type = H5I_INVALID_HID};
+    lg_dataset d = {.set = H5I_INVALID_HID, .type = H5I_INVALID_HID};
     /* Foreign types are left alone; numbers must be readable. */
-    if (info->type == H5O_TYPE_DATASET && open_dataset(s->h5, name, &d, NULL) == LG_OK) {
+    if (info->type == H5O_TYPE_DATASET && open_numbers(s->h5, name, &d, NULL) == LG_OK) {
         double *data = lg_alloc(s->h5->context, (size_t)d.count, sizeof *data);
         s->status = data == NULL ? lg_fail(s->error, LG_OUT_OF_MEMORY, "%s: /%s: out of memory",
                                            lg_shown_path(s->h5->path), name)
                                  : read_dataset(s->h5, name, &d, LG_ELEMENT_F64, data, s->error);
         lg_free(s->h5->context, data);
     }
-    close_dataset(&d);
+    lg_dataset_close(&d);
     return s->status == LG_OK ? 0 : 1;
 }
 

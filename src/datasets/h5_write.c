@@ -111,14 +111,13 @@ static hid_t intermediate(void) {
     return list;
 }
 
-static hid_t create_dataset(lg_h5 *h5, const char *name, lg_element type, uint32_t rank,
-                            const uint64_t *dims) {
+static hid_t create_dataset(lg_h5 *h5, const char *name, hid_t type, uint32_t rank, const uint64_t *dims) {
     hsize_t extent[LG_MAX_RANK];
     for (uint32_t i = 0; i < rank; i++) extent[i] = dims[i];
     hid_t space = rank == 0 ? H5Screate(H5S_SCALAR) : H5Screate_simple((int)rank, extent, NULL);
     hid_t links = intermediate(), create = H5Pcreate(H5P_DATASET_CREATE), set = H5I_INVALID_HID;
     if (space >= 0 && links >= 0 && create >= 0 && H5Pset_obj_track_times(create, false) >= 0)
-        set = H5Dcreate2(h5->file, name, file_type(type), space, links, create, H5P_DEFAULT);
+        set = H5Dcreate2(h5->file, name, type, space, links, create, H5P_DEFAULT);
     if (space >= 0) (void)H5Sclose(space);
     if (links >= 0) (void)H5Pclose(links);
     if (create >= 0) (void)H5Pclose(create);
@@ -133,10 +132,32 @@ lg_status lg_h5_put(lg_h5 *h5, const char *name, lg_element type, uint32_t rank,
     uint64_t count = 1;
     for (uint32_t i = 0; i < rank; i++) count *= dims[i];
     lg_h5_quiet quiet = lg_quiet_begin();
-    hid_t set = create_dataset(h5, name, type, rank, dims);
+    hid_t set = create_dataset(h5, name, file_type(type), rank, dims);
     bool stored = set >= 0 && (count == 0 || H5Dwrite(set, lg_h5_memory_type(type), H5S_ALL, H5S_ALL,
                                                       H5P_DEFAULT, data) >= 0);
     if (set >= 0) (void)H5Dclose(set);
+    lg_quiet_end(quiet);
+    return stored ? LG_OK : not_stored(h5, name, "", error);
+}
+
+/* A fixed-length UTF-8 type. */
+static hid_t text_type(size_t bytes, H5T_str_t padding) {
+    hid_t type = H5Tcopy(H5T_C_S1);
+    if (type < 0 || (H5Tset_size(type, bytes) >= 0 && H5Tset_cset(type, H5T_CSET_UTF8) >= 0 &&
+                     H5Tset_strpad(type, padding) >= 0))
+        return type;
+    (void)H5Tclose(type);
+    return H5I_INVALID_HID;
+}
+
+lg_status lg_h5_put_texts(lg_h5 *h5, const char *name, const char *texts, size_t size, uint64_t count,
+                          lg_error *error) {
+    lg_h5_quiet quiet = lg_quiet_begin();
+    hid_t type = text_type(size, H5T_STR_NULLTERM);
+    hid_t set = type >= 0 ? create_dataset(h5, name, type, 1, &count) : H5I_INVALID_HID;
+    const bool stored = set >= 0 && H5Dwrite(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, texts) >= 0;
+    if (set >= 0) (void)H5Dclose(set);
+    if (type >= 0) (void)H5Tclose(type);
     lg_quiet_end(quiet);
     return stored ? LG_OK : not_stored(h5, name, "", error);
 }
@@ -173,11 +194,9 @@ lg_status lg_h5_put_text(lg_h5 *h5, const char *object, const char *name, const 
     char padded[LG_H5_TEXT] = {0};
     memcpy(padded, value, length);
     lg_h5_quiet quiet = lg_quiet_begin();
-    hid_t type = H5Tcopy(H5T_C_S1);
-    bool made = type >= 0 && H5Tset_size(type, length == 0 ? 1 : length) >= 0 &&
-                H5Tset_cset(type, H5T_CSET_UTF8) >= 0 && H5Tset_strpad(type, H5T_STR_NULLPAD) >= 0;
-    lg_status status = made ? put_attribute(h5, object, name, type, type, padded, error)
-                            : not_stored(h5, object, name, error);
+    hid_t type = text_type(length == 0 ? 1 : length, H5T_STR_NULLPAD);
+    lg_status status = type >= 0 ? put_attribute(h5, object, name, type, type, padded, error)
+                                 : not_stored(h5, object, name, error);
     if (type >= 0) (void)H5Tclose(type);
     lg_quiet_end(quiet);
     return status;

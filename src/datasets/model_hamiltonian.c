@@ -190,10 +190,6 @@ static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
     return lg_model_get_number(h5, "E2", &file->has_e2, &file->e2, error);
 }
 
-static void release(const lg_context *context, void *file) {
-    lg_hamiltonian_file_free(context, file);
-}
-
 void lg_hamiltonian_file_free(const lg_context *context, lg_hamiltonian_file *file) {
     if (file == NULL) return;
     lg_free(context, file->theta);
@@ -205,53 +201,4 @@ void lg_hamiltonian_file_free(const lg_context *context, lg_hamiltonian_file *fi
 
 /* ---- outside ---- */
 
-static const lg_model_kind hamiltonian = {.name = "hamiltonian",
-                                          .checkpoint = "checkpoint",
-                                          .rows = rows,
-                                          .row_count = LG_COUNT(rows),
-                                          .run_size = sizeof(lg_hamiltonian_run),
-                                          .training = offsetof(lg_hamiltonian_run, training),
-                                          .defaults = &defaults,
-                                          .build = build,
-                                          .check = check,
-                                          .describe = describe,
-                                          .parameters = parameters,
-                                          .slice = slice,
-                                          LG_MODEL_FILE(lg_hamiltonian_file),
-                                          .put_rest = put_rest,
-                                          .get_rest = get_rest,
-                                          .release = release};
-
-lg_status lg_model_save_hamiltonian(const lg_context *context, const char *path,
-                                    const lg_hamiltonian_file *file, const lg_fit *fit, lg_error *error) {
-    return lg_model_save(context, path, &hamiltonian, file, fit, error);
-}
-
-lg_status lg_model_load_hamiltonian(const lg_context *context, const char *path,
-                                    const lg_read_options *options, lg_hamiltonian_file *out,
-                                    lg_error *error) {
-    if (path == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a model file needs a name");
-    lg_hamiltonian_file made = {.parameters = 0};
-    LG_TRY(lg_model_load(context, path, options, &hamiltonian, &made, error));
-    *out = made;
-    return LG_OK;
-}
-
-lg_status lg_checkpoint_create(const lg_context *context, const char *path, const lg_hamiltonian_run *run,
-                               const lg_provenance *provenance, lg_file_writer **out, lg_error *error) {
-    return lg_run_checkpoint_create(context, path, &hamiltonian, run, provenance, out, error);
-}
-
-lg_status lg_checkpoint_open(const lg_context *context, const char *path, const lg_read_options *options,
-                             lg_hamiltonian_run *run, lg_file_reader **out, lg_error *error) {
-    lg_hamiltonian_run got;
-    LG_TRY(
-        lg_run_checkpoint_open(context, path, options, &hamiltonian, &got, run != NULL ? out : NULL, error));
-    *run = got;
-    return LG_OK;
-}
-
-lg_status lg_hamiltonian_run_compare(const char *path, const lg_hamiltonian_run *stored,
-                                     const lg_hamiltonian_run *wanted, lg_error *error) {
-    return lg_run_compare(path, &hamiltonian, stored, wanted, error);
-}
+LG_MODEL_KIND(hamiltonian, "checkpoint", lg_checkpoint)

@@ -124,10 +124,6 @@ static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
     return lg_model_get_number(h5, "test_mse", &tested, &file->test_mse, error);
 }
 
-static void release(const lg_context *context, void *file) {
-    lg_surrogate_file_free(context, file);
-}
-
 void lg_surrogate_file_free(const lg_context *context, lg_surrogate_file *file) {
     if (file == NULL) return;
     lg_free(context, file->theta);
@@ -138,53 +134,4 @@ void lg_surrogate_file_free(const lg_context *context, lg_surrogate_file *file) 
 
 /* ---- outside ---- */
 
-static const lg_model_kind surrogate = {.name = "surrogate",
-                                        .checkpoint = "surrogate-checkpoint",
-                                        .rows = rows,
-                                        .row_count = LG_COUNT(rows),
-                                        .run_size = sizeof(lg_surrogate_run),
-                                        .training = offsetof(lg_surrogate_run, training),
-                                        .defaults = &defaults,
-                                        .build = build,
-                                        .check = check,
-                                        .describe = describe,
-                                        .parameters = parameters,
-                                        .slice = slice,
-                                        LG_MODEL_FILE(lg_surrogate_file),
-                                        .put_rest = put_rest,
-                                        .get_rest = get_rest,
-                                        .release = release};
-
-lg_status lg_model_save_surrogate(const lg_context *context, const char *path, const lg_surrogate_file *file,
-                                  const lg_fit *fit, lg_error *error) {
-    return lg_model_save(context, path, &surrogate, file, fit, error);
-}
-
-lg_status lg_model_load_surrogate(const lg_context *context, const char *path, const lg_read_options *options,
-                                  lg_surrogate_file *out, lg_error *error) {
-    if (path == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a model file needs a name");
-    lg_surrogate_file made = {.parameters = 0};
-    LG_TRY(lg_model_load(context, path, options, &surrogate, &made, error));
-    *out = made;
-    return LG_OK;
-}
-
-lg_status lg_surrogate_checkpoint_create(const lg_context *context, const char *path,
-                                         const lg_surrogate_run *run, const lg_provenance *provenance,
-                                         lg_file_writer **out, lg_error *error) {
-    return lg_run_checkpoint_create(context, path, &surrogate, run, provenance, out, error);
-}
-
-lg_status lg_surrogate_checkpoint_open(const lg_context *context, const char *path,
-                                       const lg_read_options *options, lg_surrogate_run *run,
-                                       lg_file_reader **out, lg_error *error) {
-    lg_surrogate_run got;
-    LG_TRY(lg_run_checkpoint_open(context, path, options, &surrogate, &got, run != NULL ? out : NULL, error));
-    *run = got;
-    return LG_OK;
-}
-
-lg_status lg_surrogate_run_compare(const char *path, const lg_surrogate_run *stored,
-                                   const lg_surrogate_run *wanted, lg_error *error) {
-    return lg_run_compare(path, &surrogate, stored, wanted, error);
-}
+LG_MODEL_KIND(surrogate, "surrogate-checkpoint", lg_surrogate_checkpoint)

@@ -25,6 +25,18 @@ const char *lg_name_net(uint32_t value) {
     return value < LG_NET_KIND_COUNT ? lg_net_kind_name((lg_net_kind)value) : NULL;
 }
 
+const char *lg_name_split(uint32_t value) {
+    return value < LG_SPLIT_COUNT ? lg_split_name((lg_split)value) : NULL;
+}
+
+const char *lg_name_detector_loss(uint32_t value) {
+    return value < LG_DETECTOR_LOSS_COUNT ? lg_detector_loss_name((lg_detector_loss)value) : NULL;
+}
+
+const char *lg_name_pooling(uint32_t value) {
+    return value < LG_POOLING_COUNT ? lg_pooling_name((lg_pooling)value) : NULL;
+}
+
 #define NAMES(what, ...)                                                                                     \
     const char *lg_name_##what(uint32_t value) {                                                             \
         static const char *const names[] = {__VA_ARGS__};                                                    \

@@ -15,6 +15,9 @@ const char *lg_name_noise(uint32_t value);
 const char *lg_name_schedule(uint32_t value);
 const char *lg_name_surrogate(uint32_t value);
 const char *lg_name_net(uint32_t value);
+const char *lg_name_split(uint32_t value);
+const char *lg_name_detector_loss(uint32_t value);
+const char *lg_name_pooling(uint32_t value);
 const char *lg_name_values(uint32_t value); /* of curves: 0 discrete, 1 continuous */
 
 /* The systems whose family and size are known. */
@@ -36,7 +39,9 @@ void lg_layout_text(lg_hamiltonian_family family, uint32_t links, char text[LG_L
 /* A missing key is a matter of format: LG_NOT_FOUND becomes LG_FORMAT, here and in `error` (may be NULL). */
 lg_status lg_missing_is_format(lg_status status, lg_error *error);
 
-/* Adds them as little-endian doubles. */
+/* Adds them as little-endian doubles, or numbers of four bytes. */
 void lg_sha256_add_doubles(lg_sha256 *state, const double *values, size_t count);
+void lg_sha256_add_floats(lg_sha256 *state, const float *values, size_t count);
+void lg_sha256_add_u32(lg_sha256 *state, const uint32_t *values, size_t count);
 
 #endif

@@ -36,7 +36,7 @@ typedef struct lg_row {
         .group = group_, .name = name_, .type = LG_ROW_##type_, .offset = offsetof(struct_, member),         \
         .size = sizeof(((struct_ *)0)->member), __VA_ARGS__                                                  \
     }
-#define LG_ROW_TEXT_SIZE 256 /* of a value as it stands in a sentence */
+#define LG_ROW_TEXT_SIZE 1024 /* of a value as it stands in a sentence */
 
 typedef struct lg_model_kind {
     const char *name;       /* attribute `kind` of a model, */
@@ -59,12 +59,6 @@ typedef struct lg_model_kind {
     lg_status (*get_rest)(lg_h5 *h5, void *file, lg_error *error);
     void (*release)(const lg_context *context, void *file);
 } lg_model_kind;
-
-/* Offsets of the members that every file structure names alike. */
-#define LG_MODEL_FILE(type)                                                                                  \
-    .file_run = offsetof(type, run), .file_parameters = offsetof(type, parameters),                          \
-    .file_theta = offsetof(type, theta), .file_epochs = offsetof(type, epochs_done),                         \
-    .file_history = offsetof(type, history), .file_provenance = offsetof(type, provenance)
 
 /* ---- runs (run.c) ---- */
 
@@ -95,5 +89,73 @@ lg_status lg_as_format(lg_status status, lg_error *error);
 /* An optional, finite number of the root. */
 lg_status lg_model_get_number(lg_h5 *h5, const char *name, bool *has, double *value, lg_error *error);
 void lg_history_free(const lg_context *context, double *history[LG_FIT_SERIES_COUNT]);
+
+/* ---- a kind and its public functions ---- */
+
+/* Defines, in a file that has rows, defaults, build, check, describe, parameters, slice, put_rest and
+ * get_rest of a kind: the table `kind` and the functions of io.h that take its structures lg_kind_file and
+ * lg_kind_run: lg_model_save_kind, lg_model_load_kind, checkpoint_create, checkpoint_open,
+ * lg_kind_run_compare. Every file structure names the members alike that all kinds have; lg_kind_file_free is
+ * the kind's own. */
+#define LG_MODEL_KIND(kind, checkpoint_name, checkpoint_)                                                    \
+    static void release(const lg_context *context, void *file) {                                             \
+        lg_##kind##_file_free(context, file);                                                                \
+    }                                                                                                        \
+    static const lg_model_kind kind = {.name = #kind,                                                        \
+                                       .checkpoint = checkpoint_name,                                        \
+                                       .rows = rows,                                                         \
+                                       .row_count = LG_COUNT(rows),                                          \
+                                       .run_size = sizeof(lg_##kind##_run),                                  \
+                                       .training = offsetof(lg_##kind##_run, training),                      \
+                                       .defaults = &defaults,                                                \
+                                       .build = build,                                                       \
+                                       .check = check,                                                       \
+                                       .describe = describe,                                                 \
+                                       .parameters = parameters,                                             \
+                                       .slice = slice,                                                       \
+                                       .file_run = offsetof(lg_##kind##_file, run),                          \
+                                       .file_parameters = offsetof(lg_##kind##_file, parameters),            \
+                                       .file_theta = offsetof(lg_##kind##_file, theta),                      \
+                                       .file_epochs = offsetof(lg_##kind##_file, epochs_done),               \
+                                       .file_history = offsetof(lg_##kind##_file, history),                  \
+                                       .file_provenance = offsetof(lg_##kind##_file, provenance),            \
+                                       .put_rest = put_rest,                                                 \
+                                       .get_rest = get_rest,                                                 \
+                                       .release = release};                                                  \
+                                                                                                             \
+    lg_status lg_model_save_##kind(const lg_context *context, const char *path,                              \
+                                   const lg_##kind##_file *file, const lg_fit *fit, lg_error *error) {       \
+        return lg_model_save(context, path, &kind, file, fit, error);                                        \
+    }                                                                                                        \
+                                                                                                             \
+    lg_status lg_model_load_##kind(const lg_context *context, const char *path,                              \
+                                   const lg_read_options *options, lg_##kind##_file *out, lg_error *error) { \
+        if (path == NULL || out == NULL)                                                                     \
+            return lg_fail(error, LG_INVALID_ARGUMENT, "a model file needs a name");                         \
+        lg_##kind##_file made = {.parameters = 0};                                                           \
+        LG_TRY(lg_model_load(context, path, options, &kind, &made, error));                                  \
+        *out = made;                                                                                         \
+        return LG_OK;                                                                                        \
+    }                                                                                                        \
+                                                                                                             \
+    lg_status checkpoint_##_create(const lg_context *context, const char *path, const lg_##kind##_run *run,  \
+                                   const lg_provenance *provenance, lg_file_writer **out, lg_error *error) { \
+        return lg_run_checkpoint_create(context, path, &kind, run, provenance, out, error);                  \
+    }                                                                                                        \
+                                                                                                             \
+    lg_status checkpoint_##_open(const lg_context *context, const char *path,                                \
+                                 const lg_read_options *options, lg_##kind##_run *run, lg_file_reader **out, \
+                                 lg_error *error) {                                                          \
+        lg_##kind##_run got;                                                                                 \
+        LG_TRY(                                                                                              \
+            lg_run_checkpoint_open(context, path, options, &kind, &got, run != NULL ? out : NULL, error));   \
+        *run = got;                                                                                          \
+        return LG_OK;                                                                                        \
+    }                                                                                                        \
+                                                                                                             \
+    lg_status lg_##kind##_run_compare(const char *path, const lg_##kind##_run *stored,                       \
+                                      const lg_##kind##_run *wanted, lg_error *error) {                      \
+        return lg_run_compare(path, &kind, stored, wanted, error);                                           \
+    }
 
 #endif

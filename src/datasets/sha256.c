@@ -90,3 +90,25 @@ void lg_sha256_add_doubles(lg_sha256 *state, const double *values, size_t count)
         i += part;
     }
 }
+
+static void add_words(lg_sha256 *state, const unsigned char *values, size_t count) {
+    unsigned char bytes[4 * 1024];
+    for (size_t i = 0; i < count;) {
+        const size_t part = count - i < 1024 ? count - i : 1024;
+        for (size_t j = 0; j < part; j++) {
+            uint32_t bits;
+            memcpy(&bits, values + 4 * (i + j), sizeof bits);
+            for (int b = 0; b < 4; b++) bytes[4 * j + (size_t)b] = (unsigned char)(bits >> (8 * b));
+        }
+        lg_sha256_add(state, bytes, 4 * part);
+        i += part;
+    }
+}
+
+void lg_sha256_add_floats(lg_sha256 *state, const float *values, size_t count) {
+    add_words(state, (const unsigned char *)values, count);
+}
+
+void lg_sha256_add_u32(lg_sha256 *state, const uint32_t *values, size_t count) {
+    add_words(state, (const unsigned char *)values, count);
+}

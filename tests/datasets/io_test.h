@@ -224,6 +224,81 @@ static inline void replace_integer(const char *path, const char *object, const c
     replace_attribute(path, object, name, H5T_STD_I64LE, H5T_NATIVE_INT64, &value);
 }
 
+/* ---- tables of bad input: each case in a fresh copy of a good file ---- */
+
+typedef const char *(*fresh_fn)(void);
+
+typedef struct bad_array {
+    const char *name;
+    int rank;
+    hsize_t dims[4];
+    double value; /* everywhere */
+    lg_status status;
+    const char *word;
+} bad_array;
+
+/* `named`: the sentence holds the array's name too. */
+static inline void refuse_arrays(read_fn reader, fresh_fn fresh, bool named, const bad_array *cases,
+                                 size_t count) {
+    for (size_t i = 0; i < count; i++) {
+        const bad_array *c = &cases[i];
+        const char *path = fresh();
+        double data[256];
+        for (size_t j = 0; j < LG_COUNT(data); j++) data[j] = c->value;
+        replace_dataset(path, c->name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, c->rank, c->dims, data);
+        assert_refused(reader, path, c->status, named ? c->name : "", c->word);
+    }
+}
+
+static inline void refuse_without_links(read_fn reader, fresh_fn fresh, const char *word,
+                                        const char *const *links, size_t count) {
+    for (size_t i = 0; i < count; i++) {
+        const char *path = fresh();
+        delete_link(path, links[i]);
+        assert_refused(reader, path, LG_FORMAT, links[i], word);
+    }
+}
+
+typedef struct bad_value {
+    const char *object, *name, *text; /* text NULL: deleted */
+    const char *word;
+} bad_value;
+
+static inline void refuse_texts(read_fn reader, fresh_fn fresh, const bad_value *cases, size_t count) {
+    for (size_t i = 0; i < count; i++) {
+        const bad_value *c = &cases[i];
+        const char *path = fresh();
+        delete_attribute(path, c->object, c->name);
+        if (c->text != NULL) replace_text(path, c->object, c->name, c->text);
+        assert_refused(reader, path, LG_FORMAT, c->name, c->word);
+    }
+}
+
+typedef struct bad_integer {
+    const char *object, *name;
+    int64_t value;
+    const char *word;
+} bad_integer;
+
+static inline void refuse_integers(read_fn reader, fresh_fn fresh, const bad_integer *cases, size_t count) {
+    for (size_t i = 0; i < count; i++) {
+        const char *path = fresh();
+        replace_integer(path, cases[i].object, cases[i].name, cases[i].value);
+        assert_refused(reader, path, LG_FORMAT, cases[i].word, "");
+    }
+}
+
+/* Attributes {object, name} that are NaN. */
+static inline void refuse_nans(read_fn reader, fresh_fn fresh, const char *word,
+                               const char *const (*names)[2], size_t count) {
+    for (size_t i = 0; i < count; i++) {
+        const double nan_value = NAN;
+        const char *path = fresh();
+        replace_attribute(path, names[i][0], names[i][1], H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, &nan_value);
+        assert_refused(reader, path, LG_NOT_FINITE, names[i][1], word);
+    }
+}
+
 /* HDF5 identifiers that are open. */
 static inline hsize_t open_identifiers(void) {
     static const H5I_type_t types[] = {H5I_FILE,    H5I_GROUP, H5I_DATATYPE,   H5I_DATASPACE,
@@ -288,6 +363,30 @@ fail_every_allocation(lg_status (*act)(const lg_context *context, void *user, lg
     }
     fail_msg("never succeeds");
     return 0;
+}
+
+/* Readers in this process: a probe allocates in another. */
+static inline lg_read_options without_probe(void) {
+    lg_read_options options;
+    lg_read_options_init(&options);
+    options.probe = false;
+    return options;
+}
+
+typedef struct reading {
+    read_fn reader;
+    const char *path;
+} reading;
+
+static inline lg_status reading_step(const lg_context *context, void *user, lg_error *error) {
+    const reading *r = user;
+    const lg_read_options options = without_probe();
+    return r->reader(context, r->path, &options, error);
+}
+
+static inline size_t fail_every_reading(read_fn reader, const char *path) {
+    reading r = {reader, path};
+    return fail_every_allocation(reading_step, &r);
 }
 
 #endif

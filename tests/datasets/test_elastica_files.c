@@ -263,15 +263,6 @@ static void damaged_files(void **state) {
     lg_elastica_data_free(NULL, &data);
 }
 
-typedef struct bad_array {
-    const char *name;
-    int rank;
-    hsize_t dims[3];
-    double value; /* everywhere */
-    lg_status status;
-    const char *word;
-} bad_array;
-
 static void bad_arrays(void **state) {
     (void)state;
     static const bad_array cases[] = {
@@ -301,20 +292,9 @@ static void bad_arrays(void **state) {
         {"case", 1, {6}, -1, LG_FORMAT, "is -1"},
         {"case", 1, {6}, NAN, LG_NOT_FINITE, "(0)"},
     };
-    for (size_t i = 0; i < LG_COUNT(cases); i++) {
-        const bad_array *c = &cases[i];
-        const char *path = good_file();
-        double data[256];
-        for (size_t j = 0; j < LG_COUNT(data); j++) data[j] = c->value;
-        replace_dataset(path, c->name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, c->rank, c->dims, data);
-        assert_refused(read_data, path, c->status, c->name, c->word);
-    }
+    refuse_arrays(read_data, good_file, true, cases, LG_COUNT(cases));
     static const char *const needed[] = {"boundary", "q", "v"};
-    for (size_t i = 0; i < LG_COUNT(needed); i++) {
-        const char *path = good_file();
-        delete_link(path, needed[i]);
-        assert_refused(read_data, path, LG_FORMAT, needed[i], "");
-    }
+    refuse_without_links(read_data, good_file, "", needed, LG_COUNT(needed));
 }
 
 /* Sizes that nobody has memory for, without a byte behind them. */
@@ -420,13 +400,6 @@ static void refused_on_write(void **state) {
 
 /* ---- memory ---- */
 
-static lg_status read_step(const lg_context *context, void *user, lg_error *error) {
-    lg_read_options options;
-    lg_read_options_init(&options);
-    options.probe = false;
-    return read_data(context, user, &options, error);
-}
-
 static lg_status write_step(const lg_context *context, void *user, lg_error *error) {
     lg_elastica_data data;
     make_curves(3.3, INTERVALS, CURVES, true, &data);
@@ -438,10 +411,10 @@ static lg_status write_step(const lg_context *context, void *user, lg_error *err
 static void failing_allocations(void **state) {
     (void)state;
     const char *path = good_file();
-    assert_true(fail_every_allocation(read_step, (void *)path) >= 7);
+    assert_true(fail_every_reading(read_data, path) >= 7);
     assert_true(fail_every_allocation(write_step, (void *)path) >= 4);
     delete_attribute(path, "/", "length");
-    assert_true(fail_every_allocation(read_step, (void *)path) >= 8);
+    assert_true(fail_every_reading(read_data, path) >= 8);
 }
 
 int main(void) {

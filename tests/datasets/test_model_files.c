@@ -1,5 +1,9 @@
 /* Models and checkpoints: round trip, the matrix of bad input. */
-#include "io_test.h"
+#define MODEL_KIND       hamiltonian
+#define MODEL_CHECKPOINT lg_checkpoint
+#define MODEL_BAD        0
+#define MODEL_SINGLE     2
+#include "model_file_checks.h"
 
 static const uint32_t hidden[] = {4, 3};
 
@@ -17,7 +21,8 @@ static const example examples[] = {
     {LG_HAMILTONIAN_SEPARABLE, 3, LG_POTENTIAL_LINEAR, LG_F64},
 };
 
-static lg_hamiltonian_run make_run(const example *e) {
+static lg_hamiltonian_run make_run(size_t which) {
+    const example *e = &examples[which];
     lg_hamiltonian_run run = {.integrator =
                                   e->family == LG_HAMILTONIAN_CHAIN ? LG_TRAIN_CF4 : LG_TRAIN_STORMER_VERLET,
                               .substeps = 2,
@@ -46,20 +51,11 @@ static lg_hamiltonian_run make_run(const example *e) {
     return run;
 }
 
-static double *numbers(size_t count, lg_rng *rng, bool positive, lg_dtype dtype) {
-    double *out = lg_alloc(NULL, count, sizeof *out);
-    assert_non_null(out);
-    for (size_t i = 0; i < count; i++) {
-        out[i] = positive ? lg_rng_uniform(rng) : lg_rng_normal(rng);
-        if (dtype == LG_F32) out[i] = (float)out[i];
-    }
-    return out;
-}
-
-static void make_model(const example *e, lg_hamiltonian_file *file) {
+static void make_model(size_t which, lg_hamiltonian_file *file) {
+    const example *e = &examples[which];
     lg_rng rng;
     lg_rng_seed(&rng, 3, 4);
-    *file = (lg_hamiltonian_file){.run = make_run(e),
+    *file = (lg_hamiltonian_file){.run = make_run(which),
                                   .adam_step = 700,
                                   .has_rng = true,
                                   .rng = rng,
@@ -67,29 +63,13 @@ static void make_model(const example *e, lg_hamiltonian_file *file) {
                                   .has_e1 = true,
                                   .e1 = 1.7e-7};
     size_t n = file->parameters = lg_hamiltonian_parameters(&file->run.model);
-    file->theta = numbers(n, &rng, false, e->dtype);
-    file->adam_m = numbers(n, &rng, false, LG_F64);
-    file->adam_v = numbers(n, &rng, true, LG_F64);
-    for (int i = 0; i < LG_FIT_SERIES_COUNT; i++) file->history[i] = numbers(6, &rng, true, LG_F64);
+    file->theta = numbers(n, &rng, e->dtype);
+    file->adam_m = numbers(n, &rng, LG_F64);
+    file->adam_v = numbers(n, &rng, LG_F64);
+    for (size_t i = 0; i < n; i++) file->adam_v[i] = fabs(file->adam_v[i]);
+    for (int i = 0; i < LG_FIT_SERIES_COUNT; i++) file->history[i] = numbers(6, &rng, LG_F64);
     for (int i = 0; i < 6; i++) file->history[LG_FIT_VALIDATION][i] = NAN;
     (void)snprintf(file->provenance.cpu, sizeof file->provenance.cpu, "kernels baseline");
-}
-
-static const char *good_model(size_t which) {
-    lg_hamiltonian_file file;
-    const char *path = scratch_path("model.h5");
-    make_model(&examples[which], &file);
-    assert_ok(lg_model_save_hamiltonian(NULL, path, &file, NULL, NULL));
-    lg_hamiltonian_file_free(NULL, &file);
-    return path;
-}
-
-static lg_status read_model(const lg_context *context, const char *path, const lg_read_options *options,
-                            lg_error *error) {
-    lg_hamiltonian_file file;
-    lg_status status = lg_model_load_hamiltonian(context, path, options, &file, error);
-    if (status == LG_OK) lg_hamiltonian_file_free(context, &file);
-    return status;
 }
 
 static void model_round_trip(void **state) {
@@ -97,7 +77,7 @@ static void model_round_trip(void **state) {
     for (size_t e = 0; e < LG_COUNT(examples); e++) {
         lg_hamiltonian_file file, again;
         const char *path = scratch_path("round.h5"), *second = scratch_path("round2.h5");
-        make_model(&examples[e], &file);
+        make_model(e, &file);
         assert_ok(lg_model_save_hamiltonian(NULL, path, &file, NULL, NULL));
         assert_ok(lg_model_load_hamiltonian(NULL, path, NULL, &again, NULL));
         assert_ok(lg_hamiltonian_run_compare(path, &again.run, &file.run, NULL));
@@ -128,7 +108,7 @@ static void layers_by_name(void **state) {
     lg_h5 *h5;
     const char *path = good_model(0);
     double weight[6 * 4], bias[4], last[3], gamma_[4], b[2];
-    make_model(&examples[0], &file);
+    make_model(0, &file);
     assert_ok(lg_h5_open(NULL, path, NULL, &h5, NULL));
     assert_ok(lg_h5_get(h5, "model/potential/layer1/weight", LG_ELEMENT_F64, 2, (const uint64_t[]){6, 4},
                         weight, NULL));
@@ -172,15 +152,6 @@ static void damaged_models(void **state) {
     survive_changed_bytes(read_model, good_model(0), 300);
 }
 
-typedef struct bad_array {
-    const char *name;
-    int rank;
-    hsize_t dims[2];
-    double value; /* everywhere */
-    lg_status status;
-    const char *word;
-} bad_array;
-
 static void bad_arrays(void **state) {
     (void)state;
     static const bad_array cases[] = {
@@ -201,37 +172,22 @@ static void bad_arrays(void **state) {
         {"train/history/rate", 1, {7}, 1, LG_FORMAT, "epoch"},
         {"train/history/loss", 2, {6, 1}, 1, LG_FORMAT, "epoch"},
     };
-    for (size_t i = 0; i < LG_COUNT(cases); i++) {
-        const bad_array *c = &cases[i];
-        const char *path = good_model(0);
-        double data[64];
-        for (size_t j = 0; j < LG_COUNT(data); j++) data[j] = c->value;
-        replace_dataset(path, c->name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, c->rank, c->dims, data);
-        assert_refused(read_model, path, c->status, c->name, c->word);
-    }
+    refuse_arrays(read_model, fresh_model, true, cases, LG_COUNT(cases));
     static const char *const needed[] = {"model",
-                                         "model/potential",
                                          "model/potential/layer2/weight",
                                          "model/potential/layer2/bias",
                                          "model/mass/gamma",
                                          "model/mass/b",
                                          "optimizer/adam/v"};
-    for (size_t i = 0; i < LG_COUNT(needed); i++) {
-        const char *path = good_model(0);
-        delete_link(path, needed[i]);
-        assert_refused(read_model, path, LG_FORMAT,
-                       strcmp(needed[i], "model/potential") == 0 ? "layer1" : needed[i], "");
-    }
+    refuse_without_links(read_model, fresh_model, "", needed, LG_COUNT(needed));
+    const char *path = good_model(0);
+    delete_link(path, "model/potential");
+    assert_refused(read_model, path, LG_FORMAT, "layer1", "");
 }
-
-typedef struct bad_attribute {
-    const char *object, *name, *text; /* text NULL: deleted */
-    const char *word;
-} bad_attribute;
 
 static void bad_model_attributes(void **state) {
     (void)state;
-    static const bad_attribute cases[] = {
+    static const bad_value cases[] = {
         {"/", "kind", NULL, "kind"},
         {"/", "kind", "trajectories", "trajectories"},
         {"/", "format", "other", "other"},
@@ -247,21 +203,16 @@ static void bad_model_attributes(void **state) {
         {"model", "hidden", "4,-3", "100,100,100"},
         {"model", "hidden", "4,3,", "100,100,100"},
         {"model", "hidden", "4,0", "out of range"},
-        {"model", "hidden", "4,4", "layer2"},
         {"model", "hidden", "4,99999999999", "100,100,100"},
         {"model", "hidden", "1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1", "100,100,100"},
         {"run", "dtype", "f16", "known name"},
         {"run", "integrator", "magic", "known name"},
         {"run", "lr", "fast", "number"},
     };
-    for (size_t i = 0; i < LG_COUNT(cases); i++) {
-        const bad_attribute *c = &cases[i];
-        const char *path = good_model(0);
-        delete_attribute(path, c->object, c->name);
-        if (c->text != NULL) replace_text(path, c->object, c->name, c->text);
-        const char *key = strcmp(c->word, "layer2") == 0 ? "" : c->name;
-        assert_refused(read_model, path, LG_FORMAT, key, c->word);
-    }
+    refuse_texts(read_model, fresh_model, cases, LG_COUNT(cases));
+    const char *wide = good_model(0);
+    replace_text(wide, "model", "hidden", "4,4");
+    assert_refused(read_model, wide, LG_FORMAT, "layer2", "");
     static const struct {
         const char *object, *name;
         int64_t value;
@@ -283,12 +234,7 @@ static void bad_model_attributes(void **state) {
                        integers[i].value == 3 ? "layer1" : integers[i].name, "");
     }
     static const char *const reals[][2] = {{"run", "lr"}, {"run", "dt"}, {"run", "penalty"}, {"/", "E1"}};
-    for (size_t i = 0; i < LG_COUNT(reals); i++) {
-        const double nan_value = NAN;
-        const char *path = good_model(0);
-        replace_attribute(path, reals[i][0], reals[i][1], H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, &nan_value);
-        assert_refused(read_model, path, LG_NOT_FINITE, reals[i][1], "finite");
-    }
+    refuse_nans(read_model, fresh_model, "finite", reals, LG_COUNT(reals));
 }
 
 static void refused_on_save(void **state) {
@@ -296,7 +242,7 @@ static void refused_on_save(void **state) {
     lg_hamiltonian_file file;
     lg_error error = {LG_OK, ""};
     const char *path = scratch_path("refused.h5");
-    make_model(&examples[0], &file);
+    make_model(0, &file);
     file.theta[47] = NAN;
     assert_status(lg_model_save_hamiltonian(NULL, path, &file, NULL, &error), LG_NOT_FINITE);
     assert_non_null(strstr(error.message, "refused.h5: /model/mass/gamma"));
@@ -307,13 +253,13 @@ static void refused_on_save(void **state) {
     file.parameters++;
     file.run.model.links = 77;
     assert_status(lg_model_save_hamiltonian(NULL, path, &file, NULL, NULL), LG_INVALID_ARGUMENT);
-    file.run = make_run(&examples[0]);
+    file.run = make_run(0);
     file.run.integrator = (lg_train_integrator)77;
     assert_status(lg_model_save_hamiltonian(NULL, path, &file, NULL, NULL), LG_INVALID_ARGUMENT);
-    file.run = make_run(&examples[0]);
+    file.run = make_run(0);
     file.run.training.lr = NAN;
     assert_status(lg_model_save_hamiltonian(NULL, path, &file, NULL, NULL), LG_NOT_FINITE);
-    file.run = make_run(&examples[0]);
+    file.run = make_run(0);
     assert_status(lg_model_save_hamiltonian(NULL, scratch_path("no/folder/model.h5"), &file, NULL, &error),
                   LG_FILE);
     assert_non_null(strstr(error.message, "no/folder/model.h5"));
@@ -321,85 +267,20 @@ static void refused_on_save(void **state) {
     lg_hamiltonian_file_free(NULL, &file);
 }
 
-/* ---- a model with the state of its fit ---- */
-
-static lg_status square_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
-                             size_t batch, lg_var *loss) {
-    (void)user, (void)samples;
-    *loss = lg_scale(tape, lg_sum(tape, lg_mul(tape, theta, theta)), (double)count / (double)batch);
-    return lg_tape_status(tape);
-}
-
-static lg_fit *make_fit(const double *theta, size_t parameters) {
-    lg_fit_problem problem = {.parameters = parameters, .samples = 12, .loss = square_loss};
-    lg_fit_options options;
-    lg_fit *fit;
-    lg_fit_options_init(&options);
-    options.epochs = 5;
-    options.batch = 5;
-    options.stop_after = 3;
-    assert_ok(lg_fit_create(NULL, &problem, &options, theta, &fit, NULL));
-    return fit;
-}
-
-static void model_with_fit(void **state) {
+static void fitted_model(void **state) {
     (void)state;
-    lg_hamiltonian_file file, again;
-    const char *path = scratch_path("fitted.h5");
-    make_model(&examples[0], &file);
-    lg_fit *fit = make_fit(file.theta, file.parameters);
-    assert_ok(lg_fit_run(fit, NULL));
-    lg_fit_parameters(fit, file.theta);
-    assert_ok(lg_model_save_hamiltonian(NULL, path, &file, fit, NULL));
-    assert_ok(lg_model_load_hamiltonian(NULL, path, NULL, &again, NULL));
-    assert_memory_equal(again.theta, file.theta, file.parameters * sizeof(double));
+    lg_hamiltonian_file again;
+    load_fitted(&again);
     assert_int_equal(again.adam_step, 9);
-    assert_int_equal(again.epochs_done, 3);
-    assert_memory_equal(again.history[LG_FIT_LOSS], lg_fit_history(fit, LG_FIT_LOSS), 3 * sizeof(double));
-    lg_fit_destroy(fit);
-    lg_hamiltonian_file_free(NULL, &file);
     lg_hamiltonian_file_free(NULL, &again);
 }
 
 /* ---- checkpoints ---- */
 
-static lg_status write_checkpoint(const lg_context *context, const char *path, const lg_hamiltonian_run *run,
-                                  const lg_fit *fit, lg_error *error) {
-    lg_file_writer *writer;
-    lg_archive_writer archive;
-    LG_TRY(lg_checkpoint_create(context, path, run, NULL, &writer, error));
-    lg_status status = lg_file_writer_archive(writer, "fit", &archive);
-    if (status == LG_OK && fit != NULL) status = lg_fit_save(fit, &archive, error);
-    if (status == LG_OK) status = archive.text(archive.user, "note/author", "nobody");
-    if (status == LG_OK) status = lg_file_writer_commit(writer, error);
-    lg_file_writer_destroy(writer);
-    return status;
-}
-
-static lg_status read_checkpoint(const lg_context *context, const char *path, const lg_read_options *options,
-                                 lg_error *error) {
-    lg_hamiltonian_run run;
-    lg_file_reader *reader;
-    lg_status status = lg_checkpoint_open(context, path, options, &run, &reader, error);
-    if (status == LG_OK) lg_file_reader_close(reader);
-    return status;
-}
-
-static const char *good_checkpoint(void) {
-    lg_hamiltonian_run run = make_run(&examples[0]);
-    const char *path = scratch_path("check.h5");
-    double theta[3] = {1, 2, 3};
-    lg_fit *fit = make_fit(theta, 3);
-    assert_ok(lg_fit_run(fit, NULL));
-    assert_ok(write_checkpoint(NULL, path, &run, fit, NULL));
-    lg_fit_destroy(fit);
-    return path;
-}
-
 /* Files of before there were schedules have no key for it: then it is steps. Every other row is there. */
 static void without_schedule(void **state) {
     (void)state;
-    lg_hamiltonian_run run, wanted = make_run(&examples[0]);
+    lg_hamiltonian_run run, wanted = make_run(0);
     lg_file_reader *reader;
     lg_hamiltonian_file file;
     const char *path = good_checkpoint();
@@ -424,41 +305,28 @@ static void without_schedule(void **state) {
     assert_refused(read_model, path, LG_FORMAT, "schedule", "known name");
 }
 
-/* 3 epochs, checkpoint, 2 more: the same bits as 5. */
-static void checkpoint_resumes(void **state) {
-    (void)state;
-    double theta[3] = {1, 2, 3}, straight[3], resumed[3];
+static void look_into_archive(const lg_hamiltonian_run *run, lg_file_reader *reader,
+                              const lg_archive_reader *archive) {
     char note[16];
-    lg_hamiltonian_run wanted = make_run(&examples[0]), run;
-    lg_file_reader *reader;
-    lg_archive_reader archive;
-    lg_fit *fit = make_fit(theta, 3);
-    assert_ok(lg_fit_run(fit, NULL));
-    assert_ok(lg_fit_run(fit, NULL));
-    lg_fit_parameters(fit, straight);
-    lg_fit_destroy(fit);
-    assert_ok(lg_checkpoint_open(NULL, good_checkpoint(), NULL, &run, &reader, NULL));
-    assert_ok(lg_hamiltonian_run_compare("check.h5", &run, &wanted, NULL));
-    assert_ok(lg_file_reader_archive(reader, "fit", &archive));
-    fit = make_fit(theta, 3);
-    assert_ok(lg_fit_load(fit, &archive, NULL));
-    assert_ok(archive.text(archive.user, "note/author", note, sizeof note));
+    (void)run;
+    assert_ok(archive->text(archive->user, "note/author", note, sizeof note));
     assert_string_equal(note, "nobody");
-    assert_status(archive.text(archive.user, "note/author", note, 3), LG_SHAPE);
-    assert_status(archive.text(archive.user, "note/nothing", note, sizeof note), LG_NOT_FOUND);
+    assert_status(archive->text(archive->user, "note/author", note, 3), LG_SHAPE);
+    assert_status(archive->text(archive->user, "note/nothing", note, sizeof note), LG_NOT_FOUND);
     double value;
-    assert_status(archive.array(archive.user, "nothing", LG_ELEMENT_F64, 0, NULL, &value), LG_NOT_FOUND);
+    assert_status(archive->array(archive->user, "nothing", LG_ELEMENT_F64, 0, NULL, &value), LG_NOT_FOUND);
     assert_non_null(strstr(lg_file_reader_message(reader), "check.h5: has no /fit/nothing"));
-    assert_status(archive.array(archive.user, "optimizer/adam/m", LG_ELEMENT_F64, 0, NULL, &value), LG_SHAPE);
+    assert_status(archive->array(archive->user, "optimizer/adam/m", LG_ELEMENT_F64, 0, NULL, &value),
+                  LG_SHAPE);
     uint32_t rank;
     uint64_t dims[4];
-    assert_ok(archive.shape(archive.user, "optimizer/adam/m", &rank, dims));
+    assert_ok(archive->shape(archive->user, "optimizer/adam/m", &rank, dims));
     assert_true(rank == 1 && dims[0] == 3);
-    lg_file_reader_close(reader);
-    assert_ok(lg_fit_run(fit, NULL));
-    lg_fit_parameters(fit, resumed);
-    lg_fit_destroy(fit);
-    assert_memory_equal(straight, resumed, sizeof straight);
+}
+
+static void checkpoint_resumes(void **state) {
+    (void)state;
+    resume_checkpoint(look_into_archive);
 }
 
 /* A NaN in the saved state of the optimiser is found when the fit takes it. */
@@ -483,8 +351,8 @@ static void checkpoint_with_nan(void **state) {
 
 static void damaged_checkpoints(void **state) {
     (void)state;
-    refuse_damaged_files(read_checkpoint, good_checkpoint(), "");
-    survive_changed_bytes(read_checkpoint, good_checkpoint(), 300);
+    static const char *const needed[] = {"batch", "lr", "data_sha256", "integrator", "dtype", "seed", "dt"};
+    refuse_damaged_checkpoints("hamiltonian", "checkpoint", 300, needed, LG_COUNT(needed));
     const char *path = good_checkpoint();
     replace_integer(path, "/", "format_version", 7);
     assert_refused(read_checkpoint, path, LG_VERSION, "format_version", "7");
@@ -495,53 +363,35 @@ static void damaged_checkpoints(void **state) {
     path = good_checkpoint();
     replace_attribute(path, "run", "lr", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, &nan_value);
     assert_refused(read_checkpoint, path, LG_NOT_FINITE, "lr", "finite");
-    static const char *const needed[] = {"batch", "lr", "data_sha256", "integrator", "dtype", "seed", "dt"};
-    for (size_t i = 0; i < LG_COUNT(needed); i++) {
-        path = good_checkpoint();
-        delete_attribute(path, "run", needed[i]);
-        assert_refused(read_checkpoint, path, LG_FORMAT, needed[i], "missing");
-    }
-    assert_refused(read_checkpoint, good_model(0), LG_FORMAT, "kind", "checkpoint");
-    assert_refused(read_model, good_checkpoint(), LG_FORMAT, "kind", "hamiltonian");
 }
 
 static void another_problem(void **state) {
     (void)state;
-    const lg_hamiltonian_run wanted = make_run(&examples[0]);
-    lg_error error;
-    struct {
-        lg_hamiltonian_run run;
-        const char *word;
-    } cases[] = {{wanted, "batch 81, not 80"},
-                 {wanted, "lr 0.02"},
-                 {wanted, "integrator rk4, not cf4"},
-                 {wanted, "seed 3"},
-                 {wanted, "data_sha256"},
-                 {wanted, "hidden 4,3, not"},
-                 {wanted, "dtype f32, not f64"},
-                 {wanted, "dt 0.0"},
-                 {wanted, "schedule step, not cosine"},
-                 {wanted, "validation 0.2"}};
-    cases[0].run.training.batch = 81;
-    cases[1].run.training.lr = 0.02;
-    cases[2].run.integrator = LG_TRAIN_RK4;
-    cases[3].run.training.seed = 3;
-    cases[4].run.data_sha256[0] = 'f';
-    cases[6].run.training.dtype = LG_F32;
-    cases[7].run.dt = nextafter(wanted.dt, 1);
-    cases[8].run.training.schedule = LG_SCHEDULE_STEP;
-    cases[9].run.training.validation = 0.2;
-    for (size_t i = 0; i < LG_COUNT(cases); i++) {
-        lg_hamiltonian_run other = wanted;
-        uint32_t wide[] = {4, 5};
-        if (i == 5)
-            assert_ok(lg_hamiltonian_init(&other.model, LG_HAMILTONIAN_CHAIN, 2, LG_POTENTIAL_MLP, wide, 2,
-                                          LG_TANH));
-        assert_status(lg_hamiltonian_run_compare("a.h5", &cases[i].run, &other, &error), LG_INVALID_ARGUMENT);
-        assert_non_null(strstr(error.message, "a.h5"));
-        if (strstr(error.message, cases[i].word) == NULL)
-            fail_msg("no '%s' in: %s", cases[i].word, error.message);
-    }
+    const lg_hamiltonian_run wanted = make_run(0);
+    lg_hamiltonian_run runs[10];
+    static const char *const words[] = {"batch 81, not 80",
+                                        "lr 0.02",
+                                        "integrator rk4, not cf4",
+                                        "seed 3",
+                                        "data_sha256",
+                                        "hidden 4,5, not 4,3",
+                                        "dtype f32, not f64",
+                                        "dt 0.0",
+                                        "schedule step, not cosine",
+                                        "validation 0.2"};
+    for (size_t i = 0; i < LG_COUNT(runs); i++) runs[i] = wanted;
+    runs[0].training.batch = 81;
+    runs[1].training.lr = 0.02;
+    runs[2].integrator = LG_TRAIN_RK4;
+    runs[3].training.seed = 3;
+    runs[4].data_sha256[0] = 'f';
+    assert_ok(lg_hamiltonian_init(&runs[5].model, LG_HAMILTONIAN_CHAIN, 2, LG_POTENTIAL_MLP,
+                                  (const uint32_t[]){4, 5}, 2, LG_TANH));
+    runs[6].training.dtype = LG_F32;
+    runs[7].dt = nextafter(wanted.dt, 1);
+    runs[8].training.schedule = LG_SCHEDULE_STEP;
+    runs[9].training.validation = 0.2;
+    refuse_other_runs(&wanted, runs, words, LG_COUNT(runs));
 }
 
 /* A failing array call sticks to the writer, and no file comes of it. */
@@ -564,48 +414,9 @@ static void failures_stick(void **state) {
 
 /* ---- memory ---- */
 
-static lg_status load_step(const lg_context *context, void *user, lg_error *error) {
-    lg_read_options options;
-    lg_read_options_init(&options);
-    options.probe = false;
-    return read_model(context, user, &options, error);
-}
-
-static lg_status save_step(const lg_context *context, void *user, lg_error *error) {
-    lg_hamiltonian_file file;
-    make_model(&examples[2], &file);
-    lg_status status = lg_model_save_hamiltonian(context, user, &file, NULL, error);
-    lg_hamiltonian_file_free(NULL, &file);
-    return status;
-}
-
-static lg_status open_step(const lg_context *context, void *user, lg_error *error) {
-    lg_hamiltonian_run run;
-    lg_file_reader *reader;
-    lg_archive_reader archive;
-    lg_read_options options;
-    lg_read_options_init(&options);
-    options.probe = false;
-    LG_TRY(lg_checkpoint_open(context, user, &options, &run, &reader, error));
-    lg_status status = lg_file_reader_archive(reader, "fit", &archive);
-    lg_file_reader_close(reader);
-    return status;
-}
-
-static lg_status checkpoint_step(const lg_context *context, void *user, lg_error *error) {
-    lg_hamiltonian_run run = make_run(&examples[0]);
-    return write_checkpoint(context, user, &run, NULL, error);
-}
-
 static void failing_allocations(void **state) {
     (void)state;
-    const char *model = good_model(0), *checkpoint = good_checkpoint();
-    size_t files = scratch_files();
-    assert_true(fail_every_allocation(load_step, (void *)model) >= 9);
-    assert_true(fail_every_allocation(save_step, (void *)model) >= 8);
-    assert_true(fail_every_allocation(open_step, (void *)checkpoint) >= 4);
-    assert_true(fail_every_allocation(checkpoint_step, (void *)checkpoint) >= 6);
-    assert_int_equal(scratch_files(), files);
+    fail_model_allocations(9, 8);
 }
 
 int main(void) {
@@ -613,7 +424,7 @@ int main(void) {
         cmocka_unit_test(model_round_trip),    cmocka_unit_test(layers_by_name),
         cmocka_unit_test(minimal_model),       cmocka_unit_test(damaged_models),
         cmocka_unit_test(bad_arrays),          cmocka_unit_test(bad_model_attributes),
-        cmocka_unit_test(refused_on_save),     cmocka_unit_test(model_with_fit),
+        cmocka_unit_test(refused_on_save),     cmocka_unit_test(fitted_model),
         cmocka_unit_test(checkpoint_resumes),  cmocka_unit_test(checkpoint_with_nan),
         cmocka_unit_test(damaged_checkpoints), cmocka_unit_test(another_problem),
         cmocka_unit_test(failures_stick),      cmocka_unit_test(without_schedule),

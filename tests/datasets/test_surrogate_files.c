@@ -1,8 +1,10 @@
 /* Surrogates and their checkpoints: round trip, the matrix of bad input. What all kinds of models share is
  * tested with the learned Hamiltonians. */
-#include "io_test.h"
-
-#include "liegrad/networks.h"
+#define MODEL_KIND       surrogate
+#define MODEL_CHECKPOINT lg_surrogate_checkpoint
+#define MODEL_BAD        1
+#define MODEL_SINGLE     0
+#include "model_file_checks.h"
 
 enum { TRAINED = 3, EPOCHS = 4 };
 
@@ -45,7 +47,8 @@ static const example examples[] = {
      LG_F64},
 };
 
-static lg_surrogate_run make_run(const example *e) {
+static lg_surrogate_run make_run(size_t which) {
+    const example *e = &examples[which];
     lg_surrogate_run run = {.training = {.dtype = e->dtype,
                                          .epochs = 300,
                                          .batch = 32,
@@ -68,18 +71,11 @@ static lg_surrogate_run make_run(const example *e) {
     return run;
 }
 
-static double *numbers(size_t count, lg_rng *rng, lg_dtype dtype) {
-    double *out = lg_alloc(NULL, count, sizeof *out);
-    assert_non_null(out);
-    for (size_t i = 0; i < count; i++)
-        out[i] = dtype == LG_F32 ? (double)(float)lg_rng_normal(rng) : lg_rng_normal(rng);
-    return out;
-}
-
-static void make_model(const example *e, lg_surrogate_file *file) {
+static void make_model(size_t which, lg_surrogate_file *file) {
+    const example *e = &examples[which];
     lg_rng rng;
     lg_rng_seed(&rng, 5, 6);
-    *file = (lg_surrogate_file){.run = make_run(e),
+    *file = (lg_surrogate_file){.run = make_run(which),
                                 .trained_count = TRAINED,
                                 .has_errors = true,
                                 .train_mse = 2.5e-7,
@@ -92,34 +88,12 @@ static void make_model(const example *e, lg_surrogate_file *file) {
     (void)snprintf(file->provenance.command, sizeof file->provenance.command, "train");
 }
 
-static const char *good_model(size_t which) {
-    char name[32];
-    (void)snprintf(name, sizeof name, "surrogate%zu.original", which);
-    const char *path = scratch_path("surrogate.h5"), *original = scratch_path(name);
-    if (access(original, F_OK) != 0) {
-        lg_surrogate_file file;
-        make_model(&examples[which], &file);
-        assert_ok(lg_model_save_surrogate(NULL, original, &file, NULL, NULL));
-        lg_surrogate_file_free(NULL, &file);
-    }
-    copy_file(original, path);
-    return path;
-}
-
-static lg_status read_model(const lg_context *context, const char *path, const lg_read_options *options,
-                            lg_error *error) {
-    lg_surrogate_file file;
-    const lg_status status = lg_model_load_surrogate(context, path, options, &file, error);
-    if (status == LG_OK) lg_surrogate_file_free(context, &file);
-    return status;
-}
-
 static void round_trip(void **state) {
     (void)state;
     for (size_t e = 0; e < LG_COUNT(examples); e++) {
         lg_surrogate_file file, again;
         const char *path = scratch_path("round.h5"), *second = scratch_path("round2.h5");
-        make_model(&examples[e], &file);
+        make_model(e, &file);
         if (e == 1) file.test_mse = NAN;
         if (e == 2) file.has_errors = false;
         assert_ok(lg_model_save_surrogate(NULL, path, &file, NULL, NULL));
@@ -154,19 +128,10 @@ static void layers_by_name(void **state) {
         lg_slice_info slice;
         lg_h5 *h5;
         size_t total = 0;
-        make_model(&examples[e], &file);
+        make_model(e, &file);
         assert_ok(lg_h5_open(NULL, good_model(e), NULL, &h5, NULL));
         for (uint32_t i = 0; lg_net_slice(&file.run.model.net, i, &slice); i++) {
-            char name[64];
-            double values[512], epsilon;
-            uint64_t dims[4];
-            uint32_t rank;
-            (void)snprintf(name, sizeof name, "model/%s", slice.name);
-            assert_true(slice.count <= LG_COUNT(values));
-            assert_ok(lg_h5_get(h5, name, LG_ELEMENT_F64, slice.rank, slice.dims, values, NULL));
-            assert_memory_equal(values, file.theta + slice.offset, slice.count * sizeof(double));
-            assert_ok(lg_h5_shape(h5, name, &rank, dims, &epsilon, NULL));
-            assert_true(examples[e].dtype == LG_F32 ? epsilon > 1e-8 : epsilon < 1e-15);
+            assert_slice_stored(h5, &slice, file.theta, examples[e].dtype);
             total += slice.count;
         }
         assert_int_equal(total, file.parameters);
@@ -203,14 +168,7 @@ static void damaged_models(void **state) {
 
 static void bad_arrays(void **state) {
     (void)state;
-    static const struct {
-        const char *name;
-        int rank;
-        hsize_t dims[2];
-        double value;
-        lg_status status;
-        const char *word;
-    } cases[] = {
+    static const bad_array cases[] = {
         {"model/embedding/weight", 2, {6, 9}, 1, LG_FORMAT, "shape"},
         {"model/embedding/bias", 1, {6}, NAN, LG_NOT_FINITE, "(0)"},
         {"trained", 2, {3, 7}, 1, LG_FORMAT, "(3, 7)"},
@@ -219,14 +177,7 @@ static void bad_arrays(void **state) {
         {"trained", 2, {3, 8}, NAN, LG_NOT_FINITE, "(0, 0)"},
         {"train/history/rate", 1, {3}, 1, LG_FORMAT, "epoch"},
     };
-    for (size_t i = 0; i < LG_COUNT(cases); i++) {
-        const char *path = good_model(1);
-        double data[64];
-        for (size_t j = 0; j < LG_COUNT(data); j++) data[j] = cases[i].value;
-        replace_dataset(path, cases[i].name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, cases[i].rank, cases[i].dims,
-                        data);
-        assert_refused(read_model, path, cases[i].status, cases[i].name, cases[i].word);
-    }
+    refuse_arrays(read_model, fresh_model, true, cases, LG_COUNT(cases));
     const char *path = good_model(1);
     delete_link(path, "model/embedding/bias");
     assert_refused(read_model, path, LG_FORMAT, "model/embedding/bias", "");
@@ -234,45 +185,25 @@ static void bad_arrays(void **state) {
 
 static void bad_attributes(void **state) {
     (void)state;
-    static const struct {
-        const char *object, *name, *text; /* text NULL: deleted */
-        const char *word;
-    } texts[] = {
+    static const bad_value texts[] = {
         {"/", "kind", "hamiltonian", "surrogate"},     {"model", "network", NULL, "missing"},
         {"model", "network", "fuzzy", "known name"},   {"model", "architecture", "unet", "known name"},
         {"model", "activation", "gelu", "known name"}, {"model", "hidden", NULL, "missing"},
         {"model", "mirror", "yes", "integer"},         {"run", "values", "exact", "known name"},
         {"run", "schedule", "sawtooth", "known name"}, {"run", "lr", "fast", "number"}};
-    for (size_t i = 0; i < LG_COUNT(texts); i++) {
-        const char *path = good_model(1);
-        delete_attribute(path, texts[i].object, texts[i].name);
-        if (texts[i].text != NULL) replace_text(path, texts[i].object, texts[i].name, texts[i].text);
-        assert_refused(read_model, path, LG_FORMAT, texts[i].name, texts[i].word);
-    }
-    static const struct {
-        const char *object, *name;
-        int64_t value;
-        const char *word;
-    } integers[] = {{"model", "mirror", 2, "0 nor 1"},      {"model", "boundary", 1, "angle"},
-                    {"model", "layers", 99, "no network"},  {"model", "hidden", 0, "hidden"},
-                    {"model", "hidden", 5, "shape"},        {"model", "hidden", 1 << 20, "shape"},
-                    {"model", "intervals", 1, "intervals"}, {"model", "intervals", 4000000000, "intervals"},
-                    {"model", "layers", -1, "layers"},      {"model", "embedding", 7, "embedding"},
-                    {"model", "length", 0, "length"},       {"model", "centre", -1, "centre"},
-                    {"run", "gamma", -1, "gamma"},          {"run", "train_fraction", 2, "train_fraction"}};
-    for (size_t i = 0; i < LG_COUNT(integers); i++) {
-        const char *path = good_model(1);
-        replace_integer(path, integers[i].object, integers[i].name, integers[i].value);
-        assert_refused(read_model, path, LG_FORMAT, integers[i].word, "");
-    }
+    refuse_texts(read_model, fresh_model, texts, LG_COUNT(texts));
+    static const bad_integer integers[] = {
+        {"model", "mirror", 2, "0 nor 1"},      {"model", "boundary", 1, "angle"},
+        {"model", "layers", 99, "no network"},  {"model", "hidden", 0, "hidden"},
+        {"model", "hidden", 5, "shape"},        {"model", "hidden", 1 << 20, "shape"},
+        {"model", "intervals", 1, "intervals"}, {"model", "intervals", 4000000000, "intervals"},
+        {"model", "layers", -1, "layers"},      {"model", "embedding", 7, "embedding"},
+        {"model", "length", 0, "length"},       {"model", "centre", -1, "centre"},
+        {"run", "gamma", -1, "gamma"},          {"run", "train_fraction", 2, "train_fraction"}};
+    refuse_integers(read_model, fresh_model, integers, LG_COUNT(integers));
     static const char *const reals[][2] = {
         {"model", "length"}, {"run", "gamma"}, {"run", "lr"}, {"/", "train_mse"}, {"/", "test_mse"}};
-    for (size_t i = 0; i < LG_COUNT(reals); i++) {
-        const double nan_value = NAN;
-        const char *path = good_model(1);
-        replace_attribute(path, reals[i][0], reals[i][1], H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, &nan_value);
-        assert_refused(read_model, path, LG_NOT_FINITE, reals[i][1], "finite");
-    }
+    refuse_nans(read_model, fresh_model, "finite", reals, LG_COUNT(reals));
 }
 
 static void refused_on_save(void **state) {
@@ -280,7 +211,7 @@ static void refused_on_save(void **state) {
     lg_surrogate_file file;
     lg_error error = {LG_OK, ""};
     const char *path = scratch_path("refused.h5");
-    make_model(&examples[1], &file);
+    make_model(1, &file);
     const lg_surrogate_run run = file.run;
     file.theta[3] = NAN;
     assert_status(lg_model_save_surrogate(NULL, path, &file, NULL, &error), LG_NOT_FINITE);
@@ -310,125 +241,20 @@ static void refused_on_save(void **state) {
     assert_status(lg_model_save_surrogate(NULL, path, &file, NULL, NULL), LG_INVALID_ARGUMENT);
 }
 
-/* ---- a model with the state of its fit, and checkpoints ---- */
-
-static lg_status square_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
-                             size_t batch, lg_var *loss) {
-    (void)user, (void)samples;
-    *loss = lg_scale(tape, lg_sum(tape, lg_mul(tape, theta, theta)), (double)count / (double)batch);
-    return lg_tape_status(tape);
-}
-
-static lg_fit *make_fit(const double *theta, size_t parameters) {
-    const lg_fit_problem problem = {.parameters = parameters, .samples = 12, .loss = square_loss};
-    lg_training training = make_run(&examples[1]).training;
-    lg_fit_options options;
-    lg_fit *fit;
-    lg_fit_options_init(&options);
-    training.epochs = 5;
-    training.batch = 5;
-    lg_training_apply(&training, &options);
-    options.stop_after = 3;
-    assert_ok(lg_fit_create(NULL, &problem, &options, theta, &fit, NULL));
-    return fit;
-}
-
-static void model_with_fit(void **state) {
-    (void)state;
-    lg_surrogate_file file, again;
-    const char *path = scratch_path("fitted.h5");
-    make_model(&examples[1], &file);
-    lg_fit *fit = make_fit(file.theta, file.parameters);
-    assert_ok(lg_fit_run(fit, NULL));
-    lg_fit_parameters(fit, file.theta);
-    assert_ok(lg_model_save_surrogate(NULL, path, &file, fit, NULL));
-    assert_ok(lg_model_load_surrogate(NULL, path, NULL, &again, NULL));
-    assert_memory_equal(again.theta, file.theta, file.parameters * sizeof(double));
-    assert_int_equal(again.epochs_done, 3);
-    assert_memory_equal(again.history[LG_FIT_LOSS], lg_fit_history(fit, LG_FIT_LOSS), 3 * sizeof(double));
-    lg_fit_destroy(fit);
-    lg_surrogate_file_free(NULL, &file);
-    lg_surrogate_file_free(NULL, &again);
-}
-
-static lg_status write_checkpoint(const lg_context *context, const char *path, const lg_fit *fit,
-                                  lg_error *error) {
-    const lg_surrogate_run run = make_run(&examples[1]);
-    lg_file_writer *writer;
-    lg_archive_writer archive;
-    LG_TRY(lg_surrogate_checkpoint_create(context, path, &run, NULL, &writer, error));
-    lg_status status = lg_file_writer_archive(writer, "fit", &archive);
-    if (status == LG_OK && fit != NULL) status = lg_fit_save(fit, &archive, error);
-    if (status == LG_OK) status = lg_file_writer_commit(writer, error);
-    lg_file_writer_destroy(writer);
-    return status;
-}
-
-static lg_status read_checkpoint(const lg_context *context, const char *path, const lg_read_options *options,
-                                 lg_error *error) {
-    lg_surrogate_run run;
-    lg_file_reader *reader;
-    const lg_status status = lg_surrogate_checkpoint_open(context, path, options, &run, &reader, error);
-    if (status == LG_OK) lg_file_reader_close(reader);
-    return status;
-}
-
-static const char *good_checkpoint(void) {
-    const double theta[3] = {1, 2, 3};
-    const char *path = scratch_path("check.h5"), *original = scratch_path("check.original");
-    if (access(original, F_OK) != 0) {
-        lg_fit *fit = make_fit(theta, 3);
-        assert_ok(lg_fit_run(fit, NULL));
-        assert_ok(write_checkpoint(NULL, original, fit, NULL));
-        lg_fit_destroy(fit);
-    }
-    copy_file(original, path);
-    return path;
-}
-
-/* 3 epochs, checkpoint, 2 more: the same bits as 5. */
 static void checkpoint_resumes(void **state) {
     (void)state;
-    const double theta[3] = {1, 2, 3};
-    double straight[3], resumed[3];
-    const lg_surrogate_run wanted = make_run(&examples[1]);
-    lg_surrogate_run run;
-    lg_file_reader *reader;
-    lg_archive_reader archive;
-    lg_fit *fit = make_fit(theta, 3);
-    assert_ok(lg_fit_run(fit, NULL));
-    assert_ok(lg_fit_run(fit, NULL));
-    lg_fit_parameters(fit, straight);
-    lg_fit_destroy(fit);
-    assert_ok(lg_surrogate_checkpoint_open(NULL, good_checkpoint(), NULL, &run, &reader, NULL));
-    assert_ok(lg_surrogate_run_compare("check.h5", &run, &wanted, NULL));
-    assert_ok(lg_file_reader_archive(reader, "fit", &archive));
-    fit = make_fit(theta, 3);
-    assert_ok(lg_fit_load(fit, &archive, NULL));
-    lg_file_reader_close(reader);
-    assert_ok(lg_fit_run(fit, NULL));
-    lg_fit_parameters(fit, resumed);
-    lg_fit_destroy(fit);
-    assert_memory_equal(straight, resumed, sizeof straight);
+    resume_checkpoint(NULL);
 }
 
 static void damaged_checkpoints(void **state) {
     (void)state;
-    refuse_damaged_files(read_checkpoint, good_checkpoint(), "");
-    survive_changed_bytes(read_checkpoint, good_checkpoint(), 60);
     static const char *const needed[] = {"batch", "lr", "data_sha256", "gamma", "train_fraction", "curves"};
-    for (size_t i = 0; i < LG_COUNT(needed); i++) {
-        const char *path = good_checkpoint();
-        delete_attribute(path, "run", needed[i]);
-        assert_refused(read_checkpoint, path, LG_FORMAT, needed[i], "missing");
-    }
-    assert_refused(read_checkpoint, good_model(0), LG_FORMAT, "kind", "surrogate-checkpoint");
-    assert_refused(read_model, good_checkpoint(), LG_FORMAT, "kind", "surrogate");
+    refuse_damaged_checkpoints("surrogate", "surrogate-checkpoint", 60, needed, LG_COUNT(needed));
 }
 
 static void another_problem(void **state) {
     (void)state;
-    const lg_surrogate_run wanted = make_run(&examples[1]);
+    const lg_surrogate_run wanted = make_run(1);
     lg_surrogate_run runs[9];
     static const char *const words[] = {"batch 33, not 32",
                                         "gamma 0.5",
@@ -439,7 +265,6 @@ static void another_problem(void **state) {
                                         "test_fraction 0.25",
                                         "data_sha256",
                                         "schedule cosine, not step"};
-    lg_error error;
     for (size_t i = 0; i < LG_COUNT(runs); i++) runs[i] = wanted;
     runs[0].training.batch = 33;
     runs[1].model.options.gamma = 0.5;
@@ -450,48 +275,14 @@ static void another_problem(void **state) {
     runs[6].test_fraction = 0.25;
     runs[7].data_sha256[0] = 'f';
     runs[8].training.schedule = LG_SCHEDULE_COSINE;
-    for (size_t i = 0; i < LG_COUNT(runs); i++) {
-        assert_status(lg_surrogate_run_compare("a.h5", &runs[i], &wanted, &error), LG_INVALID_ARGUMENT);
-        if (strstr(error.message, words[i]) == NULL) fail_msg("no '%s' in: %s", words[i], error.message);
-    }
-    assert_ok(lg_surrogate_run_compare("a.h5", &wanted, &wanted, &error));
+    refuse_other_runs(&wanted, runs, words, LG_COUNT(runs));
 }
 
 /* ---- memory ---- */
 
-static lg_status load_step(const lg_context *context, void *user, lg_error *error) {
-    lg_read_options options;
-    lg_read_options_init(&options);
-    options.probe = false;
-    return read_model(context, user, &options, error);
-}
-
-static lg_status save_step(const lg_context *context, void *user, lg_error *error) {
-    lg_surrogate_file file;
-    make_model(&examples[0], &file);
-    const lg_status status = lg_model_save_surrogate(context, user, &file, NULL, error);
-    lg_surrogate_file_free(NULL, &file);
-    return status;
-}
-
-static lg_status open_step(const lg_context *context, void *user, lg_error *error) {
-    lg_read_options options;
-    lg_read_options_init(&options);
-    options.probe = false;
-    return read_checkpoint(context, user, &options, error);
-}
-
-static lg_status checkpoint_step(const lg_context *context, void *user, lg_error *error) {
-    return write_checkpoint(context, user, NULL, error);
-}
-
 static void failing_allocations(void **state) {
     (void)state;
-    const char *model = good_model(0), *checkpoint = good_checkpoint();
-    assert_true(fail_every_allocation(load_step, (void *)model) >= 8);
-    assert_true(fail_every_allocation(save_step, (void *)model) >= 6);
-    assert_true(fail_every_allocation(open_step, (void *)checkpoint) >= 3);
-    assert_true(fail_every_allocation(checkpoint_step, (void *)checkpoint) >= 5);
+    fail_model_allocations(8, 6);
 }
 
 int main(void) {

@@ -1,0 +1,165 @@
+/* Texts in data sets and attributes: fixed or variable length, one or many. */
+#include <string.h>
+
+#include "datasets/h5_internal.h"
+
+#define PIECE_BYTES     ((size_t)1 << 20) /* read at once, when of fixed length */
+#define PIECE_TEXTS     4096u             /* the same for variable length */
+#define ATTRIBUTE_BYTES ((size_t)1 << 16) /* longest single text of an attribute */
+
+/* Texts of one type, read piece by piece into `memory`. */
+typedef struct texts {
+    lg_h5 *h5;
+    hid_t type;
+    bool variable, spaces; /* variable length; padded with blanks */
+    size_t size, piece;    /* bytes of one in memory; texts read at once */
+    size_t longest;        /* with terminator */
+    char *memory, *one;    /* (piece, size); (size + 1): a text of fixed length with its terminator */
+} texts;
+
+static lg_status begin_texts(lg_h5 *h5, hid_t type, size_t longest, uint64_t count, texts *t) {
+    *t = (texts){.h5 = h5, .type = type, .longest = longest};
+    t->variable = H5Tis_variable_str(type) > 0;
+    t->spaces = H5Tget_strpad(type) == H5T_STR_SPACEPAD;
+    t->size = t->variable ? sizeof(char *) : H5Tget_size(type);
+    if (t->size == 0 || (!t->variable && t->size > longest)) return LG_FORMAT;
+    t->piece = t->variable ? PIECE_TEXTS : PIECE_BYTES / t->size;
+    if (t->piece > count) t->piece = (size_t)count;
+    t->memory = lg_alloc(h5->context, t->piece, t->size);
+    t->one = lg_alloc(h5->context, t->size + 1, 1);
+    return t->memory != NULL && t->one != NULL ? LG_OK : LG_OUT_OF_MEMORY;
+}
+
+static void end_texts(texts *t) {
+    lg_free(t->h5->context, t->memory);
+    lg_free(t->h5->context, t->one);
+}
+
+/* Text number `index` of the piece; NULL: too long. Valid until the next call. */
+static const char *text_at(texts *t, size_t index) {
+    if (t->variable) {
+        const char *text = ((char **)(void *)t->memory)[index];
+        if (text == NULL) return "";
+        return strlen(text) < t->longest ? text : NULL;
+    }
+    memcpy(t->one, t->memory + index * t->size, t->size);
+    size_t length = strlen(t->one);
+    while (t->spaces && length > 0 && t->one[length - 1] == ' ') t->one[--length] = '\0';
+    return t->one;
+}
+
+static lg_status visit_piece(texts *t, uint64_t first, size_t count, const char *name, lg_h5_visit visit,
+                             void *user, lg_error *error) {
+    for (size_t i = 0; i < count; i++) {
+        const char *text = text_at(t, i);
+        if (text == NULL)
+            return lg_fail(error, LG_FORMAT, "%s: /%s: the text at index (%llu) is too long",
+                           lg_shown_path(t->h5->path), name, (unsigned long long)(first + i));
+        LG_TRY(visit(user, first + i, text, error));
+    }
+    return LG_OK;
+}
+
+static lg_status no_texts(const texts *t, const char *name, lg_status status, lg_error *error) {
+    return status == LG_FORMAT
+               ? lg_dataset_error(t->h5, name, "has texts that are too long", error)
+               : lg_fail(error, status, "%s: /%s: out of memory", lg_shown_path(t->h5->path), name);
+}
+
+/* ---- data sets ---- */
+
+/* Elements first .. first + count - 1 along the first axis; all other extents are 1. */
+static hid_t piece_space(const lg_dataset *d, uint64_t first, size_t count) {
+    hid_t space = H5Dget_space(d->set);
+    if (space < 0 || d->rank == 0) return space;
+    hsize_t start[LG_MAX_RANK] = {first}, extent[LG_MAX_RANK] = {count, 1, 1, 1};
+    if (H5Sselect_hyperslab(space, H5S_SELECT_SET, start, NULL, extent, NULL) >= 0) return space;
+    (void)H5Sclose(space);
+    return H5I_INVALID_HID;
+}
+
+static lg_status each_piece(texts *t, const lg_dataset *d, const char *name, lg_h5_visit visit, void *user,
+                            lg_error *error) {
+    lg_status status = LG_OK;
+    for (uint64_t first = 0; first < d->count && status == LG_OK; first += t->piece) {
+        const size_t count = d->count - first < t->piece ? (size_t)(d->count - first) : t->piece;
+        const hsize_t extent = count;
+        memset(t->memory, 0, count * t->size);
+        hid_t stored = piece_space(d, first, count), memory = H5Screate_simple(1, &extent, NULL);
+        if (stored < 0 || memory < 0 || H5Dread(d->set, t->type, memory, stored, H5P_DEFAULT, t->memory) < 0)
+            status = lg_dataset_error(t->h5, name, "cannot be read: cut short or damaged", error);
+        else
+            status = visit_piece(t, first, count, name, visit, user, error);
+        if (t->variable && memory >= 0) (void)H5Dvlen_reclaim(t->type, memory, H5P_DEFAULT, t->memory);
+        if (stored >= 0) (void)H5Sclose(stored);
+        if (memory >= 0) (void)H5Sclose(memory);
+    }
+    return status;
+}
+
+lg_status lg_h5_each_text(lg_h5 *h5, const char *name, lg_h5_visit visit, void *user, lg_error *error) {
+    lg_h5_quiet quiet = lg_quiet_begin();
+    lg_dataset d;
+    texts t = {.h5 = h5};
+    lg_status status = lg_dataset_open(h5, name, 1, &d, error);
+    if (status == LG_OK && H5Tget_class(d.type) != H5T_STRING)
+        status = lg_dataset_error(h5, name, "does not hold texts", error);
+    for (uint32_t i = 1; i < d.rank && status == LG_OK; i++)
+        if (d.dims[i] != 1) status = lg_dataset_error(h5, name, "is not a list of texts", error);
+    if (status == LG_OK) {
+        status = begin_texts(h5, d.type, LG_H5_TEXT, d.count, &t);
+        status = status == LG_OK ? each_piece(&t, &d, name, visit, user, error)
+                                 : no_texts(&t, name, status, error);
+    }
+    end_texts(&t);
+    lg_dataset_close(&d);
+    lg_quiet_end(quiet);
+    return status;
+}
+
+/* ---- attributes ---- */
+
+static lg_status visit_attribute(lg_h5 *h5, hid_t attribute, hid_t type, const char *name, lg_h5_visit visit,
+                                 void *user, lg_error *error) {
+    hid_t space = H5Aget_space(attribute);
+    const hssize_t count = space >= 0 ? H5Sget_simple_extent_npoints(space) : -1;
+    texts t = {.h5 = h5};
+    lg_status status = LG_OK;
+    if (count < 0 || (uint64_t)count > h5->max_bytes)
+        status = lg_dataset_error(h5, name, "is an attribute that cannot be read", error);
+    if (status == LG_OK && count > 0) {
+        status = begin_texts(h5, type, count == 1 ? ATTRIBUTE_BYTES : LG_H5_TEXT, UINT64_MAX, &t);
+        if (status != LG_OK)
+            status = no_texts(&t, name, status, error);
+        else if ((uint64_t)count > t.piece)
+            status = lg_dataset_error(h5, name, "is an attribute of too many texts", error);
+        else if (H5Aread(attribute, type, t.memory) < 0)
+            status = lg_dataset_error(h5, name, "is an attribute that cannot be read", error);
+        else
+            status = visit_piece(&t, 0, (size_t)count, name, visit, user, error);
+        if (t.variable && t.memory != NULL) (void)H5Dvlen_reclaim(type, space, H5P_DEFAULT, t.memory);
+    }
+    end_texts(&t);
+    if (space >= 0) (void)H5Sclose(space);
+    return status;
+}
+
+lg_status lg_h5_each_attribute_text(lg_h5 *h5, const char *object, const char *name, bool *words,
+                                    lg_h5_visit visit, void *user, lg_error *error) {
+    *words = false;
+    if (!lg_h5_has_attribute(h5, object, name)) return LG_OK;
+    lg_h5_quiet quiet = lg_quiet_begin();
+    lg_status status = LG_OK;
+    hid_t attribute = H5Aopen_by_name(h5->file, *object == '\0' ? "/" : object, name, H5P_DEFAULT, h5->links);
+    hid_t type = attribute >= 0 ? H5Aget_type(attribute) : H5I_INVALID_HID;
+    if (type < 0)
+        status = lg_dataset_error(h5, name, "is an attribute that cannot be read", error);
+    else if (H5Tget_class(type) == H5T_STRING) {
+        *words = true;
+        status = visit_attribute(h5, attribute, type, name, visit, user, error);
+    }
+    if (type >= 0) (void)H5Tclose(type);
+    if (attribute >= 0) (void)H5Aclose(attribute);
+    lg_quiet_end(quiet);
+    return status;
+}

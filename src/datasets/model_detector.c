@@ -1,0 +1,294 @@
+/* Detectors as a kind of model. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "datasets/names.h"
+#include "datasets/run.h"
+#include "datasets/series_files.h"
+
+/* ---- blocks as a text: "12 kernel 5 stride 1 padding 0 average 2/2, 24 kernel ..." ---- */
+
+static void show_blocks(const void *user, char *text, size_t size) {
+    const lg_cnn *net = &((const lg_detector_run *)user)->model.net;
+    size_t used = 0;
+    text[0] = '\0';
+    for (uint32_t i = 0; i < net->blocks && i < LG_CNN_MAX_BLOCKS && used < size; i++) {
+        const lg_cnn_block *b = &net->block[i];
+        const char *pooling = lg_name_pooling(b->pooling);
+        used += (size_t)snprintf(text + used, size - used, "%s%u kernel %u stride %u padding %u %s",
+                                 i > 0 ? ", " : "", b->channels, b->kernel, b->stride, b->padding,
+                                 pooling != NULL ? pooling : "?");
+        if (b->pooling != LG_POOL_NONE && used < size)
+            used += (size_t)snprintf(text + used, size - used, " %u/%u", b->pool_size, b->pool_stride);
+    }
+}
+
+/* Takes the next word, up to a blank, comma or stroke; blanks before it are skipped. False: none, or too
+ * long. */
+static bool next_word(const char **at, char word[16]) {
+    *at += strspn(*at, " ");
+    const size_t length = strcspn(*at, " ,/");
+    if (length == 0 || length >= 16) return false;
+    memcpy(word, *at, length);
+    word[length] = '\0';
+    *at += length;
+    return true;
+}
+
+static bool next_number(const char **at, uint32_t *out) {
+    char word[16];
+    uint64_t value;
+    if (!next_word(at, word) || lg_integer_parse(word, &value) != LG_OK || value > UINT32_MAX) return false;
+    *out = (uint32_t)value;
+    return true;
+}
+
+/* "kernel 5": true with the number; where another word or the end stands, nothing is taken. */
+static bool named_number(const char **at, const char *name, uint32_t *out, bool *bad) {
+    const char *look = *at;
+    char word[16];
+    if (!next_word(&look, word) || strcmp(word, name) != 0) return false;
+    *bad = !next_number(&look, out);
+    *at = look;
+    return true;
+}
+
+/* [none | average 2/2 | max 2/2] */
+static bool parse_pooling(const char **at, lg_cnn_block *b) {
+    const char *look = *at;
+    char word[16];
+    if (!next_word(&look, word)) return true;
+    if (lg_pooling_parse(word, &b->pooling) != LG_OK) return false;
+    *at = look;
+    if (b->pooling == LG_POOL_NONE) return true;
+    return next_number(at, &b->pool_size) && *(*at)++ == '/' && next_number(at, &b->pool_stride);
+}
+
+/* "12 kernel 5 [stride 1] [padding 0] [pooling]" */
+static bool parse_block(const char **at, lg_cnn_block *b) {
+    bool bad = false;
+    *b = (lg_cnn_block){.stride = 1, .pool_size = 1, .pool_stride = 1};
+    if (!next_number(at, &b->channels) || !named_number(at, "kernel", &b->kernel, &bad) || bad) return false;
+    (void)named_number(at, "stride", &b->stride, &bad);
+    if (!bad) (void)named_number(at, "padding", &b->padding, &bad);
+    return !bad && parse_pooling(at, b);
+}
+
+static bool parse_blocks(const char *text, lg_cnn *net) {
+    const char *at = text + strspn(text, " ");
+    net->blocks = 0;
+    while (*at != '\0') {
+        if (net->blocks == LG_CNN_MAX_BLOCKS || !parse_block(&at, &net->block[net->blocks])) return false;
+        net->blocks++;
+        at += strspn(at, " ");
+        if (*at == '\0') return true;
+        if (*at++ != ',' || at[strspn(at, " ")] == '\0') return false;
+    }
+    return true;
+}
+
+/* ---- the run ---- */
+
+#define ROW(group, name, type, member, ...) LG_ROW(lg_detector_run, group, name, type, member, __VA_ARGS__)
+static const lg_row rows[] = {
+    ROW("model", "channels", U32, model.net.channels, .low = 1),
+    ROW("model", "length", U32, model.net.length, .low = 1),
+    ROW("model", "blocks", SHOWN, model.net, .show = show_blocks),
+    ROW("model", "plane", U32, model.net.plane, .low = 0),
+    ROW("model", "activation", NAME, model.net.activation, .value_name = lg_name_activation),
+    ROW("model", "classes", U32, model.classes, .low = 2),
+    ROW("model", "loss", NAME, model.loss, .value_name = lg_name_detector_loss),
+    ROW("model", "centred", FLAG, model.centred, .low = 0),
+    ROW("run", "split", NAME, split, .value_name = lg_name_split),
+    ROW("run", "test_fraction", REAL, test_fraction, .low = 0),
+    ROW("run", "validation_fraction", REAL, validation_fraction, .low = 0),
+    ROW("run", "windows", U64, windows, .low = 0),
+    ROW("run", "window", U64, window, .low = 0),
+    ROW("run", "hop", U64, hop, .low = 0),
+    ROW("run", "data_sha256", TEXT, data_sha256, .low = 0),
+};
+
+static const lg_detector_run defaults = {.training = {.shards = 4}};
+
+static lg_status check_fractions(const lg_detector_run *run) {
+    return run->test_fraction < 1 && run->validation_fraction < 1 &&
+                   run->test_fraction + run->validation_fraction < 1
+               ? LG_OK
+               : LG_INVALID_ARGUMENT;
+}
+
+static uint32_t outputs_of(const lg_detector *model) {
+    return model->loss == LG_DETECTOR_MSE ? 1 : model->classes;
+}
+
+static lg_status build(lg_h5 *h5, void *user, lg_error *error) {
+    lg_detector_run *run = user;
+    lg_detector *model = &run->model;
+    char text[LG_H5_TEXT];
+    const char *shown = lg_shown_path(h5->path);
+    lg_error reason = {LG_OK, ""};
+    const lg_status status = lg_h5_text(h5, "model", "blocks", text, sizeof text, error);
+    if (status != LG_OK && status != LG_SHAPE) return lg_missing_is_format(status, error);
+    if (status == LG_SHAPE || !parse_blocks(text, &model->net))
+        return lg_fail(error, LG_FORMAT,
+                       "%s: /model: attribute blocks: expected up to %d as '12 kernel 5 stride 1 padding 0 "
+                       "average 2/2, ...'",
+                       shown, LG_CNN_MAX_BLOCKS);
+    model->net.outputs = outputs_of(model);
+    if (lg_cnn_init(&model->net, &reason) != LG_OK || lg_detector_check(model, &reason) != LG_OK)
+        return lg_fail(error, LG_FORMAT, "%s: /model: the attributes are no network: %s", shown,
+                       reason.message);
+    if (check_fractions(run) != LG_OK)
+        return lg_fail(error, LG_FORMAT,
+                       "%s: /run: attributes test_fraction and validation_fraction: 1 or more together",
+                       shown);
+    return LG_OK;
+}
+
+/* lg_detector_check has compared the lengths with those that lg_cnn_init sets. */
+static lg_status check(const void *user) {
+    const lg_detector_run *run = user;
+    LG_TRY(lg_detector_check(&run->model, NULL));
+    return check_fractions(run);
+}
+
+static lg_status describe(lg_h5 *h5, const void *user, lg_error *error) {
+    static const char *const outputs[LG_DETECTOR_LOSS_COUNT] = {
+        [LG_DETECTOR_MSE] = "logit of class 1",
+        [LG_DETECTOR_CROSS_ENTROPY] = "a logit a class",
+    };
+    const lg_detector *model = &((const lg_detector_run *)user)->model;
+    LG_TRY(lg_h5_put_text(h5, "model", "inputs", "(samples, channels), scaled: (x - mean)/scale", error));
+    return lg_h5_put_text(h5, "model", "outputs", outputs[model->loss], error);
+}
+
+static size_t parameters(const void *run) {
+    return lg_cnn_parameters(&((const lg_detector_run *)run)->model.net);
+}
+
+static bool slice(const void *run, uint32_t index, lg_slice_info *out) {
+    return lg_cnn_slice(&((const lg_detector_run *)run)->model.net, index, out);
+}
+
+/* ---- the rest of the file ---- */
+
+typedef struct number {
+    const char *name;
+    size_t offset;
+} number;
+
+#define NUMBER(member)                                                                                       \
+    { #member, offsetof(lg_detector_file, member) }
+static const number numbers[] = {NUMBER(accuracy), NUMBER(f1), NUMBER(test_mse)}; /* NaN: not known */
+
+static lg_sensing sensing_of(const lg_detector_file *file) {
+    return (lg_sensing){.classes = file->run.model.classes,
+                        .channels = file->run.model.net.channels,
+                        .class_name = file->class_name,
+                        .class_label = file->class_label,
+                        .channel_name = file->channel_name,
+                        .rate = file->rate};
+}
+
+static lg_status check_scales(const char *path, const lg_scaler *scaler, lg_status status, lg_error *error) {
+    for (uint32_t c = 0; c < scaler->channels; c++)
+        if (!(scaler->scale[c] > 0))
+            return lg_fail(error, status, "%s: /scaler/scale: is %g at index (%u), expected more than 0",
+                           lg_shown_path(path), scaler->scale[c], c);
+    return LG_OK;
+}
+
+static lg_status put_scaler(lg_h5 *h5, const lg_detector_file *file, lg_error *error) {
+    const lg_scaler *scaler = &file->scaler;
+    const uint64_t channels = file->run.model.net.channels;
+    if (scaler->channels != channels || scaler->mean == NULL || scaler->scale == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: /scaler: %u channels, the model has %u",
+                       lg_shown_path(h5->path), scaler->channels, file->run.model.net.channels);
+    LG_TRY(lg_check_finite(h5->path, "scaler/mean", 1, &channels, scaler->mean, error));
+    LG_TRY(lg_check_finite(h5->path, "scaler/scale", 1, &channels, scaler->scale, error));
+    LG_TRY(check_scales(h5->path, scaler, LG_INVALID_ARGUMENT, error));
+    LG_TRY(lg_h5_put(h5, "scaler/mean", LG_ELEMENT_F64, 1, &channels, scaler->mean, error));
+    return lg_h5_put(h5, "scaler/scale", LG_ELEMENT_F64, 1, &channels, scaler->scale, error);
+}
+
+static lg_status put_rest(lg_h5 *h5, const void *user, bool fitted, lg_error *error) {
+    const lg_detector_file *file = user;
+    const lg_sensing sensing = sensing_of(file);
+    (void)fitted;
+    LG_TRY(put_scaler(h5, file, error));
+    LG_TRY(lg_sensing_check(h5->context, h5->path, &sensing, error));
+    LG_TRY(lg_sensing_put(h5, &sensing, error));
+    for (size_t i = 0; i < LG_COUNT(numbers); i++) {
+        double value;
+        memcpy(&value, (const char *)file + numbers[i].offset, sizeof value);
+        if (isnan(value)) continue;
+        if (isinf(value))
+            return lg_fail(error, LG_NOT_FINITE, "%s: attribute %s is not finite", lg_shown_path(h5->path),
+                           numbers[i].name);
+        LG_TRY(lg_h5_put_number(h5, "", numbers[i].name, LG_ELEMENT_F64, &value, error));
+    }
+    return LG_OK;
+}
+
+static lg_status get_scaler(lg_h5 *h5, lg_detector_file *file, lg_error *error) {
+    const struct {
+        const char *name;
+        double **out;
+    } arrays[] = {{"scaler/mean", &file->scaler.mean}, {"scaler/scale", &file->scaler.scale}};
+    for (size_t i = 0; i < LG_COUNT(arrays); i++) {
+        uint64_t dims[4];
+        LG_TRY(lg_as_format(lg_h5_get_doubles(h5, arrays[i].name, 1, dims, arrays[i].out, error), error));
+        if (dims[0] != file->run.model.net.channels)
+            return lg_fail(error, LG_FORMAT, "%s: /%s: %llu numbers, the model has %u channels",
+                           lg_shown_path(h5->path), arrays[i].name, (unsigned long long)dims[0],
+                           file->run.model.net.channels);
+    }
+    file->scaler.channels = file->run.model.net.channels;
+    return check_scales(h5->path, &file->scaler, LG_FORMAT, error);
+}
+
+/* Without names they are "0", "1", ... */
+static lg_status number_classes(lg_h5 *h5, lg_detector_file *file, lg_error *error) {
+    const uint32_t classes = file->run.model.classes;
+    if (file->class_name != NULL) return LG_OK;
+    file->class_name = lg_alloc(h5->context, classes, sizeof *file->class_name);
+    if (file->class_name == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(h5->path));
+    for (uint32_t c = 0; c < classes; c++) (void)snprintf(file->class_name[c], LG_SERIES_NAME, "%u", c);
+    return LG_OK;
+}
+
+static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
+    lg_detector_file *file = user;
+    lg_sensing sensing = {.classes = file->run.model.classes, .channels = file->run.model.net.channels};
+    LG_TRY(get_scaler(h5, file, error));
+    LG_TRY(lg_sensing_get(h5, &sensing, error));
+    file->class_name = sensing.class_name;
+    file->class_label = sensing.class_label;
+    file->channel_name = sensing.channel_name;
+    file->rate = sensing.rate;
+    LG_TRY(number_classes(h5, file, error));
+    for (size_t i = 0; i < LG_COUNT(numbers); i++) {
+        bool known;
+        double value = NAN;
+        LG_TRY(lg_model_get_number(h5, numbers[i].name, &known, &value, error));
+        memcpy((char *)file + numbers[i].offset, &value, sizeof value);
+    }
+    return LG_OK;
+}
+
+void lg_detector_file_free(const lg_context *context, lg_detector_file *file) {
+    if (file == NULL) return;
+    lg_free(context, file->theta);
+    lg_scaler_free(context, &file->scaler);
+    lg_free(context, file->class_name);
+    lg_free(context, file->class_label);
+    lg_free(context, file->channel_name);
+    lg_history_free(context, file->history);
+    *file = (lg_detector_file){.parameters = 0};
+}
+
+/* ---- outside ---- */
+
+LG_MODEL_KIND(detector, "detector-checkpoint", lg_detector_checkpoint)

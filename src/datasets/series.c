@@ -1,0 +1,411 @@
+/* Labelled sets of series: /X (n, channels, length), /y, /group, /run (n). */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "datasets/names.h"
+#include "datasets/run.h"
+#include "datasets/series_files.h"
+
+void lg_series_data_free(const lg_context *context, lg_series_data *data) {
+    if (data == NULL) return;
+    lg_series_free(context, &data->series);
+    *data = (lg_series_data){.sha256 = ""};
+}
+
+static size_t samples_of(const lg_series *s) {
+    return s->count * s->channels * s->length;
+}
+
+static void hash(lg_series_data *data) {
+    lg_sha256 state;
+    lg_sha256_init(&state);
+    lg_sha256_add_floats(&state, data->series.x, samples_of(&data->series));
+    lg_sha256_add_u32(&state, data->series.label, data->series.count);
+    lg_sha256_finish(&state, data->sha256);
+}
+
+static lg_status check_samples(const char *path, const lg_series *s, lg_error *error) {
+    const size_t window = (size_t)s->channels * s->length, count = samples_of(s);
+    size_t at = 0;
+    while (at < count && isfinite(s->x[at])) at++;
+    if (at == count) return LG_OK;
+    return lg_fail(error, LG_NOT_FINITE, "%s: /X: %s in window %zu, channel %zu, sample %zu",
+                   lg_shown_path(path), isnan(s->x[at]) ? "NaN" : "a value beyond single precision",
+                   at / window, at % window / s->length, at % s->length);
+}
+
+static int compare_runs(const void *a, const void *b) {
+    const uint32_t x = *(const uint32_t *)a, y = *(const uint32_t *)b;
+    return (x > y) - (x < y);
+}
+
+/* True when the windows of each run stand together; else *which does not. `sorted` (count): room. */
+static bool runs_together(const uint32_t *run, size_t count, uint32_t *sorted, uint32_t *which) {
+    size_t stretches = 0;
+    for (size_t i = 0; i < count; i++)
+        if (i == 0 || run[i] != run[i - 1]) sorted[stretches++] = run[i];
+    qsort(sorted, stretches, sizeof *sorted, compare_runs);
+    for (size_t i = 1; i < stretches; i++)
+        if (sorted[i] == sorted[i - 1]) {
+            *which = sorted[i];
+            return false;
+        }
+    return true;
+}
+
+/* ---- reading ---- */
+
+typedef struct read_call {
+    const lg_context *context;
+    const char *path;
+    const lg_series *like;
+    lg_h5 *h5;
+    lg_series_data *out;
+    bool wide;     /* /X: lg_h5_about */
+    bool bad_rate; /* attribute rate of another program is none */
+    lg_precision precision;
+    bool ours;               /* written by this program: its attributes are what they say */
+    bool torn;               /* runs are there and not together, */
+    uint32_t torn_run;       /* such as this one */
+    bool by_number, guessed; /* of lg_labels */
+} read_call;
+
+static lg_status no_memory(const read_call *call, lg_error *error) {
+    return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(call->path));
+}
+
+/* (n, channels, length) or (n, length) */
+static lg_status read_shape(read_call *call, lg_error *error) {
+    lg_series *s = &call->out->series;
+    lg_h5_about about;
+    const char *shown = lg_shown_path(call->path);
+    LG_TRY(lg_as_format(lg_h5_look(call->h5, "X", sizeof *s->x, &about, error), error));
+    if (about.kind != LG_H5_WHOLE && about.kind != LG_H5_REAL)
+        return lg_fail(error, LG_FORMAT, "%s: /X: does not hold numbers", shown);
+    if (about.rank != 2 && about.rank != 3)
+        return lg_fail(error, LG_FORMAT,
+                       "%s: /X: has rank %u, expected (windows, channels, samples) or (windows, samples)",
+                       shown, about.rank);
+    const uint64_t length = about.dims[about.rank - 1], channels = about.rank == 3 ? about.dims[1] : 1;
+    if (about.count == 0)
+        return lg_fail(error, LG_FORMAT, "%s: /X: %llu windows of %llu channels and %llu samples", shown,
+                       (unsigned long long)about.dims[0], (unsigned long long)channels,
+                       (unsigned long long)length);
+    if (about.dims[0] > UINT32_MAX || channels > UINT32_MAX || length > UINT32_MAX)
+        return lg_fail(error, LG_FORMAT, "%s: /X: more than %u windows, channels or samples", shown,
+                       UINT32_MAX);
+    call->wide = about.wide;
+    s->count = (size_t)about.dims[0];
+    s->channels = (uint32_t)channels;
+    s->length = (uint32_t)length;
+    return LG_OK;
+}
+
+/* Labels first: they say how many classes there are. Then the memory of the whole. */
+static lg_status read_labels(read_call *call, lg_error *error) {
+    lg_series *s = &call->out->series;
+    lg_labels labels = {.context = call->context};
+    lg_names names = {.context = call->context};
+    lg_status status = lg_labels_read(call->h5, "y", s->count, &labels, error);
+    if (status == LG_OK) status = lg_labels_classes(call->h5, call->ours, call->like, &labels, &names, error);
+    if (status == LG_OK) {
+        s->classes = names.count;
+        status =
+            lg_series_allocate(call->context, lg_h5_has(call->h5, "group"), lg_h5_has(call->h5, "run"), s);
+        if (status != LG_OK) (void)no_memory(call, error);
+    }
+    if (status == LG_OK) {
+        memcpy(s->class_name, names.name, names.count * sizeof *names.name);
+        for (size_t i = 0; i < s->count; i++) s->label[i] = labels.class_of[labels.label[i]];
+        if (labels.of_class.count > 0) s->class_label = lg_names_take(&labels.of_class);
+        call->by_number = labels.by_number;
+        call->guessed = labels.guessed;
+    }
+    lg_names_free(&names);
+    lg_labels_free(&labels);
+    return status;
+}
+
+/* Numbers stay as they are, texts become 0, 1, ... in rising order. */
+static lg_status read_units(read_call *call, const char *name, uint32_t *out, lg_error *error) {
+    const lg_series *s = &call->out->series;
+    if (out == NULL) return LG_OK;
+    lg_labels units = {.context = call->context};
+    lg_status status = lg_labels_read(call->h5, name, s->count, &units, error);
+    for (size_t i = 0; i < s->count && status == LG_OK; i++) {
+        const int64_t value = units.whole ? units.value[units.label[i]] : (int64_t)units.label[i];
+        if (value < 0 || value > UINT32_MAX)
+            status = lg_fail(error, LG_FORMAT, "%s: /%s: is %lld at index (%zu), expected 0 to %u",
+                             lg_shown_path(call->path), name, (long long)value, i, UINT32_MAX);
+        else
+            out[i] = (uint32_t)value;
+    }
+    lg_labels_free(&units);
+    return status;
+}
+
+static lg_status check_runs(read_call *call, lg_error *error) {
+    lg_series *s = &call->out->series;
+    if (s->run == NULL) return LG_OK;
+    uint32_t *sorted = lg_alloc(call->context, s->count, sizeof *sorted);
+    if (sorted == NULL) return no_memory(call, error);
+    call->torn = !runs_together(s->run, s->count, sorted, &call->torn_run);
+    lg_free(call->context, sorted);
+    if (!call->torn) return LG_OK;
+    lg_free(call->context, s->run);
+    s->run = NULL;
+    return LG_OK;
+}
+
+static lg_status read_samples(read_call *call, lg_error *error) {
+    lg_series *s = &call->out->series;
+    LG_TRY(lg_as_format(call->wide ? lg_series_convert(call->h5, s, &call->precision, error)
+                                   : lg_h5_get_floats(call->h5, "X", s->x, error),
+                        error));
+    LG_TRY(check_samples(call->path, s, error));
+    return lg_precision_check(call->path, &call->precision, error);
+}
+
+/* ---- attributes ---- */
+
+/* NaN where it is not known. What another program means by it may be no number. */
+static lg_status optional_number(read_call *call, const char *name, double *out, lg_error *error) {
+    double value = NAN;
+    *out = NAN;
+    if (!lg_h5_has_attribute(call->h5, "", name)) return LG_OK;
+    const lg_status status =
+        lg_h5_number(call->h5, "", name, LG_ELEMENT_F64, &value, call->ours ? error : NULL);
+    if (status == LG_OK && isfinite(value)) *out = value;
+    if (!call->ours || (status == LG_OK && isfinite(value))) return LG_OK;
+    return status != LG_OK ? status
+                           : lg_fail(error, LG_NOT_FINITE, "%s: attribute %s is not finite",
+                                     lg_shown_path(call->path), name);
+}
+
+static lg_status read_housing(read_call *call, lg_error *error) {
+    char *housing = call->out->housing;
+    if (!lg_h5_has_attribute(call->h5, "", "housing")) return LG_OK;
+    const lg_status status =
+        lg_h5_text(call->h5, "", "housing", housing, sizeof call->out->housing, call->ours ? error : NULL);
+    return call->ours ? lg_as_format(status, error) : LG_OK;
+}
+
+static lg_status read_attributes(read_call *call, lg_error *error) {
+    lg_series *s = &call->out->series;
+    LG_TRY(lg_names_list(call->h5, "channels", false, &s->channels, &s->channel_name, error));
+    const lg_status status = lg_rate_get(call->h5, &s->rate, call->ours ? error : NULL);
+    if (status != LG_OK && call->ours) return status;
+    call->bad_rate = status != LG_OK;
+    if (call->bad_rate) s->rate = 0;
+    LG_TRY(optional_number(call, "noise", &call->out->noise, error));
+    LG_TRY(optional_number(call, "severity", &call->out->severity, error));
+    return read_housing(call, error);
+}
+
+static lg_status read_checked(void *user, lg_h5 *h5, lg_error *error) {
+    read_call *call = user;
+    char format[16];
+    call->h5 = h5;
+    LG_TRY(lg_h5_check_format(h5, "series", true, error));
+    call->ours =
+        lg_h5_text(h5, "", "format", format, sizeof format, NULL) == LG_OK && strcmp(format, "liegrad") == 0;
+    LG_TRY(read_shape(call, error));
+    LG_TRY(read_labels(call, error));
+    LG_TRY(read_units(call, "group", call->out->series.group, error));
+    LG_TRY(read_units(call, "run", call->out->series.run, error));
+    LG_TRY(check_runs(call, error));
+    LG_TRY(read_attributes(call, error));
+    LG_TRY(read_samples(call, error));
+    lg_h5_provenance(h5, &call->out->provenance);
+    return LG_OK;
+}
+
+static void warn(const read_call *call) {
+    const char *shown = lg_shown_path(call->path);
+    if (call->torn)
+        lg_log_message(call->context, LG_LOG_WARNING,
+                       "%s: /run: the windows of run %u do not stand together: runs are taken as unknown",
+                       shown, call->torn_run);
+    if (call->by_number)
+        lg_log_message(call->context, LG_LOG_WARNING,
+                       "%s: /y: the labels are no names of the classes wanted and are taken as their "
+                       "numbers: 0 is '%s'",
+                       shown, call->out->series.class_name[0]);
+    if (call->bad_rate)
+        lg_log_message(call->context, LG_LOG_WARNING,
+                       "%s: attribute rate is no number of samples a second: the rate is taken as unknown",
+                       shown);
+    lg_precision_warn(call->context, call->path, &call->precision);
+    if (call->guessed)
+        lg_log_message(call->context, LG_LOG_WARNING,
+                       "%s: /y: neither 0 nor the number of classes occurs: labels are taken as numbers from "
+                       "0 on; attribute class_labels, such as '1|2|3', would tell",
+                       shown);
+}
+
+lg_status lg_series_read(const lg_context *context, const char *path, const lg_read_options *options,
+                         const lg_series *like, lg_series_data *out, lg_error *error) {
+    if (path == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
+    if (like != NULL && (like->classes < 1 || like->class_name == NULL))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: the series to compare with has no classes",
+                       lg_shown_path(path));
+    lg_series_data made = {.sha256 = ""};
+    read_call call = {.context = context, .path = path, .like = like, .out = &made};
+    const lg_status status = lg_h5_read(context, path, options, read_checked, &call, error);
+    if (status != LG_OK) {
+        lg_series_data_free(context, &made);
+        return status;
+    }
+    warn(&call);
+    hash(&made);
+    *out = made;
+    return LG_OK;
+}
+
+/* ---- writing ---- */
+
+static lg_sensing sensing_of(const lg_series *s) {
+    return (lg_sensing){.classes = s->classes,
+                        .channels = s->channels,
+                        .class_name = s->class_name,
+                        .class_label = s->class_label,
+                        .channel_name = s->channel_name,
+                        .rate = s->rate};
+}
+
+static lg_status check_labels(const char *path, const lg_series *s, lg_error *error) {
+    for (size_t i = 0; i < s->count; i++)
+        if (s->label[i] >= s->classes)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "%s: /y: class %u at index (%zu), there are %u",
+                           lg_shown_path(path), s->label[i], i, s->classes);
+    return LG_OK;
+}
+
+static lg_status check_written_runs(const lg_context *context, const char *path, const lg_series *s,
+                                    lg_error *error) {
+    uint32_t which;
+    if (s->run == NULL) return LG_OK;
+    uint32_t *sorted = lg_alloc(context, s->count, sizeof *sorted);
+    if (sorted == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    const bool together = runs_together(s->run, s->count, sorted, &which);
+    lg_free(context, sorted);
+    return together ? LG_OK
+                    : lg_fail(error, LG_INVALID_ARGUMENT, "%s: /run: the windows of run %u stand apart",
+                              lg_shown_path(path), which);
+}
+
+static lg_status check_written(const lg_context *context, const char *path, const lg_series_data *data,
+                               lg_error *error) {
+    const lg_series *s = &data->series;
+    const lg_sensing sensing = sensing_of(s);
+    if (isinf(data->noise) || isinf(data->severity))
+        return lg_fail(error, LG_NOT_FINITE, "%s: noise or severity is infinite", lg_shown_path(path));
+    if (memchr(data->housing, '\0', sizeof data->housing) == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: housing is not terminated", lg_shown_path(path));
+    LG_TRY(lg_sensing_check(context, path, &sensing, error));
+    LG_TRY(check_labels(path, s, error));
+    LG_TRY(check_written_runs(context, path, s, error));
+    return check_samples(path, s, error);
+}
+
+static lg_status put_attributes(lg_h5 *h5, const lg_series_data *data, lg_error *error) {
+    lg_sensing sensing = sensing_of(&data->series);
+    sensing.class_label = NULL; /* /y is 0, 1, ... here */
+    LG_TRY(lg_h5_put_header(h5, "series", &data->provenance, error));
+    LG_TRY(lg_sensing_put(h5, &sensing, error));
+    if (!isnan(data->noise)) LG_TRY(lg_h5_put_number(h5, "", "noise", LG_ELEMENT_F64, &data->noise, error));
+    if (!isnan(data->severity))
+        LG_TRY(lg_h5_put_number(h5, "", "severity", LG_ELEMENT_F64, &data->severity, error));
+    if (data->housing[0] != '\0') LG_TRY(lg_h5_put_text(h5, "", "housing", data->housing, error));
+    return lg_h5_put_text(h5, "", "data_sha256", data->sha256, error);
+}
+
+static lg_status put_all(lg_h5 *h5, const lg_series_data *data, lg_error *error) {
+    const lg_series *s = &data->series;
+    const uint64_t dims[3] = {s->count, s->channels, s->length};
+    LG_TRY(put_attributes(h5, data, error));
+    LG_TRY(lg_h5_put(h5, "X", LG_ELEMENT_F32, 3, dims, s->x, error));
+    LG_TRY(lg_h5_put(h5, "y", LG_ELEMENT_U32, 1, dims, s->label, error));
+    if (s->group != NULL) LG_TRY(lg_h5_put(h5, "group", LG_ELEMENT_U32, 1, dims, s->group, error));
+    return s->run != NULL ? lg_h5_put(h5, "run", LG_ELEMENT_U32, 1, dims, s->run, error) : LG_OK;
+}
+
+lg_status lg_series_write(const lg_context *context, const char *path, lg_series_data *data,
+                          lg_error *error) {
+    if (path == NULL || data == NULL || data->series.x == NULL || data->series.label == NULL ||
+        data->series.count < 1 || data->series.count > UINT32_MAX || data->series.channels < 1 ||
+        data->series.length < 1)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "series need a file name, samples and labels");
+    lg_h5 *h5;
+    LG_TRY(check_written(context, path, data, error));
+    LG_TRY(lg_h5_create(context, path, &h5, error));
+    hash(data);
+    lg_status status = put_all(h5, data, error);
+    if (status == LG_OK) status = lg_h5_commit(h5, error);
+    lg_h5_close(h5);
+    return status;
+}
+
+/* ---- names in files of any kind ---- */
+
+lg_status lg_file_writer_names(lg_file_writer *writer, const lg_series *series, lg_error *error) {
+    if (writer == NULL || series == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "names need a file and classes");
+    lg_h5 *h5 = lg_file_writer_h5(writer);
+    const lg_sensing sensing = sensing_of(series);
+    LG_TRY(lg_sensing_check(h5->context, h5->path, &sensing, error));
+    return lg_sensing_put(h5, &sensing, error);
+}
+
+lg_status lg_file_reader_names(lg_file_reader *reader, lg_series *out, lg_error *error) {
+    if (reader == NULL || out == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "names need a file and a place");
+    lg_h5 *h5 = lg_file_reader_h5(reader);
+    lg_sensing sensing = {.classes = 0};
+    LG_TRY(lg_sensing_get(h5, &sensing, error));
+    if (sensing.class_name == NULL) {
+        lg_sensing_free(h5->context, &sensing);
+        return lg_fail(error, LG_FORMAT, "%s: attribute classes is missing", lg_shown_path(h5->path));
+    }
+    *out = (lg_series){.channels = sensing.channels,
+                       .classes = sensing.classes,
+                       .rate = sensing.rate,
+                       .class_name = sensing.class_name,
+                       .class_label = sensing.class_label,
+                       .channel_name = sensing.channel_name};
+    return LG_OK;
+}
+
+/* ---- which kind of file ---- */
+
+typedef struct kind_call {
+    char text[64];
+} kind_call;
+
+static lg_status read_kind(void *user, lg_h5 *h5, lg_error *error) {
+    kind_call *call = user;
+    char format[16] = "liegrad";
+    call->text[0] = '\0';
+    LG_TRY(lg_h5_check_format(h5, NULL, true, error));
+    if (lg_h5_has_attribute(h5, "", "format") &&
+        lg_h5_text(h5, "", "format", format, sizeof format, NULL) != LG_OK)
+        return LG_OK;
+    if (strcmp(format, "liegrad") != 0 || !lg_h5_has_attribute(h5, "", "kind")) return LG_OK;
+    if (lg_h5_text(h5, "", "kind", call->text, sizeof call->text, NULL) != LG_OK) call->text[0] = '\0';
+    return LG_OK;
+}
+
+lg_status lg_file_kind(const lg_context *context, const char *path, const lg_read_options *options,
+                       char *kind, size_t size, lg_error *error) {
+    kind_call call = {""};
+    if (path == NULL || kind == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name, its kind a place");
+    LG_TRY(lg_h5_read(context, path, options, read_kind, &call, error));
+    const size_t length = strlen(call.text);
+    if (length >= size)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: no room for kind '%s'", lg_shown_path(path),
+                       call.text);
+    memcpy(kind, call.text, length + 1);
+    return LG_OK;
+}

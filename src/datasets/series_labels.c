@@ -1,0 +1,366 @@
+/* Labels of any type to classes 0, 1, ... */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "datasets/run.h"
+#include "datasets/series_files.h"
+
+void lg_labels_free(lg_labels *labels) {
+    lg_free(labels->context, labels->label);
+    lg_free(labels->context, labels->value);
+    lg_free(labels->context, labels->class_of);
+    lg_names_free(&labels->text);
+    lg_names_free(&labels->of_class);
+    *labels = (lg_labels){.context = labels->context};
+}
+
+static lg_status no_memory(const lg_h5 *h5, lg_error *error) {
+    return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(h5->path));
+}
+
+static lg_status too_many(const lg_h5 *h5, const char *name, lg_error *error) {
+    return lg_fail(error, LG_FORMAT, "%s: /%s: more than %u different labels", lg_shown_path(h5->path), name,
+                   LG_SERIES_CLASSES);
+}
+
+/* ---- whole numbers ---- */
+
+static int compare_values(const void *a, const void *b) {
+    const int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
+    return (x > y) - (x < y);
+}
+
+/* Sorts; equal ones once. Returns how many are left. */
+static size_t sort_distinct(int64_t *values, size_t count) {
+    size_t kept = 0;
+    qsort(values, count, sizeof *values, compare_values);
+    for (size_t i = 0; i < count; i++)
+        if (i == 0 || values[i] != values[kept - 1]) values[kept++] = values[i];
+    return kept;
+}
+
+static lg_status name_values(const lg_h5 *h5, lg_labels *labels, lg_error *error) {
+    for (uint32_t i = 0; i < labels->distinct; i++) {
+        char text[LG_SERIES_NAME];
+        (void)snprintf(text, sizeof text, "%" PRId64, labels->value[i]);
+        if (lg_names_add(&labels->text, text) != LG_OK) return no_memory(h5, error);
+    }
+    return LG_OK;
+}
+
+/* `values` (count) as read; labels->value: room for as many. */
+static void number_values(const int64_t *values, lg_labels *labels) {
+    memcpy(labels->value, values, labels->count * sizeof *values);
+    const size_t distinct = sort_distinct(labels->value, labels->count);
+    labels->distinct = (uint32_t)distinct;
+    for (size_t i = 0; i < labels->count; i++) {
+        const int64_t *at = bsearch(&values[i], labels->value, distinct, sizeof *values, compare_values);
+        labels->label[i] = (uint32_t)(at - labels->value);
+    }
+}
+
+static lg_status read_whole(lg_h5 *h5, const char *name, const lg_h5_about *about, lg_labels *labels,
+                            lg_error *error) {
+    int64_t *values = lg_alloc(h5->context, labels->count, sizeof *values);
+    labels->value = lg_alloc(h5->context, labels->count, sizeof *labels->value);
+    lg_status status = values != NULL && labels->value != NULL ? LG_OK : no_memory(h5, error);
+    labels->whole = true;
+    if (status == LG_OK) status = lg_h5_get_wholes(h5, name, about, values, error);
+    if (status == LG_OK) number_values(values, labels);
+    lg_free(h5->context, values);
+    return status;
+}
+
+/* ---- texts ---- */
+
+typedef struct text_call {
+    lg_h5 *h5;
+    const char *name;
+    lg_labels *labels;
+} text_call;
+
+static lg_status meet_text(void *user, uint64_t index, const char *text, lg_error *error) {
+    const text_call *call = user;
+    const char *shown = lg_shown_path(call->h5->path);
+    bool known;
+    if (*text == '\0' || strlen(text) >= LG_SERIES_NAME)
+        return lg_fail(error, LG_FORMAT, "%s: /%s: the text at index (%llu) is empty or longer than %d bytes",
+                       shown, call->name, (unsigned long long)index, LG_SERIES_NAME - 1);
+    const lg_status status = lg_names_meet(&call->labels->text, text, &call->labels->label[index], &known);
+    if (status == LG_OUT_OF_MEMORY) return no_memory(call->h5, error);
+    return status == LG_OK ? LG_OK : too_many(call->h5, call->name, error);
+}
+
+/* Names were numbered as they came: now by rising name. */
+static lg_status sort_texts(const lg_h5 *h5, lg_labels *labels, lg_error *error) {
+    lg_names *text = &labels->text;
+    lg_names sorted = {.context = h5->context};
+    lg_status status = LG_OK;
+    uint32_t *place = lg_alloc(h5->context, text->count, sizeof *place);
+    if (place == NULL) status = LG_OUT_OF_MEMORY;
+    for (uint32_t i = 0; i < text->count && status == LG_OK; i++) {
+        place[text->order[i]] = i;
+        status = lg_names_add(&sorted, text->name[text->order[i]]);
+    }
+    for (size_t i = 0; i < labels->count && status == LG_OK; i++) labels->label[i] = place[labels->label[i]];
+    lg_free(h5->context, place);
+    if (status != LG_OK) {
+        lg_names_free(&sorted);
+        return no_memory(h5, error);
+    }
+    labels->distinct = text->count;
+    lg_names_free(text);
+    *text = sorted;
+    return LG_OK;
+}
+
+static lg_status read_texts(lg_h5 *h5, const char *name, lg_labels *labels, lg_error *error) {
+    text_call call = {h5, name, labels};
+    LG_TRY(lg_h5_each_text(h5, name, meet_text, &call, error));
+    return sort_texts(h5, labels, error);
+}
+
+/* ---- either ---- */
+
+static lg_status check_shape(const lg_h5 *h5, const char *name, const lg_h5_about *about, size_t count,
+                             lg_error *error) {
+    const char *shown = lg_shown_path(h5->path);
+    if (about->kind == LG_H5_OTHER)
+        return lg_fail(error, LG_FORMAT, "%s: /%s: holds neither numbers nor texts", shown, name);
+    if (about->rank == 2 && about->dims[1] > 1 && about->dims[0] == count)
+        return lg_fail(error, LG_FORMAT,
+                       "%s: /%s: %llu columns a window, expected one label: write the class, not one column "
+                       "a class",
+                       shown, name, (unsigned long long)about->dims[1]);
+    if (about->rank < 1 || about->rank > 2 || (about->rank == 2 && about->dims[1] != 1))
+        return lg_fail(error, LG_FORMAT, "%s: /%s: has rank %u, expected one number or text a window", shown,
+                       name, about->rank);
+    if (about->dims[0] != count)
+        return lg_fail(error, LG_FORMAT, "%s: /%s: %llu of them, /X has %zu windows", shown, name,
+                       (unsigned long long)about->dims[0], count);
+    return LG_OK;
+}
+
+lg_status lg_labels_read(lg_h5 *h5, const char *name, size_t count, lg_labels *labels, lg_error *error) {
+    lg_h5_about about;
+    labels->text.context = labels->context;
+    labels->of_class.context = labels->context;
+    LG_TRY(lg_as_format(lg_h5_look(h5, name, sizeof(int64_t), &about, error), error));
+    LG_TRY(check_shape(h5, name, &about, count, error));
+    labels->count = count;
+    labels->label = lg_alloc(h5->context, count, sizeof *labels->label);
+    if (labels->label == NULL) return no_memory(h5, error);
+    return about.kind == LG_H5_WORDS ? read_texts(h5, name, labels, error)
+                                     : read_whole(h5, name, &about, labels, error);
+}
+
+/* ---- classes ---- */
+
+static bool all_within(const lg_labels *labels, int64_t low, int64_t high) {
+    return labels->whole && labels->value[0] >= low && labels->value[labels->distinct - 1] <= high;
+}
+
+static bool whole_of(const char *text, double *value) {
+    return lg_number_parse(text, value) == LG_OK && floor(*value) == *value;
+}
+
+/* Place in `list` (count) of this text, or else, where both are whole numbers, of this value. */
+static bool find_in(char (*list)[LG_SERIES_NAME], uint32_t count, const char *text, uint32_t *out) {
+    double value, other;
+    for (uint32_t c = 0; c < count; c++)
+        if (strcmp(list[c], text) == 0) {
+            *out = c;
+            return true;
+        }
+    if (!whole_of(text, &value)) return false;
+    for (uint32_t c = 0; c < count; c++)
+        if (whole_of(list[c], &other) && other == value) {
+            *out = c;
+            return true;
+        }
+    return false;
+}
+
+/* The labels that occur, as places in `list`; else the first that is not there. */
+static bool find_labels(char (*list)[LG_SERIES_NAME], uint32_t count, lg_labels *labels, uint32_t *missing) {
+    for (uint32_t i = 0; i < labels->distinct; i++)
+        if (!find_in(list, count, labels->text.name[i], &labels->class_of[i])) {
+            *missing = i;
+            return false;
+        }
+    return true;
+}
+
+static bool any_whole(char (*list)[LG_SERIES_NAME], uint32_t count) {
+    double value;
+    for (uint32_t c = 0; list != NULL && c < count; c++)
+        if (whole_of(list[c], &value)) return true;
+    return false;
+}
+
+/* "intact|broken" */
+static void show_list(char (*list)[LG_SERIES_NAME], uint32_t count, char *text, size_t size) {
+    size_t used = 0;
+    text[0] = '\0';
+    for (uint32_t c = 0; c < count && used < size; c++)
+        used += (size_t)snprintf(text + used, size - used, "%s%s", c > 0 ? "|" : "", list[c]);
+}
+
+static lg_status unknown_label(const lg_h5 *h5, const char *label, char (*list)[LG_SERIES_NAME],
+                               uint32_t count, char (*classes)[LG_SERIES_NAME], lg_error *error) {
+    char have[128], named[128];
+    show_list(list, count, have, sizeof have);
+    if (list == classes)
+        return lg_fail(error, LG_FORMAT, "%s: /y: class '%s' is none of the classes %s",
+                       lg_shown_path(h5->path), label, have);
+    show_list(classes, count, named, sizeof named);
+    return lg_fail(error, LG_FORMAT,
+                   "%s: /y: label '%s' is none of %s, the labels of the classes %s (attribute class_labels)",
+                   lg_shown_path(h5->path), label, have, named);
+}
+
+/* `labels->label` becomes low, low + 1, ... of `count` classes. */
+static lg_status number_from(const lg_h5 *h5, int64_t low, uint32_t count, lg_labels *labels,
+                             lg_error *error) {
+    for (uint32_t i = 0; i < labels->distinct; i++) labels->class_of[i] = (uint32_t)(labels->value[i] - low);
+    for (uint32_t c = 0; c < count; c++) {
+        char text[LG_SERIES_NAME];
+        (void)snprintf(text, sizeof text, "%" PRId64, low + c);
+        if (lg_names_add(&labels->of_class, text) != LG_OK) return no_memory(h5, error);
+    }
+    return LG_OK;
+}
+
+static lg_status copy_list(const lg_h5 *h5, char (*list)[LG_SERIES_NAME], uint32_t count, lg_names *out,
+                           lg_error *error) {
+    lg_names_free(out);
+    for (uint32_t c = 0; c < count; c++)
+        if (lg_names_add(out, list[c]) != LG_OK) return no_memory(h5, error);
+    return LG_OK;
+}
+
+/* The file says what /y holds for each of its classes. */
+static lg_status given_labels(lg_h5 *h5, lg_labels *labels, const lg_names *names, bool *given,
+                              lg_error *error) {
+    uint32_t missing = 0;
+    LG_TRY(lg_names_get(h5, "class_labels", true, &labels->of_class, error));
+    *given = labels->of_class.count > 0;
+    if (!*given && lg_h5_has_attribute(h5, "", "class_labels"))
+        return lg_fail(error, LG_FORMAT, "%s: class_labels: expected texts, such as '1|2|3'",
+                       lg_shown_path(h5->path));
+    if (!*given) return LG_OK;
+    if (labels->of_class.count != names->count)
+        return lg_fail(error, LG_FORMAT, "%s: class_labels: %u labels, but %u classes",
+                       lg_shown_path(h5->path), labels->of_class.count, names->count);
+    return find_labels(labels->of_class.name, names->count, labels, &missing)
+               ? LG_OK
+               : unknown_label(h5, labels->text.name[missing], labels->of_class.name, names->count,
+                               names->name, error);
+}
+
+static bool same_names(const lg_names *names, const lg_series *like) {
+    if (names->count != like->classes) return false;
+    for (uint32_t c = 0; c < names->count; c++)
+        if (strcmp(names->name[c], like->class_name[c]) != 0) return false;
+    return true;
+}
+
+/* The same classes in the same order as in `like`: what stood for them there stands for them here. Numbers
+ * that did not occur there are an error, texts may be names. */
+static lg_status labels_like(lg_h5 *h5, const lg_series *like, lg_labels *labels, const lg_names *names,
+                             bool *done, lg_error *error) {
+    uint32_t missing = 0;
+    if (like == NULL || like->class_label == NULL || !same_names(names, like)) return LG_OK;
+    *done = find_labels(like->class_label, like->classes, labels, &missing);
+    if (*done || !labels->whole || !any_whole(like->class_label, like->classes)) return LG_OK;
+    return unknown_label(h5, labels->text.name[missing], like->class_label, like->classes, like->class_name,
+                         error);
+}
+
+/* From the labels that occur alone. */
+static lg_status own_rule(const lg_h5 *h5, bool ours, lg_labels *labels, const lg_names *names,
+                          lg_error *error) {
+    const int64_t count = names->count;
+    uint32_t missing = 0;
+    if (all_within(labels, 1, count) && labels->value[labels->distinct - 1] == count && !ours)
+        return number_from(h5, 1, names->count, labels, error);
+    if (all_within(labels, 0, count - 1)) {
+        labels->guessed = labels->value[0] != 0 && !ours;
+        return number_from(h5, 0, names->count, labels, error);
+    }
+    if (!labels->whole && find_labels(names->name, names->count, labels, &missing)) return LG_OK;
+    for (uint32_t i = 0; i < labels->distinct; i++) labels->class_of[i] = i;
+    if (labels->distinct == names->count)
+        return copy_list(h5, labels->text.name, labels->text.count, &labels->of_class, error);
+    return lg_fail(error, LG_FORMAT,
+                   "%s: classes: %u names, but /y has %u different labels from '%s' to '%s', which are not "
+                   "all of 0..%u or 1..%u: attribute class_labels may say which is which",
+                   lg_shown_path(h5->path), names->count, labels->distinct, labels->text.name[0],
+                   labels->text.name[labels->distinct - 1], names->count - 1, names->count);
+}
+
+static lg_status own_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_labels *labels,
+                             const lg_names *names, lg_error *error) {
+    bool done = false;
+    LG_TRY(given_labels(h5, labels, names, &done, error));
+    if (!done && !ours) LG_TRY(labels_like(h5, like, labels, names, &done, error));
+    return done ? LG_OK : own_rule(h5, ours, labels, names, error);
+}
+
+/* Classes of the file to those of `like`, by name. */
+static lg_status match_names(const lg_h5 *h5, const lg_series *like, lg_labels *labels, const lg_names *names,
+                             lg_error *error) {
+    for (uint32_t i = 0; i < labels->distinct; i++) {
+        const char *name = names->name[labels->class_of[i]];
+        if (!find_in(like->class_name, like->classes, name, &labels->class_of[i]))
+            return unknown_label(h5, name, like->class_name, like->classes, like->class_name, error);
+    }
+    return LG_OK;
+}
+
+/* Labels without names to the classes of `like`: by its labels, else by its names. Where neither are numbers,
+ * labels from 0 on are taken as the places of the classes. */
+static lg_status match_labels(const lg_h5 *h5, const lg_series *like, lg_labels *labels, lg_error *error) {
+    const uint32_t count = like->classes;
+    uint32_t missing = 0, unnamed = 0;
+    if (like->class_label != NULL && find_labels(like->class_label, count, labels, &missing)) return LG_OK;
+    if (find_labels(like->class_name, count, labels, &unnamed)) return LG_OK;
+    labels->by_number = all_within(labels, 0, (int64_t)count - 1) && labels->value[0] == 0 &&
+                        !any_whole(like->class_label, count) && !any_whole(like->class_name, count);
+    for (uint32_t i = 0; i < labels->distinct && labels->by_number; i++)
+        labels->class_of[i] = (uint32_t)labels->value[i];
+    if (labels->by_number) return LG_OK;
+    return like->class_label != NULL && labels->whole == any_whole(like->class_label, count)
+               ? unknown_label(h5, labels->text.name[missing], like->class_label, count, like->class_name,
+                               error)
+               : unknown_label(h5, labels->text.name[unnamed], like->class_name, count, like->class_name,
+                               error);
+}
+
+lg_status lg_labels_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_labels *labels, lg_names *names,
+                            lg_error *error) {
+    labels->class_of = lg_alloc(h5->context, labels->distinct, sizeof *labels->class_of);
+    if (labels->class_of == NULL) return no_memory(h5, error);
+    if (labels->distinct > LG_SERIES_CLASSES) return too_many(h5, "y", error);
+    if (labels->whole) LG_TRY(name_values(h5, labels, error));
+    LG_TRY(lg_names_get(h5, "classes", true, names, error));
+    if (names->count > 0) {
+        LG_TRY(own_classes(h5, ours, like, labels, names, error));
+        if (like != NULL) LG_TRY(match_names(h5, like, labels, names, error));
+    } else if (like != NULL) {
+        LG_TRY(match_labels(h5, like, labels, error));
+    } else {
+        for (uint32_t i = 0; i < labels->distinct; i++) labels->class_of[i] = i;
+        return copy_list(h5, labels->text.name, labels->text.count, names, error);
+    }
+    if (like == NULL) return LG_OK;
+    LG_TRY(copy_list(h5, like->class_name, like->classes, names, error));
+    if (like->class_label == NULL) {
+        lg_names_free(&labels->of_class);
+        return LG_OK;
+    }
+    return copy_list(h5, like->class_label, like->classes, &labels->of_class, error);
+}

@@ -1,0 +1,272 @@
+/* Names of classes and channels. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "datasets/series_files.h"
+
+enum { FIRST_ROOM = 16 };
+
+/* ---- lists ---- */
+
+void lg_names_free(lg_names *names) {
+    lg_free(names->context, names->name);
+    lg_free(names->context, names->order);
+    *names = (lg_names){.context = names->context};
+}
+
+char (*lg_names_take(lg_names *names))[LG_SERIES_NAME] {
+    char(*name)[LG_SERIES_NAME] = names->name;
+    names->name = NULL;
+    lg_names_free(names);
+    return name;
+}
+
+static lg_status grow(lg_names *names) {
+    const uint32_t room = names->room == 0 ? FIRST_ROOM : 2 * names->room;
+    char(*name)[LG_SERIES_NAME] = lg_alloc(names->context, room, sizeof *name);
+    uint32_t *order = lg_alloc(names->context, room, sizeof *order);
+    if (name == NULL || order == NULL) {
+        lg_free(names->context, name);
+        lg_free(names->context, order);
+        return LG_OUT_OF_MEMORY;
+    }
+    if (names->count > 0) {
+        memcpy(name, names->name, names->count * sizeof *name);
+        memcpy(order, names->order, names->count * sizeof *order);
+    }
+    lg_free(names->context, names->name);
+    lg_free(names->context, names->order);
+    names->name = name;
+    names->order = order;
+    names->room = room;
+    return LG_OK;
+}
+
+lg_status lg_names_add(lg_names *names, const char *text) {
+    const size_t length = strlen(text);
+    if (length >= LG_SERIES_NAME || names->count >= LG_SERIES_CLASSES) return LG_FORMAT;
+    if (names->count == names->room) LG_TRY(grow(names));
+    memcpy(names->name[names->count++], text, length + 1);
+    return LG_OK;
+}
+
+/* Place in `order` of the first name that is not before `text`. */
+static uint32_t place_of(const lg_names *names, const char *text) {
+    uint32_t low = 0, high = names->count;
+    while (low < high) {
+        const uint32_t middle = low + (high - low) / 2;
+        if (strcmp(names->name[names->order[middle]], text) < 0)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+bool lg_names_find(const lg_names *names, const char *text, uint32_t *index) {
+    const uint32_t place = place_of(names, text);
+    if (place == names->count || strcmp(names->name[names->order[place]], text) != 0) return false;
+    *index = names->order[place];
+    return true;
+}
+
+lg_status lg_names_meet(lg_names *names, const char *text, uint32_t *index, bool *known) {
+    *known = lg_names_find(names, text, index);
+    if (*known) return LG_OK;
+    const uint32_t place = place_of(names, text);
+    LG_TRY(lg_names_add(names, text));
+    *index = names->count - 1;
+    memmove(names->order + place + 1, names->order + place, (*index - place) * sizeof *names->order);
+    names->order[place] = *index;
+    return LG_OK;
+}
+
+/* ---- reading ---- */
+
+typedef struct names_call {
+    lg_h5 *h5;
+    const char *key;
+    bool unique;
+    lg_names *names;
+    bool joined; /* one text: names with | between them */
+} names_call;
+
+static lg_status add_name(const names_call *call, const char *text, lg_error *error) {
+    const char *shown = lg_shown_path(call->h5->path);
+    uint32_t index;
+    bool known = false;
+    if (call->unique && *text == '\0')
+        return lg_fail(error, LG_FORMAT, "%s: %s: name number %u is empty", shown, call->key,
+                       call->names->count + 1);
+    const lg_status status =
+        call->unique ? lg_names_meet(call->names, text, &index, &known) : lg_names_add(call->names, text);
+    if (status == LG_OUT_OF_MEMORY) return lg_fail(error, status, "%s: out of memory", shown);
+    if (status != LG_OK)
+        return lg_fail(error, status, "%s: %s: more than %u names, or one of more than %d bytes: %.80s",
+                       shown, call->key, LG_SERIES_CLASSES, LG_SERIES_NAME - 1, text);
+    if (known) return lg_fail(error, LG_FORMAT, "%s: %s: '%s' is there twice", shown, call->key, text);
+    return LG_OK;
+}
+
+static lg_status split_names(const names_call *call, const char *text, lg_error *error) {
+    for (;;) {
+        char part[LG_SERIES_NAME + 1];
+        const size_t length = strcspn(text, "|"), kept = length < sizeof part ? length : sizeof part - 1;
+        memcpy(part, text, kept);
+        part[kept] = '\0';
+        LG_TRY(add_name(call, part, error));
+        if (text[length] == '\0') return LG_OK;
+        text += length + 1;
+    }
+}
+
+static lg_status visit_joined(void *user, uint64_t index, const char *text, lg_error *error) {
+    const names_call *call = user;
+    (void)index;
+    return split_names(call, text, error);
+}
+
+static lg_status visit_listed(void *user, uint64_t index, const char *text, lg_error *error) {
+    (void)index;
+    return add_name(user, text, error);
+}
+
+/* Number of elements of an attribute, without reading it. */
+static lg_status count_text(void *user, uint64_t index, const char *text, lg_error *error) {
+    (void)text, (void)error;
+    *(uint64_t *)user = index + 1;
+    return LG_OK;
+}
+
+lg_status lg_names_get(lg_h5 *h5, const char *key, bool unique, lg_names *names, lg_error *error) {
+    names_call call = {.h5 = h5, .key = key, .unique = unique, .names = names};
+    uint64_t texts = 0;
+    bool words;
+    LG_TRY(lg_h5_each_attribute_text(h5, "", key, &words, count_text, &texts, error));
+    if (words)
+        return lg_h5_each_attribute_text(h5, "", key, &words, texts == 1 ? visit_joined : visit_listed, &call,
+                                         error);
+    lg_h5_about about;
+    if (!lg_h5_has(h5, key)) return LG_OK;
+    LG_TRY(lg_h5_look(h5, key, 1, &about, error));
+    return about.kind == LG_H5_WORDS ? lg_h5_each_text(h5, key, visit_listed, &call, error) : LG_OK;
+}
+
+/* ---- writing ---- */
+
+lg_status lg_names_check(const lg_context *context, const char *path, const char *what,
+                         const char (*name)[LG_SERIES_NAME], uint32_t count, bool unique, lg_error *error) {
+    const char *shown = lg_shown_path(path);
+    lg_names met = {.context = context};
+    lg_status status = LG_OK;
+    if (count > LG_SERIES_CLASSES)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: more than %u %s", shown, LG_SERIES_CLASSES, what);
+    for (uint32_t i = 0; i < count && status == LG_OK; i++) {
+        uint32_t index;
+        bool known = false;
+        if (memchr(name[i], '\0', LG_SERIES_NAME) == NULL || (unique && name[i][0] == '\0'))
+            status = lg_fail(error, LG_INVALID_ARGUMENT, "%s: %s: name number %u is empty or not terminated",
+                             shown, what, i + 1);
+        else if (unique)
+            status = lg_names_meet(&met, name[i], &index, &known);
+        if (status == LG_OUT_OF_MEMORY) (void)lg_fail(error, status, "%s: out of memory", shown);
+        if (known)
+            status = lg_fail(error, LG_INVALID_ARGUMENT, "%s: %s: '%s' is there twice", shown, what, name[i]);
+    }
+    lg_names_free(&met);
+    return status;
+}
+
+lg_status lg_names_put(lg_h5 *h5, const char *key, const char (*name)[LG_SERIES_NAME], uint32_t count,
+                       lg_error *error) {
+    char joined[LG_H5_TEXT];
+    size_t used = 0;
+    bool fits = true;
+    for (uint32_t i = 0; i < count && fits; i++) {
+        fits = used + LG_SERIES_NAME + 1 < sizeof joined && strchr(name[i], '|') == NULL;
+        if (fits)
+            used += (size_t)snprintf(joined + used, sizeof joined - used, "%s%s", i > 0 ? "|" : "", name[i]);
+    }
+    return fits ? lg_h5_put_text(h5, "", key, joined, error)
+                : lg_h5_put_texts(h5, key, name[0], LG_SERIES_NAME, count, error);
+}
+
+/* ---- classes, channels, rate ---- */
+
+void lg_sensing_free(const lg_context *context, lg_sensing *sensing) {
+    lg_free(context, sensing->class_name);
+    lg_free(context, sensing->class_label);
+    lg_free(context, sensing->channel_name);
+    *sensing = (lg_sensing){.classes = 0};
+}
+
+lg_status lg_sensing_check(const lg_context *context, const char *path, const lg_sensing *sensing,
+                           lg_error *error) {
+    if (!(isfinite(sensing->rate) && sensing->rate >= 0))
+        return lg_fail(error, isfinite(sensing->rate) ? LG_INVALID_ARGUMENT : LG_NOT_FINITE,
+                       "%s: the rate is %g", lg_shown_path(path), sensing->rate);
+    if (sensing->class_name == NULL || sensing->classes < 1)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: the classes have no names", lg_shown_path(path));
+    LG_TRY(lg_names_check(context, path, "classes", (const char(*)[LG_SERIES_NAME])sensing->class_name,
+                          sensing->classes, true, error));
+    if (sensing->class_label != NULL)
+        LG_TRY(lg_names_check(context, path, "class_labels",
+                              (const char(*)[LG_SERIES_NAME])sensing->class_label, sensing->classes, true,
+                              error));
+    if (sensing->channel_name == NULL) return LG_OK;
+    return lg_names_check(context, path, "channels", (const char(*)[LG_SERIES_NAME])sensing->channel_name,
+                          sensing->channels, false, error);
+}
+
+lg_status lg_sensing_put(lg_h5 *h5, const lg_sensing *sensing, lg_error *error) {
+    LG_TRY(lg_names_put(h5, "classes", (const char(*)[LG_SERIES_NAME])sensing->class_name, sensing->classes,
+                        error));
+    if (sensing->class_label != NULL)
+        LG_TRY(lg_names_put(h5, "class_labels", (const char(*)[LG_SERIES_NAME])sensing->class_label,
+                            sensing->classes, error));
+    if (sensing->channel_name != NULL)
+        LG_TRY(lg_names_put(h5, "channels", (const char(*)[LG_SERIES_NAME])sensing->channel_name,
+                            sensing->channels, error));
+    if (sensing->rate == 0) return LG_OK;
+    return lg_h5_put_number(h5, "", "rate", LG_ELEMENT_F64, &sensing->rate, error);
+}
+
+lg_status lg_names_list(lg_h5 *h5, const char *key, bool unique, uint32_t *count,
+                        char (**out)[LG_SERIES_NAME], lg_error *error) {
+    lg_names names = {.context = h5->context};
+    lg_status status = lg_names_get(h5, key, unique, &names, error);
+    if (status == LG_OK && *count != 0 && names.count != 0 && names.count != *count)
+        status = lg_fail(error, LG_FORMAT, "%s: %s: %u names, expected %u", lg_shown_path(h5->path), key,
+                         names.count, *count);
+    if (status == LG_OK && names.count > 0) {
+        *count = names.count;
+        *out = lg_names_take(&names);
+    }
+    lg_names_free(&names);
+    return status;
+}
+
+lg_status lg_rate_get(lg_h5 *h5, double *rate, lg_error *error) {
+    *rate = 0;
+    if (!lg_h5_has_attribute(h5, "", "rate")) return LG_OK;
+    LG_TRY(lg_h5_number(h5, "", "rate", LG_ELEMENT_F64, rate, error));
+    if (isfinite(*rate) && *rate >= 0) return LG_OK;
+    return lg_fail(error, isfinite(*rate) ? LG_FORMAT : LG_NOT_FINITE,
+                   "%s: attribute rate is %g, expected samples a second", lg_shown_path(h5->path), *rate);
+}
+
+lg_status lg_sensing_get(lg_h5 *h5, lg_sensing *sensing, lg_error *error) {
+    lg_sensing got = {.classes = sensing->classes, .channels = sensing->channels};
+    lg_status status = lg_names_list(h5, "classes", true, &got.classes, &got.class_name, error);
+    if (status == LG_OK && got.classes > 0)
+        status = lg_names_list(h5, "class_labels", true, &got.classes, &got.class_label, error);
+    if (status == LG_OK)
+        status = lg_names_list(h5, "channels", false, &got.channels, &got.channel_name, error);
+    if (status == LG_OK) status = lg_rate_get(h5, &got.rate, error);
+    if (status == LG_OK)
+        *sensing = got;
+    else
+        lg_sensing_free(h5->context, &got);
+    return status;
+}

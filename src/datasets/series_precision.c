@@ -1,0 +1,129 @@
+/* Samples of more than single precision: converted, and what the conversion loses of each channel. */
+#include <float.h>
+#include <math.h>
+#include <stdio.h>
+
+#include "datasets/series_files.h"
+
+/* Parts of a channel's standard deviation that may be rounded away. */
+static const double worth_a_warning = 0.01, lost = 0.5;
+/* A standard deviation below this part of the largest value is rounding of the doubles themselves. */
+static const double constant = 1e-13;
+/* Halfway to what would be the next float after the largest. */
+static const double beyond = 0x1.ffffffp127;
+
+/* Sum of squares as scale^2 * sum: neither overflows nor vanishes. */
+typedef struct squares {
+    double scale, sum;
+} squares;
+
+/* Of a channel. Deviations are from its first sample. */
+typedef struct channel_sums {
+    double first, largest, deviation;
+    squares deviations, errors;
+} channel_sums;
+
+typedef struct conversion {
+    lg_series *series;
+    channel_sums *channel; /* (channels) */
+} conversion;
+
+static void add_squares(squares *total, double scale, double sum) {
+    if (scale == 0) return;
+    if (scale <= total->scale) {
+        total->sum += sum * (scale / total->scale) * (scale / total->scale);
+        return;
+    }
+    total->sum = sum + total->sum * (total->scale / scale) * (total->scale / scale);
+    total->scale = scale;
+}
+
+static float to_float(double value) {
+    return fabs(value) >= beyond ? (float)copysign(INFINITY, value) : (float)value;
+}
+
+/* One channel of a window; what is not finite is found later. */
+static void convert(channel_sums *sums, const double *values, size_t length, float *out) {
+    double deviation = 0, error = 0, d2 = 0, e2 = 0;
+    for (size_t t = 0; t < length; t++) {
+        out[t] = to_float(values[t]);
+        sums->largest = fmax(sums->largest, fabs(values[t]));
+        deviation = fmax(deviation, fabs(values[t] - sums->first));
+        error = fmax(error, fabs((double)out[t] - values[t]));
+    }
+    for (size_t t = 0; t < length && deviation > 0; t++) {
+        const double d = (values[t] - sums->first) / deviation;
+        sums->deviation += values[t] - sums->first;
+        d2 += d * d;
+    }
+    for (size_t t = 0; t < length && error > 0; t++) {
+        const double e = ((double)out[t] - values[t]) / error;
+        e2 += e * e;
+    }
+    add_squares(&sums->deviations, deviation, d2);
+    add_squares(&sums->errors, error, e2);
+}
+
+static void convert_rows(void *user, uint64_t row, uint64_t rows, const double *values) {
+    const conversion *c = user;
+    const lg_series *s = c->series;
+    for (uint64_t w = 0; w < rows; w++)
+        for (uint32_t k = 0; k < s->channels; k++) {
+            const double *from = values + (w * s->channels + k) * s->length;
+            if (row + w == 0) c->channel[k].first = from[0];
+            convert(&c->channel[k], from, s->length, s->x + ((row + w) * s->channels + k) * s->length);
+        }
+}
+
+/* Root mean square of the rounding over the standard deviation, both of n samples; 0 for a constant. */
+static double part_lost(const channel_sums *sums, double n) {
+    const double scale = sums->deviations.scale;
+    if (!(scale > 0) || sums->errors.scale == 0) return 0;
+    const double mean = sums->deviation / n / scale, variance = sums->deviations.sum / n - mean * mean;
+    const double deviation = sqrt(fmax(variance, 0));
+    if (!(deviation > 0) || deviation * (scale / sums->largest) < constant) return 0;
+    return sums->errors.scale / scale * sqrt(sums->errors.sum / n) / deviation;
+}
+
+static void name_channel(const lg_series *s, uint32_t channel, char *text, size_t size) {
+    if (s->channel_name != NULL && s->channel_name[channel][0] != '\0')
+        (void)snprintf(text, size, "%u '%s'", channel + 1, s->channel_name[channel]);
+    else
+        (void)snprintf(text, size, "%u", channel + 1);
+}
+
+lg_status lg_series_convert(lg_h5 *h5, lg_series *series, lg_precision *out, lg_error *error) {
+    const char *shown = lg_shown_path(h5->path);
+    conversion all = {series, lg_alloc(h5->context, series->channels, sizeof *all.channel)};
+    *out = (lg_precision){.part = 0};
+    if (all.channel == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", shown);
+    const lg_status status = lg_h5_each_rows(h5, "X", convert_rows, &all, error);
+    const double n = (double)series->count * series->length;
+    for (uint32_t k = 0; k < series->channels && status == LG_OK; k++) {
+        const double part = part_lost(&all.channel[k], n);
+        if (!(part > worth_a_warning)) continue;
+        out->channels++;
+        if (!(part > out->part)) continue;
+        out->part = part;
+        name_channel(series, k, out->name, sizeof out->name);
+    }
+    lg_free(h5->context, all.channel);
+    return status;
+}
+
+lg_status lg_precision_check(const char *path, const lg_precision *precision, lg_error *error) {
+    if (!(precision->part > lost)) return LG_OK;
+    return lg_fail(error, LG_FORMAT,
+                   "%s: /X: single precision loses the signal of channel %s: its rounding is %.2g of the "
+                   "standard deviation; subtract the channel's mean or rescale it",
+                   lg_shown_path(path), precision->name, precision->part);
+}
+
+void lg_precision_warn(const lg_context *context, const char *path, const lg_precision *precision) {
+    if (precision->channels == 0) return;
+    lg_log_message(context, LG_LOG_WARNING,
+                   "%s: /X: single precision rounds away %.2g of the standard deviation of channel %s%s: "
+                   "subtract the channel's mean or rescale it",
+                   lg_shown_path(path), precision->part, precision->name,
+                   precision->channels > 1 ? ", and much of others" : "");
+}
