@@ -35,8 +35,10 @@ extern const char *const fit_dtypes[], *const fit_schedules[], *const fit_activa
 
 /* Rows of a command's table whose values are `struct type` with a fit_values called `field`. `samples`: what
  * a batch counts ("Trajectories"). The others are texts of defaults: "80", "1e-2", "the preset's". */
-#define FIT_TRAINING_ROWS(type, field, samples, d_epochs, d_batch, d_lr, d_schedule, d_step, d_gamma,        \
-                          d_decay, d_eps, d_clip, d_dtype, d_shards)                                         \
+#define FIT_TRAINING_ROWS(...) FIT_VALIDATED_ROWS("0", __VA_ARGS__)
+/* The same with a validation part by default. */
+#define FIT_VALIDATED_ROWS(d_validation, type, field, samples, d_epochs, d_batch, d_lr, d_schedule, d_step,  \
+                           d_gamma, d_decay, d_eps, d_clip, d_dtype, d_shards)                               \
     APP_ROW_SIZE(type, field.epochs, "epochs", "E", 1, 1e9,                                                  \
                  "Planned total, a resumed run included (default " d_epochs ")"),                            \
         APP_ROW_SIZE(type, field.batch, "batch", "B", 1, 4e9, samples " in a batch (default " d_batch ")"),  \
@@ -53,9 +55,9 @@ extern const char *const fit_dtypes[], *const fit_schedules[], *const fit_activa
         APP_ROW_REAL(type, field.clip, "clip", "NORM", 0, 1e300,                                             \
                      "Bound on the gradient's norm, 0 for none (default " d_clip ")"),                       \
         APP_ROW_CHOICE(type, field.dtype, "dtype", fit_dtypes, "f64 or f32 (default " d_dtype ")"),          \
-        APP_ROW_REAL(                                                                                        \
-            type, field.validation, "validation", "F", 0, 0.9,                                               \
-            "Fraction kept for validation; the best epoch's parameters are then taken (default 0)"),         \
+        APP_ROW_REAL(type, field.validation, "validation", "F", 0, 0.9,                                      \
+                     "Fraction kept for validation; the best epoch's parameters are then taken "             \
+                     "(default " d_validation ")"),                                                          \
         APP_ROW_SIZE(                                                                                        \
             type, field.shards, "shards", "n", 1, 1024,                                                      \
             "Pieces of a batch that threads share; the bits of the result depend on it (default " d_shards   \

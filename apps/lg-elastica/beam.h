@@ -152,8 +152,5 @@ lg_status draw_comparison(const app *app, const char *picture, const comparison 
 /* A learned curve (points, 2) and, when not NULL, a solution. */
 lg_status draw_prediction(const app *app, const char *picture, const double *q, size_t points,
                           const beam_curve *truth, lg_error *error);
-/* Objective against trial, and the best so far. */
-lg_status draw_search(const app *app, const char *picture, const lg_trial *trials, size_t count,
-                      lg_error *error);
 
 #endif

@@ -301,4 +301,115 @@ static inline double json_number(const char *text, const char *key) {
     return s != NULL && json_number_end(s) != NULL ? strtod(s, NULL) : (double)NAN;
 }
 
+/* ---- what programs with several commands share ---- */
+
+/* A folder for the group of tests, with a file that is empty and one that is no HDF5 file. */
+static inline int cli_begin(void) {
+    cli_make_folder();
+    if (cli_folder[0] == '\0') return -1;
+    /* The sanitizers end a program that asks for too much, unless told. */
+    (void)setenv("ASAN_OPTIONS", "allocator_may_return_null=1", 0);
+    (void)setenv("TSAN_OPTIONS", "allocator_may_return_null=1", 0);
+    cli_write("empty.h5", "");
+    cli_write("foreign.h5", "this is no HDF5 file, whatever its name says\n");
+    return 0;
+}
+
+static inline int cli_end(void **state) {
+    (void)state;
+    cli_remove_folder();
+    return 0;
+}
+
+static inline void cli_expect_help(const char *program, const char *const *commands, size_t count,
+                                   cli *result) {
+    char line[64], words[64];
+    (void)snprintf(words, sizeof words, "%s (liegrad) ", program);
+    cli_expect(program, "--version", 0, words, result);
+    cli_expect(program, "--help", 0, "Commands:", result);
+    (void)snprintf(words, sizeof words, "Usage: %s", program);
+    for (size_t i = 0; i < count; i++) {
+        (void)snprintf(line, sizeof line, "%s --help", commands[i]);
+        cli_expect(program, line, 0, words, result);
+        assert_non_null(strstr(result->out, "--threads"));
+    }
+}
+
+/* Half a minute for a file to appear. */
+static inline void cli_wait_for(const char *name) {
+    const struct timespec pause = {0, 20000000};
+    for (int i = 0; i < 1500 && !cli_exists(name); i++) (void)nanosleep(&pause, NULL);
+    assert_true(cli_exists(name));
+}
+
+static inline void cli_interrupt(cli_child child, cli *result) {
+    assert_int_equal(kill(child.pid, SIGINT), 0);
+    cli_finish(child, result);
+    assert_int_equal(result->code, 130);
+}
+
+/* A training without end over `arguments`, interrupted: its checkpoint is named, and there is no model. */
+static inline void cli_interrupt_training(const char *program, const char *arguments, cli *result) {
+    char line[1024];
+    (void)snprintf(line, sizeof line, "%s --epochs 1000000 --checkpoint-every 1 --out never.h5", arguments);
+    const cli_child child = cli_start(program, line, 0);
+    cli_wait_for("never.h5.checkpoint");
+    cli_interrupt(child, result);
+    assert_non_null(strstr(result->err, "--resume never.h5.checkpoint"));
+    assert_false(cli_exists("never.h5"));
+}
+
+/* The table of a search without its column of seconds, which no two runs share. */
+static inline void cli_read_trials(const char *name, char *out, size_t size) {
+    char *text = malloc(size);
+    assert_non_null(text);
+    (void)cli_read(name, text, size);
+    size_t used = 0;
+    int column = 0;
+    for (const char *s = text; *s != '\0'; s++) {
+        if (*s == ',') column++;
+        if (*s == '\n') column = 0;
+        if (column != 5) out[used++] = *s;
+    }
+    out[used] = '\0';
+    free(text);
+}
+
+/* Ranges of a search of data.h5 that train would not take, each with words of the sentence. */
+static inline void cli_expect_bad_ranges(const char *program, const char *const (*rows)[2], size_t count,
+                                         cli *result) {
+    for (size_t i = 0; i < count; i++) {
+        cli_write("bad.yaml", rows[i][0]);
+        cli_expect(program, "search bad.yaml data.h5 --out s.csv", 3, rows[i][1], result);
+        if (strstr(result->err, "bad.yaml") == NULL) fail_msg("no file in: %s", result->err);
+    }
+    assert_false(cli_exists("s.csv"));
+}
+
+/* The published searches: names and values are such as train takes, which is checked before the data. */
+static inline void cli_expect_published(const char *program, const char *const *names, size_t count,
+                                        cli *result) {
+    char line[2048], words[64];
+    (void)snprintf(words, sizeof words, "%s search: empty.h5", program);
+    for (size_t i = 0; i < count; i++) {
+        (void)snprintf(line, sizeof line, "search %s/../searches/%s.yaml empty.h5 --out s.csv", LG_TEST_DIR,
+                       names[i]);
+        cli_expect(program, line, 3, words, result);
+    }
+}
+
+/* once.csv is a search of six trials. Three of them, then the others: the same table. Threads do not matter.
+ */
+static inline void cli_expect_same_table(const char *program, cli *result) {
+    static char once[16384], again[16384];
+#define CLI_SEARCH "search ranges.yaml data.h5 --warm-up 2 --out again.csv "
+    cli_expect(program, CLI_SEARCH "--trials 3 --threads 1", 0, "", result);
+    cli_expect(program, CLI_SEARCH "--trials 6 --resume --threads 2 --json", 0, "", result);
+    assert_close(json_number(result->out, "new"), 3, 0, 0);
+    cli_read_trials("once.csv", once, sizeof once);
+    cli_read_trials("again.csv", again, sizeof again);
+    assert_string_equal(once, again);
+    cli_expect(program, CLI_SEARCH "--trials 6 --resume", 0, "best: trial", result);
+}
+
 #endif

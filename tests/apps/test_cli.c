@@ -57,12 +57,6 @@ static int setup(void **state) {
     return 0;
 }
 
-static int teardown(void **state) {
-    (void)state;
-    cli_remove_folder();
-    return 0;
-}
-
 /* ---- bad input: exit code and words of the sentence ---- */
 
 static const cli_bad bad_input[] = {
@@ -313,22 +307,9 @@ static void test_same_bits(void **state) {
     cli_expect(lg, "train test.h5 --resume c.h5 --out r.h5", 2, "c.h5", &result);
 }
 
-static void wait_for(const char *name) {
-    const struct timespec pause = {0, 20000000};
-    for (int i = 0; i < 1500 && !cli_exists(name); i++) (void)nanosleep(&pause, NULL);
-    assert_true(cli_exists(name));
-}
-
 static void test_interrupt(void **state) {
     (void)state;
-    const cli_child child =
-        cli_start(lg, TRAIN "--epochs 1000000 --checkpoint-every 1 --out never.h5 --history never.csv", 0);
-    wait_for("never.h5.checkpoint");
-    assert_int_equal(kill(child.pid, SIGINT), 0);
-    cli_finish(child, &result);
-    assert_int_equal(result.code, 130);
-    assert_non_null(strstr(result.err, "--resume never.h5.checkpoint"));
-    assert_false(cli_exists("never.h5"));
+    cli_interrupt_training(lg, TRAIN "--history never.csv", &result);
     assert_true(cli_exists("never.csv"));
     cli_expect(lg, "train train.h5 --resume never.h5.checkpoint --stop-after 1 --out now.h5 --json", 0,
                "\"epochs\"", &result);
@@ -407,5 +388,5 @@ int main(void) {
                                        cmocka_unit_test(test_interrupt),
                                        cmocka_unit_test(test_full_disk),
                                        cmocka_unit_test(test_study)};
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return cmocka_run_group_tests(tests, setup, cli_end);
 }

@@ -60,13 +60,7 @@ static void write_spoilt(const char *name, const char *set_name, size_t index, d
 
 static int setup(void **state) {
     (void)state;
-    cli_make_folder();
-    if (cli_folder[0] == '\0') return -1;
-    /* The sanitizers end a program that asks for too much, unless told. */
-    (void)setenv("ASAN_OPTIONS", "allocator_may_return_null=1", 0);
-    (void)setenv("TSAN_OPTIONS", "allocator_may_return_null=1", 0);
-    cli_write("empty.h5", "");
-    cli_write("foreign.h5", "this is no HDF5 file, whatever its name says\n");
+    if (cli_begin() != 0) return -1;
     cli_write("ranges.yaml", ranges);
     run("generate --case both-ends --count 40 --intervals 10 --out data.h5");
     run("generate --case right-end --count 40 --intervals 10 --out right.h5");
@@ -79,12 +73,6 @@ static int setup(void **state) {
     cli_link("data.h5", "link.dat");
     run(TRAIN "--epochs 3 --out model.h5");
     run("train data.h5 --network angle --embedding 4 --hidden 4 --layers 1 --epochs 1 --out angle.h5");
-    return 0;
-}
-
-static int teardown(void **state) {
-    (void)state;
-    cli_remove_folder();
     return 0;
 }
 
@@ -273,25 +261,13 @@ static const char *const bad_ranges[][2] = {
 
 static void test_bad_ranges(void **state) {
     (void)state;
-    for (size_t i = 0; i < sizeof bad_ranges / sizeof bad_ranges[0]; i++) {
-        cli_write("bad.yaml", bad_ranges[i][0]);
-        cli_expect(lg, "search bad.yaml data.h5 --out s.csv", 3, bad_ranges[i][1], &result);
-        if (strstr(result.err, "bad.yaml") == NULL) fail_msg("no file in: %s", result.err);
-    }
-    assert_false(cli_exists("s.csv"));
+    cli_expect_bad_ranges(lg, bad_ranges, sizeof bad_ranges / sizeof bad_ranges[0], &result);
 }
 
 static void test_help(void **state) {
     static const char *const commands[] = {"solve", "generate", "train", "evaluate", "predict", "search"};
-    char arguments[64];
     (void)state;
-    cli_expect(lg, "--version", 0, "lg-elastica (liegrad) ", &result);
-    cli_expect(lg, "--help", 0, "Commands:", &result);
-    for (size_t i = 0; i < sizeof commands / sizeof commands[0]; i++) {
-        (void)snprintf(arguments, sizeof arguments, "%s --help", commands[i]);
-        cli_expect(lg, arguments, 0, "Usage: lg-elastica", &result);
-        assert_non_null(strstr(result.out, "--threads"));
-    }
+    cli_expect_help(lg, commands, sizeof commands / sizeof commands[0], &result);
 }
 
 /* ---- solve ---- */
@@ -701,22 +677,9 @@ static void test_same_bits(void **state) {
     assert_false(cli_exists("r.h5"));
 }
 
-static void wait_for(const char *name) {
-    const struct timespec pause = {0, 20000000};
-    for (int i = 0; i < 1500 && !cli_exists(name); i++) (void)nanosleep(&pause, NULL);
-    assert_true(cli_exists(name));
-}
-
 static void test_interrupted_training(void **state) {
     (void)state;
-    const cli_child child =
-        cli_start(lg, TRAIN "--epochs 1000000 --checkpoint-every 1 --out never.h5 --history never.csv", 0);
-    wait_for("never.h5.checkpoint");
-    assert_int_equal(kill(child.pid, SIGINT), 0);
-    cli_finish(child, &result);
-    assert_int_equal(result.code, 130);
-    assert_non_null(strstr(result.err, "--resume never.h5.checkpoint"));
-    assert_false(cli_exists("never.h5"));
+    cli_interrupt_training(lg, TRAIN "--history never.csv", &result);
     assert_true(cli_exists("never.csv"));
     cli_expect(lg, "train data.h5 --resume never.h5.checkpoint --stop-after 1 --out now.h5 --json", 0,
                "\"epochs\"", &result);
@@ -724,24 +687,7 @@ static void test_interrupted_training(void **state) {
 
 /* ---- search ---- */
 
-/* The table without its column of seconds, which no two runs share. */
-static void read_trials(const char *name, char *out, size_t size) {
-    char *text = malloc(size);
-    assert_non_null(text);
-    (void)cli_read(name, text, size);
-    size_t used = 0;
-    int column = 0;
-    for (const char *s = text; *s != '\0'; s++) {
-        if (*s == ',') column++;
-        if (*s == '\n') column = 0;
-        if (column != 5) out[used++] = *s;
-    }
-    out[used] = '\0';
-    free(text);
-}
-
 static void test_search(void **state) {
-    static char once[16384], again[16384];
     (void)state;
     run(SEARCH "--out once.csv --plot s.svg --json");
     assert_true(json_is_object(result.out));
@@ -754,17 +700,9 @@ static void test_search(void **state) {
     assert_non_null(json_find(json_find(best, "values"), "architecture"));
     assert_true(cli_exists("s.gp"));
     if (!cli_exists("s.svg")) assert_non_null(strstr(result.err, "gnuplot"));
-    /* Three trials, then the others: the same table. Threads do not matter. */
-    run("search ranges.yaml data.h5 --trials 3 --warm-up 2 --out again.csv --threads 1");
-    run(SEARCH "--out again.csv --resume --threads 2 --json");
-    assert_close(json_number(result.out, "new"), 3, 0, 0);
-    read_trials("once.csv", once, sizeof once);
-    read_trials("again.csv", again, sizeof again);
-    assert_string_equal(once, again);
+    cli_expect_same_table(lg, &result);
     run(SEARCH "--out again.csv --resume --json");
     assert_close(json_number(result.out, "new"), 0, 0, 0);
-    run(SEARCH "--out again.csv --resume");
-    assert_non_null(strstr(result.out, "best: trial"));
     cli_expect(lg, SEARCH "--out again.csv --resume --seed 2", 2, "seed", &result);
     cli_expect(lg, SEARCH "--out again.csv --resume --quantile 0.3", 2, "settings", &result);
     cli_expect(lg, "search ranges.yaml right.h5 --trials 6 --warm-up 2 --out again.csv --resume", 2, "data",
@@ -797,16 +735,10 @@ static void test_failed_trials(void **state) {
                "lg-elastica train: out of memory: the network has 1", &result);
 }
 
-/* The published searches: names and values are such as train takes, which is checked before the data. */
 static void test_published_searches(void **state) {
-    static const char *const names[] = {"discrete", "continuous", "angle"};
-    char line[2048];
+    static const char *const names[] = {"elastica-discrete", "elastica-continuous", "elastica-angle"};
     (void)state;
-    for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
-        (void)snprintf(line, sizeof line, "search %s/../searches/elastica-%s.yaml empty.h5 --out s.csv",
-                       LG_TEST_DIR, names[i]);
-        cli_expect(lg, line, 3, "lg-elastica search: empty.h5", &result);
-    }
+    cli_expect_published(lg, names, sizeof names / sizeof names[0], &result);
 }
 
 static void test_interrupted_search(void **state) {
@@ -814,12 +746,10 @@ static void test_interrupted_search(void **state) {
     (void)state;
     const cli_child child =
         cli_start(lg, "search ranges.yaml data.h5 --trials 100000 --warm-up 2 --out long.csv", 0);
-    wait_for("long.csv");
-    assert_int_equal(kill(child.pid, SIGINT), 0);
-    cli_finish(child, &result);
-    assert_int_equal(result.code, 130);
+    cli_wait_for("long.csv");
+    cli_interrupt(child, &result);
     assert_non_null(strstr(result.err, "continue with --resume"));
-    read_trials("long.csv", once, sizeof once);
+    cli_read_trials("long.csv", once, sizeof once);
     /* What was finished is kept, as a search of so many trials would have it. */
     int trials = -2;
     for (const char *s = once; *s != '\0'; s++) trials += *s == '\n';
@@ -827,7 +757,7 @@ static void test_interrupted_search(void **state) {
     (void)snprintf(line, sizeof line, "search ranges.yaml data.h5 --trials %d --warm-up 2 --out short.csv",
                    trials);
     run(line);
-    read_trials("short.csv", again, sizeof again);
+    cli_read_trials("short.csv", again, sizeof again);
     if (strlen(once) < sizeof once - 1) assert_string_equal(once, again);
 }
 
@@ -891,5 +821,5 @@ int main(void) {
                                        cmocka_unit_test(test_published_searches),
                                        cmocka_unit_test(test_interrupted_search),
                                        cmocka_unit_test(test_full_disk)};
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return cmocka_run_group_tests(tests, setup, cli_end);
 }

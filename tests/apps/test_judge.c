@@ -32,12 +32,6 @@ static int setup(void **state) {
     return 0;
 }
 
-static int teardown(void **state) {
-    (void)state;
-    cli_remove_folder();
-    return 0;
-}
-
 static void read_data(const char *name, lg_trajectories *out) {
     char path[1024];
     cli_path(name, path, sizeof path);
@@ -369,5 +363,5 @@ int main(void) {
         cmocka_unit_test(test_other_system), cmocka_unit_test(test_too_many_points),
         cmocka_unit_test(test_box_of_chain), cmocka_unit_test(test_box_and_noise),
         cmocka_unit_test(test_study)};
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return cmocka_run_group_tests(tests, setup, cli_end);
 }

@@ -76,12 +76,6 @@ static int setup(void **state) {
     return 0;
 }
 
-static int teardown(void **state) {
-    (void)state;
-    cli_remove_folder();
-    return 0;
-}
-
 /* ---- bad input: exit code and words of the sentence ---- */
 
 static const cli_bad bad_input[] = {
@@ -588,5 +582,5 @@ int main(void) {
                                        cmocka_unit_test(test_work_precision),
                                        cmocka_unit_test(test_gradient),
                                        cmocka_unit_test(test_interrupt)};
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return cmocka_run_group_tests(tests, setup, cli_end);
 }

@@ -1,0 +1,421 @@
+/* Random search over the options of a program's train command. */
+#include "common/search.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { SHOWN_TRIALS = 10 };
+
+typedef struct searching {
+    app *app;
+    const search_values *values;
+    const search_task *task;
+    const lg_search_file *file;
+    char setting[256];
+    lg_trial *trials;
+    size_t count, before;
+    lg_error failure; /* of the first trial that failed in this run */
+    uint64_t failed;  /* its number */
+    lg_error saving;  /* why the table could not be written */
+    app_progress progress;
+} searching;
+
+struct search_trial {
+    searching *search;
+    lg_search *session;
+    lg_trial *trial;
+    double (*objective)(void *user);
+    void *user;
+};
+
+/* ---- names and values as options of train ---- */
+
+/* An app as if the options had been given to `train`; values on the heap. */
+typedef struct virtual_train {
+    const search_task *task;
+    app app;
+    void *values;
+} virtual_train;
+
+static virtual_train virtual_begin(const app *self, const search_task *task) {
+    virtual_train out = {task, *self, app_alloc(1, task->values_size)};
+    memcpy(out.values, task->train->values, task->values_size);
+    out.app.command = task->train;
+    memset(out.app.given, 0, sizeof out.app.given);
+    return out;
+}
+
+static lg_status virtual_set(virtual_train *v, const char *name, const char *text, lg_error *error) {
+    char message[512];
+    const app_option *options = v->task->train->options;
+    if (!v->task->is_hyperparameter(name))
+        return app_error(error, LG_FORMAT, "'%s' is no option of train that determines its result", name);
+    const char *refused = v->task->refused != NULL ? v->task->refused(name, text) : NULL;
+    if (refused != NULL) return app_error(error, LG_FORMAT, "'%s' %s", name, refused);
+    for (size_t i = 0; options[i].name != NULL; i++) {
+        if (strcmp(options[i].name, name) != 0) continue;
+        if (!app_store(&options[i], text, v->values, message, sizeof message))
+            return app_error(error, LG_FORMAT, "%s: %s", name, message);
+        v->app.given[i] = true;
+    }
+    return LG_OK;
+}
+
+static void value_text(const lg_range *range, double value, char *out, size_t size) {
+    if (range->kind == LG_RANGE_CHOICE)
+        (void)snprintf(out, size, "%s", range->choice[(size_t)value]);
+    else
+        (void)snprintf(out, size, "%.17g", value);
+}
+
+static lg_status set_fixed(virtual_train *v, const lg_search_file *file, size_t *bad, lg_error *error) {
+    lg_status status = LG_OK;
+    for (size_t i = 0; i < file->fixed_count && status == LG_OK; i++) {
+        *bad = i;
+        status = virtual_set(v, file->fixed_name[i], file->fixed_value[i], error);
+    }
+    return status;
+}
+
+static lg_status set_drawn(virtual_train *v, const lg_search_space *space, const double *drawn,
+                           lg_error *error) {
+    lg_status status = LG_OK;
+    char text[64];
+    for (size_t i = 0; i < space->count && status == LG_OK; i++) {
+        value_text(&space->ranges[i], drawn[i], text, sizeof text);
+        status = virtual_set(v, space->ranges[i].name, text, error);
+    }
+    return status;
+}
+
+/* The bounds, a number between them and every choice must be values that train takes. */
+static lg_status check_range(virtual_train *v, const lg_range *range, lg_error *error) {
+    const bool choice = range->kind == LG_RANGE_CHOICE;
+    const double between = range->low + 0.381966 * (range->high - range->low);
+    const double probes[] = {range->low, range->high, range->kind == LG_RANGE_INTEGER ? range->low : between};
+    const size_t count = choice ? range->choices : APP_COUNT(probes);
+    lg_status status = LG_OK;
+    for (size_t i = 0; i < count && status == LG_OK; i++) {
+        char text[64];
+        value_text(range, choice ? (double)i : probes[i], text, sizeof text);
+        status = virtual_set(v, range->name, text, error);
+    }
+    return status;
+}
+
+static int check_names(const app *self, const search_task *task, const lg_search_file *file) {
+    lg_error error = {LG_OK, ""};
+    virtual_train v = virtual_begin(self, task);
+    const char *path = self->arguments[0];
+    size_t bad = 0;
+    uint32_t line = 0;
+    if (set_fixed(&v, file, &bad, &error) != LG_OK) line = file->fixed_line[bad];
+    for (size_t i = 0; i < file->space.count && error.status == LG_OK; i++)
+        if (check_range(&v, &file->space.ranges[i], &error) != LG_OK) line = file->line[i];
+    free(v.values);
+    if (error.status == LG_OK) return APP_EXIT_OK;
+    return app_fail(self, LG_FORMAT, "%s: line %u: %s", path, line, error.message);
+}
+
+/* ---- one trial ---- */
+
+/* The objective is computed where a rung is passed only. */
+static int on_epoch(void *user, const lg_fit_epoch *report) {
+    search_trial *self = user;
+    searching *search = self->search;
+    const uint64_t parts = search->values->rungs + 1, done = report->epoch, total = report->epochs;
+    app_progress_show(&search->progress, search->count, "trial %llu/%llu, epoch %llu/%llu, loss %.3g",
+                      (unsigned long long)self->trial->number + 1, (unsigned long long)search->values->trials,
+                      (unsigned long long)done, (unsigned long long)total, report->loss);
+    if (done == total || done * parts / total == (done - 1) * parts / total) return 0;
+    return lg_search_report(self->session, done, total, self->objective(self->user)) ? 1 : 0;
+}
+
+lg_fit_options search_fit_options(search_trial *self, const lg_training *training) {
+    lg_fit_options options;
+    lg_fit_options_init(&options);
+    lg_training_apply(training, &options);
+    options.threads = (int)self->search->app->threads;
+    options.on_epoch = on_epoch;
+    options.user = self;
+    return options;
+}
+
+lg_status search_fit(search_trial *self, lg_fit *fit, size_t parameters, double (*objective)(void *user),
+                     void *user, lg_error *error) {
+    self->objective = objective;
+    self->user = user;
+    self->trial->parameters = parameters;
+    const lg_status status = lg_fit_run(fit, error);
+    self->trial->epochs = lg_fit_epochs_done(fit);
+    if (status != LG_OK) return status;
+    self->trial->objective = objective(user);
+    (void)lg_search_report(self->session, self->trial->epochs, self->trial->epochs, self->trial->objective);
+    return LG_OK;
+}
+
+static lg_status run_trial(void *user, lg_search *session, lg_trial *trial, lg_error *error) {
+    searching *search = user;
+    search_trial self = {.search = search, .session = session, .trial = trial};
+    virtual_train v = virtual_begin(search->app, search->task);
+    size_t bad;
+    lg_status status = set_fixed(&v, search->file, &bad, error);
+    if (status == LG_OK) status = set_drawn(&v, &search->file->space, trial->value, error);
+    if (status == LG_OK)
+        status =
+            search->task->run(search->task->user, &v.app, v.values, search->values->validation, &self, error);
+    free(v.values);
+    return status;
+}
+
+static lg_status on_finished(void *user, const lg_trial *trials, size_t count, const lg_error *error) {
+    searching *search = user;
+    search->count = count;
+    app_progress_end(&search->progress);
+    if (error->status != LG_OK && search->failure.status == LG_OK) {
+        search->failure = *error;
+        search->failed = trials[count - 1].number;
+    }
+    if (error->status != LG_OK)
+        app_warn(search->app, "trial %llu failed: %s", (unsigned long long)trials[count - 1].number,
+                 error->message);
+    app_progress_begin(&search->progress, search->before, search->values->trials);
+    return lg_trials_write(search->app->context, search->values->out, search->file, search->app->seed,
+                           search->setting, trials, count, &search->saving);
+}
+
+/* ---- results ---- */
+
+static int by_objective(const void *a, const void *b) {
+    const lg_trial *p = *(const lg_trial *const *)a, *q = *(const lg_trial *const *)b;
+    if (p->state != q->state) return (p->state > q->state) - (p->state < q->state);
+    return app_compare_doubles(&p->objective, &q->objective);
+}
+
+static void print_trials(const searching *search) {
+    const lg_search_space *space = &search->file->space;
+    const lg_trial **order = app_alloc(search->count, sizeof *order);
+    app_table table;
+    char text[64];
+    for (size_t i = 0; i < search->count; i++) order[i] = &search->trials[i];
+    qsort(order, search->count, sizeof *order, by_objective);
+    app_table_begin(&table, 5 + space->count);
+    static const char *const heads[] = {"trial", "state", "objective", "parameters", "seconds"};
+    for (size_t c = 0; c < APP_COUNT(heads); c++) app_table_cell(&table, "%s", heads[c]);
+    for (size_t c = 0; c < space->count; c++) app_table_cell(&table, "%s", space->ranges[c].name);
+    for (size_t i = 0; i < search->count && i < SHOWN_TRIALS; i++) {
+        app_table_cell(&table, "%llu", (unsigned long long)order[i]->number);
+        app_table_cell(&table, "%s", lg_trial_state_name(order[i]->state));
+        app_table_cell(&table, "%.4e", order[i]->objective);
+        app_table_cell(&table, "%llu", (unsigned long long)order[i]->parameters);
+        app_table_cell(&table, "%.1f", order[i]->seconds);
+        for (size_t c = 0; c < space->count; c++) {
+            if (space->ranges[c].kind == LG_RANGE_CHOICE)
+                value_text(&space->ranges[c], order[i]->value[c], text, sizeof text);
+            else
+                (void)snprintf(text, sizeof text, "%.6g", order[i]->value[c]);
+            app_table_cell(&table, "%s", text);
+        }
+    }
+    app_table_end(&table, stdout);
+    free(order);
+}
+
+/* The best trial's settings as words of a command line. */
+static void print_best(const searching *search, size_t best) {
+    const lg_search_file *file = search->file;
+    char text[64];
+    (void)printf("best: trial %llu, objective %.4e; %s train %s",
+                 (unsigned long long)search->trials[best].number, search->trials[best].objective,
+                 search->app->program, search->app->arguments[1]);
+    for (size_t i = 0; i < file->fixed_count; i++)
+        (void)printf(" --%s %s", file->fixed_name[i], file->fixed_value[i]);
+    for (size_t i = 0; i < file->space.count; i++) {
+        value_text(&file->space.ranges[i], search->trials[best].value[i], text, sizeof text);
+        (void)printf(" --%s %s", file->space.ranges[i].name, text);
+    }
+    (void)printf(" --seed %llu --out FILE\n", (unsigned long long)search->app->seed);
+}
+
+static size_t count_state(const searching *search, lg_trial_state state) {
+    size_t n = 0;
+    for (size_t i = 0; i < search->count; i++) n += search->trials[i].state == state;
+    return n;
+}
+
+static void json_best(app_json *json, const searching *search, size_t best) {
+    const lg_search_space *space = &search->file->space;
+    const lg_trial *trial = &search->trials[best];
+    app_json_open(json, "best", '{');
+    app_json_size(json, "trial", trial->number);
+    app_json_real(json, "objective", trial->objective);
+    app_json_size(json, "parameters", trial->parameters);
+    app_json_size(json, "epochs", trial->epochs);
+    app_json_real(json, "seconds", trial->seconds);
+    app_json_open(json, "values", '{');
+    for (size_t i = 0; i < space->count; i++)
+        if (space->ranges[i].kind == LG_RANGE_CHOICE)
+            app_json_text(json, space->ranges[i].name, space->ranges[i].choice[(size_t)trial->value[i]]);
+        else
+            app_json_real(json, space->ranges[i].name, trial->value[i]);
+    app_json_close(json, '}');
+    app_json_close(json, '}');
+}
+
+static void report(const searching *search, double seconds) {
+    const size_t best = lg_search_best(search->trials, search->count);
+    if (!search->app->json) {
+        print_trials(search);
+        (void)printf("%zu trials: %zu done, %zu stopped early, %zu failed (%.1f s)\n", search->count,
+                     count_state(search, LG_TRIAL_DONE), count_state(search, LG_TRIAL_PRUNED),
+                     count_state(search, LG_TRIAL_FAILED), seconds);
+        if (best < search->count) print_best(search, best);
+        return;
+    }
+    app_json json;
+    app_json_begin(&json);
+    app_json_size(&json, "trials", search->count);
+    app_json_size(&json, "new", search->count - search->before);
+    app_json_size(&json, "done", count_state(search, LG_TRIAL_DONE));
+    app_json_size(&json, "pruned", count_state(search, LG_TRIAL_PRUNED));
+    app_json_size(&json, "failed", count_state(search, LG_TRIAL_FAILED));
+    if (best < search->count) json_best(&json, search, best);
+    app_json_size(&json, "seed", search->app->seed);
+    app_json_size(&json, "threads", search->app->threads);
+    app_json_text(&json, "out", search->values->out);
+    app_json_real(&json, "seconds", seconds);
+    app_json_end(&json);
+}
+
+/* ---- the picture ---- */
+
+static void put_state(app_plot *plot, const lg_trial *trials, size_t count, lg_trial_state state) {
+    for (size_t i = 0; i < count; i++)
+        if (trials[i].state == state && isfinite(trials[i].objective) && trials[i].objective > 0)
+            (void)fprintf(plot->data.stream, "%llu %.9g\n", (unsigned long long)trials[i].number,
+                          trials[i].objective);
+}
+
+static lg_status draw_search(const app *self, const char *picture, const lg_trial *trials, size_t count,
+                             lg_error *error) {
+    app_plot plot;
+    bool drawn;
+    const lg_status status = app_plot_begin(&plot, picture, 800, 500);
+    if (status != LG_OK) return app_error(error, status, "%s: the name must end in .svg or .png", picture);
+    size_t done = 0, pruned = 0;
+    double best = INFINITY;
+    for (size_t i = 0; i < count; i++) {
+        done += trials[i].state == LG_TRIAL_DONE;
+        pruned += trials[i].state == LG_TRIAL_PRUNED && trials[i].objective > 0;
+        if (trials[i].state == LG_TRIAL_DONE) best = fmin(best, trials[i].objective);
+        if (isfinite(best))
+            (void)fprintf(plot.data.stream, "%llu %.9g\n", (unsigned long long)trials[i].number, best);
+    }
+    app_plot_block(&plot);
+    put_state(&plot, trials, count, LG_TRIAL_DONE);
+    app_plot_block(&plot);
+    put_state(&plot, trials, count, LG_TRIAL_PRUNED);
+    (void)fprintf(plot.script.stream,
+                  "set logscale y\nset format y '10^{%%L}'\nset xlabel 'trial'\nset ylabel 'objective'\n"
+                  "set xrange [-1:%zu]\n%sset key top right\nplot 1/0 notitle",
+                  count, done + pruned == 0 ? "set yrange [1e-6:1]\n" : "");
+    if (pruned > 0)
+        (void)fprintf(plot.script.stream,
+                      ", datafile index %d with points pt 2 lc rgb '#999999' title 'stopped early'",
+                      done > 0 ? 2 : 0);
+    if (done > 0)
+        (void)fputs(", datafile index 1 with points pt 7 lc rgb '#1f5fa8' title 'finished', "
+                    "datafile index 0 with steps lw 2 lc rgb '#d1641f' title 'best so far'",
+                    plot.script.stream);
+    (void)fputc('\n', plot.script.stream);
+    return app_plot_end(self, &plot, &drawn, error);
+}
+
+/* ---- the command ---- */
+
+static int read_trials(searching *search) {
+    const app *self = search->app;
+    lg_error error = {LG_OK, ""};
+    if (!search->values->resume) return APP_EXIT_OK;
+    const lg_status status =
+        lg_trials_read(self->context, search->values->out, search->file, self->seed, search->setting,
+                       search->trials, (size_t)search->values->trials, &search->count, &error);
+    search->before = search->count;
+    if (status == LG_OK || status == LG_NOT_FOUND) return APP_EXIT_OK;
+    if (status == LG_INVALID_ARGUMENT) return app_fail(self, status, "%s", error.message);
+    return app_fail_file(self, status, &error, search->values->out);
+}
+
+static int none_done(const searching *search) {
+    if (search->failure.status == LG_OK)
+        return app_fail(search->app, LG_NO_CONVERGENCE, "none of the %zu trials in %s was done",
+                        search->count, search->values->out);
+    return app_fail(search->app, LG_NO_CONVERGENCE,
+                    "none of %zu trials was done; trial %llu failed first: %s", search->count,
+                    (unsigned long long)search->failed, search->failure.message);
+}
+
+static int run_search(searching *search) {
+    const app *self = search->app;
+    lg_error error = {LG_OK, ""};
+    lg_search_options options;
+    const lg_search_problem problem = {run_trial, on_finished, search};
+    lg_search_options_init(&options);
+    options.trials = search->values->trials;
+    options.seed = self->seed;
+    options.rungs = (uint32_t)search->values->rungs;
+    options.warm_up = (uint32_t)search->values->warm_up;
+    options.quantile = search->values->quantile;
+    const double begin = app_seconds();
+    app_progress_begin(&search->progress, search->before, search->values->trials);
+    lg_status status = lg_search_run(self->context, &search->file->space, &options, &problem, search->trials,
+                                     &search->count, &error);
+    app_progress_end(&search->progress);
+    if (status == LG_CANCELLED) {
+        (void)fprintf(stderr, "%s: stopped after %zu of %llu trials; continue with --resume\n", self->title,
+                      search->count, (unsigned long long)search->values->trials);
+        return APP_EXIT_INTERRUPTED;
+    }
+    if (search->saving.status != LG_OK)
+        return app_fail_file(self, search->saving.status, &search->saving, search->values->out);
+    if (status != LG_OK)
+        return app_fail(self, status, "%s",
+                        error.message[0] != '\0' ? error.message : lg_status_sentence(status));
+    if (search->values->plot != NULL) {
+        status = draw_search(self, search->values->plot, search->trials, search->count, &error);
+        if (status != LG_OK) return app_fail_file(self, status, &error, search->values->plot);
+    }
+    report(search, app_seconds() - begin);
+    return lg_search_best(search->trials, search->count) < search->count ? APP_EXIT_OK : none_done(search);
+}
+
+int search_main(app *self, const search_values *values, const search_task *task) {
+    const app_path paths[] = {{"out", values->out, APP_WRITTEN}, {"plot", values->plot, APP_DRAWN}};
+    lg_error error = {LG_OK, ""};
+    char sha256[LG_SHA256_TEXT];
+    if (values->out == NULL) return app_usage(self, "--out FILE.csv is missing");
+    int code = app_check_outputs(self, paths, APP_COUNT(paths));
+    if (code != APP_EXIT_OK) return code;
+    lg_search_file *file = app_alloc(1, sizeof *file);
+    const lg_status status = lg_search_file_read(self->context, self->arguments[0], file, &error);
+    if (status != LG_OK) code = app_fail_file(self, status, &error, self->arguments[0]);
+    if (code == APP_EXIT_OK) code = check_names(self, task, file);
+    if (code == APP_EXIT_OK) code = task->read(task->user, self, sha256);
+    if (code == APP_EXIT_OK) {
+        searching search = {.app = self,
+                            .values = values,
+                            .task = task,
+                            .file = file,
+                            .trials = app_alloc((size_t)values->trials, sizeof *search.trials)};
+        (void)snprintf(search.setting, sizeof search.setting,
+                       "data %s validation %.17g rungs %llu warm-up %llu quantile %.17g", sha256,
+                       values->validation, (unsigned long long)values->rungs,
+                       (unsigned long long)values->warm_up, values->quantile);
+        code = read_trials(&search);
+        if (code == APP_EXIT_OK) code = run_search(&search);
+        free(search.trials);
+    }
+    free(file);
+    return code;
+}

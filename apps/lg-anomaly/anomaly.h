@@ -1,0 +1,183 @@
+/* What the commands of lg-anomaly share: labelled data, models of either kind, judging, pictures. Functions
+ * that return int return an exit code, and have told the user when it is not APP_EXIT_OK; those that return a
+ * status explain a failure in `error`. */
+#ifndef LG_APPS_ANOMALY_H
+#define LG_APPS_ANOMALY_H
+
+#include "common/app.h"
+#include "liegrad/classify.h"
+#include "liegrad/detector.h"
+#include "liegrad/io.h"
+#include "liegrad/judge.h"
+#include "liegrad/riser.h"
+#include "liegrad/series.h"
+
+extern const app_command generate_command, feed_command, train_command, evaluate_command, search_command,
+    watch_command;
+
+/* ---- models (model.c) ---- */
+
+/* How the data of a model were cut and split: with the same data the same windows are tested again. */
+typedef struct well_cut {
+    lg_split split;
+    double test_fraction, validation_fraction;
+    uint64_t seed, windows, window, hop; /* windows in all; samples of one, and from one to the next */
+    char data_sha256[LG_SHA256_TEXT];
+} well_cut;
+
+/* A network (kind "detector") or a classical classifier (kind "classifier"), ready to judge. */
+typedef struct well_model {
+    bool network;
+    const char *method;                   /* "cnn", "logistic", ..., "baseline"; static */
+    uint32_t classes, channels, window;   /* window: samples */
+    double rate;                          /* Hz; 0: unknown */
+    char (*class_name)[LG_SERIES_NAME];   /* (classes); owned by detector or names */
+    char (*class_label)[LG_SERIES_NAME];  /* (classes) or NULL; likewise */
+    char (*channel_name)[LG_SERIES_NAME]; /* (channels) or NULL; likewise */
+    well_cut cut;
+    bool probabilities;        /* scores are probabilities; false: decisions of support vectors */
+    lg_detector_file detector; /* network */
+    void *theta;               /* its parameters in dtype */
+    lg_dtype dtype;
+    lg_classifier classifier; /* otherwise */
+    lg_series names;          /* of a loaded classifier: owns its names */
+} well_model;
+
+/* `file` is borrowed: free the theta of *out, no more. */
+void well_model_of_detector(const lg_detector_file *file, well_model *out);
+int well_model_load(const app *app, const char *path, well_model *out);
+void well_model_free(const app *app, well_model *model); /* a zeroed one may be freed */
+/* Bytes of work memory for well_model_score. */
+size_t well_model_work(const well_model *model);
+/* A window (channels, window), as recorded -> score (classes); the class is lg_class_of(score). plane: as for
+ * lg_detector_eval, NULL unless model->network. work: 64-byte aligned. No allocation. */
+lg_status well_model_score(const well_model *model, const float *x, double *score, double *plane, void *work);
+/* How much a window is of any class but the first: the score of class 1 (two classes), 1 - that of class 0
+ * (probabilities), the best of the others less that of class 0. */
+double well_model_alarm(const well_model *model, const double *score);
+
+/* Kind "classifier": /run, /classifier. What `model` says and model->classifier. */
+lg_status well_model_save(const app *app, const char *path, const well_model *model, double accuracy,
+                          double f1, lg_error *error);
+
+/* ---- data (data.c) ---- */
+
+/* `like`: NULL, or a series read before whose classes are meant. */
+int read_series(const app *app, const char *path, const lg_series *like, lg_series_data *out);
+/* The same with the classes of a model; channels must be the model's. */
+int read_series_of(const app *app, const char *path, const well_model *model, lg_series_data *out);
+
+/* Indices of windows, rising. */
+typedef struct part_indices {
+    uint32_t *list;
+    size_t count;
+} part_indices;
+part_indices part_of(const uint8_t *parts, size_t count, lg_part wanted);
+part_indices part_all(size_t count);
+
+/* ---- judging (judge.c) ---- */
+
+/* What a model says of some windows. */
+typedef struct judgement {
+    size_t count;
+    uint32_t classes;
+    uint32_t *window, *truth, *given; /* (count); window: index in lg_windows */
+    double *score;                    /* (count, classes) */
+    double *plane;                    /* (count, 2) or NULL */
+    uint64_t *confusion;              /* (classes, classes) */
+    lg_metrics metrics;
+    double auc;
+    double mse;     /* networks with one output: mean of (p - label)^2; otherwise NaN */
+    double seconds; /* of scoring, one thread of --threads each */
+} judgement;
+lg_status judge_windows(const app *app, const well_model *model, const lg_series *series,
+                        const lg_windows *windows, const part_indices *part, judgement *out, lg_error *error);
+/* The same for a classical model from the features of all windows, table (windows->count, d); seconds are
+ * those of one thread. */
+lg_status judge_rows(const app *app, const well_model *model, const lg_series *series,
+                     const lg_windows *windows, const part_indices *part, const double *table, judgement *out,
+                     lg_error *error);
+void judgement_free(judgement *judged);
+/* The false alarms a day that the rate of windows makes of the false positive rate: windows that follow every
+ * `hop` samples. NaN when the rate is unknown. */
+double false_alarms_per_day(const judgement *judged, uint64_t hop, double rate);
+/* accuracy, precision, recall, f1, auc, confusion, false_alarms_per_day. */
+void json_metrics(app_json *json, const judgement *judged, uint64_t hop, double rate);
+void print_metrics(const judgement *judged, const well_model *model);
+
+/* ---- pictures (pictures.c): FILE.svg or FILE.png ---- */
+
+/* Points by class. */
+typedef struct labelled {
+    size_t count;
+    uint32_t columns, classes;
+    const double *x;                    /* (count, columns) */
+    const uint32_t *label;              /* (count), < classes */
+    char (*class_name)[LG_SERIES_NAME]; /* (classes) */
+    char *const *column_name;           /* (columns) */
+} labelled;
+
+/* Every pair of the first eight columns at most, the distribution of each on the diagonal. */
+lg_status draw_pairs(const app *app, const char *picture, const labelled *points, lg_error *error);
+/* The first two columns in the plane, and with three or more the first three in space beside it. */
+lg_status draw_clouds(const app *app, const char *picture, const labelled *points, lg_error *error);
+/* Explained variance of each component and their running sum: variance (count), falling; `chosen`: components
+ * that the model keeps, 0: all. */
+lg_status draw_variance(const app *app, const char *picture, const double *variance, size_t count,
+                        uint32_t chosen, lg_error *error);
+
+typedef struct pruned_tree {
+    double alpha, train_accuracy, test_accuracy; /* test_accuracy NaN without a test part */
+    uint32_t nodes, depth;
+} pruned_tree;
+/* Accuracy and node count against alpha; rising alpha; `chosen`: the alpha of the model, a line. */
+lg_status draw_pruning(const app *app, const char *picture, const pruned_tree *trees, size_t count,
+                       double chosen, lg_error *error);
+/* Boxes with the split, impurity, samples and class; down to where it can be read. */
+lg_status draw_tree(const app *app, const char *picture, const lg_tree *tree,
+                    char (*class_name)[LG_SERIES_NAME], char *const *column_name, lg_error *error);
+/* The first three columns in space, the plane w.x + b = 0 and its margins w.x + b = -+1; w (3). */
+lg_status draw_margin(const app *app, const char *picture, const labelled *points, const double *w, double b,
+                      lg_error *error);
+/* Two columns and the line w.x + b = 0; w (2), or NULL: no line. */
+lg_status draw_plane(const app *app, const char *picture, const labelled *points, const double *w, double b,
+                     lg_error *error);
+/* Counts and parts of each row; confusion (classes, classes), rows are the truth. */
+lg_status draw_confusion(const app *app, const char *picture, const uint64_t *confusion, uint32_t classes,
+                         char (*class_name)[LG_SERIES_NAME], lg_error *error);
+
+typedef struct roc_curve {
+    const char *name; /* of the class against the others */
+    const double *fpr, *tpr;
+    size_t points;
+    double auc;
+} roc_curve;
+lg_status draw_roc(const app *app, const char *picture, const roc_curve *curves, size_t count,
+                   lg_error *error);
+
+/* One regression line of BASELINE: the parts' standard deviations, acceleration and moment, (count) points.
+ */
+typedef struct regression {
+    const double *acceleration, *moment; /* (count) */
+    size_t count;
+    double intercept, slope;
+    uint32_t label;
+} regression;
+lg_status draw_regressions(const app *app, const char *picture, const regression *lines, size_t count,
+                           char (*class_name)[LG_SERIES_NAME], lg_error *error);
+
+/* Recordings of the same channels, such as intact and broken, or slack and tight: each channel against time,
+ * and the moments against the lower accelerations (phase plots). */
+typedef struct recording {
+    const char *name;
+    const float *samples; /* (count, channels) */
+    size_t count;
+} recording;
+lg_status draw_recordings(const app *app, const char *picture, const recording *runs, size_t count,
+                          uint32_t channels, char (*channel_name)[LG_SERIES_NAME], double rate,
+                          lg_error *error);
+
+/* The loss of a training: fit_draw_loss of common/fit.h. Objective against trial: draw_search of
+ * common/search.h. */
+
+#endif

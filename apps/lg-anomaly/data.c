@@ -1,0 +1,55 @@
+/* Labelled series, and the parts that they are split into. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lg-anomaly/anomaly.h"
+
+int read_series(const app *self, const char *path, const lg_series *like, lg_series_data *out) {
+    lg_error error = {LG_OK, ""};
+    const lg_status status = lg_series_read(self->context, path, NULL, like, out, &error);
+    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, path);
+}
+
+static void warn_of_names(const app *self, const char *path, const lg_series *series, uint32_t channels,
+                          char (*name)[LG_SERIES_NAME]) {
+    if (name == NULL || series->channel_name == NULL) return;
+    for (uint32_t c = 0; c < channels; c++)
+        if (strcmp(name[c], series->channel_name[c]) != 0) {
+            app_warn(self, "%s: channel %u is '%s', in training it was '%s'", path, c + 1,
+                     series->channel_name[c], name[c]);
+            return;
+        }
+}
+
+int read_series_of(const app *self, const char *path, const well_model *model, lg_series_data *out) {
+    const lg_series like = {
+        .classes = model->classes, .class_name = model->class_name, .class_label = model->class_label};
+    const int code = read_series(self, path, &like, out);
+    if (code != APP_EXIT_OK) return code;
+    const lg_series *series = &out->series;
+    if (series->channels != model->channels) {
+        const int failed = app_fail(self, LG_SHAPE, "%s: %u channels, the model was trained on %u", path,
+                                    series->channels, model->channels);
+        lg_series_data_free(self->context, out);
+        return failed;
+    }
+    warn_of_names(self, path, series, model->channels, model->channel_name);
+    if (model->rate > 0 && series->rate > 0 && fabs(series->rate / model->rate - 1) > 1e-3)
+        app_warn(self, "%s: %g samples a second, the model was trained on %g", path, series->rate,
+                 model->rate);
+    return APP_EXIT_OK;
+}
+
+part_indices part_of(const uint8_t *parts, size_t count, lg_part wanted) {
+    part_indices out = {app_alloc(count, sizeof *out.list), 0};
+    for (size_t i = 0; i < count; i++)
+        if (parts[i] == (uint8_t)wanted) out.list[out.count++] = (uint32_t)i;
+    return out;
+}
+
+part_indices part_all(size_t count) {
+    part_indices out = {app_alloc(count, sizeof *out.list), count};
+    for (size_t i = 0; i < count; i++) out.list[i] = (uint32_t)i;
+    return out;
+}

@@ -1,0 +1,346 @@
+/* lg-anomaly feed: a stream of samples as a logger on a rig would send it, for `watch`. */
+#include <errno.h>
+#include <fcntl.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "lg-anomaly/anomaly.h"
+
+/* Bytes of a line: a time, six numbers of at most 16 characters, commas. */
+enum { HOUR = 3600, LINE_BYTES = 32 + 17 * LG_RISER_CHANNELS };
+/* Streams of random numbers, apart from those of the scene. */
+enum { STREAM_SEA = 0x66656564, STREAM_FAULTS = 0x6661756c };
+
+typedef struct feed_values {
+    const char *out;
+    int housing;
+    double hours, crack_at, severity, gaps, gap_seconds, nan, noise;
+} feed_values;
+
+static const char *const housings[] = {[LG_HOUSING_SLACK] = "slack", [LG_HOUSING_TIGHT] = "tight", NULL};
+
+static const app_option feed_options[] = {
+    APP_ROW_REAL(feed_values, hours, "hours", "H", 1e-4, 1e6, "Length of the feed (default 24)"),
+    APP_ROW_REAL(feed_values, crack_at, "crack-at", "HOURS", 0, 1e6,
+                 "When the casing breaks, in hours (`watch --crack-at` takes seconds; default: never)"),
+    APP_ROW_REAL(feed_values, severity, "severity", "R", 1e-3, 1,
+                 "Rotational stiffness left to it then: 1 is intact (default 0.58)"),
+    APP_ROW_REAL(feed_values, gaps, "gaps", "N", 0, 86400,
+                 "Gaps a day on average: lines that are missing (default 0)"),
+    APP_ROW_REAL(feed_values, gap_seconds, "gap-seconds", "S", 0.2, 86400, "Their mean length (default 30)"),
+    APP_ROW_REAL(feed_values, nan, "nan", "N", 0, 432000,
+                 "Samples a day on average with one value that is nan (default 0)"),
+    APP_ROW_REAL(feed_values, noise, "noise", "F", 0, 1e6,
+                 "Noise of the sensors in units of the data sheet's (default 1)"),
+    APP_ROW_CHOICE(feed_values, housing, "housing", housings, "slack (default) or tight"),
+    APP_ROW_TEXT(feed_values, out, "out", "FILE.csv", "Where it goes (default: standard output)"),
+    APP_ROW_END};
+
+static feed_values values = {.hours = 24, .crack_at = NAN, .severity = 0.58, .gap_seconds = 30, .noise = 1};
+
+/* ---- numbers: nine significant digits, which give every float back ---- */
+
+static char *put_digits(char *at, uint64_t value, int digits) {
+    for (int i = digits - 1; i >= 0; i--, value /= 10) at[i] = (char)('0' + value % 10);
+    return at + digits;
+}
+
+/* d.dddddddde[+-]xx; value finite, 1e-38 <= |value| < 1e39 or 0. */
+static char *put_float(char *at, float value) {
+    static const double powers[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8,  1e9,  1e10, 1e11,
+                                    1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
+    double x = fabs((double)value);
+    if (value < 0) *at++ = '-';
+    if (x == 0) {
+        *at++ = '0';
+        return at;
+    }
+    if (x < 1e-13 || x >= 1e22) return at + snprintf(at, 16, "%.8e", x);
+    int exponent = (int)floor(log10(x));
+    const int shift = 8 - exponent;
+    uint64_t digits = (uint64_t)((shift >= 0 ? x * powers[shift] : x / powers[-shift]) + 0.5);
+    if (digits >= 1000000000u) { /* log10 or the rounding went over a power of ten */
+        digits = (digits + 5) / 10;
+        exponent++;
+    }
+    *at++ = (char)('0' + digits / 100000000u);
+    *at++ = '.';
+    at = put_digits(at, digits % 100000000u, 8);
+    *at++ = 'e';
+    *at++ = exponent < 0 ? '-' : '+';
+    return put_digits(at, (uint64_t)(exponent < 0 ? -exponent : exponent), 2);
+}
+
+/* Seconds since the start, in units of 1/rate; rate divides 10. */
+static char *put_time(char *at, uint64_t tenths) {
+    char text[24];
+    int n = 0;
+    for (uint64_t whole = tenths / 10; whole > 0 || n == 0; whole /= 10) text[n++] = (char)('0' + whole % 10);
+    while (n > 0) *at++ = text[--n];
+    *at++ = '.';
+    *at++ = (char)('0' + tenths % 10);
+    return at;
+}
+
+/* ---- an hour ---- */
+
+typedef struct hour {
+    float *samples; /* (HOUR rate, LG_RISER_CHANNELS) */
+    char *text;
+    size_t bytes, lines, gaps, nans;
+    lg_status status;
+    lg_error error;
+} hour;
+
+typedef struct feeding {
+    const app *app;
+    hour *hours; /* (crew) */
+    size_t crew;
+    uint64_t first, samples, rate; /* number of hours[0]; samples of the whole feed */
+    app_progress progress;
+} feeding;
+
+/* The well is one and the same, one of the standard ones; sea, waves and noise are the hour's. */
+static void scene_of(const app *self, uint64_t index, lg_riser_parameters *parameters, lg_riser_run *run) {
+    uint32_t label, sea_state;
+    lg_rng rng;
+    const double start = (double)index * HOUR, crack = values.crack_at * HOUR;
+    const uint32_t well = (uint32_t)(self->seed % (LG_RISER_RUNS / 2));
+    lg_riser_standard_run(2 * well + 1, self->seed, values.severity, parameters, run, &label, &sea_state);
+    lg_rng_seed(&rng, self->seed ^ (index * UINT64_C(0x9e3779b97f4a7c15)), STREAM_SEA);
+    run->sea = lg_sea_state_draw((uint32_t)lg_rng_below(&rng, LG_SEA_STATES), &rng);
+    run->seed = lg_rng_next(&rng);
+    run->noise_seed = lg_rng_next(&rng);
+    parameters->housing = (lg_housing)values.housing;
+    if (!(crack < start + HOUR)) parameters->severity = 1; /* never, or later */
+    run->crack_time = crack > start && crack < start + HOUR ? crack - start : 0;
+    run->noise = values.noise;
+}
+
+/* Lines of hour `index`, but for those in gaps. A gap ends with the hour. */
+static void put_hour(const feeding *self, uint64_t index, uint64_t count, hour *out) {
+    lg_rng rng;
+    lg_rng_seed(&rng, self->app->seed ^ (index * UINT64_C(0x9e3779b97f4a7c15)), STREAM_FAULTS);
+    const double per_sample = 1.0 / (86400.0 * (double)self->rate);
+    const double mean = values.gap_seconds * (double)self->rate;
+    uint64_t missing = 0;
+    char *at = out->text;
+    out->lines = out->gaps = out->nans = 0;
+    for (uint64_t i = 0; i < count; i++) {
+        if (missing == 0 && lg_rng_uniform(&rng) < values.gaps * per_sample) {
+            missing = 1 + (uint64_t)(-mean * log(1 - lg_rng_uniform(&rng)));
+            out->gaps++;
+        }
+        const bool hole = lg_rng_uniform(&rng) < values.nan * per_sample;
+        const uint64_t where = hole ? lg_rng_below(&rng, LG_RISER_CHANNELS) : LG_RISER_CHANNELS;
+        if (missing > 0) {
+            missing--;
+            continue;
+        }
+        out->nans += hole;
+        out->lines++;
+        at = put_time(at, (index * HOUR * self->rate + i) * 10 / self->rate);
+        for (uint32_t c = 0; c < LG_RISER_CHANNELS; c++) {
+            *at++ = ',';
+            if (c == where) {
+                memcpy(at, "nan", 3);
+                at += 3;
+            } else {
+                at = put_float(at, out->samples[i * LG_RISER_CHANNELS + c]);
+            }
+        }
+        *at++ = '\n';
+    }
+    out->bytes = (size_t)(at - out->text);
+}
+
+static void make_hour(void *user, size_t slot) {
+    feeding *self = user;
+    hour *out = &self->hours[slot];
+    const uint64_t index = self->first + slot, begin = index * HOUR * self->rate;
+    const uint64_t left = self->samples - begin, whole = HOUR * self->rate;
+    const uint64_t count = left < whole ? left : whole;
+    lg_riser_parameters parameters;
+    lg_riser_run run;
+    out->error = (lg_error){LG_OK, ""};
+    out->status = app_interrupted() ? LG_CANCELLED : LG_OK;
+    if (out->status != LG_OK) return;
+    scene_of(self->app, index, &parameters, &run);
+    out->status =
+        lg_riser_simulate(self->app->context, &parameters, &run, (size_t)count, out->samples, &out->error);
+    if (out->status == LG_OK) put_hour(self, index, count, out);
+}
+
+/* ---- where it goes ---- */
+
+/* A file of any length appears when it is complete; what is there and is no regular file (a pipe, a device)
+ * is written to as it is. */
+typedef struct sink {
+    int fd;
+    char *temporary; /* NULL: straight */
+} sink;
+
+static bool sink_open(const char *path, sink *out) {
+    struct stat information;
+    *out = (sink){STDOUT_FILENO, NULL};
+    if (path == NULL) return true;
+    const bool special = stat(path, &information) == 0 && !S_ISREG(information.st_mode);
+    if (!special) out->temporary = app_format("%s.tmp-%ld", path, (long)getpid());
+    out->fd = open(special ? path : out->temporary, special ? O_WRONLY : O_WRONLY | O_CREAT | O_EXCL, 0666);
+    if (out->fd >= 0) return true;
+    free(out->temporary);
+    return false;
+}
+
+static bool sink_write(const sink *to, const char *text, size_t bytes) {
+    while (bytes > 0) {
+        const ssize_t n = write(to->fd, text, bytes);
+        if (n < 0 && errno == EINTR && !app_interrupted()) continue;
+        if (n < 0) return false;
+        text += n;
+        bytes -= (size_t)n;
+    }
+    return true;
+}
+
+/* `keep`: the file is complete. False with errno when it could not be finished. */
+static bool sink_close(sink *to, const char *path, bool keep) {
+    if (path == NULL) return true;
+    bool whole = to->temporary == NULL || !keep || fsync(to->fd) == 0;
+    int number = whole ? 0 : errno;
+    if (close(to->fd) != 0 && whole && keep) {
+        whole = false;
+        number = errno;
+    }
+    if (to->temporary != NULL && keep && whole && rename(to->temporary, path) != 0) {
+        whole = false;
+        number = errno;
+    }
+    if (to->temporary != NULL && (!keep || !whole)) (void)unlink(to->temporary);
+    free(to->temporary);
+    errno = number;
+    return whole;
+}
+
+/* ---- the command ---- */
+
+typedef struct totals {
+    uint64_t lines, gaps, nans, bytes;
+} totals;
+
+static void report(const app *self, const feeding *feed, const totals *sum, double seconds) {
+    if (values.out == NULL) return;
+    if (!self->json) {
+        (void)printf("%s: %g h, %llu samples of %llu, %llu gaps, %llu with nan (%.1f s)\n", values.out,
+                     values.hours, (unsigned long long)sum->lines, (unsigned long long)feed->samples,
+                     (unsigned long long)sum->gaps, (unsigned long long)sum->nans, seconds);
+        return;
+    }
+    app_json json;
+    app_json_begin(&json);
+    app_json_real(&json, "hours", values.hours);
+    app_json_size(&json, "samples", feed->samples);
+    app_json_size(&json, "lines", sum->lines);
+    app_json_size(&json, "gaps", sum->gaps);
+    app_json_size(&json, "nan", sum->nans);
+    app_json_size(&json, "bytes", sum->bytes);
+    app_json_real(&json, "rate", (double)feed->rate);
+    app_json_real(&json, "crack_at", values.crack_at);
+    app_json_real(&json, "severity", values.severity);
+    app_json_real(&json, "noise", values.noise);
+    app_json_size(&json, "seed", self->seed);
+    app_json_text(&json, "out", values.out);
+    app_json_real(&json, "seconds", seconds);
+    app_json_end(&json);
+}
+
+static int write_failed(const app *self) {
+    const int number = errno;
+    if (app_interrupted()) return app_fail(self, LG_CANCELLED, "stopped by Ctrl-C");
+    return app_fail(self, LG_FILE, "%s: %s", values.out != NULL ? values.out : "standard output",
+                    strerror(number));
+}
+
+/* Rounds of `crew` hours, made at once and written in order. */
+static int write_hours(feeding *feed, const sink *to, totals *sum) {
+    const app *self = feed->app;
+    const uint64_t whole = HOUR * feed->rate, hours = (feed->samples + whole - 1) / whole;
+    if (values.out != NULL) app_progress_begin(&feed->progress, 0, hours);
+    for (feed->first = 0; feed->first < hours; feed->first += feed->crew) {
+        const uint64_t left = hours - feed->first;
+        const size_t count = left < feed->crew ? (size_t)left : feed->crew;
+        app_parallel(self->threads, count, make_hour, feed);
+        if (values.out != NULL) app_progress_show(&feed->progress, feed->first, "hours of the feed");
+        for (size_t i = 0; i < count; i++) {
+            hour *h = &feed->hours[i];
+            if (h->status != LG_OK || app_interrupted()) app_progress_end(&feed->progress);
+            if (h->status == LG_CANCELLED || app_interrupted())
+                return app_fail(self, LG_CANCELLED, "stopped by Ctrl-C");
+            if (h->status != LG_OK)
+                return app_fail(self, h->status, "hour %llu: %s", (unsigned long long)(feed->first + i),
+                                h->error.message[0] != '\0' ? h->error.message
+                                                            : lg_status_sentence(h->status));
+            if (!sink_write(to, h->text, h->bytes)) return write_failed(self);
+            sum->lines += h->lines;
+            sum->gaps += h->gaps;
+            sum->nans += h->nans;
+            sum->bytes += h->bytes;
+        }
+    }
+    return APP_EXIT_OK;
+}
+
+static bool write_header(const sink *to) {
+    char text[64 * (LG_RISER_CHANNELS + 1)], *at = text + sprintf(text, "time");
+    for (uint32_t c = 0; c < LG_RISER_CHANNELS; c++) at += sprintf(at, ",%s", lg_riser_channel(c));
+    *at++ = '\n';
+    return sink_write(to, text, (size_t)(at - text));
+}
+
+static int run(app *self) {
+    const app_path path = {"out", values.out, APP_WRITTEN};
+    lg_riser_run defaults;
+    totals sum = {0, 0, 0, 0};
+    sink to;
+    if (values.out == NULL && self->json)
+        return app_usage(self, "--json: the feed itself goes to standard output; give --out FILE.csv");
+    const int checked = app_check_outputs(self, &path, 1);
+    if (checked != APP_EXIT_OK) return checked;
+    lg_riser_run_init(&defaults);
+    feeding feed = {.app = self, .crew = (size_t)self->threads, .rate = (uint64_t)defaults.rate};
+    feed.samples = (uint64_t)floor(values.hours * HOUR * defaults.rate + 0.5);
+    if (feed.samples == 0) return app_usage(self, "--hours %g: is shorter than a sample", values.hours);
+    if (!sink_open(values.out, &to)) return write_failed(self);
+    const double begin = app_seconds();
+    feed.hours = app_alloc(feed.crew, sizeof *feed.hours);
+    for (size_t i = 0; i < feed.crew; i++) {
+        feed.hours[i].samples = app_alloc(HOUR * feed.rate * LG_RISER_CHANNELS, sizeof(float));
+        feed.hours[i].text = app_alloc(HOUR * feed.rate, LINE_BYTES);
+    }
+    int code = write_header(&to) ? write_hours(&feed, &to, &sum) : write_failed(self);
+    app_progress_end(&feed.progress);
+    if (!sink_close(&to, values.out, code == APP_EXIT_OK) && code == APP_EXIT_OK) code = write_failed(self);
+    if (code == APP_EXIT_OK) report(self, &feed, &sum, app_seconds() - begin);
+    for (size_t i = 0; i < feed.crew; i++) {
+        free(feed.hours[i].samples);
+        free(feed.hours[i].text);
+    }
+    free(feed.hours);
+    return code;
+}
+
+const app_command feed_command = {
+    .name = "feed",
+    .summary = "A feed of the simulated well as CSV, with gaps and a crack if wanted",
+    .details =
+        "A line of names (time and the six channels), then a line a sample: seconds since the start, "
+        "accelerations in m/s^2, moments in N m. One well; each hour is a sea state of its own, drawn from "
+        "the 18 of `generate`, and begins anew. Memory does not depend on the length. Example: 30 days with "
+        "a late crack, watched:\n\n"
+        "  lg-anomaly feed --hours 720 --crack-at 700 --gaps 20 --nan 50 | lg-anomaly watch model.h5",
+    .options = feed_options,
+    .values = &values,
+    .run = run};

@@ -1,0 +1,431 @@
+/* Lines of numbers, fast: no memory, no locale, no call a number on the usual path. */
+#include "lg-anomaly/samples.h"
+
+#include <ctype.h>
+#include <errno.h>
+#include <float.h>
+#include <math.h>
+#include <poll.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <unistd.h>
+
+#include "liegrad/io.h"
+
+enum {
+    ROOM = 1 << 18,       /* bytes read at once, and the longest line of few channels */
+    ROOM_FIELD = 512,     /* of a line, for each number of many */
+    LONGEST_NUMBER = 512, /* characters */
+    LAYOUT_VOTES = 3,     /* lines of one kind that settle the layout */
+    LAYOUT_LINES = 50,    /* looked at for it */
+    PATIENCE_MS = 200     /* Ctrl-C is seen within it */
+};
+
+void sample_reader_open(int file, uint32_t channels, sample_reader *out) {
+    const size_t fields = (size_t)channels + 1, wanted = fields * ROOM_FIELD;
+    *out = (sample_reader){.file = file, .channels = channels, .room = wanted > ROOM ? wanted : ROOM};
+    out->field = app_alloc(fields, sizeof *out->field);
+    out->buffer = app_alloc(out->room + 1, 1);
+}
+
+void sample_reader_close(sample_reader *reader) {
+    free(reader->field);
+    free(reader->buffer);
+    *reader = (sample_reader){.file = -1};
+}
+
+/* ---- one number ---- */
+
+typedef struct decimal {
+    uint64_t digits; /* the first 19 */
+    int count;       /* of digits from the first that is not 0 on */
+    int exponent;
+    bool negative;
+} decimal;
+
+/* [+-] digits [. digits] [e [+-] digits]; its end, or NULL. The text ends with something else. */
+static const char *scan_decimal(const char *p, decimal *out) {
+    uint64_t digits = 0;
+    int count = 0, exponent = 0;
+    bool any = false;
+    const bool negative = *p == '-';
+    if (*p == '-' || *p == '+') p++;
+    for (unsigned d; (d = (unsigned)(unsigned char)*p - '0') < 10; p++) {
+        any = true;
+        if (count < 19) digits = 10 * digits + d;
+        count += count > 0 || d > 0;
+    }
+    if (*p == '.') {
+        p++;
+        for (unsigned d; (d = (unsigned)(unsigned char)*p - '0') < 10; p++) {
+            any = true;
+            if (count < 19) {
+                digits = 10 * digits + d;
+                exponent--;
+            }
+            count += count > 0 || d > 0;
+        }
+    }
+    if (!any) return NULL;
+    if (*p == 'e' || *p == 'E') {
+        int power = 0;
+        p++;
+        const bool down = *p == '-';
+        if (*p == '-' || *p == '+') p++;
+        if (!isdigit((unsigned char)*p)) return NULL;
+        for (; isdigit((unsigned char)*p); p++)
+            if (power < 100000) power = 10 * power + (*p - '0');
+        exponent += down ? -power : power;
+    }
+    *out = (decimal){digits, count, exponent, negative};
+    return p;
+}
+
+/* Through the library, which rounds correctly: long numbers, large exponents. */
+static double convert_slowly(const char *text, const char *end) {
+    char copy[LONGEST_NUMBER + 1];
+    double value = (double)NAN;
+    if ((size_t)(end - text) > LONGEST_NUMBER) return value;
+    memcpy(copy, text, (size_t)(end - text));
+    copy[end - text] = '\0';
+    (void)lg_number_parse(copy, &value); /* beyond the largest double: NaN stays */
+    return value;
+}
+
+/* Digits below 2^53 times or over a power of ten up to 10^22: both are exact, the result is rounded once
+ * (Clinger 1990). With up to 19 digits it may be off by a unit in the last place: enough for a float, unless
+ * it lies so near to the middle of two floats that this unit decides. */
+static double convert(const decimal *number, bool exact, const char *text, const char *end) {
+    static const double powers[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8,  1e9,  1e10, 1e11,
+                                    1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
+    const uint64_t middle = UINT64_C(1) << 28, below = (UINT64_C(1) << 29) - 1;
+    if (number->count > 19 || number->exponent < -22 || number->exponent > 22)
+        return convert_slowly(text, end);
+    double value = (double)number->digits;
+    value = number->exponent < 0 ? value / powers[-number->exponent] : value * powers[number->exponent];
+    if (number->digits >> 53 != 0) {
+        uint64_t bits;
+        memcpy(&bits, &value, sizeof bits);
+        const bool decides = ((bits & below) - middle + 2) <= 4;
+        if (exact || decides) return convert_slowly(text, end);
+    }
+    return number->negative ? -value : value;
+}
+
+static bool is_blank(char c) {
+    return c == ' ' || c == '\t' || c == '\r';
+}
+static bool ends_field(char c) {
+    return c == ',' || c == ';' || c == '#' || c == '\n' || is_blank(c);
+}
+
+/* Words for a number that is not there; the end of the word, or NULL. */
+static const char *scan_word(const char *p, const char *end) {
+    static const char *const words[] = {"nan", "inf", "infinity", "na", "n/a", "null", "none"};
+    if (*p == '-' || *p == '+') p++;
+    const char *last = p;
+    while (last < end && !ends_field(*last)) last++;
+    for (size_t i = 0; i < APP_COUNT(words); i++)
+        if ((size_t)(last - p) == strlen(words[i]) && strncasecmp(p, words[i], strlen(words[i])) == 0)
+            return last;
+    return NULL;
+}
+
+/* ---- one line ---- */
+
+static const char *skip_blanks(const char *p) {
+    while (is_blank(*p)) p++;
+    return p;
+}
+
+/* False: more fields than any layout has. */
+static bool add_field(sample_reader *reader, double value) {
+    if (reader->fields <= reader->channels) reader->field[reader->fields] = value;
+    reader->fields++;
+    return reader->fields <= reader->channels + 1;
+}
+
+static bool refuse_word(sample_reader *reader, const char *p, const char *end) {
+    char text[24];
+    size_t n = 0;
+    for (; p < end && !ends_field(*p) && n < sizeof text - 1; p++)
+        text[n++] = isprint((unsigned char)*p) ? *p : '?';
+    text[n] = '\0';
+    (void)snprintf(reader->problem, sizeof reader->problem, "'%s' is not a number", text);
+    reader->words = true;
+    return false;
+}
+
+/* Numbers of a line into field, fields; *open: it ends with a separator. False: with `problem`, the line
+ * holds something else. *end is '\n'. */
+static bool split_line(sample_reader *reader, const char *p, const char *end, bool *open) {
+    char separator = '\0';
+    reader->fields = 0;
+    reader->words = *open = false;
+    while (p < end && *p != '#') {
+        decimal number;
+        *open = false;
+        if (*p == ',' || *p == ';') {
+            if (!add_field(reader, (double)NAN)) return true;
+        } else {
+            const char *next = scan_decimal(p, &number);
+            const bool usual = next != NULL && ends_field(*next);
+            if (!usual) next = scan_word(p, end);
+            if (next == NULL) return refuse_word(reader, p, end);
+            if (!add_field(reader, usual ? convert(&number, reader->fields == 0, p, next) : (double)NAN))
+                return true;
+            p = skip_blanks(next);
+        }
+        if (*p != ',' && *p != ';') continue;
+        if (separator != '\0' && *p != separator) return refuse_word(reader, p, p + 1);
+        separator = *p;
+        *open = true;
+        p = skip_blanks(p + 1);
+    }
+    return true;
+}
+
+static sample_kind refuse_count(sample_reader *reader) {
+    const uint32_t c = reader->channels;
+    if (reader->layout == LAYOUT_UNKNOWN)
+        (void)snprintf(reader->problem, sizeof reader->problem, "%s%u number%s, not %u, or %u with a time",
+                       reader->fields > c + 1 ? "more than " : "",
+                       reader->fields > c + 1 ? c + 1 : reader->fields, reader->fields == 1 ? "" : "s", c,
+                       c + 1);
+    else
+        (void)snprintf(reader->problem, sizeof reader->problem, "%s%u number%s, not %u%s",
+                       reader->fields > c + 1 ? "more than " : "",
+                       reader->fields > c + 1 ? c + 1 : reader->fields, reader->fields == 1 ? "" : "s",
+                       c + (reader->layout == LAYOUT_TIMED),
+                       reader->layout == LAYOUT_TIMED ? " with the time" : "");
+    return SAMPLE_MALFORMED;
+}
+
+/* The layout that the fields of a line speak for. */
+static sample_layout layout_of(const sample_reader *reader) {
+    const uint32_t c = reader->channels;
+    if (reader->fields == c) return LAYOUT_VALUES;
+    return reader->fields == c + 1 && isfinite(reader->field[0]) ? LAYOUT_TIMED : LAYOUT_UNKNOWN;
+}
+
+/* Whether the fields fit the layout; one that is not known yet is settled. */
+static bool fits_layout(sample_reader *reader, bool open) {
+    const uint32_t c = reader->channels;
+    if (reader->layout == LAYOUT_UNKNOWN) reader->layout = layout_of(reader);
+    if (reader->layout == LAYOUT_UNKNOWN) return false;
+    const uint32_t wanted = c + (reader->layout == LAYOUT_TIMED);
+    if (open && reader->fields + 1 == wanted) (void)add_field(reader, (double)NAN);
+    return reader->fields == wanted;
+}
+
+/* A last number that ends with the file. */
+static bool may_be_cut(const sample_reader *reader, const char *from, const char *end) {
+    if (!reader->unended || reader->lines == 0) return false;
+    return !ends_field(end[-1]) && memchr(from, '#', (size_t)(end - from)) == NULL;
+}
+
+static sample_kind take_line(sample_reader *reader, const char *p, const char *end, float *sample,
+                             double *time) {
+    bool open;
+    if (!split_line(reader, p, end, &open)) return SAMPLE_MALFORMED;
+    if (!fits_layout(reader, open)) return refuse_count(reader);
+    const uint32_t timed = reader->layout == LAYOUT_TIMED;
+    const bool cut = may_be_cut(reader, p, end);
+    *time = timed ? reader->field[0] : (double)NAN;
+    for (uint32_t c = 0; c < reader->channels; c++) {
+        const double value = reader->field[c + timed];
+        sample[c] = !cut && fabs(value) <= (double)FLT_MAX ? (float)value : NAN;
+    }
+    if (cut)
+        (void)snprintf(reader->problem, sizeof reader->problem,
+                       "the last line has no end, its last number may be cut");
+    else if (timed && !isfinite(*time))
+        (void)snprintf(reader->problem, sizeof reader->problem, "the time is not a number");
+    else
+        return SAMPLE_READ;
+    return SAMPLE_MALFORMED;
+}
+
+/* ---- lines of words ---- */
+
+/* Columns of a line of names: between commas or semicolons, else between blanks. */
+static uint32_t count_names(const char *from, const char *to) {
+    uint32_t commas = 0, semicolons = 0, words = 0;
+    for (const char *p = from; p < to; p++) {
+        commas += *p == ',';
+        semicolons += *p == ';';
+        words += !is_blank(*p) && (p == from || is_blank(p[-1]));
+    }
+    return commas > 0 ? commas + 1 : semicolons > 0 ? semicolons + 1 : words;
+}
+
+/* FNV-1a, without blanks at the end. */
+static uint64_t hash_line(const char *from, const char *to) {
+    uint64_t hash = UINT64_C(0xcbf29ce484222325);
+    while (to > from && is_blank(to[-1])) to--;
+    for (; from < to; from++) hash = (hash ^ (unsigned char)*from) * UINT64_C(0x100000001b3);
+    return hash;
+}
+
+/* A line of words before the first sample, or one of them again. */
+static bool is_header(sample_reader *reader, const char *from, const char *to) {
+    const uint64_t hash = hash_line(from, to);
+    for (uint32_t i = 0; i < reader->headers; i++)
+        if (reader->header[i] == hash) return true;
+    if (reader->lines > 0 || reader->headers == SAMPLE_HEADERS) return false;
+    reader->header[reader->headers++] = hash;
+    return true;
+}
+
+/* ---- the stream of lines ---- */
+
+/* Waits for more; false: the end, Ctrl-C or a failure. */
+static bool fill(sample_reader *reader) {
+    struct pollfd poll_in = {reader->file, POLLIN, 0};
+    if (reader->begin > 0) {
+        memmove(reader->buffer, reader->buffer + reader->begin, reader->end - reader->begin);
+        reader->end -= reader->begin;
+        reader->begin = 0;
+    }
+    (void)fflush(stdout);
+    while (!app_interrupted()) {
+        const int ready = poll(&poll_in, 1, PATIENCE_MS);
+        if (ready == 0 || (ready < 0 && errno == EINTR)) continue;
+        const ssize_t n = read(reader->file, reader->buffer + reader->end, reader->room - reader->end);
+        if (n < 0 && (errno == EINTR || errno == EAGAIN)) continue;
+        if (n < 0) reader->failure = errno;
+        if (n == 0) reader->at_end = true;
+        if (n > 0) reader->end += (size_t)n;
+        return n > 0;
+    }
+    return false;
+}
+
+typedef enum found { FOUND_LINE, FOUND_LONG_LINE, FOUND_NOTHING } found;
+
+/* *from..*to: the next line without its end, followed by '\n'. */
+static found next_line(sample_reader *reader, const char **from, const char **to) {
+    size_t searched = 0; /* bytes after begin without an end of line */
+    for (;;) {
+        char *text = reader->buffer + reader->begin;
+        const size_t held = reader->end - reader->begin;
+        char *end = held > searched ? memchr(text + searched, '\n', held - searched) : NULL;
+        if (end != NULL || (reader->at_end && held > 0)) {
+            reader->unended = end == NULL;
+            if (end == NULL) {
+                end = text + held; /* a last line without an end; the buffer has room for it */
+                *end = '\n';
+            }
+            const bool tail = reader->skipping;
+            reader->begin = (size_t)(end - reader->buffer) + 1;
+            if (reader->begin > reader->end) reader->begin = reader->end;
+            reader->skipping = false;
+            reader->line++;
+            *from = text;
+            *to = end;
+            return tail ? FOUND_LONG_LINE : FOUND_LINE;
+        }
+        if (reader->at_end) {
+            const bool tail = reader->skipping;
+            reader->skipping = false;
+            reader->line += tail;
+            return tail ? FOUND_LONG_LINE : FOUND_NOTHING;
+        }
+        searched = held;
+        if (held == reader->room) {
+            reader->skipping = true;
+            reader->begin = reader->end = searched = 0;
+        }
+        if (!fill(reader) && !reader->at_end) return FOUND_NOTHING;
+    }
+}
+
+/* Without the mark of UTF-8 and blanks before the first number. */
+static const char *text_of(bool first, const char *from, const char *to) {
+    if (first && to - from >= 3 && memcmp(from, "\xef\xbb\xbf", 3) == 0) from += 3;
+    return skip_blanks(from);
+}
+
+static bool is_empty(const char *from, const char *to) {
+    return from >= to || *from == '#';
+}
+
+/* ---- the layout ---- */
+
+typedef struct election {
+    uint32_t votes[3], lines;   /* by layout */
+    sample_layout names, first; /* what the names say; the first line of numbers */
+} election;
+
+/* Another line; true: it is decided. */
+static bool elect(sample_reader *reader, election *e, const char *from, const char *to) {
+    bool open;
+    from = text_of(e->lines++ == 0, from, to);
+    if (is_empty(from, to)) return false;
+    sample_layout vote = LAYOUT_UNKNOWN;
+    if (split_line(reader, from, to, &open)) {
+        vote = layout_of(reader);
+        if (open && vote == LAYOUT_VALUES && e->names == LAYOUT_TIMED) vote = LAYOUT_TIMED;
+        if (e->first == LAYOUT_UNKNOWN) e->first = vote;
+    } else if (reader->words && e->first == LAYOUT_UNKNOWN && e->names == LAYOUT_UNKNOWN) {
+        const uint32_t names = count_names(from, to);
+        vote = e->names = names == reader->channels       ? LAYOUT_VALUES
+                          : names == reader->channels + 1 ? LAYOUT_TIMED
+                                                          : LAYOUT_UNKNOWN;
+    }
+    return vote != LAYOUT_UNKNOWN && ++e->votes[vote] == LAYOUT_VOTES;
+}
+
+static bool fill(sample_reader *reader);
+
+/* Looks at the first lines, as far as the buffer goes, without taking them; they are read again. */
+static void look_ahead(sample_reader *reader) {
+    election e = {{0, 0, 0}, 0, LAYOUT_UNKNOWN, LAYOUT_UNKNOWN};
+    size_t at = 0; /* after begin */
+    bool decided = false;
+    while (!decided && e.lines < LAYOUT_LINES) {
+        char *text = reader->buffer + reader->begin + at;
+        const size_t held = reader->end - reader->begin - at;
+        char *end = memchr(text, '\n', held);
+        if (end == NULL && reader->at_end && held > 0) {
+            end = text + held;
+            *end = '\n';
+        }
+        if (end != NULL) {
+            decided = elect(reader, &e, text, end);
+            at += (size_t)(end - text) + 1;
+            if (at > reader->end - reader->begin) break;
+        } else if (reader->at_end || at + held == reader->room || (!fill(reader) && !reader->at_end)) {
+            break;
+        }
+    }
+    const uint32_t *votes = e.votes;
+    reader->layout = votes[LAYOUT_TIMED] > votes[LAYOUT_VALUES]   ? LAYOUT_TIMED
+                     : votes[LAYOUT_VALUES] > votes[LAYOUT_TIMED] ? LAYOUT_VALUES
+                                                                  : e.first;
+    if (e.first == LAYOUT_UNKNOWN) reader->layout = LAYOUT_UNKNOWN; /* names alone do not settle it */
+}
+
+sample_kind sample_next(sample_reader *reader, float *sample, double *time) {
+    const char *from, *to;
+    if (!reader->looked) look_ahead(reader);
+    reader->looked = true;
+    for (;;) {
+        const found what = next_line(reader, &from, &to);
+        *time = (double)NAN;
+        if (what == FOUND_NOTHING)
+            return reader->failure != 0 ? SAMPLE_FAILED : reader->at_end ? SAMPLE_END : SAMPLE_STOPPED;
+        if (what == FOUND_LONG_LINE) {
+            reader->lines++;
+            (void)snprintf(reader->problem, sizeof reader->problem, "longer than %zu bytes", reader->room);
+            return SAMPLE_MALFORMED;
+        }
+        from = text_of(reader->line == 1, from, to);
+        if (is_empty(from, to)) continue;
+        const sample_kind kind = take_line(reader, from, to, sample, time);
+        if (kind == SAMPLE_MALFORMED && reader->words && is_header(reader, from, to)) continue;
+        reader->lines++;
+        return kind;
+    }
+}

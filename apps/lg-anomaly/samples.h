@@ -1,0 +1,55 @@
+/* Samples as lines of text, from a pipe or a file, in fixed memory. */
+#ifndef LG_APPS_SAMPLES_H
+#define LG_APPS_SAMPLES_H
+
+#include "common/app.h"
+
+typedef enum sample_kind {
+    SAMPLE_READ,      /* all numbers are there; some may be NaN: empty fields, nan, inf */
+    SAMPLE_MALFORMED, /* `problem` says why */
+    SAMPLE_END,
+    SAMPLE_STOPPED, /* Ctrl-C */
+    SAMPLE_FAILED   /* errno of read(2) is in `failure` */
+} sample_kind;
+
+enum { SAMPLE_HEADERS = 20 }; /* lines of words before the first sample */
+
+typedef enum sample_layout { LAYOUT_UNKNOWN, LAYOUT_VALUES, LAYOUT_TIMED } sample_layout;
+
+/* A line is C numbers, or a time in seconds and C numbers, separated by commas, semicolons or blanks; one
+ * separator more at its end is fine, as are blanks around numbers and \r\n. Skipped: blank lines, comments
+ * from # on, lines of words before the first sample (names, units), and those same lines when they come
+ * again.
+ *
+ * Whether there is a time is decided once, by the first lines: three of one kind, of which a line of names
+ * may be one. From then on a line of another number of columns is malformed.
+ *
+ * A last line without an end may have been cut within its last number: it is malformed, with its time, unless
+ * something (a separator, a blank, \r, a comment) follows that number, or it is the only line. */
+typedef struct sample_reader {
+    int file;
+    uint32_t channels;
+    sample_layout layout;
+    uint64_t line;                   /* number of the last line, from 1 */
+    uint64_t lines;                  /* read so far that hold a sample or should */
+    double *field;                   /* (channels + 1) */
+    uint32_t fields;                 /* of the line; beyond channels + 1 they are not looked at */
+    bool words;                      /* the line holds something that is no number */
+    uint64_t header[SAMPLE_HEADERS]; /* hashes of the lines of words before the first sample */
+    uint32_t headers;
+    char problem[96];
+    int failure;
+    char *buffer; /* (room + 1) */
+    size_t room, begin, end;
+    bool at_end, skipping; /* skipping: within a line that is longer than the buffer */
+    bool looked;           /* at the first lines, for the layout */
+    bool unended;          /* the line is the last one and has no end */
+} sample_reader;
+
+void sample_reader_open(int file, uint32_t channels, sample_reader *out);
+void sample_reader_close(sample_reader *reader); /* frees; the file is the caller's */
+/* The next line: sample (channels); *time NAN without one. A malformed line whose time is known sets *time
+ * and fills sample with NaN. Flushes stdout before it waits. */
+sample_kind sample_next(sample_reader *reader, float *sample, double *time);
+
+#endif

@@ -1,0 +1,143 @@
+/* Training: what `train` and `search` have in common. */
+#ifndef LG_APPS_ANOMALY_TRAIN_H
+#define LG_APPS_ANOMALY_TRAIN_H
+
+#include "common/fit.h"
+#include "lg-anomaly/anomaly.h"
+
+/* Positions in train_methods. */
+enum { METHOD_CNN, METHOD_LOGISTIC, METHOD_TREE, METHOD_SVM_LINEAR, METHOD_SVM_RBF, METHOD_BASELINE };
+enum { PRUNE_NONE, PRUNE_PRE, PRUNE_POST };
+
+typedef struct train_values {
+    fit_values fit;
+    const char *test;
+    int method, picture;
+    /* cutting and splitting */
+    int split;
+    double window, hop, test_fraction;
+    /* classical */
+    int features, directions, criterion, prune;
+    uint64_t components, max_depth, min_split, min_leaf, folds;
+    double ccp_alpha, c, gamma;
+    app_reals grid;
+    /* network */
+    int preset, loss, centred, activation, pooling;
+    uint64_t kernel, stride, padding, pool_size, plane;
+    app_sizes filters;
+} train_values;
+
+extern train_values train_given;
+extern const app_option train_options[];
+extern const char *const train_methods[], *const train_splits[];
+
+/* Whether a search may vary or fix the option. */
+bool train_is_hyperparameter(const char *option);
+/* False: the option belongs to other methods. */
+bool train_has_option(int method, const char *option);
+/* Refuses options that the method does not have. */
+int train_check_options(const app *app, const train_values *values);
+
+/* ---- the data of a training (cut.c) ---- */
+
+/* One file, cut in windows. */
+typedef struct cut_series {
+    lg_series_data data;
+    lg_windows windows;
+} cut_series;
+
+/* Samples of a window, and from one to the next, that the options say for this data. */
+lg_status window_of(const app *app, const train_values *values, const lg_series *series, uint64_t *window,
+                    uint64_t *hop, lg_error *error);
+/* Windows and their parts. parts: (windows->count), freed with free. */
+lg_status cut_and_split(const lg_context *context, const lg_series *series, const well_cut *how,
+                        lg_windows *windows, uint8_t **parts, lg_error *error);
+
+/* ---- networks (network.c) ---- */
+
+/* The run that options and data describe. What was not given is the preset's, *preset, or, when `stored` is
+ * given, the stored run's, and *preset is NULL. run->windows is 0 before cutting. */
+lg_status network_run(app *app, train_values *values, const lg_series_data *data,
+                      const lg_detector_run *stored, lg_detector_run *run, const lg_detector_preset **preset,
+                      lg_error *error);
+well_cut cut_of_run(const lg_detector_run *run);
+
+typedef struct network {
+    lg_detector_run run; /* all that determines the result */
+    lg_scaler scaler;
+    lg_detector_data data;
+    lg_detector_problem problem;
+    lg_fit_problem fit_problem;
+    lg_fit *fit;
+} network;
+
+/* `options`: hyperparameters are the run's. The network must not move while it lives. */
+lg_status network_create(const lg_context *context, const lg_detector_run *run, const lg_series *series,
+                         const lg_windows *windows, const part_indices *train, const part_indices *validation,
+                         const lg_fit_options *options, network *out, lg_error *error);
+void network_destroy(const lg_context *context, network *net);
+/* The fit's result as a file in memory, names borrowed from the series; free its theta with free. */
+lg_detector_file network_file(const network *net, const lg_series *series);
+
+/* ---- the commands' two halves ---- */
+
+/* What a training has to say. */
+typedef struct trained {
+    app *app;
+    const train_values *values;
+    const cut_series *all;     /* DATA.h5 */
+    const cut_series *foreign; /* --test, or NULL */
+    well_cut cut;
+    part_indices train, validation, test; /* of all; test of foreign when that is given */
+    judgement train_judged, judged;
+    double train_seconds;
+} trained;
+
+const cut_series *tested_series(const trained *self);
+/* With everything read and cut (networks: `run` and, resumed, `stored`). Exit codes. */
+int train_network(trained *self, const lg_detector_run *run, const lg_detector_preset *preset,
+                  lg_file_reader *stored);
+int train_classical(trained *self);
+/* Keys that every method has; the sentence of the beginning and the metrics. */
+void json_trained(app_json *json, const trained *self, const well_model *model);
+void print_trained(const trained *self, const well_model *model);
+
+/* ---- pictures of a model (views.c) ---- */
+
+/* Positions in view_names. */
+enum {
+    VIEW_DEFAULT,
+    VIEW_LOSS,
+    VIEW_PAIRS,
+    VIEW_CLOUDS,
+    VIEW_VARIANCE,
+    VIEW_PRUNING,
+    VIEW_TREE,
+    VIEW_MARGIN,
+    VIEW_REGRESSIONS,
+    VIEW_PLANE,
+    VIEW_CONFUSION,
+    VIEW_ROC
+};
+extern const char *const view_names[];
+/* The same without what is drawn while a model is trained only. */
+extern const char *const evaluate_view_names[];
+extern const int evaluate_views[]; /* VIEW_... of each */
+#define EVALUATE_VIEW_HELP                                                                                   \
+    "With --plot: pairs (features), clouds (components), variance (explained), tree, margin (linear svm), "  \
+    "regressions (baseline), plane (cnn), confusion or roc; the default suits the method"
+#define VIEW_HELP                                                                                            \
+    "With --plot: pairs (features), clouds (components), variance (explained), pruning, tree, margin "       \
+    "(linear "                                                                                               \
+    "svm), regressions (baseline), plane (cnn), loss (cnn), confusion or roc; the default suits the method"
+
+/* The view that a model has by default; `training`: while it is trained. */
+int view_of(const well_model *model, int wanted, bool training);
+/* Whether the model has such a picture; otherwise says why not: exit code of usage. */
+int check_view(const app *app, const well_model *model, int view, bool training);
+/* Draws windows `judged->window` of the series. LG_UNSUPPORTED for VIEW_LOSS and VIEW_PRUNING. */
+lg_status draw_view(const app *app, const char *picture, int view, const well_model *model,
+                    const lg_series *series, const lg_windows *windows, const judgement *judged,
+                    lg_error *error);
+
+#endif

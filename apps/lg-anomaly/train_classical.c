@@ -1,0 +1,422 @@
+/* lg-anomaly train with features and a classical method. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lg-anomaly/train.h"
+
+enum { MAX_GRID = 1024, SHOWN_GRID = 8 };
+static const double default_grid[] = {0.1, 1, 10, 100};
+
+/* Candidates, and which was chosen. */
+typedef struct choice {
+    size_t count, best;
+    lg_method_options *options; /* (count) */
+    double *accuracy;           /* (count) by cross-validation; NULL when there was nothing to choose */
+    double seconds;
+} choice;
+
+typedef struct classical {
+    trained *base;
+    well_model model;
+    uint32_t *label;               /* of all windows */
+    uint32_t *unit;                /* of all windows: run or group; NULL: split one by one */
+    double *table, *foreign_table; /* features of all windows; of --test */
+    double feature_seconds;
+    choice chosen;
+} classical;
+
+static int fail(const app *self, lg_status status, const lg_error *error) {
+    return app_fail(self, status, "%s",
+                    error->message[0] != '\0' ? error->message : lg_status_sentence(status));
+}
+
+/* ---- features ---- */
+
+static lg_status create_features(classical *self, lg_error *error) {
+    const trained *base = self->base;
+    const train_values *values = base->values;
+    const lg_context *context = base->app->context;
+    const lg_series *series = &base->all->data.series;
+    const bool baseline = values->method == METHOD_BASELINE;
+    lg_scaler scaler;
+    lg_status status = lg_scaler_fit(context, series, &base->all->windows, base->train.list,
+                                     base->train.count, false, &scaler);
+    if (status != LG_OK) return app_error(error, status, "scaling: %s", lg_status_sentence(status));
+    status = lg_features_create(context, baseline ? LG_FEATURES_BASELINE : (lg_feature_kind)values->features,
+                                values->directions == 1, series, (uint32_t)base->cut.window, &scaler,
+                                &self->model.classifier.features, error);
+    lg_scaler_free(context, &scaler);
+    return status;
+}
+
+static lg_status fill_table(const classical *self, const cut_series *from, double **out, lg_error *error) {
+    const lg_features *features = &self->model.classifier.features;
+    const size_t count = from->windows.count;
+    *out = app_try_alloc(count * features->count, sizeof **out);
+    if (*out == NULL)
+        return app_error(error, LG_OUT_OF_MEMORY, "out of memory: %zu windows with %u features each", count,
+                         features->count);
+    return lg_features_table(self->base->app->context, features, &from->data.series, &from->windows,
+                             (int)self->base->app->threads, *out, error);
+}
+
+/* What stored windows have, for the windows cut from them; NULL for NULL. */
+static uint32_t *of_windows(const cut_series *from, const uint32_t *stored) {
+    if (stored == NULL) return NULL;
+    uint32_t *out = app_alloc(from->windows.count, sizeof *out);
+    for (size_t i = 0; i < from->windows.count; i++) out[i] = stored[from->windows.first[i]];
+    return out;
+}
+
+/* What a split keeps whole, folds keep whole. */
+static const uint32_t *units_of(const trained *base) {
+    const lg_series *series = &base->all->data.series;
+    if (base->cut.split == LG_SPLIT_RUN) return series->run;
+    return base->cut.split == LG_SPLIT_GROUP ? series->group : NULL;
+}
+
+static lg_status compute_features(classical *self, lg_error *error) {
+    const trained *base = self->base;
+    const double begin = app_seconds();
+    lg_status status = create_features(self, error);
+    if (status == LG_OK) status = fill_table(self, base->all, &self->table, error);
+    if (status == LG_OK && base->foreign != NULL)
+        status = fill_table(self, base->foreign, &self->foreign_table, error);
+    self->feature_seconds = app_seconds() - begin;
+    if (status != LG_OK) return status;
+    self->label = of_windows(base->all, base->all->data.series.label);
+    self->unit = of_windows(base->all, units_of(base));
+    return LG_OK;
+}
+
+/* ---- what is tried ---- */
+
+static lg_method method_of(int method) {
+    static const lg_method methods[] = {[METHOD_LOGISTIC] = LG_METHOD_LOGISTIC,
+                                        [METHOD_TREE] = LG_METHOD_TREE,
+                                        [METHOD_SVM_LINEAR] = LG_METHOD_SVM_LINEAR,
+                                        [METHOD_SVM_RBF] = LG_METHOD_SVM_RBF,
+                                        [METHOD_BASELINE] = LG_METHOD_LOGISTIC};
+    return methods[method];
+}
+
+/* Published ranges and pruning: depth by features and criterion (table 6.7). */
+static uint32_t deepest(const train_values *values) {
+    if (values->features != LG_FEATURES_COV) return 13;
+    if (values->components > 0) return 8;
+    return values->criterion == LG_ENTROPY ? 5 : 6;
+}
+
+static double published_alpha(const train_values *values, double noise) {
+    const bool entropy = values->criterion == LG_ENTROPY;
+    if (values->features == LG_FEATURES_STD) return entropy ? 0.003 : 0.002;
+    if (entropy && values->components > 0 && noise > 30) return 0.003; /* nearest to noise 50 */
+    return entropy ? 0.01 : 0.003;
+}
+
+static lg_method_options base_options(const app *self, const train_values *values, double noise) {
+    lg_method_options options;
+    lg_method_options_init(&options);
+    options.method = method_of(values->method);
+    options.components = (uint32_t)values->components;
+    options.c = values->c;
+    options.gamma = values->gamma;
+    options.tree.criterion = (lg_criterion)values->criterion;
+    options.tree.max_depth = (uint32_t)values->max_depth;
+    options.tree.min_samples_split = (uint32_t)values->min_split;
+    options.tree.min_samples_leaf = (uint32_t)values->min_leaf;
+    if (values->prune == PRUNE_POST)
+        options.tree.ccp_alpha =
+            app_given(self, "ccp-alpha") ? values->ccp_alpha : published_alpha(values, noise);
+    return options;
+}
+
+static void list_candidates(const app *self, const train_values *values, double noise, choice *out) {
+    const lg_method_options base = base_options(self, values, noise);
+    const bool svm = values->method == METHOD_SVM_LINEAR || values->method == METHOD_SVM_RBF;
+    out->options = app_alloc(MAX_GRID, sizeof *out->options);
+    out->count = 0;
+    if (values->method == METHOD_TREE && values->prune == PRUNE_PRE) {
+        for (uint32_t depth = 2; depth <= deepest(values); depth++)
+            for (uint32_t split = 2; split <= 4; split++)
+                for (uint32_t leaf = 1; leaf <= 2; leaf++) {
+                    lg_method_options *option = &out->options[out->count++];
+                    *option = base;
+                    option->tree.max_depth = depth;
+                    option->tree.min_samples_split = split;
+                    option->tree.min_samples_leaf = leaf;
+                }
+        return;
+    }
+    const bool given = values->grid.count > 0, automatic = svm && !app_given(self, "c") && !given;
+    const double *grid = given ? values->grid.values : default_grid;
+    const size_t count = given ? values->grid.count : automatic ? APP_COUNT(default_grid) : 0;
+    for (size_t i = 0; i < count; i++) {
+        out->options[i] = base;
+        out->options[i].c = grid[i];
+    }
+    out->count = count;
+    if (count == 0) out->options[out->count++] = base;
+}
+
+static lg_status choose(classical *self, lg_error *error) {
+    const trained *base = self->base;
+    choice *chosen = &self->chosen;
+    list_candidates(base->app, base->values, base->all->data.noise, chosen);
+    if (chosen->count == 1) return LG_OK;
+    chosen->accuracy = app_alloc(chosen->count, sizeof *chosen->accuracy);
+    const double begin = app_seconds();
+    const lg_status status = lg_choose(
+        base->app->context, chosen->options, chosen->count, (uint32_t)base->values->folds, self->table,
+        self->label, self->unit, base->train.list, base->train.count, self->model.classifier.features.count,
+        base->all->data.series.classes, (int)base->app->threads, chosen->accuracy, &chosen->best, error);
+    chosen->seconds = app_seconds() - begin;
+    return status;
+}
+
+static lg_status fit(classical *self, lg_error *error) {
+    trained *base = self->base;
+    const double begin = app_seconds();
+    const lg_status status = lg_classifier_fit(
+        base->app->context, &self->chosen.options[self->chosen.best], self->table, self->label,
+        base->train.list, base->train.count, self->model.classifier.features.count,
+        base->all->data.series.classes, &self->model.classifier, error);
+    base->train_seconds = app_seconds() - begin;
+    return status;
+}
+
+static lg_status judge(classical *self, lg_error *error) {
+    trained *base = self->base;
+    const cut_series *tested = tested_series(base);
+    const lg_status status = judge_rows(base->app, &self->model, &base->all->data.series, &base->all->windows,
+                                        &base->train, self->table, &base->train_judged, error);
+    if (status != LG_OK) return status;
+    return judge_rows(base->app, &self->model, &tested->data.series, &tested->windows, &base->test,
+                      self->foreign_table != NULL ? self->foreign_table : self->table, &base->judged, error);
+}
+
+/* ---- pruning against alpha ---- */
+
+static double tree_accuracy(const lg_tree *tree, const lg_pca *pca, const double *table,
+                            const uint32_t *label, const part_indices *part) {
+    const uint32_t d = pca->inputs, k = lg_pca_outputs(pca);
+    double *memory = app_alloc(k + d, sizeof *memory);
+    size_t right = 0;
+    for (size_t i = 0; i < part->count; i++) {
+        lg_pca_apply(pca, table + (size_t)part->list[i] * d, 1, memory, memory + k);
+        const uint32_t leaf = lg_tree_leaf(tree, memory),
+                       *counts = tree->counts + (size_t)leaf * tree->classes;
+        uint32_t given = 0;
+        for (uint32_t c = 1; c < tree->classes; c++)
+            if (counts[c] > counts[given] || (tree->classes == 2 && counts[c] == counts[given])) given = c;
+        right += given == label[part->list[i]];
+    }
+    free(memory);
+    return part->count > 0 ? (double)right / (double)part->count : (double)NAN;
+}
+
+static lg_status prune_and_judge(const classical *self, const lg_tree *whole, const lg_pca *pca, double alpha,
+                                 const uint32_t *tested_label, pruned_tree *out) {
+    const trained *base = self->base;
+    lg_tree pruned;
+    const lg_status status = lg_tree_prune(base->app->context, whole, alpha, &pruned);
+    if (status != LG_OK) return status;
+    *out = (pruned_tree){.alpha = alpha, .nodes = pruned.count, .depth = lg_tree_depth(&pruned)};
+    out->train_accuracy = tree_accuracy(&pruned, pca, self->table, self->label, &base->train);
+    out->test_accuracy =
+        tree_accuracy(&pruned, pca, self->foreign_table != NULL ? self->foreign_table : self->table,
+                      tested_label, &base->test);
+    lg_tree_free(base->app->context, &pruned);
+    return LG_OK;
+}
+
+static lg_status draw_path(const classical *self, const lg_tree *whole, const lg_pca *pca, lg_error *error) {
+    const trained *base = self->base;
+    size_t count = 0;
+    lg_pruning_step *steps = app_alloc(whole->count, sizeof *steps);
+    lg_status status = lg_tree_pruning_path(base->app->context, whole, steps, whole->count, &count);
+    pruned_tree *trees = app_alloc(count, sizeof *trees);
+    const cut_series *tested = tested_series(base); /* labels of --test's windows stand elsewhere */
+    uint32_t *label = of_windows(tested, tested->data.series.label);
+    for (size_t i = 0; i < count && status == LG_OK; i++)
+        status = prune_and_judge(self, whole, pca, steps[i].alpha, label, &trees[i]);
+    if (status == LG_OK)
+        status = draw_pruning(base->app, base->values->fit.plot, trees, count,
+                              self->chosen.options[self->chosen.best].tree.ccp_alpha, error);
+    else
+        (void)app_error(error, status, "%s", lg_status_sentence(status));
+    free(label);
+    free(trees);
+    free(steps);
+    return status;
+}
+
+static lg_status draw_alphas(const classical *self, lg_error *error) {
+    const trained *base = self->base;
+    lg_method_options options = self->chosen.options[self->chosen.best];
+    lg_classifier whole = {.classes = 0};
+    options.tree.ccp_alpha = 0;
+    lg_status status = lg_classifier_fit(
+        base->app->context, &options, self->table, self->label, base->train.list, base->train.count,
+        self->model.classifier.features.count, base->all->data.series.classes, &whole, error);
+    if (status == LG_OK) status = draw_path(self, &whole.tree, &whole.pca, error);
+    lg_classifier_free(base->app->context, &whole);
+    return status;
+}
+
+static int draw(const classical *self) {
+    const trained *base = self->base;
+    const cut_series *tested = tested_series(base);
+    const int view = view_of(&self->model, base->values->picture, true);
+    lg_error error = {LG_OK, ""};
+    if (base->values->fit.plot == NULL) return APP_EXIT_OK;
+    const lg_status status =
+        view == VIEW_PRUNING
+            ? draw_alphas(self, &error)
+            : draw_view(base->app, base->values->fit.plot, view, &self->model, &tested->data.series,
+                        &tested->windows, base->test.count > 0 ? &base->judged : &base->train_judged, &error);
+    return status == LG_OK ? APP_EXIT_OK : app_fail_file(base->app, status, &error, base->values->fit.plot);
+}
+
+/* ---- result ---- */
+
+static void json_choice(app_json *json, const classical *self) {
+    const choice *chosen = &self->chosen;
+    if (chosen->accuracy == NULL) return;
+    const bool tree = self->base->values->method == METHOD_TREE;
+    app_json_real(json, "cv_accuracy", chosen->accuracy[chosen->best]);
+    app_json_real(json, "grid_seconds", chosen->seconds);
+    app_json_open(json, "grid", '[');
+    for (size_t i = 0; i < chosen->count; i++) {
+        const lg_method_options *option = &chosen->options[i];
+        app_json_open(json, NULL, '{');
+        if (tree) {
+            app_json_size(json, "max_depth", option->tree.max_depth);
+            app_json_size(json, "min_samples_split", option->tree.min_samples_split);
+            app_json_size(json, "min_samples_leaf", option->tree.min_samples_leaf);
+        } else {
+            app_json_real(json, "c", option->c);
+        }
+        app_json_real(json, "accuracy", chosen->accuracy[i]);
+        app_json_close(json, '}');
+    }
+    app_json_close(json, ']');
+}
+
+static void json_method(app_json *json, const classical *self) {
+    const lg_classifier *model = &self->model.classifier;
+    const lg_method_options *option = &self->chosen.options[self->chosen.best];
+    if (model->method == LG_METHOD_TREE) {
+        app_json_size(json, "depth", lg_tree_depth(&model->tree));
+        app_json_size(json, "nodes", model->tree.count);
+        app_json_text(json, "criterion", lg_criterion_name(option->tree.criterion));
+        app_json_real(json, "ccp_alpha", option->tree.ccp_alpha);
+        app_json_size(json, "max_depth", option->tree.max_depth);
+        app_json_size(json, "min_samples_split", option->tree.min_samples_split);
+        app_json_size(json, "min_samples_leaf", option->tree.min_samples_leaf);
+        return;
+    }
+    app_json_real(json, "c", option->c);
+    if (model->method == LG_METHOD_LOGISTIC) {
+        app_json_size(json, "iterations", model->logistic.iterations);
+        return;
+    }
+    app_json_size(json, "support_vectors", model->svm.vectors);
+    app_json_real(json, "gamma", model->method == LG_METHOD_SVM_RBF ? model->svm.gamma : (double)NAN);
+}
+
+static void report_json(const classical *self) {
+    const trained *base = self->base;
+    const lg_classifier *model = &self->model.classifier;
+    app_json json;
+    app_json_begin(&json);
+    json_trained(&json, base, &self->model);
+    app_json_text(&json, "features", lg_feature_kind_name(model->features.kind));
+    app_json_size(&json, "feature_count", model->features.count);
+    app_json_size(&json, "components", model->pca.components);
+    app_json_text(&json, "directions", base->values->directions == 1 ? "x" : "xy");
+    app_json_real(&json, "feature_seconds", self->feature_seconds);
+    json_method(&json, self);
+    json_choice(&json, self);
+    app_json_size(&json, "seed", base->app->seed);
+    app_json_size(&json, "threads", base->app->threads);
+    app_json_text(&json, "out", base->values->fit.out);
+    app_json_end(&json);
+}
+
+static void report(const classical *self) {
+    const trained *base = self->base;
+    const lg_classifier *model = &self->model.classifier;
+    const lg_method_options *option = &self->chosen.options[self->chosen.best];
+    if (base->app->json) {
+        report_json(self);
+        return;
+    }
+    (void)printf("%s: %s on %u %s features", base->values->fit.out, self->model.method, model->features.count,
+                 lg_feature_kind_name(model->features.kind));
+    if (model->pca.components > 0) (void)printf(", %u components", model->pca.components);
+    if (model->method == LG_METHOD_TREE)
+        (void)printf("; %u nodes, depth %u", model->tree.count, lg_tree_depth(&model->tree));
+    else
+        (void)printf("; C = %g", option->c);
+    if (model->svm.vectors > 0) (void)printf(", %u support vectors", model->svm.vectors);
+    if (self->chosen.accuracy != NULL)
+        (void)printf(" (best of %zu by cross-validation: %.4f)", self->chosen.count,
+                     self->chosen.accuracy[self->chosen.best]);
+    (void)printf("\nfeatures in %.3f s, fitted in %.4f s\n", self->feature_seconds, base->train_seconds);
+    print_trained(base, &self->model);
+}
+
+/* ---- running ---- */
+
+static void describe(const trained *base, well_model *model) {
+    const lg_series *series = &base->all->data.series;
+    *model = (well_model){.method = train_methods[base->values->method],
+                          .classes = series->classes,
+                          .channels = series->channels,
+                          .window = (uint32_t)base->cut.window,
+                          .rate = series->rate,
+                          .class_name = series->class_name,
+                          .class_label = series->class_label,
+                          .channel_name = series->channel_name,
+                          .cut = base->cut};
+    model->classifier.method = method_of(base->values->method);
+    model->probabilities = model->classifier.method <= LG_METHOD_TREE;
+}
+
+static int train(classical *self) {
+    const trained *base = self->base;
+    const char *path = base->values->fit.out;
+    lg_error error = {LG_OK, ""};
+    lg_status status = compute_features(self, &error);
+    if (status == LG_OK) status = choose(self, &error);
+    if (status == LG_OK) status = fit(self, &error);
+    if (status == LG_OK && base->values->fit.plot != NULL) {
+        const int refused = check_view(base->app, &self->model, base->values->picture, true);
+        if (refused != APP_EXIT_OK) return refused;
+    }
+    if (status == LG_OK) status = judge(self, &error);
+    if (status == LG_CANCELLED) return app_fail(base->app, status, "stopped by Ctrl-C");
+    if (status != LG_OK) return fail(base->app, status, &error);
+    status = well_model_save(base->app, path, &self->model, base->judged.metrics.accuracy,
+                             base->judged.metrics.f1, &error);
+    if (status != LG_OK) return app_fail_file(base->app, status, &error, path);
+    const int code = draw(self);
+    if (code == APP_EXIT_OK) report(self);
+    return code;
+}
+
+int train_classical(trained *base) {
+    classical self = {.base = base};
+    describe(base, &self.model);
+    const int code = train(&self);
+    lg_classifier_free(base->app->context, &self.model.classifier);
+    free(self.label);
+    free(self.unit);
+    free(self.table);
+    free(self.foreign_table);
+    free(self.chosen.options);
+    free(self.chosen.accuracy);
+    return code;
+}
