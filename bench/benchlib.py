@@ -55,6 +55,12 @@ class Ours:
         return run([self.path, case, "--json", *map(str, options)], self.extra)
 
 
+def find_beside(lg_bench, name):
+    """The executable of that name beside lg-bench: its arguments to its JSON; None if it is not there."""
+    path = os.path.join(os.path.dirname(os.path.abspath(lg_bench)), name)
+    return (lambda *arguments: run([path, *map(str, arguments), "--json"])) if os.access(path, os.X_OK) else None
+
+
 class Torch:
     """PyTorch under LIEGRAD_PYTHON, with the settings that make it fast on this machine. MKL takes processors of other
     makers for old ones. `usual`: what its users set, MKL_DEBUG_CPU_TYPE=5 (AVX2 in releases that read it) and ATen's own

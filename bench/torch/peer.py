@@ -14,7 +14,7 @@ parser.add_argument("--threads", type=int, default=1)
 parser.add_argument("--repeats", type=int, default=0)
 parser.add_argument("--patience", type=float, default=4.0)
 parser.add_argument("--epochs", type=int, default=20)
-parser.add_argument("--inputs", help="prefix that lg-bench hamiltonian or elastica-... --out wrote to")
+parser.add_argument("--inputs", help="prefix that lg-bench hamiltonian or elastica-... --out wrote to; classify: file with /X, /y")
 parser.add_argument("--out", help="where the trained parameters go, as doubles")
 args = parser.parse_args()
 
@@ -27,6 +27,7 @@ import torch
 torch.set_num_threads(args.threads)
 torch.set_flush_denormal(True)
 
+import anomaly
 import elastica
 import hamiltonian
 import networks
@@ -203,6 +204,8 @@ if args.case in hamiltonian.EXPERIMENTS:
     rows = hamiltonian.run(args)
 elif args.case in elastica.EXPERIMENTS:
     rows = elastica.run(args)
+elif args.case in anomaly.EXPERIMENTS:
+    rows = anomaly.run(args)
 elif args.case in cases:
     rows = cases[args.case]()
 else:

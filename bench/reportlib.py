@@ -1,0 +1,117 @@
+"""What the scripts behind a page of docs/reports share: running a program, a cache of trained models, tables between the
+markers of the page, pictures, options."""
+import argparse
+import json
+import os
+import shutil
+import statistics
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+
+import benchlib as lib
+from figurelib import draw
+
+
+def spread(values, show):
+    """The median, and least and largest where there are several."""
+    middle = show(statistics.median(values))
+    return middle if len(values) == 1 else "%s (%s to %s)" % (middle, show(min(values)), show(max(values)))
+
+
+class Study:
+    """One page: `page`.md, data/`page`.json and pictures/`page`-*.svg below `out`, all made by `program`. PARTS: by name the
+    methods that fill `tables` and `data`."""
+    page = program = None
+    PARTS = {}
+
+    def __init__(self, args, out):
+        self.args, self.out, self.cache = args, out, args.cache
+        self.bench = lib.find_lg_bench(args.build)
+        self.path = os.path.join(os.path.dirname(self.bench), self.program)
+        self.seeds = (1,) if args.quick else (1, 2, 3)
+        self.tables, self.data = {}, {}
+
+    def run(self, *words):
+        result = lib.run([self.path, *map(str, words), "--json"])
+        if result is None:
+            raise SystemExit("%s %s failed" % (self.program, words[0]))
+        return result
+
+    def trained(self, data, words, *fixed):
+        """The file and what training printed; trained once. `fixed`: options that do not change the model."""
+        name = "-".join([os.path.basename(data)[:-3], *map(str, words)])
+        stem = os.path.join(self.cache, name.replace("--", "").replace(" ", "_").replace("/", "_"))
+        if not os.path.exists(stem + ".json"):
+            result = self.run("train", data, *words, *fixed, "--out", stem + ".h5")
+            with open(stem + ".json", "w") as file:
+                json.dump(result, file)
+        with open(stem + ".json") as file:
+            return dict(json.load(file), file=stem + ".h5")
+
+    def parallel(self, function, tasks):
+        """[function(*task)], --jobs at a time, in the order of the tasks."""
+        with ThreadPoolExecutor(self.args.jobs) as pool:
+            return list(pool.map(lambda task: function(*task), tasks))
+
+    def note(self, name, head, rows):
+        self.tables[name] = lib.table(head, rows)
+        self.data[name] = [dict(zip(head, row)) for row in rows]
+
+    def picture(self, name):
+        folder = os.path.join(self.out, "pictures")
+        os.makedirs(folder, exist_ok=True)
+        return os.path.join(folder, "%s-%s.svg" % (self.page, name))
+
+    def panel(self, name, panels, **size):
+        draw(self.picture(name), len(panels), panels, **size)
+
+    def sweep(self):
+        """What gnuplot was given stays out of the report."""
+        folder = os.path.dirname(self.picture("x"))
+        for name in os.listdir(folder):
+            if name.startswith(self.page + "-") and not name.endswith(".svg"):
+                os.remove(os.path.join(folder, name))
+
+    def write(self):
+        os.makedirs(os.path.join(self.out, "data"), exist_ok=True)
+        path = os.path.join(self.out, "data", self.page + ".json")
+        before = json.load(open(path)) if os.path.exists(path) else {}
+        with open(path, "w") as file:
+            json.dump(dict(before, **self.data), file, indent=1)
+            file.write("\n")
+        path = os.path.join(self.out, self.page + ".md")
+        with open(path) as file:
+            text = file.read()
+        for name, body in self.tables.items():
+            begin, end = "<!-- begin %s -->\n" % name, "<!-- end %s -->" % name
+            if begin not in text:
+                lib.say("%s.md has no place for the table '%s'" % (self.page, name))
+                continue
+            before, rest = text.split(begin, 1)
+            text = before + begin + body + "\n" + rest[rest.index(end):]
+        with open(path, "w") as file:
+            file.write(text)
+
+
+def main(study, doc):
+    parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--build")
+    parser.add_argument("--out", help="folder of %s.md" % study.page)
+    parser.add_argument("--cache", help="folder of data and models (a temporary one)")
+    parser.add_argument("--only", help="parts, separated by commas")
+    args = parser.parse_args()
+    reports = os.path.join(lib.ROOT, "docs", "reports")
+    out = args.out or (tempfile.mkdtemp(prefix="liegrad-report-") if args.quick else reports)
+    if os.path.abspath(out) != reports:
+        os.makedirs(out, exist_ok=True)
+        shutil.copy(os.path.join(reports, study.page + ".md"), out)
+    with lib.workspace() as folder:
+        args.cache = args.cache or folder
+        os.makedirs(args.cache, exist_ok=True)
+        made = study(args, out)
+        for part in args.only.split(",") if args.only else study.PARTS:
+            lib.say("%s ..." % part)
+            study.PARTS[part](made)
+            made.write()
