@@ -7,29 +7,9 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include "lg-anomaly/anomaly.h"
-#include "lg-anomaly/samples.h"
+#include "lg-anomaly/watch.h"
 
-enum {
-    TOLD = 5,               /* malformed lines reported */
-    MANY_MALFORMED = 20,    /* in a row: reported with the layout expected */
-    TOLD_NOT_JUDGED = 3,    /* windows of a gap that are printed one by one */
-    DAY = 86400,            /* s */
-    LONGEST_GAP = 7 * DAY,  /* s */
-    FIRST_TIMES = 100,      /* the feed's interval is measured from so many, */
-    LEAST_TIMES = 12,       /* or from a window's worth, but from no fewer */
-    LEAST_DIFFERENCES = 10, /* of a feed that is shorter */
-    BELIEVED = 4,           /* samples in line that make a jump of the time true, the first included */
-    HELD = 16,              /* samples that wait for it */
-    NEAR = 10               /* intervals of the feed between samples in line, at most */
-};
-/* Largest difference between the feed's rate and the expected one. */
-static const double rate_tolerance = 0.01;
-/* Part of the difference between a sample's time and the expected one by which the clock is corrected: it
- * follows a sampling rate that is a little off, and evens out jitter. */
-static const double clock_gain = 0.05;
-/* A difference below this part of the sampling interval is rounding: the sample's time holds. */
-static const double clock_exact = 1e-3;
+enum { TOLD_NOT_JUDGED = 3 /* windows of a gap that are printed one by one */ };
 
 typedef struct watch_values {
     const char *input;
@@ -59,56 +39,6 @@ static const app_option watch_options[] = {
 
 static watch_values values = {
     .votes = 3, .votes_of = 5, .hop = NAN, .bridge = 1.0, .missing = 0.1, .rate = NAN, .crack_at = NAN};
-
-/* ---- state ---- */
-
-/* What the judge needs and leaves behind. */
-typedef struct bench {
-    const well_model *model;
-    double *score; /* (classes) */
-    void *work;
-    uint32_t given;
-} bench;
-
-typedef struct tally {
-    uint64_t samples, received, absent, repeated, not_finite, malformed; /* absent: told by the times */
-    uint64_t windows, judged, positive, failed, alarms;
-    uint64_t judged_before, positive_before, alarms_before; /* before the crack */
-    double first_alarm, detection;                          /* times; NaN: none */
-} tally;
-
-/* A sample with a time that waits until that is believed. */
-typedef struct held_sample {
-    double time;
-    uint64_t line;
-} held_sample;
-
-/* What the times of the feed are held against. */
-typedef struct timing {
-    held_sample first[FIRST_TIMES], held[HELD];
-    float *first_values, *held_values; /* (FIRST_TIMES, channels), (HELD, channels) */
-    uint32_t firsts, wanted, holds;    /* wanted: before the interval is measured */
-    bool measured;                     /* or given up */
-    bool follow;                       /* the clock follows the times; false: the rate is forced */
-    double usual;                      /* steps of the clock from one sample to the next */
-} timing;
-
-typedef struct watching {
-    const app *app;
-    bench bench;
-    lg_watch *watch;
-    double rate, hop; /* Hz; samples. rate 1 when nobody knows it */
-    bool rate_known, started, alarm;
-    double origin;  /* time of a sample; s */
-    uint64_t since; /* samples after it */
-    double now;     /* time of the last sample: origin + since/rate */
-    timing timing;
-    bool in_gap, refused;
-    uint64_t gap_windows;      /* not judged, of this gap */
-    double gap_first;          /* time of the first that is not printed */
-    uint64_t malformed_in_row; /* lines */
-    tally tally;
-} watching;
 
 static lg_status judge(void *user, const float *x, bool *positive, double *score) {
     bench *b = user;
@@ -173,7 +103,7 @@ static bool left_out(watching *self, const lg_verdict *v) {
     return true;
 }
 
-static void print_left_out(watching *self) {
+void watch_end_gap(watching *self) {
     const unsigned long long count =
         self->gap_windows > TOLD_NOT_JUDGED ? self->gap_windows - TOLD_NOT_JUDGED : 0;
     self->gap_windows = 0;
@@ -186,7 +116,7 @@ static void print_left_out(watching *self) {
                      count == 1 ? "" : "s", self->now + 1 / self->rate);
 }
 
-static void push(watching *self, const float *sample) {
+void watch_push(watching *self, const float *sample) {
     lg_verdict v;
     bool ready = false;
     const lg_status status = lg_watch_push(self->watch, sample, &ready, &v);
@@ -203,297 +133,6 @@ static void push(watching *self, const float *sample) {
     if (!left_out(self, &v) && (!values.quiet || v.alarm != self->alarm))
         (self->app->json ? print_json_verdict : print_verdict)(self, &v);
     self->alarm = v.alarm;
-}
-
-/* ---- time ---- */
-
-static void set_clock(watching *self, double time) {
-    self->now = self->origin = time;
-    self->since = 0;
-}
-
-static void tick(watching *self) {
-    self->since++;
-    self->now = self->origin + (double)self->since / self->rate;
-}
-
-static void lose(watching *self, uint64_t count) {
-    self->in_gap = true;
-    for (uint64_t i = 0; i < count && !app_interrupted(); i++) {
-        tick(self);
-        push(self, NULL);
-    }
-    self->in_gap = false;
-    print_left_out(self);
-}
-
-/* Samples from one time to another. */
-static double steps_between(const watching *self, double from, double to) {
-    return floor((to - from) * self->rate + 0.5);
-}
-
-/* The clock was set, or the feed was away for longer than is worth filling: begins anew after a window that
- * is lost as a whole. */
-static void begin_anew(watching *self, double time) {
-    app_warn(self->app, "the time goes from %.15g s to %.15g s: the feed begins anew there", self->now, time);
-    const uint64_t window = self->bench.model->window;
-    self->tally.absent += window;
-    set_clock(self, time - (double)(window + 1) / self->rate);
-    lose(self, window);
-    set_clock(self, time);
-}
-
-/* Advances the clock to a sample that says when it was taken, and pushes what is missing before it. False: a
- * sample that was there already. */
-static bool advance(watching *self, double time) {
-    const double steps = steps_between(self, self->now, time);
-    if (steps > LONGEST_GAP * self->rate || steps < -(double)self->bench.model->window) {
-        begin_anew(self, time);
-        return true;
-    }
-    if (steps < 1) {
-        self->tally.repeated++;
-        return false;
-    }
-    self->tally.absent += (uint64_t)steps - 1;
-    if (steps > 1) lose(self, (uint64_t)steps - 1);
-    tick(self);
-    const double off = time - self->now;
-    if (self->timing.follow)
-        set_clock(self, fabs(off) * self->rate < clock_exact ? time : self->now + clock_gain * off);
-    return true;
-}
-
-static void push_received(watching *self, const float *sample) {
-    bool whole = true;
-    for (uint32_t c = 0; c < self->bench.model->channels; c++) whole = whole && isfinite(sample[c]);
-    *(whole ? &self->tally.received : &self->tally.not_finite) += 1;
-    push(self, sample);
-}
-
-/* A sample whose time is believed. */
-static void accept(watching *self, const float *sample, double time) {
-    if (!self->started || !self->rate_known)
-        set_clock(self, time);
-    else if (!advance(self, time))
-        return;
-    self->started = true;
-    push_received(self, sample);
-}
-
-static void count_malformed(watching *self, uint64_t line, const char *problem, bool lost) {
-    if (self->tally.malformed++ >= TOLD) return;
-    app_warn(self->app, "line %llu: %s; %s%s", (unsigned long long)line, problem,
-             lost ? "taken as a lost sample" : "left out",
-             self->tally.malformed == TOLD ? " (more such lines are only counted)" : "");
-}
-
-/* ---- times that jump ----
- *
- * A sample whose time does not follow the clock waits. When BELIEVED samples stand in line (each at most NEAR
- * usual intervals after the one before it), their times are true, and the clock jumps there. When instead a
- * sample follows the clock as if those that wait had come with wrong times, they are malformed. */
-
-static float *held_values(watching *self, uint32_t i) {
-    return &self->timing.held_values[(size_t)i * self->bench.model->channels];
-}
-
-static bool in_line(const watching *self, double from, double to) {
-    const double steps = steps_between(self, from, to);
-    return steps >= 1 && steps <= NEAR * self->timing.usual;
-}
-
-static void reject_held(watching *self, uint32_t i) {
-    char problem[96];
-    (void)snprintf(problem, sizeof problem, "the time %.15g s does not fit the lines around it",
-                   self->timing.held[i].time);
-    count_malformed(self, self->timing.held[i].line, problem, false);
-}
-
-/* Held samples first..last-1 are a line, and the last one in it is true. Of those before them lines of two or
- * more are believed where they fit between the clock and it, single samples where they are near it too. */
-static void settle(watching *self, uint32_t first, uint32_t last) {
-    timing *t = &self->timing;
-    bool fits[HELD] = {false};
-    double next = t->held[first].time;
-    for (uint32_t i = first; i < last; i++) fits[i] = true;
-    for (uint32_t end = first; end > 0;) {
-        uint32_t begin = end - 1;
-        while (begin > 0 && in_line(self, t->held[begin - 1].time, t->held[begin].time)) begin--;
-        const bool between = steps_between(self, t->held[end - 1].time, next) >= 1 &&
-                             (!self->started || steps_between(self, self->now, t->held[begin].time) >= 1);
-        if (between && (end - begin >= 2 || in_line(self, t->held[begin].time, next))) {
-            for (uint32_t i = begin; i < end; i++) fits[i] = true;
-            next = t->held[begin].time;
-        }
-        end = begin;
-    }
-    for (uint32_t i = 0; i < t->holds; i++)
-        if (fits[i])
-            accept(self, held_values(self, i), t->held[i].time);
-        else
-            reject_held(self, i);
-    t->holds = 0;
-}
-
-/* Beginning of the line that ends with held sample `last` - 1. */
-static uint32_t line_before(const watching *self, uint32_t last) {
-    uint32_t first = last - 1;
-    while (first > 0 && in_line(self, self->timing.held[first - 1].time, self->timing.held[first].time))
-        first--;
-    return first;
-}
-
-/* Nothing more comes, or nothing more can wait: the last line of at least two is the best that is known. */
-static void settle_held(watching *self, bool at_end) {
-    timing *t = &self->timing;
-    for (uint32_t last = t->holds; last > 1; last--) {
-        const uint32_t first = line_before(self, last);
-        if (last - first < 2) continue;
-        settle(self, first, last);
-        return;
-    }
-    if (at_end) {
-        const bool fits = t->holds > 0 && (!self->started || in_line(self, self->now, t->held[0].time));
-        settle(self, 0, fits ? 1 : 0);
-        return;
-    }
-    reject_held(self, 0);
-    t->holds--;
-    memmove(t->held, t->held + 1, t->holds * sizeof *t->held);
-    memmove(t->held_values, held_values(self, 1),
-            (size_t)t->holds * self->bench.model->channels * sizeof *t->held_values);
-}
-
-static void hold(watching *self, const float *sample, double time, uint64_t line) {
-    timing *t = &self->timing;
-    if (t->holds > 0) {
-        const double last = t->held[t->holds - 1].time;
-        if (steps_between(self, last, time) == 0) { /* one that waits, twice */
-            self->tally.repeated++;
-            return;
-        }
-        const double steps = self->started ? steps_between(self, self->now, time) : 0;
-        if (!in_line(self, last, time) && steps >= 1 && steps <= (t->holds + 1) * t->usual) {
-            settle(self, 0, 0);
-            accept(self, sample, time);
-            return;
-        }
-    }
-    if (t->holds == HELD) settle_held(self, false);
-    t->held[t->holds] = (held_sample){time, line};
-    memcpy(held_values(self, t->holds), sample, self->bench.model->channels * sizeof *sample);
-    t->holds++;
-    const uint32_t first = line_before(self, t->holds);
-    if (t->holds - first >= BELIEVED) settle(self, first, t->holds);
-}
-
-static void take_timed(watching *self, const float *sample, double time, uint64_t line) {
-    timing *t = &self->timing;
-    const double steps = self->started ? steps_between(self, self->now, time) : -1;
-    if (!self->rate_known || (t->holds == 0 && steps >= 0 && steps <= t->usual))
-        accept(self, sample, time);
-    else
-        hold(self, sample, time, line);
-}
-
-/* ---- the feed's own rate ---- */
-
-static int compare_reals(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-/* Mean of the differences that are near their median: gaps, wrong times and rounded ones do not disturb it.
- * *blur: how far it may be off, relative. False: too few. */
-static bool measure_interval(const timing *t, double *interval, double *blur) {
-    double difference[FIRST_TIMES], sum = 0, lowest = INFINITY, highest = 0;
-    uint32_t count = 0, near = 0;
-    for (uint32_t i = 1; i < t->firsts; i++) {
-        const double d = t->first[i].time - t->first[i - 1].time;
-        if (d > 0 && isfinite(d)) difference[count++] = d;
-    }
-    if (count < LEAST_DIFFERENCES) return false;
-    qsort(difference, count, sizeof *difference, compare_reals);
-    const double median = difference[count / 2];
-    for (uint32_t i = 0; i < count; i++) {
-        if (difference[i] < 0.5 * median || difference[i] > 1.5 * median) continue;
-        lowest = fmin(lowest, difference[i]);
-        highest = fmax(highest, difference[i]);
-        sum += difference[i];
-        near++;
-    }
-    *interval = sum / near;
-    *blur = (highest - lowest) / sum; /* the sum is that of the two ends, each off by at most half of it */
-    return true;
-}
-
-/* Measures; false: the feed has another rate, and nobody forces it. */
-static bool check_rate(watching *self) {
-    timing *t = &self->timing;
-    double interval, blur;
-    t->measured = true;
-    if (!measure_interval(t, &interval, &blur)) return true;
-    const double steps = interval * self->rate;
-    if (fabs(steps - 1) <= rate_tolerance + blur) return true;
-    if (!app_given(self->app, "rate")) {
-        self->refused = true;
-        (void)app_fail(
-            self->app, LG_FILE,
-            "the times of the feed say %.4g samples a second, the model was trained at %.4g: resample "
-            "the feed, or force it with --rate %.4g (windows of as many samples, shorter or longer)",
-            1 / interval, self->rate, 1 / interval);
-        return false;
-    }
-    app_warn(self->app, "the times of the feed say %.4g samples a second, --rate %.4g: its grid is kept",
-             1 / interval, self->rate);
-    t->follow = false;
-    t->usual = fmax(1, ceil(steps - rate_tolerance));
-    return true;
-}
-
-static void release_first(watching *self) {
-    timing *t = &self->timing;
-    const bool right = t->measured || check_rate(self);
-    for (uint32_t i = 0; right && i < t->firsts; i++)
-        take_timed(self, &t->first_values[(size_t)i * self->bench.model->channels], t->first[i].time,
-                   t->first[i].line);
-    t->firsts = 0;
-}
-
-static void take_sample(watching *self, const float *sample, double time, uint64_t line) {
-    timing *t = &self->timing;
-    if (!isfinite(time)) {
-        if (self->started) tick(self);
-        self->started = true;
-        push_received(self, sample);
-    } else if (t->measured) {
-        take_timed(self, sample, time, line);
-    } else {
-        const uint32_t channels = self->bench.model->channels;
-        t->first[t->firsts] = (held_sample){time, line};
-        memcpy(&t->first_values[(size_t)t->firsts * channels], sample, channels * sizeof *sample);
-        if (++t->firsts == t->wanted) release_first(self);
-    }
-}
-
-/* A line that could not be read. Without times it stands for a sample, once there was one; with times those
- * of the others tell what is missing. */
-static void take_malformed(watching *self, const sample_reader *reader, const float *sample, double time) {
-    const bool timed = reader->layout == LAYOUT_TIMED && self->rate_known;
-    const bool lost = !timed || isfinite(time);
-    count_malformed(self, reader->line, reader->problem, lost);
-    if (++self->malformed_in_row == MANY_MALFORMED)
-        app_warn(self->app,
-                 "line %llu: %d lines in a row could not be read; expected are %s%u number%s a line%s",
-                 (unsigned long long)reader->line, MANY_MALFORMED,
-                 reader->layout == LAYOUT_TIMED ? "a time and " : "", reader->channels,
-                 reader->channels == 1 ? "" : "s",
-                 reader->layout == LAYOUT_UNKNOWN ? ", after a time or without" : "");
-    if (timed && isfinite(time))
-        take_sample(self, sample, time, reader->line);
-    else if (!timed && self->started)
-        lose(self, 1);
 }
 
 /* ---- the summary ---- */
@@ -621,10 +260,10 @@ static int read_feed(watching *self, sample_reader *reader, float *sample) {
     for (;;) {
         const sample_kind kind = sample_next(reader, sample, &time);
         if (kind == SAMPLE_READ) {
-            take_sample(self, sample, time, reader->line);
+            watch_take(self, sample, time, reader->line);
             self->malformed_in_row = 0;
         } else if (kind == SAMPLE_MALFORMED)
-            take_malformed(self, reader, sample, time);
+            watch_take_malformed(self, reader, sample, time);
         else if (kind == SAMPLE_FAILED)
             return app_fail(self->app, LG_FILE, "%s: %s",
                             values.input != NULL ? values.input : "standard input",
@@ -634,9 +273,8 @@ static int read_feed(watching *self, sample_reader *reader, float *sample) {
         if (app_interrupted() || self->refused) break;
         if (ferror(stdout)) break; /* nobody listens; app_main says so */
     }
-    release_first(self);
+    watch_settle(self);
     if (self->refused) return APP_EXIT_FILE;
-    settle_held(self, true);
     if (app_interrupted()) return APP_EXIT_INTERRUPTED;
     if (reader->layout == LAYOUT_UNKNOWN && reader->line > 0)
         return app_fail(self->app, LG_FILE, "%s: no line holds %u numbers, or %u with a time",
@@ -648,12 +286,7 @@ static int read_feed(watching *self, sample_reader *reader, float *sample) {
 static int watch_feed(watching *self, int file, size_t watch_bytes) {
     sample_reader reader;
     float *sample = app_alloc(self->bench.model->channels, sizeof *sample);
-    timing *t = &self->timing;
-    const uint32_t window = self->bench.model->window;
-    *t = (timing){.usual = 1, .follow = true, .measured = !self->rate_known};
-    t->wanted = window > FIRST_TIMES ? FIRST_TIMES : window < LEAST_TIMES ? LEAST_TIMES : window;
-    t->first_values = app_alloc((size_t)FIRST_TIMES * self->bench.model->channels, sizeof(float));
-    t->held_values = app_alloc((size_t)HELD * self->bench.model->channels, sizeof(float));
+    watch_time_open(self);
     sample_reader_open(file, self->bench.model->channels, &reader);
     const uint64_t start_rss = max_rss_kb();
     const double start = app_seconds();
@@ -662,8 +295,7 @@ static int watch_feed(watching *self, int file, size_t watch_bytes) {
     all.start_rss = start_rss;
     all.watch_bytes = watch_bytes;
     sample_reader_close(&reader);
-    free(t->first_values);
-    free(t->held_values);
+    watch_time_close(self);
     free(sample);
     if (code == APP_EXIT_OK && self->started && values.crack_at > self->now)
         app_warn(self->app,

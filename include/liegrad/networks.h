@@ -59,7 +59,7 @@ LG_API size_t lg_net_parameters(const lg_net *net);
  * (W_o); last "output". Without an embedding, an MLP's vector is that of the lg_mlp of the same widths. */
 typedef struct lg_slice_info {
     char name[48];    /* "embedding/weight", "layer1/bias", "gate2/weight", ... */
-    uint32_t rank;    /* 1 or 2 */
+    uint32_t rank;    /* 1, 2, or 3 (convolutions: k, C, O) */
     uint64_t dims[4]; /* weights (in, out) row-major */
     size_t offset, count;
 } lg_slice_info;

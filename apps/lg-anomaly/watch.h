@@ -1,0 +1,83 @@
+/* What the files of `lg-anomaly watch` share: watch.c prints verdicts and the summary, watch_time.c knows
+ * which sample of the feed is which. */
+#ifndef LG_APPS_ANOMALY_WATCH_H
+#define LG_APPS_ANOMALY_WATCH_H
+
+#include "lg-anomaly/anomaly.h"
+#include "lg-anomaly/samples.h"
+
+enum {
+    DAY = 86400,       /* s */
+    FIRST_TIMES = 100, /* the feed's interval is measured from so many, or from a window's worth */
+    HELD = 16          /* samples that wait until their time is believed */
+};
+
+/* What the judge needs and leaves behind. */
+typedef struct bench {
+    const well_model *model;
+    double *score; /* (classes) */
+    void *work;
+    uint32_t given;
+} bench;
+
+typedef struct tally {
+    uint64_t samples, received, absent, repeated, not_finite, malformed; /* absent: told by the times */
+    uint64_t windows, judged, positive, failed, alarms;
+    uint64_t judged_before, positive_before, alarms_before; /* before the crack */
+    double first_alarm, detection;                          /* times; NaN: none */
+} tally;
+
+/* A sample with a time that waits until that is believed. */
+typedef struct held_sample {
+    double time;
+    uint64_t line;
+} held_sample;
+
+/* What the times of the feed are held against. */
+typedef struct timing {
+    held_sample first[FIRST_TIMES], held[HELD];
+    float *first_values, *held_values; /* (FIRST_TIMES, channels), (HELD, channels) */
+    uint32_t firsts, wanted, holds;    /* wanted: before the interval is measured */
+    bool measured;                     /* or given up */
+    bool follow;                       /* the clock follows the times; false: the rate is forced */
+    double usual;                      /* steps of the clock from one sample to the next */
+} timing;
+
+typedef struct watching {
+    const app *app;
+    bench bench;
+    lg_watch *watch;
+    double rate, hop; /* Hz; samples. rate 1 when nobody knows it */
+    bool rate_known, started, alarm;
+    double origin;  /* time of a sample; s */
+    uint64_t since; /* samples after it */
+    double now;     /* time of the last sample: origin + since/rate */
+    timing timing;
+    bool in_gap, refused;
+    uint64_t gap_windows;      /* not judged, of this gap */
+    double gap_first;          /* time of the first that is not printed */
+    uint64_t malformed_in_row; /* lines */
+    tally tally;
+} watching;
+
+/* ---- verdicts (watch.c) ---- */
+
+/* Hands a sample to the watch at the clock's time, NULL: lost; counts and prints what comes of it. */
+void watch_push(watching *self, const float *sample);
+/* The windows of a gap that were not printed one by one, as one line. */
+void watch_end_gap(watching *self);
+
+/* ---- samples and their times (watch_time.c) ---- */
+
+/* `rate_known`, `bench` and `rate` are set. */
+void watch_time_open(watching *self);
+void watch_time_close(watching *self);
+/* A line of the feed; time NaN in a feed without times. Pushes it, what is missing before it, or holds it
+ * until its time is believed. */
+void watch_take(watching *self, const float *sample, double time, uint64_t line);
+/* A line that could not be read. */
+void watch_take_malformed(watching *self, const sample_reader *reader, const float *sample, double time);
+/* The feed has ended: what still waits is settled. */
+void watch_settle(watching *self);
+
+#endif
