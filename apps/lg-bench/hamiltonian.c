@@ -6,6 +6,7 @@
 #include "lg-bench/bench.h"
 #include "liegrad/hamiltonian.h"
 #include "liegrad/mechanics.h"
+#include "liegrad/model.h"
 
 enum { STREAM_WEIGHTS = 1, DATA_SEED = 1, TEST_SEED = 1001 };
 
@@ -97,36 +98,22 @@ static void close_learning(const bench *b, learning *l) {
 
 /* ---- E1: both flows integrated accurately, mean squared difference over all points ---- */
 
-typedef struct learned {
-    const learning *l;
-    const double *theta;
-    void *work;
-} learned;
-
-static lg_status learned_field(void *user, double t, const double *y, const double *input, double *field) {
-    const learned *self = user;
-    (void)t;
-    (void)input;
-    lg_hamiltonian_field(&self->l->model, self->theta, y, field, self->work);
-    return LG_OK;
-}
-
 static double e1(const bench *b, const learning *l, const double *theta) {
     enum { TEST = 100 };
     const bool chain = l->model.family == LG_HAMILTONIAN_CHAIN;
     const size_t points = l->what->test_points, size = points * l->dim;
     double *t = app_alloc(points, sizeof *t), *truth = app_alloc(TEST * size, sizeof *truth);
     double *y = app_alloc(size, sizeof *y), energies[TEST], sum = 0;
-    learned self = {l, theta, app_alloc(lg_hamiltonian_work_size(&l->model), 1)};
-    lg_ode ode = {.field = learned_field, .user = &self};
+    const lg_model learned = {.kind = LG_MODEL_HAMILTONIAN, .hamiltonian = l->model, .theta = theta};
+    void *work = app_alloc(lg_model_work_size(&learned), 1);
+    lg_model_user user;
+    lg_ode ode;
     lg_control control;
     lg_stepper *stepper = NULL;
     sample(b, l, TEST, points, 1, TEST_SEED, t, truth, energies);
     lg_control_init(&control);
     control.rtol = control.atol = 1e-10;
-    const lg_space_factor links = {LG_SPACE_TS2, l->what->links};
-    bench_check(b, chain ? lg_space_init(&ode.space, &links, 1) : lg_space_init_rn(&ode.space, l->dim),
-                "making the space");
+    bench_check(b, lg_model_ode(&learned, &user, work, &ode), "making the learned system");
     bench_check(b,
                 lg_stepper_create(b->app->context, lg_scheme_find(chain ? "rkmk54" : "dp54"), &ode, &stepper),
                 "making the stepper");
@@ -137,7 +124,7 @@ static double e1(const bench *b, const learning *l, const double *theta) {
         for (size_t k = 0; k < size; k++) sum += (y[k] - given[k]) * (y[k] - given[k]);
     }
     lg_stepper_destroy(b->app->context, stepper);
-    free(self.work);
+    free(work);
     free(t);
     free(truth);
     free(y);

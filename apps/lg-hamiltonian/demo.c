@@ -135,6 +135,14 @@ static lg_status judge_model(demo *self) {
     return status;
 }
 
+static lg_status record_model(demo *self) {
+    char *path = inside("model.h5");
+    const lg_status status = record_verdict(self->app->context, path, &self->learner.run, self->theta,
+                                            &self->test, &self->verdict, &self->error);
+    free(path);
+    return status;
+}
+
 /* The true and the learned energy along the learned flow of the first test start. */
 static lg_status draw_long(demo *self, const char *picture) {
     const lg_hamiltonian *model = &self->learner.run.model;
@@ -216,7 +224,7 @@ static void report(const demo *self, double seconds) {
     app_table_end(&table, stdout);
     (void)printf("\nIn %s:\n"
                  "  train.h5  test.h5   the data\n"
-                 "  model.h5            the learned Hamiltonian\n"
+                 "  model.h5            the learned Hamiltonian, E1 and E2 on record\n"
                  "  trajectories.svg    true and predicted, on the sphere\n"
                  "  loss.svg  loss.csv  the training loss\n"
                  "  energy.svg          the energy along a prediction to t = %g\n\n",
@@ -235,6 +243,7 @@ static int run(app *host) {
     status = sample_all(&self);
     if (status == LG_OK) status = train_model(&self);
     if (status == LG_OK) status = judge_model(&self);
+    if (status == LG_OK) status = record_model(&self);
     if (status == LG_OK) status = draw_all(&self);
     int code = APP_EXIT_OK;
     if (status != LG_OK)

@@ -1,13 +1,16 @@
 /* lg-hamiltonian evaluate: E1 and E2 of a model on test trajectories. */
 #include "lg-hamiltonian/learning.h"
 
+#include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 typedef struct evaluate_values {
     const char *plot;
     double tolerance;
+    bool record;
 } evaluate_values;
 
 static const app_option evaluate_options[] = {
@@ -16,11 +19,14 @@ static const app_option evaluate_options[] = {
         "Of the adaptive integration of the learned flow (default 1e-10; 1e-13 for linear potentials)"),
     APP_ROW_TEXT(evaluate_values, plot, "plot", "FILE.svg|.png",
                  "Draw the test trajectories, true and predicted"),
+    APP_ROW_FLAG(evaluate_values, record, "record",
+                 "Write E1, E2 and what they were measured on into MODEL.h5, where lg-export finds them"),
     APP_ROW_END};
 
 static evaluate_values values;
 
-static void report(const app *self, const lg_trajectories *test, const verdict *result, double seconds) {
+static void report(const app *self, const lg_trajectories *test, const verdict *result, bool recorded,
+                   double seconds) {
     if (self->json) {
         app_json json;
         app_json_begin(&json);
@@ -29,6 +35,7 @@ static void report(const app *self, const lg_trajectories *test, const verdict *
         app_json_size(&json, "trajectories", test->count);
         app_json_size(&json, "points", test->points);
         app_json_real(&json, "t_end", test->t[test->points - 1] - test->t[0]);
+        app_json_bool(&json, "recorded", recorded);
         app_json_size(&json, "threads", self->threads);
         app_json_real(&json, "seconds", seconds);
         app_json_end(&json);
@@ -44,6 +51,7 @@ static void report(const app *self, const lg_trajectories *test, const verdict *
         (void)printf("E2 unknown: %s has no /hamiltonian\n", self->arguments[1]);
     else
         (void)printf("E2 is not finite\n");
+    if (recorded) (void)printf("Recorded in %s\n", self->arguments[0]);
 }
 
 /* A result that is no number was still reported; only an E2 that nobody can know is no failure. */
@@ -59,13 +67,28 @@ static int check_finite(const app *self, const lg_trajectories *test, const verd
     return APP_EXIT_OK;
 }
 
+static int record(const app *self, lg_hamiltonian_file *file, const lg_trajectories *test,
+                  const verdict *result) {
+    lg_error error = {LG_OK, ""};
+    const char *path = self->arguments[0];
+    const lg_status status =
+        record_verdict(self->context, path, &file->run, file->theta, test, result, &error);
+    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, path);
+}
+
 static void warn_of_systems(const app *self, const char *trained, const char *given) {
     if (trained[0] != '\0' && given[0] != '\0' && strcmp(trained, given) != 0)
         app_warn(self, "%s was trained on %s, but %s holds %s", self->arguments[0], trained,
                  self->arguments[1], given);
 }
 
-static int evaluate(app *self, const lg_hamiltonian_file *file, const lg_trajectories *test) {
+static void warn_of_training_data(const app *self, const char *trained, const char *given) {
+    if (values.record && strcmp(trained, given) == 0)
+        app_warn(self, "--record: %s holds the data that %s was trained on", self->arguments[1],
+                 self->arguments[0]);
+}
+
+static int evaluate(app *self, lg_hamiltonian_file *file, const lg_trajectories *test) {
     lg_error error = {LG_OK, ""};
     verdict result;
     const lg_hamiltonian *model = &file->run.model;
@@ -88,11 +111,28 @@ static int evaluate(app *self, const lg_hamiltonian_file *file, const lg_traject
         if (status != LG_OK) code = app_fail_file(self, status, &error, values.plot);
     }
     if (code == APP_EXIT_OK) {
-        report(self, test, &result, app_seconds() - begin);
+        const double seconds = app_seconds() - begin;
         code = check_finite(self, test, &result);
+        if (code == APP_EXIT_OK && values.record) code = record(self, file, test, &result);
+        report(self, test, &result, code == APP_EXIT_OK && values.record, seconds);
     }
     free(predicted);
     return code;
+}
+
+/* The model is replaced: a new file in the folder of what a link leads to. */
+static int check_record(const app *self) {
+    lg_error error = {LG_OK, ""};
+    const char *path = self->arguments[0];
+    if (!values.record) return APP_EXIT_OK;
+    if (app_same_file(path, self->arguments[1]))
+        return app_usage(self, "--record: %s is the model and the test data too", path);
+    char *real = realpath(path, NULL);
+    const lg_status status = app_check_writable(real != NULL ? real : path, &error);
+    free(real);
+    if (status != LG_OK) return app_fail_file(self, status, &error, path);
+    if (access(path, W_OK) != 0) return app_fail(self, LG_FILE, "%s: %s", path, strerror(errno));
+    return APP_EXIT_OK;
 }
 
 static int run(app *self) {
@@ -101,6 +141,7 @@ static int run(app *self) {
     lg_trajectories test;
     const app_path plot = {"plot", values.plot, APP_DRAWN};
     int code = app_check_outputs(self, &plot, 1);
+    if (code == APP_EXIT_OK) code = check_record(self);
     if (code != APP_EXIT_OK) return code;
     lg_status status = lg_model_load_hamiltonian(self->context, self->arguments[0], NULL, &file, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
@@ -108,6 +149,7 @@ static int run(app *self) {
     if (status == LG_OK) {
         warn_of_inputs(self, self->arguments[1], &test);
         warn_of_systems(self, file.run.system, test.system);
+        warn_of_training_data(self, file.run.data_sha256, test.sha256);
         code = evaluate(self, &file, &test);
         lg_trajectories_free(self->context, &test);
     } else {

@@ -9,42 +9,24 @@ double default_tolerance(const lg_hamiltonian *model) {
     return model->potential == LG_POTENTIAL_LINEAR ? 1e-13 : 1e-10;
 }
 
-typedef struct learned {
-    const lg_hamiltonian *model;
-    const double *theta;
-    void *work;
-} learned;
-
-static lg_status learned_field(void *user, double t, const double *y, const double *input, double *algebra) {
-    const learned *self = user;
-    (void)t;
-    (void)input;
-    lg_hamiltonian_field(self->model, self->theta, y, algebra, self->work);
-    return LG_OK;
-}
-
-static lg_status learned_space(const lg_hamiltonian *model, lg_space *space) {
-    const lg_space_factor links = {LG_SPACE_TS2, model->links};
-    return model->family == LG_HAMILTONIAN_CHAIN ? lg_space_init(space, &links, 1)
-                                                 : lg_space_init_rn(space, (size_t)model->links * 2);
-}
-
 lg_status learned_flow(const lg_context *context, const lg_hamiltonian *model, const double *theta,
                        double tolerance, const double *start, const double *times, size_t count, double *out,
                        lg_run_stats *stats) {
-    learned self = {model, theta, app_alloc(lg_hamiltonian_work_size(model), 1)};
-    lg_ode ode = {.field = learned_field, .user = &self};
+    const lg_model learned = {.kind = LG_MODEL_HAMILTONIAN, .hamiltonian = *model, .theta = theta};
+    const lg_scheme *scheme = lg_scheme_find(model->family == LG_HAMILTONIAN_CHAIN ? "rkmk54" : "dp54");
+    void *work = app_alloc(lg_model_work_size(&learned), 1);
+    lg_model_user user;
+    lg_ode ode;
     lg_control control;
+    lg_stepper *stepper = NULL;
     lg_control_init(&control);
     control.rtol = control.atol = tolerance;
-    lg_stepper *stepper = NULL;
-    const lg_scheme *scheme = lg_scheme_find(model->family == LG_HAMILTONIAN_CHAIN ? "rkmk54" : "dp54");
-    lg_status status = learned_space(model, &ode.space);
+    lg_status status = lg_model_ode(&learned, &user, work, &ode);
     if (status == LG_OK) status = lg_stepper_create(context, scheme, &ode, &stepper);
     if (status == LG_OK)
         status = lg_integrate_adaptive(stepper, &control, times[0], start, times, count, out, stats);
     lg_stepper_destroy(context, stepper);
-    free(self.work);
+    free(work);
     return status;
 }
 
@@ -97,6 +79,22 @@ static double energy_error(const lg_hamiltonian *model, const double *theta, con
     for (size_t i = 0; i < test->count; i++) error += fabs(d[i] - mean);
     free(d);
     return error / (double)test->count;
+}
+
+lg_status record_verdict(const lg_context *context, const char *path, const lg_hamiltonian_run *run,
+                         double *theta, const lg_trajectories *test, const verdict *result, lg_error *error) {
+    lg_hamiltonian_file file = {.run = *run,
+                                .parameters = lg_hamiltonian_parameters(&run->model),
+                                .theta = theta,
+                                .has_e1 = true,
+                                .e1 = result->e1,
+                                .has_e2 = test->hamiltonian != NULL,
+                                .e2 = result->e2,
+                                .test = {.trajectories = test->count,
+                                         .points = test->points,
+                                         .t_end = test->t[test->points - 1] - test->t[0]}};
+    memcpy(file.test.sha256, test->sha256, sizeof test->sha256);
+    return lg_model_record_hamiltonian(context, path, &file, error);
 }
 
 lg_status judge(const lg_context *context, uint64_t threads, const lg_hamiltonian *model, const double *theta,

@@ -8,6 +8,7 @@
 #include "liegrad/hamiltonian.h"
 #include "liegrad/io.h"
 #include "liegrad/mechanics.h"
+#include "liegrad/model.h"
 
 extern const app_command generate_command, train_command, evaluate_command, predict_command, study_command,
     demo_command;
@@ -78,6 +79,10 @@ typedef struct verdict {
 lg_status judge(const lg_context *context, uint64_t threads, const lg_hamiltonian *model, const double *theta,
                 const lg_trajectories *test, double tolerance, double *predicted, verdict *out,
                 lg_error *error);
+/* Writes a finite verdict and what the test set was into the model file at `path`, which holds this run and
+ * theta; all else in it stays. */
+lg_status record_verdict(const lg_context *context, const char *path, const lg_hamiltonian_run *run,
+                         double *theta, const lg_trajectories *test, const verdict *result, lg_error *error);
 /* H_Theta at `count` states, `stride` numbers apart. */
 void learned_energies(const lg_hamiltonian *model, const double *theta, const double *states, size_t count,
                       size_t stride, double *out);

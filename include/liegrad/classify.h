@@ -59,7 +59,8 @@ LG_API void lg_features_free(const lg_context *context, lg_features *features);
 /* Doubles of work for lg_features_compute. */
 LG_API size_t lg_features_work(const lg_features *features);
 /* x (channels, length) -> out (d). A constant channel, or one sample, has standard deviation and covariance 0
- * exactly. LG_NO_CONVERGENCE (the eigenvalues of the covariance), LG_NOT_FINITE; then out is undefined. */
+ * exactly. The root of a covariance comes from the singular values of the centred, scaled window, to some
+ * eps times its norm. LG_NO_CONVERGENCE (those singular values), LG_NOT_FINITE; then out is undefined. */
 LG_API lg_status lg_features_compute(const lg_features *features, const float *x, double *out, double *work);
 /* "raw acc_lower_x 17" (sample), "std acc_lower_x", "cov acc_lower_x moment_x", "intercept moment_x
  * acc_lower_x", "slope ..."; numbers of channels where there are no names, or no series (NULL). As snprintf.
@@ -253,6 +254,23 @@ LG_API void lg_classifier_score(const lg_classifier *classifier, const double *f
 /* Window x (channels, length) -> score. LG_NO_CONVERGENCE as lg_features_compute. */
 LG_API lg_status lg_classifier_window(const lg_classifier *classifier, const float *x, double *score,
                                       double *work);
+#define LG_NULL_EIGENVALUE 5.684341886080802e-14 /* 2^-44 */
+/* What the scores are made of, smooth in the window but for trees, and its Jacobian:
+ *   logistic  logits: 1 for two classes (of class 1), else K
+ *   tree      class fractions (K); Jacobian 0
+ *   svm       decisions of the pairs (i, j), i < j, K (K - 1)/2, positive for i; of a pair (i, j) of more
+ *             than two classes of which only i, or only j, has vectors: 1, or -1; 0 where neither has
+ * y (lg_classifier_outputs), jacobian (outputs, channels length) or NULL; x (channels, length). Channels of
+ * which the features know nothing have derivatives 0. So has a standard deviation of 0, and the root of a
+ * covariance within its null space: in derivatives, eigenvalues (squares of singular values of the window) of
+ * at most LG_NULL_EIGENVALUE times the largest one count as 0. Derivatives of the root are off by some eps
+ * times the ratio of the largest to the smallest singular value that counts. The slope of the baseline is
+ * constant where the acceleration does not vary. work: lg_classifier_jacobian_work doubles. Errors: as
+ * lg_classifier_window; then y and jacobian are untouched. */
+LG_API size_t lg_classifier_outputs(const lg_classifier *classifier);
+LG_API size_t lg_classifier_jacobian_work(const lg_classifier *classifier);
+LG_API lg_status lg_classifier_decisions(const lg_classifier *classifier, const float *x, double *y,
+                                         double *jacobian, double *work);
 /* Arrays and texts below "classifier/"; the reader checks sizes and values before it trusts them: LG_FORMAT,
  * LG_NOT_FINITE. On failure *out is zeroed. */
 LG_API lg_status lg_classifier_save(const lg_classifier *classifier, const lg_archive_writer *writer,

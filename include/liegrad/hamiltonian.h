@@ -111,6 +111,11 @@ LG_API size_t lg_hamiltonian_work_size(const lg_hamiltonian *model);
 /* theta: doubles. Work: at least lg_hamiltonian_work_size bytes, 64-byte aligned. */
 LG_API double lg_hamiltonian_value(const lg_hamiltonian *model, const double *theta, const double *state,
                                    void *work);
+/* A chain's learned mass matrix m = Gamma^T Gamma + diag(max(0, b)) and W = m^-1, both (k, k), symmetric;
+ * either may be NULL. W is NaN where m is not positive definite. Work as above. LG_UNSUPPORTED: a separable
+ * system. */
+LG_API lg_status lg_hamiltonian_mass(const lg_hamiltonian *model, const double *theta, double *m, double *W,
+                                     void *work);
 /* dH/dstate in the state's layout (2n or 6k numbers), chains by the formula above: v_i at p_i, and
  * dT/dq_i + dV/dq_i at q_i. Returns H, as lg_hamiltonian_value does. NaN where the mass matrix or W o G is
  * not positive definite. */
@@ -119,6 +124,13 @@ LG_API double lg_hamiltonian_gradient(const lg_hamiltonian *model, const double 
 /* dH(state)[tangent] = sum_i dH/dstate_i tangent_i, the gradient above on a tangent in the state's layout. */
 LG_API double lg_hamiltonian_jvp(const lg_hamiltonian *model, const double *theta, const double *state,
                                  const double *tangent, void *work);
+/* Directional derivative of the gradient above, in the same layout: dgradient = d/de gradient(state + e
+ * tangent) at e = 0, of the formulas as they stand at the top (any tangent, also off the manifold); gradient
+ * may be NULL. `work`: lg_hamiltonian_hessian_work_size bytes. */
+LG_API size_t lg_hamiltonian_hessian_work_size(const lg_hamiltonian *model);
+LG_API void lg_hamiltonian_gradient_jvp(const lg_hamiltonian *model, const double *theta, const double *state,
+                                        const double *tangent, double *gradient, double *dgradient,
+                                        void *work);
 /* Chain: algebra elements (xi, eta) a link, 6k numbers; separable: (q', p'), 2n numbers. */
 LG_API void lg_hamiltonian_field(const lg_hamiltonian *model, const double *theta, const double *state,
                                  double *field, void *work);

@@ -30,6 +30,7 @@
 #include "liegrad/elastica.h"
 #include "liegrad/hamiltonian.h"
 #include "liegrad/mechanics.h"
+#include "liegrad/model.h"
 #include "liegrad/nn.h"
 #include "liegrad/random.h"
 #include "liegrad/search.h"
@@ -181,6 +182,13 @@ typedef struct lg_hamiltonian_run {
     char data_sha256[LG_SHA256_TEXT];
 } lg_hamiltonian_run;
 
+/* What a model was judged on. 0 and "": unknown. */
+typedef struct lg_test_set {
+    uint64_t trajectories, points; /* N, M */
+    double t_end;                  /* from the first point to the last */
+    char sha256[LG_SHA256_TEXT];   /* as in lg_trajectories */
+} lg_test_set;
+
 typedef struct lg_hamiltonian_file {
     lg_hamiltonian_run run;
     size_t parameters;       /* lg_hamiltonian_parameters(&run.model) */
@@ -192,7 +200,8 @@ typedef struct lg_hamiltonian_file {
     size_t epochs_done;
     double *history[LG_FIT_SERIES_COUNT]; /* (epochs_done) each, or NULL; may hold NaN (no validation part) */
     bool has_e1, has_e2;
-    double e1, e2; /* error on a test set, if one was evaluated */
+    double e1, e2;    /* errors on a test set, if one was evaluated: lg_model_record_hamiltonian */
+    lg_test_set test; /* which one */
     lg_provenance provenance;
 } lg_hamiltonian_file;
 
@@ -210,6 +219,16 @@ LG_API lg_status lg_model_save_hamiltonian(const lg_context *context, const char
 LG_API lg_status lg_model_load_hamiltonian(const lg_context *context, const char *path,
                                            const lg_read_options *options, lg_hamiltonian_file *out,
                                            lg_error *error);
+/* Writes what a test set said, has_e1 to test of `file`, into the model file at `path`, in place of what
+ * stood there; all else in it stays as it is, what this version does not know too, and a failure changes
+ * nothing.
+ *   E1: mean over trajectories, coordinates and points, the first included, of the squared difference between
+ * the test trajectories and the accurately integrated learned flow. E2: mean |d - mean d|, d = true H -
+ * learned H at the starts.
+ * Run and theta of `file` must be those of the file at `path`, as loaded or saved: LG_INVALID_ARGUMENT for
+ * another model, such as one that was trained meanwhile. LG_NOT_FINITE for errors that are not. */
+LG_API lg_status lg_model_record_hamiltonian(const lg_context *context, const char *path,
+                                             const lg_hamiltonian_file *file, lg_error *error);
 LG_API void lg_hamiltonian_file_free(const lg_context *context, lg_hamiltonian_file *file);
 
 /* A checkpoint holds the run's description under /run and the state of lg_fit under /fit:
@@ -421,6 +440,22 @@ LG_API lg_status lg_detector_run_compare(const char *path, const lg_detector_run
  * another format: which loader is wanted. LG_INVALID_ARGUMENT: no room in `size` bytes; 64 are enough. */
 LG_API lg_status lg_file_kind(const lg_context *context, const char *path, const lg_read_options *options,
                               char *kind, size_t size, lg_error *error);
+
+/* A model file of any of these kinds, ready for use: the control program's way in. */
+typedef struct lg_model_file {
+    lg_model model; /* theta and scaler lie in the file below */
+    union {
+        lg_hamiltonian_file hamiltonian;
+        lg_surrogate_file surrogate;
+        lg_detector_file detector;
+    };
+} lg_model_file;
+/* LG_FORMAT, with a sentence that says what the file is, for a kind that is no lg_model (checkpoints, data;
+ * classical classifiers are read by lg_classifier_load). The other errors are those of the kind's own loader.
+ */
+LG_API lg_status lg_model_load(const lg_context *context, const char *path, const lg_read_options *options,
+                               lg_model_file *out, lg_error *error);
+LG_API void lg_model_file_free(const lg_context *context, lg_model_file *file);
 
 /* ---- random search ---- */
 

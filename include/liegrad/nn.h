@@ -104,6 +104,14 @@ LG_API void lg_mlp_input_gradient(const lg_mlp *net, lg_dtype dtype, const void 
 /* dy[r, o] = sum_i d y[r, o]/d x[r, i] tangent[r, i]; y (rows, out) or NULL, dy (rows, out). */
 LG_API void lg_mlp_jvp(const lg_mlp *net, lg_dtype dtype, const void *theta, const void *x,
                        const void *tangent, size_t rows, void *y, void *dy, void *work);
+/* Hessian times a direction, forward over reverse, for networks of one output (others: of the sum of
+ * outputs): gradient[r, i] = dy[r]/dx[r, i], dgradient[r, i] = sum_j d2y[r]/dx[r, i] dx[r, j] tangent[r, j].
+ * y (rows, out) and gradient may be NULL; all (rows, in) otherwise. `work`: lg_mlp_hessian_work_size bytes.
+ */
+LG_API size_t lg_mlp_hessian_work_size(const lg_mlp *net, size_t rows, lg_dtype dtype);
+LG_API void lg_mlp_hessian_vector(const lg_mlp *net, lg_dtype dtype, const void *theta, const void *x,
+                                  const void *tangent, size_t rows, void *y, void *gradient, void *dgradient,
+                                  void *work);
 
 /* ---- Adam (Kingma & Ba 2015; decoupled decay: Loshchilov & Hutter 2019) ---- */
 

@@ -123,7 +123,8 @@ LG_API size_t lg_surrogate_work_size(const lg_surrogate *model, size_t points, l
  * own values); the angle network integrates over fixed panels, equal
  * parts of the N intervals and at least 50, and from the last whole one to s: what it gives at s does not
  * depend on what else is asked for, and at the data's nodes it is the rule of the loss; q asks for many more
- * evaluations than v alone. `work`: 64-byte aligned. */
+ * evaluations than v alone. A number of x that is not finite makes the curve NaN, one of s its point. `work`:
+ * 64-byte aligned. */
 LG_API void lg_surrogate_curve(const lg_surrogate *model, lg_dtype dtype, const void *theta, const double *x,
                                const double *s, size_t points, double *q, double *v, void *work);
 

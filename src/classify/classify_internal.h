@@ -43,6 +43,24 @@ lg_status lg_check_labels(const uint32_t *label, size_t n, uint32_t classes, siz
 /* How many features its kind, channels and length make. */
 uint64_t lg_features_count(const lg_features *features);
 
+/* gradient (channels, length) = sum_i cotangent[i] d feature_i/dx at the window for which
+ * lg_features_compute was called last with this `work`. */
+void lg_features_reverse(const lg_features *features, const double *cotangent, double *gradient,
+                         double *work);
+
+/* cotangent (d) of x from that of p (k); may not overlap. */
+void lg_pca_reverse(const lg_pca *pca, const double *p, double *x);
+
+/* b_c + w_c.x: a number for two classes, else one a class. */
+void lg_logistic_scores(const lg_logistic *model, const double *x, double *score);
+
+/* Decisions of all pairs at x; kernel (vectors) receives K(x_v, x). Of a pair without vectors of one class: 1
+ * for the other class, 0 without any. */
+void lg_svm_decisions(const lg_svm *svm, const double *x, double *decision, double *kernel);
+/* gradient (d) of decision number `pair`, with the kernel that the function above left. */
+void lg_svm_decision_gradient(const lg_svm *svm, const double *x, const double *kernel, size_t pair,
+                              double *gradient);
+
 /* Row r of a table is row chosen[r] of another (NULL: r). */
 static inline size_t lg_chosen_row(const uint32_t *chosen, size_t r) {
     return chosen != NULL ? chosen[r] : r;

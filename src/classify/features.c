@@ -1,6 +1,7 @@
 /* Features of windows. */
 #include "classify/classify_internal.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -168,30 +169,60 @@ void lg_features_free(const lg_context *context, lg_features *features) {
 
 /* ---- numbers ---- */
 
-size_t lg_features_work(const lg_features *f) {
+/* What the computation of features leaves in `work`, and their derivative reads. */
+typedef struct kept {
+    double *z; /* what is left of the channels without their means: (m, length), or baseline (pairs, 2,
+                * length), part by part */
+    double *deviation; /* (m), or baseline (pairs, 2, segments) */
+    double *vectors;   /* cov: (m, m) orthonormal eigenvectors of the covariance, one a row */
+    double *roots;     /* cov: (m) roots of its eigenvalues, in the order of the vectors */
+    double *rest;      /* cov: m max(length, 2 m) that need not stay */
+} kept;
+
+static kept keep_in(const lg_features *f, double *work) {
     const size_t m = f->selected, length = f->length;
-    if (f->kind == LG_FEATURES_COV) return m * length + m * m + m + lg_eigen_work(m);
-    return length + 2 * (size_t)f->segments;
+    const size_t rows = f->kind == LG_FEATURES_BASELINE ? 2 * (size_t)f->pairs : m;
+    kept k = {.z = work, .deviation = work + rows * length};
+    if (f->kind != LG_FEATURES_COV) return k;
+    k.vectors = k.deviation + m;
+    k.roots = k.vectors + m * m;
+    k.rest = k.roots + m;
+    return k;
 }
 
-static bool is_constant(const float *x, size_t length) {
-    size_t i = 1;
-    while (i < length && x[i] == x[0]) i++;
-    return i >= length;
-}
-
-/* z (length) = (x - mean)/scale. Returns the standard deviation of z, denominator `length`. A constant gives
- * zeros, not what rounding would leave: standardisation would blow that up. */
-static double centre(const float *x, size_t length, double scale, double *z) {
-    if (is_constant(x, length)) {
-        memset(z, 0, length * sizeof *z);
-        return 0.0;
+size_t lg_features_work(const lg_features *f) {
+    const size_t m = f->selected, length = f->length, pairs = f->pairs;
+    switch (f->kind) {
+    case LG_FEATURES_RAW:
+        return length;
+    case LG_FEATURES_STD:
+        return m * length + m;
+    case LG_FEATURES_COV:
+        return m * length + m + m * m + m + m * (length > 2 * m ? length : 2 * m);
+    default:
+        return 2 * pairs * (length + f->segments);
     }
-    for (size_t i = 0; i < length; i++) z[i] = (double)x[i] / scale;
-    const double mean = lg_sum_of(z, length) / (double)length;
-    for (size_t i = 0; i < length; i++) z[i] -= mean;
+}
+
+/* As lg_sum_of; of up to 2^29 equal numbers it is exact, and so is their mean. */
+static double sum_of_floats(const float *x, size_t n) {
+    double lane[8] = {0};
+    size_t i = 0;
+    for (; i + 8 <= n; i += 8)
+        for (size_t j = 0; j < 8; j++) lane[j] += (double)x[i + j];
+    for (size_t j = 0; i < n; i++, j++) lane[j] += (double)x[i];
+    return ((lane[0] + lane[4]) + (lane[2] + lane[6])) + ((lane[1] + lane[5]) + (lane[3] + lane[7]));
+}
+
+/* z (length) = (x - mean)/scale. Returns the standard deviation of z, denominator `length`. The mean comes
+ * off first, while x is exact: of a constant nothing is left, no rounding that standardisation would blow up.
+ */
+static double centre(const float *x, size_t length, double scale, double *z) {
+    const double mean = sum_of_floats(x, length) / (double)length;
+    for (size_t i = 0; i < length; i++) z[i] = ((double)x[i] - mean) / scale;
     const double rest = lg_sum_of(z, length) / (double)length; /* what rounding left of the mean */
-    return sqrt(fmax(0.0, lg_dot(z, z, length) / (double)length - rest * rest));
+    for (size_t i = 0; i < length; i++) z[i] -= rest;
+    return sqrt(lg_dot(z, z, length) / (double)length);
 }
 
 static lg_status compute_raw(const lg_features *f, const float *x, double *out, double *work) {
@@ -204,71 +235,218 @@ static lg_status compute_raw(const lg_features *f, const float *x, double *out, 
 }
 
 static lg_status compute_std(const lg_features *f, const float *x, double *out, double *work) {
-    for (uint32_t i = 0; i < f->selected; i++)
-        out[i] = centre(x + (size_t)f->select[i] * f->length, f->length, 1.0, work);
+    const kept k = keep_in(f, work);
+    for (size_t i = 0; i < f->selected; i++)
+        out[i] = k.deviation[i] =
+            centre(x + (size_t)f->select[i] * f->length, f->length, 1.0, k.z + i * f->length);
     return LG_OK;
 }
 
-/* Upper triangle of V max(L, 0)^(1/2) V^T of the covariance V L V^T: rounding makes eigenvalues of singular
- * covariances slightly negative. */
-static lg_status compute_cov(const lg_features *f, const float *x, double *out, double *work) {
+/* The covariance C = Z Z^T/n is never formed: its small eigenvalues would lose half of their digits. Its
+ * eigenvectors are the left singular vectors of Z (m, n), the roots of its eigenvalues are the singular
+ * values over sqrt(n). */
+
+/* Rows of z (m, n), orthogonalised one after the other: z = G^T Q, G (m, m) upper triangular, rows of Q
+ * orthonormal. Gram and Schmidt's method in its modified form, whose G is as accurate as Householder's
+ * (Bjorck 1967); Q is not kept, z is destroyed. */
+static void triangle(double *z, size_t m, size_t n, double *g) {
+    memset(g, 0, m * m * sizeof *g);
+    for (size_t k = 0; k < m; k++) {
+        const double *row = z + k * n;
+        const double norm = sqrt(lg_dot(row, row, n)), inverse = norm > 0.0 ? 1.0 / norm : 0.0;
+        g[k * m + k] = norm;
+        for (size_t j = k + 1; j < m; j++) {
+            double *other = z + j * n;
+            const double along = lg_dot(row, other, n) * inverse, factor = along * inverse;
+            g[k * m + j] = along;
+            for (size_t t = 0; t < n; t++) other[t] -= factor * row[t];
+        }
+    }
+}
+
+/* Of rows of m numbers, too few for several sums. */
+static double product(const double *a, const double *b, size_t m) {
+    if (m >= 16) return lg_dot(a, b, m);
+    double sum = 0.0;
+    for (size_t i = 0; i < m; i++) sum += a[i] * b[i];
+    return sum;
+}
+
+/* Rotates rows a and b (m) of product ab and norms na, nb until they are orthogonal. */
+static void rotate(double *a, double *b, size_t m, double ab, double na, double nb) {
+    const double middle = (nb - na) * (nb + na) / (2.0 * ab);
+    const double size = 1.0 / (fabs(middle) + sqrt(1.0 + middle * middle));
+    const double tangent = middle < 0.0 ? -size : size;
+    const double cosine = 1.0 / sqrt(1.0 + tangent * tangent), sine = cosine * tangent;
+    for (size_t i = 0; i < m; i++) {
+        const double u = a[i], v = b[i];
+        a[i] = cosine * u - sine * v;
+        b[i] = sine * u + cosine * v;
+    }
+}
+
+/* Every pair of rows of g (m, m) once. Returns whether any had to be rotated; rows of norm at most `least`
+ * stay. norm (m): of the rows. */
+static bool sweep(double *g, size_t m, double least, double *norm) {
+    const double tolerance = DBL_EPSILON * sqrt((double)m + 2.0);
+    bool rotated = false;
+    for (size_t p = 0; p < m; p++)
+        for (size_t q = p + 1; q < m; q++) {
+            double *a = g + p * m, *b = g + q * m;
+            if (norm[p] <= least || norm[q] <= least) continue;
+            const double ab = product(a, b, m);
+            if (fabs(ab) <= tolerance * norm[p] * norm[q]) continue;
+            rotate(a, b, m, ab, norm[p], norm[q]);
+            norm[p] = sqrt(product(a, a, m));
+            norm[q] = sqrt(product(b, b, m));
+            rotated = true;
+        }
+    return rotated;
+}
+
+/* Rotates rows of g (m, m) until all are orthogonal (one-sided Jacobi, Hestenes 1958): they become singular
+ * values times right singular vectors. norm (m): the singular values. */
+static lg_status singular_rows(double *g, size_t m, double *norm) {
+    enum { SWEEPS = 60 }; /* quadratic convergence: ten are many */
+    for (size_t k = 0; k < m; k++) norm[k] = sqrt(lg_dot(g + k * m, g + k * m, m));
+    const double all = sqrt(lg_dot(norm, norm, m));
+    if (!isfinite(all)) return LG_NOT_FINITE;
+    for (int i = 0; i < SWEEPS; i++)
+        if (!sweep(g, m, 0.5 * DBL_EPSILON * all, norm)) return LG_OK;
+    return LG_NO_CONVERGENCE;
+}
+
+/* Below which a root counts as 0: of an eigenvalue LG_NULL_EIGENVALUE times the largest one. */
+static double null_root(const double *roots, size_t m) {
+    double largest = 0.0;
+    for (size_t k = 0; k < m; k++) largest = fmax(largest, roots[k]);
+    return sqrt(LG_NULL_EIGENVALUE) * largest;
+}
+
+/* Row k of v (m, m) becomes a unit vector orthogonal to the rows marked as known: what they leave, twice, of
+ * the coordinate of which they leave most. */
+static void complete_row(double *v, size_t m, size_t k, const double *known) {
+    double *row = v + k * m, least = INFINITY;
+    size_t best = 0;
+    for (size_t i = 0; i < m; i++) {
+        double taken = 0.0;
+        for (size_t j = 0; j < m; j++) taken += known[j] * v[j * m + i] * v[j * m + i];
+        if (taken < least) best = i;
+        least = fmin(least, taken);
+    }
+    memset(row, 0, m * sizeof *row);
+    row[best] = 1.0;
+    for (int pass = 0; pass < 2; pass++)
+        for (size_t j = 0; j < m; j++) {
+            const double along = known[j] * lg_dot(row, v + j * m, m);
+            for (size_t i = 0; i < m && along != 0.0; i++) row[i] -= along * v[j * m + i];
+        }
+    const double norm = sqrt(lg_dot(row, row, m));
+    for (size_t i = 0; i < m; i++) row[i] /= norm;
+}
+
+/* Rows of v become orthonormal; those of the null space, whose directions are rounding, any basis of it.
+ * known (m) is overwritten. */
+static void orthonormalise(double *v, size_t m, const double *roots, double *known) {
+    const double null = null_root(roots, m);
+    for (size_t k = 0; k < m; k++) {
+        double *row = v + k * m;
+        known[k] = roots[k] > null ? 1.0 : 0.0;
+        if (roots[k] > null)
+            for (size_t i = 0; i < m; i++) row[i] /= roots[k];
+        else
+            memset(row, 0, m * sizeof *row);
+    }
+    for (size_t k = 0; k < m; k++) {
+        if (known[k] > 0.0) continue;
+        complete_row(v, m, k, known);
+        known[k] = 1.0;
+    }
+}
+
+/* From window x to the triangle's rotated rows: singular values and vectors of the scaled channels. */
+static lg_status decompose(const lg_features *f, const float *x, const kept *k) {
     const size_t m = f->selected, length = f->length;
-    double *z = work, *a = z + m * length, *values = a + m * m, *rest = values + m;
     for (size_t i = 0; i < m; i++) {
         const uint32_t channel = f->select[i];
-        (void)centre(x + (size_t)channel * length, length, f->scale[channel], z + i * length);
+        k->deviation[i] = centre(x + (size_t)channel * length, length, f->scale[channel], k->z + i * length);
     }
-    for (size_t i = 0; i < m; i++)
-        for (size_t j = i; j < m; j++) {
-            a[i * m + j] = lg_dot(z + i * length, z + j * length, length) / (double)length;
-            if (!isfinite(a[i * m + j])) return LG_NOT_FINITE;
-        }
-    LG_TRY(lg_eigen(a, m, values, rest));
+    memcpy(k->rest, k->z, m * length * sizeof *k->z);
+    triangle(k->rest, m, length, k->vectors);
+    return singular_rows(k->vectors, m, k->roots);
+}
+
+/* Upper triangle of sum_k v_k s_k v_k^T/sqrt(n). */
+static lg_status compute_cov(const lg_features *f, const float *x, double *out, double *work) {
+    const kept keep = keep_in(f, work);
+    const size_t m = f->selected;
+    double *vectors = keep.vectors, *roots = keep.roots, *a = keep.rest;
+    LG_TRY(decompose(f, x, &keep));
     for (size_t k = 0; k < m; k++) {
-        const double root = sqrt(sqrt(fmax(values[k], 0.0)));
-        for (size_t i = 0; i < m; i++) a[k * m + i] *= root;
+        const double norm = roots[k], factor = norm > 0.0 ? 1.0 / norm / sqrt((double)f->length) : 0.0;
+        for (size_t i = 0; i < m; i++) a[k * m + i] = factor * vectors[k * m + i];
     }
     for (size_t i = 0; i < m; i++)
         for (size_t j = i; j < m; j++) {
             double sum = 0.0;
-            for (size_t k = 0; k < m; k++) sum += a[k * m + i] * a[k * m + j];
+            for (size_t k = 0; k < m; k++) sum += a[k * m + i] * vectors[k * m + j];
             *out++ = sum;
         }
+    orthonormalise(vectors, m, roots, a);
+    for (size_t k = 0; k < m; k++) roots[k] /= sqrt((double)f->length);
     return LG_OK;
 }
 
-static double deviation_of_part(const lg_features *f, const float *x, uint32_t channel, uint32_t part,
-                                double *work) {
-    const size_t first = (size_t)part * f->length / f->segments;
-    const size_t last = ((size_t)part + 1) * f->length / f->segments;
-    return centre(x + (size_t)channel * f->length + first, last - first, f->scale[channel], work);
+/* Samples first..last - 1. */
+typedef struct stretch {
+    size_t first, last;
+} stretch;
+
+static stretch part_of(const lg_features *f, uint32_t number) {
+    return (stretch){(size_t)number * f->length / f->segments,
+                     ((size_t)number + 1) * f->length / f->segments};
 }
 
-/* Least squares y = intercept + slope x. */
-static void regress(const double *x, const double *y, size_t n, double *intercept, double *slope) {
-    double mx = 0.0, my = 0.0, largest = 0.0, xx = 0.0, xy = 0.0;
+/* Sums of a line y = intercept + slope x through n points by least squares. */
+typedef struct line {
+    double mean_x, mean_y, xx, slope;
+    bool level; /* x does not vary: slope 0 */
+} line;
+
+static line regress(const double *x, const double *y, size_t n) {
+    line l = {0};
+    double largest = 0.0, xy = 0.0;
     for (size_t i = 0; i < n; i++) {
-        mx += x[i] / (double)n;
-        my += y[i] / (double)n;
+        l.mean_x += x[i] / (double)n;
+        l.mean_y += y[i] / (double)n;
         largest = fmax(largest, fabs(x[i]));
     }
     for (size_t i = 0; i < n; i++) {
-        xx += (x[i] - mx) * (x[i] - mx);
-        xy += (x[i] - mx) * (y[i] - my);
+        l.xx += (x[i] - l.mean_x) * (x[i] - l.mean_x);
+        xy += (x[i] - l.mean_x) * (y[i] - l.mean_y);
     }
     const double rounding = 0x1p-48 * largest;
-    *slope = xx > (double)n * rounding * rounding ? xy / xx : 0.0;
-    *intercept = my - *slope * mx;
+    l.level = !(l.xx > (double)n * rounding * rounding);
+    l.slope = l.level ? 0.0 : xy / l.xx;
+    return l;
 }
 
 static lg_status compute_baseline(const lg_features *f, const float *x, double *out, double *work) {
-    double *acceleration = work + f->length, *moment = acceleration + f->segments;
-    for (uint32_t p = 0; p < f->pairs; p++) {
-        for (uint32_t s = 0; s < f->segments; s++) {
-            acceleration[s] = deviation_of_part(f, x, f->pair[2 * p], s, work);
-            moment[s] = deviation_of_part(f, x, f->pair[2 * p + 1], s, work);
+    const kept k = keep_in(f, work);
+    for (size_t p = 0; p < f->pairs; p++) {
+        const double *deviation = k.deviation + 2 * p * f->segments;
+        for (size_t side = 0; side < 2; side++) {
+            const size_t row = 2 * p + side, channel = f->pair[row];
+            for (uint32_t s = 0; s < f->segments; s++) {
+                const stretch at = part_of(f, s);
+                k.deviation[row * f->segments + s] =
+                    centre(x + channel * f->length + at.first, at.last - at.first, f->scale[channel],
+                           k.z + row * f->length + at.first);
+            }
         }
-        regress(acceleration, moment, f->segments, &out[2 * p], &out[2 * p + 1]);
+        const line l = regress(deviation, deviation + f->segments, f->segments);
+        out[2 * p] = l.mean_y - l.slope * l.mean_x;
+        out[2 * p + 1] = l.slope;
     }
     return LG_OK;
 }
@@ -285,6 +463,123 @@ lg_status lg_features_compute(const lg_features *features, const float *x, doubl
     for (uint32_t i = 0; i < features->count; i++)
         if (!isfinite(out[i])) return LG_NOT_FINITE;
     return LG_OK;
+}
+
+/* ---- derivatives: cotangent (d) of the features -> gradient (channels, length), zeros on entry ---- */
+
+static void reverse_raw(const lg_features *f, const double *cotangent, double *work, double *gradient) {
+    (void)work;
+    for (uint32_t i = 0; i < f->selected; i++, cotangent += f->length)
+        memcpy(gradient + (size_t)f->select[i] * f->length, cotangent, f->length * sizeof *gradient);
+}
+
+/* Adds the derivative of a standard deviation, d sigma/dx_t = z_t/(n sigma scale); none where it is 0. */
+static void reverse_deviation(const double *z, size_t n, double deviation, double scale, double cotangent,
+                              double *gradient) {
+    if (!(deviation > 0.0)) return;
+    const double factor = cotangent / ((double)n * deviation * scale);
+    for (size_t t = 0; t < n; t++) gradient[t] += factor * z[t];
+}
+
+static void reverse_std(const lg_features *f, const double *cotangent, double *work, double *gradient) {
+    const kept k = keep_in(f, work);
+    for (size_t i = 0; i < f->selected; i++)
+        reverse_deviation(k.z + i * f->length, f->length, k.deviation[i], 1.0, cotangent[i],
+                          gradient + (size_t)f->select[i] * f->length);
+}
+
+/* to = V a V^T, or V^T a V for `back`; a symmetric, rows of V its eigenvectors; both (m, m). */
+static void turn(const double *v, size_t m, bool back, const double *a, double *half, double *to) {
+    const size_t row = back ? 1 : m, column = back ? m : 1; /* of element (i, k) of the left factor */
+    for (size_t i = 0; i < m; i++)
+        for (size_t j = 0; j < m; j++) {
+            double sum = 0.0;
+            for (size_t k = 0; k < m; k++) sum += v[i * row + k * column] * a[k * m + j];
+            half[i * m + j] = sum;
+        }
+    for (size_t i = 0; i < m; i++)
+        for (size_t j = 0; j < m; j++) {
+            double sum = 0.0;
+            for (size_t k = 0; k < m; k++) sum += half[i * m + k] * v[j * row + k * column];
+            to[i * m + j] = sum;
+        }
+}
+
+/* S S = C: S dS + dS S = dC, Sylvester's equation, is diagonal between eigenvectors of C,
+ *   (V dS V^T)_ij = (V dC V^T)_ij/(s_i + s_j),
+ * and self-adjoint (Higham, Functions of Matrices, 2008, section 6.1). Within the null space the root has a
+ * kink: 0. */
+static void solve_sylvester(const double *roots, size_t m, double *a) {
+    const double null = null_root(roots, m);
+    for (size_t i = 0; i < m; i++)
+        for (size_t j = 0; j < m; j++) {
+            const double sum = (roots[i] > null ? roots[i] : 0.0) + (roots[j] > null ? roots[j] : 0.0);
+            a[i * m + j] = sum > 0.0 ? a[i * m + j] / sum : 0.0;
+        }
+}
+
+/* With H the cotangent of C = Z Z^T/n, that of Z is 2 H Z/n; the rows of Z have mean 0, and so has this. */
+static void reverse_cov(const lg_features *f, const double *cotangent, double *work, double *gradient) {
+    const kept k = keep_in(f, work);
+    const size_t m = f->selected, length = f->length;
+    double *h = k.rest, *half = h + m * m;
+    for (size_t i = 0; i < m; i++)
+        for (size_t j = i; j < m; j++, cotangent++)
+            h[i * m + j] = h[j * m + i] = i == j ? *cotangent : 0.5 * *cotangent;
+    turn(k.vectors, m, false, h, half, h);
+    solve_sylvester(k.roots, m, h);
+    turn(k.vectors, m, true, h, half, h);
+    for (size_t i = 0; i < m; i++) {
+        const double outside = 2.0 / ((double)length * f->scale[f->select[i]]);
+        double *to = gradient + (size_t)f->select[i] * length;
+        for (size_t j = 0; j < m; j++) {
+            const double factor = outside * h[i * m + j];
+            for (size_t t = 0; t < length; t++) to[t] += factor * k.z[j * length + t];
+        }
+    }
+}
+
+/* Derivatives of slope and intercept by the deviations x_s, y_s of part s:
+ *   d slope/dy_s = (x_s - mean x)/xx,  d slope/dx_s = (y_s - mean y - 2 slope (x_s - mean x))/xx,
+ *   d intercept = d mean y - slope d mean x - mean x d slope. */
+static void reverse_line(const line *l, size_t n, double x, double y, const double *cotangent, double *by_x,
+                         double *by_y) {
+    const double to_slope = l->level ? 0.0 : (cotangent[1] - l->mean_x * cotangent[0]) / l->xx;
+    *by_y = cotangent[0] / (double)n + to_slope * (x - l->mean_x);
+    *by_x = -l->slope * cotangent[0] / (double)n +
+            to_slope * ((y - l->mean_y) - 2.0 * l->slope * (x - l->mean_x));
+}
+
+static void reverse_baseline(const lg_features *f, const double *cotangent, double *work, double *gradient) {
+    const kept k = keep_in(f, work);
+    const size_t n = f->segments, length = f->length;
+    for (size_t p = 0; p < f->pairs; p++, cotangent += 2) {
+        const double *x = k.deviation + 2 * p * n, *y = x + n;
+        const line l = regress(x, y, n);
+        for (uint32_t s = 0; s < n; s++) {
+            const stretch at = part_of(f, s);
+            double by[2];
+            reverse_line(&l, n, x[s], y[s], cotangent, &by[0], &by[1]);
+            for (size_t side = 0; side < 2; side++) {
+                const size_t row = 2 * p + side, channel = f->pair[row];
+                reverse_deviation(k.z + row * length + at.first, at.last - at.first, x[side * n + s],
+                                  f->scale[channel], by[side], gradient + channel * length + at.first);
+            }
+        }
+    }
+}
+
+void lg_features_reverse(const lg_features *features, const double *cotangent, double *gradient,
+                         double *work) {
+    static void (*const reverse[LG_FEATURE_KIND_COUNT])(const lg_features *, const double *, double *,
+                                                        double *) = {
+        [LG_FEATURES_RAW] = reverse_raw,
+        [LG_FEATURES_STD] = reverse_std,
+        [LG_FEATURES_COV] = reverse_cov,
+        [LG_FEATURES_BASELINE] = reverse_baseline,
+    };
+    memset(gradient, 0, (size_t)features->channels * features->length * sizeof *gradient);
+    reverse[features->kind](features, cotangent, work, gradient);
 }
 
 /* ---- names ---- */

@@ -558,18 +558,22 @@ static void softmax(double *s, size_t k) {
     for (size_t a = 0; a < k; a++) s[a] /= sum;
 }
 
+void lg_logistic_scores(const lg_logistic *model, const double *x, double *score) {
+    const size_t d = model->inputs, rows = model->classes == 2 ? 1 : model->classes;
+    for (size_t a = 0; a < rows; a++) score[a] = model->intercept[a] + lg_dot(model->weight + a * d, x, d);
+}
+
 void lg_logistic_predict(const lg_logistic *model, const double *x, size_t n, double *probability) {
     const size_t d = model->inputs, k = model->classes;
     for (size_t i = 0; i < n; i++) {
         double *p = probability + i * k;
-        if (k == 2) {
-            const double s = model->intercept[0] + lg_dot(model->weight, x + i * d, d), e = exp(-fabs(s));
-            p[0] = s >= 0.0 ? e / (1.0 + e) : 1.0 / (1.0 + e);
-            p[1] = s >= 0.0 ? 1.0 / (1.0 + e) : e / (1.0 + e);
+        lg_logistic_scores(model, x + i * d, p);
+        if (k > 2) {
+            softmax(p, k);
             continue;
         }
-        for (size_t a = 0; a < k; a++)
-            p[a] = model->intercept[a] + lg_dot(model->weight + a * d, x + i * d, d);
-        softmax(p, k);
+        const double s = p[0], e = exp(-fabs(s));
+        p[0] = s >= 0.0 ? e / (1.0 + e) : 1.0 / (1.0 + e);
+        p[1] = s >= 0.0 ? 1.0 / (1.0 + e) : e / (1.0 + e);
     }
 }

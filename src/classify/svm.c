@@ -358,6 +358,10 @@ static pair_view view_pair(const lg_svm *svm, size_t i, size_t j, size_t first_i
                        svm->vectors_of[j]};
 }
 
+static double decide(const lg_svm *svm, const pair_view *p, const double *k, size_t pair) {
+    return lg_dot(p->a, k + p->first, p->count_a) + lg_dot(p->b, k + p->last, p->count_b) - svm->rho[pair];
+}
+
 lg_status lg_svm_plane(const lg_svm *svm, double *w, double *b) {
     if (svm == NULL || w == NULL || b == NULL) return LG_INVALID_ARGUMENT;
     if (svm->kernel != LG_KERNEL_LINEAR || svm->classes != 2) return LG_UNSUPPORTED;
@@ -418,8 +422,7 @@ static void vote(const lg_svm *svm, const double *k, double *score, double *lean
                 score[j] += p.count_b > 0;
                 continue;
             }
-            const double decision =
-                lg_dot(p.a, k + p.first, p.count_a) + lg_dot(p.b, k + p.last, p.count_b) - svm->rho[pair];
+            const double decision = decide(svm, &p, k, pair);
             score[decision > 0.0 ? i : j] += 1.0;
             lean[i] += decision;
             lean[j] -= decision;
@@ -457,4 +460,62 @@ void lg_svm_predict(const lg_svm *svm, const double *x, size_t n, double *score,
         }
         s[0] = -s[1];
     }
+}
+
+/* ---- decisions and their derivatives ---- */
+
+static pair_view pair_at(const lg_svm *svm, size_t pair) {
+    const size_t classes = svm->classes;
+    size_t i = 0, first_i = 0;
+    for (; pair >= classes - 1 - i; i++) {
+        pair -= classes - 1 - i;
+        first_i += svm->vectors_of[i];
+    }
+    const size_t j = i + 1 + pair;
+    size_t first_j = first_i;
+    for (size_t c = i; c < j; c++) first_j += svm->vectors_of[c];
+    return view_pair(svm, i, j, first_i, first_j);
+}
+
+/* One of the classes has no vectors. Of two classes each has some. */
+static bool is_empty(const lg_svm *svm, const pair_view *p) {
+    return svm->classes > 2 && (p->count_a == 0 || p->count_b == 0);
+}
+
+void lg_svm_decisions(const lg_svm *svm, const double *x, double *decision, double *kernel) {
+    const size_t pairs = (size_t)svm->classes * (svm->classes - 1) / 2;
+    kernel_values(svm, x, kernel);
+    for (size_t i = 0; i < pairs; i++) {
+        const pair_view p = pair_at(svm, i);
+        if (is_empty(svm, &p))
+            decision[i] = (double)(p.count_a > 0) - (double)(p.count_b > 0);
+        else if (svm->classes == 2)
+            decision[i] = lg_dot(svm->coefficient, kernel, svm->vectors) - svm->rho[0];
+        else
+            decision[i] = decide(svm, &p, kernel, i);
+    }
+}
+
+/* Adds those of vectors first..first + count - 1: of x_v.x, or of exp(-gamma |x_v - x|^2). */
+static void add_gradients(const lg_svm *svm, const double *x, const double *kernel, const double *coefficient,
+                          size_t first, size_t count, double *gradient) {
+    const size_t d = svm->inputs;
+    for (size_t v = 0; v < count; v++) {
+        const double *vector = svm->vector + (first + v) * d;
+        if (svm->kernel == LG_KERNEL_LINEAR) {
+            for (size_t j = 0; j < d; j++) gradient[j] += coefficient[v] * vector[j];
+            continue;
+        }
+        const double factor = 2.0 * svm->gamma * coefficient[v] * kernel[first + v];
+        for (size_t j = 0; j < d; j++) gradient[j] += factor * (vector[j] - x[j]);
+    }
+}
+
+void lg_svm_decision_gradient(const lg_svm *svm, const double *x, const double *kernel, size_t pair,
+                              double *gradient) {
+    const pair_view p = pair_at(svm, pair);
+    memset(gradient, 0, svm->inputs * sizeof *gradient);
+    if (is_empty(svm, &p)) return;
+    add_gradients(svm, x, kernel, p.a, p.first, p.count_a, gradient);
+    add_gradients(svm, x, kernel, p.b, p.last, p.count_b, gradient);
 }

@@ -36,7 +36,11 @@ lg_status lg_h5_put_texts(lg_h5 *h5, const char *name, const char *texts, size_t
 lg_status lg_h5_put_text(lg_h5 *h5, const char *object, const char *name, const char *value, lg_error *error);
 lg_status lg_h5_put_number(lg_h5 *h5, const char *object, const char *name, lg_element type,
                            const void *value, lg_error *error);
+/* LG_OK when there was none. */
+lg_status lg_h5_remove_attribute(lg_h5 *h5, const char *object, const char *name, lg_error *error);
 lg_status lg_h5_commit(lg_h5 *h5, lg_error *error);
+/* A copy in memory of a file that is there, to be read and changed; lg_h5_commit replaces the file. */
+lg_status lg_h5_edit(const lg_context *context, const char *path, lg_h5 **out, lg_error *error);
 
 /* ---- reading ---- */
 lg_status lg_h5_open(const lg_context *context, const char *path, const lg_read_options *options, lg_h5 **out,

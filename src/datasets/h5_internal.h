@@ -4,6 +4,9 @@
 
 #include "datasets/h5.h"
 
+/* By how many bytes a file in memory grows. */
+#define LG_CORE_INCREMENT ((size_t)1 << 20)
+
 /* Silence while a function talks to HDF5; what was set before comes back. */
 typedef struct lg_h5_quiet {
     H5E_auto2_t report;

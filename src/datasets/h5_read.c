@@ -29,8 +29,20 @@ static lg_status check_file(const char *path, uint64_t *bytes, lg_error *error) 
     return LG_OK;
 }
 
-lg_status lg_h5_open(const lg_context *context, const char *path, const lg_read_options *options, lg_h5 **out,
-                     lg_error *error) {
+/* For reading the file itself, for editing a copy in memory. */
+static hid_t open_file(const char *path, bool edit) {
+    hid_t access_list = H5Pcreate(H5P_FILE_ACCESS), file = H5I_INVALID_HID;
+#if H5_VERSION_GE(1, 10, 7)
+    if (access_list >= 0) (void)H5Pset_file_locking(access_list, false, true);
+#endif
+    if (access_list >= 0 && (!edit || H5Pset_fapl_core(access_list, LG_CORE_INCREMENT, false) >= 0))
+        file = H5Fopen(path, edit ? H5F_ACC_RDWR : H5F_ACC_RDONLY, access_list);
+    if (access_list >= 0) (void)H5Pclose(access_list);
+    return file;
+}
+
+static lg_status open_handle(const lg_context *context, const char *path, const lg_read_options *options,
+                             bool edit, lg_h5 **out, lg_error *error) {
     lg_read_options chosen;
     lg_h5 *h5;
     uint64_t bytes = 0;
@@ -41,12 +53,7 @@ lg_status lg_h5_open(const lg_context *context, const char *path, const lg_read_
         uint64_t plausible = bytes > UINT64_MAX / EXPANSION ? UINT64_MAX : bytes * EXPANSION;
         h5->max_bytes = chosen.max_bytes < plausible ? chosen.max_bytes : plausible;
         lg_h5_quiet quiet = lg_quiet_begin();
-        hid_t access_list = H5Pcreate(H5P_FILE_ACCESS);
-#if H5_VERSION_GE(1, 10, 7)
-        if (access_list >= 0) (void)H5Pset_file_locking(access_list, false, true);
-#endif
-        if (access_list >= 0) h5->file = H5Fopen(path, H5F_ACC_RDONLY, access_list);
-        if (access_list >= 0) (void)H5Pclose(access_list);
+        h5->file = open_file(path, edit);
         lg_quiet_end(quiet);
         if (h5->file < 0)
             status = lg_fail(error, LG_FORMAT,
@@ -58,6 +65,15 @@ lg_status lg_h5_open(const lg_context *context, const char *path, const lg_read_
     else
         lg_h5_close(h5);
     return status;
+}
+
+lg_status lg_h5_open(const lg_context *context, const char *path, const lg_read_options *options, lg_h5 **out,
+                     lg_error *error) {
+    return open_handle(context, path, options, false, out, error);
+}
+
+lg_status lg_h5_edit(const lg_context *context, const char *path, lg_h5 **out, lg_error *error) {
+    return open_handle(context, path, NULL, true, out, error);
 }
 
 /* ---- what is there ---- */

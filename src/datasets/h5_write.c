@@ -2,8 +2,6 @@
 
 #include "datasets/h5_internal.h"
 
-#define CORE_INCREMENT ((size_t)1 << 20)
-
 size_t lg_element_size(lg_element type) {
     return type == LG_ELEMENT_F32 || type == LG_ELEMENT_U32 ? 4 : 8;
 }
@@ -82,7 +80,7 @@ lg_status lg_h5_create(const lg_context *context, const char *path, lg_h5 **out,
     /* No times: the same content gives the same bytes. The name is not used: nothing is stored behind the
      * core driver. */
     if (create >= 0 && access >= 0 && H5Pset_obj_track_times(create, false) >= 0 &&
-        H5Pset_fapl_core(access, CORE_INCREMENT, false) >= 0)
+        H5Pset_fapl_core(access, LG_CORE_INCREMENT, false) >= 0)
         h5->file = H5Fcreate("liegrad-in-memory", H5F_ACC_TRUNC, create, access);
     if (create >= 0) (void)H5Pclose(create);
     if (access >= 0) (void)H5Pclose(access);
@@ -205,6 +203,14 @@ lg_status lg_h5_put_text(lg_h5 *h5, const char *object, const char *name, const 
 lg_status lg_h5_put_number(lg_h5 *h5, const char *object, const char *name, lg_element type,
                            const void *value, lg_error *error) {
     return put_attribute(h5, object, name, file_type(type), lg_h5_memory_type(type), value, error);
+}
+
+lg_status lg_h5_remove_attribute(lg_h5 *h5, const char *object, const char *name, lg_error *error) {
+    if (!lg_h5_has_attribute(h5, object, name)) return LG_OK;
+    lg_h5_quiet quiet = lg_quiet_begin();
+    const bool removed = H5Adelete_by_name(h5->file, *object == '\0' ? "/" : object, name, h5->links) >= 0;
+    lg_quiet_end(quiet);
+    return removed ? LG_OK : not_stored(h5, object, name, error);
 }
 
 lg_status lg_h5_put_header(lg_h5 *h5, const char *kind, const lg_provenance *provenance, lg_error *error) {

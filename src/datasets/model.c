@@ -15,7 +15,7 @@ typedef struct model_view {
     lg_provenance *provenance;
 } model_view;
 
-static model_view view_of(const lg_model_kind *kind, void *file) {
+static model_view view_of(const lg_run_kind *kind, void *file) {
     char *at = file;
     return (model_view){.run = at + kind->file_run,
                         .parameters = (size_t *)(void *)(at + kind->file_parameters),
@@ -25,7 +25,7 @@ static model_view view_of(const lg_model_kind *kind, void *file) {
                         .provenance = (lg_provenance *)(void *)(at + kind->file_provenance)};
 }
 
-static const lg_training *training_of(const lg_model_kind *kind, const void *run) {
+static const lg_training *training_of(const lg_run_kind *kind, const void *run) {
     return (const lg_training *)(const void *)((const char *)run + kind->training);
 }
 
@@ -35,7 +35,7 @@ typedef struct slice {
     char name[64];
 } slice;
 
-static bool slice_at(const lg_model_kind *kind, const void *run, uint32_t index, slice *s) {
+static bool slice_at(const lg_run_kind *kind, const void *run, uint32_t index, slice *s) {
     if (!kind->slice(run, index, &s->info)) return false;
     (void)snprintf(s->name, sizeof s->name, "model/%s", s->info.name);
     return true;
@@ -89,7 +89,7 @@ static lg_status put_fit(lg_h5 *h5, const lg_fit *fit, lg_error *error) {
     return lg_fit_save(fit, &writer, error);
 }
 
-static lg_status put_model(lg_h5 *h5, const lg_model_kind *kind, const void *file, const lg_fit *fit,
+static lg_status put_model(lg_h5 *h5, const lg_run_kind *kind, const void *file, const lg_fit *fit,
                            lg_error *error) {
     slice s;
     const model_view view = view_of(kind, (void *)(uintptr_t)file); /* only read */
@@ -106,7 +106,7 @@ static lg_status put_model(lg_h5 *h5, const lg_model_kind *kind, const void *fil
     return LG_OK;
 }
 
-static lg_status check_saved(const char *path, const lg_model_kind *kind, const void *file, lg_error *error) {
+static lg_status check_saved(const char *path, const lg_run_kind *kind, const void *file, lg_error *error) {
     slice s;
     const model_view view = view_of(kind, (void *)(uintptr_t)file); /* only read */
     if (*view.theta == NULL)
@@ -120,8 +120,8 @@ static lg_status check_saved(const char *path, const lg_model_kind *kind, const 
     return LG_OK;
 }
 
-lg_status lg_model_save(const lg_context *context, const char *path, const lg_model_kind *kind,
-                        const void *file, const lg_fit *fit, lg_error *error) {
+lg_status lg_run_save(const lg_context *context, const char *path, const lg_run_kind *kind, const void *file,
+                      const lg_fit *fit, lg_error *error) {
     if (path == NULL || file == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "a model file needs a name and parameters");
     LG_TRY(check_saved(path, kind, file, error));
@@ -142,7 +142,7 @@ lg_status lg_as_format(lg_status status, lg_error *error) {
 }
 
 /* Shapes are compared before anything of the size that the attributes claim is allocated. */
-static lg_status check_slices(lg_h5 *h5, const lg_model_kind *kind, const void *run, lg_error *error) {
+static lg_status check_slices(lg_h5 *h5, const lg_run_kind *kind, const void *run, lg_error *error) {
     slice s;
     for (uint32_t i = 0; slice_at(kind, run, i, &s); i++) {
         uint32_t rank;
@@ -157,7 +157,7 @@ static lg_status check_slices(lg_h5 *h5, const lg_model_kind *kind, const void *
     return LG_OK;
 }
 
-static lg_status get_weights(lg_h5 *h5, const lg_model_kind *kind, const model_view *view, lg_error *error) {
+static lg_status get_weights(lg_h5 *h5, const lg_run_kind *kind, const model_view *view, lg_error *error) {
     slice s;
     LG_TRY(check_slices(h5, kind, view->run, error));
     *view->parameters = kind->parameters(view->run);
@@ -201,7 +201,7 @@ lg_status lg_model_get_number(lg_h5 *h5, const char *name, bool *has, double *va
     return lg_fail(error, LG_NOT_FINITE, "%s: attribute %s is not finite", lg_shown_path(h5->path), name);
 }
 
-static lg_status get_model(lg_h5 *h5, const lg_model_kind *kind, void *file, lg_error *error) {
+lg_status lg_run_get_file(lg_h5 *h5, const lg_run_kind *kind, void *file, lg_error *error) {
     const model_view view = view_of(kind, file);
     LG_TRY(lg_h5_check_format(h5, kind->name, false, error));
     LG_TRY(lg_run_get(h5, kind, false, view.run, error));
@@ -213,21 +213,50 @@ static lg_status get_model(lg_h5 *h5, const lg_model_kind *kind, void *file, lg_
 }
 
 typedef struct load_call {
-    const lg_model_kind *kind;
+    const lg_run_kind *kind;
     void *file;
 } load_call;
 
 static lg_status load_file(void *user, lg_h5 *h5, lg_error *error) {
     const load_call *call = user;
-    return get_model(h5, call->kind, call->file, error);
+    return lg_run_get_file(h5, call->kind, call->file, error);
 }
 
-lg_status lg_model_load(const lg_context *context, const char *path, const lg_read_options *options,
-                        const lg_model_kind *kind, void *file, lg_error *error) {
+lg_status lg_run_load(const lg_context *context, const char *path, const lg_read_options *options,
+                      const lg_run_kind *kind, void *file, lg_error *error) {
     load_call call = {kind, file};
     const lg_status status = lg_h5_read(context, path, options, load_file, &call, error);
     if (status != LG_OK) kind->release(context, file);
     return status;
+}
+
+/* ---- editing ---- */
+
+typedef struct edit_call {
+    const lg_context *context;
+    const char *path;
+    lg_status (*edit)(void *user, lg_h5 *h5, lg_error *error);
+    void *user;
+    bool commit;
+} edit_call;
+
+static lg_status edit_file(void *user, lg_error *error) {
+    const edit_call *call = user;
+    lg_h5 *h5;
+    LG_TRY(lg_h5_edit(call->context, call->path, &h5, error));
+    lg_status status = call->edit(call->user, h5, error);
+    if (status == LG_OK && call->commit) status = lg_h5_commit(h5, error);
+    lg_h5_close(h5);
+    return status;
+}
+
+lg_status lg_run_edit(const lg_context *context, const char *path,
+                      lg_status (*edit)(void *user, lg_h5 *h5, lg_error *error), void *user,
+                      lg_error *error) {
+    edit_call call = {context, path, edit, user, false};
+    LG_TRY(lg_probe(path, NULL, edit_file, &call, error));
+    call.commit = true;
+    return edit_file(&call, error);
 }
 
 void lg_history_free(const lg_context *context, double *history[LG_FIT_SERIES_COUNT]) {
@@ -236,7 +265,7 @@ void lg_history_free(const lg_context *context, double *history[LG_FIT_SERIES_CO
 
 /* ---- checkpoints ---- */
 
-lg_status lg_run_checkpoint_create(const lg_context *context, const char *path, const lg_model_kind *kind,
+lg_status lg_run_checkpoint_create(const lg_context *context, const char *path, const lg_run_kind *kind,
                                    const void *run, const lg_provenance *provenance, lg_file_writer **out,
                                    lg_error *error) {
     if (path == NULL || run == NULL || out == NULL)
@@ -253,8 +282,7 @@ lg_status lg_run_checkpoint_create(const lg_context *context, const char *path, 
 }
 
 lg_status lg_run_checkpoint_open(const lg_context *context, const char *path, const lg_read_options *options,
-                                 const lg_model_kind *kind, void *run, lg_file_reader **out,
-                                 lg_error *error) {
+                                 const lg_run_kind *kind, void *run, lg_file_reader **out, lg_error *error) {
     if (out == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "a checkpoint is read into a run and a reader");
     lg_file_reader *reader;

@@ -291,4 +291,4 @@ void lg_detector_file_free(const lg_context *context, lg_detector_file *file) {
 
 /* ---- outside ---- */
 
-LG_MODEL_KIND(detector, "detector-checkpoint", lg_detector_checkpoint)
+LG_RUN_KIND(detector, "detector-checkpoint", lg_detector_checkpoint)

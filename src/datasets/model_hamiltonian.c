@@ -1,4 +1,5 @@
 /* Learned Hamiltonians as a kind of model. */
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -151,10 +152,54 @@ static lg_status put_optimizer(lg_h5 *h5, const lg_hamiltonian_file *file, lg_er
     return file->has_rng ? lg_h5_put(h5, "rng", LG_ELEMENT_U64, 1, &words, file->rng.s, error) : LG_OK;
 }
 
+/* ---- errors on a test set ---- */
+
+static const char *const verdict_names[] = {"E1",          "E2",         "test_trajectories",
+                                            "test_points", "test_t_end", "test_sha256"};
+
+static lg_status put_real(lg_h5 *h5, const char *name, double value, lg_error *error) {
+    if (!isfinite(value))
+        return lg_fail(error, LG_NOT_FINITE, "%s: attribute %s is not finite", lg_shown_path(h5->path), name);
+    return lg_h5_put_number(h5, "", name, LG_ELEMENT_F64, &value, error);
+}
+
+/* What is unknown is left out. */
+static lg_status put_verdict(lg_h5 *h5, const lg_hamiltonian_file *file, lg_error *error) {
+    const lg_test_set *test = &file->test;
+    if (file->has_e1) LG_TRY(put_real(h5, "E1", file->e1, error));
+    if (file->has_e2) LG_TRY(put_real(h5, "E2", file->e2, error));
+    if (test->trajectories > 0)
+        LG_TRY(lg_h5_put_number(h5, "", "test_trajectories", LG_ELEMENT_U64, &test->trajectories, error));
+    if (test->points > 0)
+        LG_TRY(lg_h5_put_number(h5, "", "test_points", LG_ELEMENT_U64, &test->points, error));
+    if (test->t_end > 0) LG_TRY(put_real(h5, "test_t_end", test->t_end, error));
+    return test->sha256[0] != '\0' ? lg_h5_put_text(h5, "", "test_sha256", test->sha256, error) : LG_OK;
+}
+
+/* It is for people: what cannot be read is unknown, and the model is no worse. */
+static void get_test_set(lg_h5 *h5, lg_test_set *test) {
+    lg_test_set got = {.trajectories = 0};
+    if (lg_h5_number(h5, "", "test_trajectories", LG_ELEMENT_U64, &got.trajectories, NULL) == LG_OK)
+        test->trajectories = got.trajectories;
+    if (lg_h5_number(h5, "", "test_points", LG_ELEMENT_U64, &got.points, NULL) == LG_OK)
+        test->points = got.points;
+    if (lg_h5_number(h5, "", "test_t_end", LG_ELEMENT_F64, &got.t_end, NULL) == LG_OK && got.t_end > 0 &&
+        isfinite(got.t_end))
+        test->t_end = got.t_end;
+    if (lg_h5_text(h5, "", "test_sha256", got.sha256, sizeof got.sha256, NULL) == LG_OK)
+        memcpy(test->sha256, got.sha256, sizeof got.sha256);
+}
+
+static lg_status get_verdict(lg_h5 *h5, lg_hamiltonian_file *file, lg_error *error) {
+    LG_TRY(lg_model_get_number(h5, "E1", &file->has_e1, &file->e1, error));
+    LG_TRY(lg_model_get_number(h5, "E2", &file->has_e2, &file->e2, error));
+    get_test_set(h5, &file->test);
+    return LG_OK;
+}
+
 static lg_status put_rest(lg_h5 *h5, const void *user, bool fitted, lg_error *error) {
     const lg_hamiltonian_file *file = user;
-    if (file->has_e1) LG_TRY(lg_h5_put_number(h5, "", "E1", LG_ELEMENT_F64, &file->e1, error));
-    if (file->has_e2) LG_TRY(lg_h5_put_number(h5, "", "E2", LG_ELEMENT_F64, &file->e2, error));
+    LG_TRY(put_verdict(h5, file, error));
     return fitted ? LG_OK : put_optimizer(h5, file, error);
 }
 
@@ -186,8 +231,7 @@ static lg_status get_optimizer(lg_h5 *h5, lg_hamiltonian_file *out, lg_error *er
 static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
     lg_hamiltonian_file *file = user;
     LG_TRY(get_optimizer(h5, file, error));
-    LG_TRY(lg_model_get_number(h5, "E1", &file->has_e1, &file->e1, error));
-    return lg_model_get_number(h5, "E2", &file->has_e2, &file->e2, error);
+    return get_verdict(h5, file, error);
 }
 
 void lg_hamiltonian_file_free(const lg_context *context, lg_hamiltonian_file *file) {
@@ -201,4 +245,40 @@ void lg_hamiltonian_file_free(const lg_context *context, lg_hamiltonian_file *fi
 
 /* ---- outside ---- */
 
-LG_MODEL_KIND(hamiltonian, "checkpoint", lg_checkpoint)
+LG_RUN_KIND(hamiltonian, "checkpoint", lg_checkpoint)
+
+/* ---- recording ---- */
+
+/* A parameter as the file has it. */
+static double stored_as(lg_dtype dtype, double x) {
+    return dtype == LG_F32 ? (double)(float)x : x;
+}
+
+static lg_status check_judged(const lg_h5 *h5, const lg_hamiltonian_file *judged,
+                              const lg_hamiltonian_file *stored, lg_error *error) {
+    LG_TRY(lg_run_compare(h5->path, &hamiltonian, &stored->run, &judged->run, error));
+    bool same = judged->parameters == stored->parameters;
+    for (size_t i = 0; same && i < stored->parameters; i++)
+        same = stored->theta[i] == stored_as(judged->run.training.dtype, judged->theta[i]);
+    return same ? LG_OK
+                : lg_fail(error, LG_INVALID_ARGUMENT,
+                          "%s: holds other parameters than those that were judged", lg_shown_path(h5->path));
+}
+
+static lg_status record(void *user, lg_h5 *h5, lg_error *error) {
+    const lg_hamiltonian_file *judged = user;
+    lg_hamiltonian_file stored = {.parameters = 0};
+    lg_status status = lg_run_get_file(h5, &hamiltonian, &stored, error);
+    if (status == LG_OK) status = check_judged(h5, judged, &stored, error);
+    lg_hamiltonian_file_free(h5->context, &stored);
+    for (size_t i = 0; status == LG_OK && i < LG_COUNT(verdict_names); i++)
+        status = lg_h5_remove_attribute(h5, "", verdict_names[i], error);
+    return status == LG_OK ? put_verdict(h5, judged, error) : status;
+}
+
+lg_status lg_model_record_hamiltonian(const lg_context *context, const char *path,
+                                      const lg_hamiltonian_file *file, lg_error *error) {
+    if (path == NULL || file == NULL || file->theta == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a model file needs a name and parameters");
+    return lg_run_edit(context, path, record, (void *)(uintptr_t)file, error); /* only read */
+}

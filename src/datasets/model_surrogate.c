@@ -134,4 +134,4 @@ void lg_surrogate_file_free(const lg_context *context, lg_surrogate_file *file) 
 
 /* ---- outside ---- */
 
-LG_MODEL_KIND(surrogate, "surrogate-checkpoint", lg_surrogate_checkpoint)
+LG_RUN_KIND(surrogate, "surrogate-checkpoint", lg_surrogate_checkpoint)

@@ -26,7 +26,7 @@ static const lg_row training_rows[] = {
 };
 
 /* Row number `index` of a run and where its field is counted from; NULL beyond the last. */
-static const lg_row *row_at(const lg_model_kind *kind, size_t index, size_t *base) {
+static const lg_row *row_at(const lg_run_kind *kind, size_t index, size_t *base) {
     *base = index < kind->row_count ? 0 : kind->training;
     if (index < kind->row_count) return &kind->rows[index];
     index -= kind->row_count;
@@ -119,7 +119,7 @@ static lg_status check_row(const char *path, const lg_row *r, size_t base, const
     return LG_OK;
 }
 
-lg_status lg_run_check(const char *path, const lg_model_kind *kind, const void *run, lg_error *error) {
+lg_status lg_run_check(const char *path, const lg_run_kind *kind, const void *run, lg_error *error) {
     size_t base;
     const lg_row *r;
     for (size_t i = 0; (r = row_at(kind, i, &base)) != NULL; i++)
@@ -130,7 +130,7 @@ lg_status lg_run_check(const char *path, const lg_model_kind *kind, const void *
     return LG_OK;
 }
 
-lg_status lg_run_put(lg_h5 *h5, const lg_model_kind *kind, const void *run, lg_error *error) {
+lg_status lg_run_put(lg_h5 *h5, const lg_run_kind *kind, const void *run, lg_error *error) {
     size_t base;
     const lg_row *r;
     row_value value;
@@ -204,7 +204,7 @@ static lg_status get_row(lg_h5 *h5, const lg_row *r, size_t base, void *run, lg_
     return check_row(h5->path, r, base, run, LG_FORMAT, error);
 }
 
-lg_status lg_run_get(lg_h5 *h5, const lg_model_kind *kind, bool complete, void *run, lg_error *error) {
+lg_status lg_run_get(lg_h5 *h5, const lg_run_kind *kind, bool complete, void *run, lg_error *error) {
     size_t base;
     const lg_row *r;
     memcpy(run, kind->defaults, kind->run_size);
@@ -230,7 +230,7 @@ static void show_row(const lg_row *r, size_t base, const void *run, char *text, 
         (void)snprintf(text, size, "%s", value.text != NULL ? value.text : "?");
 }
 
-lg_status lg_run_compare(const char *path, const lg_model_kind *kind, const void *stored, const void *wanted,
+lg_status lg_run_compare(const char *path, const lg_run_kind *kind, const void *stored, const void *wanted,
                          lg_error *error) {
     char have[LG_ROW_TEXT_SIZE], want[LG_ROW_TEXT_SIZE];
     size_t base;

@@ -38,7 +38,7 @@ typedef struct lg_row {
     }
 #define LG_ROW_TEXT_SIZE 1024 /* of a value as it stands in a sentence */
 
-typedef struct lg_model_kind {
+typedef struct lg_run_kind {
     const char *name;       /* attribute `kind` of a model, */
     const char *checkpoint; /* and of a checkpoint */
     /* The run. */
@@ -58,31 +58,37 @@ typedef struct lg_model_kind {
     lg_status (*put_rest)(lg_h5 *h5, const void *file, bool fitted, lg_error *error);
     lg_status (*get_rest)(lg_h5 *h5, void *file, lg_error *error);
     void (*release)(const lg_context *context, void *file);
-} lg_model_kind;
+} lg_run_kind;
 
 /* ---- runs (run.c) ---- */
 
-lg_status lg_run_check(const char *path, const lg_model_kind *kind, const void *run, lg_error *error);
-lg_status lg_run_put(lg_h5 *h5, const lg_model_kind *kind, const void *run, lg_error *error);
+lg_status lg_run_check(const char *path, const lg_run_kind *kind, const void *run, lg_error *error);
+lg_status lg_run_put(lg_h5 *h5, const lg_run_kind *kind, const void *run, lg_error *error);
 /* `complete`: every key of /run must be there, but for optional ones; otherwise missing ones keep their
  * defaults. */
-lg_status lg_run_get(lg_h5 *h5, const lg_model_kind *kind, bool complete, void *run, lg_error *error);
-lg_status lg_run_compare(const char *path, const lg_model_kind *kind, const void *stored, const void *wanted,
+lg_status lg_run_get(lg_h5 *h5, const lg_run_kind *kind, bool complete, void *run, lg_error *error);
+lg_status lg_run_compare(const char *path, const lg_run_kind *kind, const void *stored, const void *wanted,
                          lg_error *error);
 
 /* ---- models and checkpoints (model.c) ---- */
 
-lg_status lg_model_save(const lg_context *context, const char *path, const lg_model_kind *kind,
-                        const void *file, const lg_fit *fit, lg_error *error);
+lg_status lg_run_save(const lg_context *context, const char *path, const lg_run_kind *kind, const void *file,
+                      const lg_fit *fit, lg_error *error);
 /* `file`: zeroed; on failure it is released. */
-lg_status lg_model_load(const lg_context *context, const char *path, const lg_read_options *options,
-                        const lg_model_kind *kind, void *file, lg_error *error);
-lg_status lg_run_checkpoint_create(const lg_context *context, const char *path, const lg_model_kind *kind,
+lg_status lg_run_load(const lg_context *context, const char *path, const lg_read_options *options,
+                      const lg_run_kind *kind, void *file, lg_error *error);
+/* Replaces a model file by a copy that edit(user, h5, error) changed, first for a try in the child of
+ * lg_probe. */
+lg_status lg_run_edit(const lg_context *context, const char *path,
+                      lg_status (*edit)(void *user, lg_h5 *h5, lg_error *error), void *user, lg_error *error);
+/* What lg_run_load does with a file that is open; `file` holds something on failure too. */
+lg_status lg_run_get_file(lg_h5 *h5, const lg_run_kind *kind, void *file, lg_error *error);
+lg_status lg_run_checkpoint_create(const lg_context *context, const char *path, const lg_run_kind *kind,
                                    const void *run, const lg_provenance *provenance, lg_file_writer **out,
                                    lg_error *error);
 /* On failure `run` holds anything. */
 lg_status lg_run_checkpoint_open(const lg_context *context, const char *path, const lg_read_options *options,
-                                 const lg_model_kind *kind, void *run, lg_file_reader **out, lg_error *error);
+                                 const lg_run_kind *kind, void *run, lg_file_reader **out, lg_error *error);
 
 /* LG_NOT_FOUND and LG_SHAPE of a key are matters of format in a file: here and in `error` (may be NULL). */
 lg_status lg_as_format(lg_status status, lg_error *error);
@@ -97,35 +103,35 @@ void lg_history_free(const lg_context *context, double *history[LG_FIT_SERIES_CO
  * lg_kind_run: lg_model_save_kind, lg_model_load_kind, checkpoint_create, checkpoint_open,
  * lg_kind_run_compare. Every file structure names the members alike that all kinds have; lg_kind_file_free is
  * the kind's own. */
-#define LG_MODEL_KIND(kind, checkpoint_name, checkpoint_)                                                    \
+#define LG_RUN_KIND(kind, checkpoint_name, checkpoint_)                                                      \
     static void release(const lg_context *context, void *file) {                                             \
         lg_##kind##_file_free(context, file);                                                                \
     }                                                                                                        \
-    static const lg_model_kind kind = {.name = #kind,                                                        \
-                                       .checkpoint = checkpoint_name,                                        \
-                                       .rows = rows,                                                         \
-                                       .row_count = LG_COUNT(rows),                                          \
-                                       .run_size = sizeof(lg_##kind##_run),                                  \
-                                       .training = offsetof(lg_##kind##_run, training),                      \
-                                       .defaults = &defaults,                                                \
-                                       .build = build,                                                       \
-                                       .check = check,                                                       \
-                                       .describe = describe,                                                 \
-                                       .parameters = parameters,                                             \
-                                       .slice = slice,                                                       \
-                                       .file_run = offsetof(lg_##kind##_file, run),                          \
-                                       .file_parameters = offsetof(lg_##kind##_file, parameters),            \
-                                       .file_theta = offsetof(lg_##kind##_file, theta),                      \
-                                       .file_epochs = offsetof(lg_##kind##_file, epochs_done),               \
-                                       .file_history = offsetof(lg_##kind##_file, history),                  \
-                                       .file_provenance = offsetof(lg_##kind##_file, provenance),            \
-                                       .put_rest = put_rest,                                                 \
-                                       .get_rest = get_rest,                                                 \
-                                       .release = release};                                                  \
+    static const lg_run_kind kind = {.name = #kind,                                                          \
+                                     .checkpoint = checkpoint_name,                                          \
+                                     .rows = rows,                                                           \
+                                     .row_count = LG_COUNT(rows),                                            \
+                                     .run_size = sizeof(lg_##kind##_run),                                    \
+                                     .training = offsetof(lg_##kind##_run, training),                        \
+                                     .defaults = &defaults,                                                  \
+                                     .build = build,                                                         \
+                                     .check = check,                                                         \
+                                     .describe = describe,                                                   \
+                                     .parameters = parameters,                                               \
+                                     .slice = slice,                                                         \
+                                     .file_run = offsetof(lg_##kind##_file, run),                            \
+                                     .file_parameters = offsetof(lg_##kind##_file, parameters),              \
+                                     .file_theta = offsetof(lg_##kind##_file, theta),                        \
+                                     .file_epochs = offsetof(lg_##kind##_file, epochs_done),                 \
+                                     .file_history = offsetof(lg_##kind##_file, history),                    \
+                                     .file_provenance = offsetof(lg_##kind##_file, provenance),              \
+                                     .put_rest = put_rest,                                                   \
+                                     .get_rest = get_rest,                                                   \
+                                     .release = release};                                                    \
                                                                                                              \
     lg_status lg_model_save_##kind(const lg_context *context, const char *path,                              \
                                    const lg_##kind##_file *file, const lg_fit *fit, lg_error *error) {       \
-        return lg_model_save(context, path, &kind, file, fit, error);                                        \
+        return lg_run_save(context, path, &kind, file, fit, error);                                          \
     }                                                                                                        \
                                                                                                              \
     lg_status lg_model_load_##kind(const lg_context *context, const char *path,                              \
@@ -133,7 +139,7 @@ void lg_history_free(const lg_context *context, double *history[LG_FIT_SERIES_CO
         if (path == NULL || out == NULL)                                                                     \
             return lg_fail(error, LG_INVALID_ARGUMENT, "a model file needs a name");                         \
         lg_##kind##_file made = {.parameters = 0};                                                           \
-        LG_TRY(lg_model_load(context, path, options, &kind, &made, error));                                  \
+        LG_TRY(lg_run_load(context, path, options, &kind, &made, error));                                    \
         *out = made;                                                                                         \
         return LG_OK;                                                                                        \
     }                                                                                                        \

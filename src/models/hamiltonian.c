@@ -116,13 +116,14 @@ static size_t cut(size_t *at, size_t doubles) {
     return here;
 }
 
+/* `bytes`, or NULL: of all but the network's work. */
 static work_parts parts_of(const lg_hamiltonian *model, void *work, size_t *bytes) {
     size_t k = model->links, inputs = model->net.width[0], at = 0;
     size_t q = cut(&at, inputs), g = cut(&at, inputs), W = cut(&at, k * k), S = cut(&at, k * k);
     size_t wp = cut(&at, 3 * k), v = cut(&at, 3 * k), u = cut(&at, k), lambda = cut(&at, k),
            column = cut(&at, k);
     double *base = work;
-    if (bytes != NULL) *bytes = at * sizeof(double) + lg_mlp_work_size(&model->net, 1, LG_F64);
+    if (bytes != NULL) *bytes = at * sizeof(double);
     if (base == NULL) return (work_parts){0};
     return (work_parts){base + q, base + g, base + W,      base + S,      base + wp,
                         base + v, base + u, base + lambda, base + column, base + at};
@@ -131,7 +132,7 @@ static work_parts parts_of(const lg_hamiltonian *model, void *work, size_t *byte
 size_t lg_hamiltonian_work_size(const lg_hamiltonian *model) {
     size_t bytes;
     (void)parts_of(model, NULL, &bytes);
-    return bytes;
+    return bytes + lg_mlp_work_size(&model->net, 1, LG_F64);
 }
 
 static void solve(size_t k, const double *l, double *x) {
@@ -154,6 +155,19 @@ static void invert_mass(size_t k, const double *kinetic, work_parts *w) {
         solve(k, w->S, w->column);
         for (size_t i = 0; i < k; i++) w->W[i * k + j] = w->column[i];
     }
+}
+
+lg_status lg_hamiltonian_mass(const lg_hamiltonian *model, const double *theta, double *m, double *W,
+                              void *work) {
+    const size_t k = model->links;
+    const double *kinetic = theta + lg_hamiltonian_kinetic_offset(model);
+    work_parts w = parts_of(model, work, NULL);
+    if (model->family != LG_HAMILTONIAN_CHAIN) return LG_UNSUPPORTED;
+    for (size_t i = 0; m != NULL && i < k * k; i++) m[i] = mass_entry(k, kinetic, i / k, i % k);
+    if (W == NULL) return LG_OK;
+    invert_mass(k, kinetic, &w);
+    memcpy(W, w.W, k * k * sizeof *W);
+    return LG_OK;
 }
 
 /* Fills W, wp = W p, u, and lambda = (W o G)^-1 u of the chain's kinetic energy on the manifold. */
@@ -211,13 +225,10 @@ double lg_hamiltonian_value(const lg_hamiltonian *model, const double *theta, co
     return chain_energy(k, state, &w) + potential;
 }
 
-/* Chain: w->v = dH/dp, w->g = dH/dq, both (k, 3). Returns H. */
-static double chain_gradient(const lg_hamiltonian *model, const double *theta, const double *y,
-                             work_parts *w) {
+/* Chain, with w->g = dV/dq: w->v = dT/dp, and dT/dq is added to w->g, both (k, 3). Returns T. */
+static double chain_kinetic(const lg_hamiltonian *model, const double *theta, const double *y,
+                            work_parts *w) {
     const size_t k = model->links;
-    double potential;
-    lg_mlp_input_gradient(&model->net, LG_F64, theta, positions(model, y, w), 1, NULL, &potential, w->g,
-                          w->net);
     kinetic_parts(k, theta + lg_hamiltonian_kinetic_offset(model), y, w);
     for (size_t i = 0; i < k; i++)
         for (int c = 0; c < 3; c++) {
@@ -227,23 +238,60 @@ static double chain_gradient(const lg_hamiltonian *model, const double *theta, c
             w->v[3 * i + c] = sum;
             w->g[3 * i + c] -= w->lambda[i] * sum;
         }
-    return chain_energy(k, y, w) + potential;
+    return chain_energy(k, y, w);
+}
+
+/* Chain: w->v = dH/dp, w->g = dH/dq, both (k, 3). Returns H. */
+static double chain_gradient(const lg_hamiltonian *model, const double *theta, const double *y,
+                             work_parts *w) {
+    double potential;
+    lg_mlp_input_gradient(&model->net, LG_F64, theta, positions(model, y, w), 1, NULL, &potential, w->g,
+                          w->net);
+    return chain_kinetic(model, theta, y, w) + potential;
+}
+
+/* Separable: A^T A p -> out, with |A p|^2/2 returned. w->u = A p. */
+static double separable_velocity(const lg_hamiltonian *model, const double *theta, const double *p,
+                                 double *out, work_parts *w) {
+    const size_t n = model->links;
+    const double *a = theta + lg_hamiltonian_kinetic_offset(model);
+    double energy = 0.0;
+    for (size_t i = 0; i < n; i++) w->u[i] = times_row(n, a, i, p);
+    for (size_t i = 0; i < n; i++) energy += 0.5 * w->u[i] * w->u[i];
+    for (size_t j = 0; j < n; j++) {
+        out[j] = 0.0;
+        for (size_t i = 0; i < n; i++) out[j] += a[i * n + j] * w->u[i];
+    }
+    return energy;
 }
 
 /* Separable: dV/dq -> g_q, A^T A p -> g_p. Returns H. */
 static double separable_gradient(const lg_hamiltonian *model, const double *theta, const double *y,
                                  double *g_q, double *g_p, work_parts *w) {
-    const size_t n = model->links;
-    const double *a = theta + lg_hamiltonian_kinetic_offset(model);
-    double potential, energy = 0.0;
+    double potential;
     lg_mlp_input_gradient(&model->net, LG_F64, theta, y, 1, NULL, &potential, g_q, w->net);
-    for (size_t i = 0; i < n; i++) w->u[i] = times_row(n, a, i, y + n);
-    for (size_t i = 0; i < n; i++) energy += 0.5 * w->u[i] * w->u[i];
-    for (size_t j = 0; j < n; j++) {
-        g_p[j] = 0.0;
-        for (size_t i = 0; i < n; i++) g_p[j] += a[i * n + j] * w->u[i];
+    return separable_velocity(model, theta, y + model->links, g_p, w) + potential;
+}
+
+void lg_hamiltonian_force(const lg_hamiltonian *model, const double *theta, const double *q, double *out,
+                          void *work) {
+    const work_parts w = parts_of(model, work, NULL);
+    lg_mlp_input_gradient(&model->net, LG_F64, theta, q, 1, NULL, NULL, out, w.net);
+    for (size_t i = 0; i < model->links; i++) out[i] = -out[i];
+}
+
+void lg_hamiltonian_velocity(const lg_hamiltonian *model, const double *theta, const double *p, double *out,
+                             void *work) {
+    work_parts w = parts_of(model, work, NULL);
+    (void)separable_velocity(model, theta, p, out, &w);
+}
+
+/* g and v, (k, 3), to where they stand in the state's layout. */
+static void interleave(size_t k, const double *g, const double *v, double *out) {
+    for (size_t i = 0; i < k; i++) {
+        memcpy(out + 6 * i, g + 3 * i, 3 * sizeof(double));
+        memcpy(out + 6 * i + 3, v + 3 * i, 3 * sizeof(double));
     }
-    return energy + potential;
 }
 
 double lg_hamiltonian_gradient(const lg_hamiltonian *model, const double *theta, const double *state,
@@ -252,10 +300,7 @@ double lg_hamiltonian_gradient(const lg_hamiltonian *model, const double *theta,
     if (model->family == LG_HAMILTONIAN_SEPARABLE)
         return separable_gradient(model, theta, state, gradient, gradient + model->links, &w);
     const double energy = chain_gradient(model, theta, state, &w);
-    for (size_t i = 0; i < model->links; i++) {
-        memcpy(gradient + 6 * i, w.g + 3 * i, 3 * sizeof(double));
-        memcpy(gradient + 6 * i + 3, w.v + 3 * i, 3 * sizeof(double));
-    }
+    interleave(model->links, w.g, w.v, gradient);
     return energy;
 }
 
@@ -292,4 +337,81 @@ void lg_hamiltonian_field(const lg_hamiltonian *model, const double *theta, cons
         lg_cross3(state + 6 * i, w.v + 3 * i, field + 6 * i);
         for (int c = 0; c < 3; c++) field[6 * i + 3 + c] = gq[c] + vp[c];
     }
+}
+
+/* ---- second derivatives ---- */
+
+/* Memory of a directional derivative of the gradient: its own arrays first, then the gradient's. */
+typedef struct second_parts {
+    work_parts w;
+    double *dq, *dg, *dv; /* (inputs), (inputs) and (k, 3): directions gathered, derivatives of w.g and w.v */
+    double *dlambda;      /* (k) */
+} second_parts;
+
+static second_parts second_parts_of(const lg_hamiltonian *model, void *work, size_t *bytes) {
+    const size_t k = model->links, inputs = model->net.width[0];
+    size_t at = 0, rest;
+    const size_t dq = cut(&at, inputs), dg = cut(&at, inputs), dv = cut(&at, 3 * k), dlambda = cut(&at, k);
+    double *base = work;
+    const work_parts w = parts_of(model, base == NULL ? NULL : base + at, &rest);
+    if (bytes != NULL) *bytes = at * sizeof(double) + rest;
+    if (base == NULL) return (second_parts){.dq = NULL};
+    return (second_parts){w, base + dq, base + dg, base + dv, base + dlambda};
+}
+
+size_t lg_hamiltonian_hessian_work_size(const lg_hamiltonian *model) {
+    size_t bytes;
+    (void)second_parts_of(model, NULL, &bytes);
+    return bytes + lg_mlp_hessian_work_size(&model->net, 1, LG_F64);
+}
+
+/* dlambda from d of (W o G) lambda = u: (W o G) dlambda = du - (W o dG) lambda, with du_i = dq_i.(W p)_i +
+ * q_i.(W dp)_i and dG_il = dq_i.q_l + q_i.dq_l. w.S holds the factor of W o G. */
+static void multiplier_tangent(size_t k, const double *y, const double *dy, second_parts *s) {
+    const work_parts *w = &s->w;
+    for (size_t i = 0; i < k; i++) {
+        const double *q = y + 6 * i, *dq = dy + 6 * i;
+        double sum = lg_dot3(dq, w->wp + 3 * i);
+        for (size_t l = 0; l < k; l++) {
+            const double dG = lg_dot3(dq, y + 6 * l) + lg_dot3(q, dy + 6 * l);
+            sum += w->W[i * k + l] * (lg_dot3(q, dy + 6 * l + 3) - w->lambda[l] * dG);
+        }
+        s->dlambda[i] = sum;
+    }
+    solve(k, w->S, s->dlambda);
+}
+
+/* s->dv = d(dH/dp); d(dT/dq_i) = -dlambda_i v_i - lambda_i dv_i is added to s->dg = d(dV/dq). */
+static void chain_tangent(size_t k, const double *y, const double *dy, second_parts *s) {
+    const work_parts *w = &s->w;
+    multiplier_tangent(k, y, dy, s);
+    for (size_t i = 0; i < k; i++)
+        for (size_t c = 0; c < 3; c++) {
+            double sum = 0.0;
+            for (size_t j = 0; j < k; j++)
+                sum += w->W[i * k + j] *
+                       (dy[6 * j + 3 + c] - s->dlambda[j] * y[6 * j + c] - w->lambda[j] * dy[6 * j + c]);
+            s->dv[3 * i + c] = sum;
+            s->dg[3 * i + c] -= s->dlambda[i] * w->v[3 * i + c] + w->lambda[i] * sum;
+        }
+}
+
+void lg_hamiltonian_gradient_jvp(const lg_hamiltonian *model, const double *theta, const double *state,
+                                 const double *tangent, double *gradient, double *dgradient, void *work) {
+    second_parts s = second_parts_of(model, work, NULL);
+    const size_t k = model->links;
+    if (model->family == LG_HAMILTONIAN_SEPARABLE) {
+        lg_mlp_hessian_vector(&model->net, LG_F64, theta, state, tangent, 1, NULL, gradient, dgradient,
+                              s.w.net);
+        if (gradient != NULL) (void)separable_velocity(model, theta, state + k, gradient + k, &s.w);
+        (void)separable_velocity(model, theta, tangent + k, dgradient + k, &s.w);
+        return;
+    }
+    for (size_t i = 0; i < k; i++) memcpy(s.dq + 3 * i, tangent + 6 * i, 3 * sizeof(double));
+    lg_mlp_hessian_vector(&model->net, LG_F64, theta, positions(model, state, &s.w), s.dq, 1, NULL, s.w.g,
+                          s.dg, s.w.net);
+    (void)chain_kinetic(model, theta, state, &s.w);
+    chain_tangent(k, state, tangent, &s);
+    if (gradient != NULL) interleave(k, s.w.g, s.w.v, gradient);
+    interleave(k, s.dg, s.dv, dgradient);
 }

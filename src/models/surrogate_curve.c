@@ -265,6 +265,17 @@ static void angle_curve(run *r, const target *t, const double *s, size_t points)
     empty(r, t, &w);
 }
 
+/* A number of x makes the whole curve NaN when it is not finite, one of s its point: a branch of ReLU, or the
+ * end that s is beyond, would hide it. */
+static void mark_unfit(const target *t, const double *s, size_t points) {
+    double mark = 0.0;
+    for (size_t i = 0; i < 8; i++) mark += 0.0 * t->x[i];
+    for (size_t i = 0; i < 2 * points; i++) {
+        if (t->q != NULL) t->q[i] += mark + 0.0 * s[i / 2];
+        if (t->v != NULL) t->v[i] += mark + 0.0 * s[i / 2];
+    }
+}
+
 void lg_surrogate_curve(const lg_surrogate *model, lg_dtype dtype, const void *theta, const double *x,
                         const double *s, size_t points, double *q, double *v, void *work) {
     static void (*const curves[LG_SURROGATE_KIND_COUNT])(run *, const target *, const double *, size_t) = {
@@ -276,6 +287,7 @@ void lg_surrogate_curve(const lg_surrogate *model, lg_dtype dtype, const void *t
     run r = cut_run(model, dtype, rows_for(model, points), work, NULL);
     r.theta = theta;
     curves[model->options.kind](&r, &t, s, points);
+    mark_unfit(&t, s, points);
 }
 
 /* ---- evaluation ---- */

@@ -4,6 +4,8 @@
  *   value      a_{l+1} = sigma(z_l)
  *   tangent    da_{l+1} = sigma'(z_l) (da_l W_l)
  *   cotangent  g_l = (g_{l+1} sigma'(z_l)) W_l^T
+ * and, of the cotangent along a tangent of x (forward over reverse), with dz_l = da_l W_l:
+ *   dg_l = (dg_{l+1} sigma'(z_l) + g_{l+1} sigma''(z_l) dz_l) W_l^T
  */
 #include <string.h>
 
@@ -176,4 +178,78 @@ void lg_mlp_jvp(const lg_mlp *net, lg_dtype dtype, const void *theta, const void
     }
     if (y != NULL) last_layer(&r, a, y);
     multiply(&r, net->layers - 1, da, dy);
+}
+
+/* What the Hessian's product keeps beside a run. */
+typedef struct second_run {
+    run first;
+    char *dz[LG_MLP_MAX_LAYERS]; /* hidden layers: (rows, width[l + 1]) */
+    char *temporary[2];          /* (rows, largest width) */
+} second_run;
+
+static second_run second_layout(const lg_mlp *net, lg_dtype dtype, const void *theta, size_t rows, void *work,
+                                size_t *bytes) {
+    second_run s = {.first = layout(net, dtype, theta, rows, work, bytes)};
+    const size_t size = s.first.k->size;
+    char *rest = work == NULL ? NULL : (char *)work + *bytes;
+    for (uint32_t l = 0; l + 1 < net->layers; l++)
+        s.dz[l] = eval_take(&rest, bytes, rows * net->width[l + 1] * size);
+    for (size_t i = 0; i < LG_COUNT(s.temporary); i++)
+        s.temporary[i] = eval_take(&rest, bytes, rows * widest(net) * size);
+    return s;
+}
+
+size_t lg_mlp_hessian_work_size(const lg_mlp *net, size_t rows, lg_dtype dtype) {
+    size_t bytes;
+    (void)second_layout(net, dtype, NULL, rows, NULL, &bytes);
+    return bytes;
+}
+
+/* z, h and dz of the hidden layers; returns the last one's value. */
+static const void *second_forward(const second_run *s, const void *x, const void *tangent) {
+    const run *r = &s->first;
+    const void *a = x, *da = tangent;
+    for (uint32_t l = 0; l + 1 < r->net->layers; l++) {
+        const void *h = pre_activate(r, l, a);
+        multiply(r, l, da, s->dz[l]);
+        scale_by_slope(r, l, h, s->dz[l], s->temporary[0]);
+        da = s->temporary[0];
+        a = activate(r, l, h, r->temporary[2]);
+    }
+    return a;
+}
+
+/* Through the activation of hidden layer l: u and du (NULL: zero) are the cotangent of its value and that
+ * one's derivative; g = u sigma', dg = du sigma' + u sigma'' dz. */
+static void second_reverse(const second_run *s, uint32_t l, const void *u, const void *du, void *g,
+                           void *dg) {
+    const run *r = &s->first;
+    const void *h = helpers[r->net->activation] != HELPER_NONE ? r->h[l] : NULL;
+    if (du != NULL) scale_by_slope(r, l, h, du, dg);
+    r->k->act_reverse((lg_k_act)r->net->activation, 1, r->rows * r->net->width[l + 1], r->z[l], h, u,
+                      s->dz[l], g, false, dg, du != NULL);
+}
+
+void lg_mlp_hessian_vector(const lg_mlp *net, lg_dtype dtype, const void *theta, const void *x,
+                           const void *tangent, size_t rows, void *y, void *gradient, void *dgradient,
+                           void *work) {
+    size_t bytes;
+    const second_run s = second_layout(net, dtype, theta, rows, work, &bytes);
+    const run *r = &s.first;
+    const void *a = second_forward(&s, x, tangent);
+    if (y != NULL) last_layer(r, a, y);
+    char *u = r->temporary[0], *g = r->temporary[1], *du = s.temporary[0], *dg = s.temporary[1];
+    bool curved = false; /* dg is not zero */
+    r->k->fill(rows * lg_mlp_outputs(net), 1.0, g);
+    for (uint32_t l = net->layers - 1; l > 0; l--) {
+        multiply_transposed(r, l, g, u);
+        if (curved) multiply_transposed(r, l, dg, du);
+        second_reverse(&s, l - 1, u, curved ? du : NULL, g, dg);
+        curved = true;
+    }
+    if (gradient != NULL) multiply_transposed(r, 0, g, gradient);
+    if (curved)
+        multiply_transposed(r, 0, dg, dgradient);
+    else
+        r->k->fill(rows * lg_mlp_inputs(net), 0.0, dgradient);
 }

@@ -54,6 +54,7 @@ static int setup(void **state) {
     cli_expect(lg, TRAIN "--epochs 3 --out model.h5 --json", 0, "\"epochs\": 3", &result);
     write_nan_file();
     cli_link("test.h5", "link.dat");
+    cli_link("model.h5", "twin.h5");
     return 0;
 }
 
@@ -140,6 +141,11 @@ static const cli_bad bad_input[] = {
     {"evaluate model.h5 missing.h5", 3, "missing.h5"},
     {"evaluate test.h5 model.h5", 3, "test.h5"},
     {"evaluate model.h5 test.h5 --tolerance 0", 2, "--tolerance: '0'"},
+    {"evaluate model.h5 ./model.h5 --record", 2, "--record: model.h5 is the model and the test data too"},
+    {"evaluate model.h5 twin.h5 --record", 2, "--record: model.h5 is the model and the test data too"},
+    {"evaluate nowhere/model.h5 test.h5 --record", 3, "nowhere/model.h5: cannot be written"},
+    {"evaluate missing.h5 test.h5 --record", 3, "missing.h5"},
+    {"evaluate train.h5 test.h5 --record", 3, "train.h5"},
     {"predict model.h5", 2, "--initial"},
     {"predict model.h5 start.yaml --initial 1,2", 2, "not both"},
     {"predict model.h5 --initial 1,2,3", 2, "3 numbers"},
@@ -307,6 +313,156 @@ static void test_same_bits(void **state) {
     cli_expect(lg, "train test.h5 --resume c.h5 --out r.h5", 2, "c.h5", &result);
 }
 
+/* ---- errors on record ---- */
+
+static void assert_same_file(const char *a, const char *b) {
+    static char one[262144], two[262144];
+    const size_t n = cli_read(a, one, sizeof one);
+    assert_true(n < sizeof one - 1);
+    assert_int_equal(cli_read(b, two, sizeof two), n);
+    assert_memory_equal(one, two, n);
+}
+
+static void copy(const char *from, const char *to) {
+    char source[1024], target[1024];
+    lg_error error = {LG_OK, ""};
+    static char data[262144];
+    cli_path(from, source, sizeof source);
+    cli_path(to, target, sizeof target);
+    const size_t n = cli_read(from, data, sizeof data);
+    if (lg_file_write(NULL, target, data, n, &error) != LG_OK) fail_msg("%s", error.message);
+}
+
+/* Everything in the file but errors and test set. */
+static void assert_same_training(const lg_hamiltonian_file *a, const lg_hamiltonian_file *b) {
+    const size_t bytes = a->parameters * sizeof(double);
+    assert_ok(lg_hamiltonian_run_compare("model", &a->run, &b->run, NULL));
+    assert_memory_equal(a->theta, b->theta, bytes);
+    assert_memory_equal(a->adam_m, b->adam_m, bytes);
+    assert_memory_equal(a->adam_v, b->adam_v, bytes);
+    assert_true(a->adam_step == b->adam_step && a->has_rng && b->has_rng);
+    assert_memory_equal(&a->rng, &b->rng, sizeof a->rng);
+    assert_true(a->epochs_done == 2 && b->epochs_done == 2);
+    for (int i = 0; i < LG_FIT_SERIES_COUNT; i++)
+        assert_memory_equal(a->history[i], b->history[i], 2 * sizeof(double));
+    assert_string_equal(a->provenance.command, b->provenance.command);
+    assert_string_equal(a->provenance.cpu, b->provenance.cpu);
+    assert_string_equal(a->provenance.liegrad_version, b->provenance.liegrad_version);
+    assert_true(a->provenance.has_seed && a->provenance.seed == b->provenance.seed);
+}
+
+static void assert_recorded(const lg_hamiltonian_file *file, double e1, double e2) {
+    lg_trajectories test;
+    char path[1024];
+    cli_path("test.h5", path, sizeof path);
+    assert_ok(lg_trajectories_read(NULL, path, NULL, &test, NULL));
+    assert_true(file->has_e1 && file->has_e2);
+    assert_close(file->e1, e1, 0, 0);
+    assert_close(file->e2, e2, 0, 0);
+    assert_true(file->test.trajectories == 6 && file->test.points == 8);
+    assert_close(file->test.t_end, 1, 1e-15, 0);
+    assert_string_equal(file->test.sha256, test.sha256);
+    lg_trajectories_free(NULL, &test);
+}
+
+static void test_record(void **state) {
+    (void)state;
+    lg_hamiltonian_file before, after;
+    cli_expect(lg, TRAIN "--epochs 6 --seed 4 --stop-after 2 --checkpoint rc.h5 --out rec.h5", 0, "rec.h5",
+               &result);
+    load("rec.h5", &before);
+    assert_false(before.has_e1 || before.has_e2 || before.test.trajectories > 0);
+    copy("rec.h5", "rec.before");
+    cli_expect(lg, "evaluate rec.h5 test.h5 --json", 0, "\"recorded\": false", &result);
+    assert_same_file("rec.h5", "rec.before");
+    cli_expect_limited(lg, "evaluate rec.h5 test.h5 --record", 2048, 3, "rec.h5", &result);
+    assert_non_null(strstr(result.out, "E1 = "));
+    assert_null(strstr(result.out, "Recorded"));
+    assert_same_file("rec.h5", "rec.before");
+    cli_expect(lg, "evaluate rec.h5 test.h5 --record --json", 0, "\"recorded\": true", &result);
+    const double e1 = json_number(result.out, "E1"), e2 = json_number(result.out, "E2");
+    load("rec.h5", &after);
+    assert_recorded(&after, e1, e2);
+    assert_same_training(&before, &after);
+    lg_hamiltonian_file_free(NULL, &before);
+    lg_hamiltonian_file_free(NULL, &after);
+    /* A checkpoint is no model; the one beside the model goes on to the same bits. */
+    copy("rc.h5", "rc.before");
+    cli_expect(lg, "evaluate rc.h5 test.h5 --record", 3, "rc.h5", &result);
+    assert_same_file("rc.h5", "rc.before");
+    cli_expect(lg, "train train.h5 --resume rc.h5 --out rec.h5 --json", 0, "\"epochs\": 6", &result);
+    cli_expect(lg, TRAIN "--epochs 6 --seed 4 --out whole.h5", 0, "whole.h5", &result);
+    assert_same_parameters("rec.h5", "whole.h5", true);
+    load("rec.h5", &after);
+    assert_false(after.has_e1 || after.has_e2 || after.test.sha256[0] != '\0');
+    lg_hamiltonian_file_free(NULL, &after);
+}
+
+/* Test data without energies take the E2 of others away; the training data are no test set, which is said. A
+ * link to the model stays a link. */
+static void test_record_again(void **state) {
+    char path[1024];
+    lg_hamiltonian_file file;
+    (void)state;
+    cli_expect(lg, "evaluate twin.h5 train.h5 --record", 0, "Recorded in twin.h5", &result);
+    assert_non_null(strstr(result.err, "train.h5 holds the data that twin.h5 was trained on"));
+    load("model.h5", &file);
+    assert_true(file.has_e2 && file.test.trajectories == 40);
+    assert_string_equal(file.test.sha256, file.run.data_sha256);
+    lg_hamiltonian_file_free(NULL, &file);
+    copy("test.h5", "plain.h5");
+    cli_path("plain.h5", path, sizeof path);
+    const hid_t plain = H5Fopen(path, H5F_ACC_RDWR, H5P_DEFAULT);
+    assert_true(H5Ldelete(plain, "hamiltonian", H5P_DEFAULT) >= 0 && H5Fclose(plain) >= 0);
+    cli_expect(lg, "evaluate model.h5 plain.h5 --record", 0, "E2 unknown", &result);
+    assert_int_equal(result.err[0], '\0');
+    load("model.h5", &file);
+    assert_true(file.has_e1 && !file.has_e2 && file.test.trajectories == 6);
+    lg_hamiltonian_file_free(NULL, &file);
+}
+
+/* Said before the evaluation; root may write everywhere. */
+static void test_record_into_a_shut_folder(void **state) {
+    char folder[1024], path[1024];
+    (void)state;
+    cli_path("shut", folder, sizeof folder);
+    assert_int_equal(mkdir(folder, 0777), 0);
+    copy("model.h5", "shut/model.h5");
+    cli_link("shut/model.h5", "shut.h5");
+    assert_int_equal(chmod(folder, 0555), 0);
+    if (access(folder, W_OK) != 0) {
+        cli_expect(lg, "evaluate shut.h5 test.h5 --record", 3, "cannot be written", &result);
+        assert_int_equal(result.out[0], '\0');
+    }
+    assert_int_equal(chmod(folder, 0777), 0);
+    cli_path("shut/model.h5", path, sizeof path);
+    assert_int_equal(unlink(path), 0);
+}
+
+/* What demo judges, it records. */
+static void test_demo(void **state) {
+    lg_hamiltonian_file file;
+    lg_trajectories test;
+    char path[1024];
+    (void)state;
+    cli_expect(lg, "demo --epochs 1 --t-end 1 --out demo --json", 0, "\"E1\"", &result);
+    load("demo/model.h5", &file);
+    assert_true(file.has_e1 && file.has_e2 && file.test.trajectories == 100 && file.test.points == 15);
+    assert_close(file.e1, json_number(result.out, "E1"), 0, 0);
+    assert_close(file.e2, json_number(result.out, "E2"), 0, 0);
+    cli_path("demo/test.h5", path, sizeof path);
+    assert_ok(lg_trajectories_read(NULL, path, NULL, &test, NULL));
+    assert_string_equal(file.test.sha256, test.sha256);
+    lg_trajectories_free(NULL, &test);
+    lg_hamiltonian_file_free(NULL, &file);
+    cli_path("demo", path, sizeof path);
+    DIR *folder = opendir(path);
+    assert_non_null(folder);
+    for (struct dirent *entry; (entry = readdir(folder)) != NULL;)
+        if (entry->d_name[0] != '.') assert_int_equal(unlinkat(dirfd(folder), entry->d_name, 0), 0);
+    assert_int_equal(closedir(folder), 0);
+}
+
 static void test_interrupt(void **state) {
     (void)state;
     cli_interrupt_training(lg, TRAIN "--history never.csv", &result);
@@ -385,6 +541,10 @@ int main(void) {
                                        cmocka_unit_test(test_newton),
                                        cmocka_unit_test(test_separable),
                                        cmocka_unit_test(test_same_bits),
+                                       cmocka_unit_test(test_record),
+                                       cmocka_unit_test(test_record_again),
+                                       cmocka_unit_test(test_record_into_a_shut_folder),
+                                       cmocka_unit_test(test_demo),
                                        cmocka_unit_test(test_interrupt),
                                        cmocka_unit_test(test_full_disk),
                                        cmocka_unit_test(test_study)};

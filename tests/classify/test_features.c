@@ -100,6 +100,82 @@ static void cov_squares_to_covariance(void **state) {
     free_series(&s);
 }
 
+static double sign_of(unsigned bits) {
+    return (bits ^ bits >> 1 ^ bits >> 2) & 1 ? -1.0 : 1.0;
+}
+
+/* Roots far apart: Z = sum_k s_k v_k w_k^T with exact numbers, orthonormal v_k and orthogonal w_k of ones and
+ * minus ones, has S = sum_k s_k v_k v_k^T. Eigenvalues s_k^2 of the covariance itself would be off by eps,
+ * s_3 by 1e-11. */
+static void cov_of_small_roots(void **state) {
+    (void)state;
+    enum { M = 4, N = 8 };
+    static const double root[M] = {0x1p-6, 1.0, 0x1p-18, 0x1p-12};
+    lg_series s = make_series(1, M, N, false);
+    for (unsigned i = 0; i < M; i++)
+        for (unsigned t = 0; t < N; t++) {
+            double sum = 2.0;
+            for (unsigned k = 0; k < M; k++) sum += root[k] * 0.5 * sign_of(k & i) * sign_of((k + 1) & t);
+            s.x[i * N + t] = (float)sum;
+            assert_true((double)s.x[i * N + t] == sum);
+        }
+    lg_features f;
+    assert_ok(lg_features_create(NULL, LG_FEATURES_COV, false, &s, N, NULL, &f, NULL));
+    double *out = compute(&f, s.x);
+    for (unsigned k = 0; k < M; k++)
+        for (unsigned l = 0; l < M; l++) {
+            double sum = 0.0;
+            for (unsigned i = 0, at = 0; i < M; i++)
+                for (unsigned j = i; j < M; j++, at++) {
+                    sum += 0.25 * sign_of(k & i) * sign_of(l & j) * out[at];
+                    if (j > i) sum += 0.25 * sign_of(k & j) * sign_of(l & i) * out[at];
+                }
+            assert_close(sum, k == l ? root[k] : 0.0, 0, 4e-15);
+        }
+    free(out);
+    lg_features_free(NULL, &f);
+    free_series(&s);
+}
+
+/* One channel, many, more than samples; copies of each other; the memory behind the work stays. */
+static void cov_of_any_size(void **state) {
+    (void)state;
+    static const uint32_t channels[] = {1, 2, 9, 40}, lengths[] = {1, 2, 9, 40, 101};
+    for (size_t a = 0; a < 4; a++)
+        for (size_t b = 0; b < 5; b++)
+            for (uint32_t copies = 0; copies < 2; copies++) {
+                const uint32_t m = channels[a], n = lengths[b];
+                lg_series s = make_series(1, m, n, false);
+                for (uint32_t i = 1; copies && i < m; i += 2)
+                    memcpy(s.x + i * n, s.x + (i - 1) * n, n * sizeof *s.x);
+                lg_features f;
+                assert_ok(lg_features_create(NULL, LG_FEATURES_COV, false, &s, n, NULL, &f, NULL));
+                const size_t size = lg_features_work(&f);
+                double *out = malloc(f.count * sizeof *out), *work = malloc((size + 1) * sizeof *work);
+                double *root = malloc(m * m * sizeof *root), largest = 0.0;
+                work[size] = 55.0;
+                assert_ok(lg_features_compute(&f, s.x, out, work));
+                assert_close(work[size], 55.0, 0, 0);
+                for (uint32_t i = 0, at = 0; i < m; i++)
+                    for (uint32_t j = i; j < m; j++, at++) root[i * m + j] = root[j * m + i] = out[at];
+                for (uint32_t i = 0; i < m; i++) {
+                    assert_true(root[i * m + i] >= 0.0);
+                    largest = fmax(largest, covariance(s.x + i * n, s.x + i * n, n));
+                }
+                for (uint32_t i = 0; i < m; i++)
+                    for (uint32_t j = 0; j < m; j++) {
+                        double square = 0.0;
+                        for (uint32_t k = 0; k < m; k++) square += root[i * m + k] * root[k * m + j];
+                        assert_close(square, covariance(s.x + i * n, s.x + j * n, n), 0, 1e-13 * largest);
+                    }
+                free(root);
+                free(work);
+                free(out);
+                lg_features_free(NULL, &f);
+                free_series(&s);
+            }
+}
+
 /* Moments that are 2 acceleration + offset in each part give intercept and slope, in this order. */
 static void baseline_line(void **state) {
     (void)state;
@@ -237,6 +313,9 @@ static void refusals(void **state) {
     assert_int_equal(f.count, 77);
     assert_ok(lg_features_create(NULL, LG_FEATURES_COV, false, &s, 20, NULL, &f, &e));
     double out[6], *work = malloc(lg_features_work(&f) * sizeof *work);
+    for (int t = 0; t < 20; t++) s.x[20 + t] = INFINITY; /* which is constant */
+    assert_status(lg_features_compute(&f, s.x, out, work), LG_NOT_FINITE);
+    for (int t = 0; t < 20; t++) s.x[20 + t] = 1.0f;
     s.x[30] = NAN;
     assert_status(lg_features_compute(&f, s.x, out, work), LG_NOT_FINITE);
     lg_windows w;
@@ -279,6 +358,8 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(std_and_raw),
         cmocka_unit_test(cov_squares_to_covariance),
+        cmocka_unit_test(cov_of_small_roots),
+        cmocka_unit_test(cov_of_any_size),
         cmocka_unit_test(baseline_line),
         cmocka_unit_test(short_windows),
         cmocka_unit_test(constant_channels),

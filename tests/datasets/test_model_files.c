@@ -267,6 +267,160 @@ static void refused_on_save(void **state) {
     lg_hamiltonian_file_free(NULL, &file);
 }
 
+/* ---- recording errors ---- */
+
+static void set_verdict(lg_hamiltonian_file *file) {
+    file->has_e1 = file->has_e2 = true;
+    file->e1 = 0.1, file->e2 = 3e-4;
+    file->test = (lg_test_set){.trajectories = 100, .points = 15, .t_end = 1.5};
+    (void)snprintf(file->test.sha256, sizeof file->test.sha256, "%064d", 7);
+}
+
+static void assert_verdict(const char *path, const lg_hamiltonian_file *want) {
+    lg_hamiltonian_file got;
+    assert_ok(lg_model_load_hamiltonian(NULL, path, NULL, &got, NULL));
+    assert_true(got.has_e1 == want->has_e1 && got.has_e2 == want->has_e2);
+    assert_close(got.e1, want->e1, 0, 0);
+    if (want->has_e2) assert_close(got.e2, want->e2, 0, 0);
+    assert_true(got.test.trajectories == want->test.trajectories && got.test.points == want->test.points);
+    assert_close(got.test.t_end, want->test.t_end, 0, 0);
+    assert_string_equal(got.test.sha256, want->test.sha256);
+    lg_hamiltonian_file_free(NULL, &got);
+}
+
+/* What the errors do not touch: a model with the state of its fit, and an attribute of somebody else. */
+static void recorded_into_all_that_was_there(void **state) {
+    (void)state;
+    lg_hamiltonian_file file, again;
+    lg_h5 *h5;
+    char note[16];
+    double best[52], moment[52];
+    const uint64_t count = 52;
+    load_fitted(&file);
+    const char *path = scratch_path("fitted.h5"), *once = scratch_path("once.h5");
+    replace_text(path, "model/mass", "note", "weighed");
+    set_verdict(&file);
+    assert_ok(lg_model_record_hamiltonian(NULL, path, &file, NULL));
+    assert_verdict(path, &file);
+    assert_ok(lg_model_load_hamiltonian(NULL, path, NULL, &again, NULL));
+    assert_ok(lg_hamiltonian_run_compare(path, &again.run, &file.run, NULL));
+    assert_memory_equal(again.theta, file.theta, sizeof best);
+    assert_memory_equal(again.adam_m, file.adam_m, sizeof best);
+    assert_memory_equal(again.adam_v, file.adam_v, sizeof best);
+    assert_true(again.adam_step == file.adam_step && again.has_rng && again.epochs_done == 3);
+    assert_memory_equal(&again.rng, &file.rng, sizeof file.rng);
+    for (int i = 0; i < LG_FIT_SERIES_COUNT; i++)
+        assert_memory_equal(again.history[i], file.history[i], 3 * sizeof(double));
+    assert_string_equal(again.provenance.cpu, "kernels baseline");
+    assert_ok(lg_h5_open(NULL, path, NULL, &h5, NULL));
+    assert_ok(lg_h5_get(h5, "optimizer/best", LG_ELEMENT_F64, 1, &count, best, NULL));
+    assert_ok(lg_h5_get(h5, "optimizer/adam/m", LG_ELEMENT_F64, 1, &count, moment, NULL));
+    assert_true(lg_h5_has(h5, "train/permutation") && lg_h5_has(h5, "train/options/batch"));
+    assert_ok(lg_h5_text(h5, "model/mass", "note", note, sizeof note, NULL));
+    assert_string_equal(note, "weighed");
+    lg_h5_close(h5);
+    assert_memory_equal(moment, file.adam_m, sizeof moment);
+    copy_file(path, once);
+    assert_ok(lg_model_record_hamiltonian(NULL, path, &again, NULL));
+    assert_same_bytes(path, once);
+    lg_hamiltonian_file_free(NULL, &file);
+    lg_hamiltonian_file_free(NULL, &again);
+}
+
+/* What another test set said goes, also where this one says nothing; weights of floats are found again. */
+static void recorded_in_place_of_others(void **state) {
+    (void)state;
+    for (size_t e = 0; e < LG_COUNT(examples); e++) {
+        lg_hamiltonian_file file;
+        const char *path = good_model(e);
+        make_model(e, &file);
+        if (examples[e].dtype == LG_F32) file.theta[0] = nextafter(file.theta[0], 2);
+        set_verdict(&file);
+        assert_ok(lg_model_record_hamiltonian(NULL, path, &file, NULL));
+        file.has_e2 = false;
+        file.e1 = 0.25;
+        file.test = (lg_test_set){.trajectories = 3};
+        assert_ok(lg_model_record_hamiltonian(NULL, path, &file, NULL));
+        assert_verdict(path, &file);
+        lg_hamiltonian_file_free(NULL, &file);
+    }
+}
+
+static lg_status record_into(const lg_context *context, const char *path, const lg_read_options *options,
+                             lg_error *error) {
+    lg_hamiltonian_file file;
+    (void)options;
+    make_model(0, &file);
+    set_verdict(&file);
+    const lg_status status = lg_model_record_hamiltonian(context, path, &file, error);
+    lg_hamiltonian_file_free(NULL, &file);
+    return status;
+}
+
+static void assert_not_recorded(const lg_hamiltonian_file *file, lg_status status, const char *word) {
+    const char *path = good_model(0), *before = scratch_path("before.h5");
+    lg_error error = {LG_OK, ""};
+    copy_file(path, before);
+    assert_status(lg_model_record_hamiltonian(NULL, path, file, &error), status);
+    if (strstr(error.message, word) == NULL) fail_msg("no '%s' in: %s", word, error.message);
+    assert_same_bytes(path, before);
+}
+
+static void refused_on_record(void **state) {
+    (void)state;
+    lg_hamiltonian_file file;
+    make_model(0, &file);
+    set_verdict(&file);
+    file.theta[51] = nextafter(file.theta[51], 9);
+    assert_not_recorded(&file, LG_INVALID_ARGUMENT, "other parameters");
+    lg_hamiltonian_file_free(NULL, &file);
+    make_model(0, &file);
+    set_verdict(&file);
+    file.run.training.seed = 5;
+    assert_not_recorded(&file, LG_INVALID_ARGUMENT, "seed");
+    file.run = make_run(1);
+    assert_not_recorded(&file, LG_INVALID_ARGUMENT, "links");
+    file.run = make_run(0);
+    file.e1 = NAN;
+    assert_not_recorded(&file, LG_NOT_FINITE, "E1");
+    file.e1 = 0, file.e2 = INFINITY;
+    assert_not_recorded(&file, LG_NOT_FINITE, "E2");
+    file.e2 = 0;
+    assert_status(lg_model_record_hamiltonian(NULL, NULL, &file, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_model_record_hamiltonian(NULL, "model.h5", NULL, NULL), LG_INVALID_ARGUMENT);
+    lg_hamiltonian_file_free(NULL, &file);
+    assert_refused(record_into, good_checkpoint(), LG_FORMAT, "checkpoint", "");
+    refuse_damaged_files(record_into, good_model(0), "");
+    survive_changed_bytes(record_into, good_model(0), 60);
+}
+
+/* A test set is for people: what is wrong with it does not make the model unreadable. */
+static void strange_test_sets(void **state) {
+    (void)state;
+    static const char *const names[] = {"test_trajectories", "test_points", "test_t_end"};
+    const double wrong[] = {-1, NAN, 2.5};
+    lg_hamiltonian_file want = {.has_e1 = true, .e1 = 1.7e-7};
+    for (size_t i = 0; i < LG_COUNT(names); i++) {
+        const char *path = good_model(0);
+        replace_text(path, "/", names[i], "many");
+        assert_verdict(path, &want);
+        replace_attribute(path, "/", names[i], H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, &wrong[i == 2 ? 1 : 2]);
+        assert_verdict(path, &want);
+        replace_attribute(path, "/", names[i], H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, &wrong[0]);
+        assert_verdict(path, &want);
+    }
+    const char *path = good_model(0);
+    char longer[80];
+    (void)snprintf(longer, sizeof longer, "%070d", 3);
+    replace_text(path, "/", "test_sha256", longer);
+    assert_verdict(path, &want);
+    replace_integer(path, "/", "test_sha256", 3);
+    assert_verdict(path, &want);
+    replace_text(path, "/", "test_sha256", "abc");
+    (void)snprintf(want.test.sha256, sizeof want.test.sha256, "abc");
+    assert_verdict(path, &want);
+}
+
 static void fitted_model(void **state) {
     (void)state;
     lg_hamiltonian_file again;
@@ -421,13 +575,24 @@ static void failing_allocations(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(model_round_trip),    cmocka_unit_test(layers_by_name),
-        cmocka_unit_test(minimal_model),       cmocka_unit_test(damaged_models),
-        cmocka_unit_test(bad_arrays),          cmocka_unit_test(bad_model_attributes),
-        cmocka_unit_test(refused_on_save),     cmocka_unit_test(fitted_model),
-        cmocka_unit_test(checkpoint_resumes),  cmocka_unit_test(checkpoint_with_nan),
-        cmocka_unit_test(damaged_checkpoints), cmocka_unit_test(another_problem),
-        cmocka_unit_test(failures_stick),      cmocka_unit_test(without_schedule),
+        cmocka_unit_test(model_round_trip),
+        cmocka_unit_test(layers_by_name),
+        cmocka_unit_test(minimal_model),
+        cmocka_unit_test(damaged_models),
+        cmocka_unit_test(bad_arrays),
+        cmocka_unit_test(bad_model_attributes),
+        cmocka_unit_test(refused_on_save),
+        cmocka_unit_test(fitted_model),
+        cmocka_unit_test(recorded_into_all_that_was_there),
+        cmocka_unit_test(recorded_in_place_of_others),
+        cmocka_unit_test(refused_on_record),
+        cmocka_unit_test(strange_test_sets),
+        cmocka_unit_test(checkpoint_resumes),
+        cmocka_unit_test(checkpoint_with_nan),
+        cmocka_unit_test(damaged_checkpoints),
+        cmocka_unit_test(another_problem),
+        cmocka_unit_test(failures_stick),
+        cmocka_unit_test(without_schedule),
         cmocka_unit_test(failing_allocations),
     };
     return cmocka_run_group_tests(tests, scratch_begin, scratch_end);

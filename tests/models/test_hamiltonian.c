@@ -371,6 +371,124 @@ static void untaped_gradient_matches_differences(void **state) {
     }
 }
 
+/* ---- derivatives of the gradient ---- */
+
+enum { MOST = 24 };
+
+typedef struct curved {
+    lg_hamiltonian model;
+    double *theta;
+    size_t d;
+    double y[MOST], tangent[MOST], other[MOST]; /* anywhere: also off the manifold */
+    void *work, *second;
+} curved;
+
+static void curved_setup(curved *c, lg_hamiltonian_family family, uint32_t links,
+                         lg_potential_kind potential) {
+    const uint32_t hidden[2] = {9, 8};
+    lg_rng rng;
+    assert_ok(lg_hamiltonian_init(&c->model, family, links, potential, hidden, 2, LG_TANH));
+    c->d = lg_hamiltonian_state_size(&c->model);
+    assert_true(c->d <= MOST);
+    c->theta = malloc(lg_hamiltonian_parameters(&c->model) * sizeof *c->theta);
+    assert_non_null(c->theta);
+    lg_rng_seed(&rng, 6, links);
+    lg_hamiltonian_initialise(&c->model, &rng, c->theta);
+    for (size_t i = 0; i < c->d; i++) c->y[i] = lg_rng_normal(&rng);
+    for (size_t i = 0; i < c->d; i++) c->tangent[i] = lg_rng_normal(&rng);
+    for (size_t i = 0; i < c->d; i++) c->other[i] = lg_rng_normal(&rng);
+    assert_int_equal(posix_memalign(&c->work, 64, lg_hamiltonian_work_size(&c->model)), 0);
+    const size_t bytes = lg_hamiltonian_hessian_work_size(&c->model);
+    assert_int_equal(posix_memalign(&c->second, 64, bytes + 64), 0);
+    memset(c->second, 0x41, bytes + 64);
+}
+
+static void curved_free(curved *c) {
+    const size_t bytes = lg_hamiltonian_hessian_work_size(&c->model);
+    for (size_t i = 0; i < 64; i++) assert_int_equal(((unsigned char *)c->second)[bytes + i], 0x41);
+    free(c->work);
+    free(c->second);
+    free(c->theta);
+}
+
+/* Difference quotient of second order of the gradient along the tangent; h = 1e-5 leaves about 1e-9. */
+static void gradient_quotient(const curved *c, double *out) {
+    const double h = 1e-5;
+    double up[MOST], down[MOST], at[MOST];
+    for (size_t i = 0; i < c->d; i++) at[i] = c->y[i] + h * c->tangent[i];
+    (void)lg_hamiltonian_gradient(&c->model, c->theta, at, up, c->work);
+    for (size_t i = 0; i < c->d; i++) at[i] = c->y[i] - h * c->tangent[i];
+    (void)lg_hamiltonian_gradient(&c->model, c->theta, at, down, c->work);
+    for (size_t i = 0; i < c->d; i++) out[i] = (up[i] - down[i]) / (2.0 * h);
+}
+
+static void check_gradient_jvp(const curved *c) {
+    double gradient[MOST], expected[MOST], dgradient[MOST], alone[MOST], quotient[MOST], other[MOST];
+    double largest = 0.0, one = 0.0, two = 0.0;
+    lg_hamiltonian_gradient_jvp(&c->model, c->theta, c->y, c->tangent, gradient, dgradient, c->second);
+    lg_hamiltonian_gradient_jvp(&c->model, c->theta, c->y, c->tangent, NULL, alone, c->second);
+    lg_hamiltonian_gradient_jvp(&c->model, c->theta, c->y, c->other, NULL, other, c->second);
+    assert_memory_equal(alone, dgradient, c->d * sizeof *alone);
+    (void)lg_hamiltonian_gradient(&c->model, c->theta, c->y, expected, c->work);
+    gradient_quotient(c, quotient);
+    for (size_t i = 0; i < c->d; i++) largest = fmax(largest, fabs(quotient[i]));
+    assert_true(largest > 1e-3);
+    for (size_t i = 0; i < c->d; i++) {
+        assert_close(gradient[i], expected[i], 1e-12, 1e-12);
+        assert_close(dgradient[i], quotient[i], 1e-7, 1e-8 * largest);
+        one += c->other[i] * dgradient[i];
+        two += c->tangent[i] * other[i];
+    }
+    /* The formulas are the gradient of one function, on the manifold and off it. */
+    assert_close(one, two, 1e-11, 1e-12 * largest);
+}
+
+static void gradient_jvp_matches_differences(void **state) {
+    (void)state;
+    static const struct {
+        lg_hamiltonian_family family;
+        uint32_t links;
+    } row[] = {{LG_HAMILTONIAN_CHAIN, 1}, {LG_HAMILTONIAN_CHAIN, 2},     {LG_HAMILTONIAN_CHAIN, 3},
+               {LG_HAMILTONIAN_CHAIN, 4}, {LG_HAMILTONIAN_SEPARABLE, 1}, {LG_HAMILTONIAN_SEPARABLE, 3}};
+    for (size_t r = 0; r < sizeof row / sizeof *row; r++)
+        for (int potential = 0; potential < 2; potential++) {
+            curved c;
+            curved_setup(&c, row[r].family, row[r].links, (lg_potential_kind)potential);
+            check_gradient_jvp(&c);
+            if (row[r].family == LG_HAMILTONIAN_CHAIN) {
+                lg_space space;
+                assert_ok(lg_space_init(&space, &(lg_space_factor){LG_SPACE_TS2, row[r].links}, 1));
+                lg_space_project(&space, c.y);
+                check_gradient_jvp(&c);
+                memset(c.y + 3, 0, 3 * sizeof(double)); /* p_1 = 0 */
+                check_gradient_jvp(&c);
+            }
+            curved_free(&c);
+        }
+}
+
+/* NaN in the state, in the direction, and a mass of rank 0. */
+static void gradient_jvp_of_what_is_not_a_number(void **state) {
+    (void)state;
+    curved c;
+    double gradient[MOST], dgradient[MOST];
+    curved_setup(&c, LG_HAMILTONIAN_CHAIN, 2, LG_POTENTIAL_MLP);
+    const double kept = c.y[0], kept_tangent = c.tangent[7];
+    c.y[0] = NAN;
+    lg_hamiltonian_gradient_jvp(&c.model, c.theta, c.y, c.tangent, gradient, dgradient, c.second);
+    for (size_t i = 0; i < c.d; i++) assert_true(isnan(gradient[i]) && isnan(dgradient[i]));
+    c.y[0] = kept;
+    c.tangent[7] = NAN;
+    lg_hamiltonian_gradient_jvp(&c.model, c.theta, c.y, c.tangent, gradient, dgradient, c.second);
+    for (size_t i = 0; i < c.d; i++) assert_true(!isnan(gradient[i]) && isnan(dgradient[i]));
+    c.tangent[7] = kept_tangent;
+    const size_t n = lg_hamiltonian_parameters(&c.model);
+    for (size_t i = n - 6; i < n; i++) c.theta[i] = 0.0;
+    lg_hamiltonian_gradient_jvp(&c.model, c.theta, c.y, c.tangent, gradient, dgradient, c.second);
+    for (size_t i = 0; i < c.d; i++) assert_true(isnan(gradient[i]) && isnan(dgradient[i]));
+    curved_free(&c);
+}
+
 /* Whatever the seed, no start has a nearly singular mass. Of one link m = Gamma^2 + b. */
 static void starts_have_a_mass(void **state) {
     (void)state;
@@ -388,6 +506,35 @@ static void starts_have_a_mass(void **state) {
     }
     assert_true(least >= LG_HAMILTONIAN_LEAST_PIVOT && least < 1.1 * LG_HAMILTONIAN_LEAST_PIVOT);
     assert_true(largest > 1.8);
+}
+
+/* m = Gamma^T Gamma + diag(max(0, b)) by hand, W its inverse; NaN without one, and none for separable
+ * systems. */
+static void mass_and_its_inverse(void **state) {
+    (void)state;
+    lg_hamiltonian model;
+    /* V linear: 9 weights; Gamma rows (1, 2, 0), (0, 1, 3), (2, 0, 1); b = (0.5, -4, 0). */
+    double theta[21] = {0.0}, m[9], W[9];
+    const double gamma[9] = {1, 2, 0, 0, 1, 3, 2, 0, 1}, b[3] = {0.5, -4, 0};
+    const double want[9] = {5.5, 2, 2, 2, 5, 3, 2, 3, 10};
+    memcpy(theta + 9, gamma, sizeof gamma);
+    memcpy(theta + 18, b, sizeof b);
+    assert_ok(lg_hamiltonian_init(&model, LG_HAMILTONIAN_CHAIN, 3, LG_POTENTIAL_LINEAR, NULL, 0, LG_TANH));
+    void *work = aligned_alloc(64, (lg_hamiltonian_work_size(&model) + 63) / 64 * 64);
+    assert_ok(lg_hamiltonian_mass(&model, theta, m, W, work));
+    for (size_t i = 0; i < 9; i++) {
+        double product = 0.0;
+        for (size_t l = 0; l < 3; l++) product += m[i / 3 * 3 + l] * W[l * 3 + i % 3];
+        assert_close(m[i], want[i], 1e-15, 0.0);
+        assert_close(product, i % 4 == 0 ? 1.0 : 0.0, 0.0, 1e-14);
+    }
+    memset(theta + 9, 0, 12 * sizeof *theta);
+    assert_ok(lg_hamiltonian_mass(&model, theta, NULL, W, work));
+    for (size_t i = 0; i < 9; i++) assert_true(isnan(W[i]));
+    assert_ok(
+        lg_hamiltonian_init(&model, LG_HAMILTONIAN_SEPARABLE, 2, LG_POTENTIAL_LINEAR, NULL, 0, LG_TANH));
+    assert_int_equal(lg_hamiltonian_mass(&model, theta, m, W, work), LG_UNSUPPORTED);
+    free(work);
 }
 
 /* dH along a tangent direction equals gradient times direction; on a chain along the group action. */
@@ -505,7 +652,10 @@ int main(void) {
         cmocka_unit_test(loss_gradients),
         cmocka_unit_test(penalty_is_what_it_says),
         cmocka_unit_test(untaped_gradient_matches_differences),
+        cmocka_unit_test(gradient_jvp_matches_differences),
+        cmocka_unit_test(gradient_jvp_of_what_is_not_a_number),
         cmocka_unit_test(starts_have_a_mass),
+        cmocka_unit_test(mass_and_its_inverse),
         cmocka_unit_test(untaped_jvp),
         cmocka_unit_test(newton_reaches_the_floor),
         cmocka_unit_test(bad_problems),

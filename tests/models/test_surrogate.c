@@ -603,6 +603,10 @@ static void arc_lengths_out_of_range(void **state) {
         double q[16], v[16];
         make_small(&s, which, N, TEST_LENGTH, 31);
         curve_of(&s, some_x[0], at, 8, q, v);
+        for (size_t i = 0; i < 16; i++) { /* those that are not finite give NaN, the others do not */
+            assert_true(isnan(q[i]) == !isfinite(at[i / 2]) || at[i / 2] == 1e300);
+            assert_true(isnan(v[i]) == !isfinite(at[i / 2]) || at[i / 2] == 1e300);
+        }
         free_small(&s);
     }
 }

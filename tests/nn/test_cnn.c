@@ -4,6 +4,7 @@
 
 #include "liegrad/convolution.h"
 #include "liegrad/gradcheck.h"
+#include "nn/odd_nets.h"
 #include "support/malloc_count.h"
 
 /* ---- the definition, in double ---- */
@@ -101,64 +102,6 @@ static lg_cnn initialised(lg_cnn net) {
     if (lg_cnn_init(&net, &error) != LG_OK) fail_msg("%s", error.message);
     return net;
 }
-
-/* Strides, paddings and poolings that differ from each other. */
-static const lg_cnn odd_nets[] = {
-    {.channels = 3,
-     .length = 23,
-     .blocks = 2,
-     .block = {{.channels = 5,
-                .kernel = 4,
-                .stride = 2,
-                .padding = 3,
-                .pooling = LG_POOL_MAX,
-                .pool_size = 3,
-                .pool_stride = 1},
-               {.channels = 9,
-                .kernel = 3,
-                .stride = 1,
-                .padding = 1,
-                .pooling = LG_POOL_AVERAGE,
-                .pool_size = 2,
-                .pool_stride = 3}},
-     .plane = 4,
-     .outputs = 3},
-    {.channels = 2,
-     .length = 40,
-     .blocks = 3,
-     .block = {{.channels = 17, .kernel = 5, .stride = 3, .padding = 0},
-               {.channels = 4,
-                .kernel = 2,
-                .stride = 1,
-                .padding = 1,
-                .pooling = LG_POOL_AVERAGE,
-                .pool_size = 3,
-                .pool_stride = 2},
-               {.channels = 7,
-                .kernel = 6,
-                .stride = 4,
-                .padding = 5,
-                .pooling = LG_POOL_MAX,
-                .pool_size = 1,
-                .pool_stride = 1}},
-     .plane = 0,
-     .outputs = 2},
-    {.channels = 3, .length = 4, .blocks = 0, .plane = 2, .outputs = 1}, /* a perceptron */
-    {.channels = 1, .length = 1, .blocks = 0, .plane = 0, .outputs = 1}, /* a line */
-    {.channels = 1,
-     .length = 1,
-     .blocks = 1,
-     .block = {{.channels = 2,
-                .kernel = 3,
-                .stride = 1,
-                .padding = 2,
-                .pooling = LG_POOL_AVERAGE,
-                .pool_size = 3,
-                .pool_stride = 1}},
-     .plane = 1,
-     .outputs = 4},
-};
-enum { ODD_NETS = sizeof odd_nets / sizeof odd_nets[0] };
 
 static const struct {
     uint32_t channels, length;
@@ -531,6 +474,100 @@ static void gradients(void **state) {
         }
 }
 
+/* Without a tape: gradient of sum_o cotangent_o y_o for row r, against the tape's. */
+static void gradient_on_tape(const example *e, lg_dtype dtype, const double *x, const double *cotangent,
+                             double *out) {
+    const lg_cnn *net = &e->net;
+    lg_tape_options options;
+    lg_tape_options_init(&options);
+    options.dtype = dtype;
+    lg_tape *tape;
+    assert_ok(lg_tape_create(NULL, &options, &tape));
+    const lg_var theta = lg_input_f64(tape, lg_shape1((uint32_t)e->parameters), e->theta);
+    const lg_var in = lg_input_f64(tape, lg_shape3(1, net->length, net->channels), x);
+    const lg_var c = lg_input_f64(tape, lg_shape2(1, net->outputs), cotangent);
+    const lg_var loss = lg_sum(tape, lg_mul(tape, c, lg_cnn_apply(tape, net, theta, 0, in, NULL)));
+    lg_var gradient = LG_NONE;
+    assert_ok(lg_grad(tape, loss, &in, 1, &gradient));
+    assert_ok(lg_read(tape, gradient, out, e->numbers));
+    lg_tape_destroy(tape);
+}
+
+/* To rounding of the largest number. */
+static void gradient_against_tape(const example *e, lg_dtype dtype, const double *x) {
+    static const double cotangent[4] = {0.7, -1.3, 0.4, 2.1};
+    const size_t n = e->numbers, bytes = lg_cnn_gradient_work_size(&e->net, dtype);
+    const bool wide = dtype == LG_F64;
+    double *wanted = malloc(n * sizeof *wanted), y[4], alone[4];
+    float *x32 = to_float(x, n), c32[4], y32[4];
+    unsigned char *work;
+    double *g = malloc(n * sizeof *g), *again = malloc(n * sizeof *again);
+    for (size_t i = 0; i < 4; i++) c32[i] = (float)cotangent[i];
+    if (posix_memalign((void **)&work, 64, bytes + 64) != 0) fail_msg("no memory");
+    memset(work, 0xff, bytes + 64); /* NaN */
+    const void *theta = wide ? (const void *)e->theta : e->theta32, *in = wide ? (const void *)x : x32;
+    const void *c = wide ? (const void *)cotangent : c32;
+    lg_cnn_input_gradient(&e->net, dtype, theta, in, c, wide ? (void *)y : y32, g, work);
+    for (size_t i = bytes; i < bytes + 64; i++) assert_int_equal(work[i], 0xff);
+    lg_cnn_input_gradient(&e->net, dtype, theta, in, c, NULL, again, work);
+    assert_memory_equal(g, again, n * (wide ? sizeof(double) : sizeof(float)));
+    gradient_on_tape(e, dtype, x, cotangent, wanted);
+    double largest = 0.0;
+    for (size_t i = 0; i < n; i++) largest = fmax(largest, fabs(wanted[i]));
+    const double rounding = (wide ? 1e-14 : 5e-6) * largest;
+    for (size_t i = 0; i < n; i++)
+        assert_close(wide ? g[i] : (double)((float *)(void *)g)[i], wanted[i], 0, rounding);
+    lg_cnn_eval(&e->net, LG_F64, e->theta, x, 1, alone, NULL, e->work);
+    for (size_t i = 0; i < e->net.outputs; i++)
+        assert_close(wide ? y[i] : (double)y32[i], alone[i], wide ? 1e-13 : 2e-5, wide ? 1e-13 : 2e-5);
+    free(wanted);
+    free(x32);
+    free(g);
+    free(again);
+    free(work);
+}
+
+static void gradients_without_tape(void **state) {
+    (void)state;
+    for (int dtype = LG_F64; dtype <= LG_F32; dtype++)
+        for (int kind = 0; kind < LG_ACTIVATION_COUNT; kind++)
+            for (size_t i = 0; i < ALL_NETS; i++) {
+                example e = make(net_number(i, (lg_activation)kind));
+                for (size_t j = 0; j < e.numbers; j++) e.x[j] = (double)e.x32[j];
+                for (size_t j = 0; j < e.parameters; j++) e.theta[j] = (double)e.theta32[j];
+                gradient_against_tape(&e, (lg_dtype)dtype, e.x);
+                release(&e);
+            }
+}
+
+/* All samples of a series alike: every maximum is a tie. No weights: every rectifier at its kink. */
+static void kinks(void **state) {
+    (void)state;
+    for (int kind = 0; kind < LG_ACTIVATION_COUNT; kind++)
+        for (size_t i = 0; i < ODD_NETS; i++) {
+            example e = make(net_number(i, (lg_activation)kind));
+            for (size_t j = 0; j < e.numbers; j++) e.x[j] = 0.5;
+            gradient_against_tape(&e, LG_F64, e.x);
+            release(&e);
+        }
+    lg_cnn net = net_number(0, LG_RELU);
+    example e = make(net);
+    lg_slice_info first;
+    assert_true(lg_cnn_slice(&net, 0, &first));
+    for (size_t j = first.count; j < e.parameters; j++) e.theta[j] = fabs(e.theta[j]);
+    memset(e.theta + first.count, 0, net.block[0].channels * sizeof *e.theta);
+    memset(e.x, 0, e.numbers * sizeof *e.x);
+    void *work;
+    if (posix_memalign(&work, 64, lg_cnn_gradient_work_size(&net, LG_F64)) != 0) fail_msg("no memory");
+    const double ones[3] = {1.0, 1.0, 1.0};
+    double *g = malloc(e.numbers * sizeof *g);
+    lg_cnn_input_gradient(&net, LG_F64, e.theta, e.x, ones, NULL, g, work);
+    for (size_t j = 0; j < e.numbers; j++) assert_close(g[j], 0.0, 0, 0);
+    free(g);
+    free(work);
+    release(&e);
+}
+
 /* ---- memory ---- */
 
 static void no_memory(void **state) {
@@ -541,6 +578,13 @@ static void no_memory(void **state) {
         double y[ROWS * 4], plane[ROWS * 4];
         assert_no_malloc_no_lock(lg_cnn_eval(&e.net, LG_F64, e.theta, e.x, ROWS, y, plane, e.work));
         assert_no_malloc_no_lock(lg_cnn_eval(&e.net, LG_F32, e.theta32, e.x32, ROWS, y, NULL, e.work));
+        const double cotangent[4] = {1.0, 2.0, 3.0, 4.0};
+        double *g = malloc(e.numbers * sizeof *g);
+        void *work;
+        if (posix_memalign(&work, 64, lg_cnn_gradient_work_size(&e.net, LG_F64)) != 0) fail_msg("no memory");
+        assert_no_malloc_no_lock(lg_cnn_input_gradient(&e.net, LG_F64, e.theta, e.x, cotangent, y, g, work));
+        free(g);
+        free(work);
         release(&e);
     }
 }
@@ -570,7 +614,8 @@ int main(void) {
         cmocka_unit_test(refused),        cmocka_unit_test(pooling_names),
         cmocka_unit_test(initialisation), cmocka_unit_test(values),
         cmocka_unit_test(on_a_tape),      cmocka_unit_test(refused_on_a_tape),
-        cmocka_unit_test(gradients),      cmocka_unit_test(no_memory),
+        cmocka_unit_test(gradients),      cmocka_unit_test(gradients_without_tape),
+        cmocka_unit_test(kinks),          cmocka_unit_test(no_memory),
         cmocka_unit_test(work_size),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

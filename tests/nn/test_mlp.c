@@ -1,5 +1,5 @@
 /* Multilayer perceptrons: description, initialisation, evaluation without a tape against plain loops and
- * difference quotients, and the tape against evaluation. */
+ * difference quotients, the tape against evaluation, products with the Hessian against the tape. */
 #include "nn_support.h"
 
 #define ROWS 5
@@ -380,13 +380,169 @@ static void test_short_theta(void **state) {
     teardown(&f);
 }
 
+/* ---- products with the Hessian ---- */
+
+enum { INPUTS = 3, CURVED_HIDDEN = 3 };
+static const uint32_t curved_hidden[CURVED_HIDDEN] = {7, 4, 6};
+
+typedef struct curved {
+    lg_mlp net;
+    double *theta;
+    double x[ROWS * INPUTS], direction[ROWS * INPUTS];
+    double gradient[ROWS * INPUTS], dgradient[ROWS * INPUTS]; /* by the tape */
+} curved;
+
+/* The gradient of the sum of outputs, and its derivative along the direction: lg_jvp of lg_grad. */
+static void curved_on_tape(curved *c) {
+    lg_tape *tape = NULL;
+    lg_var g, dg;
+    assert_ok(lg_tape_create(NULL, NULL, &tape));
+    const lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)lg_mlp_parameters(&c->net)), c->theta);
+    const lg_var x = lg_input(tape, lg_shape2(ROWS, INPUTS), c->x);
+    const lg_var direction = lg_input(tape, lg_shape2(ROWS, INPUTS), c->direction);
+    const lg_var y = lg_sum(tape, lg_mlp_apply(tape, &c->net, theta, 0, x));
+    assert_ok(lg_grad(tape, y, &x, 1, &g));
+    assert_ok(lg_jvp(tape, &g, 1, &x, &direction, 1, &dg));
+    assert_ok(lg_read(tape, g, c->gradient, ROWS * INPUTS));
+    assert_ok(lg_read(tape, dg, c->dgradient, ROWS * INPUTS));
+    lg_tape_destroy(tape);
+}
+
+static void curved_setup(curved *c, lg_activation kind, uint32_t depth, uint32_t outputs) {
+    lg_rng rng;
+    lg_rng_seed(&rng, 17, (uint64_t)kind);
+    assert_ok(lg_mlp_init(&c->net, INPUTS, curved_hidden, depth, outputs, kind, outputs > 1));
+    c->theta = malloc(lg_mlp_parameters(&c->net) * sizeof(double));
+    assert_non_null(c->theta);
+    for (size_t i = 0; i < lg_mlp_parameters(&c->net); i++) c->theta[i] = lg_rng_normal(&rng);
+    for (int i = 0; i < ROWS * INPUTS; i++) c->x[i] = lg_rng_normal(&rng);
+    for (int i = 0; i < ROWS * INPUTS; i++) c->direction[i] = lg_rng_normal(&rng);
+    curved_on_tape(c);
+}
+
+/* In memory that holds something else, and behind which nothing is written. */
+static void product(const curved *c, lg_dtype dtype, const void *theta, const void *x, const void *direction,
+                    size_t rows, void *y, void *gradient, void *dgradient) {
+    const size_t bytes = lg_mlp_hessian_work_size(&c->net, rows, dtype);
+    unsigned char *work = aligned_alloc(64, (bytes + 63) / 64 * 64 + CANARY);
+    assert_non_null(work);
+    memset(work, 0x41, bytes + CANARY);
+    lg_mlp_hessian_vector(&c->net, dtype, theta, x, direction, rows, y, gradient, dgradient, work);
+    for (size_t i = 0; i < CANARY; i++) assert_int_equal(work[bytes + i], 0x41);
+    free(work);
+}
+
+static double largest_of(const double *x, size_t n) {
+    double largest = 0.0;
+    for (size_t i = 0; i < n; i++) largest = fmax(largest, fabs(x[i]));
+    return largest;
+}
+
+static void check_product(const curved *c, size_t rows) {
+    const size_t n = rows * INPUTS, outputs = lg_mlp_outputs(&c->net);
+    double y[ROWS * 2], expected[ROWS * 2], gradient[ROWS * INPUTS], dgradient[ROWS * INPUTS],
+        alone[ROWS * INPUTS];
+    product(c, LG_F64, c->theta, c->x, c->direction, rows, y, gradient, dgradient);
+    const double scale = largest_of(c->dgradient, n);
+    for (size_t i = 0; i < n; i++) {
+        assert_close(gradient[i], c->gradient[i], 1e-12, 1e-13 * largest_of(c->gradient, n));
+        assert_close(dgradient[i], c->dgradient[i], 1e-12, 1e-13 * scale);
+    }
+    for (size_t r = 0; r < rows; r++) naive(&c->net, c->theta, c->x + INPUTS * r, expected + outputs * r);
+    for (size_t i = 0; i < rows * outputs; i++) assert_close(y[i], expected[i], 1e-12, 1e-13);
+    product(c, LG_F64, c->theta, c->x, c->direction, rows, NULL, NULL, alone);
+    assert_memory_equal(alone, dgradient, n * sizeof *alone);
+}
+
+static void test_hessian_vector(void **state) {
+    (void)state;
+    for (int kind = 0; kind < LG_ACTIVATION_COUNT; kind++)
+        for (uint32_t depth = 0; depth <= CURVED_HIDDEN; depth++)
+            for (uint32_t outputs = 1; outputs <= 2; outputs++) {
+                curved c;
+                curved_setup(&c, (lg_activation)kind, depth, outputs);
+                const bool bends =
+                    depth > 0 && kind != LG_IDENTITY && kind != LG_RELU && kind != LG_LEAKY_RELU;
+                assert_int_equal(largest_of(c.dgradient, ROWS * INPUTS) > 0.0, bends);
+                check_product(&c, 1);
+                check_product(&c, ROWS);
+                free(c.theta);
+            }
+}
+
+/* v.H w = w.H v, of each row. */
+static void test_hessian_is_symmetric(void **state) {
+    (void)state;
+    curved c;
+    double hv[ROWS * INPUTS], hw[ROWS * INPUTS], other[ROWS * INPUTS];
+    curved_setup(&c, LG_SWISH, 3, 1);
+    for (int i = 0; i < ROWS * INPUTS; i++) other[i] = c.direction[(i + 4) % (ROWS * INPUTS)];
+    product(&c, LG_F64, c.theta, c.x, c.direction, ROWS, NULL, NULL, hv);
+    product(&c, LG_F64, c.theta, c.x, other, ROWS, NULL, NULL, hw);
+    for (int r = 0; r < ROWS; r++) {
+        double one = 0.0, two = 0.0;
+        for (int i = INPUTS * r; i < INPUTS * (r + 1); i++) {
+            one += other[i] * hv[i];
+            two += c.direction[i] * hw[i];
+        }
+        assert_true(fabs(one) > 1e-4);
+        assert_close(one, two, 1e-12, 1e-14);
+    }
+    free(c.theta);
+}
+
+static void test_hessian_in_single_precision(void **state) {
+    (void)state;
+    for (int kind = 0; kind < LG_ACTIVATION_COUNT; kind++)
+        for (uint32_t depth = 0; depth <= CURVED_HIDDEN; depth++)
+            for (size_t rows = 1; rows <= ROWS; rows += ROWS - 1) {
+                curved c;
+                curved_setup(&c, (lg_activation)kind, depth, 1);
+                const size_t parameters = lg_mlp_parameters(&c.net), n = rows * INPUTS;
+                float *theta = malloc(parameters * sizeof *theta);
+                assert_non_null(theta);
+                float x[ROWS * INPUTS], direction[ROWS * INPUTS], gradient[ROWS * INPUTS],
+                    dgradient[ROWS * INPUTS];
+                to_float(parameters, c.theta, theta);
+                to_float(n, c.x, x);
+                to_float(n, c.direction, direction);
+                product(&c, LG_F32, theta, x, direction, rows, NULL, gradient, dgradient);
+                for (size_t i = 0; i < n; i++) {
+                    assert_close(gradient[i], c.gradient[i], 1e-4, 1e-5 * largest_of(c.gradient, n));
+                    assert_close(dgradient[i], c.dgradient[i], 1e-4, 1e-5 * largest_of(c.dgradient, n));
+                }
+                free(theta);
+                free(c.theta);
+            }
+}
+
+static void test_hessian_of_what_is_not_a_number(void **state) {
+    (void)state;
+    curved c;
+    double dgradient[ROWS * INPUTS];
+    curved_setup(&c, LG_TANH, 2, 1);
+    c.x[INPUTS] = NAN; /* in row 1 */
+    product(&c, LG_F64, c.theta, c.x, c.direction, ROWS, NULL, NULL, dgradient);
+    for (int i = 0; i < ROWS * INPUTS; i++) assert_int_equal(isnan(dgradient[i]) != 0, i / INPUTS == 1);
+    free(c.theta);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_description),    cmocka_unit_test(test_bad_descriptions),
-        cmocka_unit_test(test_initialisation), cmocka_unit_test(test_eval),
-        cmocka_unit_test(test_derivatives),    cmocka_unit_test(test_single_precision),
-        cmocka_unit_test(test_taped),          cmocka_unit_test(test_gradient_of_gradient),
-        cmocka_unit_test(test_short_theta),    cmocka_unit_test(test_single_output),
+        cmocka_unit_test(test_description),
+        cmocka_unit_test(test_bad_descriptions),
+        cmocka_unit_test(test_initialisation),
+        cmocka_unit_test(test_eval),
+        cmocka_unit_test(test_derivatives),
+        cmocka_unit_test(test_single_precision),
+        cmocka_unit_test(test_taped),
+        cmocka_unit_test(test_gradient_of_gradient),
+        cmocka_unit_test(test_short_theta),
+        cmocka_unit_test(test_single_output),
+        cmocka_unit_test(test_hessian_vector),
+        cmocka_unit_test(test_hessian_is_symmetric),
+        cmocka_unit_test(test_hessian_in_single_precision),
+        cmocka_unit_test(test_hessian_of_what_is_not_a_number),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -17,6 +17,8 @@ bool lg_count_available(void) {
 }
 void lg_count_begin(void) {
 }
+void lg_count_begin_here(void) {
+}
 lg_counts lg_count_end(void) {
     return (lg_counts){0, 0, 0};
 }
@@ -24,6 +26,7 @@ lg_counts lg_count_end(void) {
 #else
 
 static _Atomic int counting;
+static _Thread_local int counting_here; /* set in the thread that alone is counted */
 static _Atomic unsigned long allocations, releases, locks;
 
 bool lg_count_available(void) {
@@ -35,8 +38,13 @@ void lg_count_begin(void) {
     counting = 1;
 }
 
+void lg_count_begin_here(void) {
+    allocations = releases = locks = 0;
+    counting_here = 1;
+}
+
 lg_counts lg_count_end(void) {
-    counting = 0;
+    counting = counting_here = 0;
     return (lg_counts){allocations, releases, locks};
 }
 
@@ -54,7 +62,7 @@ void *memalign(size_t alignment, size_t bytes);
 
 #define TAKES(counter)                                                                                       \
     do {                                                                                                     \
-        if (counting) counter++;                                                                             \
+        if (counting || counting_here) counter++;                                                            \
     } while (0)
 
 void *malloc(size_t bytes) {

@@ -1,5 +1,6 @@
 /* Counts what a region of a test takes from the C library: memory and locks, of every thread, OpenBLAS
- * included.
+ * included; with lg_count_begin_here of the calling thread alone (OpenBLAS's threads, which it starts as it
+ * is loaded, may still be taking locks then).
  *
  *     lg_count_begin();
  *     ... the region ...
@@ -23,9 +24,11 @@ typedef struct lg_counts {
 
 bool lg_count_available(void);
 void lg_count_begin(void);
+void lg_count_begin_here(void);
 lg_counts lg_count_end(void);
 
-/* Runs `statement` and fails the test when it allocated, released or (second form) locked. */
+/* Runs `statement` and fails the test when it allocated, released or (second form, the calling thread alone)
+ * locked. */
 #define assert_no_malloc(statement)                                                                          \
     do {                                                                                                     \
         lg_count_begin();                                                                                    \
@@ -38,7 +41,7 @@ lg_counts lg_count_end(void);
 
 #define assert_no_malloc_no_lock(statement)                                                                  \
     do {                                                                                                     \
-        lg_count_begin();                                                                                    \
+        lg_count_begin_here();                                                                               \
         statement;                                                                                           \
         const lg_counts lg_used_ = lg_count_end();                                                           \
         if (lg_used_.allocations != 0 || lg_used_.releases != 0 || lg_used_.locks != 0)                      \

@@ -1,0 +1,121 @@
+/* A trained model in a control loop: one handle for learned Hamiltonians, surrogates and detectors, evaluated
+ * without a tape in the caller's memory.
+ *
+ *   lg_model_file file;                                            (liegrad/io.h)
+ *   lg_model_load(NULL, "pendulum.h5", NULL, &file, &error);
+ *   const lg_model *model = &file.model;
+ *   void *work = aligned_alloc(64, lg_model_work_size(model));
+ *   lg_model_eval(model, state, &energy, work);
+ *
+ * After the set-up nothing here allocates, locks or fails; everything is double precision. A model is
+ * read-only: threads may share it, each with work memory of its own. `work`: lg_model_work_size bytes,
+ * 64-byte aligned, contents irrelevant before and after; outputs must not overlap inputs or work. A
+ * number of x or state that is not finite makes all of y, Jacobian and field NaN; so does a mass that is not
+ * positive definite. The networks of a model that was trained in single precision are evaluated in double
+ * here.
+ *
+ * What a model is a function of, x -> y (rows of the Jacobian are outputs, columns inputs):
+ *   Hamiltonian            state (6k: q_1 p_1 q_2 p_2 ..., or 2n: q p) -> H (1)
+ *   surrogate, discrete    boundary conditions (8: q0 v0 qN vN) -> inner nodes and tangents (q_1 .. q_{N-1},
+ *                          v_1 .. v_{N-1}), 4(N-1)
+ *   surrogate, continuous  (s, q0 v0 qN vN), 9 -> q(s), 2. Column 0 of the Jacobian is the tangent v(s).
+ *   surrogate, angle       (s, q0 v0 qN vN), 9 -> theta(s), 1. Column 0 is the curvature.
+ *   detector               window as recorded (channels, length) -> logits (outputs of its network)
+ *
+ * The gradient of a Hamiltonian is that of lg_hamiltonian_gradient: of the extension to the ambient space
+ * whose field is the flow on the manifold. ReLU and max pooling have the derivative of the branch that is
+ * taken.
+ */
+#ifndef LIEGRAD_MODEL_H
+#define LIEGRAD_MODEL_H
+
+#include <stddef.h>
+
+#include "liegrad/detector.h"
+#include "liegrad/export.h"
+#include "liegrad/hamiltonian.h"
+#include "liegrad/integrators.h"
+#include "liegrad/series.h"
+#include "liegrad/status.h"
+#include "liegrad/surrogate.h"
+
+LG_BEGIN_DECLS
+
+typedef enum lg_model_kind { LG_MODEL_HAMILTONIAN, LG_MODEL_SURROGATE, LG_MODEL_DETECTOR } lg_model_kind;
+#define LG_MODEL_KIND_COUNT 3
+
+/* Plain data; borrows theta and the scaler's arrays. Filled by lg_model_load, or by hand from descriptions
+ * that have been through their own init. */
+typedef struct lg_model {
+    lg_model_kind kind;
+    union {
+        lg_hamiltonian hamiltonian;
+        lg_surrogate surrogate;
+        lg_detector detector;
+    };
+    lg_scaler scaler;    /* of a detector */
+    const double *theta; /* lg_model_parameters numbers */
+} lg_model;
+
+LG_API size_t lg_model_parameters(const lg_model *model);
+LG_API size_t lg_model_inputs(const lg_model *model);
+LG_API size_t lg_model_outputs(const lg_model *model);
+/* Bytes, for any of the functions below. */
+LG_API size_t lg_model_work_size(const lg_model *model);
+/* x (inputs) -> y (outputs) */
+LG_API void lg_model_eval(const lg_model *model, const double *x, double *y, void *work);
+/* y (outputs) or NULL; jacobian (outputs, inputs). */
+LG_API void lg_model_jacobian(const lg_model *model, const double *x, double *y, double *jacobian,
+                              void *work);
+
+/* ---- Hamiltonians in a loop (other kinds: sizes 0, LG_UNSUPPORTED) ----
+ *
+ * The learned system with an input u that acts beside it:
+ *   chain      u = (tau_1, ..., tau_k), 3k: spatial torques about the links' own joints, conjugate to their
+ *              angular velocities; p_i' gets tau_i x q_i, the algebra element eta_i gets tau_i
+ *   separable  u = forces (n): p' = -dV/dq + u
+ */
+LG_API size_t lg_model_input_size(const lg_model *model); /* m: 3k, n or 0 */
+/* As lg_hamiltonian_field, with input (m) or NULL: algebra elements (xi_i, eta_i), 6k, or (q', p'), 2n. */
+LG_API lg_status lg_model_field(const lg_model *model, const double *state, const double *input,
+                                double *field, void *work);
+
+/* The learned system for an integrator: space (T*S^2)^k or R^2n, field, and for separable systems force and
+ * velocity; the stepper's `input` is u. `user` (filled too), `model` and `work` (lg_model_work_size bytes)
+ * must outlive the use of `ode`. LG_INVALID_ARGUMENT: user or ode NULL. */
+typedef struct lg_model_user {
+    const lg_model *model;
+    void *work;
+} lg_model_user;
+LG_API lg_status lg_model_ode(const lg_model *model, lg_model_user *user, void *work, lg_ode *ode);
+
+/* The same with a scheme in one piece of memory (64-byte aligned, lg_model_stepper_size bytes, the caller's):
+ * steps are lg_step(stepper, t, h, state, input, next) then, on the manifold, without allocation or lock.
+ * `model` and `scheme` must outlive it; nothing to destroy. Size 0 and LG_UNSUPPORTED for classical schemes
+ * on chains (they leave the manifold), splitting schemes on chains, variational ones, slgi;
+ * LG_INVALID_ARGUMENT as lg_stepper_init (whether the scheme fits is said before anything about the memory).
+ */
+LG_API size_t lg_model_stepper_size(const lg_model *model, const lg_scheme *scheme);
+LG_API lg_status lg_model_stepper_init(void *memory, size_t bytes, const lg_model *model,
+                                       const lg_scheme *scheme, lg_stepper **out);
+
+/* ---- linearisation, for LQR, a filter, an observer ----
+ *
+ * Coordinates c (r) of states near y: y + basis c to first order, with r = 4k: for link i, with e_1, e_2
+ * orthonormal and orthogonal to q_i, c_i = (a_1, a_2, b_1, b_2) means
+ *   dq_i = a_1 e_1 + a_2 e_2,  dp_i = b_1 e_1 + b_2 e_2 - q_i (dq_i.p_i);  a_j = e_j.dq_i, b_j = e_j.dp_i,
+ * or r = 2n: c = (dq, dp). e_1 is the coordinate axis least along q_i made orthogonal to it, e_2 = q_i x e_1.
+ */
+LG_API size_t lg_model_tangent_size(const lg_model *model); /* r */
+/* c' = A c + B du to first order at (state, input), the frame e_1, e_2 held fixed (at an equilibrium nothing
+ * is left out). A (r, r), B (r, m), basis (d, r); each may be NULL; input (m) may be NULL: zero. Exact
+ * derivatives of the field: second derivatives of the network, no differences. */
+LG_API lg_status lg_model_linearise(const lg_model *model, const double *state, const double *input,
+                                    double *A, double *B, double *basis, void *work);
+/* c (r) of `other` - `state` (a_j, b_j above), basis from lg_model_linearise at `state`. */
+LG_API lg_status lg_model_deviation(const lg_model *model, const double *basis, const double *state,
+                                    const double *other, double *c);
+
+LG_END_DECLS
+
+#endif

@@ -1,0 +1,116 @@
+/* A model file of any kind, as one handle. */
+#include <string.h>
+
+#include "core/core.h"
+#include "datasets/h5.h"
+
+/* ---- the kinds: load into a file structure, point a model at it, release ---- */
+
+static lg_status load_hamiltonian(const lg_context *context, const char *path, const lg_read_options *options,
+                                  lg_model_file *out, lg_error *error) {
+    return lg_model_load_hamiltonian(context, path, options, &out->hamiltonian, error);
+}
+
+static void bind_hamiltonian(lg_model_file *file) {
+    file->model.hamiltonian = file->hamiltonian.run.model;
+    file->model.theta = file->hamiltonian.theta;
+}
+
+static void free_hamiltonian(const lg_context *context, lg_model_file *file) {
+    lg_hamiltonian_file_free(context, &file->hamiltonian);
+}
+
+static lg_status load_surrogate(const lg_context *context, const char *path, const lg_read_options *options,
+                                lg_model_file *out, lg_error *error) {
+    return lg_model_load_surrogate(context, path, options, &out->surrogate, error);
+}
+
+static void bind_surrogate(lg_model_file *file) {
+    file->model.surrogate = file->surrogate.run.model;
+    file->model.theta = file->surrogate.theta;
+}
+
+static void free_surrogate(const lg_context *context, lg_model_file *file) {
+    lg_surrogate_file_free(context, &file->surrogate);
+}
+
+static lg_status load_detector(const lg_context *context, const char *path, const lg_read_options *options,
+                               lg_model_file *out, lg_error *error) {
+    return lg_model_load_detector(context, path, options, &out->detector, error);
+}
+
+static void bind_detector(lg_model_file *file) {
+    file->model.detector = file->detector.run.model;
+    file->model.scaler = file->detector.scaler;
+    file->model.theta = file->detector.theta;
+}
+
+static void free_detector(const lg_context *context, lg_model_file *file) {
+    lg_detector_file_free(context, &file->detector);
+}
+
+typedef struct kind_row {
+    const char *name; /* attribute `kind` */
+    lg_status (*load)(const lg_context *context, const char *path, const lg_read_options *options,
+                      lg_model_file *out, lg_error *error);
+    void (*bind)(lg_model_file *file);
+    void (*release)(const lg_context *context, lg_model_file *file);
+} kind_row;
+
+static const kind_row rows[LG_MODEL_KIND_COUNT] = {
+    [LG_MODEL_HAMILTONIAN] = {"hamiltonian", load_hamiltonian, bind_hamiltonian, free_hamiltonian},
+    [LG_MODEL_SURROGATE] = {"surrogate", load_surrogate, bind_surrogate, free_surrogate},
+    [LG_MODEL_DETECTOR] = {"detector", load_detector, bind_detector, free_detector},
+};
+
+/* ---- what is no model ---- */
+
+/* In the words of the sentence; the last row stands for any other kind. */
+static const struct {
+    const char *kind, *what;
+} others[] = {
+    {"", "the file does not say what it is (attribute kind)"},
+    {"checkpoint", "it is the checkpoint of an unfinished training"},
+    {"surrogate-checkpoint", "it is the checkpoint of an unfinished training"},
+    {"detector-checkpoint", "it is the checkpoint of an unfinished training"},
+    {"classifier", "it is a classical classifier, which lg_classifier_load reads"},
+    {"trajectories", "it holds data, trajectories"},
+    {"trajectory", "it holds data, a trajectory"},
+    {"elastica", "it holds data, curves of the elastica"},
+    {"series", "it holds data, labelled series"},
+    {NULL, "its kind is unknown"},
+};
+
+static lg_status refuse(const char *path, const char *kind, lg_error *error) {
+    size_t i = 0;
+    while (others[i].kind != NULL && strcmp(others[i].kind, kind) != 0) i++;
+    return lg_fail(error, LG_FORMAT,
+                   "%s: attribute kind is '%s', expected hamiltonian, surrogate or detector: %s",
+                   lg_shown_path(path), kind, others[i].what);
+}
+
+/* ---- outside ---- */
+
+enum { KIND_TEXT = 64 };
+
+lg_status lg_model_load(const lg_context *context, const char *path, const lg_read_options *options,
+                        lg_model_file *out, lg_error *error) {
+    char kind[KIND_TEXT];
+    size_t i = 0;
+    if (path == NULL || out == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a model file needs a name, the model a place");
+    LG_TRY(lg_file_kind(context, path, options, kind, sizeof kind, error));
+    while (i < LG_MODEL_KIND_COUNT && strcmp(rows[i].name, kind) != 0) i++;
+    if (i == LG_MODEL_KIND_COUNT) return refuse(path, kind, error);
+    lg_model_file made = {.model = {.kind = (lg_model_kind)i}};
+    LG_TRY(rows[i].load(context, path, options, &made, error));
+    rows[i].bind(&made);
+    *out = made;
+    return LG_OK;
+}
+
+void lg_model_file_free(const lg_context *context, lg_model_file *file) {
+    if (file == NULL) return;
+    if ((unsigned)file->model.kind < LG_MODEL_KIND_COUNT) rows[file->model.kind].release(context, file);
+    memset(file, 0, sizeof *file);
+}

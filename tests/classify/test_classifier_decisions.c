@@ -1,0 +1,485 @@
+/* Decisions of classifiers and their Jacobians: every kind of features with every method against differences
+ * extrapolated to step 0, decisions against scores, kinks, bad input.
+ *
+ * Numbers of the windows are multiples of 2^-10 and steps are powers of two: a perturbed window is exact in
+ * single precision. */
+#include "classify_support.h"
+
+#include "liegrad/judge.h"
+
+enum { WINDOWS = 60, CHANNELS = 6, LENGTH = 50, MOST_OUTPUTS = 8 };
+
+/* Windows whose channels are mixed and scaled by class. */
+static lg_series make_series(uint32_t channels, uint32_t length, uint32_t classes) {
+    lg_series s = {.count = WINDOWS, .channels = channels, .length = length, .classes = classes};
+    assert_ok(lg_series_allocate(NULL, true, false, &s));
+    lg_rng rng;
+    lg_rng_seed(&rng, 11, classes);
+    for (uint32_t i = 0; i < WINDOWS; i++) {
+        s.label[i] = i % classes;
+        for (uint32_t t = 0; t < length; t++) {
+            const double common = lg_rng_normal(&rng);
+            for (uint32_t c = 0; c < channels; c++) {
+                const double own = lg_rng_normal(&rng) * (1.0 + 0.3 * c);
+                const double value = own + 0.4 * (1.0 + s.label[i]) * common + 0.1 * c * s.label[i];
+                s.x[(i * channels + c) * length + t] = (float)(round(value * 1024.0) / 1024.0);
+            }
+        }
+    }
+    return s;
+}
+
+typedef struct chain {
+    lg_series series;
+    lg_windows windows;
+    lg_scaler scaler;
+    lg_classifier c;
+    size_t inputs, outputs;
+    double *work;
+} chain;
+
+static chain make(lg_series series, lg_feature_kind kind, bool directions_x, lg_method method,
+                  uint32_t components) {
+    chain f = {.series = series};
+    lg_error e;
+    assert_ok(lg_windows_create(NULL, &f.series, 0, 0, &f.windows, NULL));
+    assert_ok(lg_scaler_fit(NULL, &f.series, &f.windows, NULL, WINDOWS, false, &f.scaler));
+    if (lg_features_create(NULL, kind, directions_x, &f.series, f.series.length, &f.scaler, &f.c.features,
+                           &e) != LG_OK)
+        fail_msg("%s", e.message);
+    const uint32_t d = f.c.features.count;
+    double *table = malloc(WINDOWS * d * sizeof *table);
+    assert_ok(lg_features_table(NULL, &f.c.features, &f.series, &f.windows, 1, table, NULL));
+    lg_method_options o;
+    lg_method_options_init(&o);
+    o.method = method;
+    o.components = components < d ? components : d;
+    if (lg_classifier_fit(NULL, &o, table, f.series.label, NULL, WINDOWS, d, f.series.classes, &f.c, &e) !=
+        LG_OK)
+        fail_msg("%s", e.message);
+    free(table);
+    f.inputs = (size_t)f.series.channels * f.series.length;
+    f.outputs = lg_classifier_outputs(&f.c);
+    assert_in_range(f.outputs, 1, MOST_OUTPUTS);
+    f.work = malloc((lg_classifier_jacobian_work(&f.c) + lg_classifier_work(&f.c) + 1) * sizeof *f.work);
+    return f;
+}
+
+static void release(chain *f) {
+    lg_classifier_free(NULL, &f->c);
+    lg_scaler_free(NULL, &f->scaler);
+    lg_windows_free(NULL, &f->windows);
+    lg_series_free(NULL, &f->series);
+    free(f->work);
+}
+
+/* All of the Jacobian, the memory around it watched. Caller frees. */
+static double *jacobian_of(const chain *f, const float *x, double *y) {
+    const size_t count = f->outputs * f->inputs, size = lg_classifier_jacobian_work(&f->c);
+    double *jacobian = malloc(count * sizeof *jacobian), plain[MOST_OUTPUTS];
+    for (size_t i = 0; i < count; i++) jacobian[i] = NAN;
+    for (size_t i = 0; i < size; i++) f->work[i] = NAN;
+    f->work[size] = 55.0;
+    assert_ok(lg_classifier_decisions(&f->c, x, y, jacobian, f->work));
+    assert_close(f->work[size], 55.0, 0, 0);
+    for (size_t i = 0; i < count; i++) assert_true(isfinite(jacobian[i]));
+    assert_ok(lg_classifier_decisions(&f->c, x, plain, NULL, f->work));
+    assert_memory_equal(plain, y, f->outputs * sizeof *y);
+    return jacobian;
+}
+
+/* Central differences with steps h, h/2, ..., extrapolated (Richardson). */
+enum { LEVELS = 4 };
+static void differences(const chain *f, float *x, size_t input, double step, double *by) {
+    double table[LEVELS][MOST_OUTPUTS], up[MOST_OUTPUTS], down[MOST_OUTPUTS];
+    const float kept = x[input];
+    for (int level = 0; level < LEVELS; level++) {
+        const double h = ldexp(step, -level);
+        x[input] = (float)(kept + h);
+        assert_true((double)x[input] - (double)kept == h);
+        assert_ok(lg_classifier_decisions(&f->c, x, up, NULL, f->work));
+        x[input] = (float)(kept - h);
+        assert_ok(lg_classifier_decisions(&f->c, x, down, NULL, f->work));
+        x[input] = kept;
+        for (size_t o = 0; o < f->outputs; o++) table[level][o] = (up[o] - down[o]) / (2.0 * h);
+    }
+    for (int order = 1; order < LEVELS; order++)
+        for (int level = LEVELS - 1; level >= order; level--)
+            for (size_t o = 0; o < f->outputs; o++)
+                table[level][o] += (table[level][o] - table[level - 1][o]) / (ldexp(1.0, 2 * order) - 1.0);
+    memcpy(by, table[LEVELS - 1], f->outputs * sizeof *by);
+}
+
+static double largest_of(const double *row, size_t n) {
+    double largest = 0.0;
+    for (size_t i = 0; i < n; i++) largest = fmax(largest, fabs(row[i]));
+    return largest;
+}
+
+/* Every `every`-th input of a window, to `tolerance` of the largest number of the row. A tree is constant but
+ * for jumps, which a step may cross. */
+static void against_differences(const chain *f, float *x, size_t every, double step, double tolerance) {
+    double y[MOST_OUTPUTS], by[MOST_OUTPUTS];
+    double *jacobian = jacobian_of(f, x, y);
+    if (f->c.method == LG_METHOD_TREE) assert_close(largest_of(jacobian, f->outputs * f->inputs), 0.0, 0, 0);
+    for (size_t input = 0; f->c.method != LG_METHOD_TREE && input < f->inputs; input += every) {
+        differences(f, x, input, step, by);
+        for (size_t o = 0; o < f->outputs; o++) {
+            const double *row = jacobian + o * f->inputs;
+            assert_close(row[input], by[o], 0, tolerance * largest_of(row, f->inputs) + 1e-12);
+        }
+    }
+    free(jacobian);
+}
+
+/* ---- decisions against scores ---- */
+
+static void softmax(const double *logit, size_t n, double *p) {
+    double sum = 0.0;
+    for (size_t i = 0; i < n; i++) sum += p[i] = exp(logit[i]);
+    for (size_t i = 0; i < n; i++) p[i] /= sum;
+}
+
+static void votes(const double *decision, size_t classes, double *count) {
+    for (size_t i = 0; i < classes; i++) count[i] = 0.0;
+    for (size_t i = 0; i < classes; i++)
+        for (size_t j = i + 1; j < classes; j++) count[*decision++ > 0.0 ? i : j] += 1.0;
+}
+
+static void against_scores(const chain *f, const float *x) {
+    double y[MOST_OUTPUTS], score[MOST_OUTPUTS], wanted[MOST_OUTPUTS];
+    const size_t classes = f->c.classes;
+    assert_ok(lg_classifier_decisions(&f->c, x, y, NULL, f->work));
+    assert_ok(lg_classifier_window(&f->c, x, score, f->work));
+    if (f->c.method == LG_METHOD_TREE) {
+        assert_int_equal(f->outputs, classes);
+        assert_memory_equal(y, score, classes * sizeof *y);
+    } else if (f->c.method == LG_METHOD_LOGISTIC) {
+        const double two[2] = {0.0, y[0]};
+        assert_int_equal(f->outputs, classes == 2 ? 1 : classes);
+        softmax(classes == 2 ? two : y, classes, wanted);
+        for (size_t i = 0; i < classes; i++) assert_close(score[i], wanted[i], 1e-13, 0);
+    } else if (classes == 2) {
+        assert_int_equal(f->outputs, 1);
+        assert_close(score[0], y[0], 0, 0); /* positive for class 0 */
+        assert_close(score[1], -y[0], 0, 0);
+    } else {
+        assert_int_equal(f->outputs, classes * (classes - 1) / 2);
+        votes(y, classes, wanted);
+        assert_int_equal(lg_class_of(score, (uint32_t)classes), lg_class_of(wanted, (uint32_t)classes));
+        for (size_t i = 0; i < classes; i++)
+            assert_close(score[i], f->c.svm.vectors_of[i] > 0 ? wanted[i] : -1.0, 0, 0.34);
+    }
+}
+
+/* ---- every kind and method ---- */
+
+static void all_chains(lg_feature_kind kind) {
+    for (int method = 0; method < LG_METHOD_COUNT; method++)
+        for (uint32_t classes = 2; classes <= 4; classes++)
+            for (uint32_t components = 0; components <= 3; components += 3) {
+                const bool directions_x = classes == 3;
+                chain f = make(make_series(CHANNELS, LENGTH, classes), kind, directions_x, (lg_method)method,
+                               components);
+                for (size_t i = 0; i < WINDOWS; i++) against_scores(&f, f.series.x + i * f.inputs);
+                against_differences(&f, f.series.x + 7 * f.inputs, 13, 0x1p-5, 1e-9);
+                release(&f);
+            }
+}
+
+static void raw(void **state) {
+    (void)state;
+    all_chains(LG_FEATURES_RAW);
+}
+
+static void deviations(void **state) {
+    (void)state;
+    all_chains(LG_FEATURES_STD);
+}
+
+static void covariance(void **state) {
+    (void)state;
+    all_chains(LG_FEATURES_COV);
+}
+
+static void baseline(void **state) {
+    (void)state;
+    all_chains(LG_FEATURES_BASELINE);
+}
+
+/* The whole Jacobian of one chain of each kind, and zeros for channels that are not selected. */
+static void all_inputs(void **state) {
+    (void)state;
+    for (int kind = 0; kind < LG_FEATURE_KIND_COUNT; kind++) {
+        chain f = make(make_series(CHANNELS, LENGTH, 2), (lg_feature_kind)kind, true, LG_METHOD_LOGISTIC, 0);
+        double y[MOST_OUTPUTS], *jacobian = jacobian_of(&f, f.series.x, y);
+        against_differences(&f, f.series.x, 1, 0x1p-5, 1e-9);
+        for (size_t i = 0; i < f.inputs; i++)
+            if (i / LENGTH % 2 == 1) assert_close(jacobian[i], 0.0, 0, 0);
+        if (kind != LG_FEATURES_BASELINE)
+            for (size_t c = 0; c < CHANNELS; c += 2)
+                assert_true(largest_of(jacobian + c * LENGTH, LENGTH) > 1e-6);
+        free(jacobian);
+        release(&f);
+    }
+}
+
+/* A window that is moved has the same deviations, covariance and baseline. */
+static void rows_of_sum_zero(void **state) {
+    (void)state;
+    for (int kind = LG_FEATURES_STD; kind < LG_FEATURE_KIND_COUNT; kind++) {
+        chain f = make(make_series(CHANNELS, LENGTH, 2), (lg_feature_kind)kind, false, LG_METHOD_SVM_RBF, 0);
+        double y[MOST_OUTPUTS], *jacobian = jacobian_of(&f, f.series.x, y);
+        for (size_t c = 0; c < CHANNELS; c++) {
+            double sum = 0.0;
+            for (size_t t = 0; t < LENGTH; t++) sum += jacobian[c * LENGTH + t];
+            assert_close(sum, 0.0, 0, 1e-13 * largest_of(jacobian, f.inputs));
+        }
+        free(jacobian);
+        release(&f);
+    }
+}
+
+/* ---- kinks ---- */
+
+/* Of a constant channel: deviations have a kink, derivative 0; the covariance with the others moves. Central
+ * differences take the kink, which is even, away, and leave an error of first order in the step. */
+static void constant_channel(void **state) {
+    (void)state;
+    for (int kind = LG_FEATURES_STD; kind < LG_FEATURE_KIND_COUNT; kind++) {
+        chain f = make(make_series(CHANNELS, LENGTH, 2), (lg_feature_kind)kind, false, LG_METHOD_LOGISTIC, 0);
+        for (size_t t = 0; t < LENGTH; t++) f.series.x[t] = 0.75f;
+        double y[MOST_OUTPUTS], *jacobian = jacobian_of(&f, f.series.x, y);
+        if (kind == LG_FEATURES_COV)
+            assert_true(largest_of(jacobian, LENGTH) > 1e-3);
+        else
+            for (size_t t = 0; t < LENGTH; t++) assert_close(jacobian[t], 0.0, 0, 0);
+        if (kind == LG_FEATURES_COV) against_differences(&f, f.series.x, 3, 0x1p-10, 2e-3);
+        free(jacobian);
+        for (size_t i = 0; i < f.inputs; i++) f.series.x[i] = 3.0f; /* all of them */
+        jacobian = jacobian_of(&f, f.series.x, y);
+        for (size_t i = 0; i < f.inputs; i++) assert_close(jacobian[i], 0.0, 0, 0);
+        free(jacobian);
+        release(&f);
+    }
+}
+
+/* A channel that is the sum of two others. */
+static void singular_covariance(void **state) {
+    (void)state;
+    chain f = make(make_series(CHANNELS, LENGTH, 2), LG_FEATURES_COV, false, LG_METHOD_LOGISTIC, 0);
+    for (size_t t = 0; t < LENGTH; t++) f.series.x[2 * LENGTH + t] = f.series.x[t] + f.series.x[LENGTH + t];
+    against_differences(&f, f.series.x, 7, 0x1p-10, 2e-3);
+    release(&f);
+    /* fewer samples than channels */
+    f = make(make_series(CHANNELS, 4, 2), LG_FEATURES_COV, false, LG_METHOD_LOGISTIC, 0);
+    against_differences(&f, f.series.x, 1, 0x1p-10, 5e-3);
+    release(&f);
+}
+
+/* All m channels alike: C = a 1 1^T = s^2 P with s^2 = m a and P the projection on (1, ..., 1), Q = I - P the
+ * one on the null space. The cotangent of C from G, that of the root, is (P G Q + Q G P)/s + P G P/(2 s),
+ * free of what rounding makes of the eigenvalues 0. */
+static void identical_channels(void **state) {
+    (void)state;
+    enum { M = CHANNELS };
+    chain f = make(make_series(M, LENGTH, 2), LG_FEATURES_COV, false, LG_METHOD_LOGISTIC, 0);
+    float *x = f.series.x;
+    double y[MOST_OUTPUTS], g[M][M], row[M] = {0}, mean = 0.0, variance = 0.0, all = 0.0;
+    for (size_t c = 0; c < M; c++) {
+        f.c.features.scale[c] = 1.0;
+        memcpy(x + c * LENGTH, x, LENGTH * sizeof *x);
+    }
+    double *jacobian = jacobian_of(&f, x, y);
+    for (size_t i = 0, at = 0; i < M; i++)
+        for (size_t j = i; j < M; j++, at++) {
+            const double weight = f.c.logistic.weight[at] / f.c.pca.scale[at];
+            g[i][j] = g[j][i] = i == j ? weight : 0.5 * weight;
+        }
+    for (size_t i = 0; i < M; i++) {
+        for (size_t j = 0; j < M; j++) row[i] += g[i][j] / M; /* G P = row 1^T */
+        all += row[i] / M;                                    /* P G P = all 1 1^T */
+    }
+    for (size_t t = 0; t < LENGTH; t++) mean += (double)x[t] / LENGTH;
+    for (size_t t = 0; t < LENGTH; t++) variance += (x[t] - mean) * (x[t] - mean) / LENGTH;
+    const double s = sqrt(M * variance);
+    for (size_t i = 0; i < M; i++) {
+        double sum = 0.0; /* of row i of the cotangent of C */
+        for (size_t j = 0; j < M; j++) sum += (row[i] + row[j] - 2.0 * all) / s + all / (2.0 * s);
+        for (size_t t = 0; t < LENGTH; t++)
+            assert_close(jacobian[i * LENGTH + t], 2.0 * sum * (x[t] - mean) / LENGTH, 1e-12,
+                         1e-13 * largest_of(jacobian, f.inputs));
+    }
+    free(jacobian);
+    release(&f);
+}
+
+static double sign_of(unsigned bits) {
+    return (bits ^ bits >> 1 ^ bits >> 2) & 1 ? -1.0 : 1.0;
+}
+
+/* Z = sum_k s_k v_k w_k^T with exact numbers, orthonormal v_k, orthogonal w_k of ones and minus ones: with G,
+ * the cotangent of the root, that of Z is 2/n sum_ab v_a (v_a.G v_b) s_b/(s_a + s_b) w_b^T. It is off by eps
+ * s_max/s_min, 1e-12; from eigenvectors of Z Z^T it would be by the square of that ratio. */
+static void small_roots(void **state) {
+    (void)state;
+    enum { M = 4, N = 8 };
+    static const double root[M] = {0x1p-4, 1.0, 0x1p-12, 0x1p-8};
+    chain f = make(make_series(M, N, 2), LG_FEATURES_COV, false, LG_METHOD_LOGISTIC, 0);
+    float *x = f.series.x;
+    double y[MOST_OUTPUTS], g[M][M], turned[M][M] = {{0.0}};
+    for (unsigned i = 0; i < M; i++) {
+        f.c.features.scale[i] = 2.0;
+        for (unsigned t = 0; t < N; t++) {
+            double sum = 3.0;
+            for (unsigned k = 0; k < M; k++) sum += root[k] * sign_of(k & i) * sign_of((k + 1) & t);
+            x[i * N + t] = (float)sum;
+            assert_true((double)x[i * N + t] == sum);
+        }
+    }
+    double *jacobian = jacobian_of(&f, x, y);
+    for (unsigned i = 0, at = 0; i < M; i++)
+        for (unsigned j = i; j < M; j++, at++) {
+            const double weight = f.c.logistic.weight[at] / f.c.pca.scale[at];
+            g[i][j] = g[j][i] = i == j ? weight : 0.5 * weight;
+        }
+    for (unsigned a = 0; a < M; a++)
+        for (unsigned b = 0; b < M; b++)
+            for (unsigned i = 0; i < M; i++)
+                for (unsigned j = 0; j < M; j++)
+                    turned[a][b] += 0.25 * sign_of(a & i) * g[i][j] * sign_of(b & j);
+    for (unsigned i = 0; i < M; i++)
+        for (unsigned t = 0; t < N; t++) {
+            double sum = 0.0;
+            for (unsigned a = 0; a < M; a++)
+                for (unsigned b = 0; b < M; b++)
+                    sum += 0.5 * sign_of(a & i) * turned[a][b] * (root[b] / (root[a] + root[b])) *
+                           sign_of((b + 1) & t);
+            assert_close(jacobian[i * N + t], 2.0 * sum / (N * 2.0), 0,
+                         1e-11 * largest_of(jacobian, f.inputs));
+        }
+    free(jacobian);
+    release(&f);
+}
+
+/* Accelerations of the same deviation in all parts: slope 0, and so are its derivatives; the intercept is the
+ * mean of the moment's deviations. */
+static void level_baseline(void **state) {
+    (void)state;
+    chain f = make(make_series(CHANNELS, LENGTH, 2), LG_FEATURES_BASELINE, true, LG_METHOD_LOGISTIC, 0);
+    assert_int_equal(f.c.features.count, 2);
+    for (size_t t = 0; t < LENGTH; t++) f.series.x[t] = (float)(t % 5);
+    double y[MOST_OUTPUTS], *jacobian = jacobian_of(&f, f.series.x, y);
+    for (size_t i = 0; i < 4 * LENGTH; i++) assert_close(jacobian[i], 0.0, 0, 0);
+    const double factor = f.c.logistic.weight[0] / f.c.pca.scale[0];
+    for (size_t s = 0; s < 10; s++) {
+        const float *x = f.series.x + 4 * LENGTH + 5 * s;
+        double mean = 0.0, square = 0.0;
+        for (size_t t = 0; t < 5; t++) mean += (double)x[t] / 5.0;
+        for (size_t t = 0; t < 5; t++) square += (x[t] - mean) * (x[t] - mean) / 5.0;
+        for (size_t t = 0; t < 5; t++) {
+            const double wanted = factor * (x[t] - mean) / (50.0 * sqrt(square) * f.scaler.scale[4]);
+            assert_close(jacobian[4 * LENGTH + 5 * s + t], wanted, 1e-11, 1e-13);
+        }
+    }
+    free(jacobian);
+    release(&f);
+}
+
+static void one_sample(void **state) {
+    (void)state;
+    for (int method = 0; method < LG_METHOD_COUNT; method++)
+        for (int kind = LG_FEATURES_RAW; kind <= LG_FEATURES_COV; kind++) {
+            chain f = make(make_series(3, 1, 3), (lg_feature_kind)kind, false, (lg_method)method, 0);
+            double y[MOST_OUTPUTS], *jacobian = jacobian_of(&f, f.series.x, y);
+            for (size_t i = 0; kind != LG_FEATURES_RAW && i < f.outputs * f.inputs; i++)
+                assert_close(jacobian[i], 0.0, 0, 0);
+            if (kind == LG_FEATURES_RAW && method != LG_METHOD_TREE)
+                assert_true(largest_of(jacobian, f.inputs) > 1e-6);
+            against_differences(&f, f.series.x, 1, 0x1p-5, 1e-9);
+            against_scores(&f, f.series.x);
+            free(jacobian);
+            release(&f);
+        }
+}
+
+static void trees_are_constant(void **state) {
+    (void)state;
+    chain f = make(make_series(CHANNELS, LENGTH, 3), LG_FEATURES_COV, false, LG_METHOD_TREE, 2);
+    double y[MOST_OUTPUTS], *jacobian = jacobian_of(&f, f.series.x, y), sum = 0.0;
+    for (size_t i = 0; i < 3; i++) sum += y[i];
+    assert_close(sum, 1.0, 1e-15, 0);
+    for (size_t i = 0; i < f.outputs * f.inputs; i++) assert_close(jacobian[i], 0.0, 0, 0);
+    free(jacobian);
+    release(&f);
+}
+
+/* ---- classes that do not occur ---- */
+
+static void unseen_class(void **state) {
+    (void)state;
+    for (int method = 0; method < LG_METHOD_COUNT; method++) {
+        lg_series s = make_series(CHANNELS, LENGTH, 4);
+        for (size_t i = 0; i < WINDOWS; i++)
+            if (s.label[i] == 1) s.label[i] = 3;
+        chain f = make(s, LG_FEATURES_STD, false, (lg_method)method, 0);
+        double y[MOST_OUTPUTS], *jacobian = jacobian_of(&f, f.series.x, y);
+        against_differences(&f, f.series.x, 13, 0x1p-5, 1e-9);
+        against_scores(&f, f.series.x);
+        if (method >= LG_METHOD_SVM_LINEAR) { /* pairs 01 02 03 12 13 23 */
+            static const double fixed[6] = {1.0, 0.0, 0.0, -1.0, -1.0, 0.0};
+            for (size_t p = 0; p < 6; p++) {
+                const double size = largest_of(jacobian + p * f.inputs, f.inputs);
+                if (fixed[p] != 0.0) assert_close(y[p], fixed[p], 0, 0);
+                assert_int_equal(size > 0.0, fixed[p] == 0.0);
+            }
+        }
+        if (method == LG_METHOD_LOGISTIC) assert_close(largest_of(jacobian + f.inputs, f.inputs), 0.0, 0, 0);
+        free(jacobian);
+        release(&f);
+    }
+}
+
+/* ---- bad input ---- */
+
+static void refused(void **state) {
+    (void)state;
+    chain f = make(make_series(CHANNELS, LENGTH, 2), LG_FEATURES_COV, false, LG_METHOD_SVM_RBF, 0);
+    double y[1] = {7.0}, *jacobian = calloc(f.inputs, sizeof *jacobian);
+    f.series.x[70] = NAN;
+    assert_status(lg_classifier_decisions(&f.c, f.series.x, y, jacobian, f.work), LG_NOT_FINITE);
+    f.series.x[70] = INFINITY;
+    assert_status(lg_classifier_decisions(&f.c, f.series.x, y, jacobian, f.work), LG_NOT_FINITE);
+    f.series.x[70] = 0.0f;
+    const uint32_t count = f.c.features.count;
+    f.c.features.count = 0;
+    assert_status(lg_classifier_decisions(&f.c, f.series.x, y, jacobian, f.work), LG_INVALID_ARGUMENT);
+    f.c.features.count = count - 1;
+    assert_status(lg_classifier_decisions(&f.c, f.series.x, y, jacobian, f.work), LG_INVALID_ARGUMENT);
+    f.c.features.count = count;
+    assert_close(y[0], 7.0, 0, 0);
+    assert_close(largest_of(jacobian, f.inputs), 0.0, 0, 0);
+    free(jacobian);
+    release(&f);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(raw),
+        cmocka_unit_test(deviations),
+        cmocka_unit_test(covariance),
+        cmocka_unit_test(baseline),
+        cmocka_unit_test(all_inputs),
+        cmocka_unit_test(rows_of_sum_zero),
+        cmocka_unit_test(constant_channel),
+        cmocka_unit_test(singular_covariance),
+        cmocka_unit_test(identical_channels),
+        cmocka_unit_test(small_roots),
+        cmocka_unit_test(level_baseline),
+        cmocka_unit_test(one_sample),
+        cmocka_unit_test(trees_are_constant),
+        cmocka_unit_test(unseen_class),
+        cmocka_unit_test(refused),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
