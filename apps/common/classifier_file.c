@@ -1,0 +1,142 @@
+/* Classifiers from and to files. */
+#include "common/classifier_file.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "common/app.h"
+
+/* ---- what stands below /run ---- */
+
+typedef struct stored {
+    const char *path;
+    lg_element type;
+    void *value;
+} stored;
+
+enum { STORED = 7, NEEDED = STORED - 2 /* the last two may be missing */ };
+static void list_stored(classifier_file *file, stored out[STORED]) {
+    const stored rows[STORED] = {{"run/test_fraction", LG_ELEMENT_F64, &file->test_fraction},
+                                 {"run/seed", LG_ELEMENT_U64, &file->seed},
+                                 {"run/windows", LG_ELEMENT_U64, &file->windows},
+                                 {"run/window", LG_ELEMENT_U64, &file->window},
+                                 {"run/hop", LG_ELEMENT_U64, &file->hop},
+                                 {"run/accuracy", LG_ELEMENT_F64, &file->accuracy},
+                                 {"run/f1", LG_ELEMENT_F64, &file->f1}};
+    memcpy(out, rows, sizeof rows);
+}
+
+/* ---- writing ---- */
+
+static lg_status write_run(const lg_archive_writer *to, const classifier_file *file) {
+    classifier_file copy = *file;
+    stored rows[STORED];
+    lg_status status = LG_OK;
+    list_stored(&copy, rows);
+    for (size_t i = 0; i < STORED && status == LG_OK; i++)
+        if (i < NEEDED || isfinite(*(const double *)rows[i].value))
+            status = to->array(to->user, rows[i].path, rows[i].type, 0, NULL, rows[i].value);
+    const char *const texts[][2] = {{"run/method", file->method},
+                                    {"run/split", lg_split_name(file->split)},
+                                    {"run/data_sha256", file->data_sha256}};
+    for (size_t i = 0; i < APP_COUNT(texts) && status == LG_OK; i++)
+        status = to->text(to->user, texts[i][0], texts[i][1]);
+    return status;
+}
+
+lg_status classifier_file_save(const lg_context *context, const char *path, const classifier_file *file,
+                               lg_error *error) {
+    lg_file_writer *writer = NULL;
+    lg_archive_writer archive;
+    lg_status status = lg_file_writer_create(context, path, "classifier", &file->provenance, &writer, error);
+    if (status == LG_OK) status = lg_file_writer_archive(writer, "", &archive);
+    if (status == LG_OK) status = lg_file_writer_names(writer, &file->names, error);
+    if (status == LG_OK) status = write_run(&archive, file);
+    if (status == LG_OK) status = lg_classifier_save(&file->classifier, &archive, error);
+    if (writer != NULL && (status == LG_OK || error->message[0] == '\0'))
+        status = lg_file_writer_commit(writer, error); /* repeats what failed before it */
+    lg_file_writer_destroy(writer);
+    return status;
+}
+
+/* ---- reading ---- */
+
+static const char *const methods[] = {"logistic", "tree", "svm-linear", "svm-rbf", "baseline"};
+
+static const char *known_method(const char *name) {
+    for (size_t i = 0; i < APP_COUNT(methods); i++)
+        if (strcmp(methods[i], name) == 0) return methods[i];
+    return NULL;
+}
+
+static lg_status read_texts(const lg_archive_reader *from, classifier_file *out, lg_error *error) {
+    char method[32], split[32];
+    lg_status status = from->text(from->user, "run/method", method, sizeof method);
+    if (status == LG_OK) status = from->text(from->user, "run/split", split, sizeof split);
+    if (status == LG_OK)
+        status = from->text(from->user, "run/data_sha256", out->data_sha256, sizeof out->data_sha256);
+    if (status != LG_OK) return status;
+    out->method = known_method(method);
+    if (out->method == NULL || lg_split_parse(split, &out->split) != LG_OK)
+        return app_error(error, LG_FORMAT, "/run: method or split are not those of a classifier");
+    return LG_OK;
+}
+
+static lg_status read_names(lg_file_reader *reader, classifier_file *out, lg_error *error) {
+    const lg_status status = lg_file_reader_names(reader, &out->names, error);
+    if (status != LG_OK) return status;
+    if (out->names.classes != out->classifier.classes)
+        return app_error(error, LG_FORMAT, "the file names %u classes, its classifier has %u",
+                         out->names.classes, out->classifier.classes);
+    return LG_OK;
+}
+
+static lg_status read_run(const lg_archive_reader *from, classifier_file *out, lg_error *error) {
+    stored rows[STORED];
+    lg_status status = LG_OK;
+    list_stored(out, rows);
+    for (size_t i = 0; i < NEEDED && status == LG_OK; i++)
+        status = from->array(from->user, rows[i].path, rows[i].type, 0, NULL, rows[i].value);
+    if (status == LG_OK) status = read_texts(from, out, error);
+    if (status != LG_OK) return status;
+    if (out->window != out->classifier.features.length || out->hop < 1 ||
+        !(out->test_fraction >= 0 && out->test_fraction < 1))
+        return app_error(error, LG_FORMAT, "/run does not fit the classifier: window, hop or test_fraction");
+    for (size_t i = NEEDED; i < STORED; i++)
+        if (from->array(from->user, rows[i].path, rows[i].type, 0, NULL, rows[i].value) != LG_OK)
+            *(double *)rows[i].value = NAN;
+    return LG_OK;
+}
+
+static lg_status read_all(const lg_context *context, lg_file_reader *reader, classifier_file *out,
+                          lg_error *error) {
+    lg_archive_reader archive;
+    lg_status status = lg_file_reader_archive(reader, "", &archive);
+    if (status == LG_OK) status = lg_classifier_load(context, &archive, &out->classifier, error);
+    if (status == LG_OK) status = read_names(reader, out, error);
+    if (status == LG_OK) status = read_run(&archive, out, error);
+    if (status == LG_OK) lg_file_reader_provenance(reader, &out->provenance);
+    return status;
+}
+
+lg_status classifier_file_load(const lg_context *context, const char *path, classifier_file *out,
+                               lg_error *error) {
+    lg_file_reader *reader = NULL;
+    *out = (classifier_file){.method = NULL};
+    lg_status status = lg_file_reader_open(context, path, "classifier", NULL, &reader, error);
+    if (status != LG_OK) return status;
+    status = read_all(context, reader, out, error);
+    if (status != LG_OK && error->message[0] == '\0')
+        (void)app_error(error, status, "%s", lg_file_reader_message(reader));
+    lg_file_reader_close(reader);
+    if (status == LG_OK) return LG_OK;
+    const bool loaded = out->classifier.classes > 0; /* what is missing then is the file's fault */
+    classifier_file_free(context, out);
+    return status == LG_NOT_FOUND && loaded ? LG_FORMAT : status;
+}
+
+void classifier_file_free(const lg_context *context, classifier_file *file) {
+    lg_series_free(context, &file->names);
+    lg_classifier_free(context, &file->classifier);
+    *file = (classifier_file){.method = NULL};
+}

@@ -1,0 +1,34 @@
+/* A classical classifier on its way to C: what its parts share. */
+#ifndef LG_EXPORT_CLASSIFIER_H
+#define LG_EXPORT_CLASSIFIER_H
+
+#include "common/classifier_file.h"
+#include "lg-export/window.h"
+#include "liegrad/classify.h"
+
+/* What is exported, and what its parts are made of. */
+typedef struct classifier_job {
+    export_source *source;
+    const classifier_file *file;
+    const lg_classifier *c;
+    size_t d, k, outputs; /* features, what the model reads, decisions */
+} classifier_job;
+
+/* Linear decisions y = W p + b of logistic regression and linear SVMs. */
+typedef struct classifier_linear {
+    double *weight; /* (k, outputs) */
+    double *bias;   /* (outputs) */
+} classifier_linear;
+
+bool classifier_is_linear(const lg_classifier *c);
+/* Of the exported type. */
+double classifier_eps(const classifier_job *j);
+/* Feature i is accurate to about eps times this number, at the training mean (classifier_rounding.c). */
+double classifier_size_of(const classifier_job *j, size_t i);
+/* What rounding of decisions on windows is multiplied by, beside 20 eps depth; w is read where decisions are
+ * linear. */
+double classifier_condition(const classifier_job *j, const classifier_linear *w);
+/* Draws windows, computes what the library says of them. An exit code (classifier_golden.c). */
+int classifier_golden(const classifier_job *j, const app *self);
+
+#endif

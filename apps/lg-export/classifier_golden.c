@@ -1,0 +1,182 @@
+/* Golden vectors of a classifier: windows whose features are like those of the training data and whose
+ * decisions are not a matter of rounding. */
+#include "lg-export/classifier.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+
+#include "liegrad/judge.h"
+#include "liegrad/random.h"
+
+enum { GOLDEN_STREAM = 0x636c6173 };
+
+typedef struct drawing {
+    const classifier_job *j;
+    lg_rng rng;
+    float *window;
+    double *feature, *work, *made; /* made (d): features that windows are drawn for; (m, m) behind it */
+    double *moved;                 /* decisions and Jacobian of a window beside */
+} drawing;
+
+static void put(const drawing *d, size_t channel, size_t sample, double value) {
+    d->window[channel * d->j->c->features.length + sample] = export_window_number(d->j->source, value);
+}
+
+/* Noise mixed by the symmetric matrix whose upper triangle is `made`: its covariance has the root |made|. */
+static void draw_mixed(drawing *d) {
+    const lg_features *f = &d->j->c->features;
+    const size_t m = f->selected;
+    double *root = d->made + d->j->d, *noise = root + m * m;
+    for (size_t i = 0, e = 0; i < m; i++)
+        for (size_t k = i; k < m; k++, e++) root[i * m + k] = root[k * m + i] = d->made[e];
+    for (size_t t = 0; t < f->length; t++) {
+        for (size_t k = 0; k < m; k++) noise[k] = lg_rng_normal(&d->rng);
+        for (size_t i = 0; i < m; i++) {
+            double sum = 0;
+            for (size_t k = 0; k < m; k++) sum += root[i * m + k] * noise[k];
+            put(d, f->select[i], t, sum * f->scale[f->select[i]]);
+        }
+    }
+}
+
+/* Noise whose size varies from part to part; the moment's is on the line. */
+static void draw_parts(drawing *d) {
+    const lg_features *f = &d->j->c->features;
+    for (uint32_t p = 0; p < f->pairs; p++) {
+        double a = 1;
+        uint32_t part = f->segments;
+        for (uint32_t t = 0; t < f->length; t++) {
+            const uint32_t now = (uint32_t)((uint64_t)t * f->segments / f->length);
+            if (now != part) a = lg_rng_uniform_in(&d->rng, 0.5, 1.5);
+            part = now;
+            const double m = d->made[2 * p] + d->made[2 * p + 1] * a;
+            put(d, f->pair[2 * p], t, a * lg_rng_normal(&d->rng) * f->scale[f->pair[2 * p]]);
+            put(d, f->pair[2 * p + 1], t, m * lg_rng_normal(&d->rng) * f->scale[f->pair[2 * p + 1]]);
+        }
+    }
+}
+
+/* A window whose features are near `made`; channels that are not used are noise. */
+static void draw_window(drawing *d) {
+    const lg_features *f = &d->j->c->features;
+    for (size_t c = 0; c < f->channels; c++)
+        for (size_t t = 0; t < f->length; t++) put(d, c, t, lg_rng_normal(&d->rng) * f->scale[c]);
+    if (f->kind == LG_FEATURES_COV) draw_mixed(d);
+    if (f->kind == LG_FEATURES_BASELINE) draw_parts(d);
+    if (f->kind == LG_FEATURES_RAW || f->kind == LG_FEATURES_STD)
+        for (size_t i = 0; i < f->selected; i++)
+            for (size_t t = 0; t < f->length; t++)
+                put(d, f->select[i], t,
+                    f->kind == LG_FEATURES_RAW ? d->made[i * f->length + t]
+                                               : d->made[i] * lg_rng_normal(&d->rng));
+}
+
+/* Whether the way through the tree is not a matter of rounding. */
+static bool is_decided(const classifier_job *j, const double *p) {
+    const lg_tree *tree = &j->c->tree;
+    double margin = 0;
+    if (j->c->method != LG_METHOD_TREE) return true;
+    for (size_t i = 0; i < j->d; i++)
+        margin = fmax(margin, 1 + classifier_size_of(j, i) / j->c->pca.scale[i]);
+    margin *= 64 * classifier_eps(j) * sqrt((double)j->d);
+    for (uint32_t i = 0; tree->node[i].left != 0;) {
+        const lg_tree_node *node = &tree->node[i];
+        if (fabs(p[node->feature] - node->threshold) <= margin * (1 + fabs(node->threshold))) return false;
+        i = p[node->feature] <= node->threshold ? node->left : node->right;
+    }
+    return true;
+}
+
+/* The Jacobian of features of a window whose channels nearly depend on each other amplifies rounding beyond
+ * what the tolerance holds (for COV as the largest root of the covariance over the smallest). How much it
+ * does is seen when the window's samples are moved by half a unit in their last place. */
+static bool is_steady(drawing *d, const double *jacobian) {
+    enum { MOST_GROWTH = 100 }; /* of what is allowed; rounding of 1e-16 moves less than one of the window */
+    const classifier_job *j = d->j;
+    const size_t inputs = j->source->inputs, size = j->outputs * inputs;
+    double change = 0, length = 0;
+    for (size_t i = 0; i < inputs; i++)
+        if (lg_rng_uniform(&d->rng) < 0.5) d->window[i] = nextafterf(d->window[i], INFINITY);
+    if (lg_classifier_decisions(j->c, d->window, d->moved, d->moved + j->outputs, d->work) != LG_OK)
+        return false;
+    for (size_t i = 0; i < size; i++) {
+        change += pow(d->moved[j->outputs + i] - jacobian[i], 2);
+        length += jacobian[i] * jacobian[i];
+    }
+    const double allowed = MOST_GROWTH * (double)j->source->depth * j->source->condition;
+    return sqrt(change) <= allowed * (double)FLT_EPSILON * sqrt(length) || length == 0;
+}
+
+/* False: drawn again. */
+static bool draw(drawing *d, size_t v, double spread, const double *size) {
+    const classifier_job *j = d->j;
+    const lg_pca *pca = &j->c->pca;
+    export_golden *golden = &j->source->golden;
+    double *x = golden->x + v * j->source->inputs, *extra = golden->extra + v * golden->extras;
+    double *y = golden->y + v * j->outputs;
+    double *jacobian = golden->jacobian + v * j->outputs * j->source->inputs;
+    for (size_t i = 0; i < j->d; i++)
+        d->made[i] = pca->mean[i] + spread * pca->scale[i] * lg_rng_normal(&d->rng);
+    draw_window(d);
+    for (size_t i = 0; i < j->source->inputs; i++) x[i] = d->window[i];
+    if (lg_features_compute(&j->c->features, d->window, d->feature, d->work) != LG_OK) return false;
+    lg_classifier_score(j->c, d->feature, extra, d->work);
+    extra[j->c->classes] = lg_class_of(extra, j->c->classes);
+    if (golden->extras > j->c->classes + 1)
+        for (size_t i = 0; i < j->d; i++) extra[j->c->classes + 1 + i] = d->feature[i] * size[i];
+    lg_pca_apply(pca, d->feature, 1, d->made, d->work);
+    const bool good = export_window_clear(extra, j->c->classes) && is_decided(j, d->made);
+    if (lg_classifier_decisions(j->c, d->window, y, jacobian, d->work) != LG_OK) return false;
+    return good && (j->c->features.kind != LG_FEATURES_COV || is_steady(d, jacobian));
+}
+
+/* Features are compared in units of their own size; a window as it is needs no comparison. */
+static bool compares_features(const classifier_job *j) {
+    return j->c->features.kind != LG_FEATURES_RAW;
+}
+
+static void add_test(const classifier_job *j, const double *size) {
+    if (!compares_features(j)) {
+        export_test_code(j->source, "test_classifier_raw");
+        return;
+    }
+    text_add(&j->source->test, "static const real feature_size[%zu] = {\n", j->d);
+    text_add_reals(&j->source->test, j->source->options->dtype, 4, size, j->d);
+    text_add(&j->source->test, "};\n");
+    export_test_code(j->source, "test_classifier");
+}
+
+int classifier_golden(const classifier_job *j, const app *self) {
+    const lg_classifier *c = j->c;
+    const size_t inputs = j->source->inputs, m = c->features.selected;
+    const size_t work = lg_classifier_work(c) + lg_classifier_jacobian_work(c) + inputs;
+    drawing d = {.j = j,
+                 .window = app_alloc(inputs, sizeof(float)),
+                 .feature = app_alloc(j->d, sizeof(double)),
+                 .work = app_alloc(work, sizeof(double)),
+                 .made = app_alloc(j->d + m * m + m, sizeof(double)),
+                 .moved = app_alloc(j->outputs * (1 + inputs), sizeof(double))};
+    double *size = app_alloc(j->d, sizeof *size);
+    bool drawn = true;
+    for (size_t i = 0; i < j->d; i++)
+        size[i] = export_round(j->source->options, 1 / (fabs(c->pca.mean[i]) + c->pca.scale[i]));
+    export_window_golden(j->source, c->classes + 1 + (compares_features(j) ? j->d : 0),
+                         compares_features(j) ? "scores, class, features" : "scores, class");
+    lg_rng_seed(&d.rng, j->source->options->seed, GOLDEN_STREAM);
+    for (size_t v = 0; v < j->source->golden.count; v++)
+        for (int attempt = 0; attempt < 30 && !draw(&d, v, attempt < 20 ? 1 : 0.1, size); attempt++) continue;
+    for (size_t i = 0; i < j->source->golden.count * j->outputs; i++)
+        drawn = drawn && isfinite(j->source->golden.y[i]);
+    add_test(j, size);
+    free(d.window);
+    free(d.feature);
+    free(d.work);
+    free(d.made);
+    free(d.moved);
+    free(size);
+    if (drawn) return APP_EXIT_OK;
+    (void)app_fail(self, LG_NOT_FINITE, "%s: windows like those of the training data have no finite decision",
+                   j->source->options->file);
+    return APP_EXIT_FILE;
+}

@@ -1,0 +1,35 @@
+#include <stdint.h>
+#include <string.h>
+
+/* exp(x) = 2^n exp(r), x = n ln 2 + r, |r| <= ln(2)/2, without branches, so that compilers turn loops over it
+ * into vector code. Adding 1.5 2^23 rounds to a whole number, which then stands in the low bits of the sum;
+ * ln 2 is subtracted in two parts, n times the first is exact. Errors: 3 units in the last place. */
+#define EXP_ROUND    12582912.0f
+#define EXP_PER_LN2  1.44269504f
+#define EXP_LN2_HIGH 0.693359375f
+#define EXP_LN2_LOW  (-2.12194440e-4f)
+/* exp(-EXP_LEAST) is 0; 2^EXP_LIFT keeps its power of two in the normal range, EXP_LOWER takes it away. */
+#define EXP_LEAST 110.0f
+#define EXP_LIFT  40
+#define EXP_LOWER 9.09494702e-13f
+
+/* exp(r) - 1 = r + r^2/2 + r^3 p(r), p a Chebyshev fit on |r| <= 0.3475 */
+static real exp_core(real r) {
+    real p = 1.988291202e-4f;
+    p = p * r + 1.39263759958e-3f;
+    p = p * r + 8.3333207585e-3f;
+    p = p * r + 4.16665534587e-2f;
+    p = p * r + 1.66666666667e-1f;
+    p = p * r + 0.5f;
+    return p * (r * r) + r;
+}
+
+/* 2^(n + lift) by the field of the exponent; s = EXP_ROUND + n. */
+static real exp_power(real s, unsigned lift) {
+    uint32_t bits;
+    real power;
+    memcpy(&bits, &s, sizeof bits);
+    bits = (bits + 127u + lift) << 23;
+    memcpy(&power, &bits, sizeof power);
+    return power;
+}

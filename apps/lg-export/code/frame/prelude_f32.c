@@ -1,0 +1,12 @@
+#define REAL(number) number##f
+#define REAL_EPSILON FLT_EPSILON
+#define EXP          expf
+#define EXPM1        expm1f
+#define LOG          logf
+#define SIN          sinf
+#define COS          cosf
+#define TAN          tanf
+#define SQRT         sqrtf
+#define FABS         fabsf
+#define FLOOR        floorf
+#define ATAN2        atan2f

@@ -1,0 +1,12 @@
+#define REAL(number) number
+#define REAL_EPSILON DBL_EPSILON
+#define EXP          exp
+#define EXPM1        expm1
+#define LOG          log
+#define SIN          sin
+#define COS          cos
+#define TAN          tan
+#define SQRT         sqrt
+#define FABS         fabs
+#define FLOOR        floor
+#define ATAN2        atan2

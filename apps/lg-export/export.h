@@ -1,0 +1,187 @@
+/* lg-export: what its files have in common.
+ *
+ * A model becomes five files. What is the same for every model of a kind is C code below code/ (fragments,
+ * built into the executable as text); what differs between models is data: sizes, tables and weights, written
+ * by the functions here.
+ *
+ *   NAME.h          inputs, outputs, units, order, provenance, error; sizes; prototypes
+ *   NAME.c          constants and tables of this model, then the fragments its kind needs
+ *   NAME_weights.c  all arrays
+ *   NAME_test.c     golden vectors and code/frame/test_main.c
+ *   Makefile
+ *
+ * Fragments are C99 and C++14 without warnings (-Wall -Wextra -Wconversion -Wdouble-promotion -Wshadow
+ * -pedantic), need libm alone, and follow these rules: functions static but for those of NAME.h, no static
+ * variables; `real` is the type; numbers are REAL(0.5), with a point; mathematics by macros of the prelude
+ * (EXP, SIN, COS, SQRT, FABS, FLOOR, ATAN2, ...); sizes and indices int; RESTRICT for restrict; arrays in
+ * `work` alone, but for a few numbers; no recursion, no function pointers; loops over tables instead of
+ * unrolled code. The letters NAME_ at the beginning of a word become the model's name and _.
+ */
+#ifndef LG_EXPORT_H
+#define LG_EXPORT_H
+
+#include "common/app.h"
+#include "liegrad/integrators.h"
+#include "liegrad/io.h"
+#include "liegrad/model.h"
+
+/* ---- growing text ---- */
+
+typedef struct text {
+    char *data; /* terminated, or NULL when nothing was added */
+    size_t length, room;
+    bool unfit; /* a number was added that is not finite in its type: export_write refuses the text */
+} text;
+void text_add(text *to, const char *format, ...) __attribute__((format(printf, 2, 3)));
+/* As it is, with NAME_ replaced. */
+void text_add_named(text *to, const char *name, const char *code);
+void text_free(text *to);
+/* A number as C of this type: 17 or 9 digits, suffix f for float, always with a point or exponent. */
+void text_add_real(text *to, lg_dtype dtype, double value);
+/* Numbers separated by commas, four a line of `indent` blanks, no comma behind the last one. */
+void text_add_reals(text *to, lg_dtype dtype, int indent, const double *values, size_t count);
+/* A string literal with its quotes, ASCII whatever the bytes, free of trigraphs. */
+void text_add_literal(text *to, const char *value);
+/* As it is, with everything taken out that could end a comment or warn in one. */
+void text_add_comment(text *to, const char *value);
+
+/* ---- what a kind of model gives ---- */
+
+enum { EXPORT_UNITS = 256 };
+
+typedef struct export_options {
+    const char *name;                                           /* a C identifier */
+    const char *file;                                           /* the model's file, without its folder */
+    char sha256[LG_SHA256_TEXT];                                /* of that file, "" where it is not known */
+    lg_dtype dtype;                                             /* of the exported code */
+    const lg_scheme *scheme;                                    /* of Hamiltonians, never NULL there */
+    uint64_t golden;                                            /* golden vectors in the self-test, >= 1 */
+    uint64_t seed;                                              /* of their inputs */
+    char input_units[EXPORT_UNITS], output_units[EXPORT_UNITS]; /* as the model's file has them, or "" */
+} export_options;
+
+/* Golden vectors of the self-test. Inputs are numbers of the exported type (export_round), outputs what the
+ * library computes from them in double with the stored parameters. */
+typedef struct export_golden {
+    size_t count;
+    double *x;        /* (count, inputs) */
+    double *y;        /* (count, outputs) */
+    double *jacobian; /* (count, outputs, inputs), or NULL: the model has no NAME_grad */
+    size_t extras; /* numbers that test_*.c below code/ computes from x in `static void extra(x, out, work)`;
+                      0: none */
+    double *extra; /* (count, extras) */
+    const char *extra_name; /* "field and step" */
+} export_golden;
+
+/* A model as C under construction; texts hold finished C with the name in place. */
+typedef struct export_source {
+    const export_options *options;
+    size_t inputs, outputs;
+    size_t work;  /* NAME_WORK_SIZE, in reals, enough for every function */
+    size_t stack; /* NAME_STACK_SIZE: bound on the sum of all frames of NAME.c in bytes, gcc and clang, -O0 to
+                     -O3 */
+    size_t depth; /* maps one after another; the stated tolerance is 20 eps depth condition */
+    double condition; /* 1, or by how much the model multiplies rounding, told in `about` */
+    text about; /* lines (without comment signs, any bytes) for the head of NAME.h: what it is, inputs, units,
+                   order, data, error */
+    text sizes; /* #define NAME_LINKS 1 ... for NAME.h */
+    text declarations; /* prototypes with comments, beside NAME_eval and NAME_grad */
+    text arrays;       /* extern declarations of arrays, for NAME.c */
+    text weights;      /* their definitions, for NAME_weights.c */
+    text code;         /* enumerations, tables and fragments, for NAME.c */
+    text test;         /* for NAME_test.c, before code/test_main.c: `extra` */
+    export_golden golden;
+    char fragments[4096]; /* names already added, each followed by a blank */
+    size_t parameters;    /* of the model; 0: `numbers` is told */
+    size_t numbers;       /* reals in NAME_weights.c */
+    size_t integers;      /* ints there */
+} export_source;
+
+/* The fragments: <name>.c below code/ as text. The table ends with a row of NULL. */
+typedef struct export_fragment {
+    const char *name, *text;
+} export_fragment;
+extern const export_fragment export_fragments[];
+
+/* Adds a fragment (<fragment>.c below code/) to source->code, once. */
+void export_code(export_source *source, const char *fragment);
+/* The same to source->test. */
+void export_test_code(export_source *source, const char *fragment);
+/* `#define`s for NAME.h, enumeration constants for NAME.c: NAME of the constant as it stands. */
+void export_size(export_source *source, const char *constant, size_t value, const char *comment);
+void export_constant(export_source *source, const char *constant, size_t value);
+/* A real constant for NAME.c: `static const real constant = ...;` */
+void export_real(export_source *source, const char *constant, double value);
+/* `extern const NAME_real NAME_<array>[count]`: a table of its own in NAME_weights.c with a comment; values
+ * are rounded to the exported type there. */
+typedef struct export_part {
+    const char *comment; /* "layer1/weight (3, 100)" */
+    size_t count;
+    const double *values;
+} export_part;
+void export_array(export_source *source, const char *array, const export_part *parts, size_t count);
+/* `extern const int NAME_<array>[count]`; values below 2^31. */
+void export_integers(export_source *source, const char *array, const char *comment, const uint32_t *values,
+                     size_t count);
+/* To the exported type and back. */
+double export_round(const export_options *options, double value);
+/* NAME_TOLERANCE: 20 eps depth condition. */
+double export_tolerance(const export_source *source);
+/* input_units and output_units from the attributes of /model in the file, "" where there are none. */
+void export_read_units(const app *self, const char *path, export_options *options);
+/* Lines for `about`: these, or `otherwise` where the file has none. */
+void export_units(export_source *source, const char *otherwise);
+/* Lines for `about`: command line, seed, CPU and version of the training, SHA-256 of its data ("": unknown).
+ */
+void export_provenance(export_source *source, const lg_provenance *provenance, const char *sha256);
+void export_source_free(export_source *source);
+
+/* ---- golden vectors (golden.c) ---- */
+
+/* Zeroed arrays for options->golden vectors (inputs and outputs of `source` are set): jacobian and extras as
+ * asked for. */
+void export_golden_make(export_source *source, bool jacobian, size_t extras, const char *extra_name);
+/* Whether all are finite in the exported type and so are the squares of their norms, which the self-test
+ * takes. */
+bool export_golden_fits(const export_source *source);
+/* Their text for NAME_test.c. */
+void export_golden_write(const export_source *source, text *to);
+
+/* ---- kinds (one file each; golden vectors included) ---- */
+
+/* An exit code; a sentence has been said on failure. `source->options` is set by the caller. */
+int export_hamiltonian(const app *self, const lg_model_file *file, export_source *source);
+int export_surrogate(const app *self, const lg_model_file *file, export_source *source);
+int export_detector(const app *self, const lg_model_file *file, export_source *source);
+int export_classifier(const app *self, const char *path, export_source *source);
+
+/* Network blocks that several kinds use (nets.c): constants, tables and fragments of a network whose
+ * parameters are `NAME_weights` from element 0; the weights themselves with their names. Work of the
+ * fragments' functions, in reals. net_value(x, y, work); net_jvp(x, dx, y, dy, work); net_vjp(x, cotangent,
+ * y, dx, work) */
+typedef enum export_net_use { EXPORT_NET_JVP = 1, EXPORT_NET_VJP = 2 } export_net_use;
+size_t export_mlp(export_source *source, const lg_mlp *net, const double *theta, unsigned uses);
+size_t export_net(export_source *source, const lg_net *net, const double *theta, unsigned uses);
+/* activate(n, z) and, with uses, activate_slope(n, z, slope): in place, slope the derivative at what came. */
+void export_activation(export_source *source, lg_activation kind, unsigned uses);
+
+/* ---- the model's name in C (name.c) ---- */
+
+/* Why it cannot be the name, or NULL: not a C identifier, a word of C, C++ or the code, too long. */
+const char *export_name_problem(const char *name);
+/* One made from the file's name (without folder), to be freed; NULL when none can be. */
+char *export_name_from(const char *file);
+
+/* ---- files (files.c) ---- */
+
+enum { EXPORT_FILES = 5 };
+/* NAME.h, NAME.c, NAME_weights.c, NAME_test.c, Makefile; freed with free. */
+char *export_file_name(const export_options *options, size_t file);
+/* The five files in folder `out`: composed in memory, written to a temporary folder, renamed. A folder that
+ * does not exist or is empty gets all or none; in another one these five are replaced one by one when all are
+ * written, and only where they are free or begin with the line by which lg-export marks its files for this
+ * name. A model of numbers that are not finite, or whose golden vectors are not, is refused. An exit code; a
+ * sentence has been said on failure. */
+int export_write(const app *self, const export_source *source, const char *out);
+
+#endif

@@ -1,0 +1,441 @@
+/* The five files: their frames, and how they reach the disk. */
+#include "lg-export/export.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+/* ---- NAME.h ---- */
+
+enum { COLUMNS = 105, HANGING = 14 };
+
+/* The line up to `end` as lines of a comment, broken at blanks; never behind a backslash. */
+static void add_wrapped(text *to, const char *line, const char *end) {
+    for (size_t indent = 0; line < end || indent == 0; indent = HANGING) {
+        const size_t room = COLUMNS - indent;
+        const char *stop = end;
+        if ((size_t)(end - line) > room) {
+            for (stop = line + room; stop > line && (*stop != ' ' || stop[-1] == '\\'); stop--) continue;
+            if (stop == line)
+                for (stop = line + room; stop < end && (*stop != ' ' || stop[-1] == '\\'); stop++) continue;
+        }
+        const char *last = stop;
+        while (last > line && last[-1] == ' ') last--;
+        text_add(to, last > line ? " * %*s%.*s\n" : " *\n", last > line ? (int)indent : 0, "",
+                 (int)(last - line), line);
+        for (line = stop; line < end && *line == ' '; line++) continue;
+        if (line == end) return;
+    }
+}
+
+static void add_about(const export_source *source, text *to) {
+    text safe = {.data = NULL};
+    text_add_comment(&safe, source->about.data != NULL ? source->about.data : "");
+    for (const char *line = safe.data; line != NULL && *line != '\0';) {
+        const char *end = line + strcspn(line, "\n");
+        add_wrapped(to, line, end);
+        line = *end == '\n' ? end + 1 : end;
+    }
+    text_free(&safe);
+}
+
+static const char usage[] =
+    " *\n"
+    " * C99 and C++14; needs the mathematics library (-lm), and memcpy, memmove and memset where a compiler\n"
+    " * puts them in, and nothing else: no allocation, no input or output, no state; functions may run at "
+    "the\n"
+    " * same time, each with work memory of its own. `work`: NAME_WORK_SIZE numbers, any contents before, "
+    "none\n"
+    " * of use after. Outputs must not overlap inputs or work unless told.\n"
+    " * A number of x that is not finite makes all results of NAME_eval and NAME_grad NaN.\n"
+    " * Not for -ffast-math. Loops are written for the vectoriser of the compiler: -O3, the instruction set\n"
+    " * of the target (-march=native, -mcpu=...), -ffp-contract=fast where it has fused multiply-add.\n"
+    " */\n";
+
+static const char gradient[] =
+    "/* jacobian (NAME_OUTPUTS, NAME_INPUTS), row by row: the derivative of output o by input i is\n"
+    " * jacobian[o * NAME_INPUTS + i]. y (NAME_OUTPUTS) or NULL. */\n"
+    "void NAME_grad(const NAME_real *x, NAME_real *y, NAME_real *jacobian, NAME_real *work);\n";
+
+static void add_sizes(const export_source *source, text *to) {
+    const export_options *options = source->options;
+    const char *name = options->name;
+    text_add(to, "typedef %s %s_real;\n\n", options->dtype == LG_F32 ? "float" : "double", name);
+    text_add(to, "#define %s_INPUTS %zu\n#define %s_OUTPUTS %zu\n", name, source->inputs, name,
+             source->outputs);
+    text_add(to, "#define %s_WORK_SIZE %zu /* numbers of work memory */\n", name, source->work);
+    text_add(
+        to,
+        "/* Bytes: bound on the stack that any of the functions takes (gcc and clang, 64 and 32 bit, -O0 to\n"
+        " * -O3); `make stack` checks it. */\n#define %s_STACK_SIZE %zu\n",
+        name, source->stack);
+    text_add(
+        to,
+        "/* Maps one after another, and the tolerance of the self-test: 20 eps DEPTH%s.\n"
+        " * An error is the Euclidean norm of the difference from the library in double precision, divided "
+        "by\n"
+        " * the norm of the result or the root mean square of that norm over the golden vectors, whichever "
+        "is\n"
+        " * larger. */\n",
+        source->condition != 1 ? " times the condition told above" : "");
+    text_add(to, "#define %s_DEPTH %zu\n#define %s_TOLERANCE ", name, source->depth, name);
+    text_add_real(to, LG_F64, export_tolerance(source));
+    text_add(to, "\n%s\n", source->sizes.data != NULL ? source->sizes.data : "");
+}
+
+static void add_header(const export_source *source, text *to) {
+    const char *name = source->options->name;
+    text_add(to, "/* ");
+    text_add_comment(to, name);
+    text_add(to, ": written by lg-export of liegrad %s from the model ", lg_version());
+    text_add_comment(to, source->options->file);
+    text_add(to, "\n * (SHA-256 %s).\n *\n",
+             source->options->sha256[0] != '\0' ? source->options->sha256 : "unknown");
+    add_about(source, to);
+    text_add_named(to, name, usage);
+    text_add(to, "#ifndef %s_H\n#define %s_H\n\n#ifdef __cplusplus\nextern \"C\" {\n#endif\n\n", name, name);
+    add_sizes(source, to);
+    text_add_named(to, name,
+                   "/* x (NAME_INPUTS) -> y (NAME_OUTPUTS) */\n"
+                   "void NAME_eval(const NAME_real *x, NAME_real *y, NAME_real *work);\n");
+    if (source->golden.jacobian != NULL) text_add_named(to, name, gradient);
+    text_add(to, "%s\n#ifdef __cplusplus\n}\n#endif\n\n#endif\n",
+             source->declarations.data != NULL ? source->declarations.data : "");
+}
+
+/* ---- the other four ---- */
+
+static const char *or_nothing(const text *from) {
+    return from->data != NULL ? from->data : "";
+}
+
+static const char *fragment(const char *name) {
+    for (const export_fragment *f = export_fragments; f->name != NULL; f++)
+        if (strcmp(f->name, name) == 0) return f->text;
+    return "";
+}
+
+static void add_arrays(const export_source *source, text *to) {
+    text_add(to, "\n#ifdef __cplusplus\nextern \"C\" {\n#endif\n%s#ifdef __cplusplus\n}\n#endif\n",
+             or_nothing(&source->arrays));
+}
+
+static void add_code(const export_source *source, text *to) {
+    const char *name = source->options->name;
+    text_add(to, "/* %s.h says what this is. */\n#include \"%s.h\"\n\n", name, name);
+    text_add_named(to, name, fragment("prelude"));
+    text_add(to, "%s", fragment(source->options->dtype == LG_F32 ? "prelude_f32" : "prelude_f64"));
+    text_add(to, "\n%s", fragment("unfit"));
+    if (source->arrays.length > 0) add_arrays(source, to);
+    text_add(to, "\n%s", or_nothing(&source->code));
+}
+
+static void add_weights(const export_source *source, text *to) {
+    const char *name = source->options->name;
+    text_add(
+        to,
+        "/* The numbers of %s; the comment below a line holds the same ones in hexadecimal, exactly. Written "
+        "by\n * lg-export. */\n#include \"%s.h\"\n",
+        name, name);
+    if (source->arrays.length > 0) add_arrays(source, to);
+    text_add(to, "%s", or_nothing(&source->weights));
+}
+
+static void add_test(const export_source *source, text *to) {
+    const char *name = source->options->name;
+    text_add(
+        to,
+        "/* Self-test of %s: golden vectors, computed in double precision by the library that trained the\n"
+        " * model. Written by lg-export. */\n#include \"%s.h\"\n\n#include <math.h>\n#include <stddef.h>\n"
+        "#include <stdio.h>\n#include <string.h>\n\ntypedef %s_real real;\n\n",
+        name, name, name);
+    export_golden_write(source, to);
+    text_add(to, "%s\n", or_nothing(&source->test));
+    text_add_named(to, name, fragment("test_main"));
+}
+
+static const char makefile[] =
+    "# Objects, self-test and checks of NAME_. Written by lg-export.\n"
+    "#\n"
+    "# CFLAGS: -O3 and the target's instruction set let the compiler vectorise the loops (for another "
+    "target\n"
+    "# replace -march=native, for example by -mcpu=cortex-m7 -mfpu=fpv5-d16 -mfloat-abi=hard);\n"
+    "# -ffp-contract=fast lets it use fused multiply-add. No other flag is needed; -ffast-math is not for "
+    "this\n"
+    "# code. After a change of flags: make clean.\n"
+    "CC ?= cc\n"
+    "CFLAGS ?= -O3 -march=native -ffp-contract=fast\n"
+    "SIZE ?= size\n"
+    "\n"
+    "all: NAME_.o NAME_weights.o\n"
+    "\n"
+    "NAME_.o: NAME_.c NAME_.h\n"
+    "\t$(CC) $(CFLAGS) -c NAME_.c -o NAME_.o\n"
+    "\n"
+    "NAME_weights.o: NAME_weights.c NAME_.h\n"
+    "\t$(CC) $(CFLAGS) -c NAME_weights.c -o NAME_weights.o\n"
+    "\n"
+    "NAME_test: NAME_test.c NAME_.h NAME_.o NAME_weights.o\n"
+    "\t$(CC) $(CFLAGS) NAME_test.c NAME_.o NAME_weights.o $(LDFLAGS) -lm -o NAME_test\n"
+    "\n"
+    "test: NAME_test\n"
+    "\t./NAME_test\n"
+    "\n"
+    "# The sum of the frames of all functions against NAME_STACK_SIZE.\n"
+    "stack: NAME_.c NAME_.h\n"
+    "\t$(CC) $(CFLAGS) -fstack-usage -c NAME_.c -o NAME_stack.o\n"
+    "\tawk -F '\\t' '{ sum += $$2; if ($$3 !~ /^static|bounded/) open = 1 } END { print \"stack:\", sum, "
+    "\"bytes of "
+    "at most "
+    "%STACK%\"; exit NR == 0 || open || sum > %STACK% }' NAME_stack.su\n"
+    "\n"
+    "size: NAME_.o NAME_weights.o\n"
+    "\t$(SIZE) NAME_.o NAME_weights.o\n"
+    "\n"
+    "clean:\n"
+    "\trm -f NAME_.o NAME_weights.o NAME_test NAME_stack.o NAME_stack.su\n"
+    "\n"
+    ".PHONY: all test stack size clean\n";
+
+/* NAME_. is the name with a dot, NAME_x the name with _x. */
+static void add_makefile(const export_source *source, text *to) {
+    for (const char *s = makefile; *s != '\0'; s++) {
+        if (strncmp(s, "NAME_.", 6) == 0) {
+            text_add(to, "%s.", source->options->name);
+            s += 5;
+        } else if (strncmp(s, "NAME_", 5) == 0) {
+            text_add(to, "%s_", source->options->name);
+            s += 4;
+        } else if (strncmp(s, "%STACK%", 7) == 0) {
+            text_add(to, "%zu", source->stack);
+            s += 6;
+        } else {
+            text_add(to, "%c", *s);
+        }
+    }
+}
+
+static const struct {
+    const char *suffix;
+    void (*add)(const export_source *source, text *to);
+} composers[EXPORT_FILES] = {{".h", add_header},
+                             {".c", add_code},
+                             {"_weights.c", add_weights},
+                             {"_test.c", add_test},
+                             {NULL, add_makefile}};
+
+char *export_file_name(const export_options *options, size_t file) {
+    if (composers[file].suffix == NULL) return app_format("Makefile");
+    return app_format("%s%s", options->name, composers[file].suffix);
+}
+
+/* The first line of each file, by which it is known again. */
+static void add_marker(const export_options *options, size_t file, text *to) {
+    const bool is_c = composers[file].suffix != NULL;
+    text_add(to, "%s lg-export: %s%s\n", is_c ? "/*" : "#", options->name, is_c ? " */" : "");
+}
+
+/* ---- the disk ---- */
+
+typedef struct place {
+    const export_source *source;
+    const char *out;          /* without slashes at its end */
+    text files[EXPORT_FILES]; /* their contents */
+    bool replace;             /* `out` is a folder with files */
+    char *temporary;          /* the folder they are written in, once it exists */
+} place;
+
+static lg_status place_error(const place *at, const char *what, int code, lg_error *error) {
+    return app_error(error, LG_FILE, "%s: %s: %s", at->out, what, strerror(code));
+}
+
+static bool is_empty_folder(const char *path) {
+    struct stat information;
+    if (lstat(path, &information) != 0 || !S_ISDIR(information.st_mode)) return false;
+    DIR *folder = opendir(path);
+    if (folder == NULL) return false;
+    bool empty = true;
+    for (struct dirent *entry; empty && (entry = readdir(folder)) != NULL;)
+        empty = strcmp(entry->d_name, ".") == 0 || strcmp(entry->d_name, "..") == 0;
+    (void)closedir(folder);
+    return empty;
+}
+
+/* Whether the file begins with the marker of its place: it is one of ours, for this name. */
+static bool is_ours(const place *at, size_t file, const char *path) {
+    char found[128];
+    text wanted = {.data = NULL};
+    add_marker(at->source->options, file, &wanted);
+    FILE *stream = fopen(path, "rb");
+    const size_t n = stream != NULL ? fread(found, 1, sizeof found, stream) : 0;
+    if (stream != NULL) (void)fclose(stream);
+    const bool ours = n >= wanted.length && memcmp(found, wanted.data, wanted.length) == 0;
+    text_free(&wanted);
+    return ours;
+}
+
+/* One of the five names may be taken by a file that was written here before. */
+static lg_status look_at(const place *at, size_t file, lg_error *error) {
+    struct stat information;
+    char *name = export_file_name(at->source->options, file), *path = app_format("%s/%s", at->out, name);
+    lg_status status = LG_OK;
+    if (lstat(path, &information) == 0) {
+        if (!S_ISREG(information.st_mode))
+            status = app_error(error, LG_FILE, "%s: exists and is not a regular file", path);
+        else if (!is_ours(at, file, path))
+            status = app_error(error, LG_FILE,
+                               "%s: exists and was not written by lg-export for the name %s: choose another "
+                               "folder, one for each model",
+                               path, at->source->options->name);
+    }
+    free(path);
+    free(name);
+    return status;
+}
+
+/* What stands at `out`: nothing or an empty folder, or a folder in which five names are free or ours. */
+static lg_status look(place *at, lg_error *error) {
+    struct stat information;
+    if (stat(at->out, &information) != 0)
+        return errno == ENOENT ? LG_OK : place_error(at, "cannot be written", errno, error);
+    if (!S_ISDIR(information.st_mode)) return place_error(at, "cannot be written", ENOTDIR, error);
+    at->replace = !is_empty_folder(at->out);
+    for (size_t i = 0; i < EXPORT_FILES && at->replace; i++) {
+        const lg_status status = look_at(at, i, error);
+        if (status != LG_OK) return status;
+    }
+    return LG_OK;
+}
+
+static lg_status make_temporary(place *at, lg_error *error) {
+    for (int attempt = 0; attempt < 1000; attempt++) {
+        char *path = app_format("%s%stmp-%ld-%d", at->out, at->replace ? "/." : ".", (long)getpid(), attempt);
+        if (mkdir(path, 0777) == 0) {
+            at->temporary = path;
+            return LG_OK;
+        }
+        const int code = errno;
+        free(path);
+        if (code != EEXIST) return place_error(at, "cannot be written", code, error);
+    }
+    return place_error(at, "cannot be written", EEXIST, error);
+}
+
+static int write_whole(const char *path, const text *content) {
+    const int fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    if (fd < 0) return errno;
+    int code = 0;
+    for (size_t done = 0; done < content->length && code == 0;) {
+        const ssize_t n = write(fd, content->data + done, content->length - done);
+        if (n > 0)
+            done += (size_t)n;
+        else if (n == 0)
+            code = ENOSPC;
+        else if (errno != EINTR)
+            code = errno;
+    }
+    if (code == 0 && fsync(fd) != 0 && errno != EINVAL && errno != EROFS) code = errno;
+    if (close(fd) != 0 && code == 0 && errno != EINTR) code = errno;
+    return code;
+}
+
+/* Some file systems cannot sync a folder; what was renamed stands all the same. */
+static void sync_folder(const char *path) {
+    const int fd = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (fd < 0) return;
+    (void)fsync(fd);
+    (void)close(fd);
+}
+
+static lg_status write_files(place *at, lg_error *error) {
+    for (size_t i = 0; i < EXPORT_FILES; i++) {
+        char *name = export_file_name(at->source->options, i);
+        char *path = app_format("%s/%s", at->temporary, name);
+        const int code = write_whole(path, &at->files[i]);
+        free(path);
+        free(name);
+        if (code != 0) return place_error(at, "cannot be written", code, error);
+        if (app_interrupted())
+            return app_error(error, LG_CANCELLED, "%s: stopped, nothing is written", at->out);
+    }
+    sync_folder(at->temporary);
+    return LG_OK;
+}
+
+static lg_status rename_files(place *at, lg_error *error) {
+    for (size_t i = 0; i < EXPORT_FILES; i++) {
+        char *name = export_file_name(at->source->options, i);
+        char *from = app_format("%s/%s", at->temporary, name), *to = app_format("%s/%s", at->out, name);
+        const int code = rename(from, to) == 0 ? 0 : errno;
+        free(to);
+        free(from);
+        free(name);
+        if (code != 0) return place_error(at, "cannot be written", code, error);
+    }
+    (void)rmdir(at->temporary);
+    sync_folder(at->out);
+    return LG_OK;
+}
+
+static lg_status rename_folder(place *at, lg_error *error) {
+    struct stat old;
+    if (stat(at->out, &old) == 0) (void)chmod(at->temporary, old.st_mode & 07777);
+    if (rename(at->temporary, at->out) != 0) return place_error(at, "cannot be written", errno, error);
+    char *parent = app_format("%s", at->out), *slash = strrchr(parent, '/');
+    if (slash != NULL) slash[slash == parent ? 1 : 0] = '\0';
+    sync_folder(slash != NULL ? parent : ".");
+    free(parent);
+    return LG_OK;
+}
+
+static void remove_temporary(const place *at) {
+    if (at->temporary == NULL) return;
+    for (size_t i = 0; i < EXPORT_FILES; i++) {
+        char *name = export_file_name(at->source->options, i);
+        char *path = app_format("%s/%s", at->temporary, name);
+        (void)unlink(path);
+        free(path);
+        free(name);
+    }
+    (void)rmdir(at->temporary);
+}
+
+static lg_status put(place *at, lg_error *error) {
+    lg_status status = look(at, error);
+    if (status == LG_OK) status = make_temporary(at, error);
+    if (status == LG_OK) status = write_files(at, error);
+    if (status == LG_OK) status = at->replace ? rename_files(at, error) : rename_folder(at, error);
+    if (status != LG_OK) remove_temporary(at);
+    free(at->temporary);
+    return status;
+}
+
+static lg_status refuse_unfit(const export_source *source, const char *does, lg_error *error) {
+    return app_error(
+        error, LG_NOT_FINITE, "%s: %s numbers that are not finite or too large%s", source->options->file,
+        does, source->options->dtype == LG_F32 ? " in single precision: export it with --dtype f64" : "");
+}
+
+int export_write(const app *self, const export_source *source, const char *out) {
+    lg_error error = {LG_OK, ""};
+    char *folder = app_format("%s", out);
+    for (size_t n = strlen(folder); n > 1 && folder[n - 1] == '/'; n--) folder[n - 1] = '\0';
+    place at = {.source = source, .out = folder};
+    bool unfit = source->weights.unfit || source->code.unfit || source->sizes.unfit || source->test.unfit;
+    for (size_t i = 0; i < EXPORT_FILES; i++) {
+        add_marker(source->options, i, &at.files[i]);
+        composers[i].add(source, &at.files[i]);
+        unfit = unfit || at.files[i].unfit;
+    }
+    const lg_status status = unfit                         ? refuse_unfit(source, "holds", &error)
+                             : !export_golden_fits(source) ? refuse_unfit(source, "gives", &error)
+                                                           : put(&at, &error);
+    const int code = status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, out);
+    for (size_t i = 0; i < EXPORT_FILES; i++) text_free(&at.files[i]);
+    free(folder);
+    return code;
+}

@@ -1,0 +1,59 @@
+/* Golden vectors: memory for them, and their text. */
+#include "lg-export/export.h"
+
+#include <math.h>
+
+void export_golden_make(export_source *source, bool jacobian, size_t extras, const char *extra_name) {
+    const size_t count = (size_t)source->options->golden;
+    source->golden = (export_golden){.count = count, .extras = extras, .extra_name = extra_name};
+    source->golden.x = app_alloc(count * source->inputs, sizeof(double));
+    source->golden.y = app_alloc(count * source->outputs, sizeof(double));
+    if (jacobian)
+        source->golden.jacobian = app_alloc(count * source->outputs * source->inputs, sizeof(double));
+    if (extras > 0) source->golden.extra = app_alloc(count * extras, sizeof(double));
+}
+
+static void add_table(const export_source *source, text *to, const char *name, const double *values,
+                      size_t size) {
+    text_add(to, "static const real %s[%zu] = {\n", name, source->golden.count * size);
+    text_add_reals(to, source->options->dtype, 4, values, source->golden.count * size);
+    text_add(to, "};\n");
+}
+
+void export_golden_write(const export_source *source, text *to) {
+    const export_golden *golden = &source->golden;
+    const size_t sizes[] = {source->inputs, source->outputs, source->outputs * source->inputs,
+                            golden->extras};
+    const double *const tables[] = {golden->x, golden->y, golden->jacobian, golden->extra};
+    static const char *const names[] = {"golden_x", "golden_value", "golden_gradient", "golden_extra"};
+    size_t largest = 0;
+    for (size_t i = 1; i < APP_COUNT(tables); i++)
+        if (tables[i] != NULL && sizes[i] > largest) largest = sizes[i];
+    text_add(to, "enum { GOLDEN = %zu, LARGEST = %zu };\n", golden->count, largest);
+    if (golden->jacobian != NULL) text_add(to, "#define GRADIENT\n");
+    if (golden->extras > 0) {
+        text_add(to, "#define EXTRAS %zu\n#define EXTRA_NAME ", golden->extras);
+        text_add_literal(to, golden->extra_name);
+        text_add(to, "\n");
+    }
+    for (size_t i = 0; i < APP_COUNT(tables); i++)
+        if (tables[i] != NULL && sizes[i] > 0) add_table(source, to, names[i], tables[i], sizes[i]);
+}
+
+/* The sum of squares of a table, as the self-test takes it. */
+static double squares_of(const export_source *source, const double *values, size_t size) {
+    double sum = 0;
+    for (size_t i = 0; values != NULL && i < source->golden.count * size; i++) {
+        const double value = export_round(source->options, values[i]);
+        sum += value * value;
+    }
+    return sum;
+}
+
+bool export_golden_fits(const export_source *source) {
+    const export_golden *golden = &source->golden;
+    return isfinite(squares_of(source, golden->x, source->inputs)) &&
+           isfinite(squares_of(source, golden->y, source->outputs)) &&
+           isfinite(squares_of(source, golden->jacobian, source->outputs * source->inputs)) &&
+           isfinite(squares_of(source, golden->extra, golden->extras));
+}

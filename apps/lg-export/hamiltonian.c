@@ -1,0 +1,339 @@
+/* Learned Hamiltonians as C: value, gradient, field and one step of a scheme. */
+#include "lg-export/steps.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* ---- kinetic energy ---- */
+
+/* W = m^-1 (k, k). Returns max_i m_ii W_ii >= 1, which multiplies the rounding of what is solved with W: how
+ * nearly the rows of m depend on each other, whatever their scale. */
+static double invert_mass(const lg_hamiltonian *model, const double *theta, double *W) {
+    const size_t k = model->links;
+    double condition = 1.0, *m = app_alloc(k * k, sizeof *m);
+    void *work = app_alloc(lg_hamiltonian_work_size(model), 1);
+    (void)lg_hamiltonian_mass(model, theta, m, W, work);
+    for (size_t i = 0; i < k; i++) condition = fmax(condition, m[i * k + i] * W[i * k + i]);
+    free(work);
+    free(m);
+    return condition;
+}
+
+static bool all_finite(const export_options *options, const double *x, size_t n) {
+    bool finite = true;
+    for (size_t i = 0; i < n; i++) finite = finite && isfinite(export_round(options, x[i]));
+    return finite;
+}
+
+/* What the tolerance has room for without a condition. */
+enum { LEAST_CONDITION = 20 };
+
+/* The kinetic part: `mass_inverse` or `kinetic`. False: numbers that the type cannot hold. */
+static bool add_kinetic(export_source *source, const lg_hamiltonian *model, const double *theta) {
+    const size_t k = model->links;
+    const double *kinetic = theta + lg_mlp_parameters(&model->net);
+    const bool chain = model->family == LG_HAMILTONIAN_CHAIN;
+    char comment[80];
+    double *W = app_alloc(k * k, sizeof *W);
+    source->condition = 1.0;
+    if (chain)
+        source->condition = fmax(1.0, invert_mass(model, theta, W) / LEAST_CONDITION);
+    else
+        memcpy(W, kinetic, k * k * sizeof *W);
+    const bool fits = all_finite(source->options, W, k * k);
+    (void)snprintf(comment, sizeof comment,
+                   chain ? "m^-1 (%zu, %zu), m = Gamma^T Gamma + diag(max(0, b))" : "A (%zu, %zu)", k, k);
+    if (fits) export_array(source, chain ? "mass_inverse" : "kinetic", &(export_part){comment, k * k, W}, 1);
+    free(W);
+    return fits;
+}
+
+/* ---- code ---- */
+
+/* Reals of work of the model's own functions, the network's left out: enumerations of the fragments. */
+static size_t field_work(const lg_hamiltonian *model) {
+    const size_t k = model->links;
+    return model->family == LG_HAMILTONIAN_CHAIN ? 11 * k + k * k : k;
+}
+
+static void add_chain(export_source *source) {
+    text_add(&source->code, "\n/* Points of T*S^2 that are off by less are returned to it. */\n");
+    export_real(source, "manifold_rounding", source->options->dtype == LG_F32 ? 5e-5 : 1e-13);
+    export_constant(source, "STUMPFF_TERMS", source->options->dtype == LG_F32 ? 7 : 12);
+    export_code(source, "se3_vectors");
+    export_code(source, "hamiltonian_chain");
+    export_code(source, "se3_act");
+}
+
+static void add_code(export_source *source, const lg_hamiltonian *model, const step_plan *step,
+                     size_t net_work) {
+    const bool chain = model->family == LG_HAMILTONIAN_CHAIN;
+    export_constant(source, "LINKS", model->links);
+    export_constant(source, "STATE", lg_hamiltonian_state_size(model));
+    if (chain)
+        add_chain(source);
+    else
+        export_code(source, "hamiltonian_separable");
+    source->work = step_code(source, step, chain, field_work(model) + net_work);
+}
+
+/* ---- what NAME.h says ---- */
+
+/* "state (6)     words" */
+static void tell_numbers(text *about, const char *what, unsigned count, const char *words) {
+    char label[32];
+    (void)snprintf(label, sizeof label, "%s (%u)", what, count);
+    text_add(about, "%-12s  %s\n", label, words);
+}
+
+static void tell_chain(export_source *source, unsigned k) {
+    text *about = &source->about;
+    text_add(about,
+             "Learned Hamiltonian H(q, p) = 1/2 p.M(q)^-1 p + V(q) of a chain of %u link%s on T*S^2.\n\n", k,
+             k == 1 ? "" : "s");
+    tell_numbers(about, "state", 6 * k,
+                 k == 1 ? "q p, three numbers each: |q| = 1, q.p = 0"
+                        : "q_1 p_1 q_2 p_2 ..., three numbers each: |q_i| = 1, q_i.p_i = 0");
+    tell_numbers(about, "input", 3 * k,
+                 k == 1 ? "tau: spatial torque about the link's joint, conjugate to its angular\n"
+                          "              velocity; NULL for none"
+                        : "tau_1 tau_2 ...: spatial torques about the links' own joints, conjugate to\n"
+                          "              their angular velocities; NULL for none");
+    tell_numbers(about, "field", 6 * k,
+                 k == 1 ? "xi eta in se(3): q' = xi x q, p' = xi x p + eta x q; xi is the angular velocity"
+                        : "xi_1 eta_1 xi_2 eta_2 ... in se(3): q_i' = xi_i x q_i,\n"
+                          "              p_i' = xi_i x p_i + eta_i x q_i; xi_i is the angular velocity");
+    export_units(source, "those of the training data");
+    text_add(about,
+             "time          as in the dt of the training data\n"
+             "manifold      A state off it is not projected: value, gradient and field are those of the\n"
+             "              formulas as they stand, and steps keep the distance but for rounding.\n");
+}
+
+static void tell_separable(export_source *source, unsigned n) {
+    text *about = &source->about;
+    text_add(about, "Learned Hamiltonian H(q, p) = 1/2 |A p|^2 + V(q) on R^%u.\n\n", 2 * n);
+    tell_numbers(about, "state", 2 * n, n == 1 ? "q p" : "q_1 q_2 ... p_1 p_2 ...");
+    tell_numbers(about, "input", n, "forces: p' = -dV/dq + input; NULL for none");
+    tell_numbers(about, "field", 2 * n, n == 1 ? "q' p'" : "q_1' q_2' ... p_1' p_2' ...");
+    export_units(source, "those of the training data");
+    text_add(about, "time          as in the dt of the training data\n");
+}
+
+static void tell_scheme(text *about, const step_plan *step) {
+    const char *what = step->scheme->kind == LG_SCHEME_SPLITTING ? "gradient of V" : "field";
+    text_add(about, "step          %s, order %d: costs %d evaluation%s of the %s\n",
+             step_scheme_name(step->scheme), step->scheme->order, step->evaluations,
+             step->evaluations == 1 ? "" : "s", what);
+}
+
+static void tell_test_set(text *about, const lg_hamiltonian_file *file) {
+    const lg_test_set *test = &file->test;
+    const bool own = test->sha256[0] != '\0' && strcmp(test->sha256, file->run.data_sha256) == 0;
+    if (test->trajectories > 0)
+        text_add(about, "test set      %llu trajectories", (unsigned long long)test->trajectories);
+    else
+        text_add(about, "test set      one whose size is not on record");
+    if (test->points > 0) text_add(about, " of %llu points", (unsigned long long)test->points);
+    if (test->t_end > 0) text_add(about, " over a time of %g", test->t_end);
+    text_add(about, "%s\n", own ? ": THE TRAINING DATA" : "");
+    if (test->sha256[0] != '\0') text_add(about, "test SHA-256  %s\n", test->sha256);
+}
+
+static void tell_test(text *about, const lg_hamiltonian_file *file) {
+    if (file->has_e1)
+        text_add(about,
+                 "E1            %.4e: mean squared error of the learned flow, integrated accurately from\n"
+                 "              the starts of the test set, over its trajectories, coordinates and points\n",
+                 file->e1);
+    if (file->has_e2)
+        text_add(about, "E2            %.4e: mean |d - mean d|, d = true H - learned H at these starts\n",
+                 file->e2);
+    if (file->has_e1 || file->has_e2)
+        tell_test_set(about, file);
+    else
+        text_add(about, "test set      none is on record\n");
+}
+
+static void tell_training(text *about, const lg_hamiltonian_file *file) {
+    const lg_hamiltonian_run *run = &file->run;
+    const double *loss = file->history[LG_FIT_LOSS];
+    text_add(about, "\n");
+    if (run->system[0] != '\0') text_add(about, "system        %s\n", run->system);
+    if (run->trajectories > 0)
+        text_add(about,
+                 "trained on    %llu trajectories of %llu points %g apart, through %s with %u step%s between "
+                 "two points\n",
+                 (unsigned long long)run->trajectories, (unsigned long long)run->points, run->dt,
+                 lg_train_integrator_name(run->integrator), (unsigned)run->substeps,
+                 run->substeps == 1 ? "" : "s");
+    if (file->epochs_done > 0)
+        text_add(about, "epochs        %zu, in %s precision\n", file->epochs_done,
+                 run->training.dtype == LG_F32 ? "single" : "double");
+    if (file->epochs_done > 0 && loss != NULL && isfinite(loss[file->epochs_done - 1]))
+        text_add(about, "last loss     %.4e (mean squared error of the predicted points)\n",
+                 loss[file->epochs_done - 1]);
+    tell_test(about, file);
+}
+
+static const char declarations[] =
+    "/* H(state) = NAME_eval */\n"
+    "NAME_real NAME_hamiltonian(const NAME_real *state, NAME_real *work);\n"
+    "\n"
+    "/* The field of the flow with an input, or NULL; both as said at the top. */\n"
+    "void NAME_field(const NAME_real *state, const NAME_real *input, NAME_real *field, NAME_real *work);\n"
+    "\n"
+    "/* One step of length h, which may be negative, the input held constant over it, or NULL. next may be\n"
+    " * state; h = 0 copies it. Differences from the library stay below NAME_TOLERANCE\n"
+    " * NAME_STEP_EVALUATIONS relative to the state while rotations are a few turns a step and less. */\n"
+    "void NAME_step(NAME_real h, const NAME_real *state, const NAME_real *input, NAME_real *next,\n"
+    "               NAME_real *work);\n";
+
+static void tell(export_source *source, const lg_hamiltonian_file *file, const step_plan *step) {
+    const lg_hamiltonian *model = &file->run.model;
+    const bool chain = model->family == LG_HAMILTONIAN_CHAIN;
+    if (chain)
+        tell_chain(source, model->links);
+    else
+        tell_separable(source, model->links);
+    tell_scheme(&source->about, step);
+    if (source->condition > 1.0)
+        text_add(
+            &source->about,
+            "condition     %.1f: the mass matrix is nearly singular, rounding is so much larger, and so is "
+            "the\n              tolerance\n",
+            source->condition);
+    tell_training(&source->about, file);
+    export_provenance(source, &file->provenance, file->run.data_sha256);
+    export_size(source, "LINKS", model->links, chain ? "k" : "n");
+    export_size(source, "STATE_SIZE", lg_hamiltonian_state_size(model), "numbers in state, next and field");
+    export_size(source, "INPUT_SIZE", (chain ? 3 : 1) * (size_t)model->links, "numbers in an input");
+    export_size(source, "STEP_EVALUATIONS", (size_t)step->evaluations, "of the network's gradient in a step");
+    text_add_named(&source->declarations, source->options->name, declarations);
+}
+
+/* ---- golden vectors ---- */
+
+/* As in training data: on chains q_i uniform on the sphere, p_i = q_i x u, u ~ U[0, 1]^3; else U[-1, 1]. */
+static void draw_state(const lg_hamiltonian *model, lg_rng *rng, double *y) {
+    if (model->family == LG_HAMILTONIAN_SEPARABLE) {
+        for (uint32_t i = 0; i < 2 * model->links; i++) y[i] = lg_rng_uniform_in(rng, -1.0, 1.0);
+        return;
+    }
+    for (uint32_t i = 0; i < model->links; i++, y += 6) {
+        double u[3], norm = 0.0;
+        for (int c = 0; c < 3; c++) y[c] = lg_rng_normal(rng);
+        for (int c = 0; c < 3; c++) norm += y[c] * y[c];
+        for (int c = 0; c < 3; c++) y[c] /= sqrt(norm), u[c] = lg_rng_uniform(rng);
+        for (int c = 0; c < 3; c++)
+            y[3 + c] = y[(c + 1) % 3] * u[(c + 2) % 3] - y[(c + 2) % 3] * u[(c + 1) % 3];
+    }
+}
+
+static double norm(const double *x, size_t n) {
+    double sum = 0.0;
+    for (size_t i = 0; i < n; i++) sum += x[i] * x[i];
+    return sqrt(sum);
+}
+
+/* The training data's dt, halved until no golden state moves by more than its own length: a model that is too
+ * fast for dt would be compared where steps multiply rounding. */
+static double golden_step(const export_source *source, double dt) {
+    const export_golden *golden = &source->golden;
+    const size_t n = source->inputs;
+    double h = dt > 0.0 && dt <= 1.0 ? dt : 0.01;
+    for (int halved = 0; halved < 60; halved++) {
+        bool fits = true;
+        for (size_t i = 0; i < golden->count; i++)
+            fits = fits && h * norm(golden->extra + 2 * n * i, n) <= norm(golden->x + n * i, n);
+        if (fits) break;
+        h *= 0.5;
+    }
+    return export_round(source->options, h);
+}
+
+/* Values, gradients and fields, then steps of `h`, which is chosen between. */
+static lg_status compute_golden(const export_source *source, const lg_model *model, double dt,
+                                const double *input, void *work, lg_stepper *stepper, double *h) {
+    const export_golden *golden = &source->golden;
+    const size_t n = source->inputs;
+    lg_status status = LG_OK;
+    for (size_t i = 0; i < golden->count && status == LG_OK; i++) {
+        const double *x = golden->x + i * n;
+        lg_model_jacobian(model, x, golden->y + i, golden->jacobian + i * n, work);
+        status = lg_model_field(model, x, input, golden->extra + 2 * n * i, work);
+    }
+    *h = golden_step(source, dt);
+    for (size_t i = 0; i < golden->count && status == LG_OK; i++)
+        status = lg_step(stepper, 0.0, *h, golden->x + i * n, input, golden->extra + (2 * i + 1) * n);
+    return status;
+}
+
+/* Golden states, and the input of `extra`; numbers of the exported type. */
+static void draw_golden(export_source *source, const lg_model *model, double *input, size_t m) {
+    const export_options *options = source->options;
+    const size_t n = source->inputs, count = source->golden.count;
+    double *x = source->golden.x;
+    lg_rng rng;
+    lg_rng_seed(&rng, options->seed, 0);
+    for (size_t i = 0; i < count; i++) draw_state(&model->hamiltonian, &rng, x + i * n);
+    for (size_t i = 0; i < count * n; i++) x[i] = export_round(options, x[i]);
+    for (size_t i = 0; i < m; i++) input[i] = export_round(options, lg_rng_uniform_in(&rng, -1.0, 1.0));
+}
+
+static lg_status golden_vectors(export_source *source, const lg_model *model, const lg_scheme *scheme,
+                                double dt) {
+    const size_t m = lg_model_input_size(model), bytes = lg_model_stepper_size(model, scheme);
+    double h, *input = app_alloc(m, sizeof *input);
+    void *memory = app_alloc(bytes > 0 ? bytes : 1, 1), *work = app_alloc(lg_model_work_size(model), 1);
+    lg_stepper *stepper;
+    export_golden_make(source, true, 2 * source->inputs, "field and step");
+    draw_golden(source, model, input, m);
+    lg_status status = lg_model_stepper_init(memory, bytes, model, scheme, &stepper);
+    if (status == LG_OK) status = compute_golden(source, model, dt, input, work, stepper, &h);
+    if (status == LG_OK) {
+        text_add(&source->test, "static const real golden_step = ");
+        text_add_real(&source->test, source->options->dtype, h);
+        text_add(&source->test, ";\nstatic const real golden_input[%zu] = {\n", m);
+        text_add_reals(&source->test, source->options->dtype, 4, input, m);
+        text_add(&source->test, "};\n");
+        export_test_code(source, "test_hamiltonian");
+    }
+    free(work);
+    free(memory);
+    free(input);
+    return status;
+}
+
+/* ---- all together ---- */
+
+/* Bytes of the frames of all functions here, by family, beside the network's; gcc and clang, -O0 to -O3. */
+static const size_t stack_of[] = {[LG_HAMILTONIAN_CHAIN] = 3072, [LG_HAMILTONIAN_SEPARABLE] = 1536};
+
+int export_hamiltonian(const app *self, const lg_model_file *file, export_source *source) {
+    const lg_hamiltonian_file *trained = &file->hamiltonian;
+    const lg_hamiltonian *model = &trained->run.model;
+    const char *path = self->arguments[0];
+    step_plan step;
+    const int chosen = step_choose(self, source, model, &step);
+    if (chosen != APP_EXIT_OK) return chosen;
+    source->inputs = lg_hamiltonian_state_size(model);
+    source->outputs = 1;
+    source->depth = (size_t)model->net.layers + 1;
+    source->stack += stack_of[model->family];
+    source->parameters = trained->parameters;
+    if (!add_kinetic(source, model, trained->theta))
+        return app_fail(self, LG_FORMAT,
+                        "%s: the mass matrix is not positive definite, or its inverse is not a number of the "
+                        "exported type",
+                        path);
+    const size_t net_work = export_mlp(source, &model->net, trained->theta, EXPORT_NET_VJP);
+    add_code(source, model, &step, net_work);
+    tell(source, trained, &step);
+    const lg_status status = golden_vectors(source, &file->model, step.scheme, trained->run.dt);
+    if (status != LG_OK)
+        return app_fail(self, status, "%s: golden vectors of its field and step: %s", path,
+                        lg_status_sentence(status));
+    return APP_EXIT_OK;
+}

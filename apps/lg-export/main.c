@@ -1,0 +1,259 @@
+/* lg-export: a trained model as C sources for control code. */
+#include "lg-export/export.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+typedef struct export_values {
+    const char *out, *name, *scheme;
+    int dtype;
+    uint64_t golden;
+} export_values;
+
+static export_values given = {.dtype = 0, .golden = 8};
+
+static const char *const dtypes[] = {"f64", "f32", NULL};
+
+static const app_option options[] = {
+    APP_ROW_TEXT(
+        export_values, out, "out", "DIR",
+        "Folder for the five files (required); made when there is none. One that holds a file of these names "
+        "is refused unless lg-export wrote it for the same NAME: each model needs a folder of its own"),
+    APP_ROW_TEXT(export_values, name, "name", "NAME",
+                 "What the functions and files are called (default: the file's name as a C identifier)"),
+    APP_ROW_CHOICE(export_values, dtype, "dtype", dtypes, "Numbers of the code: f64 (default) or f32"),
+    APP_ROW_TEXT(
+        export_values, scheme, "scheme", "NAME",
+        "Hamiltonians: the scheme of NAME_step, a name of liegrad/integrators.h or a YAML file (default: "
+        "cf4 for chains, stormer-verlet otherwise)"),
+    APP_ROW_SIZE(export_values, golden, "golden", "N", 1, 1000,
+                 "Golden vectors of the self-test (default 8)"),
+    APP_ROW_END};
+
+/* What is being exported, and what has to be freed. */
+typedef struct job {
+    const app *self;
+    const char *path; /* of the model */
+    char *name;
+    lg_scheme *scheme; /* from a file */
+    lg_model_file file;
+    export_options options;
+    export_source source;
+    const char *kind;
+} job;
+
+/* ---- options ---- */
+
+static int choose_name(job *j) {
+    const char *slash = strrchr(j->path, '/');
+    j->options.file = slash != NULL ? slash + 1 : j->path;
+    if (given.name != NULL) {
+        const char *problem = export_name_problem(given.name);
+        if (problem != NULL)
+            return app_usage(j->self, "--name: '%s' cannot be the name: %s", given.name, problem);
+        j->name = app_format("%s", given.name);
+    } else {
+        j->name = export_name_from(j->options.file);
+        if (j->name == NULL)
+            return app_usage(j->self, "no name can be made from '%s': use --name", j->options.file);
+    }
+    j->options.name = j->name;
+    return APP_EXIT_OK;
+}
+
+static bool has_ending(const char *path, const char *ending) {
+    const size_t n = strlen(path), m = strlen(ending);
+    return n > m && strcmp(path + n - m, ending) == 0;
+}
+
+static int unknown_scheme(const job *j) {
+    text names = {.data = NULL};
+    for (size_t i = 0; i < lg_scheme_count(); i++)
+        text_add(&names, "%s%s", i > 0 ? ", " : "", lg_scheme_at(i)->name);
+    const int code = app_usage(j->self, "--scheme: '%s' is no file (.yaml, .yml, .json) and not one of %s",
+                               given.scheme, names.data);
+    text_free(&names);
+    return code;
+}
+
+static int choose_scheme(job *j) {
+    if (given.scheme == NULL) return APP_EXIT_OK;
+    j->options.scheme = lg_scheme_find(given.scheme);
+    if (j->options.scheme != NULL) return APP_EXIT_OK;
+    if (strchr(given.scheme, '/') == NULL && !has_ending(given.scheme, ".yaml") &&
+        !has_ending(given.scheme, ".yml") && !has_ending(given.scheme, ".json"))
+        return unknown_scheme(j);
+    lg_error error = {LG_OK, ""};
+    const lg_status status = lg_scheme_read(j->self->context, given.scheme, &j->scheme, &error);
+    if (status != LG_OK) return app_fail_file(j->self, status, &error, given.scheme);
+    j->options.scheme = j->scheme;
+    return APP_EXIT_OK;
+}
+
+/* The SHA-256 of the model's file; what cannot be read is told when it is loaded. */
+static void hash_model(job *j) {
+    unsigned char block[65536];
+    lg_sha256 state;
+    FILE *stream = fopen(j->path, "rb");
+    if (stream == NULL) return;
+    lg_sha256_init(&state);
+    for (size_t n; (n = fread(block, 1, sizeof block, stream)) > 0;) lg_sha256_add(&state, block, n);
+    (void)fclose(stream);
+    lg_sha256_finish(&state, j->options.sha256);
+}
+
+/* ---- kinds ---- */
+
+static const struct {
+    const char *name;
+    int (*build)(const app *self, const lg_model_file *file, export_source *source);
+} kinds[LG_MODEL_KIND_COUNT] = {[LG_MODEL_HAMILTONIAN] = {"hamiltonian", export_hamiltonian},
+                                [LG_MODEL_SURROGATE] = {"surrogate", export_surrogate},
+                                [LG_MODEL_DETECTOR] = {"detector", export_detector}};
+
+static int refuse_scheme(const job *j) {
+    return app_usage(j->self, "--scheme: only Hamiltonians have steps, and %s is a %s", j->path, j->kind);
+}
+
+static int build_model(job *j) {
+    lg_error error = {LG_OK, ""};
+    const lg_status status = lg_model_load(j->self->context, j->path, NULL, &j->file, &error);
+    if (status != LG_OK) return app_fail_file(j->self, status, &error, j->path);
+    const lg_model_kind kind = j->file.model.kind;
+    j->kind = kinds[kind].name;
+    j->source.parameters = lg_model_parameters(&j->file.model);
+    if (kind == LG_MODEL_HAMILTONIAN && j->options.scheme == NULL)
+        j->options.scheme = lg_scheme_find(
+            j->file.model.hamiltonian.family == LG_HAMILTONIAN_CHAIN ? "cf4" : "stormer-verlet");
+    const int code = kind != LG_MODEL_HAMILTONIAN && given.scheme != NULL
+                         ? refuse_scheme(j)
+                         : kinds[kind].build(j->self, &j->file, &j->source);
+    lg_model_file_free(j->self->context, &j->file);
+    return code;
+}
+
+static bool is_exported(const char *kind) {
+    bool found = strcmp(kind, "classifier") == 0;
+    for (size_t i = 0; i < APP_COUNT(kinds); i++) found = found || strcmp(kind, kinds[i].name) == 0;
+    return found;
+}
+
+static int refuse_kind(const job *j, const char *kind) {
+    (void)app_fail(j->self, LG_FORMAT,
+                   "%s: attribute kind is '%s', expected hamiltonian, surrogate, detector or classifier",
+                   j->path, kind);
+    return APP_EXIT_FILE;
+}
+
+static int build(job *j) {
+    char kind[64];
+    lg_error error = {LG_OK, ""};
+    const lg_status status = lg_file_kind(j->self->context, j->path, NULL, kind, sizeof kind, &error);
+    if (status != LG_OK) return app_fail_file(j->self, status, &error, j->path);
+    if (!is_exported(kind)) return refuse_kind(j, kind);
+    export_read_units(j->self, j->path, &j->options);
+    if (strcmp(kind, "classifier") != 0) return build_model(j);
+    j->kind = "classifier";
+    if (given.scheme != NULL) return refuse_scheme(j);
+    return export_classifier(j->self, j->path, &j->source);
+}
+
+/* ---- the result ---- */
+
+static size_t real_bytes(const job *j) {
+    return j->options.dtype == LG_F32 ? sizeof(float) : sizeof(double);
+}
+
+static void report_json(const job *j, size_t parameters, size_t weights) {
+    app_json json;
+    app_json_begin(&json);
+    app_json_text(&json, "name", j->name);
+    app_json_text(&json, "kind", j->kind);
+    app_json_text(&json, "dtype", dtypes[given.dtype]);
+    app_json_text(&json, "scheme", j->options.scheme != NULL ? j->options.scheme->name : NULL);
+    app_json_open(&json, "files", '[');
+    for (size_t i = 0; i < EXPORT_FILES; i++) {
+        char *name = export_file_name(&j->options, i);
+        app_json_text(&json, NULL, name);
+        free(name);
+    }
+    app_json_close(&json, ']');
+    app_json_size(&json, "inputs", j->source.inputs);
+    app_json_size(&json, "outputs", j->source.outputs);
+    app_json_size(&json, "parameters", parameters);
+    app_json_size(&json, "weights_bytes", weights);
+    app_json_size(&json, "work_size", j->source.work);
+    app_json_size(&json, "work_bytes", j->source.work * real_bytes(j));
+    app_json_size(&json, "stack_size", j->source.stack);
+    app_json_size(&json, "depth", j->source.depth);
+    app_json_real(&json, "tolerance", export_tolerance(&j->source));
+    app_json_end(&json);
+}
+
+static void report(const job *j) {
+    const size_t parameters = j->source.parameters > 0 ? j->source.parameters : j->source.numbers;
+    const size_t weights = j->source.numbers * real_bytes(j) + j->source.integers * sizeof(int);
+    if (j->self->json) {
+        report_json(j, parameters, weights);
+        return;
+    }
+    printf("%s, a %s in %s:\n", j->name, j->kind, dtypes[given.dtype]);
+    for (size_t i = 0; i < EXPORT_FILES; i++) {
+        char *name = export_file_name(&j->options, i);
+        printf("  %s/%s\n", given.out, name);
+        free(name);
+    }
+    printf("%zu parameters; %zu bytes of weights, %zu of work, at most %zu of stack\n", parameters, weights,
+           j->source.work * real_bytes(j), j->source.stack);
+    if (j->options.scheme != NULL) printf("scheme of %s_step: %s\n", j->name, j->options.scheme->name);
+    printf("tolerance of the self-test %.2e (depth %zu); make test runs it\n", export_tolerance(&j->source),
+           j->source.depth);
+}
+
+static int export_run(app *self) {
+    job j = {
+        .self = self,
+        .path = self->arguments[0],
+        .options = {.dtype = given.dtype == 1 ? LG_F32 : LG_F64, .golden = given.golden, .seed = self->seed},
+        .source = {.condition = 1}};
+    j.source.options = &j.options;
+    if (given.out == NULL || given.out[0] == '\0')
+        return app_usage(self, "--out is missing: which folder is for the files?");
+    int code = choose_name(&j);
+    if (code == APP_EXIT_OK) code = choose_scheme(&j);
+    if (code == APP_EXIT_OK) code = build(&j);
+    if (code == APP_EXIT_NUMERIC) code = APP_EXIT_FILE; /* what is wrong with the numbers is in the file */
+    if (code == APP_EXIT_OK) hash_model(&j);
+    if (code == APP_EXIT_OK) code = export_write(self, &j.source, given.out);
+    if (code == APP_EXIT_OK) report(&j);
+    export_source_free(&j.source);
+    lg_scheme_destroy(self->context, j.scheme);
+    free(j.name);
+    return code;
+}
+
+int main(int argc, char **argv) {
+    const app_command commands[] = {
+        {.name = NULL,
+         .arguments = "MODEL.h5",
+         .summary = "Writes a trained model as C99 sources for control code",
+         .details =
+             "NAME.h, NAME.c, NAME_weights.c, NAME_test.c and a Makefile: code that is C99 and C++14, needs "
+             "libm, and memcpy, memmove and memset where a compiler puts them in, allocates nothing, keeps "
+             "no state and works in the caller's memory. NAME.h says what the "
+             "functions take, in which order and units.\n\n"
+             "All models: NAME_eval, NAME_grad (gradient or Jacobian by the inputs). Hamiltonians: "
+             "NAME_hamiltonian, NAME_field, NAME_step. Surrogates of beams: NAME_curve. Detectors and "
+             "classifiers: "
+             "NAME_classify, NAME_class_names; classifiers also NAME_features.\n\n"
+             "In the folder: make test compares with golden vectors of the library, make stack checks the "
+             "stated "
+             "bound on the stack, make size shows what the objects take.",
+         .options = options,
+         .values = &given,
+         .arguments_min = 1,
+         .arguments_max = 1,
+         .run = export_run},
+        {.run = NULL}};
+    return app_main(argc, argv, "lg-export", "Writes a trained model as C sources", commands);
+}

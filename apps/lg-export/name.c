@@ -1,0 +1,82 @@
+/* The name of a model in C. */
+#include "lg-export/export.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+enum { LONGEST = 40 };
+
+/* Keywords and operators of C11 and C++14, and headers that NAME.h would hide. */
+static const char reserved[] =
+    " alignas alignof and and_eq asm auto bitand bitor bool break case catch char char16_t char32_t class "
+    "compl "
+    "const const_cast constexpr continue decltype default delete do double dynamic_cast else enum explicit "
+    "export extern false float for friend goto if inline int long mutable namespace new noexcept not not_eq "
+    "nullptr operator or or_eq private protected public register reinterpret_cast restrict return short "
+    "signed "
+    "sizeof static static_assert static_cast struct switch template this thread_local throw true try typedef "
+    "typeid typename union unsigned using virtual void volatile wchar_t while xor xor_eq "
+    "assert complex ctype errno fenv float inttypes iso646 limits locale math memory setjmp signal stdalign "
+    "stdarg stdatomic stdbool stddef stdint stdio stdlib stdnoreturn string strings tgmath threads time "
+    "uchar "
+    "unistd wchar wctype ";
+
+static bool is_letter(char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z');
+}
+
+static bool in_word(char c) {
+    return is_letter(c) || (c >= '0' && c <= '9') || c == '_';
+}
+
+/* Whether a word of the text begins with `name` and _. */
+static bool begins_a_word(const char *name, const char *code) {
+    const size_t length = strlen(name);
+    for (const char *s = code; (s = strstr(s, name)) != NULL; s++)
+        if (s[length] == '_' && (s == code || !in_word(s[-1]))) return true;
+    return false;
+}
+
+const char *export_name_problem(const char *name) {
+    char word[LONGEST + 3];
+    const size_t length = strlen(name);
+    if (length == 0 || length > LONGEST) return "it has to have 1 to 40 letters";
+    if (!is_letter(name[0])) return "it has to begin with a letter";
+    for (const char *s = name; *s != '\0'; s++)
+        if (!in_word(*s)) return "letters, digits and _ only";
+    if (strstr(name, "__") != NULL || name[length - 1] == '_') return "__ and a _ at the end are reserved";
+    (void)snprintf(word, sizeof word, " %s ", name);
+    if (strstr(reserved, word) != NULL) return "the word is taken by C or C++";
+    if (strcasecmp(name, "makefile") == 0) return "make takes such files for its own";
+    for (const export_fragment *f = export_fragments; f->name != NULL; f++)
+        if (begins_a_word(name, f->text)) return "the code uses words that begin so";
+    return NULL;
+}
+
+/* Letters and digits of the file's name without its ending; a _ for what lies between them. */
+static void words_of(const char *file, char *out) {
+    const char *dot = strrchr(file, '.');
+    const char *end = dot != NULL && dot > file ? dot : file + strlen(file);
+    size_t used = 0;
+    for (const char *s = file; s < end && used < LONGEST - 8; s++) {
+        if (in_word(*s) && *s != '_')
+            out[used++] = *s;
+        else if (used > 0 && out[used - 1] != '_')
+            out[used++] = '_';
+    }
+    while (used > 0 && out[used - 1] == '_') used--;
+    out[used] = '\0';
+}
+
+char *export_name_from(const char *file) {
+    static const char *const before[] = {"", "model_", "learned_"};
+    char words[LONGEST];
+    words_of(file, words);
+    for (size_t i = 0; i < APP_COUNT(before); i++) {
+        char *name = app_format("%s%s", before[i], words);
+        if (export_name_problem(name) == NULL) return name;
+        free(name);
+    }
+    return export_name_problem("model") == NULL ? app_format("model") : NULL;
+}

@@ -1,0 +1,161 @@
+/* A model as C under construction: fragments, constants, arrays, where the model comes from. */
+#include "lg-export/export.h"
+
+#include <float.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* ---- fragments ---- */
+
+static const char *fragment_text(const char *name) {
+    for (const export_fragment *f = export_fragments; f->name != NULL; f++)
+        if (strcmp(f->name, name) == 0) return f->text;
+    return "#error missing fragment\n";
+}
+
+static void add_fragment(export_source *source, const char *fragment, text *to) {
+    char word[64];
+    const int length = snprintf(word, sizeof word, " %s ", fragment);
+    const size_t used = strlen(source->fragments);
+    if (length < 0 || strstr(source->fragments, word) != NULL) return;
+    (void)snprintf(source->fragments + used, sizeof source->fragments - used, "%s", word);
+    text_add(to, "\n");
+    text_add_named(to, source->options->name, fragment_text(fragment));
+}
+
+void export_code(export_source *source, const char *fragment) {
+    add_fragment(source, fragment, &source->code);
+}
+
+void export_test_code(export_source *source, const char *fragment) {
+    add_fragment(source, fragment, &source->test);
+}
+
+/* ---- constants ---- */
+
+void export_size(export_source *source, const char *constant, size_t value, const char *comment) {
+    text_add(&source->sizes, "#define %s_%s %zu", source->options->name, constant, value);
+    text_add(&source->sizes, "%s", comment != NULL ? " /* " : "");
+    text_add_comment(&source->sizes, comment != NULL ? comment : "");
+    text_add(&source->sizes, "%s\n", comment != NULL ? " */" : "");
+}
+
+void export_constant(export_source *source, const char *constant, size_t value) {
+    text_add(&source->code, "enum { %s = %zu };\n", constant, value);
+}
+
+void export_real(export_source *source, const char *constant, double value) {
+    text_add(&source->code, "static const real %s = ", constant);
+    text_add_real(&source->code, source->options->dtype, value);
+    text_add(&source->code, ";\n");
+}
+
+/* ---- arrays ---- */
+
+static void declare(export_source *source, const char *type, const char *array, size_t count) {
+    text_add(&source->arrays, "extern const %s %s_%s[%zu];\n", type, source->options->name, array, count);
+    text_add(&source->weights, "\nconst %s %s_%s[%zu] = {\n", type, source->options->name, array, count);
+}
+
+/* A line of up to four numbers, and below it the same numbers in hexadecimal. */
+static void add_line(text *to, lg_dtype dtype, const double *values, size_t count) {
+    text_add(to, "    ");
+    for (size_t i = 0; i < count; i++) {
+        text_add_real(to, dtype, values[i]);
+        text_add(to, i + 1 < count ? ", " : ",\n");
+    }
+    text_add(to, "    /* ");
+    for (size_t i = 0; i < count; i++)
+        text_add(to, "%a ", dtype == LG_F32 ? (double)(float)values[i] : values[i]);
+    text_add(to, "*/\n");
+}
+
+void export_array(export_source *source, const char *array, const export_part *parts, size_t count) {
+    char type[80];
+    size_t total = 0;
+    for (size_t i = 0; i < count; i++) total += parts[i].count;
+    if (total == 0) return;
+    (void)snprintf(type, sizeof type, "%s_real", source->options->name);
+    declare(source, type, array, total);
+    for (size_t i = 0; i < count; i++) {
+        text_add(&source->weights, "    /* ");
+        text_add_comment(&source->weights, parts[i].comment);
+        text_add(&source->weights, " */\n");
+        for (size_t k = 0; k < parts[i].count; k += 4)
+            add_line(&source->weights, source->options->dtype, parts[i].values + k,
+                     parts[i].count - k < 4 ? parts[i].count - k : 4);
+    }
+    text_add(&source->weights, "};\n");
+    source->numbers += total;
+}
+
+void export_integers(export_source *source, const char *array, const char *comment, const uint32_t *values,
+                     size_t count) {
+    if (count == 0) return;
+    declare(source, "int", array, count);
+    text_add(&source->weights, "    /* ");
+    text_add_comment(&source->weights, comment);
+    text_add(&source->weights, " */\n");
+    for (size_t i = 0; i < count; i++)
+        text_add(&source->weights, "%s%lu,%s", i % 10 == 0 ? "    " : " ", (unsigned long)values[i],
+                 i % 10 == 9 || i + 1 == count ? "\n" : "");
+    text_add(&source->weights, "};\n");
+    source->integers += count;
+}
+
+/* ---- what is told about it ---- */
+
+double export_round(const export_options *options, double value) {
+    return options->dtype == LG_F32 ? (double)(float)value : value;
+}
+
+double export_tolerance(const export_source *source) {
+    const double eps = source->options->dtype == LG_F32 ? (double)FLT_EPSILON : DBL_EPSILON;
+    return 20 * eps * (double)source->depth * source->condition;
+}
+
+void export_read_units(const app *self, const char *path, export_options *options) {
+    lg_file_reader *reader = NULL;
+    lg_archive_reader archive;
+    if (lg_file_reader_open(self->context, path, NULL, NULL, &reader, NULL) != LG_OK) return;
+    if (lg_file_reader_archive(reader, "model", &archive) == LG_OK) {
+        if (archive.text(archive.user, "input_units", options->input_units, EXPORT_UNITS) != LG_OK)
+            options->input_units[0] = '\0';
+        if (archive.text(archive.user, "output_units", options->output_units, EXPORT_UNITS) != LG_OK)
+            options->output_units[0] = '\0';
+    }
+    lg_file_reader_close(reader);
+}
+
+void export_units(export_source *source, const char *otherwise) {
+    const char *const rows[][2] = {{"of the inputs: ", source->options->input_units},
+                                   {"of the outputs: ", source->options->output_units}};
+    const char *label = "units";
+    for (size_t i = 0; i < APP_COUNT(rows); i++) {
+        if (rows[i][1][0] == '\0') continue;
+        text_add(&source->about, "%-12s  %s%s\n", label, rows[i][0], rows[i][1]);
+        label = "";
+    }
+    if (label[0] != '\0') text_add(&source->about, "%-12s  %s\n", label, otherwise);
+}
+
+void export_provenance(export_source *source, const lg_provenance *provenance, const char *sha256) {
+    const char *const rows[][2] = {{"trained by", provenance->command},
+                                   {"liegrad", provenance->liegrad_version},
+                                   {"on", provenance->cpu},
+                                   {"data SHA-256", sha256 != NULL ? sha256 : ""}};
+    for (size_t i = 0; i < APP_COUNT(rows); i++)
+        if (rows[i][1][0] != '\0') text_add(&source->about, "%-12s  %s\n", rows[i][0], rows[i][1]);
+    if (provenance->has_seed)
+        text_add(&source->about, "%-12s  %llu\n", "seed", (unsigned long long)provenance->seed);
+}
+
+void export_source_free(export_source *source) {
+    text *const texts[] = {&source->about,   &source->sizes, &source->declarations, &source->arrays,
+                           &source->weights, &source->code,  &source->test};
+    double *const arrays[] = {source->golden.x, source->golden.y, source->golden.jacobian,
+                              source->golden.extra};
+    for (size_t i = 0; i < APP_COUNT(texts); i++) text_free(texts[i]);
+    for (size_t i = 0; i < APP_COUNT(arrays); i++) free(arrays[i]);
+    source->golden = (export_golden){.count = 0};
+}

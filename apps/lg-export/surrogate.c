@@ -1,0 +1,291 @@
+/* Surrogates of the elastica: constants, network, words and golden vectors. The functions themselves are
+ * code/surrogate. */
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lg-export/export.h"
+#include "liegrad/networks.h"
+#include "liegrad/random.h"
+#include "liegrad/surrogate.h"
+
+/* Places of the curve in a golden vector, each with q and v. */
+enum { PLACES = 5, NUMBERS = 8, GOLDEN_STREAM = 0x676f6c64 };
+
+/* What differs between the kinds: fragment; what the network is used for besides its value; reals of work
+ * beside the network's; whether s is the first input; bytes of stack of the fragments' functions. */
+typedef struct surrogate_form {
+    const char *fragment;
+    unsigned uses;
+    size_t work;
+    bool place;
+    size_t stack;
+} surrogate_form;
+
+static const surrogate_form forms[LG_SURROGATE_KIND_COUNT] = {
+    [LG_SURROGATE_DISCRETE] = {"surrogate_discrete", EXPORT_NET_JVP, 16, false, 2048},
+    [LG_SURROGATE_CONTINUOUS] = {"surrogate_continuous", EXPORT_NET_JVP | EXPORT_NET_VJP, 22, true, 2048},
+    [LG_SURROGATE_ANGLE] = {"surrogate_angle", EXPORT_NET_VJP, 8, true, 2560},
+};
+
+static const char *const boundary_names[NUMBERS] = {"q0x", "q0y", "v0x", "v0y", "qNx", "qNy", "vNx", "vNy"};
+
+/* ---- code ---- */
+
+/* Weights of the ends (see liegrad/surrogate.h): with c = e^{-100 L^2}, (a - c b)/(1 - c^2). */
+static void add_angle_constants(export_source *source, const lg_surrogate *model) {
+    const double length = model->length;
+    const size_t n = model->intervals, panels = n * ((50 + n - 1) / n);
+    const double eps = source->options->dtype == LG_F32 ? (double)FLT_EPSILON : DBL_EPSILON;
+    export_constant(source, "BOUNDARY", model->options.boundary);
+    export_real(source, "LENGTH", length);
+    export_real(source, "LENGTH_REST", length - export_round(source->options, length));
+    export_real(source, "END_CROSS", exp(-100 * length * length));
+    export_real(source, "END_SCALE", -1 / expm1(-200 * length * length));
+    export_constant(source, "PANELS", panels);
+    export_real(source, "PANEL", length / (double)panels);
+    export_real(source, "PANEL_SLACK", fmax(1e-9, 4 * eps * (double)panels));
+}
+
+static void add_row_constants(export_source *source, const lg_surrogate *model) {
+    export_constant(source, "NORMALISE", model->options.normalise);
+    export_real(source, "CENTRE", model->centre);
+    export_real(source, "LENGTH", model->length);
+    if (model->options.kind != LG_SURROGATE_DISCRETE) return;
+    export_constant(source, "INTERVALS", model->intervals);
+    export_real(source, "INTERVAL", model->length / model->intervals);
+}
+
+static void add_code(export_source *source, const lg_surrogate *model, const double *theta) {
+    const surrogate_form *form = &forms[model->options.kind];
+    const bool discrete = model->options.kind == LG_SURROGATE_DISCRETE;
+    const size_t net = export_net(source, &model->net, theta, form->uses);
+    export_constant(source, "MIRROR", model->options.mirror);
+    if (model->options.kind == LG_SURROGATE_ANGLE)
+        add_angle_constants(source, model);
+    else
+        add_row_constants(source, model);
+    export_code(source, "surrogate_mirror");
+    if (model->options.kind != LG_SURROGATE_ANGLE) export_code(source, "surrogate_row");
+    export_code(source, form->fragment);
+    source->work = net + form->work +
+                   (discrete ? 4 * ((size_t)model->intervals - 1) + 4 * ((size_t)model->intervals + 1) : 0);
+    source->stack += form->stack;
+}
+
+/* Dense layers one after another, and what is done to the last one's numbers. */
+static size_t depth_of(const lg_net *net) {
+    const size_t steps = net->kind == LG_NET_RESNET || net->kind == LG_NET_MULT_AFFINE ? 2 : 1;
+    return (net->embedding > 0) + 1 + steps * net->layers + 1 + 1;
+}
+
+/* ---- words ---- */
+
+static void add_kind(text *to, const lg_surrogate *model) {
+    static const char *const sentences[LG_SURROGATE_KIND_COUNT] = {
+        "inner nodes and tangents of the beam's curve from its boundary conditions",
+        "position on the beam's curve at arc length s, from its boundary conditions",
+        "angle of the beam's tangent at arc length s, from its boundary conditions",
+    };
+    text_add(to, "Surrogate of a planar clamped beam (elastica), %s network:\n%s.\n",
+             lg_surrogate_kind_name(model->options.kind), sentences[model->options.kind]);
+    text_add(to, "Length of the beam L = %.12g, N = %u intervals between the nodes of the training data.\n\n",
+             model->length, model->intervals);
+}
+
+static void add_inputs(text *to, const lg_surrogate *model) {
+    const bool place = forms[model->options.kind].place;
+    text_add(to, "inputs x (%d):\n", NUMBERS + place);
+    if (place) text_add(to, "  %-24s  arc length from q0, 0 to L, unit of length of L\n", "s");
+    text_add(to,
+             "  %-24s  where the beam begins, unit of length of L; anywhere: places count from there\n"
+             "  %-24s  unit tangent there, no unit\n"
+             "  %-24s  where it ends, unit of length of L\n"
+             "  %-24s  unit tangent there\n",
+             "q0x q0y", "v0x v0y", "qNx qNy", "vNx vNy");
+    if (model->options.kind == LG_SURROGATE_DISCRETE)
+        text_add(
+            to,
+            "outputs y (%u): q_1x q_1y ... q_%ux q_%uy, unit of length, then v_1x v_1y ... v_%ux v_%uy,\n"
+            "  unit tangents: node k at arc length k L/N. Gradient: d y/d x, one row an output.\n\n",
+            model->net.outputs, model->intervals - 1, model->intervals - 1, model->intervals - 1,
+            model->intervals - 1);
+    else if (model->options.kind == LG_SURROGATE_CONTINUOUS)
+        text_add(to, "outputs y (2): q(s) = (qx, qy), unit of length. Gradient: d y/d x, one row an output;\n"
+                     "  its first column is the tangent v(s) = dq/ds.\n\n");
+    else
+        text_add(to, "outputs y (1): theta(s) in radians, v(s) = (cos theta, sin theta). Gradient: d y/d x;\n"
+                     "  its first number is the curvature, 1/unit of length.\n\n");
+}
+
+/* Least and largest of each boundary condition seen in training. */
+static void add_range(text *to, const lg_surrogate_file *file) {
+    if (file->trained_count == 0) return;
+    text_add(to, "Trained on %zu boundary conditions; outside their range the curve means nothing:\n",
+             file->trained_count);
+    for (size_t c = 0; c < NUMBERS; c++) {
+        double least = INFINITY, largest = -INFINITY;
+        for (size_t i = 0; i < file->trained_count; i++) {
+            least = fmin(least, file->trained[NUMBERS * i + c]);
+            largest = fmax(largest, file->trained[NUMBERS * i + c]);
+        }
+        text_add(to, "  %-4s  %.6g to %.6g\n", boundary_names[c], least, largest);
+    }
+    if (file->run.model.options.mirror) text_add(to, "  or the mirror image of such ones (all y -> -y)\n");
+    text_add(to, "  Distance of (qN - q0, v0, vN) from the nearest trained ones: at most about %.3g.\n\n",
+             2 * lg_surrogate_reach(file->trained, file->trained_count));
+}
+
+static void add_options(text *to, const lg_surrogate *model) {
+    const struct {
+        bool on;
+        const char *sentence;
+    } rows[] = {
+        {model->options.normalise, "x-coordinates of the ends enter scaled"},
+        {model->options.mirror, "curves of mirrored boundary conditions are mirror images, exactly"},
+        {model->options.boundary, "the angles at both ends are the given ones by construction"},
+    };
+    text_add(to, "network       %s, %u layers of %u after the first, embedding %u, %s\n",
+             lg_net_kind_name(model->net.kind), model->net.layers, model->net.hidden, model->net.embedding,
+             lg_activation_name(model->net.activation));
+    for (size_t i = 0; i < APP_COUNT(rows); i++)
+        if (rows[i].on) text_add(to, "              %s\n", rows[i].sentence);
+}
+
+static void add_training(text *to, const lg_surrogate_file *file) {
+    const lg_training *t = &file->run.training;
+    text_add(to,
+             "training      %zu of %llu epochs, batches of %llu, learning rate %.6g, weight decay %.6g, %s\n",
+             file->epochs_done, (unsigned long long)t->epochs, (unsigned long long)t->batch, t->lr,
+             t->weight_decay, t->dtype == LG_F32 ? "float" : "double");
+    text_add(to, "data          %llu curves, %.6g of them to train, %.6g to test; %s values\n",
+             (unsigned long long)file->run.curves, file->run.train_fraction, file->run.test_fraction,
+             file->run.continuous ? "continuous" : "discrete");
+    if (!file->has_errors) return;
+    text_add(to, "train MSE     %.6g (mean square error of q and v at the nodes)\n", file->train_mse);
+    if (isfinite(file->test_mse)) text_add(to, "test MSE      %.6g\n", file->test_mse);
+}
+
+static void add_words(export_source *source, const lg_surrogate_file *file) {
+    static const char *const how[LG_SURROGATE_KIND_COUNT] = {
+        " * Between nodes: the cubic through them with their tangents, and its derivative; an s beyond an "
+        "end is\n"
+        " * that end. That tangent is a difference of nodes over L/N: its rounding is N/L times that of q. "
+        "*/\n",
+        " * q is the network's value and v its derivative: one evaluation a point. */\n",
+        " * v from the angle; q is q0 and the integral of v by Gauss's rule of 3 points on panels, whole "
+        "ones\n"
+        " * from 0, then a part. Panels are summed with compensation: the tolerance is that of the angles,\n"
+        " * however many there are. v alone costs one evaluation a point, q 3 for each panel up to the last "
+        "s. */\n",
+    };
+    const lg_surrogate *model = &file->run.model;
+    text *to = &source->about;
+    add_kind(to, model);
+    add_inputs(to, model);
+    add_range(to, file);
+    add_options(to, model);
+    add_training(to, file);
+    export_provenance(source, &file->provenance, file->run.data_sha256);
+    text_add(&source->declarations,
+             "/* The curve of boundary conditions x (8: q0 v0 qN vN) at s (points), rising, 0 to L: q and v "
+             "(points,\n"
+             " * 2), either of which may be NULL.\n%s",
+             how[model->options.kind]);
+    text_add_named(
+        &source->declarations, source->options->name,
+        "void NAME_curve(const NAME_real *x, const NAME_real *s, int points, NAME_real *q, NAME_real *v,\n"
+        "    NAME_real *work);\n");
+}
+
+/* ---- golden vectors ---- */
+
+static double rounded(const export_source *source, double value) {
+    return export_round(source->options, value);
+}
+
+/* Near trained ones or, where none are known, any two tangents and a gap between a third of L and L; on
+ * either side of the mirror; every other one moved. */
+static void draw_boundary(const export_source *source, const lg_surrogate_file *file, lg_rng *rng, size_t i,
+                          double *x) {
+    const double length = file->run.model.length;
+    if (file->trained_count > 0) {
+        const double *trained = file->trained + NUMBERS * (size_t)lg_rng_below(rng, file->trained_count);
+        for (size_t c = 0; c < NUMBERS; c++) x[c] = trained[c] + lg_rng_uniform_in(rng, -1e-2, 1e-2);
+    } else {
+        const double gap = length * lg_rng_uniform_in(rng, 0.3, 1), turn = lg_rng_uniform_in(rng, -1, 1);
+        const double first = lg_rng_uniform_in(rng, -2, 2), last = lg_rng_uniform_in(rng, -2, 2);
+        const double made[NUMBERS] = {
+            0, 0, cos(first), sin(first), gap * cos(turn), gap * sin(turn), cos(last), sin(last)};
+        memcpy(x, made, sizeof made);
+    }
+    const double sign = file->run.model.options.mirror && lg_rng_below(rng, 2) == 1 ? -1 : 1;
+    const double shift[2] = {length * lg_rng_uniform_in(rng, -1, 1), length * lg_rng_uniform_in(rng, -1, 1)};
+    for (size_t c = 0; c < NUMBERS; c++) {
+        if (c % 2 == 1) x[c] *= sign;
+        if (i % 2 == 1 && c % 4 < 2) x[c] += shift[c % 2];
+        x[c] = rounded(source, x[c]);
+    }
+}
+
+/* What tangents of the curve are multiplied with before they are compared: of the discrete network they are
+ * differences of nodes divided by L/N, whose rounding is that of the nodes divided by L/N. */
+static double tangent_scale(const export_source *source, const lg_surrogate *model) {
+    const double interval = model->length / model->intervals;
+    return model->options.kind == LG_SURROGATE_DISCRETE && interval < 1 ? rounded(source, interval) : 1;
+}
+
+static void write_places(export_source *source, const double *places, bool place, double scale) {
+    text *to = &source->test;
+    text_add(to, "static const real curve_places[%d] = {\n", PLACES);
+    text_add_reals(to, source->options->dtype, 4, places, PLACES);
+    text_add(to, "};\nstatic const real tangent_scale = ");
+    text_add_real(to, source->options->dtype, scale);
+    text_add(to, ";\nenum { CURVE_PLACES = %d, BOUNDARY_AT = %d };\n", PLACES, place);
+    export_test_code(source, "test_surrogate");
+}
+
+/* Both ends, a node, and places within the first and a later interval. */
+static void add_golden(export_source *source, const lg_model_file *file) {
+    const lg_surrogate *model = &file->model.surrogate;
+    const bool place = forms[model->options.kind].place;
+    const double length = model->length, interval = length / model->intervals;
+    const double share[PLACES] = {0, 0.3 * interval, floor(0.5 * model->intervals) * interval,
+                                  (model->intervals - 0.7) * interval, length};
+    const double scale = tangent_scale(source, model);
+    double places[PLACES];
+    lg_rng rng;
+    void *work = app_alloc(lg_model_work_size(&file->model), 1);
+    void *curve = app_alloc(lg_surrogate_work_size(model, PLACES, LG_F64), 1);
+    lg_rng_seed(&rng, source->options->seed, GOLDEN_STREAM);
+    for (size_t i = 0; i < PLACES; i++) places[i] = rounded(source, share[i]);
+    write_places(source, places, place, scale);
+    export_golden_make(source, true, 4 * PLACES, "curve");
+    export_golden *golden = &source->golden;
+    for (size_t i = 0; i < golden->count; i++) {
+        double *x = golden->x + source->inputs * i, *extra = golden->extra + golden->extras * i;
+        if (place) x[0] = rounded(source, length * lg_rng_uniform(&rng));
+        draw_boundary(source, &file->surrogate, &rng, i, x + place);
+        lg_model_jacobian(&file->model, x, golden->y + source->outputs * i,
+                          golden->jacobian + source->outputs * source->inputs * i, work);
+        lg_surrogate_curve(model, LG_F64, file->model.theta, x + place, places, PLACES, extra,
+                           extra + 2 * PLACES, curve);
+        for (size_t k = 0; k < 2 * PLACES; k++) extra[2 * PLACES + k] *= scale;
+    }
+    free(curve);
+    free(work);
+}
+
+int export_surrogate(const app *self, const lg_model_file *file, export_source *source) {
+    (void)self;
+    source->inputs = lg_model_inputs(&file->model);
+    source->outputs = lg_model_outputs(&file->model);
+    source->parameters = lg_model_parameters(&file->model);
+    add_code(source, &file->model.surrogate, file->model.theta);
+    source->depth = depth_of(&file->model.surrogate.net);
+    source->condition = 1;
+    add_words(source, &file->surrogate);
+    add_golden(source, file);
+    return APP_EXIT_OK;
+}

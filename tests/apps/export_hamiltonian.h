@@ -1,0 +1,152 @@
+/* Learned Hamiltonians for the tests of lg-export: every family, potential, activation and kind of scheme. */
+#ifndef LG_TEST_EXPORT_HAMILTONIAN_H
+#define LG_TEST_EXPORT_HAMILTONIAN_H
+
+#include "export_support.h"
+
+#include "liegrad/integrators.h"
+#include "liegrad/io.h"
+#include "liegrad/model.h"
+
+enum { CHAIN = LG_HAMILTONIAN_CHAIN, SEPARABLE = LG_HAMILTONIAN_SEPARABLE };
+enum { MLP = LG_POTENTIAL_MLP, LINEAR = LG_POTENTIAL_LINEAR };
+
+/* One row: the model, the scheme of its step ("": the default) and how it is compiled. */
+typedef struct sample {
+    const char *folder;
+    int family;
+    uint32_t links;
+    int potential;
+    lg_activation activation;
+    const char *scheme;
+    int evaluations; /* in a step */
+    const char *compiler, *flags;
+} sample;
+
+/* A scheme of each kind from a file: Kutta's third order with dexpinv cut behind the fourth term (odd ones
+ * are 0 but the first); the classical tableau in brackets only; a reused point; McLachlan and Atela's second
+ * order. */
+static const char truncated_yaml[] =
+    "kind: rkmk\norder: 3\na: [[], [1/2], [-1, 2]]\nb: [1/6, 2/3, 1/6]\ndexpinv: 4\n";
+static const char reused_yaml[] =
+    "kind: commutator-free\norder: 1\nrows:\n  - []\n  - [1/4]\n  - {base: 2, exponentials: [[0, 1/4], "
+    "[1/8, 1/8]]}\n  - {base: 3, exponentials: [[0, 0, 1/4]]}\n";
+static const char splitting_yaml[] =
+    "kind: splitting\norder: 2\nkick: [0.70710678118654752, 0.29289321881345248]\n"
+    "drift: [0.29289321881345248, 0.70710678118654752]\n";
+
+static const sample samples[] = {
+    {"chain1", CHAIN, 1, MLP, LG_TANH, "", 4, "gcc", "-O2"},
+    {"chain2", CHAIN, 2, MLP, LG_SIGMOID, "rkmk4", 4, "clang", "-O3"},
+    {"chain3", CHAIN, 3, MLP, LG_SWISH, "rkmk54", 6, "gcc", "-O1"},
+    {"chain5", CHAIN, 5, MLP, LG_SINE, "lie-euler", 1, "gcc", "-O3"},
+    {"linear1", CHAIN, 1, LINEAR, LG_TANH, "cf32a", 3, "clang", "-O0"},
+    {"linear3", CHAIN, 3, LINEAR, LG_TANH, "rkmk4-2c", 4, "gcc", "-O0"},
+    {"relu2", CHAIN, 2, MLP, LG_RELU, "cf43", 4, "clang", "-O2"},
+    {"leaky1", CHAIN, 1, MLP, LG_LEAKY_RELU, "lie-heun", 2, "g++", "-O2"},
+    {"cg2", CHAIN, 2, MLP, LG_TANH, "cg3", 3, "clang++", "-O1"},
+    {"cut2", CHAIN, 2, MLP, LG_TANH, "truncated.yaml", 3, "gcc", "-O2"},
+    {"base1", CHAIN, 1, MLP, LG_SWISH, "reused.yaml", 3, "clang", "-O1"},
+    {"flat1", SEPARABLE, 1, MLP, LG_TANH, "", 2, "gcc", "-O2"},
+    {"flat2", SEPARABLE, 2, LINEAR, LG_TANH, "rk4", 4, "clang", "-O2"},
+    {"flat4", SEPARABLE, 4, MLP, LG_SWISH, "splitting.yaml", 2, "gcc", "-O3"},
+    {"pair2", SEPARABLE, 2, MLP, LG_SIGMOID, "dp54", 6, "g++", "-O3"},
+    {"free2", SEPARABLE, 2, MLP, LG_SINE, "cf4", 4, "clang", "-O3"},
+    {"euler4", SEPARABLE, 4, LINEAR, LG_TANH, "symplectic-euler", 1, "gcc", "-O0"},
+};
+enum { SAMPLES = sizeof samples / sizeof samples[0] };
+
+static inline int hamiltonians_begin(void **state) {
+    (void)state;
+    if (export_begin() != 0) return -1;
+    cli_write("truncated.yaml", truncated_yaml);
+    cli_write("reused.yaml", reused_yaml);
+    cli_write("splitting.yaml", splitting_yaml);
+    return 0;
+}
+
+/* A model with random parameters, on the disk too. */
+typedef struct learned {
+    lg_hamiltonian_file file;
+    lg_model model;
+    lg_scheme *read; /* from a file */
+    const lg_scheme *scheme;
+    size_t n, m; /* numbers in a state and in an input */
+} learned;
+
+static inline void learned_save(learned *made, const char *name) {
+    char path[1024], file[64];
+    lg_error error = {LG_OK, ""};
+    (void)snprintf(file, sizeof file, "%s.h5", name);
+    cli_path(file, path, sizeof path);
+    if (lg_model_save_hamiltonian(NULL, path, &made->file, NULL, &error) != LG_OK)
+        fail_msg("%s", error.message);
+}
+
+static inline learned learned_make(const sample *of) {
+    static const uint32_t hidden[] = {24, 16};
+    learned made = {
+        .file.run = {
+            .integrator = LG_TRAIN_CF4, .substeps = 1, .trajectories = 20, .points = 5, .dt = 0.025}};
+    lg_hamiltonian_run *run = &made.file.run;
+    lg_rng rng;
+    assert_ok(lg_hamiltonian_init(&run->model, (lg_hamiltonian_family)of->family, of->links,
+                                  (lg_potential_kind)of->potential, hidden, 2, of->activation));
+    if (of->family == SEPARABLE) run->integrator = LG_TRAIN_STORMER_VERLET;
+    run->training = (lg_training){.dtype = LG_F64,
+                                  .epochs = 1,
+                                  .batch = 10,
+                                  .lr = 1e-3,
+                                  .lr_step = 1,
+                                  .lr_gamma = 1,
+                                  .adam_eps = 1e-8,
+                                  .shards = 4,
+                                  .seed = 1};
+    made.file.parameters = lg_hamiltonian_parameters(&run->model);
+    made.file.theta = calloc(made.file.parameters, sizeof(double));
+    assert_non_null(made.file.theta);
+    lg_rng_seed(&rng, 7, of->links);
+    lg_hamiltonian_initialise(&run->model, &rng, made.file.theta);
+    if (strncmp(of->folder, "stiff", 5) == 0) { /* the last row of Gamma nearly depends on the others */
+        double *gamma = made.file.theta + lg_mlp_parameters(&run->model.net);
+        const uint32_t k = of->links;
+        for (uint32_t i = 0; i < k; i++) {
+            gamma[(k - 1) * k + i] = 0.5 * gamma[i] - 0.7 * gamma[k + i] + 0.2 * gamma[(k - 1) * k + i];
+            gamma[k * k + i] = 0;
+        }
+    }
+    learned_save(&made, of->folder);
+    made.model =
+        (lg_model){.kind = LG_MODEL_HAMILTONIAN, .hamiltonian = run->model, .theta = made.file.theta};
+    made.n = lg_model_inputs(&made.model);
+    made.m = lg_model_input_size(&made.model);
+    return made;
+}
+
+/* The scheme of the row, as the library has it. */
+static inline void learned_scheme(learned *made, const sample *of) {
+    const char *name = of->scheme[0] != '\0' ? of->scheme : of->family == CHAIN ? "cf4" : "stormer-verlet";
+    char path[1024];
+    made->scheme = lg_scheme_find(name);
+    if (made->scheme != NULL) return;
+    lg_error error = {LG_OK, ""};
+    cli_path(name, path, sizeof path);
+    if (lg_scheme_read(NULL, path, &made->read, &error) != LG_OK) fail_msg("%s", error.message);
+    made->scheme = made->read;
+}
+
+static inline void learned_free(learned *made) {
+    lg_scheme_destroy(NULL, made->read);
+    free(made->file.theta);
+}
+
+/* lg-export into <folder>-<type>, name `m`. */
+static inline void learned_export(const sample *of, const char *dtype, char *folder, size_t size) {
+    char arguments[256];
+    (void)snprintf(folder, size, "%s-%s", of->folder, dtype);
+    (void)snprintf(arguments, sizeof arguments, "%s.h5 --out %s --name m --dtype %s%s%s", of->folder, folder,
+                   dtype, of->scheme[0] != '\0' ? " --scheme " : "", of->scheme);
+    export_run(arguments);
+}
+
+#endif

@@ -1,0 +1,435 @@
+/* Exported models under test: run lg-export, compile what it wrote in many ways, call it, look at its
+ * objects.
+ *
+ *   export_begin();                                     a folder (cli_folder), lg-export exists
+ *   lg_model_save_...(cli path of "m.h5")               or by running a program
+ *   export_run("m.h5 --out m --dtype f32 --seed 3");
+ *   export_library lib = export_open("m", "m", "gcc", "-O1");
+ *   export_eval(&lib, x, y); export_grad(&lib, x, y, jacobian);
+ *   step = export_symbol(&lib, "step");
+ *   export_close(&lib);
+ *   export_check_ways("m", "m");                        warnings, self-tests, sanitizers, C++
+ *   export_check_objects("m", "m"); export_check_stack("m");
+ */
+#ifndef LG_TEST_EXPORT_SUPPORT_H
+#define LG_TEST_EXPORT_SUPPORT_H
+
+#include "cli_support.h"
+
+#include <dlfcn.h>
+
+#include "liegrad/random.h"
+
+#define EXPORT_WARNINGS                                                                                      \
+    "-Wall -Wextra -Wconversion -Wdouble-promotion -Wshadow -pedantic -Werror -Wstrict-aliasing "
+#define EXPORT_C   "-x c -std=c99 -Wmissing-prototypes -Wstrict-prototypes " EXPORT_WARNINGS
+#define EXPORT_CPP "-x c++ -std=c++14 " EXPORT_WARNINGS
+
+enum { EXPORT_TEXT = 65536, EXPORT_LINE = 2048 };
+
+static inline int export_begin(void) {
+    (void)setenv("ASAN_OPTIONS", "allocator_may_return_null=1", 0);
+    cli_make_folder();
+    return cli_folder[0] == '\0' ? -1 : 0;
+}
+
+/* ---- the shell ---- */
+
+/* A command of the shell in the folder, on its way: what it says goes to one stream. */
+static inline FILE *export_start(const char *command) {
+    char line[EXPORT_LINE + 512];
+    (void)snprintf(line, sizeof line, "cd '%s' && { %s; } 2>&1", cli_folder, command);
+    (void)fflush(NULL);
+    FILE *stream = popen(line, "r");
+    assert_non_null(stream);
+    return stream;
+}
+
+/* Its exit code; what it said is in `out` (EXPORT_TEXT bytes). */
+static inline int export_finish(FILE *stream, char *out) {
+    size_t used = 0;
+    char rest[256];
+    for (size_t n; (n = fread(out + used, 1, EXPORT_TEXT - 1 - used, stream)) > 0;) used += n;
+    out[used] = '\0';
+    while (fread(rest, 1, sizeof rest, stream) > 0) continue;
+    const int status = pclose(stream);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : 1000;
+}
+
+static inline int export_shell(const char *command, char *out) {
+    return export_finish(export_start(command), out);
+}
+
+static inline void export_expect(const char *command) {
+    static char out[EXPORT_TEXT];
+    const int code = export_shell(command, out);
+    if (code != 0) fail_msg("%s: exit code %d\n%s", command, code, out);
+}
+
+static inline bool export_has(const char *compiler) {
+    static char out[EXPORT_TEXT];
+    char command[128];
+    (void)snprintf(command, sizeof command, "command -v %.*s", (int)strcspn(compiler, " "), compiler);
+    const bool found = export_shell(command, out) == 0;
+    if (!found) print_message("%s is not installed: left out\n", compiler);
+    return found;
+}
+
+/* For the group's end: the folder and all in it. */
+static inline int export_end(void **state) {
+    char command[300];
+    (void)state;
+    (void)snprintf(command, sizeof command, "rm -rf -- '%s'", cli_folder);
+    return system(command) == 0 ? 0 : -1;
+}
+
+/* ---- exporting ---- */
+
+/* lg-export with these arguments (the folder of --out is under the test's folder); it must succeed. */
+static inline void export_run(const char *arguments) {
+    static cli result;
+    cli_expect("lg-export", arguments, 0, "", &result);
+}
+
+/* The number of `#define NAME_<constant>` in the header. */
+static inline double export_constant(const char *folder, const char *name, const char *constant) {
+    char path[1024], line[EXPORT_LINE], words[256];
+    (void)snprintf(path, sizeof path, "%s/%s/%s.h", cli_folder, folder, name);
+    (void)snprintf(words, sizeof words, "#define %s_%s ", name, constant);
+    double value = NAN;
+    FILE *file = fopen(path, "r");
+    assert_non_null(file);
+    while (fgets(line, sizeof line, file) != NULL)
+        if (strncmp(line, words, strlen(words)) == 0) value = strtod(line + strlen(words), NULL);
+    assert_int_equal(fclose(file), 0);
+    if (isnan(value)) fail_msg("%s: no %s", path, words);
+    return value;
+}
+
+/* ---- calling ---- */
+
+typedef struct export_library {
+    void *handle;
+    char name[64];
+    bool single;            /* NAME_real is float */
+    size_t inputs, outputs; /* NAME_INPUTS, NAME_OUTPUTS */
+    size_t work_size;       /* NAME_WORK_SIZE */
+    double tolerance;       /* NAME_TOLERANCE */
+    void *work; /* work_size numbers of the type, filled with NaN before export_eval and export_grad */
+} export_library;
+
+/* Compiles NAME.c and NAME_weights.c of the folder with the compiler and flags into a shared object, loads
+ * it. A compiler of C++ is known by its "++". */
+static inline export_library export_open(const char *folder, const char *name, const char *compiler,
+                                         const char *flags) {
+    static int count;
+    char command[EXPORT_LINE], path[1024], words[1024];
+    export_library lib = {.inputs = (size_t)export_constant(folder, name, "INPUTS"),
+                          .outputs = (size_t)export_constant(folder, name, "OUTPUTS"),
+                          .work_size = (size_t)export_constant(folder, name, "WORK_SIZE"),
+                          .tolerance = export_constant(folder, name, "TOLERANCE")};
+    (void)snprintf(lib.name, sizeof lib.name, "%s", name);
+    (void)snprintf(path, sizeof path, "%s/%s/lib%d.so", cli_folder, folder, ++count);
+    (void)snprintf(command, sizeof command,
+                   "cd %s && %s %s %s -fPIC -shared %s.c %s_weights.c -x none -lm -o %s", folder, compiler,
+                   strstr(compiler, "++") != NULL ? EXPORT_CPP : EXPORT_C, flags, name, name, path);
+    export_expect(command);
+    lib.handle = dlopen(path, RTLD_NOW | RTLD_LOCAL);
+    if (lib.handle == NULL) fail_msg("%s", dlerror());
+    (void)snprintf(words, sizeof words, "grep -q 'typedef float %s_real;' %s/%s.h", name, folder, name);
+    static char out[EXPORT_TEXT];
+    lib.single = export_shell(words, out) == 0;
+    lib.work = calloc(lib.work_size, lib.single ? sizeof(float) : sizeof(double));
+    assert_non_null(lib.work);
+    return lib;
+}
+
+static inline void export_close(export_library *lib) {
+    assert_int_equal(dlclose(lib->handle), 0);
+    free(lib->work);
+    *lib = (export_library){.handle = NULL};
+}
+
+/* NAME_<what>: cast to the function's type through a union or memcpy by the caller, or use EXPORT_FUNCTION.
+ */
+static inline void *export_symbol(const export_library *lib, const char *what) {
+    char symbol[128];
+    (void)snprintf(symbol, sizeof symbol, "%s_%s", lib->name, what);
+    void *found = dlsym(lib->handle, symbol);
+    if (found == NULL) fail_msg("no symbol %s", symbol);
+    return found;
+}
+
+/* EXPORT_FUNCTION(&lib, "step", void, (double h, const double *x, ...), step): declares a pointer `step`. */
+#define EXPORT_FUNCTION(lib, what, result, parameters, pointer)                                              \
+    result(*pointer) parameters;                                                                             \
+    *(void **)&pointer = export_symbol(lib, what)
+
+/* Numbers in the exported type, NULL for NULL; from there; both to be freed. */
+static inline void *export_reals(const export_library *lib, const double *values, size_t count) {
+    if (values == NULL) return NULL;
+    void *out = calloc(count > 0 ? count : 1, lib->single ? sizeof(float) : sizeof(double));
+    assert_non_null(out);
+    for (size_t i = 0; i < count; i++) {
+        if (lib->single)
+            ((float *)out)[i] = (float)values[i];
+        else
+            ((double *)out)[i] = values[i];
+    }
+    return out;
+}
+
+static inline void export_doubles(const export_library *lib, const void *reals, double *out, size_t count) {
+    for (size_t i = 0; i < count && out != NULL; i++)
+        out[i] = lib->single ? (double)((const float *)reals)[i] : ((const double *)reals)[i];
+}
+
+/* A double as the exported type has it: inputs of the library beside those of the code. */
+static inline double export_rounded(const export_library *lib, double value) {
+    return lib->single ? (double)(float)value : value;
+}
+
+static inline void export_spoil(const export_library *lib) {
+    for (size_t i = 0; i < lib->work_size; i++) {
+        if (lib->single)
+            ((float *)lib->work)[i] = NAN;
+        else
+            ((double *)lib->work)[i] = NAN;
+    }
+}
+
+/* NAME_eval and NAME_grad in doubles, whatever the type. y of export_grad may be NULL. */
+static inline void export_eval(const export_library *lib, const double *x, double *y) {
+    void *in = export_reals(lib, x, lib->inputs), *out = export_reals(lib, y, lib->outputs);
+    EXPORT_FUNCTION(lib, "eval", void, (const void *, void *, void *), eval);
+    export_spoil(lib);
+    eval(in, out, lib->work);
+    export_doubles(lib, out, y, lib->outputs);
+    free(out);
+    free(in);
+}
+
+static inline void export_grad(const export_library *lib, const double *x, double *y, double *jacobian) {
+    const size_t size = lib->outputs * lib->inputs;
+    void *in = export_reals(lib, x, lib->inputs), *out = export_reals(lib, y, lib->outputs);
+    void *matrix = export_reals(lib, jacobian, size);
+    EXPORT_FUNCTION(lib, "grad", void, (const void *, void *, void *, void *), grad);
+    export_spoil(lib);
+    grad(in, out, matrix, lib->work);
+    export_doubles(lib, out, y, lib->outputs);
+    export_doubles(lib, matrix, jacobian, size);
+    free(matrix);
+    free(out);
+    free(in);
+}
+
+/* ---- comparing ---- */
+
+static inline double export_norm(const double *a, const double *b, size_t size) {
+    double sum = 0;
+    for (size_t i = 0; i < size; i++) {
+        const double d = a[i] - (b != NULL ? b[i] : 0);
+        sum += d * d;
+    }
+    return sqrt(sum);
+}
+
+/* The largest |got - want| / max(|want|, root mean square of |want| over the rows), Euclidean norms of rows
+ * of `size` numbers; NaN when one is. */
+static inline double export_worst(const double *got, const double *want, size_t rows, size_t size) {
+    double mean = 0, worst = 0;
+    for (size_t r = 0; r < rows; r++) mean += pow(export_norm(want + r * size, NULL, size), 2);
+    mean = sqrt(mean / (double)rows);
+    for (size_t r = 0; r < rows; r++) {
+        const double own = export_norm(want + r * size, NULL, size);
+        const double scale = own > mean ? own : mean;
+        const double error = export_norm(got + r * size, want + r * size, size) / (scale > 0 ? scale : 1);
+        if (isnan(error)) return NAN;
+        if (error > worst) worst = error;
+    }
+    return worst;
+}
+
+/* What the exported code and the library compute from x, each in doubles. */
+typedef void (*export_reference)(void *user, const double *x, double *y, double *jacobian);
+typedef void (*export_draw)(void *user, lg_rng *rng, double *x); /* inputs of the model */
+
+/* One number that is not finite makes all results NaN, whatever they depend on. */
+static inline void export_check_unfit(const export_library *lib, const double *finite) {
+    const size_t n = lib->inputs, m = lib->outputs, stride = 1 + n / 8;
+    double *x = calloc(n, sizeof *x), *y = calloc(m, sizeof *y), *matrix = calloc(n * m, sizeof *matrix);
+    assert_true(x != NULL && y != NULL && matrix != NULL);
+    memcpy(x, finite, n * sizeof *x);
+    for (size_t i = 0; i < n; i += stride) {
+        x[i] = i % 2 == 0 ? (double)NAN : (double)INFINITY;
+        export_eval(lib, x, y);
+        for (size_t o = 0; o < m; o++) assert_true(isnan(y[o]));
+        memset(y, 0, m * sizeof *y);
+        export_grad(lib, x, y, matrix);
+        for (size_t o = 0; o < m; o++) assert_true(isnan(y[o]));
+        for (size_t o = 0; o < n * m; o++) assert_true(isnan(matrix[o]));
+        x[i] = finite[i];
+    }
+    free(matrix);
+    free(y);
+    free(x);
+}
+
+/* `rows` random inputs: value, and gradient with the value beside it, within NAME_TOLERANCE of the reference.
+ * The worst errors are printed under `title`. */
+static inline void export_compare(const export_library *lib, const char *title, size_t rows, export_draw draw,
+                                  export_reference reference, void *user) {
+    const size_t n = lib->inputs, m = lib->outputs, size = n * m;
+    double *x = calloc(n, sizeof *x), *y[3], *matrix[2];
+    lg_rng rng;
+    lg_rng_seed(&rng, 20, 26);
+    for (int i = 0; i < 3; i++) y[i] = calloc(rows * m, sizeof(double));
+    for (int i = 0; i < 2; i++) matrix[i] = calloc(rows * size, sizeof(double));
+    assert_true(x != NULL && y[0] != NULL && y[1] != NULL && y[2] != NULL && matrix[0] != NULL &&
+                matrix[1] != NULL);
+    for (size_t r = 0; r < rows; r++) {
+        draw(user, &rng, x);
+        for (size_t i = 0; i < n; i++) x[i] = export_rounded(lib, x[i]);
+        reference(user, x, y[0] + r * m, matrix[0] + r * size);
+        export_eval(lib, x, y[1] + r * m);
+        export_grad(lib, x, y[2] + r * m, matrix[1] + r * size);
+    }
+    const double errors[] = {export_worst(y[1], y[0], rows, m), export_worst(y[2], y[0], rows, m),
+                             export_worst(matrix[1], matrix[0], rows, size)};
+    print_message("%s: value %.2e, beside the gradient %.2e, gradient %.2e; tolerance %.2e\n", title,
+                  errors[0], errors[1], errors[2], lib->tolerance);
+    for (int i = 0; i < 3; i++) assert_close(errors[i], 0, 0, lib->tolerance);
+    export_check_unfit(lib, x);
+    for (int i = 0; i < 3; i++) free(y[i]);
+    for (int i = 0; i < 2; i++) free(matrix[i]);
+    free(x);
+}
+
+/* ---- compiling in every way ---- */
+
+typedef struct export_way {
+    const char *compiler, *flags;
+} export_way;
+
+/* Starts the build of the self-test in a folder of its own, and its run. */
+static inline FILE *export_start_way(const char *folder, const char *name, const export_way *way,
+                                     size_t index) {
+    char command[EXPORT_LINE];
+    (void)snprintf(command, sizeof command,
+                   "cd %s && %s %s %s %s.c %s_weights.c %s_test.c -x none -lm -o test-%zu && ./test-%zu",
+                   folder, way->compiler, strstr(way->compiler, "++") != NULL ? EXPORT_CPP : EXPORT_C,
+                   way->flags, name, name, name, index, index);
+    return export_start(command);
+}
+
+/* Compiles the three C files with each compiler that there is, without a warning, and runs the self-test. */
+static inline void export_check_each(const char *folder, const char *name, const export_way *ways,
+                                     size_t count) {
+    static char out[EXPORT_TEXT];
+    FILE *streams[2] = {NULL, NULL}; /* two at a time */
+    for (size_t i = 0; i < count + 2; i++) {
+        FILE **stream = &streams[i % 2];
+        if (*stream != NULL) {
+            const export_way *way = &ways[i - 2];
+            const int code = export_finish(*stream, out);
+            *stream = NULL;
+            if (code != 0 || strstr(out, " ok\n") == NULL || strstr(out, "WRONG") != NULL)
+                fail_msg("%s, %s %s: exit code %d\n%s", folder, way->compiler, way->flags, code, out);
+        }
+        if (i < count && export_has(ways[i].compiler)) *stream = export_start_way(folder, name, &ways[i], i);
+    }
+}
+
+/* A choice that takes a few seconds for a small model. */
+static inline void export_check_ways(const char *folder, const char *name) {
+    static const export_way ways[] = {
+        {"gcc", "-O0"},
+        {"gcc", "-O3 -march=native -ffp-contract=fast"},
+        {"gcc", "-O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all"},
+        {"clang", "-O0"},
+        {"clang", "-O2"},
+        {"clang", "-O3 -march=native -ffp-contract=fast"},
+        {"g++", "-O1"},
+        {"clang++", "-O1"},
+    };
+    export_check_each(folder, name, ways, sizeof ways / sizeof ways[0]);
+}
+
+/* Every optimisation with every compiler. */
+static inline void export_check_all_ways(const char *folder, const char *name) {
+    static const export_way ways[] = {
+        {"gcc", "-O0"},     {"gcc", "-O1"},
+        {"gcc", "-O2"},     {"gcc", "-O3"},
+        {"gcc", "-Os"},     {"clang", "-O0"},
+        {"clang", "-O1"},   {"clang", "-O2"},
+        {"clang", "-O3"},   {"g++", "-O0"},
+        {"g++", "-O2"},     {"g++", "-O3"},
+        {"clang++", "-O0"}, {"clang++", "-O2"},
+        {"clang++", "-O3"}, {"clang", "-O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all"}};
+    export_check_ways(folder, name);
+    export_check_each(folder, name, ways, sizeof ways / sizeof ways[0]);
+}
+
+/* ---- objects ---- */
+
+static inline bool export_may_call(const char *symbol) {
+    static const char *const names[] = {"exp",  "expm1",  "log",    "log1p",  "sin",
+                                        "cos",  "sincos", "tan",    "atan2",  "sqrt",
+                                        "fabs", "floor",  "memcpy", "memset", "memmove"};
+    const size_t length = strlen(symbol);
+    for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
+        const size_t n = strlen(names[i]);
+        if (strncmp(symbol, names[i], n) == 0 &&
+            (length == n || (length == n + 1 && symbol[n] == 'f' && strncmp(symbol, "mem", 3) != 0)))
+            return true;
+    }
+    return false;
+}
+
+/* Symbols by nm: nothing is needed but libm and what compilers insert, nothing can be written, and what is
+ * visible begins with NAME_. */
+static inline void export_check_objects_of(const char *folder, const char *name, const char *compiler,
+                                           const char *flags) {
+    static char out[EXPORT_TEXT];
+    char command[EXPORT_LINE], prefix[80];
+    size_t visible = 0;
+    if (!export_has(compiler)) return;
+    (void)snprintf(prefix, sizeof prefix, "%s_", name);
+    (void)snprintf(command, sizeof command,
+                   "cd %s && %s %s %s -fno-pic -c %s.c -o nm-code.o && %s %s %s -fno-pic -c %s_weights.c -o "
+                   "nm-weights.o && nm -P nm-code.o nm-weights.o",
+                   folder, compiler, EXPORT_C, flags, name, compiler, EXPORT_C, flags, name);
+    if (export_shell(command, out) != 0) fail_msg("%s\n%s", command, out);
+    for (char *save = NULL, *line = strtok_r(out, "\n", &save); line != NULL;
+         line = strtok_r(NULL, "\n", &save)) {
+        char symbol[256], type;
+        if (sscanf(line, "%255s %c", symbol, &type) != 2 || symbol[strlen(symbol) - 1] == ':') continue;
+        const bool own = strncmp(symbol, prefix, strlen(prefix)) == 0;
+        if (strchr("DdBbCGgSsu", type) != NULL) fail_msg("%s: %s can be written (%c)", command, symbol, type);
+        if (type == 'U' && !own && !export_may_call(symbol)) fail_msg("%s: refers to %s", command, symbol);
+        if (isupper((unsigned char)type) && type != 'U' && !own)
+            fail_msg("%s: %s is visible", command, symbol);
+        if (own && type == 'T') visible++;
+    }
+    assert_true(visible > 0);
+}
+
+static inline void export_check_objects(const char *folder, const char *name) {
+    export_check_objects_of(folder, name, "gcc", "-O2");
+    export_check_objects_of(folder, name, "clang", "-O2");
+}
+
+/* `make stack` of the folder: without optimisation, with it, and with everything. */
+static inline void export_check_stack(const char *folder) {
+    static const char *const compilers[] = {"gcc", "clang"};
+    static const char *const levels[] = {"-O0", "-O2", "-O3 -march=native"};
+    char command[EXPORT_LINE];
+    for (size_t c = 0; c < 2; c++)
+        for (size_t i = 0; i < 3 && export_has(compilers[c]); i++) {
+            (void)snprintf(command, sizeof command, "make -C %s stack CC=%s CFLAGS='%s'", folder,
+                           compilers[c], levels[i]);
+            export_expect(command);
+        }
+}
+
+#endif

@@ -1,0 +1,32 @@
+/* Exported Hamiltonians compiled in every way: no warning, self-test passed, sanitizers silent, objects that
+ * need libm alone, the stated stack. ctest-labels: study */
+#include "export_hamiltonian.h"
+
+static void check(const sample *of, const char *dtype, void (*ways)(const char *folder, const char *name)) {
+    char folder[64];
+    learned made = learned_make(of);
+    learned_export(of, dtype, folder, sizeof folder);
+    ways(folder, "m");
+    export_check_objects(folder, "m");
+    export_check_stack(folder);
+    learned_free(&made);
+}
+
+static void one_model_meets_all_compilers_and_levels(void **state) {
+    (void)state;
+    check(&samples[1], "f64", export_check_all_ways);
+    check(&samples[1], "f32", export_check_all_ways);
+}
+
+static void every_model_meets_some(void **state) {
+    (void)state;
+    for (size_t i = 0; i < SAMPLES; i++) check(&samples[i], i % 2 == 0 ? "f64" : "f32", export_check_ways);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(one_model_meets_all_compilers_and_levels),
+        cmocka_unit_test(every_model_meets_some),
+    };
+    return cmocka_run_group_tests(tests, hamiltonians_begin, export_end);
+}
