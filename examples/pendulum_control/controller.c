@@ -1,0 +1,201 @@
+#include "controller.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "riccati.h"
+
+/* Weights of the energy and of the vertical angular momentum in the Lyapunov function, and the size of its
+ * scaled gradient at which the torque reaches its bound. */
+static const double energy_weight = 1.0, momentum_weight = 1.0, linear_range = 0.02;
+/* Weights of angle and angular velocity against torque in units of the pendulum's own (m g L; sqrt(g/L)). */
+static const double angle_weight = 1.0, rate_weight = 0.2;
+static const double least_cosine = 0.7; /* BALANCE only where q.upright is larger */
+static const double catch_fraction =
+    0.8; /* BALANCE begins in this part of its region, and lasts in all of it */
+
+static double dot(const double *a, const double *b) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static void cross(const double *a, const double *b, double *out) {
+    out[0] = a[1] * b[2] - a[2] * b[1];
+    out[1] = a[2] * b[0] - a[0] * b[2];
+    out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+double pendulum_angle(const double *state) {
+    return atan2(hypot(state[0], state[1]), state[2]);
+}
+
+/* ---- set-up ---- */
+
+size_t controller_work_size(const lg_model *model) {
+    return lg_model_work_size(model);
+}
+
+/* The equilibrium nearest to e3. At rest the field is the torque of the learned potential, p' = -dV/dq on the
+ * sphere, and A c = -p' is Newton's equation; its lower left block dp'/dq is all that counts. */
+static bool find_upright(controller *self) {
+    double y[STATE] = {0.0, 0.0, 1.0, 0.0, 0.0, 0.0};
+    for (int iteration = 0; iteration < 30; iteration++) {
+        double f[6], A[TANGENT * TANGENT], basis[STATE * TANGENT], force[3], b[2], c[2], length = 0.0;
+        if (lg_model_field(self->model, y, NULL, f, self->work) != LG_OK ||
+            lg_model_linearise(self->model, y, NULL, A, NULL, basis, self->work) != LG_OK)
+            return false;
+        cross(f + 3, y, force); /* p' = xi x p + eta x q, p = 0 */
+        for (int j = 0; j < 2; j++) {
+            b[j] = 0.0;
+            for (int i = 0; i < 3; i++) b[j] += basis[i * TANGENT + j] * force[i];
+        }
+        const double *low = A + 2 * TANGENT;
+        const double det = low[0] * low[TANGENT + 1] - low[1] * low[TANGENT];
+        c[0] = -(low[TANGENT + 1] * b[0] - low[1] * b[1]) / det;
+        c[1] = -(low[0] * b[1] - low[TANGENT] * b[0]) / det;
+        for (int i = 0; i < 3; i++) {
+            y[i] += basis[i * TANGENT] * c[0] + basis[i * TANGENT + 1] * c[1];
+            length += y[i] * y[i];
+        }
+        for (int i = 0; i < 3; i++) y[i] /= sqrt(length);
+        if (!(pendulum_angle(y) < 0.5)) return false;
+        if (hypot(c[0], c[1]) < 1e-13) {
+            memcpy(self->upright, y, sizeof y);
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Largest eigenvalue of the symmetric positive matrix M (3, 3), by power iteration: a lower bound, tight to
+ * rounding when the two largest are equal or apart. */
+static double largest_eigenvalue(const double *M) {
+    double x[3] = {0.6, 0.5, 0.4}, value = 0.0;
+    for (int iteration = 0; iteration < 200; iteration++) {
+        double y[3];
+        for (int i = 0; i < 3; i++) y[i] = dot(M + 3 * i, x);
+        value = sqrt(dot(y, y));
+        for (int i = 0; i < 3; i++) x[i] = value > 0.0 ? y[i] / value : 0.0;
+    }
+    return value;
+}
+
+/* u = -gain c minimises the integral of c^T Q c + |u|^2. Under the bound the gain acts multiplied by s in (0,
+ * 1], and while s >= 1/2 c^T P c still falls (the regulator's gain margin; Anderson and Moore, Optimal
+ * Control, 1990, ch. 5): on c^T P c < region, where |gain c| <= 2 torque_max. The largest |gain c|^2 on c^T P
+ * c = 1 is the largest eigenvalue of B^T P B. */
+static bool design(controller *self) {
+    double G[TANGENT * TANGENT], Q[TANGENT * TANGENT] = {0.0}, BPB[TORQUE * TORQUE];
+    const double *B = self->B, *P = self->P;
+    for (int i = 0; i < TANGENT; i++)
+        for (int j = 0; j < TANGENT; j++) G[i * TANGENT + j] = dot(B + TORQUE * i, B + TORQUE * j);
+    for (int i = 0; i < 2; i++) {
+        Q[i * TANGENT + i] = angle_weight * self->energy_scale * self->energy_scale;
+        Q[(2 + i) * TANGENT + 2 + i] = rate_weight * self->energy_scale / self->mass;
+    }
+    if (!riccati_solve(TANGENT, self->A, G, Q, self->P)) return false;
+    for (int i = 0; i < TORQUE; i++)
+        for (int j = 0; j < TANGENT; j++) {
+            double sum = 0.0;
+            for (int l = 0; l < TANGENT; l++) sum += B[l * TORQUE + i] * P[l * TANGENT + j];
+            self->gain[i * TANGENT + j] = sum;
+        }
+    for (int i = 0; i < TORQUE; i++)
+        for (int j = 0; j < TORQUE; j++) {
+            double sum = 0.0;
+            for (int l = 0; l < TANGENT; l++) sum += self->gain[i * TANGENT + l] * B[l * TORQUE + j];
+            BPB[i * TORQUE + j] = sum;
+        }
+    const double bound = 2.0 * self->torque_max;
+    self->region = bound * bound / largest_eigenvalue(BPB);
+    return isfinite(self->region);
+}
+
+static bool refuse(char *why, const char *sentence) {
+    (void)snprintf(why, 256, "%s", sentence);
+    return false;
+}
+
+bool controller_init(controller *self, const lg_model *model, void *work, double torque_max, char *why) {
+    if (model->kind != LG_MODEL_HAMILTONIAN || lg_model_inputs(model) != STATE ||
+        lg_model_tangent_size(model) != TANGENT)
+        return refuse(why, "the model is not the Hamiltonian of a spherical pendulum");
+    *self = (controller){.model = model, .work = work, .torque_max = torque_max};
+    if (!find_upright(self)) return refuse(why, "the learned potential has no equilibrium near e3");
+    double down[STATE] = {0.0}, energy_down;
+    for (int i = 0; i < 3; i++) down[i] = -self->upright[i];
+    lg_model_eval(model, self->upright, &self->energy_up, work);
+    lg_model_eval(model, down, &energy_down, work);
+    if (lg_model_linearise(model, self->upright, NULL, self->A, self->B, self->basis, work) != LG_OK)
+        return refuse(why, "the model cannot be linearised");
+    self->energy_scale = 0.5 * (self->energy_up - energy_down);
+    self->mass = 1.0 / self->A[2]; /* a_1' = b_1 / m */
+    if (!(self->energy_scale > 0.0 && self->mass > 0.0) || !isfinite(self->energy_scale + self->mass))
+        return refuse(why, "the learned equilibrium near e3 is not above the one opposite");
+    if (!design(self)) return refuse(why, "the Riccati equation of the linearisation has no solution");
+    return true;
+}
+
+/* ---- a control step ---- */
+
+static void scale_to(double *x, double factor) {
+    for (int i = 0; i < 3; i++) x[i] *= factor;
+}
+
+/* c^T P c of the deviation c from upright; infinite in the other hemisphere. */
+static double distance(const controller *self, const double *state, double *c) {
+    double sum = 0.0;
+    if (!(dot(state, self->upright) > least_cosine)) return INFINITY;
+    if (lg_model_deviation(self->model, self->basis, self->upright, state, c) != LG_OK) return INFINITY;
+    for (int i = 0; i < TANGENT; i++)
+        for (int j = 0; j < TANGENT; j++) sum += c[i] * self->P[i * TANGENT + j] * c[j];
+    return sum;
+}
+
+static void balance(const controller *self, const double *c, double *torque) {
+    for (int i = 0; i < TORQUE; i++) {
+        torque[i] = 0.0;
+        for (int j = 0; j < TANGENT; j++) torque[i] -= self->gain[i * TANGENT + j] * c[j];
+    }
+}
+
+/* W = kE (H - H_up)^2/2 + kL L^2/2 with L = e3.(q x p) has W' = torque.g, g = kE (H - H_up) omega + kL L (e3
+ * - q (q.e3)): the torque is along -g, saturated (Astrom and Furuta, Automatica 36, 2000, 287-295, for one
+ * plane; L brings the motion into one). All in units of the learned pendulum. Hanging at rest g is 0: then a
+ * push. */
+static void swing_up(const controller *self, const double *state, double *torque) {
+    double field[6], about[3], g[3];
+    const double *q = state, *p = state + 3;
+    torque[0] = torque[1] = torque[2] = 0.0;
+    if (lg_model_field(self->model, state, NULL, field, self->work) != LG_OK) return; /* field[0..2]: omega */
+    cross(q, p, about);
+    const double unit = sqrt(self->mass * self->energy_scale);
+    const double energy = energy_weight * (self->energy - self->energy_up) / self->energy_scale;
+    const double rate = self->mass / unit, momentum = momentum_weight * about[2] / unit;
+    for (int i = 0; i < 3; i++)
+        g[i] = energy * rate * field[i] + momentum * ((i == 2 ? 1.0 : 0.0) - q[i] * q[2]);
+    const double size = sqrt(dot(g, g));
+    if (size < 1e-3 && q[2] < -0.99) {
+        torque[0] = self->torque_max;
+        return;
+    }
+    memcpy(torque, g, sizeof g);
+    scale_to(torque, -self->torque_max / fmax(size, linear_range));
+}
+
+void controller_step(controller *self, const double *state, double *torque) {
+    double c[TANGENT];
+    lg_model_eval(self->model, state, &self->energy, self->work);
+    const double far = distance(self, state, c);
+    self->mode = far < self->region * (self->mode == BALANCE ? 1.0 : catch_fraction) ? BALANCE : SWING_UP;
+    if (self->mode == BALANCE)
+        balance(self, c, torque);
+    else
+        swing_up(self, state, torque);
+    /* The bound shrinks a torque in its own direction, by rounding too; NaN must not reach the motor. */
+    const double size = sqrt(dot(torque, torque));
+    if (!isfinite(size))
+        torque[0] = torque[1] = torque[2] = 0.0;
+    else if (size > self->torque_max)
+        scale_to(torque, self->torque_max * (1.0 - 1e-15) / size);
+}

@@ -1,0 +1,384 @@
+/* examples/pendulum_control: the Riccati solver, the controller's laws, a whole run without allocation. The
+ * learned model is one with a linear potential V = w.q, whose parameters are known. */
+#include "test_support.h"
+
+#include "../../examples/pendulum_control/controller.c"
+#include "../../examples/pendulum_control/latency.c"
+#include "../../examples/pendulum_control/pictures.c"
+#include "../../examples/pendulum_control/plant.c"
+#include "../../examples/pendulum_control/riccati.c"
+#include "../../examples/pendulum_control/trial.c"
+#include "support/malloc_count.h"
+
+/* ---- Riccati ---- */
+
+static void known_solutions(void **state) {
+    (void)state;
+    const double a = 1.0, g = 1.0, q = 3.0; /* 2 p - p^2 + 3 = 0 */
+    double p = 0.0;
+    assert_true(riccati_solve(1, &a, &g, &q, &p));
+    assert_close(p, 3.0, 1e-13, 0.0);
+    /* Double integrator, Q = diag(1, 0), R = 1. */
+    const double A[4] = {0, 1, 0, 0}, G[4] = {0, 0, 0, 1}, Q[4] = {1, 0, 0, 0};
+    double P[4];
+    assert_true(riccati_solve(2, A, G, Q, P));
+    const double expected[4] = {sqrt(2.0), 1.0, 1.0, sqrt(2.0)};
+    for (int i = 0; i < 4; i++) assert_close(P[i], expected[i], 1e-12, 0.0);
+    /* The balanced pole, a'' = a + u, Q = 0: gains 2 and 2, poles at -1. */
+    const double unstable[4] = {0, 1, 1, 0}, none[4] = {0};
+    assert_true(riccati_solve(2, unstable, G, none, P));
+    for (int i = 0; i < 4; i++) assert_close(P[i], 2.0, 1e-12, 0.0);
+}
+
+static void random_systems(void **state) {
+    (void)state;
+    lg_rng rng;
+    lg_rng_seed(&rng, 5, 0);
+    for (int n = 1; n <= RICCATI_MAX; n++)
+        for (int trial = 0; trial < 50; trial++) {
+            double A[64], B[64], C[64], G[64], Q[64], P[64], worst_x = INFINITY;
+            for (int i = 0; i < n * n; i++) {
+                A[i] = lg_rng_normal(&rng);
+                B[i] = lg_rng_normal(&rng);
+                C[i] = lg_rng_normal(&rng);
+            }
+            for (int i = 0; i < n; i++)
+                for (int j = 0; j < n; j++) {
+                    G[i * n + j] = Q[i * n + j] = i == j ? 0.1 : 0.0;
+                    for (int l = 0; l < n; l++) {
+                        G[i * n + j] += B[i * n + l] * B[j * n + l];
+                        Q[i * n + j] += C[l * n + i] * C[l * n + j];
+                    }
+                }
+            assert_true(riccati_solve(n, A, G, Q, P));
+            const double p = largest(n * n, P), terms = p * p * largest(n * n, G) + largest(n * n, Q);
+            assert_true(riccati_residual(n, A, G, Q, P) <= 1e-11 * n * terms);
+            /* Positive definite, and then A - G P is stable: x^T P x is a Lyapunov function as Q > 0. */
+            for (int t = 0; t < 20; t++) {
+                double x[8], sum = 0.0;
+                for (int i = 0; i < n; i++) x[i] = lg_rng_normal(&rng);
+                for (int i = 0; i < n; i++)
+                    for (int j = 0; j < n; j++) sum += x[i] * P[i * n + j] * x[j];
+                worst_x = fmin(worst_x, sum);
+            }
+            assert_true(worst_x > 0.0);
+        }
+}
+
+static void without_a_solution(void **state) {
+    (void)state;
+    double P[4] = {7, 7, 7, 7};
+    const double one = 1.0, zero = 0.0, nan_ = NAN;
+    assert_false(riccati_solve(1, &one, &zero, &one, P)); /* unstable, out of reach */
+    const double swing[4] = {0, 1, -1, 0}, G[4] = {0, 0, 0, 1}, none[4] = {0};
+    assert_false(riccati_solve(2, swing, G, none, P)); /* undamped, not seen */
+    /* Modes 1 and -1 on axes turned by t, of which u reaches the stable one: only rounding makes this
+     * solvable. */
+    for (int n = 1; n <= 20; n++) {
+        const double t = 0.07 * n, cc = cos(t) * cos(t), ss = sin(t) * sin(t), cs = cos(t) * sin(t);
+        const double A[4] = {cc - ss, 2.0 * cs, 2.0 * cs, ss - cc}, beside[4] = {ss, -cs, -cs, cc},
+                     Q[4] = {1, 0, 0, 1};
+        assert_false(riccati_solve(2, A, beside, Q, P));
+    }
+    assert_false(riccati_solve(1, &nan_, &one, &one, P));
+    assert_false(riccati_solve(1, &one, &one, &nan_, P));
+    assert_false(riccati_solve(0, &one, &one, &one, P));
+    assert_false(riccati_solve(RICCATI_MAX + 1, &one, &one, &one, P));
+    for (int i = 0; i < 4; i++) assert_close(P[i], 7.0, 0.0, 0.0);
+    assert_true(isnan(riccati_residual(1, &one, &nan_, &one, &one)));
+}
+
+/* ---- controller ---- */
+
+typedef struct fixture {
+    lg_model model;
+    double theta[5]; /* w, Gamma, b */
+    void *work;
+    controller control;
+    char why[256];
+} fixture;
+
+static bool make(fixture *self, const double *w, double mass, double torque_max) {
+    const double theta[5] = {w[0], w[1], w[2], sqrt(mass), -1.0};
+    memset(self, 0, sizeof *self);
+    memcpy(self->theta, theta, sizeof theta);
+    self->model.kind = LG_MODEL_HAMILTONIAN;
+    self->model.theta = self->theta;
+    assert_ok(lg_hamiltonian_init(&self->model.hamiltonian, LG_HAMILTONIAN_CHAIN, 1, LG_POTENTIAL_LINEAR,
+                                  NULL, 0, LG_TANH));
+    assert_int_equal(lg_model_parameters(&self->model), 5);
+    assert_int_equal(posix_memalign(&self->work, 64, controller_work_size(&self->model)), 0);
+    return controller_init(&self->control, &self->model, self->work, torque_max, self->why);
+}
+
+/* V = w.q: upright along w, m g L = |w|; a'' = |w|/m a + u/m in both directions, the unstable rate is
+ * sqrt(|w|/m). */
+static void design_of_a_tilted_model(void **state) {
+    (void)state;
+    const double w[3] = {0.3, -0.2, 2.0}, mass = 0.5, size = norm(w);
+    fixture self;
+    assert_true(make(&self, w, mass, 0.7));
+    const controller *c = &self.control;
+    for (int i = 0; i < 3; i++) assert_close(c->upright[i], w[i] / size, 0.0, 1e-14);
+    assert_close(c->energy_scale, size, 1e-14, 0.0);
+    assert_close(c->energy_up, size, 1e-14, 0.0);
+    assert_close(c->mass, mass, 1e-14, 0.0);
+    for (int j = 0; j < 2; j++) {
+        assert_close(c->A[(2 + j) * TANGENT + j], size, 1e-13, 0.0);
+        assert_close(c->A[j * TANGENT + 2 + j], 1.0 / mass, 1e-13, 0.0);
+    }
+    /* Torques along the link do nothing, the gain is at right angles to it and above what holds the unstable
+     * equilibrium. */
+    for (int j = 0; j < TANGENT; j++) {
+        double along = 0.0, across = 0.0;
+        for (int i = 0; i < TORQUE; i++) {
+            along += c->upright[i] * c->gain[i * TANGENT + j];
+            across += c->gain[i * TANGENT + j] * c->gain[i * TANGENT + j];
+        }
+        assert_close(along, 0.0, 0.0, 1e-12);
+        assert_true(j >= 2 || sqrt(across) > 1.5 * size);
+    }
+    free(self.work);
+}
+
+static void models_that_it_refuses(void **state) {
+    (void)state;
+    const double sideways[3] = {1.0, 0.0, 0.1}, below[3] = {0.01, 0.0, -1.0}, broken[3] = {0.0, NAN, 1.0};
+    const double *const cases[] = {sideways, below, broken};
+    for (size_t i = 0; i < 3; i++) {
+        fixture self;
+        assert_false(make(&self, cases[i], 1.0, 0.35));
+        assert_true(strlen(self.why) > 10);
+        free(self.work);
+    }
+}
+
+/* A random state: anywhere, or near upright. */
+static void draw_state(lg_rng *rng, bool near, double *y) {
+    double q[3], p[3], along = 0.0;
+    for (int i = 0; i < 3; i++) q[i] = lg_rng_normal(rng) * (near ? 0.1 : 1.0) + (near && i == 2 ? 1.0 : 0.0);
+    for (int i = 0; i < 3; i++) p[i] = lg_rng_normal(rng) * (near ? 0.1 : 1.0);
+    const double length = norm(q);
+    for (int i = 0; i < 3; i++) y[i] = q[i] / length;
+    for (int i = 0; i < 3; i++) along += y[i] * p[i];
+    for (int i = 0; i < 3; i++) y[3 + i] = p[i] - y[i] * along;
+}
+
+/* Swinging up, W = (H - 1)^2/2 + L^2/2 of the true pendulum falls whenever the torque is more than rounding;
+ * balancing, c^T P c falls. Both over one control period. */
+static void lyapunov_functions_fall(void **state) {
+    (void)state;
+    const double w[3] = {0.0, 0.0, 1.0};
+    fixture self;
+    plant truth;
+    lg_rng rng;
+    int swings = 0, balances = 0;
+    assert_true(make(&self, w, 1.0, 0.35));
+    assert_true(plant_create(&truth));
+    lg_rng_seed(&rng, 9, 0);
+    for (int n = 0; n < 4000; n++) {
+        double y[6], torque[3], before[2], after[2], c[4];
+        draw_state(&rng, n % 2 == 0, y);
+        self.control.mode = n % 4 < 2 ? SWING_UP : BALANCE;
+        controller_step(&self.control, y, torque);
+        assert_true(norm(torque) <= 0.35 * (1.0 + 1e-14));
+        const double far = distance(&self.control, y, c);
+        const double H = plant_energy(&truth, y) - 1.0, L = y[0] * y[4] - y[1] * y[3];
+        before[0] = 0.5 * (H * H + L * L), before[1] = far;
+        assert_true((self.control.mode == BALANCE) ==
+                    (far < self.control.region * (n % 4 < 2 ? catch_fraction : 1.0)));
+        assert_true(plant_advance(&truth, 1e-3, torque, y));
+        const double H1 = plant_energy(&truth, y) - 1.0, L1 = y[0] * y[4] - y[1] * y[3];
+        after[0] = 0.5 * (H1 * H1 + L1 * L1), after[1] = distance(&self.control, y, c);
+        if (self.control.mode == BALANCE) {
+            assert_true(after[1] < before[1]);
+            balances++;
+        } else if (norm(torque) > 0.01 && before[0] > 1e-3) {
+            assert_true(after[0] < before[0]);
+            swings++;
+        }
+    }
+    assert_true(swings > 1000 && balances > 300);
+    plant_destroy(&truth);
+    free(self.work);
+}
+
+static void the_torque_does_what_it_says(void **state) {
+    (void)state;
+    plant truth;
+    assert_true(plant_create(&truth));
+    const double torque[3] = {0.1, -0.05, 0.2};
+    double y[6] = {0.6, 0.0, 0.8, 0.0, 0.3, 0.0}, power = 0.0, before, rate[3];
+    const double q[3] = {0.6, 0.0, 0.8}, p[3] = {0.0, 0.3, 0.0};
+    cross(q, p, rate); /* omega = q x q' */
+    for (int i = 0; i < 3; i++) power += torque[i] * rate[i];
+    before = plant_energy(&truth, y);
+    assert_true(plant_advance(&truth, 1e-6, torque, y));
+    assert_close((plant_energy(&truth, y) - before) / 1e-6, power, 1e-4, 0.0);
+    plant_destroy(&truth);
+}
+
+static void states_that_are_not_finite(void **state) {
+    (void)state;
+    const double w[3] = {0.0, 0.0, 1.0};
+    fixture self;
+    assert_true(make(&self, w, 1.0, 0.35));
+    for (int i = 0; i < 6; i++) {
+        double y[6] = {0.0, 0.0, 1.0, 0.01, 0.0, 0.0}, torque[3] = {9.0, 9.0, 9.0};
+        y[i] = NAN;
+        controller_step(&self.control, y, torque);
+        for (int j = 0; j < 3; j++) assert_close(torque[j], 0.0, 0.0, 0.0);
+    }
+    free(self.work);
+}
+
+typedef struct run {
+    trial_times times;
+    trace record;
+    trial_result result;
+} run;
+
+enum { STEPS = 30000, TIMED = 20, ROWS = 100 };
+
+/* Hanging at rest; some steps wait for the clock. */
+static void run_counted(plant *truth, controller *control, run *r, lg_counts *used) {
+    const trial_options options = {1e-3, 30.0, 5.0, 1e-2, 0.02};
+    double y[6];
+    r->times.paced.count = r->times.unpaced.count = r->times.wake.count = r->times.response.count =
+        r->record.count = 0;
+    assert_string_equal(trial_start(truth, 1, 0, y), "hanging at rest");
+    lg_count_begin();
+    r->result = trial_run(&options, truth, control, y, &r->times, &r->record);
+    *used = lg_count_end();
+}
+
+/* With a potential tilted as a learned one is. */
+static void a_run_without_allocation(void **state) {
+    (void)state;
+    const double w[3] = {1e-3, -1e-3, 0.998};
+    fixture self;
+    plant truth;
+    assert_true(make(&self, w, 1.001, 0.35));
+    assert_true(plant_create(&truth));
+    run r = {{{malloc(STEPS * sizeof(int64_t)), 0, STEPS},
+              {malloc(STEPS * sizeof(int64_t)), 0, STEPS},
+              {malloc(TIMED * sizeof(int64_t)), 0, TIMED},
+              {malloc(TIMED * sizeof(int64_t)), 0, TIMED}},
+             {malloc(ROWS * sizeof(trace_row)), 0, ROWS, STEPS / ROWS},
+             {0}};
+    /* The threads that OpenBLAS starts with the process take a lock each, once, perhaps during the first
+     * runs. */
+    lg_counts used = {0, 0, 1};
+    for (int attempt = 0; attempt < 5 && used.locks > 0; attempt++)
+        run_counted(&truth, &self.control, &r, &used);
+    if (lg_count_available()) {
+        assert_int_equal(used.allocations, 0);
+        assert_int_equal(used.releases, 0);
+        assert_int_equal(used.locks, 0);
+    }
+    assert_true(r.result.held && r.result.finite);
+    assert_true(r.result.caught > 3.0 &&
+                r.result.caught < 20.0); /* 2 m g L at no more than 0.35 |omega|: some swings */
+    assert_true(r.result.manifold < 1e-12);
+    assert_close(r.result.most_torque, 0.35, 1e-12, 0.0);
+    assert_int_equal(r.times.paced.count, TIMED);
+    assert_int_equal(r.times.unpaced.count, STEPS - TIMED);
+    assert_int_equal(r.times.wake.count, TIMED);
+    assert_int_equal(r.times.response.count, TIMED);
+    assert_int_equal(r.record.count, ROWS);
+    for (size_t i = 0; i < TIMED; i++) {
+        assert_true(r.times.wake.ns[i] >= 0); /* never early */
+        assert_true(r.times.response.ns[i] >= r.times.wake.ns[i] + r.times.paced.ns[i]);
+    }
+    free(r.times.paced.ns);
+    free(r.times.unpaced.ns);
+    free(r.times.wake.ns);
+    free(r.times.response.ns);
+    free(r.record.rows);
+    plant_destroy(&truth);
+    free(self.work);
+}
+
+static void summaries(void **state) {
+    (void)state;
+    int64_t ns[2001];
+    samples s = {ns, 0, 2001};
+    assert_true(isnan(samples_summary(&s).median));
+    for (int i = 2000; i >= 0; i--) samples_add(&s, 1000 * i);
+    samples_add(&s, 1); /* no room */
+    const latency l = samples_summary(&s);
+    assert_int_equal(l.count, 2001);
+    assert_close(l.median, 1000.0, 0.0, 1e-9);
+    assert_close(l.p999, 1998.0, 0.0, 1e-9);
+    assert_close(l.most, 2000.0, 0.0, 1e-9);
+}
+
+/* Samples lie between the edge of the row that counts them and the next edge; each series holds all of them,
+ * and the script draws from a row's edge to the next (gnuplot: steps). */
+static void histogram(void **state) {
+    (void)state;
+    enum { EDGES = DECADES * DECADE_BINS + 1 };
+    char folder[] = "/tmp/liegrad it's XXXXXX", path[PATH], line[256];
+    int64_t few[] = {1500, 1500, 1500, 990000}, ends[] = {0, 1000000000, 1, 200};
+    const samples a = {few, 4, 4}, b = {ends, 4, 4};
+    const histogram_series series[] = {{"a", &a}, {"b", &b}};
+    double edge[2][EDGES], height[2][EDGES];
+    assert_non_null(mkdtemp(folder));
+    assert_true(picture_latency(folder, series, 2));
+    (void)snprintf(path, sizeof path, "%s/latency.dat", folder);
+    FILE *data = fopen(path, "r");
+    assert_non_null(data);
+    for (int s = 0, row = 0; fgets(line, sizeof line, data) != NULL && s < 2;) {
+        if (sscanf(line, "%lf %lf", &edge[s][row], &height[s][row]) != 2) continue;
+        if (++row == EDGES) row = 0, s++;
+    }
+    (void)fclose(data);
+    for (int i = 0; i + 1 < EDGES; i++) {
+        const bool has_a = edge[0][i] <= 1.5 && 1.5 < edge[0][i + 1],
+                   has_b = edge[0][i] <= 990.0 && 990.0 < edge[0][i + 1];
+        assert_close(height[0][i], has_a ? 0.75 : has_b ? 0.25 : 0.0, 0.0, 1e-8);
+    }
+    assert_close(height[1][0], 0.5, 0.0, 1e-8); /* what is outside counts in the outermost */
+    assert_close(height[1][EDGES - 2], 0.25, 0.0, 1e-8);
+    assert_close(edge[0][EDGES - 1], 1e5, 1e-5, 0.0);
+    (void)snprintf(path, sizeof path, "%s/latency.gp", folder);
+    FILE *script = fopen(path, "r");
+    assert_non_null(script);
+    int steps = 0;
+    while (fgets(line, sizeof line, script) != NULL)
+        for (const char *at = line; (at = strstr(at, " with steps ")) != NULL; at++) steps++;
+    (void)fclose(script);
+    assert_int_equal(steps, 2);
+    static const char *const made[] = {"latency.dat", "latency.gp", "latency.svg"};
+    for (int i = 0; i < 3; i++) {
+        (void)snprintf(path, sizeof path, "%s/%s", folder, made[i]);
+        (void)remove(path);
+    }
+    assert_int_equal(remove(folder), 0);
+}
+
+/* What gnuplot is told, a folder's quotes doubled. */
+static void folders_for_gnuplot(void **state) {
+    (void)state;
+    char command[2 * PATH + 8];
+    change_folder("it's \"$(x)' #", command);
+    assert_string_equal(command, "cd 'it''s \"$(x)'' #'");
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(known_solutions),
+        cmocka_unit_test(random_systems),
+        cmocka_unit_test(without_a_solution),
+        cmocka_unit_test(design_of_a_tilted_model),
+        cmocka_unit_test(models_that_it_refuses),
+        cmocka_unit_test(lyapunov_functions_fall),
+        cmocka_unit_test(the_torque_does_what_it_says),
+        cmocka_unit_test(states_that_are_not_finite),
+        cmocka_unit_test(a_run_without_allocation),
+        cmocka_unit_test(summaries),
+        cmocka_unit_test(histogram),
+        cmocka_unit_test(folders_for_gnuplot),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
