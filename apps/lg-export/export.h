@@ -102,6 +102,8 @@ typedef struct export_fragment {
     const char *name, *text;
 } export_fragment;
 extern const export_fragment export_fragments[];
+/* `#error` for a name that is none. */
+const char *export_fragment_text(const char *name);
 
 /* Adds a fragment (<fragment>.c below code/) to source->code, once. */
 void export_code(export_source *source, const char *fragment);

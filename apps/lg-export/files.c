@@ -113,12 +113,6 @@ static const char *or_nothing(const text *from) {
     return from->data != NULL ? from->data : "";
 }
 
-static const char *fragment(const char *name) {
-    for (const export_fragment *f = export_fragments; f->name != NULL; f++)
-        if (strcmp(f->name, name) == 0) return f->text;
-    return "";
-}
-
 static void add_arrays(const export_source *source, text *to) {
     text_add(to, "\n#ifdef __cplusplus\nextern \"C\" {\n#endif\n%s#ifdef __cplusplus\n}\n#endif\n",
              or_nothing(&source->arrays));
@@ -127,9 +121,9 @@ static void add_arrays(const export_source *source, text *to) {
 static void add_code(const export_source *source, text *to) {
     const char *name = source->options->name;
     text_add(to, "/* %s.h says what this is. */\n#include \"%s.h\"\n\n", name, name);
-    text_add_named(to, name, fragment("prelude"));
-    text_add(to, "%s", fragment(source->options->dtype == LG_F32 ? "prelude_f32" : "prelude_f64"));
-    text_add(to, "\n%s", fragment("unfit"));
+    text_add_named(to, name, export_fragment_text("prelude"));
+    text_add(to, "%s", export_fragment_text(source->options->dtype == LG_F32 ? "prelude_f32" : "prelude_f64"));
+    text_add(to, "\n%s", export_fragment_text("unfit"));
     if (source->arrays.length > 0) add_arrays(source, to);
     text_add(to, "\n%s", or_nothing(&source->code));
 }
@@ -155,7 +149,7 @@ static void add_test(const export_source *source, text *to) {
         name, name, name);
     export_golden_write(source, to);
     text_add(to, "%s\n", or_nothing(&source->test));
-    text_add_named(to, name, fragment("test_main"));
+    text_add_named(to, name, export_fragment_text("test_main"));
 }
 
 static const char makefile[] =

@@ -7,7 +7,7 @@
 
 /* ---- fragments ---- */
 
-static const char *fragment_text(const char *name) {
+const char *export_fragment_text(const char *name) {
     for (const export_fragment *f = export_fragments; f->name != NULL; f++)
         if (strcmp(f->name, name) == 0) return f->text;
     return "#error missing fragment\n";
@@ -20,7 +20,7 @@ static void add_fragment(export_source *source, const char *fragment, text *to) 
     if (length < 0 || strstr(source->fragments, word) != NULL) return;
     (void)snprintf(source->fragments + used, sizeof source->fragments - used, "%s", word);
     text_add(to, "\n");
-    text_add_named(to, source->options->name, fragment_text(fragment));
+    text_add_named(to, source->options->name, export_fragment_text(fragment));
 }
 
 void export_code(export_source *source, const char *fragment) {
