@@ -122,7 +122,8 @@ static void add_code(const export_source *source, text *to) {
     const char *name = source->options->name;
     text_add(to, "/* %s.h says what this is. */\n#include \"%s.h\"\n\n", name, name);
     text_add_named(to, name, export_fragment_text("prelude"));
-    text_add(to, "%s", export_fragment_text(source->options->dtype == LG_F32 ? "prelude_f32" : "prelude_f64"));
+    text_add(to, "%s",
+             export_fragment_text(source->options->dtype == LG_F32 ? "prelude_f32" : "prelude_f64"));
     text_add(to, "\n%s", export_fragment_text("unfit"));
     if (source->arrays.length > 0) add_arrays(source, to);
     text_add(to, "\n%s", or_nothing(&source->code));

@@ -6,10 +6,9 @@
 #include "common/app.h"
 #include "lg-gradcheck/tables.h"
 
-/* The tables that are checked. A new room adds its own here. */
+/* The tables that are checked beside the library's operations. A new room adds its own here. */
 typedef const lg_gradcheck_case *(*table_fn)(size_t *count);
-static const table_fn tables[] = {lg_gradcheck_operations, layer_rows,    integrator_rows, system_rows,
-                                  hamiltonian_rows,        surrogate_rows};
+static const table_fn tables[] = {layer_rows, integrator_rows, system_rows, hamiltonian_rows, surrogate_rows};
 
 typedef struct values {
     const char *only;
@@ -41,18 +40,25 @@ static bool wanted(const lg_gradcheck_case *row) {
     return false;
 }
 
+typedef lg_status (*visit_fn)(void *user, const lg_gradcheck_case *row);
+
+static lg_status visit_wanted(visit_fn visit, void *user, const lg_gradcheck_case *row) {
+    if (!wanted(row)) return LG_OK;
+    return app_interrupted() ? LG_CANCELLED : visit(user, row);
+}
+
 /* visit(user, row) for all rows wanted, until one does not return LG_OK. */
-static lg_status each_row(lg_status (*visit)(void *user, const lg_gradcheck_case *row), void *user) {
+static lg_status each_row(visit_fn visit, void *user) {
+    const lg_gradcheck_case *row;
+    lg_status status = LG_OK;
+    for (size_t i = 0; status == LG_OK && (row = lg_gradcheck_operation(i)) != NULL; i++)
+        status = visit_wanted(visit, user, row);
     for (size_t t = 0; t < APP_COUNT(tables); t++) {
         size_t count;
         const lg_gradcheck_case *table = tables[t](&count);
-        for (size_t i = 0; i < count; i++) {
-            if (!wanted(&table[i])) continue;
-            lg_status status = app_interrupted() ? LG_CANCELLED : visit(user, &table[i]);
-            if (status != LG_OK) return status;
-        }
+        for (size_t i = 0; i < count && status == LG_OK; i++) status = visit_wanted(visit, user, &table[i]);
     }
-    return LG_OK;
+    return status;
 }
 
 /* What --only leaves. */

@@ -120,8 +120,9 @@ typedef struct lg_gradcheck_case {
 LG_API lg_status lg_gradcheck_run(const lg_context *context, const lg_gradcheck_case *row,
                                   const lg_gradcheck_options *options, lg_gradcheck_result *result);
 
-/* The rows of all operations in every variant of shapes that matters. Static. */
-LG_API const lg_gradcheck_case *lg_gradcheck_operations(size_t *count);
+/* Row number `index` = 0, 1, ... of all operations in every variant of shapes that matters; NULL beyond the
+ * last. Static. */
+LG_API const lg_gradcheck_case *lg_gradcheck_operation(size_t index);
 
 typedef enum lg_plant_outcome { LG_PLANT_CAUGHT, LG_PLANT_MISSED, LG_PLANT_EXCLUDED } lg_plant_outcome;
 /* `reason` says why a mutation is excluded, or what caught it. */

@@ -9,40 +9,38 @@
 
 static void test_every_row_passes(void **state) {
     (void)state;
-    size_t count;
-    const lg_gradcheck_case *rows = lg_gradcheck_operations(&count);
-    for (size_t i = 0; i < count; i++) {
+    const lg_gradcheck_case *row;
+    for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++) {
         lg_gradcheck_result result;
-        lg_status status = lg_gradcheck_run(NULL, &rows[i], NULL, &result);
+        lg_status status = lg_gradcheck_run(NULL, row, NULL, &result);
         if (status != LG_OK)
-            fail_msg("%s: %s: %s", rows[i].function.name, lg_status_name(status), result.message);
+            fail_msg("%s: %s: %s", row->function.name, lg_status_name(status), result.message);
         assert_true(result.passed);
         assert_string_equal(result.message, "");
-        int orders = rows[i].function.first_order_only ? 1 : 2;
+        int orders = row->function.first_order_only ? 1 : 2;
         for (int order = 0; order < 2; order++) {
             assert_int_equal(result.order[order].checked, order < orders);
             assert_int_equal(result.order[order].passed, order < orders);
         }
-        if (!rows[i].zero) assert_true(result.order[0].derivative > 1e-6);
+        if (!row->zero) assert_true(result.order[0].derivative > 1e-6);
     }
 }
 
 /* An operation outside the registry cannot exist: each has a row that names it and has it on its tape. */
 static void test_every_operation_has_a_row(void **state) {
     (void)state;
-    size_t count;
-    const lg_gradcheck_case *rows = lg_gradcheck_operations(&count);
+    const lg_gradcheck_case *row;
     lg_gradcheck_options options;
     lg_gradcheck_options_init(&options);
     for (int op = 0; op < LG_OP_COUNT; op++) {
         bool found = false;
-        for (size_t i = 0; i < count && !found; i++)
-            for (size_t j = 0; j < LG_GRADCHECK_CASE_OPERATIONS && rows[i].operations[j] != NULL; j++) {
-                if (strcmp(rows[i].operations[j], lg_ops[op]->name) != 0) continue;
+        for (size_t i = 0; !found && (row = lg_gradcheck_operation(i)) != NULL; i++)
+            for (size_t j = 0; j < LG_GRADCHECK_CASE_OPERATIONS && row->operations[j] != NULL; j++) {
+                if (strcmp(row->operations[j], lg_ops[op]->name) != 0) continue;
                 uint32_t inputs = 0;
-                assert_ok(lg_gradcheck_inputs_of(NULL, &rows[i].function, &options, (lg_op_code)op, &inputs));
+                assert_ok(lg_gradcheck_inputs_of(NULL, &row->function, &options, (lg_op_code)op, &inputs));
                 if (inputs == 0 && op != LG_OP_LEAF)
-                    fail_msg("%s has no %s on its tape", rows[i].function.name, lg_ops[op]->name);
+                    fail_msg("%s has no %s on its tape", row->function.name, lg_ops[op]->name);
                 found = true;
             }
         if (!found) fail_msg("no row for the operation %s", lg_ops[op]->name);
@@ -51,12 +49,12 @@ static void test_every_operation_has_a_row(void **state) {
 
 static void test_names_are_different_and_known(void **state) {
     (void)state;
-    size_t count;
-    const lg_gradcheck_case *rows = lg_gradcheck_operations(&count);
-    for (size_t i = 0; i < count; i++) {
-        for (size_t j = 0; j < i; j++) assert_string_not_equal(rows[i].function.name, rows[j].function.name);
-        for (size_t j = 0; j < LG_GRADCHECK_CASE_OPERATIONS && rows[i].operations[j] != NULL; j++)
-            if (lg_op_by_name(rows[i].operations[j]) < 0) fail_msg("unknown %s", rows[i].operations[j]);
+    const lg_gradcheck_case *row;
+    for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++) {
+        for (size_t j = 0; j < i; j++)
+            assert_string_not_equal(row->function.name, lg_gradcheck_operation(j)->function.name);
+        for (size_t j = 0; j < LG_GRADCHECK_CASE_OPERATIONS && row->operations[j] != NULL; j++)
+            if (lg_op_by_name(row->operations[j]) < 0) fail_msg("unknown %s", row->operations[j]);
     }
     for (int a = 0; a < LG_OP_COUNT; a++)
         for (int b = 0; b < a; b++) assert_string_not_equal(lg_ops[a]->name, lg_ops[b]->name);
@@ -84,10 +82,9 @@ static void count_plant(void *user, const lg_gradcheck_case *row, const lg_gradc
 static void test_every_plant_is_caught(void **state) {
     (void)state;
     static tally t;
-    size_t count;
-    const lg_gradcheck_case *rows = lg_gradcheck_operations(&count);
-    for (size_t i = 0; i < count; i++)
-        assert_ok(lg_gradcheck_plant_all(NULL, &rows[i], NULL, count_plant, &t));
+    const lg_gradcheck_case *row;
+    for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++)
+        assert_ok(lg_gradcheck_plant_all(NULL, row, NULL, count_plant, &t));
     assert_int_equal(t.outcome[LG_PLANT_MISSED], 0);
     assert_true(t.outcome[LG_PLANT_CAUGHT] > 2000);
     assert_true(t.outcome[LG_PLANT_CAUGHT] > 3 * t.outcome[LG_PLANT_EXCLUDED]);
@@ -113,10 +110,9 @@ static void test_every_plant_is_caught(void **state) {
 }
 
 static const lg_gradcheck_case *row_named(const char *name) {
-    size_t count;
-    const lg_gradcheck_case *rows = lg_gradcheck_operations(&count);
-    for (size_t i = 0; i < count; i++)
-        if (strcmp(rows[i].function.name, name) == 0) return &rows[i];
+    const lg_gradcheck_case *row;
+    for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++)
+        if (strcmp(row->function.name, name) == 0) return row;
     fail_msg("no row %s", name);
     return NULL;
 }
