@@ -233,7 +233,7 @@ void lg_reverse_matmul(lg_reverse *r, uint32_t k, uint32_t variant, lg_var a, lg
     if (block == NULL) return;
     const lg_node *na = lg_node_at(tape, a), *nb = lg_node_at(tape, b);
     const size_t inner = na->shape.dims[variant == 2 ? 0 : 1];
-    lg_gemm(tape, variant, shape->dims[0], shape->dims[1], inner, na->value, nb->value, b.index, block, add);
+    lg_gemm(tape, variant, shape->dims[0], shape->dims[1], inner, na->value, b.index, block, add);
     bound_product(r, k, na, nb);
 }
 

@@ -35,11 +35,11 @@ typedef enum helper { HELPER_NONE, HELPER_VALUE, HELPER_SIGMOID } helper;
 static const helper helpers[LG_ACTIVATION_COUNT] = {HELPER_NONE,  HELPER_VALUE, HELPER_VALUE, HELPER_SIGMOID,
                                                     HELPER_VALUE, HELPER_VALUE, HELPER_NONE};
 
-static lg_status act_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+static lg_status act_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
     (void)inputs;
     if (attr->i[0] >= LG_ACTIVATION_COUNT) return LG_INVALID_ARGUMENT;
     if (attr->i[1] > LG_K_ACT_ORDERS) return LG_NOT_DIFFERENTIABLE;
-    *out = in[0]->shape;
+    *out = *in[0];
     return LG_OK;
 }
 
@@ -54,17 +54,29 @@ static lg_var derivative(lg_tape *tape, lg_var x, lg_var h, lg_var g, uint32_t k
     return lg_record(tape, LG_OP_ACT_DERIVATIVE, in, n, &attr);
 }
 
-static lg_status derivative_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr,
+static lg_status derivative_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                                   lg_shape *out) {
+    const lg_status status = act_shape(in, inputs, attr, out);
+    if (status != LG_OK) return status;
+    const helper from = helpers[attr->i[0]];
+    const bool kink = attr->i[0] == LG_RELU || attr->i[0] == LG_LEAKY_RELU;
+    if (inputs != (attr->i[3] != 0 ? 3u : 2u) || (attr->i[2] == 0 && from != HELPER_NONE && !kink))
+        return LG_INVALID_ARGUMENT;
     for (uint32_t i = 1; i < inputs; i++)
-        if (!lg_same_shape(&in[0]->shape, &in[i]->shape)) return LG_SHAPE;
-    return act_shape(in, inputs, attr, out);
+        if (!lg_same_shape(in[0], in[i])) return LG_SHAPE;
+    return LG_OK;
 }
 
-static lg_status derivative_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    const void *x = in[0]->flags & LG_NODE_NO_VALUE ? NULL : in[0]->value;
-    tape->k->act((lg_k_act)out->attr.i[0], (int)out->attr.i[1], out->count, x,
-                 out->attr.i[2] ? in[1]->value : NULL, out->attr.i[3] ? in[2]->value : NULL, out->value);
+/* With a helper that is the activation's own value, the argument is not read. */
+static uint32_t derivative_unread(const lg_attr *attr, uint32_t inputs) {
+    (void)inputs;
+    if (attr->i[2] == 0) return 2u;
+    return helpers[attr->i[0]] == HELPER_VALUE ? 1u : 0u;
+}
+
+static lg_status derivative_forward(lg_evaluation *e) {
+    e->k->act((lg_k_act)e->attr->i[0], (int)e->attr->i[1], e->count, e->x[0], e->attr->i[2] ? e->x[1] : NULL,
+              e->attr->i[3] ? e->x[2] : NULL, e->y);
     return LG_OK;
 }
 
@@ -116,10 +128,11 @@ static lg_var derivative_jvp(const lg_forward *f) {
 }
 
 const lg_op lg_op_act_derivative = {
-    "act_derivative", 2u, derivative_shape, derivative_forward, derivative_vjp, derivative_jvp};
+    LG_OP("act_derivative", 2u, 2, 3, derivative_shape, derivative_forward, derivative_vjp, derivative_jvp),
+    .unread = derivative_unread};
 
-static lg_status act_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    tape->k->act((lg_k_act)out->attr.i[0], 0, out->count, in[0]->value, NULL, NULL, out->value);
+static lg_status act_forward(lg_evaluation *e) {
+    e->k->act((lg_k_act)e->attr->i[0], 0, e->count, e->x[0], NULL, NULL, e->y);
     return LG_OK;
 }
 
@@ -139,7 +152,7 @@ static lg_var act_jvp(const lg_forward *f) {
     return derivative(f->tape, f->in[0], own_helper(kind, f->y), f->tangents[0], kind, 1);
 }
 
-const lg_op lg_op_act = {"act", 0, act_shape, act_forward, act_vjp, act_jvp};
+const lg_op lg_op_act = {LG_OP("act", 0, 1, 1, act_shape, act_forward, act_vjp, act_jvp)};
 
 static lg_var act_node(lg_tape *tape, lg_var x, lg_activation kind) {
     lg_attr attr = {.i = {(uint32_t)kind, 0, 0, 0}};
@@ -183,7 +196,7 @@ lg_var lg_dense(lg_tape *tape, lg_var x, lg_var w, lg_var b, lg_activation kind)
     size_t m = nx->shape.dims[0], k = nx->shape.dims[1], n = nw->shape.dims[1];
     void *value = lg_value_allocate(tape, m * n);
     if (value == NULL) return LG_NONE;
-    lg_gemm(tape, 0, m, n, k, nx->value, nw->value, w.index, value, false);
+    lg_gemm(tape, 0, m, n, k, nx->value, w.index, value, false);
     tape->k->bias_act((lg_k_act)kind, m, n, has_bias ? nb->value : NULL, value);
     lg_shape shape = lg_shape2((uint32_t)m, (uint32_t)n);
     lg_var inputs[3] = {x, w, b};

@@ -6,8 +6,8 @@
  * x for CONV1D_INPUT, the kernel for CONV1D_WEIGHT, which the shapes of the inputs leave open.
  *
  * CONV1D_BLOCK(x, w[, b]) is CONV1D, an activation and AVG_POOL1D: attr.i = {stride, padding, size and stride
- * of pooling}, attr.c the activation, attr.pointer its slope, the one array that is kept: neither the
- * convolution nor its activation is. Derivatives that are themselves differentiated are made of the three.
+ * of pooling}, attr.c the activation; its slope is the one array that is kept: neither the convolution nor
+ * its activation is. Derivatives that are themselves differentiated are made of the three.
  *
  * AVG_POOL1D and AVG_POOL1D_ADJOINT are linear; attr.i = {size, stride, length}. POOL_PICK(h, x) takes of
  * each window the element of h where x is largest, POOL_PLACE(g, x) puts it back: linear in the first input,
@@ -36,18 +36,19 @@ static lg_shape windows_shape(const lg_conv *c) {
     return lg_shape3((uint32_t)c->batch, (uint32_t)c->windows.count, (uint32_t)c->outputs);
 }
 
-static lg_status conv1d_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+static lg_status conv1d_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
+                              lg_shape *out) {
     lg_conv c;
-    if (!conv_of(&in[0]->shape, &in[1]->shape, attr, &c)) return LG_SHAPE;
-    if (inputs > 2 && (in[2]->shape.rank != 1 || in[2]->shape.dims[0] != c.outputs)) return LG_SHAPE;
+    if (!conv_of(in[0], in[1], attr, &c)) return LG_SHAPE;
+    if (inputs > 2 && (in[2]->rank != 1 || in[2]->dims[0] != c.outputs)) return LG_SHAPE;
     *out = windows_shape(&c);
     return LG_OK;
 }
 
-static lg_status conv1d_input_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr,
+static lg_status conv1d_input_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                                     lg_shape *out) {
     (void)inputs;
-    const lg_shape *g = &in[0]->shape, *w = &in[1]->shape;
+    const lg_shape *g = in[0], *w = in[1];
     if (g->rank != 3 || w->rank != 3) return LG_SHAPE;
     *out = lg_shape3(g->dims[0], attr->i[2], w->dims[1]);
     lg_conv c;
@@ -56,10 +57,10 @@ static lg_status conv1d_input_shape(const lg_node *const *in, uint32_t inputs, c
     return lg_same_shape(g, &y) ? LG_OK : LG_SHAPE;
 }
 
-static lg_status conv1d_weight_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr,
+static lg_status conv1d_weight_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                                      lg_shape *out) {
     (void)inputs;
-    const lg_shape *x = &in[0]->shape, *g = &in[1]->shape;
+    const lg_shape *x = in[0], *g = in[1];
     if (x->rank != 3 || g->rank != 3) return LG_SHAPE;
     *out = lg_shape3(attr->i[2], x->dims[2], g->dims[2]);
     lg_conv c;
@@ -70,6 +71,71 @@ static lg_status conv1d_weight_shape(const lg_node *const *in, uint32_t inputs, 
 
 /* ---- convolution: values ---- */
 
+static lg_conv conv_at(const lg_evaluation *e) {
+    lg_conv c;
+    (void)conv_of(e->in[0], e->in[1], e->attr, &c);
+    return c;
+}
+
+static lg_conv conv_input_at(const lg_evaluation *e) {
+    lg_conv c;
+    (void)conv_of(e->shape, e->in[1], e->attr, &c);
+    return c;
+}
+
+static lg_conv conv_weight_at(const lg_evaluation *e) {
+    lg_conv c;
+    (void)conv_of(e->in[0], e->shape, e->attr, &c);
+    return c;
+}
+
+static size_t conv1d_scratch(const lg_evaluation *e) {
+    const lg_conv c = conv_at(e);
+    return lg_conv_scratch(&c) * e->k->size;
+}
+
+static size_t conv1d_input_scratch(const lg_evaluation *e) {
+    const lg_conv c = conv_input_at(e);
+    const size_t turned = e->transposed != NULL ? 0 : lg_shape_count(*e->in[1]);
+    return (lg_conv_input_scratch(&c) + turned) * e->k->size;
+}
+
+static size_t conv1d_weight_scratch(const lg_evaluation *e) {
+    const lg_conv c = conv_weight_at(e);
+    return lg_conv_weight_scratch(&c) * e->k->size;
+}
+
+static lg_transpose_use conv1d_input_transpose(const lg_evaluation *e) {
+    return lg_shape_count(*e->in[1]) > 0 ? LG_TRANSPOSE_MAKE : LG_TRANSPOSE_NONE;
+}
+
+static lg_status conv1d_forward(lg_evaluation *e) {
+    const lg_conv c = conv_at(e);
+    lg_conv_apply(e->k, &c, e->x[0], e->x[1], e->inputs > 2 ? e->x[2] : NULL, LG_K_IDENTITY, NULL, e->y,
+                  e->scratch);
+    return LG_OK;
+}
+
+static lg_status conv1d_input_forward(lg_evaluation *e) {
+    const lg_conv c = conv_input_at(e);
+    const void *wt = e->transposed;
+    if (wt == NULL) {
+        unsigned char *made = (unsigned char *)e->scratch + lg_conv_input_scratch(&c) * e->k->size;
+        e->k->transpose(c.windows.size * c.windows.channels, c.outputs, e->x[1], made);
+        wt = made;
+    }
+    lg_conv_input(e->k, &c, e->x[0], wt, e->y, false, e->scratch);
+    return LG_OK;
+}
+
+static lg_status conv1d_weight_forward(lg_evaluation *e) {
+    const lg_conv c = conv_weight_at(e);
+    lg_conv_weight(e->k, &c, e->x[0], e->x[1], e->y, false, e->scratch);
+    return LG_OK;
+}
+
+/* ---- convolution: where nothing is recorded ---- */
+
 /* *memory is NULL where none is wanted; false: error set. */
 static bool take_scratch(lg_tape *tape, size_t count, void **memory) {
     *memory = count == 0 ? NULL : lg_pool_take(tape, count * tape->k->size);
@@ -78,17 +144,6 @@ static bool take_scratch(lg_tape *tape, size_t count, void **memory) {
 
 static void give_scratch(lg_tape *tape, size_t count, void *memory) {
     if (memory != NULL) lg_pool_give(tape, memory, count * tape->k->size);
-}
-
-static lg_status apply(lg_tape *tape, const lg_conv *c, const lg_node *const *in, uint32_t inputs,
-                       lg_k_act kind, void *slope, void *y) {
-    const size_t count = lg_conv_scratch(c);
-    void *scratch;
-    if (!take_scratch(tape, count, &scratch)) return tape->status;
-    lg_conv_apply(tape->k, c, in[0]->value, in[1]->value, inputs > 2 ? in[2]->value : NULL, kind, slope, y,
-                  scratch);
-    give_scratch(tape, count, scratch);
-    return LG_OK;
 }
 
 static lg_status input_into(lg_tape *tape, const lg_conv *c, const void *g, uint32_t w, void *x, bool add) {
@@ -118,24 +173,6 @@ static lg_status bias_into(lg_tape *tape, const lg_conv *c, const void *g, void 
     lg_conv_bias(tape->k, c, g, bias, add, scratch);
     give_scratch(tape, count, scratch);
     return LG_OK;
-}
-
-static lg_status conv1d_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    lg_conv c;
-    (void)conv_of(&in[0]->shape, &in[1]->shape, &out->attr, &c);
-    return apply(tape, &c, in, out->inputs, LG_K_IDENTITY, NULL, out->value);
-}
-
-static lg_status conv1d_input_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    lg_conv c;
-    (void)conv_of(&out->shape, &in[1]->shape, &out->attr, &c);
-    return input_into(tape, &c, in[0]->value, (uint32_t)(in[1] - tape->nodes), out->value, false);
-}
-
-static lg_status conv1d_weight_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    lg_conv c;
-    (void)conv_of(&in[0]->shape, &out->shape, &out->attr, &c);
-    return weight_into(tape, &c, in[0]->value, in[1]->value, out->value, false);
 }
 
 /* ---- convolution: derivatives ---- */
@@ -233,11 +270,14 @@ static lg_var conv1d_weight_jvp(const lg_forward *f) {
     return lg_add_or(f->tape, x, g);
 }
 
-const lg_op lg_op_conv1d = {"conv1d", 0, conv1d_shape, conv1d_forward, conv1d_vjp, conv1d_jvp};
-const lg_op lg_op_conv1d_input = {
-    "conv1d_input", 0, conv1d_input_shape, conv1d_input_forward, conv1d_input_vjp, conv1d_input_jvp};
-const lg_op lg_op_conv1d_weight = {
-    "conv1d_weight", 0, conv1d_weight_shape, conv1d_weight_forward, conv1d_weight_vjp, conv1d_weight_jvp};
+const lg_op lg_op_conv1d = {LG_OP("conv1d", 0, 2, 3, conv1d_shape, conv1d_forward, conv1d_vjp, conv1d_jvp),
+                            .scratch = conv1d_scratch};
+const lg_op lg_op_conv1d_input = {LG_OP("conv1d_input", 0, 2, 2, conv1d_input_shape, conv1d_input_forward,
+                                        conv1d_input_vjp, conv1d_input_jvp),
+                                  .scratch = conv1d_input_scratch, .transpose = conv1d_input_transpose};
+const lg_op lg_op_conv1d_weight = {LG_OP("conv1d_weight", 0, 2, 2, conv1d_weight_shape, conv1d_weight_forward,
+                                         conv1d_weight_vjp, conv1d_weight_jvp),
+                                   .scratch = conv1d_weight_scratch};
 
 /* ---- pooling: sizes ---- */
 
@@ -248,11 +288,12 @@ static bool pool_of(const lg_shape *x, const lg_attr *attr, lg_k_windows *out) {
     return x->rank == 3 && lg_windows_count(out);
 }
 
-static lg_status pooled_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
-    const lg_shape *x = &in[0]->shape;
+static lg_status pooled_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
+                              lg_shape *out) {
+    const lg_shape *x = in[0];
     lg_k_windows w;
     if (!pool_of(x, attr, &w)) return LG_SHAPE;
-    if (inputs > 1 && !lg_same_shape(x, &in[1]->shape)) return LG_SHAPE;
+    if (inputs > 1 && !lg_same_shape(x, in[1])) return LG_SHAPE;
     *out = lg_shape3(x->dims[0], (uint32_t)w.count, x->dims[2]);
     return LG_OK;
 }
@@ -264,18 +305,19 @@ static bool pooled_from(const lg_shape *g, const lg_shape *x, const lg_attr *att
            g->dims[2] == x->dims[2];
 }
 
-static lg_status spread_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+static lg_status spread_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
+                              lg_shape *out) {
     (void)inputs;
-    const lg_shape *g = &in[0]->shape;
+    const lg_shape *g = in[0];
     if (g->rank != 3) return LG_SHAPE;
     *out = lg_shape3(g->dims[0], attr->i[2], g->dims[2]);
     return pooled_from(g, out, attr) ? LG_OK : LG_SHAPE;
 }
 
-static lg_status place_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+static lg_status place_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
     (void)inputs;
-    *out = in[1]->shape;
-    return pooled_from(&in[0]->shape, out, attr) ? LG_OK : LG_SHAPE;
+    *out = *in[1];
+    return pooled_from(in[0], out, attr) ? LG_OK : LG_SHAPE;
 }
 
 static lg_var record_pool(lg_tape *tape, lg_op_code op, lg_var a, lg_var b, const lg_attr *attr,
@@ -294,15 +336,15 @@ static void spread(const lg_kernels *k, const lg_shape *shape, const lg_attr *at
     k->window_fold(&w, shape->dims[0], 1.0 / (double)w.size, g, w.channels, 0, NULL, x, add);
 }
 
-static lg_status avg_pool1d_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+static lg_status avg_pool1d_forward(lg_evaluation *e) {
     lg_k_windows w;
-    (void)pool_of(&in[0]->shape, &out->attr, &w);
-    tape->k->window_mean(&w, out->shape.dims[0], in[0]->value, out->value);
+    (void)pool_of(e->in[0], e->attr, &w);
+    e->k->window_mean(&w, e->shape->dims[0], e->x[0], e->y);
     return LG_OK;
 }
 
-static lg_status avg_pool1d_adjoint_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    spread(tape->k, &out->shape, &out->attr, in[0]->value, out->value, false);
+static lg_status avg_pool1d_adjoint_forward(lg_evaluation *e) {
+    spread(e->k, e->shape, e->attr, e->x[0], e->y, false);
     return LG_OK;
 }
 
@@ -330,25 +372,25 @@ static lg_var avg_pool1d_adjoint_jvp(const lg_forward *f) {
     return record_pool(f->tape, LG_OP_AVG_POOL1D_ADJOINT, f->tangents[0], LG_NONE, f->attr, f->attr->i[2]);
 }
 
-const lg_op lg_op_avg_pool1d = {"avg_pool1d",  0, pooled_shape, avg_pool1d_forward, avg_pool1d_vjp,
-                                avg_pool1d_jvp};
-const lg_op lg_op_avg_pool1d_adjoint = {"avg_pool1d_adjoint",   0,
-                                        spread_shape,           avg_pool1d_adjoint_forward,
-                                        avg_pool1d_adjoint_vjp, avg_pool1d_adjoint_jvp};
+const lg_op lg_op_avg_pool1d = {
+    LG_OP("avg_pool1d", 0, 1, 1, pooled_shape, avg_pool1d_forward, avg_pool1d_vjp, avg_pool1d_jvp)};
+const lg_op lg_op_avg_pool1d_adjoint = {LG_OP("avg_pool1d_adjoint", 0, 1, 1, spread_shape,
+                                              avg_pool1d_adjoint_forward, avg_pool1d_adjoint_vjp,
+                                              avg_pool1d_adjoint_jvp)};
 
 /* ---- maximum pooling ---- */
 
-static lg_status pool_pick_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+static lg_status pool_pick_forward(lg_evaluation *e) {
     lg_k_windows w;
-    (void)pool_of(&in[0]->shape, &out->attr, &w);
-    tape->k->window_pick(&w, out->shape.dims[0], in[0]->value, in[1]->value, out->value);
+    (void)pool_of(e->in[0], e->attr, &w);
+    e->k->window_pick(&w, e->shape->dims[0], e->x[0], e->x[1], e->y);
     return LG_OK;
 }
 
-static lg_status pool_place_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+static lg_status pool_place_forward(lg_evaluation *e) {
     lg_k_windows w;
-    (void)pool_of(&out->shape, &out->attr, &w);
-    tape->k->window_place(&w, out->shape.dims[0], in[0]->value, in[1]->value, out->value, false);
+    (void)pool_of(e->shape, e->attr, &w);
+    e->k->window_place(&w, e->shape->dims[0], e->x[0], e->x[1], e->y, false);
     return LG_OK;
 }
 
@@ -379,10 +421,10 @@ static lg_var pool_place_jvp(const lg_forward *f) {
     return record_pool(f->tape, LG_OP_POOL_PLACE, f->tangents[0], f->in[1], f->attr, 0);
 }
 
-const lg_op lg_op_pool_pick = {"pool_pick",   2u,           pooled_shape, pool_pick_forward,
-                               pool_pick_vjp, pool_pick_jvp};
-const lg_op lg_op_pool_place = {"pool_place",  2u, place_shape, pool_place_forward, pool_place_vjp,
-                                pool_place_jvp};
+const lg_op lg_op_pool_pick = {
+    LG_OP("pool_pick", 2u, 2, 2, pooled_shape, pool_pick_forward, pool_pick_vjp, pool_pick_jvp)};
+const lg_op lg_op_pool_place = {
+    LG_OP("pool_place", 2u, 2, 2, place_shape, pool_place_forward, pool_place_vjp, pool_place_jvp)};
 
 /* ---- convolution, activation and average pooling in one ---- */
 
@@ -393,24 +435,37 @@ static bool block_of(const lg_shape *x, const lg_shape *w, const lg_attr *attr, 
     return (attr->i[2] == 1 && attr->i[3] == 1) || pool_of(&convolved, &pool, &out->pool);
 }
 
-static lg_status block_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+static lg_status block_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
     lg_conv c;
+    if (!(attr->c >= 0.0 && attr->c < LG_ACTIVATION_COUNT) || attr->c != (double)(int)attr->c)
+        return LG_INVALID_ARGUMENT;
     if (conv1d_shape(in, inputs, attr, out) != LG_OK) return LG_SHAPE;
-    if (!block_of(&in[0]->shape, &in[1]->shape, attr, &c)) return LG_SHAPE;
+    if (!block_of(in[0], in[1], attr, &c)) return LG_SHAPE;
     if (c.pool.count > 0) out->dims[1] = (uint32_t)c.pool.count;
     return LG_OK;
 }
 
-static lg_status block_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+static lg_conv block_at(const lg_evaluation *e) {
     lg_conv c;
-    void *slope = NULL;
-    (void)block_of(&in[0]->shape, &in[1]->shape, &out->attr, &c);
-    if (!tape->unrecorded) {
-        slope = lg_payload_allocate(tape, c.batch * c.windows.count * c.outputs * tape->k->size);
-        if (slope == NULL) return tape->status;
-    }
-    out->attr.pointer = slope;
-    return apply(tape, &c, in, out->inputs, (lg_k_act)out->attr.c, slope, out->value);
+    (void)block_of(e->in[0], e->in[1], e->attr, &c);
+    return c;
+}
+
+static size_t block_scratch(const lg_evaluation *e) {
+    const lg_conv c = block_at(e);
+    return lg_conv_scratch(&c) * e->k->size;
+}
+
+static size_t block_kept(const lg_evaluation *e) {
+    const lg_conv c = block_at(e);
+    return c.batch * c.windows.count * c.outputs * e->k->size;
+}
+
+static lg_status block_forward(lg_evaluation *e) {
+    const lg_conv c = block_at(e);
+    lg_conv_apply(e->k, &c, e->x[0], e->x[1], e->inputs > 2 ? e->x[2] : NULL, (lg_k_act)e->attr->c, e->kept,
+                  e->y, e->scratch);
+    return LG_OK;
 }
 
 static void block_reversed(lg_reverse *r) {
@@ -453,7 +508,9 @@ static lg_var block_jvp(const lg_forward *f) {
     return record_pool(f->tape, LG_OP_AVG_POOL1D, lg_mul(f->tape, z, slope), LG_NONE, &pool, 0);
 }
 
-const lg_op lg_op_conv1d_block = {"conv1d_block", 0, block_shape, block_forward, block_vjp, block_jvp};
+const lg_op lg_op_conv1d_block = {
+    LG_OP("conv1d_block", 0, 2, 3, block_shape, block_forward, block_vjp, block_jvp),
+    .payload = LG_PAYLOAD_KEPT, .scratch = block_scratch, .kept = block_kept};
 
 /* ---- what the caller sees ---- */
 

@@ -5,7 +5,8 @@
 
 #include <string.h>
 
-static lg_status custom_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+static lg_status custom_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
+                              lg_shape *out) {
     (void)in, (void)inputs;
     *out = lg_shape_of(LG_MAX_RANK, attr->i);
     out->rank = 0;
@@ -14,11 +15,11 @@ static lg_status custom_shape(const lg_node *const *in, uint32_t inputs, const l
     return LG_OK;
 }
 
-static lg_status custom_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    const lg_custom_op *op = out->attr.pointer;
+static lg_status custom_forward(lg_evaluation *e) {
+    const lg_custom_op *op = e->attr->pointer;
     const void *values[LG_CUSTOM_MAX_INPUTS];
-    for (uint32_t k = 0; k < out->inputs; k++) values[k] = in[k]->value;
-    return op->forward(op->user, tape->k->dtype, values, out->value);
+    for (uint32_t k = 0; k < e->inputs; k++) values[k] = e->x[k];
+    return op->forward(op->user, e->k->dtype, values, e->y);
 }
 
 static lg_var fail_custom(lg_tape *tape, const lg_custom_op *op, lg_status status, const char *reason) {
@@ -111,10 +112,12 @@ static lg_var custom_jvp(const lg_forward *f) {
     return lg_is_none(out) ? lg_zeros_like(f->tape, f->y) : out;
 }
 
-const lg_op lg_op_custom = {"custom", 0, custom_shape, custom_forward, custom_vjp, custom_jvp};
+const lg_op lg_op_custom = {
+    LG_OP("custom", 0, 0, LG_CUSTOM_MAX_INPUTS, custom_shape, custom_forward, custom_vjp, custom_jvp),
+    .payload = LG_PAYLOAD_IN_PROCESS};
 
-static lg_status no_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    (void)tape, (void)in, (void)out;
+static lg_status no_forward(lg_evaluation *e) {
+    (void)e;
     return LG_INVALID_ARGUMENT;
 }
 
@@ -128,8 +131,9 @@ static lg_var derivative_jvp(const lg_forward *f) {
                        "a numeric derivative is of first order only");
 }
 
-const lg_op lg_op_custom_derivative = {"custom_derivative", 0, custom_shape, no_forward, derivative_vjp,
-                                       derivative_jvp};
+const lg_op lg_op_custom_derivative = {
+    LG_OP("custom_derivative", 0, 0, LG_MAX_INPUTS, custom_shape, no_forward, derivative_vjp, derivative_jvp),
+    .payload = LG_PAYLOAD_IN_PROCESS};
 
 lg_var lg_custom(lg_tape *tape, const lg_custom_op *op, const lg_var *inputs, size_t n, lg_shape shape) {
     if (op == NULL || op->name == NULL || op->forward == NULL || n > LG_CUSTOM_MAX_INPUTS ||

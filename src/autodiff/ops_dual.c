@@ -27,7 +27,7 @@ static bool is_pairs(const lg_shape *shape) {
     return shape->rank == 2 && shape->dims[0] % 2 == 0;
 }
 
-/* ---- activation; attr.i = {kind}, attr.pointer = cosines of the sine's arguments (payload) ---- */
+/* ---- activation; attr.i = {kind}, kept: cosines of the sine's arguments ---- */
 
 /* Kinds of which slope = sigma'(x) and bend = sigma''(x)/sigma'(x) follow from y = sigma(x), so that the
  * argument may be overwritten, and whose node adds a bias. */
@@ -50,28 +50,25 @@ static lg_var times_bend(lg_tape *t, uint32_t kind, lg_var y, lg_var v) {
     return LG_NONE;
 }
 
-static lg_status dual_act_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr,
+static lg_status dual_act_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                                 lg_shape *out) {
-    if (!is_pairs(&in[0]->shape)) return LG_SHAPE;
-    if (inputs > 1 && (in[1]->shape.rank != 1 || in[1]->shape.dims[0] != in[0]->shape.dims[1]))
-        return LG_SHAPE;
+    if (!is_pairs(in[0])) return LG_SHAPE;
+    if (inputs > 1 && (in[1]->rank != 1 || in[1]->dims[0] != in[0]->dims[1])) return LG_SHAPE;
     if (attr->i[0] >= LG_ACTIVATION_COUNT || (inputs > 1 && !fused(attr->i[0]))) return LG_INVALID_ARGUMENT;
-    *out = in[0]->shape;
+    *out = *in[0];
     return LG_OK;
 }
 
-static lg_status dual_act_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    const size_t rows = out->shape.dims[0] / 2, cols = out->shape.dims[1];
-    if (out->value != in[0]->value) /* else fused with the product */
-        tape->k->unary[LG_K_SCALE](out->count, 1.0, in[0]->value, out->value);
-    void *cosines = NULL;
-    if (out->attr.i[0] == LG_SINE) {
-        cosines = lg_payload_allocate(tape, rows * cols * tape->k->size);
-        if (cosines == NULL) return tape->status;
-        out->attr.pointer = cosines;
-    }
-    tape->k->dual_act((lg_k_act)out->attr.i[0], rows, cols, out->inputs > 1 ? in[1]->value : NULL, cosines,
-                      out->value);
+/* The cosines of the sine's arguments. */
+static size_t dual_act_kept(const lg_evaluation *e) {
+    return e->attr->i[0] == LG_SINE ? e->count / 2 * e->k->size : 0;
+}
+
+static lg_status dual_act_forward(lg_evaluation *e) {
+    const size_t rows = e->shape->dims[0] / 2, cols = e->shape->dims[1];
+    if (e->y != e->x[0]) /* else fused with the product */
+        e->k->unary[LG_K_SCALE](e->count, 1.0, e->x[0], e->y);
+    e->k->dual_act((lg_k_act)e->attr->i[0], rows, cols, e->inputs > 1 ? e->x[1] : NULL, e->kept, e->y);
     return LG_OK;
 }
 
@@ -140,7 +137,9 @@ static lg_var dual_act_jvp(const lg_forward *f) {
     return join(t, lg_mul(t, slope, s), moved);
 }
 
-const lg_op lg_op_dual_act = {"dual_act", 0, dual_act_shape, dual_act_forward, dual_act_vjp, dual_act_jvp};
+const lg_op lg_op_dual_act = {
+    LG_OP("dual_act", 0, 1, 2, dual_act_shape, dual_act_forward, dual_act_vjp, dual_act_jvp),
+    .payload = LG_PAYLOAD_KEPT, .kept = dual_act_kept};
 
 lg_var lg_dual_act(lg_tape *tape, lg_var x, lg_activation kind) {
     const lg_attr attr = {.i = {(uint32_t)kind, 0, 0, 0}};
@@ -166,18 +165,16 @@ lg_var lg_dual_dense(lg_tape *tape, lg_var x, lg_var w, lg_var b, lg_activation 
 
 /* ---- mix ---- */
 
-static lg_status dual_mix_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr,
+static lg_status dual_mix_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                                 lg_shape *out) {
     (void)inputs, (void)attr;
-    if (!is_pairs(&in[0]->shape) || !lg_same_shape(&in[0]->shape, &in[1]->shape) ||
-        !lg_same_shape(&in[0]->shape, &in[2]->shape))
-        return LG_SHAPE;
-    *out = in[0]->shape;
+    if (!is_pairs(in[0]) || !lg_same_shape(in[0], in[1]) || !lg_same_shape(in[0], in[2])) return LG_SHAPE;
+    *out = *in[0];
     return LG_OK;
 }
 
-static lg_status dual_mix_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    tape->k->dual_mix(out->count / 2, in[0]->value, in[1]->value, in[2]->value, out->value);
+static lg_status dual_mix_forward(lg_evaluation *e) {
+    e->k->dual_mix(e->count / 2, e->x[0], e->x[1], e->x[2], e->y);
     return LG_OK;
 }
 
@@ -231,7 +228,8 @@ static lg_var dual_mix_jvp(const lg_forward *f) {
     return moved;
 }
 
-const lg_op lg_op_dual_mix = {"dual_mix", 0, dual_mix_shape, dual_mix_forward, dual_mix_vjp, dual_mix_jvp};
+const lg_op lg_op_dual_mix = {
+    LG_OP("dual_mix", 0, 3, 3, dual_mix_shape, dual_mix_forward, dual_mix_vjp, dual_mix_jvp)};
 
 lg_var lg_dual_mix(lg_tape *tape, lg_var z, lg_var u, lg_var v) {
     const lg_var in[3] = {z, u, v};

@@ -9,10 +9,10 @@ static uint32_t dim_at(const lg_shape *shape, uint32_t rank, uint32_t i) {
     return i < missing ? 1 : shape->dims[i - missing];
 }
 
-static lg_status broadcast_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr,
+static lg_status broadcast_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                                  lg_shape *out) {
     (void)inputs, (void)attr;
-    const lg_shape *a = &in[0]->shape, *b = &in[1]->shape;
+    const lg_shape *a = in[0], *b = in[1];
     out->rank = a->rank > b->rank ? a->rank : b->rank;
     for (uint32_t i = 0; i < out->rank; i++) {
         uint32_t da = dim_at(a, out->rank, i), db = dim_at(b, out->rank, i);
@@ -60,15 +60,15 @@ static nest nest_of(const lg_shape *out, const lg_shape *a, const lg_shape *b) {
     return n;
 }
 
-static lg_status binary_forward(lg_tape *tape, const lg_node *const *in, lg_node *out, lg_k_binary op) {
-    const lg_kernels *k = tape->k;
-    if (lg_same_shape(&in[0]->shape, &in[1]->shape)) {
-        k->binary[op](out->count, in[0]->value, in[1]->value, out->value);
+static lg_status binary_forward(lg_evaluation *e, lg_k_binary op) {
+    const lg_kernels *k = e->k;
+    if (lg_same_shape(e->in[0], e->in[1])) {
+        k->binary[op](e->count, e->x[0], e->x[1], e->y);
         return LG_OK;
     }
-    nest n = nest_of(&out->shape, &in[0]->shape, &in[1]->shape);
-    const unsigned char *a = in[0]->value, *b = in[1]->value;
-    unsigned char *y = out->value;
+    nest n = nest_of(e->shape, e->in[0], e->in[1]);
+    const unsigned char *a = e->x[0], *b = e->x[1];
+    unsigned char *y = e->y;
     size_t block = n.dims[2] * n.dims[3];
     for (size_t i = 0; i < n.dims[0]; i++)
         for (size_t j = 0; j < n.dims[1]; j++) {
@@ -103,8 +103,8 @@ static lg_var spread(const lg_forward *f, lg_var t) {
 
 /* ---- binary ---- */
 
-static lg_status add_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    return binary_forward(tape, in, out, LG_K_ADD);
+static lg_status add_forward(lg_evaluation *e) {
+    return binary_forward(e, LG_K_ADD);
 }
 static void add_vjp(lg_reverse *r) {
     if (r->need[0]) r->out[0] = fold(r, 0, r->g);
@@ -113,10 +113,10 @@ static void add_vjp(lg_reverse *r) {
 static lg_var add_jvp(const lg_forward *f) {
     return lg_add_or(f->tape, spread(f, f->tangents[0]), spread(f, f->tangents[1]));
 }
-const lg_op lg_op_add = {"add", 0, broadcast_shape, add_forward, add_vjp, add_jvp};
+const lg_op lg_op_add = {LG_OP("add", 0, 2, 2, broadcast_shape, add_forward, add_vjp, add_jvp)};
 
-static lg_status sub_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    return binary_forward(tape, in, out, LG_K_SUB);
+static lg_status sub_forward(lg_evaluation *e) {
+    return binary_forward(e, LG_K_SUB);
 }
 static void sub_vjp(lg_reverse *r) {
     if (r->need[0]) r->out[0] = fold(r, 0, r->g);
@@ -127,10 +127,10 @@ static lg_var sub_jvp(const lg_forward *f) {
     if (lg_is_none(b)) return a;
     return lg_is_none(a) ? lg_neg(f->tape, b) : lg_sub(f->tape, a, b);
 }
-const lg_op lg_op_sub = {"sub", 0, broadcast_shape, sub_forward, sub_vjp, sub_jvp};
+const lg_op lg_op_sub = {LG_OP("sub", 0, 2, 2, broadcast_shape, sub_forward, sub_vjp, sub_jvp)};
 
-static lg_status mul_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    return binary_forward(tape, in, out, LG_K_MUL);
+static lg_status mul_forward(lg_evaluation *e) {
+    return binary_forward(e, LG_K_MUL);
 }
 static void mul_vjp(lg_reverse *r) {
     if (r->need[0]) r->out[0] = fold_product(r, 0, r->g, r->in[1]);
@@ -142,10 +142,10 @@ static lg_var mul_jvp(const lg_forward *f) {
     if (!lg_is_none(f->tangents[1])) b = lg_mul(f->tape, f->in[0], f->tangents[1]);
     return lg_add_or(f->tape, a, b);
 }
-const lg_op lg_op_mul = {"mul", 0, broadcast_shape, mul_forward, mul_vjp, mul_jvp};
+const lg_op lg_op_mul = {LG_OP("mul", 0, 2, 2, broadcast_shape, mul_forward, mul_vjp, mul_jvp)};
 
-static lg_status div_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    return binary_forward(tape, in, out, LG_K_DIV);
+static lg_status div_forward(lg_evaluation *e) {
+    return binary_forward(e, LG_K_DIV);
 }
 /* y = a/b: da = g/b, db = -g y/b */
 static void div_vjp(lg_reverse *r) {
@@ -158,16 +158,16 @@ static lg_var div_jvp(const lg_forward *f) {
     if (!lg_is_none(f->tangents[1])) b = lg_neg(f->tape, lg_mul(f->tape, f->y, f->tangents[1]));
     return lg_div(f->tape, lg_add_or(f->tape, a, b), f->in[1]);
 }
-const lg_op lg_op_div = {"div", 0, broadcast_shape, div_forward, div_vjp, div_jvp};
+const lg_op lg_op_div = {LG_OP("div", 0, 2, 2, broadcast_shape, div_forward, div_vjp, div_jvp)};
 
 /* The mask a >= b, a frozen constant. */
-static lg_status ge_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    return binary_forward(tape, in, out, LG_K_GE);
+static lg_status ge_forward(lg_evaluation *e) {
+    return binary_forward(e, LG_K_GE);
 }
-const lg_op lg_op_ge = {"ge", ~0u, broadcast_shape, ge_forward, lg_no_vjp, lg_zero_jvp};
+const lg_op lg_op_ge = {LG_OP("ge", ~0u, 2, 2, broadcast_shape, ge_forward, lg_no_vjp, lg_zero_jvp)};
 
-static lg_status max_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    return binary_forward(tape, in, out, LG_K_MAX);
+static lg_status max_forward(lg_evaluation *e) {
+    return binary_forward(e, LG_K_MAX);
 }
 static lg_var mask_of(lg_tape *tape, const lg_var *in) {
     return lg_record(tape, LG_OP_GE, in, 2, NULL);
@@ -186,7 +186,7 @@ static lg_var max_jvp(const lg_forward *f) {
     }
     return lg_add_or(f->tape, a, b);
 }
-const lg_op lg_op_max = {"max", 0, broadcast_shape, max_forward, max_vjp, max_jvp};
+const lg_op lg_op_max = {LG_OP("max", 0, 2, 2, broadcast_shape, max_forward, max_vjp, max_jvp)};
 
 static lg_var binary(lg_tape *tape, lg_op_code op, lg_var a, lg_var b) {
     lg_var in[2] = {a, b};
@@ -210,16 +210,15 @@ lg_var lg_max(lg_tape *tape, lg_var a, lg_var b) {
 
 /* ---- y = (1 - z) u + z v ---- */
 
-static lg_status mix_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+static lg_status mix_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
     (void)inputs, (void)attr;
-    if (!lg_same_shape(&in[0]->shape, &in[1]->shape) || !lg_same_shape(&in[0]->shape, &in[2]->shape))
-        return LG_SHAPE;
-    *out = in[0]->shape;
+    if (!lg_same_shape(in[0], in[1]) || !lg_same_shape(in[0], in[2])) return LG_SHAPE;
+    *out = *in[0];
     return LG_OK;
 }
 
-static lg_status mix_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    tape->k->mix(out->count, in[0]->value, in[1]->value, in[2]->value, out->value);
+static lg_status mix_forward(lg_evaluation *e) {
+    e->k->mix(e->count, e->x[0], e->x[1], e->x[2], e->y);
     return LG_OK;
 }
 
@@ -247,7 +246,7 @@ static lg_var mix_jvp(const lg_forward *f) {
     return lg_add_or(t, from_z, lg_add_or(t, from_u, from_v));
 }
 
-const lg_op lg_op_mix = {"mix", 0, mix_shape, mix_forward, mix_vjp, mix_jvp};
+const lg_op lg_op_mix = {LG_OP("mix", 0, 3, 3, mix_shape, mix_forward, mix_vjp, mix_jvp)};
 
 lg_var lg_mix(lg_tape *tape, lg_var z, lg_var u, lg_var v) {
     const lg_var in[3] = {z, u, v};
@@ -256,20 +255,20 @@ lg_var lg_mix(lg_tape *tape, lg_var z, lg_var u, lg_var v) {
 
 /* ---- linear combination; attr.pointer = coefficients (payload) ---- */
 
-static lg_status combine_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr,
+static lg_status combine_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                                lg_shape *out) {
     (void)attr;
     if (inputs == 0) return LG_INVALID_ARGUMENT;
     for (uint32_t i = 1; i < inputs; i++)
-        if (!lg_same_shape(&in[0]->shape, &in[i]->shape)) return LG_SHAPE;
-    *out = in[0]->shape;
+        if (!lg_same_shape(in[0], in[i])) return LG_SHAPE;
+    *out = *in[0];
     return LG_OK;
 }
 
-static lg_status combine_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    const double *c = out->attr.pointer;
-    tape->k->unary[LG_K_SCALE](out->count, c[0], in[0]->value, out->value);
-    for (uint32_t i = 1; i < out->inputs; i++) tape->k->axpy(out->count, c[i], in[i]->value, out->value);
+static lg_status combine_forward(lg_evaluation *e) {
+    const double *c = e->attr->pointer;
+    e->k->unary[LG_K_SCALE](e->count, c[0], e->x[0], e->y);
+    for (uint32_t i = 1; i < e->inputs; i++) e->k->axpy(e->count, c[i], e->x[i], e->y);
     return LG_OK;
 }
 
@@ -288,7 +287,9 @@ static lg_var combine_jvp(const lg_forward *f) {
     return total;
 }
 
-const lg_op lg_op_combine = {"combine", 0, combine_shape, combine_forward, combine_vjp, combine_jvp};
+const lg_op lg_op_combine = {
+    LG_OP("combine", 0, 1, LG_MAX_INPUTS, combine_shape, combine_forward, combine_vjp, combine_jvp),
+    .payload = LG_PAYLOAD_REALS};
 
 lg_var lg_combine(lg_tape *tape, const lg_var *x, const double *c, size_t n) {
     if (tape->status != LG_OK) return LG_NONE;
@@ -303,9 +304,9 @@ lg_var lg_combine(lg_tape *tape, const lg_var *x, const double *c, size_t n) {
 
 /* ---- unary: f'(x) is named by each row through its vjp ---- */
 
-static lg_status same_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+static lg_status same_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
     (void)inputs, (void)attr;
-    *out = in[0]->shape;
+    *out = *in[0];
     return LG_OK;
 }
 
@@ -327,8 +328,8 @@ static lg_var unary(lg_tape *tape, lg_op_code op, lg_var x, double c) {
     X(abs, LG_K_ABS, lg_mul(t, g, lg_sign(t, x)))
 
 #define DEFINE_UNARY(name, kernel, derivative)                                                               \
-    static lg_status name##_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {                 \
-        tape->k->unary[kernel](out->count, out->attr.c, in[0]->value, out->value);                           \
+    static lg_status name##_forward(lg_evaluation *e) {                                                      \
+        e->k->unary[kernel](e->count, e->attr->c, e->x[0], e->y);                                            \
         return LG_OK;                                                                                        \
     }                                                                                                        \
     static lg_var name##_times(lg_tape *t, lg_var x, lg_var y, double c, lg_var g) {                         \
@@ -341,14 +342,14 @@ static lg_var unary(lg_tape *tape, lg_op_code op, lg_var x, double c) {
     static lg_var name##_jvp(const lg_forward *f) {                                                          \
         return name##_times(f->tape, f->in[0], f->y, f->attr->c, f->tangents[0]);                            \
     }                                                                                                        \
-    const lg_op lg_op_##name = {#name, 0, same_shape, name##_forward, name##_vjp, name##_jvp};
+    const lg_op lg_op_##name = {LG_OP(#name, 0, 1, 1, same_shape, name##_forward, name##_vjp, name##_jvp)};
 UNARY_LIST(DEFINE_UNARY)
 
-static lg_status pow_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    if (out->attr.c == 2.0)
-        tape->k->binary[LG_K_MUL](out->count, in[0]->value, in[0]->value, out->value);
+static lg_status pow_forward(lg_evaluation *e) {
+    if (e->attr->c == 2.0)
+        e->k->binary[LG_K_MUL](e->count, e->x[0], e->x[0], e->y);
     else
-        tape->k->unary[LG_K_POW](out->count, out->attr.c, in[0]->value, out->value);
+        e->k->unary[LG_K_POW](e->count, e->attr->c, e->x[0], e->y);
     return LG_OK;
 }
 /* c x^(c-1) g, exact zeros for c = 0, no powers for c = 1 and 2 */
@@ -363,19 +364,20 @@ static void pow_vjp(lg_reverse *r) {
 static lg_var pow_jvp(const lg_forward *f) {
     return pow_times(f->tape, f->in[0], f->attr->c, f->tangents[0]);
 }
-const lg_op lg_op_pow = {"pow", 0, same_shape, pow_forward, pow_vjp, pow_jvp};
+const lg_op lg_op_pow = {LG_OP("pow", 0, 1, 1, same_shape, pow_forward, pow_vjp, pow_jvp)};
 
-static lg_status sign_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    tape->k->unary[LG_K_SIGN](out->count, 0.0, in[0]->value, out->value);
+static lg_status sign_forward(lg_evaluation *e) {
+    e->k->unary[LG_K_SIGN](e->count, 0.0, e->x[0], e->y);
     return LG_OK;
 }
-const lg_op lg_op_sign = {"sign", ~0u, same_shape, sign_forward, lg_no_vjp, lg_zero_jvp};
+const lg_op lg_op_sign = {LG_OP("sign", ~0u, 1, 1, same_shape, sign_forward, lg_no_vjp, lg_zero_jvp)};
 
-static lg_status copy_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    tape->k->unary[LG_K_SCALE](out->count, 1.0, in[0]->value, out->value);
+static lg_status copy_forward(lg_evaluation *e) {
+    e->k->unary[LG_K_SCALE](e->count, 1.0, e->x[0], e->y);
     return LG_OK;
 }
-const lg_op lg_op_stop_gradient = {"stop_gradient", ~0u, same_shape, copy_forward, lg_no_vjp, lg_zero_jvp};
+const lg_op lg_op_stop_gradient = {
+    LG_OP("stop_gradient", ~0u, 1, 1, same_shape, copy_forward, lg_no_vjp, lg_zero_jvp)};
 
 lg_var lg_neg(lg_tape *tape, lg_var x) {
     return unary(tape, LG_OP_SCALE, x, -1.0);

@@ -4,17 +4,18 @@
 
 /* ---- row-wise dot product: (..., d) (..., d) -> (..., 1) ---- */
 
-static lg_status rowdot_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+static lg_status rowdot_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
+                              lg_shape *out) {
     (void)inputs, (void)attr;
-    if (in[0]->shape.rank == 0 || !lg_same_shape(&in[0]->shape, &in[1]->shape)) return LG_SHAPE;
-    *out = in[0]->shape;
+    if (in[0]->rank == 0 || !lg_same_shape(in[0], in[1])) return LG_SHAPE;
+    *out = *in[0];
     out->dims[out->rank - 1] = 1;
     return LG_OK;
 }
 
-static lg_status rowdot_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    size_t d = in[0]->shape.dims[in[0]->shape.rank - 1];
-    tape->k->rowdot(out->count, d, in[0]->value, in[1]->value, out->value);
+static lg_status rowdot_forward(lg_evaluation *e) {
+    size_t d = e->in[0]->dims[e->in[0]->rank - 1];
+    e->k->rowdot(e->count, d, e->x[0], e->x[1], e->y);
     return LG_OK;
 }
 
@@ -30,7 +31,7 @@ static lg_var rowdot_jvp(const lg_forward *f) {
     return lg_add_or(f->tape, a, b);
 }
 
-const lg_op lg_op_rowdot = {"rowdot", 0, rowdot_shape, rowdot_forward, rowdot_vjp, rowdot_jvp};
+const lg_op lg_op_rowdot = {LG_OP("rowdot", 0, 2, 2, rowdot_shape, rowdot_forward, rowdot_vjp, rowdot_jvp)};
 
 lg_var lg_rowdot(lg_tape *tape, lg_var a, lg_var b) {
     lg_var in[2] = {a, b};
@@ -43,16 +44,16 @@ lg_var lg_rownorm2(lg_tape *tape, lg_var a) {
 
 /* ---- cross product of rows of three ---- */
 
-static lg_status cross_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+static lg_status cross_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
     (void)inputs, (void)attr;
-    const lg_shape *a = &in[0]->shape;
-    if (a->rank == 0 || a->dims[a->rank - 1] != 3 || !lg_same_shape(a, &in[1]->shape)) return LG_SHAPE;
+    const lg_shape *a = in[0];
+    if (a->rank == 0 || a->dims[a->rank - 1] != 3 || !lg_same_shape(a, in[1])) return LG_SHAPE;
     *out = *a;
     return LG_OK;
 }
 
-static lg_status cross_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    tape->k->cross(out->count / 3, in[0]->value, in[1]->value, out->value);
+static lg_status cross_forward(lg_evaluation *e) {
+    e->k->cross(e->count / 3, e->x[0], e->x[1], e->y);
     return LG_OK;
 }
 
@@ -69,7 +70,7 @@ static lg_var cross_jvp(const lg_forward *f) {
     return lg_add_or(f->tape, a, b);
 }
 
-const lg_op lg_op_cross = {"cross", 0, cross_shape, cross_forward, cross_vjp, cross_jvp};
+const lg_op lg_op_cross = {LG_OP("cross", 0, 2, 2, cross_shape, cross_forward, cross_vjp, cross_jvp)};
 
 lg_var lg_cross(lg_tape *tape, lg_var a, lg_var b) {
     lg_var in[2] = {a, b};
@@ -79,34 +80,43 @@ lg_var lg_cross(lg_tape *tape, lg_var a, lg_var b) {
 /* ---- batched symmetric positive definite solve; the factor is a node of its own, constant to
  * differentiation ---- */
 
-static lg_status factor_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+static lg_status factor_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
+                              lg_shape *out) {
     (void)inputs, (void)attr;
-    const lg_shape *a = &in[0]->shape;
+    const lg_shape *a = in[0];
     if (a->rank != 3 || a->dims[1] != a->dims[2]) return LG_SHAPE;
     *out = *a;
     return LG_OK;
 }
 
-static lg_status factor_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    tape->spd_failures +=
-        tape->k->spd_factor(out->shape.dims[0], out->shape.dims[1], in[0]->value, out->value);
+static lg_status factor_forward(lg_evaluation *e) {
+    e->failures = e->k->spd_factor(e->shape->dims[0], e->shape->dims[1], e->x[0], e->y);
     return LG_OK;
 }
 
-const lg_op lg_op_spd_factor = {"spd_factor", 1u, factor_shape, factor_forward, lg_no_vjp, lg_zero_jvp};
+const lg_op lg_op_spd_factor = {
+    LG_OP("spd_factor", 1u, 1, 1, factor_shape, factor_forward, lg_no_vjp, lg_zero_jvp)};
 
-static lg_status solve_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+static lg_status solve_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
     (void)inputs, (void)attr;
-    const lg_shape *a = &in[0]->shape, *b = &in[1]->shape;
-    if (a->rank != 3 || b->rank != 3 || a->dims[0] != b->dims[0] || a->dims[2] != b->dims[1]) return LG_SHAPE;
+    const lg_shape *a = in[0], *b = in[1];
+    if (a->rank != 3 || b->rank != 3 || a->dims[0] != b->dims[0] || a->dims[2] != b->dims[1] ||
+        !lg_same_shape(a, in[2]) || a->dims[1] != a->dims[2])
+        return LG_SHAPE;
     *out = *b;
     return LG_OK;
 }
 
-static lg_status solve_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    const uint32_t *d = out->shape.dims;
-    tape->k->spd_solve(d[0], d[1], d[2], in[2]->value, in[1]->value, out->value);
+static lg_status solve_forward(lg_evaluation *e) {
+    const uint32_t *d = e->shape->dims;
+    e->k->spd_solve(d[0], d[1], d[2], e->x[2], e->x[1], e->y);
     return LG_OK;
+}
+
+/* The matrix itself is read by derivatives alone. */
+static uint32_t solve_unread(const lg_attr *attr, uint32_t inputs) {
+    (void)attr, (void)inputs;
+    return 1u;
 }
 
 static lg_var solve_with(lg_tape *tape, lg_var a, lg_var b, lg_var factor) {
@@ -135,7 +145,8 @@ static lg_var solve_jvp(const lg_forward *f) {
     return solve_with(f->tape, f->in[0], right, f->in[2]);
 }
 
-const lg_op lg_op_spd_solve = {"spd_solve", 4u, solve_shape, solve_forward, solve_vjp, solve_jvp};
+const lg_op lg_op_spd_solve = {LG_OP("spd_solve", 4u, 3, 3, solve_shape, solve_forward, solve_vjp, solve_jvp),
+                               .unread = solve_unread};
 
 lg_var lg_spd_solve(lg_tape *tape, lg_var a, lg_var b) {
     lg_var factor = lg_record(tape, LG_OP_SPD_FACTOR, &a, 1, NULL);
@@ -150,19 +161,19 @@ static bool is_column(const lg_shape *shape) {
 
 #define HIGHEST_ORDER 8u
 
-static lg_status stumpff_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr,
+static lg_status stumpff_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                                lg_shape *out) {
     (void)inputs;
-    if (!is_column(&in[0]->shape)) return LG_SHAPE;
+    if (!is_column(in[0])) return LG_SHAPE;
     if (attr->i[0] > 8) return LG_INVALID_ARGUMENT;
     if (attr->i[1] > HIGHEST_ORDER) return LG_NOT_DIFFERENTIABLE;
-    *out = in[0]->shape;
+    *out = *in[0];
     out->dims[out->rank - 1] = attr->i[0] + 1;
     return LG_OK;
 }
 
-static lg_status stumpff_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    tape->k->stumpff(in[0]->count, (int)out->attr.i[0], (int)out->attr.i[1], in[0]->value, out->value);
+static lg_status stumpff_forward(lg_evaluation *e) {
+    e->k->stumpff(lg_shape_count(*e->in[0]), (int)e->attr->i[0], (int)e->attr->i[1], e->x[0], e->y);
     return LG_OK;
 }
 
@@ -182,7 +193,8 @@ static lg_var stumpff_jvp(const lg_forward *f) {
     return lg_mul(f->tape, next_order(f->tape, LG_OP_STUMPFF, f->in[0], f->attr), f->tangents[0]);
 }
 
-const lg_op lg_op_stumpff = {"stumpff", 0, stumpff_shape, stumpff_forward, stumpff_vjp, stumpff_jvp};
+const lg_op lg_op_stumpff = {
+    LG_OP("stumpff", 0, 1, 1, stumpff_shape, stumpff_forward, stumpff_vjp, stumpff_jvp)};
 
 lg_var lg_stumpff_functions(lg_tape *tape, lg_var w, int K) {
     if (K < 0) return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "stumpff", "K is negative");
@@ -192,17 +204,17 @@ lg_var lg_stumpff_functions(lg_tape *tape, lg_var w, int K) {
 
 /* ---- dexpinv's coefficient; attr.i = {0, order} ---- */
 
-static lg_status dexpinv_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr,
+static lg_status dexpinv_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                                lg_shape *out) {
     (void)inputs;
-    if (!is_column(&in[0]->shape)) return LG_SHAPE;
+    if (!is_column(in[0])) return LG_SHAPE;
     if (attr->i[1] > HIGHEST_ORDER) return LG_NOT_DIFFERENTIABLE;
-    *out = in[0]->shape;
+    *out = *in[0];
     return LG_OK;
 }
 
-static lg_status dexpinv_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    tape->k->dexpinv_coef(in[0]->count, (int)out->attr.i[1], in[0]->value, out->value);
+static lg_status dexpinv_forward(lg_evaluation *e) {
+    e->k->dexpinv_coef(lg_shape_count(*e->in[0]), (int)e->attr->i[1], e->x[0], e->y);
     return LG_OK;
 }
 
@@ -215,8 +227,8 @@ static lg_var dexpinv_jvp(const lg_forward *f) {
     return lg_mul(f->tape, next_order(f->tape, LG_OP_DEXPINV_COEF, f->in[0], f->attr), f->tangents[0]);
 }
 
-const lg_op lg_op_dexpinv_coef = {"dexpinv_coef",  0,           dexpinv_shape,
-                                  dexpinv_forward, dexpinv_vjp, dexpinv_jvp};
+const lg_op lg_op_dexpinv_coef = {
+    LG_OP("dexpinv_coef", 0, 1, 1, dexpinv_shape, dexpinv_forward, dexpinv_vjp, dexpinv_jvp)};
 
 lg_var lg_dexpinv_coefficient(lg_tape *tape, lg_var w, int order) {
     if (order < 0) return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "dexpinv_coef", "the order is negative");

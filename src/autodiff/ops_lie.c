@@ -105,8 +105,9 @@ static const map_row maps[LG_K_LIE_MAPS] = {
 
 /* ---- the operation ---- */
 
-static lg_status lie_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
-    const lg_shape *u = &in[0]->shape, *last = &in[inputs - 1]->shape;
+static lg_status lie_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+    const lg_shape *u = in[0], *last = in[inputs - 1];
+    if (attr->i[0] >= LG_K_LIE_MAPS || maps[attr->i[0]].inputs != inputs) return LG_INVALID_ARGUMENT;
     if (u->rank == 0 || u->dims[u->rank - 1] != 3 || last->rank != u->rank) return LG_SHAPE;
     lg_shape vector = *last;
     const uint32_t width = vector.dims[vector.rank - 1];
@@ -114,7 +115,7 @@ static lg_status lie_shape(const lg_node *const *in, uint32_t inputs, const lg_a
     if (width != 3 && width != maps[attr->i[0]].widest) return LG_SHAPE;
     if (!lg_same_shape(u, &vector)) return LG_SHAPE;
     for (uint32_t k = 1; k + 1 < inputs; k++)
-        if (!lg_same_shape(u, &in[k]->shape)) return LG_SHAPE;
+        if (!lg_same_shape(u, in[k])) return LG_SHAPE;
     *out = *last;
     return LG_OK;
 }
@@ -123,10 +124,10 @@ static uint32_t columns_of(const lg_shape *shape) {
     return shape->dims[shape->rank - 1] / 3;
 }
 
-static lg_status lie_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+static lg_status lie_forward(lg_evaluation *e) {
     const void *values[LG_K_LIE_INPUTS];
-    for (uint32_t k = 0; k < out->inputs; k++) values[k] = in[k]->value;
-    tape->k->lie[out->attr.i[0]](in[0]->count / 3, columns_of(&out->shape), values, out->value);
+    for (uint32_t k = 0; k < e->inputs; k++) values[k] = e->x[k];
+    e->k->lie[e->attr->i[0]](lg_shape_count(*e->in[0]) / 3, columns_of(e->shape), values, e->y);
     return LG_OK;
 }
 
@@ -180,7 +181,7 @@ static lg_var lie_jvp(const lg_forward *f) {
     return lg_jvp(f->tape, &y, 1, moving, direction, n, &tangent) == LG_OK ? tangent : LG_NONE;
 }
 
-const lg_op lg_op_lie = {"lie", 0, lie_shape, lie_forward, lie_vjp, lie_jvp};
+const lg_op lg_op_lie = {LG_OP("lie", 0, 2, LG_K_LIE_INPUTS, lie_shape, lie_forward, lie_vjp, lie_jvp)};
 
 static lg_var apply(lg_tape *tape, lg_k_lie map, const lg_var *in) {
     const lg_attr attr = {.i = {map, 0, 0, 0}};

@@ -1,10 +1,11 @@
 /* Matrix products: one family, variants nn, nt, tn, closed under differentiation; rank 2, or rank 3 as
  * batches. An optional third input is added: a full matrix, a bias row, or a scalar. */
+#include "autodiff/product.h"
 #include "autodiff/tape_internal.h"
 
 #include <string.h>
 
-enum { NN, NT, TN };
+enum { NN = LG_NN, NT = LG_NT, TN = LG_TN };
 
 /* Sizes of one product: rows, columns, inner length; batch counts of both operands and of the result. */
 typedef struct extent {
@@ -27,43 +28,65 @@ static bool extent_of(const lg_shape *a, const lg_shape *b, uint32_t variant, ex
     return db[variant == NT ? 1 : 0] == e->k;
 }
 
-static lg_status matmul_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+static lg_status matmul_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
+                              lg_shape *out) {
     extent e = {0};
-    if (!extent_of(&in[0]->shape, &in[1]->shape, attr->i[0], &e)) return LG_SHAPE;
-    bool batched = in[0]->shape.rank == 3 || in[1]->shape.rank == 3;
+    if (attr->i[0] > TN) return LG_INVALID_ARGUMENT;
+    if (!extent_of(in[0], in[1], attr->i[0], &e)) return LG_SHAPE;
+    bool batched = in[0]->rank == 3 || in[1]->rank == 3;
     *out = batched ? lg_shape3((uint32_t)e.batch, (uint32_t)e.m, (uint32_t)e.n)
                    : lg_shape2((uint32_t)e.m, (uint32_t)e.n);
     if (inputs < 3) return LG_OK;
-    const lg_shape *c = &in[2]->shape;
+    const lg_shape *c = in[2];
     if (batched || c->rank > 2) return LG_SHAPE;
     if (c->rank == 0) return LG_OK;
     if (c->dims[c->rank - 1] != e.n) return LG_SHAPE;
     return c->rank == 1 || c->dims[0] == 1 || c->dims[0] == e.m ? LG_OK : LG_SHAPE;
 }
 
-static lg_status matmul_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    const lg_kernels *k = tape->k;
-    extent e = {0};
-    uint32_t variant = out->attr.i[0];
-    (void)extent_of(&in[0]->shape, &in[1]->shape, variant, &e);
-    bool full = out->inputs == 3 && in[2]->count == out->count;
-    if (full) memcpy(out->value, in[2]->value, out->count * k->size);
-    const unsigned char *a = in[0]->value, *b = in[1]->value;
-    unsigned char *c = out->value;
-    size_t step_a = e.batch_a == 1 ? 0 : e.m * e.k * k->size,
-           step_b = e.batch_b == 1 ? 0 : e.k * e.n * k->size;
-    uint32_t b_node = (uint32_t)(in[1] - tape->nodes);
-    for (size_t i = 0; i < e.batch; i++)
-        lg_gemm(tape, variant, e.m, e.n, e.k, a + i * step_a, b + i * step_b, b_node,
-                c + i * e.m * e.n * k->size, full);
-    if (tape->status != LG_OK) return tape->status;
-    if (out->inputs < 3 || full) return LG_OK;
-    if (in[2]->count == e.n) {
-        k->bias_act(LG_K_IDENTITY, e.m, e.n, in[2]->value, out->value);
+static extent extent_at(const lg_evaluation *e) {
+    extent of = {0};
+    (void)extent_of(e->in[0], e->in[1], e->attr->i[0], &of);
+    return of;
+}
+
+static lg_product_size one_product(const lg_evaluation *e, const extent *of) {
+    return (lg_product_size){e->attr->i[0], of->m, of->n, of->k};
+}
+
+static size_t matmul_scratch(const lg_evaluation *e) {
+    const extent of = extent_at(e);
+    const lg_product_size size = one_product(e, &of);
+    return e->transposed != NULL ? 0 : lg_product_scratch(e->k, &size, e->crew);
+}
+
+static lg_transpose_use matmul_transpose(const lg_evaluation *e) {
+    const extent of = extent_at(e);
+    const lg_product_size size = one_product(e, &of);
+    return e->in[1]->rank == 2 ? lg_product_transpose(&size, e->crew) : LG_TRANSPOSE_NONE;
+}
+
+static lg_status matmul_forward(lg_evaluation *e) {
+    const lg_kernels *k = e->k;
+    const extent of = extent_at(e);
+    const lg_product_size size = one_product(e, &of);
+    const size_t c_count = e->inputs == 3 ? lg_shape_count(*e->in[2]) : 0;
+    const bool full = e->inputs == 3 && c_count == e->count;
+    if (full) memcpy(e->y, e->x[2], e->count * k->size);
+    const unsigned char *a = e->x[0], *b = e->x[1];
+    unsigned char *c = e->y;
+    const size_t step_a = of.batch_a == 1 ? 0 : of.m * of.k * k->size;
+    const size_t step_b = of.batch_b == 1 ? 0 : of.k * of.n * k->size, step_c = of.m * of.n * k->size;
+    for (size_t i = 0; i < of.batch; i++)
+        lg_product(k, e->crew, &size, a + i * step_a, b + i * step_b, e->transposed, c + i * step_c, full,
+                   e->scratch);
+    if (e->inputs < 3 || full) return LG_OK;
+    if (c_count == of.n) {
+        k->bias_act(LG_K_IDENTITY, of.m, of.n, e->x[2], e->y);
     } else {
         double value;
-        k->convert_out(1, in[2]->value, &value);
-        k->unary[LG_K_SHIFT](out->count, value, out->value, out->value);
+        k->convert_out(1, e->x[2], &value);
+        k->unary[LG_K_SHIFT](e->count, value, e->y, e->y);
     }
     return LG_OK;
 }
@@ -111,7 +134,15 @@ static lg_var matmul_jvp(const lg_forward *f) {
     return lg_add_or(f->tape, lg_add_or(f->tape, a, b), c);
 }
 
-const lg_op lg_op_matmul = {"matmul", 0, matmul_shape, matmul_forward, matmul_vjp, matmul_jvp};
+const lg_op lg_op_matmul = {.name = "matmul",
+                            .least = 2,
+                            .most = 3,
+                            .shape = matmul_shape,
+                            .forward = matmul_forward,
+                            .vjp = matmul_vjp,
+                            .jvp = matmul_jvp,
+                            .scratch = matmul_scratch,
+                            .transpose = matmul_transpose};
 
 lg_var lg_matmul(lg_tape *tape, lg_var a, lg_var b) {
     return product(tape, NN, a, b);

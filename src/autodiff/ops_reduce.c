@@ -11,15 +11,41 @@ static lg_var record_sized(lg_tape *tape, lg_op_code op, lg_var x, size_t outer,
                            lg_shape shape) {
     if (outer > UINT32_MAX || length > UINT32_MAX || inner > UINT32_MAX)
         return lg_tape_fail(tape, LG_SHAPE, "reduce", "more than 2^32 - 1 elements along an axis");
-    lg_attr attr = {.i = {(uint32_t)outer, (uint32_t)length, (uint32_t)inner, 0}};
-    return lg_record_shaped(tape, op, &x, 1, attr, shape);
+    const lg_attr attr = {.i = {(uint32_t)outer, (uint32_t)length, (uint32_t)inner, 0}};
+    return lg_record_shaped(tape, op, &x, 1, &attr, shape);
 }
 
-static lg_status reduce_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    const lg_kernels *k = tape->k;
-    size_t outer = out->attr.i[0], length = out->attr.i[1], inner = out->attr.i[2];
-    const unsigned char *x = in[0]->value;
-    unsigned char *y = out->value;
+/* outer length inner elements on one side, outer inner on the other. */
+static bool sizes_fit(const lg_shape *whole, const lg_shape *part, const lg_attr *attr) {
+    const size_t outer = attr->i[0], inner = attr->i[2];
+    const size_t more = lg_shape_count(lg_shape3(attr->i[0], attr->i[1], attr->i[2]));
+    return part->rank <= LG_MAX_RANK && more != SIZE_MAX && lg_shape_count(*whole) == more &&
+           lg_shape_count(*part) == outer * inner;
+}
+
+static lg_status reduce_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
+                              lg_shape *out) {
+    (void)inputs;
+    return sizes_fit(in[0], out, attr) ? LG_OK : LG_SHAPE;
+}
+
+static lg_status repeat_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
+                              lg_shape *out) {
+    (void)inputs;
+    return out->rank <= LG_MAX_RANK && sizes_fit(out, in[0], attr) ? LG_OK : LG_SHAPE;
+}
+
+static lg_status mask_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+    const lg_shape part = lg_shape2(attr->i[0], attr->i[2]);
+    (void)inputs;
+    return lg_same_shape(in[0], out) && sizes_fit(in[0], &part, attr) ? LG_OK : LG_SHAPE;
+}
+
+static lg_status reduce_forward(lg_evaluation *e) {
+    const lg_kernels *k = e->k;
+    size_t outer = e->attr->i[0], length = e->attr->i[1], inner = e->attr->i[2];
+    const unsigned char *x = e->x[0];
+    unsigned char *y = e->y;
     if (outer == 1 && inner == 1) {
         const double total = k->sum(length, x);
         k->fill(1, total, y);
@@ -45,7 +71,8 @@ static lg_var reduce_jvp(const lg_forward *f) {
                         lg_node_at(f->tape, f->y)->shape);
 }
 
-const lg_op lg_op_reduce = {"sum", 0, lg_given_shape, reduce_forward, reduce_vjp, reduce_jvp};
+const lg_op lg_op_reduce = {LG_OP("sum", 0, 1, 1, reduce_shape, reduce_forward, reduce_vjp, reduce_jvp),
+                            .given = true};
 
 /* y[o, l] = x[o]: the inner length is one, so single elements are repeated. */
 static void repeat_elements(size_t size, size_t outer, size_t length, const void *x, void *y) {
@@ -62,15 +89,15 @@ static void repeat_elements(size_t size, size_t outer, size_t length, const void
     }
 }
 
-static lg_status repeat_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    size_t outer = out->attr.i[0], length = out->attr.i[1], inner = out->attr.i[2];
+static lg_status repeat_forward(lg_evaluation *e) {
+    size_t outer = e->attr->i[0], length = e->attr->i[1], inner = e->attr->i[2];
     if (inner == 1) {
-        repeat_elements(tape->k->size, outer, length, in[0]->value, out->value);
+        repeat_elements(e->k->size, outer, length, e->x[0], e->y);
         return LG_OK;
     }
-    const unsigned char *x = in[0]->value;
-    unsigned char *y = out->value;
-    size_t bytes = inner * tape->k->size;
+    const unsigned char *x = e->x[0];
+    unsigned char *y = e->y;
+    size_t bytes = inner * e->k->size;
     for (size_t o = 0; o < outer; o++)
         for (size_t l = 0; l < length; l++, y += bytes) memcpy(y, x + o * bytes, bytes);
     return LG_OK;
@@ -89,7 +116,8 @@ static lg_var repeat_jvp(const lg_forward *f) {
                         lg_node_at(f->tape, f->y)->shape);
 }
 
-const lg_op lg_op_repeat = {"broadcast", 0, lg_given_shape, repeat_forward, repeat_vjp, repeat_jvp};
+const lg_op lg_op_repeat = {LG_OP("broadcast", 0, 1, 1, repeat_shape, repeat_forward, repeat_vjp, repeat_jvp),
+                            .given = true};
 
 /* ---- chains: one primitive for each run of axes that differ ---- */
 
@@ -210,17 +238,17 @@ lg_var lg_mean_axis(lg_tape *tape, lg_var x, int axis, bool keep) {
 
 /* ---- maximum ---- */
 
-static double element(const lg_tape *tape, const lg_node *node, size_t i) {
-    return tape->k->size == sizeof(double) ? ((const double *)node->value)[i]
-                                           : (double)((const float *)node->value)[i];
+static double element(const lg_evaluation *e, size_t i) {
+    return e->k->size == sizeof(double) ? ((const double *)e->x[0])[i] : (double)((const float *)e->x[0])[i];
 }
 
 /* Index along the axis of the first maximum of column (o, i); a NaN wins. */
-static size_t first_maximum(const lg_tape *tape, const lg_node *x, const uint32_t *size, size_t o, size_t i) {
+static size_t first_maximum(const lg_evaluation *e, size_t o, size_t i) {
+    const uint32_t *size = e->attr->i;
     size_t best = 0;
-    double value = element(tape, x, o * size[1] * size[2] + i);
+    double value = element(e, o * size[1] * size[2] + i);
     for (size_t l = 1; l < size[1] && value == value; l++) {
-        double next = element(tape, x, (o * size[1] + l) * size[2] + i);
+        double next = element(e, (o * size[1] + l) * size[2] + i);
         if (next > value || next != next) {
             value = next;
             best = l;
@@ -229,32 +257,36 @@ static size_t first_maximum(const lg_tape *tape, const lg_node *x, const uint32_
     return best;
 }
 
-static lg_status reduce_max_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    const uint32_t *size = out->attr.i;
-    if (size[1] == 0) return LG_SHAPE;
+static lg_status reduce_max_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
+                                  lg_shape *out) {
+    return attr->i[1] > 0 ? reduce_shape(in, inputs, attr, out) : LG_SHAPE;
+}
+
+static lg_status reduce_max_forward(lg_evaluation *e) {
+    const uint32_t *size = e->attr->i;
     for (size_t o = 0; o < size[0]; o++)
         for (size_t i = 0; i < size[2]; i++) {
-            size_t at = (o * size[1] + first_maximum(tape, in[0], size, o, i)) * size[2] + i;
-            memcpy((unsigned char *)out->value + (o * size[2] + i) * tape->k->size,
-                   (const unsigned char *)in[0]->value + at * tape->k->size, tape->k->size);
+            size_t at = (o * size[1] + first_maximum(e, o, i)) * size[2] + i;
+            memcpy((unsigned char *)e->y + (o * size[2] + i) * e->k->size,
+                   (const unsigned char *)e->x[0] + at * e->k->size, e->k->size);
         }
     return LG_OK;
 }
 
-static lg_status argmax_mask_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    const uint32_t *size = out->attr.i;
+static lg_status argmax_mask_forward(lg_evaluation *e) {
+    const uint32_t *size = e->attr->i;
     const double one = 1.0;
-    tape->k->fill(out->count, 0.0, out->value);
+    e->k->fill(e->count, 0.0, e->y);
     for (size_t o = 0; o < size[0]; o++)
         for (size_t i = 0; i < size[2]; i++) {
-            size_t at = (o * size[1] + first_maximum(tape, in[0], size, o, i)) * size[2] + i;
-            tape->k->convert_in(1, &one, (unsigned char *)out->value + at * tape->k->size);
+            size_t at = (o * size[1] + first_maximum(e, o, i)) * size[2] + i;
+            e->k->convert_in(1, &one, (unsigned char *)e->y + at * e->k->size);
         }
     return LG_OK;
 }
 
-const lg_op lg_op_argmax_mask = {"argmax_mask",       ~0u,       lg_given_shape,
-                                 argmax_mask_forward, lg_no_vjp, lg_zero_jvp};
+const lg_op lg_op_argmax_mask = {
+    LG_OP("argmax_mask", ~0u, 1, 1, mask_shape, argmax_mask_forward, lg_no_vjp, lg_zero_jvp), .given = true};
 
 static lg_var mask_of(lg_tape *tape, const lg_attr *attr, lg_var x) {
     return record_sized(tape, LG_OP_ARGMAX_MASK, x, attr->i[0], attr->i[1], attr->i[2],
@@ -275,8 +307,9 @@ static lg_var reduce_max_jvp(const lg_forward *f) {
     return record_sized(f->tape, LG_OP_REDUCE, chosen, i[0], i[1], i[2], lg_node_at(f->tape, f->y)->shape);
 }
 
-const lg_op lg_op_reduce_max = {"max_axis",    0, lg_given_shape, reduce_max_forward, reduce_max_vjp,
-                                reduce_max_jvp};
+const lg_op lg_op_reduce_max = {
+    LG_OP("max_axis", 0, 1, 1, reduce_max_shape, reduce_max_forward, reduce_max_vjp, reduce_max_jvp),
+    .given = true};
 
 lg_var lg_max_axis(lg_tape *tape, lg_var x, int axis, bool keep) {
     size_t length;

@@ -5,9 +5,21 @@
 
 /* ---- reshape: a view ---- */
 
-static lg_status never_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    (void)tape, (void)in, (void)out;
-    return LG_INVALID_ARGUMENT;
+static lg_status reshape_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
+                               lg_shape *out) {
+    (void)inputs, (void)attr;
+    return out->rank <= LG_MAX_RANK && lg_shape_count(*out) == lg_shape_count(*in[0]) ? LG_OK : LG_SHAPE;
+}
+
+static lg_status reshape_forward(lg_evaluation *e) {
+    memcpy(e->y, e->x[0], e->count * e->k->size);
+    return LG_OK;
+}
+
+static bool reshape_view(const lg_shape *const *in, const lg_attr *attr, size_t *offset) {
+    (void)in, (void)attr;
+    *offset = 0;
+    return true;
 }
 
 static void reshape_vjp(lg_reverse *r) {
@@ -18,7 +30,9 @@ static lg_var reshape_jvp(const lg_forward *f) {
     return lg_reshape(f->tape, f->tangents[0], lg_node_at(f->tape, f->y)->shape);
 }
 
-const lg_op lg_op_reshape = {"reshape", 0, lg_given_shape, never_forward, reshape_vjp, reshape_jvp};
+const lg_op lg_op_reshape = {
+    LG_OP("reshape", 0, 1, 1, reshape_shape, reshape_forward, reshape_vjp, reshape_jvp), .given = true,
+    .view = reshape_view};
 
 lg_var lg_reshape(lg_tape *tape, lg_var x, lg_shape shape) {
     if (tape->status != LG_OK) return LG_NONE;
@@ -40,12 +54,29 @@ static void copy_runs(size_t rows, size_t run, const unsigned char *from, size_t
     for (size_t i = 0; i < rows; i++) memcpy(to + i * to_pitch, from + i * from_pitch, run);
 }
 
-static lg_status slice_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+static lg_status slice_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+    const uint32_t axis = attr->i[0], start = attr->i[1], length = attr->i[2];
+    (void)inputs;
+    if (axis >= in[0]->rank || start > in[0]->dims[axis] || length > in[0]->dims[axis] - start)
+        return LG_INVALID_ARGUMENT;
+    *out = *in[0];
+    out->dims[axis] = length;
+    return LG_OK;
+}
+
+static bool slice_view(const lg_shape *const *in, const lg_attr *attr, size_t *offset) {
     size_t outer, length, inner;
-    lg_around(&in[0]->shape, out->attr.i[0], &outer, &length, &inner);
-    size_t size = tape->k->size * inner;
-    copy_runs(outer, out->attr.i[2] * size, (const unsigned char *)in[0]->value + out->attr.i[1] * size,
-              length * size, out->value, out->attr.i[2] * size);
+    lg_around(in[0], attr->i[0], &outer, &length, &inner);
+    *offset = attr->i[1] * inner;
+    return outer == 1;
+}
+
+static lg_status slice_forward(lg_evaluation *e) {
+    size_t outer, length, inner;
+    lg_around(e->in[0], e->attr->i[0], &outer, &length, &inner);
+    size_t size = e->k->size * inner;
+    copy_runs(outer, e->attr->i[2] * size, (const unsigned char *)e->x[0] + e->attr->i[1] * size,
+              length * size, e->y, e->attr->i[2] * size);
     return LG_OK;
 }
 
@@ -60,7 +91,8 @@ static lg_var slice_jvp(const lg_forward *f) {
     return lg_slice(f->tape, f->tangents[0], (int)f->attr->i[0], f->attr->i[1], f->attr->i[2]);
 }
 
-const lg_op lg_op_slice = {"slice", 0, lg_given_shape, slice_forward, slice_vjp, slice_jvp};
+const lg_op lg_op_slice = {LG_OP("slice", 0, 1, 1, slice_shape, slice_forward, slice_vjp, slice_jvp),
+                           .view = slice_view};
 
 lg_var lg_slice(lg_tape *tape, lg_var x, int axis, uint32_t start, uint32_t length) {
     if (tape->status != LG_OK) return LG_NONE;
@@ -74,20 +106,29 @@ lg_var lg_slice(lg_tape *tape, lg_var x, int axis, uint32_t start, uint32_t leng
     lg_shape shape = node->shape;
     shape.dims[a] = length;
     lg_attr attr = {.i = {(uint32_t)a, start, length, 0}};
-    if (outer != 1 || (size_t)start * inner > UINT32_MAX)
-        return lg_record_shaped(tape, LG_OP_SLICE, &x, 1, attr, shape);
+    if (outer != 1 || (size_t)start * inner > UINT32_MAX) return lg_record(tape, LG_OP_SLICE, &x, 1, &attr);
     attr.i[3] = start * (uint32_t)inner;
     unsigned char *value = (unsigned char *)node->value + (size_t)attr.i[3] * tape->k->size;
     return lg_record_value(tape, LG_OP_SLICE, &x, 1, &attr, shape, value, LG_NODE_VIEW);
 }
 
-static lg_status pad_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+static lg_status pad_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+    const uint32_t axis = attr->i[0];
+    (void)inputs;
+    if (axis >= in[0]->rank || (uint64_t)in[0]->dims[axis] + attr->i[1] + attr->i[2] > UINT32_MAX)
+        return LG_INVALID_ARGUMENT;
+    *out = *in[0];
+    out->dims[axis] += attr->i[1] + attr->i[2];
+    return LG_OK;
+}
+
+static lg_status pad_forward(lg_evaluation *e) {
     size_t outer, length, inner;
-    lg_around(&in[0]->shape, out->attr.i[0], &outer, &length, &inner);
-    size_t size = tape->k->size * inner, padded = out->attr.i[1] + length + out->attr.i[2];
-    tape->k->fill(out->count, 0.0, out->value);
-    copy_runs(outer, length * size, in[0]->value, length * size,
-              (unsigned char *)out->value + out->attr.i[1] * size, padded * size);
+    lg_around(e->in[0], e->attr->i[0], &outer, &length, &inner);
+    size_t size = e->k->size * inner, padded = e->attr->i[1] + length + e->attr->i[2];
+    e->k->fill(e->count, 0.0, e->y);
+    copy_runs(outer, length * size, e->x[0], length * size, (unsigned char *)e->y + e->attr->i[1] * size,
+              padded * size);
     return LG_OK;
 }
 
@@ -102,7 +143,7 @@ static lg_var pad_jvp(const lg_forward *f) {
     return lg_pad(f->tape, f->tangents[0], (int)f->attr->i[0], f->attr->i[1], f->attr->i[2]);
 }
 
-const lg_op lg_op_pad = {"pad", 0, lg_given_shape, pad_forward, pad_vjp, pad_jvp};
+const lg_op lg_op_pad = {LG_OP("pad", 0, 1, 1, pad_shape, pad_forward, pad_vjp, pad_jvp)};
 
 lg_var lg_pad(lg_tape *tape, lg_var x, int axis, uint32_t before, uint32_t after) {
     if (tape->status != LG_OK) return LG_NONE;
@@ -111,20 +152,35 @@ lg_var lg_pad(lg_tape *tape, lg_var x, int axis, uint32_t before, uint32_t after
     int a = lg_axis(axis, node->shape.rank);
     if (a < 0 || (uint64_t)node->shape.dims[a] + before + after > UINT32_MAX)
         return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "pad", "no such axis, or it becomes too long");
-    lg_shape shape = node->shape;
-    shape.dims[a] += before + after;
-    return lg_record_shaped(tape, LG_OP_PAD, &x, 1, (lg_attr){.i = {(uint32_t)a, before, after, 0}}, shape);
+    return lg_record(tape, LG_OP_PAD, &x, 1, &(lg_attr){.i = {(uint32_t)a, before, after, 0}});
 }
 
 /* ---- concatenation; attr.i = {axis} ---- */
 
-static lg_status concat_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
+static lg_status concat_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
+                              lg_shape *out) {
+    const uint32_t axis = attr->i[0];
+    uint64_t length = 0;
+    if (axis >= in[0]->rank) return LG_INVALID_ARGUMENT;
+    for (uint32_t p = 0; p < inputs; p++) {
+        lg_shape other = *in[p];
+        if (other.rank != in[0]->rank) return LG_SHAPE;
+        length += other.dims[axis];
+        other.dims[axis] = in[0]->dims[axis];
+        if (!lg_same_shape(&other, in[0]) || length > UINT32_MAX) return LG_SHAPE;
+    }
+    *out = *in[0];
+    out->dims[axis] = (uint32_t)length;
+    return LG_OK;
+}
+
+static lg_status concat_forward(lg_evaluation *e) {
     size_t outer, whole, inner, at = 0;
-    lg_around(&out->shape, out->attr.i[0], &outer, &whole, &inner);
-    size_t size = tape->k->size * inner;
-    for (uint32_t p = 0; p < out->inputs; p++) {
-        size_t length = in[p]->shape.dims[out->attr.i[0]];
-        copy_runs(outer, length * size, in[p]->value, length * size, (unsigned char *)out->value + at * size,
+    lg_around(e->shape, e->attr->i[0], &outer, &whole, &inner);
+    size_t size = e->k->size * inner;
+    for (uint32_t p = 0; p < e->inputs; p++) {
+        size_t length = e->in[p]->dims[e->attr->i[0]];
+        copy_runs(outer, length * size, e->x[p], length * size, (unsigned char *)e->y + at * size,
                   whole * size);
         at += length;
     }
@@ -147,7 +203,8 @@ static lg_var concat_jvp(const lg_forward *f) {
     return lg_concat(f->tape, parts, f->inputs, (int)f->attr->i[0]);
 }
 
-const lg_op lg_op_concat = {"concat", 0, lg_given_shape, concat_forward, concat_vjp, concat_jvp};
+const lg_op lg_op_concat = {
+    LG_OP("concat", 0, 1, LG_MAX_INPUTS, concat_shape, concat_forward, concat_vjp, concat_jvp)};
 
 /* At most LG_MAX_INPUTS parts. */
 static lg_var concat_some(lg_tape *tape, const lg_var *parts, size_t n, int axis) {
@@ -155,23 +212,7 @@ static lg_var concat_some(lg_tape *tape, const lg_var *parts, size_t n, int axis
     if (first == NULL) return LG_NONE;
     int a = lg_axis(axis, first->shape.rank);
     if (a < 0) return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "concat", "no such axis");
-    lg_shape shape = first->shape;
-    uint64_t length = shape.dims[a];
-    for (size_t p = 1; p < n; p++) {
-        const lg_node *node = lg_node_of(tape, parts[p], "concat");
-        if (node == NULL) return LG_NONE;
-        lg_shape other = node->shape;
-        if (other.rank == shape.rank) {
-            length += other.dims[a];
-            other.dims[a] = shape.dims[a];
-        }
-        const lg_node *both[2] = {first, node};
-        if (!lg_same_shape(&other, &shape)) return lg_fail_shapes(tape, "concat", both, 2);
-    }
-    if (length > UINT32_MAX) return lg_tape_fail(tape, LG_SHAPE, "concat", "the result is too long");
-    shape.dims[a] = (uint32_t)length;
-    return lg_record_shaped(tape, LG_OP_CONCAT, parts, (uint32_t)n, (lg_attr){.i = {(uint32_t)a, 0, 0, 0}},
-                            shape);
+    return lg_record(tape, LG_OP_CONCAT, parts, (uint32_t)n, &(lg_attr){.i = {(uint32_t)a, 0, 0, 0}});
 }
 
 lg_var lg_concat(lg_tape *tape, const lg_var *parts, size_t n, int axis) {
@@ -185,24 +226,38 @@ lg_var lg_concat(lg_tape *tape, const lg_var *parts, size_t n, int axis) {
 
 /* ---- permutation of axes; attr.i = axes, unused places hold themselves ---- */
 
-static lg_status permute_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    const lg_kernels *k = tape->k;
-    const uint32_t rank = out->shape.rank, *axes = out->attr.i;
+static lg_status permute_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
+                               lg_shape *out) {
+    uint32_t seen = 0;
+    (void)inputs;
+    *out = *in[0];
+    for (uint32_t i = 0; i < in[0]->rank; i++) {
+        const uint32_t a = attr->i[i];
+        if (a >= in[0]->rank || (seen >> a & 1u)) return LG_INVALID_ARGUMENT;
+        seen |= 1u << a;
+        out->dims[i] = in[0]->dims[a];
+    }
+    return LG_OK;
+}
+
+static lg_status permute_forward(lg_evaluation *e) {
+    const lg_kernels *k = e->k;
+    const uint32_t rank = e->shape->rank, *axes = e->attr->i;
     if (rank == 2 && axes[0] == 1) {
-        k->transpose(in[0]->shape.dims[0], in[0]->shape.dims[1], in[0]->value, out->value);
+        k->transpose(e->in[0]->dims[0], e->in[0]->dims[1], e->x[0], e->y);
         return LG_OK;
     }
     size_t stride[LG_MAX_RANK], dims[LG_MAX_RANK] = {1, 1, 1, 1}, step[LG_MAX_RANK] = {0, 0, 0, 0}, run = 1;
     for (uint32_t i = rank; i-- > 0;) {
         stride[i] = run;
-        run *= in[0]->shape.dims[i];
+        run *= e->in[0]->dims[i];
     }
     for (uint32_t i = 0; i < rank; i++) {
-        dims[LG_MAX_RANK - rank + i] = out->shape.dims[i];
+        dims[LG_MAX_RANK - rank + i] = e->shape->dims[i];
         step[LG_MAX_RANK - rank + i] = stride[axes[i]];
     }
-    const unsigned char *x = in[0]->value;
-    unsigned char *y = out->value;
+    const unsigned char *x = e->x[0];
+    unsigned char *y = e->y;
     for (size_t a = 0; a < dims[0]; a++)
         for (size_t b = 0; b < dims[1]; b++)
             for (size_t c = 0; c < dims[2]; c++)
@@ -227,24 +282,24 @@ static lg_var permute_jvp(const lg_forward *f) {
     return lg_permute(f->tape, f->tangents[0], axes);
 }
 
-const lg_op lg_op_permute = {"permute", 0, lg_given_shape, permute_forward, permute_vjp, permute_jvp};
+const lg_op lg_op_permute = {
+    LG_OP("permute", 0, 1, 1, permute_shape, permute_forward, permute_vjp, permute_jvp)};
 
 lg_var lg_permute(lg_tape *tape, lg_var x, const int *axes) {
     if (tape->status != LG_OK) return LG_NONE;
     const lg_node *node = lg_node_of(tape, x, "permute");
     if (node == NULL) return LG_NONE;
-    lg_shape shape = node->shape;
+    const uint32_t rank = node->shape.rank;
     lg_attr attr = {.i = {0, 1, 2, 3}};
     uint32_t seen = 0;
-    for (uint32_t i = 0; i < shape.rank; i++) {
-        int a = lg_axis(axes[i], shape.rank);
+    for (uint32_t i = 0; i < rank; i++) {
+        int a = lg_axis(axes[i], rank);
         if (a < 0 || (seen >> a & 1u))
             return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "permute", "not a permutation");
         seen |= 1u << a;
         attr.i[i] = (uint32_t)a;
-        shape.dims[i] = node->shape.dims[a];
     }
-    return lg_record_shaped(tape, LG_OP_PERMUTE, &x, 1, attr, shape);
+    return lg_record(tape, LG_OP_PERMUTE, &x, 1, &attr);
 }
 
 lg_var lg_transpose(lg_tape *tape, lg_var x) {
@@ -261,43 +316,43 @@ lg_var lg_transpose(lg_tape *tape, lg_var x) {
 /* ---- gather and scatter rows: each other's adjoints; attr.pointer = indices (payload), attr.i = {n, rows}
  * ---- */
 
-static lg_status gather_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+static lg_status gather_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
+                              lg_shape *out) {
     (void)inputs;
-    if (in[0]->shape.rank == 0) return LG_SHAPE;
-    *out = in[0]->shape;
+    if (in[0]->rank == 0 || in[0]->dims[0] != attr->i[1]) return LG_SHAPE;
+    *out = *in[0];
     out->dims[0] = attr->i[0];
     return LG_OK;
 }
 
-static lg_status scatter_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr,
+static lg_status scatter_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                                lg_shape *out) {
     (void)inputs;
-    if (in[0]->shape.rank == 0 || in[0]->shape.dims[0] != attr->i[0]) return LG_SHAPE;
-    *out = in[0]->shape;
+    if (in[0]->rank == 0 || in[0]->dims[0] != attr->i[0]) return LG_SHAPE;
+    *out = *in[0];
     out->dims[0] = attr->i[1];
     return LG_OK;
 }
 
-static size_t row_length(const lg_node *x) {
-    return x->shape.dims[0] == 0 ? 0 : x->count / x->shape.dims[0];
+static size_t row_length(const lg_shape *x) {
+    return x->dims[0] == 0 ? 0 : lg_shape_count(*x) / x->dims[0];
 }
 
-static lg_status gather_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    const uint32_t *indices = out->attr.pointer;
-    size_t bytes = row_length(in[0]) * tape->k->size;
-    for (size_t i = 0; i < out->attr.i[0]; i++)
-        memcpy((unsigned char *)out->value + i * bytes,
-               (const unsigned char *)in[0]->value + indices[i] * bytes, bytes);
+static lg_status gather_forward(lg_evaluation *e) {
+    const uint32_t *indices = e->attr->pointer;
+    size_t bytes = row_length(e->in[0]) * e->k->size;
+    for (size_t i = 0; i < e->attr->i[0]; i++)
+        memcpy((unsigned char *)e->y + i * bytes, (const unsigned char *)e->x[0] + indices[i] * bytes, bytes);
     return LG_OK;
 }
 
-static lg_status scatter_forward(lg_tape *tape, const lg_node *const *in, lg_node *out) {
-    const uint32_t *indices = out->attr.pointer;
-    size_t length = row_length(in[0]), bytes = length * tape->k->size;
-    tape->k->fill(out->count, 0.0, out->value);
-    for (size_t i = 0; i < out->attr.i[0]; i++)
-        tape->k->axpy(length, 1.0, (const unsigned char *)in[0]->value + i * bytes,
-                      (unsigned char *)out->value + indices[i] * bytes);
+static lg_status scatter_forward(lg_evaluation *e) {
+    const uint32_t *indices = e->attr->pointer;
+    size_t length = row_length(e->in[0]), bytes = length * e->k->size;
+    e->k->fill(e->count, 0.0, e->y);
+    for (size_t i = 0; i < e->attr->i[0]; i++)
+        e->k->axpy(length, 1.0, (const unsigned char *)e->x[0] + i * bytes,
+                   (unsigned char *)e->y + indices[i] * bytes);
     return LG_OK;
 }
 
@@ -312,7 +367,8 @@ static void gather_vjp(lg_reverse *r) {
 static lg_var gather_jvp(const lg_forward *f) {
     return record_indexed(f->tape, LG_OP_GATHER, f->tangents[0], f->attr);
 }
-const lg_op lg_op_gather = {"gather", 0, gather_shape, gather_forward, gather_vjp, gather_jvp};
+const lg_op lg_op_gather = {LG_OP("gather", 0, 1, 1, gather_shape, gather_forward, gather_vjp, gather_jvp),
+                            .payload = LG_PAYLOAD_INDICES};
 
 static void scatter_vjp(lg_reverse *r) {
     if (r->need[0]) r->out[0] = record_indexed(r->tape, LG_OP_GATHER, r->g, r->attr);
@@ -320,7 +376,9 @@ static void scatter_vjp(lg_reverse *r) {
 static lg_var scatter_jvp(const lg_forward *f) {
     return record_indexed(f->tape, LG_OP_SCATTER, f->tangents[0], f->attr);
 }
-const lg_op lg_op_scatter = {"scatter", 0, scatter_shape, scatter_forward, scatter_vjp, scatter_jvp};
+const lg_op lg_op_scatter = {
+    LG_OP("scatter", 0, 1, 1, scatter_shape, scatter_forward, scatter_vjp, scatter_jvp),
+    .payload = LG_PAYLOAD_INDICES};
 
 static lg_var index_rows(lg_tape *tape, lg_op_code op, lg_var x, const uint32_t *indices, uint32_t n,
                          uint32_t rows) {

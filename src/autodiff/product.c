@@ -8,6 +8,8 @@
  * splitting a product among threads agree to the last bit. OpenBLAS takes over where its cache blocking pays
  * for its lock and its packing. The form depends on shapes and on what the tape has kept, never on threads.
  */
+#include "autodiff/product.h"
+
 #include <cblas.h>
 
 #include "autodiff/tape_internal.h"
@@ -22,13 +24,11 @@
 #define KEPT_TRANSPOSE 65536
 #define MANY_ROWS      96
 
-enum { NN, NT, TN };
-
 static void blas(lg_dtype dtype, uint32_t variant, size_t m, size_t n, size_t k, const void *a, const void *b,
                  void *c, bool accumulate) {
-    const enum CBLAS_TRANSPOSE ta = variant == TN ? CblasTrans : CblasNoTrans;
-    const enum CBLAS_TRANSPOSE tb = variant == NT ? CblasTrans : CblasNoTrans;
-    const int lda = (int)(variant == TN ? m : k), ldb = (int)(variant == NT ? k : n);
+    const enum CBLAS_TRANSPOSE ta = variant == LG_TN ? CblasTrans : CblasNoTrans;
+    const enum CBLAS_TRANSPOSE tb = variant == LG_NT ? CblasTrans : CblasNoTrans;
+    const int lda = (int)(variant == LG_TN ? m : k), ldb = (int)(variant == LG_NT ? k : n);
     const double beta = accumulate ? 1.0 : 0.0;
     if (dtype == LG_F64)
         cblas_dgemm(CblasRowMajor, ta, tb, (int)m, (int)n, (int)k, 1.0, a, lda, b, ldb, beta, c, (int)n);
@@ -72,76 +72,94 @@ static void run_piece(void *user, size_t index) {
         run_block(p, 0, p->m, start, length);
 }
 
-static void run(lg_tape *tape, product *p) {
-    if (tape->workers == NULL || (double)p->m * (double)p->n * (double)p->k < SPLIT_LIMIT) {
+static void run(const lg_crew *crew, product *p) {
+    if (crew == NULL || crew->workers == NULL || (double)p->m * (double)p->n * (double)p->k < SPLIT_LIMIT) {
         run_block(p, 0, p->m, 0, p->n);
         return;
     }
     p->by_rows = p->m > p->n;
     const size_t whole = p->by_rows ? p->m : p->n, unit = p->by_rows ? 8 : 16;
-    const size_t pieces = 2 * (size_t)tape->options.threads;
+    const size_t pieces = 2 * (size_t)crew->threads;
     p->piece = (whole + pieces * unit - 1) / (pieces * unit) * unit;
-    lg_pool_run(tape->workers, (whole + p->piece - 1) / p->piece, run_piece, p);
+    lg_pool_run(crew->workers, (whole + p->piece - 1) / p->piece, run_piece, p);
 }
 
 /* ---- nt ---- */
 
-static const void *kept_transpose(lg_tape *tape, size_t m, size_t n, size_t k, const void *b,
-                                  uint32_t b_node) {
-    const lg_node *node = &tape->nodes[b_node];
-    if (b != node->value || node->shape.rank != 2) return NULL;
-    if (node->transposed == NULL && n * k > KEPT_TRANSPOSE && m < MANY_ROWS) return NULL;
-    return lg_transposed(tape, b_node);
+/* C^T = B A^T, then C = [C +] (C^T)^T. Scratch: A^T, C^T and, to add, its transpose. */
+static void run_transposed(const lg_kernels *kernels, const lg_crew *crew, const lg_product_size *s,
+                           const void *a, const void *b, void *c, bool accumulate, void *scratch) {
+    const size_t size = kernels->size;
+    unsigned char *ct = scratch, *back = ct + s->m * s->n * size, *at = back + s->m * s->n * size;
+    product p = {
+        .kernels = kernels, .m = s->n, .n = s->m, .k = s->k, .ra = s->k, .ca = 1, .a = b, .b = at, .c = ct};
+    kernels->transpose(s->m, s->k, a, at);
+    run(crew, &p);
+    kernels->transpose(s->n, s->m, ct, accumulate ? back : c);
+    if (accumulate) kernels->axpy(s->m * s->n, 1.0, back, c);
 }
 
-/* C^T = B A^T, then C = [C +] (C^T)^T. */
-static void run_transposed(lg_tape *tape, size_t m, size_t n, size_t k, const void *a, const void *b, void *c,
-                           bool accumulate) {
-    const lg_kernels *kernels = tape->k;
-    const size_t a_bytes = m * k * kernels->size, c_bytes = m * n * kernels->size;
-    unsigned char *at = lg_pool_take(tape, a_bytes), *ct = lg_pool_take(tape, 2 * c_bytes);
-    if (at != NULL && ct != NULL) {
-        product p = {.kernels = kernels, .m = n, .n = m, .k = k, .ra = k, .ca = 1, .a = b, .b = at, .c = ct};
-        kernels->transpose(m, k, a, at);
-        run(tape, &p);
-        kernels->transpose(n, m, ct, accumulate ? ct + c_bytes : c);
-        if (accumulate) kernels->axpy(m * n, 1.0, ct + c_bytes, c);
-    }
-    if (at != NULL) lg_pool_give(tape, at, a_bytes);
-    if (ct != NULL) lg_pool_give(tape, ct, 2 * c_bytes);
-}
-
-void lg_gemm(lg_tape *tape, uint32_t variant, size_t m, size_t n, size_t k, const void *a, const void *b,
-             uint32_t b_node, void *c, bool accumulate) {
+static bool by_blas(const lg_product_size *s, const lg_crew *crew) {
     const size_t largest = (size_t)1 << 30;
-    if ((double)m * (double)n * (double)k > OWN_KERNEL_LIMIT && m < largest && n < largest && k < largest) {
-        blas(tape->k->dtype, variant, m, n, k, a, b, c, accumulate);
+    return crew != NULL && (double)s->m * (double)s->n * (double)s->k > OWN_KERNEL_LIMIT && s->m < largest &&
+           s->n < largest && s->k < largest;
+}
+
+lg_transpose_use lg_product_transpose(const lg_product_size *s, const lg_crew *crew) {
+    if (s->variant != LG_NT || s->m == 1 || by_blas(s, crew)) return LG_TRANSPOSE_NONE;
+    return s->n * s->k > KEPT_TRANSPOSE && s->m < MANY_ROWS ? LG_TRANSPOSE_IF_KEPT : LG_TRANSPOSE_MAKE;
+}
+
+size_t lg_product_scratch(const lg_kernels *k, const lg_product_size *s, const lg_crew *crew) {
+    const bool needed = lg_product_transpose(s, crew) != LG_TRANSPOSE_NONE;
+    return needed ? (s->m * s->k + 2 * s->m * s->n) * k->size : 0;
+}
+
+void lg_product(const lg_kernels *k, const lg_crew *crew, const lg_product_size *s, const void *a,
+                const void *b, const void *transposed, void *c, bool accumulate, void *scratch) {
+    if (by_blas(s, crew)) {
+        blas(k->dtype, s->variant, s->m, s->n, s->k, a, b, c, accumulate);
         return;
     }
-    if (variant == NT && m == 1) { /* a row lies in memory as a column does: c^T = B a^T */
-        tape->k->matvec(n, k, b, a, c, accumulate);
+    if (s->variant == LG_NT && s->m == 1) { /* a row lies in memory as a column does: c^T = B a^T */
+        k->matvec(s->n, s->k, b, a, c, accumulate);
         return;
     }
-    product p = {.kernels = tape->k,
-                 .m = m,
-                 .n = n,
-                 .k = k,
-                 .ra = k,
-                 .ca = 1,
+    if (s->variant == LG_NT && transposed == NULL) {
+        run_transposed(k, crew, s, a, b, c, accumulate, scratch);
+        return;
+    }
+    product p = {.kernels = k,
+                 .m = s->m,
+                 .n = s->n,
+                 .k = s->k,
+                 .ra = s->variant == LG_TN ? 1 : s->k,
+                 .ca = s->variant == LG_TN ? s->m : 1,
                  .a = a,
-                 .b = b,
+                 .b = s->variant == LG_NT ? transposed : b,
                  .c = c,
                  .accumulate = accumulate};
-    if (variant == TN) {
-        p.ra = 1;
-        p.ca = m;
-    } else if (variant == NT) {
-        p.b = kept_transpose(tape, m, n, k, b, b_node);
-        if (tape->status != LG_OK) return;
-        if (p.b == NULL) {
-            run_transposed(tape, m, n, k, a, b, c, accumulate);
-            return;
-        }
-    }
-    run(tape, &p);
+    run(crew, &p);
+}
+
+/* ---- on a tape ---- */
+
+const void *lg_kept_transpose(lg_tape *tape, lg_transpose_use use, uint32_t node) {
+    if (use == LG_TRANSPOSE_NONE) return NULL;
+    if (use == LG_TRANSPOSE_IF_KEPT && tape->nodes[node].transposed == NULL) return NULL;
+    return lg_transposed(tape, node);
+}
+
+void lg_gemm(lg_tape *tape, uint32_t variant, size_t m, size_t n, size_t k, const void *a, uint32_t b_node,
+             void *c, bool accumulate) {
+    const lg_crew crew = lg_tape_crew(tape);
+    const lg_product_size size = {variant, m, n, k};
+    const void *b = tape->nodes[b_node].value;
+    const void *transposed = lg_kept_transpose(tape, lg_product_transpose(&size, &crew), b_node);
+    if (tape->status != LG_OK) return;
+    const size_t bytes = transposed != NULL ? 0 : lg_product_scratch(tape->k, &size, &crew);
+    void *scratch = bytes > 0 ? lg_pool_take(tape, bytes) : NULL;
+    if (bytes > 0 && scratch == NULL) return;
+    lg_product(tape->k, &crew, &size, a, b, transposed, c, accumulate, scratch);
+    if (bytes > 0) lg_pool_give(tape, scratch, bytes);
 }

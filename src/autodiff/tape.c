@@ -257,57 +257,86 @@ lg_var lg_record_value(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t 
     return commit(tape, inputs);
 }
 
-/* `over`: the value is that of the first input. */
+/* What the operation asks for besides its inputs and its value; false: error set. */
+static bool take_extras(lg_tape *tape, const lg_op *op, const lg_var *in, lg_evaluation *e, size_t *scratch) {
+    if (op->transpose != NULL) {
+        e->transposed = lg_kept_transpose(tape, op->transpose(e), in[1].index);
+        if (tape->status != LG_OK) return false;
+    }
+    if (op->kept != NULL && !tape->unrecorded) {
+        const size_t bytes = op->kept(e);
+        if (bytes > 0 && (e->kept = lg_payload_allocate(tape, bytes)) == NULL) return false;
+    }
+    *scratch = op->scratch != NULL ? op->scratch(e) : 0;
+    return *scratch == 0 || (e->scratch = lg_pool_take(tape, *scratch)) != NULL;
+}
+
+static lg_status evaluate(lg_tape *tape, const lg_op *op, const lg_var *in, lg_evaluation *e) {
+    size_t scratch = 0;
+    if (!take_extras(tape, op, in, e, &scratch)) return tape->status;
+    const lg_status status = op->forward(e);
+    if (scratch > 0) lg_pool_give(tape, e->scratch, scratch);
+    tape->spd_failures += e->failures;
+    return status;
+}
+
+/* `over`: the value is that of the first input. `shape`: the one asked for, where it is given. */
 static lg_var record(lg_tape *tape, lg_op_code code, const lg_var *in, uint32_t inputs, const lg_attr *attr,
-                     bool over) {
+                     lg_shape shape, bool over) {
+    static const lg_attr none;
     const lg_op *op = lg_ops[code];
     const lg_node *nodes[LG_MAX_INPUTS];
+    const lg_shape *shapes[LG_MAX_INPUTS];
+    const void *values[LG_MAX_INPUTS];
     if (tape->status != LG_OK) return LG_NONE;
     if (inputs > LG_MAX_INPUTS) return lg_tape_fail(tape, LG_INVALID_ARGUMENT, op->name, "too many inputs");
     if (!reserve(tape, inputs)) return LG_NONE;
     for (uint32_t i = 0; i < inputs; i++) {
         nodes[i] = lg_node_of(tape, in[i], op->name);
         if (nodes[i] == NULL) return LG_NONE;
+        shapes[i] = &nodes[i]->shape;
+        values[i] = nodes[i]->flags & LG_NODE_NO_VALUE ? NULL : nodes[i]->value;
     }
-    lg_shape shape = {0, {0, 0, 0, 0}};
-    lg_status status = op->shape(nodes, inputs, attr, &shape);
+    if (attr == NULL) attr = &none;
+    lg_status status = op->shape(shapes, inputs, attr, &shape);
     if (status == LG_SHAPE) return lg_fail_shapes(tape, op->name, nodes, inputs);
     if (status != LG_OK) return lg_tape_fail(tape, status, op->name, lg_status_sentence(status));
-    void *value = over ? nodes[0]->value : lg_value_allocate(tape, lg_shape_count(shape));
+    const size_t count = lg_shape_count(shape);
+    void *value = over ? nodes[0]->value : lg_value_allocate(tape, count);
     if (value == NULL) return LG_NONE;
-    lg_node *node = append_node(tape, code, in, inputs, attr, shape, value,
-                                tape->unrecorded ? (uint32_t)LG_NODE_POOLED : 0u);
-    status = op->forward(tape, nodes, node);
+    const lg_crew crew = lg_tape_crew(tape);
+    lg_evaluation e = {.k = tape->k,
+                       .crew = &crew,
+                       .attr = attr,
+                       .inputs = inputs,
+                       .in = shapes,
+                       .x = values,
+                       .shape = &shape,
+                       .count = count,
+                       .y = value};
+    status = evaluate(tape, op, in, &e);
     if (status != LG_OK) {
-        if (tape->unrecorded) lg_pool_give(tape, value, node->count * tape->k->size);
+        if (tape->unrecorded) lg_pool_give(tape, value, count * tape->k->size);
         return lg_tape_fail(tape, status, op->name, lg_status_sentence(status));
     }
+    lg_node *node = append_node(tape, code, in, inputs, attr, shape, value,
+                                tape->unrecorded ? (uint32_t)LG_NODE_POOLED : 0u);
+    if (op->payload == LG_PAYLOAD_KEPT) node->attr.pointer = e.kept;
     if (over) tape->nodes[in[0].index].flags |= LG_NODE_NO_VALUE;
     return commit(tape, inputs);
 }
 
-lg_var lg_record(lg_tape *tape, lg_op_code code, const lg_var *in, uint32_t inputs, const lg_attr *attr) {
-    return record(tape, code, in, inputs, attr, false);
+lg_var lg_record(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, const lg_attr *attr) {
+    return record(tape, op, in, inputs, attr, lg_shape0(), false);
 }
 
-lg_var lg_record_over(lg_tape *tape, lg_op_code code, const lg_var *in, uint32_t inputs,
-                      const lg_attr *attr) {
-    return record(tape, code, in, inputs, attr, true);
+lg_var lg_record_over(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, const lg_attr *attr) {
+    return record(tape, op, in, inputs, attr, lg_shape0(), true);
 }
 
-lg_status lg_given_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
-    (void)in, (void)inputs;
-    *out = *(const lg_shape *)attr->pointer;
-    return LG_OK;
-}
-
-/* The shape rule reads the shape through the attribute's pointer while recording; the node forgets it. */
-lg_var lg_record_shaped(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, lg_attr attr,
+lg_var lg_record_shaped(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, const lg_attr *attr,
                         lg_shape shape) {
-    attr.pointer = &shape;
-    lg_var y = lg_record(tape, op, in, inputs, &attr);
-    if (!lg_is_none(y)) tape->nodes[y.index].attr.pointer = NULL;
-    return y;
+    return record(tape, op, in, inputs, attr, shape, false);
 }
 
 void lg_no_vjp(lg_reverse *r) {
@@ -391,12 +420,12 @@ const void *lg_transposed(lg_tape *tape, uint32_t index) {
 
 /* ---- leaves ---- */
 
-static lg_status leaf_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+static lg_status leaf_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
     (void)in, (void)inputs, (void)attr, (void)out;
     return LG_INVALID_ARGUMENT;
 }
 
-const lg_op lg_op_leaf = {"leaf", 0, leaf_shape, NULL, lg_no_vjp, lg_zero_jvp};
+const lg_op lg_op_leaf = {LG_OP("leaf", 0, 0, 0, leaf_shape, NULL, lg_no_vjp, lg_zero_jvp)};
 
 static lg_var record_leaf(lg_tape *tape, lg_shape shape, void *value, uint32_t flags) {
     return lg_record_value(tape, LG_OP_LEAF, NULL, 0, NULL, shape, value, flags);

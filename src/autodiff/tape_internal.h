@@ -1,14 +1,12 @@
-/* The tape inside: nodes, arena, pool, and the interface that an operation implements.
+/* The tape inside: nodes, arena, pool, and what vjps and jvps of operations get.
  *
- * An operation is one row of lg_ops: shape rule, forward, vjp, jvp. The vjp and jvp are written with
- * operations, so they can be differentiated again. They run in two modes: recorded, where what they build
- * stays on the tape, and unrecorded (lg_backward), where every value comes from the pool and is given back
- * after the node.
+ * The vjp and jvp of an operation (op.h) run in two modes: recorded, where what they build stays on the tape,
+ * and unrecorded (lg_backward), where every value comes from the pool and is given back after the node.
  */
 #ifndef LG_TAPE_INTERNAL_H
 #define LG_TAPE_INTERNAL_H
 
-#include "autodiff/kernels/kernels.h"
+#include "autodiff/op.h"
 #include "core/core.h"
 #include "liegrad/gradcheck.h"
 #include "liegrad/ops.h"
@@ -76,13 +74,6 @@ typedef enum lg_op_code {
 #undef X
         LG_OP_COUNT
 } lg_op_code;
-
-/* What an operation remembers besides its inputs. */
-typedef struct lg_attr {
-    double c;
-    uint32_t i[4];
-    const void *pointer;
-} lg_attr;
 
 enum {
     LG_NODE_POOLED = 1,  /* the value is a pool block that the node owns (unrecorded mode only) */
@@ -186,23 +177,10 @@ typedef struct lg_forward {
     uint32_t inputs;
 } lg_forward;
 
-typedef struct lg_op {
-    const char *name;
-    uint32_t frozen; /* bit k: input k is a constant to differentiation */
-    /* The output's shape. Must validate everything: forward cannot see bad shapes. */
-    lg_status (*shape)(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out);
-    /* Fills out->value. NULL: the value is set by whoever records (leaves, views). */
-    lg_status (*forward)(lg_tape *tape, const lg_node *const *in, lg_node *out);
-    void (*vjp)(lg_reverse *r);
-    lg_var (*jvp)(const lg_forward *f);
-} lg_op;
-
 extern const lg_op *const lg_ops[LG_OP_COUNT];
 #define X(code, name) extern const lg_op lg_op_##name;
 LG_OP_LIST(X)
 #undef X
-
-#define LG_MAX_INPUTS 64 /* of one node */
 
 /* ---- recording ---- */
 
@@ -214,11 +192,9 @@ lg_var lg_record_value(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t 
 /* lg_record of an operation that works in place of its first input's value, which becomes its own: the
  * input's node must be the newest, and its value never be read again. Recorded mode only. */
 lg_var lg_record_over(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, const lg_attr *attr);
-/* For operations whose public function has worked out the output's shape: their shape rule is lg_given_shape.
- */
-lg_var lg_record_shaped(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, lg_attr attr,
+/* For operations whose output's shape is `given`. */
+lg_var lg_record_shaped(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, const lg_attr *attr,
                         lg_shape shape);
-lg_status lg_given_shape(const lg_node *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out);
 /* For what is constant to differentiation. */
 void lg_no_vjp(lg_reverse *r);
 lg_var lg_zero_jvp(const lg_forward *f);
@@ -240,6 +216,11 @@ void *lg_payload_allocate(lg_tape *tape, size_t bytes);
 /* Transpose of a node's value of rank 2, or of rank 3 seen as (d0 d1, d2), made once: it lasts as long as the
  * node, or as the memory that has been declared constant. NULL: error set. */
 const void *lg_transposed(lg_tape *tape, uint32_t node);
+/* The transpose where `use` says that it is of use, else NULL. */
+const void *lg_kept_transpose(lg_tape *tape, lg_transpose_use use, uint32_t node);
+static inline lg_crew lg_tape_crew(const lg_tape *tape) {
+    return (lg_crew){tape->workers, tape->options.threads};
+}
 /* Promises that all that is done on the tape until the next such call finds these bytes, which lg_parameter
  * points to, as they are now: what is derived from them survives lg_tape_reset. NULL, 0: no promise. */
 void lg_tape_constant(lg_tape *tape, const void *memory, size_t bytes);
@@ -271,10 +252,11 @@ typedef void (*lg_reverse_kernel)(size_t n, const void *const *in, const void *g
 void lg_reverse_three(lg_reverse *r, lg_reverse_kernel kernel, size_t n);
 /* out[k] = product of the variant (0 nn, 1 nt, 2 tn); unrecorded it goes into the adjoint in place. */
 void lg_reverse_matmul(lg_reverse *r, uint32_t k, uint32_t variant, lg_var a, lg_var b);
-/* c + op(a) op(b) into memory; variant as above; chooses own kernel or BLAS. a (m, k) after op, b (k, n)
- * after op. */
-void lg_gemm(lg_tape *tape, uint32_t variant, size_t m, size_t n, size_t k, const void *a, const void *b,
-             uint32_t b_node, void *c, bool accumulate);
+/* [c +] op(a) op(b) into memory, b the value of a node; variant as above. a (m, k) after op, b (k, n) after
+ * op.
+ */
+void lg_gemm(lg_tape *tape, uint32_t variant, size_t m, size_t n, size_t k, const void *a, uint32_t b_node,
+             void *c, bool accumulate);
 
 /* lg_backward_set that also tells how large the result is at most: *bound is the norm of all of grad or above
  * it, up to rounding; where it is within the type's range, all numbers on the way to grad and in it are
@@ -290,12 +272,6 @@ void lg_plant_vjp(lg_reverse *r);
 lg_var lg_plant_jvp(const lg_forward *f);
 
 lg_var lg_zeros_like(lg_tape *tape, lg_var v);
-static inline bool lg_same_shape(const lg_shape *a, const lg_shape *b) {
-    if (a->rank != b->rank) return false;
-    for (uint32_t i = 0; i < a->rank; i++)
-        if (a->dims[i] != b->dims[i]) return false;
-    return true;
-}
 /* a + b where LG_NONE is zero */
 static inline lg_var lg_add_or(lg_tape *tape, lg_var a, lg_var b) {
     if (lg_is_none(a)) return b;
@@ -307,13 +283,4 @@ static inline int lg_axis(int axis, uint32_t rank) {
     if (axis < 0) axis += (int)rank;
     return axis >= 0 && axis < (int)rank ? axis : -1;
 }
-/* Shape (outer, length, inner) around an axis. */
-static inline void lg_around(const lg_shape *shape, uint32_t axis, size_t *outer, size_t *length,
-                             size_t *inner) {
-    *outer = *inner = 1;
-    for (uint32_t i = 0; i < axis; i++) *outer *= shape->dims[i];
-    *length = shape->dims[axis];
-    for (uint32_t i = axis + 1; i < shape->rank; i++) *inner *= shape->dims[i];
-}
-
 #endif

@@ -1,0 +1,108 @@
+/* An operation: one row of lg_ops. Shape rule, forward, vjp, jvp and C of an operation stand together.
+ *
+ * Shape rule and forward know neither tape nor program: they get shapes, values, attributes and scratch
+ * memory, and serve both. The vjp and jvp are written with operations on a tape, so they can be
+ * differentiated again.
+ */
+#ifndef LG_OP_H
+#define LG_OP_H
+
+#include "autodiff/kernels/kernels.h"
+#include "core/core.h"
+#include "liegrad/tape.h"
+
+#define LG_MAX_INPUTS 64 /* of one operation */
+
+/* What an operation remembers besides its inputs. */
+typedef struct lg_attr {
+    double c;
+    uint32_t i[4];
+    const void *pointer; /* what lg_op.payload says */
+} lg_attr;
+
+typedef enum lg_payload {
+    LG_PAYLOAD_NONE,
+    LG_PAYLOAD_REALS,     /* a double for each input */
+    LG_PAYLOAD_INDICES,   /* i[0] numbers of type uint32_t */
+    LG_PAYLOAD_KEPT,      /* the second output, for vjps; never read by forward */
+    LG_PAYLOAD_IN_PROCESS /* functions of the caller's: cannot be in a program */
+} lg_payload;
+
+/* Who shares the work of a large product: threads, and OpenBLAS where its packing pays. */
+typedef struct lg_crew {
+    lg_pool *workers; /* NULL: one thread */
+    int threads;
+} lg_crew;
+
+/* One evaluation. Values are 64-byte aligned on a tape and in a program's work memory, elsewhere they need
+ * not be; the output overlaps no input. */
+typedef struct lg_evaluation {
+    const lg_kernels *k;
+    const lg_crew *crew; /* NULL: one thread, no BLAS, no lock */
+    const lg_attr *attr;
+    uint32_t inputs;
+    const lg_shape *const *in; /* shapes of the inputs */
+    const void *const *x;      /* their values; NULL where forward does not read them (lg_op.unread) */
+    const void *transposed;    /* of input 1, where whoever evaluates has it (lg_op.transpose); else NULL */
+    const lg_shape *shape;     /* of the output */
+    size_t count;              /* its elements */
+    void *y;
+    void *kept;      /* second output, `kept` bytes; NULL: nobody will ask for a vjp */
+    void *scratch;   /* `scratch` bytes, 64-byte aligned */
+    size_t failures; /* out: rows that could not be computed and are NaN; whoever evaluates sets it to 0
+                        before */
+} lg_evaluation;
+
+typedef enum lg_transpose_use {
+    LG_TRANSPOSE_NONE,    /* of no use */
+    LG_TRANSPOSE_IF_KEPT, /* of use if it is there already */
+    LG_TRANSPOSE_MAKE     /* worth making for an input that stays */
+} lg_transpose_use;
+
+struct lg_reverse;
+struct lg_forward;
+
+typedef struct lg_op {
+    const char *name;    /* unique: files know an operation by it */
+    uint32_t frozen;     /* bit k: input k is a constant to differentiation */
+    uint8_t least, most; /* inputs */
+    /* The output's shape from inputs of the right number. Must validate everything: forward cannot see bad
+     * shapes or attributes. Where `given`, *out holds the shape that is asked for and is checked. */
+    lg_status (*shape)(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out);
+    lg_status (*forward)(lg_evaluation *e); /* NULL: leaves */
+    void (*vjp)(struct lg_reverse *r);
+    lg_var (*jvp)(const struct lg_forward *f);
+    lg_payload payload;
+    bool given;
+    /* Bit k: forward does not read input k. NULL: it reads all. */
+    uint32_t (*unread)(const lg_attr *attr, uint32_t inputs);
+    /* Bytes; they see shapes, attributes and whether `transposed` is there, no values. NULL: none. */
+    size_t (*scratch)(const lg_evaluation *e);
+    size_t (*kept)(const lg_evaluation *e);
+    /* What a transpose of input 1 (rank 2; rank 3 as (d0 d1, d2)) is worth. NULL: nothing. */
+    lg_transpose_use (*transpose)(const lg_evaluation *e);
+    /* Whether the output is a contiguous part of input 0, from element *offset on. NULL: never. */
+    bool (*view)(const lg_shape *const *in, const lg_attr *attr, size_t *offset);
+} lg_op;
+
+/* What every row has, in this order; the rest by name. */
+#define LG_OP(title, constants, from, to, shape_rule, value, reverse, tangent)                               \
+    .name = title, .frozen = constants, .least = from, .most = to, .shape = shape_rule, .forward = value,    \
+    .vjp = reverse, .jvp = tangent
+
+static inline bool lg_same_shape(const lg_shape *a, const lg_shape *b) {
+    if (a->rank != b->rank) return false;
+    for (uint32_t i = 0; i < a->rank; i++)
+        if (a->dims[i] != b->dims[i]) return false;
+    return true;
+}
+/* Shape (outer, length, inner) around an axis. */
+static inline void lg_around(const lg_shape *shape, uint32_t axis, size_t *outer, size_t *length,
+                             size_t *inner) {
+    *outer = *inner = 1;
+    for (uint32_t i = 0; i < axis; i++) *outer *= shape->dims[i];
+    *length = shape->dims[axis];
+    for (uint32_t i = axis + 1; i < shape->rank; i++) *inner *= shape->dims[i];
+}
+
+#endif
