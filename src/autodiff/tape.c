@@ -245,7 +245,16 @@ static lg_node *append_node(lg_tape *tape, lg_op_code op, const lg_var *in, uint
     return node;
 }
 
+static void note_scope(lg_tape *tape) {
+    tape->watched[0] = '\0';
+    for (int i = 0; i < tape->scope_depth && i < LG_SCOPE_DEPTH; i++) {
+        append(tape->watched, sizeof tape->watched, i == 0 ? "" : "/");
+        append(tape->watched, sizeof tape->watched, tape->scopes[i]);
+    }
+}
+
 static lg_var commit(lg_tape *tape, uint32_t inputs) {
+    if (tape->count + 1 == tape->watch) note_scope(tape);
     tape->parents_count += inputs;
     return lg_var_at(tape, tape->count++);
 }

@@ -148,6 +148,8 @@ struct lg_tape {
     char message[320];
     const char *scopes[LG_SCOPE_DEPTH];
     int scope_depth;
+    uint32_t watch; /* 1 + a node at whose recording the scope is written down; 0: none */
+    char watched[160];
     size_t spd_failures;
     struct lg_plant *plant; /* a deliberately wrong derivative (gradcheck_plant.c); NULL */
 };

@@ -1,0 +1,194 @@
+/* Programs: mathematics written once, with operations on a tape, cut loose from the tape.
+ *
+ * A program is a bundle of named functions on one set of parameters. Each function was recorded from C code
+ * (lg_program_build) and can be
+ *   - run without a tape, in the caller's memory (lg_plan): no allocation, no lock, any number of threads,
+ *   - put on a tape again (lg_program_apply): differentiated, trained on,
+ *   - differentiated into further functions of the bundle (lg_program_derive),
+ *   - saved and loaded (liegrad/io.h: files of kind `program`),
+ *   - written as C99 (lg_program_write_c, the executable lg-export).
+ *
+ *   static lg_status value(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+ *       *y = lg_mlp_apply(tape, user, theta[0], 0, x[0]);
+ *       return lg_tape_status(tape);
+ *   }
+ *
+ * Rows. An input is one value for each row of a batch, (B, shape...) on the tape, or one that all rows share.
+ * A program serves every B >= 1: numbers of rows, and what follows from them, are affine in B.
+ *
+ * What is recorded must not depend on the numbers in the inputs or parameters: no branch on a value, no value
+ * read from the tape and put back. lg_program_build records three times, at three random points and three
+ * numbers of rows, and refuses by name what differs. Operations of the caller's own (lg_custom) cannot be in
+ * a program.
+ */
+#ifndef LIEGRAD_PROGRAM_H
+#define LIEGRAD_PROGRAM_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "liegrad/context.h"
+#include "liegrad/export.h"
+#include "liegrad/status.h"
+#include "liegrad/tape.h"
+
+LG_BEGIN_DECLS
+
+typedef struct lg_program lg_program;
+
+/* An input or output of a function. */
+typedef struct lg_port {
+    const char *name; /* a C identifier, unique among the function's inputs and outputs */
+    lg_shape shape;   /* of one row, without the batch axis: rank 0 to 3. Shared: of the whole, rank 0 to 4 */
+    bool shared;      /* one value for all rows */
+    const char *unit; /* NULL: none is known */
+    double low, high; /* inputs: the range in which checks draw random numbers; 0, 0: -1 to 1 */
+} lg_port;
+
+/* ---- building ---- */
+
+/* Records the function: outputs from parameters and inputs, all variables of `tape` (of double precision).
+ * Batched inputs have shape (B, port.shape...). A failure sticks to the tape or is returned. */
+typedef lg_status (*lg_program_record)(void *user, lg_tape *tape, const lg_var *parameters,
+                                       const lg_var *inputs, lg_var *outputs);
+
+typedef struct lg_function_spec {
+    const char *name; /* a C identifier, unique in the program */
+    const lg_port *inputs;
+    size_t input_count; /* at least 1 */
+    const lg_port
+        *outputs;        /* names and units; shape and `shared` are found by recording: (B, ...) is batched */
+    size_t output_count; /* at least 1 */
+    lg_program_record record;
+    void *user;
+} lg_function_spec;
+
+/* A tensor of weights. */
+typedef struct lg_parameter_spec {
+    const char *name; /* a C identifier, unique in the program */
+    lg_shape shape;
+    const double *values; /* copied */
+} lg_parameter_spec;
+
+typedef struct lg_program_spec {
+    size_t size; /* sizeof(lg_program_spec) */
+    const lg_parameter_spec *parameters;
+    size_t parameter_count; /* may be 0 */
+    const lg_function_spec *functions;
+    size_t function_count;
+    const char *description; /* a sentence or more; NULL: none */
+} lg_program_spec;
+
+LG_API void lg_program_spec_init(lg_program_spec *spec);
+/* Errors, explained in `error` (may be NULL) with function, operation and scope: LG_INVALID_ARGUMENT (names,
+ * shapes, nothing to record), LG_UNSUPPORTED (what was recorded differs from one recording to another, an
+ * operation that lives in the process only), LG_OUT_OF_MEMORY, the tape's and those of `record`. The context
+ * must outlive the program. */
+LG_API lg_status lg_program_build(const lg_context *context, const lg_program_spec *spec, lg_program **out,
+                                  lg_error *error);
+LG_API void lg_program_destroy(lg_program *program); /* NULL is fine */
+
+/* ---- looking ---- */
+
+LG_API size_t lg_program_functions(const lg_program *program);
+LG_API const char *lg_program_function_name(const lg_program *program, size_t function); /* NULL beyond */
+LG_API lg_status lg_program_find(const lg_program *program, const char *name,
+                                 size_t *function); /* LG_NOT_FOUND */
+/* Ports of a function, borrowed; *count is set. NULL and 0 beyond. */
+LG_API const lg_port *lg_program_inputs(const lg_program *program, size_t function, size_t *count);
+LG_API const lg_port *lg_program_outputs(const lg_program *program, size_t function, size_t *count);
+LG_API size_t lg_program_parameters(const lg_program *program);
+/* Name, shape and values (borrowed) of parameter `index`; zeros beyond. */
+LG_API lg_parameter_spec lg_program_parameter(const lg_program *program, size_t index);
+/* New values, count(shape) of them. Plans made before keep the old ones. LG_NOT_FOUND: no such parameter;
+ * LG_NOT_FINITE. */
+LG_API lg_status lg_program_set_parameter(lg_program *program, size_t index, const double *values);
+LG_API const char *lg_program_description(const lg_program *program); /* "" for none */
+/* Operations in the function as it was recorded. */
+LG_API size_t lg_program_operations(const lg_program *program, size_t function);
+
+/* ---- on a tape ---- */
+
+/* Records function number `function` on a tape of either type. `parameters`: lg_program_parameters variables
+ * of their shapes, to be trained on; NULL: the stored values, as constants. Inputs as at the recording, with
+ * B rows. outputs: as many variables as the function has. Errors stick to the tape: LG_SHAPE,
+ * LG_STALE_HANDLE, LG_NOT_FOUND (function), those of operations. On failure outputs are untouched. */
+LG_API lg_status lg_program_apply(lg_tape *tape, const lg_program *program, size_t function,
+                                  const lg_var *parameters, const lg_var *inputs, lg_var *outputs);
+
+/* ---- derivatives: further functions of the bundle ---- */
+
+typedef enum lg_derivative_kind {
+    LG_DERIVATIVE_FORWARD,            /* inputs, then fwd_<input> -> fwd_<output>: J times a direction */
+    LG_DERIVATIVE_ADJOINT,            /* inputs, then adj_<output> -> adj_<input>: J^T times a cotangent */
+    LG_DERIVATIVE_JACOBIAN,           /* inputs -> jac_<output>_<input> (count of output, count of input) */
+    LG_DERIVATIVE_JACOBIAN_OF_ADJOINT /* inputs, then adj_<output> -> jac_adj_<input>_<by>, <by> an input or
+                                         an adj_<output>: the Jacobian of the adjoint function */
+} lg_derivative_kind;
+#define LG_DERIVATIVE_KIND_COUNT 4
+
+typedef struct lg_derivative {
+    size_t size; /* sizeof(lg_derivative) */
+    lg_derivative_kind kind;
+    const char *function;
+    const char *const *inputs; /* by which; NULL: all that are batched (adjoint: all) */
+    size_t input_count;
+    const char *const *outputs; /* of which; NULL: all that are batched (forward, adjoint: all) */
+    size_t output_count;
+    const char *name; /* of the new function; NULL: fwd1_<function>, adj1_<...>, jac_<...>, jac_adj1_<...> */
+} lg_derivative;
+
+LG_API void lg_derivative_init(lg_derivative *what);
+/* Adds the function. Rows are independent: Jacobians are of each row by the same row. All directions pass
+ * through as rows of one batch, and what does not depend on the direction is computed once by lg_plan.
+ * Errors: LG_INVALID_ARGUMENT, LG_NOT_FOUND (function, input or output), LG_UNSUPPORTED (a Jacobian by a
+ * shared input or of a shared output), LG_NOT_DIFFERENTIABLE, LG_OUT_OF_MEMORY. On failure the program is as
+ * before. */
+LG_API lg_status lg_program_derive(lg_program *program, const lg_derivative *what, lg_error *error);
+
+/* ---- loops ---- */
+
+/* Adds a function that calls `function` `times` times: after each call output carry[j].output takes the place
+ * of input carry[j].input (equal ports), the other inputs stay. It has the ports of `function`. In C it is a
+ * loop. Errors: LG_INVALID_ARGUMENT (times 0, ports that do not fit), LG_NOT_FOUND, LG_OUT_OF_MEMORY. */
+typedef struct lg_carry {
+    const char *output, *input;
+} lg_carry;
+LG_API lg_status lg_program_add_loop(lg_program *program, const char *name, const char *function,
+                                     size_t times, const lg_carry *carry, size_t carry_count,
+                                     lg_error *error);
+
+/* ---- running ---- */
+
+/* A function made ready for a number of rows and a type: only what the outputs need, what depends on
+ * parameters alone computed once, equal subexpressions once, memory packed. Immutable: threads may share it,
+ * each with work memory of its own. It keeps nothing of the program. */
+typedef struct lg_plan lg_plan;
+
+typedef struct lg_plan_options {
+    size_t size;     /* sizeof(lg_plan_options) */
+    size_t rows;     /* B >= 1; 1 */
+    lg_dtype dtype;  /* LG_F64; LG_F32: parameters are rounded, everything is computed in single precision */
+    bool mark_unfit; /* true: a number of an input that is not finite makes all outputs NaN */
+    size_t most_bytes; /* of constants and of work memory; 1 GiB. Beyond: LG_OUT_OF_MEMORY */
+} lg_plan_options;
+
+LG_API void lg_plan_options_init(lg_plan_options *options);
+/* `options` NULL: the defaults. Errors: LG_INVALID_ARGUMENT, LG_NOT_FOUND (function), LG_SHAPE (this number
+ * of rows does not fit), LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_plan_create(const lg_program *program, size_t function, const lg_plan_options *options,
+                                lg_plan **out, lg_error *error);
+LG_API void lg_plan_destroy(lg_plan *plan); /* NULL is fine */
+/* Bytes, to be aligned to 64. */
+LG_API size_t lg_plan_work_size(const lg_plan *plan);
+/* Elements of an input or output for all rows; 0 beyond. */
+LG_API size_t lg_plan_input_count(const lg_plan *plan, size_t input);
+LG_API size_t lg_plan_output_count(const lg_plan *plan, size_t output);
+/* inputs[i], outputs[j]: elements of the plan's type, row after row; outputs[j] NULL: not wanted. Outputs
+ * overlap neither inputs nor work. Allocates nothing, takes no lock, cannot fail: a matrix that is not
+ * positive definite makes its rows NaN. */
+LG_API void lg_plan_run(const lg_plan *plan, const void *const *inputs, void *const *outputs, void *work);
+
+LG_END_DECLS
+
+#endif

@@ -1,0 +1,99 @@
+/* Scalar code: small tensors written out element by element.
+ *
+ * An instruction has a number, which is its result; it takes results of instructions before it. Equal
+ * instructions are one (they are looked up), operations on constants are carried out, and x + 0, 1 x, 0 x and
+ * the like vanish. What differs from the tensor's kernels is rounding alone, and that 0 x is 0 for every x.
+ */
+#ifndef LG_SCALARS_H
+#define LG_SCALARS_H
+
+#include "autodiff/op.h"
+
+/* X(enumerator, operands, C expression in a, b, c and the constants p (real) and n (whole)) */
+#define LG_SCALAR_LIST(X)                                                                                    \
+    X(INPUT, 0)    /* number n of what comes in */                                                           \
+    X(CONSTANT, 0) /* p */                                                                                   \
+    X(ADD, 2)                                                                                                \
+    X(SUB, 2)                                                                                                \
+    X(MUL, 2)                                                                                                \
+    X(DIV, 2)                                                                                                \
+    X(NEG, 1)                                                                                                \
+    X(MAX, 2)    /* NaN wins */                                                                              \
+    X(GE, 2)     /* a >= b ? 1 : 0 */                                                                        \
+    X(SELECT, 3) /* a != 0 ? b : c */                                                                        \
+    X(SQRT, 1)                                                                                               \
+    X(ABS, 1)                                                                                                \
+    X(SIGN, 1) /* a >= 0 ? 1 : -1, NaN stays */                                                              \
+    X(POW, 1)  /* a^p */                                                                                     \
+    X(EXP, 1)                                                                                                \
+    X(LOG, 1)                                                                                                \
+    X(SIN, 1)                                                                                                \
+    X(COS, 1)                                                                                                \
+    X(TANH, 1)                                                                                               \
+    X(SIGMOID, 1)                                                                                            \
+    X(ATAN2, 2)                                                                                              \
+    X(STUMPFF, 1) /* derivative number n / 16 of c_(n % 16) at a */                                          \
+    X(DEXPINV, 1) /* derivative number n of g2 at a */
+
+typedef enum lg_scalar_op {
+#define X(name, operands) LG_S_##name,
+    LG_SCALAR_LIST(X)
+#undef X
+        LG_SCALAR_OPS
+} lg_scalar_op;
+
+typedef struct lg_scalar_code {
+    lg_scalar_op op;
+    uint32_t n;
+    double p;
+    lg_scalar in[3];
+} lg_scalar_code;
+
+struct lg_scalars {
+    const lg_context *context;
+    lg_scalar_code *code; /* by number */
+    uint32_t count, capacity;
+    uint32_t *table; /* hashes: number + 1, 0 for none */
+    uint32_t slots;
+    bool failed; /* out of memory, or more than LG_SCALARS_MOST instructions */
+};
+#define LG_SCALARS_MOST (1u << 20)
+
+extern const uint8_t lg_scalar_operands[LG_SCALAR_OPS];
+
+void lg_scalars_init(lg_scalars *s, const lg_context *context);
+void lg_scalars_free(lg_scalars *s);
+/* Each returns an instruction; 0 on failure, which `failed` tells. */
+lg_scalar lg_s(lg_scalars *s, lg_scalar_op op, lg_scalar a, lg_scalar b);
+lg_scalar lg_s_input(lg_scalars *s, uint32_t number); /* a fresh one for a new number */
+lg_scalar lg_s_constant(lg_scalars *s, double value);
+lg_scalar lg_s_select(lg_scalars *s, lg_scalar condition, lg_scalar yes, lg_scalar no);
+lg_scalar lg_s_pow(lg_scalars *s, lg_scalar a, double exponent);
+lg_scalar lg_s_numbered(lg_scalars *s, lg_scalar_op op, lg_scalar a, uint32_t n); /* STUMPFF, DEXPINV */
+bool lg_s_is_constant(const lg_scalars *s, lg_scalar a, double *value);
+
+static inline lg_scalar lg_s_add(lg_scalars *s, lg_scalar a, lg_scalar b) {
+    return lg_s(s, LG_S_ADD, a, b);
+}
+static inline lg_scalar lg_s_sub(lg_scalars *s, lg_scalar a, lg_scalar b) {
+    return lg_s(s, LG_S_SUB, a, b);
+}
+static inline lg_scalar lg_s_mul(lg_scalars *s, lg_scalar a, lg_scalar b) {
+    return lg_s(s, LG_S_MUL, a, b);
+}
+static inline lg_scalar lg_s_div(lg_scalars *s, lg_scalar a, lg_scalar b) {
+    return lg_s(s, LG_S_DIV, a, b);
+}
+static inline lg_scalar lg_s_neg(lg_scalars *s, lg_scalar a) {
+    return lg_s(s, LG_S_NEG, a, a);
+}
+static inline lg_scalar lg_s_scale(lg_scalars *s, double c, lg_scalar a) {
+    return lg_s(s, LG_S_MUL, lg_s_constant(s, c), a);
+}
+
+/* The operation's output from its inputs' elements: by its row's `element` (elementwise, broadcasting) or
+ * `expand`. False: it has neither, or failed. */
+bool lg_scalars_expand(lg_scalars *s, const lg_op *op, const lg_evaluation *e, const lg_scalar *const *x,
+                       lg_scalar *y);
+
+#endif
