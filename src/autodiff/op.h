@@ -61,6 +61,8 @@ typedef enum lg_transpose_use {
 
 struct lg_reverse;
 struct lg_forward;
+typedef struct lg_scalars lg_scalars; /* scalars.h */
+typedef uint32_t lg_scalar;           /* an instruction of scalar code */
 
 typedef struct lg_op {
     const char *name;    /* unique: files know an operation by it */
@@ -83,6 +85,12 @@ typedef struct lg_op {
     lg_transpose_use (*transpose)(const lg_evaluation *e);
     /* Whether the output is a contiguous part of input 0, from element *offset on. NULL: never. */
     bool (*view)(const lg_shape *const *in, const lg_attr *attr, size_t *offset);
+    /* Scalar code of one element, for elementwise operations (broadcasting); x[k] of an input that is not
+     * read is no instruction. */
+    lg_scalar (*element)(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs);
+    /* Scalar code of all elements y of the output from all elements x[k] of the inputs; for others whose
+     * small tensors are worth writing out. */
+    void (*expand)(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y);
 } lg_op;
 
 /* What every row has, in this order; the rest by name. */

@@ -4,6 +4,7 @@
  * computed from the stored helper h (the value for tanh, sigmoid and the ReLUs, the sigmoid for swish), to
  * which differentiation is blind. Its own derivative with respect to x is the family's next member.
  */
+#include "autodiff/scalars.h"
 #include "autodiff/tape_internal.h"
 
 #include <string.h>
@@ -42,6 +43,100 @@ static lg_status act_shape(const lg_shape *const *in, uint32_t inputs, const lg_
     *out = *in[0];
     return LG_OK;
 }
+
+/* ---- scalar code ---- */
+
+enum { TERMS = LG_K_ACT_ORDERS + 1 };
+
+/* r_n of sigma^(n) = q(h) r_n(h), with q = sigma' = q0 + q1 h + q2 h^2 of h = sigma: r_1 = 1, r_{n+1} = (q
+ * r_n)'. */
+static void polynomial(const double q[3], uint32_t order, double r[TERMS]) {
+    double product[TERMS + 2];
+    for (int i = 0; i < TERMS; i++) r[i] = i == 0 ? 1.0 : 0.0;
+    for (uint32_t n = 1; n < order; n++) {
+        for (int i = 0; i < TERMS + 2; i++) product[i] = 0.0;
+        for (int i = 0; i < TERMS; i++)
+            for (int j = 0; j < 3; j++) product[i + j] += q[j] * r[i];
+        for (int i = 0; i < TERMS; i++) r[i] = (i + 1) * product[i + 1];
+    }
+}
+
+static lg_scalar horner(lg_scalars *s, const double r[TERMS], lg_scalar h) {
+    lg_scalar y = lg_s_constant(s, r[TERMS - 1]);
+    for (int i = TERMS - 1; i-- > 0;) y = lg_s_add(s, lg_s_mul(s, y, h), lg_s_constant(s, r[i]));
+    return y;
+}
+
+/* x > 0 ? yes : no, NaN to yes */
+static lg_scalar where_positive(lg_scalars *s, lg_scalar x, lg_scalar yes, lg_scalar no) {
+    return lg_s_select(s, lg_s(s, LG_S_GE, lg_s_constant(s, 0.0), x), no, yes);
+}
+
+static lg_scalar tanh_code(lg_scalars *s, lg_scalar h, uint32_t order) {
+    static const double q[3] = {1.0, 0.0, -1.0};
+    const lg_scalar one = lg_s_constant(s, 1.0);
+    double r[TERMS];
+    polynomial(q, order, r);
+    return lg_s_mul(s, lg_s_mul(s, lg_s_sub(s, one, h), lg_s_add(s, one, h)), horner(s, r, h));
+}
+
+static lg_scalar sigmoid_code(lg_scalars *s, lg_scalar h, uint32_t order) {
+    static const double q[3] = {0.0, 1.0, -1.0};
+    double r[TERMS];
+    if (order == 0) return h;
+    polynomial(q, order, r);
+    return lg_s_mul(s, lg_s_mul(s, h, lg_s_sub(s, lg_s_constant(s, 1.0), h)), horner(s, r, h));
+}
+
+static lg_scalar kink_code(lg_scalars *s, lg_scalar x, double slope, uint32_t order) {
+    const lg_scalar one = lg_s_constant(s, 1.0), lower = lg_s_constant(s, slope);
+    if (order == 0) return where_positive(s, x, x, lg_s_mul(s, lower, x));
+    return order == 1 ? where_positive(s, x, one, lower) : lg_s_constant(s, 0.0);
+}
+
+static lg_scalar sine_code(lg_scalars *s, lg_scalar x, uint32_t order) {
+    const lg_scalar y = lg_s(s, order % 2 == 0 ? LG_S_SIN : LG_S_COS, x, x);
+    return order % 4 < 2 ? y : lg_s_neg(s, y);
+}
+
+/* sigma^(order)(x) with the helper h, which is there where the kind has one. */
+static lg_scalar derivative_code(lg_scalars *s, uint32_t kind, uint32_t order, lg_scalar x, lg_scalar h,
+                                 bool has_h) {
+    switch ((lg_activation)kind) {
+    case LG_TANH:
+        return order == 0 ? h : tanh_code(s, h, order);
+    case LG_SIGMOID:
+        return sigmoid_code(s, h, order);
+    case LG_SWISH:
+        if (order == 0) return lg_s_mul(s, x, h);
+        return lg_s_add(s, lg_s_mul(s, x, sigmoid_code(s, h, order)),
+                        lg_s_scale(s, order, sigmoid_code(s, h, order - 1)));
+    case LG_RELU:
+        return order == 0 && has_h ? h : kink_code(s, has_h ? h : x, 0.0, order);
+    case LG_LEAKY_RELU:
+        return order == 0 && has_h ? h : kink_code(s, has_h ? h : x, LG_LEAKY_SLOPE, order);
+    case LG_SINE:
+        return sine_code(s, x, order);
+    case LG_IDENTITY:
+        break;
+    }
+    return order == 0 ? x : lg_s_constant(s, order == 1 ? 1.0 : 0.0);
+}
+
+static lg_scalar derivative_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
+    const lg_scalar y = derivative_code(s, attr->i[0], attr->i[1], x[0], x[1], attr->i[2] != 0);
+    return inputs > 2 ? lg_s_mul(s, y, x[2]) : y;
+}
+
+static lg_scalar act_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
+    lg_scalar h = x[0];
+    (void)inputs;
+    if (attr->i[0] == LG_TANH) h = lg_s(s, LG_S_TANH, x[0], x[0]);
+    if (attr->i[0] == LG_SIGMOID || attr->i[0] == LG_SWISH) h = lg_s(s, LG_S_SIGMOID, x[0], x[0]);
+    return derivative_code(s, attr->i[0], 0, x[0], h, false);
+}
+
+/* ---- derivatives ---- */
 
 /* g * sigma^(order)(x) with the helper that belongs to the kind; g and h may be LG_NONE. */
 static lg_var derivative(lg_tape *tape, lg_var x, lg_var h, lg_var g, uint32_t kind, uint32_t order) {
@@ -129,7 +224,7 @@ static lg_var derivative_jvp(const lg_forward *f) {
 
 const lg_op lg_op_act_derivative = {
     LG_OP("act_derivative", 2u, 2, 3, derivative_shape, derivative_forward, derivative_vjp, derivative_jvp),
-    .unread = derivative_unread};
+    .unread = derivative_unread, .element = derivative_element};
 
 static lg_status act_forward(lg_evaluation *e) {
     e->k->act((lg_k_act)e->attr->i[0], 0, e->count, e->x[0], NULL, NULL, e->y);
@@ -152,7 +247,8 @@ static lg_var act_jvp(const lg_forward *f) {
     return derivative(f->tape, f->in[0], own_helper(kind, f->y), f->tangents[0], kind, 1);
 }
 
-const lg_op lg_op_act = {LG_OP("act", 0, 1, 1, act_shape, act_forward, act_vjp, act_jvp)};
+const lg_op lg_op_act = {LG_OP("act", 0, 1, 1, act_shape, act_forward, act_vjp, act_jvp),
+                         .element = act_element};
 
 static lg_var act_node(lg_tape *tape, lg_var x, lg_activation kind) {
     lg_attr attr = {.i = {(uint32_t)kind, 0, 0, 0}};

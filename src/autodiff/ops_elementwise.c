@@ -1,4 +1,5 @@
 /* Elementwise operations: binary with broadcasting, unary. */
+#include "autodiff/scalars.h"
 #include "autodiff/tape_internal.h"
 
 /* ---- broadcasting ---- */
@@ -113,7 +114,12 @@ static void add_vjp(lg_reverse *r) {
 static lg_var add_jvp(const lg_forward *f) {
     return lg_add_or(f->tape, spread(f, f->tangents[0]), spread(f, f->tangents[1]));
 }
-const lg_op lg_op_add = {LG_OP("add", 0, 2, 2, broadcast_shape, add_forward, add_vjp, add_jvp)};
+static lg_scalar add_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
+    (void)attr, (void)inputs;
+    return lg_s_add(s, x[0], x[1]);
+}
+const lg_op lg_op_add = {LG_OP("add", 0, 2, 2, broadcast_shape, add_forward, add_vjp, add_jvp),
+                         .element = add_element};
 
 static lg_status sub_forward(lg_evaluation *e) {
     return binary_forward(e, LG_K_SUB);
@@ -127,7 +133,12 @@ static lg_var sub_jvp(const lg_forward *f) {
     if (lg_is_none(b)) return a;
     return lg_is_none(a) ? lg_neg(f->tape, b) : lg_sub(f->tape, a, b);
 }
-const lg_op lg_op_sub = {LG_OP("sub", 0, 2, 2, broadcast_shape, sub_forward, sub_vjp, sub_jvp)};
+static lg_scalar sub_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
+    (void)attr, (void)inputs;
+    return lg_s_sub(s, x[0], x[1]);
+}
+const lg_op lg_op_sub = {LG_OP("sub", 0, 2, 2, broadcast_shape, sub_forward, sub_vjp, sub_jvp),
+                         .element = sub_element};
 
 static lg_status mul_forward(lg_evaluation *e) {
     return binary_forward(e, LG_K_MUL);
@@ -142,7 +153,12 @@ static lg_var mul_jvp(const lg_forward *f) {
     if (!lg_is_none(f->tangents[1])) b = lg_mul(f->tape, f->in[0], f->tangents[1]);
     return lg_add_or(f->tape, a, b);
 }
-const lg_op lg_op_mul = {LG_OP("mul", 0, 2, 2, broadcast_shape, mul_forward, mul_vjp, mul_jvp)};
+static lg_scalar mul_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
+    (void)attr, (void)inputs;
+    return lg_s_mul(s, x[0], x[1]);
+}
+const lg_op lg_op_mul = {LG_OP("mul", 0, 2, 2, broadcast_shape, mul_forward, mul_vjp, mul_jvp),
+                         .element = mul_element};
 
 static lg_status div_forward(lg_evaluation *e) {
     return binary_forward(e, LG_K_DIV);
@@ -158,13 +174,23 @@ static lg_var div_jvp(const lg_forward *f) {
     if (!lg_is_none(f->tangents[1])) b = lg_neg(f->tape, lg_mul(f->tape, f->y, f->tangents[1]));
     return lg_div(f->tape, lg_add_or(f->tape, a, b), f->in[1]);
 }
-const lg_op lg_op_div = {LG_OP("div", 0, 2, 2, broadcast_shape, div_forward, div_vjp, div_jvp)};
+static lg_scalar div_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
+    (void)attr, (void)inputs;
+    return lg_s_div(s, x[0], x[1]);
+}
+const lg_op lg_op_div = {LG_OP("div", 0, 2, 2, broadcast_shape, div_forward, div_vjp, div_jvp),
+                         .element = div_element};
 
 /* The mask a >= b, a frozen constant. */
 static lg_status ge_forward(lg_evaluation *e) {
     return binary_forward(e, LG_K_GE);
 }
-const lg_op lg_op_ge = {LG_OP("ge", ~0u, 2, 2, broadcast_shape, ge_forward, lg_no_vjp, lg_zero_jvp)};
+static lg_scalar ge_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
+    (void)attr, (void)inputs;
+    return lg_s(s, LG_S_GE, x[0], x[1]);
+}
+const lg_op lg_op_ge = {LG_OP("ge", ~0u, 2, 2, broadcast_shape, ge_forward, lg_no_vjp, lg_zero_jvp),
+                        .element = ge_element};
 
 static lg_status max_forward(lg_evaluation *e) {
     return binary_forward(e, LG_K_MAX);
@@ -186,7 +212,12 @@ static lg_var max_jvp(const lg_forward *f) {
     }
     return lg_add_or(f->tape, a, b);
 }
-const lg_op lg_op_max = {LG_OP("max", 0, 2, 2, broadcast_shape, max_forward, max_vjp, max_jvp)};
+static lg_scalar max_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
+    (void)attr, (void)inputs;
+    return lg_s(s, LG_S_MAX, x[0], x[1]);
+}
+const lg_op lg_op_max = {LG_OP("max", 0, 2, 2, broadcast_shape, max_forward, max_vjp, max_jvp),
+                         .element = max_element};
 
 static lg_var binary(lg_tape *tape, lg_op_code op, lg_var a, lg_var b) {
     lg_var in[2] = {a, b};
@@ -246,7 +277,12 @@ static lg_var mix_jvp(const lg_forward *f) {
     return lg_add_or(t, from_z, lg_add_or(t, from_u, from_v));
 }
 
-const lg_op lg_op_mix = {LG_OP("mix", 0, 3, 3, mix_shape, mix_forward, mix_vjp, mix_jvp)};
+static lg_scalar mix_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
+    (void)attr, (void)inputs;
+    return lg_s_add(s, lg_s_mul(s, lg_s_sub(s, lg_s_constant(s, 1.0), x[0]), x[1]), lg_s_mul(s, x[0], x[2]));
+}
+const lg_op lg_op_mix = {LG_OP("mix", 0, 3, 3, mix_shape, mix_forward, mix_vjp, mix_jvp),
+                         .element = mix_element};
 
 lg_var lg_mix(lg_tape *tape, lg_var z, lg_var u, lg_var v) {
     const lg_var in[3] = {z, u, v};
@@ -287,9 +323,15 @@ static lg_var combine_jvp(const lg_forward *f) {
     return total;
 }
 
+static lg_scalar combine_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
+    const double *c = attr->pointer;
+    lg_scalar total = lg_s_scale(s, c[0], x[0]);
+    for (uint32_t k = 1; k < inputs; k++) total = lg_s_add(s, total, lg_s_scale(s, c[k], x[k]));
+    return total;
+}
 const lg_op lg_op_combine = {
     LG_OP("combine", 0, 1, LG_MAX_INPUTS, combine_shape, combine_forward, combine_vjp, combine_jvp),
-    .payload = LG_PAYLOAD_REALS};
+    .payload = LG_PAYLOAD_REALS, .element = combine_element};
 
 lg_var lg_combine(lg_tape *tape, const lg_var *x, const double *c, size_t n) {
     if (tape->status != LG_OK) return LG_NONE;
@@ -315,19 +357,19 @@ static lg_var unary(lg_tape *tape, lg_op_code op, lg_var x, double c) {
     return lg_record(tape, op, &x, 1, &attr);
 }
 
-/* X(name, kernel, derivative times g): the derivative is an expression in t (tape), x (input), y (output), c
- * and g; it serves the vjp and the jvp, for an elementwise Jacobian is its own transpose. */
+/* X(name, kernel, scalar code, derivative times g): the derivative is an expression in t (tape), x (input), y
+ * (output), c and g; it serves the vjp and the jvp, for an elementwise Jacobian is its own transpose. */
 #define UNARY_LIST(X)                                                                                        \
-    X(scale, LG_K_SCALE, lg_scale(t, g, c))                                                                  \
-    X(shift, LG_K_SHIFT, g)                                                                                  \
-    X(sqrt, LG_K_SQRT, lg_scale(t, lg_div(t, g, y), 0.5))                                                    \
-    X(exp, LG_K_EXP, lg_mul(t, g, y))                                                                        \
-    X(log, LG_K_LOG, lg_div(t, g, x))                                                                        \
-    X(sin, LG_K_SIN, lg_mul(t, g, lg_cos(t, x)))                                                             \
-    X(cos, LG_K_COS, lg_neg(t, lg_mul(t, g, lg_sin(t, x))))                                                  \
-    X(abs, LG_K_ABS, lg_mul(t, g, lg_sign(t, x)))
+    X(scale, LG_K_SCALE, lg_s_scale(s, c, x), lg_scale(t, g, c))                                             \
+    X(shift, LG_K_SHIFT, lg_s_add(s, x, lg_s_constant(s, c)), g)                                             \
+    X(sqrt, LG_K_SQRT, lg_s(s, LG_S_SQRT, x, x), lg_scale(t, lg_div(t, g, y), 0.5))                          \
+    X(exp, LG_K_EXP, lg_s(s, LG_S_EXP, x, x), lg_mul(t, g, y))                                               \
+    X(log, LG_K_LOG, lg_s(s, LG_S_LOG, x, x), lg_div(t, g, x))                                               \
+    X(sin, LG_K_SIN, lg_s(s, LG_S_SIN, x, x), lg_mul(t, g, lg_cos(t, x)))                                    \
+    X(cos, LG_K_COS, lg_s(s, LG_S_COS, x, x), lg_neg(t, lg_mul(t, g, lg_sin(t, x))))                         \
+    X(abs, LG_K_ABS, lg_s(s, LG_S_ABS, x, x), lg_mul(t, g, lg_sign(t, x)))
 
-#define DEFINE_UNARY(name, kernel, derivative)                                                               \
+#define DEFINE_UNARY(name, kernel, scalar, derivative)                                                       \
     static lg_status name##_forward(lg_evaluation *e) {                                                      \
         e->k->unary[kernel](e->count, e->attr->c, e->x[0], e->y);                                            \
         return LG_OK;                                                                                        \
@@ -336,13 +378,21 @@ static lg_var unary(lg_tape *tape, lg_op_code op, lg_var x, double c) {
         (void)t, (void)x, (void)y, (void)c;                                                                  \
         return derivative;                                                                                   \
     }                                                                                                        \
+    static lg_scalar name##_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *in,                 \
+                                    uint32_t inputs) {                                                       \
+        const lg_scalar x = in[0];                                                                           \
+        const double c = attr->c;                                                                            \
+        (void)c, (void)inputs;                                                                               \
+        return scalar;                                                                                       \
+    }                                                                                                        \
     static void name##_vjp(lg_reverse *r) {                                                                  \
         if (r->need[0]) r->out[0] = name##_times(r->tape, r->in[0], r->y, r->attr->c, r->g);                 \
     }                                                                                                        \
     static lg_var name##_jvp(const lg_forward *f) {                                                          \
         return name##_times(f->tape, f->in[0], f->y, f->attr->c, f->tangents[0]);                            \
     }                                                                                                        \
-    const lg_op lg_op_##name = {LG_OP(#name, 0, 1, 1, same_shape, name##_forward, name##_vjp, name##_jvp)};
+    const lg_op lg_op_##name = {LG_OP(#name, 0, 1, 1, same_shape, name##_forward, name##_vjp, name##_jvp),   \
+                                .element = name##_element};
 UNARY_LIST(DEFINE_UNARY)
 
 static lg_status pow_forward(lg_evaluation *e) {
@@ -364,20 +414,36 @@ static void pow_vjp(lg_reverse *r) {
 static lg_var pow_jvp(const lg_forward *f) {
     return pow_times(f->tape, f->in[0], f->attr->c, f->tangents[0]);
 }
-const lg_op lg_op_pow = {LG_OP("pow", 0, 1, 1, same_shape, pow_forward, pow_vjp, pow_jvp)};
+static lg_scalar pow_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
+    (void)inputs;
+    return lg_s_pow(s, x[0], attr->c);
+}
+const lg_op lg_op_pow = {LG_OP("pow", 0, 1, 1, same_shape, pow_forward, pow_vjp, pow_jvp),
+                         .element = pow_element};
 
 static lg_status sign_forward(lg_evaluation *e) {
     e->k->unary[LG_K_SIGN](e->count, 0.0, e->x[0], e->y);
     return LG_OK;
 }
-const lg_op lg_op_sign = {LG_OP("sign", ~0u, 1, 1, same_shape, sign_forward, lg_no_vjp, lg_zero_jvp)};
+static lg_scalar sign_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
+    (void)attr, (void)inputs;
+    return lg_s(s, LG_S_SIGN, x[0], x[0]);
+}
+const lg_op lg_op_sign = {LG_OP("sign", ~0u, 1, 1, same_shape, sign_forward, lg_no_vjp, lg_zero_jvp),
+                          .element = sign_element};
 
 static lg_status copy_forward(lg_evaluation *e) {
     e->k->unary[LG_K_SCALE](e->count, 1.0, e->x[0], e->y);
     return LG_OK;
 }
+static lg_scalar stop_gradient_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x,
+                                       uint32_t inputs) {
+    (void)s, (void)attr, (void)inputs;
+    return x[0];
+}
 const lg_op lg_op_stop_gradient = {
-    LG_OP("stop_gradient", ~0u, 1, 1, same_shape, copy_forward, lg_no_vjp, lg_zero_jvp)};
+    LG_OP("stop_gradient", ~0u, 1, 1, same_shape, copy_forward, lg_no_vjp, lg_zero_jvp),
+    .element = stop_gradient_element};
 
 lg_var lg_neg(lg_tape *tape, lg_var x) {
     return unary(tape, LG_OP_SCALE, x, -1.0);

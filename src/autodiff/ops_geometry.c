@@ -1,5 +1,6 @@
 /* Rows of vectors, small symmetric positive definite systems, and the analytic functions of w = |u|^2 from
  * which exp, dexp and dexpinv are built. */
+#include "autodiff/scalars.h"
 #include "autodiff/tape_internal.h"
 
 /* ---- row-wise dot product: (..., d) (..., d) -> (..., 1) ---- */
@@ -19,6 +20,15 @@ static lg_status rowdot_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
+static void rowdot_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
+    const size_t d = e->in[0]->dims[e->in[0]->rank - 1];
+    for (size_t i = 0; i < e->count; i++) {
+        y[i] = lg_s_constant(s, 0.0);
+        for (size_t j = 0; j < d; j++)
+            y[i] = lg_s_add(s, y[i], lg_s_mul(s, x[0][i * d + j], x[1][i * d + j]));
+    }
+}
+
 static void rowdot_vjp(lg_reverse *r) {
     if (r->need[0]) r->out[0] = lg_mul(r->tape, r->g, r->in[1]);
     if (r->need[1]) r->out[1] = lg_mul(r->tape, r->g, r->in[0]);
@@ -31,7 +41,8 @@ static lg_var rowdot_jvp(const lg_forward *f) {
     return lg_add_or(f->tape, a, b);
 }
 
-const lg_op lg_op_rowdot = {LG_OP("rowdot", 0, 2, 2, rowdot_shape, rowdot_forward, rowdot_vjp, rowdot_jvp)};
+const lg_op lg_op_rowdot = {LG_OP("rowdot", 0, 2, 2, rowdot_shape, rowdot_forward, rowdot_vjp, rowdot_jvp),
+                            .expand = rowdot_expand};
 
 lg_var lg_rowdot(lg_tape *tape, lg_var a, lg_var b) {
     lg_var in[2] = {a, b};
@@ -58,6 +69,14 @@ static lg_status cross_forward(lg_evaluation *e) {
 }
 
 /* g.(da x b) = da.(b x g), g.(a x db) = db.(g x a) */
+static void cross_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
+    for (size_t i = 0; i < e->count; i += 3)
+        for (size_t c = 0; c < 3; c++) {
+            const size_t p = i + (c + 1) % 3, q = i + (c + 2) % 3;
+            y[i + c] = lg_s_sub(s, lg_s_mul(s, x[0][p], x[1][q]), lg_s_mul(s, x[0][q], x[1][p]));
+        }
+}
+
 static void cross_vjp(lg_reverse *r) {
     if (r->need[0]) r->out[0] = lg_cross(r->tape, r->in[1], r->g);
     if (r->need[1]) r->out[1] = lg_cross(r->tape, r->g, r->in[0]);
@@ -70,7 +89,8 @@ static lg_var cross_jvp(const lg_forward *f) {
     return lg_add_or(f->tape, a, b);
 }
 
-const lg_op lg_op_cross = {LG_OP("cross", 0, 2, 2, cross_shape, cross_forward, cross_vjp, cross_jvp)};
+const lg_op lg_op_cross = {LG_OP("cross", 0, 2, 2, cross_shape, cross_forward, cross_vjp, cross_jvp),
+                           .expand = cross_expand};
 
 lg_var lg_cross(lg_tape *tape, lg_var a, lg_var b) {
     lg_var in[2] = {a, b};
@@ -94,8 +114,37 @@ static lg_status factor_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
+/* NaN where it is not positive. */
+static lg_scalar root_of_pivot(lg_scalars *s, lg_scalar pivot) {
+    const lg_scalar zero = lg_s_constant(s, 0.0), minus = lg_s_constant(s, -1.0);
+    const lg_scalar safe = lg_s_select(s, lg_s(s, LG_S_GE, zero, pivot), minus, pivot);
+    return lg_s(s, LG_S_SQRT, safe, safe);
+}
+
+/* l (k, k), lower */
+static void factor_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
+    const size_t k = e->shape->dims[1];
+    for (size_t b = 0; b < e->shape->dims[0]; b++) {
+        const lg_scalar *a = x[0] + b * k * k;
+        lg_scalar *l = y + b * k * k;
+        for (size_t j = 0; j < k; j++)
+            for (size_t i = 0; i < k; i++) {
+                if (i < j) {
+                    l[i * k + j] = lg_s_constant(s, 0.0);
+                    continue;
+                }
+                lg_scalar sum =
+                    i == j ? a[i * k + j] : lg_s_scale(s, 0.5, lg_s_add(s, a[i * k + j], a[j * k + i]));
+                for (size_t m = 0; m < j; m++)
+                    sum = lg_s_sub(s, sum, lg_s_mul(s, l[i * k + m], l[j * k + m]));
+                l[i * k + j] = i == j ? root_of_pivot(s, sum) : lg_s_div(s, sum, l[j * k + j]);
+            }
+    }
+}
+
 const lg_op lg_op_spd_factor = {
-    LG_OP("spd_factor", 1u, 1, 1, factor_shape, factor_forward, lg_no_vjp, lg_zero_jvp)};
+    LG_OP("spd_factor", 1u, 1, 1, factor_shape, factor_forward, lg_no_vjp, lg_zero_jvp),
+    .expand = factor_expand};
 
 static lg_status solve_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
     (void)inputs, (void)attr;
@@ -117,6 +166,29 @@ static lg_status solve_forward(lg_evaluation *e) {
 static uint32_t solve_unread(const lg_attr *attr, uint32_t inputs) {
     (void)attr, (void)inputs;
     return 1u;
+}
+
+/* l l^T y = b, a column after another */
+static void solve_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
+    const size_t k = e->shape->dims[1], m = e->shape->dims[2];
+    for (size_t b = 0; b < e->shape->dims[0]; b++) {
+        const lg_scalar *l = x[2] + b * k * k, *from = x[1] + b * k * m;
+        lg_scalar *to = y + b * k * m;
+        for (size_t c = 0; c < m; c++) {
+            for (size_t i = 0; i < k; i++) {
+                lg_scalar sum = from[i * m + c];
+                for (size_t j = 0; j < i; j++)
+                    sum = lg_s_sub(s, sum, lg_s_mul(s, l[i * k + j], to[j * m + c]));
+                to[i * m + c] = lg_s_div(s, sum, l[i * k + i]);
+            }
+            for (size_t i = k; i-- > 0;) {
+                lg_scalar sum = to[i * m + c];
+                for (size_t j = i + 1; j < k; j++)
+                    sum = lg_s_sub(s, sum, lg_s_mul(s, l[j * k + i], to[j * m + c]));
+                to[i * m + c] = lg_s_div(s, sum, l[i * k + i]);
+            }
+        }
+    }
 }
 
 static lg_var solve_with(lg_tape *tape, lg_var a, lg_var b, lg_var factor) {
@@ -146,7 +218,7 @@ static lg_var solve_jvp(const lg_forward *f) {
 }
 
 const lg_op lg_op_spd_solve = {LG_OP("spd_solve", 4u, 3, 3, solve_shape, solve_forward, solve_vjp, solve_jvp),
-                               .unread = solve_unread};
+                               .unread = solve_unread, .expand = solve_expand};
 
 lg_var lg_spd_solve(lg_tape *tape, lg_var a, lg_var b) {
     lg_var factor = lg_record(tape, LG_OP_SPD_FACTOR, &a, 1, NULL);
@@ -177,6 +249,12 @@ static lg_status stumpff_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
+static void stumpff_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
+    const uint32_t each = e->attr->i[0] + 1;
+    for (size_t i = 0; i < e->count; i++)
+        y[i] = lg_s_numbered(s, LG_S_STUMPFF, x[0][i / each], 16 * e->attr->i[1] + (uint32_t)(i % each));
+}
+
 /* The next derivative of the same family. */
 static lg_var next_order(lg_tape *tape, lg_op_code op, lg_var w, const lg_attr *attr) {
     lg_attr next = *attr;
@@ -194,7 +272,8 @@ static lg_var stumpff_jvp(const lg_forward *f) {
 }
 
 const lg_op lg_op_stumpff = {
-    LG_OP("stumpff", 0, 1, 1, stumpff_shape, stumpff_forward, stumpff_vjp, stumpff_jvp)};
+    LG_OP("stumpff", 0, 1, 1, stumpff_shape, stumpff_forward, stumpff_vjp, stumpff_jvp),
+    .expand = stumpff_expand};
 
 lg_var lg_stumpff_functions(lg_tape *tape, lg_var w, int K) {
     if (K < 0) return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "stumpff", "K is negative");
@@ -227,8 +306,14 @@ static lg_var dexpinv_jvp(const lg_forward *f) {
     return lg_mul(f->tape, next_order(f->tape, LG_OP_DEXPINV_COEF, f->in[0], f->attr), f->tangents[0]);
 }
 
+static lg_scalar dexpinv_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
+    (void)inputs;
+    return lg_s_numbered(s, LG_S_DEXPINV, x[0], attr->i[1]);
+}
+
 const lg_op lg_op_dexpinv_coef = {
-    LG_OP("dexpinv_coef", 0, 1, 1, dexpinv_shape, dexpinv_forward, dexpinv_vjp, dexpinv_jvp)};
+    LG_OP("dexpinv_coef", 0, 1, 1, dexpinv_shape, dexpinv_forward, dexpinv_vjp, dexpinv_jvp),
+    .element = dexpinv_element};
 
 lg_var lg_dexpinv_coefficient(lg_tape *tape, lg_var w, int order) {
     if (order < 0) return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "dexpinv_coef", "the order is negative");

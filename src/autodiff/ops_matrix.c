@@ -1,6 +1,7 @@
 /* Matrix products: one family, variants nn, nt, tn, closed under differentiation; rank 2, or rank 3 as
  * batches. An optional third input is added: a full matrix, a bias row, or a scalar. */
 #include "autodiff/product.h"
+#include "autodiff/scalars.h"
 #include "autodiff/tape_internal.h"
 
 #include <string.h>
@@ -91,6 +92,28 @@ static lg_status matmul_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
+static void matmul_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
+    const extent of = extent_at(e);
+    const bool turned_a = e->attr->i[0] == TN, turned_b = e->attr->i[0] == NT;
+    for (size_t b = 0; b < of.batch; b++) {
+        const lg_scalar *left = x[0] + (of.batch_a == 1 ? 0 : b * of.m * of.k);
+        const lg_scalar *right = x[1] + (of.batch_b == 1 ? 0 : b * of.k * of.n);
+        for (size_t i = 0; i < of.m; i++)
+            for (size_t j = 0; j < of.n; j++) {
+                lg_scalar sum = lg_s_constant(s, 0.0);
+                for (size_t l = 0; l < of.k; l++)
+                    sum = lg_s_add(s, sum,
+                                   lg_s_mul(s, left[turned_a ? l * of.m + i : i * of.k + l],
+                                            right[turned_b ? j * of.k + l : l * of.n + j]));
+                if (e->inputs > 2) {
+                    const size_t count = lg_shape_count(*e->in[2]);
+                    sum = lg_s_add(s, sum, x[2][count == e->count ? i * of.n + j : count == of.n ? j : 0]);
+                }
+                y[(b * of.m + i) * of.n + j] = sum;
+            }
+    }
+}
+
 static lg_var product(lg_tape *tape, uint32_t variant, lg_var a, lg_var b) {
     lg_attr attr = {.i = {variant, 0, 0, 0}};
     lg_var in[2] = {a, b};
@@ -141,6 +164,7 @@ const lg_op lg_op_matmul = {.name = "matmul",
                             .forward = matmul_forward,
                             .vjp = matmul_vjp,
                             .jvp = matmul_jvp,
+                            .expand = matmul_expand,
                             .scratch = matmul_scratch,
                             .transpose = matmul_transpose};
 

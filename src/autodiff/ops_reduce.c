@@ -3,6 +3,7 @@
  * The primitives see a tensor as (outer, length, inner): REDUCE sums over the middle, REPEAT repeats along
  * it. Everything else is a chain of them. attr.i = {outer, length, inner}.
  */
+#include "autodiff/scalars.h"
 #include "autodiff/tape_internal.h"
 
 #include <string.h>
@@ -58,6 +59,15 @@ static lg_status reduce_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
+static void reduce_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
+    const size_t length = e->attr->i[1], inner = e->attr->i[2];
+    for (size_t i = 0; i < e->count; i++) {
+        const size_t first = i / inner * length * inner + i % inner;
+        y[i] = lg_s_constant(s, 0.0);
+        for (size_t l = 0; l < length; l++) y[i] = lg_s_add(s, y[i], x[0][first + l * inner]);
+    }
+}
+
 static void reduce_vjp(lg_reverse *r) {
     const uint32_t *i = r->attr->i;
     if (r->need[0])
@@ -72,7 +82,7 @@ static lg_var reduce_jvp(const lg_forward *f) {
 }
 
 const lg_op lg_op_reduce = {LG_OP("sum", 0, 1, 1, reduce_shape, reduce_forward, reduce_vjp, reduce_jvp),
-                            .given = true};
+                            .given = true, .expand = reduce_expand};
 
 /* y[o, l] = x[o]: the inner length is one, so single elements are repeated. */
 static void repeat_elements(size_t size, size_t outer, size_t length, const void *x, void *y) {
@@ -103,6 +113,12 @@ static lg_status repeat_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
+static void repeat_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
+    const size_t length = e->attr->i[1], inner = e->attr->i[2];
+    (void)s;
+    for (size_t i = 0; i < e->count; i++) y[i] = x[0][i / (length * inner) * inner + i % inner];
+}
+
 static void repeat_vjp(lg_reverse *r) {
     const uint32_t *i = r->attr->i;
     if (r->need[0])
@@ -117,7 +133,7 @@ static lg_var repeat_jvp(const lg_forward *f) {
 }
 
 const lg_op lg_op_repeat = {LG_OP("broadcast", 0, 1, 1, repeat_shape, repeat_forward, repeat_vjp, repeat_jvp),
-                            .given = true};
+                            .given = true, .expand = repeat_expand};
 
 /* ---- chains: one primitive for each run of axes that differ ---- */
 

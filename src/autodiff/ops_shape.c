@@ -1,4 +1,5 @@
 /* Operations that move numbers: views, slices, pads, concatenation, permutation, gather and scatter. */
+#include "autodiff/scalars.h"
 #include "autodiff/tape_internal.h"
 
 #include <string.h>
@@ -22,6 +23,11 @@ static bool reshape_view(const lg_shape *const *in, const lg_attr *attr, size_t 
     return true;
 }
 
+static void reshape_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
+    (void)s;
+    for (size_t i = 0; i < e->count; i++) y[i] = x[0][i];
+}
+
 static void reshape_vjp(lg_reverse *r) {
     if (r->need[0]) r->out[0] = lg_reshape(r->tape, r->g, lg_node_at(r->tape, r->in[0])->shape);
 }
@@ -32,7 +38,7 @@ static lg_var reshape_jvp(const lg_forward *f) {
 
 const lg_op lg_op_reshape = {
     LG_OP("reshape", 0, 1, 1, reshape_shape, reshape_forward, reshape_vjp, reshape_jvp), .given = true,
-    .view = reshape_view};
+    .view = reshape_view, .expand = reshape_expand};
 
 lg_var lg_reshape(lg_tape *tape, lg_var x, lg_shape shape) {
     if (tape->status != LG_OK) return LG_NONE;
@@ -80,6 +86,17 @@ static lg_status slice_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
+static void slice_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
+    const size_t start = e->attr->i[1], length = e->attr->i[2];
+    size_t outer, whole, inner;
+    (void)s;
+    lg_around(e->in[0], e->attr->i[0], &outer, &whole, &inner);
+    for (size_t i = 0; i < e->count; i++) {
+        const size_t o = i / (length * inner), l = i / inner % length;
+        y[i] = x[0][(o * whole + start + l) * inner + i % inner];
+    }
+}
+
 static void slice_vjp(lg_reverse *r) {
     if (!r->need[0]) return;
     const lg_shape *shape = &lg_node_at(r->tape, r->in[0])->shape;
@@ -92,7 +109,7 @@ static lg_var slice_jvp(const lg_forward *f) {
 }
 
 const lg_op lg_op_slice = {LG_OP("slice", 0, 1, 1, slice_shape, slice_forward, slice_vjp, slice_jvp),
-                           .view = slice_view};
+                           .view = slice_view, .expand = slice_expand};
 
 lg_var lg_slice(lg_tape *tape, lg_var x, int axis, uint32_t start, uint32_t length) {
     if (tape->status != LG_OK) return LG_NONE;
@@ -132,6 +149,18 @@ static lg_status pad_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
+static void pad_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
+    const size_t before = e->attr->i[1];
+    size_t outer, length, inner;
+    lg_around(e->in[0], e->attr->i[0], &outer, &length, &inner);
+    const size_t whole = before + length + e->attr->i[2];
+    for (size_t i = 0; i < e->count; i++) {
+        const size_t o = i / (whole * inner), l = i / inner % whole;
+        const bool inside = l >= before && l < before + length;
+        y[i] = inside ? x[0][(o * length + l - before) * inner + i % inner] : lg_s_constant(s, 0.0);
+    }
+}
+
 static void pad_vjp(lg_reverse *r) {
     uint32_t axis = r->attr->i[0];
     if (r->need[0])
@@ -143,7 +172,8 @@ static lg_var pad_jvp(const lg_forward *f) {
     return lg_pad(f->tape, f->tangents[0], (int)f->attr->i[0], f->attr->i[1], f->attr->i[2]);
 }
 
-const lg_op lg_op_pad = {LG_OP("pad", 0, 1, 1, pad_shape, pad_forward, pad_vjp, pad_jvp)};
+const lg_op lg_op_pad = {LG_OP("pad", 0, 1, 1, pad_shape, pad_forward, pad_vjp, pad_jvp),
+                         .expand = pad_expand};
 
 lg_var lg_pad(lg_tape *tape, lg_var x, int axis, uint32_t before, uint32_t after) {
     if (tape->status != LG_OK) return LG_NONE;
@@ -187,6 +217,18 @@ static lg_status concat_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
+static void concat_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
+    size_t outer, whole, inner, at = 0;
+    (void)s;
+    lg_around(e->shape, e->attr->i[0], &outer, &whole, &inner);
+    for (uint32_t p = 0; p < e->inputs; p++) {
+        const size_t run = e->in[p]->dims[e->attr->i[0]] * inner;
+        for (size_t o = 0; o < outer; o++)
+            for (size_t i = 0; i < run; i++) y[o * whole * inner + at + i] = x[p][o * run + i];
+        at += run;
+    }
+}
+
 static void concat_vjp(lg_reverse *r) {
     uint32_t axis = r->attr->i[0], at = 0;
     for (uint32_t k = 0; k < r->inputs; k++) {
@@ -204,7 +246,8 @@ static lg_var concat_jvp(const lg_forward *f) {
 }
 
 const lg_op lg_op_concat = {
-    LG_OP("concat", 0, 1, LG_MAX_INPUTS, concat_shape, concat_forward, concat_vjp, concat_jvp)};
+    LG_OP("concat", 0, 1, LG_MAX_INPUTS, concat_shape, concat_forward, concat_vjp, concat_jvp),
+    .expand = concat_expand};
 
 /* At most LG_MAX_INPUTS parts. */
 static lg_var concat_some(lg_tape *tape, const lg_var *parts, size_t n, int axis) {
@@ -266,6 +309,17 @@ static lg_status permute_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
+static void permute_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
+    (void)s;
+    for (size_t i = 0; i < e->count; i++) {
+        size_t index[LG_MAX_RANK] = {0, 0, 0, 0}, rest = i, at = 0;
+        for (uint32_t d = e->shape->rank; d-- > 0; rest /= e->shape->dims[d])
+            index[e->attr->i[d]] = rest % e->shape->dims[d];
+        for (uint32_t d = 0; d < e->shape->rank; d++) at = at * e->in[0]->dims[d] + index[d];
+        y[i] = x[0][at];
+    }
+}
+
 static void inverse_axes(const lg_attr *attr, uint32_t rank, int *axes) {
     for (uint32_t i = 0; i < rank; i++) axes[attr->i[i]] = (int)i;
 }
@@ -283,7 +337,8 @@ static lg_var permute_jvp(const lg_forward *f) {
 }
 
 const lg_op lg_op_permute = {
-    LG_OP("permute", 0, 1, 1, permute_shape, permute_forward, permute_vjp, permute_jvp)};
+    LG_OP("permute", 0, 1, 1, permute_shape, permute_forward, permute_vjp, permute_jvp),
+    .expand = permute_expand};
 
 lg_var lg_permute(lg_tape *tape, lg_var x, const int *axes) {
     if (tape->status != LG_OK) return LG_NONE;
@@ -361,6 +416,23 @@ static lg_var record_indexed(lg_tape *tape, lg_op_code op, lg_var x, const lg_at
     return lg_record(tape, op, &x, 1, attr);
 }
 
+static void gather_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
+    const uint32_t *indices = e->attr->pointer;
+    const size_t length = row_length(e->in[0]);
+    (void)s;
+    for (size_t i = 0; i < e->count; i++) y[i] = x[0][indices[i / length] * length + i % length];
+}
+
+static void scatter_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
+    const uint32_t *indices = e->attr->pointer;
+    const size_t length = row_length(e->in[0]);
+    for (size_t i = 0; i < e->count; i++) y[i] = lg_s_constant(s, 0.0);
+    for (size_t i = 0; i < e->attr->i[0] * length; i++) {
+        lg_scalar *to = &y[indices[i / length] * length + i % length];
+        *to = lg_s_add(s, *to, x[0][i]);
+    }
+}
+
 static void gather_vjp(lg_reverse *r) {
     if (r->need[0]) r->out[0] = record_indexed(r->tape, LG_OP_SCATTER, r->g, r->attr);
 }
@@ -368,7 +440,7 @@ static lg_var gather_jvp(const lg_forward *f) {
     return record_indexed(f->tape, LG_OP_GATHER, f->tangents[0], f->attr);
 }
 const lg_op lg_op_gather = {LG_OP("gather", 0, 1, 1, gather_shape, gather_forward, gather_vjp, gather_jvp),
-                            .payload = LG_PAYLOAD_INDICES};
+                            .payload = LG_PAYLOAD_INDICES, .expand = gather_expand};
 
 static void scatter_vjp(lg_reverse *r) {
     if (r->need[0]) r->out[0] = record_indexed(r->tape, LG_OP_GATHER, r->g, r->attr);
@@ -378,7 +450,7 @@ static lg_var scatter_jvp(const lg_forward *f) {
 }
 const lg_op lg_op_scatter = {
     LG_OP("scatter", 0, 1, 1, scatter_shape, scatter_forward, scatter_vjp, scatter_jvp),
-    .payload = LG_PAYLOAD_INDICES};
+    .payload = LG_PAYLOAD_INDICES, .expand = scatter_expand};
 
 static lg_var index_rows(lg_tape *tape, lg_op_code op, lg_var x, const uint32_t *indices, uint32_t n,
                          uint32_t rows) {
