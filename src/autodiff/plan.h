@@ -3,6 +3,7 @@
 #ifndef LG_PLAN_H
 #define LG_PLAN_H
 
+#include "autodiff/heap.h"
 #include "autodiff/program.h"
 #include "autodiff/scalars.h"
 
@@ -42,43 +43,27 @@ typedef struct lg_dense_step {
     lg_activation kind;
 } lg_dense_step;
 
-/* Elements that go into, or come out of, scalar code: row r of a tensor with `stride` elements a row (0: the
- * same for all rows) begins at place.offset + r stride; `count` elements of it from `from` on. */
+/* `count` neighbouring elements that go into, or come out of, scalar code. */
 typedef struct lg_scalar_range {
     lg_place place;
-    size_t stride, from;
     uint32_t count;
-    uint32_t first; /* in: the first of `count` registers; out: the first of `count` entries of `stored` */
+    uint32_t first; /* in: the first of their registers; out: the first of their entries in `stored` */
 } lg_scalar_range;
 
-/* A run of scalar operations, for each of `rows` rows. Registers: constants, what is loaded, then a result
- * for each instruction in the order of `code`. */
-typedef struct lg_scalar_instruction {
-    uint16_t op; /* lg_scalar_op */
-    uint16_t unused;
-    uint32_t in[3]; /* registers */
-    uint32_t n;
-    double p;
-} lg_scalar_instruction;
-
-typedef struct lg_scalar_group {
-    uint16_t op;
-    uint32_t first, count; /* instructions, one behind the other, none of which needs another one */
-} lg_scalar_group;
-
+/* A run of scalar operations. Registers: constants, what is loaded, then the results of the groups, level by
+ * level: an instruction needs results of groups before its own only. */
 typedef struct lg_scalar_step {
-    size_t rows;
     uint32_t constants, loads, instructions; /* registers of each sort, in this order */
-    const double *constant;
+    const void *constant;                    /* of the plan's type */
     lg_scalar_range *in;
     uint32_t ins;
-    lg_scalar_instruction *code; /* grouped: level by level, in a level by operation */
     lg_scalar_group *group;
     uint32_t groups;
+    uint32_t *operands; /* registers, or whole numbers: LG_SCALAR_LIST */
     lg_scalar_range *out;
     uint32_t outs;
-    uint32_t *stored;   /* registers */
-    lg_place registers; /* of the work memory */
+    uint32_t *stored;   /* registers that go out */
+    lg_place registers; /* in the work memory */
 } lg_scalar_step;
 
 /* A copy of `count` elements: an input that is an output, a view that has to be whole. */
@@ -90,10 +75,10 @@ typedef struct lg_copy_step {
 /* `times` runs of another plan. Its inputs and outputs; after each run but the last, outputs take the places
  * of inputs. */
 typedef struct lg_call_step {
-    const struct lg_plan *callee;
+    struct lg_plan *callee; /* owned */
     uint32_t times;
     const uint32_t *carry; /* by input of the callee: its output, or UINT32_MAX */
-    lg_place *next;        /* by input: memory of what is carried, in the work memory; two halves */
+    lg_place *next;        /* by input: in the work memory, for two values of what is carried */
     lg_place work;
 } lg_call_step;
 
@@ -121,6 +106,7 @@ struct lg_plan {
     const lg_kernels *k;
     size_t rows;
     bool mark_unfit;
+    const char *name; /* of the function */
     size_t inputs, outputs;
     size_t *input_count, *output_count; /* elements for all rows */
     lg_step *step;
@@ -129,7 +115,8 @@ struct lg_plan {
     size_t constant_count;
     size_t work_count; /* elements */
     size_t depth;      /* operations one after another at most, counting a sum of n terms as log2 n + 1 */
-    struct lg_arena_plain *memory; /* everything the plan owns */
+    size_t *spill;     /* by output: where in the work memory it goes when nobody wants it */
+    lg_heap memory;    /* everything the plan owns but callees */
 };
 
 #endif

@@ -9,39 +9,6 @@
 
 #include "autodiff/op.h"
 
-/* X(enumerator, operands, C expression in a, b, c and the constants p (real) and n (whole)) */
-#define LG_SCALAR_LIST(X)                                                                                    \
-    X(INPUT, 0)    /* number n of what comes in */                                                           \
-    X(CONSTANT, 0) /* p */                                                                                   \
-    X(ADD, 2)                                                                                                \
-    X(SUB, 2)                                                                                                \
-    X(MUL, 2)                                                                                                \
-    X(DIV, 2)                                                                                                \
-    X(NEG, 1)                                                                                                \
-    X(MAX, 2)    /* NaN wins */                                                                              \
-    X(GE, 2)     /* a >= b ? 1 : 0 */                                                                        \
-    X(SELECT, 3) /* a != 0 ? b : c */                                                                        \
-    X(SQRT, 1)                                                                                               \
-    X(ABS, 1)                                                                                                \
-    X(SIGN, 1) /* a >= 0 ? 1 : -1, NaN stays */                                                              \
-    X(POW, 1)  /* a^p */                                                                                     \
-    X(EXP, 1)                                                                                                \
-    X(LOG, 1)                                                                                                \
-    X(SIN, 1)                                                                                                \
-    X(COS, 1)                                                                                                \
-    X(TANH, 1)                                                                                               \
-    X(SIGMOID, 1)                                                                                            \
-    X(ATAN2, 2)                                                                                              \
-    X(STUMPFF, 1) /* derivative number n / 16 of c_(n % 16) at a */                                          \
-    X(DEXPINV, 1) /* derivative number n of g2 at a */
-
-typedef enum lg_scalar_op {
-#define X(name, operands) LG_S_##name,
-    LG_SCALAR_LIST(X)
-#undef X
-        LG_SCALAR_OPS
-} lg_scalar_op;
-
 typedef struct lg_scalar_code {
     lg_scalar_op op;
     uint32_t n;
@@ -58,8 +25,6 @@ struct lg_scalars {
     bool failed; /* out of memory, or more than LG_SCALARS_MOST instructions */
 };
 #define LG_SCALARS_MOST (1u << 20)
-
-extern const uint8_t lg_scalar_operands[LG_SCALAR_OPS];
 
 void lg_scalars_init(lg_scalars *s, const lg_context *context);
 void lg_scalars_free(lg_scalars *s);

@@ -22,6 +22,7 @@
 #include "autodiff/kernels/lie_maps.inc"
 #include "autodiff/kernels/spd.inc"
 #include "autodiff/kernels/steps.inc"
+#include "autodiff/kernels/scalars.inc"
 
 #define PASTE_(a, b) a##b
 #define PASTE(a, b)  PASTE_(a, b)
@@ -96,6 +97,7 @@ const lg_kernels TABLE = {
     .rowdot = rowdot,
     .stumpff = stumpff,
     .dexpinv_coef = dexpinv_coef,
+    .scalars = scalars,
     .stage_sum = stage_sum,
     .error_norm = error_norm,
     .se3_act = se3_act,

@@ -94,6 +94,46 @@ typedef struct lg_k_windows {
     size_t length, channels, size, stride, padding, count;
 } lg_k_windows;
 
+/* Scalar code: X(enumerator, operands that are results of instructions, all operands). Where there is one
+ * more, it is a whole number n (STUMPFF, DEXPINV) or the register of a constant (POW). */
+#define LG_SCALAR_LIST(X)                                                                                    \
+    X(INPUT, 0, 0)                                                                                           \
+    X(CONSTANT, 0, 0)                                                                                        \
+    X(ADD, 2, 2)                                                                                             \
+    X(SUB, 2, 2)                                                                                             \
+    X(MUL, 2, 2)                                                                                             \
+    X(DIV, 2, 2)                                                                                             \
+    X(NEG, 1, 1)                                                                                             \
+    X(MAX, 2, 2)    /* a NaN wins */                                                                         \
+    X(GE, 2, 2)     /* a >= b ? 1 : 0 */                                                                     \
+    X(SELECT, 3, 3) /* a != 0 ? b : c */                                                                     \
+    X(SQRT, 1, 1)                                                                                            \
+    X(ABS, 1, 1)                                                                                             \
+    X(SIGN, 1, 1) /* a >= 0 ? 1 : -1, NaN stays */                                                           \
+    X(POW, 1, 2)                                                                                             \
+    X(EXP, 1, 1)                                                                                             \
+    X(LOG, 1, 1)                                                                                             \
+    X(SIN, 1, 1)                                                                                             \
+    X(COS, 1, 1)                                                                                             \
+    X(TANH, 1, 1)                                                                                            \
+    X(SIGMOID, 1, 1)                                                                                         \
+    X(ATAN2, 2, 2)                                                                                           \
+    X(STUMPFF, 1, 2) /* derivative number n / 16 of c_(n % 16) at a */                                       \
+    X(DEXPINV, 1, 2) /* derivative number n of g2 at a */
+
+typedef enum lg_scalar_op {
+#define X(name, instructions, all) LG_S_##name,
+    LG_SCALAR_LIST(X)
+#undef X
+        LG_SCALAR_OPS
+} lg_scalar_op;
+
+/* `count` instructions of one sort, none of which needs another one: results in registers result, result + 1,
+ * ...; the operands of each, one instruction after the other, from `operands` on. */
+typedef struct lg_scalar_group {
+    uint32_t op, count, result, operands;
+} lg_scalar_group;
+
 #define LG_K_STAGES      8
 #define LG_K_STAGE_BLOCK ((size_t)8)
 
@@ -205,6 +245,9 @@ typedef struct lg_kernels {
     void (*se3_pack)(size_t count, const double *x, double *packed);
     void (*se3_stage)(int n, const lg_se3_stage *stage);
     void (*se3_estimate)(int n, const lg_se3_stage *stage);
+
+    /* Scalar code on registers of the table's type. */
+    void (*scalars)(size_t groups, const lg_scalar_group *group, const uint32_t *operands, void *registers);
 
     /* Of integrators, in double in both tables, the same bits on every set. stage_sum: out = sum_{j < n} c_j
      * k_j, 1

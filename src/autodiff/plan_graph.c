@@ -1,0 +1,355 @@
+#include "autodiff/plan_graph.h"
+
+#include <math.h>
+#include <string.h>
+
+typedef struct making {
+    lg_graph g;
+    const lg_program *program;
+    const lg_function *f;
+    size_t rows;
+    lg_dtype dtype;
+    uint8_t *needed; /* by node of the function */
+    uint32_t *of;    /* node of the function -> node of the graph */
+    const double **parameter;
+    bool failed; /* out of memory */
+} making;
+
+static void *take(making *m, size_t count, size_t size) {
+    void *memory = lg_heap_take(m->g.heap, count, size);
+    if (memory == NULL) m->failed = true;
+    return memory;
+}
+
+/* ---- nodes, equal ones once ---- */
+
+static uint64_t mix(uint64_t h, uint64_t x) {
+    h = (h ^ x) * 0xff51afd7ed558ccdu;
+    return h ^ h >> 32;
+}
+
+static uint64_t hash(const lg_graph_node *n) {
+    uint64_t bits, h = mix((uint64_t)n->sort * 64 + n->op, n->number);
+    memcpy(&bits, &n->attr.c, sizeof bits);
+    h = mix(h, bits);
+    for (int k = 0; k < 4; k++) h = mix(h, n->attr.i[k]);
+    for (uint32_t k = 0; k < n->inputs; k++) h = mix(h, n->in[k]);
+    for (uint32_t d = 0; d < n->shape.rank; d++) h = mix(h, n->shape.dims[d]);
+    for (size_t i = 0; n->sort == LG_GRAPH_CONSTANT && i < n->count && i < 8; i++) {
+        memcpy(&bits, &n->value[i], sizeof bits);
+        h = mix(h, bits);
+    }
+    return h;
+}
+
+static size_t payload_bytes(const lg_graph_node *n) {
+    const lg_payload kind = lg_ops[n->op]->payload;
+    return kind == LG_PAYLOAD_REALS     ? n->inputs * sizeof(double)
+           : kind == LG_PAYLOAD_INDICES ? n->attr.i[0] * sizeof(uint32_t)
+                                        : 0;
+}
+
+static bool equal(const lg_graph_node *a, const lg_graph_node *b) {
+    if (a->sort != b->sort || a->op != b->op || a->number != b->number || a->inputs != b->inputs ||
+        !lg_same_shape(&a->shape, &b->shape) || memcmp(&a->attr.c, &b->attr.c, sizeof a->attr.c) != 0 ||
+        memcmp(a->attr.i, b->attr.i, sizeof a->attr.i) != 0)
+        return false;
+    for (uint32_t k = 0; k < a->inputs; k++)
+        if (a->in[k] != b->in[k]) return false;
+    const size_t payload = a->sort == LG_GRAPH_OPERATION ? payload_bytes(a) : 0;
+    if (payload > 0 && memcmp(a->attr.pointer, b->attr.pointer, payload) != 0) return false;
+    return a->sort != LG_GRAPH_CONSTANT || a->value == b->value ||
+           memcmp(a->value, b->value, a->count * sizeof *a->value) == 0;
+}
+
+static bool grow(making *m) {
+    lg_graph *g = &m->g;
+    const uint32_t capacity = g->capacity == 0 ? 128 : 2 * g->capacity;
+    lg_graph_node *node = take(m, capacity, sizeof *node);
+    uint32_t *table = take(m, 2 * (size_t)capacity, sizeof *table);
+    if (m->failed) return false;
+    if (g->count > 0) memcpy(node, g->node, g->count * sizeof *node);
+    g->node = node;
+    g->table = table;
+    g->capacity = capacity;
+    g->slots = 2 * capacity;
+    for (uint32_t i = 0; i < g->count; i++) {
+        uint32_t at = (uint32_t)hash(&node[i]) & (g->slots - 1);
+        while (table[at] != 0) at = (at + 1) & (g->slots - 1);
+        table[at] = i + 1;
+    }
+    return true;
+}
+
+/* The node, which may have been there before; n->in lives on the stack of the caller. 0 after a failure. */
+static uint32_t add(making *m, const lg_graph_node *n) {
+    lg_graph *g = &m->g;
+    if (m->failed || (g->count == g->capacity && !grow(m))) return 0;
+    uint32_t at = (uint32_t)hash(n) & (g->slots - 1);
+    for (; g->table[at] != 0; at = (at + 1) & (g->slots - 1))
+        if (equal(&g->node[g->table[at] - 1], n)) return g->table[at] - 1;
+    uint32_t *in = take(m, n->inputs, sizeof *in);
+    if (in == NULL) return 0;
+    if (n->inputs > 0) memcpy(in, n->in, n->inputs * sizeof *in);
+    g->node[g->count] = *n;
+    g->node[g->count].in = in;
+    g->table[at] = ++g->count;
+    return g->count - 1;
+}
+
+static uint32_t add_constant(making *m, lg_shape shape, const double *value) {
+    return add(m, &(lg_graph_node){.sort = LG_GRAPH_CONSTANT,
+                                   .op = LG_OP_LEAF,
+                                   .shape = shape,
+                                   .count = lg_shape_count(shape),
+                                   .value = value});
+}
+
+/* ---- folding ---- */
+
+static const lg_shape no_shape;
+
+void lg_graph_shapes(const lg_graph *g, const lg_graph_node *n, const lg_shape **shapes) {
+    for (uint32_t k = 0; k < n->inputs; k++)
+        shapes[k] = n->in[k] == LG_GRAPH_NONE ? &no_shape : &g->node[n->in[k]].shape;
+}
+
+static bool all_constant(const making *m, const lg_graph_node *n) {
+    for (uint32_t k = 0; k < n->inputs; k++)
+        if (n->in[k] != LG_GRAPH_NONE && m->g.node[n->in[k]].sort != LG_GRAPH_CONSTANT) return false;
+    return true;
+}
+
+static uint32_t fold(making *m, const lg_graph_node *n, const lg_shape *const *shapes) {
+    const void *values[LG_MAX_INPUTS];
+    const lg_op *op = lg_ops[n->op];
+    size_t offset;
+    for (uint32_t k = 0; k < n->inputs; k++)
+        values[k] = n->in[k] == LG_GRAPH_NONE ? NULL : m->g.node[n->in[k]].value;
+    if (op->view != NULL && op->view(shapes, &n->attr, &offset))
+        return add_constant(m, n->shape, (const double *)values[0] + offset);
+    lg_evaluation e = {.k = lg_kernels_for(LG_F64),
+                       .attr = &n->attr,
+                       .inputs = n->inputs,
+                       .in = shapes,
+                       .x = values,
+                       .shape = &n->shape,
+                       .count = n->count,
+                       .y = take(m, n->count, sizeof(double))};
+    if (op->scratch != NULL) e.scratch = take(m, op->scratch(&e), 1);
+    if (m->failed) return 0;
+    (void)op->forward(&e);
+    return add_constant(m, n->shape, e.y);
+}
+
+/* ---- simplification ---- */
+
+static bool is_filled(const making *m, uint32_t i, double with) {
+    if (i == LG_GRAPH_NONE) return false;
+    const lg_graph_node *n = &m->g.node[i];
+    if (n->sort != LG_GRAPH_CONSTANT) return false;
+    for (size_t k = 0; k < n->count; k++)
+        if (n->value[k] != with) return false;
+    return true;
+}
+
+static bool same_as(const making *m, const lg_graph_node *n, uint32_t i) {
+    return lg_same_shape(&m->g.node[i].shape, &n->shape);
+}
+
+static uint32_t filled(making *m, lg_shape shape, double with) {
+    const size_t count = lg_shape_count(shape);
+    double *value = take(m, count, sizeof *value);
+    for (size_t k = 0; value != NULL && k < count; k++) value[k] = with;
+    return m->failed ? 0 : add_constant(m, shape, value);
+}
+
+static uint32_t reshaped(making *m, uint32_t i, lg_shape shape) {
+    while (m->g.node[i].sort == LG_GRAPH_OPERATION && m->g.node[i].op == LG_OP_RESHAPE)
+        i = m->g.node[i].in[0];
+    const lg_graph_node *from = &m->g.node[i];
+    if (lg_same_shape(&from->shape, &shape)) return i;
+    if (from->sort == LG_GRAPH_CONSTANT) return add_constant(m, shape, from->value);
+    return add(
+        m, &(lg_graph_node){
+               .op = LG_OP_RESHAPE, .inputs = 1, .in = &i, .shape = shape, .count = lg_shape_count(shape)});
+}
+
+/* Axes that are longer than 1 stay in their order: nothing moves. */
+static bool keeps_order(const lg_graph_node *n) {
+    uint32_t last = 0;
+    for (uint32_t d = 0; d < n->shape.rank; d++) {
+        if (n->shape.dims[d] == 1) continue;
+        if (n->attr.i[d] < last) return false;
+        last = n->attr.i[d];
+    }
+    return true;
+}
+
+/* What the node is instead, or LG_GRAPH_NONE. 0 x is 0 for every x. */
+static uint32_t simpler(making *m, const lg_graph_node *n) {
+    const uint32_t a = n->inputs > 0 ? n->in[0] : LG_GRAPH_NONE, b = n->inputs > 1 ? n->in[1] : LG_GRAPH_NONE;
+    switch (n->op) {
+    case LG_OP_ADD:
+        if (is_filled(m, b, 0.0) && same_as(m, n, a)) return a;
+        if (is_filled(m, a, 0.0) && same_as(m, n, b)) return b;
+        break;
+    case LG_OP_SUB:
+        if (is_filled(m, b, 0.0) && same_as(m, n, a)) return a;
+        break;
+    case LG_OP_MUL:
+        if (is_filled(m, b, 1.0) && same_as(m, n, a)) return a;
+        if (is_filled(m, a, 1.0) && same_as(m, n, b)) return b;
+        if (is_filled(m, a, 0.0) || is_filled(m, b, 0.0)) return filled(m, n->shape, 0.0);
+        break;
+    case LG_OP_DIV:
+        if (is_filled(m, b, 1.0) && same_as(m, n, a)) return a;
+        if (is_filled(m, a, 0.0)) return filled(m, n->shape, 0.0);
+        break;
+    case LG_OP_MATMUL:
+        if (n->inputs == 2 && (is_filled(m, a, 0.0) || is_filled(m, b, 0.0))) return filled(m, n->shape, 0.0);
+        break;
+    case LG_OP_SCALE:
+        if (n->attr.c == 1.0) return a;
+        break;
+    case LG_OP_SHIFT:
+        if (n->attr.c == 0.0) return a;
+        break;
+    case LG_OP_STOP:
+        return a;
+    case LG_OP_ACT:
+        if (n->attr.i[0] == LG_IDENTITY) return a;
+        break;
+    case LG_OP_RESHAPE:
+        return reshaped(m, a, n->shape);
+    case LG_OP_REDUCE:
+    case LG_OP_REPEAT:
+        if (n->attr.i[1] == 1) return reshaped(m, a, n->shape);
+        break;
+    case LG_OP_CONCAT:
+        if (n->inputs == 1) return a;
+        break;
+    case LG_OP_SLICE:
+    case LG_OP_PAD:
+        if (same_as(m, n, a)) return a;
+        break;
+    case LG_OP_PERMUTE:
+        if (keeps_order(n)) return reshaped(m, a, n->shape);
+        break;
+    default:
+        break;
+    }
+    return LG_GRAPH_NONE;
+}
+
+/* A derivative's factor that is all ones goes. */
+static void drop_ones(const making *m, lg_graph_node *n) {
+    if (n->op != LG_OP_ACT_DERIVATIVE || n->inputs < 3 || !is_filled(m, n->in[2], 1.0)) return;
+    n->inputs = 2;
+    n->attr.i[3] = 0;
+}
+
+static uint32_t operation(making *m, lg_graph_node *n, const lg_shape *const *shapes) {
+    drop_ones(m, n);
+    if (all_constant(m, n)) return fold(m, n, shapes);
+    const uint32_t other = simpler(m, n);
+    return other != LG_GRAPH_NONE ? other : add(m, n);
+}
+
+/* ---- from the function ---- */
+
+static uint32_t unread(const lg_function *f, const lg_program_node *n, size_t rows) {
+    lg_attr attr;
+    const lg_op *op = lg_ops[n->op];
+    if (op->unread == NULL || !lg_node_attr_at(f, n, rows, &attr)) return 0;
+    return op->unread(&attr, n->inputs);
+}
+
+static void mark_needed(making *m) {
+    const lg_function *f = m->f;
+    for (size_t j = 0; j < f->outputs; j++) m->needed[f->result[j]] = 1;
+    for (uint32_t i = f->nodes; i-- > 0;) {
+        if (!m->needed[i]) continue;
+        const uint32_t not = unread(f, &f->node[i], m->rows);
+        for (uint32_t k = 0; k < f->node[i].inputs; k++)
+            if (k >= 32 || !(not >> k & 1u)) m->needed[f->edges[f->node[i].first + k]] = 1;
+    }
+}
+
+/* Values as doubles, rounded to the plan's type. */
+static const double *rounded(making *m, const double *values, size_t count, size_t period) {
+    if (m->dtype == LG_F64 && count == period) return values;
+    double *own = take(m, count, sizeof *own);
+    for (size_t i = 0; own != NULL && i < count; i++) {
+        const double value = values[i % period];
+        own[i] = m->dtype == LG_F32 ? (double)(float)value : value;
+    }
+    return own;
+}
+
+static uint32_t leaf(making *m, const lg_program_node *n, lg_shape shape) {
+    const size_t count = lg_shape_count(shape);
+    if (n->leaf == LG_LEAF_INPUT)
+        return add(
+            m, &(lg_graph_node){.sort = LG_GRAPH_INPUT, .number = n->number, .shape = shape, .count = count});
+    if (n->leaf == LG_LEAF_CONSTANT)
+        return add_constant(m, shape, rounded(m, m->f->reals + n->payload, count, n->payload_count));
+    if (m->parameter[n->number] == NULL)
+        m->parameter[n->number] = rounded(m, m->program->parameter[n->number].values, count, count);
+    return add_constant(m, shape, m->parameter[n->number]);
+}
+
+/* A whole attribute that a kernel does not read and that would tell equal operations apart. */
+static void tidy(lg_attr *attr, lg_op_code op) {
+    if (op == LG_OP_SLICE) attr->i[3] = 0;
+}
+
+static lg_status node(making *m, uint32_t i, lg_error *error) {
+    const lg_function *f = m->f;
+    const lg_program_node *from = &f->node[i];
+    const lg_op *op = lg_ops[from->op];
+    lg_shape stated;
+    if (!lg_node_shape_at(from, m->rows, &stated))
+        return lg_fail(error, LG_SHAPE,
+                       "function '%s', operation %u (%s): a tensor is too large with %zu rows", f->name, i,
+                       op->name, m->rows);
+    if (from->op == LG_OP_LEAF) {
+        m->of[i] = leaf(m, from, stated);
+        return m->failed ? LG_OUT_OF_MEMORY : LG_OK;
+    }
+    uint32_t in[LG_MAX_INPUTS];
+    lg_shape shapes[LG_MAX_INPUTS], shape = stated;
+    const lg_shape *pointers[LG_MAX_INPUTS];
+    lg_graph_node made = {.op = from->op, .inputs = from->inputs, .in = in, .shape = stated};
+    const uint32_t not = unread(f, from, m->rows);
+    for (uint32_t k = 0; k < from->inputs; k++) {
+        const uint32_t edge = f->edges[from->first + k];
+        in[k] = k < 32 && (not >> k & 1u) ? LG_GRAPH_NONE : m->of[edge];
+        if (!lg_node_shape_at(&f->node[edge], m->rows, &shapes[k])) return LG_SHAPE;
+        pointers[k] = &shapes[k];
+    }
+    if (!lg_node_attr_at(f, from, m->rows, &made.attr) ||
+        op->shape(pointers, from->inputs, &made.attr, &shape) != LG_OK || !lg_same_shape(&shape, &stated))
+        return lg_fail(error, LG_SHAPE, "function '%s', operation %u (%s) does not fit %zu rows", f->name, i,
+                       op->name, m->rows);
+    made.count = lg_shape_count(stated);
+    tidy(&made.attr, made.op);
+    m->of[i] = operation(m, &made, pointers);
+    return m->failed ? LG_OUT_OF_MEMORY : LG_OK;
+}
+
+lg_status lg_graph_make(lg_heap *heap, const lg_program *program, const lg_function *f, size_t rows,
+                        lg_dtype dtype, lg_graph *out, lg_error *error) {
+    making m = {.g = {.heap = heap}, .program = program, .f = f, .rows = rows, .dtype = dtype};
+    m.needed = take(&m, f->nodes, 1);
+    m.of = take(&m, f->nodes, sizeof *m.of);
+    m.parameter = take(&m, program->parameters + 1, sizeof *m.parameter);
+    m.g.result = take(&m, f->outputs, sizeof *m.g.result);
+    if (m.failed) return LG_OUT_OF_MEMORY;
+    mark_needed(&m);
+    for (uint32_t i = 0; i < f->nodes; i++)
+        if (m.needed[i]) LG_TRY(node(&m, i, error));
+    for (size_t j = 0; j < f->outputs; j++) m.g.result[j] = m.of[f->result[j]];
+    *out = m.g;
+    return LG_OK;
+}

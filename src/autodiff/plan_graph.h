@@ -1,0 +1,41 @@
+/* A function at a number of rows, simplified: only what the outputs need, constants folded, equal
+ * subexpressions once. Values of constants are doubles (of parameters rounded to the plan's type). */
+#ifndef LG_PLAN_GRAPH_H
+#define LG_PLAN_GRAPH_H
+
+#include "autodiff/heap.h"
+#include "autodiff/program.h"
+
+typedef enum lg_graph_sort { LG_GRAPH_OPERATION, LG_GRAPH_INPUT, LG_GRAPH_CONSTANT } lg_graph_sort;
+
+#define LG_GRAPH_NONE UINT32_MAX
+
+typedef struct lg_graph_node {
+    lg_graph_sort sort;
+    lg_op_code op;
+    lg_attr attr;
+    uint32_t number; /* of an input */
+    uint32_t inputs;
+    uint32_t *in; /* nodes before it; LG_GRAPH_NONE where the operation does not read */
+    lg_shape shape;
+    size_t count;
+    const double *value; /* of a constant */
+} lg_graph_node;
+
+typedef struct lg_graph {
+    lg_heap *heap; /* all of it lives there */
+    lg_graph_node *node;
+    uint32_t count, capacity;
+    uint32_t *table; /* hashes: 1 + node */
+    uint32_t slots;
+    uint32_t *result; /* by output */
+} lg_graph;
+
+lg_status lg_graph_make(lg_heap *heap, const lg_program *program, const lg_function *function, size_t rows,
+                        lg_dtype dtype, lg_graph *out, lg_error *error);
+
+/* The shapes of a node's inputs; of one that is not read, the shape of another place (operations do not
+ * look). */
+void lg_graph_shapes(const lg_graph *graph, const lg_graph_node *node, const lg_shape **shapes);
+
+#endif
