@@ -48,7 +48,7 @@ static lg_var exchanged(lg_tape *tape, lg_var x) {
 
 /* xi = a q + q' x p, eta = p / (1 + t) + c q' with the neighbour q'; user: the variables a and c, of shape
  * (3). */
-static lg_status field(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
+static lg_status field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input, lg_var *out) {
     const lg_var *parameters = user;
     lg_var neighbour = exchanged(tape, y[0]);
     out[0] = lg_add(tape, lg_mul(tape, parameters[0], y[0]), lg_cross(tape, neighbour, y[1]));
@@ -57,7 +57,7 @@ static lg_status field(void *user, lg_tape *tape, double t, const lg_var *y, lg_
 }
 
 /* The same on R^6 x R^6. */
-static lg_status flat_field(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
+static lg_status flat_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input, lg_var *out) {
     lg_var in[2], f[2] = {LG_NONE, LG_NONE};
     for (int i = 0; i < 2; i++) in[i] = lg_reshape(tape, y[i], lg_shape3(BATCH, COPIES, 3));
     lg_status status = field(user, tape, t, in, f);
@@ -65,13 +65,13 @@ static lg_status flat_field(void *user, lg_tape *tape, double t, const lg_var *y
     return status;
 }
 
-static lg_status force(void *user, lg_tape *tape, double t, lg_var q, lg_var *out) {
+static lg_status force(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input, lg_var *out) {
     const lg_var *parameters = user;
     (void)t;
     *out = lg_neg(tape, lg_add(tape, lg_mul(tape, parameters[0], q), lg_pow(tape, q, 3.0)));
     return lg_tape_status(tape);
 }
-static lg_status velocity(void *user, lg_tape *tape, double t, lg_var p, lg_var *out) {
+static lg_status velocity(void *user, lg_tape *tape, lg_taped_time t, lg_var p, lg_var input, lg_var *out) {
     const lg_var *parameters = user;
     (void)t;
     *out = lg_mul(tape, p, lg_shift(tape, lg_square(tape, parameters[1]), 1.0));
@@ -128,7 +128,7 @@ typedef struct mixture {
     lg_var c; /* (3) */
 } mixture;
 
-static lg_status mix(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
+static lg_status mix(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input, lg_var *out) {
     const mixture *own = user;
     (void)t;
     for (size_t p = 0; p < own->parts; p++) {
