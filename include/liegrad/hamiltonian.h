@@ -119,8 +119,8 @@ typedef struct lg_hamiltonian_vars {
     lg_var K; /* separable: A^T A (n, n) */
 } lg_hamiltonian_vars;
 
-/* theta: rank 1, the flat vector. Errors: the tape's (LG_SHAPE when theta is too short), which stick; `vars`
- * is untouched then. */
+/* theta: the flat vector, (lg_hamiltonian_parameters). Errors: the tape's (LG_SHAPE when theta is longer or
+ * shorter), which stick; `vars` is untouched then. */
 LG_API lg_status lg_hamiltonian_bind(lg_tape *tape, const lg_hamiltonian *model, lg_var theta,
                                      lg_hamiltonian_vars *vars);
 /* state (B, d), d = 6k or 2n -> H (B, 1) */
