@@ -191,6 +191,10 @@ static void variants(lg_tape *tape, comparison compared, double tolerance) {
     s = *lg_scheme_find("dp54"); /* what FSAL knows does not hold after a projection */
     s.project = true;
     compared(tape, &s, tolerance);
+    s = *lg_scheme_find("symplectic-euler"); /* positions at more than one time inside the step */
+    s.stages = 3;
+    for (int i = 0; i < s.stages; i++) s.kick[i] = s.drift[i] = (i + 1) / 6.0;
+    compared(tape, &s, tolerance);
     static const double theta[] = {0.0, 0.3, 1.0};
     for (size_t i = 0; i < LG_COUNT(theta); i++) {
         s = *lg_scheme_find("slgi");
@@ -287,21 +291,23 @@ static void times(void **state) {
     static double expected[BATCH * MAX_DIM], got[BATCH * MAX_DIM];
     lg_tape *tape;
     lg_var y[LG_TAPED_MAX_PARTS], out[LG_TAPED_MAX_PARTS];
+    const double other[BATCH] = {0.5, -0.2, 0.8};
     double column[BATCH], sum[BATCH];
     make_pair(&p, scheme);
     const size_t dim = p.plain.space.dim;
     assert_ok(lg_tape_create(NULL, NULL, &tape));
     lg_var rows = lg_input(tape, lg_shape2(BATCH, 1), row_t),
-           step = lg_input(tape, lg_shape2(BATCH, 1), row_h);
+           step = lg_input(tape, lg_shape2(BATCH, 1), other);
     const lg_taped_time all = {.value = 0.6, .rows = rows, .weight = 3.0, .step = step};
     assert_ok(lg_read(tape, lg_taped_time_rows(tape, all, BATCH), column, BATCH));
-    for (int b = 0; b < BATCH; b++) assert_close(column[b], 0.6 + row_t[b] + 3.0 * row_h[b], 0.0, 1e-15);
+    for (int b = 0; b < BATCH; b++) assert_close(column[b], 0.6 + row_t[b] + 3.0 * other[b], 0.0, 1e-15);
     assert_ok(lg_read(tape, lg_taped_time_rows(tape, (lg_taped_time){.value = 0.6}, BATCH), column, BATCH));
     for (int b = 0; b < BATCH; b++) assert_close(column[b], 0.6, 0.0, 0.0);
     lg_var start = lg_input(tape, lg_shape2(BATCH, (uint32_t)dim), p.start);
     assert_ok(lg_taped_split(tape, &p.taped.space, start, y));
-    for (int b = 0; b < BATCH; b++) sum[b] = 0.6 + row_t[b] + 3.0 * row_h[b];
-    lg_taped_interval over = {.t = {.rows = lg_input(tape, lg_shape2(BATCH, 1), sum)}, .h_rows = step};
+    for (int b = 0; b < BATCH; b++) sum[b] = 0.6 + row_t[b] + 3.0 * other[b];
+    lg_taped_interval over = make_interval(tape, ROW_STEPS, 0.0, 0.0); /* its step is another variable */
+    over.t = (lg_taped_time){.rows = lg_input(tape, lg_shape2(BATCH, 1), sum)};
     assert_ok(lg_taped_step_over(tape, scheme, &p.taped, &over, y, out));
     assert_ok(lg_read(tape, lg_taped_join(tape, &p.taped.space, out), expected, BATCH * dim));
     over.t = all;
@@ -700,9 +706,8 @@ static void assert_recorded_alike(lg_tape *tape, size_t nodes, lg_var got, size_
 
 /* With a constant step the stages are one combination each with the weights h a_ij, as they were before steps
  * could be variables: trained models keep their bits. */
-static void constant_steps_are_plain_combinations(void **state) {
-    (void)state;
-    const double h = 0.1, start[2 * BATCH] = {0.3, -0.7, 1.1, 0.2, -0.9, 0.5};
+static void check_combinations(double h) {
+    const double start[2 * BATCH] = {0.3, -0.7, 1.1, 0.2, -0.9, 0.5};
     const double weights[] = {h * (1.0 / 6), h * (1.0 / 3), h * (1.0 / 3), h * (1.0 / 6)}, half = h * 0.5,
                  whole = h * 1.0;
     lg_taped_ode ode = {.field = decay, .force = half_decay, .velocity = half_decay};
@@ -733,6 +738,12 @@ static void constant_steps_are_plain_combinations(void **state) {
     expected = lg_concat(tape, (lg_var[]){q, p}, 2, 1);
     assert_recorded_alike(tape, split_nodes, got, lg_tape_nodes(tape) - from, expected);
     lg_tape_destroy(tape);
+}
+
+static void constant_steps_are_plain_combinations(void **state) {
+    (void)state;
+    check_combinations(0.1);
+    check_combinations(1.0);
 }
 
 /* Nodes of one step of size h. */
