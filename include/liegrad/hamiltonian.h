@@ -109,7 +109,8 @@ LG_API void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg
  *
  * What the functions without a tape below give for one state, to rounding, for each row of a batch; rows are
  * independent. Recorded: to be differentiated to any order in states, inputs and theta, by the formulas as
- * they stand at the top. */
+ * they stand at the top. Functions return LG_NONE with the tape's error (LG_SHAPE: a state or an input whose
+ * shape is not as said). */
 
 /* What theta gives to all rows, made once. Borrows the model; valid until rewound. */
 typedef struct lg_hamiltonian_vars {
