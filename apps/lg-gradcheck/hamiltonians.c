@@ -1,4 +1,5 @@
-/* The training loss of learned Hamiltonians, through every integrator, with respect to all parameters. */
+/* Learned Hamiltonians: the training loss through every integrator, with respect to all parameters; value,
+ * gradient and field with respect to the state, the parameters and the input. */
 #include "lg-gradcheck/tables.h"
 
 #include "common/app.h"
@@ -51,6 +52,28 @@ static lg_var build(const void *user, lg_tape *tape, const lg_var *x) {
     return status == LG_OK ? loss : lg_tape_fail(tape, status, "hamiltonian", "the loss failed");
 }
 
+/* ---- value, gradient, field ---- */
+
+typedef lg_var (*taped_fn)(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state);
+typedef struct taped_settings {
+    lg_hamiltonian_family family;
+    uint32_t links;
+    taped_fn function; /* NULL: the field */
+} taped_settings;
+
+/* x: state (B, d), theta, and for the field the input */
+static lg_var build_taped(const void *user, lg_tape *tape, const lg_var *x) {
+    static const uint32_t hidden[1] = {4};
+    const taped_settings *s = user;
+    lg_hamiltonian model;
+    lg_hamiltonian_vars vars;
+    lg_status status = lg_hamiltonian_init(&model, s->family, s->links, LG_POTENTIAL_MLP, hidden, 1, LG_TANH);
+    if (status == LG_OK) status = lg_hamiltonian_bind(tape, &model, x[1], &vars);
+    if (status != LG_OK) return lg_tape_fail(tape, status, "hamiltonian", "not bound");
+    return s->function != NULL ? s->function(tape, &vars, x[0])
+                               : lg_hamiltonian_taped_field(tape, &vars, x[0], x[2]);
+}
+
 /* All parameters positive: max(0, b) is off its kink and the mass matrix definite. */
 #define ROW(label, family, parameters, ...)                                                                  \
     {                                                                                                        \
@@ -65,11 +88,34 @@ static lg_var build(const void *user, lg_tape *tape, const lg_var *x) {
     ROW("chain " label, LG_HAMILTONIAN_CHAIN, CHAIN_PARAMETERS, integrator, 0.0, LG_PENALTY_TEXT)
 #define PLANE(label, ...) ROW("separable " label, LG_HAMILTONIAN_SEPARABLE, PLANE_PARAMETERS, __VA_ARGS__)
 
+#define TAPED(label, family, links, asked, ...)                                                              \
+    {                                                                                                        \
+        .function = {                                                                                        \
+            .name = "hamiltonian " label,                                                                    \
+            .build = build_taped,                                                                            \
+            .user = &(const taped_settings){family, links, asked},                                           \
+            INPUTS(__VA_ARGS__)                                                                              \
+        }                                                                                                    \
+    }
+#define PARAMETERS(count)                                                                                    \
+    { .shape = S1(count), .low = 0.2, .high = 0.8 }
+#define NUMBERS(count)                                                                                       \
+    { .shape = S2(2, count) }
+/* One row each; width: of the state, m: of the input. */
+#define FUNCTIONS(label, family, links, width, m, count)                                                     \
+    TAPED(label " value", family, links, lg_hamiltonian_taped_value, NUMBERS(width), PARAMETERS(count)),     \
+        TAPED(label " gradient", family, links, lg_hamiltonian_taped_gradient, NUMBERS(width),               \
+              PARAMETERS(count)),                                                                            \
+        TAPED(label " field", family, links, NULL, NUMBERS(width), PARAMETERS(count), NUMBERS(m))
+
 /* Parameters at which no |G(y_j) - G(x)| of the published penalty is near its kink. */
 static const double off_kink[PLANE_PARAMETERS] = {0.41, 0.63, 0.25, 0.77, 0.52, 0.34, 0.68, 0.29, 0.73, 0.46,
                                                   0.57, 0.22, 0.61, 0.38, 0.79, 0.43, 0.66, 0.31, 0.27, 0.54};
 
 static const lg_gradcheck_case rows[] = {
+    FUNCTIONS("chain of one link", LG_HAMILTONIAN_CHAIN, 1, 6, 3, 22),
+    FUNCTIONS("chain", LG_HAMILTONIAN_CHAIN, 2, 12, 6, CHAIN_PARAMETERS),
+    FUNCTIONS("separable", LG_HAMILTONIAN_SEPARABLE, 2, 4, 2, PLANE_PARAMETERS),
     CHAIN("euler", LG_TRAIN_EULER),
     CHAIN("lie-euler", LG_TRAIN_LIE_EULER),
     CHAIN("rk4", LG_TRAIN_RK4),

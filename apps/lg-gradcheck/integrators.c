@@ -1,9 +1,11 @@
 /* Taped integrators: two steps of every scheme in the library's table, with respect to the start and to the
- * parameters of the field; on T*S^2 the start is moved along the manifold by SE(3). Then a step on every
- * space, from numbers anywhere, and the maps of the spaces. */
+ * parameters of the field, and one step with respect to those and to step size, time and input, one a row of
+ * the batch; on T*S^2 the start is moved along the manifold by SE(3). Then a step on every space, from
+ * numbers anywhere, and the maps of the spaces. */
 #include "lg-gradcheck/tables.h"
 
 #include <stdio.h>
+#include <string.h>
 
 #include "common/app.h"
 #include "liegrad/geometry.h"
@@ -14,6 +16,7 @@ enum { BATCH = 2, COPIES = 2, STEPS = 2 };
 typedef lg_status (*pair_fn)(lg_tape *, const lg_space *, const lg_var *, const lg_var *, lg_var *);
 typedef struct settings {
     lg_scheme scheme;
+    bool rows;              /* one step; its h (B, 1), t (B, 1) and input (B, 3) are the last variables */
     lg_space_factor factor; /* of rows on one space */
     pair_fn pair;
 } settings;
@@ -46,34 +49,48 @@ static lg_var exchanged(lg_tape *tape, lg_var x) {
     return lg_concat(tape, halves, 2, 1);
 }
 
-/* xi = a q + q' x p, eta = p / (1 + t) + c q' with the neighbour q'; user: the variables a and c, of shape
- * (3). */
-static lg_status field(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
+/* A part (B, k, 3) or (B, 3) with the input added to each vector, and the time where it varies. */
+static lg_var driven(lg_tape *tape, lg_taped_time t, lg_var input, lg_var part) {
+    const bool tall = lg_var_shape(tape, part).rank == 3;
+    if (lg_taped_time_varies(t)) {
+        lg_var rows = lg_taped_time_rows(tape, t, BATCH);
+        part = lg_add(tape, part, tall ? lg_reshape(tape, rows, lg_shape3(BATCH, 1, 1)) : rows);
+    }
+    if (lg_is_none(input)) return part;
+    return lg_add(tape, part, tall ? lg_reshape(tape, input, lg_shape3(BATCH, 1, 3)) : input);
+}
+
+/* xi = a q + q' x p, eta = p / (1 + t) + c q' with the neighbour q', driven; where the time varies it is not
+ * in the fraction. User: the variables a and c, of shape (3). */
+static lg_status field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                       lg_var *out) {
     const lg_var *parameters = user;
     lg_var neighbour = exchanged(tape, y[0]);
     out[0] = lg_add(tape, lg_mul(tape, parameters[0], y[0]), lg_cross(tape, neighbour, y[1]));
-    out[1] = lg_add(tape, lg_scale(tape, y[1], 1.0 / (1.0 + t)), lg_mul(tape, parameters[1], neighbour));
+    lg_var damped = lg_scale(tape, y[1], 1.0 / (1.0 + t.value));
+    out[1] = driven(tape, t, input, lg_add(tape, damped, lg_mul(tape, parameters[1], neighbour)));
     return lg_tape_status(tape);
 }
 
 /* The same on R^6 x R^6. */
-static lg_status flat_field(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
+static lg_status flat_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                            lg_var *out) {
     lg_var in[2], f[2] = {LG_NONE, LG_NONE};
     for (int i = 0; i < 2; i++) in[i] = lg_reshape(tape, y[i], lg_shape3(BATCH, COPIES, 3));
-    lg_status status = field(user, tape, t, in, f);
+    lg_status status = field(user, tape, t, in, input, f);
     for (int i = 0; i < 2 && status == LG_OK; i++) out[i] = lg_reshape(tape, f[i], lg_shape2(BATCH, 6));
     return status;
 }
 
-static lg_status force(void *user, lg_tape *tape, double t, lg_var q, lg_var *out) {
+static lg_status force(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input, lg_var *out) {
     const lg_var *parameters = user;
-    (void)t;
-    *out = lg_neg(tape, lg_add(tape, lg_mul(tape, parameters[0], q), lg_pow(tape, q, 3.0)));
+    lg_var pull = lg_add(tape, lg_mul(tape, parameters[0], q), lg_pow(tape, q, 3.0));
+    *out = driven(tape, t, input, lg_neg(tape, pull));
     return lg_tape_status(tape);
 }
-static lg_status velocity(void *user, lg_tape *tape, double t, lg_var p, lg_var *out) {
+static lg_status velocity(void *user, lg_tape *tape, lg_taped_time t, lg_var p, lg_var input, lg_var *out) {
     const lg_var *parameters = user;
-    (void)t;
+    (void)t, (void)input;
     *out = lg_mul(tape, p, lg_shift(tape, lg_square(tape, parameters[1]), 1.0));
     return lg_tape_status(tape);
 }
@@ -83,13 +100,21 @@ static lg_var joined(lg_tape *tape, lg_status status, const lg_var *parts) {
     return status == LG_OK ? lg_concat(tape, parts, 2, -1) : LG_NONE;
 }
 
+/* `steps` steps from 0.1 of size 0.2, or one with the variables h, t, input at `rows`. */
+static lg_status advance(const settings *s, lg_tape *tape, const lg_taped_ode *ode, size_t steps,
+                         const lg_var *rows, const lg_var *y, lg_var *out) {
+    if (!s->rows) return lg_taped_integrate(tape, &s->scheme, ode, 0.1, 0.2, steps, steps, y, out);
+    const lg_taped_interval over = {.t = {.rows = rows[1]}, .h_rows = rows[0], .input = rows[2]};
+    return lg_taped_step_over(tape, &s->scheme, ode, &over, y, out);
+}
+
 static lg_var integrated(const settings *s, lg_tape *tape, lg_taped_ode *ode, const lg_space_factor *factors,
-                         size_t count, const lg_var *y) {
+                         size_t count, const lg_var *y, const lg_var *rows) {
     const lg_space_factor sphere = {LG_SPACE_TS2, COPIES};
     lg_var out[2] = {LG_NONE, LG_NONE};
     lg_status status = lg_space_init(&ode->space, factors, count);
     if (status == LG_OK && s->scheme.project) status = lg_space_init(&ode->manifold, &sphere, 1);
-    if (status == LG_OK) status = lg_taped_integrate(tape, &s->scheme, ode, 0.1, 0.2, STEPS, STEPS, y, out);
+    if (status == LG_OK) status = advance(s, tape, ode, STEPS, rows, y, out);
     if (status != LG_OK) (void)lg_tape_fail(tape, status, s->scheme.name, "the integration failed");
     return joined(tape, status, out);
 }
@@ -99,20 +124,22 @@ static lg_var build_on_manifold(const void *user, lg_tape *tape, const lg_var *x
     lg_var y[2] = {lg_slice(tape, x[0], 2, 0, 3), lg_slice(tape, x[0], 2, 3, 3)},
            parameters[2] = {x[1], x[2]};
     lg_taped_ode ode = {.field = field, .user = parameters};
-    return integrated(user, tape, &ode, &(lg_space_factor){LG_SPACE_TS2, COPIES}, 1, y);
+    return integrated(user, tape, &ode, &(lg_space_factor){LG_SPACE_TS2, COPIES}, 1, y, x + 3);
 }
 
 /* x: q (B, 6), p (B, 6), a, c */
 static lg_var build_ambient(const void *user, lg_tape *tape, const lg_var *x) {
     lg_var parameters[2] = {x[2], x[3]};
     lg_taped_ode ode = {.field = flat_field, .user = parameters};
-    return integrated(user, tape, &ode, (const lg_space_factor[]){{LG_SPACE_RN, 6}, {LG_SPACE_RN, 6}}, 2, x);
+    return integrated(user, tape, &ode, (const lg_space_factor[]){{LG_SPACE_RN, 6}, {LG_SPACE_RN, 6}}, 2, x,
+                      x + 4);
 }
 
 static lg_var build_splitting(const void *user, lg_tape *tape, const lg_var *x) {
     lg_var parameters[2] = {x[2], x[3]};
     lg_taped_ode ode = {.force = force, .velocity = velocity, .user = parameters};
-    return integrated(user, tape, &ode, (const lg_space_factor[]){{LG_SPACE_RN, 3}, {LG_SPACE_RN, 3}}, 2, x);
+    return integrated(user, tape, &ode, (const lg_space_factor[]){{LG_SPACE_RN, 3}, {LG_SPACE_RN, 3}}, 2, x,
+                      x + 4);
 }
 
 /* ---- any space ---- */
@@ -128,12 +155,11 @@ typedef struct mixture {
     lg_var c; /* (3) */
 } mixture;
 
-static lg_status mix(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
+static lg_status mix(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input, lg_var *out) {
     const mixture *own = user;
-    (void)t;
     for (size_t p = 0; p < own->parts; p++) {
         lg_var x = vector_of(tape, y[p]), next = vector_of(tape, y[(p + 1) % own->parts]);
-        out[p] = lg_add(tape, lg_mul(tape, own->c, x), lg_mul(tape, next, x));
+        out[p] = driven(tape, t, input, lg_add(tape, lg_mul(tape, own->c, x), lg_mul(tape, next, x)));
     }
     return lg_tape_status(tape);
 }
@@ -147,7 +173,7 @@ static lg_var build_on_space(const void *user, lg_tape *tape, const lg_var *x) {
     lg_status status = lg_space_init(&ode.space, &s->factor, 1);
     own.parts = lg_taped_parts(&ode.space);
     if (status == LG_OK) status = lg_taped_split(tape, &ode.space, x[0], y);
-    if (status == LG_OK) status = lg_taped_integrate(tape, &s->scheme, &ode, 0.1, 0.2, 1, 1, y, y);
+    if (status == LG_OK) status = advance(s, tape, &ode, 1, x + 2, y, y);
     if (status != LG_OK) return lg_tape_fail(tape, status, s->scheme.name, "the step failed");
     return lg_taped_join(tape, &ode.space, y);
 }
@@ -184,6 +210,13 @@ static const double no_angle[BATCH * COPIES * 3] = {0};
     INPUTS(SPHERES, {.shape = S1(3)}, {.shape = S1(3)})
 #define ON_SPACE(dim) .build = build_on_space, INPUTS({.shape = S2(BATCH, dim)}, {.shape = S1(3)})
 #define PAIR(...)     .build = build_pair, INPUTS(__VA_ARGS__, __VA_ARGS__, VECTORS, VECTORS)
+
+/* Step size, time and input, behind the others' variables. */
+static const lg_gradcheck_argument of_a_step[] = {
+    {.shape = S2(BATCH, 1), .low = 0.1, .high = 0.3},
+    {.shape = S2(BATCH, 1)},
+    {.shape = S2(BATCH, 3)},
+};
 
 /* How a scheme of the table is checked. */
 static const lg_gradcheck_function on_manifold = {ON_MANIFOLD}, on_group = {ON_SPACE(12)};
@@ -224,10 +257,11 @@ static const extra_row extras[] = {
     {{.name = "dexpinv of se(3), truncated", PAIR(VECTORS)}, .pair = dexpinv_truncated},
 };
 
-/* A row as it is made: a name and settings of its own. */
+/* A row as it is made: a name, settings and arguments of its own. */
 typedef struct made_row {
     char name[64];
     settings settings;
+    lg_gradcheck_argument arguments[LG_GRADCHECK_MAX_INPUTS];
 } made_row;
 
 static const lg_gradcheck_function *function_of(const lg_scheme *scheme) {
@@ -250,6 +284,18 @@ static lg_gradcheck_case row_of_scheme(const lg_scheme *scheme, made_row *own) {
     return complete(function_of(scheme), own);
 }
 
+static lg_gradcheck_case row_of_step(const lg_scheme *scheme, made_row *own) {
+    lg_gradcheck_case row = row_of_scheme(scheme, own);
+    const uint32_t known = row.function.inputs;
+    own->settings.rows = true;
+    (void)snprintf(own->name, sizeof own->name, "integrator %s, step, time, input", scheme->name);
+    memcpy(own->arguments, row.function.arguments, known * sizeof *own->arguments);
+    memcpy(own->arguments + known, of_a_step, sizeof of_a_step);
+    row.function.arguments = own->arguments;
+    row.function.inputs = known + APP_COUNT(of_a_step);
+    return row;
+}
+
 static lg_gradcheck_case row_of_extra(const extra_row *extra, made_row *own) {
     own->settings = (settings){.factor = extra->factor, .pair = extra->pair};
     if (extra->scheme != NULL) own->settings.scheme = *lg_scheme_find(extra->scheme);
@@ -264,13 +310,15 @@ const lg_gradcheck_case *integrator_rows(size_t *count) {
     static made_row *own;
     static size_t used;
     if (rows == NULL) {
-        const size_t most = lg_scheme_count() + APP_COUNT(extras);
+        const size_t most = 2 * lg_scheme_count() + APP_COUNT(extras);
         rows = app_alloc(most, sizeof *rows);
         own = app_alloc(most, sizeof *own);
         for (size_t i = 0; i < lg_scheme_count(); i++) {
             const lg_scheme *scheme = lg_scheme_at(i);
             if (scheme->kind == LG_SCHEME_VARIATIONAL) continue; /* has no taped form */
             rows[used] = row_of_scheme(scheme, &own[used]);
+            used++;
+            rows[used] = row_of_step(scheme, &own[used]);
             used++;
         }
         for (size_t i = 0; i < APP_COUNT(extras); i++, used++)

@@ -40,16 +40,17 @@ static lg_var build(const void *user, lg_tape *tape, const lg_var *x) {
     lg_taped_ode ode;
     lg_var y[LG_TAPED_MAX_PARTS], out[LG_TAPED_MAX_PARTS];
     const lg_form form = s->part == AMBIENT_FIELD ? LG_FORM_AMBIENT : LG_FORM_LIE;
+    const lg_taped_time t = {.value = 0.2};
     size_t parts = 1;
     lg_status status = lg_system_taped_ode(s->system, form, x[1], &bound, &ode);
     if (status == LG_OK && s->part == FORCE) {
-        status = ode.force(ode.user, tape, 0.2, x[0], out);
+        status = ode.force(ode.user, tape, t, x[0], LG_NONE, out);
     } else if (status == LG_OK && s->part == VELOCITY) {
-        status = ode.velocity(ode.user, tape, 0.2, x[0], out);
+        status = ode.velocity(ode.user, tape, t, x[0], LG_NONE, out);
     } else if (status == LG_OK) {
         parts = lg_taped_parts(&ode.space);
         status = lg_taped_split(tape, &ode.space, x[0], y);
-        if (status == LG_OK) status = ode.field(ode.user, tape, 0.2, y, out);
+        if (status == LG_OK) status = ode.field(ode.user, tape, t, y, LG_NONE, out);
     }
     if (status != LG_OK) return lg_tape_fail(tape, status, lg_system_name(s->system), "the field failed");
     return flat(tape, out, parts);

@@ -25,6 +25,7 @@
 #include "liegrad/nn.h"
 #include "liegrad/random.h"
 #include "liegrad/tape.h"
+#include "liegrad/taped.h"
 
 LG_BEGIN_DECLS
 
@@ -103,6 +104,37 @@ LG_API void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg
  * 1e-8, which then acts as a brake. */
 #define LG_HAMILTONIAN_ADAM_EPS 1e-12
 #define LG_HAMILTONIAN_CLIP     1e-3
+
+/* ---- on a tape: batches of states, theta a variable ----
+ *
+ * What the functions without a tape below give for one state, to rounding, for each row of a batch; rows are
+ * independent. Recorded: to be differentiated to any order in states, inputs and theta, by the formulas as
+ * they stand at the top. Functions return LG_NONE with the tape's error (LG_SHAPE: a state or an input whose
+ * shape is not as said). */
+
+/* What theta gives to all rows, made once. Borrows the model; valid until rewound. */
+typedef struct lg_hamiltonian_vars {
+    const lg_hamiltonian *model;
+    lg_mlp_vars net;
+    lg_var W; /* chain: m^-1 (1, k, k), NaN where m is not positive definite */
+    lg_var K; /* separable: A^T A (n, n) */
+} lg_hamiltonian_vars;
+
+/* theta: the flat vector, (lg_hamiltonian_parameters). Errors: the tape's (LG_SHAPE when theta is longer or
+ * shorter), which stick; `vars` is untouched then. */
+LG_API lg_status lg_hamiltonian_bind(lg_tape *tape, const lg_hamiltonian *model, lg_var theta,
+                                     lg_hamiltonian_vars *vars);
+/* state (B, d), d = 6k or 2n -> H (B, 1) */
+LG_API lg_var lg_hamiltonian_taped_value(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state);
+/* state (B, d) -> dH/dstate (B, d), as lg_hamiltonian_gradient */
+LG_API lg_var lg_hamiltonian_taped_gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state);
+/* state (B, d), input (B, 3k) or (B, n), or LG_NONE -> field (B, d), as lg_model_field (liegrad/model.h):
+ * algebra elements (xi, eta) a link, eta with the torque, or (q', p'), p' with the force. */
+LG_API lg_var lg_hamiltonian_taped_field(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state,
+                                         lg_var input);
+/* The same field for lg_taped_step_over: space (T*S^2)^k, or R^n x R^n with force and velocity. `vars` must
+ * outlive the use of `ode`. */
+LG_API lg_status lg_hamiltonian_taped_ode(lg_hamiltonian_vars *vars, lg_taped_ode *ode);
 
 /* ---- evaluation without a tape: caller's memory, no allocation, no lock ---- */
 

@@ -10,9 +10,9 @@ typedef struct run {
     const lg_scheme *scheme;
     const lg_taped_ode *ode;
     size_t parts;
-    double h;
-    bool continues; /* another step follows: what it can use is kept */
-    bool has_first; /* FSAL: f at the start of this step is known */
+    lg_taped_span over; /* the step at hand */
+    bool continues;     /* another step follows: what it can use is kept */
+    bool has_first;     /* FSAL: f at the start of this step is known */
     lg_parts first;
     lg_var force; /* splitting: the force at the present q, or LG_NONE */
 } run;
@@ -21,49 +21,60 @@ static lg_status act(const run *r, const lg_parts *a, const lg_parts *y, lg_part
     return lg_taped_act(r->tape, &r->ode->space, a->part, y->part, out->part);
 }
 
-static lg_status field(const run *r, double t, const lg_parts *y, lg_parts *f) {
-    return r->ode->field(r->ode->user, r->tape, t, y->part, f->part);
+/* f(t + c h, y) */
+static lg_status field(const run *r, double c, const lg_parts *y, lg_parts *f) {
+    const lg_taped_time t = lg_taped_stage_time(&r->over, c);
+    return r->ode->field(r->ode->user, r->tape, t, y->part, r->over.input, f->part);
 }
 
-/* h sum_j weight_j k_j over the stages with a weight; false when all weights are zero. */
+/* x times the rows of the step, in place. */
+static void by_rows(const run *r, lg_parts *x) {
+    for (size_t p = 0; p < r->parts; p++) x->part[p] = lg_taped_by_rows(r->tape, &r->over, x->part[p]);
+}
+
+/* h sum_j weight_j k_j over the stages with a weight, but for the rows of the step; false when all weights
+ * are zero. */
 static bool combine(const run *r, const double *weight, const lg_parts *k, int stages, lg_parts *out) {
     int used[LG_SCHEME_MAX_STAGES], n = 0;
     double c[LG_SCHEME_MAX_STAGES];
     for (int j = 0; j < stages; j++)
         if (weight[j] != 0.0) {
             used[n] = j;
-            c[n++] = r->h * weight[j];
+            c[n++] = r->over.h * weight[j];
         }
+    const bool itself = n == 1 && c[0] == 1.0 && !lg_is_none(r->over.rows);
     for (size_t p = 0; n > 0 && p < r->parts; p++) {
         lg_var terms[LG_SCHEME_MAX_STAGES];
         for (int i = 0; i < n; i++) terms[i] = k[used[i]].part[p];
-        out->part[p] = lg_combine(r->tape, terms, c, (size_t)n);
+        out->part[p] = itself ? terms[0] : lg_combine(r->tape, terms, c, (size_t)n);
     }
     return n > 0;
 }
 
 /* ---- Runge-Kutta-Munthe-Kaas ---- */
 
-/* The exponent of a stage, or of the step (row = stages), with its commutators. */
+/* The exponent of a stage, or of the step (row = stages), h (sum_j a_j k_j + h sum weight [k, k]). */
 static lg_status exponent(const run *r, int row, const lg_parts *k, bool *any, lg_parts *sigma) {
     const lg_scheme *s = r->scheme;
     const bool last = row == s->stages;
     *any = combine(r, last ? s->b : s->a[row], k, row, sigma);
     for (int i = 0; i < s->commutator_count; i++) {
         const lg_commutator *c = &s->commutators[i];
-        const double weight = r->h * r->h * c->weight;
+        const double weight = r->over.h * r->over.h * c->weight;
         lg_parts bracket;
         if (c->row != row || c->weight == 0.0) continue;
         LG_TRY(lg_taped_bracket(r->tape, &r->ode->space, k[c->first].part, k[c->second].part, bracket.part));
+        by_rows(r, &bracket);
         for (size_t p = 0; p < r->parts; p++)
             sigma->part[p] = *any ? lg_taped_moved(r->tape, sigma->part[p], weight, bracket.part[p])
                                   : lg_scale(r->tape, bracket.part[p], weight);
         *any = true;
     }
+    if (*any) by_rows(r, sigma);
     return lg_tape_status(r->tape);
 }
 
-static lg_status rkmk_stage(run *r, double t, int i, const lg_parts *y, lg_parts *k) {
+static lg_status rkmk_stage(run *r, int i, const lg_parts *y, lg_parts *k) {
     const lg_scheme *s = r->scheme;
     lg_parts sigma, at = *y, f;
     bool moved;
@@ -73,7 +84,7 @@ static lg_status rkmk_stage(run *r, double t, int i, const lg_parts *y, lg_parts
         return LG_OK;
     }
     if (moved) LG_TRY(act(r, &sigma, y, &at));
-    LG_TRY(field(r, t + s->c[i] * r->h, &at, &f));
+    LG_TRY(field(r, s->c[i], &at, &f));
     if (s->fsal && i + 1 == s->stages) r->first = f;
     if (!moved) {
         k[i] = f;
@@ -95,13 +106,13 @@ static int rkmk_stages(const lg_scheme *s) {
     return last + 1;
 }
 
-static lg_status rkmk_step(run *r, double t, lg_parts *y) {
+static lg_status rkmk_step(run *r, lg_parts *y) {
     const lg_scheme *s = r->scheme;
     const bool keeps = s->fsal && r->continues;
     const int stages = keeps ? s->stages : rkmk_stages(s);
     lg_parts k[LG_SCHEME_MAX_STAGES], sigma;
     bool moved;
-    for (int i = 0; i < stages; i++) LG_TRY(rkmk_stage(r, t, i, y, k));
+    for (int i = 0; i < stages; i++) LG_TRY(rkmk_stage(r, i, y, k));
     r->has_first = keeps;
     LG_TRY(exponent(r, s->stages, k, &moved, &sigma));
     return moved ? act(r, &sigma, y, y) : LG_OK;
@@ -114,7 +125,9 @@ static lg_status cf_point(const run *r, const lg_cf_row *row, const lg_parts *y,
     *out = row->base == LG_CF_START ? *y : stage[row->base];
     for (int e = 0; e < row->exponentials; e++) {
         lg_parts a;
-        if (combine(r, row->coefficient[e], f, known, &a)) LG_TRY(act(r, &a, out, out));
+        if (!combine(r, row->coefficient[e], f, known, &a)) continue;
+        by_rows(r, &a);
+        LG_TRY(act(r, &a, out, out));
     }
     return LG_OK;
 }
@@ -128,13 +141,13 @@ static int cf_stages(const lg_cf_row *row, int stages) {
     return last + 1;
 }
 
-static lg_status cf_step(run *r, double t, lg_parts *y) {
+static lg_status cf_step(run *r, lg_parts *y) {
     const lg_scheme *s = r->scheme;
     const int stages = cf_stages(&s->rows[s->stages], s->stages);
     lg_parts stage[LG_SCHEME_MAX_STAGES], f[LG_SCHEME_MAX_STAGES], next;
     for (int i = 0; i < stages; i++) {
         LG_TRY(cf_point(r, &s->rows[i], y, stage, f, i, &stage[i]));
-        LG_TRY(field(r, t + s->c[i] * r->h, &stage[i], &f[i]));
+        LG_TRY(field(r, s->c[i], &stage[i], &f[i]));
     }
     LG_TRY(cf_point(r, &s->rows[s->stages], y, stage, f, stages, &next));
     *y = next;
@@ -143,39 +156,46 @@ static lg_status cf_step(run *r, double t, lg_parts *y) {
 
 /* ---- splitting ---- */
 
+/* from + weight h by */
+static lg_var moved(const run *r, lg_var from, double weight, lg_var by) {
+    return lg_taped_moved(r->tape, from, weight * r->over.h, lg_taped_by_rows(r->tape, &r->over, by));
+}
+
 /* In place on q = half[0], p = half[1]. */
-static lg_status kicks_and_drifts(run *r, double t, lg_var *half) {
+static lg_status kicks_and_drifts(run *r, lg_var *half) {
     const lg_scheme *s = r->scheme;
-    double time = t; /* of the positions */
+    const lg_taped_ode *ode = r->ode;
+    const lg_var input = r->over.input;
+    lg_taped_span at = r->over; /* its start is the time of the positions */
     for (int i = 0; i < s->stages; i++) {
         if (s->kick[i] != 0.0) {
-            if (lg_is_none(r->force)) LG_TRY(r->ode->force(r->ode->user, r->tape, time, half[0], &r->force));
-            half[1] = lg_taped_moved(r->tape, half[1], s->kick[i] * r->h, r->force);
+            if (lg_is_none(r->force)) LG_TRY(ode->force(ode->user, r->tape, at.t, half[0], input, &r->force));
+            half[1] = moved(r, half[1], s->kick[i], r->force);
         }
         if (s->drift[i] != 0.0) {
             lg_var velocity;
-            LG_TRY(r->ode->velocity(r->ode->user, r->tape, time, half[1], &velocity));
-            half[0] = lg_taped_moved(r->tape, half[0], s->drift[i] * r->h, velocity);
-            time += r->h * s->drift[i];
+            LG_TRY(ode->velocity(ode->user, r->tape, at.t, half[1], input, &velocity));
+            half[0] = moved(r, half[0], s->drift[i], velocity);
+            at.t = lg_taped_stage_time(&at, s->drift[i]);
             r->force = LG_NONE;
         }
     }
     return lg_tape_status(r->tape);
 }
 
-static lg_status splitting_step(run *r, double t, lg_parts *y) {
+static lg_status splitting_step(run *r, lg_parts *y) {
     const uint32_t n = (uint32_t)(r->ode->space.dim / 2);
-    if (r->parts == 2) return kicks_and_drifts(r, t, y->part);
+    if (r->parts == 2) return kicks_and_drifts(r, y->part);
     lg_var half[2] = {lg_slice(r->tape, y->part[0], 1, 0, n), lg_slice(r->tape, y->part[0], 1, n, n)};
-    LG_TRY(kicks_and_drifts(r, t, half));
+    LG_TRY(kicks_and_drifts(r, half));
     y->part[0] = lg_concat(r->tape, half, 2, 1);
     return lg_tape_status(r->tape);
 }
 
 /* ---- one step of any kind ---- */
 
-static lg_status implicit_step(run *r, double t, lg_parts *y) {
-    return lg_taped_implicit_step(r->tape, r->scheme, r->ode, t, r->h, y, y);
+static lg_status implicit_step(run *r, lg_parts *y) {
+    return lg_taped_implicit_step(r->tape, r->scheme, r->ode, &r->over, y, y);
 }
 
 static lg_status project(const run *r, lg_parts *y) {
@@ -186,13 +206,13 @@ static lg_status project(const run *r, lg_parts *y) {
     return lg_taped_split(r->tape, space, lg_taped_join(r->tape, manifold, point.part), y->part);
 }
 
-static lg_status step(run *r, double t, lg_parts *y) {
-    static lg_status (*const step_of[LG_SCHEME_KINDS])(run *, double, lg_parts *) = {
+static lg_status step(run *r, lg_parts *y) {
+    static lg_status (*const step_of[LG_SCHEME_KINDS])(run *, lg_parts *) = {
         [LG_SCHEME_RKMK] = rkmk_step,           [LG_SCHEME_COMMUTATOR_FREE] = cf_step,
         [LG_SCHEME_SPLITTING] = splitting_step, [LG_SCHEME_IMPLICIT] = implicit_step,
         [LG_SCHEME_SLGI] = implicit_step,
     };
-    LG_TRY(step_of[r->scheme->kind](r, t, y));
+    LG_TRY(step_of[r->scheme->kind](r, y));
     if (r->scheme->project && r->ode->manifold.factors > 0) {
         LG_TRY(project(r, y));
         r->has_first = false; /* it was taken at the point before the projection */
@@ -225,25 +245,83 @@ static lg_status check(const lg_scheme *scheme, const lg_taped_ode *ode) {
     return ode->field != NULL ? LG_OK : LG_INVALID_ARGUMENT;
 }
 
-static run start(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode, double h) {
-    return (run){.tape = tape,
-                 .scheme = scheme,
-                 .ode = ode,
-                 .parts = lg_taped_parts(&ode->space),
-                 .h = h,
-                 .force = LG_NONE};
+/* ---- intervals ---- */
+
+lg_var lg_taped_time_rows(lg_tape *tape, lg_taped_time t, uint32_t batch) {
+    lg_var terms[2];
+    double c[2];
+    size_t n = 0;
+    if (!lg_taped_time_varies(t)) return lg_full(tape, lg_shape2(batch, 1), t.value);
+    if (!lg_is_none(t.rows)) terms[n] = t.rows, c[n++] = 1.0;
+    if (!lg_is_none(t.step)) terms[n] = t.step, c[n++] = t.weight;
+    lg_var sum = n == 1 && c[0] == 1.0 ? terms[0] : lg_combine(tape, terms, c, n);
+    return t.value != 0.0 ? lg_shift(tape, sum, t.value) : sum;
+}
+
+lg_taped_time lg_taped_stage_time(const lg_taped_span *over, double c) {
+    lg_taped_time t = over->t;
+    if (lg_is_none(over->rows)) {
+        t.value += c * over->h;
+    } else if (c != 0.0) {
+        t.weight += c * over->h;
+        t.step = over->rows;
+    }
+    return t;
+}
+
+lg_var lg_taped_by_rows(lg_tape *tape, const lg_taped_span *over, lg_var x) {
+    if (lg_is_none(over->rows)) return x;
+    return lg_mul(tape, x, lg_var_shape(tape, x).rank == 3 ? over->tall : over->rows);
+}
+
+/* `columns` 0: any number of them. LG_NONE passes. */
+static void check_rows(lg_tape *tape, lg_var x, uint32_t batch, uint32_t columns, const char *fault) {
+    const lg_shape s = lg_var_shape(tape, x);
+    if (lg_is_none(x) || (s.rank == 2 && s.dims[0] == batch && (columns == 0 || s.dims[1] == columns)))
+        return;
+    (void)lg_tape_fail(tape, LG_SHAPE, "step", fault);
+}
+
+static lg_status make_span(lg_tape *tape, const lg_space *space, const lg_taped_interval *over, lg_var state,
+                           lg_taped_span *out) {
+    const uint32_t batch = lg_var_shape(tape, state).dims[0];
+    const bool constant = lg_is_none(over->h_rows);
+    check_rows(tape, over->t.rows, batch, 1, "the time is not (B, 1) with the state's B");
+    check_rows(tape, over->t.step, batch, 1, "the time is not (B, 1) with the state's B");
+    check_rows(tape, over->h_rows, batch, 1, "the step size is not (B, 1) with the state's B");
+    check_rows(tape, over->input, batch, 0, "the input is not (B, m) with the state's B");
+    LG_TRY(lg_tape_status(tape));
+    *out = (lg_taped_span){
+        .t = over->t, .h = constant ? over->h : 1.0, .rows = over->h_rows, .input = over->input};
+    if (!constant && !lg_space_is_abelian(space))
+        out->tall = lg_reshape(tape, over->h_rows, lg_shape3(batch, 1, 1));
+    if (!lg_is_none(over->t.step)) out->t = (lg_taped_time){.rows = lg_taped_time_rows(tape, over->t, batch)};
+    return lg_tape_status(tape);
+}
+
+/* ---- runs ---- */
+
+static run start(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode) {
+    return (run){
+        .tape = tape, .scheme = scheme, .ode = ode, .parts = lg_taped_parts(&ode->space), .force = LG_NONE};
+}
+
+lg_status lg_taped_step_over(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode,
+                             const lg_taped_interval *over, const lg_var *y, lg_var *out) {
+    LG_TRY(check(scheme, ode));
+    LG_TRY(lg_tape_status(tape));
+    run r = start(tape, scheme, ode);
+    lg_parts next;
+    LG_TRY(make_span(tape, &ode->space, over, y[0], &r.over));
+    for (size_t p = 0; p < r.parts; p++) next.part[p] = y[p];
+    LG_TRY(step(&r, &next));
+    for (size_t p = 0; p < r.parts; p++) out[p] = next.part[p];
+    return LG_OK;
 }
 
 lg_status lg_taped_step(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode, double t, double h,
                         const lg_var *y, lg_var *out) {
-    LG_TRY(check(scheme, ode));
-    LG_TRY(lg_tape_status(tape));
-    run r = start(tape, scheme, ode, h);
-    lg_parts next;
-    for (size_t p = 0; p < r.parts; p++) next.part[p] = y[p];
-    LG_TRY(step(&r, t, &next));
-    for (size_t p = 0; p < r.parts; p++) out[p] = next.part[p];
-    return LG_OK;
+    return lg_taped_step_over(tape, scheme, ode, &(lg_taped_interval){.t = {.value = t}, .h = h}, y, out);
 }
 
 lg_status lg_taped_integrate(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode, double t0,
@@ -251,12 +329,13 @@ lg_status lg_taped_integrate(lg_tape *tape, const lg_scheme *scheme, const lg_ta
     LG_TRY(check(scheme, ode));
     if (steps == 0 || every == 0 || steps % every != 0) return LG_INVALID_ARGUMENT;
     LG_TRY(lg_tape_status(tape));
-    run r = start(tape, scheme, ode, h);
+    run r = start(tape, scheme, ode);
     lg_parts y;
     for (size_t p = 0; p < r.parts; p++) y.part[p] = y0[p];
     for (size_t n = 0; n < steps; n++) {
         r.continues = n + 1 < steps;
-        LG_TRY(step(&r, t0 + (double)n * h, &y));
+        r.over = (lg_taped_span){.t = {.value = t0 + (double)n * h}, .h = h};
+        LG_TRY(step(&r, &y));
         if ((n + 1) % every != 0) continue;
         for (size_t p = 0; p < r.parts; p++) *out++ = y.part[p];
     }

@@ -22,7 +22,7 @@ typedef struct problem {
     lg_tape *tape;
     const lg_scheme *scheme;
     const lg_taped_ode *ode;
-    double t, h;
+    lg_taped_span over;
     const lg_parts *y;
     uint32_t batch, n; /* rows, numbers of an algebra element */
 } problem;
@@ -93,8 +93,10 @@ static lg_status residual(const problem *s, lg_var x, lg_var *out) {
     lg_parts increment, stage, f;
     LG_TRY(lg_taped_split_algebra(s->tape, space, x, increment.part));
     kinds[s->scheme->kind].stage(s, &increment, &stage);
-    LG_TRY(s->ode->field(s->ode->user, s->tape, s->t + s->scheme->theta * s->h, stage.part, f.part));
-    *out = lg_taped_moved(s->tape, x, -s->h, lg_taped_join_algebra(s->tape, space, f.part));
+    const lg_taped_time t = lg_taped_stage_time(&s->over, s->scheme->theta);
+    LG_TRY(s->ode->field(s->ode->user, s->tape, t, stage.part, s->over.input, f.part));
+    lg_var all = lg_taped_join_algebra(s->tape, space, f.part);
+    *out = lg_taped_moved(s->tape, x, -s->over.h, lg_taped_by_rows(s->tape, &s->over, all));
     return lg_tape_status(s->tape);
 }
 
@@ -205,7 +207,7 @@ static bool failed(lg_status status) {
     return status == LG_NO_CONVERGENCE || status == LG_NOT_FINITE;
 }
 
-/* x* for the step s->h, which is reached in parts where it cannot be at once: x is about proportional to h.
+/* x* for the step h, which is reached in parts where it cannot be at once: x is about proportional to h.
  */
 static lg_status solve(const problem *s, newton *w, double state) {
     enum { PARTS_MAX = 64 };
@@ -216,7 +218,7 @@ static lg_status solve(const problem *s, newton *w, double state) {
         memset(w->x, 0, count * sizeof(double));
         status = LG_OK;
         for (int part = 1; part <= parts && status == LG_OK; part++) {
-            piece.h = part == parts ? s->h : s->h * part / parts;
+            piece.over.h = part == parts ? s->over.h : s->over.h * part / parts;
             for (size_t i = 0; part > 1 && i < count; i++) w->x[i] *= (double)part / (part - 1);
             status = iterate(&piece, w, state);
         }
@@ -274,14 +276,13 @@ static lg_status corrected(const problem *s, lg_var inverse, lg_var *x) {
     return lg_tape_status(s->tape);
 }
 
-lg_status lg_taped_implicit_step(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode, double t,
-                                 double h, const lg_parts *y, lg_parts *out) {
+lg_status lg_taped_implicit_step(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode,
+                                 const lg_taped_span *over, const lg_parts *y, lg_parts *out) {
     const lg_shape shape = lg_var_shape(tape, y->part[0]);
     problem s = {.tape = tape,
                  .scheme = scheme,
                  .ode = ode,
-                 .t = t,
-                 .h = h,
+                 .over = *over,
                  .y = y,
                  .batch = shape.dims[0],
                  .n = (uint32_t)ode->space.algebra_dim};

@@ -10,6 +10,20 @@ typedef struct lg_parts {
     lg_var part[LG_TAPED_MAX_PARTS];
 } lg_parts;
 
+/* An interval as the interpreter uses it. The step is h, times rows where that is not LG_NONE. */
+typedef struct lg_taped_span {
+    lg_taped_time t; /* `step` is LG_NONE */
+    double h;
+    lg_var rows; /* (B, 1) */
+    lg_var tall; /* the same as (B, 1, 1), for parts (B, k, d) */
+    lg_var input;
+} lg_taped_span;
+
+/* t + c h; nothing is recorded. */
+lg_taped_time lg_taped_stage_time(const lg_taped_span *over, double c);
+/* x, a part of an algebra element, times the rows of the step: x itself where the step is a constant. */
+lg_var lg_taped_by_rows(lg_tape *tape, const lg_taped_span *over, lg_var x);
+
 /* Elements of the algebra as the plain interpreter has them, (B, algebra_dim), to parts, and back. */
 lg_status lg_taped_split_algebra(lg_tape *tape, const lg_space *space, lg_var a, lg_var *parts);
 lg_var lg_taped_join_algebra(lg_tape *tape, const lg_space *space, const lg_var *parts);
@@ -25,7 +39,7 @@ lg_status lg_taped_project(lg_tape *tape, const lg_space *manifold, const lg_var
 lg_var lg_taped_moved(lg_tape *tape, lg_var from, double weight, lg_var by);
 
 /* One step of LG_SCHEME_IMPLICIT or LG_SCHEME_SLGI; `out` may be `y`. */
-lg_status lg_taped_implicit_step(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode, double t,
-                                 double h, const lg_parts *y, lg_parts *out);
+lg_status lg_taped_implicit_step(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode,
+                                 const lg_taped_span *over, const lg_parts *y, lg_parts *out);
 
 #endif

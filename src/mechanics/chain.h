@@ -91,9 +91,9 @@ lg_status lg_chain_rattle(const lg_chain *chain, double h, double *y, double *v,
 enum { CHAIN_STEP_WORK = 11 };
 
 /* The fields on a tape, LIE form. */
-lg_status lg_chain_taped_lagrangian(const lg_system *system, lg_tape *tape, double t, const lg_var *y,
-                                    lg_var parameters, lg_var *algebra);
-lg_status lg_chain_taped_hamiltonian(const lg_system *system, lg_tape *tape, double t, const lg_var *y,
-                                     lg_var parameters, lg_var *algebra);
+lg_status lg_chain_taped_lagrangian(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
+                                    lg_var input, lg_var parameters, lg_var *algebra);
+lg_status lg_chain_taped_hamiltonian(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
+                                     lg_var input, lg_var parameters, lg_var *algebra);
 
 #endif

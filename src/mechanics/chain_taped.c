@@ -193,12 +193,12 @@ static const lg_custom_op field_op = {.name = "pendulum-chain",
                                       .numeric_vjp = field_numeric_vjp,
                                       .jvp = field_jvp};
 
-lg_status lg_chain_taped_lagrangian(const lg_system *system, lg_tape *tape, double t, const lg_var *y,
-                                    lg_var parameters, lg_var *algebra) {
+lg_status lg_chain_taped_lagrangian(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
+                                    lg_var input, lg_var parameters, lg_var *algebra) {
     const uint32_t k = (uint32_t)system->links, batch = lg_var_shape(tape, y[0]).dims[0];
     const size_t scratch = lg_chain_scratch(k) * (lg_tape_dtype(tape) == LG_F64 ? 1 : 2);
     void *unused = NULL;
-    (void)t;
+    (void)t, (void)input;
     if (scratch > UINT32_MAX) {
         (void)lg_tape_fail(tape, LG_OUT_OF_MEMORY, "pendulum-chain", "too many links for a tape");
         return lg_tape_status(tape);
@@ -217,12 +217,12 @@ lg_status lg_chain_taped_lagrangian(const lg_system *system, lg_tape *tape, doub
 
 /* ---- Hamiltonian: notation as at lg_chain_gradient ---- */
 
-lg_status lg_chain_taped_hamiltonian(const lg_system *system, lg_tape *tape, double t, const lg_var *y,
-                                     lg_var parameters, lg_var *algebra) {
+lg_status lg_chain_taped_hamiltonian(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
+                                     lg_var input, lg_var parameters, lg_var *algebra) {
     const uint32_t k = (uint32_t)system->links;
     const taped_chain c = bind(tape, k, parameters);
     lg_var q = y[0], p = y[1];
-    (void)t;
+    (void)t, (void)input;
     lg_var scaled = lg_mul(tape, lg_add(tape, c.links, c.coupling), c.curvature);
     lg_var W = lg_mul(tape, scaled, lg_transpose(tape, c.curvature));
     lg_var u = lg_rowdot(tape, q, lg_matmul(tape, W, p));

@@ -138,12 +138,12 @@ static lg_var taped_torque(lg_tape *tape, const taped_parameters *of, lg_var Q, 
 }
 
 /* y: Q (B, 1, 9), pi (B, 3) */
-static lg_status direct_taped(const lg_system *system, lg_tape *tape, double t, const lg_var *y,
-                              lg_var parameter, lg_var *algebra) {
+static lg_status direct_taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
+                              lg_var input, lg_var parameter, lg_var *algebra) {
     const taped_parameters of = slice_parameters(tape, parameter);
     const lg_shape shape = lg_var_shape(tape, y[1]);
     lg_var pi = lg_reshape(tape, y[1], lg_shape3(shape.dims[0], 1, 3));
-    (void)system, (void)t;
+    (void)system, (void)t, (void)input;
     algebra[0] = lg_taped_body_velocity(tape, of.inertia, y[0], pi);
     algebra[1] = lg_reshape(tape, taped_torque(tape, &of, y[0], lg_taped_spread(tape, of.arm, pi)), shape);
     return lg_tape_status(tape);
@@ -157,10 +157,10 @@ static void taped_cotangent(lg_tape *tape, const taped_parameters *of, const lg_
 }
 
 /* y: Q (B, 1, 9), pi (B, 1, 3) */
-static lg_status cotangent_taped(const lg_system *system, lg_tape *tape, double t, const lg_var *y,
-                                 lg_var parameter, lg_var *algebra) {
+static lg_status cotangent_taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
+                                 lg_var input, lg_var parameter, lg_var *algebra) {
     const taped_parameters of = slice_parameters(tape, parameter);
-    (void)system, (void)t;
+    (void)system, (void)t, (void)input;
     taped_cotangent(tape, &of, y, lg_taped_spread(tape, of.arm, y[1]), algebra);
     return lg_tape_status(tape);
 }
@@ -240,10 +240,10 @@ static lg_status poisson_field(void *user, double t, const double *y, const doub
 }
 
 /* y: Gamma, Pi (B, 1, 3) */
-static lg_status poisson_taped(const lg_system *system, lg_tape *tape, double t, const lg_var *y,
-                               lg_var parameter, lg_var *algebra) {
+static lg_status poisson_taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
+                               lg_var input, lg_var parameter, lg_var *algebra) {
     const taped_parameters of = slice_parameters(tape, parameter);
-    (void)system, (void)t;
+    (void)system, (void)t, (void)input;
     algebra[0] = lg_neg(tape, lg_div(tape, y[1], of.inertia));
     algebra[1] = lg_taped_spread(tape, lg_neg(tape, of.arm), y[1]);
     return lg_tape_status(tape);
@@ -301,13 +301,13 @@ static lg_status quadratic_field(void *user, double t, const double *y, const do
 }
 
 /* y: Q (B, 1, 9), pi (B, 1, 3), (q, p + M l chi) (B, 6) */
-static lg_status quadratic_taped(const lg_system *system, lg_tape *tape, double t, const lg_var *y,
-                                 lg_var parameter, lg_var *algebra) {
+static lg_status quadratic_taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
+                                 lg_var input, lg_var parameter, lg_var *algebra) {
     const taped_parameters of = slice_parameters(tape, parameter);
     const uint32_t batch = lg_var_shape(tape, y[1]).dims[0];
     lg_var shift = lg_reshape(tape, lg_slice(tape, y[2], 1, 3, 3), lg_shape3(batch, 1, 3));
     lg_var arm = lg_sub(tape, of.arm, shift);
-    (void)system, (void)t;
+    (void)system, (void)t, (void)input;
     taped_cotangent(tape, &of, y, arm, algebra);
     lg_var gamma = lg_taped_rotate_back(tape, y[0], lg_taped_spread(tape, of.gamma0, y[1]));
     lg_var velocity = lg_neg(tape, lg_add(tape, arm, gamma));

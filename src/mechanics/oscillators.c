@@ -34,13 +34,15 @@ static lg_status field(void *user, double t, const double *y, const double *inpu
     return system->row->force(user, t, y, input, out + n);
 }
 
-static lg_status taped(const lg_system *system, lg_tape *tape, double t, const lg_var *y, lg_var parameters,
-                       lg_var *algebra) {
+static lg_status taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                       lg_var parameters, lg_var *algebra) {
     const uint32_t n = (uint32_t)system->space.dim / 2;
+    const lg_system_row *row = system->row;
     lg_var half[2] = {LG_NONE, LG_NONE};
-    (void)t;
-    LG_TRY(system->row->taped_velocity(system, tape, lg_slice(tape, y[0], -1, n, n), parameters, &half[0]));
-    LG_TRY(system->row->taped_force(system, tape, lg_slice(tape, y[0], -1, 0, n), parameters, &half[1]));
+    lg_var p = lg_slice(tape, y[0], -1, n, n);
+    LG_TRY(row->taped_velocity(system, tape, t, p, input, parameters, &half[0]));
+    lg_var q = lg_slice(tape, y[0], -1, 0, n);
+    LG_TRY(row->taped_force(system, tape, t, q, input, parameters, &half[1]));
     algebra[0] = lg_concat(tape, half, 2, -1);
     return lg_tape_status(tape);
 }
@@ -74,16 +76,16 @@ static lg_status oscillator_step(void *user, double t, double h, double *y) {
     return LG_OK;
 }
 
-static lg_status oscillator_taped_force(const lg_system *system, lg_tape *tape, lg_var q, lg_var parameters,
-                                        lg_var *out) {
-    (void)system, (void)parameters;
+static lg_status oscillator_taped_force(const lg_system *system, lg_tape *tape, lg_taped_time t, lg_var q,
+                                        lg_var input, lg_var parameters, lg_var *out) {
+    (void)system, (void)t, (void)input, (void)parameters;
     *out = lg_neg(tape, q);
     return lg_tape_status(tape);
 }
 
-static lg_status identity_velocity(const lg_system *system, lg_tape *tape, lg_var p, lg_var parameters,
-                                   lg_var *out) {
-    (void)system, (void)parameters;
+static lg_status identity_velocity(const lg_system *system, lg_tape *tape, lg_taped_time t, lg_var p,
+                                   lg_var input, lg_var parameters, lg_var *out) {
+    (void)system, (void)t, (void)input, (void)parameters;
     *out = p;
     return lg_tape_status(tape);
 }
@@ -127,17 +129,17 @@ static lg_status quartic_velocity(void *user, double t, const double *p, const d
     return LG_OK;
 }
 
-static lg_status quartic_taped_force(const lg_system *system, lg_tape *tape, lg_var q, lg_var parameters,
-                                     lg_var *out) {
-    (void)system, (void)parameters;
+static lg_status quartic_taped_force(const lg_system *system, lg_tape *tape, lg_taped_time t, lg_var q,
+                                     lg_var input, lg_var parameters, lg_var *out) {
+    (void)system, (void)t, (void)input, (void)parameters;
     *out = lg_neg(tape, lg_mul(tape, q, lg_shift(tape, lg_square(tape, q), 1.0)));
     return lg_tape_status(tape);
 }
 
-static lg_status quartic_taped_velocity(const lg_system *system, lg_tape *tape, lg_var p, lg_var parameters,
-                                        lg_var *out) {
+static lg_status quartic_taped_velocity(const lg_system *system, lg_tape *tape, lg_taped_time t, lg_var p,
+                                        lg_var input, lg_var parameters, lg_var *out) {
     static const double inverse_mass[4] = {5.0, -1.0, -1.0, 5.0};
-    (void)system, (void)parameters;
+    (void)system, (void)t, (void)input, (void)parameters;
     *out = lg_matmul(tape, p, lg_input_f64(tape, lg_shape2(2, 2), inverse_mass));
     return lg_tape_status(tape);
 }
@@ -180,10 +182,10 @@ static lg_status coupled_velocity(void *user, double t, const double *p, const d
     return LG_OK;
 }
 
-static lg_status coupled_taped_force(const lg_system *system, lg_tape *tape, lg_var q, lg_var parameters,
-                                     lg_var *out) {
+static lg_status coupled_taped_force(const lg_system *system, lg_tape *tape, lg_taped_time t, lg_var q,
+                                     lg_var input, lg_var parameters, lg_var *out) {
     static const double second[2] = {0.0, 1.0};
-    (void)system, (void)parameters;
+    (void)system, (void)t, (void)input, (void)parameters;
     lg_var cubic = lg_mul(tape, lg_input_f64(tape, lg_shape1(2), second), lg_square(tape, q));
     *out = lg_neg(tape, lg_mul(tape, q, lg_shift(tape, cubic, 1.0)));
     return lg_tape_status(tape);

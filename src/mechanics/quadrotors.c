@@ -364,13 +364,34 @@ static taped_system taped_system_of(lg_tape *tape, lg_var parameter, lg_var q, l
     return s;
 }
 
+/* s = t - 2.5 of the parabola, (B, 1, 1), as `like` has the batch */
+static lg_var along_parabola(lg_tape *tape, lg_taped_time t, lg_var like) {
+    const uint32_t batch = lg_var_shape(tape, like).dims[0];
+    return lg_reshape(tape, lg_shift(tape, lg_taped_time_rows(tape, t, batch), -2.5), lg_shape3(batch, 1, 1));
+}
+
+static const double e1[3] = {1.0, 0.0, 0.0}, e3[3] = {0.0, 0.0, 1.0};
+
+/* (s, 0, s^2 - 7) */
+static lg_var taped_position(lg_tape *tape, lg_taped_time t, lg_var like) {
+    if (!lg_taped_time_varies(t)) return constant3(tape, parabola(t.value).y);
+    lg_var s = along_parabola(tape, t, like), up = lg_shift(tape, lg_square(tape, s), -7.0);
+    return lg_add(tape, lg_mul(tape, s, constant3(tape, e1)), lg_mul(tape, up, constant3(tape, e3)));
+}
+
+/* (1, 0, 2 s) */
+static lg_var taped_velocity(lg_tape *tape, lg_taped_time t, lg_var like) {
+    if (!lg_taped_time_varies(t)) return constant3(tape, parabola(t.value).v);
+    lg_var up = lg_scale(tape, along_parabola(tape, t, like), 2.0);
+    return lg_add(tape, lg_mul(tape, up, constant3(tape, e3)), constant3(tape, e1));
+}
+
 /* A, A', x = v' - g e3 from y, v (B, 1, 3); down = g e3 */
-static void taped_track(const taped_system *s, double t, lg_var y, lg_var v, lg_var down, lg_var *A,
+static void taped_track(const taped_system *s, lg_taped_time t, lg_var y, lg_var v, lg_var down, lg_var *A,
                         lg_var *dA, lg_var *x) {
     lg_tape *tape = s->tape;
-    const reference wanted = parabola(t);
-    lg_var a = constant3(tape, wanted.a), kx = number(s, KX), kv = number(s, KV);
-    lg_var e = lg_sub(tape, y, constant3(tape, wanted.y)), de = lg_sub(tape, v, constant3(tape, wanted.v));
+    lg_var a = constant3(tape, parabola(0.0).a), kx = number(s, KX), kv = number(s, KV);
+    lg_var e = lg_sub(tape, y, taped_position(tape, t, y)), de = lg_sub(tape, v, taped_velocity(tape, t, v));
     lg_var feedback = lg_add(tape, lg_mul(tape, kx, e), lg_mul(tape, kv, de));
     *A = lg_sub(tape, lg_sub(tape, a, feedback), down);
     *x = taped_payload(s, *A);
@@ -379,15 +400,15 @@ static void taped_track(const taped_system *s, double t, lg_var y, lg_var v, lg_
 }
 
 /* y: (y, v) (B, 6); R_i (B, 1, 9), Omega_i (B, 3); q, omega (B, 2, 3) */
-static lg_status taped(const lg_system *system, lg_tape *tape, double t, const lg_var *y, lg_var parameter,
-                       lg_var *algebra) {
+static lg_status taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                       lg_var parameter, lg_var *algebra) {
     const taped_system s = taped_system_of(tape, parameter, y[5], y[6]);
     const lg_shape flat = lg_var_shape(tape, y[0]), vector = lg_shape3(flat.dims[0], 1, 3);
     lg_var position = lg_reshape(tape, lg_slice(tape, y[0], 1, POSITION, 3), vector);
     lg_var velocity = lg_reshape(tape, lg_slice(tape, y[0], 1, VELOCITY, 3), vector);
-    lg_var down = lg_mul(tape, number(&s, GRAVITY), constant3(tape, (const double[]){0.0, 0.0, 1.0}));
+    lg_var down = lg_mul(tape, number(&s, GRAVITY), constant3(tape, e3));
     lg_var J = lg_slice(tape, parameter, 0, INERTIA, 3), A, dA, x;
-    (void)system;
+    (void)system, (void)input;
     taped_track(&s, t, position, velocity, down, &A, &dA, &x);
     lg_var rates[2] = {velocity, lg_add(tape, x, down)};
     algebra[0] = lg_reshape(tape, lg_concat(tape, rates, 2, 2), flat);

@@ -54,9 +54,9 @@ static lg_status momentum_field(void *user, double t, const double *y, const dou
     return LG_OK;
 }
 
-static lg_status momentum_taped(const lg_system *system, lg_tape *tape, double t, const lg_var *y,
-                                lg_var parameter, lg_var *algebra) {
-    (void)system, (void)t;
+static lg_status momentum_taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
+                                lg_var input, lg_var parameter, lg_var *algebra) {
+    (void)system, (void)t, (void)input;
     const lg_var velocity = lg_div(tape, y[0], parameter);
     const lg_var size = lg_shift(tape, lg_rownorm2(tape, y[0]), DBL_MIN);
     const lg_var along = lg_div(tape, lg_rowdot(tape, y[0], velocity), size);
@@ -107,11 +107,11 @@ static lg_status attitude_field(void *user, double t, const double *y, const dou
 }
 
 /* y: R (B, 1, 9), pi (B, 3) */
-static lg_status attitude_taped(const lg_system *system, lg_tape *tape, double t, const lg_var *y,
-                                lg_var parameter, lg_var *algebra) {
+static lg_status attitude_taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
+                                lg_var input, lg_var parameter, lg_var *algebra) {
     const lg_shape shape = lg_var_shape(tape, y[1]);
     lg_var pi = lg_reshape(tape, y[1], lg_shape3(shape.dims[0], 1, 3));
-    (void)system, (void)t;
+    (void)system, (void)t, (void)input;
     algebra[0] = lg_taped_body_velocity(tape, parameter, y[0], pi);
     algebra[1] = lg_full(tape, shape, 0.0);
     return lg_tape_status(tape);

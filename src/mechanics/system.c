@@ -416,32 +416,34 @@ lg_status lg_system_ode(const lg_system *system, lg_form form, lg_system_user *u
 
 /* ---- fields on a tape ---- */
 
-static lg_status taped_field(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *algebra) {
+static lg_status taped_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                             lg_var *algebra) {
     const lg_system_taped_user *own = user;
-    return own->system->row->taped(own->system, tape, t, y, own->parameters, algebra);
+    return own->system->row->taped(own->system, tape, t, y, input, own->parameters, algebra);
 }
 
-static lg_status taped_ambient(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
+static lg_status taped_ambient(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                               lg_var *out) {
     const lg_system_taped_user *own = user;
     const lg_space *space = &own->system->space;
     lg_var parts[LG_TAPED_MAX_PARTS], algebra[LG_TAPED_MAX_PARTS], velocity[LG_TAPED_MAX_PARTS];
     LG_TRY(lg_taped_split(tape, space, y[0], parts));
-    LG_TRY(taped_field(user, tape, t, parts, algebra));
+    LG_TRY(taped_field(user, tape, t, parts, input, algebra));
     LG_TRY(lg_taped_generator(tape, space, algebra, parts, velocity));
     *out = lg_taped_join(tape, space, velocity);
     return lg_tape_status(tape);
 }
 
-static lg_status taped_force(void *user, lg_tape *tape, double t, lg_var q, lg_var *out) {
+static lg_status taped_force(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input,
+                             lg_var *out) {
     const lg_system_taped_user *own = user;
-    (void)t;
-    return own->system->row->taped_force(own->system, tape, q, own->parameters, out);
+    return own->system->row->taped_force(own->system, tape, t, q, input, own->parameters, out);
 }
 
-static lg_status taped_velocity(void *user, lg_tape *tape, double t, lg_var p, lg_var *out) {
+static lg_status taped_velocity(void *user, lg_tape *tape, lg_taped_time t, lg_var p, lg_var input,
+                                lg_var *out) {
     const lg_system_taped_user *own = user;
-    (void)t;
-    return own->system->row->taped_velocity(own->system, tape, p, own->parameters, out);
+    return own->system->row->taped_velocity(own->system, tape, t, p, input, own->parameters, out);
 }
 
 lg_status lg_system_taped_ode(const lg_system *system, lg_form form, lg_var parameters,

@@ -31,13 +31,13 @@ typedef struct lg_system_row {
     lg_variational_step step; /* NULL: none; user is lg_system_user */
     /* The LIE field on a tape, batches as liegrad/taped.h says; parameters: all of them, (P), in the order of
      * the table. Differentiable to any order in y and parameters, but for what a row says. */
-    lg_status (*taped)(const lg_system *system, lg_tape *tape, double t, const lg_var *y, lg_var parameters,
-                       lg_var *algebra);
+    lg_status (*taped)(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                       lg_var parameters, lg_var *algebra);
     /* For splitting schemes; NULL: none. */
-    lg_status (*taped_force)(const lg_system *system, lg_tape *tape, lg_var q, lg_var parameters,
-                             lg_var *out);
-    lg_status (*taped_velocity)(const lg_system *system, lg_tape *tape, lg_var p, lg_var parameters,
-                                lg_var *out);
+    lg_status (*taped_force)(const lg_system *system, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input,
+                             lg_var parameters, lg_var *out);
+    lg_status (*taped_velocity)(const lg_system *system, lg_tape *tape, lg_taped_time t, lg_var p,
+                                lg_var input, lg_var parameters, lg_var *out);
 } lg_system_row;
 
 /* One block of memory with all it points to. */

@@ -1,122 +1,66 @@
-/* Learned Hamiltonians on a tape: vector fields and the training loss. */
+/* Learned Hamiltonians: the training loss, and the fields that only training wants. */
 #include <float.h>
 #include <string.h>
 
 #include "core/core.h"
 #include "liegrad/ops.h"
-#include "liegrad/taped.h"
 #include "models/hamiltonian_internal.h"
 
 /* What one batch needs of theta, built once on its tape. */
 typedef struct bound {
-    const lg_hamiltonian *model;
-    lg_mlp_vars net;
-    lg_var W;           /* chain: m^-1 (1, k, k) */
+    lg_hamiltonian_vars vars;
     lg_var inverse_mii; /* chain: 1/m_ii (1, k, 1) */
-    lg_var K;           /* separable: A^T A (n, n) */
 } bound;
 
-static lg_var slice_of(lg_tape *tape, lg_var theta, size_t at, uint32_t count, lg_shape shape) {
-    return lg_reshape(tape, lg_slice(tape, theta, 0, (uint32_t)at, count), shape);
-}
-
-/* The unit matrix as a constant (1, k, k). */
-static lg_var unit_matrix(lg_tape *tape, uint32_t k) {
-    double unit[LG_HAMILTONIAN_MAX_LINKS * LG_HAMILTONIAN_MAX_LINKS] = {0.0};
-    for (uint32_t i = 0; i < k; i++) unit[i * k + i] = 1.0;
-    return lg_input_f64(tape, lg_shape3(1, k, k), unit);
-}
-
-/* m = Gamma^T Gamma + diag(max(0, b)), W = m^-1 */
-static void bind_chain(lg_tape *tape, lg_var theta, bound *b) {
-    const uint32_t k = b->model->links;
-    const size_t at = lg_hamiltonian_kinetic_offset(b->model);
-    lg_var gamma = slice_of(tape, theta, at, k * k, lg_shape2(k, k));
-    lg_var diagonal = slice_of(tape, theta, at + (size_t)k * k, k, lg_shape3(1, 1, k));
-    lg_var unit = unit_matrix(tape, k);
-    lg_var gram = lg_reshape(tape, lg_matmul_tn(tape, gamma, gamma), lg_shape3(1, k, k));
-    lg_var m = lg_add(tape, gram, lg_mul(tape, unit, lg_act(tape, diagonal, LG_RELU)));
-    b->W = lg_spd_solve(tape, m, unit);
-    lg_var mii = lg_sum_axis(tape, lg_mul(tape, m, unit), -1, true);
-    b->inverse_mii = lg_div(tape, lg_full(tape, lg_shape3(1, k, 1), 1.0), mii);
-}
-
-static lg_status bind(lg_tape *tape, lg_var theta, bound *b) {
-    LG_TRY(lg_mlp_bind(tape, &b->model->net, theta, 0, &b->net));
-    if (b->model->family == LG_HAMILTONIAN_CHAIN) {
-        bind_chain(tape, theta, b);
-    } else {
-        const uint32_t n = b->model->links;
-        lg_var a = slice_of(tape, theta, lg_hamiltonian_kinetic_offset(b->model), n * n, lg_shape2(n, n));
-        b->K = lg_matmul_tn(tape, a, a);
-    }
-    return lg_tape_status(tape);
-}
-
-/* dV/dq for q of shape (B, k, 3) or (B, n), in that shape. */
-static lg_var potential_gradient(lg_tape *tape, const bound *b, lg_var q) {
-    lg_shape shape = lg_var_shape(tape, q);
-    uint32_t inputs = b->model->net.width[0];
-    lg_var flat = lg_reshape(tape, q, lg_shape2(shape.dims[0], inputs));
-    return lg_reshape(tape, lg_mlp_gradient_bound(tape, &b->model->net, &b->net, flat), shape);
-}
-
-/* ---- chain ---- */
-
-/* v = dH/dp, g = dH/dq on the manifold, (B, k, 3), through the k x k solve. */
-static void chain_gradient(lg_tape *tape, const bound *b, lg_var q, lg_var p, lg_var *v, lg_var *g) {
-    *g = potential_gradient(tape, b, q);
-    if (b->model->links == 1) {
-        *v = lg_mul(tape, p, b->W);
+/* v = dH/dp, g = dH/dq on the manifold. One link needs no multiplier there, T = |p|^2/(2 m). */
+static void tangent_gradient(lg_tape *tape, const bound *b, lg_var q, lg_var p, lg_var *v, lg_var *g) {
+    if (b->vars.model->links > 1) {
+        lg_hamiltonian_chain_gradient(tape, &b->vars, q, p, v, g);
         return;
     }
-    lg_var u = lg_rowdot(tape, q, lg_matmul(tape, b->W, p));
-    lg_var S = lg_mul(tape, lg_matmul_nt(tape, q, q), b->W);
-    lg_var lambda = lg_spd_solve(tape, S, u);
-    *v = lg_matmul(tape, b->W, lg_sub(tape, p, lg_mul(tape, q, lambda)));
-    *g = lg_sub(tape, *g, lg_mul(tape, *v, lambda));
+    *g = lg_hamiltonian_potential_gradient(tape, &b->vars, q);
+    *v = lg_mul(tape, p, b->vars.W);
 }
 
 /* T = 1/2 p^T W p + 1/2 u^T S^-1 r off the manifold, summed over the batch. */
 static lg_var extended_kinetic(lg_tape *tape, const bound *b, lg_var q, lg_var p) {
-    const uint32_t k = b->model->links;
-    lg_var wp = lg_matmul(tape, b->W, p);
+    const lg_var W = b->vars.W, unit = lg_hamiltonian_unit_matrix(tape, b->vars.model->links);
+    lg_var wp = lg_matmul(tape, W, p);
     lg_var u = lg_rowdot(tape, q, wp);
     lg_var gap = lg_shift(tape, lg_neg(tape, lg_rownorm2(tape, q)), 1.0);
-    lg_var diagonal = lg_mul(tape, unit_matrix(tape, k), lg_mul(tape, gap, b->inverse_mii));
-    lg_var S = lg_add(tape, diagonal, lg_mul(tape, lg_matmul_nt(tape, q, q), b->W));
+    lg_var diagonal = lg_mul(tape, unit, lg_mul(tape, gap, b->inverse_mii));
+    lg_var S = lg_add(tape, diagonal, lg_mul(tape, lg_matmul_nt(tape, q, q), W));
     lg_var r = lg_sub(tape, lg_mul(tape, lg_rowdot(tape, q, p), b->inverse_mii), u);
     lg_var free = lg_sum(tape, lg_rowdot(tape, p, wp));
     lg_var tied = lg_sum(tape, lg_mul(tape, u, lg_spd_solve(tape, S, r)));
     return lg_scale(tape, lg_add(tape, free, tied), 0.5);
 }
 
-/* v = dH/dp, g = dH/dq of the extension; one link needs none, T = |p|^2/(2 m). */
+/* v = dH/dp, g = dH/dq of the extension. */
 static void extended_gradient(lg_tape *tape, const bound *b, lg_var q, lg_var p, lg_var *v, lg_var *g) {
-    if (b->model->links == 1) {
-        chain_gradient(tape, b, q, p, v, g);
+    if (b->vars.model->links == 1) {
+        tangent_gradient(tape, b, q, p, v, g);
         return;
     }
     lg_var wrt[2] = {p, q}, out[2] = {LG_NONE, LG_NONE};
     if (lg_grad(tape, extended_kinetic(tape, b, q, p), wrt, 2, out) != LG_OK) return;
     *v = out[0];
-    *g = lg_add(tape, out[1], potential_gradient(tape, b, q));
+    *g = lg_add(tape, out[1], lg_hamiltonian_potential_gradient(tape, &b->vars, q));
 }
 
-/* xi = q x v, eta = g x q + v x p */
-static lg_status chain_field_lie(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *algebra) {
+static lg_status chain_field_lie(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                                 lg_var *algebra) {
     lg_var v = LG_NONE, g = LG_NONE;
     (void)t;
-    chain_gradient(tape, user, y[0], y[1], &v, &g);
-    algebra[0] = lg_cross(tape, y[0], v);
-    algebra[1] = lg_add(tape, lg_cross(tape, g, y[0]), lg_cross(tape, v, y[1]));
-    return lg_tape_status(tape);
+    tangent_gradient(tape, user, y[0], y[1], &v, &g);
+    return lg_hamiltonian_chain_lift(tape, y, v, g, input, algebra);
 }
 
 /* q' = v - q (q.v), p' = -g + q (q.g) + p (q.v) - q (p.v), in ambient coordinates (B, k, 3) */
-static lg_status chain_field_ambient(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
+static lg_status chain_field_ambient(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y,
+                                     lg_var input, lg_var *out) {
     lg_var q = y[0], p = y[1], v = LG_NONE, g = LG_NONE;
-    (void)t;
+    (void)t, (void)input; /* training has none */
     extended_gradient(tape, user, q, p, &v, &g);
     lg_var qv = lg_rowdot(tape, q, v), qg = lg_rowdot(tape, q, g), pv = lg_rowdot(tape, p, v);
     out[0] = lg_sub(tape, v, lg_mul(tape, q, qv));
@@ -125,39 +69,14 @@ static lg_status chain_field_ambient(void *user, lg_tape *tape, double t, const 
     return lg_tape_status(tape);
 }
 
-/* ---- separable ---- */
-
-static lg_status separable_force(void *user, lg_tape *tape, double t, lg_var q, lg_var *out) {
-    (void)t;
-    *out = lg_neg(tape, potential_gradient(tape, user, q));
-    return lg_tape_status(tape);
-}
-
-static lg_status separable_velocity(void *user, lg_tape *tape, double t, lg_var p, lg_var *out) {
-    const bound *b = user;
-    (void)t;
-    *out = lg_matmul(tape, p, b->K);
-    return lg_tape_status(tape);
-}
-
-static lg_status separable_field(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
-    LG_TRY(separable_velocity(user, tape, t, y[1], &out[0]));
-    return separable_force(user, tape, t, y[0], &out[1]);
-}
-
 static lg_status taped_ode(bound *b, const lg_scheme *scheme, lg_taped_ode *ode) {
-    const size_t k = b->model->links;
-    *ode = (lg_taped_ode){.user = b};
-    if (b->model->family == LG_HAMILTONIAN_SEPARABLE) {
-        ode->field = separable_field;
-        ode->force = separable_force;
-        ode->velocity = separable_velocity;
-        return lg_space_init(&ode->space, (lg_space_factor[]){{LG_SPACE_RN, k}, {LG_SPACE_RN, k}}, 2);
-    }
+    const size_t k = b->vars.model->links;
+    LG_TRY(lg_hamiltonian_taped_ode(&b->vars, ode));
+    if (b->vars.model->family == LG_HAMILTONIAN_SEPARABLE) return LG_OK;
+    ode->user = b;
     ode->field = scheme->ambient ? chain_field_ambient : chain_field_lie;
-    if (scheme->ambient)
-        return lg_space_init(&ode->space, (lg_space_factor[]){{LG_SPACE_RN, 3 * k}, {LG_SPACE_RN, 3 * k}}, 2);
-    return lg_space_init(&ode->space, (lg_space_factor[]){{LG_SPACE_TS2, k}}, 1);
+    if (!scheme->ambient) return LG_OK;
+    return lg_space_init(&ode->space, (lg_space_factor[]){{LG_SPACE_RN, 3 * k}, {LG_SPACE_RN, 3 * k}}, 2);
 }
 
 /* ---- data ---- */
@@ -240,9 +159,9 @@ static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint3
                             size_t batch, lg_var *loss) {
     const lg_hamiltonian_problem *problem = user;
     const lg_scheme *scheme = lg_scheme_find(lg_train_integrator_name(problem->integrator));
-    bound b = {.model = problem->model};
+    bound b;
     lg_taped_ode ode;
-    LG_TRY(bind(tape, theta, &b));
+    LG_TRY(lg_hamiltonian_bind_extended(tape, problem->model, theta, &b.vars, &b.inverse_mii));
     LG_TRY(taped_ode(&b, scheme, &ode));
     lg_var start[2], predicted[2 * LG_HAMILTONIAN_MAX_POINTS];
     for (size_t part = 0; part < 2; part++)

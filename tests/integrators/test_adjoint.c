@@ -172,9 +172,10 @@ static lg_status linear_field(void *user, double t, const double *y, const doubl
     return LG_OK;
 }
 
-static lg_status linear_taped(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
+static lg_status linear_taped(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                              lg_var *out) {
     const setup *s = user;
-    (void)t;
+    (void)t, (void)input;
     out[0] = lg_matmul_nt(tape, y[0], lg_reshape(tape, s->theta, lg_shape2(LINEAR, LINEAR)));
     return lg_tape_status(tape);
 }
@@ -292,9 +293,10 @@ static lg_status chain_field(void *user, double t, const double *y, const double
     return LG_OK;
 }
 
-static lg_status chain_taped(void *user, lg_tape *T, double t, const lg_var *y, lg_var *out) {
+static lg_status chain_taped(void *user, lg_tape *T, lg_taped_time t, const lg_var *y, lg_var input,
+                             lg_var *out) {
     const setup *s = user;
-    (void)t;
+    (void)t, (void)input;
     static const double up[3] = {0.0, 0.0, 1.0};
     lg_var e3 = lg_input_f64(T, lg_shape1(3), up), q[2], p[2], u[2], rest[2], v[2], xi[2], eta[2];
     lg_var m1 = lg_slice(T, s->theta, 0, 0, 1), m2 = lg_slice(T, s->theta, 0, 1, 1);
@@ -388,9 +390,10 @@ static lg_status top_field(void *user, double t, const double *y, const double *
     return LG_OK;
 }
 
-static lg_status top_taped(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
+static lg_status top_taped(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                           lg_var *out) {
     const setup *s = user;
-    (void)t;
+    (void)t, (void)input;
     lg_var R = lg_reshape(tape, y[0], lg_shape3(1, 3, 3)), r = lg_reshape(tape, y[1], lg_shape3(1, 3, 1));
     lg_var D = lg_reshape(tape, s->theta, lg_shape3(1, 3, 1));
     lg_var u = lg_matmul(tape, R, lg_mul(tape, D, lg_matmul_tn(tape, R, r)));
@@ -435,16 +438,19 @@ static lg_status velocity(void *user, double t, const double *p, const double *i
     return LG_OK;
 }
 
-static lg_status quartic_force_taped(void *user, lg_tape *tape, double t, lg_var q, lg_var *out) {
+static lg_status quartic_force_taped(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input,
+                                     lg_var *out) {
     const setup *s = user;
+    (void)input;
     lg_var a = lg_slice(tape, s->theta, 0, 0, 1), b = lg_slice(tape, s->theta, 0, 1, 1);
     lg_var cube = lg_mul(tape, lg_square(tape, q), q);
-    *out = lg_add(tape, lg_scale(tape, lg_mul(tape, a, cube), -4.0), lg_scale(tape, b, cos(t)));
+    *out = lg_add(tape, lg_scale(tape, lg_mul(tape, a, cube), -4.0), lg_scale(tape, b, cos(t.value)));
     return lg_tape_status(tape);
 }
 
-static lg_status velocity_taped(void *user, lg_tape *tape, double t, lg_var p, lg_var *out) {
-    (void)user, (void)t;
+static lg_status velocity_taped(void *user, lg_tape *tape, lg_taped_time t, lg_var p, lg_var input,
+                                lg_var *out) {
+    (void)user, (void)t, (void)input;
     *out = p;
     return lg_tape_status(tape);
 }
@@ -631,9 +637,10 @@ static lg_status pendulum_force(void *user, double t, const double *q, const dou
     return LG_OK;
 }
 
-static lg_status pendulum_force_taped(void *user, lg_tape *tape, double t, lg_var q, lg_var *out) {
+static lg_status pendulum_force_taped(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input,
+                                      lg_var *out) {
     const setup *s = user;
-    (void)t;
+    (void)t, (void)input;
     *out = lg_neg(tape, lg_mul(tape, s->theta, lg_sin(tape, q)));
     return lg_tape_status(tape);
 }
@@ -735,9 +742,10 @@ static lg_status drift_field(void *user, double t, const double *y, const double
     return LG_OK;
 }
 
-static lg_status drift_taped(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
+static lg_status drift_taped(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                             lg_var *out) {
     const setup *s = user;
-    (void)t, (void)y;
+    (void)t, (void)y, (void)input;
     out[0] = lg_full(tape, lg_shape2(1, 1), lg_is_none(s->theta) ? 2.0 : NAN);
     return lg_tape_status(tape);
 }
@@ -819,8 +827,9 @@ static void bad_arguments(void **state) {
     refused_setup(&s, LG_INVALID_ARGUMENT, "step 1");
 }
 
-static lg_status wrong_shape(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
-    (void)user, (void)t;
+static lg_status wrong_shape(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                             lg_var *out) {
+    (void)user, (void)t, (void)input;
     out[0] = y[0];
     out[1] = lg_full(tape, lg_shape3(1, 5, 3), 1.0);
     return lg_tape_status(tape);
@@ -831,8 +840,9 @@ static lg_status refusing_field(void *user, double t, const double *y, const dou
     return t > 0.8 ? LG_NO_CONVERGENCE : chain_field(user, t, y, input, out);
 }
 
-static lg_status refusing_taped(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
-    return t > 0.8 ? LG_NO_CONVERGENCE : chain_taped(user, tape, t, y, out);
+static lg_status refusing_taped(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                                lg_var *out) {
+    return t.value > 0.8 ? LG_NO_CONVERGENCE : chain_taped(user, tape, t, y, input, out);
 }
 
 /* y' = y^2 */
@@ -842,8 +852,9 @@ static lg_status steep_field(void *user, double t, const double *y, const double
     return LG_OK;
 }
 
-static lg_status steep_taped(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
-    (void)user, (void)t;
+static lg_status steep_taped(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                             lg_var *out) {
+    (void)user, (void)t, (void)input;
     out[0] = lg_square(tape, y[0]);
     return lg_tape_status(tape);
 }
@@ -932,9 +943,10 @@ static lg_status cancelling_field(void *user, double t, const double *y, const d
     return chain_field(user, t, y, input, out);
 }
 
-static lg_status cancelling_taped(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
+static lg_status cancelling_taped(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                                  lg_var *out) {
     if (fields_left > 0 && --fields_left == 0) cancel_flag = 1;
-    return chain_taped(user, tape, t, y, out);
+    return chain_taped(user, tape, t, y, input, out);
 }
 
 static void cancelled(void **state) {

@@ -10,8 +10,8 @@ static lg_var column(lg_tape *tape, lg_var x, uint32_t i) {
     return lg_slice(tape, x, 1, i, 1);
 }
 
-static lg_status force(void *user, lg_tape *tape, double t, lg_var q, lg_var *out) {
-    (void)user, (void)t;
+static lg_status force(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input, lg_var *out) {
+    (void)user, (void)t, (void)input;
     lg_var q1 = column(tape, q, 0), q2 = column(tape, q, 1);
     lg_var first = lg_add(tape, q1, lg_mul(tape, q1, q2));
     const double weights[3] = {2.0, 0.5, 1.0};
@@ -21,8 +21,8 @@ static lg_status force(void *user, lg_tape *tape, double t, lg_var q, lg_var *ou
     return lg_tape_status(tape);
 }
 
-static lg_status velocity(void *user, lg_tape *tape, double t, lg_var p, lg_var *out) {
-    (void)user, (void)t;
+static lg_status velocity(void *user, lg_tape *tape, lg_taped_time t, lg_var p, lg_var input, lg_var *out) {
+    (void)user, (void)t, (void)input;
     lg_var p1 = column(tape, p, 0), p2 = column(tape, p, 1);
     lg_var cube = lg_scale(tape, lg_pow(tape, lg_add(tape, p1, p2), 3.0), 0.5);
     lg_var both[2] = {lg_add(tape, p1, cube), lg_add(tape, lg_scale(tape, p2, 2.0), cube)};
@@ -30,10 +30,11 @@ static lg_status velocity(void *user, lg_tape *tape, double t, lg_var p, lg_var 
     return lg_tape_status(tape);
 }
 
-static lg_status field(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
+static lg_status field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                       lg_var *out) {
     lg_var half[2];
-    (void)velocity(user, tape, t, lg_slice(tape, y[0], 1, 2, 2), &half[0]);
-    (void)force(user, tape, t, lg_slice(tape, y[0], 1, 0, 2), &half[1]);
+    (void)velocity(user, tape, t, lg_slice(tape, y[0], 1, 2, 2), input, &half[0]);
+    (void)force(user, tape, t, lg_slice(tape, y[0], 1, 0, 2), input, &half[1]);
     out[0] = lg_concat(tape, half, 2, 1);
     return lg_tape_status(tape);
 }
@@ -96,9 +97,9 @@ static const double inverse[3] = {1.0, 1.0 / 1.3, 1.0 / 0.6}, chi[3] = {0.2, -0.
 
 /* xi = Q I^-1 Q^T mu, n = torque - xi x mu, torque = weight x Q chi: minus the derivative of H(exp(.) Q, mu).
  */
-static lg_status top(void *user, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
+static lg_status top(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input, lg_var *out) {
     const lg_shape vector = lg_shape3(1, 1, 3), upright = lg_shape3(1, 3, 1);
-    (void)user, (void)t;
+    (void)user, (void)t, (void)input;
     lg_var Q = lg_reshape(tape, y[0], lg_shape3(1, 3, 3));
     lg_var body = lg_matmul_tn(tape, Q, lg_reshape(tape, y[1], upright));
     lg_var turned = lg_mul(tape, body, lg_input(tape, upright, inverse));

@@ -65,11 +65,11 @@ static void record(taped_case *c, const double *y, const double *parameters) {
         lg_input_f64(c->tape, lg_shape1((uint32_t)lg_system_parameter_count(c->system)), parameters);
     assert_ok(lg_system_taped_ode(c->system, c->form, c->parameters, &c->user, &c->ode));
     if (c->form == LG_FORM_AMBIENT) {
-        assert_ok(c->ode.field(c->ode.user, c->tape, 0.0, &c->y, &c->f));
+        assert_ok(c->ode.field(c->ode.user, c->tape, (lg_taped_time){0}, &c->y, LG_NONE, &c->f));
         return;
     }
     assert_ok(lg_taped_split(c->tape, &c->ode.space, c->y, parts));
-    assert_ok(c->ode.field(c->ode.user, c->tape, 0.0, parts, algebra));
+    assert_ok(c->ode.field(c->ode.user, c->tape, (lg_taped_time){0}, parts, LG_NONE, algebra));
     c->f = lg_taped_join(c->tape, &c->ode.space, algebra);
     assert_ok(lg_tape_status(c->tape));
 }
@@ -286,7 +286,7 @@ static void test_dependent_inputs(void **state) {
     lg_var x = lg_input_f64(t, lg_shape3(1, 2, 3), x0), y[2] = {x, lg_square(t, lg_square(t, x))}, f[2], g;
     lg_var parameters = lg_input_f64(t, lg_shape1(5), lg_system_parameter_values(system));
     assert_ok(lg_system_taped_ode(system, LG_FORM_LIE, parameters, &user, &ode));
-    assert_ok(ode.field(ode.user, t, 0.0, y, f));
+    assert_ok(ode.field(ode.user, t, (lg_taped_time){0}, y, LG_NONE, f));
     lg_var S = lg_sum(t, lg_square(t, f[1]));
     assert_ok(lg_grad(t, S, &x, 1, &g));
     assert_ok(lg_read(t, g, recorded, 6));
@@ -327,16 +327,16 @@ static void test_oscillators(void **state) {
         assert_ok(lg_system_ode(system, LG_FORM_AMBIENT, &plain_user, work, &plain));
         for (int form = 0; form < 2; form++) {
             assert_ok(lg_system_taped_ode(system, (lg_form)form, LG_NONE, &user, &ode));
-            assert_ok(ode.field(ode.user, t, 0.0, &y, &out));
+            assert_ok(ode.field(ode.user, t, (lg_taped_time){0}, &y, LG_NONE, &out));
             assert_ok(lg_read(t, out, got, d));
             assert_ok(plain.field(&plain_user, 0.0, y0, NULL, f));
             for (size_t i = 0; i < d; i++) assert_close(got[i], f[i], 1e-15, 0.0);
         }
-        assert_ok(ode.force(ode.user, t, 0.0, lg_slice(t, y, 1, 0, h), &out));
+        assert_ok(ode.force(ode.user, t, (lg_taped_time){0}, lg_slice(t, y, 1, 0, h), LG_NONE, &out));
         assert_ok(lg_read(t, out, got, h));
         assert_ok(plain.force(&plain_user, 0.0, y0, NULL, half));
         for (size_t i = 0; i < h; i++) assert_close(got[i], half[i], 1e-15, 0.0);
-        assert_ok(ode.velocity(ode.user, t, 0.0, lg_slice(t, y, 1, h, h), &out));
+        assert_ok(ode.velocity(ode.user, t, (lg_taped_time){0}, lg_slice(t, y, 1, h, h), LG_NONE, &out));
         assert_ok(lg_read(t, out, got, h));
         assert_ok(plain.velocity(&plain_user, 0.0, y0 + h, NULL, half));
         for (size_t i = 0; i < h; i++) assert_close(got[i], half[i], 1e-15, 0.0);

@@ -1,0 +1,305 @@
+/* Learned Hamiltonians on a tape against the functions without one: value, gradient, field, steps; their
+ * derivatives; rows of a batch; what they refuse. */
+#include "models/model_support.h"
+
+#include "liegrad/gradcheck.h"
+#include "liegrad/ops.h"
+#include "liegrad/random.h"
+
+enum { BATCH = 3 };
+
+typedef struct learned {
+    lg_hamiltonian_family family;
+    uint32_t links;
+    lg_potential_kind potential;
+    lg_activation activation;
+} learned;
+
+static const learned models[] = {
+    {LG_HAMILTONIAN_CHAIN, 1, LG_POTENTIAL_MLP, LG_TANH},
+    {LG_HAMILTONIAN_CHAIN, 1, LG_POTENTIAL_LINEAR, LG_TANH},
+    {LG_HAMILTONIAN_CHAIN, 2, LG_POTENTIAL_MLP, LG_SWISH},
+    {LG_HAMILTONIAN_CHAIN, 4, LG_POTENTIAL_LINEAR, LG_TANH},
+    {LG_HAMILTONIAN_SEPARABLE, 1, LG_POTENTIAL_MLP, LG_TANH},
+    {LG_HAMILTONIAN_SEPARABLE, 3, LG_POTENTIAL_MLP, LG_SINE},
+    {LG_HAMILTONIAN_SEPARABLE, 2, LG_POTENTIAL_LINEAR, LG_TANH},
+};
+enum { MODELS = sizeof models / sizeof *models };
+
+/* A model with states, inputs and step sizes; on a tape as variables. */
+typedef struct setting {
+    built built;
+    size_t d, m, parameters;
+    double state[BATCH * MOST_STATE], input[BATCH * MOST_INPUT], h[BATCH];
+    lg_tape *tape;
+    lg_var theta, y, u, steps;
+    lg_hamiltonian_vars vars;
+} setting;
+
+static const lg_hamiltonian *hamiltonian_of(const setting *s) {
+    return &s->built.model.hamiltonian;
+}
+
+static void record_inputs(setting *s) {
+    lg_tape_reset(s->tape);
+    s->theta = lg_parameter(s->tape, lg_shape1((uint32_t)s->parameters), s->built.theta);
+    s->y = lg_parameter(s->tape, lg_shape2(BATCH, (uint32_t)s->d), s->state);
+    s->u = lg_parameter(s->tape, lg_shape2(BATCH, (uint32_t)s->m), s->input);
+    s->steps = lg_parameter(s->tape, lg_shape2(BATCH, 1), s->h);
+    assert_ok(lg_hamiltonian_bind(s->tape, hamiltonian_of(s), s->theta, &s->vars));
+}
+
+/* `on` the manifold, or anywhere in the ambient space */
+static void open_setting(setting *s, const learned *of, bool on) {
+    lg_rng rng;
+    lg_model_user user;
+    lg_ode ode;
+    build_hamiltonian(&s->built, of->family, of->links, of->potential, of->activation);
+    s->d = lg_model_inputs(&s->built.model);
+    s->m = lg_model_input_size(&s->built.model);
+    s->parameters = lg_model_parameters(&s->built.model);
+    assert_true(s->d <= MOST_STATE && s->m <= MOST_INPUT);
+    lg_rng_seed(&rng, 31, of->links);
+    for (size_t i = 0; i < BATCH * s->d; i++) s->state[i] = lg_rng_normal(&rng);
+    for (size_t i = 0; i < BATCH * s->m; i++) s->input[i] = lg_rng_normal(&rng);
+    for (size_t b = 0; b < BATCH; b++) s->h[b] = lg_rng_uniform_in(&rng, -0.05, 0.1);
+    assert_ok(lg_model_ode(&s->built.model, &user, s->built.work, &ode));
+    for (size_t b = 0; on && b < BATCH; b++) lg_space_project(&ode.space, s->state + b * s->d);
+    assert_ok(lg_tape_create(NULL, NULL, &s->tape));
+    record_inputs(s);
+}
+
+static void close_setting(setting *s) {
+    lg_tape_destroy(s->tape);
+    free(s->built.theta);
+    free(s->built.work);
+}
+
+static void assert_rows(const setting *s, lg_var got, const double *expected, size_t width) {
+    double values[BATCH * MOST_STATE];
+    const lg_shape shape = lg_var_shape(s->tape, got);
+    if (lg_tape_status(s->tape) != LG_OK) fail_msg("%s", lg_tape_message(s->tape));
+    assert_true(shape.rank == 2 && shape.dims[0] == BATCH && shape.dims[1] == width);
+    assert_ok(lg_read(s->tape, got, values, BATCH * width));
+    for (size_t i = 0; i < BATCH * width; i++) assert_close(values[i], expected[i], 2e-13, 2e-13);
+}
+
+static void compare(setting *s) {
+    double value[BATCH], gradient[BATCH * MOST_STATE], field[BATCH * MOST_STATE], driven[BATCH * MOST_STATE];
+    const lg_hamiltonian *H = hamiltonian_of(s);
+    void *work = s->built.work;
+    for (size_t b = 0; b < BATCH; b++) {
+        const double *y = s->state + b * s->d;
+        value[b] = lg_hamiltonian_value(H, s->built.theta, y, work);
+        (void)lg_hamiltonian_gradient(H, s->built.theta, y, gradient + b * s->d, work);
+        lg_hamiltonian_field(H, s->built.theta, y, field + b * s->d, work);
+        assert_ok(lg_model_field(&s->built.model, y, s->input + b * s->m, driven + b * s->d, work));
+    }
+    assert_rows(s, lg_hamiltonian_taped_value(s->tape, &s->vars, s->y), value, 1);
+    assert_rows(s, lg_hamiltonian_taped_gradient(s->tape, &s->vars, s->y), gradient, s->d);
+    assert_rows(s, lg_hamiltonian_taped_field(s->tape, &s->vars, s->y, LG_NONE), field, s->d);
+    assert_rows(s, lg_hamiltonian_taped_field(s->tape, &s->vars, s->y, s->u), driven, s->d);
+}
+
+static void taped_equals_untaped(void **state) {
+    (void)state;
+    for (size_t i = 0; i < MODELS; i++)
+        for (int on = 0; on < 2; on++) {
+            setting s;
+            open_setting(&s, &models[i], on == 1);
+            compare(&s);
+            close_setting(&s);
+        }
+}
+
+/* The gradient is the value's, on the manifold and off it, and its directional derivative is
+ * lg_hamiltonian_gradient_jvp. */
+static void gradient_is_the_values(void **state) {
+    (void)state;
+    for (size_t i = 0; i < MODELS; i++) {
+        setting s;
+        lg_var by_tape, moved;
+        double expected[BATCH * MOST_STATE], direction[BATCH * MOST_STATE];
+        open_setting(&s, &models[i], false);
+        lg_var gradient = lg_hamiltonian_taped_gradient(s.tape, &s.vars, s.y);
+        assert_ok(lg_read(s.tape, gradient, expected, BATCH * s.d));
+        lg_var sum = lg_sum(s.tape, lg_hamiltonian_taped_value(s.tape, &s.vars, s.y));
+        assert_ok(lg_grad(s.tape, sum, &s.y, 1, &by_tape));
+        assert_rows(&s, by_tape, expected, s.d);
+        void *work = NULL;
+        assert_int_equal(posix_memalign(&work, 64, lg_hamiltonian_hessian_work_size(hamiltonian_of(&s))), 0);
+        for (size_t j = 0; j < BATCH * s.d; j++) direction[j] = sin(1.0 + (double)j);
+        for (size_t b = 0; b < BATCH; b++)
+            lg_hamiltonian_gradient_jvp(hamiltonian_of(&s), s.built.theta, s.state + b * s.d,
+                                        direction + b * s.d, NULL, expected + b * s.d, work);
+        lg_var tangent = lg_input_f64(s.tape, lg_shape2(BATCH, (uint32_t)s.d), direction);
+        assert_ok(lg_jvp(s.tape, &gradient, 1, &s.y, &tangent, 1, &moved));
+        assert_rows(&s, moved, expected, s.d);
+        free(work);
+        close_setting(&s);
+    }
+}
+
+/* ---- derivatives ---- */
+
+static lg_var bound(lg_tape *tape, const lg_hamiltonian *model, lg_var theta, lg_hamiltonian_vars *vars) {
+    return lg_hamiltonian_bind(tape, model, theta, vars) == LG_OK ? theta : LG_NONE;
+}
+
+/* x: state, theta, input */
+static lg_var build_value(const void *user, lg_tape *tape, const lg_var *x) {
+    lg_hamiltonian_vars vars;
+    if (lg_is_none(bound(tape, user, x[1], &vars))) return LG_NONE;
+    return lg_hamiltonian_taped_value(tape, &vars, x[0]);
+}
+static lg_var build_gradient(const void *user, lg_tape *tape, const lg_var *x) {
+    lg_hamiltonian_vars vars;
+    if (lg_is_none(bound(tape, user, x[1], &vars))) return LG_NONE;
+    return lg_hamiltonian_taped_gradient(tape, &vars, x[0]);
+}
+static lg_var build_field(const void *user, lg_tape *tape, const lg_var *x) {
+    lg_hamiltonian_vars vars;
+    if (lg_is_none(bound(tape, user, x[1], &vars))) return LG_NONE;
+    return lg_hamiltonian_taped_field(tape, &vars, x[0], x[2]);
+}
+
+static void derivatives(void **state) {
+    (void)state;
+    static lg_var (*const builds[])(const void *, lg_tape *, const lg_var *) = {build_value, build_gradient,
+                                                                                build_field};
+    for (size_t i = 0; i < MODELS; i++)
+        for (size_t j = 0; j < sizeof builds / sizeof *builds; j++) {
+            setting s;
+            open_setting(&s, &models[i], false);
+            const lg_gradcheck_argument arguments[] = {
+                {.shape = lg_shape2(BATCH, (uint32_t)s.d), .values = s.state, .scale = 0.2},
+                {.shape = lg_shape1((uint32_t)s.parameters), .values = s.built.theta, .scale = 0.05},
+                {.shape = lg_shape2(BATCH, (uint32_t)s.m), .values = s.input}};
+            const lg_gradcheck_function function = {.name = "learned Hamiltonian",
+                                                    .inputs = builds[j] == build_field ? 3 : 2,
+                                                    .arguments = arguments,
+                                                    .build = builds[j],
+                                                    .user = hamiltonian_of(&s)};
+            lg_gradcheck_result result;
+            const lg_status status = lg_gradcheck(NULL, &function, NULL, &result);
+            if (status != LG_OK) fail_msg("model %zu, function %zu: %s", i, j, result.message);
+            assert_true(result.order[0].checked && result.order[1].checked);
+            close_setting(&s);
+        }
+}
+
+/* ---- steps ---- */
+
+/* A step of each row's own size with input against that of the model's stepper; false when it has none. */
+static bool compare_step(setting *s, const lg_scheme *scheme) {
+    const lg_model *model = &s->built.model;
+    const size_t bytes = lg_model_stepper_size(model, scheme);
+    double expected[BATCH * MOST_STATE];
+    lg_taped_ode ode;
+    lg_var parts[2];
+    lg_stepper *stepper;
+    void *memory = NULL;
+    if (bytes == 0) return false;
+    assert_int_equal(posix_memalign(&memory, 64, bytes), 0);
+    assert_ok(lg_model_stepper_init(memory, bytes, model, scheme, &stepper));
+    for (size_t b = 0; b < BATCH; b++)
+        assert_ok(
+            lg_step(stepper, 0.0, s->h[b], s->state + b * s->d, s->input + b * s->m, expected + b * s->d));
+    free(memory);
+    record_inputs(s);
+    assert_ok(lg_hamiltonian_taped_ode(&s->vars, &ode));
+    assert_ok(lg_taped_split(s->tape, &ode.space, s->y, parts));
+    const lg_taped_interval over = {.h_rows = s->steps, .input = s->u};
+    const lg_status status = lg_taped_step_over(s->tape, scheme, &ode, &over, parts, parts);
+    if (status != LG_OK) fail_msg("%s: %s", scheme->name, lg_tape_message(s->tape));
+    assert_rows(s, lg_taped_join(s->tape, &ode.space, parts), expected, s->d);
+    return true;
+}
+
+static void steps_equal_the_models(void **state) {
+    (void)state;
+    for (size_t i = 0; i < MODELS; i++) {
+        setting s;
+        bool any = false;
+        open_setting(&s, &models[i], true);
+        for (size_t j = 0; j < lg_scheme_count(); j++) any = compare_step(&s, lg_scheme_at(j)) || any;
+        assert_true(any);
+        close_setting(&s);
+    }
+}
+
+/* ---- rows and refusals ---- */
+
+/* A row that is not a number leaves the others as they are, to the last bit. */
+static void rows_are_independent(void **state) {
+    (void)state;
+    for (size_t i = 0; i < MODELS; i++) {
+        setting s;
+        double before[BATCH * MOST_STATE], after[BATCH * MOST_STATE];
+        open_setting(&s, &models[i], true);
+        assert_ok(
+            lg_read(s.tape, lg_hamiltonian_taped_field(s.tape, &s.vars, s.y, s.u), before, BATCH * s.d));
+        for (size_t j = 0; j < s.d; j++) s.state[s.d + j] = NAN;
+        record_inputs(&s);
+        assert_ok(lg_read(s.tape, lg_hamiltonian_taped_field(s.tape, &s.vars, s.y, s.u), after, BATCH * s.d));
+        for (size_t b = 0; b < BATCH; b += 2)
+            assert_memory_equal(after + b * s.d, before + b * s.d, s.d * sizeof *after);
+        assert_true(isnan(after[s.d]));
+        close_setting(&s);
+    }
+}
+
+/* A chain without mass has no value. */
+static void without_mass(void **state) {
+    (void)state;
+    for (size_t i = 0; i < MODELS; i++) {
+        setting s;
+        double value[BATCH];
+        if (models[i].family != LG_HAMILTONIAN_CHAIN) continue;
+        open_setting(&s, &models[i], true);
+        const size_t k = models[i].links, kinetic = k * k + k;
+        memset(s.built.theta + s.parameters - kinetic, 0, kinetic * sizeof *s.built.theta);
+        record_inputs(&s);
+        assert_ok(lg_read(s.tape, lg_hamiltonian_taped_value(s.tape, &s.vars, s.y), value, BATCH));
+        for (size_t b = 0; b < BATCH; b++) assert_true(isnan(value[b]));
+        close_setting(&s);
+    }
+}
+
+static void bad_shapes(void **state) {
+    (void)state;
+    for (size_t i = 0; i < MODELS; i++) {
+        setting s;
+        open_setting(&s, &models[i], true);
+        const uint32_t m = (uint32_t)s.m, d = (uint32_t)s.d;
+        const lg_shape wrong[] = {lg_shape2(BATCH, m + 1), lg_shape2(1, m), lg_shape1(m),
+                                  lg_shape3(BATCH, m, 1)};
+        for (size_t j = 0; j < sizeof wrong / sizeof *wrong; j++) {
+            record_inputs(&s);
+            lg_var input = lg_full(s.tape, wrong[j], 0.1);
+            assert_true(lg_is_none(lg_hamiltonian_taped_field(s.tape, &s.vars, s.y, input)));
+            assert_status(lg_tape_status(s.tape), LG_SHAPE);
+            assert_non_null(strstr(lg_tape_message(s.tape), "the input is not"));
+        }
+        record_inputs(&s);
+        lg_var longer = lg_full(s.tape, lg_shape2(BATCH, d + 1), 0.1);
+        assert_true(lg_is_none(lg_hamiltonian_taped_value(s.tape, &s.vars, longer)));
+        assert_status(lg_tape_status(s.tape), LG_SHAPE);
+        lg_tape_reset(s.tape);
+        lg_var shorter = lg_full(s.tape, lg_shape1((uint32_t)s.parameters - 1), 0.1);
+        s.vars.model = NULL;
+        assert_status(lg_hamiltonian_bind(s.tape, hamiltonian_of(&s), shorter, &s.vars), LG_SHAPE);
+        assert_null(s.vars.model);
+        close_setting(&s);
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(taped_equals_untaped), cmocka_unit_test(gradient_is_the_values),
+        cmocka_unit_test(derivatives),          cmocka_unit_test(steps_equal_the_models),
+        cmocka_unit_test(rows_are_independent), cmocka_unit_test(without_mass),
+        cmocka_unit_test(bad_shapes),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
