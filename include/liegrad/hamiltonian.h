@@ -25,6 +25,7 @@
 #include "liegrad/nn.h"
 #include "liegrad/random.h"
 #include "liegrad/tape.h"
+#include "liegrad/program.h"
 #include "liegrad/taped.h"
 
 LG_BEGIN_DECLS
@@ -135,6 +136,17 @@ LG_API lg_var lg_hamiltonian_taped_field(lg_tape *tape, const lg_hamiltonian_var
 /* The same field for lg_taped_step_over: space (T*S^2)^k, or R^n x R^n with force and velocity. `vars` must
  * outlive the use of `ode`. */
 LG_API lg_status lg_hamiltonian_taped_ode(lg_hamiltonian_vars *vars, lg_taped_ode *ode);
+
+/* The model as a bundle (liegrad/program.h) with parameter theta and the functions
+ *   value (x) -> y                H
+ *   grad  (x) -> y, g             H and its gradient, as lg_hamiltonian_gradient
+ *   field (x, u) -> f             as lg_model_field
+ *   step  (x, u, h) -> next       one step of `scheme` (NULL: cf4 for chains, stormer-verlet otherwise), u held
+ * with x (state size), u (3k or n), h (1). Errors: those of lg_program_build; LG_UNSUPPORTED, an implicit scheme:
+ * its stage is found with numbers. */
+LG_API lg_status lg_hamiltonian_program(const lg_context *context, const lg_hamiltonian *model,
+                                        const double *theta, const lg_scheme *scheme, lg_program **out,
+                                        lg_error *error);
 
 /* ---- evaluation without a tape: caller's memory, no allocation, no lock ---- */
 

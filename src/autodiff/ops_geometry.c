@@ -22,11 +22,7 @@ static lg_status rowdot_forward(lg_evaluation *e) {
 
 static void rowdot_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
     const size_t d = e->in[0]->dims[e->in[0]->rank - 1];
-    for (size_t i = 0; i < e->count; i++) {
-        y[i] = lg_s_constant(s, 0.0);
-        for (size_t j = 0; j < d; j++)
-            y[i] = lg_s_add(s, y[i], lg_s_mul(s, x[0][i * d + j], x[1][i * d + j]));
-    }
+    for (size_t i = 0; i < e->count; i++) y[i] = lg_s_dot(s, x[0] + i * d, 1, x[1] + i * d, 1, d);
 }
 
 static void rowdot_vjp(lg_reverse *r) {

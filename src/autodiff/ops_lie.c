@@ -3,7 +3,6 @@
  * kernels write the cotangents. */
 #include "autodiff/lie.h"
 
-#include "autodiff/scalars.h"
 #include "autodiff/tape_internal.h"
 
 /* ---- built from other operations ---- */
@@ -104,110 +103,6 @@ static const map_row maps[LG_K_LIE_MAPS] = {
     [LG_K_SE3_DEXPINV] = {4, 3, build_dexpinv_second},
 };
 
-/* ---- scalar code: the same formulas on threes of instructions ---- */
-
-typedef struct vector3 {
-    lg_scalar c[3];
-} vector3;
-
-static vector3 at3(const lg_scalar *x, size_t row) {
-    return (vector3){{x[3 * row], x[3 * row + 1], x[3 * row + 2]}};
-}
-
-static vector3 cross3(lg_scalars *s, vector3 a, vector3 b) {
-    vector3 out;
-    for (int i = 0; i < 3; i++) {
-        const int p = (i + 1) % 3, q = (i + 2) % 3;
-        out.c[i] = lg_s_sub(s, lg_s_mul(s, a.c[p], b.c[q]), lg_s_mul(s, a.c[q], b.c[p]));
-    }
-    return out;
-}
-
-static vector3 add3(lg_scalars *s, vector3 a, vector3 b) {
-    for (int i = 0; i < 3; i++) a.c[i] = lg_s_add(s, a.c[i], b.c[i]);
-    return a;
-}
-
-static vector3 scale3(lg_scalars *s, lg_scalar c, vector3 a) {
-    for (int i = 0; i < 3; i++) a.c[i] = lg_s_mul(s, c, a.c[i]);
-    return a;
-}
-
-static lg_scalar dot3(lg_scalars *s, vector3 a, vector3 b) {
-    const lg_scalar two = lg_s_add(s, lg_s_mul(s, a.c[0], b.c[0]), lg_s_mul(s, a.c[1], b.c[1]));
-    return lg_s_add(s, two, lg_s_mul(s, a.c[2], b.c[2]));
-}
-
-/* b + c_k u x b + c_{k+1} u x (u x b) */
-static vector3 second3(lg_scalars *s, vector3 u, vector3 b, uint32_t k) {
-    const lg_scalar w = dot3(s, u, u);
-    const vector3 ub = cross3(s, u, b), uub = cross3(s, u, ub);
-    const vector3 tail = add3(s, scale3(s, lg_s_numbered(s, LG_S_STUMPFF, w, k), ub),
-                              scale3(s, lg_s_numbered(s, LG_S_STUMPFF, w, k + 1), uub));
-    return add3(s, b, tail);
-}
-
-static vector3 code_dexpinv(lg_scalars *s, vector3 A, vector3 B) {
-    const lg_scalar g2 = lg_s_numbered(s, LG_S_DEXPINV, dot3(s, A, A), 0), half = lg_s_constant(s, -0.5);
-    const vector3 AB = cross3(s, A, B);
-    return add3(s, add3(s, B, scale3(s, half, AB)), scale3(s, g2, cross3(s, A, AB)));
-}
-
-/* As build_dexpinv_second. */
-static vector3 code_dexpinv_second(lg_scalars *s, vector3 A, vector3 a, vector3 B, vector3 b) {
-    const lg_scalar w = dot3(s, A, A), rho = dot3(s, A, a), g2 = lg_s_numbered(s, LG_S_DEXPINV, w, 0);
-    const lg_scalar gt2 = lg_s_scale(s, 2.0, lg_s_numbered(s, LG_S_DEXPINV, w, 1));
-    const vector3 AB = cross3(s, A, B), AAB = cross3(s, A, AB);
-    const vector3 mixed = add3(s, cross3(s, a, B), cross3(s, A, b));
-    const vector3 triple = add3(s, cross3(s, a, AB), cross3(s, A, mixed));
-    const vector3 tail = add3(s, scale3(s, lg_s_mul(s, rho, gt2), AAB), scale3(s, g2, triple));
-    return add3(s, add3(s, b, scale3(s, lg_s_constant(s, -0.5), mixed)), tail);
-}
-
-static vector3 code_act(lg_scalars *s, vector3 u, vector3 v, vector3 q, vector3 p) {
-    return add3(s, second3(s, u, p, 1), cross3(s, second3(s, u, v, 2), second3(s, u, q, 1)));
-}
-
-/* exp(u) X, column by column */
-static void code_matrix_exp(lg_scalars *s, vector3 u, const lg_scalar *X, lg_scalar *y) {
-    for (int j = 0; j < 3; j++) {
-        const vector3 column = second3(s, u, (vector3){{X[j], X[3 + j], X[6 + j]}}, 1);
-        for (int i = 0; i < 3; i++) y[3 * i + j] = column.c[i];
-    }
-}
-
-static void lie_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
-    const size_t rows = lg_shape_count(*e->in[0]) / 3;
-    for (size_t r = 0; r < rows; r++) {
-        const vector3 a = at3(x[0], r), b = at3(x[1], r);
-        vector3 out = a;
-        switch ((lg_k_lie)e->attr->i[0]) {
-        case LG_K_SO3_EXP:
-            if (e->count == 9 * rows) {
-                code_matrix_exp(s, a, x[1] + 9 * r, y + 9 * r);
-                continue;
-            }
-            out = second3(s, a, b, 1);
-            break;
-        case LG_K_SO3_DEXP:
-            out = second3(s, a, b, 2);
-            break;
-        case LG_K_SE3_ACT:
-            out = code_act(s, a, b, at3(x[2], r), at3(x[3], r));
-            break;
-        case LG_K_SO3_DEXPINV:
-            out = code_dexpinv(s, a, b);
-            break;
-        case LG_K_SE3_DEXPINV:
-            out = code_dexpinv_second(s, a, b, at3(x[2], r), at3(x[3], r));
-            break;
-        case LG_K_LIE_MAPS:
-            break;
-        }
-        for (int i = 0; i < 3; i++) y[3 * r + (size_t)i] = out.c[i];
-    }
-}
-
 /* ---- the operation ---- */
 
 static lg_status lie_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
@@ -286,8 +181,7 @@ static lg_var lie_jvp(const lg_forward *f) {
     return lg_jvp(f->tape, &y, 1, moving, direction, n, &tangent) == LG_OK ? tangent : LG_NONE;
 }
 
-const lg_op lg_op_lie = {LG_OP("lie", 0, 2, LG_K_LIE_INPUTS, lie_shape, lie_forward, lie_vjp, lie_jvp),
-                         .expand = lie_expand};
+const lg_op lg_op_lie = {LG_OP("lie", 0, 2, LG_K_LIE_INPUTS, lie_shape, lie_forward, lie_vjp, lie_jvp)};
 
 static lg_var apply(lg_tape *tape, lg_k_lie map, const lg_var *in) {
     const lg_attr attr = {.i = {map, 0, 0, 0}};

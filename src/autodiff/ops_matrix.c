@@ -100,11 +100,8 @@ static void matmul_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar
         const lg_scalar *right = x[1] + (of.batch_b == 1 ? 0 : b * of.k * of.n);
         for (size_t i = 0; i < of.m; i++)
             for (size_t j = 0; j < of.n; j++) {
-                lg_scalar sum = lg_s_constant(s, 0.0);
-                for (size_t l = 0; l < of.k; l++)
-                    sum = lg_s_add(s, sum,
-                                   lg_s_mul(s, left[turned_a ? l * of.m + i : i * of.k + l],
-                                            right[turned_b ? j * of.k + l : l * of.n + j]));
+                lg_scalar sum = lg_s_dot(s, left + (turned_a ? i : i * of.k), turned_a ? of.m : 1,
+                                         right + (turned_b ? j * of.k : j), turned_b ? 1 : of.n, of.k);
                 if (e->inputs > 2) {
                     const size_t count = lg_shape_count(*e->in[2]);
                     sum = lg_s_add(s, sum, x[2][count == e->count ? i * of.n + j : count == of.n ? j : 0]);

@@ -61,11 +61,8 @@ static lg_status reduce_forward(lg_evaluation *e) {
 
 static void reduce_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
     const size_t length = e->attr->i[1], inner = e->attr->i[2];
-    for (size_t i = 0; i < e->count; i++) {
-        const size_t first = i / inner * length * inner + i % inner;
-        y[i] = lg_s_constant(s, 0.0);
-        for (size_t l = 0; l < length; l++) y[i] = lg_s_add(s, y[i], x[0][first + l * inner]);
-    }
+    for (size_t i = 0; i < e->count; i++)
+        y[i] = lg_s_sum(s, x[0] + i / inner * length * inner + i % inner, length, inner);
 }
 
 static void reduce_vjp(lg_reverse *r) {

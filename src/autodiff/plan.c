@@ -40,7 +40,7 @@ typedef struct planning {
     uint32_t *run; /* nodes of the scalar code in work */
     size_t run_count;
     piece *free; /* holes in the work memory, in order */
-    lg_step *step;
+    lg_plan_step *step;
     size_t capacity;
     size_t constant_room;
     const double *
@@ -310,18 +310,18 @@ static void find_lives(planning *p, const uint32_t *order, const stretch *stretc
 
 /* ---- steps ---- */
 
-static lg_step *new_step(planning *p, lg_step_kind kind) {
+static lg_plan_step *new_step(planning *p, lg_plan_step_kind kind) {
     lg_plan *plan = p->plan;
     if (plan->steps == p->capacity) {
         const size_t capacity = p->capacity == 0 ? 16 : 2 * p->capacity;
-        lg_step *grown = keep(p, capacity, sizeof *grown);
+        lg_plan_step *grown = keep(p, capacity, sizeof *grown);
         if (grown == NULL) return NULL;
         if (plan->steps > 0) memcpy(grown, plan->step, plan->steps * sizeof *grown);
         plan->step = grown;
         p->capacity = capacity;
     }
-    lg_step *step = &plan->step[plan->steps++];
-    *step = (lg_step){.kind = kind};
+    lg_plan_step *step = &plan->step[plan->steps++];
+    *step = (lg_plan_step){.kind = kind};
     return step;
 }
 
@@ -357,7 +357,7 @@ static lg_status keep_payload(planning *p, const lg_graph_node *n, lg_attr *attr
 static lg_status add_tensor(planning *p, uint32_t node, uint32_t now) {
     const lg_graph_node *n = &p->g.node[node];
     const lg_shape *shapes[LG_MAX_INPUTS];
-    lg_step *step = new_step(p, LG_STEP_TENSOR);
+    lg_plan_step *step = new_step(p, LG_STEP_TENSOR);
     if (step == NULL) return LG_OUT_OF_MEMORY;
     lg_tensor_step made = {
         .op = n->op, .attr = n->attr, .inputs = n->inputs, .shape = n->shape, .count = n->count};
@@ -390,7 +390,7 @@ static lg_status add_tensor(planning *p, uint32_t node, uint32_t now) {
 
 static lg_status add_dense(planning *p, uint32_t node) {
     const lg_graph_node *n = &p->g.node[node], *product = &p->g.node[n->in[0]];
-    lg_step *step = new_step(p, LG_STEP_DENSE);
+    lg_plan_step *step = new_step(p, LG_STEP_DENSE);
     if (step == NULL) return LG_OUT_OF_MEMORY;
     lg_dense_step made = {.m = n->shape.dims[0],
                           .k = p->g.node[product->in[0]].shape.dims[1],
@@ -414,7 +414,7 @@ static bool goes_out(const planning *p, uint32_t node, uint32_t now) {
 
 static lg_status add_code(planning *p, const uint32_t *nodes, uint32_t count, uint32_t now) {
     lg_code code;
-    lg_step *step = new_step(p, LG_STEP_SCALARS);
+    lg_plan_step *step = new_step(p, LG_STEP_SCALARS);
     uint32_t *stored = take(p, count, sizeof *stored), outs = 0;
     if (step == NULL || stored == NULL) return LG_OUT_OF_MEMORY;
     lg_status status = lg_code_begin(&code, &p->temporary, &p->g);
@@ -459,7 +459,7 @@ static lg_status copy_outputs(planning *p) {
         const uint32_t node = p->g.result[j];
         const lg_place from = place_of(p, node);
         if (from.area == LG_AREA_OUTPUT && from.number == j) continue;
-        lg_step *step = new_step(p, LG_STEP_COPY);
+        lg_plan_step *step = new_step(p, LG_STEP_COPY);
         if (step == NULL) return LG_OUT_OF_MEMORY;
         step->copy = (lg_copy_step){from, {LG_AREA_OUTPUT, (uint32_t)j, 0}, p->g.node[node].count};
     }
@@ -543,7 +543,7 @@ static lg_status plan_loop(planning *p, const lg_program *program, const lg_func
     lg_plan_options inner = *options;
     inner.mark_unfit = false;
     LG_TRY(lg_plan_create(program, f->callee, &inner, &callee, p->error));
-    lg_step *step = new_step(p, LG_STEP_CALL);
+    lg_plan_step *step = new_step(p, LG_STEP_CALL);
     if (step == NULL) {
         lg_plan_destroy(callee);
         return LG_OUT_OF_MEMORY;

@@ -82,16 +82,16 @@ typedef struct lg_call_step {
     lg_place work;
 } lg_call_step;
 
-typedef enum lg_step_kind {
+typedef enum lg_plan_step_kind {
     LG_STEP_TENSOR,
     LG_STEP_DENSE,
     LG_STEP_SCALARS,
     LG_STEP_COPY,
     LG_STEP_CALL
-} lg_step_kind;
+} lg_plan_step_kind;
 
-typedef struct lg_step {
-    lg_step_kind kind;
+typedef struct lg_plan_step {
+    lg_plan_step_kind kind;
     union {
         lg_tensor_step tensor;
         lg_dense_step dense;
@@ -99,7 +99,7 @@ typedef struct lg_step {
         lg_copy_step copy;
         lg_call_step call;
     };
-} lg_step;
+} lg_plan_step;
 
 struct lg_plan {
     const lg_context *context;
@@ -109,7 +109,7 @@ struct lg_plan {
     const char *name; /* of the function */
     size_t inputs, outputs;
     size_t *input_count, *output_count; /* elements for all rows */
-    lg_step *step;
+    lg_plan_step *step;
     size_t steps;
     void *constants; /* of the plan's type, 64-byte aligned pieces */
     size_t constant_count;

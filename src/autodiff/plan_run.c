@@ -126,7 +126,7 @@ static bool all_finite(const running *r) {
 void lg_plan_run(const lg_plan *plan, const void *const *inputs, void *const *outputs, void *work) {
     const running r = {plan, plan->k, inputs, outputs, work};
     for (size_t i = 0; i < plan->steps; i++) {
-        const lg_step *s = &plan->step[i];
+        const lg_plan_step *s = &plan->step[i];
         switch (s->kind) {
         case LG_STEP_TENSOR:
             run_tensor(&r, &s->tensor);

@@ -246,6 +246,22 @@ lg_scalar lg_s_numbered(lg_scalars *s, lg_scalar_op op, lg_scalar a, uint32_t n)
     return folded(s, &c, &out) ? out : look_up(s, &c);
 }
 
+lg_scalar lg_s_sum(lg_scalars *s, const lg_scalar *terms, size_t n, size_t step) {
+    if (n == 0) return lg_s_constant(s, 0.0);
+    if (n == 1) return terms[0];
+    const size_t half = (n + 1) / 2;
+    const lg_scalar left = lg_s_sum(s, terms, half, step);
+    return lg_s_add(s, left, lg_s_sum(s, terms + half * step, n - half, step));
+}
+
+lg_scalar lg_s_dot(lg_scalars *s, const lg_scalar *a, size_t sa, const lg_scalar *b, size_t sb, size_t n) {
+    if (n == 0) return lg_s_constant(s, 0.0);
+    if (n == 1) return lg_s_mul(s, a[0], b[0]);
+    const size_t half = (n + 1) / 2;
+    const lg_scalar left = lg_s_dot(s, a, sa, b, sb, half);
+    return lg_s_add(s, left, lg_s_dot(s, a + half * sa, sa, b + half * sb, sb, n - half));
+}
+
 /* ---- operations ---- */
 
 /* Index into input k of the element that meets element `at` of the output. */

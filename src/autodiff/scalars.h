@@ -34,6 +34,10 @@ lg_scalar lg_s_input(lg_scalars *s, uint32_t number); /* a fresh one for a new n
 lg_scalar lg_s_constant(lg_scalars *s, double value);
 lg_scalar lg_s_select(lg_scalars *s, lg_scalar condition, lg_scalar yes, lg_scalar no);
 lg_scalar lg_s_pow(lg_scalars *s, lg_scalar a, double exponent);
+/* Sum of n terms, `step` apart, pairwise: few levels, little rounding. 0 for none. */
+lg_scalar lg_s_sum(lg_scalars *s, const lg_scalar *terms, size_t n, size_t step);
+/* sum a[i sa] b[i sb] likewise */
+lg_scalar lg_s_dot(lg_scalars *s, const lg_scalar *a, size_t sa, const lg_scalar *b, size_t sb, size_t n);
 lg_scalar lg_s_numbered(lg_scalars *s, lg_scalar_op op, lg_scalar a, uint32_t n); /* STUMPFF, DEXPINV */
 bool lg_s_is_constant(const lg_scalars *s, lg_scalar a, double *value);
 

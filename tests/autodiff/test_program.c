@@ -97,9 +97,67 @@ static void applied_equals_recorded(void **state) {
     free(n.theta);
 }
 
+/* ---- plans ---- */
+
+static void close_to(const double *got, const double *want, size_t count, double tolerance) {
+    for (size_t i = 0; i < count; i++) assert_close(got[i], want[i], tolerance, tolerance);
+}
+
+static void compare_plan(lg_program *program, size_t function, network *n, lg_program_record record,
+                         size_t outputs, size_t rows) {
+    lg_tape *tape;
+    lg_plan *plan;
+    lg_rng rng;
+    lg_error error;
+    lg_plan_options options;
+    lg_plan_options_init(&options);
+    options.rows = rows;
+    lg_rng_seed(&rng, 5, rows);
+    assert_int_equal(lg_tape_create(NULL, NULL, &tape), LG_OK);
+    if (lg_plan_create(program, function, &options, &plan, &error) != LG_OK) fail_msg("%s", error.message);
+    double *x = malloc(3 * rows * sizeof *x);
+    for (size_t i = 0; i < 3 * rows; i++) x[i] = lg_rng_normal(&rng);
+    lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)lg_mlp_parameters(&n->net)), n->theta);
+    lg_var in = lg_input(tape, lg_shape2((uint32_t)rows, 3), x), want[2];
+    assert_int_equal(record(&n->net, tape, &theta, &in, want), LG_OK);
+    void *work = aligned_alloc(64, lg_plan_work_size(plan)), *out[2] = {NULL, NULL};
+    memset(work, 0xff, lg_plan_work_size(plan));
+    for (size_t j = 0; j < outputs; j++) out[j] = malloc(lg_plan_output_count(plan, j) * sizeof(double));
+    lg_plan_run(plan, (const void *const[]){x}, out, work);
+    for (size_t j = 0; j < outputs; j++) {
+        const size_t count = lg_plan_output_count(plan, j);
+        assert_int_equal(count, lg_shape_count(lg_var_shape(tape, want[j])));
+        close_to(out[j], lg_value(tape, want[j]), count, 1e-14);
+        free(out[j]);
+    }
+    free(work);
+    free(x);
+    lg_plan_destroy(plan);
+    lg_tape_destroy(tape);
+}
+
+static void plans_equal_recorded(void **state) {
+    (void)state;
+    const lg_activation kinds[] = {LG_TANH, LG_SIGMOID, LG_SWISH, LG_RELU, LG_LEAKY_RELU, LG_SINE, LG_IDENTITY};
+    for (size_t k = 0; k < sizeof kinds / sizeof *kinds; k++)
+        for (uint32_t width = 2; width <= 20; width += 6) {
+            network n;
+            make_network(&n, 3, width, 1, kinds[k]);
+            lg_program *program = build_network(&n);
+            for (size_t rows = 1; rows <= 40; rows += 13) {
+                compare_plan(program, 0, &n, record_value, 1, rows);
+                compare_plan(program, 1, &n, record_gradient, 2, rows);
+                compare_plan(program, 2, &n, record_loss, 1, rows);
+            }
+            lg_program_destroy(program);
+            free(n.theta);
+        }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(applied_equals_recorded),
+        cmocka_unit_test(plans_equal_recorded),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
