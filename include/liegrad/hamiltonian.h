@@ -141,9 +141,9 @@ LG_API lg_status lg_hamiltonian_taped_ode(lg_hamiltonian_vars *vars, lg_taped_od
  *   value (x) -> y                H
  *   grad  (x) -> y, g             H and its gradient, as lg_hamiltonian_gradient
  *   field (x, u) -> f             as lg_model_field
- *   step  (x, u, h) -> next       one step of `scheme` (NULL: cf4 for chains, stormer-verlet otherwise), u held
- * with x (state size), u (3k or n), h (1). Errors: those of lg_program_build; LG_UNSUPPORTED, an implicit scheme:
- * its stage is found with numbers. */
+ *   step  (x, u, h) -> next       one step of `scheme` (NULL: cf4 for chains, stormer-verlet otherwise), u
+ * held with x (state size), u (3k or n), h (1). Errors: those of lg_program_build; LG_UNSUPPORTED, an
+ * implicit scheme: its stage is found with numbers. */
 LG_API lg_status lg_hamiltonian_program(const lg_context *context, const lg_hamiltonian *model,
                                         const double *theta, const lg_scheme *scheme, lg_program **out,
                                         lg_error *error);

@@ -103,10 +103,11 @@ static void find_fates(planning *p) {
         }
         lg_graph_shapes(g, n, shapes);
         const lg_op *op = lg_ops[n->op];
-        if (op->view != NULL && p->item[n->in[0]].fate != CODE && op->view(shapes, &n->attr, &it->offset)) {
+        size_t offset;
+        if (op->view != NULL && p->item[n->in[0]].fate != CODE && op->view(shapes, &n->attr, &offset)) {
             it->fate = VIEW;
             it->base = p->item[n->in[0]].base;
-            it->offset += p->item[n->in[0]].offset;
+            it->offset = p->item[n->in[0]].offset + offset;
             continue;
         }
         it->fate = lg_code_fits(g, n) ? CODE : TENSOR;

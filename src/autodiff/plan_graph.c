@@ -170,6 +170,11 @@ static uint32_t reshaped(making *m, uint32_t i, lg_shape shape) {
     const lg_graph_node *from = &m->g.node[i];
     if (lg_same_shape(&from->shape, &shape)) return i;
     if (from->sort == LG_GRAPH_CONSTANT) return add_constant(m, shape, from->value);
+    if (from->sort == LG_GRAPH_OPERATION && from->op == LG_OP_REPEAT) {
+        lg_graph_node other = *from; /* the shape of a broadcast is given */
+        other.shape = shape;
+        return add(m, &other);
+    }
     return add(
         m, &(lg_graph_node){
                .op = LG_OP_RESHAPE, .inputs = 1, .in = &i, .shape = shape, .count = lg_shape_count(shape)});
@@ -249,11 +254,128 @@ static void drop_ones(const making *m, lg_graph_node *n) {
     n->attr.i[3] = 0;
 }
 
+/* ---- rows that stand several times in a batch: the operation on single rows, then its rows several times
+ * ---- */
+
+/* copies > 1: row r of the node is row r / copies of a tensor with rows / copies rows. */
+static uint32_t copies_of(const making *m, uint32_t i) {
+    const lg_graph_node *n = &m->g.node[i];
+    if (n->sort != LG_GRAPH_OPERATION || n->op != LG_OP_REPEAT || n->shape.rank == 0) return 1;
+    return n->shape.dims[0] == n->attr.i[0] * n->attr.i[1] ? n->attr.i[1] : 1;
+}
+
+static lg_shape fewer_rows(lg_shape shape, uint32_t copies) {
+    shape.dims[0] /= copies;
+    return shape;
+}
+
+/* The tensor of single rows, LG_GRAPH_NONE when the rows differ. */
+static uint32_t single_rows(making *m, uint32_t i, uint32_t copies) {
+    const lg_graph_node n = m->g.node[i];
+    const lg_shape shape = fewer_rows(n.shape, copies);
+    if (copies_of(m, i) == copies) return reshaped(m, n.in[0], shape);
+    if (n.sort != LG_GRAPH_CONSTANT || n.shape.dims[0] % copies != 0) return LG_GRAPH_NONE;
+    const size_t length = n.shape.dims[0] == 0 ? 0 : n.count / n.shape.dims[0];
+    for (size_t r = 0; r < n.shape.dims[0]; r++)
+        if (memcmp(n.value + r * length, n.value + r / copies * copies * length, length * sizeof *n.value) !=
+            0)
+            return LG_GRAPH_NONE;
+    double *value = take(m, lg_shape_count(shape), sizeof *value);
+    for (size_t r = 0; value != NULL && r < shape.dims[0]; r++)
+        memcpy(value + r * length, n.value + r * copies * length, length * sizeof *value);
+    return m->failed ? LG_GRAPH_NONE : add_constant(m, shape, value);
+}
+
+/* How an operation treats the first axis of its output. */
+typedef enum row_use {
+    MIXES,     /* rows meet, or it is not known */
+    ALL_ROWS,  /* row r of the output is made of row r of every input */
+    FIRST_ROWS /* of row r of input 0, and of all of the others */
+} row_use;
+
+static row_use use_of_rows(const making *m, const lg_graph_node *n) {
+    const uint32_t rows = n->shape.dims[0];
+    switch (n->op) {
+    case LG_OP_MATMUL:
+        if (n->shape.rank == 3) return ALL_ROWS;
+        return n->attr.i[0] != 2 && (n->inputs == 2 || m->g.node[n->in[2]].count != n->count) ? FIRST_ROWS
+                                                                                              : MIXES;
+    case LG_OP_REDUCE:
+    case LG_OP_REPEAT:
+        return n->attr.i[0] % rows == 0 ? ALL_ROWS : MIXES;
+    case LG_OP_SLICE:
+    case LG_OP_PAD:
+    case LG_OP_CONCAT:
+        return n->attr.i[0] != 0 ? ALL_ROWS : MIXES;
+    case LG_OP_PERMUTE:
+        return n->attr.i[0] == 0 ? ALL_ROWS : MIXES;
+    case LG_OP_CONV1D:
+    case LG_OP_CONV1D_INPUT:
+    case LG_OP_CONV1D_BLOCK:
+        return FIRST_ROWS;
+    case LG_OP_RESHAPE:
+    case LG_OP_ROWDOT:
+    case LG_OP_CROSS:
+    case LG_OP_SPD_FACTOR:
+    case LG_OP_SPD_SOLVE:
+    case LG_OP_STUMPFF:
+    case LG_OP_LIE:
+    case LG_OP_AVG_POOL1D:
+    case LG_OP_AVG_POOL1D_ADJOINT:
+    case LG_OP_POOL_PICK:
+    case LG_OP_POOL_PLACE:
+        return n->shape.rank > 1 ? ALL_ROWS : MIXES;
+    default:
+        return lg_ops[n->op]->element != NULL ? ALL_ROWS : MIXES;
+    }
+}
+
+/* An input without an axis of rows, or with one row for all. */
+static bool serves_all(const lg_graph_node *n, const lg_shape *in) {
+    return lg_ops[n->op]->element != NULL ? in->rank < n->shape.rank || in->dims[0] == 1
+                                          : n->op == LG_OP_MATMUL && n->shape.rank == 3 && in->dims[0] == 1;
+}
+
+static uint32_t on_single_rows(making *m, const lg_graph_node *n) {
+    uint32_t copies = 1, in[LG_MAX_INPUTS];
+    const uint32_t rows = n->shape.rank > 0 ? n->shape.dims[0] : 0;
+    for (uint32_t k = 0; k < n->inputs && copies == 1; k++)
+        if (n->in[k] != LG_GRAPH_NONE) copies = copies_of(m, n->in[k]);
+    if (copies == 1 || rows == 0 || rows % copies != 0) return LG_GRAPH_NONE;
+    const row_use use = use_of_rows(m, n);
+    for (uint32_t k = 0; k < n->inputs; k++) {
+        in[k] = n->in[k];
+        if (use == MIXES) return LG_GRAPH_NONE;
+        if (in[k] == LG_GRAPH_NONE || (use == FIRST_ROWS && k > 0)) continue;
+        const lg_shape shape = m->g.node[in[k]].shape;
+        if (serves_all(n, &shape)) continue;
+        if (shape.rank == 0 || shape.dims[0] != rows) return LG_GRAPH_NONE;
+        in[k] = single_rows(m, in[k], copies);
+        if (in[k] == LG_GRAPH_NONE) return LG_GRAPH_NONE;
+    }
+    lg_graph_node once = *n;
+    once.in = in;
+    once.shape = fewer_rows(n->shape, copies);
+    once.count = lg_shape_count(once.shape);
+    if (n->op == LG_OP_REDUCE || n->op == LG_OP_REPEAT) once.attr.i[0] /= copies;
+    uint32_t made = add(m, &once);
+    const uint32_t length = (uint32_t)(once.count / once.shape.dims[0]);
+    return m->failed ? 0
+                     : add(m, &(lg_graph_node){.op = LG_OP_REPEAT,
+                                               .attr = {.i = {once.shape.dims[0], copies, length, 0}},
+                                               .inputs = 1,
+                                               .in = &made,
+                                               .shape = n->shape,
+                                               .count = n->count});
+}
+
 static uint32_t operation(making *m, lg_graph_node *n, const lg_shape *const *shapes) {
     drop_ones(m, n);
     if (all_constant(m, n)) return fold(m, n, shapes);
     const uint32_t other = simpler(m, n);
-    return other != LG_GRAPH_NONE ? other : add(m, n);
+    if (other != LG_GRAPH_NONE) return other;
+    const uint32_t once = on_single_rows(m, n);
+    return once != LG_GRAPH_NONE ? once : add(m, n);
 }
 
 /* ---- from the function ---- */
@@ -338,6 +460,27 @@ static lg_status node(making *m, uint32_t i, lg_error *error) {
     return m->failed ? LG_OUT_OF_MEMORY : LG_OK;
 }
 
+/* What simplification left behind goes. */
+static bool drop_unused(making *m) {
+    lg_graph *g = &m->g;
+    uint32_t *place = take(m, g->count, sizeof *place), kept = 0;
+    if (place == NULL) return false;
+    for (size_t j = 0; j < m->f->outputs; j++) place[g->result[j]] = 1;
+    for (uint32_t i = g->count; i-- > 0;)
+        for (uint32_t k = 0; place[i] != 0 && k < g->node[i].inputs; k++)
+            if (g->node[i].in[k] != LG_GRAPH_NONE) place[g->node[i].in[k]] = 1;
+    for (uint32_t i = 0; i < g->count; i++) {
+        if (place[i] == 0) continue;
+        for (uint32_t k = 0; k < g->node[i].inputs; k++)
+            if (g->node[i].in[k] != LG_GRAPH_NONE) g->node[i].in[k] = place[g->node[i].in[k]] - 1;
+        g->node[kept] = g->node[i];
+        place[i] = ++kept;
+    }
+    for (size_t j = 0; j < m->f->outputs; j++) g->result[j] = place[g->result[j]] - 1;
+    g->count = kept;
+    return true;
+}
+
 lg_status lg_graph_make(lg_heap *heap, const lg_program *program, const lg_function *f, size_t rows,
                         lg_dtype dtype, lg_graph *out, lg_error *error) {
     making m = {.g = {.heap = heap}, .program = program, .f = f, .rows = rows, .dtype = dtype};
@@ -350,6 +493,7 @@ lg_status lg_graph_make(lg_heap *heap, const lg_program *program, const lg_funct
     for (uint32_t i = 0; i < f->nodes; i++)
         if (m.needed[i]) LG_TRY(node(&m, i, error));
     for (size_t j = 0; j < f->outputs; j++) m.g.result[j] = m.of[f->result[j]];
+    if (!drop_unused(&m)) return LG_OUT_OF_MEMORY;
     *out = m.g;
     return LG_OK;
 }

@@ -138,7 +138,8 @@ static void compare_plan(lg_program *program, size_t function, network *n, lg_pr
 
 static void plans_equal_recorded(void **state) {
     (void)state;
-    const lg_activation kinds[] = {LG_TANH, LG_SIGMOID, LG_SWISH, LG_RELU, LG_LEAKY_RELU, LG_SINE, LG_IDENTITY};
+    const lg_activation kinds[] = {LG_TANH,       LG_SIGMOID, LG_SWISH,   LG_RELU,
+                                   LG_LEAKY_RELU, LG_SINE,    LG_IDENTITY};
     for (size_t k = 0; k < sizeof kinds / sizeof *kinds; k++)
         for (uint32_t width = 2; width <= 20; width += 6) {
             network n;
@@ -154,10 +155,176 @@ static void plans_equal_recorded(void **state) {
         }
 }
 
+/* ---- derivatives ---- */
+
+/* y = (sin(q u), net(q, u) + q . u): two inputs, two outputs, of every sort of operation that networks and
+ * mechanics have. */
+enum { Q = 3, U = 2, Y0 = 6, Y1 = 2 };
+
+static lg_status record_pair(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
+    const uint32_t rows = lg_var_shape(tape, in[0]).dims[0];
+    lg_var outer = lg_matmul(tape, lg_reshape(tape, in[0], lg_shape3(rows, Q, 1)),
+                             lg_reshape(tape, in[1], lg_shape3(rows, 1, U)));
+    lg_var both[2] = {in[0], in[1]};
+    lg_var net = lg_mlp_apply(tape, user, theta[0], 0, lg_concat(tape, both, 2, 1));
+    lg_var dot = lg_rowdot(tape, lg_slice(tape, in[0], 1, 0, U), in[1]);
+    out[0] = lg_sin(tape, lg_reshape(tape, outer, lg_shape2(rows, Y0)));
+    out[1] = lg_add(tape, net, dot);
+    return lg_tape_status(tape);
+}
+
+static lg_program *build_pair(network *n) {
+    static const lg_port in[2] = {{.name = "q", .shape = {1, {Q, 0, 0, 0}}},
+                                  {.name = "u", .shape = {1, {U, 0, 0, 0}}}};
+    static const lg_port out[2] = {{.name = "a"}, {.name = "b"}};
+    const lg_parameter_spec theta = {"theta", lg_shape1((uint32_t)lg_mlp_parameters(&n->net)), n->theta};
+    const lg_function_spec function = {"pair", in, 2, out, 2, record_pair, &n->net};
+    lg_program_spec spec;
+    lg_program *program = NULL;
+    lg_error error;
+    lg_program_spec_init(&spec);
+    spec.parameters = &theta;
+    spec.parameter_count = 1;
+    spec.functions = &function;
+    spec.function_count = 1;
+    if (lg_program_build(NULL, &spec, &program, &error) != LG_OK) fail_msg("%s", error.message);
+    return program;
+}
+
+static size_t derived(lg_program *program, lg_derivative_kind kind, const char *function) {
+    lg_derivative what;
+    lg_error error;
+    lg_derivative_init(&what);
+    what.kind = kind;
+    what.function = function;
+    if (lg_program_derive(program, &what, &error) != LG_OK) fail_msg("%s", error.message);
+    return lg_program_functions(program) - 1;
+}
+
+/* Runs a function on rows of inputs; outputs one after another in out. */
+static void run_rows(const lg_program *program, size_t function, size_t rows, const double *const *in,
+                     double **out) {
+    lg_plan_options options;
+    lg_plan *plan;
+    lg_error error;
+    size_t count;
+    lg_plan_options_init(&options);
+    options.rows = rows;
+    if (lg_plan_create(program, function, &options, &plan, &error) != LG_OK) fail_msg("%s", error.message);
+    void *work = aligned_alloc(64, lg_plan_work_size(plan)), *to[64];
+    memset(work, 0xff, lg_plan_work_size(plan));
+    (void)lg_program_outputs(program, function, &count);
+    for (size_t j = 0; j < count; j++)
+        to[j] = out[j] = malloc(lg_plan_output_count(plan, j) * sizeof(double));
+    lg_plan_run(plan, (const void *const *)in, to, work);
+    free(work);
+    lg_plan_destroy(plan);
+}
+
+typedef struct pair_point {
+    double q[Q], u[U], da[Y0], db[Y1];
+} pair_point;
+
+/* Each row's Jacobians by the tape, row by row: of (a, b) by (q, u), and of the adjoint by (q, u, da, db). */
+typedef struct pair_truth {
+    double jac[4][Y0 * Q], adj[2][Q], jac_adj[8][Q * Y0];
+    size_t jac_count[4], jac_adj_count[8];
+} pair_truth;
+
+static void read_all(const lg_tape *tape, lg_var v, double *out, size_t *count) {
+    *count = lg_shape_count(lg_var_shape(tape, v));
+    assert_int_equal(lg_read(tape, v, out, *count), LG_OK);
+}
+
+static void true_derivatives(network *n, const pair_point *p, pair_truth *t) {
+    lg_tape *tape;
+    size_t count;
+    assert_int_equal(lg_tape_create(NULL, NULL, &tape), LG_OK);
+    lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)lg_mlp_parameters(&n->net)), n->theta);
+    lg_var x[4] = {lg_input(tape, lg_shape2(1, Q), p->q), lg_input(tape, lg_shape2(1, U), p->u),
+                   lg_input(tape, lg_shape2(1, Y0), p->da), lg_input(tape, lg_shape2(1, Y1), p->db)};
+    lg_var y[2], adj[2];
+    assert_int_equal(record_pair(&n->net, tape, &theta, x, y), LG_OK);
+    for (size_t j = 0; j < 2; j++)
+        for (size_t i = 0; i < 2; i++)
+            read_all(tape, lg_jacobian(tape, y[j], x[i]), t->jac[2 * j + i], &t->jac_count[2 * j + i]);
+    assert_int_equal(lg_vjp(tape, y, x + 2, 2, x, 2, adj), LG_OK);
+    for (size_t j = 0; j < 2; j++) {
+        read_all(tape, adj[j], t->adj[j], &count);
+        for (size_t i = 0; i < 4; i++)
+            read_all(tape, lg_jacobian(tape, adj[j], x[i]), t->jac_adj[4 * j + i],
+                     &t->jac_adj_count[4 * j + i]);
+    }
+    lg_tape_destroy(tape);
+}
+
+static void derivatives_are_those_of_the_tape(void **state) {
+    (void)state;
+    enum { ROWS = 5 };
+    network n;
+    make_network(&n, Q + U, 10, Y1, LG_TANH);
+    lg_program *program = build_pair(&n);
+    const size_t jac = derived(program, LG_DERIVATIVE_JACOBIAN, "pair");
+    const size_t adj = derived(program, LG_DERIVATIVE_ADJOINT, "pair");
+    const size_t jac_adj = derived(program, LG_DERIVATIVE_JACOBIAN_OF_ADJOINT, "pair");
+    const size_t fwd = derived(program, LG_DERIVATIVE_FORWARD, "pair");
+    lg_rng rng;
+    lg_rng_seed(&rng, 6, 1);
+    pair_point point[ROWS];
+    pair_truth truth[ROWS];
+    double q[ROWS * Q], u[ROWS * U], da[ROWS * Y0], db[ROWS * Y1];
+    for (size_t r = 0; r < ROWS; r++) {
+        double *all = (double *)&point[r];
+        for (size_t i = 0; i < sizeof point[r] / sizeof(double); i++) all[i] = lg_rng_normal(&rng);
+        memcpy(q + r * Q, point[r].q, sizeof point[r].q);
+        memcpy(u + r * U, point[r].u, sizeof point[r].u);
+        memcpy(da + r * Y0, point[r].da, sizeof point[r].da);
+        memcpy(db + r * Y1, point[r].db, sizeof point[r].db);
+        true_derivatives(&n, &point[r], &truth[r]);
+    }
+    for (size_t rows = 1; rows <= ROWS; rows += 2) {
+        double *out[8];
+        run_rows(program, jac, rows, (const double *const[]){q, u}, out);
+        for (size_t j = 0; j < 4; j++) {
+            for (size_t r = 0; r < rows; r++)
+                close_to(out[j] + r * truth[r].jac_count[j], truth[r].jac[j], truth[r].jac_count[j], 1e-13);
+            free(out[j]);
+        }
+        run_rows(program, adj, rows, (const double *const[]){q, u, da, db}, out);
+        for (size_t j = 0; j < 2; j++) {
+            const size_t count = j == 0 ? Q : U;
+            for (size_t r = 0; r < rows; r++) close_to(out[j] + r * count, truth[r].adj[j], count, 1e-13);
+            free(out[j]);
+        }
+        run_rows(program, jac_adj, rows, (const double *const[]){q, u, da, db}, out);
+        for (size_t j = 0; j < 8; j++) {
+            for (size_t r = 0; r < rows; r++)
+                close_to(out[j] + r * truth[r].jac_adj_count[j], truth[r].jac_adj[j],
+                         truth[r].jac_adj_count[j], 1e-13);
+            free(out[j]);
+        }
+        /* <c, J d> = <J^T c, d>, with d = (q, u) */
+        run_rows(program, fwd, rows, (const double *const[]){q, u, q, u}, out);
+        for (size_t r = 0; r < rows; r++) {
+            double left = 0.0, right = 0.0;
+            for (size_t i = 0; i < Y0; i++) left += out[0][r * Y0 + i] * da[r * Y0 + i];
+            for (size_t i = 0; i < Y1; i++) left += out[1][r * Y1 + i] * db[r * Y1 + i];
+            for (size_t i = 0; i < Q; i++) right += truth[r].adj[0][i] * q[r * Q + i];
+            for (size_t i = 0; i < U; i++) right += truth[r].adj[1][i] * u[r * U + i];
+            assert_close(left, right, 1e-12, 1e-12);
+        }
+        free(out[0]);
+        free(out[1]);
+    }
+    lg_program_destroy(program);
+    free(n.theta);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(applied_equals_recorded),
         cmocka_unit_test(plans_equal_recorded),
+        cmocka_unit_test(derivatives_are_those_of_the_tape),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
