@@ -8,6 +8,7 @@ BUILD_BINARY(sub)
 BUILD_BINARY(mul)
 BUILD_BINARY(div)
 BUILD_BINARY(max)
+BUILD_BINARY(atan2)
 
 BUILD_UNARY(neg)
 BUILD_UNARY(square)
@@ -23,6 +24,11 @@ BUILD_UNARY(stop_gradient)
 BUILD(build_leaf) {
     (void)user, (void)t;
     return x[0];
+}
+/* a where a >= b, else b^2. */
+BUILD(build_select) {
+    (void)user;
+    return lg_select(t, lg_ge(t, x[0], x[1]), x[0], lg_mul(t, x[1], x[1]));
 }
 BUILD(build_ge) {
     (void)user;
@@ -120,6 +126,10 @@ static const lg_gradcheck_case rows[] = {
     BINARY_ROWS(mul, ANY, ANY),
     BINARY_ROWS(div, ANY, POSITIVE),
     BINARY_ROWS(max, APART, BETWEEN),
+    BINARY_ROWS(atan2, APART, BETWEEN),
+    ROW("select (4, 3)", "select", build_select, INPUTS(APART(S2(4, 3)), BETWEEN(S2(4, 3)))),
+    ROW("select ()", "select", build_select, INPUTS(APART(S0), BETWEEN(S0))),
+    ROW("select (), the other", "select", build_select, INPUTS(BETWEEN(S0), APART(S0))),
     ROW("add () ()", "add", build_add, INPUTS(ANY(S0), ANY(S0))),
     ROW("sub () ()", "sub", build_sub, INPUTS(ANY(S0), ANY(S0))),
     ROW("mul () ()", "mul", build_mul, INPUTS(ANY(S0), ANY(S0))),

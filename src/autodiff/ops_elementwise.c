@@ -239,14 +239,74 @@ lg_var lg_max(lg_tape *tape, lg_var a, lg_var b) {
     return binary(tape, LG_OP_MAX, a, b);
 }
 
-/* ---- y = (1 - z) u + z v ---- */
+static lg_status atan2_forward(lg_evaluation *e) {
+    return binary_forward(e, LG_K_ATAN2);
+}
+/* d atan2(a, b) = (b da - a db)/(a^2 + b^2) */
+static lg_var over_square(lg_tape *t, lg_var g, const lg_var *in) {
+    return lg_div(t, g, lg_add(t, lg_square(t, in[0]), lg_square(t, in[1])));
+}
+static void atan2_vjp(lg_reverse *r) {
+    const lg_var over = over_square(r->tape, r->g, r->in);
+    if (r->need[0]) r->out[0] = fold_product(r, 0, over, r->in[1]);
+    if (r->need[1]) r->out[1] = lg_neg(r->tape, fold_product(r, 1, over, r->in[0]));
+}
+static lg_var atan2_jvp(const lg_forward *f) {
+    lg_var a = LG_NONE, b = LG_NONE;
+    if (!lg_is_none(f->tangents[0])) a = lg_mul(f->tape, f->tangents[0], f->in[1]);
+    if (!lg_is_none(f->tangents[1])) b = lg_neg(f->tape, lg_mul(f->tape, f->in[0], f->tangents[1]));
+    return over_square(f->tape, spread(f, lg_add_or(f->tape, a, b)), f->in);
+}
+static lg_scalar atan2_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
+    (void)attr, (void)inputs;
+    return lg_s(s, LG_S_ATAN2, x[0], x[1]);
+}
+const lg_op lg_op_atan2 = {LG_OP("atan2", 0, 2, 2, broadcast_shape, atan2_forward, atan2_vjp, atan2_jvp),
+                           .element = atan2_element};
 
-static lg_status mix_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
+lg_var lg_atan2(lg_tape *tape, lg_var a, lg_var b) {
+    return binary(tape, LG_OP_ATAN2, a, b);
+}
+lg_var lg_ge(lg_tape *tape, lg_var a, lg_var b) {
+    return binary(tape, LG_OP_GE, a, b);
+}
+
+/* ---- y = c != 0 ? a : b, equal shapes ---- */
+
+static lg_status three_alike(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
     (void)inputs, (void)attr;
     if (!lg_same_shape(in[0], in[1]) || !lg_same_shape(in[0], in[2])) return LG_SHAPE;
     *out = *in[0];
     return LG_OK;
 }
+static lg_status select_forward(lg_evaluation *e) {
+    e->k->select(e->count, e->x[0], e->x[1], e->x[2], e->y);
+    return LG_OK;
+}
+/* What is not chosen gets 0, whatever its derivative is. */
+static void select_vjp(lg_reverse *r) {
+    const lg_var zero = lg_zeros_like(r->tape, r->g);
+    if (r->need[1]) r->out[1] = lg_select(r->tape, r->in[0], r->g, zero);
+    if (r->need[2]) r->out[2] = lg_select(r->tape, r->in[0], zero, r->g);
+}
+static lg_var select_jvp(const lg_forward *f) {
+    const lg_var zero = lg_zeros_like(f->tape, f->y);
+    return lg_select(f->tape, f->in[0], lg_is_none(f->tangents[1]) ? zero : f->tangents[1],
+                     lg_is_none(f->tangents[2]) ? zero : f->tangents[2]);
+}
+static lg_scalar select_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
+    (void)attr, (void)inputs;
+    return lg_s_select(s, x[0], x[1], x[2]);
+}
+const lg_op lg_op_select = {LG_OP("select", 1u, 3, 3, three_alike, select_forward, select_vjp, select_jvp),
+                            .element = select_element};
+
+lg_var lg_select(lg_tape *tape, lg_var condition, lg_var yes, lg_var no) {
+    const lg_var in[3] = {condition, yes, no};
+    return lg_record(tape, LG_OP_SELECT, in, 3, NULL);
+}
+
+/* ---- y = (1 - z) u + z v ---- */
 
 static lg_status mix_forward(lg_evaluation *e) {
     e->k->mix(e->count, e->x[0], e->x[1], e->x[2], e->y);
@@ -281,7 +341,7 @@ static lg_scalar mix_element(lg_scalars *s, const lg_attr *attr, const lg_scalar
     (void)attr, (void)inputs;
     return lg_s_add(s, lg_s_mul(s, lg_s_sub(s, lg_s_constant(s, 1.0), x[0]), x[1]), lg_s_mul(s, x[0], x[2]));
 }
-const lg_op lg_op_mix = {LG_OP("mix", 0, 3, 3, mix_shape, mix_forward, mix_vjp, mix_jvp),
+const lg_op lg_op_mix = {LG_OP("mix", 0, 3, 3, three_alike, mix_forward, mix_vjp, mix_jvp),
                          .element = mix_element};
 
 lg_var lg_mix(lg_tape *tape, lg_var z, lg_var u, lg_var v) {

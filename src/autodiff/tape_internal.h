@@ -20,6 +20,8 @@
     X(MUL, mul)                                                                                              \
     X(DIV, div)                                                                                              \
     X(MAX, max)                                                                                              \
+    X(ATAN2, atan2)                                                                                          \
+    X(SELECT, select)                                                                                        \
     X(GE, ge)                                                                                                \
     X(MIX, mix)                                                                                              \
     X(COMBINE, combine)                                                                                      \

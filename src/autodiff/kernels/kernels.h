@@ -24,6 +24,7 @@ typedef enum lg_k_binary {
     LG_K_DIV,
     LG_K_MAX,
     LG_K_GE /* a >= b ? 1 : 0 */,
+    LG_K_ATAN2,
     LG_K_BINARIES
 } lg_k_binary;
 
@@ -173,6 +174,8 @@ typedef struct lg_kernels {
     /* y[i, j] = sigma(x), d[i, j] = sigma'(x) at x = d[i, j] + bias[j]; y does not overlap d. */
     void (*act_slope)(lg_k_act kind, size_t rows, size_t cols, const void *bias, void *d, void *y);
 
+    /* y[i] = c[i] != 0 ? a[i] : b[i] */
+    void (*select)(size_t n, const void *c, const void *a, const void *b, void *y);
     /* y = (1 - z) u + z v. reverse: cotangents of in = (z, u, v) from g, y's one, into out[k], NULL where it
      * is not asked for; added where add[k]. No two of them overlap. */
     void (*mix)(size_t n, const void *z, const void *u, const void *v, void *y);
