@@ -10,6 +10,20 @@
 #include "liegrad/mechanics.h"
 #include "liegrad/taped.h"
 
+/* How the field follows from the energy H, which the first invariant gives. The test of all rows checks the field
+ * against it. */
+typedef enum lg_structure {
+    LG_STRUCTURE_UNSTATED, /* only where there is no energy */
+    /* y' = {y, H} with the bracket of the space: canonical on R^2n as (q, p) and on T*S^2 as (q, p); on T*SO(3) as
+     * (R, pi), pi the spatial momentum, SE(3) or SO(3) x R^3; on so(3)* as body momentum, mu' = mu x dH/dmu; on se(3)*
+     * as (Gamma, Pi), Gamma' = Gamma x dH/dPi, Pi' = Pi x dH/dPi + Gamma x dH/dGamma. */
+    LG_STRUCTURE_HAMILTONIAN,
+    /* Euler-Lagrange equations of L = K - V, V(q) = H(q, 0), K = H - V, on R^2n as (q, q') and on TS^2 as (q,
+     * omega). */
+    LG_STRUCTURE_LAGRANGIAN,
+    LG_STRUCTURE_OTHER /* the field only keeps H */
+} lg_structure;
+
 typedef struct lg_system_row {
     const char *name, *form;            /* form NULL: the only one */
     const lg_parameter_row *parameters; /* ended by a key NULL */
@@ -23,6 +37,9 @@ typedef struct lg_system_row {
     size_t (*work)(size_t links);  /* doubles of workspace; NULL: none */
     const char *const *invariants; /* names, ended by NULL; "energy" first where there is one */
     double (*invariant)(const lg_system *system, size_t index, const double *y, double *work);
+    lg_structure structure;
+    /* What stands for H in the structure; NULL: the energy. */
+    double (*generating)(const lg_system *system, const double *y, double *work);
     /* By lg_form; AMBIENT NULL: the generator of the other one. The user is lg_system_user. */
     lg_field field[2];
     bool extended; /* field[AMBIENT] is not the generator of the other one off the manifold, and has no taped
