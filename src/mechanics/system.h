@@ -10,13 +10,13 @@
 #include "liegrad/mechanics.h"
 #include "liegrad/taped.h"
 
-/* How the field follows from the energy H, which the first invariant gives. The test of all rows checks the field
- * against it. */
+/* How the field follows from the energy H, which the first invariant gives. The test of all rows checks the
+ * field against it. */
 typedef enum lg_structure {
     LG_STRUCTURE_UNSTATED, /* only where there is no energy */
-    /* y' = {y, H} with the bracket of the space: canonical on R^2n as (q, p) and on T*S^2 as (q, p); on T*SO(3) as
-     * (R, pi), pi the spatial momentum, SE(3) or SO(3) x R^3; on so(3)* as body momentum, mu' = mu x dH/dmu; on se(3)*
-     * as (Gamma, Pi), Gamma' = Gamma x dH/dPi, Pi' = Pi x dH/dPi + Gamma x dH/dGamma. */
+    /* y' = {y, H} with the bracket of the space: canonical on R^2n as (q, p) and on T*S^2 as (q, p); on
+     * T*SO(3) as (R, pi), pi the spatial momentum, SE(3) or SO(3) x R^3; on so(3)* as body momentum, mu' = mu
+     * x dH/dmu; on se(3)* as (Gamma, Pi), Gamma' = Gamma x dH/dPi, Pi' = Pi x dH/dPi + Gamma x dH/dGamma. */
     LG_STRUCTURE_HAMILTONIAN,
     /* Euler-Lagrange equations of L = K - V, V(q) = H(q, 0), K = H - V, on R^2n as (q, q') and on TS^2 as (q,
      * omega). */

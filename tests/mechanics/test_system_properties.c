@@ -1,8 +1,8 @@
-/* Properties of every row of the table of systems, at random parameters and random states on the manifold: forms of the
- * field agree with each other, plain and on a tape; derivatives in the parameters are those of the plain field; invariants
- * are constant along the field; the field is what the structure of its row makes of the energy. A new row is covered as it
- * stands. Derivatives are central differences of order 8 along the action of the space, so that no state leaves the
- * manifold.
+/* Properties of every row of the table of systems, at random parameters and random states on the manifold:
+ * forms of the field agree with each other, plain and on a tape; derivatives in the parameters are those of
+ * the plain field; invariants are constant along the field; the field is what the structure of its row makes
+ * of the energy. A new row is covered as it stands. Derivatives are central differences of order 8 along the
+ * action of the space, so that no state leaves the manifold.
  */
 #include "mechanics/system_check.h"
 
@@ -190,8 +190,8 @@ typedef struct recording {
 
 static lg_status try_recording(const sample *s, lg_form form, const double *y, recording *r) {
     assert_ok(lg_tape_create(NULL, NULL, &r->tape));
-    r->parameters = lg_input_f64(r->tape, lg_shape1((uint32_t)s->parameters),
-                                 lg_system_parameter_values(s->system));
+    r->parameters =
+        lg_input_f64(r->tape, lg_shape1((uint32_t)s->parameters), lg_system_parameter_values(s->system));
     r->y = lg_input_f64(r->tape, lg_shape2(BATCH, (uint32_t)s->dim), y);
     return lg_system_taped_ode(s->system, form, r->parameters, &r->user, &r->ode);
 }
@@ -329,8 +329,8 @@ static void halves(sample *s) {
 
 /* ---- differences ---- */
 
-/* Central differences of order 6 and 8: f'(0) h = sum_k w_k (f(k h) - f(-k h)). Their distance and the rounding of f
- * bound the error of the second. */
+/* Central differences of order 6 and 8: f'(0) h = sum_k w_k (f(k h) - f(-k h)). Their distance and the
+ * rounding of f bound the error of the second. */
 #define STEP 0.015625
 static const double sixth[4] = {3.0 / 4, -3.0 / 20, 1.0 / 60, 0.0},
                     eighth[4] = {4.0 / 5, -1.0 / 5, 4.0 / 105, -1.0 / 280};
@@ -418,8 +418,7 @@ static double generating(const void *of, const double *y) {
 }
 
 static void cross(const double *a, const double *b, double *out) {
-    for (int i = 0; i < 3; i++)
-        out[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
+    for (int i = 0; i < 3; i++) out[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
 }
 
 /* The velocity {y, H} of `copies` of a factor from the slopes d of H along the basis of its algebra. */
@@ -549,8 +548,8 @@ static double lagrangian(const void *of, const double *y) {
     return value;
 }
 
-/* Number `component` of the momentum of the copy whose state and algebra begin at `place`: dL/dv on R^n; on TS^2 the
- * derivative along the turn of q, (d_v L) x q, as omega moves by v x q. */
+/* Number `component` of the momentum of the copy whose state and algebra begin at `place`: dL/dv on R^n; on
+ * TS^2 the derivative along the turn of q, (d_v L) x q, as omega moves by v x q. */
 typedef struct momentum_of {
     const sample *s;
     tangent t;
@@ -574,7 +573,8 @@ static double momentum(const void *of, const double *y) {
     return slope_in_velocity(m, y, a) * y[m->place + b] - slope_in_velocity(m, y, b) * y[m->place + a];
 }
 
-/* The momentum changes by the slope of L along the turn, or the shift, of the position; q' = omega x q, or v. */
+/* The momentum changes by the slope of L along the turn, or the shift, of the position; q' = omega x q, or v.
+ */
 static void check_copy(momentum_of m, const double *y, const double *f, const double *velocity,
                        const double *d) {
     const sample *s = m.s;
@@ -660,8 +660,8 @@ static double moved_sum(const sample *s, const lg_parameter_row *row, size_t cou
     double *p = take(s->parameters), *f = take(n), sum = 0.0;
     memcpy(p, lg_system_parameter_values(s->system), s->parameters * sizeof *p);
     move_parameter(row, count, i, by, p + offset);
-    lg_system *moved = system_of(lg_system_name(s->system), lg_system_form(s->system),
-                                 lg_system_links(s->system), p);
+    lg_system *moved =
+        system_of(lg_system_name(s->system), lg_system_form(s->system), lg_system_links(s->system), p);
     plain_rows(s, moved, LG_FORM_LIE, s->y, f);
     for (size_t j = 0; j < n; j++) sum += weight[j] * f[j];
     lg_system_destroy(NULL, moved);
@@ -697,8 +697,7 @@ static void check_parameter(const sample *s, const lg_parameter_row *row, size_t
     /* Of a unit vector n along e_i - n n_i. */
     for (size_t j = 0; row->rule == LG_PARAMETER_UNIT_VECTOR && j < count; j++)
         taped -= gradient[j] * p[j] * p[i];
-    if (!(error <= 1e-5 * (size + 1.0)))
-        fail_msg("%s: %s is too rough for differences", s->label, row->key);
+    if (!(error <= 1e-5 * (size + 1.0))) fail_msg("%s: %s is too rough for differences", s->label, row->key);
     if (!(fabs(taped - high) <= 2.0 * error))
         fail_msg("%s: the derivative in %s[%zu] is %.17g on the tape, %.17g by differences, error %.3g",
                  s->label, row->key, i, taped, high, error);
@@ -735,9 +734,12 @@ TEST_OF(parameter_derivatives)
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_taped_field),       cmocka_unit_test(test_ambient_field),
-        cmocka_unit_test(test_halves),            cmocka_unit_test(test_invariants),
-        cmocka_unit_test(test_structure),         cmocka_unit_test(test_variational_step),
+        cmocka_unit_test(test_taped_field),
+        cmocka_unit_test(test_ambient_field),
+        cmocka_unit_test(test_halves),
+        cmocka_unit_test(test_invariants),
+        cmocka_unit_test(test_structure),
+        cmocka_unit_test(test_variational_step),
         cmocka_unit_test(test_parameter_derivatives),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
