@@ -337,13 +337,16 @@ static const double sixth[4] = {3.0 / 4, -3.0 / 20, 1.0 / 60, 0.0},
 
 typedef double (*scalar)(const void *of, const double *y);
 
-/* d/ds f(exp(s a) . y) at s = 0, and its error. */
-static double slope(const sample *s, scalar f, const void *of, const double *y, const double *a,
-                    double *error) {
+/* A slope and what bounds its error. */
+typedef struct slope_value {
+    double value, error;
+} slope_value;
+
+static slope_value difference(const sample *s, scalar f, const void *of, const double *y, const double *a,
+                              double h) {
     const size_t mark = arena_used;
-    const double norm = largest(s->algebra, a), h = STEP / (norm + DBL_MIN);
     double *element = take(s->algebra), *moved = take(s->dim), low = 0.0, high = 0.0, size = 0.0;
-    for (int k = 1; norm > 0.0 && k <= 4; k++) {
+    for (int k = 1; k <= 4; k++) {
         double value[2];
         for (int side = 0; side < 2; side++) {
             for (size_t i = 0; i < s->algebra; i++) element[i] = (side == 0 ? h : -h) * k * a[i];
@@ -355,8 +358,22 @@ static double slope(const sample *s, scalar f, const void *of, const double *y, 
         high += eighth[k - 1] * (value[0] - value[1]) / h;
     }
     arena_used = mark;
-    *error = fabs(high - low) + 32.0 * DBL_EPSILON * size / h;
-    return norm > 0.0 ? high : 0.0;
+    return (slope_value){high, fabs(high - low) + 32.0 * DBL_EPSILON * size / h};
+}
+
+/* d/ds f(exp(s a) . y) at s = 0, and its error: the best of a few steps, short ones for where f is steep. */
+static double slope(const sample *s, scalar f, const void *of, const double *y, const double *a,
+                    double *error) {
+    const double norm = largest(s->algebra, a);
+    slope_value best = {NAN, INFINITY};
+    *error = 0.0;
+    if (norm == 0.0) return 0.0;
+    for (double h = STEP / norm; h > 1e-4 / norm; h /= 8.0) {
+        const slope_value now = difference(s, f, of, y, a, h);
+        if (now.error < best.error) best = now;
+    }
+    *error = best.error;
+    return best.value;
 }
 
 /* The slopes along the basis of the algebra; the error is the largest of theirs. */
