@@ -29,7 +29,7 @@ typedef struct lg_system_row {
     const lg_parameter_row *parameters; /* ended by a key NULL */
     const lg_state_row *state;          /* ended by a key NULL */
     const char *layout;                 /* NULL: from `state`, in the order of offsets */
-    bool separable;                     /* force and velocity are there */
+    bool separable;                     /* force and velocity are there, plain and on a tape */
     size_t unreported;                  /* numbers at the end of the state that are not reported */
     lg_status (*space)(size_t links, lg_space *out);
     size_t (*constants)(size_t links); /* numbers made from the parameters once; NULL: none */
@@ -72,6 +72,12 @@ struct lg_system {
 const double *lg_system_parameter(const lg_system *system, size_t index);
 /* The same on a tape: the slice of `parameters`, shape (count). */
 lg_var lg_system_taped_parameter(const lg_system *system, lg_tape *tape, lg_var parameters, size_t index);
+
+/* `field` and `taped` of a separable system on R^2n, y = (q, p), from its halves: y' = (velocity(p),
+ * force(q)). */
+lg_status lg_separable_field(void *user, double t, const double *y, const double *input, double *out);
+lg_status lg_separable_taped(const lg_system *system, lg_tape *tape, double t, const lg_var *y,
+                             lg_var parameters, lg_var *algebra);
 
 /* The rows, first forms first. */
 extern const lg_system_row lg_system_row_oscillator, lg_system_row_quartic, lg_system_row_coupled;
