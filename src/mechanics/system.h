@@ -1,7 +1,7 @@
 /* Inside of a system, and the row that each file of this room fills in.
  *
- * A new system is a file with its row (one for each form) and a line in the list at the end: parameters and
- * parts of the state are tables, which scenes, messages, layouts and gradients read.
+ * A new system is a file with its row (one for each form) and a line in the list at the end (docs/adding.md):
+ * parameters and parts of the state are tables, which scenes, messages, layouts and gradients read.
  */
 #ifndef LG_SYSTEM_H
 #define LG_SYSTEM_H
