@@ -215,16 +215,62 @@ static int run(app *self) {
     return code;
 }
 
+/* ---- the methods, for --help ---- */
+
+static bool is_ambient(const lg_scheme *scheme) {
+    return scheme->ambient;
+}
+
+static bool is_splitting(const lg_scheme *scheme) {
+    return scheme->kind == LG_SCHEME_SPLITTING;
+}
+
+static bool is_variational(const lg_scheme *scheme) {
+    return scheme->kind == LG_SCHEME_VARIATIONAL;
+}
+
+static bool is_cotangent(const lg_scheme *scheme) {
+    return scheme->kind == LG_SCHEME_SLGI;
+}
+
+static bool is_lie(const lg_scheme *scheme) {
+    return !is_ambient(scheme) && !is_splitting(scheme) && !is_variational(scheme) && !is_cotangent(scheme);
+}
+
+static bool is_adaptive(const lg_scheme *scheme) {
+    return scheme->embedded_order > 0;
+}
+
+/* The text so far with the names of the schemes that belong, and what they are for. */
+static char *list_methods(char *text, bool (*belongs)(const lg_scheme *scheme), const char *what) {
+    const char *between = "";
+    for (size_t i = 0; i < lg_scheme_count(); i++) {
+        if (!belongs(lg_scheme_at(i))) continue;
+        char *longer = app_format("%s%s%s", text, between, lg_scheme_at(i)->name);
+        free(text);
+        text = longer;
+        between = ", ";
+    }
+    char *whole = app_format("%s%s", text, what);
+    free(text);
+    return whole;
+}
+
+static char *describe_methods(void) {
+    char *text = app_format("Methods: ");
+    text = list_methods(text, is_ambient, " in the ambient space; ");
+    text = list_methods(text, is_splitting, " for separable systems; ");
+    text = list_methods(text, is_variational, " for the oscillator and chains; ");
+    text = list_methods(text, is_lie, " on the manifold itself; ");
+    text = list_methods(text, is_cotangent, " for the heavy top as cotangent or quadratic. Adaptive: ");
+    return list_methods(
+        text, is_adaptive,
+        "; they take --steps too.\nEvery number of the state counts as of size 1 in the absolute "
+        "tolerance: --atol for other sizes.");
+}
+
 int main(int argc, char **argv) {
-    static const char details[] =
-        "Methods: euler, implicit-euler, midpoint, rk4, rk4-projected, dp54 in the ambient space; "
-        "symplectic-euler, "
-        "stormer-verlet for separable systems; variational for the oscillator and chains; lie-euler, "
-        "lie-heun, rkmk3, "
-        "rkmk4, rkmk4-2c, rkmk5, rkmk54, cg3, cf4, cf32a, cf32b, cf43 on the manifold itself; slgi for the "
-        "heavy top "
-        "as cotangent or quadratic. Adaptive: dp54, rkmk54, cf32a, cf32b, cf43; they take --steps too.\n"
-        "Every number of the state counts as of size 1 in the absolute tolerance: --atol for other sizes.";
+    char *details = describe_methods();
     const app_command command[] = {
         {.arguments = "SCENE.yaml",
          .summary = "Integrates a mechanical system with a classical or a Lie group method: "
@@ -236,5 +282,7 @@ int main(int argc, char **argv) {
          .arguments_min = 1,
          .arguments_max = 1,
          .run = run}};
-    return app_main(argc, argv, "lg-simulate", command[0].summary, command);
+    const int code = app_main(argc, argv, "lg-simulate", command[0].summary, command);
+    free(details);
+    return code;
 }

@@ -241,14 +241,16 @@ static const char *key_after(const simulation *sim, const char *key) {
     return NULL;
 }
 
-/* Keys in the order of the layout. */
-static size_t distinct_keys(const simulation *sim, const char *keys[8]) {
+/* Whether block i is the first of its key, in the order of the layout. */
+static bool begins_key(const simulation *sim, size_t i) {
+    size_t first = 0;
+    while (strcmp(sim->blocks[first].key, sim->blocks[i].key) != 0) first++;
+    return first == i;
+}
+
+static size_t distinct_keys(const simulation *sim) {
     size_t count = 0;
-    for (size_t i = 0; i < sim->block_count; i++) {
-        bool known = false;
-        for (size_t k = 0; k < count; k++) known = known || strcmp(keys[k], sim->blocks[i].key) == 0;
-        if (!known && count < 8) keys[count++] = sim->blocks[i].key;
-    }
+    for (size_t i = 0; i < sim->block_count; i++) count += begins_key(sim, i);
     return count;
 }
 
@@ -286,9 +288,9 @@ static void draw_overview(drawing *to) {
 }
 
 static void draw_components(drawing *to) {
-    const char *keys[8];
-    const size_t count = distinct_keys(to->what->sim, keys);
-    for (size_t i = 0; i < count; i++) panel_components(to, keys[i]);
+    const simulation *sim = to->what->sim;
+    for (size_t i = 0; i < sim->block_count; i++)
+        if (begins_key(sim, i)) panel_components(to, sim->blocks[i].key);
 }
 
 static void draw_space(drawing *to) {
@@ -305,9 +307,8 @@ static const struct {
 
 lg_status draw_run(const report *what, lg_error *error) {
     drawing to = {.what = what};
-    const char *keys[8];
     const int kind = what->sim->values->plot_kind;
-    const size_t panels = distinct_keys(what->sim, keys);
+    const size_t panels = distinct_keys(what->sim);
     const size_t columns = kinds[kind].columns > 0 ? kinds[kind].columns : panels > 1 ? 2 : 1;
     const size_t rows = kinds[kind].rows > 0 ? kinds[kind].rows : (panels + columns - 1) / columns;
     bool drawn;

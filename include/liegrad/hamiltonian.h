@@ -31,7 +31,9 @@
 LG_BEGIN_DECLS
 
 typedef enum lg_hamiltonian_family { LG_HAMILTONIAN_CHAIN, LG_HAMILTONIAN_SEPARABLE } lg_hamiltonian_family;
+#define LG_HAMILTONIAN_FAMILY_COUNT 2
 typedef enum lg_potential_kind { LG_POTENTIAL_MLP, LG_POTENTIAL_LINEAR } lg_potential_kind;
+#define LG_POTENTIAL_KIND_COUNT 2
 
 #define LG_HAMILTONIAN_MAX_LINKS  32
 #define LG_HAMILTONIAN_MAX_POINTS 512 /* points of a training trajectory */

@@ -145,6 +145,7 @@ typedef enum lg_loss {
     LG_LOSS_CROSS_ENTROPY /* y (n, classes) logits, t (n, classes) probabilities: mean over n of -w sum_c t
                              log softmax(y) */
 } lg_loss;
+#define LG_LOSS_COUNT 5
 LG_API lg_var lg_loss_apply(lg_tape *tape, lg_loss kind, lg_var prediction, lg_var target, lg_var weights);
 /* Mean of squares of prediction - target, which broadcast as in lg_sub; lg_loss_apply wants equal shapes. */
 LG_API lg_var lg_mse(lg_tape *tape, lg_var prediction, lg_var target);

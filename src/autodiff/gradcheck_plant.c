@@ -77,11 +77,14 @@ const char *lg_plant_mutation_name(lg_plant_mutation mutation) {
 
 /* ---- the run ---- */
 
-/* Why no mutation of this operation's input can be seen, or NULL. */
-static const char *never_asked(const lg_gradcheck_case *row, int op, uint32_t input) {
+/* Why this mutation cannot be seen, or NULL. The whole output of a jvp is mutated, but by a dropped term. */
+static const char *never_asked(const lg_gradcheck_case *row, const lg_gradcheck_plant *plant) {
+    const int op = lg_op_by_name(plant->operation);
+    const uint32_t input = plant->input;
+    const bool of_input = plant->direction == LG_PLANT_VJP || plant->mutation == LG_PLANT_DROP;
     if (op == LG_OP_LEAF) return "a leaf has no inputs";
     if (op == LG_OP_CUSTOM_DERIVATIVE) return "the derivative of a numeric derivative is an error";
-    if (lg_ops[op]->frozen == ~0u || (input < 32 && (lg_ops[op]->frozen >> input & 1u)))
+    if (lg_ops[op]->frozen == ~0u || (of_input && input < 32 && (lg_ops[op]->frozen >> input & 1u)))
         return "constant to differentiation";
     return row->zero ? "the derivative is identically zero" : NULL;
 }
@@ -89,7 +92,7 @@ static const char *never_asked(const lg_gradcheck_case *row, int op, uint32_t in
 static lg_status plant_one(const lg_context *context, const lg_gradcheck_case *row,
                            const lg_gradcheck_options *options, const lg_gradcheck_plant *plant,
                            lg_plant_report_fn report, void *user) {
-    const char *why = never_asked(row, lg_op_by_name(plant->operation), plant->input);
+    const char *why = never_asked(row, plant);
     if (why != NULL) {
         report(user, row, plant, LG_PLANT_EXCLUDED, why);
         return LG_OK;

@@ -39,7 +39,8 @@ static const char *find_form(const char *system, const char *text) {
 /* One form only, and the state of a Hamiltonian system: `form: hamiltonian` says nothing new. */
 static bool plainly_hamiltonian(const char *system) {
     const lg_state_row *state = lg_system_state(system, NULL);
-    return form_of(system, 0) == NULL && strcmp(state[0].key, "q") == 0 && strcmp(state[1].key, "p") == 0;
+    return form_of(system, 0) == NULL && strcmp(state[0].key, "q") == 0 && state[1].key != NULL &&
+           strcmp(state[1].key, "p") == 0;
 }
 
 static bool is_chain(const char *system) {

@@ -192,6 +192,7 @@ const lg_system_row lg_system_row_chain_hamiltonian = {
     .work = work_of,
     .invariants = lg_chain_invariants,
     .invariant = invariant,
+    .structure = LG_STRUCTURE_HAMILTONIAN,
     .field = {[LG_FORM_LIE] = field_lie, [LG_FORM_AMBIENT] = field_ambient},
     .extended = true,
     .step = step,

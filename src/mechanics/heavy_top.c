@@ -185,6 +185,7 @@ const lg_system_row lg_system_row_top_cotangent = {
     .space = cotangent_space,
     .invariants = spatial_invariants,
     .invariant = spatial_invariant,
+    .structure = LG_STRUCTURE_HAMILTONIAN,
     .field = {cotangent_field, NULL},
     .taped = cotangent_taped,
 };
@@ -197,6 +198,7 @@ const lg_system_row lg_system_row_top_direct = {
     .space = direct_space,
     .invariants = spatial_invariants,
     .invariant = spatial_invariant,
+    .structure = LG_STRUCTURE_HAMILTONIAN,
     .field = {direct_field, NULL},
     .taped = direct_taped,
 };
@@ -257,6 +259,7 @@ const lg_system_row lg_system_row_top_lie_poisson = {
     .space = poisson_space,
     .invariants = poisson_invariants,
     .invariant = poisson_invariant,
+    .structure = LG_STRUCTURE_HAMILTONIAN,
     .field = {poisson_field, NULL},
     .taped = poisson_taped,
 };
@@ -282,6 +285,13 @@ static double quadratic_invariant(const lg_system *system, size_t index, const d
     if (index > 0) return lg_dot3(y + MOMENTUM, parameter + GAMMA0);
     quadratic_arm(parameter, y, arm);
     return spatial_energy(parameter, y, arm);
+}
+
+/* The energy and |p|^2/2, which is constant. */
+static double quadratic_generating(const lg_system *system, const double *y, double *work) {
+    double arm[3];
+    quadratic_arm(system->parameters, y, arm);
+    return quadratic_invariant(system, 0, y, work) + 0.5 * lg_dot3(arm, arm);
 }
 
 static lg_status quadratic_field(void *user, double t, const double *y, const double *input, double *out) {
@@ -324,6 +334,8 @@ const lg_system_row lg_system_row_top_quadratic = {
     .space = quadratic_space,
     .invariants = spatial_invariants,
     .invariant = quadratic_invariant,
+    .structure = LG_STRUCTURE_HAMILTONIAN,
+    .generating = quadratic_generating,
     .field = {quadratic_field, NULL},
     .taped = quadratic_taped,
 };

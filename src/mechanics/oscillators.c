@@ -26,27 +26,6 @@ static lg_status space_r4(size_t links, lg_space *out) {
     return lg_space_init_rn(out, 4);
 }
 
-/* The fields from their halves: y' = (dK/dp, -dV/dq). */
-static lg_status field(void *user, double t, const double *y, const double *input, double *out) {
-    const lg_system *system = ((const lg_system_user *)user)->system;
-    const size_t n = system->space.dim / 2;
-    LG_TRY(system->row->velocity(user, t, y + n, input, out));
-    return system->row->force(user, t, y, input, out + n);
-}
-
-static lg_status taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
-                       lg_var parameters, lg_var *algebra) {
-    const uint32_t n = (uint32_t)system->space.dim / 2;
-    const lg_system_row *row = system->row;
-    lg_var half[2] = {LG_NONE, LG_NONE};
-    lg_var p = lg_slice(tape, y[0], -1, n, n);
-    LG_TRY(row->taped_velocity(system, tape, t, p, input, parameters, &half[0]));
-    lg_var q = lg_slice(tape, y[0], -1, 0, n);
-    LG_TRY(row->taped_force(system, tape, t, q, input, parameters, &half[1]));
-    algebra[0] = lg_concat(tape, half, 2, -1);
-    return lg_tape_status(tape);
-}
-
 /* ---- H = (p^2 + q^2)/2 ---- */
 
 static double oscillator_energy(const lg_system *system, size_t index, const double *y, double *work) {
@@ -98,11 +77,12 @@ const lg_system_row lg_system_row_oscillator = {
     .space = space_r2,
     .invariants = energy_only,
     .invariant = oscillator_energy,
-    .field = {field, field},
+    .structure = LG_STRUCTURE_HAMILTONIAN,
+    .field = {lg_separable_field},
     .force = oscillator_force,
     .velocity = oscillator_velocity,
     .step = oscillator_step,
-    .taped = taped,
+    .taped = lg_separable_taped,
     .taped_force = oscillator_taped_force,
     .taped_velocity = identity_velocity,
 };
@@ -152,10 +132,11 @@ const lg_system_row lg_system_row_quartic = {
     .space = space_r4,
     .invariants = energy_only,
     .invariant = quartic_energy,
-    .field = {field, field},
+    .structure = LG_STRUCTURE_HAMILTONIAN,
+    .field = {lg_separable_field},
     .force = quartic_force,
     .velocity = quartic_velocity,
-    .taped = taped,
+    .taped = lg_separable_taped,
     .taped_force = quartic_taped_force,
     .taped_velocity = quartic_taped_velocity,
 };
@@ -201,10 +182,11 @@ const lg_system_row lg_system_row_coupled = {
     .space = space_r4,
     .invariants = coupled_invariants,
     .invariant = coupled_invariant,
-    .field = {field, field},
+    .structure = LG_STRUCTURE_HAMILTONIAN,
+    .field = {lg_separable_field},
     .force = coupled_force,
     .velocity = coupled_velocity,
-    .taped = taped,
+    .taped = lg_separable_taped,
     .taped_force = coupled_taped_force,
     .taped_velocity = identity_velocity,
 };

@@ -71,6 +71,7 @@ const lg_system_row lg_system_row_rigid_body = {
     .space = momentum_space,
     .invariants = momentum_invariants,
     .invariant = momentum_invariant,
+    .structure = LG_STRUCTURE_HAMILTONIAN,
     .field = {momentum_field, NULL},
     .taped = momentum_taped,
 };
@@ -124,6 +125,7 @@ const lg_system_row lg_system_row_attitude = {
     .space = attitude_space,
     .invariants = attitude_invariants,
     .invariant = attitude_invariant,
+    .structure = LG_STRUCTURE_HAMILTONIAN,
     .field = {attitude_field, NULL},
     .taped = attitude_taped,
 };

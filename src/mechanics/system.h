@@ -1,7 +1,7 @@
 /* Inside of a system, and the row that each file of this room fills in.
  *
- * A new system is a file with its row (one for each form) and a line in the list at the end: parameters and
- * parts of the state are tables, which scenes, messages, layouts and gradients read.
+ * A new system is a file with its row (one for each form) and a line in the list at the end (docs/adding.md):
+ * parameters and parts of the state are tables, which scenes, messages, layouts and gradients read.
  */
 #ifndef LG_SYSTEM_H
 #define LG_SYSTEM_H
@@ -10,12 +10,26 @@
 #include "liegrad/mechanics.h"
 #include "liegrad/taped.h"
 
+/* How the field follows from the energy H, which the first invariant gives. The test of all rows checks the
+ * field against it. */
+typedef enum lg_structure {
+    LG_STRUCTURE_UNSTATED, /* only where there is no energy */
+    /* y' = {y, H} with the bracket of the space: canonical on R^2n as (q, p) and on T*S^2 as (q, p); on
+     * T*SO(3) as (R, pi), pi the spatial momentum, SE(3) or SO(3) x R^3; on so(3)* as body momentum, mu' = mu
+     * x dH/dmu; on se(3)* as (Gamma, Pi), Gamma' = Gamma x dH/dPi, Pi' = Pi x dH/dPi + Gamma x dH/dGamma. */
+    LG_STRUCTURE_HAMILTONIAN,
+    /* Euler-Lagrange equations of L = K - V, V(q) = H(q, 0), K = H - V, on R^2n as (q, q') and on TS^2 as (q,
+     * omega). */
+    LG_STRUCTURE_LAGRANGIAN,
+    LG_STRUCTURE_OTHER /* the field only keeps H */
+} lg_structure;
+
 typedef struct lg_system_row {
     const char *name, *form;            /* form NULL: the only one */
     const lg_parameter_row *parameters; /* ended by a key NULL */
     const lg_state_row *state;          /* ended by a key NULL */
     const char *layout;                 /* NULL: from `state`, in the order of offsets */
-    bool separable;                     /* force and velocity are there */
+    bool separable;                     /* force and velocity are there, plain and on a tape */
     size_t unreported;                  /* numbers at the end of the state that are not reported */
     lg_status (*space)(size_t links, lg_space *out);
     size_t (*constants)(size_t links); /* numbers made from the parameters once; NULL: none */
@@ -23,6 +37,9 @@ typedef struct lg_system_row {
     size_t (*work)(size_t links);  /* doubles of workspace; NULL: none */
     const char *const *invariants; /* names, ended by NULL; "energy" first where there is one */
     double (*invariant)(const lg_system *system, size_t index, const double *y, double *work);
+    lg_structure structure;
+    /* What stands for H in the structure; NULL: the energy. */
+    double (*generating)(const lg_system *system, const double *y, double *work);
     /* By lg_form; AMBIENT NULL: the generator of the other one. The user is lg_system_user. */
     lg_field field[2];
     bool extended; /* field[AMBIENT] is not the generator of the other one off the manifold, and has no taped
@@ -55,6 +72,12 @@ struct lg_system {
 const double *lg_system_parameter(const lg_system *system, size_t index);
 /* The same on a tape: the slice of `parameters`, shape (count). */
 lg_var lg_system_taped_parameter(const lg_system *system, lg_tape *tape, lg_var parameters, size_t index);
+
+/* `field` and `taped` of a separable system on R^2n, y = (q, p), from its halves: y' = (velocity(p),
+ * force(q)). */
+lg_status lg_separable_field(void *user, double t, const double *y, const double *input, double *out);
+lg_status lg_separable_taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
+                             lg_var input, lg_var parameters, lg_var *algebra);
 
 /* The rows, first forms first. */
 extern const lg_system_row lg_system_row_oscillator, lg_system_row_quartic, lg_system_row_coupled;

@@ -583,7 +583,7 @@ static void bad_input(void **state) {
     assert_true(lg_is_none(lg_conv1d(tape, x, LG_NONE, 1, 0)));
     assert_status(lg_tape_status(tape), LG_STALE_HANDLE);
     lg_tape_reset(tape);
-    assert_true(lg_is_none(lg_conv1d_dense(tape, x, x, LG_NONE, 1, 0, (lg_activation)99)));
+    assert_true(lg_is_none(lg_conv1d_dense(tape, x, x, LG_NONE, 1, 0, (lg_activation)LG_ACTIVATION_COUNT)));
     assert_status(lg_tape_status(tape), LG_INVALID_ARGUMENT);
     lg_tape_destroy(tape);
 }

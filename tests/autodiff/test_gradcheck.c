@@ -63,7 +63,7 @@ static void test_names_are_different_and_known(void **state) {
 /* ---- planted errors ---- */
 
 typedef struct tally {
-    size_t outcome[3], caught[LG_OP_COUNT][2][LG_PLANT_MUTATIONS];
+    size_t outcome[LG_PLANT_EXCLUDED + 1], caught[LG_OP_COUNT][2][LG_PLANT_MUTATIONS];
 } tally;
 
 static void count_plant(void *user, const lg_gradcheck_case *row, const lg_gradcheck_plant *plant,
@@ -86,7 +86,6 @@ static void test_every_plant_is_caught(void **state) {
     for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++)
         assert_ok(lg_gradcheck_plant_all(NULL, row, NULL, count_plant, &t));
     assert_int_equal(t.outcome[LG_PLANT_MISSED], 0);
-    assert_true(t.outcome[LG_PLANT_CAUGHT] > 2000);
     assert_true(t.outcome[LG_PLANT_CAUGHT] > 3 * t.outcome[LG_PLANT_EXCLUDED]);
     /* No operation escapes altogether: sign, drop and factor are caught in all that have a derivative, and
      * transposition in all whose derivative can have two axes. */

@@ -365,7 +365,7 @@ static const int beyond[2] = {0, 2};
     X(lg_combine(t, (lg_var[2]){V1(3), V1(4)}, weights3, 2), LG_SHAPE, "combine", "(3)", "(4)")              \
     X(lg_combine(t, NULL, weights3, 0), LG_INVALID_ARGUMENT, "combine", "number of terms", NULL)             \
     X(lg_mse(t, V1(4), V1(3)), LG_SHAPE, "mse", "(4)", "(3)")                                                \
-    X(lg_act(t, V1(4), (lg_activation)99), LG_INVALID_ARGUMENT, "act", "unknown", NULL)                      \
+    X(lg_act(t, V1(4), (lg_activation)LG_ACTIVATION_COUNT), LG_INVALID_ARGUMENT, "act", "unknown", NULL)     \
     X(lg_act_derivative(t, V1(4), LG_TANH, -1), LG_INVALID_ARGUMENT, "act", "negative", NULL)                \
     X(lg_act_derivative(t, V1(4), LG_TANH, 9), LG_NOT_DIFFERENTIABLE, "act_derivative", "order", NULL)       \
     X(lg_matmul(t, V2(2, 3), V2(2, 3)), LG_SHAPE, "matmul", "(2, 3) and (2, 3)", NULL)                       \
@@ -423,8 +423,8 @@ static const int beyond[2] = {0, 2};
     X(lg_loss_apply(t, LG_LOSS_MSE, V2(4, 3), V2(4, 1), LG_NONE), LG_SHAPE, "loss", "(4, 3)", "(4, 1)")      \
     X(lg_loss_apply(t, LG_LOSS_MSE, V0, V0, LG_NONE), LG_SHAPE, "loss", "()", NULL)                          \
     X(lg_loss_apply(t, LG_LOSS_MAE, V2(4, 3), V2(4, 3), V1(3)), LG_SHAPE, "loss weights", "(4, 3)", "(3)")   \
-    X(lg_loss_apply(t, (lg_loss)17, V2(4, 3), V2(4, 3), LG_NONE), LG_INVALID_ARGUMENT, "loss", "unknown",    \
-      NULL)                                                                                                  \
+    X(lg_loss_apply(t, (lg_loss)LG_LOSS_COUNT, V2(4, 3), V2(4, 3), LG_NONE), LG_INVALID_ARGUMENT, "loss",    \
+      "unknown", NULL)                                                                                       \
     X(lg_log_softmax(t, V0), LG_INVALID_ARGUMENT, "max_axis", "axis", NULL)                                  \
     X(lg_input(t, lg_shape1(2), NULL), LG_INVALID_ARGUMENT, "input", "no data", NULL)                        \
     X(lg_input_f64(t, (lg_shape){5, {1, 1, 1, 1}}, weights3), LG_INVALID_ARGUMENT, "input", "rank", NULL)    \
@@ -1152,7 +1152,9 @@ static void test_kinks(void **state) {
         {"abs", call_abs, 0.0, 1.0},
         {"sign", call_sign, 1.0, 0.0},
     };
-    static const double activation_slope[LG_ACTIVATION_COUNT] = {1.0, 1.0, 0.25, 0.5, 0.0, 0.01, 1.0};
+    static const double activation_slope[LG_ACTIVATION_COUNT] = {
+        [LG_IDENTITY] = 1.0, [LG_TANH] = 1.0,        [LG_SIGMOID] = 0.25, [LG_SWISH] = 0.5,
+        [LG_RELU] = 0.0,     [LG_LEAKY_RELU] = 0.01, [LG_SINE] = 1.0};
     lg_tape *t = new_tape(LG_F64);
     for (size_t i = 0; i < LG_COUNT(kinks); i++) {
         lg_var x = lg_full(t, lg_shape0(), 0.0), y = kinks[i].call(t, x), g, gg;
@@ -1251,23 +1253,25 @@ static void test_spd_failures_are_counted(void **state) {
 static void test_loss_values(void **state) {
     (void)state;
     static const double y0[4] = {0.5, -2.0, 1.5, 0.25}, t0[4] = {0.0, 1.0, 0.5, 1.0}, w0[2] = {2.0, 0.5};
-    double expected[5] = {0}, weighted[5] = {0};
+    double expected[LG_LOSS_COUNT] = {0}, weighted[LG_LOSS_COUNT] = {0};
     for (int i = 0; i < 4; i++) {
         double r = y0[i] - t0[i], w = w0[i / 2];
-        double each[4] = {r * r, fabs(r), fabs(r) <= 1 ? r * r / 2 : fabs(r) - 0.5,
-                          fmax(y0[i], 0) - y0[i] * t0[i] + log1p(exp(-fabs(y0[i])))};
-        for (int l = 0; l < 4; l++) {
+        double each[] = {[LG_LOSS_MSE] = r * r,
+                         [LG_LOSS_MAE] = fabs(r),
+                         [LG_LOSS_HUBER] = fabs(r) <= 1 ? r * r / 2 : fabs(r) - 0.5,
+                         [LG_LOSS_BCE_LOGITS] = fmax(y0[i], 0) - y0[i] * t0[i] + log1p(exp(-fabs(y0[i])))};
+        for (size_t l = 0; l < LG_COUNT(each); l++) {
             expected[l] += each[l] / 4;
             weighted[l] += w * each[l] / 4;
         }
         double total = exp(y0[i / 2 * 2]) + exp(y0[i / 2 * 2 + 1]);
-        expected[4] -= t0[i] * (y0[i] - log(total)) / 2;
-        weighted[4] -= w * t0[i] * (y0[i] - log(total)) / 2;
+        expected[LG_LOSS_CROSS_ENTROPY] -= t0[i] * (y0[i] - log(total)) / 2;
+        weighted[LG_LOSS_CROSS_ENTROPY] -= w * t0[i] * (y0[i] - log(total)) / 2;
     }
     lg_tape *t = new_tape(LG_F64);
     lg_var y = lg_input_f64(t, lg_shape2(2, 2), y0), target = lg_input_f64(t, lg_shape2(2, 2), t0);
     lg_var w = vector(t, 2, w0);
-    for (int l = 0; l < 5; l++) {
+    for (int l = 0; l < LG_LOSS_COUNT; l++) {
         assert_close(number(t, lg_loss_apply(t, (lg_loss)l, y, target, LG_NONE)), expected[l], 1e-14, 0);
         assert_close(number(t, lg_loss_apply(t, (lg_loss)l, y, target, w)), weighted[l], 1e-14, 0);
     }
@@ -1470,7 +1474,7 @@ static void test_activation_names(void **state) {
     lg_activation untouched = LG_SINE;
     assert_status(lg_activation_parse("Tanh", &untouched), LG_NOT_FOUND);
     assert_int_equal(untouched, LG_SINE);
-    assert_string_equal(lg_activation_name((lg_activation)50), "unknown");
+    assert_string_equal(lg_activation_name((lg_activation)LG_ACTIVATION_COUNT), "unknown");
 }
 
 /* Empty tensors flow through without reading or writing. */

@@ -304,7 +304,8 @@ static void refusals(void **state) {
                   bad); /* no pair */
     assert_non_null(strstr(e.message, "moment"));
     assert_status(lg_features_create(NULL, LG_FEATURES_BASELINE, false, &s, 9, NULL, &f, &e), bad);
-    assert_status(lg_features_create(NULL, (lg_feature_kind)9, false, &s, 20, NULL, &f, &e), bad);
+    assert_status(
+        lg_features_create(NULL, (lg_feature_kind)LG_FEATURE_KIND_COUNT, false, &s, 20, NULL, &f, &e), bad);
     assert_status(lg_features_create(NULL, LG_FEATURES_RAW, false, &s, 1u << 20, NULL, &f, &e), bad);
     double mean[3] = {0}, scale[3] = {1, 0, 1};
     const lg_scaler zero = {3, mean, scale}, narrow = {2, mean, scale};

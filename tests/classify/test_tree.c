@@ -385,7 +385,7 @@ static void test_bad_input(void **state) {
     options.ccp_alpha = NAN;
     assert_status(lg_tree_fit(NULL, &options, x, y, 3, 1, 2, &tree, NULL), LG_INVALID_ARGUMENT);
     options = good;
-    options.criterion = (lg_criterion)2;
+    options.criterion = (lg_criterion)LG_CRITERION_COUNT;
     assert_status(lg_tree_fit(NULL, &options, x, y, 3, 1, 2, &tree, NULL), LG_INVALID_ARGUMENT);
     assert_int_equal(tree.inputs, 77);
     const lg_tree golden = GOLDEN(leaf_gini, LG_GINI), empty = {.inputs = 0};

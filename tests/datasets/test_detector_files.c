@@ -418,11 +418,11 @@ static void refused_on_save(void **state) {
     REFUSED(file.run.model.net.lengths[1], 7, LG_INVALID_ARGUMENT);
     REFUSED(file.run.model.net.blocks, 99, LG_INVALID_ARGUMENT);
     REFUSED(file.run.model.net.block[0].kernel, 0, LG_INVALID_ARGUMENT);
-    REFUSED(file.run.model.net.block[0].pooling, (lg_pooling)9, LG_INVALID_ARGUMENT);
+    REFUSED(file.run.model.net.block[0].pooling, (lg_pooling)LG_POOLING_COUNT, LG_INVALID_ARGUMENT);
     REFUSED(file.run.model.net.outputs, 4, LG_INVALID_ARGUMENT);
     REFUSED(file.run.model.loss, LG_DETECTOR_MSE, LG_INVALID_ARGUMENT);
-    REFUSED(file.run.model.loss, (lg_detector_loss)7, LG_INVALID_ARGUMENT);
-    REFUSED(file.run.split, (lg_split)3, LG_INVALID_ARGUMENT);
+    REFUSED(file.run.model.loss, (lg_detector_loss)LG_DETECTOR_LOSS_COUNT, LG_INVALID_ARGUMENT);
+    REFUSED(file.run.split, (lg_split)LG_SPLIT_COUNT, LG_INVALID_ARGUMENT);
     REFUSED(file.run.test_fraction, 0.95, LG_INVALID_ARGUMENT);
     REFUSED(file.run.test_fraction, NAN, LG_NOT_FINITE);
     REFUSED(file.scaler.channels, 1, LG_INVALID_ARGUMENT);

@@ -254,7 +254,7 @@ static void refused_on_save(void **state) {
     file.run.model.links = 77;
     assert_status(lg_model_save_hamiltonian(NULL, path, &file, NULL, NULL), LG_INVALID_ARGUMENT);
     file.run = make_run(0);
-    file.run.integrator = (lg_train_integrator)77;
+    file.run.integrator = (lg_train_integrator)LG_TRAIN_INTEGRATOR_COUNT;
     assert_status(lg_model_save_hamiltonian(NULL, path, &file, NULL, NULL), LG_INVALID_ARGUMENT);
     file.run = make_run(0);
     file.run.training.lr = NAN;

@@ -383,7 +383,7 @@ static void bad_trials_are_not_written(void **state) {
     for (int i = 0; i < 6; i++) {
         memcpy(changed, trials, sizeof trials);
         if (i == 0) changed[2].number = changed[3].number;
-        if (i == 1) changed[2].state = (lg_trial_state)3;
+        if (i == 1) changed[2].state = (lg_trial_state)LG_TRIAL_STATE_COUNT;
         if (i == 2) changed[2].reports = LG_TRIAL_REPORTS + 1;
         if (i == 3) changed[2].value[0] = 2;
         if (i == 4) changed[2].value[2] = NAN;

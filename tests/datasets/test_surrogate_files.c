@@ -232,7 +232,7 @@ static void refused_on_save(void **state) {
     file.run.train_fraction = 1.5;
     assert_status(lg_model_save_surrogate(NULL, path, &file, NULL, NULL), LG_INVALID_ARGUMENT);
     file.run = run;
-    file.run.training.schedule = (lg_schedule_kind)9;
+    file.run.training.schedule = (lg_schedule_kind)LG_SCHEDULE_COUNT;
     assert_status(lg_model_save_surrogate(NULL, path, &file, NULL, NULL), LG_INVALID_ARGUMENT);
     file.run = run;
     assert_status(lg_model_save_surrogate(NULL, NULL, &file, NULL, NULL), LG_INVALID_ARGUMENT);

@@ -3,6 +3,7 @@
  * print them. */
 #include "fields.h"
 
+#include "core/core.h"
 #include "liegrad/random.h"
 
 /* ---- se(3)^2 by matrices ---- */
@@ -293,9 +294,9 @@ static alg expected(const char *name, real t, real h, const alg *y, alg *embedde
     } lie[] = {{"lie-euler", &one, -1},   {"lie-heun", &heun, 0},         {"rkmk3", &kutta3, -1},
                {"rkmk4", &classical, -1}, {"rkmk5", &dormand_prince, -1}, {"rkmk54", &dormand_prince, -1}},
       plain[] = {{"euler", &one, 0}, {"rk4", &classical, 0}, {"dp54", &dormand_prince, 0}};
-    for (int i = 0; i < 6; i++)
+    for (size_t i = 0; i < LG_COUNT(lie); i++)
         if (strcmp(name, lie[i].name) == 0) return rkmk(lie[i].T, lie[i].K, NULL, 0, t, h, y);
-    for (int i = 0; i < 3; i++)
+    for (size_t i = 0; i < LG_COUNT(plain); i++)
         if (strcmp(name, plain[i].name) == 0) return explicit_rk(plain[i].T, t, h, y);
     if (strcmp(name, "rk4-projected") == 0) return projected(explicit_rk(&classical, t, h, y));
     if (strcmp(name, "implicit-euler") == 0) return one_leg(1.0L, t, h, y);

@@ -302,7 +302,8 @@ static void test_refused(void **state) {
     lg_system_taped_user user;
     lg_taped_ode ode;
     assert_status(lg_system_taped_ode(system, LG_FORM_AMBIENT, LG_NONE, &user, &ode), LG_UNSUPPORTED);
-    assert_status(lg_system_taped_ode(system, (lg_form)2, LG_NONE, &user, &ode), LG_INVALID_ARGUMENT);
+    assert_status(lg_system_taped_ode(system, (lg_form)(LG_FORM_AMBIENT + 1), LG_NONE, &user, &ode),
+                  LG_INVALID_ARGUMENT);
     assert_status(lg_system_taped_ode(NULL, LG_FORM_LIE, LG_NONE, &user, &ode), LG_INVALID_ARGUMENT);
     assert_status(lg_system_taped_ode(system, LG_FORM_LIE, LG_NONE, &user, NULL), LG_INVALID_ARGUMENT);
     lg_system_destroy(NULL, system);

@@ -369,7 +369,7 @@ static void test_parameters_bad(void **state) {
     REFUSED(drag, -0.1);
     REFUSED(soil_strength, 0.0);
     REFUSED(current, NAN);
-    REFUSED(housing, (lg_housing)2);
+    REFUSED(housing, (lg_housing)LG_HOUSING_COUNT);
     REFUSED(size, 8);
     lg_riser_parameters_init(&p);
     assert_ok(lg_riser_parameters_check(&p, &error));
@@ -380,7 +380,7 @@ static void test_parameters_bad(void **state) {
     assert_status(lg_housing_parse("loose", &housing), LG_NOT_FOUND);
     assert_status(lg_housing_parse(NULL, &housing), LG_INVALID_ARGUMENT);
     assert_string_equal(lg_housing_name(LG_HOUSING_SLACK), "slack");
-    assert_null(lg_housing_name((lg_housing)2));
+    assert_null(lg_housing_name((lg_housing)LG_HOUSING_COUNT));
     assert_string_equal(lg_riser_channel(4), "moment_x");
     assert_null(lg_riser_channel(LG_RISER_CHANNELS));
 }

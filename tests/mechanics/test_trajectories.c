@@ -264,7 +264,7 @@ static void test_bad_sampling(void **state) {
             o.noise = INFINITY;
             break;
         case 7:
-            o.noise_kind = (lg_noise)2;
+            o.noise_kind = (lg_noise)(LG_NOISE_UNIFORM + 1);
             break;
         case 8:
             o.segments = 0;
@@ -273,7 +273,7 @@ static void test_bad_sampling(void **state) {
             o.rtol = o.atol = 0.0;
             break;
         case 10:
-            o.starts = (lg_starts)7;
+            o.starts = (lg_starts)(LG_STARTS_BOX + 1);
             break;
         case 11:
             o.starts = LG_STARTS_BOX, expected = LG_UNSUPPORTED;

@@ -427,7 +427,7 @@ static void presets(void **state) {
     assert_null(lg_detector_preset_find("worst", 1.0));
     assert_null(lg_detector_preset_find(NULL, 1.0));
     for (int i = 0; i < LG_DETECTOR_LOSS_COUNT; i++) {
-        lg_detector_loss found = (lg_detector_loss)9;
+        lg_detector_loss found = (lg_detector_loss)LG_DETECTOR_LOSS_COUNT;
         assert_ok(lg_detector_loss_parse(lg_detector_loss_name((lg_detector_loss)i), &found));
         assert_int_equal(found, i);
     }
@@ -448,7 +448,7 @@ static void refused_detectors(void **state) {
     bad[1].classes = 3;
     bad[2].net = lg_cnn_defaults(CHANNELS, LENGTH, 2, LG_SWISH);
     bad[3].net.lengths[1] = 7;
-    bad[4].loss = (lg_detector_loss)2;
+    bad[4].loss = (lg_detector_loss)LG_DETECTOR_LOSS_COUNT;
     bad[5].net.block[0].kernel = 41;
     for (size_t i = 0; i < 6; i++) {
         lg_error error;

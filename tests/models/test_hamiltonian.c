@@ -451,7 +451,7 @@ static void gradient_jvp_matches_differences(void **state) {
     } row[] = {{LG_HAMILTONIAN_CHAIN, 1}, {LG_HAMILTONIAN_CHAIN, 2},     {LG_HAMILTONIAN_CHAIN, 3},
                {LG_HAMILTONIAN_CHAIN, 4}, {LG_HAMILTONIAN_SEPARABLE, 1}, {LG_HAMILTONIAN_SEPARABLE, 3}};
     for (size_t r = 0; r < sizeof row / sizeof *row; r++)
-        for (int potential = 0; potential < 2; potential++) {
+        for (int potential = 0; potential < LG_POTENTIAL_KIND_COUNT; potential++) {
             curved c;
             curved_setup(&c, row[r].family, row[r].links, (lg_potential_kind)potential);
             check_gradient_jvp(&c);
@@ -542,7 +542,7 @@ static void untaped_jvp(void **state) {
     (void)state;
     const uint32_t hidden[2] = {7, 5};
     for (uint32_t k = 1; k <= 3; k++)
-        for (int family = 0; family < 2; family++) {
+        for (int family = 0; family < LG_HAMILTONIAN_FAMILY_COUNT; family++) {
             lg_hamiltonian model;
             lg_rng rng;
             double theta[600], y[18], direction[18], gradient[18], sum = 0.0;

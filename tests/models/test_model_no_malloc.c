@@ -64,7 +64,7 @@ static void count_motion(const built *b) {
 static void hamiltonians(void **state) {
     (void)state;
     if (!lg_count_available()) skip();
-    for (int family = 0; family < 2; family++)
+    for (int family = 0; family < LG_HAMILTONIAN_FAMILY_COUNT; family++)
         for (uint32_t links = 1; links <= 3; links++) {
             built b;
             build_hamiltonian(&b, (lg_hamiltonian_family)family, links, LG_POTENTIAL_MLP, LG_TANH);

@@ -300,7 +300,8 @@ static void refused_splits(void **state) {
     assert_status(lg_series_split(NULL, &s, &w, LG_SPLIT_GROUP, 0.2, 0, 1, parts, &error),
                   LG_INVALID_ARGUMENT);
     assert_non_null(strstr(error.message, "no groups"));
-    assert_status(lg_series_split(NULL, &s, &w, (lg_split)3, 0.2, 0, 1, parts, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_series_split(NULL, &s, &w, (lg_split)LG_SPLIT_COUNT, 0.2, 0, 1, parts, &error),
+                  LG_INVALID_ARGUMENT);
     assert_status(lg_series_split(NULL, &s, &w, LG_SPLIT_RANDOM, 0.1, 0, 1, parts, &error),
                   LG_INVALID_ARGUMENT);
     assert_non_null(strstr(error.message, "empty")); /* round(0.1 3) = 0 */
@@ -322,14 +323,14 @@ static void refused_splits(void **state) {
 static void split_names(void **state) {
     (void)state;
     for (int i = 0; i < LG_SPLIT_COUNT; i++) {
-        lg_split found = (lg_split)9;
+        lg_split found = (lg_split)LG_SPLIT_COUNT;
         assert_ok(lg_split_parse(lg_split_name((lg_split)i), &found));
         assert_int_equal(found, i);
     }
     lg_split kept = LG_SPLIT_RUN;
     assert_status(lg_split_parse("rnu", &kept), LG_NOT_FOUND);
     assert_int_equal(kept, LG_SPLIT_RUN);
-    assert_string_equal(lg_split_name((lg_split)9), "unknown");
+    assert_string_equal(lg_split_name((lg_split)LG_SPLIT_COUNT), "unknown");
 }
 
 static void folds(void **state) {

@@ -235,7 +235,8 @@ static void refused(void **state) {
         {{.channels = 1, .length = (1 << 20) + 1, .outputs = 1}, "2^20"},
         {{.channels = 1, .length = 9, .outputs = 1, .plane = UINT32_MAX}, "2^20"},
         {{.channels = 1, .length = 9, .outputs = 1, .blocks = 9}, "9 blocks"},
-        {{.channels = 1, .length = 9, .outputs = 1, .activation = (lg_activation)7}, "activation"},
+        {{.channels = 1, .length = 9, .outputs = 1, .activation = (lg_activation)LG_ACTIVATION_COUNT},
+         "activation"},
         {{.channels = 1, .length = 9, .outputs = 1, BLOCK(.channels = 0, .kernel = 1, .stride = 1)},
          "block 1"},
         {{.channels = 1, .length = 9, .outputs = 1, BLOCK(.channels = 1, .kernel = 0, .stride = 1)},
@@ -268,7 +269,7 @@ static void refused(void **state) {
         {{.channels = 1,
           .length = 9,
           .outputs = 1,
-          BLOCK(.channels = 1, .kernel = 2, .stride = 1, .pooling = (lg_pooling)3)},
+          BLOCK(.channels = 1, .kernel = 2, .stride = 1, .pooling = (lg_pooling)LG_POOLING_COUNT)},
          "pooling"},
         {{.channels = 1 << 16, .length = 1 << 16, .outputs = 1}, "2^31 parameters"},
         {{.channels = 1 << 20, .length = 1 << 20, .outputs = 1 << 20, .plane = 1 << 20}, "2^31 parameters"},
@@ -297,14 +298,14 @@ static void refused(void **state) {
 static void pooling_names(void **state) {
     (void)state;
     for (int i = 0; i < LG_POOLING_COUNT; i++) {
-        lg_pooling found = (lg_pooling)9;
+        lg_pooling found = (lg_pooling)LG_POOLING_COUNT;
         assert_ok(lg_pooling_parse(lg_pooling_name((lg_pooling)i), &found));
         assert_int_equal(found, i);
     }
     lg_pooling kept = LG_POOL_MAX;
     assert_status(lg_pooling_parse("mean", &kept), LG_NOT_FOUND);
     assert_int_equal(kept, LG_POOL_MAX);
-    assert_string_equal(lg_pooling_name((lg_pooling)9), "unknown");
+    assert_string_equal(lg_pooling_name((lg_pooling)LG_POOLING_COUNT), "unknown");
 }
 
 /* Bounds of uniform laws, deviations of normal ones, biases. Of conv2 of the default network for 6 channels:

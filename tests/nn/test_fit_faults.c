@@ -373,7 +373,7 @@ static void test_bad_options(void **state) {
     BAD(o.adam.beta2 = NAN);
     BAD(o.adam.eps = 0.0);
     BAD(o.adam.weight_decay = -1.0);
-    BAD(o.schedule.kind = (lg_schedule_kind)9);
+    BAD(o.schedule.kind = (lg_schedule_kind)LG_SCHEDULE_COUNT);
     BAD((o.schedule = (lg_schedule){.kind = LG_SCHEDULE_STEP, .every = 0, .gamma = 0.5}));
     BAD((o.schedule = (lg_schedule){.kind = LG_SCHEDULE_STEP, .every = 1, .gamma = 0.0}));
     BAD((o.schedule = (lg_schedule){.kind = LG_SCHEDULE_COSINE, .floor = 2.0}));

@@ -107,7 +107,8 @@ static void test_bad_descriptions(void **state) {
     assert_status(lg_mlp_init(&net, 3, huge, 1, 2, LG_TANH, true), LG_INVALID_ARGUMENT);
     assert_status(lg_mlp_init(&net, 3, NULL, 1, 2, LG_TANH, true), LG_INVALID_ARGUMENT);
     assert_status(lg_mlp_init(&net, 3, many, LG_MLP_MAX_LAYERS, 2, LG_TANH, true), LG_INVALID_ARGUMENT);
-    assert_status(lg_mlp_init(&net, 3, hidden, 2, 2, (lg_activation)99, true), LG_INVALID_ARGUMENT);
+    assert_status(lg_mlp_init(&net, 3, hidden, 2, 2, (lg_activation)LG_ACTIVATION_COUNT, true),
+                  LG_INVALID_ARGUMENT);
     assert_memory_equal(&net, &before, sizeof net);
 }
 

@@ -145,7 +145,8 @@ static void test_bad_descriptions(void **state) {
     assert_ok(lg_net_init(&net, LG_NET_MULT, 3, 0, 4, LG_NET_MAX_LAYERS, 2, LG_TANH));
     before = net;
     assert_status(lg_net_init(NULL, LG_NET_MLP, 3, 0, 4, 1, 2, LG_TANH), LG_INVALID_ARGUMENT);
-    assert_status(lg_net_init(&net, (lg_net_kind)4, 3, 0, 4, 1, 2, LG_TANH), LG_INVALID_ARGUMENT);
+    assert_status(lg_net_init(&net, (lg_net_kind)LG_NET_KIND_COUNT, 3, 0, 4, 1, 2, LG_TANH),
+                  LG_INVALID_ARGUMENT);
     assert_status(lg_net_init(&net, LG_NET_MLP, 0, 0, 4, 1, 2, LG_TANH), LG_INVALID_ARGUMENT);
     assert_status(lg_net_init(&net, LG_NET_MLP, 3, 0, 0, 1, 2, LG_TANH), LG_INVALID_ARGUMENT);
     assert_status(lg_net_init(&net, LG_NET_MLP, 3, 0, 4, 1, 0, LG_TANH), LG_INVALID_ARGUMENT);
@@ -153,7 +154,8 @@ static void test_bad_descriptions(void **state) {
     assert_status(lg_net_init(&net, LG_NET_MLP, 3, (1u << 20) + 1, 4, 1, 2, LG_TANH), LG_INVALID_ARGUMENT);
     assert_status(lg_net_init(&net, LG_NET_MLP, 3, 0, 4, LG_NET_MAX_LAYERS + 1, 2, LG_TANH),
                   LG_INVALID_ARGUMENT);
-    assert_status(lg_net_init(&net, LG_NET_MLP, 3, 0, 4, 1, 2, (lg_activation)99), LG_INVALID_ARGUMENT);
+    assert_status(lg_net_init(&net, LG_NET_MLP, 3, 0, 4, 1, 2, (lg_activation)LG_ACTIVATION_COUNT),
+                  LG_INVALID_ARGUMENT);
     assert_memory_equal(&net, &before, sizeof net);
 }
 

@@ -534,7 +534,7 @@ static void best_trial(void **state) {
     assert_int_equal(lg_search_best(t + 3, 2), 2);
     assert_int_equal(lg_search_best(NULL, 0), 0);
     assert_string_equal(lg_trial_state_name(LG_TRIAL_PRUNED), "pruned");
-    assert_string_equal(lg_trial_state_name((lg_trial_state)7), "unknown");
+    assert_string_equal(lg_trial_state_name((lg_trial_state)LG_TRIAL_STATE_COUNT), "unknown");
 }
 
 int main(void) {

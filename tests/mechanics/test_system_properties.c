@@ -1,0 +1,781 @@
+/* Properties of every row of the table of systems, at random parameters and random states on the manifold:
+ * forms of the field agree with each other, plain and on a tape; derivatives in the parameters are those of
+ * the plain field; invariants are constant along the field; the field is what the structure of its row makes
+ * of the energy. A new row is covered as it stands. Derivatives are central differences of order 8 along the
+ * action of the space, so that no state leaves the manifold.
+ */
+#include "mechanics/system_check.h"
+
+#include <float.h>
+
+#include "liegrad/ops.h"
+#include "mechanics/system.h"
+
+enum { BATCH = 3, SEEDS = 3 };
+static const size_t some_links[] = {1, 2, 3, 5};
+
+/* ---- memory, given back as a whole ---- */
+
+static double arena[1 << 18];
+static size_t arena_used;
+
+static double *take(size_t count) {
+    double *out = arena + arena_used;
+    arena_used += count;
+    assert_true(arena_used <= LG_COUNT(arena));
+    return out;
+}
+
+/* ---- samples ---- */
+
+typedef struct sample {
+    char label[96];
+    lg_system *system;
+    const lg_space *space;
+    lg_rng rng;
+    double t, *work, *y; /* y (BATCH, dim), on the manifold */
+    size_t dim, algebra, parameters;
+} sample;
+
+static void draw(lg_rng *rng, size_t count, double *out) {
+    for (size_t i = 0; i < count; i++) out[i] = lg_rng_uniform_in(rng, -1, 1);
+}
+
+static void normalise(size_t count, double *x) {
+    double square = 0.0;
+    for (size_t i = 0; i < count; i++) square += x[i] * x[i];
+    for (size_t i = 0; i < count; i++) x[i] /= sqrt(square);
+}
+
+/* Numbers within the rule. */
+static void draw_parameter(lg_rng *rng, lg_parameter_rule rule, size_t count, double *out) {
+    for (size_t i = 0; i < count; i++) {
+        const double sign = rule != LG_PARAMETER_POSITIVE && lg_rng_below(rng, 2) == 0 ? -1.0 : 1.0;
+        out[i] = sign * lg_rng_uniform_in(rng, 0.5, 2);
+    }
+    if (rule == LG_PARAMETER_UNIT_VECTOR) normalise(count, out);
+}
+
+static size_t numbers_of(const lg_parameter_row *row, size_t links) {
+    return row->count > 0 ? row->count : links;
+}
+
+/* A system with these numbers for all parameters, in the order of the table. */
+static lg_system *system_of(const char *name, const char *form, size_t links, const double *numbers) {
+    const lg_parameter_row *rows = lg_system_parameters(name, form);
+    size_t count = 0;
+    while (rows[count].key) count++;
+    lg_named_values *given = calloc(count + 1, sizeof *given);
+    assert_non_null(given);
+    for (size_t i = 0; i < count; i++) {
+        given[i] = (lg_named_values){rows[i].key, numbers, numbers_of(&rows[i], links)};
+        numbers += given[i].count;
+    }
+    lg_system *system = NULL;
+    lg_error error;
+    lg_system_options options;
+    lg_system_options_init(&options);
+    options.form = form;
+    options.links = links > 0 ? links : 1;
+    options.parameters = given;
+    options.parameter_count = count;
+    if (lg_system_create(NULL, name, &options, &system, &error) != LG_OK) fail_msg("%s", error.message);
+    free(given);
+    return system;
+}
+
+static lg_system *draw_system(lg_rng *rng, const char *name, const char *form, size_t links) {
+    size_t count = 0;
+    for (const lg_parameter_row *row = lg_system_parameters(name, form); row->key; row++)
+        count += numbers_of(row, links);
+    double *numbers = take(count), *at = numbers;
+    for (const lg_parameter_row *row = lg_system_parameters(name, form); row->key; row++) {
+        draw_parameter(rng, row->rule, numbers_of(row, links), at);
+        at += numbers_of(row, links);
+    }
+    return system_of(name, form, links, numbers);
+}
+
+static lg_status try_field(const sample *s, const lg_system *system, lg_form form, const double *y,
+                           double *out) {
+    lg_system_user user;
+    lg_ode ode;
+    assert_ok(lg_system_ode(system, form, &user, s->work, &ode));
+    return ode.field(ode.user, s->t, y, NULL, out);
+}
+
+static void plain(const sample *s, const lg_system *system, lg_form form, const double *y, double *out) {
+    const lg_status status = try_field(s, system, form, y, out);
+    if (status != LG_OK) fail_msg("%s: the plain field: %s", s->label, lg_status_name(status));
+}
+
+/* Projected random numbers; drawn again where they have no projection (a reflection), or no field. */
+static void draw_state(sample *s, double *y) {
+    double *f = take(s->algebra);
+    for (int tries = 0; tries < 1000; tries++) {
+        draw(&s->rng, s->dim, y);
+        lg_space_project(s->space, y);
+        if (!(lg_space_manifold_error(s->space, y) <= 1e-12)) continue;
+        if (try_field(s, s->system, LG_FORM_LIE, y, f) == LG_OK) return;
+    }
+    fail_msg("%s: no state on the manifold where the field is defined", s->label);
+}
+
+static void open_sample(sample *s, const char *name, const char *form, size_t links, uint64_t seed) {
+    arena_used = 0;
+    (void)snprintf(s->label, sizeof s->label, "%s%s%s, %zu links, seed %d", name, form ? " " : "",
+                   form ? form : "", links, (int)seed);
+    lg_rng_seed(&s->rng, seed, links);
+    s->system = draw_system(&s->rng, name, form, links);
+    s->space = lg_system_space(s->system);
+    s->t = lg_rng_uniform_in(&s->rng, -1, 1);
+    s->dim = lg_system_dim(s->system);
+    s->algebra = s->space->algebra_dim;
+    s->parameters = lg_system_parameter_count(s->system);
+    s->work = take(lg_system_workspace(s->system));
+    s->y = take(BATCH * s->dim);
+    for (size_t b = 0; b < BATCH; b++) draw_state(s, s->y + b * s->dim);
+}
+
+static bool has_links(const char *name, const char *form) {
+    for (const lg_state_row *row = lg_system_state(name, form); row->key; row++)
+        if (row->outer == 0) return true;
+    return false;
+}
+
+static void on_every_sample(void (*check)(sample *s)) {
+    const char *name, *form;
+    sample s;
+    for (size_t i = 0; lg_system_at(i, &name, &form); i++)
+        for (size_t k = 0; k < (has_links(name, form) ? LG_COUNT(some_links) : 1); k++)
+            for (uint64_t seed = 1; seed <= SEEDS; seed++) {
+                open_sample(&s, name, form, has_links(name, form) ? some_links[k] : 0, seed);
+                check(&s);
+                lg_system_destroy(NULL, s.system);
+            }
+}
+
+static double largest(size_t count, const double *x) {
+    double size = 0.0;
+    for (size_t i = 0; i < count; i++) size = fmax(size, isnan(x[i]) ? INFINITY : fabs(x[i]));
+    return size;
+}
+
+/* Equal to `tolerance`, which is absolute. */
+static void same(const sample *s, const char *what, size_t count, const double *a, const double *b,
+                 double tolerance) {
+    for (size_t i = 0; i < count; i++)
+        if (!(fabs(a[i] - b[i]) <= tolerance))
+            fail_msg("%s: %s, number %zu: %.17g and %.17g, difference %.3g, tolerance %.3g", s->label, what,
+                     i, a[i], b[i], a[i] - b[i], tolerance);
+}
+
+/* ---- on a tape ---- */
+
+static lg_status call_field(const lg_taped_ode *ode, lg_tape *tape, double t, const lg_var *y, lg_var *out) {
+    return ode->field(ode->user, tape, (lg_taped_time){.value = t}, y, LG_NONE, out);
+}
+
+static lg_status call_half(lg_taped_half_field half, const lg_taped_ode *ode, lg_tape *tape, double t,
+                           lg_var x, lg_var *out) {
+    return half(ode->user, tape, (lg_taped_time){.value = t}, x, LG_NONE, out);
+}
+
+typedef struct recording {
+    lg_tape *tape;
+    lg_var parameters, y; /* (P), (BATCH, dim) */
+    lg_system_taped_user user;
+    lg_taped_ode ode;
+} recording;
+
+static lg_status try_recording(const sample *s, lg_form form, const double *y, recording *r) {
+    assert_ok(lg_tape_create(NULL, NULL, &r->tape));
+    r->parameters =
+        lg_input_f64(r->tape, lg_shape1((uint32_t)s->parameters), lg_system_parameter_values(s->system));
+    r->y = lg_input_f64(r->tape, lg_shape2(BATCH, (uint32_t)s->dim), y);
+    return lg_system_taped_ode(s->system, form, r->parameters, &r->user, &r->ode);
+}
+
+static void open_recording(const sample *s, lg_form form, const double *y, recording *r) {
+    assert_ok(try_recording(s, form, y, r));
+}
+
+/* Parts side by side, (BATCH, numbers). */
+static lg_var flat(lg_tape *tape, lg_var *parts, size_t count) {
+    for (size_t i = 0; i < count; i++) {
+        const size_t numbers = lg_shape_count(lg_var_shape(tape, parts[i]));
+        parts[i] = lg_reshape(tape, parts[i], lg_shape2(BATCH, (uint32_t)(numbers / BATCH)));
+    }
+    return lg_concat(tape, parts, count, 1);
+}
+
+static lg_var record_field(const sample *s, recording *r) {
+    lg_var y[LG_TAPED_MAX_PARTS], out[LG_TAPED_MAX_PARTS];
+    assert_ok(lg_taped_split(r->tape, &r->ode.space, r->y, y));
+    const lg_status status = call_field(&r->ode, r->tape, s->t, y, out);
+    if (status != LG_OK) fail_msg("%s: %s", s->label, lg_tape_message(r->tape));
+    return flat(r->tape, out, lg_taped_parts(&r->ode.space));
+}
+
+static void read_out(const sample *s, const recording *r, lg_var x, size_t count, double *out) {
+    if (lg_tape_status(r->tape) != LG_OK) fail_msg("%s: %s", s->label, lg_tape_message(r->tape));
+    assert_ok(lg_read(r->tape, x, out, count));
+}
+
+/* Rows of the plain field at y (BATCH, dim), in the order of the parts. */
+static void plain_rows(const sample *s, const lg_system *system, lg_form form, const double *y, double *out) {
+    const size_t mark = arena_used, n = form == LG_FORM_LIE ? s->algebra : s->dim;
+    double *row = take(n);
+    for (size_t b = 0; b < BATCH; b++) {
+        plain(s, system, form, y + b * s->dim, row);
+        if (form == LG_FORM_LIE)
+            algebra_in_parts(s->space, row, out + b * n);
+        else
+            memcpy(out + b * n, row, n * sizeof *row);
+    }
+    arena_used = mark;
+}
+
+static void compare_forms(const sample *s, lg_form form, const char *what, const double *y) {
+    const size_t n = BATCH * (form == LG_FORM_LIE ? s->algebra : s->dim);
+    double *expected = take(n), *taped = take(n);
+    recording r;
+    open_recording(s, form, y, &r);
+    read_out(s, &r, record_field(s, &r), n, taped);
+    plain_rows(s, s->system, form, y, expected);
+    same(s, what, n, taped, expected, 1e-12 * largest(n, expected));
+    lg_tape_destroy(r.tape);
+}
+
+static void taped_field(sample *s) {
+    compare_forms(s, LG_FORM_LIE, "the field on a tape", s->y);
+}
+
+/* ---- the ambient form ---- */
+
+/* Rows of the generator of the LIE field against the ambient one. */
+static void compare_generator(const sample *s, const char *what, const double *y) {
+    double *f = take(s->algebra), *generated = take(s->dim), *ambient = take(s->dim);
+    for (size_t b = 0; b < BATCH; b++) {
+        plain(s, s->system, LG_FORM_LIE, y + b * s->dim, f);
+        lg_space_generator(s->space, f, y + b * s->dim, generated);
+        plain(s, s->system, LG_FORM_AMBIENT, y + b * s->dim, ambient);
+        same(s, what, s->dim, ambient, generated, 1e-12 * largest(s->dim, generated));
+    }
+}
+
+/* The generator on the manifold; beside it, and on a tape, where the row does not say otherwise. */
+static void ambient_field(sample *s) {
+    double *off = take(BATCH * s->dim);
+    compare_generator(s, "the ambient field", s->y);
+    if (s->system->row->extended) {
+        recording r;
+        assert_status(try_recording(s, LG_FORM_AMBIENT, s->y, &r), LG_UNSUPPORTED);
+        lg_tape_destroy(r.tape);
+        return;
+    }
+    draw(&s->rng, BATCH * s->dim, off);
+    for (size_t i = 0; i < BATCH * s->dim; i++) off[i] = s->y[i] + 0.05 * off[i];
+    compare_generator(s, "the ambient field off the manifold", off);
+    compare_forms(s, LG_FORM_AMBIENT, "the ambient field on a tape", s->y);
+    compare_forms(s, LG_FORM_AMBIENT, "the ambient field on a tape off the manifold", off);
+}
+
+/* ---- force and velocity ---- */
+
+/* One half of the field (BATCH, n): plain, and on a tape. Both against `expected`. */
+static void compare_half(const sample *s, const char *what, const double *x, const double *expected,
+                         lg_half_field half, void *user, lg_taped_half_field taped, recording *r) {
+    const size_t n = s->dim / 2;
+    const double tolerance = 1e-12 * largest(BATCH * n, expected);
+    double *found = take(BATCH * n);
+    lg_var out = LG_NONE;
+    for (size_t b = 0; b < BATCH; b++) assert_ok(half(user, s->t, x + b * n, NULL, found + b * n));
+    same(s, what, BATCH * n, found, expected, tolerance);
+    assert_ok(call_half(taped, &r->ode, r->tape, s->t,
+                        lg_input_f64(r->tape, lg_shape2(BATCH, (uint32_t)n), x), &out));
+    read_out(s, r, out, BATCH * n, found);
+    same(s, what, BATCH * n, found, expected, tolerance);
+}
+
+/* Separable: y' = (velocity(p), force(q)), as in the field. */
+static void halves(sample *s) {
+    const size_t n = s->dim / 2;
+    const bool separable = lg_system_separable(s->system);
+    double *x[2] = {take(BATCH * n), take(BATCH * n)}, *rate[2] = {take(BATCH * n), take(BATCH * n)};
+    double *f = take(s->dim);
+    lg_system_user user;
+    lg_ode ode;
+    recording r;
+    assert_ok(lg_system_ode(s->system, LG_FORM_AMBIENT, &user, s->work, &ode));
+    open_recording(s, LG_FORM_LIE, s->y, &r);
+    if ((ode.force != NULL) != separable || (ode.velocity != NULL) != separable ||
+        (r.ode.force != NULL) != separable || (r.ode.velocity != NULL) != separable)
+        fail_msg("%s: separable %d, but force %d and velocity %d, on a tape %d and %d", s->label, separable,
+                 ode.force != NULL, ode.velocity != NULL, r.ode.force != NULL, r.ode.velocity != NULL);
+    for (size_t b = 0; separable && b < BATCH; b++) {
+        plain(s, s->system, LG_FORM_LIE, s->y + b * s->dim, f);
+        for (size_t half = 0; half < 2; half++) {
+            memcpy(x[half] + b * n, s->y + b * s->dim + half * n, n * sizeof *f);
+            memcpy(rate[half] + b * n, f + half * n, n * sizeof *f);
+        }
+    }
+    if (separable) {
+        compare_half(s, "velocity", x[1], rate[0], ode.velocity, ode.user, r.ode.velocity, &r);
+        compare_half(s, "force", x[0], rate[1], ode.force, ode.user, r.ode.force, &r);
+    }
+    lg_tape_destroy(r.tape);
+}
+
+/* ---- differences ---- */
+
+/* Central differences of order 6 and 8: f'(0) h = sum_k w_k (f(k h) - f(-k h)). Their distance and the
+ * rounding of f bound the error of the second. */
+#define STEP 0.015625
+static const double sixth[4] = {3.0 / 4, -3.0 / 20, 1.0 / 60, 0.0},
+                    eighth[4] = {4.0 / 5, -1.0 / 5, 4.0 / 105, -1.0 / 280};
+
+typedef double (*curve)(const void *of, double s);
+
+typedef struct derivative {
+    double value, error;
+} derivative;
+
+static derivative difference(curve f, const void *of, double h) {
+    double low = 0.0, high = 0.0;
+    double size = 1.0; /* that of the terms of f at least, as states and parameters are of size 1 */
+    for (int k = 1; k <= 4; k++) {
+        const double ahead = f(of, h * k), behind = f(of, -h * k);
+        low += sixth[k - 1] * (ahead - behind) / h;
+        high += eighth[k - 1] * (ahead - behind) / h;
+        size = fmax(size, fmax(fabs(ahead), fabs(behind)));
+    }
+    return (derivative){high, fabs(high - low) + 32.0 * DBL_EPSILON * size / h};
+}
+
+/* f'(0): the best of a few steps from `h` down, short ones for where f is steep. */
+static derivative derivative_of(curve f, const void *of, double h) {
+    derivative best = {NAN, INFINITY};
+    for (int i = 0; i < 3; i++, h /= 8.0) {
+        const derivative now = difference(f, of, h);
+        if (now.error < best.error) best = now;
+    }
+    return best;
+}
+
+typedef double (*scalar)(const void *of, const double *y);
+
+/* f(exp(s a) . y) */
+typedef struct orbit {
+    const sample *s;
+    scalar f;
+    const void *of;
+    const double *y, *a;
+} orbit;
+
+static double on_orbit(const void *of, double by) {
+    const orbit *o = of;
+    const size_t mark = arena_used;
+    double *element = take(o->s->algebra), *moved = take(o->s->dim);
+    for (size_t i = 0; i < o->s->algebra; i++) element[i] = by * o->a[i];
+    lg_space_act(o->s->space, element, o->y, moved);
+    const double value = o->f(o->of, moved);
+    arena_used = mark;
+    return value;
+}
+
+/* d/ds f(exp(s a) . y) at s = 0, and its error. */
+static double slope(const sample *s, scalar f, const void *of, const double *y, const double *a,
+                    double *error) {
+    const orbit o = {s, f, of, y, a};
+    const double norm = largest(s->algebra, a);
+    const derivative d = norm > 0.0 ? derivative_of(on_orbit, &o, STEP / norm) : (derivative){0.0, 0.0};
+    *error = d.error;
+    return d.value;
+}
+
+/* The slopes along the basis of the algebra; the error is the largest of theirs. */
+static void slopes(const sample *s, scalar f, const void *of, const double *y, double *out, double *error) {
+    const size_t mark = arena_used;
+    double *basis = take(s->algebra), own;
+    memset(basis, 0, s->algebra * sizeof *basis);
+    *error = 0.0;
+    for (size_t i = 0; i < s->algebra; i++) {
+        basis[i] = 1.0;
+        out[i] = slope(s, f, of, y, basis, &own);
+        *error = fmax(*error, own);
+        basis[i] = 0.0;
+    }
+    arena_used = mark;
+}
+
+/* ---- invariants ---- */
+
+typedef struct quantity {
+    const sample *s;
+    size_t index;
+} quantity;
+
+static double invariant(const void *of, const double *y) {
+    const quantity *q = of;
+    return lg_system_invariant(q->s->system, q->index, y, q->s->work);
+}
+
+/* The slope along the field is zero to its error and the rounding of the terms it is the sum of. */
+static void check_invariant(const sample *s, size_t index, const double *y) {
+    const size_t mark = arena_used;
+    const quantity q = {s, index};
+    double *f = take(s->algebra), *along = take(s->algebra), error, others, size = 0.0;
+    plain(s, s->system, LG_FORM_LIE, y, f);
+    slopes(s, invariant, &q, y, along, &others);
+    for (size_t i = 0; i < s->algebra; i++) size += fabs(along[i] * f[i]);
+    const double rate = slope(s, invariant, &q, y, f, &error);
+    if (!(error <= 1e-7 * (size + largest(s->algebra, f))))
+        fail_msg("%s: %s is too rough for differences, error %.3g", s->label,
+                 lg_system_invariant_name(s->system, index), error);
+    if (!(fabs(rate) <= 2.0 * error + 1e-11 * size))
+        fail_msg("%s: %s changes along the field at the rate %.3g, terms of %.3g, error %.3g", s->label,
+                 lg_system_invariant_name(s->system, index), rate, size, error);
+    arena_used = mark;
+}
+
+static void invariants(sample *s) {
+    for (size_t i = 0; i < lg_system_invariants(s->system); i++)
+        for (size_t b = 0; b < BATCH; b++) check_invariant(s, i, s->y + b * s->dim);
+}
+
+/* ---- the field from the energy ---- */
+
+static double generating(const void *of, const double *y) {
+    const sample *s = of;
+    return s->system->row->generating ? s->system->row->generating(s->system, y, s->work)
+                                      : lg_system_hamiltonian(s->system, y, s->work);
+}
+
+static void cross(const double *a, const double *b, double *out) {
+    for (int i = 0; i < 3; i++) out[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
+}
+
+/* The velocity {y, H} of `copies` of a factor from the slopes d of H along the basis of its algebra. */
+
+/* d = (dH/dq, dH/dp) */
+static void canonical(size_t copies, const double *y, const double *d, double *out) {
+    const size_t n = copies / 2;
+    (void)y;
+    assert_true(copies == 2 * n);
+    for (size_t i = 0; i < n; i++) {
+        out[i] = d[n + i];
+        out[n + i] = -d[i];
+    }
+}
+
+/* Along (u, 0) q and p turn, along (0, v) p moves by v x q: f = (d_v, -d_u). */
+static void cotangent_sphere(size_t copies, const double *y, const double *d, double *out) {
+    for (size_t i = 0; i < copies; i++, y += 6, d += 6, out += 6) {
+        const double f[6] = {d[3], d[4], d[5], -d[0], -d[1], -d[2]};
+        lg_space_kind_row(LG_SPACE_TS2)->generator(1, f, y, out);
+    }
+}
+
+/* On (R, pi): R' = hat(dH/dpi) R, pi' = -(the slope of H along the turn of R alone) + dH/dpi x pi. */
+static void rotation_and_momentum(const double *y, const double *turn, const double *velocity, double *out) {
+    lg_space_kind_row(LG_SPACE_SO3)->generator(1, velocity, y, out);
+    cross(velocity, y + 9, out + 9);
+    for (int i = 0; i < 3; i++) out[9 + i] -= turn[i];
+}
+
+/* Along (u, 0) pi turns too, which adds pi x dH/dpi to the slope. */
+static void cotangent_rotations(size_t copies, const double *y, const double *d, double *out) {
+    for (size_t i = 0; i < copies; i++, y += 12, d += 6, out += 12) {
+        double turn[3];
+        cross(y + 9, d + 3, turn);
+        for (int c = 0; c < 3; c++) turn[c] = d[c] - turn[c];
+        rotation_and_momentum(y, turn, d + 3, out);
+    }
+}
+
+/* SO(3) and the R^3 after it: the momentum stays while R turns. */
+static void product_rotations(size_t copies, const double *y, const double *d, double *out) {
+    assert_true(copies == 1);
+    rotation_and_momentum(y, d, d + 3, out);
+}
+
+/* d = y x dH/dy = y' */
+static void body_momentum(size_t copies, const double *y, const double *d, double *out) {
+    (void)y;
+    memcpy(out, d, 3 * copies * sizeof *out);
+}
+
+/* d_u = G x dH/dG + P x dH/dP = P', d_v = G x dH/dP = G' */
+static void body_momenta(size_t copies, const double *y, const double *d, double *out) {
+    (void)y;
+    for (size_t i = 0; i < copies; i++, d += 6, out += 6) {
+        memcpy(out, d + 3, 3 * sizeof *out);
+        memcpy(out + 3, d, 3 * sizeof *out);
+    }
+}
+
+static const struct {
+    void (*velocity)(size_t copies, const double *y, const double *d, double *out);
+    size_t factors; /* of the space that it takes, this one and R^3 after it */
+} brackets[LG_SPACE_KINDS] = {
+    [LG_SPACE_RN] = {canonical, 1},           [LG_SPACE_TS2] = {cotangent_sphere, 1},
+    [LG_SPACE_SO3] = {product_rotations, 2},  [LG_SPACE_SE3] = {cotangent_rotations, 1},
+    [LG_SPACE_SO3_DUAL] = {body_momentum, 1}, [LG_SPACE_SE3_DUAL] = {body_momenta, 1},
+};
+
+/* {y, H} on the product */
+static void bracket_velocity(const sample *s, const double *y, const double *d, double *out) {
+    for (size_t f = 0; f < s->space->factors;) {
+        const lg_space_factor *factor = &s->space->factor[f];
+        const size_t taken = brackets[factor->kind].factors;
+        const lg_space_factor *next = taken == 2 && f + 1 < s->space->factors ? factor + 1 : NULL;
+        if (taken == 0 || (taken == 2 && !(next && next->kind == LG_SPACE_RN && next->count == 3)))
+            fail_msg("%s: the test has no bracket on this space", s->label);
+        brackets[factor->kind].velocity(factor->count, y, d, out);
+        for (size_t i = 0; i < taken; i++, f++) {
+            const lg_space_row *row = lg_space_kind_row(s->space->factor[f].kind);
+            y += s->space->factor[f].count * row->state;
+            d += s->space->factor[f].count * row->algebra;
+            out += s->space->factor[f].count * row->state;
+        }
+    }
+}
+
+static void check_hamiltonian(const sample *s, const double *y) {
+    double *d = take(s->algebra), *f = take(s->algebra), *found = take(s->dim), *expected = take(s->dim),
+           error;
+    slopes(s, generating, s, y, d, &error);
+    bracket_velocity(s, y, d, expected);
+    plain(s, s->system, LG_FORM_LIE, y, f);
+    lg_space_generator(s->space, f, y, found);
+    const double size = largest(s->dim, found) + largest(s->algebra, d);
+    if (!(error <= 1e-8 * size)) fail_msg("%s: the energy is too rough for differences", s->label);
+    same(s, "the field and {y, H}", s->dim, found, expected, 8.0 * error * (1.0 + largest(s->dim, y)));
+}
+
+/* ---- Euler-Lagrange equations ---- */
+
+/* `lead` numbers of position are followed by as many of velocity, `copies` times. */
+typedef struct tangent {
+    size_t lead, copies;
+    bool sphere;
+} tangent;
+
+static tangent tangent_of(const sample *s, const lg_space_factor *factor) {
+    if (factor->kind == LG_SPACE_RN && factor->count % 2 == 0) return (tangent){factor->count / 2, 1, false};
+    if (factor->kind != LG_SPACE_TS2) fail_msg("%s: the test has no Lagrangian on this space", s->label);
+    return (tangent){3, factor->count, true};
+}
+
+/* K - V = H(q, v) - 2 H(q, 0) */
+static double lagrangian(const void *of, const double *y) {
+    const sample *s = of;
+    const size_t mark = arena_used;
+    double *still = take(s->dim), *x = still;
+    memcpy(still, y, s->dim * sizeof *still);
+    for (size_t f = 0; f < s->space->factors; f++) {
+        const tangent t = tangent_of(s, &s->space->factor[f]);
+        for (size_t i = 0; i < t.copies; i++, x += 2 * t.lead) memset(x + t.lead, 0, t.lead * sizeof *x);
+    }
+    const double value = generating(s, y) - 2.0 * generating(s, still);
+    arena_used = mark;
+    return value;
+}
+
+/* Number `component` of the momentum of the copy whose state and algebra begin at `place`: dL/dv on R^n; on
+ * TS^2 the derivative along the turn of q, (d_v L) x q, as omega moves by v x q. */
+typedef struct momentum_of {
+    const sample *s;
+    tangent t;
+    size_t place, component;
+} momentum_of;
+
+static double slope_in_velocity(const momentum_of *m, const double *y, size_t component) {
+    const size_t mark = arena_used;
+    double *basis = take(m->s->algebra), error;
+    memset(basis, 0, m->s->algebra * sizeof *basis);
+    basis[m->place + m->t.lead + component] = 1.0;
+    const double value = slope(m->s, lagrangian, m->s, y, basis, &error);
+    arena_used = mark;
+    return value;
+}
+
+static double momentum(const void *of, const double *y) {
+    const momentum_of *m = of;
+    if (!m->t.sphere) return slope_in_velocity(m, y, m->component);
+    const size_t a = (m->component + 1) % 3, b = (m->component + 2) % 3;
+    return slope_in_velocity(m, y, a) * y[m->place + b] - slope_in_velocity(m, y, b) * y[m->place + a];
+}
+
+/* The momentum changes by the slope of L along the turn, or the shift, of the position; q' = omega x q, or v.
+ */
+static void check_copy(momentum_of m, const double *y, const double *f, const double *velocity,
+                       const double *d) {
+    const sample *s = m.s;
+    double *rate = take(m.t.lead), *moved = take(m.t.lead), error = 0.0, own;
+    for (m.component = 0; m.component < m.t.lead; m.component++) {
+        rate[m.component] = slope(s, momentum, &m, y, f, &own);
+        error = fmax(error, own);
+    }
+    const double size = largest(m.t.lead, d + m.place) + largest(m.t.lead, rate);
+    same(s, "the change of a momentum and dL/dq", m.t.lead, rate, d + m.place, 8.0 * error + 1e-9 * size);
+    if (!(error <= 1e-6 * size)) fail_msg("%s: the energy is too rough for differences", s->label);
+    memcpy(moved, y + m.place + m.t.lead, m.t.lead * sizeof *moved);
+    if (m.t.sphere) cross(y + m.place + 3, y + m.place, moved);
+    same(s, "q' and the velocity in the state", m.t.lead, velocity + m.place, moved,
+         1e-13 * largest(m.t.lead, moved));
+}
+
+static void check_lagrangian(const sample *s, const double *y) {
+    double *d = take(s->algebra), *f = take(s->algebra), *velocity = take(s->dim), error;
+    plain(s, s->system, LG_FORM_LIE, y, f);
+    lg_space_generator(s->space, f, y, velocity);
+    slopes(s, lagrangian, s, y, d, &error);
+    momentum_of m = {.s = s, .place = 0};
+    for (size_t i = 0; i < s->space->factors; i++) {
+        m.t = tangent_of(s, &s->space->factor[i]);
+        for (size_t copy = 0; copy < m.t.copies; copy++, m.place += 2 * m.t.lead)
+            check_copy(m, y, f, velocity, d);
+    }
+}
+
+/* A row with an energy has to say what its field has to do with it. */
+static void structure(sample *s) {
+    static void (*const check[])(const sample *, const double *) = {
+        [LG_STRUCTURE_HAMILTONIAN] = check_hamiltonian,
+        [LG_STRUCTURE_LAGRANGIAN] = check_lagrangian,
+        [LG_STRUCTURE_OTHER] = NULL,
+    };
+    const lg_structure stated = s->system->row->structure;
+    const char *first = lg_system_invariant_name(s->system, 0);
+    const bool energy = first && strcmp(first, "energy") == 0;
+    if (energy != (stated != LG_STRUCTURE_UNSTATED))
+        fail_msg("%s: %s", s->label,
+                 energy ? "has an energy, and its row does not state a structure"
+                        : "has no energy, and its row states a structure");
+    assert_true(stated < LG_COUNT(check));
+    for (size_t b = 0; check[stated] && b < BATCH; b++) check[stated](s, s->y + b * s->dim);
+}
+
+/* ---- the variational step ---- */
+
+/* d/dh of the step at h = 0 is the field. */
+static void variational_step(sample *s) {
+    double *velocity = take(s->dim), *side[2] = {take(s->dim), take(s->dim)}, *rate = take(s->dim);
+    lg_system_user user;
+    lg_ode ode;
+    assert_ok(lg_system_ode(s->system, LG_FORM_AMBIENT, &user, s->work, &ode));
+    if (!ode.step) return;
+    plain(s, s->system, LG_FORM_AMBIENT, s->y, velocity);
+    const double h = STEP / (1.0 + largest(s->dim, velocity));
+    memset(rate, 0, s->dim * sizeof *rate);
+    for (int k = 1; k <= 4; k++) {
+        for (int i = 0; i < 2; i++) {
+            memcpy(side[i], s->y, s->dim * sizeof *rate);
+            assert_ok(ode.step(ode.user, s->t, (i == 0 ? h : -h) * k, side[i]));
+        }
+        for (size_t i = 0; i < s->dim; i++) rate[i] += eighth[k - 1] * (side[0][i] - side[1][i]) / h;
+    }
+    same(s, "the variational step and the field", s->dim, rate, velocity, 1e-8 * largest(s->dim, velocity));
+}
+
+/* ---- derivatives in the parameters ---- */
+
+/* Moves number i of the parameter at p (count numbers) by s; a unit vector stays one. */
+static void move_parameter(const lg_parameter_row *row, size_t count, size_t i, double s, double *p) {
+    p[i] += s;
+    if (row->rule == LG_PARAMETER_UNIT_VECTOR) normalise(count, p);
+}
+
+/* w.f, of all rows and numbers of the field under weights, where number i of a parameter is moved. */
+typedef struct moved_sum {
+    const sample *s;
+    const lg_parameter_row *row;
+    size_t count, offset, i; /* numbers of the parameter, where they begin, the one that moves */
+    const double *weight;
+} moved_sum;
+
+static double sum_at(const void *of, double by) {
+    const moved_sum *m = of;
+    const sample *s = m->s;
+    const size_t mark = arena_used, n = BATCH * s->algebra;
+    double *p = take(s->parameters), *f = take(n), sum = 0.0;
+    memcpy(p, lg_system_parameter_values(s->system), s->parameters * sizeof *p);
+    move_parameter(m->row, m->count, m->i, by, p + m->offset);
+    lg_system *moved =
+        system_of(lg_system_name(s->system), lg_system_form(s->system), lg_system_links(s->system), p);
+    plain_rows(s, moved, LG_FORM_LIE, s->y, f);
+    for (size_t j = 0; j < n; j++) sum += m->weight[j] * f[j];
+    lg_system_destroy(NULL, moved);
+    arena_used = mark;
+    return sum;
+}
+
+/* d(w.f)/dp on the tape */
+static void taped_gradient(const sample *s, const double *weight, double *gradient) {
+    recording r;
+    open_recording(s, LG_FORM_LIE, s->y, &r);
+    lg_var w = lg_input_f64(r.tape, lg_shape2(BATCH, (uint32_t)s->algebra), weight);
+    lg_var sum = lg_sum(r.tape, lg_mul(r.tape, w, record_field(s, &r)));
+    void *const out[1] = {gradient};
+    const lg_status status = lg_backward_set(r.tape, sum, &r.parameters, 1, out);
+    if (status != LG_OK) fail_msg("%s: %s", s->label, lg_tape_message(r.tape));
+    lg_tape_destroy(r.tape);
+}
+
+static void check_parameter(const moved_sum *m, const double *gradient) {
+    const sample *s = m->s;
+    const double *p = lg_system_parameter_values(s->system) + m->offset;
+    const derivative plain_one = derivative_of(sum_at, m, STEP);
+    double taped = gradient[m->i];
+    /* Of a unit vector n along e_i - n n_i. */
+    for (size_t j = 0; m->row->rule == LG_PARAMETER_UNIT_VECTOR && j < m->count; j++)
+        taped -= gradient[j] * p[j] * p[m->i];
+    if (!(plain_one.error <= 1e-6 * (1.0 + fabs(sum_at(m, 0.0)))))
+        fail_msg("%s: %s is too rough for differences", s->label, m->row->key);
+    if (!(fabs(taped - plain_one.value) <= 8.0 * plain_one.error))
+        fail_msg("%s: the derivative in %s[%zu] is %.17g on the tape, %.17g by differences, error %.3g",
+                 s->label, m->row->key, m->i, taped, plain_one.value, plain_one.error);
+}
+
+static void parameter_derivatives(sample *s) {
+    double *weight = take(BATCH * s->algebra), *gradient = take(s->parameters);
+    if (s->parameters == 0) return;
+    draw(&s->rng, BATCH * s->algebra, weight);
+    taped_gradient(s, weight, gradient);
+    moved_sum m = {.s = s, .row = s->system->row->parameters, .weight = weight};
+    for (; m.row->key; m.row++, m.offset += m.count) {
+        m.count = numbers_of(m.row, lg_system_links(s->system));
+        for (m.i = 0; m.i < m.count; m.i++) check_parameter(&m, gradient + m.offset);
+    }
+}
+
+/* ---- the tests ---- */
+
+#define TEST_OF(check)                                                                                       \
+    static void test_##check(void **state) {                                                                 \
+        (void)state;                                                                                         \
+        on_every_sample(check);                                                                              \
+    }
+
+TEST_OF(taped_field)
+TEST_OF(ambient_field)
+TEST_OF(halves)
+TEST_OF(invariants)
+TEST_OF(structure)
+TEST_OF(variational_step)
+TEST_OF(parameter_derivatives)
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_taped_field),
+        cmocka_unit_test(test_ambient_field),
+        cmocka_unit_test(test_halves),
+        cmocka_unit_test(test_invariants),
+        cmocka_unit_test(test_structure),
+        cmocka_unit_test(test_variational_step),
+        cmocka_unit_test(test_parameter_derivatives),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
