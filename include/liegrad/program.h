@@ -146,6 +146,14 @@ LG_API void lg_derivative_init(lg_derivative *what);
  * before. */
 LG_API lg_status lg_program_derive(lg_program *program, const lg_derivative *what, lg_error *error);
 
+/* Structural sparsity, whatever the parameters: pattern[a * n + b] = 1 where element a of one row of the
+ * output may depend on element b of the same row of the input (n elements), else 0; `pattern` has
+ * count(output) n bytes, shared ports count as a whole. Of a derived function, of its own outputs: J of
+ * `value` is nonzero only where `value` itself depends, the Jacobian of `adj1_value` only where `adj1_value`
+ * does. Errors: LG_NOT_FOUND (function, output, input), LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_program_sparsity(const lg_program *program, size_t function, size_t output, size_t input,
+                                     unsigned char *pattern, lg_error *error);
+
 /* ---- loops ---- */
 
 /* Adds a function that calls `function` `times` times: after each call output carry[j].output takes the place
