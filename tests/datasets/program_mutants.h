@@ -209,8 +209,7 @@ static const char *const odd_operations[] = {"leaf",   "",     "custom", "custom
                                              "lie", "stumpff", "dexpinv_coef", "act", "act_derivative",
                                              "dual_act", "combine", "spd_solve", "rowdot", "cross"};
 
-static inline lg_affine *some_affine(mutant *m, lg_rng *rng, lg_operation *o) {
-    (void)m;
+static inline lg_affine *some_affine(lg_rng *rng, lg_operation *o) {
     const uint32_t which = below_n(rng, 10);
     if (which < 4) return &o->shape[below_n(rng, o->rank < 4 ? o->rank + 1 : 4)];
     if (which < 9) return &o->whole[below_n(rng, LG_WHOLE_COUNT)];
@@ -220,7 +219,8 @@ static inline lg_affine *some_affine(mutant *m, lg_rng *rng, lg_operation *o) {
 /* One value wherever it stands, as a length: shapes stay consistent with each other. */
 static inline void change_everywhere(mutant *m, lg_rng *rng, lg_operation *o) {
     static const int64_t to[] = {0, 0, 0, 1, 2, 3, 5, 6, 9, 1000, 70000, 1 << 20, 1 << 24, INT32_MAX, UINT32_MAX};
-    const int64_t old = o->rank > 0 ? o->shape[below_n(rng, o->rank)].base : o->whole[0].base;
+    const uint32_t rank = o->rank < LG_MAX_RANK ? o->rank : LG_MAX_RANK;
+    const int64_t old = rank > 0 ? o->shape[below_n(rng, rank)].base : o->whole[0].base;
     const int64_t now = PICK(rng, to);
     const bool whole = below_n(rng, 2) == 0;
     for (size_t i = 0; i < m->image.operation_count; i++) {
@@ -326,12 +326,12 @@ static inline void change_operation(mutant *m, lg_rng *rng, size_t i) {
             m->indices[i][below_n(rng, o->index_count)] = (uint32_t)edge(rng, 3);
         break;
     case 9: {
-        lg_affine *a = some_affine(m, rng, o);
+        lg_affine *a = some_affine(rng, o);
         a->rows = edge(rng, a->rows);
         break;
     }
     default: {
-        lg_affine *a = some_affine(m, rng, o);
+        lg_affine *a = some_affine(rng, o);
         a->base = edge(rng, a->base);
     }
     }
