@@ -253,6 +253,118 @@ static void failing_allocations(void **state) {
     assert_true(fail_every_allocation(save_and_load, path) > 50);
 }
 
+/* ---- attacks ---- */
+
+/* A function of one operation on one shared input, or on two. */
+typedef struct attack {
+    const char *operation;
+    uint32_t inputs;
+    lg_shape in[2], out;
+    int64_t whole[4];
+    double real;
+    bool sound;
+} attack;
+
+#define MOST 4294967295
+
+static const attack attacks[] = {
+    /* nothing to sum, spread or choose from, but the counts are huge */
+    {"sum", 1, {{1, {0}}}, {1, {0}}, {MOST, 5, 0, 0}, 0, true},
+    {"sum", 1, {{1, {0}}}, {1, {3}}, {3, 0, 1, 0}, 0, true},
+    {"broadcast", 1, {{1, {0}}}, {1, {0}}, {MOST, MOST, 0, 0}, 0, true},
+    {"max_axis", 1, {{1, {0}}}, {1, {0}}, {MOST, 1, 0, 0}, 0, true},
+    {"max_axis", 1, {{1, {0}}}, {1, {1}}, {1, 0, 1, 0}, 0, false},
+    {"argmax_mask", 1, {{1, {0}}}, {1, {0}}, {MOST, 3, 0, 0}, 0, true},
+    {"argmax_mask", 1, {{1, {0}}}, {1, {0}}, {1000000, 0, 1, 0}, 0, false},
+    {"sum", 1, {{1, {8}}}, {1, {4}}, {2147483650, 2, 2147483650, 0}, 0, false},
+    /* tensors without elements and long loops */
+    {"permute", 1, {{3, {0, 65536, 32768}}}, {3, {65536, 32768, 0}}, {1, 2, 0, 3}, 0, false},
+    {"permute", 1, {{2, {0, 16777217}}}, {2, {16777217, 0}}, {1, 0, 2, 3}, 0, false},
+    {"permute", 1, {{2, {0, 1000}}}, {2, {1000, 0}}, {1, 0, 2, 3}, 0, true},
+    {"permute", 1, {{2, {3, 4}}}, {2, {3, 4}}, {0, 0, 0, 0}, 0, false},
+    /* no outputs: scratch that no tensor bounds; the first asks for 2^51 bytes, which are refused when it is run */
+    {"conv1d_input", 2, {{3, {1, 16777216, 0}}, {3, {16777216, 1, 0}}}, {3, {1, 1, 1}},
+     {1, 16777215, 1, 0}, 0, true},
+    {"conv1d_input", 2, {{3, {1, 1073741824, 1}}, {3, {1073741824, 1, 1}}}, {3, {1, 1, 1}},
+     {1, 1073741823, 1, 0}, 0, false},
+    {"conv1d", 2, {{3, {1, 9, 1}}, {3, {3, 1, 1}}}, {3, {1, 7, 1}}, {0, 0, 0, 0}, 0, false},
+    {"conv1d", 2, {{3, {1, 9, 1}}, {3, {3, 1, 1}}}, {3, {1, 13, 1}}, {1, 3, 0, 0}, 0, false},
+    {"conv1d_block", 2, {{3, {1, 9, 1}}, {3, {3, 1, 1}}}, {3, {1, 7, 1}}, {1, 0, 1, 1}, 7, false},
+    {"conv1d_block", 2, {{3, {1, 9, 1}}, {3, {3, 1, 1}}}, {3, {1, 7, 1}}, {1, 0, 1, 1}, 1, true},
+    {"avg_pool1d", 1, {{3, {1, 4, 1}}}, {3, {1, 4, 1}}, {0, 1, 0, 0}, 0, false},
+    {"slice", 1, {{1, {4}}}, {1, {4}}, {MOST, 0, 4, 0}, 0, false},
+    {"slice", 1, {{1, {4}}}, {1, {4}}, {0, 2, MOST, 0}, 0, false},
+    {"pad", 1, {{1, {4}}}, {1, {4}}, {0, MOST, 1, 0}, 0, false},
+    {"concat", 2, {{1, {4}}, {1, {4}}}, {1, {8}}, {1, 0, 0, 0}, 0, false},
+    {"matmul", 2, {{2, {2, 2}}, {2, {2, 2}}}, {2, {2, 2}}, {3, 0, 0, 0}, 0, false},
+    {"act", 1, {{1, {4}}}, {1, {4}}, {7, 0, 0, 0}, 0, false},
+    {"act_derivative", 2, {{1, {4}}, {1, {4}}}, {1, {4}}, {1, 9, 1, 0}, 0, false},
+    {"act_derivative", 2, {{1, {4}}, {1, {4}}}, {1, {4}}, {1, 2, 1, 1}, 0, false},
+    {"dual_act", 1, {{2, {3, 2}}}, {2, {3, 2}}, {1, 0, 0, 0}, 0, false},
+    {"stumpff", 1, {{2, {3, 1}}}, {2, {3, 10}}, {9, 0, 0, 0}, 0, false},
+    {"stumpff", 1, {{2, {3, 1}}}, {2, {3, 3}}, {2, 9, 0, 0}, 0, false},
+    {"dexpinv_coef", 1, {{2, {3, 1}}}, {2, {3, 1}}, {0, 9, 0, 0}, 0, false},
+    {"lie", 2, {{2, {3, 3}}, {2, {3, 3}}}, {2, {3, 3}}, {5, 0, 0, 0}, 0, false},
+    {"lie", 2, {{2, {3, 3}}, {2, {3, 3}}}, {2, {3, 3}}, {2, 0, 0, 0}, 0, false},
+    {"lie", 2, {{2, {3, 3}}, {2, {3, 6}}}, {2, {3, 6}}, {0, 0, 0, 0}, 0, false},
+    {"gather", 1, {{1, {4}}}, {1, {2}}, {2, 4, 0, 0}, 0, false},
+    {"rowdot", 2, {{2, {5, 0}}, {2, {5, 0}}}, {2, {5, 1}}, {0, 0, 0, 0}, 0, true},
+    {"custom", 0, {{0, {0}}}, {0, {0}}, {MOST, 0, 0, 0}, 0, false},
+};
+
+static lg_status attack_with(const attack *a, lg_program *program, lg_error *error) {
+    static const uint32_t edges[2] = {0, 1}, result = 2;
+    static const char *const names[2] = {"a", "b"};
+    lg_port in[2], out = {.name = "y", .shape = a->out, .shared = true};
+    lg_operation operations[3];
+    memset(operations, 0, sizeof operations);
+    for (int i = 0; i < 2; i++) {
+        in[i] = (lg_port){.name = names[i], .shape = a->in[i], .shared = true};
+        operations[i] = (lg_operation){.name = "input", .revision = 1, .rank = a->in[i].rank};
+        operations[i].whole[0].base = i;
+        for (uint32_t d = 0; d < a->in[i].rank; d++) operations[i].shape[d].base = a->in[i].dims[d];
+    }
+    operations[2] = (lg_operation){.name = a->operation,
+                                   .revision = 1,
+                                   .inputs = edges,
+                                   .input_count = a->inputs,
+                                   .rank = a->out.rank,
+                                   .real = a->real};
+    for (int k = 0; k < LG_WHOLE_COUNT; k++) operations[2].whole[k].base = a->whole[k];
+    for (uint32_t d = 0; d < a->out.rank; d++) operations[2].shape[d].base = a->out.dims[d];
+    const lg_function_image image = {.name = "attack",
+                                     .inputs = in,
+                                     .input_count = 2,
+                                     .outputs = &out,
+                                     .output_count = 1,
+                                     .operations = operations,
+                                     .operation_count = 3,
+                                     .results = &result};
+    return lg_program_add_image(program, &image, error);
+}
+
+/* Attributes and shapes that lie: refused, or run at once. */
+static void attacked(void **state) {
+    (void)state;
+    for (size_t i = 0; i < LG_COUNT(attacks); i++) {
+        lg_program_spec spec;
+        lg_program *program;
+        lg_error error = {LG_OK, ""};
+        tally t = {0};
+        lg_program_spec_init(&spec);
+        assert_ok(lg_program_build(NULL, &spec, &program, NULL));
+        const double begun = seconds_now();
+        const lg_status status = attack_with(&attacks[i], program, &error);
+        if ((status == LG_OK) != attacks[i].sound)
+            fail_msg("attack %zu on %s: %s %s", i, attacks[i].operation, lg_status_name(status),
+                     error.message);
+        if (status == LG_OK) run_mutant(program, &t, i);
+        if (status != LG_OK) assert_sentence(&error, status, i);
+        if (seconds_now() - begun > 60.0) fail_msg("attack %zu took too long", i);
+        lg_program_destroy(program);
+    }
+}
+
 /* ---- mutants ---- */
 
 static void some_mutants(void **state) {
@@ -270,7 +382,8 @@ int main(void) {
         cmocka_unit_test(bad_attributes),      cmocka_unit_test(bad_names),
         cmocka_unit_test(newer_files),         cmocka_unit_test(limits),
         cmocka_unit_test(no_model),            cmocka_unit_test(bad_calls),
-        cmocka_unit_test(failing_allocations), cmocka_unit_test(some_mutants),
+        cmocka_unit_test(failing_allocations), cmocka_unit_test(attacked),
+        cmocka_unit_test(some_mutants),
     };
     return cmocka_run_group_tests(tests, scratch_begin, scratch_end);
 }
