@@ -465,7 +465,8 @@ typedef struct lg_model_file {
     };
 } lg_model_file;
 /* LG_FORMAT, with a sentence that says what the file is, for a kind that is no lg_model (checkpoints, data;
- * classical classifiers are read by lg_classifier_load, programs by lg_program_load). The other errors are those of the kind's own loader.
+ * classical classifiers are read by lg_classifier_load, programs by lg_program_load). The other errors are
+ * those of the kind's own loader.
  */
 LG_API lg_status lg_model_load(const lg_context *context, const char *path, const lg_read_options *options,
                                lg_model_file *out, lg_error *error);

@@ -18,8 +18,8 @@
 
 /* ---- convolution: sizes ---- */
 
-/* The largest scratch is a number that memory can be asked for: without outputs or samples nothing else bounds
- * it. */
+/* The largest scratch is a number that memory can be asked for: without outputs or samples nothing else
+ * bounds it. */
 static bool scratch_fits(const lg_conv *c) {
     const lg_k_windows *w = &c->windows;
     const double width = (double)w->size * (double)w->channels;

@@ -84,7 +84,7 @@ struct lg_program {
 #define LG_PROGRAM_MAX_DIM        ((int64_t)1 << 31)
 /* A tensor without elements, such as (B, 0, 5), is no larger than this with 1 for 0: loops over its other
  * dimensions stay short. */
-#define LG_PROGRAM_MAX_EMPTY      ((uint64_t)1 << 24)
+#define LG_PROGRAM_MAX_EMPTY ((uint64_t)1 << 24)
 
 /* Why `name` cannot be the name of a function, port or parameter (a C identifier of at most
  * LG_PROGRAM_MAX_NAME characters, none of C's or C++'s words), or NULL. */

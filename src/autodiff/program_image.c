@@ -82,8 +82,8 @@ typedef struct making {
 static lg_status refuse(const making *m, size_t i, lg_status status, const char *why) {
     char name[LG_SHOWN_NAME], operation[LG_SHOWN_NAME];
     return lg_fail(m->error, status, "function '%s', operation %zu (%s): %s",
-                   lg_shown_name(m->from->name, name), i, lg_shown_name(m->from->operations[i].name, operation),
-                   why);
+                   lg_shown_name(m->from->name, name), i,
+                   lg_shown_name(m->from->operations[i].name, operation), why);
 }
 
 static lg_status find_operation(const making *m, size_t i, lg_program_node *node) {
@@ -139,8 +139,7 @@ static lg_status take_operation(making *m, size_t i) {
     } else {
         memcpy(node->i, o->whole, sizeof node->i);
     }
-    if (o->input_count > 0)
-        memcpy(f->edges + f->edge_count, o->inputs, o->input_count * sizeof *o->inputs);
+    if (o->input_count > 0) memcpy(f->edges + f->edge_count, o->inputs, o->input_count * sizeof *o->inputs);
     f->edge_count += o->input_count;
     return take_payload(m, i, node);
 }
@@ -180,7 +179,7 @@ static uint32_t *copy_numbers(const lg_context *context, const uint32_t *from, s
     return made;
 }
 
-/* Unused dimensions are 0, and a unit without text is none. */
+/* Unused dimensions are 0. */
 static void tidy_ports(lg_port *ports, size_t count) {
     for (size_t i = 0; i < count; i++)
         for (uint32_t d = ports[i].shape.rank; d < LG_MAX_RANK; d++) ports[i].shape.dims[d] = 0;

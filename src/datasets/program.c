@@ -292,7 +292,8 @@ static lg_status put_functions(lg_h5 *h5, const lg_program *program, names *know
 static lg_status put_parameter(lg_h5 *h5, const lg_parameter_spec *p, lg_error *error) {
     uint64_t dims[LG_MAX_RANK];
     for (uint32_t d = 0; d < p->shape.rank; d++) dims[d] = p->shape.dims[d];
-    return lg_h5_put(h5, below("parameters", p->name).text, LG_ELEMENT_F64, p->shape.rank, dims, p->values, error);
+    return lg_h5_put(h5, below("parameters", p->name).text, LG_ELEMENT_F64, p->shape.rank, dims, p->values,
+                     error);
 }
 
 /* Names of parameters or functions. */
@@ -360,8 +361,7 @@ static lg_status as_format(const reading *r, lg_status status) {
 
 /* Memory that stays within what may be read. */
 static lg_status take(reading *r, const char *name, uint64_t count, size_t size, void **out) {
-    if (count > r->left / size)
-        return bad(r, name, "holds more than the file can hold or the limit allows");
+    if (count > r->left / size) return bad(r, name, "holds more than the file can hold or the limit allows");
     r->left -= count * size;
     *out = lg_alloc(r->h5->context, (size_t)count, size);
     return *out != NULL ? LG_OK : no_memory(r->h5, r->error);
@@ -655,8 +655,8 @@ static lg_status get_parameters(reading *r, char (*name)[NAME], size_t count) {
         spec.description = description[0] != '\0' ? description : NULL;
         status = lg_program_build(context, &spec, &r->program, &why);
         if (status != LG_OK)
-            status = as_format(r, lg_fail(r->error, status, "%s: /parameters: %s", lg_shown_path(r->h5->path),
-                                          why.message));
+            status = as_format(
+                r, lg_fail(r->error, status, "%s: /parameters: %s", lg_shown_path(r->h5->path), why.message));
     }
     for (size_t i = 0; values != NULL && i < count; i++) lg_free(context, values[i]);
     lg_free(context, values);

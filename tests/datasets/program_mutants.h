@@ -193,21 +193,50 @@ static inline int64_t edge(lg_rng *rng, int64_t now) {
 }
 
 static inline double odd_real(lg_rng *rng) {
-    static const double values[] = {NAN, INFINITY, -INFINITY, 0.0, -1.0, 0.5, 1e308, 1e-320, 3.0, 6.0, 7.0, 4e9};
+    static const double values[] = {NAN,   INFINITY, -INFINITY, 0.0, -1.0, 0.5,
+                                    1e308, 1e-320,   3.0,       6.0, 7.0,  4e9};
     return PICK(rng, values);
 }
 
 static const char *const odd_names[] = {
-    "",           "int",     "x y",     "a;b",  "_x",     "a__b",   "*/",   "\"", "x\n#include <evil.h>",
-    "%s%n",       "../../x", "x\x01",   "0x",   "main()", "\xff\xfe", "y",  "row", "while",
+    "",
+    "int",
+    "x y",
+    "a;b",
+    "_x",
+    "a__b",
+    "*/",
+    "\"",
+    "x\n#include <evil.h>",
+    "%s%n",
+    "../../x",
+    "x\x01",
+    "0x",
+    "main()",
+    "\xff\xfe",
+    "y",
+    "row",
+    "while",
     "a234567890123456789012345678901234567890123456789012345678901234567890"};
-static const char *const odd_operations[] = {"leaf",   "",     "custom", "custom_derivative", "input", "parameter",
-                                             "constant", "nothing", "%s%s%s", "matmul",  "reshape", "sum",
-                                             "broadcast", "max_axis", "argmax_mask", "slice", "pad", "gather",
-                                             "scatter", "concat", "permute", "conv1d", "conv1d_block",
-                                             "conv1d_input", "conv1d_weight", "avg_pool1d", "pool_place",
-                                             "lie", "stumpff", "dexpinv_coef", "act", "act_derivative",
-                                             "dual_act", "combine", "spd_solve", "rowdot", "cross"};
+static const char *const odd_operations[] = {"leaf",          "",
+                                             "custom",        "custom_derivative",
+                                             "input",         "parameter",
+                                             "constant",      "nothing",
+                                             "%s%s%s",        "matmul",
+                                             "reshape",       "sum",
+                                             "broadcast",     "max_axis",
+                                             "argmax_mask",   "slice",
+                                             "pad",           "gather",
+                                             "scatter",       "concat",
+                                             "permute",       "conv1d",
+                                             "conv1d_block",  "conv1d_input",
+                                             "conv1d_weight", "avg_pool1d",
+                                             "pool_place",    "lie",
+                                             "stumpff",       "dexpinv_coef",
+                                             "act",           "act_derivative",
+                                             "dual_act",      "combine",
+                                             "spd_solve",     "rowdot",
+                                             "cross"};
 
 static inline lg_affine *some_affine(lg_rng *rng, lg_operation *o) {
     const uint32_t which = below_n(rng, 10);
@@ -218,7 +247,8 @@ static inline lg_affine *some_affine(lg_rng *rng, lg_operation *o) {
 
 /* One value wherever it stands, as a length: shapes stay consistent with each other. */
 static inline void change_everywhere(mutant *m, lg_rng *rng, lg_operation *o) {
-    static const int64_t to[] = {0, 0, 0, 1, 2, 3, 5, 6, 9, 1000, 70000, 1 << 20, 1 << 24, INT32_MAX, UINT32_MAX};
+    static const int64_t to[] = {0, 0,    0,     1,       2,       3,         5,         6,
+                                 9, 1000, 70000, 1 << 20, 1 << 24, INT32_MAX, UINT32_MAX};
     const uint32_t rank = o->rank < LG_MAX_RANK ? o->rank : LG_MAX_RANK;
     const int64_t old = rank > 0 ? o->shape[below_n(rng, rank)].base : o->whole[0].base;
     const int64_t now = PICK(rng, to);
@@ -241,7 +271,8 @@ static inline void change_everywhere(mutant *m, lg_rng *rng, lg_operation *o) {
 
 static inline void change_port(mutant *m, lg_rng *rng) {
     const bool input = below_n(rng, 2) == 0;
-    lg_port *p = input ? &m->in[below_n(rng, m->image.input_count)] : &m->out[below_n(rng, m->image.output_count)];
+    lg_port *p =
+        input ? &m->in[below_n(rng, m->image.input_count)] : &m->out[below_n(rng, m->image.output_count)];
     switch (below_n(rng, 6)) {
     case 0:
         p->name = PICK(rng, odd_names);
@@ -373,8 +404,8 @@ static inline lg_program *copy_until(const lg_program *from, size_t function) {
     return made;
 }
 
-static inline void mutate_function(const lg_program *program, size_t function, size_t mutant_number, lg_rng *rng,
-                                   tally *t) {
+static inline void mutate_function(const lg_program *program, size_t function, size_t mutant_number,
+                                   lg_rng *rng, tally *t) {
     lg_function_image *image;
     mutant m;
     lg_error error = {LG_OK, ""};
@@ -391,8 +422,8 @@ static inline void mutate_function(const lg_program *program, size_t function, s
         t->refused++;
         assert_sentence(&error, status, mutant_number);
         assert_int_equal(lg_program_functions(made), before);
-        if (status != LG_INVALID_ARGUMENT && status != LG_SHAPE && status != LG_FORMAT && status != LG_VERSION &&
-            status != LG_NOT_FINITE)
+        if (status != LG_INVALID_ARGUMENT && status != LG_SHAPE && status != LG_FORMAT &&
+            status != LG_VERSION && status != LG_NOT_FINITE)
             fail_msg("mutant %zu: %s: %s", mutant_number, lg_status_name(status), error.message);
     }
     note_time(t, begun, mutant_number);
@@ -523,7 +554,8 @@ static inline void mutate_bytes(size_t count, uint64_t seed) {
         for (size_t c = 0; c < changes; c++) {
             const size_t at = below_n(&rng, size), run = below_n(&rng, 4) == 0 ? 1 + below_n(&rng, 16) : 1;
             const unsigned char value = (unsigned char)lg_rng_next(&rng);
-            for (size_t b = at; b < at + run && b < size; b++) data[b] = c % 2 == 0 ? value : (unsigned char)~data[b];
+            for (size_t b = at; b < at + run && b < size; b++)
+                data[b] = c % 2 == 0 ? value : (unsigned char)~data[b];
         }
         if (below_n(&rng, 10) == 0) size -= below_n(&rng, size);
         write_bytes_to(scratch_path("mutant.h5"), data, size);

@@ -39,7 +39,9 @@ static inline lg_program *zoo_network(void) {
         {.name = "wanted", .shape = {1, {3, 0, 0, 0}}}};
     static const lg_port stepping[2] = {{.name = "x", .shape = {1, {3, 0, 0, 0}}},
                                         {.name = "h", .shared = true, .unit = "s"}};
-    static const lg_port value[1] = {{.name = "y", .unit = "\xc2\xb0" "C"}};
+    static const lg_port value[1] = {{.name = "y",
+                                      .unit = "\xc2\xb0"
+                                              "C"}};
     static const lg_port loss[2] = {{.name = "loss"}, {.name = "gradient"}};
     static const lg_port next[1] = {{.name = "next"}};
     static const lg_carry carry = {"next", "x"};

@@ -187,6 +187,17 @@ static void bad_names(void **state) {
     }
 }
 
+/* What a file says of itself does not reach the terminal raw. */
+static void tamed_texts(void **state) {
+    (void)state;
+    static const char *const names[] = {"kind", "format"};
+    for (size_t i = 0; i < LG_COUNT(names); i++) {
+        const char *path = fresh();
+        replace_text(path, "/", names[i], "\x1b[2J\n");
+        assert_refused(read_program, path, LG_FORMAT, "?[2J?", names[i]);
+    }
+}
+
 static void newer_files(void **state) {
     (void)state;
     const char *path = fresh();
@@ -286,11 +297,22 @@ static const attack attacks[] = {
     {"broadcast", 1, {{1, {1}}}, {4, {65536, 65536, 65536, 65536}}, {65536, 0, 1, 0}, 0, REFUSED_ASIDE},
     {"permute", 1, {{2, {0, 1000}}}, {2, {1000, 0}}, {1, 0, 2, 3}, 0, SOUND},
     {"permute", 1, {{2, {3, 4}}}, {2, {3, 4}}, {0, 0, 0, 0}, 0, REFUSED},
-    /* no outputs: scratch that no tensor bounds; the first asks for 2^51 bytes, which are refused when it is run */
-    {"conv1d_input", 2, {{3, {1, 16777216, 0}}, {3, {16777216, 1, 0}}}, {3, {1, 1, 1}},
-     {1, 16777215, 1, 0}, 0, SOUND},
-    {"conv1d_input", 2, {{3, {1, 1073741824, 1}}, {3, {1073741824, 1, 1}}}, {3, {1, 1, 1}},
-     {1, 1073741823, 1, 0}, 0, REFUSED},
+    /* no outputs: scratch that no tensor bounds; the first asks for 2^51 bytes, which are refused when it is
+       run */
+    {"conv1d_input",
+     2,
+     {{3, {1, 16777216, 0}}, {3, {16777216, 1, 0}}},
+     {3, {1, 1, 1}},
+     {1, 16777215, 1, 0},
+     0,
+     SOUND},
+    {"conv1d_input",
+     2,
+     {{3, {1, 1073741824, 1}}, {3, {1073741824, 1, 1}}},
+     {3, {1, 1, 1}},
+     {1, 1073741823, 1, 0},
+     0,
+     REFUSED},
     {"conv1d", 2, {{3, {1, 9, 1}}, {3, {3, 1, 1}}}, {3, {1, 7, 1}}, {0, 0, 0, 0}, 0, REFUSED},
     {"conv1d", 2, {{3, {1, 9, 1}}, {3, {3, 1, 1}}}, {3, {1, 13, 1}}, {1, 3, 0, 0}, 0, REFUSED},
     {"conv1d_block", 2, {{3, {1, 9, 1}}, {3, {3, 1, 1}}}, {3, {1, 7, 1}}, {1, 0, 1, 1}, 7, REFUSED},
@@ -381,13 +403,21 @@ static void some_mutants(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(networks_round_trip), cmocka_unit_test(operations_round_trip),
-        cmocka_unit_test(empty_program),       cmocka_unit_test(damaged_files),
-        cmocka_unit_test(missing_parts),       cmocka_unit_test(bad_arrays),
-        cmocka_unit_test(bad_attributes),      cmocka_unit_test(bad_names),
-        cmocka_unit_test(newer_files),         cmocka_unit_test(limits),
-        cmocka_unit_test(no_model),            cmocka_unit_test(bad_calls),
-        cmocka_unit_test(failing_allocations), cmocka_unit_test(attacked),
+        cmocka_unit_test(networks_round_trip),
+        cmocka_unit_test(operations_round_trip),
+        cmocka_unit_test(empty_program),
+        cmocka_unit_test(damaged_files),
+        cmocka_unit_test(missing_parts),
+        cmocka_unit_test(bad_arrays),
+        cmocka_unit_test(bad_attributes),
+        cmocka_unit_test(bad_names),
+        cmocka_unit_test(tamed_texts),
+        cmocka_unit_test(newer_files),
+        cmocka_unit_test(limits),
+        cmocka_unit_test(no_model),
+        cmocka_unit_test(bad_calls),
+        cmocka_unit_test(failing_allocations),
+        cmocka_unit_test(attacked),
         cmocka_unit_test(some_mutants),
     };
     return cmocka_run_group_tests(tests, scratch_begin, scratch_end);

@@ -1,6 +1,6 @@
-/* 20000 mutants of programs: 14000 of decoded lists, 4500 of arrays in files, 1500 of files' bytes through the
- * probe, which forks for each. Each is refused with a sentence and a status of exit code 3, or is sound and
- * runs within its limits. ctest-labels: slow */
+/* 20000 mutants of programs: 14000 of decoded lists, 4500 of arrays in files, 1500 of files' bytes through
+ * the probe, which forks for each. Each is refused with a sentence and a status of exit code 3, or is sound
+ * and runs within its limits. ctest-labels: slow */
 #include "program_mutants.h"
 
 static void decoded_lists(void **state) {
