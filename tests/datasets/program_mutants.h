@@ -163,6 +163,11 @@ static inline uint32_t below_n(lg_rng *rng, size_t n) {
     return (uint32_t)lg_rng_below(rng, n);
 }
 
+/* One of so many that there is room for. */
+static inline uint32_t below_room(lg_rng *rng, size_t n) {
+    return below_n(rng, n < 64 ? n : 64);
+}
+
 #define PICK(rng, list) ((list)[below_n(rng, LG_COUNT(list))])
 
 /* Numbers at the edges, or near to what stands there. */
@@ -261,18 +266,18 @@ static inline void change_everywhere(mutant *m, lg_rng *rng, lg_operation *o) {
         for (uint32_t k = 0; whole && !leaf && k < LG_WHOLE_COUNT; k++)
             if (p->whole[k].base == old && p->whole[k].rows == 0) p->whole[k].base = now;
     }
-    for (size_t i = 0; i < m->image.input_count; i++)
+    for (size_t i = 0; i < m->image.input_count && i < LG_COUNT(m->in); i++)
         for (uint32_t d = 0; d < m->in[i].shape.rank && d < LG_MAX_RANK; d++)
             if (m->in[i].shape.dims[d] == old) m->in[i].shape.dims[d] = (uint32_t)now;
-    for (size_t i = 0; i < m->image.output_count; i++)
+    for (size_t i = 0; i < m->image.output_count && i < LG_COUNT(m->out); i++)
         for (uint32_t d = 0; d < m->out[i].shape.rank && d < LG_MAX_RANK; d++)
             if (m->out[i].shape.dims[d] == old) m->out[i].shape.dims[d] = (uint32_t)now;
 }
 
 static inline void change_port(mutant *m, lg_rng *rng) {
     const bool input = below_n(rng, 2) == 0;
-    lg_port *p =
-        input ? &m->in[below_n(rng, m->image.input_count)] : &m->out[below_n(rng, m->image.output_count)];
+    lg_port *p = input ? &m->in[below_room(rng, m->image.input_count)]
+                       : &m->out[below_room(rng, m->image.output_count)];
     switch (below_n(rng, 6)) {
     case 0:
         p->name = PICK(rng, odd_names);
@@ -307,7 +312,7 @@ static inline void change_function(mutant *m, lg_rng *rng) {
         f->callee = (uint32_t)edge(rng, f->callee);
         break;
     case 3:
-        m->carry[below_n(rng, f->input_count)] = (uint32_t)edge(rng, 0);
+        m->carry[below_room(rng, f->input_count)] = (uint32_t)edge(rng, 0);
         break;
     case 4:
         f->input_count = below_n(rng, 4) == 0 ? 65 : below_n(rng, f->input_count + 1);
@@ -316,7 +321,7 @@ static inline void change_function(mutant *m, lg_rng *rng) {
         f->output_count = below_n(rng, 4) == 0 ? 65 : below_n(rng, f->output_count + 1);
         break;
     default:
-        m->results[below_n(rng, f->output_count)] = (uint32_t)edge(rng, f->operation_count / 2);
+        m->results[below_room(rng, f->output_count)] = (uint32_t)edge(rng, f->operation_count / 2);
     }
 }
 
@@ -333,10 +338,10 @@ static inline void change_operation(mutant *m, lg_rng *rng, size_t i) {
         o->input_count = below_n(rng, 70);
         break;
     case 3:
-        m->inputs[i][below_n(rng, o->input_count)] = (uint32_t)edge(rng, (int64_t)i);
+        m->inputs[i][below_room(rng, o->input_count)] = (uint32_t)edge(rng, (int64_t)i);
         break;
     case 4:
-        m->inputs[i][below_n(rng, o->input_count)] = below_n(rng, i);
+        m->inputs[i][below_room(rng, o->input_count)] = below_n(rng, i);
         break;
     case 5:
         o->rank = below_n(rng, 8) == 0 ? UINT32_MAX : below_n(rng, 6);
