@@ -1,0 +1,707 @@
+/* Scalar code as C: straight lines of local variables, in static functions of bounded size; elementwise
+ * operations as loops around such lines. */
+#include <stdio.h>
+#include <string.h>
+
+#include "autodiff/program_c.h"
+#include "autodiff/tape_internal.h"
+
+/* Instructions of a function of straight code: compilers stay quick, stacks small. */
+#define BLOCK 256
+
+/* Bytes of the frame of a function with so many local variables, at -O0: a slot each and temporaries. */
+static size_t frame_of(size_t locals) {
+    return 512 + 24 * locals;
+}
+
+/* ---- fragments ---- */
+
+static const lg_c_fragment c_exp = {.file = {"exp_double", "exp_float"}};
+static const lg_c_fragment c_tanh = {.file = {"tanh", "tanh"}, .needs = {&c_exp}};
+static const lg_c_fragment c_sigmoid = {.file = {"sigmoid", "sigmoid"}, .needs = {&c_exp}};
+static const lg_c_fragment c_larger = {.comment = "NaN where one of them is.",
+                                       .text = LG_C(static real larger(real a, real b) {
+                                           return a != a || a >= b ? a : b;
+                                       })};
+
+/* a, b and c are operands, p and n the constants. */
+static const struct {
+    const char *text;
+    const lg_c_fragment *needs;
+} expressions[LG_SCALAR_OPS] = {
+    [LG_S_ADD] = {"a + b", NULL},
+    [LG_S_SUB] = {"a - b", NULL},
+    [LG_S_MUL] = {"a * b", NULL},
+    [LG_S_DIV] = {"a / b", NULL},
+    [LG_S_NEG] = {"-a", NULL},
+    [LG_S_MAX] = {"larger(a, b)", &c_larger},
+    [LG_S_GE] = {"a >= b ? REAL(1.0) : REAL(0.0)", NULL},
+    [LG_S_SELECT] = {"a != REAL(0.0) ? b : c", NULL},
+    [LG_S_SQRT] = {"SQRT(a)", NULL},
+    [LG_S_ABS] = {"FABS(a)", NULL},
+    [LG_S_SIGN] = {"a >= REAL(0.0) ? REAL(1.0) : a < REAL(0.0) ? REAL(-1.0) : a", NULL},
+    [LG_S_POW] = {"POW(a, p)", NULL},
+    [LG_S_EXP] = {"EXP(a)", NULL},
+    [LG_S_LOG] = {"LOG(a)", NULL},
+    [LG_S_SIN] = {"SIN(a)", NULL},
+    [LG_S_COS] = {"COS(a)", NULL},
+    [LG_S_TANH] = {"tanh_of(a)", &c_tanh},
+    [LG_S_SIGMOID] = {"sigmoid_of(a)", &c_sigmoid},
+    [LG_S_ATAN2] = {"ATAN2(a, b)", NULL},
+    [LG_S_DEXPINV] = {"dexpinv_coef(a, n)", &lg_c_dexpinv},
+};
+
+/* Powers that need no function. */
+static const struct {
+    double exponent;
+    const char *text;
+} powers[] = {{-1.0, "REAL(1.0) / a"},
+              {-2.0, "REAL(1.0) / (a * a)"},
+              {0.5, "SQRT(a)"},
+              {3.0, "a * a * a"},
+              {4.0, "(a * a) * (a * a)"}};
+
+static const char *expression_of(const lg_scalar_code *code) {
+    for (size_t i = 0; code->op == LG_S_POW && i < LG_COUNT(powers); i++)
+        if (code->p == powers[i].exponent) return powers[i].text;
+    return expressions[code->op].text;
+}
+
+/* ---- a directed graph in the order of its results ---- */
+
+/* Where numbers come from and go to. */
+typedef struct ends {
+    const void *user;
+    void (*input)(lg_c *c, lg_text *to, const void *user, uint32_t number);
+    void (*output)(lg_c *c, lg_text *to, const void *user, uint32_t number); /* an lvalue */
+} ends;
+
+typedef struct graph {
+    lg_c *c;
+    const lg_scalar_code *code;
+    uint32_t count;
+    const uint32_t *root;
+    uint32_t roots;
+    /* by instruction */
+    uint32_t *order;   /* in this order they are written: `ordered` of them, neither inputs nor constants */
+    uint32_t *place;   /* 1 + where it stands in `order`; 0: not there */
+    uint32_t *sibling; /* 1 + the next STUMPFF, SIN or COS of the same operand */
+    uint32_t *first;   /* by operand: 1 + the first of these */
+    uint32_t *stack;
+    uint32_t *shown; /* 1 + the block in which the input's load, or its own line, stands */
+    uint32_t *slot;  /* 1 + place among what crosses from block to block */
+    uint32_t ordered, slots;
+} graph;
+
+static bool is_leaf(const graph *g, uint32_t i) {
+    return g->code[i].op == LG_S_INPUT || g->code[i].op == LG_S_CONSTANT;
+}
+
+static bool has_siblings(const lg_scalar_code *code) {
+    return code->op == LG_S_STUMPFF || code->op == LG_S_SIN || code->op == LG_S_COS;
+}
+
+static void put(graph *g, uint32_t i) {
+    if (g->place[i] != 0) return;
+    g->order[g->ordered++] = i;
+    g->place[i] = g->ordered;
+}
+
+/* The instruction, and those of the same angle that are of use beside it. */
+static void put_family(graph *g, uint32_t i) {
+    put(g, i);
+    if (!has_siblings(&g->code[i])) return;
+    for (uint32_t s = g->first[g->code[i].in[0]]; s != 0; s = g->sibling[s - 1]) {
+        const lg_scalar_code *own = &g->code[i], *other = &g->code[s - 1];
+        const bool circle = own->op != LG_S_STUMPFF && other->op != LG_S_STUMPFF;
+        if (circle || (own->op == other->op && own->n / 16 == other->n / 16)) put(g, s - 1);
+    }
+}
+
+/* What a result needs comes before it: an operand's whole tree before the next operand's. */
+static void sort_from(graph *g, uint32_t root) {
+    uint32_t depth = 0;
+    g->stack[depth++] = root;
+    while (depth > 0) {
+        const uint32_t i = g->stack[depth - 1];
+        const lg_scalar_code *code = &g->code[i];
+        uint32_t missing = UINT32_MAX;
+        for (uint8_t k = 0; k < lg_scalar_operands[code->op] && missing == UINT32_MAX; k++)
+            if (!is_leaf(g, code->in[k]) && g->place[code->in[k]] == 0) missing = code->in[k];
+        if (missing != UINT32_MAX) {
+            g->stack[depth++] = missing;
+        } else {
+            if (!is_leaf(g, i)) put_family(g, i);
+            depth--;
+        }
+    }
+}
+
+static void mark(uint8_t *used, const graph *g) {
+    for (uint32_t r = 0; r < g->roots; r++) used[g->root[r]] = 1;
+    for (uint32_t i = g->count; i-- > 0;)
+        for (uint8_t k = 0; used[i] && k < lg_scalar_operands[g->code[i].op]; k++) used[g->code[i].in[k]] = 1;
+}
+
+/* What nothing needs is no sibling. Operands stand before what they are of. */
+static bool sort(graph *g) {
+    uint8_t *used = lg_alloc(g->c->context, g->count, 1);
+    if (used == NULL) return lg_c_fail(g->c, LG_OUT_OF_MEMORY, "out of memory");
+    mark(used, g);
+    for (uint32_t i = g->count; i-- > 0;)
+        if (used[i] && has_siblings(&g->code[i])) {
+            g->sibling[i] = g->first[g->code[i].in[0]];
+            g->first[g->code[i].in[0]] = i + 1;
+        }
+    for (uint32_t r = 0; r < g->roots; r++) sort_from(g, g->root[r]);
+    lg_free(g->c->context, used);
+    return true;
+}
+
+static uint32_t block_of(const graph *g, uint32_t i) {
+    return (g->place[i] - 1) / BLOCK;
+}
+
+/* What is read in a later block than it is made gets a slot; roots that are made elsewhere than in the last
+ * block are stored where they are made. */
+static void find_slots(graph *g) {
+    for (uint32_t o = 0; o < g->ordered; o++) {
+        const lg_scalar_code *code = &g->code[g->order[o]];
+        for (uint8_t k = 0; k < lg_scalar_operands[code->op]; k++) {
+            const uint32_t in = code->in[k];
+            if (!is_leaf(g, in) && g->slot[in] == 0 && block_of(g, in) != o / BLOCK) g->slot[in] = ++g->slots;
+        }
+    }
+}
+
+static bool open_graph(graph *g, lg_c *c, const lg_scalar_code *code, uint32_t count, const uint32_t *root,
+                       uint32_t roots) {
+    *g = (graph){.c = c, .code = code, .count = count, .root = root, .roots = roots};
+    uint32_t **const arrays[] = {&g->order, &g->place, &g->sibling, &g->first, &g->stack, &g->shown, &g->slot};
+    for (size_t i = 0; i < LG_COUNT(arrays); i++) {
+        *arrays[i] = lg_alloc(c->context, (size_t)count + 1, sizeof **arrays[i]);
+        if (*arrays[i] == NULL) return lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
+    }
+    if (!sort(g)) return false;
+    find_slots(g);
+    return true;
+}
+
+static void close_graph(graph *g) {
+    uint32_t *const arrays[] = {g->order, g->place, g->sibling, g->first, g->stack, g->shown, g->slot};
+    for (size_t i = 0; i < LG_COUNT(arrays); i++) lg_free(g->c->context, arrays[i]);
+}
+
+/* ---- lines ---- */
+
+static void add_operand(const graph *g, lg_text *to, uint32_t i) {
+    const lg_scalar_code *code = &g->code[i];
+    if (code->op != LG_S_CONSTANT) {
+        lg_text_add(to, "v%u", i);
+        return;
+    }
+    if (code->p < 0) lg_text_add(to, "(");
+    lg_text_add_real(to, g->c->dtype, code->p);
+    if (code->p < 0) lg_text_add(to, ")");
+}
+
+/* A letter that stands alone is an operand or a constant. */
+static void add_expression(const graph *g, lg_text *to, const lg_scalar_code *code) {
+    const char *text = expression_of(code);
+    for (const char *s = text; *s != '\0'; s++) {
+        const bool alone = (s == text || strchr(" (-", s[-1]) != NULL) && strchr(" ),", s[1]) != NULL;
+        if (alone && *s >= 'a' && *s <= 'c')
+            add_operand(g, to, code->in[*s - 'a']);
+        else if (alone && *s == 'p')
+            lg_text_add_real(to, g->c->dtype, code->p);
+        else if (alone && *s == 'n')
+            lg_text_add(to, "%u", code->n);
+        else
+            lg_text_append(to, s, 1);
+    }
+}
+
+/* Functions of one angle and order: a row at once. Its lines follow. */
+static void add_stumpff_row(graph *g, lg_text *to, const char *indent, uint32_t i) {
+    const lg_scalar_code *own = &g->code[i];
+    uint32_t most = 0, first = i;
+    for (uint32_t s = g->first[own->in[0]]; s != 0; s = g->sibling[s - 1]) {
+        const lg_scalar_code *other = &g->code[s - 1];
+        if (other->op != LG_S_STUMPFF || other->n / 16 != own->n / 16) continue;
+        if (other->n % 16 > most) most = other->n % 16;
+        if (g->place[s - 1] < g->place[first]) first = s - 1;
+    }
+    const uint32_t block = block_of(g, i);
+    if (first == i || block_of(g, first) != block) {
+        const uint32_t before = i; /* the first of them in this block */
+        for (uint32_t o = block * BLOCK; o + 1 < g->place[before]; o++) {
+            const lg_scalar_code *other = &g->code[g->order[o]];
+            if (other->op == LG_S_STUMPFF && other->in[0] == own->in[0] && other->n / 16 == own->n / 16) {
+                lg_text_add(to, "%sconst real v%u = s%u[%u];\n", indent, i, g->order[o], own->n % 16);
+                return;
+            }
+        }
+        lg_text_add(to, "%sreal s%u[%u];\n%sstumpff_row(", indent, i, most + 1, indent);
+        add_operand(g, to, own->in[0]);
+        lg_text_add(to, ", %u, %u, s%u);\n%sconst real v%u = s%u[%u];\n", most, own->n / 16, i, indent, i, i,
+                    own->n % 16);
+        return;
+    }
+    lg_text_add(to, "%sconst real v%u = s%u[%u];\n", indent, i, first, own->n % 16);
+}
+
+/* Operands that are not there yet in this block: inputs, and what was made in an earlier one. */
+static void add_loads(graph *g, lg_text *to, const char *indent, const ends *e, uint32_t block, uint32_t i,
+                      size_t slots_at) {
+    const bool made = !is_leaf(g, i) && block_of(g, i) == block;
+    if (made || g->code[i].op == LG_S_CONSTANT || g->shown[i] == block + 1) return;
+    g->shown[i] = block + 1;
+    lg_text_add(to, "%sconst real v%u = ", indent, i);
+    if (is_leaf(g, i))
+        e->input(g->c, to, e->user, g->code[i].n);
+    else
+        lg_text_add(to, "work[%zu]", slots_at + g->slot[i] - 1);
+    lg_text_add(to, ";\n");
+}
+
+static void add_line(graph *g, lg_text *to, const char *indent, const ends *e, uint32_t block, uint32_t i,
+                     size_t slots_at) {
+    const lg_scalar_code *code = &g->code[i];
+    for (uint8_t k = 0; k < lg_scalar_operands[code->op]; k++)
+        add_loads(g, to, indent, e, block, code->in[k], slots_at);
+    if (code->op == LG_S_STUMPFF) {
+        lg_c_need(g->c, &lg_c_stumpff);
+        add_stumpff_row(g, to, indent, i);
+        return;
+    }
+    if (expressions[code->op].needs != NULL) lg_c_need(g->c, expressions[code->op].needs);
+    lg_text_add(to, "%sconst real v%u = ", indent, i);
+    add_expression(g, to, code);
+    lg_text_add(to, ";\n");
+}
+
+/* Roots of this block; those that are inputs or constants belong to the last one. */
+static void add_stores(graph *g, lg_text *to, const char *indent, const ends *e, uint32_t block, bool last,
+                       size_t slots_at) {
+    for (uint32_t o = block * BLOCK; o < g->ordered && o < (block + 1) * BLOCK; o++)
+        if (g->slot[g->order[o]] != 0)
+            lg_text_add(to, "%swork[%zu] = v%u;\n", indent, slots_at + g->slot[g->order[o]] - 1, g->order[o]);
+    for (uint32_t r = 0; r < g->roots; r++) {
+        const uint32_t i = g->root[r];
+        if (is_leaf(g, i) ? !last : block_of(g, i) != block) continue;
+        add_loads(g, to, indent, e, block, i, slots_at);
+        lg_text_add(to, "%s", indent);
+        e->output(g->c, to, e->user, r);
+        lg_text_add(to, " = ");
+        add_operand(g, to, i);
+        lg_text_add(to, ";\n");
+    }
+}
+
+static uint32_t blocks_of(const graph *g) {
+    return g->ordered == 0 ? 1 : (g->ordered + BLOCK - 1) / BLOCK;
+}
+
+static void add_block(graph *g, lg_text *to, const char *indent, const ends *e, uint32_t block,
+                      size_t slots_at) {
+    for (uint32_t o = block * BLOCK; o < g->ordered && o < (block + 1) * BLOCK; o++)
+        add_line(g, to, indent, e, block, g->order[o], slots_at);
+    add_stores(g, to, indent, e, block, block + 1 == blocks_of(g), slots_at);
+}
+
+/* ---- elementwise operations ---- */
+
+typedef struct element_ends {
+    uint32_t inputs;
+    const bool *one; /* NULL, or by input: a single number */
+    uint32_t levels; /* 0: x[i]; else strides */
+    const size_t (*stride)[LG_MAX_RANK];
+} element_ends;
+
+static void element_input(lg_c *c, lg_text *to, const void *user, uint32_t number) {
+    const element_ends *e = user;
+    const char *plus = "";
+    (void)c;
+    lg_text_add(to, "x%u[", number);
+    if (e->levels == 0) lg_text_add(to, "%s", e->one != NULL && e->one[number] ? "0" : "i");
+    for (uint32_t l = 0; l < e->levels; l++) {
+        const size_t stride = e->stride[number][l];
+        if (stride == 0) continue;
+        lg_text_add(to, "%si%u", plus, l);
+        if (stride != 1) lg_text_add(to, " * %zu", stride);
+        plus = " + ";
+    }
+    if (e->levels > 0 && plus[0] == '\0') lg_text_add(to, "0");
+    lg_text_add(to, "]");
+}
+
+static void element_output(lg_c *c, lg_text *to, const void *user, uint32_t number) {
+    (void)c, (void)user, (void)number;
+    lg_text_add(to, "*y++");
+}
+
+static void element_output_i(lg_c *c, lg_text *to, const void *user, uint32_t number) {
+    (void)c, (void)user, (void)number;
+    lg_text_add(to, "y[i]");
+}
+
+/* The operation's line in `g`; false on failure. */
+static bool element_graph(lg_c *c, const lg_op *op, const lg_attr *attr, uint32_t inputs, lg_scalars *s,
+                          uint32_t *root, graph *g) {
+    lg_scalar in[LG_MAX_INPUTS];
+    const uint32_t unread = op->unread != NULL ? op->unread(attr, inputs) : 0;
+    lg_scalars_init(s, c->context);
+    for (uint32_t k = 0; k < inputs; k++) in[k] = lg_s_input(s, k);
+    (void)unread;
+    *root = op->element(s, attr, in, inputs);
+    if (s->failed) return lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
+    return open_graph(g, c, s->code, s->count, root, 1);
+}
+
+static void add_unused(lg_text *to, const graph *g, uint32_t inputs) {
+    for (uint32_t k = 0; k < inputs; k++)
+        if (g->shown[k] == 0) lg_text_add(to, "    (void)x%u;\n", k);
+}
+
+static void add_parameters(lg_text *to, uint32_t inputs) {
+    for (uint32_t k = 0; k < inputs; k++) lg_text_add(to, "const real *x%u, ", k);
+    lg_text_add(to, "real *y) {\n");
+}
+
+/* `one`: inputs that are a single number. */
+static const char *define_map(lg_c *c, const lg_op *op, const lg_attr *attr, uint32_t inputs,
+                              const bool *one) {
+    const element_ends user = {inputs, one, 0, NULL};
+    const ends e = {&user, element_input, element_output_i};
+    lg_text lines = {.context = c->context}, text = {.context = c->context};
+    lg_scalars s;
+    graph g;
+    uint32_t root;
+    const char *name = NULL;
+    if (element_graph(c, op, attr, inputs, &s, &root, &g)) {
+        add_block(&g, &lines, "        ", &e, 0, 0);
+        lg_text_add(&text, "static void %%(int n, ");
+        add_parameters(&text, inputs);
+        add_unused(&text, &g, inputs);
+        lg_text_add(&text, "    for (int i = 0; i < n; i++) {\n%s    }\n}\n", lines.data);
+        if (text.failed || lines.failed)
+            (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
+        else
+            name = lg_c_define(c, op->name, text.data, frame_of(g.ordered + inputs), false);
+    }
+    close_graph(&g);
+    lg_scalars_free(&s);
+    lg_text_free(&lines);
+    lg_text_free(&text);
+    return name;
+}
+
+const char *lg_c_map(lg_c *c, const lg_op *op, const lg_attr *attr, uint32_t inputs) {
+    const char *name = lg_c_good(c) ? define_map(c, op, attr, inputs, NULL) : NULL;
+    return name != NULL ? name : "";
+}
+
+/* Strides of the inputs along the output's axes, neighbouring axes that go on alike taken together. */
+static uint32_t levels_of(const lg_evaluation *e, size_t length[LG_MAX_RANK],
+                          size_t (*stride)[LG_MAX_RANK]) {
+    uint32_t levels = 0;
+    for (uint32_t d = 0; d < e->shape->rank; d++) {
+        size_t own[LG_MAX_INPUTS];
+        bool same = levels > 0;
+        if (e->shape->dims[d] == 1) continue;
+        for (uint32_t k = 0; k < e->inputs; k++) {
+            const lg_shape *in = e->in[k];
+            const uint32_t missing = e->shape->rank - in->rank;
+            own[k] = d >= missing && in->dims[d - missing] != 1 ? 1 : 0;
+            for (uint32_t a = d + 1; own[k] > 0 && a < e->shape->rank; a++) own[k] *= in->dims[a - missing];
+            same = same && stride[k][levels - 1] == own[k] * e->shape->dims[d];
+        }
+        if (!same) length[levels++] = 1;
+        length[levels - 1] *= e->shape->dims[d];
+        for (uint32_t k = 0; k < e->inputs; k++) stride[k][levels - 1] = own[k];
+    }
+    return levels;
+}
+
+static const char *define_broadcast(lg_c *c, const lg_op *op, const lg_evaluation *e, uint32_t levels,
+                                    const size_t *length, const size_t (*stride)[LG_MAX_RANK]) {
+    const element_ends user = {e->inputs, NULL, levels, stride};
+    const ends to = {&user, element_input, element_output};
+    lg_text lines = {.context = c->context}, text = {.context = c->context};
+    lg_scalars s;
+    graph g;
+    uint32_t root;
+    const char *name = NULL;
+    if (element_graph(c, op, e->attr, e->inputs, &s, &root, &g)) {
+        add_block(&g, &lines, "        ", &to, 0, 0);
+        lg_text_add(&text, "static void %%(");
+        add_parameters(&text, e->inputs);
+        add_unused(&text, &g, e->inputs);
+        for (uint32_t l = 0; l < levels; l++)
+            lg_text_add(&text, "%sfor (int i%u = 0; i%u < %zu; i%u++)%s\n", l == 0 ? "    " : "        ", l, l,
+                        length[l], l, l + 1 == levels ? " {" : "");
+        lg_text_add(&text, "%s    }\n}\n", lines.data);
+        if (text.failed || lines.failed)
+            (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
+        else
+            name = lg_c_define(c, op->name, text.data, frame_of(g.ordered + e->inputs), false);
+    }
+    close_graph(&g);
+    lg_scalars_free(&s);
+    lg_text_free(&lines);
+    lg_text_free(&text);
+    return name;
+}
+
+static void add_call(lg_c *c, const char *name, const lg_evaluation *e, bool counted) {
+    lg_text call = {.context = c->context};
+    if (name == NULL) return;
+    lg_text_add(&call, "%s(", name);
+    if (counted) lg_text_add(&call, "%zu, ", e->count);
+    for (uint32_t k = 0; k < e->inputs; k++) lg_text_add(&call, "$%u, ", k);
+    lg_text_add(&call, "$y)");
+    if (call.failed)
+        (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
+    else
+        lg_c_call(c, NULL, "%s", call.data);
+    lg_text_free(&call);
+}
+
+/* Same shapes and single numbers are one loop over all elements. */
+void lg_c_elementwise(lg_c *c, const lg_op *op, const lg_evaluation *e) {
+    size_t length[LG_MAX_RANK], stride[LG_MAX_INPUTS][LG_MAX_RANK] = {{0}};
+    bool one[LG_MAX_INPUTS], any = false;
+    const uint32_t levels = levels_of(e, length, stride);
+    for (uint32_t k = 0; k < e->inputs; k++) {
+        one[k] = levels == 1 && stride[k][0] == 0;
+        any = any || one[k];
+    }
+    if (levels <= 1)
+        add_call(c, define_map(c, op, e->attr, e->inputs, any ? one : NULL), e, true);
+    else
+        add_call(c, define_broadcast(c, op, e, levels, length, (const size_t(*)[LG_MAX_RANK])stride), e,
+                 false);
+}
+
+/* ---- an operation row by row ---- */
+
+typedef struct row_ends {
+    size_t begin[LG_MAX_INPUTS + 1]; /* the number of input k's first element */
+    uint32_t inputs;
+} row_ends;
+
+static void row_input(lg_c *c, lg_text *to, const void *user, uint32_t number) {
+    const row_ends *e = user;
+    uint32_t k = 0;
+    (void)c;
+    while (number >= e->begin[k + 1]) k++;
+    lg_text_add(to, "x%u[%zu]", k, number - e->begin[k]);
+}
+
+static void row_output(lg_c *c, lg_text *to, const void *user, uint32_t number) {
+    (void)c, (void)user;
+    lg_text_add(to, "y[%u]", number);
+}
+
+static bool expand_row(lg_c *c, const lg_op *op, const lg_evaluation *one, lg_scalars *s, row_ends *e,
+                       lg_scalar **made, lg_scalar **roots) {
+    const lg_scalar *x[LG_MAX_INPUTS];
+    *e = (row_ends){.inputs = one->inputs};
+    for (uint32_t k = 0; k < one->inputs; k++) e->begin[k + 1] = e->begin[k] + lg_shape_count(*one->in[k]);
+    const size_t total = e->begin[one->inputs];
+    *made = lg_alloc(c->context, total, sizeof **made);
+    *roots = lg_alloc(c->context, one->count, sizeof **roots);
+    if (*made == NULL || *roots == NULL) return lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
+    for (size_t i = 0; i < total; i++) (*made)[i] = lg_s_input(s, (uint32_t)i);
+    for (uint32_t k = 0; k < one->inputs; k++) x[k] = *made + e->begin[k];
+    if (!lg_scalars_expand(s, op, one, x, *roots)) return lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
+    return true;
+}
+
+static const char *define_rows(lg_c *c, const lg_op *op, const lg_evaluation *one) {
+    row_ends user;
+    lg_scalar *made = NULL, *roots = NULL;
+    lg_text lines = {.context = c->context}, text = {.context = c->context};
+    lg_scalars s;
+    graph g = {.c = c};
+    const char *name = NULL;
+    lg_scalars_init(&s, c->context);
+    if (expand_row(c, op, one, &s, &user, &made, &roots) &&
+        open_graph(&g, c, s.code, s.count, roots, (uint32_t)one->count)) {
+        const ends e = {&user, row_input, row_output};
+        const uint32_t all = g.ordered; /* a row is small: one function */
+        if (all > BLOCK) (void)lg_c_fail(c, LG_UNSUPPORTED, "%s: a row is too large", op->name);
+        add_block(&g, &lines, "        ", &e, 0, 0);
+        lg_text_add(&text, "static void %%(int rows, ");
+        add_parameters(&text, one->inputs);
+        lg_text_add(&text, "    for (int r = 0; r < rows; r++");
+        for (uint32_t k = 0; k < one->inputs; k++)
+            lg_text_add(&text, ", x%u += %zu", k, user.begin[k + 1] - user.begin[k]);
+        lg_text_add(&text, ", y += %zu) {\n%s    }\n}\n", one->count, lines.data);
+        if (text.failed || lines.failed)
+            (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
+        else
+            name = lg_c_define(c, op->name, text.data, frame_of(g.ordered + g.count), false);
+    }
+    close_graph(&g);
+    lg_scalars_free(&s);
+    lg_free(c->context, made);
+    lg_free(c->context, roots);
+    lg_text_free(&lines);
+    lg_text_free(&text);
+    return name;
+}
+
+void lg_c_rows(lg_c *c, const lg_op *op, const lg_evaluation *one, size_t rows) {
+    const char *name = lg_c_good(c) ? define_rows(c, op, one) : NULL;
+    lg_text call = {.context = c->context};
+    if (name == NULL) return;
+    lg_text_add(&call, "%s(%zu, ", name, rows);
+    for (uint32_t k = 0; k < one->inputs; k++) lg_text_add(&call, "$%u, ", k);
+    lg_text_add(&call, "$y)");
+    if (call.failed)
+        (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
+    else
+        lg_c_call(c, NULL, "%s", call.data);
+    lg_text_free(&call);
+}
+
+/* ---- a step of scalar code ---- */
+
+typedef struct step_ends {
+    const lg_scalar_step *step;
+} step_ends;
+
+/* x[offset + row * stride + i] */
+static void add_element(lg_c *c, lg_text *to, const lg_scalar_step *step, const lg_scalar_range *range,
+                        uint32_t i) {
+    lg_place at = range->place;
+    const size_t index = range->from + i;
+    if (at.area == LG_AREA_CONSTANTS) {
+        lg_text_add(to, "%s_weights[%zu", c->name, lg_c_constant_at(c, at.offset) + index);
+    } else {
+        const char *name = at.area == LG_AREA_INPUT ? "x" : at.area == LG_AREA_OUTPUT ? "y" : "work";
+        lg_text_add(to, "%s", name);
+        if (at.area != LG_AREA_WORK) lg_text_add(to, "%u", at.number);
+        lg_text_add(to, "[%zu", at.offset + index);
+    }
+    if (step->rows > 1 && range->stride > 0) lg_text_add(to, " + row * %zu", range->stride);
+    lg_text_add(to, "]");
+}
+
+static const lg_scalar_range *range_of(const lg_scalar_range *range, uint32_t number) {
+    while (number >= range->first + range->count || number < range->first) range++;
+    return range;
+}
+
+static void step_input(lg_c *c, lg_text *to, const void *user, uint32_t number) {
+    const lg_scalar_step *step = ((const step_ends *)user)->step;
+    const lg_scalar_range *range = range_of(step->in, number);
+    add_element(c, to, step, range, number - range->first);
+}
+
+static void step_output(lg_c *c, lg_text *to, const void *user, uint32_t number) {
+    const lg_scalar_step *step = ((const step_ends *)user)->step;
+    const lg_scalar_range *range = range_of(step->out, number);
+    if (range->place.area == LG_AREA_OUTPUT) lg_text_add(to, "if (y%u != NULL) ", range->place.number);
+    add_element(c, to, step, range, number - range->first);
+}
+
+static bool uses(const lg_text *text, const char *word) {
+    const size_t length = strlen(word);
+    for (const char *s = text->data; s != NULL && (s = strstr(s, word)) != NULL; s += length) {
+        const char before = s == text->data ? ' ' : s[-1], after = s[length];
+        if (strchr(" (", before) != NULL && strchr("[ )", after) != NULL) return true;
+    }
+    return false;
+}
+
+static void add_argument(lg_text *parameters, lg_text *arguments, const char *type, const char *name) {
+    lg_text_add(parameters, "%s%s%s", parameters->length > 0 ? ", " : "", type, name);
+    lg_text_add(arguments, "%s%s", arguments->length > 0 ? ", " : "", name);
+}
+
+/* The function of a block, and its call at the end of `calls`. */
+static void define_block(lg_c *c, const lg_scalar_step *step, const lg_text *lines, size_t locals,
+                         lg_text *calls) {
+    const lg_plan *plan = c->frame->plan;
+    lg_text parameters = {.context = c->context}, arguments = {.context = c->context};
+    lg_text text = {.context = c->context};
+    char word[32];
+    if (step->rows > 1 && uses(lines, "row")) add_argument(&parameters, &arguments, "int ", "row");
+    for (size_t i = 0; i < plan->inputs + plan->outputs; i++) {
+        const bool in = i < plan->inputs;
+        (void)snprintf(word, sizeof word, in ? "x%zu" : "y%zu", in ? i : i - plan->inputs);
+        if (uses(lines, word)) add_argument(&parameters, &arguments, in ? "const real *" : "real *", word);
+    }
+    if (uses(lines, "work")) add_argument(&parameters, &arguments, "real *", "work");
+    lg_text_add(&text, "static NOINLINE void %%(%s) {\n%s}\n", parameters.data != NULL ? parameters.data : "void",
+                lines->data != NULL ? lines->data : "");
+    lg_c_need(c, &lg_c_dense_add); /* NOINLINE */
+    const bool failed = text.failed || parameters.failed || arguments.failed || lines->failed;
+    const char *name = failed ? NULL : lg_c_define(c, "scalars", text.data, frame_of(locals), true);
+    if (failed) (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
+    if (name != NULL)
+        lg_text_add(calls, "    %s%s(%s);\n", step->rows > 1 ? "    " : "", name,
+                    arguments.data != NULL ? arguments.data : "");
+    lg_text_free(&parameters);
+    lg_text_free(&arguments);
+    lg_text_free(&text);
+}
+
+/* Registers as instructions: constants, inputs, code. Number r of what comes in is register constants + r. */
+static lg_scalar_code *registers_of(lg_c *c, const lg_scalar_step *step) {
+    const uint32_t first = step->constants + step->loads;
+    lg_scalar_code *code = lg_alloc(c->context, (size_t)first + step->instructions, sizeof *code);
+    for (uint32_t i = 0; code != NULL && i < first + step->instructions; i++) {
+        if (i < step->constants) {
+            code[i] = (lg_scalar_code){.op = LG_S_CONSTANT, .p = step->constant[i]};
+        } else if (i < first) {
+            code[i] = (lg_scalar_code){.op = LG_S_INPUT, .n = i};
+        } else {
+            const lg_scalar_instruction *from = &step->code[i - first];
+            code[i] = (lg_scalar_code){.op = (lg_scalar_op)from->op, .n = from->n, .p = from->p};
+            memcpy(code[i].in, from->in, sizeof from->in);
+        }
+    }
+    return code;
+}
+
+static void use_ranges(lg_c *c, const lg_scalar_step *step) {
+    for (uint32_t i = 0; i < step->ins + step->outs; i++) {
+        const lg_scalar_range *range = i < step->ins ? &step->in[i] : &step->out[i - step->ins];
+        lg_c_use(c, range->place, (step->rows - 1) * range->stride + range->from + range->count);
+    }
+}
+
+void lg_c_scalars(lg_c *c, const lg_scalar_step *step) {
+    const step_ends user = {step};
+    const ends e = {&user, step_input, step_output};
+    uint32_t roots = 0;
+    for (uint32_t i = 0; i < step->outs; i++) roots += step->out[i].count;
+    lg_scalar_code *code = registers_of(c, step);
+    graph g = {.c = c};
+    lg_text calls = {.context = c->context};
+    if (code == NULL) {
+        (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
+        return;
+    }
+    use_ranges(c, step);
+    if (open_graph(&g, c, code, step->constants + step->loads + step->instructions, step->stored, roots)) {
+        for (uint32_t b = 0; b < blocks_of(&g) && lg_c_good(c); b++) {
+            lg_text lines = {.context = c->context};
+            add_block(&g, &lines, "    ", &e, b, step->registers.offset);
+            define_block(c, step, &lines, 3 * BLOCK, &calls);
+            lg_text_free(&lines);
+        }
+        lg_c_use(c, step->registers, g.slots);
+        if (step->rows > 1)
+            lg_text_add(&c->frame->body, "    for (int row = 0; row < %zu; row++) {\n%s    }\n", step->rows,
+                        calls.data);
+        else
+            lg_text_add(&c->frame->body, "%s", calls.data);
+    }
+    close_graph(&g);
+    lg_text_free(&calls);
+    lg_free(c->context, code);
+}
