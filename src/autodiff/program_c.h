@@ -73,8 +73,8 @@ void lg_c_need(lg_c *c, const lg_c_fragment *fragment);
 const char *lg_c_define(lg_c *c, const char *title, const char *text, size_t stack, bool block);
 /* The memory of a place as C: "work + 12". */
 void lg_c_add_place(lg_c *c, lg_text *to, lg_place place);
-/* Where elements of the plan's constants lie in the table of weights. */
-size_t lg_c_constant_at(const lg_c *c, size_t offset);
+/* Whether the word stands in the text. */
+bool lg_c_uses(const char *text, const char *word);
 /* Memory that is used. */
 void lg_c_use(lg_c *c, lg_place place, size_t count);
 

@@ -67,6 +67,16 @@ static const char *expression_of(const lg_scalar_code *code) {
     return expressions[code->op].text;
 }
 
+/* Operands that are results of instructions. */
+static uint8_t operands(lg_scalar_op op) {
+    static const uint8_t count[LG_SCALAR_OPS] = {
+#define X(name, instructions, all) [LG_S_##name] = instructions,
+        LG_SCALAR_LIST(X)
+#undef X
+    };
+    return count[op];
+}
+
 /* ---- a directed graph in the order of its results ---- */
 
 /* Where numbers come from and go to. */
@@ -126,7 +136,7 @@ static void sort_from(graph *g, uint32_t root) {
         const uint32_t i = g->stack[depth - 1];
         const lg_scalar_code *code = &g->code[i];
         uint32_t missing = UINT32_MAX;
-        for (uint8_t k = 0; k < lg_scalar_operands[code->op] && missing == UINT32_MAX; k++)
+        for (uint8_t k = 0; k < operands(code->op) && missing == UINT32_MAX; k++)
             if (!is_leaf(g, code->in[k]) && g->place[code->in[k]] == 0) missing = code->in[k];
         if (missing != UINT32_MAX) {
             g->stack[depth++] = missing;
@@ -140,7 +150,7 @@ static void sort_from(graph *g, uint32_t root) {
 static void mark(uint8_t *used, const graph *g) {
     for (uint32_t r = 0; r < g->roots; r++) used[g->root[r]] = 1;
     for (uint32_t i = g->count; i-- > 0;)
-        for (uint8_t k = 0; used[i] && k < lg_scalar_operands[g->code[i].op]; k++) used[g->code[i].in[k]] = 1;
+        for (uint8_t k = 0; used[i] && k < operands(g->code[i].op); k++) used[g->code[i].in[k]] = 1;
 }
 
 /* What nothing needs is no sibling. Operands stand before what they are of. */
@@ -167,7 +177,7 @@ static uint32_t block_of(const graph *g, uint32_t i) {
 static void find_slots(graph *g) {
     for (uint32_t o = 0; o < g->ordered; o++) {
         const lg_scalar_code *code = &g->code[g->order[o]];
-        for (uint8_t k = 0; k < lg_scalar_operands[code->op]; k++) {
+        for (uint8_t k = 0; k < operands(code->op); k++) {
             const uint32_t in = code->in[k];
             if (!is_leaf(g, in) && g->slot[in] == 0 && block_of(g, in) != o / BLOCK) g->slot[in] = ++g->slots;
         }
@@ -221,33 +231,24 @@ static void add_expression(const graph *g, lg_text *to, const lg_scalar_code *co
     }
 }
 
-/* Functions of one angle and order: a row at once. Its lines follow. */
-static void add_stumpff_row(graph *g, lg_text *to, const char *indent, uint32_t i) {
+static bool same_row(const lg_scalar_code *a, const lg_scalar_code *b) {
+    return a->op == LG_S_STUMPFF && b->op == LG_S_STUMPFF && a->in[0] == b->in[0] && a->n / 16 == b->n / 16;
+}
+
+/* Functions of one angle and order are computed as a row, where the first of them stands in a block. */
+static void add_stumpff(graph *g, lg_text *to, const char *indent, uint32_t i) {
     const lg_scalar_code *own = &g->code[i];
-    uint32_t most = 0, first = i;
-    for (uint32_t s = g->first[own->in[0]]; s != 0; s = g->sibling[s - 1]) {
-        const lg_scalar_code *other = &g->code[s - 1];
-        if (other->op != LG_S_STUMPFF || other->n / 16 != own->n / 16) continue;
-        if (other->n % 16 > most) most = other->n % 16;
-        if (g->place[s - 1] < g->place[first]) first = s - 1;
-    }
-    const uint32_t block = block_of(g, i);
-    if (first == i || block_of(g, first) != block) {
-        const uint32_t before = i; /* the first of them in this block */
-        for (uint32_t o = block * BLOCK; o + 1 < g->place[before]; o++) {
-            const lg_scalar_code *other = &g->code[g->order[o]];
-            if (other->op == LG_S_STUMPFF && other->in[0] == own->in[0] && other->n / 16 == own->n / 16) {
-                lg_text_add(to, "%sconst real v%u = s%u[%u];\n", indent, i, g->order[o], own->n % 16);
-                return;
-            }
-        }
+    uint32_t row = i, most = own->n % 16;
+    for (uint32_t o = block_of(g, i) * BLOCK; o + 1 < g->place[i] && row == i; o++)
+        if (same_row(own, &g->code[g->order[o]])) row = g->order[o];
+    for (uint32_t s = g->first[own->in[0]]; s != 0; s = g->sibling[s - 1])
+        if (same_row(own, &g->code[s - 1]) && g->code[s - 1].n % 16 > most) most = g->code[s - 1].n % 16;
+    if (row == i) {
         lg_text_add(to, "%sreal s%u[%u];\n%sstumpff_row(", indent, i, most + 1, indent);
         add_operand(g, to, own->in[0]);
-        lg_text_add(to, ", %u, %u, s%u);\n%sconst real v%u = s%u[%u];\n", most, own->n / 16, i, indent, i, i,
-                    own->n % 16);
-        return;
+        lg_text_add(to, ", %u, %u, s%u);\n", most, own->n / 16, i);
     }
-    lg_text_add(to, "%sconst real v%u = s%u[%u];\n", indent, i, first, own->n % 16);
+    lg_text_add(to, "%sconst real v%u = s%u[%u];\n", indent, i, row, own->n % 16);
 }
 
 /* Operands that are not there yet in this block: inputs, and what was made in an earlier one. */
@@ -267,11 +268,11 @@ static void add_loads(graph *g, lg_text *to, const char *indent, const ends *e, 
 static void add_line(graph *g, lg_text *to, const char *indent, const ends *e, uint32_t block, uint32_t i,
                      size_t slots_at) {
     const lg_scalar_code *code = &g->code[i];
-    for (uint8_t k = 0; k < lg_scalar_operands[code->op]; k++)
+    for (uint8_t k = 0; k < operands(code->op); k++)
         add_loads(g, to, indent, e, block, code->in[k], slots_at);
     if (code->op == LG_S_STUMPFF) {
         lg_c_need(g->c, &lg_c_stumpff);
-        add_stumpff_row(g, to, indent, i);
+        add_stumpff(g, to, indent, i);
         return;
     }
     if (expressions[code->op].needs != NULL) lg_c_need(g->c, expressions[code->op].needs);
@@ -568,52 +569,39 @@ void lg_c_rows(lg_c *c, const lg_op *op, const lg_evaluation *one, size_t rows) 
 
 /* ---- a step of scalar code ---- */
 
-typedef struct step_ends {
-    const lg_scalar_step *step;
-} step_ends;
-
-/* x[offset + row * stride + i] */
-static void add_element(lg_c *c, lg_text *to, const lg_scalar_step *step, const lg_scalar_range *range,
-                        uint32_t i) {
-    lg_place at = range->place;
-    const size_t index = range->from + i;
-    if (at.area == LG_AREA_CONSTANTS) {
-        lg_text_add(to, "%s_weights[%zu", c->name, lg_c_constant_at(c, at.offset) + index);
-    } else {
-        const char *name = at.area == LG_AREA_INPUT ? "x" : at.area == LG_AREA_OUTPUT ? "y" : "work";
-        lg_text_add(to, "%s", name);
-        if (at.area != LG_AREA_WORK) lg_text_add(to, "%u", at.number);
-        lg_text_add(to, "[%zu", at.offset + index);
-    }
-    if (step->rows > 1 && range->stride > 0) lg_text_add(to, " + row * %zu", range->stride);
-    lg_text_add(to, "]");
+/* x[offset + i] */
+static void add_element(lg_text *to, const lg_scalar_range *range, uint32_t i) {
+    const lg_place *at = &range->place;
+    lg_text_add(to, "%s", at->area == LG_AREA_INPUT ? "x" : at->area == LG_AREA_OUTPUT ? "y" : "work");
+    if (at->area != LG_AREA_WORK) lg_text_add(to, "%u", at->number);
+    lg_text_add(to, "[%zu]", at->offset + i);
 }
 
-static const lg_scalar_range *range_of(const lg_scalar_range *range, uint32_t number) {
-    while (number >= range->first + range->count || number < range->first) range++;
-    return range;
+/* Ranges are in the order of their numbers. */
+static const lg_scalar_range *range_of(const lg_scalar_range *range, uint32_t count, uint32_t number) {
+    uint32_t low = 0, high = count;
+    while (high - low > 1) {
+        const uint32_t middle = (low + high) / 2;
+        if (range[middle].first <= number)
+            low = middle;
+        else
+            high = middle;
+    }
+    return &range[low];
 }
 
 static void step_input(lg_c *c, lg_text *to, const void *user, uint32_t number) {
-    const lg_scalar_step *step = ((const step_ends *)user)->step;
-    const lg_scalar_range *range = range_of(step->in, number);
-    add_element(c, to, step, range, number - range->first);
+    const lg_scalar_step *step = user;
+    const lg_scalar_range *range = range_of(step->in, step->ins, number);
+    (void)c;
+    add_element(to, range, number - range->first);
 }
 
 static void step_output(lg_c *c, lg_text *to, const void *user, uint32_t number) {
-    const lg_scalar_step *step = ((const step_ends *)user)->step;
-    const lg_scalar_range *range = range_of(step->out, number);
-    if (range->place.area == LG_AREA_OUTPUT) lg_text_add(to, "if (y%u != NULL) ", range->place.number);
-    add_element(c, to, step, range, number - range->first);
-}
-
-static bool uses(const lg_text *text, const char *word) {
-    const size_t length = strlen(word);
-    for (const char *s = text->data; s != NULL && (s = strstr(s, word)) != NULL; s += length) {
-        const char before = s == text->data ? ' ' : s[-1], after = s[length];
-        if (strchr(" (", before) != NULL && strchr("[ )", after) != NULL) return true;
-    }
-    return false;
+    const lg_scalar_step *step = user;
+    const lg_scalar_range *range = range_of(step->out, step->outs, number);
+    (void)c;
+    add_element(to, range, number - range->first);
 }
 
 static void add_argument(lg_text *parameters, lg_text *arguments, const char *type, const char *name) {
@@ -621,87 +609,89 @@ static void add_argument(lg_text *parameters, lg_text *arguments, const char *ty
     lg_text_add(arguments, "%s%s", arguments->length > 0 ? ", " : "", name);
 }
 
-/* The function of a block, and its call at the end of `calls`. */
-static void define_block(lg_c *c, const lg_scalar_step *step, const lg_text *lines, size_t locals,
-                         lg_text *calls) {
+/* The function of a block, and its call. */
+static void define_block(lg_c *c, const lg_text *lines, size_t locals) {
     const lg_plan *plan = c->frame->plan;
     lg_text parameters = {.context = c->context}, arguments = {.context = c->context};
     lg_text text = {.context = c->context};
     char word[32];
-    if (step->rows > 1 && uses(lines, "row")) add_argument(&parameters, &arguments, "int ", "row");
+    const char *body = lines->data != NULL ? lines->data : "";
     for (size_t i = 0; i < plan->inputs + plan->outputs; i++) {
         const bool in = i < plan->inputs;
         (void)snprintf(word, sizeof word, in ? "x%zu" : "y%zu", in ? i : i - plan->inputs);
-        if (uses(lines, word)) add_argument(&parameters, &arguments, in ? "const real *" : "real *", word);
+        if (lg_c_uses(body, word)) add_argument(&parameters, &arguments, in ? "const real *" : "real *", word);
     }
-    if (uses(lines, "work")) add_argument(&parameters, &arguments, "real *", "work");
-    lg_text_add(&text, "static NOINLINE void %%(%s) {\n%s}\n", parameters.data != NULL ? parameters.data : "void",
-                lines->data != NULL ? lines->data : "");
+    if (lg_c_uses(body, "work")) add_argument(&parameters, &arguments, "real *", "work");
+    lg_text_add(&text, "static NOINLINE void %%(%s) {\n%s}\n",
+                parameters.data != NULL ? parameters.data : "void", body);
     lg_c_need(c, &lg_c_dense_add); /* NOINLINE */
     const bool failed = text.failed || parameters.failed || arguments.failed || lines->failed;
     const char *name = failed ? NULL : lg_c_define(c, "scalars", text.data, frame_of(locals), true);
     if (failed) (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
     if (name != NULL)
-        lg_text_add(calls, "    %s%s(%s);\n", step->rows > 1 ? "    " : "", name,
-                    arguments.data != NULL ? arguments.data : "");
+        lg_text_add(&c->frame->body, "    %s(%s);\n", name, arguments.data != NULL ? arguments.data : "");
     lg_text_free(&parameters);
     lg_text_free(&arguments);
     lg_text_free(&text);
 }
 
-/* Registers as instructions: constants, inputs, code. Number r of what comes in is register constants + r. */
+static double constant_at(const lg_plan *plan, const lg_scalar_step *step, uint32_t i) {
+    return plan->k->dtype == LG_F64 ? ((const double *)step->constant)[i]
+                                    : (double)((const float *)step->constant)[i];
+}
+
+static void add_group(const lg_plan *plan, const lg_scalar_step *step, const lg_scalar_group *group,
+                      lg_scalar_code *code) {
+    const uint32_t *operand = step->operands + group->operands;
+    const uint8_t count = operands((lg_scalar_op)group->op);
+    for (uint32_t i = 0; i < group->count; i++) {
+        lg_scalar_code *made = &code[group->result + i];
+        *made = (lg_scalar_code){.op = (lg_scalar_op)group->op};
+        for (uint8_t k = 0; k < count; k++) made->in[k] = *operand++;
+        if (made->op == LG_S_POW) made->p = constant_at(plan, step, *operand++);
+        if (made->op == LG_S_STUMPFF || made->op == LG_S_DEXPINV) made->n = *operand++;
+    }
+}
+
+/* Registers as instructions: constants, inputs (by the number of their register), results. */
 static lg_scalar_code *registers_of(lg_c *c, const lg_scalar_step *step) {
     const uint32_t first = step->constants + step->loads;
+    const lg_plan *plan = c->frame->plan;
     lg_scalar_code *code = lg_alloc(c->context, (size_t)first + step->instructions, sizeof *code);
-    for (uint32_t i = 0; code != NULL && i < first + step->instructions; i++) {
-        if (i < step->constants) {
-            code[i] = (lg_scalar_code){.op = LG_S_CONSTANT, .p = step->constant[i]};
-        } else if (i < first) {
-            code[i] = (lg_scalar_code){.op = LG_S_INPUT, .n = i};
-        } else {
-            const lg_scalar_instruction *from = &step->code[i - first];
-            code[i] = (lg_scalar_code){.op = (lg_scalar_op)from->op, .n = from->n, .p = from->p};
-            memcpy(code[i].in, from->in, sizeof from->in);
-        }
-    }
+    for (uint32_t i = 0; code != NULL && i < step->constants; i++)
+        code[i] = (lg_scalar_code){.op = LG_S_CONSTANT, .p = constant_at(plan, step, i)};
+    for (uint32_t i = step->constants; code != NULL && i < first; i++)
+        code[i] = (lg_scalar_code){.op = LG_S_INPUT, .n = i};
+    for (uint32_t i = 0; code != NULL && i < step->groups; i++) add_group(plan, step, &step->group[i], code);
     return code;
 }
 
-static void use_ranges(lg_c *c, const lg_scalar_step *step) {
-    for (uint32_t i = 0; i < step->ins + step->outs; i++) {
-        const lg_scalar_range *range = i < step->ins ? &step->in[i] : &step->out[i - step->ins];
-        lg_c_use(c, range->place, (step->rows - 1) * range->stride + range->from + range->count);
-    }
+static void use_ranges(lg_c *c, const lg_scalar_range *range, uint32_t count) {
+    for (uint32_t i = 0; i < count; i++) lg_c_use(c, range[i].place, range[i].count);
 }
 
 void lg_c_scalars(lg_c *c, const lg_scalar_step *step) {
-    const step_ends user = {step};
-    const ends e = {&user, step_input, step_output};
-    uint32_t roots = 0;
-    for (uint32_t i = 0; i < step->outs; i++) roots += step->out[i].count;
+    const ends e = {step, step_input, step_output};
+    const uint32_t all = step->constants + step->loads + step->instructions;
+    const uint32_t roots = step->outs == 0 ? 0 : step->out[step->outs - 1].first + step->out[step->outs - 1].count;
     lg_scalar_code *code = registers_of(c, step);
     graph g = {.c = c};
-    lg_text calls = {.context = c->context};
     if (code == NULL) {
         (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
         return;
     }
-    use_ranges(c, step);
-    if (open_graph(&g, c, code, step->constants + step->loads + step->instructions, step->stored, roots)) {
+    use_ranges(c, step->in, step->ins);
+    use_ranges(c, step->out, step->outs);
+    if (open_graph(&g, c, code, all, step->stored, roots)) {
         for (uint32_t b = 0; b < blocks_of(&g) && lg_c_good(c); b++) {
             lg_text lines = {.context = c->context};
+            const uint32_t left = g.ordered - b * BLOCK;
             add_block(&g, &lines, "    ", &e, b, step->registers.offset);
-            define_block(c, step, &lines, 3 * BLOCK, &calls);
+            define_block(c, &lines, 2 * (left < BLOCK ? left : BLOCK));
             lg_text_free(&lines);
         }
         lg_c_use(c, step->registers, g.slots);
-        if (step->rows > 1)
-            lg_text_add(&c->frame->body, "    for (int row = 0; row < %zu; row++) {\n%s    }\n", step->rows,
-                        calls.data);
-        else
-            lg_text_add(&c->frame->body, "%s", calls.data);
     }
     close_graph(&g);
-    lg_text_free(&calls);
     lg_free(c->context, code);
 }
