@@ -170,6 +170,7 @@ typedef struct lg_plan_options {
     size_t rows;     /* B >= 1; 1 */
     lg_dtype dtype;  /* LG_F64; LG_F32: parameters are rounded, everything is computed in single precision */
     bool mark_unfit; /* true: a number of an input that is not finite makes all outputs NaN */
+    bool compact;    /* true: small tensors too are computed in loops, not written out */
     size_t most_bytes; /* of constants and of work memory; 1 GiB. Beyond: LG_OUT_OF_MEMORY */
 } lg_plan_options;
 
@@ -202,6 +203,7 @@ typedef struct lg_c_options {
     const size_t *functions; /* which, by number */
     size_t function_count;   /* 0: all */
     bool mark_unfit;         /* true (the default): as lg_plan_options has it */
+    bool compact;            /* likewise, false: less code, slower where tensors are small */
 } lg_c_options;
 LG_API void lg_c_options_init(lg_c_options *options);
 

@@ -686,6 +686,7 @@ static bool write_function(writing *w, size_t index) {
     size_t work = 0;
     lg_plan_options_init(&options);
     options.mark_unfit = w->options->mark_unfit;
+    options.compact = w->options->compact;
     if (!check_function(c, f)) return false;
     c->status = lg_plan_create(c->program, index, &options, &plan, c->error);
     if (c->status != LG_OK) return false;
