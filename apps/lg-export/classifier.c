@@ -108,6 +108,8 @@ static void add_layers(const classifier_job *j, const classifier_linear *w) {
     if (classifier_is_linear(j->c)) parts[count++] = (export_part){comments[1], rows, w->weight};
     if (classifier_is_linear(j->c)) parts[count++] = (export_part){"their offsets", j->outputs, w->bias};
     export_array(j->source, "weights", parts, count);
+    export_code(j->source, "dot");
+    export_code(j->source, "noinline");
     export_code(j->source, "dense_add");
     export_code(j->source, "dense");
     lg_text_add(&j->source->code, "\n");

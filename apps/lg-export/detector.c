@@ -212,6 +212,8 @@ static void add_code(export_source *source, const lg_model_file *file) {
     const places p = place_all(model);
     add_weights(source, file);
     add_scaler(source, &file->model.scaler);
+    export_code(source, "dot");
+    export_code(source, "noinline");
     export_code(source, "dense_add");
     export_code(source, "dense");
     export_code(source, "cnn_types");

@@ -183,6 +183,8 @@ static void add_layers(export_source *source, lg_activation kind, unsigned uses)
 /* The table, and before it what its type stands in. */
 static void add_description(export_source *source, const slices *s, const double *theta, bool embedding) {
     add_weights(source, s, theta);
+    export_code(source, "dot");
+    export_code(source, "noinline");
     export_code(source, "dense_add");
     export_code(source, "dense");
     add_table(source, s);

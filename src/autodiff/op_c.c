@@ -9,6 +9,9 @@ const char *lg_c_text_of(const char *name) {
     return "#error missing fragment\n";
 }
 
-const lg_c_fragment lg_c_dense_add = {.file = {"dense_add", "dense_add"}};
+const lg_c_fragment lg_c_noinline = {.file = {"noinline", "noinline"}};
+const lg_c_fragment lg_c_dot = {.file = {"dot", "dot"}};
+const lg_c_fragment lg_c_dense_add = {.file = {"dense_add", "dense_add"},
+                                      .needs = {&lg_c_dot, &lg_c_noinline}};
 const lg_c_fragment lg_c_stumpff = {.file = {"stumpff", "stumpff"}};
 const lg_c_fragment lg_c_dexpinv = {.file = {"dexpinv", "dexpinv"}};

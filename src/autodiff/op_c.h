@@ -36,10 +36,12 @@ extern const lg_c_text lg_c_texts[];
 const char *lg_c_text_of(const char *name);
 
 /* What several operations need. */
-extern const lg_c_fragment lg_c_dense_add;  /* dot, dense_add */
+extern const lg_c_fragment lg_c_noinline;      /* NOINLINE */
+extern const lg_c_fragment lg_c_dot;           /* dot(n, a, b) */
+extern const lg_c_fragment lg_c_dense_add;     /* dense_add(in, out, w, x, y): y += x w */
 extern const lg_c_fragment lg_c_first_maximum; /* first_maximum(n, apart, x) */
-extern const lg_c_fragment lg_c_stumpff;    /* stumpff_row: c_k and their derivatives */
-extern const lg_c_fragment lg_c_dexpinv;    /* dexpinv_coef: g2 and its derivatives */
+extern const lg_c_fragment lg_c_stumpff;       /* inverse_factorial, stumpff_row: c_k and their derivatives */
+extern const lg_c_fragment lg_c_dexpinv;       /* dexpinv_coef: g2 and its derivatives */
 
 /* The writer, as write_c sees it. Failures stick to it. */
 typedef struct lg_c lg_c;
@@ -54,8 +56,5 @@ void lg_c_indices(lg_c *c, const uint32_t *values, size_t count);
 /* Operation `op`, which has `element`, as a function of a number of elements: its name, for
  * NAME(n, in 0, ..., in k - 1, out), all of n elements; out may be an input. Valid until the next call. */
 const char *lg_c_map(lg_c *c, const lg_op *op, const lg_attr *attr, uint32_t inputs);
-/* Operation `op`, which has `expand`, row by row: `one` is the evaluation of one row (shapes and attributes),
- * and input k's and the output's rows lie one behind the other. */
-void lg_c_rows(lg_c *c, const lg_op *op, const lg_evaluation *one, size_t rows);
 
 #endif

@@ -160,16 +160,19 @@ static const lg_c_fragment c_windows = {
         w.padding = padding;
         w.count = count;
         return w;
-    }
+    })};
 
-    static void window_rows(const conv_windows *w, int t, int *first, int *rows, int *at) {
+static const lg_c_fragment c_window_rows = {
+    .comment = "Of window t: which of its rows lie in the series, and which row of the series is the first.",
+    .text = LG_C(static void window_rows(const conv_windows *w, int t, int *first, int *rows, int *at) {
         const int start = t * w->stride - w->padding;
         const int begin = start < 0 ? -start : 0;
         const int end = start + w->size > w->length ? w->length - start : w->size;
         *first = begin;
         *rows = end > begin ? end - begin : 0;
         *at = start + begin;
-    })};
+    }),
+    .needs = {&c_windows}};
 
 static const lg_c_fragment c_conv1d = {
     .comment = "y (batch, count, outputs) = the windows of x times w (size, channels, outputs), plus b "
@@ -185,7 +188,7 @@ static const lg_c_fragment c_conv1d = {
                 dense_add(rows * n, outputs, weight + first * n * outputs, x + at * n, y);
             }
     }),
-    .needs = {&c_windows, &lg_c_dense_add}};
+    .needs = {&c_window_rows, &lg_c_dense_add}};
 
 static const lg_c_fragment c_conv1d_input = {
     .comment = "x (batch, length, channels), the adjoint of conv1d in its first argument: g (batch, count, "
@@ -203,7 +206,7 @@ static const lg_c_fragment c_conv1d_input = {
             }
         }
     }),
-    .needs = {&c_windows, &lg_c_dense_add}};
+    .needs = {&c_window_rows, &lg_c_dot}};
 
 static const lg_c_fragment c_conv1d_weight = {
     .comment = "weight (size, channels, outputs), the adjoint of conv1d in its second argument: x, g",
@@ -220,7 +223,7 @@ static const lg_c_fragment c_conv1d_weight = {
                         weight[(first * n + i) * outputs + o] += x[at * n + i] * g[o];
             }
     }),
-    .needs = {&c_windows}};
+    .needs = {&c_window_rows}};
 
 enum { WINDOWS_TEXT = 160 };
 

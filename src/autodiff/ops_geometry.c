@@ -31,7 +31,7 @@ static const lg_c_fragment c_rowdot = {
     .text = LG_C(static void rowdot(int rows, int n, const real *a, const real *b, real *y) {
         for (int i = 0; i < rows; i++) y[i] = dot(n, a + i * n, b + i * n);
     }),
-    .needs = {&lg_c_dense_add}};
+    .needs = {&lg_c_dot}};
 
 static void rowdot_c(lg_c *c, const lg_evaluation *e) {
     lg_c_call(c, &c_rowdot, "rowdot(%zu, %u, $0, $1, $y)", e->count, e->in[0]->dims[e->in[0]->rank - 1]);
@@ -323,10 +323,16 @@ static void stumpff_expand(lg_scalars *s, const lg_evaluation *e, const lg_scala
         y[i] = lg_s_numbered(s, LG_S_STUMPFF, x[0][i / each], 16 * e->attr->i[1] + (uint32_t)(i % each));
 }
 
+static const lg_c_fragment c_stumpff_rows = {
+    .comment = "y (n, most + 1) = derivative number `order` of c_0, c_1, ... at w (n)",
+    .text = LG_C(static void stumpff_rows(int n, int most, int order, const real *w, real *y) {
+        for (int i = 0; i < n; i++) stumpff_row(w[i], most, order, y + i * (most + 1));
+    }),
+    .needs = {&lg_c_stumpff}};
+
 static void stumpff_c(lg_c *c, const lg_evaluation *e) {
-    const lg_shape w = lg_shape1(1), row = lg_shape1(e->attr->i[0] + 1), *const in[1] = {&w};
-    const lg_evaluation one = {.k = e->k, .attr = e->attr, .inputs = 1, .in = in, .shape = &row, .count = row.dims[0]};
-    lg_c_rows(c, &lg_op_stumpff, &one, e->count / row.dims[0]);
+    lg_c_call(c, &c_stumpff_rows, "stumpff_rows(%zu, %u, %u, $0, $y)", e->count / (e->attr->i[0] + 1),
+              e->attr->i[0], e->attr->i[1]);
 }
 
 /* The next derivative of the same family. */

@@ -184,8 +184,7 @@ static lg_var lie_jvp(const lg_forward *f) {
 
 /* ---- C ---- */
 
-static const lg_c_fragment c_so3 = {
-    .comment = "c[k] = c_k(w), k = 1, 2, 3; out = b + g1 u x b + g2 u x (u x b), out may be b.",
+static const lg_c_fragment c_vectors = {
     .text = LG_C(static real dot3(const real *a, const real *b) {
         return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     }
@@ -194,9 +193,22 @@ static const lg_c_fragment c_so3 = {
         out[0] = a[1] * b[2] - a[2] * b[1];
         out[1] = a[2] * b[0] - a[0] * b[2];
         out[2] = a[0] * b[1] - a[1] * b[0];
-    }
+    })};
 
-    static void so3_coefficients(real angle, real *c) {
+static const lg_c_fragment c_so3 = {
+    .comment = "out = b + g1 u x b + g2 u x (u x b); out may be b.",
+    .text = LG_C(static void so3_function(real g1, real g2, const real *u, const real *b, real *out) {
+        real ub[3];
+        real uub[3];
+        cross3(u, b, ub);
+        cross3(u, ub, uub);
+        for (int i = 0; i < 3; i++) out[i] = b[i] + (g1 * ub[i] + g2 * uub[i]);
+    }),
+    .needs = {&c_vectors}};
+
+static const lg_c_fragment c_so3_coefficients = {
+    .comment = "c[k] = c_k(w), k = 1, 2, 3",
+    .text = LG_C(static void so3_coefficients(real angle, real *c) {
         const double w = (double)angle;
         double even = 0.0;
         double odd = 0.0;
@@ -211,14 +223,6 @@ static const lg_c_fragment c_so3 = {
         c[1] = (real)(1.0 - w * odd);
         c[2] = (real)even;
         c[3] = (real)odd;
-    }
-
-    static void so3_function(real g1, real g2, const real *u, const real *b, real *out) {
-        real ub[3];
-        real uub[3];
-        cross3(u, b, ub);
-        cross3(u, ub, uub);
-        for (int i = 0; i < 3; i++) out[i] = b[i] + (g1 * ub[i] + g2 * uub[i]);
     }),
     .needs = {&lg_c_stumpff}};
 
@@ -236,7 +240,7 @@ static const lg_c_fragment c_so3_exp = {
             }
         }
     }),
-    .needs = {&c_so3}};
+    .needs = {&c_so3, &c_so3_coefficients}};
 
 static const lg_c_fragment c_so3_dexp = {
     .comment = "y = dexp_u(v) for n rows",
@@ -247,7 +251,7 @@ static const lg_c_fragment c_so3_dexp = {
             so3_function(c[2], c[3], u, v, y);
         }
     }),
-    .needs = {&c_so3}};
+    .needs = {&c_so3, &c_so3_coefficients}};
 
 static const lg_c_fragment c_se3_act = {
     .comment = "The second half of exp(u, v) . (q, p) for n rows: R p + r x R q, R = exp(u), r = dexp_u(v)",
@@ -266,7 +270,7 @@ static const lg_c_fragment c_se3_act = {
             for (int k = 0; k < 3; k++) y[k] += moved[k];
         }
     }),
-    .needs = {&c_so3}};
+    .needs = {&c_so3, &c_so3_coefficients}};
 
 static const lg_c_fragment c_so3_dexpinv = {
     .comment = "y = dexp_a^-1(b) for n rows",
@@ -301,7 +305,7 @@ static const lg_c_fragment c_se3_dexpinv = {
                 y[i] = (b[i] - REAL(0.5) * m[i]) + (slope * AAB[i] + g * (t[i] + part[i]));
         }
     }),
-    .needs = {&c_so3, &lg_c_dexpinv}};
+    .needs = {&c_vectors, &lg_c_dexpinv}};
 
 static void lie_c(lg_c *c, const lg_evaluation *e) {
     const size_t rows = lg_shape_count(*e->in[0]) / 3;

@@ -136,7 +136,7 @@ static const lg_c_fragment c_products[] = {
                     else
                         for (int j = 0; j < n; j++) y[i * n + j] += dot(k, b + j * k, a + i * k);
             }),
-            .needs = {&lg_c_dense_add}},
+            .needs = {&lg_c_dot}},
     [TN] = {.comment = "y (m, n) += the transpose of a (k, m) times b (k, n)",
             .text = LG_C(static void matmul_tn(int m, int n, int k, const real *RESTRICT a,
                                                const real *RESTRICT b, real *RESTRICT y) {

@@ -252,7 +252,7 @@ static size_t elements_of(const lg_tensor_step *s, uint32_t k) {
 
 static void collect_constants(lg_c *c, const lg_plan *plan) {
     for (size_t i = 0; i < plan->steps; i++) {
-        const lg_step *s = &plan->step[i];
+        const lg_plan_step *s = &plan->step[i];
         if (s->kind == LG_STEP_TENSOR)
             for (uint32_t k = 0; k < s->tensor.inputs; k++)
                 read_constants(c, s->tensor.x[k], elements_of(&s->tensor, k));
@@ -464,7 +464,7 @@ static void write_call(lg_c *c, const lg_call_step *s) {
 
 static void write_steps(lg_c *c, const lg_plan *plan) {
     for (size_t i = 0; i < plan->steps && lg_c_good(c); i++) {
-        const lg_step *s = &plan->step[i];
+        const lg_plan_step *s = &plan->step[i];
         switch (s->kind) {
         case LG_STEP_TENSOR:
             write_tensor(c, &s->tensor);

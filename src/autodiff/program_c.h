@@ -80,7 +80,6 @@ void lg_c_use(lg_c *c, lg_place place, size_t count);
 
 /* ---- scalar code (program_c_scalars.c) ---- */
 
-/* An elementwise operation as a statement, or an operation's scalar code row by row. */
 void lg_c_elementwise(lg_c *c, const lg_op *op, const lg_evaluation *e);
 void lg_c_scalars(lg_c *c, const lg_scalar_step *step);
 

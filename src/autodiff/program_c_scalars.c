@@ -484,89 +484,6 @@ void lg_c_elementwise(lg_c *c, const lg_op *op, const lg_evaluation *e) {
                  false);
 }
 
-/* ---- an operation row by row ---- */
-
-typedef struct row_ends {
-    size_t begin[LG_MAX_INPUTS + 1]; /* the number of input k's first element */
-    uint32_t inputs;
-} row_ends;
-
-static void row_input(lg_c *c, lg_text *to, const void *user, uint32_t number) {
-    const row_ends *e = user;
-    uint32_t k = 0;
-    (void)c;
-    while (number >= e->begin[k + 1]) k++;
-    lg_text_add(to, "x%u[%zu]", k, number - e->begin[k]);
-}
-
-static void row_output(lg_c *c, lg_text *to, const void *user, uint32_t number) {
-    (void)c, (void)user;
-    lg_text_add(to, "y[%u]", number);
-}
-
-static bool expand_row(lg_c *c, const lg_op *op, const lg_evaluation *one, lg_scalars *s, row_ends *e,
-                       lg_scalar **made, lg_scalar **roots) {
-    const lg_scalar *x[LG_MAX_INPUTS];
-    *e = (row_ends){.inputs = one->inputs};
-    for (uint32_t k = 0; k < one->inputs; k++) e->begin[k + 1] = e->begin[k] + lg_shape_count(*one->in[k]);
-    const size_t total = e->begin[one->inputs];
-    *made = lg_alloc(c->context, total, sizeof **made);
-    *roots = lg_alloc(c->context, one->count, sizeof **roots);
-    if (*made == NULL || *roots == NULL) return lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
-    for (size_t i = 0; i < total; i++) (*made)[i] = lg_s_input(s, (uint32_t)i);
-    for (uint32_t k = 0; k < one->inputs; k++) x[k] = *made + e->begin[k];
-    if (!lg_scalars_expand(s, op, one, x, *roots)) return lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
-    return true;
-}
-
-static const char *define_rows(lg_c *c, const lg_op *op, const lg_evaluation *one) {
-    row_ends user;
-    lg_scalar *made = NULL, *roots = NULL;
-    lg_text lines = {.context = c->context}, text = {.context = c->context};
-    lg_scalars s;
-    graph g = {.c = c};
-    const char *name = NULL;
-    lg_scalars_init(&s, c->context);
-    if (expand_row(c, op, one, &s, &user, &made, &roots) &&
-        open_graph(&g, c, s.code, s.count, roots, (uint32_t)one->count)) {
-        const ends e = {&user, row_input, row_output};
-        const uint32_t all = g.ordered; /* a row is small: one function */
-        if (all > BLOCK) (void)lg_c_fail(c, LG_UNSUPPORTED, "%s: a row is too large", op->name);
-        add_block(&g, &lines, "        ", &e, 0, 0);
-        lg_text_add(&text, "static void %%(int rows, ");
-        add_parameters(&text, one->inputs);
-        lg_text_add(&text, "    for (int r = 0; r < rows; r++");
-        for (uint32_t k = 0; k < one->inputs; k++)
-            lg_text_add(&text, ", x%u += %zu", k, user.begin[k + 1] - user.begin[k]);
-        lg_text_add(&text, ", y += %zu) {\n%s    }\n}\n", one->count, lines.data);
-        if (text.failed || lines.failed)
-            (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
-        else
-            name = lg_c_define(c, op->name, text.data, frame_of(g.ordered + g.count), false);
-    }
-    close_graph(&g);
-    lg_scalars_free(&s);
-    lg_free(c->context, made);
-    lg_free(c->context, roots);
-    lg_text_free(&lines);
-    lg_text_free(&text);
-    return name;
-}
-
-void lg_c_rows(lg_c *c, const lg_op *op, const lg_evaluation *one, size_t rows) {
-    const char *name = lg_c_good(c) ? define_rows(c, op, one) : NULL;
-    lg_text call = {.context = c->context};
-    if (name == NULL) return;
-    lg_text_add(&call, "%s(%zu, ", name, rows);
-    for (uint32_t k = 0; k < one->inputs; k++) lg_text_add(&call, "$%u, ", k);
-    lg_text_add(&call, "$y)");
-    if (call.failed)
-        (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
-    else
-        lg_c_call(c, NULL, "%s", call.data);
-    lg_text_free(&call);
-}
-
 /* ---- a step of scalar code ---- */
 
 /* x[offset + i] */
@@ -624,7 +541,7 @@ static void define_block(lg_c *c, const lg_text *lines, size_t locals) {
     if (lg_c_uses(body, "work")) add_argument(&parameters, &arguments, "real *", "work");
     lg_text_add(&text, "static NOINLINE void %%(%s) {\n%s}\n",
                 parameters.data != NULL ? parameters.data : "void", body);
-    lg_c_need(c, &lg_c_dense_add); /* NOINLINE */
+    lg_c_need(c, &lg_c_noinline);
     const bool failed = text.failed || parameters.failed || arguments.failed || lines->failed;
     const char *name = failed ? NULL : lg_c_define(c, "scalars", text.data, frame_of(locals), true);
     if (failed) (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
