@@ -41,7 +41,7 @@ typedef struct lg_port {
     const char *name; /* a C identifier, unique among the function's inputs and outputs */
     lg_shape shape;   /* of one row, without the batch axis: rank 0 to 3. Shared: of the whole, rank 0 to 4 */
     bool shared;      /* one value for all rows */
-    const char *unit; /* NULL: none is known */
+    const char *unit; /* NULL: none is known; at most 64 bytes, none of control, \ " ? or marks of comments */
     double low, high; /* inputs: the range in which checks draw random numbers; 0, 0: -1 to 1 */
 } lg_port;
 
@@ -76,7 +76,7 @@ typedef struct lg_program_spec {
     size_t parameter_count; /* may be 0 */
     const lg_function_spec *functions;
     size_t function_count;
-    const char *description; /* a sentence or more; NULL: none */
+    const char *description; /* a sentence or more, at most 4095 bytes; NULL: none */
 } lg_program_spec;
 
 LG_API void lg_program_spec_init(lg_program_spec *spec);
@@ -146,11 +146,20 @@ LG_API void lg_derivative_init(lg_derivative *what);
  * before. */
 LG_API lg_status lg_program_derive(lg_program *program, const lg_derivative *what, lg_error *error);
 
+/* Structural sparsity, whatever the parameters: pattern[a * n + b] = 1 where element a of one row of the
+ * output may depend on element b of the same row of the input (n elements), else 0; `pattern` has
+ * count(output) n bytes, shared ports count as a whole. Of a derived function, of its own outputs: J of
+ * `value` is nonzero only where `value` itself depends, the Jacobian of `adj1_value` only where `adj1_value`
+ * does. Errors: LG_NOT_FOUND (function, output, input), LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_program_sparsity(const lg_program *program, size_t function, size_t output, size_t input,
+                                     unsigned char *pattern, lg_error *error);
+
 /* ---- loops ---- */
 
 /* Adds a function that calls `function` `times` times: after each call output carry[j].output takes the place
  * of input carry[j].input (equal ports), the other inputs stay. It has the ports of `function`. In C it is a
- * loop. Errors: LG_INVALID_ARGUMENT (times 0, ports that do not fit), LG_NOT_FOUND, LG_OUT_OF_MEMORY. */
+ * loop. Errors: LG_INVALID_ARGUMENT (times 0 or
+ * above 2^24, ports that do not fit), LG_NOT_FOUND, LG_OUT_OF_MEMORY. */
 typedef struct lg_carry {
     const char *output, *input;
 } lg_carry;

@@ -77,6 +77,7 @@ typedef struct lg_op {
     lg_var (*jvp)(const struct lg_forward *f);
     lg_payload payload;
     bool given;
+    uint8_t revision; /* how often its meaning in files has changed: they say 1 + revision */
     /* Bit k: forward does not read input k. NULL: it reads all. */
     uint32_t (*unread)(const lg_attr *attr, uint32_t inputs);
     /* Bytes; they see shapes, attributes and whether `transposed` is there, no values. NULL: none. */

@@ -21,6 +21,15 @@
 
 /* ---- convolution: sizes ---- */
 
+/* The largest scratch is a number that memory can be asked for: without outputs or samples nothing else
+ * bounds it. */
+static bool scratch_fits(const lg_conv *c) {
+    const lg_k_windows *w = &c->windows;
+    const double width = (double)w->size * (double)w->channels;
+    const double rows = (double)w->count + 2.0 * (double)c->outputs;
+    return width * rows + (double)(w->length + 2 * w->padding) * (double)w->channels < 0x1p56;
+}
+
 /* From the shapes of x and w. */
 static bool conv_of(const lg_shape *x, const lg_shape *w, const lg_attr *attr, lg_conv *out) {
     *out = (lg_conv){.windows = {.length = x->dims[1],
@@ -31,7 +40,7 @@ static bool conv_of(const lg_shape *x, const lg_shape *w, const lg_attr *attr, l
                      .batch = x->dims[0],
                      .outputs = w->dims[2]};
     return x->rank == 3 && w->rank == 3 && x->dims[2] == w->dims[1] && lg_windows_count(&out->windows) &&
-           out->windows.count <= UINT32_MAX;
+           out->windows.count <= UINT32_MAX && scratch_fits(out);
 }
 
 /* The shape of y. */

@@ -40,7 +40,7 @@ static lg_status repeat_shape(const lg_shape *const *in, uint32_t inputs, const 
 static lg_status mask_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
     const lg_shape part = lg_shape2(attr->i[0], attr->i[2]);
     (void)inputs;
-    return lg_same_shape(in[0], out) && sizes_fit(in[0], &part, attr) ? LG_OK : LG_SHAPE;
+    return attr->i[1] > 0 && lg_same_shape(in[0], out) && sizes_fit(in[0], &part, attr) ? LG_OK : LG_SHAPE;
 }
 
 static lg_status reduce_forward(lg_evaluation *e) {
@@ -48,6 +48,7 @@ static lg_status reduce_forward(lg_evaluation *e) {
     size_t outer = e->attr->i[0], length = e->attr->i[1], inner = e->attr->i[2];
     const unsigned char *x = e->x[0];
     unsigned char *y = e->y;
+    if (e->count == 0) return LG_OK; /* outer may be anything then; below likewise */
     if (outer == 1 && inner == 1) {
         const double total = k->sum(length, x);
         k->fill(1, total, y);
@@ -124,6 +125,7 @@ static void repeat_elements(size_t size, size_t outer, size_t length, const void
 
 static lg_status repeat_forward(lg_evaluation *e) {
     size_t outer = e->attr->i[0], length = e->attr->i[1], inner = e->attr->i[2];
+    if (e->count == 0) return LG_OK;
     if (inner == 1) {
         repeat_elements(e->k->size, outer, length, e->x[0], e->y);
         return LG_OK;
@@ -317,6 +319,7 @@ static lg_status reduce_max_shape(const lg_shape *const *in, uint32_t inputs, co
 
 static lg_status reduce_max_forward(lg_evaluation *e) {
     const uint32_t *size = e->attr->i;
+    if (e->count == 0) return LG_OK;
     for (size_t o = 0; o < size[0]; o++)
         for (size_t i = 0; i < size[2]; i++) {
             size_t at = (o * size[1] + first_maximum(e, o, i)) * size[2] + i;
@@ -329,6 +332,7 @@ static lg_status reduce_max_forward(lg_evaluation *e) {
 static lg_status argmax_mask_forward(lg_evaluation *e) {
     const uint32_t *size = e->attr->i;
     const double one = 1.0;
+    if (e->count == 0) return LG_OK;
     e->k->fill(e->count, 0.0, e->y);
     for (size_t o = 0; o < size[0]; o++)
         for (size_t i = 0; i < size[2]; i++) {
