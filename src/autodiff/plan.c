@@ -635,11 +635,12 @@ lg_status lg_plan_create(const lg_program *program, size_t function, const lg_pl
     if (function >= program->functions) return lg_fail(error, LG_NOT_FOUND, "there is no such function");
     const lg_function *f = &program->function[function];
     lg_plan *plan = lg_alloc(program->context, 1, sizeof *plan);
-    if (plan == NULL) return LG_OUT_OF_MEMORY;
+    if (plan == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a plan of '%s'", f->name);
     plan->context = program->context;
     plan->memory = (lg_heap){.context = program->context, .most = chosen.most_bytes};
     planning p = {.plan = plan,
-                  .temporary = {.context = program->context, .most = 4 * chosen.most_bytes},
+                  .temporary = {.context = program->context,
+                                .most = chosen.most_bytes < SIZE_MAX / 4 ? 4 * chosen.most_bytes : 0},
                   .error = error};
     lg_status status = make(&p, program, f, &chosen);
     lg_heap_free(&p.temporary);

@@ -453,7 +453,11 @@ lg_status lg_program_build(const lg_context *context, const lg_program_spec *spe
     lg_program *made;
     if (spec == NULL || spec->size != sizeof *spec || out == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "no specification, or one of another version");
-    LG_TRY(lg_program_create(context, &made));
+    lg_error ignored;
+    if (error == NULL) error = &ignored;
+    error->message[0] = '\0';
+    if (lg_program_create(context, &made) != LG_OK)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a program");
     lg_status status = LG_OK;
     if (spec->description != NULL && (made->description = lg_strdup(context, spec->description)) == NULL)
         status = LG_OUT_OF_MEMORY;
@@ -461,9 +465,11 @@ lg_status lg_program_build(const lg_context *context, const lg_program_spec *spe
         status = lg_program_add_parameter(made, &spec->parameters[i], error);
     for (size_t i = 0; status == LG_OK && i < spec->function_count; i++)
         status = lg_program_record_function(made, &spec->functions[i], error);
-    if (status == LG_OK)
+    if (status == LG_OK) {
         *out = made;
-    else
-        lg_program_destroy(made);
+        return LG_OK;
+    }
+    lg_program_destroy(made);
+    if (error->message[0] == '\0') (void)lg_fail(error, status, "%s", lg_status_sentence(status));
     return status;
 }
