@@ -440,7 +440,7 @@ static lg_status check_refusal(check *k, lg_shape first_output) {
 
 /* ---- the whole ---- */
 
-static bool valid(const lg_gradcheck_function *f, const lg_gradcheck_options *o) {
+bool lg_gradcheck_valid(const lg_gradcheck_function *f, const lg_gradcheck_options *o) {
     if (f == NULL || f->name == NULL || f->build == NULL || f->arguments == NULL || f->inputs == 0 ||
         f->inputs > LG_GRADCHECK_MAX_INPUTS)
         return false;
@@ -483,7 +483,7 @@ lg_status lg_gradcheck(const lg_context *context, const lg_gradcheck_function *f
     if (result == NULL) return LG_INVALID_ARGUMENT;
     *result = (lg_gradcheck_result){0};
     if (options != NULL) chosen = *options;
-    if (!valid(function, &chosen)) {
+    if (!lg_gradcheck_valid(function, &chosen)) {
         (void)snprintf(result->message, sizeof result->message,
                        "gradcheck: the function or the options are not valid");
         return LG_INVALID_ARGUMENT;
@@ -520,7 +520,7 @@ lg_status lg_gradcheck_run(const lg_context *context, const lg_gradcheck_case *r
 lg_status lg_gradcheck_inputs_of(const lg_context *context, const lg_gradcheck_function *function,
                                  const lg_gradcheck_options *options, lg_op_code op, uint32_t *inputs) {
     lg_gradcheck_result result = {0};
-    if (!valid(function, options)) return LG_INVALID_ARGUMENT;
+    if (!lg_gradcheck_valid(function, options)) return LG_INVALID_ARGUMENT;
     check k = {.context = context, .f = function, .options = options, .result = &result};
     lg_shape shape = lg_shape0();
     lg_status status = open_check(&k);
