@@ -71,7 +71,7 @@ typedef enum lg_plant_mutation {
     LG_PLANT_MISSING,   /* a step is left out */
     LG_PLANT_OPERAND,   /* a step reads another place */
     LG_PLANT_OPERATION, /* a step computes something else */
-    LG_PLANT_CONSTANT,  /* constants times 1 + 1/1024 */
+    LG_PLANT_CONSTANT,  /* constants times 1 + 1/1024, and 1/1024 more */
     LG_PLANT_CLOBBER    /* a step writes over numbers that are still needed */
 } lg_plant_mutation;
 #define LG_PLANT_MUTATIONS      4 /* of derivatives and scalar code */
@@ -174,7 +174,7 @@ typedef void (*lg_plant_report_fn)(void *user, const lg_gradcheck_case *row, con
  *   - in a row whose derivative is identically zero;
  *   - transpositions that change no number: fewer than two axes longer than one, all equal, or symmetric;
  *   - of scalar code of an operation that the row's plans do not have: too large, or folded away;
- *   - of plans that have no such step, or whose change changes no number.
+ *   - of plans that have no such step, or where the fault changes rounding alone.
  * Returns LG_OK whether caught or missed, else as lg_gradcheck. */
 LG_API lg_status lg_gradcheck_plant_all(const lg_context *context, const lg_gradcheck_case *row,
                                         const lg_gradcheck_options *options, lg_plant_report_fn report,

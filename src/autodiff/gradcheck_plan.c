@@ -4,7 +4,7 @@
 
 #include "autodiff/plan.h"
 
-#define PLANTED_FACTOR (1.0 + 1.0 / 1024.0)
+#define PLANTED (1.0 / 1024.0)
 
 /* ---- other operations in place of one ---- */
 
@@ -83,10 +83,11 @@ static bool operand(lg_plan_step *s) {
 
 /* ---- constants ---- */
 
-static bool scaled(lg_plan *plan, void *values, size_t count) {
+static bool moved(lg_plan *plan, void *values, size_t count) {
     for (size_t at = 0; at < count; at++) {
         unsigned char *one = (unsigned char *)values + at * plan->k->size;
-        plan->k->unary[LG_K_SCALE](1, PLANTED_FACTOR, one, one);
+        plan->k->unary[LG_K_SCALE](1, 1.0 + PLANTED, one, one);
+        plan->k->unary[LG_K_SHIFT](1, PLANTED, one, one);
     }
     return count > 0;
 }
@@ -98,12 +99,12 @@ static bool constant(lg_plan *plan, lg_plan_step *s) {
         if (own == NULL || count == 0) return false;
         memcpy(own, s->scalars.constant, count * plan->k->size);
         s->scalars.constant = own;
-        return scaled(plan, own, count);
+        return moved(plan, own, count);
     }
     bool reads = s->kind == LG_STEP_DENSE && s->dense.w.area == LG_AREA_CONSTANTS;
     for (uint32_t k = 0; s->kind == LG_STEP_TENSOR && k < s->tensor.inputs; k++)
         reads = reads || s->tensor.x[k].area == LG_AREA_CONSTANTS;
-    return reads && scaled(plan, plan->constants, plan->constant_count);
+    return reads && moved(plan, plan->constants, plan->constant_count);
 }
 
 /* ---- places ---- */
