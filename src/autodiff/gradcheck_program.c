@@ -209,19 +209,10 @@ static lg_status run_plans(check *k, lg_plan *const *plans, double *to) {
     return LG_OK;
 }
 
-static double largest(const double *a, size_t n) {
-    double most = 0.0;
-    for (size_t i = 0; i < n; i++)
-        if (!(fabs(a[i]) <= most)) most = fabs(a[i]);
-    return most;
-}
-
 /* Of the tape's numbers too: a derivative may be as small as its own rounding. */
 static double difference(const check *k, const double *got, const double *truth, size_t n, double *apart) {
-    const double size = fmax(largest(truth, n), 1e-3 * largest(k->truth, k->outputs));
-    *apart = 0.0;
-    for (size_t i = 0; i < n; i++)
-        if (got[i] != truth[i] && !(fabs(got[i] - truth[i]) <= *apart)) *apart = fabs(got[i] - truth[i]);
+    const double size = fmax(lg_largest(truth, n), 1e-3 * lg_largest(k->truth, k->outputs));
+    *apart = lg_largest_difference(got, truth, n);
     return *apart == 0.0 ? 0.0 : *apart / size;
 }
 
@@ -248,13 +239,13 @@ static lg_status check_point(check *k) {
     LG_TRY(recorded(k, k->truth));
     LG_TRY(applied(k, k->got));
     if (memcmp(k->got, k->truth, all * sizeof *k->got) != 0)
-        return failed(k, "lg_program_apply differs in bits", "recording", largest(k->got, all),
-                      largest(k->truth, all));
+        return failed(k, "lg_program_apply differs in bits", "recording", lg_largest(k->got, all),
+                      lg_largest(k->truth, all));
     LG_TRY(run_plans(k, k->plan, k->got));
     if (k->options->plant == NULL) return compare(k, k->got);
     LG_TRY(run_plans(k, k->planted, k->other));
     for (size_t i = 0; i < all; i++)
-        k->plant.changed += !(fabs(k->got[i] - k->other[i]) <= ROUNDING * largest(k->truth, all));
+        k->plant.changed += !(fabs(k->got[i] - k->other[i]) <= ROUNDING * lg_largest(k->truth, all));
     return compare(k, k->other);
 }
 
