@@ -191,8 +191,8 @@ static lg_status check_all(run *r) {
     if (status == LG_OK) status = check_programs(r);
     if (r->app->json) {
         app_json_size(&r->json, "functions", r->checks);
-        app_json_size(&r->json, "equal programs", r->programs);
-        app_json_size(&r->json, "refused programs", r->refused);
+        app_json_size(&r->json, "equal_programs", r->programs);
+        app_json_size(&r->json, "refused_programs", r->refused);
         app_json_size(&r->json, "wrong", r->failures);
         app_json_bool(&r->json, "passed", r->failures == 0 && status == LG_OK);
     } else {
