@@ -1,10 +1,12 @@
-# C files as text in one generated C file: a table of {name, text}, a row for each file below `folder`, and a last row of
-# NULL. As a script: cmake -DFOLDER=... -DOUT=... -DHEADER=... -P EmbedText.cmake. Included: embed_text.
+# C files as text in one generated C file: a table of {name, text}, a row for each file below some folders, and a last row of
+# NULL. As a script: cmake -DFOLDERS=... -DOUT=... -DHEADER=... -DTABLE=... -P EmbedText.cmake. Included: embed_text.
 #
-# embed_text(out folder header): the generated file's path into `out`; made again when a file below `folder` changes, comes
-# or goes. `header` declares `export_fragment` and `export_fragments`.
+# embed_text(out header table folder...): the generated file's path into `out`; made again when a file below a folder
+# changes, comes or goes. `header` declares `table`, an array such as "const export_fragment export_fragments[]".
 if(CMAKE_SCRIPT_MODE_FILE)
-  file(GLOB_RECURSE files ${FOLDER}/*.c)
+  string(REPLACE "|" ";" FOLDERS "${FOLDERS}")
+  list(TRANSFORM FOLDERS APPEND "/*.c")
+  file(GLOB_RECURSE files ${FOLDERS})
   list(SORT files)
   set(rows "")
   foreach(file IN LISTS files)
@@ -16,20 +18,24 @@ if(CMAKE_SCRIPT_MODE_FILE)
     string(REPLACE "\n" "\\n\"\n     \"" text "${text}")
     string(APPEND rows "    {\"${name}\",\n     \"${text}\"},\n")
   endforeach()
-  file(WRITE ${OUT} "#include \"${HEADER}\"\n\nconst export_fragment export_fragments[] = {\n${rows}    {NULL, NULL}};\n")
+  file(WRITE ${OUT} "#include \"${HEADER}\"\n\n${TABLE} = {\n${rows}    {NULL, NULL}};\n")
   return()
 endif()
 
 set(EMBED_TEXT_SCRIPT ${CMAKE_CURRENT_LIST_FILE})
-function(embed_text out folder header)
-  file(GLOB_RECURSE files CONFIGURE_DEPENDS ${folder}/*.c)
+function(embed_text out header table)
+  set(patterns ${ARGN})
+  list(TRANSFORM patterns APPEND "/*.c")
+  file(GLOB_RECURSE files CONFIGURE_DEPENDS ${patterns})
+  list(JOIN ARGN "|" folders)
   set(generated ${CMAKE_CURRENT_BINARY_DIR}/fragments.c)
   # The list of names is a dependence too: without it a file that goes would stay in the table.
   list(JOIN files "\n" names)
   file(GENERATE OUTPUT ${CMAKE_CURRENT_BINARY_DIR}/fragments.txt CONTENT "${names}\n")
   add_custom_command(OUTPUT ${generated}
-    COMMAND ${CMAKE_COMMAND} -DFOLDER=${folder} -DOUT=${generated} -DHEADER=${header} -P ${EMBED_TEXT_SCRIPT}
+    COMMAND ${CMAKE_COMMAND} "-DFOLDERS=${folders}" -DOUT=${generated} -DHEADER=${header}
+      "-DTABLE=${table}" -P ${EMBED_TEXT_SCRIPT}
     DEPENDS ${files} ${EMBED_TEXT_SCRIPT} ${CMAKE_CURRENT_BINARY_DIR}/fragments.txt
-    COMMENT "Embedding ${folder}" VERBATIM)
+    COMMENT "Embedding ${folders}" VERBATIM)
   set(${out} ${generated} PARENT_SCOPE)
 endfunction()

@@ -108,12 +108,15 @@ static void add_layers(const classifier_job *j, const classifier_linear *w) {
     if (classifier_is_linear(j->c)) parts[count++] = (export_part){comments[1], rows, w->weight};
     if (classifier_is_linear(j->c)) parts[count++] = (export_part){"their offsets", j->outputs, w->bias};
     export_array(j->source, "weights", parts, count);
+    export_code(j->source, "dot");
+    export_code(j->source, "noinline");
+    export_code(j->source, "dense_add");
     export_code(j->source, "dense");
-    text_add(&j->source->code, "\n");
+    lg_text_add(&j->source->code, "\n");
     if (components > 0)
-        text_add(&j->source->code, "static const net_layer components = {%zu, %zu, 0, -1};\n", j->d, j->k);
+        lg_text_add(&j->source->code, "static const net_layer components = {%zu, %zu, 0, -1};\n", j->d, j->k);
     if (classifier_is_linear(j->c))
-        text_add(&j->source->code, "static const net_layer decisions = {%zu, %zu, %zu, %zu};\n", j->k,
+        lg_text_add(&j->source->code, "static const net_layer decisions = {%zu, %zu, %zu, %zu};\n", j->k,
                  j->outputs, components, components + rows);
 }
 
@@ -205,7 +208,7 @@ static void add_places(const classifier_job *j) {
                 {"BY_PROJECTED", j->k, gradient},
                 {"BY_FEATURES", j->d, gradient}};
     size_t at = 0;
-    text_add(&j->source->code, "\n/* where arrays begin in work */\n");
+    lg_text_add(&j->source->code, "\n/* where arrays begin in work */\n");
     for (size_t i = 0; i < APP_COUNT(rows); i++) {
         if (!rows[i].wanted) continue;
         export_constant(j->source, rows[i].name, at);
@@ -273,7 +276,7 @@ static void add_code(const classifier_job *j, const classifier_linear *w) {
     if (is_svm(j->c)) add_svm(j);
     add_places(j);
     add_fragments(j);
-    text_add_named(&j->source->declarations, j->source->options->name,
+    lg_text_add_named(&j->source->declarations, j->source->options->name,
                    "/* The features of a window (NAME_FEATURES), before standardisation. */\n"
                    "void NAME_features(const NAME_real *window, NAME_real *features, NAME_real *work);\n");
 }
@@ -283,60 +286,60 @@ static void add_code(const classifier_job *j, const classifier_linear *w) {
 static void add_outputs(const classifier_job *j, text *to) {
     const bool two = j->c->classes == 2;
     if (j->c->method == LG_METHOD_TREE)
-        text_add(to,
+        lg_text_add(to,
                  "outputs y (%zu): fractions of the classes among the training windows of the leaf. "
                  "Gradient: 0 everywhere, since\nthe fractions change at thresholds only; a window within "
                  "rounding of one may fall on its other side.\n\n",
                  j->outputs);
     else if (j->c->method == LG_METHOD_LOGISTIC && two)
-        text_add(to, "outputs y (1): the logit of class 1; its probability is 1/(1 + exp(-y)).");
+        lg_text_add(to, "outputs y (1): the logit of class 1; its probability is 1/(1 + exp(-y)).");
     else if (j->c->method == LG_METHOD_LOGISTIC)
-        text_add(to, "outputs y (%zu): a logit a class; probabilities are exp(y_i)/sum_j exp(y_j).",
+        lg_text_add(to, "outputs y (%zu): a logit a class; probabilities are exp(y_i)/sum_j exp(y_j).",
                  j->outputs);
     else
-        text_add(to, "outputs y (%zu): decisions of the pairs of classes (i, j), i < j, positive for i%s.",
+        lg_text_add(to, "outputs y (%zu): decisions of the pairs of classes (i, j), i < j, positive for i%s.",
                  j->outputs, two ? "" : ", in the order (0, 1), (0, 2), ..., (1, 2), ...");
     if (j->c->method != LG_METHOD_TREE)
-        text_add(to, " Gradient: d y/d x, one row an output, by the window as recorded; that of a standard "
+        lg_text_add(to, " Gradient: d y/d x, one row an output, by the window as recorded; that of a standard "
                      "deviation of 0 is 0.\n\n");
 }
 
 static void add_features_words(const classifier_job *j, text *to) {
     const lg_pca *pca = &j->c->pca;
-    text_add(to, "features      %s: %zu numbers, standardised; ", lg_feature_kind_name(j->c->features.kind),
+    lg_text_add(to, "features      %s: %zu numbers, standardised; ", lg_feature_kind_name(j->c->features.kind),
              j->d);
     if (pca->components > 0)
-        text_add(to, "%u principal components of them\n", pca->components);
+        lg_text_add(to, "%u principal components of them\n", pca->components);
     else
-        text_add(to, "no principal components\n");
+        lg_text_add(to, "no principal components\n");
     for (uint32_t i = 0; i < j->d && j->d <= NAMED_FEATURES; i++) {
         char name[256];
         const lg_series *names = j->file->names.channels == j->c->features.channels ? &j->file->names : NULL;
         (void)lg_features_name(&j->c->features, names, i, name, sizeof name);
-        text_add(to, "              %u: %s, mean %.6g, scale %.6g\n", i, name, pca->mean[i], pca->scale[i]);
+        lg_text_add(to, "              %u: %s, mean %.6g, scale %.6g\n", i, name, pca->mean[i], pca->scale[i]);
     }
 }
 
 static void add_words(const classifier_job *j, const export_window *window) {
     text *to = &j->source->about;
-    text_add(to, "Classifier: the class of a window of sensor data, by %s.\n\n", j->file->method);
+    lg_text_add(to, "Classifier: the class of a window of sensor data, by %s.\n\n", j->file->method);
     export_window_words(j->source, window);
     add_outputs(j, to);
     export_window_score_words(to, window);
     add_features_words(j, to);
     if (j->c->method == LG_METHOD_TREE)
-        text_add(to, "tree          %u nodes, depth %u\n", j->c->tree.count, lg_tree_depth(&j->c->tree));
+        lg_text_add(to, "tree          %u nodes, depth %u\n", j->c->tree.count, lg_tree_depth(&j->c->tree));
     if (is_svm(j->c))
-        text_add(to, "svm           %u support vectors, C %.6g%s\n", j->c->svm.vectors, j->c->svm.c,
+        lg_text_add(to, "svm           %u support vectors, C %.6g%s\n", j->c->svm.vectors, j->c->svm.c,
                  j->c->method == LG_METHOD_SVM_LINEAR ? ", summed up to one vector a pair of classes" : "");
-    text_add(to,
+    lg_text_add(to,
              "tolerance     contains the factor %.3g, by which standardisation and what follows multiply the "
              "rounding of the features at the training mean\n",
              j->source->condition);
     if (j->c->features.kind == LG_FEATURES_COV)
-        text_add(to, "gradient      Its rounding grows as the largest root of a window's covariance over the "
+        lg_text_add(to, "gradient      Its rounding grows as the largest root of a window's covariance over the "
                      "smallest; along roots below 2^-22 of the largest it is taken as 0.\n");
-    text_add(to, "training      %llu windows, split %s\n", (unsigned long long)j->file->windows,
+    lg_text_add(to, "training      %llu windows, split %s\n", (unsigned long long)j->file->windows,
              lg_split_name(j->file->split));
     export_provenance(j->source, &j->file->provenance, j->file->data_sha256);
 }

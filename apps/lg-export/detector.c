@@ -127,35 +127,35 @@ static void add_scaler(export_source *source, const lg_scaler *scaler) {
 static void add_layer(text *to, const lg_cnn *net, uint32_t layer) {
     lg_slice_info weight, bias;
     if (!lg_cnn_slice(net, 2 * layer, &weight) || !lg_cnn_slice(net, 2 * layer + 1, &bias)) return;
-    text_add(to, "{%zu, %zu, %zu, %zu}", weight.count / bias.count, bias.count, weight.offset, bias.offset);
+    lg_text_add(to, "{%zu, %zu, %zu, %zu}", weight.count / bias.count, bias.count, weight.offset, bias.offset);
 }
 
 static void add_blocks(export_source *source, const lg_cnn *net) {
     text *to = &source->code;
-    text_add(
+    lg_text_add(
         to,
         "\n/* length, channels, stride, padding, convolved, pooling, pool, pool_stride, pooled, {in, out, "
         "weight,\n * bias} */\nstatic const cnn_block cnn_blocks[] = {\n");
     for (uint32_t i = 0; i < net->blocks; i++) {
         const lg_cnn_block *b = &net->block[i];
         const bool pooled = b->pooling != LG_POOL_NONE;
-        text_add(to, "    {%u, %zu, %u, %u, %zu, %d, %u, %u, %u, ", net->lengths[i], channels_of(net, i),
+        lg_text_add(to, "    {%u, %zu, %u, %u, %zu, %d, %u, %u, %u, ", net->lengths[i], channels_of(net, i),
                  b->stride, b->padding, convolved(net, i), (int)b->pooling, pooled ? b->pool_size : 1,
                  pooled ? b->pool_stride : 1, net->lengths[i + 1]);
         add_layer(to, net, i);
-        text_add(to, "},\n");
+        lg_text_add(to, "},\n");
     }
     if (net->blocks == 0)
-        text_add(to, "    {0, 0, 0, 0, 0, 0, 0, 0, 0, {0, 0, 0, 0}}, /* there are none */\n");
-    text_add(to, "};\n");
+        lg_text_add(to, "    {0, 0, 0, 0, 0, 0, 0, 0, 0, {0, 0, 0, 0}}, /* there are none */\n");
+    lg_text_add(to, "};\n");
     if (net->plane > 0) {
-        text_add(to, "static const net_layer cnn_plane = ");
+        lg_text_add(to, "static const net_layer cnn_plane = ");
         add_layer(to, net, net->blocks);
-        text_add(to, ";\n");
+        lg_text_add(to, ";\n");
     }
-    text_add(to, "static const net_layer cnn_output = ");
+    lg_text_add(to, "static const net_layer cnn_output = ");
     add_layer(to, net, net->blocks + (net->plane > 0));
-    text_add(to, ";\n");
+    lg_text_add(to, ";\n");
 }
 
 static void add_places(export_source *source, const lg_cnn *net, const places *p) {
@@ -163,13 +163,13 @@ static void add_places(export_source *source, const lg_cnn *net, const places *p
     const size_t *const activated[] = {p->eval, p->grad};
     static const char *const names[] = {"eval", "grad"};
     for (size_t k = 0; k < 2; k++) {
-        text_add(to, "\n/* input, activated, slope */\nstatic const cnn_place cnn_places_%s[] = {\n",
+        lg_text_add(to, "\n/* input, activated, slope */\nstatic const cnn_place cnn_places_%s[] = {\n",
                  names[k]);
         for (uint32_t i = 0; i <= net->blocks; i++)
-            text_add(to, "    {%zu, %zu, %zu},\n", p->input[i], activated[k][i], k == 0 ? 0 : p->slope[i]);
-        text_add(to, "};\n");
+            lg_text_add(to, "    {%zu, %zu, %zu},\n", p->input[i], activated[k][i], k == 0 ? 0 : p->slope[i]);
+        lg_text_add(to, "};\n");
     }
-    text_add(to, "/* where arrays begin in work, and how large each of two is that cotangents lie in */\n");
+    lg_text_add(to, "/* where arrays begin in work, and how large each of two is that cotangents lie in */\n");
     export_constant(source, "LOGIT", p->logit);
     export_constant(source, "PROBABILITY", p->probability);
     export_constant(source, "REVERSE", p->sides);
@@ -212,6 +212,9 @@ static void add_code(export_source *source, const lg_model_file *file) {
     const places p = place_all(model);
     add_weights(source, file);
     add_scaler(source, &file->model.scaler);
+    export_code(source, "dot");
+    export_code(source, "noinline");
+    export_code(source, "dense_add");
     export_code(source, "dense");
     export_code(source, "cnn_types");
     export_constant(source, "BLOCKS", model->net.blocks);
@@ -229,24 +232,24 @@ static void add_code(export_source *source, const lg_model_file *file) {
 
 static void add_network(text *to, const lg_detector *model) {
     const lg_cnn *net = &model->net;
-    text_add(to, "network       %u blocks, then %s%s\n", net->blocks,
+    lg_text_add(to, "network       %u blocks, then %s%s\n", net->blocks,
              net->plane > 0 ? "a layer before the output; activation " : "the output layer; activation ",
              lg_activation_name(net->activation));
     for (uint32_t i = 0; i < net->blocks; i++) {
         const lg_cnn_block *b = &net->block[i];
-        text_add(to, "              %u: %u filters, kernel %u, stride %u, padding %u; pooling %s", i + 1,
+        lg_text_add(to, "              %u: %u filters, kernel %u, stride %u, padding %u; pooling %s", i + 1,
                  b->channels, b->kernel, b->stride, b->padding, lg_pooling_name(b->pooling));
-        if (b->pooling != LG_POOL_NONE) text_add(to, " %u/%u", b->pool_size, b->pool_stride);
-        text_add(to, "; gives %u samples\n", net->lengths[i + 1]);
+        if (b->pooling != LG_POOL_NONE) lg_text_add(to, " %u/%u", b->pool_size, b->pool_stride);
+        lg_text_add(to, "; gives %u samples\n", net->lengths[i + 1]);
     }
-    if (net->plane > 0) text_add(to, "              plane: %u\n", net->plane);
+    if (net->plane > 0) lg_text_add(to, "              plane: %u\n", net->plane);
 }
 
 static void add_scaling(text *to, const lg_detector *model, const lg_scaler *scaler) {
-    text_add(to, "scaling       (x - mean)/scale of each channel%s:\n",
+    lg_text_add(to, "scaling       (x - mean)/scale of each channel%s:\n",
              model->centred ? ", after the window's own mean of the channel is taken off" : "");
     for (uint32_t i = 0; i < scaler->channels; i++)
-        text_add(to, "              channel %u: mean %.6g, scale %.6g\n", i, scaler->mean[i],
+        lg_text_add(to, "              channel %u: mean %.6g, scale %.6g\n", i, scaler->mean[i],
                  scaler->scale[i]);
 }
 
@@ -254,22 +257,22 @@ static void add_words(export_source *source, const lg_detector_file *file, const
     const lg_detector *model = &file->run.model;
     const bool mse = model->loss == LG_DETECTOR_MSE;
     text *to = &source->about;
-    text_add(to, "Detector: the class of a window of sensor data, by a convolutional network.\n\n");
+    lg_text_add(to, "Detector: the class of a window of sensor data, by a convolutional network.\n\n");
     export_window_words(source, window);
-    text_add(to,
+    lg_text_add(to,
              mse ? "outputs y (1): the logit of class 1 against class 0; its probability is 1/(1 + exp(-y))."
                  : "outputs y (%u): a logit a class; probabilities are exp(y_i)/sum_j exp(y_j).",
              window->classes);
-    text_add(
+    lg_text_add(
         to, " Gradient: d y/d x, one row an output, by the window as recorded. ReLU and maxima have the "
             "derivative of the branch that is taken: within rounding of a kink it may be the other one.\n\n");
     export_window_score_words(to, window);
-    if (isfinite(file->test_mse)) text_add(to, "test MSE      %.6g of the probability\n", file->test_mse);
-    text_add(to, "\n");
+    if (isfinite(file->test_mse)) lg_text_add(to, "test MSE      %.6g of the probability\n", file->test_mse);
+    lg_text_add(to, "\n");
     add_network(to, model);
     add_scaling(to, model, &file->scaler);
     if (source->condition != 1)
-        text_add(
+        lg_text_add(
             to,
             "tolerance     contains the factor %.6g, as measured on %d windows like the golden ones: 4/(20 "
             "DEPTH) "
@@ -277,7 +280,7 @@ static void add_words(export_source *source, const lg_detector_file *file, const
             "roundings; that when weights and samples move by one each, and that between single and double "
             "precision of the library\n",
             source->condition, DETECTOR_WINDOWS);
-    text_add(to, "training      %zu of %llu epochs, loss %s, %s; %llu windows\n", file->epochs_done,
+    lg_text_add(to, "training      %zu of %llu epochs, loss %s, %s; %llu windows\n", file->epochs_done,
              (unsigned long long)file->run.training.epochs, lg_detector_loss_name(model->loss),
              file->run.training.dtype == LG_F32 ? "float" : "double", (unsigned long long)file->run.windows);
     export_provenance(source, &file->provenance, file->run.data_sha256);

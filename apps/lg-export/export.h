@@ -21,29 +21,12 @@
 #define LG_EXPORT_H
 
 #include "common/app.h"
+#include "core/text.h"
 #include "liegrad/integrators.h"
 #include "liegrad/io.h"
 #include "liegrad/model.h"
 
-/* ---- growing text ---- */
-
-typedef struct text {
-    char *data; /* terminated, or NULL when nothing was added */
-    size_t length, room;
-    bool unfit; /* a number was added that is not finite in its type: export_write refuses the text */
-} text;
-void text_add(text *to, const char *format, ...) __attribute__((format(printf, 2, 3)));
-/* As it is, with NAME_ replaced. */
-void text_add_named(text *to, const char *name, const char *code);
-void text_free(text *to);
-/* A number as C of this type: 17 or 9 digits, suffix f for float, always with a point or exponent. */
-void text_add_real(text *to, lg_dtype dtype, double value);
-/* Numbers separated by commas, four a line of `indent` blanks, no comma behind the last one. */
-void text_add_reals(text *to, lg_dtype dtype, int indent, const double *values, size_t count);
-/* A string literal with its quotes, ASCII whatever the bytes, free of trigraphs. */
-void text_add_literal(text *to, const char *value);
-/* As it is, with everything taken out that could end a comment or warn in one. */
-void text_add_comment(text *to, const char *value);
+typedef lg_text text;
 
 /* ---- what a kind of model gives ---- */
 

@@ -25,7 +25,7 @@ static void add_wrapped(text *to, const char *line, const char *end) {
         }
         const char *last = stop;
         while (last > line && last[-1] == ' ') last--;
-        text_add(to, last > line ? " * %*s%.*s\n" : " *\n", last > line ? (int)indent : 0, "",
+        lg_text_add(to, last > line ? " * %*s%.*s\n" : " *\n", last > line ? (int)indent : 0, "",
                  (int)(last - line), line);
         for (line = stop; line < end && *line == ' '; line++) continue;
         if (line == end) return;
@@ -34,13 +34,13 @@ static void add_wrapped(text *to, const char *line, const char *end) {
 
 static void add_about(const export_source *source, text *to) {
     text safe = {.data = NULL};
-    text_add_comment(&safe, source->about.data != NULL ? source->about.data : "");
+    lg_text_add_comment(&safe, source->about.data != NULL ? source->about.data : "");
     for (const char *line = safe.data; line != NULL && *line != '\0';) {
         const char *end = line + strcspn(line, "\n");
         add_wrapped(to, line, end);
         line = *end == '\n' ? end + 1 : end;
     }
-    text_free(&safe);
+    lg_text_free(&safe);
 }
 
 static const char usage[] =
@@ -64,16 +64,16 @@ static const char gradient[] =
 static void add_sizes(const export_source *source, text *to) {
     const export_options *options = source->options;
     const char *name = options->name;
-    text_add(to, "typedef %s %s_real;\n\n", options->dtype == LG_F32 ? "float" : "double", name);
-    text_add(to, "#define %s_INPUTS %zu\n#define %s_OUTPUTS %zu\n", name, source->inputs, name,
+    lg_text_add(to, "typedef %s %s_real;\n\n", options->dtype == LG_F32 ? "float" : "double", name);
+    lg_text_add(to, "#define %s_INPUTS %zu\n#define %s_OUTPUTS %zu\n", name, source->inputs, name,
              source->outputs);
-    text_add(to, "#define %s_WORK_SIZE %zu /* numbers of work memory */\n", name, source->work);
-    text_add(
+    lg_text_add(to, "#define %s_WORK_SIZE %zu /* numbers of work memory */\n", name, source->work);
+    lg_text_add(
         to,
         "/* Bytes: bound on the stack that any of the functions takes (gcc and clang, 64 and 32 bit, -O0 to\n"
         " * -O3); `make stack` checks it. */\n#define %s_STACK_SIZE %zu\n",
         name, source->stack);
-    text_add(
+    lg_text_add(
         to,
         "/* Maps one after another, and the tolerance of the self-test: 20 eps DEPTH%s.\n"
         " * An error is the Euclidean norm of the difference from the library in double precision, divided "
@@ -82,28 +82,28 @@ static void add_sizes(const export_source *source, text *to) {
         "is\n"
         " * larger. */\n",
         source->condition != 1 ? " times the condition told above" : "");
-    text_add(to, "#define %s_DEPTH %zu\n#define %s_TOLERANCE ", name, source->depth, name);
-    text_add_real(to, LG_F64, export_tolerance(source));
-    text_add(to, "\n%s\n", source->sizes.data != NULL ? source->sizes.data : "");
+    lg_text_add(to, "#define %s_DEPTH %zu\n#define %s_TOLERANCE ", name, source->depth, name);
+    lg_text_add_real(to, LG_F64, export_tolerance(source));
+    lg_text_add(to, "\n%s\n", source->sizes.data != NULL ? source->sizes.data : "");
 }
 
 static void add_header(const export_source *source, text *to) {
     const char *name = source->options->name;
-    text_add(to, "/* ");
-    text_add_comment(to, name);
-    text_add(to, ": written by lg-export of liegrad %s from the model ", lg_version());
-    text_add_comment(to, source->options->file);
-    text_add(to, "\n * (SHA-256 %s).\n *\n",
+    lg_text_add(to, "/* ");
+    lg_text_add_comment(to, name);
+    lg_text_add(to, ": written by lg-export of liegrad %s from the model ", lg_version());
+    lg_text_add_comment(to, source->options->file);
+    lg_text_add(to, "\n * (SHA-256 %s).\n *\n",
              source->options->sha256[0] != '\0' ? source->options->sha256 : "unknown");
     add_about(source, to);
-    text_add_named(to, name, usage);
-    text_add(to, "#ifndef %s_H\n#define %s_H\n\n#ifdef __cplusplus\nextern \"C\" {\n#endif\n\n", name, name);
+    lg_text_add_named(to, name, usage);
+    lg_text_add(to, "#ifndef %s_H\n#define %s_H\n\n#ifdef __cplusplus\nextern \"C\" {\n#endif\n\n", name, name);
     add_sizes(source, to);
-    text_add_named(to, name,
+    lg_text_add_named(to, name,
                    "/* x (NAME_INPUTS) -> y (NAME_OUTPUTS) */\n"
                    "void NAME_eval(const NAME_real *x, NAME_real *y, NAME_real *work);\n");
-    if (source->golden.jacobian != NULL) text_add_named(to, name, gradient);
-    text_add(to, "%s\n#ifdef __cplusplus\n}\n#endif\n\n#endif\n",
+    if (source->golden.jacobian != NULL) lg_text_add_named(to, name, gradient);
+    lg_text_add(to, "%s\n#ifdef __cplusplus\n}\n#endif\n\n#endif\n",
              source->declarations.data != NULL ? source->declarations.data : "");
 }
 
@@ -114,43 +114,43 @@ static const char *or_nothing(const text *from) {
 }
 
 static void add_arrays(const export_source *source, text *to) {
-    text_add(to, "\n#ifdef __cplusplus\nextern \"C\" {\n#endif\n%s#ifdef __cplusplus\n}\n#endif\n",
+    lg_text_add(to, "\n#ifdef __cplusplus\nextern \"C\" {\n#endif\n%s#ifdef __cplusplus\n}\n#endif\n",
              or_nothing(&source->arrays));
 }
 
 static void add_code(const export_source *source, text *to) {
     const char *name = source->options->name;
-    text_add(to, "/* %s.h says what this is. */\n#include \"%s.h\"\n\n", name, name);
-    text_add_named(to, name, export_fragment_text("prelude"));
-    text_add(to, "%s",
+    lg_text_add(to, "/* %s.h says what this is. */\n#include \"%s.h\"\n\n", name, name);
+    lg_text_add_named(to, name, export_fragment_text("prelude"));
+    lg_text_add(to, "%s",
              export_fragment_text(source->options->dtype == LG_F32 ? "prelude_f32" : "prelude_f64"));
-    text_add(to, "\n%s", export_fragment_text("unfit"));
+    lg_text_add(to, "\n%s", export_fragment_text("unfit"));
     if (source->arrays.length > 0) add_arrays(source, to);
-    text_add(to, "\n%s", or_nothing(&source->code));
+    lg_text_add(to, "\n%s", or_nothing(&source->code));
 }
 
 static void add_weights(const export_source *source, text *to) {
     const char *name = source->options->name;
-    text_add(
+    lg_text_add(
         to,
         "/* The numbers of %s; the comment below a line holds the same ones in hexadecimal, exactly. Written "
         "by\n * lg-export. */\n#include \"%s.h\"\n",
         name, name);
     if (source->arrays.length > 0) add_arrays(source, to);
-    text_add(to, "%s", or_nothing(&source->weights));
+    lg_text_add(to, "%s", or_nothing(&source->weights));
 }
 
 static void add_test(const export_source *source, text *to) {
     const char *name = source->options->name;
-    text_add(
+    lg_text_add(
         to,
         "/* Self-test of %s: golden vectors, computed in double precision by the library that trained the\n"
         " * model. Written by lg-export. */\n#include \"%s.h\"\n\n#include <math.h>\n#include <stddef.h>\n"
         "#include <stdio.h>\n#include <string.h>\n\ntypedef %s_real real;\n\n",
         name, name, name);
     export_golden_write(source, to);
-    text_add(to, "%s\n", or_nothing(&source->test));
-    text_add_named(to, name, export_fragment_text("test_main"));
+    lg_text_add(to, "%s\n", or_nothing(&source->test));
+    lg_text_add_named(to, name, export_fragment_text("test_main"));
 }
 
 static const char makefile[] =
@@ -200,16 +200,16 @@ static const char makefile[] =
 static void add_makefile(const export_source *source, text *to) {
     for (const char *s = makefile; *s != '\0'; s++) {
         if (strncmp(s, "NAME_.", 6) == 0) {
-            text_add(to, "%s.", source->options->name);
+            lg_text_add(to, "%s.", source->options->name);
             s += 5;
         } else if (strncmp(s, "NAME_", 5) == 0) {
-            text_add(to, "%s_", source->options->name);
+            lg_text_add(to, "%s_", source->options->name);
             s += 4;
         } else if (strncmp(s, "%STACK%", 7) == 0) {
-            text_add(to, "%zu", source->stack);
+            lg_text_add(to, "%zu", source->stack);
             s += 6;
         } else {
-            text_add(to, "%c", *s);
+            lg_text_add(to, "%c", *s);
         }
     }
 }
@@ -231,7 +231,7 @@ char *export_file_name(const export_options *options, size_t file) {
 /* The first line of each file, by which it is known again. */
 static void add_marker(const export_options *options, size_t file, text *to) {
     const bool is_c = composers[file].suffix != NULL;
-    text_add(to, "%s lg-export: %s%s\n", is_c ? "/*" : "#", options->name, is_c ? " */" : "");
+    lg_text_add(to, "%s lg-export: %s%s\n", is_c ? "/*" : "#", options->name, is_c ? " */" : "");
 }
 
 /* ---- the disk ---- */
@@ -269,7 +269,7 @@ static bool is_ours(const place *at, size_t file, const char *path) {
     const size_t n = stream != NULL ? fread(found, 1, sizeof found, stream) : 0;
     if (stream != NULL) (void)fclose(stream);
     const bool ours = n >= wanted.length && memcmp(found, wanted.data, wanted.length) == 0;
-    text_free(&wanted);
+    lg_text_free(&wanted);
     return ours;
 }
 
@@ -425,12 +425,13 @@ int export_write(const app *self, const export_source *source, const char *out) 
         add_marker(source->options, i, &at.files[i]);
         composers[i].add(source, &at.files[i]);
         unfit = unfit || at.files[i].unfit;
+        if (at.files[i].failed) app_out_of_memory();
     }
     const lg_status status = unfit                         ? refuse_unfit(source, "holds", &error)
                              : !export_golden_fits(source) ? refuse_unfit(source, "gives", &error)
                                                            : put(&at, &error);
     const int code = status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, out);
-    for (size_t i = 0; i < EXPORT_FILES; i++) text_free(&at.files[i]);
+    for (size_t i = 0; i < EXPORT_FILES; i++) lg_text_free(&at.files[i]);
     free(folder);
     return code;
 }

@@ -15,9 +15,9 @@ void export_golden_make(export_source *source, bool jacobian, size_t extras, con
 
 static void add_table(const export_source *source, text *to, const char *name, const double *values,
                       size_t size) {
-    text_add(to, "static const real %s[%zu] = {\n", name, source->golden.count * size);
-    text_add_reals(to, source->options->dtype, 4, values, source->golden.count * size);
-    text_add(to, "};\n");
+    lg_text_add(to, "static const real %s[%zu] = {\n", name, source->golden.count * size);
+    lg_text_add_reals(to, source->options->dtype, 4, values, source->golden.count * size);
+    lg_text_add(to, "};\n");
 }
 
 void export_golden_write(const export_source *source, text *to) {
@@ -29,12 +29,12 @@ void export_golden_write(const export_source *source, text *to) {
     size_t largest = 0;
     for (size_t i = 1; i < APP_COUNT(tables); i++)
         if (tables[i] != NULL && sizes[i] > largest) largest = sizes[i];
-    text_add(to, "enum { GOLDEN = %zu, LARGEST = %zu };\n", golden->count, largest);
-    if (golden->jacobian != NULL) text_add(to, "#define GRADIENT\n");
+    lg_text_add(to, "enum { GOLDEN = %zu, LARGEST = %zu };\n", golden->count, largest);
+    if (golden->jacobian != NULL) lg_text_add(to, "#define GRADIENT\n");
     if (golden->extras > 0) {
-        text_add(to, "#define EXTRAS %zu\n#define EXTRA_NAME ", golden->extras);
-        text_add_literal(to, golden->extra_name);
-        text_add(to, "\n");
+        lg_text_add(to, "#define EXTRAS %zu\n#define EXTRA_NAME ", golden->extras);
+        lg_text_add_literal(to, golden->extra_name);
+        lg_text_add(to, "\n");
     }
     for (size_t i = 0; i < APP_COUNT(tables); i++)
         if (tables[i] != NULL && sizes[i] > 0) add_table(source, to, names[i], tables[i], sizes[i]);

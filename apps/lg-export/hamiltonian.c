@@ -58,7 +58,7 @@ static size_t field_work(const lg_hamiltonian *model) {
 }
 
 static void add_chain(export_source *source) {
-    text_add(&source->code, "\n/* Points of T*S^2 that are off by less are returned to it. */\n");
+    lg_text_add(&source->code, "\n/* Points of T*S^2 that are off by less are returned to it. */\n");
     export_real(source, "manifold_rounding", source->options->dtype == LG_F32 ? 5e-5 : 1e-13);
     export_constant(source, "STUMPFF_TERMS", source->options->dtype == LG_F32 ? 7 : 12);
     export_code(source, "se3_vectors");
@@ -84,12 +84,12 @@ static void add_code(export_source *source, const lg_hamiltonian *model, const s
 static void tell_numbers(text *about, const char *what, unsigned count, const char *words) {
     char label[32];
     (void)snprintf(label, sizeof label, "%s (%u)", what, count);
-    text_add(about, "%-12s  %s\n", label, words);
+    lg_text_add(about, "%-12s  %s\n", label, words);
 }
 
 static void tell_chain(export_source *source, unsigned k) {
     text *about = &source->about;
-    text_add(about,
+    lg_text_add(about,
              "Learned Hamiltonian H(q, p) = 1/2 p.M(q)^-1 p + V(q) of a chain of %u link%s on T*S^2.\n\n", k,
              k == 1 ? "" : "s");
     tell_numbers(about, "state", 6 * k,
@@ -105,7 +105,7 @@ static void tell_chain(export_source *source, unsigned k) {
                         : "xi_1 eta_1 xi_2 eta_2 ... in se(3): q_i' = xi_i x q_i,\n"
                           "              p_i' = xi_i x p_i + eta_i x q_i; xi_i is the angular velocity");
     export_units(source, "those of the training data");
-    text_add(about,
+    lg_text_add(about,
              "time          as in the dt of the training data\n"
              "manifold      A state off it is not projected: value, gradient and field are those of the\n"
              "              formulas as they stand, and steps keep the distance but for rounding.\n");
@@ -113,17 +113,17 @@ static void tell_chain(export_source *source, unsigned k) {
 
 static void tell_separable(export_source *source, unsigned n) {
     text *about = &source->about;
-    text_add(about, "Learned Hamiltonian H(q, p) = 1/2 |A p|^2 + V(q) on R^%u.\n\n", 2 * n);
+    lg_text_add(about, "Learned Hamiltonian H(q, p) = 1/2 |A p|^2 + V(q) on R^%u.\n\n", 2 * n);
     tell_numbers(about, "state", 2 * n, n == 1 ? "q p" : "q_1 q_2 ... p_1 p_2 ...");
     tell_numbers(about, "input", n, "forces: p' = -dV/dq + input; NULL for none");
     tell_numbers(about, "field", 2 * n, n == 1 ? "q' p'" : "q_1' q_2' ... p_1' p_2' ...");
     export_units(source, "those of the training data");
-    text_add(about, "time          as in the dt of the training data\n");
+    lg_text_add(about, "time          as in the dt of the training data\n");
 }
 
 static void tell_scheme(text *about, const step_plan *step) {
     const char *what = step->scheme->kind == LG_SCHEME_SPLITTING ? "gradient of V" : "field";
-    text_add(about, "step          %s, order %d: costs %d evaluation%s of the %s\n",
+    lg_text_add(about, "step          %s, order %d: costs %d evaluation%s of the %s\n",
              step_scheme_name(step->scheme), step->scheme->order, step->evaluations,
              step->evaluations == 1 ? "" : "s", what);
 }
@@ -132,47 +132,47 @@ static void tell_test_set(text *about, const lg_hamiltonian_file *file) {
     const lg_test_set *test = &file->test;
     const bool own = test->sha256[0] != '\0' && strcmp(test->sha256, file->run.data_sha256) == 0;
     if (test->trajectories > 0)
-        text_add(about, "test set      %llu trajectories", (unsigned long long)test->trajectories);
+        lg_text_add(about, "test set      %llu trajectories", (unsigned long long)test->trajectories);
     else
-        text_add(about, "test set      one whose size is not on record");
-    if (test->points > 0) text_add(about, " of %llu points", (unsigned long long)test->points);
-    if (test->t_end > 0) text_add(about, " over a time of %g", test->t_end);
-    text_add(about, "%s\n", own ? ": THE TRAINING DATA" : "");
-    if (test->sha256[0] != '\0') text_add(about, "test SHA-256  %s\n", test->sha256);
+        lg_text_add(about, "test set      one whose size is not on record");
+    if (test->points > 0) lg_text_add(about, " of %llu points", (unsigned long long)test->points);
+    if (test->t_end > 0) lg_text_add(about, " over a time of %g", test->t_end);
+    lg_text_add(about, "%s\n", own ? ": THE TRAINING DATA" : "");
+    if (test->sha256[0] != '\0') lg_text_add(about, "test SHA-256  %s\n", test->sha256);
 }
 
 static void tell_test(text *about, const lg_hamiltonian_file *file) {
     if (file->has_e1)
-        text_add(about,
+        lg_text_add(about,
                  "E1            %.4e: mean squared error of the learned flow, integrated accurately from\n"
                  "              the starts of the test set, over its trajectories, coordinates and points\n",
                  file->e1);
     if (file->has_e2)
-        text_add(about, "E2            %.4e: mean |d - mean d|, d = true H - learned H at these starts\n",
+        lg_text_add(about, "E2            %.4e: mean |d - mean d|, d = true H - learned H at these starts\n",
                  file->e2);
     if (file->has_e1 || file->has_e2)
         tell_test_set(about, file);
     else
-        text_add(about, "test set      none is on record\n");
+        lg_text_add(about, "test set      none is on record\n");
 }
 
 static void tell_training(text *about, const lg_hamiltonian_file *file) {
     const lg_hamiltonian_run *run = &file->run;
     const double *loss = file->history[LG_FIT_LOSS];
-    text_add(about, "\n");
-    if (run->system[0] != '\0') text_add(about, "system        %s\n", run->system);
+    lg_text_add(about, "\n");
+    if (run->system[0] != '\0') lg_text_add(about, "system        %s\n", run->system);
     if (run->trajectories > 0)
-        text_add(about,
+        lg_text_add(about,
                  "trained on    %llu trajectories of %llu points %g apart, through %s with %u step%s between "
                  "two points\n",
                  (unsigned long long)run->trajectories, (unsigned long long)run->points, run->dt,
                  lg_train_integrator_name(run->integrator), (unsigned)run->substeps,
                  run->substeps == 1 ? "" : "s");
     if (file->epochs_done > 0)
-        text_add(about, "epochs        %zu, in %s precision\n", file->epochs_done,
+        lg_text_add(about, "epochs        %zu, in %s precision\n", file->epochs_done,
                  run->training.dtype == LG_F32 ? "single" : "double");
     if (file->epochs_done > 0 && loss != NULL && isfinite(loss[file->epochs_done - 1]))
-        text_add(about, "last loss     %.4e (mean squared error of the predicted points)\n",
+        lg_text_add(about, "last loss     %.4e (mean squared error of the predicted points)\n",
                  loss[file->epochs_done - 1]);
     tell_test(about, file);
 }
@@ -199,7 +199,7 @@ static void tell(export_source *source, const lg_hamiltonian_file *file, const s
         tell_separable(source, model->links);
     tell_scheme(&source->about, step);
     if (source->condition > 1.0)
-        text_add(
+        lg_text_add(
             &source->about,
             "condition     %.1f: the mass matrix is nearly singular, rounding is so much larger, and so is "
             "the\n              tolerance\n",
@@ -210,7 +210,7 @@ static void tell(export_source *source, const lg_hamiltonian_file *file, const s
     export_size(source, "STATE_SIZE", lg_hamiltonian_state_size(model), "numbers in state, next and field");
     export_size(source, "INPUT_SIZE", (chain ? 3 : 1) * (size_t)model->links, "numbers in an input");
     export_size(source, "STEP_EVALUATIONS", (size_t)step->evaluations, "of the network's gradient in a step");
-    text_add_named(&source->declarations, source->options->name, declarations);
+    lg_text_add_named(&source->declarations, source->options->name, declarations);
 }
 
 /* ---- golden vectors ---- */
@@ -293,11 +293,11 @@ static lg_status golden_vectors(export_source *source, const lg_model *model, co
     lg_status status = lg_model_stepper_init(memory, bytes, model, scheme, &stepper);
     if (status == LG_OK) status = compute_golden(source, model, dt, input, work, stepper, &h);
     if (status == LG_OK) {
-        text_add(&source->test, "static const real golden_step = ");
-        text_add_real(&source->test, source->options->dtype, h);
-        text_add(&source->test, ";\nstatic const real golden_input[%zu] = {\n", m);
-        text_add_reals(&source->test, source->options->dtype, 4, input, m);
-        text_add(&source->test, "};\n");
+        lg_text_add(&source->test, "static const real golden_step = ");
+        lg_text_add_real(&source->test, source->options->dtype, h);
+        lg_text_add(&source->test, ";\nstatic const real golden_input[%zu] = {\n", m);
+        lg_text_add_reals(&source->test, source->options->dtype, 4, input, m);
+        lg_text_add(&source->test, "};\n");
         export_test_code(source, "test_hamiltonian");
     }
     free(work);

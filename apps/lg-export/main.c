@@ -69,10 +69,10 @@ static bool has_ending(const char *path, const char *ending) {
 static int unknown_scheme(const job *j) {
     text names = {.data = NULL};
     for (size_t i = 0; i < lg_scheme_count(); i++)
-        text_add(&names, "%s%s", i > 0 ? ", " : "", lg_scheme_at(i)->name);
+        lg_text_add(&names, "%s%s", i > 0 ? ", " : "", lg_scheme_at(i)->name);
     const int code = app_usage(j->self, "--scheme: '%s' is no file (.yaml, .yml, .json) and not one of %s",
                                given.scheme, names.data);
-    text_free(&names);
+    lg_text_free(&names);
     return code;
 }
 

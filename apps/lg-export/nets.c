@@ -55,18 +55,18 @@ static void add_weights(export_source *source, const slices *s, const double *th
 
 static void add_table(export_source *source, const slices *s) {
     text *to = &source->code;
-    text_add(to, "\n/* in, out, weight, bias */\nstatic const net_layer net_layers[] = {\n");
+    lg_text_add(to, "\n/* in, out, weight, bias */\nstatic const net_layer net_layers[] = {\n");
     for (size_t i = 0; i < s->count; i++) {
         const lg_slice_info *w = &s->at[i];
         if (w->rank < 2) continue;
-        text_add(to, "    {%llu, %llu, %zu, ", (unsigned long long)w->dims[0], (unsigned long long)w->dims[1],
+        lg_text_add(to, "    {%llu, %llu, %zu, ", (unsigned long long)w->dims[0], (unsigned long long)w->dims[1],
                  w->offset);
         if (i + 1 < s->count && s->at[i + 1].rank == 1)
-            text_add(to, "%zu},\n", s->at[i + 1].offset);
+            lg_text_add(to, "%zu},\n", s->at[i + 1].offset);
         else
-            text_add(to, "-1},\n");
+            lg_text_add(to, "-1},\n");
     }
-    text_add(to, "};\n");
+    lg_text_add(to, "};\n");
 }
 
 /* ---- places in work ---- */
@@ -79,7 +79,7 @@ typedef struct work_place {
 
 static size_t add_places(export_source *source, const work_place *places, size_t count, unsigned uses) {
     size_t at = 0;
-    text_add(&source->code, "\n/* where arrays begin in a network's work */\n");
+    lg_text_add(&source->code, "\n/* where arrays begin in a network's work */\n");
     for (size_t i = 0; i < count; i++) {
         const bool wanted = places[i].only_for == 0 || (places[i].only_for & uses) != 0;
         if (!wanted || places[i].count == 0) continue;
@@ -183,6 +183,9 @@ static void add_layers(export_source *source, lg_activation kind, unsigned uses)
 /* The table, and before it what its type stands in. */
 static void add_description(export_source *source, const slices *s, const double *theta, bool embedding) {
     add_weights(source, s, theta);
+    export_code(source, "dot");
+    export_code(source, "noinline");
+    export_code(source, "dense_add");
     export_code(source, "dense");
     add_table(source, s);
     export_constant(source, "NET_FIRST", embedding ? 1 : 0);

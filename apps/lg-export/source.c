@@ -19,8 +19,8 @@ static void add_fragment(export_source *source, const char *fragment, text *to) 
     const size_t used = strlen(source->fragments);
     if (length < 0 || strstr(source->fragments, word) != NULL) return;
     (void)snprintf(source->fragments + used, sizeof source->fragments - used, "%s", word);
-    text_add(to, "\n");
-    text_add_named(to, source->options->name, export_fragment_text(fragment));
+    lg_text_add(to, "\n");
+    lg_text_add_named(to, source->options->name, export_fragment_text(fragment));
 }
 
 void export_code(export_source *source, const char *fragment) {
@@ -34,40 +34,27 @@ void export_test_code(export_source *source, const char *fragment) {
 /* ---- constants ---- */
 
 void export_size(export_source *source, const char *constant, size_t value, const char *comment) {
-    text_add(&source->sizes, "#define %s_%s %zu", source->options->name, constant, value);
-    text_add(&source->sizes, "%s", comment != NULL ? " /* " : "");
-    text_add_comment(&source->sizes, comment != NULL ? comment : "");
-    text_add(&source->sizes, "%s\n", comment != NULL ? " */" : "");
+    lg_text_add(&source->sizes, "#define %s_%s %zu", source->options->name, constant, value);
+    lg_text_add(&source->sizes, "%s", comment != NULL ? " /* " : "");
+    lg_text_add_comment(&source->sizes, comment != NULL ? comment : "");
+    lg_text_add(&source->sizes, "%s\n", comment != NULL ? " */" : "");
 }
 
 void export_constant(export_source *source, const char *constant, size_t value) {
-    text_add(&source->code, "enum { %s = %zu };\n", constant, value);
+    lg_text_add(&source->code, "enum { %s = %zu };\n", constant, value);
 }
 
 void export_real(export_source *source, const char *constant, double value) {
-    text_add(&source->code, "static const real %s = ", constant);
-    text_add_real(&source->code, source->options->dtype, value);
-    text_add(&source->code, ";\n");
+    lg_text_add(&source->code, "static const real %s = ", constant);
+    lg_text_add_real(&source->code, source->options->dtype, value);
+    lg_text_add(&source->code, ";\n");
 }
 
 /* ---- arrays ---- */
 
 static void declare(export_source *source, const char *type, const char *array, size_t count) {
-    text_add(&source->arrays, "extern const %s %s_%s[%zu];\n", type, source->options->name, array, count);
-    text_add(&source->weights, "\nconst %s %s_%s[%zu] = {\n", type, source->options->name, array, count);
-}
-
-/* A line of up to four numbers, and below it the same numbers in hexadecimal. */
-static void add_line(text *to, lg_dtype dtype, const double *values, size_t count) {
-    text_add(to, "    ");
-    for (size_t i = 0; i < count; i++) {
-        text_add_real(to, dtype, values[i]);
-        text_add(to, i + 1 < count ? ", " : ",\n");
-    }
-    text_add(to, "    /* ");
-    for (size_t i = 0; i < count; i++)
-        text_add(to, "%a ", dtype == LG_F32 ? (double)(float)values[i] : values[i]);
-    text_add(to, "*/\n");
+    lg_text_add(&source->arrays, "extern const %s %s_%s[%zu];\n", type, source->options->name, array, count);
+    lg_text_add(&source->weights, "\nconst %s %s_%s[%zu] = {\n", type, source->options->name, array, count);
 }
 
 void export_array(export_source *source, const char *array, const export_part *parts, size_t count) {
@@ -78,14 +65,14 @@ void export_array(export_source *source, const char *array, const export_part *p
     (void)snprintf(type, sizeof type, "%s_real", source->options->name);
     declare(source, type, array, total);
     for (size_t i = 0; i < count; i++) {
-        text_add(&source->weights, "    /* ");
-        text_add_comment(&source->weights, parts[i].comment);
-        text_add(&source->weights, " */\n");
+        lg_text_add(&source->weights, "    /* ");
+        lg_text_add_comment(&source->weights, parts[i].comment);
+        lg_text_add(&source->weights, " */\n");
         for (size_t k = 0; k < parts[i].count; k += 4)
-            add_line(&source->weights, source->options->dtype, parts[i].values + k,
+            lg_text_add_hex_line(&source->weights, source->options->dtype, parts[i].values + k,
                      parts[i].count - k < 4 ? parts[i].count - k : 4);
     }
-    text_add(&source->weights, "};\n");
+    lg_text_add(&source->weights, "};\n");
     source->numbers += total;
 }
 
@@ -93,13 +80,13 @@ void export_integers(export_source *source, const char *array, const char *comme
                      size_t count) {
     if (count == 0) return;
     declare(source, "int", array, count);
-    text_add(&source->weights, "    /* ");
-    text_add_comment(&source->weights, comment);
-    text_add(&source->weights, " */\n");
+    lg_text_add(&source->weights, "    /* ");
+    lg_text_add_comment(&source->weights, comment);
+    lg_text_add(&source->weights, " */\n");
     for (size_t i = 0; i < count; i++)
-        text_add(&source->weights, "%s%lu,%s", i % 10 == 0 ? "    " : " ", (unsigned long)values[i],
+        lg_text_add(&source->weights, "%s%lu,%s", i % 10 == 0 ? "    " : " ", (unsigned long)values[i],
                  i % 10 == 9 || i + 1 == count ? "\n" : "");
-    text_add(&source->weights, "};\n");
+    lg_text_add(&source->weights, "};\n");
     source->integers += count;
 }
 
@@ -133,10 +120,10 @@ void export_units(export_source *source, const char *otherwise) {
     const char *label = "units";
     for (size_t i = 0; i < APP_COUNT(rows); i++) {
         if (rows[i][1][0] == '\0') continue;
-        text_add(&source->about, "%-12s  %s%s\n", label, rows[i][0], rows[i][1]);
+        lg_text_add(&source->about, "%-12s  %s%s\n", label, rows[i][0], rows[i][1]);
         label = "";
     }
-    if (label[0] != '\0') text_add(&source->about, "%-12s  %s\n", label, otherwise);
+    if (label[0] != '\0') lg_text_add(&source->about, "%-12s  %s\n", label, otherwise);
 }
 
 void export_provenance(export_source *source, const lg_provenance *provenance, const char *sha256) {
@@ -145,9 +132,9 @@ void export_provenance(export_source *source, const lg_provenance *provenance, c
                                    {"on", provenance->cpu},
                                    {"data SHA-256", sha256 != NULL ? sha256 : ""}};
     for (size_t i = 0; i < APP_COUNT(rows); i++)
-        if (rows[i][1][0] != '\0') text_add(&source->about, "%-12s  %s\n", rows[i][0], rows[i][1]);
+        if (rows[i][1][0] != '\0') lg_text_add(&source->about, "%-12s  %s\n", rows[i][0], rows[i][1]);
     if (provenance->has_seed)
-        text_add(&source->about, "%-12s  %llu\n", "seed", (unsigned long long)provenance->seed);
+        lg_text_add(&source->about, "%-12s  %llu\n", "seed", (unsigned long long)provenance->seed);
 }
 
 void export_source_free(export_source *source) {
@@ -155,7 +142,7 @@ void export_source_free(export_source *source) {
                            &source->weights, &source->code,  &source->test};
     double *const arrays[] = {source->golden.x, source->golden.y, source->golden.jacobian,
                               source->golden.extra};
-    for (size_t i = 0; i < APP_COUNT(texts); i++) text_free(texts[i]);
+    for (size_t i = 0; i < APP_COUNT(texts); i++) lg_text_free(texts[i]);
     for (size_t i = 0; i < APP_COUNT(arrays); i++) free(arrays[i]);
     source->golden = (export_golden){.count = 0};
 }

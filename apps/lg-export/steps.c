@@ -9,15 +9,15 @@ const char *step_scheme_name(const lg_scheme *scheme) {
 }
 
 static void add_reals(export_source *source, const char *table, const double *values, size_t count) {
-    text_add(&source->code, "static const real %s[%zu] = {\n", table, count);
-    text_add_reals(&source->code, source->options->dtype, 4, values, count);
-    text_add(&source->code, "};\n");
+    lg_text_add(&source->code, "static const real %s[%zu] = {\n", table, count);
+    lg_text_add_reals(&source->code, source->options->dtype, 4, values, count);
+    lg_text_add(&source->code, "};\n");
 }
 
 static void add_integers(export_source *source, const char *table, const int *values, size_t count) {
-    text_add(&source->code, "static const int %s[%zu] = {", table, count);
-    for (size_t i = 0; i < count; i++) text_add(&source->code, "%s%d", i == 0 ? "" : ", ", values[i]);
-    text_add(&source->code, "};\n");
+    lg_text_add(&source->code, "static const int %s[%zu] = {", table, count);
+    for (size_t i = 0; i < count; i++) lg_text_add(&source->code, "%s%d", i == 0 ? "" : ", ", values[i]);
+    lg_text_add(&source->code, "};\n");
 }
 
 /* Row `row` of the tableau: of a, or behind the stages the weights, as the last stage has them with fsal. */
@@ -112,7 +112,7 @@ static void add_commutators(export_source *source, const step_plan *of) {
         weights[count++] = c->weight;
     }
     if (count > 0) {
-        text_add(&source->code, "/* Commutators: row, first and second stage, from 0; weights. */\n");
+        lg_text_add(&source->code, "/* Commutators: row, first and second stage, from 0; weights. */\n");
         export_constant(source, "COMMUTATORS", (size_t)count);
         add_integers(source, "commutator", rows, 3 * (size_t)count);
         add_reals(source, "commutator_weight", weights, (size_t)count);
@@ -184,7 +184,7 @@ static void add_splitting(export_source *source, const step_plan *of, bool chain
         table[i] = i % 2 == 0 ? of->scheme->kick[i / 2] : of->scheme->drift[i / 2];
         acts[i] = table[i] != 0.0;
     }
-    text_add(&source->code, "/* kick and drift in turn, and whether they are not 0 */\n");
+    lg_text_add(&source->code, "/* kick and drift in turn, and whether they are not 0 */\n");
     add_reals(source, "splitting", table, 2 * (size_t)of->stages);
     add_integers(source, "splitting_acts", acts, 2 * (size_t)of->stages);
     export_code(source, "step_splitting");
@@ -223,9 +223,9 @@ int step_choose(const app *self, const export_source *source, const lg_hamiltoni
 }
 
 size_t step_code(export_source *source, const step_plan *step, bool chain, size_t begin) {
-    text_add(&source->code, "\n/* The scheme of %s_step: ", source->options->name);
-    text_add_comment(&source->code, step_scheme_name(step->scheme));
-    text_add(&source->code, " */\n");
+    lg_text_add(&source->code, "\n/* The scheme of %s_step: ", source->options->name);
+    lg_text_add_comment(&source->code, step_scheme_name(step->scheme));
+    lg_text_add(&source->code, " */\n");
     export_constant(source, "STEP_BEGIN", begin);
     export_constant(source, "STAGES", (size_t)step->stages);
     if (!chain && step->scheme->kind != LG_SCHEME_SPLITTING) export_code(source, "step_flat");

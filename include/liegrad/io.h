@@ -32,6 +32,7 @@
 #include "liegrad/mechanics.h"
 #include "liegrad/model.h"
 #include "liegrad/nn.h"
+#include "liegrad/program.h"
 #include "liegrad/random.h"
 #include "liegrad/search.h"
 #include "liegrad/series.h"
@@ -436,6 +437,19 @@ LG_API lg_status lg_detector_checkpoint_open(const lg_context *context, const ch
 LG_API lg_status lg_detector_run_compare(const char *path, const lg_detector_run *stored,
                                          const lg_detector_run *wanted, lg_error *error);
 
+/* ---- programs ---- */
+
+/* Kind "program": parameters, functions and operations as they were recorded, numbers to the last bit; the
+ * layout stands in docs/files.md. What is loaded makes plans, derivatives and C with the same bits, and the
+ * same bytes when it is saved again. `provenance` may be NULL. The program keeps the context. */
+LG_API lg_status lg_program_save(const lg_context *context, const char *path, const lg_program *program,
+                                 const lg_provenance *provenance, lg_error *error);
+/* Everything is checked as lg_program_add_image (liegrad/program_image.h) does, in files as in memory: a
+ * program that loads is sound. All arrays together are within options->max_bytes. LG_FORMAT also for
+ * operations that are not known here, LG_VERSION for those of a later revision. */
+LG_API lg_status lg_program_load(const lg_context *context, const char *path, const lg_read_options *options,
+                                 lg_program **out, lg_error *error);
+
 /* Attribute `kind` of a file written here (or by hand, without `format`), "" for a file without one or of
  * another format: which loader is wanted. LG_INVALID_ARGUMENT: no room in `size` bytes; 64 are enough. */
 LG_API lg_status lg_file_kind(const lg_context *context, const char *path, const lg_read_options *options,
@@ -451,7 +465,8 @@ typedef struct lg_model_file {
     };
 } lg_model_file;
 /* LG_FORMAT, with a sentence that says what the file is, for a kind that is no lg_model (checkpoints, data;
- * classical classifiers are read by lg_classifier_load). The other errors are those of the kind's own loader.
+ * classical classifiers are read by lg_classifier_load, programs by lg_program_load). The other errors are
+ * those of the kind's own loader.
  */
 LG_API lg_status lg_model_load(const lg_context *context, const char *path, const lg_read_options *options,
                                lg_model_file *out, lg_error *error);

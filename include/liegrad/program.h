@@ -41,7 +41,7 @@ typedef struct lg_port {
     const char *name; /* a C identifier, unique among the function's inputs and outputs */
     lg_shape shape;   /* of one row, without the batch axis: rank 0 to 3. Shared: of the whole, rank 0 to 4 */
     bool shared;      /* one value for all rows */
-    const char *unit; /* NULL: none is known */
+    const char *unit; /* NULL: none is known; at most 64 bytes, none of control, \ " ? or marks of comments */
     double low, high; /* inputs: the range in which checks draw random numbers; 0, 0: -1 to 1 */
 } lg_port;
 
@@ -76,7 +76,7 @@ typedef struct lg_program_spec {
     size_t parameter_count; /* may be 0 */
     const lg_function_spec *functions;
     size_t function_count;
-    const char *description; /* a sentence or more; NULL: none */
+    const char *description; /* a sentence or more, at most 4095 bytes; NULL: none */
 } lg_program_spec;
 
 LG_API void lg_program_spec_init(lg_program_spec *spec);
@@ -146,11 +146,20 @@ LG_API void lg_derivative_init(lg_derivative *what);
  * before. */
 LG_API lg_status lg_program_derive(lg_program *program, const lg_derivative *what, lg_error *error);
 
+/* Structural sparsity, whatever the parameters: pattern[a * n + b] = 1 where element a of one row of the
+ * output may depend on element b of the same row of the input (n elements), else 0; `pattern` has
+ * count(output) n bytes, shared ports count as a whole. Of a derived function, of its own outputs: J of
+ * `value` is nonzero only where `value` itself depends, the Jacobian of `adj1_value` only where `adj1_value`
+ * does. Errors: LG_NOT_FOUND (function, output, input), LG_OUT_OF_MEMORY. */
+LG_API lg_status lg_program_sparsity(const lg_program *program, size_t function, size_t output, size_t input,
+                                     unsigned char *pattern, lg_error *error);
+
 /* ---- loops ---- */
 
 /* Adds a function that calls `function` `times` times: after each call output carry[j].output takes the place
  * of input carry[j].input (equal ports), the other inputs stay. It has the ports of `function`. In C it is a
- * loop. Errors: LG_INVALID_ARGUMENT (times 0, ports that do not fit), LG_NOT_FOUND, LG_OUT_OF_MEMORY. */
+ * loop. Errors: LG_INVALID_ARGUMENT (times 0 or
+ * above 2^24, ports that do not fit), LG_NOT_FOUND, LG_OUT_OF_MEMORY. */
 typedef struct lg_carry {
     const char *output, *input;
 } lg_carry;
@@ -170,6 +179,7 @@ typedef struct lg_plan_options {
     size_t rows;     /* B >= 1; 1 */
     lg_dtype dtype;  /* LG_F64; LG_F32: parameters are rounded, everything is computed in single precision */
     bool mark_unfit; /* true: a number of an input that is not finite makes all outputs NaN */
+    bool compact;    /* true: small tensors too are computed in loops, not written out */
     size_t most_bytes; /* of constants and of work memory; 1 GiB. Beyond: LG_OUT_OF_MEMORY */
 } lg_plan_options;
 
@@ -188,6 +198,49 @@ LG_API size_t lg_plan_output_count(const lg_plan *plan, size_t output);
  * overlap neither inputs nor work. Allocates nothing, takes no lock, cannot fail: a matrix that is not
  * positive definite makes its rows NaN. */
 LG_API void lg_plan_run(const lg_plan *plan, const void *const *inputs, void *const *outputs, void *work);
+
+/* ---- C ---- */
+
+/* Functions as C99 and C++14 that needs libm alone, allocates nothing and keeps no state: the steps of a plan
+ * of one row, made in double precision. A file NAME.h has `sizes` and `declarations` (in extern "C"); NAME.c
+ * begins with #include "NAME.h", then `arrays`, then `code`; NAME_weights.c has the same, and `weights` instead
+ * of `code`. */
+typedef struct lg_c_options {
+    size_t size;             /* sizeof(lg_c_options) */
+    const char *name;        /* a C identifier, with which all that is visible begins */
+    lg_dtype dtype;          /* of the code; LG_F64 */
+    const size_t *functions; /* which, by number */
+    size_t function_count;   /* 0: all */
+    bool mark_unfit;         /* true (the default): as lg_plan_options has it */
+    bool compact;            /* likewise, false: less code, slower where tensors are small */
+} lg_c_options;
+LG_API void lg_c_options_init(lg_c_options *options);
+
+typedef struct lg_c_source {
+    const lg_context *context;
+    char *sizes; /* typedef ... NAME_real; #define NAME_<function>_WORK_SIZE, NAME_WORK_SIZE: the largest */
+    /* void NAME_<function>(const NAME_real *<input>, ..., NAME_real *<output>, ..., NAME_real *work); for one
+     * row. An output may be NULL: not wanted. work: numbers, any contents before, none of use after. Outputs
+     * overlap neither inputs nor work. Names in capitals alone get a _. */
+    char *declarations;
+    char *arrays;     /* extern const ... NAME_weights[...]; "" where there are none */
+    char *code;       /* prelude, functions of operations, functions of the program */
+    char *weights;    /* what `arrays` declares: each number once, whichever functions read it */
+    size_t functions; /* that are written */
+    size_t *function, *work, *depth; /* by function: its number, numbers of work memory, and operations one
+                                        after another at most, a sum of n terms as log2 n + 1 */
+    size_t work_size, most_depth;    /* the largest */
+    size_t stack_size;               /* bytes: bound on the sum of the frames of all functions, of those named
+                                        scalars_<n> the largest alone (gcc, clang, -O0 to -O3) */
+    size_t numbers, integers;        /* in the arrays */
+} lg_c_source;
+
+/* Errors: LG_INVALID_ARGUMENT (options, a name that C or the code has already), LG_NOT_FOUND (a function),
+ * LG_UNSUPPORTED (an operation without C, a tensor of 2^31 elements), LG_NOT_FINITE, LG_OUT_OF_MEMORY; those
+ * of lg_plan_create. */
+LG_API lg_status lg_program_write_c(const lg_program *program, const lg_c_options *options, lg_c_source **out,
+                                    lg_error *error);
+LG_API void lg_c_source_free(lg_c_source *source); /* NULL is fine */
 
 LG_END_DECLS
 

@@ -63,6 +63,7 @@ struct lg_reverse;
 struct lg_forward;
 typedef struct lg_scalars lg_scalars; /* scalars.h */
 typedef uint32_t lg_scalar;           /* an instruction of scalar code */
+struct lg_c;
 
 typedef struct lg_op {
     const char *name;    /* unique: files know an operation by it */
@@ -76,6 +77,7 @@ typedef struct lg_op {
     lg_var (*jvp)(const struct lg_forward *f);
     lg_payload payload;
     bool given;
+    uint8_t revision; /* how often its meaning in files has changed: they say 1 + revision */
     /* Bit k: forward does not read input k. NULL: it reads all. */
     uint32_t (*unread)(const lg_attr *attr, uint32_t inputs);
     /* Bytes; they see shapes, attributes and whether `transposed` is there, no values. NULL: none. */
@@ -91,6 +93,8 @@ typedef struct lg_op {
     /* Scalar code of all elements y of the output from all elements x[k] of the inputs; for others whose
      * small tensors are worth writing out. */
     void (*expand)(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y);
+    /* The evaluation as C (op_c.h); it sees shapes and attributes, no values. NULL: as `element` says. */
+    void (*write_c)(struct lg_c *c, const lg_evaluation *e);
 } lg_op;
 
 /* What every row has, in this order; the rest by name. */

@@ -14,9 +14,21 @@
  * constant to differentiation in the second. Maximum pooling is POOL_PICK(x, x).
  */
 #include "autodiff/conv.h"
+#include "autodiff/op_c.h"
 #include "autodiff/tape_internal.h"
 
+#include <stdio.h>
+
 /* ---- convolution: sizes ---- */
+
+/* The largest scratch is a number that memory can be asked for: without outputs or samples nothing else
+ * bounds it. */
+static bool scratch_fits(const lg_conv *c) {
+    const lg_k_windows *w = &c->windows;
+    const double width = (double)w->size * (double)w->channels;
+    const double rows = (double)w->count + 2.0 * (double)c->outputs;
+    return width * rows + (double)(w->length + 2 * w->padding) * (double)w->channels < 0x1p56;
+}
 
 /* From the shapes of x and w. */
 static bool conv_of(const lg_shape *x, const lg_shape *w, const lg_attr *attr, lg_conv *out) {
@@ -28,7 +40,7 @@ static bool conv_of(const lg_shape *x, const lg_shape *w, const lg_attr *attr, l
                      .batch = x->dims[0],
                      .outputs = w->dims[2]};
     return x->rank == 3 && w->rank == 3 && x->dims[2] == w->dims[1] && lg_windows_count(&out->windows) &&
-           out->windows.count <= UINT32_MAX;
+           out->windows.count <= UINT32_MAX && scratch_fits(out);
 }
 
 /* The shape of y. */
@@ -132,6 +144,123 @@ static lg_status conv1d_weight_forward(lg_evaluation *e) {
     const lg_conv c = conv_weight_at(e);
     lg_conv_weight(e->k, &c, e->x[0], e->x[1], e->y, false, e->scratch);
     return LG_OK;
+}
+
+/* ---- convolution: C ---- */
+
+static const lg_c_fragment c_windows = {
+    .comment = "Windows of `size` rows of a series (length, channels), one every `stride` rows, the first one "
+               "`padding` rows\nbefore it; rows outside are zero.",
+    .text = LG_C(typedef struct conv_windows {
+        int length;
+        int channels;
+        int size;
+        int stride;
+        int padding;
+        int count;
+    } conv_windows;
+
+    static conv_windows make_windows(int length, int channels, int size, int stride, int padding, int count) {
+        conv_windows w;
+        w.length = length;
+        w.channels = channels;
+        w.size = size;
+        w.stride = stride;
+        w.padding = padding;
+        w.count = count;
+        return w;
+    })};
+
+static const lg_c_fragment c_window_rows = {
+    .comment = "Of window t: which of its rows lie in the series, and which row of the series is the first.",
+    .text = LG_C(static void window_rows(const conv_windows *w, int t, int *first, int *rows, int *at) {
+        const int start = t * w->stride - w->padding;
+        const int begin = start < 0 ? -start : 0;
+        const int end = start + w->size > w->length ? w->length - start : w->size;
+        *first = begin;
+        *rows = end > begin ? end - begin : 0;
+        *at = start + begin;
+    }),
+    .needs = {&c_windows}};
+
+static const lg_c_fragment c_conv1d = {
+    .comment = "y (batch, count, outputs) = the windows of x times w (size, channels, outputs), plus b "
+               "(outputs; or NULL)",
+    .text = LG_C(static void conv1d(int batch, conv_windows w, int outputs, const real *x, const real *weight,
+                                    const real *b, real *y) {
+        const int n = w.channels;
+        for (int s = 0; s < batch; s++, x += w.length * n)
+            for (int t = 0; t < w.count; t++, y += outputs) {
+                int first, rows, at;
+                window_rows(&w, t, &first, &rows, &at);
+                for (int o = 0; o < outputs; o++) y[o] = b != NULL ? b[o] : REAL(0.0);
+                dense_add(rows * n, outputs, weight + first * n * outputs, x + at * n, y);
+            }
+    }),
+    .needs = {&c_window_rows, &lg_c_dense_add}};
+
+static const lg_c_fragment c_conv1d_input = {
+    .comment = "x (batch, length, channels), the adjoint of conv1d in its first argument: g (batch, count, "
+               "outputs)",
+    .text = LG_C(static void conv1d_input(int batch, conv_windows w, int outputs, const real *g,
+                                          const real *weight, real *x) {
+        const int n = w.channels;
+        for (int s = 0; s < batch; s++, x += w.length * n) {
+            for (int i = 0; i < w.length * n; i++) x[i] = REAL(0.0);
+            for (int t = 0; t < w.count; t++, g += outputs) {
+                int first, rows, at;
+                window_rows(&w, t, &first, &rows, &at);
+                for (int i = 0; i < rows * n; i++)
+                    x[at * n + i] += dot(outputs, weight + (first * n + i) * outputs, g);
+            }
+        }
+    }),
+    .needs = {&c_window_rows, &lg_c_dot}};
+
+static const lg_c_fragment c_conv1d_weight = {
+    .comment = "weight (size, channels, outputs), the adjoint of conv1d in its second argument: x, g",
+    .text = LG_C(static void conv1d_weight(int batch, conv_windows w, int outputs, const real *RESTRICT x,
+                                           const real *RESTRICT g, real *RESTRICT weight) {
+        const int n = w.channels;
+        for (int i = 0; i < w.size * n * outputs; i++) weight[i] = REAL(0.0);
+        for (int s = 0; s < batch; s++, x += w.length * n)
+            for (int t = 0; t < w.count; t++, g += outputs) {
+                int first, rows, at;
+                window_rows(&w, t, &first, &rows, &at);
+                for (int i = 0; i < rows * n; i++)
+                    for (int o = 0; o < outputs; o++)
+                        weight[(first * n + i) * outputs + o] += x[at * n + i] * g[o];
+            }
+    }),
+    .needs = {&c_window_rows}};
+
+enum { WINDOWS_TEXT = 160 };
+
+static const char *windows_text(const lg_k_windows *w, char text[WINDOWS_TEXT]) {
+    (void)snprintf(text, WINDOWS_TEXT, "make_windows(%zu, %zu, %zu, %zu, %zu, %zu)", w->length, w->channels,
+                   w->size, w->stride, w->padding, w->count);
+    return text;
+}
+
+static void conv1d_c(lg_c *c, const lg_evaluation *e) {
+    const lg_conv conv = conv_at(e);
+    char text[WINDOWS_TEXT];
+    lg_c_call(c, &c_conv1d, "conv1d(%zu, %s, %zu, $0, $1, %s, $y)", conv.batch,
+              windows_text(&conv.windows, text), conv.outputs, e->inputs > 2 ? "$2" : "NULL");
+}
+
+static void conv1d_input_c(lg_c *c, const lg_evaluation *e) {
+    const lg_conv conv = conv_input_at(e);
+    char text[WINDOWS_TEXT];
+    lg_c_call(c, &c_conv1d_input, "conv1d_input(%zu, %s, %zu, $0, $1, $y)", conv.batch,
+              windows_text(&conv.windows, text), conv.outputs);
+}
+
+static void conv1d_weight_c(lg_c *c, const lg_evaluation *e) {
+    const lg_conv conv = conv_weight_at(e);
+    char text[WINDOWS_TEXT];
+    lg_c_call(c, &c_conv1d_weight, "conv1d_weight(%zu, %s, %zu, $0, $1, $y)", conv.batch,
+              windows_text(&conv.windows, text), conv.outputs);
 }
 
 /* ---- convolution: where nothing is recorded ---- */
@@ -271,13 +400,14 @@ static lg_var conv1d_weight_jvp(const lg_forward *f) {
 }
 
 const lg_op lg_op_conv1d = {LG_OP("conv1d", 0, 2, 3, conv1d_shape, conv1d_forward, conv1d_vjp, conv1d_jvp),
-                            .scratch = conv1d_scratch};
+                            .scratch = conv1d_scratch, .write_c = conv1d_c};
 const lg_op lg_op_conv1d_input = {LG_OP("conv1d_input", 0, 2, 2, conv1d_input_shape, conv1d_input_forward,
                                         conv1d_input_vjp, conv1d_input_jvp),
-                                  .scratch = conv1d_input_scratch, .transpose = conv1d_input_transpose};
+                                  .scratch = conv1d_input_scratch, .transpose = conv1d_input_transpose,
+ .write_c = conv1d_input_c};
 const lg_op lg_op_conv1d_weight = {LG_OP("conv1d_weight", 0, 2, 2, conv1d_weight_shape, conv1d_weight_forward,
                                          conv1d_weight_vjp, conv1d_weight_jvp),
-                                   .scratch = conv1d_weight_scratch};
+                                   .scratch = conv1d_weight_scratch, .write_c = conv1d_weight_c};
 
 /* ---- pooling: sizes ---- */
 
@@ -348,6 +478,49 @@ static lg_status avg_pool1d_adjoint_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
+static const lg_c_fragment c_pool_mean = {
+    .comment = "y (batch, count, channels): means of the windows of x.",
+    .text = LG_C(static void pool_mean(int batch, conv_windows w, const real *RESTRICT x, real *RESTRICT y) {
+        const int n = w.channels;
+        for (int s = 0; s < batch; s++, x += w.length * n)
+            for (int t = 0; t < w.count; t++, y += n) {
+                for (int i = 0; i < n; i++) y[i] = REAL(0.0);
+                for (int j = 0; j < w.size; j++)
+                    for (int i = 0; i < n; i++) y[i] += x[(t * w.stride + j) * n + i];
+                for (int i = 0; i < n; i++) y[i] /= (real)w.size;
+            }
+    }),
+    .needs = {&c_windows}};
+
+static const lg_c_fragment c_pool_mean_adjoint = {
+    .comment = "x (batch, length, channels), the adjoint of pool_mean: g (batch, count, channels)",
+    .text = LG_C(static void pool_mean_adjoint(int batch, conv_windows w, const real *RESTRICT g,
+                                               real *RESTRICT x) {
+        const int n = w.channels;
+        for (int s = 0; s < batch; s++, x += w.length * n) {
+            for (int i = 0; i < w.length * n; i++) x[i] = REAL(0.0);
+            for (int t = 0; t < w.count; t++, g += n)
+                for (int j = 0; j < w.size; j++)
+                    for (int i = 0; i < n; i++) x[(t * w.stride + j) * n + i] += g[i] / (real)w.size;
+        }
+    }),
+    .needs = {&c_windows}};
+
+static void avg_pool1d_c(lg_c *c, const lg_evaluation *e) {
+    char text[WINDOWS_TEXT];
+    lg_k_windows w;
+    (void)pool_of(e->in[0], e->attr, &w);
+    lg_c_call(c, &c_pool_mean, "pool_mean(%u, %s, $0, $y)", e->shape->dims[0], windows_text(&w, text));
+}
+
+static void avg_pool1d_adjoint_c(lg_c *c, const lg_evaluation *e) {
+    char text[WINDOWS_TEXT];
+    lg_k_windows w;
+    (void)pool_of(e->shape, e->attr, &w);
+    lg_c_call(c, &c_pool_mean_adjoint, "pool_mean_adjoint(%u, %s, $0, $y)", e->shape->dims[0],
+              windows_text(&w, text));
+}
+
 static void avg_pool1d_vjp(lg_reverse *r) {
     if (!r->need[0]) return;
     const lg_shape x = lg_node_at(r->tape, r->in[0])->shape;
@@ -373,10 +546,11 @@ static lg_var avg_pool1d_adjoint_jvp(const lg_forward *f) {
 }
 
 const lg_op lg_op_avg_pool1d = {
-    LG_OP("avg_pool1d", 0, 1, 1, pooled_shape, avg_pool1d_forward, avg_pool1d_vjp, avg_pool1d_jvp)};
+    LG_OP("avg_pool1d", 0, 1, 1, pooled_shape, avg_pool1d_forward, avg_pool1d_vjp, avg_pool1d_jvp),
+    .write_c = avg_pool1d_c};
 const lg_op lg_op_avg_pool1d_adjoint = {LG_OP("avg_pool1d_adjoint", 0, 1, 1, spread_shape,
                                               avg_pool1d_adjoint_forward, avg_pool1d_adjoint_vjp,
-                                              avg_pool1d_adjoint_jvp)};
+                                              avg_pool1d_adjoint_jvp), .write_c = avg_pool1d_adjoint_c};
 
 /* ---- maximum pooling ---- */
 
@@ -392,6 +566,48 @@ static lg_status pool_place_forward(lg_evaluation *e) {
     (void)pool_of(e->shape, e->attr, &w);
     e->k->window_place(&w, e->shape->dims[0], e->x[0], e->x[1], e->y, false);
     return LG_OK;
+}
+
+static const lg_c_fragment c_pool_pick = {
+    .comment = "y (batch, count, channels): of each window the number of h where x is largest.",
+    .text = LG_C(static void pool_pick(int batch, conv_windows w, const real *h, const real *x, real *y) {
+        const int n = w.channels;
+        for (int s = 0; s < batch; s++, h += w.length * n, x += w.length * n)
+            for (int t = 0; t < w.count; t++, y += n)
+                for (int i = 0; i < n; i++) {
+                    const int at = t * w.stride * n + i;
+                    y[i] = h[at + first_maximum(w.size, n, x + at)];
+                }
+    }),
+    .needs = {&c_windows, &lg_c_first_maximum}};
+
+static const lg_c_fragment c_pool_place = {
+    .comment = "The adjoint of pool_pick in h: g (batch, count, channels) is added where x is largest.",
+    .text = LG_C(static void pool_place(int batch, conv_windows w, const real *g, const real *x, real *y) {
+        const int n = w.channels;
+        for (int s = 0; s < batch; s++, x += w.length * n, y += w.length * n) {
+            for (int i = 0; i < w.length * n; i++) y[i] = REAL(0.0);
+            for (int t = 0; t < w.count; t++, g += n)
+                for (int i = 0; i < n; i++) {
+                    const int at = t * w.stride * n + i;
+                    y[at + first_maximum(w.size, n, x + at)] += g[i];
+                }
+        }
+    }),
+    .needs = {&c_windows, &lg_c_first_maximum}};
+
+static void pool_pick_c(lg_c *c, const lg_evaluation *e) {
+    char text[WINDOWS_TEXT];
+    lg_k_windows w;
+    (void)pool_of(e->in[0], e->attr, &w);
+    lg_c_call(c, &c_pool_pick, "pool_pick(%u, %s, $0, $1, $y)", e->shape->dims[0], windows_text(&w, text));
+}
+
+static void pool_place_c(lg_c *c, const lg_evaluation *e) {
+    char text[WINDOWS_TEXT];
+    lg_k_windows w;
+    (void)pool_of(e->shape, e->attr, &w);
+    lg_c_call(c, &c_pool_place, "pool_place(%u, %s, $0, $1, $y)", e->shape->dims[0], windows_text(&w, text));
 }
 
 static void pool_pick_vjp(lg_reverse *r) {
@@ -422,9 +638,11 @@ static lg_var pool_place_jvp(const lg_forward *f) {
 }
 
 const lg_op lg_op_pool_pick = {
-    LG_OP("pool_pick", 2u, 2, 2, pooled_shape, pool_pick_forward, pool_pick_vjp, pool_pick_jvp)};
+    LG_OP("pool_pick", 2u, 2, 2, pooled_shape, pool_pick_forward, pool_pick_vjp, pool_pick_jvp),
+    .write_c = pool_pick_c};
 const lg_op lg_op_pool_place = {
-    LG_OP("pool_place", 2u, 2, 2, place_shape, pool_place_forward, pool_place_vjp, pool_place_jvp)};
+    LG_OP("pool_place", 2u, 2, 2, place_shape, pool_place_forward, pool_place_vjp, pool_place_jvp),
+    .write_c = pool_place_c};
 
 /* ---- convolution, activation and average pooling in one ---- */
 
@@ -466,6 +684,28 @@ static lg_status block_forward(lg_evaluation *e) {
     lg_conv_apply(e->k, &c, e->x[0], e->x[1], e->inputs > 2 ? e->x[2] : NULL, (lg_k_act)e->attr->c, e->kept,
                   e->y, e->scratch);
     return LG_OK;
+}
+
+/* A sample after the other: what is averaged stands in scratch. */
+static void block_c(lg_c *c, const lg_evaluation *e) {
+    const lg_conv conv = block_at(e);
+    const lg_attr kind = {.i = {(uint32_t)e->attr->c}};
+    const size_t series = conv.windows.length * conv.windows.channels;
+    const size_t count = conv.windows.count * conv.outputs, pooled = conv.pool.count * conv.outputs;
+    const bool pool = conv.pool.count > 0;
+    const size_t samples = pool ? conv.batch : 1, together = pool ? 1 : conv.batch;
+    char text[WINDOWS_TEXT];
+    for (size_t i = 0; i < samples; i++) {
+        lg_c_call(c, &c_conv1d, "conv1d(%zu, %s, %zu, $0 + %zu, $1, %s, %s)", together,
+                  windows_text(&conv.windows, text), conv.outputs, i * series, e->inputs > 2 ? "$2" : "NULL",
+                  pool ? "$s" : "$y");
+        if (kind.i[0] != LG_IDENTITY)
+            lg_c_call(c, NULL, pool ? "%s(%zu, $s, $s)" : "%s(%zu, $y, $y)",
+                      lg_c_map(c, &lg_op_act, &kind, 1), together * count);
+        if (pool)
+            lg_c_call(c, &c_pool_mean, "pool_mean(1, %s, $s, $y + %zu)", windows_text(&conv.pool, text),
+                      i * pooled);
+    }
 }
 
 static void block_reversed(lg_reverse *r) {
@@ -510,7 +750,7 @@ static lg_var block_jvp(const lg_forward *f) {
 
 const lg_op lg_op_conv1d_block = {
     LG_OP("conv1d_block", 0, 2, 3, block_shape, block_forward, block_vjp, block_jvp),
-    .payload = LG_PAYLOAD_KEPT, .scratch = block_scratch, .kept = block_kept};
+    .payload = LG_PAYLOAD_KEPT, .scratch = block_scratch, .kept = block_kept, .write_c = block_c};
 
 /* ---- what the caller sees ---- */
 

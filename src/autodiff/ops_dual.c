@@ -1,6 +1,7 @@
 /* Operations on pairs (dual.h). Their derivatives are composed of operations on the halves, where recorded;
  * the last pass has kernels. */
 #include "autodiff/dual.h"
+#include "autodiff/op_c.h"
 #include "autodiff/tape_internal.h"
 
 /* ---- halves ---- */
@@ -72,6 +73,40 @@ static lg_status dual_act_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
+static const lg_c_fragment c_dual_start = {
+    .comment = "y = x, and the bias b (n; or NULL) is added to the values, the first half of the rows.",
+    .text = LG_C(static void dual_start(int rows, int n, const real *x, const real *b, real *y) {
+        for (int i = 0; i < 2 * rows; i++)
+            for (int j = 0; j < n; j++)
+                y[i * n + j] = x[i * n + j] + (b != NULL && i < rows ? b[j] : REAL(0.0));
+    })};
+
+/* y' = slope x' and y = sigma(x) by the maps of act and act_derivative. Kinds that are fused take the slope
+ * from y; the sine from x, and swish from x and its sigmoid, which stands in y meanwhile. */
+static void dual_act_c(lg_c *c, const lg_evaluation *e) {
+    const uint32_t kind = e->attr->i[0];
+    const lg_attr value = {.i = {kind}}, slope = {.i = {kind, 1, kind != LG_SINE, 1}};
+    const lg_attr sigmoid = {.i = {LG_SIGMOID}}, swish = {.i = {kind, 0, 1, 0}};
+    const size_t half = e->count / 2;
+    lg_c_call(c, &c_dual_start, "dual_start(%u, %u, $0, %s, $y)", e->shape->dims[0] / 2, e->shape->dims[1],
+              e->inputs > 1 ? "$1" : "NULL");
+    if (kind == LG_IDENTITY) return;
+    if (fused(kind)) {
+        lg_c_call(c, NULL, "%s(%zu, $y, $y)", lg_c_map(c, &lg_op_act, &value, 1), half);
+        lg_c_call(c, NULL, "%s(%zu, $y, $y, $y + %zu, $y + %zu)",
+                  lg_c_map(c, &lg_op_act_derivative, &slope, 3), half, half, half);
+        return;
+    }
+    if (kind == LG_SWISH)
+        lg_c_call(c, NULL, "%s(%zu, $0, $y)", lg_c_map(c, &lg_op_act, &sigmoid, 1), half);
+    lg_c_call(c, NULL, "%s(%zu, $0, $y, $0 + %zu, $y + %zu)", lg_c_map(c, &lg_op_act_derivative, &slope, 3),
+              half, half, half);
+    if (kind == LG_SWISH)
+        lg_c_call(c, NULL, "%s(%zu, $0, $y, $y)", lg_c_map(c, &lg_op_act_derivative, &swish, 2), half);
+    else
+        lg_c_call(c, NULL, "%s(%zu, $0, $y)", lg_c_map(c, &lg_op_act, &value, 1), half);
+}
+
 /* The cotangent of the argument in place, and from it that of the bias, while it is near. False when others
  * have added to the argument's: then the bias's cannot be told from it. */
 static bool dual_act_in_place(lg_reverse *r) {
@@ -139,7 +174,7 @@ static lg_var dual_act_jvp(const lg_forward *f) {
 
 const lg_op lg_op_dual_act = {
     LG_OP("dual_act", 0, 1, 2, dual_act_shape, dual_act_forward, dual_act_vjp, dual_act_jvp),
-    .payload = LG_PAYLOAD_KEPT, .kept = dual_act_kept};
+    .payload = LG_PAYLOAD_KEPT, .kept = dual_act_kept, .write_c = dual_act_c};
 
 lg_var lg_dual_act(lg_tape *tape, lg_var x, lg_activation kind) {
     const lg_attr attr = {.i = {(uint32_t)kind, 0, 0, 0}};
@@ -176,6 +211,21 @@ static lg_status dual_mix_shape(const lg_shape *const *in, uint32_t inputs, cons
 static lg_status dual_mix_forward(lg_evaluation *e) {
     e->k->dual_mix(e->count / 2, e->x[0], e->x[1], e->x[2], e->y);
     return LG_OK;
+}
+
+static const lg_c_fragment c_dual_mix = {
+    .comment = "(1 - z) u + z v of n pairs of a value and its derivative.",
+    .text = LG_C(static void dual_mix(int n, const real *RESTRICT z, const real *RESTRICT u,
+                                      const real *RESTRICT v, real *RESTRICT y) {
+        for (int i = 0; i < n; i++) {
+            const real rest = REAL(1.0) - z[i];
+            y[i] = rest * u[i] + z[i] * v[i];
+            y[n + i] = z[n + i] * (v[i] - u[i]) + (rest * u[n + i] + z[i] * v[n + i]);
+        }
+    })};
+
+static void dual_mix_c(lg_c *c, const lg_evaluation *e) {
+    lg_c_call(c, &c_dual_mix, "dual_mix(%zu, $0, $1, $2, $y)", e->count / 2);
 }
 
 typedef struct halves {
@@ -229,7 +279,8 @@ static lg_var dual_mix_jvp(const lg_forward *f) {
 }
 
 const lg_op lg_op_dual_mix = {
-    LG_OP("dual_mix", 0, 3, 3, dual_mix_shape, dual_mix_forward, dual_mix_vjp, dual_mix_jvp)};
+    LG_OP("dual_mix", 0, 3, 3, dual_mix_shape, dual_mix_forward, dual_mix_vjp, dual_mix_jvp),
+    .write_c = dual_mix_c};
 
 lg_var lg_dual_mix(lg_tape *tape, lg_var z, lg_var u, lg_var v) {
     const lg_var in[3] = {z, u, v};

@@ -1,5 +1,6 @@
 /* Matrix products: one family, variants nn, nt, tn, closed under differentiation; rank 2, or rank 3 as
  * batches. An optional third input is added: a full matrix, a bias row, or a scalar. */
+#include "autodiff/op_c.h"
 #include "autodiff/product.h"
 #include "autodiff/scalars.h"
 #include "autodiff/tape_internal.h"
@@ -111,6 +112,53 @@ static void matmul_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar
     }
 }
 
+/* ---- C ---- */
+
+static const lg_c_fragment c_start = {
+    .comment = "y (m, n) = c, whose elements are so far apart down and along; NULL: 0.",
+    .text = LG_C(static void start(int m, int n, const real *c, int down, int along, real *RESTRICT y) {
+        for (int i = 0; i < m; i++)
+            for (int j = 0; j < n; j++) y[i * n + j] = c == NULL ? REAL(0.0) : c[i * down + j * along];
+    })};
+
+static const lg_c_fragment c_products[] = {
+    [NN] = {.comment = "y (m, n) += a (m, k) b (k, n)",
+            .text = LG_C(static void matmul_nn(int m, int n, int k, const real *a, const real *b, real *y) {
+                for (int i = 0; i < m; i++) dense_add(k, n, b, a + i * k, y + i * n);
+            }),
+            .needs = {&lg_c_dense_add}},
+    [NT] = {.comment = "y (m, n) += a (m, k) times the transpose of b (n, k)",
+            .text = LG_C(static void matmul_nt(int m, int n, int k, const real *RESTRICT a,
+                                               const real *RESTRICT b, real *RESTRICT y) {
+                for (int i = 0; i < m; i++)
+                    if (k == 1)
+                        for (int j = 0; j < n; j++) y[i * n + j] += a[i] * b[j];
+                    else
+                        for (int j = 0; j < n; j++) y[i * n + j] += dot(k, b + j * k, a + i * k);
+            }),
+            .needs = {&lg_c_dot}},
+    [TN] = {.comment = "y (m, n) += the transpose of a (k, m) times b (k, n)",
+            .text = LG_C(static void matmul_tn(int m, int n, int k, const real *RESTRICT a,
+                                               const real *RESTRICT b, real *RESTRICT y) {
+                for (int l = 0; l < k; l++)
+                    for (int i = 0; i < m; i++)
+                        for (int j = 0; j < n; j++) y[i * n + j] += a[l * m + i] * b[l * n + j];
+            })},
+};
+
+static void matmul_c(lg_c *c, const lg_evaluation *e) {
+    static const char *const names[] = {[NN] = "nn", [NT] = "nt", [TN] = "tn"};
+    const extent of = extent_at(e);
+    const uint32_t variant = e->attr->i[0];
+    const size_t rows = of.batch * of.m, added = e->inputs == 3 ? lg_shape_count(*e->in[2]) : 0;
+    const size_t step_a = of.batch_a == 1 ? 0 : of.m * of.k, step_b = of.batch_b == 1 ? 0 : of.k * of.n;
+    lg_c_call(c, &c_start, "start(%zu, %zu, %s, %zu, %d, $y)", rows, of.n, added > 0 ? "$2" : "NULL",
+              added == e->count ? of.n : 0, added == e->count || added == of.n);
+    for (size_t i = 0; i < of.batch; i++)
+        lg_c_call(c, &c_products[variant], "matmul_%s(%zu, %zu, %zu, $0 + %zu, $1 + %zu, $y + %zu)",
+                  names[variant], of.m, of.n, of.k, i * step_a, i * step_b, i * of.m * of.n);
+}
+
 static lg_var product(lg_tape *tape, uint32_t variant, lg_var a, lg_var b) {
     lg_attr attr = {.i = {variant, 0, 0, 0}};
     lg_var in[2] = {a, b};
@@ -163,7 +211,8 @@ const lg_op lg_op_matmul = {.name = "matmul",
                             .jvp = matmul_jvp,
                             .expand = matmul_expand,
                             .scratch = matmul_scratch,
-                            .transpose = matmul_transpose};
+                            .transpose = matmul_transpose,
+                            .write_c = matmul_c};
 
 lg_var lg_matmul(lg_tape *tape, lg_var a, lg_var b) {
     return product(tape, NN, a, b);

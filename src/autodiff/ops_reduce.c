@@ -3,6 +3,7 @@
  * The primitives see a tensor as (outer, length, inner): REDUCE sums over the middle, REPEAT repeats along
  * it. Everything else is a chain of them. attr.i = {outer, length, inner}.
  */
+#include "autodiff/op_c.h"
 #include "autodiff/scalars.h"
 #include "autodiff/tape_internal.h"
 
@@ -39,7 +40,7 @@ static lg_status repeat_shape(const lg_shape *const *in, uint32_t inputs, const 
 static lg_status mask_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
     const lg_shape part = lg_shape2(attr->i[0], attr->i[2]);
     (void)inputs;
-    return lg_same_shape(in[0], out) && sizes_fit(in[0], &part, attr) ? LG_OK : LG_SHAPE;
+    return attr->i[1] > 0 && lg_same_shape(in[0], out) && sizes_fit(in[0], &part, attr) ? LG_OK : LG_SHAPE;
 }
 
 static lg_status reduce_forward(lg_evaluation *e) {
@@ -47,6 +48,7 @@ static lg_status reduce_forward(lg_evaluation *e) {
     size_t outer = e->attr->i[0], length = e->attr->i[1], inner = e->attr->i[2];
     const unsigned char *x = e->x[0];
     unsigned char *y = e->y;
+    if (e->count == 0) return LG_OK; /* outer may be anything then; below likewise */
     if (outer == 1 && inner == 1) {
         const double total = k->sum(length, x);
         k->fill(1, total, y);
@@ -65,6 +67,31 @@ static void reduce_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar
         y[i] = lg_s_sum(s, x[0] + i / inner * length * inner + i % inner, length, inner);
 }
 
+static const lg_c_fragment c_sum_axis = {
+    .comment = "y (outer, inner) = sum over the middle of x (outer, length, inner); eight sums side by side "
+               "where numbers lie in a row.",
+    .text = LG_C(static void sum_axis(int outer, int length, int inner, const real *RESTRICT x,
+                                      real *RESTRICT y) {
+        for (int o = 0; o < outer; o++, x += length * inner, y += inner) {
+            if (inner == 1) {
+                real part[8] = {REAL(0.0), REAL(0.0), REAL(0.0), REAL(0.0),
+                                REAL(0.0), REAL(0.0), REAL(0.0), REAL(0.0)};
+                for (int l = 0; l < length; l++) part[l % 8] += x[l];
+                y[0] = ((part[0] + part[4]) + (part[2] + part[6])) +
+                       ((part[1] + part[5]) + (part[3] + part[7]));
+            } else {
+                for (int i = 0; i < inner; i++) y[i] = REAL(0.0);
+                for (int l = 0; l < length; l++)
+                    for (int i = 0; i < inner; i++) y[i] += x[l * inner + i];
+            }
+        }
+    })};
+
+static void reduce_c(lg_c *c, const lg_evaluation *e) {
+    const uint32_t *size = e->attr->i;
+    lg_c_call(c, &c_sum_axis, "sum_axis(%u, %u, %u, $0, $y)", size[0], size[1], size[2]);
+}
+
 static void reduce_vjp(lg_reverse *r) {
     const uint32_t *i = r->attr->i;
     if (r->need[0])
@@ -79,7 +106,7 @@ static lg_var reduce_jvp(const lg_forward *f) {
 }
 
 const lg_op lg_op_reduce = {LG_OP("sum", 0, 1, 1, reduce_shape, reduce_forward, reduce_vjp, reduce_jvp),
-                            .given = true, .expand = reduce_expand};
+                            .given = true, .expand = reduce_expand, .write_c = reduce_c};
 
 /* y[o, l] = x[o]: the inner length is one, so single elements are repeated. */
 static void repeat_elements(size_t size, size_t outer, size_t length, const void *x, void *y) {
@@ -98,6 +125,7 @@ static void repeat_elements(size_t size, size_t outer, size_t length, const void
 
 static lg_status repeat_forward(lg_evaluation *e) {
     size_t outer = e->attr->i[0], length = e->attr->i[1], inner = e->attr->i[2];
+    if (e->count == 0) return LG_OK;
     if (inner == 1) {
         repeat_elements(e->k->size, outer, length, e->x[0], e->y);
         return LG_OK;
@@ -116,6 +144,20 @@ static void repeat_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar
     for (size_t i = 0; i < e->count; i++) y[i] = x[0][i / (length * inner) * inner + i % inner];
 }
 
+static const lg_c_fragment c_repeat = {
+    .comment = "y (outer, length, inner): x (outer, inner), repeated along the middle.",
+    .text = LG_C(static void repeat(int outer, int length, int inner, const real *RESTRICT x,
+                                    real *RESTRICT y) {
+        for (int o = 0; o < outer; o++, x += inner)
+            for (int l = 0; l < length; l++, y += inner)
+                for (int i = 0; i < inner; i++) y[i] = x[i];
+    })};
+
+static void repeat_c(lg_c *c, const lg_evaluation *e) {
+    const uint32_t *size = e->attr->i;
+    lg_c_call(c, &c_repeat, "repeat(%u, %u, %u, $0, $y)", size[0], size[1], size[2]);
+}
+
 static void repeat_vjp(lg_reverse *r) {
     const uint32_t *i = r->attr->i;
     if (r->need[0])
@@ -130,7 +172,7 @@ static lg_var repeat_jvp(const lg_forward *f) {
 }
 
 const lg_op lg_op_repeat = {LG_OP("broadcast", 0, 1, 1, repeat_shape, repeat_forward, repeat_vjp, repeat_jvp),
-                            .given = true, .expand = repeat_expand};
+                            .given = true, .expand = repeat_expand, .write_c = repeat_c};
 
 /* ---- chains: one primitive for each run of axes that differ ---- */
 
@@ -277,6 +319,7 @@ static lg_status reduce_max_shape(const lg_shape *const *in, uint32_t inputs, co
 
 static lg_status reduce_max_forward(lg_evaluation *e) {
     const uint32_t *size = e->attr->i;
+    if (e->count == 0) return LG_OK;
     for (size_t o = 0; o < size[0]; o++)
         for (size_t i = 0; i < size[2]; i++) {
             size_t at = (o * size[1] + first_maximum(e, o, i)) * size[2] + i;
@@ -289,6 +332,7 @@ static lg_status reduce_max_forward(lg_evaluation *e) {
 static lg_status argmax_mask_forward(lg_evaluation *e) {
     const uint32_t *size = e->attr->i;
     const double one = 1.0;
+    if (e->count == 0) return LG_OK;
     e->k->fill(e->count, 0.0, e->y);
     for (size_t o = 0; o < size[0]; o++)
         for (size_t i = 0; i < size[2]; i++) {
@@ -298,8 +342,48 @@ static lg_status argmax_mask_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
+const lg_c_fragment lg_c_first_maximum = {
+    .comment = "Where the largest of n numbers so far apart lies: the first of equals; a NaN is larger than all.",
+    .text = LG_C(static int first_maximum(int n, int apart, const real *x) {
+        int best = 0;
+        for (int l = 1; l < n && x[best] == x[best]; l++) {
+            const real next = x[l * apart];
+            if (next > x[best] || next != next) best = l * apart;
+        }
+        return best;
+    })};
+
+static const lg_c_fragment c_max_axis = {
+    .comment = "y (outer, inner): the largest along the middle of x (outer, length, inner).",
+    .text = LG_C(static void max_axis(int outer, int length, int inner, const real *x, real *y) {
+        for (int o = 0; o < outer; o++, x += length * inner, y += inner)
+            for (int i = 0; i < inner; i++) y[i] = x[i + first_maximum(length, inner, x + i)];
+    }),
+    .needs = {&lg_c_first_maximum}};
+
+static void reduce_max_c(lg_c *c, const lg_evaluation *e) {
+    const uint32_t *size = e->attr->i;
+    lg_c_call(c, &c_max_axis, "max_axis(%u, %u, %u, $0, $y)", size[0], size[1], size[2]);
+}
+
+static const lg_c_fragment c_argmax_mask = {
+    .comment = "y: 1 where x (outer, length, inner) is largest along the middle, else 0.",
+    .text = LG_C(static void argmax_mask(int outer, int length, int inner, const real *x, real *y) {
+        for (int o = 0; o < outer; o++, x += length * inner, y += length * inner) {
+            for (int i = 0; i < length * inner; i++) y[i] = REAL(0.0);
+            for (int i = 0; i < inner; i++) y[i + first_maximum(length, inner, x + i)] = REAL(1.0);
+        }
+    }),
+    .needs = {&lg_c_first_maximum}};
+
+static void argmax_mask_c(lg_c *c, const lg_evaluation *e) {
+    const uint32_t *size = e->attr->i;
+    lg_c_call(c, &c_argmax_mask, "argmax_mask(%u, %u, %u, $0, $y)", size[0], size[1], size[2]);
+}
+
 const lg_op lg_op_argmax_mask = {
-    LG_OP("argmax_mask", ~0u, 1, 1, mask_shape, argmax_mask_forward, lg_no_vjp, lg_zero_jvp), .given = true};
+    LG_OP("argmax_mask", ~0u, 1, 1, mask_shape, argmax_mask_forward, lg_no_vjp, lg_zero_jvp), .given = true,
+    .write_c = argmax_mask_c};
 
 static lg_var mask_of(lg_tape *tape, const lg_attr *attr, lg_var x) {
     return record_sized(tape, LG_OP_ARGMAX_MASK, x, attr->i[0], attr->i[1], attr->i[2],
@@ -322,7 +406,7 @@ static lg_var reduce_max_jvp(const lg_forward *f) {
 
 const lg_op lg_op_reduce_max = {
     LG_OP("max_axis", 0, 1, 1, reduce_max_shape, reduce_max_forward, reduce_max_vjp, reduce_max_jvp),
-    .given = true};
+    .given = true, .write_c = reduce_max_c};
 
 lg_var lg_max_axis(lg_tape *tape, lg_var x, int axis, bool keep) {
     size_t length;

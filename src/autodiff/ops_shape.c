@@ -1,4 +1,5 @@
 /* Operations that move numbers: views, slices, pads, concatenation, permutation, gather and scatter. */
+#include "autodiff/op_c.h"
 #include "autodiff/scalars.h"
 #include "autodiff/tape_internal.h"
 
@@ -15,6 +16,18 @@ static lg_status reshape_shape(const lg_shape *const *in, uint32_t inputs, const
 static lg_status reshape_forward(lg_evaluation *e) {
     memcpy(e->y, e->x[0], e->count * e->k->size);
     return LG_OK;
+}
+
+static const lg_c_fragment c_copy_rows = {
+    .comment = "`rows` runs of `run` numbers, so far apart there and here.",
+    .text = LG_C(static void copy_rows(int rows, int run, const real *RESTRICT x, int x_apart,
+                                       real *RESTRICT y, int y_apart) {
+        for (int i = 0; i < rows; i++)
+            for (int j = 0; j < run; j++) y[i * y_apart + j] = x[i * x_apart + j];
+    })};
+
+static void reshape_c(lg_c *c, const lg_evaluation *e) {
+    lg_c_call(c, &c_copy_rows, "copy_rows(1, %zu, $0, 0, $y, 0)", e->count);
 }
 
 static bool reshape_view(const lg_shape *const *in, const lg_attr *attr, size_t *offset) {
@@ -38,7 +51,7 @@ static lg_var reshape_jvp(const lg_forward *f) {
 
 const lg_op lg_op_reshape = {
     LG_OP("reshape", 0, 1, 1, reshape_shape, reshape_forward, reshape_vjp, reshape_jvp), .given = true,
-    .view = reshape_view, .expand = reshape_expand};
+    .view = reshape_view, .expand = reshape_expand, .write_c = reshape_c};
 
 lg_var lg_reshape(lg_tape *tape, lg_var x, lg_shape shape) {
     if (tape->status != LG_OK) return LG_NONE;
@@ -97,6 +110,14 @@ static void slice_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar 
     }
 }
 
+static void slice_c(lg_c *c, const lg_evaluation *e) {
+    size_t outer, length, inner;
+    lg_around(e->in[0], e->attr->i[0], &outer, &length, &inner);
+    const size_t run = e->attr->i[2] * inner;
+    lg_c_call(c, &c_copy_rows, "copy_rows(%zu, %zu, $0 + %zu, %zu, $y, %zu)", outer, run,
+              e->attr->i[1] * inner, length * inner, run);
+}
+
 static void slice_vjp(lg_reverse *r) {
     if (!r->need[0]) return;
     const lg_shape *shape = &lg_node_at(r->tape, r->in[0])->shape;
@@ -109,7 +130,7 @@ static lg_var slice_jvp(const lg_forward *f) {
 }
 
 const lg_op lg_op_slice = {LG_OP("slice", 0, 1, 1, slice_shape, slice_forward, slice_vjp, slice_jvp),
-                           .view = slice_view, .expand = slice_expand};
+                           .view = slice_view, .expand = slice_expand, .write_c = slice_c};
 
 lg_var lg_slice(lg_tape *tape, lg_var x, int axis, uint32_t start, uint32_t length) {
     if (tape->status != LG_OK) return LG_NONE;
@@ -161,6 +182,19 @@ static void pad_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *c
     }
 }
 
+static const lg_c_fragment c_clear = {.text = LG_C(static void clear(int n, real *y) {
+    for (int i = 0; i < n; i++) y[i] = REAL(0.0);
+})};
+
+static void pad_c(lg_c *c, const lg_evaluation *e) {
+    size_t outer, length, inner;
+    lg_around(e->in[0], e->attr->i[0], &outer, &length, &inner);
+    const size_t run = length * inner, whole = run + (e->attr->i[1] + (size_t)e->attr->i[2]) * inner;
+    lg_c_call(c, &c_clear, "clear(%zu, $y)", e->count);
+    lg_c_call(c, &c_copy_rows, "copy_rows(%zu, %zu, $0, %zu, $y + %zu, %zu)", outer, run, run,
+              e->attr->i[1] * inner, whole);
+}
+
 static void pad_vjp(lg_reverse *r) {
     uint32_t axis = r->attr->i[0];
     if (r->need[0])
@@ -173,7 +207,7 @@ static lg_var pad_jvp(const lg_forward *f) {
 }
 
 const lg_op lg_op_pad = {LG_OP("pad", 0, 1, 1, pad_shape, pad_forward, pad_vjp, pad_jvp),
-                         .expand = pad_expand};
+                         .expand = pad_expand, .write_c = pad_c};
 
 lg_var lg_pad(lg_tape *tape, lg_var x, int axis, uint32_t before, uint32_t after) {
     if (tape->status != LG_OK) return LG_NONE;
@@ -229,6 +263,17 @@ static void concat_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar
     }
 }
 
+static void concat_c(lg_c *c, const lg_evaluation *e) {
+    size_t outer, whole, inner, at = 0;
+    lg_around(e->shape, e->attr->i[0], &outer, &whole, &inner);
+    for (uint32_t p = 0; p < e->inputs; p++) {
+        const size_t run = e->in[p]->dims[e->attr->i[0]] * inner;
+        lg_c_call(c, &c_copy_rows, "copy_rows(%zu, %zu, $%u, %zu, $y + %zu, %zu)", outer, run, p, run, at,
+                  whole * inner);
+        at += run;
+    }
+}
+
 static void concat_vjp(lg_reverse *r) {
     uint32_t axis = r->attr->i[0], at = 0;
     for (uint32_t k = 0; k < r->inputs; k++) {
@@ -247,7 +292,7 @@ static lg_var concat_jvp(const lg_forward *f) {
 
 const lg_op lg_op_concat = {
     LG_OP("concat", 0, 1, LG_MAX_INPUTS, concat_shape, concat_forward, concat_vjp, concat_jvp),
-    .expand = concat_expand};
+    .expand = concat_expand, .write_c = concat_c};
 
 /* At most LG_MAX_INPUTS parts. */
 static lg_var concat_some(lg_tape *tape, const lg_var *parts, size_t n, int axis) {
@@ -320,6 +365,28 @@ static void permute_expand(lg_scalars *s, const lg_evaluation *e, const lg_scala
     }
 }
 
+static const lg_c_fragment c_permute = {
+    .comment = "y (d0, d1, d2, d3), in order, from x with these distances along each axis.",
+    .text = LG_C(static void permute(int d0, int d1, int d2, int d3, int s0, int s1, int s2, int s3,
+                                     const real *RESTRICT x, real *RESTRICT y) {
+        for (int a = 0; a < d0; a++)
+            for (int b = 0; b < d1; b++)
+                for (int c = 0; c < d2; c++, y += d3)
+                    for (int d = 0; d < d3; d++) y[d] = x[a * s0 + b * s1 + c * s2 + d * s3];
+    })};
+
+static void permute_c(lg_c *c, const lg_evaluation *e) {
+    const uint32_t rank = e->shape->rank, before = LG_MAX_RANK - rank;
+    size_t stride[LG_MAX_RANK], dims[LG_MAX_RANK] = {1, 1, 1, 1}, step[LG_MAX_RANK] = {0, 0, 0, 0}, run = 1;
+    for (uint32_t i = rank; i-- > 0; run *= e->in[0]->dims[i]) stride[i] = run;
+    for (uint32_t i = 0; i < rank; i++) {
+        dims[before + i] = e->shape->dims[i];
+        step[before + i] = stride[e->attr->i[i]];
+    }
+    lg_c_call(c, &c_permute, "permute(%zu, %zu, %zu, %zu, %zu, %zu, %zu, %zu, $0, $y)", dims[0], dims[1],
+              dims[2], dims[3], step[0], step[1], step[2], step[3]);
+}
+
 static void inverse_axes(const lg_attr *attr, uint32_t rank, int *axes) {
     for (uint32_t i = 0; i < rank; i++) axes[attr->i[i]] = (int)i;
 }
@@ -338,7 +405,7 @@ static lg_var permute_jvp(const lg_forward *f) {
 
 const lg_op lg_op_permute = {
     LG_OP("permute", 0, 1, 1, permute_shape, permute_forward, permute_vjp, permute_jvp),
-    .expand = permute_expand};
+    .expand = permute_expand, .write_c = permute_c};
 
 lg_var lg_permute(lg_tape *tape, lg_var x, const int *axes) {
     if (tape->status != LG_OK) return LG_NONE;
@@ -411,6 +478,34 @@ static lg_status scatter_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
+static const lg_c_fragment c_gather = {
+    .comment = "Rows index[0], index[1], ... of x.",
+    .text = LG_C(static void gather(int n, int length, const int *index, const real *RESTRICT x,
+                                    real *RESTRICT y) {
+        for (int i = 0; i < n; i++)
+            for (int j = 0; j < length; j++) y[i * length + j] = x[index[i] * length + j];
+    })};
+
+static void gather_c(lg_c *c, const lg_evaluation *e) {
+    lg_c_indices(c, e->attr->pointer, e->attr->i[0]);
+    lg_c_call(c, &c_gather, "gather(%u, %zu, $i, $0, $y)", e->attr->i[0], row_length(e->in[0]));
+}
+
+static const lg_c_fragment c_scatter = {
+    .comment = "Row i of x is added to row index[i] of y (rows, length), which is zero at first.",
+    .text = LG_C(static void scatter(int n, int length, int rows, const int *index, const real *RESTRICT x,
+                                     real *RESTRICT y) {
+        for (int i = 0; i < rows * length; i++) y[i] = REAL(0.0);
+        for (int i = 0; i < n; i++)
+            for (int j = 0; j < length; j++) y[index[i] * length + j] += x[i * length + j];
+    })};
+
+static void scatter_c(lg_c *c, const lg_evaluation *e) {
+    lg_c_indices(c, e->attr->pointer, e->attr->i[0]);
+    lg_c_call(c, &c_scatter, "scatter(%u, %zu, %u, $i, $0, $y)", e->attr->i[0], row_length(e->in[0]),
+              e->attr->i[1]);
+}
+
 /* The payload is already the tape's: derivatives share it. */
 static lg_var record_indexed(lg_tape *tape, lg_op_code op, lg_var x, const lg_attr *attr) {
     return lg_record(tape, op, &x, 1, attr);
@@ -440,7 +535,7 @@ static lg_var gather_jvp(const lg_forward *f) {
     return record_indexed(f->tape, LG_OP_GATHER, f->tangents[0], f->attr);
 }
 const lg_op lg_op_gather = {LG_OP("gather", 0, 1, 1, gather_shape, gather_forward, gather_vjp, gather_jvp),
-                            .payload = LG_PAYLOAD_INDICES, .expand = gather_expand};
+                            .payload = LG_PAYLOAD_INDICES, .write_c = gather_c, .expand = gather_expand};
 
 static void scatter_vjp(lg_reverse *r) {
     if (r->need[0]) r->out[0] = record_indexed(r->tape, LG_OP_GATHER, r->g, r->attr);
@@ -450,7 +545,7 @@ static lg_var scatter_jvp(const lg_forward *f) {
 }
 const lg_op lg_op_scatter = {
     LG_OP("scatter", 0, 1, 1, scatter_shape, scatter_forward, scatter_vjp, scatter_jvp),
-    .payload = LG_PAYLOAD_INDICES, .expand = scatter_expand};
+    .payload = LG_PAYLOAD_INDICES, .write_c = scatter_c, .expand = scatter_expand};
 
 static lg_var index_rows(lg_tape *tape, lg_op_code op, lg_var x, const uint32_t *indices, uint32_t n,
                          uint32_t rows) {

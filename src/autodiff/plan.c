@@ -47,7 +47,7 @@ typedef struct planning {
         *constant; /* pieces of the constants: values, or NULL when the place is written otherwise */
     size_t *constant_at, *constant_count, constants, constant_capacity;
     lg_error *error;
-    bool failed;
+    bool compact, failed;
 } planning;
 
 static void *take(planning *p, size_t count, size_t size) {
@@ -110,7 +110,7 @@ static void find_fates(planning *p) {
             it->offset = p->item[n->in[0]].offset + offset;
             continue;
         }
-        it->fate = lg_code_fits(g, n) ? CODE : TENSOR;
+        it->fate = !p->compact && lg_code_fits(g, n) ? CODE : TENSOR;
         if (it->fate == TENSOR && fuses(p, n)) p->item[n->in[0]].fate = FUSED;
     }
 }
@@ -640,6 +640,7 @@ lg_status lg_plan_create(const lg_program *program, size_t function, const lg_pl
     plan->memory = (lg_heap){.context = program->context, .most = chosen.most_bytes};
     planning p = {.plan = plan,
                   .temporary = {.context = program->context, .most = 4 * chosen.most_bytes},
+                  .compact = chosen.compact,
                   .error = error};
     lg_status status = make(&p, program, f, &chosen);
     lg_heap_free(&p.temporary);

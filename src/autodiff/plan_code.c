@@ -84,24 +84,6 @@ lg_status lg_code_add(lg_code *code, uint32_t node) {
 
 /* ---- registers ---- */
 
-static uint32_t instructions_in(lg_scalar_op op) {
-    static const uint8_t count[LG_SCALAR_OPS] = {
-#define X(name, instructions, all) [LG_S_##name] = instructions,
-        LG_SCALAR_LIST(X)
-#undef X
-    };
-    return count[op];
-}
-
-static uint32_t operands_in(lg_scalar_op op) {
-    static const uint8_t count[LG_SCALAR_OPS] = {
-#define X(name, instructions, all) [LG_S_##name] = all,
-        LG_SCALAR_LIST(X)
-#undef X
-    };
-    return count[op];
-}
-
 typedef struct finishing {
     lg_code *code;
     lg_heap *memory;
@@ -121,12 +103,12 @@ static void mark(finishing *f, const uint32_t *stored, size_t count) {
         for (size_t i = 0; i < f->code->graph->node[stored[j]].count; i++)
             f->level[f->code->value[stored[j]][i]] = NEEDED;
     for (uint32_t i = s->count; i-- > 0;)
-        for (uint32_t k = 0; f->level[i] != 0 && k < instructions_in(s->code[i].op); k++)
+        for (uint32_t k = 0; f->level[i] != 0 && k < lg_scalar_instructions(s->code[i].op); k++)
             f->level[s->code[i].in[k]] = NEEDED;
     for (uint32_t i = 0; i < s->count; i++) {
         uint32_t highest = 0;
         if (f->level[i] == 0) continue;
-        for (uint32_t k = 0; k < instructions_in(s->code[i].op); k++)
+        for (uint32_t k = 0; k < lg_scalar_instructions(s->code[i].op); k++)
             if (f->level[s->code[i].in[k]] > highest) highest = f->level[s->code[i].in[k]];
         f->level[i] = highest + 1;
     }
@@ -208,8 +190,8 @@ static lg_status make_groups(finishing *f) {
         if (!joins)
             group[groups++] = (lg_scalar_group){.op = (uint32_t)c->op, .result = first + j, .operands = used};
         group[groups - 1].count++;
-        for (uint32_t k = 0; k < instructions_in(c->op); k++) operands[used++] = f->reg[c->in[k]];
-        if (operands_in(c->op) > instructions_in(c->op))
+        for (uint32_t k = 0; k < lg_scalar_instructions(c->op); k++) operands[used++] = f->reg[c->in[k]];
+        if (lg_scalar_operands(c->op) > lg_scalar_instructions(c->op))
             operands[used++] = c->op == LG_S_POW ? exponent++ : c->n;
     }
     f->made.group = group;

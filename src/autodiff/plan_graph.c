@@ -12,7 +12,8 @@ typedef struct making {
     uint8_t *needed; /* by node of the function */
     uint32_t *of;    /* node of the function -> node of the graph */
     const double **parameter;
-    bool failed; /* out of memory */
+    bool symbolic; /* parameters are inputs */
+    bool failed;   /* out of memory */
 } making;
 
 static void *take(making *m, size_t count, size_t size) {
@@ -481,12 +482,12 @@ static bool drop_unused(making *m) {
     return true;
 }
 
-lg_status lg_graph_make(lg_heap *heap, const lg_program *program, const lg_function *f, size_t rows,
-                        lg_dtype dtype, lg_graph *out, lg_error *error) {
-    making m = {.g = {.heap = heap}, .program = program, .f = f, .rows = rows, .dtype = dtype};
+static lg_status make(making *made, lg_graph *out, lg_error *error) {
+    making m = *made;
+    const lg_function *f = m.f;
     m.needed = take(&m, f->nodes, 1);
     m.of = take(&m, f->nodes, sizeof *m.of);
-    m.parameter = take(&m, program->parameters + 1, sizeof *m.parameter);
+    m.parameter = take(&m, m.program->parameters + 1, sizeof *m.parameter);
     m.g.result = take(&m, f->outputs, sizeof *m.g.result);
     if (m.failed) return LG_OUT_OF_MEMORY;
     mark_needed(&m);
@@ -496,4 +497,17 @@ lg_status lg_graph_make(lg_heap *heap, const lg_program *program, const lg_funct
     if (!drop_unused(&m)) return LG_OUT_OF_MEMORY;
     *out = m.g;
     return LG_OK;
+}
+
+lg_status lg_graph_make(lg_heap *heap, const lg_program *program, const lg_function *f, size_t rows,
+                        lg_dtype dtype, lg_graph *out, lg_error *error) {
+    making m = {.g = {.heap = heap}, .program = program, .f = f, .rows = rows, .dtype = dtype};
+    return make(&m, out, error);
+}
+
+lg_status lg_graph_make_symbolic(lg_heap *heap, const lg_program *program, const lg_function *f, size_t rows,
+                                 lg_graph *out, lg_error *error) {
+    making m = {
+        .g = {.heap = heap}, .program = program, .f = f, .rows = rows, .dtype = LG_F64, .symbolic = true};
+    return make(&m, out, error);
 }

@@ -31,6 +31,9 @@ typedef struct lg_graph {
     uint32_t *result; /* by output */
 } lg_graph;
 
+/* The same for any parameters: they are inputs behind those of the function. */
+lg_status lg_graph_make_symbolic(lg_heap *heap, const lg_program *program, const lg_function *function,
+                                 size_t rows, lg_graph *out, lg_error *error);
 lg_status lg_graph_make(lg_heap *heap, const lg_program *program, const lg_function *function, size_t rows,
                         lg_dtype dtype, lg_graph *out, lg_error *error);
 

@@ -123,6 +123,14 @@ const char *lg_program_name_problem(const char *name) {
     return NULL;
 }
 
+const char *lg_shown_name(const char *name, char shown[LG_SHOWN_NAME]) {
+    size_t n = 0;
+    for (; name != NULL && name[n] != '\0' && n + 1 < LG_SHOWN_NAME; n++)
+        shown[n] = name[n] >= ' ' && name[n] <= '~' ? name[n] : '?';
+    shown[n] = '\0';
+    return shown;
+}
+
 /* ---- life ---- */
 
 void lg_program_spec_init(lg_program_spec *spec) {
@@ -199,17 +207,24 @@ void lg_program_destroy(lg_program *p) {
 
 /* ---- shapes ---- */
 
+/* Product of dimensions, 1 for 0; false: too large. */
+static bool grow_count(size_t *count, size_t length) {
+    if (length >= (size_t)LG_PROGRAM_MAX_DIM) return false;
+    *count *= length > 0 ? length : 1;
+    return *count < (size_t)LG_PROGRAM_MAX_DIM;
+}
+
 bool lg_node_shape_at(const lg_program_node *node, size_t rows, lg_shape *shape) {
     *shape = (lg_shape){.rank = node->rank};
-    uint64_t count = 1;
+    size_t count = 1;
+    bool empty = false;
     for (uint32_t d = 0; d < node->rank; d++) {
         const int64_t length = lg_affine_at(node->dims[d], rows);
-        if (length < 0 || length >= LG_PROGRAM_MAX_DIM) return false;
+        if (length < 0 || !grow_count(&count, (size_t)length)) return false;
         shape->dims[d] = (uint32_t)length;
-        count *= (uint64_t)length;
-        if (count >= (uint64_t)LG_PROGRAM_MAX_DIM) return false;
+        empty = empty || length == 0;
     }
-    return true;
+    return !empty || count <= LG_PROGRAM_MAX_EMPTY;
 }
 
 bool lg_node_attr_at(const lg_function *f, const lg_program_node *node, size_t rows, lg_attr *attr) {
@@ -242,17 +257,27 @@ lg_shape lg_port_shape(const lg_port *port, size_t rows) {
 
 static lg_status check_name(const char *what, const char *name, lg_error *error) {
     const char *problem = lg_program_name_problem(name);
-    if (problem == NULL) return LG_OK;
-    char shown[2 * LG_PROGRAM_MAX_NAME];
-    size_t n = 0;
-    for (; name != NULL && name[n] != '\0' && n + 1 < sizeof shown; n++)
-        shown[n] = name[n] >= ' ' && name[n] <= '~' ? name[n] : '?';
-    shown[n] = '\0';
-    return lg_fail(error, LG_INVALID_ARGUMENT, "'%s' cannot be the name of %s: %s", shown, what, problem);
+    char shown[LG_SHOWN_NAME];
+    return problem == NULL ? LG_OK
+                           : lg_fail(error, LG_INVALID_ARGUMENT, "'%s' cannot be the name of %s: %s",
+                                     lg_shown_name(name, shown), what, problem);
 }
 
 static bool shape_is_sound(const lg_shape *shape, uint32_t most) {
-    return shape->rank <= most && lg_shape_count(*shape) < (size_t)LG_PROGRAM_MAX_DIM;
+    size_t count = 1;
+    for (uint32_t d = 0; shape->rank <= most && d < shape->rank; d++)
+        if (!grow_count(&count, shape->dims[d])) return false;
+    return shape->rank <= most && (lg_shape_count(*shape) > 0 || count <= LG_PROGRAM_MAX_EMPTY);
+}
+
+/* Units stand in comments of C. */
+static bool unit_is_sound(const char *unit) {
+    if (unit == NULL) return true;
+    for (const char *c = unit; *c != '\0'; c++)
+        if ((unsigned char)*c < ' ' || *c == '\x7f' || *c == '\\' || *c == '"' || *c == '?' ||
+            (*c == '*' && c[1] == '/') || (*c == '/' && (c[1] == '*' || c[1] == '/')))
+            return false;
+    return strlen(unit) <= LG_PROGRAM_MAX_NAME;
 }
 
 lg_status lg_program_add_parameter(lg_program *p, const lg_parameter_spec *spec, lg_error *error) {
@@ -307,6 +332,10 @@ static lg_status check_ports(const lg_function *f, lg_error *error) {
             return lg_fail(error, LG_SHAPE,
                            "'%s' of function '%s' has a rank that is too high, or is too large", port->name,
                            f->name);
+        if (!unit_is_sound(port->unit))
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "the unit of '%s' of function '%s' is too long or cannot stand in a comment of C",
+                           port->name, f->name);
         if (!isfinite(port->low) || !isfinite(port->high) || port->low > port->high)
             return lg_fail(error, LG_INVALID_ARGUMENT, "'%s' of function '%s' has a range that is none",
                            port->name, f->name);
@@ -383,6 +412,12 @@ static lg_status check_shapes(const lg_function *f, uint32_t i, lg_error *error)
     return LG_OK;
 }
 
+/* No overflow for any number of rows that fits into 32 bits. */
+static bool affine_within(lg_affine a) {
+    const int64_t most = 2 * LG_PROGRAM_MAX_DIM, slope = LG_PROGRAM_MAX_DIM / 2;
+    return a.base <= most && a.base >= -most && a.rows <= slope && a.rows >= -slope;
+}
+
 static lg_status check_node(const lg_program *p, const lg_function *f, uint32_t i, lg_error *error) {
     const lg_program_node *node = &f->node[i];
     if ((unsigned)node->op >= LG_OP_COUNT) return bad_node(f, i, "there is no such operation", error);
@@ -394,15 +429,9 @@ static lg_status check_node(const lg_program *p, const lg_function *f, uint32_t 
         return bad_node(f, i, "it has not the right number of inputs", error);
     for (uint32_t k = 0; k < node->inputs; k++)
         if (f->edges[node->first + k] >= i) return bad_node(f, i, "an input comes after it", error);
-    const int64_t most = LG_PROGRAM_MAX_DIM;
-    for (int k = 0; k < 4; k++)
-        if (node->dims[k].base > most || node->dims[k].base < -most || node->dims[k].rows > most ||
-            node->dims[k].rows < -most || node->i[k].base > most * 2 || node->i[k].base < -most * 2 ||
-            node->i[k].rows > most || node->i[k].rows < -most)
-            return bad_node(f, i, "a dimension or attribute is too large", error);
-    if (node->inverse.base > most || node->inverse.base < -most || node->inverse.rows > most ||
-        node->inverse.rows < -most)
-        return bad_node(f, i, "an attribute is too large", error);
+    bool within = affine_within(node->inverse);
+    for (int k = 0; k < 4; k++) within = within && affine_within(node->dims[k]) && affine_within(node->i[k]);
+    if (!within) return bad_node(f, i, "a dimension or attribute is too large", error);
     if (node->op == LG_OP_LEAF) LG_TRY(check_leaf(p, f, i, error));
     LG_TRY(check_payload(f, i, error));
     return check_shapes(f, i, error);
@@ -435,6 +464,9 @@ static bool same_port(const lg_port *a, const lg_port *b) {
 }
 
 static lg_status check_loop(const lg_program *p, const lg_function *f, lg_error *error) {
+    if (f->times > LG_PROGRAM_MAX_TIMES)
+        return lg_fail(error, LG_FORMAT, "loop '%s' is run more than %u times", f->name,
+                       LG_PROGRAM_MAX_TIMES);
     if (f->nodes != 0 || f->callee >= p->functions || p->function[f->callee].times != 0)
         return lg_fail(error, LG_FORMAT,
                        "loop '%s' calls no function that was there before it, or another loop", f->name);
@@ -459,6 +491,11 @@ lg_status lg_program_add_function(lg_program *p, lg_function *f, lg_error *error
     if (p->functions == LG_PROGRAM_MAX_FUNCTIONS)
         return lg_fail(error, LG_INVALID_ARGUMENT, "more than %d functions", LG_PROGRAM_MAX_FUNCTIONS);
     LG_TRY(check_ports(f, error));
+    size_t nodes = f->nodes;
+    for (size_t i = 0; i < p->functions; i++) nodes += p->function[i].nodes;
+    if (nodes > LG_PROGRAM_MAX_ALL_NODES)
+        return lg_fail(error, LG_FORMAT, "function '%s': the program has more than %u operations", f->name,
+                       LG_PROGRAM_MAX_ALL_NODES);
     LG_TRY(f->times > 0 ? check_loop(p, f, error) : check_nodes(p, f, error));
     if (p->functions == p->capacity) {
         const size_t capacity = p->capacity == 0 ? 8 : 2 * p->capacity;

@@ -10,11 +10,7 @@
 #include "autodiff/op.h"
 #include "autodiff/tape_internal.h"
 #include "liegrad/program.h"
-
-/* base + rows B, B the number of rows of the batch: a dimension or a whole number of an attribute. */
-typedef struct lg_affine {
-    int64_t base, rows;
-} lg_affine;
+#include "liegrad/program_image.h"
 
 static inline int64_t lg_affine_at(lg_affine a, size_t rows) {
     return a.base + a.rows * (int64_t)rows;
@@ -81,12 +77,21 @@ struct lg_program {
 #define LG_PROGRAM_MAX_PARAMETERS 256
 #define LG_PROGRAM_MAX_PORTS      64
 #define LG_PROGRAM_MAX_NODES      (1u << 20)
-#define LG_PROGRAM_MAX_NAME       64 /* characters of a name */
+#define LG_PROGRAM_MAX_ALL_NODES  (1u << 22) /* of all functions */
+#define LG_PROGRAM_MAX_TIMES      (1u << 24) /* calls of a loop */
+#define LG_PROGRAM_MAX_NAME       64         /* characters of a name, bytes of a unit */
+#define LG_PROGRAM_MAX_TEXT       4095       /* bytes of a description */
 #define LG_PROGRAM_MAX_DIM        ((int64_t)1 << 31)
+/* A tensor without elements, such as (B, 0, 5), is no larger than this with 1 for 0: loops over its other
+ * dimensions stay short. */
+#define LG_PROGRAM_MAX_EMPTY ((uint64_t)1 << 24)
 
 /* Why `name` cannot be the name of a function, port or parameter (a C identifier of at most
  * LG_PROGRAM_MAX_NAME characters, none of C's or C++'s words), or NULL. */
 const char *lg_program_name_problem(const char *name);
+/* The name as it may stand in a sentence: cut, other characters than printable ASCII as '?'. */
+#define LG_SHOWN_NAME (LG_PROGRAM_MAX_NAME + 1)
+const char *lg_shown_name(const char *name, char shown[LG_SHOWN_NAME]);
 
 /* An empty program; parts are added, each checked. `name`s and arrays are copied. */
 lg_status lg_program_create(const lg_context *context, lg_program **out);

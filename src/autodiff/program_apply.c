@@ -74,16 +74,24 @@ static bool keep_payload(lg_tape *tape, const lg_program_node *node, lg_attr *at
     return true;
 }
 
-static lg_var operation(const applying *a, const lg_program_node *node, lg_shape shape) {
-    lg_var in[LG_MAX_INPUTS];
+static lg_var record(const applying *a, const lg_program_node *node, const lg_var *in, lg_shape shape) {
     lg_attr attr;
-    for (uint32_t k = 0; k < node->inputs; k++) in[k] = a->made[a->f->edges[node->first + k]];
     if (!lg_node_attr_at(a->f, node, a->rows, &attr))
         return lg_tape_fail(a->tape, LG_SHAPE, lg_ops[node->op]->name, "an attribute is out of range");
     if (node->op == LG_OP_RESHAPE) return lg_reshape(a->tape, in[0], shape);
     if (node->op == LG_OP_SLICE) return lg_slice(a->tape, in[0], (int)attr.i[0], attr.i[1], attr.i[2]);
     if (!keep_payload(a->tape, node, &attr)) return LG_NONE;
     return lg_record_shaped(a->tape, node->op, in, node->inputs, &attr, shape);
+}
+
+static lg_var operation(const applying *a, const lg_program_node *node, lg_shape shape) {
+    lg_var in[LG_MAX_INPUTS];
+    for (uint32_t k = 0; k < node->inputs; k++) in[k] = a->made[a->f->edges[node->first + k]];
+    const lg_var made = record(a, node, in, shape);
+    if (!lg_is_none(made) && !lg_same_shape(&lg_node_at(a->tape, made)->shape, &shape))
+        return lg_tape_fail(a->tape, LG_SHAPE, lg_ops[node->op]->name,
+                            "with so many rows its shape is another one than stated");
+    return made;
 }
 
 static void record_nodes(applying *a) {

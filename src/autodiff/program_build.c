@@ -453,6 +453,9 @@ lg_status lg_program_build(const lg_context *context, const lg_program_spec *spe
     lg_program *made;
     if (spec == NULL || spec->size != sizeof *spec || out == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "no specification, or one of another version");
+    if (spec->description != NULL && strlen(spec->description) > LG_PROGRAM_MAX_TEXT)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the description has more than %d bytes",
+                       LG_PROGRAM_MAX_TEXT);
     LG_TRY(lg_program_create(context, &made));
     lg_status status = LG_OK;
     if (spec->description != NULL && (made->description = lg_strdup(context, spec->description)) == NULL)

@@ -5,10 +5,18 @@
 
 #include "autodiff/kernels/stumpff.h"
 
-/* Those that are instructions themselves. */
-static uint32_t operands(lg_scalar_op op) {
+uint32_t lg_scalar_instructions(lg_scalar_op op) {
     static const uint8_t count[LG_SCALAR_OPS] = {
 #define X(name, instructions, all) [LG_S_##name] = instructions,
+        LG_SCALAR_LIST(X)
+#undef X
+    };
+    return count[op];
+}
+
+uint32_t lg_scalar_operands(lg_scalar_op op) {
+    static const uint8_t count[LG_SCALAR_OPS] = {
+#define X(name, instructions, all) [LG_S_##name] = all,
         LG_SCALAR_LIST(X)
 #undef X
     };
@@ -157,7 +165,7 @@ static double carry_out(const lg_scalar_code *c, const double *x) {
 /* Whether all operands are constants whose result is finite. */
 static bool folded(lg_scalars *s, const lg_scalar_code *c, lg_scalar *out) {
     double x[3] = {0, 0, 0};
-    for (uint8_t k = 0; k < operands(c->op); k++)
+    for (uint8_t k = 0; k < lg_scalar_instructions(c->op); k++)
         if (!lg_s_is_constant(s, c->in[k], &x[k])) return false;
     const double value = carry_out(c, x);
     if (!isfinite(value)) return false;
@@ -212,7 +220,7 @@ static bool commutes(lg_scalar_op op) {
 
 lg_scalar lg_s(lg_scalars *s, lg_scalar_op op, lg_scalar a, lg_scalar b) {
     lg_scalar out;
-    lg_scalar_code c = {.op = op, .in = {a, operands(op) > 1 ? b : 0, 0}};
+    lg_scalar_code c = {.op = op, .in = {a, lg_scalar_instructions(op) > 1 ? b : 0, 0}};
     if (s->failed) return 0;
     if (folded(s, &c, &out) || simpler(s, op, a, b, &out)) return out;
     if (commutes(op) && c.in[0] > c.in[1]) {

@@ -26,6 +26,10 @@ struct lg_scalars {
 };
 #define LG_SCALARS_MOST (1u << 20)
 
+/* Operands of an instruction that are instructions; all of them. */
+uint32_t lg_scalar_instructions(lg_scalar_op op);
+uint32_t lg_scalar_operands(lg_scalar_op op);
+
 void lg_scalars_init(lg_scalars *s, const lg_context *context);
 void lg_scalars_free(lg_scalars *s);
 /* Each returns an instruction; 0 on failure, which `failed` tells. */

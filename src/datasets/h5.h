@@ -23,6 +23,13 @@ typedef struct lg_h5 {
 /* The end of a long path, so that a sentence keeps room for its key. */
 const char *lg_shown_path(const char *path);
 
+/* A text of a file as it may stand in a sentence: control characters become '?'. */
+static inline const char *lg_tamed(char *text) {
+    for (char *c = text; *c != '\0'; c++)
+        if ((unsigned char)*c < ' ' || *c == '\x7f') *c = '?';
+    return text;
+}
+
 /* ---- composing; nothing touches the disk before lg_h5_commit ---- */
 lg_status lg_h5_create(const lg_context *context, const char *path, lg_h5 **out, lg_error *error);
 /* Groups on the way are made. dims: rank numbers. */

@@ -641,7 +641,8 @@ lg_status lg_h5_check_format(lg_h5 *h5, const char *kind, bool foreign, lg_error
     bool ours = has_format && strcmp(text, "liegrad") == 0;
     if (has_format && !ours && foreign) return LG_OK;
     if (has_format && !ours)
-        return lg_fail(error, LG_FORMAT, "%s: attribute format is '%s', expected 'liegrad'", shown, text);
+        return lg_fail(error, LG_FORMAT, "%s: attribute format is '%s', expected 'liegrad'", shown,
+                       lg_tamed(text));
     if (lg_h5_has_attribute(h5, "", "format_version")) {
         LG_TRY(lg_h5_number(h5, "", "format_version", LG_ELEMENT_I64, &version, error));
         if (version > LG_FORMAT_VERSION)
@@ -660,7 +661,8 @@ lg_status lg_h5_check_format(lg_h5 *h5, const char *kind, bool foreign, lg_error
         return status == LG_SHAPE ? lg_fail(error, LG_FORMAT, "%s: attribute kind is too long", shown)
                                   : status;
     if (strcmp(text, kind) != 0 && (ours || !foreign))
-        return lg_fail(error, LG_FORMAT, "%s: attribute kind is '%s', expected '%s'", shown, text, kind);
+        return lg_fail(error, LG_FORMAT, "%s: attribute kind is '%s', expected '%s'", shown, lg_tamed(text),
+                       kind);
     return LG_OK;
 }
 

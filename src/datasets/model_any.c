@@ -74,6 +74,7 @@ static const struct {
     {"surrogate-checkpoint", "it is the checkpoint of an unfinished training"},
     {"detector-checkpoint", "it is the checkpoint of an unfinished training"},
     {"classifier", "it is a classical classifier, which lg_classifier_load reads"},
+    {"program", "it is a program of functions, which lg_program_load reads"},
     {"trajectories", "it holds data, trajectories"},
     {"trajectory", "it holds data, a trajectory"},
     {"elastica", "it holds data, curves of the elastica"},

@@ -393,6 +393,7 @@ static lg_status read_kind(void *user, lg_h5 *h5, lg_error *error) {
         return LG_OK;
     if (strcmp(format, "liegrad") != 0 || !lg_h5_has_attribute(h5, "", "kind")) return LG_OK;
     if (lg_h5_text(h5, "", "kind", call->text, sizeof call->text, NULL) != LG_OK) call->text[0] = '\0';
+    (void)lg_tamed(call->text);
     return LG_OK;
 }
 

@@ -320,11 +320,35 @@ static void derivatives_are_those_of_the_tape(void **state) {
     free(n.theta);
 }
 
+/* a_{2i+j} = sin(q_i u_j); b = net(q, u) + q . u depends on everything. */
+static void sparsity_is_structural(void **state) {
+    (void)state;
+    network n;
+    make_network(&n, Q + U, 10, Y1, LG_TANH);
+    memset(n.theta, 0, lg_mlp_parameters(&n.net) * sizeof *n.theta); /* the weights do not count */
+    lg_program *program = build_pair(&n);
+    unsigned char by_q[Y0 * Q], by_u[Y0 * U], all[Y1 * Q];
+    lg_error error;
+    assert_int_equal(lg_program_sparsity(program, 0, 0, 0, by_q, &error), LG_OK);
+    assert_int_equal(lg_program_sparsity(program, 0, 0, 1, by_u, &error), LG_OK);
+    assert_int_equal(lg_program_sparsity(program, 0, 1, 0, all, &error), LG_OK);
+    for (size_t a = 0; a < Y0; a++) {
+        for (size_t i = 0; i < Q; i++) assert_int_equal(by_q[a * Q + i], a / U == i);
+        for (size_t j = 0; j < U; j++) assert_int_equal(by_u[a * U + j], a % U == j);
+    }
+    for (size_t i = 0; i < Y1 * Q; i++) assert_int_equal(all[i], 1);
+    assert_int_equal(lg_program_sparsity(program, 0, 2, 0, all, &error), LG_NOT_FOUND);
+    assert_int_equal(lg_program_sparsity(program, 1, 0, 0, all, &error), LG_NOT_FOUND);
+    lg_program_destroy(program);
+    free(n.theta);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(applied_equals_recorded),
         cmocka_unit_test(plans_equal_recorded),
         cmocka_unit_test(derivatives_are_those_of_the_tape),
+        cmocka_unit_test(sparsity_is_structural),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

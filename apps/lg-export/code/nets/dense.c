@@ -3,49 +3,6 @@ typedef struct net_layer {
     int in, out, weight, bias;
 } net_layer;
 
-/* Sum of w[i] x[i]: eight partial sums side by side, which compilers keep in one vector. */
-static inline real dot(int n, const real *RESTRICT w, const real *RESTRICT x) {
-    real s0 = REAL(0.0), s1 = s0, s2 = s0, s3 = s0, s4 = s0, s5 = s0, s6 = s0, s7 = s0;
-    int i = 0;
-    for (; i + 8 <= n; i += 8) {
-        s0 += w[i] * x[i];
-        s1 += w[i + 1] * x[i + 1];
-        s2 += w[i + 2] * x[i + 2];
-        s3 += w[i + 3] * x[i + 3];
-        s4 += w[i + 4] * x[i + 4];
-        s5 += w[i + 5] * x[i + 5];
-        s6 += w[i + 6] * x[i + 6];
-        s7 += w[i + 7] * x[i + 7];
-    }
-    for (; i < n; i++) s0 += w[i] * x[i];
-    return ((s0 + s4) + (s2 + s6)) + ((s1 + s5) + (s3 + s7));
-}
-
-/* Where it knows the widths of a layer, clang unrolls its loops whole and spills kilobytes: products are not
- * inlined. */
-#if defined(__GNUC__)
-#define NOINLINE __attribute__((noinline))
-#else
-#define NOINLINE
-#endif
-
-/* y += x W: four rows of W at a time, so that y is read and written less often. */
-static NOINLINE void dense_add(int in, int out, const real *RESTRICT w, const real *RESTRICT x,
-                               real *RESTRICT y) {
-    int i = 0;
-    if (out == 1) {
-        y[0] += dot(in, w, x);
-        return;
-    }
-    for (; i + 4 <= in; i += 4, w += 4 * out) {
-        const real *RESTRICT w1 = w + out, *RESTRICT w2 = w1 + out, *RESTRICT w3 = w2 + out;
-        const real x0 = x[i], x1 = x[i + 1], x2 = x[i + 2], x3 = x[i + 3];
-        for (int j = 0; j < out; j++) y[j] += (x0 * w[j] + x1 * w1[j]) + (x2 * w2[j] + x3 * w3[j]);
-    }
-    for (; i < in; i++, w += out)
-        for (int j = 0; j < out; j++) y[j] += x[i] * w[j];
-}
-
 /* y = x W + b */
 static void dense(const net_layer *layer, const real *x, real *y) {
     for (int j = 0; j < layer->out; j++) y[j] = layer->bias < 0 ? REAL(0.0) : NAME_weights[layer->bias + j];

@@ -10,3 +10,5 @@
 #define FABS         fabsf
 #define FLOOR        floorf
 #define ATAN2        atan2f
+#define POW          powf
+#define REAL_LARGEST FLT_MAX

@@ -10,3 +10,5 @@
 #define FABS         fabs
 #define FLOOR        floor
 #define ATAN2        atan2
+#define POW          pow
+#define REAL_LARGEST DBL_MAX

@@ -1,24 +1,30 @@
-/* Growing text, and numbers, strings and comments as C. */
-#include "lg-export/export.h"
+#include "core/text.h"
 
 #include <math.h>
 #include <stdarg.h>
-#include <stdlib.h>
+#include <stdio.h>
 #include <string.h>
 
-static void append(text *to, const char *data, size_t length) {
+void lg_text_append(lg_text *to, const char *data, size_t length) {
+    if (to->failed) return;
     if (to->length + length + 1 > to->room) {
-        to->room = 2 * to->room + length + 256;
-        char *grown = realloc(to->data, to->room);
-        if (grown == NULL) app_out_of_memory();
+        const size_t room = 2 * to->room + length + 256;
+        char *grown = lg_alloc(to->context, room, 1);
+        if (grown == NULL) {
+            to->failed = true;
+            return;
+        }
+        if (to->length > 0) memcpy(grown, to->data, to->length);
+        lg_free(to->context, to->data);
         to->data = grown;
+        to->room = room;
     }
     memcpy(to->data + to->length, data, length);
     to->length += length;
     to->data[to->length] = '\0';
 }
 
-void text_add(text *to, const char *format, ...) {
+void lg_text_add(lg_text *to, const char *format, ...) {
     char small[256];
     va_list arguments, again;
     va_start(arguments, format);
@@ -26,12 +32,16 @@ void text_add(text *to, const char *format, ...) {
     const int length = vsnprintf(small, sizeof small, format, arguments);
     va_end(arguments);
     if (length >= 0 && (size_t)length < sizeof small) {
-        append(to, small, (size_t)length);
+        lg_text_append(to, small, (size_t)length);
     } else if (length > 0) {
-        char *large = app_alloc((size_t)length + 1, 1);
-        (void)vsnprintf(large, (size_t)length + 1, format, again);
-        append(to, large, (size_t)length);
-        free(large);
+        char *large = lg_alloc(to->context, (size_t)length + 1, 1);
+        if (large != NULL) {
+            (void)vsnprintf(large, (size_t)length + 1, format, again);
+            lg_text_append(to, large, (size_t)length);
+        } else {
+            to->failed = true;
+        }
+        lg_free(to->context, large);
     }
     va_end(again);
 }
@@ -40,53 +50,65 @@ static bool in_word(char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
 }
 
-void text_add_named(text *to, const char *name, const char *code) {
+void lg_text_add_named(lg_text *to, const char *name, const char *code) {
     for (const char *s = code, *found; *s != '\0'; s = found) {
         found = strstr(s + 1, "NAME_");
         if (found == NULL) found = s + strlen(s);
         const bool here = strncmp(s, "NAME_", 5) == 0 && (s == code || !in_word(s[-1]));
-        if (here) append(to, name, strlen(name));
+        if (here) lg_text_append(to, name, strlen(name));
         if (here) s += 4;
-        append(to, s, (size_t)(found - s));
+        lg_text_append(to, s, (size_t)(found - s));
     }
 }
 
-void text_free(text *to) {
-    free(to->data);
-    *to = (text){.data = NULL};
+void lg_text_free(lg_text *to) {
+    lg_free(to->context, to->data);
+    *to = (lg_text){.context = to->context};
 }
 
 /* ---- numbers ---- */
 
-void text_add_real(text *to, lg_dtype dtype, double value) {
+void lg_text_add_real(lg_text *to, lg_dtype dtype, double value) {
     const double stored = dtype == LG_F32 ? (double)(float)value : value;
     char digits[40];
     if (!isfinite(stored)) to->unfit = true;
     (void)snprintf(digits, sizeof digits, "%.*g", dtype == LG_F32 ? 9 : 17, isfinite(stored) ? stored : 0.0);
-    text_add(to, "%s%s%s", digits, strpbrk(digits, ".e") == NULL ? ".0" : "", dtype == LG_F32 ? "f" : "");
+    lg_text_add(to, "%s%s%s", digits, strpbrk(digits, ".e") == NULL ? ".0" : "", dtype == LG_F32 ? "f" : "");
 }
 
-void text_add_reals(text *to, lg_dtype dtype, int indent, const double *values, size_t count) {
+void lg_text_add_reals(lg_text *to, lg_dtype dtype, int indent, const double *values, size_t count) {
     for (size_t i = 0; i < count; i++) {
-        if (i % 4 == 0) text_add(to, "%*s", indent, "");
-        text_add_real(to, dtype, values[i]);
-        text_add(to, "%s", i + 1 == count ? "\n" : i % 4 == 3 ? ",\n" : ", ");
+        if (i % 4 == 0) lg_text_add(to, "%*s", indent, "");
+        lg_text_add_real(to, dtype, values[i]);
+        lg_text_add(to, "%s", i + 1 == count ? "\n" : i % 4 == 3 ? ",\n" : ", ");
     }
+}
+
+void lg_text_add_hex_line(lg_text *to, lg_dtype dtype, const double *values, size_t count) {
+    lg_text_add(to, "    ");
+    for (size_t i = 0; i < count; i++) {
+        lg_text_add_real(to, dtype, values[i]);
+        lg_text_add(to, i + 1 < count ? ", " : ",\n");
+    }
+    lg_text_add(to, "    /* ");
+    for (size_t i = 0; i < count; i++)
+        lg_text_add(to, "%a ", dtype == LG_F32 ? (double)(float)values[i] : values[i]);
+    lg_text_add(to, "*/\n");
 }
 
 /* ---- foreign words ---- */
 
-void text_add_literal(text *to, const char *value) {
-    append(to, "\"", 1);
+void lg_text_add_literal(lg_text *to, const char *value) {
+    lg_text_append(to, "\"", 1);
     for (const char *s = value; *s != '\0'; s++) {
         if (*s == '"' || *s == '\\' || *s == '?')
-            text_add(to, "\\%c", *s);
+            lg_text_add(to, "\\%c", *s);
         else if (*s >= ' ' && *s <= '~')
-            append(to, s, 1);
+            lg_text_append(to, s, 1);
         else
-            text_add(to, "\\%03o", (unsigned)(unsigned char)*s);
+            lg_text_add(to, "\\%03o", (unsigned)(unsigned char)*s);
     }
-    append(to, "\"", 1);
+    lg_text_append(to, "\"", 1);
 }
 
 /* The code point of a UTF-8 sequence of `length` bytes; 0 bytes: none. */
@@ -108,22 +130,22 @@ static unsigned long code_point(const unsigned char *s, size_t *length) {
 /* Pairs that mean something in a comment (its end, another beginning, a trigraph) are kept apart by a blank;
  * a backslash never ends a line; control characters become blanks; what is not ASCII is written as a number.
  */
-void text_add_comment(text *to, const char *value) {
+void lg_text_add_comment(lg_text *to, const char *value) {
     for (const unsigned char *s = (const unsigned char *)value; *s != '\0'; s++) {
         const char next = (char)s[1];
         if (*s >= 0x80) {
             size_t length;
             const unsigned long code = code_point(s, &length);
             if (length > 0)
-                text_add(to, "<U+%04lX>", code);
+                lg_text_add(to, "<U+%04lX>", code);
             else
-                text_add(to, "<%02X>", *s);
+                lg_text_add(to, "<%02X>", *s);
             s += length > 0 ? length - 1 : 0;
             continue;
         }
-        text_add(to, "%c", *s == '\n' || (*s >= ' ' && *s != 0x7f) ? *s : ' ');
+        lg_text_add(to, "%c", *s == '\n' || (*s >= ' ' && *s != 0x7f) ? *s : ' ');
         if ((*s == '*' && next == '/') || (*s == '/' && next == '*') || (*s == '?' && next == '?'))
-            append(to, " ", 1);
-        if (*s == '\\' && (next == '\n' || next == '\0')) append(to, ".", 1);
+            lg_text_append(to, " ", 1);
+        if (*s == '\\' && (next == '\n' || next == '\0')) lg_text_append(to, ".", 1);
     }
 }

@@ -1,0 +1,108 @@
+/* Derivative number `order` of c_k(w) = sum_i (-w)^i/(k + 2i)!, k = 0..K, in double for every type.
+ *
+ * |w| <= 16: the series; next to the zeros of c_0, c_1 and c_0' = -c_1/2 by cos and sin of x = sqrt(w), with
+ * the rounding error of x carried along. Beyond: c_0, c_1 and c_2 = 2 sin(x/2)^2/w in closed form, then
+ * c_{k+2} = (1/k! - c_k)/w and 2w c_k^(d+1) = c_{k-1}^(d) - (k + 2d) c_k^(d), but the series where it hardly
+ * cancels. order, K <= 8. */
+
+/* 1/n! */
+static const double inverse_factorial[59] = {
+    1.0, 1.0, 0.5, 0.16666666666666667,
+    0.041666666666666667, 0.0083333333333333333, 0.0013888888888888889, 0.00019841269841269841,
+    2.4801587301587302e-5, 2.7557319223985891e-6, 2.7557319223985891e-7, 2.5052108385441719e-8,
+    2.0876756987868099e-9, 1.6059043836821615e-10, 1.1470745597729725e-11, 7.6471637318198165e-13,
+    4.7794773323873853e-14, 2.8114572543455208e-15, 1.5619206968586226e-16, 8.2206352466243297e-18,
+    4.1103176233121649e-19, 1.9572941063391261e-20, 8.8967913924505733e-22, 3.868170170630684e-23,
+    1.6117375710961183e-24, 6.4469502843844734e-26, 2.4795962632247975e-27, 9.1836898637955461e-29,
+    3.2798892370698379e-30, 1.1309962886447717e-31, 3.7699876288159056e-33, 1.2161250415535179e-34,
+    3.8003907548547436e-36, 1.151633562077195e-37, 3.3871575355211618e-39, 9.677592958631891e-41,
+    2.6882202662866364e-42, 7.2654601791530713e-44, 1.9119632050402819e-45, 4.9024697565135434e-47,
+    1.2256174391283858e-48, 2.9893108271424045e-50, 7.1174067312914393e-52, 1.6552108677421952e-53,
+    3.7618428812322618e-55, 8.359650847182804e-57, 1.8173154015614791e-58, 3.8666285139605939e-60,
+    8.0554760707512373e-62, 1.643974708316579e-63, 3.2879494166331581e-65, 6.4469596404571727e-67,
+    1.2397999308571486e-68, 2.3392451525606577e-70, 4.3319354677049217e-72, 7.8762463049180395e-74,
+    1.4064725544496499e-75, 2.4674957095607893e-77, 4.2543029475186023e-79
+};
+
+/* The coefficients (i + order)!/i!/(k + 2 (i + order))! by Horner's rule. */
+static void stumpff_series(double w, int K, int order, double *c) {
+    const double size = fabs(w);
+    const int terms = size <= 1.0 ? 10 : size <= 4.0 ? 14 : 18;
+    double falling[18];
+    falling[0] = 1.0;
+    for (int i = 1; i <= order; i++) falling[0] *= (double)i;
+    for (int i = 1; i < terms; i++)
+        falling[i] = order == 0 ? 1.0 : falling[i - 1] * (double)(i + order) / (double)i;
+    for (int k = 0; k <= K; k++) {
+        double sum = 0.0;
+        for (int i = terms - 1; i >= 0; i--)
+            sum = falling[i] * inverse_factorial[k + 2 * (i + order)] - w * sum;
+        c[k] = order % 2 == 0 ? sum : -sum;
+    }
+}
+
+/* One function by the series, term from term. */
+static double stumpff_one(double w, int k, int d) {
+    double term = d % 2 == 0 ? inverse_factorial[k + 2 * d] : -inverse_factorial[k + 2 * d], total;
+    for (int i = 2; i <= d; i++) term *= (double)i;
+    total = term;
+    for (int i = 0; i < 100 && fabs(term) > 1e-18 * fabs(total); i++) {
+        const double n = k + 2.0 * (i + d);
+        term *= -w * (i + d + 1) / ((i + 1) * (n + 1.0) * (n + 2.0));
+        total += term;
+    }
+    return total;
+}
+
+/* x = sqrt(|w|), and what rounding took from it: the square of x is summed from two halves. */
+static double stumpff_root(double w, double *dx) {
+    const double x = sqrt(fabs(w)), high = (double)(float)x, low = x - high;
+    *dx = -(((high * high - fabs(w)) + 2.0 * high * low) + low * low) / (2.0 * x);
+    return x;
+}
+
+/* c_0, c_1 and c_2, |w| > 1 */
+static void stumpff_closed(double w, double *c) {
+    double dx, half;
+    const double x = stumpff_root(w, &dx);
+    const double s = w > 0.0 ? sin(x) : sinh(x), co = w > 0.0 ? cos(x) : cosh(x);
+    c[0] = w > 0.0 ? co - dx * s : co + dx * s;
+    c[1] = (s + dx * co) / x;
+    half = w > 0.0 ? sin(0.5 * x) + 0.5 * dx * cos(0.5 * x) : sinh(0.5 * x) + 0.5 * dx * cosh(0.5 * x);
+    c[2] = 2.0 * half * half / fabs(w);
+}
+
+static int stumpff_cancels_little(double w, int k, int d) {
+    return fabs(w) * (d + 1) <= 2.0 * (k + 2 * d + 1) * (k + 2 * d + 2);
+}
+
+/* Order after order in the same row, from its end. */
+static void stumpff_beyond(double w, int K, int order, double *c) {
+    stumpff_closed(w, c);
+    for (int k = 3; k <= K; k++)
+        c[k] = stumpff_cancels_little(w, k - 2, 0) ? stumpff_one(w, k, 0)
+                                                   : (inverse_factorial[k - 2] - c[k - 2]) / w;
+    for (int d = 1; d <= order; d++) {
+        const double slope = -0.5 * c[1];
+        for (int k = K > 1 ? K : 1; k >= 1; k--)
+            c[k] = stumpff_cancels_little(w, k, d) ? stumpff_one(w, k, d)
+                                                   : (c[k - 1] - (k + 2 * (d - 1)) * c[k]) / (2.0 * w);
+        c[0] = slope;
+    }
+}
+
+static void stumpff_row(real argument, int K, int order, real *out) {
+    const double w = (double)argument;
+    double c[9], closed[3];
+    if (!(fabs(w) <= 16.0)) {
+        stumpff_beyond(w, K, order, c);
+    } else {
+        stumpff_series(w, K, order, c);
+        if (w > 1.0 && order < 2 && (fabs(c[0]) < 0.25 || (order == 0 && K > 0 && fabs(c[1]) < 0.1))) {
+            stumpff_closed(w, closed);
+            if (fabs(c[0]) < 0.25) c[0] = order == 0 ? closed[0] : -0.5 * closed[1];
+            if (order == 0 && K > 0 && fabs(c[1]) < 0.1) c[1] = closed[1];
+        }
+    }
+    for (int k = 0; k <= K; k++) out[k] = (real)c[k];
+}

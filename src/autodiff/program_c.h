@@ -1,0 +1,86 @@
+/* The writer of C inside: what has been written once, and the plan that is being written. */
+#ifndef LG_PROGRAM_C_H
+#define LG_PROGRAM_C_H
+
+#include "autodiff/op_c.h"
+#include "autodiff/plan.h"
+#include "autodiff/scalars.h"
+#include "core/text.h"
+
+/* A function that stands in the code: its text with % for its name. */
+typedef struct lg_c_function {
+    char *text;
+    char name[96];
+} lg_c_function;
+
+/* Numbers of a table that lie together. */
+typedef struct lg_c_piece {
+    size_t at, count;
+} lg_c_piece;
+
+/* A range of a plan's constants, and where it lies in the table of weights. */
+typedef struct lg_c_range {
+    size_t from, count, at;
+} lg_c_range;
+
+/* A plan that is being written. */
+typedef struct lg_c_frame {
+    const lg_plan *plan;
+    lg_text body;      /* statements */
+    lg_c_range *range; /* by `from`, apart */
+    size_t ranges, range_capacity;
+    size_t work; /* numbers of work memory, so far */
+} lg_c_frame;
+
+struct lg_c {
+    const lg_context *context;
+    const lg_program *program;
+    const char *name;
+    lg_dtype dtype;
+    lg_status status;
+    lg_error *error;
+    lg_text code;                   /* fragments and functions */
+    const lg_c_fragment **fragment; /* that stand there */
+    size_t fragments, fragment_capacity;
+    lg_c_function *function;
+    size_t functions, function_capacity;
+    double *weight;
+    size_t weights, weight_capacity;
+    lg_c_piece *piece; /* of the weights */
+    size_t pieces, piece_capacity;
+    uint32_t *index;
+    size_t indices, index_capacity;
+    lg_c_piece *table; /* of the indices */
+    size_t tables, table_capacity;
+    size_t stack, deepest; /* bytes: sum of what is called, largest of the blocks of scalar code */
+    lg_c_frame *frame;
+    const lg_tensor_step *step;
+    size_t indices_at; /* $i */
+};
+
+/* ---- failures; each returns false ---- */
+
+bool lg_c_fail(lg_c *c, lg_status status, const char *format, ...) __attribute__((format(printf, 3, 4)));
+bool lg_c_good(lg_c *c); /* no failure so far, texts included */
+/* Room for `needed` elements of `size` bytes; what is new is zero. */
+bool lg_c_room(lg_c *c, void **array, size_t *capacity, size_t needed, size_t size);
+
+/* ---- pieces of text ---- */
+
+void lg_c_need(lg_c *c, const lg_c_fragment *fragment);
+/* A static function with this text (% for its name), unless it stands there; its name. `title` begins it;
+ * `stack`: bytes of its frame; blocks are counted once, for they follow each other. NULL on failure. */
+const char *lg_c_define(lg_c *c, const char *title, const char *text, size_t stack, bool block);
+/* The memory of a place as C: "work + 12". */
+void lg_c_add_place(lg_c *c, lg_text *to, lg_place place);
+/* Whether the word stands in the text. */
+bool lg_c_uses(const char *text, const char *word);
+/* Memory that is used. */
+void lg_c_use(lg_c *c, lg_place place, size_t count);
+
+/* ---- scalar code (program_c_scalars.c) ---- */
+
+void lg_c_elementwise(lg_c *c, const lg_op *op, const lg_evaluation *e);
+void lg_c_scalars(lg_c *c, const lg_scalar_step *step);
+
+#endif

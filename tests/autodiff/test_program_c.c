@@ -1,0 +1,411 @@
+/* Programs as C against the tape: every operation that can be in a program, as straight code and as loops over
+ * tensors, compiled by gcc and clang, in both types.
+ * ctest-labels: slow */
+#include <dlfcn.h>
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "autodiff/program.h"
+#include "liegrad/gradcheck.h"
+#include "liegrad/program.h"
+#include "liegrad/random.h"
+#include "test_support.h"
+
+#define WARNINGS                                                                                             \
+    "-Wall -Wextra -Wconversion -Wdouble-promotion -Wshadow -pedantic -Werror"
+
+enum { POINTS = 1000, MOST = 12, OUTPUTS = LG_GRADCHECK_MAX_INPUTS };
+
+/* ---- a bundle of the registry's functions ---- */
+
+typedef struct bundle {
+    lg_program *program;
+    const lg_gradcheck_case **row; /* by function */
+    size_t functions;
+    bool gradients;
+} bundle;
+
+typedef struct recording {
+    const lg_gradcheck_case *row;
+    bool gradient;
+} recording;
+
+/* sum c_i (y_i + y_i^2/2), c_i a number of i alone: no symmetry makes its gradient vanish. */
+static lg_var functional(lg_tape *tape, lg_var y) {
+    const lg_shape shape = lg_var_shape(tape, y);
+    const size_t count = lg_shape_count(shape);
+    double *c = malloc(count * sizeof *c + 1);
+    for (size_t i = 0; i < count; i++) c[i] = 1.0 + 0.7 * cos(1.0 + (double)i);
+    const lg_var weights = lg_input(tape, shape, c);
+    free(c);
+    const lg_var square = lg_scale(tape, lg_mul(tape, y, y), 0.5);
+    return lg_sum(tape, lg_mul(tape, weights, lg_add(tape, y, square)));
+}
+
+/* The value, or the gradient of a functional by all inputs: what operations become under differentiation. */
+static lg_status record(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const recording *r = user;
+    const lg_gradcheck_function *f = &r->row->function;
+    (void)theta;
+    const lg_var value = f->build(f->user, tape, x);
+    if (!r->gradient) {
+        y[0] = value;
+        return lg_tape_status(tape);
+    }
+    return lg_grad(tape, functional(tape, value), x, f->inputs, y);
+}
+
+static bool in_process(const lg_gradcheck_case *row) {
+    for (size_t i = 0; i < LG_GRADCHECK_CASE_OPERATIONS && row->operations[i] != NULL; i++)
+        if (strncmp(row->operations[i], "custom", 6) == 0) return true;
+    return strstr(row->function.name, "custom") != NULL;
+}
+
+static lg_port port_of(const lg_gradcheck_function *f, uint32_t k, char *name) {
+    const lg_gradcheck_argument *a = &f->arguments[k];
+    (void)snprintf(name, 16, "x%u", k);
+    return (lg_port){.name = name, .shape = a->shape, .shared = true, .low = a->low, .high = a->high};
+}
+
+static void add_function(bundle *b, const lg_gradcheck_case *row, size_t index) {
+    const lg_gradcheck_function *f = &row->function;
+    recording r = {row, b->gradients};
+    lg_port in[MOST], out[OUTPUTS];
+    char names[MOST][16], outputs[OUTPUTS][16], name[32];
+    lg_error error;
+    (void)snprintf(name, sizeof name, "f%zu", index);
+    const size_t count = b->gradients ? f->inputs : 1;
+    for (uint32_t k = 0; k < f->inputs; k++) in[k] = port_of(f, k, names[k]);
+    for (size_t j = 0; j < count; j++) {
+        (void)snprintf(outputs[j], sizeof outputs[j], "y%zu", j);
+        out[j] = (lg_port){.name = outputs[j]};
+    }
+    const lg_function_spec spec = {name, in, f->inputs, out, count, record, &r};
+    const lg_status status = lg_program_record_function(b->program, &spec, &error);
+    if (status != LG_OK && in_process(row)) return;
+    if (status != LG_OK) fail_msg("%s: %s", f->name, error.message);
+    b->row[b->functions++] = row;
+}
+
+/* As many rows as a program holds, from *next on. */
+static bundle make_bundle(bool gradients, size_t *next) {
+    bundle b = {.row = malloc(LG_PROGRAM_MAX_FUNCTIONS * sizeof(void *)), .gradients = gradients};
+    assert_non_null(b.row);
+    assert_ok(lg_program_create(NULL, &b.program));
+    while (b.functions < LG_PROGRAM_MAX_FUNCTIONS && lg_gradcheck_operation(*next) != NULL) {
+        add_function(&b, lg_gradcheck_operation(*next), *next);
+        (*next)++;
+    }
+    assert_true(b.functions > 0);
+    return b;
+}
+
+static void free_bundle(bundle *b) {
+    lg_program_destroy(b->program);
+    free(b->row);
+}
+
+/* ---- compiled ---- */
+
+typedef void (*shim)(const void *const *in, void *const *out, void *work);
+
+typedef struct compiled {
+    char folder[64];
+    void *handle;
+    lg_c_source *source;
+    bool single;
+} compiled;
+
+static void write_file(const compiled *c, const char *name, const char *const *parts, size_t count) {
+    char path[128];
+    (void)snprintf(path, sizeof path, "%s/%s", c->folder, name);
+    FILE *file = fopen(path, "w");
+    assert_non_null(file);
+    for (size_t i = 0; i < count; i++) assert_true(fputs(parts[i], file) >= 0);
+    assert_int_equal(fclose(file), 0);
+}
+
+/* A function with arrays of pointers for each of the program's. */
+static char *shims_of(const bundle *b, const lg_c_source *source) {
+    const size_t room = 4096 + source->functions * 2048;
+    char *text = malloc(room);
+    assert_non_null(text);
+    size_t used = (size_t)snprintf(text, room, "#include \"p.h\"\n");
+    for (size_t i = 0; i < source->functions; i++) {
+        size_t ins = 0, outs = 0;
+        const char *name = lg_program_function_name(b->program, source->function[i]);
+        (void)lg_program_inputs(b->program, source->function[i], &ins);
+        (void)lg_program_outputs(b->program, source->function[i], &outs);
+        used += (size_t)snprintf(text + used, room - used,
+                                 "void shim_%s(const void *const *in, void *const *out, void *work);\n"
+                                 "void shim_%s(const void *const *in, void *const *out, void *work) {\n    "
+                                 "p_%s(",
+                                 name, name, name);
+        for (size_t k = 0; k < ins; k++)
+            used += (size_t)snprintf(text + used, room - used, "(const p_real *)in[%zu], ", k);
+        for (size_t k = 0; k < outs; k++)
+            used += (size_t)snprintf(text + used, room - used, "(p_real *)out[%zu], ", k);
+        used += (size_t)snprintf(text + used, room - used, "(p_real *)work);\n}\n");
+    }
+    return text;
+}
+
+static compiled compile(const bundle *b, const char *compiler, const char *flags, lg_dtype dtype,
+                        bool compact) {
+    compiled c = {.folder = "/tmp/liegrad-program-c-XXXXXX", .single = dtype == LG_F32};
+    lg_c_options options;
+    lg_error error;
+    char command[1024];
+    lg_c_options_init(&options);
+    options.name = "p";
+    options.dtype = dtype;
+    options.compact = compact;
+    if (lg_program_write_c(b->program, &options, &c.source, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_non_null(mkdtemp(c.folder));
+    char *shims = shims_of(b, c.source);
+    write_file(&c, "p.h", (const char *const[]){c.source->sizes, c.source->declarations}, 2);
+    write_file(&c, "p.c",
+               (const char *const[]){"#include \"p.h\"\n#include <stddef.h>\n", c.source->arrays, c.source->code}, 3);
+    write_file(&c, "p_weights.c",
+               (const char *const[]){"#include \"p.h\"\n", c.source->arrays, c.source->weights}, 3);
+    write_file(&c, "shims.c", (const char *const[]){shims}, 1);
+    free(shims);
+    (void)snprintf(command, sizeof command,
+                   "cd %s && %s %s -std=c99 -Wstrict-prototypes -Wmissing-prototypes " WARNINGS
+                   " -fPIC -shared p.c p_weights.c shims.c -lm -o lib.so 2>&1",
+                   c.folder, compiler, flags);
+    if (system(command) != 0) fail_msg("%s", command);
+    (void)snprintf(command, sizeof command, "%s/lib.so", c.folder);
+    c.handle = dlopen(command, RTLD_NOW | RTLD_LOCAL);
+    if (c.handle == NULL) fail_msg("%s", dlerror());
+    return c;
+}
+
+static void discard(compiled *c) {
+    char command[128];
+    assert_int_equal(dlclose(c->handle), 0);
+    lg_c_source_free(c->source);
+    (void)snprintf(command, sizeof command, "rm -rf -- '%s'", c->folder);
+    assert_int_equal(system(command), 0);
+}
+
+/* ---- compared ---- */
+
+/* Near the row's point where it has one, else anywhere in its range; rounded to the type. */
+static void draw(lg_rng *rng, const lg_gradcheck_argument *a, bool single, double *x) {
+    const size_t count = lg_shape_count(a->shape);
+    const double low = a->low == 0 && a->high == 0 ? -1 : a->low,
+                 high = a->low == 0 && a->high == 0 ? 1 : a->high;
+    for (size_t i = 0; i < count; i++) {
+        const double u = lg_rng_uniform(rng);
+        x[i] = a->values != NULL ? a->values[i] * (1 + 0.05 * (u - 0.5)) : low + (high - low) * u;
+        if (single) x[i] = (double)(float)x[i];
+    }
+}
+
+static void to_type(bool single, const double *x, size_t count, void *y) {
+    for (size_t i = 0; i < count; i++) {
+        if (single)
+            ((float *)y)[i] = (float)x[i];
+        else
+            ((double *)y)[i] = x[i];
+    }
+}
+
+static double of_type(bool single, const void *y, size_t i) {
+    return single ? (double)((const float *)y)[i] : ((const double *)y)[i];
+}
+
+static double norm(const double *a, size_t count) {
+    double sum = 0;
+    for (size_t i = 0; i < count; i++) sum += a[i] * a[i];
+    return sqrt(sum);
+}
+
+/* By how much the registry's functions multiply rounding at the points that are drawn: sums that cancel,
+ * quotients, functions of large arguments. */
+static const double condition = 2;
+
+/* Function `i` of what was written against the tape; the worst error in units of eps depth. */
+static double compare(const bundle *b, const compiled *c, size_t i, lg_tape *tape, size_t points) {
+    const size_t function = c->source->function[i];
+    const lg_gradcheck_function *f = &b->row[function]->function;
+    char name[64];
+    lg_rng rng;
+    shim run;
+    size_t outs;
+    (void)snprintf(name, sizeof name, "shim_%s", lg_program_function_name(b->program, function));
+    *(void **)&run = dlsym(c->handle, name);
+    assert_non_null(run);
+    const lg_port *out = lg_program_outputs(b->program, function, &outs);
+    void *in[MOST] = {NULL}, *got[OUTPUTS] = {NULL}, *work = malloc(c->source->work_size * sizeof(double));
+    double *x[MOST] = {NULL}, *want[OUTPUTS] = {NULL}, *mean = calloc(outs, sizeof *mean), worst = 0;
+    for (uint32_t k = 0; k < f->inputs; k++) {
+        x[k] = malloc(lg_shape_count(f->arguments[k].shape) * sizeof(double) + 1);
+        in[k] = malloc(lg_shape_count(f->arguments[k].shape) * sizeof(double) + 1);
+    }
+    for (size_t j = 0; j < outs; j++) {
+        want[j] = malloc(points * lg_shape_count(out[j].shape) * sizeof(double) + 1);
+        got[j] = malloc(points * lg_shape_count(out[j].shape) * sizeof(double) + 1);
+    }
+    const size_t size = c->single ? sizeof(float) : sizeof(double);
+    lg_rng_seed(&rng, 14, i);
+    for (size_t p = 0; p < points; p++) {
+        lg_var in_vars[MOST], out_vars[OUTPUTS];
+        void *to[OUTPUTS];
+        lg_tape_reset(tape);
+        for (uint32_t k = 0; k < f->inputs; k++) {
+            draw(&rng, &f->arguments[k], c->single, x[k]);
+            to_type(c->single, x[k], lg_shape_count(f->arguments[k].shape), in[k]);
+            in_vars[k] = lg_input(tape, f->arguments[k].shape, x[k]);
+        }
+        assert_ok(lg_program_apply(tape, b->program, function, NULL, in_vars, out_vars));
+        memset(work, 0xff, c->source->work_size * sizeof(double)); /* NaN */
+        for (size_t j = 0; j < outs; j++) {
+            const size_t count = lg_shape_count(out[j].shape);
+            memcpy(want[j] + p * count, lg_value(tape, out_vars[j]), count * sizeof(double));
+            mean[j] += pow(norm(want[j] + p * count, count), 2) / (double)points;
+            to[j] = (unsigned char *)got[j] + p * count * size;
+        }
+        run((const void *const *)in, to, work);
+    }
+    const double eps = c->single ? (double)FLT_EPSILON : DBL_EPSILON;
+    for (size_t j = 0; j < outs; j++)
+        for (size_t p = 0; p < points; p++) {
+            const size_t count = lg_shape_count(out[j].shape);
+            double distance = 0;
+            for (size_t e = 0; e < count; e++)
+                distance += pow(of_type(c->single, got[j], p * count + e) - want[j][p * count + e], 2);
+            const double own = fmax(norm(want[j] + p * count, count), sqrt(mean[j]));
+            const double error = sqrt(distance) / (own > 0 ? own : 1) /
+                                 (eps * (double)(c->source->depth[i] > 0 ? c->source->depth[i] : 1));
+            if (!(error <= 20 * condition))
+                fail_msg("%s (%s), output %zu, point %zu: error %.3g eps depth", f->name, name, j, p, error);
+            if (error > worst) worst = error;
+        }
+    for (uint32_t k = 0; k < f->inputs; k++) free(x[k]), free(in[k]);
+    for (size_t j = 0; j < outs; j++) free(want[j]), free(got[j]);
+    free(mean);
+    free(work);
+    return worst;
+}
+
+static void check(const bundle *b, const char *compiler, const char *flags, lg_dtype dtype, bool compact,
+                  size_t points) {
+    compiled c = compile(b, compiler, flags, dtype, compact);
+    double worst = 0;
+    const char *which = "";
+    lg_tape *tape;
+    assert_ok(lg_tape_create(NULL, NULL, &tape));
+    assert_int_equal(c.source->functions, b->functions);
+    for (size_t i = 0; i < c.source->functions; i++) {
+        const double error = compare(b, &c, i, tape, points);
+        if (error > worst) {
+            worst = error;
+            which = b->row[c.source->function[i]]->function.name;
+        }
+    }
+    print_message("%s %s, %s, %s: worst %.2f eps depth (%s)\n", compiler, flags, dtype == LG_F32 ? "f32" : "f64",
+                  compact ? "loops" : "straight code", worst, which);
+    lg_tape_destroy(tape);
+    discard(&c);
+}
+
+static bool has(const char *compiler) {
+    char command[64];
+    (void)snprintf(command, sizeof command, "command -v %s >/dev/null", compiler);
+    return system(command) == 0;
+}
+
+static void check_all(bool gradients) {
+    for (size_t next = 0; lg_gradcheck_operation(next) != NULL;) {
+        bundle b = make_bundle(gradients, &next);
+        for (int compact = 0; compact < 2; compact++)
+            for (int dtype = LG_F64; dtype <= LG_F32; dtype++) {
+                if (has("gcc")) check(&b, "gcc", "-O2", (lg_dtype)dtype, compact, POINTS);
+                if (has("clang")) check(&b, "clang", "-O2", (lg_dtype)dtype, compact, 50);
+            }
+        free_bundle(&b);
+    }
+}
+
+static void values_equal_the_tape(void **state) {
+    (void)state;
+    check_all(false);
+}
+
+static void gradients_equal_the_tape(void **state) {
+    (void)state;
+    check_all(true);
+}
+
+/* An operation without a row in the registry would be in none of the comparisons. */
+static void every_operation_is_compared(void **state) {
+    bool seen[LG_OP_COUNT] = {false};
+    (void)state;
+    for (size_t gradients = 0, next = 0; gradients < 2;) {
+        bundle b = make_bundle(gradients > 0, &next);
+        for (size_t i = 0; i < b.program->functions; i++)
+            for (uint32_t n = 0; n < b.program->function[i].nodes; n++)
+                seen[b.program->function[i].node[n].op] = true;
+        free_bundle(&b);
+        if (lg_gradcheck_operation(next) != NULL) continue;
+        gradients++;
+        next = 0;
+    }
+    for (int op = 0; op < LG_OP_COUNT; op++)
+        if (!seen[op] && lg_ops[op]->payload != LG_PAYLOAD_IN_PROCESS && lg_ops[op]->forward != NULL)
+            fail_msg("%s is in no program of this test", lg_ops[op]->name);
+}
+
+/* What one function alone needs, and nothing else, stands in its code: no warning of gcc and g++. */
+static void check_alone(const bundle *b, bool compact, const char *compiler) {
+    char folder[] = "/tmp/liegrad-program-c-XXXXXX", command[1024];
+    assert_non_null(mkdtemp(folder));
+    compiled c = {.single = false};
+    (void)snprintf(c.folder, sizeof c.folder, "%s", folder);
+    for (size_t i = 0; i < b->functions; i++) {
+        lg_c_options options;
+        lg_error error;
+        lg_c_source *source;
+        char name[32];
+        lg_c_options_init(&options);
+        options.name = "p";
+        options.compact = compact;
+        options.functions = &i;
+        options.function_count = 1;
+        options.mark_unfit = i % 2 == 0;
+        if (lg_program_write_c(b->program, &options, &source, &error) != LG_OK) fail_msg("%s", error.message);
+        (void)snprintf(name, sizeof name, "p%zu.c", i);
+        write_file(&c, name,
+                   (const char *const[]){source->sizes, source->declarations, source->arrays, source->code}, 4);
+        lg_c_source_free(source);
+    }
+    (void)snprintf(command, sizeof command, "cd %s && %s " WARNINGS " -O0 -c p*.c 2>&1", folder, compiler);
+    if (system(command) != 0) fail_msg("%s", command);
+    (void)snprintf(command, sizeof command, "rm -rf -- '%s'", folder);
+    assert_int_equal(system(command), 0);
+}
+
+static void every_function_compiles_alone(void **state) {
+    (void)state;
+    for (size_t next = 0; lg_gradcheck_operation(next) != NULL;) {
+        bundle b = make_bundle(false, &next);
+        if (has("gcc")) check_alone(&b, false, "gcc -std=c99 -Wstrict-prototypes -Wmissing-prototypes");
+        if (has("g++")) check_alone(&b, true, "g++ -x c++ -std=c++14");
+        free_bundle(&b);
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(every_operation_is_compared),
+        cmocka_unit_test(every_function_compiles_alone),
+        cmocka_unit_test(values_equal_the_tape),
+        cmocka_unit_test(gradients_equal_the_tape),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

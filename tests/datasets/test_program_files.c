@@ -1,0 +1,424 @@
+/* Files of programs: round trips to the bit, what is refused, damage. The 20000 mutants are in
+ * test_program_mutants.c. */
+#include "program_mutants.h"
+
+static lg_status read_program(const lg_context *context, const char *path, const lg_read_options *options,
+                              lg_error *error) {
+    lg_program *program = NULL;
+    const lg_status status = lg_program_load(context, path, options, &program, error);
+    if (status == LG_OK)
+        lg_program_destroy(program);
+    else
+        assert_null(program);
+    return status;
+}
+
+/* The network, written once; a copy each time. */
+static const char *fresh(void) {
+    const char *path = scratch_path("program.h5"), *original = scratch_path("program.original");
+    if (access(original, F_OK) != 0) {
+        lg_program *program = zoo_network();
+        assert_ok(lg_program_save(NULL, original, program, NULL, NULL));
+        lg_program_destroy(program);
+    }
+    copy_file(original, path);
+    return path;
+}
+
+static void check_round_trip(const lg_program *program, const lg_read_options *options) {
+    const char *path = scratch_path("first.h5"), *second = scratch_path("second.h5");
+    lg_error error = {LG_OK, ""};
+    lg_program *again = NULL;
+    assert_ok(lg_program_save(NULL, path, program, NULL, &error));
+    if (lg_program_load(NULL, path, options, &again, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_ok(lg_program_save(NULL, second, again, NULL, &error));
+    assert_same_bytes(path, second);
+    assert_same_results(program, again);
+    lg_program_destroy(again);
+}
+
+static void networks_round_trip(void **state) {
+    (void)state;
+    char kind[64];
+    lg_program *program = zoo_network(), *again;
+    check_round_trip(program, NULL);
+    const char *path = scratch_path("provenance.h5");
+    const lg_provenance provenance = {.command = "make", .has_seed = true, .seed = 5};
+    assert_ok(lg_program_save(NULL, path, program, &provenance, NULL));
+    assert_ok(lg_program_load(NULL, path, NULL, &again, NULL));
+    assert_ok(lg_file_kind(NULL, path, NULL, kind, sizeof kind, NULL));
+    assert_string_equal(kind, "program");
+    assert_string_equal(lg_program_description(again), ZOO_DESCRIPTION);
+    assert_int_equal(lg_program_parameters(again), lg_program_parameters(program));
+    for (size_t i = 0; i < lg_program_parameters(program); i++) {
+        const lg_parameter_spec a = lg_program_parameter(program, i), b = lg_program_parameter(again, i);
+        assert_string_equal(a.name, b.name);
+        assert_memory_equal(&a.shape, &b.shape, sizeof a.shape);
+        assert_memory_equal(a.values, b.values, lg_shape_count(a.shape) * sizeof(double));
+    }
+    for (size_t f = 0; f < lg_program_functions(program); f++) {
+        size_t na, nb;
+        assert_string_equal(lg_program_function_name(program, f), lg_program_function_name(again, f));
+        const lg_port *a = lg_program_inputs(program, f, &na), *b = lg_program_inputs(again, f, &nb);
+        assert_int_equal(na, nb);
+        for (size_t i = 0; i < na; i++) {
+            assert_string_equal(a[i].name, b[i].name);
+            assert_string_equal(a[i].unit != NULL ? a[i].unit : "", b[i].unit != NULL ? b[i].unit : "");
+            assert_memory_equal(&a[i].shape, &b[i].shape, sizeof a[i].shape);
+            assert_true(a[i].shared == b[i].shared && a[i].low == b[i].low && a[i].high == b[i].high);
+        }
+    }
+    lg_program_destroy(again);
+    lg_program_destroy(program);
+}
+
+/* Every operation that can be in a program, with its derivative. */
+static void operations_round_trip(void **state) {
+    (void)state;
+    const lg_read_options here = without_probe();
+    const lg_gradcheck_case *row;
+    size_t checked = 0;
+    for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++) {
+        lg_program *program = zoo_operation(row);
+        if (program == NULL) continue;
+        check_round_trip(program, &here);
+        lg_program_destroy(program);
+        checked++;
+    }
+    assert_true(checked > 0);
+}
+
+static void empty_program(void **state) {
+    (void)state;
+    lg_program_spec spec;
+    lg_program *program, *again;
+    const char *path = scratch_path("empty.h5");
+    lg_program_spec_init(&spec);
+    assert_ok(lg_program_build(NULL, &spec, &program, NULL));
+    assert_ok(lg_program_save(NULL, path, program, NULL, NULL));
+    assert_ok(lg_program_load(NULL, path, NULL, &again, NULL));
+    assert_int_equal(lg_program_functions(again), 0);
+    assert_string_equal(lg_program_description(again), "");
+    lg_program_destroy(program);
+    lg_program_destroy(again);
+}
+
+/* ---- damage ---- */
+
+static void damaged_files(void **state) {
+    (void)state;
+    refuse_damaged_files(read_program, fresh(), "");
+    survive_changed_bytes(read_program, fresh(), 100);
+}
+
+static void missing_parts(void **state) {
+    (void)state;
+    static const char *const links[] = {"operations",
+                                        "function_names",
+                                        "parameters/theta",
+                                        "functions/value",
+                                        "functions/value/inputs/name",
+                                        "functions/value/inputs/unit",
+                                        "functions/value/outputs/range",
+                                        "functions/value/operations/whole",
+                                        "functions/value/edges",
+                                        "functions/value/reals",
+                                        "functions/value/results",
+                                        "functions/ten_steps/carry"};
+    refuse_without_links(read_program, fresh, "", links, LG_COUNT(links));
+    const char *path = fresh();
+    delete_link(path, "revisions"); /* of the first revision then */
+    assert_ok(read_program(NULL, path, NULL, NULL));
+}
+
+static void bad_arrays(void **state) {
+    (void)state;
+    static const bad_array cases[] = {
+        {"parameters/theta", 1, {5}, 1, LG_FORMAT, "functions/value"},
+        {"parameters/scale", 0, {0}, NAN, LG_NOT_FINITE, "NaN"},
+        {"functions/value/operations/real", 1, {3}, 1, LG_FORMAT, "expected"},
+        {"functions/value/inputs/range", 2, {1, 2}, NAN, LG_FORMAT, "range"},
+        {"functions/value/inputs/range", 2, {2, 2}, 0, LG_FORMAT, "expected"},
+        {"functions/value/reals", 1, {100}, 0, LG_FORMAT, "length"},
+    };
+    refuse_arrays(read_program, fresh, false, cases, LG_COUNT(cases));
+}
+
+static void bad_attributes(void **state) {
+    (void)state;
+    static const bad_value texts[] = {
+        {"/", "kind", "hamiltonian", "program"},
+        {"functions/ten_steps", "calls", "ten_steps", "before"},
+        {"functions/ten_steps", "calls", "no such", "before"},
+        {"functions/ten_steps", "times", "ten", "integer"},
+    };
+    refuse_texts(read_program, fresh, texts, LG_COUNT(texts));
+    static const bad_integer integers[] = {
+        {"functions/ten_steps", "times", 0, "times"},
+        {"functions/ten_steps", "times", -1, "times"},
+        {"functions/ten_steps", "times", (int64_t)1 << 31, "times"},
+    };
+    refuse_integers(read_program, fresh, integers, LG_COUNT(integers));
+}
+
+/* Names of operations and of what would enter C. */
+static void bad_names(void **state) {
+    (void)state;
+    static const struct {
+        const char *path, *name, *word;
+    } cases[] = {
+        {"operations", "no_such_operation", "no_such_operation"},
+        {"operations", "bad\x01\x1b[31m", "bad??[31m"},
+        {"operations", "custom", "caller"},
+        {"functions/value/inputs/name", "int", "word of C"},
+        {"functions/value/inputs/name", "x; system(\"id\");", "identifier"},
+        {"functions/value/inputs/name", "__x", "begin"},
+        {"functions/value/inputs/name", "", "empty"},
+        {"functions/value/inputs/unit", "*/ int evil; /*", "comment"},
+        {"functions/value/inputs/unit", "m\\", "comment"},
+        {"function_names", "../parameters", "function_names"},
+        {"function_names", "loss", "loss"},
+        {"parameter_names", "a b", "parameter_names"},
+    };
+    for (size_t i = 0; i < LG_COUNT(cases); i++) {
+        const char *path = fresh();
+        change_text(path, cases[i].path, 0, cases[i].name);
+        assert_refused(read_program, path, LG_FORMAT, cases[i].word, "");
+    }
+}
+
+/* What a file says of itself does not reach the terminal raw. */
+static void tamed_texts(void **state) {
+    (void)state;
+    static const char *const names[] = {"kind", "format"};
+    for (size_t i = 0; i < LG_COUNT(names); i++) {
+        const char *path = fresh();
+        replace_text(path, "/", names[i], "\x1b[2J\n");
+        assert_refused(read_program, path, LG_FORMAT, "?[2J?", names[i]);
+    }
+}
+
+static void newer_files(void **state) {
+    (void)state;
+    const char *path = fresh();
+    change_number(path, "revisions", 0, 2.0);
+    assert_refused(read_program, path, LG_VERSION, "revision", "");
+    path = fresh();
+    change_number(path, "revisions", 0, 0.0);
+    assert_refused(read_program, path, LG_FORMAT, "revision", "");
+    path = fresh();
+    replace_integer(path, "/", "format_version", 2);
+    assert_refused(read_program, path, LG_VERSION, "format_version", "");
+}
+
+static void limits(void **state) {
+    (void)state;
+    lg_read_options options;
+    lg_read_options_init(&options);
+    options.max_bytes = 3000; /* no array is larger, all together are */
+    lg_error error;
+    assert_status(read_program(NULL, fresh(), &options, &error), LG_FORMAT);
+    assert_non_null(strstr(error.message, "limit"));
+}
+
+static void no_model(void **state) {
+    (void)state;
+    lg_model_file file;
+    lg_error error;
+    assert_status(lg_model_load(NULL, fresh(), NULL, &file, &error), LG_FORMAT);
+    assert_non_null(strstr(error.message, "lg_program_load"));
+    lg_hamiltonian_file model;
+    assert_status(lg_model_load_hamiltonian(NULL, fresh(), NULL, &model, &error), LG_FORMAT);
+    assert_non_null(strstr(error.message, "program"));
+}
+
+static void bad_calls(void **state) {
+    (void)state;
+    lg_program *program = zoo_network(), *out = NULL;
+    assert_status(lg_program_save(NULL, NULL, program, NULL, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_program_save(NULL, fresh(), NULL, NULL, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_program_load(NULL, NULL, NULL, &out, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_program_load(NULL, fresh(), NULL, NULL, NULL), LG_INVALID_ARGUMENT);
+    lg_function_image *image = NULL;
+    assert_status(lg_function_image_create(program, lg_program_functions(program), &image), LG_NOT_FOUND);
+    lg_program_destroy(program);
+}
+
+/* ---- memory ---- */
+
+static lg_status save_and_load(const lg_context *context, void *user, lg_error *error) {
+    const lg_read_options here = without_probe();
+    lg_program *program = NULL, *again = NULL;
+    lg_status status = lg_program_load(context, user, &here, &program, error);
+    if (status == LG_OK) status = lg_program_save(context, scratch_path("again.h5"), program, NULL, error);
+    if (status == LG_OK) status = lg_program_load(context, scratch_path("again.h5"), &here, &again, error);
+    lg_program_destroy(program);
+    lg_program_destroy(again);
+    return status;
+}
+
+static void failing_allocations(void **state) {
+    (void)state;
+    char path[128];
+    (void)snprintf(path, sizeof path, "%s", fresh());
+    assert_true(fail_every_allocation(save_and_load, path) > 50);
+}
+
+/* ---- attacks ---- */
+
+/* A function of one operation on one shared input, or on two. */
+typedef enum verdict { SOUND, REFUSED, REFUSED_ASIDE } verdict; /* aside: of an operation that is no output */
+typedef struct attack {
+    const char *operation;
+    uint32_t inputs;
+    lg_shape in[2], out;
+    int64_t whole[4];
+    double real;
+    verdict what;
+} attack;
+
+#define MOST 4294967295
+
+static const attack attacks[] = {
+    /* nothing to sum, spread or choose from, but the counts are huge */
+    {"sum", 1, {{1, {0}}}, {1, {0}}, {MOST, 5, 0, 0}, 0, SOUND},
+    {"sum", 1, {{1, {0}}}, {1, {3}}, {3, 0, 1, 0}, 0, SOUND},
+    {"broadcast", 1, {{1, {0}}}, {1, {0}}, {MOST, MOST, 0, 0}, 0, SOUND},
+    {"max_axis", 1, {{1, {0}}}, {1, {0}}, {MOST, 1, 0, 0}, 0, SOUND},
+    {"max_axis", 1, {{1, {0}}}, {1, {1}}, {1, 0, 1, 0}, 0, REFUSED},
+    {"argmax_mask", 1, {{1, {0}}}, {1, {0}}, {MOST, 3, 0, 0}, 0, SOUND},
+    {"argmax_mask", 1, {{1, {0}}}, {1, {0}}, {1000000, 0, 1, 0}, 0, REFUSED},
+    {"sum", 1, {{1, {8}}}, {1, {4}}, {2147483650, 2, 2147483650, 0}, 0, REFUSED},
+    /* tensors without elements and long loops */
+    {"permute", 1, {{3, {0, 65536, 32768}}}, {3, {65536, 32768, 0}}, {1, 2, 0, 3}, 0, REFUSED},
+    {"permute", 1, {{2, {0, 16777217}}}, {2, {16777217, 0}}, {1, 0, 2, 3}, 0, REFUSED},
+    {"permute", 1, {{2, {0, 16777217}}}, {2, {16777217, 0}}, {1, 0, 2, 3}, 0, REFUSED_ASIDE},
+    {"broadcast", 1, {{1, {0}}}, {2, {0, 16777217}}, {1, 5, 0, 0}, 0, REFUSED_ASIDE},
+    {"broadcast", 1, {{1, {1}}}, {4, {65536, 65536, 65536, 65536}}, {65536, 0, 1, 0}, 0, REFUSED_ASIDE},
+    {"permute", 1, {{2, {0, 1000}}}, {2, {1000, 0}}, {1, 0, 2, 3}, 0, SOUND},
+    {"permute", 1, {{2, {3, 4}}}, {2, {3, 4}}, {0, 0, 0, 0}, 0, REFUSED},
+    /* no outputs: scratch that no tensor bounds; the first asks for 2^51 bytes, which are refused when it is
+       run */
+    {"conv1d_input",
+     2,
+     {{3, {1, 16777216, 0}}, {3, {16777216, 1, 0}}},
+     {3, {1, 1, 1}},
+     {1, 16777215, 1, 0},
+     0,
+     SOUND},
+    {"conv1d_input",
+     2,
+     {{3, {1, 1073741824, 1}}, {3, {1073741824, 1, 1}}},
+     {3, {1, 1, 1}},
+     {1, 1073741823, 1, 0},
+     0,
+     REFUSED},
+    {"conv1d", 2, {{3, {1, 9, 1}}, {3, {3, 1, 1}}}, {3, {1, 7, 1}}, {0, 0, 0, 0}, 0, REFUSED},
+    {"conv1d", 2, {{3, {1, 9, 1}}, {3, {3, 1, 1}}}, {3, {1, 13, 1}}, {1, 3, 0, 0}, 0, REFUSED},
+    {"conv1d_block", 2, {{3, {1, 9, 1}}, {3, {3, 1, 1}}}, {3, {1, 7, 1}}, {1, 0, 1, 1}, 7, REFUSED},
+    {"conv1d_block", 2, {{3, {1, 9, 1}}, {3, {3, 1, 1}}}, {3, {1, 7, 1}}, {1, 0, 1, 1}, 1, SOUND},
+    {"avg_pool1d", 1, {{3, {1, 4, 1}}}, {3, {1, 4, 1}}, {0, 1, 0, 0}, 0, REFUSED},
+    {"slice", 1, {{1, {4}}}, {1, {4}}, {MOST, 0, 4, 0}, 0, REFUSED},
+    {"slice", 1, {{1, {4}}}, {1, {4}}, {0, 2, MOST, 0}, 0, REFUSED},
+    {"pad", 1, {{1, {4}}}, {1, {4}}, {0, MOST, 1, 0}, 0, REFUSED},
+    {"concat", 2, {{1, {4}}, {1, {4}}}, {1, {8}}, {1, 0, 0, 0}, 0, REFUSED},
+    {"matmul", 2, {{2, {2, 2}}, {2, {2, 2}}}, {2, {2, 2}}, {3, 0, 0, 0}, 0, REFUSED},
+    {"act", 1, {{1, {4}}}, {1, {4}}, {7, 0, 0, 0}, 0, REFUSED},
+    {"act_derivative", 2, {{1, {4}}, {1, {4}}}, {1, {4}}, {1, 9, 1, 0}, 0, REFUSED},
+    {"act_derivative", 2, {{1, {4}}, {1, {4}}}, {1, {4}}, {1, 2, 1, 1}, 0, REFUSED},
+    {"dual_act", 1, {{2, {3, 2}}}, {2, {3, 2}}, {1, 0, 0, 0}, 0, REFUSED},
+    {"stumpff", 1, {{2, {3, 1}}}, {2, {3, 10}}, {9, 0, 0, 0}, 0, REFUSED},
+    {"stumpff", 1, {{2, {3, 1}}}, {2, {3, 3}}, {2, 9, 0, 0}, 0, REFUSED},
+    {"dexpinv_coef", 1, {{2, {3, 1}}}, {2, {3, 1}}, {0, 9, 0, 0}, 0, REFUSED},
+    {"lie", 2, {{2, {3, 3}}, {2, {3, 3}}}, {2, {3, 3}}, {5, 0, 0, 0}, 0, REFUSED},
+    {"lie", 2, {{2, {3, 3}}, {2, {3, 3}}}, {2, {3, 3}}, {2, 0, 0, 0}, 0, REFUSED},
+    {"lie", 2, {{2, {3, 3}}, {2, {3, 6}}}, {2, {3, 6}}, {0, 0, 0, 0}, 0, REFUSED},
+    {"gather", 1, {{1, {4}}}, {1, {2}}, {2, 4, 0, 0}, 0, REFUSED},
+    {"rowdot", 2, {{2, {5, 0}}, {2, {5, 0}}}, {2, {5, 1}}, {0, 0, 0, 0}, 0, SOUND},
+    {"custom", 0, {{0, {0}}}, {0, {0}}, {MOST, 0, 0, 0}, 0, REFUSED},
+};
+
+static lg_status attack_with(const attack *a, lg_program *program, lg_error *error) {
+    static const uint32_t edges[2] = {0, 1};
+    const uint32_t result = a->what == REFUSED_ASIDE ? 0 : 2;
+    static const char *const names[2] = {"a", "b"};
+    lg_port in[2], out = {.name = "y", .shape = a->what == REFUSED_ASIDE ? a->in[0] : a->out, .shared = true};
+    lg_operation operations[3];
+    memset(operations, 0, sizeof operations);
+    for (int i = 0; i < 2; i++) {
+        in[i] = (lg_port){.name = names[i], .shape = a->in[i], .shared = true};
+        operations[i] = (lg_operation){.name = "input", .revision = 1, .rank = a->in[i].rank};
+        operations[i].whole[0].base = i;
+        for (uint32_t d = 0; d < a->in[i].rank; d++) operations[i].shape[d].base = a->in[i].dims[d];
+    }
+    operations[2] = (lg_operation){.name = a->operation,
+                                   .revision = 1,
+                                   .inputs = edges,
+                                   .input_count = a->inputs,
+                                   .rank = a->out.rank,
+                                   .real = a->real};
+    for (int k = 0; k < LG_WHOLE_COUNT; k++) operations[2].whole[k].base = a->whole[k];
+    for (uint32_t d = 0; d < a->out.rank; d++) operations[2].shape[d].base = a->out.dims[d];
+    const lg_function_image image = {.name = "attack",
+                                     .inputs = in,
+                                     .input_count = 2,
+                                     .outputs = &out,
+                                     .output_count = 1,
+                                     .operations = operations,
+                                     .operation_count = 3,
+                                     .results = &result};
+    return lg_program_add_image(program, &image, error);
+}
+
+/* Attributes and shapes that lie: refused, or run at once. */
+static void attacked(void **state) {
+    (void)state;
+    for (size_t i = 0; i < LG_COUNT(attacks); i++) {
+        lg_program_spec spec;
+        lg_program *program;
+        lg_error error = {LG_OK, ""};
+        tally t = {0};
+        lg_program_spec_init(&spec);
+        assert_ok(lg_program_build(NULL, &spec, &program, NULL));
+        const double begun = seconds_now();
+        const lg_status status = attack_with(&attacks[i], program, &error);
+        if ((status == LG_OK) != (attacks[i].what == SOUND))
+            fail_msg("attack %zu on %s: %s %s", i, attacks[i].operation, lg_status_name(status),
+                     error.message);
+        if (status == LG_OK) run_mutant(program, &t, i);
+        if (status != LG_OK) assert_sentence(&error, status, i);
+        if (seconds_now() - begun > 60.0) fail_msg("attack %zu took too long", i);
+        lg_program_destroy(program);
+    }
+}
+
+/* ---- mutants ---- */
+
+static void some_mutants(void **state) {
+    (void)state;
+    mutate_images(400, 1);
+    mutate_arrays(100, 2);
+    mutate_bytes(50, 3);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(networks_round_trip),
+        cmocka_unit_test(operations_round_trip),
+        cmocka_unit_test(empty_program),
+        cmocka_unit_test(damaged_files),
+        cmocka_unit_test(missing_parts),
+        cmocka_unit_test(bad_arrays),
+        cmocka_unit_test(bad_attributes),
+        cmocka_unit_test(bad_names),
+        cmocka_unit_test(tamed_texts),
+        cmocka_unit_test(newer_files),
+        cmocka_unit_test(limits),
+        cmocka_unit_test(no_model),
+        cmocka_unit_test(bad_calls),
+        cmocka_unit_test(failing_allocations),
+        cmocka_unit_test(attacked),
+        cmocka_unit_test(some_mutants),
+    };
+    return cmocka_run_group_tests(tests, scratch_begin, scratch_end);
+}
