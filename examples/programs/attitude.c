@@ -56,9 +56,10 @@ static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_
     lg_status status = lg_space_init(&space, factors, 2);
     if (status == LG_OK) status = lg_taped_split(tape, &space, in[0], y);
     if (status == LG_OK) status = rate(l, tape, (lg_taped_time){.value = 0}, y, in[1], f);
+    if (status != LG_OK) return status;
     out[0] = lg_reshape(tape, f[0], lg_var_shape(tape, f[1]));
     out[1] = f[1];
-    return status == LG_OK ? lg_tape_status(tape) : status;
+    return lg_tape_status(tape);
 }
 
 static lg_status step(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
@@ -118,7 +119,7 @@ static lg_status draw(void) {
     return status;
 }
 
-lg_status make_attitude(lg_program **out, lg_error *error) {
+lg_status make_attitude(lg_program **out, training *how, lg_error *error) {
     static const uint32_t hidden[] = {20};
     double theta[15 * 20 + 20 + 20 * 3 + 3];
     learned l;
@@ -147,6 +148,7 @@ lg_status make_attitude(lg_program **out, lg_error *error) {
     status = lg_program_build(NULL, &spec, out, error);
     if (status == LG_OK) status = draw();
     if (status != LG_OK) return status;
-    const double *const columns[] = {data.x[0], data.u[0], data.h, data.next[0]};
-    return train(*out, &(training){columns, SAMPLES, 100, 600, 1e-2}, NULL, NULL, error);
+    static const double *const columns[] = {data.x[0], data.u[0], data.h, data.next[0]};
+    *how = (training){columns, SAMPLES, 600, 100, 1e-2};
+    return train(*out, how, NULL, NULL, error);
 }

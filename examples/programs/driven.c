@@ -77,7 +77,7 @@ static void draw(samples *s) {
     }
 }
 
-lg_status make_driven(lg_program **out, lg_error *error) {
+lg_status make_driven(lg_program **out, training *how, lg_error *error) {
     static const uint32_t hidden[] = {16, 16};
     static samples s;
     lg_mlp net;
@@ -106,6 +106,7 @@ lg_status make_driven(lg_program **out, lg_error *error) {
     status = lg_program_build(NULL, &spec, out, error);
     if (status != LG_OK) return status;
     draw(&s);
-    const double *const columns[] = {s.x[0], s.u, s.h, s.next[0]};
-    return train(*out, &(training){columns, SAMPLES, 100, 1000, 1e-2}, NULL, NULL, error);
+    static const double *const columns[] = {s.x[0], s.u, s.h, s.next[0]};
+    *how = (training){columns, SAMPLES, 1000, 100, 1e-2};
+    return train(*out, how, NULL, NULL, error);
 }

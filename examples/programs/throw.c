@@ -14,10 +14,11 @@
 
 enum { SAMPLES = 1000, IN = 3, OUT = 2 };
 
+static double samples_x[SAMPLES * IN], samples_y[SAMPLES * OUT];
+
 typedef struct regression {
     lg_mlp net;
     double mean_x[IN], scale_x[IN], mean_y[OUT], scale_y[OUT];
-    double x[SAMPLES * IN], y[SAMPLES * OUT];
 } regression;
 
 /* (B, 3) -> (B, 2) in the units of the data. */
@@ -54,8 +55,8 @@ static lg_status loss(void *user, lg_tape *tape, const lg_var *theta, const lg_v
 static lg_status part_of_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                               size_t batch, lg_var *out) {
     const regression *r = user;
-    const lg_var all_x = lg_parameter(tape, lg_shape2(SAMPLES, IN), r->x),
-                 all_y = lg_parameter(tape, lg_shape2(SAMPLES, OUT), r->y);
+    const lg_var all_x = lg_parameter(tape, lg_shape2(SAMPLES, IN), samples_x),
+                 all_y = lg_parameter(tape, lg_shape2(SAMPLES, OUT), samples_y);
     const lg_var x = lg_gather(tape, all_x, samples, (uint32_t)count),
                  y = lg_gather(tape, all_y, samples, (uint32_t)count);
     *out = lg_scale(tape, distance(r, tape, predict(r, tape, theta, x), y), (double)count / (double)batch);
@@ -77,14 +78,14 @@ static void draw(regression *r) {
     lg_rng rng;
     lg_rng_seed(&rng, 1, 0);
     for (size_t i = 0; i < SAMPLES; i++) {
-        double *x = r->x + i * IN, *y = r->y + i * OUT;
+        double *x = samples_x + i * IN, *y = samples_y + i * OUT;
         for (int c = 0; c < IN; c++) x[c] = lg_rng_uniform_in(&rng, low[c], high[c]);
         const double g = 9.81, up = x[1] * sin(x[0]), along = x[1] * cos(x[0]);
         y[0] = along / g * (up + sqrt(up * up + 2 * g * x[2]));
         y[1] = x[2] + up * up / (2 * g);
     }
-    scaler(r->x, IN, r->mean_x, r->scale_x);
-    scaler(r->y, OUT, r->mean_y, r->scale_y);
+    scaler(samples_x, IN, r->mean_x, r->scale_x);
+    scaler(samples_y, OUT, r->mean_y, r->scale_y);
 }
 
 static lg_status fit(regression *r, double *theta, lg_error *error) {
@@ -104,9 +105,9 @@ static lg_status fit(regression *r, double *theta, lg_error *error) {
     return status;
 }
 
-lg_status make_throw(lg_program **out, lg_error *error) {
+lg_status make_throw(lg_program **out, training *how, lg_error *error) {
     static const uint32_t hidden[] = {16, 16};
-    static regression r; /* too large for some stacks */
+    regression r;
     lg_rng rng;
     lg_rng_seed(&rng, 1, 1);
     draw(&r);
@@ -132,5 +133,7 @@ lg_status make_throw(lg_program **out, lg_error *error) {
     spec.description = "where a thrown stone lands (y_1) and how high it flies (y_2)";
     if (status == LG_OK) status = lg_program_build(NULL, &spec, out, error);
     free(theta);
+    static const double *const columns[] = {samples_x, samples_y};
+    *how = (training){columns, SAMPLES, 1000, 50, 1e-3};
     return status;
 }

@@ -53,7 +53,7 @@ static void draw(void) {
     }
 }
 
-lg_status make_waveforms(lg_program **out, lg_error *error) {
+lg_status make_waveforms(lg_program **out, training *how, lg_error *error) {
     double w1[5 * 1 * 6], b1[6] = {0}, w2[3 * 6 * 8], b2[8] = {0}, w3[32 * 3], b3[3] = {0};
     const lg_parameter_spec weights[] = {{"conv1_weight", lg_shape3(5, 1, 6), w1}, {"conv1_bias", lg_shape1(6), b1},
                                          {"conv2_weight", lg_shape3(3, 6, 8), w2}, {"conv2_bias", lg_shape1(8), b2},
@@ -83,6 +83,7 @@ lg_status make_waveforms(lg_program **out, lg_error *error) {
     const lg_status status = lg_program_build(NULL, &spec, out, error);
     if (status != LG_OK) return status;
     draw();
-    const double *const columns[] = {data.series[0], data.classes[0]};
-    return train(*out, &(training){columns, SAMPLES, 50, 400, 5e-3}, NULL, NULL, error);
+    static const double *const columns[] = {data.series[0], data.classes[0]};
+    *how = (training){columns, SAMPLES, 400, 50, 5e-3};
+    return train(*out, how, NULL, NULL, error);
 }
