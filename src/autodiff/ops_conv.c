@@ -700,8 +700,8 @@ static void block_c(lg_c *c, const lg_evaluation *e) {
                   windows_text(&conv.windows, text), conv.outputs, i * series, e->inputs > 2 ? "$2" : "NULL",
                   pool ? "$s" : "$y");
         if (kind.i[0] != LG_IDENTITY)
-            lg_c_call(c, NULL, pool ? "%s(%zu, $s, $s)" : "%s(%zu, $y, $y)",
-                      lg_c_map(c, &lg_op_act, &kind, 1), together * count);
+            lg_c_call(c, NULL, pool ? "%s(%zu, $s)" : "%s(%zu, $y)",
+                      lg_c_map(c, &lg_op_act, &kind, 1, 1), together * count);
         if (pool)
             lg_c_call(c, &c_pool_mean, "pool_mean(1, %s, $s, $y + %zu)", windows_text(&conv.pool, text),
                       i * pooled);

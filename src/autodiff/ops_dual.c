@@ -92,19 +92,19 @@ static void dual_act_c(lg_c *c, const lg_evaluation *e) {
               e->inputs > 1 ? "$1" : "NULL");
     if (kind == LG_IDENTITY) return;
     if (fused(kind)) {
-        lg_c_call(c, NULL, "%s(%zu, $y, $y)", lg_c_map(c, &lg_op_act, &value, 1), half);
-        lg_c_call(c, NULL, "%s(%zu, $y, $y, $y + %zu, $y + %zu)",
-                  lg_c_map(c, &lg_op_act_derivative, &slope, 3), half, half, half);
+        lg_c_call(c, NULL, "%s(%zu, $y)", lg_c_map(c, &lg_op_act, &value, 1, 1), half);
+        lg_c_call(c, NULL, "%s(%zu, $y, $y, $y + %zu)",
+                  lg_c_map(c, &lg_op_act_derivative, &slope, 3, 4), half, half);
         return;
     }
     if (kind == LG_SWISH)
-        lg_c_call(c, NULL, "%s(%zu, $0, $y)", lg_c_map(c, &lg_op_act, &sigmoid, 1), half);
-    lg_c_call(c, NULL, "%s(%zu, $0, $y, $0 + %zu, $y + %zu)", lg_c_map(c, &lg_op_act_derivative, &slope, 3),
+        lg_c_call(c, NULL, "%s(%zu, $0, $y)", lg_c_map(c, &lg_op_act, &sigmoid, 1, 0), half);
+    lg_c_call(c, NULL, "%s(%zu, $0, $y, $0 + %zu, $y + %zu)", lg_c_map(c, &lg_op_act_derivative, &slope, 3, 0),
               half, half, half);
     if (kind == LG_SWISH)
-        lg_c_call(c, NULL, "%s(%zu, $0, $y, $y)", lg_c_map(c, &lg_op_act_derivative, &swish, 2), half);
+        lg_c_call(c, NULL, "%s(%zu, $0, $y)", lg_c_map(c, &lg_op_act_derivative, &swish, 2, 2), half);
     else
-        lg_c_call(c, NULL, "%s(%zu, $0, $y)", lg_c_map(c, &lg_op_act, &value, 1), half);
+        lg_c_call(c, NULL, "%s(%zu, $0, $y)", lg_c_map(c, &lg_op_act, &value, 1, 0), half);
 }
 
 /* The cotangent of the argument in place, and from it that of the bias, while it is near. False when others

@@ -77,27 +77,37 @@ static void add_line(lg_text *to, int depth, const char *line, size_t length) {
     }
 }
 
+static bool is_head(const char *line) {
+    line += strspn(line, " ");
+    if (starts(line, "else ")) line += 5;
+    return starts(line, "for (") || starts(line, "if (") || starts(line, "while (");
+}
+
 /* Stringized tokens as lines: a new one after { } and ; that stand outside of parentheses and of the braces
- * of a list. */
+ * of a list, and after the head of a loop or branch. */
 static void add_tokens(lg_text *to, const char *text) {
-    int depth = 0, inside = 0, list = 0;
+    int depth = 0, inside = 0, list = 0, hanging = 0, branch = 0; /* branch: where the last `if` hangs */
     const char *line = text;
     for (const char *s = text; *s != '\0'; s++) {
+        const char *next = s + 1 + strspn(s + 1, " ");
         if (*s == '(' || *s == '[') inside++;
         if (*s == ')' || *s == ']') inside--;
         if (*s == '{' && s > text + 1 && (s[-1] == '=' || s[-2] == '=')) list++;
-        if (inside > 0 || (*s != '{' && *s != '}' && *s != ';')) continue;
+        if (inside > 0) continue;
+        const bool head = *s == ')' && *next != '{' && is_head(line);
+        const bool otherwise = starts(line + strspn(line, " "), "else ") && s[1] == ' ' && starts(s - 3, "else") &&
+                               !starts(next, "if") && *next != '{';
+        if (!head && !otherwise && *s != '{' && *s != '}' && *s != ';') continue;
         if (list > 0) {
             list -= *s == '}';
             continue;
         }
         if (*s == '}' && depth > 0) depth--;
-        const char *next = s + 1;
-        while (*next == ' ') next++;
         if (*s == '}' && (starts(next, "else") || (depth == 0 && *next != '\0' && !starts(next, "static"))))
             continue; /* } else {, } name; */
-        const int own = *s == '}' && line[strspn(line, " ")] == '}' ? depth : *s == '}' ? depth : depth;
-        add_line(to, own, line, (size_t)(s + 1 - line));
+        add_line(to, depth + hanging, line, (size_t)(s + 1 - line));
+        if (head && strstr(line, "if (") != NULL && strstr(line, "if (") < s) branch = hanging;
+        hanging = head || otherwise ? hanging + 1 : starts(next, "else") && *s == ';' ? branch : 0;
         if (*s == '{') depth++;
         if (depth == 0 && *s == '}' && *next != '\0') lg_text_add(to, "\n");
         line = s + 1;
@@ -400,7 +410,7 @@ static void write_dense(lg_c *c, const lg_dense_step *s) {
     lg_c_call(c, &c_dense_rows, "dense_rows(%zu, %zu, %zu, $0, $1, %s, $y)", s->m, s->n, s->k,
               s->b.area == LG_AREA_NONE ? "NULL" : "$2");
     if (s->kind != LG_IDENTITY)
-        lg_c_call(c, NULL, "%s(%zu, $y, $y)", lg_c_map(c, &lg_op_act, &kind, 1), s->m * s->n);
+        lg_c_call(c, NULL, "%s(%zu, $y)", lg_c_map(c, &lg_op_act, &kind, 1, 1), s->m * s->n);
     c->step = NULL;
 }
 

@@ -313,7 +313,7 @@ static void add_block(graph *g, lg_text *to, const char *indent, const ends *e, 
 /* ---- elementwise operations ---- */
 
 typedef struct element_ends {
-    uint32_t inputs;
+    uint64_t over; /* bit k: input k is the output's memory */
     const bool *one; /* NULL, or by input: a single number */
     uint32_t levels; /* 0: x[i]; else strides */
     const size_t (*stride)[LG_MAX_RANK];
@@ -323,6 +323,10 @@ static void element_input(lg_c *c, lg_text *to, const void *user, uint32_t numbe
     const element_ends *e = user;
     const char *plus = "";
     (void)c;
+    if (e->over >> number & 1u) {
+        lg_text_add(to, e->levels == 0 ? "y[i]" : "*y");
+        return;
+    }
     lg_text_add(to, "x%u[", number);
     if (e->levels == 0) lg_text_add(to, "%s", e->one != NULL && e->one[number] ? "0" : "i");
     for (uint32_t l = 0; l < e->levels; l++) {
@@ -359,31 +363,33 @@ static bool element_graph(lg_c *c, const lg_op *op, const lg_attr *attr, uint32_
     return open_graph(g, c, s->code, s->count, root, 1);
 }
 
-static void add_unused(lg_text *to, const graph *g, uint32_t inputs) {
+static void add_unused(lg_text *to, const graph *g, uint32_t inputs, uint64_t over) {
     for (uint32_t k = 0; k < inputs; k++)
-        if (g->shown[k] == 0) lg_text_add(to, "    (void)x%u;\n", k);
+        if (g->shown[k] == 0 && !(over >> k & 1u)) lg_text_add(to, "    (void)x%u;\n", k);
 }
 
-static void add_parameters(lg_text *to, uint32_t inputs) {
-    for (uint32_t k = 0; k < inputs; k++) lg_text_add(to, "const real *x%u, ", k);
-    lg_text_add(to, "real *y) {\n");
+static void add_parameters(lg_text *to, uint32_t inputs, uint64_t over) {
+    for (uint32_t k = 0; k < inputs; k++)
+        if (!(over >> k & 1u)) lg_text_add(to, "const real *RESTRICT x%u, ", k);
+    lg_text_add(to, "real *RESTRICT y) {\n");
 }
 
 /* `one`: inputs that are a single number. */
 static const char *define_map(lg_c *c, const lg_op *op, const lg_attr *attr, uint32_t inputs,
-                              const bool *one) {
-    const element_ends user = {inputs, one, 0, NULL};
+                              uint64_t over, const bool *one) {
+    const element_ends user = {over, one, 0, NULL};
     const ends e = {&user, element_input, element_output_i};
     lg_text lines = {.context = c->context}, text = {.context = c->context};
     lg_scalars s;
     graph g;
     uint32_t root;
     const char *name = NULL;
+    lg_c_need(c, &lg_c_noinline);
     if (element_graph(c, op, attr, inputs, &s, &root, &g)) {
         add_block(&g, &lines, "        ", &e, 0, 0);
-        lg_text_add(&text, "static void %%(int n, ");
-        add_parameters(&text, inputs);
-        add_unused(&text, &g, inputs);
+        lg_text_add(&text, "static NOINLINE void %%(int n, ");
+        add_parameters(&text, inputs, over);
+        add_unused(&text, &g, inputs, over);
         lg_text_add(&text, "    for (int i = 0; i < n; i++) {\n%s    }\n}\n", lines.data);
         if (text.failed || lines.failed)
             (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
@@ -397,8 +403,8 @@ static const char *define_map(lg_c *c, const lg_op *op, const lg_attr *attr, uin
     return name;
 }
 
-const char *lg_c_map(lg_c *c, const lg_op *op, const lg_attr *attr, uint32_t inputs) {
-    const char *name = lg_c_good(c) ? define_map(c, op, attr, inputs, NULL) : NULL;
+const char *lg_c_map(lg_c *c, const lg_op *op, const lg_attr *attr, uint32_t inputs, uint64_t over) {
+    const char *name = lg_c_good(c) ? define_map(c, op, attr, inputs, over, NULL) : NULL;
     return name != NULL ? name : "";
 }
 
@@ -424,20 +430,22 @@ static uint32_t levels_of(const lg_evaluation *e, size_t length[LG_MAX_RANK],
     return levels;
 }
 
-static const char *define_broadcast(lg_c *c, const lg_op *op, const lg_evaluation *e, uint32_t levels,
-                                    const size_t *length, const size_t (*stride)[LG_MAX_RANK]) {
-    const element_ends user = {e->inputs, NULL, levels, stride};
+static const char *define_broadcast(lg_c *c, const lg_op *op, const lg_evaluation *e, uint64_t over,
+                                    uint32_t levels, const size_t *length,
+                                    const size_t (*stride)[LG_MAX_RANK]) {
+    const element_ends user = {over, NULL, levels, stride};
     const ends to = {&user, element_input, element_output};
     lg_text lines = {.context = c->context}, text = {.context = c->context};
     lg_scalars s;
     graph g;
     uint32_t root;
     const char *name = NULL;
+    lg_c_need(c, &lg_c_noinline);
     if (element_graph(c, op, e->attr, e->inputs, &s, &root, &g)) {
         add_block(&g, &lines, "        ", &to, 0, 0);
-        lg_text_add(&text, "static void %%(");
-        add_parameters(&text, e->inputs);
-        add_unused(&text, &g, e->inputs);
+        lg_text_add(&text, "static NOINLINE void %%(");
+        add_parameters(&text, e->inputs, over);
+        add_unused(&text, &g, e->inputs, over);
         for (uint32_t l = 0; l < levels; l++)
             lg_text_add(&text, "%sfor (int i%u = 0; i%u < %zu; i%u++)%s\n", l == 0 ? "    " : "        ", l, l,
                         length[l], l, l + 1 == levels ? " {" : "");
@@ -454,12 +462,13 @@ static const char *define_broadcast(lg_c *c, const lg_op *op, const lg_evaluatio
     return name;
 }
 
-static void add_call(lg_c *c, const char *name, const lg_evaluation *e, bool counted) {
+static void add_call(lg_c *c, const char *name, const lg_evaluation *e, uint64_t over, bool counted) {
     lg_text call = {.context = c->context};
     if (name == NULL) return;
     lg_text_add(&call, "%s(", name);
     if (counted) lg_text_add(&call, "%zu, ", e->count);
-    for (uint32_t k = 0; k < e->inputs; k++) lg_text_add(&call, "$%u, ", k);
+    for (uint32_t k = 0; k < e->inputs; k++)
+        if (!(over >> k & 1u)) lg_text_add(&call, "$%u, ", k);
     lg_text_add(&call, "$y)");
     if (call.failed)
         (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
@@ -468,20 +477,26 @@ static void add_call(lg_c *c, const char *name, const lg_evaluation *e, bool cou
     lg_text_free(&call);
 }
 
+static bool same_place(const lg_place *a, const lg_place *b) {
+    return a->area == b->area && a->offset == b->offset && (a->area == LG_AREA_WORK || a->number == b->number);
+}
+
 /* Same shapes and single numbers are one loop over all elements. */
 void lg_c_elementwise(lg_c *c, const lg_op *op, const lg_evaluation *e) {
     size_t length[LG_MAX_RANK], stride[LG_MAX_INPUTS][LG_MAX_RANK] = {{0}};
     bool one[LG_MAX_INPUTS], any = false;
     const uint32_t levels = levels_of(e, length, stride);
+    uint64_t over = 0;
     for (uint32_t k = 0; k < e->inputs; k++) {
+        if (same_place(&c->step->x[k], &c->step->y)) over |= (uint64_t)1 << k;
         one[k] = levels == 1 && stride[k][0] == 0;
         any = any || one[k];
     }
     if (levels <= 1)
-        add_call(c, define_map(c, op, e->attr, e->inputs, any ? one : NULL), e, true);
+        add_call(c, define_map(c, op, e->attr, e->inputs, over, any ? one : NULL), e, over, true);
     else
-        add_call(c, define_broadcast(c, op, e, levels, length, (const size_t(*)[LG_MAX_RANK])stride), e,
-                 false);
+        add_call(c, define_broadcast(c, op, e, over, levels, length, (const size_t(*)[LG_MAX_RANK])stride), e,
+                 over, false);
 }
 
 /* ---- a step of scalar code ---- */

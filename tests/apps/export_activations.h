@@ -9,16 +9,16 @@
 #define sigmoid_of EXPORT_NAME(sigmoid_of)
 
 /* clang-format off */
-#include "../../apps/lg-export/code/frame/prelude.c"
+#include "../../src/autodiff/code/prelude.c"
 #if EXPORT_SINGLE
-#include "../../apps/lg-export/code/frame/prelude_f32.c"
-#include "../../apps/lg-export/code/activations/exp_float.c"
+#include "../../src/autodiff/code/prelude_f32.c"
+#include "../../src/autodiff/code/exp_float.c"
 #else
-#include "../../apps/lg-export/code/frame/prelude_f64.c"
-#include "../../apps/lg-export/code/activations/exp_double.c"
+#include "../../src/autodiff/code/prelude_f64.c"
+#include "../../src/autodiff/code/exp_double.c"
 #endif
-#include "../../apps/lg-export/code/activations/tanh.c"
-#include "../../apps/lg-export/code/activations/sigmoid.c"
+#include "../../src/autodiff/code/tanh.c"
+#include "../../src/autodiff/code/sigmoid.c"
 
 #define activate EXPORT_NAME(activate_tanh)
 #define activate_slope EXPORT_NAME(slope_tanh)
@@ -77,6 +77,8 @@
 #undef FABS
 #undef FLOOR
 #undef ATAN2
+#undef POW
+#undef REAL_LARGEST
 #undef EXP_ROUND
 #undef EXP_PER_LN2
 #undef EXP_LN2_HIGH

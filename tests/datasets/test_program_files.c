@@ -333,13 +333,18 @@ static const attack attacks[] = {
     {"lie", 2, {{2, {3, 3}}, {2, {3, 3}}}, {2, {3, 3}}, {5, 0, 0, 0}, 0, REFUSED},
     {"lie", 2, {{2, {3, 3}}, {2, {3, 3}}}, {2, {3, 3}}, {2, 0, 0, 0}, 0, REFUSED},
     {"lie", 2, {{2, {3, 3}}, {2, {3, 6}}}, {2, {3, 6}}, {0, 0, 0, 0}, 0, REFUSED},
+    /* indices 0 and 4 */
     {"gather", 1, {{1, {4}}}, {1, {2}}, {2, 4, 0, 0}, 0, REFUSED},
+    {"gather", 1, {{1, {5}}}, {1, {2}}, {2, 5, 0, 0}, 0, SOUND},
+    {"gather", 1, {{1, {5}}}, {1, {3}}, {3, 5, 0, 0}, 0, REFUSED},
+    {"scatter", 1, {{1, {2}}}, {1, {4}}, {2, 4, 0, 0}, 0, REFUSED},
+    {"scatter", 1, {{1, {2}}}, {1, {5}}, {2, 5, 0, 0}, 0, SOUND},
     {"rowdot", 2, {{2, {5, 0}}, {2, {5, 0}}}, {2, {5, 1}}, {0, 0, 0, 0}, 0, SOUND},
     {"custom", 0, {{0, {0}}}, {0, {0}}, {MOST, 0, 0, 0}, 0, REFUSED},
 };
 
 static lg_status attack_with(const attack *a, lg_program *program, lg_error *error) {
-    static const uint32_t edges[2] = {0, 1};
+    static const uint32_t edges[2] = {0, 1}, indices[2] = {0, 4};
     const uint32_t result = a->what == REFUSED_ASIDE ? 0 : 2;
     static const char *const names[2] = {"a", "b"};
     lg_port in[2], out = {.name = "y", .shape = a->what == REFUSED_ASIDE ? a->in[0] : a->out, .shared = true};
@@ -357,6 +362,10 @@ static lg_status attack_with(const attack *a, lg_program *program, lg_error *err
                                    .input_count = a->inputs,
                                    .rank = a->out.rank,
                                    .real = a->real};
+    if (strcmp(a->operation, "gather") == 0 || strcmp(a->operation, "scatter") == 0) {
+        operations[2].indices = indices;
+        operations[2].index_count = 2;
+    }
     for (int k = 0; k < LG_WHOLE_COUNT; k++) operations[2].whole[k].base = a->whole[k];
     for (uint32_t d = 0; d < a->out.rank; d++) operations[2].shape[d].base = a->out.dims[d];
     const lg_function_image image = {.name = "attack",

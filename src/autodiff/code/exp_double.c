@@ -14,7 +14,7 @@
 #define EXP_LOWER 7.888609052210118e-31
 
 /* exp(r) - 1 = r + r^2/2 + r^3 p(r), p a Chebyshev fit on |r| <= 0.3475 */
-static real exp_core(real r) {
+static inline real exp_core(real r) {
     real p = 2.5095778714723427e-8;
     p = p * r + 2.7614098187529960e-7;
     p = p * r + 2.7557279662257570e-6;
@@ -29,7 +29,7 @@ static real exp_core(real r) {
 }
 
 /* 2^(n + lift) by the field of the exponent; s = EXP_ROUND + n. */
-static real exp_power(real s, unsigned lift) {
+static inline real exp_power(real s, unsigned lift) {
     uint64_t bits;
     real power;
     memcpy(&bits, &s, sizeof bits);

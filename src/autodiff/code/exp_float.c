@@ -14,7 +14,7 @@
 #define EXP_LOWER 9.09494702e-13f
 
 /* exp(r) - 1 = r + r^2/2 + r^3 p(r), p a Chebyshev fit on |r| <= 0.3475 */
-static real exp_core(real r) {
+static inline real exp_core(real r) {
     real p = 1.988291202e-4f;
     p = p * r + 1.39263759958e-3f;
     p = p * r + 8.3333207585e-3f;
@@ -25,7 +25,7 @@ static real exp_core(real r) {
 }
 
 /* 2^(n + lift) by the field of the exponent; s = EXP_ROUND + n. */
-static real exp_power(real s, unsigned lift) {
+static inline real exp_power(real s, unsigned lift) {
     uint32_t bits;
     real power;
     memcpy(&bits, &s, sizeof bits);

@@ -1,5 +1,5 @@
 /* 1/(1 + e) or, in the left tail, e/(1 + e), with e = exp(-|x|). */
-static real sigmoid_of(real x) {
+static inline real sigmoid_of(real x) {
     real a = FABS(x);
     a = a > EXP_LEAST ? EXP_LEAST : a;
     const real s = EXP_ROUND - a * EXP_PER_LN2, n = s - EXP_ROUND;

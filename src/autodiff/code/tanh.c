@@ -1,5 +1,5 @@
 /* t/(t + 2) with t = exp(2 |x|) - 1 = 2^n (exp(r) - 1) + (2^n - 1); beyond 22 it is 1. */
-static real tanh_of(real x) {
+static inline real tanh_of(real x) {
     real a = FABS(x) * REAL(2.0);
     a = a > REAL(44.0) ? REAL(44.0) : a;
     const real s = a * EXP_PER_LN2 + EXP_ROUND, n = s - EXP_ROUND;
