@@ -18,7 +18,7 @@ static struct {
     double next[4], by_hand[4], by_tape[4], by_plan[4], by_c[4], y_hand[4], y_plan[4], y_c[4];
     lg_plan *value, *gradient;
     void *work;
-    double room[p_WORK_SIZE + 1];
+    _Alignas(64) double room[p_WORK_SIZE + 1];
 } all;
 
 static void hand_value(size_t i) {

@@ -20,8 +20,8 @@ static struct {
     void *work, *plan_work;
     double x[INPUTS][D], u[INPUTS][D], h;
     double hand[MOST], program[MOST], today[MOST], written[MOST];
-    model_real model_room[model_WORK_SIZE];
-    p_real room[p_WORK_SIZE + 1];
+    _Alignas(64) model_real model_room[model_WORK_SIZE];
+    _Alignas(64) p_real room[p_WORK_SIZE + 1];
 } all = {.h = 0.01};
 
 /* ---- value, gradient, field, step ---- */
