@@ -21,14 +21,14 @@
 enum { OUTSIDE_PORTS = 16, OUTSIDE_PIECE = 10 };
 
 typedef struct outside {
-    char folder[64];
+    char folder[512];
     void *handle;
     lg_c_source *source;
     lg_dtype dtype;
 } outside;
 
 static inline void outside_write(const outside *o, const char *name, const char *const *parts) {
-    char path[128];
+    char path[640];
     (void)snprintf(path, sizeof path, "%s/%s", o->folder, name);
     FILE *file = fopen(path, "w");
     assert_non_null(file);
@@ -38,7 +38,7 @@ static inline void outside_write(const outside *o, const char *name, const char 
 
 /* For each function one that takes arrays of pointers: shim_<function>. */
 static inline void outside_write_shims(const outside *o, const lg_program *program) {
-    char path[128];
+    char path[640];
     (void)snprintf(path, sizeof path, "%s/shims.c", o->folder);
     FILE *file = fopen(path, "w");
     assert_non_null(file);
@@ -58,26 +58,36 @@ static inline void outside_write_shims(const outside *o, const lg_program *progr
     assert_int_equal(fclose(file), 0);
 }
 
+/* p.h, p.c, p_weights.c and shims.c in o->folder. */
+static inline void outside_write_all(outside *o, const lg_program *program) {
+    lg_c_options options;
+    lg_error error;
+    lg_c_options_init(&options);
+    options.name = "p";
+    options.dtype = o->dtype;
+    if (lg_program_write_c(program, &options, &o->source, &error) != LG_OK) fail_msg("%s", error.message);
+    const lg_c_source *s = o->source;
+    outside_write(o, "p.h",
+                  (const char *const[]){"#ifndef P_H\n#define P_H\n", "#ifdef __cplusplus\nextern \"C\" {\n#endif\n",
+                                        s->sizes, s->declarations, "#ifdef __cplusplus\n}\n#endif\n#endif\n", NULL});
+    outside_write(o, "p.c", (const char *const[]){"#include \"p.h\"\n", s->arrays, s->code, NULL});
+    outside_write(o, "p_weights.c", (const char *const[]){"#include \"p.h\"\n", s->arrays, s->weights, NULL});
+    outside_write_shims(o, program);
+}
+
+/* A compiler of C++ is known by its "++". */
 static inline outside outside_compile(const lg_program *program, const char *compiler, const char *flags,
                                       lg_dtype dtype) {
     outside o = {.folder = "/tmp/liegrad-outside-XXXXXX", .dtype = dtype};
-    lg_c_options options;
-    lg_error error;
-    char command[1024];
-    lg_c_options_init(&options);
-    options.name = "p";
-    options.dtype = dtype;
-    if (lg_program_write_c(program, &options, &o.source, &error) != LG_OK) fail_msg("%s", error.message);
+    char command[2048];
+    const char *language = strstr(compiler, "++") != NULL ? "-x c++ -std=c++14" : "-x c -std=c99";
     assert_non_null(mkdtemp(o.folder));
-    const lg_c_source *s = o.source;
-    outside_write(&o, "p.h", (const char *const[]){s->sizes, s->declarations, NULL});
-    outside_write(&o, "p.c", (const char *const[]){"#include \"p.h\"\n", s->arrays, s->code, NULL});
-    outside_write(&o, "p_weights.c", (const char *const[]){"#include \"p.h\"\n", s->arrays, s->weights, NULL});
-    outside_write_shims(&o, program);
+    outside_write_all(&o, program);
     (void)snprintf(command, sizeof command,
-                   "cd %s && %s -std=c99 -Wall -Wextra -Wshadow -pedantic -Werror %s -fPIC -shared p.c "
-                   "p_weights.c shims.c -lm -o lib.so 2>&1",
-                   o.folder, compiler, flags);
+                   "cd %s && %s %s -Wall -Wextra -Wshadow -pedantic -Werror %s -fPIC -c p.c p_weights.c && "
+                   "%s -std=c99 -fPIC -c shims.c && %s %s -shared p.o p_weights.o shims.o -lm -o lib.so 2>&1",
+                   o.folder, compiler, language, flags, strstr(compiler, "++") != NULL ? "cc" : compiler,
+                   compiler, flags);
     if (system(command) != 0) fail_msg("%s", command);
     (void)snprintf(command, sizeof command, "%s/lib.so", o.folder);
     o.handle = dlopen(command, RTLD_NOW | RTLD_LOCAL);
@@ -86,8 +96,8 @@ static inline outside outside_compile(const lg_program *program, const char *com
 }
 
 static inline void outside_discard(outside *o) {
-    char command[128];
-    assert_int_equal(dlclose(o->handle), 0);
+    char command[640];
+    if (o->handle != NULL) assert_int_equal(dlclose(o->handle), 0);
     lg_c_source_free(o->source);
     (void)snprintf(command, sizeof command, "rm -rf -- '%s'", o->folder);
     assert_int_equal(system(command), 0);
