@@ -1,6 +1,5 @@
-/* The C of the models of examples/programs/ by all compilers and levels: numbers of the tape, objects that need
- * libm alone, the stated stack.
- * ctest-labels: study */
+/* The C of the models of examples/programs/ by all compilers and levels: numbers of the tape, objects that
+ * need libm alone, the stated stack. ctest-labels: study */
 #include "apps/export_support.h"
 #include "apps/outside_models.h"
 
@@ -32,8 +31,8 @@ static void check_frames(const outside *o, const char *compiler, const char *fla
     size_t sum = 0, largest = 0;
     if (!export_has(compiler)) return;
     (void)snprintf(command, sizeof command,
-                   "cd %s && %s -std=c99 %s -fstack-usage -c p.c -o stack.o && cat stack.su", o->folder, compiler,
-                   flags);
+                   "cd %s && %s -std=c99 %s -fstack-usage -c p.c -o stack.o && cat stack.su", o->folder,
+                   compiler, flags);
     if (export_shell(command, out) != 0) fail_msg("%s\n%s", command, out);
     for (char *save = NULL, *line = strtok_r(out, "\n", &save); line != NULL;
          line = strtok_r(NULL, "\n", &save)) {
