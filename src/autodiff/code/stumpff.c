@@ -93,7 +93,7 @@ static void stumpff_beyond(double w, int K, int order, double *c) {
 
 static void stumpff_row(real argument, int K, int order, real *out) {
     const double w = (double)argument;
-    double c[9], closed[3];
+    double c[9] = {0.0}, closed[3];
     if (!(fabs(w) <= 16.0)) {
         stumpff_beyond(w, K, order, c);
     } else {
