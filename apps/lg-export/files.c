@@ -43,6 +43,12 @@ static void add_about(const export_source *source, text *to) {
     lg_text_free(&safe);
 }
 
+static const char unfit_inputs[] =
+    " * A number of x that is not finite makes all results of NAME_eval and NAME_grad NaN.\n";
+static const char unfit_bundle[] =
+    " * A number of an input that is not finite makes all results of a function NaN. An output may be NULL: not\n"
+    " * wanted. NAME_<function>_WORK_SIZE numbers of work memory are enough for one function.\n";
+
 static const char usage[] =
     " *\n"
     " * C99 and C++14; needs the mathematics library (-lm), and memcpy, memmove and memset where a compiler\n"
@@ -51,7 +57,8 @@ static const char usage[] =
     " * same time, each with work memory of its own. `work`: NAME_WORK_SIZE numbers, any contents before, "
     "none\n"
     " * of use after. Outputs must not overlap inputs or work unless told.\n"
-    " * A number of x that is not finite makes all results of NAME_eval and NAME_grad NaN.\n"
+    ;
+static const char flags[] =
     " * Not for -ffast-math. Loops are written for the vectoriser of the compiler: -O3, the instruction set\n"
     " * of the target (-march=native, -mcpu=...), -ffp-contract=fast where it has fused multiply-add.\n"
     " */\n";
@@ -61,13 +68,21 @@ static const char gradient[] =
     " * jacobian[o * NAME_INPUTS + i]. y (NAME_OUTPUTS) or NULL. */\n"
     "void NAME_grad(const NAME_real *x, NAME_real *y, NAME_real *jacobian, NAME_real *work);\n";
 
-static void add_sizes(const export_source *source, text *to) {
+static void add_model_sizes(const export_source *source, text *to) {
     const export_options *options = source->options;
     const char *name = options->name;
     lg_text_add(to, "typedef %s %s_real;\n\n", options->dtype == LG_F32 ? "float" : "double", name);
     lg_text_add(to, "#define %s_INPUTS %zu\n#define %s_OUTPUTS %zu\n", name, source->inputs, name,
-             source->outputs);
+                source->outputs);
     lg_text_add(to, "#define %s_WORK_SIZE %zu /* numbers of work memory */\n", name, source->work);
+}
+
+static void add_sizes(const export_source *source, text *to) {
+    const char *name = source->options->name;
+    if (source->bundle)
+        lg_text_add(to, "%s", source->sizes.data);
+    else
+        add_model_sizes(source, to);
     lg_text_add(
         to,
         "/* Bytes: bound on the stack that any of the functions takes (gcc and clang, 64 and 32 bit, -O0 to\n"
@@ -84,7 +99,7 @@ static void add_sizes(const export_source *source, text *to) {
         source->condition != 1 ? " times the condition told above" : "");
     lg_text_add(to, "#define %s_DEPTH %zu\n#define %s_TOLERANCE ", name, source->depth, name);
     lg_text_add_real(to, LG_F64, export_tolerance(source));
-    lg_text_add(to, "\n%s\n", source->sizes.data != NULL ? source->sizes.data : "");
+    lg_text_add(to, "\n%s\n", source->sizes.data != NULL && !source->bundle ? source->sizes.data : "");
 }
 
 static void add_header(const export_source *source, text *to) {
@@ -97,11 +112,14 @@ static void add_header(const export_source *source, text *to) {
              source->options->sha256[0] != '\0' ? source->options->sha256 : "unknown");
     add_about(source, to);
     lg_text_add_named(to, name, usage);
+    lg_text_add_named(to, name, source->bundle ? unfit_bundle : unfit_inputs);
+    lg_text_add(to, "%s", flags);
     lg_text_add(to, "#ifndef %s_H\n#define %s_H\n\n#ifdef __cplusplus\nextern \"C\" {\n#endif\n\n", name, name);
     add_sizes(source, to);
-    lg_text_add_named(to, name,
-                   "/* x (NAME_INPUTS) -> y (NAME_OUTPUTS) */\n"
-                   "void NAME_eval(const NAME_real *x, NAME_real *y, NAME_real *work);\n");
+    if (!source->bundle)
+        lg_text_add_named(to, name,
+                          "/* x (NAME_INPUTS) -> y (NAME_OUTPUTS) */\n"
+                          "void NAME_eval(const NAME_real *x, NAME_real *y, NAME_real *work);\n");
     if (source->golden.jacobian != NULL) lg_text_add_named(to, name, gradient);
     lg_text_add(to, "%s\n#ifdef __cplusplus\n}\n#endif\n\n#endif\n",
              source->declarations.data != NULL ? source->declarations.data : "");
@@ -114,6 +132,10 @@ static const char *or_nothing(const text *from) {
 }
 
 static void add_arrays(const export_source *source, text *to) {
+    if (source->bundle) {
+        lg_text_add(to, "%s", or_nothing(&source->arrays));
+        return;
+    }
     lg_text_add(to, "\n#ifdef __cplusplus\nextern \"C\" {\n#endif\n%s#ifdef __cplusplus\n}\n#endif\n",
              or_nothing(&source->arrays));
 }
@@ -121,6 +143,10 @@ static void add_arrays(const export_source *source, text *to) {
 static void add_code(const export_source *source, text *to) {
     const char *name = source->options->name;
     lg_text_add(to, "/* %s.h says what this is. */\n#include \"%s.h\"\n\n", name, name);
+    if (source->bundle) {
+        lg_text_add(to, "#include <stddef.h>\n%s\n%s", or_nothing(&source->arrays), or_nothing(&source->code));
+        return;
+    }
     lg_text_add_named(to, name, export_fragment_text("prelude"));
     lg_text_add(to, "%s",
              export_fragment_text(source->options->dtype == LG_F32 ? "prelude_f32" : "prelude_f64"));
@@ -146,8 +172,12 @@ static void add_test(const export_source *source, text *to) {
         to,
         "/* Self-test of %s: golden vectors, computed in double precision by the library that trained the\n"
         " * model. Written by lg-export. */\n#include \"%s.h\"\n\n#include <math.h>\n#include <stddef.h>\n"
-        "#include <stdio.h>\n#include <string.h>\n\ntypedef %s_real real;\n\n",
-        name, name, name);
+        "#include <stdio.h>\n#include <string.h>\n%s\ntypedef %s_real real;\n\n",
+        name, name, source->bundle ? "#include <float.h>\n" : "", name);
+    if (source->bundle) {
+        lg_text_add(to, "%s", or_nothing(&source->test));
+        return;
+    }
     export_golden_write(source, to);
     lg_text_add(to, "%s\n", or_nothing(&source->test));
     lg_text_add_named(to, name, export_fragment_text("test_main"));
@@ -180,10 +210,12 @@ static const char makefile[] =
     "test: NAME_test\n"
     "\t./NAME_test\n"
     "\n"
-    "# The sum of the frames of all functions against NAME_STACK_SIZE.\n"
+    "# The sum of the frames of all functions, of those named scalars_<n>, which follow each other, the largest\n"
+    "# alone, against NAME_STACK_SIZE.\n"
     "stack: NAME_.c NAME_.h\n"
     "\t$(CC) $(CFLAGS) -fstack-usage -c NAME_.c -o NAME_stack.o\n"
-    "\tawk -F '\\t' '{ sum += $$2; if ($$3 !~ /^static|bounded/) open = 1 } END { print \"stack:\", sum, "
+    "\tawk -F '\\t' '{ if ($$1 !~ /:scalars_[0-9]/) sum += $$2; else if ($$2 > most) most = $$2; "
+    "if ($$3 !~ /^static|bounded/) open = 1 } END { sum += most; print \"stack:\", sum, "
     "\"bytes of "
     "at most "
     "%STACK%\"; exit NR == 0 || open || sum > %STACK% }' NAME_stack.su\n"

@@ -5,7 +5,8 @@
 #include <string.h>
 
 typedef struct export_values {
-    const char *out, *name, *scheme;
+    const char *out, *name, *scheme, *functions;
+    bool compact;
     int dtype;
     uint64_t golden;
 } export_values;
@@ -26,6 +27,10 @@ static const app_option options[] = {
         export_values, scheme, "scheme", "NAME",
         "Hamiltonians: the scheme of NAME_step, a name of liegrad/integrators.h or a YAML file (default: "
         "cf4 for chains, stormer-verlet otherwise)"),
+    APP_ROW_TEXT(export_values, functions, "functions", "NAMES",
+                 "Programs: which functions, separated by commas (default: all)"),
+    APP_ROW_FLAG(export_values, compact, "compact",
+                 "Programs: small tensors in loops too, not as straight code: less code, slower"),
     APP_ROW_SIZE(export_values, golden, "golden", "N", 1, 1000,
                  "Golden vectors of the self-test (default 8)"),
     APP_ROW_END};
@@ -133,14 +138,14 @@ static int build_model(job *j) {
 }
 
 static bool is_exported(const char *kind) {
-    bool found = strcmp(kind, "classifier") == 0;
+    bool found = strcmp(kind, "classifier") == 0 || strcmp(kind, "program") == 0;
     for (size_t i = 0; i < APP_COUNT(kinds); i++) found = found || strcmp(kind, kinds[i].name) == 0;
     return found;
 }
 
 static int refuse_kind(const job *j, const char *kind) {
     (void)app_fail(j->self, LG_FORMAT,
-                   "%s: attribute kind is '%s', expected hamiltonian, surrogate, detector or classifier",
+                   "%s: attribute kind is '%s', expected hamiltonian, surrogate, detector, classifier or program",
                    j->path, kind);
     return APP_EXIT_FILE;
 }
@@ -152,9 +157,13 @@ static int build(job *j) {
     if (status != LG_OK) return app_fail_file(j->self, status, &error, j->path);
     if (!is_exported(kind)) return refuse_kind(j, kind);
     export_read_units(j->self, j->path, &j->options);
-    if (strcmp(kind, "classifier") != 0) return build_model(j);
-    j->kind = "classifier";
+    const bool program = strcmp(kind, "program") == 0;
+    if (!program && (given.functions != NULL || given.compact))
+        return app_usage(j->self, "--functions and --compact are for programs, and %s is a %s", j->path, kind);
+    if (!program && strcmp(kind, "classifier") != 0) return build_model(j);
+    j->kind = program ? "program" : "classifier";
     if (given.scheme != NULL) return refuse_scheme(j);
+    if (program) return export_program(j->self, j->path, &j->source);
     return export_classifier(j->self, j->path, &j->source);
 }
 
@@ -178,8 +187,12 @@ static void report_json(const job *j, size_t parameters, size_t weights) {
         free(name);
     }
     app_json_close(&json, ']');
-    app_json_size(&json, "inputs", j->source.inputs);
-    app_json_size(&json, "outputs", j->source.outputs);
+    if (j->source.bundle) {
+        app_json_size(&json, "functions", j->source.functions);
+    } else {
+        app_json_size(&json, "inputs", j->source.inputs);
+        app_json_size(&json, "outputs", j->source.outputs);
+    }
     app_json_size(&json, "parameters", parameters);
     app_json_size(&json, "weights_bytes", weights);
     app_json_size(&json, "work_size", j->source.work);
@@ -214,7 +227,8 @@ static int export_run(app *self) {
     job j = {
         .self = self,
         .path = self->arguments[0],
-        .options = {.dtype = given.dtype == 1 ? LG_F32 : LG_F64, .golden = given.golden, .seed = self->seed},
+        .options = {.dtype = given.dtype == 1 ? LG_F32 : LG_F64, .golden = given.golden, .seed = self->seed,
+                    .functions = given.functions, .compact = given.compact},
         .source = {.condition = 1}};
     j.source.options = &j.options;
     if (given.out == NULL || given.out[0] == '\0')
@@ -242,10 +256,11 @@ int main(int argc, char **argv) {
              "libm, and memcpy, memmove and memset where a compiler puts them in, allocates nothing, keeps "
              "no state and works in the caller's memory. NAME.h says what the "
              "functions take, in which order and units.\n\n"
-             "All models: NAME_eval, NAME_grad (gradient or Jacobian by the inputs). Hamiltonians: "
+             "All models but programs: NAME_eval, NAME_grad (gradient or Jacobian by the inputs). Hamiltonians: "
              "NAME_hamiltonian, NAME_field, NAME_step. Surrogates of beams: NAME_curve. Detectors and "
              "classifiers: "
-             "NAME_classify, NAME_class_names; classifiers also NAME_features.\n\n"
+             "NAME_classify, NAME_class_names; classifiers also NAME_features. Programs: NAME_<function> for each of "
+             "their functions.\n\n"
              "In the folder: make test compares with golden vectors of the library, make stack checks the "
              "stated "
              "bound on the stack, make size shows what the objects take.",

@@ -90,21 +90,20 @@ static void dual_act_c(lg_c *c, const lg_evaluation *e) {
     const size_t half = e->count / 2;
     lg_c_call(c, &c_dual_start, "dual_start(%u, %u, $0, %s, $y)", e->shape->dims[0] / 2, e->shape->dims[1],
               e->inputs > 1 ? "$1" : "NULL");
-    if (kind == LG_IDENTITY) return;
-    if (fused(kind)) {
+    if (fused(kind) && kind != LG_IDENTITY) {
         lg_c_call(c, NULL, "%s(%zu, $y)", lg_c_map(c, &lg_op_act, &value, 1, 1), half);
-        lg_c_call(c, NULL, "%s(%zu, $y, $y, $y + %zu)",
-                  lg_c_map(c, &lg_op_act_derivative, &slope, 3, 4), half, half);
-        return;
-    }
-    if (kind == LG_SWISH)
+        lg_c_call(c, NULL, "%s(%zu, $y, $y + %zu)", lg_c_map(c, &lg_op_act_derivative, &slope, 3, 4), half,
+                  half);
+    } else if (kind == LG_SWISH) {
         lg_c_call(c, NULL, "%s(%zu, $0, $y)", lg_c_map(c, &lg_op_act, &sigmoid, 1, 0), half);
-    lg_c_call(c, NULL, "%s(%zu, $0, $y, $0 + %zu, $y + %zu)", lg_c_map(c, &lg_op_act_derivative, &slope, 3, 0),
-              half, half, half);
-    if (kind == LG_SWISH)
+        lg_c_call(c, NULL, "%s(%zu, $0, $y, $y + %zu)", lg_c_map(c, &lg_op_act_derivative, &slope, 3, 4),
+                  half, half);
         lg_c_call(c, NULL, "%s(%zu, $0, $y)", lg_c_map(c, &lg_op_act_derivative, &swish, 2, 2), half);
-    else
+    } else if (kind == LG_SINE) {
+        lg_c_call(c, NULL, "%s(%zu, $0, $y + %zu)", lg_c_map(c, &lg_op_act_derivative, &slope, 3, 4), half,
+                  half);
         lg_c_call(c, NULL, "%s(%zu, $0, $y)", lg_c_map(c, &lg_op_act, &value, 1, 0), half);
+    }
 }
 
 /* The cotangent of the argument in place, and from it that of the bias, while it is near. False when others

@@ -165,13 +165,13 @@ void lg_c_need(lg_c *c, const lg_c_fragment *fragment) {
         lg_text_add_named(&c->code, c->name, text);
 }
 
-/* `text` with `name` for %. */
+/* `text` with `name` for @. */
 static void add_definition(lg_text *to, const char *text, const char *name) {
     for (const char *s = text; *s != '\0';) {
-        const size_t n = strcspn(s, "%");
+        const size_t n = strcspn(s, "@");
         lg_text_append(to, s, n);
         s += n;
-        if (*s == '%') lg_text_append(to, name, strlen(name)), s++;
+        if (*s == '@') lg_text_append(to, name, strlen(name)), s++;
     }
 }
 
@@ -317,8 +317,7 @@ static size_t add_memory(lg_c *c, lg_text *to, const char *sign) {
         lg_c_add_place(c, to, s->scratch);
     } else {
         for (n = 0; sign[n] >= '0' && sign[n] <= '9'; n++) k = 10 * k + (uint32_t)(sign[n] - '0');
-        /* what is not read, but asked for: any memory */
-        lg_c_add_place(c, to, s->x[k].area == LG_AREA_NONE ? s->y : s->x[k]);
+        lg_c_add_place(c, to, s->x[k]);
     }
     return n;
 }
@@ -537,7 +536,7 @@ static const char *write_plan(lg_c *c, const lg_plan *plan, const char *public, 
     add_marks(c, plan);
     const char *body = frame.body.data != NULL ? frame.body.data : "";
     add_head(plan, body, &head, c);
-    lg_text_add(&text, "%svoid %%(", public == NULL ? "static " : "");
+    lg_text_add(&text, "%svoid @(", public == NULL ? "static " : "");
     for (size_t i = 0; i < plan->inputs; i++) lg_text_add(&text, "const real *x%zu, ", i);
     for (size_t j = 0; j < plan->outputs; j++) lg_text_add(&text, "real *y%zu, ", j);
     lg_text_add(&text, "real *work) {\n%s%s%s}\n", frame.work == 0 ? "    (void)work;\n" : "",

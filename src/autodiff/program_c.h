@@ -7,7 +7,7 @@
 #include "autodiff/scalars.h"
 #include "core/text.h"
 
-/* A function that stands in the code: its text with % for its name. */
+/* A function that stands in the code: its text with @ for its name. */
 typedef struct lg_c_function {
     char *text;
     char name[96];
@@ -68,7 +68,7 @@ bool lg_c_room(lg_c *c, void **array, size_t *capacity, size_t needed, size_t si
 /* ---- pieces of text ---- */
 
 void lg_c_need(lg_c *c, const lg_c_fragment *fragment);
-/* A static function with this text (% for its name), unless it stands there; its name. `title` begins it;
+/* A static function with this text (@ for its name), unless it stands there; its name. `title` begins it;
  * `stack`: bytes of its frame; blocks are counted once, for they follow each other. NULL on failure. */
 const char *lg_c_define(lg_c *c, const char *title, const char *text, size_t stack, bool block);
 /* The memory of a place as C: "work + 12". */

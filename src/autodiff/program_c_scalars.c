@@ -354,23 +354,29 @@ static void element_output_i(lg_c *c, lg_text *to, const void *user, uint32_t nu
 static bool element_graph(lg_c *c, const lg_op *op, const lg_attr *attr, uint32_t inputs, lg_scalars *s,
                           uint32_t *root, graph *g) {
     lg_scalar in[LG_MAX_INPUTS];
-    const uint32_t unread = op->unread != NULL ? op->unread(attr, inputs) : 0;
     lg_scalars_init(s, c->context);
     for (uint32_t k = 0; k < inputs; k++) in[k] = lg_s_input(s, k);
-    (void)unread;
     *root = op->element(s, attr, in, inputs);
     if (s->failed) return lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
     return open_graph(g, c, s->code, s->count, root, 1);
 }
 
-static void add_unused(lg_text *to, const graph *g, uint32_t inputs, uint64_t over) {
-    for (uint32_t k = 0; k < inputs; k++)
-        if (g->shown[k] == 0 && !(over >> k & 1u)) lg_text_add(to, "    (void)x%u;\n", k);
+/* What stands for the input's memory: an argument, unless it is not read or the output's. */
+static bool is_argument(const lg_op *op, const lg_attr *attr, uint32_t inputs, uint64_t over, uint32_t k) {
+    const uint32_t unread = op->unread != NULL ? op->unread(attr, inputs) : 0;
+    return !(over >> k & 1u) && (k >= 32 || !(unread >> k & 1u));
 }
 
-static void add_parameters(lg_text *to, uint32_t inputs, uint64_t over) {
+static void add_unused(lg_text *to, const graph *g, const lg_op *op, const lg_attr *attr, uint32_t inputs,
+                       uint64_t over) {
     for (uint32_t k = 0; k < inputs; k++)
-        if (!(over >> k & 1u)) lg_text_add(to, "const real *RESTRICT x%u, ", k);
+        if (g->shown[k] == 0 && is_argument(op, attr, inputs, over, k)) lg_text_add(to, "    (void)x%u;\n", k);
+}
+
+static void add_parameters(lg_text *to, const lg_op *op, const lg_attr *attr, uint32_t inputs,
+                           uint64_t over) {
+    for (uint32_t k = 0; k < inputs; k++)
+        if (is_argument(op, attr, inputs, over, k)) lg_text_add(to, "const real *RESTRICT x%u, ", k);
     lg_text_add(to, "real *RESTRICT y) {\n");
 }
 
@@ -387,9 +393,9 @@ static const char *define_map(lg_c *c, const lg_op *op, const lg_attr *attr, uin
     lg_c_need(c, &lg_c_noinline);
     if (element_graph(c, op, attr, inputs, &s, &root, &g)) {
         add_block(&g, &lines, "        ", &e, 0, 0);
-        lg_text_add(&text, "static NOINLINE void %%(int n, ");
-        add_parameters(&text, inputs, over);
-        add_unused(&text, &g, inputs, over);
+        lg_text_add(&text, "static NOINLINE void @(int n, ");
+        add_parameters(&text, op, attr, inputs, over);
+        add_unused(&text, &g, op, attr, inputs, over);
         lg_text_add(&text, "    for (int i = 0; i < n; i++) {\n%s    }\n}\n", lines.data);
         if (text.failed || lines.failed)
             (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
@@ -443,9 +449,9 @@ static const char *define_broadcast(lg_c *c, const lg_op *op, const lg_evaluatio
     lg_c_need(c, &lg_c_noinline);
     if (element_graph(c, op, e->attr, e->inputs, &s, &root, &g)) {
         add_block(&g, &lines, "        ", &to, 0, 0);
-        lg_text_add(&text, "static NOINLINE void %%(");
-        add_parameters(&text, e->inputs, over);
-        add_unused(&text, &g, e->inputs, over);
+        lg_text_add(&text, "static NOINLINE void @(");
+        add_parameters(&text, op, e->attr, e->inputs, over);
+        add_unused(&text, &g, op, e->attr, e->inputs, over);
         for (uint32_t l = 0; l < levels; l++)
             lg_text_add(&text, "%sfor (int i%u = 0; i%u < %zu; i%u++)%s\n", l == 0 ? "    " : "        ", l, l,
                         length[l], l, l + 1 == levels ? " {" : "");
@@ -462,13 +468,14 @@ static const char *define_broadcast(lg_c *c, const lg_op *op, const lg_evaluatio
     return name;
 }
 
-static void add_call(lg_c *c, const char *name, const lg_evaluation *e, uint64_t over, bool counted) {
+static void add_call(lg_c *c, const lg_op *op, const char *name, const lg_evaluation *e, uint64_t over,
+                     bool counted) {
     lg_text call = {.context = c->context};
     if (name == NULL) return;
     lg_text_add(&call, "%s(", name);
     if (counted) lg_text_add(&call, "%zu, ", e->count);
     for (uint32_t k = 0; k < e->inputs; k++)
-        if (!(over >> k & 1u)) lg_text_add(&call, "$%u, ", k);
+        if (is_argument(op, e->attr, e->inputs, over, k)) lg_text_add(&call, "$%u, ", k);
     lg_text_add(&call, "$y)");
     if (call.failed)
         (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
@@ -495,9 +502,9 @@ void lg_c_elementwise(lg_c *c, const lg_op *op, const lg_evaluation *e) {
         any = any || one[k];
     }
     if (levels <= 1)
-        add_call(c, define_map(c, op, e->attr, e->inputs, over, any ? one : NULL), e, over, true);
+        add_call(c, op, define_map(c, op, e->attr, e->inputs, over, any ? one : NULL), e, over, true);
     else
-        add_call(c, define_broadcast(c, op, e, over, levels, length, (const size_t(*)[LG_MAX_RANK])stride), e,
+        add_call(c, op, define_broadcast(c, op, e, over, levels, length, (const size_t(*)[LG_MAX_RANK])stride), e,
                  over, false);
 }
 
@@ -556,7 +563,7 @@ static void define_block(lg_c *c, const lg_text *lines, size_t locals) {
         if (lg_c_uses(body, word)) add_argument(&parameters, &arguments, in ? "const real *" : "real *", word);
     }
     if (lg_c_uses(body, "work")) add_argument(&parameters, &arguments, "real *", "work");
-    lg_text_add(&text, "static NOINLINE void %%(%s) {\n%s}\n",
+    lg_text_add(&text, "static NOINLINE void @(%s) {\n%s}\n",
                 parameters.data != NULL ? parameters.data : "void", body);
     lg_c_need(c, &lg_c_noinline);
     const bool failed = text.failed || parameters.failed || arguments.failed || lines->failed;

@@ -373,7 +373,7 @@ static inline void export_check_all_ways(const char *folder, const char *name) {
 /* ---- objects ---- */
 
 static inline bool export_may_call(const char *symbol) {
-    static const char *const names[] = {"exp",  "expm1",  "log",    "log1p",  "sin",
+    static const char *const names[] = {"exp",  "expm1",  "log",    "log1p",  "sin",     "pow", "sinh", "cosh", "tanh",
                                         "cos",  "sincos", "tan",    "atan2",  "sqrt",
                                         "sinh", "cosh",   "pow",    "fabs",   "floor",
                                         "memcpy", "memset", "memmove"};

@@ -33,7 +33,7 @@ static double dexpinv_pole(double w, int order) {
 }
 
 static double dexpinv_beyond(double w, int order) {
-    double q[9], g = 0.0;
+    double q[9] = {0.0}, g = 0.0;
     const double x = sqrt(fabs(w));
     q[0] = w > 0.0 ? 0.5 * x / tan(0.5 * x) : 0.5 * x / tanh(0.5 * x);
     for (int d = 0; d <= order; d++) {

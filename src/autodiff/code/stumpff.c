@@ -28,7 +28,7 @@ static const double inverse_factorial[59] = {
 static void stumpff_series(double w, int K, int order, double *c) {
     const double size = fabs(w);
     const int terms = size <= 1.0 ? 10 : size <= 4.0 ? 14 : 18;
-    double falling[18];
+    double falling[18] = {0.0};
     falling[0] = 1.0;
     for (int i = 1; i <= order; i++) falling[0] *= (double)i;
     for (int i = 1; i < terms; i++)
@@ -93,7 +93,7 @@ static void stumpff_beyond(double w, int K, int order, double *c) {
 
 static void stumpff_row(real argument, int K, int order, real *out) {
     const double w = (double)argument;
-    double c[9] = {0.0}, closed[3];
+    double c[9] = {0.0}, closed[3] = {0.0};
     if (!(fabs(w) <= 16.0)) {
         stumpff_beyond(w, K, order, c);
     } else {

@@ -1,0 +1,363 @@
+/* Programs as C: the library writes the code, golden vectors of every function are drawn here. */
+#include "lg-export/export.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "liegrad/program.h"
+#include "liegrad/random.h"
+
+enum { GOLDEN_STREAM = 11, CONDITION_POINTS = 64 };
+
+typedef struct job {
+    const app *self;
+    export_source *source;
+    lg_program *program;
+    lg_c_source *c;
+    double condition; /* of the function in work */
+} job;
+
+static int failed(const job *j, lg_status status, const lg_error *error) {
+    const int code = app_fail_file(j->self, status, error, j->source->options->file);
+    return code == APP_EXIT_OK ? APP_EXIT_FILE : code;
+}
+
+/* ---- numbers that go in ---- */
+
+/* Parameters as the code has them: what is compared is the arithmetic. */
+static lg_status round_parameters(const job *j) {
+    lg_status status = LG_OK;
+    for (size_t i = 0; i < lg_program_parameters(j->program) && status == LG_OK; i++) {
+        const lg_parameter_spec p = lg_program_parameter(j->program, i);
+        const size_t count = lg_shape_count(p.shape);
+        double *values = app_alloc(count, sizeof *values);
+        for (size_t k = 0; k < count; k++) values[k] = export_round(j->source->options, p.values[k]);
+        status = lg_program_set_parameter(j->program, i, values);
+        free(values);
+        j->source->parameters += count;
+    }
+    return status;
+}
+
+static size_t draw(const job *j, const lg_port *port, lg_rng *rng, double *x) {
+    const bool open = port->low == 0 && port->high == 0;
+    const size_t count = lg_shape_count(port->shape);
+    for (size_t i = 0; i < count; i++) {
+        const double low = open ? -1 : port->low, high = open ? 1 : port->high;
+        x[i] = export_round(j->source->options, lg_rng_uniform_in(rng, low, high));
+    }
+    return count;
+}
+
+static size_t total(const lg_port *ports, size_t count) {
+    size_t sum = 0;
+    for (size_t i = 0; i < count; i++) sum += lg_shape_count(ports[i].shape);
+    return sum;
+}
+
+/* ---- the library's results ---- */
+
+typedef struct evaluation {
+    lg_plan *plan;
+    void *work;
+    const lg_port *in, *out;
+    size_t ins, outs;
+    bool single;
+} evaluation;
+
+static lg_status open_evaluation(const job *j, size_t function, lg_dtype dtype, evaluation *e,
+                                 lg_error *error) {
+    lg_plan_options options;
+    lg_plan_options_init(&options);
+    options.dtype = dtype;
+    *e = (evaluation){.single = dtype == LG_F32};
+    e->in = lg_program_inputs(j->program, function, &e->ins);
+    e->out = lg_program_outputs(j->program, function, &e->outs);
+    const lg_status status = lg_plan_create(j->program, function, &options, &e->plan, error);
+    if (status == LG_OK) e->work = app_alloc(lg_plan_work_size(e->plan), 1);
+    return status;
+}
+
+static void close_evaluation(evaluation *e) {
+    lg_plan_destroy(e->plan);
+    free(e->work);
+}
+
+static void *to_type(bool single, const double *x, size_t count) {
+    void *out = app_alloc(count, single ? sizeof(float) : sizeof(double));
+    for (size_t i = 0; i < count; i++) {
+        if (single)
+            ((float *)out)[i] = (float)x[i];
+        else
+            ((double *)out)[i] = x[i];
+    }
+    return out;
+}
+
+/* All inputs one behind the other, all outputs likewise. */
+static void evaluate(const evaluation *e, const double *x, double *y) {
+    const size_t size = e->single ? sizeof(float) : sizeof(double);
+    const size_t ins = total(e->in, e->ins), outs = total(e->out, e->outs);
+    const void **in = app_alloc(e->ins, sizeof *in);
+    void **out = app_alloc(e->outs, sizeof *out);
+    unsigned char *from = to_type(e->single, x, ins), *to = app_alloc(outs, size);
+    for (size_t i = 0, at = 0; i < e->ins; at += lg_shape_count(e->in[i++].shape)) in[i] = from + at * size;
+    for (size_t i = 0, at = 0; i < e->outs; at += lg_shape_count(e->out[i++].shape)) out[i] = to + at * size;
+    lg_plan_run(e->plan, in, out, e->work);
+    for (size_t i = 0; i < outs; i++)
+        y[i] = e->single ? (double)((float *)(void *)to)[i] : ((double *)(void *)to)[i];
+    free(to);
+    free(from);
+    free(out);
+    free((void *)in);
+}
+
+/* ---- condition ---- */
+
+static double norm_of(const double *a, const double *b, size_t count) {
+    double sum = 0;
+    for (size_t i = 0; i < count; i++) {
+        const double d = a[i] - (b != NULL ? b[i] : 0);
+        sum += d * d;
+    }
+    return sqrt(sum);
+}
+
+/* The largest error of single precision in the outputs of some points, in units of its eps times the depth. */
+static double amplification(const evaluation *wide, const evaluation *narrow, const double *x, size_t points,
+                            size_t depth) {
+    const size_t ins = total(wide->in, wide->ins), outs = total(wide->out, wide->outs);
+    double *y = app_alloc(points * outs, sizeof *y), *z = app_alloc(points * outs, sizeof *z), worst = 0;
+    for (size_t p = 0; p < points; p++) {
+        evaluate(wide, x + p * ins, y + p * outs);
+        evaluate(narrow, x + p * ins, z + p * outs);
+    }
+    for (size_t o = 0, at = 0; o < wide->outs; at += lg_shape_count(wide->out[o++].shape)) {
+        const size_t count = lg_shape_count(wide->out[o].shape);
+        double mean = 0;
+        for (size_t p = 0; p < points; p++)
+            mean += pow(norm_of(y + p * outs + at, NULL, count), 2) / (double)points;
+        for (size_t p = 0; p < points; p++) {
+            const double *want = y + p * outs + at;
+            const double scale = fmax(norm_of(want, NULL, count), sqrt(mean));
+            const double error = norm_of(z + p * outs + at, want, count) / (scale > 0 ? scale : 1);
+            if (error > worst) worst = error;
+        }
+    }
+    free(z);
+    free(y);
+    return worst / ((double)FLT_EPSILON * (double)(depth > 0 ? depth : 1));
+}
+
+/* By how much the function multiplies rounding, seen in the library's own single precision; at least 1. The
+ * inputs are numbers of single precision for both. */
+static int find_condition(job *j, size_t function, size_t depth) {
+    evaluation wide, narrow;
+    lg_error error = {LG_OK, ""};
+    lg_rng rng;
+    j->condition = 1;
+    lg_status status = open_evaluation(j, function, LG_F64, &wide, &error);
+    if (status != LG_OK) return failed(j, status, &error);
+    status = open_evaluation(j, function, LG_F32, &narrow, &error);
+    if (status == LG_OK) {
+        const size_t ins = total(wide.in, wide.ins);
+        double *x = app_alloc(CONDITION_POINTS * ins, sizeof *x);
+        lg_rng_seed(&rng, j->source->options->seed, GOLDEN_STREAM + 1);
+        for (size_t p = 0, at = 0; p < CONDITION_POINTS; p++)
+            for (size_t i = 0; i < wide.ins; i++) at += draw(j, &wide.in[i], &rng, x + at);
+        for (size_t i = 0; i < CONDITION_POINTS * ins; i++) x[i] = (double)(float)x[i];
+        const double found = amplification(&wide, &narrow, x, CONDITION_POINTS, depth);
+        if (isfinite(found) && found > 1) j->condition = ceil(found);
+        close_evaluation(&narrow);
+        free(x);
+    }
+    close_evaluation(&wide);
+    return status == LG_OK ? APP_EXIT_OK : failed(j, status, &error);
+}
+
+/* ---- the self-test ---- */
+
+static void add_golden(job *j, const char *name, const char *what, const double *values, size_t count) {
+    text *to = &j->source->test;
+    lg_text_add(to, "static const real %s_%s[%zu] = {\n", name, what, count);
+    lg_text_add_reals(to, j->source->options->dtype, 4, values, count);
+    lg_text_add(to, "};\n");
+    for (size_t i = 0; i < count; i++)
+        if (!isfinite(export_round(j->source->options, values[i]))) to->unfit = true;
+}
+
+/* A function of one vector in and one out for the self-test. */
+static void add_run(job *j, const evaluation *e, const char *name) {
+    text *to = &j->source->test;
+    lg_text_add(to, "static void run_%s(const real *x, real *y, int only, real *work) {\n    %s_%s(", name,
+                j->source->options->name, name);
+    for (size_t i = 0, at = 0; i < e->ins; at += lg_shape_count(e->in[i++].shape))
+        lg_text_add(to, "x + %zu, ", at);
+    for (size_t o = 0, at = 0; o < e->outs; at += lg_shape_count(e->out[o++].shape))
+        lg_text_add(to, "\n        only < 0 || only == %zu ? y + %zu : NULL, ", o, at);
+    lg_text_add(to, "work);\n}\n");
+}
+
+static void add_outputs(job *j, const evaluation *e, const char *name) {
+    text *to = &j->source->test;
+    lg_text_add(to, "static const result outputs_of_%s[] = {\n", name);
+    for (size_t o = 0, at = 0; o < e->outs; at += lg_shape_count(e->out[o++].shape))
+        lg_text_add(to, "    {\"%s\", %zu, %zu, %zu},\n", e->out[o].name, o, at,
+                    lg_shape_count(e->out[o].shape));
+    lg_text_add(to, "    {NULL, 0, 0, 0}};\n");
+}
+
+/* Golden vectors of a function of the code, and its row of the table. */
+static int add_function(job *j, size_t index, text *table, size_t *largest) {
+    const size_t function = j->c->function[index], depth = j->c->depth[index] > 0 ? j->c->depth[index] : 1;
+    const export_options *options = j->source->options;
+    const char *name = lg_program_function_name(j->program, function);
+    evaluation e;
+    lg_error error = {LG_OK, ""};
+    lg_rng rng;
+    int code = find_condition(j, function, depth);
+    if (code != APP_EXIT_OK) return code;
+    const lg_status status = open_evaluation(j, function, LG_F64, &e, &error);
+    if (status != LG_OK) return failed(j, status, &error);
+    const size_t ins = total(e.in, e.ins), outs = total(e.out, e.outs), golden = (size_t)options->golden;
+    double *x = app_alloc(golden * ins, sizeof *x), *y = app_alloc(golden * outs, sizeof *y);
+    lg_rng_seed(&rng, options->seed, GOLDEN_STREAM);
+    for (size_t g = 0, at = 0; g < golden; g++) {
+        for (size_t i = 0; i < e.ins; i++) at += draw(j, &e.in[i], &rng, x + at);
+        evaluate(&e, x + g * ins, y + g * outs);
+    }
+    lg_text_add(&j->source->test, "\n");
+    add_golden(j, name, "golden_x", x, golden * ins);
+    add_golden(j, name, "golden_y", y, golden * outs);
+    add_run(j, &e, name);
+    add_outputs(j, &e, name);
+    lg_text_add(table, "    {\"%s\", run_%s, %s_golden_x, %s_golden_y, %zu, %zu, %zu, %g, outputs_of_%s},\n", name,
+                name, name, name, ins, outs, depth, j->condition, name);
+    if (outs > *largest) *largest = outs;
+    if (j->condition > j->source->condition) j->source->condition = j->condition;
+    free(y);
+    free(x);
+    close_evaluation(&e);
+    return code;
+}
+
+static int add_test(job *j) {
+    text table = {.data = NULL}, *to = &j->source->test;
+    size_t largest = 1;
+    int code = APP_EXIT_OK;
+    /* the types of the fragment stand before the tables, what uses them behind */
+    char *fragment = app_format("%s", export_fragment_text("test_program")), *rest = strstr(fragment, "static void fill");
+    *rest = '\0';
+    lg_text_add(to, "enum { GOLDEN = %llu };\n#define EPSILON %s\n\n%s",
+                (unsigned long long)j->source->options->golden,
+                j->source->options->dtype == LG_F32 ? "(double)FLT_EPSILON" : "DBL_EPSILON", fragment);
+    for (size_t i = 0; i < j->c->functions && code == APP_EXIT_OK; i++)
+        code = add_function(j, i, &table, &largest);
+    lg_text_add(to, "\nstatic const function functions[] = {\n%s    {NULL, NULL, NULL, NULL, 0, 0, 0, 0, NULL}};\n",
+                table.data != NULL ? table.data : "");
+    lg_text_add(to, "enum { LARGEST = %zu };\n\n", largest);
+    *rest = 's';
+    lg_text_add_named(to, j->source->options->name, rest);
+    free(fragment);
+    lg_text_free(&table);
+    return code;
+}
+
+/* ---- what is told ---- */
+
+static void add_about(const job *j) {
+    text *to = &j->source->about;
+    const char *description = lg_program_description(j->program);
+    lg_text_add(to, "program       %s\n", description[0] != '\0' ? description : "a bundle of functions");
+    lg_text_add(to, "condition     of a function: by how much it multiplies rounding; %g is the largest, measured "
+                    "in single precision\n",
+                j->source->condition);
+}
+
+static void add_provenance(const job *j, const char *path) {
+    lg_file_reader *reader = NULL;
+    lg_provenance provenance;
+    if (lg_file_reader_open(j->self->context, path, NULL, NULL, &reader, NULL) != LG_OK) return;
+    lg_file_reader_provenance(reader, &provenance);
+    export_provenance(j->source, &provenance, NULL);
+    lg_file_reader_close(reader);
+}
+
+/* ---- which functions ---- */
+
+/* Numbers of the functions in a list of names with commas; an exit code. */
+static int choose(const job *j, const char *names, size_t *chosen, size_t *count) {
+    char *list = app_format("%s", names);
+    int code = APP_EXIT_OK;
+    *count = 0;
+    for (char *save = NULL, *name = strtok_r(list, ",", &save); name != NULL && code == APP_EXIT_OK;
+         name = strtok_r(NULL, ",", &save)) {
+        size_t at;
+        bool twice = false;
+        if (lg_program_find(j->program, name, &at) != LG_OK) {
+            code = app_usage(j->self, "--functions: the program has no function '%s'", name);
+            break;
+        }
+        for (size_t i = 0; i < *count; i++) twice = twice || chosen[i] == at;
+        if (!twice) chosen[(*count)++] = at;
+    }
+    if (code == APP_EXIT_OK && *count == 0) code = app_usage(j->self, "--functions: none is named");
+    free(list);
+    return code;
+}
+
+static int write_code(job *j) {
+    const export_options *options = j->source->options;
+    size_t *chosen = app_alloc(lg_program_functions(j->program), sizeof *chosen);
+    lg_error error = {LG_OK, ""};
+    lg_c_options how;
+    int code = APP_EXIT_OK;
+    lg_c_options_init(&how);
+    how.name = options->name;
+    how.dtype = options->dtype;
+    how.compact = options->compact;
+    how.functions = chosen;
+    if (options->functions != NULL) code = choose(j, options->functions, chosen, &how.function_count);
+    if (code == APP_EXIT_OK) {
+        const lg_status status = lg_program_write_c(j->program, &how, &j->c, &error);
+        if (status != LG_OK) code = failed(j, status, &error);
+    }
+    free(chosen);
+    return code;
+}
+
+static void take_texts(job *j) {
+    export_source *source = j->source;
+    source->bundle = true;
+    lg_text_add(&source->sizes, "%s", j->c->sizes);
+    lg_text_add(&source->declarations, "%s", j->c->declarations);
+    lg_text_add(&source->arrays, "%s", j->c->arrays);
+    lg_text_add(&source->code, "%s", j->c->code);
+    lg_text_add(&source->weights, "%s", j->c->weights);
+    source->work = j->c->work_size;
+    source->stack = j->c->stack_size;
+    source->depth = j->c->most_depth > 0 ? j->c->most_depth : 1;
+    source->numbers = j->c->numbers;
+    source->integers = j->c->integers;
+    source->functions = j->c->functions;
+}
+
+int export_program(const app *self, const char *path, export_source *source) {
+    job j = {.self = self, .source = source};
+    lg_error error = {LG_OK, ""};
+    lg_status status = lg_program_load(self->context, path, NULL, &j.program, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, path);
+    status = round_parameters(&j);
+    int code = status != LG_OK ? failed(&j, status, &error) : write_code(&j);
+    if (code == APP_EXIT_OK) {
+        take_texts(&j);
+        code = add_test(&j);
+        add_about(&j);
+        add_provenance(&j, path);
+    }
+    lg_c_source_free(j.c);
+    lg_program_destroy(j.program);
+    return code;
+}

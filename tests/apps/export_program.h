@@ -1,0 +1,109 @@
+/* Programs for the tests of lg-export, saved under the test's folder. */
+#ifndef LG_TEST_EXPORT_PROGRAM_H
+#define LG_TEST_EXPORT_PROGRAM_H
+
+#include "export_support.h"
+
+#include "liegrad/hamiltonian.h"
+#include "liegrad/io.h"
+#include "liegrad/ops.h"
+#include "liegrad/program.h"
+
+static inline void derive(lg_program *program, lg_derivative_kind kind, const char *function) {
+    lg_derivative what;
+    lg_error error;
+    lg_derivative_init(&what);
+    what.kind = kind;
+    what.function = function;
+    if (lg_program_derive(program, &what, &error) != LG_OK) fail_msg("%s: %s", function, error.message);
+}
+
+static inline void save_program(lg_program *program, const char *name) {
+    char path[1024], file[64];
+    lg_error error;
+    (void)snprintf(file, sizeof file, "%s.h5", name);
+    cli_path(file, path, sizeof path);
+    if (lg_program_save(NULL, path, program, NULL, &error) != LG_OK) fail_msg("%s", error.message);
+    lg_program_destroy(program);
+}
+
+/* Value, gradient, field, step, ten steps, and what is derived of them. */
+static inline void save_hamiltonian(const char *name, lg_hamiltonian_family family) {
+    static const uint32_t hidden[] = {24, 16};
+    lg_hamiltonian model;
+    lg_rng rng;
+    lg_program *program;
+    lg_error error;
+    assert_ok(lg_hamiltonian_init(&model, family, 2, LG_POTENTIAL_MLP, hidden, 2, LG_TANH));
+    double *theta = calloc(lg_hamiltonian_parameters(&model), sizeof *theta);
+    lg_rng_seed(&rng, 7, 2);
+    lg_hamiltonian_initialise(&model, &rng, theta);
+    if (lg_hamiltonian_program(NULL, &model, theta, NULL, &program, &error) != LG_OK)
+        fail_msg("%s", error.message);
+    const lg_carry carry = {"next", "x"};
+    if (lg_program_add_loop(program, "ten", "step", 10, &carry, 1, &error) != LG_OK)
+        fail_msg("%s", error.message);
+    derive(program, LG_DERIVATIVE_FORWARD, "value");
+    derive(program, LG_DERIVATIVE_ADJOINT, "step");
+    derive(program, LG_DERIVATIVE_JACOBIAN, "field");
+    save_program(program, name);
+    free(theta);
+}
+
+/* A window of 20 samples of 2 channels: convolution, sine, maxima, a layer; and a loop-free companion. */
+enum { WAVE_W1 = 5 * 2 * 6, WAVE_B1 = 6, WAVE_W2 = 8 * 6 * 3, WAVE_B2 = 3 };
+
+static inline lg_status record_waves(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x,
+                                     lg_var *y) {
+    (void)user;
+    const lg_var z = lg_conv1d_dense(tape, x[0], theta[0], theta[1], 1, 0, LG_SINE);
+    const lg_var pooled = lg_max_pool1d(tape, z, 2, 2);
+    const lg_shape shape = lg_var_shape(tape, pooled);
+    const lg_var flat = lg_reshape(tape, pooled, lg_shape2(shape.dims[0], shape.dims[1] * shape.dims[2]));
+    y[0] = lg_dense(tape, flat, theta[2], theta[3], LG_IDENTITY);
+    return lg_tape_status(tape);
+}
+
+static inline lg_status record_many(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x,
+                                    lg_var *y) {
+    lg_var z;
+    const lg_status status = record_waves(user, tape, theta, x, &z);
+    if (status != LG_OK) return status;
+    y[0] = lg_act(tape, z, LG_SWISH);
+    y[1] = lg_exp(tape, lg_log_softmax(tape, z));
+    return lg_tape_status(tape);
+}
+
+static inline void save_network(const char *name) {
+    static double w1[WAVE_W1], b1[WAVE_B1], w2[WAVE_W2], b2[WAVE_B2];
+    double *const values[] = {w1, b1, w2, b2};
+    static const size_t counts[] = {WAVE_W1, WAVE_B1, WAVE_W2, WAVE_B2};
+    const lg_parameter_spec parameters[] = {{"w1", lg_shape3(5, 2, 6), w1},
+                                            {"b1", lg_shape1(6), b1},
+                                            {"w2", lg_shape2(48, 3), w2},
+                                            {"b2", lg_shape1(3), b2}};
+    const lg_port in = {.name = "x", .shape = lg_shape2(20, 2), .unit = "m/s^2", .low = -2, .high = 2};
+    const lg_port y = {.name = "y"}, both[] = {{.name = "I"}, {.name = "work_"}};
+    const lg_function_spec functions[] = {{"value", &in, 1, &y, 1, record_waves, NULL},
+                                          {"many", &in, 1, both, 2, record_many, NULL}};
+    lg_program_spec spec;
+    lg_program *program;
+    lg_error error;
+    lg_rng rng;
+    lg_rng_seed(&rng, 3, 4);
+    for (size_t i = 0; i < 4; i++)
+        for (size_t k = 0; k < counts[i]; k++) values[i][k] = 0.4 * lg_rng_normal(&rng);
+    lg_program_spec_init(&spec);
+    spec.parameters = parameters;
+    spec.parameter_count = 4;
+    spec.functions = functions;
+    spec.function_count = 2;
+    spec.description = "Waves: what */ is it?\nTwo lines.";
+    if (lg_program_build(NULL, &spec, &program, &error) != LG_OK) fail_msg("%s", error.message);
+    derive(program, LG_DERIVATIVE_JACOBIAN, "value");
+    derive(program, LG_DERIVATIVE_ADJOINT, "many");
+    derive(program, LG_DERIVATIVE_JACOBIAN_OF_ADJOINT, "value");
+    save_program(program, name);
+}
+
+#endif

@@ -1,0 +1,108 @@
+/* Programs exported by lg-export: self-tests in both types, symbols, stacks, what is refused, what a self-test
+ * catches. */
+#include "export_support.h"
+
+#include "liegrad/hamiltonian.h"
+#include "liegrad/nn.h"
+#include "liegrad/ops.h"
+#include "liegrad/program.h"
+
+#include "export_program.h"
+
+static void chain_as_bundle(void **state) {
+    (void)state;
+    save_hamiltonian("links", LG_HAMILTONIAN_CHAIN);
+    export_run("links.h5 --out links --name links --seed 3");
+    export_check_ways("links", "links");
+    export_check_objects("links", "links");
+    export_check_stack("links");
+}
+
+static void separable_in_single_precision(void **state) {
+    (void)state;
+    save_hamiltonian("flat", LG_HAMILTONIAN_SEPARABLE);
+    export_run("flat.h5 --out flat --name flat --dtype f32 --golden 20");
+    export_check_ways("flat", "flat");
+    export_check_objects("flat", "flat");
+    export_check_stack("flat");
+}
+
+static void convolutions_as_loops(void **state) {
+    (void)state;
+    save_network("waves");
+    export_run("waves.h5 --out waves --name waves --compact");
+    export_check_ways("waves", "waves");
+    export_check_objects("waves", "waves");
+    export_check_stack("waves");
+    export_run("waves.h5 --out single --name waves --dtype f32");
+    export_check_ways("single", "waves");
+}
+
+/* What one function does not need stays away. */
+static void some_functions_only(void **state) {
+    static char out[EXPORT_TEXT];
+    (void)state;
+    save_network("some");
+    export_run("some.h5 --out some --name some --functions jac_value,value");
+    export_check_ways("some", "some");
+    assert_int_equal(export_shell("grep -q 'void some_value(' some/some.h", out), 0);
+    assert_int_equal(export_shell("grep -q 'void some_jac_value(' some/some.h", out), 0);
+    assert_int_not_equal(export_shell("grep -q 'void some_many(' some/some.h", out), 0);
+}
+
+/* Numbers of several functions are stored once. */
+static void weights_are_shared(void **state) {
+    static char out[EXPORT_TEXT];
+    (void)state;
+    save_network("once");
+    export_run("once.h5 --out once --name once --compact --functions value");
+    export_run("once.h5 --out twice --name once --compact --functions value,many");
+    export_expect("cmp once/once_weights.c twice/once_weights.c");
+    assert_int_equal(export_shell("grep -c 'const once_real once_weights' once/once_weights.c", out), 0);
+}
+
+/* A digit of a weight, signs in the code. */
+static void self_tests_catch_errors(void **state) {
+    static char out[EXPORT_TEXT];
+    static const struct {
+        const char *file, *change;
+    } plants[] = {
+        {"wrong_weights.c", "awk '!done && /^    -?[0-9]/ { sub(/[0-9]/, \"8\"); done = 1 } { print }'"},
+        {"wrong.c", "sed '0,/ + v/s// - v/'"},
+        {"wrong.c", "sed 's/y\\[j\\] += (x0/y[j] -= (x0/'"},
+    };
+    (void)state;
+    save_hamiltonian("wrong", LG_HAMILTONIAN_SEPARABLE);
+    export_run("wrong.h5 --out wrong --name wrong");
+    for (size_t i = 0; i < sizeof plants / sizeof plants[0]; i++) {
+        char command[EXPORT_LINE];
+        (void)snprintf(command, sizeof command,
+                       "rm -rf bad && cp -r wrong bad && %s wrong/%s > bad/%s && ! cmp -s wrong/%s bad/%s && cd bad "
+                       "&& gcc -O1 *.c -lm -o t && ./t",
+                       plants[i].change, plants[i].file, plants[i].file, plants[i].file, plants[i].file);
+        const int code = export_shell(command, out);
+        if (code == 0 || strstr(out, "WRONG") == NULL) fail_msg("%s passed:\n%s", plants[i].change, out);
+    }
+}
+
+static void refusals(void **state) {
+    static cli result;
+    (void)state;
+    save_network("refused");
+    cli_expect("lg-export", "refused.h5 --out r --functions value,nothing", 2,
+               "the program has no function 'nothing'", &result);
+    cli_expect("lg-export", "refused.h5 --out r --functions ,", 2, "none is named", &result);
+    cli_expect("lg-export", "refused.h5 --out r --scheme rk4", 2, "only Hamiltonians have steps", &result);
+    cli_expect("lg-export", "refused.h5 --out r --name dense", 2, "cannot be the name", &result);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(chain_as_bundle),       cmocka_unit_test(separable_in_single_precision),
+        cmocka_unit_test(convolutions_as_loops), cmocka_unit_test(some_functions_only),
+        cmocka_unit_test(weights_are_shared),    cmocka_unit_test(self_tests_catch_errors),
+        cmocka_unit_test(refusals),
+    };
+    if (export_begin() != 0) return 1;
+    return cmocka_run_group_tests(tests, NULL, export_end);
+}
