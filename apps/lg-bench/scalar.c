@@ -1,5 +1,5 @@
-/* Scalar code: the planar double pendulum (pendulum.h), classical Runge-Kutta, 100 steps of 0.01; J = sum of the
- * last state, dJ/d(start). */
+/* Scalar code: the planar double pendulum (pendulum.h), classical Runge-Kutta, 100 steps of 0.01; J = sum of
+ * the last state, dJ/d(start). */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

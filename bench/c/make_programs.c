@@ -1,8 +1,8 @@
-/* make_programs hamiltonian MODEL.h5 FOLDER | make_programs pendulum FOLDER: a program as a file, FOLDER/p.h5, and
- * as C, FOLDER/p.h, p.c, p_weights.c.
+/* make_programs hamiltonian MODEL.h5 FOLDER | make_programs pendulum FOLDER: a program as a file,
+ * FOLDER/p.h5, and as C, FOLDER/p.h, p.c, p_weights.c.
  *
- * pendulum: y (4), one step of bench/cpp/pendulum.hpp, 0.01 s, written with plain operations on variables of one
- * number a row; functions `step` and its adjoint `adj1_step`. */
+ * pendulum: y (4), one step of bench/cpp/pendulum.hpp, 0.01 s, written with plain operations on variables of
+ * one number a row; functions `step` and its adjoint `adj1_step`. */
 #include <stdio.h>
 #include <string.h>
 
@@ -91,9 +91,12 @@ static int write_all(const char *folder, const lg_program *program, lg_error *er
         lg_program_write_c(program, &options, &s, error) != LG_OK)
         return 0;
     const int good =
-        write_file(folder, "p.h", (const char *const[]){"#ifndef P_H\n#define P_H\n", s->sizes, s->declarations, "#endif\n", NULL}) &&
+        write_file(folder, "p.h",
+                   (const char *const[]){"#ifndef P_H\n#define P_H\n", s->sizes, s->declarations, "#endif\n",
+                                         NULL}) &&
         write_file(folder, "p.c", (const char *const[]){"#include \"p.h\"\n", s->arrays, s->code, NULL}) &&
-        write_file(folder, "p_weights.c", (const char *const[]){"#include \"p.h\"\n", s->arrays, s->weights, NULL});
+        write_file(folder, "p_weights.c",
+                   (const char *const[]){"#include \"p.h\"\n", s->arrays, s->weights, NULL});
     lg_c_source_free(s);
     return good;
 }

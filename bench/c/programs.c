@@ -1,6 +1,6 @@
-/* programs MODEL.h5 FOLDER/p.h5 SCHEME ROUNDS: a learned Hamiltonian in four ways, in turn: the library's functions
- * written by hand, its program (a plan), today's C of lg-export (model.h), the program's C (p.h). Value, value
- * and gradient, field with an input, step of 0.01. */
+/* programs MODEL.h5 FOLDER/p.h5 SCHEME ROUNDS: a learned Hamiltonian in four ways, in turn: the library's
+ * functions written by hand, its program (a plan), today's C of lg-export (model.h), the program's C (p.h).
+ * Value, value and gradient, field with an input, step of 0.01. */
 #include "liegrad/hamiltonian.h"
 #include "liegrad/io.h"
 #include "liegrad/model.h"
@@ -85,7 +85,9 @@ static void written_step(size_t i) {
     {                                                                                                        \
         name, numbers, {                                                                                     \
             {"by hand", hand_##what, all.hand}, {"program", plan_##what, all.program},                       \
-                {"lg-export", today_##what, all.today}, {"program's C", written_##what, all.written}         \
+                {"lg-export", today_##what, all.today}, {                                                    \
+                "program's C", written_##what, all.written                                                   \
+            }                                                                                                \
         }                                                                                                    \
     }
 static const struct {

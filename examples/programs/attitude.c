@@ -14,7 +14,8 @@
 
 enum { SAMPLES = 2000 };
 
-static const lg_space_factor factors[] = {{.kind = LG_SPACE_SO3, .count = 1}, {.kind = LG_SPACE_RN, .count = 3}};
+static const lg_space_factor factors[] = {{.kind = LG_SPACE_SO3, .count = 1},
+                                          {.kind = LG_SPACE_RN, .count = 3}};
 
 /* What the field is made of; `theta` is set by who records. */
 typedef struct learned {
@@ -90,9 +91,7 @@ static lg_status truth(void *user, double t, const double *x, const double *u, d
     return LG_OK;
 }
 
-static struct {
-    double x[SAMPLES][12], u[SAMPLES][3], h[SAMPLES], next[SAMPLES][12];
-} data;
+static struct { double x[SAMPLES][12], u[SAMPLES][3], h[SAMPLES], next[SAMPLES][12]; } data;
 
 static lg_status draw(void) {
     lg_ode ode = {.field = truth};

@@ -1,5 +1,5 @@
-/* programs FOLDER: makes every model of this folder, derives from it, saves it as FOLDER/<name>.h5, loads that
- * and trains it on. */
+/* programs FOLDER: makes every model of this folder, derives from it, saves it as FOLDER/<name>.h5, loads
+ * that and trains it on. */
 #include <stdio.h>
 
 #include <liegrad/io.h>

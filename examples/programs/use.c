@@ -39,7 +39,8 @@ static ready prepare(const lg_program *program, const char *name) {
     (void)lg_program_outputs(program, function, &r.outputs);
     if (r.inputs > PORTS || r.outputs > PORTS) exit(1);
     for (size_t i = 0; i < r.inputs; i++) r.in[i] = reserve(lg_plan_input_count(r.plan, i) * sizeof(double));
-    for (size_t j = 0; j < r.outputs; j++) r.out[j] = reserve(lg_plan_output_count(r.plan, j) * sizeof(double));
+    for (size_t j = 0; j < r.outputs; j++)
+        r.out[j] = reserve(lg_plan_output_count(r.plan, j) * sizeof(double));
     r.work = reserve(lg_plan_work_size(r.plan));
     return r;
 }
@@ -65,8 +66,9 @@ static void draw(const lg_program *program, const char *name, const ready *like,
     for (size_t i = 0; i < count; i++) {
         const bool open = port[i].low == 0 && port[i].high == 0;
         for (size_t k = 0; k < lg_plan_input_count(r->plan, i); k++)
-            r->in[i][k] = i < from ? like->in[i][k]
-                                   : lg_rng_uniform_in(&rng, open ? -1 : port[i].low, open ? 1 : port[i].high);
+            r->in[i][k] = i < from
+                              ? like->in[i][k]
+                              : lg_rng_uniform_in(&rng, open ? -1 : port[i].low, open ? 1 : port[i].high);
     }
 }
 

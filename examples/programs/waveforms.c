@@ -34,9 +34,7 @@ static lg_status loss(void *user, lg_tape *tape, const lg_var *w, const lg_var *
     return lg_tape_status(tape);
 }
 
-static struct {
-    double series[SAMPLES][LENGTH], classes[SAMPLES][CLASSES];
-} data;
+static struct { double series[SAMPLES][LENGTH], classes[SAMPLES][CLASSES]; } data;
 
 static void draw(void) {
     lg_rng rng;
@@ -47,7 +45,8 @@ static void draw(void) {
         data.classes[i][kind] = 1;
         for (int t = 0; t < LENGTH; t++) {
             const double s = fmod(t / period + phase, 1.0), sine = sin(6.283185307179586 * s);
-            const double shapes[CLASSES] = {1.4 * sine, s < 0.5 ? 1 : -1, 1.7 * (2 * s - 1)}; /* of equal power */
+            const double shapes[CLASSES] = {1.4 * sine, s < 0.5 ? 1 : -1,
+                                            1.7 * (2 * s - 1)}; /* of equal power */
             data.series[i][t] = shapes[kind] + 0.2 * lg_rng_normal(&rng);
         }
     }
@@ -55,14 +54,17 @@ static void draw(void) {
 
 lg_status make_waveforms(lg_program **out, training *how, lg_error *error) {
     double w1[5 * 1 * 6], b1[6] = {0}, w2[3 * 6 * 8], b2[8] = {0}, w3[32 * 3], b3[3] = {0};
-    const lg_parameter_spec weights[] = {{"conv1_weight", lg_shape3(5, 1, 6), w1}, {"conv1_bias", lg_shape1(6), b1},
-                                         {"conv2_weight", lg_shape3(3, 6, 8), w2}, {"conv2_bias", lg_shape1(8), b2},
-                                         {"dense_weight", lg_shape2(32, 3), w3},   {"dense_bias", lg_shape1(3), b3}};
+    const lg_parameter_spec weights[] = {
+        {"conv1_weight", lg_shape3(5, 1, 6), w1}, {"conv1_bias", lg_shape1(6), b1},
+        {"conv2_weight", lg_shape3(3, 6, 8), w2}, {"conv2_bias", lg_shape1(8), b2},
+        {"dense_weight", lg_shape2(32, 3), w3},   {"dense_bias", lg_shape1(3), b3}};
     const struct {
         double *w;
         size_t count;
         double bound;
-    } fill[] = {{w1, sizeof w1 / sizeof *w1, 0.8}, {w2, sizeof w2 / sizeof *w2, 0.4}, {w3, sizeof w3 / sizeof *w3, 0.3}};
+    } fill[] = {{w1, sizeof w1 / sizeof *w1, 0.8},
+                {w2, sizeof w2 / sizeof *w2, 0.4},
+                {w3, sizeof w3 / sizeof *w3, 0.3}};
     lg_rng rng;
     lg_rng_seed(&rng, 4, 1);
     for (int k = 0; k < 3; k++)

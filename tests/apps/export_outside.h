@@ -68,8 +68,9 @@ static inline void outside_write_all(outside *o, const lg_program *program) {
     if (lg_program_write_c(program, &options, &o->source, &error) != LG_OK) fail_msg("%s", error.message);
     const lg_c_source *s = o->source;
     outside_write(o, "p.h",
-                  (const char *const[]){"#ifndef P_H\n#define P_H\n", "#ifdef __cplusplus\nextern \"C\" {\n#endif\n",
-                                        s->sizes, s->declarations, "#ifdef __cplusplus\n}\n#endif\n#endif\n", NULL});
+                  (const char *const[]){"#ifndef P_H\n#define P_H\n",
+                                        "#ifdef __cplusplus\nextern \"C\" {\n#endif\n", s->sizes,
+                                        s->declarations, "#ifdef __cplusplus\n}\n#endif\n#endif\n", NULL});
     outside_write(o, "p.c", (const char *const[]){"#include \"p.h\"\n", s->arrays, s->code, NULL});
     outside_write(o, "p_weights.c", (const char *const[]){"#include \"p.h\"\n", s->arrays, s->weights, NULL});
     outside_write_shims(o, program);
@@ -268,8 +269,8 @@ static inline bool outside_at_kink(lg_tape *tape, const lg_program *program, siz
     return jumps;
 }
 
-/* All rows of all outputs within 20 eps depth condition of the tape's; prints the worst in units of eps depth.
- * Functions with kinks may leave out one point in a hundred, if they jump there. */
+/* All rows of all outputs within 20 eps depth condition of the tape's; prints the worst in units of eps
+ * depth. Functions with kinks may leave out one point in a hundred, if they jump there. */
 static inline void outside_compare(const outside *o, const lg_program *program, size_t index, size_t points,
                                    double condition, bool kinks) {
     const size_t function = o->source->function[index];

@@ -12,9 +12,9 @@ typedef struct model {
     bool kinks;
 } model;
 static const model models[] = {{"throw", "value", make_throw, 1, false},
-              {"driven", "step", make_driven, 1, false},
-              {"attitude", "step", make_attitude, 1, false},
-              {"waveforms", "value", make_waveforms, 1, true}};
+                               {"driven", "step", make_driven, 1, false},
+                               {"attitude", "step", make_attitude, 1, false},
+                               {"waveforms", "value", make_waveforms, 1, true}};
 
 static inline lg_program *model_program(const model *m) {
     lg_program *program = NULL;
@@ -39,7 +39,7 @@ static inline void model_round(lg_program *program) {
 }
 
 static inline void model_compare(const model *m, lg_program *program, const char *compiler, const char *flags,
-                        lg_dtype dtype, size_t points) {
+                                 lg_dtype dtype, size_t points) {
     char command[64];
     (void)snprintf(command, sizeof command, "command -v %s >/dev/null", compiler);
     if (system(command) != 0) return;

@@ -1,6 +1,5 @@
-/* Models that the library does not know (examples/programs/), trained, differentiated and written as C: value,
- * field, step, loss and the derivatives equal the tape's at random inputs.
- * ctest-labels: slow */
+/* Models that the library does not know (examples/programs/), trained, differentiated and written as C:
+ * value, field, step, loss and the derivatives equal the tape's at random inputs. ctest-labels: slow */
 #include "apps/outside_models.h"
 
 enum { POINTS = 1000 };

@@ -1,6 +1,5 @@
-/* The C of the models of examples/programs/ by all compilers and levels: numbers of the tape; self-tests, sanitizers,
- * objects that need libm alone, the stated stack.
- * ctest-labels: study */
+/* The C of the models of examples/programs/ by all compilers and levels: numbers of the tape; self-tests,
+ * sanitizers, objects that need libm alone, the stated stack. ctest-labels: study */
 #include "apps/export_support.h"
 #include "apps/outside_models.h"
 #include "liegrad/io.h"
