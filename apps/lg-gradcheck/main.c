@@ -285,7 +285,8 @@ int main(int argc, char **argv) {
          .details = "A function passes when the remainder of its Taylor expansion falls like h^2 (slope >= "
                     "1.9) or is "
                     "at rounding level, forward and reverse mode agree with each other and with difference "
-                    "quotients, at first and second order, and when its plans as a program (value, forward, adjoint) "
+                    "quotients, at first and second order, and when its plans as a program (value, forward, "
+                    "adjoint) "
                     "equal the tape.",
          .options = options,
          .values = &given,

@@ -78,7 +78,8 @@ typedef enum lg_plant_mutation {
 #define LG_PLANT_PLAN_MUTATIONS 5
 
 typedef struct lg_gradcheck_plant {
-    const char *operation; /* name as in messages: "mul", "matmul", ...; PLAN: "value", "forward", "adjoint" */
+    const char
+        *operation; /* name as in messages: "mul", "matmul", ...; PLAN: "value", "forward", "adjoint" */
     lg_plant_direction direction;
     lg_plant_mutation mutation;
     uint32_t input; /* whose cotangent (vjp), which input's tangent is dropped (jvp), which step (plan) */
@@ -146,7 +147,7 @@ LG_API lg_status lg_gradcheck_run(const lg_context *context, const lg_gradcheck_
  * A row that says so must be refused instead. */
 typedef struct lg_gradcheck_program_result {
     bool passed, refused;
-    double value, forward, adjoint; /* largest relative errors of plans; NaN when refused */
+    double value, forward, adjoint;      /* largest relative errors of plans; NaN when refused */
     size_t plant_applied, plant_changed; /* operations (steps) that the plant met; those that it changed */
     char message[320];                   /* what failed, or why it is refused; "" when passed */
 } lg_gradcheck_program_result;
@@ -179,9 +180,10 @@ typedef void (*lg_plant_report_fn)(void *user, const lg_gradcheck_case *row, con
 LG_API lg_status lg_gradcheck_plant_all(const lg_context *context, const lg_gradcheck_case *row,
                                         const lg_gradcheck_options *options, lg_plant_report_fn report,
                                         void *user);
-LG_API const char *lg_plant_direction_name(lg_plant_direction direction); /* "vjp", "jvp", "scalars", "plan" */
 LG_API const char *
-lg_plant_mutation_name(lg_plant_mutation mutation); /* "sign", "drop", "factor", "transpose", "missing", ... */
+lg_plant_direction_name(lg_plant_direction direction); /* "vjp", "jvp", "scalars", "plan" */
+LG_API const char *lg_plant_mutation_name(
+    lg_plant_mutation mutation); /* "sign", "drop", "factor", "transpose", "missing", ... */
 
 LG_END_DECLS
 

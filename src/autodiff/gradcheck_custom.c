@@ -95,7 +95,8 @@ BUILD(build_sphere) {
 /* ---- rows ---- */
 
 static const lg_gradcheck_case rows[] = {
-    {.function = {.name = "custom, built", .build = build_custom, WITH(.i = {0}), INPUTS(ANY(S1(3)), ANY(S1(3)))},
+    {.function =
+         {.name = "custom, built", .build = build_custom, WITH(.i = {0}), INPUTS(ANY(S1(3)), ANY(S1(3)))},
      .operations = {"custom"},
      .no_program = "operation custom"},
     {.function = {.name = "custom, numeric",

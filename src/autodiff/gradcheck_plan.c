@@ -10,9 +10,10 @@
 
 static lg_op_code other_operation(lg_op_code op) {
     static const lg_op_code pairs[][2] = {
-        {LG_OP_ADD, LG_OP_SUB},   {LG_OP_SUB, LG_OP_ADD},   {LG_OP_MUL, LG_OP_ADD}, {LG_OP_DIV, LG_OP_MUL},
-        {LG_OP_MAX, LG_OP_ADD},   {LG_OP_SIN, LG_OP_COS},   {LG_OP_COS, LG_OP_SIN}, {LG_OP_EXP, LG_OP_SIN},
-        {LG_OP_LOG, LG_OP_EXP},   {LG_OP_SQRT, LG_OP_EXP},  {LG_OP_ABS, LG_OP_SIN}, {LG_OP_ATAN2, LG_OP_MUL},
+        {LG_OP_ADD, LG_OP_SUB},   {LG_OP_SUB, LG_OP_ADD},     {LG_OP_MUL, LG_OP_ADD},
+        {LG_OP_DIV, LG_OP_MUL},   {LG_OP_MAX, LG_OP_ADD},     {LG_OP_SIN, LG_OP_COS},
+        {LG_OP_COS, LG_OP_SIN},   {LG_OP_EXP, LG_OP_SIN},     {LG_OP_LOG, LG_OP_EXP},
+        {LG_OP_SQRT, LG_OP_EXP},  {LG_OP_ABS, LG_OP_SIN},     {LG_OP_ATAN2, LG_OP_MUL},
         {LG_OP_CROSS, LG_OP_ADD}, {LG_OP_SCALE, LG_OP_SHIFT}, {LG_OP_SHIFT, LG_OP_SCALE},
     };
     for (size_t i = 0; i < LG_COUNT(pairs); i++)
@@ -22,9 +23,9 @@ static lg_op_code other_operation(lg_op_code op) {
 
 static uint32_t other_scalar(uint32_t op) {
     static const uint8_t pairs[][2] = {
-        {LG_S_ADD, LG_S_SUB},   {LG_S_SUB, LG_S_ADD}, {LG_S_MUL, LG_S_ADD},     {LG_S_DIV, LG_S_MUL},
-        {LG_S_NEG, LG_S_SIN},   {LG_S_MAX, LG_S_ADD}, {LG_S_SQRT, LG_S_EXP},    {LG_S_EXP, LG_S_SIN},
-        {LG_S_LOG, LG_S_EXP},   {LG_S_SIN, LG_S_COS}, {LG_S_COS, LG_S_SIN},     {LG_S_TANH, LG_S_SIGMOID},
+        {LG_S_ADD, LG_S_SUB},      {LG_S_SUB, LG_S_ADD}, {LG_S_MUL, LG_S_ADD},   {LG_S_DIV, LG_S_MUL},
+        {LG_S_NEG, LG_S_SIN},      {LG_S_MAX, LG_S_ADD}, {LG_S_SQRT, LG_S_EXP},  {LG_S_EXP, LG_S_SIN},
+        {LG_S_LOG, LG_S_EXP},      {LG_S_SIN, LG_S_COS}, {LG_S_COS, LG_S_SIN},   {LG_S_TANH, LG_S_SIGMOID},
         {LG_S_SIGMOID, LG_S_TANH}, {LG_S_ABS, LG_S_SIN}, {LG_S_ATAN2, LG_S_MUL},
     };
     for (size_t i = 0; i < LG_COUNT(pairs); i++)
@@ -167,7 +168,8 @@ static bool clobber(lg_plan *plan, size_t at) {
         each_place(&plan->step[s], look, &victim);
         if (!victim.found || same_place(&victim.first, &made.first)) continue;
         moving later = {.from = victim.first};
-        for (size_t t = at + 1; t < plan->steps && !later.writes; t++) each_place(&plan->step[t], look, &later);
+        for (size_t t = at + 1; t < plan->steps && !later.writes; t++)
+            each_place(&plan->step[t], look, &later);
         if (!later.reads) continue;
         const moving to = {.from = made.first, .to = victim.first};
         moving all = to;

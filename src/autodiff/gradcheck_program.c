@@ -25,14 +25,14 @@ typedef struct check {
     lg_plan *plan[FUNCTIONS], *planted[FUNCTIONS];
     lg_plant plant;
     lg_rng rng;
-    lg_shape shape;                             /* of the output */
+    lg_shape shape;                                 /* of the output */
     size_t at[MOST + 1], outputs, count[FUNCTIONS]; /* inputs one after another; numbers of a result */
     double *memory, *x, *d, *c, *truth, *got, *other;
 } check;
 
 static lg_status failed(check *k, const char *what, const char *function, double value, double bound) {
-    (void)snprintf(k->result->message, sizeof k->result->message, "%s, program: %s of the %s (%.3g, bound %.3g)",
-                   k->f->name, what, function, value, bound);
+    (void)snprintf(k->result->message, sizeof k->result->message,
+                   "%s, program: %s of the %s (%.3g, bound %.3g)", k->f->name, what, function, value, bound);
     return LG_CHECK_FAILED;
 }
 
@@ -94,8 +94,7 @@ static lg_status derive(check *k, lg_error *error) {
 }
 
 static lg_status make_plans(check *k, lg_plan **plans, lg_error *error) {
-    for (size_t f = 0; f < FUNCTIONS; f++)
-        LG_TRY(lg_plan_create(k->program, f, NULL, &plans[f], error));
+    for (size_t f = 0; f < FUNCTIONS; f++) LG_TRY(lg_plan_create(k->program, f, NULL, &plans[f], error));
     return LG_OK;
 }
 
@@ -293,7 +292,8 @@ static lg_status make_planted(check *k, lg_error *error) {
 }
 
 /* What the row says: that it is refused, in a sentence with a certain word. */
-static lg_status check_refusal(check *k, const lg_gradcheck_case *row, lg_status status, const lg_error *error) {
+static lg_status check_refusal(check *k, const lg_gradcheck_case *row, lg_status status,
+                               const lg_error *error) {
     k->result->refused = status != LG_OK;
     k->result->value = k->result->forward = k->result->adjoint = NAN;
     (void)snprintf(k->result->message, sizeof k->result->message, "%.300s",

@@ -65,6 +65,28 @@ typedef struct lg_scalars lg_scalars; /* scalars.h */
 typedef uint32_t lg_scalar;           /* an instruction of scalar code */
 struct lg_c;
 
+/* How the rows of the output, elements along its first axis, come about. */
+typedef enum lg_row_use {
+    LG_ROWS_MEET,      /* rows meet, or it is not known */
+    LG_ROWS_EACH,      /* row r of row r of every input */
+    LG_ROWS_BROADCAST, /* likewise; an input of lower rank, or with one row, serves all rows */
+    LG_ROWS_FIRST      /* row r of row r of input 0 and of all of the others */
+} lg_row_use;
+
+/* What an operation is instead, where inputs are known: nothing else, zeros, or input `input` in the output's
+ * shape. */
+typedef struct lg_instead {
+    enum { LG_INSTEAD_NOTHING, LG_INSTEAD_ZEROS, LG_INSTEAD_INPUT } kind;
+    uint32_t input;
+} lg_instead;
+typedef struct lg_known {
+    const lg_attr *attr;
+    uint32_t inputs;
+    const lg_shape *const *in, *shape;
+    bool (*filled)(void *user, uint32_t input, double with); /* a constant, all of it this number */
+    void *user;
+} lg_known;
+
 typedef struct lg_op {
     const char *name;    /* unique: files know an operation by it */
     uint32_t frozen;     /* bit k: input k is a constant to differentiation */
@@ -93,6 +115,15 @@ typedef struct lg_op {
     /* Scalar code of all elements y of the output from all elements x[k] of the inputs; for others whose
      * small tensors are worth writing out. */
     void (*expand)(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y);
+    bool over_first; /* elementwise, and may work in place of input 0 only, not of others */
+    /* For the rows of `shape`; attr becomes that of 1/copies of them. NULL: BROADCAST where there is
+     * `element`, else MEET. */
+    lg_row_use (*rows)(const lg_shape *const *in, uint32_t inputs, const lg_shape *shape, uint32_t copies,
+                       lg_attr *attr);
+    /* NULL: nothing ever. 0 x is 0 for every x. */
+    lg_instead (*instead)(const lg_known *known);
+    /* Terms of its longest sum, for error bounds; 0: numbers are moved only. NULL: 1. */
+    size_t (*terms)(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape);
     /* The evaluation as C (op_c.h); it sees shapes and attributes, no values. NULL: as `element` says. */
     void (*write_c)(struct lg_c *c, const lg_evaluation *e);
 } lg_op;
@@ -101,6 +132,24 @@ typedef struct lg_op {
 #define LG_OP(title, constants, from, to, shape_rule, value, reverse, tangent)                               \
     .name = title, .frozen = constants, .least = from, .most = to, .shape = shape_rule, .forward = value,    \
     .vjp = reverse, .jvp = tangent
+
+lg_row_use lg_rows_each(const lg_shape *const *in, uint32_t inputs, const lg_shape *shape, uint32_t copies,
+                        lg_attr *attr);
+lg_row_use lg_rows_first(const lg_shape *const *in, uint32_t inputs, const lg_shape *shape, uint32_t copies,
+                         lg_attr *attr);
+/* For operations along axis attr->i[0]. */
+lg_row_use lg_rows_but_axis(const lg_shape *const *in, uint32_t inputs, const lg_shape *shape,
+                            uint32_t copies, lg_attr *attr);
+size_t lg_no_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape);
+static inline lg_instead lg_instead_input(uint32_t input) {
+    return (lg_instead){LG_INSTEAD_INPUT, input};
+}
+static inline lg_instead lg_instead_zeros(void) {
+    return (lg_instead){LG_INSTEAD_ZEROS, 0};
+}
+static inline lg_instead lg_instead_nothing(void) {
+    return (lg_instead){LG_INSTEAD_NOTHING, 0};
+}
 
 static inline bool lg_same_shape(const lg_shape *a, const lg_shape *b) {
     if (a->rank != b->rank) return false;

@@ -247,8 +247,11 @@ static lg_var act_jvp(const lg_forward *f) {
     return derivative(f->tape, f->in[0], own_helper(kind, f->y), f->tangents[0], kind, 1);
 }
 
+static lg_instead act_instead(const lg_known *k) {
+    return k->attr->i[0] == LG_IDENTITY ? lg_instead_input(0) : lg_instead_nothing();
+}
 const lg_op lg_op_act = {LG_OP("act", 0, 1, 1, act_shape, act_forward, act_vjp, act_jvp),
-                         .element = act_element};
+                         .element = act_element, .instead = act_instead};
 
 static lg_var act_node(lg_tape *tape, lg_var x, lg_activation kind) {
     lg_attr attr = {.i = {(uint32_t)kind, 0, 0, 0}};

@@ -149,27 +149,30 @@ static lg_status conv1d_weight_forward(lg_evaluation *e) {
 /* ---- convolution: C ---- */
 
 static const lg_c_fragment c_windows = {
-    .comment = "Windows of `size` rows of a series (length, channels), one every `stride` rows, the first one "
-               "`padding` rows\nbefore it; rows outside are zero.",
-    .text = LG_C(typedef struct conv_windows {
-        int length;
-        int channels;
-        int size;
-        int stride;
-        int padding;
-        int count;
-    } conv_windows;
+    .comment =
+        "Windows of `size` rows of a series (length, channels), one every `stride` rows, the first one "
+        "`padding` rows\nbefore it; rows outside are zero.",
+    .text = LG_C(
+        typedef struct conv_windows {
+            int length;
+            int channels;
+            int size;
+            int stride;
+            int padding;
+            int count;
+        } conv_windows;
 
-    static conv_windows make_windows(int length, int channels, int size, int stride, int padding, int count) {
-        conv_windows w;
-        w.length = length;
-        w.channels = channels;
-        w.size = size;
-        w.stride = stride;
-        w.padding = padding;
-        w.count = count;
-        return w;
-    })};
+        static conv_windows make_windows(int length, int channels, int size, int stride, int padding,
+                                         int count) {
+            conv_windows w;
+            w.length = length;
+            w.channels = channels;
+            w.size = size;
+            w.stride = stride;
+            w.padding = padding;
+            w.count = count;
+            return w;
+        })};
 
 static const lg_c_fragment c_window_rows = {
     .comment = "Of window t: which of its rows lie in the series, and which row of the series is the first.",
@@ -399,15 +402,36 @@ static lg_var conv1d_weight_jvp(const lg_forward *f) {
     return lg_add_or(f->tape, x, g);
 }
 
+/* Elements of a window. */
+static size_t conv1d_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape) {
+    (void)attr, (void)shape;
+    return (size_t)in[1]->dims[0] * in[1]->dims[1];
+}
+
+static size_t conv1d_input_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape) {
+    (void)attr, (void)shape;
+    return (size_t)in[1]->dims[0] * in[1]->dims[2];
+}
+
+static size_t conv1d_weight_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape) {
+    (void)attr, (void)shape;
+    return (size_t)in[1]->dims[0] * in[1]->dims[1];
+}
+
 const lg_op lg_op_conv1d = {LG_OP("conv1d", 0, 2, 3, conv1d_shape, conv1d_forward, conv1d_vjp, conv1d_jvp),
-                            .scratch = conv1d_scratch, .write_c = conv1d_c};
+                            .scratch = conv1d_scratch, .write_c = conv1d_c, .rows = lg_rows_first,
+                            .terms = conv1d_terms};
 const lg_op lg_op_conv1d_input = {LG_OP("conv1d_input", 0, 2, 2, conv1d_input_shape, conv1d_input_forward,
                                         conv1d_input_vjp, conv1d_input_jvp),
-                                  .scratch = conv1d_input_scratch, .transpose = conv1d_input_transpose,
- .write_c = conv1d_input_c};
+                                  .scratch = conv1d_input_scratch,
+                                  .transpose = conv1d_input_transpose,
+                                  .write_c = conv1d_input_c,
+                                  .rows = lg_rows_first,
+                                  .terms = conv1d_input_terms};
 const lg_op lg_op_conv1d_weight = {LG_OP("conv1d_weight", 0, 2, 2, conv1d_weight_shape, conv1d_weight_forward,
                                          conv1d_weight_vjp, conv1d_weight_jvp),
-                                   .scratch = conv1d_weight_scratch, .write_c = conv1d_weight_c};
+                                   .scratch = conv1d_weight_scratch, .write_c = conv1d_weight_c,
+                                   .terms = conv1d_weight_terms};
 
 /* ---- pooling: sizes ---- */
 
@@ -494,16 +518,16 @@ static const lg_c_fragment c_pool_mean = {
 
 static const lg_c_fragment c_pool_mean_adjoint = {
     .comment = "x (batch, length, channels), the adjoint of pool_mean: g (batch, count, channels)",
-    .text = LG_C(static void pool_mean_adjoint(int batch, conv_windows w, const real *RESTRICT g,
-                                               real *RESTRICT x) {
-        const int n = w.channels;
-        for (int s = 0; s < batch; s++, x += w.length * n) {
-            for (int i = 0; i < w.length * n; i++) x[i] = REAL(0.0);
-            for (int t = 0; t < w.count; t++, g += n)
-                for (int j = 0; j < w.size; j++)
-                    for (int i = 0; i < n; i++) x[(t * w.stride + j) * n + i] += g[i] / (real)w.size;
-        }
-    }),
+    .text = LG_C(
+        static void pool_mean_adjoint(int batch, conv_windows w, const real *RESTRICT g, real *RESTRICT x) {
+            const int n = w.channels;
+            for (int s = 0; s < batch; s++, x += w.length * n) {
+                for (int i = 0; i < w.length * n; i++) x[i] = REAL(0.0);
+                for (int t = 0; t < w.count; t++, g += n)
+                    for (int j = 0; j < w.size; j++)
+                        for (int i = 0; i < n; i++) x[(t * w.stride + j) * n + i] += g[i] / (real)w.size;
+            }
+        }),
     .needs = {&c_windows}};
 
 static void avg_pool1d_c(lg_c *c, const lg_evaluation *e) {
@@ -545,12 +569,18 @@ static lg_var avg_pool1d_adjoint_jvp(const lg_forward *f) {
     return record_pool(f->tape, LG_OP_AVG_POOL1D_ADJOINT, f->tangents[0], LG_NONE, f->attr, f->attr->i[2]);
 }
 
+static size_t pool_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape) {
+    (void)in, (void)shape;
+    return attr->i[0];
+}
+
 const lg_op lg_op_avg_pool1d = {
     LG_OP("avg_pool1d", 0, 1, 1, pooled_shape, avg_pool1d_forward, avg_pool1d_vjp, avg_pool1d_jvp),
-    .write_c = avg_pool1d_c};
-const lg_op lg_op_avg_pool1d_adjoint = {LG_OP("avg_pool1d_adjoint", 0, 1, 1, spread_shape,
-                                              avg_pool1d_adjoint_forward, avg_pool1d_adjoint_vjp,
-                                              avg_pool1d_adjoint_jvp), .write_c = avg_pool1d_adjoint_c};
+    .write_c = avg_pool1d_c, .rows = lg_rows_each, .terms = pool_terms};
+const lg_op lg_op_avg_pool1d_adjoint = {
+    LG_OP("avg_pool1d_adjoint", 0, 1, 1, spread_shape, avg_pool1d_adjoint_forward, avg_pool1d_adjoint_vjp,
+          avg_pool1d_adjoint_jvp),
+    .write_c = avg_pool1d_adjoint_c, .rows = lg_rows_each, .terms = pool_terms};
 
 /* ---- maximum pooling ---- */
 
@@ -639,10 +669,10 @@ static lg_var pool_place_jvp(const lg_forward *f) {
 
 const lg_op lg_op_pool_pick = {
     LG_OP("pool_pick", 2u, 2, 2, pooled_shape, pool_pick_forward, pool_pick_vjp, pool_pick_jvp),
-    .write_c = pool_pick_c};
+    .write_c = pool_pick_c, .rows = lg_rows_each};
 const lg_op lg_op_pool_place = {
     LG_OP("pool_place", 2u, 2, 2, place_shape, pool_place_forward, pool_place_vjp, pool_place_jvp),
-    .write_c = pool_place_c};
+    .write_c = pool_place_c, .rows = lg_rows_each};
 
 /* ---- convolution, activation and average pooling in one ---- */
 
@@ -700,8 +730,8 @@ static void block_c(lg_c *c, const lg_evaluation *e) {
                   windows_text(&conv.windows, text), conv.outputs, i * series, e->inputs > 2 ? "$2" : "NULL",
                   pool ? "$s" : "$y");
         if (kind.i[0] != LG_IDENTITY)
-            lg_c_call(c, NULL, pool ? "%s(%zu, $s)" : "%s(%zu, $y)",
-                      lg_c_map(c, &lg_op_act, &kind, 1, 1), together * count);
+            lg_c_call(c, NULL, pool ? "%s(%zu, $s)" : "%s(%zu, $y)", lg_c_map(c, &lg_op_act, &kind, 1, 1),
+                      together * count);
         if (pool)
             lg_c_call(c, &c_pool_mean, "pool_mean(1, %s, $s, $y + %zu)", windows_text(&conv.pool, text),
                       i * pooled);
@@ -750,7 +780,12 @@ static lg_var block_jvp(const lg_forward *f) {
 
 const lg_op lg_op_conv1d_block = {
     LG_OP("conv1d_block", 0, 2, 3, block_shape, block_forward, block_vjp, block_jvp),
-    .payload = LG_PAYLOAD_KEPT, .scratch = block_scratch, .kept = block_kept, .write_c = block_c};
+    .payload = LG_PAYLOAD_KEPT,
+    .scratch = block_scratch,
+    .kept = block_kept,
+    .write_c = block_c,
+    .rows = lg_rows_first,
+    .terms = conv1d_terms};
 
 /* ---- what the caller sees ---- */
 

@@ -1,4 +1,6 @@
 /* Elementwise operations: binary with broadcasting, unary. */
+#include <math.h>
+
 #include "autodiff/scalars.h"
 #include "autodiff/tape_internal.h"
 
@@ -104,6 +106,11 @@ static lg_var spread(const lg_forward *f, lg_var t) {
 
 /* ---- binary ---- */
 
+/* Whether input k has the output's shape and the other one is filled with a number. */
+static bool other_is(const lg_known *k, uint32_t input, double with) {
+    return lg_same_shape(k->in[input], k->shape) && k->filled(k->user, 1 - input, with);
+}
+
 static lg_status add_forward(lg_evaluation *e) {
     return binary_forward(e, LG_K_ADD);
 }
@@ -118,8 +125,13 @@ static lg_scalar add_element(lg_scalars *s, const lg_attr *attr, const lg_scalar
     (void)attr, (void)inputs;
     return lg_s_add(s, x[0], x[1]);
 }
+static lg_instead add_instead(const lg_known *k) {
+    if (other_is(k, 0, 0.0)) return lg_instead_input(0);
+    if (other_is(k, 1, 0.0)) return lg_instead_input(1);
+    return lg_instead_nothing();
+}
 const lg_op lg_op_add = {LG_OP("add", 0, 2, 2, broadcast_shape, add_forward, add_vjp, add_jvp),
-                         .element = add_element};
+                         .element = add_element, .instead = add_instead};
 
 static lg_status sub_forward(lg_evaluation *e) {
     return binary_forward(e, LG_K_SUB);
@@ -137,8 +149,12 @@ static lg_scalar sub_element(lg_scalars *s, const lg_attr *attr, const lg_scalar
     (void)attr, (void)inputs;
     return lg_s_sub(s, x[0], x[1]);
 }
+static lg_instead sub_instead(const lg_known *k) {
+    if (other_is(k, 0, 0.0)) return lg_instead_input(0);
+    return lg_instead_nothing();
+}
 const lg_op lg_op_sub = {LG_OP("sub", 0, 2, 2, broadcast_shape, sub_forward, sub_vjp, sub_jvp),
-                         .element = sub_element};
+                         .element = sub_element, .instead = sub_instead};
 
 static lg_status mul_forward(lg_evaluation *e) {
     return binary_forward(e, LG_K_MUL);
@@ -157,8 +173,14 @@ static lg_scalar mul_element(lg_scalars *s, const lg_attr *attr, const lg_scalar
     (void)attr, (void)inputs;
     return lg_s_mul(s, x[0], x[1]);
 }
+static lg_instead mul_instead(const lg_known *k) {
+    if (other_is(k, 0, 1.0)) return lg_instead_input(0);
+    if (other_is(k, 1, 1.0)) return lg_instead_input(1);
+    if (k->filled(k->user, 0, 0.0) || k->filled(k->user, 1, 0.0)) return lg_instead_zeros();
+    return lg_instead_nothing();
+}
 const lg_op lg_op_mul = {LG_OP("mul", 0, 2, 2, broadcast_shape, mul_forward, mul_vjp, mul_jvp),
-                         .element = mul_element};
+                         .element = mul_element, .instead = mul_instead};
 
 static lg_status div_forward(lg_evaluation *e) {
     return binary_forward(e, LG_K_DIV);
@@ -178,8 +200,13 @@ static lg_scalar div_element(lg_scalars *s, const lg_attr *attr, const lg_scalar
     (void)attr, (void)inputs;
     return lg_s_div(s, x[0], x[1]);
 }
+static lg_instead div_instead(const lg_known *k) {
+    if (other_is(k, 0, 1.0)) return lg_instead_input(0);
+    if (k->filled(k->user, 0, 0.0)) return lg_instead_zeros();
+    return lg_instead_nothing();
+}
 const lg_op lg_op_div = {LG_OP("div", 0, 2, 2, broadcast_shape, div_forward, div_vjp, div_jvp),
-                         .element = div_element};
+                         .element = div_element, .instead = div_instead};
 
 /* The mask a >= b, a frozen constant. */
 static lg_status ge_forward(lg_evaluation *e) {
@@ -391,7 +418,7 @@ static lg_scalar combine_element(lg_scalars *s, const lg_attr *attr, const lg_sc
 }
 const lg_op lg_op_combine = {
     LG_OP("combine", 0, 1, LG_MAX_INPUTS, combine_shape, combine_forward, combine_vjp, combine_jvp),
-    .payload = LG_PAYLOAD_REALS, .element = combine_element};
+    .payload = LG_PAYLOAD_REALS, .element = combine_element, .over_first = true};
 
 lg_var lg_combine(lg_tape *tape, const lg_var *x, const double *c, size_t n) {
     if (tape->status != LG_OK) return LG_NONE;
@@ -417,19 +444,20 @@ static lg_var unary(lg_tape *tape, lg_op_code op, lg_var x, double c) {
     return lg_record(tape, op, &x, 1, &attr);
 }
 
-/* X(name, kernel, scalar code, derivative times g): the derivative is an expression in t (tape), x (input), y
- * (output), c and g; it serves the vjp and the jvp, for an elementwise Jacobian is its own transpose. */
+/* X(name, kernel, the c with which it does nothing, scalar code, derivative times g): the derivative is an
+ * expression in t (tape), x (input), y (output), c and g; it serves the vjp and the jvp, for an elementwise
+ * Jacobian is its own transpose. */
 #define UNARY_LIST(X)                                                                                        \
-    X(scale, LG_K_SCALE, lg_s_scale(s, c, x), lg_scale(t, g, c))                                             \
-    X(shift, LG_K_SHIFT, lg_s_add(s, x, lg_s_constant(s, c)), g)                                             \
-    X(sqrt, LG_K_SQRT, lg_s(s, LG_S_SQRT, x, x), lg_scale(t, lg_div(t, g, y), 0.5))                          \
-    X(exp, LG_K_EXP, lg_s(s, LG_S_EXP, x, x), lg_mul(t, g, y))                                               \
-    X(log, LG_K_LOG, lg_s(s, LG_S_LOG, x, x), lg_div(t, g, x))                                               \
-    X(sin, LG_K_SIN, lg_s(s, LG_S_SIN, x, x), lg_mul(t, g, lg_cos(t, x)))                                    \
-    X(cos, LG_K_COS, lg_s(s, LG_S_COS, x, x), lg_neg(t, lg_mul(t, g, lg_sin(t, x))))                         \
-    X(abs, LG_K_ABS, lg_s(s, LG_S_ABS, x, x), lg_mul(t, g, lg_sign(t, x)))
+    X(scale, LG_K_SCALE, 1.0, lg_s_scale(s, c, x), lg_scale(t, g, c))                                        \
+    X(shift, LG_K_SHIFT, 0.0, lg_s_add(s, x, lg_s_constant(s, c)), g)                                        \
+    X(sqrt, LG_K_SQRT, NAN, lg_s(s, LG_S_SQRT, x, x), lg_scale(t, lg_div(t, g, y), 0.5))                     \
+    X(exp, LG_K_EXP, NAN, lg_s(s, LG_S_EXP, x, x), lg_mul(t, g, y))                                          \
+    X(log, LG_K_LOG, NAN, lg_s(s, LG_S_LOG, x, x), lg_div(t, g, x))                                          \
+    X(sin, LG_K_SIN, NAN, lg_s(s, LG_S_SIN, x, x), lg_mul(t, g, lg_cos(t, x)))                               \
+    X(cos, LG_K_COS, NAN, lg_s(s, LG_S_COS, x, x), lg_neg(t, lg_mul(t, g, lg_sin(t, x))))                    \
+    X(abs, LG_K_ABS, NAN, lg_s(s, LG_S_ABS, x, x), lg_mul(t, g, lg_sign(t, x)))
 
-#define DEFINE_UNARY(name, kernel, scalar, derivative)                                                       \
+#define DEFINE_UNARY(name, kernel, idle, scalar, derivative)                                                 \
     static lg_status name##_forward(lg_evaluation *e) {                                                      \
         e->k->unary[kernel](e->count, e->attr->c, e->x[0], e->y);                                            \
         return LG_OK;                                                                                        \
@@ -445,6 +473,9 @@ static lg_var unary(lg_tape *tape, lg_op_code op, lg_var x, double c) {
         (void)c, (void)inputs;                                                                               \
         return scalar;                                                                                       \
     }                                                                                                        \
+    static lg_instead name##_instead(const lg_known *known) {                                                \
+        return known->attr->c == idle ? lg_instead_input(0) : lg_instead_nothing();                          \
+    }                                                                                                        \
     static void name##_vjp(lg_reverse *r) {                                                                  \
         if (r->need[0]) r->out[0] = name##_times(r->tape, r->in[0], r->y, r->attr->c, r->g);                 \
     }                                                                                                        \
@@ -452,7 +483,7 @@ static lg_var unary(lg_tape *tape, lg_op_code op, lg_var x, double c) {
         return name##_times(f->tape, f->in[0], f->y, f->attr->c, f->tangents[0]);                            \
     }                                                                                                        \
     const lg_op lg_op_##name = {LG_OP(#name, 0, 1, 1, same_shape, name##_forward, name##_vjp, name##_jvp),   \
-                                .element = name##_element};
+                                .element = name##_element, .instead = name##_instead};
 UNARY_LIST(DEFINE_UNARY)
 
 static lg_status pow_forward(lg_evaluation *e) {
@@ -501,9 +532,13 @@ static lg_scalar stop_gradient_element(lg_scalars *s, const lg_attr *attr, const
     (void)s, (void)attr, (void)inputs;
     return x[0];
 }
+static lg_instead stop_gradient_instead(const lg_known *k) {
+    (void)k;
+    return lg_instead_input(0);
+}
 const lg_op lg_op_stop_gradient = {
     LG_OP("stop_gradient", ~0u, 1, 1, same_shape, copy_forward, lg_no_vjp, lg_zero_jvp),
-    .element = stop_gradient_element};
+    .element = stop_gradient_element, .instead = stop_gradient_instead};
 
 lg_var lg_neg(lg_tape *tape, lg_var x) {
     return unary(tape, LG_OP_SCALE, x, -1.0);

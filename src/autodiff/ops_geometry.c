@@ -51,8 +51,14 @@ static lg_var rowdot_jvp(const lg_forward *f) {
     return lg_add_or(f->tape, a, b);
 }
 
+static size_t rowdot_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape) {
+    (void)attr, (void)shape;
+    return in[0]->dims[in[0]->rank - 1];
+}
+
 const lg_op lg_op_rowdot = {LG_OP("rowdot", 0, 2, 2, rowdot_shape, rowdot_forward, rowdot_vjp, rowdot_jvp),
-                            .expand = rowdot_expand, .write_c = rowdot_c};
+                            .expand = rowdot_expand, .write_c = rowdot_c, .rows = lg_rows_each,
+                            .terms = rowdot_terms};
 
 lg_var lg_rowdot(lg_tape *tape, lg_var a, lg_var b) {
     lg_var in[2] = {a, b};
@@ -89,14 +95,14 @@ static void cross_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar 
 
 static const lg_c_fragment c_cross = {
     .comment = "y[i, :] = a[i, :] x b[i, :]",
-    .text = LG_C(static void cross(int rows, const real *RESTRICT a, const real *RESTRICT b,
-                                   real *RESTRICT y) {
-        for (int i = 0; i < rows; i++, a += 3, b += 3, y += 3) {
-            y[0] = a[1] * b[2] - a[2] * b[1];
-            y[1] = a[2] * b[0] - a[0] * b[2];
-            y[2] = a[0] * b[1] - a[1] * b[0];
-        }
-    })};
+    .text =
+        LG_C(static void cross(int rows, const real *RESTRICT a, const real *RESTRICT b, real *RESTRICT y) {
+            for (int i = 0; i < rows; i++, a += 3, b += 3, y += 3) {
+                y[0] = a[1] * b[2] - a[2] * b[1];
+                y[1] = a[2] * b[0] - a[0] * b[2];
+                y[2] = a[0] * b[1] - a[1] * b[0];
+            }
+        })};
 
 static void cross_c(lg_c *c, const lg_evaluation *e) {
     lg_c_call(c, &c_cross, "cross(%zu, $0, $1, $y)", e->count / 3);
@@ -115,7 +121,7 @@ static lg_var cross_jvp(const lg_forward *f) {
 }
 
 const lg_op lg_op_cross = {LG_OP("cross", 0, 2, 2, cross_shape, cross_forward, cross_vjp, cross_jvp),
-                           .expand = cross_expand, .write_c = cross_c};
+                           .expand = cross_expand, .write_c = cross_c, .rows = lg_rows_each};
 
 lg_var lg_cross(lg_tape *tape, lg_var a, lg_var b) {
     lg_var in[2] = {a, b};
@@ -195,9 +201,15 @@ static void factor_c(lg_c *c, const lg_evaluation *e) {
     lg_c_call(c, &c_spd_factor, "spd_factor(%u, %u, $0, $y)", e->shape->dims[0], e->shape->dims[1]);
 }
 
+/* Of a factor, and of a solution by it. */
+static size_t order_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape) {
+    (void)in, (void)attr;
+    return (size_t)shape->dims[1] * shape->dims[1];
+}
+
 const lg_op lg_op_spd_factor = {
     LG_OP("spd_factor", 1u, 1, 1, factor_shape, factor_forward, lg_no_vjp, lg_zero_jvp),
-    .expand = factor_expand, .write_c = factor_c};
+    .expand = factor_expand, .write_c = factor_c, .rows = lg_rows_each, .terms = order_terms};
 
 static lg_status solve_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
     (void)inputs, (void)attr;
@@ -295,7 +307,11 @@ static lg_var solve_jvp(const lg_forward *f) {
 }
 
 const lg_op lg_op_spd_solve = {LG_OP("spd_solve", 4u, 3, 3, solve_shape, solve_forward, solve_vjp, solve_jvp),
-                               .unread = solve_unread, .expand = solve_expand, .write_c = solve_c};
+                               .unread = solve_unread,
+                               .expand = solve_expand,
+                               .write_c = solve_c,
+                               .rows = lg_rows_each,
+                               .terms = order_terms};
 
 lg_var lg_spd_solve(lg_tape *tape, lg_var a, lg_var b) {
     lg_var factor = lg_record(tape, LG_OP_SPD_FACTOR, &a, 1, NULL);
@@ -362,7 +378,7 @@ static lg_var stumpff_jvp(const lg_forward *f) {
 
 const lg_op lg_op_stumpff = {
     LG_OP("stumpff", 0, 1, 1, stumpff_shape, stumpff_forward, stumpff_vjp, stumpff_jvp),
-    .expand = stumpff_expand, .write_c = stumpff_c};
+    .expand = stumpff_expand, .write_c = stumpff_c, .rows = lg_rows_each};
 
 lg_var lg_stumpff_functions(lg_tape *tape, lg_var w, int K) {
     if (K < 0) return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "stumpff", "K is negative");

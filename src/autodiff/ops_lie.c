@@ -185,15 +185,14 @@ static lg_var lie_jvp(const lg_forward *f) {
 /* ---- C ---- */
 
 static const lg_c_fragment c_vectors = {
-    .text = LG_C(static real dot3(const real *a, const real *b) {
-        return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    }
+    .text = LG_C(
+        static real dot3(const real *a, const real *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
-    static void cross3(const real *a, const real *b, real *out) {
-        out[0] = a[1] * b[2] - a[2] * b[1];
-        out[1] = a[2] * b[0] - a[0] * b[2];
-        out[2] = a[0] * b[1] - a[1] * b[0];
-    })};
+        static void cross3(const real *a, const real *b, real *out) {
+            out[0] = a[1] * b[2] - a[2] * b[1];
+            out[1] = a[2] * b[0] - a[0] * b[2];
+            out[2] = a[0] * b[1] - a[1] * b[0];
+        })};
 
 static const lg_c_fragment c_so3 = {
     .comment = "out = b + g1 u x b + g2 u x (u x b); out may be b.",
@@ -206,25 +205,25 @@ static const lg_c_fragment c_so3 = {
     }),
     .needs = {&c_vectors}};
 
-static const lg_c_fragment c_so3_coefficients = {
-    .comment = "c[k] = c_k(w), k = 1, 2, 3",
-    .text = LG_C(static void so3_coefficients(real angle, real *c) {
-        const double w = (double)angle;
-        double even = 0.0;
-        double odd = 0.0;
-        if (!(w <= 4.0)) {
-            stumpff_row(angle, 3, 0, c);
-            return;
-        }
-        for (int i = w <= 1.0 ? 8 : 11; i >= 0; i--) {
-            even = inverse_factorial[2 + 2 * i] - w * even;
-            odd = inverse_factorial[3 + 2 * i] - w * odd;
-        }
-        c[1] = (real)(1.0 - w * odd);
-        c[2] = (real)even;
-        c[3] = (real)odd;
-    }),
-    .needs = {&lg_c_stumpff}};
+static const lg_c_fragment c_so3_coefficients = {.comment = "c[k] = c_k(w), k = 1, 2, 3",
+                                                 .text =
+                                                     LG_C(static void so3_coefficients(real angle, real *c) {
+                                                         const double w = (double)angle;
+                                                         double even = 0.0;
+                                                         double odd = 0.0;
+                                                         if (!(w <= 4.0)) {
+                                                             stumpff_row(angle, 3, 0, c);
+                                                             return;
+                                                         }
+                                                         for (int i = w <= 1.0 ? 8 : 11; i >= 0; i--) {
+                                                             even = inverse_factorial[2 + 2 * i] - w * even;
+                                                             odd = inverse_factorial[3 + 2 * i] - w * odd;
+                                                         }
+                                                         c[1] = (real)(1.0 - w * odd);
+                                                         c[2] = (real)even;
+                                                         c[3] = (real)odd;
+                                                     }),
+                                                 .needs = {&lg_c_stumpff}};
 
 static const lg_c_fragment c_so3_exp = {
     .comment = "y = exp(u) x for n rows; x: vectors (columns 1), or matrices by rows (columns 3)",
@@ -255,21 +254,21 @@ static const lg_c_fragment c_so3_dexp = {
 
 static const lg_c_fragment c_se3_act = {
     .comment = "The second half of exp(u, v) . (q, p) for n rows: R p + r x R q, R = exp(u), r = dexp_u(v)",
-    .text = LG_C(static void se3_act(int n, const real *u, const real *v, const real *q, const real *p,
-                                     real *y) {
-        for (int i = 0; i < n; i++, u += 3, v += 3, q += 3, p += 3, y += 3) {
-            real c[4];
-            real r[3];
-            real turned[3];
-            real moved[3];
-            so3_coefficients(dot3(u, u), c);
-            so3_function(c[2], c[3], u, v, r);
-            so3_function(c[1], c[2], u, q, turned);
-            cross3(r, turned, moved);
-            so3_function(c[1], c[2], u, p, y);
-            for (int k = 0; k < 3; k++) y[k] += moved[k];
-        }
-    }),
+    .text =
+        LG_C(static void se3_act(int n, const real *u, const real *v, const real *q, const real *p, real *y) {
+            for (int i = 0; i < n; i++, u += 3, v += 3, q += 3, p += 3, y += 3) {
+                real c[4];
+                real r[3];
+                real turned[3];
+                real moved[3];
+                so3_coefficients(dot3(u, u), c);
+                so3_function(c[2], c[3], u, v, r);
+                so3_function(c[1], c[2], u, q, turned);
+                cross3(r, turned, moved);
+                so3_function(c[1], c[2], u, p, y);
+                for (int k = 0; k < 3; k++) y[k] += moved[k];
+            }
+        }),
     .needs = {&c_so3, &c_so3_coefficients}};
 
 static const lg_c_fragment c_so3_dexpinv = {
@@ -281,30 +280,31 @@ static const lg_c_fragment c_so3_dexpinv = {
     .needs = {&c_so3, &lg_c_dexpinv}};
 
 static const lg_c_fragment c_se3_dexpinv = {
-    .comment = "The second half of dexp_(A, a)^-1(B, b) for n rows: b - m/2 + g2 (a x (A x B) + A x m) + A.a 2 "
-               "g2' A x (A x B),\nm = a x B + A x b",
-    .text = LG_C(static void se3_dexpinv(int n, const real *A, const real *a, const real *B, const real *b,
-                                         real *y) {
-        for (int r = 0; r < n; r++, A += 3, a += 3, B += 3, b += 3, y += 3) {
-            const real w = dot3(A, A);
-            const real g = dexpinv_coef(w, 0);
-            const real slope = REAL(2.0) * dot3(A, a) * dexpinv_coef(w, 1);
-            real AB[3];
-            real AAB[3];
-            real m[3];
-            real t[3];
-            real part[3];
-            cross3(A, B, AB);
-            cross3(A, AB, AAB);
-            cross3(a, B, m);
-            cross3(A, b, part);
-            for (int i = 0; i < 3; i++) m[i] += part[i];
-            cross3(a, AB, t);
-            cross3(A, m, part);
-            for (int i = 0; i < 3; i++)
-                y[i] = (b[i] - REAL(0.5) * m[i]) + (slope * AAB[i] + g * (t[i] + part[i]));
-        }
-    }),
+    .comment =
+        "The second half of dexp_(A, a)^-1(B, b) for n rows: b - m/2 + g2 (a x (A x B) + A x m) + A.a 2 "
+        "g2' A x (A x B),\nm = a x B + A x b",
+    .text = LG_C(
+        static void se3_dexpinv(int n, const real *A, const real *a, const real *B, const real *b, real *y) {
+            for (int r = 0; r < n; r++, A += 3, a += 3, B += 3, b += 3, y += 3) {
+                const real w = dot3(A, A);
+                const real g = dexpinv_coef(w, 0);
+                const real slope = REAL(2.0) * dot3(A, a) * dexpinv_coef(w, 1);
+                real AB[3];
+                real AAB[3];
+                real m[3];
+                real t[3];
+                real part[3];
+                cross3(A, B, AB);
+                cross3(A, AB, AAB);
+                cross3(a, B, m);
+                cross3(A, b, part);
+                for (int i = 0; i < 3; i++) m[i] += part[i];
+                cross3(a, AB, t);
+                cross3(A, m, part);
+                for (int i = 0; i < 3; i++)
+                    y[i] = (b[i] - REAL(0.5) * m[i]) + (slope * AAB[i] + g * (t[i] + part[i]));
+            }
+        }),
     .needs = {&c_vectors, &lg_c_dexpinv}};
 
 static void lie_c(lg_c *c, const lg_evaluation *e) {
@@ -331,7 +331,7 @@ static void lie_c(lg_c *c, const lg_evaluation *e) {
 }
 
 const lg_op lg_op_lie = {LG_OP("lie", 0, 2, LG_K_LIE_INPUTS, lie_shape, lie_forward, lie_vjp, lie_jvp),
-                         .write_c = lie_c};
+                         .write_c = lie_c, .rows = lg_rows_each};
 
 static lg_var apply(lg_tape *tape, lg_k_lie map, const lg_var *in) {
     const lg_attr attr = {.i = {map, 0, 0, 0}};

@@ -202,6 +202,24 @@ static lg_var matmul_jvp(const lg_forward *f) {
     return lg_add_or(f->tape, lg_add_or(f->tape, a, b), c);
 }
 
+static lg_row_use matmul_rows(const lg_shape *const *in, uint32_t inputs, const lg_shape *shape,
+                              uint32_t copies, lg_attr *attr) {
+    (void)copies;
+    if (shape->rank == 3) return LG_ROWS_BROADCAST;
+    const bool added = inputs > 2 && lg_shape_count(*in[2]) == lg_shape_count(*shape); /* has rows itself */
+    return attr->i[0] != TN && !added ? LG_ROWS_FIRST : LG_ROWS_MEET;
+}
+
+static lg_instead matmul_instead(const lg_known *k) {
+    const bool zero = k->filled(k->user, 0, 0.0) || k->filled(k->user, 1, 0.0);
+    return k->inputs == 2 && zero ? lg_instead_zeros() : lg_instead_nothing();
+}
+
+static size_t matmul_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape) {
+    (void)shape;
+    return in[0]->dims[in[0]->rank - (attr->i[0] == TN ? 2 : 1)];
+}
+
 const lg_op lg_op_matmul = {.name = "matmul",
                             .least = 2,
                             .most = 3,
@@ -212,7 +230,10 @@ const lg_op lg_op_matmul = {.name = "matmul",
                             .expand = matmul_expand,
                             .scratch = matmul_scratch,
                             .transpose = matmul_transpose,
-                            .write_c = matmul_c};
+                            .write_c = matmul_c,
+                            .rows = matmul_rows,
+                            .instead = matmul_instead,
+                            .terms = matmul_terms};
 
 lg_var lg_matmul(lg_tape *tape, lg_var a, lg_var b) {
     return product(tape, NN, a, b);

@@ -77,8 +77,8 @@ static const lg_c_fragment c_sum_axis = {
                 real part[8] = {REAL(0.0), REAL(0.0), REAL(0.0), REAL(0.0),
                                 REAL(0.0), REAL(0.0), REAL(0.0), REAL(0.0)};
                 for (int l = 0; l < length; l++) part[l % 8] += x[l];
-                y[0] = ((part[0] + part[4]) + (part[2] + part[6])) +
-                       ((part[1] + part[5]) + (part[3] + part[7]));
+                y[0] =
+                    ((part[0] + part[4]) + (part[2] + part[6])) + ((part[1] + part[5]) + (part[3] + part[7]));
             } else {
                 for (int i = 0; i < inner; i++) y[i] = REAL(0.0);
                 for (int l = 0; l < length; l++)
@@ -105,8 +105,31 @@ static lg_var reduce_jvp(const lg_forward *f) {
                         lg_node_at(f->tape, f->y)->shape);
 }
 
+/* Of sums and broadcasts: rows that lie in `outer`. */
+static lg_row_use outer_rows(const lg_shape *const *in, uint32_t inputs, const lg_shape *shape,
+                             uint32_t copies, lg_attr *attr) {
+    (void)in, (void)inputs;
+    if (attr->i[0] % shape->dims[0] != 0) return LG_ROWS_MEET;
+    attr->i[0] /= copies;
+    return LG_ROWS_EACH;
+}
+
+static lg_instead single_instead(const lg_known *k) {
+    return k->attr->i[1] == 1 ? lg_instead_input(0) : lg_instead_nothing();
+}
+
+static size_t length_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape) {
+    (void)in, (void)shape;
+    return attr->i[1];
+}
+
 const lg_op lg_op_reduce = {LG_OP("sum", 0, 1, 1, reduce_shape, reduce_forward, reduce_vjp, reduce_jvp),
-                            .given = true, .expand = reduce_expand, .write_c = reduce_c};
+                            .given = true,
+                            .expand = reduce_expand,
+                            .write_c = reduce_c,
+                            .rows = outer_rows,
+                            .instead = single_instead,
+                            .terms = length_terms};
 
 /* y[o, l] = x[o]: the inner length is one, so single elements are repeated. */
 static void repeat_elements(size_t size, size_t outer, size_t length, const void *x, void *y) {
@@ -146,12 +169,12 @@ static void repeat_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar
 
 static const lg_c_fragment c_repeat = {
     .comment = "y (outer, length, inner): x (outer, inner), repeated along the middle.",
-    .text = LG_C(static void repeat(int outer, int length, int inner, const real *RESTRICT x,
-                                    real *RESTRICT y) {
-        for (int o = 0; o < outer; o++, x += inner)
-            for (int l = 0; l < length; l++, y += inner)
-                for (int i = 0; i < inner; i++) y[i] = x[i];
-    })};
+    .text =
+        LG_C(static void repeat(int outer, int length, int inner, const real *RESTRICT x, real *RESTRICT y) {
+            for (int o = 0; o < outer; o++, x += inner)
+                for (int l = 0; l < length; l++, y += inner)
+                    for (int i = 0; i < inner; i++) y[i] = x[i];
+        })};
 
 static void repeat_c(lg_c *c, const lg_evaluation *e) {
     const uint32_t *size = e->attr->i;
@@ -172,7 +195,12 @@ static lg_var repeat_jvp(const lg_forward *f) {
 }
 
 const lg_op lg_op_repeat = {LG_OP("broadcast", 0, 1, 1, repeat_shape, repeat_forward, repeat_vjp, repeat_jvp),
-                            .given = true, .expand = repeat_expand, .write_c = repeat_c};
+                            .given = true,
+                            .expand = repeat_expand,
+                            .write_c = repeat_c,
+                            .rows = outer_rows,
+                            .instead = single_instead,
+                            .terms = lg_no_terms};
 
 /* ---- chains: one primitive for each run of axes that differ ---- */
 
@@ -343,7 +371,8 @@ static lg_status argmax_mask_forward(lg_evaluation *e) {
 }
 
 const lg_c_fragment lg_c_first_maximum = {
-    .comment = "Where the largest of n numbers so far apart lies: the first of equals; a NaN is larger than all.",
+    .comment =
+        "Where the largest of n numbers so far apart lies: the first of equals; a NaN is larger than all.",
     .text = LG_C(static int first_maximum(int n, int apart, const real *x) {
         int best = 0;
         for (int l = 1; l < n && x[best] == x[best]; l++) {

@@ -5,6 +5,11 @@
 
 #include <string.h>
 
+/* Nothing moves when the shape stays. */
+static lg_instead same_instead(const lg_known *k) {
+    return lg_same_shape(k->in[0], k->shape) ? lg_instead_input(0) : lg_instead_nothing();
+}
+
 /* ---- reshape: a view ---- */
 
 static lg_status reshape_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
@@ -49,9 +54,19 @@ static lg_var reshape_jvp(const lg_forward *f) {
     return lg_reshape(f->tape, f->tangents[0], lg_node_at(f->tape, f->y)->shape);
 }
 
+static lg_instead reshape_instead(const lg_known *k) {
+    (void)k;
+    return lg_instead_input(0);
+}
 const lg_op lg_op_reshape = {
-    LG_OP("reshape", 0, 1, 1, reshape_shape, reshape_forward, reshape_vjp, reshape_jvp), .given = true,
-    .view = reshape_view, .expand = reshape_expand, .write_c = reshape_c};
+    LG_OP("reshape", 0, 1, 1, reshape_shape, reshape_forward, reshape_vjp, reshape_jvp),
+    .given = true,
+    .view = reshape_view,
+    .expand = reshape_expand,
+    .write_c = reshape_c,
+    .rows = lg_rows_each,
+    .instead = reshape_instead,
+    .terms = lg_no_terms};
 
 lg_var lg_reshape(lg_tape *tape, lg_var x, lg_shape shape) {
     if (tape->status != LG_OK) return LG_NONE;
@@ -130,7 +145,12 @@ static lg_var slice_jvp(const lg_forward *f) {
 }
 
 const lg_op lg_op_slice = {LG_OP("slice", 0, 1, 1, slice_shape, slice_forward, slice_vjp, slice_jvp),
-                           .view = slice_view, .expand = slice_expand, .write_c = slice_c};
+                           .view = slice_view,
+                           .expand = slice_expand,
+                           .write_c = slice_c,
+                           .rows = lg_rows_but_axis,
+                           .instead = same_instead,
+                           .terms = lg_no_terms};
 
 lg_var lg_slice(lg_tape *tape, lg_var x, int axis, uint32_t start, uint32_t length) {
     if (tape->status != LG_OK) return LG_NONE;
@@ -183,8 +203,8 @@ static void pad_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *c
 }
 
 static const lg_c_fragment c_clear = {.text = LG_C(static void clear(int n, real *y) {
-    for (int i = 0; i < n; i++) y[i] = REAL(0.0);
-})};
+                                          for (int i = 0; i < n; i++) y[i] = REAL(0.0);
+                                      })};
 
 static void pad_c(lg_c *c, const lg_evaluation *e) {
     size_t outer, length, inner;
@@ -207,7 +227,11 @@ static lg_var pad_jvp(const lg_forward *f) {
 }
 
 const lg_op lg_op_pad = {LG_OP("pad", 0, 1, 1, pad_shape, pad_forward, pad_vjp, pad_jvp),
-                         .expand = pad_expand, .write_c = pad_c};
+                         .expand = pad_expand,
+                         .write_c = pad_c,
+                         .rows = lg_rows_but_axis,
+                         .instead = same_instead,
+                         .terms = lg_no_terms};
 
 lg_var lg_pad(lg_tape *tape, lg_var x, int axis, uint32_t before, uint32_t after) {
     if (tape->status != LG_OK) return LG_NONE;
@@ -290,9 +314,16 @@ static lg_var concat_jvp(const lg_forward *f) {
     return lg_concat(f->tape, parts, f->inputs, (int)f->attr->i[0]);
 }
 
+static lg_instead concat_instead(const lg_known *k) {
+    return k->inputs == 1 ? lg_instead_input(0) : lg_instead_nothing();
+}
 const lg_op lg_op_concat = {
     LG_OP("concat", 0, 1, LG_MAX_INPUTS, concat_shape, concat_forward, concat_vjp, concat_jvp),
-    .expand = concat_expand, .write_c = concat_c};
+    .expand = concat_expand,
+    .write_c = concat_c,
+    .rows = lg_rows_but_axis,
+    .instead = concat_instead,
+    .terms = lg_no_terms};
 
 /* At most LG_MAX_INPUTS parts. */
 static lg_var concat_some(lg_tape *tape, const lg_var *parts, size_t n, int axis) {
@@ -403,9 +434,30 @@ static lg_var permute_jvp(const lg_forward *f) {
     return lg_permute(f->tape, f->tangents[0], axes);
 }
 
+static lg_row_use permute_rows(const lg_shape *const *in, uint32_t inputs, const lg_shape *shape,
+                               uint32_t copies, lg_attr *attr) {
+    (void)in, (void)inputs, (void)shape, (void)copies;
+    return attr->i[0] == 0 ? LG_ROWS_EACH : LG_ROWS_MEET;
+}
+
+/* Nothing moves when axes that are longer than 1 stay in their order. */
+static lg_instead permute_instead(const lg_known *k) {
+    uint32_t last = 0;
+    for (uint32_t d = 0; d < k->shape->rank; d++) {
+        if (k->shape->dims[d] == 1) continue;
+        if (k->attr->i[d] < last) return lg_instead_nothing();
+        last = k->attr->i[d];
+    }
+    return lg_instead_input(0);
+}
+
 const lg_op lg_op_permute = {
     LG_OP("permute", 0, 1, 1, permute_shape, permute_forward, permute_vjp, permute_jvp),
-    .expand = permute_expand, .write_c = permute_c};
+    .expand = permute_expand,
+    .write_c = permute_c,
+    .rows = permute_rows,
+    .instead = permute_instead,
+    .terms = lg_no_terms};
 
 lg_var lg_permute(lg_tape *tape, lg_var x, const int *axes) {
     if (tape->status != LG_OK) return LG_NONE;
@@ -478,13 +530,14 @@ static lg_status scatter_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
-static const lg_c_fragment c_gather = {
-    .comment = "Rows index[0], index[1], ... of x.",
-    .text = LG_C(static void gather(int n, int length, const int *index, const real *RESTRICT x,
-                                    real *RESTRICT y) {
-        for (int i = 0; i < n; i++)
-            for (int j = 0; j < length; j++) y[i * length + j] = x[index[i] * length + j];
-    })};
+static const lg_c_fragment c_gather = {.comment = "Rows index[0], index[1], ... of x.",
+                                       .text =
+                                           LG_C(static void gather(int n, int length, const int *index,
+                                                                   const real *RESTRICT x, real *RESTRICT y) {
+                                               for (int i = 0; i < n; i++)
+                                                   for (int j = 0; j < length; j++)
+                                                       y[i * length + j] = x[index[i] * length + j];
+                                           })};
 
 static void gather_c(lg_c *c, const lg_evaluation *e) {
     lg_c_indices(c, e->attr->pointer, e->attr->i[0]);
@@ -535,7 +588,8 @@ static lg_var gather_jvp(const lg_forward *f) {
     return record_indexed(f->tape, LG_OP_GATHER, f->tangents[0], f->attr);
 }
 const lg_op lg_op_gather = {LG_OP("gather", 0, 1, 1, gather_shape, gather_forward, gather_vjp, gather_jvp),
-                            .payload = LG_PAYLOAD_INDICES, .write_c = gather_c, .expand = gather_expand};
+                            .payload = LG_PAYLOAD_INDICES, .write_c = gather_c, .expand = gather_expand,
+                            .terms = lg_no_terms};
 
 static void scatter_vjp(lg_reverse *r) {
     if (r->need[0]) r->out[0] = record_indexed(r->tape, LG_OP_GATHER, r->g, r->attr);

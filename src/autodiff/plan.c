@@ -221,7 +221,7 @@ static bool over_input(planning *p, uint32_t node, uint32_t now) {
     for (uint32_t k = 0; k < n->inputs; k++)
         if (n->in[k] != LG_GRAPH_NONE && !lg_same_shape(&p->g.node[n->in[k]].shape, &n->shape)) return false;
     for (uint32_t k = 0; k < n->inputs; k++) {
-        if (n->in[k] == LG_GRAPH_NONE || (n->op == LG_OP_COMBINE && k > 0)) continue;
+        if (n->in[k] == LG_GRAPH_NONE || (lg_ops[n->op]->over_first && k > 0)) continue;
         item *from = &p->item[p->item[n->in[k]].base];
         if (from->place.area != LG_AREA_WORK || from->last != now || from->lasting ||
             p->g.node[p->item[n->in[k]].base].count != n->count)
@@ -506,23 +506,11 @@ static size_t bits(size_t n) {
 
 /* What an operation adds to the longest path: 1, and log2 of the terms of its longest sum. */
 static size_t own_depth(const lg_graph *g, const lg_graph_node *n) {
-    const size_t in = n->inputs > 0 && n->in[0] != LG_GRAPH_NONE ? g->node[n->in[0]].count : 1;
-    switch (n->op) {
-    case LG_OP_RESHAPE:
-    case LG_OP_SLICE:
-    case LG_OP_PAD:
-    case LG_OP_CONCAT:
-    case LG_OP_PERMUTE:
-    case LG_OP_GATHER:
-    case LG_OP_REPEAT:
-        return 0;
-    case LG_OP_MATMUL: {
-        const lg_shape *a = &g->node[n->in[0]].shape;
-        return 1 + bits(a->dims[n->attr.i[0] == LG_TN ? a->rank - 2 : a->rank - 1]);
-    }
-    default:
-        return 1 + bits(n->count > 0 ? in / n->count : 1);
-    }
+    const lg_shape *shapes[LG_MAX_INPUTS];
+    if (lg_ops[n->op]->terms == NULL) return 1;
+    lg_graph_shapes(g, n, shapes);
+    const size_t terms = lg_ops[n->op]->terms(shapes, &n->attr, &n->shape);
+    return terms > 0 ? 1 + bits(terms) : 0;
 }
 
 static lg_status find_depth(planning *p) {

@@ -154,14 +154,8 @@ static bool is_filled(const making *m, uint32_t i, double with) {
     return true;
 }
 
-static bool same_as(const making *m, const lg_graph_node *n, uint32_t i) {
-    return lg_same_shape(&m->g.node[i].shape, &n->shape);
-}
-
-static uint32_t filled(making *m, lg_shape shape, double with) {
-    const size_t count = lg_shape_count(shape);
-    double *value = take(m, count, sizeof *value);
-    for (size_t k = 0; value != NULL && k < count; k++) value[k] = with;
+static uint32_t zeros(making *m, lg_shape shape) {
+    const double *value = take(m, lg_shape_count(shape), sizeof *value);
     return m->failed ? 0 : add_constant(m, shape, value);
 }
 
@@ -181,78 +175,32 @@ static uint32_t reshaped(making *m, uint32_t i, lg_shape shape) {
                .op = LG_OP_RESHAPE, .inputs = 1, .in = &i, .shape = shape, .count = lg_shape_count(shape)});
 }
 
-/* Axes that are longer than 1 stay in their order: nothing moves. */
-static bool keeps_order(const lg_graph_node *n) {
-    uint32_t last = 0;
-    for (uint32_t d = 0; d < n->shape.rank; d++) {
-        if (n->shape.dims[d] == 1) continue;
-        if (n->attr.i[d] < last) return false;
-        last = n->attr.i[d];
-    }
-    return true;
+/* What `instead` of a row may ask. */
+typedef struct asking {
+    const making *m;
+    const lg_graph_node *n;
+} asking;
+
+static bool asked_filled(void *user, uint32_t input, double with) {
+    const asking *a = user;
+    return is_filled(a->m, a->n->in[input], with);
 }
 
-/* What the node is instead, or LG_GRAPH_NONE. 0 x is 0 for every x. */
-static uint32_t simpler(making *m, const lg_graph_node *n) {
-    const uint32_t a = n->inputs > 0 ? n->in[0] : LG_GRAPH_NONE, b = n->inputs > 1 ? n->in[1] : LG_GRAPH_NONE;
-    switch (n->op) {
-    case LG_OP_ADD:
-        if (is_filled(m, b, 0.0) && same_as(m, n, a)) return a;
-        if (is_filled(m, a, 0.0) && same_as(m, n, b)) return b;
-        break;
-    case LG_OP_SUB:
-        if (is_filled(m, b, 0.0) && same_as(m, n, a)) return a;
-        break;
-    case LG_OP_MUL:
-        if (is_filled(m, b, 1.0) && same_as(m, n, a)) return a;
-        if (is_filled(m, a, 1.0) && same_as(m, n, b)) return b;
-        if (is_filled(m, a, 0.0) || is_filled(m, b, 0.0)) return filled(m, n->shape, 0.0);
-        break;
-    case LG_OP_DIV:
-        if (is_filled(m, b, 1.0) && same_as(m, n, a)) return a;
-        if (is_filled(m, a, 0.0)) return filled(m, n->shape, 0.0);
-        break;
-    case LG_OP_MATMUL:
-        if (n->inputs == 2 && (is_filled(m, a, 0.0) || is_filled(m, b, 0.0))) return filled(m, n->shape, 0.0);
-        break;
-    case LG_OP_SCALE:
-        if (n->attr.c == 1.0) return a;
-        break;
-    case LG_OP_SHIFT:
-        if (n->attr.c == 0.0) return a;
-        break;
-    case LG_OP_STOP:
-        return a;
-    case LG_OP_ACT:
-        if (n->attr.i[0] == LG_IDENTITY) return a;
-        break;
-    case LG_OP_RESHAPE:
-        return reshaped(m, a, n->shape);
-    case LG_OP_REDUCE:
-    case LG_OP_REPEAT:
-        if (n->attr.i[1] == 1) return reshaped(m, a, n->shape);
-        break;
-    case LG_OP_CONCAT:
-        if (n->inputs == 1) return a;
-        break;
-    case LG_OP_SLICE:
-    case LG_OP_PAD:
-        if (same_as(m, n, a)) return a;
-        break;
-    case LG_OP_PERMUTE:
-        if (keeps_order(n)) return reshaped(m, a, n->shape);
-        break;
-    default:
+/* What the node is instead, or LG_GRAPH_NONE. */
+static uint32_t simpler(making *m, const lg_graph_node *n, const lg_shape *const *shapes) {
+    const lg_op *op = lg_ops[n->op];
+    asking asks = {m, n};
+    const lg_known known = {&n->attr, n->inputs, shapes, &n->shape, asked_filled, &asks};
+    const lg_instead found = op->instead != NULL ? op->instead(&known) : lg_instead_nothing();
+    switch (found.kind) {
+    case LG_INSTEAD_INPUT:
+        return reshaped(m, n->in[found.input], n->shape);
+    case LG_INSTEAD_ZEROS:
+        return zeros(m, n->shape);
+    case LG_INSTEAD_NOTHING:
         break;
     }
     return LG_GRAPH_NONE;
-}
-
-/* A derivative's factor that is all ones goes. */
-static void drop_ones(const making *m, lg_graph_node *n) {
-    if (n->op != LG_OP_ACT_DERIVATIVE || n->inputs < 3 || !is_filled(m, n->in[2], 1.0)) return;
-    n->inputs = 2;
-    n->attr.i[3] = 0;
 }
 
 /* ---- rows that stand several times in a batch: the operation on single rows, then its rows several times
@@ -287,79 +235,36 @@ static uint32_t single_rows(making *m, uint32_t i, uint32_t copies) {
     return m->failed ? LG_GRAPH_NONE : add_constant(m, shape, value);
 }
 
-/* How an operation treats the first axis of its output. */
-typedef enum row_use {
-    MIXES,     /* rows meet, or it is not known */
-    ALL_ROWS,  /* row r of the output is made of row r of every input */
-    FIRST_ROWS /* of row r of input 0, and of all of the others */
-} row_use;
-
-static row_use use_of_rows(const making *m, const lg_graph_node *n) {
-    const uint32_t rows = n->shape.dims[0];
-    switch (n->op) {
-    case LG_OP_MATMUL:
-        if (n->shape.rank == 3) return ALL_ROWS;
-        return n->attr.i[0] != 2 && (n->inputs == 2 || m->g.node[n->in[2]].count != n->count) ? FIRST_ROWS
-                                                                                              : MIXES;
-    case LG_OP_REDUCE:
-    case LG_OP_REPEAT:
-        return n->attr.i[0] % rows == 0 ? ALL_ROWS : MIXES;
-    case LG_OP_SLICE:
-    case LG_OP_PAD:
-    case LG_OP_CONCAT:
-        return n->attr.i[0] != 0 ? ALL_ROWS : MIXES;
-    case LG_OP_PERMUTE:
-        return n->attr.i[0] == 0 ? ALL_ROWS : MIXES;
-    case LG_OP_CONV1D:
-    case LG_OP_CONV1D_INPUT:
-    case LG_OP_CONV1D_BLOCK:
-        return FIRST_ROWS;
-    case LG_OP_RESHAPE:
-    case LG_OP_ROWDOT:
-    case LG_OP_CROSS:
-    case LG_OP_SPD_FACTOR:
-    case LG_OP_SPD_SOLVE:
-    case LG_OP_STUMPFF:
-    case LG_OP_LIE:
-    case LG_OP_AVG_POOL1D:
-    case LG_OP_AVG_POOL1D_ADJOINT:
-    case LG_OP_POOL_PICK:
-    case LG_OP_POOL_PLACE:
-        return n->shape.rank > 1 ? ALL_ROWS : MIXES;
-    default:
-        return lg_ops[n->op]->element != NULL ? ALL_ROWS : MIXES;
-    }
-}
-
 /* An input without an axis of rows (a matrix beside a batch of them: its first axis is none, whatever its
  * length), or with one row for all. */
-static bool serves_all(const lg_graph_node *n, const lg_shape *in) {
-    const bool broadcasts = lg_ops[n->op]->element != NULL || (n->op == LG_OP_MATMUL && n->shape.rank == 3);
-    return broadcasts && (in->rank < n->shape.rank || in->dims[0] == 1);
+static bool serves_all(const lg_shape *shape, const lg_shape *in) {
+    return in->rank < shape->rank || in->dims[0] == 1;
 }
 
-static uint32_t on_single_rows(making *m, const lg_graph_node *n) {
+static uint32_t on_single_rows(making *m, const lg_graph_node *n, const lg_shape *const *shapes) {
     uint32_t copies = 1, in[LG_MAX_INPUTS];
     const uint32_t rows = n->shape.rank > 0 ? n->shape.dims[0] : 0;
     for (uint32_t k = 0; k < n->inputs && copies == 1; k++)
         if (n->in[k] != LG_GRAPH_NONE) copies = copies_of(m, n->in[k]);
     if (copies == 1 || rows == 0 || rows % copies != 0) return LG_GRAPH_NONE;
-    const row_use use = use_of_rows(m, n);
+    const lg_op *op = lg_ops[n->op];
+    lg_graph_node once = *n;
+    once.in = in;
+    const lg_row_use use = op->rows != NULL      ? op->rows(shapes, n->inputs, &n->shape, copies, &once.attr)
+                           : op->element != NULL ? LG_ROWS_BROADCAST
+                                                 : LG_ROWS_MEET;
+    if (use == LG_ROWS_MEET) return LG_GRAPH_NONE;
     for (uint32_t k = 0; k < n->inputs; k++) {
         in[k] = n->in[k];
-        if (use == MIXES) return LG_GRAPH_NONE;
-        if (in[k] == LG_GRAPH_NONE || (use == FIRST_ROWS && k > 0)) continue;
+        if (in[k] == LG_GRAPH_NONE || (use == LG_ROWS_FIRST && k > 0)) continue;
         const lg_shape shape = m->g.node[in[k]].shape;
-        if (serves_all(n, &shape)) continue;
+        if (use == LG_ROWS_BROADCAST && serves_all(&n->shape, &shape)) continue;
         if (shape.rank == 0 || shape.dims[0] != rows) return LG_GRAPH_NONE;
         in[k] = single_rows(m, in[k], copies);
         if (in[k] == LG_GRAPH_NONE) return LG_GRAPH_NONE;
     }
-    lg_graph_node once = *n;
-    once.in = in;
     once.shape = fewer_rows(n->shape, copies);
     once.count = lg_shape_count(once.shape);
-    if (n->op == LG_OP_REDUCE || n->op == LG_OP_REPEAT) once.attr.i[0] /= copies;
     uint32_t made = add(m, &once);
     const uint32_t length = (uint32_t)(once.count / once.shape.dims[0]);
     return m->failed ? 0
@@ -371,12 +276,11 @@ static uint32_t on_single_rows(making *m, const lg_graph_node *n) {
                                                .count = n->count});
 }
 
-static uint32_t operation(making *m, lg_graph_node *n, const lg_shape *const *shapes) {
-    drop_ones(m, n);
+static uint32_t operation(making *m, const lg_graph_node *n, const lg_shape *const *shapes) {
     if (all_constant(m, n)) return fold(m, n, shapes);
-    const uint32_t other = simpler(m, n);
+    const uint32_t other = simpler(m, n, shapes);
     if (other != LG_GRAPH_NONE) return other;
-    const uint32_t once = on_single_rows(m, n);
+    const uint32_t once = on_single_rows(m, n, shapes);
     return once != LG_GRAPH_NONE ? once : add(m, n);
 }
 

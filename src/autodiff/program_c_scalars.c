@@ -19,10 +19,9 @@ static size_t frame_of(size_t locals) {
 static const lg_c_fragment c_exp = {.file = {"exp_double", "exp_float"}};
 static const lg_c_fragment c_tanh = {.file = {"tanh", "tanh"}, .needs = {&c_exp}};
 static const lg_c_fragment c_sigmoid = {.file = {"sigmoid", "sigmoid"}, .needs = {&c_exp}};
-static const lg_c_fragment c_larger = {.comment = "NaN where one of them is.",
-                                       .text = LG_C(static real larger(real a, real b) {
-                                           return a != a || a >= b ? a : b;
-                                       })};
+static const lg_c_fragment c_larger = {
+    .comment = "NaN where one of them is.",
+    .text = LG_C(static real larger(real a, real b) { return a != a || a >= b ? a : b; })};
 
 /* a, b and c are operands, p and n the constants. */
 static const struct {
@@ -187,7 +186,8 @@ static void find_slots(graph *g) {
 static bool open_graph(graph *g, lg_c *c, const lg_scalar_code *code, uint32_t count, const uint32_t *root,
                        uint32_t roots) {
     *g = (graph){.c = c, .code = code, .count = count, .root = root, .roots = roots};
-    uint32_t **const arrays[] = {&g->order, &g->place, &g->sibling, &g->first, &g->stack, &g->shown, &g->slot};
+    uint32_t **const arrays[] = {&g->order, &g->place, &g->sibling, &g->first,
+                                 &g->stack, &g->shown, &g->slot};
     for (size_t i = 0; i < LG_COUNT(arrays); i++) {
         *arrays[i] = lg_alloc(c->context, (size_t)count + 1, sizeof **arrays[i]);
         if (*arrays[i] == NULL) return lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
@@ -313,7 +313,7 @@ static void add_block(graph *g, lg_text *to, const char *indent, const ends *e, 
 /* ---- elementwise operations ---- */
 
 typedef struct element_ends {
-    uint64_t over; /* bit k: input k is the output's memory */
+    uint64_t over;   /* bit k: input k is the output's memory */
     const bool *one; /* NULL, or by input: a single number */
     uint32_t levels; /* 0: x[i]; else strides */
     const size_t (*stride)[LG_MAX_RANK];
@@ -370,7 +370,8 @@ static bool is_argument(const lg_op *op, const lg_attr *attr, uint32_t inputs, u
 static void add_unused(lg_text *to, const graph *g, const lg_op *op, const lg_attr *attr, uint32_t inputs,
                        uint64_t over) {
     for (uint32_t k = 0; k < inputs; k++)
-        if (g->shown[k] == 0 && is_argument(op, attr, inputs, over, k)) lg_text_add(to, "    (void)x%u;\n", k);
+        if (g->shown[k] == 0 && is_argument(op, attr, inputs, over, k))
+            lg_text_add(to, "    (void)x%u;\n", k);
 }
 
 static void add_parameters(lg_text *to, const lg_op *op, const lg_attr *attr, uint32_t inputs,
@@ -381,8 +382,8 @@ static void add_parameters(lg_text *to, const lg_op *op, const lg_attr *attr, ui
 }
 
 /* `one`: inputs that are a single number. */
-static const char *define_map(lg_c *c, const lg_op *op, const lg_attr *attr, uint32_t inputs,
-                              uint64_t over, const bool *one) {
+static const char *define_map(lg_c *c, const lg_op *op, const lg_attr *attr, uint32_t inputs, uint64_t over,
+                              const bool *one) {
     const element_ends user = {over, one, 0, NULL};
     const ends e = {&user, element_input, element_output_i};
     lg_text lines = {.context = c->context}, text = {.context = c->context};
@@ -415,8 +416,7 @@ const char *lg_c_map(lg_c *c, const lg_op *op, const lg_attr *attr, uint32_t inp
 }
 
 /* Strides of the inputs along the output's axes, neighbouring axes that go on alike taken together. */
-static uint32_t levels_of(const lg_evaluation *e, size_t length[LG_MAX_RANK],
-                          size_t (*stride)[LG_MAX_RANK]) {
+static uint32_t levels_of(const lg_evaluation *e, size_t length[LG_MAX_RANK], size_t (*stride)[LG_MAX_RANK]) {
     uint32_t levels = 0;
     for (uint32_t d = 0; d < e->shape->rank; d++) {
         size_t own[LG_MAX_INPUTS];
@@ -453,8 +453,8 @@ static const char *define_broadcast(lg_c *c, const lg_op *op, const lg_evaluatio
         add_parameters(&text, op, e->attr, e->inputs, over);
         add_unused(&text, &g, op, e->attr, e->inputs, over);
         for (uint32_t l = 0; l < levels; l++)
-            lg_text_add(&text, "%sfor (int i%u = 0; i%u < %zu; i%u++)%s\n", l == 0 ? "    " : "        ", l, l,
-                        length[l], l, l + 1 == levels ? " {" : "");
+            lg_text_add(&text, "%sfor (int i%u = 0; i%u < %zu; i%u++)%s\n", l == 0 ? "    " : "        ", l,
+                        l, length[l], l, l + 1 == levels ? " {" : "");
         lg_text_add(&text, "%s    }\n}\n", lines.data);
         if (text.failed || lines.failed)
             (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
@@ -485,7 +485,8 @@ static void add_call(lg_c *c, const lg_op *op, const char *name, const lg_evalua
 }
 
 static bool same_place(const lg_place *a, const lg_place *b) {
-    return a->area == b->area && a->offset == b->offset && (a->area == LG_AREA_WORK || a->number == b->number);
+    return a->area == b->area && a->offset == b->offset &&
+           (a->area == LG_AREA_WORK || a->number == b->number);
 }
 
 /* Same shapes and single numbers are one loop over all elements. */
@@ -504,7 +505,8 @@ void lg_c_elementwise(lg_c *c, const lg_op *op, const lg_evaluation *e) {
     if (levels <= 1)
         add_call(c, op, define_map(c, op, e->attr, e->inputs, over, any ? one : NULL), e, over, true);
     else
-        add_call(c, op, define_broadcast(c, op, e, over, levels, length, (const size_t(*)[LG_MAX_RANK])stride), e,
+        add_call(c, op,
+                 define_broadcast(c, op, e, over, levels, length, (const size_t(*)[LG_MAX_RANK])stride), e,
                  over, false);
 }
 
@@ -560,7 +562,8 @@ static void define_block(lg_c *c, const lg_text *lines, size_t locals) {
     for (size_t i = 0; i < plan->inputs + plan->outputs; i++) {
         const bool in = i < plan->inputs;
         (void)snprintf(word, sizeof word, in ? "x%zu" : "y%zu", in ? i : i - plan->inputs);
-        if (lg_c_uses(body, word)) add_argument(&parameters, &arguments, in ? "const real *" : "real *", word);
+        if (lg_c_uses(body, word))
+            add_argument(&parameters, &arguments, in ? "const real *" : "real *", word);
     }
     if (lg_c_uses(body, "work")) add_argument(&parameters, &arguments, "real *", "work");
     lg_text_add(&text, "static NOINLINE void @(%s) {\n%s}\n",
@@ -614,7 +617,8 @@ static void use_ranges(lg_c *c, const lg_scalar_range *range, uint32_t count) {
 void lg_c_scalars(lg_c *c, const lg_scalar_step *step) {
     const ends e = {step, step_input, step_output};
     const uint32_t all = step->constants + step->loads + step->instructions;
-    const uint32_t roots = step->outs == 0 ? 0 : step->out[step->outs - 1].first + step->out[step->outs - 1].count;
+    const uint32_t roots =
+        step->outs == 0 ? 0 : step->out[step->outs - 1].first + step->out[step->outs - 1].count;
     lg_scalar_code *code = registers_of(c, step);
     graph g = {.c = c};
     if (code == NULL) {

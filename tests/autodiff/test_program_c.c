@@ -1,6 +1,5 @@
-/* Programs as C against the tape: every operation that can be in a program, as straight code and as loops over
- * tensors, compiled by gcc and clang, in both types.
- * ctest-labels: slow */
+/* Programs as C against the tape: every operation that can be in a program, as straight code and as loops
+ * over tensors, compiled by gcc and clang, in both types. ctest-labels: slow */
 #include <dlfcn.h>
 #include <float.h>
 #include <math.h>
@@ -14,8 +13,7 @@
 #include "liegrad/random.h"
 #include "test_support.h"
 
-#define WARNINGS                                                                                             \
-    "-Wall -Wextra -Wconversion -Wdouble-promotion -Wshadow -pedantic -Werror"
+#define WARNINGS "-Wall -Wextra -Wconversion -Wdouble-promotion -Wshadow -pedantic -Werror"
 
 enum { POINTS = 1000, MOST = 12, OUTPUTS = LG_GRADCHECK_MAX_INPUTS };
 
@@ -167,8 +165,10 @@ static compiled compile(const bundle *b, const char *compiler, const char *flags
     assert_non_null(mkdtemp(c.folder));
     char *shims = shims_of(b, c.source);
     write_file(&c, "p.h", (const char *const[]){c.source->sizes, c.source->declarations}, 2);
-    write_file(&c, "p.c",
-               (const char *const[]){"#include \"p.h\"\n#include <stddef.h>\n", c.source->arrays, c.source->code}, 3);
+    write_file(
+        &c, "p.c",
+        (const char *const[]){"#include \"p.h\"\n#include <stddef.h>\n", c.source->arrays, c.source->code},
+        3);
     write_file(&c, "p_weights.c",
                (const char *const[]){"#include \"p.h\"\n", c.source->arrays, c.source->weights}, 3);
     write_file(&c, "shims.c", (const char *const[]){shims}, 1);
@@ -308,8 +308,8 @@ static void check(const bundle *b, const char *compiler, const char *flags, lg_d
             which = b->row[c.source->function[i]]->function.name;
         }
     }
-    print_message("%s %s, %s, %s: worst %.2f eps depth (%s)\n", compiler, flags, dtype == LG_F32 ? "f32" : "f64",
-                  compact ? "loops" : "straight code", worst, which);
+    print_message("%s %s, %s, %s: worst %.2f eps depth (%s)\n", compiler, flags,
+                  dtype == LG_F32 ? "f32" : "f64", compact ? "loops" : "straight code", worst, which);
     lg_tape_destroy(tape);
     discard(&c);
 }
@@ -381,7 +381,8 @@ static void check_alone(const bundle *b, bool compact, const char *compiler) {
         if (lg_program_write_c(b->program, &options, &source, &error) != LG_OK) fail_msg("%s", error.message);
         (void)snprintf(name, sizeof name, "p%zu.c", i);
         write_file(&c, name,
-                   (const char *const[]){source->sizes, source->declarations, source->arrays, source->code}, 4);
+                   (const char *const[]){source->sizes, source->declarations, source->arrays, source->code},
+                   4);
         lg_c_source_free(source);
     }
     (void)snprintf(command, sizeof command, "cd %s && %s " WARNINGS " -O0 -c p*.c 2>&1", folder, compiler);

@@ -33,7 +33,8 @@ static void each_node(visit_fn visit) {
     for (size_t r = 0; (row = lg_gradcheck_operation(r)) != NULL; r++) {
         const lg_gradcheck_function *f = &row->function;
         lg_tape *tape;
-        lg_var x[LG_GRADCHECK_MAX_INPUTS], d[LG_GRADCHECK_MAX_INPUTS], back[LG_GRADCHECK_MAX_INPUTS], y, forward;
+        lg_var x[LG_GRADCHECK_MAX_INPUTS], d[LG_GRADCHECK_MAX_INPUTS], back[LG_GRADCHECK_MAX_INPUTS], y,
+            forward;
         assert_ok(lg_tape_create(NULL, NULL, &tape));
         for (uint32_t i = 0; i < f->inputs; i++) {
             x[i] = argument(tape, &rng, &f->arguments[i], true);
@@ -75,7 +76,10 @@ static void *own(size_t count, size_t size) {
 }
 
 static void open_node(node_values *v, const lg_tape *tape, const lg_node *node, const lg_kernels *k) {
-    *v = (node_values){.e = {.k = k, .attr = &node->attr, .inputs = node->inputs, .shape = &node->shape,
+    *v = (node_values){.e = {.k = k,
+                             .attr = &node->attr,
+                             .inputs = node->inputs,
+                             .shape = &node->shape,
                              .count = node->count}};
     for (uint32_t i = 0; i < node->inputs; i++) {
         const lg_node *from = &tape->nodes[tape->parents[node->parents + i]];
@@ -140,34 +144,56 @@ static double by_hand(const lg_scalar_code *c, const double *r, const double *in
     const double a = r[c->in[0]], b = r[c->in[1]];
     double all[9], one;
     switch (c->op) {
-    case LG_S_INPUT: return inputs[c->n];
-    case LG_S_CONSTANT: return c->p;
-    case LG_S_ADD: return a + b;
-    case LG_S_SUB: return a - b;
-    case LG_S_MUL: return a * b;
-    case LG_S_DIV: return a / b;
-    case LG_S_NEG: return -a;
-    case LG_S_MAX: return isnan(a) ? a : isnan(b) ? b : fmax(a, b);
-    case LG_S_GE: return a >= b;
-    case LG_S_SELECT: return a == 0.0 ? r[c->in[2]] : b;
-    case LG_S_SQRT: return sqrt(a);
-    case LG_S_ABS: return fabs(a);
-    case LG_S_SIGN: return isnan(a) ? a : a >= 0.0 ? 1.0 : -1.0;
-    case LG_S_POW: return pow(a, c->p);
-    case LG_S_EXP: return exp(a);
-    case LG_S_LOG: return log(a);
-    case LG_S_SIN: return sin(a);
-    case LG_S_COS: return cos(a);
-    case LG_S_TANH: return tanh(a);
-    case LG_S_SIGMOID: return a >= 0.0 ? 1.0 / (1.0 + exp(-a)) : exp(a) / (1.0 + exp(a));
-    case LG_S_ATAN2: return atan2(a, b);
+    case LG_S_INPUT:
+        return inputs[c->n];
+    case LG_S_CONSTANT:
+        return c->p;
+    case LG_S_ADD:
+        return a + b;
+    case LG_S_SUB:
+        return a - b;
+    case LG_S_MUL:
+        return a * b;
+    case LG_S_DIV:
+        return a / b;
+    case LG_S_NEG:
+        return -a;
+    case LG_S_MAX:
+        return isnan(a) ? a : isnan(b) ? b : fmax(a, b);
+    case LG_S_GE:
+        return a >= b;
+    case LG_S_SELECT:
+        return a == 0.0 ? r[c->in[2]] : b;
+    case LG_S_SQRT:
+        return sqrt(a);
+    case LG_S_ABS:
+        return fabs(a);
+    case LG_S_SIGN:
+        return isnan(a) ? a : a >= 0.0 ? 1.0 : -1.0;
+    case LG_S_POW:
+        return pow(a, c->p);
+    case LG_S_EXP:
+        return exp(a);
+    case LG_S_LOG:
+        return log(a);
+    case LG_S_SIN:
+        return sin(a);
+    case LG_S_COS:
+        return cos(a);
+    case LG_S_TANH:
+        return tanh(a);
+    case LG_S_SIGMOID:
+        return a >= 0.0 ? 1.0 / (1.0 + exp(-a)) : exp(a) / (1.0 + exp(a));
+    case LG_S_ATAN2:
+        return atan2(a, b);
     case LG_S_STUMPFF:
         lg_kernels_of(LG_F64, LG_ISA_BASELINE)->stumpff(1, (int)(c->n % 16), (int)(c->n / 16), &a, all);
         return all[c->n % 16];
     case LG_S_DEXPINV:
         lg_kernels_of(LG_F64, LG_ISA_BASELINE)->dexpinv_coef(1, (int)c->n, &a, &one);
         return one;
-    case LG_SCALAR_OPS: break;
+    case LG_SCALAR_OPS:
+        break;
     }
     fail_msg("an instruction that is none");
     return NAN;
@@ -233,7 +259,8 @@ static void check_scalars(const lg_tape *tape, const lg_node *node, const char *
             lg_scalar *y = malloc((node->count + 1) * sizeof *y);
             expand(&s, &v, op, y);
             double *inputs = malloc((inputs_of(&v, NULL) + 1) * sizeof *inputs),
-                   *r = malloc((s.count + 1) * sizeof *r), *forward = malloc((node->count + 1) * sizeof *forward);
+                   *r = malloc((s.count + 1) * sizeof *r),
+                   *forward = malloc((node->count + 1) * sizeof *forward);
             (void)inputs_of(&v, inputs);
             k->convert_out(node->count, v.y, forward);
             walk_by_kernel(&s, k, inputs, r);
@@ -326,8 +353,14 @@ static void not_finite_numbers_are_treated_alike(void **state) {
                     const lg_shape shape = lg_shape1(1);
                     const lg_shape *shapes[3] = {&shape, &shape, &shape};
                     const void *values[3] = {x[0], x[1], x[2]};
-                    lg_evaluation e = {.k = k, .attr = &attr, .inputs = op->most, .in = shapes, .x = values,
-                                       .shape = &shape, .count = 1, .y = y};
+                    lg_evaluation e = {.k = k,
+                                       .attr = &attr,
+                                       .inputs = op->most,
+                                       .in = shapes,
+                                       .x = values,
+                                       .shape = &shape,
+                                       .count = 1,
+                                       .y = y};
                     for (int i = 0; i < 3; i++) {
                         k->convert_in(1, &in[i], x[i]);
                         k->convert_out(1, x[i], &numbers[i]);
@@ -343,8 +376,8 @@ static void not_finite_numbers_are_treated_alike(void **state) {
                     walk_by_kernel(&s, k, numbers, found);
                     walk_by_hand(&s, numbers, hand);
                     if (!alike(found[result], forward) || !alike(hand[result], forward))
-                        fail_msg("%s(%g, %g, %g): tensor %g, kernel %g, by hand %g", op->name, in[0], in[1], in[2],
-                                 forward, found[result], hand[result]);
+                        fail_msg("%s(%g, %g, %g): tensor %g, kernel %g, by hand %g", op->name, in[0], in[1],
+                                 in[2], forward, found[result], hand[result]);
                     lg_scalars_free(&s);
                 }
 }
@@ -352,8 +385,8 @@ static void not_finite_numbers_are_treated_alike(void **state) {
 /* A matrix that is not positive makes all of its row NaN, whatever zeros are known. */
 static void a_matrix_that_is_not_positive(void **state) {
     (void)state;
-    const double matrices[][4] = {{2, 0, 0, -1}, {-2, 0, 0, 1}, {0, 0, 0, 1}, {2, 0, 0, 3}, {1, 2, 2, 1},
-                                  {NAN, 0, 0, 1}, {1, 0, 0, NAN}};
+    const double matrices[][4] = {{2, 0, 0, -1}, {-2, 0, 0, 1},  {0, 0, 0, 1},  {2, 0, 0, 3},
+                                  {1, 2, 2, 1},  {NAN, 0, 0, 1}, {1, 0, 0, NAN}};
     for (size_t m = 0; m < sizeof matrices / sizeof *matrices; m++)
         for (int diagonal = 0; diagonal < 2; diagonal++) {
             lg_scalars s;
@@ -371,7 +404,8 @@ static void a_matrix_that_is_not_positive(void **state) {
             for (uint32_t i = 0; i < 6; i++)
                 in[i] = diagonal && (i == 1 || i == 2) ? lg_s_constant(&s, 0.0) : lg_s_input(&s, i);
             const lg_scalar *places[3] = {in, in + 4, l};
-            lg_evaluation e = {.k = lg_kernels_for(LG_F64), .inputs = 1, .in = shapes, .shape = &square, .count = 4};
+            lg_evaluation e = {
+                .k = lg_kernels_for(LG_F64), .inputs = 1, .in = shapes, .shape = &square, .count = 4};
             assert_true(lg_scalars_expand(&s, lg_ops[LG_OP_SPD_FACTOR], &e, places, l));
             e.inputs = 3;
             e.shape = &column;

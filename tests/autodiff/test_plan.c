@@ -1,0 +1,1190 @@
+/* Plans: equal to the tape for every kind of function and many numbers of rows, whatever lies in the work
+ * memory and whatever is asked for; shared work is shared rightly. ctest-labels: threads isa */
+#include <pthread.h>
+
+#include "test_support.h"
+
+#include "autodiff/plan.h"
+#include "autodiff/program.h"
+#include "liegrad/convolution.h"
+#include "liegrad/hamiltonian.h"
+#include "liegrad/mechanics.h"
+#include "liegrad/networks.h"
+#include "liegrad/nn.h"
+#include "liegrad/ops.h"
+#include "support/fail_alloc.h"
+#include "support/malloc_count.h"
+
+enum { PORTS = LG_PROGRAM_MAX_PORTS };
+#define COUNT(a) (sizeof(a) / sizeof *(a))
+static const size_t rows_tried[] = {1, 2, 3, 7, 64};
+
+/* ---- building ---- */
+
+static lg_program *build(const lg_context *context, const lg_port *in, size_t inputs, const lg_port *out,
+                         size_t outputs, size_t parameters, lg_program_record record, void *user) {
+    lg_rng rng;
+    lg_rng_seed(&rng, 11, parameters);
+    double *values = malloc((parameters + 1) * sizeof *values);
+    for (size_t i = 0; i < parameters; i++) values[i] = 0.5 * lg_rng_normal(&rng);
+    const lg_parameter_spec theta = {"theta", lg_shape1((uint32_t)parameters), values};
+    const lg_function_spec function = {"f", in, inputs, out, outputs, record, user};
+    lg_program_spec spec;
+    lg_program *program = NULL;
+    lg_error error;
+    lg_program_spec_init(&spec);
+    spec.parameters = &theta;
+    spec.parameter_count = parameters > 0;
+    spec.functions = &function;
+    spec.function_count = 1;
+    if (lg_program_build(context, &spec, &program, &error) != LG_OK) fail_msg("%s", error.message);
+    free(values);
+    return program;
+}
+
+static size_t derived(lg_program *program, lg_derivative_kind kind, const char *function) {
+    lg_derivative what;
+    lg_error error;
+    lg_derivative_init(&what);
+    what.kind = kind;
+    what.function = function;
+    if (lg_program_derive(program, &what, &error) != LG_OK) fail_msg("%s: %s", function, error.message);
+    return lg_program_functions(program) - 1;
+}
+
+/* ---- numbers ---- */
+
+typedef struct numbers {
+    size_t inputs, outputs, in_count[PORTS], out_count[PORTS];
+    double *in[PORTS], *out[PORTS];
+} numbers;
+
+static void open_numbers(numbers *n, const lg_program *program, size_t function, size_t rows, bool rounded) {
+    const lg_port *in = lg_program_inputs(program, function, &n->inputs),
+                  *out = lg_program_outputs(program, function, &n->outputs);
+    lg_rng rng;
+    lg_rng_seed(&rng, 12, rows);
+    for (size_t i = 0; i < n->inputs; i++) {
+        const bool ranged = in[i].low != 0.0 || in[i].high != 0.0;
+        n->in_count[i] = lg_shape_count(lg_port_shape(&in[i], rows));
+        n->in[i] = malloc((n->in_count[i] + 1) * sizeof(double));
+        for (size_t j = 0; j < n->in_count[i]; j++) {
+            n->in[i][j] = lg_rng_uniform_in(&rng, ranged ? in[i].low : -1.0, ranged ? in[i].high : 1.0);
+            if (rounded) n->in[i][j] = (double)(float)n->in[i][j];
+        }
+    }
+    for (size_t j = 0; j < n->outputs; j++) {
+        n->out_count[j] = lg_shape_count(lg_port_shape(&out[j], rows));
+        n->out[j] = malloc((n->out_count[j] + 1) * sizeof(double));
+    }
+}
+
+static void close_numbers(numbers *n) {
+    for (size_t i = 0; i < n->inputs; i++) free(n->in[i]);
+    for (size_t j = 0; j < n->outputs; j++) free(n->out[j]);
+}
+
+/* What the tape says. */
+static void by_tape(const lg_program *program, size_t function, size_t rows, const numbers *n) {
+    lg_tape *tape;
+    lg_var in[PORTS], out[PORTS];
+    size_t count;
+    const lg_port *port = lg_program_inputs(program, function, &count);
+    assert_ok(lg_tape_create(NULL, NULL, &tape));
+    for (size_t i = 0; i < n->inputs; i++) in[i] = lg_input(tape, lg_port_shape(&port[i], rows), n->in[i]);
+    if (lg_program_apply(tape, program, function, NULL, in, out) != LG_OK)
+        fail_msg("%s", lg_tape_message(tape));
+    for (size_t j = 0; j < n->outputs; j++) assert_ok(lg_read(tape, out[j], n->out[j], n->out_count[j]));
+    lg_tape_destroy(tape);
+}
+
+/* ---- running ---- */
+
+typedef struct ready {
+    lg_plan *plan;
+    void *in[PORTS], *out[PORTS], *work;
+    size_t size; /* of a number */
+} ready;
+
+static void *room(size_t bytes) {
+    void *memory = NULL;
+    assert_int_equal(posix_memalign(&memory, 64, bytes + 64), 0);
+    return memory;
+}
+
+static void open_plan(ready *r, const lg_program *program, size_t function, size_t rows, lg_dtype dtype,
+                      const numbers *n) {
+    lg_plan_options options;
+    lg_error error;
+    lg_plan_options_init(&options);
+    options.rows = rows;
+    options.dtype = dtype;
+    if (lg_plan_create(program, function, &options, &r->plan, &error) != LG_OK) fail_msg("%s", error.message);
+    r->size = dtype == LG_F64 ? sizeof(double) : sizeof(float);
+    r->work = room(lg_plan_work_size(r->plan));
+    for (size_t i = 0; i < n->inputs; i++) {
+        assert_int_equal(lg_plan_input_count(r->plan, i), n->in_count[i]);
+        r->in[i] = room(n->in_count[i] * r->size);
+        lg_kernels_for(dtype)->convert_in(n->in_count[i], n->in[i], r->in[i]);
+    }
+    for (size_t j = 0; j < n->outputs; j++) {
+        assert_int_equal(lg_plan_output_count(r->plan, j), n->out_count[j]);
+        r->out[j] = room(n->out_count[j] * r->size);
+    }
+    assert_int_equal(lg_plan_input_count(r->plan, n->inputs), 0);
+    assert_int_equal(lg_plan_output_count(r->plan, n->outputs), 0);
+}
+
+static void close_plan(ready *r, const numbers *n) {
+    lg_plan_destroy(r->plan);
+    free(r->work);
+    for (size_t i = 0; i < n->inputs; i++) free(r->in[i]);
+    for (size_t j = 0; j < n->outputs; j++) free(r->out[j]);
+}
+
+/* Memory and outputs are full of NaN before; what is behind the memory stays. */
+static void run(const ready *r, const numbers *n, void *const *out, int fill) {
+    const size_t bytes = lg_plan_work_size(r->plan);
+    memset(r->work, fill, bytes);
+    memset((char *)r->work + bytes, 0x5a, 64);
+    for (size_t j = 0; j < n->outputs; j++)
+        if (out[j] != NULL) memset(out[j], 0xff, n->out_count[j] * r->size + 64);
+    lg_plan_run(r->plan, (const void *const *)(void *const *)r->in, out, r->work);
+    for (size_t i = 0; i < 64; i++) assert_int_equal(((unsigned char *)r->work)[bytes + i], 0x5a);
+    for (size_t j = 0; j < n->outputs; j++)
+        for (size_t i = 0; out[j] != NULL && i < 64; i++)
+            assert_int_equal(((unsigned char *)out[j])[n->out_count[j] * r->size + i], 0xff);
+}
+
+static void compare(const char *name, size_t rows, const ready *r, const numbers *n, double tolerance) {
+    for (size_t j = 0; j < n->outputs; j++) {
+        double size = 1e-3;
+        for (size_t i = 0; i < n->out_count[j]; i++) size = fmax(size, fabs(n->out[j][i]));
+        for (size_t i = 0; i < n->out_count[j]; i++) {
+            double got;
+            lg_kernels_for(r->size == sizeof(double) ? LG_F64 : LG_F32)
+                ->convert_out(1, (char *)r->out[j] + i * r->size, &got);
+            if (!(fabs(got - n->out[j][i]) <= tolerance * size))
+                fail_msg("%s, %zu rows, output %zu, element %zu: %.17g, not %.17g", name, rows, j, i, got,
+                         n->out[j][i]);
+        }
+    }
+}
+
+/* The same bits from other contents of the work memory, and for each output alone. */
+static void compare_asked(const char *name, const ready *r, const numbers *n) {
+    void *other[PORTS] = {NULL};
+    run(r, n, other, 0x00);
+    for (size_t j = 0; j < n->outputs; j++) {
+        other[j] = room(n->out_count[j] * r->size);
+        run(r, n, other, j % 2 == 0 ? 0x00 : 0xff);
+        if (memcmp(other[j], r->out[j], n->out_count[j] * r->size) != 0)
+            fail_msg("%s: output %zu alone has other bits", name, j);
+        free(other[j]);
+        other[j] = NULL;
+    }
+    if (!lg_count_available()) return;
+    assert_no_malloc_no_lock(
+        lg_plan_run(r->plan, (const void *const *)(void *const *)r->in, r->out, r->work));
+}
+
+static double loose = 2e-4; /* single precision against double */
+
+static void check_function(const char *name, const lg_program *program, size_t function, size_t rows) {
+    for (int dtype = 0; dtype < 2; dtype++) {
+        numbers n;
+        ready r;
+        open_numbers(&n, program, function, rows, dtype == 1);
+        by_tape(program, function, rows, &n);
+        open_plan(&r, program, function, rows, dtype == 0 ? LG_F64 : LG_F32, &n);
+        run(&r, &n, r.out, 0xff);
+        compare(name, rows, &r, &n, dtype == 0 ? 1e-12 : loose);
+        if (rows <= 7) compare_asked(name, &r, &n);
+        close_plan(&r, &n);
+        close_numbers(&n);
+    }
+}
+
+/* Parameters become single numbers first: both types compute with the same ones. */
+static void check_all(const char *name, lg_program *program) {
+    for (size_t p = 0; p < lg_program_parameters(program); p++) {
+        const lg_parameter_spec spec = lg_program_parameter(program, p);
+        const size_t count = lg_shape_count(spec.shape);
+        double *rounded = malloc((count + 1) * sizeof *rounded);
+        for (size_t i = 0; i < count; i++) rounded[i] = (double)(float)spec.values[i];
+        assert_ok(lg_program_set_parameter(program, p, rounded));
+        free(rounded);
+    }
+    for (size_t f = 0; f < lg_program_functions(program); f++)
+        for (size_t k = 0; k < COUNT(rows_tried); k++) {
+            char whole[128];
+            (void)snprintf(whole, sizeof whole, "%s, %s", name, lg_program_function_name(program, f));
+            check_function(whole, program, f, rows_tried[k]);
+        }
+}
+
+/* ---- derivatives, row by row ---- */
+
+static void copy_row(const lg_port *port, const double *from, size_t row, double **out, size_t *count) {
+    *count = lg_shape_count(port->shape);
+    *out = malloc((*count + 1) * sizeof **out);
+    memcpy(*out, from + (port->shared ? 0 : row * *count), *count * sizeof **out);
+}
+
+/* Jacobians of a function whose rows are independent, of each row by lg_jacobian. */
+static void check_jacobian(const char *name, const lg_program *program, size_t value, size_t jacobian,
+                           size_t rows) {
+    numbers n;
+    size_t inputs, outputs;
+    const lg_port *in = lg_program_inputs(program, value, &inputs),
+                  *out = lg_program_outputs(program, value, &outputs);
+    open_numbers(&n, program, jacobian, rows, false);
+    double *whole[PORTS];
+    for (size_t row = 0; row < rows; row++) {
+        lg_tape *tape;
+        lg_var x[PORTS], y[PORTS];
+        assert_ok(lg_tape_create(NULL, NULL, &tape));
+        for (size_t i = 0; i < inputs; i++) {
+            size_t count;
+            copy_row(&in[i], n.in[i], row, &whole[i], &count);
+            x[i] = lg_input(tape, lg_port_shape(&in[i], 1), whole[i]);
+            free(whole[i]);
+        }
+        assert_ok(lg_program_apply(tape, program, value, NULL, x, y));
+        for (size_t j = 0, block = 0; j < outputs; j++)
+            for (size_t i = 0; !out[j].shared && i < inputs; i++) {
+                if (in[i].shared) continue;
+                const size_t count = lg_shape_count(out[j].shape) * lg_shape_count(in[i].shape);
+                assert_ok(lg_read(tape, lg_jacobian(tape, y[j], x[i]), n.out[block++] + row * count, count));
+            }
+        lg_tape_destroy(tape);
+    }
+    ready r;
+    open_plan(&r, program, jacobian, rows, LG_F64, &n);
+    run(&r, &n, r.out, 0xff);
+    compare(name, rows, &r, &n, 1e-11);
+    close_plan(&r, &n);
+    close_numbers(&n);
+}
+
+static void check_derivatives(const char *name, lg_program *program, bool independent, bool second) {
+    const size_t value = lg_program_functions(program) - 1;
+    const char *function = lg_program_function_name(program, value);
+    (void)derived(program, LG_DERIVATIVE_FORWARD, function);
+    const size_t adjoint = derived(program, LG_DERIVATIVE_ADJOINT, function);
+    if (independent) {
+        const size_t jacobian = derived(program, LG_DERIVATIVE_JACOBIAN, function);
+        for (size_t rows = 1; rows <= 5; rows += 2) check_jacobian(name, program, value, jacobian, rows);
+    }
+    if (independent && second) {
+        const size_t jacobian = derived(program, LG_DERIVATIVE_JACOBIAN_OF_ADJOINT, function);
+        for (size_t rows = 1; rows <= 5; rows += 2) check_jacobian(name, program, adjoint, jacobian, rows);
+    }
+    check_all(name, program);
+}
+
+/* ---- networks ---- */
+
+static lg_status record_net(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    y[0] = lg_net_apply(tape, user, theta[0], 0, x[0]);
+    return lg_tape_status(tape);
+}
+
+static lg_status record_value(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    y[0] = lg_mlp_apply(tape, user, theta[0], 0, x[0]);
+    return lg_tape_status(tape);
+}
+
+static lg_status record_mlp(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    y[0] = lg_mlp_apply(tape, user, theta[0], 0, x[0]);
+    return lg_grad(tape, y[0], x, 1, &y[1]);
+}
+
+static lg_status record_cnn(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    y[0] = lg_cnn_apply(tape, user, theta[0], 0, x[0], NULL);
+    return lg_tape_status(tape);
+}
+
+static const lg_port y_ports[] = {{.name = "y"}, {.name = "z"}, {.name = "a"}, {.name = "b"}, {.name = "c"}};
+
+static void networks_of_every_kind(void **state) {
+    (void)state;
+    static const lg_activation kinds[] = {LG_TANH, LG_SIGMOID, LG_SWISH, LG_SINE};
+    const lg_port x = {.name = "x", .shape = {1, {3, 0, 0, 0}}};
+    for (int kind = 0; kind < LG_NET_KIND_COUNT; kind++)
+        for (uint32_t embedding = 0; embedding <= 4; embedding += 4)
+            for (uint32_t width = 5; width <= 17; width += 12) {
+                char name[64];
+                lg_net net;
+                assert_ok(lg_net_init(&net, (lg_net_kind)kind, 3, embedding, width, 2, 2, kinds[kind % 4]));
+                lg_program *program =
+                    build(NULL, &x, 1, y_ports, 1, lg_net_parameters(&net), record_net, &net);
+                (void)snprintf(name, sizeof name, "network %d, embedding %u, width %u", kind, embedding,
+                               width);
+                check_derivatives(name, program, true, width == 5);
+                lg_program_destroy(program);
+            }
+}
+
+static void perceptrons(void **state) {
+    (void)state;
+    const lg_port x = {.name = "x", .shape = {1, {3, 0, 0, 0}}};
+    const uint32_t hidden[2] = {20, 9};
+    lg_mlp net;
+    assert_ok(lg_mlp_init(&net, 3, hidden, 2, 1, LG_TANH, true));
+    lg_program *program = build(NULL, &x, 1, y_ports, 2, lg_mlp_parameters(&net), record_mlp, &net);
+    check_derivatives("perceptron", program, true, true);
+    lg_program_destroy(program);
+}
+
+static void convolutions(void **state) {
+    (void)state;
+    const lg_port x = {.name = "x", .shape = {2, {9, 2, 0, 0}}};
+    for (int pooling = LG_POOL_NONE; pooling <= LG_POOL_MAX; pooling++) {
+        lg_cnn net = {.channels = 2,
+                      .length = 9,
+                      .blocks = 2,
+                      .block = {{.channels = 3,
+                                 .kernel = 3,
+                                 .stride = 2,
+                                 .padding = 1,
+                                 .pooling = (lg_pooling)pooling,
+                                 .pool_size = 2,
+                                 .pool_stride = 1},
+                                {.channels = 2, .kernel = 2, .stride = 1}},
+                      .plane = 2,
+                      .outputs = 2,
+                      .activation = LG_TANH};
+        if (pooling == LG_POOL_NONE) net.block[0].pool_size = net.block[0].pool_stride = 0;
+        assert_ok(lg_cnn_init(&net, NULL));
+        lg_program *program = build(NULL, &x, 1, y_ports, 1, lg_cnn_parameters(&net), record_cnn, &net);
+        check_derivatives(pooling == LG_POOL_MAX ? "cnn, maxima" : "cnn", program, true, false);
+        lg_program_destroy(program);
+    }
+}
+
+/* ---- Hamiltonians and systems ---- */
+
+static lg_program *hamiltonian(const lg_context *context, lg_hamiltonian_family family, uint32_t links,
+                               const char *scheme) {
+    const uint32_t hidden[1] = {6};
+    lg_hamiltonian model;
+    lg_program *program = NULL;
+    lg_error error;
+    assert_ok(lg_hamiltonian_init(&model, family, links, LG_POTENTIAL_MLP, hidden, 1, LG_TANH));
+    double *theta = malloc(lg_hamiltonian_parameters(&model) * sizeof *theta);
+    for (size_t i = 0; i < lg_hamiltonian_parameters(&model); i++)
+        theta[i] = 0.3 + 0.5 * (double)(i * 7 % 11) / 11.0;
+    const lg_status status = lg_hamiltonian_program(
+        context, &model, theta, scheme == NULL ? NULL : lg_scheme_find(scheme), &program, &error);
+    if (context == NULL && status != LG_OK) fail_msg("%s", error.message);
+    free(theta);
+    return program;
+}
+
+static void learned_hamiltonians(void **state) {
+    (void)state;
+    static const struct {
+        lg_hamiltonian_family family;
+        uint32_t links;
+        const char *scheme;
+    } all[] = {{LG_HAMILTONIAN_CHAIN, 1, NULL},
+               {LG_HAMILTONIAN_CHAIN, 2, "rkmk4"},
+               {LG_HAMILTONIAN_CHAIN, 3, "cf4"},
+               {LG_HAMILTONIAN_SEPARABLE, 2, NULL},
+               {LG_HAMILTONIAN_SEPARABLE, 1, "rk4"}};
+    for (size_t i = 0; i < COUNT(all); i++) {
+        char name[64];
+        lg_program *program = hamiltonian(NULL, all[i].family, all[i].links, all[i].scheme);
+        (void)snprintf(name, sizeof name, "hamiltonian %zu", i);
+        check_all(name, program);
+        if (all[i].links < 3) check_derivatives(name, program, true, all[i].links == 1);
+        lg_program_destroy(program);
+    }
+}
+
+typedef struct stepping {
+    const lg_system *system;
+    const lg_scheme *scheme;
+} stepping;
+
+static lg_status record_step(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const stepping *s = user;
+    lg_system_taped_user bound;
+    lg_taped_ode ode;
+    lg_var parts[LG_TAPED_MAX_PARTS];
+    const lg_form form = s->scheme->ambient ? LG_FORM_AMBIENT : LG_FORM_LIE;
+    lg_status status = lg_system_taped_ode(s->system, form, theta[0], &bound, &ode);
+    if (status == LG_OK) status = lg_taped_split(tape, &ode.space, x[0], parts);
+    const lg_taped_interval over = {.h_rows = x[1]};
+    if (status == LG_OK) status = lg_taped_step_over(tape, s->scheme, &ode, &over, parts, parts);
+    if (status == LG_OK) y[0] = lg_taped_join(tape, &ode.space, parts);
+    return status != LG_OK ? status : lg_tape_status(tape);
+}
+
+static lg_system *system_at(size_t index, bool *there) {
+    const char *name, *form;
+    lg_system_options options;
+    lg_named_values given[16];
+    double given_numbers[64];
+    lg_system *system = NULL;
+    size_t used = 0, keys = 0;
+    *there = lg_system_at(index, &name, &form);
+    if (!*there) return NULL;
+    for (const lg_parameter_row *p = lg_system_parameters(name, form); p->key; p++) {
+        const size_t count = p->count > 0 ? p->count : 1;
+        if (p->fallback != NULL || keys == COUNT(given) || used + count > COUNT(given_numbers)) continue;
+        for (size_t i = 0; i < count; i++)
+            given_numbers[used + i] =
+                p->rule == LG_PARAMETER_UNIT_VECTOR ? (i == 1 ? -1.0 : 2.0) / 3.0 : 0.75 + 0.125 * (double)i;
+        given[keys++] = (lg_named_values){p->key, given_numbers + used, count};
+        used += count;
+    }
+    lg_system_options_init(&options);
+    options.form = form;
+    options.parameters = given;
+    options.parameter_count = keys;
+    assert_ok(lg_system_create(NULL, name, &options, &system, NULL));
+    return system;
+}
+
+static void steps_of_systems(void **state) {
+    (void)state;
+    static const char *const schemes[] = {"rk4", "cf4", "rkmk4"};
+    size_t programs = 0, refused = 0;
+    bool there = true;
+    loose = 5e-3; /* far from where a step is small */
+    for (size_t index = 0; there; index++) {
+        lg_system *system = system_at(index, &there);
+        for (size_t s = 0; there && s < COUNT(schemes); s++) {
+            const stepping step = {system, lg_scheme_find(schemes[s])};
+            lg_system_taped_user bound;
+            lg_taped_ode ode;
+            if (lg_system_taped_ode(system, step.scheme->ambient ? LG_FORM_AMBIENT : LG_FORM_LIE, LG_NONE,
+                                    &bound, &ode) != LG_OK)
+                continue;
+            lg_port in[2] = {{.name = "x", .shape = {1, {0}}},
+                             {.name = "h", .shape = {1, {1}}, .low = 0.01, .high = 0.1}};
+            in[0].shape.dims[0] = (uint32_t)ode.space.dim;
+            const lg_parameter_spec theta = {"theta", lg_shape1((uint32_t)lg_system_parameter_count(system)),
+                                             lg_system_parameter_values(system)};
+            const lg_function_spec function = {
+                "step", in, 2, y_ports, 1, record_step, (void *)(uintptr_t)&step};
+            lg_program_spec spec;
+            lg_program *program = NULL;
+            lg_error error;
+            char name[96];
+            lg_program_spec_init(&spec);
+            spec.parameters = &theta;
+            spec.parameter_count = 1;
+            spec.functions = &function;
+            spec.function_count = 1;
+            (void)snprintf(name, sizeof name, "%s, %s", lg_system_name(system), schemes[s]);
+            const lg_status status = lg_program_build(NULL, &spec, &program, &error);
+            if (status == LG_UNSUPPORTED) {
+                assert_non_null(strstr(error.message, "operation custom"));
+                refused++;
+                continue;
+            }
+            if (status != LG_OK) fail_msg("%s: %s", name, error.message);
+            check_all(name, program);
+            lg_program_destroy(program);
+            programs++;
+        }
+        lg_system_destroy(NULL, system);
+    }
+    loose = 2e-4;
+    assert_true(programs > refused && refused > 0);
+}
+
+/* ---- odd outputs and odd shapes ---- */
+
+static lg_status record_odd(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    (void)user, (void)theta;
+    const uint32_t rows = lg_var_shape(tape, x[0]).dims[0];
+    y[0] = lg_sin(tape, x[0]); /* twice an output */
+    y[1] = y[0];
+    y[2] = x[0];                                                          /* an input */
+    y[3] = lg_full(tape, lg_shape2(rows, 2), 0.25);                       /* a constant */
+    y[4] = lg_reshape(tape, x[0], lg_shape3(rows, 2, 2));                 /* a view of an input */
+    y[5] = lg_reshape(tape, y[0], lg_shape3(rows, 4, 1));                 /* a view of an output */
+    y[6] = lg_slice(tape, lg_reshape(tape, x[1], lg_shape1(6)), 0, 2, 3); /* a part of a shared input */
+    y[7] =
+        lg_reshape(tape, lg_slice(tape, x[0], 1, 0, 1), lg_shape1(rows)); /* of rank 1: no shape of a row */
+    y[8] = x[1];
+    y[9] = lg_add(tape, x[0], lg_mul(tape, x[2], lg_full(tape, lg_shape1(4), 2.0)));
+    y[10] = lg_slice(tape, x[0], 1, 4, 0); /* empty */
+    return lg_tape_status(tape);
+}
+
+static void odd_outputs(void **state) {
+    (void)state;
+    const lg_port in[] = {{.name = "x", .shape = {1, {4}}},
+                          {.name = "s", .shape = {2, {2, 3}}, .shared = true},
+                          {.name = "t", .shape = {0, {0}}, .shared = true}};
+    const lg_port out[] = {{.name = "y0"}, {.name = "y1"}, {.name = "y2"}, {.name = "y3"},
+                           {.name = "y4"}, {.name = "y5"}, {.name = "y6"}, {.name = "y7"},
+                           {.name = "y8"}, {.name = "y9"}, {.name = "y10"}};
+    lg_program *program = build(NULL, in, 3, out, COUNT(out), 0, record_odd, NULL);
+    check_all("odd outputs", program);
+    (void)derived(program, LG_DERIVATIVE_FORWARD, "f");
+    (void)derived(program, LG_DERIVATIVE_ADJOINT, "f");
+    check_all("odd outputs", program);
+    lg_program_destroy(program);
+}
+
+static lg_status record_scalar_rows(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x,
+                                    lg_var *y) {
+    (void)user, (void)theta;
+    y[0] = lg_mul(tape, lg_exp(tape, x[0]), lg_sin(tape, x[1]));
+    return lg_tape_status(tape);
+}
+
+/* Rows without a shape: (B). */
+static void scalar_rows(void **state) {
+    (void)state;
+    const lg_port in[] = {{.name = "x"}, {.name = "z"}};
+    lg_program *program = build(NULL, in, 2, y_ports, 1, 0, record_scalar_rows, NULL);
+    check_derivatives("rows of rank 0", program, true, true);
+    lg_program_destroy(program);
+}
+
+/* ---- rows that repeat: where treating them alone would be wrong ---- */
+
+/* Every row stands `copies` times, as a Jacobian has them. */
+static lg_var repeated(lg_tape *tape, lg_var x, uint32_t rows, uint32_t width, uint32_t copies) {
+    const lg_var one = lg_reshape(tape, x, lg_shape3(rows, 1, width));
+    return lg_reshape(tape, lg_broadcast_to(tape, one, lg_shape3(rows, copies, width)),
+                      lg_shape2(rows * copies, width));
+}
+
+enum { WIDTH = 4, COPIES = 2 };
+
+/* x (B, 4), w shared (4, 4) */
+static lg_status record_meeting(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    (void)user;
+    static const uint32_t chosen[3] = {3, 0, 0};
+    const uint32_t rows = lg_var_shape(tape, x[0]).dims[0], all = rows * COPIES;
+    const lg_var r = repeated(tape, x[0], rows, WIDTH, COPIES), other = lg_sin(tape, r);
+    /* Rows meet: sums over the batch, x^T y, maxima, slices, pads and joints along the rows. */
+    const lg_var mean = lg_mean_axis(tape, other, 0, true);
+    y[0] = lg_slice(tape, lg_sub(tape, other, mean), 0, 0, rows);
+    y[1] = lg_matmul_tn(tape, r, other);
+    y[2] = lg_slice(tape, other, 0, 1, rows);
+    const lg_var halves[2] = {lg_slice(tape, other, 0, rows, rows), lg_slice(tape, other, 0, 0, rows)};
+    const lg_var joint = lg_concat(tape, halves, 2, 0);
+    y[3] = lg_slice(tape, lg_mul(tape, joint, r), 0, 0, rows);
+    y[4] = lg_slice(tape, lg_pad(tape, other, 0, 1, 2), 0, 0, rows);
+    y[5] = lg_sum(tape, other);
+    y[6] = lg_slice(tape, lg_reshape(tape, other, lg_shape2(all / COPIES, WIDTH * COPIES)), 1, 2, 3);
+    y[7] = lg_gather(tape, lg_slice(tape, lg_transpose(tape, other), 1, 0, rows), chosen, 3);
+    y[7] = lg_transpose(tape, y[7]);
+    y[8] = lg_slice(tape, lg_matmul(tape, other, lg_matmul_tn(tape, r, r)), 0, 0, rows);
+    y[9] = lg_slice(tape, lg_add(tape, lg_matmul(tape, r, x[1]), theta[0]), 0, 0, rows);
+    return lg_tape_status(tape);
+}
+
+static void rows_that_meet(void **state) {
+    (void)state;
+    const lg_port in[] = {{.name = "x", .shape = {1, {WIDTH}}},
+                          {.name = "w", .shape = {2, {WIDTH, WIDTH}}, .shared = true}};
+    const lg_port out[] = {{.name = "y0"}, {.name = "y1"}, {.name = "y2"}, {.name = "y3"}, {.name = "y4"},
+                           {.name = "y5"}, {.name = "y6"}, {.name = "y7"}, {.name = "y8"}, {.name = "y9"}};
+    lg_program *program = build(NULL, in, 2, out, COUNT(out), WIDTH, record_meeting, NULL);
+    check_derivatives("rows that meet", program, false, false);
+    lg_program_destroy(program);
+}
+
+/* Batches times one matrix whose rows repeat, and that has as many rows as the batch when 2 B = 4: its rows
+ * are none of the batch. x (B, 4) */
+static lg_status record_matrix(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    static const double right_values[12] = {1, 2, 3, 1, 2, 3, -1, 4, 2, -1, 4, 2},
+                        left_values[8] = {1, 2, 1, 2, 3, 4, 3, 4};
+    const uint32_t rows = lg_var_shape(tape, x[0]).dims[0], all = rows * COPIES;
+    const lg_var r = lg_sin(tape, repeated(tape, x[0], rows, WIDTH, COPIES));
+    const lg_var right = lg_input(tape, lg_shape2(4, 3), right_values),
+                 left = lg_input(tape, lg_shape2(4, 2), left_values);
+    const lg_var alike = repeated(tape, lg_reshape(tape, theta[0], lg_shape2(2, 2)), 2, 2, 2);
+    const lg_var tall = lg_reshape(tape, r, lg_shape3(all, 1, 4)),
+                 square = lg_reshape(tape, r, lg_shape3(all, 2, 2));
+    (void)user;
+    y[0] = lg_slice(tape, lg_reshape(tape, lg_matmul(tape, tall, right), lg_shape2(all, 3)), 0, 0, rows);
+    y[1] = lg_slice(tape, lg_reshape(tape, lg_matmul(tape, left, square), lg_shape2(all, 8)), 0, 0, rows);
+    y[2] = lg_slice(tape, lg_reshape(tape, lg_matmul(tape, alike, square), lg_shape2(all, 8)), 0, 0, rows);
+    const lg_var from_input = repeated(tape, x[1], 2, 2, 2);
+    y[3] =
+        lg_slice(tape, lg_reshape(tape, lg_matmul(tape, from_input, square), lg_shape2(all, 8)), 0, 0, rows);
+    y[4] = lg_slice(tape,
+                    lg_mul(tape, r, lg_reshape(tape, lg_slice(tape, from_input, 0, 1, 2), lg_shape2(1, 4))),
+                    0, 0, rows);
+    return lg_tape_status(tape);
+}
+
+static void a_matrix_beside_a_batch(void **state) {
+    (void)state;
+    const lg_port in[] = {{.name = "x", .shape = {1, {WIDTH}}},
+                          {.name = "w", .shape = {2, {2, 2}}, .shared = true}};
+    lg_program *program = build(NULL, in, 2, y_ports, 5, 4, record_matrix, NULL);
+    check_derivatives("a matrix beside a batch", program, false, false);
+    lg_program_destroy(program);
+}
+
+/* Pairs: value and derivative as one batch of 2B rows. */
+static lg_status record_pairs(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    return lg_net_apply_jvp(tape, user, theta[0], 0, x[0], x[1], &y[0], &y[1]);
+}
+
+static void pairs_of_networks(void **state) {
+    (void)state;
+    for (int kind = 0; kind < LG_NET_KIND_COUNT; kind++)
+        for (int shared = 0; shared < 2; shared++) {
+            const lg_port in[] = {
+                {.name = "x", .shape = {1, {3}}},
+                {.name = "d", .shape = {1 + (uint32_t)shared, {shared ? 1 : 3, 3}}, .shared = shared}};
+            lg_net net;
+            assert_ok(lg_net_init(&net, (lg_net_kind)kind, 3, 4, 6, 2, 2, LG_TANH));
+            lg_program *program = build(NULL, in, 2, y_ports, 2, lg_net_parameters(&net), record_pairs, &net);
+            check_derivatives("pairs", program, true, kind == 0);
+            lg_program_destroy(program);
+        }
+}
+
+/* ---- what does not depend on the direction is computed once ---- */
+
+/* Hyperbolic tangents in a plan. */
+static size_t tangents(const lg_plan *plan) {
+    size_t count = 0;
+    for (size_t s = 0; s < plan->steps; s++) {
+        const lg_plan_step *step = &plan->step[s];
+        if (step->kind == LG_STEP_DENSE && step->dense.kind == LG_TANH)
+            count += step->dense.m * step->dense.n;
+        if (step->kind == LG_STEP_TENSOR && step->tensor.op == LG_OP_ACT) count += step->tensor.count;
+        for (uint32_t g = 0; step->kind == LG_STEP_SCALARS && g < step->scalars.groups; g++)
+            if (step->scalars.group[g].op == LG_S_TANH) count += step->scalars.group[g].count;
+    }
+    return count;
+}
+
+static void shared_work_is_done_once(void **state) {
+    (void)state;
+    for (uint32_t width = 3; width <= 24; width += 7) {
+        const lg_port x = {.name = "x", .shape = {1, {3}}};
+        const uint32_t hidden[2] = {width, width};
+        lg_mlp net;
+        assert_ok(lg_mlp_init(&net, 3, hidden, 2, 5, LG_TANH, true));
+        lg_program *program = build(NULL, &x, 1, y_ports, 1, lg_mlp_parameters(&net), record_value, &net);
+        (void)derived(program, LG_DERIVATIVE_ADJOINT, "f");
+        (void)derived(program, LG_DERIVATIVE_JACOBIAN, "f");
+        (void)derived(program, LG_DERIVATIVE_JACOBIAN_OF_ADJOINT, "f");
+        for (size_t f = 0; f < lg_program_functions(program); f++)
+            for (size_t rows = 1; rows <= 6; rows += 5) {
+                lg_plan_options options;
+                lg_plan *plan;
+                lg_plan_options_init(&options);
+                options.rows = rows;
+                assert_ok(lg_plan_create(program, f, &options, &plan, NULL));
+                assert_int_equal(tangents(plan), rows * 2 * width);
+                lg_plan_destroy(plan);
+            }
+        lg_program_destroy(program);
+    }
+}
+
+/* Chosen inputs and outputs: only what they need. */
+static lg_status record_two(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    y[0] = lg_mlp_apply(tape, user, theta[0], 0, x[0]);
+    y[1] = lg_mul(tape, lg_sin(tape, x[1]), lg_slice(tape, x[0], 1, 0, 2));
+    return lg_tape_status(tape);
+}
+
+static void chosen_pairs(void **state) {
+    (void)state;
+    static const char *const by = "z", *const of = "z", *const all[2] = {"y", "z"};
+    const lg_port in[] = {{.name = "x", .shape = {1, {3}}}, {.name = "u", .shape = {1, {2}}}};
+    const uint32_t hidden[1] = {30};
+    lg_mlp net;
+    assert_ok(lg_mlp_init(&net, 3, hidden, 1, 1, LG_TANH, true));
+    lg_program *program = build(NULL, in, 2, y_ports, 2, lg_mlp_parameters(&net), record_two, &net);
+    const struct {
+        lg_derivative_kind kind;
+        const char *name, *in, *out;
+        bool network;
+    } chosen[] = {{LG_DERIVATIVE_JACOBIAN, "j1", "u", "z", false},
+                  {LG_DERIVATIVE_JACOBIAN, "j2", "x", "z", false},
+                  {LG_DERIVATIVE_JACOBIAN, "j3", "x", "y", true},
+                  {LG_DERIVATIVE_JACOBIAN, "j4", "u", "y", false},
+                  {LG_DERIVATIVE_ADJOINT, "a1", "x", "z", false},
+                  {LG_DERIVATIVE_ADJOINT, "a2", "x", "y", true},
+                  {LG_DERIVATIVE_FORWARD, "f1", "x", "z", false},
+                  {LG_DERIVATIVE_FORWARD, "f2", "u", "y", false},
+                  {LG_DERIVATIVE_JACOBIAN_OF_ADJOINT, "h1", "x", "z", false},
+                  {LG_DERIVATIVE_JACOBIAN_OF_ADJOINT, "h2", "x", "y", true}};
+    for (size_t c = 0; c < COUNT(chosen); c++) {
+        lg_derivative what;
+        lg_error error;
+        lg_plan *plan;
+        lg_derivative_init(&what);
+        what.kind = chosen[c].kind;
+        what.function = "f";
+        what.name = chosen[c].name;
+        what.inputs = &chosen[c].in;
+        what.outputs = &chosen[c].out;
+        what.input_count = what.output_count = 1;
+        if (lg_program_derive(program, &what, &error) != LG_OK) fail_msg("%s", error.message);
+        assert_ok(lg_plan_create(program, lg_program_functions(program) - 1, NULL, &plan, NULL));
+        assert_int_equal(tangents(plan) > 0, chosen[c].network);
+        lg_plan_destroy(plan);
+    }
+    check_all("chosen pairs", program);
+    /* Numbers of one against the tape's. */
+    enum { ROWS = 3 };
+    size_t j2;
+    numbers n;
+    ready r;
+    assert_ok(lg_program_find(program, "j2", &j2));
+    open_numbers(&n, program, j2, ROWS, false);
+    for (size_t row = 0; row < ROWS; row++)
+        for (size_t i = 0; i < 2; i++)
+            for (size_t j = 0; j < 3; j++)
+                n.out[0][(row * 2 + i) * 3 + j] = i == j ? sin(n.in[1][row * 2 + i]) : 0.0;
+    open_plan(&r, program, j2, ROWS, LG_F64, &n);
+    run(&r, &n, r.out, 0xff);
+    compare("j2", ROWS, &r, &n, 1e-14);
+    close_plan(&r, &n);
+    close_numbers(&n);
+    const size_t before = lg_program_functions(program);
+    lg_derivative what;
+    lg_error error;
+    lg_derivative_init(&what);
+    what.kind = LG_DERIVATIVE_JACOBIAN;
+    what.function = "f";
+    what.inputs = &by;
+    what.input_count = 1;
+    assert_status(lg_program_derive(program, &what, &error), LG_NOT_FOUND);
+    assert_non_null(strstr(error.message, "'z'"));
+    what.inputs = NULL;
+    what.outputs = all;
+    what.output_count = 2;
+    assert_ok(lg_program_derive(program, &what, &error));
+    assert_status(lg_program_derive(program, &what, &error), LG_INVALID_ARGUMENT); /* the name is taken */
+    (void)of;
+    assert_int_equal(lg_program_functions(program), before + 1);
+    lg_program_destroy(program);
+}
+
+/* ---- loops ---- */
+
+static void add_loop(lg_program *program, const char *name, size_t times) {
+    const lg_carry carry = {"next", "x"};
+    lg_error error;
+    if (lg_program_add_loop(program, name, "step", times, &carry, 1, &error) != LG_OK)
+        fail_msg("%s", error.message);
+}
+
+static void loops_are_single_steps(void **state) {
+    (void)state;
+    lg_program *program = hamiltonian(NULL, LG_HAMILTONIAN_CHAIN, 1, NULL);
+    size_t step;
+    assert_ok(lg_program_find(program, "step", &step));
+    for (size_t times = 1; times <= 7; times += times < 3 ? 1 : 4) {
+        char name[16];
+        (void)snprintf(name, sizeof name, "steps%zu", times);
+        add_loop(program, name, times);
+        const size_t loop = lg_program_functions(program) - 1;
+        for (size_t rows = 1; rows <= 7; rows += 3)
+            for (int dtype = 0; dtype < 2; dtype++) {
+                numbers n;
+                ready one, all;
+                open_numbers(&n, program, step, rows, true);
+                open_plan(&one, program, step, rows, (lg_dtype)dtype, &n);
+                open_plan(&all, program, loop, rows, (lg_dtype)dtype, &n);
+                run(&all, &n, all.out, 0xff);
+                compare_asked(name, &all, &n);
+                for (size_t t = 0; t < times; t++) {
+                    run(&one, &n, one.out, 0xff);
+                    memcpy(one.in[0], one.out[0], n.out_count[0] * one.size);
+                }
+                assert_memory_equal(one.out[0], all.out[0], n.out_count[0] * one.size);
+                close_plan(&one, &n);
+                close_plan(&all, &n);
+                close_numbers(&n);
+            }
+        for (size_t rows = 1; rows <= 7; rows += 3) check_function(name, program, loop, rows);
+    }
+    /* Through the loop: lg_program_apply of it is the chain of steps on a tape. */
+    const size_t adjoint = derived(program, LG_DERIVATIVE_ADJOINT, "steps3"),
+                 jacobian = derived(program, LG_DERIVATIVE_JACOBIAN, "steps3");
+    size_t loop;
+    assert_ok(lg_program_find(program, "steps3", &loop));
+    check_jacobian("loop", program, loop, jacobian, 3);
+    check_function("adjoint of a loop", program, adjoint, 2);
+    numbers n;
+    open_numbers(&n, program, loop, 2, false);
+    by_tape(program, loop, 2, &n);
+    numbers single;
+    open_numbers(&single, program, step, 2, false);
+    for (size_t i = 0; i < n.inputs; i++) memcpy(single.in[i], n.in[i], n.in_count[i] * sizeof(double));
+    for (size_t t = 0; t < 3; t++) {
+        by_tape(program, step, 2, &single);
+        memcpy(single.in[0], single.out[0], single.out_count[0] * sizeof(double));
+    }
+    assert_memory_equal(n.out[0], single.out[0], n.out_count[0] * sizeof(double));
+    close_numbers(&n);
+    close_numbers(&single);
+    lg_program_destroy(program);
+}
+
+/* Two outputs change places. */
+static lg_status record_exchange(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    (void)user, (void)theta;
+    y[0] = lg_scale(tape, x[1], 2.0);
+    y[1] = lg_add(tape, x[0], x[2]);
+    return lg_tape_status(tape);
+}
+
+static void loops_carry_several(void **state) {
+    (void)state;
+    const lg_port in[] = {
+        {.name = "a", .shape = {1, {2}}}, {.name = "b", .shape = {1, {2}}}, {.name = "c", .shape = {1, {2}}}};
+    const lg_port out[] = {{.name = "p"}, {.name = "q"}};
+    const lg_carry both[] = {{"p", "a"}, {"q", "b"}}, one[] = {{"q", "a"}, {"q", "b"}};
+    lg_program *program = build(NULL, in, 3, out, 2, 0, record_exchange, NULL);
+    lg_error error;
+    assert_ok(lg_program_add_loop(program, "both", "f", 5, both, 2, &error));
+    assert_ok(lg_program_add_loop(program, "one", "f", 4, one, 2, &error));
+    assert_ok(lg_program_add_loop(program, "still", "f", 3, NULL, 0, &error));
+    check_all("loops", program);
+    /* What cannot be. */
+    const lg_carry unknown = {"r", "a"};
+    assert_status(lg_program_add_loop(program, "l", "g", 2, both, 2, &error), LG_NOT_FOUND);
+    assert_non_null(strstr(error.message, "'g'"));
+    assert_status(lg_program_add_loop(program, "l", "f", 2, &unknown, 1, &error), LG_NOT_FOUND);
+    assert_non_null(strstr(error.message, "'r'"));
+    assert_status(lg_program_add_loop(program, "l", "f", 0, both, 2, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_program_add_loop(program, "l", "both", 2, both, 2, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_program_add_loop(program, "f", "f", 2, both, 2, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_program_add_loop(program, NULL, "f", 2, both, 2, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_program_add_loop(program, "l", NULL, 2, both, 2, &error), LG_NOT_FOUND);
+    lg_program_destroy(program);
+}
+
+/* ---- options ---- */
+
+static void inputs_that_are_not_finite(void **state) {
+    (void)state;
+    const double bad[] = {NAN, INFINITY, -INFINITY};
+    lg_program *program = hamiltonian(NULL, LG_HAMILTONIAN_CHAIN, 1, NULL);
+    add_loop(program, "steps", 3);
+    for (size_t f = 0; f < lg_program_functions(program); f++)
+        for (int dtype = 0; dtype < 2; dtype++)
+            for (size_t b = 0; b < COUNT(bad); b++) {
+                numbers n;
+                ready r;
+                lg_plan_options options;
+                lg_plan *marking;
+                open_numbers(&n, program, f, 3, true);
+                open_plan(&r, program, f, 3, (lg_dtype)dtype, &n);
+                lg_plan_options_init(&options);
+                options.rows = 3;
+                options.dtype = (lg_dtype)dtype;
+                options.mark_unfit = true;
+                assert_ok(lg_plan_create(program, f, &options, &marking, NULL));
+                void *clean[PORTS];
+                for (size_t j = 0; j < n.outputs; j++) clean[j] = room(n.out_count[j] * r.size);
+                run(&r, &n, clean, 0xff);
+                free(r.work);
+                r.work = room(lg_plan_work_size(marking));
+                lg_plan *plain = r.plan;
+                r.plan = marking;
+                run(&r, &n, r.out, 0xff); /* nothing to mark: the same bits */
+                for (size_t j = 0; j < n.outputs; j++)
+                    assert_memory_equal(r.out[j], clean[j], n.out_count[j] * r.size);
+                for (size_t i = 0; i < n.inputs; i++) {
+                    const lg_kernels *k = lg_kernels_for((lg_dtype)dtype);
+                    unsigned char *last = (unsigned char *)r.in[i] + (n.in_count[i] - 1) * r.size;
+                    k->convert_in(1, &bad[b], last);
+                    run(&r, &n, r.out, 0xff);
+                    for (size_t j = 0; j < n.outputs; j++)
+                        for (size_t e = 0; e < n.out_count[j]; e++) {
+                            double got;
+                            k->convert_out(1, (unsigned char *)r.out[j] + e * r.size, &got);
+                            assert_true(isnan(got));
+                        }
+                    k->convert_in(1, &n.in[i][n.in_count[i] - 1], last);
+                }
+                lg_plan_destroy(plain);
+                for (size_t j = 0; j < n.outputs; j++) free(clean[j]);
+                close_plan(&r, &n);
+                close_numbers(&n);
+            }
+    lg_program_destroy(program);
+}
+
+/* Without the mark, rows do not touch each other. */
+static void rows_keep_to_themselves(void **state) {
+    (void)state;
+    lg_program *program = hamiltonian(NULL, LG_HAMILTONIAN_CHAIN, 2, NULL);
+    for (size_t f = 0; f < lg_program_functions(program); f++) {
+        numbers n;
+        ready r;
+        open_numbers(&n, program, f, 3, false);
+        open_plan(&r, program, f, 3, LG_F64, &n);
+        ((double *)r.in[0])[n.in_count[0] / 3] = NAN; /* in row 1 */
+        run(&r, &n, r.out, 0xff);
+        for (size_t j = 0; j < n.outputs; j++) {
+            const size_t row = n.out_count[j] / 3;
+            size_t bad = 0;
+            for (size_t i = 0; i < n.out_count[j]; i++) {
+                const bool is_nan = isnan(((double *)r.out[j])[i]);
+                if (is_nan && i / row != 1) fail_msg("function %zu: row %zu is touched by row 1", f, i / row);
+                bad += is_nan;
+            }
+            assert_true(bad > 0);
+        }
+        close_plan(&r, &n);
+        close_numbers(&n);
+    }
+    lg_program_destroy(program);
+}
+
+static void memory_is_bounded(void **state) {
+    (void)state;
+    const lg_port x = {.name = "x", .shape = {1, {16}}};
+    const uint32_t hidden[2] = {64, 64};
+    lg_mlp net;
+    assert_ok(lg_mlp_init(&net, 16, hidden, 2, 3, LG_TANH, true));
+    lg_program *program = build(NULL, &x, 1, y_ports, 1, lg_mlp_parameters(&net), record_value, &net);
+    bool made = false, refused = false;
+    for (size_t most = 64; most < (size_t)1 << 22; most += most / 3) {
+        lg_plan_options options;
+        lg_plan *plan = NULL;
+        lg_error error;
+        lg_plan_options_init(&options);
+        options.rows = 50;
+        options.most_bytes = most;
+        const lg_status status = lg_plan_create(program, 0, &options, &plan, &error);
+        if (status == LG_OK) {
+            assert_true(lg_plan_work_size(plan) <= most + 64);
+            assert_true(plan->constant_count * sizeof(double) <= most);
+            made = true;
+        } else {
+            assert_int_equal(status, LG_OUT_OF_MEMORY);
+            assert_true(strlen(error.message) > 0);
+            assert_false(made); /* more memory never hurts */
+            assert_null(plan);
+            refused = true;
+        }
+        lg_plan_destroy(plan);
+    }
+    assert_true(made && refused);
+    lg_plan_options options;
+    lg_plan *plan = NULL;
+    lg_plan_options_init(&options);
+    options.most_bytes = SIZE_MAX;
+    assert_ok(lg_plan_create(program, 0, &options, &plan, NULL));
+    lg_plan_destroy(plan);
+    plan = NULL;
+    options.rows = (size_t)1 << 30;
+    assert_true(lg_plan_create(program, 0, &options, &plan, NULL) != LG_OK);
+    options.rows = 0;
+    assert_status(lg_plan_create(program, 0, &options, &plan, NULL), LG_INVALID_ARGUMENT);
+    options.rows = 1;
+    options.dtype = (lg_dtype)7;
+    assert_status(lg_plan_create(program, 0, &options, &plan, NULL), LG_INVALID_ARGUMENT);
+    options.dtype = LG_F64;
+    options.size = 1;
+    assert_status(lg_plan_create(program, 0, &options, &plan, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_plan_create(program, lg_program_functions(program), NULL, &plan, NULL), LG_NOT_FOUND);
+    assert_null(plan);
+    lg_plan_destroy(NULL);
+    lg_program_destroy(program);
+}
+
+/* A plan keeps nothing of its program. */
+static void plans_stand_alone(void **state) {
+    (void)state;
+    lg_program *program = hamiltonian(NULL, LG_HAMILTONIAN_CHAIN, 2, "rkmk4");
+    add_loop(program, "steps", 2);
+    for (size_t f = 0; f < lg_program_functions(program); f++) {
+        lg_program *other = hamiltonian(NULL, LG_HAMILTONIAN_CHAIN, 2, "rkmk4");
+        add_loop(other, "steps", 2);
+        numbers n;
+        ready r;
+        open_numbers(&n, other, f, 3, false);
+        by_tape(other, f, 3, &n);
+        open_plan(&r, other, f, 3, LG_F64, &n);
+        const lg_parameter_spec theta = lg_program_parameter(other, 0);
+        double *zeros = calloc(lg_shape_count(theta.shape), sizeof *zeros);
+        assert_ok(lg_program_set_parameter(other, 0, zeros));
+        free(zeros);
+        lg_program_destroy(other);
+        run(&r, &n, r.out, 0xff);
+        compare("alone", 3, &r, &n, 1e-12);
+        close_plan(&r, &n);
+        close_numbers(&n);
+    }
+    lg_program_destroy(program);
+}
+
+/* ---- threads ---- */
+
+enum { THREADS = 4, RUNS = 50 };
+typedef struct worker {
+    const ready *r;
+    const numbers *n;
+    void *out[PORTS], *work;
+    size_t different;
+} worker;
+
+static void *work_on(void *user) {
+    worker *w = user;
+    for (int i = 0; i < RUNS; i++) {
+        lg_plan_run(w->r->plan, (const void *const *)(void *const *)w->r->in, w->out, w->work);
+        for (size_t j = 0; j < w->n->outputs; j++)
+            w->different += memcmp(w->out[j], w->r->out[j], w->n->out_count[j] * w->r->size) != 0;
+    }
+    return NULL;
+}
+
+static void threads_share_a_plan(void **state) {
+    (void)state;
+    lg_program *program = hamiltonian(NULL, LG_HAMILTONIAN_CHAIN, 2, NULL);
+    add_loop(program, "steps", 2);
+    for (size_t f = 0; f < lg_program_functions(program); f++) {
+        numbers n;
+        ready r;
+        worker workers[THREADS];
+        pthread_t threads[THREADS];
+        open_numbers(&n, program, f, 7, false);
+        open_plan(&r, program, f, 7, LG_F64, &n);
+        run(&r, &n, r.out, 0xff);
+        for (size_t t = 0; t < THREADS; t++) {
+            workers[t] = (worker){.r = &r, .n = &n, .work = room(lg_plan_work_size(r.plan))};
+            for (size_t j = 0; j < n.outputs; j++) workers[t].out[j] = room(n.out_count[j] * r.size);
+            assert_int_equal(pthread_create(&threads[t], NULL, work_on, &workers[t]), 0);
+        }
+        for (size_t t = 0; t < THREADS; t++) {
+            assert_int_equal(pthread_join(threads[t], NULL), 0);
+            assert_int_equal(workers[t].different, 0);
+            for (size_t j = 0; j < n.outputs; j++) free(workers[t].out[j]);
+            free(workers[t].work);
+        }
+        close_plan(&r, &n);
+        close_numbers(&n);
+    }
+    lg_program_destroy(program);
+}
+
+/* ---- every allocation fails in turn ---- */
+
+typedef lg_status (*attempt_fn)(lg_program **program, const lg_context *context, lg_error *error);
+
+static lg_mlp small_net;
+static lg_status attempt_build(lg_program **program, const lg_context *context, lg_error *error) {
+    static const lg_port in[] = {{.name = "x", .shape = {1, {3}}, .unit = "m"}},
+                         out[] = {{.name = "y", .unit = "J"}};
+    static double values[64];
+    const lg_parameter_spec theta = {"theta", lg_shape1((uint32_t)lg_mlp_parameters(&small_net)), values};
+    const lg_function_spec function = {"f", in, 1, out, 1, record_value, &small_net};
+    lg_program_spec spec;
+    for (size_t i = 0; i < COUNT(values); i++) values[i] = 0.1 * (double)(i % 7) - 0.3;
+    lg_program_spec_init(&spec);
+    spec.parameters = &theta;
+    spec.parameter_count = 1;
+    spec.functions = &function;
+    spec.function_count = 1;
+    spec.description = "a network";
+    return lg_program_build(context, &spec, program, error);
+}
+
+static lg_status attempt_derive(lg_program **program, const lg_context *context, lg_error *error) {
+    lg_derivative what;
+    (void)context;
+    lg_derivative_init(&what);
+    what.kind = LG_DERIVATIVE_JACOBIAN;
+    what.function = "f";
+    return lg_program_derive(*program, &what, error);
+}
+
+static lg_status attempt_loop(lg_program **program, const lg_context *context, lg_error *error) {
+    (void)context;
+    return lg_program_add_loop(*program, "loop", "f", 2, NULL, 0, error);
+}
+
+static lg_status attempt_plan(lg_program **program, const lg_context *context, lg_error *error) {
+    lg_plan *plan = NULL;
+    (void)context;
+    for (size_t f = 0; f < lg_program_functions(*program); f++) {
+        lg_plan_options options;
+        lg_plan_options_init(&options);
+        options.rows = 30;
+        const lg_status status = lg_plan_create(*program, f, &options, &plan, error);
+        if (status != LG_OK) {
+            assert_null(plan);
+            return status;
+        }
+        lg_plan_destroy(plan);
+        plan = NULL;
+    }
+    return LG_OK;
+}
+
+static void every_allocation_may_fail(void **state) {
+    (void)state;
+    static const attempt_fn attempts[] = {attempt_build, attempt_derive, attempt_loop, attempt_plan};
+    const uint32_t hidden[1] = {4};
+    assert_ok(lg_mlp_init(&small_net, 3, hidden, 1, 2, LG_TANH, true));
+    lg_fail_alloc memory;
+    lg_context *context = lg_fail_alloc_context(&memory);
+    assert_non_null(context);
+    lg_program *program = NULL;
+    for (size_t a = 0; a < COUNT(attempts); a++) {
+        const size_t functions = program != NULL ? lg_program_functions(program) : 0;
+        for (long n = 1;; n++) {
+            lg_error error = {.message = ""};
+            lg_fail_alloc_arm(&memory, n);
+            const lg_status status = attempts[a](&program, context, &error);
+            if (!lg_fail_alloc_hit(&memory)) {
+                assert_ok(status);
+                assert_true(n > 1);
+                break;
+            }
+            if (status != LG_OUT_OF_MEMORY)
+                fail_msg("part %zu, allocation %ld: %s", a, n, lg_status_name(status));
+            if (error.message[0] == '\0') fail_msg("part %zu, allocation %ld: no sentence", a, n);
+            assert_int_equal(error.status, LG_OUT_OF_MEMORY);
+            assert_int_equal(program != NULL ? lg_program_functions(program) : 0, functions);
+            if (a != 1 && a != 2) assert_int_equal(lg_fail_alloc_live(&memory), 0);
+        }
+    }
+    lg_fail_alloc_arm(&memory, 0);
+    check_all("after failures", program);
+    lg_program_destroy(program);
+    lg_context_destroy(context);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(networks_of_every_kind),
+        cmocka_unit_test(perceptrons),
+        cmocka_unit_test(convolutions),
+        cmocka_unit_test(learned_hamiltonians),
+        cmocka_unit_test(steps_of_systems),
+        cmocka_unit_test(odd_outputs),
+        cmocka_unit_test(scalar_rows),
+        cmocka_unit_test(rows_that_meet),
+        cmocka_unit_test(a_matrix_beside_a_batch),
+        cmocka_unit_test(pairs_of_networks),
+        cmocka_unit_test(shared_work_is_done_once),
+        cmocka_unit_test(chosen_pairs),
+        cmocka_unit_test(loops_are_single_steps),
+        cmocka_unit_test(loops_carry_several),
+        cmocka_unit_test(inputs_that_are_not_finite),
+        cmocka_unit_test(rows_keep_to_themselves),
+        cmocka_unit_test(memory_is_bounded),
+        cmocka_unit_test(plans_stand_alone),
+        cmocka_unit_test(threads_share_a_plan),
+        cmocka_unit_test(every_allocation_may_fail),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
