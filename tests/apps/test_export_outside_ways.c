@@ -21,7 +21,9 @@ static void compare(const model *m, lg_program *program, lg_dtype dtype) {
         {"g++", "-O1"},
         {"clang++", "-O1"},
     };
-    for (size_t i = 0; i < sizeof ways / sizeof *ways; i++)
+    /* Single precision meets every other one. */
+    const size_t step = dtype == LG_F64 ? 1 : 2;
+    for (size_t i = step - 1; i < sizeof ways / sizeof *ways; i += step)
         model_compare(m, program, ways[i].compiler, ways[i].flags, dtype, FEW);
 }
 
@@ -36,7 +38,10 @@ static void export_and_check(const model *m, lg_program *program, lg_dtype dtype
     if (lg_program_save(NULL, path, program, NULL, &error) != LG_OK) fail_msg("%s", error.message);
     (void)snprintf(arguments, sizeof arguments, "%s --out %s --name m --dtype %s", file, folder, type);
     export_run(arguments);
-    export_check_all_ways(folder, "m");
+    if (m == models)
+        export_check_all_ways(folder, "m");
+    else
+        export_check_ways(folder, "m");
     export_check_objects(folder, "m");
     export_check_stack(folder);
 }
