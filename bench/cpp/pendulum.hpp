@@ -1,5 +1,5 @@
-// The planar double pendulum of lg-bench scalar, for any type of number: RK4, 100 steps of 0.01, J = sum of the last
-// state.
+// The planar double pendulum of lg-bench scalar, for any type of number: RK4, 100 steps of 0.01, J = sum of
+// the last state.
 #pragma once
 #include <cmath>
 

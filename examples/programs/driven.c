@@ -45,9 +45,8 @@ static lg_status step(void *user, lg_tape *tape, const lg_var *theta, const lg_v
 
 static lg_status loss(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
     const lg_var next = runge_kutta(user, tape, theta[0], in[0], in[1], in[2]);
-    out[0] =
-        lg_mse(tape, lg_div(tape, lg_sub(tape, next, in[0]), in[2]),
-               lg_div(tape, lg_sub(tape, in[3], in[0]), in[2])); /* of slopes: long steps do not outweigh */
+    /* Of slopes: long steps do not outweigh short ones. */
+    out[0] = lg_mean(tape, lg_square(tape, lg_div(tape, lg_sub(tape, next, in[3]), in[2])));
     return lg_tape_status(tape);
 }
 

@@ -46,7 +46,9 @@ static const void *from(const running *r, const lg_place *p) {
 static void run_tensor(const running *r, const lg_tensor_step *s) {
     const void *x[LG_MAX_INPUTS];
     for (uint32_t k = 0; k < s->inputs; k++) x[k] = from(r, &s->x[k]);
+    /* Every field is named: clearing the whole takes longer than many an operation. */
     lg_evaluation e = {.k = r->k,
+                       .crew = NULL,
                        .attr = &s->attr,
                        .inputs = s->inputs,
                        .in = s->shapes,
@@ -55,7 +57,9 @@ static void run_tensor(const running *r, const lg_tensor_step *s) {
                        .shape = &s->shape,
                        .count = s->count,
                        .y = to(r, &s->y),
-                       .scratch = to(r, &s->scratch)};
+                       .kept = NULL,
+                       .scratch = to(r, &s->scratch),
+                       .failures = 0};
     (void)lg_ops[s->op]->forward(&e);
 }
 

@@ -1,7 +1,8 @@
-/* The C of the models of examples/programs/ by all compilers and levels: numbers of the tape, objects that
- * need libm alone, the stated stack. ctest-labels: study */
+/* The C of the models of examples/programs/ by all compilers and levels: numbers of the tape; self-tests,
+ * sanitizers, objects that need libm alone, the stated stack. ctest-labels: study */
 #include "apps/export_support.h"
 #include "apps/outside_models.h"
+#include "liegrad/io.h"
 
 enum { FEW = 20 };
 
@@ -20,48 +21,29 @@ static void compare(const model *m, lg_program *program, lg_dtype dtype) {
         {"g++", "-O1"},
         {"clang++", "-O1"},
     };
-    for (size_t i = 0; i < sizeof ways / sizeof *ways; i++)
+    /* Single precision meets every other one. */
+    const size_t step = dtype == LG_F64 ? 1 : 2;
+    for (size_t i = step - 1; i < sizeof ways / sizeof *ways; i += step)
         model_compare(m, program, ways[i].compiler, ways[i].flags, dtype, FEW);
 }
 
-/* Frames as the compiler states them: the sum, of scalars_<n> the largest alone, is within stack_size. */
-static void check_frames(const outside *o, const char *compiler, const char *flags) {
-    static char out[EXPORT_TEXT];
-    char command[EXPORT_LINE];
-    size_t sum = 0, largest = 0;
-    if (!export_has(compiler)) return;
-    (void)snprintf(command, sizeof command,
-                   "cd %s && %s -std=c99 %s -fstack-usage -c p.c -o stack.o && cat stack.su", o->folder,
-                   compiler, flags);
-    if (export_shell(command, out) != 0) fail_msg("%s\n%s", command, out);
-    for (char *save = NULL, *line = strtok_r(out, "\n", &save); line != NULL;
-         line = strtok_r(NULL, "\n", &save)) {
-        char name[256];
-        unsigned long bytes;
-        if (sscanf(line, "%255s %lu", name, &bytes) != 2) continue;
-        if (strstr(name, ":scalars_") != NULL)
-            largest = bytes > largest ? bytes : largest;
-        else
-            sum += bytes;
-    }
-    assert_true(sum > 0);
-    if (sum + largest > o->source->stack_size)
-        fail_msg("%s: %zu bytes, stated %zu", command, sum + largest, o->source->stack_size);
-}
-
-static void check_objects(const model *m, lg_program *program, lg_dtype dtype) {
-    static const char *const compilers[] = {"gcc", "clang"};
-    static const char *const levels[] = {"-O0", "-O2", "-O3 -march=native"};
-    char folder[64];
-    outside o = {.dtype = dtype};
-    (void)snprintf(folder, sizeof folder, "%s-%s", m->name, dtype == LG_F64 ? "f64" : "f32");
-    (void)snprintf(o.folder, sizeof o.folder, "%s/%s", cli_folder, folder);
-    assert_int_equal(mkdir(o.folder, 0700), 0);
-    outside_write_all(&o, program);
-    export_check_objects(folder, "p");
-    for (size_t c = 0; c < 2; c++)
-        for (size_t i = 0; i < 3; i++) check_frames(&o, compilers[c], levels[i]);
-    outside_discard(&o);
+/* By lg-export, from the file. */
+static void export_and_check(const model *m, lg_program *program, lg_dtype dtype) {
+    char folder[64], file[80], path[1024], arguments[256];
+    lg_error error;
+    const char *type = dtype == LG_F64 ? "f64" : "f32";
+    (void)snprintf(folder, sizeof folder, "%s-%s", m->name, type);
+    (void)snprintf(file, sizeof file, "%s.h5", folder);
+    cli_path(file, path, sizeof path);
+    if (lg_program_save(NULL, path, program, NULL, &error) != LG_OK) fail_msg("%s", error.message);
+    (void)snprintf(arguments, sizeof arguments, "%s --out %s --name m --dtype %s", file, folder, type);
+    export_run(arguments);
+    if (m == models)
+        export_check_all_ways(folder, "m");
+    else
+        export_check_ways(folder, "m");
+    export_check_objects(folder, "m");
+    export_check_stack(folder);
 }
 
 static void all_compilers_and_levels_give_the_tape_s_numbers(void **state) {
@@ -69,9 +51,9 @@ static void all_compilers_and_levels_give_the_tape_s_numbers(void **state) {
     model_for_each(compare);
 }
 
-static void objects_need_libm_alone_and_the_stated_stack(void **state) {
+static void exported_models_pass_their_self_tests(void **state) {
     (void)state;
-    model_for_each(check_objects);
+    model_for_each(export_and_check);
 }
 
 static int begin(void **state) {
@@ -82,7 +64,7 @@ static int begin(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(all_compilers_and_levels_give_the_tape_s_numbers),
-        cmocka_unit_test(objects_need_libm_alone_and_the_stated_stack),
+        cmocka_unit_test(exported_models_pass_their_self_tests),
     };
     return cmocka_run_group_tests(tests, begin, export_end);
 }
