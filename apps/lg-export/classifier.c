@@ -117,7 +117,7 @@ static void add_layers(const classifier_job *j, const classifier_linear *w) {
         lg_text_add(&j->source->code, "static const net_layer components = {%zu, %zu, 0, -1};\n", j->d, j->k);
     if (classifier_is_linear(j->c))
         lg_text_add(&j->source->code, "static const net_layer decisions = {%zu, %zu, %zu, %zu};\n", j->k,
-                 j->outputs, components, components + rows);
+                    j->outputs, components, components + rows);
 }
 
 static void add_tree(const classifier_job *j) {
@@ -277,8 +277,8 @@ static void add_code(const classifier_job *j, const classifier_linear *w) {
     add_places(j);
     add_fragments(j);
     lg_text_add_named(&j->source->declarations, j->source->options->name,
-                   "/* The features of a window (NAME_FEATURES), before standardisation. */\n"
-                   "void NAME_features(const NAME_real *window, NAME_real *features, NAME_real *work);\n");
+                      "/* The features of a window (NAME_FEATURES), before standardisation. */\n"
+                      "void NAME_features(const NAME_real *window, NAME_real *features, NAME_real *work);\n");
 }
 
 /* ---- words ---- */
@@ -287,27 +287,28 @@ static void add_outputs(const classifier_job *j, text *to) {
     const bool two = j->c->classes == 2;
     if (j->c->method == LG_METHOD_TREE)
         lg_text_add(to,
-                 "outputs y (%zu): fractions of the classes among the training windows of the leaf. "
-                 "Gradient: 0 everywhere, since\nthe fractions change at thresholds only; a window within "
-                 "rounding of one may fall on its other side.\n\n",
-                 j->outputs);
+                    "outputs y (%zu): fractions of the classes among the training windows of the leaf. "
+                    "Gradient: 0 everywhere, since\nthe fractions change at thresholds only; a window within "
+                    "rounding of one may fall on its other side.\n\n",
+                    j->outputs);
     else if (j->c->method == LG_METHOD_LOGISTIC && two)
         lg_text_add(to, "outputs y (1): the logit of class 1; its probability is 1/(1 + exp(-y)).");
     else if (j->c->method == LG_METHOD_LOGISTIC)
         lg_text_add(to, "outputs y (%zu): a logit a class; probabilities are exp(y_i)/sum_j exp(y_j).",
-                 j->outputs);
+                    j->outputs);
     else
         lg_text_add(to, "outputs y (%zu): decisions of the pairs of classes (i, j), i < j, positive for i%s.",
-                 j->outputs, two ? "" : ", in the order (0, 1), (0, 2), ..., (1, 2), ...");
+                    j->outputs, two ? "" : ", in the order (0, 1), (0, 2), ..., (1, 2), ...");
     if (j->c->method != LG_METHOD_TREE)
-        lg_text_add(to, " Gradient: d y/d x, one row an output, by the window as recorded; that of a standard "
-                     "deviation of 0 is 0.\n\n");
+        lg_text_add(to,
+                    " Gradient: d y/d x, one row an output, by the window as recorded; that of a standard "
+                    "deviation of 0 is 0.\n\n");
 }
 
 static void add_features_words(const classifier_job *j, text *to) {
     const lg_pca *pca = &j->c->pca;
-    lg_text_add(to, "features      %s: %zu numbers, standardised; ", lg_feature_kind_name(j->c->features.kind),
-             j->d);
+    lg_text_add(to, "features      %s: %zu numbers, standardised; ",
+                lg_feature_kind_name(j->c->features.kind), j->d);
     if (pca->components > 0)
         lg_text_add(to, "%u principal components of them\n", pca->components);
     else
@@ -316,7 +317,8 @@ static void add_features_words(const classifier_job *j, text *to) {
         char name[256];
         const lg_series *names = j->file->names.channels == j->c->features.channels ? &j->file->names : NULL;
         (void)lg_features_name(&j->c->features, names, i, name, sizeof name);
-        lg_text_add(to, "              %u: %s, mean %.6g, scale %.6g\n", i, name, pca->mean[i], pca->scale[i]);
+        lg_text_add(to, "              %u: %s, mean %.6g, scale %.6g\n", i, name, pca->mean[i],
+                    pca->scale[i]);
     }
 }
 
@@ -331,16 +333,19 @@ static void add_words(const classifier_job *j, const export_window *window) {
         lg_text_add(to, "tree          %u nodes, depth %u\n", j->c->tree.count, lg_tree_depth(&j->c->tree));
     if (is_svm(j->c))
         lg_text_add(to, "svm           %u support vectors, C %.6g%s\n", j->c->svm.vectors, j->c->svm.c,
-                 j->c->method == LG_METHOD_SVM_LINEAR ? ", summed up to one vector a pair of classes" : "");
-    lg_text_add(to,
-             "tolerance     contains the factor %.3g, by which standardisation and what follows multiply the "
-             "rounding of the features at the training mean\n",
-             j->source->condition);
+                    j->c->method == LG_METHOD_SVM_LINEAR ? ", summed up to one vector a pair of classes"
+                                                         : "");
+    lg_text_add(
+        to,
+        "tolerance     contains the factor %.3g, by which standardisation and what follows multiply the "
+        "rounding of the features at the training mean\n",
+        j->source->condition);
     if (j->c->features.kind == LG_FEATURES_COV)
-        lg_text_add(to, "gradient      Its rounding grows as the largest root of a window's covariance over the "
-                     "smallest; along roots below 2^-22 of the largest it is taken as 0.\n");
+        lg_text_add(to,
+                    "gradient      Its rounding grows as the largest root of a window's covariance over the "
+                    "smallest; along roots below 2^-22 of the largest it is taken as 0.\n");
     lg_text_add(to, "training      %llu windows, split %s\n", (unsigned long long)j->file->windows,
-             lg_split_name(j->file->split));
+                lg_split_name(j->file->split));
     export_provenance(j->source, &j->file->provenance, j->file->data_sha256);
 }
 

@@ -127,7 +127,8 @@ static void add_scaler(export_source *source, const lg_scaler *scaler) {
 static void add_layer(text *to, const lg_cnn *net, uint32_t layer) {
     lg_slice_info weight, bias;
     if (!lg_cnn_slice(net, 2 * layer, &weight) || !lg_cnn_slice(net, 2 * layer + 1, &bias)) return;
-    lg_text_add(to, "{%zu, %zu, %zu, %zu}", weight.count / bias.count, bias.count, weight.offset, bias.offset);
+    lg_text_add(to, "{%zu, %zu, %zu, %zu}", weight.count / bias.count, bias.count, weight.offset,
+                bias.offset);
 }
 
 static void add_blocks(export_source *source, const lg_cnn *net) {
@@ -140,8 +141,8 @@ static void add_blocks(export_source *source, const lg_cnn *net) {
         const lg_cnn_block *b = &net->block[i];
         const bool pooled = b->pooling != LG_POOL_NONE;
         lg_text_add(to, "    {%u, %zu, %u, %u, %zu, %d, %u, %u, %u, ", net->lengths[i], channels_of(net, i),
-                 b->stride, b->padding, convolved(net, i), (int)b->pooling, pooled ? b->pool_size : 1,
-                 pooled ? b->pool_stride : 1, net->lengths[i + 1]);
+                    b->stride, b->padding, convolved(net, i), (int)b->pooling, pooled ? b->pool_size : 1,
+                    pooled ? b->pool_stride : 1, net->lengths[i + 1]);
         add_layer(to, net, i);
         lg_text_add(to, "},\n");
     }
@@ -164,12 +165,13 @@ static void add_places(export_source *source, const lg_cnn *net, const places *p
     static const char *const names[] = {"eval", "grad"};
     for (size_t k = 0; k < 2; k++) {
         lg_text_add(to, "\n/* input, activated, slope */\nstatic const cnn_place cnn_places_%s[] = {\n",
-                 names[k]);
+                    names[k]);
         for (uint32_t i = 0; i <= net->blocks; i++)
             lg_text_add(to, "    {%zu, %zu, %zu},\n", p->input[i], activated[k][i], k == 0 ? 0 : p->slope[i]);
         lg_text_add(to, "};\n");
     }
-    lg_text_add(to, "/* where arrays begin in work, and how large each of two is that cotangents lie in */\n");
+    lg_text_add(to,
+                "/* where arrays begin in work, and how large each of two is that cotangents lie in */\n");
     export_constant(source, "LOGIT", p->logit);
     export_constant(source, "PROBABILITY", p->probability);
     export_constant(source, "REVERSE", p->sides);
@@ -233,12 +235,12 @@ static void add_code(export_source *source, const lg_model_file *file) {
 static void add_network(text *to, const lg_detector *model) {
     const lg_cnn *net = &model->net;
     lg_text_add(to, "network       %u blocks, then %s%s\n", net->blocks,
-             net->plane > 0 ? "a layer before the output; activation " : "the output layer; activation ",
-             lg_activation_name(net->activation));
+                net->plane > 0 ? "a layer before the output; activation " : "the output layer; activation ",
+                lg_activation_name(net->activation));
     for (uint32_t i = 0; i < net->blocks; i++) {
         const lg_cnn_block *b = &net->block[i];
         lg_text_add(to, "              %u: %u filters, kernel %u, stride %u, padding %u; pooling %s", i + 1,
-                 b->channels, b->kernel, b->stride, b->padding, lg_pooling_name(b->pooling));
+                    b->channels, b->kernel, b->stride, b->padding, lg_pooling_name(b->pooling));
         if (b->pooling != LG_POOL_NONE) lg_text_add(to, " %u/%u", b->pool_size, b->pool_stride);
         lg_text_add(to, "; gives %u samples\n", net->lengths[i + 1]);
     }
@@ -247,10 +249,10 @@ static void add_network(text *to, const lg_detector *model) {
 
 static void add_scaling(text *to, const lg_detector *model, const lg_scaler *scaler) {
     lg_text_add(to, "scaling       (x - mean)/scale of each channel%s:\n",
-             model->centred ? ", after the window's own mean of the channel is taken off" : "");
+                model->centred ? ", after the window's own mean of the channel is taken off" : "");
     for (uint32_t i = 0; i < scaler->channels; i++)
         lg_text_add(to, "              channel %u: mean %.6g, scale %.6g\n", i, scaler->mean[i],
-                 scaler->scale[i]);
+                    scaler->scale[i]);
 }
 
 static void add_words(export_source *source, const lg_detector_file *file, const export_window *window) {
@@ -259,10 +261,11 @@ static void add_words(export_source *source, const lg_detector_file *file, const
     text *to = &source->about;
     lg_text_add(to, "Detector: the class of a window of sensor data, by a convolutional network.\n\n");
     export_window_words(source, window);
-    lg_text_add(to,
-             mse ? "outputs y (1): the logit of class 1 against class 0; its probability is 1/(1 + exp(-y))."
-                 : "outputs y (%u): a logit a class; probabilities are exp(y_i)/sum_j exp(y_j).",
-             window->classes);
+    lg_text_add(
+        to,
+        mse ? "outputs y (1): the logit of class 1 against class 0; its probability is 1/(1 + exp(-y))."
+            : "outputs y (%u): a logit a class; probabilities are exp(y_i)/sum_j exp(y_j).",
+        window->classes);
     lg_text_add(
         to, " Gradient: d y/d x, one row an output, by the window as recorded. ReLU and maxima have the "
             "derivative of the branch that is taken: within rounding of a kink it may be the other one.\n\n");
@@ -281,8 +284,9 @@ static void add_words(export_source *source, const lg_detector_file *file, const
             "precision of the library\n",
             source->condition, DETECTOR_WINDOWS);
     lg_text_add(to, "training      %zu of %llu epochs, loss %s, %s; %llu windows\n", file->epochs_done,
-             (unsigned long long)file->run.training.epochs, lg_detector_loss_name(model->loss),
-             file->run.training.dtype == LG_F32 ? "float" : "double", (unsigned long long)file->run.windows);
+                (unsigned long long)file->run.training.epochs, lg_detector_loss_name(model->loss),
+                file->run.training.dtype == LG_F32 ? "float" : "double",
+                (unsigned long long)file->run.windows);
     export_provenance(source, &file->provenance, file->run.data_sha256);
 }
 

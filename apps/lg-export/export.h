@@ -33,15 +33,15 @@ typedef lg_text text;
 enum { EXPORT_UNITS = 256 };
 
 typedef struct export_options {
-    const char *name;                                           /* a C identifier */
-    const char *file;                                           /* the model's file, without its folder */
-    char sha256[LG_SHA256_TEXT];                                /* of that file, "" where it is not known */
-    lg_dtype dtype;                                             /* of the exported code */
-    const lg_scheme *scheme;                                    /* of Hamiltonians, never NULL there */
-    const char *functions;                                      /* of programs: names with commas, NULL: all */
-    bool compact;                                               /* of programs: loops instead of straight code */
-    uint64_t golden;                                            /* golden vectors in the self-test, >= 1 */
-    uint64_t seed;                                              /* of their inputs */
+    const char *name;            /* a C identifier */
+    const char *file;            /* the model's file, without its folder */
+    char sha256[LG_SHA256_TEXT]; /* of that file, "" where it is not known */
+    lg_dtype dtype;              /* of the exported code */
+    const lg_scheme *scheme;     /* of Hamiltonians, never NULL there */
+    const char *functions;       /* of programs: names with commas, NULL: all */
+    bool compact;                /* of programs: loops instead of straight code */
+    uint64_t golden;             /* golden vectors in the self-test, >= 1 */
+    uint64_t seed;               /* of their inputs */
     char input_units[EXPORT_UNITS], output_units[EXPORT_UNITS]; /* as the model's file has them, or "" */
 } export_options;
 
@@ -62,10 +62,10 @@ typedef struct export_golden {
 typedef struct export_source {
     const export_options *options;
     size_t inputs, outputs;
-    bool bundle; /* a program: functions of its own instead of NAME_eval and NAME_grad, all of sizes, arrays and
-                    the code with its prelude in the texts below, golden vectors in `test` */
+    bool bundle; /* a program: functions of its own instead of NAME_eval and NAME_grad, all of sizes, arrays
+                    and the code with its prelude in the texts below, golden vectors in `test` */
     size_t functions; /* of a bundle */
-    size_t work;  /* NAME_WORK_SIZE, in reals, enough for every function */
+    size_t work;      /* NAME_WORK_SIZE, in reals, enough for every function */
     size_t stack; /* NAME_STACK_SIZE: bound on the sum of all frames of NAME.c in bytes, gcc and clang, -O0 to
                      -O3 */
     size_t depth; /* maps one after another; the stated tolerance is 20 eps depth condition */

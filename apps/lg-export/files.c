@@ -26,7 +26,7 @@ static void add_wrapped(text *to, const char *line, const char *end) {
         const char *last = stop;
         while (last > line && last[-1] == ' ') last--;
         lg_text_add(to, last > line ? " * %*s%.*s\n" : " *\n", last > line ? (int)indent : 0, "",
-                 (int)(last - line), line);
+                    (int)(last - line), line);
         for (line = stop; line < end && *line == ' '; line++) continue;
         if (line == end) return;
     }
@@ -46,7 +46,8 @@ static void add_about(const export_source *source, text *to) {
 static const char unfit_inputs[] =
     " * A number of x that is not finite makes all results of NAME_eval and NAME_grad NaN.\n";
 static const char unfit_bundle[] =
-    " * A number of an input that is not finite makes all results of a function NaN. An output may be NULL: not\n"
+    " * A number of an input that is not finite makes all results of a function NaN. An output may be NULL: "
+    "not\n"
     " * wanted. NAME_<function>_WORK_SIZE numbers of work memory are enough for one function.\n";
 
 static const char usage[] =
@@ -56,8 +57,7 @@ static const char usage[] =
     "the\n"
     " * same time, each with work memory of its own. `work`: NAME_WORK_SIZE numbers, any contents before, "
     "none\n"
-    " * of use after. Outputs must not overlap inputs or work unless told.\n"
-    ;
+    " * of use after. Outputs must not overlap inputs or work unless told.\n";
 static const char flags[] =
     " * Not for -ffast-math. Loops are written for the vectoriser of the compiler: -O3, the instruction set\n"
     " * of the target (-march=native, -mcpu=...), -ffp-contract=fast where it has fused multiply-add.\n"
@@ -109,12 +109,13 @@ static void add_header(const export_source *source, text *to) {
     lg_text_add(to, ": written by lg-export of liegrad %s from the model ", lg_version());
     lg_text_add_comment(to, source->options->file);
     lg_text_add(to, "\n * (SHA-256 %s).\n *\n",
-             source->options->sha256[0] != '\0' ? source->options->sha256 : "unknown");
+                source->options->sha256[0] != '\0' ? source->options->sha256 : "unknown");
     add_about(source, to);
     lg_text_add_named(to, name, usage);
     lg_text_add_named(to, name, source->bundle ? unfit_bundle : unfit_inputs);
     lg_text_add(to, "%s", flags);
-    lg_text_add(to, "#ifndef %s_H\n#define %s_H\n\n#ifdef __cplusplus\nextern \"C\" {\n#endif\n\n", name, name);
+    lg_text_add(to, "#ifndef %s_H\n#define %s_H\n\n#ifdef __cplusplus\nextern \"C\" {\n#endif\n\n", name,
+                name);
     add_sizes(source, to);
     if (!source->bundle)
         lg_text_add_named(to, name,
@@ -122,7 +123,7 @@ static void add_header(const export_source *source, text *to) {
                           "void NAME_eval(const NAME_real *x, NAME_real *y, NAME_real *work);\n");
     if (source->golden.jacobian != NULL) lg_text_add_named(to, name, gradient);
     lg_text_add(to, "%s\n#ifdef __cplusplus\n}\n#endif\n\n#endif\n",
-             source->declarations.data != NULL ? source->declarations.data : "");
+                source->declarations.data != NULL ? source->declarations.data : "");
 }
 
 /* ---- the other four ---- */
@@ -137,19 +138,20 @@ static void add_arrays(const export_source *source, text *to) {
         return;
     }
     lg_text_add(to, "\n#ifdef __cplusplus\nextern \"C\" {\n#endif\n%s#ifdef __cplusplus\n}\n#endif\n",
-             or_nothing(&source->arrays));
+                or_nothing(&source->arrays));
 }
 
 static void add_code(const export_source *source, text *to) {
     const char *name = source->options->name;
     lg_text_add(to, "/* %s.h says what this is. */\n#include \"%s.h\"\n\n", name, name);
     if (source->bundle) {
-        lg_text_add(to, "#include <stddef.h>\n%s\n%s", or_nothing(&source->arrays), or_nothing(&source->code));
+        lg_text_add(to, "#include <stddef.h>\n%s\n%s", or_nothing(&source->arrays),
+                    or_nothing(&source->code));
         return;
     }
     lg_text_add_named(to, name, export_fragment_text("prelude"));
     lg_text_add(to, "%s",
-             export_fragment_text(source->options->dtype == LG_F32 ? "prelude_f32" : "prelude_f64"));
+                export_fragment_text(source->options->dtype == LG_F32 ? "prelude_f32" : "prelude_f64"));
     lg_text_add(to, "\n%s", export_fragment_text("unfit"));
     if (source->arrays.length > 0) add_arrays(source, to);
     lg_text_add(to, "\n%s", or_nothing(&source->code));
@@ -210,7 +212,8 @@ static const char makefile[] =
     "test: NAME_test\n"
     "\t./NAME_test\n"
     "\n"
-    "# The sum of the frames of all functions, of those named scalars_<n>, which follow each other, the largest\n"
+    "# The sum of the frames of all functions, of those named scalars_<n>, which follow each other, the "
+    "largest\n"
     "# alone, against NAME_STACK_SIZE.\n"
     "stack: NAME_.c NAME_.h\n"
     "\t$(CC) $(CFLAGS) -fstack-usage -c NAME_.c -o NAME_stack.o\n"

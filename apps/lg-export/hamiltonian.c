@@ -90,8 +90,8 @@ static void tell_numbers(text *about, const char *what, unsigned count, const ch
 static void tell_chain(export_source *source, unsigned k) {
     text *about = &source->about;
     lg_text_add(about,
-             "Learned Hamiltonian H(q, p) = 1/2 p.M(q)^-1 p + V(q) of a chain of %u link%s on T*S^2.\n\n", k,
-             k == 1 ? "" : "s");
+                "Learned Hamiltonian H(q, p) = 1/2 p.M(q)^-1 p + V(q) of a chain of %u link%s on T*S^2.\n\n",
+                k, k == 1 ? "" : "s");
     tell_numbers(about, "state", 6 * k,
                  k == 1 ? "q p, three numbers each: |q| = 1, q.p = 0"
                         : "q_1 p_1 q_2 p_2 ..., three numbers each: |q_i| = 1, q_i.p_i = 0");
@@ -106,9 +106,9 @@ static void tell_chain(export_source *source, unsigned k) {
                           "              p_i' = xi_i x p_i + eta_i x q_i; xi_i is the angular velocity");
     export_units(source, "those of the training data");
     lg_text_add(about,
-             "time          as in the dt of the training data\n"
-             "manifold      A state off it is not projected: value, gradient and field are those of the\n"
-             "              formulas as they stand, and steps keep the distance but for rounding.\n");
+                "time          as in the dt of the training data\n"
+                "manifold      A state off it is not projected: value, gradient and field are those of the\n"
+                "              formulas as they stand, and steps keep the distance but for rounding.\n");
 }
 
 static void tell_separable(export_source *source, unsigned n) {
@@ -124,8 +124,8 @@ static void tell_separable(export_source *source, unsigned n) {
 static void tell_scheme(text *about, const step_plan *step) {
     const char *what = step->scheme->kind == LG_SCHEME_SPLITTING ? "gradient of V" : "field";
     lg_text_add(about, "step          %s, order %d: costs %d evaluation%s of the %s\n",
-             step_scheme_name(step->scheme), step->scheme->order, step->evaluations,
-             step->evaluations == 1 ? "" : "s", what);
+                step_scheme_name(step->scheme), step->scheme->order, step->evaluations,
+                step->evaluations == 1 ? "" : "s", what);
 }
 
 static void tell_test_set(text *about, const lg_hamiltonian_file *file) {
@@ -143,13 +143,14 @@ static void tell_test_set(text *about, const lg_hamiltonian_file *file) {
 
 static void tell_test(text *about, const lg_hamiltonian_file *file) {
     if (file->has_e1)
-        lg_text_add(about,
-                 "E1            %.4e: mean squared error of the learned flow, integrated accurately from\n"
-                 "              the starts of the test set, over its trajectories, coordinates and points\n",
-                 file->e1);
+        lg_text_add(
+            about,
+            "E1            %.4e: mean squared error of the learned flow, integrated accurately from\n"
+            "              the starts of the test set, over its trajectories, coordinates and points\n",
+            file->e1);
     if (file->has_e2)
         lg_text_add(about, "E2            %.4e: mean |d - mean d|, d = true H - learned H at these starts\n",
-                 file->e2);
+                    file->e2);
     if (file->has_e1 || file->has_e2)
         tell_test_set(about, file);
     else
@@ -162,18 +163,19 @@ static void tell_training(text *about, const lg_hamiltonian_file *file) {
     lg_text_add(about, "\n");
     if (run->system[0] != '\0') lg_text_add(about, "system        %s\n", run->system);
     if (run->trajectories > 0)
-        lg_text_add(about,
-                 "trained on    %llu trajectories of %llu points %g apart, through %s with %u step%s between "
-                 "two points\n",
-                 (unsigned long long)run->trajectories, (unsigned long long)run->points, run->dt,
-                 lg_train_integrator_name(run->integrator), (unsigned)run->substeps,
-                 run->substeps == 1 ? "" : "s");
+        lg_text_add(
+            about,
+            "trained on    %llu trajectories of %llu points %g apart, through %s with %u step%s between "
+            "two points\n",
+            (unsigned long long)run->trajectories, (unsigned long long)run->points, run->dt,
+            lg_train_integrator_name(run->integrator), (unsigned)run->substeps,
+            run->substeps == 1 ? "" : "s");
     if (file->epochs_done > 0)
         lg_text_add(about, "epochs        %zu, in %s precision\n", file->epochs_done,
-                 run->training.dtype == LG_F32 ? "single" : "double");
+                    run->training.dtype == LG_F32 ? "single" : "double");
     if (file->epochs_done > 0 && loss != NULL && isfinite(loss[file->epochs_done - 1]))
         lg_text_add(about, "last loss     %.4e (mean squared error of the predicted points)\n",
-                 loss[file->epochs_done - 1]);
+                    loss[file->epochs_done - 1]);
     tell_test(about, file);
 }
 

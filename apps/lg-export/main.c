@@ -144,9 +144,10 @@ static bool is_exported(const char *kind) {
 }
 
 static int refuse_kind(const job *j, const char *kind) {
-    (void)app_fail(j->self, LG_FORMAT,
-                   "%s: attribute kind is '%s', expected hamiltonian, surrogate, detector, classifier or program",
-                   j->path, kind);
+    (void)app_fail(
+        j->self, LG_FORMAT,
+        "%s: attribute kind is '%s', expected hamiltonian, surrogate, detector, classifier or program",
+        j->path, kind);
     return APP_EXIT_FILE;
 }
 
@@ -159,7 +160,8 @@ static int build(job *j) {
     export_read_units(j->self, j->path, &j->options);
     const bool program = strcmp(kind, "program") == 0;
     if (!program && (given.functions != NULL || given.compact))
-        return app_usage(j->self, "--functions and --compact are for programs, and %s is a %s", j->path, kind);
+        return app_usage(j->self, "--functions and --compact are for programs, and %s is a %s", j->path,
+                         kind);
     if (!program && strcmp(kind, "classifier") != 0) return build_model(j);
     j->kind = program ? "program" : "classifier";
     if (given.scheme != NULL) return refuse_scheme(j);
@@ -224,12 +226,14 @@ static void report(const job *j) {
 }
 
 static int export_run(app *self) {
-    job j = {
-        .self = self,
-        .path = self->arguments[0],
-        .options = {.dtype = given.dtype == 1 ? LG_F32 : LG_F64, .golden = given.golden, .seed = self->seed,
-                    .functions = given.functions, .compact = given.compact},
-        .source = {.condition = 1}};
+    job j = {.self = self,
+             .path = self->arguments[0],
+             .options = {.dtype = given.dtype == 1 ? LG_F32 : LG_F64,
+                         .golden = given.golden,
+                         .seed = self->seed,
+                         .functions = given.functions,
+                         .compact = given.compact},
+             .source = {.condition = 1}};
     j.source.options = &j.options;
     if (given.out == NULL || given.out[0] == '\0')
         return app_usage(self, "--out is missing: which folder is for the files?");
@@ -256,10 +260,12 @@ int main(int argc, char **argv) {
              "libm, and memcpy, memmove and memset where a compiler puts them in, allocates nothing, keeps "
              "no state and works in the caller's memory. NAME.h says what the "
              "functions take, in which order and units.\n\n"
-             "All models but programs: NAME_eval, NAME_grad (gradient or Jacobian by the inputs). Hamiltonians: "
+             "All models but programs: NAME_eval, NAME_grad (gradient or Jacobian by the inputs). "
+             "Hamiltonians: "
              "NAME_hamiltonian, NAME_field, NAME_step. Surrogates of beams: NAME_curve. Detectors and "
              "classifiers: "
-             "NAME_classify, NAME_class_names; classifiers also NAME_features. Programs: NAME_<function> for each of "
+             "NAME_classify, NAME_class_names; classifiers also NAME_features. Programs: NAME_<function> for "
+             "each of "
              "their functions.\n\n"
              "In the folder: make test compares with golden vectors of the library, make stack checks the "
              "stated "

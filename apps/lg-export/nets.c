@@ -59,8 +59,8 @@ static void add_table(export_source *source, const slices *s) {
     for (size_t i = 0; i < s->count; i++) {
         const lg_slice_info *w = &s->at[i];
         if (w->rank < 2) continue;
-        lg_text_add(to, "    {%llu, %llu, %zu, ", (unsigned long long)w->dims[0], (unsigned long long)w->dims[1],
-                 w->offset);
+        lg_text_add(to, "    {%llu, %llu, %zu, ", (unsigned long long)w->dims[0],
+                    (unsigned long long)w->dims[1], w->offset);
         if (i + 1 < s->count && s->at[i + 1].rank == 1)
             lg_text_add(to, "%zu},\n", s->at[i + 1].offset);
         else

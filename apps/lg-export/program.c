@@ -125,7 +125,8 @@ static double norm_of(const double *a, const double *b, size_t count) {
     return sqrt(sum);
 }
 
-/* The largest error of single precision in the outputs of some points, in units of its eps times the depth. */
+/* The largest error of single precision in the outputs of some points, in units of its eps times the depth.
+ */
 static double amplification(const evaluation *wide, const evaluation *narrow, const double *x, size_t points,
                             size_t depth) {
     const size_t ins = total(wide->in, wide->ins), outs = total(wide->out, wide->outs);
@@ -233,8 +234,8 @@ static int add_function(job *j, size_t index, text *table, size_t *largest) {
     add_golden(j, name, "golden_y", y, golden * outs);
     add_run(j, &e, name);
     add_outputs(j, &e, name);
-    lg_text_add(table, "    {\"%s\", run_%s, %s_golden_x, %s_golden_y, %zu, %zu, %zu, %g, outputs_of_%s},\n", name,
-                name, name, name, ins, outs, depth, j->condition, name);
+    lg_text_add(table, "    {\"%s\", run_%s, %s_golden_x, %s_golden_y, %zu, %zu, %zu, %g, outputs_of_%s},\n",
+                name, name, name, name, ins, outs, depth, j->condition, name);
     if (outs > *largest) *largest = outs;
     if (j->condition > j->source->condition) j->source->condition = j->condition;
     free(y);
@@ -248,15 +249,17 @@ static int add_test(job *j) {
     size_t largest = 1;
     int code = APP_EXIT_OK;
     /* the types of the fragment stand before the tables, what uses them behind */
-    char *fragment = app_format("%s", export_fragment_text("test_program")), *rest = strstr(fragment, "static void fill");
+    char *fragment = app_format("%s", export_fragment_text("test_program")),
+         *rest = strstr(fragment, "static void fill");
     *rest = '\0';
     lg_text_add(to, "enum { GOLDEN = %llu };\n#define EPSILON %s\n\n%s",
                 (unsigned long long)j->source->options->golden,
                 j->source->options->dtype == LG_F32 ? "(double)FLT_EPSILON" : "DBL_EPSILON", fragment);
     for (size_t i = 0; i < j->c->functions && code == APP_EXIT_OK; i++)
         code = add_function(j, i, &table, &largest);
-    lg_text_add(to, "\nstatic const function functions[] = {\n%s    {NULL, NULL, NULL, NULL, 0, 0, 0, 0, NULL}};\n",
-                table.data != NULL ? table.data : "");
+    lg_text_add(
+        to, "\nstatic const function functions[] = {\n%s    {NULL, NULL, NULL, NULL, 0, 0, 0, 0, NULL}};\n",
+        table.data != NULL ? table.data : "");
     lg_text_add(to, "enum { LARGEST = %zu };\n\n", largest);
     *rest = 's';
     lg_text_add_named(to, j->source->options->name, rest);
@@ -271,9 +274,11 @@ static void add_about(const job *j) {
     text *to = &j->source->about;
     const char *description = lg_program_description(j->program);
     lg_text_add(to, "program       %s\n", description[0] != '\0' ? description : "a bundle of functions");
-    lg_text_add(to, "condition     of a function: by how much it multiplies rounding; %g is the largest, measured "
-                    "in single precision\n",
-                j->source->condition);
+    lg_text_add(
+        to,
+        "condition     of a function: by how much it multiplies rounding; %g is the largest, measured "
+        "in single precision\n",
+        j->source->condition);
 }
 
 static void add_provenance(const job *j, const char *path) {

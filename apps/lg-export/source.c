@@ -70,7 +70,7 @@ void export_array(export_source *source, const char *array, const export_part *p
         lg_text_add(&source->weights, " */\n");
         for (size_t k = 0; k < parts[i].count; k += 4)
             lg_text_add_hex_line(&source->weights, source->options->dtype, parts[i].values + k,
-                     parts[i].count - k < 4 ? parts[i].count - k : 4);
+                                 parts[i].count - k < 4 ? parts[i].count - k : 4);
     }
     lg_text_add(&source->weights, "};\n");
     source->numbers += total;
@@ -85,7 +85,7 @@ void export_integers(export_source *source, const char *array, const char *comme
     lg_text_add(&source->weights, " */\n");
     for (size_t i = 0; i < count; i++)
         lg_text_add(&source->weights, "%s%lu,%s", i % 10 == 0 ? "    " : " ", (unsigned long)values[i],
-                 i % 10 == 9 || i + 1 == count ? "\n" : "");
+                    i % 10 == 9 || i + 1 == count ? "\n" : "");
     lg_text_add(&source->weights, "};\n");
     source->integers += count;
 }

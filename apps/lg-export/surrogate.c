@@ -89,9 +89,10 @@ static void add_kind(text *to, const lg_surrogate *model) {
         "angle of the beam's tangent at arc length s, from its boundary conditions",
     };
     lg_text_add(to, "Surrogate of a planar clamped beam (elastica), %s network:\n%s.\n",
-             lg_surrogate_kind_name(model->options.kind), sentences[model->options.kind]);
-    lg_text_add(to, "Length of the beam L = %.12g, N = %u intervals between the nodes of the training data.\n\n",
-             model->length, model->intervals);
+                lg_surrogate_kind_name(model->options.kind), sentences[model->options.kind]);
+    lg_text_add(to,
+                "Length of the beam L = %.12g, N = %u intervals between the nodes of the training data.\n\n",
+                model->length, model->intervals);
 }
 
 static void add_inputs(text *to, const lg_surrogate *model) {
@@ -99,11 +100,11 @@ static void add_inputs(text *to, const lg_surrogate *model) {
     lg_text_add(to, "inputs x (%d):\n", NUMBERS + place);
     if (place) lg_text_add(to, "  %-24s  arc length from q0, 0 to L, unit of length of L\n", "s");
     lg_text_add(to,
-             "  %-24s  where the beam begins, unit of length of L; anywhere: places count from there\n"
-             "  %-24s  unit tangent there, no unit\n"
-             "  %-24s  where it ends, unit of length of L\n"
-             "  %-24s  unit tangent there\n",
-             "q0x q0y", "v0x v0y", "qNx qNy", "vNx vNy");
+                "  %-24s  where the beam begins, unit of length of L; anywhere: places count from there\n"
+                "  %-24s  unit tangent there, no unit\n"
+                "  %-24s  where it ends, unit of length of L\n"
+                "  %-24s  unit tangent there\n",
+                "q0x q0y", "v0x v0y", "qNx qNy", "vNx vNy");
     if (model->options.kind == LG_SURROGATE_DISCRETE)
         lg_text_add(
             to,
@@ -112,18 +113,20 @@ static void add_inputs(text *to, const lg_surrogate *model) {
             model->net.outputs, model->intervals - 1, model->intervals - 1, model->intervals - 1,
             model->intervals - 1);
     else if (model->options.kind == LG_SURROGATE_CONTINUOUS)
-        lg_text_add(to, "outputs y (2): q(s) = (qx, qy), unit of length. Gradient: d y/d x, one row an output;\n"
-                     "  its first column is the tangent v(s) = dq/ds.\n\n");
+        lg_text_add(to,
+                    "outputs y (2): q(s) = (qx, qy), unit of length. Gradient: d y/d x, one row an output;\n"
+                    "  its first column is the tangent v(s) = dq/ds.\n\n");
     else
-        lg_text_add(to, "outputs y (1): theta(s) in radians, v(s) = (cos theta, sin theta). Gradient: d y/d x;\n"
-                     "  its first number is the curvature, 1/unit of length.\n\n");
+        lg_text_add(to,
+                    "outputs y (1): theta(s) in radians, v(s) = (cos theta, sin theta). Gradient: d y/d x;\n"
+                    "  its first number is the curvature, 1/unit of length.\n\n");
 }
 
 /* Least and largest of each boundary condition seen in training. */
 static void add_range(text *to, const lg_surrogate_file *file) {
     if (file->trained_count == 0) return;
     lg_text_add(to, "Trained on %zu boundary conditions; outside their range the curve means nothing:\n",
-             file->trained_count);
+                file->trained_count);
     for (size_t c = 0; c < NUMBERS; c++) {
         double least = INFINITY, largest = -INFINITY;
         for (size_t i = 0; i < file->trained_count; i++) {
@@ -134,7 +137,7 @@ static void add_range(text *to, const lg_surrogate_file *file) {
     }
     if (file->run.model.options.mirror) lg_text_add(to, "  or the mirror image of such ones (all y -> -y)\n");
     lg_text_add(to, "  Distance of (qN - q0, v0, vN) from the nearest trained ones: at most about %.3g.\n\n",
-             2 * lg_surrogate_reach(file->trained, file->trained_count));
+                2 * lg_surrogate_reach(file->trained, file->trained_count));
 }
 
 static void add_options(text *to, const lg_surrogate *model) {
@@ -147,21 +150,21 @@ static void add_options(text *to, const lg_surrogate *model) {
         {model->options.boundary, "the angles at both ends are the given ones by construction"},
     };
     lg_text_add(to, "network       %s, %u layers of %u after the first, embedding %u, %s\n",
-             lg_net_kind_name(model->net.kind), model->net.layers, model->net.hidden, model->net.embedding,
-             lg_activation_name(model->net.activation));
+                lg_net_kind_name(model->net.kind), model->net.layers, model->net.hidden, model->net.embedding,
+                lg_activation_name(model->net.activation));
     for (size_t i = 0; i < APP_COUNT(rows); i++)
         if (rows[i].on) lg_text_add(to, "              %s\n", rows[i].sentence);
 }
 
 static void add_training(text *to, const lg_surrogate_file *file) {
     const lg_training *t = &file->run.training;
-    lg_text_add(to,
-             "training      %zu of %llu epochs, batches of %llu, learning rate %.6g, weight decay %.6g, %s\n",
-             file->epochs_done, (unsigned long long)t->epochs, (unsigned long long)t->batch, t->lr,
-             t->weight_decay, t->dtype == LG_F32 ? "float" : "double");
+    lg_text_add(
+        to, "training      %zu of %llu epochs, batches of %llu, learning rate %.6g, weight decay %.6g, %s\n",
+        file->epochs_done, (unsigned long long)t->epochs, (unsigned long long)t->batch, t->lr,
+        t->weight_decay, t->dtype == LG_F32 ? "float" : "double");
     lg_text_add(to, "data          %llu curves, %.6g of them to train, %.6g to test; %s values\n",
-             (unsigned long long)file->run.curves, file->run.train_fraction, file->run.test_fraction,
-             file->run.continuous ? "continuous" : "discrete");
+                (unsigned long long)file->run.curves, file->run.train_fraction, file->run.test_fraction,
+                file->run.continuous ? "continuous" : "discrete");
     if (!file->has_errors) return;
     lg_text_add(to, "train MSE     %.6g (mean square error of q and v at the nodes)\n", file->train_mse);
     if (isfinite(file->test_mse)) lg_text_add(to, "test MSE      %.6g\n", file->test_mse);
@@ -188,11 +191,12 @@ static void add_words(export_source *source, const lg_surrogate_file *file) {
     add_options(to, model);
     add_training(to, file);
     export_provenance(source, &file->provenance, file->run.data_sha256);
-    lg_text_add(&source->declarations,
-             "/* The curve of boundary conditions x (8: q0 v0 qN vN) at s (points), rising, 0 to L: q and v "
-             "(points,\n"
-             " * 2), either of which may be NULL.\n%s",
-             how[model->options.kind]);
+    lg_text_add(
+        &source->declarations,
+        "/* The curve of boundary conditions x (8: q0 v0 qN vN) at s (points), rising, 0 to L: q and v "
+        "(points,\n"
+        " * 2), either of which may be NULL.\n%s",
+        how[model->options.kind]);
     lg_text_add_named(
         &source->declarations, source->options->name,
         "void NAME_curve(const NAME_real *x, const NAME_real *s, int points, NAME_real *q, NAME_real *v,\n"

@@ -14,7 +14,7 @@ void export_window_code(export_source *source, const export_window *window) {
     lg_text_add(&source->sizes, "#define %s_RATE ", name);
     lg_text_add_real(&source->sizes, LG_F64, window->rate);
     lg_text_add(&source->sizes, " /* samples a second of the training data%s */\n",
-             window->rate > 0 ? "" : ", not known");
+                window->rate > 0 ? "" : ", not known");
     lg_text_add(&source->code, "\nconst char *const %s_class_names[%s_CLASSES] = {\n", name, name);
     for (uint32_t i = 0; i < window->classes; i++) {
         lg_text_add(&source->code, "    ");
@@ -23,14 +23,14 @@ void export_window_code(export_source *source, const export_window *window) {
     }
     lg_text_add(&source->code, "};\n");
     lg_text_add(&source->declarations,
-             "/* The class of a window, a number below %s_CLASSES, with the %s of all classes\n"
-             " * (%s_CLASSES) or NULL; -1, and NaN, where a number of the window is not finite, or the "
-             "scores overflow.\n * %s */\n",
-             name, window->scores, name, window->score_words);
+                "/* The class of a window, a number below %s_CLASSES, with the %s of all classes\n"
+                " * (%s_CLASSES) or NULL; -1, and NaN, where a number of the window is not finite, or the "
+                "scores overflow.\n * %s */\n",
+                name, window->scores, name, window->score_words);
     lg_text_add_named(&source->declarations, name,
-                   "int NAME_classify(const NAME_real *window, NAME_real *probability, NAME_real *work);\n"
-                   "/* What the classes are called, UTF-8. */\n"
-                   "extern const char *const NAME_class_names[NAME_CLASSES];\n");
+                      "int NAME_classify(const NAME_real *window, NAME_real *probability, NAME_real *work);\n"
+                      "/* What the classes are called, UTF-8. */\n"
+                      "extern const char *const NAME_class_names[NAME_CLASSES];\n");
 }
 
 int export_window_check(const app *self, const export_source *source, double largest) {
@@ -46,17 +46,18 @@ int export_window_check(const app *self, const export_source *source, double lar
 void export_window_words(export_source *source, const export_window *window) {
     text *to = &source->about;
     lg_text_add(to,
-             "inputs x (%llu): a window of %u channels and %u samples each, x[channel * %u + sample].\n"
-             "As recorded: scaling is done inside.\n",
-             (unsigned long long)window->channels * window->length, window->channels, window->length,
-             window->length);
+                "inputs x (%llu): a window of %u channels and %u samples each, x[channel * %u + sample].\n"
+                "As recorded: scaling is done inside.\n",
+                (unsigned long long)window->channels * window->length, window->channels, window->length,
+                window->length);
     for (uint32_t i = 0; i < window->channels; i++)
         lg_text_add(to, "  channel %-5u %s\n", i,
-                 window->channel_name != NULL && window->channel_name[i][0] != '\0' ? window->channel_name[i]
-                                                                                    : "(no name)");
+                    window->channel_name != NULL && window->channel_name[i][0] != '\0'
+                        ? window->channel_name[i]
+                        : "(no name)");
     if (window->rate > 0)
         lg_text_add(to, "Sampled at %.12g Hz: a window is %.6g s.\n", window->rate,
-                 window->length / window->rate);
+                    window->length / window->rate);
     export_units(source, "those of the training data, channel by channel");
     lg_text_add(to, "\n");
 }
@@ -66,7 +67,7 @@ void export_window_score_words(text *to, const export_window *window) {
         lg_text_add(to, "  class %-7u %s\n", i, window->class_name[i]);
     if (isfinite(window->accuracy))
         lg_text_add(to, "accuracy      %.6g on the test part, F1 %.6g (mean over the classes)\n",
-                 window->accuracy, window->f1);
+                    window->accuracy, window->f1);
     else
         lg_text_add(to, "accuracy      not known: no test part\n");
 }

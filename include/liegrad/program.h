@@ -203,8 +203,8 @@ LG_API void lg_plan_run(const lg_plan *plan, const void *const *inputs, void *co
 
 /* Functions as C99 and C++14 that needs libm alone, allocates nothing and keeps no state: the steps of a plan
  * of one row, made in double precision. A file NAME.h has `sizes` and `declarations` (in extern "C"); NAME.c
- * begins with #include "NAME.h", then `arrays`, then `code`; NAME_weights.c has the same, and `weights` instead
- * of `code`. */
+ * begins with #include "NAME.h", then `arrays`, then `code`; NAME_weights.c has the same, and `weights`
+ * instead of `code`. */
 typedef struct lg_c_options {
     size_t size;             /* sizeof(lg_c_options) */
     const char *name;        /* a C identifier, with which all that is visible begins */

@@ -21,9 +21,9 @@
 #define LG_C_NEEDS 4
 
 typedef struct lg_c_fragment {
-    const char *comment; /* above it; NULL: none */
-    const char *text;    /* LG_C(...), or NULL: `file` */
-    const char *file[2]; /* a file of code/ without its ending, for f64 and f32 */
+    const char *comment;                           /* above it; NULL: none */
+    const char *text;                              /* LG_C(...), or NULL: `file` */
+    const char *file[2];                           /* a file of code/ without its ending, for f64 and f32 */
     const struct lg_c_fragment *needs[LG_C_NEEDS]; /* what comes before it */
 } lg_c_fragment;
 
@@ -54,8 +54,8 @@ void lg_c_call(lg_c *c, const lg_c_fragment *fragment, const char *format, ...)
 /* A table of whole numbers below 2^31, for $i. Equal tables are one. */
 void lg_c_indices(lg_c *c, const uint32_t *values, size_t count);
 /* Operation `op`, which has `element`, as a function of a number of elements: its name, for
- * NAME(n, in 0, ..., in k - 1, out), all of n elements. Inputs that are not read (lg_op.unread) are no arguments,
- * nor is input k where the output overwrites it: bit k of `over`. Valid until the next call. */
+ * NAME(n, in 0, ..., in k - 1, out), all of n elements. Inputs that are not read (lg_op.unread) are no
+ * arguments, nor is input k where the output overwrites it: bit k of `over`. Valid until the next call. */
 const char *lg_c_map(lg_c *c, const lg_op *op, const lg_attr *attr, uint32_t inputs, uint64_t over);
 
 #endif

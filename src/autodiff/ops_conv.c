@@ -149,27 +149,30 @@ static lg_status conv1d_weight_forward(lg_evaluation *e) {
 /* ---- convolution: C ---- */
 
 static const lg_c_fragment c_windows = {
-    .comment = "Windows of `size` rows of a series (length, channels), one every `stride` rows, the first one "
-               "`padding` rows\nbefore it; rows outside are zero.",
-    .text = LG_C(typedef struct conv_windows {
-        int length;
-        int channels;
-        int size;
-        int stride;
-        int padding;
-        int count;
-    } conv_windows;
+    .comment =
+        "Windows of `size` rows of a series (length, channels), one every `stride` rows, the first one "
+        "`padding` rows\nbefore it; rows outside are zero.",
+    .text = LG_C(
+        typedef struct conv_windows {
+            int length;
+            int channels;
+            int size;
+            int stride;
+            int padding;
+            int count;
+        } conv_windows;
 
-    static conv_windows make_windows(int length, int channels, int size, int stride, int padding, int count) {
-        conv_windows w;
-        w.length = length;
-        w.channels = channels;
-        w.size = size;
-        w.stride = stride;
-        w.padding = padding;
-        w.count = count;
-        return w;
-    })};
+        static conv_windows make_windows(int length, int channels, int size, int stride, int padding,
+                                         int count) {
+            conv_windows w;
+            w.length = length;
+            w.channels = channels;
+            w.size = size;
+            w.stride = stride;
+            w.padding = padding;
+            w.count = count;
+            return w;
+        })};
 
 static const lg_c_fragment c_window_rows = {
     .comment = "Of window t: which of its rows lie in the series, and which row of the series is the first.",
@@ -404,7 +407,7 @@ const lg_op lg_op_conv1d = {LG_OP("conv1d", 0, 2, 3, conv1d_shape, conv1d_forwar
 const lg_op lg_op_conv1d_input = {LG_OP("conv1d_input", 0, 2, 2, conv1d_input_shape, conv1d_input_forward,
                                         conv1d_input_vjp, conv1d_input_jvp),
                                   .scratch = conv1d_input_scratch, .transpose = conv1d_input_transpose,
- .write_c = conv1d_input_c};
+                                  .write_c = conv1d_input_c};
 const lg_op lg_op_conv1d_weight = {LG_OP("conv1d_weight", 0, 2, 2, conv1d_weight_shape, conv1d_weight_forward,
                                          conv1d_weight_vjp, conv1d_weight_jvp),
                                    .scratch = conv1d_weight_scratch, .write_c = conv1d_weight_c};
@@ -494,16 +497,16 @@ static const lg_c_fragment c_pool_mean = {
 
 static const lg_c_fragment c_pool_mean_adjoint = {
     .comment = "x (batch, length, channels), the adjoint of pool_mean: g (batch, count, channels)",
-    .text = LG_C(static void pool_mean_adjoint(int batch, conv_windows w, const real *RESTRICT g,
-                                               real *RESTRICT x) {
-        const int n = w.channels;
-        for (int s = 0; s < batch; s++, x += w.length * n) {
-            for (int i = 0; i < w.length * n; i++) x[i] = REAL(0.0);
-            for (int t = 0; t < w.count; t++, g += n)
-                for (int j = 0; j < w.size; j++)
-                    for (int i = 0; i < n; i++) x[(t * w.stride + j) * n + i] += g[i] / (real)w.size;
-        }
-    }),
+    .text = LG_C(
+        static void pool_mean_adjoint(int batch, conv_windows w, const real *RESTRICT g, real *RESTRICT x) {
+            const int n = w.channels;
+            for (int s = 0; s < batch; s++, x += w.length * n) {
+                for (int i = 0; i < w.length * n; i++) x[i] = REAL(0.0);
+                for (int t = 0; t < w.count; t++, g += n)
+                    for (int j = 0; j < w.size; j++)
+                        for (int i = 0; i < n; i++) x[(t * w.stride + j) * n + i] += g[i] / (real)w.size;
+            }
+        }),
     .needs = {&c_windows}};
 
 static void avg_pool1d_c(lg_c *c, const lg_evaluation *e) {
@@ -550,7 +553,8 @@ const lg_op lg_op_avg_pool1d = {
     .write_c = avg_pool1d_c};
 const lg_op lg_op_avg_pool1d_adjoint = {LG_OP("avg_pool1d_adjoint", 0, 1, 1, spread_shape,
                                               avg_pool1d_adjoint_forward, avg_pool1d_adjoint_vjp,
-                                              avg_pool1d_adjoint_jvp), .write_c = avg_pool1d_adjoint_c};
+                                              avg_pool1d_adjoint_jvp),
+                                        .write_c = avg_pool1d_adjoint_c};
 
 /* ---- maximum pooling ---- */
 
@@ -700,8 +704,8 @@ static void block_c(lg_c *c, const lg_evaluation *e) {
                   windows_text(&conv.windows, text), conv.outputs, i * series, e->inputs > 2 ? "$2" : "NULL",
                   pool ? "$s" : "$y");
         if (kind.i[0] != LG_IDENTITY)
-            lg_c_call(c, NULL, pool ? "%s(%zu, $s)" : "%s(%zu, $y)",
-                      lg_c_map(c, &lg_op_act, &kind, 1, 1), together * count);
+            lg_c_call(c, NULL, pool ? "%s(%zu, $s)" : "%s(%zu, $y)", lg_c_map(c, &lg_op_act, &kind, 1, 1),
+                      together * count);
         if (pool)
             lg_c_call(c, &c_pool_mean, "pool_mean(1, %s, $s, $y + %zu)", windows_text(&conv.pool, text),
                       i * pooled);

@@ -87,14 +87,14 @@ static void cross_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar 
 
 static const lg_c_fragment c_cross = {
     .comment = "y[i, :] = a[i, :] x b[i, :]",
-    .text = LG_C(static void cross(int rows, const real *RESTRICT a, const real *RESTRICT b,
-                                   real *RESTRICT y) {
-        for (int i = 0; i < rows; i++, a += 3, b += 3, y += 3) {
-            y[0] = a[1] * b[2] - a[2] * b[1];
-            y[1] = a[2] * b[0] - a[0] * b[2];
-            y[2] = a[0] * b[1] - a[1] * b[0];
-        }
-    })};
+    .text =
+        LG_C(static void cross(int rows, const real *RESTRICT a, const real *RESTRICT b, real *RESTRICT y) {
+            for (int i = 0; i < rows; i++, a += 3, b += 3, y += 3) {
+                y[0] = a[1] * b[2] - a[2] * b[1];
+                y[1] = a[2] * b[0] - a[0] * b[2];
+                y[2] = a[0] * b[1] - a[1] * b[0];
+            }
+        })};
 
 static void cross_c(lg_c *c, const lg_evaluation *e) {
     lg_c_call(c, &c_cross, "cross(%zu, $0, $1, $y)", e->count / 3);

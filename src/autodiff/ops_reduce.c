@@ -77,8 +77,8 @@ static const lg_c_fragment c_sum_axis = {
                 real part[8] = {REAL(0.0), REAL(0.0), REAL(0.0), REAL(0.0),
                                 REAL(0.0), REAL(0.0), REAL(0.0), REAL(0.0)};
                 for (int l = 0; l < length; l++) part[l % 8] += x[l];
-                y[0] = ((part[0] + part[4]) + (part[2] + part[6])) +
-                       ((part[1] + part[5]) + (part[3] + part[7]));
+                y[0] =
+                    ((part[0] + part[4]) + (part[2] + part[6])) + ((part[1] + part[5]) + (part[3] + part[7]));
             } else {
                 for (int i = 0; i < inner; i++) y[i] = REAL(0.0);
                 for (int l = 0; l < length; l++)
@@ -146,12 +146,12 @@ static void repeat_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar
 
 static const lg_c_fragment c_repeat = {
     .comment = "y (outer, length, inner): x (outer, inner), repeated along the middle.",
-    .text = LG_C(static void repeat(int outer, int length, int inner, const real *RESTRICT x,
-                                    real *RESTRICT y) {
-        for (int o = 0; o < outer; o++, x += inner)
-            for (int l = 0; l < length; l++, y += inner)
-                for (int i = 0; i < inner; i++) y[i] = x[i];
-    })};
+    .text =
+        LG_C(static void repeat(int outer, int length, int inner, const real *RESTRICT x, real *RESTRICT y) {
+            for (int o = 0; o < outer; o++, x += inner)
+                for (int l = 0; l < length; l++, y += inner)
+                    for (int i = 0; i < inner; i++) y[i] = x[i];
+        })};
 
 static void repeat_c(lg_c *c, const lg_evaluation *e) {
     const uint32_t *size = e->attr->i;
@@ -343,7 +343,8 @@ static lg_status argmax_mask_forward(lg_evaluation *e) {
 }
 
 const lg_c_fragment lg_c_first_maximum = {
-    .comment = "Where the largest of n numbers so far apart lies: the first of equals; a NaN is larger than all.",
+    .comment =
+        "Where the largest of n numbers so far apart lies: the first of equals; a NaN is larger than all.",
     .text = LG_C(static int first_maximum(int n, int apart, const real *x) {
         int best = 0;
         for (int l = 1; l < n && x[best] == x[best]; l++) {

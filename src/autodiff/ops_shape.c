@@ -183,8 +183,8 @@ static void pad_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *c
 }
 
 static const lg_c_fragment c_clear = {.text = LG_C(static void clear(int n, real *y) {
-    for (int i = 0; i < n; i++) y[i] = REAL(0.0);
-})};
+                                          for (int i = 0; i < n; i++) y[i] = REAL(0.0);
+                                      })};
 
 static void pad_c(lg_c *c, const lg_evaluation *e) {
     size_t outer, length, inner;
@@ -478,13 +478,14 @@ static lg_status scatter_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
-static const lg_c_fragment c_gather = {
-    .comment = "Rows index[0], index[1], ... of x.",
-    .text = LG_C(static void gather(int n, int length, const int *index, const real *RESTRICT x,
-                                    real *RESTRICT y) {
-        for (int i = 0; i < n; i++)
-            for (int j = 0; j < length; j++) y[i * length + j] = x[index[i] * length + j];
-    })};
+static const lg_c_fragment c_gather = {.comment = "Rows index[0], index[1], ... of x.",
+                                       .text =
+                                           LG_C(static void gather(int n, int length, const int *index,
+                                                                   const real *RESTRICT x, real *RESTRICT y) {
+                                               for (int i = 0; i < n; i++)
+                                                   for (int j = 0; j < length; j++)
+                                                       y[i * length + j] = x[index[i] * length + j];
+                                           })};
 
 static void gather_c(lg_c *c, const lg_evaluation *e) {
     lg_c_indices(c, e->attr->pointer, e->attr->i[0]);

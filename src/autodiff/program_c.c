@@ -54,10 +54,12 @@ static bool starts(const char *s, const char *word) {
     return strncmp(s, word, strlen(word)) == 0;
 }
 
-/* Where a line may end: at the last comma or operator before column `most`. */
+/* Where a line may end: behind the last comma, else at the last blank, before column `most`. */
 static size_t line_break(const char *line, size_t length, size_t most) {
-    for (size_t i = most < length ? most : length; i > most / 2; i--)
-        if (line[i] == ' ' && line[i - 1] != '(') return i;
+    for (size_t i = most; i > most / 2; i--)
+        if (line[i] == ' ' && line[i - 1] == ',') return i;
+    for (size_t i = most; i > most / 2; i--)
+        if (line[i] == ' ' && line[i - 1] != '(' && line[i - 1] != '*') return i;
     return length;
 }
 
@@ -95,8 +97,8 @@ static void add_tokens(lg_text *to, const char *text) {
         if (*s == '{' && s > text + 1 && (s[-1] == '=' || s[-2] == '=')) list++;
         if (inside > 0) continue;
         const bool head = *s == ')' && *next != '{' && is_head(line);
-        const bool otherwise = starts(line + strspn(line, " "), "else ") && s[1] == ' ' && starts(s - 3, "else") &&
-                               !starts(next, "if") && *next != '{';
+        const bool otherwise = starts(line + strspn(line, " "), "else ") && s[1] == ' ' &&
+                               starts(s - 3, "else") && !starts(next, "if") && *next != '{';
         if (!head && !otherwise && *s != '{' && *s != '}' && *s != ';') continue;
         if (list > 0) {
             list -= *s == '}';
@@ -142,8 +144,8 @@ static void check_name(lg_c *c, const char *text) {
     const size_t length = strlen(c->name);
     for (const char *s = text; (s = strstr(s, c->name)) != NULL; s++)
         if (s[length] == '_' && (s == text || !in_word(s[-1])))
-            (void)lg_c_fail(c, LG_INVALID_ARGUMENT, "'%s' cannot be the name: the code uses words that begin so",
-                            c->name);
+            (void)lg_c_fail(c, LG_INVALID_ARGUMENT,
+                            "'%s' cannot be the name: the code uses words that begin so", c->name);
 }
 
 void lg_c_need(lg_c *c, const lg_c_fragment *fragment) {
@@ -201,7 +203,8 @@ static size_t weights_at(lg_c *c, const double *values, size_t count) {
     for (size_t i = 0; i < c->pieces; i++)
         for (size_t k = 0; count > 0 && k + count <= c->piece[i].count; k++) {
             const double *there = c->weight + c->piece[i].at + k;
-            if (memcmp(there, values, sizeof *there) == 0 && memcmp(there, values, count * sizeof *there) == 0)
+            if (memcmp(there, values, sizeof *there) == 0 &&
+                memcmp(there, values, count * sizeof *there) == 0)
                 return c->piece[i].at + k;
         }
     if (!ROOM(c, weight, weight_capacity, c->weights + count) ||
@@ -390,13 +393,13 @@ static void write_tensor(lg_c *c, const lg_tensor_step *s) {
 
 static const lg_c_fragment c_dense_rows = {
     .comment = "y (m, n) = x (m, k) w (k, n) + b (n; or NULL)",
-    .text = LG_C(static void dense_rows(int m, int n, int k, const real *x, const real *w, const real *b,
-                                        real *y) {
-        for (int i = 0; i < m; i++, x += k, y += n) {
-            for (int j = 0; j < n; j++) y[j] = b == NULL ? REAL(0.0) : b[j];
-            dense_add(k, n, w, x, y);
-        }
-    }),
+    .text = LG_C(
+        static void dense_rows(int m, int n, int k, const real *x, const real *w, const real *b, real *y) {
+            for (int i = 0; i < m; i++, x += k, y += n) {
+                for (int j = 0; j < n; j++) y[j] = b == NULL ? REAL(0.0) : b[j];
+                dense_add(k, n, w, x, y);
+            }
+        }),
     .needs = {&lg_c_dense_add}};
 
 static void write_dense(lg_c *c, const lg_dense_step *s) {
@@ -414,8 +417,8 @@ static void write_dense(lg_c *c, const lg_dense_step *s) {
 }
 
 static const lg_c_fragment c_copy = {.text = LG_C(static void copy(int n, const real *x, real *y) {
-    for (int i = 0; i < n; i++) y[i] = x[i];
-})};
+                                         for (int i = 0; i < n; i++) y[i] = x[i];
+                                     })};
 
 static void write_copy(lg_c *c, const lg_copy_step *s) {
     lg_place places[1] = {s->x};
@@ -453,8 +456,8 @@ static void write_call(lg_c *c, const lg_call_step *s) {
         size_t first = i;
         for (size_t k = 0; k < i; k++)
             if (s->carry[k] == s->carry[i] && k < first) first = k;
-        lg_text_add(body, "i == 0 ? x%zu : work + (%zu + i %% 2 * %zu), ", i, first == i ? at : s->next[first].offset,
-                    half_of(callee, first));
+        lg_text_add(body, "i == 0 ? x%zu : work + (%zu + i %% 2 * %zu), ", i,
+                    first == i ? at : s->next[first].offset, half_of(callee, first));
         lg_c_use(c, s->next[first], 2 * half_of(callee, first));
     }
     for (size_t j = 0; j < callee->outputs; j++) {
@@ -813,7 +816,8 @@ lg_status lg_program_write_c(const lg_program *program, const lg_c_options *opti
 
 void lg_c_source_free(lg_c_source *source) {
     if (source == NULL) return;
-    char *const texts[] = {source->sizes, source->declarations, source->arrays, source->weights, source->code};
+    char *const texts[] = {source->sizes, source->declarations, source->arrays, source->weights,
+                           source->code};
     size_t *const arrays[] = {source->function, source->work, source->depth};
     for (size_t i = 0; i < LG_COUNT(texts); i++) lg_free(source->context, texts[i]);
     for (size_t i = 0; i < LG_COUNT(arrays); i++) lg_free(source->context, arrays[i]);

@@ -7,11 +7,14 @@
 #include "autodiff/tape_internal.h"
 
 /* Instructions of a function of straight code: compilers stay quick, stacks small. */
-#define BLOCK 256
+#define BLOCK 512
 
-/* Bytes of the frame of a function with so many local variables, at -O0: a slot each and temporaries. */
-static size_t frame_of(size_t locals) {
-    return 512 + 24 * locals;
+/* Bytes of the frame of a function with these lines, at -O0: a slot for each local variable, twice that to be
+ * sure. */
+static size_t frame_of(const lg_text *lines) {
+    size_t locals = 0;
+    for (const char *s = lines->data; s != NULL && (s = strstr(s, "real ")) != NULL; s++) locals++;
+    return 512 + 16 * locals;
 }
 
 /* ---- fragments ---- */
@@ -19,10 +22,9 @@ static size_t frame_of(size_t locals) {
 static const lg_c_fragment c_exp = {.file = {"exp_double", "exp_float"}};
 static const lg_c_fragment c_tanh = {.file = {"tanh", "tanh"}, .needs = {&c_exp}};
 static const lg_c_fragment c_sigmoid = {.file = {"sigmoid", "sigmoid"}, .needs = {&c_exp}};
-static const lg_c_fragment c_larger = {.comment = "NaN where one of them is.",
-                                       .text = LG_C(static real larger(real a, real b) {
-                                           return a != a || a >= b ? a : b;
-                                       })};
+static const lg_c_fragment c_larger = {
+    .comment = "NaN where one of them is.",
+    .text = LG_C(static real larger(real a, real b) { return a != a || a >= b ? a : b; })};
 
 /* a, b and c are operands, p and n the constants. */
 static const struct {
@@ -187,7 +189,8 @@ static void find_slots(graph *g) {
 static bool open_graph(graph *g, lg_c *c, const lg_scalar_code *code, uint32_t count, const uint32_t *root,
                        uint32_t roots) {
     *g = (graph){.c = c, .code = code, .count = count, .root = root, .roots = roots};
-    uint32_t **const arrays[] = {&g->order, &g->place, &g->sibling, &g->first, &g->stack, &g->shown, &g->slot};
+    uint32_t **const arrays[] = {&g->order, &g->place, &g->sibling, &g->first,
+                                 &g->stack, &g->shown, &g->slot};
     for (size_t i = 0; i < LG_COUNT(arrays); i++) {
         *arrays[i] = lg_alloc(c->context, (size_t)count + 1, sizeof **arrays[i]);
         if (*arrays[i] == NULL) return lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
@@ -313,7 +316,7 @@ static void add_block(graph *g, lg_text *to, const char *indent, const ends *e, 
 /* ---- elementwise operations ---- */
 
 typedef struct element_ends {
-    uint64_t over; /* bit k: input k is the output's memory */
+    uint64_t over;   /* bit k: input k is the output's memory */
     const bool *one; /* NULL, or by input: a single number */
     uint32_t levels; /* 0: x[i]; else strides */
     const size_t (*stride)[LG_MAX_RANK];
@@ -370,7 +373,8 @@ static bool is_argument(const lg_op *op, const lg_attr *attr, uint32_t inputs, u
 static void add_unused(lg_text *to, const graph *g, const lg_op *op, const lg_attr *attr, uint32_t inputs,
                        uint64_t over) {
     for (uint32_t k = 0; k < inputs; k++)
-        if (g->shown[k] == 0 && is_argument(op, attr, inputs, over, k)) lg_text_add(to, "    (void)x%u;\n", k);
+        if (g->shown[k] == 0 && is_argument(op, attr, inputs, over, k))
+            lg_text_add(to, "    (void)x%u;\n", k);
 }
 
 static void add_parameters(lg_text *to, const lg_op *op, const lg_attr *attr, uint32_t inputs,
@@ -381,8 +385,8 @@ static void add_parameters(lg_text *to, const lg_op *op, const lg_attr *attr, ui
 }
 
 /* `one`: inputs that are a single number. */
-static const char *define_map(lg_c *c, const lg_op *op, const lg_attr *attr, uint32_t inputs,
-                              uint64_t over, const bool *one) {
+static const char *define_map(lg_c *c, const lg_op *op, const lg_attr *attr, uint32_t inputs, uint64_t over,
+                              const bool *one) {
     const element_ends user = {over, one, 0, NULL};
     const ends e = {&user, element_input, element_output_i};
     lg_text lines = {.context = c->context}, text = {.context = c->context};
@@ -400,7 +404,7 @@ static const char *define_map(lg_c *c, const lg_op *op, const lg_attr *attr, uin
         if (text.failed || lines.failed)
             (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
         else
-            name = lg_c_define(c, op->name, text.data, frame_of(g.ordered + inputs), false);
+            name = lg_c_define(c, op->name, text.data, frame_of(&lines), false);
     }
     close_graph(&g);
     lg_scalars_free(&s);
@@ -415,8 +419,7 @@ const char *lg_c_map(lg_c *c, const lg_op *op, const lg_attr *attr, uint32_t inp
 }
 
 /* Strides of the inputs along the output's axes, neighbouring axes that go on alike taken together. */
-static uint32_t levels_of(const lg_evaluation *e, size_t length[LG_MAX_RANK],
-                          size_t (*stride)[LG_MAX_RANK]) {
+static uint32_t levels_of(const lg_evaluation *e, size_t length[LG_MAX_RANK], size_t (*stride)[LG_MAX_RANK]) {
     uint32_t levels = 0;
     for (uint32_t d = 0; d < e->shape->rank; d++) {
         size_t own[LG_MAX_INPUTS];
@@ -453,13 +456,13 @@ static const char *define_broadcast(lg_c *c, const lg_op *op, const lg_evaluatio
         add_parameters(&text, op, e->attr, e->inputs, over);
         add_unused(&text, &g, op, e->attr, e->inputs, over);
         for (uint32_t l = 0; l < levels; l++)
-            lg_text_add(&text, "%sfor (int i%u = 0; i%u < %zu; i%u++)%s\n", l == 0 ? "    " : "        ", l, l,
-                        length[l], l, l + 1 == levels ? " {" : "");
+            lg_text_add(&text, "%sfor (int i%u = 0; i%u < %zu; i%u++)%s\n", l == 0 ? "    " : "        ", l,
+                        l, length[l], l, l + 1 == levels ? " {" : "");
         lg_text_add(&text, "%s    }\n}\n", lines.data);
         if (text.failed || lines.failed)
             (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
         else
-            name = lg_c_define(c, op->name, text.data, frame_of(g.ordered + e->inputs), false);
+            name = lg_c_define(c, op->name, text.data, frame_of(&lines), false);
     }
     close_graph(&g);
     lg_scalars_free(&s);
@@ -485,7 +488,8 @@ static void add_call(lg_c *c, const lg_op *op, const char *name, const lg_evalua
 }
 
 static bool same_place(const lg_place *a, const lg_place *b) {
-    return a->area == b->area && a->offset == b->offset && (a->area == LG_AREA_WORK || a->number == b->number);
+    return a->area == b->area && a->offset == b->offset &&
+           (a->area == LG_AREA_WORK || a->number == b->number);
 }
 
 /* Same shapes and single numbers are one loop over all elements. */
@@ -502,7 +506,8 @@ void lg_c_elementwise(lg_c *c, const lg_op *op, const lg_evaluation *e) {
     if (levels <= 1)
         add_call(c, op, define_map(c, op, e->attr, e->inputs, over, any ? one : NULL), e, over, true);
     else
-        add_call(c, op, define_broadcast(c, op, e, over, levels, length, (const size_t(*)[LG_MAX_RANK])stride), e,
+        add_call(c, op,
+                 define_broadcast(c, op, e, over, levels, length, (const size_t(*)[LG_MAX_RANK])stride), e,
                  over, false);
 }
 
@@ -549,7 +554,7 @@ static void add_argument(lg_text *parameters, lg_text *arguments, const char *ty
 }
 
 /* The function of a block, and its call. */
-static void define_block(lg_c *c, const lg_text *lines, size_t locals) {
+static void define_block(lg_c *c, const lg_text *lines) {
     const lg_plan *plan = c->frame->plan;
     lg_text parameters = {.context = c->context}, arguments = {.context = c->context};
     lg_text text = {.context = c->context};
@@ -558,14 +563,15 @@ static void define_block(lg_c *c, const lg_text *lines, size_t locals) {
     for (size_t i = 0; i < plan->inputs + plan->outputs; i++) {
         const bool in = i < plan->inputs;
         (void)snprintf(word, sizeof word, in ? "x%zu" : "y%zu", in ? i : i - plan->inputs);
-        if (lg_c_uses(body, word)) add_argument(&parameters, &arguments, in ? "const real *" : "real *", word);
+        if (lg_c_uses(body, word))
+            add_argument(&parameters, &arguments, in ? "const real *" : "real *", word);
     }
     if (lg_c_uses(body, "work")) add_argument(&parameters, &arguments, "real *", "work");
     lg_text_add(&text, "static NOINLINE void @(%s) {\n%s}\n",
                 parameters.data != NULL ? parameters.data : "void", body);
     lg_c_need(c, &lg_c_noinline);
     const bool failed = text.failed || parameters.failed || arguments.failed || lines->failed;
-    const char *name = failed ? NULL : lg_c_define(c, "scalars", text.data, frame_of(locals), true);
+    const char *name = failed ? NULL : lg_c_define(c, "scalars", text.data, frame_of(lines), true);
     if (failed) (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
     if (name != NULL)
         lg_text_add(&c->frame->body, "    %s(%s);\n", name, arguments.data != NULL ? arguments.data : "");
@@ -612,7 +618,8 @@ static void use_ranges(lg_c *c, const lg_scalar_range *range, uint32_t count) {
 void lg_c_scalars(lg_c *c, const lg_scalar_step *step) {
     const ends e = {step, step_input, step_output};
     const uint32_t all = step->constants + step->loads + step->instructions;
-    const uint32_t roots = step->outs == 0 ? 0 : step->out[step->outs - 1].first + step->out[step->outs - 1].count;
+    const uint32_t roots =
+        step->outs == 0 ? 0 : step->out[step->outs - 1].first + step->out[step->outs - 1].count;
     lg_scalar_code *code = registers_of(c, step);
     graph g = {.c = c};
     if (code == NULL) {
@@ -624,9 +631,8 @@ void lg_c_scalars(lg_c *c, const lg_scalar_step *step) {
     if (open_graph(&g, c, code, all, step->stored, roots)) {
         for (uint32_t b = 0; b < blocks_of(&g) && lg_c_good(c); b++) {
             lg_text lines = {.context = c->context};
-            const uint32_t left = g.ordered - b * BLOCK;
             add_block(&g, &lines, "    ", &e, b, step->registers.offset);
-            define_block(c, &lines, 2 * (left < BLOCK ? left : BLOCK));
+            define_block(c, &lines);
             lg_text_free(&lines);
         }
         lg_c_use(c, step->registers, g.slots);

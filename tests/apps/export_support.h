@@ -373,9 +373,9 @@ static inline void export_check_all_ways(const char *folder, const char *name) {
 /* ---- objects ---- */
 
 static inline bool export_may_call(const char *symbol) {
-    static const char *const names[] = {"exp",  "expm1",  "log",    "log1p",  "sin",     "pow", "sinh", "cosh", "tanh",
-                                        "cos",  "sincos", "tan",    "atan2",  "sqrt",
-                                        "fabs", "floor",  "memcpy", "memset", "memmove"};
+    static const char *const names[] = {"exp",  "expm1", "log",    "log1p",  "sin",    "pow",   "sinh",
+                                        "cosh", "tanh",  "cos",    "sincos", "tan",    "atan2", "sqrt",
+                                        "fabs", "floor", "memcpy", "memset", "memmove"};
     const size_t length = strlen(symbol);
     for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
         const size_t n = strlen(names[i]);

@@ -1,5 +1,5 @@
-/* Programs exported by lg-export: self-tests in both types, symbols, stacks, what is refused, what a self-test
- * catches. */
+/* Programs exported by lg-export: self-tests in both types, symbols, stacks, what is refused, what a
+ * self-test catches. */
 #include "export_support.h"
 
 #include "liegrad/hamiltonian.h"
@@ -76,10 +76,11 @@ static void self_tests_catch_errors(void **state) {
     export_run("wrong.h5 --out wrong --name wrong");
     for (size_t i = 0; i < sizeof plants / sizeof plants[0]; i++) {
         char command[EXPORT_LINE];
-        (void)snprintf(command, sizeof command,
-                       "rm -rf bad && cp -r wrong bad && %s wrong/%s > bad/%s && ! cmp -s wrong/%s bad/%s && cd bad "
-                       "&& gcc -O1 *.c -lm -o t && ./t",
-                       plants[i].change, plants[i].file, plants[i].file, plants[i].file, plants[i].file);
+        (void)snprintf(
+            command, sizeof command,
+            "rm -rf bad && cp -r wrong bad && %s wrong/%s > bad/%s && ! cmp -s wrong/%s bad/%s && cd bad "
+            "&& gcc -O1 *.c -lm -o t && ./t",
+            plants[i].change, plants[i].file, plants[i].file, plants[i].file, plants[i].file);
         const int code = export_shell(command, out);
         if (code == 0 || strstr(out, "WRONG") == NULL) fail_msg("%s passed:\n%s", plants[i].change, out);
     }
@@ -98,9 +99,12 @@ static void refusals(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(chain_as_bundle),       cmocka_unit_test(separable_in_single_precision),
-        cmocka_unit_test(convolutions_as_loops), cmocka_unit_test(some_functions_only),
-        cmocka_unit_test(weights_are_shared),    cmocka_unit_test(self_tests_catch_errors),
+        cmocka_unit_test(chain_as_bundle),
+        cmocka_unit_test(separable_in_single_precision),
+        cmocka_unit_test(convolutions_as_loops),
+        cmocka_unit_test(some_functions_only),
+        cmocka_unit_test(weights_are_shared),
+        cmocka_unit_test(self_tests_catch_errors),
         cmocka_unit_test(refusals),
     };
     if (export_begin() != 0) return 1;
