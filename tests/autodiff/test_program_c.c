@@ -321,14 +321,20 @@ static bool has(const char *compiler) {
 }
 
 static void check_all(bool gradients) {
+    static const struct {
+        const char *compiler;
+        lg_dtype dtype;
+        bool compact;
+        size_t points;
+    } ways[] = {{"gcc", LG_F64, false, POINTS},
+                {"clang", LG_F32, false, SOME},
+                {"clang", LG_F64, true, SOME},
+                {"gcc", LG_F32, true, SOME}};
     for (size_t next = 0; lg_gradcheck_operation(next) != NULL;) {
         bundle b = make_bundle(gradients, &next);
-        for (int compact = 0; compact < 2; compact++)
-            for (int dtype = LG_F64; dtype <= LG_F32; dtype++) {
-                const bool first = compact == 0 && dtype == LG_F64;
-                if (has("gcc")) check(&b, "gcc", "-O2", (lg_dtype)dtype, compact, first ? POINTS : SOME);
-                if (has("clang")) check(&b, "clang", "-O2", (lg_dtype)dtype, compact, SOME);
-            }
+        for (size_t i = 0; i < sizeof ways / sizeof *ways; i++)
+            if (has(ways[i].compiler))
+                check(&b, ways[i].compiler, "-O2", ways[i].dtype, ways[i].compact, ways[i].points);
         free_bundle(&b);
     }
 }
