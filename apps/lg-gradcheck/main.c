@@ -80,7 +80,7 @@ typedef struct run {
     app_table table;
     app_json json;
     const char *row; /* the one at work, for messages */
-    size_t failures, checks, caught, excluded, missed;
+    size_t failures, checks, programs, refused, caught, excluded, missed;
 } run;
 
 /* ---- checking ---- */
@@ -128,20 +128,76 @@ static lg_status check_row(void *user, const lg_gradcheck_case *row) {
     return LG_OK;
 }
 
+static void report_program(run *r, const char *name, const lg_gradcheck_program_result *found) {
+    if (r->app->json) {
+        app_json_open(&r->json, NULL, '{');
+        app_json_text(&r->json, "name", name);
+        app_json_bool(&r->json, "refused", found->refused);
+        app_json_real(&r->json, "value", found->value);
+        app_json_real(&r->json, "forward", found->forward);
+        app_json_real(&r->json, "adjoint", found->adjoint);
+        app_json_bool(&r->json, "passed", found->passed);
+        app_json_close(&r->json, '}');
+        return;
+    }
+    app_table_cell(&r->table, "%s", name);
+    const double errors[] = {found->value, found->forward, found->adjoint};
+    for (size_t i = 0; i < APP_COUNT(errors); i++) {
+        if (found->refused)
+            app_table_cell(&r->table, "-");
+        else
+            app_table_cell(&r->table, "%.1e", errors[i]);
+    }
+    app_table_cell(&r->table, "%s", !found->passed ? "WRONG" : found->refused ? "refused" : "ok");
+}
+
+static lg_status check_program(void *user, const lg_gradcheck_case *row) {
+    run *r = user;
+    lg_gradcheck_program_result result;
+    r->row = row->function.name;
+    const lg_status status = lg_gradcheck_program(r->app->context, row, &r->options, &result);
+    if (status == LG_OUT_OF_MEMORY || status == LG_INVALID_ARGUMENT) return status;
+    report_program(r, row->function.name, &result);
+    r->programs += !result.refused;
+    r->refused += result.refused;
+    if (status != LG_OK) {
+        r->failures++;
+        app_warn(r->app, "%s", result.message);
+    }
+    return LG_OK;
+}
+
+/* The same functions as programs. */
+static lg_status check_programs(run *r) {
+    static const char *const head[] = {"program", "value", "forward", "adjoint", "verdict"};
+    if (r->app->json) app_json_open(&r->json, "programs", '[');
+    if (!r->app->json) app_table_begin(&r->table, APP_COUNT(head));
+    for (size_t i = 0; i < APP_COUNT(head) && !r->app->json; i++) app_table_cell(&r->table, "%s", head[i]);
+    const lg_status status = each_row(check_program, r);
+    if (r->app->json) app_json_close(&r->json, ']');
+    if (!r->app->json) app_table_end(&r->table, stdout);
+    return status;
+}
+
 static lg_status check_all(run *r) {
     static const char *const head[] = {"function", "order", "slope", "error", "verdict"};
     if (r->app->json) app_json_open(&r->json, "checks", '[');
     if (!r->app->json) app_table_begin(&r->table, APP_COUNT(head));
     for (size_t i = 0; i < APP_COUNT(head) && !r->app->json; i++) app_table_cell(&r->table, "%s", head[i]);
     lg_status status = each_row(check_row, r);
+    if (r->app->json) app_json_close(&r->json, ']');
+    if (!r->app->json) app_table_end(&r->table, stdout);
+    if (!r->app->json) printf("\n");
+    if (status == LG_OK) status = check_programs(r);
     if (r->app->json) {
-        app_json_close(&r->json, ']');
         app_json_size(&r->json, "functions", r->checks);
+        app_json_size(&r->json, "equal_programs", r->programs);
+        app_json_size(&r->json, "refused_programs", r->refused);
         app_json_size(&r->json, "wrong", r->failures);
         app_json_bool(&r->json, "passed", r->failures == 0 && status == LG_OK);
     } else {
-        app_table_end(&r->table, stdout);
-        printf("\n%zu functions, %zu wrong.\n", r->checks, r->failures);
+        printf("\n%zu functions, %zu of them programs, %zu refused as programs, %zu wrong.\n", r->checks,
+               r->programs, r->refused, r->failures);
     }
     return status;
 }
@@ -229,7 +285,8 @@ int main(int argc, char **argv) {
          .details = "A function passes when the remainder of its Taylor expansion falls like h^2 (slope >= "
                     "1.9) or is "
                     "at rounding level, forward and reverse mode agree with each other and with difference "
-                    "quotients, at first and second order.",
+                    "quotients, at first and second order, and when its plans as a program (value, forward, adjoint) "
+                    "equal the tape.",
          .options = options,
          .values = &given,
          .run = gradcheck},

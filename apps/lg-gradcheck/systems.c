@@ -153,11 +153,14 @@ static void add(lg_system *system, part which, const double *y) {
     own->argument[1] = (lg_gradcheck_argument){.shape = S1((uint32_t)lg_system_parameter_count(system)),
                                                .values = lg_system_parameter_values(system),
                                                .scale = 0.25};
+    /* Chains in Lagrangian form are one custom operation. */
+    const bool custom = lg_system_links(system) > 0 && strcmp(form, "lagrangian") == 0;
     rows[used++] = (lg_gradcheck_case){.function = {.name = own->name,
                                                     .inputs = 2,
                                                     .arguments = own->argument,
                                                     .build = build,
-                                                    .user = &own->settings}};
+                                                    .user = &own->settings},
+                                       .no_program = custom ? "operation custom" : NULL};
 }
 
 static void add_system(const char *name, const char *form, size_t links) {

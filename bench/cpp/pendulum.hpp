@@ -19,19 +19,21 @@ template <class T> inline void field(const T *y, T *f) {
     f[3] = d * (2.0 * r2 - c * r1);
 }
 
-template <class T> inline T trajectory(const T *y0) {
+template <class T> inline void step(T *y) {
     constexpr double h = 0.01;
+    T k1[4], k2[4], k3[4], k4[4], z[4];
+    field(y, k1);
+    for (int j = 0; j < 4; j++) z[j] = y[j] + h / 2 * k1[j];
+    field(z, k2);
+    for (int j = 0; j < 4; j++) z[j] = y[j] + h / 2 * k2[j];
+    field(z, k3);
+    for (int j = 0; j < 4; j++) z[j] = y[j] + h * k3[j];
+    field(z, k4);
+    for (int j = 0; j < 4; j++) y[j] = y[j] + h / 6 * (k1[j] + 2.0 * (k2[j] + k3[j]) + k4[j]);
+}
+
+template <class T> inline T trajectory(const T *y0) {
     T y[4] = {y0[0], y0[1], y0[2], y0[3]};
-    for (int n = 0; n < 100; n++) {
-        T k1[4], k2[4], k3[4], k4[4], z[4];
-        field(y, k1);
-        for (int j = 0; j < 4; j++) z[j] = y[j] + h / 2 * k1[j];
-        field(z, k2);
-        for (int j = 0; j < 4; j++) z[j] = y[j] + h / 2 * k2[j];
-        field(z, k3);
-        for (int j = 0; j < 4; j++) z[j] = y[j] + h * k3[j];
-        field(z, k4);
-        for (int j = 0; j < 4; j++) y[j] = y[j] + h / 6 * (k1[j] + 2.0 * (k2[j] + k3[j]) + k4[j]);
-    }
+    for (int n = 0; n < 100; n++) step(y);
     return y[0] + y[1] + y[2] + y[3];
 }

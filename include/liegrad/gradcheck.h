@@ -51,22 +51,37 @@ typedef struct lg_gradcheck_function {
     bool stops;
 } lg_gradcheck_function;
 
-/* A deliberately wrong derivative, to see that a check catches it: what one operation's vjp or jvp returns is
- * changed wherever it is called. */
-typedef enum lg_plant_direction { LG_PLANT_VJP, LG_PLANT_JVP } lg_plant_direction;
+/* A deliberate fault, to see that a check catches it. VJP, JVP: what one operation's vjp or jvp returns is
+ * changed wherever it is called. SCALARS: what one operation's scalar code (of plans, liegrad/program.h)
+ * gives is changed. PLAN: a step of a plan that is made is changed. */
+typedef enum lg_plant_direction {
+    LG_PLANT_VJP,
+    LG_PLANT_JVP,
+    LG_PLANT_SCALARS,
+    LG_PLANT_PLAN
+} lg_plant_direction;
+#define LG_PLANT_DIRECTIONS 4
 typedef enum lg_plant_mutation {
-    LG_PLANT_SIGN,     /* negated */
-    LG_PLANT_DROP,     /* one input's contribution is left out */
-    LG_PLANT_FACTOR,   /* times 1 + 1/1024 */
-    LG_PLANT_TRANSPOSE /* numbers in the order of the transposed tensor (last two axes) */
+    LG_PLANT_SIGN,      /* negated */
+    LG_PLANT_DROP,      /* one input's contribution is left out; scalar code: the last element is 0 */
+    LG_PLANT_FACTOR,    /* times 1 + 1/1024 */
+    LG_PLANT_TRANSPOSE, /* numbers in the order of the transposed tensor (last two axes); scalar code: each in
+                         * the place of the one before */
+    /* Of plans: */
+    LG_PLANT_MISSING,   /* a step is left out */
+    LG_PLANT_OPERAND,   /* a step reads another place */
+    LG_PLANT_OPERATION, /* a step computes something else */
+    LG_PLANT_CONSTANT,  /* constants times 1 + 1/1024, and 1/1024 more */
+    LG_PLANT_CLOBBER    /* a step writes over numbers that are still needed */
 } lg_plant_mutation;
-#define LG_PLANT_MUTATIONS 4
+#define LG_PLANT_MUTATIONS      4 /* of derivatives and scalar code */
+#define LG_PLANT_PLAN_MUTATIONS 5
 
 typedef struct lg_gradcheck_plant {
-    const char *operation; /* name as in messages: "mul", "matmul", ... */
+    const char *operation; /* name as in messages: "mul", "matmul", ...; PLAN: "value", "forward", "adjoint" */
     lg_plant_direction direction;
     lg_plant_mutation mutation;
-    uint32_t input; /* whose cotangent (vjp), or which input's tangent is dropped (jvp) */
+    uint32_t input; /* whose cotangent (vjp), which input's tangent is dropped (jvp), which step (plan) */
 } lg_gradcheck_plant;
 
 typedef struct lg_gradcheck_options {
@@ -114,11 +129,32 @@ typedef struct lg_gradcheck_case {
     /* The derivative is identically zero (a sign, the second derivative of a kink): nothing can be planted;
      * that it is zero is checked. */
     bool zero;
+    /* A word of the sentence by which lg_program_build refuses the function; NULL: it can be a program. */
+    const char *no_program;
 } lg_gradcheck_case;
 
 /* Checks a row: lg_gradcheck, and that the derivative is exactly zero where the row says so. */
 LG_API lg_status lg_gradcheck_run(const lg_context *context, const lg_gradcheck_case *row,
                                   const lg_gradcheck_options *options, lg_gradcheck_result *result);
+
+/* Is the row's function as a program (liegrad/program.h) the same function? It is recorded with the row's
+ * arguments as shared inputs (where values are given: moved by 1/100 of the scale), and derived. At fresh
+ * points:
+ *   - lg_program_apply has the bits of the function recorded on the tape: value, J d and J^T c,
+ *   - plans of the function, of its forward and of its adjoint equal the tape to rounding_tolerance/100,
+ *     relative to the largest element (of a derivative: at least 1/1000 of the value's).
+ * A row that says so must be refused instead. */
+typedef struct lg_gradcheck_program_result {
+    bool passed, refused;
+    double value, forward, adjoint; /* largest relative errors of plans; NaN when refused */
+    size_t plant_applied, plant_changed; /* operations (steps) that the plant met; those that it changed */
+    char message[320];                   /* what failed, or why it is refused; "" when passed */
+} lg_gradcheck_program_result;
+
+/* As lg_gradcheck_run; of the plants those of scalar code and of plans strike. */
+LG_API lg_status lg_gradcheck_program(const lg_context *context, const lg_gradcheck_case *row,
+                                      const lg_gradcheck_options *options,
+                                      lg_gradcheck_program_result *result);
 
 /* Row number `index` = 0, 1, ... of all operations in every variant of shapes that matters; NULL beyond the
  * last. Static. */
@@ -130,19 +166,22 @@ typedef void (*lg_plant_report_fn)(void *user, const lg_gradcheck_case *row, con
                                    lg_plant_outcome outcome, const char *reason);
 
 /* Plants every mutation in the vjp and jvp of every operation for which the row stands, in each of its
- * inputs, and checks. Excluded, and reported as such, are mutations that cannot be seen:
+ * inputs, in its scalar code, and in the plans of the row's value, forward and adjoint (one step for each
+ * mutation), and checks. Excluded, and reported as such, are mutations that cannot be seen:
  *   - of an operation or input that is constant to differentiation, or a leaf: its derivative is never asked
  * for;
  *   - of a numeric derivative's derivative: asking for it is an error;
  *   - in a row whose derivative is identically zero;
- *   - transpositions that change no number: fewer than two axes longer than one, all equal, or symmetric.
+ *   - transpositions that change no number: fewer than two axes longer than one, all equal, or symmetric;
+ *   - of scalar code of an operation that the row's plans do not have: too large, or folded away;
+ *   - of plans that have no such step, or where the fault changes rounding alone.
  * Returns LG_OK whether caught or missed, else as lg_gradcheck. */
 LG_API lg_status lg_gradcheck_plant_all(const lg_context *context, const lg_gradcheck_case *row,
                                         const lg_gradcheck_options *options, lg_plant_report_fn report,
                                         void *user);
-LG_API const char *lg_plant_direction_name(lg_plant_direction direction); /* "vjp", "jvp" */
+LG_API const char *lg_plant_direction_name(lg_plant_direction direction); /* "vjp", "jvp", "scalars", "plan" */
 LG_API const char *
-lg_plant_mutation_name(lg_plant_mutation mutation); /* "sign", "drop", "factor", "transpose" */
+lg_plant_mutation_name(lg_plant_mutation mutation); /* "sign", "drop", "factor", "transpose", "missing", ... */
 
 LG_END_DECLS
 

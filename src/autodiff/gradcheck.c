@@ -82,10 +82,13 @@ static lg_status judge(check *k, const char *what, double error, double bound) {
     return error <= bound ? LG_OK : failed(k, what, error, bound);
 }
 
-static double largest(const double *a, size_t n) {
+double lg_largest_difference(const double *a, const double *b, size_t n) {
     double most = 0.0;
-    for (size_t i = 0; i < n; i++)
-        if (!(fabs(a[i]) <= most)) most = fabs(a[i]);
+    for (size_t i = 0; i < n; i++) {
+        const double size = fabs(b == NULL ? a[i] : a[i] - b[i]);
+        if (isnan(size)) return size;
+        if (size > most) most = size;
+    }
     return most;
 }
 
@@ -244,9 +247,8 @@ static lg_status check_modes_agree(check *k) {
     if (!isfinite(forward) || !isfinite(reverse)) error = NAN;
     LG_TRY(judge(k, "<c, jvp(d)> differs from <vjp(c), d>", error, k->options->rounding_tolerance));
 
-    double most = largest(k->vjp, total(&k->in)), apart = 0.0;
-    for (size_t j = 0; j < total(&k->in); j++)
-        if (!(fabs(k->back[j] - k->vjp[j]) <= apart)) apart = fabs(k->back[j] - k->vjp[j]);
+    const double most = lg_largest(k->vjp, total(&k->in)),
+                 apart = lg_largest_difference(k->back, k->vjp, total(&k->in));
     return judge(k, "lg_backward differs from lg_vjp", apart == 0.0 ? 0.0 : apart / most,
                  k->options->rounding_tolerance);
 }
@@ -261,9 +263,8 @@ static lg_status check_quotient(check *k) {
         LG_TRY(evaluate(k, step[s] * h, k->work));
         for (size_t j = 0; j < n; j++) k->quotient[j] += weight[s] * k->work[j] / (6.0 * h);
     }
-    double size = fmax(largest(k->jvp, n), largest(k->quotient, n)) + 1e-6 * largest(k->y, n), apart = 0.0;
-    for (size_t j = 0; j < n; j++)
-        if (!(fabs(k->quotient[j] - k->jvp[j]) <= apart)) apart = fabs(k->quotient[j] - k->jvp[j]);
+    const double size = fmax(lg_largest(k->jvp, n), lg_largest(k->quotient, n)) + 1e-6 * lg_largest(k->y, n),
+                 apart = lg_largest_difference(k->quotient, k->jvp, n);
     return judge(k, "the jvp differs from the difference quotient", apart == 0.0 ? 0.0 : apart / size,
                  k->options->difference_tolerance);
 }
@@ -406,7 +407,7 @@ static lg_status prepare(check *k, int order, lg_shape first_output) {
 static lg_status check_direction(check *k) {
     LG_TRY(draw_direction(k));
     LG_TRY(derivatives(k));
-    double most = fmax(largest(k->vjp, total(&k->in)), largest(k->jvp, total(&k->out)));
+    double most = fmax(lg_largest(k->vjp, total(&k->in)), lg_largest(k->jvp, total(&k->out)));
     if (!(most <= k->report->derivative)) k->report->derivative = most;
     LG_TRY(check_modes_agree(k));
     if (k->f->stops) return most == 0.0 ? LG_OK : failed(k, "the derivative is not zero", most, 0.0);
@@ -440,7 +441,7 @@ static lg_status check_refusal(check *k, lg_shape first_output) {
 
 /* ---- the whole ---- */
 
-static bool valid(const lg_gradcheck_function *f, const lg_gradcheck_options *o) {
+bool lg_gradcheck_valid(const lg_gradcheck_function *f, const lg_gradcheck_options *o) {
     if (f == NULL || f->name == NULL || f->build == NULL || f->arguments == NULL || f->inputs == 0 ||
         f->inputs > LG_GRADCHECK_MAX_INPUTS)
         return false;
@@ -483,7 +484,7 @@ lg_status lg_gradcheck(const lg_context *context, const lg_gradcheck_function *f
     if (result == NULL) return LG_INVALID_ARGUMENT;
     *result = (lg_gradcheck_result){0};
     if (options != NULL) chosen = *options;
-    if (!valid(function, &chosen)) {
+    if (!lg_gradcheck_valid(function, &chosen)) {
         (void)snprintf(result->message, sizeof result->message,
                        "gradcheck: the function or the options are not valid");
         return LG_INVALID_ARGUMENT;
@@ -520,7 +521,7 @@ lg_status lg_gradcheck_run(const lg_context *context, const lg_gradcheck_case *r
 lg_status lg_gradcheck_inputs_of(const lg_context *context, const lg_gradcheck_function *function,
                                  const lg_gradcheck_options *options, lg_op_code op, uint32_t *inputs) {
     lg_gradcheck_result result = {0};
-    if (!valid(function, options)) return LG_INVALID_ARGUMENT;
+    if (!lg_gradcheck_valid(function, options)) return LG_INVALID_ARGUMENT;
     check k = {.context = context, .f = function, .options = options, .result = &result};
     lg_shape shape = lg_shape0();
     lg_status status = open_check(&k);

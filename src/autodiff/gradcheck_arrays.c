@@ -81,6 +81,12 @@ BUILD(build_scatter) {
     (void)user;
     return lg_scatter(t, x[0], repeated, 6, 5);
 }
+/* Small enough for scalar code. */
+BUILD(build_small_scatter) {
+    static const uint32_t rows[3] = {3, 0, 3};
+    (void)user;
+    return lg_scatter(t, x[0], rows, 3, 4);
+}
 
 /* ---- rows ---- */
 
@@ -119,6 +125,9 @@ static const lg_gradcheck_case rows[] = {
     ROW("slice of (7)", "slice", build_slice, WITH(.i = {0, 2, 4}), INPUTS(ANY(S1(7)))),
     ROW("pad 0 of (3, 4)", "pad", build_pad, WITH(.i = {0, 1, 2}), INPUTS(ANY(S2(3, 4)))),
     ROW("pad 1 of (3, 4)", "pad", build_pad, WITH(.i = {1, 2, 0}), INPUTS(ANY(S2(3, 4)))),
+    ROW("pad 1 of (2, 2)", "pad", build_pad, WITH(.i = {1, 2, 0}), INPUTS(ANY(S2(2, 2)))),
+    ROW("concat 1 of (2, n)", "concat", build_concat, WITH(.i = {1}),
+        INPUTS(ANY(S2(2, 2)), ANY(S2(2, 1)), ANY(S2(2, 3)))),
     ROW("concat 0", "concat", build_concat, WITH(.i = {0}),
         INPUTS(ANY(S2(2, 3)), ANY(S2(1, 3)), ANY(S2(3, 3)))),
     ROW("concat 1", "concat", build_concat, WITH(.i = {1}),
@@ -135,5 +144,6 @@ static const lg_gradcheck_case rows[] = {
     ROW("gather of (5, 2), repeated", "gather", build_gather, INPUTS(ANY(S2(5, 2)))),
     ROW("gather of (5), repeated", "gather", build_gather, INPUTS(ANY(S1(5)))),
     ROW("scatter of (6, 2), repeated", "scatter", build_scatter, INPUTS(ANY(S2(6, 2)))),
+    ROW("scatter of (3, 2), repeated", "scatter", build_small_scatter, INPUTS(ANY(S2(3, 2)))),
 };
 FAMILY(arrays)

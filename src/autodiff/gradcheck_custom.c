@@ -95,13 +95,16 @@ BUILD(build_sphere) {
 /* ---- rows ---- */
 
 static const lg_gradcheck_case rows[] = {
-    ROW("custom, built", "custom", build_custom, WITH(.i = {0}), INPUTS(ANY(S1(3)), ANY(S1(3)))),
+    {.function = {.name = "custom, built", .build = build_custom, WITH(.i = {0}), INPUTS(ANY(S1(3)), ANY(S1(3)))},
+     .operations = {"custom"},
+     .no_program = "operation custom"},
     {.function = {.name = "custom, numeric",
                   .build = build_custom,
                   .first_order_only = true,
                   WITH(.i = {1}),
                   INPUTS(ANY(S1(3)), ANY(S1(3)))},
-     .operations = {"custom", "custom_derivative"}},
+     .operations = {"custom", "custom_derivative"},
+     .no_program = "operation custom"},
     {.function = {.name = "on the sphere",
                   .build = build_sphere,
                   .perturb = turn,

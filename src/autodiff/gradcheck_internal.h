@@ -14,6 +14,20 @@ struct lg_plant {
 };
 typedef struct lg_plant lg_plant;
 
+/* Whether function and options can be checked. */
+bool lg_gradcheck_valid(const lg_gradcheck_function *function, const lg_gradcheck_options *options);
+
+/* max |a_i - b_i| (b NULL: of zeros), NaN when one is; 0 for none. */
+double lg_largest_difference(const double *a, const double *b, size_t n);
+static inline double lg_largest(const double *a, size_t n) {
+    return lg_largest_difference(a, NULL, n);
+}
+
+struct lg_plan;
+/* Changes one step of the plan by plant->mutation; counts in plant->applied the places that fit. False: none
+ * does. `constants`: memory for LG_PLANT_CONSTANT is taken from the plan. */
+bool lg_plant_plan(lg_plant *plant, struct lg_plan *plan);
+
 /* The code of a name, -1 for none. */
 int lg_op_by_name(const char *name);
 

@@ -1,6 +1,7 @@
 /* Planted errors: mutations of what an operation's vjp or jvp returns, and the run that wants each one
  * caught. */
 #include "autodiff/gradcheck_internal.h"
+#include "autodiff/scalars.h"
 
 #include <string.h>
 
@@ -60,6 +61,22 @@ lg_var lg_plant_jvp(const lg_forward *f) {
     return any ? lg_ops[op]->jvp(&without) : lg_zeros_like(tape, f->y);
 }
 
+void lg_plant_scalars(struct lg_plant *plant, lg_op_code op, lg_scalars *s, lg_scalar *y, size_t count) {
+    if (plant->direction != LG_PLANT_SCALARS || plant->op != op || count == 0) return;
+    const lg_scalar first = y[0];
+    bool changed = false;
+    for (size_t i = 0; i < count; i++) {
+        const lg_scalar right = y[i];
+        if (plant->mutation == LG_PLANT_SIGN) y[i] = lg_s_neg(s, right);
+        if (plant->mutation == LG_PLANT_FACTOR) y[i] = lg_s_scale(s, PLANTED_FACTOR, right);
+        if (plant->mutation == LG_PLANT_TRANSPOSE) y[i] = i + 1 < count ? y[i + 1] : first;
+        if (plant->mutation == LG_PLANT_DROP && i + 1 == count) y[i] = lg_s_constant(s, 0.0);
+        changed = changed || y[i] != right;
+    }
+    plant->applied++;
+    plant->changed += changed;
+}
+
 int lg_op_by_name(const char *name) {
     for (int op = 0; op < LG_OP_COUNT; op++)
         if (strcmp(lg_ops[op]->name, name) == 0) return op;
@@ -67,12 +84,14 @@ int lg_op_by_name(const char *name) {
 }
 
 const char *lg_plant_direction_name(lg_plant_direction direction) {
-    return direction == LG_PLANT_VJP ? "vjp" : "jvp";
+    static const char *const names[LG_PLANT_DIRECTIONS] = {"vjp", "jvp", "scalars", "plan"};
+    return (unsigned)direction < LG_PLANT_DIRECTIONS ? names[direction] : "unknown";
 }
 
 const char *lg_plant_mutation_name(lg_plant_mutation mutation) {
-    static const char *const names[LG_PLANT_MUTATIONS] = {"sign", "drop", "factor", "transpose"};
-    return (unsigned)mutation < LG_PLANT_MUTATIONS ? names[mutation] : "unknown";
+    static const char *const names[LG_PLANT_MUTATIONS + LG_PLANT_PLAN_MUTATIONS] = {
+        "sign", "drop", "factor", "transpose", "missing", "operand", "operation", "constant", "clobber"};
+    return (unsigned)mutation < LG_COUNT(names) ? names[mutation] : "unknown";
 }
 
 /* ---- the run ---- */
@@ -125,6 +144,44 @@ static lg_status plant_operation(const lg_context *context, const lg_gradcheck_c
     return LG_OK;
 }
 
+/* ---- programs ---- */
+
+static lg_status plant_in_program(const lg_context *context, const lg_gradcheck_case *row,
+                                  const lg_gradcheck_options *options, const lg_gradcheck_plant *plant,
+                                  lg_plant_report_fn report, void *user) {
+    lg_gradcheck_options planted = *options;
+    lg_gradcheck_program_result result;
+    planted.plant = plant;
+    const lg_status status = lg_gradcheck_program(context, row, &planted, &result);
+    if (status != LG_OK && status != LG_CHECK_FAILED) return status;
+    if (result.plant_changed == 0)
+        report(user, row, plant, LG_PLANT_EXCLUDED,
+               result.plant_applied > 0 ? "it changes no number" : "there is none in the plans");
+    else
+        report(user, row, plant, status == LG_OK ? LG_PLANT_MISSED : LG_PLANT_CAUGHT, result.message);
+    return LG_OK;
+}
+
+static lg_status plant_program(const lg_context *context, const lg_gradcheck_case *row,
+                               const lg_gradcheck_options *options, lg_plant_report_fn report, void *user) {
+    static const char *const functions[] = {"value", "forward", "adjoint"};
+    if (row->no_program != NULL) return LG_OK;
+    for (size_t i = 0; i < LG_GRADCHECK_CASE_OPERATIONS && row->operations[i] != NULL; i++) {
+        const lg_op *op = lg_ops[lg_op_by_name(row->operations[i])];
+        for (int m = 0; m < LG_PLANT_MUTATIONS && (op->element != NULL || op->expand != NULL); m++) {
+            const lg_gradcheck_plant plant = {op->name, LG_PLANT_SCALARS, (lg_plant_mutation)m, 0};
+            LG_TRY(plant_in_program(context, row, options, &plant, report, user));
+        }
+    }
+    for (size_t f = 0; f < LG_COUNT(functions); f++)
+        for (int m = 0; m < LG_PLANT_PLAN_MUTATIONS; m++) {
+            const lg_gradcheck_plant plant = {functions[f], LG_PLANT_PLAN,
+                                              (lg_plant_mutation)(LG_PLANT_MUTATIONS + m), 0};
+            LG_TRY(plant_in_program(context, row, options, &plant, report, user));
+        }
+    return LG_OK;
+}
+
 lg_status lg_gradcheck_plant_all(const lg_context *context, const lg_gradcheck_case *row,
                                  const lg_gradcheck_options *options, lg_plant_report_fn report, void *user) {
     lg_gradcheck_options chosen;
@@ -139,5 +196,5 @@ lg_status lg_gradcheck_plant_all(const lg_context *context, const lg_gradcheck_c
         LG_TRY(plant_operation(context, row, row->operations[i], inputs == 0 ? 1 : inputs, &chosen, report,
                                user));
     }
-    return LG_OK;
+    return plant_program(context, row, &chosen, report, user);
 }

@@ -1,5 +1,7 @@
 /* Rows of vectors, small symmetric positive definite systems, and the analytic functions of w = |u|^2 from
  * which exp, dexp and dexpinv are built. */
+#include <float.h>
+
 #include "autodiff/op_c.h"
 #include "autodiff/scalars.h"
 #include "autodiff/tape_internal.h"
@@ -137,11 +139,16 @@ static lg_status factor_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
-/* NaN where it is not positive. */
-static lg_scalar root_of_pivot(lg_scalars *s, lg_scalar pivot) {
-    const lg_scalar zero = lg_s_constant(s, 0.0), minus = lg_s_constant(s, -1.0);
-    const lg_scalar safe = lg_s_select(s, lg_s(s, LG_S_GE, zero, pivot), minus, pivot);
-    return lg_s(s, LG_S_SQRT, safe, safe);
+/* Whether a pivot is a positive number, normal in both types. */
+static lg_scalar is_positive(lg_scalars *s, lg_scalar pivot) {
+    return lg_s(s, LG_S_GE, pivot, lg_s_constant(s, FLT_MIN));
+}
+
+/* The diagonal of a matrix that is not positive becomes NaN, so that solving divides every number by one:
+ * zeros that are known beforehand would else keep parts of a row out of it. */
+static void mark_diagonal(lg_scalars *s, size_t k, lg_scalar good, lg_scalar *l) {
+    const lg_scalar minus = lg_s_constant(s, -1.0), nan = lg_s(s, LG_S_SQRT, minus, minus);
+    for (size_t j = 0; j < k; j++) l[j * k + j] = lg_s_select(s, good, l[j * k + j], nan);
 }
 
 /* l (k, k), lower */
@@ -149,7 +156,7 @@ static void factor_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar
     const size_t k = e->shape->dims[1];
     for (size_t b = 0; b < e->shape->dims[0]; b++) {
         const lg_scalar *a = x[0] + b * k * k;
-        lg_scalar *l = y + b * k * k;
+        lg_scalar *l = y + b * k * k, good = lg_s_constant(s, 1.0);
         for (size_t j = 0; j < k; j++)
             for (size_t i = 0; i < k; i++) {
                 if (i < j) {
@@ -160,8 +167,10 @@ static void factor_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar
                     i == j ? a[i * k + j] : lg_s_scale(s, 0.5, lg_s_add(s, a[i * k + j], a[j * k + i]));
                 for (size_t m = 0; m < j; m++)
                     sum = lg_s_sub(s, sum, lg_s_mul(s, l[i * k + m], l[j * k + m]));
-                l[i * k + j] = i == j ? root_of_pivot(s, sum) : lg_s_div(s, sum, l[j * k + j]);
+                if (i == j) good = lg_s_mul(s, good, is_positive(s, sum));
+                l[i * k + j] = i == j ? lg_s(s, LG_S_SQRT, sum, sum) : lg_s_div(s, sum, l[j * k + j]);
             }
+        mark_diagonal(s, k, good, l);
     }
 }
 

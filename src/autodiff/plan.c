@@ -46,6 +46,7 @@ typedef struct planning {
     const double *
         *constant; /* pieces of the constants: values, or NULL when the place is written otherwise */
     size_t *constant_at, *constant_count, constants, constant_capacity;
+    struct lg_plant *plant;
     lg_error *error;
     bool compact, failed;
 } planning;
@@ -419,6 +420,7 @@ static lg_status add_code(planning *p, const uint32_t *nodes, uint32_t count, ui
     uint32_t *stored = take(p, count, sizeof *stored), outs = 0;
     if (step == NULL || stored == NULL) return LG_OUT_OF_MEMORY;
     lg_status status = lg_code_begin(&code, &p->temporary, &p->g);
+    code.plant = p->plant;
     for (uint32_t j = 0; status == LG_OK && j < count; j++) status = lg_code_add(&code, nodes[j]);
     for (uint32_t j = 0; status == LG_OK && j < count; j++) {
         if (!goes_out(p, nodes[j], now)) continue;
@@ -635,12 +637,14 @@ lg_status lg_plan_create(const lg_program *program, size_t function, const lg_pl
     if (function >= program->functions) return lg_fail(error, LG_NOT_FOUND, "there is no such function");
     const lg_function *f = &program->function[function];
     lg_plan *plan = lg_alloc(program->context, 1, sizeof *plan);
-    if (plan == NULL) return LG_OUT_OF_MEMORY;
+    if (plan == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a plan of '%s'", f->name);
     plan->context = program->context;
     plan->memory = (lg_heap){.context = program->context, .most = chosen.most_bytes};
     planning p = {.plan = plan,
-                  .temporary = {.context = program->context, .most = 4 * chosen.most_bytes},
+                  .temporary = {.context = program->context,
+                                .most = chosen.most_bytes < SIZE_MAX / 4 ? 4 * chosen.most_bytes : 0},
                   .compact = chosen.compact,
+                  .plant = program->plant,
                   .error = error};
     lg_status status = make(&p, program, f, &chosen);
     lg_heap_free(&p.temporary);

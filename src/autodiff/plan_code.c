@@ -78,6 +78,7 @@ lg_status lg_code_add(lg_code *code, uint32_t node) {
     const lg_evaluation e = {
         .attr = &n->attr, .inputs = n->inputs, .in = shapes, .shape = &n->shape, .count = n->count};
     if (!lg_scalars_expand(&code->s, lg_ops[n->op], &e, x, y)) return LG_OUT_OF_MEMORY;
+    if (code->plant != NULL) lg_plant_scalars(code->plant, n->op, &code->s, y, n->count);
     code->value[node] = y;
     return LG_OK;
 }

@@ -331,10 +331,11 @@ static row_use use_of_rows(const making *m, const lg_graph_node *n) {
     }
 }
 
-/* An input without an axis of rows, or with one row for all. */
+/* An input without an axis of rows (a matrix beside a batch of them: its first axis is none, whatever its
+ * length), or with one row for all. */
 static bool serves_all(const lg_graph_node *n, const lg_shape *in) {
-    return lg_ops[n->op]->element != NULL ? in->rank < n->shape.rank || in->dims[0] == 1
-                                          : n->op == LG_OP_MATMUL && n->shape.rank == 3 && in->dims[0] == 1;
+    const bool broadcasts = lg_ops[n->op]->element != NULL || (n->op == LG_OP_MATMUL && n->shape.rank == 3);
+    return broadcasts && (in->rank < n->shape.rank || in->dims[0] == 1);
 }
 
 static uint32_t on_single_rows(making *m, const lg_graph_node *n) {

@@ -514,8 +514,9 @@ lg_status lg_program_add_function(lg_program *p, lg_function *f, lg_error *error
 lg_status lg_program_add_loop(lg_program *p, const char *name, const char *function, size_t times,
                               const lg_carry *carry, size_t carry_count, lg_error *error) {
     size_t callee;
-    if (lg_program_find(p, function, &callee) != LG_OK)
-        return lg_fail(error, LG_NOT_FOUND, "there is no function '%s'", function);
+    LG_TRY(check_name("a function", name, error));
+    if (function == NULL || lg_program_find(p, function, &callee) != LG_OK)
+        return lg_fail(error, LG_NOT_FOUND, "there is no function '%s'", function != NULL ? function : "");
     if (times < 1 || times > UINT32_MAX)
         return lg_fail(error, LG_INVALID_ARGUMENT, "loop '%s' is run %zu times", name, times);
     const lg_function *of = &p->function[callee];

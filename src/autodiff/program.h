@@ -70,6 +70,7 @@ struct lg_program {
     size_t parameters;
     lg_function *function;
     size_t functions, capacity;
+    struct lg_plant *plant; /* deliberately wrong scalar code in plans (gradcheck_plant.c); NULL */
 };
 
 /* Limits of what is built or loaded; a file beyond them is refused. */

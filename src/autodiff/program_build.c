@@ -270,8 +270,6 @@ static lg_status add_indices(building *b, lg_program_node *node, const uint32_t 
 static lg_status payload(building *b, uint32_t i, lg_program_node *node) {
     const lg_node *from = node_in(b, 0, i);
     switch (lg_ops[from->op]->payload) {
-    case LG_PAYLOAD_IN_PROCESS:
-        return refuse(b, i, "an operation of the caller's own lives in this process only");
     case LG_PAYLOAD_REALS:
         if (!same_payload(b, i, from->inputs * sizeof(double)))
             return refuse(b, i, "its coefficients depend on numbers or on the number of rows");
@@ -283,6 +281,7 @@ static lg_status payload(building *b, uint32_t i, lg_program_node *node) {
         return add_indices(b, node, from->attr.pointer, from->attr.i[0]);
     case LG_PAYLOAD_KEPT:
     case LG_PAYLOAD_NONE:
+    case LG_PAYLOAD_IN_PROCESS: /* refused before */
         break;
     }
     return LG_OK;
@@ -374,6 +373,14 @@ static lg_status output_port(building *b, size_t j, lg_port *port) {
     return LG_OK;
 }
 
+/* Before anything else: what it is given may be numbers of its own, and would be named in its place. */
+static lg_status refuse_custom(building *b) {
+    for (uint32_t i = 0; i < b->count; i++)
+        if (b->place[i] != 0 && lg_ops[node_in(b, 0, i)->op]->payload == LG_PAYLOAD_IN_PROCESS)
+            return refuse(b, i, "an operation of the caller's own lives in this process only");
+    return LG_OK;
+}
+
 static lg_status make_nodes(building *b) {
     lg_function *f = &b->made;
     size_t edges = 0;
@@ -383,6 +390,7 @@ static lg_status make_nodes(building *b) {
     f->edges = memory(b, edges + 1, sizeof *f->edges);
     f->result = memory(b, f->outputs, sizeof *f->result);
     if (f->node == NULL || f->edges == NULL || f->result == NULL) return LG_OUT_OF_MEMORY;
+    LG_TRY(refuse_custom(b));
     for (uint32_t i = 0; i < b->count; i++)
         if (b->place[i] != 0) LG_TRY(node(b, i, &f->node[b->place[i] - 1]));
     for (size_t j = 0; j < f->outputs; j++) {
@@ -453,10 +461,14 @@ lg_status lg_program_build(const lg_context *context, const lg_program_spec *spe
     lg_program *made;
     if (spec == NULL || spec->size != sizeof *spec || out == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "no specification, or one of another version");
+    lg_error ignored;
+    if (error == NULL) error = &ignored;
+    error->message[0] = '\0';
     if (spec->description != NULL && strlen(spec->description) > LG_PROGRAM_MAX_TEXT)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the description has more than %d bytes",
                        LG_PROGRAM_MAX_TEXT);
-    LG_TRY(lg_program_create(context, &made));
+    if (lg_program_create(context, &made) != LG_OK)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a program");
     lg_status status = LG_OK;
     if (spec->description != NULL && (made->description = lg_strdup(context, spec->description)) == NULL)
         status = LG_OUT_OF_MEMORY;
@@ -464,9 +476,11 @@ lg_status lg_program_build(const lg_context *context, const lg_program_spec *spe
         status = lg_program_add_parameter(made, &spec->parameters[i], error);
     for (size_t i = 0; status == LG_OK && i < spec->function_count; i++)
         status = lg_program_record_function(made, &spec->functions[i], error);
-    if (status == LG_OK)
+    if (status == LG_OK) {
         *out = made;
-    else
-        lg_program_destroy(made);
+        return LG_OK;
+    }
+    lg_program_destroy(made);
+    if (error->message[0] == '\0') (void)lg_fail(error, status, "%s", lg_status_sentence(status));
     return status;
 }

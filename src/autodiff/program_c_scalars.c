@@ -499,7 +499,9 @@ void lg_c_elementwise(lg_c *c, const lg_op *op, const lg_evaluation *e) {
     const uint32_t levels = levels_of(e, length, stride);
     uint64_t over = 0;
     for (uint32_t k = 0; k < e->inputs; k++) {
-        if (same_place(&c->step->x[k], &c->step->y)) over |= (uint64_t)1 << k;
+        /* What is not read is no argument either. */
+        if (c->step->x[k].area == LG_AREA_NONE || same_place(&c->step->x[k], &c->step->y))
+            over |= (uint64_t)1 << k;
         one[k] = levels == 1 && stride[k][0] == 0;
         any = any || one[k];
     }

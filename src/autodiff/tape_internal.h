@@ -273,6 +273,8 @@ lg_status lg_backward_set_bounded(lg_tape *tape, lg_var y, const lg_var *wrt, si
  * its mutation of what a vjp has put out; a jvp with its mutation. */
 bool lg_plant_hits(const lg_tape *tape, uint32_t node, lg_plant_direction direction);
 void lg_plant_vjp(lg_reverse *r);
+/* The same in the scalar code y of an operation. */
+void lg_plant_scalars(struct lg_plant *plant, lg_op_code op, lg_scalars *s, lg_scalar *y, size_t count);
 lg_var lg_plant_jvp(const lg_forward *f);
 
 lg_var lg_zeros_like(lg_tape *tape, lg_var v);

@@ -292,7 +292,10 @@ lg_status lg_taped_implicit_step(lg_tape *tape, const lg_scheme *scheme, const l
         (void)lg_tape_fail(tape, LG_SHAPE, "implicit step", "a part of the state has no batch axis");
         return lg_tape_status(tape);
     }
-    LG_TRY(stage_of(&s, &x, &inverse));
+    lg_scope_push(tape, "implicit stage");
+    const lg_status status = stage_of(&s, &x, &inverse);
+    lg_scope_pop(tape);
+    LG_TRY(status);
     LG_TRY(corrected(&s, inverse, &x));
     LG_TRY(corrected(&s, inverse, &x));
     LG_TRY(lg_taped_split_algebra(tape, &ode->space, x, increment.part));

@@ -26,6 +26,48 @@ static void test_every_row_passes(void **state) {
     }
 }
 
+/* As programs too, or they say why not. */
+static void test_every_row_is_the_same_program(void **state) {
+    (void)state;
+    const lg_gradcheck_case *row;
+    for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++) {
+        lg_gradcheck_program_result result;
+        const lg_status status = lg_gradcheck_program(NULL, row, NULL, &result);
+        if (status != LG_OK)
+            fail_msg("%s: %s: %s", row->function.name, lg_status_name(status), result.message);
+        assert_true(result.passed);
+        assert_int_equal(result.refused, row->no_program != NULL);
+        if (result.refused) {
+            assert_non_null(strstr(result.message, row->no_program));
+            continue;
+        }
+        assert_string_equal(result.message, "");
+        assert_true(result.value <= 1e-12 && result.forward <= 1e-12 && result.adjoint <= 1e-12);
+    }
+}
+
+/* A row that is wrong about itself fails: refused without saying so, a program although it says it is none,
+ * refused for another reason. */
+static void test_refusals_are_checked(void **state) {
+    (void)state;
+    const lg_gradcheck_case *row;
+    bool both[2] = {false, false};
+    for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++) {
+        lg_gradcheck_case wrong = *row;
+        lg_gradcheck_program_result result;
+        wrong.no_program = row->no_program != NULL ? NULL : "operation custom";
+        assert_status(lg_gradcheck_program(NULL, &wrong, NULL, &result), LG_CHECK_FAILED);
+        assert_false(result.passed);
+        assert_true(strlen(result.message) > 0);
+        assert_int_equal(result.refused, row->no_program != NULL);
+        both[row->no_program != NULL] = true;
+        if (row->no_program == NULL) continue;
+        wrong.no_program = "another reason";
+        assert_status(lg_gradcheck_program(NULL, &wrong, NULL, &result), LG_CHECK_FAILED);
+    }
+    assert_true(both[0] && both[1]);
+}
+
 /* An operation outside the registry cannot exist: each has a row that names it and has it on its tape. */
 static void test_every_operation_has_a_row(void **state) {
     (void)state;
@@ -63,15 +105,18 @@ static void test_names_are_different_and_known(void **state) {
 /* ---- planted errors ---- */
 
 typedef struct tally {
-    size_t outcome[LG_PLANT_EXCLUDED + 1], caught[LG_OP_COUNT][2][LG_PLANT_MUTATIONS];
+    size_t outcome[LG_PLANT_EXCLUDED + 1], caught[LG_OP_COUNT][LG_PLANT_DIRECTIONS][LG_PLANT_MUTATIONS];
+    size_t programs[LG_PLANT_EXCLUDED + 1], in_plans[LG_PLANT_PLAN_MUTATIONS];
 } tally;
 
 static void count_plant(void *user, const lg_gradcheck_case *row, const lg_gradcheck_plant *plant,
                         lg_plant_outcome outcome, const char *reason) {
     tally *t = user;
-    t->outcome[outcome]++;
+    const bool of_plan = plant->direction == LG_PLANT_PLAN;
+    (of_plan || plant->direction == LG_PLANT_SCALARS ? t->programs : t->outcome)[outcome]++;
     assert_true(strlen(reason) > 0 || outcome == LG_PLANT_MISSED);
-    if (outcome == LG_PLANT_CAUGHT)
+    if (outcome == LG_PLANT_CAUGHT && of_plan) t->in_plans[plant->mutation - LG_PLANT_MUTATIONS]++;
+    if (outcome == LG_PLANT_CAUGHT && !of_plan)
         t->caught[lg_op_by_name(plant->operation)][plant->direction][plant->mutation]++;
     if (outcome == LG_PLANT_MISSED)
         fail_msg("%s: %s %s of %s, input %u, was not caught", row->function.name, plant->operation,
@@ -85,7 +130,18 @@ static void test_every_plant_is_caught(void **state) {
     const lg_gradcheck_case *row;
     for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++)
         assert_ok(lg_gradcheck_plant_all(NULL, row, NULL, count_plant, &t));
-    assert_int_equal(t.outcome[LG_PLANT_MISSED], 0);
+    assert_int_equal(t.outcome[LG_PLANT_MISSED] + t.programs[LG_PLANT_MISSED], 0);
+    /* Every fault in the scalar code of every operation that has one, and every sort of fault in plans. What
+     * is stopped goes before there is code. */
+    for (int op = 0; op < LG_OP_COUNT; op++)
+        for (int mutation = 0; mutation < LG_PLANT_MUTATIONS; mutation++) {
+            if ((lg_ops[op]->element == NULL && lg_ops[op]->expand == NULL) || op == LG_OP_STOP) continue;
+            if (t.caught[op][LG_PLANT_SCALARS][mutation] == 0)
+                fail_msg("%s: no %s of scalar code was caught", lg_ops[op]->name,
+                         lg_plant_mutation_name((lg_plant_mutation)mutation));
+        }
+    for (int mutation = 0; mutation < LG_PLANT_PLAN_MUTATIONS; mutation++)
+        assert_true(t.in_plans[mutation] > 0);
     assert_true(t.outcome[LG_PLANT_CAUGHT] > 3 * t.outcome[LG_PLANT_EXCLUDED]);
     /* No operation escapes altogether: sign, drop and factor are caught in all that have a derivative, and
      * transposition in all whose derivative can have two axes. */
@@ -392,6 +448,8 @@ static void test_every_allocation_may_fail(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_every_row_passes),
+        cmocka_unit_test(test_every_row_is_the_same_program),
+        cmocka_unit_test(test_refusals_are_checked),
         cmocka_unit_test(test_every_operation_has_a_row),
         cmocka_unit_test(test_names_are_different_and_known),
         cmocka_unit_test(test_every_plant_is_caught),

@@ -21,6 +21,10 @@ static void test_everything_passes(void **state) {
     cli_expect(program, "", 0, " 0 wrong.", &result);
     assert_null(strstr(result.out, "WRONG"));
     cli_expect(program, "--seed 77", 0, " 0 wrong.", &result);
+    cli_expect(program, "--only implicit-euler --order 1", 0, "refused", &result);
+    cli_expect(program, "--only custom --json", 0, "\"refused\": true", &result);
+    cli_expect(program, "--only cross --json", 0, "\"adjoint\": ", &result);
+    assert_non_null(strstr(result.out, "\"refused_programs\": 0"));
 }
 
 static void test_every_plant_is_caught(void **state) {
@@ -39,6 +43,8 @@ static void test_every_plant_is_caught(void **state) {
     assert_true(json_is_object(result.out));
     assert_non_null(strstr(result.out, "\"outcome\": \"caught\""));
     assert_non_null(strstr(result.out, "\"mutation\": \"transpose\""));
+    assert_non_null(strstr(result.out, "\"direction\": \"scalars\""));
+    assert_non_null(strstr(result.out, "\"mutation\": \"missing\""));
 }
 
 static void test_one_operation(void **state) {

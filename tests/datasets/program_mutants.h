@@ -68,6 +68,38 @@ static inline void assert_sentence(const lg_error *error, lg_status status, size
         if ((unsigned char)*c < ' ' || *c == '\x7f') fail_msg("mutant %zu: %s", mutant, error->message);
 }
 
+/* The function as a plan, on zeros. */
+static inline lg_status plan_mutant(const lg_program *program, size_t function, size_t rows, lg_dtype dtype) {
+    lg_plan_options options;
+    lg_plan *plan;
+    lg_error error;
+    void *in[64], *out[64];
+    size_t inputs, outputs;
+    lg_plan_options_init(&options);
+    options.rows = rows;
+    options.dtype = dtype;
+    options.mark_unfit = rows % 2 == 1;
+    options.most_bytes = MUTANT_BYTES;
+    const lg_status status = lg_plan_create(program, function, &options, &plan, &error);
+    if (status != LG_OK) {
+        assert_true(error.message[0] != '\0');
+        return status;
+    }
+    (void)lg_program_inputs(program, function, &inputs);
+    (void)lg_program_outputs(program, function, &outputs);
+    const size_t size = dtype == LG_F64 ? sizeof(double) : sizeof(float);
+    for (size_t i = 0; i < inputs; i++) in[i] = calloc(lg_plan_input_count(plan, i) + 1, size);
+    for (size_t j = 0; j < outputs; j++) out[j] = malloc(lg_plan_output_count(plan, j) * size + 1);
+    void *work = aligned_alloc(64, lg_plan_work_size(plan));
+    memset(work, 0xff, lg_plan_work_size(plan));
+    lg_plan_run(plan, (const void *const *)in, out, work);
+    for (size_t i = 0; i < inputs; i++) free(in[i]);
+    for (size_t j = 0; j < outputs; j++) free(out[j]);
+    free(work);
+    lg_plan_destroy(plan);
+    return LG_OK;
+}
+
 /* A sound program runs, in both types and at several numbers of rows; only memory or shapes stop it. */
 static inline void run_mutant(const lg_program *program, tally *t, size_t mutant) {
     static const size_t rows[] = {1, 2, 7, 300};
@@ -78,8 +110,11 @@ static inline void run_mutant(const lg_program *program, tally *t, size_t mutant
         const bool long_loop = image->times > 100; /* as long as it says: the caller's matter */
         lg_function_image_destroy(program, image);
         for (size_t r = 0; r < LG_COUNT(rows) && !long_loop; r++) {
-            const lg_status status =
-                zoo_run(program, f, rows[r], mutant % 2 == 0 ? LG_F64 : LG_F32, mutant, MUTANT_BYTES, NULL);
+            const lg_dtype dtype = mutant % 2 == 0 ? LG_F64 : LG_F32;
+            const lg_status planned = plan_mutant(program, f, rows[r], dtype);
+            if (planned != LG_OK && planned != LG_SHAPE && planned != LG_OUT_OF_MEMORY)
+                fail_msg("mutant %zu: a plan: %s", mutant, lg_status_name(planned));
+            const lg_status status = zoo_run(program, f, rows[r], dtype, mutant, MUTANT_BYTES, NULL);
             t->ran += status == LG_OK;
             if (status != LG_OK && status != LG_SHAPE && status != LG_OUT_OF_MEMORY &&
                 status != LG_NOT_DIFFERENTIABLE && status != LG_INVALID_ARGUMENT)

@@ -1,0 +1,400 @@
+/* Scalar code of operations: every operation that has some, on every node that the registry of the gradient
+ * check puts on a tape, is the same function as the operation's tensors, on every instruction set, in both
+ * types. Elementwise operations may work over an input. ctest-labels: isa */
+#include "test_support.h"
+
+#include "autodiff/gradcheck_internal.h"
+#include "autodiff/scalars.h"
+#include "liegrad/random.h"
+
+/* ---- nodes ---- */
+
+typedef void (*visit_fn)(const lg_tape *tape, const lg_node *node, const char *row);
+
+static double drawn(lg_rng *rng, const lg_gradcheck_argument *a, size_t i) {
+    if (a->values != NULL) return a->values[i];
+    const bool plain = a->low == 0.0 && a->high == 0.0;
+    return lg_rng_uniform_in(rng, plain ? -1.0 : a->low, plain ? 1.0 : a->high);
+}
+
+static lg_var argument(lg_tape *tape, lg_rng *rng, const lg_gradcheck_argument *a, bool given) {
+    void *values = NULL;
+    const lg_var leaf = lg_input_buffer(tape, a->shape, &values);
+    for (size_t i = 0; i < lg_shape_count(a->shape); i++)
+        ((double *)values)[i] = given ? drawn(rng, a, i) : lg_rng_normal(rng);
+    return leaf;
+}
+
+/* All nodes of all rows: of values, of both derivatives and of the derivatives' derivatives. */
+static void each_node(visit_fn visit) {
+    const lg_gradcheck_case *row;
+    lg_rng rng;
+    lg_rng_seed(&rng, 5, 1);
+    for (size_t r = 0; (row = lg_gradcheck_operation(r)) != NULL; r++) {
+        const lg_gradcheck_function *f = &row->function;
+        lg_tape *tape;
+        lg_var x[LG_GRADCHECK_MAX_INPUTS], d[LG_GRADCHECK_MAX_INPUTS], back[LG_GRADCHECK_MAX_INPUTS], y, forward;
+        assert_ok(lg_tape_create(NULL, NULL, &tape));
+        for (uint32_t i = 0; i < f->inputs; i++) {
+            x[i] = argument(tape, &rng, &f->arguments[i], true);
+            d[i] = argument(tape, &rng, &f->arguments[i], false);
+        }
+        y = f->build(f->user, tape, x);
+        assert_ok(lg_tape_status(tape));
+        assert_ok(lg_jvp(tape, &y, 1, x, d, f->inputs, &forward));
+        assert_ok(lg_vjp(tape, &y, &forward, 1, x, f->inputs, back));
+        if (!f->first_order_only) assert_ok(lg_vjp(tape, back, d, f->inputs, x, f->inputs, back));
+        for (uint32_t i = 0; i < tape->count; i++) visit(tape, &tape->nodes[i], f->name);
+        lg_tape_destroy(tape);
+    }
+}
+
+/* ---- one node, evaluated in all ways ---- */
+
+enum { MOST = 4096 };
+
+/* Inputs in the table's type; NULL where they are not read. */
+typedef struct node_values {
+    lg_evaluation e;
+    const lg_shape *shapes[LG_MAX_INPUTS];
+    const void *x[LG_MAX_INPUTS];
+    void *y;
+} node_values;
+
+static bool reads(const lg_node *node, uint32_t k) {
+    const lg_op *op = lg_ops[node->op];
+    const uint32_t unread = op->unread != NULL ? op->unread(&node->attr, node->inputs) : 0;
+    return k >= 32 || !(unread >> k & 1u);
+}
+
+static void *own(size_t count, size_t size) {
+    void *memory = NULL;
+    assert_int_equal(posix_memalign(&memory, 64, count * size + 64), 0);
+    memset(memory, 0xff, count * size + 64);
+    return memory;
+}
+
+static void open_node(node_values *v, const lg_tape *tape, const lg_node *node, const lg_kernels *k) {
+    *v = (node_values){.e = {.k = k, .attr = &node->attr, .inputs = node->inputs, .shape = &node->shape,
+                             .count = node->count}};
+    for (uint32_t i = 0; i < node->inputs; i++) {
+        const lg_node *from = &tape->nodes[tape->parents[node->parents + i]];
+        v->shapes[i] = &from->shape;
+        if (!reads(node, i)) continue;
+        void *values = own(from->count, k->size);
+        k->convert_in(from->count, from->value, values);
+        v->x[i] = values;
+    }
+    v->y = own(node->count, k->size);
+    v->e.in = v->shapes;
+    v->e.x = v->x;
+    v->e.y = v->y;
+    const lg_op *op = lg_ops[node->op];
+    if (op->scratch != NULL) v->e.scratch = own(op->scratch(&v->e), 1);
+    assert_ok(op->forward(&v->e));
+}
+
+static void close_node(node_values *v) {
+    union {
+        const void *kept;
+        void *memory;
+    } x;
+    for (uint32_t i = 0; i < v->e.inputs; i++) {
+        x.kept = v->x[i];
+        free(x.memory);
+    }
+    free(v->y);
+    free(v->e.scratch);
+}
+
+static void expand(lg_scalars *s, const node_values *v, const lg_op *op, lg_scalar *y) {
+    lg_scalar *x[LG_MAX_INPUTS];
+    const lg_scalar *in[LG_MAX_INPUTS];
+    uint32_t number = 0;
+    lg_scalars_init(s, NULL);
+    for (uint32_t i = 0; i < v->e.inputs; i++) {
+        const size_t count = lg_shape_count(*v->shapes[i]);
+        x[i] = v->x[i] == NULL ? NULL : malloc((count + 1) * sizeof **x);
+        for (size_t j = 0; x[i] != NULL && j < count; j++) x[i][j] = lg_s_input(s, number++);
+        in[i] = x[i];
+    }
+    assert_true(lg_scalars_expand(s, op, &v->e, in, y));
+    for (uint32_t i = 0; i < v->e.inputs; i++) free(x[i]);
+}
+
+/* The numbers of the inputs, one after another, as INPUT instructions have them. */
+static size_t inputs_of(const node_values *v, double *out) {
+    size_t used = 0;
+    for (uint32_t i = 0; i < v->e.inputs; i++) {
+        const size_t count = lg_shape_count(*v->shapes[i]);
+        if (v->x[i] == NULL) continue;
+        if (out != NULL) v->e.k->convert_out(count, v->x[i], out + used);
+        used += count;
+    }
+    return used;
+}
+
+/* ---- a walk by the C library ---- */
+
+static double by_hand(const lg_scalar_code *c, const double *r, const double *inputs) {
+    const double a = r[c->in[0]], b = r[c->in[1]];
+    double all[9], one;
+    switch (c->op) {
+    case LG_S_INPUT: return inputs[c->n];
+    case LG_S_CONSTANT: return c->p;
+    case LG_S_ADD: return a + b;
+    case LG_S_SUB: return a - b;
+    case LG_S_MUL: return a * b;
+    case LG_S_DIV: return a / b;
+    case LG_S_NEG: return -a;
+    case LG_S_MAX: return isnan(a) ? a : isnan(b) ? b : fmax(a, b);
+    case LG_S_GE: return a >= b;
+    case LG_S_SELECT: return a == 0.0 ? r[c->in[2]] : b;
+    case LG_S_SQRT: return sqrt(a);
+    case LG_S_ABS: return fabs(a);
+    case LG_S_SIGN: return isnan(a) ? a : a >= 0.0 ? 1.0 : -1.0;
+    case LG_S_POW: return pow(a, c->p);
+    case LG_S_EXP: return exp(a);
+    case LG_S_LOG: return log(a);
+    case LG_S_SIN: return sin(a);
+    case LG_S_COS: return cos(a);
+    case LG_S_TANH: return tanh(a);
+    case LG_S_SIGMOID: return a >= 0.0 ? 1.0 / (1.0 + exp(-a)) : exp(a) / (1.0 + exp(a));
+    case LG_S_ATAN2: return atan2(a, b);
+    case LG_S_STUMPFF:
+        lg_kernels_of(LG_F64, LG_ISA_BASELINE)->stumpff(1, (int)(c->n % 16), (int)(c->n / 16), &a, all);
+        return all[c->n % 16];
+    case LG_S_DEXPINV:
+        lg_kernels_of(LG_F64, LG_ISA_BASELINE)->dexpinv_coef(1, (int)c->n, &a, &one);
+        return one;
+    case LG_SCALAR_OPS: break;
+    }
+    fail_msg("an instruction that is none");
+    return NAN;
+}
+
+static void walk_by_hand(const lg_scalars *s, const double *inputs, double *r) {
+    for (uint32_t i = 0; i < s->count; i++) r[i] = by_hand(&s->code[i], r, inputs);
+}
+
+/* ---- the kernel, an instruction at a time ---- */
+
+static void walk_by_kernel(const lg_scalars *s, const lg_kernels *k, const double *inputs, double *out) {
+    static const uint8_t operands[LG_SCALAR_OPS] = {
+#define X(name, instructions, all) [LG_S_##name] = instructions,
+        LG_SCALAR_LIST(X)
+#undef X
+    };
+    static const uint8_t all[LG_SCALAR_OPS] = {
+#define X(name, instructions, all) [LG_S_##name] = all,
+        LG_SCALAR_LIST(X)
+#undef X
+    };
+    /* Registers: instructions, then the exponents of powers. */
+    unsigned char *r = own(2 * (size_t)s->count, k->size);
+    for (uint32_t i = 0; i < s->count; i++) {
+        const lg_scalar_code *c = &s->code[i];
+        unsigned char *at = r + i * k->size;
+        if (c->op == LG_S_INPUT) k->convert_in(1, &inputs[c->n], at);
+        if (c->op == LG_S_CONSTANT) k->convert_in(1, &c->p, at);
+        if (c->op == LG_S_INPUT || c->op == LG_S_CONSTANT) continue;
+        uint32_t x[4] = {c->in[0], c->in[1], c->in[2], 0};
+        if (all[c->op] > operands[c->op]) x[operands[c->op]] = c->op == LG_S_POW ? s->count + i : c->n;
+        k->convert_in(1, &c->p, r + (s->count + i) * k->size);
+        const lg_scalar_group group = {.op = (uint32_t)c->op, .count = 1, .result = i, .operands = 0};
+        k->scalars(1, &group, x, r);
+    }
+    k->convert_out(s->count, r, out);
+    free(r);
+}
+
+/* ---- equal to the tensors ---- */
+
+static bool seen[LG_OP_COUNT];
+
+static void compare(const char *row, const char *op, const char *what, const lg_scalar *y, const double *r,
+                    const double *forward, size_t count, double size, double tolerance) {
+    for (size_t i = 0; i < count; i++) size = fmax(size, fabs(forward[i]));
+    for (size_t i = 0; i < count; i++)
+        if (!(fabs(r[y[i]] - forward[i]) <= tolerance * size))
+            fail_msg("%s: %s, %s: element %zu is %.17g, not %.17g", row, op, what, i, r[y[i]], forward[i]);
+}
+
+static void check_scalars(const lg_tape *tape, const lg_node *node, const char *row) {
+    const lg_op *op = lg_ops[node->op];
+    if ((op->element == NULL && op->expand == NULL) || node->count > MOST) return;
+    for (int isa = 0; isa < LG_ISA_COUNT; isa++)
+        for (int dtype = 0; dtype < 2; dtype++) {
+            const lg_kernels *k = lg_kernels_of(dtype == 0 ? LG_F64 : LG_F32, (lg_isa)isa);
+            if (k == NULL) continue;
+            node_values v;
+            lg_scalars s;
+            open_node(&v, tape, node, k);
+            lg_scalar *y = malloc((node->count + 1) * sizeof *y);
+            expand(&s, &v, op, y);
+            double *inputs = malloc((inputs_of(&v, NULL) + 1) * sizeof *inputs),
+                   *r = malloc((s.count + 1) * sizeof *r), *forward = malloc((node->count + 1) * sizeof *forward);
+            (void)inputs_of(&v, inputs);
+            k->convert_out(node->count, v.y, forward);
+            walk_by_kernel(&s, k, inputs, r);
+            const double tolerance = dtype == 0 ? 1e-13 : 2e-5;
+            double size = 1e-30; /* of inputs: differences cancel */
+            for (size_t i = 0; i < inputs_of(&v, NULL); i++) size = fmax(size, fabs(inputs[i]));
+            compare(row, op->name, "kernel", y, r, forward, node->count, size, tolerance);
+            walk_by_hand(&s, inputs, r);
+            compare(row, op->name, "by hand", y, r, forward, node->count, size, tolerance);
+            free(inputs);
+            free(r);
+            free(forward);
+            free(y);
+            lg_scalars_free(&s);
+            close_node(&v);
+        }
+    seen[node->op] = true;
+}
+
+static void scalar_code_equals_the_operation(void **state) {
+    (void)state;
+    memset(seen, 0, sizeof seen);
+    each_node(check_scalars);
+    for (int op = 0; op < LG_OP_COUNT; op++)
+        if ((lg_ops[op]->element != NULL || lg_ops[op]->expand != NULL) && !seen[op])
+            fail_msg("%s was on no tape", lg_ops[op]->name);
+}
+
+/* ---- over an input: what plans do with elementwise operations ---- */
+
+static void check_over(const lg_tape *tape, const lg_node *node, const char *row) {
+    const lg_op *op = lg_ops[node->op];
+    if (op->element == NULL) return;
+    for (uint32_t i = 0; i < node->inputs; i++)
+        if (reads(node, i) &&
+            !lg_same_shape(&tape->nodes[tape->parents[node->parents + i]].shape, &node->shape))
+            return;
+    for (int isa = 0; isa < LG_ISA_COUNT; isa++)
+        for (int dtype = 0; dtype < 2; dtype++)
+            for (uint32_t i = 0; i < node->inputs; i++) {
+                const lg_kernels *k = lg_kernels_of(dtype == 0 ? LG_F64 : LG_F32, (lg_isa)isa);
+                if (k == NULL || !reads(node, i) || (node->op == LG_OP_COMBINE && i > 0)) continue;
+                node_values v;
+                open_node(&v, tape, node, k);
+                void *over = own(node->count, k->size);
+                memcpy(over, v.x[i], node->count * k->size);
+                const void *x[LG_MAX_INPUTS];
+                for (uint32_t j = 0; j < node->inputs; j++) x[j] = j == i ? over : v.x[j];
+                v.e.x = x;
+                v.e.y = over;
+                assert_ok(op->forward(&v.e));
+                if (memcmp(over, v.y, node->count * k->size) != 0)
+                    fail_msg("%s: %s over its input %u has other bits", row, op->name, i);
+                free(over);
+                close_node(&v);
+            }
+    seen[node->op] = true;
+}
+
+static void elementwise_operations_work_over_an_input(void **state) {
+    (void)state;
+    memset(seen, 0, sizeof seen);
+    each_node(check_over);
+    for (int op = 0; op < LG_OP_COUNT; op++)
+        if (lg_ops[op]->element != NULL && !seen[op]) fail_msg("%s was on no tape", lg_ops[op]->name);
+}
+
+/* ---- numbers that are not finite ---- */
+
+static bool alike(double a, double b) {
+    return a == b ? signbit(a) == signbit(b) || a == 0.0 : isnan(a) && isnan(b);
+}
+
+static void not_finite_numbers_are_treated_alike(void **state) {
+    (void)state;
+    static const lg_op_code ops[] = {LG_OP_MAX, LG_OP_GE, LG_OP_SELECT, LG_OP_SIGN, LG_OP_ABS};
+    const double special[] = {NAN, INFINITY, -INFINITY, 0.0, -0.0, 1.0, -1.0, 2.5};
+    enum { N = sizeof special / sizeof *special };
+    for (int isa = 0; isa < LG_ISA_COUNT; isa++)
+        for (int dtype = 0; dtype < 2; dtype++)
+            for (size_t o = 0; o < sizeof ops / sizeof *ops; o++)
+                for (size_t n = 0; n < (size_t)N * N * N; n++) {
+                    const lg_kernels *k = lg_kernels_of(dtype == 0 ? LG_F64 : LG_F32, (lg_isa)isa);
+                    if (k == NULL) continue;
+                    const double in[3] = {special[n % N], special[n / N % N], special[n / N / N]};
+                    double numbers[3], forward, found[16], hand[16];
+                    unsigned char x[3][64], y[64];
+                    const lg_attr attr = {.c = 0.0};
+                    const lg_op *op = lg_ops[ops[o]];
+                    const lg_shape shape = lg_shape1(1);
+                    const lg_shape *shapes[3] = {&shape, &shape, &shape};
+                    const void *values[3] = {x[0], x[1], x[2]};
+                    lg_evaluation e = {.k = k, .attr = &attr, .inputs = op->most, .in = shapes, .x = values,
+                                       .shape = &shape, .count = 1, .y = y};
+                    for (int i = 0; i < 3; i++) {
+                        k->convert_in(1, &in[i], x[i]);
+                        k->convert_out(1, x[i], &numbers[i]);
+                    }
+                    assert_ok(op->forward(&e));
+                    k->convert_out(1, y, &forward);
+                    lg_scalars s;
+                    lg_scalars_init(&s, NULL);
+                    lg_scalar inputs[3], result;
+                    const lg_scalar *places[3] = {&inputs[0], &inputs[1], &inputs[2]};
+                    for (uint32_t i = 0; i < op->most; i++) inputs[i] = lg_s_input(&s, i);
+                    assert_true(lg_scalars_expand(&s, op, &e, places, &result));
+                    walk_by_kernel(&s, k, numbers, found);
+                    walk_by_hand(&s, numbers, hand);
+                    if (!alike(found[result], forward) || !alike(hand[result], forward))
+                        fail_msg("%s(%g, %g, %g): tensor %g, kernel %g, by hand %g", op->name, in[0], in[1], in[2],
+                                 forward, found[result], hand[result]);
+                    lg_scalars_free(&s);
+                }
+}
+
+/* A matrix that is not positive makes all of its row NaN, whatever zeros are known. */
+static void a_matrix_that_is_not_positive(void **state) {
+    (void)state;
+    const double matrices[][4] = {{2, 0, 0, -1}, {-2, 0, 0, 1}, {0, 0, 0, 1}, {2, 0, 0, 3}, {1, 2, 2, 1},
+                                  {NAN, 0, 0, 1}, {1, 0, 0, NAN}};
+    for (size_t m = 0; m < sizeof matrices / sizeof *matrices; m++)
+        for (int diagonal = 0; diagonal < 2; diagonal++) {
+            lg_scalars s;
+            lg_scalars_init(&s, NULL);
+            const double *a = matrices[m], b[2] = {1.0, 2.0};
+            const double numbers[6] = {a[0], a[1], a[2], a[3], b[0], b[1]};
+            double r[256], y[2], factor[4];
+            const lg_shape square = lg_shape3(1, 2, 2), column = lg_shape3(1, 2, 1);
+            const lg_shape *shapes[3] = {&square, &column, &square};
+            lg_scalar in[6], l[4], x[2];
+            if (diagonal && a[1] != 0.0) {
+                lg_scalars_free(&s);
+                continue;
+            }
+            for (uint32_t i = 0; i < 6; i++)
+                in[i] = diagonal && (i == 1 || i == 2) ? lg_s_constant(&s, 0.0) : lg_s_input(&s, i);
+            const lg_scalar *places[3] = {in, in + 4, l};
+            lg_evaluation e = {.k = lg_kernels_for(LG_F64), .inputs = 1, .in = shapes, .shape = &square, .count = 4};
+            assert_true(lg_scalars_expand(&s, lg_ops[LG_OP_SPD_FACTOR], &e, places, l));
+            e.inputs = 3;
+            e.shape = &column;
+            e.count = 2;
+            assert_true(lg_scalars_expand(&s, lg_ops[LG_OP_SPD_SOLVE], &e, places, x));
+            assert_true(s.count < 256);
+            walk_by_kernel(&s, e.k, numbers, r);
+            const size_t failures = e.k->spd_factor(1, 2, a, factor);
+            e.k->spd_solve(1, 2, 1, factor, b, y);
+            for (int i = 0; i < 2; i++) {
+                assert_int_equal(isnan(y[i]), failures > 0);
+                if (!alike(r[x[i]], y[i])) assert_close(r[x[i]], y[i], 1e-14, 0.0);
+            }
+            lg_scalars_free(&s);
+        }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(scalar_code_equals_the_operation),
+        cmocka_unit_test(elementwise_operations_work_over_an_input),
+        cmocka_unit_test(not_finite_numbers_are_treated_alike),
+        cmocka_unit_test(a_matrix_that_is_not_positive),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
