@@ -139,11 +139,11 @@ typedef struct lg_derivative {
 } lg_derivative;
 
 LG_API void lg_derivative_init(lg_derivative *what);
-/* Adds the function. Rows are independent: Jacobians are of each row by the same row. All directions pass
- * through as rows of one batch, and what does not depend on the direction is computed once by lg_plan.
- * Errors: LG_INVALID_ARGUMENT, LG_NOT_FOUND (function, input or output), LG_UNSUPPORTED (a Jacobian by a
- * shared input or of a shared output), LG_NOT_DIFFERENTIABLE, LG_OUT_OF_MEMORY. On failure the program is as
- * before. */
+/* Adds the function. Jacobians are of each row by the same row: rows that depend on each other are refused,
+ * found by a trial. All directions pass through as rows of one batch, and what does not depend on the
+ * direction is computed once by lg_plan. Errors: LG_INVALID_ARGUMENT, LG_NOT_FOUND (function, input or
+ * output), LG_UNSUPPORTED (a Jacobian by a shared input or of a shared output), LG_NOT_DIFFERENTIABLE,
+ * LG_OUT_OF_MEMORY. On failure the program is as before. */
 LG_API lg_status lg_program_derive(lg_program *program, const lg_derivative *what, lg_error *error);
 
 /* Structural sparsity, whatever the parameters: pattern[a * n + b] = 1 where element a of one row of the

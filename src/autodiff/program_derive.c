@@ -4,11 +4,13 @@
  * of directions, each time with another unit vector as direction (or cotangent, where the outputs have fewer
  * elements). lg_plan computes once what the copies share.
  */
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "autodiff/program.h"
 #include "liegrad/ops.h"
+#include "liegrad/random.h"
 
 enum { PORTS = LG_PROGRAM_MAX_PORTS, NAME = LG_PROGRAM_MAX_NAME + 1 };
 
@@ -243,6 +245,83 @@ static lg_status make_ports(deriving *d, lg_error *error) {
     return LG_OK;
 }
 
+/* ---- whether rows are independent ---- */
+
+enum { ROWS = 2 };
+
+/* Inputs of ROWS rows, the first row of which is that of a single one, and outputs of both. */
+typedef struct row_trial {
+    lg_plan *plan[ROWS];
+    double *in[PORTS], *out[ROWS][PORTS];
+    void *work[ROWS];
+} row_trial;
+
+static void *trial_memory(const lg_context *context, size_t bytes, bool *failed) {
+    void *memory = lg_alloc(context, bytes + 1, 1);
+    *failed = *failed || memory == NULL;
+    return memory;
+}
+
+static lg_status run_trial(row_trial *t, const differentiable *f, lg_error *error) {
+    const lg_context *context = f->program->context;
+    lg_plan_options options;
+    lg_rng rng;
+    bool failed = false;
+    lg_plan_options_init(&options);
+    lg_rng_seed(&rng, 20, 0);
+    for (size_t r = ROWS; r-- > 0;) {
+        options.rows = r + 1;
+        LG_TRY(lg_plan_create(f->program, f->function, &options, &t->plan[r], error));
+        t->work[r] = trial_memory(context, lg_plan_work_size(t->plan[r]), &failed);
+        for (size_t j = 0; j < f->outputs; j++)
+            t->out[r][j] =
+                trial_memory(context, lg_plan_output_count(t->plan[r], j) * sizeof(double), &failed);
+    }
+    for (size_t i = 0; i < f->inputs; i++) {
+        const lg_port *port = &f->in[i];
+        const bool ranged = port->low != 0.0 || port->high != 0.0;
+        const size_t count = lg_plan_input_count(t->plan[ROWS - 1], i);
+        t->in[i] = trial_memory(context, count * sizeof(double), &failed);
+        for (size_t k = 0; !failed && k < count; k++)
+            t->in[i][k] = lg_rng_uniform_in(&rng, ranged ? port->low : -1.0, ranged ? port->high : 1.0);
+    }
+    if (failed) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a trial of rows");
+    for (size_t r = 0; r < ROWS; r++)
+        lg_plan_run(t->plan[r], (const void *const *)t->in, (void *const *)t->out[r], t->work[r]);
+    return LG_OK;
+}
+
+/* Largest difference of the first row, relative to the largest number. */
+static bool first_rows_agree(const row_trial *t, size_t output) {
+    const size_t count = lg_plan_output_count(t->plan[0], output);
+    double size = 0.0, difference = 0.0;
+    for (size_t k = 0; k < count; k++) {
+        size = fmax(size, fabs(t->out[0][output][k]));
+        difference = fmax(difference, fabs(t->out[0][output][k] - t->out[1][output][k]));
+    }
+    return difference <= 1e-9 * size;
+}
+
+static lg_status check_rows(const differentiable *f, lg_error *error) {
+    const lg_context *context = f->program->context;
+    row_trial t = {.plan = {NULL}};
+    lg_status status = run_trial(&t, f, error);
+    for (size_t j = 0; status == LG_OK && j < f->of_count; j++)
+        if (!first_rows_agree(&t, f->of[j]))
+            status = lg_fail(
+                error, LG_UNSUPPORTED,
+                "function '%s': a row of output '%s' depends on other rows of the batch: a Jacobian is "
+                "of each row by the same row",
+                f->program->function[f->function].name, f->out[f->of[j]].name);
+    for (size_t r = 0; r < ROWS; r++) {
+        for (size_t j = 0; j < f->outputs; j++) lg_free(context, t.out[r][j]);
+        lg_free(context, t.work[r]);
+        lg_plan_destroy(t.plan[r]);
+    }
+    for (size_t i = 0; i < f->inputs; i++) lg_free(context, t.in[i]);
+    return status;
+}
+
 /* ---- the function ---- */
 
 void lg_derivative_init(lg_derivative *what) {
@@ -268,6 +347,7 @@ static lg_status derive(deriving *d, lg_program *program, const lg_derivative *w
                   error));
     LG_TRY(choose(what->outputs, what->output_count, f->out, f->outputs, !rows, f->of, &f->of_count, "output",
                   error));
+    if (rows) LG_TRY(check_rows(f, error));
     LG_TRY(make_ports(d, error));
     const lg_function_spec spec = {
         .name = what->name != NULL ? what->name : name_of(d, prefix[what->kind], what->function, ""),

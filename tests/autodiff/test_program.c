@@ -700,6 +700,36 @@ static void derivatives_that_cannot_be(void **state) {
     lg_program_destroy(program);
 }
 
+static lg_status centred(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    (void)user, (void)theta;
+    y[0] = lg_sub(tape, x[0], lg_mean_axis(tape, x[0], 0, true));
+    return lg_tape_status(tape);
+}
+
+static void jacobians_of_rows_that_meet_are_refused(void **state) {
+    (void)state;
+    const lg_port out = {.name = "y"};
+    const lg_function_spec function = {"centred", &x3, 1, &out, 1, centred, NULL};
+    lg_derivative what;
+    lg_program_spec spec;
+    lg_program *program = NULL;
+    lg_error error;
+    lg_program_spec_init(&spec);
+    spec.functions = &function;
+    spec.function_count = 1;
+    assert_int_equal(lg_program_build(NULL, &spec, &program, &error), LG_OK);
+    lg_derivative_init(&what);
+    what.function = "centred";
+    what.kind = LG_DERIVATIVE_JACOBIAN;
+    assert_int_equal(lg_program_derive(program, &what, &error), LG_UNSUPPORTED);
+    assert_non_null(strstr(error.message, "a row of output 'y' depends on other rows"));
+    what.kind = LG_DERIVATIVE_JACOBIAN_OF_ADJOINT;
+    assert_int_equal(lg_program_derive(program, &what, &error), LG_UNSUPPORTED);
+    what.kind = LG_DERIVATIVE_ADJOINT;
+    assert_int_equal(lg_program_derive(program, &what, &error), LG_OK);
+    lg_program_destroy(program);
+}
+
 /* ---- on a tape: errors stick, outputs are untouched ---- */
 
 static void application_is_checked(void **state) {
@@ -766,6 +796,7 @@ int main(void) {
         cmocka_unit_test(derivatives_that_cannot_be),
         cmocka_unit_test(application_is_checked),
         cmocka_unit_test(sparsity_is_structural),
+        cmocka_unit_test(jacobians_of_rows_that_meet_are_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

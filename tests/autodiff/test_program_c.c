@@ -82,7 +82,7 @@ static void add_function(bundle *b, const lg_gradcheck_case *row, size_t index) 
         out[j] = (lg_port){.name = outputs[j]};
     }
     const lg_function_spec spec = {name, in, f->inputs, out, count, record, &r};
-    const lg_status status = lg_program_record_function(b->program, &spec, &error);
+    const lg_status status = lg_program_record_function(b->program, &spec, false, &error);
     if (status != LG_OK && in_process(row)) return;
     if (status != LG_OK) fail_msg("%s: %s", f->name, error.message);
     b->row[b->functions++] = row;
@@ -468,7 +468,8 @@ static void functions_of_the_angle(void **state) {
         (void)snprintf(name, sizeof name, "f%u", i);
         const lg_function_spec spec = {name, &in, 1, &out, 1, record_family, &families[i]};
         lg_error error;
-        if (lg_program_record_function(b.program, &spec, &error) != LG_OK) fail_msg("%s", error.message);
+        if (lg_program_record_function(b.program, &spec, false, &error) != LG_OK)
+            fail_msg("%s", error.message);
     }
     compiled c = compile(&b, has("gcc") ? "gcc" : "clang", "-O2", LG_F64, false);
     double *work = malloc(c.source->work_size * sizeof *work);
