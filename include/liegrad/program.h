@@ -17,9 +17,9 @@
  * A program serves every B >= 1: numbers of rows, and what follows from them, are affine in B.
  *
  * What is recorded must not depend on the numbers in the inputs or parameters: no branch on a value, no value
- * read from the tape and put back. lg_program_build records three times, at three random points and three
- * numbers of rows, and refuses by name what differs. Operations of the caller's own (lg_custom) cannot be in
- * a program.
+ * read from the tape and put back. lg_program_build records eight times, at random points and three numbers
+ * of rows, and refuses by name what differs (a branch that all these points take alike is not seen).
+ * Operations of the caller's own (lg_custom) cannot be in a program.
  */
 #ifndef LIEGRAD_PROGRAM_H
 #define LIEGRAD_PROGRAM_H

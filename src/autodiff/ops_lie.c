@@ -205,25 +205,25 @@ static const lg_c_fragment c_so3 = {
     }),
     .needs = {&c_vectors}};
 
-static const lg_c_fragment c_so3_coefficients = {.comment = "c[k] = c_k(w), k = 1, 2, 3",
-                                                 .text =
-                                                     LG_C(static void so3_coefficients(real angle, real *c) {
-                                                         const double w = (double)angle;
-                                                         double even = 0.0;
-                                                         double odd = 0.0;
-                                                         if (!(w <= 4.0)) {
-                                                             stumpff_row(angle, 3, 0, c);
-                                                             return;
-                                                         }
-                                                         for (int i = w <= 1.0 ? 8 : 11; i >= 0; i--) {
-                                                             even = inverse_factorial[2 + 2 * i] - w * even;
-                                                             odd = inverse_factorial[3 + 2 * i] - w * odd;
-                                                         }
-                                                         c[1] = (real)(1.0 - w * odd);
-                                                         c[2] = (real)even;
-                                                         c[3] = (real)odd;
-                                                     }),
-                                                 .needs = {&lg_c_stumpff}};
+static const lg_c_fragment c_so3_coefficients = {
+    .comment = "c[k] = c_k(w), k = 1, 2, 3, by their series; beyond w = 4 as stumpff_row has them",
+    .text = LG_C(static void so3_coefficients(real angle, real *c) {
+        const double w = (double)angle;
+        double even = 0.0;
+        double odd = 0.0;
+        if (!(w <= 4.0)) {
+            stumpff_row(angle, 3, 0, c);
+            return;
+        }
+        for (int i = w <= 1.0 ? 8 : 11; i >= 0; i--) {
+            even = inverse_factorial[2 + 2 * i] - w * even;
+            odd = inverse_factorial[3 + 2 * i] - w * odd;
+        }
+        c[1] = (real)(1.0 - w * odd);
+        c[2] = (real)even;
+        c[3] = (real)odd;
+    }),
+    .needs = {&lg_c_stumpff}};
 
 static const lg_c_fragment c_so3_exp = {
     .comment = "y = exp(u) x for n rows; x: vectors (columns 1), or matrices by rows (columns 3)",

@@ -102,7 +102,8 @@ lg_status lg_program_add_parameter(lg_program *program, const lg_parameter_spec 
  * payload, numbers that are not finite, what outputs are. */
 lg_status lg_program_add_function(lg_program *program, lg_function *function, lg_error *error);
 /* Records a function into it. */
-lg_status lg_program_record_function(lg_program *program, const lg_function_spec *spec, lg_error *error);
+lg_status lg_program_record_function(lg_program *program, const lg_function_spec *spec, bool derivative,
+                                     lg_error *error);
 void lg_function_free(const lg_context *context, lg_function *function);
 
 /* Node `node`'s shape and attributes at so many rows; false: a dimension or an attribute is negative or too

@@ -1,8 +1,8 @@
 /* Recordings become functions.
  *
- * A function is recorded at three numbers of rows and three points. Equal structures are one function; every
- * dimension and whole attribute must be affine in the rows, real attributes equal or the reciprocal of an
- * affine number (a mean), constants equal, or equal rows over and over. Only what the outputs need is
+ * A function is recorded at three numbers of rows and several points. Equal structures are one function;
+ * every dimension and whole attribute must be affine in the rows, real attributes equal or the reciprocal of
+ * an affine number (a mean), constants equal, or equal rows over and over. Only what the outputs need is
  * compared and kept.
  */
 #include <math.h>
@@ -12,8 +12,10 @@
 #include "autodiff/program.h"
 #include "liegrad/random.h"
 
-enum { RECORDINGS = 3 };
-static const size_t rows_of[RECORDINGS] = {2, 3, 5};
+/* A derivative is made of operations that are known: three numbers of rows are enough. Other code may branch
+ * on numbers, which more points bring to light. */
+enum { RECORDINGS = 8, OF_DERIVATIVES = 3 };
+static const size_t rows_of[RECORDINGS] = {2, 3, 5, 2, 3, 2, 3, 2};
 
 typedef struct recording {
     lg_tape *tape;
@@ -24,6 +26,7 @@ typedef struct building {
     lg_program *program;
     const lg_function_spec *spec;
     recording r[RECORDINGS];
+    size_t recordings;
     uint32_t *place; /* of a node of the tapes: 1 + its index in the function; 0: not needed */
     uint32_t count;  /* nodes of a tape */
     lg_function made;
@@ -92,7 +95,7 @@ static lg_status record_all(building *b) {
     const size_t leaves = b->program->parameters + b->spec->input_count;
     lg_var *leaf = memory(b, leaves, sizeof *leaf);
     lg_status status = leaf != NULL ? LG_OK : LG_OUT_OF_MEMORY;
-    for (size_t k = 0; status == LG_OK && k < RECORDINGS; k++) {
+    for (size_t k = 0; status == LG_OK && k < b->recordings; k++) {
         b->r[k].output = memory(b, b->spec->output_count, sizeof *b->r[k].output);
         status = b->r[k].output != NULL ? lg_tape_create(context, NULL, &b->r[k].tape) : LG_OUT_OF_MEMORY;
         if (status == LG_OK) status = record(b, k, leaf);
@@ -151,7 +154,7 @@ static lg_status refuse_structure(const building *b, uint32_t i) {
 
 static lg_status compare_structure(const building *b) {
     const lg_tape *first = b->r[0].tape;
-    for (size_t k = 1; k < RECORDINGS; k++) {
+    for (size_t k = 1; k < b->recordings; k++) {
         const lg_tape *other = b->r[k].tape;
         for (uint32_t i = 0; i < b->count; i++) {
             if (i >= other->count) return refuse_structure(b, i);
@@ -185,10 +188,10 @@ static uint32_t number_nodes(building *b) {
 
 /* ---- numbers ---- */
 
-static bool affine_of(const int64_t *value, lg_affine *out) {
+static bool affine_of(const building *b, const int64_t *value, lg_affine *out) {
     out->rows = (value[1] - value[0]) / (int64_t)(rows_of[1] - rows_of[0]);
     out->base = value[0] - out->rows * (int64_t)rows_of[0];
-    for (size_t k = 0; k < RECORDINGS; k++)
+    for (size_t k = 0; k < b->recordings; k++)
         if (lg_affine_at(*out, rows_of[k]) != value[k]) return false;
     return true;
 }
@@ -196,28 +199,28 @@ static bool affine_of(const int64_t *value, lg_affine *out) {
 static bool affine_shape(const building *b, uint32_t i, lg_program_node *node) {
     node->rank = node_in(b, 0, i)->shape.rank;
     for (uint32_t d = 0; d < node->rank; d++) {
-        int64_t value[RECORDINGS];
-        for (size_t k = 0; k < RECORDINGS; k++) value[k] = node_in(b, k, i)->shape.dims[d];
-        if (!affine_of(value, &node->dims[d])) return false;
+        int64_t value[RECORDINGS] = {0};
+        for (size_t k = 0; k < b->recordings; k++) value[k] = node_in(b, k, i)->shape.dims[d];
+        if (!affine_of(b, value, &node->dims[d])) return false;
     }
     return true;
 }
 
 static bool affine_attributes(const building *b, uint32_t i, lg_program_node *node) {
     for (int a = 0; a < 4; a++) {
-        int64_t value[RECORDINGS];
-        for (size_t k = 0; k < RECORDINGS; k++) value[k] = node_in(b, k, i)->attr.i[a];
-        if (!affine_of(value, &node->i[a])) return false;
+        int64_t value[RECORDINGS] = {0};
+        for (size_t k = 0; k < b->recordings; k++) value[k] = node_in(b, k, i)->attr.i[a];
+        if (!affine_of(b, value, &node->i[a])) return false;
     }
     return true;
 }
 
 /* attr.c is the same, or the reciprocal of an affine number. */
 static bool real_attribute(const building *b, uint32_t i, lg_program_node *node) {
-    int64_t count[RECORDINGS];
+    int64_t count[RECORDINGS] = {0};
     bool same = true, reciprocal = true;
     node->c = node_in(b, 0, i)->attr.c;
-    for (size_t k = 0; k < RECORDINGS; k++) {
+    for (size_t k = 0; k < b->recordings; k++) {
         const double c = node_in(b, k, i)->attr.c, inverse = 1.0 / c;
         same = same && memcmp(&c, &node->c, sizeof c) == 0;
         reciprocal = reciprocal && inverse >= 1.0 && inverse < 0x1p31;
@@ -226,11 +229,11 @@ static bool real_attribute(const building *b, uint32_t i, lg_program_node *node)
     }
     if (same) return true;
     node->c = 0.0;
-    return reciprocal && affine_of(count, &node->inverse);
+    return reciprocal && affine_of(b, count, &node->inverse);
 }
 
 static bool same_payload(const building *b, uint32_t i, size_t bytes) {
-    for (size_t k = 1; k < RECORDINGS; k++)
+    for (size_t k = 1; k < b->recordings; k++)
         if (memcmp(node_in(b, 0, i)->attr.pointer, node_in(b, k, i)->attr.pointer, bytes) != 0) return false;
     return true;
 }
@@ -306,7 +309,7 @@ static lg_status constant(building *b, uint32_t i, lg_program_node *node) {
     if (first->count == 0) values = &nothing;
     for (size_t c = 0; c < LG_COUNT(periods); c++) {
         bool fits = periods[c] > 0 || first->count == 0;
-        for (size_t k = 0; fits && k < RECORDINGS; k++) {
+        for (size_t k = 0; fits && k < b->recordings; k++) {
             const lg_node *other = node_in(b, k, i);
             fits = (c < 2 || other->count == first->count) &&
                    repeats(other->value, other->count, values, periods[c]);
@@ -438,16 +441,20 @@ static lg_status check_spec(const lg_function_spec *spec, lg_error *error) {
     return LG_OK;
 }
 
-lg_status lg_program_record_function(lg_program *program, const lg_function_spec *spec, lg_error *error) {
+lg_status lg_program_record_function(lg_program *program, const lg_function_spec *spec, bool derivative,
+                                     lg_error *error) {
     LG_TRY(check_spec(spec, error));
-    building b = {.program = program, .spec = spec, .error = error};
+    building b = {.program = program,
+                  .spec = spec,
+                  .error = error,
+                  .recordings = derivative ? OF_DERIVATIVES : RECORDINGS};
     lg_error ignored;
     if (error == NULL) b.error = &ignored;
     b.error->message[0] = '\0';
     const lg_status status = make(&b);
     if (status != LG_OK && b.error->message[0] == '\0')
         (void)lg_fail(b.error, status, "function '%s': %s", spec->name, lg_status_sentence(status));
-    for (size_t k = 0; k < RECORDINGS; k++) {
+    for (size_t k = 0; k < b.recordings; k++) {
         lg_tape_destroy(b.r[k].tape);
         lg_free(program->context, b.r[k].output);
     }
@@ -475,7 +482,7 @@ lg_status lg_program_build(const lg_context *context, const lg_program_spec *spe
     for (size_t i = 0; status == LG_OK && i < spec->parameter_count; i++)
         status = lg_program_add_parameter(made, &spec->parameters[i], error);
     for (size_t i = 0; status == LG_OK && i < spec->function_count; i++)
-        status = lg_program_record_function(made, &spec->functions[i], error);
+        status = lg_program_record_function(made, &spec->functions[i], false, error);
     if (status == LG_OK) {
         *out = made;
         return LG_OK;

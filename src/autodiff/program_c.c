@@ -54,10 +54,12 @@ static bool starts(const char *s, const char *word) {
     return strncmp(s, word, strlen(word)) == 0;
 }
 
-/* Where a line may end: at the last comma or operator before column `most`. */
+/* Where a line may end: behind the last comma, else at the last blank, before column `most`. */
 static size_t line_break(const char *line, size_t length, size_t most) {
-    for (size_t i = most < length ? most : length; i > most / 2; i--)
-        if (line[i] == ' ' && line[i - 1] != '(') return i;
+    for (size_t i = most; i > most / 2; i--)
+        if (line[i] == ' ' && line[i - 1] == ',') return i;
+    for (size_t i = most; i > most / 2; i--)
+        if (line[i] == ' ' && line[i - 1] != '(' && line[i - 1] != '*') return i;
     return length;
 }
 

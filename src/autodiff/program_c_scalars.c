@@ -7,11 +7,14 @@
 #include "autodiff/tape_internal.h"
 
 /* Instructions of a function of straight code: compilers stay quick, stacks small. */
-#define BLOCK 256
+#define BLOCK 512
 
-/* Bytes of the frame of a function with so many local variables, at -O0: a slot each and temporaries. */
-static size_t frame_of(size_t locals) {
-    return 512 + 24 * locals;
+/* Bytes of the frame of a function with these lines, at -O0: a slot for each local variable, twice that to be
+ * sure. */
+static size_t frame_of(const lg_text *lines) {
+    size_t locals = 0;
+    for (const char *s = lines->data; s != NULL && (s = strstr(s, "real ")) != NULL; s++) locals++;
+    return 512 + 16 * locals;
 }
 
 /* ---- fragments ---- */
@@ -401,7 +404,7 @@ static const char *define_map(lg_c *c, const lg_op *op, const lg_attr *attr, uin
         if (text.failed || lines.failed)
             (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
         else
-            name = lg_c_define(c, op->name, text.data, frame_of(g.ordered + inputs), false);
+            name = lg_c_define(c, op->name, text.data, frame_of(&lines), false);
     }
     close_graph(&g);
     lg_scalars_free(&s);
@@ -459,7 +462,7 @@ static const char *define_broadcast(lg_c *c, const lg_op *op, const lg_evaluatio
         if (text.failed || lines.failed)
             (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
         else
-            name = lg_c_define(c, op->name, text.data, frame_of(g.ordered + e->inputs), false);
+            name = lg_c_define(c, op->name, text.data, frame_of(&lines), false);
     }
     close_graph(&g);
     lg_scalars_free(&s);
@@ -553,7 +556,7 @@ static void add_argument(lg_text *parameters, lg_text *arguments, const char *ty
 }
 
 /* The function of a block, and its call. */
-static void define_block(lg_c *c, const lg_text *lines, size_t locals) {
+static void define_block(lg_c *c, const lg_text *lines) {
     const lg_plan *plan = c->frame->plan;
     lg_text parameters = {.context = c->context}, arguments = {.context = c->context};
     lg_text text = {.context = c->context};
@@ -570,7 +573,7 @@ static void define_block(lg_c *c, const lg_text *lines, size_t locals) {
                 parameters.data != NULL ? parameters.data : "void", body);
     lg_c_need(c, &lg_c_noinline);
     const bool failed = text.failed || parameters.failed || arguments.failed || lines->failed;
-    const char *name = failed ? NULL : lg_c_define(c, "scalars", text.data, frame_of(locals), true);
+    const char *name = failed ? NULL : lg_c_define(c, "scalars", text.data, frame_of(lines), true);
     if (failed) (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
     if (name != NULL)
         lg_text_add(&c->frame->body, "    %s(%s);\n", name, arguments.data != NULL ? arguments.data : "");
@@ -630,9 +633,8 @@ void lg_c_scalars(lg_c *c, const lg_scalar_step *step) {
     if (open_graph(&g, c, code, all, step->stored, roots)) {
         for (uint32_t b = 0; b < blocks_of(&g) && lg_c_good(c); b++) {
             lg_text lines = {.context = c->context};
-            const uint32_t left = g.ordered - b * BLOCK;
             add_block(&g, &lines, "    ", &e, b, step->registers.offset);
-            define_block(c, &lines, 2 * (left < BLOCK ? left : BLOCK));
+            define_block(c, &lines);
             lg_text_free(&lines);
         }
         lg_c_use(c, step->registers, g.slots);

@@ -277,7 +277,7 @@ static lg_status derive(deriving *d, lg_program *program, const lg_derivative *w
         .output_count = d->outputs,
         .record = record,
         .user = d};
-    return lg_program_record_function(program, &spec, error);
+    return lg_program_record_function(program, &spec, true, error);
 }
 
 lg_status lg_program_derive(lg_program *program, const lg_derivative *what, lg_error *error) {

@@ -210,7 +210,7 @@ static const cli_bad refused[] = {
     {". --out o", 3, "."},
     {"data.h5 --out o", 3, "trajectories"},
     {"check.h5 --out o", 3, "checkpoint"},
-    {"odd.h5 --out o", 3, "'poem', expected hamiltonian, surrogate, detector or classifier"},
+    {"odd.h5 --out o", 3, "'poem', expected hamiltonian, surrogate, detector, classifier or program"},
     {"hollow.h5 --out o", 3, "hollow.h5"},
     {"hollow-classifier.h5 --out o", 3, "hollow-classifier.h5"},
 };

@@ -6,6 +6,7 @@
 #include "liegrad/nn.h"
 #include "liegrad/ops.h"
 #include "liegrad/program.h"
+#include "liegrad/taped.h"
 #include "test_support.h"
 
 /* ---- a network with an input gradient ---- */
@@ -320,6 +321,417 @@ static void derivatives_are_those_of_the_tape(void **state) {
     free(n.theta);
 }
 
+/* ---- what is refused, and how it is said ---- */
+
+static lg_status identity(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    (void)user, (void)theta;
+    y[0] = lg_scale(tape, x[0], 1.0);
+    return lg_tape_status(tape);
+}
+
+static uint32_t rows_in(lg_tape *tape, lg_var x) {
+    return lg_var_shape(tape, x).dims[0];
+}
+
+static lg_status branch(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    (void)user, (void)theta;
+    const double *values = lg_value(tape, x[0]);
+    y[0] = values[0] > values[1] ? lg_sin(tape, x[0]) : lg_exp(tape, lg_sin(tape, x[0]));
+    return lg_tape_status(tape);
+}
+
+static lg_status loop_over_rows(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    lg_var rows[8];
+    (void)user, (void)theta;
+    for (uint32_t r = 0; r < rows_in(tape, x[0]); r++) rows[r] = lg_sin(tape, lg_slice(tape, x[0], 0, r, 1));
+    y[0] = lg_concat(tape, rows, rows_in(tape, x[0]), 0);
+    return lg_tape_status(tape);
+}
+
+static lg_status put_back(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    (void)user, (void)theta;
+    lg_scope_push(tape, "friction");
+    const lg_var copy = lg_input(tape, lg_var_shape(tape, x[0]), lg_value(tape, x[0]));
+    lg_scope_pop(tape);
+    y[0] = lg_mul(tape, x[0], copy);
+    return lg_tape_status(tape);
+}
+
+/* Numbers of a parameter, too. */
+static lg_status weight_put_back(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    (void)user;
+    y[0] = lg_mul(tape, x[0], lg_input(tape, lg_var_shape(tape, theta[0]), lg_value(tape, theta[0])));
+    return lg_tape_status(tape);
+}
+
+static lg_status closed_over(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    static const double data[5 * 3] = {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+    (void)user, (void)theta;
+    y[0] = lg_sub(tape, x[0], lg_input(tape, lg_var_shape(tape, x[0]), data));
+    return lg_tape_status(tape);
+}
+
+static lg_status attribute(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    (void)user, (void)theta;
+    const double *values = lg_value(tape, x[0]);
+    y[0] = lg_scale(tape, x[0], values[0]);
+    return lg_tape_status(tape);
+}
+
+static lg_status coefficients(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    (void)user, (void)theta;
+    const lg_var both[2] = {x[0], lg_sin(tape, x[0])};
+    const double c[2] = {1.0, (double)rows_in(tape, x[0])};
+    y[0] = lg_combine(tape, both, c, 2);
+    return lg_tape_status(tape);
+}
+
+static lg_status quadratic(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    (void)user, (void)theta;
+    const uint32_t rows = rows_in(tape, x[0]);
+    const lg_var all = lg_reshape(tape, lg_matmul_nt(tape, x[0], x[0]), lg_shape1(rows * rows));
+    y[0] = lg_sum(tape, lg_sin(tape, all));
+    return lg_tape_status(tape);
+}
+
+static lg_status square(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    (void)user, (void)theta;
+    y[0] = lg_matmul_nt(tape, x[0], x[0]);
+    return lg_tape_status(tape);
+}
+
+static lg_status doubled(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    (void)user, (void)theta;
+    const lg_var both[2] = {x[0], x[0]};
+    y[0] = lg_concat(tape, both, 2, 0);
+    return lg_tape_status(tape);
+}
+
+static lg_status triple_forward(void *user, lg_dtype dtype, const void *const *in, void *y) {
+    (void)user;
+    if (dtype == LG_F64)
+        for (size_t i = 0; i < 3; i++) ((double *)y)[i] = 3.0 * ((const double *)in[0])[i];
+    return LG_OK;
+}
+
+static lg_status custom(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    static const lg_custom_op triple = {.name = "triple", .forward = triple_forward};
+    (void)user, (void)theta;
+    y[0] = lg_add(tape, x[0], lg_custom(tape, &triple, &x[1], 1, lg_shape1(3)));
+    return lg_tape_status(tape);
+}
+
+static lg_status fall(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                      lg_var *out) {
+    (void)user, (void)t, (void)input;
+    out[0] = lg_neg(tape, lg_pow(tape, y[0], 3.0));
+    return lg_tape_status(tape);
+}
+
+static lg_status implicit(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    lg_taped_ode ode = {.field = fall};
+    (void)user, (void)theta;
+    const lg_space_factor flat = {LG_SPACE_RN, 3};
+    lg_status status = lg_space_init(&ode.space, &flat, 1);
+    if (status == LG_OK) status = lg_taped_step(tape, lg_scheme_find("midpoint"), &ode, 0.0, 0.1, x, y);
+    return status;
+}
+
+static lg_status nothing(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    (void)user, (void)theta, (void)x, (void)y;
+    return lg_tape_status(tape);
+}
+
+static lg_status fails(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    (void)user, (void)tape, (void)theta, (void)x, (void)y;
+    return LG_NO_CONVERGENCE;
+}
+
+static lg_status misfits(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    (void)user, (void)theta;
+    y[0] = lg_cross(tape, x[0], lg_slice(tape, x[0], 1, 0, 2));
+    return lg_tape_status(tape);
+}
+
+static lg_status endless(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const double infinite[3] = {1.0, INFINITY, 2.0};
+    (void)user, (void)theta;
+    y[0] = lg_max(tape, x[0], lg_input(tape, lg_shape1(3), infinite));
+    return lg_tape_status(tape);
+}
+
+typedef struct refusal {
+    lg_program_record record;
+    lg_status status;
+    const char *words[4];
+    const char *function, *input, *other, *output; /* names; NULL: f, x, s, y */
+    lg_port port;                                  /* of rank 0: x3 */
+} refusal;
+
+static lg_status build_one(const refusal *c, lg_program **program, lg_error *error) {
+    const double weights[3] = {0.5, 0.25, -1.0};
+    const lg_parameter_spec theta = {"theta", lg_shape1(3), weights};
+    lg_port in[2] = {c->port.shape.rank > 0 ? c->port : x3, {.shape = {1, {3, 0, 0, 0}}, .shared = true}};
+    in[0].name = c->input != NULL ? c->input : "x";
+    in[1].name = c->other != NULL ? c->other : "s";
+    const lg_port out = {.name = c->output != NULL ? c->output : "y"};
+    const lg_function_spec function = {
+        c->function != NULL ? c->function : "f", in, 2, &out, 1, c->record, NULL};
+    lg_program_spec spec;
+    lg_program_spec_init(&spec);
+    spec.parameters = &theta;
+    spec.parameter_count = 1;
+    spec.functions = &function;
+    spec.function_count = 1;
+    return lg_program_build(NULL, &spec, program, error);
+}
+
+static void refusals_name_the_culprit(void **state) {
+    (void)state;
+    static const refusal cases[] = {
+        {.record = branch, .status = LG_UNSUPPORTED, .words = {"'f'", "branch on values", "sin"}},
+        {.record = loop_over_rows, .status = LG_UNSUPPORTED, .words = {"'f'", "loop over rows"}},
+        {.record = put_back,
+         .status = LG_UNSUPPORTED,
+         .words = {"'f'", "taken by mul", "friction", "numbers differ"}},
+        {.record = weight_put_back, .status = LG_UNSUPPORTED, .words = {"taken by mul", "numbers differ"}},
+        {.record = closed_over,
+         .status = LG_UNSUPPORTED,
+         .words = {"taken by sub", "numbers differ", "declare it as an input"}},
+        {.record = implicit, .status = LG_UNSUPPORTED, .words = {"implicit stage", "numbers differ"}},
+        {.record = attribute, .status = LG_UNSUPPORTED, .words = {"operation scale", "depends on numbers"}},
+        {.record = coefficients, .status = LG_UNSUPPORTED, .words = {"operation combine", "coefficients"}},
+        {.record = quadratic, .status = LG_UNSUPPORTED, .words = {"not affine in the number of rows"}},
+        {.record = square,
+         .status = LG_UNSUPPORTED,
+         .words = {"output 'y'", "neither one value for each row"}},
+        {.record = doubled,
+         .status = LG_UNSUPPORTED,
+         .words = {"output 'y'", "neither one value for each row"}},
+        {.record = custom,
+         .status = LG_UNSUPPORTED,
+         .words = {"operation custom", "triple", "this process only"}},
+        {.record = nothing, .status = LG_INVALID_ARGUMENT, .words = {"output 'y' was not recorded"}},
+        {.record = fails, .status = LG_NO_CONVERGENCE, .words = {"'f'", "recording failed"}},
+        {.record = misfits, .status = LG_SHAPE, .words = {"'f'", "cross"}},
+        {.record = endless, .status = LG_NOT_FINITE, .words = {"'f'", "constant that is not finite"}},
+        {.record = NULL, .status = LG_INVALID_ARGUMENT, .words = {"no recording"}},
+        {.record = identity, .status = LG_INVALID_ARGUMENT, .words = {"it is empty"}, .function = ""},
+        {.record = identity,
+         .status = LG_INVALID_ARGUMENT,
+         .words = {"not a C identifier"},
+         .function = "a-b"},
+        {.record = identity,
+         .status = LG_INVALID_ARGUMENT,
+         .words = {"begin with a letter"},
+         .function = "_f"},
+        {.record = identity, .status = LG_INVALID_ARGUMENT, .words = {"word of C"}, .function = "while"},
+        {.record = identity,
+         .status = LG_INVALID_ARGUMENT,
+         .words = {"'2x'", "an input", "begin with a letter"},
+         .input = "2x"},
+        {.record = identity,
+         .status = LG_INVALID_ARGUMENT,
+         .words = {"'x__1'", "two underscores"},
+         .input = "x__1"},
+        {.record = identity,
+         .status = LG_INVALID_ARGUMENT,
+         .words = {"'int'", "an output", "word of C"},
+         .output = "int"},
+        {.record = identity,
+         .status = LG_INVALID_ARGUMENT,
+         .words = {"'y\?'", "not a C identifier"},
+         .output = "y\n"},
+        {.record = identity, .status = LG_INVALID_ARGUMENT, .words = {"two ports called 'x'"}, .other = "x"},
+        {.record = identity, .status = LG_INVALID_ARGUMENT, .words = {"two ports called 's'"}, .output = "s"},
+        {.record = identity,
+         .status = LG_INVALID_ARGUMENT,
+         .words = {"'x'", "a range that is none"},
+         .port = {.shape = {1, {3}}, .low = 2.0, .high = 1.0}},
+        {.record = identity,
+         .status = LG_SHAPE,
+         .words = {"input 0", "rank that is too high"},
+         .port = {.shape = {4, {1, 1, 1, 1}}}},
+        {.record = identity,
+         .status = LG_INVALID_ARGUMENT,
+         .words = {"too long"},
+         .output = "y12345678901234567890123456789012345678901234567890123456789012345678901234567890"},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        lg_error error = {.message = ""};
+        lg_program *program = NULL;
+        const lg_status status = build_one(&cases[i], &program, &error);
+        if (status != cases[i].status) fail_msg("case %zu: %s, %s", i, lg_status_name(status), error.message);
+        assert_null(program);
+        assert_int_equal(error.status, status);
+        for (size_t w = 0; w < 4 && cases[i].words[w] != NULL; w++)
+            if (strstr(error.message, cases[i].words[w]) == NULL)
+                fail_msg("case %zu: '%s' is not in: %s", i, cases[i].words[w], error.message);
+        assert_int_equal(build_one(&cases[i], &program, NULL), status); /* without a place for the sentence */
+        assert_null(program);
+    }
+}
+
+static void weights_are_checked(void **state) {
+    (void)state;
+    const double numbers[3] = {0.5, NAN, 1.0}, good[3] = {1.0, 2.0, 3.0}, bad[3] = {1.0, -INFINITY, 3.0};
+    const lg_port out = {.name = "y"};
+    const lg_function_spec function = {"f", &x3, 1, &out, 1, identity, NULL};
+    const lg_parameter_spec not_finite = {"w", lg_shape1(3), numbers},
+                            twice[2] = {{"w", lg_shape1(3), good}, {"w", lg_shape1(3), good}},
+                            without = {"w", lg_shape1(3), NULL}, named = {"double", lg_shape1(3), good};
+    const struct {
+        const lg_parameter_spec *specs;
+        size_t count;
+        lg_status status;
+        const char *words;
+    } cases[] = {{&not_finite, 1, LG_NOT_FINITE, "'w' has a number that is not finite"},
+                 {twice, 2, LG_INVALID_ARGUMENT, "two parameters are called 'w'"},
+                 {&without, 1, LG_INVALID_ARGUMENT, "'w' has no values"},
+                 {&named, 1, LG_INVALID_ARGUMENT, "'double' cannot be the name of a parameter"}};
+    lg_program_spec spec;
+    lg_program *program = NULL;
+    lg_error error;
+    lg_program_spec_init(&spec);
+    spec.functions = &function;
+    spec.function_count = 1;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        spec.parameters = cases[i].specs;
+        spec.parameter_count = cases[i].count;
+        assert_int_equal(lg_program_build(NULL, &spec, &program, &error), cases[i].status);
+        if (strstr(error.message, cases[i].words) == NULL) fail_msg("%s", error.message);
+        assert_null(program);
+    }
+    spec.parameters = twice;
+    spec.parameter_count = 1;
+    assert_int_equal(lg_program_build(NULL, &spec, &program, &error), LG_OK);
+    assert_int_equal(lg_program_set_parameter(program, 0, bad), LG_NOT_FINITE);
+    assert_memory_equal(lg_program_parameter(program, 0).values, good, sizeof good);
+    assert_int_equal(lg_program_set_parameter(program, 1, good), LG_NOT_FOUND);
+    assert_null(lg_program_parameter(program, 1).name);
+    lg_program_destroy(program);
+    spec.size = 8;
+    assert_int_equal(lg_program_build(NULL, &spec, &program, &error), LG_INVALID_ARGUMENT);
+    assert_int_equal(lg_program_build(NULL, NULL, &program, &error), LG_INVALID_ARGUMENT);
+    lg_program_destroy(NULL);
+}
+
+/* Two functions of one name; means over the batch are no refusal (loss, above). */
+static void functions_are_different(void **state) {
+    (void)state;
+    const lg_port out = {.name = "y"};
+    const lg_function_spec functions[2] = {{"f", &x3, 1, &out, 1, identity, NULL},
+                                           {"f", &x3, 1, &out, 1, identity, NULL}};
+    lg_program_spec spec;
+    lg_program *program = NULL;
+    lg_error error;
+    lg_program_spec_init(&spec);
+    spec.functions = functions;
+    spec.function_count = 2;
+    assert_int_equal(lg_program_build(NULL, &spec, &program, &error), LG_INVALID_ARGUMENT);
+    assert_non_null(strstr(error.message, "two functions are called 'f'"));
+    assert_null(program);
+}
+
+/* ---- derivatives that cannot be; on failure the program is as before ---- */
+
+static lg_status shared_and_not(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    (void)user, (void)theta;
+    y[0] = lg_mul(tape, x[0], x[1]);
+    y[1] = lg_mean(tape, lg_square(tape, x[0]));
+    return lg_tape_status(tape);
+}
+
+static void derivatives_that_cannot_be(void **state) {
+    (void)state;
+    const lg_port in[2] = {x3, {.name = "s", .shape = {1, {3}}, .shared = true}},
+                  out[2] = {{.name = "y"}, {.name = "m"}};
+    const lg_function_spec function = {"f", in, 2, out, 2, shared_and_not, NULL};
+    const char *const s = "s", *const m = "m", *const x = "x", *const unknown = "q";
+    lg_program_spec spec;
+    lg_program *program = NULL;
+    lg_error error;
+    lg_program_spec_init(&spec);
+    spec.functions = &function;
+    spec.function_count = 1;
+    assert_int_equal(lg_program_build(NULL, &spec, &program, &error), LG_OK);
+    const struct {
+        lg_derivative_kind kind;
+        const char *function, *const *input, *const *output, *name;
+        lg_status status;
+        const char *words;
+    } cases[] = {
+        {LG_DERIVATIVE_JACOBIAN, "f", &s, NULL, NULL, LG_UNSUPPORTED, "input 's' is shared"},
+        {LG_DERIVATIVE_JACOBIAN, "f", NULL, &m, NULL, LG_UNSUPPORTED, "output 'm' is shared"},
+        {LG_DERIVATIVE_JACOBIAN_OF_ADJOINT, "f", &s, NULL, NULL, LG_UNSUPPORTED, "input 's' is shared"},
+        {LG_DERIVATIVE_JACOBIAN, "f", &unknown, NULL, NULL, LG_NOT_FOUND, "no input 'q'"},
+        {LG_DERIVATIVE_FORWARD, "f", NULL, &unknown, NULL, LG_NOT_FOUND, "no output 'q'"},
+        {LG_DERIVATIVE_ADJOINT, "g", NULL, NULL, NULL, LG_NOT_FOUND, "no function 'g'"},
+        {LG_DERIVATIVE_ADJOINT, "f", NULL, NULL, "a b", LG_INVALID_ARGUMENT, "not a C identifier"},
+        {LG_DERIVATIVE_ADJOINT, "f", &x, NULL, "f", LG_INVALID_ARGUMENT, "two functions are called 'f'"},
+        {(lg_derivative_kind)LG_DERIVATIVE_KIND_COUNT, "f", NULL, NULL, NULL, LG_INVALID_ARGUMENT, ""},
+        {LG_DERIVATIVE_ADJOINT, NULL, NULL, NULL, NULL, LG_INVALID_ARGUMENT, ""},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        lg_derivative what;
+        lg_derivative_init(&what);
+        what.kind = cases[i].kind;
+        what.function = cases[i].function;
+        what.name = cases[i].name;
+        what.inputs = cases[i].input;
+        what.input_count = cases[i].input != NULL;
+        what.outputs = cases[i].output;
+        what.output_count = cases[i].output != NULL;
+        const lg_status status = lg_program_derive(program, &what, &error);
+        if (status != cases[i].status) fail_msg("case %zu: %s", i, lg_status_name(status));
+        if (strstr(error.message, cases[i].words) == NULL) fail_msg("case %zu: %s", i, error.message);
+        assert_int_equal(lg_program_functions(program), 1);
+    }
+    /* Chosen by themselves, the shared ones are left out; of forward and adjoint they are in. */
+    size_t count;
+    (void)derived(program, LG_DERIVATIVE_JACOBIAN, "f");
+    (void)lg_program_outputs(program, lg_program_functions(program) - 1, &count);
+    assert_int_equal(count, 1);
+    (void)derived(program, LG_DERIVATIVE_ADJOINT, "f");
+    const lg_port *port = lg_program_outputs(program, lg_program_functions(program) - 1, &count);
+    assert_int_equal(count, 2);
+    assert_string_equal(port[1].name, "adj_s");
+    assert_true(port[1].shared);
+    lg_program_destroy(program);
+}
+
+/* ---- on a tape: errors stick, outputs are untouched ---- */
+
+static void application_is_checked(void **state) {
+    (void)state;
+    network n;
+    make_network(&n, 3, 4, 1, LG_TANH);
+    lg_program *program = build_network(&n);
+    const double zeros[8] = {0.0};
+    for (int c = 0; c < 5; c++) {
+        lg_tape *tape;
+        assert_int_equal(lg_tape_create(NULL, NULL, &tape), LG_OK);
+        lg_var x = lg_input(tape, c == 0 ? lg_shape2(2, 4) : c == 1 ? lg_shape1(3) : lg_shape2(2, 3), zeros);
+        lg_var theta = c == 2 ? lg_input(tape, lg_shape1(5), zeros)
+                              : lg_input(tape, lg_shape1((uint32_t)lg_mlp_parameters(&n.net)), n.theta);
+        const lg_var mark = {77, 78};
+        lg_var y = mark;
+        if (c == 4) {
+            lg_tape_reset(tape);
+        }
+        const lg_status expected = c == 3 ? LG_NOT_FOUND : c == 4 ? LG_STALE_HANDLE : LG_SHAPE;
+        assert_int_equal(lg_program_apply(tape, program, c == 3 ? 99 : 0, &theta, &x, &y), expected);
+        assert_int_equal(lg_tape_status(tape), expected);
+        assert_true(strlen(lg_tape_message(tape)) > 0);
+        assert_memory_equal(&y, &mark, sizeof y);
+        assert_int_equal(lg_program_apply(tape, program, 0, &theta, &x, &y), expected); /* it sticks */
+        assert_memory_equal(&y, &mark, sizeof y);
+        lg_tape_destroy(tape);
+    }
+    lg_program_destroy(program);
+    free(n.theta);
+}
+
 /* a_{2i+j} = sin(q_i u_j); b = net(q, u) + q . u depends on everything. */
 static void sparsity_is_structural(void **state) {
     (void)state;
@@ -348,6 +760,11 @@ int main(void) {
         cmocka_unit_test(applied_equals_recorded),
         cmocka_unit_test(plans_equal_recorded),
         cmocka_unit_test(derivatives_are_those_of_the_tape),
+        cmocka_unit_test(refusals_name_the_culprit),
+        cmocka_unit_test(weights_are_checked),
+        cmocka_unit_test(functions_are_different),
+        cmocka_unit_test(derivatives_that_cannot_be),
+        cmocka_unit_test(application_is_checked),
         cmocka_unit_test(sparsity_is_structural),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

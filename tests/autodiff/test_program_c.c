@@ -15,7 +15,7 @@
 
 #define WARNINGS "-Wall -Wextra -Wconversion -Wdouble-promotion -Wshadow -pedantic -Werror"
 
-enum { POINTS = 1000, MOST = 12, OUTPUTS = LG_GRADCHECK_MAX_INPUTS };
+enum { POINTS = 1000, SOME = 40, MOST = 12, OUTPUTS = LG_GRADCHECK_MAX_INPUTS };
 
 /* ---- a bundle of the registry's functions ---- */
 
@@ -321,13 +321,20 @@ static bool has(const char *compiler) {
 }
 
 static void check_all(bool gradients) {
+    static const struct {
+        const char *compiler;
+        lg_dtype dtype;
+        bool compact;
+        size_t points;
+    } ways[] = {{"gcc", LG_F64, false, POINTS},
+                {"clang", LG_F32, false, SOME},
+                {"clang", LG_F64, true, SOME},
+                {"gcc", LG_F32, true, SOME}};
     for (size_t next = 0; lg_gradcheck_operation(next) != NULL;) {
         bundle b = make_bundle(gradients, &next);
-        for (int compact = 0; compact < 2; compact++)
-            for (int dtype = LG_F64; dtype <= LG_F32; dtype++) {
-                if (has("gcc")) check(&b, "gcc", "-O2", (lg_dtype)dtype, compact, POINTS);
-                if (has("clang")) check(&b, "clang", "-O2", (lg_dtype)dtype, compact, 50);
-            }
+        for (size_t i = 0; i < sizeof ways / sizeof *ways; i++)
+            if (has(ways[i].compiler))
+                check(&b, ways[i].compiler, "-O2", ways[i].dtype, ways[i].compact, ways[i].points);
         free_bundle(&b);
     }
 }
@@ -401,11 +408,89 @@ static void every_function_compiles_alone(void **state) {
     }
 }
 
+/* ---- functions of a rotation angle, all orders ---- */
+
+enum { ANGLES = 4000, TOP = 8 };
+
+typedef struct family {
+    lg_op_code op;
+    uint32_t columns, order;
+} family;
+
+static lg_status record_family(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const family *f = user;
+    const lg_attr attr = {.i = {f->columns - 1, f->order, 0, 0}};
+    (void)theta;
+    y[0] = lg_record(tape, f->op, x, 1, &attr);
+    return lg_tape_status(tape);
+}
+
+/* Small, across the ends of the series, next to zeros and to the pole, large, negative. */
+static double angle(lg_rng *rng, size_t i) {
+    static const double centres[] = {0.0, 1.0, 4.0, 9.8696044010893586, 16.0, 39.478417604357434, 45.0};
+    const size_t kind = i % 9;
+    if (kind < 7) return centres[kind] + pow(10, lg_rng_uniform_in(rng, -12, 0)) * (i % 2 == 0 ? 1 : -1);
+    return kind == 7 ? lg_rng_uniform_in(rng, -60, 300) : lg_rng_uniform_in(rng, -1, 1);
+}
+
+/* Of the kernels' number: relative, or in units of the largest c_k of the angle next to zeros. */
+static double family_error(const family *f, const double *w, const double *got) {
+    double worst = 0;
+    for (size_t i = 0; i < ANGLES; i++) {
+        double want[TOP + 1], most = 0;
+        if (f->op == LG_OP_STUMPFF)
+            lg_kernels_for(LG_F64)->stumpff(1, TOP, (int)f->order, &w[i], want);
+        else
+            lg_kernels_for(LG_F64)->dexpinv_coef(1, (int)f->order, &w[i], want);
+        for (size_t k = 0; k < f->columns; k++) most = fmax(most, fabs(want[k]));
+        for (size_t k = 0; k < f->columns; k++) {
+            const double error = fabs(got[i * f->columns + k] - want[k]) / fmax(fabs(want[k]), 1e-2 * most);
+            if (!(error <= worst)) worst = error;
+        }
+    }
+    return worst;
+}
+
+static void functions_of_the_angle(void **state) {
+    static double w[ANGLES], got[ANGLES * (TOP + 1)];
+    family families[2 * (TOP + 1)];
+    bundle b = {.functions = 0};
+    lg_rng rng;
+    (void)state;
+    lg_rng_seed(&rng, 5, 5);
+    for (size_t i = 0; i < ANGLES; i++) w[i] = angle(&rng, i);
+    assert_ok(lg_program_create(NULL, &b.program));
+    for (uint32_t i = 0; i < 2 * (TOP + 1); i++) {
+        families[i] =
+            (family){i % 2 == 0 ? LG_OP_STUMPFF : LG_OP_DEXPINV_COEF, i % 2 == 0 ? TOP + 1 : 1, i / 2};
+        char name[16];
+        const lg_port in = {.name = "w", .shape = lg_shape2(ANGLES, 1), .shared = true}, out = {.name = "c"};
+        (void)snprintf(name, sizeof name, "f%u", i);
+        const lg_function_spec spec = {name, &in, 1, &out, 1, record_family, &families[i]};
+        lg_error error;
+        if (lg_program_record_function(b.program, &spec, &error) != LG_OK) fail_msg("%s", error.message);
+    }
+    compiled c = compile(&b, has("gcc") ? "gcc" : "clang", "-O2", LG_F64, false);
+    double *work = malloc(c.source->work_size * sizeof *work);
+    for (size_t i = 0; i < c.source->functions; i++) {
+        char name[32];
+        shim run;
+        (void)snprintf(name, sizeof name, "shim_f%zu", i);
+        *(void **)&run = dlsym(c.handle, name);
+        run((const void *[]){w}, (void *[]){got}, work);
+        const double error = family_error(&families[i], w, got);
+        print_message("%s order %u: %.1e\n", lg_ops[families[i].op]->name, families[i].order, error);
+        assert_close(error, 0, 0, 1e-13);
+    }
+    free(work);
+    discard(&c);
+    lg_program_destroy(b.program);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_operation_is_compared),
-        cmocka_unit_test(every_function_compiles_alone),
-        cmocka_unit_test(values_equal_the_tape),
+        cmocka_unit_test(every_operation_is_compared),   cmocka_unit_test(functions_of_the_angle),
+        cmocka_unit_test(every_function_compiles_alone), cmocka_unit_test(values_equal_the_tape),
         cmocka_unit_test(gradients_equal_the_tape),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,0 +1,29 @@
+/* Exported programs with every optimisation of every compiler, both types, straight code and loops.
+ * ctest-labels: study */
+#include "export_program.h"
+
+static void all_ways(void **state) {
+    static const char *const programs[] = {"links", "flat", "waves"};
+    static const char *const options[] = {"", "--dtype f32", "--compact", "--compact --dtype f32"};
+    (void)state;
+    save_hamiltonian("links", LG_HAMILTONIAN_CHAIN);
+    save_hamiltonian("flat", LG_HAMILTONIAN_SEPARABLE);
+    save_network("waves");
+    for (size_t p = 0; p < sizeof programs / sizeof programs[0]; p++)
+        for (size_t o = 0; o < sizeof options / sizeof options[0]; o++) {
+            char arguments[256], folder[32];
+            (void)snprintf(folder, sizeof folder, "%s%zu", programs[p], o);
+            (void)snprintf(arguments, sizeof arguments, "%s.h5 --out %s --name %s --golden 20 %s",
+                           programs[p], folder, programs[p], options[o]);
+            export_run(arguments);
+            export_check_all_ways(folder, programs[p]);
+            export_check_objects(folder, programs[p]);
+            export_check_stack(folder);
+        }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {cmocka_unit_test(all_ways)};
+    if (export_begin() != 0) return 1;
+    return cmocka_run_group_tests(tests, NULL, export_end);
+}
