@@ -15,7 +15,8 @@ static const struct {
               {"waveforms", "value", make_waveforms}};
 
 /* What is loaded can be run, trained on, differentiated and exported as what was made. */
-static int save_load_and_train(const char *path, const lg_program *program, training how) {
+static int save_load_and_train(const char *path, const lg_program *program, const char *function,
+                               training how) {
     lg_program *again = NULL;
     lg_error error;
     double first = 0, last = 0;
@@ -23,11 +24,12 @@ static int save_load_and_train(const char *path, const lg_program *program, trai
     how.rate *= 0.1;
     lg_status status = lg_program_save(NULL, path, program, NULL, &error);
     if (status == LG_OK) status = lg_program_load(NULL, path, NULL, &again, &error);
+    const int equal = status == LG_OK && same(program, again, function);
     if (status == LG_OK) status = train(again, &how, &first, &last, &error);
     if (status != LG_OK) (void)fprintf(stderr, "%s\n", error.message);
     (void)printf("  saved, loaded, trained on: loss %.3g, then %.3g\n", first, last);
     lg_program_destroy(again);
-    return status == LG_OK && last < first;
+    return equal && status == LG_OK && last < first;
 }
 
 int main(int argc, char **argv) {
@@ -47,7 +49,8 @@ int main(int argc, char **argv) {
             return 1;
         }
         (void)printf("%s: %s\n", models[i].name, lg_program_description(program));
-        good = use(program, models[i].function) && save_load_and_train(path, program, how);
+        good =
+            use(program, models[i].function) && save_load_and_train(path, program, models[i].function, how);
         lg_program_destroy(program);
     }
     return good ? 0 : 1;

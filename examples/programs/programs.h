@@ -24,5 +24,7 @@ lg_status make_waveforms(lg_program **out, training *how, lg_error *error); /* c
 
 /* Adds the derivatives of `function` and tries them (use.c). 0: something was not as it should be. */
 int use(lg_program *program, const char *function);
+/* Whether two programs give the same bits at a random input (use.c). */
+int same(const lg_program *a, const lg_program *b, const char *function);
 
 #endif

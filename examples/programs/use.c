@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include <liegrad/random.h>
 
@@ -119,4 +120,18 @@ int use(lg_program *program, const char *function) {
         (void)printf("  %s: %zu operations\n", lg_program_function_name(program, f),
                      lg_program_operations(program, f));
     return check_derivatives(program, function);
+}
+
+int same(const lg_program *a, const lg_program *b, const char *function) {
+    ready x = prepare(a, function), y = prepare(b, function);
+    int equal = x.inputs == y.inputs && x.outputs == y.outputs;
+    draw(a, function, NULL, 0, &x);
+    draw(b, function, NULL, 0, &y);
+    run(&x);
+    run(&y);
+    for (size_t j = 0; equal && j < x.outputs; j++)
+        equal = memcmp(x.out[j], y.out[j], lg_plan_output_count(x.plan, j) * sizeof(double)) == 0;
+    release(&x);
+    release(&y);
+    return equal;
 }
