@@ -53,7 +53,7 @@ static lg_status bring(lg_code *code, uint32_t node) {
     lg_scalar *value = lg_heap_take(code->temporary, n->count, sizeof *value);
     if (value == NULL) return LG_OUT_OF_MEMORY;
     for (size_t i = 0; i < n->count; i++) {
-        if (n->sort == LG_GRAPH_CONSTANT)
+        if (n->sort == LG_GRAPH_CONSTANT && !n->weights) /* weights stay where weights are */
             value[i] = lg_s_constant(&code->s, n->value[i]);
         else
             LG_TRY(new_load(code, node, (uint32_t)i, &value[i]));

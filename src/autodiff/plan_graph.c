@@ -51,7 +51,7 @@ static size_t payload_bytes(const lg_graph_node *n) {
 }
 
 static bool equal(const lg_graph_node *a, const lg_graph_node *b) {
-    if (a->sort != b->sort || a->op != b->op || a->number != b->number || a->inputs != b->inputs ||
+    if (a->sort != b->sort || a->op != b->op || a->number != b->number || a->inputs != b->inputs || a->weights != b->weights ||
         !lg_same_shape(&a->shape, &b->shape) || memcmp(&a->attr.c, &b->attr.c, sizeof a->attr.c) != 0 ||
         memcmp(a->attr.i, b->attr.i, sizeof a->attr.i) != 0)
         return false;
@@ -98,12 +98,13 @@ static uint32_t add(making *m, const lg_graph_node *n) {
     return g->count - 1;
 }
 
-static uint32_t add_constant(making *m, lg_shape shape, const double *value) {
+static uint32_t add_constant(making *m, lg_shape shape, const double *value, bool weights) {
     return add(m, &(lg_graph_node){.sort = LG_GRAPH_CONSTANT,
                                    .op = LG_OP_LEAF,
                                    .shape = shape,
                                    .count = lg_shape_count(shape),
-                                   .value = value});
+                                   .value = value,
+                                   .weights = weights});
 }
 
 /* ---- folding ---- */
@@ -115,20 +116,34 @@ void lg_graph_shapes(const lg_graph *g, const lg_graph_node *n, const lg_shape *
         shapes[k] = n->in[k] == LG_GRAPH_NONE ? &no_shape : &g->node[n->in[k]].shape;
 }
 
-static bool all_constant(const making *m, const lg_graph_node *n) {
+/* Constants are not blown up: elements that a result may have in any case, and more than its inputs have. */
+enum { SMALL = 1024, GROWTH = 2 };
+
+static bool folds(const making *m, const lg_graph_node *n) {
+    size_t in = 0;
+    for (uint32_t k = 0; k < n->inputs; k++) {
+        if (n->in[k] == LG_GRAPH_NONE) continue;
+        if (m->g.node[n->in[k]].sort != LG_GRAPH_CONSTANT) return false;
+        in += m->g.node[n->in[k]].count;
+    }
+    return n->count <= SMALL || n->count <= GROWTH * in;
+}
+
+static bool takes_weights(const making *m, const lg_graph_node *n) {
     for (uint32_t k = 0; k < n->inputs; k++)
-        if (n->in[k] != LG_GRAPH_NONE && m->g.node[n->in[k]].sort != LG_GRAPH_CONSTANT) return false;
-    return true;
+        if (n->in[k] != LG_GRAPH_NONE && m->g.node[n->in[k]].weights) return true;
+    return false;
 }
 
 static uint32_t fold(making *m, const lg_graph_node *n, const lg_shape *const *shapes) {
     const void *values[LG_MAX_INPUTS];
     const lg_op *op = lg_ops[n->op];
+    const bool weights = takes_weights(m, n);
     size_t offset;
     for (uint32_t k = 0; k < n->inputs; k++)
         values[k] = n->in[k] == LG_GRAPH_NONE ? NULL : m->g.node[n->in[k]].value;
     if (op->view != NULL && op->view(shapes, &n->attr, &offset))
-        return add_constant(m, n->shape, (const double *)values[0] + offset);
+        return add_constant(m, n->shape, (const double *)values[0] + offset, weights);
     lg_evaluation e = {.k = lg_kernels_for(LG_F64),
                        .attr = &n->attr,
                        .inputs = n->inputs,
@@ -140,15 +155,16 @@ static uint32_t fold(making *m, const lg_graph_node *n, const lg_shape *const *s
     if (op->scratch != NULL) e.scratch = take(m, op->scratch(&e), 1);
     if (m->failed) return 0;
     (void)op->forward(&e);
-    return add_constant(m, n->shape, e.y);
+    return add_constant(m, n->shape, e.y, weights);
 }
 
 /* ---- simplification ---- */
 
+/* Weights are not: what a plan looks like does not depend on them. */
 static bool is_filled(const making *m, uint32_t i, double with) {
     if (i == LG_GRAPH_NONE) return false;
     const lg_graph_node *n = &m->g.node[i];
-    if (n->sort != LG_GRAPH_CONSTANT) return false;
+    if (n->sort != LG_GRAPH_CONSTANT || n->weights) return false;
     for (size_t k = 0; k < n->count; k++)
         if (n->value[k] != with) return false;
     return true;
@@ -156,7 +172,7 @@ static bool is_filled(const making *m, uint32_t i, double with) {
 
 static uint32_t zeros(making *m, lg_shape shape) {
     const double *value = take(m, lg_shape_count(shape), sizeof *value);
-    return m->failed ? 0 : add_constant(m, shape, value);
+    return m->failed ? 0 : add_constant(m, shape, value, false);
 }
 
 static uint32_t reshaped(making *m, uint32_t i, lg_shape shape) {
@@ -164,7 +180,7 @@ static uint32_t reshaped(making *m, uint32_t i, lg_shape shape) {
         i = m->g.node[i].in[0];
     const lg_graph_node *from = &m->g.node[i];
     if (lg_same_shape(&from->shape, &shape)) return i;
-    if (from->sort == LG_GRAPH_CONSTANT) return add_constant(m, shape, from->value);
+    if (from->sort == LG_GRAPH_CONSTANT) return add_constant(m, shape, from->value, from->weights);
     if (from->sort == LG_GRAPH_OPERATION && from->op == LG_OP_REPEAT) {
         lg_graph_node other = *from; /* the shape of a broadcast is given */
         other.shape = shape;
@@ -232,7 +248,7 @@ static uint32_t single_rows(making *m, uint32_t i, uint32_t copies) {
     double *value = take(m, lg_shape_count(shape), sizeof *value);
     for (size_t r = 0; value != NULL && r < shape.dims[0]; r++)
         memcpy(value + r * length, n.value + r * copies * length, length * sizeof *value);
-    return m->failed ? LG_GRAPH_NONE : add_constant(m, shape, value);
+    return m->failed ? LG_GRAPH_NONE : add_constant(m, shape, value, n.weights);
 }
 
 /* An input without an axis of rows (a matrix beside a batch of them: its first axis is none, whatever its
@@ -277,7 +293,7 @@ static uint32_t on_single_rows(making *m, const lg_graph_node *n, const lg_shape
 }
 
 static uint32_t operation(making *m, const lg_graph_node *n, const lg_shape *const *shapes) {
-    if (all_constant(m, n)) return fold(m, n, shapes);
+    if (folds(m, n)) return fold(m, n, shapes);
     const uint32_t other = simpler(m, n, shapes);
     if (other != LG_GRAPH_NONE) return other;
     const uint32_t once = on_single_rows(m, n, shapes);
@@ -321,10 +337,10 @@ static uint32_t leaf(making *m, const lg_program_node *n, lg_shape shape) {
         return add(
             m, &(lg_graph_node){.sort = LG_GRAPH_INPUT, .number = n->number, .shape = shape, .count = count});
     if (n->leaf == LG_LEAF_CONSTANT)
-        return add_constant(m, shape, rounded(m, m->f->reals + n->payload, count, n->payload_count));
+        return add_constant(m, shape, rounded(m, m->f->reals + n->payload, count, n->payload_count), false);
     if (m->parameter[n->number] == NULL)
         m->parameter[n->number] = rounded(m, m->program->parameter[n->number].values, count, count);
-    return add_constant(m, shape, m->parameter[n->number]);
+    return add_constant(m, shape, m->parameter[n->number], true);
 }
 
 /* A whole attribute that a kernel does not read and that would tell equal operations apart. */

@@ -20,6 +20,7 @@ typedef struct lg_graph_node {
     lg_shape shape;
     size_t count;
     const double *value; /* of a constant */
+    bool weights;        /* of a constant: it comes from parameters */
 } lg_graph_node;
 
 typedef struct lg_graph {
