@@ -51,8 +51,9 @@ static size_t payload_bytes(const lg_graph_node *n) {
 }
 
 static bool equal(const lg_graph_node *a, const lg_graph_node *b) {
-    if (a->sort != b->sort || a->op != b->op || a->number != b->number || a->inputs != b->inputs || a->weights != b->weights ||
-        !lg_same_shape(&a->shape, &b->shape) || memcmp(&a->attr.c, &b->attr.c, sizeof a->attr.c) != 0 ||
+    if (a->sort != b->sort || a->op != b->op || a->number != b->number || a->inputs != b->inputs ||
+        a->weights != b->weights || !lg_same_shape(&a->shape, &b->shape) ||
+        memcmp(&a->attr.c, &b->attr.c, sizeof a->attr.c) != 0 ||
         memcmp(a->attr.i, b->attr.i, sizeof a->attr.i) != 0)
         return false;
     for (uint32_t k = 0; k < a->inputs; k++)

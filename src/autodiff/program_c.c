@@ -251,7 +251,7 @@ static void read_constants(lg_c *c, lg_place place, size_t count) {
         f->range[f->ranges++] = (lg_c_range){from, to - from, 0};
 }
 
-static size_t constant_at(const lg_c *c, size_t offset) {
+size_t lg_c_constant_at(const lg_c *c, size_t offset) {
     const lg_c_frame *f = c->frame;
     for (size_t i = 0; i < f->ranges; i++)
         if (f->range[i].from <= offset && offset < f->range[i].from + f->range[i].count)
@@ -275,6 +275,9 @@ static void collect_constants(lg_c *c, const lg_plan *plan) {
             read_constants(c, s->dense.x, s->dense.m * s->dense.k);
         }
         if (s->kind == LG_STEP_COPY) read_constants(c, s->copy.x, s->copy.count);
+        if (s->kind == LG_STEP_SCALARS)
+            for (uint32_t k = 0; k < s->scalars.ins; k++)
+                read_constants(c, s->scalars.in[k].place, s->scalars.in[k].count);
     }
     for (size_t i = 0; i < c->frame->ranges && c->status == LG_OK; i++) {
         lg_c_range *r = &c->frame->range[i];
@@ -296,7 +299,7 @@ void lg_c_add_place(lg_c *c, lg_text *to, lg_place place) {
         return;
     }
     if (place.area == LG_AREA_CONSTANTS) {
-        offset = constant_at(c, place.offset);
+        offset = lg_c_constant_at(c, place.offset);
         lg_text_add(to, "%s_weights", c->name);
     } else if (place.area == LG_AREA_WORK) {
         lg_text_add(to, "work");

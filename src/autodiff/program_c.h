@@ -72,6 +72,8 @@ void lg_c_need(lg_c *c, const lg_c_fragment *fragment);
  * `stack`: bytes of its frame; blocks are counted once, for they follow each other. NULL on failure. */
 const char *lg_c_define(lg_c *c, const char *title, const char *text, size_t stack, bool block);
 /* The memory of a place as C: "work + 12". */
+/* Where an element of the constants that steps read stands in the weights. */
+size_t lg_c_constant_at(const lg_c *c, size_t offset);
 void lg_c_add_place(lg_c *c, lg_text *to, lg_place place);
 /* Whether the word stands in the text. */
 bool lg_c_uses(const char *text, const char *word);

@@ -516,8 +516,12 @@ void lg_c_elementwise(lg_c *c, const lg_op *op, const lg_evaluation *e) {
 /* ---- a step of scalar code ---- */
 
 /* x[offset + i] */
-static void add_element(lg_text *to, const lg_scalar_range *range, uint32_t i) {
+static void add_element(const lg_c *c, lg_text *to, const lg_scalar_range *range, uint32_t i) {
     const lg_place *at = &range->place;
+    if (at->area == LG_AREA_CONSTANTS) {
+        lg_text_add(to, "%s_weights[%zu]", c->name, lg_c_constant_at(c, at->offset + i));
+        return;
+    }
     lg_text_add(to, "%s", at->area == LG_AREA_INPUT ? "x" : at->area == LG_AREA_OUTPUT ? "y" : "work");
     if (at->area != LG_AREA_WORK) lg_text_add(to, "%u", at->number);
     lg_text_add(to, "[%zu]", at->offset + i);
@@ -539,15 +543,13 @@ static const lg_scalar_range *range_of(const lg_scalar_range *range, uint32_t co
 static void step_input(lg_c *c, lg_text *to, const void *user, uint32_t number) {
     const lg_scalar_step *step = user;
     const lg_scalar_range *range = range_of(step->in, step->ins, number);
-    (void)c;
-    add_element(to, range, number - range->first);
+    add_element(c, to, range, number - range->first);
 }
 
 static void step_output(lg_c *c, lg_text *to, const void *user, uint32_t number) {
     const lg_scalar_step *step = user;
     const lg_scalar_range *range = range_of(step->out, step->outs, number);
-    (void)c;
-    add_element(to, range, number - range->first);
+    add_element(c, to, range, number - range->first);
 }
 
 static void add_argument(lg_text *parameters, lg_text *arguments, const char *type, const char *name) {
