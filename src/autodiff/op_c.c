@@ -13,5 +13,6 @@ const lg_c_fragment lg_c_noinline = {.file = {"noinline", "noinline"}};
 const lg_c_fragment lg_c_dot = {.file = {"dot", "dot"}};
 const lg_c_fragment lg_c_dense_add = {.file = {"dense_add", "dense_add"},
                                       .needs = {&lg_c_dot, &lg_c_noinline}};
-const lg_c_fragment lg_c_stumpff = {.file = {"stumpff", "stumpff"}};
+static const lg_c_fragment inverse_factorial = {.file = {"inverse_factorial", "inverse_factorial"}};
+const lg_c_fragment lg_c_stumpff = {.file = {"stumpff", "stumpff"}, .needs = {&inverse_factorial}};
 const lg_c_fragment lg_c_dexpinv = {.file = {"dexpinv", "dexpinv"}};
