@@ -26,10 +26,8 @@ static lg_var record(loop *l, const uint32_t *samples, uint32_t count) {
     lg_tape_reset(l->tape);
     for (size_t i = 0; i < inputs; i++) {
         const size_t row = lg_shape_count(port[i].shape);
-        lg_shape shape = {port[i].shape.rank + 1, {count}};
-        memcpy(shape.dims + 1, port[i].shape.dims, port[i].shape.rank * sizeof *shape.dims);
         void *values;
-        x[i] = lg_input_buffer(l->tape, shape, &values);
+        x[i] = lg_input_buffer(l->tape, lg_port_shape(&port[i], count), &values);
         if (lg_is_none(x[i])) return LG_NONE;
         for (uint32_t r = 0; r < count; r++)
             memcpy((double *)values + r * row, l->how->columns[i] + samples[r] * row, row * sizeof(double));

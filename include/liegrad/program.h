@@ -45,6 +45,9 @@ typedef struct lg_port {
     double low, high; /* inputs: the range in which checks draw random numbers; 0, 0: -1 to 1 */
 } lg_port;
 
+/* Its shape on a tape with so many rows: (rows, shape...), or the shape itself where it is shared. */
+LG_API lg_shape lg_port_shape(const lg_port *port, size_t rows);
+
 /* ---- building ---- */
 
 /* Records the function: outputs from parameters and inputs, all variables of `tape` (of double precision).

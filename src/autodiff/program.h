@@ -110,8 +110,6 @@ void lg_function_free(const lg_context *context, lg_function *function);
  * large then. attr->pointer points into the function. */
 bool lg_node_shape_at(const lg_program_node *node, size_t rows, lg_shape *shape);
 bool lg_node_attr_at(const lg_function *function, const lg_program_node *node, size_t rows, lg_attr *attr);
-/* The shape of a port on the tape with so many rows. */
-lg_shape lg_port_shape(const lg_port *port, size_t rows);
 
 /* Copies of ports, in memory of the function; on failure nothing is kept. */
 lg_status lg_ports_copy(const lg_context *context, const lg_port *ports, size_t count, lg_port **out);
