@@ -63,7 +63,7 @@ static double scale_of(const lg_gradcheck_argument *a) {
 }
 
 static lg_status build_program(check *k, lg_error *error) {
-    char names[MOST][8];
+    char names[MOST][16];
     lg_port in[MOST], out = {.name = "y"};
     for (uint32_t i = 0; i < k->f->inputs; i++) {
         const lg_gradcheck_argument *a = &k->f->arguments[i];

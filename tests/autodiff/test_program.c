@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "autodiff/plan.h"
 #include "liegrad/nn.h"
 #include "liegrad/ops.h"
 #include "liegrad/program.h"
@@ -762,6 +763,46 @@ static void application_is_checked(void **state) {
     free(n.theta);
 }
 
+/* ---- what depends on parameters alone is computed once ---- */
+
+static lg_status scaled(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    (void)user;
+    y[0] = lg_mul(tape, x[0], lg_exp(tape, theta[0]));
+    return lg_tape_status(tape);
+}
+
+static void parameters_are_folded(void **state) {
+    (void)state;
+    const double logarithms[3] = {0.5, -1.0, 2.0}, x[3] = {1.0, 2.0, -3.0};
+    const lg_parameter_spec theta = {"theta", lg_shape1(3), logarithms};
+    const lg_port out = {.name = "y"};
+    const lg_function_spec function = {"scaled", &x3, 1, &out, 1, scaled, NULL};
+    lg_program_spec spec;
+    lg_program *program = NULL;
+    lg_plan *plan;
+    lg_error error;
+    double y[3];
+    lg_program_spec_init(&spec);
+    spec.parameters = &theta;
+    spec.parameter_count = 1;
+    spec.functions = &function;
+    spec.function_count = 1;
+    assert_int_equal(lg_program_build(NULL, &spec, &program, &error), LG_OK);
+    assert_int_equal(lg_program_operations(program, 0), 2);
+    assert_int_equal(lg_plan_create(program, 0, NULL, &plan, &error), LG_OK);
+    for (size_t s = 0; s < plan->steps; s++) {
+        if (plan->step[s].kind == LG_STEP_TENSOR) assert_int_not_equal(plan->step[s].tensor.op, LG_OP_EXP);
+        for (uint32_t g = 0; plan->step[s].kind == LG_STEP_SCALARS && g < plan->step[s].scalars.groups; g++)
+            assert_int_not_equal(plan->step[s].scalars.group[g].op, LG_S_EXP);
+    }
+    void *work = aligned_alloc(64, lg_plan_work_size(plan));
+    lg_plan_run(plan, (const void *const[]){x}, (void *const[]){y}, work);
+    for (size_t i = 0; i < 3; i++) assert_close(y[i], x[i] * exp(logarithms[i]), 1e-15, 0);
+    free(work);
+    lg_plan_destroy(plan);
+    lg_program_destroy(program);
+}
+
 /* a_{2i+j} = sin(q_i u_j); b = net(q, u) + q . u depends on everything. */
 static void sparsity_is_structural(void **state) {
     (void)state;
@@ -796,6 +837,7 @@ int main(void) {
         cmocka_unit_test(derivatives_that_cannot_be),
         cmocka_unit_test(application_is_checked),
         cmocka_unit_test(sparsity_is_structural),
+        cmocka_unit_test(parameters_are_folded),
         cmocka_unit_test(jacobians_of_rows_that_meet_are_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -425,12 +425,49 @@ static void a_matrix_that_is_not_positive(void **state) {
         }
 }
 
+/* Every pair of x, -x, y, -y, 0, 1, -1, 2 under every instruction of two operands, simplified or not: as by
+ * hand. */
+static void simplified_code_is_the_same(void **state) {
+    (void)state;
+    static const lg_scalar_op two[] = {LG_S_ADD, LG_S_SUB, LG_S_MUL, LG_S_DIV};
+    static const double constants[] = {0.0, 1.0, -1.0, 2.0}, inputs[2] = {0.75, -1.5};
+    enum { OPERANDS = 8 };
+    lg_scalars s;
+    lg_scalar operand[OPERANDS];
+    double value[OPERANDS], r[1024];
+    lg_scalars_init(&s, NULL);
+    for (uint32_t i = 0; i < 2; i++) {
+        operand[2 * i] = lg_s_input(&s, i);
+        operand[2 * i + 1] = lg_s_neg(&s, operand[2 * i]);
+        value[2 * i] = inputs[i];
+        value[2 * i + 1] = -inputs[i];
+    }
+    for (uint32_t i = 0; i < 4; i++) {
+        operand[4 + i] = lg_s_constant(&s, constants[i]);
+        value[4 + i] = constants[i];
+    }
+    for (size_t o = 0; o < LG_COUNT(two); o++)
+        for (size_t i = 0; i < OPERANDS; i++)
+            for (size_t j = 0; j < OPERANDS; j++) {
+                if (two[o] == LG_S_DIV && value[j] == 0.0) continue;
+                const lg_scalar made = lg_s(&s, two[o], operand[i], operand[j]);
+                const double a = value[i], b = value[j];
+                const double want = o == 0 ? a + b : o == 1 ? a - b : o == 2 ? a * b : a / b;
+                assert_false(s.failed);
+                assert_true(s.count <= LG_COUNT(r));
+                walk_by_hand(&s, inputs, r);
+                assert_close(r[made], want, 0, 0);
+            }
+    lg_scalars_free(&s);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(scalar_code_equals_the_operation),
         cmocka_unit_test(elementwise_operations_work_over_an_input),
         cmocka_unit_test(not_finite_numbers_are_treated_alike),
         cmocka_unit_test(a_matrix_that_is_not_positive),
+        cmocka_unit_test(simplified_code_is_the_same),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -112,6 +112,61 @@ static void taped_equals_untaped(void **state) {
         }
 }
 
+static void assert_output(const lg_program *program, const char *function, const void *const *in,
+                          size_t output, const double *expected, size_t count) {
+    double found[2][MOST_STATE];
+    void *const out[2] = {found[0], found[1]};
+    lg_plan *plan;
+    lg_error error;
+    size_t number;
+    assert_ok(lg_program_find(program, function, &number));
+    if (lg_plan_create(program, number, NULL, &plan, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_int_equal(lg_plan_output_count(plan, output), count);
+    void *work;
+    assert_int_equal(posix_memalign(&work, 64, lg_plan_work_size(plan)), 0);
+    lg_plan_run(plan, in, out, work);
+    for (size_t i = 0; i < count; i++) assert_close(found[output][i], expected[i], 2e-13, 2e-13);
+    free(work);
+    lg_plan_destroy(plan);
+}
+
+/* The bundle's functions are lg_model_*, and its step is the model's stepper. */
+static void a_program_is_the_model(void **state) {
+    (void)state;
+    for (size_t i = 0; i < MODELS; i++) {
+        setting s;
+        lg_program *program;
+        lg_error error;
+        lg_stepper *stepper;
+        double value, gradient[MOST_STATE], field[MOST_STATE], next[MOST_STATE];
+        open_setting(&s, &models[i], true);
+        const lg_model *model = &s.built.model;
+        const lg_scheme *scheme =
+            lg_scheme_find(models[i].family == LG_HAMILTONIAN_CHAIN ? "cf4" : "stormer-verlet");
+        if (lg_hamiltonian_program(NULL, hamiltonian_of(&s), s.built.theta, NULL, &program, &error) != LG_OK)
+            fail_msg("%s", error.message);
+        const size_t bytes = lg_model_stepper_size(model, scheme);
+        void *memory;
+        assert_int_equal(posix_memalign(&memory, 64, bytes), 0);
+        assert_ok(lg_model_stepper_init(memory, bytes, model, scheme, &stepper));
+        for (size_t b = 0; b < BATCH; b++) {
+            const double *y = s.state + b * s.d, *u = s.input + b * s.m;
+            const void *const in[3] = {y, u, &s.h[b]};
+            lg_model_jacobian(model, y, &value, gradient, s.built.work);
+            assert_ok(lg_model_field(model, y, u, field, s.built.work));
+            assert_ok(lg_step(stepper, 0.0, s.h[b], y, u, next));
+            assert_output(program, "value", in, 0, &value, 1);
+            assert_output(program, "grad", in, 0, &value, 1);
+            assert_output(program, "grad", in, 1, gradient, s.d);
+            assert_output(program, "field", in, 0, field, s.d);
+            assert_output(program, "step", in, 0, next, s.d);
+        }
+        free(memory);
+        lg_program_destroy(program);
+        close_setting(&s);
+    }
+}
+
 /* The gradient is the value's, on the manifold and off it, and its directional derivative is
  * lg_hamiltonian_gradient_jvp. */
 static void gradient_is_the_values(void **state) {
@@ -299,7 +354,7 @@ int main(void) {
         cmocka_unit_test(taped_equals_untaped), cmocka_unit_test(gradient_is_the_values),
         cmocka_unit_test(derivatives),          cmocka_unit_test(steps_equal_the_models),
         cmocka_unit_test(rows_are_independent), cmocka_unit_test(without_mass),
-        cmocka_unit_test(bad_shapes),
+        cmocka_unit_test(bad_shapes),           cmocka_unit_test(a_program_is_the_model),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
