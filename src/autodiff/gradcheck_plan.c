@@ -158,6 +158,24 @@ static void move_place(void *user, lg_place *place, bool written) {
     if (same_place(place, &m->from)) *place = m->to;
 }
 
+static bool meet(const lg_place *a, size_t count_a, const lg_place *b, size_t count_b) {
+    return a->area == LG_AREA_WORK && b->area == LG_AREA_WORK && a->offset < b->offset + count_b &&
+           b->offset < a->offset + count_a;
+}
+
+/* Whether the step, with its result there, would read what it writes: what becomes of that is not defined. */
+static bool reads_its_result(const lg_plan_step *s, const lg_place *there) {
+    bool found = false;
+    if (s->kind == LG_STEP_TENSOR)
+        for (uint32_t k = 0; k < s->tensor.inputs; k++)
+            found =
+                found || meet(there, s->tensor.count, &s->tensor.x[k], lg_shape_count(*s->tensor.shapes[k]));
+    if (s->kind == LG_STEP_DENSE)
+        found = meet(there, s->dense.m * s->dense.n, &s->dense.x, s->dense.m * s->dense.k);
+    if (s->kind == LG_STEP_COPY) found = meet(there, s->copy.count, &s->copy.x, s->copy.count);
+    return found;
+}
+
 /* The step's result goes where a number lies that a later step reads; its readers follow. */
 static bool clobber(lg_plan *plan, size_t at) {
     moving made = {.from = {LG_AREA_NONE, 1, 0}};
@@ -166,7 +184,9 @@ static bool clobber(lg_plan *plan, size_t at) {
     for (size_t s = 0; s < at; s++) {
         moving victim = {.from = {LG_AREA_NONE, 1, 0}};
         each_place(&plan->step[s], look, &victim);
-        if (!victim.found || same_place(&victim.first, &made.first)) continue;
+        if (!victim.found || same_place(&victim.first, &made.first) ||
+            reads_its_result(&plan->step[at], &victim.first))
+            continue;
         moving later = {.from = victim.first};
         for (size_t t = at + 1; t < plan->steps && !later.writes; t++)
             each_place(&plan->step[t], look, &later);
