@@ -152,27 +152,34 @@ static void look(void *user, lg_place *place, bool written) {
     if (same_place(place, &m->from)) *(written ? &m->writes : &m->reads) = true;
 }
 
+static lg_place moved_place(const lg_place *place, const moving *m) {
+    return same_place(place, &m->from) ? m->to : *place;
+}
+
 static void move_place(void *user, lg_place *place, bool written) {
-    const moving *m = user;
     (void)written;
-    if (same_place(place, &m->from)) *place = m->to;
+    *place = moved_place(place, user);
 }
 
-static bool meet(const lg_place *a, size_t count_a, const lg_place *b, size_t count_b) {
-    return a->area == LG_AREA_WORK && b->area == LG_AREA_WORK && a->offset < b->offset + count_b &&
-           b->offset < a->offset + count_a;
+static bool meet(lg_place a, size_t count_a, lg_place b, size_t count_b) {
+    return a.area == LG_AREA_WORK && b.area == LG_AREA_WORK && a.offset < b.offset + count_b &&
+           b.offset < a.offset + count_a;
 }
 
-/* Whether the step, with its result there, would read what it writes: what becomes of that is not defined. */
-static bool reads_its_result(const lg_plan_step *s, const lg_place *there) {
+/* Whether the step would read what it writes, once a place has moved: what becomes of that is not defined. */
+static bool reads_its_result(const lg_plan_step *s, const moving *move) {
     bool found = false;
     if (s->kind == LG_STEP_TENSOR)
         for (uint32_t k = 0; k < s->tensor.inputs; k++)
-            found =
-                found || meet(there, s->tensor.count, &s->tensor.x[k], lg_shape_count(*s->tensor.shapes[k]));
+            found = found || (!same_place(&s->tensor.x[k], &s->tensor.y) &&
+                              meet(moved_place(&s->tensor.y, move), s->tensor.count,
+                                   moved_place(&s->tensor.x[k], move), lg_shape_count(*s->tensor.shapes[k])));
     if (s->kind == LG_STEP_DENSE)
-        found = meet(there, s->dense.m * s->dense.n, &s->dense.x, s->dense.m * s->dense.k);
-    if (s->kind == LG_STEP_COPY) found = meet(there, s->copy.count, &s->copy.x, s->copy.count);
+        found = meet(moved_place(&s->dense.y, move), s->dense.m * s->dense.n, moved_place(&s->dense.x, move),
+                     s->dense.m * s->dense.k);
+    if (s->kind == LG_STEP_COPY)
+        found =
+            meet(moved_place(&s->copy.y, move), s->copy.count, moved_place(&s->copy.x, move), s->copy.count);
     return found;
 }
 
@@ -184,15 +191,16 @@ static bool clobber(lg_plan *plan, size_t at) {
     for (size_t s = 0; s < at; s++) {
         moving victim = {.from = {LG_AREA_NONE, 1, 0}};
         each_place(&plan->step[s], look, &victim);
-        if (!victim.found || same_place(&victim.first, &made.first) ||
-            reads_its_result(&plan->step[at], &victim.first))
-            continue;
+        if (!victim.found || same_place(&victim.first, &made.first)) continue;
         moving later = {.from = victim.first};
         for (size_t t = at + 1; t < plan->steps && !later.writes; t++)
             each_place(&plan->step[t], look, &later);
         if (!later.reads) continue;
-        const moving to = {.from = made.first, .to = victim.first};
-        moving all = to;
+        moving all = {.from = made.first, .to = victim.first};
+        bool defined = true;
+        for (size_t t = at; t < plan->steps; t++)
+            defined = defined && !reads_its_result(&plan->step[t], &all);
+        if (!defined) continue;
         for (size_t t = at; t < plan->steps; t++) each_place(&plan->step[t], move_place, &all);
         return true;
     }
