@@ -110,8 +110,9 @@ static void find_fates(planning *p) {
             it->offset = p->item[n->in[0]].offset + offset;
             continue;
         }
-        it->fate = !p->compact && lg_code_fits(g, n) ? CODE : TENSOR;
-        if (it->fate == TENSOR && fuses(p, n)) p->item[n->in[0]].fate = FUSED;
+        const bool fused = fuses(p, n); /* a layer is quicker than its product and scalar code */
+        it->fate = !p->compact && !fused && lg_code_fits(g, n) ? CODE : TENSOR;
+        if (fused) p->item[n->in[0]].fate = FUSED;
     }
 }
 
