@@ -85,6 +85,17 @@ static bool fuses(const planning *p, const lg_graph_node *n) {
     return product->inputs == 2 || is_bias(p, product->in[2], b->dims[1]);
 }
 
+/* Elementwise over a tensor of its size that a step makes: the kernel goes on where that step ends. */
+static bool follows_tensor(const planning *p, const lg_graph_node *n) {
+    enum { FEW = 6 };
+    if (lg_ops[n->op]->element == NULL || n->count <= FEW) return false;
+    for (uint32_t k = 0; k < n->inputs; k++)
+        if (n->in[k] != LG_GRAPH_NONE && p->g.node[n->in[k]].count == n->count &&
+            (p->item[n->in[k]].fate == TENSOR || p->item[n->in[k]].fate == FUSED))
+            return true;
+    return false;
+}
+
 static void find_fates(planning *p) {
     const lg_graph *g = &p->g;
     for (uint32_t i = 0; i < g->count; i++)
@@ -111,7 +122,7 @@ static void find_fates(planning *p) {
             continue;
         }
         const bool fused = fuses(p, n); /* a layer is quicker than its product and scalar code */
-        it->fate = !p->compact && !fused && lg_code_fits(g, n) ? CODE : TENSOR;
+        it->fate = !p->compact && !fused && lg_code_fits(g, n) && !follows_tensor(p, n) ? CODE : TENSOR;
         if (fused) p->item[n->in[0]].fate = FUSED;
     }
 }
