@@ -140,10 +140,13 @@ static int open_all(char **argv) {
     if (scheme == NULL || lg_model_inputs(all.model) != D) return 0;
     const size_t bytes = lg_model_stepper_size(all.model, scheme);
     if (lg_model_stepper_init(reserve(bytes), bytes, all.model, scheme, &all.stepper) != LG_OK) return 0;
+    lg_plan_options options;
+    lg_plan_options_init(&options);
+    options.mark_unfit = true; /* as the other three */
     for (size_t f = 0; f < FUNCTIONS; f++) {
         size_t number;
         if (lg_program_find(program, functions[f].name, &number) != LG_OK ||
-            lg_plan_create(program, number, NULL, &all.plan[f], &error) != LG_OK)
+            lg_plan_create(program, number, &options, &all.plan[f], &error) != LG_OK)
             return 0;
         if (lg_plan_work_size(all.plan[f]) > work) work = lg_plan_work_size(all.plan[f]);
     }

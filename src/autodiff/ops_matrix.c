@@ -154,9 +154,13 @@ static void matmul_c(lg_c *c, const lg_evaluation *e) {
     const size_t step_a = of.batch_a == 1 ? 0 : of.m * of.k, step_b = of.batch_b == 1 ? 0 : of.k * of.n;
     lg_c_call(c, &c_start, "start(%zu, %zu, %s, %zu, %d, $y)", rows, of.n, added > 0 ? "$2" : "NULL",
               added == e->count ? of.n : 0, added == e->count || added == of.n);
-    for (size_t i = 0; i < of.batch; i++)
-        lg_c_call(c, &c_products[variant], "matmul_%s(%zu, %zu, %zu, $0 + %zu, $1 + %zu, $y + %zu)",
-                  names[variant], of.m, of.n, of.k, i * step_a, i * step_b, i * of.m * of.n);
+    if (of.batch == 1)
+        lg_c_call(c, &c_products[variant], "matmul_%s(%zu, %zu, %zu, $0, $1, $y)", names[variant], of.m, of.n,
+                  of.k);
+    else
+        lg_c_call(c, &c_products[variant],
+                  "for (int i = 0; i < %zu; i++) matmul_%s(%zu, %zu, %zu, $0 + i * %zu, $1 + i * %zu, $y + i * %zu)",
+                  of.batch, names[variant], of.m, of.n, of.k, step_a, step_b, of.m * of.n);
 }
 
 static lg_var product(lg_tape *tape, uint32_t variant, lg_var a, lg_var b) {

@@ -23,7 +23,8 @@ typedef struct item {
     size_t offset; /* VIEW: in the base's numbers */
     uint32_t uses;
     uint32_t made, last; /* steps: that computes it, that reads it last */
-    bool done, lasting;  /* lasting: no place is given away, as outputs are */
+    uint32_t phase;      /* in the order of work: even for tensors, odd for scalar code */
+    bool lasting;        /* no place is given away, as outputs are */
     lg_place place;
 } item;
 
@@ -37,8 +38,7 @@ typedef struct planning {
     lg_heap temporary;
     lg_graph g;
     item *item;
-    uint32_t *run; /* nodes of the scalar code in work */
-    size_t run_count;
+    lg_scalar **code_value; /* for lg_code_begin */
     piece *free; /* holes in the work memory, in order */
     lg_plan_step *step;
     size_t capacity;
@@ -85,6 +85,17 @@ static bool fuses(const planning *p, const lg_graph_node *n) {
     return product->inputs == 2 || is_bias(p, product->in[2], b->dims[1]);
 }
 
+/* Elementwise over a tensor of its size that a step makes: the kernel goes on where that step ends. */
+static bool follows_tensor(const planning *p, const lg_graph_node *n) {
+    enum { FEW = 6 };
+    if (lg_ops[n->op]->element == NULL || n->count <= FEW) return false;
+    for (uint32_t k = 0; k < n->inputs; k++)
+        if (n->in[k] != LG_GRAPH_NONE && p->g.node[n->in[k]].count == n->count &&
+            (p->item[n->in[k]].fate == TENSOR || p->item[n->in[k]].fate == FUSED))
+            return true;
+    return false;
+}
+
 static void find_fates(planning *p) {
     const lg_graph *g = &p->g;
     for (uint32_t i = 0; i < g->count; i++)
@@ -99,7 +110,6 @@ static void find_fates(planning *p) {
         it->place.area = LG_AREA_NONE;
         if (n->sort != LG_GRAPH_OPERATION) {
             it->fate = GIVEN;
-            it->done = true;
             continue;
         }
         lg_graph_shapes(g, n, shapes);
@@ -111,8 +121,9 @@ static void find_fates(planning *p) {
             it->offset = p->item[n->in[0]].offset + offset;
             continue;
         }
-        it->fate = !p->compact && lg_code_fits(g, n) ? CODE : TENSOR;
-        if (it->fate == TENSOR && fuses(p, n)) p->item[n->in[0]].fate = FUSED;
+        const bool fused = fuses(p, n); /* a layer is quicker than its product and scalar code */
+        it->fate = !p->compact && !fused && lg_code_fits(g, n) && !follows_tensor(p, n) ? CODE : TENSOR;
+        if (fused) p->item[n->in[0]].fate = FUSED;
     }
 }
 
@@ -249,47 +260,48 @@ static void end_lives(planning *p, const uint32_t *ending, size_t count) {
 
 /* ---- order ---- */
 
-static bool ready(const planning *p, uint32_t node) {
-    const lg_graph_node *n = &p->g.node[node];
-    for (uint32_t k = 0; k < n->inputs; k++)
-        if (n->in[k] != LG_GRAPH_NONE && !p->item[n->in[k]].done) return false;
-    return true;
-}
-
 /* A step is a node, or a run of scalar code: order[first..first + count - 1]. */
 typedef struct stretch {
     uint32_t first, count;
     bool code;
 } stretch;
 
+/* The earliest phase after those of the inputs; a phase may follow upon itself. */
+static uint32_t phase_of(const planning *p, uint32_t node) {
+    const lg_graph_node *n = &p->g.node[node];
+    const uint32_t odd = p->item[node].fate == CODE;
+    uint32_t phase = odd;
+    for (uint32_t k = 0; k < n->inputs; k++) {
+        if (n->in[k] == LG_GRAPH_NONE) continue;
+        const uint32_t before = p->item[n->in[k]].phase, after = before + (before % 2 != odd);
+        if (after > phase) phase = after;
+    }
+    return phase;
+}
+
+static bool is_step(const planning *p, uint32_t node) {
+    return p->item[node].fate == CODE || p->item[node].fate == TENSOR;
+}
+
 /* Everything that can be computed by tensors, then all scalar code that can, and so on: few long runs of it.
- */
-static size_t find_order(planning *p, uint32_t *order, stretch *stretches) {
+ * `first`, zeros: 2 nodes + 2 of them. */
+static size_t find_order(planning *p, uint32_t *first, uint32_t *order, stretch *stretches) {
     const uint32_t nodes = p->g.count;
-    uint32_t placed = 0, left = 0;
     size_t count = 0;
-    for (uint32_t i = 0; i < nodes; i++) left += !p->item[i].done;
-    while (left > 0) {
-        bool moved = false;
-        for (uint32_t i = 0; i < nodes; i++) {
-            item *it = &p->item[i];
-            if (it->done || it->fate == CODE || !ready(p, i)) continue;
-            it->done = moved = true;
-            left--;
-            if (it->fate != TENSOR) continue;
-            order[placed] = i;
-            stretches[count++] = (stretch){placed++, 1, false};
-        }
-        const uint32_t first = placed;
-        for (uint32_t i = 0; i < nodes; i++) {
-            item *it = &p->item[i];
-            if (it->done || it->fate != CODE || !ready(p, i)) continue;
-            it->done = moved = true;
-            left--;
-            order[placed++] = i;
-        }
-        if (placed > first) stretches[count++] = (stretch){first, placed - first, true};
-        if (!moved) break; /* cannot be: nodes come after their inputs */
+    for (uint32_t i = 0; i < nodes; i++) {
+        if (p->item[i].fate != GIVEN) p->item[i].phase = phase_of(p, i);
+        if (is_step(p, i)) first[p->item[i].phase + 1]++;
+    }
+    for (uint32_t f = 0; f <= 2 * nodes; f++) first[f + 1] += first[f];
+    const uint32_t placed = first[2 * nodes + 1];
+    for (uint32_t i = 0; i < nodes; i++)
+        if (is_step(p, i)) order[first[p->item[i].phase]++] = i;
+    for (uint32_t j = 0; j < placed; j++) {
+        const item *it = &p->item[order[j]];
+        if (it->fate == CODE && j > 0 && p->item[order[j - 1]].phase == it->phase)
+            stretches[count - 1].count++;
+        else
+            stretches[count++] = (stretch){j, 1, it->fate == CODE};
     }
     return count;
 }
@@ -419,7 +431,8 @@ static lg_status add_code(planning *p, const uint32_t *nodes, uint32_t count, ui
     lg_plan_step *step = new_step(p, LG_STEP_SCALARS);
     uint32_t *stored = take(p, count, sizeof *stored), outs = 0;
     if (step == NULL || stored == NULL) return LG_OUT_OF_MEMORY;
-    lg_status status = lg_code_begin(&code, &p->temporary, &p->g);
+    lg_status status = LG_OK;
+    lg_code_begin(&code, &p->temporary, &p->g, p->code_value);
     code.plant = p->plant;
     for (uint32_t j = 0; status == LG_OK && j < count; j++) status = lg_code_add(&code, nodes[j]);
     for (uint32_t j = 0; status == LG_OK && j < count; j++) {
@@ -430,7 +443,7 @@ static lg_status add_code(planning *p, const uint32_t *nodes, uint32_t count, ui
     if (status == LG_OK)
         status =
             lg_code_finish(&code, &p->plan->memory, p->plan->k, stored, outs, code_place, p, &step->scalars);
-    lg_code_end(&code);
+    lg_code_end(&code, nodes, count);
     LG_TRY(status);
     const size_t registers = step->scalars.constants + step->scalars.loads + step->scalars.instructions;
     step->scalars.registers = (lg_place){LG_AREA_WORK, 0, give_room(p, registers)};
@@ -469,21 +482,23 @@ static lg_status copy_outputs(planning *p) {
     return LG_OK;
 }
 
-/* Nodes by the step that reads them last. */
+/* Nodes by the step that reads them last: those of step s are ending[first[s + 1] .. first[s + 2] - 1]. */
 static void sort_endings(const planning *p, size_t steps, uint32_t *ending, uint32_t *first) {
     for (uint32_t i = 0; i < p->g.count; i++)
-        if (p->item[i].fate == CODE || p->item[i].fate == TENSOR) first[p->item[i].last + 1]++;
-    for (size_t s = 0; s < steps; s++) first[s + 1] += first[s];
+        if (is_step(p, i)) first[p->item[i].last + 1]++;
+    for (size_t s = 0; s <= steps; s++) first[s + 1] += first[s];
     for (uint32_t i = p->g.count; i-- > 0;)
-        if (p->item[i].fate == CODE || p->item[i].fate == TENSOR) ending[--first[p->item[i].last + 1]] = i;
+        if (is_step(p, i)) ending[--first[p->item[i].last + 1]] = i;
 }
 
 static lg_status add_steps(planning *p) {
     const uint32_t nodes = p->g.count;
     uint32_t *order = take(p, nodes, sizeof *order), *ending = take(p, nodes, sizeof *ending);
+    uint32_t *phases = take(p, 2 * (size_t)nodes + 2, sizeof *phases);
     stretch *stretches = take(p, nodes, sizeof *stretches);
+    p->code_value = take(p, nodes, sizeof *p->code_value);
     if (p->failed) return LG_OUT_OF_MEMORY;
-    const size_t count = find_order(p, order, stretches);
+    const size_t count = find_order(p, phases, order, stretches);
     uint32_t *first = take(p, count + 2, sizeof *first);
     if (first == NULL) return LG_OUT_OF_MEMORY;
     find_lives(p, order, stretches, count);
@@ -491,7 +506,7 @@ static lg_status add_steps(planning *p) {
     sort_endings(p, count, ending, first);
     for (size_t s = 0; s < count; s++) {
         LG_TRY(add_step(p, order, &stretches[s], (uint32_t)s));
-        end_lives(p, ending + first[s + 1], (s + 2 <= count ? first[s + 2] : nodes) - first[s + 1]);
+        end_lives(p, ending + first[s + 1], first[s + 2] - first[s + 1]);
     }
     return copy_outputs(p);
 }

@@ -21,14 +21,18 @@ bool lg_code_fits(const lg_graph *g, const lg_graph_node *n) {
     return in <= MOST_IN;
 }
 
-lg_status lg_code_begin(lg_code *code, lg_heap *temporary, const lg_graph *graph) {
-    *code = (lg_code){.temporary = temporary, .graph = graph};
+void lg_code_begin(lg_code *code, lg_heap *temporary, const lg_graph *graph, lg_scalar **value) {
+    *code = (lg_code){.temporary = temporary, .graph = graph, .value = value};
     lg_scalars_init(&code->s, temporary->context);
-    code->value = lg_heap_take(temporary, graph->count, sizeof *code->value);
-    return code->value != NULL ? LG_OK : LG_OUT_OF_MEMORY;
 }
 
-void lg_code_end(lg_code *code) {
+void lg_code_end(lg_code *code, const uint32_t *nodes, uint32_t count) {
+    for (uint32_t j = 0; j < count; j++) {
+        const lg_graph_node *n = &code->graph->node[nodes[j]];
+        code->value[nodes[j]] = NULL;
+        for (uint32_t k = 0; k < n->inputs; k++)
+            if (n->in[k] != LG_GRAPH_NONE) code->value[n->in[k]] = NULL;
+    }
     lg_scalars_free(&code->s);
 }
 

@@ -18,7 +18,8 @@ typedef struct lg_code {
     struct lg_plant *plant; /* of the program */
 } lg_code;
 
-lg_status lg_code_begin(lg_code *code, lg_heap *temporary, const lg_graph *graph);
+/* `value`: room for as many entries as the graph has nodes, all NULL. */
+void lg_code_begin(lg_code *code, lg_heap *temporary, const lg_graph *graph, lg_scalar **value);
 /* Adds a node: its inputs are constants, nodes added before, or are loaded. */
 lg_status lg_code_add(lg_code *code, uint32_t node);
 /* The step: places of what is loaded by `place_of`, of what is stored likewise; `stored` are nodes that were
@@ -26,6 +27,7 @@ lg_status lg_code_add(lg_code *code, uint32_t node);
 typedef lg_place (*lg_code_place)(void *user, uint32_t node);
 lg_status lg_code_finish(lg_code *code, lg_heap *memory, const lg_kernels *k, const uint32_t *stored,
                          size_t count, lg_code_place place_of, void *user, lg_scalar_step *out);
-void lg_code_end(lg_code *code);
+/* `nodes`: those that were added, or should have been; `value` is all NULL again. */
+void lg_code_end(lg_code *code, const uint32_t *nodes, uint32_t count);
 
 #endif
