@@ -48,6 +48,8 @@ const char *export_name_problem(const char *name) {
     if (strstr(name, "__") != NULL || name[length - 1] == '_') return "__ and a _ at the end are reserved";
     (void)snprintf(word, sizeof word, " %s ", name);
     if (strstr(reserved, word) != NULL) return "the word is taken by C or C++";
+    if (strcmp(name, "run") == 0 || strcmp(name, "golden") == 0)
+        return "the self-test uses words that begin so";
     if (strcasecmp(name, "makefile") == 0) return "make takes such files for its own";
     for (const export_fragment *f = export_fragments; f->name != NULL; f++)
         if (begins_a_word(name, f->text)) return "the code uses words that begin so";

@@ -11,6 +11,8 @@
 
 enum { GOLDEN_STREAM = 11, CONDITION_POINTS = 64 };
 
+static const double SELF_TEST_WORK = 3e8; /* operations of a run, so that all of its points take seconds */
+
 typedef struct job {
     const app *self;
     export_source *source;
@@ -72,6 +74,7 @@ static lg_status open_evaluation(const job *j, size_t function, lg_dtype dtype, 
     lg_plan_options options;
     lg_plan_options_init(&options);
     options.dtype = dtype;
+    options.most_work = SELF_TEST_WORK;
     *e = (evaluation){.single = dtype == LG_F32};
     e->in = lg_program_inputs(j->program, function, &e->ins);
     e->out = lg_program_outputs(j->program, function, &e->outs);
@@ -144,7 +147,7 @@ static double amplification(const evaluation *wide, const evaluation *narrow, co
             const double *want = y + p * outs + at;
             const double scale = fmax(norm_of(want, NULL, count), sqrt(mean));
             const double error = norm_of(z + p * outs + at, want, count) / (scale > 0 ? scale : 1);
-            if (error > worst) worst = error;
+            if (!isnan(worst) && !(error <= worst)) worst = error; /* a NaN stays */
         }
     }
     free(z);
@@ -173,6 +176,12 @@ static int find_condition(job *j, size_t function, size_t depth) {
         if (isfinite(found) && found > 1) j->condition = ceil(found);
         close_evaluation(&narrow);
         free(x);
+        if (!isfinite(found) && j->source->options->dtype == LG_F32)
+            status = app_error(
+                &error, LG_NOT_FINITE,
+                "%s: function '%s' gives numbers that are not finite in single precision, at random "
+                "points of its inputs: export it with --dtype f64",
+                j->source->options->file, lg_program_function_name(j->program, function));
     }
     close_evaluation(&wide);
     return status == LG_OK ? APP_EXIT_OK : failed(j, status, &error);

@@ -183,12 +183,15 @@ typedef struct lg_plan_options {
     lg_dtype dtype;  /* LG_F64; LG_F32: parameters are rounded, everything is computed in single precision */
     bool mark_unfit; /* true: a number of an input that is not finite makes all outputs NaN */
     bool compact;    /* true: small tensors too are computed in loops, not written out */
-    size_t most_bytes; /* of constants and of work memory; 1 GiB. Beyond: LG_OUT_OF_MEMORY */
+    size_t most_bytes; /* of constants and of work memory; planning takes up to four times as much; 1 GiB.
+                        * Beyond: LG_OUT_OF_MEMORY */
+    double most_work;  /* operations on numbers of a run, and of computing constants; 1e13. Beyond:
+                        * LG_UNSUPPORTED, with the number in the sentence */
 } lg_plan_options;
 
 LG_API void lg_plan_options_init(lg_plan_options *options);
 /* `options` NULL: the defaults. Errors: LG_INVALID_ARGUMENT, LG_NOT_FOUND (function), LG_SHAPE (this number
- * of rows does not fit), LG_OUT_OF_MEMORY. */
+ * of rows does not fit), LG_OUT_OF_MEMORY, LG_UNSUPPORTED (most_work). */
 LG_API lg_status lg_plan_create(const lg_program *program, size_t function, const lg_plan_options *options,
                                 lg_plan **out, lg_error *error);
 LG_API void lg_plan_destroy(lg_plan *plan); /* NULL is fine */

@@ -39,7 +39,7 @@ typedef struct planning {
     lg_graph g;
     item *item;
     lg_scalar **code_value; /* for lg_code_begin */
-    piece *free; /* holes in the work memory, in order */
+    piece *free;            /* holes in the work memory, in order */
     lg_plan_step *step;
     size_t capacity;
     size_t constant_room;
@@ -535,7 +535,10 @@ static lg_status find_depth(planning *p) {
         const lg_graph_node *n = &p->g.node[i];
         for (uint32_t k = 0; k < n->inputs; k++)
             if (n->in[k] != LG_GRAPH_NONE && depth[n->in[k]] > depth[i]) depth[i] = depth[n->in[k]];
-        if (n->sort == LG_GRAPH_OPERATION) depth[i] += own_depth(&p->g, n);
+        if (n->sort == LG_GRAPH_OPERATION) {
+            depth[i] += own_depth(&p->g, n);
+            p->plan->work += lg_graph_work(&p->g, n);
+        }
         if (depth[i] > p->plan->depth) p->plan->depth = depth[i];
     }
     return LG_OK;
@@ -566,14 +569,18 @@ static lg_status plan_loop(planning *p, const lg_program *program, const lg_func
     step->call.work = (lg_place){
         LG_AREA_WORK, 0, give_room(p, (lg_plan_work_size(callee) + plan->k->size - 1) / plan->k->size)};
     plan->depth = callee->depth * f->times;
+    plan->work = callee->work * f->times;
     return LG_OK;
 }
 
 /* ---- a plan ---- */
 
 void lg_plan_options_init(lg_plan_options *options) {
-    *options =
-        (lg_plan_options){.size = sizeof *options, .rows = 1, .dtype = LG_F64, .most_bytes = (size_t)1 << 30};
+    *options = (lg_plan_options){.size = sizeof *options,
+                                 .rows = 1,
+                                 .dtype = LG_F64,
+                                 .most_bytes = (size_t)1 << 30,
+                                 .most_work = 1e13};
 }
 
 static lg_status count_ports(planning *p, const lg_function *f, size_t rows) {
@@ -599,7 +606,8 @@ static lg_status count_ports(planning *p, const lg_function *f, size_t rows) {
 
 static lg_status plan_nodes(planning *p, const lg_program *program, const lg_function *f,
                             const lg_plan_options *options) {
-    LG_TRY(lg_graph_make(&p->temporary, program, f, options->rows, options->dtype, &p->g, p->error));
+    LG_TRY(lg_graph_make(&p->temporary, program, f, options->rows, options->dtype, options->most_work, &p->g,
+                         p->error));
     p->item = take(p, p->g.count, sizeof *p->item);
     if (p->failed) return LG_OUT_OF_MEMORY;
     find_fates(p);
@@ -619,6 +627,9 @@ static lg_status make(planning *p, const lg_program *program, const lg_function 
         return lg_fail(p->error, LG_OUT_OF_MEMORY,
                        "function '%s' needs %zu bytes of work memory, more than %zu", f->name,
                        p->plan->work_count * p->plan->k->size, options->most_bytes);
+    if (p->plan->work > options->most_work)
+        return lg_fail(p->error, LG_UNSUPPORTED, "function '%s' takes about %.2g operations, more than %.2g",
+                       f->name, p->plan->work, options->most_work);
     return LG_OK;
 }
 

@@ -115,6 +115,7 @@ struct lg_plan {
     size_t constant_count;
     size_t work_count; /* elements */
     size_t depth;      /* operations one after another at most, counting a sum of n terms as log2 n + 1 */
+    double work;       /* operations on numbers of a run */
     size_t *spill;     /* by output: where in the work memory it goes when nobody wants it */
     lg_heap memory;    /* everything the plan owns but callees */
 };

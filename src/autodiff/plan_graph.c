@@ -12,8 +12,9 @@ typedef struct making {
     uint8_t *needed; /* by node of the function */
     uint32_t *of;    /* node of the function -> node of the graph */
     const double **parameter;
-    bool symbolic; /* parameters are inputs */
-    bool failed;   /* out of memory */
+    double work, most_work; /* of folding */
+    bool symbolic;          /* parameters are inputs */
+    bool failed;            /* out of memory */
 } making;
 
 static void *take(making *m, size_t count, size_t size) {
@@ -136,6 +137,13 @@ static bool takes_weights(const making *m, const lg_graph_node *n) {
     return false;
 }
 
+double lg_graph_work(const lg_graph *g, const lg_graph_node *n) {
+    const lg_shape *shapes[LG_MAX_INPUTS];
+    if (lg_ops[n->op]->terms == NULL) return (double)n->count;
+    lg_graph_shapes(g, n, shapes);
+    return (double)n->count * (double)lg_ops[n->op]->terms(shapes, &n->attr, &n->shape);
+}
+
 static uint32_t fold(making *m, const lg_graph_node *n, const lg_shape *const *shapes) {
     const void *values[LG_MAX_INPUTS];
     const lg_op *op = lg_ops[n->op];
@@ -155,6 +163,8 @@ static uint32_t fold(making *m, const lg_graph_node *n, const lg_shape *const *s
                        .y = take(m, n->count, sizeof(double))};
     if (op->scratch != NULL) e.scratch = take(m, op->scratch(&e), 1);
     if (m->failed) return 0;
+    m->work += lg_graph_work(&m->g, n);
+    if (m->work > m->most_work) return 0;
     (void)op->forward(&e);
     return add_constant(m, n->shape, e.y, weights);
 }
@@ -380,6 +390,10 @@ static lg_status node(making *m, uint32_t i, lg_error *error) {
     made.count = lg_shape_count(stated);
     tidy(&made.attr, made.op);
     m->of[i] = operation(m, &made, pointers);
+    if (m->work > m->most_work)
+        return lg_fail(error, LG_UNSUPPORTED,
+                       "function '%s': what depends on parameters alone takes more than %.2g operations",
+                       f->name, m->most_work);
     return m->failed ? LG_OUT_OF_MEMORY : LG_OK;
 }
 
@@ -422,14 +436,24 @@ static lg_status make(making *made, lg_graph *out, lg_error *error) {
 }
 
 lg_status lg_graph_make(lg_heap *heap, const lg_program *program, const lg_function *f, size_t rows,
-                        lg_dtype dtype, lg_graph *out, lg_error *error) {
-    making m = {.g = {.heap = heap}, .program = program, .f = f, .rows = rows, .dtype = dtype};
+                        lg_dtype dtype, double most_work, lg_graph *out, lg_error *error) {
+    making m = {.g = {.heap = heap},
+                .program = program,
+                .f = f,
+                .rows = rows,
+                .dtype = dtype,
+                .most_work = most_work};
     return make(&m, out, error);
 }
 
 lg_status lg_graph_make_symbolic(lg_heap *heap, const lg_program *program, const lg_function *f, size_t rows,
                                  lg_graph *out, lg_error *error) {
-    making m = {
-        .g = {.heap = heap}, .program = program, .f = f, .rows = rows, .dtype = LG_F64, .symbolic = true};
+    making m = {.g = {.heap = heap},
+                .program = program,
+                .f = f,
+                .rows = rows,
+                .dtype = LG_F64,
+                .symbolic = true,
+                .most_work = INFINITY};
     return make(&m, out, error);
 }

@@ -587,12 +587,14 @@ static void add_ports(lg_text *to, const lg_port *ports, size_t count) {
     }
 }
 
-/* Names that a macro could take from the caller, and that of the work memory, get a _. */
+/* Names that a macro or a type could take, and that of the work memory, get a _. */
 static void add_parameter(lg_c *c, lg_text *to, const char *name, bool in) {
     bool lower = false;
     for (const char *s = name; *s != '\0'; s++) lower = lower || (*s >= 'a' && *s <= 'z');
+    const size_t length = strlen(c->name);
+    const bool is_ours = strncmp(name, c->name, length) == 0 && name[length] == '_';
     lg_text_add(to, "%s%s_real *%s%s, ", in ? "const " : "", c->name, name,
-                !lower || strcmp(name, "work") == 0 ? "_" : "");
+                !lower || strcmp(name, "work") == 0 || is_ours ? "_" : "");
 }
 
 static void add_declaration(lg_c *c, lg_text *to, const lg_function *f, const lg_plan *plan, size_t work) {
@@ -621,6 +623,9 @@ static bool check_function(lg_c *c, const lg_function *f) {
     static const char *const taken[] = {"real", "weights", "indices", "H"};
     const size_t length = strlen(f->name), ending = strlen("WORK_SIZE");
     bool bad = length >= ending && strcmp(f->name + length - ending, "WORK_SIZE") == 0;
+    bool lower = false; /* names in capitals are macros */
+    for (const char *s = f->name; *s != '\0'; s++) lower = lower || (*s >= 'a' && *s <= 'z');
+    bad = bad || !lower;
     for (size_t i = 0; i < LG_COUNT(taken); i++) bad = bad || strcmp(f->name, taken[i]) == 0;
     return !bad || lg_c_fail(c, LG_INVALID_ARGUMENT, "the function '%s' cannot have this name in C", f->name);
 }

@@ -208,8 +208,8 @@ static void make_adjoint(deriving *d) {
     differentiable *a = &d->adjoint;
     *a = (differentiable){.record = record_adjoint, .program = f->program, .inner = f};
     for (size_t i = 0; i < f->inputs; i++) a->in[a->inputs++] = f->in[i];
-    for (size_t j = 0; j < f->of_count; j++) a->in[a->inputs++] = seed_of(d, "adj_%s%s", &f->out[f->of[j]]);
-    for (size_t i = 0; i < f->by_count; i++) a->out[a->outputs++] = seed_of(d, "adj_%s%s", &f->in[f->by[i]]);
+    for (size_t j = 0; j < f->of_count; j++) a->in[a->inputs++] = seed_of(d, "adj", &f->out[f->of[j]]);
+    for (size_t i = 0; i < f->by_count; i++) a->out[a->outputs++] = seed_of(d, "adj", &f->in[f->by[i]]);
     for (size_t i = 0; i < f->by_count; i++) a->by[a->by_count++] = f->by[i];
     for (size_t j = 0; j < f->of_count; j++) a->by[a->by_count++] = f->inputs + j;
     for (size_t i = 0; i < f->by_count; i++) a->of[a->of_count++] = i;
@@ -235,9 +235,9 @@ static lg_status make_ports(deriving *d, lg_error *error) {
     const differentiable *from = adjoint ? &d->adjoint : f;
     for (size_t i = 0; i < from->inputs; i++) d->in[d->inputs++] = from->in[i];
     for (size_t i = 0; forward && i < f->by_count; i++)
-        d->in[d->inputs++] = seed_of(d, "fwd_%s%s", &f->in[f->by[i]]);
+        d->in[d->inputs++] = seed_of(d, "fwd", &f->in[f->by[i]]);
     for (size_t j = 0; forward && j < f->of_count; j++)
-        d->out[d->outputs++] = seed_of(d, "fwd_%s%s", &f->out[f->of[j]]);
+        d->out[d->outputs++] = seed_of(d, "fwd", &f->out[f->of[j]]);
     if (d->kind == LG_DERIVATIVE_ADJOINT)
         for (size_t i = 0; i < from->outputs; i++) d->out[d->outputs++] = from->out[i];
     if (d->kind == LG_DERIVATIVE_JACOBIAN) jacobian_ports(d, f);
@@ -245,80 +245,104 @@ static lg_status make_ports(deriving *d, lg_error *error) {
     return LG_OK;
 }
 
-/* ---- whether rows are independent ---- */
+/* ---- whether rows are independent: a batch beside its rows one by one ---- */
 
-enum { ROWS = 2 };
+enum { ROWS = 3, TRIALS = 3 };
 
-/* Inputs of ROWS rows, the first row of which is that of a single one, and outputs of both. */
 typedef struct row_trial {
-    lg_plan *plan[ROWS];
-    double *in[PORTS], *out[ROWS][PORTS];
-    void *work[ROWS];
+    const differentiable *f;
+    lg_plan *batch, *single;
+    double *in[PORTS], *out[PORTS], *one[PORTS];
+    void *work; /* of either */
 } row_trial;
 
-static void *trial_memory(const lg_context *context, size_t bytes, bool *failed) {
-    void *memory = lg_alloc(context, bytes + 1, 1);
-    *failed = *failed || memory == NULL;
-    return memory;
+static void *trial_memory(const row_trial *t, size_t bytes) {
+    return lg_alloc(t->f->program->context, bytes + 1, 1);
 }
 
-static lg_status run_trial(row_trial *t, const differentiable *f, lg_error *error) {
-    const lg_context *context = f->program->context;
+static lg_status open_trial(row_trial *t, lg_error *error) {
+    const differentiable *f = t->f;
     lg_plan_options options;
-    lg_rng rng;
-    bool failed = false;
     lg_plan_options_init(&options);
-    lg_rng_seed(&rng, 20, 0);
-    for (size_t r = ROWS; r-- > 0;) {
-        options.rows = r + 1;
-        LG_TRY(lg_plan_create(f->program, f->function, &options, &t->plan[r], error));
-        t->work[r] = trial_memory(context, lg_plan_work_size(t->plan[r]), &failed);
-        for (size_t j = 0; j < f->outputs; j++)
-            t->out[r][j] =
-                trial_memory(context, lg_plan_output_count(t->plan[r], j) * sizeof(double), &failed);
-    }
+    LG_TRY(lg_plan_create(f->program, f->function, &options, &t->single, error));
+    options.rows = ROWS;
+    LG_TRY(lg_plan_create(f->program, f->function, &options, &t->batch, error));
+    const size_t small = lg_plan_work_size(t->single), large = lg_plan_work_size(t->batch);
+    t->work = trial_memory(t, small > large ? small : large);
+    bool failed = t->work == NULL;
     for (size_t i = 0; i < f->inputs; i++) {
-        const lg_port *port = &f->in[i];
+        t->in[i] = trial_memory(t, lg_plan_input_count(t->batch, i) * sizeof(double));
+        failed = failed || t->in[i] == NULL;
+    }
+    for (size_t j = 0; j < f->outputs; j++) {
+        t->out[j] = trial_memory(t, lg_plan_output_count(t->batch, j) * sizeof(double));
+        t->one[j] = trial_memory(t, lg_plan_output_count(t->single, j) * sizeof(double));
+        failed = failed || t->out[j] == NULL || t->one[j] == NULL;
+    }
+    return failed ? lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a trial of rows") : LG_OK;
+}
+
+static void close_trial(row_trial *t) {
+    const lg_context *context = t->f->program->context;
+    for (size_t i = 0; i < t->f->inputs; i++) lg_free(context, t->in[i]);
+    for (size_t j = 0; j < t->f->outputs; j++) {
+        lg_free(context, t->out[j]);
+        lg_free(context, t->one[j]);
+    }
+    lg_free(context, t->work);
+    lg_plan_destroy(t->batch);
+    lg_plan_destroy(t->single);
+}
+
+static void draw_inputs(row_trial *t, uint64_t trial) {
+    lg_rng rng;
+    lg_rng_seed(&rng, 22, trial);
+    for (size_t i = 0; i < t->f->inputs; i++) {
+        const lg_port *port = &t->f->in[i];
         const bool ranged = port->low != 0.0 || port->high != 0.0;
-        const size_t count = lg_plan_input_count(t->plan[ROWS - 1], i);
-        t->in[i] = trial_memory(context, count * sizeof(double), &failed);
-        for (size_t k = 0; !failed && k < count; k++)
+        for (size_t k = 0; k < lg_plan_input_count(t->batch, i); k++)
             t->in[i][k] = lg_rng_uniform_in(&rng, ranged ? port->low : -1.0, ranged ? port->high : 1.0);
     }
-    if (failed) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a trial of rows");
-    for (size_t r = 0; r < ROWS; r++)
-        lg_plan_run(t->plan[r], (const void *const *)t->in, (void *const *)t->out[r], t->work[r]);
+}
+
+/* Relative to the row's largest number; a NaN agrees with nothing. */
+static bool row_agrees(const row_trial *t, size_t output, size_t row) {
+    const size_t count = lg_plan_output_count(t->single, output);
+    const double *batch = t->out[output] + row * count, *one = t->one[output];
+    double size = 0.0;
+    for (size_t k = 0; k < count; k++) size = fmax(size, fabs(one[k]));
+    for (size_t k = 0; k < count; k++)
+        if (!(fabs(batch[k] - one[k]) <= 1e-9 * size)) return false;
+    return true;
+}
+
+static lg_status compare_rows(row_trial *t, lg_error *error) {
+    const differentiable *f = t->f;
+    lg_plan_run(t->batch, (const void *const *)t->in, (void *const *)t->out, t->work);
+    for (size_t r = 0; r < ROWS; r++) {
+        const void *in[PORTS];
+        for (size_t i = 0; i < f->inputs; i++)
+            in[i] = t->in[i] + (f->in[i].shared ? 0 : r * lg_plan_input_count(t->single, i));
+        lg_plan_run(t->single, in, (void *const *)t->one, t->work);
+        for (size_t j = 0; j < f->of_count; j++)
+            if (!row_agrees(t, f->of[j], r))
+                return lg_fail(
+                    error, LG_UNSUPPORTED,
+                    "function '%s': a row of output '%s' depends on other rows of the batch, or is NaN at "
+                    "random points (low and high of its inputs): a Jacobian is of each row by the same row",
+                    f->program->function[f->function].name, f->out[f->of[j]].name);
+    }
     return LG_OK;
 }
 
-/* Largest difference of the first row, relative to the largest number. */
-static bool first_rows_agree(const row_trial *t, size_t output) {
-    const size_t count = lg_plan_output_count(t->plan[0], output);
-    double size = 0.0, difference = 0.0;
-    for (size_t k = 0; k < count; k++) {
-        size = fmax(size, fabs(t->out[0][output][k]));
-        difference = fmax(difference, fabs(t->out[0][output][k] - t->out[1][output][k]));
-    }
-    return difference <= 1e-9 * size;
-}
-
 static lg_status check_rows(const differentiable *f, lg_error *error) {
-    const lg_context *context = f->program->context;
-    row_trial t = {.plan = {NULL}};
-    lg_status status = run_trial(&t, f, error);
-    for (size_t j = 0; status == LG_OK && j < f->of_count; j++)
-        if (!first_rows_agree(&t, f->of[j]))
-            status = lg_fail(
-                error, LG_UNSUPPORTED,
-                "function '%s': a row of output '%s' depends on other rows of the batch: a Jacobian is "
-                "of each row by the same row",
-                f->program->function[f->function].name, f->out[f->of[j]].name);
-    for (size_t r = 0; r < ROWS; r++) {
-        for (size_t j = 0; j < f->outputs; j++) lg_free(context, t.out[r][j]);
-        lg_free(context, t.work[r]);
-        lg_plan_destroy(t.plan[r]);
+    row_trial t = {.f = f};
+    lg_status status = open_trial(&t, error);
+    for (uint64_t trial = 0; status == LG_OK && trial < TRIALS; trial++) {
+        draw_inputs(&t, trial);
+        status = compare_rows(&t, error);
     }
-    for (size_t i = 0; i < f->inputs; i++) lg_free(context, t.in[i]);
+    close_trial(&t);
     return status;
 }
 
