@@ -159,7 +159,8 @@ static void matmul_c(lg_c *c, const lg_evaluation *e) {
                   of.k);
     else
         lg_c_call(c, &c_products[variant],
-                  "for (int i = 0; i < %zu; i++) matmul_%s(%zu, %zu, %zu, $0 + i * %zu, $1 + i * %zu, $y + i * %zu)",
+                  "for (int i = 0; i < %zu; i++) matmul_%s(%zu, %zu, %zu, $0 + i * %zu, $1 + i * %zu, $y + i "
+                  "* %zu)",
                   of.batch, names[variant], of.m, of.n, of.k, step_a, step_b, of.m * of.n);
 }
 

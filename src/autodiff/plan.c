@@ -39,7 +39,7 @@ typedef struct planning {
     lg_graph g;
     item *item;
     lg_scalar **code_value; /* for lg_code_begin */
-    piece *free; /* holes in the work memory, in order */
+    piece *free;            /* holes in the work memory, in order */
     lg_plan_step *step;
     size_t capacity;
     size_t constant_room;

@@ -2,8 +2,8 @@
  *
  * An instruction has a number, which is its result; it takes results of instructions before it. Equal
  * instructions are one (they are looked up), operations on constants are carried out, and x + 0, 1 x, 0 x and
- * the like vanish. What differs from the tensor's kernels is rounding alone, that 0 x, 0/x and x - x are 0 for
- * every x, and the sign of 0.
+ * the like vanish. What differs from the tensor's kernels is rounding alone, that 0 x, 0/x and x - x are 0
+ * for every x, and the sign of 0.
  */
 #ifndef LG_SCALARS_H
 #define LG_SCALARS_H
