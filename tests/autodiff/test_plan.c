@@ -1170,8 +1170,42 @@ static void every_allocation_may_fail(void **state) {
     lg_context_destroy(context);
 }
 
+/* ---- long recordings ---- */
+
+enum { ROUNDS = 3000, WIDE = 20 };
+
+/* x sin(sum x), over and over: a tensor, then scalar code. */
+static lg_status record_rounds(void *user, lg_tape *tape, const lg_var *parameters, const lg_var *x,
+                               lg_var *y) {
+    (void)user, (void)parameters;
+    *y = x[0];
+    for (int i = 0; i < ROUNDS; i++) *y = lg_mul(tape, x[0], lg_sin(tape, lg_sum(tape, *y)));
+    return lg_tape_status(tape);
+}
+
+static void long_recordings_take_memory_in_proportion(void **state) {
+    const lg_port in = {.name = "x", .shape = lg_shape1(WIDE), .shared = true}, out = {.name = "y"};
+    const lg_function_spec function = {"rounds", &in, 1, &out, 1, record_rounds, NULL};
+    lg_program_spec spec;
+    lg_plan_options options;
+    lg_program *program;
+    lg_plan *plan;
+    lg_error error;
+    (void)state;
+    lg_program_spec_init(&spec);
+    spec.functions = &function;
+    spec.function_count = 1;
+    assert_ok(lg_program_build(NULL, &spec, &program, &error));
+    lg_plan_options_init(&options);
+    options.most_bytes = (size_t)16 << 20;
+    if (lg_plan_create(program, 0, &options, &plan, &error) != LG_OK) fail_msg("%s", error.message);
+    lg_plan_destroy(plan);
+    lg_program_destroy(program);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(long_recordings_take_memory_in_proportion),
         cmocka_unit_test(networks_of_every_kind),
         cmocka_unit_test(perceptrons),
         cmocka_unit_test(convolutions),
