@@ -176,9 +176,21 @@ static const char *name_of(deriving *d, const char *format, const char *a, const
     return name;
 }
 
-static lg_port seed_of(deriving *d, const char *format, const lg_port *port) {
+static bool begins_a_port(const lg_port *ports, size_t count, const char *prefix) {
+    for (size_t i = 0; i < count; i++)
+        if (strncmp(ports[i].name, prefix, strlen(prefix)) == 0) return true;
+    return false;
+}
+
+/* fwd_x; of a function that has fwd_ ports already, fwd2_x and so on. */
+static lg_port seed_of(deriving *d, const char *word, const lg_port *port) {
+    const differentiable *f = &d->f;
+    char prefix[16];
+    (void)snprintf(prefix, sizeof prefix, "%s_", word);
+    for (int n = 2; begins_a_port(f->in, f->inputs, prefix) || begins_a_port(f->out, f->outputs, prefix); n++)
+        (void)snprintf(prefix, sizeof prefix, "%s%d_", word, n);
     return (lg_port){
-        .name = name_of(d, format, port->name, ""), .shape = port->shape, .shared = port->shared};
+        .name = name_of(d, "%s%s", prefix, port->name), .shape = port->shape, .shared = port->shared};
 }
 
 static lg_status choose(const char *const *names, size_t count, const lg_port *ports, size_t there, bool all,
