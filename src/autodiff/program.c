@@ -535,6 +535,9 @@ lg_status lg_program_add_loop(lg_program *p, const char *name, const char *funct
         if (i == of->inputs || j == of->outputs)
             status = lg_fail(error, LG_NOT_FOUND, "function '%s' has no input '%s' or no output '%s'",
                              function, carry[c].input, carry[c].output);
+        else if (f.carry[i] != UINT32_MAX)
+            status = lg_fail(error, LG_INVALID_ARGUMENT, "loop '%s': input '%s' is carried twice", name,
+                             carry[c].input);
         else
             f.carry[i] = (uint32_t)j;
     }

@@ -83,6 +83,10 @@ static lg_status record(building *b, size_t which, lg_var *leaves) {
     if (status != LG_OK)
         return lg_fail(b->error, status, "function '%s': its recording failed: %s", spec->name,
                        lg_status_sentence(status));
+    const size_t leaf_count = p->parameters + spec->input_count;
+    if (leaf_count > 0 && lg_node_of(tape, leaves[leaf_count - 1], "input") == NULL)
+        return lg_fail(b->error, LG_INVALID_ARGUMENT, "function '%s': its recording reset the tape",
+                       spec->name);
     for (size_t j = 0; j < spec->output_count; j++)
         if (lg_node_of(tape, b->r[which].output[j], "output") == NULL)
             return lg_fail(b->error, LG_INVALID_ARGUMENT, "function '%s': output '%s' was not recorded",

@@ -870,6 +870,23 @@ static void loops_carry_several(void **state) {
     assert_status(lg_program_add_loop(program, "f", "f", 2, both, 2, &error), LG_INVALID_ARGUMENT);
     assert_status(lg_program_add_loop(program, NULL, "f", 2, both, 2, &error), LG_INVALID_ARGUMENT);
     assert_status(lg_program_add_loop(program, "l", NULL, 2, both, 2, &error), LG_NOT_FOUND);
+    const lg_carry twice[] = {{"p", "a"}, {"q", "a"}};
+    assert_status(lg_program_add_loop(program, "l", "f", 2, twice, 2, &error), LG_INVALID_ARGUMENT);
+    assert_non_null(strstr(error.message, "carried twice"));
+    /* A loop takes its times the work of a call. */
+    size_t calls;
+    lg_plan_options options;
+    lg_plan *plan = NULL;
+    lg_plan_options_init(&options);
+    options.most_work = 1e4;
+    assert_ok(lg_program_add_loop(program, "few", "f", 100, both, 2, &error));
+    assert_ok(lg_program_add_loop(program, "many", "f", 1 << 20, both, 2, &error));
+    assert_ok(lg_program_find(program, "few", &calls));
+    assert_ok(lg_plan_create(program, calls, &options, &plan, &error));
+    lg_plan_destroy(plan);
+    assert_ok(lg_program_find(program, "many", &calls));
+    assert_status(lg_plan_create(program, calls, &options, &plan, &error), LG_UNSUPPORTED);
+    assert_non_null(strstr(error.message, "more than 1e+04"));
     lg_program_destroy(program);
 }
 

@@ -443,6 +443,14 @@ static lg_status nothing(void *user, lg_tape *tape, const lg_var *theta, const l
     return lg_tape_status(tape);
 }
 
+static lg_status resets(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const double one[3] = {1.0, 1.0, 1.0};
+    (void)user, (void)theta, (void)x;
+    lg_tape_reset(tape);
+    y[0] = lg_input(tape, lg_shape1(3), one);
+    return lg_tape_status(tape);
+}
+
 static lg_status fails(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     (void)user, (void)tape, (void)theta, (void)x, (void)y;
     return LG_NO_CONVERGENCE;
@@ -513,6 +521,7 @@ static void refusals_name_the_culprit(void **state) {
          .status = LG_UNSUPPORTED,
          .words = {"operation custom", "triple", "this process only"}},
         {.record = nothing, .status = LG_INVALID_ARGUMENT, .words = {"output 'y' was not recorded"}},
+        {.record = resets, .status = LG_INVALID_ARGUMENT, .words = {"'f'", "reset the tape"}},
         {.record = fails, .status = LG_NO_CONVERGENCE, .words = {"'f'", "recording failed"}},
         {.record = misfits, .status = LG_SHAPE, .words = {"'f'", "cross"}},
         {.record = endless, .status = LG_NOT_FINITE, .words = {"'f'", "constant that is not finite"}},
@@ -698,7 +707,26 @@ static void derivatives_that_cannot_be(void **state) {
     assert_int_equal(count, 2);
     assert_string_equal(port[1].name, "adj_s");
     assert_true(port[1].shared);
+    /* Two directions, and the adjoint of an adjoint. */
+    (void)derived(program, LG_DERIVATIVE_FORWARD, "f");
+    (void)derived(program, LG_DERIVATIVE_FORWARD, "fwd1_f");
+    port = lg_program_inputs(program, lg_program_functions(program) - 1, &count);
+    assert_int_equal(count, 8);
+    assert_string_equal(port[2].name, "fwd_x");
+    assert_string_equal(port[4].name, "fwd2_x");
+    assert_string_equal(port[6].name, "fwd2_fwd_x");
+    (void)derived(program, LG_DERIVATIVE_ADJOINT, "adj1_f");
+    port = lg_program_outputs(program, lg_program_functions(program) - 1, &count);
+    assert_string_equal(port[0].name, "adj2_x");
     lg_program_destroy(program);
+}
+
+/* Rows that meet, and NaN wherever inputs without a range are tried. */
+static lg_status centred_root(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    (void)user, (void)theta;
+    const lg_var root = lg_sqrt(tape, lg_shift(tape, x[0], -2.0));
+    y[0] = lg_sub(tape, root, lg_mean_axis(tape, root, 0, true));
+    return lg_tape_status(tape);
 }
 
 static lg_status centred(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
@@ -710,18 +738,22 @@ static lg_status centred(void *user, lg_tape *tape, const lg_var *theta, const l
 static void jacobians_of_rows_that_meet_are_refused(void **state) {
     (void)state;
     const lg_port out = {.name = "y"};
-    const lg_function_spec function = {"centred", &x3, 1, &out, 1, centred, NULL};
+    const lg_function_spec functions[] = {{"centred", &x3, 1, &out, 1, centred, NULL},
+                                          {"centred_root", &x3, 1, &out, 1, centred_root, NULL}};
     lg_derivative what;
     lg_program_spec spec;
     lg_program *program = NULL;
     lg_error error;
     lg_program_spec_init(&spec);
-    spec.functions = &function;
-    spec.function_count = 1;
+    spec.functions = functions;
+    spec.function_count = 2;
     assert_int_equal(lg_program_build(NULL, &spec, &program, &error), LG_OK);
     lg_derivative_init(&what);
-    what.function = "centred";
     what.kind = LG_DERIVATIVE_JACOBIAN;
+    what.function = "centred_root";
+    assert_int_equal(lg_program_derive(program, &what, &error), LG_UNSUPPORTED);
+    assert_non_null(strstr(error.message, "NaN"));
+    what.function = "centred";
     assert_int_equal(lg_program_derive(program, &what, &error), LG_UNSUPPORTED);
     assert_non_null(strstr(error.message, "a row of output 'y' depends on other rows"));
     what.kind = LG_DERIVATIVE_JACOBIAN_OF_ADJOINT;
