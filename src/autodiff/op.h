@@ -109,6 +109,9 @@ typedef struct lg_op {
     lg_transpose_use (*transpose)(const lg_evaluation *e);
     /* Whether the output is a contiguous part of input 0, from element *offset on. NULL: never. */
     bool (*view)(const lg_shape *const *in, const lg_attr *attr, size_t *offset);
+    /* Records it where the tape may make a view. NULL: lg_record_shaped does. */
+    lg_var (*record)(lg_tape *tape, lg_var x, const lg_attr *attr, lg_shape shape);
+    uint8_t follows; /* bit k: attr->i[k] follows from the rest, and is 0 in programs */
     /* Scalar code of one element, for elementwise operations (broadcasting); x[k] of an input that is not
      * read is no instruction. */
     lg_scalar (*element)(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs);

@@ -58,10 +58,17 @@ static lg_instead reshape_instead(const lg_known *k) {
     (void)k;
     return lg_instead_input(0);
 }
+
+static lg_var reshape_again(lg_tape *tape, lg_var x, const lg_attr *attr, lg_shape shape) {
+    (void)attr;
+    return lg_reshape(tape, x, shape);
+}
+
 const lg_op lg_op_reshape = {
     LG_OP("reshape", 0, 1, 1, reshape_shape, reshape_forward, reshape_vjp, reshape_jvp),
     .given = true,
     .view = reshape_view,
+    .record = reshape_again,
     .expand = reshape_expand,
     .write_c = reshape_c,
     .rows = lg_rows_each,
@@ -144,8 +151,15 @@ static lg_var slice_jvp(const lg_forward *f) {
     return lg_slice(f->tape, f->tangents[0], (int)f->attr->i[0], f->attr->i[1], f->attr->i[2]);
 }
 
+static lg_var slice_again(lg_tape *tape, lg_var x, const lg_attr *attr, lg_shape shape) {
+    (void)shape;
+    return lg_slice(tape, x, (int)attr->i[0], attr->i[1], attr->i[2]);
+}
+
 const lg_op lg_op_slice = {LG_OP("slice", 0, 1, 1, slice_shape, slice_forward, slice_vjp, slice_jvp),
                            .view = slice_view,
+                           .record = slice_again,
+                           .follows = 1u << 3,
                            .expand = slice_expand,
                            .write_c = slice_c,
                            .rows = lg_rows_but_axis,

@@ -354,9 +354,10 @@ static uint32_t leaf(making *m, const lg_program_node *n, lg_shape shape) {
     return add_constant(m, shape, m->parameter[n->number], true);
 }
 
-/* A whole attribute that a kernel does not read and that would tell equal operations apart. */
+/* What follows from the rest would tell equal operations apart. */
 static void tidy(lg_attr *attr, lg_op_code op) {
-    if (op == LG_OP_SLICE) attr->i[3] = 0;
+    for (uint32_t k = 0; k < LG_WHOLE_COUNT; k++)
+        if (lg_ops[op]->follows >> k & 1) attr->i[k] = 0;
 }
 
 static lg_status node(making *m, uint32_t i, lg_error *error) {

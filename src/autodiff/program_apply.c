@@ -78,8 +78,7 @@ static lg_var record(const applying *a, const lg_program_node *node, const lg_va
     lg_attr attr;
     if (!lg_node_attr_at(a->f, node, a->rows, &attr))
         return lg_tape_fail(a->tape, LG_SHAPE, lg_ops[node->op]->name, "an attribute is out of range");
-    if (node->op == LG_OP_RESHAPE) return lg_reshape(a->tape, in[0], shape);
-    if (node->op == LG_OP_SLICE) return lg_slice(a->tape, in[0], (int)attr.i[0], attr.i[1], attr.i[2]);
+    if (lg_ops[node->op]->record != NULL) return lg_ops[node->op]->record(a->tape, in[0], &attr, shape);
     if (!keep_payload(a->tape, node, &attr)) return LG_NONE;
     return lg_record_shaped(a->tape, node->op, in, node->inputs, &attr, shape);
 }

@@ -354,8 +354,8 @@ static lg_status node(building *b, uint32_t i, lg_program_node *out) {
     if (!affine_shape(b, i, out)) return refuse(b, i, "its shape is not affine in the number of rows");
     if (!affine_attributes(b, i, out))
         return refuse(b, i, "an attribute is not affine in the number of rows");
-    if (from->op == LG_OP_SLICE)
-        out->i[3] = (lg_affine){0, 0}; /* where a view begins follows from the others */
+    for (uint32_t k = 0; k < LG_WHOLE_COUNT; k++)
+        if (lg_ops[from->op]->follows >> k & 1) out->i[k] = (lg_affine){0, 0};
     if (!real_attribute(b, i, out)) return refuse(b, i, "an attribute depends on numbers");
     return from->op == LG_OP_LEAF ? leaf(b, i, out) : payload(b, i, out);
 }

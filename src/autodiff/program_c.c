@@ -177,12 +177,21 @@ static void add_definition(lg_text *to, const char *text, const char *name) {
     }
 }
 
+/* FNV-1a */
+static uint64_t hash_of(const char *text) {
+    uint64_t h = 14695981039346656037u;
+    for (; *text != '\0'; text++) h = (h ^ (unsigned char)*text) * 1099511628211u;
+    return h;
+}
+
 const char *lg_c_define(lg_c *c, const char *title, const char *text, size_t stack, bool block) {
     if (!lg_c_good(c)) return NULL;
+    const uint64_t hash = hash_of(text);
     for (size_t i = 0; i < c->functions; i++)
-        if (strcmp(c->function[i].text, text) == 0) return c->function[i].name;
+        if (c->function[i].hash == hash && strcmp(c->function[i].text, text) == 0) return c->function[i].name;
     if (!ROOM(c, function, function_capacity, c->functions + 1)) return NULL;
     lg_c_function *made = &c->function[c->functions];
+    made->hash = hash;
     made->text = lg_strdup(c->context, text);
     if (made->text == NULL) {
         fail_memory(c);

@@ -9,6 +9,7 @@
 
 /* A function that stands in the code: its text with @ for its name. */
 typedef struct lg_c_function {
+    uint64_t hash; /* of the text */
     char *text;
     char name[96];
 } lg_c_function;
