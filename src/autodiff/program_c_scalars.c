@@ -384,11 +384,17 @@ static void add_parameters(lg_text *to, const lg_op *op, const lg_attr *attr, ui
     lg_text_add(to, "real *RESTRICT y) {\n");
 }
 
-/* `one`: inputs that are a single number. */
-static const char *define_map(lg_c *c, const lg_op *op, const lg_attr *attr, uint32_t inputs, uint64_t over,
-                              const bool *one) {
-    const element_ends user = {over, one, 0, NULL};
-    const ends e = {&user, element_input, element_output_i};
+static void add_loops(lg_text *to, uint32_t levels, const size_t *length) {
+    if (levels == 0) lg_text_add(to, "    for (int i = 0; i < n; i++) {\n");
+    for (uint32_t l = 0; l < levels; l++)
+        lg_text_add(to, "%sfor (int i%u = 0; i%u < %zu; i%u++)%s\n", l == 0 ? "    " : "        ", l, l,
+                    length[l], l, l + 1 == levels ? " {" : "");
+}
+
+/* A function over all elements: over n of them, or where there are levels, over `length` of each. */
+static const char *define_elements(lg_c *c, const lg_op *op, const lg_attr *attr, uint32_t inputs,
+                                   const element_ends *user, const size_t *length) {
+    const ends to = {user, element_input, user->levels == 0 ? element_output_i : element_output};
     lg_text lines = {.context = c->context}, text = {.context = c->context};
     lg_scalars s;
     graph g;
@@ -396,11 +402,12 @@ static const char *define_map(lg_c *c, const lg_op *op, const lg_attr *attr, uin
     const char *name = NULL;
     lg_c_need(c, &lg_c_noinline);
     if (element_graph(c, op, attr, inputs, &s, &root, &g)) {
-        add_block(&g, &lines, "        ", &e, 0, 0);
-        lg_text_add(&text, "static NOINLINE void @(int n, ");
-        add_parameters(&text, op, attr, inputs, over);
-        add_unused(&text, &g, op, attr, inputs, over);
-        lg_text_add(&text, "    for (int i = 0; i < n; i++) {\n%s    }\n}\n", lines.data);
+        add_block(&g, &lines, "        ", &to, 0, 0);
+        lg_text_add(&text, "static NOINLINE void @(%s", user->levels == 0 ? "int n, " : "");
+        add_parameters(&text, op, attr, inputs, user->over);
+        add_unused(&text, &g, op, attr, inputs, user->over);
+        add_loops(&text, user->levels, length);
+        lg_text_add(&text, "%s    }\n}\n", lines.data);
         if (text.failed || lines.failed)
             (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
         else
@@ -414,7 +421,8 @@ static const char *define_map(lg_c *c, const lg_op *op, const lg_attr *attr, uin
 }
 
 const char *lg_c_map(lg_c *c, const lg_op *op, const lg_attr *attr, uint32_t inputs, uint64_t over) {
-    const char *name = lg_c_good(c) ? define_map(c, op, attr, inputs, over, NULL) : NULL;
+    const element_ends user = {.over = over};
+    const char *name = lg_c_good(c) ? define_elements(c, op, attr, inputs, &user, NULL) : NULL;
     return name != NULL ? name : "";
 }
 
@@ -437,38 +445,6 @@ static uint32_t levels_of(const lg_evaluation *e, size_t length[LG_MAX_RANK], si
         for (uint32_t k = 0; k < e->inputs; k++) stride[k][levels - 1] = own[k];
     }
     return levels;
-}
-
-static const char *define_broadcast(lg_c *c, const lg_op *op, const lg_evaluation *e, uint64_t over,
-                                    uint32_t levels, const size_t *length,
-                                    const size_t (*stride)[LG_MAX_RANK]) {
-    const element_ends user = {over, NULL, levels, stride};
-    const ends to = {&user, element_input, element_output};
-    lg_text lines = {.context = c->context}, text = {.context = c->context};
-    lg_scalars s;
-    graph g;
-    uint32_t root;
-    const char *name = NULL;
-    lg_c_need(c, &lg_c_noinline);
-    if (element_graph(c, op, e->attr, e->inputs, &s, &root, &g)) {
-        add_block(&g, &lines, "        ", &to, 0, 0);
-        lg_text_add(&text, "static NOINLINE void @(");
-        add_parameters(&text, op, e->attr, e->inputs, over);
-        add_unused(&text, &g, op, e->attr, e->inputs, over);
-        for (uint32_t l = 0; l < levels; l++)
-            lg_text_add(&text, "%sfor (int i%u = 0; i%u < %zu; i%u++)%s\n", l == 0 ? "    " : "        ", l,
-                        l, length[l], l, l + 1 == levels ? " {" : "");
-        lg_text_add(&text, "%s    }\n}\n", lines.data);
-        if (text.failed || lines.failed)
-            (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
-        else
-            name = lg_c_define(c, op->name, text.data, frame_of(&lines), false);
-    }
-    close_graph(&g);
-    lg_scalars_free(&s);
-    lg_text_free(&lines);
-    lg_text_free(&text);
-    return name;
 }
 
 static void add_call(lg_c *c, const lg_op *op, const char *name, const lg_evaluation *e, uint64_t over,
@@ -495,7 +471,7 @@ static bool same_place(const lg_place *a, const lg_place *b) {
 /* Same shapes and single numbers are one loop over all elements. */
 void lg_c_elementwise(lg_c *c, const lg_op *op, const lg_evaluation *e) {
     size_t length[LG_MAX_RANK], stride[LG_MAX_INPUTS][LG_MAX_RANK] = {{0}};
-    bool one[LG_MAX_INPUTS], any = false;
+    bool one[LG_MAX_INPUTS];
     const uint32_t levels = levels_of(e, length, stride);
     uint64_t over = 0;
     for (uint32_t k = 0; k < e->inputs; k++) {
@@ -503,14 +479,10 @@ void lg_c_elementwise(lg_c *c, const lg_op *op, const lg_evaluation *e) {
         if (c->step->x[k].area == LG_AREA_NONE || same_place(&c->step->x[k], &c->step->y))
             over |= (uint64_t)1 << k;
         one[k] = levels == 1 && stride[k][0] == 0;
-        any = any || one[k];
     }
-    if (levels <= 1)
-        add_call(c, op, define_map(c, op, e->attr, e->inputs, over, any ? one : NULL), e, over, true);
-    else
-        add_call(c, op,
-                 define_broadcast(c, op, e, over, levels, length, (const size_t(*)[LG_MAX_RANK])stride), e,
-                 over, false);
+    const bool single = levels <= 1;
+    const element_ends user = {over, one, single ? 0 : levels, (const size_t(*)[LG_MAX_RANK])stride};
+    add_call(c, op, define_elements(c, op, e->attr, e->inputs, &user, length), e, over, single);
 }
 
 /* ---- a step of scalar code ---- */
