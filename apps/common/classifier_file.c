@@ -136,7 +136,7 @@ lg_status classifier_file_load(const lg_context *context, const char *path, clas
 }
 
 void classifier_file_free(const lg_context *context, classifier_file *file) {
-    lg_series_free(context, &file->names);
-    lg_classifier_free(context, &file->classifier);
+    lg_series_destroy(context, &file->names);
+    lg_classifier_destroy(context, &file->classifier);
     *file = (classifier_file){.method = NULL};
 }

@@ -8,7 +8,7 @@
 #include "liegrad/classify.h"
 #include "liegrad/detector.h"
 #include "liegrad/io.h"
-#include "liegrad/judge.h"
+#include "liegrad/metrics.h"
 #include "liegrad/riser.h"
 #include "liegrad/series.h"
 

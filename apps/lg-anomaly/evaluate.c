@@ -446,8 +446,8 @@ static int evaluate_all(const app *self, const well_model *model) {
     for (size_t i = 0; i < count; i++) {
         judgement_free(&list[i].judged);
         free(list[i].part.list);
-        lg_windows_free(self->context, &list[i].from.windows);
-        lg_series_data_free(self->context, &list[i].from.data);
+        lg_windows_destroy(self->context, &list[i].from.windows);
+        lg_series_data_destroy(self->context, &list[i].from.data);
     }
     free(list);
     return code;

@@ -120,7 +120,7 @@ static lg_status create_series(const app *self, uint32_t length, size_t windows,
 
 static void free_data(const app *self, lg_series_data *data) {
     data->series.channel_name = NULL;
-    lg_series_data_free(self->context, data);
+    lg_series_data_destroy(self->context, data);
 }
 
 /* ---- the picture ---- */

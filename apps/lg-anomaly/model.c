@@ -124,10 +124,10 @@ int well_model_load(const app *self, const char *path, well_model *out) {
 void well_model_free(const app *self, well_model *model) {
     free(model->theta);
     if (model->network) {
-        lg_detector_file_free(self->context, &model->detector);
+        lg_detector_file_destroy(self->context, &model->detector);
     } else {
-        lg_series_free(self->context, &model->names);
-        lg_classifier_free(self->context, &model->classifier);
+        lg_series_destroy(self->context, &model->names);
+        lg_classifier_destroy(self->context, &model->classifier);
     }
     *model = (well_model){.network = false};
 }

@@ -202,8 +202,8 @@ lg_status network_create(const lg_context *context, const lg_detector_run *run, 
 
 void network_destroy(const lg_context *context, network *net) {
     lg_fit_destroy(net->fit);
-    lg_detector_data_free(context, &net->data);
-    lg_scaler_free(context, &net->scaler);
+    lg_detector_data_destroy(context, &net->data);
+    lg_scaler_destroy(context, &net->scaler);
     net->fit = NULL;
 }
 

@@ -68,7 +68,7 @@ static lg_status run_trial(void *user, app *train, void *given, double validatio
     run.windows = windows.count;
     status = train_trial(train, &run, &data->series, &windows, parts, trial, error);
     free(parts);
-    lg_windows_free(train->context, &windows);
+    lg_windows_destroy(train->context, &windows);
     return status;
 }
 
@@ -89,7 +89,7 @@ static int run(app *self) {
                               .run = run_trial,
                               .user = &data};
     const int code = search_main(self, &values, &task);
-    lg_series_data_free(self->context, &data);
+    lg_series_data_destroy(self->context, &data);
     return code;
 }
 

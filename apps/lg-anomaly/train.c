@@ -196,10 +196,10 @@ static int run_train(app *self) {
         code = train_given.method == METHOD_CNN ? run_network(&state, &all, &foreign)
                                                 : run_classical(&state, &all, &foreign);
     free_parts(&state);
-    lg_windows_free(self->context, &all.windows);
-    lg_windows_free(self->context, &foreign.windows);
-    lg_series_data_free(self->context, &all.data);
-    lg_series_data_free(self->context, &foreign.data);
+    lg_windows_destroy(self->context, &all.windows);
+    lg_windows_destroy(self->context, &foreign.windows);
+    lg_series_data_destroy(self->context, &all.data);
+    lg_series_data_destroy(self->context, &foreign.data);
     return code;
 }
 

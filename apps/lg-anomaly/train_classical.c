@@ -46,7 +46,7 @@ static lg_status create_features(classical *self, lg_error *error) {
     status = lg_features_create(context, baseline ? LG_FEATURES_BASELINE : (lg_feature_kind)values->features,
                                 values->directions == 1, series, (uint32_t)base->cut.window, &scaler,
                                 &self->model.classifier.features, error);
-    lg_scaler_free(context, &scaler);
+    lg_scaler_destroy(context, &scaler);
     return status;
 }
 
@@ -167,7 +167,7 @@ static lg_status choose(classical *self, lg_error *error) {
     if (chosen->count == 1) return LG_OK;
     chosen->accuracy = app_alloc(chosen->count, sizeof *chosen->accuracy);
     const double begin = app_seconds();
-    const lg_status status = lg_choose(
+    const lg_status status = lg_grid_search(
         base->app->context, chosen->options, chosen->count, (uint32_t)base->values->folds, self->table,
         self->label, self->unit, base->train.list, base->train.count, self->model.classifier.features.count,
         base->all->data.series.classes, (int)base->app->threads, chosen->accuracy, &chosen->best, error);
@@ -204,7 +204,7 @@ static double tree_accuracy(const lg_tree *tree, const lg_pca *pca, const double
     double *memory = app_alloc(k + d, sizeof *memory);
     size_t right = 0;
     for (size_t i = 0; i < part->count; i++) {
-        lg_pca_apply(pca, table + (size_t)part->list[i] * d, 1, memory, memory + k);
+        lg_pca_eval(pca, table + (size_t)part->list[i] * d, 1, memory, memory + k);
         const uint32_t leaf = lg_tree_leaf(tree, memory),
                        *counts = tree->counts + (size_t)leaf * tree->classes;
         uint32_t given = 0;
@@ -227,7 +227,7 @@ static lg_status prune_and_judge(const classical *self, const lg_tree *whole, co
     out->test_accuracy =
         tree_accuracy(&pruned, pca, self->foreign_table != NULL ? self->foreign_table : self->table,
                       tested_label, &base->test);
-    lg_tree_free(base->app->context, &pruned);
+    lg_tree_destroy(base->app->context, &pruned);
     return LG_OK;
 }
 
@@ -261,7 +261,7 @@ static lg_status draw_alphas(const classical *self, lg_error *error) {
         base->app->context, &options, self->table, self->label, base->train.list, base->train.count,
         self->model.classifier.features.count, base->all->data.series.classes, &whole, error);
     if (status == LG_OK) status = draw_path(self, &whole.tree, &whole.pca, error);
-    lg_classifier_free(base->app->context, &whole);
+    lg_classifier_destroy(base->app->context, &whole);
     return status;
 }
 
@@ -411,7 +411,7 @@ int train_classical(trained *base) {
     classical self = {.base = base};
     describe(base, &self.model);
     const int code = train(&self);
-    lg_classifier_free(base->app->context, &self.model.classifier);
+    lg_classifier_destroy(base->app->context, &self.model.classifier);
     free(self.label);
     free(self.unit);
     free(self.table);

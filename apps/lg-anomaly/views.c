@@ -124,7 +124,7 @@ static lg_status feature_points(const well_model *model, const lg_series *series
         status = lg_features_compute(features, x, f, work);
         if (status != LG_OK) break;
         if (reduced)
-            lg_pca_apply(pca, f, 1, row, f + features->count);
+            lg_pca_eval(pca, f, 1, row, f + features->count);
         else
             memcpy(row, f, columns * sizeof *row);
     }

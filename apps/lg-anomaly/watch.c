@@ -119,7 +119,7 @@ void watch_end_gap(watching *self) {
 void watch_push(watching *self, const float *sample) {
     lg_verdict v;
     bool ready = false;
-    const lg_status status = lg_watch_push(self->watch, sample, &ready, &v);
+    const lg_status status = lg_monitor_push(self->watch, sample, &ready, &v);
     self->tally.samples++;
     if (status != LG_OK) {
         self->tally.windows++;
@@ -230,14 +230,14 @@ static bool samples_of(double seconds, double rate, double least, double most, u
     return true;
 }
 
-static int set_options(const app *self, const well_model *model, watching *w, lg_watch_options *o) {
+static int set_options(const app *self, const well_model *model, watching *w, lg_monitor_options *o) {
     w->rate_known = app_given(self, "rate") || model->rate > 0;
     w->rate = app_given(self, "rate") ? values.rate : model->rate > 0 ? model->rate : 1.0;
     if (!w->rate_known)
         app_warn(self, "the model does not know its sampling rate: seconds stand for samples (see --rate)");
     if (app_given(self, "rate") && model->rate > 0 && fabs(values.rate / model->rate - 1) > 1e-3)
         app_warn(self, "the model was trained at %.6g Hz, not %.6g Hz", model->rate, values.rate);
-    lg_watch_options_init(o);
+    lg_monitor_options_init(o);
     o->channels = model->channels;
     o->window = model->window;
     o->missing = values.missing;
@@ -311,15 +311,15 @@ static int watch_feed(watching *self, int file, size_t watch_bytes) {
 
 static int watch_with(const app *self, const well_model *model, int file) {
     watching w = {.app = self, .bench = {.model = model}, .tally = {.first_alarm = NAN, .detection = NAN}};
-    lg_watch_options options;
+    lg_monitor_options options;
     lg_error error = {LG_OK, ""};
     int code = set_options(self, model, &w, &options);
     if (code != APP_EXIT_OK) return code;
-    const size_t bytes = lg_watch_size(&options), work = well_model_work(model);
+    const size_t bytes = lg_monitor_size(&options), work = well_model_work(model);
     void *memory = app_alloc(bytes > 0 ? bytes : 1, 1);
     w.bench.score = app_alloc(model->classes, sizeof *w.bench.score);
     w.bench.work = app_alloc(work > 0 ? work : 1, 1);
-    const lg_status status = lg_watch_init(&options, judge, &w.bench, memory, &w.watch, &error);
+    const lg_status status = lg_monitor_init(&options, judge, &w.bench, memory, &w.watch, &error);
     code = status == LG_OK ? watch_feed(&w, file, bytes) : app_fail(self, status, "%s", error.message);
     free(memory);
     free(w.bench.score);

@@ -3,6 +3,7 @@
 #ifndef LG_APPS_ANOMALY_WATCH_H
 #define LG_APPS_ANOMALY_WATCH_H
 
+#include "liegrad/monitor.h"
 #include "lg-anomaly/anomaly.h"
 #include "lg-anomaly/samples.h"
 
@@ -46,7 +47,7 @@ typedef struct timing {
 typedef struct watching {
     const app *app;
     bench bench;
-    lg_watch *watch;
+    lg_monitor *watch;
     double rate, hop; /* Hz; samples. rate 1 when nobody knows it */
     bool rate_known, started, alarm;
     double origin;  /* time of a sample; s */

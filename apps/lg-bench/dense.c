@@ -34,7 +34,7 @@ typedef struct dense {
 static lg_var dense_loss(lg_tape *tape, const dense *d, lg_var theta) {
     const lg_var x = lg_parameter(tape, lg_shape2((uint32_t)d->rows, IN), d->x);
     const lg_var target = lg_parameter(tape, lg_shape2((uint32_t)d->rows, OUT), d->target);
-    return lg_loss_apply(tape, LG_LOSS_MSE, lg_mlp_apply(tape, &d->net, theta, 0, x), target, LG_NONE);
+    return lg_loss_record(tape, LG_LOSS_MSE, lg_mlp_record(tape, &d->net, theta, 0, x), target, LG_NONE);
 }
 
 static void dense_gradient(dense *d) {
@@ -98,7 +98,7 @@ static lg_status fit_loss(void *user, lg_tape *tape, lg_var theta, const uint32_
     const lg_var target =
         lg_parameter(tape, lg_shape2((uint32_t)count, OUT), (const char *)d->target + first * OUT * size);
     const lg_var mean =
-        lg_loss_apply(tape, LG_LOSS_MSE, lg_mlp_apply(tape, &d->net, theta, 0, x), target, LG_NONE);
+        lg_loss_record(tape, LG_LOSS_MSE, lg_mlp_record(tape, &d->net, theta, 0, x), target, LG_NONE);
     *loss = lg_scale(tape, mean, (double)count / (double)batch);
     return lg_tape_status(tape);
 }
@@ -185,7 +185,7 @@ typedef struct adam {
     size_t n, pieces;
     uint64_t step;
     char *gradient, *m, *v, *theta;
-    lg_pool *pool;
+    lg_thread_pool *pool;
 } adam;
 
 static void adam_piece(void *user, size_t i) {
@@ -202,7 +202,7 @@ static void adam_call(void *user) {
     if (a->pool == NULL)
         adam_piece(a, 0);
     else
-        lg_pool_run(a->pool, a->pieces, adam_piece, a);
+        lg_thread_pool_run(a->pool, a->pieces, adam_piece, a);
 }
 
 /* Two steps from the same start against the formula in long double: the change of theta. */
@@ -238,7 +238,7 @@ void bench_adam(bench *b) {
     const double *const values[] = {gradient, theta, NULL, NULL};
     for (size_t i = 0; i < APP_COUNT(arrays); i++) *arrays[i] = placed(b, values[i], a.n);
     if (b->threads > 1)
-        bench_check(b, lg_pool_create(b->app->context, b->threads, &a.pool), "making threads");
+        bench_check(b, lg_thread_pool_create(b->app->context, b->threads, &a.pool), "making threads");
     const double error = adam_error(&a);
     bench_row *row = bench_measure(b, "step", adam_call, &a);
     if (row != NULL) {
@@ -248,7 +248,7 @@ void bench_adam(bench *b) {
         row->rate = 7.0 * (double)(a.n * bench_size(a.dtype)) / row->median_us * 1e-3;
         row->unit = "GB/s";
     }
-    lg_pool_destroy(a.pool);
+    lg_thread_pool_destroy(a.pool);
     free(gradient);
     free(theta);
     for (size_t i = 0; i < APP_COUNT(arrays); i++) lg_free(b->app->context, *arrays[i]);

@@ -108,10 +108,10 @@ static double e1(const bench *b, const learning *l, const double *theta) {
     void *work = app_alloc(lg_model_work_size(&learned), 1);
     lg_model_user user;
     lg_ode ode;
-    lg_control control;
+    lg_step_controller control;
     lg_stepper *stepper = NULL;
     sample(b, l, TEST, points, 1, TEST_SEED, t, truth, energies);
-    lg_control_init(&control);
+    lg_step_controller_init(&control);
     control.rtol = control.atol = 1e-10;
     bench_check(b, lg_model_ode(&learned, &user, work, &ode), "making the learned system");
     bench_check(b,

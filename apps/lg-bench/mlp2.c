@@ -31,7 +31,7 @@ struct second {
     size_t parameters, rows, pieces;
     void *theta, *x;
     piece *piece;
-    lg_pool *pool;
+    lg_thread_pool *pool;
 };
 
 static void piece_gradient(void *user, size_t index) {
@@ -54,7 +54,7 @@ static void piece_gradient(void *user, size_t index) {
 /* The gradient of the whole batch, in the first piece's memory. */
 static void second_call(void *user) {
     const second *s = user;
-    lg_pool_run(s->pool, s->pieces, piece_gradient, user);
+    lg_thread_pool_run(s->pool, s->pieces, piece_gradient, user);
     for (size_t i = 1; i < s->pieces; i++)
         lg_kernels_for(s->dtype)->axpy(s->parameters, 1.0, s->piece[i].gradient, s->piece[0].gradient);
 }
@@ -74,11 +74,11 @@ static void second_open(const bench *b, lg_dtype dtype, int threads, const lg_ml
         p->first = i * rows / s->pieces;
         p->rows = (i + 1) * rows / s->pieces - p->first;
     }
-    bench_check(b, lg_pool_create(b->app->context, threads, &s->pool), "making threads");
+    bench_check(b, lg_thread_pool_create(b->app->context, threads, &s->pool), "making threads");
 }
 
 static void second_close(second *s) {
-    lg_pool_destroy(s->pool);
+    lg_thread_pool_destroy(s->pool);
     for (size_t i = 0; i < s->pieces; i++) {
         lg_tape_destroy(s->piece[i].tape);
         free(s->piece[i].gradient);
@@ -162,7 +162,7 @@ static void second_case(bench *b, const lg_mlp *net, loss_fn loss, reference_fn 
 /* ---- mlp2: d/dtheta sum |grad_x V|^2 ---- */
 
 static lg_var squared_gradient(lg_tape *tape, const lg_mlp *net, const lg_mlp_vars *vars, lg_var x) {
-    return lg_sum(tape, lg_square(tape, lg_mlp_gradient_bound(tape, net, vars, x)));
+    return lg_sum(tape, lg_square(tape, lg_mlp_record_gradient(tape, net, vars, x)));
 }
 
 /* With u = grad_x V held fixed, d/dtheta |grad_x V|^2 = d/dtheta (2 u . grad_x V): the reverse of a tangent.
@@ -191,7 +191,7 @@ void bench_mlp2(bench *b) {
 /* ---- jvp: d/dtheta sum |dq/ds|^2 of a curve q(s) in the plane ---- */
 
 static lg_var squared_speed(lg_tape *tape, const lg_mlp *net, const lg_mlp_vars *vars, lg_var s) {
-    lg_var q = lg_mlp_apply_bound(tape, net, vars, s), speed = LG_NONE;
+    lg_var q = lg_mlp_record_bound(tape, net, vars, s), speed = LG_NONE;
     lg_var one = lg_full(tape, lg_var_shape(tape, s), 1.0);
     if (lg_jvp(tape, &q, 1, &s, &one, 1, &speed) != LG_OK) return LG_NONE;
     return lg_sum(tape, lg_square(tape, speed));

@@ -18,7 +18,7 @@ static const char error_is[] =
 typedef struct chain {
     const bench *bench;
     lg_system *system;
-    lg_system_user user[2]; /* by lg_form */
+    lg_system_user user[2]; /* by lg_coordinates */
     double *work[2];
     lg_ode ode[2];
     lg_stepper *stepper; /* rkmk54 */
@@ -31,10 +31,10 @@ typedef struct chain {
 static lg_stepper *stepper_of(const chain *c, const char *name) {
     const lg_scheme *scheme = lg_scheme_find(name);
     lg_stepper *stepper = NULL;
-    bench_check(
-        c->bench,
-        lg_stepper_create(c->bench->app->context, scheme, &c->ode[lg_system_form_for(scheme)], &stepper),
-        "making a stepper");
+    bench_check(c->bench,
+                lg_stepper_create(c->bench->app->context, scheme, &c->ode[lg_system_coordinates_for(scheme)],
+                                  &stepper),
+                "making a stepper");
     return stepper;
 }
 
@@ -54,8 +54,9 @@ static void chain_make(chain *c, const bench *b, size_t links) {
     c->dim = lg_system_dim(c->system);
     for (int form = 0; form < 2; form++) {
         c->work[form] = app_alloc(lg_system_workspace(c->system), sizeof(double));
-        bench_check(b, lg_system_ode(c->system, (lg_form)form, &c->user[form], c->work[form], &c->ode[form]),
-                    "making the field");
+        bench_check(
+            b, lg_system_ode(c->system, (lg_coordinates)form, &c->user[form], c->work[form], &c->ode[form]),
+            "making the field");
     }
     c->start = app_alloc(c->dim, sizeof(double));
     c->end = app_alloc(c->dim, sizeof(double));
@@ -74,8 +75,8 @@ static void chain_end(chain *c) {
 }
 
 static void integrate(chain *c, lg_stepper *stepper, double tolerance, double *end) {
-    lg_control control;
-    lg_control_init(&control);
+    lg_step_controller control;
+    lg_step_controller_init(&control);
     control.rtol = control.atol = tolerance;
     lg_stepper_reset(stepper);
     bench_check(c->bench, lg_integrate_adaptive(stepper, &control, 0, c->start, &t_end, 1, end, &c->stats),

@@ -50,7 +50,7 @@ static void tape_field(lg_tape *t, const lg_var *y, lg_var *f) {
     const lg_var s1 = lg_sin(t, y[0]), s2 = lg_sin(t, y[1]), c1 = lg_cos(t, y[0]), c2 = lg_cos(t, y[1]);
     const lg_var s = lg_sub(t, lg_mul(t, s1, c2), lg_mul(t, c1, s2));
     const lg_var c = lg_add(t, lg_mul(t, c1, c2), lg_mul(t, s1, s2));
-    const lg_var det = lg_shift(t, lg_neg(t, lg_mul(t, c, c)), 2);
+    const lg_var det = lg_add_scalar(t, lg_neg(t, lg_mul(t, c, c)), 2);
     const lg_var w11 = lg_mul(t, y[2], y[2]), w22 = lg_mul(t, y[3], y[3]);
     const lg_var r1 = lg_sub(t, lg_scale(t, s1, -2 * gravity), lg_mul(t, w22, s));
     const lg_var r2 = lg_sub(t, lg_mul(t, w11, s), lg_scale(t, s2, gravity));
@@ -71,7 +71,7 @@ static void tape_run(lg_tape *t, lg_var *y) {
         for (int j = 0; j < 4; j++) {
             const lg_var x[5] = {y[j], k[0][j], k[1][j], k[2][j], k[3][j]};
             const double c[5] = {1, step / 6, step / 3, step / 3, step / 6};
-            y[j] = lg_combine(t, x, c, 5);
+            y[j] = lg_linear_combination(t, x, c, 5);
         }
     }
 }

@@ -178,9 +178,9 @@ static int run(app *self) {
             free(e.chosen.list);
             free(e.node_error);
         }
-        lg_elastica_data_free(self->context, &data);
+        lg_elastica_data_destroy(self->context, &data);
     }
-    lg_surrogate_file_free(self->context, &file);
+    lg_surrogate_file_destroy(self->context, &file);
     return code;
 }
 

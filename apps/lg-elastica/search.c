@@ -94,7 +94,7 @@ static int run(app *self) {
                               .run = run_trial,
                               .user = &data};
     const int code = search_main(self, &values, &task);
-    lg_elastica_data_free(self->context, &data);
+    lg_elastica_data_destroy(self->context, &data);
     return code;
 }
 

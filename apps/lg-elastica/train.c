@@ -160,7 +160,7 @@ static int run_train(app *self) {
     if (code == APP_EXIT_OK) code = read_curves(self, self->arguments[0], &data);
     if (code != APP_EXIT_OK) return code;
     code = run_with(&state);
-    lg_elastica_data_free(self->context, &data);
+    lg_elastica_data_destroy(self->context, &data);
     return code;
 }
 

@@ -6,7 +6,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "liegrad/judge.h"
+#include "liegrad/metrics.h"
 #include "liegrad/random.h"
 
 enum { GOLDEN_STREAM = 0x636c6173 };
@@ -125,7 +125,7 @@ static bool draw(drawing *d, size_t v, double spread, const double *size) {
     extra[j->c->classes] = lg_class_of(extra, j->c->classes);
     if (golden->extras > j->c->classes + 1)
         for (size_t i = 0; i < j->d; i++) extra[j->c->classes + 1 + i] = d->feature[i] * size[i];
-    lg_pca_apply(pca, d->feature, 1, d->made, d->work);
+    lg_pca_eval(pca, d->feature, 1, d->made, d->work);
     const bool good = export_window_clear(extra, j->c->classes) && is_decided(j, d->made);
     if (lg_classifier_decisions(j->c, d->window, y, jacobian, d->work) != LG_OK) return false;
     return good && (j->c->features.kind != LG_FEATURES_COV || is_steady(d, jacobian));

@@ -8,7 +8,7 @@
 #include "lg-export/detector.h"
 #include "liegrad/convolution.h"
 #include "liegrad/detector.h"
-#include "liegrad/judge.h"
+#include "liegrad/metrics.h"
 
 enum { GOLDEN_STREAM = 0x64657463, STACK = 4096 };
 

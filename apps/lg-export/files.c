@@ -40,7 +40,7 @@ static void add_about(const export_source *source, text *to) {
         add_wrapped(to, line, end);
         line = *end == '\n' ? end + 1 : end;
     }
-    lg_text_free(&safe);
+    lg_text_destroy(&safe);
 }
 
 static const char unfit_inputs[] =
@@ -306,7 +306,7 @@ static bool is_ours(const place *at, size_t file, const char *path) {
     const size_t n = stream != NULL ? fread(found, 1, sizeof found, stream) : 0;
     if (stream != NULL) (void)fclose(stream);
     const bool ours = n >= wanted.length && memcmp(found, wanted.data, wanted.length) == 0;
-    lg_text_free(&wanted);
+    lg_text_destroy(&wanted);
     return ours;
 }
 
@@ -468,7 +468,7 @@ int export_write(const app *self, const export_source *source, const char *out) 
                              : !export_golden_fits(source) ? refuse_unfit(source, "gives", &error)
                                                            : put(&at, &error);
     const int code = status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, out);
-    for (size_t i = 0; i < EXPORT_FILES; i++) lg_text_free(&at.files[i]);
+    for (size_t i = 0; i < EXPORT_FILES; i++) lg_text_destroy(&at.files[i]);
     free(folder);
     return code;
 }

@@ -77,7 +77,7 @@ static int unknown_scheme(const job *j) {
         lg_text_add(&names, "%s%s", i > 0 ? ", " : "", lg_scheme_at(i)->name);
     const int code = app_usage(j->self, "--scheme: '%s' is no file (.yaml, .yml, .json) and not one of %s",
                                given.scheme, names.data);
-    lg_text_free(&names);
+    lg_text_destroy(&names);
     return code;
 }
 
@@ -133,7 +133,7 @@ static int build_model(job *j) {
     const int code = kind != LG_MODEL_HAMILTONIAN && given.scheme != NULL
                          ? refuse_scheme(j)
                          : kinds[kind].build(j->self, &j->file, &j->source);
-    lg_model_file_free(j->self->context, &j->file);
+    lg_model_file_destroy(j->self->context, &j->file);
     return code;
 }
 

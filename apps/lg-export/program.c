@@ -108,7 +108,7 @@ static void evaluate(const evaluation *e, const double *x, double *y) {
     unsigned char *from = to_type(e->single, x, ins), *to = app_alloc(outs, size);
     for (size_t i = 0, at = 0; i < e->ins; at += lg_shape_count(e->in[i++].shape)) in[i] = from + at * size;
     for (size_t i = 0, at = 0; i < e->outs; at += lg_shape_count(e->out[i++].shape)) out[i] = to + at * size;
-    lg_plan_run(e->plan, in, out, e->work);
+    lg_plan_eval(e->plan, in, out, e->work);
     for (size_t i = 0; i < outs; i++)
         y[i] = e->single ? (double)((float *)(void *)to)[i] : ((double *)(void *)to)[i];
     free(to);
@@ -273,7 +273,7 @@ static int add_test(job *j) {
     *rest = 's';
     lg_text_add_named(to, j->source->options->name, rest);
     free(fragment);
-    lg_text_free(&table);
+    lg_text_destroy(&table);
     return code;
 }
 
@@ -371,7 +371,7 @@ int export_program(const app *self, const char *path, export_source *source) {
         add_about(&j);
         add_provenance(&j, path);
     }
-    lg_c_source_free(j.c);
+    lg_c_source_destroy(j.c);
     lg_program_destroy(j.program);
     return code;
 }

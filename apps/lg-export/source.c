@@ -142,7 +142,7 @@ void export_source_free(export_source *source) {
                            &source->weights, &source->code,  &source->test};
     double *const arrays[] = {source->golden.x, source->golden.y, source->golden.jacobian,
                               source->golden.extra};
-    for (size_t i = 0; i < APP_COUNT(texts); i++) lg_text_free(texts[i]);
+    for (size_t i = 0; i < APP_COUNT(texts); i++) lg_text_destroy(texts[i]);
     for (size_t i = 0; i < APP_COUNT(arrays); i++) free(arrays[i]);
     source->golden = (export_golden){.count = 0};
 }

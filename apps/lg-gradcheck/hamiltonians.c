@@ -71,7 +71,7 @@ static lg_var build_taped(const void *user, lg_tape *tape, const lg_var *x) {
     if (status == LG_OK) status = lg_hamiltonian_bind(tape, &model, x[1], &vars);
     if (status != LG_OK) return lg_tape_fail(tape, status, "hamiltonian", "not bound");
     return s->function != NULL ? s->function(tape, &vars, x[0])
-                               : lg_hamiltonian_taped_field(tape, &vars, x[0], x[2]);
+                               : lg_hamiltonian_record_field(tape, &vars, x[0], x[2]);
 }
 
 /* All parameters positive: max(0, b) is off its kink and the mass matrix definite. */
@@ -85,7 +85,7 @@ static lg_var build_taped(const void *user, lg_tape *tape, const lg_var *x) {
         }                                                                                                    \
     }
 #define CHAIN(label, integrator)                                                                             \
-    ROW("chain " label, LG_HAMILTONIAN_CHAIN, CHAIN_PARAMETERS, integrator, 0.0, LG_PENALTY_TEXT)
+    ROW("chain " label, LG_HAMILTONIAN_CHAIN, CHAIN_PARAMETERS, integrator, 0.0, LG_PENALTY_MEAN_SQUARE)
 #define PLANE(label, ...) ROW("separable " label, LG_HAMILTONIAN_SEPARABLE, PLANE_PARAMETERS, __VA_ARGS__)
 
 #define TAPED(label, family, links, asked, ...)                                                              \
@@ -103,8 +103,8 @@ static lg_var build_taped(const void *user, lg_tape *tape, const lg_var *x) {
     { .shape = S2(2, count) }
 /* One row each; width: of the state, m: of the input. */
 #define FUNCTIONS(label, family, links, width, m, count)                                                     \
-    TAPED(label " value", family, links, lg_hamiltonian_taped_value, NUMBERS(width), PARAMETERS(count)),     \
-        TAPED(label " gradient", family, links, lg_hamiltonian_taped_gradient, NUMBERS(width),               \
+    TAPED(label " value", family, links, lg_hamiltonian_record_value, NUMBERS(width), PARAMETERS(count)),    \
+        TAPED(label " gradient", family, links, lg_hamiltonian_record_gradient, NUMBERS(width),              \
               PARAMETERS(count)),                                                                            \
         TAPED(label " field", family, links, NULL, NUMBERS(width), PARAMETERS(count), NUMBERS(m))
 
@@ -121,14 +121,14 @@ static const lg_gradcheck_case rows[] = {
     CHAIN("rk4", LG_TRAIN_RK4),
     CHAIN("cf4", LG_TRAIN_CF4),
     CHAIN("rkmk4", LG_TRAIN_RKMK4),
-    PLANE("euler", LG_TRAIN_EULER, 0.0, LG_PENALTY_TEXT),
-    PLANE("rk4", LG_TRAIN_RK4, 0.0, LG_PENALTY_TEXT),
-    PLANE("stormer-verlet", LG_TRAIN_STORMER_VERLET, 0.0, LG_PENALTY_TEXT),
-    PLANE("stormer-verlet, penalty", LG_TRAIN_STORMER_VERLET, 0.5, LG_PENALTY_TEXT),
+    PLANE("euler", LG_TRAIN_EULER, 0.0, LG_PENALTY_MEAN_SQUARE),
+    PLANE("rk4", LG_TRAIN_RK4, 0.0, LG_PENALTY_MEAN_SQUARE),
+    PLANE("stormer-verlet", LG_TRAIN_STORMER_VERLET, 0.0, LG_PENALTY_MEAN_SQUARE),
+    PLANE("stormer-verlet, penalty", LG_TRAIN_STORMER_VERLET, 0.5, LG_PENALTY_MEAN_SQUARE),
     {.function = {.name = "hamiltonian separable stormer-verlet, penalty as published",
                   .build = build,
                   .user = &(const settings){LG_HAMILTONIAN_SEPARABLE, LG_TRAIN_STORMER_VERLET, 0.5,
-                                            LG_PENALTY_PUBLISHED},
+                                            LG_PENALTY_SUM_ABSOLUTE},
                   INPUTS({.shape = S1(PLANE_PARAMETERS), .values = off_kink, .scale = 0.25})}},
 };
 

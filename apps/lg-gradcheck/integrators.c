@@ -91,7 +91,7 @@ static lg_status force(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_
 static lg_status velocity(void *user, lg_tape *tape, lg_taped_time t, lg_var p, lg_var input, lg_var *out) {
     const lg_var *parameters = user;
     (void)t, (void)input;
-    *out = lg_mul(tape, p, lg_shift(tape, lg_square(tape, parameters[1]), 1.0));
+    *out = lg_mul(tape, p, lg_add_scalar(tape, lg_square(tape, parameters[1]), 1.0));
     return lg_tape_status(tape);
 }
 

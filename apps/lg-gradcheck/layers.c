@@ -23,9 +23,9 @@ static lg_var build(const void *user, lg_tape *tape, const lg_var *x) {
     lg_mlp_vars vars;
     lg_status status = lg_mlp_init(&net, 2, hidden, 2, s->outputs, s->activation, s->last_bias);
     if (status != LG_OK) return lg_tape_fail(tape, status, "mlp", "not a network");
-    if (!s->gradient) return lg_mlp_apply(tape, &net, x[1], OFFSET, x[0]);
+    if (!s->gradient) return lg_mlp_record(tape, &net, x[1], OFFSET, x[0]);
     if (lg_mlp_bind(tape, &net, x[1], OFFSET, &vars) != LG_OK) return LG_NONE;
-    return lg_mlp_gradient_bound(tape, &net, &vars, x[0]);
+    return lg_mlp_record_gradient(tape, &net, &vars, x[0]);
 }
 
 /* 2 4 + 4 + 4 3 + 3 weights and biases, then 3 a neuron of the output */
@@ -57,7 +57,7 @@ static bool describe(const net_settings *s, lg_tape *tape, lg_net *net) {
 
 static lg_var build_net(const void *user, lg_tape *tape, const lg_var *x) {
     lg_net net;
-    return describe(user, tape, &net) ? lg_net_apply(tape, &net, x[1], OFFSET, x[0]) : LG_NONE;
+    return describe(user, tape, &net) ? lg_net_record(tape, &net, x[1], OFFSET, x[0]) : LG_NONE;
 }
 
 /* (4, 2): y, then its derivative in the direction x[2] */
@@ -65,7 +65,7 @@ static lg_var build_net_jvp(const void *user, lg_tape *tape, const lg_var *x) {
     lg_net net;
     lg_var both[2];
     if (!describe(user, tape, &net)) return LG_NONE;
-    if (lg_net_apply_jvp(tape, &net, x[1], OFFSET, x[0], x[2], &both[0], &both[1]) != LG_OK) return LG_NONE;
+    if (lg_net_record_jvp(tape, &net, x[1], OFFSET, x[0], x[2], &both[0], &both[1]) != LG_OK) return LG_NONE;
     return lg_concat(tape, both, 2, 0);
 }
 
@@ -114,7 +114,7 @@ static lg_var build_cnn(const void *user, lg_tape *tape, const lg_var *x) {
     };
     const lg_status status = lg_cnn_init(&net, NULL);
     if (status != LG_OK) return lg_tape_fail(tape, status, "cnn", "not a network");
-    return lg_cnn_apply(tape, &net, x[1], OFFSET, x[0], NULL);
+    return lg_cnn_record(tape, &net, x[1], OFFSET, x[0], NULL);
 }
 
 /* 3 2 3 + 3, 2 3 2 + 2, 2 2 a sample that is left + 2, 2 2 + 2 parameters. Steps are so short that no kink is

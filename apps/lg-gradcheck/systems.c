@@ -39,7 +39,7 @@ static lg_var build(const void *user, lg_tape *tape, const lg_var *x) {
     lg_system_taped_user bound;
     lg_taped_ode ode;
     lg_var y[LG_TAPED_MAX_PARTS], out[LG_TAPED_MAX_PARTS];
-    const lg_form form = s->part == AMBIENT_FIELD ? LG_FORM_AMBIENT : LG_FORM_LIE;
+    const lg_coordinates form = s->part == AMBIENT_FIELD ? LG_COORDINATES_AMBIENT : LG_COORDINATES_LIE;
     const lg_taped_time t = {.value = 0.2};
     size_t parts = 1;
     lg_status status = lg_system_taped_ode(s->system, form, x[1], &bound, &ode);
@@ -172,7 +172,7 @@ static void add_system(const char *name, const char *form, size_t links) {
     draw_state(lg_system_space(system), y);
     add(system, FIELD, y);
     if (lg_system_constrained(system) &&
-        lg_system_taped_ode(system, LG_FORM_AMBIENT, LG_NONE, &bound, &ode) == LG_OK)
+        lg_system_taped_ode(system, LG_COORDINATES_AMBIENT, LG_NONE, &bound, &ode) == LG_OK)
         add(system, AMBIENT_FIELD, y);
     if (!lg_system_separable(system)) return;
     add(system, FORCE, y);

@@ -254,8 +254,8 @@ static int run(app *host) {
     else
         report(&self, app_seconds() - begin);
     learner_destroy(&self.learner);
-    lg_trajectories_free(host->context, &self.data);
-    lg_trajectories_free(host->context, &self.test);
+    lg_trajectories_destroy(host->context, &self.data);
+    lg_trajectories_destroy(host->context, &self.test);
     lg_scene_destroy(host->context, &self.scene);
     free(self.theta);
     free(self.predicted);

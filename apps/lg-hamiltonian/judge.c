@@ -17,9 +17,9 @@ lg_status learned_flow(const lg_context *context, const lg_hamiltonian *model, c
     void *work = app_alloc(lg_model_work_size(&learned), 1);
     lg_model_user user;
     lg_ode ode;
-    lg_control control;
+    lg_step_controller control;
     lg_stepper *stepper = NULL;
-    lg_control_init(&control);
+    lg_step_controller_init(&control);
     control.rtol = control.atol = tolerance;
     lg_status status = lg_model_ode(&learned, &user, work, &ode);
     if (status == LG_OK) status = lg_stepper_create(context, scheme, &ode, &stepper);

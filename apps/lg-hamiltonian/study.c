@@ -184,9 +184,9 @@ static lg_status do_run(const study *self, study_row *row, lg_error *error) {
     status = sample_scene(self->app->context, &test_scene, &testing, &test, error);
     if (status == LG_OK) {
         status = train_and_judge(self, &data, &test, row, error);
-        lg_trajectories_free(self->app->context, &test);
+        lg_trajectories_destroy(self->app->context, &test);
     }
-    lg_trajectories_free(self->app->context, &data);
+    lg_trajectories_destroy(self->app->context, &data);
     return status;
 }
 

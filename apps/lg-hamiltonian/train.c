@@ -136,7 +136,7 @@ static int run_train(app *self) {
     if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
     warn_of_inputs(self, self->arguments[0], &data);
     code = run_with(&state, &data);
-    lg_trajectories_free(self->context, &data);
+    lg_trajectories_destroy(self->context, &data);
     return code;
 }
 

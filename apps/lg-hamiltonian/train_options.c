@@ -67,15 +67,15 @@ void train_adopt(app *self, const lg_hamiltonian_run *stored) {
     if (!app_given(self, "substeps")) train_given.substeps = stored->substeps;
     if (!app_given(self, "penalty")) train_given.penalty = stored->penalty;
     if (!app_given(self, "penalty-form"))
-        train_given.penalty_form = stored->penalty_form == LG_PENALTY_TEXT ? 0 : 1;
+        train_given.penalty_form = stored->penalty_form == LG_PENALTY_MEAN_SQUARE ? 0 : 1;
 }
 
 lg_status train_run(const app *self, const lg_trajectories *data, lg_hamiltonian_run *run, lg_error *error) {
     lg_activation activation = LG_TANH;
     *run = (lg_hamiltonian_run){.substeps = (uint32_t)train_given.substeps,
                                 .penalty = train_given.penalty,
-                                .penalty_form =
-                                    train_given.penalty_form == 0 ? LG_PENALTY_TEXT : LG_PENALTY_PUBLISHED,
+                                .penalty_form = train_given.penalty_form == 0 ? LG_PENALTY_MEAN_SQUARE
+                                                                              : LG_PENALTY_SUM_ABSOLUTE,
                                 .training = fit_training(&train_given.fit, self->seed)};
     run->integrator = data->family == LG_HAMILTONIAN_CHAIN ? LG_TRAIN_CF4 : LG_TRAIN_STORMER_VERLET;
     lg_status status = LG_OK;

@@ -78,7 +78,7 @@ int gradient_read(const simulation *sim, gradient *out) {
 
 typedef struct functional {
     const simulation *sim;
-    lg_form form;
+    lg_coordinates form;
     const double *weights;
     size_t steps;
     lg_system_taped_user user;
@@ -115,7 +115,7 @@ static int fail_gradient(const simulation *sim, const lg_scheme *scheme, lg_stat
 int gradient_compute(const simulation *sim, const lg_scheme *scheme, const watch *seen, gradient *out) {
     lg_error error = {LG_OK, ""};
     lg_adjoint_problem problem;
-    const lg_form form = lg_system_form_for(scheme);
+    const lg_coordinates form = lg_system_coordinates_for(scheme);
     functional user = {.sim = sim, .form = form, .weights = out->weights, .steps = seen->steps};
     double *end = app_alloc(sim->dim, sizeof *end);
     out->dy0 = app_alloc(sim->dim, sizeof *out->dy0);

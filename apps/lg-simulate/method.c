@@ -14,7 +14,7 @@ static bool on_cotangent_group(const simulation *sim) {
 }
 
 static bool has_variational_step(const simulation *sim) {
-    return sim->ode[LG_FORM_LIE].step != NULL || sim->ode[LG_FORM_AMBIENT].step != NULL;
+    return sim->ode[LG_COORDINATES_LIE].step != NULL || sim->ode[LG_COORDINATES_AMBIENT].step != NULL;
 }
 
 static bool is_separable(const simulation *sim) {

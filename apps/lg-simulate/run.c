@@ -84,8 +84,8 @@ static lg_status observe_step(void *user, double t, double h, const double *y) {
 }
 
 static lg_status run_adaptive(runner *run, const double *y0, double *rows) {
-    lg_control control;
-    lg_control_init(&control);
+    lg_step_controller control;
+    lg_step_controller_init(&control);
     control.rtol = run->how->rtol;
     control.atol = run->how->atol;
     control.max_steps = run->how->max_steps;
@@ -103,7 +103,7 @@ lg_status integrate(const simulation *sim, const plan *how, const double *y0, do
     lg_stepper *stepper = NULL;
     *out = (outcome){.t = 0};
     for (size_t i = 0; i < how->count * sim->dim; i++) rows[i] = (double)NAN;
-    const lg_ode *ode = &sim->ode[lg_system_form_for(how->scheme)];
+    const lg_ode *ode = &sim->ode[lg_system_coordinates_for(how->scheme)];
     lg_status status = lg_scheme_check(how->scheme, error);
     if (status == LG_OK) status = lg_stepper_create(sim->self->context, how->scheme, ode, &stepper);
     if (status != LG_OK) return status;

@@ -89,7 +89,8 @@ int simulation_open(app *self, const simulate_values *values, const char *path, 
     out->reported = lg_system_reported(out->system);
     out->work = app_alloc(lg_system_workspace(out->system), sizeof *out->work);
     for (int form = 0; form < 2 && status == LG_OK; form++)
-        status = lg_system_ode(out->system, (lg_form)form, &out->user[form], out->work, &out->ode[form]);
+        status =
+            lg_system_ode(out->system, (lg_coordinates)form, &out->user[form], out->work, &out->ode[form]);
     if (status != LG_OK) return app_fail(self, status, "%s: %s", path, lg_status_sentence(status));
     make_blocks(out);
     return choose_t_end(out, path);

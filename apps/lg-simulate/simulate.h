@@ -49,7 +49,7 @@ typedef struct simulation {
     double t_end;
     double *work; /* of the fields */
     lg_system_user user[2];
-    lg_ode ode[2]; /* by lg_form */
+    lg_ode ode[2]; /* by lg_coordinates */
     block *blocks; /* of what is reported, by offset */
     size_t block_count;
 } simulation;

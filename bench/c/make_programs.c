@@ -15,7 +15,7 @@ static void field(lg_tape *t, const lg_var *y, lg_var *f) {
     const lg_var s1 = lg_sin(t, y[0]), s2 = lg_sin(t, y[1]), c1 = lg_cos(t, y[0]), c2 = lg_cos(t, y[1]);
     const lg_var s = lg_sub(t, lg_mul(t, s1, c2), lg_mul(t, c1, s2));
     const lg_var c = lg_add(t, lg_mul(t, c1, c2), lg_mul(t, s1, s2));
-    const lg_var det = lg_shift(t, lg_neg(t, lg_mul(t, c, c)), 2);
+    const lg_var det = lg_add_scalar(t, lg_neg(t, lg_mul(t, c, c)), 2);
     const lg_var w11 = lg_mul(t, y[2], y[2]), w22 = lg_mul(t, y[3], y[3]);
     const lg_var r1 = lg_sub(t, lg_scale(t, s1, -2 * g), lg_mul(t, w22, s));
     const lg_var r2 = lg_sub(t, lg_mul(t, w11, s), lg_scale(t, s2, g));
@@ -40,7 +40,7 @@ static lg_status step(void *user, lg_tape *t, const lg_var *theta, const lg_var 
     for (int j = 0; j < 4; j++) {
         const lg_var x[5] = {y[j], k[0][j], k[1][j], k[2][j], k[3][j]};
         const double c[5] = {1, h / 6, h / 3, h / 3, h / 6};
-        next[j] = lg_combine(t, x, c, 5);
+        next[j] = lg_linear_combination(t, x, c, 5);
     }
     out[0] = lg_concat(t, next, 4, 1);
     return lg_tape_status(t);
@@ -67,7 +67,7 @@ static lg_status make_hamiltonian(const char *path, lg_program **out, lg_error *
     lg_status status = lg_model_load(NULL, path, NULL, &file, error);
     if (status != LG_OK) return status;
     status = lg_hamiltonian_program(NULL, &file.model.hamiltonian, file.model.theta, NULL, out, error);
-    lg_model_file_free(NULL, &file);
+    lg_model_file_destroy(NULL, &file);
     return status;
 }
 
@@ -97,7 +97,7 @@ static int write_all(const char *folder, const lg_program *program, lg_error *er
         write_file(folder, "p.c", (const char *const[]){"#include \"p.h\"\n", s->arrays, s->code, NULL}) &&
         write_file(folder, "p_weights.c",
                    (const char *const[]){"#include \"p.h\"\n", s->arrays, s->weights, NULL});
-    lg_c_source_free(s);
+    lg_c_source_destroy(s);
     return good;
 }
 

@@ -72,7 +72,7 @@ static int pin(void) {
 typedef struct problem {
     size_t links, dim;
     lg_system *system;
-    lg_ode ode[2]; /* by lg_form */
+    lg_ode ode[2]; /* by lg_coordinates */
     lg_system_user user[2];
     double *work[2], *y0, *reference, reference_error;
 } problem;
@@ -117,7 +117,7 @@ static void *ours_make(const problem *p, const char *scheme) {
     ours *o = allocate(1, sizeof *o);
     o->problem = p;
     const lg_scheme *found = lg_scheme_find(scheme);
-    check(lg_stepper_create(NULL, found, &p->ode[lg_system_form_for(found)], &o->stepper), scheme);
+    check(lg_stepper_create(NULL, found, &p->ode[lg_system_coordinates_for(found)], &o->stepper), scheme);
     return o;
 }
 
@@ -131,9 +131,9 @@ static void *dp_make(const problem *p) {
 
 static bool ours_run(void *self, double tolerance, outcome *out) {
     ours *o = self;
-    lg_control control;
+    lg_step_controller control;
     lg_run_stats stats;
-    lg_control_init(&control);
+    lg_step_controller_init(&control);
     control.rtol = control.atol = tolerance;
     lg_stepper_reset(o->stepper);
     if (lg_integrate_adaptive(o->stepper, &control, 0.0, o->problem->y0, &t_end, 1, out->y, &stats) != LG_OK)
@@ -160,7 +160,7 @@ typedef struct hand {
 
 static void *hand_make(const problem *p) {
     hand *d = allocate(1, sizeof *d);
-    d->ode = &p->ode[LG_FORM_AMBIENT];
+    d->ode = &p->ode[LG_COORDINATES_AMBIENT];
     d->start = p->y0;
     d->dim = p->dim;
     d->padded = (p->dim + LANES - 1) / LANES * LANES;
@@ -274,10 +274,10 @@ static void swap(double **a, double **b) {
 
 static bool hand_run(void *self, double tolerance, outcome *out) {
     hand *d = self;
-    lg_control control;
+    lg_step_controller control;
     size_t steps = 0, rejected = 0;
     bool again = false;
-    lg_control_init(&control);
+    lg_step_controller_init(&control);
     control.rtol = control.atol = tolerance;
     d->evaluations = 0;
     memcpy(d->y, d->start, d->dim * sizeof(double));
@@ -289,7 +289,8 @@ static bool hand_run(void *self, double tolerance, outcome *out) {
         if (steps + rejected > control.max_steps || h < 1e-15) return false;
         stages(d, t, h);
         const lg_step_history history = {h, 0.0, again};
-        const lg_step_decision decision = lg_step_control(&control, 0.2, estimate(d, tolerance, h), &history);
+        const lg_step_decision decision =
+            lg_step_controller_decide(&control, 0.2, estimate(d, tolerance, h), &history);
         again = !decision.accept;
         if (decision.accept) {
             t = last ? t_end : t + h;
@@ -320,7 +321,7 @@ typedef struct arkode {
 
 static int arkode_field(double t, N_Vector y, N_Vector out, void *user) {
     const arkode *a = user;
-    const lg_ode *ode = &a->problem->ode[LG_FORM_AMBIENT];
+    const lg_ode *ode = &a->problem->ode[LG_COORDINATES_AMBIENT];
     return ode->field(ode->user, t, N_VGetArrayPointer(y), NULL, N_VGetArrayPointer(out)) == LG_OK ? 0 : -1;
 }
 
@@ -509,7 +510,8 @@ static problem problem_make(size_t links) {
 static void problem_prepare(problem *p) {
     outcome exact = {.y = p->reference}, other = {.y = allocate(p->dim, sizeof(double))};
     for (int form = 0; form < 2; form++)
-        check(lg_system_ode(p->system, (lg_form)form, &p->user[form], p->work[form], &p->ode[form]), "field");
+        check(lg_system_ode(p->system, (lg_coordinates)form, &p->user[form], p->work[form], &p->ode[form]),
+              "field");
     void *lie = rkmk_make(p), *classical = dp_make(p);
     if (!ours_run(lie, reference_tolerance, &exact) || !ours_run(classical, reference_tolerance, &other)) {
         (void)fprintf(stderr, "ode_peers: no reference for %zu links\n", p->links);

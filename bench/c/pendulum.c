@@ -30,7 +30,7 @@ static void hand_value(size_t i) {
 static void plan_value(size_t i) {
     const void *in[] = {all.y[i]};
     void *out[] = {all.y_plan};
-    lg_plan_run(all.value, in, out, all.work);
+    lg_plan_eval(all.value, in, out, all.work);
 }
 static void c_value(size_t i) {
     p_step(all.y[i], all.y_c, all.room);
@@ -45,7 +45,7 @@ static void hand_gradient(size_t i) {
 static void plan_gradient(size_t i) {
     const void *in[] = {all.y[i], all.c[i]};
     void *out[] = {all.by_plan};
-    lg_plan_run(all.gradient, in, out, all.work);
+    lg_plan_eval(all.gradient, in, out, all.work);
 }
 static void c_gradient(size_t i) {
     p_adj1_step(all.y[i], all.c[i], all.by_c, all.room);

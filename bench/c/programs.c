@@ -41,18 +41,18 @@ static void hand_step(size_t i) {
 }
 
 static void plan_value(size_t i) {
-    lg_plan_run(all.plan[0], (const void *[]){all.x[i]}, (void *[]){all.program}, all.plan_work);
+    lg_plan_eval(all.plan[0], (const void *[]){all.x[i]}, (void *[]){all.program}, all.plan_work);
 }
 static void plan_gradient(size_t i) {
-    lg_plan_run(all.plan[1], (const void *[]){all.x[i]}, (void *[]){all.program, all.program + 1},
-                all.plan_work);
+    lg_plan_eval(all.plan[1], (const void *[]){all.x[i]}, (void *[]){all.program, all.program + 1},
+                 all.plan_work);
 }
 static void plan_field(size_t i) {
-    lg_plan_run(all.plan[2], (const void *[]){all.x[i], all.u[i]}, (void *[]){all.program}, all.plan_work);
+    lg_plan_eval(all.plan[2], (const void *[]){all.x[i], all.u[i]}, (void *[]){all.program}, all.plan_work);
 }
 static void plan_step(size_t i) {
-    lg_plan_run(all.plan[3], (const void *[]){all.x[i], all.u[i], &all.h}, (void *[]){all.program},
-                all.plan_work);
+    lg_plan_eval(all.plan[3], (const void *[]){all.x[i], all.u[i], &all.h}, (void *[]){all.program},
+                 all.plan_work);
 }
 
 static void today_value(size_t i) {

@@ -205,6 +205,6 @@ int main(int argc, char **argv) {
     free(self.near);
     free(self.y);
     free(self.jacobian);
-    lg_model_file_free(NULL, &file);
+    lg_model_file_destroy(NULL, &file);
     return self.failed;
 }

@@ -23,7 +23,7 @@ bool plant_create(plant *self) {
     if (lg_system_create(NULL, "pendulum-chain", &options, &self->system, NULL) != LG_OK) return false;
     self->work = malloc(lg_system_workspace(self->system) * sizeof *self->work);
     if (self->work == NULL ||
-        lg_system_ode(self->system, LG_FORM_LIE, &self->user, self->work, &self->ode) != LG_OK ||
+        lg_system_ode(self->system, LG_COORDINATES_LIE, &self->user, self->work, &self->ode) != LG_OK ||
         lg_chain_potential_weights(self->system, &self->weight) != LG_OK ||
         lg_chain_mass_matrix(self->system, &self->mass) != LG_OK)
         return false;

@@ -31,7 +31,7 @@ static lg_status rate(void *user, lg_tape *tape, lg_taped_time t, const lg_var *
     const lg_var all[] = {lg_reshape(tape, y[0], lg_shape2(rows, 9)), y[1], input};
     (void)t;
     algebra[0] = lg_reshape(tape, y[1], lg_shape3(rows, 1, 3));
-    algebra[1] = lg_mlp_apply(tape, &l->net, l->theta, 0, lg_concat(tape, all, 3, 1));
+    algebra[1] = lg_mlp_record(tape, &l->net, l->theta, 0, lg_concat(tape, all, 3, 1));
     return lg_tape_status(tape);
 }
 

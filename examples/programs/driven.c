@@ -16,7 +16,7 @@ enum { SAMPLES = 2000 };
 /* (B, 2), (B, 1) -> (B, 2) */
 static lg_var rate(const lg_mlp *net, lg_tape *tape, lg_var theta, lg_var x, lg_var u) {
     const lg_var both[] = {x, u};
-    return lg_mlp_apply(tape, net, theta, 0, lg_concat(tape, both, 2, 1));
+    return lg_mlp_record(tape, net, theta, 0, lg_concat(tape, both, 2, 1));
 }
 
 /* h (B, 1) */
@@ -28,7 +28,7 @@ static lg_var runge_kutta(const lg_mlp *net, lg_tape *tape, lg_var theta, lg_var
     k[2] = rate(net, tape, theta, lg_add(tape, x, lg_mul(tape, half, k[1])), u);
     k[3] = rate(net, tape, theta, lg_add(tape, x, lg_mul(tape, h, k[2])), u);
     static const double weights[] = {1. / 6, 1. / 3, 1. / 3, 1. / 6};
-    return lg_add(tape, x, lg_mul(tape, h, lg_combine(tape, k, weights, 4)));
+    return lg_add(tape, x, lg_mul(tape, h, lg_linear_combination(tape, k, weights, 4)));
 }
 
 /* ---- what lg_program_build records ---- */

@@ -28,7 +28,7 @@ static lg_var predict(const regression *r, lg_tape *tape, lg_var theta, lg_var x
                  mean_y = lg_input_f64(tape, lg_shape1(OUT), r->mean_y),
                  scale_y = lg_input_f64(tape, lg_shape1(OUT), r->scale_y);
     const lg_var scaled = lg_div(tape, lg_sub(tape, x, mean_x), scale_x);
-    const lg_var y = lg_mlp_apply(tape, &r->net, theta, 0, scaled);
+    const lg_var y = lg_mlp_record(tape, &r->net, theta, 0, scaled);
     return lg_add(tape, lg_mul(tape, y, scale_y), mean_y);
 }
 

@@ -1,4 +1,4 @@
-/* A plain training loop on lg_program_apply. */
+/* A plain training loop on lg_program_record. */
 #include "programs.h"
 
 #include <stdlib.h>
@@ -34,7 +34,7 @@ static lg_var record(loop *l, const uint32_t *samples, uint32_t count) {
     }
     for (size_t j = 0; j < l->parameters; j++)
         l->on_tape[j] = lg_parameter(l->tape, lg_program_parameter(l->program, j).shape, l->theta[j]);
-    (void)lg_program_apply(l->tape, l->program, l->loss, l->on_tape, x, &loss);
+    (void)lg_program_record(l->tape, l->program, l->loss, l->on_tape, x, &loss);
     return loss;
 }
 

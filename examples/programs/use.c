@@ -47,7 +47,7 @@ static ready prepare(const lg_program *program, const char *name) {
 }
 
 static void run(const ready *r) {
-    lg_plan_run(r->plan, (const void *const *)r->in, (void *const *)r->out, r->work);
+    lg_plan_eval(r->plan, (const void *const *)r->in, (void *const *)r->out, r->work);
 }
 
 static void release(ready *r) {

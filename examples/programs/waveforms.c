@@ -30,7 +30,7 @@ static lg_status value(void *user, lg_tape *tape, const lg_var *w, const lg_var 
 
 static lg_status loss(void *user, lg_tape *tape, const lg_var *w, const lg_var *in, lg_var *out) {
     (void)user;
-    out[0] = lg_loss_apply(tape, LG_LOSS_CROSS_ENTROPY, scores(tape, w, in[0]), in[1], LG_NONE);
+    out[0] = lg_loss_record(tape, LG_LOSS_CROSS_ENTROPY, scores(tape, w, in[0]), in[1], LG_NONE);
     return lg_tape_status(tape);
 }
 

@@ -6,7 +6,7 @@
  *   dJ/dy_0 = lambda_0,   dJ/dtheta = sum_n (dPhi_n/dtheta)^T lambda_{n+1}:
  *
  * the derivative of the discrete flow, exact to rounding. The steps are given: equal ones, or those that an
- * adaptive integration accepted (lg_control.observe), which are held fixed.
+ * adaptive integration accepted (lg_step_controller.observe), which are held fixed.
  *
  * The states are computed once forward by the plain interpreter and kept at C + 1 checkpoints, the starts of
  * C segments of floor(N/C) or ceil(N/C) steps and the end. Then, from the last segment to the first, the

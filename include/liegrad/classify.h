@@ -55,7 +55,7 @@ typedef struct lg_features {
 LG_API lg_status lg_features_create(const lg_context *context, lg_feature_kind kind, bool directions_x,
                                     const lg_series *series, uint32_t length, const lg_scaler *scaler,
                                     lg_features *out, lg_error *error);
-LG_API void lg_features_free(const lg_context *context, lg_features *features);
+LG_API void lg_features_destroy(const lg_context *context, lg_features *features);
 /* Doubles of work for lg_features_compute. */
 LG_API size_t lg_features_work(const lg_features *features);
 /* x (channels, length) -> out (d). A constant channel, or one sample, has standard deviation and covariance 0
@@ -89,11 +89,11 @@ typedef struct lg_pca {
  * must be at most 8192. "First of equals": equal to 1e-9. */
 LG_API lg_status lg_pca_fit(const lg_context *context, const double *x, size_t n, uint32_t d,
                             uint32_t components, lg_pca *out, lg_error *error);
-LG_API void lg_pca_free(const lg_context *context, lg_pca *pca);
+LG_API void lg_pca_destroy(const lg_context *context, lg_pca *pca);
 /* Width of p: k, or d for k = 0. */
 LG_API uint32_t lg_pca_outputs(const lg_pca *pca);
 /* x (n, d) -> p (n, k); work: d doubles. */
-LG_API void lg_pca_apply(const lg_pca *pca, const double *x, size_t n, double *p, double *work);
+LG_API void lg_pca_eval(const lg_pca *pca, const double *x, size_t n, double *p, double *work);
 
 /* ---- logistic regression (logistic.c) ---- */
 
@@ -111,7 +111,7 @@ typedef struct lg_logistic {
  * classes, a label out of range), LG_NO_CONVERGENCE, LG_NOT_FINITE, LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_logistic_fit(const lg_context *context, const double *x, const uint32_t *label, size_t n,
                                  uint32_t d, uint32_t classes, double c, lg_logistic *out, lg_error *error);
-LG_API void lg_logistic_free(const lg_context *context, lg_logistic *model);
+LG_API void lg_logistic_destroy(const lg_context *context, lg_logistic *model);
 /* x (n, d) -> probability (n, classes) */
 LG_API void lg_logistic_predict(const lg_logistic *model, const double *x, size_t n, double *probability);
 
@@ -153,7 +153,7 @@ typedef struct lg_tree {
 LG_API lg_status lg_tree_fit(const lg_context *context, const lg_tree_options *options, const double *x,
                              const uint32_t *label, size_t n, uint32_t d, uint32_t classes, lg_tree *out,
                              lg_error *error);
-LG_API void lg_tree_free(const lg_context *context, lg_tree *tree);
+LG_API void lg_tree_destroy(const lg_context *context, lg_tree *tree);
 /* 0 for a single leaf. Samples of children must add up to their parent's. */
 LG_API uint32_t lg_tree_depth(const lg_tree *tree);
 LG_API uint32_t lg_tree_leaf(const lg_tree *tree, const double *x); /* index of the leaf of x (d) */
@@ -196,7 +196,7 @@ typedef struct lg_svm {
 LG_API lg_status lg_svm_fit(const lg_context *context, lg_kernel kernel, double c, double gamma,
                             const double *x, const uint32_t *label, size_t n, uint32_t d, uint32_t classes,
                             lg_svm *out, lg_error *error);
-LG_API void lg_svm_free(const lg_context *context, lg_svm *svm);
+LG_API void lg_svm_destroy(const lg_context *context, lg_svm *svm);
 /* Linear kernel, two classes: w (d), b with decision w.x + b, positive for class 1. LG_UNSUPPORTED otherwise.
  */
 LG_API lg_status lg_svm_plane(const lg_svm *svm, double *w, double *b);
@@ -245,7 +245,7 @@ LG_API lg_status lg_classifier_fit(const lg_context *context, const lg_method_op
                                    const double *x, const uint32_t *label, const uint32_t *chosen,
                                    size_t count, uint32_t d, uint32_t classes, lg_classifier *out,
                                    lg_error *error);
-LG_API void lg_classifier_free(const lg_context *context, lg_classifier *classifier);
+LG_API void lg_classifier_destroy(const lg_context *context, lg_classifier *classifier);
 /* Doubles of work for the two functions below. */
 LG_API size_t lg_classifier_work(const lg_classifier *classifier);
 /* Features f (d) -> score (classes): probabilities; for svm as lg_svm_predict. */
@@ -288,10 +288,10 @@ LG_API lg_status lg_classifier_load(const lg_context *context, const lg_archive_
  * accuracy on the training rows. In a fold that has fewer rows than components, as many as it has rows.
  * Options that do not converge have accuracy NaN and are not chosen; LG_NO_CONVERGENCE when none does. Other
  * errors: those of lg_classifier_fit. `threads` >= 1; the result does not depend on it. */
-LG_API lg_status lg_choose(const lg_context *context, const lg_method_options *options, size_t count,
-                           uint32_t folds, const double *x, const uint32_t *label, const uint32_t *unit,
-                           const uint32_t *chosen, size_t rows, uint32_t d, uint32_t classes, int threads,
-                           double *accuracy, size_t *best, lg_error *error);
+LG_API lg_status lg_grid_search(const lg_context *context, const lg_method_options *options, size_t count,
+                                uint32_t folds, const double *x, const uint32_t *label, const uint32_t *unit,
+                                const uint32_t *chosen, size_t rows, uint32_t d, uint32_t classes,
+                                int threads, double *accuracy, size_t *best, lg_error *error);
 
 LG_END_DECLS
 

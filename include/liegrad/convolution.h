@@ -70,8 +70,8 @@ LG_API void lg_cnn_initialise(const lg_cnn *net, lg_initialisation kind, lg_rng 
 /* theta: flat vector (rank 1) whose elements offset .. offset + lg_cnn_parameters - 1 are the network's.
  * x (B, length, channels) -> logits (B, outputs); *plane (may be NULL): (B, plane), LG_NONE without one or on
  * failure. Errors: the tape's, which stick; LG_SHAPE for series of another size. */
-LG_API lg_var lg_cnn_apply(lg_tape *tape, const lg_cnn *net, lg_var theta, size_t offset, lg_var x,
-                           lg_var *plane);
+LG_API lg_var lg_cnn_record(lg_tape *tape, const lg_cnn *net, lg_var theta, size_t offset, lg_var x,
+                            lg_var *plane);
 
 /* ---- without a tape: caller's memory (64-byte aligned), no allocation, no lock ---- */
 LG_API size_t lg_cnn_work_size(const lg_cnn *net, lg_dtype dtype);

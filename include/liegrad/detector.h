@@ -50,7 +50,7 @@ LG_API lg_status lg_detector_data_create(const lg_context *context, const lg_det
                                          const lg_scaler *scaler, const lg_series *series,
                                          const lg_windows *windows, const uint32_t *chosen, size_t count,
                                          lg_dtype dtype, lg_detector_data *out, lg_error *error);
-LG_API void lg_detector_data_free(const lg_context *context, lg_detector_data *data);
+LG_API void lg_detector_data_destroy(const lg_context *context, lg_detector_data *data);
 
 /* A model and what it learns from: the first `training` windows of data are trained on, the rest are the
  * validation part (lg_fit_problem.validation; set lg_fit_options.keep_best for the parameters of its best

@@ -168,8 +168,8 @@ LG_API lg_status lg_elastica_generate(const lg_context *context, const lg_elasti
  * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_elastica_curves_create(const lg_context *context, size_t count, uint32_t intervals,
                                            bool optional, lg_elastica_curves *out);
-LG_API void lg_elastica_curves_free(const lg_context *context,
-                                    lg_elastica_curves *curves); /* leaves it zeroed */
+LG_API void lg_elastica_curves_destroy(const lg_context *context,
+                                       lg_elastica_curves *curves); /* leaves it zeroed */
 
 LG_END_DECLS
 

@@ -141,7 +141,7 @@ LG_API lg_status lg_gradcheck_run(const lg_context *context, const lg_gradcheck_
 /* Is the row's function as a program (liegrad/program.h) the same function? It is recorded with the row's
  * arguments as shared inputs (where values are given: moved by 1/100 of the scale), and derived. At fresh
  * points:
- *   - lg_program_apply has the bits of the function recorded on the tape: value, J d and J^T c,
+ *   - lg_program_record has the bits of the function recorded on the tape: value, J d and J^T c,
  *   - plans of the function, of its forward and of its adjoint equal the tape to rounding_tolerance/100,
  *     relative to the largest element (of a derivative: at least 1/1000 of the value's).
  * A row that says so must be refused instead. */

@@ -76,7 +76,7 @@ LG_API lg_status lg_train_integrator_parse(const char *name, lg_train_integrator
 /* First-integral penalty: G = (q_1^2 + p_1^2)/2 of the coupled oscillators. TEXT: mu times the mean over the
  * batch of sum_j (G(y_j) - G(x))^2 over the predicted points. PUBLISHED: mu times the sum over the batch of
  * sum_j |2 G(y_j) - 2 G(x)|, where 2 G = q_1^2 + p_1^2. */
-typedef enum lg_penalty_form { LG_PENALTY_TEXT, LG_PENALTY_PUBLISHED } lg_penalty_form;
+typedef enum lg_penalty_form { LG_PENALTY_MEAN_SQUARE, LG_PENALTY_SUM_ABSOLUTE } lg_penalty_form;
 
 /* Trajectories (N, M, d) with equidistant points dt apart, and how to learn from them. Borrowed data. */
 typedef struct lg_hamiltonian_problem {
@@ -128,13 +128,13 @@ typedef struct lg_hamiltonian_vars {
 LG_API lg_status lg_hamiltonian_bind(lg_tape *tape, const lg_hamiltonian *model, lg_var theta,
                                      lg_hamiltonian_vars *vars);
 /* state (B, d), d = 6k or 2n -> H (B, 1) */
-LG_API lg_var lg_hamiltonian_taped_value(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state);
+LG_API lg_var lg_hamiltonian_record_value(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state);
 /* state (B, d) -> dH/dstate (B, d), as lg_hamiltonian_gradient */
-LG_API lg_var lg_hamiltonian_taped_gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state);
+LG_API lg_var lg_hamiltonian_record_gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state);
 /* state (B, d), input (B, 3k) or (B, n), or LG_NONE -> field (B, d), as lg_model_field (liegrad/model.h):
  * algebra elements (xi, eta) a link, eta with the torque, or (q', p'), p' with the force. */
-LG_API lg_var lg_hamiltonian_taped_field(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state,
-                                         lg_var input);
+LG_API lg_var lg_hamiltonian_record_field(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state,
+                                          lg_var input);
 /* The same field for lg_taped_step_over: space (T*S^2)^k, or R^n x R^n with force and velocity. `vars` must
  * outlive the use of `ode`. */
 LG_API lg_status lg_hamiltonian_taped_ode(lg_hamiltonian_vars *vars, lg_taped_ode *ode);

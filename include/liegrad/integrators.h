@@ -301,8 +301,8 @@ LG_API lg_status lg_integrate_fixed(lg_stepper *stepper, double t0, double h, si
  * than LG_OK ends the integration with it. */
 typedef lg_status (*lg_step_observer)(void *user, double t, double h, const double *y);
 
-typedef struct lg_control {
-    size_t size; /* sizeof(lg_control) */
+typedef struct lg_step_controller {
+    size_t size; /* sizeof(lg_step_controller) */
     double rtol,
         atol;      /* tolerance of component i: atol + rtol max(|y_i| before, after the step). 1e-6, 1e-9 */
     double safety; /* 0.9 */
@@ -317,9 +317,9 @@ typedef struct lg_control {
     bool dense;
     lg_step_observer observe; /* NULL: nobody */
     void *observer;
-} lg_control;
+} lg_step_controller;
 
-LG_API void lg_control_init(lg_control *control);
+LG_API void lg_step_controller_init(lg_step_controller *control);
 
 typedef struct lg_step_history {
     double h;      /* the step just tried, > 0 */
@@ -336,12 +336,12 @@ typedef struct lg_step_decision {
  * is 1/(embedded_order + 1): h_next = h clamp(safety error^-exponent, factor_min, factor_max), at most h_max.
  * After a rejection the step does not grow; a step whose angle is beyond max_angle, or not finite, is
  * rejected and shrunk by at least a half. */
-LG_API lg_step_decision lg_step_control(const lg_control *control, double exponent, double error,
-                                        const lg_step_history *history);
+LG_API lg_step_decision lg_step_controller_decide(const lg_step_controller *control, double exponent,
+                                                  double error, const lg_step_history *history);
 
 /* Root mean square of error_i / (atol + rtol max(|y_i|, |y_next_i|)); 0/0 counts as 0. */
-LG_API double lg_error_norm(const lg_control *control, size_t dim, const double *error, const double *y,
-                            const double *y_next);
+LG_API double lg_error_norm(const lg_step_controller *control, size_t dim, const double *error,
+                            const double *y, const double *y_next);
 
 /* From (t0, y0) to each of times[0..count-1], monotone in either direction from t0 (equal neighbours are
  * allowed): out (count, dim), where control->dense says how. control may be NULL for the
@@ -349,7 +349,7 @@ LG_API double lg_error_norm(const lg_control *control, size_t dim, const double 
  * tolerances, non-finite start), LG_STEP_TOO_SMALL, LG_TOO_MANY_STEPS, LG_NOT_FINITE (the field is not finite
  * however small the step), what the field returns. On failure the rows reached before it are written, the
  * others untouched; stats are filled. */
-LG_API lg_status lg_integrate_adaptive(lg_stepper *stepper, const lg_control *control, double t0,
+LG_API lg_status lg_integrate_adaptive(lg_stepper *stepper, const lg_step_controller *control, double t0,
                                        const double *y0, const double *times, size_t count, double *out,
                                        lg_run_stats *stats);
 

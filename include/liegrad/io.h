@@ -165,7 +165,7 @@ LG_API lg_status lg_trajectories_read(const lg_context *context, const char *pat
  * not written. */
 LG_API lg_status lg_trajectories_write(const lg_context *context, const char *path, lg_trajectories *data,
                                        lg_error *error);
-LG_API void lg_trajectories_free(const lg_context *context, lg_trajectories *data);
+LG_API void lg_trajectories_destroy(const lg_context *context, lg_trajectories *data);
 
 /* ---- learned Hamiltonians ---- */
 
@@ -230,7 +230,7 @@ LG_API lg_status lg_model_load_hamiltonian(const lg_context *context, const char
  * another model, such as one that was trained meanwhile. LG_NOT_FINITE for errors that are not. */
 LG_API lg_status lg_model_record_hamiltonian(const lg_context *context, const char *path,
                                              const lg_hamiltonian_file *file, lg_error *error);
-LG_API void lg_hamiltonian_file_free(const lg_context *context, lg_hamiltonian_file *file);
+LG_API void lg_hamiltonian_file_destroy(const lg_context *context, lg_hamiltonian_file *file);
 
 /* A checkpoint holds the run's description under /run and the state of lg_fit under /fit:
  *   lg_checkpoint_create -> lg_file_writer_archive(writer, "fit", &archive) -> the fit's save ->
@@ -277,7 +277,7 @@ LG_API lg_status lg_elastica_data_read(const lg_context *context, const char *pa
  * stiffness that is not positive, an unknown case. */
 LG_API lg_status lg_elastica_data_write(const lg_context *context, const char *path, lg_elastica_data *data,
                                         lg_error *error);
-LG_API void lg_elastica_data_free(const lg_context *context, lg_elastica_data *data);
+LG_API void lg_elastica_data_destroy(const lg_context *context, lg_elastica_data *data);
 
 /* ---- surrogates of the elastica ---- */
 
@@ -314,7 +314,7 @@ LG_API lg_status lg_model_save_surrogate(const lg_context *context, const char *
 LG_API lg_status lg_model_load_surrogate(const lg_context *context, const char *path,
                                          const lg_read_options *options, lg_surrogate_file *out,
                                          lg_error *error);
-LG_API void lg_surrogate_file_free(const lg_context *context, lg_surrogate_file *file);
+LG_API void lg_surrogate_file_destroy(const lg_context *context, lg_surrogate_file *file);
 /* As for learned Hamiltonians; kind "surrogate-checkpoint". */
 LG_API lg_status lg_surrogate_checkpoint_create(const lg_context *context, const char *path,
                                                 const lg_surrogate_run *run, const lg_provenance *provenance,
@@ -377,7 +377,7 @@ LG_API lg_status lg_series_read(const lg_context *context, const char *path, con
  * twice the same, a run that stands apart. */
 LG_API lg_status lg_series_write(const lg_context *context, const char *path, lg_series_data *data,
                                  lg_error *error);
-LG_API void lg_series_data_free(const lg_context *context, lg_series_data *data);
+LG_API void lg_series_data_destroy(const lg_context *context, lg_series_data *data);
 
 /* Attributes `classes`, `class_labels`, `channels` and `rate` of a file of any kind, from series->classes,
  * class_name, class_label, channels, channel_name and rate; the rest of the series is not looked at. Names
@@ -385,7 +385,7 @@ LG_API void lg_series_data_free(const lg_context *context, lg_series_data *data)
  * empty or twice the same. */
 LG_API lg_status lg_file_writer_names(lg_file_writer *writer, const lg_series *series, lg_error *error);
 /* The same back; channel_name NULL and channels 0 where they are not named, class_label NULL where not told.
- * Freed by lg_series_free with the reader's context; a series without windows is good as `like` above.
+ * Freed by lg_series_destroy with the reader's context; a series without windows is good as `like` above.
  * LG_FORMAT: no `classes`. */
 LG_API lg_status lg_file_reader_names(lg_file_reader *reader, lg_series *out, lg_error *error);
 
@@ -427,7 +427,7 @@ LG_API lg_status lg_model_save_detector(const lg_context *context, const char *p
 LG_API lg_status lg_model_load_detector(const lg_context *context, const char *path,
                                         const lg_read_options *options, lg_detector_file *out,
                                         lg_error *error);
-LG_API void lg_detector_file_free(const lg_context *context, lg_detector_file *file);
+LG_API void lg_detector_file_destroy(const lg_context *context, lg_detector_file *file);
 LG_API lg_status lg_detector_checkpoint_create(const lg_context *context, const char *path,
                                                const lg_detector_run *run, const lg_provenance *provenance,
                                                lg_file_writer **out, lg_error *error);
@@ -470,7 +470,7 @@ typedef struct lg_model_file {
  */
 LG_API lg_status lg_model_load(const lg_context *context, const char *path, const lg_read_options *options,
                                lg_model_file *out, lg_error *error);
-LG_API void lg_model_file_free(const lg_context *context, lg_model_file *file);
+LG_API void lg_model_file_destroy(const lg_context *context, lg_model_file *file);
 
 /* ---- random search ---- */
 

@@ -117,13 +117,13 @@ LG_API const char *lg_system_invariant_name(const lg_system *system, size_t inde
 LG_API double lg_system_invariant(const lg_system *system, size_t index, const double *y,
                                   double *work); /* NaN beyond */
 
-typedef enum lg_form {
-    LG_FORM_LIE,    /* on the space itself, field in the algebra: for Lie group schemes */
-    LG_FORM_AMBIENT /* on R^dim, field the ambient velocity: for classical schemes. The same as LIE on R^n. */
-} lg_form;
+typedef enum lg_coordinates {
+    LG_COORDINATES_LIE, /* on the space itself, field in the algebra: for Lie group schemes */
+    LG_COORDINATES_AMBIENT /* on R^dim, field the ambient velocity: for classical schemes. The same as LIE on R^n. */
+} lg_coordinates;
 
 /* The form that a scheme wants: AMBIENT for scheme->ambient and for splitting schemes, LIE otherwise. */
-LG_API lg_form lg_system_form_for(const lg_scheme *scheme);
+LG_API lg_coordinates lg_system_coordinates_for(const lg_scheme *scheme);
 
 /* Memory of one user of the system: system and workspace behind ode.user. */
 typedef struct lg_system_user {
@@ -156,8 +156,8 @@ typedef struct lg_system_user {
  * VII.1.4), by Newton's method to rounding; LG_NO_CONVERGENCE when the step is too large for it.
  *
  * Errors: LG_INVALID_ARGUMENT. */
-LG_API lg_status lg_system_ode(const lg_system *system, lg_form form, lg_system_user *user, double *work,
-                               lg_ode *ode);
+LG_API lg_status lg_system_ode(const lg_system *system, lg_coordinates form, lg_system_user *user,
+                               double *work, lg_ode *ode);
 
 /* The same on a tape: `parameters` is a variable of lg_system_parameter_count elements, `user` is filled and
  * must outlive the use of `ode`. Chains in Lagrangian form are one custom operation with hand-written first
@@ -169,7 +169,7 @@ typedef struct lg_system_taped_user {
     lg_var parameters;
 } lg_system_taped_user;
 
-LG_API lg_status lg_system_taped_ode(const lg_system *system, lg_form form, lg_var parameters,
+LG_API lg_status lg_system_taped_ode(const lg_system *system, lg_coordinates form, lg_var parameters,
                                      lg_system_taped_user *user, lg_taped_ode *ode);
 
 /* ---- The chain's parts (LG_UNSUPPORTED for another system) ---- */

@@ -73,12 +73,12 @@ LG_API void lg_net_initialise(const lg_net *net, lg_initialisation kind, lg_rng 
 
 /* theta: flat vector (rank 1) whose elements offset .. offset + lg_net_parameters - 1 are the network's.
  * x (B, in) -> (B, out). */
-LG_API lg_var lg_net_apply(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, lg_var x);
+LG_API lg_var lg_net_record(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, lg_var x);
 /* Value and directional derivative in one pass: y (B, out), dy = (dy/dx) dx (B, out); dx (B, in) or (1, in).
- * Both are recorded and may be differentiated again by theta and x. Equal to lg_jvp of lg_net_apply up to
+ * Both are recorded and may be differentiated again by theta and x. Equal to lg_jvp of lg_net_record up to
  * rounding, and cheaper. */
-LG_API lg_status lg_net_apply_jvp(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, lg_var x,
-                                  lg_var dx, lg_var *y, lg_var *dy);
+LG_API lg_status lg_net_record_jvp(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, lg_var x,
+                                   lg_var dx, lg_var *y, lg_var *dy);
 
 /* ---- without a tape: caller's memory, no allocation, no lock; see lg_mlp_eval ---- */
 LG_API size_t lg_net_work_size(const lg_net *net, size_t rows, lg_dtype dtype);

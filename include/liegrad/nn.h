@@ -78,12 +78,12 @@ typedef struct lg_mlp_vars {
 LG_API lg_status lg_mlp_bind(lg_tape *tape, const lg_mlp *net, lg_var theta, size_t offset,
                              lg_mlp_vars *vars);
 /* x (B, in) -> (B, out) */
-LG_API lg_var lg_mlp_apply_bound(lg_tape *tape, const lg_mlp *net, const lg_mlp_vars *vars, lg_var x);
+LG_API lg_var lg_mlp_record_bound(lg_tape *tape, const lg_mlp *net, const lg_mlp_vars *vars, lg_var x);
 /* d sum(output[:, 0]) / dx: (B, in) -> (B, in); row b is the gradient of the first output at x_b. Recorded:
  * it may be differentiated again by theta and by x. */
-LG_API lg_var lg_mlp_gradient_bound(lg_tape *tape, const lg_mlp *net, const lg_mlp_vars *vars, lg_var x);
+LG_API lg_var lg_mlp_record_gradient(lg_tape *tape, const lg_mlp *net, const lg_mlp_vars *vars, lg_var x);
 /* Bind and apply in one. */
-LG_API lg_var lg_mlp_apply(lg_tape *tape, const lg_mlp *net, lg_var theta, size_t offset, lg_var x);
+LG_API lg_var lg_mlp_record(lg_tape *tape, const lg_mlp *net, lg_var theta, size_t offset, lg_var x);
 
 /* ---- multilayer perceptron: without a tape ----
  * No allocation, no lock, no failure: the caller gives memory. theta, x, y, tangents are arrays of `dtype`;

@@ -30,15 +30,15 @@ LG_API lg_var lg_ge(lg_tape *tape, lg_var a, lg_var b);    /* a >= b ? 1 : 0, a 
 LG_API lg_var lg_select(lg_tape *tape, lg_var condition, lg_var yes, lg_var no);
 
 /* (1 - z) u + z v elementwise, equal shapes: the gate of multiplicative networks in one node. */
-LG_API lg_var lg_mix(lg_tape *tape, lg_var z, lg_var u, lg_var v);
+LG_API lg_var lg_lerp(lg_tape *tape, lg_var z, lg_var u, lg_var v);
 
 /* sum_i c[i] x[i], equal shapes, 1 <= n <= 64: the linear combinations of Runge-Kutta stages in one node. */
-LG_API lg_var lg_combine(lg_tape *tape, const lg_var *x, const double *c, size_t n);
+LG_API lg_var lg_linear_combination(lg_tape *tape, const lg_var *x, const double *c, size_t n);
 
 /* ---- elementwise ---- */
 LG_API lg_var lg_neg(lg_tape *tape, lg_var x);
-LG_API lg_var lg_scale(lg_tape *tape, lg_var x, double c); /* c x */
-LG_API lg_var lg_shift(lg_tape *tape, lg_var x, double c); /* x + c */
+LG_API lg_var lg_scale(lg_tape *tape, lg_var x, double c);      /* c x */
+LG_API lg_var lg_add_scalar(lg_tape *tape, lg_var x, double c); /* x + c */
 LG_API lg_var lg_pow(lg_tape *tape, lg_var x,
                      double exponent); /* x^c; C's pow: NaN for x < 0 and c not whole */
 LG_API lg_var lg_square(lg_tape *tape, lg_var x);
@@ -148,8 +148,8 @@ typedef enum lg_loss {
                              log softmax(y) */
 } lg_loss;
 #define LG_LOSS_COUNT 5
-LG_API lg_var lg_loss_apply(lg_tape *tape, lg_loss kind, lg_var prediction, lg_var target, lg_var weights);
-/* Mean of squares of prediction - target, which broadcast as in lg_sub; lg_loss_apply wants equal shapes. */
+LG_API lg_var lg_loss_record(lg_tape *tape, lg_loss kind, lg_var prediction, lg_var target, lg_var weights);
+/* Mean of squares of prediction - target, which broadcast as in lg_sub; lg_loss_record wants equal shapes. */
 LG_API lg_var lg_mse(lg_tape *tape, lg_var prediction, lg_var target);
 LG_API lg_var lg_log_softmax(lg_tape *tape, lg_var x); /* over the last axis */
 

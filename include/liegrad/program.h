@@ -3,13 +3,13 @@
  * A program is a bundle of named functions on one set of parameters. Each function was recorded from C code
  * (lg_program_build) and can be
  *   - run without a tape, in the caller's memory (lg_plan): no allocation, no lock, any number of threads,
- *   - put on a tape again (lg_program_apply): differentiated, trained on,
+ *   - put on a tape again (lg_program_record): differentiated, trained on,
  *   - differentiated into further functions of the bundle (lg_program_derive),
  *   - saved and loaded (liegrad/io.h: files of kind `program`),
  *   - written as C99 (lg_program_write_c, the executable lg-export).
  *
  *   static lg_status value(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
- *       *y = lg_mlp_apply(tape, user, theta[0], 0, x[0]);
+ *       *y = lg_mlp_record(tape, user, theta[0], 0, x[0]);
  *       return lg_tape_status(tape);
  *   }
  *
@@ -52,8 +52,8 @@ LG_API lg_shape lg_port_shape(const lg_port *port, size_t rows);
 
 /* Records the function: outputs from parameters and inputs, all variables of `tape` (of double precision).
  * Batched inputs have shape (B, port.shape...). A failure sticks to the tape or is returned. */
-typedef lg_status (*lg_program_record)(void *user, lg_tape *tape, const lg_var *parameters,
-                                       const lg_var *inputs, lg_var *outputs);
+typedef lg_status (*lg_record_function)(void *user, lg_tape *tape, const lg_var *parameters,
+                                        const lg_var *inputs, lg_var *outputs);
 
 typedef struct lg_function_spec {
     const char *name; /* a C identifier, unique in the program */
@@ -62,7 +62,7 @@ typedef struct lg_function_spec {
     const lg_port
         *outputs;        /* names and units; shape and `shared` are found by recording: (B, ...) is batched */
     size_t output_count; /* at least 1 */
-    lg_program_record record;
+    lg_record_function record;
     void *user;
 } lg_function_spec;
 
@@ -116,8 +116,8 @@ LG_API size_t lg_program_operations(const lg_program *program, size_t function);
  * of their shapes, to be trained on; NULL: the stored values, as constants. Inputs as at the recording, with
  * B rows. outputs: as many variables as the function has. Errors stick to the tape: LG_SHAPE,
  * LG_STALE_HANDLE, LG_NOT_FOUND (function), those of operations. On failure outputs are untouched. */
-LG_API lg_status lg_program_apply(lg_tape *tape, const lg_program *program, size_t function,
-                                  const lg_var *parameters, const lg_var *inputs, lg_var *outputs);
+LG_API lg_status lg_program_record(lg_tape *tape, const lg_program *program, size_t function,
+                                   const lg_var *parameters, const lg_var *inputs, lg_var *outputs);
 
 /* ---- derivatives: further functions of the bundle ---- */
 
@@ -203,7 +203,7 @@ LG_API size_t lg_plan_output_count(const lg_plan *plan, size_t output);
 /* inputs[i], outputs[j]: elements of the plan's type, row after row; outputs[j] NULL: not wanted. Outputs
  * overlap neither inputs nor work. Allocates nothing, takes no lock, cannot fail: a matrix that is not
  * positive definite makes its rows NaN. */
-LG_API void lg_plan_run(const lg_plan *plan, const void *const *inputs, void *const *outputs, void *work);
+LG_API void lg_plan_eval(const lg_plan *plan, const void *const *inputs, void *const *outputs, void *work);
 
 /* ---- C ---- */
 
@@ -246,7 +246,7 @@ typedef struct lg_c_source {
  * of lg_plan_create. */
 LG_API lg_status lg_program_write_c(const lg_program *program, const lg_c_options *options, lg_c_source **out,
                                     lg_error *error);
-LG_API void lg_c_source_free(lg_c_source *source); /* NULL is fine */
+LG_API void lg_c_source_destroy(lg_c_source *source); /* NULL is fine */
 
 LG_END_DECLS
 

@@ -18,7 +18,7 @@ LG_BEGIN_DECLS
 #define LG_SERIES_NAME 64 /* of a class or channel, terminator included */
 
 /* n windows of `length` equidistant samples of `channels` signals. Owned by whoever made it; freed by
- * lg_series_free. */
+ * lg_series_destroy. */
 typedef struct lg_series {
     size_t count;              /* n >= 1 */
     uint32_t channels, length; /* >= 1 */
@@ -42,7 +42,7 @@ typedef struct lg_series {
 LG_API lg_status lg_series_allocate(const lg_context *context, bool with_group, bool with_run,
                                     lg_series *series);
 /* Leaves it zeroed; a zeroed one may be freed. */
-LG_API void lg_series_free(const lg_context *context, lg_series *series);
+LG_API void lg_series_destroy(const lg_context *context, lg_series *series);
 
 /* ---- windows: how a set is cut for a method ---- */
 
@@ -60,7 +60,7 @@ typedef struct lg_windows {
  * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_windows_create(const lg_context *context, const lg_series *series, size_t length,
                                    size_t hop, lg_windows *out, lg_error *error);
-LG_API void lg_windows_free(const lg_context *context, lg_windows *windows);
+LG_API void lg_windows_destroy(const lg_context *context, lg_windows *windows);
 /* out (channels, length) */
 LG_API void lg_windows_copy(const lg_series *series, const lg_windows *windows, size_t index, float *out);
 
@@ -111,7 +111,7 @@ typedef struct lg_scaler {
  * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_scaler_fit(const lg_context *context, const lg_series *series, const lg_windows *windows,
                                const uint32_t *chosen, size_t count, bool centred, lg_scaler *out);
-LG_API void lg_scaler_free(const lg_context *context, lg_scaler *scaler);
+LG_API void lg_scaler_destroy(const lg_context *context, lg_scaler *scaler);
 
 LG_END_DECLS
 

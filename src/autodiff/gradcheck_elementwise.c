@@ -40,7 +40,7 @@ BUILD(build_scale) {
 }
 BUILD(build_shift) {
     SETTINGS;
-    return lg_shift(t, x[0], s->c);
+    return lg_add_scalar(t, x[0], s->c);
 }
 BUILD(build_pow) {
     SETTINGS;
@@ -54,23 +54,23 @@ BUILD(build_mul_self) {
 static const double coefficients[5] = {0.5, -1.25, 2.0, -0.75, 1.5};
 BUILD(build_combine) {
     (void)user;
-    return lg_combine(t, x, coefficients, 3);
+    return lg_linear_combination(t, x, coefficients, 3);
 }
 /* A term more than once, each time with its own coefficient. */
 BUILD(build_combine_repeated) {
     (void)user;
     lg_var terms[5] = {x[0], x[1], x[0], lg_mul(t, x[0], x[1]), x[1]};
-    return lg_combine(t, terms, coefficients, 5);
+    return lg_linear_combination(t, terms, coefficients, 5);
 }
 
 BUILD(build_mix) {
     (void)user;
-    return lg_mix(t, x[0], x[1], x[2]);
+    return lg_lerp(t, x[0], x[1], x[2]);
 }
 /* One variable in two places. */
 BUILD(build_mix_itself) {
     (void)user;
-    return lg_mix(t, x[0], x[1], x[0]);
+    return lg_lerp(t, x[0], x[1], x[0]);
 }
 
 /* Both orders of each pattern of broadcasting; `a` and `b` make an argument of a shape. */

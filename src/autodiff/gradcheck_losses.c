@@ -8,7 +8,7 @@ BUILD_UNARY(log_softmax)
 
 BUILD(build_loss) {
     SETTINGS;
-    return lg_loss_apply(t, (lg_loss)s->i[0], x[0], x[1], s->i[1] ? x[2] : LG_NONE);
+    return lg_loss_record(t, (lg_loss)s->i[0], x[0], x[1], s->i[1] ? x[2] : LG_NONE);
 }
 #define LOSS_ROWS(label, kind, a, b)                                                                         \
     ROW_COMPOSED("loss " label, build_loss, WITH(.i = {kind, 0}), INPUTS(a(S2(4, 3)), b(S2(4, 3)))),         \

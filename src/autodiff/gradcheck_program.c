@@ -182,7 +182,7 @@ static lg_status applied(check *k, double *to) {
         lg_var in[2 * MOST];
         memcpy(in, t.x, sizeof t.x);
         memcpy(in + k->f->inputs, f == ADJOINT ? &t.c : t.d, (f == ADJOINT ? 1 : k->f->inputs) * sizeof *in);
-        if (lg_program_apply(k->tape, k->program, f, NULL, in, t.result[f]) != LG_OK) return tape_failed(k);
+        if (lg_program_record(k->tape, k->program, f, NULL, in, t.result[f]) != LG_OK) return tape_failed(k);
         LG_TRY(read_results(k, &t, f, to));
     }
     return LG_OK;
@@ -203,7 +203,7 @@ static lg_status run_plans(check *k, lg_plan *const *plans, double *to) {
         if (f == ADJOINT) in[k->f->inputs] = k->c;
         for (size_t j = 0, at = 0; j < results_of(k, f); at += lg_plan_output_count(plans[f], j++))
             out[j] = to + at;
-        lg_plan_run(plans[f], in, out, work);
+        lg_plan_eval(plans[f], in, out, work);
         lg_free(k->context, work);
     }
     return LG_OK;
@@ -240,7 +240,7 @@ static lg_status check_point(check *k) {
     LG_TRY(recorded(k, k->truth));
     LG_TRY(applied(k, k->got));
     if (memcmp(k->got, k->truth, all * sizeof *k->got) != 0)
-        return failed(k, "lg_program_apply differs in bits", "recording", lg_largest(k->got, all),
+        return failed(k, "lg_program_record differs in bits", "recording", lg_largest(k->got, all),
                       lg_largest(k->truth, all));
     LG_TRY(run_plans(k, k->plan, k->got));
     if (k->options->plant == NULL) return compare(k, k->got);

@@ -32,7 +32,7 @@ void *lg_heap_take(lg_heap *heap, size_t count, size_t size) {
     return memory;
 }
 
-void lg_heap_free(lg_heap *heap) {
+void lg_heap_destroy(lg_heap *heap) {
     while (heap->block != NULL) {
         struct lg_heap_block *before = heap->block->before;
         lg_free(heap->context, heap->block);

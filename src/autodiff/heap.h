@@ -14,6 +14,6 @@ typedef struct lg_heap {
 
 /* Zeroed, 64-byte aligned; NULL: out of memory, or beyond the limit. */
 void *lg_heap_take(lg_heap *heap, size_t count, size_t size);
-void lg_heap_free(lg_heap *heap);
+void lg_heap_destroy(lg_heap *heap);
 
 #endif

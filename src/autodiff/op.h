@@ -30,7 +30,7 @@ typedef enum lg_payload {
 
 /* Who shares the work of a large product: threads, and OpenBLAS where its packing pays. */
 typedef struct lg_crew {
-    lg_pool *workers; /* NULL: one thread */
+    lg_thread_pool *workers; /* NULL: one thread */
     int threads;
 } lg_crew;
 

@@ -39,15 +39,16 @@ static bool fused(uint32_t kind) {
 /* slope times v */
 static lg_var times_slope(lg_tape *t, uint32_t kind, lg_var y, lg_var v) {
     if (kind == LG_IDENTITY) return v;
-    if (kind == LG_TANH) return lg_mul(t, v, lg_mul(t, lg_shift(t, y, 1.0), lg_shift(t, lg_neg(t, y), 1.0)));
-    if (kind == LG_SIGMOID) return lg_mul(t, v, lg_mul(t, y, lg_shift(t, lg_neg(t, y), 1.0)));
+    if (kind == LG_TANH)
+        return lg_mul(t, v, lg_mul(t, lg_add_scalar(t, y, 1.0), lg_add_scalar(t, lg_neg(t, y), 1.0)));
+    if (kind == LG_SIGMOID) return lg_mul(t, v, lg_mul(t, y, lg_add_scalar(t, lg_neg(t, y), 1.0)));
     return lg_mul(t, v, lg_act_derivative(t, y, (lg_activation)kind, 1)); /* y has the sign of x */
 }
 
 /* bend times v, LG_NONE for zero */
 static lg_var times_bend(lg_tape *t, uint32_t kind, lg_var y, lg_var v) {
     if (kind == LG_TANH) return lg_scale(t, lg_mul(t, v, y), -2.0);
-    if (kind == LG_SIGMOID) return lg_mul(t, v, lg_shift(t, lg_scale(t, y, -2.0), 1.0));
+    if (kind == LG_SIGMOID) return lg_mul(t, v, lg_add_scalar(t, lg_scale(t, y, -2.0), 1.0));
     return LG_NONE;
 }
 
@@ -271,8 +272,8 @@ static lg_var dual_mix_jvp(const lg_forward *f) {
     if (!lg_is_none(f->tangents[0]))
         moved = times(t, lg_sub(t, h.v, h.u), lg_sub(t, h.vd, h.ud), f->tangents[0]);
     if (!lg_is_none(f->tangents[1]))
-        moved =
-            lg_add_or(t, moved, times(t, lg_shift(t, lg_neg(t, h.z), 1.0), lg_neg(t, h.zd), f->tangents[1]));
+        moved = lg_add_or(t, moved,
+                          times(t, lg_add_scalar(t, lg_neg(t, h.z), 1.0), lg_neg(t, h.zd), f->tangents[1]));
     if (!lg_is_none(f->tangents[2])) moved = lg_add_or(t, moved, times(t, h.z, h.zd, f->tangents[2]));
     return moved;
 }

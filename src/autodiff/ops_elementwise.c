@@ -234,7 +234,7 @@ static lg_var max_jvp(const lg_forward *f) {
     lg_var mask = mask_of(f->tape, f->in), a = LG_NONE, b = LG_NONE;
     if (!lg_is_none(f->tangents[0])) a = lg_mul(f->tape, mask, f->tangents[0]);
     if (!lg_is_none(f->tangents[1])) {
-        lg_var other = lg_shift(f->tape, lg_neg(f->tape, mask), 1.0);
+        lg_var other = lg_add_scalar(f->tape, lg_neg(f->tape, mask), 1.0);
         b = lg_mul(f->tape, other, f->tangents[1]);
     }
     return lg_add_or(f->tape, a, b);
@@ -359,7 +359,7 @@ static lg_var mix_jvp(const lg_forward *f) {
     lg_var from_z = LG_NONE, from_u = LG_NONE, from_v = LG_NONE;
     if (!lg_is_none(f->tangents[0])) from_z = lg_mul(t, f->tangents[0], lg_sub(t, f->in[2], f->in[1]));
     if (!lg_is_none(f->tangents[1]))
-        from_u = lg_mul(t, f->tangents[1], lg_shift(t, lg_neg(t, f->in[0]), 1.0));
+        from_u = lg_mul(t, f->tangents[1], lg_add_scalar(t, lg_neg(t, f->in[0]), 1.0));
     if (!lg_is_none(f->tangents[2])) from_v = lg_mul(t, f->tangents[2], f->in[0]);
     return lg_add_or(t, from_z, lg_add_or(t, from_u, from_v));
 }
@@ -371,7 +371,7 @@ static lg_scalar mix_element(lg_scalars *s, const lg_attr *attr, const lg_scalar
 const lg_op lg_op_mix = {LG_OP("mix", 0, 3, 3, three_alike, mix_forward, mix_vjp, mix_jvp),
                          .element = mix_element};
 
-lg_var lg_mix(lg_tape *tape, lg_var z, lg_var u, lg_var v) {
+lg_var lg_lerp(lg_tape *tape, lg_var z, lg_var u, lg_var v) {
     const lg_var in[3] = {z, u, v};
     return lg_record(tape, LG_OP_MIX, in, 3, NULL);
 }
@@ -420,7 +420,7 @@ const lg_op lg_op_combine = {
     LG_OP("combine", 0, 1, LG_MAX_INPUTS, combine_shape, combine_forward, combine_vjp, combine_jvp),
     .payload = LG_PAYLOAD_REALS, .element = combine_element, .over_first = true};
 
-lg_var lg_combine(lg_tape *tape, const lg_var *x, const double *c, size_t n) {
+lg_var lg_linear_combination(lg_tape *tape, const lg_var *x, const double *c, size_t n) {
     if (tape->status != LG_OK) return LG_NONE;
     if (n == 0 || n > LG_MAX_INPUTS)
         return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "combine", "the number of terms is not in 1..64");
@@ -546,7 +546,7 @@ lg_var lg_neg(lg_tape *tape, lg_var x) {
 lg_var lg_scale(lg_tape *tape, lg_var x, double c) {
     return unary(tape, LG_OP_SCALE, x, c);
 }
-lg_var lg_shift(lg_tape *tape, lg_var x, double c) {
+lg_var lg_add_scalar(lg_tape *tape, lg_var x, double c) {
     return unary(tape, LG_OP_SHIFT, x, c);
 }
 lg_var lg_pow(lg_tape *tape, lg_var x, double exponent) {

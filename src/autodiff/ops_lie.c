@@ -64,7 +64,7 @@ static lg_var build_act(lg_tape *tape, const lg_var *x, uint32_t columns) {
 static lg_var moved(lg_tape *tape, lg_var from, double weight, lg_var by) {
     lg_var terms[2] = {from, by};
     const double c[2] = {1.0, weight};
-    return lg_combine(tape, terms, c, 2);
+    return lg_linear_combination(tape, terms, c, 2);
 }
 
 static lg_var build_dexpinv(lg_tape *tape, const lg_var *x, uint32_t columns) {

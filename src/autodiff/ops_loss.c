@@ -20,7 +20,7 @@ static lg_var huber(lg_tape *tape, lg_var residual) {
 /* max(y, 0) - y t + log(1 + exp(-|y|)) */
 static lg_var bce_with_logits(lg_tape *tape, lg_var y, lg_var t) {
     lg_var positive = lg_act(tape, y, LG_RELU);
-    lg_var tail = lg_log(tape, lg_shift(tape, lg_exp(tape, lg_neg(tape, lg_abs(tape, y))), 1.0));
+    lg_var tail = lg_log(tape, lg_add_scalar(tape, lg_exp(tape, lg_neg(tape, lg_abs(tape, y))), 1.0));
     return lg_add(tape, lg_sub(tape, positive, lg_mul(tape, y, t)), tail);
 }
 
@@ -45,7 +45,7 @@ static lg_var elementwise_loss(lg_tape *tape, lg_loss kind, lg_var y, lg_var t) 
     return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "loss", "unknown loss");
 }
 
-lg_var lg_loss_apply(lg_tape *tape, lg_loss kind, lg_var prediction, lg_var target, lg_var weights) {
+lg_var lg_loss_record(lg_tape *tape, lg_loss kind, lg_var prediction, lg_var target, lg_var weights) {
     if (tape->status != LG_OK) return LG_NONE;
     const lg_node *in[2] = {lg_node_of(tape, prediction, "loss"), lg_node_of(tape, target, "loss")};
     if (in[0] == NULL || in[1] == NULL) return LG_NONE;

@@ -661,7 +661,7 @@ lg_status lg_plan_create(const lg_program *program, size_t function, const lg_pl
                   .plant = program->plant,
                   .error = error};
     lg_status status = make(&p, program, f, &chosen);
-    lg_heap_free(&p.temporary);
+    lg_heap_destroy(&p.temporary);
     if (status == LG_OK) {
         *out = plan;
         return LG_OK;
@@ -677,7 +677,7 @@ void lg_plan_destroy(lg_plan *plan) {
     if (plan == NULL) return;
     for (size_t s = 0; s < plan->steps; s++)
         if (plan->step[s].kind == LG_STEP_CALL) lg_plan_destroy(plan->step[s].call.callee);
-    lg_heap_free(&plan->memory);
+    lg_heap_destroy(&plan->memory);
     lg_free(plan->context, plan);
 }
 

@@ -1,4 +1,4 @@
-/* A plan inside: the steps of a function for a number of rows. lg_plan_run walks through them; the writer of
+/* A plan inside: the steps of a function for a number of rows. lg_plan_eval walks through them; the writer of
  * C prints them (of a plan of one row). */
 #ifndef LG_PLAN_H
 #define LG_PLAN_H

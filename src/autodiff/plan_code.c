@@ -33,7 +33,7 @@ void lg_code_end(lg_code *code, const uint32_t *nodes, uint32_t count) {
         for (uint32_t k = 0; k < n->inputs; k++)
             if (n->in[k] != LG_GRAPH_NONE) code->value[n->in[k]] = NULL;
     }
-    lg_scalars_free(&code->s);
+    lg_scalars_destroy(&code->s);
 }
 
 static lg_status new_load(lg_code *code, uint32_t node, uint32_t element, lg_scalar *out) {

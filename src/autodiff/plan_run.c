@@ -115,7 +115,7 @@ static void run_call(const running *r, const lg_call_step *s) {
             if (n % 2 == 1) next.offset += (callee->input_count[i] + 15) / 16 * 16;
             out[s->carry[i]] = to(r, &next);
         }
-        lg_plan_run(callee, in, out, work);
+        lg_plan_eval(callee, in, out, work);
         for (size_t i = 0; !last && i < callee->inputs; i++)
             if (s->carry[i] != UINT32_MAX) in[i] = out[s->carry[i]];
     }
@@ -127,7 +127,7 @@ static bool all_finite(const running *r) {
     return true;
 }
 
-void lg_plan_run(const lg_plan *plan, const void *const *inputs, void *const *outputs, void *work) {
+void lg_plan_eval(const lg_plan *plan, const void *const *inputs, void *const *outputs, void *work) {
     const running r = {plan, plan->k, inputs, outputs, work};
     for (size_t i = 0; i < plan->steps; i++) {
         const lg_plan_step *s = &plan->step[i];

@@ -81,7 +81,7 @@ static void run(const lg_crew *crew, product *p) {
     const size_t whole = p->by_rows ? p->m : p->n, unit = p->by_rows ? 8 : 16;
     const size_t pieces = 2 * (size_t)crew->threads;
     p->piece = (whole + pieces * unit - 1) / (pieces * unit) * unit;
-    lg_pool_run(crew->workers, (whole + p->piece - 1) / p->piece, run_piece, p);
+    lg_thread_pool_run(crew->workers, (whole + p->piece - 1) / p->piece, run_piece, p);
 }
 
 /* ---- nt ---- */

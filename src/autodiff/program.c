@@ -178,7 +178,7 @@ lg_status lg_ports_copy(const lg_context *context, const lg_port *ports, size_t 
     return LG_OK;
 }
 
-void lg_function_free(const lg_context *context, lg_function *f) {
+void lg_function_destroy(const lg_context *context, lg_function *f) {
     free_ports(context, f->input, f->inputs);
     free_ports(context, f->output, f->outputs);
     lg_free(context, f->name);
@@ -194,7 +194,7 @@ void lg_function_free(const lg_context *context, lg_function *f) {
 void lg_program_destroy(lg_program *p) {
     if (p == NULL) return;
     const lg_context *context = p->context;
-    for (size_t i = 0; i < p->functions; i++) lg_function_free(context, &p->function[i]);
+    for (size_t i = 0; i < p->functions; i++) lg_function_destroy(context, &p->function[i]);
     for (size_t i = 0; i < p->parameters; i++) {
         lg_free(context, p->parameter[i].name);
         lg_free(context, p->parameter[i].values);
@@ -390,7 +390,7 @@ static lg_status check_payload(const lg_function *f, uint32_t i, lg_error *error
 }
 
 /* Affine shapes and attributes satisfy the shape rule at these numbers of rows; lg_plan_create and
- * lg_program_apply ask it again at theirs. */
+ * lg_program_record ask it again at theirs. */
 static lg_status check_shapes(const lg_function *f, uint32_t i, lg_error *error) {
     const lg_program_node *node = &f->node[i];
     lg_shape shapes[LG_MAX_INPUTS], stated, found;
@@ -547,7 +547,7 @@ lg_status lg_program_add_loop(lg_program *p, const char *name, const char *funct
         status = LG_INVALID_ARGUMENT;
         if (error != NULL) error->status = status;
     }
-    lg_function_free(p->context, &f);
+    lg_function_destroy(p->context, &f);
     return status;
 }
 

@@ -104,7 +104,7 @@ lg_status lg_program_add_function(lg_program *program, lg_function *function, lg
 /* Records a function into it. */
 lg_status lg_program_record_function(lg_program *program, const lg_function_spec *spec, bool derivative,
                                      lg_error *error);
-void lg_function_free(const lg_context *context, lg_function *function);
+void lg_function_destroy(const lg_context *context, lg_function *function);
 
 /* Node `node`'s shape and attributes at so many rows; false: a dimension or an attribute is negative or too
  * large then. attr->pointer points into the function. */

@@ -463,7 +463,7 @@ lg_status lg_program_record_function(lg_program *program, const lg_function_spec
         lg_free(program->context, b.r[k].output);
     }
     lg_free(program->context, b.place);
-    lg_function_free(program->context, &b.made);
+    lg_function_destroy(program->context, &b.made);
     return status;
 }
 

@@ -372,7 +372,7 @@ void lg_c_call(lg_c *c, const lg_c_fragment *fragment, const char *format, ...) 
     lg_text_add(&line, ";");
     if (!line.failed) add_line(body, 1, line.data, line.length);
     if (line.failed) fail_memory(c);
-    lg_text_free(&line);
+    lg_text_destroy(&line);
     lg_free(c->context, long_call);
 }
 
@@ -568,9 +568,9 @@ static const char *write_plan(lg_c *c, const lg_plan *plan, const char *public, 
     }
     *work = frame.work;
     c->frame = NULL;
-    lg_text_free(&text);
-    lg_text_free(&head);
-    lg_text_free(&frame.body);
+    lg_text_destroy(&text);
+    lg_text_destroy(&head);
+    lg_text_destroy(&frame.body);
     lg_free(c->context, frame.range);
     return name;
 }
@@ -615,7 +615,7 @@ static void add_declaration(lg_c *c, lg_text *to, const lg_function *f, const lg
     lg_text_add(&line, "; depth %zu, %zu numbers of work memory */", plan->depth, work);
     lg_text_add(to, "\n");
     if (!line.failed) add_line(to, 0, line.data, line.length);
-    lg_text_free(&line);
+    lg_text_destroy(&line);
     lg_text_add(&line, "void %s_%s(", c->name, f->name);
     for (size_t i = 0; i < f->inputs; i++) add_parameter(c, &line, f->input[i].name, true);
     for (size_t j = 0; j < f->outputs; j++) add_parameter(c, &line, f->output[j].name, false);
@@ -624,7 +624,7 @@ static void add_declaration(lg_c *c, lg_text *to, const lg_function *f, const lg
         fail_memory(c);
     else
         add_line(to, 0, line.data, line.length);
-    lg_text_free(&line);
+    lg_text_destroy(&line);
 }
 
 /* Names of functions that would be names of something else. */
@@ -792,7 +792,7 @@ static void write_all(writing *w) {
 static void release(writing *w) {
     lg_c *c = &w->c;
     lg_text *const texts[] = {&w->sizes, &w->declarations, &w->arrays, &w->weights, &c->code};
-    for (size_t i = 0; i < LG_COUNT(texts); i++) lg_text_free(texts[i]);
+    for (size_t i = 0; i < LG_COUNT(texts); i++) lg_text_destroy(texts[i]);
     for (size_t i = 0; i < c->functions; i++) lg_free(c->context, c->function[i].text);
     void *const arrays[] = {(void *)c->fragment, c->function, c->weight, c->piece, c->index, c->table};
     for (size_t i = 0; i < LG_COUNT(arrays); i++) lg_free(c->context, arrays[i]);
@@ -827,11 +827,11 @@ lg_status lg_program_write_c(const lg_program *program, const lg_c_options *opti
     if (w.c.status == LG_OK)
         *out = made;
     else
-        lg_c_source_free(made);
+        lg_c_source_destroy(made);
     return w.c.status;
 }
 
-void lg_c_source_free(lg_c_source *source) {
+void lg_c_source_destroy(lg_c_source *source) {
     if (source == NULL) return;
     char *const texts[] = {source->sizes, source->declarations, source->arrays, source->weights,
                            source->code};

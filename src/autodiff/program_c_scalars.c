@@ -414,9 +414,9 @@ static const char *define_elements(lg_c *c, const lg_op *op, const lg_attr *attr
             name = lg_c_define(c, op->name, text.data, frame_of(&lines), false);
     }
     close_graph(&g);
-    lg_scalars_free(&s);
-    lg_text_free(&lines);
-    lg_text_free(&text);
+    lg_scalars_destroy(&s);
+    lg_text_destroy(&lines);
+    lg_text_destroy(&text);
     return name;
 }
 
@@ -460,7 +460,7 @@ static void add_call(lg_c *c, const lg_op *op, const char *name, const lg_evalua
         (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
     else
         lg_c_call(c, NULL, "%s", call.data);
-    lg_text_free(&call);
+    lg_text_destroy(&call);
 }
 
 static bool same_place(const lg_place *a, const lg_place *b) {
@@ -551,9 +551,9 @@ static void define_block(lg_c *c, const lg_text *lines) {
     if (failed) (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
     if (name != NULL)
         lg_text_add(&c->frame->body, "    %s(%s);\n", name, arguments.data != NULL ? arguments.data : "");
-    lg_text_free(&parameters);
-    lg_text_free(&arguments);
-    lg_text_free(&text);
+    lg_text_destroy(&parameters);
+    lg_text_destroy(&arguments);
+    lg_text_destroy(&text);
 }
 
 static double constant_at(const lg_plan *plan, const lg_scalar_step *step, uint32_t i) {
@@ -609,7 +609,7 @@ void lg_c_scalars(lg_c *c, const lg_scalar_step *step) {
             lg_text lines = {.context = c->context};
             add_block(&g, &lines, "    ", &e, b, step->registers.offset);
             define_block(c, &lines);
-            lg_text_free(&lines);
+            lg_text_destroy(&lines);
         }
         lg_c_use(c, step->registers, g.slots);
     }

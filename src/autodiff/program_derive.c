@@ -41,7 +41,7 @@ typedef struct deriving {
 
 static lg_status record_function(const differentiable *f, lg_tape *tape, const lg_var *parameters,
                                  const lg_var *in, lg_var *out) {
-    return lg_program_apply(tape, f->program, f->function, parameters, in, out);
+    return lg_program_record(tape, f->program, f->function, parameters, in, out);
 }
 
 /* in: the inputs, then a cotangent for each output asked for; out: the cotangents of inputs asked for. */
@@ -330,12 +330,12 @@ static bool row_agrees(const row_trial *t, size_t output, size_t row) {
 
 static lg_status compare_rows(row_trial *t, lg_error *error) {
     const differentiable *f = t->f;
-    lg_plan_run(t->batch, (const void *const *)t->in, (void *const *)t->out, t->work);
+    lg_plan_eval(t->batch, (const void *const *)t->in, (void *const *)t->out, t->work);
     for (size_t r = 0; r < ROWS; r++) {
         const void *in[PORTS];
         for (size_t i = 0; i < f->inputs; i++)
             in[i] = t->in[i] + (f->in[i].shared ? 0 : r * lg_plan_input_count(t->single, i));
-        lg_plan_run(t->single, in, (void *const *)t->one, t->work);
+        lg_plan_eval(t->single, in, (void *const *)t->one, t->work);
         for (size_t j = 0; j < f->of_count; j++)
             if (!row_agrees(t, f->of[j], r))
                 return lg_fail(

@@ -233,6 +233,6 @@ lg_status lg_program_add_image(lg_program *program, const lg_function_image *ima
     if (status == LG_OK) status = lg_program_add_function(program, &m.f, m.error);
     if (status == LG_OUT_OF_MEMORY && m.error->message[0] == '\0')
         (void)lg_fail(m.error, status, "no memory for a function");
-    lg_function_free(program->context, &m.f);
+    lg_function_destroy(program->context, &m.f);
     return status;
 }

@@ -93,7 +93,7 @@ static lg_status spread(spreading *s, uint32_t node) {
         lg_scalars code;
         lg_scalars_init(&code, s->heap.context);
         status = spread_code(s, node, &code, &known);
-        lg_scalars_free(&code);
+        lg_scalars_destroy(&code);
     }
     return known || status != LG_OK ? status : spread_all(s, node);
 }
@@ -130,6 +130,6 @@ lg_status lg_program_sparsity(const lg_program *program, size_t function, size_t
     }
     spreading s = {.heap = {.context = program->context}};
     const lg_status status = find(&s, program, f, output, input, pattern, error);
-    lg_heap_free(&s.heap);
+    lg_heap_destroy(&s.heap);
     return status == LG_OUT_OF_MEMORY ? lg_fail(error, status, "function '%s': no memory", f->name) : status;
 }

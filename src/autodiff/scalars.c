@@ -29,7 +29,7 @@ void lg_scalars_init(lg_scalars *s, const lg_context *context) {
     *s = (lg_scalars){.context = context};
 }
 
-void lg_scalars_free(lg_scalars *s) {
+void lg_scalars_destroy(lg_scalars *s) {
     lg_free(s->context, s->code);
     lg_free(s->context, s->table);
     *s = (lg_scalars){.context = s->context};

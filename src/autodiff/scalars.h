@@ -32,7 +32,7 @@ uint32_t lg_scalar_instructions(lg_scalar_op op);
 uint32_t lg_scalar_operands(lg_scalar_op op);
 
 void lg_scalars_init(lg_scalars *s, const lg_context *context);
-void lg_scalars_free(lg_scalars *s);
+void lg_scalars_destroy(lg_scalars *s);
 /* Each returns an instruction; 0 on failure, which `failed` tells. */
 lg_scalar lg_s(lg_scalars *s, lg_scalar_op op, lg_scalar a, lg_scalar b);
 lg_scalar lg_s_input(lg_scalars *s, uint32_t number); /* a fresh one for a new number */

@@ -33,7 +33,7 @@ lg_status lg_tape_create(const lg_context *context, const lg_tape_options *optio
     /* Tapes start far apart, so that a foreign handle does not look like one's own. */
     tape->generation = (uint32_t)((uintptr_t)tape >> 6) * 2654435761u | 1u;
     if (chosen.threads > 1) {
-        const lg_status status = lg_pool_create(context, chosen.threads, &tape->workers);
+        const lg_status status = lg_thread_pool_create(context, chosen.threads, &tape->workers);
         if (status != LG_OK) {
             lg_tape_destroy(tape);
             return status;
@@ -45,7 +45,7 @@ lg_status lg_tape_create(const lg_context *context, const lg_tape_options *optio
 
 void lg_tape_destroy(lg_tape *tape) {
     if (tape == NULL) return;
-    lg_pool_destroy(tape->workers);
+    lg_thread_pool_destroy(tape->workers);
     lg_arena_destroy(tape, &tape->arena);
     lg_arena_destroy(tape, &tape->pool.arena);
     lg_free(tape->context, tape->nodes);

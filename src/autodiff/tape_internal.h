@@ -126,8 +126,8 @@ struct lg_tape {
     const lg_context *context;
     const lg_kernels *k;
     lg_tape_options options;
-    size_t bytes;     /* allocated through the context */
-    lg_pool *workers; /* NULL for one thread */
+    size_t bytes;            /* allocated through the context */
+    lg_thread_pool *workers; /* NULL for one thread */
 
     lg_node *nodes;
     uint32_t count, capacity;

@@ -70,17 +70,17 @@ static lg_status fit_chain(fitting *f, const double *x, const uint32_t *label, c
     double *work = lg_alloc(f->context, d, sizeof *work);
     f->p = lg_alloc(f->context, f->n, k * sizeof *f->p);
     const bool good = work != NULL && f->p != NULL;
-    if (good) lg_pca_apply(&c->pca, f->x, f->n, f->p, work);
+    if (good) lg_pca_eval(&c->pca, f->x, f->n, f->p, work);
     lg_free(f->context, work);
     if (!good) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu rows of %u components", f->n, k);
     return fit_method(f, k, c, error);
 }
 
 static void free_fitted(const lg_context *context, lg_classifier *c) {
-    lg_pca_free(context, &c->pca);
-    lg_logistic_free(context, &c->logistic);
-    lg_tree_free(context, &c->tree);
-    lg_svm_free(context, &c->svm);
+    lg_pca_destroy(context, &c->pca);
+    lg_logistic_destroy(context, &c->logistic);
+    lg_tree_destroy(context, &c->tree);
+    lg_svm_destroy(context, &c->svm);
 }
 
 lg_status lg_classifier_fit(const lg_context *context, const lg_method_options *options, const double *x,
@@ -109,9 +109,9 @@ lg_status lg_classifier_fit(const lg_context *context, const lg_method_options *
     return LG_OK;
 }
 
-void lg_classifier_free(const lg_context *context, lg_classifier *classifier) {
+void lg_classifier_destroy(const lg_context *context, lg_classifier *classifier) {
     if (classifier == NULL) return;
-    lg_features_free(context, &classifier->features);
+    lg_features_destroy(context, &classifier->features);
     free_fitted(context, classifier);
     *classifier = (lg_classifier){0};
 }
@@ -130,7 +130,7 @@ size_t lg_classifier_work(const lg_classifier *c) {
 
 void lg_classifier_score(const lg_classifier *c, const double *f, double *score, double *work) {
     double *p = work + c->pca.inputs, *rest = p + lg_pca_outputs(&c->pca);
-    lg_pca_apply(&c->pca, f, 1, p, rest);
+    lg_pca_eval(&c->pca, f, 1, p, rest);
     switch (c->method) {
     case LG_METHOD_LOGISTIC:
         lg_logistic_predict(&c->logistic, p, 1, score);
@@ -213,7 +213,7 @@ lg_status lg_classifier_decisions(const lg_classifier *c, const float *x, double
     const size_t inputs = (size_t)c->features.channels * c->features.length;
     const size_t outputs = lg_classifier_outputs(c);
     LG_TRY(lg_features_compute(&c->features, x, p.f, p.features));
-    lg_pca_apply(&c->pca, p.f, 1, p.p, p.by_f);
+    lg_pca_eval(&c->pca, p.f, 1, p.p, p.by_f);
     decide(c, &p, y);
     if (jacobian == NULL) return LG_OK;
     if (c->method == LG_METHOD_TREE) {

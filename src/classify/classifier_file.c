@@ -374,7 +374,7 @@ lg_status lg_classifier_load(const lg_context *context, const lg_archive_reader 
     if (status == LG_OK)
         forget_others(&c);
     else
-        lg_classifier_free(context, &c);
+        lg_classifier_destroy(context, &c);
     *out = c;
     return status;
 }

@@ -151,7 +151,7 @@ lg_status lg_features_create(const lg_context *context, lg_feature_kind kind, bo
         status = check_made(&f, directions_x, error);
     }
     if (status != LG_OK) {
-        lg_features_free(context, &f);
+        lg_features_destroy(context, &f);
         return status;
     }
     f.count = (uint32_t)lg_features_count(&f);
@@ -159,7 +159,7 @@ lg_status lg_features_create(const lg_context *context, lg_feature_kind kind, bo
     return LG_OK;
 }
 
-void lg_features_free(const lg_context *context, lg_features *features) {
+void lg_features_destroy(const lg_context *context, lg_features *features) {
     if (features == NULL) return;
     lg_free(context, features->select);
     lg_free(context, features->pair);
@@ -656,11 +656,11 @@ static void table_part(void *user, size_t part) {
 }
 
 static lg_status run_table(table_job *job, int threads, lg_error *error) {
-    lg_pool *pool = NULL;
-    const lg_status made = lg_pool_create(job->context, threads, &pool);
+    lg_thread_pool *pool = NULL;
+    const lg_status made = lg_thread_pool_create(job->context, threads, &pool);
     if (made != LG_OK) return lg_fail(error, made, "%d threads could not be started", threads);
-    lg_pool_run(pool, job->parts, table_part, job);
-    lg_pool_destroy(pool);
+    lg_thread_pool_run(pool, job->parts, table_part, job);
+    lg_thread_pool_destroy(pool);
     for (size_t i = 0; i < job->parts; i++)
         if (job->status[i] != LG_OK)
             return lg_fail(error, job->status[i], "features of window %zu: %s", job->failed[i],

@@ -535,14 +535,14 @@ lg_status lg_logistic_fit(const lg_context *context, const double *x, const uint
     const lg_status status = fit_model(context, x, label, n, c, counts, &model, error);
     lg_free(context, counts);
     if (status != LG_OK) {
-        lg_logistic_free(context, &model);
+        lg_logistic_destroy(context, &model);
         return status;
     }
     *out = model;
     return LG_OK;
 }
 
-void lg_logistic_free(const lg_context *context, lg_logistic *model) {
+void lg_logistic_destroy(const lg_context *context, lg_logistic *model) {
     if (model == NULL) return;
     lg_free(context, model->weight);
     lg_free(context, model->intercept);

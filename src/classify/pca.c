@@ -208,14 +208,14 @@ lg_status lg_pca_fit(const lg_context *context, const double *x, size_t n, uint3
     p.variances = components > 0 ? (uint32_t)small : 0;
     const lg_status status = fit_into(context, x, n, &p, error);
     if (status != LG_OK) {
-        lg_pca_free(context, &p);
+        lg_pca_destroy(context, &p);
         return status;
     }
     *out = p;
     return LG_OK;
 }
 
-void lg_pca_free(const lg_context *context, lg_pca *pca) {
+void lg_pca_destroy(const lg_context *context, lg_pca *pca) {
     if (pca == NULL) return;
     lg_free(context, pca->mean);
     lg_free(context, pca->scale);
@@ -228,7 +228,7 @@ uint32_t lg_pca_outputs(const lg_pca *pca) {
     return pca->components > 0 ? pca->components : pca->inputs;
 }
 
-void lg_pca_apply(const lg_pca *pca, const double *x, size_t n, double *p, double *work) {
+void lg_pca_eval(const lg_pca *pca, const double *x, size_t n, double *p, double *work) {
     const size_t d = pca->inputs, k = pca->components;
     for (size_t i = 0; i < n; i++) {
         if (k == 0) {

@@ -323,14 +323,14 @@ lg_status lg_svm_fit(const lg_context *context, lg_kernel kernel, double c, doub
     const lg_status status = fit_model(&t, label, &svm, error);
     lg_free(context, t.counts);
     if (status != LG_OK) {
-        lg_svm_free(context, &svm);
+        lg_svm_destroy(context, &svm);
         return status;
     }
     *out = svm;
     return LG_OK;
 }
 
-void lg_svm_free(const lg_context *context, lg_svm *svm) {
+void lg_svm_destroy(const lg_context *context, lg_svm *svm) {
     if (svm == NULL) return;
     lg_free(context, svm->vectors_of);
     lg_free(context, svm->vector);

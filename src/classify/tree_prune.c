@@ -69,7 +69,7 @@ lg_status lg_tree_compact(const lg_context *context, const lg_tree *tree, const 
         copy_kept(tree, cut, stack, &copy);
         *out = copy;
     } else {
-        lg_tree_free(context, &copy);
+        lg_tree_destroy(context, &copy);
     }
     lg_free(context, stack);
     return all ? LG_OK : LG_OUT_OF_MEMORY;
@@ -120,7 +120,7 @@ static void pruner_free(pruner *p) {
     void *const owned[] = {p->parent, p->leaves, p->level, p->at_depth, p->stack,
                            p->own,    p->branch, p->link,  p->cut};
     for (size_t i = 0; i < LG_COUNT(owned); i++) lg_free(p->context, owned[i]);
-    lg_tree_free(p->context, &p->ordered);
+    lg_tree_destroy(p->context, &p->ordered);
 }
 
 static double link_of(const pruner *p, uint32_t t) {

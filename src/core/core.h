@@ -36,10 +36,11 @@ lg_status lg_fail(lg_error *error, lg_status status, const char *format, ...)
 
 /* Worker threads that run task(user, i) for i in 0..count-1. Which thread runs which i is not specified: a
  * task must write only to its own memory. threads - 1 workers are made; the caller works too. */
-typedef struct lg_pool lg_pool;
-lg_status lg_pool_create(const lg_context *context, int threads, lg_pool **out);
-void lg_pool_destroy(lg_pool *pool);
-void lg_pool_run(lg_pool *pool, size_t count, void (*task)(void *user, size_t index), void *user);
+typedef struct lg_thread_pool lg_thread_pool;
+lg_status lg_thread_pool_create(const lg_context *context, int threads, lg_thread_pool **out);
+void lg_thread_pool_destroy(lg_thread_pool *pool);
+void lg_thread_pool_run(lg_thread_pool *pool, size_t count, void (*task)(void *user, size_t index),
+                        void *user);
 
 /* Instruction sets, in rising order. */
 typedef enum lg_isa { LG_ISA_BASELINE, LG_ISA_AVX2, LG_ISA_AVX512, LG_ISA_COUNT } lg_isa;

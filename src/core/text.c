@@ -61,7 +61,7 @@ void lg_text_add_named(lg_text *to, const char *name, const char *code) {
     }
 }
 
-void lg_text_free(lg_text *to) {
+void lg_text_destroy(lg_text *to) {
     lg_free(to->context, to->data);
     *to = (lg_text){.context = to->context};
 }

@@ -17,7 +17,7 @@ void lg_text_add(lg_text *to, const char *format, ...) __attribute__((format(pri
 void lg_text_append(lg_text *to, const char *data, size_t length);
 /* As it is, with NAME_ at the beginning of a word replaced by the name and _. */
 void lg_text_add_named(lg_text *to, const char *name, const char *code);
-void lg_text_free(lg_text *to);
+void lg_text_destroy(lg_text *to);
 /* A number as C of this type: 17 or 9 digits, suffix f for float, always with a point or exponent. */
 void lg_text_add_real(lg_text *to, lg_dtype dtype, double value);
 /* Numbers separated by commas, four a line of `indent` blanks, no comma behind the last one. */

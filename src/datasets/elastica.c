@@ -11,9 +11,9 @@
 #define STIFFNESS     10.0
 enum { BOUNDARY = 8, Q0 = 0, V0 = 2, QN = 4, VN = 6 };
 
-void lg_elastica_data_free(const lg_context *context, lg_elastica_data *data) {
+void lg_elastica_data_destroy(const lg_context *context, lg_elastica_data *data) {
     if (data == NULL) return;
-    lg_elastica_curves_free(context, &data->curves);
+    lg_elastica_curves_destroy(context, &data->curves);
     *data = (lg_elastica_data){.sha256 = ""};
 }
 
@@ -290,7 +290,7 @@ lg_status lg_elastica_data_read(const lg_context *context, const char *path, con
     read_call call = {.context = context, .path = path, .out = &made};
     const lg_status status = lg_h5_read(context, path, options, read_checked, &call, error);
     if (status != LG_OK) {
-        lg_elastica_data_free(context, &made);
+        lg_elastica_data_destroy(context, &made);
         return status;
     }
     hash(&made);

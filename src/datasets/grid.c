@@ -145,7 +145,7 @@ static void fill(const lg_key_value *v, lg_grid *out) {
     out->potential = (lg_potential_kind)name_or(&v[KEY_POTENTIAL], LG_POTENTIAL_MLP);
     out->dtype = (lg_dtype)name_or(&v[KEY_DTYPE], LG_F64);
     out->noise_kind = (lg_noise)name_or(&v[KEY_NOISE_KIND], LG_NOISE_NORMAL);
-    out->penalty_form = (lg_penalty_form)name_or(&v[KEY_PENALTY_FORM], LG_PENALTY_TEXT);
+    out->penalty_form = (lg_penalty_form)name_or(&v[KEY_PENALTY_FORM], LG_PENALTY_MEAN_SQUARE);
     if (v[KEY_SEED].line != 0) out->seed = v[KEY_SEED].whole;
 }
 

@@ -259,7 +259,7 @@ lg_status lg_run_edit(const lg_context *context, const char *path,
     return edit_file(&call, error);
 }
 
-void lg_history_free(const lg_context *context, double *history[LG_FIT_SERIES_COUNT]) {
+void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES_COUNT]) {
     for (size_t i = 0; i < LG_FIT_SERIES_COUNT; i++) lg_free(context, history[i]);
 }
 

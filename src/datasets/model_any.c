@@ -17,7 +17,7 @@ static void bind_hamiltonian(lg_model_file *file) {
 }
 
 static void free_hamiltonian(const lg_context *context, lg_model_file *file) {
-    lg_hamiltonian_file_free(context, &file->hamiltonian);
+    lg_hamiltonian_file_destroy(context, &file->hamiltonian);
 }
 
 static lg_status load_surrogate(const lg_context *context, const char *path, const lg_read_options *options,
@@ -31,7 +31,7 @@ static void bind_surrogate(lg_model_file *file) {
 }
 
 static void free_surrogate(const lg_context *context, lg_model_file *file) {
-    lg_surrogate_file_free(context, &file->surrogate);
+    lg_surrogate_file_destroy(context, &file->surrogate);
 }
 
 static lg_status load_detector(const lg_context *context, const char *path, const lg_read_options *options,
@@ -46,7 +46,7 @@ static void bind_detector(lg_model_file *file) {
 }
 
 static void free_detector(const lg_context *context, lg_model_file *file) {
-    lg_detector_file_free(context, &file->detector);
+    lg_detector_file_destroy(context, &file->detector);
 }
 
 typedef struct kind_row {
@@ -110,7 +110,7 @@ lg_status lg_model_load(const lg_context *context, const char *path, const lg_re
     return LG_OK;
 }
 
-void lg_model_file_free(const lg_context *context, lg_model_file *file) {
+void lg_model_file_destroy(const lg_context *context, lg_model_file *file) {
     if (file == NULL) return;
     if ((unsigned)file->model.kind < LG_MODEL_KIND_COUNT) rows[file->model.kind].release(context, file);
     memset(file, 0, sizeof *file);

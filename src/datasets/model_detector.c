@@ -278,14 +278,14 @@ static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
     return LG_OK;
 }
 
-void lg_detector_file_free(const lg_context *context, lg_detector_file *file) {
+void lg_detector_file_destroy(const lg_context *context, lg_detector_file *file) {
     if (file == NULL) return;
     lg_free(context, file->theta);
-    lg_scaler_free(context, &file->scaler);
+    lg_scaler_destroy(context, &file->scaler);
     lg_free(context, file->class_name);
     lg_free(context, file->class_label);
     lg_free(context, file->channel_name);
-    lg_history_free(context, file->history);
+    lg_history_destroy(context, file->history);
     *file = (lg_detector_file){.parameters = 0};
 }
 

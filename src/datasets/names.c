@@ -45,7 +45,7 @@ const char *lg_name_pooling(uint32_t value) {
 NAMES(family, [LG_HAMILTONIAN_CHAIN] = "chain", [LG_HAMILTONIAN_SEPARABLE] = "separable")
 NAMES(potential, [LG_POTENTIAL_MLP] = "mlp", [LG_POTENTIAL_LINEAR] = "linear")
 NAMES(dtype, [LG_F64] = "f64", [LG_F32] = "f32")
-NAMES(penalty_form, [LG_PENALTY_TEXT] = "text", [LG_PENALTY_PUBLISHED] = "published")
+NAMES(penalty_form, [LG_PENALTY_MEAN_SQUARE] = "text", [LG_PENALTY_SUM_ABSOLUTE] = "published")
 NAMES(values, [false] = "discrete", [true] = "continuous")
 NAMES(noise, [LG_NOISE_NORMAL] = "normal", [LG_NOISE_UNIFORM] = "uniform")
 

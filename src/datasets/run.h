@@ -94,18 +94,18 @@ lg_status lg_run_checkpoint_open(const lg_context *context, const char *path, co
 lg_status lg_as_format(lg_status status, lg_error *error);
 /* An optional, finite number of the root. */
 lg_status lg_model_get_number(lg_h5 *h5, const char *name, bool *has, double *value, lg_error *error);
-void lg_history_free(const lg_context *context, double *history[LG_FIT_SERIES_COUNT]);
+void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES_COUNT]);
 
 /* ---- a kind and its public functions ---- */
 
 /* Defines, in a file that has rows, defaults, build, check, describe, parameters, slice, put_rest and
  * get_rest of a kind: the table `kind` and the functions of io.h that take its structures lg_kind_file and
  * lg_kind_run: lg_model_save_kind, lg_model_load_kind, checkpoint_create, checkpoint_open,
- * lg_kind_run_compare. Every file structure names the members alike that all kinds have; lg_kind_file_free is
+ * lg_kind_run_compare. Every file structure names the members alike that all kinds have; lg_kind_file_destroy is
  * the kind's own. */
 #define LG_RUN_KIND(kind, checkpoint_name, checkpoint_)                                                      \
     static void release(const lg_context *context, void *file) {                                             \
-        lg_##kind##_file_free(context, file);                                                                \
+        lg_##kind##_file_destroy(context, file);                                                             \
     }                                                                                                        \
     static const lg_run_kind kind = {.name = #kind,                                                          \
                                      .checkpoint = checkpoint_name,                                          \

@@ -7,9 +7,9 @@
 #include "datasets/run.h"
 #include "datasets/series_files.h"
 
-void lg_series_data_free(const lg_context *context, lg_series_data *data) {
+void lg_series_data_destroy(const lg_context *context, lg_series_data *data) {
     if (data == NULL) return;
-    lg_series_free(context, &data->series);
+    lg_series_destroy(context, &data->series);
     *data = (lg_series_data){.sha256 = ""};
 }
 
@@ -122,8 +122,8 @@ static lg_status read_labels(read_call *call, lg_error *error) {
         call->by_number = labels.by_number;
         call->guessed = labels.guessed;
     }
-    lg_names_free(&names);
-    lg_labels_free(&labels);
+    lg_names_destroy(&names);
+    lg_labels_destroy(&labels);
     return status;
 }
 
@@ -141,7 +141,7 @@ static lg_status read_units(read_call *call, const char *name, uint32_t *out, lg
         else
             out[i] = (uint32_t)value;
     }
-    lg_labels_free(&units);
+    lg_labels_destroy(&units);
     return status;
 }
 
@@ -254,7 +254,7 @@ lg_status lg_series_read(const lg_context *context, const char *path, const lg_r
     read_call call = {.context = context, .path = path, .like = like, .out = &made};
     const lg_status status = lg_h5_read(context, path, options, read_checked, &call, error);
     if (status != LG_OK) {
-        lg_series_data_free(context, &made);
+        lg_series_data_destroy(context, &made);
         return status;
     }
     warn(&call);
@@ -365,7 +365,7 @@ lg_status lg_file_reader_names(lg_file_reader *reader, lg_series *out, lg_error 
     lg_sensing sensing = {.classes = 0};
     LG_TRY(lg_sensing_get(h5, &sensing, error));
     if (sensing.class_name == NULL) {
-        lg_sensing_free(h5->context, &sensing);
+        lg_sensing_destroy(h5->context, &sensing);
         return lg_fail(error, LG_FORMAT, "%s: attribute classes is missing", lg_shown_path(h5->path));
     }
     *out = (lg_series){.channels = sensing.channels,

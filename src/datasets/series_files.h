@@ -17,7 +17,7 @@ typedef struct lg_names {
     uint32_t *order; /* (count) of those added by lg_names_meet, by rising name, bytewise */
 } lg_names;
 
-void lg_names_free(lg_names *names);
+void lg_names_destroy(lg_names *names);
 /* LG_OUT_OF_MEMORY; LG_FORMAT: longer than LG_SERIES_NAME - 1 bytes, more than LG_SERIES_CLASSES. */
 lg_status lg_names_add(lg_names *names, const char *text);
 /* Index of the one that is there, or of a new one; *known says which. Never mixed with lg_names_add. */
@@ -61,7 +61,7 @@ lg_status lg_sensing_check(const lg_context *context, const char *path, const lg
 lg_status lg_sensing_put(lg_h5 *h5, const lg_sensing *sensing, lg_error *error);
 /* On failure nothing is kept. */
 lg_status lg_sensing_get(lg_h5 *h5, lg_sensing *sensing, lg_error *error);
-void lg_sensing_free(const lg_context *context, lg_sensing *sensing);
+void lg_sensing_destroy(const lg_context *context, lg_sensing *sensing);
 
 /* ---- single precision (series_precision.c) ---- */
 
@@ -94,7 +94,7 @@ typedef struct lg_labels {
     bool by_number;     /* taken as numbers of the classes of `like`, as nothing else fits: worth a warning */
 } lg_labels;
 
-void lg_labels_free(lg_labels *labels);
+void lg_labels_destroy(lg_labels *labels);
 /* labels->context is set by the caller; freed by the caller in any case. Texts: LG_SERIES_CLASSES different
  * ones at most. A missing data set is LG_FORMAT. */
 lg_status lg_labels_read(lg_h5 *h5, const char *name, size_t count, lg_labels *labels, lg_error *error);

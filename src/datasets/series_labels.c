@@ -8,12 +8,12 @@
 #include "datasets/run.h"
 #include "datasets/series_files.h"
 
-void lg_labels_free(lg_labels *labels) {
+void lg_labels_destroy(lg_labels *labels) {
     lg_free(labels->context, labels->label);
     lg_free(labels->context, labels->value);
     lg_free(labels->context, labels->class_of);
-    lg_names_free(&labels->text);
-    lg_names_free(&labels->of_class);
+    lg_names_destroy(&labels->text);
+    lg_names_destroy(&labels->of_class);
     *labels = (lg_labels){.context = labels->context};
 }
 
@@ -108,11 +108,11 @@ static lg_status sort_texts(const lg_h5 *h5, lg_labels *labels, lg_error *error)
     for (size_t i = 0; i < labels->count && status == LG_OK; i++) labels->label[i] = place[labels->label[i]];
     lg_free(h5->context, place);
     if (status != LG_OK) {
-        lg_names_free(&sorted);
+        lg_names_destroy(&sorted);
         return no_memory(h5, error);
     }
     labels->distinct = text->count;
-    lg_names_free(text);
+    lg_names_destroy(text);
     *text = sorted;
     return LG_OK;
 }
@@ -236,7 +236,7 @@ static lg_status number_from(const lg_h5 *h5, int64_t low, uint32_t count, lg_la
 
 static lg_status copy_list(const lg_h5 *h5, char (*list)[LG_SERIES_NAME], uint32_t count, lg_names *out,
                            lg_error *error) {
-    lg_names_free(out);
+    lg_names_destroy(out);
     for (uint32_t c = 0; c < count; c++)
         if (lg_names_add(out, list[c]) != LG_OK) return no_memory(h5, error);
     return LG_OK;
@@ -359,7 +359,7 @@ lg_status lg_labels_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_labe
     if (like == NULL) return LG_OK;
     LG_TRY(copy_list(h5, like->class_name, like->classes, names, error));
     if (like->class_label == NULL) {
-        lg_names_free(&labels->of_class);
+        lg_names_destroy(&labels->of_class);
         return LG_OK;
     }
     return copy_list(h5, like->class_label, like->classes, &labels->of_class, error);

@@ -9,7 +9,7 @@ enum { FIRST_ROOM = 16 };
 
 /* ---- lists ---- */
 
-void lg_names_free(lg_names *names) {
+void lg_names_destroy(lg_names *names) {
     lg_free(names->context, names->name);
     lg_free(names->context, names->order);
     *names = (lg_names){.context = names->context};
@@ -18,7 +18,7 @@ void lg_names_free(lg_names *names) {
 char (*lg_names_take(lg_names *names))[LG_SERIES_NAME] {
     char(*name)[LG_SERIES_NAME] = names->name;
     names->name = NULL;
-    lg_names_free(names);
+    lg_names_destroy(names);
     return name;
 }
 
@@ -174,7 +174,7 @@ lg_status lg_names_check(const lg_context *context, const char *path, const char
         if (known)
             status = lg_fail(error, LG_INVALID_ARGUMENT, "%s: %s: '%s' is there twice", shown, what, name[i]);
     }
-    lg_names_free(&met);
+    lg_names_destroy(&met);
     return status;
 }
 
@@ -194,7 +194,7 @@ lg_status lg_names_put(lg_h5 *h5, const char *key, const char (*name)[LG_SERIES_
 
 /* ---- classes, channels, rate ---- */
 
-void lg_sensing_free(const lg_context *context, lg_sensing *sensing) {
+void lg_sensing_destroy(const lg_context *context, lg_sensing *sensing) {
     lg_free(context, sensing->class_name);
     lg_free(context, sensing->class_label);
     lg_free(context, sensing->channel_name);
@@ -243,7 +243,7 @@ lg_status lg_names_list(lg_h5 *h5, const char *key, bool unique, uint32_t *count
         *count = names.count;
         *out = lg_names_take(&names);
     }
-    lg_names_free(&names);
+    lg_names_destroy(&names);
     return status;
 }
 
@@ -267,6 +267,6 @@ lg_status lg_sensing_get(lg_h5 *h5, lg_sensing *sensing, lg_error *error) {
     if (status == LG_OK)
         *sensing = got;
     else
-        lg_sensing_free(h5->context, &got);
+        lg_sensing_destroy(h5->context, &got);
     return status;
 }

@@ -17,7 +17,7 @@ static uint32_t numbers_per_link(lg_hamiltonian_family family) {
 
 /* ---- making and freeing ---- */
 
-void lg_trajectories_free(const lg_context *context, lg_trajectories *data) {
+void lg_trajectories_destroy(const lg_context *context, lg_trajectories *data) {
     if (data == NULL) return;
     lg_free(context, data->t);
     lg_free(context, data->data);
@@ -57,7 +57,7 @@ lg_status lg_trajectories_create(const lg_context *context, const char *system, 
     if (input_size > 0) made.inputs = array3(context, count, points - 1, input_size);
     if (made.t == NULL || made.data == NULL || (with_hamiltonian && made.hamiltonian == NULL) ||
         (input_size > 0 && made.inputs == NULL)) {
-        lg_trajectories_free(context, &made);
+        lg_trajectories_destroy(context, &made);
         return LG_OUT_OF_MEMORY;
     }
     for (size_t j = 0; j < points; j++) made.t[j] = t_end * ((double)j / (double)(points - 1));
@@ -290,7 +290,7 @@ lg_status lg_trajectories_read(const lg_context *context, const char *path, cons
     read_call call = {.context = context, .path = path, .out = &made};
     const lg_status status = lg_h5_read(context, path, options, read_checked, &call, error);
     if (status != LG_OK) {
-        lg_trajectories_free(context, &made);
+        lg_trajectories_destroy(context, &made);
         return status;
     }
     hash(&made);

@@ -43,29 +43,29 @@ lg_status lg_integrate_fixed(lg_stepper *stepper, double t0, double h, size_t st
 
 /* ---- step control ---- */
 
-void lg_control_init(lg_control *control) {
-    *control = (lg_control){.size = sizeof(lg_control),
-                            .rtol = 1e-6,
-                            .atol = 1e-9,
-                            .safety = 0.9,
-                            .factor_min = 0.2,
-                            .factor_max = 5.0,
-                            .max_angle = 3.14159265358979323846,
-                            .max_steps = 1000000};
+void lg_step_controller_init(lg_step_controller *control) {
+    *control = (lg_step_controller){.size = sizeof(lg_step_controller),
+                                    .rtol = 1e-6,
+                                    .atol = 1e-9,
+                                    .safety = 0.9,
+                                    .factor_min = 0.2,
+                                    .factor_max = 5.0,
+                                    .max_angle = 3.14159265358979323846,
+                                    .max_steps = 1000000};
 }
 
-static bool control_is_valid(const lg_control *c) {
+static bool control_is_valid(const lg_step_controller *c) {
     const double values[] = {c->rtol,       c->atol,      c->safety, c->factor_min,
                              c->factor_max, c->h_initial, c->h_max,  c->max_angle};
     for (size_t i = 0; i < LG_COUNT(values); i++)
         if (!(values[i] >= 0.0) || !isfinite(values[i])) return false;
-    return c->size == sizeof(lg_control) && c->rtol + c->atol > 0.0 && c->safety > 0.0 && c->safety < 1.0 &&
-           c->factor_min > 0.0 && c->factor_min < 1.0 && c->factor_max > 1.0 && c->max_angle > 0.0 &&
-           c->max_steps > 0;
+    return c->size == sizeof(lg_step_controller) && c->rtol + c->atol > 0.0 && c->safety > 0.0 &&
+           c->safety < 1.0 && c->factor_min > 0.0 && c->factor_min < 1.0 && c->factor_max > 1.0 &&
+           c->max_angle > 0.0 && c->max_steps > 0;
 }
 
-lg_step_decision lg_step_control(const lg_control *control, double exponent, double error,
-                                 const lg_step_history *history) {
+lg_step_decision lg_step_controller_decide(const lg_step_controller *control, double exponent, double error,
+                                           const lg_step_history *history) {
     const bool turned = !(history->angle <= control->max_angle);
     const bool accept = error <= 1.0 && !turned;
     double factor = control->factor_min; /* also for an error that is not a number */
@@ -80,7 +80,7 @@ lg_step_decision lg_step_control(const lg_control *control, double exponent, dou
     return (lg_step_decision){accept, control->h_max > 0.0 ? dmin(h, control->h_max) : h};
 }
 
-double lg_error_norm(const lg_control *control, size_t dim, const double *error, const double *y,
+double lg_error_norm(const lg_step_controller *control, size_t dim, const double *error, const double *y,
                      const double *y_next) {
     return lg_kernels_for(LG_F64)->error_norm(dim, control->rtol, control->atol, error, y, y_next);
 }
@@ -90,7 +90,7 @@ double lg_error_norm(const lg_control *control, size_t dim, const double *error,
 /* The state of a run; steps go in direction `sign`, sizes are positive. */
 typedef struct lg_run {
     lg_stepper *stepper;
-    const lg_control *control;
+    const lg_step_controller *control;
     double exponent;
     double t, t_end, sign;
     double t_before; /* start of the last accepted step */
@@ -168,7 +168,7 @@ static lg_status attempt(lg_run *run, double target) {
     else if (status != LG_NOT_FINITE)
         return status;
     const lg_step_history history = {h, s->angle, run->rejected};
-    const lg_step_decision decision = lg_step_control(run->control, run->exponent, error, &history);
+    const lg_step_decision decision = lg_step_controller_decide(run->control, run->exponent, error, &history);
     run->rejected = !decision.accept;
     if (!decision.accept) {
         run->stats.rejected++;
@@ -217,10 +217,11 @@ static lg_status run_to_times(lg_run *run, const double *times, size_t count, do
     return LG_OK;
 }
 
-lg_status lg_integrate_adaptive(lg_stepper *stepper, const lg_control *control, double t0, const double *y0,
-                                const double *times, size_t count, double *out, lg_run_stats *stats) {
-    lg_control defaults;
-    lg_control_init(&defaults);
+lg_status lg_integrate_adaptive(lg_stepper *stepper, const lg_step_controller *control, double t0,
+                                const double *y0, const double *times, size_t count, double *out,
+                                lg_run_stats *stats) {
+    lg_step_controller defaults;
+    lg_step_controller_init(&defaults);
     if (!control) control = &defaults;
     if (!stepper || !y0 || !times || !out || count < 1) return LG_INVALID_ARGUMENT;
     if (stepper->scheme->embedded_order < 1) return LG_UNSUPPORTED;

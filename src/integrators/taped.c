@@ -46,7 +46,7 @@ static bool combine(const run *r, const double *weight, const lg_parts *k, int s
     for (size_t p = 0; n > 0 && p < r->parts; p++) {
         lg_var terms[LG_SCHEME_MAX_STAGES];
         for (int i = 0; i < n; i++) terms[i] = k[used[i]].part[p];
-        out->part[p] = itself ? terms[0] : lg_combine(r->tape, terms, c, (size_t)n);
+        out->part[p] = itself ? terms[0] : lg_linear_combination(r->tape, terms, c, (size_t)n);
     }
     return n > 0;
 }
@@ -254,8 +254,8 @@ lg_var lg_taped_time_rows(lg_tape *tape, lg_taped_time t, uint32_t batch) {
     if (!lg_taped_time_varies(t)) return lg_full(tape, lg_shape2(batch, 1), t.value);
     if (!lg_is_none(t.rows)) terms[n] = t.rows, c[n++] = 1.0;
     if (!lg_is_none(t.step)) terms[n] = t.step, c[n++] = t.weight;
-    lg_var sum = n == 1 && c[0] == 1.0 ? terms[0] : lg_combine(tape, terms, c, n);
-    return t.value != 0.0 ? lg_shift(tape, sum, t.value) : sum;
+    lg_var sum = n == 1 && c[0] == 1.0 ? terms[0] : lg_linear_combination(tape, terms, c, n);
+    return t.value != 0.0 ? lg_add_scalar(tape, sum, t.value) : sum;
 }
 
 lg_taped_time lg_taped_stage_time(const lg_taped_span *over, double c) {

@@ -31,7 +31,7 @@ static lg_var beside_columns(lg_tape *tape, lg_var u) {
 lg_var lg_taped_moved(lg_tape *tape, lg_var from, double weight, lg_var by) {
     lg_var terms[2] = {from, by};
     const double c[2] = {1.0, weight};
-    return lg_combine(tape, terms, c, 2);
+    return lg_linear_combination(tape, terms, c, 2);
 }
 
 /* ---- actions: exp(a) . y ---- */

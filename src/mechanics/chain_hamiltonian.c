@@ -193,7 +193,7 @@ const lg_system_row lg_system_row_chain_hamiltonian = {
     .invariants = lg_chain_invariants,
     .invariant = invariant,
     .structure = LG_STRUCTURE_HAMILTONIAN,
-    .field = {[LG_FORM_LIE] = field_lie, [LG_FORM_AMBIENT] = field_ambient},
+    .field = {[LG_COORDINATES_LIE] = field_lie, [LG_COORDINATES_AMBIENT] = field_ambient},
     .extended = true,
     .step = step,
     .taped = lg_chain_taped_hamiltonian,

@@ -161,7 +161,7 @@ const lg_system_row lg_system_row_chain_lagrangian = {
     .invariants = lg_chain_invariants,
     .invariant = invariant,
     .structure = LG_STRUCTURE_LAGRANGIAN,
-    .field = {[LG_FORM_LIE] = field_lie, [LG_FORM_AMBIENT] = field_ambient},
+    .field = {[LG_COORDINATES_LIE] = field_lie, [LG_COORDINATES_AMBIENT] = field_ambient},
     .step = step,
     .taped = lg_chain_taped_lagrangian,
 };

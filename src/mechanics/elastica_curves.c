@@ -26,14 +26,14 @@ lg_status lg_elastica_curves_create(const lg_context *context, size_t count, uin
         c.kind = lg_alloc(context, count, sizeof(uint32_t));
     }
     if (!c.boundary || !c.q || !c.v || (optional && (!c.energy || !c.x || !c.kind))) {
-        lg_elastica_curves_free(context, &c);
+        lg_elastica_curves_destroy(context, &c);
         return LG_OUT_OF_MEMORY;
     }
     *out = c;
     return LG_OK;
 }
 
-void lg_elastica_curves_free(const lg_context *context, lg_elastica_curves *curves) {
+void lg_elastica_curves_destroy(const lg_context *context, lg_elastica_curves *curves) {
     if (!curves) return;
     lg_free(context, curves->boundary);
     lg_free(context, curves->q);
@@ -186,12 +186,12 @@ static void run_task(void *user, size_t index) {
 }
 
 static lg_status run(job *j, size_t tasks, lg_error *error) {
-    lg_pool *pool = NULL;
+    lg_thread_pool *pool = NULL;
     const size_t useful = tasks < (size_t)j->sampling->threads ? tasks : (size_t)j->sampling->threads;
-    if (lg_pool_create(j->context, (int)useful, &pool) != LG_OK)
+    if (lg_thread_pool_create(j->context, (int)useful, &pool) != LG_OK)
         return lg_fail(error, LG_OUT_OF_MEMORY, "elastica: no threads");
-    lg_pool_run(pool, tasks, run_task, j);
-    lg_pool_destroy(pool);
+    lg_thread_pool_run(pool, tasks, run_task, j);
+    lg_thread_pool_destroy(pool);
     for (size_t i = 0; i < tasks; i++)
         if (j->errors[i].status != LG_OK)
             return lg_fail(error, j->errors[i].status, "%s", j->errors[i].message);
@@ -212,7 +212,7 @@ lg_status lg_elastica_generate(const lg_context *context, const lg_elastica_samp
                            : LG_OUT_OF_MEMORY;
     if (status == LG_OK) j.errors = lg_alloc(context, families * blocks, sizeof *j.errors);
     if (status != LG_OK || !j.errors) {
-        lg_elastica_curves_free(context, &curves);
+        lg_elastica_curves_destroy(context, &curves);
         return lg_fail(error, LG_OUT_OF_MEMORY, "elastica: no memory for %zu curves", sampling->count);
     }
     curves.length = sampling->problem.length;
@@ -221,7 +221,7 @@ lg_status lg_elastica_generate(const lg_context *context, const lg_elastica_samp
     status = run(&j, families * blocks, error);
     lg_free(context, j.errors);
     if (status != LG_OK) {
-        lg_elastica_curves_free(context, &curves);
+        lg_elastica_curves_destroy(context, &curves);
         return status;
     }
     *out = curves;

@@ -112,7 +112,7 @@ static lg_status quartic_velocity(void *user, double t, const double *p, const d
 static lg_status quartic_taped_force(const lg_system *system, lg_tape *tape, lg_taped_time t, lg_var q,
                                      lg_var input, lg_var parameters, lg_var *out) {
     (void)system, (void)t, (void)input, (void)parameters;
-    *out = lg_neg(tape, lg_mul(tape, q, lg_shift(tape, lg_square(tape, q), 1.0)));
+    *out = lg_neg(tape, lg_mul(tape, q, lg_add_scalar(tape, lg_square(tape, q), 1.0)));
     return lg_tape_status(tape);
 }
 
@@ -168,7 +168,7 @@ static lg_status coupled_taped_force(const lg_system *system, lg_tape *tape, lg_
     static const double second[2] = {0.0, 1.0};
     (void)system, (void)t, (void)input, (void)parameters;
     lg_var cubic = lg_mul(tape, lg_input_f64(tape, lg_shape1(2), second), lg_square(tape, q));
-    *out = lg_neg(tape, lg_mul(tape, q, lg_shift(tape, cubic, 1.0)));
+    *out = lg_neg(tape, lg_mul(tape, q, lg_add_scalar(tape, cubic, 1.0)));
     return lg_tape_status(tape);
 }
 

@@ -333,7 +333,7 @@ static lg_var taped_wanted_acceleration(const taped_system *s, lg_var A, lg_var 
     lg_var error = lg_sub(tape, s->w, lg_sub(tape, wd, lg_mul(tape, spin, s->q)));
     lg_var terms[3] = {lg_mul(tape, number(s, KQ), lg_cross(tape, qd, s->q)),
                        lg_mul(tape, number(s, KW), error), lg_mul(tape, spin, lg_cross(tape, s->w, s->q))};
-    return lg_combine(tape, terms, (const double[]){-1.0, -1.0, -1.0}, 3);
+    return lg_linear_combination(tape, terms, (const double[]){-1.0, -1.0, -1.0}, 3);
 }
 
 /* omega_i' */
@@ -367,7 +367,8 @@ static taped_system taped_system_of(lg_tape *tape, lg_var parameter, lg_var q, l
 /* s = t - 2.5 of the parabola, (B, 1, 1), as `like` has the batch */
 static lg_var along_parabola(lg_tape *tape, lg_taped_time t, lg_var like) {
     const uint32_t batch = lg_var_shape(tape, like).dims[0];
-    return lg_reshape(tape, lg_shift(tape, lg_taped_time_rows(tape, t, batch), -2.5), lg_shape3(batch, 1, 1));
+    return lg_reshape(tape, lg_add_scalar(tape, lg_taped_time_rows(tape, t, batch), -2.5),
+                      lg_shape3(batch, 1, 1));
 }
 
 static const double e1[3] = {1.0, 0.0, 0.0}, e3[3] = {0.0, 0.0, 1.0};
@@ -375,7 +376,7 @@ static const double e1[3] = {1.0, 0.0, 0.0}, e3[3] = {0.0, 0.0, 1.0};
 /* (s, 0, s^2 - 7) */
 static lg_var taped_position(lg_tape *tape, lg_taped_time t, lg_var like) {
     if (!lg_taped_time_varies(t)) return constant3(tape, parabola(t.value).y);
-    lg_var s = along_parabola(tape, t, like), up = lg_shift(tape, lg_square(tape, s), -7.0);
+    lg_var s = along_parabola(tape, t, like), up = lg_add_scalar(tape, lg_square(tape, s), -7.0);
     return lg_add(tape, lg_mul(tape, s, constant3(tape, e1)), lg_mul(tape, up, constant3(tape, e3)));
 }
 

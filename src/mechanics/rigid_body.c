@@ -58,7 +58,7 @@ static lg_status momentum_taped(const lg_system *system, lg_tape *tape, lg_taped
                                 lg_var input, lg_var parameter, lg_var *algebra) {
     (void)system, (void)t, (void)input;
     const lg_var velocity = lg_div(tape, y[0], parameter);
-    const lg_var size = lg_shift(tape, lg_rownorm2(tape, y[0]), DBL_MIN);
+    const lg_var size = lg_add_scalar(tape, lg_rownorm2(tape, y[0]), DBL_MIN);
     const lg_var along = lg_div(tape, lg_rowdot(tape, y[0], velocity), size);
     algebra[0] = lg_sub(tape, lg_mul(tape, along, y[0]), velocity);
     return lg_tape_status(tape);

@@ -347,7 +347,7 @@ static size_t own_work(const lg_system *system) {
 }
 
 static bool is_generated(const lg_system *system) {
-    return lg_system_constrained(system) && !system->row->field[LG_FORM_AMBIENT];
+    return lg_system_constrained(system) && !system->row->field[LG_COORDINATES_AMBIENT];
 }
 
 size_t lg_system_workspace(const lg_system *system) {
@@ -378,34 +378,36 @@ double lg_system_hamiltonian(const lg_system *system, const double *y, double *w
 
 /* ---- fields ---- */
 
-lg_form lg_system_form_for(const lg_scheme *scheme) {
-    return scheme->ambient || scheme->kind == LG_SCHEME_SPLITTING ? LG_FORM_AMBIENT : LG_FORM_LIE;
+lg_coordinates lg_system_coordinates_for(const lg_scheme *scheme) {
+    return scheme->ambient || scheme->kind == LG_SCHEME_SPLITTING ? LG_COORDINATES_AMBIENT
+                                                                  : LG_COORDINATES_LIE;
 }
 
 static lg_status generated_field(void *user, double t, const double *y, const double *input, double *out) {
     const lg_system_user *own = user;
     double *algebra = own->work + own_work(own->system);
-    LG_TRY(own->system->row->field[LG_FORM_LIE](user, t, y, input, algebra));
+    LG_TRY(own->system->row->field[LG_COORDINATES_LIE](user, t, y, input, algebra));
     lg_space_generator(&own->system->space, algebra, y, out);
     return LG_OK;
 }
 
-static lg_field field_of(const lg_system *system, lg_form form) {
+static lg_field field_of(const lg_system *system, lg_coordinates form) {
     const lg_system_row *row = system->row;
-    if (form == LG_FORM_LIE || row->field[form]) return row->field[form];
-    return lg_system_constrained(system) ? generated_field : row->field[LG_FORM_LIE];
+    if (form == LG_COORDINATES_LIE || row->field[form]) return row->field[form];
+    return lg_system_constrained(system) ? generated_field : row->field[LG_COORDINATES_LIE];
 }
 
-lg_status lg_system_ode(const lg_system *system, lg_form form, lg_system_user *user, double *work,
+lg_status lg_system_ode(const lg_system *system, lg_coordinates form, lg_system_user *user, double *work,
                         lg_ode *ode) {
-    if (!system || !user || !work || !ode || (unsigned)form > LG_FORM_AMBIENT) return LG_INVALID_ARGUMENT;
+    if (!system || !user || !work || !ode || (unsigned)form > LG_COORDINATES_AMBIENT)
+        return LG_INVALID_ARGUMENT;
     lg_ode result = {.space = system->space,
                      .field = field_of(system, form),
                      .force = system->row->force,
                      .velocity = system->row->velocity,
                      .user = user,
                      .step = system->row->step};
-    if (form == LG_FORM_AMBIENT) {
+    if (form == LG_COORDINATES_AMBIENT) {
         result.manifold = system->space;
         LG_TRY(lg_space_init_rn(&result.space, system->space.dim));
     }
@@ -468,10 +470,10 @@ static lg_status taped_velocity(void *user, lg_tape *tape, lg_taped_time t, lg_v
     return own->system->row->taped_velocity(own->system, tape, t, p, input, own->parameters, out);
 }
 
-lg_status lg_system_taped_ode(const lg_system *system, lg_form form, lg_var parameters,
+lg_status lg_system_taped_ode(const lg_system *system, lg_coordinates form, lg_var parameters,
                               lg_system_taped_user *user, lg_taped_ode *ode) {
-    if (!system || !user || !ode || (unsigned)form > LG_FORM_AMBIENT) return LG_INVALID_ARGUMENT;
-    const bool ambient = form == LG_FORM_AMBIENT, constrained = lg_system_constrained(system);
+    if (!system || !user || !ode || (unsigned)form > LG_COORDINATES_AMBIENT) return LG_INVALID_ARGUMENT;
+    const bool ambient = form == LG_COORDINATES_AMBIENT, constrained = lg_system_constrained(system);
     if (ambient && system->row->extended) return LG_UNSUPPORTED;
     lg_taped_ode result = {.space = system->space,
                            .field = ambient && constrained ? taped_ambient : taped_field,

@@ -40,7 +40,7 @@ typedef struct lg_system_row {
     lg_structure structure;
     /* What stands for H in the structure; NULL: the energy. */
     double (*generating)(const lg_system *system, const double *y, double *work);
-    /* By lg_form; AMBIENT NULL: the generator of the other one. The user is lg_system_user. */
+    /* By lg_coordinates; AMBIENT NULL: the generator of the other one. The user is lg_system_user. */
     lg_field field[2];
     bool extended; /* field[AMBIENT] is not the generator of the other one off the manifold, and has no taped
                       form */

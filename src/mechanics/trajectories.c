@@ -32,7 +32,7 @@ lg_status lg_system_start(const lg_system *system, lg_starts kind, lg_rng *rng, 
 typedef struct reference {
     lg_system_user user;
     lg_stepper *stepper;
-    lg_control control;
+    lg_step_controller control;
     double *work;
 } reference;
 
@@ -48,11 +48,12 @@ static lg_status reference_create(const lg_context *context, const lg_system *sy
     lg_ode ode;
     *r = (reference){.work = lg_alloc(context, lg_system_workspace(system), sizeof(double))};
     if (!r->work) return LG_OUT_OF_MEMORY;
-    lg_control_init(&r->control);
+    lg_step_controller_init(&r->control);
     r->control.rtol = rtol;
     r->control.atol = atol;
     r->control.max_steps = 10000000;
-    lg_status status = lg_system_ode(system, lie ? LG_FORM_LIE : LG_FORM_AMBIENT, &r->user, r->work, &ode);
+    lg_status status =
+        lg_system_ode(system, lie ? LG_COORDINATES_LIE : LG_COORDINATES_AMBIENT, &r->user, r->work, &ode);
     if (status == LG_OK)
         status = lg_stepper_create(context, lg_scheme_find(lie ? "rkmk54" : "dp54"), &ode, &r->stepper);
     if (status != LG_OK) lg_free(context, r->work);

@@ -67,14 +67,14 @@ lg_status lg_detector_data_create(const lg_context *context, const lg_detector *
     }
     lg_free(context, window);
     if (status != LG_OK) {
-        lg_detector_data_free(context, &made);
+        lg_detector_data_destroy(context, &made);
         return status;
     }
     *out = made;
     return LG_OK;
 }
 
-void lg_detector_data_free(const lg_context *context, lg_detector_data *data) {
+void lg_detector_data_destroy(const lg_context *context, lg_detector_data *data) {
     if (data == NULL) return;
     lg_free(context, data->x);
     lg_free(context, data->label);
@@ -132,12 +132,12 @@ static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint3
     const lg_detector_problem *problem = user;
     const lg_var x = put_windows(problem, tape, samples, (uint32_t)count);
     const lg_var target = put_targets(problem, tape, samples, (uint32_t)count);
-    const lg_var y = lg_cnn_apply(tape, &problem->model->net, theta, 0, x, NULL);
+    const lg_var y = lg_cnn_record(tape, &problem->model->net, theta, 0, x, NULL);
     lg_var mean;
     if (problem->model->loss == LG_DETECTOR_MSE)
-        mean = lg_loss_apply(tape, LG_LOSS_MSE, lg_act(tape, y, LG_SIGMOID), target, LG_NONE);
+        mean = lg_loss_record(tape, LG_LOSS_MSE, lg_act(tape, y, LG_SIGMOID), target, LG_NONE);
     else
-        mean = lg_loss_apply(tape, LG_LOSS_CROSS_ENTROPY, y, target, LG_NONE);
+        mean = lg_loss_record(tape, LG_LOSS_CROSS_ENTROPY, y, target, LG_NONE);
     *loss = count == batch ? mean : lg_scale(tape, mean, (double)count / (double)batch);
     return lg_tape_status(tape);
 }

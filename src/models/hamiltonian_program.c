@@ -13,7 +13,7 @@ static lg_status value(void *user, lg_tape *tape, const lg_var *theta, const lg_
     const recording *r = user;
     lg_hamiltonian_vars vars;
     LG_TRY(lg_hamiltonian_bind(tape, r->model, theta[0], &vars));
-    y[0] = lg_hamiltonian_taped_value(tape, &vars, x[0]);
+    y[0] = lg_hamiltonian_record_value(tape, &vars, x[0]);
     return lg_tape_status(tape);
 }
 
@@ -21,8 +21,8 @@ static lg_status gradient(void *user, lg_tape *tape, const lg_var *theta, const 
     const recording *r = user;
     lg_hamiltonian_vars vars;
     LG_TRY(lg_hamiltonian_bind(tape, r->model, theta[0], &vars));
-    y[0] = lg_hamiltonian_taped_value(tape, &vars, x[0]);
-    y[1] = lg_hamiltonian_taped_gradient(tape, &vars, x[0]);
+    y[0] = lg_hamiltonian_record_value(tape, &vars, x[0]);
+    y[1] = lg_hamiltonian_record_gradient(tape, &vars, x[0]);
     return lg_tape_status(tape);
 }
 
@@ -30,7 +30,7 @@ static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_
     const recording *r = user;
     lg_hamiltonian_vars vars;
     LG_TRY(lg_hamiltonian_bind(tape, r->model, theta[0], &vars));
-    y[0] = lg_hamiltonian_taped_field(tape, &vars, x[0], x[1]);
+    y[0] = lg_hamiltonian_record_field(tape, &vars, x[0], x[1]);
     return lg_tape_status(tape);
 }
 

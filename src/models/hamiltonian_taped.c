@@ -70,7 +70,7 @@ static lg_var flat_positions(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_
 
 lg_var lg_hamiltonian_potential_gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var q) {
     lg_var flat = flat_positions(tape, vars, q);
-    return lg_reshape(tape, lg_mlp_gradient_bound(tape, &vars->model->net, &vars->net, flat),
+    return lg_reshape(tape, lg_mlp_record_gradient(tape, &vars->model->net, &vars->net, flat),
                       lg_var_shape(tape, q));
 }
 
@@ -174,7 +174,7 @@ static bool parts_of(lg_tape *tape, const lg_hamiltonian *model, lg_var state, l
     return space_of(model, space) == LG_OK && lg_taped_split(tape, space, state, y) == LG_OK;
 }
 
-lg_var lg_hamiltonian_taped_value(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state) {
+lg_var lg_hamiltonian_record_value(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state) {
     lg_space space;
     lg_var y[2], lambda;
     if (!parts_of(tape, vars->model, state, &space, y)) return LG_NONE;
@@ -183,11 +183,11 @@ lg_var lg_hamiltonian_taped_value(lg_tape *tape, const lg_hamiltonian_vars *vars
     lg_var twice = lg_rowdot(tape, y[1], v);
     if (chain) twice = lg_sum_axis(tape, twice, 1, false);
     lg_var flat = flat_positions(tape, vars, y[0]);
-    lg_var potential = lg_mlp_apply_bound(tape, &vars->model->net, &vars->net, flat);
+    lg_var potential = lg_mlp_record_bound(tape, &vars->model->net, &vars->net, flat);
     return lg_add(tape, lg_scale(tape, twice, 0.5), potential);
 }
 
-lg_var lg_hamiltonian_taped_gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state) {
+lg_var lg_hamiltonian_record_gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state) {
     lg_space space;
     lg_var y[2], out[2];
     if (!parts_of(tape, vars->model, state, &space, y)) return LG_NONE;
@@ -200,8 +200,8 @@ lg_var lg_hamiltonian_taped_gradient(lg_tape *tape, const lg_hamiltonian_vars *v
     return lg_taped_join(tape, &space, out);
 }
 
-lg_var lg_hamiltonian_taped_field(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state,
-                                  lg_var input) {
+lg_var lg_hamiltonian_record_field(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state,
+                                   lg_var input) {
     lg_space space;
     lg_var y[2], out[2];
     if (!parts_of(tape, vars->model, state, &space, y)) return LG_NONE;

@@ -27,7 +27,7 @@ static lg_var extended_kinetic(lg_tape *tape, const bound *b, lg_var q, lg_var p
     const lg_var W = b->vars.W, unit = lg_hamiltonian_unit_matrix(tape, b->vars.model->links);
     lg_var wp = lg_matmul(tape, W, p);
     lg_var u = lg_rowdot(tape, q, wp);
-    lg_var gap = lg_shift(tape, lg_neg(tape, lg_rownorm2(tape, q)), 1.0);
+    lg_var gap = lg_add_scalar(tape, lg_neg(tape, lg_rownorm2(tape, q)), 1.0);
     lg_var diagonal = lg_mul(tape, unit, lg_mul(tape, gap, b->inverse_mii));
     lg_var S = lg_add(tape, diagonal, lg_mul(tape, lg_matmul_nt(tape, q, q), W));
     lg_var r = lg_sub(tape, lg_mul(tape, lg_rowdot(tape, q, p), b->inverse_mii), u);
@@ -131,8 +131,9 @@ static lg_var penalty_sum(lg_tape *tape, const lg_hamiltonian_problem *problem, 
     lg_var at_start = first_oscillator(tape, start[0], start[1]), total = LG_NONE;
     for (size_t j = 0; j + 1 < problem->points; j++) {
         lg_var gap = lg_sub(tape, first_oscillator(tape, predicted[2 * j], predicted[2 * j + 1]), at_start);
-        lg_var each = problem->penalty_form == LG_PENALTY_TEXT ? lg_square(tape, gap)
-                                                               : lg_scale(tape, lg_abs(tape, gap), 2.0);
+        lg_var each = problem->penalty_form == LG_PENALTY_MEAN_SQUARE
+                          ? lg_square(tape, gap)
+                          : lg_scale(tape, lg_abs(tape, gap), 2.0);
         lg_var sum = lg_sum(tape, each);
         total = lg_is_none(total) ? sum : lg_add(tape, total, sum);
     }
@@ -173,8 +174,8 @@ static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint3
         (double)batch * lg_hamiltonian_state_size(problem->model) * (double)(problem->points - 1);
     lg_var total = lg_scale(tape, squared_error(tape, problem, samples, count, predicted), 1.0 / terms);
     if (problem->penalty != 0.0) {
-        double weight =
-            problem->penalty_form == LG_PENALTY_TEXT ? problem->penalty / (double)batch : problem->penalty;
+        double weight = problem->penalty_form == LG_PENALTY_MEAN_SQUARE ? problem->penalty / (double)batch
+                                                                        : problem->penalty;
         total = lg_add(tape, total, lg_scale(tape, penalty_sum(tape, problem, start, predicted), weight));
     }
     *loss = total;
@@ -197,7 +198,7 @@ lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *problem, lg
         !(problem->penalty >= 0.0 && problem->penalty <= DBL_MAX))
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "dt must be positive and the penalty not negative, both finite");
-    if ((unsigned)problem->penalty_form > LG_PENALTY_PUBLISHED)
+    if ((unsigned)problem->penalty_form > LG_PENALTY_SUM_ABSOLUTE)
         return lg_fail(error, LG_INVALID_ARGUMENT, "unknown form of the penalty");
     const char *name = lg_train_integrator_name(problem->integrator);
     const lg_scheme *scheme = lg_scheme_find(name);

@@ -27,7 +27,7 @@ lg_status lg_series_allocate(const lg_context *context, bool with_group, bool wi
     if (with_run) made.run = lg_alloc(context, made.count, sizeof *made.run);
     if (made.x == NULL || made.label == NULL || made.class_name == NULL ||
         (with_group && made.group == NULL) || (with_run && made.run == NULL)) {
-        lg_series_free(context, &made);
+        lg_series_destroy(context, &made);
         return LG_OUT_OF_MEMORY;
     }
     for (uint32_t c = 0; c < made.classes; c++)
@@ -36,7 +36,7 @@ lg_status lg_series_allocate(const lg_context *context, bool with_group, bool wi
     return LG_OK;
 }
 
-void lg_series_free(const lg_context *context, lg_series *series) {
+void lg_series_destroy(const lg_context *context, lg_series *series) {
     if (series == NULL) return;
     lg_free(context, series->x);
     lg_free(context, series->label);
@@ -124,7 +124,7 @@ lg_status lg_windows_create(const lg_context *context, const lg_series *series, 
     made.first = lg_alloc(context, made.count, sizeof *made.first);
     made.offset = lg_alloc(context, made.count, sizeof *made.offset);
     if (made.first == NULL || made.offset == NULL) {
-        lg_windows_free(context, &made);
+        lg_windows_destroy(context, &made);
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the places of the windows");
     }
     (void)cut_all(series, step, &made);
@@ -132,7 +132,7 @@ lg_status lg_windows_create(const lg_context *context, const lg_series *series, 
     return LG_OK;
 }
 
-void lg_windows_free(const lg_context *context, lg_windows *windows) {
+void lg_windows_destroy(const lg_context *context, lg_windows *windows) {
     if (windows == NULL) return;
     lg_free(context, windows->first);
     lg_free(context, windows->offset);
@@ -247,14 +247,14 @@ lg_status lg_scaler_fit(const lg_context *context, const lg_series *series, cons
     lg_free(context, s.window);
     lg_free(context, mean);
     if (!good) {
-        lg_scaler_free(context, &made);
+        lg_scaler_destroy(context, &made);
         return LG_OUT_OF_MEMORY;
     }
     *out = made;
     return LG_OK;
 }
 
-void lg_scaler_free(const lg_context *context, lg_scaler *scaler) {
+void lg_scaler_destroy(const lg_context *context, lg_scaler *scaler) {
     if (scaler == NULL) return;
     lg_free(context, scaler->mean);
     lg_free(context, scaler->scale);

@@ -77,7 +77,7 @@ static lg_var discrete_loss(const part *b, lg_var theta) {
         put_points(b, values, 4 * inner * i, c.q + 2, inner, c.x + LG_AT_Q0, c.sign);
         put_points(b, values, 4 * inner * i + 2 * inner, c.v + 2, inner, origin, c.sign);
     }
-    lg_var d = lg_sub(b->tape, lg_net_apply(b->tape, &model->net, theta, 0, x), target);
+    lg_var d = lg_sub(b->tape, lg_net_record(b->tape, &model->net, theta, 0, x), target);
     lg_var loss = lg_mean(b->tape, lg_square(b->tape, d));
     if (model->options.gamma == 0.0) return loss;
     lg_var differences = rough(b->tape, d, count, model->intervals);
@@ -160,10 +160,10 @@ static lg_var continuous_loss(const part *b, lg_var theta) {
         put_points(b, v_values, 2 * i, v, 1, origin, c.sign);
     }
     lg_var q = LG_NONE, v = LG_NONE;
-    if (lg_net_apply_jvp(b->tape, &model->net, theta, 0, x, along_s(b), &q, &v) != LG_OK) return LG_NONE;
+    if (lg_net_record_jvp(b->tape, &model->net, theta, 0, x, along_s(b), &q, &v) != LG_OK) return LG_NONE;
     lg_var loss = lg_add(b->tape, lg_mse(b->tape, q, q_given), lg_mse(b->tape, v, v_given));
     if (model->options.gamma == 0.0) return loss;
-    lg_var excess = lg_shift(b->tape, lg_rownorm2(b->tape, v), -1.0);
+    lg_var excess = lg_add_scalar(b->tape, lg_rownorm2(b->tape, v), -1.0);
     lg_var penalty = lg_mean(b->tape, lg_square(b->tape, excess));
     return lg_add(b->tape, loss, lg_scale(b->tape, penalty, 0.5 * model->options.gamma));
 }
@@ -215,7 +215,7 @@ static lg_var angles_of(const part *b, lg_var theta, uint32_t places) {
         const curve c = curve_at(b, b->samples[i]);
         for (uint32_t r = 0; r < places; r++) put_row(b, rows, i * places + r, &c, place(b, r));
     }
-    lg_var f = lg_net_apply(b->tape, &model->net, theta, 0, x);
+    lg_var f = lg_net_record(b->tape, &model->net, theta, 0, x);
     lg_var angle = lg_scale(b->tape, lg_reshape(b->tape, f, lg_shape2(count, places)), LG_SURROGATE_PI);
     return model->options.boundary ? hold_ends(b, angle, places) : angle;
 }
@@ -231,7 +231,7 @@ static lg_var integrals(const part *b, lg_var trig) {
         at[g] = lg_slice(b->tape, trig, 1, n + 1 + g * n, n);
         weight[g] = h * lg_gauss_weight[g];
     }
-    lg_var sum = lg_combine(b->tape, at, weight, LG_GAUSS_POINTS);
+    lg_var sum = lg_linear_combination(b->tape, at, weight, LG_GAUSS_POINTS);
     for (uint32_t d = 1; d < n; d *= 2)
         sum = lg_add(b->tape, sum, lg_pad(b->tape, lg_slice(b->tape, sum, 1, 0, n - d), 1, d, 0));
     return lg_pad(b->tape, sum, 1, 1, 0);

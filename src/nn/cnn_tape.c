@@ -35,7 +35,7 @@ static lg_var block(lg_tape *tape, const lg_cnn *net, uint32_t i, lg_var w, lg_v
     return it->pooling == LG_POOL_MAX ? lg_max_pool1d(tape, y, it->pool_size, it->pool_stride) : y;
 }
 
-lg_var lg_cnn_apply(lg_tape *tape, const lg_cnn *net, lg_var theta, size_t offset, lg_var x, lg_var *plane) {
+lg_var lg_cnn_record(lg_tape *tape, const lg_cnn *net, lg_var theta, size_t offset, lg_var x, lg_var *plane) {
     cnn_layout layout;
     lg_cnn_layout(net, &layout);
     if (plane != NULL) *plane = LG_NONE;

@@ -177,7 +177,7 @@ static lg_status create_machinery(lg_fit *fit) {
     fit->scratch = lg_alloc(fit->context, (size_t)fit->options.epochs, sizeof *fit->scratch);
     if (fit->partial == NULL || fit->overflowed == NULL || fit->backup == NULL || fit->scratch == NULL)
         return LG_OUT_OF_MEMORY;
-    return lg_pool_create(fit->context, fit->options.threads, &fit->pool);
+    return lg_thread_pool_create(fit->context, fit->options.threads, &fit->pool);
 }
 
 static void start(lg_fit *fit, const double *theta) {
@@ -228,7 +228,7 @@ lg_status lg_fit_create(const lg_context *context, const lg_fit_problem *problem
 
 void lg_fit_destroy(lg_fit *fit) {
     if (fit == NULL) return;
-    lg_pool_destroy(fit->pool);
+    lg_thread_pool_destroy(fit->pool);
     for (size_t i = 0; fit->shards != NULL && i < fit->options.shards; i++) {
         lg_tape_destroy(fit->shards[i].tape);
         lg_free(fit->context, fit->shards[i].gradient);

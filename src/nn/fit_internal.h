@@ -39,7 +39,7 @@ struct lg_fit {
     const lg_kernels *k;
     size_t training, batch; /* samples of the training part; of a full batch */
     lg_fit_state state;
-    lg_pool *pool;
+    lg_thread_pool *pool;
     lg_shard *shards;
     /* The batch in work: pieces in use, its samples, whether gradients are wanted; then what the step needs.
      */

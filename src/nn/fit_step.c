@@ -80,7 +80,7 @@ lg_status lg_fit_batch_loss(lg_fit *fit, const uint32_t *samples, size_t count, 
                             const char *what, double *loss, lg_error *error) {
     cut(fit, samples, count);
     fit->with_gradient = with_gradient;
-    lg_pool_run(fit->pool, fit->active, shard_task, fit);
+    lg_thread_pool_run(fit->pool, fit->active, shard_task, fit);
     double sum = 0.0;
     for (size_t i = 0; i < fit->active; i++) {
         const lg_shard *shard = &fit->shards[i];
@@ -103,7 +103,7 @@ static size_t block_length(const lg_fit *fit, size_t block) {
 
 static void for_blocks(lg_fit *fit, void (*task)(void *user, size_t block)) {
     if (fit->blocks >= PARALLEL_BLOCKS) {
-        lg_pool_run(fit->pool, fit->blocks, task, fit);
+        lg_thread_pool_run(fit->pool, fit->blocks, task, fit);
         return;
     }
     for (size_t i = 0; i < fit->blocks; i++) task(fit, i);

@@ -130,7 +130,7 @@ lg_status lg_mlp_bind(lg_tape *tape, const lg_mlp *net, lg_var theta, size_t off
     return LG_OK;
 }
 
-lg_var lg_mlp_apply_bound(lg_tape *tape, const lg_mlp *net, const lg_mlp_vars *vars, lg_var x) {
+lg_var lg_mlp_record_bound(lg_tape *tape, const lg_mlp *net, const lg_mlp_vars *vars, lg_var x) {
     lg_var a = x;
     for (uint32_t l = 0; l < net->layers; l++) {
         const lg_activation kind = l + 1 < net->layers ? net->activation : LG_IDENTITY;
@@ -139,15 +139,15 @@ lg_var lg_mlp_apply_bound(lg_tape *tape, const lg_mlp *net, const lg_mlp_vars *v
     return a;
 }
 
-lg_var lg_mlp_gradient_bound(lg_tape *tape, const lg_mlp *net, const lg_mlp_vars *vars, lg_var x) {
-    lg_var y = lg_mlp_apply_bound(tape, net, vars, x);
+lg_var lg_mlp_record_gradient(lg_tape *tape, const lg_mlp *net, const lg_mlp_vars *vars, lg_var x) {
+    lg_var y = lg_mlp_record_bound(tape, net, vars, x);
     if (lg_mlp_outputs(net) > 1) y = lg_slice(tape, y, 1, 0, 1);
     lg_var gradient = LG_NONE;
     return lg_grad(tape, y, &x, 1, &gradient) == LG_OK ? gradient : LG_NONE;
 }
 
-lg_var lg_mlp_apply(lg_tape *tape, const lg_mlp *net, lg_var theta, size_t offset, lg_var x) {
+lg_var lg_mlp_record(lg_tape *tape, const lg_mlp *net, lg_var theta, size_t offset, lg_var x) {
     lg_mlp_vars vars;
     if (lg_mlp_bind(tape, net, theta, offset, &vars) != LG_OK) return LG_NONE;
-    return lg_mlp_apply_bound(tape, net, &vars, x);
+    return lg_mlp_record_bound(tape, net, &vars, x);
 }

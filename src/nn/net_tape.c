@@ -44,15 +44,15 @@ static lg_var apply(lg_tape *tape, const lg_net *net, const bound *b, lg_var x) 
         if (net->kind == LG_NET_RESNET)
             h = lg_matmul_add(tape, z, b->weight[step + 1], h);
         else if (gated)
-            h = lg_mix(tape, layout->steps > 1 ? dense(tape, b, step + 1, z, LG_IDENTITY) : z, head[0],
-                       head[1]);
+            h = lg_lerp(tape, layout->steps > 1 ? dense(tape, b, step + 1, z, LG_IDENTITY) : z, head[0],
+                        head[1]);
         else
             h = z;
     }
     return dense(tape, b, layout->count - 1, h, LG_IDENTITY);
 }
 
-lg_var lg_net_apply(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, lg_var x) {
+lg_var lg_net_record(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, lg_var x) {
     bound b;
     return bind(tape, net, theta, offset, &b) ? apply(tape, net, &b, x) : LG_NONE;
 }
@@ -87,8 +87,8 @@ static lg_var apply_dual(lg_tape *tape, const lg_net *net, const bound *b, lg_va
     return dual_dense(tape, b, layout->count - 1, h, LG_IDENTITY);
 }
 
-lg_status lg_net_apply_jvp(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, lg_var x, lg_var dx,
-                           lg_var *y, lg_var *dy) {
+lg_status lg_net_record_jvp(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, lg_var x,
+                            lg_var dx, lg_var *y, lg_var *dy) {
     bound b;
     if (!bind(tape, net, theta, offset, &b)) return lg_tape_status(tape);
     const lg_var both = apply_dual(tape, net, &b, lg_dual_pair(tape, x, dx));

@@ -8,7 +8,7 @@
 #include "core/core.h"
 #include "liegrad/classify.h"
 #include "liegrad/io.h"
-#include "liegrad/judge.h"
+#include "liegrad/metrics.h"
 #include "liegrad/series.h"
 
 typedef struct sample {
@@ -106,14 +106,14 @@ static inline void classifier_make(const sample *of, fitted *out) {
     if (lg_classifier_fit(NULL, &options, table, out->series.label, NULL, windows.count, features->count,
                           of->classes, &out->classifier, &error) != LG_OK)
         fail_msg("%s: %s", of->folder, error.message);
-    lg_windows_free(NULL, &windows);
+    lg_windows_destroy(NULL, &windows);
     free(table);
 }
 
 static inline void classifier_free(fitted *of) {
-    lg_classifier_free(NULL, &of->classifier);
-    lg_series_free(NULL, &of->series);
-    lg_scaler_free(NULL, &of->scaler);
+    lg_classifier_destroy(NULL, &of->classifier);
+    lg_series_destroy(NULL, &of->series);
+    lg_scaler_destroy(NULL, &of->scaler);
 }
 
 /* As lg-anomaly train writes it: NAME.h5. */

@@ -7,7 +7,7 @@
 
 #include "liegrad/detector.h"
 #include "liegrad/io.h"
-#include "liegrad/judge.h"
+#include "liegrad/metrics.h"
 #include "liegrad/model.h"
 
 #define MSE     LG_DETECTOR_MSE
@@ -174,7 +174,7 @@ static inline void detector_change(const sample *of, size_t from_end, double cha
     changed.theta = theta;
     changed.scaler = file.model.scaler;
     assert_ok(lg_model_save_detector(NULL, path, &changed, NULL, NULL));
-    lg_model_file_free(NULL, &file);
+    lg_model_file_destroy(NULL, &file);
     free(theta);
 }
 
@@ -200,7 +200,7 @@ static inline double detector_mean(const sample *of) {
         lg_model_eval(&file.model, x, &y, work);
         mean += y / DRAWN;
     }
-    lg_model_file_free(NULL, &file);
+    lg_model_file_destroy(NULL, &file);
     free(work);
     free(x);
     return mean;

@@ -99,7 +99,7 @@ static inline outside outside_compile(const lg_program *program, const char *com
 static inline void outside_discard(outside *o) {
     char command[640];
     if (o->handle != NULL) assert_int_equal(dlclose(o->handle), 0);
-    lg_c_source_free(o->source);
+    lg_c_source_destroy(o->source);
     (void)snprintf(command, sizeof command, "rm -rf -- '%s'", o->folder);
     assert_int_equal(system(command), 0);
 }
@@ -160,7 +160,7 @@ static inline void outside_on_tape(lg_tape *tape, const lg_program *program, siz
         }
         x[k] = lg_input(tape, shape, in->x[k] + first * in->count[k]);
     }
-    assert_ok(lg_program_apply(tape, program, function, NULL, x, y));
+    assert_ok(lg_program_record(tape, program, function, NULL, x, y));
     for (size_t j = 0; j < out->ports; j++)
         assert_ok(lg_read(tape, y[j], out->x[j] + first * out->count[j], rows * out->count[j]));
 }

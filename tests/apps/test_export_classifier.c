@@ -45,7 +45,7 @@ static bool is_decided(pair *p) {
     double f[MOST], number[MOST];
     if (c->method != LG_METHOD_TREE) return true;
     assert_ok(lg_features_compute(&c->features, p->window, f, p->work));
-    lg_pca_apply(&c->pca, f, 1, number, p->work);
+    lg_pca_eval(&c->pca, f, 1, number, p->work);
     for (uint32_t i = 0; c->tree.node[i].left != 0;) {
         const lg_tree_node *node = &c->tree.node[i];
         if (fabs(number[node->feature] - node->threshold) < margin * (1 + fabs(node->threshold)))

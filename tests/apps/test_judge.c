@@ -76,7 +76,7 @@ static double first_error(const lg_hamiltonian_file *file, const lg_trajectories
     const bool chain = test->family == LG_HAMILTONIAN_CHAIN;
     const size_t size = test->points * test->state_size;
     learned self;
-    lg_control control;
+    lg_step_controller control;
     lg_stepper *stepper = NULL;
     double sum = 0, *y = malloc(size * sizeof *y);
     assert_non_null(y);
@@ -85,7 +85,7 @@ static double first_error(const lg_hamiltonian_file *file, const lg_trajectories
     const lg_space_factor links = {LG_SPACE_TS2, test->links};
     assert_ok(chain ? lg_space_init(&ode.space, &links, 1) : lg_space_init_rn(&ode.space, test->state_size));
     assert_ok(lg_stepper_create(NULL, lg_scheme_find(chain ? "rkmk54" : "dp54"), &ode, &stepper));
-    lg_control_init(&control);
+    lg_step_controller_init(&control);
     control.rtol = control.atol = 1e-11;
     for (size_t i = 0; i < test->count; i++) {
         const double *given = test->data + i * size;
@@ -135,9 +135,9 @@ static void check_errors(const char *scene, const char *integrator, const char *
     assert_string_equal(result.err, "");
     assert_close(json_number(result.out, "E1"), first_error(&model, &test), 1e-6, 0);
     assert_close(json_number(result.out, "E2"), second_error(&model, &test), 1e-6, 0);
-    lg_hamiltonian_file_free(NULL, &model);
-    lg_trajectories_free(NULL, &train);
-    lg_trajectories_free(NULL, &test);
+    lg_hamiltonian_file_destroy(NULL, &model);
+    lg_trajectories_destroy(NULL, &train);
+    lg_trajectories_destroy(NULL, &test);
 }
 
 static void test_errors(void **state) {
@@ -171,7 +171,7 @@ static void test_not_finite(void **state) {
     write_data("unknown.h5", &test);
     test.hamiltonian = energies;
     cli_expect(lg, "evaluate model.h5 unknown.h5 --json", 0, "\"E2\": null", &result);
-    lg_trajectories_free(NULL, &test);
+    lg_trajectories_destroy(NULL, &test);
 }
 
 static void test_other_system(void **state) {
@@ -182,7 +182,7 @@ static void test_other_system(void **state) {
     write_data("quartic.h5", &test);
     test.system[0] = '\0';
     write_data("nameless.h5", &test);
-    lg_trajectories_free(NULL, &test);
+    lg_trajectories_destroy(NULL, &test);
     cli_expect(lg, "evaluate model.h5 quartic.h5 --json", 0, "\"E1\"", &result);
     assert_non_null(strstr(result.err, "model.h5 was trained on coupled-oscillators"));
     assert_non_null(strstr(result.err, "quartic.h5 holds quartic"));
@@ -194,7 +194,7 @@ static void test_too_many_points(void **state) {
     lg_trajectories data;
     (void)state;
     generate("oscillators.yaml --trajectories 2 --points 513 --t-end 0.5", "long.h5", &data);
-    lg_trajectories_free(NULL, &data);
+    lg_trajectories_destroy(NULL, &data);
     cli_expect(lg, "train long.h5 --integrator rk4 --epochs 1 --out m.h5", 3,
                "long.h5: /trajectories has 513 points", &result);
     assert_non_null(strstr(result.err, "512"));
@@ -217,7 +217,7 @@ static void test_box_of_chain(void **state) {
             assert_close(q[0] * q[0] + q[1] * q[1] + q[2] * q[2], 1, 1e-14, 0);
             for (int c = 0; c < 3; c++) assert_close(p[c], 2 * (q[(c + 1) % 3] - q[(c + 2) % 3]), 0, 2e-3);
         }
-    lg_trajectories_free(NULL, &data);
+    lg_trajectories_destroy(NULL, &data);
 }
 
 /* H = (q1^2 + p1^2)/2 + p2^2/2 + q2^2/2 + q2^4/4, state q1 q2 p1 p2. */
@@ -245,7 +245,7 @@ static void check_noise(const lg_trajectories *clean, const char *kind, double e
     }
     /* 1280 numbers: the mean of their squares is within 20 percent */
     assert_close(sum / (double)(clean->count * (clean->points - 1) * d), variance, 0.2, 0);
-    lg_trajectories_free(NULL, &noisy);
+    lg_trajectories_destroy(NULL, &noisy);
 }
 
 static void test_box_and_noise(void **state) {
@@ -263,7 +263,7 @@ static void test_box_and_noise(void **state) {
     }
     check_noise(&clean, "normal", 1e-2, 1e-4);
     check_noise(&clean, "uniform", 1e-2, 1e-4 / 3);
-    lg_trajectories_free(NULL, &clean);
+    lg_trajectories_destroy(NULL, &clean);
 }
 
 /* ---- study ---- */

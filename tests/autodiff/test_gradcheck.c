@@ -262,7 +262,7 @@ static lg_var custom_of(const void *user, lg_tape *tape, const lg_var *x) {
 }
 static lg_var root_of_negative(const void *user, lg_tape *tape, const lg_var *x) {
     (void)user;
-    return lg_sqrt(tape, lg_shift(tape, x[0], -4.0));
+    return lg_sqrt(tape, lg_add_scalar(tape, x[0], -4.0));
 }
 static lg_var does_not_fit(const void *user, lg_tape *tape, const lg_var *x) {
     (void)user;

@@ -22,7 +22,7 @@ static const size_t rows_tried[] = {1, 2, 3, 7, 64};
 /* ---- building ---- */
 
 static lg_program *build(const lg_context *context, const lg_port *in, size_t inputs, const lg_port *out,
-                         size_t outputs, size_t parameters, lg_program_record record, void *user) {
+                         size_t outputs, size_t parameters, lg_record_function record, void *user) {
     lg_rng rng;
     lg_rng_seed(&rng, 11, parameters);
     double *values = malloc((parameters + 1) * sizeof *values);
@@ -92,7 +92,7 @@ static void by_tape(const lg_program *program, size_t function, size_t rows, con
     const lg_port *port = lg_program_inputs(program, function, &count);
     assert_ok(lg_tape_create(NULL, NULL, &tape));
     for (size_t i = 0; i < n->inputs; i++) in[i] = lg_input(tape, lg_port_shape(&port[i], rows), n->in[i]);
-    if (lg_program_apply(tape, program, function, NULL, in, out) != LG_OK)
+    if (lg_program_record(tape, program, function, NULL, in, out) != LG_OK)
         fail_msg("%s", lg_tape_message(tape));
     for (size_t j = 0; j < n->outputs; j++) assert_ok(lg_read(tape, out[j], n->out[j], n->out_count[j]));
     lg_tape_destroy(tape);
@@ -149,7 +149,7 @@ static void run(const ready *r, const numbers *n, void *const *out, int fill) {
     memset((char *)r->work + bytes, 0x5a, 64);
     for (size_t j = 0; j < n->outputs; j++)
         if (out[j] != NULL) memset(out[j], 0xff, n->out_count[j] * r->size + 64);
-    lg_plan_run(r->plan, (const void *const *)(void *const *)r->in, out, r->work);
+    lg_plan_eval(r->plan, (const void *const *)(void *const *)r->in, out, r->work);
     for (size_t i = 0; i < 64; i++) assert_int_equal(((unsigned char *)r->work)[bytes + i], 0x5a);
     for (size_t j = 0; j < n->outputs; j++)
         for (size_t i = 0; out[j] != NULL && i < 64; i++)
@@ -185,7 +185,7 @@ static void compare_asked(const char *name, const ready *r, const numbers *n) {
     }
     if (!lg_count_available()) return;
     assert_no_malloc_no_lock(
-        lg_plan_run(r->plan, (const void *const *)(void *const *)r->in, r->out, r->work));
+        lg_plan_eval(r->plan, (const void *const *)(void *const *)r->in, r->out, r->work));
 }
 
 static double loose = 2e-4; /* single precision against double */
@@ -250,7 +250,7 @@ static void check_jacobian(const char *name, const lg_program *program, size_t v
             x[i] = lg_input(tape, lg_port_shape(&in[i], 1), whole[i]);
             free(whole[i]);
         }
-        assert_ok(lg_program_apply(tape, program, value, NULL, x, y));
+        assert_ok(lg_program_record(tape, program, value, NULL, x, y));
         for (size_t j = 0, block = 0; j < outputs; j++)
             for (size_t i = 0; !out[j].shared && i < inputs; i++) {
                 if (in[i].shared) continue;
@@ -286,22 +286,22 @@ static void check_derivatives(const char *name, lg_program *program, bool indepe
 /* ---- networks ---- */
 
 static lg_status record_net(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    y[0] = lg_net_apply(tape, user, theta[0], 0, x[0]);
+    y[0] = lg_net_record(tape, user, theta[0], 0, x[0]);
     return lg_tape_status(tape);
 }
 
 static lg_status record_value(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    y[0] = lg_mlp_apply(tape, user, theta[0], 0, x[0]);
+    y[0] = lg_mlp_record(tape, user, theta[0], 0, x[0]);
     return lg_tape_status(tape);
 }
 
 static lg_status record_mlp(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    y[0] = lg_mlp_apply(tape, user, theta[0], 0, x[0]);
+    y[0] = lg_mlp_record(tape, user, theta[0], 0, x[0]);
     return lg_grad(tape, y[0], x, 1, &y[1]);
 }
 
 static lg_status record_cnn(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    y[0] = lg_cnn_apply(tape, user, theta[0], 0, x[0], NULL);
+    y[0] = lg_cnn_record(tape, user, theta[0], 0, x[0], NULL);
     return lg_tape_status(tape);
 }
 
@@ -414,7 +414,7 @@ static lg_status record_step(void *user, lg_tape *tape, const lg_var *theta, con
     lg_system_taped_user bound;
     lg_taped_ode ode;
     lg_var parts[LG_TAPED_MAX_PARTS];
-    const lg_form form = s->scheme->ambient ? LG_FORM_AMBIENT : LG_FORM_LIE;
+    const lg_coordinates form = s->scheme->ambient ? LG_COORDINATES_AMBIENT : LG_COORDINATES_LIE;
     lg_status status = lg_system_taped_ode(s->system, form, theta[0], &bound, &ode);
     if (status == LG_OK) status = lg_taped_split(tape, &ode.space, x[0], parts);
     const lg_taped_interval over = {.h_rows = x[1]};
@@ -461,8 +461,9 @@ static void steps_of_systems(void **state) {
             const stepping step = {system, lg_scheme_find(schemes[s])};
             lg_system_taped_user bound;
             lg_taped_ode ode;
-            if (lg_system_taped_ode(system, step.scheme->ambient ? LG_FORM_AMBIENT : LG_FORM_LIE, LG_NONE,
-                                    &bound, &ode) != LG_OK)
+            if (lg_system_taped_ode(system,
+                                    step.scheme->ambient ? LG_COORDINATES_AMBIENT : LG_COORDINATES_LIE,
+                                    LG_NONE, &bound, &ode) != LG_OK)
                 continue;
             lg_port in[2] = {{.name = "x", .shape = {1, {0}}},
                              {.name = "h", .shape = {1, {1}}, .low = 0.01, .high = 0.1}};
@@ -636,7 +637,7 @@ static void a_matrix_beside_a_batch(void **state) {
 
 /* Pairs: value and derivative as one batch of 2B rows. */
 static lg_status record_pairs(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    return lg_net_apply_jvp(tape, user, theta[0], 0, x[0], x[1], &y[0], &y[1]);
+    return lg_net_record_jvp(tape, user, theta[0], 0, x[0], x[1], &y[0], &y[1]);
 }
 
 static void pairs_of_networks(void **state) {
@@ -697,7 +698,7 @@ static void shared_work_is_done_once(void **state) {
 
 /* Chosen inputs and outputs: only what they need. */
 static lg_status record_two(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    y[0] = lg_mlp_apply(tape, user, theta[0], 0, x[0]);
+    y[0] = lg_mlp_record(tape, user, theta[0], 0, x[0]);
     y[1] = lg_mul(tape, lg_sin(tape, x[1]), lg_slice(tape, x[0], 1, 0, 2));
     return lg_tape_status(tape);
 }
@@ -816,7 +817,7 @@ static void loops_are_single_steps(void **state) {
             }
         for (size_t rows = 1; rows <= 7; rows += 3) check_function(name, program, loop, rows);
     }
-    /* Through the loop: lg_program_apply of it is the chain of steps on a tape. */
+    /* Through the loop: lg_program_record of it is the chain of steps on a tape. */
     const size_t adjoint = derived(program, LG_DERIVATIVE_ADJOINT, "steps3"),
                  jacobian = derived(program, LG_DERIVATIVE_JACOBIAN, "steps3");
     size_t loop;
@@ -1063,7 +1064,7 @@ typedef struct worker {
 static void *work_on(void *user) {
     worker *w = user;
     for (int i = 0; i < RUNS; i++) {
-        lg_plan_run(w->r->plan, (const void *const *)(void *const *)w->r->in, w->out, w->work);
+        lg_plan_eval(w->r->plan, (const void *const *)(void *const *)w->r->in, w->out, w->work);
         for (size_t j = 0; j < w->n->outputs; j++)
             w->different += memcmp(w->out[j], w->r->out[j], w->n->out_count[j] * w->r->size) != 0;
     }

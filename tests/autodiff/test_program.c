@@ -27,17 +27,17 @@ static void make_network(network *n, uint32_t inputs, uint32_t width, uint32_t o
 }
 
 static lg_status record_value(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    y[0] = lg_mlp_apply(tape, user, theta[0], 0, x[0]);
+    y[0] = lg_mlp_record(tape, user, theta[0], 0, x[0]);
     return lg_tape_status(tape);
 }
 
 static lg_status record_gradient(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    y[0] = lg_mlp_apply(tape, user, theta[0], 0, x[0]);
+    y[0] = lg_mlp_record(tape, user, theta[0], 0, x[0]);
     return lg_grad(tape, y[0], x, 1, &y[1]);
 }
 
 static lg_status record_loss(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    y[0] = lg_mean(tape, lg_square(tape, lg_mlp_apply(tape, user, theta[0], 0, x[0])));
+    y[0] = lg_mean(tape, lg_square(tape, lg_mlp_record(tape, user, theta[0], 0, x[0])));
     return lg_tape_status(tape);
 }
 
@@ -64,7 +64,7 @@ static lg_program *build_network(network *n) {
 }
 
 /* Function of the program on a tape, and the recording itself, with `rows` rows: to the last bit. */
-static void compare_apply(lg_program *program, size_t function, network *n, lg_program_record record,
+static void compare_apply(lg_program *program, size_t function, network *n, lg_record_function record,
                           size_t outputs, size_t rows) {
     lg_tape *tape;
     lg_rng rng;
@@ -75,7 +75,7 @@ static void compare_apply(lg_program *program, size_t function, network *n, lg_p
     lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)lg_mlp_parameters(&n->net)), n->theta);
     lg_var in = lg_input(tape, lg_shape2((uint32_t)rows, 3), x), want[2], got[2];
     assert_int_equal(record(&n->net, tape, &theta, &in, want), LG_OK);
-    assert_int_equal(lg_program_apply(tape, program, function, &theta, &in, got), LG_OK);
+    assert_int_equal(lg_program_record(tape, program, function, &theta, &in, got), LG_OK);
     for (size_t j = 0; j < outputs; j++) {
         const size_t count = lg_shape_count(lg_var_shape(tape, want[j]));
         assert_int_equal(lg_shape_count(lg_var_shape(tape, got[j])), count);
@@ -105,7 +105,7 @@ static void close_to(const double *got, const double *want, size_t count, double
     for (size_t i = 0; i < count; i++) assert_close(got[i], want[i], tolerance, tolerance);
 }
 
-static void compare_plan(lg_program *program, size_t function, network *n, lg_program_record record,
+static void compare_plan(lg_program *program, size_t function, network *n, lg_record_function record,
                          size_t outputs, size_t rows) {
     lg_tape *tape;
     lg_plan *plan;
@@ -125,7 +125,7 @@ static void compare_plan(lg_program *program, size_t function, network *n, lg_pr
     void *work = aligned_alloc(64, lg_plan_work_size(plan)), *out[2] = {NULL, NULL};
     memset(work, 0xff, lg_plan_work_size(plan));
     for (size_t j = 0; j < outputs; j++) out[j] = malloc(lg_plan_output_count(plan, j) * sizeof(double));
-    lg_plan_run(plan, (const void *const[]){x}, out, work);
+    lg_plan_eval(plan, (const void *const[]){x}, out, work);
     for (size_t j = 0; j < outputs; j++) {
         const size_t count = lg_plan_output_count(plan, j);
         assert_int_equal(count, lg_shape_count(lg_var_shape(tape, want[j])));
@@ -168,7 +168,7 @@ static lg_status record_pair(void *user, lg_tape *tape, const lg_var *theta, con
     lg_var outer = lg_matmul(tape, lg_reshape(tape, in[0], lg_shape3(rows, Q, 1)),
                              lg_reshape(tape, in[1], lg_shape3(rows, 1, U)));
     lg_var both[2] = {in[0], in[1]};
-    lg_var net = lg_mlp_apply(tape, user, theta[0], 0, lg_concat(tape, both, 2, 1));
+    lg_var net = lg_mlp_record(tape, user, theta[0], 0, lg_concat(tape, both, 2, 1));
     lg_var dot = lg_rowdot(tape, lg_slice(tape, in[0], 1, 0, U), in[1]);
     out[0] = lg_sin(tape, lg_reshape(tape, outer, lg_shape2(rows, Y0)));
     out[1] = lg_add(tape, net, dot);
@@ -218,7 +218,7 @@ static void run_rows(const lg_program *program, size_t function, size_t rows, co
     (void)lg_program_outputs(program, function, &count);
     for (size_t j = 0; j < count; j++)
         to[j] = out[j] = malloc(lg_plan_output_count(plan, j) * sizeof(double));
-    lg_plan_run(plan, (const void *const *)in, to, work);
+    lg_plan_eval(plan, (const void *const *)in, to, work);
     free(work);
     lg_plan_destroy(plan);
 }
@@ -383,7 +383,7 @@ static lg_status coefficients(void *user, lg_tape *tape, const lg_var *theta, co
     (void)user, (void)theta;
     const lg_var both[2] = {x[0], lg_sin(tape, x[0])};
     const double c[2] = {1.0, (double)rows_in(tape, x[0])};
-    y[0] = lg_combine(tape, both, c, 2);
+    y[0] = lg_linear_combination(tape, both, c, 2);
     return lg_tape_status(tape);
 }
 
@@ -470,7 +470,7 @@ static lg_status endless(void *user, lg_tape *tape, const lg_var *theta, const l
 }
 
 typedef struct refusal {
-    lg_program_record record;
+    lg_record_function record;
     lg_status status;
     const char *words[4];
     const char *function, *input, *other, *output; /* names; NULL: f, x, s, y */
@@ -724,7 +724,7 @@ static void derivatives_that_cannot_be(void **state) {
 /* Rows that meet, and NaN wherever inputs without a range are tried. */
 static lg_status centred_root(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     (void)user, (void)theta;
-    const lg_var root = lg_sqrt(tape, lg_shift(tape, x[0], -2.0));
+    const lg_var root = lg_sqrt(tape, lg_add_scalar(tape, x[0], -2.0));
     y[0] = lg_sub(tape, root, lg_mean_axis(tape, root, 0, true));
     return lg_tape_status(tape);
 }
@@ -783,11 +783,11 @@ static void application_is_checked(void **state) {
             lg_tape_reset(tape);
         }
         const lg_status expected = c == 3 ? LG_NOT_FOUND : c == 4 ? LG_STALE_HANDLE : LG_SHAPE;
-        assert_int_equal(lg_program_apply(tape, program, c == 3 ? 99 : 0, &theta, &x, &y), expected);
+        assert_int_equal(lg_program_record(tape, program, c == 3 ? 99 : 0, &theta, &x, &y), expected);
         assert_int_equal(lg_tape_status(tape), expected);
         assert_true(strlen(lg_tape_message(tape)) > 0);
         assert_memory_equal(&y, &mark, sizeof y);
-        assert_int_equal(lg_program_apply(tape, program, 0, &theta, &x, &y), expected); /* it sticks */
+        assert_int_equal(lg_program_record(tape, program, 0, &theta, &x, &y), expected); /* it sticks */
         assert_memory_equal(&y, &mark, sizeof y);
         lg_tape_destroy(tape);
     }
@@ -828,7 +828,7 @@ static void parameters_are_folded(void **state) {
             assert_int_not_equal(plan->step[s].scalars.group[g].op, LG_S_EXP);
     }
     void *work = aligned_alloc(64, lg_plan_work_size(plan));
-    lg_plan_run(plan, (const void *const[]){x}, (void *const[]){y}, work);
+    lg_plan_eval(plan, (const void *const[]){x}, (void *const[]){y}, work);
     for (size_t i = 0; i < 3; i++) assert_close(y[i], x[i] * exp(logarithms[i]), 1e-15, 0);
     free(work);
     lg_plan_destroy(plan);

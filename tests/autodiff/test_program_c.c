@@ -187,7 +187,7 @@ static compiled compile(const bundle *b, const char *compiler, const char *flags
 static void discard(compiled *c) {
     char command[128];
     assert_int_equal(dlclose(c->handle), 0);
-    lg_c_source_free(c->source);
+    lg_c_source_destroy(c->source);
     (void)snprintf(command, sizeof command, "rm -rf -- '%s'", c->folder);
     assert_int_equal(system(command), 0);
 }
@@ -262,7 +262,7 @@ static double compare(const bundle *b, const compiled *c, size_t i, lg_tape *tap
             to_type(c->single, x[k], lg_shape_count(f->arguments[k].shape), in[k]);
             in_vars[k] = lg_input(tape, f->arguments[k].shape, x[k]);
         }
-        assert_ok(lg_program_apply(tape, b->program, function, NULL, in_vars, out_vars));
+        assert_ok(lg_program_record(tape, b->program, function, NULL, in_vars, out_vars));
         memset(work, 0xff, c->source->work_size * sizeof(double)); /* NaN */
         for (size_t j = 0; j < outs; j++) {
             const size_t count = lg_shape_count(out[j].shape);
@@ -390,7 +390,7 @@ static void check_alone(const bundle *b, bool compact, const char *compiler) {
         write_file(&c, name,
                    (const char *const[]){source->sizes, source->declarations, source->arrays, source->code},
                    4);
-        lg_c_source_free(source);
+        lg_c_source_destroy(source);
     }
     (void)snprintf(command, sizeof command, "cd %s && %s " WARNINGS " -O0 -c p*.c 2>&1", folder, compiler);
     if (system(command) != 0) fail_msg("%s", command);

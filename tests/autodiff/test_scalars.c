@@ -274,7 +274,7 @@ static void check_scalars(const lg_tape *tape, const lg_node *node, const char *
             free(r);
             free(forward);
             free(y);
-            lg_scalars_free(&s);
+            lg_scalars_destroy(&s);
             close_node(&v);
         }
     seen[node->op] = true;
@@ -380,7 +380,7 @@ static void not_finite_numbers_are_treated_alike(void **state) {
                     if (!alike(found[result], forward) || !alike(hand[result], forward))
                         fail_msg("%s(%g, %g, %g): tensor %g, kernel %g, by hand %g", op->name, in[0], in[1],
                                  in[2], forward, found[result], hand[result]);
-                    lg_scalars_free(&s);
+                    lg_scalars_destroy(&s);
                 }
 }
 
@@ -400,7 +400,7 @@ static void a_matrix_that_is_not_positive(void **state) {
             const lg_shape *shapes[3] = {&square, &column, &square};
             lg_scalar in[6], l[4], x[2];
             if (diagonal && a[1] != 0.0) {
-                lg_scalars_free(&s);
+                lg_scalars_destroy(&s);
                 continue;
             }
             for (uint32_t i = 0; i < 6; i++)
@@ -421,7 +421,7 @@ static void a_matrix_that_is_not_positive(void **state) {
                 assert_int_equal(isnan(y[i]), failures > 0);
                 if (!alike(r[x[i]], y[i])) assert_close(r[x[i]], y[i], 1e-14, 0.0);
             }
-            lg_scalars_free(&s);
+            lg_scalars_destroy(&s);
         }
 }
 
@@ -458,7 +458,7 @@ static void simplified_code_is_the_same(void **state) {
                 walk_by_hand(&s, inputs, r);
                 assert_close(r[made], want, 0, 0);
             }
-    lg_scalars_free(&s);
+    lg_scalars_destroy(&s);
 }
 
 int main(void) {

@@ -59,11 +59,11 @@ OP(sub, lg_sub(t, v, good(t)))
 OP(mul, lg_mul(t, v, good(t)))
 OP(div, lg_div(t, good(t), v))
 OP(max, lg_max(t, v, good(t)))
-OP(mix, lg_mix(t, good(t), v, good(t)))
-OP(combine, lg_combine(t, (lg_var[3]){good(t), v, good(t)}, weights3, 3))
+OP(mix, lg_lerp(t, good(t), v, good(t)))
+OP(combine, lg_linear_combination(t, (lg_var[3]){good(t), v, good(t)}, weights3, 3))
 OP(neg, lg_neg(t, v))
 OP(scale, lg_scale(t, v, 2))
-OP(shift, lg_shift(t, v, 2))
+OP(shift, lg_add_scalar(t, v, 2))
 OP(pow, lg_pow(t, v, 3))
 OP(square, lg_square(t, v))
 OP(sqrt, lg_sqrt(t, v))
@@ -104,9 +104,9 @@ OP(cross, lg_cross(t, v, good(t)))
 OP(spd_solve, lg_spd_solve(t, v, good(t)))
 OP(stumpff, lg_stumpff_functions(t, v, 3))
 OP(dexpinv_coef, lg_dexpinv_coefficient(t, v, 0))
-OP(loss, lg_loss_apply(t, LG_LOSS_MSE, v, good(t), LG_NONE))
-OP(loss_target, lg_loss_apply(t, LG_LOSS_HUBER, good(t), v, LG_NONE))
-OP(loss_weights, lg_loss_apply(t, LG_LOSS_MSE, good(t), good(t), v))
+OP(loss, lg_loss_record(t, LG_LOSS_MSE, v, good(t), LG_NONE))
+OP(loss_target, lg_loss_record(t, LG_LOSS_HUBER, good(t), v, LG_NONE))
+OP(loss_weights, lg_loss_record(t, LG_LOSS_MSE, good(t), good(t), v))
 OP(mse, lg_mse(t, v, good(t)))
 OP(log_softmax, lg_log_softmax(t, v))
 OP(custom, lg_custom(t, &no_derivatives, &v, 1, lg_shape1(3)))
@@ -361,9 +361,9 @@ static const int beyond[2] = {0, 2};
     X(lg_div(t, V1(4), V1(3)), LG_SHAPE, "div", "(4)", "(3)")                                                \
     X(lg_max(t, V2(4, 1), V1(3)), LG_OK, NULL, NULL, NULL)                                                   \
     X(lg_max(t, V2(4, 2), V1(3)), LG_SHAPE, "max", "(4, 2)", "(3)")                                          \
-    X(lg_mix(t, V1(3), V1(3), V1(4)), LG_SHAPE, "mix", "(3)", "(4)")                                         \
-    X(lg_combine(t, (lg_var[2]){V1(3), V1(4)}, weights3, 2), LG_SHAPE, "combine", "(3)", "(4)")              \
-    X(lg_combine(t, NULL, weights3, 0), LG_INVALID_ARGUMENT, "combine", "number of terms", NULL)             \
+    X(lg_lerp(t, V1(3), V1(3), V1(4)), LG_SHAPE, "mix", "(3)", "(4)")                                        \
+    X(lg_linear_combination(t, (lg_var[2]){V1(3), V1(4)}, weights3, 2), LG_SHAPE, "combine", "(3)", "(4)")   \
+    X(lg_linear_combination(t, NULL, weights3, 0), LG_INVALID_ARGUMENT, "combine", "number of terms", NULL)  \
     X(lg_mse(t, V1(4), V1(3)), LG_SHAPE, "mse", "(4)", "(3)")                                                \
     X(lg_act(t, V1(4), (lg_activation)LG_ACTIVATION_COUNT), LG_INVALID_ARGUMENT, "act", "unknown", NULL)     \
     X(lg_act_derivative(t, V1(4), LG_TANH, -1), LG_INVALID_ARGUMENT, "act", "negative", NULL)                \
@@ -420,10 +420,10 @@ static const int beyond[2] = {0, 2};
     X(lg_dexpinv_coefficient(t, V1(3), 0), LG_SHAPE, "dexpinv_coef", "(3)", NULL)                            \
     X(lg_dexpinv_coefficient(t, V1(1), 9), LG_NOT_DIFFERENTIABLE, "dexpinv_coef", "order", NULL)             \
     X(lg_dexpinv_coefficient(t, V1(1), -1), LG_INVALID_ARGUMENT, "dexpinv_coef", "negative", NULL)           \
-    X(lg_loss_apply(t, LG_LOSS_MSE, V2(4, 3), V2(4, 1), LG_NONE), LG_SHAPE, "loss", "(4, 3)", "(4, 1)")      \
-    X(lg_loss_apply(t, LG_LOSS_MSE, V0, V0, LG_NONE), LG_SHAPE, "loss", "()", NULL)                          \
-    X(lg_loss_apply(t, LG_LOSS_MAE, V2(4, 3), V2(4, 3), V1(3)), LG_SHAPE, "loss weights", "(4, 3)", "(3)")   \
-    X(lg_loss_apply(t, (lg_loss)LG_LOSS_COUNT, V2(4, 3), V2(4, 3), LG_NONE), LG_INVALID_ARGUMENT, "loss",    \
+    X(lg_loss_record(t, LG_LOSS_MSE, V2(4, 3), V2(4, 1), LG_NONE), LG_SHAPE, "loss", "(4, 3)", "(4, 1)")     \
+    X(lg_loss_record(t, LG_LOSS_MSE, V0, V0, LG_NONE), LG_SHAPE, "loss", "()", NULL)                         \
+    X(lg_loss_record(t, LG_LOSS_MAE, V2(4, 3), V2(4, 3), V1(3)), LG_SHAPE, "loss weights", "(4, 3)", "(3)")  \
+    X(lg_loss_record(t, (lg_loss)LG_LOSS_COUNT, V2(4, 3), V2(4, 3), LG_NONE), LG_INVALID_ARGUMENT, "loss",   \
       "unknown", NULL)                                                                                       \
     X(lg_log_softmax(t, V0), LG_INVALID_ARGUMENT, "max_axis", "axis", NULL)                                  \
     X(lg_input(t, lg_shape1(2), NULL), LG_INVALID_ARGUMENT, "input", "no data", NULL)                        \
@@ -671,7 +671,7 @@ OP(cross_rows, lg_cross(t, v, good(t)))
 OP(times_row, lg_mul(t, v, lg_input_f64(t, lg_shape1(3), weights3)))
 OP(product_nt, lg_matmul_nt(t, v, good(t)))
 OP(product_tn, lg_matmul_tn(t, v, good(t)))
-OP(combination, lg_combine(t, (lg_var[2]){v, good(t)}, (const double[2]){2, -1}, 2))
+OP(combination, lg_linear_combination(t, (lg_var[2]){v, good(t)}, (const double[2]){2, -1}, 2))
 OP(solved, lg_spd_solve(t, lg_input_f64(t, lg_shape3(1, 2, 2), (const double[4]){2, 1, 1, 3}),
                         lg_reshape(t, v, lg_shape3(1, 2, 3))))
 
@@ -1272,8 +1272,8 @@ static void test_loss_values(void **state) {
     lg_var y = lg_input_f64(t, lg_shape2(2, 2), y0), target = lg_input_f64(t, lg_shape2(2, 2), t0);
     lg_var w = vector(t, 2, w0);
     for (int l = 0; l < LG_LOSS_COUNT; l++) {
-        assert_close(number(t, lg_loss_apply(t, (lg_loss)l, y, target, LG_NONE)), expected[l], 1e-14, 0);
-        assert_close(number(t, lg_loss_apply(t, (lg_loss)l, y, target, w)), weighted[l], 1e-14, 0);
+        assert_close(number(t, lg_loss_record(t, (lg_loss)l, y, target, LG_NONE)), expected[l], 1e-14, 0);
+        assert_close(number(t, lg_loss_record(t, (lg_loss)l, y, target, w)), weighted[l], 1e-14, 0);
     }
     assert_close(number(t, lg_mse(t, y, target)), expected[0], 1e-14, 0);
     lg_tape_destroy(t);

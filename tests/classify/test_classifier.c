@@ -2,7 +2,7 @@
  * The chain: every method on hard tables, through archives and back, archives that lie, cross-validation. */
 #include "classify_support.h"
 
-#include "liegrad/judge.h"
+#include "liegrad/metrics.h"
 #include "support/fail_alloc.h"
 
 static const struct {
@@ -51,8 +51,8 @@ static void chains_tell_clouds_apart(void **state) {
             lg_classifier again = {0};
             assert_ok(lg_classifier_fit(NULL, &o, x, label, chosen, 80, 5, classes, &again, NULL));
             assert_memory_equal(c.pca.mean, again.pca.mean, 5 * sizeof(double));
-            lg_classifier_free(NULL, &c);
-            lg_classifier_free(NULL, &again);
+            lg_classifier_destroy(NULL, &c);
+            lg_classifier_destroy(NULL, &again);
             free(x);
         }
 }
@@ -83,7 +83,7 @@ static void hard_tables(void **state) {
                     for (uint32_t k = 0; k < classes; k++) assert_true(isfinite(work[k]));
                 }
                 free(work);
-                lg_classifier_free(NULL, &c);
+                lg_classifier_destroy(NULL, &c);
                 free(x);
             }
 }
@@ -144,7 +144,7 @@ static void make_classifier(const lg_series *s, size_t t, lg_classifier *c) {
     const lg_method_options o = options_of(t);
     assert_ok(lg_classifier_fit(NULL, &o, x, s->label, NULL, w.count, c->features.count, 3, c, NULL));
     free(x);
-    lg_windows_free(NULL, &w);
+    lg_windows_destroy(NULL, &w);
 }
 
 static void archives_keep_every_bit(void **state) {
@@ -169,11 +169,11 @@ static void archives_keep_every_bit(void **state) {
             assert_memory_equal(a, b, sizeof a);
         }
         free(work);
-        lg_classifier_free(NULL, &c);
-        lg_classifier_free(NULL, &back);
+        lg_classifier_destroy(NULL, &c);
+        lg_classifier_destroy(NULL, &back);
         memory_clear(&archive);
     }
-    lg_series_free(NULL, &s);
+    lg_series_destroy(NULL, &s);
 }
 
 /* Every entry of every stored array, one at a time, becomes another number; every dimension another size: the
@@ -189,7 +189,7 @@ static void use(const lg_archive_reader *reader, const float *x) {
     if (c.features.channels * c.features.length <= 240)
         (void)lg_classifier_window(&c, x, work, work + c.classes);
     free(work);
-    lg_classifier_free(NULL, &c);
+    lg_classifier_destroy(NULL, &c);
 }
 
 static void archives_that_lie(void **state) {
@@ -229,9 +229,9 @@ static void archives_that_lie(void **state) {
             item->path[0] = first;
         }
         memory_clear(&archive);
-        lg_classifier_free(NULL, &c);
+        lg_classifier_destroy(NULL, &c);
     }
-    lg_series_free(NULL, &s);
+    lg_series_destroy(NULL, &s);
 }
 
 /* What must be refused by name. */
@@ -278,9 +278,9 @@ static void lies_that_are_named(void **state) {
         if (status != lies[i].status) fail_msg("%s: %s", lies[i].path, lg_status_name(status));
         assert_non_null(strstr(e.message, lies[i].path));
         memory_clear(&archive);
-        lg_classifier_free(NULL, &c);
+        lg_classifier_destroy(NULL, &c);
     }
-    lg_series_free(NULL, &s);
+    lg_series_destroy(NULL, &s);
 }
 
 static void replace(memory_archive *archive, const char *path, const void *data, size_t rows,
@@ -322,11 +322,11 @@ static void trees_with_cycles(void **state) {
         replace(&archive, "classifier/tree/node", node, 7, sizeof node[0]);
         replace(&archive, "classifier/tree/counts", counts, 7, sizeof counts[0]);
         assert_status(lg_classifier_load(NULL, &reader, &back, NULL), honest ? LG_OK : LG_FORMAT);
-        lg_classifier_free(NULL, &back);
-        lg_classifier_free(NULL, &c);
+        lg_classifier_destroy(NULL, &back);
+        lg_classifier_destroy(NULL, &c);
         memory_clear(&archive);
     }
-    lg_series_free(NULL, &s);
+    lg_series_destroy(NULL, &s);
 }
 
 static void allocations_that_fail(void **state) {
@@ -352,11 +352,11 @@ static void allocations_that_fail(void **state) {
                 lg_fail_alloc_arm(&memory, n);
                 back = (lg_classifier){0};
                 const lg_status status =
-                    what == 0 ? lg_classifier_load(context, &reader, &back, NULL)
-                    : what == 1
-                        ? lg_classifier_fit(context, &o, x, label, NULL, 12, 3, 3, &back, NULL)
-                        : lg_choose(context, &o, 1, 2, x, label, unit, NULL, 12, 3, 3, 1, rates, &best, NULL);
-                lg_classifier_free(context, &back);
+                    what == 0   ? lg_classifier_load(context, &reader, &back, NULL)
+                    : what == 1 ? lg_classifier_fit(context, &o, x, label, NULL, 12, 3, 3, &back, NULL)
+                                : lg_grid_search(context, &o, 1, 2, x, label, unit, NULL, 12, 3, 3, 1, rates,
+                                                 &best, NULL);
+                lg_classifier_destroy(context, &back);
                 assert_int_equal(lg_fail_alloc_live(&memory), 0);
                 if (!lg_fail_alloc_hit(&memory)) break;
                 assert_status(status, LG_OUT_OF_MEMORY);
@@ -365,9 +365,9 @@ static void allocations_that_fail(void **state) {
         lg_context_destroy(context);
         free(x);
         memory_clear(&archive);
-        lg_classifier_free(NULL, &c);
+        lg_classifier_destroy(NULL, &c);
     }
-    lg_series_free(NULL, &s);
+    lg_series_destroy(NULL, &s);
 }
 
 /* ---- choosing ---- */
@@ -388,7 +388,7 @@ static void choice_by_hand(void **state) {
     grid[3].components = 1;
     double rates[4], expected = 0, other[4];
     size_t best = 99, again;
-    assert_ok(lg_choose(NULL, grid, 4, FOLDS, x, all, NULL, chosen, N, 4, 2, 1, rates, &best, NULL));
+    assert_ok(lg_grid_search(NULL, grid, 4, FOLDS, x, all, NULL, chosen, N, 4, 2, 1, rates, &best, NULL));
     assert_ok(lg_folds(NULL, own, NULL, N, FOLDS, fold));
     for (uint32_t f = 0; f < FOLDS; f++) { /* option 2 again, by hand */
         uint32_t rows[N], count = 0, tested = 0;
@@ -406,14 +406,14 @@ static void choice_by_hand(void **state) {
         }
         expected += right / tested / FOLDS;
         free(work);
-        lg_classifier_free(NULL, &c);
+        lg_classifier_destroy(NULL, &c);
     }
     assert_close(rates[2], expected, 1e-14, 0);
     for (int i = 0; i < 4; i++)
         assert_true(rates[i] <= rates[best] && (i >= (int)best || rates[i] < rates[best]));
     for (int threads = 2; threads <= 5; threads += 3) {
-        assert_ok(
-            lg_choose(NULL, grid, 4, FOLDS, x, all, NULL, chosen, N, 4, 2, threads, other, &again, NULL));
+        assert_ok(lg_grid_search(NULL, grid, 4, FOLDS, x, all, NULL, chosen, N, 4, 2, threads, other, &again,
+                                 NULL));
         assert_memory_equal(other, rates, sizeof rates);
         assert_int_equal(again, best);
     }
@@ -443,20 +443,20 @@ static void units_are_not_torn(void **state) {
     o.gamma = 10.0;
     o.c = 100.0;
     size_t best;
-    assert_ok(lg_choose(NULL, &o, 1, 3, x, label, NULL, chosen, N, 2, 2, 1, &torn, &best, NULL));
-    assert_ok(lg_choose(NULL, &o, 1, 3, x, label, unit, chosen, N, 2, 2, 2, &whole, &best, NULL));
+    assert_ok(lg_grid_search(NULL, &o, 1, 3, x, label, NULL, chosen, N, 2, 2, 1, &torn, &best, NULL));
+    assert_ok(lg_grid_search(NULL, &o, 1, 3, x, label, unit, chosen, N, 2, 2, 2, &whole, &best, NULL));
     assert_close(torn, 1.0, 0, 0);
     assert_true(whole < 0.6);
     /* one unit of class 1 alone: no folds, accuracy on the training rows */
     for (uint32_t i = 0; i < N; i++) unit[i] = label[i] == 1 ? 99 : i / EACH;
-    assert_ok(lg_choose(NULL, &o, 1, 3, x, label, unit, NULL, N, 2, 2, 1, &few, &best, NULL));
+    assert_ok(lg_grid_search(NULL, &o, 1, 3, x, label, unit, NULL, N, 2, 2, 1, &few, &best, NULL));
     assert_close(few, 1.0, 0, 0);
     /* every row a unit: as without */
     double alone, none;
     for (uint32_t i = 0; i < N; i++) unit[i] = i;
     o.gamma = 1e-3;
-    assert_ok(lg_choose(NULL, &o, 1, 7, x, label, NULL, NULL, N, 2, 2, 1, &none, &best, NULL));
-    assert_ok(lg_choose(NULL, &o, 1, 7, x, label, unit, NULL, N, 2, 2, 1, &alone, &best, NULL));
+    assert_ok(lg_grid_search(NULL, &o, 1, 7, x, label, NULL, NULL, N, 2, 2, 1, &none, &best, NULL));
+    assert_ok(lg_grid_search(NULL, &o, 1, 7, x, label, unit, NULL, N, 2, 2, 1, &alone, &best, NULL));
     assert_close(alone, none, 0, 0);
     assert_true(none < 1.0);
 }
@@ -469,25 +469,25 @@ static void choice_of_few(void **state) {
     for (int i = 0; i < 2; i++) lg_method_options_init(&o[i]);
     size_t best = 7;
     lg_error e;
-    assert_ok(lg_choose(NULL, o, 2, 3, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e));
+    assert_ok(lg_grid_search(NULL, o, 2, 3, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e));
     assert_true(rate[0] == rate[1]);
     assert_int_equal(best, 0); /* the first of equals */
     o[1].components = 30;      /* more than a fold has rows */
-    assert_ok(lg_choose(NULL, o, 2, 10, x, label, NULL, NULL, 30, 40, 3, 2, rate, &best, &e));
-    assert_ok(
-        lg_choose(NULL, o, 1, 10, x, label, NULL, NULL, 3, 40, 3, 2, rate, &best, &e)); /* one row a class */
+    assert_ok(lg_grid_search(NULL, o, 2, 10, x, label, NULL, NULL, 30, 40, 3, 2, rate, &best, &e));
+    assert_ok(lg_grid_search(NULL, o, 1, 10, x, label, NULL, NULL, 3, 40, 3, 2, rate, &best,
+                             &e));    /* one row a class */
     assert_close(rate[0], 1.0, 0, 0); /* on the training rows */
-    assert_ok(lg_choose(NULL, o, 1, 0, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e));
+    assert_ok(lg_grid_search(NULL, o, 1, 0, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e));
     for (int i = 0; i < 30; i++) label[i] = i < 28 ? 0 : 2; /* class 1 nowhere, class 2 rare */
-    assert_ok(lg_choose(NULL, o, 1, 5, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e));
+    assert_ok(lg_grid_search(NULL, o, 1, 5, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e));
     memset(label, 0, sizeof label);
     best = 7;
-    assert_status(lg_choose(NULL, o, 1, 5, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e),
+    assert_status(lg_grid_search(NULL, o, 1, 5, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e),
                   LG_INVALID_ARGUMENT);
     label[0] = 3;
-    assert_status(lg_choose(NULL, o, 1, 5, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e),
+    assert_status(lg_grid_search(NULL, o, 1, 5, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e),
                   LG_INVALID_ARGUMENT);
-    assert_status(lg_choose(NULL, o, 0, 5, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e),
+    assert_status(lg_grid_search(NULL, o, 0, 5, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e),
                   LG_INVALID_ARGUMENT);
     assert_int_equal(best, 7);
     free(x);

@@ -5,7 +5,7 @@
  * single precision. */
 #include "classify_support.h"
 
-#include "liegrad/judge.h"
+#include "liegrad/metrics.h"
 
 enum { WINDOWS = 60, CHANNELS = 6, LENGTH = 50, MOST_OUTPUTS = 8 };
 
@@ -66,10 +66,10 @@ static chain make(lg_series series, lg_feature_kind kind, bool directions_x, lg_
 }
 
 static void release(chain *f) {
-    lg_classifier_free(NULL, &f->c);
-    lg_scaler_free(NULL, &f->scaler);
-    lg_windows_free(NULL, &f->windows);
-    lg_series_free(NULL, &f->series);
+    lg_classifier_destroy(NULL, &f->c);
+    lg_scaler_destroy(NULL, &f->scaler);
+    lg_windows_destroy(NULL, &f->windows);
+    lg_series_destroy(NULL, &f->series);
     free(f->work);
 }
 

@@ -25,7 +25,7 @@ static lg_series make_series(size_t count, uint32_t channels, uint32_t length, b
 static void free_series(lg_series *s) {
     free(s->channel_name);
     s->channel_name = NULL;
-    lg_series_free(NULL, s);
+    lg_series_destroy(NULL, s);
 }
 
 static double covariance(const float *a, const float *b, size_t n) {
@@ -59,13 +59,13 @@ static void std_and_raw(void **state) {
     out = compute(&f, s.x);
     assert_close(out[0], 0.0, 0, 0); /* not what rounding of the mean leaves */
     free(out);
-    lg_features_free(NULL, &f);
+    lg_features_destroy(NULL, &f);
     assert_ok(lg_features_create(NULL, LG_FEATURES_RAW, true, &s, 37, NULL, &f, NULL));
     assert_int_equal(f.count, 3 * 37);
     out = compute(&f, s.x);
     for (int i = 0; i < 37; i++) assert_close(out[37 + i], s.x[2 * 37 + i], 0, 0);
     free(out);
-    lg_features_free(NULL, &f);
+    lg_features_destroy(NULL, &f);
     free_series(&s);
 }
 
@@ -96,7 +96,7 @@ static void cov_squares_to_covariance(void **state) {
     for (int i = 0; i < 6; i++) assert_true(root[i][i] >= 0.0);
     for (int j = 0; j < 6; j++) assert_close(root[5][j], 0.0, 0, 1e-18); /* no rounding of a constant */
     free(out);
-    lg_features_free(NULL, &f);
+    lg_features_destroy(NULL, &f);
     free_series(&s);
 }
 
@@ -133,7 +133,7 @@ static void cov_of_small_roots(void **state) {
             assert_close(sum, k == l ? root[k] : 0.0, 0, 4e-15);
         }
     free(out);
-    lg_features_free(NULL, &f);
+    lg_features_destroy(NULL, &f);
     free_series(&s);
 }
 
@@ -171,7 +171,7 @@ static void cov_of_any_size(void **state) {
                 free(root);
                 free(work);
                 free(out);
-                lg_features_free(NULL, &f);
+                lg_features_destroy(NULL, &f);
                 free_series(&s);
             }
 }
@@ -197,10 +197,10 @@ static void baseline_line(void **state) {
     assert_close(out[2], mean, 1e-13, 0);
     assert_close(out[3], 0.0, 0, 0);
     free(out);
-    lg_features_free(NULL, &f);
+    lg_features_destroy(NULL, &f);
     assert_ok(lg_features_create(NULL, LG_FEATURES_BASELINE, true, &s, 100, NULL, &f, NULL));
     assert_int_equal(f.count, 2);
-    lg_features_free(NULL, &f);
+    lg_features_destroy(NULL, &f);
     free_series(&s);
 }
 
@@ -213,7 +213,7 @@ static void short_windows(void **state) {
         double *out = compute(&f, s.x);
         for (uint32_t i = 0; i < f.count; i++) assert_close(out[i], 0.0, 0, 0);
         free(out);
-        lg_features_free(NULL, &f);
+        lg_features_destroy(NULL, &f);
     }
     free_series(&s);
 }
@@ -231,7 +231,7 @@ static void constant_channels(void **state) {
         double *out = compute(&f, s.x);
         assert_close(out[0], 0.0, 0, 0);
         free(out);
-        lg_features_free(NULL, &f);
+        lg_features_destroy(NULL, &f);
         free_series(&s);
     }
 }
@@ -258,7 +258,7 @@ static void names(void **state) {
         assert_string_equal(text, cases[i].name);
         (void)lg_features_name(&f, NULL, cases[i].index, text, sizeof text);
         assert_string_equal(text, cases[i].bare);
-        lg_features_free(NULL, &f);
+        lg_features_destroy(NULL, &f);
         lg_feature_kind kind;
         assert_ok(lg_feature_kind_parse(lg_feature_kind_name(cases[i].kind), &kind));
         assert_int_equal(kind, cases[i].kind);
@@ -288,9 +288,9 @@ static void threads_give_the_same_bits(void **state) {
         free(row);
         free(one);
         free(more);
-        lg_features_free(NULL, &f);
+        lg_features_destroy(NULL, &f);
     }
-    lg_windows_free(NULL, &w);
+    lg_windows_destroy(NULL, &w);
     free_series(&s);
 }
 
@@ -325,9 +325,9 @@ static void refusals(void **state) {
     assert_status(lg_features_table(NULL, &f, &s, &w, 2, table, &e), LG_NOT_FINITE);
     assert_non_null(strstr(e.message, "window 0"));
     assert_status(lg_features_table(NULL, &f, &s, &w, 0, table, &e), bad);
-    lg_windows_free(NULL, &w);
+    lg_windows_destroy(NULL, &w);
     free(work);
-    lg_features_free(NULL, &f);
+    lg_features_destroy(NULL, &f);
     free_series(&s);
 }
 
@@ -344,14 +344,14 @@ static void allocations_that_fail(void **state) {
         lg_fail_alloc_arm(&memory, n);
         lg_status status = lg_features_create(context, LG_FEATURES_COV, false, &s, 30, NULL, &f, NULL);
         if (status == LG_OK) status = lg_features_table(context, &f, &s, &w, 2, table, NULL);
-        lg_features_free(context, &f);
+        lg_features_destroy(context, &f);
         assert_int_equal(lg_fail_alloc_live(&memory), 0);
         if (!lg_fail_alloc_hit(&memory)) break;
         assert_status(status, LG_OUT_OF_MEMORY);
     }
     lg_fail_alloc_arm(&memory, 0);
     lg_context_destroy(context);
-    lg_windows_free(NULL, &w);
+    lg_windows_destroy(NULL, &w);
     free_series(&s);
 }
 

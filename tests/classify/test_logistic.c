@@ -23,7 +23,7 @@ static void golden(void **state) {
             for (uint32_t j = 0; j < d; j++) assert_close(m.weight[a * d + j], row[j], 1e-7, 1e-7);
             assert_close(m.intercept[a], row[d], 1e-7, 1e-7);
         }
-        lg_logistic_free(NULL, &m);
+        lg_logistic_destroy(NULL, &m);
     }
 }
 
@@ -69,7 +69,7 @@ static void gradient_vanishes(void **state) {
                 sum += j < m.inputs ? m.weight[a * m.inputs + j] : m.intercept[a];
             assert_close(sum, 0.0, 0, 1e-11);
         }
-        lg_logistic_free(NULL, &m);
+        lg_logistic_destroy(NULL, &m);
         free(x);
         free(label);
     }
@@ -88,7 +88,7 @@ static void correlated_features(void **state) {
         assert_ok(lg_logistic_fit(NULL, x, label, N, D, classes, 100.0, &m, NULL));
         assert_close(largest_gradient(&m, x, label, N, 100.0), 0.0, 0, 1e-6);
         assert_true(m.iterations <= 20); /* of Newton's method: none is wasted on a poor solution */
-        lg_logistic_free(NULL, &m);
+        lg_logistic_destroy(NULL, &m);
         free(x);
     }
 }
@@ -105,7 +105,7 @@ static void little_penalty(void **state) {
     for (int j = 0; j < D; j++)
         assert_close((m.weight[j] + m.weight[D + j] + m.weight[2 * D + j]) / largest, 0.0, 0, 1e-13);
     assert_close(largest_gradient(&m, x, label, N, 1e10), 0.0, 0, 1e-1);
-    lg_logistic_free(NULL, &m);
+    lg_logistic_destroy(NULL, &m);
     free(x);
 }
 
@@ -121,7 +121,7 @@ static void hard_tables(void **state) {
     assert_ok(lg_logistic_fit(NULL, x, label, 40, 2, 2, 1.0, &m, NULL));
     assert_close(m.intercept[0], log(1.0 / 3.0), 1e-9, 0);
     assert_close(m.weight[0], 0.0, 0, 1e-12);
-    lg_logistic_free(NULL, &m);
+    lg_logistic_destroy(NULL, &m);
     static const double factors[] = {1e-12, 1e12};
     for (int f = 0; f < 2; f++) {
         free(x);
@@ -131,7 +131,7 @@ static void hard_tables(void **state) {
         lg_logistic_predict(&m, x, 40, p);
         for (int i = 0; i < 80; i++) assert_true(p[i] >= 0.0 && p[i] <= 1.0);
         assert_close(largest_gradient(&m, x, label, 40, 1.0) / factors[f], 0.0, 0, f == 0 ? 1e3 : 1e-4);
-        lg_logistic_free(NULL, &m);
+        lg_logistic_destroy(NULL, &m);
     }
     for (int i = 0; i < 40; i++) label[i] = i % 2 == 0 ? 0 : 2; /* class 1 is not seen */
     assert_ok(lg_logistic_fit(NULL, x, label, 40, 2, 3, 1.0, &m, NULL));
@@ -140,7 +140,7 @@ static void hard_tables(void **state) {
         assert_close(p[3 * i + 1], 0.0, 0, 0);
         assert_close(p[3 * i] + p[3 * i + 2], 1.0, 1e-14, 0);
     }
-    lg_logistic_free(NULL, &m);
+    lg_logistic_destroy(NULL, &m);
     free(x);
 }
 
@@ -178,7 +178,7 @@ static void allocations_that_fail(void **state) {
             lg_fail_alloc_arm(&memory, n);
             const lg_status status =
                 lg_logistic_fit(context, x, label, shapes[t][0], shapes[t][1], shapes[t][2], 1.0, &m, NULL);
-            lg_logistic_free(context, &m);
+            lg_logistic_destroy(context, &m);
             assert_int_equal(lg_fail_alloc_live(&memory), 0);
             if (!lg_fail_alloc_hit(&memory)) break;
             assert_status(status, LG_OUT_OF_MEMORY);

@@ -9,7 +9,7 @@
 static void check_components(const double *x, size_t n, uint32_t d, const lg_pca *p) {
     const uint32_t k = p->components;
     double *z = malloc(n * k * sizeof *z), *work = malloc(d * sizeof *work);
-    lg_pca_apply(p, x, n, z, work);
+    lg_pca_eval(p, x, n, z, work);
     for (uint32_t a = 0; a < k; a++) {
         double largest = 0;
         for (uint32_t i = 0; i < d; i++)
@@ -42,7 +42,7 @@ static void components_of_clouds(void **state) {
         check_components(x, n, d, &p);
         for (uint32_t j = 0; j < p.variances; j++) trace += p.variance[j];
         assert_close(trace, d, 1e-12, 0); /* each standardised feature has variance 1 */
-        lg_pca_free(NULL, &p);
+        lg_pca_destroy(NULL, &p);
         free(x);
     }
 }
@@ -60,8 +60,8 @@ static void both_routes_agree(void **state) {
     assert_ok(lg_pca_fit(NULL, twice, 12, 9, 5, &b, NULL));
     for (int i = 0; i < 5; i++) assert_close(a.variance[i], b.variance[i], 1e-12, 0);
     for (int i = 0; i < 45; i++) assert_close(a.vectors[i], b.vectors[i], 1e-10, 1e-11);
-    lg_pca_free(NULL, &a);
-    lg_pca_free(NULL, &b);
+    lg_pca_destroy(NULL, &a);
+    lg_pca_destroy(NULL, &b);
     free(x);
 }
 
@@ -75,7 +75,7 @@ static void two_features_by_hand(void **state) {
     assert_close(p.variance[1], 2.0 / 3.0, 1e-14, 0);
     const double expected[] = {HALF_ROOT, HALF_ROOT, HALF_ROOT, -HALF_ROOT};
     for (int i = 0; i < 4; i++) assert_close(p.vectors[i], expected[i], 1e-14, 0);
-    lg_pca_free(NULL, &p);
+    lg_pca_destroy(NULL, &p);
 }
 
 static void scales(void **state) {
@@ -85,30 +85,30 @@ static void scales(void **state) {
     lg_pca p;
     assert_ok(lg_pca_fit(NULL, x, 30, 3, 0, &p, NULL));
     assert_int_equal(lg_pca_outputs(&p), 3);
-    lg_pca_apply(&p, x, 30, expected, work);
+    lg_pca_eval(&p, x, 30, expected, work);
     double mean = 0, square = 0;
     for (int i = 0; i < 30; i++) mean += expected[3 * i] / 30;
     for (int i = 0; i < 30; i++) square += expected[3 * i] * expected[3 * i] / 30;
     assert_close(mean, 0.0, 0, 1e-15);
     assert_close(square, 1.0, 1e-14, 0);
-    lg_pca_free(NULL, &p);
+    lg_pca_destroy(NULL, &p);
     const double factor[3] = {1e-12, 1e12, 1};
     for (int i = 0; i < 90; i++) x[i] = x[i] * factor[i % 3] + (i % 3 == 2 ? 1e6 : 0.0);
     assert_ok(lg_pca_fit(NULL, x, 30, 3, 0, &p, NULL));
-    lg_pca_apply(&p, x, 30, z, work);
+    lg_pca_eval(&p, x, 30, z, work);
     for (int i = 0; i < 90; i++) assert_close(z[i], expected[i], 1e-8, 1e-8);
-    lg_pca_free(NULL, &p);
+    lg_pca_destroy(NULL, &p);
     for (int i = 0; i < 30; i++) x[3 * i + 1] = 0.1; /* constant: scale 1, not its rounding */
     assert_ok(lg_pca_fit(NULL, x, 30, 3, 3, &p, NULL));
     assert_close(p.scale[1], 1.0, 0, 0);
     assert_close(p.variance[2], 0.0, 0, 1e-14);
-    lg_pca_free(NULL, &p);
+    lg_pca_destroy(NULL, &p);
     for (int i = 0; i < 90; i++) x[i] = 5.0; /* all constant, d > n too: still orthonormal */
     assert_ok(lg_pca_fit(NULL, x, 3, 30, 3, &p, NULL));
     check_components(x, 3, 30, &p);
-    lg_pca_free(NULL, &p);
+    lg_pca_destroy(NULL, &p);
     assert_ok(lg_pca_fit(NULL, x, 1, 5, 1, &p, NULL));
-    lg_pca_free(NULL, &p);
+    lg_pca_destroy(NULL, &p);
     free(x);
 }
 
@@ -140,7 +140,7 @@ static void allocations_that_fail(void **state) {
         lg_pca p = {0};
         lg_fail_alloc_arm(&memory, n);
         const lg_status status = lg_pca_fit(context, x, n % 2 ? 6 : 2, 3, 2, &p, NULL);
-        lg_pca_free(context, &p);
+        lg_pca_destroy(context, &p);
         assert_int_equal(lg_fail_alloc_live(&memory), 0);
         if (!lg_fail_alloc_hit(&memory)) break;
         assert_status(status, LG_OUT_OF_MEMORY);

@@ -118,7 +118,7 @@ static void ties_as_libsvm(void **state) {
             turned += turn;
         }
         reference_free(&r);
-        lg_svm_free(NULL, &svm);
+        lg_svm_destroy(NULL, &svm);
         free(work);
         free(other);
         free(x);
@@ -169,7 +169,7 @@ static void equal_to_libsvm(void **state) {
         }
         free(node);
         reference_free(&r);
-        lg_svm_free(NULL, &svm);
+        lg_svm_destroy(NULL, &svm);
         free(work);
         free(score);
         free(x);
@@ -204,7 +204,7 @@ static void dual_is_optimal(void **state) {
         for (size_t i = 0; i < N * d; i++) mean += x[i] / (N * d);
         for (size_t i = 0; i < N * d; i++) var += (x[i] - mean) * (x[i] - mean) / (N * d);
         assert_close(svm.gamma, 1.0 / (d * var), 1e-12, 0);
-        lg_svm_free(NULL, &svm);
+        lg_svm_destroy(NULL, &svm);
         free(x);
     }
 }
@@ -224,10 +224,10 @@ static void plane_by_hand(void **state) {
     lg_svm_predict(&svm, x, 2, score, work);
     assert_close(score[3], 1.0, 1e-9, 0);
     assert_close(score[1], -1.0, 1e-9, 0);
-    lg_svm_free(NULL, &svm);
+    lg_svm_destroy(NULL, &svm);
     assert_ok(lg_svm_fit(NULL, LG_KERNEL_RBF, 10.0, 1.0, x, label, 2, 2, 2, &svm, NULL));
     assert_status(lg_svm_plane(&svm, w, &b), LG_UNSUPPORTED);
-    lg_svm_free(NULL, &svm);
+    lg_svm_destroy(NULL, &svm);
 }
 
 /* Classes 1 and 3 of 5 do not occur: never given, and the others as without them. */
@@ -247,8 +247,8 @@ static void absent_classes(void **state) {
         assert_close(b[1], -1.0, 0, 0);
         assert_close(b[3], -1.0, 0, 0);
     }
-    lg_svm_free(NULL, &three);
-    lg_svm_free(NULL, &five);
+    lg_svm_destroy(NULL, &three);
+    lg_svm_destroy(NULL, &five);
     free(x);
 }
 
@@ -269,7 +269,7 @@ static void hard_tables(void **state) {
             lg_svm_predict(&svm, scaled, N, score, work);
             if (f == 0) memcpy(first, score, sizeof score);
             for (int i = 0; i < 2 * N; i++) assert_close(score[i], first[i], 5e-3, 5e-3);
-            lg_svm_free(NULL, &svm);
+            lg_svm_destroy(NULL, &svm);
         }
     for (int i = 0; i < N; i++) x[2 * i] = x[2 * i + 1] = 7.0; /* one point, both labels */
     for (int kernel = LG_KERNEL_LINEAR; kernel <= LG_KERNEL_RBF; kernel++) {
@@ -277,7 +277,7 @@ static void hard_tables(void **state) {
         assert_ok(lg_svm_fit(NULL, (lg_kernel)kernel, 1.0, 0.0, x, label, N, 2, 2, &svm, NULL));
         lg_svm_predict(&svm, x, N, score, work);
         for (int i = 0; i < 2 * N; i++) assert_true(isfinite(score[i]));
-        lg_svm_free(NULL, &svm);
+        lg_svm_destroy(NULL, &svm);
     }
     free(x);
 }
@@ -313,7 +313,7 @@ static void allocations_that_fail(void **state) {
             lg_svm m = {0};
             lg_fail_alloc_arm(&memory, n);
             const lg_status status = lg_svm_fit(context, LG_KERNEL_RBF, 1.0, 0, x, label, 30, d, 3, &m, NULL);
-            lg_svm_free(context, &m);
+            lg_svm_destroy(context, &m);
             assert_int_equal(lg_fail_alloc_live(&memory), 0);
             if (!lg_fail_alloc_hit(&memory)) break;
             assert_status(status, LG_OUT_OF_MEMORY);

@@ -55,13 +55,13 @@ static void test_same_tree_as_the_golden_one(void **state) {
         lg_tree_predict(&tree, table_test, TABLE_TESTS, got);
         for (int i = 0; i < TABLE_TESTS * TABLE_CLASSES; i++)
             assert_close(got[i], probability[c][i], 1e-15, 0);
-        lg_tree_free(NULL, &tree);
+        lg_tree_destroy(NULL, &tree);
         options.ccp_alpha = alpha[c];
         assert_ok(lg_tree_fit(NULL, &options, table_x, table_y, TABLE_ROWS, TABLE_FEATURES, TABLE_CLASSES,
                               &tree, NULL));
         assert_int_equal(tree.count, nodes[c]);
         assert_int_equal(lg_tree_depth(&tree), depths[c]);
-        lg_tree_free(NULL, &tree);
+        lg_tree_destroy(NULL, &tree);
     }
 }
 
@@ -175,7 +175,7 @@ static void test_every_split_is_the_best_there_is(void **state) {
             draw_table(seed, seed % 2 == 0 ? 5 : 1000, x, label);
             assert_ok(lg_tree_fit(NULL, &options, x, label, ROWS, FEATURES, CLASSES, &tree, NULL));
             expect_best_splits(&tree, (lg_criterion)c, x, label, leaf);
-            lg_tree_free(NULL, &tree);
+            lg_tree_destroy(NULL, &tree);
         }
 }
 
@@ -219,13 +219,13 @@ static void test_pruning_minimises_the_risk(void **state) {
             assert_int_equal(lg_tree_depth(&pruned), steps[i].depth);
             assert_close(risk(&pruned, 0.0), steps[i].impurity, 1e-12, 1e-14);
             assert_close(risk(&pruned, steps[i].alpha), smallest_risk(&tree, 0, steps[i].alpha), 1e-12, 0);
-            lg_tree_free(NULL, &pruned);
+            lg_tree_destroy(NULL, &pruned);
         }
         assert_ok(lg_tree_prune(NULL, &tree, INFINITY, &pruned));
         assert_int_equal(pruned.count, 1);
         assert_memory_equal(pruned.counts, tree.counts, CLASSES * sizeof *tree.counts);
-        lg_tree_free(NULL, &pruned);
-        lg_tree_free(NULL, &tree);
+        lg_tree_destroy(NULL, &pruned);
+        lg_tree_destroy(NULL, &tree);
     }
 }
 
@@ -251,8 +251,8 @@ static void test_a_split_that_gains_nothing_is_made(void **state) {
         /* Without gain at the root alpha 0 keeps all: the two splits below gain. */
         assert_ok(lg_tree_prune(NULL, &tree, 0.0, &pruned));
         assert_int_equal(pruned.count, 7);
-        lg_tree_free(NULL, &pruned);
-        lg_tree_free(NULL, &tree);
+        lg_tree_destroy(NULL, &pruned);
+        lg_tree_destroy(NULL, &tree);
     }
 }
 
@@ -269,7 +269,7 @@ static void test_ties_go_to_the_lower_feature_and_threshold(void **state) {
         assert_ok(lg_tree_fit(NULL, &options, x, y, 4, 3, 2, &tree, NULL));
         assert_int_equal(tree.node[0].feature, 1);
         assert_close(tree.node[0].threshold, 0.5, 0, 0);
-        lg_tree_free(NULL, &tree);
+        lg_tree_destroy(NULL, &tree);
     }
 }
 
@@ -284,7 +284,7 @@ static void test_limits(void **state) {
         options.max_depth = depth;
         assert_ok(lg_tree_fit(NULL, &options, x, label, ROWS, FEATURES, CLASSES, &tree, NULL));
         assert_int_equal(lg_tree_depth(&tree), depth);
-        lg_tree_free(NULL, &tree);
+        lg_tree_destroy(NULL, &tree);
     }
     lg_tree_options options = options_of(LG_ENTROPY, 3);
     options.min_samples_split = 10;
@@ -293,7 +293,7 @@ static void test_limits(void **state) {
         assert_true(tree.node[i].samples >= 3);
         if (tree.node[i].left != 0) assert_true(tree.node[i].samples >= 10);
     }
-    lg_tree_free(NULL, &tree);
+    lg_tree_destroy(NULL, &tree);
 }
 
 static void test_values_side_by_side(void **state) {
@@ -309,7 +309,7 @@ static void test_values_side_by_side(void **state) {
         assert_true(tree.node[0].threshold >= pairs[i][0] && tree.node[0].threshold < pairs[i][1]);
         assert_int_equal(lg_tree_leaf(&tree, &pairs[i][0]), 1);
         assert_int_equal(lg_tree_leaf(&tree, &pairs[i][1]), 2);
-        lg_tree_free(NULL, &tree);
+        lg_tree_destroy(NULL, &tree);
     }
 }
 
@@ -325,15 +325,15 @@ static void test_tables_without_a_split(void **state) {
     lg_tree_predict(&tree, same, 1, p);
     assert_close(p[1], 2.0 / 3.0, 1e-15, 0);
     assert_int_equal(lg_tree_depth(&tree), 0);
-    lg_tree_free(NULL, &tree);
+    lg_tree_destroy(NULL, &tree);
     assert_ok(lg_tree_fit(NULL, &options, same + 3, y, 3, 1, 2, &tree, NULL)); /* -0 and 0 are equal */
     assert_int_equal(tree.count, 1);
-    lg_tree_free(NULL, &tree);
+    lg_tree_destroy(NULL, &tree);
     assert_ok(lg_tree_fit(NULL, &options, one, y, 1, 1, 4, &tree, NULL)); /* classes 1 to 3 do not occur */
     lg_tree_predict(&tree, one, 1, p);
     assert_close(p[0], 1.0, 0, 0);
     assert_close(p[3], 0.0, 0, 0);
-    lg_tree_free(NULL, &tree);
+    lg_tree_destroy(NULL, &tree);
 }
 
 /* A tree as deep as it has rows: no recursion anywhere. */
@@ -354,8 +354,8 @@ static void test_a_very_deep_tree(void **state) {
     assert_true(lg_tree_depth(&tree) > DEEP / 4);
     assert_ok(lg_tree_prune(NULL, &tree, 1.0, &pruned));
     assert_int_equal(pruned.count, 1);
-    lg_tree_free(NULL, &pruned);
-    lg_tree_free(NULL, &tree);
+    lg_tree_destroy(NULL, &pruned);
+    lg_tree_destroy(NULL, &tree);
     free(x);
     free(y);
 }
@@ -422,7 +422,7 @@ static void test_memory_that_runs_out(void **state) {
         assert_int_equal(tree.inputs, 77);
     }
     assert_true(n > 15);
-    lg_tree_free(context, &tree);
+    lg_tree_destroy(context, &tree);
     assert_int_equal(lg_fail_alloc_live(&memory), 0);
     lg_context_destroy(context);
 }

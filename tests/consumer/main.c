@@ -32,7 +32,7 @@ static int use(const lg_context *context) {
     if (lg_tape_create(context, NULL, &tape) != LG_OK) return 3;
     lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)n), params);
     lg_var q = lg_input(tape, lg_shape2(ROWS, 3), x);
-    lg_var V = lg_mlp_apply(tape, &net, theta, 0, q), g = LG_NONE;
+    lg_var V = lg_mlp_record(tape, &net, theta, 0, q), g = LG_NONE;
     lg_grad(tape, lg_sum(tape, V), &q, 1, &g);
     lg_var loss = lg_sum(tape, lg_square(tape, g));
     void *out = grad;

@@ -179,13 +179,13 @@ static void test_failing_allocations(void **state) {
 
     long failures = 0;
     for (long n = 1;; n++, failures++) {
-        lg_pool *const untouched = (lg_pool *)(void *)&memory;
-        lg_pool *pool = untouched;
+        lg_thread_pool *const untouched = (lg_thread_pool *)(void *)&memory;
+        lg_thread_pool *pool = untouched;
         lg_fail_alloc_arm(&memory, n);
-        const lg_status status = lg_pool_create(context, 3, &pool);
+        const lg_status status = lg_thread_pool_create(context, 3, &pool);
         if (!lg_fail_alloc_hit(&memory)) {
             assert_int_equal(status, LG_OK);
-            lg_pool_destroy(pool);
+            lg_thread_pool_destroy(pool);
             assert_int_equal(lg_fail_alloc_live(&memory), 0);
             break;
         }
@@ -459,11 +459,11 @@ static void square(void *user, size_t index) {
 }
 
 static void check_pool(int threads, size_t count, int rounds) {
-    lg_pool *pool = NULL;
-    assert_ok(lg_pool_create(NULL, threads, &pool));
+    lg_thread_pool *pool = NULL;
+    assert_ok(lg_thread_pool_create(NULL, threads, &pool));
     job all = {calloc(count + 1, sizeof *all.runs), calloc(count + 1, sizeof *all.results), 0};
     for (int round = 1; round <= rounds; round++) {
-        lg_pool_run(pool, count, square, &all);
+        lg_thread_pool_run(pool, count, square, &all);
         assert_int_equal(atomic_load(&all.inside), 0);
         for (size_t i = 0; i < count; i++) {
             assert_int_equal(atomic_load(&all.runs[i]), round);
@@ -472,7 +472,7 @@ static void check_pool(int threads, size_t count, int rounds) {
         }
         assert_int_equal(atomic_load(&all.runs[count]), 0);
     }
-    lg_pool_destroy(pool);
+    lg_thread_pool_destroy(pool);
     free(all.runs);
     free(all.results);
 }
@@ -500,12 +500,12 @@ static void wait_for_all(void *user, size_t index) {
 /* Three tasks that wait for each other end only when three threads run them at the same time. */
 static void test_pool_is_parallel(void **state) {
     (void)state;
-    lg_pool *pool = NULL;
-    assert_ok(lg_pool_create(NULL, 3, &pool));
+    lg_thread_pool *pool = NULL;
+    assert_ok(lg_thread_pool_create(NULL, 3, &pool));
     atomic_int arrived = 0;
-    lg_pool_run(pool, 3, wait_for_all, &arrived);
+    lg_thread_pool_run(pool, 3, wait_for_all, &arrived);
     assert_int_equal(atomic_load(&arrived), 3);
-    lg_pool_destroy(pool);
+    lg_thread_pool_destroy(pool);
 }
 
 typedef struct late {
@@ -529,25 +529,25 @@ static void finish_late(void *user, size_t index) {
 /* A run returns when the last task has ended, even long after the caller's own. */
 static void test_pool_waits_for_late_tasks(void **state) {
     (void)state;
-    lg_pool *pool = NULL;
-    assert_ok(lg_pool_create(NULL, 2, &pool));
+    lg_thread_pool *pool = NULL;
+    assert_ok(lg_thread_pool_create(NULL, 2, &pool));
     for (int i = 0; i < 3; i++) {
         late all = {.caller = pthread_self()};
-        lg_pool_run(pool, 2, finish_late, &all);
+        lg_thread_pool_run(pool, 2, finish_late, &all);
         assert_int_equal(atomic_load(&all.finished), 2);
     }
-    lg_pool_destroy(pool);
+    lg_thread_pool_destroy(pool);
 }
 
 static void test_pool_bad_input(void **state) {
     (void)state;
-    lg_pool *pool = NULL;
+    lg_thread_pool *pool = NULL;
     static const int bad[] = {0, -1, -2147483647, 1025};
     for (size_t i = 0; i < LG_COUNT(bad); i++) {
-        assert_status(lg_pool_create(NULL, bad[i], &pool), LG_INVALID_ARGUMENT);
+        assert_status(lg_thread_pool_create(NULL, bad[i], &pool), LG_INVALID_ARGUMENT);
         assert_null(pool);
     }
-    lg_pool_destroy(NULL);
+    lg_thread_pool_destroy(NULL);
 }
 
 /* ---- instruction sets ---- */
@@ -661,20 +661,20 @@ static void test_counting(void **state) {
     used = lg_count_end();
     assert_int_equal(used.allocations, 0);
 
-    lg_pool *pool = NULL;
+    lg_thread_pool *pool = NULL;
     lg_count_begin();
-    assert_ok(lg_pool_create(NULL, 2, &pool));
+    assert_ok(lg_thread_pool_create(NULL, 2, &pool));
     used = lg_count_end();
     assert_true(used.allocations >= 2);
     atomic_int runs[4] = {0};
     double results[4];
     job all = {runs, results, 0};
     lg_count_begin();
-    lg_pool_run(pool, 4, square, &all);
+    lg_thread_pool_run(pool, 4, square, &all);
     used = lg_count_end();
     assert_int_equal(used.allocations, 0);
     assert_true(used.locks >= 1);
-    lg_pool_destroy(pool);
+    lg_thread_pool_destroy(pool);
 }
 
 /* OpenBLAS allocates or locks in a product: a counter that does not see it would prove nothing. */

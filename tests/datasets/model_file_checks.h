@@ -16,7 +16,7 @@ typedef JOIN(lg_, MODEL_KIND, _file) model_file;
 typedef JOIN(lg_, MODEL_KIND, _run) model_run;
 #define model_save              JOIN(lg_model_save_, MODEL_KIND, )
 #define model_load              JOIN(lg_model_load_, MODEL_KIND, )
-#define model_free              JOIN(lg_, MODEL_KIND, _file_free)
+#define model_free              JOIN(lg_, MODEL_KIND, _file_destroy)
 #define model_compare           JOIN(lg_, MODEL_KIND, _run_compare)
 #define model_checkpoint_create JOIN(MODEL_CHECKPOINT, _create, )
 #define model_checkpoint_open   JOIN(MODEL_CHECKPOINT, _open, )

@@ -94,7 +94,7 @@ static inline lg_status plan_mutant(const lg_program *program, size_t function, 
     for (size_t j = 0; j < outputs; j++) out[j] = malloc(lg_plan_output_count(plan, j) * size + 1);
     void *work = aligned_alloc(64, lg_plan_work_size(plan));
     memset(work, 0xff, lg_plan_work_size(plan));
-    lg_plan_run(plan, (const void *const *)in, out, work);
+    lg_plan_eval(plan, (const void *const *)in, out, work);
     for (size_t i = 0; i < inputs; i++) free(in[i]);
     for (size_t j = 0; j < outputs; j++) free(out[j]);
     free(work);

@@ -14,18 +14,18 @@
 
 static inline lg_status zoo_value(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x,
                                   lg_var *y) {
-    y[0] = lg_mlp_apply(tape, user, theta[1], 0, x[0]);
+    y[0] = lg_mlp_record(tape, user, theta[1], 0, x[0]);
     return lg_tape_status(tape);
 }
 
 static inline lg_status zoo_loss(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    const lg_var out = lg_mlp_apply(tape, user, theta[1], 0, x[0]);
+    const lg_var out = lg_mlp_record(tape, user, theta[1], 0, x[0]);
     y[0] = lg_mse(tape, out, x[1]);
     return lg_grad(tape, y[0], x, 1, &y[1]);
 }
 
 static inline lg_status zoo_step(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    const lg_var field = lg_mlp_apply(tape, user, theta[1], 0, x[0]);
+    const lg_var field = lg_mlp_record(tape, user, theta[1], 0, x[0]);
     y[0] = lg_add(tape, x[0], lg_mul(tape, x[1], lg_mul(tape, field, theta[0])));
     return lg_tape_status(tape);
 }
@@ -180,7 +180,7 @@ static inline lg_status zoo_run(const lg_program *program, size_t function, size
     assert_ok(lg_tape_create(NULL, &options, &tape));
     for (size_t i = 0; i < inputs; i++) x[i] = zoo_input(tape, &in[i], rows, &rng);
     lg_status status = lg_tape_status(tape);
-    if (status == LG_OK) status = lg_program_apply(tape, program, function, NULL, x, y);
+    if (status == LG_OK) status = lg_program_record(tape, program, function, NULL, x, y);
     for (size_t j = 0; status == LG_OK && j < outputs; j++) {
         const unsigned char *value = lg_value(tape, y[j]);
         for (size_t b = 0; hash != NULL && b < zoo_bytes(tape, y[j]); b++)

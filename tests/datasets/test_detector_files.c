@@ -194,9 +194,9 @@ static void round_trip(void **state) {
         assert_string_equal(again.provenance.command, "train");
         assert_ok(lg_model_save_detector(NULL, second, &again, NULL, NULL));
         assert_same_bytes(path, second);
-        lg_detector_file_free(NULL, &file);
-        lg_detector_file_free(NULL, &again);
-        lg_detector_file_free(NULL, &again);
+        lg_detector_file_destroy(NULL, &file);
+        lg_detector_file_destroy(NULL, &again);
+        lg_detector_file_destroy(NULL, &again);
     }
 }
 
@@ -222,7 +222,7 @@ static void layers_by_name(void **state) {
         assert_ok(lg_h5_text(h5, "model", "blocks", blocks, sizeof blocks, NULL));
         if (examples[e].blocks != NULL) assert_string_equal(blocks, examples[e].blocks);
         lg_h5_close(h5);
-        lg_detector_file_free(NULL, &file);
+        lg_detector_file_destroy(NULL, &file);
     }
 }
 
@@ -247,8 +247,8 @@ static void minimal_model(void **state) {
     assert_true(isnan(file.accuracy) && isnan(file.f1) && isnan(file.test_mse));
     assert_close(file.rate, 0, 0, 0);
     assert_int_equal(file.epochs_done, 0);
-    lg_detector_file_free(NULL, &file);
-    lg_detector_file_free(NULL, &full);
+    lg_detector_file_destroy(NULL, &file);
+    lg_detector_file_destroy(NULL, &full);
 }
 
 /* The text of the blocks, read and written. */
@@ -444,7 +444,7 @@ static void refused_on_save(void **state) {
     assert_status(lg_model_save_detector(NULL, path, &file, NULL, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_model_save_detector(NULL, NULL, &file, NULL, NULL), LG_INVALID_ARGUMENT);
     assert_int_not_equal(access(path, F_OK), 0);
-    lg_detector_file_free(NULL, &file);
+    lg_detector_file_destroy(NULL, &file);
     assert_status(lg_model_save_detector(NULL, path, &file, NULL, NULL), LG_INVALID_ARGUMENT);
 }
 
@@ -529,7 +529,7 @@ static lg_status write_classifier(const lg_context *context, const char *path, l
         if (status == LG_OK) status = lg_file_writer_commit(writer, error);
         lg_file_writer_destroy(writer);
     }
-    lg_series_free(NULL, &names);
+    lg_series_destroy(NULL, &names);
     return status;
 }
 
@@ -545,7 +545,7 @@ static lg_status read_classifier(const lg_context *context, const char *path, co
     LG_TRY(lg_file_reader_open(context, path, "classifier", options, &reader, error));
     lg_status status = lg_file_reader_names(reader, &names, error);
     if (status == LG_OK) {
-        lg_series_free(context, &names);
+        lg_series_destroy(context, &names);
         status = lg_file_reader_archive(reader, "", &archive);
     }
     if (status == LG_OK) status = archive.text(archive.user, "classifier/method", method, sizeof method);
@@ -595,8 +595,8 @@ static void classifier_files(void **state) {
     assert_ok(archive.array(archive.user, "classifier/tree/counts", LG_ELEMENT_U32, 1, dims + 1, counts));
     assert_int_equal(counts[2], 4294967295u);
     lg_file_reader_close(reader);
-    lg_series_free(NULL, &names);
-    lg_series_free(NULL, &want);
+    lg_series_destroy(NULL, &names);
+    lg_series_destroy(NULL, &want);
     refuse_damaged_files(read_classifier, good_classifier(), "");
     survive_changed_bytes(read_classifier, good_classifier(), 60);
     delete_link(good_classifier(), "classes");
@@ -614,7 +614,7 @@ static void names_refused(void **state) {
     assert_non_null(strstr(error.message, "'a|x' is there twice"));
     names.rate = NAN;
     assert_status(lg_file_writer_names(writer, &names, NULL), LG_NOT_FINITE);
-    lg_series_free(NULL, &names);
+    lg_series_destroy(NULL, &names);
     assert_status(lg_file_writer_names(writer, &names, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_file_writer_names(writer, NULL, NULL), LG_INVALID_ARGUMENT);
     lg_file_writer_destroy(writer);

@@ -41,7 +41,7 @@ static void write_hamiltonian(const char *path) {
     file.parameters = lg_hamiltonian_parameters(&file.run.model);
     file.theta = numbers(file.parameters, &rng);
     assert_ok(lg_model_save_hamiltonian(NULL, path, &file, NULL, NULL));
-    lg_hamiltonian_file_free(NULL, &file);
+    lg_hamiltonian_file_destroy(NULL, &file);
 }
 
 static void write_surrogate(const char *path) {
@@ -63,7 +63,7 @@ static void write_surrogate(const char *path) {
     file.parameters = lg_surrogate_parameters(&file.run.model);
     file.theta = numbers(file.parameters, &rng);
     assert_ok(lg_model_save_surrogate(NULL, path, &file, NULL, NULL));
-    lg_surrogate_file_free(NULL, &file);
+    lg_surrogate_file_destroy(NULL, &file);
 }
 
 static void write_detector(const char *path) {
@@ -90,7 +90,7 @@ static void write_detector(const char *path) {
     file.parameters = lg_cnn_parameters(&file.run.model.net);
     file.theta = numbers(file.parameters, &rng);
     assert_ok(lg_model_save_detector(NULL, path, &file, NULL, NULL));
-    lg_detector_file_free(NULL, &file);
+    lg_detector_file_destroy(NULL, &file);
 }
 
 static void (*const writers[LG_MODEL_KIND_COUNT])(const char *) = {
@@ -116,7 +116,7 @@ static lg_status read_any(const lg_context *context, const char *path, const lg_
     memcpy(&untouched, &file, sizeof file);
     const lg_status status = lg_model_load(context, path, options, &file, error);
     if (status == LG_OK)
-        lg_model_file_free(context, &file);
+        lg_model_file_destroy(context, &file);
     else
         assert_memory_equal(&file, &untouched, sizeof file);
     return status;
@@ -164,8 +164,8 @@ static void hamiltonians_load(void **state) {
     assert_memory_equal(&file.model.hamiltonian.net, &own.run.model.net, sizeof(lg_mlp));
     assert_string_equal(file.hamiltonian.run.system, "pendulum-chain");
     assert_ptr_equal(file.model.theta, file.hamiltonian.theta);
-    lg_model_file_free(NULL, &file);
-    lg_hamiltonian_file_free(NULL, &own);
+    lg_model_file_destroy(NULL, &file);
+    lg_hamiltonian_file_destroy(NULL, &own);
 }
 
 static void surrogates_load(void **state) {
@@ -178,8 +178,8 @@ static void surrogates_load(void **state) {
     const lg_model expected = {.kind = LG_MODEL_SURROGATE, .surrogate = own.run.model, .theta = own.theta};
     assert_same_model(&file.model, &expected);
     assert_ptr_equal(file.model.theta, file.surrogate.theta);
-    lg_model_file_free(NULL, &file);
-    lg_surrogate_file_free(NULL, &own);
+    lg_model_file_destroy(NULL, &file);
+    lg_surrogate_file_destroy(NULL, &own);
 }
 
 static void detectors_load(void **state) {
@@ -196,8 +196,8 @@ static void detectors_load(void **state) {
     assert_ptr_equal(file.model.scaler.mean, file.detector.scaler.mean);
     assert_int_equal(file.model.scaler.channels, 2);
     assert_string_equal(file.detector.class_name[2], "class 2");
-    lg_model_file_free(NULL, &file);
-    lg_detector_file_free(NULL, &own);
+    lg_model_file_destroy(NULL, &file);
+    lg_detector_file_destroy(NULL, &own);
 }
 
 /* Where the structure was moved to, the model still finds its numbers. */
@@ -214,7 +214,7 @@ static void files_may_move(void **state) {
     lg_model_eval(&second.model, x, y, work);
     for (int i = 0; i < 3; i++) assert_true(isfinite(y[i]));
     free(work);
-    lg_model_file_free(NULL, &second);
+    lg_model_file_destroy(NULL, &second);
 }
 
 static void freed_files_are_zero(void **state) {
@@ -222,13 +222,13 @@ static void freed_files_are_zero(void **state) {
     static const lg_model_file zero;
     lg_model_file file;
     memset(&file, 0, sizeof file);
-    lg_model_file_free(NULL, &file); /* a zeroed one */
-    lg_model_file_free(NULL, NULL);
+    lg_model_file_destroy(NULL, &file); /* a zeroed one */
+    lg_model_file_destroy(NULL, NULL);
     for (int kind = 0; kind < LG_MODEL_KIND_COUNT; kind++) {
         assert_ok(lg_model_load(NULL, fresh((lg_model_kind)kind), NULL, &file, NULL));
-        lg_model_file_free(NULL, &file);
+        lg_model_file_destroy(NULL, &file);
         assert_memory_equal(&file, &zero, sizeof file);
-        lg_model_file_free(NULL, &file); /* twice */
+        lg_model_file_destroy(NULL, &file); /* twice */
     }
 }
 
@@ -269,14 +269,14 @@ static void data_and_checkpoints_are_refused(void **state) {
     assert_ok(
         lg_trajectories_create(NULL, "quartic", LG_HAMILTONIAN_SEPARABLE, 2, 2, 3, 1.0, false, 0, &data));
     assert_ok(lg_trajectories_write(NULL, path, &data, NULL));
-    lg_trajectories_free(NULL, &data);
+    lg_trajectories_destroy(NULL, &data);
     assert_refused(read_any, path, LG_FORMAT, "trajectories", "data");
     assert_ok(lg_model_load_hamiltonian(NULL, fresh(LG_MODEL_HAMILTONIAN), NULL, &file, NULL));
     path = scratch_path("checkpoint.h5");
     assert_ok(lg_checkpoint_create(NULL, path, &file.run, NULL, &writer, NULL));
     assert_ok(lg_file_writer_commit(writer, NULL));
     lg_file_writer_destroy(writer);
-    lg_hamiltonian_file_free(NULL, &file);
+    lg_hamiltonian_file_destroy(NULL, &file);
     assert_refused(read_any, path, LG_FORMAT, "checkpoint", "unfinished");
 }
 

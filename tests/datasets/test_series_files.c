@@ -49,7 +49,7 @@ static const char *good_file(void) {
         lg_series_data data;
         make_series(true, &data);
         assert_ok(lg_series_write(NULL, original, &data, NULL));
-        lg_series_data_free(NULL, &data);
+        lg_series_data_destroy(NULL, &data);
     }
     copy_file(original, path);
     return path;
@@ -59,7 +59,7 @@ static lg_status read_data(const lg_context *context, const char *path, const lg
                            lg_error *error) {
     lg_series_data data;
     const lg_status status = lg_series_read(context, path, options, NULL, &data, error);
-    if (status == LG_OK) lg_series_data_free(context, &data);
+    if (status == LG_OK) lg_series_data_destroy(context, &data);
     return status;
 }
 
@@ -108,9 +108,9 @@ static void round_trip(void **state) {
         }
         assert_ok(lg_series_write(NULL, second, &again, NULL));
         assert_same_bytes(path, second);
-        lg_series_data_free(NULL, &data);
-        lg_series_data_free(NULL, &again);
-        lg_series_data_free(NULL, &again);
+        lg_series_data_destroy(NULL, &data);
+        lg_series_data_destroy(NULL, &again);
+        lg_series_data_destroy(NULL, &again);
     }
 }
 
@@ -126,7 +126,7 @@ static void hash_of_arrays(void **state) {
     lg_sha256_add(&sha, data.series.label, sizeof(uint32_t) * WINDOWS);
     lg_sha256_finish(&sha, text);
     assert_string_equal(data.sha256, text);
-    lg_series_data_free(NULL, &data);
+    lg_series_data_destroy(NULL, &data);
 }
 
 /* Names that cannot be joined by |, and more of them than an attribute holds. */
@@ -151,8 +151,8 @@ static void awkward_names(void **state) {
         assert_memory_equal(again.series.class_name, data.series.class_name, classes * LG_SERIES_NAME);
         assert_memory_equal(again.series.label, data.series.label, classes * sizeof(uint32_t));
         assert_names(again.series.channel_name, 3, "|\xce\xb8|");
-        lg_series_data_free(NULL, &data);
-        lg_series_data_free(NULL, &again);
+        lg_series_data_destroy(NULL, &data);
+        lg_series_data_destroy(NULL, &again);
     }
 }
 
@@ -210,7 +210,7 @@ static void assert_labels(const char *path, const lg_series *like, const char *n
     if (lg_series_read(NULL, path, NULL, like, &data, &error) != LG_OK) fail_msg("%s", error.message);
     assert_names(data.series.class_name, data.series.classes, names);
     assert_memory_equal(data.series.label, expected, WINDOWS * sizeof *expected);
-    lg_series_data_free(NULL, &data);
+    lg_series_data_destroy(NULL, &data);
 }
 
 static const double plain[WINDOWS] = {0, 1, 0, 1, 1, 0};
@@ -239,7 +239,7 @@ static void foreign_samples(void **state) {
         assert_true(isnan(data.noise) && isnan(data.severity));
         assert_string_equal(data.provenance.command, "");
         assert_int_equal(strlen(data.sha256), 64);
-        lg_series_data_free(NULL, &data);
+        lg_series_data_destroy(NULL, &data);
     }
 }
 
@@ -338,7 +338,7 @@ static void listed_names(void **state) {
     assert_memory_equal(data.series.label, expected, sizeof expected);
     assert_string_equal(data.series.class_name[0], "dry|cold");
     assert_string_equal(data.series.channel_name[1], "wet");
-    lg_series_data_free(NULL, &data);
+    lg_series_data_destroy(NULL, &data);
     replace_integer(path, "/", "classes", 2);
     replace_integer(path, "/", "channels", 2);
     replace_text(path, "/", "noise", "gaussian"); /* means something else there */
@@ -365,7 +365,7 @@ static void foreign_units(void **state) {
     for (size_t i = 0; i < WINDOWS; i++) assert_int_equal(data.series.run[i], runs[i]);
     assert_close(data.series.rate, 12.5, 0, 0);
     assert_names(data.series.channel_name, 2, "left|");
-    lg_series_data_free(NULL, &data);
+    lg_series_data_destroy(NULL, &data);
 }
 
 typedef struct heard {
@@ -403,7 +403,7 @@ static void torn_runs(void **state) {
     assert_non_null(data.series.group);
     assert_int_equal(h.count, 1);
     assert_non_null(strstr(h.last, "series.h5: /run: the windows of run 1"));
-    lg_series_data_free(context, &data);
+    lg_series_data_destroy(context, &data);
     lg_context_destroy(context);
 }
 
@@ -449,8 +449,8 @@ static void matched_classes(void **state) {
         assert_names(data.series.class_name, 3, cases[i].names);
         assert_memory_equal(data.series.label, cases[i].expected, sizeof cases[i].expected);
         assert_int_equal(h.count, cases[i].warnings);
-        lg_series_data_free(context, &data);
-        lg_series_free(NULL, &like);
+        lg_series_data_destroy(context, &data);
+        lg_series_destroy(NULL, &like);
         lg_context_destroy(context);
     }
 }
@@ -477,7 +477,7 @@ static void unmatched_classes(void **state) {
         if (cases[i].classes != NULL) replace_text(path, "/", "classes", cases[i].classes);
         assert_status(lg_series_read(NULL, path, NULL, &like, &data, &error), LG_FORMAT);
         if (strstr(error.message, cases[i].word) == NULL) fail_msg("%s", error.message);
-        lg_series_free(NULL, &like);
+        lg_series_destroy(NULL, &like);
     }
     /* What does not occur needs no match. */
     lg_series like = classes_like(2, cases[0].like);
@@ -486,7 +486,7 @@ static void unmatched_classes(void **state) {
     put_labels(path, "y", H5T_STD_I32LE, 1, plain);
     replace_text(path, "/", "classes", "intact|broken|unheard of");
     assert_labels(path, &like, "intact|broken", expected);
-    lg_series_free(NULL, &like);
+    lg_series_destroy(NULL, &like);
     assert_status(lg_series_read(NULL, path, NULL, &like, &(lg_series_data){.sha256 = ""}, NULL),
                   LG_INVALID_ARGUMENT);
 }
@@ -545,10 +545,10 @@ static void numbers_with_names(void **state) {
                          cases[i].train == one    ? "1|2|3"
                          : cases[i].train == zero ? "0|1|2"
                                                   : "-1|7|9");
-            lg_series_data_free(context, &data);
+            lg_series_data_destroy(context, &data);
         }
         assert_int_equal(h.count, 0);
-        lg_series_data_free(context, &train);
+        lg_series_data_destroy(context, &train);
         lg_context_destroy(context);
     }
 }
@@ -565,7 +565,7 @@ static void unknown_zero(void **state) {
     put_labels(path, "y", H5T_STD_I32LE, 1, y);
     assert_status(lg_series_read(NULL, path, NULL, &like, &data, &error), LG_FORMAT);
     assert_non_null(strstr(error.message, "'0' is none of the classes 1|2|3"));
-    lg_series_free(NULL, &like);
+    lg_series_destroy(NULL, &like);
 }
 
 /* Neither 0 nor K occurs and nothing else tells: 0 is taken, with a warning. class_labels tells. */
@@ -583,12 +583,12 @@ static void given_class_labels(void **state) {
     assert_memory_equal(data.series.label, from_zero, sizeof from_zero);
     assert_int_equal(h.count, 1);
     assert_non_null(strstr(h.last, "class_labels"));
-    lg_series_data_free(context, &data);
+    lg_series_data_destroy(context, &data);
     replace_text(path, "/", "class_labels", "2|3|1");
     assert_ok(lg_series_read(context, path, NULL, NULL, &data, NULL));
     assert_memory_equal(data.series.label, given, sizeof given);
     assert_int_equal(h.count, 1);
-    lg_series_data_free(context, &data);
+    lg_series_data_destroy(context, &data);
     lg_context_destroy(context);
     replace_text(path, "/", "class_labels", "2|3");
     assert_refused(read_data, path, LG_FORMAT, "class_labels", "2 labels, but 3 classes");
@@ -614,12 +614,12 @@ static void labels_written_again(void **state) {
     assert_ok(lg_series_write(context, out, &data, NULL));
     assert_ok(lg_series_read(context, out, NULL, &data.series, &again, NULL));
     assert_memory_equal(again.series.label, expected, sizeof expected);
-    lg_series_data_free(context, &again);
+    lg_series_data_destroy(context, &again);
     assert_ok(lg_series_read(context, out, NULL, NULL, &again, NULL));
     assert_memory_equal(again.series.label, expected, sizeof expected);
     assert_int_equal(h.count, 0);
-    lg_series_data_free(context, &again);
-    lg_series_data_free(context, &data);
+    lg_series_data_destroy(context, &again);
+    lg_series_data_destroy(context, &data);
     lg_context_destroy(context);
 }
 
@@ -668,7 +668,7 @@ static void lost_in_floats(void **state) {
             fail_msg("%zu: %s", i, error.message);
         assert_int_equal(h.count, cases[i].warning != NULL);
         if (cases[i].warning != NULL && strstr(h.last, cases[i].warning) == NULL) fail_msg("%s", h.last);
-        if (status == LG_OK) lg_series_data_free(context, &data);
+        if (status == LG_OK) lg_series_data_destroy(context, &data);
         lg_context_destroy(context);
     }
 }
@@ -696,7 +696,7 @@ static void many_blocks(void **state) {
         assert_ok(lg_series_read(NULL, path, NULL, NULL, &data, NULL));
         for (size_t i = 0; i < (size_t)ROWS * SAMPLES; i++)
             if (data.series.x[i] != (float)x[i]) fail_msg("sample %zu", i);
-        lg_series_data_free(NULL, &data);
+        lg_series_data_destroy(NULL, &data);
     }
     free(x);
 }
@@ -713,7 +713,7 @@ static void foreign_rates(void **state) {
     assert_close(data.series.rate, 0, 0, 0);
     assert_int_equal(h.count, 1);
     assert_non_null(strstr(h.last, "attribute rate"));
-    lg_series_data_free(context, &data);
+    lg_series_data_destroy(context, &data);
     lg_context_destroy(context);
 }
 
@@ -974,7 +974,7 @@ static void refused_on_write(void **state) {
     assert_status(lg_series_write(NULL, NULL, &data, NULL), LG_INVALID_ARGUMENT);
     assert_int_not_equal(access(path, F_OK), 0);
     assert_ok(lg_series_write(NULL, path, &data, NULL));
-    lg_series_data_free(NULL, &data);
+    lg_series_data_destroy(NULL, &data);
     assert_status(lg_series_write(NULL, path, &data, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_series_read(NULL, NULL, NULL, NULL, &data, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_series_read(NULL, path, NULL, NULL, NULL, NULL), LG_INVALID_ARGUMENT);
@@ -988,8 +988,8 @@ static lg_status read_like_step(const lg_context *context, void *user, lg_error 
     lg_series_data data;
     const lg_read_options options = without_probe();
     const lg_status status = lg_series_read(context, user, &options, &like, &data, error);
-    if (status == LG_OK) lg_series_data_free(context, &data);
-    lg_series_free(NULL, &like);
+    if (status == LG_OK) lg_series_data_destroy(context, &data);
+    lg_series_destroy(NULL, &like);
     return status;
 }
 
@@ -997,7 +997,7 @@ static lg_status write_step(const lg_context *context, void *user, lg_error *err
     lg_series_data data;
     make_series(true, &data);
     const lg_status status = lg_series_write(context, user, &data, error);
-    lg_series_data_free(NULL, &data);
+    lg_series_data_destroy(NULL, &data);
     return status;
 }
 

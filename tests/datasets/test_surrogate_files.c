@@ -114,9 +114,9 @@ static void round_trip(void **state) {
         assert_string_equal(again.provenance.command, "train");
         assert_ok(lg_model_save_surrogate(NULL, second, &again, NULL, NULL));
         assert_same_bytes(path, second);
-        lg_surrogate_file_free(NULL, &file);
-        lg_surrogate_file_free(NULL, &again);
-        lg_surrogate_file_free(NULL, &again);
+        lg_surrogate_file_destroy(NULL, &file);
+        lg_surrogate_file_destroy(NULL, &again);
+        lg_surrogate_file_destroy(NULL, &again);
     }
 }
 
@@ -137,7 +137,7 @@ static void layers_by_name(void **state) {
         assert_int_equal(total, file.parameters);
         assert_true(lg_h5_has(h5, "model/embedding/weight") == (examples[e].options.embedding > 0));
         lg_h5_close(h5);
-        lg_surrogate_file_free(NULL, &file);
+        lg_surrogate_file_destroy(NULL, &file);
     }
 }
 
@@ -157,7 +157,7 @@ static void minimal_model(void **state) {
     assert_int_equal(file.epochs_done, 0);
     assert_int_equal(file.run.model.options.kind, LG_SURROGATE_ANGLE);
     assert_true(file.run.model.options.boundary);
-    lg_surrogate_file_free(NULL, &file);
+    lg_surrogate_file_destroy(NULL, &file);
 }
 
 static void damaged_models(void **state) {
@@ -237,7 +237,7 @@ static void refused_on_save(void **state) {
     file.run = run;
     assert_status(lg_model_save_surrogate(NULL, NULL, &file, NULL, NULL), LG_INVALID_ARGUMENT);
     assert_int_not_equal(access(path, F_OK), 0);
-    lg_surrogate_file_free(NULL, &file);
+    lg_surrogate_file_destroy(NULL, &file);
     assert_status(lg_model_save_surrogate(NULL, path, &file, NULL, NULL), LG_INVALID_ARGUMENT);
 }
 

@@ -33,7 +33,7 @@ static const char *good_file(uint32_t links) {
     const char *path = scratch_path("good.h5");
     make_chain(NULL, links, 3, 5, &data);
     assert_ok(lg_trajectories_write(NULL, path, &data, NULL));
-    lg_trajectories_free(NULL, &data);
+    lg_trajectories_destroy(NULL, &data);
     return path;
 }
 
@@ -41,7 +41,7 @@ static lg_status read_and_free(const lg_context *context, const char *path, cons
                                lg_error *error) {
     lg_trajectories data;
     lg_status status = lg_trajectories_read(context, path, options, &data, error);
-    if (status == LG_OK) lg_trajectories_free(context, &data);
+    if (status == LG_OK) lg_trajectories_destroy(context, &data);
     return status;
 }
 
@@ -70,8 +70,8 @@ static void round_trip(void **state) {
         assert_true(again.provenance.has_seed && again.provenance.seed == 12345678901234567890u);
         assert_ok(lg_trajectories_write(NULL, second, &again, NULL));
         assert_same_bytes(path, second);
-        lg_trajectories_free(NULL, &data);
-        lg_trajectories_free(NULL, &again);
+        lg_trajectories_destroy(NULL, &data);
+        lg_trajectories_destroy(NULL, &again);
     }
 }
 
@@ -92,7 +92,7 @@ static void hash_is_of_the_data(void **state) {
     data.data[17] = nextafter(data.data[17], 2);
     assert_ok(lg_trajectories_write(NULL, scratch_path("hash.h5"), &data, NULL));
     assert_string_not_equal(data.sha256, digest);
-    lg_trajectories_free(NULL, &data);
+    lg_trajectories_destroy(NULL, &data);
 }
 
 /* ---- files of other programs ---- */
@@ -129,7 +129,7 @@ static void foreign_types(void **state) {
     for (int i = 0; i < 24; i++) assert_close(data.data[i], points[i], 0, 0);
     assert_close(data.hamiltonian[1], 250, 0, 0);
     assert_null(data.inputs);
-    lg_trajectories_free(NULL, &data);
+    lg_trajectories_destroy(NULL, &data);
 }
 
 static void foreign_texts(void **state) {
@@ -146,7 +146,7 @@ static void foreign_texts(void **state) {
         lg_trajectories data;
         assert_ok(lg_trajectories_read(NULL, path, NULL, &data, NULL));
         assert_string_equal(data.system, "pendulum-chain");
-        lg_trajectories_free(NULL, &data);
+        lg_trajectories_destroy(NULL, &data);
     }
 }
 
@@ -161,21 +161,21 @@ static void derived_attributes(void **state) {
         assert_ok(lg_trajectories_read(NULL, path, NULL, &data, NULL));
         assert_int_equal(data.family, LG_HAMILTONIAN_CHAIN);
         assert_int_equal(data.links, 2);
-        lg_trajectories_free(NULL, &data);
+        lg_trajectories_destroy(NULL, &data);
     }
     delete_link(path, "hamiltonian");
     delete_link(path, "inputs");
     assert_ok(lg_trajectories_read(NULL, path, NULL, &data, NULL));
     assert_null(data.hamiltonian);
     assert_null(data.inputs);
-    lg_trajectories_free(NULL, &data);
+    lg_trajectories_destroy(NULL, &data);
     /* Attributes on the data set; a system of the user's own with a layout. */
     replace_text(path, "trajectories", "system", "double spherical pendulum on a cart");
     assert_refused(read_and_free, path, LG_FORMAT, "system", "layout");
     replace_text(path, "trajectories", "layout", "q1 p1 q2 p2");
     assert_ok(lg_trajectories_read(NULL, path, NULL, &data, NULL));
     assert_string_equal(data.system, "double spherical pendulum on a cart");
-    lg_trajectories_free(NULL, &data);
+    lg_trajectories_destroy(NULL, &data);
 }
 
 /* Times stored as floats are equidistant to their own rounding. */
@@ -344,7 +344,7 @@ static void other_files(void **state) {
     lg_trajectories data;
     make_chain(NULL, 1, 3, 5, &data);
     assert_ok(lg_trajectories_write(NULL, target, &data, NULL));
-    lg_trajectories_free(NULL, &data);
+    lg_trajectories_destroy(NULL, &data);
     const char *path = good_file(1);
     hid_t file = open_for_change(path);
     assert_true(H5Ldelete(file, "t", H5P_DEFAULT) >= 0);
@@ -392,7 +392,7 @@ static void bad_arguments(void **state) {
     data.data[20] = NAN;
     assert_status(lg_trajectories_write(NULL, scratch_path("nan.h5"), &data, NULL), LG_NOT_FINITE);
     assert_int_not_equal(access(scratch_path("nan.h5"), F_OK), 0);
-    lg_trajectories_free(NULL, &data);
+    lg_trajectories_destroy(NULL, &data);
 }
 
 /* ---- memory and disk ---- */
@@ -408,7 +408,7 @@ static lg_status write_step(const lg_context *context, void *user, lg_error *err
     lg_trajectories data;
     make_chain(NULL, 2, 3, 5, &data);
     lg_status status = lg_trajectories_write(context, user, &data, error);
-    lg_trajectories_free(NULL, &data);
+    lg_trajectories_destroy(NULL, &data);
     return status;
 }
 
@@ -416,7 +416,7 @@ static lg_status create_step(const lg_context *context, void *user, lg_error *er
     (void)user, (void)error;
     lg_trajectories data;
     lg_status status = lg_trajectories_create(context, "", LG_HAMILTONIAN_CHAIN, 2, 3, 5, 1, true, 2, &data);
-    if (status == LG_OK) lg_trajectories_free(context, &data);
+    if (status == LG_OK) lg_trajectories_destroy(context, &data);
     return status;
 }
 
@@ -451,7 +451,7 @@ static void full_disk(void **state) {
         assert_int_equal(setrlimit(RLIMIT_FSIZE, &limit), 0);
         assert_int_equal(status, LG_FILE);
         assert_non_null(strstr(error.message, "good.h5"));
-        lg_trajectories_free(NULL, &data);
+        lg_trajectories_destroy(NULL, &data);
         assert_same_bytes(path, copy);
         assert_int_equal(scratch_files(), files);
     }
@@ -481,7 +481,7 @@ static void unwritable(void **state) {
     assert_int_equal(stat(target, &about), 0);
     assert_int_equal(about.st_mode & 0777, 0640);
     assert_ok(read_and_free(NULL, target, NULL, NULL));
-    lg_trajectories_free(NULL, &data);
+    lg_trajectories_destroy(NULL, &data);
 }
 
 /* A reader that dies, loops or eats memory in the child is a sentence in the parent. */

@@ -30,7 +30,7 @@ typedef struct setup {
 static lg_status bind(void *user, lg_tape *tape, lg_var parameters, lg_taped_ode *ode) {
     setup *s = user;
     s->theta = parameters;
-    if (s->bind_shift != 0.0) s->theta = lg_shift(tape, parameters, s->bind_shift);
+    if (s->bind_shift != 0.0) s->theta = lg_add_scalar(tape, parameters, s->bind_shift);
     *ode = s->taped;
     ode->user = s;
     if (s->bind_dimension) ode->space.dim++;
@@ -513,12 +513,12 @@ static void frozen_adaptive_steps(void **state) {
     static const double ends[] = {2.0, -1.5};
     for (int i = 0; i < 2; i++) {
         setup s = chain_setup("rkmk54");
-        lg_control control;
+        lg_step_controller control;
         lg_stepper *stepper;
         lg_run_stats stats;
         double y_end[12];
         result r;
-        lg_control_init(&control);
+        lg_step_controller_init(&control);
         control.rtol = control.atol = 1e-8;
         control.h_initial = 0.2;
         control.observe = observe;

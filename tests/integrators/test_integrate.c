@@ -147,8 +147,8 @@ static void test_dense_run(void **state) {
         const lg_ode ode = chain_ode(scheme, &swing);
         lg_stepper *stepper = make(scheme, &ode);
         lg_run_stats dense, one, clipped;
-        lg_control c;
-        lg_control_init(&c);
+        lg_step_controller c;
+        lg_step_controller_init(&c);
         c.rtol = c.atol = 1e-9;
         c.dense = true;
         assert_ok(lg_integrate_adaptive(stepper, &c, 0.0, y0, times, TIMES, out[k], &dense));
@@ -211,8 +211,8 @@ static void test_observer(void **state) {
         const lg_ode ode = chain_ode(scheme, &swing);
         lg_stepper *stepper = make(scheme, &ode), *again = make(scheme, &ode);
         lg_run_stats stats;
-        lg_control c;
-        lg_control_init(&c);
+        lg_step_controller c;
+        lg_step_controller_init(&c);
         c.observe = observe, c.observer = &w, c.dense = k % 2 == 0;
         c.rtol = c.atol = 1e-7;
         chain_start(y0);
@@ -259,8 +259,8 @@ static void test_angles_are_bounded(void **state) {
         for (int limited = 0; limited < 2; limited++) {
             lg_stepper *stepper = make(scheme, &ode);
             lg_run_stats stats;
-            lg_control c;
-            lg_control_init(&c);
+            lg_step_controller c;
+            lg_step_controller_init(&c);
             c.h_initial = 10.0; /* far too long */
             if (limited) c.max_angle = 0.5;
             assert_ok(lg_integrate_adaptive(stepper, &c, 0.0, y0, times, 1, out, &stats));
@@ -296,8 +296,8 @@ static void test_first_steps(void **state) {
         for (double tol = 1e-3; tol > 1e-13; tol *= 1e-3) {
             double rate = rates[i];
             const double t_end[] = {1.0 / fmax(fabs(rate), 1e-6)};
-            lg_control c;
-            lg_control_init(&c);
+            lg_step_controller c;
+            lg_step_controller_init(&c);
             c.rtol = tol, c.atol = 0.0;
             ode.user = &rate;
             lg_stepper *stepper = make(lg_scheme_find("dp54"), &ode);
@@ -329,11 +329,11 @@ static void test_failures(void **state) {
     const double y0[1] = {1.0}, times[] = {0.0, 1.0, 2.0};
     double out[3] = {7.0, 7.0, 7.0};
     lg_run_stats stats;
-    lg_control c;
+    lg_step_controller c;
     lg_ode ode = {.field = noise};
     assert_ok(lg_space_init_rn(&ode.space, 1));
     for (int dense = 0; dense < 2; dense++) {
-        lg_control_init(&c);
+        lg_step_controller_init(&c);
         c.dense = dense == 1;
         c.rtol = 1e-15, c.atol = 0.0;
         out[1] = out[2] = 7.0;

@@ -271,33 +271,33 @@ static void test_callers_memory(void **state) {
 
 static void test_control_is_a_pure_function(void **state) {
     (void)state;
-    lg_control c;
-    lg_control_init(&c);
+    lg_step_controller c;
+    lg_step_controller_init(&c);
     const lg_step_history plain = {.h = 0.1}, after = {.h = 0.1, .rejected = true};
-    lg_step_decision d = lg_step_control(&c, 0.2, 0.5, &plain);
+    lg_step_decision d = lg_step_controller_decide(&c, 0.2, 0.5, &plain);
     assert_true(d.accept);
     assert_close(d.h, 0.1 * 0.9 * pow(0.5, -0.2), 1e-15, 0.0);
-    d = lg_step_control(&c, 0.2, 32.0, &plain);
+    d = lg_step_controller_decide(&c, 0.2, 32.0, &plain);
     assert_false(d.accept);
     assert_close(d.h, 0.1 * 0.9 / 2.0, 1e-15, 0.0);
-    assert_close(lg_step_control(&c, 0.2, 1e-20, &plain).h, 0.5, 1e-15, 0.0); /* clamp above */
-    assert_close(lg_step_control(&c, 0.2, 0.0, &plain).h, 0.5, 1e-15, 0.0);
-    assert_close(lg_step_control(&c, 0.2, 1e20, &plain).h, 0.02, 1e-15, 0.0); /* and below */
-    assert_close(lg_step_control(&c, 0.2, 1e-20, &after).h, 0.1, 1e-15,
+    assert_close(lg_step_controller_decide(&c, 0.2, 1e-20, &plain).h, 0.5, 1e-15, 0.0); /* clamp above */
+    assert_close(lg_step_controller_decide(&c, 0.2, 0.0, &plain).h, 0.5, 1e-15, 0.0);
+    assert_close(lg_step_controller_decide(&c, 0.2, 1e20, &plain).h, 0.02, 1e-15, 0.0); /* and below */
+    assert_close(lg_step_controller_decide(&c, 0.2, 1e-20, &after).h, 0.1, 1e-15,
                  0.0); /* no growth after a rejection */
-    d = lg_step_control(&c, 0.2, NAN, &plain);
+    d = lg_step_controller_decide(&c, 0.2, NAN, &plain);
     assert_true(!d.accept && lg_is_close(d.h, 0.02, 1e-15, 0.0));
-    d = lg_step_control(&c, 0.2, INFINITY, &plain);
+    d = lg_step_controller_decide(&c, 0.2, INFINITY, &plain);
     assert_true(!d.accept && lg_is_close(d.h, 0.02, 1e-15, 0.0));
     const lg_step_history turned = {.h = 0.1, .angle = 3.2}, near = {.h = 0.1, .angle = 3.1},
                           undefined = {.h = 0.1, .angle = NAN};
-    d = lg_step_control(&c, 0.2, 1e-9, &turned);
+    d = lg_step_controller_decide(&c, 0.2, 1e-9, &turned);
     assert_true(!d.accept && d.h <= 0.05);
-    assert_true(lg_step_control(&c, 0.2, 1e-9, &near).accept);
-    assert_true(lg_step_control(&c, 0.2, 1e-9, &near).h < 0.1);
-    assert_false(lg_step_control(&c, 0.2, 1e-9, &undefined).accept);
+    assert_true(lg_step_controller_decide(&c, 0.2, 1e-9, &near).accept);
+    assert_true(lg_step_controller_decide(&c, 0.2, 1e-9, &near).h < 0.1);
+    assert_false(lg_step_controller_decide(&c, 0.2, 1e-9, &undefined).accept);
     c.h_max = 0.2;
-    assert_close(lg_step_control(&c, 0.2, 1e-20, &plain).h, 0.2, 0.0, 0.0);
+    assert_close(lg_step_controller_decide(&c, 0.2, 1e-20, &plain).h, 0.2, 0.0, 0.0);
     const double e[2] = {3e-6, 0.0}, y[2] = {1.0, 0.0}, next[2] = {-2.0, 0.0};
     c.rtol = 1e-6, c.atol = 0.0;
     assert_close(lg_error_norm(&c, 2, e, y, next), sqrt(0.5 * 1.5 * 1.5), 1e-14, 0.0);
@@ -323,8 +323,8 @@ static void test_run_uses_the_lower_order(void **state) {
     const double y0[1] = {1.0}, times[1] = {10.0}, h = 0.25;
     double y[1], out[1];
     times_seen seen = {.count = 0};
-    lg_control c;
-    lg_control_init(&c);
+    lg_step_controller c;
+    lg_step_controller_init(&c);
     c.h_initial = h;
     lg_stepper *stepper = make("dp54", ode_on(LG_SPACE_RN, 1, noting_field, &seen));
     assert_ok(lg_step(stepper, 0.0, h, y0, NULL, y));
@@ -343,8 +343,8 @@ static void test_adaptive_meets_tolerance_and_times(void **state) {
     (void)state;
     const double y0[1] = {1.0}, times[] = {0.0, 0.25, 0.25, 0.5, 0.9};
     double out[5], previous = 1.0;
-    lg_control c;
-    lg_control_init(&c);
+    lg_step_controller c;
+    lg_step_controller_init(&c);
     lg_stepper *stepper = make("dp54", ode_on(LG_SPACE_RN, 1, blow_up_field, NULL));
     for (double tol = 1e-5; tol > 1e-13; tol *= 1e-2) {
         lg_run_stats stats;
@@ -387,8 +387,8 @@ static void test_failures_of_a_run(void **state) {
     const double y0[1] = {1.0}, times[] = {0.5, 2.0}, none[] = {0.25, 1.0};
     double out[2] = {7.0, 7.0};
     lg_run_stats stats;
-    lg_control c;
-    lg_control_init(&c);
+    lg_step_controller c;
+    lg_step_controller_init(&c);
     lg_stepper *stepper = make("dp54", ode_on(LG_SPACE_RN, 1, blow_up_field, NULL));
     const lg_status status = lg_integrate_adaptive(stepper, &c, 0.0, y0, times, 2, out, &stats);
     assert_true(status == LG_STEP_TOO_SMALL || status == LG_NOT_FINITE); /* the solution ends at t = 1 */
@@ -419,8 +419,8 @@ static void test_bad_arguments_of_a_run(void **state) {
     const double y0[1] = {1.0}, bad[1] = {NAN}, zigzag[] = {0.5, 0.25}, through[] = {-0.5, 0.5},
                  nan_time[] = {NAN};
     double out[8] = {7.0};
-    lg_control c;
-    lg_control_init(&c);
+    lg_step_controller c;
+    lg_step_controller_init(&c);
     lg_stepper *s = make("dp54", ode_on(LG_SPACE_RN, 1, blow_up_field, NULL));
     assert_status(lg_integrate_adaptive(s, &c, 0.0, y0, zigzag, 2, out, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_integrate_adaptive(s, &c, 0.0, y0, through, 2, out, NULL), LG_INVALID_ARGUMENT);
@@ -432,7 +432,7 @@ static void test_bad_arguments_of_a_run(void **state) {
     for (size_t i = 0; i < sizeof(fields) / sizeof(fields[0]); i++) {
         *fields[i] = -1.0;
         assert_status(lg_integrate_adaptive(s, &c, 0.0, y0, zigzag, 1, out, NULL), LG_INVALID_ARGUMENT);
-        lg_control_init(&c);
+        lg_step_controller_init(&c);
     }
     c.rtol = c.atol = 0.0;
     assert_status(lg_integrate_adaptive(s, &c, 0.0, y0, zigzag, 1, out, NULL), LG_INVALID_ARGUMENT);

@@ -16,7 +16,7 @@ static lg_status force(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_
     lg_var first = lg_add(tape, q1, lg_mul(tape, q1, q2));
     const double weights[3] = {2.0, 0.5, 1.0};
     const lg_var terms[3] = {q2, lg_square(tape, q1), lg_pow(tape, q2, 3.0)};
-    lg_var both[2] = {first, lg_combine(tape, terms, weights, 3)};
+    lg_var both[2] = {first, lg_linear_combination(tape, terms, weights, 3)};
     *out = lg_neg(tape, lg_concat(tape, both, 2, 1));
     return lg_tape_status(tape);
 }

@@ -50,7 +50,7 @@ static lg_var taped_waves(wave *w, lg_tape *tape, lg_taped_time t, lg_var y, lg_
     if (lg_taped_time_varies(t))
         phase = lg_add(tape, phase, lg_scale(tape, lg_taped_time_rows(tape, t, batch), 0.7));
     else
-        phase = lg_shift(tape, phase, 0.7 * t.value);
+        phase = lg_add_scalar(tape, phase, 0.7 * t.value);
     if (!lg_is_none(input))
         phase = lg_add(tape, phase, lg_matmul(tape, input, lg_input_f64(tape, lg_shape2(INPUTS, m), w->U)));
     w->evaluations++;
@@ -362,7 +362,7 @@ static lg_status cubic(void *user, lg_tape *tape, lg_taped_time t, const lg_var 
     lg_var rows = lg_taped_time_rows(tape, t, lg_var_shape(tape, y[0]).dims[0]);
     lg_var terms[2] = {y[0], lg_mul(tape, rows, lg_square(tape, rows))};
     (void)input;
-    f[0] = lg_combine(tape, terms, of, 2);
+    f[0] = lg_linear_combination(tape, terms, of, 2);
     return lg_tape_status(tape);
 }
 
@@ -721,10 +721,10 @@ static void check_combinations(double h) {
     const size_t nodes = lg_tape_nodes(tape) - from;
     from = lg_tape_nodes(tape);
     k[0] = lg_neg(tape, y);
-    k[1] = lg_neg(tape, lg_add(tape, y, lg_combine(tape, &k[0], &half, 1)));
-    k[2] = lg_neg(tape, lg_add(tape, y, lg_combine(tape, &k[1], &half, 1)));
-    k[3] = lg_neg(tape, lg_add(tape, y, lg_combine(tape, &k[2], &whole, 1)));
-    lg_var expected = lg_add(tape, y, lg_combine(tape, k, weights, 4));
+    k[1] = lg_neg(tape, lg_add(tape, y, lg_linear_combination(tape, &k[0], &half, 1)));
+    k[2] = lg_neg(tape, lg_add(tape, y, lg_linear_combination(tape, &k[1], &half, 1)));
+    k[3] = lg_neg(tape, lg_add(tape, y, lg_linear_combination(tape, &k[2], &whole, 1)));
+    lg_var expected = lg_add(tape, y, lg_linear_combination(tape, k, weights, 4));
     assert_recorded_alike(tape, nodes, got, lg_tape_nodes(tape) - from, expected);
 
     from = lg_tape_nodes(tape);
@@ -732,9 +732,9 @@ static void check_combinations(double h) {
     const size_t split_nodes = lg_tape_nodes(tape) - from;
     from = lg_tape_nodes(tape);
     lg_var q = lg_slice(tape, y, 1, 0, 1), p = lg_slice(tape, y, 1, 1, 1);
-    p = lg_combine(tape, (lg_var[]){p, lg_neg(tape, q)}, (double[]){1.0, 0.5 * h}, 2);
-    q = lg_combine(tape, (lg_var[]){q, lg_neg(tape, p)}, (double[]){1.0, 1.0 * h}, 2);
-    p = lg_combine(tape, (lg_var[]){p, lg_neg(tape, q)}, (double[]){1.0, 0.5 * h}, 2);
+    p = lg_linear_combination(tape, (lg_var[]){p, lg_neg(tape, q)}, (double[]){1.0, 0.5 * h}, 2);
+    q = lg_linear_combination(tape, (lg_var[]){q, lg_neg(tape, p)}, (double[]){1.0, 1.0 * h}, 2);
+    p = lg_linear_combination(tape, (lg_var[]){p, lg_neg(tape, q)}, (double[]){1.0, 0.5 * h}, 2);
     expected = lg_concat(tape, (lg_var[]){q, p}, 2, 1);
     assert_recorded_alike(tape, split_nodes, got, lg_tape_nodes(tape) - from, expected);
     lg_tape_destroy(tape);
@@ -883,7 +883,7 @@ static void bad_manifold(void **state) {
 static lg_status without_solution(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                                   lg_var *f) {
     (void)user, (void)t, (void)input;
-    f[0] = lg_shift(tape, lg_square(tape, y[0]), 1.0);
+    f[0] = lg_add_scalar(tape, lg_square(tape, y[0]), 1.0);
     return lg_tape_status(tape);
 }
 

@@ -31,7 +31,7 @@ static inline void evaluate(const lg_system *system, double t, const double *y, 
     lg_system_user user;
     lg_ode ode;
     assert_true(lg_system_workspace(system) <= SYSTEM_MAX_DIM);
-    assert_ok(lg_system_ode(system, LG_FORM_LIE, &user, work, &ode));
+    assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &ode));
     assert_ok(ode.field(ode.user, t, y, NULL, algebra));
 }
 
@@ -49,12 +49,12 @@ static inline void integrate(const lg_system *system, double tolerance, const do
     lg_system_user user;
     lg_ode ode;
     lg_stepper *stepper = NULL;
-    lg_control control;
+    lg_step_controller control;
     lg_run_stats stats;
-    lg_control_init(&control);
+    lg_step_controller_init(&control);
     control.rtol = tolerance;
     control.atol = tolerance;
-    assert_ok(lg_system_ode(system, LG_FORM_LIE, &user, work, &ode));
+    assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &ode));
     assert_ok(lg_stepper_create(NULL, lg_scheme_find("rkmk54"), &ode, &stepper));
     assert_ok(lg_integrate_adaptive(stepper, &control, 0.0, y0, times, count, out, &stats));
     lg_stepper_destroy(NULL, stepper);
@@ -84,7 +84,7 @@ static inline lg_var build_field(const void *user, lg_tape *tape, const lg_var *
     lg_var y[LG_TAPED_MAX_PARTS], algebra[LG_TAPED_MAX_PARTS];
     lg_system_taped_user taped;
     lg_taped_ode ode;
-    if (lg_system_taped_ode(check->system, LG_FORM_LIE, x[1], &taped, &ode) != LG_OK ||
+    if (lg_system_taped_ode(check->system, LG_COORDINATES_LIE, x[1], &taped, &ode) != LG_OK ||
         lg_taped_split(tape, space, x[0], y) != LG_OK ||
         ode.field(ode.user, tape, t, y, LG_NONE, algebra) != LG_OK)
         return LG_NONE;

@@ -134,10 +134,10 @@ static void test_field_is_the_general_one(void **state) {
             assert_ok(lg_system_start(system, LG_STARTS_THESIS, &rng, y));
             unpack(k, y, q, p);
             general_field(system, q, p, dq, dp);
-            assert_ok(lg_system_ode(system, LG_FORM_LIE, &user, work, &ode));
+            assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &ode));
             assert_ok(ode.field(&user, 0.0, y, NULL, a));
             lg_space_generator(&ode.space, a, y, velocity[0]);
-            assert_ok(lg_system_ode(system, LG_FORM_AMBIENT, &user, work, &ode));
+            assert_ok(lg_system_ode(system, LG_COORDINATES_AMBIENT, &user, work, &ode));
             assert_ok(ode.field(&user, 0.0, y, NULL, velocity[1]));
             for (size_t i = 0; i < k; i++)
                 for (size_t c = 0; c < 3; c++) {
@@ -222,7 +222,7 @@ static void test_single_pendulum(void **state) {
     lg_ode ode;
     assert_close(lg_system_hamiltonian(system, y, work), 0.5 * 1.25 + 0.8, 1e-15, 0.0);
     assert_close(lg_system_invariant(system, 1, y, work), 0.3, 1e-15, 0.0);
-    assert_ok(lg_system_ode(system, LG_FORM_LIE, &user, work, &ode));
+    assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &ode));
     assert_ok(ode.field(&user, 0.0, y, NULL, a));
     for (int i = 0; i < 6; i++) assert_close(a[i], e[i], 0.0, 1e-15);
     double m[1], weight[1];

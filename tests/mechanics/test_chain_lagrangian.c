@@ -80,8 +80,8 @@ static void test_field_is_the_dense_solution(void **state) {
         for (int repeat = 0; repeat < 3; repeat++) {
             random_state(&rng, k, y);
             dense_accelerations(system, y, a);
-            assert_ok(lg_system_ode(system, LG_FORM_LIE, &user, work, &lie));
-            assert_ok(lg_system_ode(system, LG_FORM_AMBIENT, &user, work, &ambient));
+            assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &lie));
+            assert_ok(lg_system_ode(system, LG_COORDINATES_AMBIENT, &user, work, &ambient));
             assert_ok(lie.field(&user, 0.0, y, NULL, f));
             assert_ok(ambient.field(&user, 0.0, y, NULL, g));
             lg_space_generator(&lie.space, f, y, velocity);
@@ -146,7 +146,7 @@ static void test_forms_agree(void **state) {
             assert_ok(lg_chain_momenta(first, y, z, work));
             assert_ok(lg_chain_velocities(second, z, back, work));
             for (size_t i = 0; i < 6 * k; i++) assert_close(back[i], y[i], 1e-12, 1e-12);
-            assert_ok(lg_system_ode(second, LG_FORM_LIE, &user, work, &ode));
+            assert_ok(lg_system_ode(second, LG_COORDINATES_LIE, &user, work, &ode));
             assert_ok(ode.field(&user, 0.0, z, NULL, f));
             lg_space_generator(&ode.space, f, z, velocity);
             momentum_rates(first, y, dp);
@@ -206,7 +206,7 @@ static void test_single_pendulum(void **state) {
     double f[6], work[18];
     lg_system_user user;
     lg_ode ode;
-    assert_ok(lg_system_ode(system, LG_FORM_AMBIENT, &user, work, &ode));
+    assert_ok(lg_system_ode(system, LG_COORDINATES_AMBIENT, &user, work, &ode));
     assert_ok(ode.field(&user, 0.0, y, NULL, f));
     const double expected[6] = {1.6, 0.0, -1.2, 0.0, GRAVITY * 0.6, 0.0}; /* omega' = g/L e3 x q, L = 1 */
     for (int i = 0; i < 6; i++) assert_close(f[i], expected[i], 1e-15, 1e-15);
@@ -241,8 +241,8 @@ static void test_off_the_manifold(void **state) {
         lg_rng rng;
         lg_rng_seed(&rng, 34, k);
         random_state(&rng, k, y);
-        assert_ok(lg_system_ode(system, LG_FORM_LIE, &user, work, &lie));
-        assert_ok(lg_system_ode(system, LG_FORM_AMBIENT, &user, work, &ambient));
+        assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &lie));
+        assert_ok(lg_system_ode(system, LG_COORDINATES_AMBIENT, &user, work, &ambient));
         assert_true(lg_space_is_abelian(&ambient.space) && ambient.manifold.factor[0].kind == LG_SPACE_TS2);
         for (size_t i = 0; i < 6 * k; i++) y[i] *= 1.02;
         assert_ok(lie.field(&user, 0.0, y, NULL, a));
@@ -265,7 +265,7 @@ static void test_off_the_manifold(void **state) {
 static void steps(const lg_system *system, double h, size_t n, double *y, double *work) {
     lg_system_user user;
     lg_ode ode;
-    assert_ok(lg_system_ode(system, LG_FORM_AMBIENT, &user, work, &ode));
+    assert_ok(lg_system_ode(system, LG_COORDINATES_AMBIENT, &user, work, &ode));
     assert_non_null(ode.step);
     for (size_t i = 0; i < n; i++) assert_ok(ode.step(&user, (double)i * h, h, y));
 }
@@ -350,7 +350,7 @@ static void test_variational_failures(void **state) {
     double y[12] = {1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0}, before[12], work[36];
     lg_system_user user;
     lg_ode ode;
-    assert_ok(lg_system_ode(system, LG_FORM_LIE, &user, work, &ode));
+    assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &ode));
     memcpy(before, y, sizeof(y));
     assert_ok(ode.step(&user, 0.0, 0.0, y));
     assert_memory_equal(y, before, sizeof(y));

@@ -49,7 +49,7 @@ static lg_tape *new_tape(lg_dtype dtype) {
 typedef struct taped_case {
     lg_tape *tape;
     const lg_system *system;
-    lg_form form;
+    lg_coordinates form;
     lg_var y, parameters; /* (B, dim), (P) */
     lg_var f;             /* (B, dim) */
     lg_system_taped_user user;
@@ -64,7 +64,7 @@ static void record(taped_case *c, const double *y, const double *parameters) {
     c->parameters =
         lg_input_f64(c->tape, lg_shape1((uint32_t)lg_system_parameter_count(c->system)), parameters);
     assert_ok(lg_system_taped_ode(c->system, c->form, c->parameters, &c->user, &c->ode));
-    if (c->form == LG_FORM_AMBIENT) {
+    if (c->form == LG_COORDINATES_AMBIENT) {
         assert_ok(c->ode.field(c->ode.user, c->tape, (lg_taped_time){0}, &c->y, LG_NONE, &c->f));
         return;
     }
@@ -76,8 +76,10 @@ static void record(taped_case *c, const double *y, const double *parameters) {
 
 static const struct {
     const char *form_name;
-    lg_form form;
-} forms[] = {{"lagrangian", LG_FORM_LIE}, {"lagrangian", LG_FORM_AMBIENT}, {"hamiltonian", LG_FORM_LIE}};
+    lg_coordinates form;
+} forms[] = {{"lagrangian", LG_COORDINATES_LIE},
+             {"lagrangian", LG_COORDINATES_AMBIENT},
+             {"hamiltonian", LG_COORDINATES_LIE}};
 
 static void test_values(void **state) {
     (void)state;
@@ -107,8 +109,8 @@ static void test_values(void **state) {
 }
 
 /* S(y, parameters) = sum of weights times f, and its gradients by the unrecorded sweep. */
-static double weighted(const lg_system *system, lg_form form, const double *y, const double *parameters,
-                       const double *weights, double *gy, double *gp) {
+static double weighted(const lg_system *system, lg_coordinates form, const double *y,
+                       const double *parameters, const double *weights, double *gy, double *gp) {
     const uint32_t d = (uint32_t)lg_system_dim(system);
     taped_case c = {.tape = new_tape(LG_F64), .system = system, .form = form};
     record(&c, y, parameters);
@@ -245,8 +247,8 @@ static void test_single_precision(void **state) {
     void *const grad[2] = {fy, fp};
     random_states(3, y);
     for (int i = 0; i < BATCH * 18; i++) y[i] = (double)(float)y[i], w[i] = 1.0;
-    (void)weighted(system, LG_FORM_LIE, y, lg_system_parameter_values(system), w, gy, gp);
-    taped_case c = {.tape = new_tape(LG_F32), .system = system, .form = LG_FORM_LIE};
+    (void)weighted(system, LG_COORDINATES_LIE, y, lg_system_parameter_values(system), w, gy, gp);
+    taped_case c = {.tape = new_tape(LG_F32), .system = system, .form = LG_COORDINATES_LIE};
     record(&c, y, lg_system_parameter_values(system));
     lg_var wrt[2] = {c.y, c.parameters};
     assert_ok(lg_backward_set(c.tape, lg_sum(c.tape, c.f), wrt, 2, grad));
@@ -263,7 +265,7 @@ static void test_nan_stays_in_its_row(void **state) {
     double y[BATCH * 12], f[BATCH * 12];
     random_states(2, y);
     y[12] = NAN;
-    taped_case c = {.tape = new_tape(LG_F64), .system = system, .form = LG_FORM_LIE};
+    taped_case c = {.tape = new_tape(LG_F64), .system = system, .form = LG_COORDINATES_LIE};
     record(&c, y, lg_system_parameter_values(system));
     assert_ok(lg_read(c.tape, c.f, f, BATCH * 12));
     assert_true(isnan(f[12 + 3]));
@@ -285,7 +287,7 @@ static void test_dependent_inputs(void **state) {
     lg_taped_ode ode;
     lg_var x = lg_input_f64(t, lg_shape3(1, 2, 3), x0), y[2] = {x, lg_square(t, lg_square(t, x))}, f[2], g;
     lg_var parameters = lg_input_f64(t, lg_shape1(5), lg_system_parameter_values(system));
-    assert_ok(lg_system_taped_ode(system, LG_FORM_LIE, parameters, &user, &ode));
+    assert_ok(lg_system_taped_ode(system, LG_COORDINATES_LIE, parameters, &user, &ode));
     assert_ok(ode.field(ode.user, t, (lg_taped_time){0}, y, LG_NONE, f));
     lg_var S = lg_sum(t, lg_square(t, f[1]));
     assert_ok(lg_grad(t, S, &x, 1, &g));
@@ -301,11 +303,12 @@ static void test_refused(void **state) {
     lg_system *system = make("hamiltonian", 1);
     lg_system_taped_user user;
     lg_taped_ode ode;
-    assert_status(lg_system_taped_ode(system, LG_FORM_AMBIENT, LG_NONE, &user, &ode), LG_UNSUPPORTED);
-    assert_status(lg_system_taped_ode(system, (lg_form)(LG_FORM_AMBIENT + 1), LG_NONE, &user, &ode),
-                  LG_INVALID_ARGUMENT);
-    assert_status(lg_system_taped_ode(NULL, LG_FORM_LIE, LG_NONE, &user, &ode), LG_INVALID_ARGUMENT);
-    assert_status(lg_system_taped_ode(system, LG_FORM_LIE, LG_NONE, &user, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_system_taped_ode(system, LG_COORDINATES_AMBIENT, LG_NONE, &user, &ode), LG_UNSUPPORTED);
+    assert_status(
+        lg_system_taped_ode(system, (lg_coordinates)(LG_COORDINATES_AMBIENT + 1), LG_NONE, &user, &ode),
+        LG_INVALID_ARGUMENT);
+    assert_status(lg_system_taped_ode(NULL, LG_COORDINATES_LIE, LG_NONE, &user, &ode), LG_INVALID_ARGUMENT);
+    assert_status(lg_system_taped_ode(system, LG_COORDINATES_LIE, LG_NONE, &user, NULL), LG_INVALID_ARGUMENT);
     lg_system_destroy(NULL, system);
 }
 
@@ -325,9 +328,9 @@ static void test_oscillators(void **state) {
         assert_ok(lg_system_create(NULL, names[n], NULL, &system, NULL));
         const uint32_t d = (uint32_t)lg_system_dim(system), h = d / 2;
         lg_var y = lg_input_f64(t, lg_shape2(1, d), y0), out;
-        assert_ok(lg_system_ode(system, LG_FORM_AMBIENT, &plain_user, work, &plain));
+        assert_ok(lg_system_ode(system, LG_COORDINATES_AMBIENT, &plain_user, work, &plain));
         for (int form = 0; form < 2; form++) {
-            assert_ok(lg_system_taped_ode(system, (lg_form)form, LG_NONE, &user, &ode));
+            assert_ok(lg_system_taped_ode(system, (lg_coordinates)form, LG_NONE, &user, &ode));
             assert_ok(ode.field(ode.user, t, (lg_taped_time){0}, &y, LG_NONE, &out));
             assert_ok(lg_read(t, out, got, d));
             assert_ok(plain.field(&plain_user, 0.0, y0, NULL, f));

@@ -176,7 +176,7 @@ static void test_generate(void **state) {
             assert_close(curves.v[102 * i + 2 * k], cos(theta[k]), 0, 1e-11);
         }
     }
-    lg_elastica_curves_free(NULL, &curves);
+    lg_elastica_curves_destroy(NULL, &curves);
 }
 
 int main(void) {

@@ -256,7 +256,7 @@ static void test_exact_invariants(void **state) {
         lg_ode ode;
         lg_stepper *stepper = NULL;
         state_of(system, &skew, Q, pi, y);
-        assert_ok(lg_system_ode(system, LG_FORM_LIE, &user, work, &ode));
+        assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &ode));
         assert_ok(lg_stepper_create(NULL, lg_scheme_find("lie-euler"), &ode, &stepper));
         memcpy(out, y, sizeof(out));
         for (int n = 0; n < 500; n++) assert_ok(lg_step(stepper, 0.0, 0.02, out, NULL, out));
@@ -286,7 +286,7 @@ static void test_symplectic_integrator_sees_one_top(void **state) {
         lg_stepper *stepper = NULL;
         state_of(system, &skew, Q, pi, start);
         memcpy(end[f], start, sizeof(start));
-        assert_ok(lg_system_ode(system, LG_FORM_LIE, &user, work, &ode));
+        assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &ode));
         assert_ok(lg_stepper_create(NULL, lg_scheme_find("slgi"), &ode, &stepper));
         for (int n = 0; n < 50; n++) assert_ok(lg_step(stepper, 0.01 * n, 0.01, end[f], NULL, end[f]));
         lg_stepper_destroy(NULL, stepper);
@@ -328,7 +328,7 @@ static void flow_gradient(int form, const double *Q, const double *pi, double *g
     state_of(system, &skew, Q, pi, y);
     assert_ok(lg_tape_create(NULL, NULL, &tape));
     lg_var p = lg_input_f64(tape, lg_shape1(count), lg_system_parameter_values(system));
-    assert_ok(lg_system_taped_ode(system, LG_FORM_LIE, p, &user, &ode));
+    assert_ok(lg_system_taped_ode(system, LG_COORDINATES_LIE, p, &user, &ode));
     assert_ok(lg_taped_split(tape, &ode.space, lg_input_f64(tape, lg_shape2(1, dim), y), parts));
     assert_ok(lg_taped_integrate(tape, lg_scheme_find("rkmk4"), &ode, 0.0, 0.02, 5, 5, parts, out));
     assert_ok(lg_grad(tape, lg_add(tape, lg_sum(tape, out[0]), lg_sum(tape, out[1])), &p, 1, &g));

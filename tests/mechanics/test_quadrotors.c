@@ -306,7 +306,7 @@ static void test_parallel_links(void **state) {
     thesis_start(y);
     for (int i = 0; i < 2; i++)
         for (int j = 0; j < 3; j++) y[Q + i * LINK + j] = j == 2;
-    assert_ok(lg_system_ode(system, LG_FORM_LIE, &user, work, &ode));
+    assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &ode));
     assert_status(ode.field(ode.user, 0.0, y, NULL, algebra), LG_NOT_FINITE);
     lg_system_destroy(NULL, system);
 }

@@ -96,7 +96,7 @@ static lg_system *draw_system(lg_rng *rng, const char *name, const char *form, s
     return system_of(name, form, links, numbers);
 }
 
-static lg_status try_field(const sample *s, const lg_system *system, lg_form form, const double *y,
+static lg_status try_field(const sample *s, const lg_system *system, lg_coordinates form, const double *y,
                            double *out) {
     lg_system_user user;
     lg_ode ode;
@@ -104,7 +104,8 @@ static lg_status try_field(const sample *s, const lg_system *system, lg_form for
     return ode.field(ode.user, s->t, y, NULL, out);
 }
 
-static void plain(const sample *s, const lg_system *system, lg_form form, const double *y, double *out) {
+static void plain(const sample *s, const lg_system *system, lg_coordinates form, const double *y,
+                  double *out) {
     const lg_status status = try_field(s, system, form, y, out);
     if (status != LG_OK) fail_msg("%s: the plain field: %s", s->label, lg_status_name(status));
 }
@@ -116,7 +117,7 @@ static void draw_state(sample *s, double *y) {
         draw(&s->rng, s->dim, y);
         lg_space_project(s->space, y);
         if (!(lg_space_manifold_error(s->space, y) <= 1e-12)) continue;
-        if (try_field(s, s->system, LG_FORM_LIE, y, f) == LG_OK) return;
+        if (try_field(s, s->system, LG_COORDINATES_LIE, y, f) == LG_OK) return;
     }
     fail_msg("%s: no state on the manifold where the field is defined", s->label);
 }
@@ -188,7 +189,7 @@ typedef struct recording {
     lg_taped_ode ode;
 } recording;
 
-static lg_status try_recording(const sample *s, lg_form form, const double *y, recording *r) {
+static lg_status try_recording(const sample *s, lg_coordinates form, const double *y, recording *r) {
     assert_ok(lg_tape_create(NULL, NULL, &r->tape));
     r->parameters =
         lg_input_f64(r->tape, lg_shape1((uint32_t)s->parameters), lg_system_parameter_values(s->system));
@@ -196,7 +197,7 @@ static lg_status try_recording(const sample *s, lg_form form, const double *y, r
     return lg_system_taped_ode(s->system, form, r->parameters, &r->user, &r->ode);
 }
 
-static void open_recording(const sample *s, lg_form form, const double *y, recording *r) {
+static void open_recording(const sample *s, lg_coordinates form, const double *y, recording *r) {
     assert_ok(try_recording(s, form, y, r));
 }
 
@@ -223,12 +224,13 @@ static void read_out(const sample *s, const recording *r, lg_var x, size_t count
 }
 
 /* Rows of the plain field at y (BATCH, dim), in the order of the parts. */
-static void plain_rows(const sample *s, const lg_system *system, lg_form form, const double *y, double *out) {
-    const size_t mark = arena_used, n = form == LG_FORM_LIE ? s->algebra : s->dim;
+static void plain_rows(const sample *s, const lg_system *system, lg_coordinates form, const double *y,
+                       double *out) {
+    const size_t mark = arena_used, n = form == LG_COORDINATES_LIE ? s->algebra : s->dim;
     double *row = take(n);
     for (size_t b = 0; b < BATCH; b++) {
         plain(s, system, form, y + b * s->dim, row);
-        if (form == LG_FORM_LIE)
+        if (form == LG_COORDINATES_LIE)
             algebra_in_parts(s->space, row, out + b * n);
         else
             memcpy(out + b * n, row, n * sizeof *row);
@@ -236,8 +238,8 @@ static void plain_rows(const sample *s, const lg_system *system, lg_form form, c
     arena_used = mark;
 }
 
-static void compare_forms(const sample *s, lg_form form, const char *what, const double *y) {
-    const size_t n = BATCH * (form == LG_FORM_LIE ? s->algebra : s->dim);
+static void compare_forms(const sample *s, lg_coordinates form, const char *what, const double *y) {
+    const size_t n = BATCH * (form == LG_COORDINATES_LIE ? s->algebra : s->dim);
     double *expected = take(n), *taped = take(n);
     recording r;
     open_recording(s, form, y, &r);
@@ -248,7 +250,7 @@ static void compare_forms(const sample *s, lg_form form, const char *what, const
 }
 
 static void taped_field(sample *s) {
-    compare_forms(s, LG_FORM_LIE, "the field on a tape", s->y);
+    compare_forms(s, LG_COORDINATES_LIE, "the field on a tape", s->y);
 }
 
 /* ---- the ambient form ---- */
@@ -257,9 +259,9 @@ static void taped_field(sample *s) {
 static void compare_generator(const sample *s, const char *what, const double *y) {
     double *f = take(s->algebra), *generated = take(s->dim), *ambient = take(s->dim);
     for (size_t b = 0; b < BATCH; b++) {
-        plain(s, s->system, LG_FORM_LIE, y + b * s->dim, f);
+        plain(s, s->system, LG_COORDINATES_LIE, y + b * s->dim, f);
         lg_space_generator(s->space, f, y + b * s->dim, generated);
-        plain(s, s->system, LG_FORM_AMBIENT, y + b * s->dim, ambient);
+        plain(s, s->system, LG_COORDINATES_AMBIENT, y + b * s->dim, ambient);
         same(s, what, s->dim, ambient, generated, 1e-12 * largest(s->dim, generated));
     }
 }
@@ -270,15 +272,15 @@ static void ambient_field(sample *s) {
     compare_generator(s, "the ambient field", s->y);
     if (s->system->row->extended) {
         recording r;
-        assert_status(try_recording(s, LG_FORM_AMBIENT, s->y, &r), LG_UNSUPPORTED);
+        assert_status(try_recording(s, LG_COORDINATES_AMBIENT, s->y, &r), LG_UNSUPPORTED);
         lg_tape_destroy(r.tape);
         return;
     }
     draw(&s->rng, BATCH * s->dim, off);
     for (size_t i = 0; i < BATCH * s->dim; i++) off[i] = s->y[i] + 0.05 * off[i];
     compare_generator(s, "the ambient field off the manifold", off);
-    compare_forms(s, LG_FORM_AMBIENT, "the ambient field on a tape", s->y);
-    compare_forms(s, LG_FORM_AMBIENT, "the ambient field on a tape off the manifold", off);
+    compare_forms(s, LG_COORDINATES_AMBIENT, "the ambient field on a tape", s->y);
+    compare_forms(s, LG_COORDINATES_AMBIENT, "the ambient field on a tape off the manifold", off);
 }
 
 /* ---- force and velocity ---- */
@@ -307,14 +309,14 @@ static void halves(sample *s) {
     lg_system_user user;
     lg_ode ode;
     recording r;
-    assert_ok(lg_system_ode(s->system, LG_FORM_AMBIENT, &user, s->work, &ode));
-    open_recording(s, LG_FORM_LIE, s->y, &r);
+    assert_ok(lg_system_ode(s->system, LG_COORDINATES_AMBIENT, &user, s->work, &ode));
+    open_recording(s, LG_COORDINATES_LIE, s->y, &r);
     if ((ode.force != NULL) != separable || (ode.velocity != NULL) != separable ||
         (r.ode.force != NULL) != separable || (r.ode.velocity != NULL) != separable)
         fail_msg("%s: separable %d, but force %d and velocity %d, on a tape %d and %d", s->label, separable,
                  ode.force != NULL, ode.velocity != NULL, r.ode.force != NULL, r.ode.velocity != NULL);
     for (size_t b = 0; separable && b < BATCH; b++) {
-        plain(s, s->system, LG_FORM_LIE, s->y + b * s->dim, f);
+        plain(s, s->system, LG_COORDINATES_LIE, s->y + b * s->dim, f);
         for (size_t half = 0; half < 2; half++) {
             memcpy(x[half] + b * n, s->y + b * s->dim + half * n, n * sizeof *f);
             memcpy(rate[half] + b * n, f + half * n, n * sizeof *f);
@@ -426,7 +428,7 @@ static void check_invariant(const sample *s, size_t index, const double *y) {
     const size_t mark = arena_used;
     const quantity q = {s, index};
     double *f = take(s->algebra), *along = take(s->algebra), error, others, size = 0.0;
-    plain(s, s->system, LG_FORM_LIE, y, f);
+    plain(s, s->system, LG_COORDINATES_LIE, y, f);
     slopes(s, invariant, &q, y, along, &others);
     for (size_t i = 0; i < s->algebra; i++) size += fabs(along[i] * f[i]);
     const double rate = slope(s, invariant, &q, y, f, &error);
@@ -547,7 +549,7 @@ static void check_hamiltonian(const sample *s, const double *y) {
            error;
     slopes(s, generating, s, y, d, &error);
     bracket_velocity(s, y, d, expected);
-    plain(s, s->system, LG_FORM_LIE, y, f);
+    plain(s, s->system, LG_COORDINATES_LIE, y, f);
     lg_space_generator(s->space, f, y, found);
     const double size = largest(s->dim, found) + largest(s->algebra, d);
     if (!(error <= 1e-8 * size)) fail_msg("%s: the energy is too rough for differences", s->label);
@@ -629,7 +631,7 @@ static void check_copy(momentum_of m, const double *y, const double *f, const do
 
 static void check_lagrangian(const sample *s, const double *y) {
     double *d = take(s->algebra), *f = take(s->algebra), *velocity = take(s->dim), error;
-    plain(s, s->system, LG_FORM_LIE, y, f);
+    plain(s, s->system, LG_COORDINATES_LIE, y, f);
     lg_space_generator(s->space, f, y, velocity);
     slopes(s, lagrangian, s, y, d, &error);
     momentum_of m = {.s = s, .place = 0};
@@ -665,9 +667,9 @@ static void variational_step(sample *s) {
     double *velocity = take(s->dim), *side[2] = {take(s->dim), take(s->dim)}, *rate = take(s->dim);
     lg_system_user user;
     lg_ode ode;
-    assert_ok(lg_system_ode(s->system, LG_FORM_AMBIENT, &user, s->work, &ode));
+    assert_ok(lg_system_ode(s->system, LG_COORDINATES_AMBIENT, &user, s->work, &ode));
     if (!ode.step) return;
-    plain(s, s->system, LG_FORM_AMBIENT, s->y, velocity);
+    plain(s, s->system, LG_COORDINATES_AMBIENT, s->y, velocity);
     const double h = STEP / (1.0 + largest(s->dim, velocity));
     memset(rate, 0, s->dim * sizeof *rate);
     for (int k = 1; k <= 4; k++) {
@@ -705,7 +707,7 @@ static double sum_at(const void *of, double by) {
     move_parameter(m->row, m->count, m->i, by, p + m->offset);
     lg_system *moved =
         system_of(lg_system_name(s->system), lg_system_form(s->system), lg_system_links(s->system), p);
-    plain_rows(s, moved, LG_FORM_LIE, s->y, f);
+    plain_rows(s, moved, LG_COORDINATES_LIE, s->y, f);
     for (size_t j = 0; j < n; j++) sum += m->weight[j] * f[j];
     lg_system_destroy(NULL, moved);
     arena_used = mark;
@@ -715,7 +717,7 @@ static double sum_at(const void *of, double by) {
 /* d(w.f)/dp on the tape */
 static void taped_gradient(const sample *s, const double *weight, double *gradient) {
     recording r;
-    open_recording(s, LG_FORM_LIE, s->y, &r);
+    open_recording(s, LG_COORDINATES_LIE, s->y, &r);
     lg_var w = lg_input_f64(r.tape, lg_shape2(BATCH, (uint32_t)s->algebra), weight);
     lg_var sum = lg_sum(r.tape, lg_mul(r.tape, w, record_field(s, &r)));
     void *const out[1] = {gradient};

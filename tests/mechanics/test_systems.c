@@ -191,12 +191,12 @@ static void test_arguments(void **state) {
     assert_status(lg_chain_gradient(quartic, x, x, x, work), LG_UNSUPPORTED);
     assert_status(lg_chain_gradient(chain, x, x, x, work), LG_UNSUPPORTED);
     assert_status(lg_chain_gradient(NULL, x, x, x, work), LG_INVALID_ARGUMENT);
-    assert_status(lg_system_ode(quartic, (lg_form)(LG_FORM_AMBIENT + 1), &user, work, &ode),
+    assert_status(lg_system_ode(quartic, (lg_coordinates)(LG_COORDINATES_AMBIENT + 1), &user, work, &ode),
                   LG_INVALID_ARGUMENT);
-    assert_status(lg_system_ode(NULL, LG_FORM_LIE, &user, work, &ode), LG_INVALID_ARGUMENT);
-    assert_status(lg_system_ode(quartic, LG_FORM_LIE, NULL, work, &ode), LG_INVALID_ARGUMENT);
-    assert_status(lg_system_ode(quartic, LG_FORM_LIE, &user, NULL, &ode), LG_INVALID_ARGUMENT);
-    assert_status(lg_system_ode(quartic, LG_FORM_LIE, &user, work, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_system_ode(NULL, LG_COORDINATES_LIE, &user, work, &ode), LG_INVALID_ARGUMENT);
+    assert_status(lg_system_ode(quartic, LG_COORDINATES_LIE, NULL, work, &ode), LG_INVALID_ARGUMENT);
+    assert_status(lg_system_ode(quartic, LG_COORDINATES_LIE, &user, NULL, &ode), LG_INVALID_ARGUMENT);
+    assert_status(lg_system_ode(quartic, LG_COORDINATES_LIE, &user, work, NULL), LG_INVALID_ARGUMENT);
     lg_system_destroy(NULL, quartic);
     lg_system_destroy(NULL, chain);
 }
@@ -209,7 +209,7 @@ static void test_oscillator(void **state) {
     lg_system_user user;
     lg_ode ode;
     assert_true(lg_system_separable(system) && !lg_system_constrained(system));
-    assert_ok(lg_system_ode(system, LG_FORM_AMBIENT, &user, work, &ode));
+    assert_ok(lg_system_ode(system, LG_COORDINATES_AMBIENT, &user, work, &ode));
     for (int i = 0; i < 100; i++) {
         const double before[2] = {y[0], y[1]};
         double f[2];

@@ -32,7 +32,7 @@ static void test_fields_are_hamiltonian(void **state) {
         double work[1], field[4], force[2], velocity[2], gradient[4];
         lg_system_user user;
         lg_ode ode;
-        assert_ok(lg_system_ode(system, LG_FORM_LIE, &user, work, &ode));
+        assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &ode));
         assert_true(lg_space_is_abelian(&ode.space) && !lg_system_constrained(system) &&
                     lg_system_separable(system));
         assert_ok(ode.field(&user, 0.0, y, NULL, field));

@@ -57,9 +57,9 @@ static sounds make_sounds(size_t count, uint32_t classes, size_t rare, double no
 }
 
 static void free_sounds(sounds *s) {
-    lg_scaler_free(NULL, &s->scaler);
-    lg_windows_free(NULL, &s->windows);
-    lg_series_free(NULL, &s->series);
+    lg_scaler_destroy(NULL, &s->scaler);
+    lg_windows_destroy(NULL, &s->windows);
+    lg_series_destroy(NULL, &s->series);
     free(s->chosen);
 }
 
@@ -124,8 +124,8 @@ static void scaled_windows(void **state) {
                 assert_close(sum[c] / (double)(data.count * LENGTH), 0.0, 0, 1e-6);
                 assert_close(squares[c] / (double)(data.count * LENGTH), 1.0, 1e-5, 0);
             }
-            lg_detector_data_free(NULL, &data);
-            lg_detector_data_free(NULL, &data);
+            lg_detector_data_destroy(NULL, &data);
+            lg_detector_data_destroy(NULL, &data);
             free_sounds(&s);
         }
 }
@@ -195,7 +195,7 @@ static void losses(void **state) {
                     assert_close(value, direct_loss(&model, &s, theta, samples, count) / 5.0, rtol, 0);
                 }
                 lg_tape_destroy(tape);
-                lg_detector_data_free(NULL, &data);
+                lg_detector_data_destroy(NULL, &data);
             }
         free(theta);
         free_sounds(&s);
@@ -296,7 +296,7 @@ static void learning(void **state) {
         run(fit);
         assert_int_equal(told_right(&model, &s, fit, s.training), s.series.count - s.training);
         lg_fit_destroy(fit);
-        lg_detector_data_free(NULL, &data);
+        lg_detector_data_destroy(NULL, &data);
         free_sounds(&s);
     }
 }
@@ -362,7 +362,7 @@ static void same_bits(void **state) {
     lg_fit_destroy(one);
     lg_fit_destroy(two);
     lg_fit_destroy(resumed);
-    lg_detector_data_free(NULL, &data);
+    lg_detector_data_destroy(NULL, &data);
     free_sounds(&s);
 }
 
@@ -390,7 +390,7 @@ static void small_sets(void **state) {
             run(fit);
             assert_true(isfinite(lg_fit_loss(fit)));
             lg_fit_destroy(fit);
-            lg_detector_data_free(NULL, &data);
+            lg_detector_data_destroy(NULL, &data);
             free_sounds(&s);
         }
 }
@@ -485,7 +485,7 @@ static void refused_data(void **state) {
     s.scaler.scale[0] = 1e-300;
     assert_status(CREATE(&model, &s.scaler, NULL, 0, LG_F32), LG_NOT_FINITE);
     assert_true(CREATE(&model, &s.scaler, NULL, 0, LG_F64) == LG_OK);
-    lg_detector_data_free(NULL, &data);
+    lg_detector_data_destroy(NULL, &data);
     s.series.x[77] = NAN;
     assert_status(CREATE(&model, &s.scaler, NULL, 0, LG_F64), LG_NOT_FINITE);
     assert_int_equal(data.count, 0);
@@ -509,7 +509,7 @@ static void refused_parts(void **state) {
         assert_null(fit);
     }
     free(theta);
-    lg_detector_data_free(NULL, &data);
+    lg_detector_data_destroy(NULL, &data);
     free_sounds(&s);
 }
 
@@ -527,7 +527,7 @@ static void failing_memory(void **state) {
         if (!lg_fail_alloc_hit(&memory)) {
             assert_ok(status);
             assert_true(n > 3);
-            lg_detector_data_free(context, &data);
+            lg_detector_data_destroy(context, &data);
             break;
         }
         assert_status(status, LG_OUT_OF_MEMORY);
@@ -600,7 +600,7 @@ static void steady_steps_take_nothing(void **state) {
     assert_int_equal(counted.used.allocations, 0);
     lg_fit_destroy(fit);
     free(theta);
-    lg_detector_data_free(NULL, &data);
+    lg_detector_data_destroy(NULL, &data);
     free_sounds(&s);
 }
 

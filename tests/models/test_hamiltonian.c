@@ -99,7 +99,7 @@ static void exact_chain_has_the_true_energy_and_field(void **state) {
                          0);
         lg_system_user user;
         lg_ode ode;
-        assert_ok(lg_system_ode(set.system, LG_FORM_LIE, &user, system_work, &ode));
+        assert_ok(lg_system_ode(set.system, LG_COORDINATES_LIE, &user, system_work, &ode));
         for (size_t i = 0; i < N; i++) {
             const double *y = set.y + i * M * set.d;
             assert_close(lg_hamiltonian_value(&model, theta, y, work), set.H[i], 1e-13, 1e-13);
@@ -157,7 +157,7 @@ static void exact_chain_leaves_the_manifold_as_the_true_one(void **state) {
         lg_system_user user;
         lg_ode ode;
         lg_stepper *stepper;
-        assert_ok(lg_system_ode(set.system, LG_FORM_AMBIENT, &user, work, &ode));
+        assert_ok(lg_system_ode(set.system, LG_COORDINATES_AMBIENT, &user, work, &ode));
         assert_ok(lg_stepper_create(NULL, lg_scheme_find("rk4"), &ode, &stepper));
         for (size_t i = 0; i < N; i++)
             for (size_t j = 0; j + 1 < M; j++) {
@@ -221,16 +221,16 @@ static void loss_gradients(void **state) {
         double penalty;
         lg_penalty_form form;
     } row[] = {
-        {"pendulum-chain", 1, LG_HAMILTONIAN_CHAIN, "cf4", 0.0, LG_PENALTY_TEXT},
-        {"pendulum-chain", 1, LG_HAMILTONIAN_CHAIN, "rk4", 0.0, LG_PENALTY_TEXT},
-        {"pendulum-chain", 2, LG_HAMILTONIAN_CHAIN, "cf4", 0.0, LG_PENALTY_TEXT},
-        {"pendulum-chain", 2, LG_HAMILTONIAN_CHAIN, "rkmk4", 0.0, LG_PENALTY_TEXT},
-        {"pendulum-chain", 2, LG_HAMILTONIAN_CHAIN, "rk4", 0.0, LG_PENALTY_TEXT},
-        {"pendulum-chain", 3, LG_HAMILTONIAN_CHAIN, "euler", 0.0, LG_PENALTY_TEXT},
-        {"pendulum-chain", 3, LG_HAMILTONIAN_CHAIN, "lie-euler", 0.0, LG_PENALTY_TEXT},
-        {"quartic", 2, LG_HAMILTONIAN_SEPARABLE, "stormer-verlet", 0.0, LG_PENALTY_TEXT},
-        {"coupled-oscillators", 2, LG_HAMILTONIAN_SEPARABLE, "stormer-verlet", 0.7, LG_PENALTY_TEXT},
-        {"coupled-oscillators", 2, LG_HAMILTONIAN_SEPARABLE, "rk4", 1e-3, LG_PENALTY_PUBLISHED},
+        {"pendulum-chain", 1, LG_HAMILTONIAN_CHAIN, "cf4", 0.0, LG_PENALTY_MEAN_SQUARE},
+        {"pendulum-chain", 1, LG_HAMILTONIAN_CHAIN, "rk4", 0.0, LG_PENALTY_MEAN_SQUARE},
+        {"pendulum-chain", 2, LG_HAMILTONIAN_CHAIN, "cf4", 0.0, LG_PENALTY_MEAN_SQUARE},
+        {"pendulum-chain", 2, LG_HAMILTONIAN_CHAIN, "rkmk4", 0.0, LG_PENALTY_MEAN_SQUARE},
+        {"pendulum-chain", 2, LG_HAMILTONIAN_CHAIN, "rk4", 0.0, LG_PENALTY_MEAN_SQUARE},
+        {"pendulum-chain", 3, LG_HAMILTONIAN_CHAIN, "euler", 0.0, LG_PENALTY_MEAN_SQUARE},
+        {"pendulum-chain", 3, LG_HAMILTONIAN_CHAIN, "lie-euler", 0.0, LG_PENALTY_MEAN_SQUARE},
+        {"quartic", 2, LG_HAMILTONIAN_SEPARABLE, "stormer-verlet", 0.0, LG_PENALTY_MEAN_SQUARE},
+        {"coupled-oscillators", 2, LG_HAMILTONIAN_SEPARABLE, "stormer-verlet", 0.7, LG_PENALTY_MEAN_SQUARE},
+        {"coupled-oscillators", 2, LG_HAMILTONIAN_SEPARABLE, "rk4", 1e-3, LG_PENALTY_SUM_ABSOLUTE},
     };
     const uint32_t hidden[2] = {7, 5};
     for (size_t r = 0; r < sizeof row / sizeof *row; r++) {
@@ -302,7 +302,7 @@ static void penalty_is_what_it_says(void **state) {
     assert_close(plain, mse, 1e-12, 0.0);
     problem.penalty = 0.5;
     assert_close(loss_of(&problem, theta, NULL), mse + 0.5 * squares / N, 1e-12, 0.0);
-    problem.penalty_form = LG_PENALTY_PUBLISHED;
+    problem.penalty_form = LG_PENALTY_SUM_ABSOLUTE;
     assert_close(loss_of(&problem, theta, NULL), mse + 0.5 * absolute, 1e-12, 0.0);
     free(work);
     free_data(&set);

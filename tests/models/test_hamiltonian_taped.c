@@ -95,10 +95,10 @@ static void compare(setting *s) {
         lg_hamiltonian_field(H, s->built.theta, y, field + b * s->d, work);
         assert_ok(lg_model_field(&s->built.model, y, s->input + b * s->m, driven + b * s->d, work));
     }
-    assert_rows(s, lg_hamiltonian_taped_value(s->tape, &s->vars, s->y), value, 1);
-    assert_rows(s, lg_hamiltonian_taped_gradient(s->tape, &s->vars, s->y), gradient, s->d);
-    assert_rows(s, lg_hamiltonian_taped_field(s->tape, &s->vars, s->y, LG_NONE), field, s->d);
-    assert_rows(s, lg_hamiltonian_taped_field(s->tape, &s->vars, s->y, s->u), driven, s->d);
+    assert_rows(s, lg_hamiltonian_record_value(s->tape, &s->vars, s->y), value, 1);
+    assert_rows(s, lg_hamiltonian_record_gradient(s->tape, &s->vars, s->y), gradient, s->d);
+    assert_rows(s, lg_hamiltonian_record_field(s->tape, &s->vars, s->y, LG_NONE), field, s->d);
+    assert_rows(s, lg_hamiltonian_record_field(s->tape, &s->vars, s->y, s->u), driven, s->d);
 }
 
 static void taped_equals_untaped(void **state) {
@@ -124,7 +124,7 @@ static void assert_output(const lg_program *program, const char *function, const
     assert_int_equal(lg_plan_output_count(plan, output), count);
     void *work;
     assert_int_equal(posix_memalign(&work, 64, lg_plan_work_size(plan)), 0);
-    lg_plan_run(plan, in, out, work);
+    lg_plan_eval(plan, in, out, work);
     for (size_t i = 0; i < count; i++) assert_close(found[output][i], expected[i], 2e-13, 2e-13);
     free(work);
     lg_plan_destroy(plan);
@@ -176,9 +176,9 @@ static void gradient_is_the_values(void **state) {
         lg_var by_tape, moved;
         double expected[BATCH * MOST_STATE], direction[BATCH * MOST_STATE];
         open_setting(&s, &models[i], false);
-        lg_var gradient = lg_hamiltonian_taped_gradient(s.tape, &s.vars, s.y);
+        lg_var gradient = lg_hamiltonian_record_gradient(s.tape, &s.vars, s.y);
         assert_ok(lg_read(s.tape, gradient, expected, BATCH * s.d));
-        lg_var sum = lg_sum(s.tape, lg_hamiltonian_taped_value(s.tape, &s.vars, s.y));
+        lg_var sum = lg_sum(s.tape, lg_hamiltonian_record_value(s.tape, &s.vars, s.y));
         assert_ok(lg_grad(s.tape, sum, &s.y, 1, &by_tape));
         assert_rows(&s, by_tape, expected, s.d);
         void *work = NULL;
@@ -205,17 +205,17 @@ static lg_var bound(lg_tape *tape, const lg_hamiltonian *model, lg_var theta, lg
 static lg_var build_value(const void *user, lg_tape *tape, const lg_var *x) {
     lg_hamiltonian_vars vars;
     if (lg_is_none(bound(tape, user, x[1], &vars))) return LG_NONE;
-    return lg_hamiltonian_taped_value(tape, &vars, x[0]);
+    return lg_hamiltonian_record_value(tape, &vars, x[0]);
 }
 static lg_var build_gradient(const void *user, lg_tape *tape, const lg_var *x) {
     lg_hamiltonian_vars vars;
     if (lg_is_none(bound(tape, user, x[1], &vars))) return LG_NONE;
-    return lg_hamiltonian_taped_gradient(tape, &vars, x[0]);
+    return lg_hamiltonian_record_gradient(tape, &vars, x[0]);
 }
 static lg_var build_field(const void *user, lg_tape *tape, const lg_var *x) {
     lg_hamiltonian_vars vars;
     if (lg_is_none(bound(tape, user, x[1], &vars))) return LG_NONE;
-    return lg_hamiltonian_taped_field(tape, &vars, x[0], x[2]);
+    return lg_hamiltonian_record_field(tape, &vars, x[0], x[2]);
 }
 
 static void derivatives(void **state) {
@@ -293,10 +293,11 @@ static void rows_are_independent(void **state) {
         double before[BATCH * MOST_STATE], after[BATCH * MOST_STATE];
         open_setting(&s, &models[i], true);
         assert_ok(
-            lg_read(s.tape, lg_hamiltonian_taped_field(s.tape, &s.vars, s.y, s.u), before, BATCH * s.d));
+            lg_read(s.tape, lg_hamiltonian_record_field(s.tape, &s.vars, s.y, s.u), before, BATCH * s.d));
         for (size_t j = 0; j < s.d; j++) s.state[s.d + j] = NAN;
         record_inputs(&s);
-        assert_ok(lg_read(s.tape, lg_hamiltonian_taped_field(s.tape, &s.vars, s.y, s.u), after, BATCH * s.d));
+        assert_ok(
+            lg_read(s.tape, lg_hamiltonian_record_field(s.tape, &s.vars, s.y, s.u), after, BATCH * s.d));
         for (size_t b = 0; b < BATCH; b += 2)
             assert_memory_equal(after + b * s.d, before + b * s.d, s.d * sizeof *after);
         assert_true(isnan(after[s.d]));
@@ -315,7 +316,7 @@ static void without_mass(void **state) {
         const size_t k = models[i].links, kinetic = k * k + k;
         memset(s.built.theta + s.parameters - kinetic, 0, kinetic * sizeof *s.built.theta);
         record_inputs(&s);
-        assert_ok(lg_read(s.tape, lg_hamiltonian_taped_value(s.tape, &s.vars, s.y), value, BATCH));
+        assert_ok(lg_read(s.tape, lg_hamiltonian_record_value(s.tape, &s.vars, s.y), value, BATCH));
         for (size_t b = 0; b < BATCH; b++) assert_true(isnan(value[b]));
         close_setting(&s);
     }
@@ -332,13 +333,13 @@ static void bad_shapes(void **state) {
         for (size_t j = 0; j < sizeof wrong / sizeof *wrong; j++) {
             record_inputs(&s);
             lg_var input = lg_full(s.tape, wrong[j], 0.1);
-            assert_true(lg_is_none(lg_hamiltonian_taped_field(s.tape, &s.vars, s.y, input)));
+            assert_true(lg_is_none(lg_hamiltonian_record_field(s.tape, &s.vars, s.y, input)));
             assert_status(lg_tape_status(s.tape), LG_SHAPE);
             assert_non_null(strstr(lg_tape_message(s.tape), "the input is not"));
         }
         record_inputs(&s);
         lg_var longer = lg_full(s.tape, lg_shape2(BATCH, d + 1), 0.1);
-        assert_true(lg_is_none(lg_hamiltonian_taped_value(s.tape, &s.vars, longer)));
+        assert_true(lg_is_none(lg_hamiltonian_record_value(s.tape, &s.vars, longer)));
         assert_status(lg_tape_status(s.tape), LG_SHAPE);
         lg_tape_reset(s.tape);
         lg_var shorter = lg_full(s.tape, lg_shape1((uint32_t)s.parameters - 1), 0.1);

@@ -49,9 +49,9 @@ static void allocation(void **state) {
     assert_null(s.channel_name);
     assert_close(s.rate, 5.0, 0, 0);
     for (size_t i = 0; i < 24; i++) assert_close((double)s.x[i], 0.0, 0, 0);
-    lg_series_free(NULL, &s);
+    lg_series_destroy(NULL, &s);
     assert_null(s.x);
-    lg_series_free(NULL, &s);
+    lg_series_destroy(NULL, &s);
     const lg_series bad[] = {{.count = 0, .channels = 1, .length = 1, .classes = 1},
                              {.count = 1, .channels = 0, .length = 1, .classes = 1},
                              {.count = 1, .channels = 1, .length = 0, .classes = 1},
@@ -107,8 +107,8 @@ static void windows(void **state) {
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         lg_windows w = cut(&s, cases[i].length, cases[i].hop);
         check_ramp(&s, &w, cases[i].start, cases[i].count);
-        lg_windows_free(NULL, &w);
-        lg_windows_free(NULL, &w);
+        lg_windows_destroy(NULL, &w);
+        lg_windows_destroy(NULL, &w);
     }
     lg_windows w = {.count = 77};
     lg_error error;
@@ -117,7 +117,7 @@ static void windows(void **state) {
     assert_int_equal(w.count, 77);
     assert_status(lg_windows_create(NULL, &s, (size_t)UINT32_MAX + 1, 0, &w, &error), LG_INVALID_ARGUMENT);
     assert_status(lg_windows_create(NULL, NULL, 1, 0, &w, &error), LG_INVALID_ARGUMENT);
-    lg_series_free(NULL, &s);
+    lg_series_destroy(NULL, &s);
 }
 
 /* The third of a run's four stored windows is of another class, or of another group. */
@@ -131,10 +131,10 @@ static void changes_of_label(void **state) {
         fill_ramp(&s);
         lg_windows w = cut(&s, 10, 5);
         check_ramp(&s, &w, starts, 9);
-        lg_windows_free(NULL, &w);
+        lg_windows_destroy(NULL, &w);
         lg_error error;
         assert_status(lg_windows_create(NULL, &s, 40, 0, &w, &error), LG_INVALID_ARGUMENT);
-        lg_series_free(NULL, &s);
+        lg_series_destroy(NULL, &s);
     }
 }
 
@@ -145,16 +145,16 @@ static void without_runs(void **state) {
     fill_ramp(&s);
     lg_windows w = cut(&s, 6, 4);
     check_ramp(&s, &w, starts, 6);
-    lg_windows_free(NULL, &w);
+    lg_windows_destroy(NULL, &w);
     lg_error error;
     assert_status(lg_windows_create(NULL, &s, 11, 0, &w, &error), LG_INVALID_ARGUMENT);
     assert_non_null(strstr(error.message, "runs"));
-    lg_series_free(NULL, &s);
+    lg_series_destroy(NULL, &s);
     s = make(1, 1, 1, 1, false, false);
     w = cut(&s, 0, 0);
     assert_int_equal(w.count, 1);
-    lg_windows_free(NULL, &w);
-    lg_series_free(NULL, &s);
+    lg_windows_destroy(NULL, &w);
+    lg_series_destroy(NULL, &s);
 }
 
 /* ---- splits ---- */
@@ -201,8 +201,8 @@ static void random_split(void **state) {
     (void)split_of(&s, &w, LG_SPLIT_RANDOM, 0.2, 0.3, 7, other);
     for (size_t i = 0; i < N; i++) assert_int_equal(parts[i] == LG_PART_TEST, other[i] == LG_PART_TEST);
     assert_int_equal(split_of(&s, &w, LG_SPLIT_RANDOM, 0.0, 0.0, 7, parts).part[LG_PART_TRAIN], N);
-    lg_windows_free(NULL, &w);
-    lg_series_free(NULL, &s);
+    lg_windows_destroy(NULL, &w);
+    lg_series_destroy(NULL, &s);
 }
 
 static void shuffled(void **state) {
@@ -215,8 +215,8 @@ static void shuffled(void **state) {
     size_t first_half = 0;
     for (size_t i = 0; i < N / 2; i++) first_half += parts[i] == LG_PART_TEST;
     assert_in_range(first_half, 200, 300); /* six standard deviations of a fair draw */
-    lg_windows_free(NULL, &w);
-    lg_series_free(NULL, &s);
+    lg_windows_destroy(NULL, &w);
+    lg_series_destroy(NULL, &s);
 }
 
 /* 18 sea states of both classes, 6 runs a state, 4 stored windows a run; windows overlap. */
@@ -243,8 +243,8 @@ static void units_stay_together(void **state) {
             for (size_t j = 0; j < i; j++)
                 if (unit[w.first[i]] == unit[w.first[j]]) assert_int_equal(parts[i], parts[j]);
     }
-    lg_windows_free(NULL, &w);
-    lg_series_free(NULL, &s);
+    lg_windows_destroy(NULL, &w);
+    lg_series_destroy(NULL, &s);
 }
 
 /* Whatever the sizes: each class trains, and no stratum is emptied. */
@@ -276,8 +276,8 @@ static void every_class_trains(void **state) {
             assert_status(status, LG_INVALID_ARGUMENT);
             assert_non_null(strstr(error.message, "is empty"));
         }
-        lg_windows_free(NULL, &w);
-        lg_series_free(NULL, &s);
+        lg_windows_destroy(NULL, &w);
+        lg_series_destroy(NULL, &s);
     }
 }
 
@@ -316,8 +316,8 @@ static void refused_splits(void **state) {
                   LG_INVALID_ARGUMENT);
     assert_non_null(strstr(error.message, "\"1\""));
     for (size_t i = 0; i < 6; i++) assert_int_equal(parts[i], 9);
-    lg_windows_free(NULL, &w);
-    lg_series_free(NULL, &s);
+    lg_windows_destroy(NULL, &w);
+    lg_series_destroy(NULL, &s);
 }
 
 static void split_names(void **state) {
@@ -457,8 +457,8 @@ static void scaling(void **state) {
                 assert_close(scaler.scale[c], c == 1 ? 1.0 : (double)sqrtl(squares), 1e-11, 0);
             }
             if (!centred) assert_close(scaler.mean[1], (double)0.1f, 0, 0);
-            lg_scaler_free(NULL, &scaler);
-            lg_scaler_free(NULL, &scaler);
+            lg_scaler_destroy(NULL, &scaler);
+            lg_scaler_destroy(NULL, &scaler);
         }
     lg_scaler none = {.channels = 5};
     static const uint32_t beyond[] = {N};
@@ -466,8 +466,8 @@ static void scaling(void **state) {
     assert_status(lg_scaler_fit(NULL, &s, &w, chosen, 0, false, &none), LG_INVALID_ARGUMENT);
     assert_status(lg_scaler_fit(NULL, &s, &w, NULL, N + 1, false, &none), LG_INVALID_ARGUMENT);
     assert_int_equal(none.channels, 5);
-    lg_windows_free(NULL, &w);
-    lg_series_free(NULL, &s);
+    lg_windows_destroy(NULL, &w);
+    lg_series_destroy(NULL, &s);
 }
 
 /* Windows that are constant by themselves and differ from each other: constant when centred, not otherwise.
@@ -483,13 +483,13 @@ static void constant_windows(void **state) {
     lg_scaler scaler;
     assert_ok(lg_scaler_fit(NULL, &s, &w, NULL, 2, true, &scaler));
     assert_close(scaler.scale[0], 1.0, 0, 0);
-    lg_scaler_free(NULL, &scaler);
+    lg_scaler_destroy(NULL, &scaler);
     assert_ok(lg_scaler_fit(NULL, &s, &w, NULL, 2, false, &scaler));
     assert_close(scaler.mean[0], 0.5 * ((double)0.1f + (double)0.3f), 1e-15, 0);
     assert_close(scaler.scale[0], 0.5 * ((double)0.3f - (double)0.1f), 1e-14, 0);
-    lg_scaler_free(NULL, &scaler);
-    lg_windows_free(NULL, &w);
-    lg_series_free(NULL, &s);
+    lg_scaler_destroy(NULL, &scaler);
+    lg_windows_destroy(NULL, &w);
+    lg_series_destroy(NULL, &s);
 }
 
 /* ---- memory that fails ---- */
@@ -505,9 +505,9 @@ static lg_status all_at_once(const lg_context *context) {
     if (status == LG_OK) status = lg_series_split(context, &s, &w, LG_SPLIT_RANDOM, 0.3, 0, 1, parts, NULL);
     if (status == LG_OK) status = lg_folds(context, s.label, NULL, 8, 3, (uint32_t[8]){0});
     if (status == LG_OK) status = lg_scaler_fit(context, &s, &w, NULL, 8, false, &scaler);
-    lg_scaler_free(context, &scaler);
-    lg_windows_free(context, &w);
-    lg_series_free(context, &s);
+    lg_scaler_destroy(context, &scaler);
+    lg_windows_destroy(context, &w);
+    lg_series_destroy(context, &s);
     return status;
 }
 

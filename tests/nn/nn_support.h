@@ -152,7 +152,7 @@ static lg_status regression_loss(void *user, lg_tape *tape, lg_var theta, const 
     }
     if (r->cancel_at != NULL && --*r->cancel_at == 0) *r->cancel = 1;
     const lg_shape shape = lg_shape2((uint32_t)count, 1);
-    const lg_var y = lg_mlp_apply(tape, &r->net, theta, 0, lg_input_f64(tape, shape, x));
+    const lg_var y = lg_mlp_record(tape, &r->net, theta, 0, lg_input_f64(tape, shape, x));
     const lg_var d = lg_sub(tape, y, lg_input_f64(tape, shape, t));
     *loss = lg_scale(tape, lg_sum(tape, lg_square(tape, d)), 1.0 / (double)batch);
     return LG_OK;

@@ -398,7 +398,7 @@ static void on_a_tape(void **state) {
                 const lg_var theta = lg_input_f64(tape, lg_shape1((uint32_t)e.parameters + OFFSET), flat);
                 const lg_var x = lg_input_f64(tape, lg_shape3(ROWS, net->length, net->channels), e.x);
                 lg_var at = LG_NONE;
-                const lg_var out = lg_cnn_apply(tape, net, theta, OFFSET, x, &at);
+                const lg_var out = lg_cnn_record(tape, net, theta, OFFSET, x, &at);
                 const double rtol = dtype == LG_F64 ? 1e-13 : 2e-5;
                 if (lg_tape_status(tape) != LG_OK) fail_msg("%s", lg_tape_message(tape));
                 assert_ok(lg_read(tape, out, taped, ROWS * net->outputs));
@@ -432,7 +432,7 @@ static void refused_on_a_tape(void **state) {
         const lg_var theta = lg_full(tape, lg_shape1(bad[i].theta), 0.0);
         const lg_var x = lg_full(tape, bad[i].x, 0.0);
         lg_var plane = x;
-        assert_true(lg_is_none(lg_cnn_apply(tape, &net, theta, bad[i].offset, x, &plane)));
+        assert_true(lg_is_none(lg_cnn_record(tape, &net, theta, bad[i].offset, x, &plane)));
         assert_true(lg_is_none(plane));
         if (lg_tape_status(tape) == LG_OK) fail_msg("case %zu", i);
         assert_true(strlen(lg_tape_message(tape)) > 0);
@@ -440,7 +440,7 @@ static void refused_on_a_tape(void **state) {
     lg_tape_reset(tape);
     const lg_var theta = lg_full(tape, lg_shape1(parameters), 0.0);
     const lg_var foreign = lg_full(other, lg_shape3(1, 12, 2), 0.0);
-    assert_true(lg_is_none(lg_cnn_apply(tape, &net, theta, 0, foreign, NULL)));
+    assert_true(lg_is_none(lg_cnn_record(tape, &net, theta, 0, foreign, NULL)));
     assert_status(lg_tape_status(tape), LG_STALE_HANDLE);
     lg_tape_destroy(tape);
     lg_tape_destroy(other);
@@ -450,7 +450,7 @@ static void refused_on_a_tape(void **state) {
 
 static lg_var build(const void *user, lg_tape *tape, const lg_var *x) {
     const lg_cnn *net = user;
-    return lg_cnn_apply(tape, net, x[1], OFFSET, x[0], NULL);
+    return lg_cnn_record(tape, net, x[1], OFFSET, x[0], NULL);
 }
 
 static void gradients(void **state) {
@@ -487,7 +487,7 @@ static void gradient_on_tape(const example *e, lg_dtype dtype, const double *x, 
     const lg_var theta = lg_input_f64(tape, lg_shape1((uint32_t)e->parameters), e->theta);
     const lg_var in = lg_input_f64(tape, lg_shape3(1, net->length, net->channels), x);
     const lg_var c = lg_input_f64(tape, lg_shape2(1, net->outputs), cotangent);
-    const lg_var loss = lg_sum(tape, lg_mul(tape, c, lg_cnn_apply(tape, net, theta, 0, in, NULL)));
+    const lg_var loss = lg_sum(tape, lg_mul(tape, c, lg_cnn_record(tape, net, theta, 0, in, NULL)));
     lg_var gradient = LG_NONE;
     assert_ok(lg_grad(tape, loss, &in, 1, &gradient));
     assert_ok(lg_read(tape, gradient, out, e->numbers));

@@ -143,7 +143,7 @@ static lg_status steep_loss(void *user, lg_tape *tape, lg_var theta, const uint3
         const bool it = samples[i] == s->sample;
         const lg_var x = lg_full(tape, lg_shape2(1, SIDE), it ? s->left : 1.0);
         const lg_var flat = lg_scale(tape, lg_sum(tape, lg_matmul(tape, x, w)), it ? s->right : 1.0);
-        const lg_var roots = lg_sum(tape, lg_sqrt(tape, lg_shift(tape, b, it ? -s->shift : 0.0)));
+        const lg_var roots = lg_sum(tape, lg_sqrt(tape, lg_add_scalar(tape, b, it ? -s->shift : 0.0)));
         const lg_var one = lg_add(tape, flat, lg_scale(tape, roots, it ? s->root : 1.0));
         sum = lg_is_none(sum) ? one : lg_add(tape, sum, one);
     }

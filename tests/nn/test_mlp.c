@@ -304,8 +304,8 @@ static void test_taped(void **state) {
         lg_mlp_vars vars;
         assert_ok(lg_mlp_bind(tape, &f.net, theta, offset, &vars));
         double y[ROWS * 2], gradient[ROWS * 3], first[ROWS * 2], expected[ROWS * 2], slope[ROWS * 3];
-        assert_ok(lg_read(tape, lg_mlp_apply(tape, &f.net, theta, offset, x), y, ROWS * 2));
-        assert_ok(lg_read(tape, lg_mlp_gradient_bound(tape, &f.net, &vars, x), gradient, ROWS * 3));
+        assert_ok(lg_read(tape, lg_mlp_record(tape, &f.net, theta, offset, x), y, ROWS * 2));
+        assert_ok(lg_read(tape, lg_mlp_record_gradient(tape, &f.net, &vars, x), gradient, ROWS * 3));
         for (int r = 0; r < ROWS; r++) {
             first[2 * r] = 1.0;
             first[2 * r + 1] = 0.0;
@@ -340,7 +340,7 @@ static void test_gradient_of_gradient(void **state) {
     const lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)n), f.theta);
     lg_mlp_vars vars;
     assert_ok(lg_mlp_bind(tape, &f.net, theta, 0, &vars));
-    const lg_var slope = lg_mlp_gradient_bound(tape, &f.net, &vars, lg_input(tape, lg_shape2(ROWS, 3), f.x));
+    const lg_var slope = lg_mlp_record_gradient(tape, &f.net, &vars, lg_input(tape, lg_shape2(ROWS, 3), f.x));
     void *out = gradient;
     assert_ok(lg_backward(tape, lg_sum(tape, lg_square(tape, slope)), &theta, 1, &out));
     for (size_t i = 0; i < n; i++) {
@@ -370,12 +370,12 @@ static void test_short_theta(void **state) {
     assert_int_not_equal(lg_tape_status(tape), LG_OK);
     lg_tape_reset(tape);
     const lg_var good = lg_parameter(tape, lg_shape1((uint32_t)n), f.theta);
-    assert_true(lg_is_none(lg_mlp_apply(tape, &f.net, good, SIZE_MAX, good)));
+    assert_true(lg_is_none(lg_mlp_record(tape, &f.net, good, SIZE_MAX, good)));
     assert_status(lg_tape_status(tape), LG_SHAPE);
     lg_tape_reset(tape);
     const lg_var again = lg_parameter(tape, lg_shape1((uint32_t)n), f.theta);
     const lg_var wrong = lg_input(tape, lg_shape2(1, 2), f.x);
-    assert_true(lg_is_none(lg_mlp_apply(tape, &f.net, again, 0, wrong)));
+    assert_true(lg_is_none(lg_mlp_record(tape, &f.net, again, 0, wrong)));
     assert_status(lg_tape_status(tape), LG_SHAPE);
     lg_tape_destroy(tape);
     teardown(&f);
@@ -401,7 +401,7 @@ static void curved_on_tape(curved *c) {
     const lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)lg_mlp_parameters(&c->net)), c->theta);
     const lg_var x = lg_input(tape, lg_shape2(ROWS, INPUTS), c->x);
     const lg_var direction = lg_input(tape, lg_shape2(ROWS, INPUTS), c->direction);
-    const lg_var y = lg_sum(tape, lg_mlp_apply(tape, &c->net, theta, 0, x));
+    const lg_var y = lg_sum(tape, lg_mlp_record(tape, &c->net, theta, 0, x));
     assert_ok(lg_grad(tape, y, &x, 1, &g));
     assert_ok(lg_jvp(tape, &g, 1, &x, &direction, 1, &dg));
     assert_ok(lg_read(tape, g, c->gradient, ROWS * INPUTS));

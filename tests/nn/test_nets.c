@@ -219,7 +219,7 @@ static void check_values(fixture *f) {
     assert_ok(lg_tape_create(NULL, NULL, &tape));
     const lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)f->n), f->theta);
     const lg_var x = lg_input(tape, lg_shape2(ROWS, 3), f->x);
-    assert_ok(lg_read(tape, lg_net_apply(tape, &f->net, theta, 0, x), taped, ROWS * 2));
+    assert_ok(lg_read(tape, lg_net_record(tape, &f->net, theta, 0, x), taped, ROWS * 2));
     lg_tape_destroy(tape);
     for (size_t r = 0; r < ROWS; r++) {
         plain(&f->net, f->theta, f->x + 3 * r, expected);
@@ -323,8 +323,8 @@ static void check_apply_jvp(fixture *f) {
     for (uint32_t directions = 1; directions <= ROWS; directions += ROWS - 1) {
         const lg_var dx = lg_input(tape, lg_shape2(directions, 3), f->dx);
         const lg_var whole = lg_broadcast_to(tape, dx, lg_shape2(ROWS, 3));
-        assert_ok(lg_net_apply_jvp(tape, &f->net, theta, 0, x, dx, &y, &dy));
-        const lg_var v = lg_net_apply(tape, &f->net, theta, 0, x);
+        assert_ok(lg_net_record_jvp(tape, &f->net, theta, 0, x, dx, &y, &dy));
+        const lg_var v = lg_net_record(tape, &f->net, theta, 0, x);
         assert_ok(lg_jvp(tape, &v, 1, &x, &whole, 1, &other));
         assert_ok(lg_read(tape, y, value, ROWS * 2));
         assert_ok(lg_read(tape, dy, derivative, ROWS * 2));
@@ -347,9 +347,9 @@ static void test_apply_jvp(void **state) {
 static lg_var loss_of(lg_tape *tape, const fixture *f, lg_var theta, lg_var x, lg_var dx, bool pairs) {
     lg_var y = LG_NONE, dy = LG_NONE;
     if (pairs) {
-        if (lg_net_apply_jvp(tape, &f->net, theta, 1, x, dx, &y, &dy) != LG_OK) return LG_NONE;
+        if (lg_net_record_jvp(tape, &f->net, theta, 1, x, dx, &y, &dy) != LG_OK) return LG_NONE;
     } else {
-        y = lg_net_apply(tape, &f->net, theta, 1, x);
+        y = lg_net_record(tape, &f->net, theta, 1, x);
         if (lg_jvp(tape, &y, 1, &x, &dx, 1, &dy) != LG_OK) return LG_NONE;
     }
     return lg_add(tape, lg_sum(tape, lg_square(tape, y)), lg_sum(tape, lg_square(tape, dy)));
@@ -440,14 +440,15 @@ static void test_misuse(void **state) {
         const lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)f.n - (i == 0)), f.theta);
         const lg_var x = lg_input(tape, lg_shape2(ROWS, i == 1 ? 2 : 3), f.x);
         const lg_var dx = lg_input(tape, lg_shape2(i == 2 ? 2 : 1, 3), f.dx);
-        const lg_status status = lg_net_apply_jvp(tape, &f.net, theta, i == 3 ? SIZE_MAX : 0, x, dx, &y, &dy);
+        const lg_status status =
+            lg_net_record_jvp(tape, &f.net, theta, i == 3 ? SIZE_MAX : 0, x, dx, &y, &dy);
         assert_int_not_equal(status, LG_OK);
         assert_int_equal(status, lg_tape_status(tape));
         assert_true(lg_is_none(y) && lg_is_none(dy));
     }
     lg_tape_reset(tape);
     const lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)f.n - 1), f.theta);
-    assert_true(lg_is_none(lg_net_apply(tape, &f.net, theta, 0, lg_input(tape, lg_shape2(ROWS, 3), f.x))));
+    assert_true(lg_is_none(lg_net_record(tape, &f.net, theta, 0, lg_input(tape, lg_shape2(ROWS, 3), f.x))));
     lg_tape_destroy(tape);
     free(f.work);
 }

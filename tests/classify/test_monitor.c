@@ -1,7 +1,7 @@
 /* Watching a feed: windows, gaps, votes, memory. */
 #include "test_support.h"
 
-#include "liegrad/judge.h"
+#include "liegrad/monitor.h"
 #include "support/malloc_count.h"
 
 enum { CHANNELS = 2, WINDOW = 10, ROOM = 1 << 16 };
@@ -26,22 +26,22 @@ static lg_status look(void *user, const float *x, bool *positive, double *score)
 
 static _Alignas(64) unsigned char memory[ROOM];
 
-static lg_watch_options options_of(uint32_t channels, uint32_t window, uint32_t hop) {
-    lg_watch_options options;
-    lg_watch_options_init(&options);
+static lg_monitor_options options_of(uint32_t channels, uint32_t window, uint32_t hop) {
+    lg_monitor_options options;
+    lg_monitor_options_init(&options);
     options.channels = channels;
     options.window = window;
     options.hop = hop;
     return options;
 }
 
-static lg_watch *start(const lg_watch_options *options, witness *w) {
-    lg_watch *watch = NULL;
+static lg_monitor *start(const lg_monitor_options *options, witness *w) {
+    lg_monitor *watch = NULL;
     w->channels = options->channels;
     w->window = options->window;
-    assert_in_range(lg_watch_size(options), 1, ROOM);
+    assert_in_range(lg_monitor_size(options), 1, ROOM);
     memset(memory, 0xa5, sizeof memory);
-    assert_ok(lg_watch_init(options, look, w, memory, &watch, NULL));
+    assert_ok(lg_monitor_init(options, look, w, memory, &watch, NULL));
     return watch;
 }
 
@@ -50,10 +50,10 @@ static float value_at(uint64_t i, uint32_t c) {
 }
 
 /* Sample i of a feed that rises by 1 (falls by 3) a sample; lost where `lost`. */
-static bool push(lg_watch *watch, uint64_t i, bool lost, lg_verdict *verdict) {
+static bool push(lg_monitor *watch, uint64_t i, bool lost, lg_verdict *verdict) {
     const float sample[CHANNELS] = {value_at(i, 0), value_at(i, 1)};
     bool ready = false;
-    assert_ok(lg_watch_push(watch, lost ? NULL : sample, &ready, verdict));
+    assert_ok(lg_monitor_push(watch, lost ? NULL : sample, &ready, verdict));
     return ready;
 }
 
@@ -62,9 +62,9 @@ static void test_windows_follow_every_hop(void **state) {
     const uint32_t hops[] = {0, 1, 3, 7, WINDOW};
     for (size_t h = 0; h < sizeof hops / sizeof *hops; h++) {
         const uint32_t hop = hops[h] == 0 ? WINDOW : hops[h];
-        const lg_watch_options options = options_of(CHANNELS, WINDOW, hops[h]);
+        const lg_monitor_options options = options_of(CHANNELS, WINDOW, hops[h]);
         witness w = {.seen = 0};
-        lg_watch *watch = start(&options, &w);
+        lg_monitor *watch = start(&options, &w);
         uint64_t windows = 0;
         for (uint64_t i = 0; i < 100; i++) {
             lg_verdict v;
@@ -84,9 +84,9 @@ static void test_windows_follow_every_hop(void **state) {
 }
 
 /* A feed in which samples from..to-1 are lost; the window that is judged last. */
-static lg_verdict run_gap(const lg_watch_options *options, witness *w, uint64_t from, uint64_t to,
+static lg_verdict run_gap(const lg_monitor_options *options, witness *w, uint64_t from, uint64_t to,
                           uint64_t end) {
-    lg_watch *watch = start(options, w);
+    lg_monitor *watch = start(options, w);
     lg_verdict v = {.window = 99}, last = {.window = 99};
     for (uint64_t i = 0; i < end; i++)
         if (push(watch, i, i >= from && i < to, &v)) last = v;
@@ -95,7 +95,7 @@ static lg_verdict run_gap(const lg_watch_options *options, witness *w, uint64_t 
 
 static void test_short_gaps_are_bridged(void **state) {
     (void)state;
-    lg_watch_options options = options_of(CHANNELS, WINDOW, 0);
+    lg_monitor_options options = options_of(CHANNELS, WINDOW, 0);
     options.missing = 0.5;
     for (uint64_t gap = 1; gap <= 5; gap++) {
         witness w = {.seen = 0};
@@ -111,10 +111,10 @@ static void test_short_gaps_are_bridged(void **state) {
 
 static void test_a_bridge_over_the_edge_of_windows(void **state) {
     (void)state;
-    lg_watch_options options = options_of(CHANNELS, WINDOW, 0);
+    lg_monitor_options options = options_of(CHANNELS, WINDOW, 0);
     options.missing = 0.5;
     witness w = {.seen = 0};
-    lg_watch *watch = start(&options, &w);
+    lg_monitor *watch = start(&options, &w);
     lg_verdict v;
     for (uint64_t i = 0; i < WINDOW; i++) (void)push(watch, i, i >= 8, &v); /* open at the end: held */
     for (uint32_t k = 0; k < WINDOW; k++) assert_close(w.x[k], value_at(k < 8 ? k : 7, 0), 1e-6, 0);
@@ -126,7 +126,7 @@ static void test_a_bridge_over_the_edge_of_windows(void **state) {
 
 static void test_long_gaps_hold_the_last_value(void **state) {
     (void)state;
-    lg_watch_options options = options_of(CHANNELS, WINDOW, 0);
+    lg_monitor_options options = options_of(CHANNELS, WINDOW, 0);
     options.missing = 0.6;
     witness w = {.seen = 0};
     const lg_verdict v = run_gap(&options, &w, 2, 8, WINDOW);
@@ -143,7 +143,7 @@ static void test_long_gaps_hold_the_last_value(void **state) {
 /* A bridge longer than the window: only its end is in it. */
 static void test_a_bridge_longer_than_the_window(void **state) {
     (void)state;
-    lg_watch_options options = options_of(CHANNELS, WINDOW, 0);
+    lg_monitor_options options = options_of(CHANNELS, WINDOW, 0);
     options.missing = 1.0;
     options.bridge = 100;
     witness w = {.seen = 0};
@@ -154,10 +154,10 @@ static void test_a_bridge_longer_than_the_window(void **state) {
 
 static void test_a_feed_that_begins_with_lost_samples(void **state) {
     (void)state;
-    lg_watch_options options = options_of(CHANNELS, WINDOW, 0);
+    lg_monitor_options options = options_of(CHANNELS, WINDOW, 0);
     options.missing = 1.0;
     witness w = {.seen = 0};
-    lg_watch *watch = start(&options, &w);
+    lg_monitor *watch = start(&options, &w);
     lg_verdict v;
     for (uint64_t i = 0; i < 10; i++) (void)push(watch, i, true, &v);
     assert_false(v.judged); /* nothing received */
@@ -172,7 +172,7 @@ static void test_a_feed_that_begins_with_lost_samples(void **state) {
 
 static void test_too_much_missing_is_not_judged(void **state) {
     (void)state;
-    const lg_watch_options options = options_of(CHANNELS, 300, 0); /* a tenth: 30 */
+    const lg_monitor_options options = options_of(CHANNELS, 300, 0); /* a tenth: 30 */
     witness w = {.seen = 0, .script = "ppppp"};
     assert_true(run_gap(&options, &w, 100, 130, 300).judged);
     w.seen = 0;
@@ -185,11 +185,11 @@ static void test_too_much_missing_is_not_judged(void **state) {
 /* Windows without a judgement, longer gaps than a window: the alarm keeps its state. */
 static void test_gaps_longer_than_a_window(void **state) {
     (void)state;
-    lg_watch_options options = options_of(CHANNELS, WINDOW, 0);
+    lg_monitor_options options = options_of(CHANNELS, WINDOW, 0);
     options.votes = 2;
     options.votes_of = 3;
     witness w = {.seen = 0, .script = "pp---"};
-    lg_watch *watch = start(&options, &w);
+    lg_monitor *watch = start(&options, &w);
     lg_verdict v;
     for (uint64_t i = 0; i < 20; i++) (void)push(watch, i, false, &v);
     assert_true(v.alarm && v.judged && v.window == 1);
@@ -218,11 +218,11 @@ static void test_votes(void **state) {
         {3, 5, "pp------", "--------"},
     };
     for (size_t r = 0; r < sizeof rows / sizeof *rows; r++) {
-        lg_watch_options options = options_of(CHANNELS, 1, 0);
+        lg_monitor_options options = options_of(CHANNELS, 1, 0);
         options.votes = rows[r].k;
         options.votes_of = rows[r].n;
         witness w = {.seen = 0, .script = rows[r].script};
-        lg_watch *watch = start(&options, &w);
+        lg_monitor *watch = start(&options, &w);
         for (uint32_t i = 0; rows[r].script[i] != '\0'; i++) {
             lg_verdict v;
             uint32_t positive = 0, votes = i + 1 < rows[r].n ? i + 1 : rows[r].n;
@@ -238,13 +238,13 @@ static void test_votes(void **state) {
 
 static void test_all_of_sixty_four(void **state) {
     (void)state;
-    lg_watch_options options = options_of(CHANNELS, 1, 0);
+    lg_monitor_options options = options_of(CHANNELS, 1, 0);
     options.votes = options.votes_of = 64;
     char script[71];
     memset(script, 'p', 70);
     script[70] = '\0';
     witness w = {.seen = 0, .script = script};
-    lg_watch *watch = start(&options, &w);
+    lg_monitor *watch = start(&options, &w);
     for (uint64_t i = 0; i < 70; i++) {
         lg_verdict v;
         (void)push(watch, i, false, &v);
@@ -254,18 +254,18 @@ static void test_all_of_sixty_four(void **state) {
 
 static void test_a_judge_that_fails(void **state) {
     (void)state;
-    const lg_watch_options options = options_of(CHANNELS, 2, 0);
+    const lg_monitor_options options = options_of(CHANNELS, 2, 0);
     witness w = {.seen = 0, .script = "pf-"};
-    lg_watch *watch = start(&options, &w);
+    lg_monitor *watch = start(&options, &w);
     const float sample[CHANNELS] = {1, 2};
     lg_verdict v = {.window = 99};
     bool ready = false;
-    for (int i = 0; i < 3; i++) assert_ok(lg_watch_push(watch, sample, &ready, &v));
+    for (int i = 0; i < 3; i++) assert_ok(lg_monitor_push(watch, sample, &ready, &v));
     v.window = 99;
     ready = true;
-    assert_status(lg_watch_push(watch, sample, &ready, &v), LG_NO_CONVERGENCE);
+    assert_status(lg_monitor_push(watch, sample, &ready, &v), LG_NO_CONVERGENCE);
     assert_true(ready && v.window == 99);
-    for (int i = 0; i < 2; i++) assert_ok(lg_watch_push(watch, sample, &ready, &v));
+    for (int i = 0; i < 2; i++) assert_ok(lg_monitor_push(watch, sample, &ready, &v));
     assert_true(ready);
     assert_int_equal(v.window, 2);
     assert_int_equal(v.votes, 2);
@@ -274,27 +274,27 @@ static void test_a_judge_that_fails(void **state) {
 
 static void test_values_that_are_not_finite(void **state) {
     (void)state;
-    const lg_watch_options options = options_of(CHANNELS, WINDOW, 0);
+    const lg_monitor_options options = options_of(CHANNELS, WINDOW, 0);
     witness w = {.seen = 0};
-    lg_watch *watch = start(&options, &w);
+    lg_monitor *watch = start(&options, &w);
     lg_verdict v;
     bool ready;
     for (uint64_t i = 0; i < WINDOW; i++) {
         float sample[CHANNELS] = {value_at(i, 0), value_at(i, 1)};
         if (i == 4) sample[1] = NAN;
         if (i == 6) sample[0] = -INFINITY;
-        assert_ok(lg_watch_push(watch, sample, &ready, &v));
+        assert_ok(lg_monitor_push(watch, sample, &ready, &v));
     }
     assert_true(ready && !v.judged);
     assert_int_equal(v.missing, 2);
-    lg_watch_options lenient = options;
+    lg_monitor_options lenient = options;
     lenient.missing = 0.2;
     watch = start(&lenient, &w);
     for (uint64_t i = 0; i < WINDOW; i++) {
         float sample[CHANNELS] = {value_at(i, 0), value_at(i, 1)};
         if (i == 4) sample[1] = NAN;
         if (i == 6) sample[0] = -INFINITY;
-        assert_ok(lg_watch_push(watch, sample, &ready, &v));
+        assert_ok(lg_monitor_push(watch, sample, &ready, &v));
     }
     assert_true(v.judged);
     for (uint32_t k = 0; k < WINDOW; k++) assert_close(w.x[k], value_at(k, 0), 1e-6, 0);
@@ -303,16 +303,16 @@ static void test_values_that_are_not_finite(void **state) {
 static void test_push_takes_no_memory(void **state) {
     (void)state;
     if (!lg_count_available()) skip();
-    const lg_watch_options options = options_of(CHANNELS, WINDOW, 3);
+    const lg_monitor_options options = options_of(CHANNELS, WINDOW, 3);
     witness w = {.seen = 0};
-    lg_watch *watch = start(&options, &w);
+    lg_monitor *watch = start(&options, &w);
     const float sample[CHANNELS] = {1, 2};
     lg_verdict v;
     bool ready;
     lg_status worst = LG_OK;
     assert_no_malloc_no_lock({
         for (int i = 0; i < 1000; i++) {
-            const lg_status status = lg_watch_push(watch, i % 17 == 0 ? NULL : sample, &ready, &v);
+            const lg_status status = lg_monitor_push(watch, i % 17 == 0 ? NULL : sample, &ready, &v);
             if (status != LG_OK) worst = status;
         }
     });
@@ -322,12 +322,12 @@ static void test_push_takes_no_memory(void **state) {
 
 static void test_bad_options(void **state) {
     (void)state;
-    const lg_watch_options good = options_of(CHANNELS, WINDOW, 0);
+    const lg_monitor_options good = options_of(CHANNELS, WINDOW, 0);
     witness w = {.channels = CHANNELS, .window = WINDOW};
-    lg_watch *watch = (lg_watch *)(void *)memory;
+    lg_monitor *watch = (lg_monitor *)(void *)memory;
     lg_error error;
     enum { BAD = 9 };
-    lg_watch_options bad[BAD];
+    lg_monitor_options bad[BAD];
     for (int i = 0; i < BAD; i++) bad[i] = good;
     bad[0].channels = 0;
     bad[1].window = 0;
@@ -339,14 +339,14 @@ static void test_bad_options(void **state) {
     bad[7].votes_of = 65;
     bad[8].size = 3;
     for (int i = 0; i < BAD; i++) {
-        assert_int_equal(lg_watch_size(&bad[i]), 0);
-        assert_status(lg_watch_init(&bad[i], look, &w, memory, &watch, &error), LG_INVALID_ARGUMENT);
+        assert_int_equal(lg_monitor_size(&bad[i]), 0);
+        assert_status(lg_monitor_init(&bad[i], look, &w, memory, &watch, &error), LG_INVALID_ARGUMENT);
         assert_true(error.message[0] != '\0');
     }
-    assert_status(lg_watch_init(&good, NULL, &w, memory, &watch, &error), LG_INVALID_ARGUMENT);
-    assert_status(lg_watch_init(&good, look, &w, memory + 8, &watch, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_monitor_init(&good, NULL, &w, memory, &watch, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_monitor_init(&good, look, &w, memory + 8, &watch, &error), LG_INVALID_ARGUMENT);
     assert_ptr_equal(watch, memory);
-    assert_int_equal(lg_watch_size(NULL), 0);
+    assert_int_equal(lg_monitor_size(NULL), 0);
 }
 
 /* Nothing is written behind the size that was told. */
@@ -354,14 +354,14 @@ static void test_stays_within_its_memory(void **state) {
     (void)state;
     const uint32_t sizes[][2] = {{1, 1}, {2, 7}, {2, 64}, {2, 65}};
     for (size_t s = 0; s < 4; s++) {
-        const lg_watch_options options = options_of(sizes[s][0], sizes[s][1], 1);
+        const lg_monitor_options options = options_of(sizes[s][0], sizes[s][1], 1);
         witness w = {.seen = 0};
-        lg_watch *watch = start(&options, &w);
+        lg_monitor *watch = start(&options, &w);
         for (uint64_t i = 0; i < 300; i++) {
             lg_verdict v;
             (void)push(watch, i, i % 11 == 3 || i < 2, &v);
         }
-        for (size_t i = lg_watch_size(&options); i < ROOM; i++) assert_int_equal(memory[i], 0xa5);
+        for (size_t i = lg_monitor_size(&options); i < ROOM; i++) assert_int_equal(memory[i], 0xa5);
     }
 }
 

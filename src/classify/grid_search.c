@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "liegrad/judge.h"
+#include "liegrad/metrics.h"
 
 typedef struct search {
     const lg_context *context;
@@ -62,7 +62,7 @@ static lg_status try_fold(const search *s, size_t option, uint32_t fold, double 
             status = LG_OUT_OF_MEMORY;
         lg_free(s->context, work);
     }
-    lg_classifier_free(s->context, &c);
+    lg_classifier_destroy(s->context, &c);
     lg_free(s->context, rows);
     return status;
 }
@@ -155,18 +155,19 @@ static lg_status run(search *s, uint32_t folds, int threads, double *accuracy, s
     s->error = lg_alloc(s->context, jobs, sizeof *s->error);
     if (s->part == NULL || s->status == NULL || s->error == NULL)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu fits", jobs);
-    lg_pool *pool = NULL;
-    const lg_status made = lg_pool_create(s->context, (size_t)threads < jobs ? threads : (int)jobs, &pool);
+    lg_thread_pool *pool = NULL;
+    const lg_status made =
+        lg_thread_pool_create(s->context, (size_t)threads < jobs ? threads : (int)jobs, &pool);
     if (made != LG_OK) return lg_fail(error, made, "%d threads could not be started", threads);
-    lg_pool_run(pool, jobs, search_task, s);
-    lg_pool_destroy(pool);
+    lg_thread_pool_run(pool, jobs, search_task, s);
+    lg_thread_pool_destroy(pool);
     return collect(s, accuracy, best, error);
 }
 
-lg_status lg_choose(const lg_context *context, const lg_method_options *options, size_t count, uint32_t folds,
-                    const double *x, const uint32_t *label, const uint32_t *unit, const uint32_t *chosen,
-                    size_t rows, uint32_t d, uint32_t classes, int threads, double *accuracy, size_t *best,
-                    lg_error *error) {
+lg_status lg_grid_search(const lg_context *context, const lg_method_options *options, size_t count,
+                         uint32_t folds, const double *x, const uint32_t *label, const uint32_t *unit,
+                         const uint32_t *chosen, size_t rows, uint32_t d, uint32_t classes, int threads,
+                         double *accuracy, size_t *best, lg_error *error) {
     (void)lg_fail(error, LG_OK, "%s", "");
     if (options == NULL || count == 0 || x == NULL || label == NULL || accuracy == NULL || best == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is missing");

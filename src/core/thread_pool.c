@@ -8,7 +8,7 @@
 /* Looks before sleeping: about 20 microseconds. */
 #define PATIENCE 2000
 
-struct lg_pool {
+struct lg_thread_pool {
     const lg_context *context;
     int workers;
     pthread_t *threads;
@@ -32,7 +32,7 @@ static void relax(void) {
 #endif
 }
 
-static void work(lg_pool *pool) {
+static void work(lg_thread_pool *pool) {
     for (;;) {
         const size_t index = atomic_fetch_add_explicit(&pool->next, 1, memory_order_relaxed);
         if (index >= pool->count) return;
@@ -41,7 +41,7 @@ static void work(lg_pool *pool) {
 }
 
 /* Waits for a round other than `seen` and enters it if it is still open. False: stop. */
-static bool enter(lg_pool *pool, unsigned *seen, bool *inside) {
+static bool enter(lg_thread_pool *pool, unsigned *seen, bool *inside) {
     for (int i = 0; i < PATIENCE && atomic_load_explicit(&pool->round, memory_order_relaxed) == *seen; i++)
         relax();
     pthread_mutex_lock(&pool->mutex);
@@ -54,7 +54,7 @@ static bool enter(lg_pool *pool, unsigned *seen, bool *inside) {
     return more;
 }
 
-static void leave(lg_pool *pool) {
+static void leave(lg_thread_pool *pool) {
     if (atomic_fetch_sub(&pool->active, 1) != 1) return;
     pthread_mutex_lock(&pool->mutex);
     if (pool->waiting) pthread_cond_signal(&pool->done);
@@ -62,7 +62,7 @@ static void leave(lg_pool *pool) {
 }
 
 static void *worker(void *user) {
-    lg_pool *pool = user;
+    lg_thread_pool *pool = user;
     unsigned seen = 0;
     bool inside;
     while (enter(pool, &seen, &inside)) {
@@ -73,9 +73,9 @@ static void *worker(void *user) {
     return NULL;
 }
 
-lg_status lg_pool_create(const lg_context *context, int threads, lg_pool **out) {
+lg_status lg_thread_pool_create(const lg_context *context, int threads, lg_thread_pool **out) {
     if (threads < 1 || threads > 1024) return LG_INVALID_ARGUMENT;
-    lg_pool *pool = lg_alloc(context, 1, sizeof *pool);
+    lg_thread_pool *pool = lg_alloc(context, 1, sizeof *pool);
     if (pool == NULL) return LG_OUT_OF_MEMORY;
     pool->context = context;
     pthread_mutex_init(&pool->mutex, NULL);
@@ -83,12 +83,12 @@ lg_status lg_pool_create(const lg_context *context, int threads, lg_pool **out) 
     pthread_cond_init(&pool->done, NULL);
     pool->threads = lg_alloc(context, (size_t)threads, sizeof *pool->threads);
     if (pool->threads == NULL) {
-        lg_pool_destroy(pool);
+        lg_thread_pool_destroy(pool);
         return LG_OUT_OF_MEMORY;
     }
     for (int i = 0; i < threads - 1; i++) {
         if (pthread_create(&pool->threads[i], NULL, worker, pool) != 0) {
-            lg_pool_destroy(pool);
+            lg_thread_pool_destroy(pool);
             return LG_OUT_OF_MEMORY;
         }
         pool->workers++;
@@ -97,7 +97,7 @@ lg_status lg_pool_create(const lg_context *context, int threads, lg_pool **out) 
     return LG_OK;
 }
 
-void lg_pool_destroy(lg_pool *pool) {
+void lg_thread_pool_destroy(lg_thread_pool *pool) {
     if (pool == NULL) return;
     pthread_mutex_lock(&pool->mutex);
     pool->stop = true;
@@ -111,7 +111,7 @@ void lg_pool_destroy(lg_pool *pool) {
     lg_free(pool->context, pool);
 }
 
-static void open_round(lg_pool *pool) {
+static void open_round(lg_thread_pool *pool) {
     pthread_mutex_lock(&pool->mutex);
     pool->open = true;
     atomic_fetch_add(&pool->round, 1);
@@ -120,7 +120,7 @@ static void open_round(lg_pool *pool) {
 }
 
 /* No worker enters any more; those inside finish what they hold. */
-static void close_round(lg_pool *pool) {
+static void close_round(lg_thread_pool *pool) {
     pthread_mutex_lock(&pool->mutex);
     pool->open = false;
     pthread_mutex_unlock(&pool->mutex);
@@ -132,7 +132,7 @@ static void close_round(lg_pool *pool) {
     pthread_mutex_unlock(&pool->mutex);
 }
 
-void lg_pool_run(lg_pool *pool, size_t count, void (*task)(void *, size_t), void *user) {
+void lg_thread_pool_run(lg_thread_pool *pool, size_t count, void (*task)(void *, size_t), void *user) {
     if (pool->workers == 0 || count < 2) {
         for (size_t i = 0; i < count; i++) task(user, i);
         return;

@@ -1,0 +1,199 @@
+/* A feed of samples cut into windows that a judge sees one by one, with votes over the last of them. */
+#include <math.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "liegrad/monitor.h"
+
+/* Slot s % window of the ring holds sample s; all arrays lie behind the structure in the caller's memory. */
+struct lg_monitor {
+    uint32_t channels, window, hop, bridge;
+    uint32_t most_missing; /* in a window that is judged */
+    uint32_t votes, votes_of;
+    lg_monitor_judge judge;
+    void *user;
+    uint64_t samples; /* pushed so far */
+    uint64_t windows; /* complete so far */
+    uint64_t gap;     /* samples lost since the last received one */
+    bool received;    /* any sample */
+    uint32_t slot;    /* of the next sample */
+    uint32_t until;   /* samples until the next window is complete */
+    uint32_t missing; /* among the last `window` samples */
+    uint64_t ballots; /* of the last judged windows, bit 0 the latest */
+    uint32_t cast;    /* how many of them there are */
+    bool alarm;
+    float *ring;   /* (window, channels) */
+    float *x;      /* (channels, window) for the judge */
+    float *last;   /* (channels) the last received sample; zeros before the first */
+    uint8_t *lost; /* (window) */
+};
+
+void lg_monitor_options_init(lg_monitor_options *options) {
+    *options = (lg_monitor_options){.size = sizeof *options,
+                                    .channels = 0,
+                                    .window = 0,
+                                    .hop = 0,
+                                    .bridge = 5,
+                                    .missing = 0.1,
+                                    .votes = 3,
+                                    .votes_of = 5};
+}
+
+static lg_status check(const lg_monitor_options *o, lg_error *error) {
+    if (o == NULL || o->size != sizeof *o)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "options of a monitor that lg_monitor_options_init did not make");
+    if (o->channels == 0 || o->window == 0 || o->channels > (size_t)1 << 31 || o->window > (size_t)1 << 31 ||
+        (uint64_t)o->channels * o->window > (uint64_t)1 << 32)
+        return lg_fail(
+            error, LG_INVALID_ARGUMENT,
+            "a window of %u channels and %u samples: each must be at least 1, and together at most 2^32",
+            o->channels, o->window);
+    if (o->hop > o->window)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "windows of %u samples every %u samples: samples between them would go unseen",
+                       o->window, o->hop);
+    if (!(o->missing >= 0.0 && o->missing <= 1.0))
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the part of a window that may be missing is %g, not in [0, 1]", o->missing);
+    if (o->votes_of < 1 || o->votes_of > 64 || o->votes < 1 || o->votes > o->votes_of)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "an alarm at %u of %u windows: the first must be 1 to the second, the second 1 to 64",
+                       o->votes, o->votes_of);
+    return LG_OK;
+}
+
+static size_t padded(size_t bytes) {
+    return (bytes + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT;
+}
+
+static size_t floats_of(const lg_monitor_options *o) {
+    return padded((size_t)o->channels * o->window * sizeof(float));
+}
+
+size_t lg_monitor_size(const lg_monitor_options *options) {
+    if (check(options, NULL) != LG_OK) return 0;
+    return padded(sizeof(lg_monitor)) + 2 * floats_of(options) + padded(options->channels * sizeof(float)) +
+           padded(options->window);
+}
+
+lg_status lg_monitor_init(const lg_monitor_options *options, lg_monitor_judge judge, void *user, void *memory,
+                          lg_monitor **out, lg_error *error) {
+    LG_TRY(check(options, error));
+    if (judge == NULL || memory == NULL || out == NULL || (uintptr_t)memory % LG_ALIGNMENT != 0)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a monitor needs a judge and memory aligned to %d bytes",
+                       LG_ALIGNMENT);
+    memset(memory, 0, lg_monitor_size(options));
+    lg_monitor *monitor = memory;
+    char *at = (char *)memory + padded(sizeof *monitor);
+    monitor->channels = options->channels;
+    monitor->window = options->window;
+    monitor->hop = options->hop == 0 ? options->window : options->hop;
+    monitor->bridge = options->bridge;
+    /* 0.1 of 300 is 30, whatever the rounding of 0.1 */
+    monitor->most_missing = (uint32_t)floor(options->missing * options->window * (1.0 + 1e-12));
+    monitor->votes = options->votes;
+    monitor->votes_of = options->votes_of;
+    monitor->judge = judge;
+    monitor->user = user;
+    monitor->until = options->window;
+    monitor->ring = (float *)(void *)at;
+    monitor->x = (float *)(void *)(at + floats_of(options));
+    monitor->last = (float *)(void *)(at + 2 * floats_of(options));
+    monitor->lost = (uint8_t *)(at + 2 * floats_of(options) + padded(options->channels * sizeof(float)));
+    *out = monitor;
+    return LG_OK;
+}
+
+/* Sample `back` before the one that goes to `slot`, back <= window. */
+static float *before(const lg_monitor *monitor, uint64_t back) {
+    const uint64_t slot = (uint64_t)monitor->slot + monitor->window - back;
+    return &monitor->ring[(size_t)(slot % monitor->window) * monitor->channels];
+}
+
+/* The gap that ends with `sample`: a straight line from the last received sample, where that is near enough.
+ * A feed that begins with lost samples has them filled with the first received one. What has left the ring
+ * was judged before. */
+static void fill_gap(lg_monitor *monitor, const float *sample) {
+    const uint64_t gap = monitor->gap, inside = gap < monitor->window ? gap : monitor->window;
+    const float *last = monitor->received ? monitor->last : sample;
+    if (monitor->received && gap > monitor->bridge) return;
+    for (uint64_t back = inside; back > 0; back--) {
+        const double part = (double)(gap + 1 - back) / (double)(gap + 1);
+        float *filled = before(monitor, back);
+        for (uint32_t c = 0; c < monitor->channels; c++)
+            filled[c] = (float)((double)last[c] + part * ((double)sample[c] - (double)last[c]));
+    }
+}
+
+static bool is_finite(const float *sample, uint32_t channels) {
+    for (uint32_t c = 0; c < channels; c++)
+        if (!isfinite(sample[c])) return false;
+    return true;
+}
+
+static void store(lg_monitor *monitor, const float *sample) {
+    const bool lost = sample == NULL || !is_finite(sample, monitor->channels);
+    const size_t row = monitor->channels * sizeof *sample;
+    if (lost) {
+        monitor->gap++;
+    } else {
+        if (monitor->gap > 0) fill_gap(monitor, sample);
+        memcpy(monitor->last, sample, row);
+        monitor->gap = 0;
+        monitor->received = true;
+    }
+    memcpy(&monitor->ring[(size_t)monitor->slot * monitor->channels], monitor->last, row);
+    monitor->missing += lost;
+    monitor->missing -= monitor->lost[monitor->slot];
+    monitor->lost[monitor->slot] = lost;
+    monitor->slot = monitor->slot + 1 == monitor->window ? 0 : monitor->slot + 1;
+    monitor->samples++;
+}
+
+/* x (channels, window), oldest first. `slot` is the oldest: the ring is full. */
+static void copy_window(lg_monitor *monitor) {
+    const uint32_t channels = monitor->channels, window = monitor->window;
+    for (uint32_t i = 0; i < window; i++) {
+        const uint32_t slot = i < window - monitor->slot ? monitor->slot + i : monitor->slot + i - window;
+        const float *sample = &monitor->ring[(size_t)slot * channels];
+        for (uint32_t c = 0; c < channels; c++) monitor->x[(size_t)c * window + i] = sample[c];
+    }
+}
+
+static uint32_t bits_of(uint64_t bits) {
+    uint32_t count = 0;
+    for (; bits != 0; bits &= bits - 1) count++;
+    return count;
+}
+
+static void vote(lg_monitor *monitor, bool positive) {
+    const uint64_t kept = monitor->votes_of == 64 ? UINT64_MAX : ((uint64_t)1 << monitor->votes_of) - 1;
+    monitor->ballots = (monitor->ballots << 1 | positive) & kept;
+    if (monitor->cast < monitor->votes_of) monitor->cast++;
+    monitor->alarm = bits_of(monitor->ballots) >= monitor->votes;
+}
+
+lg_status lg_monitor_push(lg_monitor *monitor, const float *sample, bool *ready, lg_verdict *verdict) {
+    store(monitor, sample);
+    if (--monitor->until > 0) {
+        *ready = false;
+        return LG_OK;
+    }
+    monitor->until = monitor->hop;
+    lg_verdict v = {.window = monitor->windows++,
+                    .first_sample = monitor->samples - monitor->window,
+                    .judged = monitor->received && monitor->missing <= monitor->most_missing,
+                    .missing = monitor->missing};
+    if (v.judged) {
+        copy_window(monitor);
+        LG_TRY(monitor->judge(monitor->user, monitor->x, &v.positive, &v.score));
+        vote(monitor, v.positive);
+    }
+    v.positive_votes = bits_of(monitor->ballots);
+    v.votes = monitor->cast;
+    v.alarm = monitor->alarm;
+    *verdict = v;
+    *ready = true;
+    return LG_OK;
+}
