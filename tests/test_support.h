@@ -1,5 +1,5 @@
-/* What every test includes: cmocka, and comparisons in double that are false for NaN. cmocka's own
- * assert_float_equal compares floats and lets NaN pass: it is not used here. */
+/* What every test includes: cmocka, tests that state their claims, and comparisons in double that are false for
+ * NaN. cmocka's own assert_float_equal compares floats and lets NaN pass: it is not used here. */
 #ifndef LG_TEST_SUPPORT_H
 #define LG_TEST_SUPPORT_H
 
@@ -16,6 +16,27 @@
 #include <cmocka.h>
 
 #include "liegrad/status.h"
+
+/* TEST("claim") { ... } checks a claim. No list repeats it: support/run_tests.c runs the tests of a file in
+ * their order. An argument of the executable selects the claims that match it (* and ? are wildcards). */
+typedef void (*lg_test_body)(void);
+void lg_test_enter(const char *claim, lg_test_body body);
+
+/* The running test owns `object`: release(object) is called when it ends or fails, the last object first. */
+void lg_test_owns(void *object, void (*release)(void *));
+
+/* Zeroed memory of the running test. */
+void *lg_test_memory(size_t bytes);
+#define TEST_ARRAY(type, count) ((type *)lg_test_memory((count) * sizeof(type)))
+
+#define TEST(claim)             LG_TEST_AT(claim, __LINE__)
+#define LG_TEST_AT(claim, line) LG_TEST_NAMED(claim, line)
+#define LG_TEST_NAMED(claim, line)                                                                           \
+    static void lg_test_##line(void);                                                                        \
+    __attribute__((constructor)) static void lg_enter_##line(void) {                                         \
+        lg_test_enter(claim, lg_test_##line);                                                                \
+    }                                                                                                        \
+    static void lg_test_##line(void)
 
 /* |a - e| <= atol + rtol |e|, false when either is NaN; infinities are close only when equal. */
 static inline bool lg_is_close(double a, double e, double rtol, double atol) {

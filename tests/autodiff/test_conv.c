@@ -178,8 +178,7 @@ static void convolutions(const lg_kernels *k) {
     for (size_t i = 0; i < SHAPES; i++) check_convolution(k, i);
 }
 
-static void convolution_against_naive_loops(void **state) {
-    (void)state;
+TEST("convolution against naive loops") {
     each_table(convolutions);
 }
 
@@ -248,8 +247,7 @@ static void poolings(const lg_kernels *k) {
     for (size_t i = 0; i < SHAPES; i++) check_pooling(k, i);
 }
 
-static void pooling_against_naive_loops(void **state) {
-    (void)state;
+TEST("pooling against naive loops") {
     each_table(poolings);
 }
 
@@ -295,8 +293,7 @@ static void check_on_tape(lg_dtype dtype, size_t i) {
     reference_free(&r);
 }
 
-static void operations_against_naive_loops(void **state) {
-    (void)state;
+TEST("operations against naive loops") {
     for (size_t i = 0; i < SHAPES; i++) {
         check_on_tape(LG_F64, i);
         check_on_tape(LG_F32, i);
@@ -338,9 +335,7 @@ static void check_block(const reference *r, lg_activation kind, uint32_t size, u
     for (size_t j = 0; j < 5; j++) assert_close(grad[0][2][j], grad[1][2][j], 1e-12, 1e-13);
 }
 
-/* One node gives what the convolution, the bias, the activation and the pooling give one by one. */
-static void block_is_its_parts(void **state) {
-    (void)state;
+TEST("one node gives what the convolution, the bias, the activation and the pooling give one by one") {
     static const uint32_t pools[][2] = {{1, 1}, {2, 2}, {3, 2}, {3, 1}, {2, 3}, {1, 2}, {10, 1}};
     reference r = reference_of((sizes){2, 20, 3, 4, 5, 2, 1});
     for (int kind = 0; kind < LG_ACTIVATION_COUNT; kind++)
@@ -374,14 +369,11 @@ static void slopes_with_values(const lg_kernels *k) {
     free(expected), free(got);
 }
 
-static void slopes_on_every_set(void **state) {
-    (void)state;
+TEST("slopes on every set") {
     each_table(slopes_with_values);
 }
 
-/* A sample alone has the bits that it has among others: value and cotangent. */
-static void samples_do_not_meet(void **state) {
-    (void)state;
+TEST("a sample alone has the bits that it has among others: value and cotangent") {
     for (size_t i = 0; i < SHAPES; i++) {
         const sizes s = sizes_of(i);
         const lg_kernels *k = lg_kernels_for(LG_F32);
@@ -410,8 +402,7 @@ static void samples_do_not_meet(void **state) {
 
 /* f = |conv(x, w)|^2/2: H_xx v = conv_input(conv(v, w), w), and (D_x D_w f)^T u = conv_input(conv(x, u), w) +
  * conv_input(conv(x, w), u). */
-static void second_derivatives(void **state) {
-    (void)state;
+TEST("second derivatives") {
     const sizes s = {2, 11, 3, 4, 5, 2, 1};
     reference r = reference_of(s);
     const size_t nx = r.nx, nw = r.nw;
@@ -450,8 +441,7 @@ static void second_derivatives(void **state) {
 }
 
 /* What is not finite reaches the windows that hold it and no others; a maximum keeps NaN and infinities. */
-static void not_finite(void **state) {
-    (void)state;
+TEST("not finite") {
     double x[2 * 9] = {0};
     for (int i = 0; i < 18; i++) x[i] = i % 5;
     x[2 * 4] = NAN;          /* time 4, channel 0 */
@@ -473,8 +463,7 @@ static void not_finite(void **state) {
     lg_tape_destroy(tape);
 }
 
-static void ties_go_to_the_first(void **state) {
-    (void)state;
+TEST("ties go to the first") {
     const double x[6] = {2, 2, 1, 3, 3, 3};
     const double every[6] = {1, 0, 0, 3, 0, 0}; /* windows 2 2 1, 2 1 3, 1 3 3, 3 3 3 */
     double grad[6];
@@ -488,9 +477,7 @@ static void ties_go_to_the_first(void **state) {
     lg_tape_destroy(tape);
 }
 
-/* One series used twice, as x and as w: the cotangents add up. */
-static void one_variable_in_both_places(void **state) {
-    (void)state;
+TEST("one series used twice, as x and as w: the cotangents add up") {
     double *v = random_values(8, 31), grad[8], recorded[8];
     lg_tape *tape = tape_of(LG_F64);
     const lg_var x = lg_input_f64(tape, lg_shape3(2, 2, 2), v);
@@ -538,8 +525,7 @@ static const struct {
     {{3, {1, 4, 2, 0}}, {3, {3, 2, 3, 0}}, 0, 1, UINT32_MAX, LG_INVALID_ARGUMENT},
 };
 
-static void bad_input(void **state) {
-    (void)state;
+TEST("bad input") {
     lg_tape *tape = tape_of(LG_F64);
     for (size_t i = 0; i < sizeof refused / sizeof *refused; i++)
         for (int kind = LG_IDENTITY; kind <= LG_TANH; kind++) {
@@ -586,21 +572,4 @@ static void bad_input(void **state) {
     assert_true(lg_is_none(lg_conv1d_dense(tape, x, x, LG_NONE, 1, 0, (lg_activation)LG_ACTIVATION_COUNT)));
     assert_status(lg_tape_status(tape), LG_INVALID_ARGUMENT);
     lg_tape_destroy(tape);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(convolution_against_naive_loops),
-        cmocka_unit_test(pooling_against_naive_loops),
-        cmocka_unit_test(operations_against_naive_loops),
-        cmocka_unit_test(block_is_its_parts),
-        cmocka_unit_test(slopes_on_every_set),
-        cmocka_unit_test(samples_do_not_meet),
-        cmocka_unit_test(second_derivatives),
-        cmocka_unit_test(not_finite),
-        cmocka_unit_test(ties_go_to_the_first),
-        cmocka_unit_test(one_variable_in_both_places),
-        cmocka_unit_test(bad_input),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -7,8 +7,7 @@
 
 /* ---- the registry ---- */
 
-static void test_every_row_passes(void **state) {
-    (void)state;
+TEST("every row passes") {
     const lg_gradcheck_case *row;
     for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++) {
         lg_gradcheck_result result;
@@ -26,9 +25,7 @@ static void test_every_row_passes(void **state) {
     }
 }
 
-/* As programs too, or they say why not. */
-static void test_every_row_is_the_same_program(void **state) {
-    (void)state;
+TEST("As programs too, or they say why not") {
     const lg_gradcheck_case *row;
     for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++) {
         lg_gradcheck_program_result result;
@@ -48,8 +45,7 @@ static void test_every_row_is_the_same_program(void **state) {
 
 /* A row that is wrong about itself fails: refused without saying so, a program although it says it is none,
  * refused for another reason. */
-static void test_refusals_are_checked(void **state) {
-    (void)state;
+TEST("refusals are checked") {
     const lg_gradcheck_case *row;
     bool both[2] = {false, false};
     for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++) {
@@ -69,8 +65,7 @@ static void test_refusals_are_checked(void **state) {
 }
 
 /* An operation outside the registry cannot exist: each has a row that names it and has it on its tape. */
-static void test_every_operation_has_a_row(void **state) {
-    (void)state;
+TEST("every operation has a row") {
     const lg_gradcheck_case *row;
     lg_gradcheck_options options;
     lg_gradcheck_options_init(&options);
@@ -89,8 +84,7 @@ static void test_every_operation_has_a_row(void **state) {
     }
 }
 
-static void test_names_are_different_and_known(void **state) {
-    (void)state;
+TEST("names are different and known") {
     const lg_gradcheck_case *row;
     for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++) {
         for (size_t j = 0; j < i; j++)
@@ -128,8 +122,7 @@ static void count_plant(void *user, const lg_gradcheck_case *row, const lg_gradc
                  plant->input);
 }
 
-static void test_every_plant_is_caught(void **state) {
-    (void)state;
+TEST("every plant is caught") {
     static tally t;
     const lg_gradcheck_case *row;
     for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++)
@@ -172,9 +165,7 @@ static const lg_gradcheck_case *row_named(const char *name) {
     return NULL;
 }
 
-/* Each part of the check, alone, sees the error that is its own. */
-static void test_each_part_can_fail(void **state) {
-    (void)state;
+TEST("each part of the check, alone, sees the error that is its own") {
     static const struct {
         const char *row, *operation, *says;
         lg_plant_direction direction;
@@ -295,8 +286,7 @@ static void expect(lg_gradcheck_function f, lg_status status, const char *says, 
     if (failing_order > 1) assert_true(result.order[0].passed);
 }
 
-static void test_user_functions(void **state) {
-    (void)state;
+TEST("user functions") {
     static const double close[3] = {1e-4, 1.0, -1.0};
     static const lg_gradcheck_argument at_kink[] = {{.shape = {1, {3, 0, 0, 0}}, .values = close}};
     expect((lg_gradcheck_function){.name = "right", .build = tanh_of_sin}, LG_OK, "", 0);
@@ -312,8 +302,7 @@ static void test_user_functions(void **state) {
     expect((lg_gradcheck_function){.name = "none", .build = none}, LG_STALE_HANDLE, "LG_NONE", 0);
 }
 
-static void test_numeric_derivatives_have_no_second_order(void **state) {
-    (void)state;
+TEST("numeric derivatives have no second order") {
     lg_gradcheck_function f = {.name = "numeric", .build = custom_of, .user = &numeric_sine};
     expect(f, LG_NOT_DIFFERENTIABLE, "numeric-sine", 2);
     f.first_order_only = true;
@@ -327,8 +316,7 @@ static lg_var zero_claim(const void *user, lg_tape *tape, const lg_var *x) {
     return lg_sin(tape, x[0]);
 }
 
-static void test_zero_must_be_zero(void **state) {
-    (void)state;
+TEST("zero must be zero") {
     lg_gradcheck_result result;
     lg_gradcheck_case row = {
         .function = {.name = "not zero", .inputs = 1, .arguments = three, .build = zero_claim}, .zero = true};
@@ -355,8 +343,7 @@ static lg_status no_perturb(const void *user, uint32_t argument, const double *x
     return LG_NO_CONVERGENCE;
 }
 
-static void test_manifold_arguments(void **state) {
-    (void)state;
+TEST("manifold arguments") {
     lg_gradcheck_result result;
     sphere = row_named("on the sphere")->function;
     sphere.tangent = wrong_tangent;
@@ -373,8 +360,7 @@ static void test_manifold_arguments(void **state) {
 
 /* ---- bad input ---- */
 
-static void test_bad_input(void **state) {
-    (void)state;
+TEST("bad input") {
     lg_gradcheck_result result;
     const lg_gradcheck_function good = {
         .name = "good", .inputs = 1, .arguments = three, .build = tanh_of_sin};
@@ -410,8 +396,7 @@ static void test_bad_input(void **state) {
     assert_status(lg_gradcheck_run(NULL, NULL, NULL, &result), LG_INVALID_ARGUMENT);
 }
 
-static void test_order_one_alone(void **state) {
-    (void)state;
+TEST("order one alone") {
     lg_gradcheck_options options;
     lg_gradcheck_options_init(&options);
     options.order = 1;
@@ -422,8 +407,7 @@ static void test_order_one_alone(void **state) {
     assert_false(result.order[1].checked);
 }
 
-static void test_every_allocation_may_fail(void **state) {
-    (void)state;
+TEST("every allocation may fail") {
     lg_fail_alloc memory;
     lg_context *context = lg_fail_alloc_context(&memory);
     const lg_gradcheck_case *row = row_named("dense tanh");
@@ -443,24 +427,4 @@ static void test_every_allocation_may_fail(void **state) {
     assert_true(tried > 5);
     lg_fail_alloc_arm(&memory, 0);
     lg_context_destroy(context);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_every_row_passes),
-        cmocka_unit_test(test_every_row_is_the_same_program),
-        cmocka_unit_test(test_refusals_are_checked),
-        cmocka_unit_test(test_every_operation_has_a_row),
-        cmocka_unit_test(test_names_are_different_and_known),
-        cmocka_unit_test(test_every_plant_is_caught),
-        cmocka_unit_test(test_each_part_can_fail),
-        cmocka_unit_test(test_user_functions),
-        cmocka_unit_test(test_numeric_derivatives_have_no_second_order),
-        cmocka_unit_test(test_zero_must_be_zero),
-        cmocka_unit_test(test_manifold_arguments),
-        cmocka_unit_test(test_bad_input),
-        cmocka_unit_test(test_order_one_alone),
-        cmocka_unit_test(test_every_allocation_may_fail),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

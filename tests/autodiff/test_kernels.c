@@ -58,8 +58,7 @@ static void *random_numbers(const lg_kernels *k, lg_rng *rng, size_t n, double l
     return x;
 }
 
-static void test_tables(void **state) {
-    (void)state;
+TEST("tables") {
     for (int dtype = 0; dtype < 2; dtype++) {
         const lg_kernels *k = lg_kernels_for((lg_dtype)dtype);
         assert_non_null(k);
@@ -218,8 +217,7 @@ static void functions_of(const lg_kernels *k) {
     free(y);
 }
 
-static void test_functions(void **state) {
-    (void)state;
+TEST("functions") {
     each_table(functions_of);
 }
 
@@ -307,8 +305,7 @@ static void positions_of(const lg_kernels *k) {
     free(special), free(x), free(g), free(h), free(y), free(in_place), free(one);
 }
 
-static void test_positions(void **state) {
-    (void)state;
+TEST("positions") {
     each_table(positions_of);
 }
 
@@ -374,8 +371,7 @@ static void elementwise_of(const lg_kernels *k) {
     }
 }
 
-static void test_elementwise(void **state) {
-    (void)state;
+TEST("elementwise") {
     each_table(elementwise_of);
 }
 
@@ -402,8 +398,7 @@ static void strided_of(const lg_kernels *k) {
             }
 }
 
-static void test_strided(void **state) {
-    (void)state;
+TEST("strided") {
     each_table(strided_of);
 }
 
@@ -476,8 +471,7 @@ static void act_of(const lg_kernels *k) {
     free(x), free(y), free(h), free(g);
 }
 
-static void test_act(void **state) {
-    (void)state;
+TEST("act") {
     each_table(act_of);
 }
 
@@ -517,8 +511,7 @@ static void act_reverse_of(const lg_kernels *k) {
     }
 }
 
-static void test_act_reverse(void **state) {
-    (void)state;
+TEST("act reverse") {
     each_table(act_reverse_of);
 }
 
@@ -545,8 +538,7 @@ static void bias_act_of(const lg_kernels *k) {
             }
 }
 
-static void test_bias_act(void **state) {
-    (void)state;
+TEST("bias act") {
     each_table(bias_act_of);
 }
 
@@ -610,8 +602,7 @@ static void gemm_of(const lg_kernels *t) {
             check_gemm(t, &rng, shapes[s][0], shapes[s][1], shapes[s][2], v & 1, v >> 1 & 1, v >> 2);
 }
 
-static void test_gemm(void **state) {
-    (void)state;
+TEST("gemm") {
     each_table(gemm_of);
 }
 
@@ -650,8 +641,7 @@ static void matvec_of(const lg_kernels *k) {
     }
 }
 
-static void test_matvec(void **state) {
-    (void)state;
+TEST("matvec") {
     each_table(matvec_of);
 }
 
@@ -669,8 +659,7 @@ static void transpose_of(const lg_kernels *k) {
         }
 }
 
-static void test_transpose(void **state) {
-    (void)state;
+TEST("transpose") {
     each_table(transpose_of);
 }
 
@@ -719,8 +708,7 @@ static void reductions_of(const lg_kernels *k) {
     }
 }
 
-static void test_reductions(void **state) {
-    (void)state;
+TEST("reductions") {
     each_table(reductions_of);
 }
 
@@ -751,14 +739,12 @@ static void vectors_of(const lg_kernels *k) {
     }
 }
 
-static void test_vectors(void **state) {
-    (void)state;
+TEST("vectors") {
     each_table(vectors_of);
 }
 
 /* Relative everywhere, next to the zeros of the functions too: the table's arguments are the very doubles. */
-static void test_stumpff(void **state) {
-    (void)state;
+TEST("stumpff") {
     double worst = 0;
     for (size_t i = 0; i < LG_COUNT(stumpff_table); i++) {
         double c[9], part[9];
@@ -798,8 +784,7 @@ static void stumpff_of(const lg_kernels *t) {
     print_message("%s %-8s stumpff: relative error %.2e\n", type_names[t->dtype], lg_isa_name(t->isa), worst);
 }
 
-static void test_stumpff_kernels(void **state) {
-    (void)state;
+TEST("stumpff kernels") {
     each_table(stumpff_of);
 }
 
@@ -868,14 +853,12 @@ static void lie_settles_of(const lg_kernels *t) {
     assert_close(lg_dot3(out, out + 3) - lg_dot3(y, y + 3), 0.0, 0, 5e-15);
 }
 
-static void test_lie(void **state) {
-    (void)state;
+TEST("lie") {
     each_table(lie_of);
     each_table(lie_settles_of);
 }
 
-static void test_dexpinv(void **state) {
-    (void)state;
+TEST("dexpinv") {
     for (size_t i = 0; i < LG_COUNT(dexpinv_table); i++)
         for (int order = 0; order < 6; order++) {
             const double e = dexpinv_table[i].g[order];
@@ -935,8 +918,7 @@ static void spd_of(const lg_kernels *t) {
     }
 }
 
-static void test_spd(void **state) {
-    (void)state;
+TEST("spd") {
     each_table(spd_of);
 }
 
@@ -997,14 +979,12 @@ static void adam_positions_of(const lg_kernels *k) {
     free(g);
 }
 
-static void test_adam(void **state) {
-    (void)state;
+TEST("adam") {
     each_table(adam_of);
     each_table(adam_positions_of);
 }
 
-static void test_describe(void **state) {
-    (void)state;
+TEST("describe") {
     char text[200], cut[8];
     const int length = lg_cpu_describe(text, sizeof text);
     assert_true(length > 0 && (size_t)length == strlen(text));
@@ -1017,30 +997,4 @@ static void test_describe(void **state) {
     assert_true(lg_cpu_describe(text, sizeof text) > 0);
     print_message("%s\n", text);
     assert_null(getenv("OPENBLAS_CORETYPE")); /* child processes do not inherit it */
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_tables),
-        cmocka_unit_test(test_functions),
-        cmocka_unit_test(test_positions),
-        cmocka_unit_test(test_elementwise),
-        cmocka_unit_test(test_strided),
-        cmocka_unit_test(test_act),
-        cmocka_unit_test(test_bias_act),
-        cmocka_unit_test(test_gemm),
-        cmocka_unit_test(test_matvec),
-        cmocka_unit_test(test_transpose),
-        cmocka_unit_test(test_act_reverse),
-        cmocka_unit_test(test_reductions),
-        cmocka_unit_test(test_vectors),
-        cmocka_unit_test(test_stumpff),
-        cmocka_unit_test(test_stumpff_kernels),
-        cmocka_unit_test(test_dexpinv),
-        cmocka_unit_test(test_lie),
-        cmocka_unit_test(test_spd),
-        cmocka_unit_test(test_adam),
-        cmocka_unit_test(test_describe),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -101,8 +101,7 @@ static void run_kernel(const lg_kernels *k, int map, const problem *p, double (*
     for (int i = 0; i <= LG_K_LIE_INPUTS; i++) k->convert_out(NUMBERS, y[i], out[i]);
 }
 
-static void test_kernels(void **state) {
-    (void)state;
+TEST("kernels") {
     static double found[LG_K_LIE_INPUTS + 1][NUMBERS], expected[LG_K_LIE_INPUTS + 1][NUMBERS];
     problem *p = problem_make();
     for (int map = 0; map < CASES; map++) {
@@ -146,9 +145,7 @@ static lg_tape *tape_make(lg_dtype dtype) {
     return tape;
 }
 
-/* The kernels' cotangents are those that are recorded; inputs may be views of one variable. */
-static void test_backward(void **state) {
-    (void)state;
+TEST("the kernels' cotangents are those that are recorded; inputs may be views of one variable") {
     static double block[LG_K_LIE_INPUTS * NUMBERS], expected[LG_K_LIE_INPUTS * NUMBERS];
     static double found[LG_K_LIE_INPUTS * NUMBERS];
     problem *p = problem_make();
@@ -177,9 +174,7 @@ static void test_backward(void **state) {
     free(p);
 }
 
-/* Inputs that are overlapping rows of one variable, or one and the same. */
-static void test_shared_inputs(void **state) {
-    (void)state;
+TEST("inputs that are overlapping rows of one variable, or one and the same") {
     static double expected[NUMBERS], found[NUMBERS];
     problem *p = problem_make();
     lg_tape *tape = tape_make(LG_F64);
@@ -225,8 +220,7 @@ static double along(int map, const problem *p, double at, int order) {
     return value;
 }
 
-static void test_higher_orders(void **state) {
-    (void)state;
+TEST("higher orders") {
     problem *p = problem_make();
     for (int map = 0; map < CASES; map++)
         for (int order = 1; order <= LONGEST; order++) {
@@ -238,8 +232,7 @@ static void test_higher_orders(void **state) {
     free(p);
 }
 
-static void test_bad_shapes(void **state) {
-    (void)state;
+TEST("bad shapes") {
     static const double zeros[64] = {0};
     lg_tape *tape = tape_make(LG_F64);
     for (int wrong = 0; wrong < 5; wrong++) {
@@ -259,13 +252,4 @@ static void test_bad_shapes(void **state) {
         assert_non_null(strstr(lg_tape_message(tape), "lie"));
     }
     lg_tape_destroy(tape);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_kernels),       cmocka_unit_test(test_backward),
-        cmocka_unit_test(test_shared_inputs), cmocka_unit_test(test_higher_orders),
-        cmocka_unit_test(test_bad_shapes),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

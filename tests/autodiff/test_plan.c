@@ -308,8 +308,7 @@ static lg_status record_cnn(void *user, lg_tape *tape, const lg_var *theta, cons
 static const lg_port y_ports[] = {{.name = "y"}, {.name = "z"}, {.name = "a"},
                                   {.name = "b"}, {.name = "c"}, {.name = "e"}};
 
-static void networks_of_every_kind(void **state) {
-    (void)state;
+TEST("networks of every kind") {
     static const lg_activation kinds[] = {LG_TANH, LG_SIGMOID, LG_SWISH, LG_SINE};
     const lg_port x = {.name = "x", .shape = {1, {3, 0, 0, 0}}};
     for (int kind = 0; kind < LG_NET_KIND_COUNT; kind++)
@@ -327,8 +326,7 @@ static void networks_of_every_kind(void **state) {
             }
 }
 
-static void perceptrons(void **state) {
-    (void)state;
+TEST("perceptrons") {
     const lg_port x = {.name = "x", .shape = {1, {3, 0, 0, 0}}};
     const uint32_t hidden[2] = {20, 9};
     lg_mlp net;
@@ -338,8 +336,7 @@ static void perceptrons(void **state) {
     lg_program_destroy(program);
 }
 
-static void convolutions(void **state) {
-    (void)state;
+TEST("convolutions") {
     const lg_port x = {.name = "x", .shape = {2, {9, 2, 0, 0}}};
     for (int pooling = LG_POOL_NONE; pooling <= LG_POOL_MAX; pooling++) {
         lg_cnn net = {.channels = 2,
@@ -383,8 +380,7 @@ static lg_program *hamiltonian(const lg_context *context, lg_hamiltonian_family 
     return program;
 }
 
-static void learned_hamiltonians(void **state) {
-    (void)state;
+TEST("learned hamiltonians") {
     static const struct {
         lg_hamiltonian_family family;
         uint32_t links;
@@ -449,8 +445,7 @@ static lg_system *system_at(size_t index, bool *there) {
     return system;
 }
 
-static void steps_of_systems(void **state) {
-    (void)state;
+TEST("steps of systems") {
     static const char *const schemes[] = {"rk4", "cf4", "rkmk4"};
     size_t programs = 0, refused = 0;
     bool there = true;
@@ -519,8 +514,7 @@ static lg_status record_odd(void *user, lg_tape *tape, const lg_var *theta, cons
     return lg_tape_status(tape);
 }
 
-static void odd_outputs(void **state) {
-    (void)state;
+TEST("odd outputs") {
     const lg_port in[] = {{.name = "x", .shape = {1, {4}}},
                           {.name = "s", .shape = {2, {2, 3}}, .shared = true},
                           {.name = "t", .shape = {0, {0}}, .shared = true}};
@@ -542,9 +536,7 @@ static lg_status record_scalar_rows(void *user, lg_tape *tape, const lg_var *the
     return lg_tape_status(tape);
 }
 
-/* Rows without a shape: (B). */
-static void scalar_rows(void **state) {
-    (void)state;
+TEST("rows without a shape: (B)") {
     const lg_port in[] = {{.name = "x"}, {.name = "z"}};
     lg_program *program = build(NULL, in, 2, y_ports, 1, 0, record_scalar_rows, NULL);
     check_derivatives("rows of rank 0", program, true, true);
@@ -587,8 +579,7 @@ static lg_status record_meeting(void *user, lg_tape *tape, const lg_var *theta, 
     return lg_tape_status(tape);
 }
 
-static void rows_that_meet(void **state) {
-    (void)state;
+TEST("rows that meet") {
     const lg_port in[] = {{.name = "x", .shape = {1, {WIDTH}}},
                           {.name = "w", .shape = {2, {WIDTH, WIDTH}}, .shared = true}};
     const lg_port out[] = {{.name = "y0"}, {.name = "y1"}, {.name = "y2"}, {.name = "y3"},
@@ -626,8 +617,7 @@ static lg_status record_matrix(void *user, lg_tape *tape, const lg_var *theta, c
     return lg_tape_status(tape);
 }
 
-static void a_matrix_beside_a_batch(void **state) {
-    (void)state;
+TEST("a matrix beside a batch") {
     const lg_port in[] = {{.name = "x", .shape = {1, {WIDTH}}},
                           {.name = "w", .shape = {2, {2, 2}}, .shared = true}};
     lg_program *program = build(NULL, in, 2, y_ports, 6, 4, record_matrix, NULL);
@@ -640,8 +630,7 @@ static lg_status record_pairs(void *user, lg_tape *tape, const lg_var *theta, co
     return lg_net_record_jvp(tape, user, theta[0], 0, x[0], x[1], &y[0], &y[1]);
 }
 
-static void pairs_of_networks(void **state) {
-    (void)state;
+TEST("pairs of networks") {
     for (int kind = 0; kind < LG_NET_KIND_COUNT; kind++)
         for (int shared = 0; shared < 2; shared++) {
             const lg_port in[] = {
@@ -671,8 +660,7 @@ static size_t tangents(const lg_plan *plan) {
     return count;
 }
 
-static void shared_work_is_done_once(void **state) {
-    (void)state;
+TEST("shared work is done once") {
     for (uint32_t width = 3; width <= 24; width += 7) {
         const lg_port x = {.name = "x", .shape = {1, {3}}};
         const uint32_t hidden[2] = {width, width};
@@ -703,8 +691,7 @@ static lg_status record_two(void *user, lg_tape *tape, const lg_var *theta, cons
     return lg_tape_status(tape);
 }
 
-static void chosen_pairs(void **state) {
-    (void)state;
+TEST("chosen pairs") {
     static const char *const by = "z", *const of = "z", *const all[2] = {"y", "z"};
     const lg_port in[] = {{.name = "x", .shape = {1, {3}}}, {.name = "u", .shape = {1, {2}}}};
     const uint32_t hidden[1] = {30};
@@ -787,8 +774,7 @@ static void add_loop(lg_program *program, const char *name, size_t times) {
         fail_msg("%s", error.message);
 }
 
-static void loops_are_single_steps(void **state) {
-    (void)state;
+TEST("loops are single steps") {
     lg_program *program = hamiltonian(NULL, LG_HAMILTONIAN_CHAIN, 1, NULL);
     size_t step;
     assert_ok(lg_program_find(program, "step", &step));
@@ -848,8 +834,7 @@ static lg_status record_exchange(void *user, lg_tape *tape, const lg_var *theta,
     return lg_tape_status(tape);
 }
 
-static void loops_carry_several(void **state) {
-    (void)state;
+TEST("loops carry several") {
     const lg_port in[] = {
         {.name = "a", .shape = {1, {2}}}, {.name = "b", .shape = {1, {2}}}, {.name = "c", .shape = {1, {2}}}};
     const lg_port out[] = {{.name = "p"}, {.name = "q"}};
@@ -893,8 +878,7 @@ static void loops_carry_several(void **state) {
 
 /* ---- options ---- */
 
-static void inputs_that_are_not_finite(void **state) {
-    (void)state;
+TEST("inputs that are not finite") {
     const double bad[] = {NAN, INFINITY, -INFINITY};
     lg_program *program = hamiltonian(NULL, LG_HAMILTONIAN_CHAIN, 1, NULL);
     add_loop(program, "steps", 3);
@@ -943,9 +927,7 @@ static void inputs_that_are_not_finite(void **state) {
     lg_program_destroy(program);
 }
 
-/* Without the mark, rows do not touch each other. */
-static void rows_keep_to_themselves(void **state) {
-    (void)state;
+TEST("without the mark, rows do not touch each other") {
     lg_program *program = hamiltonian(NULL, LG_HAMILTONIAN_CHAIN, 2, NULL);
     for (size_t f = 0; f < lg_program_functions(program); f++) {
         numbers n;
@@ -970,8 +952,7 @@ static void rows_keep_to_themselves(void **state) {
     lg_program_destroy(program);
 }
 
-static void memory_is_bounded(void **state) {
-    (void)state;
+TEST("memory is bounded") {
     const lg_port x = {.name = "x", .shape = {1, {16}}};
     const uint32_t hidden[2] = {64, 64};
     lg_mlp net;
@@ -1025,9 +1006,7 @@ static void memory_is_bounded(void **state) {
     lg_program_destroy(program);
 }
 
-/* A plan keeps nothing of its program. */
-static void plans_stand_alone(void **state) {
-    (void)state;
+TEST("a plan keeps nothing of its program") {
     lg_program *program = hamiltonian(NULL, LG_HAMILTONIAN_CHAIN, 2, "rkmk4");
     add_loop(program, "steps", 2);
     for (size_t f = 0; f < lg_program_functions(program); f++) {
@@ -1071,8 +1050,7 @@ static void *work_on(void *user) {
     return NULL;
 }
 
-static void threads_share_a_plan(void **state) {
-    (void)state;
+TEST("threads share a plan") {
     lg_program *program = hamiltonian(NULL, LG_HAMILTONIAN_CHAIN, 2, NULL);
     add_loop(program, "steps", 2);
     for (size_t f = 0; f < lg_program_functions(program); f++) {
@@ -1154,8 +1132,7 @@ static lg_status attempt_plan(lg_program **program, const lg_context *context, l
     return LG_OK;
 }
 
-static void every_allocation_may_fail(void **state) {
-    (void)state;
+TEST("every allocation may fail") {
     static const attempt_fn attempts[] = {attempt_build, attempt_derive, attempt_loop, attempt_plan};
     const uint32_t hidden[1] = {4};
     assert_ok(lg_mlp_init(&small_net, 3, hidden, 1, 2, LG_TANH, true));
@@ -1201,7 +1178,7 @@ static lg_status record_rounds(void *user, lg_tape *tape, const lg_var *paramete
     return lg_tape_status(tape);
 }
 
-static void long_recordings_take_memory_in_proportion(void **state) {
+TEST("long recordings take memory in proportion") {
     const lg_port in = {.name = "x", .shape = lg_shape1(WIDE), .shared = true}, out = {.name = "y"};
     const lg_function_spec function = {"rounds", &in, 1, &out, 1, record_rounds, NULL};
     lg_program_spec spec;
@@ -1209,7 +1186,6 @@ static void long_recordings_take_memory_in_proportion(void **state) {
     lg_program *program;
     lg_plan *plan;
     lg_error error;
-    (void)state;
     lg_program_spec_init(&spec);
     spec.functions = &function;
     spec.function_count = 1;
@@ -1219,31 +1195,4 @@ static void long_recordings_take_memory_in_proportion(void **state) {
     if (lg_plan_create(program, 0, &options, &plan, &error) != LG_OK) fail_msg("%s", error.message);
     lg_plan_destroy(plan);
     lg_program_destroy(program);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(long_recordings_take_memory_in_proportion),
-        cmocka_unit_test(networks_of_every_kind),
-        cmocka_unit_test(perceptrons),
-        cmocka_unit_test(convolutions),
-        cmocka_unit_test(learned_hamiltonians),
-        cmocka_unit_test(steps_of_systems),
-        cmocka_unit_test(odd_outputs),
-        cmocka_unit_test(scalar_rows),
-        cmocka_unit_test(rows_that_meet),
-        cmocka_unit_test(a_matrix_beside_a_batch),
-        cmocka_unit_test(pairs_of_networks),
-        cmocka_unit_test(shared_work_is_done_once),
-        cmocka_unit_test(chosen_pairs),
-        cmocka_unit_test(loops_are_single_steps),
-        cmocka_unit_test(loops_carry_several),
-        cmocka_unit_test(inputs_that_are_not_finite),
-        cmocka_unit_test(rows_keep_to_themselves),
-        cmocka_unit_test(memory_is_bounded),
-        cmocka_unit_test(plans_stand_alone),
-        cmocka_unit_test(threads_share_a_plan),
-        cmocka_unit_test(every_allocation_may_fail),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

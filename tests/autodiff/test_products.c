@@ -58,8 +58,7 @@ static double *evaluate(shape s, int variant, lg_dtype dtype, int threads) {
 static const shape shapes[] = {{1, 1, 1},      {3, 5, 7},      {20, 100, 100},  {33, 101, 97},
                                {32, 300, 301}, {500, 100, 60}, {130, 300, 300}, {7, 700, 129}};
 
-static void against_naive_loops(void **state) {
-    (void)state;
+TEST("against naive loops") {
     for (size_t i = 0; i < sizeof shapes / sizeof *shapes; i++)
         for (int variant = 0; variant < 3; variant++)
             for (int d = 0; d < 2; d++) {
@@ -82,8 +81,7 @@ static void against_naive_loops(void **state) {
             }
 }
 
-static void same_bits_for_any_number_of_threads(void **state) {
-    (void)state;
+TEST("same bits for any number of threads") {
     for (size_t i = 0; i < sizeof shapes / sizeof *shapes; i++)
         for (int variant = 0; variant < 3; variant++)
             for (int d = 0; d < 2; d++) {
@@ -99,8 +97,7 @@ static void same_bits_for_any_number_of_threads(void **state) {
             }
 }
 
-static void bad_threads(void **state) {
-    (void)state;
+TEST("bad threads") {
     lg_tape_options options;
     lg_tape *tape;
     lg_tape_options_init(&options);
@@ -108,13 +105,4 @@ static void bad_threads(void **state) {
     assert_status(lg_tape_create(NULL, &options, &tape), LG_INVALID_ARGUMENT);
     options.threads = 1025;
     assert_status(lg_tape_create(NULL, &options, &tape), LG_INVALID_ARGUMENT);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(against_naive_loops),
-        cmocka_unit_test(same_bits_for_any_number_of_threads),
-        cmocka_unit_test(bad_threads),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -85,8 +85,7 @@ static void compare_apply(lg_program *program, size_t function, network *n, lg_r
     lg_tape_destroy(tape);
 }
 
-static void applied_equals_recorded(void **state) {
-    (void)state;
+TEST("applied equals recorded") {
     network n;
     make_network(&n, 3, 16, 1, LG_TANH);
     lg_program *program = build_network(&n);
@@ -138,8 +137,7 @@ static void compare_plan(lg_program *program, size_t function, network *n, lg_re
     lg_tape_destroy(tape);
 }
 
-static void plans_equal_recorded(void **state) {
-    (void)state;
+TEST("plans equal recorded") {
     const lg_activation kinds[] = {LG_TANH,       LG_SIGMOID, LG_SWISH,   LG_RELU,
                                    LG_LEAKY_RELU, LG_SINE,    LG_IDENTITY};
     for (size_t k = 0; k < sizeof kinds / sizeof *kinds; k++)
@@ -260,8 +258,7 @@ static void true_derivatives(network *n, const pair_point *p, pair_truth *t) {
     lg_tape_destroy(tape);
 }
 
-static void derivatives_are_those_of_the_tape(void **state) {
-    (void)state;
+TEST("derivatives are those of the tape") {
     enum { ROWS = 5 };
     network n;
     make_network(&n, Q + U, 10, Y1, LG_TANH);
@@ -495,8 +492,7 @@ static lg_status build_one(const refusal *c, lg_program **program, lg_error *err
     return lg_program_build(NULL, &spec, program, error);
 }
 
-static void refusals_name_the_culprit(void **state) {
-    (void)state;
+TEST("refusals name the culprit") {
     static const refusal cases[] = {
         {.record = branch, .status = LG_UNSUPPORTED, .words = {"'f'", "branch on values", "sin"}},
         {.record = loop_over_rows, .status = LG_UNSUPPORTED, .words = {"'f'", "loop over rows"}},
@@ -582,8 +578,7 @@ static void refusals_name_the_culprit(void **state) {
     }
 }
 
-static void weights_are_checked(void **state) {
-    (void)state;
+TEST("weights are checked") {
     const double numbers[3] = {0.5, NAN, 1.0}, good[3] = {1.0, 2.0, 3.0}, bad[3] = {1.0, -INFINITY, 3.0};
     const lg_port out = {.name = "y"};
     const lg_function_spec function = {"f", &x3, 1, &out, 1, identity, NULL};
@@ -626,9 +621,7 @@ static void weights_are_checked(void **state) {
     lg_program_destroy(NULL);
 }
 
-/* Two functions of one name; means over the batch are no refusal (loss, above). */
-static void functions_are_different(void **state) {
-    (void)state;
+TEST("two functions of one name; means over the batch are no refusal (loss, above)") {
     const lg_port out = {.name = "y"};
     const lg_function_spec functions[2] = {{"f", &x3, 1, &out, 1, identity, NULL},
                                            {"f", &x3, 1, &out, 1, identity, NULL}};
@@ -652,8 +645,7 @@ static lg_status shared_and_not(void *user, lg_tape *tape, const lg_var *theta, 
     return lg_tape_status(tape);
 }
 
-static void derivatives_that_cannot_be(void **state) {
-    (void)state;
+TEST("derivatives that cannot be") {
     const lg_port in[2] = {x3, {.name = "s", .shape = {1, {3}}, .shared = true}},
                   out[2] = {{.name = "y"}, {.name = "m"}};
     const lg_function_spec function = {"f", in, 2, out, 2, shared_and_not, NULL};
@@ -735,8 +727,7 @@ static lg_status centred(void *user, lg_tape *tape, const lg_var *theta, const l
     return lg_tape_status(tape);
 }
 
-static void jacobians_of_rows_that_meet_are_refused(void **state) {
-    (void)state;
+TEST("jacobians of rows that meet are refused") {
     const lg_port out = {.name = "y"};
     const lg_function_spec functions[] = {{"centred", &x3, 1, &out, 1, centred, NULL},
                                           {"centred_root", &x3, 1, &out, 1, centred_root, NULL}};
@@ -765,8 +756,7 @@ static void jacobians_of_rows_that_meet_are_refused(void **state) {
 
 /* ---- on a tape: errors stick, outputs are untouched ---- */
 
-static void application_is_checked(void **state) {
-    (void)state;
+TEST("application is checked") {
     network n;
     make_network(&n, 3, 4, 1, LG_TANH);
     lg_program *program = build_network(&n);
@@ -803,8 +793,7 @@ static lg_status scaled(void *user, lg_tape *tape, const lg_var *theta, const lg
     return lg_tape_status(tape);
 }
 
-static void parameters_are_folded(void **state) {
-    (void)state;
+TEST("parameters are folded") {
     const double logarithms[3] = {0.5, -1.0, 2.0}, x[3] = {1.0, 2.0, -3.0};
     const lg_parameter_spec theta = {"theta", lg_shape1(3), logarithms};
     const lg_port out = {.name = "y"};
@@ -835,9 +824,7 @@ static void parameters_are_folded(void **state) {
     lg_program_destroy(program);
 }
 
-/* a_{2i+j} = sin(q_i u_j); b = net(q, u) + q . u depends on everything. */
-static void sparsity_is_structural(void **state) {
-    (void)state;
+TEST("a_{2i+j} = sin(q_i u_j); b = net(q, u) + q . u depends on everything") {
     network n;
     make_network(&n, Q + U, 10, Y1, LG_TANH);
     memset(n.theta, 0, lg_mlp_parameters(&n.net) * sizeof *n.theta); /* the weights do not count */
@@ -856,21 +843,4 @@ static void sparsity_is_structural(void **state) {
     assert_int_equal(lg_program_sparsity(program, 1, 0, 0, all, &error), LG_NOT_FOUND);
     lg_program_destroy(program);
     free(n.theta);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(applied_equals_recorded),
-        cmocka_unit_test(plans_equal_recorded),
-        cmocka_unit_test(derivatives_are_those_of_the_tape),
-        cmocka_unit_test(refusals_name_the_culprit),
-        cmocka_unit_test(weights_are_checked),
-        cmocka_unit_test(functions_are_different),
-        cmocka_unit_test(derivatives_that_cannot_be),
-        cmocka_unit_test(application_is_checked),
-        cmocka_unit_test(sparsity_is_structural),
-        cmocka_unit_test(parameters_are_folded),
-        cmocka_unit_test(jacobians_of_rows_that_meet_are_refused),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -339,20 +339,16 @@ static void check_all(bool gradients) {
     }
 }
 
-static void values_equal_the_tape(void **state) {
-    (void)state;
+TEST("values equal the tape") {
     check_all(false);
 }
 
-static void gradients_equal_the_tape(void **state) {
-    (void)state;
+TEST("gradients equal the tape") {
     check_all(true);
 }
 
-/* An operation without a row in the registry would be in none of the comparisons. */
-static void every_operation_is_compared(void **state) {
+TEST("an operation without a row in the registry would be in none of the comparisons") {
     bool seen[LG_OP_COUNT] = {false};
-    (void)state;
     for (size_t gradients = 0, next = 0; gradients < 2;) {
         bundle b = make_bundle(gradients > 0, &next);
         for (size_t i = 0; i < b.program->functions; i++)
@@ -398,8 +394,7 @@ static void check_alone(const bundle *b, bool compact, const char *compiler) {
     assert_int_equal(system(command), 0);
 }
 
-static void every_function_compiles_alone(void **state) {
-    (void)state;
+TEST("every function compiles alone") {
     for (size_t next = 0; lg_gradcheck_operation(next) != NULL;) {
         bundle b = make_bundle(false, &next);
         if (has("gcc")) check_alone(&b, false, "gcc -std=c99 -Wstrict-prototypes -Wmissing-prototypes");
@@ -451,12 +446,11 @@ static double family_error(const family *f, const double *w, const double *got) 
     return worst;
 }
 
-static void functions_of_the_angle(void **state) {
+TEST("functions of the angle") {
     static double w[ANGLES], got[ANGLES * (TOP + 1)];
     family families[2 * (TOP + 1)];
     bundle b = {.functions = 0};
     lg_rng rng;
-    (void)state;
     lg_rng_seed(&rng, 5, 5);
     for (size_t i = 0; i < ANGLES; i++) w[i] = angle(&rng, i);
     assert_ok(lg_program_create(NULL, &b.program));
@@ -486,13 +480,4 @@ static void functions_of_the_angle(void **state) {
     free(work);
     discard(&c);
     lg_program_destroy(b.program);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_operation_is_compared),   cmocka_unit_test(functions_of_the_angle),
-        cmocka_unit_test(every_function_compiles_alone), cmocka_unit_test(values_equal_the_tape),
-        cmocka_unit_test(gradients_equal_the_tape),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -280,8 +280,7 @@ static void check_scalars(const lg_tape *tape, const lg_node *node, const char *
     seen[node->op] = true;
 }
 
-static void scalar_code_equals_the_operation(void **state) {
-    (void)state;
+TEST("scalar code equals the operation") {
     memset(seen, 0, sizeof seen);
     each_node(check_scalars);
     for (int op = 0; op < LG_OP_COUNT; op++)
@@ -320,8 +319,7 @@ static void check_over(const lg_tape *tape, const lg_node *node, const char *row
     seen[node->op] = true;
 }
 
-static void elementwise_operations_work_over_an_input(void **state) {
-    (void)state;
+TEST("elementwise operations work over an input") {
     memset(seen, 0, sizeof seen);
     each_node(check_over);
     for (int op = 0; op < LG_OP_COUNT; op++)
@@ -334,8 +332,7 @@ static bool alike(double a, double b) {
     return a == b ? signbit(a) == signbit(b) || a == 0.0 : isnan(a) && isnan(b);
 }
 
-static void not_finite_numbers_are_treated_alike(void **state) {
-    (void)state;
+TEST("not finite numbers are treated alike") {
     static const lg_op_code ops[] = {LG_OP_MAX, LG_OP_GE, LG_OP_SELECT, LG_OP_SIGN, LG_OP_ABS};
     const double special[] = {NAN, INFINITY, -INFINITY, 0.0, -0.0, 1.0, -1.0, 2.5};
     enum { N = sizeof special / sizeof *special };
@@ -384,9 +381,7 @@ static void not_finite_numbers_are_treated_alike(void **state) {
                 }
 }
 
-/* A matrix that is not positive makes all of its row NaN, whatever zeros are known. */
-static void a_matrix_that_is_not_positive(void **state) {
-    (void)state;
+TEST("a matrix that is not positive makes all of its row NaN, whatever zeros are known") {
     const double matrices[][4] = {{2, 0, 0, -1}, {-2, 0, 0, 1},  {0, 0, 0, 1},  {2, 0, 0, 3},
                                   {1, 2, 2, 1},  {NAN, 0, 0, 1}, {1, 0, 0, NAN}};
     for (size_t m = 0; m < sizeof matrices / sizeof *matrices; m++)
@@ -427,8 +422,7 @@ static void a_matrix_that_is_not_positive(void **state) {
 
 /* Every pair of x, -x, y, -y, 0, 1, -1, 2 under every instruction of two operands, simplified or not: as by
  * hand. */
-static void simplified_code_is_the_same(void **state) {
-    (void)state;
+TEST("simplified code is the same") {
     static const lg_scalar_op two[] = {LG_S_ADD, LG_S_SUB, LG_S_MUL, LG_S_DIV};
     static const double constants[] = {0.0, 1.0, -1.0, 2.0}, inputs[2] = {0.75, -1.5};
     enum { OPERANDS = 8 };
@@ -459,15 +453,4 @@ static void simplified_code_is_the_same(void **state) {
                 assert_close(r[made], want, 0, 0);
             }
     lg_scalars_destroy(&s);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(scalar_code_equals_the_operation),
-        cmocka_unit_test(elementwise_operations_work_over_an_input),
-        cmocka_unit_test(not_finite_numbers_are_treated_alike),
-        cmocka_unit_test(a_matrix_that_is_not_positive),
-        cmocka_unit_test(simplified_code_is_the_same),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -208,9 +208,7 @@ static const struct {
 
 /* ---- handles ---- */
 
-/* LG_NONE, rewound, of another tape, and made up: each an error that names the operation. */
-static void test_bad_handles_in_every_operation(void **state) {
-    (void)state;
+TEST("LG_NONE, rewound, of another tape, and made up: each an error that names the operation") {
     lg_tape *tape = new_tape(LG_F64), *other = new_tape(LG_F64);
     for (size_t i = 0; i < LG_COUNT(ops); i++)
         for (int kind = 0; kind < 4; kind++) {
@@ -231,9 +229,7 @@ static void test_bad_handles_in_every_operation(void **state) {
     lg_tape_destroy(other);
 }
 
-/* After a failure every operation does nothing, and the first sentence stays. */
-static void test_errors_stick(void **state) {
-    (void)state;
+TEST("After a failure every operation does nothing, and the first sentence stays") {
     lg_tape *tape = new_tape(LG_F64);
     lg_var x = good(tape);
     lg_scope_push(tape, "first");
@@ -264,8 +260,7 @@ static void test_errors_stick(void **state) {
     lg_tape_destroy(tape);
 }
 
-static void test_readers_refuse_bad_handles(void **state) {
-    (void)state;
+TEST("readers refuse bad handles") {
     lg_tape *tape = new_tape(LG_F64);
     lg_mark mark = lg_tape_mark(tape);
     lg_var x = good(tape);
@@ -286,8 +281,7 @@ static void test_readers_refuse_bad_handles(void **state) {
 
 /* ---- marks ---- */
 
-static void test_rewinding_clears_later_errors_only(void **state) {
-    (void)state;
+TEST("rewinding clears later errors only") {
     lg_tape *tape = new_tape(LG_F64);
     lg_var x = good(tape);
     lg_mark before = lg_tape_mark(tape);
@@ -306,8 +300,7 @@ static void test_rewinding_clears_later_errors_only(void **state) {
     lg_tape_destroy(tape);
 }
 
-static void test_stale_and_foreign_marks_are_refused(void **state) {
-    (void)state;
+TEST("stale and foreign marks are refused") {
     lg_tape *tape = new_tape(LG_F64), *other = new_tape(LG_F64);
     lg_var x = good(tape);
     (void)good(other);
@@ -433,8 +426,7 @@ static const int beyond[2] = {0, 2};
     X(lg_custom(t, NULL, NULL, 0, lg_shape0()), LG_INVALID_ARGUMENT, "custom", "no name", NULL)              \
     X(lg_jacobian(t, V1(2), LG_NONE), LG_STALE_HANDLE, "jacobian", "LG_NONE", NULL)
 
-static void test_wrong_shapes(void **state) {
-    (void)state;
+TEST("wrong shapes") {
     lg_tape *t = new_tape(LG_F64);
 #define X(expression, status, operation, one, two)                                                           \
     {                                                                                                        \
@@ -451,8 +443,7 @@ static void test_wrong_shapes(void **state) {
     lg_tape_destroy(t);
 }
 
-static void test_wrong_shapes_of_directions(void **state) {
-    (void)state;
+TEST("wrong shapes of directions") {
     lg_tape *t = new_tape(LG_F64);
     lg_var x = good(t), c = lg_full(t, lg_shape1(6), 1.0), out = {9, 9};
     lg_mark mark = lg_tape_mark(t);
@@ -465,8 +456,7 @@ static void test_wrong_shapes_of_directions(void **state) {
     lg_tape_destroy(t);
 }
 
-static void test_scopes_nest_and_overflow(void **state) {
-    (void)state;
+TEST("scopes nest and overflow") {
     lg_tape *t = new_tape(LG_F64);
     static const char *const names[10] = {"s0", "s1", "s2", "s3", "s4", "s5", "s6", "s7", "s8", "s9"};
     for (int i = 0; i < 10; i++) lg_scope_push(t, names[i]);
@@ -515,8 +505,7 @@ static lg_status train_step(lg_tape *t, model *m) {
     return status;
 }
 
-static void test_no_allocation_after_the_first_step(void **state) {
-    (void)state;
+TEST("no allocation after the first step") {
     lg_fail_alloc memory;
     lg_context *context = lg_fail_alloc_context(&memory);
     lg_tape *tape;
@@ -541,8 +530,7 @@ static void test_no_allocation_after_the_first_step(void **state) {
     lg_context_destroy(context);
 }
 
-static void test_every_allocation_may_fail(void **state) {
-    (void)state;
+TEST("every allocation may fail") {
     lg_fail_alloc memory;
     lg_context *context = lg_fail_alloc_context(&memory);
     static model m;
@@ -571,8 +559,7 @@ static void test_every_allocation_may_fail(void **state) {
     lg_context_destroy(context);
 }
 
-static void test_max_bytes(void **state) {
-    (void)state;
+TEST("max bytes") {
     static model m;
     fill(&m);
     lg_tape *tape = new_tape(LG_F64);
@@ -588,8 +575,7 @@ static void test_max_bytes(void **state) {
     lg_tape_destroy(tape);
 }
 
-static void test_options(void **state) {
-    (void)state;
+TEST("options") {
     lg_tape *tape = NULL;
     lg_tape_options options;
     lg_tape_options_init(&options);
@@ -639,8 +625,7 @@ static size_t derivatives_of(const lg_gradcheck_function *f, lg_dtype dtype, dou
     return used;
 }
 
-static void test_float_agrees_with_double(void **state) {
-    (void)state;
+TEST("float agrees with double") {
     const lg_gradcheck_case *row;
     for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++) {
         double in_double[1024], in_float[1024], most = 0.0;
@@ -675,9 +660,7 @@ OP(combination, lg_linear_combination(t, (lg_var[2]){v, good(t)}, (const double[
 OP(solved, lg_spd_solve(t, lg_input_f64(t, lg_shape3(1, 2, 2), (const double[4]){2, 1, 1, 3}),
                         lg_reshape(t, v, lg_shape3(1, 2, 3))))
 
-/* At v = (1 -2 3; 4 5 -6), with (1 2 3; 4 5 6) as the other operand. */
-static void test_values_by_hand(void **state) {
-    (void)state;
+TEST("at v = (1 -2 3; 4 5 -6), with (1 2 3; 4 5 6) as the other operand") {
     static const double v[6] = {1, -2, 3, 4, 5, -6};
     static const struct {
         const char *name;
@@ -778,9 +761,7 @@ OP(sigmoid, lg_act(t, v, LG_SIGMOID))
 OP(sine, lg_act(t, v, LG_SINE))
 OP(reciprocal, lg_div(t, lg_full(t, lg_shape0(), 1.0), v))
 
-/* Reverse over reverse, forward over forward, and in turn, to fourth order. */
-static void test_fourth_order_closed_forms(void **state) {
-    (void)state;
+TEST("Reverse over reverse, forward over forward, and in turn, to fourth order") {
     static const closed_form forms[] = {
         {"x^5", call_x5, d_x5, 1.3},
         {"x^5 at 0", call_x5, d_x5, 0.0},
@@ -817,8 +798,7 @@ static void test_fourth_order_closed_forms(void **state) {
     lg_tape_destroy(tape);
 }
 
-static void test_activations_end_at_order_eight(void **state) {
-    (void)state;
+TEST("activations end at order eight") {
     lg_tape *tape = new_tape(LG_F64);
     lg_var x = lg_full(tape, lg_shape0(), 0.3), y = lg_act(tape, x, LG_TANH);
     for (int order = 1; order <= 8; order++) assert_ok(lg_grad(tape, y, &x, 1, &y));
@@ -834,8 +814,7 @@ static lg_var cubic(lg_tape *t, lg_var x) {
     return lg_add(t, lg_sum(t, lg_pow(t, x, 3)), lg_sum(t, p));
 }
 
-static void test_hessian_vector_product(void **state) {
-    (void)state;
+TEST("hessian vector product") {
     static const double x0[3] = {0.5, -1.5, 2.0}, v0[3] = {1.0, 0.25, -0.75};
     double got[3], hessian[9];
     lg_tape *t = new_tape(LG_F64);
@@ -856,9 +835,7 @@ static void test_hessian_vector_product(void **state) {
     lg_tape_destroy(t);
 }
 
-/* y = sin(x A): J[a, b] = cos(y_a) A[b, a]; wide, tall, and with more than 64 passes. */
-static void test_jacobian_wide_and_tall(void **state) {
-    (void)state;
+TEST("y = sin(x A): J[a, b] = cos(y_a) A[b, a]; wide, tall, and with more than 64 passes") {
     static const uint32_t sizes[][2] = {{3, 5}, {5, 3}, {4, 4}, {70, 90}, {90, 70}};
     static double a0[90 * 90], x0[90], j0[90 * 90];
     lg_rng rng;
@@ -886,8 +863,7 @@ static void test_jacobian_wide_and_tall(void **state) {
 
 /* ---- what is asked for ---- */
 
-static void test_backward_adds_and_leaves_the_tape(void **state) {
-    (void)state;
+TEST("backward adds and leaves the tape") {
     static const double x0[3] = {0.5, -1.5, 2.0};
     double gx[3] = {10, 20, 30}, gz[3] = {1, 2, 3};
     lg_tape *t = new_tape(LG_F64);
@@ -921,8 +897,7 @@ static void test_backward_adds_and_leaves_the_tape(void **state) {
 /* lg_backward_set into memory full of NaN equals lg_backward onto zeros to the last bit, whatever parts of a
  * flat parameter are used: random views of 1 to 7 elements of 60, a few of them or more than there are places
  * to remember them; views of views; weights; what nothing reaches; inner variables. */
-static void test_backward_set(void **state) {
-    (void)state;
+TEST("backward set") {
     enum { N = 60, UNUSED = 5 };
     lg_rng rng;
     lg_rng_seed(&rng, 7, 0);
@@ -963,8 +938,7 @@ static void test_backward_set(void **state) {
 
 /* Of two layers and what is not one: equality where a gradient is a single contribution, a product's is of
  * rank one; infinity and NaN in any of them are seen. */
-static void test_backward_set_bounded(void **state) {
-    (void)state;
+TEST("backward set bounded") {
     enum { SIDE = 20, N = SIDE * SIDE + 2 * SIDE };
     static double theta[N], grad[N];
     for (int kind = 0; kind < 6; kind++)
@@ -999,8 +973,7 @@ static void test_backward_set_bounded(void **state) {
 
 /* Two inputs of one operation are overlapping views of the parameter, longer than a block of the kernels: x
  * and its factor in the derivative of an activation; the vector and the angle of a rotation. */
-static void test_backward_set_overlapping_inputs(void **state) {
-    (void)state;
+TEST("backward set overlapping inputs") {
     enum { N = 1200, LENGTH = 900 };
     static double theta[N], set[N], zero[N];
     lg_rng rng;
@@ -1030,8 +1003,7 @@ static void test_backward_set_overlapping_inputs(void **state) {
 }
 
 /* Derivatives are total: what depends on another variable asked for carries on to it, in every mode alike. */
-static void test_interior_variables(void **state) {
-    (void)state;
+TEST("interior variables") {
     lg_tape *t = new_tape(LG_F64);
     lg_var x = lg_full(t, lg_shape0(), 2.0), z = lg_square(t, x), y = lg_mul(t, z, x);
     lg_var wrt[3] = {x, z, x}, out[3], d[2] = {lg_full(t, lg_shape0(), 0.5), lg_full(t, lg_shape0(), 0.25)};
@@ -1064,9 +1036,7 @@ static void test_interior_variables(void **state) {
     lg_tape_destroy(t);
 }
 
-/* A flat parameter whose slices overlap, are reshaped, sliced again, and used many times. */
-static void test_views_of_a_flat_parameter(void **state) {
-    (void)state;
+TEST("a flat parameter whose slices overlap, are reshaped, sliced again, and used many times") {
     static double theta[12], grad[12], part_grad[6];
     for (int i = 0; i < 12; i++) theta[i] = 0.1 * (i + 1);
     for (int f32 = 0; f32 < 2; f32++) {
@@ -1112,8 +1082,7 @@ static void test_views_of_a_flat_parameter(void **state) {
     }
 }
 
-static void test_parameter_is_not_copied(void **state) {
-    (void)state;
+TEST("parameter is not copied") {
     static const double theta[2] = {1, 2};
     lg_tape *t = new_tape(LG_F64);
     assert_ptr_equal(lg_value(t, lg_parameter(t, lg_shape1(2), theta)), theta);
@@ -1122,8 +1091,7 @@ static void test_parameter_is_not_copied(void **state) {
 
 /* ---- not a number, kinks ---- */
 
-static void test_nan_is_not_an_error(void **state) {
-    (void)state;
+TEST("nan is not an error") {
     lg_tape *t = new_tape(LG_F64);
     static const double x0[2] = {-1.0, 4.0};
     double y[2], g[2];
@@ -1141,9 +1109,7 @@ static void test_nan_is_not_an_error(void **state) {
     lg_tape_destroy(t);
 }
 
-/* The documented side at each kink; second derivatives are zero. */
-static void test_kinks(void **state) {
-    (void)state;
+TEST("the documented side at each kink; second derivatives are zero") {
     static const struct {
         const char *name;
         lg_var (*call)(lg_tape *, lg_var);
@@ -1184,9 +1150,7 @@ static void test_kinks(void **state) {
 
 /* ---- products above the size of the own kernel ---- */
 
-/* (M, K) (K, N), stored as each variant wants it; above the limit at which the BLAS takes over. */
-static void test_large_products(void **state) {
-    (void)state;
+TEST("(M, K) (K, N), stored as each variant wants it; above the limit at which the BLAS takes over") {
     enum { M = 1009, N = 997, K = 1013 };
     static const struct {
         uint32_t a[2], b[2];
@@ -1226,8 +1190,7 @@ static void test_large_products(void **state) {
 
 /* ---- solves ---- */
 
-static void test_spd_failures_are_counted(void **state) {
-    (void)state;
+TEST("spd failures are counted") {
     static const double a[12] = {4, 1, 3, 2 /* symmetric part 4 2; 2 2 */, -1, 0, 0, 1, 2, 0, 0, 5},
                         b[6] = {2, 4, 1, 1, 4, 10};
     double x[6];
@@ -1250,8 +1213,7 @@ static void test_spd_failures_are_counted(void **state) {
 
 /* ---- losses ---- */
 
-static void test_loss_values(void **state) {
-    (void)state;
+TEST("loss values") {
     static const double y0[4] = {0.5, -2.0, 1.5, 0.25}, t0[4] = {0.0, 1.0, 0.5, 1.0}, w0[2] = {2.0, 0.5};
     double expected[LG_LOSS_COUNT] = {0}, weighted[LG_LOSS_COUNT] = {0};
     for (int i = 0; i < 4; i++) {
@@ -1329,8 +1291,7 @@ static const lg_custom_op custom_table[] = {
     {.name = "shared part", .forward = identity_forward, .vjp = shared_part_vjp},
 };
 
-static void test_custom_failures_name_the_operation(void **state) {
-    (void)state;
+TEST("custom failures name the operation") {
     static const double x0[3] = {1, 2, 3};
     static const lg_status expected[4] = {LG_NO_CONVERGENCE, LG_SHAPE, LG_NO_CONVERGENCE,
                                           LG_NOT_DIFFERENTIABLE};
@@ -1386,9 +1347,7 @@ static lg_status square_numeric_vjp(void *user, lg_dtype dtype, const void *cons
     return LG_OK;
 }
 
-/* The numeric one where nothing is recorded, the other one where it is: any order. */
-static void test_custom_with_both_vjps(void **state) {
-    (void)state;
+TEST("the numeric one where nothing is recorded, the other one where it is: any order") {
     static const double x0[3] = {1, 2, 3};
     both_counts counts = {0, 0};
     const lg_custom_op op = {.name = "square",
@@ -1415,8 +1374,7 @@ static void test_custom_with_both_vjps(void **state) {
     lg_tape_destroy(t);
 }
 
-static void test_custom_vjp_in_the_last_pass(void **state) {
-    (void)state;
+TEST("custom vjp in the last pass") {
     static const double x0[3] = {1, 2, 3};
     lg_tape *t = new_tape(LG_F64);
     lg_var in[2] = {vector(t, 3, x0), vector(t, 3, x0)};
@@ -1436,8 +1394,7 @@ static void test_custom_vjp_in_the_last_pass(void **state) {
 }
 
 /* A temporary that serves two inputs must not become the adjoint of one while the other still reads it. */
-static void test_custom_vjp_with_shared_cotangents(void **state) {
-    (void)state;
+TEST("custom vjp with shared cotangents") {
     static const double x0[3] = {1, 2, 3}, ten[3] = {10, 20, 30};
     lg_tape *t = new_tape(LG_F64);
     for (int part = 0; part < 2; part++) {
@@ -1464,8 +1421,7 @@ static void test_custom_vjp_with_shared_cotangents(void **state) {
     lg_tape_destroy(t);
 }
 
-static void test_activation_names(void **state) {
-    (void)state;
+TEST("activation names") {
     for (int i = 0; i < LG_ACTIVATION_COUNT; i++) {
         lg_activation found = (lg_activation)-1;
         assert_ok(lg_activation_parse(lg_activation_name((lg_activation)i), &found));
@@ -1477,9 +1433,7 @@ static void test_activation_names(void **state) {
     assert_string_equal(lg_activation_name((lg_activation)LG_ACTIVATION_COUNT), "unknown");
 }
 
-/* Empty tensors flow through without reading or writing. */
-static void test_empty_tensors(void **state) {
-    (void)state;
+TEST("Empty tensors flow through without reading or writing") {
     lg_tape *t = new_tape(LG_F64);
     lg_var x = lg_full(t, lg_shape2(0, 3), 1.0), w = lg_full(t, lg_shape2(3, 4), 1.0), g;
     lg_var y = lg_sum(t, lg_act(t, lg_matmul(t, x, w), LG_TANH));
@@ -1507,9 +1461,7 @@ static lg_status vjp_with_a_pass(void *user, lg_tape *t, const lg_var *inputs, s
     return lg_backward(t, g, inputs, 1, &memory);
 }
 
-/* The last pass cannot run inside itself; the tape is usable again after a rewind. */
-static void test_last_pass_inside_itself(void **state) {
-    (void)state;
+TEST("the last pass cannot run inside itself; the tape is usable again after a rewind") {
     const lg_custom_op op = {.name = "nested", .forward = copy_input, .vjp = vjp_with_a_pass};
     const double value = 2.0;
     double grad = 0.0;
@@ -1525,47 +1477,4 @@ static void test_last_pass_inside_itself(void **state) {
     assert_ok(lg_backward(t, lg_square(t, x), &x, 1, &memory));
     assert_close(grad, 4.0, 0.0, 0.0);
     lg_tape_destroy(t);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_last_pass_inside_itself),
-        cmocka_unit_test(test_bad_handles_in_every_operation),
-        cmocka_unit_test(test_errors_stick),
-        cmocka_unit_test(test_readers_refuse_bad_handles),
-        cmocka_unit_test(test_rewinding_clears_later_errors_only),
-        cmocka_unit_test(test_stale_and_foreign_marks_are_refused),
-        cmocka_unit_test(test_wrong_shapes),
-        cmocka_unit_test(test_wrong_shapes_of_directions),
-        cmocka_unit_test(test_scopes_nest_and_overflow),
-        cmocka_unit_test(test_no_allocation_after_the_first_step),
-        cmocka_unit_test(test_every_allocation_may_fail),
-        cmocka_unit_test(test_max_bytes),
-        cmocka_unit_test(test_options),
-        cmocka_unit_test(test_float_agrees_with_double),
-        cmocka_unit_test(test_values_by_hand),
-        cmocka_unit_test(test_fourth_order_closed_forms),
-        cmocka_unit_test(test_activations_end_at_order_eight),
-        cmocka_unit_test(test_hessian_vector_product),
-        cmocka_unit_test(test_jacobian_wide_and_tall),
-        cmocka_unit_test(test_backward_adds_and_leaves_the_tape),
-        cmocka_unit_test(test_backward_set),
-        cmocka_unit_test(test_backward_set_bounded),
-        cmocka_unit_test(test_backward_set_overlapping_inputs),
-        cmocka_unit_test(test_interior_variables),
-        cmocka_unit_test(test_views_of_a_flat_parameter),
-        cmocka_unit_test(test_parameter_is_not_copied),
-        cmocka_unit_test(test_nan_is_not_an_error),
-        cmocka_unit_test(test_kinks),
-        cmocka_unit_test(test_large_products),
-        cmocka_unit_test(test_spd_failures_are_counted),
-        cmocka_unit_test(test_loss_values),
-        cmocka_unit_test(test_custom_failures_name_the_operation),
-        cmocka_unit_test(test_custom_with_both_vjps),
-        cmocka_unit_test(test_custom_vjp_in_the_last_pass),
-        cmocka_unit_test(test_custom_vjp_with_shared_cotangents),
-        cmocka_unit_test(test_activation_names),
-        cmocka_unit_test(test_empty_tensors),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

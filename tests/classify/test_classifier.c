@@ -5,6 +5,11 @@
 #include "liegrad/metrics.h"
 #include "support/fail_alloc.h"
 
+/* One thread of BLAS, as in the executables: the thread sanitizer cannot see into its own. */
+__attribute__((constructor)) static void one_thread_of_blas(void) {
+    lg_runtime_setup();
+}
+
 static const struct {
     lg_method method;
     uint32_t components;
@@ -30,8 +35,7 @@ static double accuracy(const lg_classifier *c, const double *x, const uint32_t *
     return right / (double)n;
 }
 
-static void chains_tell_clouds_apart(void **state) {
-    (void)state;
+TEST("chains tell clouds apart") {
     for (uint32_t classes = 2; classes <= 4; classes++)
         for (size_t t = 0; t < CHAINS; t++) {
             uint32_t label[160], chosen[80];
@@ -57,8 +61,7 @@ static void chains_tell_clouds_apart(void **state) {
         }
 }
 
-static void hard_tables(void **state) {
-    (void)state;
+TEST("hard tables") {
     static const uint32_t shapes[][3] = {
         {30, 1, 2}, {20, 600, 4}, {2, 3, 2}, {3, 2, 3}, {4, 1, 4}}; /* n, d, classes */
     for (size_t s = 0; s < sizeof shapes / sizeof shapes[0]; s++)
@@ -88,8 +91,7 @@ static void hard_tables(void **state) {
             }
 }
 
-static void refusals(void **state) {
-    (void)state;
+TEST("refusals") {
     uint32_t label[8];
     double *x = clouds(8, 2, 2, 1.0, 3, label);
     lg_classifier c = {.classes = 55};
@@ -147,8 +149,7 @@ static void make_classifier(const lg_series *s, size_t t, lg_classifier *c) {
     lg_windows_destroy(NULL, &w);
 }
 
-static void archives_keep_every_bit(void **state) {
-    (void)state;
+TEST("archives keep every bit") {
     lg_series s = make_series();
     for (size_t t = 0; t < CHAINS; t++) {
         lg_classifier c, back;
@@ -192,8 +193,7 @@ static void use(const lg_archive_reader *reader, const float *x) {
     lg_classifier_destroy(NULL, &c);
 }
 
-static void archives_that_lie(void **state) {
-    (void)state;
+TEST("archives that lie") {
     static const double wrong[] = {-1.0, 0.0, 1.0, 2.5, 1e9, NAN, INFINITY};
     static const uint32_t wrong32[] = {0, 1, 2, 3, 7, 1u << 20, UINT32_MAX};
     lg_series s = make_series();
@@ -234,9 +234,7 @@ static void archives_that_lie(void **state) {
     lg_series_destroy(NULL, &s);
 }
 
-/* What must be refused by name. */
-static void lies_that_are_named(void **state) {
-    (void)state;
+TEST("what must be refused by name") {
     static const struct {
         size_t chain;
         const char *path;
@@ -297,8 +295,7 @@ static void replace(memory_archive *archive, const char *path, const void *data,
 
 /* Seven nodes, each the child of one: 0 has 1 and 2, and apart from them 3 has 4 and 5, 4 has 3 and 6. With
  * `honest` 2 has 3 and 4, 4 has 5 and 6. */
-static void trees_with_cycles(void **state) {
-    (void)state;
+TEST("trees with cycles") {
     lg_series s = make_series();
     for (int honest = 0; honest < 2; honest++) {
         static const double children[2][7][2] = {
@@ -329,8 +326,7 @@ static void trees_with_cycles(void **state) {
     lg_series_destroy(NULL, &s);
 }
 
-static void allocations_that_fail(void **state) {
-    (void)state;
+TEST("allocations that fail") {
     lg_series s = make_series();
     for (size_t t = 0; t < CHAINS; t++) {
         lg_classifier c, back;
@@ -372,8 +368,7 @@ static void allocations_that_fail(void **state) {
 
 /* ---- choosing ---- */
 
-static void choice_by_hand(void **state) {
-    (void)state;
+TEST("choice by hand") {
     enum { N = 61, FOLDS = 5 };
     uint32_t chosen[N], own[N], fold[N], n = 0;
     double *x = clouds(70, 4, 2, 1.5, 77, (uint32_t[70]){0});
@@ -422,8 +417,7 @@ static void choice_by_hand(void **state) {
 
 /* Four recordings of each class, each a tight cloud about a centre of its own that tells nothing of the
  * class. Torn apart, every row is known from its neighbours; as units, none is. */
-static void units_are_not_torn(void **state) {
-    (void)state;
+TEST("units are not torn") {
     enum { UNITS = 12, EACH = 10, N = UNITS * EACH };
     uint32_t label[N], unit[N], chosen[N];
     double x[2 * N], torn, whole, few;
@@ -461,8 +455,7 @@ static void units_are_not_torn(void **state) {
     assert_true(none < 1.0);
 }
 
-static void choice_of_few(void **state) {
-    (void)state;
+TEST("choice of few") {
     uint32_t label[30];
     double *x = clouds(30, 40, 3, 3.0, 5, label), rate[2];
     lg_method_options o[2];
@@ -491,23 +484,4 @@ static void choice_of_few(void **state) {
                   LG_INVALID_ARGUMENT);
     assert_int_equal(best, 7);
     free(x);
-}
-
-int main(void) {
-    lg_runtime_setup(); /* one thread of BLAS, as in the executables: the thread sanitizer cannot see into its
-                           own */
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(chains_tell_clouds_apart),
-        cmocka_unit_test(hard_tables),
-        cmocka_unit_test(refusals),
-        cmocka_unit_test(archives_keep_every_bit),
-        cmocka_unit_test(archives_that_lie),
-        cmocka_unit_test(lies_that_are_named),
-        cmocka_unit_test(allocations_that_fail),
-        cmocka_unit_test(choice_by_hand),
-        cmocka_unit_test(units_are_not_torn),
-        cmocka_unit_test(choice_of_few),
-        cmocka_unit_test(trees_with_cycles),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

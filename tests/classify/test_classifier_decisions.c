@@ -187,29 +187,23 @@ static void all_chains(lg_feature_kind kind) {
             }
 }
 
-static void raw(void **state) {
-    (void)state;
+TEST("raw") {
     all_chains(LG_FEATURES_RAW);
 }
 
-static void deviations(void **state) {
-    (void)state;
+TEST("deviations") {
     all_chains(LG_FEATURES_STD);
 }
 
-static void covariance(void **state) {
-    (void)state;
+TEST("covariance") {
     all_chains(LG_FEATURES_COV);
 }
 
-static void baseline(void **state) {
-    (void)state;
+TEST("baseline") {
     all_chains(LG_FEATURES_BASELINE);
 }
 
-/* The whole Jacobian of one chain of each kind, and zeros for channels that are not selected. */
-static void all_inputs(void **state) {
-    (void)state;
+TEST("the whole Jacobian of one chain of each kind, and zeros for channels that are not selected") {
     for (int kind = 0; kind < LG_FEATURE_KIND_COUNT; kind++) {
         chain f = make(make_series(CHANNELS, LENGTH, 2), (lg_feature_kind)kind, true, LG_METHOD_LOGISTIC, 0);
         double y[MOST_OUTPUTS], *jacobian = jacobian_of(&f, f.series.x, y);
@@ -224,9 +218,7 @@ static void all_inputs(void **state) {
     }
 }
 
-/* A window that is moved has the same deviations, covariance and baseline. */
-static void rows_of_sum_zero(void **state) {
-    (void)state;
+TEST("a window that is moved has the same deviations, covariance and baseline") {
     for (int kind = LG_FEATURES_STD; kind < LG_FEATURE_KIND_COUNT; kind++) {
         chain f = make(make_series(CHANNELS, LENGTH, 2), (lg_feature_kind)kind, false, LG_METHOD_SVM_RBF, 0);
         double y[MOST_OUTPUTS], *jacobian = jacobian_of(&f, f.series.x, y);
@@ -244,8 +236,7 @@ static void rows_of_sum_zero(void **state) {
 
 /* Of a constant channel: deviations have a kink, derivative 0; the covariance with the others moves. Central
  * differences take the kink, which is even, away, and leave an error of first order in the step. */
-static void constant_channel(void **state) {
-    (void)state;
+TEST("constant channel") {
     for (int kind = LG_FEATURES_STD; kind < LG_FEATURE_KIND_COUNT; kind++) {
         chain f = make(make_series(CHANNELS, LENGTH, 2), (lg_feature_kind)kind, false, LG_METHOD_LOGISTIC, 0);
         for (size_t t = 0; t < LENGTH; t++) f.series.x[t] = 0.75f;
@@ -264,9 +255,7 @@ static void constant_channel(void **state) {
     }
 }
 
-/* A channel that is the sum of two others. */
-static void singular_covariance(void **state) {
-    (void)state;
+TEST("a channel that is the sum of two others") {
     chain f = make(make_series(CHANNELS, LENGTH, 2), LG_FEATURES_COV, false, LG_METHOD_LOGISTIC, 0);
     for (size_t t = 0; t < LENGTH; t++) f.series.x[2 * LENGTH + t] = f.series.x[t] + f.series.x[LENGTH + t];
     against_differences(&f, f.series.x, 7, 0x1p-10, 2e-3);
@@ -280,8 +269,7 @@ static void singular_covariance(void **state) {
 /* All m channels alike: C = a 1 1^T = s^2 P with s^2 = m a and P the projection on (1, ..., 1), Q = I - P the
  * one on the null space. The cotangent of C from G, that of the root, is (P G Q + Q G P)/s + P G P/(2 s),
  * free of what rounding makes of the eigenvalues 0. */
-static void identical_channels(void **state) {
-    (void)state;
+TEST("identical channels") {
     enum { M = CHANNELS };
     chain f = make(make_series(M, LENGTH, 2), LG_FEATURES_COV, false, LG_METHOD_LOGISTIC, 0);
     float *x = f.series.x;
@@ -321,8 +309,7 @@ static double sign_of(unsigned bits) {
 /* Z = sum_k s_k v_k w_k^T with exact numbers, orthonormal v_k, orthogonal w_k of ones and minus ones: with G,
  * the cotangent of the root, that of Z is 2/n sum_ab v_a (v_a.G v_b) s_b/(s_a + s_b) w_b^T. It is off by eps
  * s_max/s_min, 1e-12; from eigenvectors of Z Z^T it would be by the square of that ratio. */
-static void small_roots(void **state) {
-    (void)state;
+TEST("small roots") {
     enum { M = 4, N = 8 };
     static const double root[M] = {0x1p-4, 1.0, 0x1p-12, 0x1p-8};
     chain f = make(make_series(M, N, 2), LG_FEATURES_COV, false, LG_METHOD_LOGISTIC, 0);
@@ -364,8 +351,7 @@ static void small_roots(void **state) {
 
 /* Accelerations of the same deviation in all parts: slope 0, and so are its derivatives; the intercept is the
  * mean of the moment's deviations. */
-static void level_baseline(void **state) {
-    (void)state;
+TEST("level baseline") {
     chain f = make(make_series(CHANNELS, LENGTH, 2), LG_FEATURES_BASELINE, true, LG_METHOD_LOGISTIC, 0);
     assert_int_equal(f.c.features.count, 2);
     for (size_t t = 0; t < LENGTH; t++) f.series.x[t] = (float)(t % 5);
@@ -386,8 +372,7 @@ static void level_baseline(void **state) {
     release(&f);
 }
 
-static void one_sample(void **state) {
-    (void)state;
+TEST("one sample") {
     for (int method = 0; method < LG_METHOD_COUNT; method++)
         for (int kind = LG_FEATURES_RAW; kind <= LG_FEATURES_COV; kind++) {
             chain f = make(make_series(3, 1, 3), (lg_feature_kind)kind, false, (lg_method)method, 0);
@@ -403,8 +388,7 @@ static void one_sample(void **state) {
         }
 }
 
-static void trees_are_constant(void **state) {
-    (void)state;
+TEST("trees are constant") {
     chain f = make(make_series(CHANNELS, LENGTH, 3), LG_FEATURES_COV, false, LG_METHOD_TREE, 2);
     double y[MOST_OUTPUTS], *jacobian = jacobian_of(&f, f.series.x, y), sum = 0.0;
     for (size_t i = 0; i < 3; i++) sum += y[i];
@@ -416,8 +400,7 @@ static void trees_are_constant(void **state) {
 
 /* ---- classes that do not occur ---- */
 
-static void unseen_class(void **state) {
-    (void)state;
+TEST("unseen class") {
     for (int method = 0; method < LG_METHOD_COUNT; method++) {
         lg_series s = make_series(CHANNELS, LENGTH, 4);
         for (size_t i = 0; i < WINDOWS; i++)
@@ -442,8 +425,7 @@ static void unseen_class(void **state) {
 
 /* ---- bad input ---- */
 
-static void refused(void **state) {
-    (void)state;
+TEST("refused") {
     chain f = make(make_series(CHANNELS, LENGTH, 2), LG_FEATURES_COV, false, LG_METHOD_SVM_RBF, 0);
     double y[1] = {7.0}, *jacobian = calloc(f.inputs, sizeof *jacobian);
     f.series.x[70] = NAN;
@@ -461,25 +443,4 @@ static void refused(void **state) {
     assert_close(largest_of(jacobian, f.inputs), 0.0, 0, 0);
     free(jacobian);
     release(&f);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(raw),
-        cmocka_unit_test(deviations),
-        cmocka_unit_test(covariance),
-        cmocka_unit_test(baseline),
-        cmocka_unit_test(all_inputs),
-        cmocka_unit_test(rows_of_sum_zero),
-        cmocka_unit_test(constant_channel),
-        cmocka_unit_test(singular_covariance),
-        cmocka_unit_test(identical_channels),
-        cmocka_unit_test(small_roots),
-        cmocka_unit_test(level_baseline),
-        cmocka_unit_test(one_sample),
-        cmocka_unit_test(trees_are_constant),
-        cmocka_unit_test(unseen_class),
-        cmocka_unit_test(refused),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -45,8 +45,7 @@ static double *compute(const lg_features *f, const float *x) {
     return out;
 }
 
-static void std_and_raw(void **state) {
-    (void)state;
+TEST("std and raw") {
     lg_series s = make_series(1, 6, 37, true);
     lg_features f;
     assert_ok(lg_features_create(NULL, LG_FEATURES_STD, false, &s, 37, NULL, &f, NULL));
@@ -71,8 +70,7 @@ static void std_and_raw(void **state) {
 
 /* S S = covariance of the scaled channels, S symmetric and positive semidefinite; also with a channel that is
  * the sum of two others and a constant one. */
-static void cov_squares_to_covariance(void **state) {
-    (void)state;
+TEST("cov squares to covariance") {
     lg_series s = make_series(1, 6, 50, true);
     for (int i = 0; i < 50; i++) {
         s.x[2 * 50 + i] = s.x[i] + s.x[50 + i];
@@ -107,8 +105,7 @@ static double sign_of(unsigned bits) {
 /* Roots far apart: Z = sum_k s_k v_k w_k^T with exact numbers, orthonormal v_k and orthogonal w_k of ones and
  * minus ones, has S = sum_k s_k v_k v_k^T. Eigenvalues s_k^2 of the covariance itself would be off by eps,
  * s_3 by 1e-11. */
-static void cov_of_small_roots(void **state) {
-    (void)state;
+TEST("cov of small roots") {
     enum { M = 4, N = 8 };
     static const double root[M] = {0x1p-6, 1.0, 0x1p-18, 0x1p-12};
     lg_series s = make_series(1, M, N, false);
@@ -137,9 +134,7 @@ static void cov_of_small_roots(void **state) {
     free_series(&s);
 }
 
-/* One channel, many, more than samples; copies of each other; the memory behind the work stays. */
-static void cov_of_any_size(void **state) {
-    (void)state;
+TEST("one channel, many, more than samples; copies of each other; the memory behind the work stays") {
     static const uint32_t channels[] = {1, 2, 9, 40}, lengths[] = {1, 2, 9, 40, 101};
     for (size_t a = 0; a < 4; a++)
         for (size_t b = 0; b < 5; b++)
@@ -176,9 +171,7 @@ static void cov_of_any_size(void **state) {
             }
 }
 
-/* Moments that are 2 acceleration + offset in each part give intercept and slope, in this order. */
-static void baseline_line(void **state) {
-    (void)state;
+TEST("Moments that are 2 acceleration + offset in each part give intercept and slope, in this order") {
     lg_series s = make_series(1, 6, 100, true);
     for (int part = 0; part < 10; part++)
         for (int t = 0; t < 10; t++) {
@@ -204,8 +197,7 @@ static void baseline_line(void **state) {
     free_series(&s);
 }
 
-static void short_windows(void **state) {
-    (void)state;
+TEST("short windows") {
     lg_series s = make_series(1, 3, 1, false);
     lg_features f;
     for (int kind = LG_FEATURES_STD; kind <= LG_FEATURES_COV; kind++) {
@@ -218,9 +210,7 @@ static void short_windows(void **state) {
     free_series(&s);
 }
 
-/* Zero, not what rounding of the mean leaves: some lengths would. */
-static void constant_channels(void **state) {
-    (void)state;
+TEST("Zero, not what rounding of the mean leaves: some lengths would") {
     double mean[1] = {0}, scale[1] = {3};
     const lg_scaler scaler = {1, mean, scale};
     for (uint32_t length = 2; length <= 60; length++) {
@@ -236,8 +226,7 @@ static void constant_channels(void **state) {
     }
 }
 
-static void names(void **state) {
-    (void)state;
+TEST("names") {
     lg_series s = make_series(1, 6, 20, true);
     static const struct {
         lg_feature_kind kind;
@@ -268,8 +257,7 @@ static void names(void **state) {
     free_series(&s);
 }
 
-static void threads_give_the_same_bits(void **state) {
-    (void)state;
+TEST("threads give the same bits") {
     lg_series s = make_series(23, 6, 60, false);
     lg_windows w;
     assert_ok(lg_windows_create(NULL, &s, 0, 0, &w, NULL));
@@ -294,8 +282,7 @@ static void threads_give_the_same_bits(void **state) {
     free_series(&s);
 }
 
-static void refusals(void **state) {
-    (void)state;
+TEST("refusals") {
     lg_series s = make_series(2, 3, 20, false);
     lg_features f = {.count = 77};
     lg_error e;
@@ -331,8 +318,7 @@ static void refusals(void **state) {
     free_series(&s);
 }
 
-static void allocations_that_fail(void **state) {
-    (void)state;
+TEST("allocations that fail") {
     lg_series s = make_series(4, 6, 30, false);
     lg_windows w;
     assert_ok(lg_windows_create(NULL, &s, 0, 0, &w, NULL));
@@ -353,21 +339,4 @@ static void allocations_that_fail(void **state) {
     lg_context_destroy(context);
     lg_windows_destroy(NULL, &w);
     free_series(&s);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(std_and_raw),
-        cmocka_unit_test(cov_squares_to_covariance),
-        cmocka_unit_test(cov_of_small_roots),
-        cmocka_unit_test(cov_of_any_size),
-        cmocka_unit_test(baseline_line),
-        cmocka_unit_test(short_windows),
-        cmocka_unit_test(constant_channels),
-        cmocka_unit_test(names),
-        cmocka_unit_test(threads_give_the_same_bits),
-        cmocka_unit_test(refusals),
-        cmocka_unit_test(allocations_that_fail),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,8 +4,7 @@
 #include "golden/logistic_table.h"
 #include "support/fail_alloc.h"
 
-static void golden(void **state) {
-    (void)state;
+TEST("golden") {
     for (size_t t = 0; t < sizeof logistic_table / sizeof logistic_table[0]; t++) {
         const uint32_t classes = logistic_table[t].classes, n = logistic_table[t].n, d = logistic_table[t].d;
         double x[600];
@@ -45,8 +44,7 @@ static double largest_gradient(const lg_logistic *m, const double *x, const uint
     return largest;
 }
 
-static void gradient_vanishes(void **state) {
-    (void)state;
+TEST("gradient vanishes") {
     static const struct {
         uint32_t n, d, classes;
         double c, apart, tolerance;
@@ -76,8 +74,7 @@ static void gradient_vanishes(void **state) {
 }
 
 /* Series are smooth: neighbouring features are nearly the same, and conjugate gradients alone are slow. */
-static void correlated_features(void **state) {
-    (void)state;
+TEST("correlated features") {
     enum { N = 200, D = 190 };
     for (uint32_t classes = 2; classes <= 4; classes++) {
         uint32_t label[N];
@@ -93,9 +90,7 @@ static void correlated_features(void **state) {
     }
 }
 
-/* Almost no penalty: what holds the sum over the classes at 0 is 10^-12 of the rest. */
-static void little_penalty(void **state) {
-    (void)state;
+TEST("Almost no penalty: what holds the sum over the classes at 0 is 10^-12 of the rest") {
     enum { N = 200, D = 13, K = 3 };
     uint32_t label[N];
     double *x = clouds(N, D, K, 0.1, 9, label), largest = 0;
@@ -109,8 +104,7 @@ static void little_penalty(void **state) {
     free(x);
 }
 
-static void hard_tables(void **state) {
-    (void)state;
+TEST("hard tables") {
     uint32_t label[40];
     double *x = clouds(40, 2, 2, 1.0, 6, label), p[120];
     lg_logistic m;
@@ -144,8 +138,7 @@ static void hard_tables(void **state) {
     free(x);
 }
 
-static void refusals(void **state) {
-    (void)state;
+TEST("refusals") {
     uint32_t label[6];
     double *x = clouds(6, 2, 2, 1.0, 4, label);
     lg_logistic m = {.inputs = 99};
@@ -165,8 +158,7 @@ static void refusals(void **state) {
     free(x);
 }
 
-static void allocations_that_fail(void **state) {
-    (void)state;
+TEST("allocations that fail") {
     static const uint32_t shapes[][3] = {{30, 2, 2}, {12, 40, 3}, {200, 80, 2}};
     for (size_t t = 0; t < 3; t++) {
         uint32_t label[200];
@@ -187,17 +179,4 @@ static void allocations_that_fail(void **state) {
         lg_context_destroy(context);
         free(x);
     }
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(golden),
-        cmocka_unit_test(gradient_vanishes),
-        cmocka_unit_test(correlated_features),
-        cmocka_unit_test(little_penalty),
-        cmocka_unit_test(hard_tables),
-        cmocka_unit_test(refusals),
-        cmocka_unit_test(allocations_that_fail),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -25,8 +25,7 @@ static void expect_golden(const uint32_t *truth, const uint32_t *given, const do
     assert_close(got, auc, 1e-14, 0);
 }
 
-static void test_golden_metrics(void **state) {
-    (void)state;
+TEST("golden metrics") {
     expect_golden(two_truth, two_given, two_score, 2, two_confusion, two_metrics, two_auc);
     expect_golden(four_truth, four_given, four_score, 4, four_confusion, four_metrics, four_auc);
 }
@@ -44,15 +43,13 @@ static void expect_roc(const uint32_t *truth, const double *score, uint32_t clas
     }
 }
 
-static void test_golden_roc(void **state) {
-    (void)state;
+TEST("golden roc") {
     expect_roc(two_truth, two_score, 2, two_fpr, two_tpr, two_threshold, sizeof two_fpr / sizeof *two_fpr);
     expect_roc(four_truth, four_score, 4, four_fpr, four_tpr, four_threshold,
                sizeof four_fpr / sizeof *four_fpr);
 }
 
-static void test_roc_by_hand(void **state) {
-    (void)state;
+TEST("roc by hand") {
     const uint32_t truth[] = {1, 0, 1, 0};
     const double score[] = {0.9, 0.5, 0.5, 0.1}, flat[] = {2, 2, 2, 2}, missing[] = {0.9, 0.5, NAN, NAN};
     double fpr[5], tpr[5], threshold[5];
@@ -72,8 +69,7 @@ static void test_roc_by_hand(void **state) {
     assert_int_equal(lg_roc(truth, 1, score, 0, order, fpr, tpr, threshold), 0);
 }
 
-static void test_area_by_hand(void **state) {
-    (void)state;
+TEST("area by hand") {
     const uint32_t truth[] = {1, 0, 1, 0}, three[] = {0, 0, 2, 2}, none[] = {0, 0, 0, 0};
     const double score[] = {0, 0.9, 0, 0.5, 0, 0.5, 0, 0.1}, flat[8] = {0};
     const double of_three[] = {1, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 1};
@@ -92,8 +88,7 @@ static void test_area_by_hand(void **state) {
     assert_status(lg_auc(NULL, none, score, 4, 0, &auc), LG_INVALID_ARGUMENT);
 }
 
-static void test_class_of(void **state) {
-    (void)state;
+TEST("class of") {
     const double two[] = {0.5, 0.5}, lower[] = {0.6, 0.4}, three[] = {1, 3, 3}, unknown[] = {NAN, 1};
     assert_int_equal(lg_class_of(two, 2), 1);
     assert_int_equal(lg_class_of(lower, 2), 0);
@@ -102,8 +97,7 @@ static void test_class_of(void **state) {
     assert_int_equal(lg_class_of(unknown, 2), 0);
 }
 
-static void test_empty_classes(void **state) {
-    (void)state;
+TEST("empty classes") {
     /* class 1 was never given; class 2 does not occur, but was given once */
     const uint64_t confusion[] = {3, 0, 1, 2, 0, 0, 0, 0, 0};
     const lg_metrics m = lg_metrics_of(confusion, 3);
@@ -124,8 +118,7 @@ static void test_empty_classes(void **state) {
     assert_memory_equal(counted, expected, sizeof expected);
 }
 
-static void test_memory_that_runs_out(void **state) {
-    (void)state;
+TEST("memory that runs out") {
     lg_fail_alloc memory;
     lg_context *context = lg_fail_alloc_context(&memory);
     double auc = 77.0;
@@ -136,17 +129,4 @@ static void test_memory_that_runs_out(void **state) {
     assert_ok(lg_auc(context, two_truth, two_score, TABLE_WINDOWS, 2, &auc));
     assert_int_equal(lg_fail_alloc_live(&memory), 0);
     lg_context_destroy(context);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_golden_metrics),
-        cmocka_unit_test(test_golden_roc),
-        cmocka_unit_test(test_roc_by_hand),
-        cmocka_unit_test(test_area_by_hand),
-        cmocka_unit_test(test_class_of),
-        cmocka_unit_test(test_empty_classes),
-        cmocka_unit_test(test_memory_that_runs_out),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -57,8 +57,7 @@ static bool push(lg_monitor *watch, uint64_t i, bool lost, lg_verdict *verdict) 
     return ready;
 }
 
-static void test_windows_follow_every_hop(void **state) {
-    (void)state;
+TEST("windows follow every hop") {
     const uint32_t hops[] = {0, 1, 3, 7, WINDOW};
     for (size_t h = 0; h < sizeof hops / sizeof *hops; h++) {
         const uint32_t hop = hops[h] == 0 ? WINDOW : hops[h];
@@ -93,8 +92,7 @@ static lg_verdict run_gap(const lg_monitor_options *options, witness *w, uint64_
     return last;
 }
 
-static void test_short_gaps_are_bridged(void **state) {
-    (void)state;
+TEST("short gaps are bridged") {
     lg_monitor_options options = options_of(CHANNELS, WINDOW, 0);
     options.missing = 0.5;
     for (uint64_t gap = 1; gap <= 5; gap++) {
@@ -109,8 +107,7 @@ static void test_short_gaps_are_bridged(void **state) {
     }
 }
 
-static void test_a_bridge_over_the_edge_of_windows(void **state) {
-    (void)state;
+TEST("a bridge over the edge of windows") {
     lg_monitor_options options = options_of(CHANNELS, WINDOW, 0);
     options.missing = 0.5;
     witness w = {.seen = 0};
@@ -124,8 +121,7 @@ static void test_a_bridge_over_the_edge_of_windows(void **state) {
     assert_int_equal(v.missing, 2);
 }
 
-static void test_long_gaps_hold_the_last_value(void **state) {
-    (void)state;
+TEST("long gaps hold the last value") {
     lg_monitor_options options = options_of(CHANNELS, WINDOW, 0);
     options.missing = 0.6;
     witness w = {.seen = 0};
@@ -140,9 +136,7 @@ static void test_long_gaps_hold_the_last_value(void **state) {
     assert_close(w.x[2], value_at(1, 0), 0, 0);
 }
 
-/* A bridge longer than the window: only its end is in it. */
-static void test_a_bridge_longer_than_the_window(void **state) {
-    (void)state;
+TEST("a bridge longer than the window: only its end is in it") {
     lg_monitor_options options = options_of(CHANNELS, WINDOW, 0);
     options.missing = 1.0;
     options.bridge = 100;
@@ -152,8 +146,7 @@ static void test_a_bridge_longer_than_the_window(void **state) {
     for (uint32_t k = 0; k < WINDOW; k++) assert_close(w.x[k], value_at(20 + k, 0), 1e-6, 0);
 }
 
-static void test_a_feed_that_begins_with_lost_samples(void **state) {
-    (void)state;
+TEST("a feed that begins with lost samples") {
     lg_monitor_options options = options_of(CHANNELS, WINDOW, 0);
     options.missing = 1.0;
     witness w = {.seen = 0};
@@ -170,8 +163,7 @@ static void test_a_feed_that_begins_with_lost_samples(void **state) {
     for (uint32_t k = 0; k < WINDOW; k++) assert_close(w.x[k], value_at(k < 2 ? 20 + k : 21, 0), 0, 0);
 }
 
-static void test_too_much_missing_is_not_judged(void **state) {
-    (void)state;
+TEST("too much missing is not judged") {
     const lg_monitor_options options = options_of(CHANNELS, 300, 0); /* a tenth: 30 */
     witness w = {.seen = 0, .script = "ppppp"};
     assert_true(run_gap(&options, &w, 100, 130, 300).judged);
@@ -182,9 +174,7 @@ static void test_too_much_missing_is_not_judged(void **state) {
     assert_int_equal(w.seen, 0);
 }
 
-/* Windows without a judgement, longer gaps than a window: the alarm keeps its state. */
-static void test_gaps_longer_than_a_window(void **state) {
-    (void)state;
+TEST("Windows without a judgement, longer gaps than a window: the alarm keeps its state") {
     lg_monitor_options options = options_of(CHANNELS, WINDOW, 0);
     options.votes = 2;
     options.votes_of = 3;
@@ -206,8 +196,7 @@ static void test_gaps_longer_than_a_window(void **state) {
     assert_int_equal(v.window, 7);
 }
 
-static void test_votes(void **state) {
-    (void)state;
+TEST("votes") {
     static const struct {
         uint32_t k, n;
         const char *script, *alarm;
@@ -236,8 +225,7 @@ static void test_votes(void **state) {
     }
 }
 
-static void test_all_of_sixty_four(void **state) {
-    (void)state;
+TEST("all of sixty four") {
     lg_monitor_options options = options_of(CHANNELS, 1, 0);
     options.votes = options.votes_of = 64;
     char script[71];
@@ -252,8 +240,7 @@ static void test_all_of_sixty_four(void **state) {
     }
 }
 
-static void test_a_judge_that_fails(void **state) {
-    (void)state;
+TEST("a judge that fails") {
     const lg_monitor_options options = options_of(CHANNELS, 2, 0);
     witness w = {.seen = 0, .script = "pf-"};
     lg_monitor *watch = start(&options, &w);
@@ -272,8 +259,7 @@ static void test_a_judge_that_fails(void **state) {
     assert_int_equal(v.positive_votes, 1);
 }
 
-static void test_values_that_are_not_finite(void **state) {
-    (void)state;
+TEST("values that are not finite") {
     const lg_monitor_options options = options_of(CHANNELS, WINDOW, 0);
     witness w = {.seen = 0};
     lg_monitor *watch = start(&options, &w);
@@ -300,8 +286,7 @@ static void test_values_that_are_not_finite(void **state) {
     for (uint32_t k = 0; k < WINDOW; k++) assert_close(w.x[k], value_at(k, 0), 1e-6, 0);
 }
 
-static void test_push_takes_no_memory(void **state) {
-    (void)state;
+TEST("push takes no memory") {
     if (!lg_count_available()) skip();
     const lg_monitor_options options = options_of(CHANNELS, WINDOW, 3);
     witness w = {.seen = 0};
@@ -320,8 +305,7 @@ static void test_push_takes_no_memory(void **state) {
     assert_true(w.seen > 100);
 }
 
-static void test_bad_options(void **state) {
-    (void)state;
+TEST("bad options") {
     const lg_monitor_options good = options_of(CHANNELS, WINDOW, 0);
     witness w = {.channels = CHANNELS, .window = WINDOW};
     lg_monitor *watch = (lg_monitor *)(void *)memory;
@@ -349,9 +333,7 @@ static void test_bad_options(void **state) {
     assert_int_equal(lg_monitor_size(NULL), 0);
 }
 
-/* Nothing is written behind the size that was told. */
-static void test_stays_within_its_memory(void **state) {
-    (void)state;
+TEST("Nothing is written behind the size that was told") {
     const uint32_t sizes[][2] = {{1, 1}, {2, 7}, {2, 64}, {2, 65}};
     for (size_t s = 0; s < 4; s++) {
         const lg_monitor_options options = options_of(sizes[s][0], sizes[s][1], 1);
@@ -363,25 +345,4 @@ static void test_stays_within_its_memory(void **state) {
         }
         for (size_t i = lg_monitor_size(&options); i < ROOM; i++) assert_int_equal(memory[i], 0xa5);
     }
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_windows_follow_every_hop),
-        cmocka_unit_test(test_short_gaps_are_bridged),
-        cmocka_unit_test(test_a_bridge_over_the_edge_of_windows),
-        cmocka_unit_test(test_long_gaps_hold_the_last_value),
-        cmocka_unit_test(test_a_bridge_longer_than_the_window),
-        cmocka_unit_test(test_a_feed_that_begins_with_lost_samples),
-        cmocka_unit_test(test_too_much_missing_is_not_judged),
-        cmocka_unit_test(test_gaps_longer_than_a_window),
-        cmocka_unit_test(test_votes),
-        cmocka_unit_test(test_all_of_sixty_four),
-        cmocka_unit_test(test_a_judge_that_fails),
-        cmocka_unit_test(test_values_that_are_not_finite),
-        cmocka_unit_test(test_push_takes_no_memory),
-        cmocka_unit_test(test_bad_options),
-        cmocka_unit_test(test_stays_within_its_memory),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

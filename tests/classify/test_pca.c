@@ -28,8 +28,7 @@ static void check_components(const double *x, size_t n, uint32_t d, const lg_pca
     free(work);
 }
 
-static void components_of_clouds(void **state) {
-    (void)state;
+TEST("components of clouds") {
     static const uint32_t sizes[][3] = {{50, 4, 4}, {50, 4, 2}, {20, 60, 20},
                                         {7, 7, 7},  {2, 5, 2},  {30, 1, 1}};
     for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++) {
@@ -49,8 +48,7 @@ static void components_of_clouds(void **state) {
 
 /* A table and the same table with its rows repeated have the same components; d > n goes one way, d < n the
  * other. */
-static void both_routes_agree(void **state) {
-    (void)state;
+TEST("both routes agree") {
     uint32_t label[6];
     double *x = clouds(6, 9, 2, 1.0, 8, label), twice[12 * 9];
     memcpy(twice, x, 54 * sizeof *x);
@@ -65,9 +63,7 @@ static void both_routes_agree(void **state) {
     free(x);
 }
 
-/* Along (1, 1)/sqrt 2: variance 1 + r and 1 - r, by hand. */
-static void two_features_by_hand(void **state) {
-    (void)state;
+TEST("Along (1, 1)/sqrt 2: variance 1 + r and 1 - r, by hand") {
     const double x[] = {1, 1, -1, -1, 1, -1, -1, 1, 1, 1, -1, -1}; /* r = (4 - 2)/6 */
     lg_pca p;
     assert_ok(lg_pca_fit(NULL, x, 6, 2, 2, &p, NULL));
@@ -78,8 +74,7 @@ static void two_features_by_hand(void **state) {
     lg_pca_destroy(NULL, &p);
 }
 
-static void scales(void **state) {
-    (void)state;
+TEST("scales") {
     uint32_t label[30];
     double *x = clouds(30, 3, 2, 1.0, 4, label), z[90], expected[90], work[3];
     lg_pca p;
@@ -112,8 +107,7 @@ static void scales(void **state) {
     free(x);
 }
 
-static void refusals(void **state) {
-    (void)state;
+TEST("refusals") {
     uint32_t label[6];
     double *x = clouds(6, 3, 2, 1.0, 4, label);
     lg_pca p = {.inputs = 99};
@@ -130,8 +124,7 @@ static void refusals(void **state) {
     free(x);
 }
 
-static void allocations_that_fail(void **state) {
-    (void)state;
+TEST("allocations that fail") {
     uint32_t label[6];
     double *x = clouds(6, 3, 2, 1.0, 4, label);
     lg_fail_alloc memory;
@@ -148,16 +141,4 @@ static void allocations_that_fail(void **state) {
     lg_fail_alloc_arm(&memory, 0);
     lg_context_destroy(context);
     free(x);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(components_of_clouds),
-        cmocka_unit_test(both_routes_agree),
-        cmocka_unit_test(two_features_by_hand),
-        cmocka_unit_test(scales),
-        cmocka_unit_test(refusals),
-        cmocka_unit_test(allocations_that_fail),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

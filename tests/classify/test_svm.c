@@ -81,9 +81,7 @@ static void scores_of(const double *decision, uint32_t classes, double *score) {
     score[first] = score[largest]; /* or the next number above it */
 }
 
-/* Classes that a plane cannot hold apart: votes tie often, and libsvm takes the first. */
-static void ties_as_libsvm(void **state) {
-    (void)state;
+TEST("Classes that a plane cannot hold apart: votes tie often, and libsvm takes the first") {
     enum { N = 240, D = 2, CLASSES = 6 };
     uint32_t ties = 0, turned = 0;
     for (int kernel = LG_KERNEL_LINEAR; kernel <= LG_KERNEL_RBF; kernel++) {
@@ -127,8 +125,7 @@ static void ties_as_libsvm(void **state) {
     assert_true(ties > 20 && turned > 5);
 }
 
-static void equal_to_libsvm(void **state) {
-    (void)state;
+TEST("equal to libsvm") {
     static const struct {
         lg_kernel kernel;
         uint32_t n, d, classes;
@@ -178,8 +175,7 @@ static void equal_to_libsvm(void **state) {
 
 /* Karush-Kuhn-Tucker: y f(x) >= 1 for rows that are no vectors, <= 1 at the bound C, = 1 between, each up to
  * libsvm's 1e-3; with a table as with lists. */
-static void dual_is_optimal(void **state) {
-    (void)state;
+TEST("dual is optimal") {
     for (uint32_t d = 3; d <= 12; d += 9) {
         enum { N = 201 };
         uint32_t label[N];
@@ -209,9 +205,7 @@ static void dual_is_optimal(void **state) {
     }
 }
 
-/* Two points: the plane half-way, margin 1 at both; class 1 on the positive side. */
-static void plane_by_hand(void **state) {
-    (void)state;
+TEST("two points: the plane half-way, margin 1 at both; class 1 on the positive side") {
     const double x[] = {1.0, 0.0, 3.0, 0.0};
     const uint32_t label[] = {0, 1};
     lg_svm svm;
@@ -230,9 +224,7 @@ static void plane_by_hand(void **state) {
     lg_svm_destroy(NULL, &svm);
 }
 
-/* Classes 1 and 3 of 5 do not occur: never given, and the others as without them. */
-static void absent_classes(void **state) {
-    (void)state;
+TEST("Classes 1 and 3 of 5 do not occur: never given, and the others as without them") {
     uint32_t label[60], wide[60];
     double *x = clouds(60, 3, 3, 1.0, 9, label);
     for (int i = 0; i < 60; i++) wide[i] = 2 * label[i];
@@ -252,8 +244,7 @@ static void absent_classes(void **state) {
     free(x);
 }
 
-static void hard_tables(void **state) {
-    (void)state;
+TEST("hard tables") {
     enum { N = 40 };
     uint32_t label[N];
     double *x = clouds(N, 2, 2, 2.0, 6, label), score[2 * N], first[2 * N], work[200];
@@ -282,8 +273,7 @@ static void hard_tables(void **state) {
     free(x);
 }
 
-static void refusals(void **state) {
-    (void)state;
+TEST("refusals") {
     uint32_t label[6];
     double *x = clouds(6, 2, 2, 1.0, 4, label);
     lg_svm m = {.inputs = 99};
@@ -302,8 +292,7 @@ static void refusals(void **state) {
     free(x);
 }
 
-static void allocations_that_fail(void **state) {
-    (void)state;
+TEST("allocations that fail") {
     for (uint32_t d = 2; d <= 12; d += 10) {
         uint32_t label[30];
         double *x = clouds(30, d, 3, 1.0, 4, label);
@@ -322,14 +311,4 @@ static void allocations_that_fail(void **state) {
         lg_context_destroy(context);
         free(x);
     }
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(ties_as_libsvm),  cmocka_unit_test(equal_to_libsvm),
-        cmocka_unit_test(dual_is_optimal), cmocka_unit_test(plane_by_hand),
-        cmocka_unit_test(absent_classes),  cmocka_unit_test(hard_tables),
-        cmocka_unit_test(refusals),        cmocka_unit_test(allocations_that_fail),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -36,8 +36,7 @@ static void expect_same(const lg_tree *tree, const lg_tree *golden) {
                         (size_t)tree->count * tree->classes * sizeof *tree->counts);
 }
 
-static void test_same_tree_as_the_golden_one(void **state) {
-    (void)state;
+TEST("same tree as the golden one") {
     const lg_tree golden[] = {GOLDEN(leaf_gini, LG_GINI), GOLDEN(leaf_entropy, LG_ENTROPY)};
     const double *probability[] = {leaf_gini_probability, leaf_entropy_probability};
     const double alpha[] = {leaf_gini_ccp_alpha, leaf_entropy_ccp_alpha};
@@ -82,8 +81,7 @@ static void expect_path(const lg_tree *tree, const double *alpha, const double *
     assert_int_equal(steps[count - 1].depth, 0);
 }
 
-static void test_same_pruning_path_as_the_golden_one(void **state) {
-    (void)state;
+TEST("same pruning path as the golden one") {
     const lg_tree gini = GOLDEN(leaf_gini, LG_GINI), entropy = GOLDEN(leaf_entropy, LG_ENTROPY);
     const lg_tree full = GOLDEN(full, LG_GINI);
     expect_path(&gini, leaf_gini_alpha, leaf_gini_impurity, sizeof leaf_gini_alpha / sizeof *leaf_gini_alpha);
@@ -163,8 +161,7 @@ static void expect_best_splits(const lg_tree *tree, lg_criterion criterion, cons
     }
 }
 
-static void test_every_split_is_the_best_there_is(void **state) {
-    (void)state;
+TEST("every split is the best there is") {
     double x[ROWS * FEATURES];
     uint32_t label[ROWS];
     for (uint64_t seed = 1; seed <= 20; seed++)
@@ -197,8 +194,7 @@ static double smallest_risk(const lg_tree *tree, uint32_t t, double alpha) {
     return fmin(leaf, smallest_risk(tree, node->left, alpha) + smallest_risk(tree, node->right, alpha));
 }
 
-static void test_pruning_minimises_the_risk(void **state) {
-    (void)state;
+TEST("pruning minimises the risk") {
     double x[ROWS * FEATURES];
     uint32_t label[ROWS];
     lg_pruning_step steps[ROWS];
@@ -234,8 +230,7 @@ static void test_pruning_minimises_the_risk(void **state) {
 static const double exclusive_x[] = {0, 0, 0, 1, 1, 0, 1, 1};
 static const uint32_t exclusive_y[] = {0, 1, 1, 0};
 
-static void test_a_split_that_gains_nothing_is_made(void **state) {
-    (void)state;
+TEST("a split that gains nothing is made") {
     for (int c = 0; c < LG_CRITERION_COUNT; c++) {
         const lg_tree_options options = options_of((lg_criterion)c, 1);
         lg_tree tree, pruned;
@@ -256,8 +251,7 @@ static void test_a_split_that_gains_nothing_is_made(void **state) {
     }
 }
 
-static void test_ties_go_to_the_lower_feature_and_threshold(void **state) {
-    (void)state;
+TEST("ties go to the lower feature and threshold") {
     /* features 1 and 2 are copies, one mirrored; 0 is constant. Cutting after the first or before the last
      * row is equally good. */
     const double x[] = {7, 0, 3, 7, 1, 2, 7, 2, 1, 7, 3, 0};
@@ -273,8 +267,7 @@ static void test_ties_go_to_the_lower_feature_and_threshold(void **state) {
     }
 }
 
-static void test_limits(void **state) {
-    (void)state;
+TEST("limits") {
     double x[ROWS * FEATURES];
     uint32_t label[ROWS];
     lg_tree tree;
@@ -296,8 +289,7 @@ static void test_limits(void **state) {
     lg_tree_destroy(NULL, &tree);
 }
 
-static void test_values_side_by_side(void **state) {
-    (void)state;
+TEST("values side by side") {
     const lg_tree_options options = options_of(LG_GINI, 1);
     const double pairs[][2] = {{1.0, 1.0 + 0x1p-52}, {-1e308, 1e308},   {1e308, 1.7e308},
                                {0.0, 0x1p-1074},     {-0x1p-1074, 0.0}, {-1.0 - 0x1p-52, -1.0}};
@@ -313,8 +305,7 @@ static void test_values_side_by_side(void **state) {
     }
 }
 
-static void test_tables_without_a_split(void **state) {
-    (void)state;
+TEST("tables without a split") {
     const lg_tree_options options = options_of(LG_ENTROPY, 1);
     const double same[] = {2, 2, 2, -0.0, 0.0, 0.0}, one[] = {5.0};
     const uint32_t y[] = {0, 1, 1};
@@ -336,9 +327,7 @@ static void test_tables_without_a_split(void **state) {
     lg_tree_destroy(NULL, &tree);
 }
 
-/* A tree as deep as it has rows: no recursion anywhere. */
-static void test_a_very_deep_tree(void **state) {
-    (void)state;
+TEST("a tree as deep as it has rows: no recursion anywhere") {
     enum { DEEP = 3000 };
     const lg_tree_options options = options_of(LG_GINI, 1);
     double *x = calloc(DEEP, sizeof *x);
@@ -360,8 +349,7 @@ static void test_a_very_deep_tree(void **state) {
     free(y);
 }
 
-static void test_bad_input(void **state) {
-    (void)state;
+TEST("bad input") {
     const lg_tree_options good = options_of(LG_GINI, 1);
     const double x[] = {1, 2, 3}, bad[] = {1, NAN, 3}, worse[] = {1, 2, -INFINITY};
     const uint32_t y[] = {0, 1, 0}, out_of_range[] = {0, 2, 0};
@@ -401,8 +389,7 @@ static void test_bad_input(void **state) {
     assert_status(lg_criterion_parse("Gini", &criterion), LG_NOT_FOUND);
 }
 
-static void test_memory_that_runs_out(void **state) {
-    (void)state;
+TEST("memory that runs out") {
     lg_fail_alloc memory;
     lg_context *context = lg_fail_alloc_context(&memory);
     lg_tree_options options = options_of(LG_ENTROPY, 1);
@@ -425,22 +412,4 @@ static void test_memory_that_runs_out(void **state) {
     lg_tree_destroy(context, &tree);
     assert_int_equal(lg_fail_alloc_live(&memory), 0);
     lg_context_destroy(context);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_same_tree_as_the_golden_one),
-        cmocka_unit_test(test_same_pruning_path_as_the_golden_one),
-        cmocka_unit_test(test_every_split_is_the_best_there_is),
-        cmocka_unit_test(test_pruning_minimises_the_risk),
-        cmocka_unit_test(test_a_split_that_gains_nothing_is_made),
-        cmocka_unit_test(test_ties_go_to_the_lower_feature_and_threshold),
-        cmocka_unit_test(test_limits),
-        cmocka_unit_test(test_values_side_by_side),
-        cmocka_unit_test(test_tables_without_a_split),
-        cmocka_unit_test(test_a_very_deep_tree),
-        cmocka_unit_test(test_bad_input),
-        cmocka_unit_test(test_memory_that_runs_out),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

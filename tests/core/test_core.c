@@ -42,8 +42,7 @@ static const struct {
     {LG_CHECK_FAILED, 16, "CHECK_FAILED"},
 };
 
-static void test_status_list(void **state) {
-    (void)state;
+TEST("status list") {
 #define COUNT_ONE(code, value, sentence) +1
     assert_int_equal(LG_COUNT(statuses), 0 LG_STATUS_LIST(COUNT_ONE));
 #undef COUNT_ONE
@@ -58,14 +57,12 @@ static void test_status_list(void **state) {
     }
 }
 
-static void test_status_outside_the_list(void **state) {
-    (void)state;
+TEST("status outside the list") {
     assert_string_equal(lg_status_name((lg_status)1000), "UNKNOWN");
     assert_non_null(lg_status_sentence((lg_status)1000));
 }
 
-static void test_fail_fills_the_message(void **state) {
-    (void)state;
+TEST("fail fills the message") {
     lg_error error;
     memset(&error, 'x', sizeof error);
     assert_int_equal(lg_fail(&error, LG_SHAPE, "line %d", 7), LG_SHAPE);
@@ -93,8 +90,7 @@ static void release_nothing(void *user, void *memory) {
     (void)memory;
 }
 
-static void test_context_options_are_checked(void **state) {
-    (void)state;
+TEST("context options are checked") {
     lg_context_options good, options;
     lg_context_options_init(&good);
     assert_int_equal(good.size, sizeof good);
@@ -146,8 +142,7 @@ static void check_memory(const lg_context *context) {
     lg_free(context, copy);
 }
 
-static void test_memory(void **state) {
-    (void)state;
+TEST("memory") {
     lg_context *context = NULL;
     assert_ok(lg_context_create(NULL, &context));
     check_memory(context);
@@ -155,8 +150,7 @@ static void test_memory(void **state) {
     lg_context_destroy(context);
 }
 
-static void test_memory_comes_from_the_context(void **state) {
-    (void)state;
+TEST("memory comes from the context") {
     lg_fail_alloc memory;
     lg_context *context = lg_fail_alloc_context(&memory);
     assert_non_null(context);
@@ -167,8 +161,7 @@ static void test_memory_comes_from_the_context(void **state) {
     assert_int_equal(lg_fail_alloc_live(&memory), 0);
 }
 
-static void test_failing_allocations(void **state) {
-    (void)state;
+TEST("failing allocations") {
     lg_fail_alloc memory;
     lg_context *context = lg_fail_alloc_context(&memory);
     lg_fail_alloc_arm(&memory, 1);
@@ -210,8 +203,7 @@ static void hear(void *user, lg_log_level level, const char *message) {
     (void)snprintf(all->message, sizeof all->message, "%s", message);
 }
 
-static void test_log_and_cancel(void **state) {
-    (void)state;
+TEST("log and cancel") {
     heard all = {0, LG_LOG_DEBUG, ""};
     volatile int cancel = 0;
     lg_context_options options;
@@ -242,9 +234,7 @@ static void test_log_and_cancel(void **state) {
 
 /* ---- random numbers ---- */
 
-/* The reference implementation's first outputs from the state 1, 2, 3, 4 (Blackman & Vigna 2018). */
-static void test_rng_reference_sequence(void **state) {
-    (void)state;
+TEST("the reference implementation's first outputs from the state 1, 2, 3, 4 (Blackman & Vigna 2018)") {
     static const uint64_t expected[] = {
         11520u,
         0u,
@@ -261,9 +251,7 @@ static void test_rng_reference_sequence(void **state) {
     for (size_t i = 0; i < LG_COUNT(expected); i++) assert_true(lg_rng_next(&rng) == expected[i]);
 }
 
-/* Seeded sequences are recorded in files and reports: they may never change. */
-static void test_rng_seeded_sequence(void **state) {
-    (void)state;
+TEST("Seeded sequences are recorded in files and reports: they may never change") {
     static const struct {
         uint64_t seed, stream, next[3];
     } rows[] = {
@@ -278,8 +266,7 @@ static void test_rng_seeded_sequence(void **state) {
     }
 }
 
-static void test_rng_state_is_all_there_is(void **state) {
-    (void)state;
+TEST("rng state is all there is") {
     lg_rng rng;
     lg_rng_seed(&rng, 3, 0);
     (void)lg_rng_normal(&rng);
@@ -290,9 +277,7 @@ static void test_rng_state_is_all_there_is(void **state) {
     }
 }
 
-/* Outputs of all ones and all zeros: the ends of [0, 1). s[1] is the preimage of the output word. */
-static void test_rng_uniform_ends(void **state) {
-    (void)state;
+TEST("outputs of all ones and all zeros: the ends of [0, 1). s[1] is the preimage of the output word") {
     uint64_t inverse5 = 1, inverse9 = 1;
     for (int i = 0; i < 6; i++) { /* Newton's iteration modulo 2^64 */
         inverse5 *= 2 - 5 * inverse5;
@@ -329,9 +314,7 @@ static void moments(const double *x, size_t n, double out[5]) {
 
 enum { SAMPLES = 200000 };
 
-/* Five standard deviations of each estimate. */
-static void test_rng_distributions(void **state) {
-    (void)state;
+TEST("Five standard deviations of each estimate") {
     const double root = 5.0 / sqrt((double)SAMPLES);
     double *x = malloc(SAMPLES * sizeof *x), m[5];
     assert_non_null(x);
@@ -365,8 +348,7 @@ static void test_rng_distributions(void **state) {
     free(x);
 }
 
-static void test_rng_streams_are_independent(void **state) {
-    (void)state;
+TEST("rng streams are independent") {
     lg_rng a, b, c;
     lg_rng_seed(&a, 5, 0);
     lg_rng_seed(&b, 5, 1);
@@ -381,8 +363,7 @@ static void test_rng_streams_are_independent(void **state) {
     assert_close(ac, 0.0, 0.0, 5.0 / sqrt((double)SAMPLES));
 }
 
-static void test_rng_below(void **state) {
-    (void)state;
+TEST("rng below") {
     lg_rng rng;
     lg_rng_seed(&rng, 8, 0);
     assert_true(lg_rng_below(&rng, 0) == 0);
@@ -404,8 +385,7 @@ static void test_rng_below(void **state) {
     assert_close(low, 1.0 / 3.0, 0.0, 5.0 * sqrt(2.0 / 9.0 / SAMPLES));
 }
 
-static void test_rng_shuffle(void **state) {
-    (void)state;
+TEST("rng shuffle") {
     lg_rng rng;
     lg_rng_seed(&rng, 9, 0);
     lg_rng_shuffle(&rng, NULL, 0);
@@ -477,8 +457,7 @@ static void check_pool(int threads, size_t count, int rounds) {
     free(all.results);
 }
 
-static void test_pool_runs_every_task_once(void **state) {
-    (void)state;
+TEST("pool runs every task once") {
     for (int threads = 1; threads <= 8; threads++) {
         check_pool(threads, 0, 3);
         check_pool(threads, 1, 3);
@@ -497,9 +476,7 @@ static void wait_for_all(void *user, size_t index) {
     for (int i = 0; i < 20000 && atomic_load(arrived) < 3; i++) nanosleep(&pause, NULL);
 }
 
-/* Three tasks that wait for each other end only when three threads run them at the same time. */
-static void test_pool_is_parallel(void **state) {
-    (void)state;
+TEST("three tasks that wait for each other end only when three threads run them at the same time") {
     lg_thread_pool *pool = NULL;
     assert_ok(lg_thread_pool_create(NULL, 3, &pool));
     atomic_int arrived = 0;
@@ -526,9 +503,7 @@ static void finish_late(void *user, size_t index) {
     atomic_fetch_add(&self->finished, 1);
 }
 
-/* A run returns when the last task has ended, even long after the caller's own. */
-static void test_pool_waits_for_late_tasks(void **state) {
-    (void)state;
+TEST("a run returns when the last task has ended, even long after the caller's own") {
     lg_thread_pool *pool = NULL;
     assert_ok(lg_thread_pool_create(NULL, 2, &pool));
     for (int i = 0; i < 3; i++) {
@@ -539,8 +514,7 @@ static void test_pool_waits_for_late_tasks(void **state) {
     lg_thread_pool_destroy(pool);
 }
 
-static void test_pool_bad_input(void **state) {
-    (void)state;
+TEST("pool bad input") {
     lg_thread_pool *pool = NULL;
     static const int bad[] = {0, -1, -2147483647, 1025};
     for (size_t i = 0; i < LG_COUNT(bad); i++) {
@@ -567,8 +541,7 @@ static int isa_with(const char *asked) {
     return WEXITSTATUS(status);
 }
 
-static void test_isa_choice(void **state) {
-    (void)state;
+TEST("isa choice") {
     static const char *const names[LG_ISA_COUNT] = {"baseline", "avx2", "avx512"};
     const int best = isa_with(NULL);
     assert_in_range(best, 0, LG_ISA_COUNT - 1);
@@ -580,16 +553,14 @@ static void test_isa_choice(void **state) {
     assert_int_equal(isa_with(""), best);
 }
 
-static void test_isa_in_use_is_what_was_asked_for(void **state) {
-    (void)state;
+TEST("isa in use is what was asked for") {
     const char *asked = getenv("LIEGRAD_ISA");
     if (asked != NULL && isa_with(asked) == isa_with(NULL)) asked = NULL;
     if (asked != NULL) assert_string_equal(lg_isa_name(lg_isa_in_use()), asked);
     assert_int_equal(lg_isa_in_use(), lg_isa_in_use());
 }
 
-static void test_cpu_description(void **state) {
-    (void)state;
+TEST("cpu description") {
     char text[256], part[8];
     memset(text, 'x', sizeof text);
     const int length = lg_cpu_describe(text, sizeof text);
@@ -605,8 +576,7 @@ static void test_cpu_description(void **state) {
 
 /* Runs last: it changes the process. OpenBLAS computes as before, in one thread; the environment is as it
  * was. */
-static void test_runtime_setup(void **state) {
-    (void)state;
+TEST("runtime setup") {
     enum { N = 96 };
     static double a[N * N], c[N * N];
     const char *before = getenv("OPENBLAS_CORETYPE");
@@ -624,8 +594,7 @@ static void test_runtime_setup(void **state) {
         }
 }
 
-static void test_version(void **state) {
-    (void)state;
+TEST("version") {
     assert_string_equal(lg_version(), LG_VERSION_STRING);
 }
 
@@ -645,8 +614,7 @@ static void take_and_give_back(void) {
     free(memory);
 }
 
-static void test_counting(void **state) {
-    (void)state;
+TEST("counting") {
     if (!lg_count_available()) skip();
     lg_count_begin();
     take_and_give_back();
@@ -677,9 +645,7 @@ static void test_counting(void **state) {
     lg_thread_pool_destroy(pool);
 }
 
-/* OpenBLAS allocates or locks in a product: a counter that does not see it would prove nothing. */
-static void test_counting_sees_openblas(void **state) {
-    (void)state;
+TEST("OpenBLAS allocates or locks in a product: a counter that does not see it would prove nothing") {
     if (!lg_count_available()) skip();
     enum { N = 128 };
     static double a[N * N], b[N * N], c[N * N];
@@ -692,9 +658,7 @@ static void test_counting_sees_openblas(void **state) {
     assert_true(used.allocations + used.locks > 0);
 }
 
-/* The comparison that every test stands on: NaN is never close, not even to NaN. */
-static void test_closeness(void **state) {
-    (void)state;
+TEST("the comparison that every test stands on: NaN is never close, not even to NaN") {
     assert_true(lg_is_close(1.0, 1.0 + 1e-12, 1e-11, 0.0));
     assert_false(lg_is_close(1.0, 1.0 + 1e-10, 1e-11, 0.0));
     assert_false(lg_is_close(NAN, 1.0, 1.0, 1.0));
@@ -703,38 +667,4 @@ static void test_closeness(void **state) {
     assert_true(lg_is_close(INFINITY, INFINITY, 0.0, 0.0));
     assert_false(lg_is_close(1.0, INFINITY, 1.0, 1.0));
     assert_false(lg_is_close(-INFINITY, INFINITY, 1.0, 1.0));
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_isa_choice),
-        cmocka_unit_test(test_isa_in_use_is_what_was_asked_for),
-        cmocka_unit_test(test_status_list),
-        cmocka_unit_test(test_status_outside_the_list),
-        cmocka_unit_test(test_fail_fills_the_message),
-        cmocka_unit_test(test_context_options_are_checked),
-        cmocka_unit_test(test_memory),
-        cmocka_unit_test(test_memory_comes_from_the_context),
-        cmocka_unit_test(test_failing_allocations),
-        cmocka_unit_test(test_log_and_cancel),
-        cmocka_unit_test(test_rng_reference_sequence),
-        cmocka_unit_test(test_rng_seeded_sequence),
-        cmocka_unit_test(test_rng_state_is_all_there_is),
-        cmocka_unit_test(test_rng_uniform_ends),
-        cmocka_unit_test(test_rng_distributions),
-        cmocka_unit_test(test_rng_streams_are_independent),
-        cmocka_unit_test(test_rng_below),
-        cmocka_unit_test(test_rng_shuffle),
-        cmocka_unit_test(test_pool_runs_every_task_once),
-        cmocka_unit_test(test_pool_is_parallel),
-        cmocka_unit_test(test_pool_waits_for_late_tasks),
-        cmocka_unit_test(test_pool_bad_input),
-        cmocka_unit_test(test_version),
-        cmocka_unit_test(test_counting),
-        cmocka_unit_test(test_counting_sees_openblas),
-        cmocka_unit_test(test_cpu_description),
-        cmocka_unit_test(test_closeness),
-        cmocka_unit_test(test_runtime_setup),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -219,8 +219,7 @@ static void linear_step(const double *A, double h, bool transposed, const double
     if (d) memcpy(d, du, sizeof du);
 }
 
-static void linear_closed_form(void **state) {
-    (void)state;
+TEST("linear closed form") {
     setup s = linear_setup();
     result r;
     gradient_of(&s, &r);
@@ -244,9 +243,7 @@ static void linear_closed_form(void **state) {
     against_differences(&s, "linear");
 }
 
-/* Newton's corrections are differentiated too. */
-static void implicit_schemes(void **state) {
-    (void)state;
+TEST("Newton's corrections are differentiated too") {
     static const char *const schemes[] = {"implicit-euler", "midpoint"};
     for (size_t i = 0; i < sizeof schemes / sizeof *schemes; i++) {
         setup s = linear_setup();
@@ -345,8 +342,7 @@ static setup chain_setup(const char *scheme) {
     return s;
 }
 
-static void chain_of_two_links(void **state) {
-    (void)state;
+TEST("chain of two links") {
     static const char *const schemes[] = {"lie-euler", "rkmk3", "rkmk4", "cf4", "rkmk54", "cf32a"};
     for (size_t i = 0; i < sizeof schemes / sizeof *schemes; i++) {
         setup s = chain_setup(schemes[i]);
@@ -359,8 +355,7 @@ static void chain_of_two_links(void **state) {
 
 /* The derivative along the symmetry is zero: rotating the start about the vertical does not change what
  * depends on heights only. */
-static void chain_symmetry(void **state) {
-    (void)state;
+TEST("chain symmetry") {
     setup s = chain_setup("rkmk4");
     result r;
     s.along = 0.0;
@@ -403,8 +398,7 @@ static lg_status top_taped(void *user, lg_tape *tape, lg_taped_time t, const lg_
     return lg_tape_status(tape);
 }
 
-static void top(void **state) {
-    (void)state;
+TEST("top") {
     static const char *const schemes[] = {"slgi", "rkmk4", "cf4"};
     for (size_t k = 0; k < sizeof schemes / sizeof *schemes; k++) {
         setup s = {.scheme = schemes[k],
@@ -475,8 +469,7 @@ static setup quartic_setup(const char *scheme) {
     return s;
 }
 
-static void quartic(void **state) {
-    (void)state;
+TEST("quartic") {
     setup verlet = quartic_setup("stormer-verlet"), euler = quartic_setup("symplectic-euler");
     against_differences(&verlet, "quartic, driven");
     against_differences(&euler, "quartic, driven");
@@ -506,9 +499,7 @@ static lg_status observe(void *user, double t, double h, const double *y) {
     return LG_OK;
 }
 
-/* The steps of an adaptive run, forward or backward, held fixed. */
-static void frozen_adaptive_steps(void **state) {
-    (void)state;
+TEST("the steps of an adaptive run, forward or backward, held fixed") {
     static accepted steps;
     static const double ends[] = {2.0, -1.5};
     for (int i = 0; i < 2; i++) {
@@ -543,16 +534,14 @@ static void frozen_adaptive_steps(void **state) {
     }
 }
 
-static void backward_in_time(void **state) {
-    (void)state;
+TEST("backward in time") {
     setup s = chain_setup("rkmk4"), q = quartic_setup("stormer-verlet");
     unequal_steps(-0.05, times, sizes, STEPS);
     against_differences(&s, "two links, backward");
     against_differences(&q, "quartic, backward");
 }
 
-static void one_step(void **state) {
-    (void)state;
+TEST("one step") {
     setup s = chain_setup("cf4");
     s.steps = 1;
     against_differences(&s, "two links, one step");
@@ -569,8 +558,7 @@ static void assert_bits(const result *a, const result *b) {
     assert_memory_equal(a->dparameters, b->dparameters, sizeof a->dparameters);
 }
 
-static void checkpoints_change_nothing(void **state) {
-    (void)state;
+TEST("checkpoints change nothing") {
     static const size_t counts[] = {1, 2, 7, STEPS - 1, STEPS, 0};
     static const char *const schemes[] = {"rkmk54", "rkmk4", "cf4",
                                           "cf43"}; /* the first one remembers stages */
@@ -592,8 +580,7 @@ static void checkpoints_change_nothing(void **state) {
 
 /* Where time is part of the field, a segment that starts anew differs by the rounding of t + h; what is
  * computed again inside it does not. */
-static void checkpoints_of_a_driven_system(void **state) {
-    (void)state;
+TEST("checkpoints of a driven system") {
     setup s = quartic_setup("stormer-verlet");
     result first, r;
     double seen[STEPS + 1][2], y[2];
@@ -669,8 +656,7 @@ static void pendulum_by_hand(const setup *s, double y[][2], double *lambda, doub
     }
 }
 
-static void hundred_thousand_steps(void **state) {
-    (void)state;
+TEST("hundred thousand steps") {
     static double t[LONG], h[LONG], y[LONG + 1][2];
     setup s = {.scheme = "stormer-verlet",
                .ode = {.force = pendulum_force, .velocity = velocity},
@@ -711,8 +697,7 @@ static void hundred_thousand_steps(void **state) {
 
 /* ---- what may go wrong ---- */
 
-static void some_outputs(void **state) {
-    (void)state;
+TEST("some outputs") {
     setup s = chain_setup("rkmk4");
     result r, part = {.stats = {0}};
     gradient_of(&s, &r);
@@ -750,9 +735,7 @@ static lg_status drift_taped(void *user, lg_tape *tape, lg_taped_time t, const l
     return lg_tape_status(tape);
 }
 
-/* y' = 2 depends on neither the state nor a parameter. */
-static void constant_field(void **state) {
-    (void)state;
+TEST("y' = 2 depends on neither the state nor a parameter") {
     setup s = {
         .scheme = "rk4", .ode.field = drift_field, .taped.field = drift_taped, .y0 = {0.5}, .final = {3.0}};
     assert_ok(lg_space_init_rn(&s.ode.space, 1));
@@ -785,8 +768,7 @@ static void refused_setup(setup *s, lg_status expected, const char *word) {
     refused(NULL, s, &p, expected, word);
 }
 
-static void bad_arguments(void **state) {
-    (void)state;
+TEST("bad arguments") {
     setup s = chain_setup("rkmk4");
     const lg_adjoint_problem good = problem_of(&s);
     double bad[STEPS];
@@ -864,15 +846,13 @@ static lg_status own_step(void *user, double t, double h, double *y) {
     return LG_OK;
 }
 
-static void no_taped_form(void **state) {
-    (void)state;
+TEST("no taped form") {
     setup s = chain_setup("variational");
     s.ode.step = own_step;
     refused_setup(&s, LG_UNSUPPORTED, "no taped form");
 }
 
-static void failing_callbacks(void **state) {
-    (void)state;
+TEST("failing callbacks") {
     setup s = chain_setup("rkmk4");
     for (size_t n = 0; n <= STEPS; n += STEPS) {
         s.stop_at = n;
@@ -906,8 +886,7 @@ static void failing_callbacks(void **state) {
     refused_setup(&s, LG_NOT_FINITE, "finite");
 }
 
-static void memory_that_fails(void **state) {
-    (void)state;
+TEST("memory that fails") {
     lg_fail_alloc memory;
     lg_context *context = lg_fail_alloc_context(&memory);
     assert_non_null(context);
@@ -949,8 +928,7 @@ static lg_status cancelling_taped(void *user, lg_tape *tape, lg_taped_time t, co
     return chain_taped(user, tape, t, y, input, out);
 }
 
-static void cancelled(void **state) {
-    (void)state;
+TEST("cancelled") {
     lg_context_options options;
     lg_context_options_init(&options);
     options.cancel = &cancel_flag;
@@ -976,29 +954,4 @@ static void cancelled(void **state) {
     result r;
     assert_ok(try_gradient(context, &s, &r, NULL));
     lg_context_destroy(context);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(linear_closed_form),
-        cmocka_unit_test(implicit_schemes),
-        cmocka_unit_test(chain_of_two_links),
-        cmocka_unit_test(chain_symmetry),
-        cmocka_unit_test(top),
-        cmocka_unit_test(quartic),
-        cmocka_unit_test(frozen_adaptive_steps),
-        cmocka_unit_test(backward_in_time),
-        cmocka_unit_test(one_step),
-        cmocka_unit_test(checkpoints_change_nothing),
-        cmocka_unit_test(checkpoints_of_a_driven_system),
-        cmocka_unit_test(hundred_thousand_steps),
-        cmocka_unit_test(some_outputs),
-        cmocka_unit_test(constant_field),
-        cmocka_unit_test(bad_arguments),
-        cmocka_unit_test(no_taped_form),
-        cmocka_unit_test(failing_callbacks),
-        cmocka_unit_test(memory_that_fails),
-        cmocka_unit_test(cancelled),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -32,8 +32,7 @@ static double step_of(const lg_scheme *scheme) {
     return scheme->order == 1 ? 1e-4 : scheme->order == 2 ? 1e-3 : 0.01; /* short where energy grows */
 }
 
-static void test_chain(void **state) {
-    (void)state;
+TEST("chain") {
     double y0[CHAIN_DIM];
     lg_space space;
     assert_ok(lg_space_init(&space, &(lg_space_factor){LG_SPACE_TS2, 2}, 1));
@@ -59,8 +58,7 @@ static lg_status attitude(void *user, double t, const double *y, const double *i
     return LG_OK;
 }
 
-static void test_attitude(void **state) {
-    (void)state;
+TEST("attitude") {
     const double identity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
     lg_ode ode = {.field = attitude};
     assert_ok(lg_space_init(&ode.space, &(lg_space_factor){LG_SPACE_SO3, 1}, 1));
@@ -73,8 +71,7 @@ static void test_attitude(void **state) {
     }
 }
 
-static void test_slgi(void **state) {
-    (void)state;
+TEST("slgi") {
     double y0[12];
     lg_ode ode = {.field = top_field};
     assert_ok(lg_space_init(&ode.space, &(lg_space_factor){LG_SPACE_SE3, 1}, 1));
@@ -84,13 +81,4 @@ static void test_slgi(void **state) {
         print_message("  slgi, %s: %.2g\n", fast ? "fast" : "slow", error);
         assert_true(error <= 1e-13);
     }
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_chain),
-        cmocka_unit_test(test_attitude),
-        cmocka_unit_test(test_slgi),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

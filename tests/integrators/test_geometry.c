@@ -47,8 +47,7 @@ static void dexp_series(const double *a, const double *b, double *out) {
     for (int i = 0; i < 6; i++) out[i] = (double)sum[i];
 }
 
-static void test_exp_is_a_rotation(void **state) {
-    (void)state;
+TEST("exp is a rotation") {
     lg_rng rng;
     lg_rng_seed(&rng, 1, 0);
     for (size_t n = 0; n < ANGLES; n++) {
@@ -74,8 +73,7 @@ static void test_exp_is_a_rotation(void **state) {
 }
 
 /* exp((s + t) a) = exp(s a) exp(t a), exp(0) = 1, exp(-a) exp(a) = 1, and the action is that of (R, r). */
-static void test_action_axioms(void **state) {
-    (void)state;
+TEST("action axioms") {
     lg_rng rng;
     lg_rng_seed(&rng, 2, 0);
     for (size_t n = 0; n < ANGLES; n++) {
@@ -107,8 +105,7 @@ static void test_action_axioms(void **state) {
     assert_memory_equal(out, y, sizeof(y));
 }
 
-static void test_generator_is_the_derivative(void **state) {
-    (void)state;
+TEST("generator is the derivative") {
     lg_rng rng;
     lg_rng_seed(&rng, 3, 0);
     double a[6], y[6], g[6], plus[6], minus[6], da[6];
@@ -122,8 +119,7 @@ static void test_generator_is_the_derivative(void **state) {
     for (int i = 0; i < 6; i++) assert_close((plus[i] - minus[i]) / 2e-5, g[i], 0.0, 1e-9);
 }
 
-static void test_bracket(void **state) {
-    (void)state;
+TEST("bracket") {
     lg_rng rng;
     lg_rng_seed(&rng, 4, 0);
     double a[6], b[6], c[6], x[6], sum[6] = {0}, y[6], ab[6], ba[6], bracket[6];
@@ -151,8 +147,7 @@ static void test_bracket(void **state) {
     for (int i = 0; i < 6; i++) assert_close(ab[i] - ba[i], bracket[i], 0.0, 2e-15);
 }
 
-static void test_dexp_against_series(void **state) {
-    (void)state;
+TEST("dexp against series") {
     lg_rng rng;
     lg_rng_seed(&rng, 5, 0);
     for (size_t n = 0; n < ANGLES; n++) {
@@ -168,8 +163,7 @@ static void test_dexp_against_series(void **state) {
     }
 }
 
-static void test_dexpinv_is_the_inverse(void **state) {
-    (void)state;
+TEST("dexpinv is the inverse") {
     lg_rng rng;
     lg_rng_seed(&rng, 6, 0);
     for (int repeat = 0; repeat < 10; repeat++) {
@@ -189,8 +183,7 @@ static void test_dexpinv_is_the_inverse(void **state) {
 
 /* |A| about 3 and rho != 0: without the term in gt2, which no order test sees, this is off by more than 1e-3.
  */
-static void test_dexpinv_sees_gt2(void **state) {
-    (void)state;
+TEST("dexpinv sees gt2") {
     const double a[6] = {1.8, -1.7, 1.6, 0.9, 0.8, 0.7}, b[6] = {0.3, 0.5, -0.4, 0.2, -0.1, 0.6};
     double x[6], y[6], ab[3], aab[3];
     assert_true(fabs(sqrt(lg_dot3(a, a)) - 3.0) < 0.1 && lg_dot3(a, a + 3) > 1.0);
@@ -206,9 +199,7 @@ static void test_dexpinv_sees_gt2(void **state) {
     assert_true(fabs(term) > 1e-3);
 }
 
-/* Near 2 pi the pole of dexpinv is in the map; exp and dexp stay right. */
-static void test_near_two_pi(void **state) {
-    (void)state;
+TEST("near 2 pi the pole of dexpinv is in the map; exp and dexp stay right") {
     double a[6] = {0, 0, 2.0 * PI, 0.3, -0.2, 0.1}, y[6] = {0.6, 0.0, 0.8, 0.8, 0.5, -0.6}, out[6], e[6];
     lg_so3_exp_act(a, y, out);
     assert_same(out, y, 3, 2e-15);
@@ -318,8 +309,7 @@ static void check_group(const struct group *g, const double *a, double condition
     }
 }
 
-static void test_groups_against_matrix_functions(void **state) {
-    (void)state;
+TEST("groups against matrix functions") {
     lg_rng rng;
     lg_rng_seed(&rng, 9, 0);
     for (size_t k = 0; k < GROUPS; k++)
@@ -332,9 +322,7 @@ static void test_groups_against_matrix_functions(void **state) {
             }
 }
 
-/* Jacobi's identity, antisymmetry; a duality on vectors that are not units. */
-static void test_groups_brackets(void **state) {
-    (void)state;
+TEST("Jacobi's identity, antisymmetry; a duality on vectors that are not units") {
     lg_rng rng;
     lg_rng_seed(&rng, 10, 0);
     for (size_t k = 0; k < GROUPS; k++) {
@@ -357,9 +345,7 @@ static void test_groups_brackets(void **state) {
     }
 }
 
-/* exp against the 4 x 4 matrix, exp(a) g against the product, Ad of a product. */
-static void test_motions(void **state) {
-    (void)state;
+TEST("exp against the 4 x 4 matrix, exp(a) g against the product, Ad of a product") {
     lg_rng rng;
     lg_rng_seed(&rng, 11, 0);
     for (size_t n = 0; n < WIDE_ANGLES; n++) {
@@ -401,8 +387,7 @@ static void test_motions(void **state) {
 
 /* ---- logarithms ---- */
 
-static void test_log_of_exp(void **state) {
-    (void)state;
+TEST("log of exp") {
     const double some[] = {0.0, 1e-300, 1e-160, 1e-12, 1e-9, 1e-4, 0.1, 1.0, 2.0, 3.0, PI - 1e-4, PI - 1e-9};
     lg_rng rng;
     lg_rng_seed(&rng, 12, 0);
@@ -420,9 +405,7 @@ static void test_log_of_exp(void **state) {
         }
 }
 
-/* Beyond pi the logarithm is another one; its exponential is the same. */
-static void test_exp_of_log(void **state) {
-    (void)state;
+TEST("beyond pi the logarithm is another one; its exponential is the same") {
     lg_rng rng;
     lg_rng_seed(&rng, 13, 0);
     for (size_t n = 0; n < WIDE_ANGLES; n++)
@@ -438,8 +421,7 @@ static void test_exp_of_log(void **state) {
         }
 }
 
-static void test_log_at_pi(void **state) {
-    (void)state;
+TEST("log at pi") {
     static const struct {
         double axis[3], expected[3];
     } turns[] = {
@@ -459,9 +441,7 @@ static void test_log_at_pi(void **state) {
     }
 }
 
-/* R off by rounding and more: the logarithm is off by as much, at every angle. NaN stays. */
-static void test_log_of_almost_rotations(void **state) {
-    (void)state;
+TEST("R off by rounding and more: the logarithm is off by as much, at every angle. NaN stays") {
     lg_rng rng;
     lg_rng_seed(&rng, 14, 0);
     for (size_t n = 0; n < WIDE_ANGLES; n++)
@@ -484,8 +464,7 @@ static void test_log_of_almost_rotations(void **state) {
     }
 }
 
-static void test_nearest_rotation(void **state) {
-    (void)state;
+TEST("nearest rotation") {
     lg_rng rng;
     lg_rng_seed(&rng, 15, 0);
     for (int repeat = 0; repeat < 50; repeat++) {
@@ -508,8 +487,7 @@ static void test_nearest_rotation(void **state) {
     for (int i = 0; i < 9; i++) assert_true(isnan(reflection[i]) && isnan(zero[i]));
 }
 
-static void test_truncations_approach_the_closed_form(void **state) {
-    (void)state;
+TEST("truncations approach the closed form") {
     lg_space space;
     const lg_space_factor factors[] = {{LG_SPACE_RN, 2}, {LG_SPACE_TS2, 1}};
     assert_ok(lg_space_init(&space, factors, 2));
@@ -534,8 +512,7 @@ static void test_truncations_approach_the_closed_form(void **state) {
     assert_memory_equal(x, exact, sizeof(x)); /* the third Bernoulli number is 0 */
 }
 
-static void test_space_products(void **state) {
-    (void)state;
+TEST("space products") {
     lg_space space;
     const lg_space_factor factors[] = {{LG_SPACE_TS2, 2}, {LG_SPACE_RN, 3}};
     assert_ok(lg_space_init(&space, factors, 2));
@@ -565,8 +542,7 @@ static void test_space_products(void **state) {
     assert_true(out[12] == a[12]);
 }
 
-static void test_bad_spaces(void **state) {
-    (void)state;
+TEST("bad spaces") {
     lg_space space = {.dim = 77};
     const lg_space_factor zero = {LG_SPACE_TS2, 0}, unknown = {LG_SPACE_KINDS, 1},
                           huge = {LG_SPACE_RN, SIZE_MAX};
@@ -580,29 +556,4 @@ static void test_bad_spaces(void **state) {
     assert_status(lg_space_init_rn(&space, 0), LG_INVALID_ARGUMENT);
     assert_true(space.dim == 77);
     assert_null(lg_space_kind_row(LG_SPACE_KINDS));
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_exp_is_a_rotation),
-        cmocka_unit_test(test_action_axioms),
-        cmocka_unit_test(test_generator_is_the_derivative),
-        cmocka_unit_test(test_bracket),
-        cmocka_unit_test(test_dexp_against_series),
-        cmocka_unit_test(test_dexpinv_is_the_inverse),
-        cmocka_unit_test(test_dexpinv_sees_gt2),
-        cmocka_unit_test(test_near_two_pi),
-        cmocka_unit_test(test_groups_against_matrix_functions),
-        cmocka_unit_test(test_groups_brackets),
-        cmocka_unit_test(test_motions),
-        cmocka_unit_test(test_log_of_exp),
-        cmocka_unit_test(test_exp_of_log),
-        cmocka_unit_test(test_log_at_pi),
-        cmocka_unit_test(test_log_of_almost_rotations),
-        cmocka_unit_test(test_nearest_rotation),
-        cmocka_unit_test(test_truncations_approach_the_closed_form),
-        cmocka_unit_test(test_space_products),
-        cmocka_unit_test(test_bad_spaces),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -74,8 +74,7 @@ static double dense_slope(const lg_scheme *scheme) {
     return fit_slope(&fit);
 }
 
-static void test_dense_order(void **state) {
-    (void)state;
+TEST("dense order") {
     static const char *const names[] = {"rkmk54", "dp54"};
     for (int i = 0; i < 2; i++) {
         const lg_scheme *scheme = lg_scheme_find(names[i]);
@@ -92,8 +91,7 @@ static void test_dense_order(void **state) {
     }
 }
 
-static void test_dense_ends_and_manifold(void **state) {
-    (void)state;
+TEST("dense ends and manifold") {
     const lg_scheme *scheme = lg_scheme_find("rkmk54");
     const lg_ode ode = chain_ode(scheme, &swing);
     const lg_space space = chain_space();
@@ -132,9 +130,7 @@ static void test_dense_ends_and_manifold(void **state) {
 
 enum { TIMES = 200 };
 
-/* Many times: as accurate as the tolerance, and they cost nothing; both directions. */
-static void test_dense_run(void **state) {
-    (void)state;
+TEST("many times: as accurate as the tolerance, and they cost nothing; both directions") {
     static const char *const names[] = {"rkmk54", "dp54", "cf43"};
     const lg_space space = chain_space();
     double times[TIMES], y0[CHAIN_DIM], exact[CHAIN_DIM];
@@ -199,9 +195,7 @@ static lg_status observe(void *user, double t, double h, const double *y) {
     return w->count == w->stop_at ? LG_CANCELLED : LG_OK;
 }
 
-/* The steps seen are a chain from start to end, and repeating them gives the same bits. */
-static void test_observer(void **state) {
-    (void)state;
+TEST("the steps seen are a chain from start to end, and repeating them gives the same bits") {
     static watch w;
     static const char *const names[] = {"rkmk54", "dp54", "cf43", "cf32a", "cf32b"};
     double y0[CHAIN_DIM], y[CHAIN_DIM], out[3 * CHAIN_DIM];
@@ -244,9 +238,7 @@ static lg_status spin_field(void *user, double t, const double *y, const double 
     return LG_OK;
 }
 
-/* A free rotation is exact for every h: only the angle bounds the step. */
-static void test_angles_are_bounded(void **state) {
-    (void)state;
+TEST("a free rotation is exact for every h: only the angle bounds the step") {
     const double a[6] = {30.0, -20.0, 50.0, 0.0, 0.0, 0.0}, y0[6] = {0.6, 0.0, 0.8, 0.8, 0.5, -0.6};
     const double times[] = {10.0};
     for (size_t i = 0; i < lg_scheme_count(); i++) {
@@ -284,9 +276,7 @@ static lg_status from_zero(void *user, double t, const double *y, const double *
     return LG_OK;
 }
 
-/* Whatever the scale, few steps are wasted at the start. */
-static void test_first_steps(void **state) {
-    (void)state;
+TEST("whatever the scale, few steps are wasted at the start") {
     const double rates[] = {1e-12, 1e-3, -1.0, 40.0, -1e6}, y0[1] = {1.0}, zero[1] = {0.0};
     double out[1];
     lg_run_stats stats;
@@ -324,8 +314,7 @@ static lg_status noise(void *user, double t, const double *y, const double *inpu
     return LG_OK;
 }
 
-static void test_failures(void **state) {
-    (void)state;
+TEST("failures") {
     const double y0[1] = {1.0}, times[] = {0.0, 1.0, 2.0};
     double out[3] = {7.0, 7.0, 7.0};
     lg_run_stats stats;
@@ -347,14 +336,4 @@ static void test_failures(void **state) {
         assert_int_equal(stats.steps + stats.rejected, 4);
         lg_stepper_destroy(NULL, stepper);
     }
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_dense_order),        cmocka_unit_test(test_dense_ends_and_manifold),
-        cmocka_unit_test(test_dense_run),          cmocka_unit_test(test_observer),
-        cmocka_unit_test(test_angles_are_bounded), cmocka_unit_test(test_first_steps),
-        cmocka_unit_test(test_failures),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -167,8 +167,7 @@ static double rigid_time(int order) {
     return order == 1 ? 0.5 : order < 5 ? 4.0 : 28.0;
 }
 
-static void test_orders_on_the_chain(void **state) {
-    (void)state;
+TEST("orders on the chain") {
     for (size_t i = 0; i < lg_scheme_count(); i++) {
         const lg_scheme *scheme = lg_scheme_at(i);
         if (scheme->kind != LG_SCHEME_RKMK && scheme->kind != LG_SCHEME_COMMUTATOR_FREE) continue;
@@ -177,8 +176,7 @@ static void test_orders_on_the_chain(void **state) {
     }
 }
 
-static void test_orders_on_the_rigid_body(void **state) {
-    (void)state;
+TEST("orders on the rigid body") {
     for (size_t i = 0; i < lg_scheme_count(); i++) {
         const lg_scheme *scheme = lg_scheme_at(i);
         if (scheme->kind != LG_SCHEME_RKMK && scheme->kind != LG_SCHEME_COMMUTATOR_FREE &&
@@ -189,8 +187,7 @@ static void test_orders_on_the_rigid_body(void **state) {
     }
 }
 
-static void test_orders_of_splitting(void **state) {
-    (void)state;
+TEST("orders of splitting") {
     const problem p = quartic_problem(1.0);
     for (size_t i = 0; i < lg_scheme_count(); i++) {
         const lg_scheme *scheme = lg_scheme_at(i);
@@ -198,8 +195,7 @@ static void test_orders_of_splitting(void **state) {
     }
 }
 
-static void test_orders_of_slgi(void **state) {
-    (void)state;
+TEST("orders of slgi") {
     static const struct {
         double theta;
         int order;
@@ -212,9 +208,7 @@ static void test_orders_of_slgi(void **state) {
     }
 }
 
-/* Order 3 needs the bracket once, orders 4 and 5 twice; one term less leaves 2, 3 and 3. */
-static void test_orders_of_truncations(void **state) {
-    (void)state;
+TEST("order 3 needs the bracket once, orders 4 and 5 twice; one term less leaves 2, 3 and 3") {
     static const struct {
         const char *name;
         int truncation, order;
@@ -239,8 +233,7 @@ static void assert_falls(const lg_scheme *scheme, int order) {
     assert_true(has_order(slope, order));
 }
 
-static void test_planted_errors_are_caught(void **state) {
-    (void)state;
+TEST("planted errors are caught") {
     lg_scheme two = *lg_scheme_find("rkmk4-2c"), cf4 = *lg_scheme_find("cf4"), cg3 = *lg_scheme_find("cg3");
     lg_commutator list[2];
     lg_cf_row rows[5];
@@ -263,9 +256,7 @@ static void test_planted_errors_are_caught(void **state) {
     assert_falls(&cg3, 2);
 }
 
-/* Stormer-Verlet is reversible, and M points cost M forces. */
-static void test_stormer_verlet(void **state) {
-    (void)state;
+TEST("Stormer-Verlet is reversible, and M points cost M forces") {
     const problem p = quartic_problem(1.0);
     double out[8], back[8];
     lg_run_stats stats;
@@ -278,14 +269,4 @@ static void test_stormer_verlet(void **state) {
     assert_ok(lg_integrate_fixed(stepper, 0.0, 0.05, 20, NULL, 0, 20, p.y0, out, &stats));
     assert_int_equal(stats.evaluations, 21);
     lg_stepper_destroy(NULL, stepper);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_orders_on_the_chain),   cmocka_unit_test(test_orders_on_the_rigid_body),
-        cmocka_unit_test(test_orders_of_splitting),   cmocka_unit_test(test_orders_of_slgi),
-        cmocka_unit_test(test_orders_of_truncations), cmocka_unit_test(test_planted_errors_are_caught),
-        cmocka_unit_test(test_stormer_verlet),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

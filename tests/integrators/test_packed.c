@@ -98,12 +98,11 @@ static void compare(const lg_scheme *scheme, size_t copies, double scale, const 
     lg_stepper_destroy(NULL, plain);
 }
 
-static void test_agrees_with_the_interpreter(void **state) {
+TEST("agrees with the interpreter") {
     static const char *const names[] = {"lie-euler", "lie-heun", "rkmk3", "rkmk4", "rkmk5", "rkmk54"};
     static const size_t copies[] = {2, 7, 8, 9, 16, 17};
     static const double scales[] = {0.1, 1.0, 3.0}; /* short series, both, long series and beyond */
     const double input = 0.9;
-    (void)state;
     for (size_t i = 0; i < sizeof names / sizeof *names; i++)
         for (size_t j = 0; j < sizeof copies / sizeof *copies; j++)
             for (size_t k = 0; k < sizeof scales / sizeof *scales; k++) {
@@ -112,13 +111,11 @@ static void test_agrees_with_the_interpreter(void **state) {
             }
 }
 
-/* The constant input of a step may change: a value from the end of the last one must not be taken. */
-static void test_inputs_change(void **state) {
+TEST("the constant input of a step may change: a value from the end of the last one must not be taken") {
     const double inputs[2] = {0.9, -2.0};
     field_data data = {.copies = 3, .scale = 1.0}, fresh = data;
     lg_stepper *stepper = make(lg_scheme_find("rkmk54"), &data, 1);
     double y[18], a[18], b[18];
-    (void)state;
     fill(3, y);
     assert_ok(lg_step(stepper, 0.0, 0.1, y, &inputs[0], y));
     assert_ok(lg_step(stepper, 0.1, 0.1, y, NULL, a));
@@ -135,10 +132,9 @@ static void test_inputs_change(void **state) {
 
 /* Copies that do not see each other: the same bits at every place and in every number of them, whatever the
  * angles of the others. */
-static void test_place_does_not_matter(void **state) {
+TEST("place does not matter") {
     double y[DIM], out[DIM], one[6];
     field_data data = {.copies = MOST, .scale = 1.0};
-    (void)state;
     fill(MOST, y);
     for (size_t i = 0; i < MOST; i++)
         for (int j = 3; j < 6; j++) y[6 * i + (size_t)j] *= i % 3 == 0 ? 0.01 : i % 3 == 1 ? 1.0 : 9.0;
@@ -157,9 +153,7 @@ static void test_place_does_not_matter(void **state) {
     lg_stepper_destroy(NULL, all);
 }
 
-/* A value that is not finite, at any stage, in one copy only. */
-static void test_not_finite(void **state) {
-    (void)state;
+TEST("a value that is not finite, at any stage, in one copy only") {
     for (size_t broken = 1; broken <= 7; broken++) {
         field_data data = {.copies = 9, .scale = 1.0, .broken = broken};
         lg_stepper *stepper = make(lg_scheme_find("rkmk54"), &data, 1);
@@ -177,14 +171,4 @@ static void test_not_finite(void **state) {
         assert_true(lg_stepper_angle(stepper) < 1.0 && isfinite(lg_stepper_error(stepper)[52]));
         lg_stepper_destroy(NULL, stepper);
     }
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_agrees_with_the_interpreter),
-        cmocka_unit_test(test_inputs_change),
-        cmocka_unit_test(test_place_does_not_matter),
-        cmocka_unit_test(test_not_finite),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -335,8 +335,7 @@ static double step_error(const lg_scheme *scheme, double h, const alg *e, double
     return distance(y, e);
 }
 
-static void test_single_steps(void **state) {
-    (void)state;
+TEST("single steps") {
     double start[CHAIN_DIM];
     alg y;
     chain_start(start);
@@ -358,9 +357,7 @@ static void test_single_steps(void **state) {
     }
 }
 
-/* Any truncation of dexpinv, by changing a row. */
-static void test_truncations(void **state) {
-    (void)state;
+TEST("any truncation of dexpinv, by changing a row") {
     double start[CHAIN_DIM];
     alg y;
     chain_start(start);
@@ -378,9 +375,7 @@ static void test_truncations(void **state) {
     assert_true(step_error(&scheme, 0.2, &e, NULL) > 1e-9);
 }
 
-/* The embedded difference in the algebra, mapped by the generator at the end. */
-static void test_rkmk_error(void **state) {
-    (void)state;
+TEST("the embedded difference in the algebra, mapped by the generator at the end") {
     static const real difference[7] = {71.0L / 57600,      0,           -71.0L / 16695, 71.0L / 1920,
                                        -17253.0L / 339200, 22.0L / 525, -1.0L / 40};
     const tableau *T = &dormand_prince;
@@ -426,8 +421,7 @@ static lg_scheme random_rkmk(lg_rng *rng, int stages, lg_commutator *list) {
     return s;
 }
 
-static void test_random_tableaux(void **state) {
-    (void)state;
+TEST("random tableaux") {
     lg_rng rng;
     double start[CHAIN_DIM], worst = 0.0;
     alg y;
@@ -474,8 +468,7 @@ static alg cf_point(const lg_cf_row *row, int stages, real h, const alg *y, cons
     return point;
 }
 
-static void test_random_commutator_free(void **state) {
-    (void)state;
+TEST("random commutator free") {
     lg_rng rng;
     double start[CHAIN_DIM], worst = 0.0;
     alg y;
@@ -508,8 +501,7 @@ static void test_random_commutator_free(void **state) {
 
 /* ---- splitting, variational ---- */
 
-static void test_splitting_steps(void **state) {
-    (void)state;
+TEST("splitting steps") {
     const double h = 0.02;
     double y[4] = {0.4, -0.7, 0.3, 0.6}, e[4], f[2], out[4];
     lg_ode ode = {.field = quartic_field, .force = quartic_force, .velocity = quartic_velocity};
@@ -540,8 +532,7 @@ static lg_status variational(void *user, double t, double h, double *y) {
     return LG_OK;
 }
 
-static void test_variational_step(void **state) {
-    (void)state;
+TEST("variational step") {
     double y[12];
     lg_status failure = LG_NO_CONVERGENCE;
     lg_stepper *stepper = NULL;
@@ -580,8 +571,7 @@ static lg_status unsolvable_field(void *user, double t, const double *y, const d
     return LG_OK;
 }
 
-static void test_implicit_steps(void **state) {
-    (void)state;
+TEST("implicit steps") {
     double y[2] = {1.0, 2.0}, out[2];
     lg_stepper *stepper = NULL;
     lg_ode ode = {.field = stiff_field};
@@ -707,8 +697,7 @@ static lg_stepper *top_stepper(double theta, lg_field f, bool quadratic, lg_sche
     return stepper;
 }
 
-static void test_slgi_against_residual(void **state) {
-    (void)state;
+TEST("slgi against residual") {
     static const double thetas[] = {0.0, 0.3, 0.5, 1.0}, steps[] = {0.005, 0.01, 0.02};
     for (size_t i = 0; i < 4; i++) {
         for (size_t k = 0; k < 3; k++) {
@@ -733,9 +722,7 @@ static void test_slgi_against_residual(void **state) {
     }
 }
 
-/* The quadratic form with theta = 1/2 has the (Q, pi) of the cotangent form; its p stays. */
-static void test_slgi_quadratic(void **state) {
-    (void)state;
+TEST("the quadratic form with theta = 1/2 has the (Q, pi) of the cotangent form; its p stays") {
     lg_scheme scheme[2];
     double y[12], x[18] = {0};
     top_start(150.0, y);
@@ -769,8 +756,7 @@ static lg_status pendulum_field(void *user, double t, const double *y, const dou
     return LG_OK;
 }
 
-static void test_slgi_on_rm(void **state) {
-    (void)state;
+TEST("slgi on rm") {
     double x[14] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0.3, 0.2, 0.1, 0.4, 0.9}, y[2] = {0.4, 0.9};
     lg_ode ode = {.field = resting_field}, plain = {.field = pendulum_field};
     lg_stepper *slgi = NULL, *midpoint = NULL;
@@ -788,9 +774,7 @@ static void test_slgi_on_rm(void **state) {
     lg_stepper_destroy(NULL, midpoint);
 }
 
-/* theta = 0 is symplectic Euler with p first, theta = 1 with q first. */
-static void test_slgi_ends_on_rm(void **state) {
-    (void)state;
+TEST("theta = 0 is symplectic Euler with p first, theta = 1 with q first") {
     const double h = 0.2;
     for (int theta = 0; theta < 2; theta++) {
         double x[14] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0.3, 0.2, 0.1, 0.4, 0.9}, q = 0.4, p = 0.9;
@@ -818,8 +802,7 @@ static lg_status nan_field(void *user, double t, const double *y, const double *
     return LG_OK;
 }
 
-static void test_slgi_failures(void **state) {
-    (void)state;
+TEST("slgi failures") {
     static const lg_space_factor unfit[][2] = {{{LG_SPACE_TS2, 1}, {LG_SPACE_RN, 2}},
                                                {{LG_SPACE_SE3, 2}, {LG_SPACE_RN, 2}},
                                                {{LG_SPACE_SE3, 1}, {LG_SPACE_RN, 3}},
@@ -839,23 +822,4 @@ static void test_slgi_failures(void **state) {
     assert_status(lg_step(stepper, 0.0, 0.01, y, NULL, y), LG_NOT_FINITE);
     assert_memory_equal(y, before, sizeof(y));
     lg_stepper_destroy(NULL, stepper);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_single_steps),
-        cmocka_unit_test(test_truncations),
-        cmocka_unit_test(test_rkmk_error),
-        cmocka_unit_test(test_random_tableaux),
-        cmocka_unit_test(test_random_commutator_free),
-        cmocka_unit_test(test_splitting_steps),
-        cmocka_unit_test(test_variational_step),
-        cmocka_unit_test(test_implicit_steps),
-        cmocka_unit_test(test_slgi_against_residual),
-        cmocka_unit_test(test_slgi_quadratic),
-        cmocka_unit_test(test_slgi_on_rm),
-        cmocka_unit_test(test_slgi_ends_on_rm),
-        cmocka_unit_test(test_slgi_failures),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

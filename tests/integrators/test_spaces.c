@@ -101,8 +101,7 @@ static void assert_same(const double *x, const double *e, size_t n, double toler
 
 /* ---- properties ---- */
 
-static void test_rows(void **state) {
-    (void)state;
+TEST("rows") {
     for (size_t k = 0; k < CASES; k++) {
         fixture f = make(&cases[k], COPIES);
         assert_true(f.row->state == cases[k].state && f.row->algebra == cases[k].algebra && !f.row->abelian);
@@ -113,8 +112,7 @@ static void test_rows(void **state) {
 
 /* exp(0) y = y, exp(-a) exp(a) y = y, exp(.7 a) exp(.3 a) y = exp(a) y, in place too; |u| is what angle says
  */
-static void test_action_axioms(void **state) {
-    (void)state;
+TEST("action axioms") {
     for (size_t k = 0; k < CASES; k++)
         for (size_t n = 0; n < ANGLES; n++) {
             fixture f = make(&cases[k], COPIES);
@@ -137,9 +135,7 @@ static void test_action_axioms(void **state) {
         }
 }
 
-/* A copy's result is the same bits wherever it stands and however many there are. */
-static void test_positions(void **state) {
-    (void)state;
+TEST("a copy's result is the same bits wherever it stands and however many there are") {
     for (size_t k = 0; k < CASES; k++)
         for (size_t copies = 1; copies <= COPIES; copies++) {
             fixture f = make(&cases[k], copies);
@@ -161,9 +157,7 @@ static void test_positions(void **state) {
         }
 }
 
-/* The generator is the action's derivative, and stays tangent. */
-static void test_generator(void **state) {
-    (void)state;
+TEST("the generator is the action's derivative, and stays tangent") {
     for (size_t k = 0; k < CASES; k++) {
         fixture f = make(&cases[k], 3);
         double a[MAX_ALGEBRA], part[MAX_ALGEBRA], y[MAX_STATE], g[MAX_STATE], plus[MAX_STATE],
@@ -186,8 +180,7 @@ static void test_generator(void **state) {
 
 /* Antisymmetry, Jacobi's identity, and with the action: exp(a) exp(b) exp(-a) = exp(Ad b), to second order
  * the bracket is the commutator of the flows. */
-static void test_bracket(void **state) {
-    (void)state;
+TEST("bracket") {
     for (size_t k = 0; k < CASES; k++) {
         fixture f = make(&cases[k], COPIES);
         double v[5][MAX_ALGEBRA], x[MAX_ALGEBRA], sum[MAX_ALGEBRA] = {0}, y[MAX_STATE], z[MAX_STATE];
@@ -216,8 +209,7 @@ static void test_bracket(void **state) {
 }
 
 /* dexp_a dexpinv_a b = b, with dexp from the matrix of ad_a in long double; rho = u.v is not small. */
-static void test_dexpinv(void **state) {
-    (void)state;
+TEST("dexpinv") {
     for (size_t k = 0; k < CASES; k++)
         for (size_t n = 0; n < ANGLES; n++) {
             fixture f = make(&cases[k], COPIES);
@@ -239,9 +231,7 @@ static void test_dexpinv(void **state) {
         }
 }
 
-/* The action against the exponential of the 4 x 4 matrix. */
-static void test_action_against_matrices(void **state) {
-    (void)state;
+TEST("the action against the exponential of the 4 x 4 matrix") {
     for (size_t n = 0; n < ANGLES; n++)
         for (size_t k = 0; k < CASES; k++) {
             fixture f = make(&cases[k], 1);
@@ -286,8 +276,7 @@ static lg_status constant_field(void *user, double t, const double *y, const dou
     return LG_OK;
 }
 
-static void test_constant_field(void **state) {
-    (void)state;
+TEST("constant field") {
     for (size_t k = 0; k < CASES; k++) {
         fixture f = make(&cases[k], 2);
         const lg_ode ode = {.space = f.space, .field = constant_field, .user = &f};
@@ -312,8 +301,7 @@ static void test_constant_field(void **state) {
 
 /* ---- projections ---- */
 
-static void test_projection(void **state) {
-    (void)state;
+TEST("projection") {
     for (size_t k = 0; k < CASES; k++) {
         fixture f = make(&cases[k], COPIES);
         double y[MAX_STATE], off[MAX_STATE];
@@ -337,8 +325,7 @@ static void test_projection(void **state) {
 
 /* The projection P of gradients: g.t = (P g).t for tangent t = a . y, P P = P, and P g is a tangent vector
  * itself: it keeps the constraints to first order. */
-static void test_gradient_projection(void **state) {
-    (void)state;
+TEST("gradient projection") {
     for (size_t k = 0; k < CASES; k++) {
         fixture f = make(&cases[k], COPIES);
         double y[MAX_STATE], g[MAX_STATE], p[MAX_STATE], pp[MAX_STATE], t[MAX_STATE], a[MAX_ALGEBRA],
@@ -392,8 +379,7 @@ static void bounded_orbit(double *a) {
     for (int i = 0; i < 3; i++) a[3 + i] = 0.3 * sqrt(w) * (a[3 + i] - rho / w * a[i]);
 }
 
-static void test_drift(void **state) {
-    (void)state;
+TEST("drift") {
     static const double speeds[] = {1e-3, 0.05, 0.3, 1.0, 2.3};
     for (size_t k = 0; k < CASES; k++) {
         if (!cases[k].constrained) continue;
@@ -425,8 +411,7 @@ static lg_status turning_field(void *user, double t, const double *y, const doub
     return LG_OK;
 }
 
-static void test_every_scheme_stays(void **state) {
-    (void)state;
+TEST("every scheme stays") {
     enum { STEPS = 100000 };
     const lg_space_factor factors[] = {{LG_SPACE_TS2, 1}, {LG_SPACE_SO3, 1}};
     lg_ode ode = {.field = turning_field};
@@ -448,9 +433,7 @@ static void test_every_scheme_stays(void **state) {
     }
 }
 
-/* The dual spaces keep |G|^2 and G.P, relative to |G|^2 and |G| |P|. */
-static void test_casimirs(void **state) {
-    (void)state;
+TEST("the dual spaces keep |G|^2 and G.P, relative to |G|^2 and |G| |P|") {
     static const lg_space_kind kinds[] = {LG_SPACE_SO3_DUAL, LG_SPACE_SE3_DUAL};
     for (int k = 0; k < 2; k++) {
         fixture f = make(&cases[3 + k], 1);
@@ -470,9 +453,7 @@ static void test_casimirs(void **state) {
     }
 }
 
-/* A start farther than rounding from the manifold keeps its distance: the action is linear there. */
-static void test_starts_off_the_manifold(void **state) {
-    (void)state;
+TEST("a start farther than rounding from the manifold keeps its distance: the action is linear there") {
     lg_space space;
     double a[6] = {0.3, -0.2, 0.1, 0.5, 0.4, -0.3}, y[6] = {0.6, 0.0, 0.9, 0.3, 0.1, 0.2}, out[6], e[6];
     assert_ok(lg_space_init(&space, &(lg_space_factor){LG_SPACE_TS2, 1}, 1));
@@ -491,24 +472,4 @@ static void test_starts_off_the_manifold(void **state) {
     assert_ok(lg_space_init(&space, &(lg_space_factor){LG_SPACE_SE3_DUAL, 1}, 1));
     lg_space_act(&space, a, zero, out);
     assert_same(out, zero, 6, 0.0);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_rows),
-        cmocka_unit_test(test_action_axioms),
-        cmocka_unit_test(test_positions),
-        cmocka_unit_test(test_generator),
-        cmocka_unit_test(test_bracket),
-        cmocka_unit_test(test_dexpinv),
-        cmocka_unit_test(test_action_against_matrices),
-        cmocka_unit_test(test_constant_field),
-        cmocka_unit_test(test_projection),
-        cmocka_unit_test(test_gradient_projection),
-        cmocka_unit_test(test_drift),
-        cmocka_unit_test(test_every_scheme_stays),
-        cmocka_unit_test(test_casimirs),
-        cmocka_unit_test(test_starts_off_the_manifold),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

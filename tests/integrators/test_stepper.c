@@ -69,8 +69,7 @@ static double largest_share(const lg_scheme *scheme) {
     return largest;
 }
 
-static void test_constant_field_is_exact(void **state) {
-    (void)state;
+TEST("constant field is exact") {
     double a[6] = {0.5, -0.4, 0.7, 0.3, 0.6, -0.2}, y[6] = {0.6, 0.0, 0.8, 0.8, 0.5, -0.6}, exact[6], out[6],
            ha[6];
     for (int i = 0; i < 6; i++) ha[i] = 0.9 * a[i];
@@ -95,8 +94,7 @@ static void test_constant_field_is_exact(void **state) {
 
 /* Stages carry t + c_i h: t^4 is integrated exactly by order 5, t^3's quadrature by order 4 is tested by its
  * error. */
-static void test_time_and_inputs(void **state) {
-    (void)state;
+TEST("time and inputs") {
     double y0[2] = {0.0, 0.0}, out[4 * 2];
     const double inputs[3] = {1.0, -2.0, 4.0};
     lg_stepper *stepper = make("rkmk5", ode_on(LG_SPACE_RN, 2, time_field, NULL));
@@ -112,9 +110,7 @@ static void test_time_and_inputs(void **state) {
     lg_stepper_destroy(NULL, stepper);
 }
 
-/* On R^n the Lie group schemes are the classical ones, to the bit. */
-static void test_rkmk_is_classical_on_rn(void **state) {
-    (void)state;
+TEST("on R^n the Lie group schemes are the classical ones, to the bit") {
     static const char *const pairs[][2] = {
         {"euler", "lie-euler"}, {"rk4", "rkmk4"}, {"rk4", "rkmk4-2c"}, {"dp54", "rkmk54"}};
     const double y0[1] = {0.3};
@@ -129,9 +125,7 @@ static void test_rkmk_is_classical_on_rn(void **state) {
     }
 }
 
-/* So are the commutator-free ones, to rounding. */
-static void test_cf_is_classical_on_rn(void **state) {
-    (void)state;
+TEST("So are the commutator-free ones, to rounding") {
     const double y0[1] = {0.3};
     for (size_t i = 0; i < lg_scheme_count(); i++) {
         const lg_scheme *cf = lg_scheme_at(i);
@@ -162,9 +156,7 @@ static void test_cf_is_classical_on_rn(void **state) {
     }
 }
 
-/* First same as last: six evaluations a step, and a rejected step costs none for its start. */
-static void test_evaluations(void **state) {
-    (void)state;
+TEST("first same as last: six evaluations a step, and a rejected step costs none for its start") {
     const double y0[1] = {0.3};
     double out[2], y[1];
     lg_run_stats stats;
@@ -211,8 +203,7 @@ static lg_status drifting(void *user, double t, double h, double *y) {
 
 /* A field value is not carried to where it does not hold: from a step with an input to one without, or past
  * a last drift. The same step by a stepper without a past is the judge. */
-static void test_stale_values_are_not_reused(void **state) {
-    (void)state;
+TEST("stale values are not reused") {
     const double y0[2] = {0.2, 0.3}, input[1] = {5.0};
     double y[2], here[2], there[2];
     for (size_t i = 0; i < lg_scheme_count(); i++) {
@@ -248,8 +239,7 @@ static void test_stale_values_are_not_reused(void **state) {
     lg_stepper_destroy(NULL, stepper);
 }
 
-static void test_callers_memory(void **state) {
-    (void)state;
+TEST("callers memory") {
     const lg_ode ode = ode_on(LG_SPACE_RN, 3, blow_up_field, NULL);
     const lg_scheme *scheme = lg_scheme_find("rkmk54");
     const size_t bytes = lg_stepper_size(scheme, &ode);
@@ -269,8 +259,7 @@ static void test_callers_memory(void **state) {
 
 /* ---- step control ---- */
 
-static void test_control_is_a_pure_function(void **state) {
-    (void)state;
+TEST("control is a pure function") {
     lg_step_controller c;
     lg_step_controller_init(&c);
     const lg_step_history plain = {.h = 0.1}, after = {.h = 0.1, .rejected = true};
@@ -318,8 +307,7 @@ static lg_status noting_field(void *user, double t, const double *y, const doubl
 }
 
 /* The second step of a run has the length that the first one's error asks for: safety h err^(-1/5). */
-static void test_run_uses_the_lower_order(void **state) {
-    (void)state;
+TEST("run uses the lower order") {
     const double y0[1] = {1.0}, times[1] = {10.0}, h = 0.25;
     double y[1], out[1];
     times_seen seen = {.count = 0};
@@ -339,8 +327,7 @@ static void test_run_uses_the_lower_order(void **state) {
     lg_stepper_destroy(NULL, stepper);
 }
 
-static void test_adaptive_meets_tolerance_and_times(void **state) {
-    (void)state;
+TEST("adaptive meets tolerance and times") {
     const double y0[1] = {1.0}, times[] = {0.0, 0.25, 0.25, 0.5, 0.9};
     double out[5], previous = 1.0;
     lg_step_controller c;
@@ -364,9 +351,7 @@ static void test_adaptive_meets_tolerance_and_times(void **state) {
     lg_stepper_destroy(NULL, stepper);
 }
 
-/* Free rotation is exact for every h: without the bound on the angle h would grow beyond 2 pi. */
-static void test_free_rotation_is_bounded_by_the_angle(void **state) {
-    (void)state;
+TEST("free rotation is exact for every h: without the bound on the angle h would grow beyond 2 pi") {
     double a[6] = {0.3, 0.2, -0.5, 0.0, 0.0, 0.0}, ta[6], y[6] = {0.6, 0.0, 0.8, 0.8, 0.5, -0.6}, exact[6],
            out[6];
     const double times[] = {1000.0};
@@ -382,8 +367,7 @@ static void test_free_rotation_is_bounded_by_the_angle(void **state) {
     lg_stepper_destroy(NULL, stepper);
 }
 
-static void test_failures_of_a_run(void **state) {
-    (void)state;
+TEST("failures of a run") {
     const double y0[1] = {1.0}, times[] = {0.5, 2.0}, none[] = {0.25, 1.0};
     double out[2] = {7.0, 7.0};
     lg_run_stats stats;
@@ -414,8 +398,7 @@ static void test_failures_of_a_run(void **state) {
     lg_stepper_destroy(NULL, stepper);
 }
 
-static void test_bad_arguments_of_a_run(void **state) {
-    (void)state;
+TEST("bad arguments of a run") {
     const double y0[1] = {1.0}, bad[1] = {NAN}, zigzag[] = {0.5, 0.25}, through[] = {-0.5, 0.5},
                  nan_time[] = {NAN};
     double out[8] = {7.0};
@@ -451,8 +434,7 @@ static void test_bad_arguments_of_a_run(void **state) {
 
 /* ---- schemes as data ---- */
 
-static void test_schemes_are_consistent(void **state) {
-    (void)state;
+TEST("schemes are consistent") {
     for (size_t i = 0; i < lg_scheme_count(); i++) {
         lg_error error;
         assert_ok(lg_scheme_check(lg_scheme_at(i), &error));
@@ -478,8 +460,7 @@ static void assert_faulty(const lg_scheme *scheme) {
     assert_null(stepper);
 }
 
-static void test_faulty_schemes_are_refused(void **state) {
-    (void)state;
+TEST("faulty schemes are refused") {
     const lg_scheme rk4 = *lg_scheme_find("rk4"), cf4 = *lg_scheme_find("cf4"),
                     sv = *lg_scheme_find("stormer-verlet"), dp = *lg_scheme_find("rkmk54");
     lg_scheme s;
@@ -508,8 +489,7 @@ static void test_faulty_schemes_are_refused(void **state) {
     s = sv, s.embedded_order = 1, assert_faulty(&s);
 }
 
-static void test_faulty_data_of_new_kinds_is_refused(void **state) {
-    (void)state;
+TEST("faulty data of new kinds is refused") {
     const lg_scheme two = *lg_scheme_find("rkmk4-2c"), dp = *lg_scheme_find("rkmk54"),
                     midpoint = *lg_scheme_find("midpoint"), slgi = *lg_scheme_find("slgi");
     static const lg_commutator bad[] = {{0, 0, 0, 1.0}, {5, 0, 1, 1.0},  {2, 2, 1, 1.0},
@@ -536,9 +516,7 @@ static void test_faulty_data_of_new_kinds_is_refused(void **state) {
     s = *lg_scheme_find("rkmk4"), s.project = true, assert_faulty(&s);
 }
 
-/* Each new state is projected, also that of a scheme that keeps its last value. */
-static void test_projection(void **state) {
-    (void)state;
+TEST("each new state is projected, also that of a scheme that keeps its last value") {
     double a[6] = {0.5, -0.4, 0.7, 0.3, 0.6, -0.2}, y0[6] = {0.6, 0.0, 0.8, 0.8, 0.5, -0.6}, out[12], next[6];
     lg_scheme dp = *lg_scheme_find("dp54");
     lg_space ts2;
@@ -569,8 +547,7 @@ static lg_status half(void *user, double t, const double *x, const double *input
     return LG_OK;
 }
 
-static void test_unfitting_pairs_are_refused(void **state) {
-    (void)state;
+TEST("unfitting pairs are refused") {
     lg_stepper *stepper = NULL;
     lg_ode ode = ode_on(LG_SPACE_TS2, 1, constant_field, NULL);
     assert_status(lg_stepper_create(NULL, lg_scheme_find("rk4"), &ode, &stepper), LG_UNSUPPORTED);
@@ -594,28 +571,4 @@ static void test_unfitting_pairs_are_refused(void **state) {
     assert_status(lg_stepper_create(NULL, lg_scheme_find("rk4"), &ode, &stepper), LG_INVALID_ARGUMENT);
     assert_status(lg_stepper_create(NULL, lg_scheme_find("rk4"), NULL, &stepper), LG_INVALID_ARGUMENT);
     assert_null(stepper);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_constant_field_is_exact),
-        cmocka_unit_test(test_time_and_inputs),
-        cmocka_unit_test(test_rkmk_is_classical_on_rn),
-        cmocka_unit_test(test_cf_is_classical_on_rn),
-        cmocka_unit_test(test_evaluations),
-        cmocka_unit_test(test_stale_values_are_not_reused),
-        cmocka_unit_test(test_callers_memory),
-        cmocka_unit_test(test_control_is_a_pure_function),
-        cmocka_unit_test(test_run_uses_the_lower_order),
-        cmocka_unit_test(test_adaptive_meets_tolerance_and_times),
-        cmocka_unit_test(test_free_rotation_is_bounded_by_the_angle),
-        cmocka_unit_test(test_failures_of_a_run),
-        cmocka_unit_test(test_bad_arguments_of_a_run),
-        cmocka_unit_test(test_schemes_are_consistent),
-        cmocka_unit_test(test_faulty_schemes_are_refused),
-        cmocka_unit_test(test_faulty_data_of_new_kinds_is_refused),
-        cmocka_unit_test(test_projection),
-        cmocka_unit_test(test_unfitting_pairs_are_refused),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

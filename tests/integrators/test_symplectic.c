@@ -75,15 +75,13 @@ static double flat_defect(const char *name, double h) {
     return defect;
 }
 
-static void oscillator(void **state) {
-    (void)state;
+TEST("oscillator") {
     assert_true(flat_defect("symplectic-euler", 0.1) <= 1e-14);
     assert_true(flat_defect("stormer-verlet", 0.1) <= 1e-14);
     assert_true(flat_defect("midpoint", 0.1) <= 1e-14);
 }
 
-static void oscillator_by_others(void **state) {
-    (void)state;
+TEST("oscillator by others") {
     assert_true(flat_defect("euler", 0.1) > 1e-3);
     assert_true(flat_defect("implicit-euler", 0.1) > 1e-3);
     assert_true(flat_defect("rk4", 0.1) > 1e-7);
@@ -188,8 +186,7 @@ static double top_defect(const lg_scheme *scheme, double h, double sign) {
     return defect;
 }
 
-static void heavy_top(void **state) {
-    (void)state;
+TEST("heavy top") {
     static const double theta[] = {0.0, 0.3, 0.5, 1.0};
     for (size_t i = 0; i < sizeof(theta) / sizeof(*theta); i++) {
         lg_scheme scheme = *lg_scheme_find("slgi");
@@ -200,18 +197,7 @@ static void heavy_top(void **state) {
     }
 }
 
-static void heavy_top_by_others(void **state) {
-    (void)state;
+TEST("heavy top by others") {
     assert_true(top_defect(lg_scheme_find("rkmk4"), 0.05, -1.0) > 1e-8);
     assert_true(top_defect(lg_scheme_find("lie-euler"), 0.05, -1.0) > 1e-3);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(oscillator),
-        cmocka_unit_test(oscillator_by_others),
-        cmocka_unit_test(heavy_top),
-        cmocka_unit_test(heavy_top_by_others),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -219,13 +219,11 @@ static void every_scheme(comparison compared, lg_dtype dtype, double tolerance) 
     lg_tape_destroy(tape);
 }
 
-static void taped_equals_plain(void **state) {
-    (void)state;
+TEST("taped equals plain") {
     every_scheme(compare, LG_F64, 1e-13);
 }
 
-static void taped_equals_plain_f32(void **state) {
-    (void)state;
+TEST("taped equals plain f32") {
     every_scheme(compare, LG_F32, 1e-5);
 }
 
@@ -273,19 +271,15 @@ static void compare_rows(lg_tape *tape, const lg_scheme *scheme, double toleranc
     lg_stepper_destroy(NULL, stepper);
 }
 
-static void rows_equal_plain_steps(void **state) {
-    (void)state;
+TEST("rows equal plain steps") {
     every_scheme(compare_rows, LG_F64, 1e-13);
 }
 
-static void rows_equal_plain_steps_f32(void **state) {
-    (void)state;
+TEST("rows equal plain steps f32") {
     every_scheme(compare_rows, LG_F32, 1e-5);
 }
 
-/* A time is the sum of what it holds; one that holds a step of its own is a start like any other. */
-static void times(void **state) {
-    (void)state;
+TEST("a time is the sum of what it holds; one that holds a step of its own is a start like any other") {
     const lg_scheme *scheme = lg_scheme_find("rkmk4");
     static pair p;
     static double expected[BATCH * MAX_DIM], got[BATCH * MAX_DIM];
@@ -351,8 +345,7 @@ static void slope(lg_tape *tape, const lg_scheme *scheme, double tolerance) {
     assert_states(scheme->name, got, expected, BATCH * dim, tolerance);
 }
 
-static void slopes_at_no_step(void **state) {
-    (void)state;
+TEST("slopes at no step") {
     every_scheme(slope, LG_F64, 1e-13);
 }
 
@@ -387,8 +380,7 @@ static double nth_derivative(double a, double c, int n, bool by_h) {
 
 /* y' = a y: y1 = y sum_{k <= 4} (a h)^k/k!. y' = t^3: Simpson's rule is exact, y1 = y + ((t + h)^4 - t^4)/4.
  */
-static void derivatives_of_any_order(void **state) {
-    (void)state;
+TEST("derivatives of any order") {
     const double a = -1.3, z = a * 0.3, t = 0.4, e = 0.7;
     const double series[] = {1 + z + z * z / 2 + z * z * z / 6 + z * z * z * z / 24,
                              a * (1 + z + z * z / 2 + z * z * z / 6), a * a * (1 + z + z * z / 2),
@@ -403,9 +395,7 @@ static void derivatives_of_any_order(void **state) {
         assert_close(nth_derivative(0.0, 1.0, n, false), by_t[n], 1e-13, 1e-14);
 }
 
-/* The comparison sees an error of the size that it is to see: a weight off by 1e-10. */
-static void comparison_can_fail(void **state) {
-    (void)state;
+TEST("the comparison sees an error of the size that it is to see: a weight off by 1e-10") {
     static pair p;
     const lg_scheme *scheme = lg_scheme_find("rkmk4");
     lg_scheme off = *scheme;
@@ -513,8 +503,7 @@ static void check_projection(lg_tape *tape, const lg_space_factor *factors, size
     }
 }
 
-static void maps_equal_the_plain_ones(void **state) {
-    (void)state;
+TEST("maps equal the plain ones") {
     lg_tape *tape;
     assert_ok(lg_tape_create(NULL, NULL, &tape));
     for (int kind = 0; kind < LG_SPACE_KINDS; kind++)
@@ -613,8 +602,7 @@ static void check_derivatives(const differentiated *row, bool rows) {
     assert_true(result.order[0].checked && result.order[1].checked);
 }
 
-static void derivatives_are_exact_to_second_order(void **state) {
-    (void)state;
+TEST("derivatives are exact to second order") {
     for (size_t i = 0; i < LG_COUNT(differentiable); i++) {
         check_derivatives(&differentiable[i], false);
         check_derivatives(&differentiable[i], true);
@@ -641,8 +629,7 @@ static void evaluations(const char *name, int one, int three) {
     lg_tape_destroy(tape);
 }
 
-static void known_values_are_not_evaluated_again(void **state) {
-    (void)state;
+TEST("known values are not evaluated again") {
     evaluations("rkmk54", 6, 18);
     evaluations("dp54", 6, 18);
     evaluations("cf43", 4, 12);
@@ -683,9 +670,7 @@ static size_t nodes_over(const lg_scheme *scheme, int given) {
     return nodes;
 }
 
-/* A field that does not ask for time or input pays nothing for them. */
-static void what_is_not_asked_for_is_not_recorded(void **state) {
-    (void)state;
+TEST("a field that does not ask for time or input pays nothing for them") {
     for (size_t i = 0; i < lg_scheme_count(); i++) {
         const lg_scheme *scheme = lg_scheme_at(i);
         if (scheme->kind == LG_SCHEME_VARIATIONAL || scheme->kind == LG_SCHEME_SLGI) continue;
@@ -740,8 +725,7 @@ static void check_combinations(double h) {
     lg_tape_destroy(tape);
 }
 
-static void constant_steps_are_plain_combinations(void **state) {
-    (void)state;
+TEST("constant steps are plain combinations") {
     check_combinations(0.1);
     check_combinations(1.0);
 }
@@ -762,9 +746,7 @@ static size_t nodes_of(const char *name, double h) {
     return nodes;
 }
 
-/* R^2n in one part and R^n x R^n are the same to splitting schemes, to the last bit. */
-static void splitting_in_one_part(void **state) {
-    (void)state;
+TEST("R^2n in one part and R^n x R^n are the same to splitting schemes, to the last bit") {
     static pair p;
     const lg_scheme *scheme = lg_scheme_find("stormer-verlet");
     lg_tape *tape;
@@ -787,17 +769,14 @@ static void splitting_in_one_part(void **state) {
     lg_tape_destroy(tape);
 }
 
-/* What Newton's method records is given back, however long it searches. */
-static void newton_leaves_nothing(void **state) {
-    (void)state;
+TEST("what Newton's method records is given back, however long it searches") {
     assert_int_equal(nodes_of("slgi", 1e-9), nodes_of("slgi", 0.5));
     assert_int_equal(nodes_of("midpoint", 1e-9), nodes_of("midpoint", 0.5));
 }
 
 /* ---- refusals ---- */
 
-static void bad_arguments(void **state) {
-    (void)state;
+TEST("bad arguments") {
     static pair p;
     const lg_scheme *cf4 = lg_scheme_find("cf4");
     lg_tape *tape;
@@ -832,8 +811,7 @@ typedef struct bad_interval {
     const char *fault;
 } bad_interval;
 
-static void bad_intervals(void **state) {
-    (void)state;
+TEST("bad intervals") {
     static const bad_interval rows[] = {
         {.rows = {1, {BATCH}}, .fault = "the time is not (B, 1)"},
         {.rows = {2, {BATCH, 2}}, .fault = "the time is not (B, 1)"},
@@ -865,8 +843,7 @@ static void bad_intervals(void **state) {
     lg_tape_destroy(tape);
 }
 
-static void bad_manifold(void **state) {
-    (void)state;
+TEST("bad manifold") {
     static pair p;
     const lg_scheme *scheme = lg_scheme_find("rk4-projected");
     lg_tape *tape;
@@ -887,8 +864,7 @@ static lg_status without_solution(void *user, lg_tape *tape, lg_taped_time t, co
     return lg_tape_status(tape);
 }
 
-static void no_convergence(void **state) {
-    (void)state;
+TEST("no convergence") {
     const lg_scheme *scheme = lg_scheme_find("implicit-euler");
     const double y0 = 0.0;
     lg_taped_ode ode = {.field = without_solution};
@@ -911,29 +887,4 @@ static void no_convergence(void **state) {
     assert_status(lg_taped_step(tape, scheme, &ode, 0.0, 0.4, &y, &out), LG_NOT_FINITE);
     assert_true(lg_is_none(out));
     lg_tape_destroy(tape);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(taped_equals_plain),
-        cmocka_unit_test(taped_equals_plain_f32),
-        cmocka_unit_test(rows_equal_plain_steps),
-        cmocka_unit_test(rows_equal_plain_steps_f32),
-        cmocka_unit_test(times),
-        cmocka_unit_test(slopes_at_no_step),
-        cmocka_unit_test(derivatives_of_any_order),
-        cmocka_unit_test(comparison_can_fail),
-        cmocka_unit_test(maps_equal_the_plain_ones),
-        cmocka_unit_test(derivatives_are_exact_to_second_order),
-        cmocka_unit_test(known_values_are_not_evaluated_again),
-        cmocka_unit_test(what_is_not_asked_for_is_not_recorded),
-        cmocka_unit_test(constant_steps_are_plain_combinations),
-        cmocka_unit_test(splitting_in_one_part),
-        cmocka_unit_test(newton_leaves_nothing),
-        cmocka_unit_test(bad_arguments),
-        cmocka_unit_test(bad_intervals),
-        cmocka_unit_test(bad_manifold),
-        cmocka_unit_test(no_convergence),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -120,8 +120,7 @@ static void general_field(const lg_system *system, const double *q, const double
     }
 }
 
-static void test_field_is_the_general_one(void **state) {
-    (void)state;
+TEST("field is the general one") {
     lg_rng rng;
     lg_rng_seed(&rng, 21, 0);
     for (size_t k = 1; k <= MAX_LINKS; k++) {
@@ -152,9 +151,7 @@ static void test_field_is_the_general_one(void **state) {
     }
 }
 
-/* On the manifold v = P M(q)^-1 p to rounding, and the energy is the dense one. */
-static void test_gradient_against_dense_solve(void **state) {
-    (void)state;
+TEST("on the manifold v = P M(q)^-1 p to rounding, and the energy is the dense one") {
     lg_rng rng;
     lg_rng_seed(&rng, 22, 0);
     for (size_t k = 1; k <= MAX_LINKS; k++) {
@@ -187,9 +184,7 @@ static void test_gradient_against_dense_solve(void **state) {
     }
 }
 
-/* Off the manifold the extended gradient is the gradient of the extended energy. */
-static void test_extended_gradient(void **state) {
-    (void)state;
+TEST("off the manifold the extended gradient is the gradient of the extended energy") {
     lg_rng rng;
     lg_rng_seed(&rng, 23, 0);
     for (size_t k = 1; k <= MAX_LINKS; k++) {
@@ -212,9 +207,7 @@ static void test_extended_gradient(void **state) {
     }
 }
 
-/* k = 1: H = |p|^2/(2 m L^2) + m g L q_z, f = (q x p/(m L^2), m g L e3 x q). */
-static void test_single_pendulum(void **state) {
-    (void)state;
+TEST("k = 1: H = |p|^2/(2 m L^2) + m g L q_z, f = (q x p/(m L^2), m g L e3 x q)") {
     lg_system *system = make(1, 1.0, NULL, NULL);
     const double y[6] = {0.6, 0.0, 0.8, 0.8, 0.5, -0.6};
     double work[18], a[6], e[6] = {-0.4, 1.0, 0.3, 0.0, 0.6, 0.0};
@@ -232,9 +225,7 @@ static void test_single_pendulum(void **state) {
     lg_system_destroy(NULL, system);
 }
 
-/* Two links, masses and lengths 1: m = [[2, 1], [1, 1]], V = 2 q1_z + q2_z. */
-static void test_double_pendulum_constants(void **state) {
-    (void)state;
+TEST("two links, masses and lengths 1: m = [[2, 1], [1, 1]], V = 2 q1_z + q2_z") {
     lg_system *system = make(2, 1.0, NULL, NULL);
     double m[4], weights[2];
     const double expected[4] = {2.0, 1.0, 1.0, 1.0};
@@ -246,8 +237,7 @@ static void test_double_pendulum_constants(void **state) {
     lg_system_destroy(NULL, system);
 }
 
-static void test_invariants_are_kept(void **state) {
-    (void)state;
+TEST("invariants are kept") {
     static const size_t links[] = {1, 2, 5, 200};
     for (size_t n = 0; n < 4; n++) {
         const size_t k = links[n], d = 6 * k;
@@ -279,8 +269,7 @@ static void test_invariants_are_kept(void **state) {
 }
 
 /* Upright plus 1e-8 falls: theta grows like exp(t sqrt(g/L)); an essentially relative tolerance sees it. */
-static void test_upright_pendulum(void **state) {
-    (void)state;
+TEST("upright pendulum") {
     lg_system *system = make(1, 1.0, NULL, NULL);
     const double y[6] = {1e-8, 0.0, 1.0, 0.0, 0.0, 0.0}, times[2] = {5.0, 10.0},
                  rest[6] = {0.0, 0.0, 1.0, 0.0, 0.0, 0.0};
@@ -294,8 +283,7 @@ static void test_upright_pendulum(void **state) {
     lg_system_destroy(NULL, system);
 }
 
-static void test_far_off_the_manifold_is_a_status(void **state) {
-    (void)state;
+TEST("far off the manifold is a status") {
     lg_system *system = make_chain(2);
     double y[12] = {0}, v[6] = {7.0}, g[6] = {7.0}, work[36];
     assert_status(lg_chain_gradient(system, y, v, g, work), LG_NOT_FINITE); /* links of length 0 */
@@ -306,18 +294,4 @@ static void test_far_off_the_manifold_is_a_status(void **state) {
     assert_status(lg_chain_gradient(system, y, v, g, work), LG_NOT_FINITE);
     assert_true(v[0] == 7.0 && g[0] == 7.0);
     lg_system_destroy(NULL, system);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_field_is_the_general_one),
-        cmocka_unit_test(test_gradient_against_dense_solve),
-        cmocka_unit_test(test_extended_gradient),
-        cmocka_unit_test(test_single_pendulum),
-        cmocka_unit_test(test_double_pendulum_constants),
-        cmocka_unit_test(test_invariants_are_kept),
-        cmocka_unit_test(test_upright_pendulum),
-        cmocka_unit_test(test_far_off_the_manifold_is_a_status),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

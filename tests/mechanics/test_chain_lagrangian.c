@@ -63,8 +63,7 @@ static void dense_accelerations(const lg_system *system, const double *y, double
     free(A);
 }
 
-static void test_field_is_the_dense_solution(void **state) {
-    (void)state;
+TEST("field is the dense solution") {
     static const size_t links[] = {1, 2, 3, 4, 5, 10, 19, 20};
     lg_rng rng;
     lg_rng_seed(&rng, 31, 0);
@@ -131,8 +130,7 @@ static void momentum_rates(const lg_system *system, const double *y, double *dp)
     }
 }
 
-static void test_forms_agree(void **state) {
-    (void)state;
+TEST("forms agree") {
     lg_rng rng;
     lg_rng_seed(&rng, 32, 0);
     double worst = 0.0;
@@ -173,8 +171,7 @@ static void test_forms_agree(void **state) {
     assert_true(worst < 1e-12);
 }
 
-static void test_invariants_are_kept(void **state) {
-    (void)state;
+TEST("invariants are kept") {
     static const size_t links[] = {1, 2, 5, 20};
     for (size_t n = 0; n < 4; n++) {
         const size_t k = links[n], d = 6 * k;
@@ -198,9 +195,7 @@ static void test_invariants_are_kept(void **state) {
     }
 }
 
-/* Without gravity a single pendulum turns at constant rate, at any length and mass. */
-static void test_single_pendulum(void **state) {
-    (void)state;
+TEST("without gravity a single pendulum turns at constant rate, at any length and mass") {
     lg_system *system = make("lagrangian", 1);
     const double y[6] = {0.6, 0.0, 0.8, 0.0, 2.0, 0.0};
     double f[6], work[18];
@@ -215,8 +210,7 @@ static void test_single_pendulum(void **state) {
 }
 
 /* Upright plus 1e-8 falls like cosh(t sqrt(g/L)): nothing is lost beside gravity. An equilibrium stays. */
-static void test_upright(void **state) {
-    (void)state;
+TEST("upright") {
     lg_system *system = make("lagrangian", 1);
     const double y[6] = {1e-8, 0.0, 1.0, 0.0, 0.0, 0.0}, rest[6] = {0.0, 0.0, 1.0, 0.0, 0.0, 0.0}, time = 2.0,
                  rate = sqrt(GRAVITY);
@@ -231,8 +225,7 @@ static void test_upright(void **state) {
 
 /* Where the links have other lengths than 1, numbers or NaN come out; nothing is read or written elsewhere.
  */
-static void test_off_the_manifold(void **state) {
-    (void)state;
+TEST("off the manifold") {
     for (size_t k = 1; k <= 6; k++) {
         lg_system *system = make("lagrangian", k);
         double y[36], f[36], a[36], velocity[36], work[18 * 6];
@@ -270,8 +263,7 @@ static void steps(const lg_system *system, double h, size_t n, double *y, double
     for (size_t i = 0; i < n; i++) assert_ok(ode.step(&user, (double)i * h, h, y));
 }
 
-static void test_variational_order(void **state) {
-    (void)state;
+TEST("variational order") {
     lg_system *system = make("lagrangian", 2);
     double start[12], exact[12], y[12], work[36], sx = 0, sy = 0, sxx = 0, sxy = 0;
     const double time = 0.5;
@@ -298,8 +290,7 @@ static void test_variational_order(void **state) {
 
 /* 2000 steps: on the manifold to rounding, vertical angular momentum kept to rounding, energy within a band;
  * then back again. */
-static void test_variational_structure(void **state) {
-    (void)state;
+TEST("variational structure") {
     enum { N = 2000 };
     for (size_t k = 1; k <= 5; k += 2) {
         lg_system *system = make("lagrangian", k);
@@ -327,8 +318,7 @@ static void test_variational_structure(void **state) {
     }
 }
 
-static void test_variational_forms_agree(void **state) {
-    (void)state;
+TEST("variational forms agree") {
     enum { K = 3 };
     lg_system *first = make("lagrangian", K), *second = make("hamiltonian", K);
     double y[6 * K], z[6 * K], work[18 * K];
@@ -344,8 +334,7 @@ static void test_variational_forms_agree(void **state) {
     lg_system_destroy(NULL, second);
 }
 
-static void test_variational_failures(void **state) {
-    (void)state;
+TEST("variational failures") {
     lg_system *system = make("lagrangian", 2);
     double y[12] = {1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0}, before[12], work[36];
     lg_system_user user;
@@ -359,20 +348,4 @@ static void test_variational_failures(void **state) {
     assert_status(ode.step(&user, 0.0, NAN, y), LG_NOT_FINITE);
     assert_memory_equal(y, before, sizeof(y));
     lg_system_destroy(NULL, system);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_field_is_the_dense_solution),
-        cmocka_unit_test(test_forms_agree),
-        cmocka_unit_test(test_invariants_are_kept),
-        cmocka_unit_test(test_single_pendulum),
-        cmocka_unit_test(test_upright),
-        cmocka_unit_test(test_off_the_manifold),
-        cmocka_unit_test(test_variational_order),
-        cmocka_unit_test(test_variational_structure),
-        cmocka_unit_test(test_variational_forms_agree),
-        cmocka_unit_test(test_variational_failures),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

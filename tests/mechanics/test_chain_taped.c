@@ -81,8 +81,7 @@ static const struct {
              {"lagrangian", LG_COORDINATES_AMBIENT},
              {"hamiltonian", LG_COORDINATES_LIE}};
 
-static void test_values(void **state) {
-    (void)state;
+TEST("values") {
     for (size_t n = 0; n < 6; n++)
         for (size_t k = 1; k <= MAX_LINKS; k++) {
             const bool single = n >= 3;
@@ -128,8 +127,7 @@ static double weighted(const lg_system *system, lg_coordinates form, const doubl
 static const double stencil[4][2] = {{-2, 1.0 / 12}, {-1, -2.0 / 3}, {1, 2.0 / 3}, {2, -1.0 / 12}};
 #define DELTA 1e-3
 
-static void test_first_derivatives(void **state) {
-    (void)state;
+TEST("first derivatives") {
     for (size_t n = 0; n < 3; n++)
         for (size_t k = 1; k <= MAX_LINKS; k++) {
             lg_system *system = make(forms[n].form_name, k);
@@ -157,8 +155,7 @@ static void test_first_derivatives(void **state) {
 
 /* Recorded derivatives are the hand-written ones; forward and reverse mode agree; so do second derivatives,
  * of the recorded gradient by the unrecorded sweep, and of forward mode. */
-static void test_second_derivatives(void **state) {
-    (void)state;
+TEST("second derivatives") {
     for (size_t n = 0; n < 3; n++)
         for (size_t k = 1; k <= MAX_LINKS; k++) {
             lg_system *system = make(forms[n].form_name, k);
@@ -238,9 +235,7 @@ static void test_second_derivatives(void **state) {
         }
 }
 
-/* The hand-written adjoint on a float tape. */
-static void test_single_precision(void **state) {
-    (void)state;
+TEST("the hand-written adjoint on a float tape") {
     lg_system *system = make("lagrangian", 3);
     double y[BATCH * 18], w[BATCH * 18], gy[BATCH * 18], gp[7];
     float fy[BATCH * 18], fp[7];
@@ -258,9 +253,7 @@ static void test_single_precision(void **state) {
     lg_system_destroy(NULL, system);
 }
 
-/* NaN in one row is no error of the tape and stays in that row. */
-static void test_nan_stays_in_its_row(void **state) {
-    (void)state;
+TEST("NaN in one row is no error of the tape and stays in that row") {
     lg_system *system = make("lagrangian", 2);
     double y[BATCH * 12], f[BATCH * 12];
     random_states(2, y);
@@ -276,8 +269,7 @@ static void test_nan_stays_in_its_row(void **state) {
 
 /* An input that depends on another one: q and omega are both made of x. Derivatives are partial inside, total
  * outside. */
-static void test_dependent_inputs(void **state) {
-    (void)state;
+TEST("dependent inputs") {
     lg_system *system = make("lagrangian", 2);
     lg_tape *t = new_tape(LG_F64);
     const double x0[6] = {0.6, 0.0, 0.8, 0.0, 1.0, 0.0};
@@ -298,8 +290,7 @@ static void test_dependent_inputs(void **state) {
     lg_system_destroy(NULL, system);
 }
 
-static void test_refused(void **state) {
-    (void)state;
+TEST("refused") {
     lg_system *system = make("hamiltonian", 1);
     lg_system_taped_user user;
     lg_taped_ode ode;
@@ -312,9 +303,7 @@ static void test_refused(void **state) {
     lg_system_destroy(NULL, system);
 }
 
-/* Oscillators: the whole field and its halves are the plain ones. */
-static void test_oscillators(void **state) {
-    (void)state;
+TEST("Oscillators: the whole field and its halves are the plain ones") {
     static const char *const names[] = {"oscillator", "quartic", "coupled-oscillators"};
     for (size_t n = 0; n < 3; n++) {
         const double y0[4] = {0.4, -0.7, 0.3, 0.6};
@@ -347,18 +336,4 @@ static void test_oscillators(void **state) {
         lg_tape_destroy(t);
         lg_system_destroy(NULL, system);
     }
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_values),
-        cmocka_unit_test(test_first_derivatives),
-        cmocka_unit_test(test_second_derivatives),
-        cmocka_unit_test(test_single_precision),
-        cmocka_unit_test(test_nan_stays_in_its_row),
-        cmocka_unit_test(test_dependent_inputs),
-        cmocka_unit_test(test_refused),
-        cmocka_unit_test(test_oscillators),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -24,8 +24,7 @@ static lg_elastica_solution solved(const lg_elastica *p) {
 
 /* ---- description ---- */
 
-static void test_cases(void **state) {
-    (void)state;
+TEST("cases") {
     lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.5 * PI, 50);
     lg_elastica_case kind = LG_ELASTICA_RIGHT_END;
     assert_close(p.theta0, 0.5 * PI, 0, 1e-15);
@@ -43,8 +42,7 @@ static void test_cases(void **state) {
     assert_status(lg_elastica_case_parse(NULL, &kind), LG_NOT_FOUND);
 }
 
-static void test_bad_input(void **state) {
-    (void)state;
+TEST("bad input") {
     lg_error error;
     const lg_elastica good = family(LG_ELASTICA_BOTH_ENDS, 1.0, 50);
     assert_ok(lg_elastica_check(&good, &error));
@@ -109,8 +107,7 @@ static double action(const lg_elastica *p, const double *nodes, const double *ta
     return sum;
 }
 
-static void test_energy_is_action(void **state) {
-    (void)state;
+TEST("energy is action") {
     lg_elastica p = family(LG_ELASTICA_RIGHT_END, 1.7, 20);
     p.q0[0] = 0.4;
     p.q0[1] = -0.3;
@@ -123,8 +120,7 @@ static void test_energy_is_action(void **state) {
 
 /* d action / d(q_k, v_k) by central differences, plus 2 h Lambda v: zero at the solution, and equal to the
  * multipliers found. */
-static void test_euler_lagrange(void **state) {
-    (void)state;
+TEST("euler lagrange") {
     const lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.6 * PI, 50);
     const lg_elastica_solution s = solved(&p);
     const double h = p.length / p.intervals, step = 1e-5;
@@ -157,9 +153,7 @@ static void test_euler_lagrange(void **state) {
     assert_true(isnan(lg_elastica_euler_lagrange(&p, q, v, NULL)));
 }
 
-/* The gradient of E by differences vanishes; the force is dE/dq_N; any small move costs energy. */
-static void test_minimum(void **state) {
-    (void)state;
+TEST("the gradient of E by differences vanishes; the force is dE/dq_N; any small move costs energy") {
     for (int kind = 0; kind < LG_ELASTICA_CASE_COUNT; kind++) {
         lg_elastica p = family((lg_elastica_case)kind, 2.3, 30);
         const lg_elastica_solution s = solved(&p);
@@ -190,8 +184,7 @@ static void test_minimum(void **state) {
 
 /* ---- known values ---- */
 
-static void test_known_energies(void **state) {
-    (void)state;
+TEST("known energies") {
     const struct {
         double x;
         uint32_t n;
@@ -207,8 +200,7 @@ static void test_known_energies(void **state) {
 }
 
 /* Every x of both families, gap's edges included: a minimum with small residual, and the mirror image. */
-static void test_families(void **state) {
-    (void)state;
+TEST("families") {
     for (int i = 0; i < 120; i++) {
         const lg_elastica_case kind = (lg_elastica_case)(i % 2);
         const double x = PI * (0.01 + 0.98 * (i / 2) / 59.0);
@@ -223,9 +215,7 @@ static void test_families(void **state) {
     }
 }
 
-/* Moved, turned and scaled: the same shape. */
-static void test_frame(void **state) {
-    (void)state;
+TEST("Moved, turned and scaled: the same shape") {
     const double scale = 2.5, turn = 2.0, EI = 3.0;
     lg_elastica p = family(LG_ELASTICA_RIGHT_END, 2.0, 40);
     const lg_elastica_solution s = solved(&p);
@@ -249,8 +239,7 @@ static void test_frame(void **state) {
 
 /* ---- guesses ---- */
 
-static void test_guess(void **state) {
-    (void)state;
+TEST("guess") {
     lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.1, 50);
     lg_elastica_options o;
     lg_elastica_solution s, first = solved(&p);
@@ -270,8 +259,7 @@ static void test_guess(void **state) {
 
 /* ---- hard cases ---- */
 
-static void test_degenerate(void **state) {
-    (void)state;
+TEST("degenerate") {
     lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.0, 50);
     lg_elastica_solution s = solved(&p);
     assert_int_equal(s.negative_eigenvalues, 0);
@@ -291,9 +279,7 @@ static void test_degenerate(void **state) {
     assert_close(theta[1], 0.0, 0, 1e-14);
 }
 
-/* Ends that meet: a circle, E = (EI/2)(2 pi)^2/L; and with half a turn a drop. */
-static void test_closed(void **state) {
-    (void)state;
+TEST("Ends that meet: a circle, E = (EI/2)(2 pi)^2/L; and with half a turn a drop") {
     lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.0, 1000);
     p.qN[0] = 0.0;
     p.theta0 = 0.4;
@@ -306,8 +292,7 @@ static void test_closed(void **state) {
     assert_int_equal(solved(&p).negative_eigenvalues, 0);
 }
 
-static void test_turns(void **state) {
-    (void)state;
+TEST("turns") {
     lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.0, 100);
     p.qN[0] = 1.0;
     p.theta0 = 0.3;
@@ -320,8 +305,7 @@ static void test_turns(void **state) {
     assert_true(strlen(error.message) > 10);
 }
 
-static void test_taut(void **state) {
-    (void)state;
+TEST("taut") {
     for (double slack = 1e-2; slack > 1e-13; slack *= 1e-5) {
         lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 1.0, 50);
         p.qN[0] = 3.3 * (1.0 - slack);
@@ -329,8 +313,7 @@ static void test_taut(void **state) {
     }
 }
 
-static void test_many_intervals(void **state) {
-    (void)state;
+TEST("many intervals") {
     const uint32_t n = 100000;
     const lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, PI / 3.0, n);
     double *angles = calloc(n + 1, sizeof *angles);
@@ -343,9 +326,7 @@ static void test_many_intervals(void **state) {
     free(angles);
 }
 
-/* Random problems, chord and angles anywhere: a minimum each, or a sentence. */
-static void test_anywhere(void **state) {
-    (void)state;
+TEST("random problems, chord and angles anywhere: a minimum each, or a sentence") {
     uint32_t seed = 7;
     int found = 0;
     for (int i = 0; i < 40; i++) {
@@ -372,23 +353,4 @@ static void test_anywhere(void **state) {
         }
     }
     assert_true(found >= 36);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_cases),
-                                       cmocka_unit_test(test_bad_input),
-                                       cmocka_unit_test(test_energy_is_action),
-                                       cmocka_unit_test(test_euler_lagrange),
-                                       cmocka_unit_test(test_minimum),
-                                       cmocka_unit_test(test_known_energies),
-                                       cmocka_unit_test(test_families),
-                                       cmocka_unit_test(test_frame),
-                                       cmocka_unit_test(test_guess),
-                                       cmocka_unit_test(test_degenerate),
-                                       cmocka_unit_test(test_closed),
-                                       cmocka_unit_test(test_turns),
-                                       cmocka_unit_test(test_taut),
-                                       cmocka_unit_test(test_many_intervals),
-                                       cmocka_unit_test(test_anywhere)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -29,8 +29,7 @@ static size_t branches(lg_elastica_case kind, double share, int turns, bool sadd
 }
 
 /* Both-ends: a second arch, below, up to |w| = 0.1925 pi. Right-end: the wrong-way buckle up to 0.171 pi. */
-static void test_second_minimum(void **state) {
-    (void)state;
+TEST("second minimum") {
     assert_int_equal(branches(LG_ELASTICA_BOTH_ENDS, 0.192, 0, false), 2);
     assert_true(theta[10] > 0.0 && theta[51 + 10] < 0.0);
     assert_int_equal(branches(LG_ELASTICA_BOTH_ENDS, 0.193, 0, false), 1);
@@ -38,9 +37,7 @@ static void test_second_minimum(void **state) {
     assert_int_equal(branches(LG_ELASTICA_RIGHT_END, 0.172, 0, false), 1);
 }
 
-/* The same tangents with other rotations: both loops and the asymmetric pair. */
-static void test_loops(void **state) {
-    (void)state;
+TEST("the same tangents with other rotations: both loops and the asymmetric pair") {
     assert_int_equal(branches(LG_ELASTICA_BOTH_ENDS, 1.0, 0, false), 1);
     assert_close(solutions[0].energy, 420.415, 0, 5e-4);
     assert_int_equal(branches(LG_ELASTICA_BOTH_ENDS, 1.0, 2, false), 1);
@@ -55,8 +52,7 @@ static void test_loops(void **state) {
 }
 
 /* The clamped straight beam buckles: two arches, two S (one negative eigenvalue each), then two of two. */
-static void test_saddles(void **state) {
-    (void)state;
+TEST("saddles") {
     assert_true(branches(LG_ELASTICA_BOTH_ENDS, 0.0, 0, true) >= 6);
     const double energies[] = {11.084, 11.084, 22.442, 22.442, 43.774, 43.774};
     for (uint32_t i = 0; i < 6; i++) {
@@ -69,8 +65,7 @@ static void test_saddles(void **state) {
     assert_int_equal(solutions[2].negative_eigenvalues, 1);
 }
 
-static void test_branches_bad_input(void **state) {
-    (void)state;
+TEST("branches bad input") {
     lg_elastica p = lg_elastica_defaults();
     size_t count = 5;
     assert_status(lg_elastica_branches(NULL, &p, NULL, false, 0, theta, solutions, &count, NULL),
@@ -89,8 +84,7 @@ static void test_branches_bad_input(void **state) {
 
 /* ---- sets of curves ---- */
 
-static void test_generate(void **state) {
-    (void)state;
+TEST("generate") {
     lg_elastica_sampling s = lg_elastica_sampling_defaults();
     lg_elastica_curves one = {.count = 0}, two = {.count = 0};
     s.right_end = true;
@@ -132,9 +126,7 @@ static void test_generate(void **state) {
     assert_null(two.q);
 }
 
-/* Without a gap the ends are the bifurcations themselves. */
-static void test_generate_edges(void **state) {
-    (void)state;
+TEST("without a gap the ends are the bifurcations themselves") {
     lg_elastica_sampling s = lg_elastica_sampling_defaults();
     lg_elastica_curves curves = {.count = 0};
     s.gap = 0.0;
@@ -152,8 +144,7 @@ static void test_generate_edges(void **state) {
     lg_elastica_curves_destroy(NULL, &curves);
 }
 
-static void test_generate_bad_input(void **state) {
-    (void)state;
+TEST("generate bad input") {
     lg_error error;
     lg_elastica_curves curves = {.count = 77};
     lg_elastica_sampling bad[6];
@@ -195,8 +186,7 @@ static lg_status everything(const lg_context *context) {
     return status;
 }
 
-static void test_out_of_memory(void **state) {
-    (void)state;
+TEST("out of memory") {
     lg_fail_alloc memory;
     lg_context *context = lg_fail_alloc_context(&memory);
     for (long n = 1;; n++) {
@@ -210,8 +200,7 @@ static void test_out_of_memory(void **state) {
     lg_context_destroy(context);
 }
 
-static void test_cancel(void **state) {
-    (void)state;
+TEST("cancel") {
     const volatile int stop = 1;
     lg_context_options o;
     lg_context *context;
@@ -224,17 +213,4 @@ static void test_cancel(void **state) {
     assert_status(lg_elastica_generate(context, &s, &curves, NULL), LG_CANCELLED);
     assert_null(curves.q);
     lg_context_destroy(context);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_second_minimum),
-                                       cmocka_unit_test(test_loops),
-                                       cmocka_unit_test(test_saddles),
-                                       cmocka_unit_test(test_branches_bad_input),
-                                       cmocka_unit_test(test_generate),
-                                       cmocka_unit_test(test_generate_edges),
-                                       cmocka_unit_test(test_generate_bad_input),
-                                       cmocka_unit_test(test_out_of_memory),
-                                       cmocka_unit_test(test_cancel)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -27,9 +27,7 @@ static lg_elastica_solution solved(const lg_elastica *p) {
 
 static const double shares[] = {0.0, 0.01, 0.1, 1.0 / 3.0, 0.5, 0.8, 0.95, 0.99, 1.0, 1.01, 1.6};
 
-/* (EI/2) theta'^2 + lx cos theta + ly sin theta, theta' by a difference of order 8. */
-static void test_first_integral(void **state) {
-    (void)state;
+TEST("(EI/2) theta'^2 + lx cos theta + ly sin theta, theta' by a difference of order 8") {
     static const double weight[] = {4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0};
     for (size_t i = 0; i < 11; i++)
         for (int kind = 0; kind < LG_ELASTICA_CASE_COUNT; kind++) {
@@ -48,9 +46,7 @@ static void test_first_integral(void **state) {
         }
 }
 
-/* The curve and the equation: theta'' by a difference, q by Simpson's rule. */
-static void test_equation(void **state) {
-    (void)state;
+TEST("the curve and the equation: theta'' by a difference, q by Simpson's rule") {
     for (size_t i = 0; i < 11; i++) {
         const lg_elastica p = family(LG_ELASTICA_RIGHT_END, shares[i], N);
         const lg_elastica_solution s = solved(&p);
@@ -68,9 +64,7 @@ static void test_equation(void **state) {
     }
 }
 
-/* Order 2 of the discrete problem: errors shrink four times, extrapolation meets the collocation. */
-static void test_richardson(void **state) {
-    (void)state;
+TEST("order 2 of the discrete problem: errors shrink four times, extrapolation meets the collocation") {
     for (int kind = 0; kind < LG_ELASTICA_CASE_COUNT; kind++)
         for (size_t i = 0; i < 5; i++) {
             lg_elastica p = family((lg_elastica_case)kind, shares[i], N);
@@ -96,9 +90,7 @@ static void test_richardson(void **state) {
         }
 }
 
-/* The result does not depend on the nodes that are asked for. */
-static void test_nodes(void **state) {
-    (void)state;
+TEST("the result does not depend on the nodes that are asked for") {
     lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.99, 400);
     (void)solved(&p);
     memcpy(coarse, theta, 401 * sizeof *theta);
@@ -110,8 +102,7 @@ static void test_nodes(void **state) {
 
 /* Ends turned by pi: each sheds half a loop of the infinite beam, E = 16 EI/(L - d), force 16 EI/(L - d)^2,
  * up to exp(-L sqrt(force/EI)). A closed beam with a full turn is a circle. */
-static void test_closed_forms(void **state) {
-    (void)state;
+TEST("closed forms") {
     lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 1.0, 50);
     lg_elastica_solution s = solved(&p);
     assert_close(s.energy, 1600.0 / 3.0, 1e-12, 0);
@@ -125,8 +116,7 @@ static void test_closed_forms(void **state) {
 }
 
 /* 10^6 steps of no shooting: the classical Runge-Kutta method from the left end, where growth allows it. */
-static void test_against_runge_kutta(void **state) {
-    (void)state;
+TEST("against runge kutta") {
     const lg_elastica p = family(LG_ELASTICA_RIGHT_END, 1.0 / 3.0, N);
     const lg_elastica_solution s = solved(&p);
     const double h = p.length / N, a = s.force[0] / p.stiffness, b = s.force[1] / p.stiffness;
@@ -144,8 +134,7 @@ static void test_against_runge_kutta(void **state) {
     }
 }
 
-static void test_guess(void **state) {
-    (void)state;
+TEST("guess") {
     const lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.1, 50);
     lg_elastica_options o;
     lg_elastica_solution s;
@@ -158,8 +147,7 @@ static void test_guess(void **state) {
     assert_true(s.energy > lowest + 4.0);
 }
 
-static void test_generate(void **state) {
-    (void)state;
+TEST("generate") {
     lg_elastica_sampling sampling = lg_elastica_sampling_defaults();
     lg_elastica_curves curves = {.count = 0};
     sampling.right_end = sampling.continuous = true;
@@ -177,13 +165,4 @@ static void test_generate(void **state) {
         }
     }
     lg_elastica_curves_destroy(NULL, &curves);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_first_integral), cmocka_unit_test(test_equation),
-        cmocka_unit_test(test_richardson),     cmocka_unit_test(test_nodes),
-        cmocka_unit_test(test_closed_forms),   cmocka_unit_test(test_against_runge_kutta),
-        cmocka_unit_test(test_guess),          cmocka_unit_test(test_generate)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

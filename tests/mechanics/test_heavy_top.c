@@ -82,9 +82,7 @@ static double turning_slope(const lg_system *system, const double *y, int k) {
     return sum;
 }
 
-/* f = (dH/dpi, -R_Q^* dH/dQ) on T*SO(3), and q' = dH/dp, p' = 0 with H = energy + |p|^2/2. */
-static void test_fields_are_hamiltonian(void **state) {
-    (void)state;
+TEST("f = (dH/dpi, -R_Q^* dH/dQ) on T*SO(3), and q' = dH/dp, p' = 0 with H = energy + |p|^2/2") {
     lg_rng rng;
     lg_rng_seed(&rng, 11, 0);
     static const int canonical[] = {COTANGENT, QUADRATIC};
@@ -109,9 +107,7 @@ static void test_fields_are_hamiltonian(void **state) {
     }
 }
 
-/* Lie-Poisson: Gamma' = Gamma x dH/dPi, Pi' = Pi x dH/dPi + Gamma x dH/dGamma. */
-static void test_lie_poisson_field(void **state) {
-    (void)state;
+TEST("Lie-Poisson: Gamma' = Gamma x dH/dPi, Pi' = Pi x dH/dPi + Gamma x dH/dGamma") {
     lg_rng rng;
     lg_rng_seed(&rng, 12, 0);
     lg_system *system = make_top(&skew, POISSON);
@@ -132,9 +128,7 @@ static void test_lie_poisson_field(void **state) {
     lg_system_destroy(NULL, system);
 }
 
-/* cotangent, direct and quadratic have the same velocity of (Q, pi). */
-static void test_forms_have_one_velocity(void **state) {
-    (void)state;
+TEST("cotangent, direct and quadratic have the same velocity of (Q, pi)") {
     lg_rng rng;
     lg_rng_seed(&rng, 13, 0);
     double Q[9], pi[3], y[18], v[FORMS][18];
@@ -223,8 +217,7 @@ static void check_flow(const char *name, const top *of, const double *Q, const d
     printf("\n");
 }
 
-static void test_flows_agree_with_the_body(void **state) {
-    (void)state;
+TEST("flows agree with the body") {
     static const double identity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
     const double fast[3] = {0.0, 0.46875 * 150.0, 0.234375 * -4.61538}, slow[3] = {0.3, -0.2, 0.5};
     double Q[9], pi[3];
@@ -240,8 +233,7 @@ static void test_flows_agree_with_the_body(void **state) {
 
 /* Coarse steps of Lie-Euler keep what the form keeps: both Casimirs of se(3)*, and pi.Gamma0 of the direct
  * product. */
-static void test_exact_invariants(void **state) {
-    (void)state;
+TEST("exact invariants") {
     lg_rng rng;
     lg_rng_seed(&rng, 15, 0);
     double Q[9], pi[3], y[18], out[18], work[SYSTEM_MAX_DIM];
@@ -272,8 +264,7 @@ static void test_exact_invariants(void **state) {
 }
 
 /* With the symplectic integrator at theta = 1/2, (Q, pi) of quadratic are those of cotangent to rounding. */
-static void test_symplectic_integrator_sees_one_top(void **state) {
-    (void)state;
+TEST("symplectic integrator sees one top") {
     static const int canonical[] = {COTANGENT, QUADRATIC};
     double end[2][18], start[18], Q[9], pi[3], work[SYSTEM_MAX_DIM];
     lg_rng rng;
@@ -298,8 +289,7 @@ static void test_symplectic_integrator_sees_one_top(void **state) {
 
 /* ---- on a tape ---- */
 
-static void test_taped_fields(void **state) {
-    (void)state;
+TEST("taped fields") {
     lg_rng rng;
     lg_rng_seed(&rng, 16, 0);
     for (int form = 0; form < FORMS; form++) {
@@ -339,8 +329,7 @@ static void flow_gradient(int form, const double *Q, const double *pi, double *g
 
 /* The derivatives of the quadratic form in M, l, chi are those of the top: its start does not depend on them.
  */
-static void test_quadratic_has_the_gradient_of_the_top(void **state) {
-    (void)state;
+TEST("quadratic has the gradient of the top") {
     lg_rng rng;
     lg_rng_seed(&rng, 17, 0);
     double Q[9], pi[3], a[11], b[11];
@@ -351,8 +340,7 @@ static void test_quadratic_has_the_gradient_of_the_top(void **state) {
     assert_true(fabs(a[3]) > 1e-3);
 }
 
-static void test_description(void **state) {
-    (void)state;
+TEST("description") {
     static const char *const layouts[FORMS] = {"Q pi", "Q pi", "Gamma Pi", "Q pi"};
     static const size_t dims[FORMS] = {12, 12, 6, 18}, reported[FORMS] = {12, 12, 6, 12};
     static const char *const labels[] = {"I1",   "I2",   "I3",       "m",        "L",       "chi1",
@@ -376,8 +364,7 @@ static void test_description(void **state) {
     lg_system_destroy(NULL, first);
 }
 
-static void test_bad_input(void **state) {
-    (void)state;
+TEST("bad input") {
     const double long_chi[3] = {0.0, 1.1, 0.0}, negative = -1.0;
     const lg_named_values bad[] = {{"chi", long_chi, 3}, {"mass", &negative, 1}, {"gravity", &negative, 1}};
     lg_system_options options;
@@ -392,20 +379,4 @@ static void test_bad_input(void **state) {
     options.form = "sleeping";
     assert_status(lg_system_create(NULL, "heavy-top", &options, &system, NULL), LG_NOT_FOUND);
     assert_null(system);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_fields_are_hamiltonian),
-        cmocka_unit_test(test_lie_poisson_field),
-        cmocka_unit_test(test_forms_have_one_velocity),
-        cmocka_unit_test(test_flows_agree_with_the_body),
-        cmocka_unit_test(test_exact_invariants),
-        cmocka_unit_test(test_symplectic_integrator_sees_one_top),
-        cmocka_unit_test(test_taped_fields),
-        cmocka_unit_test(test_quadratic_has_the_gradient_of_the_top),
-        cmocka_unit_test(test_description),
-        cmocka_unit_test(test_bad_input),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

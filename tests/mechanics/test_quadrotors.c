@@ -133,8 +133,7 @@ static void quadrotor_acceleration(const double *y, const double *dy, int i, dou
 
 /* Each quadrotor feels its thrust, gravity and the tension T_i of its link; the payload gravity and both
  * tensions. */
-static void test_newtons_laws(void **state) {
-    (void)state;
+TEST("newtons laws") {
     lg_rng rng;
     lg_rng_seed(&rng, 31, 0);
     lg_system *system = make_quadrotors();
@@ -161,8 +160,7 @@ static void test_newtons_laws(void **state) {
     lg_system_destroy(NULL, system);
 }
 
-static void test_kinematics(void **state) {
-    (void)state;
+TEST("kinematics") {
     lg_rng rng;
     lg_rng_seed(&rng, 32, 0);
     lg_system *system = make_quadrotors();
@@ -204,8 +202,7 @@ static void thesis_start(double *y) {
 
 /* y - y_d = (e0 + (e0' + 2 e0) t) exp(-2 t) while links and error stay in a plane; the links reach their
  * directions. */
-static void test_closed_form_of_a_planar_start(void **state) {
-    (void)state;
+TEST("closed form of a planar start") {
     enum { POINTS = 10 };
     const double e0[3] = {0.5, 0.0, 0.75}, de0[3] = {-1.0, 0.0, 5.0};
     double y0[DIM], times[POINTS], y[POINTS * DIM], yd[3][3], qd[3], worst = 0.0, direction = 0.0;
@@ -235,9 +232,7 @@ static void test_closed_form_of_a_planar_start(void **state) {
     lg_system_destroy(NULL, system);
 }
 
-/* With no moments each quadrotor turns as a free body: R J Omega and Omega.J Omega stay. */
-static void test_attitudes_are_free(void **state) {
-    (void)state;
+TEST("with no moments each quadrotor turns as a free body: R J Omega and Omega.J Omega stay") {
     lg_rng rng;
     lg_rng_seed(&rng, 33, 0);
     const double T = 2.0;
@@ -263,8 +258,7 @@ static void test_attitudes_are_free(void **state) {
     lg_system_destroy(NULL, system);
 }
 
-static void test_taped_field(void **state) {
-    (void)state;
+TEST("taped field") {
     lg_rng rng;
     lg_rng_seed(&rng, 34, 0);
     double states[2 * DIM];
@@ -275,8 +269,7 @@ static void test_taped_field(void **state) {
     lg_system_destroy(NULL, system);
 }
 
-static void test_description(void **state) {
-    (void)state;
+TEST("description") {
     static const char *const labels[] = {"J1", "J2", "J3", "m_y", "m1", "m2", "L1",
                                          "L2", "g",  "kx", "kv",  "kq", "kw", "beta"};
     char label[32];
@@ -296,9 +289,7 @@ static void test_description(void **state) {
     lg_system_destroy(NULL, system);
 }
 
-/* Parallel links cannot hold the payload. */
-static void test_parallel_links(void **state) {
-    (void)state;
+TEST("Parallel links cannot hold the payload") {
     double y[DIM], work[SYSTEM_MAX_DIM], algebra[ALGEBRA];
     lg_system *system = make_quadrotors();
     lg_system_user user;
@@ -309,17 +300,4 @@ static void test_parallel_links(void **state) {
     assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &ode));
     assert_status(ode.field(ode.user, 0.0, y, NULL, algebra), LG_NOT_FINITE);
     lg_system_destroy(NULL, system);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_newtons_laws),
-        cmocka_unit_test(test_kinematics),
-        cmocka_unit_test(test_closed_form_of_a_planar_start),
-        cmocka_unit_test(test_attitudes_are_free),
-        cmocka_unit_test(test_taped_field),
-        cmocka_unit_test(test_description),
-        cmocka_unit_test(test_parallel_links),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -18,8 +18,7 @@ static void euler(const double *I, const double *mu, double *out) {
     }
 }
 
-static void test_field_is_eulers(void **state) {
-    (void)state;
+TEST("field is eulers") {
     const double mu[3] = {0.4, -1.3, 0.8};
     double expected[3], v[3];
     lg_system *system = make_body("rigid-body", inertia);
@@ -51,8 +50,7 @@ static void jacobi(double u, double m1, double *sn, double *cn, double *dn) {
     *dn = sqrt(m1 + (1.0 - m1) * *cn * *cn);
 }
 
-static void test_elliptic_functions(void **state) {
-    (void)state;
+TEST("elliptic functions") {
     /* sn^2 + cn^2 = 1; the limits sin (m = 0) and tanh (m = 1); sn(K/2)^2 = 1/(1 + k') with K = pi/(2 agm(1,
      * k')). */
     double sn, cn, dn, a = 1.0, b = 0.8;
@@ -119,8 +117,7 @@ static void check_near_the_middle_axis(double m1, double start, double tolerance
     lg_system_destroy(NULL, system);
 }
 
-static void test_middle_axis_to_100(void **state) {
-    (void)state;
+TEST("middle axis to 100") {
     check_near_the_middle_axis(1e-4, -4.0, 1e-12, 5e-7);
     check_near_the_middle_axis(1e-8, -9.0, 1e-14, 2e-5);
 }
@@ -149,8 +146,7 @@ static void rk4(void (*f)(const double *, double *), size_t n, double h, size_t 
     }
 }
 
-static void test_attitude_is_that_of_the_body(void **state) {
-    (void)state;
+TEST("attitude is that of the body") {
     lg_rng rng;
     lg_rng_seed(&rng, 3, 0);
     double y[12], body[12], end[12], work[16];
@@ -172,8 +168,7 @@ static void test_attitude_is_that_of_the_body(void **state) {
     lg_system_destroy(NULL, system);
 }
 
-static void test_taped_fields(void **state) {
-    (void)state;
+TEST("taped fields") {
     lg_rng rng;
     lg_rng_seed(&rng, 4, 0);
     double mu[6], y[24];
@@ -189,8 +184,7 @@ static void test_taped_fields(void **state) {
     lg_system_destroy(NULL, attitude);
 }
 
-static void test_bad_input(void **state) {
-    (void)state;
+TEST("bad input") {
     static const double bad[3][3] = {{1.0, 0.0, 1.0}, {1.0, -2.0, 1.0}, {1.0, NAN, 1.0}};
     lg_system_options options;
     lg_system *system = NULL;
@@ -206,13 +200,4 @@ static void test_bad_input(void **state) {
     assert_status(lg_system_create(NULL, "rigid-body-attitude", &options, &system, NULL),
                   LG_INVALID_ARGUMENT);
     assert_null(system);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_field_is_eulers),    cmocka_unit_test(test_elliptic_functions),
-        cmocka_unit_test(test_middle_axis_to_100), cmocka_unit_test(test_attitude_is_that_of_the_body),
-        cmocka_unit_test(test_taped_fields),       cmocka_unit_test(test_bad_input),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -32,8 +32,7 @@ static lg_riser_parameters odd_ones(void) {
 
 /* ---- linear part ---- */
 
-static void test_periods(void **state) {
-    (void)state;
+TEST("periods") {
     static const struct {
         double severity;
         bool locked;
@@ -86,8 +85,7 @@ static void inverse_iteration(const double *mass, const double *stiffness, size_
     }
 }
 
-static void test_against_energies(void **state) {
-    (void)state;
+TEST("against energies") {
     const lg_riser_parameters cases[] = {standard(LG_HOUSING_TIGHT, 1.0), odd_ones()};
     for (size_t c = 0; c < LG_COUNT(cases); c++) {
         const lg_riser_parameters *p = &cases[c];
@@ -119,8 +117,7 @@ static void test_against_energies(void **state) {
 
 /* ---- foundation ---- */
 
-static void test_wellhead(void **state) {
-    (void)state;
+TEST("wellhead") {
     lg_wellhead w;
     const lg_riser_parameters p = standard(LG_HOUSING_SLACK, 0.58);
     const double casing = 0.58 * 150e6, inner = 1.0 / (1.0 / 300e6 + 1.0 / casing), gap = 60e3 / inner;
@@ -177,16 +174,14 @@ static double drift(const lg_riser_parameters *p, double dt, double time) {
     return worst;
 }
 
-static void test_energy_linear(void **state) {
-    (void)state;
+TEST("energy linear") {
     const lg_riser_parameters p = linear();
     const double worst = drift(&p, 0.05, 1000.0);
     printf("linear, tight: energy drifts by %.1e in 20000 steps\n", worst);
     assert_true(worst < 1e-11);
 }
 
-static void test_energy_slack(void **state) {
-    (void)state;
+TEST("energy slack") {
     const lg_riser_parameters p = standard(LG_HOUSING_SLACK, 0.58);
     double before = 0.0;
     for (double dt = 0.04; dt > 0.002; dt /= 2.0) {
@@ -199,8 +194,7 @@ static void test_energy_slack(void **state) {
 }
 
 /* What is there at the start is the energy of riser_check.h, and damping takes from it all the time. */
-static void test_energy_damped(void **state) {
-    (void)state;
+TEST("energy damped") {
     enum { STEPS = 4000 };
     const lg_riser_parameters p = linear();
     double q[2 * N], v[2 * N], energy[STEPS + 1], start = 0.0;
@@ -212,9 +206,7 @@ static void test_energy_damped(void **state) {
     assert_true(energy[STEPS] < 1e-3 * start);
 }
 
-/* In still water drag takes its force times the velocity. */
-static void test_drag_power(void **state) {
-    (void)state;
+TEST("in still water drag takes its force times the velocity") {
     lg_riser_parameters p = linear();
     p.damping_offset = p.damping_rotation = p.damping_riser = 0.0;
     const double l = 90.0 / 13.0, dt = 1e-5;
@@ -231,9 +223,7 @@ static void test_drag_power(void **state) {
     assert_close((energy[1] - energy[0]) / dt, -power, 1e-3, 0.0);
 }
 
-/* A mode of the linear riser keeps its shape: exact solution of the undamped motion. */
-static void test_order_free(void **state) {
-    (void)state;
+TEST("a mode of the linear riser keeps its shape: exact solution of the undamped motion") {
     enum { MODES = 3, HALVINGS = 6 };
     const lg_riser_parameters p = linear(), *const pp = &p;
     double mass[N * N], stiffness[N * N], modes[MODES * N], periods[MODES];
@@ -308,8 +298,7 @@ static double forced_order(const char *name, const lg_riser_parameters *p, doubl
     return slope;
 }
 
-static void test_order_forced(void **state) {
-    (void)state;
+TEST("order forced") {
     lg_riser_parameters p = linear();
     assert_close(forced_order("linear, no drag", &p, 0.0), 2.0, 0.0, 0.05);
     assert_close(forced_order("linear, drag", &p, 1.0), 2.0, 0.0, 0.1);
@@ -319,8 +308,7 @@ static void test_order_forced(void **state) {
 
 /* ---- bad input ---- */
 
-static void test_free_motion_bad(void **state) {
-    (void)state;
+TEST("free motion bad") {
     lg_riser_parameters p = linear();
     double q[2 * N], v[2 * N], kept[2 * N], energy[3] = {7.0, 7.0, 7.0};
     lg_error error;
@@ -349,8 +337,7 @@ static void test_free_motion_bad(void **state) {
     assert_true(energy[0] > 0.0 && energy[1] == 7.0);
 }
 
-static void test_parameters_bad(void **state) {
-    (void)state;
+TEST("parameters bad") {
     lg_riser_parameters p;
     lg_error error;
 #define REFUSED(member, value)                                                                               \
@@ -385,8 +372,7 @@ static void test_parameters_bad(void **state) {
     assert_null(lg_riser_channel(LG_RISER_CHANNELS));
 }
 
-static void test_memory(void **state) {
-    (void)state;
+TEST("memory") {
     lg_fail_alloc memory;
     lg_context *context = lg_fail_alloc_context(&memory);
     const lg_riser_parameters p = linear();
@@ -403,15 +389,4 @@ static void test_memory(void **state) {
     assert_true(n > 2);
     lg_fail_alloc_arm(&memory, 0);
     lg_context_destroy(context);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_periods),        cmocka_unit_test(test_against_energies),
-        cmocka_unit_test(test_wellhead),       cmocka_unit_test(test_energy_linear),
-        cmocka_unit_test(test_energy_slack),   cmocka_unit_test(test_energy_damped),
-        cmocka_unit_test(test_drag_power),     cmocka_unit_test(test_order_free),
-        cmocka_unit_test(test_order_forced),   cmocka_unit_test(test_free_motion_bad),
-        cmocka_unit_test(test_parameters_bad), cmocka_unit_test(test_memory)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

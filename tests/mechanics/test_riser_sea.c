@@ -31,8 +31,7 @@ static double energy_between(double a, double b) {
     return sum;
 }
 
-static void test_spectrum(void **state) {
-    (void)state;
+TEST("spectrum") {
     const lg_sea_state sea = {.height = 3.2, .period = 9.0, .direction = 0.4};
     const double total = energy_between(0.4, 1.0) + energy_between(1.0, 5.0);
     printf("energy above 5 peak frequencies: %.2f %%\n", 100.0 * energy_between(5.0, 60.0) / total);
@@ -68,9 +67,7 @@ static void test_spectrum(void **state) {
     assert_memory_equal(again, waves, sizeof waves);
 }
 
-/* Over an hour the elevation has the variance Hs^2/16, within what 200 components leave. */
-static void test_elevation(void **state) {
-    (void)state;
+TEST("over an hour the elevation has the variance Hs^2/16, within what 200 components leave") {
     const lg_sea_state sea = {.height = 2.0, .period = 7.0, .direction = 0.0};
     lg_wave waves[WAVES];
     double sum = 0.0, squares = 0.0;
@@ -87,8 +84,7 @@ static void test_elevation(void **state) {
     assert_close(squares - sum * sum, 0.25, 0.1, 0.0);
 }
 
-static void test_dispersion(void **state) {
-    (void)state;
+TEST("dispersion") {
     for (double w = 1e-4; w < 50.0; w *= 1.3) {
         const double k = lg_dispersion(w, 100.0, 9.81);
         assert_close(9.81 * k * tanh(k * 100.0), w * w, 4e-15, 0.0);
@@ -132,8 +128,7 @@ static void direct_row(const lg_riser_parameters *p, const lg_wave *waves, doubl
     }
 }
 
-static void test_kinematics(void **state) {
-    (void)state;
+TEST("kinematics") {
     static const size_t steps[] = {3999, 4000, 4095, 4096, 4097, 4223, 4224, 4225, 4351, 4352, 76000, 7};
     lg_riser_parameters p;
     lg_riser_run run;
@@ -175,8 +170,7 @@ static lg_riser_run quiet_run(void) {
     return run;
 }
 
-static void test_calm(void **state) {
-    (void)state;
+TEST("calm") {
     enum { COUNT = 18001 };
     float *x = malloc(COUNT * C * sizeof *x);
     lg_riser_parameters p;
@@ -200,9 +194,7 @@ static void test_calm(void **state) {
     free(x);
 }
 
-/* In a current alone the riser leans as the linear equations of riser_check.h say. */
-static void test_current(void **state) {
-    (void)state;
+TEST("in a current alone the riser leans as the linear equations of riser_check.h say") {
     lg_riser_parameters p;
     lg_riser_run run = quiet_run();
     lg_riser_parameters_init(&p);
@@ -236,8 +228,7 @@ static void test_current(void **state) {
  * the riser with its second derivative; Newmark's accelerations belong to those motions exactly: (x_{n+1} - 2
  * x_n
  * + x_{n-1})/dt^2 = (x''_{n+1} + 2 x''_n + x''_{n-1})/4. */
-static void test_sensors(void **state) {
-    (void)state;
+TEST("sensors") {
     enum { COUNT = 400, U = 0, TH, SLOPE, KINDS };
     lg_riser_parameters p;
     lg_riser_run run;
@@ -292,8 +283,7 @@ static void deviations(const float *x, size_t first, size_t count, double out[C]
     }
 }
 
-static void test_monotone(void **state) {
-    (void)state;
+TEST("monotone") {
     enum { COUNT = 6000 };
     static const double severities[] = {1.0, 0.9, 0.75, 0.58, 0.45};
     float *x = malloc(COUNT * C * sizeof *x);
@@ -317,8 +307,7 @@ static void test_monotone(void **state) {
     free(x);
 }
 
-static void test_ratios(void **state) {
-    (void)state;
+TEST("ratios") {
     enum { COUNT = 6000, CONDITIONS = 9 };
     static const double low[3] = {1.40, 1.05, 0.99}, high[3] = {1.65, 1.12, 1.06};
     float *x = malloc(COUNT * C * sizeof *x);
@@ -343,8 +332,7 @@ static void test_ratios(void **state) {
 
 /* ---- runs ---- */
 
-static void test_crack(void **state) {
-    (void)state;
+TEST("crack") {
     enum { COUNT = 1500, AT = 301, BYTES = COUNT * C * sizeof(float) };
     float *intact = malloc(BYTES), *broken = malloc(BYTES), *cracked = malloc(BYTES);
     lg_riser_parameters p;
@@ -379,8 +367,7 @@ static void test_crack(void **state) {
     free(cracked);
 }
 
-static void test_streams(void **state) {
-    (void)state;
+TEST("streams") {
     enum { COUNT = 700 };
     float whole[COUNT * C], pieces[COUNT * C], other[COUNT * C];
     lg_riser_parameters p;
@@ -420,8 +407,7 @@ static void test_streams(void **state) {
     assert_true(sum > 1e3);
 }
 
-static void test_standard_runs(void **state) {
-    (void)state;
+TEST("standard runs") {
     static const double heights[6] = {1.5, 2.0, 2.5, 3.0, 3.5, 4.5}, directions[3] = {20.0, 45.0, 70.0};
     size_t states[LG_SEA_STATES] = {0};
     uint64_t seeds[LG_RISER_RUNS], noises[LG_RISER_RUNS];
@@ -454,8 +440,7 @@ static void test_standard_runs(void **state) {
 
 /* ---- bad input ---- */
 
-static void test_bad(void **state) {
-    (void)state;
+TEST("bad") {
     float x[3 * C] = {9.0f};
     lg_riser_parameters p;
     lg_riser_run run;
@@ -553,8 +538,7 @@ static void test_bad(void **state) {
     assert_true(fabsf(x[0]) < 1.0f);
 }
 
-static void test_cancel_and_memory(void **state) {
-    (void)state;
+TEST("cancel and memory") {
     volatile int cancel = 1;
     lg_context_options options;
     lg_context *context;
@@ -582,16 +566,4 @@ static void test_cancel_and_memory(void **state) {
     assert_true(n > 3);
     lg_fail_alloc_arm(&memory, 0);
     lg_context_destroy(context);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_spectrum),   cmocka_unit_test(test_elevation),
-        cmocka_unit_test(test_dispersion), cmocka_unit_test(test_kinematics),
-        cmocka_unit_test(test_calm),       cmocka_unit_test(test_current),
-        cmocka_unit_test(test_sensors),    cmocka_unit_test(test_monotone),
-        cmocka_unit_test(test_ratios),     cmocka_unit_test(test_crack),
-        cmocka_unit_test(test_streams),    cmocka_unit_test(test_standard_runs),
-        cmocka_unit_test(test_bad),        cmocka_unit_test(test_cancel_and_memory)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -755,29 +755,30 @@ static void parameter_derivatives(sample *s) {
 
 /* ---- the tests ---- */
 
-#define TEST_OF(check)                                                                                       \
-    static void test_##check(void **state) {                                                                 \
-        (void)state;                                                                                         \
-        on_every_sample(check);                                                                              \
-    }
+TEST("every field on a tape is the plain one") {
+    on_every_sample(taped_field);
+}
 
-TEST_OF(taped_field)
-TEST_OF(ambient_field)
-TEST_OF(halves)
-TEST_OF(invariants)
-TEST_OF(structure)
-TEST_OF(variational_step)
-TEST_OF(parameter_derivatives)
+TEST("every ambient field is the generator of the field, on a tape and off the manifold too") {
+    on_every_sample(ambient_field);
+}
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_taped_field),
-        cmocka_unit_test(test_ambient_field),
-        cmocka_unit_test(test_halves),
-        cmocka_unit_test(test_invariants),
-        cmocka_unit_test(test_structure),
-        cmocka_unit_test(test_variational_step),
-        cmocka_unit_test(test_parameter_derivatives),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
+TEST("separable systems, and they alone, have a velocity and a force that make up the field") {
+    on_every_sample(halves);
+}
+
+TEST("every invariant is constant along the field") {
+    on_every_sample(invariants);
+}
+
+TEST("every field is what the structure of its row makes of the energy") {
+    on_every_sample(structure);
+}
+
+TEST("every variational step has the field for its derivative at h = 0") {
+    on_every_sample(variational_step);
+}
+
+TEST("derivatives in the parameters are those of the plain field") {
+    on_every_sample(parameter_derivatives);
 }

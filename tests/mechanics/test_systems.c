@@ -32,8 +32,7 @@ static void assert_layout(lg_system *system, const char *layout, size_t dim, siz
     lg_system_destroy(NULL, system);
 }
 
-static void test_rows(void **state) {
-    (void)state;
+TEST("rows") {
     const char *name = NULL, *form = NULL;
     size_t n = 0;
     for (; lg_system_at(n, &name, &form); n++) {
@@ -58,8 +57,7 @@ static void test_rows(void **state) {
     assert_true(lg_system_state("pendulum-chain", NULL) != lg_system_state("pendulum-chain", "hamiltonian"));
 }
 
-static void test_layouts(void **state) {
-    (void)state;
+TEST("layouts") {
     lg_system_options options = chain_options(2);
     assert_layout(make("pendulum-chain", &options), "q1 omega1 q2 omega2", 12, 5);
     options.form = "hamiltonian";
@@ -75,8 +73,7 @@ static void test_layouts(void **state) {
     lg_system_destroy(NULL, system);
 }
 
-static void test_parameters(void **state) {
-    (void)state;
+TEST("parameters") {
     const lg_named_values given[] = {{"lengths", unlike, 3}, {"gravity", &gravity, 1}};
     const double expected[7] = {9.81, 1.0, 1.0, 1.0, 1.0, 1.3, 0.7};
     const char *const labels[8] = {"g", "m1", "m2", "m3", "L1", "L2", "L3", ""};
@@ -129,8 +126,7 @@ static void refused_values(const char *key, const double *values, size_t count, 
     refused("pendulum-chain", &options, LG_INVALID_ARGUMENT, first, second);
 }
 
-static void test_refused(void **state) {
-    (void)state;
+TEST("refused") {
     const double bad[][3] = {{1.0, 0.0, 1.0}, {-1.0, 1.0, 1.0}, {1.0, 1.0, NAN}, {INFINITY, 1.0, 1.0}};
     static const char *const entry[4] = {"[1]", "[0]", "[2]", "[0]"};
     lg_system_options options = chain_options(3);
@@ -174,8 +170,7 @@ static void test_refused(void **state) {
     lg_system_destroy(NULL, NULL);
 }
 
-static void test_arguments(void **state) {
-    (void)state;
+TEST("arguments") {
     lg_system *quartic = make("quartic", NULL);
     lg_system_options options = chain_options(1);
     lg_system *chain = make("pendulum-chain", &options);
@@ -201,9 +196,7 @@ static void test_arguments(void **state) {
     lg_system_destroy(NULL, chain);
 }
 
-/* Figure 1.1's oscillator: the midpoint rule, H kept exactly. */
-static void test_oscillator(void **state) {
-    (void)state;
+TEST("Figure 1.1's oscillator: the midpoint rule, H kept exactly") {
     lg_system *system = make("oscillator", NULL);
     double y[2] = {0.8, -0.6}, work[1], h = 0.3;
     lg_system_user user;
@@ -223,22 +216,10 @@ static void test_oscillator(void **state) {
     lg_system_destroy(NULL, system);
 }
 
-/* A million links. */
-static void test_many_links(void **state) {
-    (void)state;
+TEST("a million links") {
     lg_system_options options = chain_options(1000000);
     lg_system *system = make("pendulum-chain", &options);
     assert_int_equal(lg_system_dim(system), 6000000);
     assert_int_equal(lg_system_parameter_count(system), 2000001);
     lg_system_destroy(NULL, system);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_rows),       cmocka_unit_test(test_layouts),
-        cmocka_unit_test(test_parameters), cmocka_unit_test(test_refused),
-        cmocka_unit_test(test_arguments),  cmocka_unit_test(test_oscillator),
-        cmocka_unit_test(test_many_links),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -23,9 +23,7 @@ static lg_system *make(const char *name, size_t links) {
 
 static const char *const planar[] = {"quartic", "coupled-oscillators"};
 
-/* y' = J grad H by difference quotients, and the halves are the field. */
-static void test_fields_are_hamiltonian(void **state) {
-    (void)state;
+TEST("y' = J grad H by difference quotients, and the halves are the field") {
     for (int n = 0; n < 2; n++) {
         lg_system *system = make(planar[n], 1);
         const double y[4] = {0.4, -0.7, 0.3, 0.6}, h = 1e-3;
@@ -62,9 +60,7 @@ static void test_fields_are_hamiltonian(void **state) {
     lg_system_destroy(NULL, quartic);
 }
 
-/* The first oscillator of the pair is harmonic: cos and sin; G is kept. */
-static void test_coupled_closed_form(void **state) {
-    (void)state;
+TEST("the first oscillator of the pair is harmonic: cos and sin; G is kept") {
     lg_system *system = make("coupled-oscillators", 1);
     const double y[4] = {0.4, -0.7, 0.3, 0.6}, times[2] = {0.1, 7.0};
     double out[8], work[1];
@@ -83,8 +79,7 @@ static void test_coupled_closed_form(void **state) {
     lg_system_destroy(NULL, system);
 }
 
-static void test_starts(void **state) {
-    (void)state;
+TEST("starts") {
     lg_system *chain = make("pendulum-chain", 3), *quartic = make("quartic", 1);
     double y[18], mean[3] = {0}, tangent[3] = {0}, square = 0.0, box[4], low = 1.0, high = -1.0;
     lg_rng rng;
@@ -118,8 +113,7 @@ static void test_starts(void **state) {
     lg_system_destroy(NULL, quartic);
 }
 
-static void test_sampling(void **state) {
-    (void)state;
+TEST("sampling") {
     lg_system *system = make("pendulum-chain", 2);
     lg_trajectory_options o;
     lg_trajectory_options_init(&o);
@@ -151,8 +145,7 @@ static void test_sampling(void **state) {
     lg_system_destroy(NULL, system);
 }
 
-static void test_noise(void **state) {
-    (void)state;
+TEST("noise") {
     enum { N = 400, M = 3, D = 6 };
     lg_system *system = make("pendulum-chain", 1);
     lg_trajectory_options o;
@@ -181,8 +174,7 @@ static void test_noise(void **state) {
 }
 
 /* The noise of a trajectory is not drawn from the stream that its start, or another one's, came from. */
-static void test_noise_is_independent_of_the_starts(void **state) {
-    (void)state;
+TEST("noise is independent of the starts") {
     enum { N = 500, M = 2, D = 4 };
     lg_system *system = make("quartic", 1);
     lg_trajectory_options o;
@@ -205,8 +197,7 @@ static void test_noise_is_independent_of_the_starts(void **state) {
 }
 
 /* Three consecutive segments from each start; the last start gives what is left. Noise does not travel. */
-static void test_segments(void **state) {
-    (void)state;
+TEST("segments") {
     enum { N = 8, M = 6, D = 4 };
     lg_system *system = make("quartic", 1);
     lg_trajectory_options o;
@@ -231,8 +222,7 @@ static void test_segments(void **state) {
 
 /* ---- bad input ---- */
 
-static void test_bad_sampling(void **state) {
-    (void)state;
+TEST("bad sampling") {
     lg_system *chain = make("pendulum-chain", 1);
     double t[8] = {7.0}, y[64] = {7.0}, H[8] = {7.0};
     lg_error error;
@@ -313,8 +303,7 @@ static void failing_release(void *user, void *memory) {
     free(memory);
 }
 
-static void test_failing_allocations(void **state) {
-    (void)state;
+TEST("failing allocations") {
     double t[5] = {7.0}, y[2 * 5 * 6] = {7.0}, H[2];
     int cancel = 0;
     failing f = {1000, 0};
@@ -355,19 +344,4 @@ static void test_failing_allocations(void **state) {
     lg_system_destroy(context, system);
     assert_int_equal(f.live, live);
     lg_context_destroy(context);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_fields_are_hamiltonian),
-        cmocka_unit_test(test_coupled_closed_form),
-        cmocka_unit_test(test_starts),
-        cmocka_unit_test(test_sampling),
-        cmocka_unit_test(test_noise),
-        cmocka_unit_test(test_noise_is_independent_of_the_starts),
-        cmocka_unit_test(test_segments),
-        cmocka_unit_test(test_bad_sampling),
-        cmocka_unit_test(test_failing_allocations),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }
