@@ -31,170 +31,187 @@ bool app_interrupted(void) {
 
 /* ---- one option ---- */
 
-/* The fewest digits, 15 or 17, that give the number back. */
-static void bound_text(double bound, char out[32]) {
-    (void)snprintf(out, 32, "%.15g", bound);
-    if (strtod(out, NULL) != bound) (void)snprintf(out, 32, "%.17g", bound);
+uint32_t app_sizes_get(const void *member, double *values) {
+    const app_sizes *list = member;
+    for (size_t i = 0; i < list->count; i++) values[i] = list->values[i];
+    return (uint32_t)list->count;
 }
 
-/* Whether a number of the list (or the only one) is beyond the upper bound. */
-static bool exceeds(const app_option *option, const char *text) {
-    for (char *end;; text = end + 1) {
-        const double value = strtod(text, &end);
-        if (value > option->high || (option->high == 0x1p64 && value >= option->high)) return true;
-        if (end == text || *end != ',') return false;
-    }
+void app_sizes_put(void *member, const double *values, uint32_t count) {
+    app_sizes *list = member;
+    list->count = count;
+    for (size_t i = 0; i < count; i++) list->values[i] = (uint32_t)values[i];
 }
 
-/* What the option takes. Bounds that stand for none are named only where `text` is beyond them. */
-static void range_text(const app_option *option, const char *text, char *out, size_t size) {
-    const bool whole = option->kind == APP_SIZE || option->kind == APP_SIZES;
-    const bool low = option->low > -1e300, high = option->high < 0x1p63 || exceeds(option, text);
-    char bound[32];
-    size_t used = (size_t)snprintf(out, size, "%s", whole ? "a whole number" : "a number");
-    bound_text(option->low, bound);
-    if (low)
-        used += (size_t)snprintf(out + used, size - used, " %s %s", option->above ? "above" : "of at least",
-                                 bound);
-    bound_text(option->high, bound);
-    if (high && option->high == 0x1p64)
-        (void)snprintf(out + used, size - used, " and below 2^64");
-    else if (high)
-        (void)snprintf(out + used, size - used, " %s %s", low ? "and at most" : "of at most", bound);
+static void put_reals(void *member, const double *values, uint32_t count) {
+    app_reals *list = member;
+    list->count = count;
+    memcpy(list->values, values, count * sizeof *values);
 }
 
-static bool in_range(const app_option *option, double value) {
-    return (option->above ? value > option->low : value >= option->low) && value <= option->high;
+/* Numbers are read, and refused, as those of hyperparameters. */
+static lg_hyperparameter rule_of(const app_option *option) {
+    static const lg_hyper_type types[] = {[APP_SIZE] = LG_HYPER_U64,
+                                          [APP_REAL] = LG_HYPER_REAL,
+                                          [APP_SIZES] = LG_HYPER_WHOLES,
+                                          [APP_REALS] = LG_HYPER_REALS};
+    return (lg_hyperparameter){.name = option->name,
+                               .type = types[option->kind],
+                               .offset = option->offset,
+                               .size = sizeof(uint64_t),
+                               .low = option->low,
+                               .high = option->high,
+                               .above = option->above,
+                               .put = option->kind == APP_SIZES ? app_sizes_put : put_reals,
+                               .most = APP_LIST_MAX};
 }
 
-static bool all_in_range(const app_option *option, const app_reals *list, bool whole) {
-    for (size_t i = 0; i < list->count; i++)
-        if (!in_range(option, list->values[i]) ||
-            (whole && list->values[i] != (double)(uint32_t)list->values[i]))
-            return false;
-    return true;
+static lg_status store_number(const app_option *option, const char *text, void *values, lg_error *error) {
+    const lg_hyperparameter rule = rule_of(option);
+    lg_error reason = {LG_OK, ""};
+    const lg_status status = lg_hyperparameter_set(&rule, text, values, &reason);
+    const bool hint = option->longer != NULL && strstr(reason.message, "too long") != NULL;
+    return status == LG_OK ? LG_OK
+                           : app_error(error, status, "%.400s%s%s", reason.message, hint ? "; " : "",
+                                       hint ? option->longer : "");
 }
 
-static bool store_number(const app_option *option, const char *text, void *target) {
-    double real;
-    uint64_t size;
-    if (option->kind == APP_SIZE) {
-        if (!app_parse_size(text, &size) || !in_range(option, (double)size)) return false;
-        *(uint64_t *)target = size;
-    } else {
-        if (!app_parse_real(text, &real) || !in_range(option, real)) return false;
-        *(double *)target = real;
-    }
-    return true;
-}
-
-static bool store_list(const app_option *option, const char *text, void *target) {
-    app_reals list;
-    const bool whole = option->kind == APP_SIZES;
-    if (!app_parse_reals(text, &list) || !all_in_range(option, &list, whole)) return false;
-    if (!whole) {
-        *(app_reals *)target = list;
-        return true;
-    }
-    app_sizes *sizes = target;
-    sizes->count = list.count;
-    for (size_t i = 0; i < list.count; i++) sizes->values[i] = (uint32_t)list.values[i];
-    return true;
-}
-
-static void refuse_choice(const app_option *option, const char *text, char *message, size_t size) {
+static lg_status store_choice(const app_option *option, const char *text, int *target, lg_error *error) {
     char names[512] = "";
+    for (int i = 0; option->choices[i] != NULL; i++)
+        if (strcmp(option->choices[i], text) == 0) {
+            *target = i;
+            return LG_OK;
+        }
     for (size_t i = 0, used = 0; option->choices[i] != NULL && used < sizeof names; i++)
         used += (size_t)snprintf(names + used, sizeof names - used, "%s%s", i > 0 ? ", " : "",
                                  option->choices[i]);
-    (void)snprintf(message, size, "'%s' is not one of %s", text, names);
+    return app_error(error, LG_INVALID_ARGUMENT, "'%.80s' is not one of %s", text, names);
 }
 
-static void refuse_number(const app_option *option, const char *text, char *message, size_t size) {
-    enum { SHOWN = 80 };
-    char range[160];
-    const bool list = option->kind == APP_SIZES || option->kind == APP_REALS;
-    size_t items = 1;
-    for (const char *c = text; list && *c != '\0'; c++) items += *c == ',';
-    if (items > APP_LIST_MAX) {
-        (void)snprintf(message, size, "a list of %zu numbers is too long: at most %d%s%s", items,
-                       APP_LIST_MAX, option->longer != NULL ? "; " : "",
-                       option->longer != NULL ? option->longer : "");
-        return;
-    }
-    range_text(option, text, range, sizeof range);
-    (void)snprintf(message, size, "'%.*s%s' is not %s%s", SHOWN, text, strlen(text) > SHOWN ? "..." : "",
-                   list ? "a list, separated by commas, of: " : "", range);
-}
-
-bool app_store(const app_option *option, const char *text, void *values, char *message, size_t size) {
+static lg_status store_option(const app_option *option, const char *text, void *values, lg_error *error) {
     void *target = (char *)values + option->offset;
-    bool fits = true;
     switch (option->kind) {
     case APP_FLAG:
         *(bool *)target = true;
-        return true;
+        return LG_OK;
     case APP_TEXT:
-        if (text[0] == '\0') (void)snprintf(message, size, "the value is empty");
+        if (text[0] == '\0') return app_error(error, LG_INVALID_ARGUMENT, "the value is empty");
         *(const char **)target = text;
-        return text[0] != '\0';
+        return LG_OK;
     case APP_CHOICE:
-        for (int i = 0; option->choices[i] != NULL; i++)
-            if (strcmp(option->choices[i], text) == 0) {
-                *(int *)target = i;
-                return true;
-            }
-        refuse_choice(option, text, message, size);
-        return false;
-    case APP_SIZE:
-    case APP_REAL:
-        fits = store_number(option, text, target);
-        break;
-    case APP_SIZES:
-    case APP_REALS:
-        fits = store_list(option, text, target);
-        break;
+        return store_choice(option, text, target, error);
+    default:
+        return store_number(option, text, values, error);
     }
-    if (!fits) refuse_number(option, text, message, size);
-    return fits;
 }
 
-static void store(const struct argp_state *state, const app_option *option, const char *text, void *values) {
-    char message[1024];
-    if (!app_store(option, text, values, message, sizeof message))
-        argp_error(state, "--%s: %s", option->name, message);
+lg_status app_store(app_slot *slot, const char *text, lg_error *error) {
+    const lg_status status = slot->row != NULL ? lg_hyperparameter_set(slot->row, text, slot->values, error)
+                                               : store_option(slot->option, text, slot->values, error);
+    slot->given = slot->given || status == LG_OK;
+    return status;
+}
+
+/* ---- the options of a command ---- */
+
+static app_slot *add_slot(app *self, const char *name, void *values) {
+    if (self->slot_count == APP_SLOTS) abort(); /* a table of ours is too long */
+    app_slot *slot = &self->slots[self->slot_count++];
+    *slot = (app_slot){.values = values};
+    (void)snprintf(slot->name, sizeof slot->name, "%s", name);
+    return slot;
+}
+
+static void add_options(app *self, const app_option *table, void *values) {
+    for (; table != NULL && table->name != NULL; table++) add_slot(self, table->name, values)->option = table;
+}
+
+static void add_settings(app *self, const app_settings *settings) {
+    for (; settings != NULL && settings->rows != NULL; settings++) {
+        memset(settings->values, 0, settings->size);
+        lg_hyperparameters_default(settings->rows, settings->values);
+        for (const lg_hyperparameter *row = settings->rows; row->name != NULL; row++) {
+            char name[sizeof self->slots[0].name];
+            lg_hyperparameter_option(row, name, sizeof name);
+            if (name[0] != '\0') add_slot(self, name, settings->values)->row = row;
+        }
+    }
+}
+
+void app_choose_command(app *self, const app_command *command) {
+    self->command = command;
+    self->slot_count = 0;
+    add_options(self, command->options, command->values);
+    add_options(self, command->shared, command->shared_values);
+    add_settings(self, command->settings);
+}
+
+app_slot *app_find_slot(const app *self, const char *option) {
+    for (size_t i = 0; i < self->slot_count; i++)
+        if (strcmp(self->slots[i].name, option) == 0) return (app_slot *)(uintptr_t)&self->slots[i];
+    return NULL;
+}
+
+bool app_given(const app *self, const char *option) {
+    const app_slot *slot = app_find_slot(self, option);
+    return slot != NULL && slot->given;
+}
+
+void app_adopt(app *self, const app_settings *settings, const void *from, bool preset) {
+    char option[sizeof self->slots[0].name];
+    for (const lg_hyperparameter *row = settings->rows; row->name != NULL; row++) {
+        lg_hyperparameter_option(row, option, sizeof option);
+        if (!app_given(self, option) && !(preset && row->value != NULL))
+            lg_hyperparameter_copy(row, from, settings->values);
+    }
 }
 
 /* ---- argp from tables ---- */
 
-static size_t table_length(const app_option *table) {
-    size_t n = 0;
-    while (table != NULL && table[n].name != NULL) n++;
-    return n;
-}
+enum { COMMON = APP_COUNT(common_options) - 1, HELP_SIZE = 1024 };
 
-static struct argp_option *argp_table(const app_option *own) {
-    const size_t n = table_length(own), common = table_length(common_options);
-    struct argp_option *out = app_alloc(n + common + 2, sizeof *out);
-    for (size_t i = 0; i < n; i++)
-        out[i] = (struct argp_option){own[i].name, KEY_COMMAND + (int)i, own[i].value, 0, own[i].help, 1};
+/* Texts of hyperparameters are made here: `texts` has HELP_SIZE bytes for each option. */
+static struct argp_option *argp_table(const app *self, char *texts) {
+    const size_t n = self->slot_count;
+    struct argp_option *out = app_alloc(n + COMMON + 2, sizeof *out);
+    for (size_t i = 0; i < n; i++) {
+        const app_slot *slot = &self->slots[i];
+        const lg_hyperparameter *row = slot->row;
+        char *text = texts + i * HELP_SIZE;
+        if (row != NULL) (void)lg_hyperparameter_describe(row, text, HELP_SIZE);
+        out[i] =
+            (struct argp_option){slot->name,
+                                 KEY_COMMAND + (int)i,
+                                 row == NULL ? slot->option->value : (row->unit != NULL ? row->unit : "NAME"),
+                                 0,
+                                 row == NULL ? slot->option->help : text,
+                                 1};
+    }
     out[n] = (struct argp_option){NULL, 0, NULL, 0, "Common options:", 2};
-    for (size_t i = 0; i < common; i++)
+    for (size_t i = 0; i < COMMON; i++)
         out[n + 1 + i] = (struct argp_option){common_options[i].name,  KEY_COMMON + (int)i,
                                               common_options[i].value, 0,
                                               common_options[i].help,  2};
     return out;
 }
 
+static void store(const struct argp_state *state, app_slot *slot, const char *text) {
+    lg_error error = {LG_OK, ""};
+    if (app_store(slot, text, &error) != LG_OK) argp_error(state, "--%s: %s", slot->name, error.message);
+}
+
 static error_t parse_option(int key, char *text, struct argp_state *state, app *self) {
-    if (key >= KEY_COMMAND && key < KEY_COMMAND + (int)APP_COUNT(self->given)) {
-        store(state, &self->command->options[key - KEY_COMMAND], text, self->command->values);
-        self->given[key - KEY_COMMAND] = true;
+    if (key >= KEY_COMMAND && key < KEY_COMMAND + (int)self->slot_count) {
+        store(state, &self->slots[key - KEY_COMMAND], text);
         return 0;
     }
     if (key >= KEY_COMMON && key < KEY_COMMAND) {
-        store(state, &common_options[key - KEY_COMMON], text, self);
-        if (strcmp(common_options[key - KEY_COMMON].name, "seed") == 0) self->seed_given = true;
+        const app_option *option = &common_options[key - KEY_COMMON];
+        app_slot slot = {.option = option, .values = self};
+        (void)snprintf(slot.name, sizeof slot.name, "%s", option->name);
+        store(state, &slot, text);
+        if (strcmp(option->name, "seed") == 0) self->seed_given = true;
         return 0;
     }
     return ARGP_ERR_UNKNOWN;
@@ -220,13 +237,15 @@ static error_t parse_command(int key, char *text, struct argp_state *state) {
 }
 
 static void run_parser(app *self, int argc, char **argv) {
-    struct argp_option *options = argp_table(self->command->options);
+    char *texts = app_alloc(self->slot_count, HELP_SIZE);
+    struct argp_option *options = argp_table(self, texts);
     char *doc = app_format("%s%s%s", self->command->summary, self->command->details != NULL ? "\v" : "",
                            self->command->details != NULL ? self->command->details : "");
     const struct argp argp = {options, parse_command, self->command->arguments, doc, NULL, NULL, NULL};
     (void)argp_parse(&argp, argc, argv, 0, NULL, self);
     free(doc);
     free(options);
+    free(texts);
 }
 
 typedef struct dispatch {
@@ -255,7 +274,7 @@ static error_t parse_top(int key, char *text, struct argp_state *state) {
     if (key != ARGP_KEY_ARG) return parse_option(key, text, state, d->self);
     for (const app_command *c = d->commands; c->run != NULL; c++) {
         if (strcmp(c->name, text) != 0) continue;
-        d->self->command = c;
+        app_choose_command(d->self, c);
         (void)snprintf(d->self->title, sizeof d->self->title, "%s %s", d->self->program, c->name);
         const int first = state->next - 1;
         char *word = state->argv[first];
@@ -283,7 +302,7 @@ static void parse_with_commands(app *self, int argc, char **argv, const char *su
         doc = longer;
     }
     char *whole = app_format("%s\n%s COMMAND --help says more.", doc, self->program);
-    struct argp_option *options = argp_table(NULL);
+    struct argp_option *options = argp_table(self, NULL);
     const struct argp argp = {options, parse_top, "COMMAND ...", whole, NULL, NULL, NULL};
     dispatch d = {self, commands};
     (void)argp_parse(&argp, argc, argv, ARGP_IN_ORDER, NULL, &d);
@@ -295,12 +314,6 @@ static void parse_with_commands(app *self, int argc, char **argv, const char *su
 static void print_version(FILE *stream, struct argp_state *state) {
     (void)state;
     (void)fprintf(stream, "%s (liegrad) %s\n", running->program, lg_version());
-}
-
-bool app_given(const app *self, const char *option) {
-    for (size_t i = 0; i < table_length(self->command->options); i++)
-        if (strcmp(self->command->options[i].name, option) == 0) return self->given[i];
-    return false;
 }
 
 /* ---- running ---- */
@@ -365,7 +378,7 @@ int app_main(int argc, char **argv, const char *program, const char *summary, co
     argv[0] = self.title; /* what getopt's own messages begin with */
     install_signals();
     if (commands[0].name == NULL) {
-        self.command = &commands[0];
+        app_choose_command(&self, &commands[0]);
         run_parser(&self, argc, argv);
     } else {
         parse_with_commands(&self, argc, argv, summary, commands);

@@ -13,6 +13,7 @@
 #include <stdio.h>
 
 #include "liegrad/context.h"
+#include "liegrad/hyperparameters.h"
 #include "liegrad/status.h"
 
 #define APP_COUNT(array) (sizeof(array) / sizeof((array)[0]))
@@ -39,7 +40,7 @@ typedef enum app_kind {
     APP_REALS   /* app_reals: finite numbers in [low, high], separated by commas */
 } app_kind;
 
-#define APP_LIST_MAX 256
+#define APP_LIST_MAX LG_HYPER_LIST_MAX
 typedef struct app_sizes {
     size_t count;
     uint32_t values[APP_LIST_MAX];
@@ -84,16 +85,37 @@ typedef struct app_option {
 
 typedef struct app app;
 
+/* Hyperparameters as options: a table of rows that ends with a NULL name, and the structure that they are
+ * about. Before the command line is read the structure gets the rows' defaults. */
+typedef struct app_settings {
+    const lg_hyperparameter *rows;
+    void *values;
+    size_t size; /* of the structure */
+} app_settings;
+
 typedef struct app_command {
-    const char *name;      /* NULL in a program without commands; the table ends with run == NULL */
-    const char *arguments; /* "DATA.h5", for the usage line */
-    const char *summary;   /* one line */
-    const char *details;   /* after the options in --help; may be NULL */
-    const app_option *options;
-    void *values; /* where the options go; holds the defaults */
+    const char *name;          /* NULL in a program without commands; the table ends with run == NULL */
+    const char *arguments;     /* "DATA.h5", for the usage line */
+    const char *summary;       /* one line */
+    const char *details;       /* after the options in --help; may be NULL */
+    const app_option *options; /* may be NULL */
+    void *values;              /* where the options go; holds the defaults */
+    const app_option *shared;  /* those of a driver, and where they go; may be NULL */
+    void *shared_values;
+    const app_settings *settings; /* ends with rows == NULL; may be NULL */
     int arguments_min, arguments_max;
     int (*run)(app *app); /* returns the exit code */
 } app_command;
+
+/* An option of the command at hand: of one of its tables, or a hyperparameter. */
+typedef struct app_slot {
+    char name[32];
+    const app_option *option;
+    const lg_hyperparameter *row; /* NULL: option */
+    void *values;
+    bool given; /* on the command line */
+} app_slot;
+enum { APP_SLOTS = 96 };
 
 struct app {
     const char *program;
@@ -105,7 +127,8 @@ struct app {
     bool seed_given;
     int argument_count;
     const char *arguments[8];
-    bool given[64]; /* by row of the command's option table */
+    app_slot slots[APP_SLOTS];
+    size_t slot_count;
     lg_context *context;
 };
 
@@ -113,9 +136,16 @@ struct app {
 int app_main(int argc, char **argv, const char *program, const char *summary, const app_command *commands);
 /* Whether the option was on the command line. */
 bool app_given(const app *app, const char *option);
-/* `text` becomes the option's value, as from the command line (a text is borrowed). False: nothing is stored,
- * and `message` says why. */
-bool app_store(const app_option *option, const char *text, void *values, char *message, size_t size);
+/* Nothing is given, and the command's settings have their defaults. */
+void app_choose_command(app *app, const app_command *command);
+/* The option of that name; NULL when the command has none. */
+app_slot *app_find_slot(const app *app, const char *option);
+/* `text` becomes the option's value, as from the command line (a text is borrowed), and the option is given.
+ * LG_INVALID_ARGUMENT: nothing is stored, and the sentence says why. */
+lg_status app_store(app_slot *slot, const char *text, lg_error *error);
+/* What was not given becomes that of `from`, a structure like settings->values. `preset`: only where the rows
+ * have no default of their own. */
+void app_adopt(app *app, const app_settings *settings, const void *from, bool preset);
 /* True after the first Ctrl-C; the second one kills. */
 bool app_interrupted(void);
 
@@ -147,9 +177,9 @@ char *app_format(const char *format, ...) __attribute__((format(printf, 1, 2)));
 /* Whole and finite, no blanks before or behind, decimal. False: *out is untouched. */
 bool app_parse_real(const char *text, double *out);
 bool app_parse_size(const char *text, uint64_t *out);
-/* The longest prefix up to the next comma must be a number. Returns false for an empty list or too many
- * items. */
-bool app_parse_reals(const char *text, app_reals *out);
+/* Lists as members of settings: `get` and `put` of their rows. */
+uint32_t app_sizes_get(const void *member, double *values);
+void app_sizes_put(void *member, const double *values, uint32_t count);
 
 double app_seconds(void);                              /* monotonic clock */
 double app_median(double *values, size_t count);       /* sorts; NAN for none */

@@ -141,18 +141,6 @@ bool app_parse_size(const char *text, uint64_t *out) {
     return lg_integer_parse(text, out) == LG_OK;
 }
 
-bool app_parse_reals(const char *text, app_reals *out) {
-    app_reals list = {0, {0}};
-    for (const char *at = text;; at++) {
-        if (list.count == APP_LIST_MAX || !real_prefix(at, &at, &list.values[list.count])) return false;
-        list.count++;
-        if (*at == '\0') break;
-        if (*at != ',') return false;
-    }
-    *out = list;
-    return true;
-}
-
 double app_seconds(void) {
     struct timespec now;
     (void)clock_gettime(CLOCK_MONOTONIC, &now);

@@ -7,10 +7,31 @@
 
 enum { SHOWN_TRIALS = 10 };
 
+search_values search_given = {.trials = 50, .rungs = 5, .warm_up = 5, .quantile = 0.5, .validation = 0.1};
+
+const app_option search_options[] = {
+    APP_ROW_SIZE(search_values, trials, "trials", "n", 1, 1000000,
+                 "Planned total, earlier ones included (default 50)"),
+    APP_ROW_TEXT(search_values, out, "out", "FILE.csv", "The table of trials, written after each"),
+    APP_ROW_FLAG(search_values, resume, "resume",
+                 "Continue the search of that table; without it a table that is there is replaced"),
+    APP_ROW_SIZE(search_values, rungs, "rungs", "r", 0, LG_TRIAL_REPORTS,
+                 "Points of a trial where it is compared with earlier ones (default 5; 0: never)"),
+    APP_ROW_SIZE(search_values, warm_up, "warm-up", "n", 0, 1000000,
+                 "Trials that must have passed a rung before others are stopped there (default 5)"),
+    APP_ROW_REAL(search_values, quantile, "quantile", "Q", 1e-9, 1,
+                 "A trial is stopped where this part of the earlier ones was better (default 0.5)"),
+    APP_ROW_REAL(
+        search_values, validation, "validation", "F", 1e-9, 0.9,
+        "Part of the training data that is held out: the error on it is the objective (default 0.1)"),
+    APP_ROW_TEXT(search_values, plot, "plot", "FILE.svg|.png", "Draw objective and best so far"),
+    APP_ROW_END};
+
 typedef struct searching {
     app *app;
     const search_values *values;
-    const search_task *task;
+    const app_command *train;
+    const train_task *task;
     const lg_search_file *file;
     char setting[256];
     lg_trial *trials;
@@ -21,44 +42,30 @@ typedef struct searching {
     app_progress progress;
 } searching;
 
-struct search_trial {
-    searching *search;
-    lg_search *session;
-    lg_trial *trial;
-    double (*objective)(void *user);
-    void *user;
-};
-
 /* ---- names and values as options of train ---- */
 
-/* An app as if the options had been given to `train`; values on the heap. */
-typedef struct virtual_train {
-    const search_task *task;
-    app app;
-    void *values;
-} virtual_train;
-
-static virtual_train virtual_begin(const app *self, const search_task *task) {
-    virtual_train out = {task, *self, app_alloc(1, task->values_size)};
-    memcpy(out.values, task->train->values, task->values_size);
-    out.app.command = task->train;
-    memset(out.app.given, 0, sizeof out.app.given);
+/* An app as if the options had been given to `train`. The settings are train's own. */
+static app virtual_begin(const app *self, const app_command *train) {
+    app out = *self;
+    app_choose_command(&out, train);
     return out;
 }
 
-static lg_status virtual_set(virtual_train *v, const char *name, const char *text, lg_error *error) {
-    char message[512];
-    const app_option *options = v->task->train->options;
-    if (!v->task->is_hyperparameter(name))
+static bool is_hyperparameter(const train_task *task, const app_slot *slot) {
+    return slot != NULL && slot->row != NULL &&
+           (task->held_out == NULL || strcmp(slot->name, task->held_out) != 0);
+}
+
+static lg_status virtual_set(app *v, const train_task *task, const char *name, const char *text,
+                             lg_error *error) {
+    lg_error reason = {LG_OK, ""};
+    app_slot *slot = app_find_slot(v, name);
+    if (!is_hyperparameter(task, slot))
         return app_error(error, LG_FORMAT, "'%s' is no option of train that determines its result", name);
-    const char *refused = v->task->refused != NULL ? v->task->refused(name, text) : NULL;
-    if (refused != NULL) return app_error(error, LG_FORMAT, "'%s' %s", name, refused);
-    for (size_t i = 0; options[i].name != NULL; i++) {
-        if (strcmp(options[i].name, name) != 0) continue;
-        if (!app_store(&options[i], text, v->values, message, sizeof message))
-            return app_error(error, LG_FORMAT, "%s: %s", name, message);
-        v->app.given[i] = true;
-    }
+    if (task->only != NULL && strcmp(name, task->method) == 0 && strcmp(text, task->only) != 0)
+        return app_error(error, LG_FORMAT, "'%s' can only be %s in a search", name, task->only);
+    if (app_store(slot, text, &reason) != LG_OK)
+        return app_error(error, LG_FORMAT, "%s: %.400s", name, reason.message);
     return LG_OK;
 }
 
@@ -69,28 +76,29 @@ static void value_text(const lg_range *range, double value, char *out, size_t si
         (void)snprintf(out, size, "%.17g", value);
 }
 
-static lg_status set_fixed(virtual_train *v, const lg_search_file *file, size_t *bad, lg_error *error) {
+static lg_status set_fixed(app *v, const train_task *task, const lg_search_file *file, size_t *bad,
+                           lg_error *error) {
     lg_status status = LG_OK;
     for (size_t i = 0; i < file->fixed_count && status == LG_OK; i++) {
         *bad = i;
-        status = virtual_set(v, file->fixed_name[i], file->fixed_value[i], error);
+        status = virtual_set(v, task, file->fixed_name[i], file->fixed_value[i], error);
     }
     return status;
 }
 
-static lg_status set_drawn(virtual_train *v, const lg_search_space *space, const double *drawn,
+static lg_status set_drawn(app *v, const train_task *task, const lg_search_space *space, const double *drawn,
                            lg_error *error) {
     lg_status status = LG_OK;
     char text[64];
     for (size_t i = 0; i < space->count && status == LG_OK; i++) {
         value_text(&space->ranges[i], drawn[i], text, sizeof text);
-        status = virtual_set(v, space->ranges[i].name, text, error);
+        status = virtual_set(v, task, space->ranges[i].name, text, error);
     }
     return status;
 }
 
 /* The bounds, a number between them and every choice must be values that train takes. */
-static lg_status check_range(virtual_train *v, const lg_range *range, lg_error *error) {
+static lg_status check_range(app *v, const train_task *task, const lg_range *range, lg_error *error) {
     const bool choice = range->kind == LG_RANGE_CHOICE;
     const double between = range->low + 0.381966 * (range->high - range->low);
     const double probes[] = {range->low, range->high, range->kind == LG_RANGE_INTEGER ? range->low : between};
@@ -99,26 +107,59 @@ static lg_status check_range(virtual_train *v, const lg_range *range, lg_error *
     for (size_t i = 0; i < count && status == LG_OK; i++) {
         char text[64];
         value_text(range, choice ? (double)i : probes[i], text, sizeof text);
-        status = virtual_set(v, range->name, text, error);
+        status = virtual_set(v, task, range->name, text, error);
     }
     return status;
 }
 
-static int check_names(const app *self, const search_task *task, const lg_search_file *file) {
+/* A name that the method does not have; where the method itself varies, any may have it. */
+static lg_status check_method(const app *v, const train_task *task, const lg_search_file *file,
+                              uint32_t *line, lg_error *error) {
+    const lg_search_space *space = &file->space;
+    for (size_t i = 0; i < space->count; i++)
+        if (task->method == NULL || strcmp(space->ranges[i].name, task->method) == 0) return LG_OK;
+    for (size_t i = 0; i < file->fixed_count + space->count; i++) {
+        const bool fixed = i < file->fixed_count;
+        const size_t range = i - file->fixed_count;
+        const char *name = fixed ? file->fixed_name[i] : space->ranges[range].name,
+                   *refuses = train_refuses(task, app_find_slot(v, name));
+        *line = fixed ? file->fixed_line[i] : file->line[range];
+        if (refuses != NULL) return app_error(error, LG_FORMAT, "'%s' is no option of %s", name, refuses);
+    }
+    return LG_OK;
+}
+
+static int check_names(const app *self, const app_command *train, const train_task *task,
+                       const lg_search_file *file) {
     lg_error error = {LG_OK, ""};
-    virtual_train v = virtual_begin(self, task);
-    const char *path = self->arguments[0];
+    app v = virtual_begin(self, train);
     size_t bad = 0;
-    uint32_t line = 0;
-    if (set_fixed(&v, file, &bad, &error) != LG_OK) line = file->fixed_line[bad];
-    for (size_t i = 0; i < file->space.count && error.status == LG_OK; i++)
-        if (check_range(&v, &file->space.ranges[i], &error) != LG_OK) line = file->line[i];
-    free(v.values);
-    if (error.status == LG_OK) return APP_EXIT_OK;
-    return app_fail(self, LG_FORMAT, "%s: line %u: %s", path, line, error.message);
+    lg_status status = set_fixed(&v, task, file, &bad, &error);
+    uint32_t line = file->fixed_line[bad];
+    for (size_t i = 0; i < file->space.count && status == LG_OK; i++) {
+        line = file->line[i];
+        status = check_range(&v, task, &file->space.ranges[i], &error);
+    }
+    if (status == LG_OK) status = check_method(&v, task, file, &line, &error);
+    return status == LG_OK
+               ? APP_EXIT_OK
+               : app_fail(self, status, "%s: line %u: %s", self->arguments[0], line, error.message);
 }
 
 /* ---- one trial ---- */
+
+/* A trial while it is trained. */
+typedef struct search_trial {
+    searching *search;
+    lg_search *session;
+    lg_trial *trial;
+    app *train;
+} search_trial;
+
+static double objective_of(const search_trial *self) {
+    const train_task *task = self->search->task;
+    return task->objective(task->user, self->train);
+}
 
 /* The objective is computed where a rung is passed only. */
 static int on_epoch(void *user, const lg_fit_epoch *report) {
@@ -129,43 +170,39 @@ static int on_epoch(void *user, const lg_fit_epoch *report) {
                       (unsigned long long)self->trial->number + 1, (unsigned long long)search->values->trials,
                       (unsigned long long)done, (unsigned long long)total, report->loss);
     if (done == total || done * parts / total == (done - 1) * parts / total) return 0;
-    return lg_search_report(self->session, done, total, self->objective(self->user)) ? 1 : 0;
+    return lg_search_report(self->session, done, total, objective_of(self)) ? 1 : 0;
 }
 
-lg_fit_options search_fit_options(search_trial *self, const lg_training *training) {
-    lg_fit_options options;
-    lg_fit_options_init(&options);
-    lg_training_apply(training, &options);
-    options.threads = (int)self->search->app->threads;
+static lg_status run_fit(search_trial *self, lg_error *error) {
+    const train_task *task = self->search->task;
+    lg_fit_options options = train_fit_options(self->train, task->training);
+    lg_fit *fit;
     options.on_epoch = on_epoch;
     options.user = self;
-    return options;
-}
-
-lg_status search_fit(search_trial *self, lg_fit *fit, size_t parameters, double (*objective)(void *user),
-                     void *user, lg_error *error) {
-    self->objective = objective;
-    self->user = user;
-    self->trial->parameters = parameters;
-    const lg_status status = lg_fit_run(fit, error);
+    lg_status status = task->create(task->user, self->train, &options, &fit, error);
+    if (status != LG_OK) return status;
+    self->trial->parameters = task->parameters(task->user);
+    status = lg_fit_run(fit, error);
     self->trial->epochs = lg_fit_epochs_done(fit);
     if (status != LG_OK) return status;
-    self->trial->objective = objective(user);
+    self->trial->objective = objective_of(self);
     (void)lg_search_report(self->session, self->trial->epochs, self->trial->epochs, self->trial->objective);
     return LG_OK;
 }
 
 static lg_status run_trial(void *user, lg_search *session, lg_trial *trial, lg_error *error) {
     searching *search = user;
-    search_trial self = {.search = search, .session = session, .trial = trial};
-    virtual_train v = virtual_begin(search->app, search->task);
+    const train_task *task = search->task;
+    app v = virtual_begin(search->app, search->train);
+    search_trial self = {.search = search, .session = session, .trial = trial, .train = &v};
     size_t bad;
-    lg_status status = set_fixed(&v, search->file, &bad, error);
-    if (status == LG_OK) status = set_drawn(&v, &search->file->space, trial->value, error);
-    if (status == LG_OK)
-        status =
-            search->task->run(search->task->user, &v.app, v.values, search->values->validation, &self, error);
-    free(v.values);
+    lg_status status = set_fixed(&v, task, search->file, &bad, error);
+    if (status == LG_OK) status = set_drawn(&v, task, &search->file->space, trial->value, error);
+    task->training->seed = v.seed;
+    if (status == LG_OK) status = task->describe(task->user, &v, NULL, error);
+    if (status == LG_OK) status = task->hold_out(task->user, &v, search->values->validation, error);
+    if (status == LG_OK) status = run_fit(&self, error);
+    task->release(task->user, &v);
     return status;
 }
 
@@ -390,7 +427,8 @@ static int run_search(searching *search) {
     return lg_search_best(search->trials, search->count) < search->count ? APP_EXIT_OK : none_done(search);
 }
 
-int search_main(app *self, const search_values *values, const search_task *task) {
+int search_main(app *self, const app_command *train, const train_task *task) {
+    const search_values *values = &search_given;
     const app_path paths[] = {{"out", values->out, APP_WRITTEN}, {"plot", values->plot, APP_DRAWN}};
     lg_error error = {LG_OK, ""};
     char sha256[LG_SHA256_TEXT];
@@ -400,11 +438,12 @@ int search_main(app *self, const search_values *values, const search_task *task)
     lg_search_file *file = app_alloc(1, sizeof *file);
     const lg_status status = lg_search_file_read(self->context, self->arguments[0], file, &error);
     if (status != LG_OK) code = app_fail_file(self, status, &error, self->arguments[0]);
-    if (code == APP_EXIT_OK) code = check_names(self, task, file);
-    if (code == APP_EXIT_OK) code = task->read(task->user, self, sha256);
+    if (code == APP_EXIT_OK) code = check_names(self, train, task, file);
+    if (code == APP_EXIT_OK) code = task->read(task->user, self, self->arguments[1], sha256);
     if (code == APP_EXIT_OK) {
         searching search = {.app = self,
                             .values = values,
+                            .train = train,
                             .task = task,
                             .file = file,
                             .trials = app_alloc((size_t)values->trials, sizeof *search.trials)};

@@ -177,7 +177,7 @@ lg_status draw_recordings(const app *app, const char *picture, const recording *
                           uint32_t channels, char (*channel_name)[LG_SERIES_NAME], double rate,
                           lg_error *error);
 
-/* The loss of a training: fit_draw_loss of common/fit.h. Objective against trial: draw_search of
+/* The loss of a training: train_draw_loss of common/train.h. Objective against trial: draw_search of
  * common/search.h. */
 
 #endif

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "lg-anomaly/anomaly.h"
-#include "common/fit.h"
+#include "common/train.h"
 
 enum { CONDITIONS = LG_RISER_RUNS / 2, MAX_RUNS = 1000 * LG_RISER_RUNS };
 

@@ -5,7 +5,7 @@
 
 #include "lg-anomaly/anomaly.h"
 #include "common/classifier_file.h"
-#include "common/fit.h"
+#include "common/train.h"
 
 static const char *const kinds[] = {"detector", "classifier"};
 

@@ -7,8 +7,6 @@
 
 enum { STREAM_WEIGHTS = 1 };
 
-static const char *const presets[] = {"thesis", "best"};
-
 /* ---- the run ---- */
 
 static bool any_given(const app *self, const char *const *options, size_t count) {
@@ -19,8 +17,9 @@ static bool any_given(const app *self, const char *const *options, size_t count)
 
 /* The default blocks where convolutions and pooling are given: three, or as many as are left something of the
  * window. The first is there in any case, for lg_cnn_init to refuse. */
-static void default_blocks(const app *self, const train_values *values, lg_cnn *net) {
+static void default_blocks(const app *self, lg_cnn *net) {
     enum { LONG = 4096 };
+    const train_values *values = &train_given;
     const lg_cnn full = lg_cnn_defaults(net->channels, LONG, net->outputs, net->activation);
     const uint64_t padding = app_given(self, "padding") ? values->padding : 0;
     const bool pooling_given = app_given(self, "pooling") || app_given(self, "pool-size");
@@ -44,18 +43,16 @@ static void default_blocks(const app *self, const train_values *values, lg_cnn *
 }
 
 /* Blocks as the options say, the rest as they are. */
-static void build_blocks(const app *self, const train_values *values, bool fresh, lg_cnn *net) {
+static void build_blocks(const app *self, bool fresh, lg_cnn *net) {
     static const char *const options[] = {"filters", "kernel", "stride", "padding", "pooling", "pool-size"};
-    if (app_given(self, "plane")) net->plane = (uint32_t)values->plane;
+    const train_values *values = &train_given;
     if (!any_given(self, options, APP_COUNT(options))) return;
     const bool filters = app_given(self, "filters");
     if (fresh && !filters) {
-        default_blocks(self, values, net);
+        default_blocks(self, net);
         return;
     }
-    if (filters)
-        net->blocks =
-            (uint32_t)(values->filters.count < LG_CNN_MAX_BLOCKS ? values->filters.count : LG_CNN_MAX_BLOCKS);
+    if (filters) net->blocks = (uint32_t)values->filters.count;
     for (uint32_t i = 0; i < net->blocks; i++) {
         lg_cnn_block *block = &net->block[i];
         if (filters) {
@@ -74,75 +71,62 @@ static void build_blocks(const app *self, const train_values *values, bool fresh
     }
 }
 
-static lg_status model_of(const app *self, const train_values *values, const lg_series *series,
-                          uint32_t length, const lg_detector *stored, const lg_detector_preset *preset,
-                          lg_detector *out, lg_error *error) {
-    lg_activation activation = stored != NULL ? stored->net.activation : preset->activation;
-    *out = (lg_detector){.classes = series->classes};
-    out->loss = stored != NULL         ? stored->loss
-                : series->classes == 2 ? preset->loss
-                                       : LG_DETECTOR_CROSS_ENTROPY;
-    out->centred = stored != NULL && stored->centred;
-    if (app_given(self, "loss")) out->loss = (lg_detector_loss)values->loss;
-    if (app_given(self, "centred")) out->centred = values->centred == 1;
-    if (app_given(self, "activation"))
-        (void)lg_activation_parse(fit_activations[values->activation], &activation);
+/* The model that options and data describe. Of a stored one the blocks are not hyperparameters. */
+static lg_status complete_model(const app *self, const lg_series *series, const lg_detector *stored,
+                                lg_error *error) {
+    lg_detector *model = &train_run.model;
+    const lg_activation activation = model->net.activation;
+    const uint32_t plane = model->net.plane;
     if (series->classes < 2)
         return app_error(error, LG_INVALID_ARGUMENT, "all windows are of one class, '%s'",
                          series->class_name[0]);
-    if (out->loss == LG_DETECTOR_MSE && series->classes != 2)
+    if (model->loss == LG_DETECTOR_MSE && series->classes != 2)
         return app_error(error, LG_INVALID_ARGUMENT,
                          "--loss mse: is for two classes, the data have %u: take cross-entropy",
                          series->classes);
-    const uint32_t outputs = out->loss == LG_DETECTOR_MSE ? 1 : series->classes;
-    out->net = stored != NULL ? stored->net : lg_cnn_defaults(series->channels, length, outputs, activation);
-    out->net.activation = activation;
-    out->net.outputs = outputs;
-    if (values->filters.count > LG_CNN_MAX_BLOCKS && app_given(self, "filters"))
-        return app_error(error, LG_INVALID_ARGUMENT, "--filters: %zu blocks are more than %d",
-                         values->filters.count, LG_CNN_MAX_BLOCKS);
-    build_blocks(self, values, stored == NULL, &out->net);
-    const lg_status status = lg_cnn_init(&out->net, error);
-    return status == LG_OK ? lg_detector_check(out, error) : status;
+    model->classes = series->classes;
+    const uint32_t outputs = model->loss == LG_DETECTOR_MSE ? 1 : series->classes;
+    model->net = stored != NULL
+                     ? stored->net
+                     : lg_cnn_defaults(series->channels, (uint32_t)train_run.window, outputs, activation);
+    model->net.activation = activation;
+    model->net.plane = plane;
+    model->net.outputs = outputs;
+    build_blocks(self, stored == NULL, &model->net);
+    const lg_status status = lg_cnn_init(&model->net, error);
+    return status == LG_OK ? lg_detector_check(model, error) : status;
 }
 
-/* What was not given becomes the stored run's. */
-static void adopt(app *self, train_values *values, const lg_detector_run *stored) {
-    const double validation = values->fit.validation;
-    fit_adopt(self, &values->fit, &stored->training, true);
-    values->fit.validation = app_given(self, "validation") ? validation : stored->validation_fraction;
-    if (!app_given(self, "split")) values->split = (int)stored->split;
-    if (!app_given(self, "test-fraction")) values->test_fraction = stored->test_fraction;
+static lg_status adopt_preset(app *self, const lg_series_data *data, const lg_detector_preset **preset,
+                              lg_error *error) {
+    const char *name = train_preset_name(train_given.preset);
+    *preset = lg_detector_preset_find(name, data->noise);
+    if (*preset == NULL) return app_error(error, LG_UNSUPPORTED, "--preset: %s has no settings", name);
+    const lg_detector_run from = {
+        .model = {.net.activation = (*preset)->activation,
+                  .loss = data->series.classes == 2 ? (*preset)->loss : LG_DETECTOR_CROSS_ENTROPY},
+        .training = (*preset)->training};
+    app_adopt(self, train_settings, &from, true);
+    return LG_OK;
 }
 
-lg_status network_run(app *self, train_values *values, const lg_series_data *data,
-                      const lg_detector_run *stored, lg_detector_run *run, const lg_detector_preset **preset,
-                      lg_error *error) {
-    const double validation = values->fit.validation;
+lg_status network_run(app *self, const lg_series_data *data, const lg_detector_run *stored,
+                      const lg_detector_preset **preset, lg_error *error) {
+    lg_detector_run *run = &train_run;
     *preset = NULL;
-    if (stored != NULL) {
-        adopt(self, values, stored);
-    } else {
-        *preset = lg_detector_preset_find(presets[values->preset], data->noise);
-        if (*preset == NULL)
-            return app_error(error, LG_UNSUPPORTED, "--preset: %s has no settings", presets[values->preset]);
-        fit_adopt(self, &values->fit, &(*preset)->training, false);
-        values->fit.validation = validation;
-    }
-    *run = (lg_detector_run){.training = fit_training(&values->fit, self->seed),
-                             .split = (lg_split)values->split,
-                             .test_fraction = values->test != NULL ? 0 : values->test_fraction,
-                             .validation_fraction = values->fit.validation};
-    run->training.validation = 0; /* the part is ours to draw: runs and groups stay whole */
+    lg_status status = stored == NULL ? adopt_preset(self, data, preset, error) : LG_OK;
+    if (status != LG_OK) return status;
+    if (train_given.test != NULL) run->test_fraction = 0;
+    /* Before the windows are cut they are taken to be as many as they were. */
+    run->windows = stored != NULL ? stored->windows : 0;
     memcpy(run->data_sha256, data->sha256, sizeof run->data_sha256);
-    lg_status status = window_of(self, values, &data->series, &run->window, &run->hop, error);
+    status = window_of(self, &data->series, &run->window, &run->hop, error);
     if (status != LG_OK) return status;
     if (stored != NULL && !app_given(self, "window") && !app_given(self, "hop")) {
         run->window = stored->window;
         run->hop = stored->hop;
     }
-    return model_of(self, values, &data->series, (uint32_t)run->window,
-                    stored != NULL ? &stored->model : NULL, *preset, &run->model, error);
+    return complete_model(self, &data->series, stored != NULL ? &stored->model : NULL, error);
 }
 
 well_cut cut_of_run(const lg_detector_run *run) {
@@ -161,7 +145,7 @@ well_cut cut_of_run(const lg_detector_run *run) {
 
 static lg_status create_fit(const lg_context *context, const lg_fit_options *options, network *net,
                             lg_error *error) {
-    const lg_detector_run *run = &net->run;
+    const lg_detector_run *run = &train_run;
     lg_fit_options wanted = *options;
     wanted.keep_best = net->fit_problem.validation > 0;
     double *theta = app_try_alloc(net->fit_problem.parameters, sizeof *theta);
@@ -176,10 +160,11 @@ static lg_status create_fit(const lg_context *context, const lg_fit_options *opt
     return status;
 }
 
-lg_status network_create(const lg_context *context, const lg_detector_run *run, const lg_series *series,
-                         const lg_windows *windows, const part_indices *train, const part_indices *validation,
+lg_status network_create(const lg_context *context, const lg_series *series, const lg_windows *windows,
+                         const part_indices *train, const part_indices *validation,
                          const lg_fit_options *options, network *out, lg_error *error) {
-    *out = (network){.run = *run};
+    const lg_detector_run *run = &train_run;
+    *out = (network){.fit = NULL};
     const size_t count = train->count + validation->count;
     uint32_t *chosen = app_alloc(count, sizeof *chosen);
     memcpy(chosen, train->list, train->count * sizeof *chosen);
@@ -188,11 +173,11 @@ lg_status network_create(const lg_context *context, const lg_detector_run *run, 
         lg_scaler_fit(context, series, windows, train->list, train->count, run->model.centred, &out->scaler);
     if (status != LG_OK) (void)app_error(error, status, "scaling: %s", lg_status_sentence(status));
     if (status == LG_OK)
-        status = lg_detector_data_create(context, &out->run.model, &out->scaler, series, windows, chosen,
-                                         count, run->training.dtype, &out->data, error);
+        status = lg_detector_data_create(context, &run->model, &out->scaler, series, windows, chosen, count,
+                                         run->training.dtype, &out->data, error);
     free(chosen);
     if (status == LG_OK) {
-        out->problem = (lg_detector_problem){&out->run.model, &out->data, train->count};
+        out->problem = (lg_detector_problem){&run->model, &out->data, train->count};
         lg_detector_fit_problem(&out->problem, &out->fit_problem);
         status = create_fit(context, options, out, error);
     }
@@ -204,11 +189,11 @@ void network_destroy(const lg_context *context, network *net) {
     lg_fit_destroy(net->fit);
     lg_detector_data_destroy(context, &net->data);
     lg_scaler_destroy(context, &net->scaler);
-    net->fit = NULL;
+    *net = (network){.fit = NULL};
 }
 
 lg_detector_file network_file(const network *net, const lg_series *series) {
-    lg_detector_file file = {.run = net->run,
+    lg_detector_file file = {.run = train_run,
                              .parameters = net->fit_problem.parameters,
                              .scaler = net->scaler,
                              .class_name = series->class_name,

@@ -6,13 +6,13 @@
 #include "lg-anomaly/train.h"
 
 const cut_series *tested_series(const trained *self) {
-    return self->foreign != NULL ? self->foreign : self->all;
+    return train_given.test != NULL ? &self->foreign : &self->all;
 }
 
 /* ---- what every method tells ---- */
 
 void json_trained(app_json *json, const trained *self, const well_model *model) {
-    const lg_series *series = &self->all->data.series;
+    const lg_series *series = &self->all.data.series;
     json_metrics(json, &self->judged, self->cut.hop, series->rate);
     app_json_real(json, "train_accuracy", self->train_judged.metrics.accuracy);
     app_json_real(json, "train_f1", self->train_judged.metrics.f1);
@@ -26,181 +26,134 @@ void json_trained(app_json *json, const trained *self, const well_model *model) 
     app_json_size(json, "window", self->cut.window);
     app_json_size(json, "hop", self->cut.hop);
     app_json_real(json, "rate", series->rate > 0 ? series->rate : (double)NAN);
-    app_json_size(json, "windows", self->all->windows.count);
+    app_json_size(json, "windows", self->all.windows.count);
     app_json_size(json, "train_windows", self->train.count);
     app_json_size(json, "validation_windows", self->validation.count);
     app_json_size(json, "test_windows", self->test.count);
-    app_json_text(json, "split", train_splits[self->cut.split]);
-    app_json_real(json, "test_fraction", self->cut.test_fraction);
-    app_json_text(json, "test", self->values->test);
+    app_json_text(json, "test", train_given.test);
     app_json_text(json, "data_sha256", self->cut.data_sha256);
 }
 
 void print_trained(const trained *self, const well_model *model) {
     (void)printf("%zu windows to train on, accuracy %.4f on them; the test part (%s):\n", self->train.count,
                  self->train_judged.metrics.accuracy,
-                 self->foreign != NULL ? self->values->test : train_splits[self->cut.split]);
+                 train_given.test != NULL ? train_given.test : lg_split_name(self->cut.split));
     print_metrics(&self->judged, model);
 }
 
 /* ---- reading and cutting ---- */
 
-static int read_test(const app *self, const train_values *values, const cut_series *all, cut_series *out) {
-    if (values->test == NULL) return APP_EXIT_OK;
-    const lg_series *series = &all->data.series;
-    const int code = read_series(self, values->test, series, &out->data);
+static int read_test(trained *state) {
+    const char *path = train_given.test;
+    const app *self = state->app;
+    const lg_series *series = &state->all.data.series;
+    if (path == NULL) return APP_EXIT_OK;
+    const int code = read_series(self, path, series, &state->foreign.data);
     if (code != APP_EXIT_OK) return code;
-    if (out->data.series.channels != series->channels)
-        return app_fail(self, LG_SHAPE, "%s: %u channels, %s has %u", values->test, out->data.series.channels,
+    const lg_series_data *test = &state->foreign.data;
+    if (test->series.channels != series->channels)
+        return app_fail(self, LG_SHAPE, "%s: %u channels, %s has %u", path, test->series.channels,
                         self->arguments[0], series->channels);
-    if (strcmp(out->data.sha256, all->data.sha256) == 0)
-        app_warn(self, "%s holds the windows of %s: nothing is tested on unseen data", values->test,
+    if (strcmp(test->sha256, state->all.data.sha256) == 0)
+        app_warn(self, "%s holds the windows of %s: nothing is tested on unseen data", path,
                  self->arguments[0]);
     return APP_EXIT_OK;
 }
 
-static int fail_cut(const app *self, lg_status status, const lg_error *error) {
-    return app_fail(self, status, "%s",
-                    error->message[0] != '\0' ? error->message : lg_status_sentence(status));
+int read_all(void *user, app *self, const char *path, char sha256[LG_SHA256_TEXT]) {
+    trained *state = user;
+    const int code = read_series(self, path, NULL, &state->all.data);
+    if (code != APP_EXIT_OK) return code;
+    memcpy(sha256, state->all.data.sha256, LG_SHA256_TEXT);
+    return read_test(state);
 }
 
-/* Windows and parts by self->cut; windows->count is entered there. */
-static int cut_parts(trained *self, cut_series *all, cut_series *foreign) {
+static int fail(const app *self, lg_status status, const lg_error *error) {
+    return app_fail(self, status, "%s", app_sentence(status, error));
+}
+
+static void warn_of_cut(const trained *self) {
+    const well_cut *cut = &self->cut;
+    if (cut->validation_fraction > 0 && self->validation.count == 0)
+        app_warn(self->app,
+                 "--validation %g: too small a part of these %ss to have a window: the last epoch's "
+                 "parameters are taken",
+                 cut->validation_fraction,
+                 cut->split == LG_SPLIT_RANDOM ? "window" : lg_split_name(cut->split));
+    if (self->cut.hop < self->cut.window && cut->split == LG_SPLIT_RANDOM &&
+        (cut->test_fraction > 0 || cut->validation_fraction > 0))
+        app_warn(self->app, "windows overlap and are split at random: samples that were trained on are "
+                            "tested on too; take --split run or --split group");
+}
+
+int cut_parts(trained *self) {
     const lg_context *context = self->app->context;
     lg_error error = {LG_OK, ""};
     uint8_t *parts;
+    cut_series *all = &self->all, *foreign = &self->foreign;
     lg_status status = cut_and_split(context, &all->data.series, &self->cut, &all->windows, &parts, &error);
-    if (status != LG_OK) return fail_cut(self->app, status, &error);
+    if (status != LG_OK) return fail(self->app, status, &error);
     self->cut.windows = all->windows.count;
     self->train = part_of(parts, all->windows.count, LG_PART_TRAIN);
     self->validation = part_of(parts, all->windows.count, LG_PART_VALIDATION);
-    if (self->values->test == NULL) {
+    if (train_given.test == NULL) {
         self->test = part_of(parts, all->windows.count, LG_PART_TEST);
     } else {
         status = lg_windows_create(context, &foreign->data.series, (size_t)self->cut.window,
                                    (size_t)self->cut.hop, &foreign->windows, &error);
         if (status == LG_OK) self->test = part_all(foreign->windows.count);
-        self->foreign = foreign;
-        if (status != LG_OK && status != LG_OUT_OF_MEMORY) {
-            free(parts);
-            return app_fail_file(self->app, status, &error, self->values->test);
-        }
     }
     free(parts);
-    if (status != LG_OK) return fail_cut(self->app, status, &error);
-    if (self->cut.validation_fraction > 0 && self->validation.count == 0)
-        app_warn(self->app,
-                 "--validation %g: too small a part of these %ss to have a window: the last epoch's "
-                 "parameters are taken",
-                 self->cut.validation_fraction,
-                 self->cut.split == LG_SPLIT_RANDOM ? "window" : train_splits[self->cut.split]);
-    if (self->cut.hop < self->cut.window && self->cut.split == LG_SPLIT_RANDOM &&
-        (self->cut.test_fraction > 0 || self->cut.validation_fraction > 0))
-        app_warn(self->app, "windows overlap and are split at random: samples that were trained on are "
-                            "tested on too; take --split run or --split group");
+    if (status != LG_OK && status != LG_OUT_OF_MEMORY)
+        return app_fail_file(self->app, status, &error, train_given.test);
+    if (status != LG_OK) return fail(self->app, status, &error);
+    warn_of_cut(self);
     return APP_EXIT_OK;
-}
-
-static void free_parts(trained *self) {
-    free(self->train.list);
-    free(self->validation.list);
-    free(self->test.list);
-    judgement_free(&self->train_judged);
-    judgement_free(&self->judged);
-}
-
-/* ---- networks ---- */
-
-static int compare_stored(const app *self, const char *path, const lg_detector_run *stored,
-                          const lg_detector_run *run) {
-    lg_error error = {LG_OK, ""};
-    const lg_status status = lg_detector_run_compare(path, stored, run, &error);
-    return status == LG_OK ? APP_EXIT_OK : fail_cut(self, status, &error);
-}
-
-static int run_network(trained *state, cut_series *all, cut_series *foreign) {
-    app *self = state->app;
-    lg_error error = {LG_OK, ""};
-    lg_detector_run run, stored_run;
-    lg_file_reader *stored = NULL;
-    const lg_detector_preset *preset;
-    const char *resume = train_given.fit.resume;
-    if (resume != NULL) {
-        const lg_status status =
-            lg_detector_checkpoint_open(self->context, resume, NULL, &stored_run, &stored, &error);
-        if (status != LG_OK) return app_fail_file(self, status, &error, resume);
-    }
-    const lg_status status = network_run(self, &train_given, &all->data, stored != NULL ? &stored_run : NULL,
-                                         &run, &preset, &error);
-    int code = status == LG_OK ? APP_EXIT_OK : fail_cut(self, status, &error);
-    if (code == APP_EXIT_OK) {
-        state->cut = cut_of_run(&run);
-        /* The data are compared before they are cut: another set need not be cut in the same way. */
-        run.windows = stored != NULL ? stored_run.windows : 0;
-        if (stored != NULL) code = compare_stored(self, resume, &stored_run, &run);
-    }
-    if (code == APP_EXIT_OK) code = cut_parts(state, all, foreign);
-    if (code == APP_EXIT_OK) {
-        run.windows = state->cut.windows;
-        if (stored != NULL) code = compare_stored(self, resume, &stored_run, &run);
-    }
-    if (code == APP_EXIT_OK) code = train_network(state, &run, preset, stored);
-    lg_file_reader_close(stored);
-    return code;
-}
-
-static int run_classical(trained *state, cut_series *all, cut_series *foreign) {
-    app *self = state->app;
-    lg_error error = {LG_OK, ""};
-    state->cut = (well_cut){.split = (lg_split)train_given.split,
-                            .test_fraction = train_given.test != NULL ? 0 : train_given.test_fraction,
-                            .seed = self->seed};
-    memcpy(state->cut.data_sha256, all->data.sha256, sizeof state->cut.data_sha256);
-    if (all->data.series.classes < 2)
-        return app_fail(self, LG_INVALID_ARGUMENT, "all windows are of one class, '%s'",
-                        all->data.series.class_name[0]);
-    const lg_status status =
-        window_of(self, &train_given, &all->data.series, &state->cut.window, &state->cut.hop, &error);
-    if (status != LG_OK) return fail_cut(self, status, &error);
-    const int code = cut_parts(state, all, foreign);
-    return code == APP_EXIT_OK ? train_classical(state) : code;
 }
 
 /* ---- the command ---- */
 
-static int check_files(const app *self) {
-    const fit_values *fit = &train_given.fit;
-    const app_path paths[] = {{"test", train_given.test, APP_READ},
-                              {"out", fit->out, APP_WRITTEN},
-                              {"checkpoint", fit->checkpoint, APP_WRITTEN},
-                              {"history", fit->history, APP_WRITTEN},
-                              {"plot", fit->plot, APP_DRAWN}};
-    const int code = fit_check_outputs(self, fit);
-    if (code != APP_EXIT_OK || train_given.test == NULL) return code;
-    return app_check_outputs(self, paths, APP_COUNT(paths));
+static int run_classical(trained *state) {
+    app *self = state->app;
+    const lg_series_data *data = &state->all.data;
+    lg_error error = {LG_OK, ""};
+    state->cut = (well_cut){.split = train_run.split,
+                            .test_fraction = train_given.test != NULL ? 0 : train_run.test_fraction,
+                            .seed = self->seed};
+    memcpy(state->cut.data_sha256, data->sha256, sizeof state->cut.data_sha256);
+    if (data->series.classes < 2)
+        return app_fail(self, LG_INVALID_ARGUMENT, "all windows are of one class, '%s'",
+                        data->series.class_name[0]);
+    const lg_status status = window_of(self, &data->series, &state->cut.window, &state->cut.hop, &error);
+    if (status != LG_OK) return fail(self, status, &error);
+    const int code = cut_parts(state);
+    return code == APP_EXIT_OK ? train_classical(state) : code;
+}
+
+static int train(app *self, const train_task *task) {
+    char sha256[LG_SHA256_TEXT];
+    int code = train_check_options(self);
+    if (code != APP_EXIT_OK) return code;
+    if (train_given.method == METHOD_CNN) return train_main(self, task);
+    code = train_check(self, task);
+    if (code == APP_EXIT_OK) code = task->read(task->user, self, self->arguments[0], sha256);
+    return code == APP_EXIT_OK ? run_classical(task->user) : code;
+}
+
+int with_task(app *self, int (*main_)(app *self, const train_task *task)) {
+    trained *state = app_alloc(1, sizeof *state);
+    state->app = self;
+    const train_task task = network_task(state);
+    const int code = main_(self, &task);
+    task.release(state, self);
+    lg_series_data_destroy(self->context, &state->all.data);
+    lg_series_data_destroy(self->context, &state->foreign.data);
+    free(state);
+    return code;
 }
 
 static int run_train(app *self) {
-    cut_series all, foreign;
-    memset(&all, 0, sizeof all);
-    memset(&foreign, 0, sizeof foreign);
-    trained state = {.app = self, .values = &train_given, .all = &all};
-    int code = train_check_options(self, &train_given);
-    if (code == APP_EXIT_OK && train_given.fit.resume != NULL && app_given(self, "preset"))
-        code = app_usage(self, "--preset: a resumed run has its settings already");
-    if (code == APP_EXIT_OK) code = check_files(self);
-    if (code == APP_EXIT_OK) code = read_series(self, self->arguments[0], NULL, &all.data);
-    if (code != APP_EXIT_OK) return code;
-    code = read_test(self, &train_given, &all, &foreign);
-    if (code == APP_EXIT_OK)
-        code = train_given.method == METHOD_CNN ? run_network(&state, &all, &foreign)
-                                                : run_classical(&state, &all, &foreign);
-    free_parts(&state);
-    lg_windows_destroy(self->context, &all.windows);
-    lg_windows_destroy(self->context, &foreign.windows);
-    lg_series_data_destroy(self->context, &all.data);
-    lg_series_data_destroy(self->context, &foreign.data);
-    return code;
+    return with_task(self, train);
 }
 
 const app_command train_command = {
@@ -217,6 +170,8 @@ const app_command train_command = {
         "the same bits.",
     .options = train_options,
     .values = &train_given,
+    TRAIN_SHARED,
+    .settings = train_settings,
     .arguments_min = 1,
     .arguments_max = 1,
     .run = run_train};

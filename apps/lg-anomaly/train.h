@@ -2,41 +2,41 @@
 #ifndef LG_APPS_ANOMALY_TRAIN_H
 #define LG_APPS_ANOMALY_TRAIN_H
 
-#include "common/fit.h"
+#include "common/train.h"
 #include "lg-anomaly/anomaly.h"
 
-/* Positions in train_methods. */
 enum { METHOD_CNN, METHOD_LOGISTIC, METHOD_TREE, METHOD_SVM_LINEAR, METHOD_SVM_RBF, METHOD_BASELINE };
 enum { PRUNE_NONE, PRUNE_PRE, PRUNE_POST };
 
+/* What the command line gave beside files and train_run. */
 typedef struct train_values {
-    fit_values fit;
     const char *test;
-    int method, picture;
-    /* cutting and splitting */
-    int split;
-    double window, hop, test_fraction;
+    int picture;
+    app_reals grid;
+    /* Hyperparameters. */
+    uint32_t method;
+    double window, hop;
     /* classical */
-    int features, directions, criterion, prune;
+    uint32_t features, directions, criterion, prune;
     uint64_t components, max_depth, min_split, min_leaf, folds;
     double ccp_alpha, c, gamma;
-    app_reals grid;
-    /* network */
-    int preset, loss, centred, activation, pooling;
-    uint64_t kernel, stride, padding, pool_size, plane;
+    /* network: where the rest comes from, and its blocks */
+    uint32_t preset, pooling;
+    uint64_t kernel, stride, padding, pool_size;
     app_sizes filters;
 } train_values;
 
 extern train_values train_given;
+/* Networks: all that determines the result; of the classical methods: the split. */
+extern lg_detector_run train_run;
 extern const app_option train_options[];
-extern const char *const train_methods[], *const train_splits[];
+extern const app_settings train_settings[];
+/* Names by number; NULL beyond the last. */
+const char *train_method_name(uint32_t method);
+const char *train_preset_name(uint32_t preset);
 
-/* Whether a search may vary or fix the option. */
-bool train_is_hyperparameter(const char *option);
-/* False: the option belongs to other methods. */
-bool train_has_option(int method, const char *option);
-/* Refuses options that the method does not have. */
-int train_check_options(const app *app, const train_values *values);
+/* Refuses options that the method does not have, or that do not go together. */
+int train_check_options(const app *app);
 
 /* ---- the data of a training (cut.c) ---- */
 
@@ -47,23 +47,21 @@ typedef struct cut_series {
 } cut_series;
 
 /* Samples of a window, and from one to the next, that the options say for this data. */
-lg_status window_of(const app *app, const train_values *values, const lg_series *series, uint64_t *window,
-                    uint64_t *hop, lg_error *error);
+lg_status window_of(const app *app, const lg_series *series, uint64_t *window, uint64_t *hop,
+                    lg_error *error);
 /* Windows and their parts. parts: (windows->count), freed with free. */
 lg_status cut_and_split(const lg_context *context, const lg_series *series, const well_cut *how,
                         lg_windows *windows, uint8_t **parts, lg_error *error);
 
 /* ---- networks (network.c) ---- */
 
-/* The run that options and data describe. What was not given is the preset's, *preset, or, when `stored` is
- * given, the stored run's, and *preset is NULL. run->windows is 0 before cutting. */
-lg_status network_run(app *app, train_values *values, const lg_series_data *data,
-                      const lg_detector_run *stored, lg_detector_run *run, const lg_detector_preset **preset,
-                      lg_error *error);
+/* Completes train_run with what options and data say; what was not given is the preset's, *preset, or that of
+ * `stored`, and then *preset is NULL. */
+lg_status network_run(app *app, const lg_series_data *data, const lg_detector_run *stored,
+                      const lg_detector_preset **preset, lg_error *error);
 well_cut cut_of_run(const lg_detector_run *run);
 
 typedef struct network {
-    lg_detector_run run; /* all that determines the result */
     lg_scaler scaler;
     lg_detector_data data;
     lg_detector_problem problem;
@@ -71,32 +69,39 @@ typedef struct network {
     lg_fit *fit;
 } network;
 
-/* `options`: hyperparameters are the run's. The network must not move while it lives. */
-lg_status network_create(const lg_context *context, const lg_detector_run *run, const lg_series *series,
-                         const lg_windows *windows, const part_indices *train, const part_indices *validation,
+/* A fit of train_run. The network must not move while it lives. */
+lg_status network_create(const lg_context *context, const lg_series *series, const lg_windows *windows,
+                         const part_indices *train, const part_indices *validation,
                          const lg_fit_options *options, network *out, lg_error *error);
 void network_destroy(const lg_context *context, network *net);
 /* The fit's result as a file in memory, names borrowed from the series; free its theta with free. */
 lg_detector_file network_file(const network *net, const lg_series *series);
 
-/* ---- the commands' two halves ---- */
+/* ---- the training ---- */
 
-/* What a training has to say. */
 typedef struct trained {
     app *app;
-    const train_values *values;
-    const cut_series *all;     /* DATA.h5 */
-    const cut_series *foreign; /* --test, or NULL */
+    cut_series all;     /* DATA.h5 */
+    cut_series foreign; /* --test */
     well_cut cut;
     part_indices train, validation, test; /* of all; test of foreign when that is given */
     judgement train_judged, judged;
     double train_seconds;
+    /* Networks. */
+    const lg_detector_preset *preset; /* NULL when resumed */
+    network net;
 } trained;
 
+/* Runs `main_`, train_main or another, with the task of this program. */
+int with_task(app *self, int (*main_)(app *self, const train_task *task));
+/* The series with the test part. */
 const cut_series *tested_series(const trained *self);
-/* With everything read and cut (networks: `run` and, resumed, `stored`). Exit codes. */
-int train_network(trained *self, const lg_detector_run *run, const lg_detector_preset *preset,
-                  lg_file_reader *stored);
+int read_all(void *user, app *app, const char *path, char sha256[LG_SHA256_TEXT]);
+/* Windows and parts by self->cut, which gets their number. */
+int cut_parts(trained *self);
+/* The task of `train --method cnn` and `search` (train_network.c), but for reading. */
+train_task network_task(trained *self);
+/* Any other method, with everything read and cut. Exit codes. */
 int train_classical(trained *self);
 /* Keys that every method has; the sentence of the beginning and the metrics. */
 void json_trained(app_json *json, const trained *self, const well_model *model);

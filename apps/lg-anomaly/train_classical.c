@@ -27,21 +27,20 @@ typedef struct classical {
 } classical;
 
 static int fail(const app *self, lg_status status, const lg_error *error) {
-    return app_fail(self, status, "%s",
-                    error->message[0] != '\0' ? error->message : lg_status_sentence(status));
+    return app_fail(self, status, "%s", app_sentence(status, error));
 }
 
 /* ---- features ---- */
 
 static lg_status create_features(classical *self, lg_error *error) {
     const trained *base = self->base;
-    const train_values *values = base->values;
+    const train_values *values = &train_given;
     const lg_context *context = base->app->context;
-    const lg_series *series = &base->all->data.series;
+    const lg_series *series = &base->all.data.series;
     const bool baseline = values->method == METHOD_BASELINE;
     lg_scaler scaler;
-    lg_status status = lg_scaler_fit(context, series, &base->all->windows, base->train.list,
-                                     base->train.count, false, &scaler);
+    lg_status status = lg_scaler_fit(context, series, &base->all.windows, base->train.list, base->train.count,
+                                     false, &scaler);
     if (status != LG_OK) return app_error(error, status, "scaling: %s", lg_status_sentence(status));
     status = lg_features_create(context, baseline ? LG_FEATURES_BASELINE : (lg_feature_kind)values->features,
                                 values->directions == 1, series, (uint32_t)base->cut.window, &scaler,
@@ -71,7 +70,7 @@ static uint32_t *of_windows(const cut_series *from, const uint32_t *stored) {
 
 /* What a split keeps whole, folds keep whole. */
 static const uint32_t *units_of(const trained *base) {
-    const lg_series *series = &base->all->data.series;
+    const lg_series *series = &base->all.data.series;
     if (base->cut.split == LG_SPLIT_RUN) return series->run;
     return base->cut.split == LG_SPLIT_GROUP ? series->group : NULL;
 }
@@ -80,13 +79,13 @@ static lg_status compute_features(classical *self, lg_error *error) {
     const trained *base = self->base;
     const double begin = app_seconds();
     lg_status status = create_features(self, error);
-    if (status == LG_OK) status = fill_table(self, base->all, &self->table, error);
-    if (status == LG_OK && base->foreign != NULL)
-        status = fill_table(self, base->foreign, &self->foreign_table, error);
+    if (status == LG_OK) status = fill_table(self, &base->all, &self->table, error);
+    if (status == LG_OK && train_given.test != NULL)
+        status = fill_table(self, &base->foreign, &self->foreign_table, error);
     self->feature_seconds = app_seconds() - begin;
     if (status != LG_OK) return status;
-    self->label = of_windows(base->all, base->all->data.series.label);
-    self->unit = of_windows(base->all, units_of(base));
+    self->label = of_windows(&base->all, base->all.data.series.label);
+    self->unit = of_windows(&base->all, units_of(base));
     return LG_OK;
 }
 
@@ -163,14 +162,14 @@ static void list_candidates(const app *self, const train_values *values, double 
 static lg_status choose(classical *self, lg_error *error) {
     const trained *base = self->base;
     choice *chosen = &self->chosen;
-    list_candidates(base->app, base->values, base->all->data.noise, chosen);
+    list_candidates(base->app, &train_given, base->all.data.noise, chosen);
     if (chosen->count == 1) return LG_OK;
     chosen->accuracy = app_alloc(chosen->count, sizeof *chosen->accuracy);
     const double begin = app_seconds();
     const lg_status status = lg_grid_search(
-        base->app->context, chosen->options, chosen->count, (uint32_t)base->values->folds, self->table,
+        base->app->context, chosen->options, chosen->count, (uint32_t)train_given.folds, self->table,
         self->label, self->unit, base->train.list, base->train.count, self->model.classifier.features.count,
-        base->all->data.series.classes, (int)base->app->threads, chosen->accuracy, &chosen->best, error);
+        base->all.data.series.classes, (int)base->app->threads, chosen->accuracy, &chosen->best, error);
     chosen->seconds = app_seconds() - begin;
     return status;
 }
@@ -178,10 +177,10 @@ static lg_status choose(classical *self, lg_error *error) {
 static lg_status fit(classical *self, lg_error *error) {
     trained *base = self->base;
     const double begin = app_seconds();
-    const lg_status status = lg_classifier_fit(
-        base->app->context, &self->chosen.options[self->chosen.best], self->table, self->label,
-        base->train.list, base->train.count, self->model.classifier.features.count,
-        base->all->data.series.classes, &self->model.classifier, error);
+    const lg_status status = lg_classifier_fit(base->app->context, &self->chosen.options[self->chosen.best],
+                                               self->table, self->label, base->train.list, base->train.count,
+                                               self->model.classifier.features.count,
+                                               base->all.data.series.classes, &self->model.classifier, error);
     base->train_seconds = app_seconds() - begin;
     return status;
 }
@@ -189,7 +188,7 @@ static lg_status fit(classical *self, lg_error *error) {
 static lg_status judge(classical *self, lg_error *error) {
     trained *base = self->base;
     const cut_series *tested = tested_series(base);
-    const lg_status status = judge_rows(base->app, &self->model, &base->all->data.series, &base->all->windows,
+    const lg_status status = judge_rows(base->app, &self->model, &base->all.data.series, &base->all.windows,
                                         &base->train, self->table, &base->train_judged, error);
     if (status != LG_OK) return status;
     return judge_rows(base->app, &self->model, &tested->data.series, &tested->windows, &base->test,
@@ -242,7 +241,7 @@ static lg_status draw_path(const classical *self, const lg_tree *whole, const lg
     for (size_t i = 0; i < count && status == LG_OK; i++)
         status = prune_and_judge(self, whole, pca, steps[i].alpha, label, &trees[i]);
     if (status == LG_OK)
-        status = draw_pruning(base->app, base->values->fit.plot, trees, count,
+        status = draw_pruning(base->app, train_given_files.plot, trees, count,
                               self->chosen.options[self->chosen.best].tree.ccp_alpha, error);
     else
         (void)app_error(error, status, "%s", lg_status_sentence(status));
@@ -259,7 +258,7 @@ static lg_status draw_alphas(const classical *self, lg_error *error) {
     options.tree.ccp_alpha = 0;
     lg_status status = lg_classifier_fit(
         base->app->context, &options, self->table, self->label, base->train.list, base->train.count,
-        self->model.classifier.features.count, base->all->data.series.classes, &whole, error);
+        self->model.classifier.features.count, base->all.data.series.classes, &whole, error);
     if (status == LG_OK) status = draw_path(self, &whole.tree, &whole.pca, error);
     lg_classifier_destroy(base->app->context, &whole);
     return status;
@@ -268,15 +267,15 @@ static lg_status draw_alphas(const classical *self, lg_error *error) {
 static int draw(const classical *self) {
     const trained *base = self->base;
     const cut_series *tested = tested_series(base);
-    const int view = view_of(&self->model, base->values->picture, true);
+    const int view = view_of(&self->model, train_given.picture, true);
     lg_error error = {LG_OK, ""};
-    if (base->values->fit.plot == NULL) return APP_EXIT_OK;
+    if (train_given_files.plot == NULL) return APP_EXIT_OK;
     const lg_status status =
         view == VIEW_PRUNING
             ? draw_alphas(self, &error)
-            : draw_view(base->app, base->values->fit.plot, view, &self->model, &tested->data.series,
+            : draw_view(base->app, train_given_files.plot, view, &self->model, &tested->data.series,
                         &tested->windows, base->test.count > 0 ? &base->judged : &base->train_judged, &error);
-    return status == LG_OK ? APP_EXIT_OK : app_fail_file(base->app, status, &error, base->values->fit.plot);
+    return status == LG_OK ? APP_EXIT_OK : app_fail_file(base->app, status, &error, train_given_files.plot);
 }
 
 /* ---- result ---- */
@@ -284,7 +283,7 @@ static int draw(const classical *self) {
 static void json_choice(app_json *json, const classical *self) {
     const choice *chosen = &self->chosen;
     if (chosen->accuracy == NULL) return;
-    const bool tree = self->base->values->method == METHOD_TREE;
+    const bool tree = train_given.method == METHOD_TREE;
     app_json_real(json, "cv_accuracy", chosen->accuracy[chosen->best]);
     app_json_real(json, "grid_seconds", chosen->seconds);
     app_json_open(json, "grid", '[');
@@ -332,16 +331,18 @@ static void report_json(const classical *self) {
     app_json json;
     app_json_begin(&json);
     json_trained(&json, base, &self->model);
+    app_json_text(&json, "split", lg_split_name(base->cut.split));
+    app_json_real(&json, "test_fraction", base->cut.test_fraction);
     app_json_text(&json, "features", lg_feature_kind_name(model->features.kind));
     app_json_size(&json, "feature_count", model->features.count);
     app_json_size(&json, "components", model->pca.components);
-    app_json_text(&json, "directions", base->values->directions == 1 ? "x" : "xy");
+    app_json_text(&json, "directions", train_given.directions == 1 ? "x" : "xy");
     app_json_real(&json, "feature_seconds", self->feature_seconds);
     json_method(&json, self);
     json_choice(&json, self);
     app_json_size(&json, "seed", base->app->seed);
     app_json_size(&json, "threads", base->app->threads);
-    app_json_text(&json, "out", base->values->fit.out);
+    app_json_text(&json, "out", train_given_files.out);
     app_json_end(&json);
 }
 
@@ -353,7 +354,7 @@ static void report(const classical *self) {
         report_json(self);
         return;
     }
-    (void)printf("%s: %s on %u %s features", base->values->fit.out, self->model.method, model->features.count,
+    (void)printf("%s: %s on %u %s features", train_given_files.out, self->model.method, model->features.count,
                  lg_feature_kind_name(model->features.kind));
     if (model->pca.components > 0) (void)printf(", %u components", model->pca.components);
     if (model->method == LG_METHOD_TREE)
@@ -371,8 +372,8 @@ static void report(const classical *self) {
 /* ---- running ---- */
 
 static void describe(const trained *base, well_model *model) {
-    const lg_series *series = &base->all->data.series;
-    *model = (well_model){.method = train_methods[base->values->method],
+    const lg_series *series = &base->all.data.series;
+    *model = (well_model){.method = train_method_name(train_given.method),
                           .classes = series->classes,
                           .channels = series->channels,
                           .window = (uint32_t)base->cut.window,
@@ -381,19 +382,19 @@ static void describe(const trained *base, well_model *model) {
                           .class_label = series->class_label,
                           .channel_name = series->channel_name,
                           .cut = base->cut};
-    model->classifier.method = method_of(base->values->method);
+    model->classifier.method = method_of(train_given.method);
     model->probabilities = model->classifier.method <= LG_METHOD_TREE;
 }
 
 static int train(classical *self) {
     const trained *base = self->base;
-    const char *path = base->values->fit.out;
+    const char *path = train_given_files.out;
     lg_error error = {LG_OK, ""};
     lg_status status = compute_features(self, &error);
     if (status == LG_OK) status = choose(self, &error);
     if (status == LG_OK) status = fit(self, &error);
-    if (status == LG_OK && base->values->fit.plot != NULL) {
-        const int refused = check_view(base->app, &self->model, base->values->picture, true);
+    if (status == LG_OK && train_given_files.plot != NULL) {
+        const int refused = check_view(base->app, &self->model, train_given.picture, true);
         if (refused != APP_EXIT_OK) return refused;
     }
     if (status == LG_OK) status = judge(self, &error);

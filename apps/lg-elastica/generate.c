@@ -3,7 +3,7 @@
 #include <stdlib.h>
 
 #include "lg-elastica/beam.h"
-#include "common/fit.h"
+#include "common/train.h"
 
 typedef struct generate_values {
     const char *out, *plot;

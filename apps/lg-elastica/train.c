@@ -1,167 +1,319 @@
 /* lg-elastica train: fit a surrogate to curves. */
-#include <math.h>
-#include <stdlib.h>
-
 #include "lg-elastica/train.h"
 
-typedef struct training {
-    app *app;
-    const lg_elastica_data *data;
-    const lg_surrogate_preset *preset; /* NULL when resumed */
-    part_indices train, test;
-    learner learner;
-    fit_session session;
-} training;
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
 
-static lg_status create_checkpoint(void *user, const char *path, const lg_provenance *provenance,
-                                   lg_file_writer **out, lg_error *error) {
-    const training *self = user;
-    return lg_surrogate_checkpoint_create(self->app->context, path, &self->learner.run, provenance, out,
-                                          error);
+enum { STREAM_WEIGHTS = 1 };
+
+/* ---- settings: the run, and where what is not given comes from ---- */
+
+static lg_surrogate_run run; /* all that determines the result */
+static uint32_t preset_given;
+
+static const char *preset_name(uint32_t value) {
+    static const char *const names[] = {"thesis", "best"};
+    return value < APP_COUNT(names) ? names[value] : NULL;
 }
 
-static const char *sentence_of(lg_status status, const lg_error *error) {
-    return error->message[0] != '\0' ? error->message : lg_status_sentence(status);
+static const lg_hyperparameter preset_rows[] = {
+    {.name = "preset",
+     .type = LG_HYPER_NAME,
+     .size = sizeof preset_given,
+     .value_name = preset_name,
+     .value = "best",
+     .meaning = "Where options that are not given come from, the published settings or ours"},
+    LG_HYPERPARAMETER_END};
+
+static const app_settings settings[] = {{lg_surrogate_hyperparameters, &run, sizeof run},
+                                        {preset_rows, &preset_given, sizeof preset_given},
+                                        {.rows = NULL}};
+
+typedef struct training {
+    lg_elastica_data data;
+    const lg_surrogate_preset *preset; /* NULL when resumed */
+    part_indices train, test;          /* in a search `test` is held out of the training part */
+    lg_surrogate_problem problem;
+    lg_fit_problem fit_problem;
+    lg_fit *fit;
+} training;
+
+/* ---- the run ---- */
+
+static int read_data(void *user, app *self, const char *path, char sha256[LG_SHA256_TEXT]) {
+    training *state = user;
+    const int code = read_curves(self, path, &state->data);
+    if (code == APP_EXIT_OK) memcpy(sha256, state->data.sha256, LG_SHA256_TEXT);
+    return code;
+}
+
+static lg_status adopt_preset(training *state, app *self, lg_error *error) {
+    const lg_elastica_curves *curves = &state->data.curves;
+    const lg_surrogate_options *options = &run.model.options;
+    const families found = families_of(curves->boundary, curves->count);
+    const bool merged = found.both_ends && found.right_end;
+    const char *name = preset_name(preset_given);
+    state->preset =
+        lg_surrogate_preset_find(name, options->kind, options->boundary, merged, run.train_fraction);
+    if (state->preset == NULL)
+        return app_error(error, LG_UNSUPPORTED, "--preset: %s has no settings for the %s network%s%s", name,
+                         lg_surrogate_kind_name(options->kind),
+                         options->boundary ? " with --boundary true" : "",
+                         merged ? " on data of both families" : "");
+    const lg_surrogate_run from = {.model.options = state->preset->model,
+                                   .training = state->preset->training};
+    app_adopt(self, settings, &from, true);
+    return LG_OK;
+}
+
+/* Half of the largest distance of the ends: the same bits wherever all curves have one distance. */
+static double centre_of(const lg_elastica_curves *curves) {
+    double largest = 0;
+    for (size_t i = 0; i < curves->count; i++) {
+        const double *x = curves->boundary + 8 * i;
+        largest = fmax(largest, hypot(x[4] - x[0], x[5] - x[1]));
+    }
+    return 0.5 * largest;
+}
+
+static lg_status describe(void *user, app *self, const void *stored, lg_error *error) {
+    training *state = user;
+    const lg_elastica_curves *curves = &state->data.curves;
+    state->preset = NULL;
+    const lg_status status = stored != NULL ? LG_OK : adopt_preset(state, self, error);
+    if (status != LG_OK) return status;
+    run.curves = curves->count;
+    run.continuous = curves->continuous;
+    memcpy(run.data_sha256, state->data.sha256, sizeof run.data_sha256);
+    const lg_surrogate_options options = run.model.options;
+    return lg_surrogate_init(&run.model, &options, curves->intervals, curves->length, centre_of(curves),
+                             error);
+}
+
+/* ---- parts ---- */
+
+static part_indices indices_of(const uint8_t *parts, size_t n, lg_part wanted) {
+    part_indices out = {app_alloc(n, sizeof *out.list), 0};
+    for (size_t i = 0; i < n; i++)
+        if (parts[i] == (uint8_t)wanted) out.list[out.count++] = (uint32_t)i;
+    return out;
+}
+
+lg_status split_curves(const lg_surrogate_run *from, part_indices *train, part_indices *test,
+                       lg_error *error) {
+    const size_t n = (size_t)from->curves;
+    uint8_t *parts = app_alloc(n, 1);
+    const lg_status status =
+        lg_surrogate_split(n, from->train_fraction, from->test_fraction, from->training.seed, parts);
+    if (status == LG_OK) {
+        *train = indices_of(parts, n, LG_PART_TRAIN);
+        *test = indices_of(parts, n, LG_PART_TEST);
+    } else {
+        (void)app_error(error, status,
+                        "fractions %g for training and %g for testing: more than 1 together, or no curve of "
+                        "%zu to train on",
+                        from->train_fraction, from->test_fraction, n);
+    }
+    free(parts);
+    return status;
+}
+
+static int prepare(void *user, app *self) {
+    training *state = user;
+    lg_error error = {LG_OK, ""};
+    const lg_status status = split_curves(&run, &state->train, &state->test, &error);
+    return status == LG_OK ? APP_EXIT_OK : app_fail(self, status, "%s", app_sentence(status, &error));
+}
+
+/* The training part without what is held out. */
+static lg_status hold_out(void *user, app *self, double validation, lg_error *error) {
+    training *state = user;
+    part_indices whole, test;
+    (void)self;
+    lg_status status = split_curves(&run, &whole, &test, error);
+    if (status != LG_OK) return status;
+    free(test.list);
+    uint8_t *parts = app_alloc(whole.count, 1);
+    status = lg_surrogate_split(whole.count, 1 - validation, validation, run.training.seed, parts);
+    state->train = indices_of(parts, whole.count, LG_PART_TRAIN);
+    state->test = indices_of(parts, whole.count, LG_PART_TEST);
+    for (size_t i = 0; i < state->train.count; i++) state->train.list[i] = whole.list[state->train.list[i]];
+    for (size_t i = 0; i < state->test.count; i++) state->test.list[i] = whole.list[state->test.list[i]];
+    free(parts);
+    free(whole.list);
+    if (status == LG_OK && state->train.count > 0 && state->test.count > 0) return LG_OK;
+    return app_error(error, LG_INVALID_ARGUMENT, "--validation %g of %zu curves leaves a part without any",
+                     validation, whole.count);
+}
+
+/* ---- the fit ---- */
+
+static lg_status no_room(lg_error *error) {
+    return app_error(error, LG_OUT_OF_MEMORY, "out of memory: the network has %zu parameters",
+                     lg_surrogate_parameters(&run.model));
+}
+
+static lg_status create(void *user, app *self, const lg_fit_options *options, lg_fit **fit, lg_error *error) {
+    training *state = user;
+    state->problem =
+        (lg_surrogate_problem){&run.model, &state->data.curves, state->train.list, state->train.count};
+    lg_status status = lg_surrogate_problem_check(&state->problem, error);
+    if (status != LG_OK) return status;
+    lg_surrogate_fit_problem(&state->problem, &state->fit_problem);
+    double *theta = app_try_alloc(lg_surrogate_parameters(&run.model), sizeof *theta);
+    if (theta == NULL) return no_room(error);
+    lg_rng rng;
+    lg_rng_seed(&rng, run.training.seed, STREAM_WEIGHTS);
+    lg_net_initialise(&run.model.net, LG_INIT_FAN_IN, &rng, theta);
+    status = lg_fit_create(self->context, &state->fit_problem, options, theta, &state->fit, error);
+    free(theta);
+    *fit = state->fit;
+    return status;
+}
+
+static void release(void *user, app *self) {
+    training *state = user;
+    (void)self;
+    lg_fit_destroy(state->fit);
+    free(state->train.list);
+    free(state->test.list);
+    state->fit = NULL;
+    state->train = state->test = (part_indices){NULL, 0};
+}
+
+/* Errors of the fit's parameters over a part; all NaN for a part without curves. */
+static lg_status errors_of(const training *state, const app *self, const part_indices *part,
+                           lg_surrogate_errors *out, lg_error *error) {
+    const double none = (double)NAN;
+    *out = (lg_surrogate_errors){none, none, none, none, none, none, none};
+    if (part->count == 0) return LG_OK;
+    double *theta = app_try_alloc(lg_surrogate_parameters(&run.model), sizeof *theta);
+    if (theta == NULL) return no_room(error);
+    lg_fit_parameters(state->fit, theta);
+    const lg_status status = lg_surrogate_evaluate(self->context, &run.model, theta, &state->data.curves,
+                                                   part->list, part->count, NULL, out, error);
+    free(theta);
+    return status;
+}
+
+static double objective(void *user, app *self) {
+    const training *state = user;
+    lg_surrogate_errors errors;
+    return errors_of(state, self, &state->test, &errors, NULL) == LG_OK ? errors.mse : (double)NAN;
+}
+
+static size_t parameters(void *user) {
+    (void)user;
+    return lg_surrogate_parameters(&run.model);
 }
 
 /* ---- result ---- */
 
-static void json_model(app_json *json, const lg_surrogate *model) {
-    const lg_surrogate_options *options = &model->options;
-    app_json_text(json, "network", lg_surrogate_kind_name(options->kind));
-    app_json_text(json, "architecture", lg_net_kind_name(options->architecture));
-    app_json_size(json, "embedding", options->embedding);
-    app_json_size(json, "hidden", options->hidden);
-    app_json_size(json, "layers", options->layers);
-    app_json_text(json, "activation", lg_activation_name(options->activation));
-    app_json_bool(json, "normalise", options->normalise);
-    app_json_bool(json, "mirror", options->mirror);
-    app_json_bool(json, "boundary", options->boundary);
-    app_json_bool(json, "between", options->between);
-    app_json_real(json, "gamma", options->gamma);
-}
-
-static void json_training(app_json *json, const lg_training *how) {
-    app_json_size(json, "batch", how->batch);
-    app_json_real(json, "lr", how->lr);
-    app_json_text(json, "schedule", lg_schedule_name(how->schedule));
-    app_json_size(json, "lr_step", how->lr_step);
-    app_json_real(json, "lr_gamma", how->lr_gamma);
-    app_json_real(json, "weight_decay", how->weight_decay);
-}
-
-static void report_json(const training *state, const lg_surrogate_errors *train,
+static void report_json(const training *state, const train_session *session, const lg_surrogate_errors *train,
                         const lg_surrogate_errors *test) {
-    const lg_surrogate_run *run = &state->learner.run;
     app_json json;
     app_json_begin(&json);
     app_json_real(&json, "train_mse", train->mse);
     app_json_real(&json, "test_mse", test->mse);
-    app_json_real(&json, "loss", lg_fit_loss(state->learner.fit));
-    app_json_size(&json, "parameters", lg_surrogate_parameters(&run->model));
-    fit_json(&state->session, &json);
-    json_model(&json, &run->model);
-    json_training(&json, &run->training);
+    app_json_real(&json, "loss", lg_fit_loss(state->fit));
+    app_json_size(&json, "parameters", lg_surrogate_parameters(&run.model));
+    train_json(session, &json);
     app_json_text(&json, "preset", state->preset != NULL ? state->preset->name : NULL);
     app_json_text(&json, "source", state->preset != NULL ? state->preset->source : NULL);
     app_json_size(&json, "train_curves", state->train.count);
     app_json_size(&json, "test_curves", state->test.count);
     app_json_real(&json, "test_max_error", test->max_error);
-    app_json_text(&json, "values", run->continuous ? "continuous" : "discrete");
-    app_json_text(&json, "data_sha256", run->data_sha256);
+    app_json_text(&json, "values", run.continuous ? "continuous" : "discrete");
+    app_json_text(&json, "data_sha256", run.data_sha256);
     app_json_end(&json);
 }
 
-static void report(const training *state, const lg_surrogate_errors *train, const lg_surrogate_errors *test) {
-    const learner *learned = &state->learner;
-    const lg_surrogate_options *options = &learned->run.model.options;
-    if (state->app->json) {
-        report_json(state, train, test);
+static void report(const training *state, const train_session *session, const lg_surrogate_errors *train,
+                   const lg_surrogate_errors *test) {
+    const lg_surrogate_options *options = &run.model.options;
+    if (session->app->json) {
+        report_json(state, session, train, test);
         return;
     }
-    (void)printf("%s: %s network, %s %u x %u, %zu parameters", train_given.fit.out,
+    (void)printf("%s: %s network, %s %u x %u, %zu parameters", train_given_files.out,
                  lg_surrogate_kind_name(options->kind), lg_net_kind_name(options->architecture),
-                 options->hidden, options->layers, lg_surrogate_parameters(&learned->run.model));
+                 options->hidden, options->layers, lg_surrogate_parameters(&run.model));
     if (state->preset != NULL) (void)printf(" (preset %s: %s)", state->preset->name, state->preset->source);
     (void)printf("\n%llu epochs (%.4f s each, %.1f s in all); mean squared error %.4e on %zu curves trained "
                  "on",
-                 (unsigned long long)lg_fit_epochs_done(learned->fit), lg_fit_seconds_per_epoch(learned->fit),
-                 state->session.seconds, train->mse, state->train.count);
+                 (unsigned long long)lg_fit_epochs_done(state->fit), lg_fit_seconds_per_epoch(state->fit),
+                 session->seconds, train->mse, state->train.count);
     if (state->test.count > 0) (void)printf(", %.4e on %zu test curves", test->mse, state->test.count);
     (void)printf("\n");
 }
 
-/* What is written when training has ended: model, picture. */
-static int finish(training *self) {
-    const lg_context *context = self->app->context;
+/* The model with the state of its fit. */
+static lg_status save_model(const training *state, const app *self, double train_mse, double test_mse,
+                            lg_error *error) {
+    lg_surrogate_file file;
+    memset(&file, 0, sizeof file);
+    file.run = run;
+    file.parameters = lg_surrogate_parameters(&run.model);
+    file.theta = app_alloc(file.parameters, sizeof *file.theta);
+    lg_fit_parameters(state->fit, file.theta);
+    file.trained_count = state->train.count;
+    file.trained = app_alloc(8 * file.trained_count, sizeof *file.trained);
+    for (size_t i = 0; i < file.trained_count; i++)
+        memcpy(file.trained + 8 * i, state->data.curves.boundary + 8 * (size_t)state->train.list[i],
+               8 * sizeof *file.trained);
+    file.has_errors = true;
+    file.train_mse = train_mse;
+    file.test_mse = test_mse;
+    file.provenance = app_provenance(self, run.training.seed);
+    const lg_status status =
+        lg_model_save_surrogate(self->context, train_given_files.out, &file, state->fit, error);
+    free(file.theta);
+    free(file.trained);
+    return status;
+}
+
+static int finish(void *user, train_session *session) {
+    const training *state = user;
+    const app *self = session->app;
     lg_error error = {LG_OK, ""};
     lg_surrogate_errors train, test;
-    lg_status status = learner_errors(context, &self->learner, &self->train, &train, &error);
-    if (status == LG_OK) status = learner_errors(context, &self->learner, &self->test, &test, &error);
+    lg_status status = errors_of(state, self, &state->train, &train, &error);
+    if (status == LG_OK) status = errors_of(state, self, &state->test, &test, &error);
     if (status != LG_OK)
-        return app_fail(self->app, status, "after the last epoch: %s", sentence_of(status, &error));
-    status = save_model(self->app, train_given.fit.out, &self->learner, train.mse, test.mse, &error);
-    if (status != LG_OK) return app_fail_file(self->app, status, &error, train_given.fit.out);
-    const int code = fit_draw(&self->session);
-    if (code == APP_EXIT_OK) report(self, &train, &test);
+        return app_fail(self, status, "after the last epoch: %s", app_sentence(status, &error));
+    status = save_model(state, self, train.mse, test.mse, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, train_given_files.out);
+    const int code = train_draw(session);
+    if (code == APP_EXIT_OK) report(state, session, &train, &test);
     return code;
 }
 
-/* ---- running ---- */
+/* ---- the command ---- */
 
-static int train(training *self, const lg_surrogate_run *run, lg_file_reader *stored) {
-    lg_error error = {LG_OK, ""};
-    bool done = false;
-    self->session.training = run->training;
-    const lg_fit_options options = fit_options(&self->session);
-    const lg_status status = learner_create(self->app->context, run, &self->data->curves, &self->train,
-                                            &options, &self->learner, &error);
-    if (status != LG_OK) return app_fail(self->app, status, "%s", sentence_of(status, &error));
-    self->session.fit = self->learner.fit;
-    int code = stored != NULL ? fit_load(&self->session, stored) : APP_EXIT_OK;
-    if (code == APP_EXIT_OK) code = fit_train(&self->session, &done);
-    if (done) code = finish(self);
-    learner_destroy(&self->learner);
-    return code;
-}
-
-/* With the data read: the run from options, preset or checkpoint, then the training. */
-static int run_with(training *self) {
-    lg_error error = {LG_OK, ""};
-    lg_surrogate_run run, stored_run;
-    lg_file_reader *stored = NULL;
-    lg_status status = LG_OK;
-    const char *resume = train_given.fit.resume;
-    if (resume != NULL) {
-        status = lg_surrogate_checkpoint_open(self->app->context, resume, NULL, &stored_run, &stored, &error);
-        if (status != LG_OK) return app_fail_file(self->app, status, &error, resume);
-        train_adopt(self->app, &train_given, &stored_run);
-    }
-    status = train_run(self->app, &train_given, self->data, stored != NULL, &run, &self->preset, &error);
-    if (status == LG_OK && stored != NULL)
-        status = lg_surrogate_run_compare(resume, &stored_run, &run, &error);
-    if (status == LG_OK) status = split_curves(&run, &self->train, &self->test, &error);
-    const int code = status == LG_OK ? train(self, &run, stored)
-                                     : app_fail(self->app, status, "%s", sentence_of(status, &error));
-    lg_file_reader_close(stored);
-    free(self->train.list);
-    free(self->test.list);
+int with_task(app *self, int (*main_)(app *self, const train_task *task)) {
+    training state = {.fit = NULL};
+    const train_task task = {.kind = &lg_run_surrogate,
+                             .settings = settings,
+                             .training = &run.training,
+                             .method = "network",
+                             .user = &state,
+                             .read = read_data,
+                             .describe = describe,
+                             .prepare = prepare,
+                             .hold_out = hold_out,
+                             .create = create,
+                             .release = release,
+                             .finish = finish,
+                             .objective = objective,
+                             .parameters = parameters};
+    const int code = main_(self, &task);
+    lg_elastica_data_destroy(self->context, &state.data);
     return code;
 }
 
 static int run_train(app *self) {
-    lg_elastica_data data;
-    training state = {.app = self, .data = &data};
-    state.session =
-        (fit_session){.app = self, .values = &train_given.fit, .create = create_checkpoint, .user = &state};
-    if (train_given.fit.resume != NULL && app_given(self, "preset"))
-        return app_usage(self, "--preset: a resumed run has its settings already");
-    int code = fit_check_outputs(self, &train_given.fit);
-    if (code == APP_EXIT_OK) code = read_curves(self, self->arguments[0], &data);
-    if (code != APP_EXIT_OK) return code;
-    code = run_with(&state);
-    lg_elastica_data_destroy(self->context, &data);
-    return code;
+    return with_task(self, train_main);
 }
 
 const app_command train_command = {
@@ -172,8 +324,8 @@ const app_command train_command = {
                "components, in double precision (discrete: the 4(N - 1) inner ones); `loss` is the last "
                "epoch's mean over its batches, with its penalty.\n\nCtrl-C saves a checkpoint and ends with "
                "exit code 130; --resume continues to the same bits.",
-    .options = train_options,
-    .values = &train_given,
+    TRAIN_SHARED,
+    .settings = settings,
     .arguments_min = 1,
     .arguments_max = 1,
     .run = run_train};

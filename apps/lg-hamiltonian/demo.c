@@ -85,26 +85,16 @@ static int on_epoch(void *user, const lg_fit_epoch *report) {
 }
 
 static lg_status train_model(demo *self) {
-    static const uint32_t hidden[] = {100, 100, 100};
-    lg_hamiltonian_run run = {.integrator = LG_TRAIN_CF4,
-                              .substeps = 1,
-                              .training = {.dtype = LG_F64,
-                                           .epochs = values.epochs,
-                                           .batch = 80,
-                                           .lr = 1e-2,
-                                           .schedule = LG_SCHEDULE_STEP,
-                                           .lr_step = 50,
-                                           .lr_gamma = 0.1,
-                                           .adam_eps = LG_HAMILTONIAN_ADAM_EPS,
-                                           .clip = LG_HAMILTONIAN_CLIP,
-                                           .shards = 4,
-                                           .seed = self->app->seed}};
+    lg_hamiltonian_run run = {.integrator = LG_TRAIN_CF4};
+    lg_hyperparameters_default(lg_hamiltonian_hyperparameters, &run);
+    run.training.epochs = values.epochs;
+    run.training.seed = self->app->seed;
     lg_fit_options options;
     lg_fit_options_init(&options);
     options.threads = (int)self->app->threads;
     options.on_epoch = on_epoch;
     options.user = self;
-    lg_status status = describe_run(&self->data, LG_POTENTIAL_MLP, hidden, 3, LG_TANH, &run, &self->error);
+    lg_status status = describe_run(&self->data, &run, &self->error);
     if (status == LG_OK)
         status =
             learner_create(self->app->context, &run, &self->data, &options, &self->learner, &self->error);
@@ -172,13 +162,13 @@ static lg_status draw_all(demo *self) {
     char *sphere = inside("trajectories.svg"), *loss = inside("loss.svg"), *energy = inside("energy.svg");
     char *history = inside("loss.csv");
     const lg_fit *fit = self->learner.fit;
-    lg_status status = fit_save_history(history, fit, &self->error);
+    lg_status status = train_save_history(history, fit, &self->error);
     if (status == LG_OK)
         status = draw_trajectories(self->app, sphere, LG_HAMILTONIAN_CHAIN, 1, self->test.data,
                                    self->predicted, self->test.count, self->test.points, &self->error);
     if (status == LG_OK)
-        status = fit_draw_loss(self->app, loss, lg_fit_history(fit, LG_FIT_LOSS), NULL,
-                               (size_t)lg_fit_epochs_done(fit), &self->error);
+        status = train_draw_loss(self->app, loss, lg_fit_history(fit, LG_FIT_LOSS), NULL,
+                                 (size_t)lg_fit_epochs_done(fit), &self->error);
     if (status == LG_OK) status = draw_long(self, energy);
     free(sphere);
     free(loss);

@@ -6,11 +6,10 @@
 
 enum { STREAM_WEIGHTS = 1, ERROR_CHUNK = 128 };
 
-lg_status describe_run(const lg_trajectories *data, lg_potential_kind potential, const uint32_t *hidden,
-                       uint32_t hidden_layers, lg_activation activation, lg_hamiltonian_run *run,
-                       lg_error *error) {
-    const lg_status status = lg_hamiltonian_init(&run->model, data->family, data->links, potential, hidden,
-                                                 hidden_layers, activation);
+lg_status describe_run(const lg_trajectories *data, lg_hamiltonian_run *run, lg_error *error) {
+    const lg_mlp net = run->model.net;
+    const lg_status status = lg_hamiltonian_init(&run->model, data->family, data->links, run->model.potential,
+                                                 net.width + 1, net.layers - 1, net.activation);
     if (status != LG_OK) return app_error(error, status, "a network of this size cannot be made");
     memcpy(run->system, data->system, sizeof run->system);
     memcpy(run->data_sha256, data->sha256, sizeof run->data_sha256);

@@ -4,7 +4,7 @@
 #define LG_APPS_LEARNING_H
 
 #include "common/app.h"
-#include "common/fit.h"
+#include "common/train.h"
 #include "liegrad/hamiltonian.h"
 #include "liegrad/io.h"
 #include "liegrad/mechanics.h"
@@ -39,10 +39,8 @@ typedef struct learner {
     lg_fit *fit;
 } learner;
 
-/* The run's fields that the data determine, and the model: family, links, sizes, dt, hash. */
-lg_status describe_run(const lg_trajectories *data, lg_potential_kind potential, const uint32_t *hidden,
-                       uint32_t hidden_layers, lg_activation activation, lg_hamiltonian_run *run,
-                       lg_error *error);
+/* Completes a run whose hyperparameters are set: what the data determine, and the model. */
+lg_status describe_run(const lg_trajectories *data, lg_hamiltonian_run *run, lg_error *error);
 /* `run` is copied, `data` borrowed. `options` holds what is free to differ between runs (threads, callbacks,
  * ...); its hyperparameters are taken from the run. The learner must not move while it lives. */
 lg_status learner_create(const lg_context *context, const lg_hamiltonian_run *run,

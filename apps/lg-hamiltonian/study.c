@@ -94,13 +94,19 @@ void study_protocol(const lg_grid *grid, char out[STUDY_PROTOCOL_TEXT]) {
                   scene->high, scene->segments);
     for (size_t i = 0; i < links; i++)
         (void)fprintf(text, " %.17g %.17g", masses != NULL ? masses[i] : 0, lengths != NULL ? lengths[i] : 0);
-    (void)fprintf(text, "; %.17g %u %u %u %.17g %.17g %.17g %.17g %.17g;", grid->t_end, grid->epochs,
-                  grid->batch, grid->lr_step, grid->lr, grid->lr_gamma, grid->weight_decay, grid->adam_eps,
-                  grid->clip);
-    for (uint32_t i = 0; i < grid->hidden_count; i++) (void)fprintf(text, " %u", grid->hidden[i]);
-    (void)fprintf(text, "; %d %d %d %d %d %u %u %u %llu", (int)grid->activation, (int)grid->potential,
-                  (int)grid->dtype, (int)grid->noise_kind, (int)grid->penalty_form, grid->shards,
-                  grid->test_trajectories, grid->test_points, (unsigned long long)grid->seed);
+    const lg_hamiltonian_run *run = &grid->run;
+    const lg_training *how = &run->training;
+    (void)fprintf(text, "; %.17g %llu %llu %llu %.17g %.17g %.17g %.17g %.17g;", grid->t_end,
+                  (unsigned long long)how->epochs, (unsigned long long)how->batch,
+                  (unsigned long long)how->lr_step, how->lr, how->lr_gamma, how->weight_decay, how->adam_eps,
+                  how->clip);
+    for (uint32_t i = 1; i < run->model.net.layers; i++) (void)fprintf(text, " %u", run->model.net.width[i]);
+    (void)fprintf(text, "; %d %d %d %d %d %u %u %u %llu", (int)run->model.net.activation,
+                  (int)run->model.potential, (int)how->dtype, (int)grid->noise_kind, (int)run->penalty_form,
+                  how->shards, grid->test_trajectories, grid->test_points, (unsigned long long)grid->seed);
+    /* Grids of earlier versions had neither key. */
+    if (how->schedule != LG_SCHEDULE_STEP || how->validation > 0)
+        (void)fprintf(text, "; %d %.17g", (int)how->schedule, how->validation);
     (void)fclose(text);
     lg_sha256_init(&sha);
     lg_sha256_add(&sha, memory.text, strlen(memory.text));
@@ -112,22 +118,12 @@ void study_protocol(const lg_grid *grid, char out[STUDY_PROTOCOL_TEXT]) {
 /* ---- one run ---- */
 
 static lg_hamiltonian_run run_of(const lg_grid *grid, const study_row *row) {
-    return (lg_hamiltonian_run){.integrator = row->integrator,
-                                .substeps = row->substeps,
-                                .penalty = row->penalty,
-                                .penalty_form = grid->penalty_form,
-                                .training = {.dtype = grid->dtype,
-                                             .epochs = grid->epochs,
-                                             .batch = grid->batch,
-                                             .lr = grid->lr,
-                                             .schedule = LG_SCHEDULE_STEP,
-                                             .lr_step = grid->lr_step,
-                                             .lr_gamma = grid->lr_gamma,
-                                             .weight_decay = grid->weight_decay,
-                                             .adam_eps = grid->adam_eps,
-                                             .clip = grid->clip,
-                                             .shards = grid->shards,
-                                             .seed = row->seed}};
+    lg_hamiltonian_run run = grid->run;
+    run.integrator = row->integrator;
+    run.substeps = row->substeps;
+    run.penalty = row->penalty;
+    run.training.seed = row->seed;
+    return run;
 }
 
 static lg_status train_and_judge(const study *self, const lg_trajectories *data, const lg_trajectories *test,
@@ -140,8 +136,7 @@ static lg_status train_and_judge(const study *self, const lg_trajectories *data,
     verdict result = {0, 0};
     lg_fit_options_init(&options);
     options.threads = (int)self->threads_each;
-    lg_status status =
-        describe_run(data, grid->potential, grid->hidden, grid->hidden_count, grid->activation, &run, error);
+    lg_status status = describe_run(data, &run, error);
     if (status == LG_OK) status = learner_create(context, &run, data, &options, &learned, error);
     if (status != LG_OK) return status;
     const double begin = app_seconds();

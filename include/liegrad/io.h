@@ -232,22 +232,6 @@ LG_API lg_status lg_model_record_hamiltonian(const lg_context *context, const ch
                                              const lg_hamiltonian_file *file, lg_error *error);
 LG_API void lg_hamiltonian_file_destroy(const lg_context *context, lg_hamiltonian_file *file);
 
-/* A checkpoint holds the run's description under /run and the state of lg_fit under /fit:
- *   lg_checkpoint_create -> lg_file_writer_archive(writer, "fit", &archive) -> the fit's save ->
- * lg_file_writer_commit. */
-LG_API lg_status lg_checkpoint_create(const lg_context *context, const char *path,
-                                      const lg_hamiltonian_run *run, const lg_provenance *provenance,
-                                      lg_file_writer **out, lg_error *error);
-/* Opens a checkpoint and gives its run; /fit is reached by lg_file_reader_archive(reader, "fit", &archive).
- */
-LG_API lg_status lg_checkpoint_open(const lg_context *context, const char *path,
-                                    const lg_read_options *options, lg_hamiltonian_run *run,
-                                    lg_file_reader **out, lg_error *error);
-/* LG_INVALID_ARGUMENT and a sentence naming the first difference ("...: written with batch 80, not 100") when
- * `stored` is not the problem `wanted`. All fields are compared. `path` is for the sentence. */
-LG_API lg_status lg_hamiltonian_run_compare(const char *path, const lg_hamiltonian_run *stored,
-                                            const lg_hamiltonian_run *wanted, lg_error *error);
-
 /* ---- curves of the elastica ---- */
 
 typedef struct lg_elastica_data {
@@ -315,16 +299,6 @@ LG_API lg_status lg_model_load_surrogate(const lg_context *context, const char *
                                          const lg_read_options *options, lg_surrogate_file *out,
                                          lg_error *error);
 LG_API void lg_surrogate_file_destroy(const lg_context *context, lg_surrogate_file *file);
-/* As for learned Hamiltonians; kind "surrogate-checkpoint". */
-LG_API lg_status lg_surrogate_checkpoint_create(const lg_context *context, const char *path,
-                                                const lg_surrogate_run *run, const lg_provenance *provenance,
-                                                lg_file_writer **out, lg_error *error);
-LG_API lg_status lg_surrogate_checkpoint_open(const lg_context *context, const char *path,
-                                              const lg_read_options *options, lg_surrogate_run *run,
-                                              lg_file_reader **out, lg_error *error);
-LG_API lg_status lg_surrogate_run_compare(const char *path, const lg_surrogate_run *stored,
-                                          const lg_surrogate_run *wanted, lg_error *error);
-
 /* ---- labelled series ---- */
 
 typedef struct lg_series_data {
@@ -428,14 +402,31 @@ LG_API lg_status lg_model_load_detector(const lg_context *context, const char *p
                                         const lg_read_options *options, lg_detector_file *out,
                                         lg_error *error);
 LG_API void lg_detector_file_destroy(const lg_context *context, lg_detector_file *file);
-LG_API lg_status lg_detector_checkpoint_create(const lg_context *context, const char *path,
-                                               const lg_detector_run *run, const lg_provenance *provenance,
-                                               lg_file_writer **out, lg_error *error);
-LG_API lg_status lg_detector_checkpoint_open(const lg_context *context, const char *path,
-                                             const lg_read_options *options, lg_detector_run *run,
-                                             lg_file_reader **out, lg_error *error);
-LG_API lg_status lg_detector_run_compare(const char *path, const lg_detector_run *stored,
-                                         const lg_detector_run *wanted, lg_error *error);
+
+/* ---- checkpoints of unfinished trainings ---- */
+
+/* A kind of run, for the functions below, which take an lg_hamiltonian_run, lg_surrogate_run or
+ * lg_detector_run by its address. The hyperparameters of each stand in liegrad/hyperparameters.h. */
+typedef struct lg_run_kind lg_run_kind;
+LG_API extern const lg_run_kind lg_run_hamiltonian, lg_run_surrogate, lg_run_detector;
+
+/* A checkpoint holds the run's description under /run and the state of lg_fit under /fit:
+ *   lg_checkpoint_create -> lg_file_writer_archive(writer, "fit", &archive) -> the fit's save ->
+ *   lg_file_writer_commit
+ * Kinds "checkpoint" (Hamiltonians), "surrogate-checkpoint", "detector-checkpoint". */
+LG_API lg_status lg_checkpoint_create(const lg_context *context, const char *path, const lg_run_kind *kind,
+                                      const void *run, const lg_provenance *provenance, lg_file_writer **out,
+                                      lg_error *error);
+/* Opens a checkpoint and gives its run; /fit is reached by lg_file_reader_archive(reader, "fit", &archive).
+ */
+LG_API lg_status lg_checkpoint_open(const lg_context *context, const char *path,
+                                    const lg_read_options *options, const lg_run_kind *kind, void *run,
+                                    lg_file_reader **out, lg_error *error);
+/* LG_INVALID_ARGUMENT and a sentence naming the first difference ("...: was written with batch 80, not 100")
+ * when `stored` is not the run `wanted`: all that is stored of a run is compared. `path` is for the sentence.
+ */
+LG_API lg_status lg_run_compare(const char *path, const lg_run_kind *kind, const void *stored,
+                                const void *wanted, lg_error *error);
 
 /* ---- programs ---- */
 
@@ -584,19 +575,12 @@ typedef struct lg_grid {
     double penalty[LG_GRID_VALUES];                  /* 0 */
     uint32_t substeps[LG_GRID_VALUES];               /* 1 */
     uint32_t repeats;                                /* 1 */
-    double t_end;                      /* of the grid, else of the scene; required in one of them */
-    uint32_t epochs, batch, lr_step;   /* 100, 80, 50 */
-    double lr, lr_gamma, weight_decay; /* 1e-2, 0.1, 0 */
-    double adam_eps, clip;             /* LG_HAMILTONIAN_ADAM_EPS, LG_HAMILTONIAN_CLIP */
-    uint32_t hidden[LG_GRID_VALUES], hidden_count; /* 100, 100, 100 */
-    lg_activation activation;                      /* tanh */
-    lg_potential_kind potential;                   /* mlp */
-    lg_dtype dtype;                                /* f64 */
-    lg_noise noise_kind;                           /* normal */
-    lg_penalty_form penalty_form;                  /* text */
-    uint32_t shards;                               /* 4 */
-    uint32_t test_trajectories, test_points;       /* 100, 15; key test: {trajectories, points} */
-    uint64_t seed;                                 /* 1 */
+    double t_end;                            /* of the grid, else of the scene; required in one of them */
+    lg_hamiltonian_run run;                  /* hyperparameters that all runs share, each under its name in
+                             * lg_hamiltonian_hyperparameters; the model is not made yet */
+    lg_noise noise_kind;                     /* normal */
+    uint32_t test_trajectories, test_points; /* 100, 15; key test: {trajectories, points} */
+    uint64_t seed;                           /* 1 */
 } lg_grid;
 
 LG_API lg_status lg_grid_read(const lg_context *context, const char *path, lg_grid *out, lg_error *error);

@@ -5,69 +5,95 @@
 
 #include "datasets/h5.h"
 #include "datasets/names.h"
+#include "datasets/run.h"
 #include "datasets/scene.h"
 
 #define LISTS LG_GRID_VALUES
 #define FORM  "hamiltonian" /* learned is a Hamiltonian */
 
+/* The grid's own keys. Limits of what a grid varies, which are 0 to 0 here, are those of the hyperparameter
+ * `row`. */
 enum {
     KEY_INTEGRATORS,
+    KEY_PENALTY,
+    KEY_SUBSTEPS,
     KEY_N,
     KEY_M,
     KEY_EPS,
-    KEY_PENALTY,
-    KEY_SUBSTEPS,
     KEY_REPEATS,
-    KEY_EPOCHS,
-    KEY_BATCH,
-    KEY_LR,
-    KEY_LR_STEP,
-    KEY_LR_GAMMA,
-    KEY_WEIGHT_DECAY,
-    KEY_ADAM_EPS,
-    KEY_CLIP,
-    KEY_HIDDEN,
-    KEY_ACTIVATION,
-    KEY_POTENTIAL,
-    KEY_DTYPE,
     KEY_NOISE_KIND,
-    KEY_PENALTY_FORM,
-    KEY_SHARDS,
     KEY_SEED,
     KEY_TEST,
     KEY_TEST_TRAJECTORIES,
     KEY_TEST_POINTS,
-    KEYS
+    OWN_KEYS
 };
 
-static const lg_key keys[KEYS] = {
+static const lg_key own_keys[OWN_KEYS] = {
     [KEY_INTEGRATORS] = {"integrators", LG_KEY_NAMES, true, false, 0, 0, LISTS, lg_name_integrator},
+    [KEY_PENALTY] = {"penalty", LG_KEY_REALS, false, false, 0, 0, LISTS, NULL},
+    [KEY_SUBSTEPS] = {"substeps", LG_KEY_COUNTS, false, false, 0, 0, LISTS, NULL},
     [KEY_N] = {"N", LG_KEY_COUNTS, true, false, 1, 1e9, LISTS, NULL},
     [KEY_M] = {"M", LG_KEY_COUNTS, true, false, 2, 1e9, LISTS, NULL},
     [KEY_EPS] = {"eps", LG_KEY_REALS, false, false, 0, 1e6, LISTS, NULL},
-    [KEY_PENALTY] = {"penalty", LG_KEY_REALS, false, false, 0, 1e12, LISTS, NULL},
-    [KEY_SUBSTEPS] = {"substeps", LG_KEY_COUNTS, false, false, 1, 1e6, LISTS, NULL},
     [KEY_REPEATS] = {"repeats", LG_KEY_COUNT, false, false, 1, 1e6, 1, NULL},
-    [KEY_EPOCHS] = {"epochs", LG_KEY_COUNT, false, false, 1, 1e9, 1, NULL},
-    [KEY_BATCH] = {"batch", LG_KEY_COUNT, false, false, 1, 1e9, 1, NULL},
-    [KEY_LR] = {"lr", LG_KEY_REAL, false, true, 0, 1e3, 1, NULL},
-    [KEY_LR_STEP] = {"lr_step", LG_KEY_COUNT, false, false, 1, 1e9, 1, NULL},
-    [KEY_LR_GAMMA] = {"lr_gamma", LG_KEY_REAL, false, true, 0, 1e3, 1, NULL},
-    [KEY_WEIGHT_DECAY] = {"weight_decay", LG_KEY_REAL, false, false, 0, 1e3, 1, NULL},
-    [KEY_ADAM_EPS] = {"adam_eps", LG_KEY_REAL, false, true, 0, 1, 1, NULL},
-    [KEY_CLIP] = {"clip", LG_KEY_REAL, false, false, 0, 1e300, 1, NULL},
-    [KEY_HIDDEN] = {"hidden", LG_KEY_COUNTS, false, false, 1, 1 << 20, LG_MLP_MAX_LAYERS - 1, NULL},
-    [KEY_ACTIVATION] = {"activation", LG_KEY_NAME, false, false, 0, 0, 1, lg_name_activation},
-    [KEY_POTENTIAL] = {"potential", LG_KEY_NAME, false, false, 0, 0, 1, lg_name_potential},
-    [KEY_DTYPE] = {"dtype", LG_KEY_NAME, false, false, 0, 0, 1, lg_name_dtype},
     [KEY_NOISE_KIND] = {"noise_kind", LG_KEY_NAME, false, false, 0, 0, 1, lg_name_noise},
-    [KEY_PENALTY_FORM] = {"penalty_form", LG_KEY_NAME, false, false, 0, 0, 1, lg_name_penalty_form},
-    [KEY_SHARDS] = {"shards", LG_KEY_COUNT, false, false, 1, 1024, 1, NULL},
     [KEY_SEED] = {"seed", LG_KEY_WHOLE, false, false, 0, 0, 1, NULL},
     [KEY_TEST] = {"test", LG_KEY_MAP, false, false, 0, 0, 0, NULL},
     [KEY_TEST_TRAJECTORIES] = {"test.trajectories", LG_KEY_COUNT, false, false, 1, 1e9, 1, NULL},
     [KEY_TEST_POINTS] = {"test.points", LG_KEY_COUNT, false, false, 2, 1e9, 1, NULL},
 };
+
+/* The key of a hyperparameter that all runs share. */
+static lg_key key_of(const lg_hyperparameter *row) {
+    static const lg_key_type types[] = {
+        [LG_HYPER_REAL] = LG_KEY_REAL,  [LG_HYPER_U64] = LG_KEY_COUNT, [LG_HYPER_U32] = LG_KEY_COUNT,
+        [LG_HYPER_FLAG] = LG_KEY_NAME,  [LG_HYPER_NAME] = LG_KEY_NAME, [LG_HYPER_WHOLES] = LG_KEY_COUNTS,
+        [LG_HYPER_REALS] = LG_KEY_REALS};
+    return (lg_key){row->name,
+                    types[row->type],
+                    false,
+                    row->above,
+                    row->low,
+                    row->high,
+                    row->most > 0 ? row->most : 1,
+                    row->value_name};
+}
+
+/* What a grid varies, and the seed, which it derives. */
+static bool is_shared(const lg_hyperparameter *row) {
+    static const char *const varied[] = {"integrator", "penalty", "substeps", "seed"};
+    for (size_t i = 0; i < LG_COUNT(varied); i++)
+        if (strcmp(varied[i], row->name) == 0) return false;
+    return true;
+}
+
+/* All keys: the grid's own, then those of the hyperparameters `rows`. */
+enum { KEYS = 48 };
+typedef struct grid_keys {
+    lg_key keys[KEYS];
+    const lg_hyperparameter *rows[KEYS];
+    size_t count;
+} grid_keys;
+
+static void list_keys(grid_keys *out) {
+    static const struct {
+        int key;
+        const char *name;
+    } varied[] = {{KEY_PENALTY, "penalty"}, {KEY_SUBSTEPS, "substeps"}};
+    memcpy(out->keys, own_keys, sizeof own_keys);
+    for (size_t i = 0; i < LG_COUNT(varied); i++) {
+        const lg_hyperparameter *row = lg_hyperparameter_find(lg_hamiltonian_hyperparameters, varied[i].name);
+        out->keys[varied[i].key].low = row->low;
+        out->keys[varied[i].key].high = row->high;
+    }
+    out->count = OWN_KEYS;
+    for (const lg_hyperparameter *row = lg_hamiltonian_hyperparameters; row->name != NULL; row++) {
+        if (!is_shared(row) || out->count == KEYS) continue;
+        out->rows[out->count] = row;
+        out->keys[out->count++] = key_of(row);
+    }
+}
 
 /* Beside a scene in a file of its own. */
 enum { KEY_SCENE, KEY_T_END, FILE_KEYS };
@@ -96,30 +122,17 @@ static void set_reals(const lg_key_value *value, uint32_t *count, double *out) {
     memcpy(out, value->real, value->count * sizeof *out);
 }
 
-static uint32_t name_or(const lg_key_value *value, uint32_t otherwise) {
-    return value->line != 0 ? (uint32_t)value->real[0] : otherwise;
-}
-
-static void fill(const lg_key_value *v, lg_grid *out) {
+static void fill(const grid_keys *keys, const lg_key_value *v, lg_grid *out) {
     *out = (lg_grid){.scene = out->scene,
                      .eps_count = 1,
                      .penalty_count = 1,
                      .substeps_count = 1,
                      .substeps = {1},
                      .repeats = 1,
-                     .epochs = 100,
-                     .batch = 80,
-                     .lr_step = 50,
-                     .lr = 1e-2,
-                     .lr_gamma = 0.1,
-                     .adam_eps = LG_HAMILTONIAN_ADAM_EPS,
-                     .clip = LG_HAMILTONIAN_CLIP,
-                     .hidden = {100, 100, 100},
-                     .hidden_count = 3,
-                     .shards = 4,
                      .test_trajectories = 100,
                      .test_points = 15,
                      .seed = 1};
+    lg_hyperparameters_default(lg_hamiltonian_hyperparameters, &out->run);
     out->integrator_count = v[KEY_INTEGRATORS].count;
     for (uint32_t i = 0; i < out->integrator_count; i++)
         out->integrators[i] = (lg_train_integrator)(int)v[KEY_INTEGRATORS].real[i];
@@ -128,25 +141,13 @@ static void fill(const lg_key_value *v, lg_grid *out) {
     set_reals(&v[KEY_EPS], &out->eps_count, out->eps);
     set_reals(&v[KEY_PENALTY], &out->penalty_count, out->penalty);
     set_u32s(&v[KEY_SUBSTEPS], &out->substeps_count, out->substeps);
-    set_u32s(&v[KEY_HIDDEN], &out->hidden_count, out->hidden);
     set_u32(&v[KEY_REPEATS], &out->repeats);
-    set_u32(&v[KEY_EPOCHS], &out->epochs);
-    set_u32(&v[KEY_BATCH], &out->batch);
-    set_u32(&v[KEY_LR_STEP], &out->lr_step);
-    set_u32(&v[KEY_SHARDS], &out->shards);
     set_u32(&v[KEY_TEST_TRAJECTORIES], &out->test_trajectories);
     set_u32(&v[KEY_TEST_POINTS], &out->test_points);
-    set_real(&v[KEY_LR], &out->lr);
-    set_real(&v[KEY_LR_GAMMA], &out->lr_gamma);
-    set_real(&v[KEY_WEIGHT_DECAY], &out->weight_decay);
-    set_real(&v[KEY_ADAM_EPS], &out->adam_eps);
-    set_real(&v[KEY_CLIP], &out->clip);
-    out->activation = (lg_activation)name_or(&v[KEY_ACTIVATION], LG_TANH);
-    out->potential = (lg_potential_kind)name_or(&v[KEY_POTENTIAL], LG_POTENTIAL_MLP);
-    out->dtype = (lg_dtype)name_or(&v[KEY_DTYPE], LG_F64);
-    out->noise_kind = (lg_noise)name_or(&v[KEY_NOISE_KIND], LG_NOISE_NORMAL);
-    out->penalty_form = (lg_penalty_form)name_or(&v[KEY_PENALTY_FORM], LG_PENALTY_MEAN_SQUARE);
+    if (v[KEY_NOISE_KIND].line != 0) out->noise_kind = (lg_noise)(int)v[KEY_NOISE_KIND].real[0];
     if (v[KEY_SEED].line != 0) out->seed = v[KEY_SEED].whole;
+    for (size_t i = OWN_KEYS; i < keys->count; i++)
+        if (v[i].line != 0) lg_hyperparameter_fill(keys->rows[i], v[i].real, v[i].count, &out->run);
 }
 
 /* `scene: FILE`, relative to the folder of the grid. */
@@ -167,34 +168,37 @@ static lg_status read_scene_file(const lg_context *context, const lg_yaml *yaml,
                    inner.message);
 }
 
-static lg_status read_grid(const lg_context *context, lg_yaml *yaml, lg_key_value *values, lg_grid *out,
-                           lg_error *error) {
-    lg_key_set sets[2] = {{keys, KEYS, values}, {file_keys, FILE_KEYS, values + KEYS}};
+static lg_status read_grid(const lg_context *context, lg_yaml *yaml, const grid_keys *keys,
+                           lg_key_value *values, lg_grid *out, lg_error *error) {
+    lg_key_value *in_file = values + KEYS;
+    lg_key_set sets[2] = {{keys->keys, keys->count, values}, {file_keys, FILE_KEYS, in_file}};
     bool own_file = lg_yaml_has(yaml, "scene");
     if (!own_file && !lg_yaml_has(yaml, "system"))
         return lg_yaml_fail(yaml, 1, LG_FORMAT, error, "key 'scene' or 'system' is missing");
     if (own_file) {
         LG_TRY(lg_yaml_read(yaml, sets, 2, NULL, "", error));
-        LG_TRY(read_scene_file(context, yaml, &values[KEYS + KEY_SCENE], &out->scene, error));
+        LG_TRY(read_scene_file(context, yaml, &in_file[KEY_SCENE], &out->scene, error));
     } else {
         LG_TRY(lg_scene_from(context, yaml, FORM, sets, &out->scene, error));
     }
-    fill(values, out);
+    fill(keys, values, out);
     out->t_end = out->scene.t_end;
-    if (own_file) set_real(&values[KEYS + KEY_T_END], &out->t_end);
+    if (own_file) set_real(&in_file[KEY_T_END], &out->t_end);
     if (out->t_end > 0) return LG_OK;
     return lg_yaml_fail(yaml, 1, LG_FORMAT, error, "key 't_end' is missing, here and in the scene");
 }
 
 lg_status lg_grid_read(const lg_context *context, const char *path, lg_grid *out, lg_error *error) {
     lg_yaml *yaml;
+    grid_keys keys;
     lg_grid made = {.repeats = 0};
     if (out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a grid is read into something");
     LG_TRY(lg_yaml_open(context, path, &yaml, error));
+    list_keys(&keys);
     lg_key_value *values = lg_alloc(context, KEYS + FILE_KEYS, sizeof *values);
     lg_status status = values == NULL
                            ? lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path))
-                           : read_grid(context, yaml, values, &made, error);
+                           : read_grid(context, yaml, &keys, values, &made, error);
     lg_free(context, values);
     lg_yaml_close(yaml);
     if (status == LG_OK)

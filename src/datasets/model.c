@@ -265,10 +265,10 @@ void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES
 
 /* ---- checkpoints ---- */
 
-lg_status lg_run_checkpoint_create(const lg_context *context, const char *path, const lg_run_kind *kind,
-                                   const void *run, const lg_provenance *provenance, lg_file_writer **out,
-                                   lg_error *error) {
-    if (path == NULL || run == NULL || out == NULL)
+lg_status lg_checkpoint_create(const lg_context *context, const char *path, const lg_run_kind *kind,
+                               const void *run, const lg_provenance *provenance, lg_file_writer **out,
+                               lg_error *error) {
+    if (path == NULL || kind == NULL || run == NULL || out == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "a checkpoint needs a name and a run");
     lg_file_writer *writer;
     LG_TRY(lg_run_check(path, kind, run, error));
@@ -281,16 +281,22 @@ lg_status lg_run_checkpoint_create(const lg_context *context, const char *path, 
     return status;
 }
 
-lg_status lg_run_checkpoint_open(const lg_context *context, const char *path, const lg_read_options *options,
-                                 const lg_run_kind *kind, void *run, lg_file_reader **out, lg_error *error) {
-    if (out == NULL)
+lg_status lg_checkpoint_open(const lg_context *context, const char *path, const lg_read_options *options,
+                             const lg_run_kind *kind, void *run, lg_file_reader **out, lg_error *error) {
+    if (kind == NULL || run == NULL || out == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "a checkpoint is read into a run and a reader");
     lg_file_reader *reader;
     LG_TRY(lg_file_reader_open(context, path, kind->checkpoint, options, &reader, error));
-    lg_status status = lg_run_get(lg_file_reader_h5(reader), kind, true, run, error);
-    if (status == LG_OK)
+    void *got = lg_alloc(context, 1, kind->run_size);
+    lg_status status = got == NULL
+                           ? lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path))
+                           : lg_run_get(lg_file_reader_h5(reader), kind, true, got, error);
+    if (status == LG_OK) {
+        memcpy(run, got, kind->run_size);
         *out = reader;
-    else
+    } else {
         lg_file_reader_close(reader);
+    }
+    lg_free(context, got);
     return status;
 }

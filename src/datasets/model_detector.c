@@ -90,24 +90,16 @@ static bool parse_blocks(const char *text, lg_cnn *net) {
 
 /* ---- the run ---- */
 
-#define ROW(group, name, type, member, ...) LG_ROW(lg_detector_run, group, name, type, member, __VA_ARGS__)
-static const lg_row rows[] = {
-    ROW("model", "channels", U32, model.net.channels, .low = 1),
-    ROW("model", "length", U32, model.net.length, .low = 1),
-    ROW("model", "blocks", SHOWN, model.net, .show = show_blocks),
-    ROW("model", "plane", U32, model.net.plane, .low = 0),
-    ROW("model", "activation", NAME, model.net.activation, .value_name = lg_name_activation),
-    ROW("model", "classes", U32, model.classes, .low = 2),
-    ROW("model", "loss", NAME, model.loss, .value_name = lg_name_detector_loss),
-    ROW("model", "centred", FLAG, model.centred, .low = 0),
-    ROW("run", "split", NAME, split, .value_name = lg_name_split),
-    ROW("run", "test_fraction", REAL, test_fraction, .low = 0),
-    ROW("run", "validation_fraction", REAL, validation_fraction, .low = 0),
-    ROW("run", "windows", U64, windows, .low = 0),
-    ROW("run", "window", U64, window, .low = 0),
-    ROW("run", "hop", U64, hop, .low = 0),
-    ROW("run", "data_sha256", TEXT, data_sha256, .low = 0),
-};
+#define FACT(group, name, type, member, ...) LG_FACT(lg_detector_run, group, name, type, member, __VA_ARGS__)
+static const lg_hyperparameter facts[] = {FACT("model", "channels", U32, model.net.channels, .low = 1),
+                                          FACT("model", "length", U32, model.net.length, .low = 1),
+                                          FACT("model", "blocks", SHOWN, model.net, .show = show_blocks),
+                                          FACT("model", "classes", U32, model.classes, .low = 2),
+                                          FACT("run", "windows", U64, windows, .low = 0),
+                                          FACT("run", "window", U64, window, .low = 0),
+                                          FACT("run", "hop", U64, hop, .low = 0),
+                                          FACT("run", "data_sha256", TEXT, data_sha256, .low = 0),
+                                          LG_HYPERPARAMETER_END};
 
 static const lg_detector_run defaults = {.training = {.shards = 4}};
 
@@ -291,4 +283,4 @@ void lg_detector_file_destroy(const lg_context *context, lg_detector_file *file)
 
 /* ---- outside ---- */
 
-LG_RUN_KIND(detector, "detector-checkpoint", lg_detector_checkpoint)
+LG_RUN_KIND(detector, "detector-checkpoint")

@@ -12,67 +12,29 @@ static uint32_t hidden_layers(const lg_hamiltonian *model) {
     return model->net.layers > 0 && model->net.layers <= LG_MLP_MAX_LAYERS ? model->net.layers - 1 : 0;
 }
 
-/* "100,100,100", as on the command line */
-static void show_hidden(const void *run, char *text, size_t size) {
-    const lg_hamiltonian *model = &((const lg_hamiltonian_run *)run)->model;
-    size_t used = 0;
-    text[0] = '\0';
-    for (uint32_t i = 1; i <= hidden_layers(model) && used < size; i++)
-        used += (size_t)snprintf(text + used, size - used, "%s%u", i > 1 ? "," : "", model->net.width[i]);
-}
-
-static bool parse_hidden(const char *text, uint32_t *hidden, uint32_t *count) {
-    *count = 0;
-    while (*text != '\0') {
-        char part[16];
-        uint64_t value;
-        size_t length = strcspn(text, ",");
-        if (length >= sizeof part || *count >= LG_MLP_MAX_LAYERS - 1) return false;
-        memcpy(part, text, length);
-        part[length] = '\0';
-        if (lg_integer_parse(part, &value) != LG_OK || value > UINT32_MAX) return false;
-        hidden[(*count)++] = (uint32_t)value;
-        text += length;
-        if (*text == ',' && *++text == '\0') return false;
-    }
-    return true;
-}
-
-#define ROW(group, name, type, member, ...) LG_ROW(lg_hamiltonian_run, group, name, type, member, __VA_ARGS__)
-static const lg_row rows[] = {
-    ROW("model", "family", NAME, model.family, .value_name = lg_name_family),
-    ROW("model", "links", U32, model.links, .low = 1),
-    ROW("model", "potential", NAME, model.potential, .value_name = lg_name_potential),
-    ROW("model", "activation", NAME, model.net.activation, .value_name = lg_name_activation),
-    ROW("model", "hidden", SHOWN, model, .show = show_hidden),
-    ROW("run", "system", TEXT, system, .low = 0),
-    ROW("run", "integrator", NAME, integrator, .value_name = lg_name_integrator),
-    ROW("run", "substeps", U32, substeps, .low = 1),
-    ROW("run", "penalty", REAL, penalty, .low = 0),
-    ROW("run", "penalty_form", NAME, penalty_form, .value_name = lg_name_penalty_form),
-    ROW("run", "trajectories", U64, trajectories, .low = 0),
-    ROW("run", "points", U64, points, .low = 0),
-    ROW("run", "dt", REAL, dt, .low = 0),
-    ROW("run", "data_sha256", TEXT, data_sha256, .low = 0),
-};
+#define FACT(group, name, type, member, ...)                                                                 \
+    LG_FACT(lg_hamiltonian_run, group, name, type, member, __VA_ARGS__)
+static const lg_hyperparameter facts[] = {
+    FACT("model", "family", NAME, model.family, .value_name = lg_name_family),
+    FACT("model", "links", U32, model.links, .low = 1),
+    FACT("run", "system", TEXT, system, .low = 0),
+    FACT("run", "trajectories", U64, trajectories, .low = 0),
+    FACT("run", "points", U64, points, .low = 0),
+    FACT("run", "dt", REAL, dt, .low = 0),
+    FACT("run", "data_sha256", TEXT, data_sha256, .low = 0),
+    LG_HYPERPARAMETER_END};
 
 static const lg_hamiltonian_run defaults = {.substeps = 1,
                                             .training = {.shards = 4, .schedule = LG_SCHEDULE_STEP}};
 
 static lg_status build(lg_h5 *h5, void *user, lg_error *error) {
     lg_hamiltonian *model = &((lg_hamiltonian_run *)user)->model;
-    char text[LG_H5_TEXT];
-    uint32_t hidden[LG_MLP_MAX_LAYERS], count;
-    const char *shown = lg_shown_path(h5->path);
-    lg_status status = lg_h5_text(h5, "model", "hidden", text, sizeof text, error);
-    if (status != LG_OK && status != LG_SHAPE) return lg_missing_is_format(status, error);
-    if (status == LG_SHAPE || !parse_hidden(text, hidden, &count))
-        return lg_fail(error, LG_FORMAT, "%s: /model: attribute hidden: expected widths as '100,100,100'",
-                       shown);
-    status = lg_hamiltonian_init(model, model->family, model->links, model->potential, hidden, count,
-                                 model->net.activation);
+    const lg_mlp read = model->net;
+    const lg_status status = lg_hamiltonian_init(model, model->family, model->links, model->potential,
+                                                 read.width + 1, hidden_layers(model), read.activation);
     if (status != LG_OK)
-        return lg_fail(error, LG_FORMAT, "%s: /model: attributes links and hidden are out of range", shown);
+        return lg_fail(error, LG_FORMAT, "%s: /model: attributes links and hidden are out of range",
+                       lg_shown_path(h5->path));
     return LG_OK;
 }
 
@@ -245,7 +207,7 @@ void lg_hamiltonian_file_destroy(const lg_context *context, lg_hamiltonian_file 
 
 /* ---- outside ---- */
 
-LG_RUN_KIND(hamiltonian, "checkpoint", lg_checkpoint)
+LG_RUN_KIND(hamiltonian, "checkpoint")
 
 /* ---- recording ---- */
 
@@ -256,7 +218,7 @@ static double stored_as(lg_dtype dtype, double x) {
 
 static lg_status check_judged(const lg_h5 *h5, const lg_hamiltonian_file *judged,
                               const lg_hamiltonian_file *stored, lg_error *error) {
-    LG_TRY(lg_run_compare(h5->path, &hamiltonian, &stored->run, &judged->run, error));
+    LG_TRY(lg_run_compare(h5->path, &lg_run_hamiltonian, &stored->run, &judged->run, error));
     bool same = judged->parameters == stored->parameters;
     for (size_t i = 0; same && i < stored->parameters; i++)
         same = stored->theta[i] == stored_as(judged->run.training.dtype, judged->theta[i]);
@@ -268,7 +230,7 @@ static lg_status check_judged(const lg_h5 *h5, const lg_hamiltonian_file *judged
 static lg_status record(void *user, lg_h5 *h5, lg_error *error) {
     const lg_hamiltonian_file *judged = user;
     lg_hamiltonian_file stored = {.parameters = 0};
-    lg_status status = lg_run_get_file(h5, &hamiltonian, &stored, error);
+    lg_status status = lg_run_get_file(h5, &lg_run_hamiltonian, &stored, error);
     if (status == LG_OK) status = check_judged(h5, judged, &stored, error);
     lg_hamiltonian_file_destroy(h5->context, &stored);
     for (size_t i = 0; status == LG_OK && i < LG_COUNT(verdict_names); i++)

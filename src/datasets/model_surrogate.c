@@ -8,35 +8,17 @@ enum { BOUNDARY = 8 };
 
 /* ---- the run ---- */
 
-#define ROW(group, name, type, member, ...) LG_ROW(lg_surrogate_run, group, name, type, member, __VA_ARGS__)
-#define OPTION(member, type, ...)           ROW("model", #member, type, model.options.member, __VA_ARGS__)
-static const lg_row rows[] = {
-    ROW("model", "network", NAME, model.options.kind, .value_name = lg_name_surrogate),
-    OPTION(architecture, NAME, .value_name = lg_name_net),
-    OPTION(activation, NAME, .value_name = lg_name_activation),
-    OPTION(embedding, U32, .low = 0),
-    OPTION(hidden, U32, .low = 1),
-    OPTION(layers, U32, .low = 0),
-    OPTION(normalise, FLAG, .low = 0),
-    OPTION(mirror, FLAG, .low = 0),
-    OPTION(boundary, FLAG, .low = 0),
-    ROW("model", "intervals", U32, model.intervals, .low = LG_ELASTICA_MIN_INTERVALS),
-    ROW("model", "length", REAL, model.length, .low = 0),
-    ROW("model", "centre", REAL, model.centre, .low = 0),
-    ROW("run", "gamma", REAL, model.options.gamma, .low = 0),
-    ROW("run", "between", FLAG, model.options.between, .low = 0),
-    ROW("run", "train_fraction", REAL, train_fraction, .low = 0),
-    ROW("run", "test_fraction", REAL, test_fraction, .low = 0),
-    ROW("run", "curves", U64, curves, .low = 0),
-    ROW("run", "values", NAME, continuous, .value_name = lg_name_values),
-    ROW("run", "data_sha256", TEXT, data_sha256, .low = 0),
-};
+#define FACT(group, name, type, member, ...) LG_FACT(lg_surrogate_run, group, name, type, member, __VA_ARGS__)
+static const lg_hyperparameter facts[] = {
+    FACT("model", "intervals", U32, model.intervals, .low = LG_ELASTICA_MIN_INTERVALS),
+    FACT("model", "length", REAL, model.length, .low = 0),
+    FACT("model", "centre", REAL, model.centre, .low = 0),
+    FACT("run", "curves", U64, curves, .low = 0),
+    FACT("run", "values", NAME, continuous, .value_name = lg_name_values),
+    FACT("run", "data_sha256", TEXT, data_sha256, .low = 0),
+    LG_HYPERPARAMETER_END};
 
 static const lg_surrogate_run defaults = {.training = {.shards = 4}};
-
-static lg_status check_fractions(const lg_surrogate_run *run) {
-    return run->train_fraction <= 1 && run->test_fraction <= 1 ? LG_OK : LG_INVALID_ARGUMENT;
-}
 
 static lg_status build(lg_h5 *h5, void *user, lg_error *error) {
     lg_surrogate_run *run = user;
@@ -48,9 +30,6 @@ static lg_status build(lg_h5 *h5, void *user, lg_error *error) {
         LG_OK)
         return lg_fail(error, LG_FORMAT, "%s: /model: the attributes are no network: %s", shown,
                        reason.message);
-    if (check_fractions(run) != LG_OK)
-        return lg_fail(error, LG_FORMAT, "%s: /run: attributes train_fraction and test_fraction: above 1",
-                       shown);
     return LG_OK;
 }
 
@@ -64,7 +43,7 @@ static lg_status check(const void *user) {
                       net->outputs == made->outputs && net->embedding == made->embedding &&
                       net->hidden == made->hidden && net->layers == made->layers &&
                       net->activation == made->activation;
-    return same ? check_fractions(run) : LG_INVALID_ARGUMENT;
+    return same ? LG_OK : LG_INVALID_ARGUMENT;
 }
 
 static lg_status describe(lg_h5 *h5, const void *user, lg_error *error) {
@@ -134,4 +113,4 @@ void lg_surrogate_file_destroy(const lg_context *context, lg_surrogate_file *fil
 
 /* ---- outside ---- */
 
-LG_RUN_KIND(surrogate, "surrogate-checkpoint", lg_surrogate_checkpoint)
+LG_RUN_KIND(surrogate, "surrogate-checkpoint")

@@ -47,6 +47,8 @@ NAMES(potential, [LG_POTENTIAL_MLP] = "mlp", [LG_POTENTIAL_LINEAR] = "linear")
 NAMES(dtype, [LG_F64] = "f64", [LG_F32] = "f32")
 NAMES(penalty_form, [LG_PENALTY_MEAN_SQUARE] = "text", [LG_PENALTY_SUM_ABSOLUTE] = "published")
 NAMES(values, [false] = "discrete", [true] = "continuous")
+NAMES(truth, [false] = "false", [true] = "true")
+NAMES(yes, [false] = "no", [true] = "yes")
 NAMES(noise, [LG_NOISE_NORMAL] = "normal", [LG_NOISE_UNIFORM] = "uniform")
 
 const lg_known_system lg_known_systems[LG_KNOWN_SYSTEMS] = {

@@ -19,6 +19,8 @@ const char *lg_name_split(uint32_t value);
 const char *lg_name_detector_loss(uint32_t value);
 const char *lg_name_pooling(uint32_t value);
 const char *lg_name_values(uint32_t value); /* of curves: 0 discrete, 1 continuous */
+const char *lg_name_truth(uint32_t value);  /* false, true */
+const char *lg_name_yes(uint32_t value);    /* no, yes */
 
 /* The systems whose family and size are known. */
 typedef struct lg_known_system {

@@ -88,7 +88,8 @@ static const cli_bad bad_input[] = {
     {"train train.h5 --out m.h5 --hidden 10,2.5", 2, "--hidden: '10,2.5'"},
     {"train train.h5 --out m.h5 --hidden 10,", 2, "--hidden"},
     {"train train.h5 --out m.h5 --hidden 0", 2, "--hidden: '0'"},
-    {"train train.h5 --out m.h5 --hidden 1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1", 2, "network"},
+    {"train train.h5 --out m.h5 --hidden 1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1", 2,
+     "--hidden: a list of 20 numbers is too long: at most 15"},
     {"train train.h5 --out m.h5 --integrator leapfrog", 2, "--integrator: 'leapfrog' is not one of euler"},
     {"train train.h5 --out m.h5 --integrator stormer-verlet", 2, "stormer-verlet"},
     {"train train.h5 --out m.h5 --dtype f16", 2, "--dtype: 'f16'"},
@@ -113,7 +114,8 @@ static const cli_bad bad_input[] = {
     {"train train.h5 --out m.h5 --resume missing.h5", 3, "missing.h5"},
     {"train train.h5 --out m.h5 --resume foreign.h5", 3, "foreign.h5"},
     {"train train.h5 --out m.h5 --resume model.h5", 3, "model.h5"},
-    {"train train.h5 --out m.h5 --potential linear --lr 1e200", 4, "epoch 2, batch 1: the loss"},
+    {"train train.h5 --out m.h5 --hidden 30,30,30,30,30,30,30,30 --activation identity --dtype f32 --lr 1e3",
+     4, "epoch 2, batch 1: the loss"},
     {"train train.h5 --out train.h5", 2, "--out: train.h5 is an input and would be replaced"},
     {"train train.h5 --out m.h5 --history ./train.h5", 2, "--history: ./train.h5 is an input"},
     {"train train.h5 --out m.h5 --history m.h5", 2, "--history: m.h5 is what --out writes too"},
@@ -336,7 +338,7 @@ static void copy(const char *from, const char *to) {
 /* Everything in the file but errors and test set. */
 static void assert_same_training(const lg_hamiltonian_file *a, const lg_hamiltonian_file *b) {
     const size_t bytes = a->parameters * sizeof(double);
-    assert_ok(lg_hamiltonian_run_compare("model", &a->run, &b->run, NULL));
+    assert_ok(lg_run_compare("model", &lg_run_hamiltonian, &a->run, &b->run, NULL));
     assert_memory_equal(a->theta, b->theta, bytes);
     assert_memory_equal(a->adam_m, b->adam_m, bytes);
     assert_memory_equal(a->adam_v, b->adam_v, bytes);

@@ -148,8 +148,7 @@ static const cli_bad bad_input[] = {
     {"train data.h5 --out m.h5 --resume data.h5", 3, "data.h5"},
     {"train data.h5 --out m.h5 --resume data.h5 --checkpoint data.h5", 2,
      "--checkpoint: data.h5 is an input"},
-    {"train data.h5 --out m.h5 --network angle --gamma 1", 2,
-     "--gamma: has no part in the loss of the angle network"},
+    {"train data.h5 --out m.h5 --network angle --gamma 1", 2, "--gamma: --network angle has no such option"},
     {"evaluate model.h5 link.dat --plot link.svg", 2, "--plot: link.dat is an input"},
     {"predict model.h5 --x 1 --out model.h5", 2, "--out: model.h5 is an input"},
     {"predict model.h5 --x 1 --out p.gp --plot p.png", 2, "--plot: p.gp is what --out writes too"},
@@ -161,7 +160,7 @@ static const cli_bad bad_input[] = {
     {"train data.h5 --out m.h5 --network deep", 2, "--network: 'deep' is not one of discrete, continuous"},
     {"train data.h5 --out m.h5 --architecture cnn", 2, "--architecture: 'cnn'"},
     {"train data.h5 --out m.h5 --normalise yes", 2, "--normalise: 'yes' is not one of false, true"},
-    {"train data.h5 --out m.h5 --boundary true", 2, "--boundary: only --network angle"},
+    {"train data.h5 --out m.h5 --boundary true", 2, "--boundary: --network discrete has no"},
     {"train data.h5 --out m.h5 --preset fast", 2, "--preset: 'fast'"},
     {"train both.h5 --out m.h5 --network angle --preset thesis", 2, "--preset: thesis has no settings"},
     {"train data.h5 --out m.h5 --layers 15", 2, "--layers: '15'"},
@@ -185,7 +184,9 @@ static const cli_bad bad_input[] = {
     {"train data.h5 --out m.h5 --resume missing.h5", 3, "missing.h5"},
     {"train data.h5 --out m.h5 --resume model.h5", 3, "model.h5"},
     {"train data.h5 --out m.h5 --resume model.h5 --preset best", 2, "--preset: a resumed run"},
-    {TRAIN "--out m.h5 --lr 1e300 --schedule constant --activation identity --epochs 9", 4, "epoch"},
+    {"train data.h5 --hidden 12 --layers 14 --batch 8 --out m.h5 --lr 1e3 --schedule constant --activation "
+     "identity --epochs 9",
+     4, "epoch"},
     {"evaluate model.h5", 2, "missing argument"},
     {"evaluate missing.h5 data.h5", 3, "missing.h5"},
     {"evaluate model.h5 missing.h5", 3, "missing.h5"},
@@ -257,6 +258,10 @@ static const char *const bad_ranges[][2] = {
     {"ranges:\n  lr: {gaussian: [0, 1]}\n", "line 2"},
     {"fixed: {lr: 1}\n", "ranges"},
     {"ranges: [1, 2\n", "bad.yaml"},
+    {"ranges:\n  lr: {log-uniform: [1, 1e4]}\n",
+     "line 2: lr: '10000' is not a number above 0 and at most 1000"},
+    {"fixed: {network: angle}\nranges:\n  gamma: {uniform: [0, 1]}\n",
+     "line 3: 'gamma' is no option of --network angle"},
 };
 
 static void test_bad_ranges(void **state) {
@@ -715,8 +720,8 @@ static void test_search(void **state) {
 /* A trial that fails is a row of the table, and the search goes on. */
 static void test_failed_trials(void **state) {
     (void)state;
-    cli_write("wild.yaml", "fixed: {epochs: 9, batch: 8, hidden: 4, layers: 0, activation: identity, "
-                           "schedule: constant}\nranges:\n  lr: {log-uniform: [1e250, 1e300]}\n");
+    cli_write("wild.yaml", "fixed: {epochs: 9, batch: 8, hidden: 4, layers: 14, activation: identity, "
+                           "schedule: constant}\nranges:\n  lr: {log-uniform: [5e2, 1e3]}\n");
     cli_expect(lg, "search wild.yaml data.h5 --trials 2 --out wild.csv --plot wild.svg --json", 4,
                "none of 2 trials was done; trial 0 failed first: ", &result);
     assert_true(cli_exists("wild.csv"));

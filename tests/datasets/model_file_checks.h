@@ -1,8 +1,7 @@
 /* What the tests of all kinds of models in files share. Before it is included, MODEL_KIND names the kind
- * (`surrogate`: lg_surrogate_file, lg_model_save_surrogate, ...), MODEL_CHECKPOINT its functions for
- * checkpoints, MODEL_BAD the example that is made bad, and MODEL_SINGLE one in single precision; afterwards
- * the test defines make_run and make_model: run and model number `which` of its examples. Checkpoints are of
- * example 0. */
+ * (`surrogate`: lg_surrogate_file, lg_model_save_surrogate, ...), MODEL_BAD the example that is made bad,
+ * and MODEL_SINGLE one in single precision; afterwards the test defines make_run and make_model: run and
+ * model number `which` of its examples. Checkpoints are of example 0. */
 #ifndef LG_MODEL_FILE_CHECKS_H
 #define LG_MODEL_FILE_CHECKS_H
 
@@ -14,12 +13,10 @@
 #define JOIN(a, b, c)  JOIN_(a, b, c)
 typedef JOIN(lg_, MODEL_KIND, _file) model_file;
 typedef JOIN(lg_, MODEL_KIND, _run) model_run;
-#define model_save              JOIN(lg_model_save_, MODEL_KIND, )
-#define model_load              JOIN(lg_model_load_, MODEL_KIND, )
-#define model_free              JOIN(lg_, MODEL_KIND, _file_destroy)
-#define model_compare           JOIN(lg_, MODEL_KIND, _run_compare)
-#define model_checkpoint_create JOIN(MODEL_CHECKPOINT, _create, )
-#define model_checkpoint_open   JOIN(MODEL_CHECKPOINT, _open, )
+#define model_save JOIN(lg_model_save_, MODEL_KIND, )
+#define model_load JOIN(lg_model_load_, MODEL_KIND, )
+#define model_free JOIN(lg_, MODEL_KIND, _file_destroy)
+#define model_kind &JOIN(lg_run_, MODEL_KIND, )
 
 static model_run make_run(size_t which);
 static void make_model(size_t which, model_file *file);
@@ -128,7 +125,7 @@ static inline lg_status write_checkpoint(const lg_context *context, const char *
     const model_run run = make_run(0);
     lg_file_writer *writer;
     lg_archive_writer archive;
-    LG_TRY(model_checkpoint_create(context, path, &run, NULL, &writer, error));
+    LG_TRY(lg_checkpoint_create(context, path, model_kind, &run, NULL, &writer, error));
     lg_status status = lg_file_writer_archive(writer, "fit", &archive);
     if (status == LG_OK && fit != NULL) status = lg_fit_save(fit, &archive, error);
     if (status == LG_OK) status = archive.text(archive.user, "note/author", "nobody");
@@ -141,7 +138,7 @@ static inline lg_status read_checkpoint(const lg_context *context, const char *p
                                         const lg_read_options *options, lg_error *error) {
     model_run run;
     lg_file_reader *reader;
-    const lg_status status = model_checkpoint_open(context, path, options, &run, &reader, error);
+    const lg_status status = lg_checkpoint_open(context, path, options, model_kind, &run, &reader, error);
     if (status == LG_OK) lg_file_reader_close(reader);
     return status;
 }
@@ -173,8 +170,8 @@ static inline void resume_checkpoint(void (*look)(const model_run *run, lg_file_
     assert_ok(lg_fit_run(fit, NULL));
     lg_fit_parameters(fit, straight);
     lg_fit_destroy(fit);
-    assert_ok(model_checkpoint_open(NULL, good_checkpoint(), NULL, &run, &reader, NULL));
-    assert_ok(model_compare("check.h5", &run, &wanted, NULL));
+    assert_ok(lg_checkpoint_open(NULL, good_checkpoint(), NULL, model_kind, &run, &reader, NULL));
+    assert_ok(lg_run_compare("check.h5", model_kind, &run, &wanted, NULL));
     assert_ok(lg_file_reader_archive(reader, "fit", &archive));
     fit = make_fit(theta, 3);
     assert_ok(lg_fit_load(fit, &archive, NULL));
@@ -205,11 +202,11 @@ static inline void refuse_other_runs(const model_run *wanted, const model_run *r
                                      size_t count) {
     lg_error error;
     for (size_t i = 0; i < count; i++) {
-        assert_status(model_compare("a.h5", &runs[i], wanted, &error), LG_INVALID_ARGUMENT);
+        assert_status(lg_run_compare("a.h5", model_kind, &runs[i], wanted, &error), LG_INVALID_ARGUMENT);
         assert_non_null(strstr(error.message, "a.h5"));
         if (strstr(error.message, words[i]) == NULL) fail_msg("no '%s' in: %s", words[i], error.message);
     }
-    assert_ok(model_compare("a.h5", wanted, wanted, &error));
+    assert_ok(lg_run_compare("a.h5", model_kind, wanted, wanted, &error));
 }
 
 /* ---- memory ---- */
@@ -227,7 +224,7 @@ static inline lg_status open_step(const lg_context *context, void *user, lg_erro
     lg_file_reader *reader;
     lg_archive_reader archive;
     const lg_read_options options = without_probe();
-    LG_TRY(model_checkpoint_open(context, user, &options, &run, &reader, error));
+    LG_TRY(lg_checkpoint_open(context, user, &options, model_kind, &run, &reader, error));
     const lg_status status = lg_file_reader_archive(reader, "fit", &archive);
     lg_file_reader_close(reader);
     return status;

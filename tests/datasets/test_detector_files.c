@@ -1,9 +1,8 @@
 /* Detectors and their checkpoints: round trip, the matrix of bad input; names in files of other kinds, and
  * which kind a file is. What all kinds of models share is tested with the learned Hamiltonians. */
-#define MODEL_KIND       detector
-#define MODEL_CHECKPOINT lg_detector_checkpoint
-#define MODEL_BAD        1
-#define MODEL_SINGLE     0
+#define MODEL_KIND   detector
+#define MODEL_BAD    1
+#define MODEL_SINGLE 0
 #include "model_file_checks.h"
 
 #include "liegrad/detector.h"
@@ -143,7 +142,7 @@ static void assert_same_net(const lg_cnn *a, const lg_cnn *b) {
 
 static void assert_same_model(const lg_detector_file *a, const lg_detector_file *b) {
     const lg_detector *have = &a->run.model, *want = &b->run.model;
-    assert_ok(lg_detector_run_compare("a.h5", &a->run, &b->run, NULL));
+    assert_ok(lg_run_compare("a.h5", &lg_run_detector, &a->run, &b->run, NULL));
     assert_same_net(&have->net, &want->net);
     assert_int_equal(have->classes, want->classes);
     assert_int_equal(have->loss, want->loss);
@@ -389,7 +388,7 @@ static void bad_attributes(void **state) {
                                            {"model", "classes", 4000000000, "no network"},
                                            {"model", "classes", (int64_t)1 << 40, "classes"},
                                            {"model", "centred", 2, "0 nor 1"},
-                                           {"run", "test_fraction", 1, "together"},
+                                           {"run", "test_fraction", 1, "out of range"},
                                            {"run", "validation_fraction", -1, "out of range"}};
     refuse_integers(read_model, fresh_model, integers, LG_COUNT(integers));
     const char *path = good_model(1);
@@ -472,7 +471,7 @@ static void another_problem(void **state) {
     const lg_detector_run wanted = make_run(3);
     lg_detector_run runs[12];
     static const char *const words[] = {"batch 33, not 32",   "split run, not group",
-                                        "hop 75, not 150",    "centred 1, not 0",
+                                        "hop 75, not 150",    "centred yes, not no",
                                         "activation tanh",    "plane 2, not 1",
                                         "max 2/4, not",       "padding 0 none, not",
                                         "data_sha256",        "loss cross-entropy, not mse",

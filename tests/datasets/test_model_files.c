@@ -1,8 +1,7 @@
 /* Models and checkpoints: round trip, the matrix of bad input. */
-#define MODEL_KIND       hamiltonian
-#define MODEL_CHECKPOINT lg_checkpoint
-#define MODEL_BAD        0
-#define MODEL_SINGLE     2
+#define MODEL_KIND   hamiltonian
+#define MODEL_BAD    0
+#define MODEL_SINGLE 2
 #include "model_file_checks.h"
 
 static const uint32_t hidden[] = {4, 3};
@@ -80,7 +79,7 @@ static void model_round_trip(void **state) {
         make_model(e, &file);
         assert_ok(lg_model_save_hamiltonian(NULL, path, &file, NULL, NULL));
         assert_ok(lg_model_load_hamiltonian(NULL, path, NULL, &again, NULL));
-        assert_ok(lg_hamiltonian_run_compare(path, &again.run, &file.run, NULL));
+        assert_ok(lg_run_compare(path, &lg_run_hamiltonian, &again.run, &file.run, NULL));
         size_t bytes = file.parameters * sizeof(double);
         assert_int_equal(again.parameters, file.parameters);
         assert_memory_equal(again.theta, file.theta, bytes);
@@ -199,12 +198,12 @@ static void bad_model_attributes(void **state) {
         {"model", "potential", "cubic", "known name"},
         {"model", "activation", "softsign", "known name"},
         {"model", "hidden", NULL, "missing"},
-        {"model", "hidden", "4,,3", "100,100,100"},
-        {"model", "hidden", "4,-3", "100,100,100"},
-        {"model", "hidden", "4,3,", "100,100,100"},
-        {"model", "hidden", "4,0", "out of range"},
-        {"model", "hidden", "4,99999999999", "100,100,100"},
-        {"model", "hidden", "1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1", "100,100,100"},
+        {"model", "hidden", "4,,3", "separated by commas"},
+        {"model", "hidden", "4,-3", "separated by commas"},
+        {"model", "hidden", "4,3,", "separated by commas"},
+        {"model", "hidden", "4,0", "at least 1"},
+        {"model", "hidden", "4,99999999999", "at most 1048576"},
+        {"model", "hidden", "1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1", "at most 15"},
         {"run", "dtype", "f16", "known name"},
         {"run", "integrator", "magic", "known name"},
         {"run", "lr", "fast", "number"},
@@ -303,7 +302,7 @@ static void recorded_into_all_that_was_there(void **state) {
     assert_ok(lg_model_record_hamiltonian(NULL, path, &file, NULL));
     assert_verdict(path, &file);
     assert_ok(lg_model_load_hamiltonian(NULL, path, NULL, &again, NULL));
-    assert_ok(lg_hamiltonian_run_compare(path, &again.run, &file.run, NULL));
+    assert_ok(lg_run_compare(path, &lg_run_hamiltonian, &again.run, &file.run, NULL));
     assert_memory_equal(again.theta, file.theta, sizeof best);
     assert_memory_equal(again.adam_m, file.adam_m, sizeof best);
     assert_memory_equal(again.adam_v, file.adam_v, sizeof best);
@@ -439,14 +438,14 @@ static void without_schedule(void **state) {
     lg_hamiltonian_file file;
     const char *path = good_checkpoint();
     delete_attribute(path, "run", "schedule");
-    assert_ok(lg_checkpoint_open(NULL, path, NULL, &run, &reader, NULL));
+    assert_ok(lg_checkpoint_open(NULL, path, NULL, &lg_run_hamiltonian, &run, &reader, NULL));
     lg_file_reader_close(reader);
     wanted.training.schedule = LG_SCHEDULE_STEP;
-    assert_ok(lg_hamiltonian_run_compare(path, &run, &wanted, NULL));
+    assert_ok(lg_run_compare(path, &lg_run_hamiltonian, &run, &wanted, NULL));
     path = good_model(0);
     delete_attribute(path, "run", "schedule");
     assert_ok(lg_model_load_hamiltonian(NULL, path, NULL, &file, NULL));
-    assert_ok(lg_hamiltonian_run_compare(path, &file.run, &wanted, NULL));
+    assert_ok(lg_run_compare(path, &lg_run_hamiltonian, &file.run, &wanted, NULL));
     lg_hamiltonian_file_destroy(NULL, &file);
     /* Their fits were saved with a floor of 0, whatever lr_gamma: they must find it again. */
     lg_fit_options options;
@@ -495,7 +494,7 @@ static void checkpoint_with_nan(void **state) {
     lg_archive_reader archive;
     double theta[3] = {1, 2, 3};
     lg_fit *fit = make_fit(theta, 3);
-    assert_ok(lg_checkpoint_open(NULL, path, NULL, &run, &reader, NULL));
+    assert_ok(lg_checkpoint_open(NULL, path, NULL, &lg_run_hamiltonian, &run, &reader, NULL));
     assert_ok(lg_file_reader_archive(reader, "fit", &archive));
     lg_status status = lg_fit_load(fit, &archive, NULL);
     assert_true(status == LG_FORMAT || status == LG_NOT_FINITE);

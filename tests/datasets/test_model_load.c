@@ -273,7 +273,7 @@ static void data_and_checkpoints_are_refused(void **state) {
     assert_refused(read_any, path, LG_FORMAT, "trajectories", "data");
     assert_ok(lg_model_load_hamiltonian(NULL, fresh(LG_MODEL_HAMILTONIAN), NULL, &file, NULL));
     path = scratch_path("checkpoint.h5");
-    assert_ok(lg_checkpoint_create(NULL, path, &file.run, NULL, &writer, NULL));
+    assert_ok(lg_checkpoint_create(NULL, path, &lg_run_hamiltonian, &file.run, NULL, &writer, NULL));
     assert_ok(lg_file_writer_commit(writer, NULL));
     lg_file_writer_destroy(writer);
     lg_hamiltonian_file_destroy(NULL, &file);

@@ -733,11 +733,13 @@ static void grid_every_key(void **state) {
     assert_true(grid.n[1] == 500 && grid.m[0] == 5 && grid.m_count == 1 && grid.substeps[1] == 2);
     assert_close(grid.eps[2], 0.1, 0, 0);
     assert_close(grid.penalty[1], 1e-3, 0, 0);
-    assert_true(grid.hidden_count == 2 && grid.hidden[1] == 30);
-    assert_true(grid.dtype == LG_F32 && grid.potential == LG_POTENTIAL_MLP && grid.activation == LG_TANH);
+    const lg_mlp *net = &grid.run.model.net;
+    const lg_training *how = &grid.run.training;
+    assert_true(net->layers == 3 && net->width[2] == 30 && net->activation == LG_TANH);
+    assert_true(how->dtype == LG_F32 && grid.run.model.potential == LG_POTENTIAL_MLP);
     assert_true(grid.test_trajectories == 7 && grid.test_points == 9 && grid.seed == UINT64_MAX);
-    assert_true(grid.epochs == 100 && grid.batch == 80 && grid.lr_step == 50 && grid.shards == 4);
-    assert_close(grid.lr, 1e-2, 0, 0);
+    assert_true(how->epochs == 100 && how->batch == 80 && how->lr_step == 50 && how->shards == 4);
+    assert_close(how->lr, 1e-2, 0, 0);
     assert_close(grid.t_end, 0.1, 0, 0);
     lg_grid_destroy(NULL, &grid);
     assert_ok(lg_grid_read(NULL, changed("grid.yaml", good_grid, "t_end: 0.1\n", ""), &grid, NULL));

@@ -1,9 +1,8 @@
 /* Surrogates and their checkpoints: round trip, the matrix of bad input. What all kinds of models share is
  * tested with the learned Hamiltonians. */
-#define MODEL_KIND       surrogate
-#define MODEL_CHECKPOINT lg_surrogate_checkpoint
-#define MODEL_BAD        1
-#define MODEL_SINGLE     0
+#define MODEL_KIND   surrogate
+#define MODEL_BAD    1
+#define MODEL_SINGLE 0
 #include "model_file_checks.h"
 
 enum { TRAINED = 3, EPOCHS = 4 };
@@ -98,7 +97,7 @@ static void round_trip(void **state) {
         if (e == 2) file.has_errors = false;
         assert_ok(lg_model_save_surrogate(NULL, path, &file, NULL, NULL));
         assert_ok(lg_model_load_surrogate(NULL, path, NULL, &again, NULL));
-        assert_ok(lg_surrogate_run_compare(path, &again.run, &file.run, NULL));
+        assert_ok(lg_run_compare(path, &lg_run_surrogate, &again.run, &file.run, NULL));
         assert_int_equal(again.parameters, file.parameters);
         assert_memory_equal(again.theta, file.theta, file.parameters * sizeof(double));
         assert_memory_equal(&again.run.model.net, &file.run.model.net, sizeof(lg_net));
@@ -192,14 +191,20 @@ static void bad_attributes(void **state) {
         {"model", "mirror", "yes", "integer"},         {"run", "values", "exact", "known name"},
         {"run", "schedule", "sawtooth", "known name"}, {"run", "lr", "fast", "number"}};
     refuse_texts(read_model, fresh_model, texts, LG_COUNT(texts));
-    static const bad_integer integers[] = {
-        {"model", "mirror", 2, "0 nor 1"},      {"model", "boundary", 1, "angle"},
-        {"model", "layers", 99, "no network"},  {"model", "hidden", 0, "hidden"},
-        {"model", "hidden", 5, "shape"},        {"model", "hidden", 1 << 20, "shape"},
-        {"model", "intervals", 1, "intervals"}, {"model", "intervals", 4000000000, "intervals"},
-        {"model", "layers", -1, "layers"},      {"model", "embedding", 7, "embedding"},
-        {"model", "length", 0, "length"},       {"model", "centre", -1, "centre"},
-        {"run", "gamma", -1, "gamma"},          {"run", "train_fraction", 2, "train_fraction"}};
+    static const bad_integer integers[] = {{"model", "mirror", 2, "0 nor 1"},
+                                           {"model", "boundary", 1, "angle"},
+                                           {"model", "layers", 99, "layers is out of range"},
+                                           {"model", "hidden", 0, "hidden"},
+                                           {"model", "hidden", 5, "shape"},
+                                           {"model", "hidden", 1 << 20, "shape"},
+                                           {"model", "intervals", 1, "intervals"},
+                                           {"model", "intervals", 4000000000, "intervals"},
+                                           {"model", "layers", -1, "layers"},
+                                           {"model", "embedding", 7, "embedding"},
+                                           {"model", "length", 0, "length"},
+                                           {"model", "centre", -1, "centre"},
+                                           {"run", "gamma", -1, "gamma"},
+                                           {"run", "train_fraction", 2, "train_fraction"}};
     refuse_integers(read_model, fresh_model, integers, LG_COUNT(integers));
     static const char *const reals[][2] = {
         {"model", "length"}, {"run", "gamma"}, {"run", "lr"}, {"/", "train_mse"}, {"/", "test_mse"}};
@@ -260,7 +265,7 @@ static void another_problem(void **state) {
                                         "gamma 0.5",
                                         "network angle",
                                         "values discrete, not continuous",
-                                        "mirror 0, not 1",
+                                        "mirror false, not true",
                                         "hidden 5, not 4",
                                         "test_fraction 0.25",
                                         "data_sha256",

@@ -1,0 +1,416 @@
+/* The train driver: from the command line to the end of training. */
+#include "common/train.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { CHECKPOINT_EVERY = 10 };
+
+train_files train_given_files;
+
+const app_option train_file_options[] = {
+    APP_ROW_TEXT(train_files, out, "out", "FILE", "The model file to write"),
+    APP_ROW_TEXT(
+        train_files, checkpoint, "checkpoint", "FILE",
+        "Where the state goes (default: FILE of --out with .checkpoint appended, when stopped early)"),
+    APP_ROW_SIZE(train_files, checkpoint_every, "checkpoint-every", "n", 1, 1e9,
+                 "Epochs between checkpoints (default 10 with --checkpoint)"),
+    APP_ROW_SIZE(train_files, stop_after, "stop-after", "n", 1, 1e9,
+                 "Stop after n epochs of this run, state saved"),
+    APP_ROW_TEXT(train_files, resume, "resume", "FILE",
+                 "Continue from a checkpoint, to the same bits as one run; options not given are the "
+                 "checkpoint's"),
+    APP_ROW_TEXT(train_files, history, "history", "FILE.csv",
+                 "One row an epoch: epoch, loss, validation, rate, seconds"),
+    APP_ROW_TEXT(train_files, plot, "plot", "FILE.svg|.png", "Draw the loss"),
+    APP_ROW_END};
+
+static const train_files *const files = &train_given_files;
+
+const char *app_sentence(lg_status status, const lg_error *error) {
+    return error->message[0] != '\0' ? error->message : lg_status_sentence(status);
+}
+
+static int fail(const app *self, lg_status status, const lg_error *error) {
+    return app_fail(self, status, "%s", app_sentence(status, error));
+}
+
+lg_provenance app_provenance(const app *self, uint64_t seed) {
+    lg_provenance provenance = {.has_seed = true, .seed = seed};
+    (void)snprintf(provenance.command, sizeof provenance.command, "%s", self->command_line);
+    (void)lg_cpu_describe(provenance.cpu, sizeof provenance.cpu);
+    return provenance;
+}
+
+/* ---- before training: options and files ---- */
+
+/* Where the state goes: --checkpoint, or beside --out. Freed with free. */
+static char *checkpoint_path(void) {
+    return files->checkpoint != NULL ? app_format("%s", files->checkpoint)
+                                     : app_format("%s.checkpoint", files->out);
+}
+
+static const lg_hyperparameter *method_row(const train_task *task, void **values) {
+    const app_settings *settings = task->settings;
+    for (; task->method != NULL && settings->rows != NULL; settings++) {
+        *values = settings->values;
+        const lg_hyperparameter *row = lg_hyperparameter_find(settings->rows, task->method);
+        if (row != NULL) return row;
+    }
+    return NULL;
+}
+
+const char *train_refuses(const train_task *task, const app_slot *slot) {
+    static char text[128];
+    void *values;
+    const lg_hyperparameter *method = method_row(task, &values);
+    if (method == NULL || slot->row == NULL || slot->row->methods == 0) return NULL;
+    const uint32_t number = (uint32_t)lg_hyperparameter_whole(method, values);
+    if ((slot->row->methods & 1u << number) != 0) return NULL;
+    (void)snprintf(text, sizeof text, "--%s %s", task->method, method->value_name(number));
+    return text;
+}
+
+static int check_options(const app *self, const train_task *task) {
+    for (size_t i = 0; i < self->slot_count; i++) {
+        const char *refuses = self->slots[i].given ? train_refuses(task, &self->slots[i]) : NULL;
+        if (refuses != NULL)
+            return app_usage(self, "--%s: %s has no such option", self->slots[i].name, refuses);
+    }
+    if (files->resume != NULL && app_given(self, "preset"))
+        return app_usage(self, "--preset: a resumed run has its settings already");
+    return APP_EXIT_OK;
+}
+
+/* --out is given, and no file is replaced that is read or written as another one. */
+static int check_files(app *self, const train_task *task) {
+    if (files->out == NULL) return app_usage(self, "--out FILE is missing");
+    const app_slot *kept = task->kept != NULL ? app_find_slot(self, task->kept) : NULL;
+    char *checkpoint = checkpoint_path();
+    /* A run may go on in the checkpoint that it came from. */
+    const bool same = files->resume != NULL && app_same_file(files->resume, checkpoint);
+    const app_path paths[] = {
+        {"resume", same ? NULL : files->resume, APP_READ},
+        {task->kept,
+         kept != NULL ? *(const char *const *)((const char *)kept->values + kept->option->offset) : NULL,
+         APP_READ},
+        {"out", files->out, APP_WRITTEN},
+        {"checkpoint", checkpoint, APP_WRITTEN},
+        {"history", files->history, APP_WRITTEN},
+        {"plot", files->plot, APP_DRAWN}};
+    const int code = app_check_outputs(self, paths, APP_COUNT(paths));
+    free(checkpoint);
+    return code;
+}
+
+/* ---- callbacks of the fit ---- */
+
+static lg_status save_checkpoint(const train_session *self, const char *path, const lg_fit *fit,
+                                 lg_error *error) {
+    const train_task *task = self->task;
+    const lg_provenance provenance = app_provenance(self->app, task->training->seed);
+    lg_file_writer *writer = NULL;
+    lg_archive_writer archive;
+    lg_status status = lg_checkpoint_create(self->app->context, path, task->kind, task->settings[0].values,
+                                            &provenance, &writer, error);
+    if (status == LG_OK) status = lg_file_writer_archive(writer, "fit", &archive);
+    if (status == LG_OK) status = lg_fit_save(fit, &archive, error);
+    if (status == LG_OK) status = lg_file_writer_commit(writer, error);
+    lg_file_writer_destroy(writer);
+    return status;
+}
+
+/* A checkpoint that cannot be written does not end the training: the next one may succeed. */
+static lg_status on_checkpoint(void *user, const lg_fit *fit) {
+    train_session *self = user;
+    char *path = checkpoint_path();
+    self->checkpoint_error = (lg_error){LG_OK, ""};
+    self->checkpoint_status = save_checkpoint(self, path, fit, &self->checkpoint_error);
+    if (self->checkpoint_status != LG_OK)
+        app_warn(self->app, "%s", app_sentence(self->checkpoint_status, &self->checkpoint_error));
+    free(path);
+    return LG_OK;
+}
+
+static int on_epoch(void *user, const lg_fit_epoch *report) {
+    train_session *self = user;
+    app_progress_show(&self->progress, report->epoch, "epoch %llu/%llu  loss %.3g",
+                      (unsigned long long)report->epoch, (unsigned long long)report->epochs, report->loss);
+    return 0;
+}
+
+/* ---- training ---- */
+
+lg_fit_options train_fit_options(const app *self, const lg_training *training) {
+    lg_fit_options options;
+    lg_fit_options_init(&options);
+    lg_training_apply(training, &options);
+    options.threads = (int)self->threads;
+    return options;
+}
+
+static lg_fit_options session_options(train_session *self) {
+    lg_fit_options options = train_fit_options(self->app, self->task->training);
+    options.stop_after = files->stop_after;
+    options.checkpoint = on_checkpoint;
+    options.checkpoint_every = files->checkpoint_every > 0 ? files->checkpoint_every
+                               : files->checkpoint != NULL ? CHECKPOINT_EVERY
+                                                           : 0;
+    options.on_epoch = on_epoch;
+    options.user = self;
+    return options;
+}
+
+/* The state below /fit of an open checkpoint becomes the fit's. */
+static int load_fit(train_session *self, lg_file_reader *stored) {
+    lg_error error = {LG_OK, ""};
+    lg_archive_reader archive;
+    lg_status status = lg_file_reader_archive(stored, "fit", &archive);
+    if (status == LG_OK) status = lg_fit_load(self->fit, &archive, &error);
+    if (status == LG_OK) return APP_EXIT_OK;
+    const char *more = lg_file_reader_message(stored);
+    if (more[0] != '\0') (void)snprintf(error.message, sizeof error.message, "%s", more);
+    if (status == LG_INVALID_ARGUMENT)
+        return app_fail(self->app, status, "%s: %s", files->resume, app_sentence(status, &error));
+    return app_fail_file(self->app, status, &error, files->resume);
+}
+
+/* Training broke down: the state before the step that failed is kept: nothing is lost. */
+static int broken(train_session *self, lg_status status, const lg_error *fit_error) {
+    if (lg_fit_steps_done(self->fit) > 0) {
+        (void)on_checkpoint(self, self->fit);
+        if (self->checkpoint_status == LG_OK) {
+            char *path = checkpoint_path();
+            const int code = app_fail(self->app, status, "%s; the state before it is in %s",
+                                      app_sentence(status, fit_error), path);
+            free(path);
+            return code;
+        }
+    }
+    return fail(self->app, status, fit_error);
+}
+
+/* What is said about a training that stopped before the plan was finished; its state has been saved. */
+static int stopped(const train_session *self, lg_status status) {
+    if (self->checkpoint_status != LG_OK)
+        return app_fail(self->app, LG_FILE, "the state could not be saved: %s",
+                        app_sentence(self->checkpoint_status, &self->checkpoint_error));
+    char *path = checkpoint_path();
+    (void)fprintf(stderr, "%s: stopped in epoch %llu of %llu; continue with --resume %s\n", self->app->title,
+                  (unsigned long long)lg_fit_epochs_done(self->fit) + 1,
+                  (unsigned long long)self->task->training->epochs, path);
+    free(path);
+    return status == LG_CANCELLED ? APP_EXIT_INTERRUPTED : APP_EXIT_OK;
+}
+
+/* The fit has returned `status`: history, then what the status asks for. */
+static int conclude(train_session *self, lg_status status, const lg_error *fit_error) {
+    lg_error error = {LG_OK, ""};
+    int code = APP_EXIT_OK;
+    if (files->history != NULL) {
+        const lg_status saved = train_save_history(files->history, self->fit, &error);
+        if (saved != LG_OK) code = app_fail_file(self->app, saved, &error, files->history);
+    }
+    if (status == LG_CANCELLED || (status == LG_OK && !lg_fit_finished(self->fit))) {
+        const int more = stopped(self, status);
+        return more == APP_EXIT_OK ? code : more;
+    }
+    return status == LG_OK ? code : broken(self, status, fit_error);
+}
+
+static int run_fit(train_session *self) {
+    lg_error error = {LG_OK, ""};
+    const double begin = app_seconds();
+    app_progress_begin(&self->progress, lg_fit_epochs_done(self->fit), self->task->training->epochs);
+    const lg_status status = lg_fit_run(self->fit, &error);
+    app_progress_end(&self->progress);
+    self->seconds = app_seconds() - begin;
+    return conclude(self, status, &error);
+}
+
+/* With the run complete and the data split. */
+static int train(train_session *self, lg_file_reader *stored) {
+    const train_task *task = self->task;
+    lg_error error = {LG_OK, ""};
+    const lg_fit_options options = session_options(self);
+    const lg_status status = task->create(task->user, self->app, &options, &self->fit, &error);
+    int code = status == LG_OK ? APP_EXIT_OK : fail(self->app, status, &error);
+    if (code == APP_EXIT_OK && stored != NULL) code = load_fit(self, stored);
+    if (code == APP_EXIT_OK) code = run_fit(self);
+    return code == APP_EXIT_OK ? task->finish(task->user, self) : code;
+}
+
+/* ---- the run ---- */
+
+/* A stored run; its copy is compared with the run that data and options describe. */
+typedef struct stored_run {
+    lg_file_reader *reader; /* NULL: nothing is resumed */
+    void *run;
+} stored_run;
+
+/* What was not given on the command line becomes the stored run's. */
+static int open_stored(app *self, const train_task *task, stored_run *stored) {
+    lg_error error = {LG_OK, ""};
+    if (files->resume == NULL) return APP_EXIT_OK;
+    stored->run = app_alloc(1, task->settings[0].size);
+    const lg_status status = lg_checkpoint_open(self->context, files->resume, NULL, task->kind, stored->run,
+                                                &stored->reader, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, files->resume);
+    app_adopt(self, &task->settings[0], stored->run, false);
+    if (!self->seed_given) self->seed = task->training->seed;
+    return APP_EXIT_OK;
+}
+
+static int compare(const app *self, const train_task *task, const stored_run *stored) {
+    lg_error error = {LG_OK, ""};
+    if (stored->reader == NULL) return APP_EXIT_OK;
+    const lg_status status =
+        lg_run_compare(files->resume, task->kind, stored->run, task->settings[0].values, &error);
+    return status == LG_OK ? APP_EXIT_OK : fail(self, status, &error);
+}
+
+/* The data are compared before they are split, too: others need not be split in the same way. */
+static int run_with(app *self, const train_task *task, stored_run *stored) {
+    lg_error error = {LG_OK, ""};
+    train_session session = {.app = self, .task = task};
+    task->training->seed = self->seed;
+    const lg_status status =
+        task->describe(task->user, self, stored->reader != NULL ? stored->run : NULL, &error);
+    int code = status == LG_OK ? APP_EXIT_OK : fail(self, status, &error);
+    if (code == APP_EXIT_OK) code = compare(self, task, stored);
+    if (code == APP_EXIT_OK && task->prepare != NULL) {
+        code = task->prepare(task->user, self);
+        if (code == APP_EXIT_OK) code = compare(self, task, stored);
+    }
+    if (code == APP_EXIT_OK) code = train(&session, stored->reader);
+    task->release(task->user, self);
+    return code;
+}
+
+int train_check(app *self, const train_task *task) {
+    const int code = check_options(self, task);
+    return code == APP_EXIT_OK ? check_files(self, task) : code;
+}
+
+int train_main(app *self, const train_task *task) {
+    char sha256[LG_SHA256_TEXT];
+    stored_run stored = {NULL, NULL};
+    int code = train_check(self, task);
+    if (code == APP_EXIT_OK) code = task->read(task->user, self, self->arguments[0], sha256);
+    if (code == APP_EXIT_OK) code = open_stored(self, task, &stored);
+    if (code == APP_EXIT_OK) code = run_with(self, task, &stored);
+    lg_file_reader_close(stored.reader);
+    free(stored.run);
+    return code;
+}
+
+/* ---- results ---- */
+
+/* Under its name on the command line, with _ for -. */
+static void json_row(app_json *json, const lg_hyperparameter *row, const void *run) {
+    char key[64], text[LG_HYPER_TEXT_SIZE];
+    double list[LG_HYPER_LIST_MAX];
+    (void)snprintf(key, sizeof key, "%s",
+                   row->option != NULL && row->option[0] != '\0' ? row->option : row->name);
+    switch (row->type) {
+    case LG_HYPER_REAL:
+        app_json_real(json, key, lg_hyperparameter_number(row, run));
+        break;
+    case LG_HYPER_U64:
+    case LG_HYPER_U32:
+        app_json_size(json, key, lg_hyperparameter_whole(row, run));
+        break;
+    case LG_HYPER_FLAG:
+        app_json_bool(json, key, lg_hyperparameter_whole(row, run) != 0);
+        break;
+    case LG_HYPER_WHOLES:
+    case LG_HYPER_REALS:
+        app_json_reals(json, key, list, row->get((const char *)run + row->offset, list));
+        break;
+    default:
+        lg_hyperparameter_show(row, run, text, sizeof text);
+        app_json_text(json, key, text);
+    }
+}
+
+/* `epochs` are those that are done, and a row that is no option is another's (the seed apart). */
+static void json_run(app_json *json, const app_settings *settings) {
+    for (const lg_hyperparameter *row = settings->rows; row->name != NULL; row++) {
+        const bool option = row->option == NULL || row->option[0] != '\0';
+        if (strcmp(row->name, "epochs") != 0 && (option || strcmp(row->name, "seed") == 0))
+            json_row(json, row, settings->values);
+    }
+}
+
+void train_json(const train_session *self, app_json *json) {
+    char cpu[256];
+    const lg_fit *fit = self->fit;
+    const uint64_t done = lg_fit_epochs_done(fit);
+    (void)lg_cpu_describe(cpu, sizeof cpu);
+    app_json_size(json, "epochs", done);
+    app_json_real(json, "running_loss", lg_fit_loss(fit));
+    app_json_real(json, "validation_loss",
+                  done > 0 ? lg_fit_history(fit, LG_FIT_VALIDATION)[done - 1] : (double)NAN);
+    app_json_size(json, "best_epoch", lg_fit_best_epoch(fit));
+    app_json_bool(json, "finished", lg_fit_finished(fit));
+    app_json_real(json, "seconds_per_epoch", lg_fit_seconds_per_epoch(fit));
+    app_json_real(json, "seconds", self->seconds);
+    app_json_size(json, "threads", self->app->threads);
+    app_json_size(json, "steps", lg_fit_steps_done(fit));
+    app_json_size(json, "tape_bytes", lg_fit_tape_bytes(fit));
+    app_json_text(json, "cpu", cpu);
+    app_json_text(json, "out", files->out);
+    json_run(json, &self->task->settings[0]);
+}
+
+static void csv_number(FILE *stream, double value) {
+    if (isfinite(value))
+        (void)fprintf(stream, ",%.17g", value);
+    else
+        (void)fputc(',', stream);
+}
+
+lg_status train_save_history(const char *path, const lg_fit *fit, lg_error *error) {
+    static const lg_fit_series columns[] = {LG_FIT_LOSS, LG_FIT_VALIDATION, LG_FIT_RATE, LG_FIT_SECONDS};
+    app_file file;
+    app_file_begin(&file, path);
+    (void)fputs("epoch,loss,validation,rate,seconds\n", file.stream);
+    for (uint64_t epoch = 0; epoch < lg_fit_epochs_done(fit); epoch++) {
+        (void)fprintf(file.stream, "%llu", (unsigned long long)(epoch + 1));
+        for (size_t c = 0; c < APP_COUNT(columns); c++)
+            csv_number(file.stream, lg_fit_history(fit, columns[c])[epoch]);
+        (void)fputc('\n', file.stream);
+    }
+    return app_file_end(&file, error);
+}
+
+lg_status train_draw_loss(const app *self, const char *picture, const double *loss, const double *validation,
+                          size_t epochs, lg_error *error) {
+    app_plot plot;
+    bool drawn;
+    const lg_status status = app_plot_begin(&plot, picture, 800, 500);
+    if (status != LG_OK) return app_error(error, status, "%s: the name must end in .svg or .png", picture);
+    for (size_t i = 0; i < epochs; i++)
+        (void)fprintf(plot.data.stream, "%zu %.17g %.17g\n", i + 1, loss[i],
+                      validation != NULL ? validation[i] : (double)NAN);
+    (void)fputs("set logscale y\nset format y '10^{%L}'\nset xlabel 'epoch'\nset ylabel 'loss'\n"
+                "plot datafile using 1:2 with lines lw 2 lc rgb '#1f5fa8' title 'training'",
+                plot.script.stream);
+    if (validation != NULL)
+        (void)fputs(", datafile using 1:3 with lines lw 2 lc rgb '#d1641f' title 'validation'",
+                    plot.script.stream);
+    (void)fputc('\n', plot.script.stream);
+    return app_plot_end(self, &plot, &drawn, error);
+}
+
+int train_draw(const train_session *self) {
+    lg_error error = {LG_OK, ""};
+    const char *picture = files->plot;
+    if (picture == NULL) return APP_EXIT_OK;
+    const double *validation =
+        self->task->training->validation > 0 ? lg_fit_history(self->fit, LG_FIT_VALIDATION) : NULL;
+    const lg_status status = train_draw_loss(self->app, picture, lg_fit_history(self->fit, LG_FIT_LOSS),
+                                             validation, (size_t)lg_fit_epochs_done(self->fit), &error);
+    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self->app, status, &error, picture);
+}

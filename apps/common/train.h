@@ -1,0 +1,97 @@
+/* What every `train` command shares: its options for files, and the course from the command line to the end
+ * of training: --resume, checkpoints, progress, Ctrl-C, --history, exit codes, JSON.
+ *
+ * A command gives a train_task and returns train_main(...). The run of its settings[0] says how is trained:
+ * the options are its hyperparameters, checkpoints hold it, and a resumed run is compared with it. The search
+ * driver (common/search.h) trains the same task.
+ *
+ * Functions that return int return an exit code, and have told the user when it is not APP_EXIT_OK; those
+ * that return a status explain it in `error`. */
+#ifndef LG_APPS_TRAIN_DRIVER_H
+#define LG_APPS_TRAIN_DRIVER_H
+
+#include "common/app.h"
+#include "liegrad/io.h"
+#include "liegrad/nn.h"
+
+typedef struct train_files {
+    const char *out, *checkpoint, *resume, *history, *plot;
+    uint64_t checkpoint_every, stop_after;
+} train_files;
+
+/* What the command line gave, and its options: `shared` of a command. */
+extern train_files train_given_files;
+extern const app_option train_file_options[];
+#define TRAIN_SHARED .shared = train_file_options, .shared_values = &train_given_files
+
+/* A training while it goes on and after it. */
+typedef struct train_session train_session;
+
+typedef struct train_task {
+    const lg_run_kind *kind;
+    const app_settings *settings; /* the command's; the first one is the run */
+    lg_training *training;        /* of the run */
+    const char *method;           /* the row whose value the other rows' `methods` are about; NULL: none */
+    const char *only;             /* a search takes this method alone; NULL: any */
+    const char *held_out;         /* the row whose place --validation of a search takes; may be NULL */
+    const char *kept;             /* the option that names one more file to be read; may be NULL */
+    void *user;
+
+    /* Reads the data at `path` and gives their SHA-256. */
+    int (*read)(void *user, app *app, const char *path, char sha256[LG_SHA256_TEXT]);
+    /* Completes the run: what the data say, and without a stored run what a preset says (app_adopt). The
+     * hyperparameters of `stored`, of a resumed run, are adopted already. */
+    lg_status (*describe)(void *user, app *app, const void *stored, lg_error *error);
+    /* Splits the data, before the fit is made: into training and test part, or, in a search, holding out
+     * `validation` of the training part. What it finds out about the data goes into the run. `prepare` may be
+     * NULL. */
+    int (*prepare)(void *user, app *app);
+    lg_status (*hold_out)(void *user, app *app, double validation, lg_error *error);
+    /* The fit; it is destroyed by `release`, with what prepare and hold_out made, whether they failed or not. */
+    lg_status (*create)(void *user, app *app, const lg_fit_options *options, lg_fit **fit, lg_error *error);
+    void (*release)(void *user, app *app);
+    /* The plan was carried out as far as asked: judges, writes the model, draws and reports. */
+    int (*finish)(void *user, train_session *session);
+    /* In a search: what is to be lowered, asked where a rung is passed, and at the end; how many weights. */
+    double (*objective)(void *user, app *app);
+    size_t (*parameters)(void *user);
+} train_task;
+
+struct train_session {
+    app *app;
+    const train_task *task;
+    lg_fit *fit;
+    double seconds; /* wall time of the training */
+    /* The driver's own. */
+    app_progress progress;
+    lg_status checkpoint_status;
+    lg_error checkpoint_error;
+};
+
+int train_main(app *app, const train_task *task);
+/* The first part of train_main alone: options that do not go together, files that cannot be written. */
+int train_check(app *app, const train_task *task);
+/* Hyperparameters of a run, threads. */
+lg_fit_options train_fit_options(const app *app, const lg_training *training);
+/* The task's method, as in "--network angle", when it does not have the option; otherwise NULL. Static
+ * storage. */
+const char *train_refuses(const train_task *task, const app_slot *slot);
+
+/* --plot, if given: the loss. */
+int train_draw(const train_session *session);
+/* epochs, running_loss, validation_loss, best_epoch, finished, seconds_per_epoch, seconds, threads, steps,
+ * tape_bytes, cpu, out, and the hyperparameters of the run by their names. */
+void train_json(const train_session *session, app_json *json);
+
+/* ---- parts, for other commands ---- */
+
+/* error's sentence, or the status'. */
+const char *app_sentence(lg_status status, const lg_error *error);
+lg_provenance app_provenance(const app *app, uint64_t seed);
+/* Columns epoch, loss, validation, rate, seconds. */
+lg_status train_save_history(const char *path, const lg_fit *fit, lg_error *error);
+/* validation may be NULL. */
+lg_status train_draw_loss(const app *app, const char *picture, const double *loss, const double *validation,
+                          size_t epochs, lg_error *error);
+
+#endif

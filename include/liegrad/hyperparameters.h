@@ -1,0 +1,105 @@
+/* The hyperparameters of learned models: one table for each kind of run in liegrad/io.h. A row says the
+ * name, type, range, default and meaning of one member of the run. Command lines, ranges of searches, grids
+ * of studies, attributes of files, the comparison of a resumed run with the stored one and JSON all come from
+ * these rows.
+ *
+ *   lg_surrogate_run run;
+ *   lg_hyperparameters_default(lg_surrogate_hyperparameters, &run);
+ *   const lg_hyperparameter *lr = lg_hyperparameter_find(lg_surrogate_hyperparameters, "lr");
+ *   lg_status status = lg_hyperparameter_set(lr, "1e-3", &run, &error);
+ */
+#ifndef LIEGRAD_HYPERPARAMETERS_H
+#define LIEGRAD_HYPERPARAMETERS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "liegrad/export.h"
+#include "liegrad/status.h"
+
+LG_BEGIN_DECLS
+
+typedef enum lg_hyper_type {
+    LG_HYPER_REAL,
+    LG_HYPER_U64,
+    LG_HYPER_U32,
+    LG_HYPER_FLAG,   /* bool; 0 or 1 in files, a name elsewhere */
+    LG_HYPER_NAME,   /* an enumeration, or a bool with two names; a name everywhere */
+    LG_HYPER_WHOLES, /* a list of whole numbers through `get` and `put`; as text they are separated by commas */
+    LG_HYPER_REALS, /* a list of numbers, likewise */
+    LG_HYPER_TEXT,  /* char array; for facts about the data, which nobody sets */
+    LG_HYPER_SHOWN  /* a text that `show` makes of several members; for facts, too */
+} lg_hyper_type;
+
+/* The most numbers in a list, and room for any value as text. */
+#define LG_HYPER_LIST_MAX  256
+#define LG_HYPER_TEXT_SIZE 4096
+
+/* A table of rows ends with a row whose name is NULL. */
+typedef struct lg_hyperparameter {
+    const char *name; /* in files and grids, such as lr_step */
+    const char
+        *option;       /* on command lines, and with _ for - in JSON; NULL: the name with - for _; "": none */
+    const char *group; /* of the HDF5 file: "model" or "run". What is stored must be the same in a resumed
+                         * run. NULL: it is not stored */
+    lg_hyper_type type;
+    size_t offset, size; /* of the member in the run */
+    double low, high;    /* of each number */
+    bool above;          /* low itself is refused */
+    bool optional;       /* files of earlier versions lack it: the default of the file stands */
+    const char *(*value_name)(uint32_t value); /* FLAG, NAME: NULL beyond the last */
+    /* Lists: the numbers of the member, at most `most` <= LG_HYPER_LIST_MAX; `get` returns how many. */
+    uint32_t (*get)(const void *member, double *values);
+    void (*put)(void *member, const double *values, uint32_t count);
+    uint32_t most;
+    void (*show)(const void *run, char *text, size_t size); /* SHOWN */
+    const char *value;     /* the default as text; NULL: it depends, and `otherwise` says on what */
+    const char *otherwise; /* "the preset's" */
+    const char *unit;      /* what --help calls a value; NULL: NAME */
+    const char *meaning;   /* one sentence without its full stop */
+    uint32_t methods;      /* bit v: it applies where the run's method is number v; 0: always */
+} lg_hyperparameter;
+
+/* A row about `member` of `struct_`; what follows are designated initialisers. */
+#define LG_HYPERPARAMETER(struct_, group_, name_, type_, member, ...)                                        \
+    {                                                                                                        \
+        .group = group_, .name = name_, .type = LG_HYPER_##type_, .offset = offsetof(struct_, member),       \
+        .size = sizeof(((struct_ *)0)->member), __VA_ARGS__                                                  \
+    }
+#define LG_HYPERPARAMETER_END                                                                                \
+    { .name = NULL }
+
+/* Of lg_hamiltonian_run, lg_surrogate_run and lg_detector_run. A surrogate's method is its network, in the
+ * order of lg_surrogate_kind; the detector's only one is bit 0, and rows with methods = 0 there belong to the
+ * split of the data, which other methods share. */
+LG_API extern const lg_hyperparameter lg_hamiltonian_hyperparameters[], lg_surrogate_hyperparameters[],
+    lg_detector_hyperparameters[];
+
+/* By name or by name on command lines; NULL when there is none. */
+LG_API const lg_hyperparameter *lg_hyperparameter_find(const lg_hyperparameter *rows, const char *name);
+/* Its name on command lines, cut to `size` bytes; "" for one that has none. */
+LG_API void lg_hyperparameter_option(const lg_hyperparameter *row, char *text, size_t size);
+/* "Width of the hidden layers (1 to 1048576; default the preset's)". Returns the length as snprintf does. */
+LG_API int lg_hyperparameter_describe(const lg_hyperparameter *row, char *text, size_t size);
+
+/* The text becomes the run's value. LG_INVALID_ARGUMENT, with a sentence that says what it should be, and the
+ * run untouched. */
+LG_API lg_status lg_hyperparameter_set(const lg_hyperparameter *row, const char *text, void *run,
+                                       lg_error *error);
+/* The run's value as lg_hyperparameter_set takes it, cut to `size` bytes; "?" for an unknown name. */
+LG_API void lg_hyperparameter_show(const lg_hyperparameter *row, const void *run, char *text, size_t size);
+/* The value of a number; the position of a name; NaN for other types. */
+LG_API double lg_hyperparameter_number(const lg_hyperparameter *row, const void *run);
+/* The same for whole numbers, flags and names, to the last digit; 0 for other types. */
+LG_API uint64_t lg_hyperparameter_whole(const lg_hyperparameter *row, const void *run);
+/* Whether number or name are in the row's range; true for other types. */
+LG_API bool lg_hyperparameter_fits(const lg_hyperparameter *row, const void *run);
+/* The value of one run becomes that of the other. */
+LG_API void lg_hyperparameter_copy(const lg_hyperparameter *row, const void *from, void *to);
+/* Sets what has a default of its own and leaves the rest. */
+LG_API void lg_hyperparameters_default(const lg_hyperparameter *rows, void *run);
+
+LG_END_DECLS
+
+#endif

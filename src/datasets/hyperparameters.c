@@ -1,0 +1,452 @@
+/* The tables of hyperparameters, and what a row does with text and numbers. */
+#include "liegrad/hyperparameters.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "datasets/names.h"
+#include "datasets/run.h"
+
+_Static_assert(sizeof(lg_dtype) == sizeof(uint32_t) && sizeof(lg_activation) == sizeof(uint32_t) &&
+                   sizeof(lg_train_integrator) == sizeof(uint32_t) && sizeof(bool) == 1,
+               "enumerations are read through their representation");
+
+/* ---- rows ---- */
+
+/* What every kind has: how it is trained. VALUE(text) says the default. */
+#define TRAINING(run_, member, type, ...)                                                                    \
+    LG_HYPERPARAMETER(run_, "run", #member, type, training.member, __VA_ARGS__)
+#define TRAINING_ROWS(run_, samples, methods_, VALUE)                                                        \
+    TRAINING(run_, dtype, NAME, .value_name = lg_name_dtype, .methods = methods_, VALUE("f64"),              \
+             .meaning = "Numbers that the weights are trained in"),                                          \
+        TRAINING(run_, epochs, U64, .low = 1, .high = 1e9, .methods = methods_, VALUE("100"), .unit = "E",   \
+                 .meaning = "Planned total of epochs, a resumed run included"),                              \
+        TRAINING(run_, batch, U64, .low = 1, .high = 1e9, .methods = methods_, VALUE("80"), .unit = "B",     \
+                 .meaning = samples " in a batch"),                                                          \
+        TRAINING(run_, lr, REAL, .high = 1e3, .above = true, .methods = methods_, VALUE("1e-2"),             \
+                 .unit = "R", .meaning = "Learning rate of Adam"),                                           \
+        TRAINING(run_, schedule, NAME, .value_name = lg_name_schedule, .optional = true,                     \
+                 .methods = methods_, VALUE("step"), .meaning = "How the rate falls"),                       \
+        TRAINING(run_, lr_step, U64, .low = 1, .high = 1e9, .methods = methods_, VALUE("50"), .unit = "E",   \
+                 .meaning = "step: epochs after which the rate is multiplied by --lr-gamma"),                \
+        TRAINING(run_, lr_gamma, REAL, .high = 1, .methods = methods_, VALUE("0.1"), .unit = "G",            \
+                 .meaning = "step: that factor, above 0; cosine: the last factor"),                          \
+        TRAINING(run_, weight_decay, REAL, .high = 1e3, .methods = methods_, VALUE("0"), .unit = "W",        \
+                 .meaning = "L2 penalty in the gradient"),                                                   \
+        TRAINING(run_, adam_eps, REAL, .high = 1, .above = true, .methods = methods_, VALUE("1e-12"),        \
+                 .unit = "EPS", .meaning = "Adam's eps"),                                                    \
+        TRAINING(run_, clip, REAL, .high = 1e300, .methods = methods_, VALUE("1e-3"), .unit = "NORM",        \
+                 .meaning = "Bound on the gradient's norm, 0 for none"),                                     \
+        TRAINING(run_, shards, U32, .low = 1, .high = 1024, .methods = methods_, VALUE("4"), .unit = "n",    \
+                 .meaning = "Pieces of a batch that threads share; the bits of the result depend on it"),    \
+        TRAINING(run_, seed, U64, .high = 0x1p64, .option = "", .value = "1", .unit = "S",                   \
+                 .meaning = "Seed of all random numbers")
+#define VALIDATION                                                                                           \
+    .high = 0.9, .unit = "F",                                                                                \
+    .meaning = "Fraction kept for validation; the best epoch's parameters are then taken"
+
+#define CONSTANT(text) .value = text
+#define PRESET(text)   .otherwise = "the preset's"
+
+static uint32_t get_hidden(const void *member, double *values) {
+    const lg_mlp *net = member;
+    const uint32_t count = net->layers > 0 && net->layers <= LG_MLP_MAX_LAYERS ? net->layers - 1 : 0;
+    for (uint32_t i = 0; i < count; i++) values[i] = net->width[i + 1];
+    return count;
+}
+
+static void put_hidden(void *member, const double *values, uint32_t count) {
+    lg_mlp *net = member;
+    net->layers = count + 1;
+    for (uint32_t i = 0; i < count; i++) net->width[i + 1] = (uint32_t)values[i];
+}
+
+#define HAMILTONIAN(group, name, type, member, ...)                                                          \
+    LG_HYPERPARAMETER(lg_hamiltonian_run, group, name, type, member, __VA_ARGS__)
+const lg_hyperparameter lg_hamiltonian_hyperparameters[] = {
+    HAMILTONIAN("model", "potential", NAME, model.potential, .value_name = lg_name_potential, .value = "mlp",
+                .meaning = "The potential energy"),
+    HAMILTONIAN("model", "activation", NAME, model.net.activation, .value_name = lg_name_activation,
+                .value = "tanh", .meaning = "Activation of the hidden layers"),
+    HAMILTONIAN("model", "hidden", WHOLES, model.net, .get = get_hidden, .put = put_hidden, .low = 1,
+                .high = 1 << 20, .most = LG_MLP_MAX_LAYERS - 1, .value = "100,100,100", .unit = "W,W,...",
+                .meaning = "Widths of the hidden layers of the potential"),
+    HAMILTONIAN("run", "integrator", NAME, integrator, .value_name = lg_name_integrator,
+                .otherwise = "cf4 for pendulum chains, stormer-verlet otherwise",
+                .meaning = "Scheme of the steps between two points"),
+    HAMILTONIAN("run", "substeps", U32, substeps, .low = 1, .high = 1e6, .value = "1", .unit = "n",
+                .meaning = "Integrator steps between two points"),
+    HAMILTONIAN("run", "penalty", REAL, penalty, .high = 1e12, .value = "0", .unit = "MU",
+                .meaning = "First-integral penalty for (q_1^2 + p_1^2)/2, 0 for none"),
+    HAMILTONIAN("run", "penalty_form", NAME, penalty_form, .value_name = lg_name_penalty_form,
+                .value = "text",
+                .meaning = "text: mean over the batch of squares; published: sum over the batch of absolute "
+                           "values"),
+    TRAINING_ROWS(lg_hamiltonian_run, "Trajectories", 0, CONSTANT),
+    TRAINING(lg_hamiltonian_run, validation, REAL, .value = "0", VALIDATION),
+    LG_HYPERPARAMETER_END};
+
+enum {
+    DISCRETE = 1u << LG_SURROGATE_DISCRETE,
+    CONTINUOUS = 1u << LG_SURROGATE_CONTINUOUS,
+    ANGLE = 1u << LG_SURROGATE_ANGLE
+};
+
+#define SURROGATE(group, name, type, member, ...)                                                            \
+    LG_HYPERPARAMETER(lg_surrogate_run, group, name, type, member, __VA_ARGS__)
+#define OPTION(group, member, type, ...) SURROGATE(group, #member, type, model.options.member, __VA_ARGS__)
+const lg_hyperparameter lg_surrogate_hyperparameters[] = {
+    SURROGATE("model", "network", NAME, model.options.kind, .value_name = lg_name_surrogate,
+              .value = "discrete", .meaning = "Kind of network"),
+    OPTION("model", architecture, NAME, .value_name = lg_name_net, PRESET(), .meaning = "Its layers"),
+    OPTION("model", activation, NAME, .value_name = lg_name_activation, PRESET(),
+           .meaning = "Activation of the hidden layers"),
+    OPTION("model", embedding, U32, .high = 1 << 20, PRESET(), .unit = "E",
+           .meaning = "Width of the layer sin(2 pi (x A + b)) before the network, 0 for none"),
+    OPTION("model", hidden, U32, .low = 1, .high = 1 << 20, PRESET(), .unit = "W",
+           .meaning = "Width of the hidden layers"),
+    OPTION("model", layers, U32, .high = LG_NET_MAX_LAYERS, PRESET(), .unit = "l",
+           .meaning = "Hidden layers after the first one"),
+    OPTION("model", normalise, FLAG, .value_name = lg_name_truth, PRESET(),
+           .meaning = "The ends' x enter as (x - c)/c, c half their distance"),
+    OPTION("model", mirror, FLAG, .value_name = lg_name_truth, PRESET(),
+           .meaning = "Learn one half of the boundary conditions; the other is its mirror image"),
+    OPTION("model", boundary, FLAG, .value_name = lg_name_truth, .value = "false", .methods = ANGLE,
+           .meaning = "Angle network that holds the end angles by construction"),
+    OPTION("run", gamma, REAL, .high = 1e12, PRESET(), .unit = "G", .methods = DISCRETE | CONTINUOUS,
+           .meaning = "discrete: weight of node-to-node differences; continuous: of |v|^2 = 1"),
+    OPTION("run", between, FLAG, .value_name = lg_name_truth, PRESET(),
+           .meaning = "Continuous network: learn from points between the nodes too, by interpolation"),
+    SURROGATE("run", "train_fraction", REAL, train_fraction, .high = 1, .value = "0.9", .unit = "F",
+              .meaning = "Part of the curves that is trained on"),
+    SURROGATE("run", "test_fraction", REAL, test_fraction, .high = 1, .value = "0.1", .unit = "F",
+              .meaning = "Part that is tested on, the same for every --train-fraction"),
+    TRAINING_ROWS(lg_surrogate_run, "Curves (continuous: points)", 0, PRESET),
+    TRAINING(lg_surrogate_run, validation, REAL, PRESET(), VALIDATION),
+    LG_HYPERPARAMETER_END};
+
+/* The network; the part for validation is drawn here and not by lg_fit, so that recordings and groups stay
+ * whole. */
+enum { NETWORK = 1 };
+
+#define DETECTOR(group, name, type, member, ...)                                                             \
+    LG_HYPERPARAMETER(lg_detector_run, group, name, type, member, __VA_ARGS__)
+const lg_hyperparameter lg_detector_hyperparameters[] = {
+    DETECTOR("model", "plane", U32, model.net.plane, .high = 1 << 20, .value = "2", .unit = "n",
+             .methods = NETWORK,
+             .meaning = "cnn: width of the layer before the output, 0 for none; 2 can be drawn"),
+    DETECTOR("model", "activation", NAME, model.net.activation, .value_name = lg_name_activation, PRESET(),
+             .methods = NETWORK, .meaning = "cnn: activation of all layers"),
+    DETECTOR("model", "loss", NAME, model.loss, .value_name = lg_name_detector_loss,
+             .otherwise = "the preset's; cross-entropy for more than two classes", .methods = NETWORK,
+             .meaning = "cnn: what is lowered; mse is for two classes"),
+    DETECTOR("model", "centred", FLAG, model.centred, .value_name = lg_name_yes, .value = "no",
+             .methods = NETWORK,
+             .meaning = "cnn: take each window's mean off its channels, so that the network learns from the "
+                        "motion alone"),
+    DETECTOR("run", "split", NAME, split, .value_name = lg_name_split, .value = "random",
+             .meaning = "What stays together: random (windows one by one), run (recordings) or group (such "
+                        "as sea states); windows of one recording resemble each other: random flatters"),
+    DETECTOR("run", "test_fraction", REAL, test_fraction, .high = 0.95, .value = "0.2", .unit = "F",
+             .meaning = "Part that is tested on"),
+    DETECTOR("run", "validation_fraction", REAL, validation_fraction, .option = "validation", .value = "0.1",
+             .methods = NETWORK, VALIDATION),
+    TRAINING_ROWS(lg_detector_run, "cnn: windows", NETWORK, PRESET),
+    TRAINING(lg_detector_run, validation, REAL, .value = "0", .option = "", VALIDATION),
+    LG_HYPERPARAMETER_END};
+
+/* ---- names ---- */
+
+void lg_hyperparameter_option(const lg_hyperparameter *row, char *text, size_t size) {
+    (void)snprintf(text, size, "%s", row->option != NULL ? row->option : row->name);
+    if (row->option != NULL) return;
+    for (char *c = text; *c != '\0'; c++)
+        if (*c == '_') *c = '-';
+}
+
+const lg_hyperparameter *lg_hyperparameter_find(const lg_hyperparameter *rows, const char *name) {
+    char option[LG_SYSTEM_NAME];
+    for (; rows->name != NULL; rows++) {
+        lg_hyperparameter_option(rows, option, sizeof option);
+        if (strcmp(rows->name, name) == 0 || strcmp(option, name) == 0) return rows;
+    }
+    return NULL;
+}
+
+/* ---- values ---- */
+
+static const void *member_of(const lg_hyperparameter *row, const void *run) {
+    return (const char *)run + row->offset;
+}
+
+/* A name's or flag's number, or a whole one, whatever the width of its member. */
+static uint64_t whole_at(const lg_hyperparameter *row, const void *run) {
+    const void *at = member_of(row, run);
+    bool flag = false;
+    uint32_t narrow = 0;
+    uint64_t wide = 0;
+    memcpy(row->size == sizeof wide     ? (void *)&wide
+           : row->size == sizeof narrow ? (void *)&narrow
+                                        : &flag,
+           at, row->size);
+    return wide + narrow + flag;
+}
+
+static void set_whole(const lg_hyperparameter *row, void *run, uint64_t value) {
+    const bool flag = value != 0;
+    const uint32_t narrow = (uint32_t)value;
+    memcpy((char *)run + row->offset,
+           row->size == sizeof value    ? (const void *)&value
+           : row->size == sizeof narrow ? (const void *)&narrow
+                                        : &flag,
+           row->size);
+}
+
+static bool is_named(const lg_hyperparameter *row) {
+    return row->type == LG_HYPER_NAME || row->type == LG_HYPER_FLAG;
+}
+
+static bool is_whole(const lg_hyperparameter *row) {
+    return row->type == LG_HYPER_U64 || row->type == LG_HYPER_U32;
+}
+
+static bool is_list(const lg_hyperparameter *row) {
+    return row->type == LG_HYPER_WHOLES || row->type == LG_HYPER_REALS;
+}
+
+uint64_t lg_hyperparameter_whole(const lg_hyperparameter *row, const void *run) {
+    return is_named(row) || is_whole(row) ? whole_at(row, run) : 0;
+}
+
+double lg_hyperparameter_number(const lg_hyperparameter *row, const void *run) {
+    double real;
+    if (is_named(row) || is_whole(row)) return (double)whole_at(row, run);
+    if (row->type != LG_HYPER_REAL) return (double)NAN;
+    memcpy(&real, member_of(row, run), sizeof real);
+    return real;
+}
+
+static bool in_range(const lg_hyperparameter *row, double value) {
+    return (row->above ? value > row->low : value >= row->low) && value <= row->high;
+}
+
+bool lg_hyperparameter_fits(const lg_hyperparameter *row, const void *run) {
+    if (is_named(row)) return row->value_name((uint32_t)whole_at(row, run)) != NULL;
+    if (row->type != LG_HYPER_REAL && !is_whole(row)) return true;
+    return in_range(row, lg_hyperparameter_number(row, run));
+}
+
+static void show_list(const lg_hyperparameter *row, const void *run, char *text, size_t size) {
+    double values[LG_HYPER_LIST_MAX];
+    const uint32_t count = row->get(member_of(row, run), values);
+    size_t used = 0;
+    text[0] = '\0';
+    for (uint32_t i = 0; i < count && used < size; i++)
+        used += (size_t)snprintf(text + used, size - used, "%s%.17g", i > 0 ? "," : "", values[i]);
+}
+
+void lg_hyperparameter_show(const lg_hyperparameter *row, const void *run, char *text, size_t size) {
+    const char *name;
+    switch (row->type) {
+    case LG_HYPER_REAL:
+        (void)snprintf(text, size, "%.17g", lg_hyperparameter_number(row, run));
+        break;
+    case LG_HYPER_U64:
+    case LG_HYPER_U32:
+        (void)snprintf(text, size, "%llu", (unsigned long long)whole_at(row, run));
+        break;
+    case LG_HYPER_FLAG:
+    case LG_HYPER_NAME:
+        name = row->value_name((uint32_t)whole_at(row, run));
+        (void)snprintf(text, size, "%s", name != NULL ? name : "?");
+        break;
+    case LG_HYPER_WHOLES:
+    case LG_HYPER_REALS:
+        show_list(row, run, text, size);
+        break;
+    case LG_HYPER_TEXT:
+        (void)snprintf(text, size, "%s", (const char *)member_of(row, run));
+        break;
+    case LG_HYPER_SHOWN:
+        row->show(run, text, size);
+        break;
+    }
+}
+
+void lg_hyperparameter_fill(const lg_hyperparameter *row, const double *values, uint32_t count, void *run) {
+    if (is_list(row))
+        row->put((char *)run + row->offset, values, count);
+    else if (row->type == LG_HYPER_REAL)
+        memcpy((char *)run + row->offset, values, sizeof *values);
+    else
+        set_whole(row, run, (uint64_t)values[0]);
+}
+
+void lg_hyperparameter_copy(const lg_hyperparameter *row, const void *from, void *to) {
+    double values[LG_HYPER_LIST_MAX];
+    if (is_list(row))
+        row->put((char *)to + row->offset, values, row->get(member_of(row, from), values));
+    else
+        memcpy((char *)to + row->offset, member_of(row, from), row->size);
+}
+
+void lg_hyperparameters_default(const lg_hyperparameter *rows, void *run) {
+    for (; rows->name != NULL; rows++)
+        if (rows->value != NULL) (void)lg_hyperparameter_set(rows, rows->value, run, NULL);
+}
+
+/* ---- what a row takes, in words ---- */
+
+/* The fewest digits, 15 or 17, that give the number back. */
+static void bound_text(double bound, char out[32]) {
+    (void)snprintf(out, 32, "%.15g", bound);
+    if (strtod(out, NULL) != bound) (void)snprintf(out, 32, "%.17g", bound);
+}
+
+/* Whether a number of the list (or the only one) is beyond the upper bound. */
+static bool exceeds(const lg_hyperparameter *row, const char *text) {
+    for (char *end;; text = end + 1) {
+        const double value = strtod(text, &end);
+        if (value > row->high || (row->high == 0x1p64 && value >= row->high)) return true;
+        if (end == text || *end != ',') return false;
+    }
+}
+
+/* Bounds that stand for none are named only where `text` is beyond them. */
+static size_t number_text(const lg_hyperparameter *row, const char *text, char *out, size_t size) {
+    const bool list = is_list(row), whole = row->type == LG_HYPER_WHOLES || is_whole(row);
+    const bool low = row->low > -1e300, high = row->high < 0x1p63 || exceeds(row, text);
+    char bound[32];
+    size_t used = (size_t)snprintf(out, size, "%s%s", list ? "a list, separated by commas, of: " : "",
+                                   whole ? "a whole number" : "a number");
+    bound_text(row->low, bound);
+    if (low)
+        used +=
+            (size_t)snprintf(out + used, size - used, " %s %s", row->above ? "above" : "of at least", bound);
+    bound_text(row->high, bound);
+    if (high && row->high == 0x1p64)
+        used += (size_t)snprintf(out + used, size - used, " and below 2^64");
+    else if (high)
+        used +=
+            (size_t)snprintf(out + used, size - used, " %s %s", low ? "and at most" : "of at most", bound);
+    return used;
+}
+
+static size_t names_text(const lg_hyperparameter *row, const char *last, char *out, size_t size) {
+    size_t used = 0;
+    const char *name;
+    for (uint32_t i = 0; used < size && (name = row->value_name(i)) != NULL; i++)
+        used += (size_t)snprintf(out + used, size - used, "%s%s",
+                                 i == 0                           ? ""
+                                 : row->value_name(i + 1) == NULL ? last
+                                                                  : ", ",
+                                 name);
+    return used;
+}
+
+/* "1 to 1048576", "above 0 to 1", "0 or more". */
+static void span_text(const lg_hyperparameter *row, char *text, size_t size) {
+    char low[32], high[32] = "";
+    bound_text(row->low, low);
+    if (row->high < 0x1p63) (void)snprintf(high, sizeof high, row->high < 1e7 ? "%.15g" : "%g", row->high);
+    (void)snprintf(text, size, "%s%s%s%s%s", is_list(row) ? "each " : "", row->above ? "above " : "", low,
+                   high[0] != '\0' ? " to "
+                   : row->above    ? ""
+                                   : " or more",
+                   high);
+}
+
+int lg_hyperparameter_describe(const lg_hyperparameter *row, char *text, size_t size) {
+    char range[512] = "";
+    const char *value = row->value != NULL ? row->value : row->otherwise,
+               *is = value != NULL ? "default " : "";
+    if (value == NULL) value = "";
+    if (!is_named(row)) {
+        span_text(row, range, sizeof range);
+        return snprintf(text, size, "%s (%s%s%s%s)", row->meaning, range, value[0] != '\0' ? "; " : "", is,
+                        value);
+    }
+    (void)names_text(row, " or ", range, sizeof range);
+    return snprintf(text, size, "%s: %s%s%s%s%s", row->meaning, range, value[0] != '\0' ? " (" : "", is,
+                    value, value[0] != '\0' ? ")" : "");
+}
+
+/* ---- from text ---- */
+
+enum { SHOWN = 80 /* so much of a wrong text stands in a sentence */ };
+
+static lg_status refuse_number(const lg_hyperparameter *row, const char *text, lg_error *error) {
+    char range[256];
+    (void)number_text(row, text, range, sizeof range);
+    return lg_fail(error, LG_INVALID_ARGUMENT, "'%.*s%s' is not %s", SHOWN, text,
+                   strlen(text) > SHOWN ? "..." : "", range);
+}
+
+static lg_status set_name(const lg_hyperparameter *row, const char *text, void *run, lg_error *error) {
+    char names[512] = "";
+    const char *name;
+    for (uint32_t i = 0; (name = row->value_name(i)) != NULL; i++)
+        if (strcmp(name, text) == 0) {
+            set_whole(row, run, i);
+            return LG_OK;
+        }
+    (void)names_text(row, ", ", names, sizeof names);
+    return lg_fail(error, LG_INVALID_ARGUMENT, "'%.*s' is not one of %s", SHOWN, text, names);
+}
+
+static bool take_whole(const lg_hyperparameter *row, const char *text, uint64_t *out) {
+    return lg_integer_parse(text, out) == LG_OK && in_range(row, (double)*out);
+}
+
+static bool take_real(const lg_hyperparameter *row, const char *text, double *out) {
+    return lg_number_parse(text, out) == LG_OK && in_range(row, *out);
+}
+
+/* One number of a list, `length` bytes of it; whole ones are below 2^53. */
+static bool take_item(const lg_hyperparameter *row, const char *text, size_t length, double *out) {
+    char item[64];
+    uint64_t whole = 0;
+    if (length >= sizeof item) return false;
+    memcpy(item, text, length);
+    item[length] = '\0';
+    if (row->type == LG_HYPER_REALS) return take_real(row, item, out);
+    const bool good = take_whole(row, item, &whole);
+    *out = (double)whole;
+    return good;
+}
+
+static lg_status set_list(const lg_hyperparameter *row, const char *text, void *run, lg_error *error) {
+    double values[LG_HYPER_LIST_MAX];
+    uint32_t items = 1;
+    for (const char *c = text; *c != '\0'; c++) items += *c == ',';
+    if (items > row->most)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a list of %u numbers is too long: at most %u", items,
+                       row->most);
+    const char *at = text;
+    for (uint32_t i = 0; i < items; i++) {
+        const size_t length = strcspn(at, ",");
+        if (!take_item(row, at, length, &values[i])) return refuse_number(row, text, error);
+        at += length + 1;
+    }
+    row->put((char *)run + row->offset, values, items);
+    return LG_OK;
+}
+
+lg_status lg_hyperparameter_set(const lg_hyperparameter *row, const char *text, void *run, lg_error *error) {
+    double real;
+    uint64_t whole;
+    if (is_named(row)) return set_name(row, text, run, error);
+    if (is_list(row)) return set_list(row, text, run, error);
+    if (row->type == LG_HYPER_REAL) {
+        if (!take_real(row, text, &real)) return refuse_number(row, text, error);
+        memcpy((char *)run + row->offset, &real, sizeof real);
+        return LG_OK;
+    }
+    if (!is_whole(row)) return lg_fail(error, LG_INVALID_ARGUMENT, "%s cannot be set", row->name);
+    if (!take_whole(row, text, &whole)) return refuse_number(row, text, error);
+    set_whole(row, run, whole);
+    return LG_OK;
+}

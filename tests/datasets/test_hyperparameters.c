@@ -1,0 +1,135 @@
+/* Tables of hyperparameters: what every row of every kind has to hold. */
+#include "io_test.h"
+
+#include "liegrad/hyperparameters.h"
+
+static union run {
+    lg_hamiltonian_run hamiltonian;
+    lg_surrogate_run surrogate;
+    lg_detector_run detector;
+} run, other;
+
+static const lg_hyperparameter *const tables[] = {lg_hamiltonian_hyperparameters,
+                                                  lg_surrogate_hyperparameters, lg_detector_hyperparameters};
+#define EACH_ROW(row)                                                                                        \
+    for (size_t table = 0; table < LG_COUNT(tables); table++)                                                \
+        for (const lg_hyperparameter *row = tables[table]; row->name != NULL; row++)
+
+TEST("names and options are unique") {
+    EACH_ROW(row) {
+        char option[64], again[64];
+        lg_hyperparameter_option(row, option, sizeof option);
+        if (option[0] != '\0') assert_ptr_equal(lg_hyperparameter_find(tables[table], row->name), row);
+        if (option[0] != '\0') assert_ptr_equal(lg_hyperparameter_find(tables[table], option), row);
+        assert_null(strchr(option, '_'));
+        for (const lg_hyperparameter *next = row + 1; next->name != NULL; next++) {
+            lg_hyperparameter_option(next, again, sizeof again);
+            assert_string_not_equal(row->name, next->name);
+            if (option[0] != '\0') assert_string_not_equal(option, again);
+        }
+    }
+    assert_null(lg_hyperparameter_find(tables[0], "colour"));
+    assert_string_equal(lg_hyperparameter_find(tables[0], "weight-decay")->name, "weight_decay");
+    /* The part for validation is the detector's own: the option of that name is not lg_fit's. */
+    assert_string_equal(lg_hyperparameter_find(tables[2], "validation")->name, "validation_fraction");
+}
+
+static void assert_sets(const lg_hyperparameter *row, const char *text, bool good) {
+    lg_error error = {LG_OK, ""};
+    memset(&run, 0, sizeof run);
+    other = run;
+    const lg_status status = lg_hyperparameter_set(row, text, &run, &error);
+    if ((status == LG_OK) != good) fail_msg("%s: '%s' was %s", row->name, text, good ? "refused" : "taken");
+    if (good) {
+        assert_true(lg_hyperparameter_fits(row, &run));
+    } else {
+        assert_int_equal(status, LG_INVALID_ARGUMENT);
+        assert_memory_equal(&run, &other, sizeof run);
+        assert_non_null(strstr(error.message, "is"));
+    }
+}
+
+TEST("the limits of a row are taken, and nothing beyond them") {
+    EACH_ROW(row) {
+        char text[64];
+        const bool whole = row->type != LG_HYPER_REAL;
+        static const char *const never[] = {"", " 1", "1 ", "one", "nan", "inf", "1e999", "0x1", ",1", "1,"};
+        for (size_t i = 0; i < LG_COUNT(never); i++) assert_sets(row, never[i], false);
+        if (row->value_name != NULL) {
+            for (uint32_t i = 0; row->value_name(i) != NULL; i++) assert_sets(row, row->value_name(i), true);
+            continue;
+        }
+        assert_true(row->low < row->high);
+        (void)snprintf(text, sizeof text, "%.17g", row->low);
+        assert_sets(row, text, !row->above);
+        (void)snprintf(text, sizeof text, "%.17g", whole ? row->low - 1 : nextafter(row->low, -1));
+        assert_sets(row, text, false);
+        if (row->high == 0x1p64) continue; /* beyond any number */
+        (void)snprintf(text, sizeof text, whole ? "%.0f" : "%.17g", row->high);
+        assert_sets(row, text, true);
+        (void)snprintf(text, sizeof text, whole ? "%.0f" : "%.17g",
+                       whole ? row->high + 1 : nextafter(row->high, INFINITY));
+        assert_sets(row, text, false);
+        if (whole) assert_sets(row, "1.5", false);
+    }
+}
+
+TEST("what is shown is set to the same bits, and one value changes no other") {
+    EACH_ROW(row) {
+        char text[LG_HYPER_TEXT_SIZE], again[LG_HYPER_TEXT_SIZE];
+        const char *value = row->value_name != NULL        ? row->value_name(1)
+                            : row->type == LG_HYPER_WHOLES ? "3,1,2"
+                            : row->type == LG_HYPER_REAL   ? "0.10000000000000002"
+                                                           : "3";
+        memset(&run, 0, sizeof run);
+        other = run;
+        assert_ok(lg_hyperparameter_set(row, value, &run, NULL));
+        lg_hyperparameter_show(row, &run, text, sizeof text);
+        assert_string_equal(text, value);
+        lg_hyperparameter_copy(row, &run, &other);
+        assert_memory_equal(&run, &other, sizeof run);
+        for (const lg_hyperparameter *next = tables[table]; next->name != NULL; next++) {
+            memset(&other, 0, sizeof other);
+            lg_hyperparameter_show(next, &other, again, sizeof again);
+            lg_hyperparameter_show(next, &run, text, sizeof text);
+            if (next != row) assert_string_equal(text, again);
+        }
+    }
+}
+
+TEST("rows describe themselves") {
+    char text[1024];
+    EACH_ROW(row) {
+        const int length = lg_hyperparameter_describe(row, text, sizeof text);
+        assert_true(length > 0 && (size_t)length < sizeof text && length == (int)strlen(text));
+        assert_true(row->value == NULL || row->otherwise == NULL);
+        assert_true(row->value_name != NULL || row->unit != NULL);
+        assert_non_null(strstr(text, row->value != NULL ? row->value : row->otherwise));
+        assert_int_equal(strncmp(text, row->meaning, strlen(row->meaning)), 0);
+        assert_true(row->meaning[strlen(row->meaning) - 1] != '.');
+    }
+    const lg_hyperparameter *hidden = lg_hyperparameter_find(lg_surrogate_hyperparameters, "hidden");
+    (void)lg_hyperparameter_describe(hidden, text, sizeof text);
+    assert_string_equal(text, "Width of the hidden layers (1 to 1048576; default the preset's)");
+}
+
+TEST("defaults are those of the rows") {
+    memset(&run, 0, sizeof run);
+    lg_hyperparameters_default(lg_hamiltonian_hyperparameters, &run);
+    const lg_hamiltonian_run *r = &run.hamiltonian;
+    const lg_training *how = &r->training;
+    assert_true(how->dtype == LG_F64 && how->epochs == 100 && how->batch == 80 && how->lr == 1e-2);
+    assert_true(how->schedule == LG_SCHEDULE_STEP && how->lr_step == 50 && how->lr_gamma == 0.1);
+    assert_true(how->adam_eps == LG_HAMILTONIAN_ADAM_EPS && how->clip == LG_HAMILTONIAN_CLIP);
+    assert_true(how->weight_decay == 0 && how->validation == 0 && how->shards == 4 && how->seed == 1);
+    assert_true(r->substeps == 1 && r->penalty == 0 && r->penalty_form == LG_PENALTY_MEAN_SQUARE);
+    assert_true(r->model.net.layers == 4 && r->model.net.width[3] == 100 && r->model.net.width[4] == 0);
+    memset(&run, 0, sizeof run);
+    lg_hyperparameters_default(lg_detector_hyperparameters, &run);
+    assert_true(run.detector.validation_fraction == 0.1 && run.detector.training.validation == 0);
+    assert_true(run.detector.test_fraction == 0.2 && run.detector.model.net.plane == 2);
+    assert_true(run.detector.training.epochs == 0); /* the preset's */
+    memset(&run, 0, sizeof run);
+    lg_hyperparameters_default(lg_surrogate_hyperparameters, &run);
+    assert_true(run.surrogate.train_fraction == 0.9 && run.surrogate.test_fraction == 0.1);
+}
