@@ -14,6 +14,7 @@
 
 #include "liegrad/convolution.h"
 #include "liegrad/nn.h"
+#include "liegrad/program.h"
 #include "liegrad/series.h"
 
 LG_BEGIN_DECLS
@@ -74,6 +75,19 @@ typedef struct lg_detector_preset {
 } lg_detector_preset;
 /* NULL for an unknown name. Static storage. */
 LG_API const lg_detector_preset *lg_detector_preset_find(const char *name, double noise);
+
+/* ---- as a program ---- */
+
+/* A bundle on the parameters `theta`, `mean`, `mean_rest` and `inverse_scale`; x is a window as recorded
+ * (channels, length), z one that is scaled (length, channels):
+ *   value        x -> y, the logits
+ *   grad         x -> y, g: (outputs, channels length)
+ *   probability  x -> probability (classes)
+ *   scores       z -> probability, plane (where the network has one)
+ * Errors: those of lg_program_build. */
+LG_API lg_status lg_detector_program(const lg_context *context, const lg_detector *model,
+                                     const lg_scaler *scaler, const double *theta, lg_program **out,
+                                     lg_error *error);
 
 /* ---- use, without a tape: caller's memory, no allocation, no lock ---- */
 

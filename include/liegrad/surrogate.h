@@ -39,6 +39,7 @@
 #include "liegrad/elastica.h"
 #include "liegrad/networks.h"
 #include "liegrad/nn.h"
+#include "liegrad/program.h"
 
 LG_BEGIN_DECLS
 
@@ -112,6 +113,16 @@ typedef struct lg_surrogate_problem {
 LG_API lg_status lg_surrogate_problem_check(const lg_surrogate_problem *problem, lg_error *error);
 /* Fills a problem for lg_fit. `problem` is borrowed and must outlive the fit. */
 LG_API void lg_surrogate_fit_problem(const lg_surrogate_problem *problem, lg_fit_problem *out);
+
+/* ---- as a program ---- */
+
+/* A bundle on one parameter `theta`, of the kind's functions:
+ *   value  x -> y, and grad  x -> y, g: y and its Jacobian, as liegrad/model.h says for the kind
+ *   point  continuous: s, x (8, one for all rows) -> q, v at s; angle: s, curve (5, one for all rows) -> theta
+ *   curve  angle: x (8) -> curve: R, theta_0, theta_N, and what pi f lacks at both ends (0 without `boundary`)
+ * Errors: those of lg_program_build. */
+LG_API lg_status lg_surrogate_program(const lg_context *context, const lg_surrogate *model,
+                                      const double *theta, lg_program **out, lg_error *error);
 
 /* ---- use, without a tape: caller's memory, no allocation, no lock ---- */
 

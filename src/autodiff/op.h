@@ -55,6 +55,7 @@ typedef struct lg_evaluation {
 
 typedef enum lg_transpose_use {
     LG_TRANSPOSE_NONE,    /* of no use */
+    LG_TRANSPOSE_FIXED,   /* worth making once for an input that never changes */
     LG_TRANSPOSE_IF_KEPT, /* of use if it is there already */
     LG_TRANSPOSE_MAKE     /* worth making for an input that stays */
 } lg_transpose_use;

@@ -3,7 +3,6 @@
 #include <string.h>
 
 #include "autodiff/plan.h"
-#include "autodiff/product.h"
 
 typedef struct running {
     const lg_plan *plan;
@@ -64,9 +63,8 @@ static void run_tensor(const running *r, const lg_tensor_step *s) {
 }
 
 static void run_dense(const running *r, const lg_dense_step *s) {
-    const lg_product_size size = {LG_NN, s->m, s->n, s->k};
     void *y = to(r, &s->y);
-    lg_product(r->k, NULL, &size, from(r, &s->x), from(r, &s->w), NULL, y, false, NULL);
+    r->k->gemm(s->m, s->n, s->k, from(r, &s->x), s->k, 1, from(r, &s->w), s->n, y, s->n, false);
     r->k->bias_act((lg_k_act)s->kind, s->m, s->n, from(r, &s->b), y);
 }
 
