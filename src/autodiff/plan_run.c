@@ -119,6 +119,12 @@ static void run_call(const running *r, const lg_call_step *s) {
     }
 }
 
+/* Copies are outputs, at the end. */
+static void run_copy(const running *r, const lg_copy_step *s) {
+    void *y = r->outputs[s->y.number];
+    if (y != NULL) memcpy(y, from(r, &s->x), s->count * r->k->size);
+}
+
 static bool all_finite(const running *r) {
     for (size_t i = 0; i < r->plan->inputs; i++)
         if (!r->k->all_finite(r->plan->input_count[i], r->inputs[i])) return false;
@@ -140,7 +146,7 @@ void lg_plan_eval(const lg_plan *plan, const void *const *inputs, void *const *o
             run_scalars(&r, &s->scalars);
             break;
         case LG_STEP_COPY:
-            memcpy(to(&r, &s->copy.y), from(&r, &s->copy.x), s->copy.count * r.k->size);
+            run_copy(&r, &s->copy);
             break;
         case LG_STEP_CALL:
             run_call(&r, &s->call);
