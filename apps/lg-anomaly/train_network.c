@@ -116,9 +116,9 @@ static int finish(network_training *self) {
     lg_error error = {LG_OK, ""};
     lg_detector_file file = network_file(&self->net, &base->all->data.series);
     well_model model;
-    well_model_of_detector(&file, &model);
     base->train_seconds = self->session.seconds;
-    lg_status status = judge(base, &model, &error);
+    lg_status status = well_model_of_detector(base->app, &file, &model, &error);
+    if (status == LG_OK) status = judge(base, &model, &error);
     int code = status == LG_OK ? APP_EXIT_OK
                                : app_fail(base->app, status, "after the last epoch: %s", error.message);
     if (code == APP_EXIT_OK) {
@@ -132,7 +132,7 @@ static int finish(network_training *self) {
     }
     if (code == APP_EXIT_OK) code = draw(self, &model);
     if (code == APP_EXIT_OK) report(self, &model);
-    free(model.theta);
+    lg_detector_plan_destroy(model.plan);
     free(file.theta);
     return code;
 }

@@ -320,11 +320,11 @@ typedef struct drawing {
     float *window;
     double *near;
     void *work, *score_work;
+    lg_detector_plan *scores;
 } drawing;
 
 static bool draw(export_source *source, drawing *d, size_t v) {
     const lg_detector *model = &d->model->detector;
-    const lg_scaler *scaler = &d->model->scaler;
     const size_t n = source->inputs;
     export_golden *golden = &source->golden;
     double *x = golden->x + v * n, *extra = golden->extra + v * golden->extras;
@@ -332,7 +332,7 @@ static bool draw(export_source *source, drawing *d, size_t v) {
     detector_draw_window(source, d->model, &d->rng, x);
     for (size_t i = 0; i < n; i++) d->window[i] = (float)x[i];
     lg_model_jacobian(d->model, x, golden->y + v * source->outputs, jacobian, d->work);
-    lg_detector_eval(model, scaler, LG_F64, d->model->theta, d->window, extra, NULL, d->score_work);
+    lg_detector_eval(d->scores, d->window, extra, NULL, d->score_work);
     extra[model->classes] = lg_class_of(extra, model->classes);
     return export_window_clear(extra, model->classes) &&
            is_smooth(source, d->model, x, jacobian, d->near, d->work, &d->rng);
@@ -340,13 +340,17 @@ static bool draw(export_source *source, drawing *d, size_t v) {
 
 /* Windows as noise of the training data's mean and scale; drawn again, a few times, where the class or the
  * gradient is a matter of rounding. */
-static void add_golden(export_source *source, const lg_model *model) {
+static int add_golden(const app *self, export_source *source, const lg_model *model) {
     const lg_detector *detector = &model->detector;
+    lg_error error = {LG_OK, ""};
     drawing d = {.model = model,
                  .window = app_alloc(source->inputs, sizeof(float)),
                  .near = app_alloc(source->inputs * (source->outputs + 1), sizeof(double)),
-                 .work = app_alloc(lg_model_work_size(model), 1),
-                 .score_work = app_alloc(lg_detector_work_size(detector, LG_F64), 1)};
+                 .work = app_alloc(lg_model_work_size(model), 1)};
+    const lg_status status = lg_detector_plan_create(self->context, detector, &model->scaler, model->theta,
+                                                     LG_F64, &d.scores, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, source->options->file);
+    d.score_work = app_alloc(lg_detector_work_size(d.scores), 1);
     export_window_golden(source, detector->classes + 1, "probabilities, class");
     lg_rng_seed(&d.rng, source->options->seed, GOLDEN_STREAM);
     for (size_t v = 0; v < source->golden.count; v++)
@@ -356,6 +360,8 @@ static void add_golden(export_source *source, const lg_model *model) {
     free(d.near);
     free(d.work);
     free(d.score_work);
+    lg_detector_plan_destroy(d.scores);
+    return APP_EXIT_OK;
 }
 
 int export_detector(const app *self, const lg_model_file *file, export_source *source) {
@@ -381,7 +387,8 @@ int export_detector(const app *self, const lg_model_file *file, export_source *s
     if (code != APP_EXIT_OK) return code;
     export_window_code(source, &window);
     add_code(source, file);
-    add_golden(source, &file->model);
+    const int drawn = add_golden(self, source, &file->model);
+    if (drawn != APP_EXIT_OK) return drawn;
     source->condition = detector_condition(source, &file->model);
     add_words(source, &file->detector, &window);
     return APP_EXIT_OK;

@@ -89,13 +89,21 @@ LG_API lg_status lg_detector_program(const lg_context *context, const lg_detecto
                                      const lg_scaler *scaler, const double *theta, lg_program **out,
                                      lg_error *error);
 
-/* ---- use, without a tape: caller's memory, no allocation, no lock ---- */
+/* ---- use, without a tape ---- */
 
-LG_API size_t lg_detector_work_size(const lg_detector *model, lg_dtype dtype);
-/* One window x (channels, length), as recorded. probability (classes), plane (net.plane) or NULL; work
- * 64-byte aligned. The network computes in dtype. */
-LG_API void lg_detector_eval(const lg_detector *model, const lg_scaler *scaler, lg_dtype dtype,
-                             const void *theta, const float *x, double *probability, double *plane,
+/* A plan of `scores` above for one window. Immutable: threads may share it, each with work of its own. All is
+ * copied; the network computes in `dtype`, to which theta is rounded. Errors: those of lg_detector_program and
+ * lg_plan_create. */
+typedef struct lg_detector_plan lg_detector_plan;
+LG_API lg_status lg_detector_plan_create(const lg_context *context, const lg_detector *model,
+                                         const lg_scaler *scaler, const double *theta, lg_dtype dtype,
+                                         lg_detector_plan **out, lg_error *error);
+LG_API void lg_detector_plan_destroy(lg_detector_plan *plan); /* NULL is fine */
+/* Bytes, to be aligned to 64. */
+LG_API size_t lg_detector_work_size(const lg_detector_plan *plan);
+/* One window x (channels, length), as recorded. probability (classes), plane (net.plane) or NULL. No
+ * allocation, no lock. */
+LG_API void lg_detector_eval(const lg_detector_plan *plan, const float *x, double *probability, double *plane,
                              void *work);
 
 LG_END_DECLS

@@ -198,8 +198,9 @@ static const lg_c_fragment c_whole_windows = {
 
 /* Where windows or columns are not whole tiles, the last tile takes some of them again. */
 static const lg_c_fragment c_conv_tiles = {
-    .comment = "y (count, outputs) = windows of x, `in` numbers one every `step`, times weight (in, outputs), "
-               "plus b.",
+    .comment =
+        "y (count, outputs) = windows of x, `in` numbers one every `step`, times weight (in, outputs), "
+        "plus b.",
     .text = LG_C(static NOINLINE void conv_tiles(int count, int in, int step, int outputs, const real *x,
                                                  const real *weight, const real *b, real *y) {
         for (int j = 0; j < outputs; j += TILE_COLUMNS) {
@@ -242,16 +243,15 @@ static const lg_c_fragment c_conv1d = {
 static const lg_c_fragment c_conv_panel = {
     .comment = "Rows row .. row + 7 of weight (in, outputs) as columns, outputs o .. o + rows - 1; zeros for "
                "rows before\n`from`.",
-    .text = LG_C(
-        enum { PANEL_ROWS = 12 };
+    .text = LG_C(enum {PANEL_ROWS = 12};
 
-        static NOINLINE void conv_panel(int row, int from, int outputs, int o, int rows, const real *weight,
-                                        real *panel) {
-            for (int j = 0; j < TILE_COLUMNS; j++)
-                for (int k = 0; k < rows; k++)
-                    panel[k * TILE_COLUMNS + j] =
-                        row + j < from ? REAL(0.0) : weight[(row + j) * outputs + o + k];
-        }),
+                 static NOINLINE void conv_panel(int row, int from, int outputs, int o, int rows,
+                                                 const real *weight, real *panel) {
+                     for (int j = 0; j < TILE_COLUMNS; j++)
+                         for (int k = 0; k < rows; k++)
+                             panel[k * TILE_COLUMNS + j] =
+                                 row + j < from ? REAL(0.0) : weight[(row + j) * outputs + o + k];
+                 }),
     .needs = {&c_conv_tile}};
 
 static const lg_c_fragment c_conv_panel_add = {

@@ -346,7 +346,8 @@ static uint32_t factor_apart(making *m, const lg_graph_node *n, const lg_shape *
     const lg_op *op = lg_ops[n->op];
     const uint32_t last = n->inputs - 1, copies = n->inputs > 1 ? rows_of_copies(m, n) : 1;
     lg_graph_node rest = *n;
-    if (copies == 1 || op->factor == NULL || !op->factor(&n->attr, n->inputs, &rest.attr)) return LG_GRAPH_NONE;
+    if (copies == 1 || op->factor == NULL || !op->factor(&n->attr, n->inputs, &rest.attr))
+        return LG_GRAPH_NONE;
     rest.inputs = last;
     uint32_t in[2] = {n->in[last], operation(m, &rest, shapes)};
     const lg_graph_node product = {

@@ -540,8 +540,7 @@ static void add_marks(lg_c *c, const lg_plan *plan) {
     lg_c_need(c, &c_unfit);
     for (size_t i = 0; i < plan->inputs; i++)
         for (size_t j = 0; j < plan->outputs; j++) {
-            if (plan->spill[j] == LG_NO_SPILL)
-                lg_text_add(&c->frame->body, "    if (y%zu != NULL)\n    ", j);
+            if (plan->spill[j] == LG_NO_SPILL) lg_text_add(&c->frame->body, "    if (y%zu != NULL)\n    ", j);
             lg_text_add(&c->frame->body, "    mark_unfit(%zu, x%zu, %zu, y%zu);\n", plan->input_count[i], i,
                         plan->output_count[j], j);
         }

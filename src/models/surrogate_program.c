@@ -227,7 +227,7 @@ static lg_var end_weights(const drawing *d, lg_var s) {
 }
 
 /* What a curve has for all its places: R, theta_0, theta_N, m_0, m_N (B, 5). */
-enum { CURVE_SIGN, CURVE_ANGLES, CURVE_MISSING = 3, CURVE_NUMBERS = 5 };
+enum { CURVE_SIGN, CURVE_ANGLES, CURVE_MISSING = 3, CURVE_NUMBERS = LG_SURROGATE_ENDS };
 
 /* R, theta_0, theta_N (B, 3) */
 static lg_var side_and_angles(const drawing *d, lg_var x) {
@@ -300,8 +300,16 @@ static lg_status curve_point(void *user, lg_tape *t, const lg_var *theta, const 
     return lg_tape_status(t);
 }
 
+/* s, x of the curve -> q */
+static lg_status curve_place(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
+    const drawing d = {t, user, theta[0]};
+    const lg_var x = lg_reshape(t, in[1], lg_shape2(1, BOUNDARY)), sign = sign_of(&d, x);
+    y[0] = hand_over(&d, net(&d, curve_input(&d, in[0], x, sign)), x, sign);
+    return lg_tape_status(t);
+}
+
 /* x -> the curve's numbers */
-static lg_status angle_curve(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
+static lg_status angle_ends(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
     const drawing d = {t, user, theta[0]};
     const uint32_t rows = rows_of(&d, in[0]);
     const lg_var curve = side_and_angles(&d, in[0]);
@@ -329,10 +337,10 @@ static const lg_port x8 = {.name = "x", .shape = {1, {BOUNDARY}}},
 static const lg_port point_in[2] = {{.name = "s", .shape = {1, {1}}},
                                     {.name = "x", .shape = {1, {BOUNDARY}}, .shared = true}};
 static const lg_port angle_in[2] = {{.name = "s", .shape = {1, {1}}},
-                                    {.name = "curve", .shape = {1, {CURVE_NUMBERS}}, .shared = true}};
+                                    {.name = "ends", .shape = {1, {CURVE_NUMBERS}}, .shared = true}};
 static const lg_port value_out[2] = {{.name = "y"}, {.name = "g"}};
 static const lg_port point_out[2] = {{.name = "q"}, {.name = "v"}};
-static const lg_port curve_out = {.name = "curve"}, theta_out = {.name = "theta"};
+static const lg_port ends_out = {.name = "ends"}, theta_out = {.name = "theta"};
 
 enum { MOST_FUNCTIONS = 4 };
 static const struct bundle {
@@ -345,11 +353,12 @@ static const struct bundle {
     [LG_SURROGATE_CONTINUOUS] = {"continuous surrogate of a beam",
                                  {{"value", &x9, 1, value_out, 1, curve_value, NULL},
                                   {"grad", &x9, 1, value_out, 2, curve_gradient, NULL},
-                                  {"point", point_in, 2, point_out, 2, curve_point, NULL}}},
+                                  {"point", point_in, 2, point_out, 2, curve_point, NULL},
+                                  {"place", point_in, 2, point_out, 1, curve_place, NULL}}},
     [LG_SURROGATE_ANGLE] = {"angle surrogate of a beam",
                             {{"value", &x9, 1, value_out, 1, angle_value, NULL},
                              {"grad", &x9, 1, value_out, 2, angle_gradient, NULL},
-                             {"curve", &x8, 1, &curve_out, 1, angle_curve, NULL},
+                             {"ends", &x8, 1, &ends_out, 1, angle_ends, NULL},
                              {"point", angle_in, 2, &theta_out, 1, angle_point, NULL}}},
 };
 

@@ -15,6 +15,7 @@ typedef struct beam {
     lg_model model;
     export_library lib;
     size_t place; /* 1 where s is an input */
+    lg_surrogate_curves *curves;
     void *work;
 } beam;
 
@@ -71,8 +72,9 @@ static inline beam beam_make(const lg_surrogate_options *options, uint32_t inter
         for (size_t i = 0; i < TRAINED; i++) draw_boundary(&rng, length, b.file.trained + 8 * i);
     }
     b.model = (lg_model){.kind = LG_MODEL_SURROGATE, .surrogate = b.file.run.model, .theta = b.file.theta};
-    const size_t bytes[] = {lg_model_work_size(&b.model),
-                            lg_surrogate_work_size(&b.file.run.model, POINTS, LG_F64)};
+    assert_ok(
+        lg_surrogate_curves_create(NULL, &b.file.run.model, b.file.theta, LG_F64, POINTS, &b.curves, NULL));
+    const size_t bytes[] = {lg_model_work_size(&b.model), lg_surrogate_curves_work_size(b.curves)};
     const size_t room = bytes[0] > bytes[1] ? bytes[0] : bytes[1];
     b.work = aligned_alloc(64, (room + 63) / 64 * 64);
     assert_non_null(b.work);
@@ -80,6 +82,7 @@ static inline beam beam_make(const lg_surrogate_options *options, uint32_t inter
 }
 
 static inline void beam_free(beam *b) {
+    lg_surrogate_curves_destroy(b->curves);
     free(b->work);
     free(b->file.trained);
     free(b->file.theta);
@@ -206,7 +209,7 @@ static inline void beam_compare_curves(const beam *b, const char *title, size_t 
         draw_boundary(&rng, model->length, x);
         for (size_t c = 0; c < 8; c++) x[c] = export_rounded(&b->lib, x[c]);
         draw_places(b, &rng, s);
-        lg_surrogate_curve(model, LG_F64, b->file.theta, x, s, POINTS, q[0] + at, v[0] + at, b->work);
+        lg_surrogate_curve(b->curves, x, s, POINTS, q[0] + at, v[0] + at, b->work);
         beam_curve(b, x, s, POINTS, q[1] + at, v[1] + at);
         if (k % 16 == 0) check_parts(b, x, s, q[1] + at, v[1] + at);
         if (k % 16 == 0 && model->options.mirror) check_mirror(b, x, s, q[1] + at, v[1] + at);

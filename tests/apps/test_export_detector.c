@@ -12,6 +12,7 @@ typedef struct pair {
     void *work, *score_work;
     double *near;
     float *window;
+    lg_detector_plan *scores;
 } pair;
 
 static void *aligned(size_t bytes) {
@@ -28,7 +29,10 @@ static void open_pair(pair *p, const sample *of, const char *dtype) {
     assert_ok(lg_model_load(NULL, path, NULL, &p->file, NULL));
     p->lib = export_open(folder, "m", export_has(of->compiler) ? of->compiler : "cc", of->flags);
     p->work = aligned(lg_model_work_size(&p->file.model));
-    p->score_work = aligned(lg_detector_work_size(&p->file.model.detector, LG_F64));
+    const lg_model *model = &p->file.model;
+    assert_ok(lg_detector_plan_create(NULL, &model->detector, &model->scaler, model->theta, LG_F64,
+                                      &p->scores, NULL));
+    p->score_work = aligned(lg_detector_work_size(p->scores));
     p->near = calloc((p->lib.inputs + 1) * (p->lib.outputs + 1) * 2, sizeof(double));
     p->window = calloc(p->lib.inputs, sizeof(float));
     assert_int_equal(p->lib.inputs, lg_model_inputs(&p->file.model));
@@ -40,6 +44,7 @@ static void close_pair(pair *p) {
     lg_model_file_destroy(NULL, &p->file);
     free(p->work);
     free(p->score_work);
+    lg_detector_plan_destroy(p->scores);
     free(p->near);
     free(p->window);
 }
@@ -111,8 +116,7 @@ static void check_classes(pair *p) {
     for (size_t r = 0; r < ROWS; r++) {
         draw_window(p, &rng, x);
         for (size_t i = 0; i < p->lib.inputs; i++) p->window[i] = (float)x[i];
-        lg_detector_eval(&model->detector, &model->scaler, LG_F64, model->theta, p->window, want, NULL,
-                         p->score_work);
+        lg_detector_eval(p->scores, p->window, want, NULL, p->score_work);
         const uint32_t class = lg_class_of(want, classes);
         double second = 0;
         for (uint32_t k = 0; k < classes; k++)

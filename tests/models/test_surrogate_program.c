@@ -15,6 +15,7 @@ typedef struct example {
     double *theta;
     lg_program *program;
     ready value, gradient;
+    lg_surrogate_curves *curves;
     void *curve;
 } example;
 
@@ -43,13 +44,15 @@ static example make(const lg_surrogate_options *options, double length) {
     static const size_t inputs[] = {8, 9, 9}, outputs[] = {MOST_OUTPUTS, 2, 1};
     assert_int_equal(e.inputs, inputs[options->kind]);
     assert_int_equal(e.outputs, outputs[options->kind]);
-    e.curve = aligned(lg_surrogate_work_size(&e.model, INTERVALS + 1, LG_F64));
+    assert_ok(lg_surrogate_curves_create(NULL, &e.model, e.theta, LG_F64, 1, &e.curves, NULL));
+    e.curve = aligned(lg_surrogate_curves_work_size(e.curves));
     return e;
 }
 
 static void release(example *e) {
     free(e->theta);
     free(e->curve);
+    lg_surrogate_curves_destroy(e->curves);
     free_ready(&e->value);
     free_ready(&e->gradient);
     lg_program_destroy(e->program);
@@ -71,14 +74,14 @@ static void against_curve(const example *e, const double *x) {
     run_value(&e->value, x, y);
     if (model->options.kind == LG_SURROGATE_DISCRETE) {
         for (size_t k = 0; k <= INTERVALS; k++) at[k] = model->length * (double)k / INTERVALS;
-        lg_surrogate_curve(model, LG_F64, e->theta, x, at, INTERVALS + 1, q, v, e->curve);
+        lg_surrogate_curve(e->curves, x, at, INTERVALS + 1, q, v, e->curve);
         for (size_t i = 0; i < 2 * (INTERVALS - 1); i++) {
             assert_close(y[i], q[2 + i], 1e-14, 1e-14);
             assert_close(y[2 * (INTERVALS - 1) + i], v[2 + i], 1e-14, 1e-14);
         }
         return;
     }
-    lg_surrogate_curve(model, LG_F64, e->theta, x + 1, x, 1, q, v, e->curve);
+    lg_surrogate_curve(e->curves, x + 1, x, 1, q, v, e->curve);
     if (model->options.kind == LG_SURROGATE_CONTINUOUS) {
         for (size_t c = 0; c < 2; c++) assert_close(y[c], q[c], 1e-14, 1e-14);
         return;
@@ -180,7 +183,7 @@ static void first_column(const example *e, const double *x) {
     double jacobian[2 * MOST_INPUTS], q[2], v[2];
     if (e->model.options.kind != LG_SURROGATE_CONTINUOUS) return;
     run_gradient(&e->gradient, x, NULL, jacobian);
-    lg_surrogate_curve(&e->model, LG_F64, e->theta, x + 1, x, 1, q, v, e->curve);
+    lg_surrogate_curve(e->curves, x + 1, x, 1, q, v, e->curve);
     for (size_t c = 0; c < 2; c++) assert_close(jacobian[9 * c], v[c], 1e-13, 1e-13);
 }
 
@@ -402,7 +405,7 @@ static void points(void **state) {
             const double *shared = x[0] + 1;
             if (kind == LG_SURROGATE_ANGLE) {
                 ready of_curve;
-                make_ready(&of_curve, e.program, "curve", 1, LG_F64);
+                make_ready(&of_curve, e.program, "ends", 1, LG_F64);
                 run_value(&of_curve, shared, curve);
                 shared = curve;
                 free_ready(&of_curve);
