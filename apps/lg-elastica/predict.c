@@ -93,8 +93,8 @@ static int open_curves(const app *self, const lg_surrogate_file *file, size_t po
 /* Median over a few calls after a first one. */
 static int compute(const app *self, prediction *p) {
     double seconds[TIMED];
-    lg_surrogate_curves *curves;
-    void *work;
+    lg_surrogate_curves *curves = NULL;
+    void *work = NULL;
     const int code = open_curves(self, p->file, p->points, &curves, &work);
     if (code != APP_EXIT_OK) return code;
     p->q = app_alloc(2 * p->points, sizeof *p->q);
@@ -129,8 +129,8 @@ static int compare(const app *self, prediction *p) {
     lg_elastica_options options;
     lg_elastica_options_init(&options);
     const double begin = app_seconds();
-    lg_surrogate_curves *curves;
-    void *work;
+    lg_surrogate_curves *curves = NULL;
+    void *work = NULL;
     int code = beam_solve(self, &p->where, &options, p->file->run.continuous, &p->truth);
     p->solve_seconds = app_seconds() - begin;
     if (code == APP_EXIT_OK) code = open_curves(self, p->file, nodes, &curves, &work);

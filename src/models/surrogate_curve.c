@@ -131,11 +131,20 @@ static lg_status create(const lg_context *context, const lg_surrogate *model, co
     return status;
 }
 
-/* Equal blocks of points; an angle network has many more places than points. */
+/* Panels are the same whatever points are asked for: equal parts of the data's intervals, so that the rule at
+ * their nodes is that of training, and at least PANELS. */
+static size_t panels_of(const lg_surrogate *model) {
+    const size_t n = model->intervals;
+    return n * ((PANELS + n - 1) / n);
+}
+
+/* Equal blocks of the places of a curve of so many points. */
 static size_t rows_for(const lg_surrogate *model, size_t points) {
-    const size_t blocks = points / BLOCK + 1;
-    if (model->options.kind == LG_SURROGATE_DISCRETE) return 1;
-    return model->options.kind == LG_SURROGATE_ANGLE ? BLOCK / 2 : points / blocks + 1;
+    const bool angle = model->options.kind == LG_SURROGATE_ANGLE;
+    const size_t places = points + (angle ? LG_GAUSS_POINTS * panels_of(model) : 0);
+    const size_t blocks = (places + BLOCK - 1) / BLOCK;
+    if (model->options.kind == LG_SURROGATE_DISCRETE || places == 0) return 1;
+    return (places + blocks - 1) / blocks;
 }
 
 lg_status lg_surrogate_curves_create(const lg_context *context, const lg_surrogate *model,
@@ -292,13 +301,6 @@ static void wait_for(const run *r, const target *t, walk *w, double s, double sh
 static void gauss(const run *r, const target *t, walk *w, double a, double b, role as) {
     for (int g = 0; g < LG_GAUSS_POINTS; g++)
         wait_for(r, t, w, a + lg_gauss_at[g] * (b - a), (b - a) * lg_gauss_weight[g], as);
-}
-
-/* Panels are the same whatever points are asked for: equal parts of the data's intervals, so that the rule at
- * their nodes is that of training, and at least PANELS. */
-static size_t panels_of(const lg_surrogate *model) {
-    const size_t n = model->intervals;
-    return n * ((PANELS + n - 1) / n);
 }
 
 /* The integral up to s: whole panels, then the part of the next one. */
