@@ -9,8 +9,8 @@ enum { STREAM_WEIGHTS = 1, ERROR_CHUNK = 128 };
 lg_status describe_run(const lg_trajectories *data, lg_potential_kind potential, const uint32_t *hidden,
                        uint32_t hidden_layers, lg_activation activation, lg_hamiltonian_run *run,
                        lg_error *error) {
-    const lg_status status = lg_hamiltonian_init(&run->model, data->family, data->links, potential, hidden,
-                                                 hidden_layers, activation);
+    const lg_status status =
+        lg_hamiltonian_init(&run->model, data->family, data->n, potential, hidden, hidden_layers, activation);
     if (status != LG_OK) return app_error(error, status, "a network of this size cannot be made");
     memcpy(run->system, data->system, sizeof run->system);
     memcpy(run->data_sha256, data->sha256, sizeof run->data_sha256);
@@ -23,7 +23,7 @@ lg_status describe_run(const lg_trajectories *data, lg_potential_kind potential,
 static lg_hamiltonian_problem problem_of(const learner *self, const lg_trajectories *data) {
     const lg_hamiltonian_run *run = &self->run;
     return (lg_hamiltonian_problem){.model = &run->model,
-                                    .integrator = run->integrator,
+                                    .scheme = run->scheme,
                                     .substeps = run->substeps,
                                     .penalty = run->penalty,
                                     .penalty_form = run->penalty_form,

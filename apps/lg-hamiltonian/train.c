@@ -30,7 +30,7 @@ static void report_json(const training *state, double loss) {
     app_json_real(&json, "loss", loss);
     fit_json(&state->session, &json);
     app_json_size(&json, "parameters", lg_hamiltonian_parameters(&run->model));
-    app_json_text(&json, "integrator", lg_train_integrator_name(run->integrator));
+    app_json_text(&json, "integrator", run->scheme->name);
     app_json_size(&json, "substeps", run->substeps);
     if (train_given.newton) {
         app_json_size(&json, "newton_iterations", state->newton.iterations);
@@ -48,9 +48,8 @@ static void report(const training *state, double loss) {
     (void)printf(
         "%s: %zu parameters, %llu epochs with %s, mean squared error %.3e (%.4f s an epoch, %.1f s in all)\n",
         train_given.fit.out, lg_hamiltonian_parameters(&learned->run.model),
-        (unsigned long long)lg_fit_epochs_done(learned->fit),
-        lg_train_integrator_name(learned->run.integrator), loss, lg_fit_seconds_per_epoch(learned->fit),
-        state->session.seconds);
+        (unsigned long long)lg_fit_epochs_done(learned->fit), learned->run.scheme->name, loss,
+        lg_fit_seconds_per_epoch(learned->fit), state->session.seconds);
 }
 
 /* What is written when training has ended: model, picture. */

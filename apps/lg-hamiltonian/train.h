@@ -6,7 +6,8 @@
 
 typedef struct train_values {
     fit_values fit;
-    int integrator, activation, potential, penalty_form;
+    const char *integrator;
+    int activation, potential, penalty_form;
     app_sizes hidden;
     uint64_t substeps;
     double penalty;

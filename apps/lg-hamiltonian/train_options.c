@@ -3,17 +3,15 @@
 
 #include <string.h>
 
-static const char *const integrators[] = {"euler", "lie-euler",      "rk4", "cf4",
-                                          "rkmk4", "stormer-verlet", NULL};
 static const char *const potentials[] = {"mlp", "linear", NULL};
 static const char *const penalty_forms[] = {"text", "published", NULL};
 
 const app_option train_options[] = {
     FIT_OUT_ROW(train_values, fit),
-    APP_ROW_CHOICE(
-        train_values, integrator, "integrator", integrators,
-        "euler, lie-euler, rk4, cf4, rkmk4, stormer-verlet (default: cf4 for pendulum chains, stormer-verlet "
-        "otherwise)"),
+    APP_ROW_TEXT(
+        train_values, integrator, "integrator", "NAME",
+        "Any scheme of lg-simulate that fits the space: euler, lie-euler, rk4, cf4, rkmk4, stormer-verlet, "
+        "... (default: cf4 for pendulum chains, stormer-verlet otherwise)"),
     APP_ROW_SIZE(train_values, substeps, "substeps", "n", 1, 1e6,
                  "Integrator steps between two points (default 1)"),
     APP_ROW_SIZES(train_values, hidden, "hidden", "W,W,...", 1, 1048576,
@@ -43,7 +41,6 @@ train_values train_given = {.fit = {.dtype = LG_F64,
                                     .adam_eps = LG_HAMILTONIAN_ADAM_EPS,
                                     .clip = LG_HAMILTONIAN_CLIP,
                                     .shards = 4},
-                            .integrator = -1,
                             .hidden = {3, {100, 100, 100}},
                             .substeps = 1};
 
@@ -61,9 +58,7 @@ static void adopt_network(const app *self, const lg_hamiltonian *model) {
 void train_adopt(app *self, const lg_hamiltonian_run *stored) {
     adopt_network(self, &stored->model);
     fit_adopt(self, &train_given.fit, &stored->training, true);
-    if (!app_given(self, "integrator"))
-        train_given.integrator =
-            fit_position_of(integrators, lg_train_integrator_name(stored->integrator), -1);
+    if (!app_given(self, "integrator")) train_given.integrator = stored->scheme->name;
     if (!app_given(self, "substeps")) train_given.substeps = stored->substeps;
     if (!app_given(self, "penalty")) train_given.penalty = stored->penalty;
     if (!app_given(self, "penalty-form"))
@@ -77,11 +72,11 @@ lg_status train_run(const app *self, const lg_trajectories *data, lg_hamiltonian
                                 .penalty_form = train_given.penalty_form == 0 ? LG_PENALTY_MEAN_SQUARE
                                                                               : LG_PENALTY_SUM_ABSOLUTE,
                                 .training = fit_training(&train_given.fit, self->seed)};
-    run->integrator = data->family == LG_HAMILTONIAN_CHAIN ? LG_TRAIN_CF4 : LG_TRAIN_STORMER_VERLET;
-    lg_status status = LG_OK;
-    if (train_given.integrator >= 0)
-        status = lg_train_integrator_parse(integrators[train_given.integrator], &run->integrator);
-    if (status == LG_OK) status = lg_activation_parse(fit_activations[train_given.activation], &activation);
+    const char *integrator = train_given.integrator != NULL ? train_given.integrator : data->family->scheme;
+    run->scheme = lg_scheme_find(integrator);
+    if (run->scheme == NULL)
+        return app_error(error, LG_INVALID_ARGUMENT, "--integrator: there is no scheme '%s'", integrator);
+    const lg_status status = lg_activation_parse(fit_activations[train_given.activation], &activation);
     if (status != LG_OK) return status;
     return describe_run(data, train_given.potential == 0 ? LG_POTENTIAL_MLP : LG_POTENTIAL_LINEAR,
                         train_given.hidden.values, (uint32_t)train_given.hidden.count, activation, run,

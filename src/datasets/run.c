@@ -41,13 +41,23 @@ typedef struct row_value {
 } row_value;
 
 _Static_assert(sizeof(lg_dtype) == sizeof(uint32_t) && sizeof(lg_activation) == sizeof(uint32_t) &&
-                   sizeof(lg_train_integrator) == sizeof(uint32_t) && sizeof(bool) == 1,
+                   sizeof(bool) == 1,
                "enumerations are read through their representation");
+
+/* Number of the row that a pointer points to; one beyond the last where it is none. */
+static uint32_t row_number(const lg_row *r, const char *at) {
+    const void *row;
+    uint32_t value = 0;
+    memcpy(&row, at, sizeof row);
+    while (r->value_name(value) != NULL && r->value_at(value) != row) value++;
+    return value;
+}
 
 /* A name's or flag's number, whatever the width of its field. */
 static uint32_t narrow_at(const lg_row *r, const char *at) {
     uint32_t value = 0;
     bool flag;
+    if (r->value_at != NULL) return row_number(r, at);
     if (r->size == sizeof value) {
         memcpy(&value, at, sizeof value);
     } else {
@@ -59,7 +69,10 @@ static uint32_t narrow_at(const lg_row *r, const char *at) {
 
 static void set_narrow(const lg_row *r, char *at, uint32_t value) {
     const bool flag = value != 0;
-    if (r->size == sizeof value)
+    const void *const row = r->value_at != NULL ? r->value_at(value) : NULL;
+    if (r->value_at != NULL)
+        memcpy(at, &row, sizeof row);
+    else if (r->size == sizeof value)
         memcpy(at, &value, sizeof value);
     else
         memcpy(at, &flag, sizeof flag);

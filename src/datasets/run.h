@@ -23,8 +23,9 @@ typedef struct lg_row {
     const char *group, *name;
     lg_row_type type;
     size_t offset, size;
-    double low;                                             /* smallest value of a number */
-    const char *(*value_name)(uint32_t);                    /* LG_ROW_NAME: NULL beyond the last */
+    double low;                          /* smallest value of a number */
+    const char *(*value_name)(uint32_t); /* LG_ROW_NAME: NULL beyond the last */
+    const void *(*value_at)(uint32_t);   /* LG_ROW_NAME of a pointer: to the row of that number */
     void (*show)(const void *run, char *text, size_t size); /* LG_ROW_SHOWN */
     bool optional; /* files of earlier versions lack it: the default stands */
 } lg_row;
