@@ -37,14 +37,14 @@ typedef struct well_model {
     well_cut cut;
     bool probabilities;        /* scores are probabilities; false: decisions of support vectors */
     lg_detector_file detector; /* network */
-    void *theta;               /* its parameters in dtype */
-    lg_dtype dtype;
-    lg_classifier classifier; /* otherwise */
-    lg_series names;          /* of a loaded classifier: owns its names */
+    lg_detector_plan *plan;    /* of it, in the type that it was trained in */
+    lg_classifier classifier;  /* otherwise */
+    lg_series names;           /* of a loaded classifier: owns its names */
 } well_model;
 
-/* `file` is borrowed: free the theta of *out, no more. */
-void well_model_of_detector(const lg_detector_file *file, well_model *out);
+/* `file` is borrowed: destroy the plan of *out, no more. */
+lg_status well_model_of_detector(const app *app, const lg_detector_file *file, well_model *out,
+                                 lg_error *error);
 int well_model_load(const app *app, const char *path, well_model *out);
 void well_model_free(const app *app, well_model *model); /* a zeroed one may be freed */
 /* Bytes of work memory for well_model_score. */

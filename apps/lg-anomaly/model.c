@@ -11,17 +11,8 @@ static const char *const kinds[] = {"detector", "classifier"};
 
 /* ---- networks ---- */
 
-static void *convert(const double *theta, size_t n, lg_dtype dtype) {
-    void *out = app_alloc(n, dtype == LG_F32 ? sizeof(float) : sizeof(double));
-    for (size_t i = 0; i < n; i++)
-        if (dtype == LG_F32)
-            ((float *)out)[i] = (float)theta[i];
-        else
-            ((double *)out)[i] = theta[i];
-    return out;
-}
-
-void well_model_of_detector(const lg_detector_file *file, well_model *out) {
+lg_status well_model_of_detector(const app *self, const lg_detector_file *file, well_model *out,
+                                 lg_error *error) {
     const lg_detector_run *run = &file->run;
     *out = (well_model){.network = true,
                         .method = "cnn",
@@ -33,8 +24,7 @@ void well_model_of_detector(const lg_detector_file *file, well_model *out) {
                         .class_label = file->class_label,
                         .channel_name = file->channel_name,
                         .probabilities = true,
-                        .detector = *file,
-                        .dtype = run->training.dtype};
+                        .detector = *file};
     out->cut = (well_cut){.split = run->split,
                           .test_fraction = run->test_fraction,
                           .validation_fraction = run->validation_fraction,
@@ -43,16 +33,16 @@ void well_model_of_detector(const lg_detector_file *file, well_model *out) {
                           .window = run->window,
                           .hop = run->hop};
     memcpy(out->cut.data_sha256, run->data_sha256, sizeof out->cut.data_sha256);
-    out->theta = convert(file->theta, file->parameters, out->dtype);
+    return lg_detector_plan_create(self->context, &run->model, &file->scaler, file->theta,
+                                   run->training.dtype, &out->plan, error);
 }
 
 static int load_detector(const app *self, const char *path, well_model *out) {
     lg_error error = {LG_OK, ""};
     lg_detector_file file;
-    const lg_status status = lg_model_load_detector(self->context, path, NULL, &file, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, path);
-    well_model_of_detector(&file, out);
-    return APP_EXIT_OK;
+    lg_status status = lg_model_load_detector(self->context, path, NULL, &file, &error);
+    if (status == LG_OK) status = well_model_of_detector(self, &file, out, &error);
+    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, path);
 }
 
 /* ---- classical classifiers ---- */
@@ -122,7 +112,7 @@ int well_model_load(const app *self, const char *path, well_model *out) {
 }
 
 void well_model_free(const app *self, well_model *model) {
-    free(model->theta);
+    lg_detector_plan_destroy(model->plan);
     if (model->network) {
         lg_detector_file_destroy(self->context, &model->detector);
     } else {
@@ -133,15 +123,14 @@ void well_model_free(const app *self, well_model *model) {
 }
 
 size_t well_model_work(const well_model *model) {
-    return model->network ? lg_detector_work_size(&model->detector.run.model, model->dtype)
+    return model->network ? lg_detector_work_size(model->plan)
                           : lg_classifier_work(&model->classifier) * sizeof(double);
 }
 
 lg_status well_model_score(const well_model *model, const float *x, double *score, double *plane,
                            void *work) {
     if (!model->network) return lg_classifier_window(&model->classifier, x, score, work);
-    lg_detector_eval(&model->detector.run.model, &model->detector.scaler, model->dtype, model->theta, x,
-                     score, plane, work);
+    lg_detector_eval(model->plan, x, score, plane, work);
     return LG_OK;
 }
 

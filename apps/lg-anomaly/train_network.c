@@ -93,9 +93,9 @@ static int finish(void *user, train_session *session) {
     lg_error error = {LG_OK, ""};
     lg_detector_file file = network_file(&self->net, &self->all.data.series);
     well_model model;
-    well_model_of_detector(&file, &model);
     self->train_seconds = session->seconds;
-    lg_status status = judge(self, &model, &error);
+    lg_status status = well_model_of_detector(self->app, &file, &model, &error);
+    if (status == LG_OK) status = judge(self, &model, &error);
     int code = status == LG_OK ? APP_EXIT_OK
                                : app_fail(self->app, status, "after the last epoch: %s", error.message);
     if (code == APP_EXIT_OK) {
@@ -108,7 +108,7 @@ static int finish(void *user, train_session *session) {
     }
     if (code == APP_EXIT_OK) code = draw(self, &model);
     if (code == APP_EXIT_OK) report(self, session, &model);
-    free(model.theta);
+    lg_detector_plan_destroy(model.plan);
     free(file.theta);
     return code;
 }

@@ -7,19 +7,22 @@
 #include <time.h>
 
 #include "lg-bench/bench.h"
-#include "liegrad/hamiltonian.h"
+#include "liegrad/model.h"
 
 enum { CALLS = 50000, STATES = 64, WARM = 2000 };
 
 typedef struct controller {
     lg_hamiltonian model;
+    lg_model *learned;
     double *theta, *states, gradient[6], value, as_long;
     void *work;
 } controller;
 
 static void ask(controller *c, size_t i) {
     const double *state = c->states + 6 * (i % STATES);
-    c->value += lg_hamiltonian_gradient(&c->model, c->theta, state, c->gradient, c->work);
+    double y;
+    lg_model_jacobian(c->learned, state, &y, c->gradient, c->work);
+    c->value += y;
 }
 
 static void nothing(controller *c, size_t i) {
@@ -76,7 +79,7 @@ static double controller_error(controller *c) {
             expected[j] = (double)slope[j];
             expected[3 + j] = (double)(state[3 + j] / m);
         }
-        lg_hamiltonian_gradient(&c->model, c->theta, state, c->gradient, c->work);
+        lg_model_jacobian(c->learned, state, NULL, c->gradient, c->work);
         const double error = bench_difference(c->gradient, expected, 6);
         if (!(error <= worst)) worst = error;
     }
@@ -103,13 +106,16 @@ void bench_batch1(bench *b) {
     lg_rng rng;
     if (b->dtype != LG_F64) bench_check(b, LG_UNSUPPORTED, "a learned Hamiltonian is evaluated in f64");
     bench_check(b,
-                lg_hamiltonian_init(&c.model, LG_HAMILTONIAN_CHAIN, 1, LG_POTENTIAL_MLP, hidden, 3, LG_TANH),
+                lg_hamiltonian_init(&c.model, lg_hamiltonian_family_find("chain"), 1, LG_POTENTIAL_MLP,
+                                    hidden, 3, LG_TANH),
                 "making the model");
     c.theta = app_alloc(lg_hamiltonian_parameters(&c.model), sizeof *c.theta);
     c.states = app_alloc(6 * STATES, sizeof *c.states);
-    c.work = app_alloc(lg_hamiltonian_work_size(&c.model), 1);
     lg_rng_seed(&rng, 1, 1);
     lg_hamiltonian_initialise(&c.model, &rng, c.theta);
+    bench_check(b, lg_model_create_hamiltonian(b->app->context, &c.model, c.theta, &c.learned, NULL),
+                "making the model");
+    c.work = app_alloc(lg_model_work_size(c.learned), 1);
     fill_states(c.states);
     distribution(b, "value and gradient", &c, ask, calls);
     for (size_t i = 0; i < b->rows; i++) {
@@ -120,6 +126,7 @@ void bench_batch1(bench *b) {
     c.as_long = b->rows > 0 ? 1e3 * b->row[0].median_us : 0;
     distribution(b, "empty loop", &c, nothing, calls);
     distribution(b, "empty loop as long", &c, wait, calls);
+    lg_model_destroy(c.learned);
     free(c.theta);
     free(c.states);
     free(c.work);

@@ -246,41 +246,34 @@ void bench_cnn_parts(bench *b) {
 /* ---- one window ---- */
 
 typedef struct watching {
-    const lg_detector *model;
-    const lg_scaler *scaler;
-    lg_dtype dtype;
-    void *theta, *scaled, *work;
+    lg_detector_plan *plan;
+    void *work;
     float *windows; /* (JUDGED, channels, length) */
     double probability[2], plane[2];
-    double logit; /* room for either type */
     size_t next;
 } watching;
 
 static void watch(void *user) {
     watching *w = user;
     const float *x = w->windows + (w->next++ % JUDGED) * NUMBERS;
-    lg_detector_eval(w->model, w->scaler, w->dtype, w->theta, x, w->probability, w->plane, w->work);
+    lg_detector_eval(w->plan, x, w->probability, w->plane, w->work);
 }
 
-static void evaluate(void *user) {
-    watching *w = user;
-    const char *x = (const char *)w->scaled + (w->next++ % JUDGED) * NUMBERS * bench_size(w->dtype);
-    lg_cnn_eval(&w->model->net, w->dtype, w->theta, x, 1, &w->logit, NULL, w->work);
-}
-
-static void open_watching(watching *w, const lg_detector *model, const lg_scaler *scaler, lg_dtype dtype,
-                          const double *theta, const double *x) {
-    const size_t bytes = lg_detector_work_size(model, dtype);
-    *w = (watching){.model = model, .scaler = scaler, .dtype = dtype};
-    w->theta = bench_typed(dtype, theta, lg_cnn_parameters(&model->net));
-    w->scaled = bench_typed(dtype, x, (size_t)JUDGED * NUMBERS);
+static void open_watching(const bench *b, watching *w, const lg_detector *model, const lg_scaler *scaler,
+                          lg_dtype dtype, const double *theta, const double *x) {
+    lg_error error = {LG_OK, ""};
+    *w = (watching){.plan = NULL};
+    bench_check(b, lg_detector_plan_create(b->app->context, model, scaler, theta, dtype, &w->plan, &error),
+                error.message);
+    const size_t bytes = lg_detector_work_size(w->plan);
     w->windows = bench_typed(LG_F32, x, (size_t)JUDGED * NUMBERS);
     w->work = aligned_alloc(64, (bytes + 63) / 64 * 64);
     if (w->work == NULL) abort();
 }
 
 static void close_watching(watching *w) {
-    free(w->theta), free(w->scaled), free(w->windows), free(w->work);
+    lg_detector_plan_destroy(w->plan);
+    free(w->windows), free(w->work);
 }
 
 /* The largest difference of a probability from that in f64. */
@@ -302,19 +295,15 @@ void bench_cnn_window(bench *b) {
     const lg_scaler scaler = {.channels = CHANNELS, .mean = mean, .scale = scale};
     double *theta = weights_of(b, &model.net), *x = bench_uniform((size_t)JUDGED * NUMBERS, STREAM_WINDOWS);
     watching w, exact;
-    open_watching(&w, &model, &scaler, b->dtype, theta, x);
-    open_watching(&exact, &model, &scaler, LG_F64, theta, x);
+    open_watching(b, &w, &model, &scaler, b->dtype, theta, x);
+    open_watching(b, &exact, &model, &scaler, LG_F64, theta, x);
     bench_row *row = bench_measure(b, "window", watch, &w);
-    if (row != NULL) {
-        row->batch = 1;
-        row->error_is = "largest difference of a probability from that in f64";
-        if (b->dtype != LG_F64) row->error = watching_error(&w, &exact);
-    }
-    row = bench_measure(b, "network alone", evaluate, &w);
     if (row != NULL) {
         row->batch = 1;
         row->rate = 2e-3 * products(&model.net, false) / row->median_us;
         row->unit = "GF/s";
+        row->error_is = "largest difference of a probability from that in f64";
+        if (b->dtype != LG_F64) row->error = watching_error(&w, &exact);
     }
     close_watching(&w), close_watching(&exact);
     free(theta), free(x);

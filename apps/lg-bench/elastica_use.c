@@ -33,7 +33,7 @@ typedef struct use {
     uint32_t intervals;
     bool warm, continuous;
     const lg_surrogate *model;
-    const void *theta;
+    lg_surrogate_curves *curves;
     double s[NODES], boundary[PROBLEMS][8];
     double *guess;           /* (PROBLEMS, intervals + 1) */
     double *angle, *q, *v;   /* of the problem of the last call */
@@ -65,7 +65,7 @@ static void solve_next(void *user) {
 static void evaluate_next(void *user) {
     use *u = user;
     const size_t i = u->next++ % PROBLEMS;
-    lg_surrogate_curve(u->model, u->dtype, u->theta, u->boundary[i], u->s, NODES, u->q, u->v, u->work);
+    lg_surrogate_curve(u->curves, u->boundary[i], u->s, NODES, u->q, u->v, u->work);
 }
 
 static void tangents(size_t nodes, const double *angle, double *v) {
@@ -181,11 +181,14 @@ void bench_elastica_curve(bench *b) {
     open_truth(b, &u);
     for (int t = 0; t < 2; t++) {
         u.dtype = t == 0 ? LG_F32 : LG_F64;
-        void *theta = bench_typed(u.dtype, file.theta, file.parameters);
-        u.theta = theta;
-        u.work = app_alloc(lg_surrogate_work_size(u.model, NODES, u.dtype), 1);
+        bench_check(b,
+                    lg_surrogate_curves_create(b->app->context, u.model, file.theta, u.dtype, NODES,
+                                               &u.curves, &error),
+                    error.message);
+        u.work = app_alloc(lg_surrogate_curves_work_size(u.curves), 1);
         measure(b, &u, u.dtype == LG_F32 ? "f32" : "f64", evaluate_next);
-        free(u.work), free(theta);
+        lg_surrogate_curves_destroy(u.curves);
+        free(u.work);
         u.work = NULL;
     }
     close_use(&u);

@@ -15,16 +15,16 @@ typedef struct experiment {
     const char *name, *system;
     size_t links, trajectories, points, segments;
     double t_end;
-    lg_train_integrator integrator;
+    const char *integrator;
     uint32_t hidden[3];
     uint64_t decay;
     size_t test_points;
 } experiment;
 
 static const experiment experiments[] = {
-    {"hamiltonian", "pendulum-chain", 1, 500, 5, 1, 0.1, LG_TRAIN_CF4, {100, 100, 100}, 50, 15},
-    {"hamiltonian-double", "pendulum-chain", 2, 500, 5, 1, 0.1, LG_TRAIN_CF4, {100, 100, 100}, 50, 15},
-    {"hamiltonian-quartic", "quartic", 2, 900, 6, 3, 0.3, LG_TRAIN_STORMER_VERLET, {100, 50, 50}, 30, 20},
+    {"hamiltonian", "pendulum-chain", 1, 500, 5, 1, 0.1, "cf4", {100, 100, 100}, 50, 15},
+    {"hamiltonian-double", "pendulum-chain", 2, 500, 5, 1, 0.1, "cf4", {100, 100, 100}, 50, 15},
+    {"hamiltonian-quartic", "quartic", 2, 900, 6, 3, 0.3, "stormer-verlet", {100, 50, 50}, 30, 20},
 };
 
 typedef struct learning {
@@ -55,7 +55,7 @@ static void open_learning(const bench *b, learning *l) {
     const experiment *e = l->what;
     lg_system_options options;
     lg_rng rng;
-    const bool chain = e->integrator != LG_TRAIN_STORMER_VERLET;
+    const bool chain = strcmp(e->system, "pendulum-chain") == 0;
     const double gravity = 1.0;
     const lg_named_values given = {"gravity", &gravity, 1};
     lg_system_options_init(&options);
@@ -72,12 +72,13 @@ static void open_learning(const bench *b, learning *l) {
     l->data = app_alloc(e->trajectories * e->points * l->dim, sizeof *l->data);
     l->energies = app_alloc(e->trajectories, sizeof *l->energies);
     sample(b, l, e->trajectories, e->points, e->segments, DATA_SEED, l->t, l->data, l->energies);
+    size_t n;
+    const lg_hamiltonian_family *family = lg_hamiltonian_family_for(l->system, &n);
     bench_check(b,
-                lg_hamiltonian_init(&l->model, chain ? LG_HAMILTONIAN_CHAIN : LG_HAMILTONIAN_SEPARABLE,
-                                    (uint32_t)e->links, LG_POTENTIAL_MLP, e->hidden, 3, LG_TANH),
+                lg_hamiltonian_init(&l->model, family, (uint32_t)n, LG_POTENTIAL_MLP, e->hidden, 3, LG_TANH),
                 "making the model");
     l->problem = (lg_hamiltonian_problem){.model = &l->model,
-                                          .integrator = e->integrator,
+                                          .scheme = lg_scheme_find(e->integrator),
                                           .substeps = 1,
                                           .trajectories = e->trajectories,
                                           .points = e->points,
@@ -100,12 +101,13 @@ static void close_learning(const bench *b, learning *l) {
 
 static double e1(const bench *b, const learning *l, const double *theta) {
     enum { TEST = 100 };
-    const bool chain = l->model.family == LG_HAMILTONIAN_CHAIN;
     const size_t points = l->what->test_points, size = points * l->dim;
     double *t = app_alloc(points, sizeof *t), *truth = app_alloc(TEST * size, sizeof *truth);
     double *y = app_alloc(size, sizeof *y), energies[TEST], sum = 0;
-    const lg_model learned = {.kind = LG_MODEL_HAMILTONIAN, .hamiltonian = l->model, .theta = theta};
-    void *work = app_alloc(lg_model_work_size(&learned), 1);
+    lg_model *learned;
+    bench_check(b, lg_model_create_hamiltonian(b->app->context, &l->model, theta, &learned, NULL),
+                "making the model");
+    void *work = app_alloc(lg_model_work_size(learned), 1);
     lg_model_user user;
     lg_ode ode;
     lg_step_controller control;
@@ -113,9 +115,9 @@ static double e1(const bench *b, const learning *l, const double *theta) {
     sample(b, l, TEST, points, 1, TEST_SEED, t, truth, energies);
     lg_step_controller_init(&control);
     control.rtol = control.atol = 1e-10;
-    bench_check(b, lg_model_ode(&learned, &user, work, &ode), "making the learned system");
+    bench_check(b, lg_model_ode(learned, &user, work, &ode), "making the learned system");
     bench_check(b,
-                lg_stepper_create(b->app->context, lg_scheme_find(chain ? "rkmk54" : "dp54"), &ode, &stepper),
+                lg_stepper_create(b->app->context, lg_scheme_find(l->model.family->accurate), &ode, &stepper),
                 "making the stepper");
     for (size_t i = 0; i < TEST; i++) {
         const double *given = truth + i * size;
@@ -124,6 +126,7 @@ static double e1(const bench *b, const learning *l, const double *theta) {
         for (size_t k = 0; k < size; k++) sum += (y[k] - given[k]) * (y[k] - given[k]);
     }
     lg_stepper_destroy(b->app->context, stepper);
+    lg_model_destroy(learned);
     free(work);
     free(t);
     free(truth);

@@ -75,16 +75,19 @@ static lg_status draw(const app *self, const evaluation *e, lg_error *error) {
     double *const true_q = memory, *const true_v = true_q + 2 * shown * nodes,
                   *const q = true_v + 2 * shown * nodes, *const v = q + 2 * shown * nodes,
                   *const s = v + 2 * shown * nodes;
-    void *work = app_alloc(lg_surrogate_work_size(model, nodes, LG_F64), 1);
+    lg_surrogate_curves *curves = NULL;
     char title[128];
+    lg_status status =
+        lg_surrogate_curves_create(self->context, model, e->file->theta, LG_F64, nodes, &curves, error);
+    void *work = status == LG_OK ? app_alloc(lg_surrogate_curves_work_size(curves), 1) : NULL;
     for (size_t k = 0; k < nodes; k++)
         s[k] = k + 1 < nodes ? e->curves->length * ((double)k / (double)(nodes - 1)) : e->curves->length;
-    for (size_t i = 0; i < shown; i++) {
+    for (size_t i = 0; i < shown && status == LG_OK; i++) {
         const size_t curve = e->chosen.list[(2 * i + 1) * e->chosen.count / (2 * shown)];
         memcpy(true_q + 2 * nodes * i, e->curves->q + 2 * nodes * curve, 2 * nodes * sizeof *q);
         memcpy(true_v + 2 * nodes * i, e->curves->v + 2 * nodes * curve, 2 * nodes * sizeof *v);
-        lg_surrogate_curve(model, LG_F64, e->file->theta, e->curves->boundary + 8 * curve, s, nodes,
-                           q + 2 * nodes * i, v + 2 * nodes * i, work);
+        lg_surrogate_curve(curves, e->curves->boundary + 8 * curve, s, nodes, q + 2 * nodes * i,
+                           v + 2 * nodes * i, work);
     }
     (void)snprintf(title, sizeof title, "%s network, %zu of %zu curves, mean squared error %.3e",
                    lg_surrogate_kind_name(model->options.kind), shown, e->chosen.count, e->errors.mse);
@@ -97,7 +100,8 @@ static lg_status draw(const app *self, const evaluation *e, lg_error *error) {
                              .v = v,
                              .node_error = e->node_error,
                              .title = title};
-    const lg_status status = draw_comparison(self, values.plot, &what, error);
+    if (status == LG_OK) status = draw_comparison(self, values.plot, &what, error);
+    lg_surrogate_curves_destroy(curves);
     free(work);
     free(memory);
     return status;

@@ -79,17 +79,30 @@ static int read_points(const app *self, prediction *p) {
 
 /* ---- the curve ---- */
 
+/* Plans for so many points, and their work memory. */
+static int open_curves(const app *self, const lg_surrogate_file *file, size_t points,
+                       lg_surrogate_curves **curves, void **work) {
+    lg_error error = {LG_OK, ""};
+    const lg_status status = lg_surrogate_curves_create(self->context, &file->run.model, file->theta, LG_F64,
+                                                        points, curves, &error);
+    if (status != LG_OK) return app_fail(self, status, "%s", error.message);
+    *work = app_alloc(lg_surrogate_curves_work_size(*curves), 1);
+    return APP_EXIT_OK;
+}
+
 /* Median over a few calls after a first one. */
-static void compute(prediction *p) {
-    const lg_surrogate *model = &p->file->run.model;
+static int compute(const app *self, prediction *p) {
     double seconds[TIMED];
-    void *work = app_alloc(lg_surrogate_work_size(model, p->points, LG_F64), 1);
+    lg_surrogate_curves *curves = NULL;
+    void *work = NULL;
+    const int code = open_curves(self, p->file, p->points, &curves, &work);
+    if (code != APP_EXIT_OK) return code;
     p->q = app_alloc(2 * p->points, sizeof *p->q);
     p->v = app_alloc(2 * p->points, sizeof *p->v);
     p->theta = app_alloc(p->points, sizeof *p->theta);
     for (size_t i = 0; i <= TIMED; i++) {
         const double begin = app_seconds();
-        lg_surrogate_curve(model, LG_F64, p->file->theta, p->x, p->s, p->points, p->q, p->v, work);
+        lg_surrogate_curve(curves, p->x, p->s, p->points, p->q, p->v, work);
         if (i > 0) seconds[i - 1] = app_seconds() - begin;
     }
     p->seconds = app_median(seconds, TIMED);
@@ -98,6 +111,8 @@ static void compute(prediction *p) {
         p->theta[i] = i > 0 ? p->theta[i - 1] + wrap_angle(angle - p->theta[i - 1]) : angle;
     }
     free(work);
+    lg_surrogate_curves_destroy(curves);
+    return APP_EXIT_OK;
 }
 
 static int check_finite(const app *self, const prediction *p) {
@@ -114,14 +129,16 @@ static int compare(const app *self, prediction *p) {
     lg_elastica_options options;
     lg_elastica_options_init(&options);
     const double begin = app_seconds();
-    const int code = beam_solve(self, &p->where, &options, p->file->run.continuous, &p->truth);
+    lg_surrogate_curves *curves = NULL;
+    void *work = NULL;
+    int code = beam_solve(self, &p->where, &options, p->file->run.continuous, &p->truth);
     p->solve_seconds = app_seconds() - begin;
+    if (code == APP_EXIT_OK) code = open_curves(self, p->file, nodes, &curves, &work);
     if (code != APP_EXIT_OK) return code;
     double *memory = app_alloc(5 * nodes, sizeof *memory), *q = memory + nodes, *v = q + 2 * nodes;
-    void *work = app_alloc(lg_surrogate_work_size(model, nodes, LG_F64), 1);
     for (size_t k = 0; k < nodes; k++)
         memory[k] = k + 1 < nodes ? model->length * ((double)k / (double)(nodes - 1)) : model->length;
-    lg_surrogate_curve(model, LG_F64, p->file->theta, p->x, memory, nodes, q, v, work);
+    lg_surrogate_curve(curves, p->x, memory, nodes, q, v, work);
     p->max_error = p->mse = 0;
     for (size_t i = 0; i < 2 * nodes; i++) {
         const double dq = q[i] - p->truth.q[i], dv = v[i] - p->truth.v[i];
@@ -130,6 +147,7 @@ static int compare(const app *self, prediction *p) {
     }
     free(work);
     free(memory);
+    lg_surrogate_curves_destroy(curves);
     return APP_EXIT_OK;
 }
 
@@ -228,8 +246,8 @@ static int predict(const app *self, prediction *p) {
                  "outside the trained range: the nearest trained boundary conditions are %.3g away, and they "
                  "are at most %.3g apart: the curve may mean nothing",
                  p->distance, p->reach);
-    compute(p);
-    code = check_finite(self, p);
+    code = compute(self, p);
+    if (code == APP_EXIT_OK) code = check_finite(self, p);
     if (code == APP_EXIT_OK && values.solve) code = compare(self, p);
     if (code == APP_EXIT_OK) code = write_outputs(self, p);
     if (code == APP_EXIT_OK) report(self, p);

@@ -92,7 +92,7 @@ static places place_all(const lg_detector *model) {
 /* ---- code ---- */
 
 static void add_weights(export_source *source, const lg_model_file *file) {
-    const lg_cnn *net = &file->model.detector.net;
+    const lg_cnn *net = &file->detector.run.model.net;
     export_part parts[2 * (LG_CNN_MAX_BLOCKS + 2)];
     char comment[APP_COUNT(parts)][128];
     lg_slice_info s;
@@ -102,7 +102,7 @@ static void add_weights(export_source *source, const lg_model_file *file) {
         for (uint32_t k = 0; k < s.rank; k++)
             length += snprintf(comment[count] + length, sizeof comment[count] - (size_t)length, "%s%llu%s",
                                k > 0 ? ", " : "", (unsigned long long)s.dims[k], k + 1 == s.rank ? ")" : "");
-        parts[count] = (export_part){comment[count], s.count, file->model.theta + s.offset};
+        parts[count] = (export_part){comment[count], s.count, file->detector.theta + s.offset};
     }
     export_array(source, "weights", parts, count);
 }
@@ -210,10 +210,10 @@ static void add_fragments(export_source *source, const lg_detector *model) {
 }
 
 static void add_code(export_source *source, const lg_model_file *file) {
-    const lg_detector *model = &file->model.detector;
+    const lg_detector *model = &file->detector.run.model;
     const places p = place_all(model);
     add_weights(source, file);
-    add_scaler(source, &file->model.scaler);
+    add_scaler(source, &file->detector.scaler);
     export_code(source, "dot");
     export_code(source, "noinline");
     export_code(source, "dense_add");
@@ -294,7 +294,7 @@ static void add_words(export_source *source, const lg_detector_file *file, const
 
 /* Whether no kink is within rounding: a window that is a few units in the last place away has the same
  * Jacobian up to the tolerance. near: outputs x inputs + inputs numbers. */
-static bool is_smooth(const export_source *source, const lg_model *model, const double *x,
+static bool is_smooth(const export_source *source, const exported_detector *model, const double *x,
                       const double *jacobian, double *near, void *work, lg_rng *rng) {
     const size_t n = source->inputs, all = n * source->outputs;
     const double eps = source->options->dtype == LG_F32 ? (double)FLT_EPSILON : DBL_EPSILON;
@@ -304,7 +304,7 @@ static bool is_smooth(const export_source *source, const lg_model *model, const 
         for (size_t i = 0; i < n; i++)
             moved[i] =
                 x[i] + 8 * eps * lg_rng_normal(rng) * model->scaler.scale[i / model->detector.net.length];
-        lg_model_jacobian(model, moved, NULL, near, work);
+        lg_model_jacobian(model->learned, moved, NULL, near, work);
         for (size_t i = 0; i < all; i++) {
             sum += jacobian[i] * jacobian[i];
             change += (near[i] - jacobian[i]) * (near[i] - jacobian[i]);
@@ -315,24 +315,24 @@ static bool is_smooth(const export_source *source, const lg_model *model, const 
 }
 
 typedef struct drawing {
-    const lg_model *model;
+    const exported_detector *model;
     lg_rng rng;
     float *window;
     double *near;
     void *work, *score_work;
+    lg_detector_plan *scores;
 } drawing;
 
 static bool draw(export_source *source, drawing *d, size_t v) {
     const lg_detector *model = &d->model->detector;
-    const lg_scaler *scaler = &d->model->scaler;
     const size_t n = source->inputs;
     export_golden *golden = &source->golden;
     double *x = golden->x + v * n, *extra = golden->extra + v * golden->extras;
     double *jacobian = golden->jacobian + v * n * source->outputs;
     detector_draw_window(source, d->model, &d->rng, x);
     for (size_t i = 0; i < n; i++) d->window[i] = (float)x[i];
-    lg_model_jacobian(d->model, x, golden->y + v * source->outputs, jacobian, d->work);
-    lg_detector_eval(model, scaler, LG_F64, d->model->theta, d->window, extra, NULL, d->score_work);
+    lg_model_jacobian(d->model->learned, x, golden->y + v * source->outputs, jacobian, d->work);
+    lg_detector_eval(d->scores, d->window, extra, NULL, d->score_work);
     extra[model->classes] = lg_class_of(extra, model->classes);
     return export_window_clear(extra, model->classes) &&
            is_smooth(source, d->model, x, jacobian, d->near, d->work, &d->rng);
@@ -340,13 +340,17 @@ static bool draw(export_source *source, drawing *d, size_t v) {
 
 /* Windows as noise of the training data's mean and scale; drawn again, a few times, where the class or the
  * gradient is a matter of rounding. */
-static void add_golden(export_source *source, const lg_model *model) {
+static int add_golden(const app *self, export_source *source, const exported_detector *model) {
     const lg_detector *detector = &model->detector;
+    lg_error error = {LG_OK, ""};
     drawing d = {.model = model,
                  .window = app_alloc(source->inputs, sizeof(float)),
                  .near = app_alloc(source->inputs * (source->outputs + 1), sizeof(double)),
-                 .work = app_alloc(lg_model_work_size(model), 1),
-                 .score_work = app_alloc(lg_detector_work_size(detector, LG_F64), 1)};
+                 .work = app_alloc(lg_model_work_size(model->learned), 1)};
+    const lg_status status = lg_detector_plan_create(self->context, detector, &model->scaler, model->theta,
+                                                     LG_F64, &d.scores, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, source->options->file);
+    d.score_work = app_alloc(lg_detector_work_size(d.scores), 1);
     export_window_golden(source, detector->classes + 1, "probabilities, class");
     lg_rng_seed(&d.rng, source->options->seed, GOLDEN_STREAM);
     for (size_t v = 0; v < source->golden.count; v++)
@@ -356,10 +360,12 @@ static void add_golden(export_source *source, const lg_model *model) {
     free(d.near);
     free(d.work);
     free(d.score_work);
+    lg_detector_plan_destroy(d.scores);
+    return APP_EXIT_OK;
 }
 
 int export_detector(const app *self, const lg_model_file *file, export_source *source) {
-    const lg_detector *model = &file->model.detector;
+    const lg_detector *model = &file->detector.run.model;
     const export_window window = {
         .channels = model->net.channels,
         .length = model->net.length,
@@ -373,16 +379,19 @@ int export_detector(const app *self, const lg_model_file *file, export_source *s
         .score_words = "It is the one of the largest probability: of two equal ones class 1,\n"
                        " * of more the first.",
     };
-    source->inputs = lg_model_inputs(&file->model);
-    source->outputs = lg_model_outputs(&file->model);
-    source->parameters = lg_model_parameters(&file->model);
+    source->inputs = lg_model_inputs(file->model);
+    source->outputs = lg_model_outputs(file->model);
+    source->parameters = lg_model_parameters(file->model);
     source->work = place_all(model).end;
     const int code = export_window_check(self, source, (double)source->parameters);
     if (code != APP_EXIT_OK) return code;
     export_window_code(source, &window);
     add_code(source, file);
-    add_golden(source, &file->model);
-    source->condition = detector_condition(source, &file->model);
+    const exported_detector exported = {file->detector.run.model, file->detector.scaler, file->detector.theta,
+                                        file->model};
+    const int drawn = add_golden(self, source, &exported);
+    if (drawn != APP_EXIT_OK) return drawn;
+    source->condition = detector_condition(source, &exported);
     add_words(source, &file->detector, &window);
     return APP_EXIT_OK;
 }

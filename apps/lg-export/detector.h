@@ -5,9 +5,18 @@
 #include "lg-export/window.h"
 #include "liegrad/random.h"
 
+/* A detector with what is known of it. Borrowed. */
+typedef struct exported_detector {
+    lg_detector detector;
+    lg_scaler scaler;
+    const double *theta;
+    const lg_model *learned;
+} exported_detector;
+
 /* A window (channels, length) of noise with the training data's mean and scale, in numbers of the exported
  * type; of detectors that take off the window's own mean with an offset. */
-void detector_draw_window(const export_source *source, const lg_model *model, lg_rng *rng, double *x);
+void detector_draw_window(const export_source *source, const exported_detector *model, lg_rng *rng,
+                          double *x);
 
 /* Whether value or gradient have kinks: of ReLU or of maxima. */
 bool detector_has_kinks(const lg_cnn *net);
@@ -18,6 +27,6 @@ bool detector_has_kinks(const lg_cnn *net);
  * each, and that between single and double precision of the library; times 4 for safety, divided by
  * the 20 DEPTH that every tolerance contains. Needs golden vectors. */
 enum { DETECTOR_WINDOWS = 48 };
-double detector_condition(const export_source *source, const lg_model *model);
+double detector_condition(const export_source *source, const exported_detector *model);
 
 #endif

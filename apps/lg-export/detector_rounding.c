@@ -14,7 +14,8 @@ enum { ROUNDING_STREAM = 0x726f756e };
  * derivative. */
 #define MOVE 0x1p-26
 
-void detector_draw_window(const export_source *source, const lg_model *model, lg_rng *rng, double *x) {
+void detector_draw_window(const export_source *source, const exported_detector *model, lg_rng *rng,
+                          double *x) {
     const lg_scaler *scaler = &model->scaler;
     const lg_cnn *net = &model->detector.net;
     const size_t length = net->length;
@@ -66,22 +67,24 @@ static double sign_of(lg_rng *rng) {
 
 /* Weights off by a relative MOVE each, and windows off by one of the scale: the growth of value and gradient.
  * A gradient with kinks may jump and is left out. */
-static double growth_of_moves(const export_source *source, const lg_model *model, lg_rng *rng) {
+static double growth_of_moves(const export_source *source, const exported_detector *model, lg_rng *rng) {
     const size_t n = source->inputs, outputs = source->outputs, parameters = source->parameters;
     double *x = app_alloc(2 * n, sizeof *x), *theta = app_alloc(parameters, sizeof *theta);
     double *here = app_alloc(2 * outputs * (n + 1), sizeof *here), *there = here + outputs * (n + 1);
-    void *work = app_alloc(lg_model_work_size(model), 1);
+    void *work = app_alloc(lg_model_work_size(model->learned), 1);
     const bool kinks = detector_has_kinks(&model->detector.net);
     spread value = {.size = outputs}, gradient = {.size = kinks ? 0 : outputs * n};
-    lg_model moved = *model;
-    moved.theta = theta;
     for (int v = 0; v < DETECTOR_WINDOWS; v++) {
         detector_draw_window(source, model, rng, x);
         for (size_t i = 0; i < n; i++)
             x[n + i] = x[i] + model->scaler.scale[i / model->detector.net.length] * sign_of(rng);
         for (size_t i = 0; i < parameters; i++) theta[i] = model->theta[i] * (1 + sign_of(rng));
-        lg_model_jacobian(model, x, here, here + outputs, work);
-        lg_model_jacobian(&moved, x + n, there, there + outputs, work);
+        lg_model_jacobian(model->learned, x, here, here + outputs, work);
+        lg_model *moved = NULL;
+        if (lg_model_create_detector(NULL, &model->detector, &model->scaler, theta, &moved, NULL) != LG_OK)
+            continue;
+        lg_model_jacobian(moved, x + n, there, there + outputs, work);
+        lg_model_destroy(moved);
         note(&value, here, there);
         note(&gradient, here + outputs, there + outputs);
     }
@@ -94,8 +97,8 @@ static double growth_of_moves(const export_source *source, const lg_model *model
 }
 
 /* y (outputs) and the gradient (outputs, length, channels) by the window, in either precision. */
-static void library(const lg_model *model, lg_dtype dtype, const void *theta, const double *x, double *out,
-                    void *number, void *work) {
+static void library(const exported_detector *model, lg_dtype dtype, const void *theta, const double *x,
+                    double *out, void *number, void *work) {
     const lg_cnn *net = &model->detector.net;
     const size_t n = (size_t)net->length * net->channels, m = net->outputs, total = n + m + m + n;
     float *single = number;
@@ -125,7 +128,7 @@ static void library(const lg_model *model, lg_dtype dtype, const void *theta, co
 
 /* The library in single precision against itself in double precision, on the same scaled windows: the growth
  * of value and gradient. */
-static double growth_of_sums(const export_source *source, const lg_model *model, lg_rng *rng) {
+static double growth_of_sums(const export_source *source, const exported_detector *model, lg_rng *rng) {
     const lg_cnn *net = &model->detector.net;
     const size_t n = source->inputs, outputs = source->outputs, parameters = source->parameters;
     const bool kinks = detector_has_kinks(net);
@@ -154,7 +157,7 @@ static double growth_of_sums(const export_source *source, const lg_model *model,
 }
 
 /* Rounded up to two digits: the last ones of growth_of_sums depend on the processor. */
-double detector_condition(const export_source *source, const lg_model *model) {
+double detector_condition(const export_source *source, const exported_detector *model) {
     lg_rng rng;
     lg_rng_seed(&rng, source->options->seed, ROUNDING_STREAM);
     const double moves = growth_of_moves(source, model, &rng), sums = growth_of_sums(source, model, &rng);

@@ -145,6 +145,8 @@ int export_surrogate(const app *self, const lg_model_file *file, export_source *
 int export_detector(const app *self, const lg_model_file *file, export_source *source);
 int export_classifier(const app *self, const char *path, export_source *source);
 int export_program(const app *self, const char *path, export_source *source);
+/* A bundle of functions as it stands; destroys it. `path`: of the model's file. */
+int export_bundle(const app *self, const char *path, lg_program *program, export_source *source);
 
 /* Network blocks that several kinds use (nets.c): constants, tables and fragments of a network whose
  * parameters are `NAME_weights` from element 0; the weights themselves with their names. Work of the

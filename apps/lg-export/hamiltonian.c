@@ -7,15 +7,37 @@
 
 /* ---- kinetic energy ---- */
 
+/* W = m^-1 by Cholesky's factor, NaN where m is not positive definite. */
+static void invert(size_t k, const double *m, double *W) {
+    double *l = app_alloc(k * k, sizeof *l);
+    for (size_t j = 0; j < k; j++)
+        for (size_t i = j; i < k; i++) {
+            double sum = m[i * k + j];
+            for (size_t p = 0; p < j; p++) sum -= l[i * k + p] * l[j * k + p];
+            l[i * k + j] = i == j ? (sum > 0.0 ? sqrt(sum) : (double)NAN) : sum / l[j * k + j];
+        }
+    for (size_t c = 0; c < k; c++) {
+        for (size_t i = 0; i < k; i++) {
+            double sum = i == c ? 1.0 : 0.0;
+            for (size_t p = 0; p < i; p++) sum -= l[i * k + p] * W[p * k + c];
+            W[i * k + c] = sum / l[i * k + i];
+        }
+        for (size_t i = k; i-- > 0;) {
+            for (size_t p = i + 1; p < k; p++) W[i * k + c] -= l[p * k + i] * W[p * k + c];
+            W[i * k + c] /= l[i * k + i];
+        }
+    }
+    free(l);
+}
+
 /* W = m^-1 (k, k). Returns max_i m_ii W_ii >= 1, which multiplies the rounding of what is solved with W: how
  * nearly the rows of m depend on each other, whatever their scale. */
 static double invert_mass(const lg_hamiltonian *model, const double *theta, double *W) {
-    const size_t k = model->links;
+    const size_t k = model->n;
     double condition = 1.0, *m = app_alloc(k * k, sizeof *m);
-    void *work = app_alloc(lg_hamiltonian_work_size(model), 1);
-    (void)lg_hamiltonian_mass(model, theta, m, W, work);
+    (void)lg_hamiltonian_mass(model, theta, m);
+    invert(k, m, W);
     for (size_t i = 0; i < k; i++) condition = fmax(condition, m[i * k + i] * W[i * k + i]);
-    free(work);
     free(m);
     return condition;
 }
@@ -31,9 +53,9 @@ enum { LEAST_CONDITION = 20 };
 
 /* The kinetic part: `mass_inverse` or `kinetic`. False: numbers that the type cannot hold. */
 static bool add_kinetic(export_source *source, const lg_hamiltonian *model, const double *theta) {
-    const size_t k = model->links;
+    const size_t k = model->n;
     const double *kinetic = theta + lg_mlp_parameters(&model->net);
-    const bool chain = model->family == LG_HAMILTONIAN_CHAIN;
+    const bool chain = model->family->force == NULL;
     char comment[80];
     double *W = app_alloc(k * k, sizeof *W);
     source->condition = 1.0;
@@ -53,8 +75,8 @@ static bool add_kinetic(export_source *source, const lg_hamiltonian *model, cons
 
 /* Reals of work of the model's own functions, the network's left out: enumerations of the fragments. */
 static size_t field_work(const lg_hamiltonian *model) {
-    const size_t k = model->links;
-    return model->family == LG_HAMILTONIAN_CHAIN ? 11 * k + k * k : k;
+    const size_t k = model->n;
+    return model->family->force == NULL ? 11 * k + k * k : k;
 }
 
 static void add_chain(export_source *source) {
@@ -68,8 +90,8 @@ static void add_chain(export_source *source) {
 
 static void add_code(export_source *source, const lg_hamiltonian *model, const step_plan *step,
                      size_t net_work) {
-    const bool chain = model->family == LG_HAMILTONIAN_CHAIN;
-    export_constant(source, "LINKS", model->links);
+    const bool chain = model->family->force == NULL;
+    export_constant(source, "LINKS", model->n);
     export_constant(source, "STATE", lg_hamiltonian_state_size(model));
     if (chain)
         add_chain(source);
@@ -168,8 +190,7 @@ static void tell_training(text *about, const lg_hamiltonian_file *file) {
             "trained on    %llu trajectories of %llu points %g apart, through %s with %u step%s between "
             "two points\n",
             (unsigned long long)run->trajectories, (unsigned long long)run->points, run->dt,
-            lg_train_integrator_name(run->integrator), (unsigned)run->substeps,
-            run->substeps == 1 ? "" : "s");
+            run->scheme->name, (unsigned)run->substeps, run->substeps == 1 ? "" : "s");
     if (file->epochs_done > 0)
         lg_text_add(about, "epochs        %zu, in %s precision\n", file->epochs_done,
                     run->training.dtype == LG_F32 ? "single" : "double");
@@ -194,11 +215,11 @@ static const char declarations[] =
 
 static void tell(export_source *source, const lg_hamiltonian_file *file, const step_plan *step) {
     const lg_hamiltonian *model = &file->run.model;
-    const bool chain = model->family == LG_HAMILTONIAN_CHAIN;
+    const bool chain = model->family->force == NULL;
     if (chain)
-        tell_chain(source, model->links);
+        tell_chain(source, model->n);
     else
-        tell_separable(source, model->links);
+        tell_separable(source, model->n);
     tell_scheme(&source->about, step);
     if (source->condition > 1.0)
         lg_text_add(
@@ -208,9 +229,9 @@ static void tell(export_source *source, const lg_hamiltonian_file *file, const s
             source->condition);
     tell_training(&source->about, file);
     export_provenance(source, &file->provenance, file->run.data_sha256);
-    export_size(source, "LINKS", model->links, chain ? "k" : "n");
+    export_size(source, "LINKS", model->n, chain ? "k" : "n");
     export_size(source, "STATE_SIZE", lg_hamiltonian_state_size(model), "numbers in state, next and field");
-    export_size(source, "INPUT_SIZE", (chain ? 3 : 1) * (size_t)model->links, "numbers in an input");
+    export_size(source, "INPUT_SIZE", (chain ? 3 : 1) * (size_t)model->n, "numbers in an input");
     export_size(source, "STEP_EVALUATIONS", (size_t)step->evaluations, "of the network's gradient in a step");
     lg_text_add_named(&source->declarations, source->options->name, declarations);
 }
@@ -219,11 +240,11 @@ static void tell(export_source *source, const lg_hamiltonian_file *file, const s
 
 /* As in training data: on chains q_i uniform on the sphere, p_i = q_i x u, u ~ U[0, 1]^3; else U[-1, 1]. */
 static void draw_state(const lg_hamiltonian *model, lg_rng *rng, double *y) {
-    if (model->family == LG_HAMILTONIAN_SEPARABLE) {
-        for (uint32_t i = 0; i < 2 * model->links; i++) y[i] = lg_rng_uniform_in(rng, -1.0, 1.0);
+    if (model->family->force != NULL) {
+        for (uint32_t i = 0; i < 2 * model->n; i++) y[i] = lg_rng_uniform_in(rng, -1.0, 1.0);
         return;
     }
-    for (uint32_t i = 0; i < model->links; i++, y += 6) {
+    for (uint32_t i = 0; i < model->n; i++, y += 6) {
         double u[3], norm = 0.0;
         for (int c = 0; c < 3; c++) y[c] = lg_rng_normal(rng);
         for (int c = 0; c < 3; c++) norm += y[c] * y[c];
@@ -273,25 +294,25 @@ static lg_status compute_golden(const export_source *source, const lg_model *mod
 }
 
 /* Golden states, and the input of `extra`; numbers of the exported type. */
-static void draw_golden(export_source *source, const lg_model *model, double *input, size_t m) {
+static void draw_golden(export_source *source, const lg_hamiltonian *model, double *input, size_t m) {
     const export_options *options = source->options;
     const size_t n = source->inputs, count = source->golden.count;
     double *x = source->golden.x;
     lg_rng rng;
     lg_rng_seed(&rng, options->seed, 0);
-    for (size_t i = 0; i < count; i++) draw_state(&model->hamiltonian, &rng, x + i * n);
+    for (size_t i = 0; i < count; i++) draw_state(model, &rng, x + i * n);
     for (size_t i = 0; i < count * n; i++) x[i] = export_round(options, x[i]);
     for (size_t i = 0; i < m; i++) input[i] = export_round(options, lg_rng_uniform_in(&rng, -1.0, 1.0));
 }
 
-static lg_status golden_vectors(export_source *source, const lg_model *model, const lg_scheme *scheme,
-                                double dt) {
+static lg_status golden_vectors(export_source *source, const lg_hamiltonian *trained, const lg_model *model,
+                                const lg_scheme *scheme, double dt) {
     const size_t m = lg_model_input_size(model), bytes = lg_model_stepper_size(model, scheme);
     double h, *input = app_alloc(m, sizeof *input);
     void *memory = app_alloc(bytes > 0 ? bytes : 1, 1), *work = app_alloc(lg_model_work_size(model), 1);
     lg_stepper *stepper;
     export_golden_make(source, true, 2 * source->inputs, "field and step");
-    draw_golden(source, model, input, m);
+    draw_golden(source, trained, input, m);
     lg_status status = lg_model_stepper_init(memory, bytes, model, scheme, &stepper);
     if (status == LG_OK) status = compute_golden(source, model, dt, input, work, stepper, &h);
     if (status == LG_OK) {
@@ -311,19 +332,36 @@ static lg_status golden_vectors(export_source *source, const lg_model *model, co
 /* ---- all together ---- */
 
 /* Bytes of the frames of all functions here, by family, beside the network's; gcc and clang, -O0 to -O3. */
-static const size_t stack_of[] = {[LG_HAMILTONIAN_CHAIN] = 3072, [LG_HAMILTONIAN_SEPARABLE] = 1536};
+enum { CHAIN_STACK = 3072, SEPARABLE_STACK = 1536 };
+
+/* Families that have no fragments: functions value, grad, field and step of the program. */
+static int export_as_program(const app *self, const lg_hamiltonian_file *trained, export_source *source) {
+    lg_error error = {LG_OK, ""};
+    lg_program *program;
+    const char *path = self->arguments[0];
+    const lg_status status = lg_hamiltonian_program(self->context, &trained->run.model, trained->theta,
+                                                    source->options->scheme, &program, &error);
+    source->parameters = 0; /* export_bundle counts them */
+    return status == LG_OK ? export_bundle(self, path, program, source)
+                           : app_fail_file(self, status, &error, path);
+}
+
+static bool has_fragments(const lg_hamiltonian_family *family) {
+    return strcmp(family->name, "chain") == 0 || strcmp(family->name, "separable") == 0;
+}
 
 int export_hamiltonian(const app *self, const lg_model_file *file, export_source *source) {
     const lg_hamiltonian_file *trained = &file->hamiltonian;
     const lg_hamiltonian *model = &trained->run.model;
     const char *path = self->arguments[0];
+    if (!has_fragments(model->family)) return export_as_program(self, trained, source);
     step_plan step;
     const int chosen = step_choose(self, source, model, &step);
     if (chosen != APP_EXIT_OK) return chosen;
     source->inputs = lg_hamiltonian_state_size(model);
     source->outputs = 1;
     source->depth = (size_t)model->net.layers + 1;
-    source->stack += stack_of[model->family];
+    source->stack += model->family->force == NULL ? CHAIN_STACK : SEPARABLE_STACK;
     source->parameters = trained->parameters;
     if (!add_kinetic(source, model, trained->theta))
         return app_fail(self, LG_FORMAT,
@@ -333,7 +371,7 @@ int export_hamiltonian(const app *self, const lg_model_file *file, export_source
     const size_t net_work = export_mlp(source, &model->net, trained->theta, EXPORT_NET_VJP);
     add_code(source, model, &step, net_work);
     tell(source, trained, &step);
-    const lg_status status = golden_vectors(source, &file->model, step.scheme, trained->run.dt);
+    const lg_status status = golden_vectors(source, model, file->model, step.scheme, trained->run.dt);
     if (status != LG_OK)
         return app_fail(self, status, "%s: golden vectors of its field and step: %s", path,
                         lg_status_sentence(status));

@@ -124,12 +124,11 @@ static int build_model(job *j) {
     lg_error error = {LG_OK, ""};
     const lg_status status = lg_model_load(j->self->context, j->path, NULL, &j->file, &error);
     if (status != LG_OK) return app_fail_file(j->self, status, &error, j->path);
-    const lg_model_kind kind = j->file.model.kind;
+    const lg_model_kind kind = j->file.kind;
     j->kind = kinds[kind].name;
-    j->source.parameters = lg_model_parameters(&j->file.model);
+    j->source.parameters = lg_model_parameters(j->file.model);
     if (kind == LG_MODEL_HAMILTONIAN && j->options.scheme == NULL)
-        j->options.scheme = lg_scheme_find(
-            j->file.model.hamiltonian.family == LG_HAMILTONIAN_CHAIN ? "cf4" : "stormer-verlet");
+        j->options.scheme = lg_scheme_find(j->file.hamiltonian.run.model.family->scheme);
     const int code = kind != LG_MODEL_HAMILTONIAN && given.scheme != NULL
                          ? refuse_scheme(j)
                          : kinds[kind].build(j->self, &j->file, &j->source);

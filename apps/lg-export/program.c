@@ -358,12 +358,10 @@ static void take_texts(job *j) {
     source->functions = j->c->functions;
 }
 
-int export_program(const app *self, const char *path, export_source *source) {
-    job j = {.self = self, .source = source};
-    lg_error error = {LG_OK, ""};
-    lg_status status = lg_program_load(self->context, path, NULL, &j.program, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, path);
-    status = round_parameters(&j);
+int export_bundle(const app *self, const char *path, lg_program *program, export_source *source) {
+    job j = {.self = self, .source = source, .program = program};
+    const lg_error error = {LG_OK, ""};
+    const lg_status status = round_parameters(&j);
     int code = status != LG_OK ? failed(&j, status, &error) : write_code(&j);
     if (code == APP_EXIT_OK) {
         take_texts(&j);
@@ -372,6 +370,14 @@ int export_program(const app *self, const char *path, export_source *source) {
         add_provenance(&j, path);
     }
     lg_c_source_destroy(j.c);
-    lg_program_destroy(j.program);
+    lg_program_destroy(program);
     return code;
+}
+
+int export_program(const app *self, const char *path, export_source *source) {
+    lg_error error = {LG_OK, ""};
+    lg_program *program;
+    const lg_status status = lg_program_load(self->context, path, NULL, &program, &error);
+    return status == LG_OK ? export_bundle(self, path, program, source)
+                           : app_fail_file(self, status, &error, path);
 }

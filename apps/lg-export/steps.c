@@ -204,7 +204,7 @@ static const scheme_writer writers[LG_SCHEME_KINDS] = {
 };
 
 int step_choose(const app *self, const export_source *source, const lg_hamiltonian *model, step_plan *out) {
-    const bool chain = model->family == LG_HAMILTONIAN_CHAIN;
+    const bool chain = model->family->force == NULL;
     const lg_scheme *scheme = source->options->scheme;
     lg_error error = {LG_OK, ""};
     if (lg_scheme_check(scheme, &error) != LG_OK) return app_usage(self, "%s", error.message);

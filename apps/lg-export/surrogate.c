@@ -251,8 +251,8 @@ static void write_places(export_source *source, const double *places, bool place
 }
 
 /* Both ends, a node, and places within the first and a later interval. */
-static void add_golden(export_source *source, const lg_model_file *file) {
-    const lg_surrogate *model = &file->model.surrogate;
+static int add_golden(const app *self, export_source *source, const lg_model_file *file) {
+    const lg_surrogate *model = &file->surrogate.run.model;
     const bool place = forms[model->options.kind].place;
     const double length = model->length, interval = length / model->intervals;
     const double share[PLACES] = {0, 0.3 * interval, floor(0.5 * model->intervals) * interval,
@@ -260,8 +260,13 @@ static void add_golden(export_source *source, const lg_model_file *file) {
     const double scale = tangent_scale(source, model);
     double places[PLACES];
     lg_rng rng;
-    void *work = app_alloc(lg_model_work_size(&file->model), 1);
-    void *curve = app_alloc(lg_surrogate_work_size(model, PLACES, LG_F64), 1);
+    void *work = app_alloc(lg_model_work_size(file->model), 1);
+    lg_surrogate_curves *curves = NULL;
+    lg_error error = {LG_OK, ""};
+    const lg_status status =
+        lg_surrogate_curves_create(self->context, model, file->surrogate.theta, LG_F64, PLACES, &curves, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, source->options->file);
+    void *curve = app_alloc(lg_surrogate_curves_work_size(curves), 1);
     lg_rng_seed(&rng, source->options->seed, GOLDEN_STREAM);
     for (size_t i = 0; i < PLACES; i++) places[i] = rounded(source, share[i]);
     write_places(source, places, place, scale);
@@ -271,25 +276,24 @@ static void add_golden(export_source *source, const lg_model_file *file) {
         double *x = golden->x + source->inputs * i, *extra = golden->extra + golden->extras * i;
         if (place) x[0] = rounded(source, length * lg_rng_uniform(&rng));
         draw_boundary(source, &file->surrogate, &rng, i, x + place);
-        lg_model_jacobian(&file->model, x, golden->y + source->outputs * i,
+        lg_model_jacobian(file->model, x, golden->y + source->outputs * i,
                           golden->jacobian + source->outputs * source->inputs * i, work);
-        lg_surrogate_curve(model, LG_F64, file->model.theta, x + place, places, PLACES, extra,
-                           extra + 2 * PLACES, curve);
+        lg_surrogate_curve(curves, x + place, places, PLACES, extra, extra + 2 * PLACES, curve);
         for (size_t k = 0; k < 2 * PLACES; k++) extra[2 * PLACES + k] *= scale;
     }
+    lg_surrogate_curves_destroy(curves);
     free(curve);
     free(work);
+    return APP_EXIT_OK;
 }
 
 int export_surrogate(const app *self, const lg_model_file *file, export_source *source) {
-    (void)self;
-    source->inputs = lg_model_inputs(&file->model);
-    source->outputs = lg_model_outputs(&file->model);
-    source->parameters = lg_model_parameters(&file->model);
-    add_code(source, &file->model.surrogate, file->model.theta);
-    source->depth = depth_of(&file->model.surrogate.net);
+    source->inputs = lg_model_inputs(file->model);
+    source->outputs = lg_model_outputs(file->model);
+    source->parameters = lg_model_parameters(file->model);
+    add_code(source, &file->surrogate.run.model, file->surrogate.theta);
+    source->depth = depth_of(&file->surrogate.run.model.net);
     source->condition = 1;
     add_words(source, &file->surrogate);
-    add_golden(source, file);
-    return APP_EXIT_OK;
+    return add_golden(self, source, file);
 }

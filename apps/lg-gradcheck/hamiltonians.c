@@ -1,138 +1,164 @@
-/* Learned Hamiltonians: the training loss through every integrator, with respect to all parameters; value,
- * gradient and field with respect to the state, the parameters and the input. */
+/* Learned Hamiltonians, every family of the table: value, gradient and field with respect to the state, the
+ * parameters and the input; the training loss through integrators, with respect to all parameters. */
 #include "lg-gradcheck/tables.h"
+
+#include <string.h>
 
 #include "common/app.h"
 #include "liegrad/hamiltonian.h"
 
-enum { TRAJECTORIES = 2, POINTS = 3, CHAIN_PARAMETERS = 38, PLANE_PARAMETERS = 20 };
+enum { TRAJECTORIES = 2, POINTS = 3, BATCH = 2, MOST_NUMBERS = 64, MOST_ROWS = 256, MOST_COPIES = 2 };
 
+typedef enum question { VALUE, GRADIENT, FIELD, LOSS } question;
+
+/* What a row checks; it borrows nothing. */
 typedef struct settings {
-    lg_hamiltonian_family family;
-    lg_train_integrator integrator;
+    lg_hamiltonian model;
+    question asked;
+    const lg_scheme *scheme; /* LOSS */
     double penalty;
     lg_penalty_form form;
+    char name[96];
+    lg_gradcheck_argument arguments[3];
 } settings;
 
-/* States (q1, p1, q2, p2) on (T*S^2)^2: |q| = 1, q.p = 0. The points of one trajectory need not belong
- * together. */
-static const double chain[4 * 6] = {
-    2.0 / 3, -1.0 / 3, 2.0 / 3, 0.5, 1.0,  0.0, 0.0,      0.6,     0.8,     0.7, -0.8, 0.6,
-    0.6,     0.0,      -0.8,    0.8, -0.5, 0.6, -1.0 / 3, 2.0 / 3, 2.0 / 3, 0.0, 0.9,  -0.9,
-};
+/* ---- data ---- */
 
-static void fill(lg_hamiltonian_family family, double *data) {
-    size_t size = family == LG_HAMILTONIAN_CHAIN ? 12 : 4;
-    for (size_t row = 0; row < TRAJECTORIES * POINTS; row++)
-        for (size_t j = 0; j < size; j++) data[row * size + j] = chain[(row % 2 * size + j) % (4 * 6)];
+/* States on the manifold; the points of one trajectory need not belong together. */
+static void fill(const lg_hamiltonian *model, double *data) {
+    static const double numbers[] = {2.0 / 3, -1.0 / 3, 2.0 / 3,  0.5,     1.0,     0.0, 0.0,  0.6,
+                                     0.8,     0.7,      -0.8,     0.6,     0.6,     0.0, -0.8, 0.8,
+                                     -0.5,    0.6,      -1.0 / 3, 2.0 / 3, 2.0 / 3, 0.0, 0.9,  -0.9};
+    const size_t d = lg_hamiltonian_state_size(model);
+    lg_space space;
+    if (lg_hamiltonian_space(model->family, model->n, &space) != LG_OK) return;
+    for (size_t row = 0; row < TRAJECTORIES * POINTS; row++) {
+        for (size_t j = 0; j < d; j++) data[row * d + j] = numbers[(row % 2 * d + j) % APP_COUNT(numbers)];
+        lg_space_project(&space, data + row * d);
+    }
 }
 
-static lg_var build(const void *user, lg_tape *tape, const lg_var *x) {
-    static const uint32_t hidden[1] = {4}, samples[TRAJECTORIES] = {0, 1};
-    const settings *s = user;
-    double data[TRAJECTORIES * POINTS * 12];
-    lg_hamiltonian model;
+static lg_hamiltonian_problem problem_of(const settings *s, const double *data) {
+    return (lg_hamiltonian_problem){.model = &s->model,
+                                    .scheme = s->scheme,
+                                    .substeps = 2,
+                                    .penalty = s->penalty,
+                                    .penalty_form = s->form,
+                                    .trajectories = TRAJECTORIES,
+                                    .points = POINTS,
+                                    .dt = 0.1,
+                                    .data = data};
+}
+
+/* ---- what is recorded ---- */
+
+static lg_var build_loss(const settings *s, lg_tape *tape, const lg_var *x) {
+    static const uint32_t samples[TRAJECTORIES] = {0, 1};
+    double data[TRAJECTORIES * POINTS * MOST_NUMBERS];
     lg_fit_problem fit;
     lg_var loss = LG_NONE;
-    fill(s->family, data);
-    lg_status status = lg_hamiltonian_init(&model, s->family, 2, LG_POTENTIAL_MLP, hidden, 1, LG_TANH);
-    lg_hamiltonian_problem problem = {.model = &model,
-                                      .integrator = s->integrator,
-                                      .substeps = 2,
-                                      .penalty = s->penalty,
-                                      .penalty_form = s->form,
-                                      .trajectories = TRAJECTORIES,
-                                      .points = POINTS,
-                                      .dt = 0.1,
-                                      .data = data};
-    if (status == LG_OK) status = lg_hamiltonian_problem_check(&problem, NULL);
-    if (status != LG_OK) return lg_tape_fail(tape, status, "hamiltonian", "not a learning problem");
+    fill(&s->model, data);
+    const lg_hamiltonian_problem problem = problem_of(s, data);
     lg_hamiltonian_fit_problem(&problem, &fit);
-    status = fit.loss(fit.user, tape, x[0], samples, TRAJECTORIES, TRAJECTORIES, &loss);
+    const lg_status status = fit.loss(fit.user, tape, x[0], samples, TRAJECTORIES, TRAJECTORIES, &loss);
     return status == LG_OK ? loss : lg_tape_fail(tape, status, "hamiltonian", "the loss failed");
 }
 
-/* ---- value, gradient, field ---- */
-
-typedef lg_var (*taped_fn)(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state);
-typedef struct taped_settings {
-    lg_hamiltonian_family family;
-    uint32_t links;
-    taped_fn function; /* NULL: the field */
-} taped_settings;
-
-/* x: state (B, d), theta, and for the field the input */
-static lg_var build_taped(const void *user, lg_tape *tape, const lg_var *x) {
-    static const uint32_t hidden[1] = {4};
-    const taped_settings *s = user;
-    lg_hamiltonian model;
+/* x: theta of a loss; else state (B, d), theta, and for the field the input */
+static lg_var build(const void *user, lg_tape *tape, const lg_var *x) {
+    const settings *s = user;
     lg_hamiltonian_vars vars;
-    lg_status status = lg_hamiltonian_init(&model, s->family, s->links, LG_POTENTIAL_MLP, hidden, 1, LG_TANH);
-    if (status == LG_OK) status = lg_hamiltonian_bind(tape, &model, x[1], &vars);
+    if (s->asked == LOSS) return build_loss(s, tape, x);
+    const lg_status status = lg_hamiltonian_bind(tape, &s->model, x[1], &vars);
     if (status != LG_OK) return lg_tape_fail(tape, status, "hamiltonian", "not bound");
-    return s->function != NULL ? s->function(tape, &vars, x[0])
-                               : lg_hamiltonian_record_field(tape, &vars, x[0], x[2]);
+    switch (s->asked) {
+    case VALUE:
+        return lg_hamiltonian_record_value(tape, &vars, x[0]);
+    case GRADIENT:
+        return lg_hamiltonian_record_gradient(tape, &vars, x[0]);
+    default:
+        return lg_hamiltonian_record_field(tape, &vars, x[0],
+                                           lg_hamiltonian_input_size(&s->model) > 0 ? x[2] : LG_NONE);
+    }
 }
 
-/* All parameters positive: max(0, b) is off its kink and the mass matrix definite. */
-#define ROW(label, family, parameters, ...)                                                                  \
-    {                                                                                                        \
-        .function = {                                                                                        \
-            .name = "hamiltonian " label,                                                                    \
-            .build = build,                                                                                  \
-            .user = &(const settings){family, __VA_ARGS__},                                                  \
-            INPUTS({.shape = S1(parameters), .low = 0.2, .high = 0.8})                                       \
-        }                                                                                                    \
+/* ---- rows ---- */
+
+static settings all[MOST_ROWS];
+static lg_gradcheck_case cases[MOST_ROWS];
+static size_t rows;
+
+static lg_gradcheck_argument vectors(size_t width) {
+    return (lg_gradcheck_argument){.shape = {2, {BATCH, (uint32_t)width}}};
+}
+
+/* All positive: max(0, b) is off its kink and the mass matrix definite. */
+static lg_gradcheck_argument parameters(const lg_hamiltonian *model) {
+    const uint32_t count = (uint32_t)lg_hamiltonian_parameters(model);
+    return (lg_gradcheck_argument){.shape = {1, {count}}, .low = 0.2, .high = 0.8};
+}
+
+static settings *add(const lg_hamiltonian *model, question what, const char *label) {
+    settings *s = &all[rows];
+    const uint32_t m = lg_hamiltonian_input_size(model);
+    const bool state = what != LOSS;
+    *s = (settings){.model = *model, .asked = what};
+    (void)snprintf(s->name, sizeof s->name, "hamiltonian %s%s%s %s", model->family->name,
+                   model->n == 1 ? " of one " : "", model->n == 1 ? model->family->copy : "", label);
+    if (state) s->arguments[0] = vectors(lg_hamiltonian_state_size(model));
+    s->arguments[state ? 1 : 0] = parameters(model);
+    if (what == FIELD && m > 0) s->arguments[2] = vectors(m);
+    cases[rows++].function = (lg_gradcheck_function){.name = s->name,
+                                                     .inputs = !state                   ? 1
+                                                               : what == FIELD && m > 0 ? 3
+                                                                                        : 2,
+                                                     .arguments = s->arguments,
+                                                     .build = build,
+                                                     .user = s};
+    return s;
+}
+
+/* Parameters at which no |G(y_j) - G(x)| of the penalty is near its kink. */
+static const double off_kink[] = {0.41, 0.63, 0.25, 0.77, 0.52, 0.34, 0.68, 0.29, 0.73, 0.46,
+                                  0.57, 0.22, 0.61, 0.38, 0.79, 0.43, 0.66, 0.31, 0.27, 0.54};
+
+static void add_loss(const lg_hamiltonian *model, const lg_scheme *scheme, double penalty,
+                     lg_penalty_form form) {
+    static const double nothing[TRAJECTORIES * POINTS * MOST_NUMBERS];
+    const settings asked = {.model = *model, .scheme = scheme, .penalty = penalty, .form = form};
+    const lg_hamiltonian_problem problem = problem_of(&asked, nothing);
+    if (lg_hamiltonian_problem_check(&problem, NULL) != LG_OK) return;
+    settings *s = add(model, LOSS, scheme->name);
+    s->scheme = scheme, s->penalty = penalty, s->form = form;
+    if (penalty == 0) return;
+    (void)strcat(s->name, form == LG_PENALTY_MEAN_SQUARE ? ", penalty" : ", penalty as published");
+    if (form == LG_PENALTY_SUM_ABSOLUTE && s->arguments[0].shape.dims[0] == APP_COUNT(off_kink))
+        s->arguments[0] =
+            (lg_gradcheck_argument){.shape = s->arguments[0].shape, .values = off_kink, .scale = 0.25};
+}
+
+static void add_family(const lg_hamiltonian_family *family) {
+    static const char *const schemes[] = {"euler", "lie-euler", "rk4", "cf4", "rkmk4", "stormer-verlet"};
+    static const uint32_t hidden[1] = {4};
+    lg_hamiltonian model;
+    for (uint32_t n = 1; n <= MOST_COPIES; n++) {
+        if (lg_hamiltonian_init(&model, family, n, LG_POTENTIAL_MLP, hidden, 1, LG_TANH) != LG_OK) continue;
+        (void)add(&model, VALUE, "value");
+        (void)add(&model, GRADIENT, "gradient");
+        (void)add(&model, FIELD, "field");
     }
-#define CHAIN(label, integrator)                                                                             \
-    ROW("chain " label, LG_HAMILTONIAN_CHAIN, CHAIN_PARAMETERS, integrator, 0.0, LG_PENALTY_MEAN_SQUARE)
-#define PLANE(label, ...) ROW("separable " label, LG_HAMILTONIAN_SEPARABLE, PLANE_PARAMETERS, __VA_ARGS__)
-
-#define TAPED(label, family, links, asked, ...)                                                              \
-    {                                                                                                        \
-        .function = {                                                                                        \
-            .name = "hamiltonian " label,                                                                    \
-            .build = build_taped,                                                                            \
-            .user = &(const taped_settings){family, links, asked},                                           \
-            INPUTS(__VA_ARGS__)                                                                              \
-        }                                                                                                    \
-    }
-#define PARAMETERS(count)                                                                                    \
-    { .shape = S1(count), .low = 0.2, .high = 0.8 }
-#define NUMBERS(count)                                                                                       \
-    { .shape = S2(2, count) }
-/* One row each; width: of the state, m: of the input. */
-#define FUNCTIONS(label, family, links, width, m, count)                                                     \
-    TAPED(label " value", family, links, lg_hamiltonian_record_value, NUMBERS(width), PARAMETERS(count)),    \
-        TAPED(label " gradient", family, links, lg_hamiltonian_record_gradient, NUMBERS(width),              \
-              PARAMETERS(count)),                                                                            \
-        TAPED(label " field", family, links, NULL, NUMBERS(width), PARAMETERS(count), NUMBERS(m))
-
-/* Parameters at which no |G(y_j) - G(x)| of the published penalty is near its kink. */
-static const double off_kink[PLANE_PARAMETERS] = {0.41, 0.63, 0.25, 0.77, 0.52, 0.34, 0.68, 0.29, 0.73, 0.46,
-                                                  0.57, 0.22, 0.61, 0.38, 0.79, 0.43, 0.66, 0.31, 0.27, 0.54};
-
-static const lg_gradcheck_case rows[] = {
-    FUNCTIONS("chain of one link", LG_HAMILTONIAN_CHAIN, 1, 6, 3, 22),
-    FUNCTIONS("chain", LG_HAMILTONIAN_CHAIN, 2, 12, 6, CHAIN_PARAMETERS),
-    FUNCTIONS("separable", LG_HAMILTONIAN_SEPARABLE, 2, 4, 2, PLANE_PARAMETERS),
-    CHAIN("euler", LG_TRAIN_EULER),
-    CHAIN("lie-euler", LG_TRAIN_LIE_EULER),
-    CHAIN("rk4", LG_TRAIN_RK4),
-    CHAIN("cf4", LG_TRAIN_CF4),
-    CHAIN("rkmk4", LG_TRAIN_RKMK4),
-    PLANE("euler", LG_TRAIN_EULER, 0.0, LG_PENALTY_MEAN_SQUARE),
-    PLANE("rk4", LG_TRAIN_RK4, 0.0, LG_PENALTY_MEAN_SQUARE),
-    PLANE("stormer-verlet", LG_TRAIN_STORMER_VERLET, 0.0, LG_PENALTY_MEAN_SQUARE),
-    PLANE("stormer-verlet, penalty", LG_TRAIN_STORMER_VERLET, 0.5, LG_PENALTY_MEAN_SQUARE),
-    {.function = {.name = "hamiltonian separable stormer-verlet, penalty as published",
-                  .build = build,
-                  .user = &(const settings){LG_HAMILTONIAN_SEPARABLE, LG_TRAIN_STORMER_VERLET, 0.5,
-                                            LG_PENALTY_SUM_ABSOLUTE},
-                  INPUTS({.shape = S1(PLANE_PARAMETERS), .values = off_kink, .scale = 0.25})}},
-};
+    for (size_t i = 0; i < APP_COUNT(schemes); i++)
+        add_loss(&model, lg_scheme_find(schemes[i]), 0, LG_PENALTY_MEAN_SQUARE);
+    const lg_scheme *splitting = lg_scheme_find("stormer-verlet");
+    add_loss(&model, splitting, 0.5, LG_PENALTY_MEAN_SQUARE);
+    add_loss(&model, splitting, 0.5, LG_PENALTY_SUM_ABSOLUTE);
+}
 
 const lg_gradcheck_case *hamiltonian_rows(size_t *count) {
-    *count = APP_COUNT(rows);
-    return rows;
+    static bool made;
+    for (size_t i = 0; !made && i < lg_hamiltonian_family_count(); i++)
+        add_family(lg_hamiltonian_family_at(i));
+    made = true;
+    *count = rows;
+    return cases;
 }

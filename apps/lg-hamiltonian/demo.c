@@ -85,7 +85,7 @@ static int on_epoch(void *user, const lg_fit_epoch *report) {
 }
 
 static lg_status train_model(demo *self) {
-    lg_hamiltonian_run run = {.integrator = LG_TRAIN_CF4};
+    lg_hamiltonian_run run = {.scheme = lg_scheme_find("cf4")};
     lg_hyperparameters_default(lg_hamiltonian_hyperparameters, &run);
     run.training.epochs = values.epochs;
     run.training.seed = self->app->seed;
@@ -141,13 +141,12 @@ static lg_status draw_long(demo *self, const char *picture) {
     double *energies = app_alloc(2 * LONG_POINTS, sizeof *energies), *work = NULL;
     const lg_system *system = self->scene.system;
     for (int i = 0; i < LONG_POINTS; i++) t[i] = values.t_end * i / (LONG_POINTS - 1);
-    lg_status status =
-        learned_flow(self->app->context, model, self->theta, 1e-10, self->test.data, t, LONG_POINTS, y, NULL);
+    lg_status status = learned_flow(self->app->context, model, self->theta, 1e-10, self->test.data, t,
+                                    LONG_POINTS, y, energies + LONG_POINTS, NULL, &self->error);
     if (status == LG_OK) {
         work = app_alloc(lg_system_workspace(system), sizeof *work);
         for (size_t i = 0; i < LONG_POINTS; i++)
             energies[i] = lg_system_hamiltonian(system, y + i * dim, work);
-        learned_energies(model, self->theta, y, LONG_POINTS, dim, energies + LONG_POINTS);
         status =
             draw_energy(self->app, picture, t, energies, energies + LONG_POINTS, LONG_POINTS, &self->error);
     }
@@ -164,7 +163,7 @@ static lg_status draw_all(demo *self) {
     const lg_fit *fit = self->learner.fit;
     lg_status status = train_save_history(history, fit, &self->error);
     if (status == LG_OK)
-        status = draw_trajectories(self->app, sphere, LG_HAMILTONIAN_CHAIN, 1, self->test.data,
+        status = draw_trajectories(self->app, sphere, &self->learner.run.model, self->test.data,
                                    self->predicted, self->test.count, self->test.points, &self->error);
     if (status == LG_OK)
         status = train_draw_loss(self->app, loss, lg_fit_history(fit, LG_FIT_LOSS), NULL,

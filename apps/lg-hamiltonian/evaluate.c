@@ -92,7 +92,7 @@ static int evaluate(app *self, lg_hamiltonian_file *file, const lg_trajectories 
     lg_error error = {LG_OK, ""};
     verdict result;
     const lg_hamiltonian *model = &file->run.model;
-    if (model->family != test->family || model->links != test->links)
+    if (model->family != test->family || model->n != test->n)
         return app_fail(self, LG_SHAPE, "%s: states of %u numbers, but the model %s has %u%s",
                         self->arguments[1], test->state_size, self->arguments[0],
                         lg_hamiltonian_state_size(model),
@@ -106,8 +106,8 @@ static int evaluate(app *self, lg_hamiltonian_file *file, const lg_trajectories 
         judge(self->context, self->threads, model, file->theta, test, tolerance, predicted, &result, &error);
     int code = status == LG_OK ? APP_EXIT_OK : app_fail(self, status, "%s", error.message);
     if (code == APP_EXIT_OK && predicted != NULL) {
-        status = draw_trajectories(self, values.plot, model->family, model->links, test->data, predicted,
-                                   test->count, test->points, &error);
+        status = draw_trajectories(self, values.plot, model, test->data, predicted, test->count, test->points,
+                                   &error);
         if (status != LG_OK) code = app_fail_file(self, status, &error, values.plot);
     }
     if (code == APP_EXIT_OK) {

@@ -33,7 +33,7 @@ static void report(const app *self, const lg_trajectories *data, double seconds)
         app_json json;
         app_json_begin(&json);
         app_json_text(&json, "system", data->system);
-        app_json_size(&json, "links", data->links);
+        app_json_size(&json, "links", data->n);
         app_json_size(&json, "trajectories", data->count);
         app_json_size(&json, "points", data->points);
         app_json_size(&json, "state_size", data->state_size);

@@ -9,19 +9,17 @@ double default_tolerance(const lg_hamiltonian *model) {
     return model->potential == LG_POTENTIAL_LINEAR ? 1e-13 : 1e-10;
 }
 
-lg_status learned_flow(const lg_context *context, const lg_hamiltonian *model, const double *theta,
-                       double tolerance, const double *start, const double *times, size_t count, double *out,
-                       lg_run_stats *stats) {
-    const lg_model learned = {.kind = LG_MODEL_HAMILTONIAN, .hamiltonian = *model, .theta = theta};
-    const lg_scheme *scheme = lg_scheme_find(model->family == LG_HAMILTONIAN_CHAIN ? "rkmk54" : "dp54");
-    void *work = app_alloc(lg_model_work_size(&learned), 1);
+static lg_status flow_of(const lg_context *context, const lg_model *learned, const lg_scheme *scheme,
+                         double tolerance, const double *start, const double *times, size_t count,
+                         double *out, lg_run_stats *stats) {
+    void *work = app_alloc(lg_model_work_size(learned), 1);
     lg_model_user user;
     lg_ode ode;
     lg_step_controller control;
     lg_stepper *stepper = NULL;
     lg_step_controller_init(&control);
     control.rtol = control.atol = tolerance;
-    lg_status status = lg_model_ode(&learned, &user, work, &ode);
+    lg_status status = lg_model_ode(learned, &user, work, &ode);
     if (status == LG_OK) status = lg_stepper_create(context, scheme, &ode, &stepper);
     if (status == LG_OK)
         status = lg_integrate_adaptive(stepper, &control, times[0], start, times, count, out, stats);
@@ -32,8 +30,8 @@ lg_status learned_flow(const lg_context *context, const lg_hamiltonian *model, c
 
 typedef struct judgement {
     const lg_context *context;
-    const lg_hamiltonian *model;
-    const double *theta;
+    const lg_model *learned;
+    const lg_scheme *scheme;
     const lg_trajectories *test;
     double tolerance;
     double *predicted; /* (N, M, d), or NULL */
@@ -51,26 +49,41 @@ static void judge_one(void *user, size_t i) {
     if (app_interrupted()) {
         self->status[i] = LG_CANCELLED;
     } else {
-        self->status[i] = learned_flow(self->context, self->model, self->theta, self->tolerance, given,
-                                       test->t, test->points, y, NULL);
+        self->status[i] = flow_of(self->context, self->learned, self->scheme, self->tolerance, given, test->t,
+                                  test->points, y, NULL);
         for (size_t k = 0; self->status[i] == LG_OK && k < size; k++)
             self->squares[i] += (y[k] - given[k]) * (y[k] - given[k]);
     }
     free(own);
 }
 
-void learned_energies(const lg_hamiltonian *model, const double *theta, const double *states, size_t count,
-                      size_t stride, double *out) {
-    void *work = app_alloc(lg_hamiltonian_work_size(model), 1);
-    for (size_t i = 0; i < count; i++) out[i] = lg_hamiltonian_value(model, theta, states + i * stride, work);
+/* H_Theta at `count` states, `stride` numbers apart. */
+static void energies_of(const lg_model *learned, const double *states, size_t count, size_t stride,
+                        double *out) {
+    void *work = app_alloc(lg_model_work_size(learned), 1);
+    for (size_t i = 0; i < count; i++) lg_model_eval(learned, states + i * stride, out + i, work);
     free(work);
 }
 
+lg_status learned_flow(const lg_context *context, const lg_hamiltonian *model, const double *theta,
+                       double tolerance, const double *start, const double *times, size_t count, double *out,
+                       double *energy, lg_run_stats *stats, lg_error *error) {
+    lg_model *learned;
+    const lg_scheme *scheme = lg_scheme_find(model->family->accurate);
+    lg_status status = lg_model_create_hamiltonian(context, model, theta, &learned, error);
+    if (status != LG_OK) return status;
+    status = flow_of(context, learned, scheme, tolerance, start, times, count, out, stats);
+    if (status != LG_OK) (void)app_error(error, status, "the learned flow: %s", lg_status_sentence(status));
+    if (status == LG_OK && energy != NULL) energies_of(learned, out, count, lg_model_inputs(learned), energy);
+    lg_model_destroy(learned);
+    return status;
+}
+
 /* Mean |d - mean d|: H is determined up to a constant. */
-static double energy_error(const lg_hamiltonian *model, const double *theta, const lg_trajectories *test) {
+static double energy_error(const lg_model *learned, const lg_trajectories *test) {
     if (test->hamiltonian == NULL) return (double)NAN;
     double *d = app_alloc(test->count, sizeof *d), mean = 0, error = 0;
-    learned_energies(model, theta, test->data, test->count, test->points * test->state_size, d);
+    energies_of(learned, test->data, test->count, test->points * test->state_size, d);
     for (size_t i = 0; i < test->count; i++) {
         d[i] = test->hamiltonian[i] - d[i];
         mean += d[i];
@@ -97,34 +110,39 @@ lg_status record_verdict(const lg_context *context, const char *path, const lg_h
     return lg_model_record_hamiltonian(context, path, &file, error);
 }
 
+/* The work with its model made. */
+static lg_status judge_all(const judgement *work, uint64_t threads, verdict *out, lg_error *error) {
+    const lg_trajectories *test = work->test;
+    app_parallel(threads, test->count, judge_one, (void *)(uintptr_t)work);
+    double sum = 0;
+    for (size_t i = 0; i < test->count; i++) {
+        if (work->status[i] != LG_OK)
+            return app_error(error, work->status[i], "the learned flow of test trajectory %zu: %s", i,
+                             lg_status_sentence(work->status[i]));
+        sum += work->squares[i];
+    }
+    out->e1 = sum / ((double)test->count * (double)test->points * (double)test->state_size);
+    out->e2 = energy_error(work->learned, test);
+    return LG_OK;
+}
+
 lg_status judge(const lg_context *context, uint64_t threads, const lg_hamiltonian *model, const double *theta,
                 const lg_trajectories *test, double tolerance, double *predicted, verdict *out,
                 lg_error *error) {
-    judgement work = {.context = context,
-                      .model = model,
-                      .theta = theta,
-                      .test = test,
-                      .tolerance = tolerance,
-                      .predicted = predicted};
-    work.squares = app_alloc(test->count, sizeof *work.squares);
-    work.status = app_alloc(test->count, sizeof *work.status);
-    app_parallel(threads, test->count, judge_one, &work);
-    lg_status status = LG_OK;
-    double sum = 0;
-    for (size_t i = 0; i < test->count && status == LG_OK; i++) {
-        status = work.status[i];
-        sum += work.squares[i];
-        if (status != LG_OK && error != NULL) {
-            error->status = status;
-            (void)snprintf(error->message, sizeof error->message,
-                           "the learned flow of test trajectory %zu: %s", i, lg_status_sentence(status));
-        }
-    }
-    if (status == LG_OK) {
-        out->e1 = sum / ((double)test->count * (double)test->points * (double)test->state_size);
-        out->e2 = energy_error(model, theta, test);
-    }
+    lg_model *learned = NULL;
+    lg_status status = lg_model_create_hamiltonian(context, model, theta, &learned, error);
+    if (status != LG_OK) return status;
+    const judgement work = {.context = context,
+                            .learned = learned,
+                            .scheme = lg_scheme_find(model->family->accurate),
+                            .test = test,
+                            .tolerance = tolerance,
+                            .predicted = predicted,
+                            .squares = app_alloc(test->count, sizeof *work.squares),
+                            .status = app_alloc(test->count, sizeof *work.status)};
+    status = judge_all(&work, threads, out, error);
     free(work.squares);
     free(work.status);
+    lg_model_destroy(learned);
     return status;
 }

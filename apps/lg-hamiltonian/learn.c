@@ -8,7 +8,7 @@ enum { STREAM_WEIGHTS = 1, ERROR_CHUNK = 128 };
 
 lg_status describe_run(const lg_trajectories *data, lg_hamiltonian_run *run, lg_error *error) {
     const lg_mlp net = run->model.net;
-    const lg_status status = lg_hamiltonian_init(&run->model, data->family, data->links, run->model.potential,
+    const lg_status status = lg_hamiltonian_init(&run->model, data->family, data->n, run->model.potential,
                                                  net.width + 1, net.layers - 1, net.activation);
     if (status != LG_OK) return app_error(error, status, "a network of this size cannot be made");
     memcpy(run->system, data->system, sizeof run->system);
@@ -22,7 +22,7 @@ lg_status describe_run(const lg_trajectories *data, lg_hamiltonian_run *run, lg_
 static lg_hamiltonian_problem problem_of(const learner *self, const lg_trajectories *data) {
     const lg_hamiltonian_run *run = &self->run;
     return (lg_hamiltonian_problem){.model = &run->model,
-                                    .integrator = run->integrator,
+                                    .scheme = run->scheme,
                                     .substeps = run->substeps,
                                     .penalty = run->penalty,
                                     .penalty_form = run->penalty_form,

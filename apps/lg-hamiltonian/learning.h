@@ -15,9 +15,9 @@ extern const app_command generate_command, train_command, evaluate_command, pred
 
 /* ---- sampling (sample.c) ---- */
 
-/* Family and size (k or n) of what is learned from a scene that was read in FORM. Errors: LG_UNSUPPORTED. */
+/* Family and n of what is learned from a scene that was read in FORM. Errors: LG_UNSUPPORTED. */
 #define FORM "hamiltonian"
-lg_status scene_family(const lg_scene *scene, lg_hamiltonian_family *family, uint32_t *links,
+lg_status scene_family(const lg_scene *scene, const lg_hamiltonian_family **family, uint32_t *n,
                        lg_error *error);
 
 typedef struct sampling {
@@ -63,10 +63,11 @@ lg_status save_model(const app *app, const char *path, const learner *trained, c
 /* Tolerance (relative and absolute) of the adaptive reference integrators for a learned model: 1e-10, and
  * 1e-13 for linear potentials, whose E1 may be 1e-17 and less. */
 double default_tolerance(const lg_hamiltonian *model);
-/* The learned flow from `start` at the given times, out (count, d); stats may be NULL. */
+/* The learned flow from `start` at the given times: out (count, d), energy (count) of the learned Hamiltonian
+ * along it, or NULL; stats may be NULL. */
 lg_status learned_flow(const lg_context *context, const lg_hamiltonian *model, const double *theta,
                        double tolerance, const double *start, const double *times, size_t count, double *out,
-                       lg_run_stats *stats);
+                       double *energy, lg_run_stats *stats, lg_error *error);
 
 typedef struct verdict {
     double e1, e2; /* e2 is NaN when the energies of the starts are unknown */
@@ -81,15 +82,12 @@ lg_status judge(const lg_context *context, uint64_t threads, const lg_hamiltonia
  * theta; all else in it stays. */
 lg_status record_verdict(const lg_context *context, const char *path, const lg_hamiltonian_run *run,
                          double *theta, const lg_trajectories *test, const verdict *result, lg_error *error);
-/* H_Theta at `count` states, `stride` numbers apart. */
-void learned_energies(const lg_hamiltonian *model, const double *theta, const double *states, size_t count,
-                      size_t stride, double *out);
 
 /* ---- drawing (pictures.c) ---- */
 
 /* Each reports where the picture went; a missing gnuplot is only a warning. */
 /* True (may be NULL) and predicted (n, points, d): links on the sphere in space, or q_1 against q_2. */
-lg_status draw_trajectories(const app *app, const char *picture, lg_hamiltonian_family family, size_t links,
+lg_status draw_trajectories(const app *app, const char *picture, const lg_hamiltonian *model,
                             const double *truth, const double *predicted, size_t n, size_t points,
                             lg_error *error);
 /* |H - H(0)| of the true energy (may be NULL) and of the learned one along one prediction. */

@@ -20,12 +20,16 @@ static lg_status end(const app *self, app_plot *plot, lg_error *error) {
     return app_plot_end(self, plot, &drawn, error);
 }
 
+static bool on_spheres(const lg_hamiltonian *model) {
+    return model->family->factor[0] == LG_SPACE_TS2;
+}
+
 /* One block a trajectory and link (three columns), or a trajectory: the first two coordinates. Returns the
  * blocks written. */
-static size_t put_blocks(app_plot *plot, lg_hamiltonian_family family, size_t links, const double *y,
-                         size_t n, size_t points) {
-    const bool chain = family == LG_HAMILTONIAN_CHAIN;
-    const size_t dim = chain ? 6 * links : 2 * links, parts = chain ? links : 1;
+static size_t put_blocks(app_plot *plot, const lg_hamiltonian *model, const double *y, size_t n,
+                         size_t points) {
+    const bool chain = on_spheres(model);
+    const size_t dim = lg_hamiltonian_state_size(model), parts = chain ? model->n : 1;
     for (size_t i = 0; i < n; i++)
         for (size_t part = 0; part < parts; part++) {
             for (size_t j = 0; j < points; j++) {
@@ -82,16 +86,17 @@ static lg_status begin_trajectories(app_plot *plot, const char *picture, size_t 
     return begin(plot, picture, 520 * (int)columns, 520 * (int)rows, error);
 }
 
-lg_status draw_trajectories(const app *self, const char *picture, lg_hamiltonian_family family, size_t links,
+lg_status draw_trajectories(const app *self, const char *picture, const lg_hamiltonian *model,
                             const double *truth, const double *predicted, size_t n, size_t points,
                             lg_error *error) {
     app_plot plot;
-    const bool space = family == LG_HAMILTONIAN_CHAIN;
+    const bool space = on_spheres(model);
+    const size_t links = model->n;
     const lg_status status = begin_trajectories(&plot, picture, space ? links : 0, error);
     if (status != LG_OK) return status;
     if (n > SHOWN_TRAJECTORIES) n = SHOWN_TRAJECTORIES;
-    const size_t true_blocks = truth != NULL ? put_blocks(&plot, family, links, truth, n, points) : 0;
-    const size_t predicted_blocks = put_blocks(&plot, family, links, predicted, n, points);
+    const size_t true_blocks = truth != NULL ? put_blocks(&plot, model, truth, n, points) : 0;
+    const size_t predicted_blocks = put_blocks(&plot, model, predicted, n, points);
     if (space) {
         put_spheres(plot.script.stream, links, true_blocks, predicted_blocks);
     } else {

@@ -44,10 +44,9 @@ typedef struct prediction {
 
 /* Distance from T*S^2 of a start typed by hand; one off by rounding is projected. */
 static int check_start(const app *self, prediction *p) {
-    if (p->file->run.model.family != LG_HAMILTONIAN_CHAIN) return APP_EXIT_OK;
-    const lg_space_factor links = {LG_SPACE_TS2, p->file->run.model.links};
+    const lg_hamiltonian *model = &p->file->run.model;
     lg_space space;
-    const lg_status status = lg_space_init(&space, &links, 1);
+    const lg_status status = lg_hamiltonian_space(model->family, model->n, &space);
     if (status != LG_OK) return app_fail(self, status, "%s", lg_status_sentence(status));
     const double distance = lg_space_manifold_error(&space, p->start);
     if (!(distance <= 1e-6))
@@ -69,15 +68,15 @@ static int start_from_scene(const app *self, prediction *p) {
     lg_error error = {LG_OK, ""};
     const char *path = self->arguments[1];
     const lg_hamiltonian *model = &p->file->run.model;
-    lg_hamiltonian_family family;
-    uint32_t links;
+    const lg_hamiltonian_family *family;
+    uint32_t n;
     lg_status status = lg_scene_read(self->context, path, FORM, &p->scene, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, path);
     p->has_scene = true;
-    status = scene_family(&p->scene, &family, &links, &error);
+    status = scene_family(&p->scene, &family, &n, &error);
     if (status != LG_OK)
         return app_fail(self, LG_FORMAT, "%s: line %u: %s", path, p->scene.line_system, error.message);
-    if (family != model->family || links != model->links)
+    if (family != model->family || n != model->n)
         return app_fail(self, LG_SHAPE, "%s: line %u: a state of %zu numbers, but the model's has %zu", path,
                         p->scene.line_system, lg_system_dim(p->scene.system), p->dim);
     if (!p->scene.has_initial) return app_fail(self, LG_FORMAT, "%s: the scene has no `initial`", path);
@@ -89,17 +88,16 @@ static int integrate(const app *self, prediction *p) {
     lg_error error = {LG_OK, ""};
     const lg_hamiltonian *model = &p->file->run.model;
     const size_t points = (size_t)values.points;
-    lg_status status = lg_trajectories_create(self->context, p->file->run.system, model->family, model->links,
-                                              1, points, p->t_end, true, 0, &p->y);
+    lg_status status = lg_trajectories_create(self->context, p->file->run.system, model->family, model->n, 1,
+                                              points, p->t_end, true, 0, &p->y);
     if (status != LG_OK) return app_fail(self, status, "%s", lg_status_sentence(status));
+    p->energy = app_alloc(points, sizeof *p->energy);
     const double tolerance = values.tolerance > 0 ? values.tolerance : default_tolerance(model);
     const double begin = app_seconds();
     status = learned_flow(self->context, model, p->file->theta, tolerance, p->start, p->y.t, points,
-                          p->y.data, &p->stats);
+                          p->y.data, p->energy, &p->stats, &error);
     p->seconds = app_seconds() - begin;
-    if (status != LG_OK) return app_fail(self, status, "the learned flow: %s", lg_status_sentence(status));
-    p->energy = app_alloc(points, sizeof *p->energy);
-    learned_energies(model, p->file->theta, p->y.data, points, p->dim, p->energy);
+    if (status != LG_OK) return app_fail(self, status, "%s", error.message);
     p->y.hamiltonian[0] = p->energy[0];
     if (!p->has_scene) return APP_EXIT_OK;
     p->truth = app_alloc(points * p->dim, sizeof *p->truth);
@@ -156,8 +154,8 @@ static int write_outputs(app *self, prediction *p) {
         if (status != LG_OK) return app_fail_file(self, status, &error, values.out);
     }
     if (values.plot != NULL)
-        status = draw_trajectories(self, values.plot, p->file->run.model.family, p->file->run.model.links,
-                                   p->truth, p->y.data, 1, p->y.points, &error);
+        status = draw_trajectories(self, values.plot, &p->file->run.model, p->truth, p->y.data, 1,
+                                   p->y.points, &error);
     return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, values.plot);
 }
 

@@ -7,18 +7,18 @@
 
 #include "liegrad/geometry.h"
 
-lg_status scene_family(const lg_scene *scene, lg_hamiltonian_family *family, uint32_t *links,
+lg_status scene_family(const lg_scene *scene, const lg_hamiltonian_family **family, uint32_t *n,
                        lg_error *error) {
-    const lg_system *system = scene->system;
-    const size_t k = lg_system_links(system), n = lg_system_dim(system) / 2;
-    if (k == 0 && !lg_system_separable(system))
+    size_t copies = 0;
+    const lg_hamiltonian_family *found = lg_hamiltonian_family_for(scene->system, &copies);
+    if (found == NULL)
         return app_error(error, LG_UNSUPPORTED, "no Hamiltonian is learned for system %s",
-                         lg_system_name(system));
-    if ((k > 0 ? k : n) > LG_HAMILTONIAN_MAX_LINKS)
-        return app_error(error, LG_UNSUPPORTED, "%zu links are more than the %d that can be learned",
-                         k > 0 ? k : n, LG_HAMILTONIAN_MAX_LINKS);
-    *family = k > 0 ? LG_HAMILTONIAN_CHAIN : LG_HAMILTONIAN_SEPARABLE;
-    *links = (uint32_t)(k > 0 ? k : n);
+                         lg_system_name(scene->system));
+    if (copies > LG_HAMILTONIAN_MAX_COPIES)
+        return app_error(error, LG_UNSUPPORTED, "%zu %ss are more than the %d that can be learned", copies,
+                         found->copy, LG_HAMILTONIAN_MAX_COPIES);
+    *family = found;
+    *n = (uint32_t)copies;
     return LG_OK;
 }
 
@@ -101,12 +101,12 @@ static lg_status sample_thesis(const lg_context *context, const lg_scene *scene,
 
 lg_status sample_scene(const lg_context *context, const lg_scene *scene, const sampling *how,
                        lg_trajectories *out, lg_error *error) {
-    lg_hamiltonian_family family = LG_HAMILTONIAN_CHAIN;
-    uint32_t links = 0;
+    const lg_hamiltonian_family *family = NULL;
+    uint32_t n = 0;
     lg_trajectories data;
-    lg_status status = scene_family(scene, &family, &links, error);
+    lg_status status = scene_family(scene, &family, &n, error);
     if (status != LG_OK) return status;
-    status = lg_trajectories_create(context, lg_system_name(scene->system), family, links, how->trajectories,
+    status = lg_trajectories_create(context, lg_system_name(scene->system), family, n, how->trajectories,
                                     how->points, how->t_end, true, 0, &data);
     if (status != LG_OK) return app_error(error, status, "%s", lg_status_sentence(status));
     const bool box = scene->has_starts && scene->starts == LG_STARTS_BOX;

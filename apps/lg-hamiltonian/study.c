@@ -119,7 +119,7 @@ void study_protocol(const lg_grid *grid, char out[STUDY_PROTOCOL_TEXT]) {
 
 static lg_hamiltonian_run run_of(const lg_grid *grid, const study_row *row) {
     lg_hamiltonian_run run = grid->run;
-    run.integrator = row->integrator;
+    run.scheme = row->integrator;
     run.substeps = row->substeps;
     run.penalty = row->penalty;
     run.training.seed = row->seed;
@@ -204,8 +204,8 @@ static void run_task(void *user, size_t index) {
     if (status == LG_OK) {
         self->done++;
         app_progress_show(&self->progress, self->done, "run %zu/%zu  %s N=%u M=%u eps=%g: E1 %.2e",
-                          self->done, self->pending_count, lg_train_integrator_name(row.integrator), row.n,
-                          row.m, row.eps, row.e1);
+                          self->done, self->pending_count, row.integrator->name, row.n, row.m, row.eps,
+                          row.e1);
     } else if (self->status == LG_OK) {
         self->status = status;
         self->error = error;
@@ -295,10 +295,10 @@ static int study_with_file(study *self) {
 static int study_grid(study *self) {
     app *host = self->app;
     char protocol[STUDY_PROTOCOL_TEXT];
-    lg_hamiltonian_family family;
-    uint32_t links;
+    const lg_hamiltonian_family *family;
+    uint32_t n;
     if (host->seed_given) self->grid.seed = host->seed;
-    lg_status status = scene_family(&self->grid.scene, &family, &links, &self->error);
+    lg_status status = scene_family(&self->grid.scene, &family, &n, &self->error);
     if (status != LG_OK) return app_fail(host, LG_FORMAT, "%s: %s", host->arguments[0], self->error.message);
     study_protocol(&self->grid, protocol);
     status = study_file_open(values.out, protocol, &self->file, &self->error);

@@ -10,7 +10,7 @@
 
 /* One run. The first seven fields are its key. */
 typedef struct study_row {
-    lg_train_integrator integrator;
+    const lg_scheme *integrator;
     uint32_t substeps, n, m;
     double eps, penalty;
     uint32_t repeat;

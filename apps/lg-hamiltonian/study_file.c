@@ -40,13 +40,13 @@ static bool parse_row(char *line, const char **protocol, study_row *row) {
     if (n != COLUMNS || at != NULL) return false;
     row->failed = strcmp(field[13], "ok") != 0;
     *protocol = field[14];
-    return lg_train_integrator_parse(field[0], &row->integrator) == LG_OK &&
-           parse_u32(field[1], &row->substeps) && parse_u32(field[2], &row->n) &&
-           parse_u32(field[3], &row->m) && app_parse_real(field[4], &row->eps) &&
-           app_parse_real(field[5], &row->penalty) && parse_u32(field[6], &row->repeat) &&
-           app_parse_size(field[7], &row->seed) && parse_result(field[8], &row->loss) &&
-           parse_result(field[9], &row->e1) && parse_result(field[10], &row->e2) &&
-           parse_result(field[11], &row->seconds) && app_parse_size(field[12], &row->epochs);
+    return (row->integrator = lg_scheme_find(field[0])) != NULL && parse_u32(field[1], &row->substeps) &&
+           parse_u32(field[2], &row->n) && parse_u32(field[3], &row->m) &&
+           app_parse_real(field[4], &row->eps) && app_parse_real(field[5], &row->penalty) &&
+           parse_u32(field[6], &row->repeat) && app_parse_size(field[7], &row->seed) &&
+           parse_result(field[8], &row->loss) && parse_result(field[9], &row->e1) &&
+           parse_result(field[10], &row->e2) && parse_result(field[11], &row->seconds) &&
+           app_parse_size(field[12], &row->epochs);
 }
 
 static void keep(study_file *file, const study_row *row) {
@@ -177,8 +177,7 @@ static char *row_text(const study_file *file, const study_row *row) {
     app_file memory;
     app_file_begin(&memory, file->path);
     FILE *stream = memory.stream;
-    (void)fprintf(stream, "%s,%u,%u,%u,", lg_train_integrator_name(row->integrator), row->substeps, row->n,
-                  row->m);
+    (void)fprintf(stream, "%s,%u,%u,%u,", row->integrator->name, row->substeps, row->n, row->m);
     put_number(stream, row->eps);
     (void)fputc(',', stream);
     put_number(stream, row->penalty);

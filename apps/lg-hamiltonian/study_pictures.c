@@ -54,7 +54,7 @@ static void put_work_curve(FILE *script, const lg_grid *grid, size_t block, uint
     (void)fprintf(script, "%sdatafile index %zu using 1:2 with linespoints lw 1 lc rgb '%s' pt %d ps 0.8 ",
                   block > 0 ? ", " : "plot ", block, colour_of(i), mark_of(m));
     if (m == 0)
-        (void)fprintf(script, "title '%s'", lg_train_integrator_name(grid->integrators[i]));
+        (void)fprintf(script, "title '%s'", grid->integrators[i]->name);
     else
         (void)fputs("notitle", script);
     if (grid->substeps_count > 1)
@@ -123,7 +123,7 @@ static void put_noise_blocks(app_plot *plot, const lg_grid *grid, const study_fi
 
 /* What distinguishes the series of a grid, in words. */
 static void put_noise_title(FILE *script, const lg_grid *grid, const study_row *key) {
-    (void)fprintf(script, "title '%s", lg_train_integrator_name(key->integrator));
+    (void)fprintf(script, "title '%s", key->integrator->name);
     if (grid->substeps_count > 1)
         (void)fprintf(script, ", %u substep%s", key->substeps, key->substeps == 1 ? "" : "s");
     if (grid->penalty_count > 1 && key->penalty > 0) (void)fprintf(script, ", penalty %g", key->penalty);
@@ -229,7 +229,7 @@ static void put_axes(FILE *script, const lg_grid *grid, const axes *a) {
             "set arrow from %d,0 to %d,1 nohead lc rgb '#555555' lw 1.5\nset label '%s' at %d,1.07 center\n",
             k, k, axis_names[k], k);
     for (uint32_t i = 0; i < grid->integrator_count; i++)
-        put_tick(script, a, 0, i, lg_train_integrator_name(grid->integrators[i]));
+        put_tick(script, a, 0, i, grid->integrators[i]->name);
     for (uint32_t i = 0; i < grid->n_count; i++) {
         (void)snprintf(text, sizeof text, "%u", grid->n[i]);
         put_tick(script, a, 1, i, text);

@@ -49,7 +49,7 @@ summary study_cell_summary(const lg_grid *grid, const study_file *file, study_ro
 }
 
 /* Over all runs of the grid with this integrator and number of substeps. */
-static summary integrator_summary(const lg_grid *grid, const study_file *file, lg_train_integrator integrator,
+static summary integrator_summary(const lg_grid *grid, const study_file *file, const lg_scheme *integrator,
                                   uint32_t substeps) {
     const uint64_t runs = lg_grid_runs(grid);
     collection c = collection_make((size_t)runs);
@@ -127,7 +127,7 @@ static void print_cells(const lg_grid *grid, const study_file *file) {
         const study_row key = study_run_at(grid, i);
         const summary s = study_cell_summary(grid, file, key);
         if (s.runs == 0) continue;
-        app_table_cell(&table, "%s", lg_train_integrator_name(key.integrator));
+        app_table_cell(&table, "%s", key.integrator->name);
         app_table_cell(&table, "%u", key.substeps);
         app_table_cell(&table, "%u", key.n);
         app_table_cell(&table, "%u", key.m);
@@ -150,7 +150,7 @@ static void print_best(const lg_grid *grid, const study_file *file, bool noisy) 
     app_table_begin(&table, APP_COUNT(titles));
     for (size_t i = 0; i < APP_COUNT(titles); i++) app_table_cell(&table, "%s", titles[i]);
     for (size_t i = 0; i < n; i++) {
-        app_table_cell(&table, "%s", lg_train_integrator_name(best[i].key.integrator));
+        app_table_cell(&table, "%s", best[i].key.integrator->name);
         app_table_cell(&table, "%u", best[i].key.substeps);
         app_table_cell(&table, "%u", best[i].key.n);
         app_table_cell(&table, "%u", best[i].key.m);
@@ -175,7 +175,7 @@ void study_print_tables(const lg_grid *grid, const study_file *file) {
         for (uint32_t j = 0; j < grid->substeps_count; j++) {
             const summary s = integrator_summary(grid, file, grid->integrators[i], grid->substeps[j]);
             if (s.runs == 0) continue;
-            app_table_cell(&table, "%s", lg_train_integrator_name(grid->integrators[i]));
+            app_table_cell(&table, "%s", grid->integrators[i]->name);
             app_table_cell(&table, "%u", grid->substeps[j]);
             for (int k = 0; k < 4; k++) number_cell(&table, k < 3 ? "%.2e" : "%.2f", s.geometric[order[k]]);
             app_table_cell(&table, "%zu", s.runs);
@@ -200,7 +200,7 @@ static void json_best(app_json *json, const char *key, const lg_grid *grid, cons
     app_json_open(json, key, '[');
     for (size_t i = 0; i < n; i++) {
         app_json_open(json, NULL, '{');
-        app_json_text(json, "integrator", lg_train_integrator_name(best[i].key.integrator));
+        app_json_text(json, "integrator", best[i].key.integrator->name);
         app_json_size(json, "substeps", best[i].key.substeps);
         app_json_size(json, "N", best[i].key.n);
         app_json_size(json, "M", best[i].key.m);
@@ -225,7 +225,7 @@ void study_print_json(const app *self, const lg_grid *grid, const study_file *fi
         const summary s = study_cell_summary(grid, file, key);
         if (s.runs == 0) continue;
         app_json_open(&json, NULL, '{');
-        app_json_text(&json, "integrator", lg_train_integrator_name(key.integrator));
+        app_json_text(&json, "integrator", key.integrator->name);
         app_json_size(&json, "substeps", key.substeps);
         app_json_size(&json, "N", key.n);
         app_json_size(&json, "M", key.m);
@@ -240,7 +240,7 @@ void study_print_json(const app *self, const lg_grid *grid, const study_file *fi
         for (uint32_t j = 0; j < grid->substeps_count; j++) {
             const summary s = integrator_summary(grid, file, grid->integrators[i], grid->substeps[j]);
             app_json_open(&json, NULL, '{');
-            app_json_text(&json, "integrator", lg_train_integrator_name(grid->integrators[i]));
+            app_json_text(&json, "integrator", grid->integrators[i]->name);
             app_json_size(&json, "substeps", grid->substeps[j]);
             json_summary(&json, &s, s.geometric);
             app_json_close(&json, '}');

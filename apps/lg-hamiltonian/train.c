@@ -39,7 +39,7 @@ static int read_data(void *user, app *self, const char *path, char sha256[LG_SHA
 static lg_status describe(void *user, app *self, const void *stored, lg_error *error) {
     const training *state = user;
     if (stored == NULL && !app_given(self, "integrator"))
-        run.integrator = state->data.family == LG_HAMILTONIAN_CHAIN ? LG_TRAIN_CF4 : LG_TRAIN_STORMER_VERLET;
+        run.scheme = lg_scheme_find(state->data.family->scheme);
     return describe_run(&state->data, &run, error);
 }
 
@@ -91,7 +91,7 @@ static void report(const training *state, const train_session *session, double l
     (void)printf(
         "%s: %zu parameters, %llu epochs with %s, mean squared error %.3e (%.4f s an epoch, %.1f s in all)\n",
         train_given_files.out, lg_hamiltonian_parameters(&run.model),
-        (unsigned long long)lg_fit_epochs_done(session->fit), lg_train_integrator_name(run.integrator), loss,
+        (unsigned long long)lg_fit_epochs_done(session->fit), run.scheme->name, loss,
         lg_fit_seconds_per_epoch(session->fit), session->seconds);
 }
 

@@ -63,11 +63,11 @@ static lg_status make_pendulum(lg_program **out, lg_error *error) {
 }
 
 static lg_status make_hamiltonian(const char *path, lg_program **out, lg_error *error) {
-    lg_model_file file;
-    lg_status status = lg_model_load(NULL, path, NULL, &file, error);
+    lg_hamiltonian_file file;
+    lg_status status = lg_model_load_hamiltonian(NULL, path, NULL, &file, error);
     if (status != LG_OK) return status;
-    status = lg_hamiltonian_program(NULL, &file.model.hamiltonian, file.model.theta, NULL, out, error);
-    lg_model_file_destroy(NULL, &file);
+    status = lg_hamiltonian_program(NULL, &file.run.model, file.theta, NULL, out, error);
+    lg_hamiltonian_file_destroy(NULL, &file);
     return status;
 }
 

@@ -109,7 +109,7 @@ static void *reserve(size_t bytes) {
 static void draw(void) {
     lg_rng rng;
     lg_rng_seed(&rng, 1, 0);
-    const int chain = all.model->hamiltonian.family == LG_HAMILTONIAN_CHAIN;
+    const int chain = all.file.hamiltonian.run.model.family == lg_hamiltonian_family_find("chain");
     for (size_t i = 0; i < INPUTS; i++) {
         for (size_t k = 0; k < D; k++) {
             all.x[i][k] = lg_rng_normal(&rng);
@@ -134,7 +134,7 @@ static int open_all(char **argv) {
         (void)fprintf(stderr, "%s\n", error.message);
         return 0;
     }
-    all.model = &all.file.model;
+    all.model = all.file.model;
     all.work = reserve(lg_model_work_size(all.model));
     const lg_scheme *scheme = lg_scheme_find(argv[3]);
     if (scheme == NULL || lg_model_inputs(all.model) != D) return 0;

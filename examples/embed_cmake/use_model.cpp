@@ -21,7 +21,7 @@ class File {
     }
     File(const File &) = delete;
     File &operator=(const File &) = delete;
-    const lg_model &model() const {
+    const lg_model *model() const {
         return file_.model;
     }
 
@@ -31,7 +31,7 @@ class File {
 
 class Model {
   public:
-    explicit Model(const std::string &path) : file_(path), room_(lg_model_work_size(&file_.model()) + 64) {
+    explicit Model(const std::string &path) : file_(path), room_(lg_model_work_size(file_.model()) + 64) {
         void *at = room_.data();
         std::size_t space = room_.size();
         work_ = std::align(64, space - 64, at, space);
@@ -40,15 +40,15 @@ class Model {
     Model &operator=(const Model &) = delete;
 
     std::size_t inputs() const {
-        return lg_model_inputs(&file_.model());
+        return lg_model_inputs(file_.model());
     }
     std::size_t outputs() const {
-        return lg_model_outputs(&file_.model());
+        return lg_model_outputs(file_.model());
     }
     // x has inputs() numbers, y outputs(); no allocation.
     void eval(const std::vector<double> &x, std::vector<double> &y) {
         if (x.size() != inputs() || y.size() != outputs()) throw std::invalid_argument("sizes of eval");
-        lg_model_eval(&file_.model(), x.data(), y.data(), work_);
+        lg_model_eval(file_.model(), x.data(), y.data(), work_);
     }
 
   private:

@@ -117,7 +117,7 @@ static bool refuse(char *why, const char *sentence) {
 }
 
 bool controller_init(controller *self, const lg_model *model, void *work, double torque_max, char *why) {
-    if (model->kind != LG_MODEL_HAMILTONIAN || lg_model_inputs(model) != STATE ||
+    if (lg_model_kind_of(model) != LG_MODEL_HAMILTONIAN || lg_model_inputs(model) != STATE ||
         lg_model_tangent_size(model) != TANGENT)
         return refuse(why, "the model is not the Hamiltonian of a spherical pendulum");
     *self = (controller){.model = model, .work = work, .torque_max = torque_max};
@@ -126,7 +126,7 @@ bool controller_init(controller *self, const lg_model *model, void *work, double
     for (int i = 0; i < 3; i++) down[i] = -self->upright[i];
     lg_model_eval(model, self->upright, &self->energy_up, work);
     lg_model_eval(model, down, &energy_down, work);
-    if (lg_model_linearise(model, self->upright, NULL, self->A, self->B, self->basis, work) != LG_OK)
+    if (lg_model_linearise(model, self->upright, NULL, self->A, self->B, NULL, work) != LG_OK)
         return refuse(why, "the model cannot be linearised");
     self->energy_scale = 0.5 * (self->energy_up - energy_down);
     self->mass = 1.0 / self->A[2]; /* a_1' = b_1 / m */
@@ -146,7 +146,7 @@ static void scale_to(double *x, double factor) {
 static double distance(const controller *self, const double *state, double *c) {
     double sum = 0.0;
     if (!(dot(state, self->upright) > least_cosine)) return INFINITY;
-    if (lg_model_deviation(self->model, self->basis, self->upright, state, c) != LG_OK) return INFINITY;
+    if (lg_model_deviation(self->model, self->upright, state, c, self->work) != LG_OK) return INFINITY;
     for (int i = 0; i < TANGENT; i++)
         for (int j = 0; j < TANGENT; j++) sum += c[i] * self->P[i * TANGENT + j] * c[j];
     return sum;

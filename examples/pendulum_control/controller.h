@@ -21,7 +21,6 @@ typedef struct controller {
     double energy_up;      /* H there */
     double energy_scale;   /* m g L as learned: half the difference to the lowest point */
     double mass;           /* |p| / |q'| as learned, m L^2 */
-    double basis[STATE * TANGENT];
     double A[TANGENT * TANGENT], B[TANGENT * TORQUE]; /* of deviations from upright */
     double P[TANGENT * TANGENT], gain[TORQUE * TANGENT];
     double region; /* BALANCE where c^T P c < region */

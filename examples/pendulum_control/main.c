@@ -206,8 +206,8 @@ int main(int argc, char **argv) {
     plant true_plant;
     buffers memory = {0};
     int code = 5;
-    if (plant_create(&true_plant) && reserve(&set, &file.model, &memory))
-        code = run(&set, &file.model, &true_plant, &memory);
+    if (plant_create(&true_plant) && reserve(&set, file.model, &memory))
+        code = run(&set, file.model, &true_plant, &memory);
     else
         (void)fputs("out of memory\n", stderr);
     release(&memory);

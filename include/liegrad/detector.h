@@ -14,6 +14,7 @@
 
 #include "liegrad/convolution.h"
 #include "liegrad/nn.h"
+#include "liegrad/program.h"
 #include "liegrad/series.h"
 
 LG_BEGIN_DECLS
@@ -75,13 +76,34 @@ typedef struct lg_detector_preset {
 /* NULL for an unknown name. Static storage. */
 LG_API const lg_detector_preset *lg_detector_preset_find(const char *name, double noise);
 
-/* ---- use, without a tape: caller's memory, no allocation, no lock ---- */
+/* ---- as a program ---- */
 
-LG_API size_t lg_detector_work_size(const lg_detector *model, lg_dtype dtype);
-/* One window x (channels, length), as recorded. probability (classes), plane (net.plane) or NULL; work
- * 64-byte aligned. The network computes in dtype. */
-LG_API void lg_detector_eval(const lg_detector *model, const lg_scaler *scaler, lg_dtype dtype,
-                             const void *theta, const float *x, double *probability, double *plane,
+/* A bundle on the parameters `theta`, `mean`, `mean_rest` and `inverse_scale`; x is a window as recorded
+ * (channels, length), z one that is scaled (length, channels):
+ *   value        x -> y, the logits
+ *   grad         x -> y, g: (outputs, channels length)
+ *   probability  x -> probability (classes)
+ *   scores       z -> probability, plane (where the network has one)
+ * Errors: those of lg_program_build. */
+LG_API lg_status lg_detector_program(const lg_context *context, const lg_detector *model,
+                                     const lg_scaler *scaler, const double *theta, lg_program **out,
+                                     lg_error *error);
+
+/* ---- use, without a tape ---- */
+
+/* A plan of `scores` above for one window. Immutable: threads may share it, each with work of its own. All is
+ * copied; the network computes in `dtype`, to which theta is rounded. Errors: those of lg_detector_program and
+ * lg_plan_create. */
+typedef struct lg_detector_plan lg_detector_plan;
+LG_API lg_status lg_detector_plan_create(const lg_context *context, const lg_detector *model,
+                                         const lg_scaler *scaler, const double *theta, lg_dtype dtype,
+                                         lg_detector_plan **out, lg_error *error);
+LG_API void lg_detector_plan_destroy(lg_detector_plan *plan); /* NULL is fine */
+/* Bytes, to be aligned to 64. */
+LG_API size_t lg_detector_work_size(const lg_detector_plan *plan);
+/* One window x (channels, length), as recorded. probability (classes), plane (net.plane) or NULL. No
+ * allocation, no lock. */
+LG_API void lg_detector_eval(const lg_detector_plan *plan, const float *x, double *probability, double *plane,
                              void *work);
 
 LG_END_DECLS

@@ -1,89 +1,168 @@
-/* Learned Hamiltonians: description, initialisation, training loss on a tape, evaluation without one.
+/* Learned Hamiltonians H_Theta on phase spaces: a table of families, description, initialisation, training
+ * loss and evaluation on a tape. A trained one in a loop: liegrad/model.h.
  *
- * Two families, H_Theta(q, p):
- * - LG_HAMILTONIAN_CHAIN on (T*S^2)^k, state q_1, p_1, ..., q_k, p_k (6k numbers):
+ * Every Hamiltonian has a network V, an MLP whose last layer has no bias, or a linear function (one weight a
+ * coordinate), and what its family adds. The families:
+ *
+ * - "chain", n links on (T*S^2)^n, state q_1, p_1, ..., q_n, p_n (6n numbers):
  *   H = 1/2 p^T M(q)^{-1} p + V(q), M_ij = m_ij P_i P_j (i != j), M_ii = m_ii I, P_i = I - q_i q_i^T,
- *   m = Gamma^T Gamma + diag(max(0, b)); V takes q (3k numbers).
- * - LG_HAMILTONIAN_SEPARABLE on R^{2n}, state q, p: H = 1/2 |A p|^2 + V(q).
+ *   m = Gamma^T Gamma + diag(max(0, b)). V takes q (3n numbers). Forces: spatial torques tau_i.
+ *   On T*S^2: q' = v - q(q.v), p' = -g + q(q.g) + p(q.v) - q(p.v) with v = dH/dp, g = dH/dq, lifted to se(3)
+ *   as xi = q x v, eta = g x q + v x p + tau. The kinetic gradient needs one n x n solve only: W = m^{-1},
+ *   G_il = q_i.q_l, (W o G) lambda = u with u_i = q_i.(W p)_i, then v_i = sum_j W_ij (p_j - lambda_j q_j),
+ *   dT/dq_i = -lambda_i v_i. Schemes that leave the manifold differentiate the extension
+ *   T = 1/2 p^T W p + 1/2 u^T S^{-1} r, S_il = delta_il (1 - |q_i|^2)/m_ii + W_il G_il,
+ *   r_i = q_i.p_i/m_ii - u_i, which agrees with it on the manifold and is definite near it.
+ * - "separable", n degrees of freedom on R^{2n}, state q, p: H = 1/2 |A p|^2 + V(q), V takes q. Forces: n.
  *
- * V is an MLP whose last layer has no bias, or linear (one weight a coordinate).
- *
- * The flat parameter vector: V's layers in order (weight (in, out) row-major, then bias), then Gamma (k, k)
- * and b (k), or A (n, n).
- *
- * On T*S^2: q' = v - q(q.v), p' = -g + q(q.g) + p(q.v) - q(p.v) with v = dH/dp, g = dH/dq, lifted to se(3) as
- * xi = q x v, eta = g x q + v x p. The kinetic gradient needs one k x k solve only: W = m^{-1}, G_il =
- * q_i.q_l, (W o G) lambda = u with u_i = q_i.(W p)_i, then v_i = sum_j W_ij (p_j - lambda_j q_j), dT/dq_i =
- * -lambda_i v_i. Schemes that leave the manifold differentiate the extension T = 1/2 p^T W p + 1/2 u^T S^{-1}
- * r, S_il = delta_il (1 - |q_i|^2)/m_ii + W_il G_il, r_i = q_i.p_i/m_ii - u_i, which agrees with it on the
- * manifold and is definite near it.
+ * The flat parameter vector: V's layers in order (weight (in, out) row-major, then bias), then the family's
+ * arrays: Gamma (n, n) and b (n), or A (n, n).
  */
 #ifndef LIEGRAD_HAMILTONIAN_H
 #define LIEGRAD_HAMILTONIAN_H
 
 #include "liegrad/context.h"
+#include "liegrad/integrators.h"
+#include "liegrad/mechanics.h"
 #include "liegrad/nn.h"
+#include "liegrad/program.h"
 #include "liegrad/random.h"
 #include "liegrad/tape.h"
-#include "liegrad/program.h"
 #include "liegrad/taped.h"
 
 LG_BEGIN_DECLS
 
-typedef enum lg_hamiltonian_family { LG_HAMILTONIAN_CHAIN, LG_HAMILTONIAN_SEPARABLE } lg_hamiltonian_family;
-#define LG_HAMILTONIAN_FAMILY_COUNT 2
 typedef enum lg_potential_kind { LG_POTENTIAL_MLP, LG_POTENTIAL_LINEAR } lg_potential_kind;
 #define LG_POTENTIAL_KIND_COUNT 2
 
-#define LG_HAMILTONIAN_MAX_LINKS  32
+#define LG_HAMILTONIAN_MAX_COPIES 32  /* n */
 #define LG_HAMILTONIAN_MAX_POINTS 512 /* points of a training trajectory */
+#define LG_HAMILTONIAN_MAX_ARRAYS 2
+#define LG_HAMILTONIAN_MAX_PARTS  2
 
-/* Immutable after lg_hamiltonian_init; plain data, copied freely, holds no pointers. */
+typedef struct lg_hamiltonian_family lg_hamiltonian_family;
+
+/* Immutable after lg_hamiltonian_init; plain data, copied freely. `family` is static. */
 typedef struct lg_hamiltonian {
-    lg_hamiltonian_family family;
-    uint32_t links; /* k, or n for separable systems */
+    const lg_hamiltonian_family *family;
+    uint32_t n; /* copies of the family's factors: links of a chain, degrees of freedom */
     lg_potential_kind potential;
-    lg_mlp net; /* V: 3k (or n) -> hidden -> 1; without hidden layers for the linear potential */
+    lg_mlp net; /* V: family->inputs n -> hidden -> 1; without hidden layers for the linear potential */
 } lg_hamiltonian;
 
-/* Errors: LG_INVALID_ARGUMENT for links outside 1..LG_HAMILTONIAN_MAX_LINKS, hidden widths of 0 or too many
- * layers. `hidden` is ignored for the linear potential. */
-LG_API lg_status lg_hamiltonian_init(lg_hamiltonian *model, lg_hamiltonian_family family, uint32_t links,
+/* What theta gives to all rows of a batch, made once by lg_hamiltonian_bind. Borrows the model; valid until
+ * the tape is rewound. */
+typedef struct lg_hamiltonian_vars {
+    const lg_hamiltonian *model;
+    lg_mlp_vars net;
+    lg_var kinetic[2]; /* what the family's `bind` makes of its arrays */
+} lg_hamiltonian_vars;
+
+/* ---- families ----
+ *
+ * A row says what one kind of learned Hamiltonian is; everything else follows from it: training, evaluation,
+ * files, C. A row of one's own may be given to lg_hamiltonian_init; files know the rows of the table
+ * (src/models/hamiltonian_families.c) by name. y, gradients and algebra elements are arrays of the space's
+ * parts (liegrad/taped.h). What is recorded is recorded on `tape`; failures stick to it.
+ */
+typedef struct lg_hamiltonian_array {
+    const char *name; /* in files, below /model: "mass/gamma" */
+    uint32_t rank;    /* shape (n) or (n, n); 0 ends the list */
+} lg_hamiltonian_array;
+
+struct lg_hamiltonian_family {
+    const char *name;                               /* of files, "chain" */
+    const char *description;                        /* of programs */
+    const char *copy;                               /* what n counts, "link" */
+    lg_space_kind factor[LG_HAMILTONIAN_MAX_PARTS]; /* of the space, n copies each */
+    uint32_t factors;
+    uint32_t inputs;                       /* of V, for each of the n */
+    uint32_t forces;                       /* of an input that acts on the system, for each of the n */
+    const char *layout[3];                 /* names of the parts of a state, ended by NULL: "q", "p" */
+    bool numbered;                         /* the state is q1 p1 q2 p2 ... instead of q p */
+    const char *state_units, *energy_unit; /* in files */
+    const char *scheme;                    /* default of training and of exported steps */
+    const char *accurate;                  /* embedded pair with which learned flows are integrated */
+    lg_hamiltonian_array arrays[LG_HAMILTONIAN_MAX_ARRAYS + 1];
+    /* Initial arrays, drawn from U[0, 1], are drawn again while this is false. NULL: always usable. */
+    bool (*usable)(uint32_t n, const double *arrays);
+    /* vars->kinetic from the arrays (variables of their shapes). NULL: nothing to do. */
+    void (*bind)(lg_tape *tape, const lg_var *arrays, lg_hamiltonian_vars *vars);
+    lg_var (*energy)(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y); /* H (B, 1) */
+    /* dH/dy. NULL: the energy is differentiated. */
+    void (*gradient)(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out);
+    /* The same at points of the manifold, shorter: for Lie group schemes in training. NULL: `gradient`. */
+    void (*gradient_on_manifold)(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y,
+                                 lg_var *out);
+    /* The field from dH/dy: an algebra element; input (B, forces n) or LG_NONE. */
+    void (*field)(lg_tape *tape, const lg_var *y, const lg_var *gradient, lg_var input, lg_var *algebra);
+    /* y' for schemes that leave the manifold. NULL: `field` acts on y. */
+    void (*velocity)(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out);
+    /* Separable systems, for splitting schemes: -dH/dq + input from q, dH/dp from p. Both or NULL. */
+    lg_var (*force)(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var q, lg_var input);
+    lg_var (*drift)(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var p);
+    /* Coordinates of the tangent space, `tangent` for each of the n, in plain numbers: basis (d, r) whose
+     * columns are the coordinates' directions, and c (r) of an ambient vector (d). NULL: those of R^d. */
+    uint32_t tangent;
+    void (*basis)(uint32_t n, const double *state, double *basis);
+    void (*coordinates)(uint32_t n, const double *state, const double *vector, double *c);
+    /* Whether trajectories of the system can be learned, and with which n. */
+    bool (*learns)(const lg_system *system, size_t *n);
+    /* Distance of one copy of the state from the manifold, relative to its momentum, and what is wanted
+     * there in words. NULL: every state lies on it. */
+    double (*off_manifold)(const double *copy);
+    const char *manifold;
+};
+
+LG_API size_t lg_hamiltonian_family_count(void);
+LG_API const lg_hamiltonian_family *lg_hamiltonian_family_at(size_t index);       /* NULL beyond */
+LG_API const lg_hamiltonian_family *lg_hamiltonian_family_find(const char *name); /* NULL: none */
+/* The first row that learns the system, and its n; NULL: none does. */
+LG_API const lg_hamiltonian_family *lg_hamiltonian_family_for(const lg_system *system, size_t *n);
+/* Errors: those of lg_space_init. */
+LG_API lg_status lg_hamiltonian_space(const lg_hamiltonian_family *family, uint32_t n, lg_space *space);
+
+/* For rows: V (B, 1) of x (B, ...), inputs n numbers a row, and dV/dx in x's shape; `input` in the shape of
+ * `part`, after a check that it has as many numbers in as many rows. */
+LG_API lg_var lg_hamiltonian_potential(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x);
+LG_API lg_var lg_hamiltonian_potential_gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x);
+LG_API lg_var lg_hamiltonian_input_like(lg_tape *tape, lg_var input, lg_var part);
+
+/* ---- description ---- */
+
+/* Errors: LG_INVALID_ARGUMENT for n outside 1..LG_HAMILTONIAN_MAX_COPIES, hidden widths of 0 or too many
+ * layers, no family. `hidden` is ignored for the linear potential. */
+LG_API lg_status lg_hamiltonian_init(lg_hamiltonian *model, const lg_hamiltonian_family *family, uint32_t n,
                                      lg_potential_kind potential, const uint32_t *hidden,
                                      uint32_t hidden_layers, lg_activation activation);
 LG_API size_t lg_hamiltonian_parameters(const lg_hamiltonian *model);
-LG_API uint32_t lg_hamiltonian_state_size(const lg_hamiltonian *model); /* 6k or 2n */
+LG_API uint32_t lg_hamiltonian_state_size(const lg_hamiltonian *model); /* d */
+LG_API uint32_t lg_hamiltonian_input_size(const lg_hamiltonian *model); /* m = forces n */
+/* Where array `index` begins in theta. */
+LG_API size_t lg_hamiltonian_array_offset(const lg_hamiltonian *model, size_t index);
 /* A start with a nearly singular mass sends trajectories far away, and training may end at a mass near 0,
- * from which no gradient leads away: Gamma and b are drawn again, at most 10000 times, while a pivot of m is
- * below this (of one link, 2 draws in 100). */
+ * from which no gradient leads away: a chain's Gamma and b are drawn again, at most 10000 times, while a
+ * pivot of m is below this (of one link, 2 draws in 100). */
 #define LG_HAMILTONIAN_LEAST_PIVOT 0.1
-/* Weights and biases U(+-1/sqrt(fan_in)); Gamma, b, A ~ U[0, 1]. */
+/* Weights and biases U(+-1/sqrt(fan_in)); the family's arrays ~ U[0, 1]. */
 LG_API void lg_hamiltonian_initialise(const lg_hamiltonian *model, lg_rng *rng, double *theta);
+/* A chain's learned mass matrix m = Gamma^T Gamma + diag(max(0, b)), (n, n), symmetric. LG_UNSUPPORTED: a
+ * family without one. */
+LG_API lg_status lg_hamiltonian_mass(const lg_hamiltonian *model, const double *theta, double *m);
 
-/* Integrators that training can look through. */
-typedef enum lg_train_integrator {
-    LG_TRAIN_EULER,
-    LG_TRAIN_LIE_EULER,
-    LG_TRAIN_RK4,
-    LG_TRAIN_CF4,
-    LG_TRAIN_RKMK4,
-    LG_TRAIN_STORMER_VERLET
-} lg_train_integrator;
-#define LG_TRAIN_INTEGRATOR_COUNT 6
-LG_API const char *lg_train_integrator_name(lg_train_integrator integrator); /* "euler", "lie-euler", ... */
-LG_API lg_status lg_train_integrator_parse(const char *name, lg_train_integrator *out);
+/* ---- training ---- */
 
-/* First-integral penalty: G = (q_1^2 + p_1^2)/2 of the coupled oscillators. TEXT: mu times the mean over the
- * batch of sum_j (G(y_j) - G(x))^2 over the predicted points. PUBLISHED: mu times the sum over the batch of
- * sum_j |2 G(y_j) - 2 G(x)|, where 2 G = q_1^2 + p_1^2. */
+/* First-integral penalty: G = (q_1^2 + p_1^2)/2 of the coupled oscillators. MEAN_SQUARE: mu times the mean
+ * over the batch of sum_j (G(y_j) - G(x))^2 over the predicted points. SUM_ABSOLUTE: mu times the sum over
+ * the batch of sum_j |2 G(y_j) - 2 G(x)|, where 2 G = q_1^2 + p_1^2. */
 typedef enum lg_penalty_form { LG_PENALTY_MEAN_SQUARE, LG_PENALTY_SUM_ABSOLUTE } lg_penalty_form;
 
 /* Trajectories (N, M, d) with equidistant points dt apart, and how to learn from them. Borrowed data. */
 typedef struct lg_hamiltonian_problem {
     const lg_hamiltonian *model;
-    lg_train_integrator integrator;
-    uint32_t substeps; /* integrator steps between two points, >= 1 */
-    double penalty;    /* mu; 0: none */
+    const lg_scheme *scheme; /* any with a taped form that fits the space */
+    uint32_t substeps;       /* integrator steps between two points, >= 1 */
+    double penalty;          /* mu; 0: none */
     lg_penalty_form penalty_form;
     size_t trajectories, points;
     double dt;
@@ -91,8 +170,9 @@ typedef struct lg_hamiltonian_problem {
 } lg_hamiltonian_problem;
 
 /* Errors: LG_INVALID_ARGUMENT (nothing to learn from, points outside 2..LG_HAMILTONIAN_MAX_POINTS, N M above
- * 2^32 - 1, substeps 0, dt or penalty out of range or not finite, an unknown integrator or form),
- * LG_UNSUPPORTED (Lie integrators for separable systems, Stormer-Verlet for chains, a penalty for chains). */
+ * 2^32 - 1, substeps 0, dt or penalty out of range or not finite, no scheme, an unknown form),
+ * LG_UNSUPPORTED (a scheme without a taped form, a splitting scheme for a family without force and drift, a
+ * penalty outside R^d). */
 LG_API lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *problem, lg_error *error);
 
 /* Fills a training problem for lg_fit: loss = mean squared difference over (batch, d, M - 1) of predicted and
@@ -110,76 +190,41 @@ LG_API void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg
 
 /* ---- on a tape: batches of states, theta a variable ----
  *
- * What the functions without a tape below give for one state, to rounding, for each row of a batch; rows are
- * independent. Recorded: to be differentiated to any order in states, inputs and theta, by the formulas as
- * they stand at the top. Functions return LG_NONE with the tape's error (LG_SHAPE: a state or an input whose
- * shape is not as said). */
-
-/* What theta gives to all rows, made once. Borrows the model; valid until rewound. */
-typedef struct lg_hamiltonian_vars {
-    const lg_hamiltonian *model;
-    lg_mlp_vars net;
-    lg_var W; /* chain: m^-1 (1, k, k), NaN where m is not positive definite */
-    lg_var K; /* separable: A^T A (n, n) */
-} lg_hamiltonian_vars;
+ * Recorded by the formulas at the top; rows are independent. To be differentiated to any order in states,
+ * inputs and theta. Functions return LG_NONE with the tape's error (LG_SHAPE: a state or an input whose shape
+ * is not as said).
+ */
 
 /* theta: the flat vector, (lg_hamiltonian_parameters). Errors: the tape's (LG_SHAPE when theta is longer or
  * shorter), which stick; `vars` is untouched then. */
 LG_API lg_status lg_hamiltonian_bind(lg_tape *tape, const lg_hamiltonian *model, lg_var theta,
                                      lg_hamiltonian_vars *vars);
-/* state (B, d), d = 6k or 2n -> H (B, 1) */
+/* state (B, d) -> H (B, 1) */
 LG_API lg_var lg_hamiltonian_record_value(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state);
-/* state (B, d) -> dH/dstate (B, d), as lg_hamiltonian_gradient */
+/* state (B, d) -> dH/dstate (B, d) in the state's layout: of a chain v_i at p_i, and dT/dq_i + dV/dq_i at
+ * q_i. Rows are NaN where the mass matrix or W o G is not positive definite. */
 LG_API lg_var lg_hamiltonian_record_gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state);
-/* state (B, d), input (B, 3k) or (B, n), or LG_NONE -> field (B, d), as lg_model_field (liegrad/model.h):
- * algebra elements (xi, eta) a link, eta with the torque, or (q', p'), p' with the force. */
+/* state (B, d), input (B, m) or LG_NONE -> field, an algebra element: (xi, eta) a link, eta with the torque,
+ * or (q', p'), p' with the force. */
 LG_API lg_var lg_hamiltonian_record_field(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state,
                                           lg_var input);
-/* The same field for lg_taped_step_over: space (T*S^2)^k, or R^n x R^n with force and velocity. `vars` must
+/* The same -> y' (B, d). */
+LG_API lg_var lg_hamiltonian_record_velocity(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state,
+                                             lg_var input);
+/* The same field for lg_taped_step_over, with force and velocity where the family has them. `vars` must
  * outlive the use of `ode`. */
 LG_API lg_status lg_hamiltonian_taped_ode(lg_hamiltonian_vars *vars, lg_taped_ode *ode);
 
 /* The model as a bundle (liegrad/program.h) with parameter theta and the functions
  *   value (x) -> y                H
- *   grad  (x) -> y, g             H and its gradient, as lg_hamiltonian_gradient
- *   field (x, u) -> f             as lg_model_field
- *   step  (x, u, h) -> next       one step of `scheme` (NULL: cf4 for chains, stormer-verlet otherwise), u
- * held with x (state size), u (3k or n), h (1). Errors: those of lg_program_build; LG_UNSUPPORTED, an
- * implicit scheme: its stage is found with numbers. */
+ *   grad  (x) -> y, g             H and its gradient, as lg_hamiltonian_record_gradient
+ *   field (x, u) -> f             as lg_hamiltonian_record_field
+ *   step  (x, u, h) -> next       one step of `scheme` (NULL: the family's), u held
+ * with x (d), u (m), h (1). Errors: those of lg_program_build; LG_UNSUPPORTED, an implicit scheme: its stage
+ * is found with numbers. */
 LG_API lg_status lg_hamiltonian_program(const lg_context *context, const lg_hamiltonian *model,
                                         const double *theta, const lg_scheme *scheme, lg_program **out,
                                         lg_error *error);
-
-/* ---- evaluation without a tape: caller's memory, no allocation, no lock ---- */
-
-/* Bytes of work memory for the functions below (one state). */
-LG_API size_t lg_hamiltonian_work_size(const lg_hamiltonian *model);
-/* theta: doubles. Work: at least lg_hamiltonian_work_size bytes, 64-byte aligned. */
-LG_API double lg_hamiltonian_value(const lg_hamiltonian *model, const double *theta, const double *state,
-                                   void *work);
-/* A chain's learned mass matrix m = Gamma^T Gamma + diag(max(0, b)) and W = m^-1, both (k, k), symmetric;
- * either may be NULL. W is NaN where m is not positive definite. Work as above. LG_UNSUPPORTED: a separable
- * system. */
-LG_API lg_status lg_hamiltonian_mass(const lg_hamiltonian *model, const double *theta, double *m, double *W,
-                                     void *work);
-/* dH/dstate in the state's layout (2n or 6k numbers), chains by the formula above: v_i at p_i, and
- * dT/dq_i + dV/dq_i at q_i. Returns H, as lg_hamiltonian_value does. NaN where the mass matrix or W o G is
- * not positive definite. */
-LG_API double lg_hamiltonian_gradient(const lg_hamiltonian *model, const double *theta, const double *state,
-                                      double *gradient, void *work);
-/* dH(state)[tangent] = sum_i dH/dstate_i tangent_i, the gradient above on a tangent in the state's layout. */
-LG_API double lg_hamiltonian_jvp(const lg_hamiltonian *model, const double *theta, const double *state,
-                                 const double *tangent, void *work);
-/* Directional derivative of the gradient above, in the same layout: dgradient = d/de gradient(state + e
- * tangent) at e = 0, of the formulas as they stand at the top (any tangent, also off the manifold); gradient
- * may be NULL. `work`: lg_hamiltonian_hessian_work_size bytes. */
-LG_API size_t lg_hamiltonian_hessian_work_size(const lg_hamiltonian *model);
-LG_API void lg_hamiltonian_gradient_jvp(const lg_hamiltonian *model, const double *theta, const double *state,
-                                        const double *tangent, double *gradient, double *dgradient,
-                                        void *work);
-/* Chain: algebra elements (xi, eta) a link, 6k numbers; separable: (q', p'), 2n numbers. */
-LG_API void lg_hamiltonian_field(const lg_hamiltonian *model, const double *theta, const double *state,
-                                 double *field, void *work);
 
 LG_END_DECLS
 

@@ -49,6 +49,7 @@ typedef struct lg_hyperparameter {
     bool above;          /* low itself is refused */
     bool optional;       /* files of earlier versions lack it: the default of the file stands */
     const char *(*value_name)(uint32_t value); /* FLAG, NAME: NULL beyond the last */
+    const void *(*value_at)(uint32_t value);   /* NAME of a pointer to a row of a table: the row */
     /* Lists: the numbers of the member, at most `most` <= LG_HYPER_LIST_MAX; `get` returns how many. */
     uint32_t (*get)(const void *member, double *values);
     void (*put)(void *member, const double *values, uint32_t count);

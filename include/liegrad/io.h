@@ -131,27 +131,27 @@ LG_API void lg_file_reader_close(lg_file_reader *reader); /* NULL is fine */
 
 /* N trajectories of M equidistant points of d numbers. */
 typedef struct lg_trajectories {
-    char system[LG_SYSTEM_NAME];  /* "" when the file does not say */
-    lg_hamiltonian_family family; /* by the layout: q1 p1 q2 p2 ... of a chain, or q p */
-    uint32_t links;               /* k = d/6 for chains, n = d/2 otherwise */
-    size_t count, points;         /* N >= 1, M >= 2 */
-    uint32_t state_size;          /* d */
-    uint32_t input_size;          /* m, 0 without inputs */
-    double dt;                    /* (t[M-1] - t[0])/(M-1) */
-    double *t;                    /* (M) */
-    double *data;                 /* (N, M, d) */
-    double *hamiltonian;          /* (N), energies of the starts, or NULL */
-    double *inputs;               /* (N, M-1, m), or NULL */
-    char sha256[LG_SHA256_TEXT];  /* of t, data and inputs as little-endian doubles, one after the other; set
+    char system[LG_SYSTEM_NAME];         /* "" when the file does not say */
+    const lg_hamiltonian_family *family; /* that learns them */
+    uint32_t n;                          /* copies of its factors: links of a chain, degrees of freedom */
+    size_t count, points;                /* N >= 1, M >= 2 */
+    uint32_t state_size;                 /* d */
+    uint32_t input_size;                 /* m, 0 without inputs */
+    double dt;                           /* (t[M-1] - t[0])/(M-1) */
+    double *t;                           /* (M) */
+    double *data;                        /* (N, M, d) */
+    double *hamiltonian;                 /* (N), energies of the starts, or NULL */
+    double *inputs;                      /* (N, M-1, m), or NULL */
+    char sha256[LG_SHA256_TEXT]; /* of t, data and inputs as little-endian doubles, one after the other; set
                                      by reader and writer */
     lg_provenance provenance;
 } lg_trajectories;
 
-/* Sets system (may be ""), family, links (k or n), sizes, dt and t = 0, dt, ..., t_end; allocates t, data
+/* Sets system (may be ""), family, n, sizes, dt and t = 0, dt, ..., t_end; allocates t, data
  * and, where asked, hamiltonian and inputs, zeroed. `out` is overwritten. Errors: LG_INVALID_ARGUMENT (a
  * known system of another family or size), LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_trajectories_create(const lg_context *context, const char *system,
-                                        lg_hamiltonian_family family, uint32_t links, size_t count,
+                                        const lg_hamiltonian_family *family, uint32_t n, size_t count,
                                         size_t points, double t_end, bool with_hamiltonian,
                                         uint32_t input_size, lg_trajectories *out);
 /* Datasets /t (M), /trajectories (N, M, d), optional /hamiltonian (N) and /inputs (N, M-1, m), any integer or
@@ -173,7 +173,7 @@ LG_API void lg_trajectories_destroy(const lg_context *context, lg_trajectories *
 typedef struct lg_hamiltonian_run {
     lg_hamiltonian model;
     char system[LG_SYSTEM_NAME];
-    lg_train_integrator integrator;
+    const lg_scheme *scheme; /* of the library: attribute `integrator` */
     uint32_t substeps;
     double penalty; /* mu */
     lg_penalty_form penalty_form;
@@ -448,7 +448,8 @@ LG_API lg_status lg_file_kind(const lg_context *context, const char *path, const
 
 /* A model file of any of these kinds, ready for use: the control program's way in. */
 typedef struct lg_model_file {
-    lg_model model; /* theta and scaler lie in the file below */
+    lg_model_kind kind;
+    lg_model *model;
     union {
         lg_hamiltonian_file hamiltonian;
         lg_surrogate_file surrogate;
@@ -569,7 +570,7 @@ typedef struct lg_grid {
     lg_scene scene; /* in Hamiltonian form, owned; `scene: FILE` (relative to the grid's folder), or `system`
                        and the scene's keys in the grid itself */
     uint32_t integrator_count, n_count, m_count, eps_count, penalty_count, substeps_count;
-    lg_train_integrator integrators[LG_GRID_VALUES]; /* required */
+    const lg_scheme *integrators[LG_GRID_VALUES];    /* required */
     uint32_t n[LG_GRID_VALUES], m[LG_GRID_VALUES];   /* required; keys N and M */
     double eps[LG_GRID_VALUES];                      /* 0 */
     double penalty[LG_GRID_VALUES];                  /* 0 */

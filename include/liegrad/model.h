@@ -3,7 +3,7 @@
  *
  *   lg_model_file file;                                            (liegrad/io.h)
  *   lg_model_load(NULL, "pendulum.h5", NULL, &file, &error);
- *   const lg_model *model = &file.model;
+ *   const lg_model *model = file.model;
  *   void *work = aligned_alloc(64, lg_model_work_size(model));
  *   lg_model_eval(model, state, &energy, work);
  *
@@ -22,7 +22,7 @@
  *   surrogate, angle       (s, q0 v0 qN vN), 9 -> theta(s), 1. Column 0 is the curvature.
  *   detector               window as recorded (channels, length) -> logits (outputs of its network)
  *
- * The gradient of a Hamiltonian is that of lg_hamiltonian_gradient: of the extension to the ambient space
+ * The gradient of a Hamiltonian is that of lg_hamiltonian_record_gradient: of the extension to the ambient space
  * whose field is the flow on the manifold. ReLU and max pooling have the derivative of the branch that is
  * taken.
  */
@@ -44,19 +44,20 @@ LG_BEGIN_DECLS
 typedef enum lg_model_kind { LG_MODEL_HAMILTONIAN, LG_MODEL_SURROGATE, LG_MODEL_DETECTOR } lg_model_kind;
 #define LG_MODEL_KIND_COUNT 3
 
-/* Plain data; borrows theta and the scaler's arrays. Filled by lg_model_load, or by hand from descriptions
- * that have been through their own init. */
-typedef struct lg_model {
-    lg_model_kind kind;
-    union {
-        lg_hamiltonian hamiltonian;
-        lg_surrogate surrogate;
-        lg_detector detector;
-    };
-    lg_scaler scaler;    /* of a detector */
-    const double *theta; /* lg_model_parameters numbers */
-} lg_model;
+/* Immutable; holds plans (liegrad/program.h) of the functions that it needs, made by lg_model_load or from
+ * descriptions that have been through their own init. Errors: those of lg_program_build and lg_plan_create.
+ * Nothing is borrowed. */
+typedef struct lg_model lg_model;
+LG_API lg_status lg_model_create_hamiltonian(const lg_context *context, const lg_hamiltonian *hamiltonian,
+                                             const double *theta, lg_model **out, lg_error *error);
+LG_API lg_status lg_model_create_surrogate(const lg_context *context, const lg_surrogate *surrogate,
+                                           const double *theta, lg_model **out, lg_error *error);
+LG_API lg_status lg_model_create_detector(const lg_context *context, const lg_detector *detector,
+                                          const lg_scaler *scaler, const double *theta, lg_model **out,
+                                          lg_error *error);
+LG_API void lg_model_destroy(lg_model *model); /* NULL is fine */
 
+LG_API lg_model_kind lg_model_kind_of(const lg_model *model);
 LG_API size_t lg_model_parameters(const lg_model *model);
 LG_API size_t lg_model_inputs(const lg_model *model);
 LG_API size_t lg_model_outputs(const lg_model *model);
@@ -76,7 +77,7 @@ LG_API void lg_model_jacobian(const lg_model *model, const double *x, double *y,
  *   separable  u = forces (n): p' = -dV/dq + u
  */
 LG_API size_t lg_model_input_size(const lg_model *model); /* m: 3k, n or 0 */
-/* As lg_hamiltonian_field, with input (m) or NULL: algebra elements (xi_i, eta_i), 6k, or (q', p'), 2n. */
+/* With input (m) or NULL: algebra elements (xi_i, eta_i), 6k, or (q', p'), 2n. */
 LG_API lg_status lg_model_field(const lg_model *model, const double *state, const double *input,
                                 double *field, void *work);
 
@@ -112,9 +113,9 @@ LG_API size_t lg_model_tangent_size(const lg_model *model); /* r */
  * derivatives of the field: second derivatives of the network, no differences. */
 LG_API lg_status lg_model_linearise(const lg_model *model, const double *state, const double *input,
                                     double *A, double *B, double *basis, void *work);
-/* c (r) of `other` - `state` (a_j, b_j above), basis from lg_model_linearise at `state`. */
-LG_API lg_status lg_model_deviation(const lg_model *model, const double *basis, const double *state,
-                                    const double *other, double *c);
+/* c (r) of `other` - `state`, a_j and b_j above with the frame at `state`. */
+LG_API lg_status lg_model_deviation(const lg_model *model, const double *state, const double *other,
+                                    double *c, void *work);
 
 LG_END_DECLS
 

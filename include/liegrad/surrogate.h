@@ -39,6 +39,7 @@
 #include "liegrad/elastica.h"
 #include "liegrad/networks.h"
 #include "liegrad/nn.h"
+#include "liegrad/program.h"
 
 LG_BEGIN_DECLS
 
@@ -113,20 +114,39 @@ LG_API lg_status lg_surrogate_problem_check(const lg_surrogate_problem *problem,
 /* Fills a problem for lg_fit. `problem` is borrowed and must outlive the fit. */
 LG_API void lg_surrogate_fit_problem(const lg_surrogate_problem *problem, lg_fit_problem *out);
 
-/* ---- use, without a tape: caller's memory, no allocation, no lock ---- */
+/* ---- as a program ---- */
 
-/* Bytes of work for a curve of up to `points` points. */
-LG_API size_t lg_surrogate_work_size(const lg_surrogate *model, size_t points, lg_dtype dtype);
-/* The curve of boundary conditions x (8) at s (points), 0 <= s <= L, rising: q, v (points, 2) or NULL. theta:
- * lg_surrogate_parameters elements of `dtype`, in which the network computes; all else is double. The
+/* A bundle on one parameter `theta`, of the kind's functions:
+ *   value  x -> y, and grad  x -> y, g: y and its Jacobian, as liegrad/model.h says for the kind
+ *   point  continuous: s, x (8, one for all rows) -> q, v at s; angle: s, ends (5, one for all rows) -> theta
+ *   place  continuous: s, x (8, one for all rows) -> q at s
+ *   ends   angle: x (8) -> ends: R, theta_0, theta_N, and what pi f lacks at both ends (0 without `boundary`)
+ * Errors: those of lg_program_build. */
+LG_API lg_status lg_surrogate_program(const lg_context *context, const lg_surrogate *model,
+                                      const double *theta, lg_program **out, lg_error *error);
+
+/* ---- use, without a tape ---- */
+
+/* Plans for the curves of a network; immutable, threads may share them, each with work of its own. theta is
+ * copied, and rounded to `dtype`, in which the program computes; cubics and integrals are double. `points`:
+ * of how many points a curve has as a rule, for speed. Errors: those of lg_surrogate_program and
+ * lg_plan_create. */
+typedef struct lg_surrogate_curves lg_surrogate_curves;
+LG_API lg_status lg_surrogate_curves_create(const lg_context *context, const lg_surrogate *model,
+                                            const double *theta, lg_dtype dtype, size_t points,
+                                            lg_surrogate_curves **out, lg_error *error);
+LG_API void lg_surrogate_curves_destroy(lg_surrogate_curves *curves); /* NULL is fine */
+/* Bytes, to be aligned to 64. */
+LG_API size_t lg_surrogate_curves_work_size(const lg_surrogate_curves *curves);
+/* The curve of boundary conditions x (8) at s (points), 0 <= s <= L, rising: q, v (points, 2) or NULL. The
  * discrete network interpolates between its nodes (cubic Hermite, and its derivative; at its own nodes its
  * own values); the angle network integrates over fixed panels, equal
- * parts of the N intervals and at least 50, and from the last whole one to s: what it gives at s does not
- * depend on what else is asked for, and at the data's nodes it is the rule of the loss; q asks for many more
- * evaluations than v alone. A number of x that is not finite makes the curve NaN, one of s its point. `work`:
- * 64-byte aligned. */
-LG_API void lg_surrogate_curve(const lg_surrogate *model, lg_dtype dtype, const void *theta, const double *x,
-                               const double *s, size_t points, double *q, double *v, void *work);
+ * parts of the N intervals and at least 50, and from the last whole one to s: what it gives at s depends on
+ * what else is asked for by rounding alone, and at the data's nodes it is the rule of the loss; q asks for
+ * many more evaluations than v alone. A number of x that is not finite makes the curve NaN, one of s its
+ * point. No allocation, no lock. */
+LG_API void lg_surrogate_curve(const lg_surrogate_curves *curves, const double *x, const double *s,
+                               size_t points, double *q, double *v, void *work);
 
 /* Errors over nodes and components, in double precision. */
 typedef struct lg_surrogate_errors {

@@ -55,6 +55,7 @@ typedef struct lg_evaluation {
 
 typedef enum lg_transpose_use {
     LG_TRANSPOSE_NONE,    /* of no use */
+    LG_TRANSPOSE_FIXED,   /* worth making once for an input that never changes */
     LG_TRANSPOSE_IF_KEPT, /* of use if it is there already */
     LG_TRANSPOSE_MAKE     /* worth making for an input that stays */
 } lg_transpose_use;
@@ -119,6 +120,9 @@ typedef struct lg_op {
      * small tensors are worth writing out. */
     void (*expand)(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y);
     bool over_first; /* elementwise, and may work in place of input 0 only, not of others */
+    /* The input that multiplies what the others give, the last one; *rest becomes the attributes of the
+     * operation without it. False: there is none. NULL: never. */
+    bool (*factor)(const lg_attr *attr, uint32_t inputs, lg_attr *rest);
     /* For the rows of `shape`; attr becomes that of 1/copies of them. NULL: BROADCAST where there is
      * `element`, else MEET. */
     lg_row_use (*rows)(const lg_shape *const *in, uint32_t inputs, const lg_shape *shape, uint32_t copies,

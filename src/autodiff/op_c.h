@@ -47,10 +47,12 @@ extern const lg_c_fragment lg_c_dexpinv;       /* dexpinv_coef: g2 and its deriv
 typedef struct lg_c lg_c;
 
 /* One statement that calls a function of `fragment` (NULL: of one that was there before). In the format, $0,
- * $1, ... stand for the inputs' memory, $y for the output's, $s for scratch (lg_op.scratch bytes at least),
+ * $1, ... stand for the inputs' memory, $y for the output's, $s for scratch (lg_c_scratch),
  * $i for the table of lg_c_indices. Sizes: %zu or %u; they are below 2^31. */
 void lg_c_call(lg_c *c, const lg_c_fragment *fragment, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
+/* How many numbers there are for $s, at most what lg_op.scratch says. */
+void lg_c_scratch(lg_c *c, size_t count);
 /* A table of whole numbers below 2^31, for $i. Equal tables are one. */
 void lg_c_indices(lg_c *c, const uint32_t *values, size_t count);
 /* Operation `op`, which has `element`, as a function of a number of elements: its name, for

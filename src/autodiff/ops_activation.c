@@ -175,6 +175,13 @@ static lg_status derivative_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
+static bool derivative_factor(const lg_attr *attr, uint32_t inputs, lg_attr *rest) {
+    (void)inputs;
+    *rest = *attr;
+    rest->i[3] = 0;
+    return attr->i[3] != 0;
+}
+
 static lg_var helper_of(const lg_attr *attr, const lg_var *in) {
     return attr->i[2] ? in[1] : LG_NONE;
 }
@@ -224,7 +231,7 @@ static lg_var derivative_jvp(const lg_forward *f) {
 
 const lg_op lg_op_act_derivative = {
     LG_OP("act_derivative", 2u, 2, 3, derivative_shape, derivative_forward, derivative_vjp, derivative_jvp),
-    .unread = derivative_unread, .element = derivative_element};
+    .unread = derivative_unread, .element = derivative_element, .factor = derivative_factor};
 
 static lg_status act_forward(lg_evaluation *e) {
     e->k->act((lg_k_act)e->attr->i[0], 0, e->count, e->x[0], NULL, NULL, e->y);

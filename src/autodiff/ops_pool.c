@@ -82,12 +82,13 @@ const lg_c_fragment lg_c_pool_mean = {
     .comment = "y (batch, count, channels): means of the windows of x.",
     .text = LG_C(static void pool_mean(int batch, conv_windows w, const real *RESTRICT x, real *RESTRICT y) {
         const int n = w.channels;
+        const real part = REAL(1.0) / (real)w.size;
         for (int s = 0; s < batch; s++, x += w.length * n)
             for (int t = 0; t < w.count; t++, y += n) {
                 for (int i = 0; i < n; i++) y[i] = REAL(0.0);
                 for (int j = 0; j < w.size; j++)
                     for (int i = 0; i < n; i++) y[i] += x[(t * w.stride + j) * n + i];
-                for (int i = 0; i < n; i++) y[i] /= (real)w.size;
+                for (int i = 0; i < n; i++) y[i] *= part;
             }
     }),
     .needs = {&lg_c_windows}};
@@ -97,11 +98,12 @@ static const lg_c_fragment c_pool_mean_adjoint = {
     .text = LG_C(
         static void pool_mean_adjoint(int batch, conv_windows w, const real *RESTRICT g, real *RESTRICT x) {
             const int n = w.channels;
+            const real part = REAL(1.0) / (real)w.size;
             for (int s = 0; s < batch; s++, x += w.length * n) {
                 for (int i = 0; i < w.length * n; i++) x[i] = REAL(0.0);
                 for (int t = 0; t < w.count; t++, g += n)
                     for (int j = 0; j < w.size; j++)
-                        for (int i = 0; i < n; i++) x[(t * w.stride + j) * n + i] += g[i] / (real)w.size;
+                        for (int i = 0; i < n; i++) x[(t * w.stride + j) * n + i] += g[i] * part;
             }
         }),
     .needs = {&lg_c_windows}};

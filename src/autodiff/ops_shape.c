@@ -373,11 +373,22 @@ static lg_status permute_shape(const lg_shape *const *in, uint32_t inputs, const
     return LG_OK;
 }
 
+/* Whether the last two axes alone change places. */
+static bool is_transpose(uint32_t rank, const uint32_t *axes) {
+    if (rank < 2 || axes[rank - 1] != rank - 2 || axes[rank - 2] != rank - 1) return false;
+    for (uint32_t i = 0; i + 2 < rank; i++)
+        if (axes[i] != i) return false;
+    return true;
+}
+
 static lg_status permute_forward(lg_evaluation *e) {
     const lg_kernels *k = e->k;
     const uint32_t rank = e->shape->rank, *axes = e->attr->i;
-    if (rank == 2 && axes[0] == 1) {
-        k->transpose(e->in[0]->dims[0], e->in[0]->dims[1], e->x[0], e->y);
+    if (is_transpose(rank, axes)) {
+        const size_t rows = e->in[0]->dims[rank - 2], columns = e->in[0]->dims[rank - 1];
+        for (size_t at = 0; at < e->count; at += rows * columns)
+            k->transpose(rows, columns, (const unsigned char *)e->x[0] + at * k->size,
+                         (unsigned char *)e->y + at * k->size);
         return LG_OK;
     }
     size_t stride[LG_MAX_RANK], dims[LG_MAX_RANK] = {1, 1, 1, 1}, step[LG_MAX_RANK] = {0, 0, 0, 0}, run = 1;

@@ -225,14 +225,22 @@ static lg_place code_place(void *user, uint32_t node) {
     return place_of(user, node);
 }
 
+/* Whether an input of another shape reads the same numbers as input k. */
+static bool meets_another(const planning *p, const lg_graph_node *n, uint32_t k) {
+    for (uint32_t j = 0; j < n->inputs; j++)
+        if (n->in[j] != LG_GRAPH_NONE && p->item[n->in[j]].base == p->item[n->in[k]].base &&
+            !lg_same_shape(&p->g.node[n->in[j]].shape, &n->shape))
+            return true;
+    return false;
+}
+
 /* An elementwise operation over an input of its shape that nobody needs afterwards. */
 static bool over_input(planning *p, uint32_t node, uint32_t now) {
     const lg_graph_node *n = &p->g.node[node];
     if (lg_ops[n->op]->element == NULL) return false;
-    for (uint32_t k = 0; k < n->inputs; k++)
-        if (n->in[k] != LG_GRAPH_NONE && !lg_same_shape(&p->g.node[n->in[k]].shape, &n->shape)) return false;
     for (uint32_t k = 0; k < n->inputs; k++) {
         if (n->in[k] == LG_GRAPH_NONE || (lg_ops[n->op]->over_first && k > 0)) continue;
+        if (!lg_same_shape(&p->g.node[n->in[k]].shape, &n->shape) || meets_another(p, n, k)) continue;
         item *from = &p->item[p->item[n->in[k]].base];
         if (from->place.area != LG_AREA_WORK || from->last != now || from->lasting ||
             p->g.node[p->item[n->in[k]].base].count != n->count)
@@ -283,11 +291,54 @@ static bool is_step(const planning *p, uint32_t node) {
     return p->item[node].fate == CODE || p->item[node].fate == TENSOR;
 }
 
-/* Everything that can be computed by tensors, then all scalar code that can, and so on: few long runs of it.
- * `first`, zeros: 2 nodes + 2 of them. */
+/* An elementwise step behind which two or more tensors end that are not needed elsewhere any more, such as an
+ * activation's slope, takes less memory than they do: it stands behind the last node that it has to wait for,
+ * which is returned. Others stand at their own place. `last`: the node that reads a node last. */
+static uint32_t anchor_of(const planning *p, uint32_t node, const uint32_t *last, const uint32_t *before,
+                          const uint32_t *anchor) {
+    const lg_graph_node *n = &p->g.node[node];
+    size_t freed = 0;
+    uint32_t after = 0;
+    if (p->item[node].fate != TENSOR || lg_ops[n->op]->element == NULL) return node;
+    for (uint32_t k = 0; k < n->inputs; k++) {
+        if (n->in[k] == LG_GRAPH_NONE) continue;
+        const uint32_t in = n->in[k], base = p->item[in].base;
+        if (anchor[in] > after) after = anchor[in];
+        if (in != base || p->item[in].fate != TENSOR || last[in] != node || p->item[in].uses < 2) continue;
+        freed += p->g.node[in].count;
+        if (anchor[before[in]] > after) after = anchor[before[in]];
+    }
+    return freed > n->count ? after : node;
+}
+
+/* The place of each node: anchors, and for each node the ones that stand behind it. */
+static bool find_anchors(planning *p, uint32_t *anchor) {
+    const uint32_t nodes = p->g.count;
+    uint32_t *last = take(p, nodes, sizeof *last), *before = take(p, nodes, sizeof *before);
+    if (p->failed) return false;
+    for (uint32_t i = 0; i < nodes; i++)
+        for (uint32_t k = 0; k < p->g.node[i].inputs; k++) {
+            const uint32_t in = p->g.node[i].in[k];
+            if (in == LG_GRAPH_NONE || last[in] == i) continue;
+            before[in] = last[in];
+            last[in] = i;
+        }
+    for (size_t j = 0; j < p->plan->outputs; j++) last[p->g.result[j]] = UINT32_MAX;
+    for (uint32_t i = 0; i < nodes; i++) anchor[i] = anchor_of(p, i, last, before, anchor);
+    return true;
+}
+
+/* Everything that can be computed by tensors, then all scalar code that can, and so on: few long runs of it;
+ * in a phase by anchors. `first`, zeros: 2 nodes + 2 of them. */
 static size_t find_order(planning *p, uint32_t *first, uint32_t *order, stretch *stretches) {
     const uint32_t nodes = p->g.count;
+    uint32_t *anchor = take(p, nodes, sizeof *anchor), *sorted = take(p, nodes, sizeof *sorted);
+    uint32_t *behind = take(p, (size_t)nodes + 1, sizeof *behind);
     size_t count = 0;
+    if (p->failed || !find_anchors(p, anchor)) return 0;
+    for (uint32_t i = 0; i < nodes; i++) behind[anchor[i] + 1]++;
+    for (uint32_t i = 0; i < nodes; i++) behind[i + 1] += behind[i];
+    for (uint32_t i = 0; i < nodes; i++) sorted[behind[anchor[i]]++] = i;
     for (uint32_t i = 0; i < nodes; i++) {
         if (p->item[i].fate != GIVEN) p->item[i].phase = phase_of(p, i);
         if (is_step(p, i)) first[p->item[i].phase + 1]++;
@@ -295,7 +346,7 @@ static size_t find_order(planning *p, uint32_t *first, uint32_t *order, stretch 
     for (uint32_t f = 0; f <= 2 * nodes; f++) first[f + 1] += first[f];
     const uint32_t placed = first[2 * nodes + 1];
     for (uint32_t i = 0; i < nodes; i++)
-        if (is_step(p, i)) order[first[p->item[i].phase]++] = i;
+        if (is_step(p, sorted[i])) order[first[p->item[sorted[i]].phase]++] = sorted[i];
     for (uint32_t j = 0; j < placed; j++) {
         const item *it = &p->item[order[j]];
         if (it->fate == CODE && j > 0 && p->item[order[j - 1]].phase == it->phase)
@@ -460,13 +511,15 @@ static lg_status add_step(planning *p, const uint32_t *order, const stretch *s, 
 }
 
 /* An output is written where it belongs by the step that makes it, unless it is a view, given, or twice one.
- */
+ * That step and others need a place when nobody wants it. */
 static void place_outputs(planning *p) {
     for (size_t j = 0; j < p->plan->outputs; j++) {
         item *it = &p->item[p->g.result[j]];
         p->item[it->base].lasting = true;
-        if ((it->fate == CODE || it->fate == TENSOR) && it->place.area == LG_AREA_NONE)
-            it->place = (lg_place){LG_AREA_OUTPUT, (uint32_t)j, 0};
+        p->plan->spill[j] = LG_NO_SPILL;
+        if ((it->fate != CODE && it->fate != TENSOR) || it->place.area != LG_AREA_NONE) continue;
+        it->place = (lg_place){LG_AREA_OUTPUT, (uint32_t)j, 0};
+        p->plan->spill[j] = give_room(p, p->plan->output_count[j]);
     }
 }
 
@@ -499,6 +552,7 @@ static lg_status add_steps(planning *p) {
     p->code_value = take(p, nodes, sizeof *p->code_value);
     if (p->failed) return LG_OUT_OF_MEMORY;
     const size_t count = find_order(p, phases, order, stretches);
+    if (p->failed) return LG_OUT_OF_MEMORY;
     uint32_t *first = take(p, count + 2, sizeof *first);
     if (first == NULL) return LG_OUT_OF_MEMORY;
     find_lives(p, order, stretches, count);
@@ -549,6 +603,7 @@ static lg_status find_depth(planning *p) {
 static lg_status plan_loop(planning *p, const lg_program *program, const lg_function *f,
                            const lg_plan_options *options) {
     lg_plan *plan = p->plan, *callee;
+    for (size_t j = 0; j < plan->outputs; j++) plan->spill[j] = LG_NO_SPILL; /* the callee has its own */
     lg_plan_options inner = *options;
     inner.mark_unfit = false;
     LG_TRY(lg_plan_create(program, f->callee, &inner, &callee, p->error));
@@ -599,7 +654,6 @@ static lg_status count_ports(planning *p, const lg_function *f, size_t rows) {
         plan->input_count[i] = lg_shape_count(lg_port_shape(&f->input[i], rows));
     for (size_t j = 0; j < f->outputs; j++) {
         plan->output_count[j] = lg_shape_count(lg_port_shape(&f->output[j], rows));
-        plan->spill[j] = give_room(p, plan->output_count[j]);
     }
     return LG_OK;
 }

@@ -101,6 +101,9 @@ typedef struct lg_plan_step {
     };
 } lg_plan_step;
 
+/* Of an output that is copied at the end, if anybody wants it, or that another plan makes. */
+#define LG_NO_SPILL SIZE_MAX
+
 struct lg_plan {
     const lg_context *context;
     const lg_kernels *k;
@@ -116,7 +119,7 @@ struct lg_plan {
     size_t work_count; /* elements */
     size_t depth;      /* operations one after another at most, counting a sum of n terms as log2 n + 1 */
     double work;       /* operations on numbers of a run */
-    size_t *spill;     /* by output: where in the work memory it goes when nobody wants it */
+    size_t *spill;     /* by output: where in the work memory it goes when nobody wants it, or LG_NO_SPILL */
     lg_heap memory;    /* everything the plan owns but callees */
 };
 

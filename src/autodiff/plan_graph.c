@@ -303,12 +303,69 @@ static uint32_t on_single_rows(making *m, const lg_graph_node *n, const lg_shape
                                                .count = n->count});
 }
 
+/* How often each row stands in all inputs but the last; 1: they differ. */
+static uint32_t rows_of_copies(const making *m, const lg_graph_node *n) {
+    uint32_t copies = 0;
+    for (uint32_t k = 0; k + 1 < n->inputs; k++) {
+        const uint32_t own = n->in[k] == LG_GRAPH_NONE ? copies : copies_of(m, n->in[k]);
+        if (copies != 0 && own != copies) return 1;
+        copies = own;
+    }
+    return copies == 0 ? 1 : copies;
+}
+
+/* An input that is one row for all rows of an elementwise operation, where the operation takes it so. */
+static uint32_t with_broadcasts(making *m, const lg_graph_node *n, const lg_shape *const *shapes) {
+    const lg_op *op = lg_ops[n->op];
+    const lg_shape *fewer[LG_MAX_INPUTS];
+    uint32_t in[LG_MAX_INPUTS], changed = 0;
+    lg_graph_node made = *n;
+    lg_shape shape = n->shape;
+    if (op->element == NULL || n->shape.rank == 0 || n->inputs < 2) return LG_GRAPH_NONE;
+    for (uint32_t k = 0; k < n->inputs; k++) {
+        in[k] = n->in[k];
+        fewer[k] = shapes[k];
+        if (in[k] == LG_GRAPH_NONE || copies_of(m, in[k]) != n->shape.dims[0] || n->shape.dims[0] == 1)
+            continue;
+        in[k] = single_rows(m, in[k], n->shape.dims[0]);
+        if (in[k] == LG_GRAPH_NONE) return LG_GRAPH_NONE;
+        changed++;
+    }
+    made.in = in;
+    if (changed == 0 || changed == n->inputs) return LG_GRAPH_NONE;
+    lg_graph_shapes(&m->g, &made, fewer);
+    if (op->shape(fewer, n->inputs, &n->attr, &shape) != LG_OK || !lg_same_shape(&shape, &n->shape))
+        return LG_GRAPH_NONE;
+    return add(m, &made);
+}
+
+static uint32_t operation(making *m, const lg_graph_node *n, const lg_shape *const *shapes);
+
+/* Where a factor alone has rows of its own, what it multiplies is computed for single rows. */
+static uint32_t factor_apart(making *m, const lg_graph_node *n, const lg_shape *const *shapes) {
+    const lg_op *op = lg_ops[n->op];
+    const uint32_t last = n->inputs - 1, copies = n->inputs > 1 ? rows_of_copies(m, n) : 1;
+    lg_graph_node rest = *n;
+    if (copies == 1 || op->factor == NULL || !op->factor(&n->attr, n->inputs, &rest.attr))
+        return LG_GRAPH_NONE;
+    rest.inputs = last;
+    uint32_t in[2] = {n->in[last], operation(m, &rest, shapes)};
+    const lg_graph_node product = {
+        .op = LG_OP_MUL, .inputs = 2, .in = in, .shape = n->shape, .count = n->count};
+    const lg_shape *both[2];
+    lg_graph_shapes(&m->g, &product, both);
+    return m->failed ? 0 : operation(m, &product, both);
+}
+
 static uint32_t operation(making *m, const lg_graph_node *n, const lg_shape *const *shapes) {
     if (folds(m, n)) return fold(m, n, shapes);
-    const uint32_t other = simpler(m, n, shapes);
-    if (other != LG_GRAPH_NONE) return other;
-    const uint32_t once = on_single_rows(m, n, shapes);
-    return once != LG_GRAPH_NONE ? once : add(m, n);
+    static uint32_t (*const ways[])(making *, const lg_graph_node *, const lg_shape *const *) = {
+        simpler, on_single_rows, factor_apart, with_broadcasts};
+    for (size_t i = 0; i < LG_COUNT(ways); i++) {
+        const uint32_t other = ways[i](m, n, shapes);
+        if (other != LG_GRAPH_NONE) return other;
+    }
+    return add(m, n);
 }
 
 /* ---- from the function ---- */

@@ -3,7 +3,6 @@
 #include <string.h>
 
 #include "autodiff/plan.h"
-#include "autodiff/product.h"
 
 typedef struct running {
     const lg_plan *plan;
@@ -64,9 +63,8 @@ static void run_tensor(const running *r, const lg_tensor_step *s) {
 }
 
 static void run_dense(const running *r, const lg_dense_step *s) {
-    const lg_product_size size = {LG_NN, s->m, s->n, s->k};
     void *y = to(r, &s->y);
-    lg_product(r->k, NULL, &size, from(r, &s->x), from(r, &s->w), NULL, y, false, NULL);
+    r->k->gemm(s->m, s->n, s->k, from(r, &s->x), s->k, 1, from(r, &s->w), s->n, y, s->n, false);
     r->k->bias_act((lg_k_act)s->kind, s->m, s->n, from(r, &s->b), y);
 }
 
@@ -121,6 +119,12 @@ static void run_call(const running *r, const lg_call_step *s) {
     }
 }
 
+/* Copies are outputs, at the end. */
+static void run_copy(const running *r, const lg_copy_step *s) {
+    void *y = r->outputs[s->y.number];
+    if (y != NULL) memcpy(y, from(r, &s->x), s->count * r->k->size);
+}
+
 static bool all_finite(const running *r) {
     for (size_t i = 0; i < r->plan->inputs; i++)
         if (!r->k->all_finite(r->plan->input_count[i], r->inputs[i])) return false;
@@ -142,7 +146,7 @@ void lg_plan_eval(const lg_plan *plan, const void *const *inputs, void *const *o
             run_scalars(&r, &s->scalars);
             break;
         case LG_STEP_COPY:
-            memcpy(to(&r, &s->copy.y), from(&r, &s->copy.x), s->copy.count * r.k->size);
+            run_copy(&r, &s->copy);
             break;
         case LG_STEP_CALL:
             run_call(&r, &s->call);

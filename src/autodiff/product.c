@@ -5,7 +5,8 @@
  * weight is used many times in a step); for large B and few rows the transposed product C^T = B A^T is formed
  * instead, which only transposes A and C. Every form but that of a single row sums over the inner index in
  * the same order, in the same blocks; they agree to the last bit where nothing is added to. All ways of
- * splitting a product among threads agree to the last bit. OpenBLAS takes over where its cache blocking pays
+ * splitting a product among threads agree to the last bit. Without a crew, as in plans, nn is one call of
+ * the kernel with the whole inner sum. OpenBLAS takes over where its cache blocking pays
  * for its lock and its packing. The form depends on shapes and on what the tape has kept, never on threads.
  */
 #include "autodiff/product.h"
@@ -23,6 +24,8 @@
 /* Elements of B up to which its transpose is kept, and rows of A from which it is made anyway. */
 #define KEPT_TRANSPOSE 65536
 #define MANY_ROWS      96
+/* Columns of the result up to which a row times W^T is dot products with the rows of W. */
+#define FEW_COLUMNS 12
 
 static void blas(lg_dtype dtype, uint32_t variant, size_t m, size_t n, size_t k, const void *a, const void *b,
                  void *c, bool accumulate) {
@@ -106,22 +109,29 @@ static bool by_blas(const lg_product_size *s, const lg_crew *crew) {
 }
 
 lg_transpose_use lg_product_transpose(const lg_product_size *s, const lg_crew *crew) {
-    if (s->variant != LG_NT || s->m == 1 || by_blas(s, crew)) return LG_TRANSPOSE_NONE;
+    if (s->variant != LG_NT || by_blas(s, crew)) return LG_TRANSPOSE_NONE;
+    if (s->m == 1)
+        return s->n >= FEW_COLUMNS && s->n * s->k <= KEPT_TRANSPOSE ? LG_TRANSPOSE_FIXED : LG_TRANSPOSE_NONE;
     return s->n * s->k > KEPT_TRANSPOSE && s->m < MANY_ROWS ? LG_TRANSPOSE_IF_KEPT : LG_TRANSPOSE_MAKE;
 }
 
 size_t lg_product_scratch(const lg_kernels *k, const lg_product_size *s, const lg_crew *crew) {
-    const bool needed = lg_product_transpose(s, crew) != LG_TRANSPOSE_NONE;
+    const bool needed = s->m > 1 && lg_product_transpose(s, crew) != LG_TRANSPOSE_NONE;
     return needed ? (s->m * s->k + 2 * s->m * s->n) * k->size : 0;
 }
 
 void lg_product(const lg_kernels *k, const lg_crew *crew, const lg_product_size *s, const void *a,
                 const void *b, const void *transposed, void *c, bool accumulate, void *scratch) {
+    if (crew == NULL && s->variant == LG_NN) {
+        k->gemm(s->m, s->n, s->k, a, s->k, 1, b, s->n, c, s->n, accumulate);
+        return;
+    }
     if (by_blas(s, crew)) {
         blas(k->dtype, s->variant, s->m, s->n, s->k, a, b, c, accumulate);
         return;
     }
-    if (s->variant == LG_NT && s->m == 1) { /* a row lies in memory as a column does: c^T = B a^T */
+    if (s->variant == LG_NT && s->m == 1 &&
+        transposed == NULL) { /* a row lies in memory as a column does: c^T = B a^T */
         k->matvec(s->n, s->k, b, a, c, accumulate);
         return;
     }
@@ -145,7 +155,7 @@ void lg_product(const lg_kernels *k, const lg_crew *crew, const lg_product_size 
 /* ---- on a tape ---- */
 
 const void *lg_kept_transpose(lg_tape *tape, lg_transpose_use use, uint32_t node) {
-    if (use == LG_TRANSPOSE_NONE) return NULL;
+    if (use == LG_TRANSPOSE_NONE || use == LG_TRANSPOSE_FIXED) return NULL;
     if (use == LG_TRANSPOSE_IF_KEPT && tape->nodes[node].transposed == NULL) return NULL;
     return lg_transposed(tape, node);
 }

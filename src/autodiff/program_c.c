@@ -296,6 +296,10 @@ static void collect_constants(lg_c *c, const lg_plan *plan) {
 
 /* ---- statements ---- */
 
+void lg_c_scratch(lg_c *c, size_t count) {
+    lg_c_use(c, c->step->scratch, count);
+}
+
 void lg_c_use(lg_c *c, lg_place place, size_t count) {
     if (place.area == LG_AREA_WORK && place.offset + count > c->frame->work)
         c->frame->work = place.offset + count;
@@ -328,7 +332,6 @@ static size_t add_memory(lg_c *c, lg_text *to, const char *sign) {
     } else if (*sign == 'y') {
         lg_c_add_place(c, to, s->y);
     } else if (*sign == 's') {
-        lg_c_use(c, s->scratch, s->scratch_count);
         lg_c_add_place(c, to, s->scratch);
     } else {
         for (n = 0; sign[n] >= '0' && sign[n] <= '9'; n++) k = 10 * k + (uint32_t)(sign[n] - '0');
@@ -437,7 +440,8 @@ static void write_copy(lg_c *c, const lg_copy_step *s) {
     const lg_tensor_step step = {.inputs = 1, .x = places, .y = s->y};
     c->step = &step;
     lg_c_use(c, s->y, s->count);
-    if (fits_int(c, s->count, "an output")) lg_c_call(c, &c_copy, "copy(%zu, $0, $y)", s->count);
+    if (fits_int(c, s->count, "an output"))
+        lg_c_call(c, &c_copy, "if ($y != NULL) copy(%zu, $0, $y)", s->count);
     c->step = NULL;
 }
 
@@ -523,7 +527,7 @@ static void add_head(const lg_plan *plan, const char *body, lg_text *to, lg_c *c
     }
     for (size_t j = 0; j < plan->outputs; j++) {
         const lg_place spill = {LG_AREA_WORK, 0, plan->spill[j]};
-        if (plan->output_count[j] == 0) continue;
+        if (plan->output_count[j] == 0 || plan->spill[j] == LG_NO_SPILL) continue;
         lg_text_add(to, "    if (y%zu == NULL) y%zu = ", j, j);
         lg_c_add_place(c, to, spill);
         lg_text_add(to, ";\n");
@@ -535,9 +539,11 @@ static void add_marks(lg_c *c, const lg_plan *plan) {
     if (!plan->mark_unfit) return;
     lg_c_need(c, &c_unfit);
     for (size_t i = 0; i < plan->inputs; i++)
-        for (size_t j = 0; j < plan->outputs; j++)
+        for (size_t j = 0; j < plan->outputs; j++) {
+            if (plan->spill[j] == LG_NO_SPILL) lg_text_add(&c->frame->body, "    if (y%zu != NULL)\n    ", j);
             lg_text_add(&c->frame->body, "    mark_unfit(%zu, x%zu, %zu, y%zu);\n", plan->input_count[i], i,
                         plan->output_count[j], j);
+        }
 }
 
 /* A plan as the function `public`, or as a static one; its name, NULL on failure. */

@@ -30,7 +30,7 @@ enum {
 };
 
 static const lg_key own_keys[OWN_KEYS] = {
-    [KEY_INTEGRATORS] = {"integrators", LG_KEY_NAMES, true, false, 0, 0, LISTS, lg_name_integrator},
+    [KEY_INTEGRATORS] = {"integrators", LG_KEY_NAMES, true, false, 0, 0, LISTS, lg_name_scheme},
     [KEY_PENALTY] = {"penalty", LG_KEY_REALS, false, false, 0, 0, LISTS, NULL},
     [KEY_SUBSTEPS] = {"substeps", LG_KEY_COUNTS, false, false, 0, 0, LISTS, NULL},
     [KEY_N] = {"N", LG_KEY_COUNTS, true, false, 1, 1e9, LISTS, NULL},
@@ -135,7 +135,7 @@ static void fill(const grid_keys *keys, const lg_key_value *v, lg_grid *out) {
     lg_hyperparameters_default(lg_hamiltonian_hyperparameters, &out->run);
     out->integrator_count = v[KEY_INTEGRATORS].count;
     for (uint32_t i = 0; i < out->integrator_count; i++)
-        out->integrators[i] = (lg_train_integrator)(int)v[KEY_INTEGRATORS].real[i];
+        out->integrators[i] = lg_scheme_at((size_t)v[KEY_INTEGRATORS].real[i]);
     set_u32s(&v[KEY_N], &out->n_count, out->n);
     set_u32s(&v[KEY_M], &out->m_count, out->m);
     set_reals(&v[KEY_EPS], &out->eps_count, out->eps);

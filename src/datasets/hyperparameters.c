@@ -11,7 +11,7 @@
 #include "datasets/run.h"
 
 _Static_assert(sizeof(lg_dtype) == sizeof(uint32_t) && sizeof(lg_activation) == sizeof(uint32_t) &&
-                   sizeof(lg_train_integrator) == sizeof(uint32_t) && sizeof(bool) == 1,
+                   sizeof(bool) == 1,
                "enumerations are read through their representation");
 
 /* ---- rows ---- */
@@ -74,7 +74,7 @@ const lg_hyperparameter lg_hamiltonian_hyperparameters[] = {
     HAMILTONIAN("model", "hidden", WHOLES, model.net, .get = get_hidden, .put = put_hidden, .low = 1,
                 .high = 1 << 20, .most = LG_MLP_MAX_LAYERS - 1, .value = "100,100,100", .unit = "W,W,...",
                 .meaning = "Widths of the hidden layers of the potential"),
-    HAMILTONIAN("run", "integrator", NAME, integrator, .value_name = lg_name_integrator,
+    HAMILTONIAN("run", "integrator", NAME, scheme, .value_name = lg_name_scheme, .value_at = lg_scheme_number,
                 .otherwise = "cf4 for pendulum chains, stormer-verlet otherwise",
                 .meaning = "Scheme of the steps between two points"),
     HAMILTONIAN("run", "substeps", U32, substeps, .low = 1, .high = 1e6, .value = "1", .unit = "n",
@@ -182,9 +182,19 @@ static const void *member_of(const lg_hyperparameter *row, const void *run) {
     return (const char *)run + row->offset;
 }
 
+/* Number of the row that a pointer points to; beyond the last where it is none. */
+static uint64_t row_number(const lg_hyperparameter *row, const void *at) {
+    const void *pointer;
+    uint32_t value = 0;
+    memcpy(&pointer, at, sizeof pointer);
+    while (row->value_name(value) != NULL && row->value_at(value) != pointer) value++;
+    return value;
+}
+
 /* A name's or flag's number, or a whole one, whatever the width of its member. */
 static uint64_t whole_at(const lg_hyperparameter *row, const void *run) {
     const void *at = member_of(row, run);
+    if (row->value_at != NULL) return row_number(row, at);
     bool flag = false;
     uint32_t narrow = 0;
     uint64_t wide = 0;
@@ -198,6 +208,11 @@ static uint64_t whole_at(const lg_hyperparameter *row, const void *run) {
 static void set_whole(const lg_hyperparameter *row, void *run, uint64_t value) {
     const bool flag = value != 0;
     const uint32_t narrow = (uint32_t)value;
+    const void *const pointer = row->value_at != NULL ? row->value_at(narrow) : NULL;
+    if (row->value_at != NULL) {
+        memcpy((char *)run + row->offset, &pointer, sizeof pointer);
+        return;
+    }
     memcpy((char *)run + row->offset,
            row->size == sizeof value    ? (const void *)&value
            : row->size == sizeof narrow ? (const void *)&narrow

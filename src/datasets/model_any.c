@@ -4,16 +4,16 @@
 #include "core/core.h"
 #include "datasets/h5.h"
 
-/* ---- the kinds: load into a file structure, point a model at it, release ---- */
+/* ---- the kinds: load into a file structure, make a model of it, release ---- */
 
 static lg_status load_hamiltonian(const lg_context *context, const char *path, const lg_read_options *options,
                                   lg_model_file *out, lg_error *error) {
     return lg_model_load_hamiltonian(context, path, options, &out->hamiltonian, error);
 }
 
-static void bind_hamiltonian(lg_model_file *file) {
-    file->model.hamiltonian = file->hamiltonian.run.model;
-    file->model.theta = file->hamiltonian.theta;
+static lg_status make_hamiltonian(const lg_context *context, lg_model_file *file, lg_error *error) {
+    return lg_model_create_hamiltonian(context, &file->hamiltonian.run.model, file->hamiltonian.theta,
+                                       &file->model, error);
 }
 
 static void free_hamiltonian(const lg_context *context, lg_model_file *file) {
@@ -25,9 +25,9 @@ static lg_status load_surrogate(const lg_context *context, const char *path, con
     return lg_model_load_surrogate(context, path, options, &out->surrogate, error);
 }
 
-static void bind_surrogate(lg_model_file *file) {
-    file->model.surrogate = file->surrogate.run.model;
-    file->model.theta = file->surrogate.theta;
+static lg_status make_surrogate(const lg_context *context, lg_model_file *file, lg_error *error) {
+    return lg_model_create_surrogate(context, &file->surrogate.run.model, file->surrogate.theta, &file->model,
+                                     error);
 }
 
 static void free_surrogate(const lg_context *context, lg_model_file *file) {
@@ -39,10 +39,9 @@ static lg_status load_detector(const lg_context *context, const char *path, cons
     return lg_model_load_detector(context, path, options, &out->detector, error);
 }
 
-static void bind_detector(lg_model_file *file) {
-    file->model.detector = file->detector.run.model;
-    file->model.scaler = file->detector.scaler;
-    file->model.theta = file->detector.theta;
+static lg_status make_detector(const lg_context *context, lg_model_file *file, lg_error *error) {
+    return lg_model_create_detector(context, &file->detector.run.model, &file->detector.scaler,
+                                    file->detector.theta, &file->model, error);
 }
 
 static void free_detector(const lg_context *context, lg_model_file *file) {
@@ -53,14 +52,14 @@ typedef struct kind_row {
     const char *name; /* attribute `kind` */
     lg_status (*load)(const lg_context *context, const char *path, const lg_read_options *options,
                       lg_model_file *out, lg_error *error);
-    void (*bind)(lg_model_file *file);
+    lg_status (*make)(const lg_context *context, lg_model_file *file, lg_error *error);
     void (*release)(const lg_context *context, lg_model_file *file);
 } kind_row;
 
 static const kind_row rows[LG_MODEL_KIND_COUNT] = {
-    [LG_MODEL_HAMILTONIAN] = {"hamiltonian", load_hamiltonian, bind_hamiltonian, free_hamiltonian},
-    [LG_MODEL_SURROGATE] = {"surrogate", load_surrogate, bind_surrogate, free_surrogate},
-    [LG_MODEL_DETECTOR] = {"detector", load_detector, bind_detector, free_detector},
+    [LG_MODEL_HAMILTONIAN] = {"hamiltonian", load_hamiltonian, make_hamiltonian, free_hamiltonian},
+    [LG_MODEL_SURROGATE] = {"surrogate", load_surrogate, make_surrogate, free_surrogate},
+    [LG_MODEL_DETECTOR] = {"detector", load_detector, make_detector, free_detector},
 };
 
 /* ---- what is no model ---- */
@@ -103,15 +102,19 @@ lg_status lg_model_load(const lg_context *context, const char *path, const lg_re
     LG_TRY(lg_file_kind(context, path, options, kind, sizeof kind, error));
     while (i < LG_MODEL_KIND_COUNT && strcmp(rows[i].name, kind) != 0) i++;
     if (i == LG_MODEL_KIND_COUNT) return refuse(path, kind, error);
-    lg_model_file made = {.model = {.kind = (lg_model_kind)i}};
+    lg_model_file made = {.kind = (lg_model_kind)i};
     LG_TRY(rows[i].load(context, path, options, &made, error));
-    rows[i].bind(&made);
-    *out = made;
-    return LG_OK;
+    const lg_status status = rows[i].make(context, &made, error);
+    if (status == LG_OK)
+        *out = made;
+    else
+        lg_model_file_destroy(context, &made);
+    return status;
 }
 
 void lg_model_file_destroy(const lg_context *context, lg_model_file *file) {
     if (file == NULL) return;
-    if ((unsigned)file->model.kind < LG_MODEL_KIND_COUNT) rows[file->model.kind].release(context, file);
+    lg_model_destroy(file->model);
+    if ((unsigned)file->kind < LG_MODEL_KIND_COUNT) rows[file->kind].release(context, file);
     memset(file, 0, sizeof *file);
 }

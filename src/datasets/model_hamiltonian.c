@@ -15,8 +15,8 @@ static uint32_t hidden_layers(const lg_hamiltonian *model) {
 #define FACT(group, name, type, member, ...)                                                                 \
     LG_FACT(lg_hamiltonian_run, group, name, type, member, __VA_ARGS__)
 static const lg_hyperparameter facts[] = {
-    FACT("model", "family", NAME, model.family, .value_name = lg_name_family),
-    FACT("model", "links", U32, model.links, .low = 1),
+    FACT("model", "family", NAME, model.family, .value_name = lg_name_family, .value_at = lg_family_number),
+    FACT("model", "links", U32, model.n, .low = 1),
     FACT("run", "system", TEXT, system, .low = 0),
     FACT("run", "trajectories", U64, trajectories, .low = 0),
     FACT("run", "points", U64, points, .low = 0),
@@ -28,10 +28,12 @@ static const lg_hamiltonian_run defaults = {.substeps = 1,
                                             .training = {.shards = 4, .schedule = LG_SCHEDULE_STEP}};
 
 static lg_status build(lg_h5 *h5, void *user, lg_error *error) {
-    lg_hamiltonian *model = &((lg_hamiltonian_run *)user)->model;
+    lg_hamiltonian_run *run = user;
+    lg_hamiltonian *model = &run->model;
     const lg_mlp read = model->net;
-    const lg_status status = lg_hamiltonian_init(model, model->family, model->links, model->potential,
-                                                 read.width + 1, hidden_layers(model), read.activation);
+    if (run->scheme == NULL) run->scheme = lg_scheme_at(0);
+    const lg_status status = lg_hamiltonian_init(model, model->family, model->n, model->potential, read.width + 1,
+                                                 hidden_layers(model), read.activation);
     if (status != LG_OK)
         return lg_fail(error, LG_FORMAT, "%s: /model: attributes links and hidden are out of range",
                        lg_shown_path(h5->path));
@@ -46,20 +48,19 @@ static lg_status check(const void *user) {
     const lg_hamiltonian_run *run = user;
     const lg_hamiltonian *model = &run->model;
     lg_hamiltonian again;
-    LG_TRY(lg_hamiltonian_init(&again, model->family, model->links, model->potential, model->net.width + 1,
+    LG_TRY(lg_hamiltonian_init(&again, model->family, model->n, model->potential, model->net.width + 1,
                                hidden_layers(model), model->net.activation));
     return lg_hamiltonian_parameters(&again) == parameters(run) ? LG_OK : LG_INVALID_ARGUMENT;
 }
 
 static lg_status describe(lg_h5 *h5, const void *user, lg_error *error) {
     const lg_hamiltonian *model = &((const lg_hamiltonian_run *)user)->model;
-    const bool chain = model->family == LG_HAMILTONIAN_CHAIN;
     char layout[LG_LAYOUT_TEXT];
-    lg_layout_text(model->family, model->links, layout);
+    lg_layout_text(model->family, model->n, layout);
     LG_TRY(lg_h5_put_text(h5, "model", "inputs", layout, error));
-    LG_TRY(lg_h5_put_text(h5, "model", "input_units", chain ? "q: 1, p: kg m^2/s" : "q: 1, p: 1", error));
+    LG_TRY(lg_h5_put_text(h5, "model", "input_units", model->family->state_units, error));
     LG_TRY(lg_h5_put_text(h5, "model", "outputs", "H", error));
-    return lg_h5_put_text(h5, "model", "output_units", chain ? "J" : "1", error);
+    return lg_h5_put_text(h5, "model", "output_units", model->family->energy_unit, error);
 }
 
 /* ---- the flat parameter vector as named arrays ---- */
@@ -71,11 +72,11 @@ static void set_slice(lg_slice_info *s, size_t offset, uint32_t rank, uint64_t f
     s->count = (size_t)(first * (rank == 2 ? second : 1));
 }
 
-/* Order: weights and biases of the potential, then the kinetic part. */
+/* Order: weights and biases of the potential, then the arrays of the family. */
 static bool slice(const void *run, uint32_t index, lg_slice_info *s) {
     const lg_hamiltonian *model = &((const lg_hamiltonian_run *)run)->model;
     const lg_mlp *net = &model->net;
-    const uint64_t k = model->links;
+    const uint64_t n = model->n;
     for (uint32_t layer = 0; layer < net->layers; layer++) {
         if (index-- == 0) {
             set_slice(s, lg_mlp_weight_offset(net, layer), 2, net->width[layer], net->width[layer + 1]);
@@ -89,16 +90,10 @@ static bool slice(const void *run, uint32_t index, lg_slice_info *s) {
             return true;
         }
     }
-    const bool chain = model->family == LG_HAMILTONIAN_CHAIN;
-    const size_t kinetic = lg_mlp_parameters(net);
-    if (index == 0) {
-        set_slice(s, kinetic, 2, k, k);
-        (void)snprintf(s->name, sizeof s->name, "%s", chain ? "mass/gamma" : "kinetic/A");
-        return true;
-    }
-    if (index > 1 || !chain) return false;
-    set_slice(s, kinetic + (size_t)(k * k), 1, k, 0);
-    (void)snprintf(s->name, sizeof s->name, "mass/b");
+    if (index >= LG_HAMILTONIAN_MAX_ARRAYS || model->family->arrays[index].rank == 0) return false;
+    const lg_hamiltonian_array *array = &model->family->arrays[index];
+    set_slice(s, lg_hamiltonian_array_offset(model, index), array->rank, n, n);
+    (void)snprintf(s->name, sizeof s->name, "%s", array->name);
     return true;
 }
 

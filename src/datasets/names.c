@@ -9,8 +9,20 @@ const char *lg_name_activation(uint32_t value) {
     return value < LG_ACTIVATION_COUNT ? lg_activation_name((lg_activation)value) : NULL;
 }
 
-const char *lg_name_integrator(uint32_t value) {
-    return value < LG_TRAIN_INTEGRATOR_COUNT ? lg_train_integrator_name((lg_train_integrator)value) : NULL;
+const char *lg_name_scheme(uint32_t value) {
+    return value < lg_scheme_count() ? lg_scheme_at(value)->name : NULL;
+}
+
+const void *lg_scheme_number(uint32_t value) {
+    return lg_scheme_at(value);
+}
+
+const char *lg_name_family(uint32_t value) {
+    return value < lg_hamiltonian_family_count() ? lg_hamiltonian_family_at(value)->name : NULL;
+}
+
+const void *lg_family_number(uint32_t value) {
+    return lg_hamiltonian_family_at(value);
 }
 
 const char *lg_name_schedule(uint32_t value) {
@@ -42,7 +54,6 @@ const char *lg_name_pooling(uint32_t value) {
         static const char *const names[] = {__VA_ARGS__};                                                    \
         return value < LG_COUNT(names) ? names[value] : NULL;                                                \
     }
-NAMES(family, [LG_HAMILTONIAN_CHAIN] = "chain", [LG_HAMILTONIAN_SEPARABLE] = "separable")
 NAMES(potential, [LG_POTENTIAL_MLP] = "mlp", [LG_POTENTIAL_LINEAR] = "linear")
 NAMES(dtype, [LG_F64] = "f64", [LG_F32] = "f32")
 NAMES(penalty_form, [LG_PENALTY_MEAN_SQUARE] = "text", [LG_PENALTY_SUM_ABSOLUTE] = "published")
@@ -51,24 +62,32 @@ NAMES(truth, [false] = "false", [true] = "true")
 NAMES(yes, [false] = "no", [true] = "yes")
 NAMES(noise, [LG_NOISE_NORMAL] = "normal", [LG_NOISE_UNIFORM] = "uniform")
 
-const lg_known_system lg_known_systems[LG_KNOWN_SYSTEMS] = {
-    [LG_KNOWN_CHAIN] = {"pendulum-chain", LG_HAMILTONIAN_CHAIN, 0},
-    [LG_KNOWN_QUARTIC] = {"quartic", LG_HAMILTONIAN_SEPARABLE, 2},
-    [LG_KNOWN_COUPLED] = {"coupled-oscillators", LG_HAMILTONIAN_SEPARABLE, 2},
-};
-
-const lg_known_system *lg_find_system(const char *name) {
-    for (size_t i = 0; i < LG_KNOWN_SYSTEMS; i++)
-        if (strcmp(lg_known_systems[i].name, name) == 0) return &lg_known_systems[i];
-    return NULL;
+const lg_hamiltonian_family *lg_family_of(const char *system, size_t *n) {
+    static const char *const forms[] = {"hamiltonian", NULL};
+    const lg_hamiltonian_family *family = NULL;
+    for (size_t i = 0; i < LG_COUNT(forms) && family == NULL; i++) {
+        lg_system_options options;
+        lg_system *made;
+        lg_system_options_init(&options);
+        options.form = forms[i];
+        if (lg_system_create(NULL, system, &options, &made, NULL) != LG_OK) continue;
+        family = lg_hamiltonian_family_for(made, n);
+        if (lg_system_links(made) > 0) *n = 0;
+        lg_system_destroy(NULL, made);
+    }
+    return family;
 }
 
-void lg_layout_text(lg_hamiltonian_family family, uint32_t links, char text[LG_LAYOUT_TEXT]) {
+void lg_layout_text(const lg_hamiltonian_family *family, uint32_t n, char text[LG_LAYOUT_TEXT]) {
     size_t used = 0;
-    (void)snprintf(text, LG_LAYOUT_TEXT, "q p");
-    if (family != LG_HAMILTONIAN_CHAIN) return;
-    for (uint32_t i = 1; i <= links && used < LG_LAYOUT_TEXT; i++)
-        used += (size_t)snprintf(text + used, LG_LAYOUT_TEXT - used, "%sq%u p%u", i > 1 ? " " : "", i, i);
+    text[0] = '\0';
+    for (uint32_t i = 1; i <= (family->numbered ? n : 1); i++)
+        for (const char *const *part = family->layout; *part != NULL && used < LG_LAYOUT_TEXT; part++) {
+            const char *between = used > 0 ? " " : "";
+            char number[12] = "";
+            if (family->numbered) (void)snprintf(number, sizeof number, "%u", i);
+            used += (size_t)snprintf(text + used, LG_LAYOUT_TEXT - used, "%s%s%s", between, *part, number);
+        }
 }
 
 lg_status lg_missing_is_format(lg_status status, lg_error *error) {

@@ -6,7 +6,7 @@
 
 /* Names of enumerations by value; NULL beyond the last. */
 const char *lg_name_activation(uint32_t value);
-const char *lg_name_integrator(uint32_t value);
+const char *lg_name_scheme(uint32_t value);
 const char *lg_name_family(uint32_t value);
 const char *lg_name_potential(uint32_t value);
 const char *lg_name_dtype(uint32_t value);
@@ -22,21 +22,17 @@ const char *lg_name_values(uint32_t value); /* of curves: 0 discrete, 1 continuo
 const char *lg_name_truth(uint32_t value);  /* false, true */
 const char *lg_name_yes(uint32_t value);    /* no, yes */
 
-/* The systems whose family and size are known. */
-typedef struct lg_known_system {
-    const char *name;
-    lg_hamiltonian_family family;
-    uint32_t links; /* 0: any */
-} lg_known_system;
+/* The rows that have these names. */
+const void *lg_scheme_number(uint32_t value);
+const void *lg_family_number(uint32_t value);
 
-enum { LG_KNOWN_CHAIN, LG_KNOWN_QUARTIC, LG_KNOWN_COUPLED, LG_KNOWN_SYSTEMS };
-extern const lg_known_system lg_known_systems[LG_KNOWN_SYSTEMS];
-/* NULL: unknown. */
-const lg_known_system *lg_find_system(const char *name);
+/* The family that learns the system of this name, and its n, 0 for any; NULL: the system is unknown, is not
+ * learned or has no default parameters. */
+const lg_hamiltonian_family *lg_family_of(const char *system, size_t *n);
 
-#define LG_LAYOUT_TEXT (12 * LG_HAMILTONIAN_MAX_LINKS)
-/* "q1 p1 q2 p2 ..." of a chain, else "q p". */
-void lg_layout_text(lg_hamiltonian_family family, uint32_t links, char text[LG_LAYOUT_TEXT]);
+#define LG_LAYOUT_TEXT (12 * LG_HAMILTONIAN_MAX_COPIES)
+/* Layout of the family's states: "q1 p1 q2 p2 ..." or "q p". */
+void lg_layout_text(const lg_hamiltonian_family *family, uint32_t n, char text[LG_LAYOUT_TEXT]);
 
 /* A missing key is a matter of format: LG_NOT_FOUND becomes LG_FORMAT, here and in `error` (may be NULL). */
 lg_status lg_missing_is_format(lg_status status, lg_error *error);

@@ -11,8 +11,10 @@
 #define TIME_TOLERANCE     1e-6 /* of dt */
 #define MANIFOLD_TOLERANCE 1e-6
 
-static uint32_t numbers_per_link(lg_hamiltonian_family family) {
-    return family == LG_HAMILTONIAN_CHAIN ? 6 : 2;
+/* Numbers of a state for each of its n copies. */
+static uint32_t numbers_per_copy(const lg_hamiltonian_family *family) {
+    lg_space one;
+    return lg_hamiltonian_space(family, 1, &one) == LG_OK ? (uint32_t)one.dim : 0;
 }
 
 /* ---- making and freeing ---- */
@@ -33,21 +35,22 @@ static double *array3(const lg_context *context, size_t a, size_t b, size_t c) {
     return lg_alloc(context, ab * c, sizeof(double));
 }
 
-lg_status lg_trajectories_create(const lg_context *context, const char *system, lg_hamiltonian_family family,
-                                 uint32_t links, size_t count, size_t points, double t_end,
-                                 bool with_hamiltonian, uint32_t input_size, lg_trajectories *out) {
+lg_status lg_trajectories_create(const lg_context *context, const char *system,
+                                 const lg_hamiltonian_family *family, uint32_t n, size_t count, size_t points,
+                                 double t_end, bool with_hamiltonian, uint32_t input_size,
+                                 lg_trajectories *out) {
     if (system == NULL || out == NULL || strlen(system) >= LG_SYSTEM_NAME) return LG_INVALID_ARGUMENT;
-    if (family != LG_HAMILTONIAN_CHAIN && family != LG_HAMILTONIAN_SEPARABLE) return LG_INVALID_ARGUMENT;
-    if (links < 1 || links > LG_HAMILTONIAN_MAX_LINKS || count < 1 || points < 2) return LG_INVALID_ARGUMENT;
-    if (!isfinite(t_end) || t_end <= 0) return LG_INVALID_ARGUMENT;
-    const lg_known_system *row = lg_find_system(system);
-    if (row != NULL && (row->family != family || (row->links != 0 && row->links != links)))
+    if (family == NULL || n < 1 || n > LG_HAMILTONIAN_MAX_COPIES || count < 1 || points < 2)
         return LG_INVALID_ARGUMENT;
+    if (!isfinite(t_end) || t_end <= 0) return LG_INVALID_ARGUMENT;
+    size_t known_n;
+    const lg_hamiltonian_family *known = lg_family_of(system, &known_n);
+    if (known != NULL && (known != family || (known_n != 0 && known_n != n))) return LG_INVALID_ARGUMENT;
     lg_trajectories made = {.family = family,
-                            .links = links,
+                            .n = n,
                             .count = count,
                             .points = points,
-                            .state_size = links * numbers_per_link(family),
+                            .state_size = n * numbers_per_copy(family),
                             .input_size = input_size,
                             .dt = t_end / (double)(points - 1)};
     memcpy(made.system, system, strlen(system) + 1);
@@ -96,12 +99,12 @@ static lg_status read_arrays(read_call *call, lg_error *error) {
     LG_TRY(lg_missing_is_format(lg_h5_shape(call->h5, "t", &rank, t, &call->epsilon, error), error));
     LG_TRY(
         lg_missing_is_format(lg_h5_get_doubles(call->h5, "trajectories", 3, data, &out->data, error), error));
-    if (data[0] < 1 || data[1] < 2 || data[2] < 2 || data[2] > 6 * LG_HAMILTONIAN_MAX_LINKS)
+    if (data[0] < 1 || data[1] < 2 || data[2] < 2 || data[2] > 6 * LG_HAMILTONIAN_MAX_COPIES)
         return lg_fail(
             error, LG_FORMAT,
             "%s: /trajectories: shape (%llu, %llu, %llu), expected N >= 1, M >= 2 and d of 2 to %d", shown,
             (unsigned long long)data[0], (unsigned long long)data[1], (unsigned long long)data[2],
-            6 * LG_HAMILTONIAN_MAX_LINKS);
+            6 * LG_HAMILTONIAN_MAX_COPIES);
     LG_TRY(lg_h5_get_doubles(call->h5, "t", 1, t, &out->t, error));
     if (t[0] != data[1])
         return lg_fail(error, LG_FORMAT, "%s: /t: has %llu times, /trajectories has %llu points", shown,
@@ -167,24 +170,42 @@ static void squeeze(char *text) {
     *to = '\0';
 }
 
-typedef enum layout_kind { LAYOUT_NONE, LAYOUT_PAIRS, LAYOUT_BLOCKS, LAYOUT_UNKNOWN } layout_kind;
+typedef enum layout_kind { LAYOUT_NONE, LAYOUT_NUMBERED, LAYOUT_BLOCKS, LAYOUT_UNKNOWN } layout_kind;
 
-/* PAIRS: q1 p1 q2 p2 ...; BLOCKS: q p, or q1 q2 ... p1 p2 ... */
-static layout_kind parse_layout(char *text) {
-    squeeze(text);
-    if (text[0] == '\0') return LAYOUT_NONE;
-    if (strncmp(text, "q1p1", 4) == 0) return LAYOUT_PAIRS;
-    if (strcmp(text, "qp") == 0 || strncmp(text, "q1q2", 4) == 0) return LAYOUT_BLOCKS;
+/* Of the family's layouts: NUMBERED q1 p1 q2 p2 ..., BLOCKS q p or q1 q2 ... p1 p2 ... */
+static layout_kind layout_of(const lg_hamiltonian_family *family, const char *text) {
+    char numbered[32] = "", blocks[32] = "", counted[32];
+    (void)snprintf(counted, sizeof counted, "%s1%s2", family->layout[0], family->layout[0]);
+    for (const char *const *part = family->layout; *part != NULL; part++) {
+        (void)snprintf(numbered + strlen(numbered), sizeof numbered - strlen(numbered), "%s1", *part);
+        (void)snprintf(blocks + strlen(blocks), sizeof blocks - strlen(blocks), "%s", *part);
+    }
+    if (strncmp(text, numbered, strlen(numbered)) == 0) return LAYOUT_NUMBERED;
+    if (strcmp(text, blocks) == 0 || strncmp(text, counted, strlen(counted)) == 0) return LAYOUT_BLOCKS;
     return LAYOUT_UNKNOWN;
 }
 
-/* The distance of a chain state from (T*S^2)^k: the largest | |q| - 1 | and |q.p| / (1 + |p|), and its link.
- */
-static double off_manifold(const double *state, uint32_t links, uint32_t *worst) {
+/* Of any family. */
+static layout_kind parse_layout(char *text) {
+    squeeze(text);
+    if (text[0] == '\0') return LAYOUT_NONE;
+    layout_kind kind = LAYOUT_UNKNOWN;
+    for (size_t i = 0; i < lg_hamiltonian_family_count() && kind == LAYOUT_UNKNOWN; i++)
+        kind = layout_of(lg_hamiltonian_family_at(i), text);
+    return kind;
+}
+
+static layout_kind wanted_layout(const lg_hamiltonian_family *family) {
+    return family->numbered ? LAYOUT_NUMBERED : LAYOUT_BLOCKS;
+}
+
+/* The largest distance of a copy of the state from the manifold, and its copy. */
+static double off_manifold(const lg_hamiltonian_family *family, const double *state, uint32_t n,
+                           uint32_t *worst) {
+    const uint32_t per = numbers_per_copy(family);
     double most = 0;
-    for (uint32_t i = 0; i < links; i++) {
-        const double *q = state + 6 * (size_t)i, *p = q + 3;
-        double off = fmax(fabs(sqrt(lg_dot3(q, q)) - 1), fabs(lg_dot3(q, p)) / (1 + sqrt(lg_dot3(p, p))));
+    for (uint32_t i = 0; i < n && family->off_manifold != NULL; i++) {
+        const double off = family->off_manifold(state + (size_t)per * i);
         if (off > most) most = off, *worst = i;
     }
     return most;
@@ -192,79 +213,95 @@ static double off_manifold(const double *state, uint32_t links, uint32_t *worst)
 
 static lg_status check_starts(read_call *call, lg_error *error) {
     const lg_trajectories *out = call->out;
-    for (size_t n = 0; n < out->count; n++) {
-        uint32_t link = 0;
-        double off = off_manifold(out->data + n * out->points * out->state_size, out->links, &link);
+    for (size_t k = 0; k < out->count; k++) {
+        uint32_t copy = 0;
+        const double *start = out->data + k * out->points * out->state_size;
+        const double off = off_manifold(out->family, start, out->n, &copy);
         if (off > MANIFOLD_TOLERANCE)
             return lg_fail(error, LG_FORMAT,
                            "%s: /trajectories: the first point of trajectory %zu is off the manifold by %.3g "
-                           "(link %u: |q| = 1 and "
-                           "q.p = 0 are wanted)",
-                           lg_shown_path(call->path), n, off, link + 1);
+                           "(%s %u: %s are wanted)",
+                           lg_shown_path(call->path), k, off, out->family->copy, copy + 1,
+                           out->family->manifold);
     }
     return LG_OK;
 }
 
-/* Without system and layout: a chain when d is a multiple of six and every start lies on the manifold. */
-static bool looks_like_chain(const lg_trajectories *out) {
-    uint32_t link = 0;
-    if (out->state_size % 6 != 0) return false;
-    for (size_t n = 0; n < out->count; n++)
-        if (off_manifold(out->data + n * out->points * out->state_size, out->state_size / 6, &link) >
-            MANIFOLD_TOLERANCE)
-            return false;
+/* Whether d fits the family and every start lies on its manifold. */
+static bool looks_like(const lg_hamiltonian_family *family, const lg_trajectories *out) {
+    const uint32_t per = numbers_per_copy(family);
+    uint32_t copy = 0;
+    if (out->state_size % per != 0) return false;
+    for (size_t k = 0; k < out->count; k++) {
+        const double *start = out->data + k * out->points * out->state_size;
+        if (off_manifold(family, start, out->state_size / per, &copy) > MANIFOLD_TOLERANCE) return false;
+    }
     return true;
+}
+
+/* Of data that do not name their system, by their layout (squeezed) or, without one, by where their starts
+ * lie: the first row that fits, else the last one. Of one degree of freedom both layouts are the same. */
+static const lg_hamiltonian_family *guess_family(const lg_trajectories *out, const char *layout) {
+    const lg_hamiltonian_family *family = NULL;
+    for (size_t i = 0; i < lg_hamiltonian_family_count(); i++) {
+        family = lg_hamiltonian_family_at(i);
+        if (layout[0] == '\0' ? looks_like(family, out)
+                              : out->state_size >= numbers_per_copy(family) &&
+                                    layout_of(family, layout) == wanted_layout(family))
+            break;
+    }
+    return family;
+}
+
+static lg_status check_size(const lg_trajectories *out, const char *shown, size_t known_n, lg_error *error) {
+    const uint32_t per = numbers_per_copy(out->family);
+    if (out->state_size % per != 0 || out->state_size / per > LG_HAMILTONIAN_MAX_COPIES)
+        return lg_fail(error, LG_FORMAT,
+                       "%s: /trajectories: d = %u is not %u numbers for each of 1 to %d %ss", shown,
+                       out->state_size, per, LG_HAMILTONIAN_MAX_COPIES, out->family->copy);
+    if (known_n != 0 && known_n != out->state_size / per)
+        return lg_fail(error, LG_FORMAT, "%s: /trajectories: d = %u, %s has %zu", shown, out->state_size,
+                       out->system, known_n * per);
+    return LG_OK;
 }
 
 static lg_status check_system(read_call *call, lg_error *error) {
     lg_trajectories *out = call->out;
     const char *shown = lg_shown_path(call->path);
     char layout[1024];
+    size_t known_n = 0;
     LG_TRY(optional_text(call, "system", out->system, sizeof out->system, error));
     LG_TRY(optional_text(call, "layout", layout, sizeof layout, error));
-    const lg_known_system *row = lg_find_system(out->system);
-    layout_kind kind = parse_layout(layout);
+    const lg_hamiltonian_family *known = lg_family_of(out->system, &known_n);
+    const layout_kind kind = parse_layout(layout);
     if (kind == LAYOUT_UNKNOWN)
         return lg_fail(error, LG_FORMAT, "%s: attribute layout: expected 'q1 p1 q2 p2 ...' or 'q p'", shown);
-    if (row == NULL && out->system[0] != '\0' && kind == LAYOUT_NONE)
+    if (known == NULL && out->system[0] != '\0' && kind == LAYOUT_NONE)
         return lg_fail(error, LG_FORMAT,
                        "%s: attribute system: '%s' is unknown; then attribute layout is needed", shown,
                        out->system);
-    if (row != NULL)
-        out->family = row->family;
-    else if (kind == LAYOUT_NONE)
-        out->family = looks_like_chain(out) ? LG_HAMILTONIAN_CHAIN : LG_HAMILTONIAN_SEPARABLE;
-    else /* one degree of freedom is q1 p1 too */
-        out->family =
-            kind == LAYOUT_PAIRS && out->state_size > 2 ? LG_HAMILTONIAN_CHAIN : LG_HAMILTONIAN_SEPARABLE;
-    uint32_t per = numbers_per_link(out->family);
-    if (out->state_size % per != 0 || out->state_size / per > LG_HAMILTONIAN_MAX_LINKS)
-        return lg_fail(error, LG_FORMAT, "%s: /trajectories: d = %u is not %u numbers for each of 1 to %d %s",
-                       shown, out->state_size, per, LG_HAMILTONIAN_MAX_LINKS,
-                       per == 6 ? "links" : "coordinates");
-    out->links = out->state_size / per;
-    if (row != NULL && row->links != 0 && row->links != out->links)
-        return lg_fail(error, LG_FORMAT, "%s: /trajectories: d = %u, %s has %u", shown, out->state_size,
-                       row->name, row->links * per);
-    layout_kind wanted = out->family == LG_HAMILTONIAN_CHAIN ? LAYOUT_PAIRS : LAYOUT_BLOCKS;
-    if (kind != LAYOUT_NONE && kind != wanted && out->links > 1)
+    out->family = known != NULL ? known : guess_family(out, layout);
+    LG_TRY(check_size(out, shown, known_n, error));
+    out->n = out->state_size / numbers_per_copy(out->family);
+    const layout_kind wanted = wanted_layout(out->family);
+    if (kind != LAYOUT_NONE && kind != wanted && out->n > 1)
         return lg_fail(error, LG_FORMAT, "%s: attribute layout: '%s' is wanted for %s", shown,
-                       wanted == LAYOUT_PAIRS ? "q1 p1 q2 p2 ..." : "q p",
-                       row != NULL ? row->name : "this system");
+                       wanted == LAYOUT_NUMBERED ? "q1 p1 q2 p2 ..." : "q p",
+                       known != NULL ? out->system : "this system");
     return LG_OK;
 }
 
-/* `links` counts for chains only: programs disagree on what it is for others, and d tells. */
+/* `links` counts for numbered layouts only: programs disagree on what it is for others, and d tells. */
 static lg_status check_links(read_call *call, lg_error *error) {
     static const char *const places[] = {"", "trajectories"};
     const lg_trajectories *out = call->out;
-    for (size_t i = 0; i < LG_COUNT(places) && out->family == LG_HAMILTONIAN_CHAIN; i++) {
+    for (size_t i = 0; i < LG_COUNT(places) && out->family->numbered; i++) {
         int64_t links = 0;
         if (!lg_h5_has_attribute(call->h5, places[i], "links")) continue;
         LG_TRY(lg_h5_number(call->h5, places[i], "links", LG_ELEMENT_I64, &links, error));
-        if (links != (int64_t)out->links)
+        if (links != (int64_t)out->n)
             return lg_fail(error, LG_FORMAT, "%s: attribute links is %lld, but d = %u means %u",
-                           lg_shown_path(call->path), (long long)links, out->state_size, out->links);
+                           lg_shown_path(call->path), (long long)links, out->state_size, out->n);
         return LG_OK;
     }
     return LG_OK;
@@ -278,7 +315,7 @@ static lg_status read_checked(void *user, lg_h5 *h5, lg_error *error) {
     LG_TRY(check_times(call, error));
     LG_TRY(check_system(call, error));
     LG_TRY(check_links(call, error));
-    if (call->out->family == LG_HAMILTONIAN_CHAIN) LG_TRY(check_starts(call, error));
+    LG_TRY(check_starts(call, error));
     lg_h5_provenance(call->h5, &call->out->provenance);
     return LG_OK;
 }
@@ -315,11 +352,11 @@ static lg_status put_all(lg_h5 *h5, const lg_trajectories *data, lg_error *error
     uint64_t shape[3] = {data->count, data->points, data->state_size};
     uint64_t inputs[3] = {data->count, data->points - 1, data->input_size};
     char layout[LG_LAYOUT_TEXT];
-    lg_layout_text(data->family, data->links, layout);
+    lg_layout_text(data->family, data->n, layout);
     LG_TRY(lg_h5_put_header(h5, "trajectories", &data->provenance, error));
     if (data->system[0] != '\0') LG_TRY(lg_h5_put_text(h5, "", "system", data->system, error));
     LG_TRY(lg_h5_put_text(h5, "", "layout", layout, error));
-    LG_TRY(lg_h5_put_number(h5, "", "links", LG_ELEMENT_U32, &data->links, error));
+    LG_TRY(lg_h5_put_number(h5, "", "links", LG_ELEMENT_U32, &data->n, error));
     LG_TRY(lg_h5_put_text(h5, "", "data_sha256", data->sha256, error));
     LG_TRY(lg_h5_put(h5, "t", LG_ELEMENT_F64, 1, &shape[1], data->t, error));
     LG_TRY(lg_h5_put(h5, "trajectories", LG_ELEMENT_F64, 3, shape, data->data, error));

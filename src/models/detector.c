@@ -6,7 +6,6 @@
 #include "autodiff/kernels/kernels.h"
 #include "core/core.h"
 #include "models/detector_internal.h"
-#include "nn/eval.h"
 
 static const char *const loss_names[LG_DETECTOR_LOSS_COUNT] = {"mse", "cross-entropy"};
 
@@ -99,62 +98,95 @@ void lg_detector_scale_numbers(const lg_detector *model, const lg_scaler *scaler
 
 /* ---- evaluation ---- */
 
+struct lg_detector_plan {
+    const lg_context *context;
+    lg_detector model;
+    lg_scaler scaler; /* its arrays are in `numbers` */
+    double *numbers;
+    lg_plan *scores;
+    lg_dtype dtype;
+};
+
+/* The caller's memory: a scaled window, the results and the plan's, in this order. */
 typedef struct pieces {
-    char *x;      /* (length, channels), scaled */
-    char *logits; /* (outputs) */
-    char *plane;  /* (plane) */
-    char *net;    /* of lg_cnn_eval */
+    char *z, *probability, *plane, *plan;
 } pieces;
 
-/* With `work` NULL only *bytes is of use. */
-static pieces cut(const lg_detector *model, lg_dtype dtype, void *work, size_t *bytes) {
-    const size_t size = lg_kernels_for(dtype)->size;
-    const lg_cnn *net = &model->net;
-    char *rest = work;
-    pieces p;
-    *bytes = 0;
-    p.x = eval_take(&rest, bytes, (size_t)net->length * net->channels * size);
-    p.logits = eval_take(&rest, bytes, net->outputs * size);
-    p.plane = eval_take(&rest, bytes, net->plane * size);
-    p.net = eval_take(&rest, bytes, lg_cnn_work_size(net, dtype));
+static size_t padded(size_t count, lg_dtype dtype) {
+    const size_t bytes = count * lg_kernels_for(dtype)->size;
+    return (bytes + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT;
+}
+
+static pieces cut(const lg_detector_plan *plan, void *work) {
+    const lg_cnn *net = &plan->model.net;
+    pieces p = {.z = work};
+    p.probability = p.z + padded((size_t)net->length * net->channels, plan->dtype);
+    p.plane = p.probability + padded(plan->model.classes, plan->dtype);
+    p.plan = p.plane + padded(net->plane, plan->dtype);
     return p;
 }
 
-size_t lg_detector_work_size(const lg_detector *model, lg_dtype dtype) {
-    size_t bytes;
-    (void)cut(model, dtype, NULL, &bytes);
-    return bytes;
+size_t lg_detector_work_size(const lg_detector_plan *plan) {
+    const lg_cnn *net = &plan->model.net;
+    return padded((size_t)net->length * net->channels, plan->dtype) +
+           padded(plan->model.classes, plan->dtype) + padded(net->plane, plan->dtype) +
+           lg_plan_work_size(plan->scores);
 }
 
-/* 1/(1 + exp(-y)) and 1/(1 + exp(y)): neither loses digits where it is small. */
-static void sigmoid_pair(double y, double *probability) {
-    probability[0] = 1.0 / (1.0 + exp(y));
-    probability[1] = 1.0 / (1.0 + exp(-y));
+static lg_status make_scores(lg_detector_plan *made, const double *theta, lg_error *error) {
+    lg_program *program;
+    lg_plan_options options;
+    size_t function;
+    LG_TRY(lg_detector_program(made->context, &made->model, &made->scaler, theta, &program, error));
+    lg_plan_options_init(&options);
+    options.dtype = made->dtype;
+    lg_status status = lg_program_find(program, "scores", &function);
+    if (status == LG_OK) status = lg_plan_create(program, function, &options, &made->scores, error);
+    lg_program_destroy(program);
+    return status;
 }
 
-/* In place. */
-static void softmax(size_t n, double *y) {
-    double most = y[0], sum = 0.0;
-    for (size_t i = 1; i < n; i++)
-        if (y[i] > most) most = y[i];
-    for (size_t i = 0; i < n; i++) sum += y[i] = exp(y[i] - most);
-    for (size_t i = 0; i < n; i++) y[i] /= sum;
-}
-
-void lg_detector_eval(const lg_detector *model, const lg_scaler *scaler, lg_dtype dtype, const void *theta,
-                      const float *x, double *probability, double *plane, void *work) {
-    const lg_kernels *k = lg_kernels_for(dtype);
-    size_t bytes;
-    const pieces p = cut(model, dtype, work, &bytes);
-    lg_detector_scale(model, scaler, dtype, x, p.x);
-    lg_cnn_eval(&model->net, dtype, theta, p.x, 1, p.logits, p.plane, p.net);
-    if (plane != NULL) k->convert_out(model->net.plane, p.plane, plane);
-    if (model->loss == LG_DETECTOR_MSE) {
-        double y;
-        k->convert_out(1, p.logits, &y);
-        sigmoid_pair(y, probability);
-        return;
+lg_status lg_detector_plan_create(const lg_context *context, const lg_detector *model,
+                                  const lg_scaler *scaler, const double *theta, lg_dtype dtype,
+                                  lg_detector_plan **out, lg_error *error) {
+    const size_t channels = model->net.channels;
+    lg_detector_plan *made = lg_alloc(context, 1, sizeof *made);
+    double *numbers = lg_alloc(context, 2 * channels, sizeof *numbers);
+    lg_status status = LG_OUT_OF_MEMORY;
+    if (made == NULL || numbers == NULL) {
+        lg_free(context, numbers);
+        lg_free(context, made);
+        return lg_fail(error, status, "no memory for a detector of %zu channels", channels);
     }
-    k->convert_out(model->classes, p.logits, probability);
-    softmax(model->classes, probability);
+    memcpy(numbers, scaler->mean, channels * sizeof *numbers);
+    memcpy(numbers + channels, scaler->scale, channels * sizeof *numbers);
+    *made = (lg_detector_plan){.context = context,
+                               .model = *model,
+                               .scaler = {scaler->channels, numbers, numbers + channels},
+                               .numbers = numbers,
+                               .dtype = dtype};
+    status = make_scores(made, theta, error);
+    if (status == LG_OK)
+        *out = made;
+    else
+        lg_detector_plan_destroy(made);
+    return status;
+}
+
+void lg_detector_plan_destroy(lg_detector_plan *plan) {
+    if (plan == NULL) return;
+    lg_plan_destroy(plan->scores);
+    lg_free(plan->context, plan->numbers);
+    lg_free(plan->context, plan);
+}
+
+/* Scaled in double: an offset of the sensors rounds nothing. */
+void lg_detector_eval(const lg_detector_plan *plan, const float *x, double *probability, double *plane,
+                      void *work) {
+    const lg_kernels *k = lg_kernels_for(plan->dtype);
+    const pieces p = cut(plan, work);
+    lg_detector_scale(&plan->model, &plan->scaler, plan->dtype, x, p.z);
+    lg_plan_eval(plan->scores, (const void *const[]){p.z}, (void *const[]){p.probability, p.plane}, p.plan);
+    k->convert_out(plan->model.classes, p.probability, probability);
+    if (plane != NULL) k->convert_out(plan->model.net.plane, p.plane, plane);
 }

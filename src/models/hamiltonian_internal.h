@@ -1,32 +1,30 @@
-/* Shared by the parts of the learned Hamiltonian: with a tape, without one, in a loop. */
+/* Shared by the parts of the learned Hamiltonian. */
 #ifndef LG_HAMILTONIAN_INTERNAL_H
 #define LG_HAMILTONIAN_INTERNAL_H
 
 #include "liegrad/hamiltonian.h"
 
-/* Where Gamma and b, or A, begin in theta: behind the potential. */
-size_t lg_hamiltonian_kinetic_offset(const lg_hamiltonian *model);
+/* The table: X(name) stands for the row lg_hamiltonian_<name>. Data that do not name their system are those of
+ * the first row that they fit. */
+#define LG_HAMILTONIAN_FAMILIES(X) X(chain) X(separable)
 
-/* Separable systems: -dV/dq at q, A^T A p at p, n numbers each; work as for lg_hamiltonian_field. */
-void lg_hamiltonian_force(const lg_hamiltonian *model, const double *theta, const double *q, double *out,
-                          void *work);
-void lg_hamiltonian_velocity(const lg_hamiltonian *model, const double *theta, const double *p, double *out,
-                             void *work);
+#define LG_HAMILTONIAN_DECLARE(name) extern const lg_hamiltonian_family lg_hamiltonian_##name;
+LG_HAMILTONIAN_FAMILIES(LG_HAMILTONIAN_DECLARE)
+#undef LG_HAMILTONIAN_DECLARE
 
-/* On a tape; q, p, v = dH/dp, g = dH/dq of shape (B, k, 3), or (B, n). */
-
-/* The unit matrix as a constant (1, k, k). */
-lg_var lg_hamiltonian_unit_matrix(lg_tape *tape, uint32_t k);
-/* lg_hamiltonian_bind, and for a chain 1/m_ii (1, k, 1). */
-lg_status lg_hamiltonian_bind_extended(lg_tape *tape, const lg_hamiltonian *model, lg_var theta,
-                                       lg_hamiltonian_vars *vars, lg_var *inverse_mii);
-/* dV/dq in q's shape. */
-lg_var lg_hamiltonian_potential_gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var q);
-/* Chain: v and g of lg_hamiltonian_gradient. */
-void lg_hamiltonian_chain_gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var q, lg_var p,
-                                   lg_var *v, lg_var *g);
-/* Chain: xi = q x v, eta = g x q + v x p + input, y = (q, p); input (B, 3k) or LG_NONE. */
-lg_status lg_hamiltonian_chain_lift(lg_tape *tape, const lg_var *y, lg_var v, lg_var g, lg_var input,
-                                    lg_var *algebra);
+/* dH/dy of the parts y, by the family's row. */
+void lg_hamiltonian_gradient_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y,
+                                   lg_var *out);
+/* y' of the parts y for schemes that leave the manifold. */
+lg_status lg_hamiltonian_velocity_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y,
+                                        lg_var input, lg_var *out);
+/* The equation as training wants it for a scheme: on the manifold for Lie group schemes, else on R^d, whose
+ * space has the parts of `start`. `vars` must outlive the use of `ode`. */
+lg_status lg_hamiltonian_training_ode(lg_tape *tape, lg_hamiltonian_vars *vars, const lg_scheme *scheme,
+                                      const lg_var *start, lg_taped_ode *ode);
+/* What a model in a loop needs: value, grad and field as in lg_hamiltonian_program; velocity (x, u) -> y' and
+ * its Jacobian jac_velocity; where the family has them force (q, u) and drift (p). */
+lg_status lg_hamiltonian_bundle(const lg_context *context, const lg_hamiltonian *model, const double *theta,
+                                lg_program **out, lg_error *error);
 
 #endif

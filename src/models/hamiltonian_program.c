@@ -1,13 +1,20 @@
-/* A learned Hamiltonian as a program. */
+/* A learned Hamiltonian as a bundle of functions. */
 #include "core/core.h"
-#include "liegrad/hamiltonian.h"
-#include "liegrad/ops.h"
-#include "liegrad/program.h"
+#include "models/hamiltonian_internal.h"
 
 typedef struct recording {
     const lg_hamiltonian *model;
     const lg_scheme *scheme;
 } recording;
+
+/* Inputs: x, then u where the system has one, then h of a step. */
+static lg_var input_of(const recording *r, const lg_var *x) {
+    return lg_hamiltonian_input_size(r->model) > 0 ? x[1] : LG_NONE;
+}
+
+static lg_var step_of(const recording *r, const lg_var *x) {
+    return lg_hamiltonian_input_size(r->model) > 0 ? x[2] : x[1];
+}
 
 static lg_status value(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const recording *r = user;
@@ -30,7 +37,7 @@ static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_
     const recording *r = user;
     lg_hamiltonian_vars vars;
     LG_TRY(lg_hamiltonian_bind(tape, r->model, theta[0], &vars));
-    y[0] = lg_hamiltonian_record_field(tape, &vars, x[0], x[1]);
+    y[0] = lg_hamiltonian_record_field(tape, &vars, x[0], input_of(r, x));
     return lg_tape_status(tape);
 }
 
@@ -38,36 +45,108 @@ static lg_status step(void *user, lg_tape *tape, const lg_var *theta, const lg_v
     const recording *r = user;
     lg_hamiltonian_vars vars;
     lg_taped_ode ode;
-    lg_var parts[2];
+    lg_var parts[LG_HAMILTONIAN_MAX_PARTS];
     LG_TRY(lg_hamiltonian_bind(tape, r->model, theta[0], &vars));
     LG_TRY(lg_hamiltonian_taped_ode(&vars, &ode));
     LG_TRY(lg_taped_split(tape, &ode.space, x[0], parts));
-    const lg_taped_interval over = {.h_rows = x[2], .input = x[1]};
+    const lg_taped_interval over = {.h_rows = step_of(r, x), .input = input_of(r, x)};
     LG_TRY(lg_taped_step_over(tape, r->scheme, &ode, &over, parts, parts));
     y[0] = lg_taped_join(tape, &ode.space, parts);
     return lg_tape_status(tape);
 }
 
-lg_status lg_hamiltonian_program(const lg_context *context, const lg_hamiltonian *model, const double *theta,
-                                 const lg_scheme *scheme, lg_program **out, lg_error *error) {
-    const bool chain = model->family == LG_HAMILTONIAN_CHAIN;
-    recording r = {model, scheme != NULL ? scheme : lg_scheme_find(chain ? "cf4" : "stormer-verlet")};
-    const uint32_t d = (uint32_t)lg_hamiltonian_state_size(model), m = model->links * (chain ? 3 : 1);
-    const lg_port in[] = {{.name = "x", .shape = lg_shape1(d)},
-                          {.name = "u", .shape = lg_shape1(m)},
-                          {.name = "h", .shape = lg_shape1(1), .low = 0.001, .high = 0.05}};
+static lg_status force(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const recording *r = user;
+    lg_hamiltonian_vars vars;
+    LG_TRY(lg_hamiltonian_bind(tape, r->model, theta[0], &vars));
+    y[0] = r->model->family->force(tape, &vars, x[0], x[1]);
+    return lg_tape_status(tape);
+}
+
+static lg_status drift(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const recording *r = user;
+    lg_hamiltonian_vars vars;
+    LG_TRY(lg_hamiltonian_bind(tape, r->model, theta[0], &vars));
+    y[0] = r->model->family->drift(tape, &vars, x[0]);
+    return lg_tape_status(tape);
+}
+
+static lg_status velocity(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const recording *r = user;
+    lg_hamiltonian_vars vars;
+    LG_TRY(lg_hamiltonian_bind(tape, r->model, theta[0], &vars));
+    y[0] = lg_hamiltonian_record_velocity(tape, &vars, x[0], input_of(r, x));
+    return lg_tape_status(tape);
+}
+
+enum { MOST_FUNCTIONS = 7 };
+
+static lg_status build(const lg_context *context, recording *r, const double *theta, bool in_a_loop,
+                       lg_program **out, lg_error *error) {
+    const lg_hamiltonian *model = r->model;
+    const uint32_t d = lg_hamiltonian_state_size(model), m = lg_hamiltonian_input_size(model);
+    const size_t inputs = m > 0 ? 2 : 1;
+    const lg_port h = {.name = "h", .shape = lg_shape1(1), .low = 0.001, .high = 0.05};
+    lg_port in[3] = {{.name = "x", .shape = lg_shape1(d)}, {.name = "u", .shape = lg_shape1(m)}};
+    in[inputs] = h;
+    const lg_port half[] = {{.name = "x", .shape = lg_shape1(d / 2)}, {.name = "u", .shape = lg_shape1(m)}};
     const lg_port energy[] = {{.name = "y"}, {.name = "g"}}, rate = {.name = "f"}, next = {.name = "next"};
-    const lg_function_spec functions[] = {{"value", in, 1, energy, 1, value, &r},
-                                          {"grad", in, 1, energy, 2, gradient, &r},
-                                          {"field", in, 2, &rate, 1, field, &r},
-                                          {"step", in, 3, &next, 1, step, &r}};
+    lg_function_spec functions[MOST_FUNCTIONS] = {{"value", in, 1, energy, 1, value, r},
+                                                  {"grad", in, 1, energy, 2, gradient, r},
+                                                  {"field", in, inputs, &rate, 1, field, r}};
+    size_t count = 3;
+    if (!in_a_loop) functions[count++] = (lg_function_spec){"step", in, inputs + 1, &next, 1, step, r};
+    if (in_a_loop) functions[count++] = (lg_function_spec){"velocity", in, inputs, &rate, 1, velocity, r};
+    if (in_a_loop && model->family->force != NULL) {
+        functions[count++] = (lg_function_spec){"force", half, 2, &rate, 1, force, r};
+        functions[count++] = (lg_function_spec){"drift", half, 1, &rate, 1, drift, r};
+    }
     const lg_parameter_spec weights = {"theta", lg_shape1((uint32_t)lg_hamiltonian_parameters(model)), theta};
     lg_program_spec spec;
     lg_program_spec_init(&spec);
     spec.parameters = &weights;
     spec.parameter_count = 1;
     spec.functions = functions;
-    spec.function_count = LG_COUNT(functions);
-    spec.description = chain ? "learned Hamiltonian of a chain" : "learned separable Hamiltonian";
+    spec.function_count = count;
+    spec.description = model->family->description;
     return lg_program_build(context, &spec, out, error);
+}
+
+lg_status lg_hamiltonian_program(const lg_context *context, const lg_hamiltonian *model, const double *theta,
+                                 const lg_scheme *scheme, lg_program **out, lg_error *error) {
+    recording r = {model, scheme != NULL ? scheme : lg_scheme_find(model->family->scheme)};
+    return build(context, &r, theta, false, out, error);
+}
+
+/* Adds the Jacobian of the velocity, then gives the program its parameters. */
+static lg_status finish(lg_program *bundle, const double *theta, lg_error *error) {
+    lg_derivative jacobian;
+    lg_derivative_init(&jacobian);
+    jacobian.kind = LG_DERIVATIVE_JACOBIAN;
+    jacobian.function = "velocity";
+    LG_TRY(lg_program_derive(bundle, &jacobian, error));
+    const lg_status status = lg_program_set_parameter(bundle, 0, theta);
+    return status == LG_OK ? LG_OK : lg_fail(error, status, "a parameter is not finite");
+}
+
+/* The Jacobian's rows are tried at initial parameters: the given ones may have a singular mass, where all is
+ * NaN. */
+lg_status lg_hamiltonian_bundle(const lg_context *context, const lg_hamiltonian *model, const double *theta,
+                                lg_program **out, lg_error *error) {
+    recording r = {.model = model};
+    lg_program *made;
+    lg_rng rng;
+    double *initial = lg_alloc(context, lg_hamiltonian_parameters(model), sizeof *initial);
+    if (initial == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a model");
+    lg_rng_seed(&rng, 1, 0);
+    lg_hamiltonian_initialise(model, &rng, initial);
+    lg_status status = build(context, &r, initial, true, &made, error);
+    lg_free(context, initial);
+    if (status != LG_OK) return status;
+    status = finish(made, theta, error);
+    if (status == LG_OK)
+        *out = made;
+    else
+        lg_program_destroy(made);
+    return status;
 }

@@ -1,144 +1,119 @@
-/* Models in a loop: one handle for all kinds, and what each kind is a function of. */
+/* Models in a loop: plans of a bundle's functions behind one handle. */
 #include "liegrad/model.h"
 
 #include "core/core.h"
+#include "models/hamiltonian_internal.h"
 #include "models/model_internal.h"
 
-/* ---- Hamiltonians: state -> H ---- */
+/* ---- functions ---- */
 
-static size_t hamiltonian_parameters(const lg_model *m) {
-    return lg_hamiltonian_parameters(&m->hamiltonian);
-}
-
-static size_t hamiltonian_inputs(const lg_model *m) {
-    return lg_hamiltonian_state_size(&m->hamiltonian);
-}
-
-static size_t hamiltonian_outputs(const lg_model *m) {
-    (void)m;
-    return 1;
-}
-
-static size_t hamiltonian_work(const lg_model *m) {
-    return lg_model_linear_work_size(&m->hamiltonian);
-}
-
-static void hamiltonian_eval(const lg_model *m, const double *x, double *y, void *work) {
-    *y = lg_hamiltonian_value(&m->hamiltonian, m->theta, x, work);
-}
-
-static void hamiltonian_jacobian(const lg_model *m, const double *x, double *y, double *jacobian,
-                                 void *work) {
-    const double value = lg_hamiltonian_gradient(&m->hamiltonian, m->theta, x, jacobian, work);
-    if (y != NULL) *y = value;
-}
-
-/* ---- surrogates ---- */
-
-static size_t surrogate_parameters(const lg_model *m) {
-    return lg_surrogate_parameters(&m->surrogate);
-}
-
-static size_t surrogate_inputs(const lg_model *m) {
-    return lg_model_surrogate_inputs(&m->surrogate);
-}
-
-static size_t surrogate_outputs(const lg_model *m) {
-    return lg_model_surrogate_outputs(&m->surrogate);
-}
-
-static size_t surrogate_work(const lg_model *m) {
-    return lg_model_surrogate_work_size(&m->surrogate);
-}
-
-static void surrogate_eval(const lg_model *m, const double *x, double *y, void *work) {
-    lg_model_surrogate_eval(&m->surrogate, m->theta, x, y, work);
-}
-
-static void surrogate_jacobian(const lg_model *m, const double *x, double *y, double *jacobian, void *work) {
-    lg_model_surrogate_jacobian(&m->surrogate, m->theta, x, y, jacobian, work);
-}
-
-/* ---- detectors ---- */
-
-static size_t detector_parameters(const lg_model *m) {
-    return lg_cnn_parameters(&m->detector.net);
-}
-
-static size_t detector_inputs(const lg_model *m) {
-    return lg_model_detector_inputs(&m->detector);
-}
-
-static size_t detector_outputs(const lg_model *m) {
-    return lg_model_detector_outputs(&m->detector);
-}
-
-static size_t detector_work(const lg_model *m) {
-    return lg_model_detector_work_size(&m->detector);
-}
-
-static void detector_eval(const lg_model *m, const double *x, double *y, void *work) {
-    lg_model_detector_eval(&m->detector, &m->scaler, m->theta, x, y, work);
-}
-
-static void detector_jacobian(const lg_model *m, const double *x, double *y, double *jacobian, void *work) {
-    lg_model_detector_jacobian(&m->detector, &m->scaler, m->theta, x, y, jacobian, work);
-}
-
-/* ---- any of them ---- */
-
-typedef struct kind_row {
-    size_t (*parameters)(const lg_model *model);
-    size_t (*inputs)(const lg_model *model);
-    size_t (*outputs)(const lg_model *model);
-    size_t (*work)(const lg_model *model);
-    void (*eval)(const lg_model *model, const double *x, double *y, void *work);
-    void (*jacobian)(const lg_model *model, const double *x, double *y, double *jacobian, void *work);
-} kind_row;
-
-#define ROW(kind)                                                                                            \
-    { kind##_parameters, kind##_inputs, kind##_outputs, kind##_work, kind##_eval, kind##_jacobian }
-static const kind_row rows[LG_MODEL_KIND_COUNT] = {
-    [LG_MODEL_HAMILTONIAN] = ROW(hamiltonian),
-    [LG_MODEL_SURROGATE] = ROW(surrogate),
-    [LG_MODEL_DETECTOR] = ROW(detector),
+static const char *const function_names[LG_MODEL_FUNCTIONS] = {
+    [LG_MODEL_VALUE] = "value", [LG_MODEL_GRADIENT] = "grad", [LG_MODEL_FIELD] = "field",
+    [LG_MODEL_FORCE] = "force", [LG_MODEL_DRIFT] = "drift",   [LG_MODEL_LINEAR] = "jac_velocity",
 };
 
-static bool known(const lg_model *model) {
-    return model != NULL && (unsigned)model->kind < LG_MODEL_KIND_COUNT;
+/* Plans of the functions that the bundle has; the work of the largest. */
+static lg_status make_plans(lg_model *model, const lg_program *bundle, lg_error *error) {
+    lg_plan_options options;
+    lg_plan_options_init(&options);
+    options.mark_unfit = true;
+    for (size_t i = 0; i < LG_MODEL_FUNCTIONS; i++) {
+        size_t function;
+        if (lg_program_find(bundle, function_names[i], &function) != LG_OK) continue;
+        LG_TRY(lg_plan_create(bundle, function, &options, &model->plan[i], error));
+        const size_t bytes = lg_plan_work_size(model->plan[i]);
+        if (bytes > model->plan_work) model->plan_work = bytes;
+    }
+    return LG_OK;
+}
+
+/* From a bundle with value and grad, which is destroyed; `hamiltonian` NULL for other kinds. */
+static lg_status create(const lg_context *context, lg_model_kind kind, const lg_hamiltonian *hamiltonian,
+                        lg_program *bundle, lg_model **out, lg_error *error) {
+    lg_model *made = lg_alloc(context, 1, sizeof *made);
+    lg_status status = LG_OUT_OF_MEMORY;
+    if (made == NULL) {
+        (void)lg_fail(error, status, "no memory for a model");
+    } else {
+        *made = (lg_model){.context = context, .kind = kind};
+        if (hamiltonian != NULL) made->hamiltonian = *hamiltonian;
+        status = make_plans(made, bundle, error);
+    }
+    if (status == LG_OK) {
+        made->parameters = lg_shape_count(lg_program_parameter(bundle, 0).shape);
+        made->inputs = lg_plan_input_count(made->plan[LG_MODEL_VALUE], 0);
+        made->outputs = lg_plan_output_count(made->plan[LG_MODEL_VALUE], 0);
+        made->work = made->plan_work + lg_model_linear_work_size(made);
+        *out = made;
+    } else {
+        lg_model_destroy(made);
+    }
+    lg_program_destroy(bundle);
+    return status;
+}
+
+lg_status lg_model_create_hamiltonian(const lg_context *context, const lg_hamiltonian *hamiltonian,
+                                      const double *theta, lg_model **out, lg_error *error) {
+    lg_program *bundle;
+    LG_TRY(lg_hamiltonian_bundle(context, hamiltonian, theta, &bundle, error));
+    return create(context, LG_MODEL_HAMILTONIAN, hamiltonian, bundle, out, error);
+}
+
+lg_status lg_model_create_surrogate(const lg_context *context, const lg_surrogate *surrogate,
+                                    const double *theta, lg_model **out, lg_error *error) {
+    lg_program *bundle;
+    LG_TRY(lg_surrogate_program(context, surrogate, theta, &bundle, error));
+    return create(context, LG_MODEL_SURROGATE, NULL, bundle, out, error);
+}
+
+lg_status lg_model_create_detector(const lg_context *context, const lg_detector *detector,
+                                   const lg_scaler *scaler, const double *theta, lg_model **out,
+                                   lg_error *error) {
+    lg_program *bundle;
+    LG_TRY(lg_detector_program(context, detector, scaler, theta, &bundle, error));
+    return create(context, LG_MODEL_DETECTOR, NULL, bundle, out, error);
+}
+
+void lg_model_destroy(lg_model *model) {
+    if (model == NULL) return;
+    for (size_t i = 0; i < LG_MODEL_FUNCTIONS; i++) lg_plan_destroy(model->plan[i]);
+    lg_free(model->context, model);
+}
+
+/* ---- sizes ---- */
+
+lg_model_kind lg_model_kind_of(const lg_model *model) {
+    return model->kind;
 }
 
 size_t lg_model_parameters(const lg_model *model) {
-    return known(model) ? rows[model->kind].parameters(model) : 0;
+    return model != NULL ? model->parameters : 0;
 }
 
 size_t lg_model_inputs(const lg_model *model) {
-    return known(model) ? rows[model->kind].inputs(model) : 0;
+    return model != NULL ? model->inputs : 0;
 }
 
 size_t lg_model_outputs(const lg_model *model) {
-    return known(model) ? rows[model->kind].outputs(model) : 0;
+    return model != NULL ? model->outputs : 0;
 }
 
 size_t lg_model_work_size(const lg_model *model) {
-    return known(model) ? rows[model->kind].work(model) : 0;
+    return model != NULL ? model->work : 0;
 }
 
-void lg_model_mark_unfit(const lg_model *model, const double *x, size_t n, double *y) {
-    const size_t inputs = lg_model_inputs(model);
-    double mark = 0.0;
-    for (size_t i = 0; i < inputs; i++) mark += 0.0 * x[i];
-    for (size_t i = 0; i < n; i++) y[i] += mark;
+/* ---- value and Jacobian ---- */
+
+void lg_model_run(const lg_model *model, lg_model_function function, const double *const *x, double *const *y,
+                  void *work) {
+    lg_plan_eval(model->plan[function], (const void *const *)x, (void *const *)y, work);
 }
 
 void lg_model_eval(const lg_model *model, const double *x, double *y, void *work) {
-    rows[model->kind].eval(model, x, y, work);
-    lg_model_mark_unfit(model, x, lg_model_outputs(model), y);
+    lg_model_run(model, LG_MODEL_VALUE, &x, &y, work);
 }
 
 void lg_model_jacobian(const lg_model *model, const double *x, double *y, double *jacobian, void *work) {
-    const size_t outputs = lg_model_outputs(model);
-    rows[model->kind].jacobian(model, x, y, jacobian, work);
-    lg_model_mark_unfit(model, x, outputs * lg_model_inputs(model), jacobian);
-    if (y != NULL) lg_model_mark_unfit(model, x, outputs, y);
+    double *const out[] = {y, jacobian};
+    lg_model_run(model, LG_MODEL_GRADIENT, &x, out, work);
 }

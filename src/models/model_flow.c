@@ -1,41 +1,22 @@
 /* A learned Hamiltonian in a loop: its field with an input, and steps along it. */
-#include <math.h>
-#include <string.h>
-
 #include "core/core.h"
-#include "models/hamiltonian_internal.h"
 #include "models/model_internal.h"
 
-bool lg_model_is_hamiltonian(const lg_model *model) {
+static bool is_hamiltonian(const lg_model *model) {
     return model != NULL && model->kind == LG_MODEL_HAMILTONIAN;
-}
-
-static bool is_chain(const lg_model *model) {
-    return model->hamiltonian.family == LG_HAMILTONIAN_CHAIN;
 }
 
 /* ---- the field ---- */
 
 size_t lg_model_input_size(const lg_model *model) {
-    if (!lg_model_is_hamiltonian(model)) return 0;
-    return (size_t)model->hamiltonian.links * (is_chain(model) ? 3 : 1);
-}
-
-/* Chain: eta_i += tau_i; separable: p' += u. */
-static void add_input(const lg_model *model, const double *input, double *field) {
-    const size_t k = model->hamiltonian.links;
-    if (!is_chain(model))
-        for (size_t i = 0; i < k; i++) field[k + i] += input[i];
-    else
-        for (size_t i = 0; i < 3 * k; i++) field[i / 3 * 6 + 3 + i % 3] += input[i];
+    return is_hamiltonian(model) ? lg_hamiltonian_input_size(&model->hamiltonian) : 0;
 }
 
 lg_status lg_model_field(const lg_model *model, const double *state, const double *input, double *field,
                          void *work) {
-    if (!lg_model_is_hamiltonian(model)) return LG_UNSUPPORTED;
-    lg_hamiltonian_field(&model->hamiltonian, model->theta, state, field, work);
-    if (input != NULL) add_input(model, input, field);
-    lg_model_mark_unfit(model, state, lg_model_inputs(model), field);
+    if (!is_hamiltonian(model)) return LG_UNSUPPORTED;
+    const double *const x[] = {state, input != NULL ? input : lg_model_no_input(model, work)};
+    lg_model_run(model, LG_MODEL_FIELD, x, &field, work);
     return LG_OK;
 }
 
@@ -49,32 +30,28 @@ static lg_status ode_field(void *user, double t, const double *y, const double *
 
 static lg_status ode_force(void *user, double t, const double *q, const double *input, double *out) {
     const lg_model_user *self = user;
-    const lg_hamiltonian *model = &self->model->hamiltonian;
+    const double *const x[] = {q, input != NULL ? input : lg_model_no_input(self->model, self->work)};
     (void)t;
-    lg_hamiltonian_force(model, self->model->theta, q, out, self->work);
-    for (size_t i = 0; input != NULL && i < model->links; i++) out[i] += input[i];
+    lg_model_run(self->model, LG_MODEL_FORCE, x, &out, self->work);
     return LG_OK;
 }
 
-static lg_status ode_velocity(void *user, double t, const double *p, const double *input, double *out) {
+static lg_status ode_drift(void *user, double t, const double *p, const double *input, double *out) {
     const lg_model_user *self = user;
     (void)t, (void)input;
-    lg_hamiltonian_velocity(&self->model->hamiltonian, self->model->theta, p, out, self->work);
+    lg_model_run(self->model, LG_MODEL_DRIFT, &p, &out, self->work);
     return LG_OK;
 }
 
 lg_status lg_model_ode(const lg_model *model, lg_model_user *user, void *work, lg_ode *ode) {
-    if (!lg_model_is_hamiltonian(model)) return LG_UNSUPPORTED;
+    if (!is_hamiltonian(model)) return LG_UNSUPPORTED;
     if (user == NULL || ode == NULL) return LG_INVALID_ARGUMENT;
-    const lg_hamiltonian *hamiltonian = &model->hamiltonian;
     lg_ode made = {.field = ode_field, .user = user};
-    if (is_chain(model)) {
-        const lg_space_factor links = {LG_SPACE_TS2, hamiltonian->links};
-        LG_TRY(lg_space_init(&made.space, &links, 1));
-    } else {
-        LG_TRY(lg_space_init_rn(&made.space, 2 * (size_t)hamiltonian->links));
+    LG_TRY(lg_hamiltonian_space(model->hamiltonian.family, model->hamiltonian.n, &made.space));
+    if (model->plan[LG_MODEL_FORCE] != NULL) {
+        LG_TRY(lg_space_init_rn(&made.space, made.space.dim));
         made.force = ode_force;
-        made.velocity = ode_velocity;
+        made.velocity = ode_drift;
     }
     *user = (lg_model_user){model, work};
     *ode = made;
@@ -89,7 +66,7 @@ static size_t padded(size_t bytes) {
 
 /* Bytes before the stepper. */
 static size_t before_stepper(const lg_model *model) {
-    return padded(sizeof(lg_model_user)) + padded(lg_hamiltonian_work_size(&model->hamiltonian));
+    return padded(sizeof(lg_model_user)) + padded(model->work);
 }
 
 /* The model's equation, and whether the scheme is one for it. */

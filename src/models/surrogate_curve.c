@@ -1,34 +1,59 @@
-/* Surrogates without a tape: curves in the caller's memory, and their errors against given ones. The networks
- * compute in the type of their parameters, all else in double. Everything happens on the side of the mirror
- * that the network knows; y-components are reflected when they are handed over. */
+/* Surrogates without a tape: curves in the caller's memory, by plans of the model's program, and their errors
+ * against given ones. What is around the network's functions, cubics and integrals, is double. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
 
 #include "core/core.h"
+#include "liegrad/program.h"
 #include "models/surrogate_internal.h"
 
 /* Rows that go through a network at once, and the panels of the quadrature at least. */
-enum { BLOCK = 128, PANELS = 50 };
+enum { BLOCK = 64, PANELS = 50 };
 
+/* Functions of the bundle that curves need, and of how many rows. */
+typedef enum asked { VALUE, ENDS, POINT, PLACE, ASKED } asked;
+static const struct {
+    const char *name;
+    bool many;
+} functions[ASKED] = {[VALUE] = {"value", true},
+                      [ENDS] = {"ends", false},
+                      [POINT] = {"point", true},
+                      [PLACE] = {"place", true}};
+
+struct lg_surrogate_curves {
+    const lg_context *context;
+    lg_surrogate model;
+    lg_dtype dtype;
+    size_t rows;                      /* of the second plans: points, or curves of the discrete network */
+    lg_plan *one[ASKED], *all[ASKED]; /* NULL: the kind has no such function, or rows is 1 */
+    size_t plan_work;                 /* bytes of the largest */
+};
+
+/* Numbers of the function of boundary conditions: those of the discrete network, or what serves a curve. */
+static size_t made_numbers(const lg_surrogate *model) {
+    return model->options.kind == LG_SURROGATE_DISCRETE ? model->net.outputs : LG_SURROGATE_ENDS;
+}
+
+/* ---- memory ---- */
+
+typedef enum role { WHOLE, PART, ASKED_FOR } role;
 /* A place at which the angle network is asked: a Gauss point with its share of the integral, over a whole
  * panel or a part of one, or a point of the curve. */
-typedef enum role { WHOLE, PART, POINT } role;
 typedef struct place {
-    double s, share;
+    double share;
     role role;
 } place;
 
-/* A model with its parameters, and the caller's memory cut into pieces. */
+/* The caller's memory, cut into pieces; numbers of the plans' type but for `curve`. */
 typedef struct run {
-    const lg_surrogate *model;
-    lg_dtype dtype;
-    const void *theta;
-    size_t rows; /* room for so many */
-    char *x, *tangent, *y, *dy;
-    place *places;
-    double *curve; /* discrete: (4, N + 1), see spread_nodes */
-    char *net;
+    const lg_surrogate_curves *c;
+    char *x, *made; /* boundary conditions (8), what is made of them; discrete: (rows) of them */
+    char *s;        /* (rows) */
+    char *q, *v;    /* (rows, 2), or theta (rows) */
+    place *places;  /* (rows) */
+    double *curve;  /* discrete: nodes (N + 1, 2), then tangents */
+    char *plan;
 } run;
 
 static char *cut(char *base, size_t *at, size_t count, size_t size) {
@@ -37,75 +62,153 @@ static char *cut(char *base, size_t *at, size_t count, size_t size) {
     return here;
 }
 
-static run cut_run(const lg_surrogate *model, lg_dtype dtype, size_t rows, void *work, size_t *bytes) {
-    const size_t size = dtype == LG_F64 ? sizeof(double) : sizeof(float), n = model->intervals;
-    const lg_surrogate_kind kind = model->options.kind;
-    const size_t tangents = kind == LG_SURROGATE_CONTINUOUS ? rows : 0;
+static size_t size_of(lg_dtype dtype) {
+    return dtype == LG_F64 ? sizeof(double) : sizeof(float);
+}
+
+static run cut_run(const lg_surrogate_curves *c, void *work, size_t *bytes) {
+    const size_t size = size_of(c->dtype), nodes = (size_t)c->model.intervals + 1;
+    const bool discrete = c->model.options.kind == LG_SURROGATE_DISCRETE;
     size_t at = 0;
-    run r = {.model = model, .dtype = dtype, .rows = rows};
-    r.x = cut(work, &at, rows * model->net.inputs, size);
-    r.tangent = cut(work, &at, tangents * model->net.inputs, size);
-    r.y = cut(work, &at, rows * model->net.outputs, size);
-    r.dy = cut(work, &at, tangents * model->net.outputs, size);
-    r.places = (place *)(void *)cut(work, &at, kind == LG_SURROGATE_ANGLE ? rows : 0, sizeof(place));
-    r.curve =
-        (double *)(void *)cut(work, &at, kind == LG_SURROGATE_DISCRETE ? 4 * (n + 1) : 0, sizeof(double));
-    r.net = cut(work, &at, 0, 1);
-    if (bytes != NULL) *bytes = at + lg_net_work_size(&model->net, rows, dtype);
+    run r = {.c = c};
+    const size_t curves = discrete ? c->rows : 1;
+    r.x = cut(work, &at, 8 * curves, size);
+    r.made = cut(work, &at, made_numbers(&c->model) * curves, size);
+    r.s = cut(work, &at, c->rows, size);
+    r.q = cut(work, &at, 2 * c->rows, size);
+    r.v = cut(work, &at, 2 * c->rows, size);
+    r.places = (place *)(void *)cut(work, &at, c->rows, sizeof(place));
+    r.curve = (double *)(void *)cut(work, &at, discrete ? 4 * nodes : 0, sizeof(double));
+    r.plan = cut(work, &at, c->plan_work, 1);
+    *bytes = at;
     return r;
 }
 
-/* One row for the curve; as many as points, in blocks; and an angle network has more places than points. */
-static size_t rows_for(const lg_surrogate *model, size_t points) {
-    if (model->options.kind == LG_SURROGATE_DISCRETE) return 1;
-    return model->options.kind == LG_SURROGATE_ANGLE || points > BLOCK ? BLOCK : points == 0 ? 1 : points;
+size_t lg_surrogate_curves_work_size(const lg_surrogate_curves *curves) {
+    size_t bytes;
+    (void)cut_run(curves, NULL, &bytes);
+    return bytes;
 }
 
-size_t lg_surrogate_work_size(const lg_surrogate *model, size_t points, lg_dtype dtype) {
-    size_t bytes;
-    (void)cut_run(model, dtype, rows_for(model, points), NULL, &bytes);
-    return bytes;
+/* ---- plans ---- */
+
+static lg_status make_plan(lg_surrogate_curves *c, const lg_program *program, asked which, size_t rows,
+                           lg_plan **out, lg_error *error) {
+    lg_plan_options options;
+    size_t function;
+    const bool unused = which == VALUE && c->model.options.kind != LG_SURROGATE_DISCRETE;
+    if (unused || lg_program_find(program, functions[which].name, &function) != LG_OK) return LG_OK;
+    lg_plan_options_init(&options);
+    options.rows = rows;
+    options.dtype = c->dtype;
+    LG_TRY(lg_plan_create(program, function, &options, out, error));
+    if (lg_plan_work_size(*out) > c->plan_work) c->plan_work = lg_plan_work_size(*out);
+    return LG_OK;
+}
+
+static lg_status make_plans(lg_surrogate_curves *c, const double *theta, lg_error *error) {
+    lg_program *program = NULL;
+    lg_status status = lg_surrogate_program(c->context, &c->model, theta, &program, error);
+    for (int which = 0; which < ASKED && status == LG_OK; which++) {
+        status = make_plan(c, program, (asked)which, 1, &c->one[which], error);
+        if (status == LG_OK && functions[which].many && c->rows > 1)
+            status = make_plan(c, program, (asked)which, c->rows, &c->all[which], error);
+    }
+    lg_program_destroy(program);
+    return status;
+}
+
+static lg_status create(const lg_context *context, const lg_surrogate *model, const double *theta,
+                        lg_dtype dtype, size_t rows, lg_surrogate_curves **out, lg_error *error) {
+    lg_surrogate_curves *made = lg_alloc(context, 1, sizeof *made);
+    if (made == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the curves of a network");
+    *made = (lg_surrogate_curves){.context = context, .model = *model, .dtype = dtype, .rows = rows};
+    const lg_status status = make_plans(made, theta, error);
+    if (status == LG_OK)
+        *out = made;
+    else
+        lg_surrogate_curves_destroy(made);
+    return status;
+}
+
+/* Panels are the same whatever points are asked for: equal parts of the data's intervals, so that the rule at
+ * their nodes is that of training, and at least PANELS. */
+static size_t panels_of(const lg_surrogate *model) {
+    const size_t n = model->intervals;
+    return n * ((PANELS + n - 1) / n);
+}
+
+/* Equal blocks of the places of a curve of so many points. */
+static size_t rows_for(const lg_surrogate *model, size_t points) {
+    const bool angle = model->options.kind == LG_SURROGATE_ANGLE;
+    const size_t places = points + (angle ? LG_GAUSS_POINTS * panels_of(model) : 0);
+    const size_t blocks = (places + BLOCK - 1) / BLOCK;
+    if (model->options.kind == LG_SURROGATE_DISCRETE || places == 0) return 1;
+    return (places + blocks - 1) / blocks;
+}
+
+lg_status lg_surrogate_curves_create(const lg_context *context, const lg_surrogate *model,
+                                     const double *theta, lg_dtype dtype, size_t points,
+                                     lg_surrogate_curves **out, lg_error *error) {
+    return create(context, model, theta, dtype, rows_for(model, points), out, error);
+}
+
+void lg_surrogate_curves_destroy(lg_surrogate_curves *curves) {
+    if (curves == NULL) return;
+    for (size_t i = 0; i < ASKED; i++) {
+        lg_plan_destroy(curves->one[i]);
+        lg_plan_destroy(curves->all[i]);
+    }
+    lg_free(curves->context, curves);
+}
+
+/* r->made from the boundary conditions. */
+static void make_of_ends(const run *r, asked which) {
+    const lg_plan *plan = r->c->all[which] != NULL ? r->c->all[which] : r->c->one[which];
+    lg_plan_eval(plan, (const void *const[]){r->x}, (void *const[]){r->made}, r->plan);
+}
+
+/* r->q and r->v at the first `count` places of r->s, of curve `shared`. Few of them go one by one; behind the
+ * last one there are as many more as the plan has rows. */
+static void ask(const run *r, asked which, const char *shared, size_t count) {
+    const size_t rows = r->c->rows, size = size_of(r->c->dtype);
+    const size_t width = size * (r->c->model.options.kind == LG_SURROGATE_CONTINUOUS ? 2 : 1);
+    if (r->c->all[which] != NULL && 4 * count >= rows) {
+        for (size_t i = count; i < rows; i++) memcpy(r->s + i * size, r->s + (count - 1) * size, size);
+        lg_plan_eval(r->c->all[which], (const void *const[]){r->s, shared}, (void *const[]){r->q, r->v},
+                     r->plan);
+        return;
+    }
+    for (size_t i = 0; i < count; i++)
+        lg_plan_eval(r->c->one[which], (const void *const[]){r->s + i * size, shared},
+                     (void *const[]){r->q + i * width, r->v + i * width}, r->plan);
+}
+
+static double number(const run *r, const char *values, size_t at) {
+    return lg_surrogate_get(r->c->dtype, values, at);
 }
 
 /* What is asked for: boundary conditions and where the points go; q and v may be NULL. */
 typedef struct target {
     const double *x;
-    double sign;
     double *q, *v;
 } target;
 
-static void put_row(const run *r, size_t row, const target *t, double s) {
-    double numbers[9];
-    const size_t n = r->model->net.inputs;
-    lg_surrogate_row(r->model, t->x, t->sign, s, numbers);
-    lg_surrogate_put(r->dtype, r->x, row * n, numbers, n);
-}
-
-/* Point number i of the answer, q counted from q0, reflected where the network's side is the other one. */
 static void hand_over(const target *t, size_t i, const double *q, const double *v) {
-    for (size_t c = 0; c < 2; c++) {
-        const double sign = c == 1 ? t->sign : 1.0;
-        if (t->q != NULL) t->q[2 * i + c] = t->x[LG_AT_Q0 + c] + sign * q[c];
-        if (t->v != NULL) t->v[2 * i + c] = sign * v[c];
-    }
+    if (t->q != NULL) memcpy(t->q + 2 * i, q, 2 * sizeof *q);
+    if (t->v != NULL) memcpy(t->v + 2 * i, v, 2 * sizeof *v);
 }
 
 /* ---- discrete ---- */
 
-/* Row `row` of the output with the given ends: nodes (N + 1, 2), then tangents (N + 1, 2), on the network's
- * side of the mirror. */
-static void spread_nodes(const run *r, size_t row, const target *t) {
-    const size_t n = r->model->intervals, inner = 2 * (n - 1), outputs = 2 * inner;
+/* The network's numbers `values` (4(N - 1)) with the given ends. */
+static void spread_nodes(const run *r, const char *values, size_t first, const double *x) {
+    const size_t n = r->c->model.intervals, inner = 2 * (n - 1);
     for (size_t part = 0; part < 2; part++) {
         double *to = r->curve + part * 2 * (n + 1);
-        for (size_t i = 0; i < inner; i++)
-            to[2 + i] = lg_surrogate_get(r->dtype, r->y, row * outputs + part * inner + i);
-        for (size_t c = 0; c < 2; c++) {
-            const double sign = c == 1 ? t->sign : 1.0;
-            const double from = part == 0 ? t->x[c] : 0.0;
-            to[c] = sign * (t->x[(part == 0 ? LG_AT_Q0 : LG_AT_V0) + c] - from);
-            to[2 * n + c] = sign * (t->x[(part == 0 ? LG_AT_QN : LG_AT_VN) + c] - from);
-        }
+        memcpy(to, x + (part == 0 ? LG_AT_Q0 : LG_AT_V0), 2 * sizeof *to);
+        memcpy(to + 2 * n, x + (part == 0 ? LG_AT_QN : LG_AT_VN), 2 * sizeof *to);
+        for (size_t i = 0; i < inner; i++) to[2 + i] = number(r, values, first + part * inner + i);
     }
 }
 
@@ -120,17 +223,16 @@ void lg_surrogate_hermite(const double *q, const double *v, double h, double t, 
 }
 
 static void read_nodes(const run *r, const target *t, const double *s, size_t points) {
-    const uint32_t n = r->model->intervals;
-    const double *q = r->curve, *v = q + 2 * (n + 1), h = r->model->length / n;
+    const uint32_t n = r->c->model.intervals;
+    const double *q = r->curve, *v = q + 2 * (n + 1), h = r->c->model.length / n;
     for (size_t i = 0; i < points; i++) {
-        double place_in = s[i] / r->model->length * n, point[2], tangent[2];
+        double place_in = s[i] / r->c->model.length * n, point[2], tangent[2];
         if (!(place_in > 0.0)) place_in = 0.0;
         if (place_in > n) place_in = n;
         const double node = floor(place_in + 0.5);
         size_t k = (size_t)node;
         if (fabs(place_in - node) <= 4.0 * DBL_EPSILON * n) {
             hand_over(t, i, q + 2 * k, v + 2 * k);
-            if (k == n && t->q != NULL) memcpy(t->q + 2 * i, t->x + LG_AT_QN, 2 * sizeof *t->q);
             continue;
         }
         k = (size_t)place_in;
@@ -139,114 +241,71 @@ static void read_nodes(const run *r, const target *t, const double *s, size_t po
     }
 }
 
-static void discrete_curve(run *r, const target *t, const double *s, size_t points) {
-    put_row(r, 0, t, 0.0);
-    lg_net_eval(&r->model->net, r->dtype, r->theta, r->x, 1, r->y, r->net);
-    spread_nodes(r, 0, t);
+static void discrete_curve(const run *r, const target *t, const double *s, size_t points) {
+    make_of_ends(r, VALUE);
+    spread_nodes(r, r->made, 0, t->x);
     read_nodes(r, t, s, points);
 }
 
 /* ---- continuous ---- */
 
-static void continuous_curve(run *r, const target *t, const double *s, size_t points) {
-    const double along[9] = {1.0 / r->model->length};
-    for (size_t i = 0; i < r->rows; i++) lg_surrogate_put(r->dtype, r->tangent, 9 * i, along, 9);
-    for (size_t at = 0; at < points; at += r->rows) {
-        const size_t rows = points - at < r->rows ? points - at : r->rows;
-        for (size_t i = 0; i < rows; i++) put_row(r, i, t, s[at + i]);
-        if (t->v == NULL)
-            lg_net_eval(&r->model->net, r->dtype, r->theta, r->x, rows, r->y, r->net);
-        else
-            lg_net_jvp(&r->model->net, r->dtype, r->theta, r->x, r->tangent, rows, r->y, r->dy, r->net);
-        for (size_t i = 0; i < rows; i++) {
-            double q[2], v[2] = {0.0, 0.0};
-            for (size_t c = 0; c < 2; c++) {
-                q[c] = lg_surrogate_get(r->dtype, r->y, 2 * i + c);
-                if (t->v != NULL) v[c] = lg_surrogate_get(r->dtype, r->dy, 2 * i + c);
-            }
-            hand_over(t, at + i, q, v);
+static void continuous_curve(const run *r, const target *t, const double *s, size_t points) {
+    const size_t most = r->c->rows;
+    for (size_t at = 0; at < points; at += most) {
+        const size_t rows = points - at < most ? points - at : most;
+        lg_surrogate_put(r->c->dtype, r->s, 0, s + at, rows);
+        ask(r, t->v == NULL ? PLACE : POINT, r->x, rows);
+        for (size_t i = 0; i < 2 * rows; i++) {
+            if (t->q != NULL) t->q[2 * at + i] = number(r, r->q, i);
+            if (t->v != NULL) t->v[2 * at + i] = number(r, r->v, i);
         }
     }
 }
 
 /* ---- angle ---- */
 
-/* What runs along a curve: the integral so far, and what its angles lack at the ends. */
+/* What runs along a curve: the integral so far. */
 typedef struct walk {
     double whole[2], part[2]; /* over whole panels, and from there to the next point */
-    double missing[2];
-    size_t panels; /* whole ones so far */
-    size_t filled; /* places waiting */
-    size_t done;   /* points handed over */
+    size_t panels;            /* whole ones so far */
+    size_t filled;            /* places waiting */
+    size_t done;              /* points handed over */
 } walk;
 
-/* pi f at the places that wait, left in r->y. */
-static void ask(run *r, const target *t, size_t count) {
-    for (size_t i = 0; i < count; i++) put_row(r, i, t, r->places[i].s);
-    lg_net_eval(&r->model->net, r->dtype, r->theta, r->x, count, r->y, r->net);
-}
-
-static double answer(const run *r, size_t i) {
-    return LG_SURROGATE_PI * lg_surrogate_get(r->dtype, r->y, i);
-}
-
-static void find_missing(run *r, const target *t, walk *w) {
-    w->missing[0] = w->missing[1] = 0.0;
-    if (!r->model->options.boundary) return;
-    r->places[0].s = 0.0;
-    r->places[1].s = r->model->length;
-    ask(r, t, 2);
-    lg_surrogate_angles(t->x, t->sign, w->missing);
-    for (size_t i = 0; i < 2; i++) w->missing[i] -= answer(r, i);
-}
-
-static double angle_at(const run *r, const walk *w, size_t i) {
-    double weights[2];
-    if (!r->model->options.boundary) return answer(r, i);
-    lg_surrogate_end_weights(r->model, r->places[i].s, weights);
-    return answer(r, i) + (w->missing[0] * weights[0] + w->missing[1] * weights[1]);
-}
-
 /* Takes the places that wait in their order: shares of the integral are added, points handed over. */
-static void empty(run *r, const target *t, walk *w) {
+static void empty(const run *r, const target *t, walk *w) {
     if (w->filled == 0) return;
-    ask(r, t, w->filled);
+    ask(r, POINT, r->made, w->filled);
     for (size_t i = 0; i < w->filled; i++) {
-        const double angle = angle_at(r, w, i), v[2] = {cos(angle), sin(angle)};
+        const double angle = number(r, r->q, i), v[2] = {cos(angle), sin(angle)};
         const place *p = &r->places[i];
         double q[2];
         for (size_t c = 0; c < 2; c++) {
             if (p->role == WHOLE) w->whole[c] += p->share * v[c];
             if (p->role == PART) w->part[c] += p->share * v[c];
-            q[c] = w->whole[c] + w->part[c];
+            q[c] = t->x[LG_AT_Q0 + c] + (w->whole[c] + w->part[c]);
         }
-        if (p->role != POINT) continue;
+        if (p->role != ASKED_FOR) continue;
         hand_over(t, w->done++, q, v);
         w->part[0] = w->part[1] = 0.0;
     }
     w->filled = 0;
 }
 
-static void wait_for(run *r, const target *t, walk *w, place p) {
-    r->places[w->filled++] = p;
-    if (w->filled == r->rows) empty(r, t, w);
+static void wait_for(const run *r, const target *t, walk *w, double s, double share, role as) {
+    lg_surrogate_put(r->c->dtype, r->s, w->filled, &s, 1);
+    r->places[w->filled++] = (place){share, as};
+    if (w->filled == r->c->rows) empty(r, t, w);
 }
 
-static void gauss(run *r, const target *t, walk *w, double a, double b, role as) {
+static void gauss(const run *r, const target *t, walk *w, double a, double b, role as) {
     for (int g = 0; g < LG_GAUSS_POINTS; g++)
-        wait_for(r, t, w, (place){a + lg_gauss_at[g] * (b - a), (b - a) * lg_gauss_weight[g], as});
-}
-
-/* Panels are the same whatever points are asked for: equal parts of the data's intervals, so that the rule at
- * their nodes is that of training, and at least PANELS. */
-static size_t panels_of(const lg_surrogate *model) {
-    const size_t n = model->intervals;
-    return n * ((PANELS + n - 1) / n);
+        wait_for(r, t, w, a + lg_gauss_at[g] * (b - a), (b - a) * lg_gauss_weight[g], as);
 }
 
 /* The integral up to s: whole panels, then the part of the next one. */
-static void integrate_to(run *r, const target *t, walk *w, double s) {
-    const double panels = (double)panels_of(r->model), h = r->model->length / panels;
+static void integrate_to(const run *r, const target *t, walk *w, double s) {
+    const double panels = (double)panels_of(&r->c->model), h = r->c->model.length / panels;
     const double place_in = s / h;
     while ((double)w->panels + 1.0 <= place_in + 1e-9 && (double)w->panels < panels) {
         gauss(r, t, w, h * (double)w->panels, h * ((double)w->panels + 1.0), WHOLE);
@@ -255,15 +314,17 @@ static void integrate_to(run *r, const target *t, walk *w, double s) {
     if (place_in > (double)w->panels + 1e-9) gauss(r, t, w, h * (double)w->panels, s, PART);
 }
 
-static void angle_curve(run *r, const target *t, const double *s, size_t points) {
+static void angle_curve(const run *r, const target *t, const double *s, size_t points) {
     walk w = {.filled = 0};
-    find_missing(r, t, &w);
+    make_of_ends(r, ENDS);
     for (size_t i = 0; i < points; i++) {
         if (t->q != NULL) integrate_to(r, t, &w, s[i]);
-        wait_for(r, t, &w, (place){s[i], 0.0, POINT});
+        wait_for(r, t, &w, s[i], 0.0, ASKED_FOR);
     }
     empty(r, t, &w);
 }
+
+/* ---- any curve ---- */
 
 /* A number of x makes the whole curve NaN when it is not finite, one of s its point: a branch of ReLU, or the
  * end that s is beyond, would hide it. */
@@ -276,17 +337,19 @@ static void mark_unfit(const target *t, const double *s, size_t points) {
     }
 }
 
-void lg_surrogate_curve(const lg_surrogate *model, lg_dtype dtype, const void *theta, const double *x,
-                        const double *s, size_t points, double *q, double *v, void *work) {
-    static void (*const curves[LG_SURROGATE_KIND_COUNT])(run *, const target *, const double *, size_t) = {
+void lg_surrogate_curve(const lg_surrogate_curves *curves, const double *x, const double *s, size_t points,
+                        double *q, double *v, void *work) {
+    static void (*const kinds[LG_SURROGATE_KIND_COUNT])(const run *, const target *, const double *,
+                                                        size_t) = {
         [LG_SURROGATE_DISCRETE] = discrete_curve,
         [LG_SURROGATE_CONTINUOUS] = continuous_curve,
         [LG_SURROGATE_ANGLE] = angle_curve,
     };
-    const target t = {x, lg_surrogate_sign(model, x), q, v};
-    run r = cut_run(model, dtype, rows_for(model, points), work, NULL);
-    r.theta = theta;
-    curves[model->options.kind](&r, &t, s, points);
+    const target t = {x, q, v};
+    size_t bytes;
+    const run r = cut_run(curves, work, &bytes);
+    lg_surrogate_put(curves->dtype, r.x, 0, x, 8);
+    kinds[curves->model.options.kind](&r, &t, s, points);
     mark_unfit(&t, s, points);
 }
 
@@ -321,9 +384,8 @@ static double off_unit(const double *v, size_t points) {
     return largest;
 }
 
-static target target_of(const judging *j, const lg_surrogate *model, size_t i) {
-    const double *x = j->curves->boundary + 8 * number_of(j, i);
-    return (target){x, lg_surrogate_sign(model, x), j->q, j->v};
+static const double *boundary_of(const judging *j, size_t i) {
+    return j->curves->boundary + 8 * number_of(j, i);
 }
 
 static void judge_ends(judging *j, const lg_surrogate *model, const double *x) {
@@ -365,39 +427,36 @@ static void judge_between(judging *j) {
 }
 
 /* Of the discrete network many curves at once: its parameters are read once for all of them. */
-static void judge_discrete(judging *j, run *r) {
-    const size_t nodes = (size_t)r->model->intervals + 1;
-    for (size_t start = 0; start < j->count; start += r->rows) {
-        const size_t rows = j->count - start < r->rows ? j->count - start : r->rows;
+static void judge_discrete(judging *j, const run *r) {
+    const size_t nodes = (size_t)r->c->model.intervals + 1, outputs = made_numbers(&r->c->model);
+    const target t = {NULL, j->q, j->v};
+    for (size_t start = 0; start < j->count; start += r->c->rows) {
+        const size_t rows = j->count - start < r->c->rows ? j->count - start : r->c->rows;
+        for (size_t i = 0; i < r->c->rows; i++)
+            lg_surrogate_put(r->c->dtype, r->x, 8 * i, boundary_of(j, start + (i < rows ? i : 0)), 8);
+        make_of_ends(r, VALUE);
         for (size_t i = 0; i < rows; i++) {
-            const target t = target_of(j, r->model, start + i);
-            put_row(r, i, &t, 0.0);
-        }
-        lg_net_eval(&r->model->net, r->dtype, r->theta, r->x, rows, r->y, r->net);
-        for (size_t i = 0; i < rows; i++) {
-            const target t = target_of(j, r->model, start + i);
-            spread_nodes(r, i, &t);
+            spread_nodes(r, r->made, i * outputs, boundary_of(j, start + i));
             read_nodes(r, &t, j->s, nodes);
-            judge(j, r->model, start + i);
+            judge(j, &r->c->model, start + i);
             read_nodes(r, &t, j->half_way, nodes - 1);
             judge_between(j);
         }
     }
 }
 
-static void judge_all(judging *j, const lg_surrogate *model, const double *theta, size_t rows, void *work) {
+static void judge_all(judging *j, const lg_surrogate_curves *curves, void *work) {
     const size_t nodes = (size_t)j->curves->intervals + 1;
-    if (model->options.kind == LG_SURROGATE_DISCRETE) {
-        run r = cut_run(model, LG_F64, rows, work, NULL);
-        r.theta = theta;
+    size_t bytes;
+    const run r = cut_run(curves, work, &bytes);
+    if (curves->model.options.kind == LG_SURROGATE_DISCRETE) {
         judge_discrete(j, &r);
         return;
     }
     for (size_t i = 0; i < j->count; i++) {
-        const target t = target_of(j, model, i);
-        lg_surrogate_curve(model, LG_F64, theta, t.x, j->s, nodes, j->q, j->v, work);
-        judge(j, model, i);
-        lg_surrogate_curve(model, LG_F64, theta, t.x, j->half_way, nodes - 1, NULL, j->v, work);
+        lg_surrogate_curve(curves, boundary_of(j, i), j->s, nodes, j->q, j->v, work);
+        judge(j, &curves->model, i);
+        lg_surrogate_curve(curves, boundary_of(j, i), j->half_way, nodes - 1, NULL, j->v, work);
         judge_between(j);
     }
 }
@@ -427,6 +486,17 @@ static lg_status check_chosen(const judging *j, lg_error *error) {
     return LG_OK;
 }
 
+static void place_nodes(judging *j, const lg_surrogate *model, size_t nodes, double *numbers) {
+    j->s = numbers;
+    j->q = numbers + nodes;
+    j->v = numbers + 3 * nodes;
+    j->node_sums = numbers + 5 * nodes;
+    j->half_way = numbers + 7 * nodes;
+    for (size_t k = 0; k < nodes; k++)
+        j->s[k] = k + 1 == nodes ? model->length : model->length * (double)k / (double)(nodes - 1);
+    for (size_t k = 0; k + 1 < nodes; k++) j->half_way[k] = 0.5 * (j->s[k] + j->s[k + 1]);
+}
+
 lg_status lg_surrogate_evaluate(const lg_context *context, const lg_surrogate *model, const double *theta,
                                 const lg_elastica_curves *curves, const uint32_t *chosen, size_t count,
                                 double *node_error, lg_surrogate_errors *out, lg_error *error) {
@@ -434,30 +504,22 @@ lg_status lg_surrogate_evaluate(const lg_context *context, const lg_surrogate *m
     LG_TRY(lg_surrogate_check_curves(model, curves, error));
     LG_TRY(check_chosen(&j, error));
     const size_t nodes = (size_t)curves->intervals + 1;
-    const size_t rows = j.count < BLOCK ? j.count : BLOCK; /* discrete */
-    size_t bytes;
-    if (model->options.kind == LG_SURROGATE_DISCRETE)
-        (void)cut_run(model, LG_F64, rows, NULL, &bytes);
-    else
-        bytes = lg_surrogate_work_size(model, nodes, LG_F64);
-    void *work = lg_alloc(context, 1, bytes);
+    const bool discrete = model->options.kind == LG_SURROGATE_DISCRETE;
+    const size_t rows = discrete ? (j.count < BLOCK ? j.count : BLOCK) : rows_for(model, nodes);
+    lg_surrogate_curves *plans = NULL;
+    LG_TRY(create(context, model, theta, LG_F64, rows, &plans, error));
+    void *work = lg_alloc(context, 1, lg_surrogate_curves_work_size(plans));
     double *numbers = lg_alloc(context, 8 * nodes, sizeof(double));
     lg_status status = LG_OUT_OF_MEMORY;
     if (work != NULL && numbers != NULL) {
-        j.s = numbers;
-        j.q = numbers + nodes;
-        j.v = numbers + 3 * nodes;
-        j.node_sums = numbers + 5 * nodes;
-        j.half_way = numbers + 7 * nodes;
-        for (size_t k = 0; k < nodes; k++)
-            j.s[k] = k + 1 == nodes ? model->length : model->length * (double)k / (double)(nodes - 1);
-        for (size_t k = 0; k + 1 < nodes; k++) j.half_way[k] = 0.5 * (j.s[k] + j.s[k + 1]);
-        judge_all(&j, model, theta, rows, work);
+        place_nodes(&j, model, nodes, numbers);
+        judge_all(&j, plans, work);
         status = finish(&j, model, node_error, out, error);
     } else {
         (void)lg_fail(error, status, "no memory for curves of %zu nodes", nodes);
     }
     lg_free(context, numbers);
     lg_free(context, work);
+    lg_surrogate_curves_destroy(plans);
     return status;
 }

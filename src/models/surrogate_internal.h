@@ -12,6 +12,9 @@ static const double lg_gauss_weight[LG_GAUSS_POINTS] = {5.0 / 18.0, 8.0 / 18.0, 
 /* Pi to double precision. */
 #define LG_SURROGATE_PI 3.14159265358979323846
 
+/* What the angle network's curves have for all their places: R, theta_0, theta_N, and what pi f lacks there. */
+enum { LG_SURROGATE_ENDS = 5 };
+
 /* Where the components of boundary conditions x = (q0, v0, qN, vN) begin. */
 enum { LG_AT_Q0 = 0, LG_AT_V0 = 2, LG_AT_QN = 4, LG_AT_VN = 6 };
 

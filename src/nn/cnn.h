@@ -23,6 +23,10 @@ typedef struct cnn_layout {
 
 void lg_cnn_layout(const lg_cnn *net, cnn_layout *layout);
 
+/* lg_cnn_record with convolutions and poolings as operations of their own: a program of values and recorded
+ * derivatives then computes each convolution once. */
+lg_var lg_cnn_record_apart(lg_tape *tape, const lg_cnn *net, lg_var theta, lg_var x);
+
 /* The two halves of lg_cnn_input_gradient, for several cotangents of one series: the values, with what the
  * second half reads left in `work` (lg_cnn_gradient_work_size); y (outputs) or NULL. Then, with the same
  * `work`, the gradient (length, channels) of any number of cotangents (outputs), one after the other. */

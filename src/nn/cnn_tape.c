@@ -27,15 +27,26 @@ static lg_var bias(lg_tape *tape, lg_var theta, size_t offset, const cnn_layer *
     return lg_slice(tape, theta, 0, (uint32_t)(offset + l->bias), l->out);
 }
 
-static lg_var block(lg_tape *tape, const lg_cnn *net, uint32_t i, lg_var w, lg_var b, lg_var x) {
+/* `apart`: convolution, activation and pooling are operations of their own. */
+static lg_var convolve(lg_tape *tape, const lg_cnn *net, uint32_t i, bool apart, lg_var w, lg_var b,
+                       lg_var x) {
     const lg_cnn_block *it = &net->block[i];
     const bool average = it->pooling == LG_POOL_AVERAGE;
-    const lg_var y = lg_conv1d_pooled(tape, x, w, b, it->stride, it->padding, net->activation,
-                                      average ? it->pool_size : 1, average ? it->pool_stride : 1);
+    const uint32_t size = average ? it->pool_size : 1, step = average ? it->pool_stride : 1;
+    if (!apart) return lg_conv1d_pooled(tape, x, w, b, it->stride, it->padding, net->activation, size, step);
+    const lg_var z = lg_add(tape, lg_conv1d(tape, x, w, it->stride, it->padding), b);
+    const lg_var y = lg_act(tape, z, net->activation);
+    return average ? lg_avg_pool1d(tape, y, size, step) : y;
+}
+
+static lg_var block(lg_tape *tape, const lg_cnn *net, uint32_t i, bool apart, lg_var w, lg_var b, lg_var x) {
+    const lg_cnn_block *it = &net->block[i];
+    const lg_var y = convolve(tape, net, i, apart, w, b, x);
     return it->pooling == LG_POOL_MAX ? lg_max_pool1d(tape, y, it->pool_size, it->pool_stride) : y;
 }
 
-lg_var lg_cnn_record(lg_tape *tape, const lg_cnn *net, lg_var theta, size_t offset, lg_var x, lg_var *plane) {
+static lg_var record(lg_tape *tape, const lg_cnn *net, bool apart, lg_var theta, size_t offset, lg_var x,
+                     lg_var *plane) {
     cnn_layout layout;
     lg_cnn_layout(net, &layout);
     if (plane != NULL) *plane = LG_NONE;
@@ -46,7 +57,7 @@ lg_var lg_cnn_record(lg_tape *tape, const lg_cnn *net, lg_var theta, size_t offs
         const cnn_layer *l = &layout.layer[i];
         const lg_var w = weight(tape, theta, offset, l), b = bias(tape, theta, offset, l);
         if (i < net->blocks) {
-            h = block(tape, net, i, w, b, h);
+            h = block(tape, net, i, apart, w, b, h);
             continue;
         }
         const bool last = i + 1 == layout.count;
@@ -56,4 +67,12 @@ lg_var lg_cnn_record(lg_tape *tape, const lg_cnn *net, lg_var theta, size_t offs
     }
     if (plane != NULL && !lg_is_none(h)) *plane = wide;
     return h;
+}
+
+lg_var lg_cnn_record(lg_tape *tape, const lg_cnn *net, lg_var theta, size_t offset, lg_var x, lg_var *plane) {
+    return record(tape, net, false, theta, offset, x, plane);
+}
+
+lg_var lg_cnn_record_apart(lg_tape *tape, const lg_cnn *net, lg_var theta, lg_var x) {
+    return record(tape, net, true, theta, 0, x, NULL);
 }

@@ -172,7 +172,7 @@ static inline void detector_change(const sample *of, size_t from_end, double cha
     memcpy(theta, file.detector.theta, changed.parameters * sizeof *theta);
     theta[changed.parameters - from_end] += change;
     changed.theta = theta;
-    changed.scaler = file.model.scaler;
+    changed.scaler = file.detector.scaler;
     assert_ok(lg_model_save_detector(NULL, path, &changed, NULL, NULL));
     lg_model_file_destroy(NULL, &file);
     free(theta);
@@ -188,16 +188,16 @@ static inline double detector_mean(const sample *of) {
     (void)snprintf(name, sizeof name, "%s.h5", of->folder);
     cli_path(name, path, sizeof path);
     assert_ok(lg_model_load(NULL, path, NULL, &file, NULL));
-    const lg_scaler *scaler = &file.model.scaler;
-    const size_t n = lg_model_inputs(&file.model), length = of->net.length;
+    const lg_scaler *scaler = &file.detector.scaler;
+    const size_t n = lg_model_inputs(file.model), length = of->net.length;
     double *x = calloc(n, sizeof *x);
-    void *work = aligned_alloc(64, (lg_model_work_size(&file.model) + 64) / 64 * 64);
+    void *work = aligned_alloc(64, (lg_model_work_size(file.model) + 64) / 64 * 64);
     assert_true(x != NULL && work != NULL);
     lg_rng_seed(&rng, 1, 1);
     for (int v = 0; v < DRAWN; v++) {
         for (size_t i = 0; i < n; i++)
             x[i] = scaler->mean[i / length] + scaler->scale[i / length] * lg_rng_normal(&rng);
-        lg_model_eval(&file.model, x, &y, work);
+        lg_model_eval(file.model, x, &y, work);
         mean += y / DRAWN;
     }
     lg_model_file_destroy(NULL, &file);

@@ -7,14 +7,16 @@
 #include "liegrad/integrators.h"
 #include "liegrad/io.h"
 #include "liegrad/model.h"
+#include "models/hamiltonian_internal.h"
 
-enum { CHAIN = LG_HAMILTONIAN_CHAIN, SEPARABLE = LG_HAMILTONIAN_SEPARABLE };
+#define CHAIN     (&lg_hamiltonian_chain)
+#define SEPARABLE (&lg_hamiltonian_separable)
 enum { MLP = LG_POTENTIAL_MLP, LINEAR = LG_POTENTIAL_LINEAR };
 
 /* One row: the model, the scheme of its step ("": the default) and how it is compiled. */
 typedef struct sample {
     const char *folder;
-    int family;
+    const lg_hamiltonian_family *family;
     uint32_t links;
     int potential;
     lg_activation activation;
@@ -68,7 +70,7 @@ static inline int hamiltonians_begin(void **state) {
 /* A model with random parameters, on the disk too. */
 typedef struct learned {
     lg_hamiltonian_file file;
-    lg_model model;
+    lg_model *model;
     lg_scheme *read; /* from a file */
     const lg_scheme *scheme;
     size_t n, m; /* numbers in a state and in an input */
@@ -85,14 +87,15 @@ static inline void learned_save(learned *made, const char *name) {
 
 static inline learned learned_make(const sample *of) {
     static const uint32_t hidden[] = {24, 16};
-    learned made = {
-        .file.run = {
-            .integrator = LG_TRAIN_CF4, .substeps = 1, .trajectories = 20, .points = 5, .dt = 0.025}};
+    learned made = {.file.run = {.scheme = lg_scheme_find(of->family->scheme),
+                                 .substeps = 1,
+                                 .trajectories = 20,
+                                 .points = 5,
+                                 .dt = 0.025}};
     lg_hamiltonian_run *run = &made.file.run;
     lg_rng rng;
-    assert_ok(lg_hamiltonian_init(&run->model, (lg_hamiltonian_family)of->family, of->links,
-                                  (lg_potential_kind)of->potential, hidden, 2, of->activation));
-    if (of->family == SEPARABLE) run->integrator = LG_TRAIN_STORMER_VERLET;
+    assert_ok(lg_hamiltonian_init(&run->model, of->family, of->links, (lg_potential_kind)of->potential,
+                                  hidden, 2, of->activation));
     run->training = (lg_training){.dtype = LG_F64,
                                   .epochs = 1,
                                   .batch = 10,
@@ -116,10 +119,9 @@ static inline learned learned_make(const sample *of) {
         }
     }
     learned_save(&made, of->folder);
-    made.model =
-        (lg_model){.kind = LG_MODEL_HAMILTONIAN, .hamiltonian = run->model, .theta = made.file.theta};
-    made.n = lg_model_inputs(&made.model);
-    made.m = lg_model_input_size(&made.model);
+    assert_ok(lg_model_create_hamiltonian(NULL, &run->model, made.file.theta, &made.model, NULL));
+    made.n = lg_model_inputs(made.model);
+    made.m = lg_model_input_size(made.model);
     return made;
 }
 
@@ -137,6 +139,7 @@ static inline void learned_scheme(learned *made, const sample *of) {
 
 static inline void learned_free(learned *made) {
     lg_scheme_destroy(NULL, made->read);
+    lg_model_destroy(made->model);
     free(made->file.theta);
 }
 

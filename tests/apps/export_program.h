@@ -8,6 +8,7 @@
 #include "liegrad/io.h"
 #include "liegrad/ops.h"
 #include "liegrad/program.h"
+#include "models/hamiltonian_internal.h"
 
 static inline void derive(lg_program *program, lg_derivative_kind kind, const char *function) {
     lg_derivative what;
@@ -28,7 +29,7 @@ static inline void save_program(lg_program *program, const char *name) {
 }
 
 /* Value, gradient, field, step, ten steps, and what is derived of them. */
-static inline void save_hamiltonian(const char *name, lg_hamiltonian_family family) {
+static inline void save_hamiltonian(const char *name, const lg_hamiltonian_family *family) {
     static const uint32_t hidden[] = {24, 16};
     lg_hamiltonian model;
     lg_rng rng;

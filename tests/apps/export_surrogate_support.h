@@ -12,9 +12,10 @@ enum { TRAINED = 20, POINTS = 21 };
 /* A model in its file, as the library has it, and as it was compiled. */
 typedef struct beam {
     lg_surrogate_file file;
-    lg_model model;
+    lg_model *model;
     export_library lib;
     size_t place; /* 1 where s is an input */
+    lg_surrogate_curves *curves;
     void *work;
 } beam;
 
@@ -70,9 +71,10 @@ static inline beam beam_make(const lg_surrogate_options *options, uint32_t inter
         assert_non_null(b.file.trained);
         for (size_t i = 0; i < TRAINED; i++) draw_boundary(&rng, length, b.file.trained + 8 * i);
     }
-    b.model = (lg_model){.kind = LG_MODEL_SURROGATE, .surrogate = b.file.run.model, .theta = b.file.theta};
-    const size_t bytes[] = {lg_model_work_size(&b.model),
-                            lg_surrogate_work_size(&b.file.run.model, POINTS, LG_F64)};
+    assert_ok(lg_model_create_surrogate(NULL, &b.file.run.model, b.file.theta, &b.model, NULL));
+    assert_ok(
+        lg_surrogate_curves_create(NULL, &b.file.run.model, b.file.theta, LG_F64, POINTS, &b.curves, NULL));
+    const size_t bytes[] = {lg_model_work_size(b.model), lg_surrogate_curves_work_size(b.curves)};
     const size_t room = bytes[0] > bytes[1] ? bytes[0] : bytes[1];
     b.work = aligned_alloc(64, (room + 63) / 64 * 64);
     assert_non_null(b.work);
@@ -80,6 +82,8 @@ static inline beam beam_make(const lg_surrogate_options *options, uint32_t inter
 }
 
 static inline void beam_free(beam *b) {
+    lg_surrogate_curves_destroy(b->curves);
+    lg_model_destroy(b->model);
     free(b->work);
     free(b->file.trained);
     free(b->file.theta);
@@ -108,7 +112,7 @@ static inline void beam_draw(void *user, lg_rng *rng, double *x) {
 
 static inline void beam_reference(void *user, const double *x, double *y, double *jacobian) {
     const beam *b = user;
-    lg_model_jacobian(&b->model, x, y, jacobian, b->work);
+    lg_model_jacobian(b->model, x, y, jacobian, b->work);
 }
 
 /* ---- curves ---- */
@@ -206,7 +210,7 @@ static inline void beam_compare_curves(const beam *b, const char *title, size_t 
         draw_boundary(&rng, model->length, x);
         for (size_t c = 0; c < 8; c++) x[c] = export_rounded(&b->lib, x[c]);
         draw_places(b, &rng, s);
-        lg_surrogate_curve(model, LG_F64, b->file.theta, x, s, POINTS, q[0] + at, v[0] + at, b->work);
+        lg_surrogate_curve(b->curves, x, s, POINTS, q[0] + at, v[0] + at, b->work);
         beam_curve(b, x, s, POINTS, q[1] + at, v[1] + at);
         if (k % 16 == 0) check_parts(b, x, s, q[1] + at, v[1] + at);
         if (k % 16 == 0 && model->options.mirror) check_mirror(b, x, s, q[1] + at, v[1] + at);
@@ -230,8 +234,8 @@ static inline void beam_check(beam *b, const char *name, bool single, const char
     (void)snprintf(title, sizeof title, "%s, %s, %s %s", name, single ? "float" : "double", compiler, flags);
     beam_export(b, name, single);
     b->lib = export_open(name, name, compiler, flags);
-    assert_int_equal(b->lib.inputs, lg_model_inputs(&b->model));
-    assert_int_equal(b->lib.outputs, lg_model_outputs(&b->model));
+    assert_int_equal(b->lib.inputs, lg_model_inputs(b->model));
+    assert_int_equal(b->lib.outputs, lg_model_outputs(b->model));
     assert_true(b->lib.single == single);
     export_compare(&b->lib, title, 1000, beam_draw, beam_reference, b);
     beam_compare_curves(b, title, curves);

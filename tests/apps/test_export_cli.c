@@ -4,6 +4,7 @@
 #include "export_support.h"
 
 #include "liegrad/io.h"
+#include "models/hamiltonian_internal.h"
 
 static const char lg[] = "lg-export";
 static cli result;
@@ -21,7 +22,7 @@ static const char *const suffixes[] = {".h", ".c", "_weights.c", "_test.c"};
 static void make_hamiltonian(const char *name, double size, const char *command) {
     char path[512];
     const uint32_t hidden[] = {4};
-    lg_hamiltonian_file file = {.run = {.integrator = LG_TRAIN_CF4, .substeps = 1, .dt = 0.1}};
+    lg_hamiltonian_file file = {.run = {.scheme = lg_scheme_find("cf4"), .substeps = 1, .dt = 0.1}};
     lg_rng rng;
     lg_rng_seed(&rng, 5, 6);
     file.run.training = (lg_training){.dtype = LG_F64,
@@ -33,7 +34,7 @@ static void make_hamiltonian(const char *name, double size, const char *command)
                                       .adam_eps = 1e-8,
                                       .shards = 1};
     assert_ok(
-        lg_hamiltonian_init(&file.run.model, LG_HAMILTONIAN_CHAIN, 1, LG_POTENTIAL_MLP, hidden, 1, LG_TANH));
+        lg_hamiltonian_init(&file.run.model, &lg_hamiltonian_chain, 1, LG_POTENTIAL_MLP, hidden, 1, LG_TANH));
     file.parameters = lg_hamiltonian_parameters(&file.run.model);
     parameters = file.parameters;
     double *theta = calloc(parameters, sizeof *theta);

@@ -12,6 +12,7 @@ typedef struct pair {
     void *work, *score_work;
     double *near;
     float *window;
+    lg_detector_plan *scores;
 } pair;
 
 static void *aligned(size_t bytes) {
@@ -27,12 +28,15 @@ static void open_pair(pair *p, const sample *of, const char *dtype) {
     cli_path(name, path, sizeof path);
     assert_ok(lg_model_load(NULL, path, NULL, &p->file, NULL));
     p->lib = export_open(folder, "m", export_has(of->compiler) ? of->compiler : "cc", of->flags);
-    p->work = aligned(lg_model_work_size(&p->file.model));
-    p->score_work = aligned(lg_detector_work_size(&p->file.model.detector, LG_F64));
+    const lg_detector_file *file = &p->file.detector;
+    p->work = aligned(lg_model_work_size(p->file.model));
+    assert_ok(lg_detector_plan_create(NULL, &file->run.model, &file->scaler, file->theta, LG_F64, &p->scores,
+                                      NULL));
+    p->score_work = aligned(lg_detector_work_size(p->scores));
     p->near = calloc((p->lib.inputs + 1) * (p->lib.outputs + 1) * 2, sizeof(double));
     p->window = calloc(p->lib.inputs, sizeof(float));
-    assert_int_equal(p->lib.inputs, lg_model_inputs(&p->file.model));
-    assert_int_equal(p->lib.outputs, lg_model_outputs(&p->file.model));
+    assert_int_equal(p->lib.inputs, lg_model_inputs(p->file.model));
+    assert_int_equal(p->lib.outputs, lg_model_outputs(p->file.model));
 }
 
 static void close_pair(pair *p) {
@@ -40,6 +44,7 @@ static void close_pair(pair *p) {
     lg_model_file_destroy(NULL, &p->file);
     free(p->work);
     free(p->score_work);
+    lg_detector_plan_destroy(p->scores);
     free(p->near);
     free(p->window);
 }
@@ -54,15 +59,15 @@ static bool has_kinks(const lg_cnn *net) {
 
 /* Where a kink lies within rounding, the gradient may be that of its other side. */
 static bool is_smooth(const pair *p, lg_rng *rng, const double *x) {
-    const size_t n = p->lib.inputs, all = n * p->lib.outputs, length = p->file.model.detector.net.length;
+    const size_t n = p->lib.inputs, all = n * p->lib.outputs, length = p->file.detector.run.model.net.length;
     const double eps = p->lib.single ? FLT_EPSILON : DBL_EPSILON;
     double *here = p->near, *there = here + all, *moved = there + all, change = 0, sum = 0;
-    if (!has_kinks(&p->file.model.detector.net)) return true;
-    lg_model_jacobian(&p->file.model, x, NULL, here, p->work);
+    if (!has_kinks(&p->file.detector.run.model.net)) return true;
+    lg_model_jacobian(p->file.model, x, NULL, here, p->work);
     for (int k = 0; k < 2; k++) {
         for (size_t i = 0; i < n; i++)
-            moved[i] = x[i] + 16 * eps * lg_rng_normal(rng) * p->file.model.scaler.scale[i / length];
-        lg_model_jacobian(&p->file.model, moved, NULL, there, p->work);
+            moved[i] = x[i] + 16 * eps * lg_rng_normal(rng) * p->file.detector.scaler.scale[i / length];
+        lg_model_jacobian(p->file.model, moved, NULL, there, p->work);
         change += pow(export_norm(there, here, all), 2);
         sum += pow(export_norm(here, NULL, all), 2);
     }
@@ -71,8 +76,8 @@ static bool is_smooth(const pair *p, lg_rng *rng, const double *x) {
 
 static void draw_window(void *user, lg_rng *rng, double *x) {
     const pair *p = user;
-    const lg_detector *model = &p->file.model.detector;
-    const lg_scaler *scaler = &p->file.model.scaler;
+    const lg_detector *model = &p->file.detector.run.model;
+    const lg_scaler *scaler = &p->file.detector.scaler;
     do {
         for (size_t c = 0; c < model->net.channels; c++) {
             const double offset = model->centred ? 3 * scaler->scale[c] * lg_rng_normal(rng) : 0;
@@ -84,13 +89,13 @@ static void draw_window(void *user, lg_rng *rng, double *x) {
 
 static void reference(void *user, const double *x, double *y, double *jacobian) {
     const pair *p = user;
-    lg_model_jacobian(&p->file.model, x, y, jacobian, p->work);
+    lg_model_jacobian(p->file.model, x, y, jacobian, p->work);
 }
 
 /* ---- NAME_classify ---- */
 
 static int call_classify(const pair *p, const double *x, double *probability) {
-    const uint32_t classes = p->file.model.detector.classes;
+    const uint32_t classes = p->file.detector.run.model.classes;
     void *in = export_reals(&p->lib, x, p->lib.inputs), *out = export_reals(&p->lib, probability, classes);
     EXPORT_FUNCTION(&p->lib, "classify", int, (const void *, void *, void *), classify);
     export_spoil(&p->lib);
@@ -102,8 +107,8 @@ static int call_classify(const pair *p, const double *x, double *probability) {
 }
 
 static void check_classes(pair *p) {
-    const lg_model *model = &p->file.model;
-    const uint32_t classes = model->detector.classes;
+    const lg_detector_file *file = &p->file.detector;
+    const uint32_t classes = file->run.model.classes;
     double *x = calloc(p->lib.inputs, sizeof *x), got[8], want[8], worst = 0;
     size_t seen[8] = {0};
     lg_rng rng;
@@ -111,8 +116,7 @@ static void check_classes(pair *p) {
     for (size_t r = 0; r < ROWS; r++) {
         draw_window(p, &rng, x);
         for (size_t i = 0; i < p->lib.inputs; i++) p->window[i] = (float)x[i];
-        lg_detector_eval(&model->detector, &model->scaler, LG_F64, model->theta, p->window, want, NULL,
-                         p->score_work);
+        lg_detector_eval(p->scores, p->window, want, NULL, p->score_work);
         const uint32_t class = lg_class_of(want, classes);
         double second = 0;
         for (uint32_t k = 0; k < classes; k++)
@@ -133,7 +137,7 @@ static void check_classes(pair *p) {
 }
 
 static void check_names(const pair *p) {
-    const uint32_t classes = p->file.model.detector.classes;
+    const uint32_t classes = p->file.detector.run.model.classes;
     const char *const *names = export_symbol(&p->lib, "class_names");
     for (uint32_t k = 0; k < classes; k++) assert_string_equal(names[k], p->file.detector.class_name[k]);
 }
@@ -146,7 +150,7 @@ static void check_small_work(pair *p, const char *folder) {
     unsigned char *work = p->lib.work;
     assert_true(size > 0 && size <= p->lib.work_size);
     void *in = export_reals(&p->lib, x, p->lib.inputs), *out = export_reals(&p->lib, y, p->lib.outputs);
-    void *to = export_reals(&p->lib, probability, p->file.model.detector.classes);
+    void *to = export_reals(&p->lib, probability, p->file.detector.run.model.classes);
     EXPORT_FUNCTION(&p->lib, "eval", void, (const void *, void *, void *), eval);
     EXPORT_FUNCTION(&p->lib, "classify", int, (const void *, void *, void *), classify);
     memset(work, 0x5a, p->lib.work_size * bytes);
@@ -169,7 +173,7 @@ static void check_nan(pair *p) {
         x[i] = NAN;
         export_eval(&p->lib, x, y);
         double mine[8];
-        lg_model_eval(&p->file.model, x, mine, p->work);
+        lg_model_eval(p->file.model, x, mine, p->work);
         for (size_t o = 0; o < p->lib.outputs; o++) assert_true(isnan(y[o]) == isnan(mine[o]));
     }
     free(x);

@@ -31,10 +31,10 @@ static void open_pair(pair *p, const sample *of, const char *dtype) {
     learned_scheme(&p->here, of);
     learned_export(of, dtype, folder, sizeof folder);
     p->lib = export_open(folder, "m", export_has(of->compiler) ? of->compiler : "cc", of->flags);
-    const size_t bytes = lg_model_stepper_size(&p->here.model, p->here.scheme);
+    const size_t bytes = lg_model_stepper_size(p->here.model, p->here.scheme);
     p->memory = aligned(bytes);
-    p->work = aligned(lg_model_work_size(&p->here.model));
-    assert_ok(lg_model_stepper_init(p->memory, bytes, &p->here.model, p->here.scheme, &p->stepper));
+    p->work = aligned(lg_model_work_size(p->here.model));
+    assert_ok(lg_model_stepper_init(p->memory, bytes, p->here.model, p->here.scheme, &p->stepper));
     assert_int_equal(p->lib.inputs, p->here.n);
     assert_int_equal((size_t)export_constant(folder, "m", "INPUT_SIZE"), p->here.m);
 }
@@ -65,7 +65,7 @@ static void draw_state(void *user, lg_rng *rng, double *y) {
 
 static void reference(void *user, const double *x, double *y, double *jacobian) {
     const pair *p = user;
-    lg_model_jacobian(&p->here.model, x, y, jacobian, p->work);
+    lg_model_jacobian(p->here.model, x, y, jacobian, p->work);
 }
 
 /* ---- NAME_hamiltonian, NAME_field, NAME_step in doubles ---- */
@@ -130,8 +130,8 @@ typedef struct table {
 } table;
 
 static void fill_row(const pair *p, double h, const double *y, const double *input, table *t, size_t at) {
-    assert_ok(lg_model_field(&p->here.model, y, input, t->field[0] + at, p->work));
-    assert_ok(lg_model_field(&p->here.model, y, NULL, t->free_field[0] + at, p->work));
+    assert_ok(lg_model_field(p->here.model, y, input, t->field[0] + at, p->work));
+    assert_ok(lg_model_field(p->here.model, y, NULL, t->free_field[0] + at, p->work));
     assert_ok(lg_step(p->stepper, 0, h, y, input, t->step[0] + at));
     assert_ok(lg_step(p->stepper, 0, h, y, NULL, t->free_step[0] + at));
     call_field(p, y, input, t->field[1] + at);
@@ -194,10 +194,10 @@ static void check_nan(const pair *p, const double *y) {
         memcpy(broken, y, p->here.n * sizeof *y);
         broken[i] = NAN;
         call_field(p, broken, NULL, out);
-        assert_ok(lg_model_field(&p->here.model, broken, NULL, want, p->work));
+        assert_ok(lg_model_field(p->here.model, broken, NULL, want, p->work));
         for (size_t j = 0; j < p->here.n; j++) assert_int_equal(isnan(out[j]), isnan(want[j]));
         export_eval(&p->lib, broken, out);
-        lg_model_eval(&p->here.model, broken, want, p->work);
+        lg_model_eval(p->here.model, broken, want, p->work);
         assert_int_equal(isnan(out[0]), isnan(want[0]));
         call_steps(p, 0.025, 1, broken, NULL, out);
         assert_true(has_nan(out, p->here.n));
@@ -306,7 +306,7 @@ static void long_runs_stay_on_the_manifold(void **state) {
 static double turn_first(const pair *p, double angle, lg_rng *rng) {
     double y[STATE_MAX], field[STATE_MAX], want[STATE_MAX], got[STATE_MAX];
     draw_state((void *)p, rng, y);
-    assert_ok(lg_model_field(&p->here.model, y, NULL, field, p->work));
+    assert_ok(lg_model_field(p->here.model, y, NULL, field, p->work));
     const double h = export_rounded(&p->lib, angle / sqrt(lg_dot3(field, field)));
     assert_ok(lg_step(p->stepper, 0, h, y, NULL, want));
     assert_close(lg_stepper_angle(p->stepper) >= angle * 0.999, 1, 0, 0);

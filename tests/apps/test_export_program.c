@@ -14,7 +14,7 @@ enum { FEW = sizeof few / sizeof few[0] };
 
 static void chain_as_bundle(void **state) {
     (void)state;
-    save_hamiltonian("links", LG_HAMILTONIAN_CHAIN);
+    save_hamiltonian("links", &lg_hamiltonian_chain);
     export_run("links.h5 --out links --name links --seed 3");
     export_check_ways("links", "links");
     export_check_objects("links", "links");
@@ -23,7 +23,7 @@ static void chain_as_bundle(void **state) {
 
 static void separable_in_single_precision(void **state) {
     (void)state;
-    save_hamiltonian("flat", LG_HAMILTONIAN_SEPARABLE);
+    save_hamiltonian("flat", &lg_hamiltonian_separable);
     export_run("flat.h5 --out flat --name flat --dtype f32 --golden 20");
     export_check_each("flat", "flat", few, FEW);
     export_check_objects("flat", "flat");
@@ -75,7 +75,7 @@ static void self_tests_catch_errors(void **state) {
         {"wrong.c", "sed 's/y\\[j\\] += (x0/y[j] -= (x0/'"},
     };
     (void)state;
-    save_hamiltonian("wrong", LG_HAMILTONIAN_SEPARABLE);
+    save_hamiltonian("wrong", &lg_hamiltonian_separable);
     export_run("wrong.h5 --out wrong --name wrong");
     for (size_t i = 0; i < sizeof plants / sizeof plants[0]; i++) {
         char command[EXPORT_LINE];

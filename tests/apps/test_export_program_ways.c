@@ -6,8 +6,8 @@ static void all_ways(void **state) {
     static const char *const programs[] = {"links", "flat", "waves"};
     static const char *const options[] = {"", "--dtype f32", "--compact", "--compact --dtype f32"};
     (void)state;
-    save_hamiltonian("links", LG_HAMILTONIAN_CHAIN);
-    save_hamiltonian("flat", LG_HAMILTONIAN_SEPARABLE);
+    save_hamiltonian("links", &lg_hamiltonian_chain);
+    save_hamiltonian("flat", &lg_hamiltonian_separable);
     save_network("waves");
     for (size_t p = 0; p < sizeof programs / sizeof programs[0]; p++)
         for (size_t o = 0; o < sizeof options / sizeof options[0]; o++) {

@@ -204,7 +204,7 @@ static void many_panels(void **state) {
     for (size_t c = 0; c < 8; c++) boundary[c] = c < 2 ? 0 : export_rounded(&b.lib, boundary[c]);
     s[0] = export_rounded(&b.lib, 1.1);
     s[1] = export_rounded(&b.lib, 3.3);
-    lg_surrogate_curve(&b.file.run.model, LG_F64, b.file.theta, boundary, s, 2, q[0], v, b.work);
+    lg_surrogate_curve(b.curves, boundary, s, 2, q[0], v, b.work);
     beam_curve(&b, boundary, s, 2, q[1], v);
     const double error = export_worst(q[1], q[0], 1, 4);
     print_message("%d panels: %.2e\n", PANELS, error);

@@ -12,6 +12,7 @@
 #include "liegrad/networks.h"
 #include "liegrad/nn.h"
 #include "liegrad/ops.h"
+#include "models/hamiltonian_internal.h"
 #include "support/fail_alloc.h"
 #include "support/malloc_count.h"
 
@@ -363,7 +364,7 @@ TEST("convolutions") {
 
 /* ---- Hamiltonians and systems ---- */
 
-static lg_program *hamiltonian(const lg_context *context, lg_hamiltonian_family family, uint32_t links,
+static lg_program *hamiltonian(const lg_context *context, const lg_hamiltonian_family *family, uint32_t links,
                                const char *scheme) {
     const uint32_t hidden[1] = {6};
     lg_hamiltonian model;
@@ -382,14 +383,14 @@ static lg_program *hamiltonian(const lg_context *context, lg_hamiltonian_family 
 
 TEST("learned hamiltonians") {
     static const struct {
-        lg_hamiltonian_family family;
+        const lg_hamiltonian_family *family;
         uint32_t links;
         const char *scheme;
-    } all[] = {{LG_HAMILTONIAN_CHAIN, 1, NULL},
-               {LG_HAMILTONIAN_CHAIN, 2, "rkmk4"},
-               {LG_HAMILTONIAN_CHAIN, 3, "cf4"},
-               {LG_HAMILTONIAN_SEPARABLE, 2, NULL},
-               {LG_HAMILTONIAN_SEPARABLE, 1, "rk4"}};
+    } all[] = {{&lg_hamiltonian_chain, 1, NULL},
+               {&lg_hamiltonian_chain, 2, "rkmk4"},
+               {&lg_hamiltonian_chain, 3, "cf4"},
+               {&lg_hamiltonian_separable, 2, NULL},
+               {&lg_hamiltonian_separable, 1, "rk4"}};
     for (size_t i = 0; i < COUNT(all); i++) {
         char name[64];
         lg_program *program = hamiltonian(NULL, all[i].family, all[i].links, all[i].scheme);
@@ -775,7 +776,7 @@ static void add_loop(lg_program *program, const char *name, size_t times) {
 }
 
 TEST("loops are single steps") {
-    lg_program *program = hamiltonian(NULL, LG_HAMILTONIAN_CHAIN, 1, NULL);
+    lg_program *program = hamiltonian(NULL, &lg_hamiltonian_chain, 1, NULL);
     size_t step;
     assert_ok(lg_program_find(program, "step", &step));
     for (size_t times = 1; times <= 7; times += times < 3 ? 1 : 4) {
@@ -880,7 +881,7 @@ TEST("loops carry several") {
 
 TEST("inputs that are not finite") {
     const double bad[] = {NAN, INFINITY, -INFINITY};
-    lg_program *program = hamiltonian(NULL, LG_HAMILTONIAN_CHAIN, 1, NULL);
+    lg_program *program = hamiltonian(NULL, &lg_hamiltonian_chain, 1, NULL);
     add_loop(program, "steps", 3);
     for (size_t f = 0; f < lg_program_functions(program); f++)
         for (int dtype = 0; dtype < 2; dtype++)
@@ -928,7 +929,7 @@ TEST("inputs that are not finite") {
 }
 
 TEST("without the mark, rows do not touch each other") {
-    lg_program *program = hamiltonian(NULL, LG_HAMILTONIAN_CHAIN, 2, NULL);
+    lg_program *program = hamiltonian(NULL, &lg_hamiltonian_chain, 2, NULL);
     for (size_t f = 0; f < lg_program_functions(program); f++) {
         numbers n;
         ready r;
@@ -1007,10 +1008,10 @@ TEST("memory is bounded") {
 }
 
 TEST("a plan keeps nothing of its program") {
-    lg_program *program = hamiltonian(NULL, LG_HAMILTONIAN_CHAIN, 2, "rkmk4");
+    lg_program *program = hamiltonian(NULL, &lg_hamiltonian_chain, 2, "rkmk4");
     add_loop(program, "steps", 2);
     for (size_t f = 0; f < lg_program_functions(program); f++) {
-        lg_program *other = hamiltonian(NULL, LG_HAMILTONIAN_CHAIN, 2, "rkmk4");
+        lg_program *other = hamiltonian(NULL, &lg_hamiltonian_chain, 2, "rkmk4");
         add_loop(other, "steps", 2);
         numbers n;
         ready r;
@@ -1051,7 +1052,7 @@ static void *work_on(void *user) {
 }
 
 TEST("threads share a plan") {
-    lg_program *program = hamiltonian(NULL, LG_HAMILTONIAN_CHAIN, 2, NULL);
+    lg_program *program = hamiltonian(NULL, &lg_hamiltonian_chain, 2, NULL);
     add_loop(program, "steps", 2);
     for (size_t f = 0; f < lg_program_functions(program); f++) {
         numbers n;

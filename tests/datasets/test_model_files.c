@@ -3,27 +3,27 @@
 #define MODEL_BAD    0
 #define MODEL_SINGLE 2
 #include "model_file_checks.h"
+#include "models/hamiltonian_internal.h"
 
 static const uint32_t hidden[] = {4, 3};
 
 typedef struct example {
-    lg_hamiltonian_family family;
+    const lg_hamiltonian_family *family;
     uint32_t links;
     lg_potential_kind potential;
     lg_dtype dtype;
 } example;
 
 static const example examples[] = {
-    {LG_HAMILTONIAN_CHAIN, 2, LG_POTENTIAL_MLP, LG_F64},
-    {LG_HAMILTONIAN_CHAIN, 1, LG_POTENTIAL_LINEAR, LG_F32},
-    {LG_HAMILTONIAN_SEPARABLE, 2, LG_POTENTIAL_MLP, LG_F32},
-    {LG_HAMILTONIAN_SEPARABLE, 3, LG_POTENTIAL_LINEAR, LG_F64},
+    {&lg_hamiltonian_chain, 2, LG_POTENTIAL_MLP, LG_F64},
+    {&lg_hamiltonian_chain, 1, LG_POTENTIAL_LINEAR, LG_F32},
+    {&lg_hamiltonian_separable, 2, LG_POTENTIAL_MLP, LG_F32},
+    {&lg_hamiltonian_separable, 3, LG_POTENTIAL_LINEAR, LG_F64},
 };
 
 static lg_hamiltonian_run make_run(size_t which) {
     const example *e = &examples[which];
-    lg_hamiltonian_run run = {.integrator =
-                                  e->family == LG_HAMILTONIAN_CHAIN ? LG_TRAIN_CF4 : LG_TRAIN_STORMER_VERLET,
+    lg_hamiltonian_run run = {.scheme = lg_scheme_find(e->family->scheme),
                               .substeps = 2,
                               .penalty = 0.125,
                               .penalty_form = LG_PENALTY_SUM_ABSOLUTE,
@@ -44,7 +44,7 @@ static lg_hamiltonian_run make_run(size_t which) {
                               .points = 5,
                               .dt = 0.025};
     (void)snprintf(run.system, sizeof run.system, "%s",
-                   e->family == LG_HAMILTONIAN_CHAIN ? "pendulum-chain" : "quartic");
+                   e->family == &lg_hamiltonian_chain ? "pendulum-chain" : "quartic");
     (void)snprintf(run.data_sha256, sizeof run.data_sha256, "%064d", 42);
     assert_ok(lg_hamiltonian_init(&run.model, e->family, e->links, e->potential, hidden, 2, LG_TANH));
     return run;
@@ -250,10 +250,10 @@ static void refused_on_save(void **state) {
     file.parameters--;
     assert_status(lg_model_save_hamiltonian(NULL, path, &file, NULL, NULL), LG_INVALID_ARGUMENT);
     file.parameters++;
-    file.run.model.links = 77;
+    file.run.model.n = 77;
     assert_status(lg_model_save_hamiltonian(NULL, path, &file, NULL, NULL), LG_INVALID_ARGUMENT);
     file.run = make_run(0);
-    file.run.integrator = (lg_train_integrator)LG_TRAIN_INTEGRATOR_COUNT;
+    file.run.scheme = NULL;
     assert_status(lg_model_save_hamiltonian(NULL, path, &file, NULL, NULL), LG_INVALID_ARGUMENT);
     file.run = make_run(0);
     file.run.training.lr = NAN;
@@ -535,10 +535,10 @@ static void another_problem(void **state) {
     for (size_t i = 0; i < LG_COUNT(runs); i++) runs[i] = wanted;
     runs[0].training.batch = 81;
     runs[1].training.lr = 0.02;
-    runs[2].integrator = LG_TRAIN_RK4;
+    runs[2].scheme = lg_scheme_find("rk4");
     runs[3].training.seed = 3;
     runs[4].data_sha256[0] = 'f';
-    assert_ok(lg_hamiltonian_init(&runs[5].model, LG_HAMILTONIAN_CHAIN, 2, LG_POTENTIAL_MLP,
+    assert_ok(lg_hamiltonian_init(&runs[5].model, &lg_hamiltonian_chain, 2, LG_POTENTIAL_MLP,
                                   (const uint32_t[]){4, 5}, 2, LG_TANH));
     runs[6].training.dtype = LG_F32;
     runs[7].dt = nextafter(wanted.dt, 1);

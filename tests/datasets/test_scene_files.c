@@ -729,7 +729,7 @@ static void grid_every_key(void **state) {
     assert_ok(lg_grid_read(NULL, file_of("grid.yaml", good_grid), &grid, NULL));
     assert_int_equal(lg_grid_runs(&grid), 2 * 2 * 1 * 3 * 2 * 2 * 5);
     assert_int_equal(lg_system_links(grid.scene.system), 2);
-    assert_true(grid.integrators[0] == LG_TRAIN_CF4 && grid.integrators[1] == LG_TRAIN_RK4);
+    assert_true(grid.integrators[0] == lg_scheme_find("cf4") && grid.integrators[1] == lg_scheme_find("rk4"));
     assert_true(grid.n[1] == 500 && grid.m[0] == 5 && grid.m_count == 1 && grid.substeps[1] == 2);
     assert_close(grid.eps[2], 0.1, 0, 0);
     assert_close(grid.penalty[1], 1e-3, 0, 0);

@@ -3,13 +3,14 @@
 #include <sys/stat.h>
 
 #include "io_test.h"
+#include "models/hamiltonian_internal.h"
 
 /* N trajectories of a chain on T*S^2, noise on all points but the first. */
 static void make_chain(const lg_context *context, uint32_t links, size_t count, size_t points,
                        lg_trajectories *out) {
     lg_rng rng;
     lg_rng_seed(&rng, 7, links);
-    assert_ok(lg_trajectories_create(context, "pendulum-chain", LG_HAMILTONIAN_CHAIN, links, count, points,
+    assert_ok(lg_trajectories_create(context, "pendulum-chain", &lg_hamiltonian_chain, links, count, points,
                                      0.1, true, 2, out));
     for (size_t i = 0; i < count * points * links; i++) {
         double *q = out->data + 6 * i, u[3], length = 0;
@@ -54,8 +55,8 @@ static void round_trip(void **state) {
         assert_ok(lg_trajectories_write(NULL, path, &data, NULL));
         assert_ok(lg_trajectories_read(NULL, path, NULL, &again, NULL));
         assert_string_equal(again.system, "pendulum-chain");
-        assert_int_equal(again.family, LG_HAMILTONIAN_CHAIN);
-        assert_int_equal(again.links, links);
+        assert_ptr_equal(again.family, &lg_hamiltonian_chain);
+        assert_int_equal(again.n, links);
         assert_int_equal(again.state_size, 6 * links);
         assert_int_equal(again.count, 4);
         assert_int_equal(again.points, 5);
@@ -123,8 +124,8 @@ static void foreign_types(void **state) {
     lg_trajectories data;
     assert_ok(lg_trajectories_read(NULL, path, NULL, &data, NULL));
     assert_string_equal(data.system, "quartic");
-    assert_int_equal(data.family, LG_HAMILTONIAN_SEPARABLE);
-    assert_int_equal(data.links, 2);
+    assert_ptr_equal(data.family, &lg_hamiltonian_separable);
+    assert_int_equal(data.n, 2);
     assert_close(data.dt, 2, 0, 0);
     for (int i = 0; i < 24; i++) assert_close(data.data[i], points[i], 0, 0);
     assert_close(data.hamiltonian[1], 250, 0, 0);
@@ -159,8 +160,8 @@ static void derived_attributes(void **state) {
     for (size_t i = 0; i < LG_COUNT(names); i++) {
         delete_attribute(path, "/", names[i]);
         assert_ok(lg_trajectories_read(NULL, path, NULL, &data, NULL));
-        assert_int_equal(data.family, LG_HAMILTONIAN_CHAIN);
-        assert_int_equal(data.links, 2);
+        assert_ptr_equal(data.family, &lg_hamiltonian_chain);
+        assert_int_equal(data.n, 2);
         lg_trajectories_destroy(NULL, &data);
     }
     delete_link(path, "hamiltonian");
@@ -369,21 +370,21 @@ static void bad_arguments(void **state) {
     memcpy(&untouched, &data, sizeof data);
     assert_status(lg_trajectories_read(NULL, NULL, NULL, &data, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_trajectories_read(NULL, scratch_path("nothing"), NULL, &data, NULL), LG_NOT_FOUND);
-    assert_status(lg_trajectories_create(NULL, "quartic", LG_HAMILTONIAN_CHAIN, 2, 1, 2, 1, false, 0, &data),
+    assert_status(lg_trajectories_create(NULL, "quartic", &lg_hamiltonian_chain, 2, 1, 2, 1, false, 0, &data),
                   LG_INVALID_ARGUMENT);
     assert_status(
-        lg_trajectories_create(NULL, "quartic", LG_HAMILTONIAN_SEPARABLE, 3, 1, 2, 1, false, 0, &data),
+        lg_trajectories_create(NULL, "quartic", &lg_hamiltonian_separable, 3, 1, 2, 1, false, 0, &data),
         LG_INVALID_ARGUMENT);
-    assert_status(lg_trajectories_create(NULL, "", LG_HAMILTONIAN_CHAIN, 0, 1, 2, 1, false, 0, &data),
+    assert_status(lg_trajectories_create(NULL, "", &lg_hamiltonian_chain, 0, 1, 2, 1, false, 0, &data),
                   LG_INVALID_ARGUMENT);
-    assert_status(lg_trajectories_create(NULL, "", LG_HAMILTONIAN_CHAIN, 33, 1, 2, 1, false, 0, &data),
+    assert_status(lg_trajectories_create(NULL, "", &lg_hamiltonian_chain, 33, 1, 2, 1, false, 0, &data),
                   LG_INVALID_ARGUMENT);
-    assert_status(lg_trajectories_create(NULL, "", LG_HAMILTONIAN_CHAIN, 1, 1, 1, 1, false, 0, &data),
+    assert_status(lg_trajectories_create(NULL, "", &lg_hamiltonian_chain, 1, 1, 1, 1, false, 0, &data),
                   LG_INVALID_ARGUMENT);
-    assert_status(lg_trajectories_create(NULL, "", LG_HAMILTONIAN_CHAIN, 1, 1, 2, NAN, false, 0, &data),
+    assert_status(lg_trajectories_create(NULL, "", &lg_hamiltonian_chain, 1, 1, 2, NAN, false, 0, &data),
                   LG_INVALID_ARGUMENT);
     assert_status(
-        lg_trajectories_create(NULL, "", LG_HAMILTONIAN_CHAIN, 1, SIZE_MAX / 8, 5, 1, false, 0, &data),
+        lg_trajectories_create(NULL, "", &lg_hamiltonian_chain, 1, SIZE_MAX / 8, 5, 1, false, 0, &data),
         LG_OUT_OF_MEMORY);
     lg_read_options wrong = {.size = 3};
     assert_status(lg_trajectories_read(NULL, good_file(1), &wrong, &data, NULL), LG_INVALID_ARGUMENT);
@@ -415,7 +416,7 @@ static lg_status write_step(const lg_context *context, void *user, lg_error *err
 static lg_status create_step(const lg_context *context, void *user, lg_error *error) {
     (void)user, (void)error;
     lg_trajectories data;
-    lg_status status = lg_trajectories_create(context, "", LG_HAMILTONIAN_CHAIN, 2, 3, 5, 1, true, 2, &data);
+    lg_status status = lg_trajectories_create(context, "", &lg_hamiltonian_chain, 2, 3, 5, 1, true, 2, &data);
     if (status == LG_OK) lg_trajectories_destroy(context, &data);
     return status;
 }

@@ -56,8 +56,8 @@ typedef struct small {
     size_t parameters;
     double *theta;
     float *theta32;
+    lg_surrogate_curves *curves, *curves32;
     void *work;
-    size_t work_points;
 } small;
 
 /* Number `which` of the settings, tanh, with parameters drawn by `seed`. */
@@ -68,25 +68,46 @@ static inline void make_small(small *s, size_t which, uint32_t intervals, double
     assert_ok(lg_surrogate_init(&s->model, &options, intervals, length, 1.5, NULL));
     s->parameters = lg_surrogate_parameters(&s->model);
     s->theta = malloc(s->parameters * sizeof *s->theta);
-    s->theta32 = malloc(s->parameters * sizeof *s->theta32);
     lg_rng_seed(&rng, seed, which);
     lg_net_initialise(&s->model.net, LG_INIT_FAN_IN, &rng, s->theta);
+    s->theta32 = malloc(s->parameters * sizeof *s->theta32);
     for (size_t i = 0; i < s->parameters; i++) s->theta32[i] = (float)s->theta[i];
-    s->work_points = 1000;
-    size_t bytes = lg_surrogate_work_size(&s->model, s->work_points, LG_F64);
-    assert_int_equal(posix_memalign(&s->work, 64, bytes + 64), 0);
+    s->curves = s->curves32 = NULL;
+    s->work = NULL;
+}
+
+/* Plans of the parameters as they are now, and their memory. */
+static inline void plan_small(small *s, size_t points) {
+    lg_error error = {LG_OK, ""};
+    if (lg_surrogate_curves_create(NULL, &s->model, s->theta, LG_F64, points, &s->curves, &error) != LG_OK ||
+        lg_surrogate_curves_create(NULL, &s->model, s->theta, LG_F32, points, &s->curves32, &error) != LG_OK)
+        fail_msg("%s", error.message);
+    const size_t bytes = lg_surrogate_curves_work_size(s->curves);
+    assert_int_equal(posix_memalign(&s->work, 64, bytes), 0);
+    memset(s->work, 0xff, bytes);
+}
+
+static inline void unplan_small(small *s) {
+    lg_surrogate_curves_destroy(s->curves);
+    lg_surrogate_curves_destroy(s->curves32);
+    free(s->work);
+    s->curves = s->curves32 = NULL;
+    s->work = NULL;
 }
 
 static inline void free_small(small *s) {
+    unplan_small(s);
     free(s->theta);
     free(s->theta32);
-    free(s->work);
 }
 
+/* By plans of its own. */
 static inline void curve_of(const small *s, const double *x, const double *at, size_t points, double *q,
                             double *v) {
-    assert_true(points <= s->work_points);
-    lg_surrogate_curve(&s->model, LG_F64, s->theta, x, at, points, q, v, s->work);
+    small own = *s;
+    plan_small(&own, points);
+    lg_surrogate_curve(own.curves, x, at, points, q, v, own.work);
+    unplan_small(&own);
 }
 
 /* theta(s) of curve i, some turning one way and some the other. */

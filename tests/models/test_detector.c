@@ -135,16 +135,14 @@ static void scaled_windows(void **state) {
 static void probabilities(const lg_detector *model, const sounds *s, lg_dtype dtype, const double *theta,
                           uint32_t window, double *probability, double *plane) {
     void *work;
-    const size_t n = lg_cnn_parameters(&model->net);
-    float *theta32 = malloc(n * sizeof *theta32);
+    lg_detector_plan *plan;
     float x[CHANNELS * LENGTH];
-    for (size_t i = 0; i < n; i++) theta32[i] = (float)theta[i];
-    if (posix_memalign(&work, 64, lg_detector_work_size(model, dtype)) != 0) fail_msg("no memory");
+    assert_ok(lg_detector_plan_create(NULL, model, &s->scaler, theta, dtype, &plan, NULL));
+    if (posix_memalign(&work, 64, lg_detector_work_size(plan)) != 0) fail_msg("no memory");
     lg_windows_copy(&s->series, &s->windows, window, x);
-    lg_detector_eval(model, &s->scaler, dtype, dtype == LG_F64 ? (const void *)theta : theta32, x,
-                     probability, plane, work);
+    lg_detector_eval(plan, x, probability, plane, work);
     free(work);
-    free(theta32);
+    lg_detector_plan_destroy(plan);
 }
 
 /* The loss as the header has it, from the probabilities. */
@@ -549,9 +547,11 @@ static void eval_takes_nothing(void **state) {
         const lg_detector model = make_detector(2, (lg_detector_loss)loss, true);
         double *theta = start_of(&model), p[2], plane[2];
         void *work;
-        if (posix_memalign(&work, 64, lg_detector_work_size(&model, LG_F64)) != 0) fail_msg("no memory");
-        assert_no_malloc_no_lock(
-            lg_detector_eval(&model, &s.scaler, LG_F64, theta, s.series.x, p, plane, work));
+        lg_detector_plan *plan;
+        assert_ok(lg_detector_plan_create(NULL, &model, &s.scaler, theta, LG_F64, &plan, NULL));
+        if (posix_memalign(&work, 64, lg_detector_work_size(plan)) != 0) fail_msg("no memory");
+        assert_no_malloc_no_lock(lg_detector_eval(plan, s.series.x, p, plane, work));
+        lg_detector_plan_destroy(plan);
         free(work);
         free(theta);
         free_sounds(&s);

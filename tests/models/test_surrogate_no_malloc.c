@@ -61,9 +61,9 @@ static void curves(void **state) {
         double at[POINTS], q[2 * POINTS], v[2 * POINTS];
         make_small(&s, which, 20, TEST_LENGTH, 42);
         for (size_t k = 0; k < POINTS; k++) at[k] = TEST_LENGTH * (double)k / POINTS;
-        assert_no_malloc_no_lock(lg_surrogate_curve(&s.model, LG_F64, s.theta, x, at, POINTS, q, v, s.work));
-        assert_no_malloc_no_lock(
-            lg_surrogate_curve(&s.model, LG_F32, s.theta32, x, at, POINTS, q, v, s.work));
+        plan_small(&s, POINTS);
+        assert_no_malloc_no_lock(lg_surrogate_curve(s.curves, x, at, POINTS, q, v, s.work));
+        assert_no_malloc_no_lock(lg_surrogate_curve(s.curves32, x, at, POINTS, q, v, s.work));
         free_small(&s);
     }
 }

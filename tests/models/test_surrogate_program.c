@@ -1,9 +1,11 @@
-/* Surrogates as maps of numbers: values against the curves, Jacobians against central differences, every
- * architecture, activation and option, both sides of the mirror, ends, short beams; memory. */
+/* Programs of surrogates: values against the network on a tape and against the curves, Jacobians against
+ * central differences, every architecture, activation and option, both sides of the mirror, ends, short
+ * beams; rows of a batch, single precision, numbers that are not finite. */
 #include "surrogate_support.h"
 
-#include "models/model_internal.h"
-#include "support/malloc_count.h"
+#include "liegrad/program.h"
+#include "models/surrogate_internal.h"
+#include "plan_support.h"
 
 enum { INTERVALS = 5, MOST_INPUTS = 9, MOST_OUTPUTS = 4 * (INTERVALS - 1) };
 
@@ -11,7 +13,10 @@ typedef struct example {
     lg_surrogate model;
     size_t inputs, outputs;
     double *theta;
-    void *work, *curve;
+    lg_program *program;
+    ready value, gradient;
+    lg_surrogate_curves *curves;
+    void *curve;
 } example;
 
 static void *aligned(size_t bytes) {
@@ -30,20 +35,27 @@ static example make(const lg_surrogate_options *options, double length) {
     lg_rng_seed(&rng, 8, options->layers);
     e.theta = malloc(lg_surrogate_parameters(&e.model) * sizeof *e.theta);
     lg_net_initialise(&e.model.net, LG_INIT_FAN_IN, &rng, e.theta);
-    e.inputs = lg_model_surrogate_inputs(&e.model);
-    e.outputs = lg_model_surrogate_outputs(&e.model);
+    if (lg_surrogate_program(NULL, &e.model, e.theta, &e.program, &error) != LG_OK)
+        fail_msg("%s", error.message);
+    make_ready(&e.value, e.program, "value", 1, LG_F64);
+    make_ready(&e.gradient, e.program, "grad", 1, LG_F64);
+    e.inputs = lg_plan_input_count(e.value.plan, 0);
+    e.outputs = lg_plan_output_count(e.value.plan, 0);
     static const size_t inputs[] = {8, 9, 9}, outputs[] = {MOST_OUTPUTS, 2, 1};
     assert_int_equal(e.inputs, inputs[options->kind]);
     assert_int_equal(e.outputs, outputs[options->kind]);
-    e.work = aligned(lg_model_surrogate_work_size(&e.model) + 64);
-    e.curve = aligned(lg_surrogate_work_size(&e.model, INTERVALS + 1, LG_F64));
+    assert_ok(lg_surrogate_curves_create(NULL, &e.model, e.theta, LG_F64, 1, &e.curves, NULL));
+    e.curve = aligned(lg_surrogate_curves_work_size(e.curves));
     return e;
 }
 
 static void release(example *e) {
     free(e->theta);
-    free(e->work);
     free(e->curve);
+    lg_surrogate_curves_destroy(e->curves);
+    free_ready(&e->value);
+    free_ready(&e->gradient);
+    lg_program_destroy(e->program);
 }
 
 /* Boundary conditions on either side of the mirror (v0y > vNy for side 1), tangents not quite of length 1;
@@ -59,23 +71,67 @@ static void place(const example *e, double side, double s, double *x) {
 static void against_curve(const example *e, const double *x) {
     double y[MOST_OUTPUTS], at[INTERVALS + 1], q[2 * (INTERVALS + 1)], v[2 * (INTERVALS + 1)];
     const lg_surrogate *model = &e->model;
-    lg_model_surrogate_eval(model, e->theta, x, y, e->work);
+    run_value(&e->value, x, y);
     if (model->options.kind == LG_SURROGATE_DISCRETE) {
         for (size_t k = 0; k <= INTERVALS; k++) at[k] = model->length * (double)k / INTERVALS;
-        lg_surrogate_curve(model, LG_F64, e->theta, x, at, INTERVALS + 1, q, v, e->curve);
+        lg_surrogate_curve(e->curves, x, at, INTERVALS + 1, q, v, e->curve);
         for (size_t i = 0; i < 2 * (INTERVALS - 1); i++) {
-            assert_close(y[i], q[2 + i], 0, 0);
-            assert_close(y[2 * (INTERVALS - 1) + i], v[2 + i], 0, 0);
+            assert_close(y[i], q[2 + i], 1e-14, 1e-14);
+            assert_close(y[2 * (INTERVALS - 1) + i], v[2 + i], 1e-14, 1e-14);
         }
         return;
     }
-    lg_surrogate_curve(model, LG_F64, e->theta, x + 1, x, 1, q, v, e->curve);
+    lg_surrogate_curve(e->curves, x + 1, x, 1, q, v, e->curve);
     if (model->options.kind == LG_SURROGATE_CONTINUOUS) {
-        for (size_t c = 0; c < 2; c++) assert_close(y[c], q[c], 0, 0);
+        for (size_t c = 0; c < 2; c++) assert_close(y[c], q[c], 1e-14, 1e-14);
         return;
     }
-    assert_close(cos(y[0]), v[0], 0, 1e-15);
-    assert_close(sin(y[0]), v[1], 0, 1e-15);
+    assert_close(cos(y[0]), v[0], 0, 1e-14);
+    assert_close(sin(y[0]), v[1], 0, 1e-14);
+}
+
+/* The network on a tape at the row that training lays, as a curve is handed over. */
+static double of_network(const example *e, const double *row, size_t output) {
+    lg_tape *tape;
+    double f[MOST_OUTPUTS];
+    assert_ok(lg_tape_create(NULL, NULL, &tape));
+    const lg_net *net = &e->model.net;
+    const lg_var theta = lg_input_f64(tape, lg_shape1((uint32_t)lg_net_parameters(net)), e->theta);
+    const lg_var y = lg_net_record(tape, net, theta, 0, lg_input_f64(tape, lg_shape2(1, net->inputs), row));
+    assert_ok(lg_read(tape, y, f, net->outputs));
+    lg_tape_destroy(tape);
+    return f[output];
+}
+
+static double angle_on_tape(const example *e, const double *x, double sign) {
+    double row[9], weights[2], angles[2], angle;
+    const double length = e->model.length;
+    lg_surrogate_row(&e->model, x + 1, sign, x[0], row);
+    angle = LG_SURROGATE_PI * of_network(e, row, 0);
+    if (!e->model.options.boundary) return sign * angle;
+    lg_surrogate_end_weights(&e->model, x[0], weights);
+    lg_surrogate_angles(x + 1, sign, angles);
+    for (size_t end = 0; end < 2; end++) {
+        lg_surrogate_row(&e->model, x + 1, sign, end == 0 ? 0.0 : length, row);
+        angle += (angles[end] - LG_SURROGATE_PI * of_network(e, row, 0)) * weights[end];
+    }
+    return sign * angle;
+}
+
+static void against_tape(const example *e, const double *x) {
+    double y[MOST_OUTPUTS], row[9];
+    const double *ends = x + e->inputs - 8, sign = lg_surrogate_sign(&e->model, ends);
+    const size_t points = e->inputs == 8 ? e->outputs / 2 : 2;
+    run_value(&e->value, x, y);
+    if (e->model.options.kind == LG_SURROGATE_ANGLE) {
+        assert_close(y[0], angle_on_tape(e, x, sign), 1e-13, 1e-14);
+        return;
+    }
+    lg_surrogate_row(&e->model, ends, sign, x[0], row);
+    for (size_t o = 0; o < e->outputs; o++) {
+        const double f = of_network(e, row, o), from = o < points ? ends[o % 2] : 0.0;
+        assert_close(y[o], from + (o % 2 == 1 ? sign : 1.0) * f, 1e-13, 1e-14);
+    }
 }
 
 /* ---- Jacobians ---- */
@@ -96,24 +152,23 @@ static void differences(const example *e, const double *x, size_t input, double 
     for (size_t i = 0; i < 4; i++) {
         memcpy(moved, x, e->inputs * sizeof *x);
         moved[input] += at[i] * h;
-        lg_model_surrogate_eval(&e->model, e->theta, moved, y, e->work);
+        run_value(&e->value, moved, y);
         for (size_t o = 0; o < e->outputs; o++) by[o] += weight[fourth][i] / h * y[o];
     }
 }
 
 static void against_differences(const example *e, const double *x) {
-    const size_t count = e->outputs * e->inputs, bytes = lg_model_surrogate_work_size(&e->model);
+    const size_t count = e->outputs * e->inputs;
     double y[MOST_OUTPUTS], plain[MOST_OUTPUTS], by[MOST_OUTPUTS];
     double jacobian[MOST_OUTPUTS * MOST_INPUTS + 1], again[MOST_OUTPUTS * MOST_INPUTS];
     for (size_t i = 0; i <= count; i++) jacobian[i] = 55.0;
-    memset(e->work, 0xff, bytes + 64);
-    lg_model_surrogate_jacobian(&e->model, e->theta, x, y, jacobian, e->work);
-    for (size_t i = bytes; i < bytes + 64; i++) assert_int_equal(((unsigned char *)e->work)[i], 0xff);
+    memset(e->gradient.work, 0xff, e->gradient.bytes);
+    run_gradient(&e->gradient, x, y, jacobian);
     assert_close(jacobian[count], 55.0, 0, 0);
-    lg_model_surrogate_jacobian(&e->model, e->theta, x, NULL, again, e->work);
+    run_gradient(&e->gradient, x, NULL, again);
     assert_memory_equal(jacobian, again, count * sizeof *again);
-    memset(e->work, 0xff, bytes);
-    lg_model_surrogate_eval(&e->model, e->theta, x, plain, e->work);
+    memset(e->value.work, 0xff, e->value.bytes);
+    run_value(&e->value, x, plain);
     for (size_t o = 0; o < e->outputs; o++) assert_close(y[o], plain[o], 1e-14, 1e-14);
     const double tolerance = smooth(e->model.options.activation) ? 1e-8 : 1e-7;
     for (size_t input = 0; input < e->inputs; input++) {
@@ -123,13 +178,13 @@ static void against_differences(const example *e, const double *x) {
     }
 }
 
-/* Column 0: the tangent, to the bit. */
+/* Column 0: the tangent. */
 static void first_column(const example *e, const double *x) {
     double jacobian[2 * MOST_INPUTS], q[2], v[2];
     if (e->model.options.kind != LG_SURROGATE_CONTINUOUS) return;
-    lg_model_surrogate_jacobian(&e->model, e->theta, x, NULL, jacobian, e->work);
-    lg_surrogate_curve(&e->model, LG_F64, e->theta, x + 1, x, 1, q, v, e->curve);
-    for (size_t c = 0; c < 2; c++) assert_close(jacobian[9 * c], v[c], 0, 0);
+    run_gradient(&e->gradient, x, NULL, jacobian);
+    lg_surrogate_curve(e->curves, x + 1, x, 1, q, v, e->curve);
+    for (size_t c = 0; c < 2; c++) assert_close(jacobian[9 * c], v[c], 1e-13, 1e-13);
 }
 
 static void all_checks(const lg_surrogate_options *options, double length) {
@@ -139,6 +194,7 @@ static void all_checks(const lg_surrogate_options *options, double length) {
     for (double side = -1.0; side <= 1.0; side += 2.0)
         for (size_t i = 0; i < sizeof at / sizeof at[0]; i++) {
             place(&e, side, at[i], x);
+            against_tape(&e, x);
             against_curve(&e, x);
             against_differences(&e, x);
             first_column(&e, x);
@@ -210,7 +266,7 @@ static void held_angles(void **state) {
                     example e = make(&o, lengths[l]);
                     double x[9], y, jacobian[9];
                     place(&e, side, end == 0 ? 0.0 : lengths[l], x);
-                    lg_model_surrogate_jacobian(&e.model, e.theta, x, &y, jacobian, e.work);
+                    run_gradient(&e.gradient, x, &y, jacobian);
                     const size_t at = end == 0 ? 3 : 7;
                     const double *v = x + at, square = v[0] * v[0] + v[1] * v[1];
                     assert_close(y, atan2(v[1], v[0]), 1e-14, 0);
@@ -235,8 +291,8 @@ static void symmetries(void **state) {
         place(&e, 1.0, 1.1, x);
         for (size_t i = 0; i < e.inputs; i++)
             image[i] = (i >= first && (i - first) % 2 == 1 ? -1.0 : 1.0) * x[i];
-        lg_model_surrogate_jacobian(&e.model, e.theta, x, y, a, e.work);
-        lg_model_surrogate_jacobian(&e.model, e.theta, image, z, b, e.work);
+        run_gradient(&e.gradient, x, y, a);
+        run_gradient(&e.gradient, image, z, b);
         for (size_t o_ = 0; o_ < e.outputs; o_++) {
             const double row = kind == LG_SURROGATE_ANGLE || o_ % 2 == 1 ? -1.0 : 1.0;
             assert_close(z[o_], row * y[o_], 0, 0);
@@ -263,36 +319,123 @@ static void nan_in_nan_out(void **state) {
         double x[MOST_INPUTS], y[MOST_OUTPUTS], jacobian[MOST_OUTPUTS * MOST_INPUTS];
         place(&e, 1.0, 1.1, x);
         x[e.inputs - 2] = NAN; /* vNx */
-        lg_model_surrogate_eval(&e.model, e.theta, x, y, e.work);
+        run_value(&e.value, x, y);
         for (size_t i = 0; i < e.outputs; i++) assert_true(isnan(y[i]));
-        lg_model_surrogate_jacobian(&e.model, e.theta, x, y, jacobian, e.work);
+        run_gradient(&e.gradient, x, y, jacobian);
         for (size_t i = 0; i < e.outputs; i++) assert_true(isnan(y[i]));
-        assert_true(isnan(jacobian[e.inputs - 2]));
+        for (size_t i = 0; i < e.outputs * e.inputs; i++) assert_true(isnan(jacobian[i]));
         release(&e);
     }
 }
 
-static void no_memory(void **state) {
+/* Rows of a batch are those one by one; single precision is double to its rounding. */
+static void batches_and_types(void **state) {
     (void)state;
-    if (!lg_count_available()) skip();
+    enum { ROWS = 3 };
     for (int kind = 0; kind < LG_SURROGATE_KIND_COUNT; kind++) {
         lg_surrogate_options o = options_of((lg_surrogate_kind)kind);
-        o.boundary = kind == LG_SURROGATE_ANGLE;
         o.embedding = 5;
+        o.normalise = o.mirror = true;
+        o.boundary = kind == LG_SURROGATE_ANGLE;
         example e = make(&o, TEST_LENGTH);
-        double x[MOST_INPUTS], y[MOST_OUTPUTS], jacobian[MOST_OUTPUTS * MOST_INPUTS];
-        place(&e, 1.0, 1.1, x);
-        assert_no_malloc_no_lock(lg_model_surrogate_eval(&e.model, e.theta, x, y, e.work));
-        assert_no_malloc_no_lock(lg_model_surrogate_jacobian(&e.model, e.theta, x, y, jacobian, e.work));
+        const size_t numbers = e.outputs * e.inputs;
+        double x[ROWS * MOST_INPUTS], y[ROWS * MOST_OUTPUTS], one[MOST_OUTPUTS];
+        double jacobian[ROWS * MOST_OUTPUTS * MOST_INPUTS], g[MOST_OUTPUTS * MOST_INPUTS];
+        float narrow[MOST_INPUTS], yn[MOST_OUTPUTS], gn[MOST_OUTPUTS * MOST_INPUTS];
+        ready batch, single;
+        make_ready(&batch, e.program, "grad", ROWS, LG_F64);
+        make_ready(&single, e.program, "grad", 1, LG_F32);
+        for (size_t r = 0; r < ROWS; r++) place(&e, r == 1 ? -1.0 : 1.0, 0.7 * (double)r, x + r * e.inputs);
+        run_gradient(&batch, x, y, jacobian);
+        for (size_t r = 0; r < ROWS; r++) {
+            run_gradient(&e.gradient, x + r * e.inputs, one, g);
+            for (size_t i = 0; i < e.outputs; i++) assert_close(y[r * e.outputs + i], one[i], 1e-14, 1e-14);
+            for (size_t i = 0; i < numbers; i++) assert_close(jacobian[r * numbers + i], g[i], 1e-13, 1e-13);
+        }
+        for (size_t i = 0; i < e.inputs; i++) narrow[i] = (float)x[i];
+        run_gradient(&e.gradient, x, one, g);
+        lg_plan_eval(single.plan, (const void *const[]){narrow}, (void *const[]){yn, gn}, single.work);
+        for (size_t i = 0; i < e.outputs; i++) assert_close((double)yn[i], one[i], 1e-5, 1e-5);
+        for (size_t i = 0; i < numbers; i++) assert_close((double)gn[i], g[i], 1e-4, 1e-4);
+        free_ready(&batch);
+        free_ready(&single);
         release(&e);
     }
+}
+
+/* Where the first numbers that decide about the mirror are zero, the next ones do; beams that are their own
+ * image, and tangents of angle pi on both sides. */
+static void undecided_mirrors(void **state) {
+    (void)state;
+    static const double ends[][8] = {
+        {0.1, -0.2, 0.8, 0.5, 2.6, 0.3, 0.9, 0.5}, {0.1, -0.2, 0.8, -0.5, 2.6, 0.3, 0.9, -0.5},
+        {0.1, -0.2, 1.0, 0.0, 2.6, 0.3, 1.0, 0.0}, {0.1, 0.2, 1.0, 0.0, 2.6, -0.3, 1.0, 0.0},
+        {0.1, 0.2, 1.0, 0.0, 2.6, 0.2, 1.0, 0.0},  {0.1, 0.2, -1.0, 0.0, 2.6, 0.4, 1.0, -0.1},
+        {0.1, 0.2, -1.0, 0.0, 2.6, 0.4, 1.0, 0.1}, {0.1, 0.2, -1.0, -0.0, 2.6, 0.4, 1.0, 0.1}};
+    for (int kind = 0; kind < LG_SURROGATE_KIND_COUNT; kind++) {
+        lg_surrogate_options o = options_of((lg_surrogate_kind)kind);
+        o.mirror = true;
+        example e = make(&o, TEST_LENGTH);
+        for (size_t i = 0; i < sizeof ends / sizeof ends[0]; i++) {
+            double x[MOST_INPUTS] = {1.1};
+            memcpy(x + e.inputs - 8, ends[i], sizeof ends[i]);
+            against_tape(&e, x);
+        }
+        release(&e);
+    }
+}
+
+/* The function along a curve is the value at each of its places. */
+static void points(void **state) {
+    (void)state;
+    enum { PLACES = 4 };
+    for (int kind = LG_SURROGATE_CONTINUOUS; kind < LG_SURROGATE_KIND_COUNT; kind++)
+        for (unsigned flags = 0; flags < 4; flags++) {
+            lg_surrogate_options o = options_of((lg_surrogate_kind)kind);
+            o.mirror = flags & 1;
+            o.boundary = (flags & 2) && kind == LG_SURROGATE_ANGLE;
+            example e = make(&o, TEST_LENGTH);
+            ready point;
+            double x[PLACES][MOST_INPUTS], s[PLACES], q[2 * PLACES], v[2 * PLACES], curve[5];
+            make_ready(&point, e.program, "point", PLACES, LG_F64);
+            for (size_t i = 0; i < PLACES; i++) {
+                s[i] = TEST_LENGTH * (double)i / (PLACES - 1);
+                place(&e, -1.0, s[i], x[i]);
+            }
+            const double *shared = x[0] + 1;
+            if (kind == LG_SURROGATE_ANGLE) {
+                ready of_curve;
+                make_ready(&of_curve, e.program, "ends", 1, LG_F64);
+                run_value(&of_curve, shared, curve);
+                shared = curve;
+                free_ready(&of_curve);
+            }
+            lg_plan_eval(point.plan, (const void *const[]){s, shared}, (void *const[]){q, v}, point.work);
+            for (size_t i = 0; i < PLACES; i++) {
+                double y[2], jacobian[2 * MOST_INPUTS];
+                run_gradient(&e.gradient, x[i], y, jacobian);
+                for (size_t c = 0; c < e.outputs; c++) {
+                    assert_close(q[e.outputs * i + c], y[c], 1e-14, 1e-14);
+                    if (kind == LG_SURROGATE_CONTINUOUS)
+                        assert_close(v[2 * i + c], jacobian[9 * c], 1e-13, 1e-13);
+                }
+            }
+            free_ready(&point);
+            release(&e);
+        }
 }
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(architectures), cmocka_unit_test(activations), cmocka_unit_test(options),
-        cmocka_unit_test(held_angles),   cmocka_unit_test(symmetries),  cmocka_unit_test(nan_in_nan_out),
-        cmocka_unit_test(no_memory),
+        cmocka_unit_test(architectures),
+        cmocka_unit_test(activations),
+        cmocka_unit_test(options),
+        cmocka_unit_test(held_angles),
+        cmocka_unit_test(symmetries),
+        cmocka_unit_test(nan_in_nan_out),
+        cmocka_unit_test(batches_and_types),
+        cmocka_unit_test(undecided_mirrors),
+        cmocka_unit_test(points),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

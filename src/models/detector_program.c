@@ -1,0 +1,121 @@
+/* Detectors as programs, with their Jacobians.
+ *
+ * The network reads z (length, channels) of a window x (channels, length) as recorded,
+ *   z_tc = (x_ct - m_c - mean_c)/scale_c,
+ * with m_c the channel's own mean over the window for `centred` models, else 0. The scaling's mean is a sum
+ * of two parameters, of which the first one is a number of single precision, and a window's own mean that of
+ * differences to its first sample: so an offset rounds nothing in single precision either.
+ */
+#include "core/core.h"
+#include "liegrad/detector.h"
+#include "liegrad/ops.h"
+#include "models/record.h"
+#include "nn/cnn.h"
+
+enum { THETA, MEAN, MEAN_REST, INVERSE_SCALE, PARAMETERS };
+
+/* x (B, channels, length) -> z (B, length, channels) */
+static lg_var scaled(lg_tape *t, const lg_detector *model, const lg_var *theta, lg_var x) {
+    const lg_shape column = lg_shape2(model->net.channels, 1);
+    if (model->centred) {
+        x = lg_sub(t, x, lg_stop_gradient(t, lg_slice(t, x, 2, 0, 1)));
+        x = lg_sub(t, x, lg_mean_axis(t, x, 2, true));
+    }
+    x = lg_sub(t, x, lg_reshape(t, theta[MEAN], column));
+    x = lg_sub(t, x, lg_reshape(t, theta[MEAN_REST], column));
+    return lg_transpose(t, lg_mul(t, x, lg_reshape(t, theta[INVERSE_SCALE], column)));
+}
+
+static lg_var logits(lg_tape *t, const lg_detector *model, const lg_var *theta, lg_var x) {
+    return lg_cnn_record(t, &model->net, theta[THETA], 0, scaled(t, model, theta, x), NULL);
+}
+
+/* The same as it is differentiated. */
+static lg_var logits_apart(lg_tape *t, const lg_detector *model, const lg_var *theta, lg_var x) {
+    return lg_cnn_record_apart(t, &model->net, theta[THETA], scaled(t, model, theta, x));
+}
+
+/* Of logits (B, outputs): (B, classes). Neither of two classes loses digits where it is small. */
+static lg_var probabilities(lg_tape *t, const lg_detector *model, lg_var y) {
+    if (model->loss == LG_DETECTOR_MSE) {
+        const lg_var both[2] = {lg_neg(t, y), y};
+        return lg_act(t, lg_concat(t, both, 2, 1), LG_SIGMOID);
+    }
+    const lg_var part = lg_exp(t, lg_sub(t, y, lg_max_axis(t, y, 1, true)));
+    return lg_div(t, part, lg_sum_axis(t, part, 1, true));
+}
+
+static lg_status value(void *user, lg_tape *t, const lg_var *theta, const lg_var *x, lg_var *y) {
+    y[0] = logits(t, user, theta, x[0]);
+    return lg_tape_status(t);
+}
+
+/* All rows of the Jacobian in one batch. */
+static lg_status gradient(void *user, lg_tape *t, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const lg_detector *model = user;
+    const uint32_t outputs = model->net.outputs, rows = lg_var_shape(t, x[0]).dims[0];
+    const uint32_t numbers = model->net.channels * model->net.length;
+    y[0] = logits_apart(t, model, theta, x[0]);
+    const lg_var copies = lg_record_copies(t, x[0], outputs), all = logits_apart(t, model, theta, copies);
+    const lg_var units = lg_record_units(t, rows, NULL, outputs, outputs);
+    lg_var by = LG_NONE;
+    LG_TRY(lg_vjp(t, &all, &units, 1, &copies, 1, &by));
+    y[1] = lg_reshape(t, by, lg_shape3(rows, outputs, numbers));
+    return lg_tape_status(t);
+}
+
+static lg_status probability(void *user, lg_tape *t, const lg_var *theta, const lg_var *x, lg_var *y) {
+    y[0] = probabilities(t, user, logits(t, user, theta, x[0]));
+    return lg_tape_status(t);
+}
+
+/* Of a window that is scaled. */
+static lg_status scores(void *user, lg_tape *t, const lg_var *theta, const lg_var *z, lg_var *y) {
+    const lg_detector *model = user;
+    lg_var plane;
+    y[0] = probabilities(t, model, lg_cnn_record(t, &model->net, theta[THETA], 0, z[0], &plane));
+    if (model->net.plane > 0) y[1] = plane;
+    return lg_tape_status(t);
+}
+
+lg_status lg_detector_program(const lg_context *context, const lg_detector *model, const lg_scaler *scaler,
+                              const double *theta, lg_program **out, lg_error *error) {
+    /* Recording only reads the model. */
+    union {
+        const lg_detector *borrowed;
+        void *user;
+    } pointer = {.borrowed = model};
+    const uint32_t channels = model->net.channels;
+    double *numbers = lg_alloc(context, 3 * (size_t)channels, sizeof *numbers);
+    if (numbers == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a detector's scaling");
+    double *mean = numbers, *rest = numbers + channels, *inverse = rest + channels;
+    for (uint32_t c = 0; c < channels; c++) {
+        mean[c] = (double)(float)scaler->mean[c];
+        rest[c] = scaler->mean[c] - mean[c];
+        inverse[c] = 1.0 / scaler->scale[c];
+    }
+    const lg_port window = {.name = "x", .shape = lg_shape2(channels, model->net.length)};
+    const lg_port scaled_window = {.name = "z", .shape = lg_shape2(model->net.length, channels)};
+    const lg_port values[] = {{.name = "y"}, {.name = "g"}};
+    const lg_port score[] = {{.name = "probability"}, {.name = "plane"}};
+    const lg_function_spec functions[] = {
+        {"value", &window, 1, values, 1, value, pointer.user},
+        {"grad", &window, 1, values, 2, gradient, pointer.user},
+        {"probability", &window, 1, score, 1, probability, pointer.user},
+        {"scores", &scaled_window, 1, score, model->net.plane > 0 ? 2 : 1, scores, pointer.user}};
+    const lg_parameter_spec parameters[PARAMETERS] = {
+        [THETA] = {"theta", lg_shape1((uint32_t)lg_cnn_parameters(&model->net)), theta},
+        [MEAN] = {"mean", lg_shape1(channels), mean},
+        [MEAN_REST] = {"mean_rest", lg_shape1(channels), rest},
+        [INVERSE_SCALE] = {"inverse_scale", lg_shape1(channels), inverse}};
+    lg_program_spec spec;
+    lg_program_spec_init(&spec);
+    spec.parameters = parameters;
+    spec.parameter_count = PARAMETERS;
+    spec.functions = functions;
+    spec.function_count = LG_COUNT(functions);
+    spec.description = "detector of the class of a window";
+    const lg_status status = lg_program_build(context, &spec, out, error);
+    lg_free(context, numbers);
+    return status;
+}

@@ -1,0 +1,235 @@
+/* Family "chain": pendulum chains on (T*S^2)^n. Formulas: liegrad/hamiltonian.h. Parts q, p, v, g: (B, n, 3). */
+#include <math.h>
+#include <string.h>
+
+#include "core/core.h"
+#include "liegrad/geometry.h"
+#include "liegrad/ops.h"
+#include "models/hamiltonian_internal.h"
+
+enum {
+    W,
+    INVERSE_MII
+}; /* vars->kinetic: m^-1 (1, n, n), NaN where m is not positive definite; 1/m_ii (1, n, 1) */
+
+/* ---- the mass matrix in plain numbers: arrays Gamma (n, n), b (n) ---- */
+
+static void mass(size_t n, const double *gamma, double *m) {
+    const double *b = gamma + n * n;
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < n; j++) {
+            double sum = 0.0;
+            for (size_t l = 0; l < n; l++) sum += gamma[l * n + i] * gamma[l * n + j];
+            m[i * n + j] = i == j && b[i] > 0.0 ? sum + b[i] : sum;
+        }
+}
+
+/* Cholesky's pivots of m are at least LG_HAMILTONIAN_LEAST_PIVOT. */
+static bool usable(uint32_t n, const double *arrays) {
+    double m[LG_HAMILTONIAN_MAX_COPIES * LG_HAMILTONIAN_MAX_COPIES];
+    mass(n, arrays, m);
+    for (size_t j = 0; j < n; j++)
+        for (size_t i = j; i < n; i++) {
+            double sum = m[i * n + j];
+            for (size_t l = 0; l < j; l++) sum -= m[i * n + l] * m[j * n + l];
+            m[i * n + j] = i == j ? (sum > 0.0 ? sqrt(sum) : NAN) : sum / m[j * n + j];
+        }
+    for (size_t i = 0; i < n; i++)
+        if (!(m[i * n + i] * m[i * n + i] >= LG_HAMILTONIAN_LEAST_PIVOT)) return false;
+    return true;
+}
+
+lg_status lg_hamiltonian_mass(const lg_hamiltonian *model, const double *theta, double *m) {
+    if (model->family != &lg_hamiltonian_chain) return LG_UNSUPPORTED;
+    mass(model->n, theta + lg_hamiltonian_array_offset(model, 0), m);
+    return LG_OK;
+}
+
+/* ---- energy and gradient ---- */
+
+static lg_var unit_matrix(lg_tape *tape, uint32_t n) {
+    double unit[LG_HAMILTONIAN_MAX_COPIES * LG_HAMILTONIAN_MAX_COPIES] = {0.0};
+    for (uint32_t i = 0; i < n; i++) unit[i * n + i] = 1.0;
+    return lg_input_f64(tape, lg_shape3(1, n, n), unit);
+}
+
+static void bind(lg_tape *tape, const lg_var *arrays, lg_hamiltonian_vars *vars) {
+    const uint32_t n = vars->model->n;
+    lg_var diagonal = lg_reshape(tape, arrays[1], lg_shape3(1, 1, n)), unit = unit_matrix(tape, n);
+    lg_var gram = lg_reshape(tape, lg_matmul_tn(tape, arrays[0], arrays[0]), lg_shape3(1, n, n));
+    lg_var m = lg_add(tape, gram, lg_mul(tape, unit, lg_act(tape, diagonal, LG_RELU)));
+    vars->kinetic[W] = lg_spd_solve(tape, m, unit);
+    lg_var mii = lg_sum_axis(tape, lg_mul(tape, m, unit), -1, true);
+    vars->kinetic[INVERSE_MII] = lg_div(tape, lg_full(tape, lg_shape3(1, n, 1), 1.0), mii);
+}
+
+/* v = dT/dp and lambda (B, n, 1). For one link W leaves lambda = (q.p)/(q.q). */
+static lg_var link_velocity(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var q, lg_var p,
+                            lg_var *lambda) {
+    const lg_var w = vars->kinetic[W];
+    if (vars->model->n == 1) {
+        *lambda = lg_div(tape, lg_rowdot(tape, q, p), lg_rownorm2(tape, q));
+        return lg_mul(tape, lg_sub(tape, p, lg_mul(tape, q, *lambda)), w);
+    }
+    lg_var u = lg_rowdot(tape, q, lg_matmul(tape, w, p));
+    *lambda = lg_spd_solve(tape, lg_mul(tape, lg_matmul_nt(tape, q, q), w), u);
+    return lg_matmul(tape, w, lg_sub(tape, p, lg_mul(tape, q, *lambda)));
+}
+
+static lg_var energy(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y) {
+    lg_var lambda, v = link_velocity(tape, vars, y[0], y[1], &lambda);
+    lg_var twice = lg_sum_axis(tape, lg_rowdot(tape, y[1], v), 1, false);
+    return lg_add(tape, lg_scale(tape, twice, 0.5), lg_hamiltonian_potential(tape, vars, y[0]));
+}
+
+static void gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out) {
+    lg_var lambda, potential = lg_hamiltonian_potential_gradient(tape, vars, y[0]);
+    lg_var v = link_velocity(tape, vars, y[0], y[1], &lambda);
+    out[0] = lg_sub(tape, potential, lg_mul(tape, v, lambda));
+    out[1] = v;
+}
+
+/* One link needs no multiplier where q.p = 0: T = |p|^2/(2 m). */
+static void gradient_on_manifold(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y,
+                                 lg_var *out) {
+    if (vars->model->n > 1) {
+        gradient(tape, vars, y, out);
+        return;
+    }
+    lg_var potential = lg_hamiltonian_potential_gradient(tape, vars, y[0]);
+    out[1] = lg_mul(tape, y[1], vars->kinetic[W]);
+    out[0] = potential;
+}
+
+/* ---- fields ---- */
+
+static void field(lg_tape *tape, const lg_var *y, const lg_var *dH, lg_var input, lg_var *algebra) {
+    const lg_var g = dH[0], v = dH[1];
+    lg_var xi = lg_cross(tape, y[0], v);
+    lg_var eta = lg_add(tape, lg_cross(tape, g, y[0]), lg_cross(tape, v, y[1]));
+    if (!lg_is_none(input)) eta = lg_add(tape, eta, lg_hamiltonian_input_like(tape, input, eta));
+    algebra[0] = xi;
+    algebra[1] = eta;
+}
+
+/* T = 1/2 p^T W p + 1/2 u^T S^-1 r off the manifold, summed over the batch. */
+static lg_var extended_kinetic(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var q, lg_var p) {
+    const lg_var w = vars->kinetic[W], inverse_mii = vars->kinetic[INVERSE_MII];
+    const lg_var unit = unit_matrix(tape, vars->model->n);
+    lg_var wp = lg_matmul(tape, w, p);
+    lg_var u = lg_rowdot(tape, q, wp);
+    lg_var gap = lg_add_scalar(tape, lg_neg(tape, lg_rownorm2(tape, q)), 1.0);
+    lg_var diagonal = lg_mul(tape, unit, lg_mul(tape, gap, inverse_mii));
+    lg_var S = lg_add(tape, diagonal, lg_mul(tape, lg_matmul_nt(tape, q, q), w));
+    lg_var r = lg_sub(tape, lg_mul(tape, lg_rowdot(tape, q, p), inverse_mii), u);
+    lg_var free = lg_sum(tape, lg_rowdot(tape, p, wp));
+    lg_var tied = lg_sum(tape, lg_mul(tape, u, lg_spd_solve(tape, S, r)));
+    return lg_scale(tape, lg_add(tape, free, tied), 0.5);
+}
+
+static void extended_gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out) {
+    if (vars->model->n == 1) {
+        gradient_on_manifold(tape, vars, y, out);
+        return;
+    }
+    lg_var kinetic[2] = {LG_NONE, LG_NONE};
+    const lg_var wrt[2] = {y[1], y[0]};
+    if (lg_grad(tape, extended_kinetic(tape, vars, y[0], y[1]), wrt, 2, kinetic) != LG_OK) return;
+    out[0] = lg_add(tape, kinetic[1], lg_hamiltonian_potential_gradient(tape, vars, y[0]));
+    out[1] = kinetic[0];
+}
+
+/* q' = v - q (q.v), p' = -g + q (q.g) + p (q.v) - q (p.v) */
+static void velocity(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out) {
+    const lg_var q = y[0], p = y[1];
+    lg_var dH[2] = {LG_NONE, LG_NONE};
+    extended_gradient(tape, vars, y, dH);
+    const lg_var g = dH[0], v = dH[1];
+    lg_var qv = lg_rowdot(tape, q, v), qg = lg_rowdot(tape, q, g), pv = lg_rowdot(tape, p, v);
+    lg_var to_q = lg_sub(tape, v, lg_mul(tape, q, qv));
+    lg_var along_q = lg_mul(tape, q, lg_sub(tape, qg, pv));
+    out[1] = lg_add(tape, lg_sub(tape, along_q, g), lg_mul(tape, p, qv));
+    out[0] = to_q;
+}
+
+/* ---- coordinates of the tangent space ---- */
+
+/* e_1: the coordinate axis least along q (the first of equals), made orthogonal to it; e_2 = q x e_1. */
+static void frame_at(const double *q, double e[2][3]) {
+    size_t least = 0;
+    for (size_t c = 1; c < 3; c++)
+        if (fabs(q[c]) < fabs(q[least])) least = c;
+    for (size_t c = 0; c < 3; c++) e[0][c] = (c == least ? 1.0 : 0.0) - q[least] * q[c];
+    const double length = sqrt(lg_dot3(e[0], e[0]));
+    for (size_t c = 0; c < 3; c++) e[0][c] /= length;
+    lg_cross3(q, e[0], e[1]);
+}
+
+/* Columns a_1, a_2, b_1, b_2 of each link: dq = e_j, dp = -q (e_j.p); dp = e_j. */
+static void basis(uint32_t n, const double *state, double *out) {
+    const size_t r = 4 * (size_t)n;
+    memset(out, 0, 6 * n * r * sizeof *out);
+    for (size_t link = 0; link < n; link++) {
+        const double *q = state + 6 * link;
+        double e[2][3];
+        frame_at(q, e);
+        for (size_t j = 0; j < 2; j++)
+            for (size_t c = 0; c < 3; c++) {
+                double *dq = out + (6 * link + c) * r + 4 * link, *dp = dq + 3 * r;
+                dq[j] = e[j][c];
+                dp[j] = -q[c] * lg_dot3(e[j], q + 3);
+                dp[2 + j] = e[j][c];
+            }
+    }
+}
+
+static void coordinates(uint32_t n, const double *state, const double *vector, double *c) {
+    for (size_t link = 0; link < n; link++) {
+        double e[2][3];
+        frame_at(state + 6 * link, e);
+        for (size_t j = 0; j < 4; j++) c[4 * link + j] = lg_dot3(e[j % 2], vector + 6 * link + 3 * (j / 2));
+    }
+}
+
+/* ---- data ---- */
+
+static bool learns(const lg_system *system, size_t *n) {
+    *n = lg_system_links(system);
+    return *n > 0;
+}
+
+/* The larger of | |q| - 1 | and |q.p| / (1 + |p|). */
+static double off_manifold(const double *copy) {
+    const double *q = copy, *p = copy + 3;
+    return fmax(fabs(sqrt(lg_dot3(q, q)) - 1), fabs(lg_dot3(q, p)) / (1 + sqrt(lg_dot3(p, p))));
+}
+
+const lg_hamiltonian_family lg_hamiltonian_chain = {
+    .name = "chain",
+    .description = "learned Hamiltonian of a chain",
+    .copy = "link",
+    .factor = {LG_SPACE_TS2},
+    .factors = 1,
+    .inputs = 3,
+    .forces = 3,
+    .layout = {"q", "p"},
+    .numbered = true,
+    .state_units = "q: 1, p: kg m^2/s",
+    .energy_unit = "J",
+    .scheme = "cf4",
+    .accurate = "rkmk54",
+    .arrays = {{"mass/gamma", 2}, {"mass/b", 1}},
+    .usable = usable,
+    .bind = bind,
+    .energy = energy,
+    .gradient = gradient,
+    .gradient_on_manifold = gradient_on_manifold,
+    .field = field,
+    .velocity = velocity,
+    .tangent = 4,
+    .basis = basis,
+    .coordinates = coordinates,
+    .learns = learns,
+    .off_manifold = off_manifold,
+    .manifold = "|q| = 1 and q.p = 0",
+};

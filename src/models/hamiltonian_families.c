@@ -1,0 +1,34 @@
+/* The table of families, and what follows from a row alone. */
+#include <string.h>
+
+#include "core/core.h"
+#include "models/hamiltonian_internal.h"
+
+#define ROW(name) &lg_hamiltonian_##name,
+static const lg_hamiltonian_family *const families[] = {LG_HAMILTONIAN_FAMILIES(ROW)};
+
+size_t lg_hamiltonian_family_count(void) {
+    return LG_COUNT(families);
+}
+
+const lg_hamiltonian_family *lg_hamiltonian_family_at(size_t index) {
+    return index < LG_COUNT(families) ? families[index] : NULL;
+}
+
+const lg_hamiltonian_family *lg_hamiltonian_family_find(const char *name) {
+    for (size_t i = 0; i < LG_COUNT(families); i++)
+        if (strcmp(families[i]->name, name) == 0) return families[i];
+    return NULL;
+}
+
+const lg_hamiltonian_family *lg_hamiltonian_family_for(const lg_system *system, size_t *n) {
+    for (size_t i = 0; i < LG_COUNT(families); i++)
+        if (families[i]->learns(system, n)) return families[i];
+    return NULL;
+}
+
+lg_status lg_hamiltonian_space(const lg_hamiltonian_family *family, uint32_t n, lg_space *space) {
+    lg_space_factor factors[LG_HAMILTONIAN_MAX_PARTS];
+    for (uint32_t i = 0; i < family->factors; i++) factors[i] = (lg_space_factor){family->factor[i], n};
+    return lg_space_init(space, factors, family->factors);
+}

@@ -1,0 +1,201 @@
+/* Learned Hamiltonians on a tape, for every family: binding, functions of states, equations. */
+#include "core/core.h"
+#include "integrators/taped_internal.h"
+#include "liegrad/ops.h"
+#include "models/hamiltonian_internal.h"
+
+/* ---- what theta gives ---- */
+
+static lg_var array_of(lg_tape *tape, const lg_hamiltonian *model, lg_var theta, size_t index) {
+    const uint32_t n = model->n, rank = model->family->arrays[index].rank;
+    const uint32_t from = (uint32_t)lg_hamiltonian_array_offset(model, index), count = rank == 1 ? n : n * n;
+    lg_var slice = lg_slice(tape, theta, 0, from, count);
+    return rank == 1 ? slice : lg_reshape(tape, slice, lg_shape2(n, n));
+}
+
+lg_status lg_hamiltonian_bind(lg_tape *tape, const lg_hamiltonian *model, lg_var theta,
+                              lg_hamiltonian_vars *vars) {
+    const lg_hamiltonian_family *family = model->family;
+    lg_hamiltonian_vars made = {.model = model};
+    lg_var arrays[LG_HAMILTONIAN_MAX_ARRAYS];
+    const lg_shape shape = lg_var_shape(tape, theta);
+    if (!lg_is_none(theta) && (shape.rank != 1 || shape.dims[0] != lg_hamiltonian_parameters(model)))
+        (void)lg_tape_fail(tape, LG_SHAPE, "hamiltonian", "theta is not as long as the model's parameters");
+    LG_TRY(lg_mlp_bind(tape, &model->net, theta, 0, &made.net));
+    for (size_t i = 0; family->arrays[i].rank > 0; i++) arrays[i] = array_of(tape, model, theta, i);
+    if (family->bind != NULL) family->bind(tape, arrays, &made);
+    LG_TRY(lg_tape_status(tape));
+    *vars = made;
+    return LG_OK;
+}
+
+/* ---- for rows ---- */
+
+static lg_var flat_inputs(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x) {
+    return lg_reshape(tape, x, lg_shape2(lg_var_shape(tape, x).dims[0], vars->model->net.width[0]));
+}
+
+lg_var lg_hamiltonian_potential(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x) {
+    return lg_mlp_record_bound(tape, &vars->model->net, &vars->net, flat_inputs(tape, vars, x));
+}
+
+lg_var lg_hamiltonian_potential_gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x) {
+    lg_var flat = flat_inputs(tape, vars, x);
+    return lg_reshape(tape, lg_mlp_record_gradient(tape, &vars->model->net, &vars->net, flat),
+                      lg_var_shape(tape, x));
+}
+
+/* Its rows are checked here, where a wrong width could broadcast. */
+lg_var lg_hamiltonian_input_like(lg_tape *tape, lg_var input, lg_var part) {
+    const lg_shape shape = lg_var_shape(tape, part), given = lg_var_shape(tape, input);
+    const size_t rows = shape.dims[0], width = lg_shape_count(shape) / (rows > 0 ? rows : 1);
+    if (given.rank != 2 || given.dims[0] != rows || given.dims[1] != width)
+        return lg_tape_fail(tape, LG_SHAPE, "hamiltonian", "the input is not a force for each row");
+    return lg_reshape(tape, input, shape);
+}
+
+/* ---- functions of parts ---- */
+
+void lg_hamiltonian_gradient_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y,
+                                   lg_var *out) {
+    const lg_hamiltonian_family *family = vars->model->family;
+    lg_space space;
+    if (family->gradient != NULL) {
+        family->gradient(tape, vars, y, out);
+        return;
+    }
+    for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++) out[i] = LG_NONE;
+    if (lg_hamiltonian_space(family, vars->model->n, &space) != LG_OK) return;
+    (void)lg_grad(tape, lg_sum(tape, family->energy(tape, vars, y)), y, lg_taped_parts(&space), out);
+}
+
+static void field_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var input,
+                        lg_var *out) {
+    lg_var dH[LG_HAMILTONIAN_MAX_PARTS];
+    lg_hamiltonian_gradient_parts(tape, vars, y, dH);
+    vars->model->family->field(tape, y, dH, input, out);
+}
+
+lg_status lg_hamiltonian_velocity_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y,
+                                        lg_var input, lg_var *out) {
+    lg_space space;
+    lg_var algebra[LG_HAMILTONIAN_MAX_PARTS];
+    LG_TRY(lg_hamiltonian_space(vars->model->family, vars->model->n, &space));
+    field_parts(tape, vars, y, input, algebra);
+    return lg_taped_generator(tape, &space, algebra, y, out);
+}
+
+/* ---- functions of states (B, d) ---- */
+
+/* The space and the parts of the state; false with the tape's error. */
+static bool parts_of(lg_tape *tape, const lg_hamiltonian *model, lg_var state, lg_space *space, lg_var *y) {
+    return lg_hamiltonian_space(model->family, model->n, space) == LG_OK &&
+           lg_taped_split(tape, space, state, y) == LG_OK;
+}
+
+lg_var lg_hamiltonian_record_value(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state) {
+    lg_space space;
+    lg_var y[LG_HAMILTONIAN_MAX_PARTS];
+    if (!parts_of(tape, vars->model, state, &space, y)) return LG_NONE;
+    return vars->model->family->energy(tape, vars, y);
+}
+
+lg_var lg_hamiltonian_record_gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state) {
+    lg_space space;
+    lg_var y[LG_HAMILTONIAN_MAX_PARTS], out[LG_HAMILTONIAN_MAX_PARTS];
+    if (!parts_of(tape, vars->model, state, &space, y)) return LG_NONE;
+    lg_hamiltonian_gradient_parts(tape, vars, y, out);
+    return lg_taped_join(tape, &space, out);
+}
+
+lg_var lg_hamiltonian_record_field(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state,
+                                   lg_var input) {
+    lg_space space;
+    lg_var y[LG_HAMILTONIAN_MAX_PARTS], out[LG_HAMILTONIAN_MAX_PARTS];
+    if (!parts_of(tape, vars->model, state, &space, y)) return LG_NONE;
+    field_parts(tape, vars, y, input, out);
+    return lg_taped_join_algebra(tape, &space, out);
+}
+
+lg_var lg_hamiltonian_record_velocity(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state,
+                                      lg_var input) {
+    lg_space space;
+    lg_var y[LG_HAMILTONIAN_MAX_PARTS], out[LG_HAMILTONIAN_MAX_PARTS];
+    if (!parts_of(tape, vars->model, state, &space, y)) return LG_NONE;
+    if (lg_hamiltonian_velocity_parts(tape, vars, y, input, out) != LG_OK) return LG_NONE;
+    return lg_taped_join(tape, &space, out);
+}
+
+/* ---- equations for the taped integrators ---- */
+
+static lg_status ode_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                           lg_var *algebra) {
+    (void)t;
+    field_parts(tape, user, y, input, algebra);
+    return lg_tape_status(tape);
+}
+
+static lg_status ode_force(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input, lg_var *out) {
+    const lg_hamiltonian_vars *vars = user;
+    (void)t;
+    *out = vars->model->family->force(tape, vars, q, input);
+    return lg_tape_status(tape);
+}
+
+static lg_status ode_drift(void *user, lg_tape *tape, lg_taped_time t, lg_var p, lg_var input, lg_var *out) {
+    const lg_hamiltonian_vars *vars = user;
+    (void)t, (void)input;
+    *out = vars->model->family->drift(tape, vars, p);
+    return lg_tape_status(tape);
+}
+
+lg_status lg_hamiltonian_taped_ode(lg_hamiltonian_vars *vars, lg_taped_ode *ode) {
+    lg_taped_ode made = {.field = ode_field, .user = vars};
+    LG_TRY(lg_hamiltonian_space(vars->model->family, vars->model->n, &made.space));
+    if (vars->model->family->force != NULL) {
+        made.force = ode_force;
+        made.velocity = ode_drift;
+    }
+    *ode = made;
+    return LG_OK;
+}
+
+/* ---- for training: without input ---- */
+
+static lg_status manifold_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                                lg_var *algebra) {
+    const lg_hamiltonian_vars *vars = user;
+    lg_var dH[LG_HAMILTONIAN_MAX_PARTS];
+    (void)t;
+    vars->model->family->gradient_on_manifold(tape, vars, y, dH);
+    vars->model->family->field(tape, y, dH, input, algebra);
+    return lg_tape_status(tape);
+}
+
+static lg_status ambient_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                               lg_var *out) {
+    const lg_hamiltonian_vars *vars = user;
+    (void)t;
+    if (vars->model->family->velocity == NULL)
+        return lg_hamiltonian_velocity_parts(tape, vars, y, input, out);
+    vars->model->family->velocity(tape, vars, y, out);
+    return lg_tape_status(tape);
+}
+
+lg_status lg_hamiltonian_training_ode(lg_tape *tape, lg_hamiltonian_vars *vars, const lg_scheme *scheme,
+                                      const lg_var *start, lg_taped_ode *ode) {
+    lg_space_factor factors[LG_HAMILTONIAN_MAX_PARTS];
+    LG_TRY(lg_hamiltonian_taped_ode(vars, ode));
+    if (lg_space_is_abelian(&ode->space)) return LG_OK;
+    if (!scheme->ambient) {
+        if (vars->model->family->gradient_on_manifold != NULL) ode->field = manifold_field;
+        return LG_OK;
+    }
+    const size_t parts = lg_taped_parts(&ode->space);
+    for (size_t i = 0; i < parts; i++) {
+        const lg_shape shape = lg_var_shape(tape, start[i]);
+        factors[i] = (lg_space_factor){LG_SPACE_RN, lg_shape_count(shape) / shape.dims[0]};
+    }
+    ode->field = ambient_field;
+    return lg_space_init(&ode->space, factors, parts);
+}

@@ -1,0 +1,64 @@
+/* Family "separable": H = 1/2 |A p|^2 + V(q) on R^2n. */
+#include "liegrad/ops.h"
+#include "models/hamiltonian_internal.h"
+
+enum { K }; /* vars->kinetic: A^T A (n, n) */
+
+static void bind(lg_tape *tape, const lg_var *arrays, lg_hamiltonian_vars *vars) {
+    vars->kinetic[K] = lg_matmul_tn(tape, arrays[0], arrays[0]);
+}
+
+static lg_var drift(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var p) {
+    return lg_matmul(tape, p, vars->kinetic[K]);
+}
+
+static lg_var force(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var q, lg_var input) {
+    lg_var out = lg_neg(tape, lg_hamiltonian_potential_gradient(tape, vars, q));
+    return lg_is_none(input) ? out : lg_add(tape, out, lg_hamiltonian_input_like(tape, input, out));
+}
+
+static lg_var energy(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y) {
+    lg_var twice = lg_rowdot(tape, y[1], drift(tape, vars, y[1]));
+    return lg_add(tape, lg_scale(tape, twice, 0.5), lg_hamiltonian_potential(tape, vars, y[0]));
+}
+
+static void gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out) {
+    out[0] = lg_hamiltonian_potential_gradient(tape, vars, y[0]);
+    out[1] = drift(tape, vars, y[1]);
+}
+
+static void field(lg_tape *tape, const lg_var *y, const lg_var *dH, lg_var input, lg_var *out) {
+    (void)y;
+    out[1] = lg_neg(tape, dH[0]);
+    if (!lg_is_none(input)) out[1] = lg_add(tape, out[1], lg_hamiltonian_input_like(tape, input, out[1]));
+    out[0] = dH[1];
+}
+
+static bool learns(const lg_system *system, size_t *n) {
+    *n = lg_system_dim(system) / 2;
+    return lg_system_separable(system);
+}
+
+const lg_hamiltonian_family lg_hamiltonian_separable = {
+    .name = "separable",
+    .description = "learned separable Hamiltonian",
+    .copy = "coordinate",
+    .factor = {LG_SPACE_RN, LG_SPACE_RN},
+    .factors = 2,
+    .inputs = 1,
+    .forces = 1,
+    .layout = {"q", "p"},
+    .state_units = "q: 1, p: 1",
+    .energy_unit = "1",
+    .scheme = "stormer-verlet",
+    .accurate = "dp54",
+    .arrays = {{"kinetic/A", 2}},
+    .bind = bind,
+    .energy = energy,
+    .gradient = gradient,
+    .field = field,
+    .force = force,
+    .drift = drift,
+    .tangent = 2,
+    .learns = learns,
+};

@@ -1,0 +1,18 @@
+/* Recording pieces that programs of learned models share. */
+#ifndef LG_MODELS_RECORD_H
+#define LG_MODELS_RECORD_H
+
+#include "liegrad/ops.h"
+
+/* Columns first .. first + count - 1 of x (B, n). */
+static inline lg_var lg_columns(lg_tape *tape, lg_var x, uint32_t first, uint32_t count) {
+    return lg_slice(tape, x, 1, first, count);
+}
+
+/* Each row of x `copies` times, one behind the other: (B, ...) -> (B copies, ...). */
+lg_var lg_record_copies(lg_tape *tape, lg_var x, uint32_t copies);
+/* Unit vectors e_at[0], e_at[1], ... (`at` NULL: e_0, e_1, ...) of n numbers, for each of `rows` rows: (rows
+ * count, n). */
+lg_var lg_record_units(lg_tape *tape, uint32_t rows, const uint32_t *at, uint32_t count, uint32_t n);
+
+#endif

@@ -1,0 +1,387 @@
+/* Surrogates as programs, with their Jacobians.
+ *
+ * With R the sign of the mirror (1, or -1 on y-components) and f the network on its own side of it:
+ *   discrete    q_i = q0 + R f_i, v_i = R f_i', both functions of (v0, qN - q0, vN): columns of q0 are those
+ *               of -qN, and the identity for q
+ *   continuous  q = q0 + R f(s/L, v0, qN - q0, vN), likewise
+ *   angle       theta = R (pi f(s) + m_0 w_0(s) + m_N w_N(s)), m_0 = theta_0 - pi f(0), m_N = theta_N - pi
+ *               f(L), f(s) = f(theta_0/pi, theta_N/pi, s); w are the weights at the ends, 0 without
+ * `boundary`. A tangent of length 0 has no angle: the derivatives by it are NaN.
+ *
+ * x are boundary conditions (B, 8); the network's input has s before them where there is a place.
+ */
+#include <math.h>
+
+#include "core/core.h"
+#include "liegrad/ops.h"
+#include "liegrad/program.h"
+#include "models/record.h"
+#include "models/surrogate_internal.h"
+
+enum { BOUNDARY = 8, MOST_DIRECTIONS = 7 };
+
+/* A model on a tape. */
+typedef struct drawing {
+    lg_tape *tape;
+    const lg_surrogate *model;
+    lg_var theta;
+} drawing;
+
+static uint32_t rows_of(const drawing *d, lg_var x) {
+    return lg_var_shape(d->tape, x).dims[0];
+}
+
+static lg_var columns(const drawing *d, lg_var x, uint32_t first, uint32_t count) {
+    return lg_slice(d->tape, x, 1, first, count);
+}
+
+static lg_var beside(const drawing *d, lg_var a, lg_var b) {
+    const lg_var both[2] = {a, b};
+    return lg_concat(d->tape, both, 2, 1);
+}
+
+/* Numbers that serve all rows. */
+static lg_var row(const drawing *d, const double *values, uint32_t count) {
+    return lg_input_f64(d->tape, lg_shape2(1, count), values);
+}
+
+static lg_var net(const drawing *d, lg_var input) {
+    return lg_net_record(d->tape, &d->model->net, d->theta, 0, input);
+}
+
+/* 1 where arc length stands before the boundary conditions. */
+static uint32_t places(const lg_surrogate *model) {
+    return model->options.kind == LG_SURROGATE_DISCRETE ? 0 : 1;
+}
+
+/* ---- the mirror ---- */
+
+/* R (B, 1): the first of these numbers that is not zero decides. */
+static lg_var sign_of(const drawing *d, lg_var x) {
+    lg_tape *t = d->tape;
+    if (!d->model->options.mirror) return lg_full(t, lg_shape2(rows_of(d, x), 1), 1.0);
+    const lg_var v0 = columns(d, x, LG_AT_V0 + 1, 1), vn = columns(d, x, LG_AT_VN + 1, 1);
+    const lg_var q0 = columns(d, x, LG_AT_Q0 + 1, 1), qn = columns(d, x, LG_AT_QN + 1, 1);
+    const lg_var turn = lg_sub(t, v0, vn), rise = lg_sub(t, qn, q0);
+    return lg_select(t, turn, lg_sign(t, turn), lg_select(t, v0, lg_sign(t, v0), lg_sign(t, rise)));
+}
+
+/* (1, R) (B, 1, 2), for pairs of an x- and a y-component. */
+static lg_var mirror(const drawing *d, lg_var sign) {
+    const lg_var one = lg_full(d->tape, lg_var_shape(d->tape, sign), 1.0);
+    return lg_reshape(d->tape, beside(d, one, sign), lg_shape3(rows_of(d, sign), 1, 2));
+}
+
+/* y (B, n), each pair times (1, R). */
+static lg_var reflected(const drawing *d, lg_var y, lg_var sign) {
+    const lg_shape shape = lg_var_shape(d->tape, y);
+    if (!d->model->options.mirror) return y;
+    const lg_var pairs = lg_reshape(d->tape, y, lg_shape3(shape.dims[0], shape.dims[1] / 2, 2));
+    return lg_reshape(d->tape, lg_mul(d->tape, pairs, mirror(d, sign)), shape);
+}
+
+/* ---- discrete and continuous ---- */
+
+/* x-coordinates of the ends enter as (x - centre)/centre: what is taken off, and the divisors. */
+static void scaling(const lg_surrogate *model, double *centre, double *scale) {
+    for (size_t c = 0; c < BOUNDARY; c++) {
+        const bool point = c == LG_AT_Q0 || c == LG_AT_QN;
+        centre[c] = point ? model->centre : 0.0;
+        scale[c] = point ? model->centre : 1.0;
+    }
+}
+
+/* x seen from q0, on the network's side of the mirror (B, 8). */
+static lg_var boundary_input(const drawing *d, lg_var x, lg_var sign) {
+    static const double counted[BOUNDARY] = {1.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0};
+    lg_tape *t = d->tape;
+    double centre[BOUNDARY], scale[BOUNDARY];
+    const lg_var q0 = columns(d, x, LG_AT_Q0, 2), twice = beside(d, q0, q0);
+    const lg_var start = lg_mul(t, beside(d, twice, twice), row(d, counted, BOUNDARY));
+    const lg_var seen = reflected(d, lg_sub(t, x, start), sign);
+    if (!d->model->options.normalise) return seen;
+    scaling(d->model, centre, scale);
+    return lg_div(t, lg_sub(t, seen, row(d, centre, BOUNDARY)), row(d, scale, BOUNDARY));
+}
+
+/* The network's input; s (B, 1) where there is a place, x of as many rows or one. */
+static lg_var curve_input(const drawing *d, lg_var s, lg_var x, lg_var sign) {
+    const lg_var ends = boundary_input(d, x, sign);
+    if (places(d->model) == 0) return ends;
+    return beside(d, lg_scale(d->tape, s, 1.0 / d->model->length),
+                  lg_broadcast_to(d->tape, ends, lg_shape2(rows_of(d, s), BOUNDARY)));
+}
+
+/* Outputs that are points, and count from q0, stand before the tangents. */
+static uint32_t points_in(const lg_surrogate *model) {
+    return model->options.kind == LG_SURROGATE_DISCRETE ? model->net.outputs / 2 : model->net.outputs;
+}
+
+/* The network's output f (B, outputs) as it is handed over. */
+static lg_var hand_over(const drawing *d, lg_var f, lg_var x, lg_var sign) {
+    lg_tape *t = d->tape;
+    const uint32_t n = points_in(d->model), outputs = d->model->net.outputs, rows = rows_of(d, f);
+    const lg_var y = reflected(d, f, sign);
+    const lg_var pairs = lg_reshape(t, columns(d, y, 0, n), lg_shape3(rows, n / 2, 2));
+    const lg_var q0 = lg_reshape(t, columns(d, x, LG_AT_Q0, 2), lg_shape3(rows_of(d, x), 1, 2));
+    const lg_var q = lg_reshape(t, lg_add(t, pairs, q0), lg_shape2(rows, n));
+    return n == outputs ? q : beside(d, q, columns(d, y, n, outputs - n));
+}
+
+static lg_status curve_value(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
+    const drawing d = {t, user, theta[0]};
+    const lg_var x = columns(&d, in[0], places(d.model), BOUNDARY), s = columns(&d, in[0], 0, 1);
+    const lg_var sign = sign_of(&d, x);
+    y[0] = hand_over(&d, net(&d, curve_input(&d, s, x, sign)), x, sign);
+    return lg_tape_status(t);
+}
+
+/* The derivative of the network's input by what the Jacobian is by, (B, 1, directions): s where there is a
+ * place, then v0, qN - q0, vN, each of which moves one column of it. */
+static lg_var moves(const drawing *d, lg_var sign, uint32_t rows) {
+    lg_tape *t = d->tape;
+    double centre[BOUNDARY], scale[BOUNDARY], ones[BOUNDARY];
+    scaling(d->model, centre, scale);
+    for (size_t c = 0; c < BOUNDARY; c++) ones[c] = d->model->options.normalise ? 1.0 / scale[c] : 1.0;
+    const uint32_t count = BOUNDARY - LG_AT_V0;
+    lg_var all = lg_broadcast_to(t, row(d, ones + LG_AT_V0, count), lg_shape2(rows, count));
+    all = reflected(d, all, sign);
+    if (places(d->model) > 0) all = beside(d, lg_full(t, lg_shape2(rows, 1), 1.0 / d->model->length), all);
+    return lg_reshape(t, all, lg_shape3(rows, 1, count + places(d->model)));
+}
+
+/* dq/dq0 where all else stays (1, outputs, 2). */
+static lg_var identity(const drawing *d) {
+    static const double pair[4] = {1.0, 0.0, 0.0, 1.0};
+    const uint32_t n = points_in(d->model), outputs = d->model->net.outputs;
+    const lg_var one = lg_input_f64(d->tape, lg_shape3(1, 2, 2), pair);
+    const lg_var all = lg_broadcast_to(d->tape, one, lg_shape3(n / 2, 2, 2));
+    return lg_pad(d->tape, lg_reshape(d->tape, all, lg_shape3(1, n, 2)), 1, 0, outputs - n);
+}
+
+/* Columns of the directions, by (B, outputs, directions), become those of the input. */
+static lg_var input_columns(const drawing *d, lg_var by) {
+    lg_tape *t = d->tape;
+    const uint32_t first = places(d->model), count = BOUNDARY - LG_AT_V0;
+    const lg_var chord = lg_slice(t, by, 2, first + LG_AT_QN - LG_AT_V0, 2);
+    const lg_var parts[3] = {first > 0 ? lg_slice(t, by, 2, 0, 1) : LG_NONE, lg_sub(t, identity(d), chord),
+                             lg_slice(t, by, 2, first, count)};
+    return lg_concat(t, parts + 1 - first, 2 + first, 2);
+}
+
+/* Derivatives of f by its columns `at`, as rows: (B, count, outputs). */
+static lg_var net_directions(const drawing *d, lg_var input, const uint32_t *at, uint32_t count) {
+    const uint32_t rows = rows_of(d, input);
+    const lg_var copies = lg_record_copies(d->tape, input, count);
+    const lg_var units = lg_record_units(d->tape, rows, at, count, d->model->net.inputs);
+    const lg_var f = net(d, copies);
+    lg_var along = LG_NONE;
+    if (lg_jvp(d->tape, &f, 1, &copies, &units, 1, &along) != LG_OK) return LG_NONE;
+    return lg_reshape(d->tape, along, lg_shape3(rows, count, d->model->net.outputs));
+}
+
+static lg_status curve_gradient(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
+    static const uint32_t column[MOST_DIRECTIONS] = {0, 3, 4, 5, 6, 7, 8};
+    const drawing d = {t, user, theta[0]};
+    const uint32_t first = places(d.model), rows = rows_of(&d, in[0]), outputs = d.model->net.outputs;
+    const uint32_t count = MOST_DIRECTIONS - 1 + first;
+    const lg_var x = columns(&d, in[0], first, BOUNDARY), s = columns(&d, in[0], 0, 1);
+    const lg_var sign = sign_of(&d, x), input = curve_input(&d, s, x, sign);
+    uint32_t at[MOST_DIRECTIONS];
+    for (uint32_t k = 0; k < count; k++) at[k] = column[k + 1 - first] - (1 - first);
+    y[0] = hand_over(&d, net(&d, input), x, sign);
+    lg_var by = lg_reshape(t, net_directions(&d, input, at, count), lg_shape2(rows * count, outputs));
+    by = reflected(&d, by, lg_record_copies(t, sign, count));
+    by = lg_transpose(t, lg_reshape(t, by, lg_shape3(rows, count, outputs)));
+    y[1] = input_columns(&d, lg_mul(t, by, moves(&d, sign, rows)));
+    return lg_tape_status(t);
+}
+
+/* ---- angle ---- */
+
+/* theta of a tangent v (B, 2), of the mirror image for R = -1. -0 would turn pi into -pi: |-0| = 0. */
+static lg_var angle_of(const drawing *d, lg_var v, lg_var sign) {
+    lg_tape *t = d->tape;
+    const lg_var zero = lg_full(t, lg_var_shape(t, sign), 0.0), y = lg_mul(t, sign, columns(d, v, 1, 1));
+    return lg_atan2(t, lg_select(t, lg_ge(t, y, zero), lg_abs(t, y), y), columns(d, v, 0, 1));
+}
+
+/* pi f at s (B, 1) for end angles (B or 1, 2). */
+static lg_var net_angle(const drawing *d, lg_var s, lg_var angles) {
+    const lg_var ends = lg_scale(d->tape, angles, 1.0 / LG_SURROGATE_PI);
+    const lg_var all = lg_broadcast_to(d->tape, ends, lg_shape2(rows_of(d, s), 2));
+    return lg_scale(d->tape, net(d, beside(d, all, s)), LG_SURROGATE_PI);
+}
+
+/* w_0 and w_N at s (B, 1): (B, 2), (1, 0) at s = 0 and (0, 1) at s = L. */
+static lg_var end_weights(const drawing *d, lg_var s) {
+    lg_tape *t = d->tape;
+    const double length = d->model->length, c = exp(-100.0 * length * length);
+    const double mixed = 1.0 / ((1.0 - c) * (1.0 + c));
+    const lg_var rest = lg_add_scalar(t, s, -length);
+    const lg_var a = lg_exp(t, lg_scale(t, lg_square(t, s), -100.0));
+    const lg_var b = lg_exp(t, lg_scale(t, lg_square(t, rest), -100.0));
+    const double own[2] = {mixed, -c * mixed}, other[2] = {-c * mixed, mixed};
+    const lg_var both[2] = {a, b};
+    return beside(d, lg_linear_combination(t, both, own, 2), lg_linear_combination(t, both, other, 2));
+}
+
+/* What a curve has for all its places: R, theta_0, theta_N, m_0, m_N (B, 5). */
+enum { CURVE_SIGN, CURVE_ANGLES, CURVE_MISSING = 3, CURVE_NUMBERS = LG_SURROGATE_ENDS };
+
+/* R, theta_0, theta_N (B, 3) */
+static lg_var side_and_angles(const drawing *d, lg_var x) {
+    const lg_var sign = sign_of(d, x);
+    const lg_var first = angle_of(d, columns(d, x, LG_AT_V0, 2), sign);
+    const lg_var last = angle_of(d, columns(d, x, LG_AT_VN, 2), sign);
+    return beside(d, beside(d, sign, first), last);
+}
+
+/* pi f at s (B, n) of curves (B, 3 or more): (B, n) */
+static lg_var net_angles(const drawing *d, lg_var s, lg_var curve) {
+    const lg_shape shape = lg_var_shape(d->tape, s);
+    const uint32_t n = shape.dims[1];
+    const lg_var angles = lg_record_copies(d->tape, columns(d, curve, CURVE_ANGLES, 2), n);
+    return lg_reshape(d->tape, net_angle(d, lg_reshape(d->tape, s, lg_shape2(shape.dims[0] * n, 1)), angles),
+                      shape);
+}
+
+static lg_var both_ends(const drawing *d, uint32_t rows) {
+    const double at[2] = {0.0, d->model->length};
+    return lg_broadcast_to(d->tape, row(d, at, 2), lg_shape2(rows, 2));
+}
+
+/* theta at s (B, 1) from pi f there; curve (B or 1, 3), missing (B or 1, 2). */
+static lg_var hold_ends(const drawing *d, lg_var angle, lg_var s, lg_var curve, lg_var missing) {
+    lg_tape *t = d->tape;
+    if (d->model->options.boundary) {
+        const lg_var held = lg_mul(t, end_weights(d, s), missing);
+        angle = lg_add(t, angle, lg_add(t, columns(d, held, 0, 1), columns(d, held, 1, 1)));
+    }
+    return d->model->options.mirror ? lg_mul(t, angle, columns(d, curve, CURVE_SIGN, 1)) : angle;
+}
+
+/* The network is asked at s and both ends in one batch. */
+static lg_status angle_value(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
+    const drawing d = {t, user, theta[0]};
+    const lg_var s = columns(&d, in[0], 0, 1), curve = side_and_angles(&d, columns(&d, in[0], 1, BOUNDARY));
+    lg_var angle, missing = LG_NONE;
+    if (d.model->options.boundary) {
+        const lg_var all = net_angles(&d, beside(&d, s, both_ends(&d, rows_of(&d, s))), curve);
+        angle = columns(&d, all, 0, 1);
+        missing = lg_sub(t, columns(&d, curve, CURVE_ANGLES, 2), columns(&d, all, 1, 2));
+    } else {
+        angle = net_angles(&d, s, curve);
+    }
+    y[0] = hold_ends(&d, angle, s, curve, missing);
+    return lg_tape_status(t);
+}
+
+static lg_status angle_gradient(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
+    lg_var gradient = LG_NONE;
+    LG_TRY(angle_value(user, t, theta, in, y));
+    LG_TRY(lg_grad(t, y[0], in, 1, &gradient));
+    y[1] = lg_reshape(t, gradient, lg_shape3(lg_var_shape(t, in[0]).dims[0], 1, 1 + BOUNDARY));
+    return lg_tape_status(t);
+}
+
+/* ---- along a curve ---- */
+
+/* s, x of the curve -> q, v */
+static lg_status curve_point(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
+    const drawing d = {t, user, theta[0]};
+    const lg_var x = lg_reshape(t, in[1], lg_shape2(1, BOUNDARY)), sign = sign_of(&d, x);
+    const double along[1 + BOUNDARY] = {1.0 / d.model->length};
+    lg_var f = LG_NONE, slope = LG_NONE;
+    LG_TRY(lg_net_record_jvp(t, &d.model->net, d.theta, 0, curve_input(&d, in[0], x, sign),
+                             row(&d, along, 1 + BOUNDARY), &f, &slope));
+    y[0] = hand_over(&d, f, x, sign);
+    y[1] = reflected(&d, slope, sign);
+    return lg_tape_status(t);
+}
+
+/* s, x of the curve -> q */
+static lg_status curve_place(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
+    const drawing d = {t, user, theta[0]};
+    const lg_var x = lg_reshape(t, in[1], lg_shape2(1, BOUNDARY)), sign = sign_of(&d, x);
+    y[0] = hand_over(&d, net(&d, curve_input(&d, in[0], x, sign)), x, sign);
+    return lg_tape_status(t);
+}
+
+/* x -> the curve's numbers */
+static lg_status angle_ends(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
+    const drawing d = {t, user, theta[0]};
+    const uint32_t rows = rows_of(&d, in[0]);
+    const lg_var curve = side_and_angles(&d, in[0]);
+    lg_var missing = lg_full(t, lg_shape2(rows, 2), 0.0);
+    if (d.model->options.boundary)
+        missing = lg_sub(t, columns(&d, curve, CURVE_ANGLES, 2), net_angles(&d, both_ends(&d, rows), curve));
+    y[0] = beside(&d, curve, missing);
+    return lg_tape_status(t);
+}
+
+/* s, the curve's numbers -> theta */
+static lg_status angle_point(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
+    const drawing d = {t, user, theta[0]};
+    const lg_var curve = lg_reshape(t, in[1], lg_shape2(1, CURVE_NUMBERS));
+    const lg_var angle = net_angle(&d, in[0], columns(&d, curve, CURVE_ANGLES, 2));
+    y[0] = hold_ends(&d, angle, in[0], curve, columns(&d, curve, CURVE_MISSING, 2));
+    return lg_tape_status(t);
+}
+
+/* ---- the bundles ---- */
+
+/* Ports. */
+static const lg_port x8 = {.name = "x", .shape = {1, {BOUNDARY}}},
+                     x9 = {.name = "x", .shape = {1, {1 + BOUNDARY}}};
+static const lg_port point_in[2] = {{.name = "s", .shape = {1, {1}}},
+                                    {.name = "x", .shape = {1, {BOUNDARY}}, .shared = true}};
+static const lg_port angle_in[2] = {{.name = "s", .shape = {1, {1}}},
+                                    {.name = "ends", .shape = {1, {CURVE_NUMBERS}}, .shared = true}};
+static const lg_port value_out[2] = {{.name = "y"}, {.name = "g"}};
+static const lg_port point_out[2] = {{.name = "q"}, {.name = "v"}};
+static const lg_port ends_out = {.name = "ends"}, theta_out = {.name = "theta"};
+
+enum { MOST_FUNCTIONS = 4 };
+static const struct bundle {
+    const char *description;
+    lg_function_spec function[MOST_FUNCTIONS];
+} bundles[LG_SURROGATE_KIND_COUNT] = {
+    [LG_SURROGATE_DISCRETE] = {"discrete surrogate of a beam",
+                               {{"value", &x8, 1, value_out, 1, curve_value, NULL},
+                                {"grad", &x8, 1, value_out, 2, curve_gradient, NULL}}},
+    [LG_SURROGATE_CONTINUOUS] = {"continuous surrogate of a beam",
+                                 {{"value", &x9, 1, value_out, 1, curve_value, NULL},
+                                  {"grad", &x9, 1, value_out, 2, curve_gradient, NULL},
+                                  {"point", point_in, 2, point_out, 2, curve_point, NULL},
+                                  {"place", point_in, 2, point_out, 1, curve_place, NULL}}},
+    [LG_SURROGATE_ANGLE] = {"angle surrogate of a beam",
+                            {{"value", &x9, 1, value_out, 1, angle_value, NULL},
+                             {"grad", &x9, 1, value_out, 2, angle_gradient, NULL},
+                             {"ends", &x8, 1, &ends_out, 1, angle_ends, NULL},
+                             {"point", angle_in, 2, &theta_out, 1, angle_point, NULL}}},
+};
+
+lg_status lg_surrogate_program(const lg_context *context, const lg_surrogate *model, const double *theta,
+                               lg_program **out, lg_error *error) {
+    /* Recording only reads the model. */
+    union {
+        const lg_surrogate *borrowed;
+        void *user;
+    } pointer = {.borrowed = model};
+    const struct bundle *bundle = &bundles[model->options.kind];
+    lg_function_spec functions[MOST_FUNCTIONS];
+    const lg_parameter_spec weights = {"theta", lg_shape1((uint32_t)lg_surrogate_parameters(model)), theta};
+    lg_program_spec spec;
+    lg_program_spec_init(&spec);
+    for (; spec.function_count < MOST_FUNCTIONS && bundle->function[spec.function_count].name != NULL;
+         spec.function_count++) {
+        functions[spec.function_count] = bundle->function[spec.function_count];
+        functions[spec.function_count].user = pointer.user;
+    }
+    spec.parameters = &weights;
+    spec.parameter_count = 1;
+    spec.functions = functions;
+    spec.description = bundle->description;
+    return lg_program_build(context, &spec, out, error);
+}
