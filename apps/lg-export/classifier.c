@@ -369,10 +369,10 @@ static int check(const classifier_job *j, const app *self) {
 }
 
 static const char *const score_words[] = {
-    "It is the one of the largest: of two equal ones class 1,\n * of more the first.",
-    "The scores are the decision and its negative, the larger\n * one is the class.",
-    "The scores are how many of the other classes each one\n * wins against, and a term within 1/3 that "
-    "orders classes of equal votes; of the classes with the most\n * votes the first is the class."};
+    ("It is the one of the largest: of two equal ones class 1,\n * of more the first."),
+    ("The scores are the decision and its negative, the larger\n * one is the class."),
+    ("The scores are how many of the other classes each one\n * wins against, and a term within 1/3 that "
+     "orders classes of equal votes; of the classes with the most\n * votes the first is the class.")};
 
 static export_window window_of(const classifier_file *file) {
     const lg_classifier *c = &file->classifier;

@@ -394,10 +394,10 @@ static void test_json(void **state) {
     (void)state;
     cli_expect(lg, "pendulum.h5 --out o --dtype f32 --scheme rkmk4 --golden 3 --json", 0, "", &result);
     assert_true(json_is_object(result.out));
-    static const char *const words[] = {"\"name\": \"pendulum\"", "\"kind\": \"hamiltonian\"",
-                                        "\"dtype\": \"f32\"", "\"scheme\": \"rkmk4\"",
-                                        "\"files\": [\"pendulum.h\", \"pendulum.c\", \"pendulum_weights.c\", "
-                                        "\"pendulum_test.c\", \"Makefile\"]"};
+    static const char *const words[] = {
+        "\"name\": \"pendulum\"", "\"kind\": \"hamiltonian\"", "\"dtype\": \"f32\"", "\"scheme\": \"rkmk4\"",
+        ("\"files\": [\"pendulum.h\", \"pendulum.c\", \"pendulum_weights.c\", "
+         "\"pendulum_test.c\", \"Makefile\"]")};
     for (size_t i = 0; i < COUNT(words); i++)
         if (strstr(result.out, words[i]) == NULL) fail_msg("no %s in %s", words[i], result.out);
     assert_close(json_number(result.out, "parameters"), (double)parameters, 0, 0);
