@@ -80,7 +80,8 @@ static int start_from_scene(const app *self, prediction *p) {
     if (family != model->family || links != model->links)
         return app_fail(self, LG_SHAPE, "%s: line %u: a state of %zu numbers, but the model's has %zu", path,
                         p->scene.line_system, lg_system_dim(p->scene.system), p->dim);
-    if (!p->scene.has_initial) return app_fail(self, LG_FORMAT, "%s: the scene has no `initial`", path);
+    const int code = app_scene_start(self, &p->scene, path);
+    if (code != APP_EXIT_OK) return code;
     memcpy(p->start, p->scene.state, p->dim * sizeof *p->start);
     return APP_EXIT_OK;
 }
