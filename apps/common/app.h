@@ -12,10 +12,11 @@
 #include <stdint.h>
 #include <stdio.h>
 
+#include "core/count.h"
 #include "liegrad/context.h"
 #include "liegrad/status.h"
 
-#define APP_COUNT(array) (sizeof(array) / sizeof((array)[0]))
+#define APP_COUNT LG_COUNT
 
 enum {
     APP_EXIT_OK = 0,

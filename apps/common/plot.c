@@ -17,13 +17,13 @@ static const struct {
 
 static size_t format_of(const char *picture) {
     const size_t length = strlen(picture);
-    for (size_t i = 0; i < APP_COUNT(formats); i++)
+    for (size_t i = 0; i < LG_COUNT(formats); i++)
         if (length > 4 && strcmp(picture + length - 4, formats[i].ending) == 0) return i;
-    return APP_COUNT(formats);
+    return LG_COUNT(formats);
 }
 
 bool app_plot_name_fits(const char *picture) {
-    return format_of(picture) < APP_COUNT(formats);
+    return format_of(picture) < LG_COUNT(formats);
 }
 
 /* A gnuplot string in single quotes: a quote inside is doubled. */
@@ -38,7 +38,7 @@ static void put_quoted(FILE *stream, const char *text) {
 
 lg_status app_plot_begin(app_plot *plot, const char *picture, int width, int height) {
     const size_t format = format_of(picture);
-    if (format == APP_COUNT(formats)) return LG_INVALID_ARGUMENT;
+    if (format == LG_COUNT(formats)) return LG_INVALID_ARGUMENT;
     const int stem = (int)strlen(picture) - 4;
     const char *slash = strrchr(picture, '/');
     *plot = (app_plot){.picture = app_format("%s", picture)};

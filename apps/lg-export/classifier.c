@@ -209,7 +209,7 @@ static void add_places(const classifier_job *j) {
                 {"BY_FEATURES", j->d, gradient}};
     size_t at = 0;
     lg_text_add(&j->source->code, "\n/* where arrays begin in work */\n");
-    for (size_t i = 0; i < APP_COUNT(rows); i++) {
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
         if (!rows[i].wanted) continue;
         export_constant(j->source, rows[i].name, at);
         at += (rows[i].count + 7) / 8 * 8;
@@ -263,7 +263,7 @@ static void add_fragments(const classifier_job *j) {
         {"classifier_main", true},
         {tree ? "classifier_grad_zero" : "classifier_grad", true},
     };
-    for (size_t i = 0; i < APP_COUNT(fragments); i++)
+    for (size_t i = 0; i < LG_COUNT(fragments); i++)
         if (fragments[i].wanted) export_code(j->source, fragments[i].name);
 }
 

@@ -89,7 +89,7 @@ static const panel phase_panels[] = {{"1:2", "q", "p", "set size ratio -1"},
 static const panel plane_panels[] = {{"1:2", "q_1", "q_2", "set size ratio -1"}};
 
 static void put_panels(FILE *script, const panel *panels, size_t count, const curves *of) {
-    (void)fputs("set key below center horizontal\nset autoscale xfix\n"
+    (void)fputs("set key below center horizontal\nset bmargin 5\nset autoscale xfix\n"
                 "set offsets graph 0.03, graph 0.03, graph 0.03, graph 0.03\n",
                 script);
     for (size_t i = 0; i < count; i++) {
@@ -117,7 +117,7 @@ lg_status draw_trajectories(const app *self, const char *picture, const char *ti
                             const double *predicted, size_t n, size_t points, lg_error *error) {
     app_plot plot;
     const bool space = family == LG_HAMILTONIAN_CHAIN, phase = !space && links == 1;
-    const size_t count = space ? links : phase ? APP_COUNT(phase_panels) : APP_COUNT(plane_panels);
+    const size_t count = space ? links : phase ? LG_COUNT(phase_panels) : LG_COUNT(plane_panels);
     const lg_status status = begin_panels(&plot, picture, count, count > 1 ? 520 : 700, title, error);
     if (status != LG_OK) return status;
     if (n > SHOWN_TRAJECTORIES) n = SHOWN_TRAJECTORIES;

@@ -187,7 +187,7 @@ static int run(app *self) {
         return app_usage(self, scene ? "either --initial or a scene, not both"
                                      : "no start: give --initial X,X,... or a scene");
     const app_path paths[] = {{"out", values.out, APP_WRITTEN}, {"plot", values.plot, APP_DRAWN}};
-    int code = app_check_outputs(self, paths, APP_COUNT(paths));
+    int code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code != APP_EXIT_OK) return code;
     const lg_status status =
         lg_model_load_hamiltonian(self->context, self->arguments[0], NULL, &file, &error);

@@ -9,8 +9,8 @@ static void all_ways(void **state) {
     save_hamiltonian("links", LG_HAMILTONIAN_CHAIN);
     save_hamiltonian("flat", LG_HAMILTONIAN_SEPARABLE);
     save_network("waves");
-    for (size_t p = 0; p < sizeof programs / sizeof programs[0]; p++)
-        for (size_t o = 0; o < sizeof options / sizeof options[0]; o++) {
+    for (size_t p = 0; p < LG_COUNT(programs); p++)
+        for (size_t o = 0; o < LG_COUNT(options); o++) {
             char arguments[256], folder[32];
             (void)snprintf(folder, sizeof folder, "%s%zu", programs[p], o);
             (void)snprintf(arguments, sizeof arguments, "%s.h5 --out %s --name %s --golden 20 %s",

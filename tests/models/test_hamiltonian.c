@@ -127,7 +127,7 @@ static void exact_chain_has_the_integrators_loss(void **state) {
         double theta[64];
         make_data(&set, "pendulum-chain", k);
         exact_chain(k, &model, theta);
-        for (size_t r = 0; r < sizeof row / sizeof *row; r++) {
+        for (size_t r = 0; r < LG_COUNT(row); r++) {
             lg_hamiltonian_problem problem = problem_of(&model, &set, row[r].name);
             const double one = loss_of(&problem, theta, NULL);
             problem.substeps = 2;
@@ -182,7 +182,7 @@ static void masses_are_not_negative(void **state) {
     assert_ok(lg_hamiltonian_init(&model, LG_HAMILTONIAN_CHAIN, 1, LG_POTENTIAL_LINEAR, NULL, 0, LG_TANH));
     void *work = NULL;
     assert_int_equal(posix_memalign(&work, 64, lg_hamiltonian_work_size(&model)), 0);
-    for (size_t i = 0; i < sizeof b / sizeof *b; i++) {
+    for (size_t i = 0; i < LG_COUNT(b); i++) {
         const double theta[5] = {0.0, 0.0, 1.0, 0.8, b[i]};
         double gradient[6];
         assert_close(lg_hamiltonian_value(&model, theta, y, work), 2.0 / mass[i] + 0.8, 1e-14, 0.0);
@@ -233,7 +233,7 @@ static void loss_gradients(void **state) {
         {"coupled-oscillators", 2, LG_HAMILTONIAN_SEPARABLE, "rk4", 1e-3, LG_PENALTY_SUM_ABSOLUTE},
     };
     const uint32_t hidden[2] = {7, 5};
-    for (size_t r = 0; r < sizeof row / sizeof *row; r++) {
+    for (size_t r = 0; r < LG_COUNT(row); r++) {
         data set;
         lg_hamiltonian model;
         lg_rng rng;
@@ -450,7 +450,7 @@ static void gradient_jvp_matches_differences(void **state) {
         uint32_t links;
     } row[] = {{LG_HAMILTONIAN_CHAIN, 1}, {LG_HAMILTONIAN_CHAIN, 2},     {LG_HAMILTONIAN_CHAIN, 3},
                {LG_HAMILTONIAN_CHAIN, 4}, {LG_HAMILTONIAN_SEPARABLE, 1}, {LG_HAMILTONIAN_SEPARABLE, 3}};
-    for (size_t r = 0; r < sizeof row / sizeof *row; r++)
+    for (size_t r = 0; r < LG_COUNT(row); r++)
         for (int potential = 0; potential < LG_POTENTIAL_KIND_COUNT; potential++) {
             curved c;
             curved_setup(&c, row[r].family, row[r].links, (lg_potential_kind)potential);
