@@ -9,7 +9,7 @@ static cli result;
 
 static const char oscillator[] = "system: oscillator\ninitial: {q: 0.6, p: -0.8}\nt_end: 3\n";
 static const char no_end[] = "system: oscillator\ninitial: {q: 0.6, p: -0.8}\n";
-static const char no_start[] = "system: oscillator\nt_end: 3\n";
+static const char no_start[] = "system: rigid-body\ninertia: [1, 2, 3]\nt_end: 3\n";
 static const char rigid[] =
     "system: rigid-body\ninertia: [1, 2, 3]\ninitial: {mu: [1, 0.5, -0.3]}\nt_end: 4\n";
 static const char top_format[] =
