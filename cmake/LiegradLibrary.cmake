@@ -1,38 +1,60 @@
 # liegrad_library(NAME SOURCES ... [OBJECTS ...] [LIEGRAD other...] PACKAGES pkg... LIBRARIES flag... DESCRIPTION text)
 #
-# One library of the project, compiled once and linked twice: NAME (shared, with SONAME) and NAME_static. Both are
-# installed and exported as liegrad::NAME and liegrad::NAME_static, and described by NAME.pc. PACKAGES are prefixes of
-# pkg_check_modules(... IMPORTED_TARGET): private, they appear on the consumer's command line in a static link only.
+# One library of the project, compiled once and linked twice: NAME_shared (with a SONAME) and NAME_static. The plain
+# NAME is another name of one of them, by BUILD_SHARED_LIBS. Inside another project the other one is built on demand
+# only. All are also called liegrad::..., inside a build and where they are installed, and NAME.pc describes both.
+# PACKAGES are suffixes of pkg_check_modules(LIEGRAD_...): private, they appear on the consumer's command line in a
+# static link only. LIEGRAD are other libraries of the project.
+#
+# Components of an installation: runtime (shared libraries, executables, scenes, licence), development (headers,
+# archives, what CMake and pkg-config read), tools (lg-bench, lg-gradcheck), documentation.
 function(liegrad_library name)
   cmake_parse_arguments(ARG "" "DESCRIPTION" "SOURCES;OBJECTS;LIEGRAD;PACKAGES;LIBRARIES" ${ARGN})
   set(packages ${ARG_PACKAGES})
-  list(TRANSFORM packages PREPEND PkgConfig::)
+  list(TRANSFORM packages PREPEND PkgConfig::LIEGRAD_)
 
   add_library(${name}_objects OBJECT ${ARG_SOURCES})
   target_include_directories(${name}_objects PRIVATE ${PROJECT_SOURCE_DIR}/include)
   target_link_libraries(${name}_objects PRIVATE liegrad_flags ${packages})
 
-  add_library(${name} SHARED $<TARGET_OBJECTS:${name}_objects> ${ARG_OBJECTS})
+  add_library(${name}_shared SHARED $<TARGET_OBJECTS:${name}_objects> ${ARG_OBJECTS})
   add_library(${name}_static STATIC $<TARGET_OBJECTS:${name}_objects> ${ARG_OBJECTS})
-  foreach(suffix "" _static)
-    set(target ${name}${suffix})
+  foreach(kind shared static)
+    set(target ${name}_${kind})
     set(needed ${ARG_LIEGRAD})
-    list(TRANSFORM needed APPEND "${suffix}")
+    list(TRANSFORM needed APPEND _${kind})
     target_include_directories(${target} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include>
       $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
     target_link_libraries(${target} PUBLIC ${needed} PRIVATE ${packages} ${ARG_LIBRARIES})
+    set_target_properties(${target} PROPERTIES OUTPUT_NAME ${name})
     add_library(liegrad::${target} ALIAS ${target})
   endforeach()
-  set_target_properties(${name} PROPERTIES VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR})
-  set_target_properties(${name}_static PROPERTIES OUTPUT_NAME ${name})
+  set_target_properties(${name}_shared PROPERTIES VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR}
+    INSTALL_RPATH "$ORIGIN")
   if(LIEGRAD_SANITIZE)
-    target_link_options(${name} PRIVATE -fsanitize=${LIEGRAD_SANITIZE})
+    target_link_options(${name}_shared PRIVATE -fsanitize=${LIEGRAD_SANITIZE})
   else()
-    target_link_options(${name} PRIVATE -Wl,--no-undefined)
+    target_link_options(${name}_shared PRIVATE -Wl,--no-undefined)
   endif()
 
-  install(TARGETS ${name} EXPORT liegradShared LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR})
-  install(TARGETS ${name}_static EXPORT liegradStatic ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+  set(plain static)
+  set(other shared)
+  if(BUILD_SHARED_LIBS)
+    set(plain shared)
+    set(other static)
+  endif()
+  add_library(${name} ALIAS ${name}_${plain})
+  add_library(liegrad::${name} ALIAS ${name}_${plain})
+  if(NOT LIEGRAD_INSTALL)
+    if(NOT PROJECT_IS_TOP_LEVEL)
+      set_target_properties(${name}_${other} PROPERTIES EXCLUDE_FROM_ALL TRUE)
+    endif()
+    return()
+  endif()
+
+  install(TARGETS ${name}_shared EXPORT liegradShared
+    LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT runtime NAMELINK_COMPONENT development)
+  install(TARGETS ${name}_static EXPORT liegradStatic ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development)
 
   # The .pc file finds its prefix from where it lies, so an installed tree may be moved.
   file(RELATIVE_PATH PC_PREFIX ${CMAKE_INSTALL_FULL_LIBDIR}/pkgconfig ${CMAKE_INSTALL_PREFIX})
@@ -42,28 +64,53 @@ function(liegrad_library name)
   list(JOIN ARG_LIEGRAD " " PC_REQUIRES)
   set(flags)
   foreach(package IN LISTS ARG_PACKAGES)
-    list(APPEND flags ${${package}_LDFLAGS})
+    list(APPEND flags ${LIEGRAD_${package}_LDFLAGS})
   endforeach()
   foreach(library IN LISTS ARG_LIBRARIES)
-    string(REPLACE "Threads::Threads" "pthread" library "${library}")
     list(APPEND flags -l${library})
   endforeach()
   list(JOIN flags " " PC_LIBS_PRIVATE)
   configure_file(${PROJECT_SOURCE_DIR}/cmake/library.pc.in ${PROJECT_BINARY_DIR}/pkgconfig/${name}.pc @ONLY)
-  install(FILES ${PROJECT_BINARY_DIR}/pkgconfig/${name}.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
+  install(FILES ${PROJECT_BINARY_DIR}/pkgconfig/${name}.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig
+    COMPONENT development)
 endfunction()
 
-# Headers and the files that find_package(liegrad) reads.
+# Headers, the files that find_package(liegrad) reads, and the target `uninstall`.
 function(liegrad_install_package)
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/liegrad DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
-    FILES_MATCHING PATTERN "*.h")
+    COMPONENT development FILES_MATCHING PATTERN "*.h")
   include(CMakePackageConfigHelpers)
   set(directory ${CMAKE_INSTALL_LIBDIR}/cmake/liegrad)
+  set(LIEGRAD_SHARED_BY_DEFAULT OFF)
+  if(BUILD_SHARED_LIBS)
+    set(LIEGRAD_SHARED_BY_DEFAULT ON)
+  endif()
+  set(LIEGRAD_IO_PACKAGES "")
+  if(LIEGRAD_IO)
+    set(LIEGRAD_IO_PACKAGES "HDF5=hdf5-serial YAML=yaml-0.1")
+  endif()
   configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/liegradConfig.cmake.in
     ${PROJECT_BINARY_DIR}/liegradConfig.cmake INSTALL_DESTINATION ${directory} NO_SET_AND_CHECK_MACRO)
   write_basic_package_version_file(${PROJECT_BINARY_DIR}/liegradConfigVersion.cmake COMPATIBILITY SameMajorVersion)
   install(FILES ${PROJECT_BINARY_DIR}/liegradConfig.cmake ${PROJECT_BINARY_DIR}/liegradConfigVersion.cmake
-    DESTINATION ${directory})
-  install(EXPORT liegradShared NAMESPACE liegrad:: DESTINATION ${directory})
-  install(EXPORT liegradStatic NAMESPACE liegrad:: DESTINATION ${directory})
+    DESTINATION ${directory} COMPONENT development)
+  foreach(set liegradShared liegradStatic)
+    install(EXPORT ${set} NAMESPACE liegrad:: DESTINATION ${directory} COMPONENT development)
+  endforeach()
+  if(NOT TARGET uninstall)
+    add_custom_target(uninstall COMMENT "Removing what was installed" VERBATIM
+      COMMAND ${CMAKE_COMMAND} -DBUILD=${CMAKE_BINARY_DIR} -P ${PROJECT_SOURCE_DIR}/cmake/Uninstall.cmake)
+  endif()
+endfunction()
+
+# Scenes, ranges of searches, pages and licence.
+function(liegrad_install_texts)
+  set(data ${CMAKE_INSTALL_DATADIR}/liegrad)
+  set(pages ${CMAKE_INSTALL_DATAROOTDIR}/doc/liegrad)
+  install(DIRECTORY ${PROJECT_SOURCE_DIR}/scenes ${PROJECT_SOURCE_DIR}/searches DESTINATION ${data} COMPONENT runtime)
+  install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${pages} COMPONENT runtime)
+  install(FILES ${PROJECT_SOURCE_DIR}/README.md ${PROJECT_SOURCE_DIR}/CHANGELOG.md DESTINATION ${pages}
+    COMPONENT documentation)
+  install(DIRECTORY ${PROJECT_SOURCE_DIR}/docs DESTINATION ${pages} COMPONENT documentation
+    FILES_MATCHING PATTERN "*.md" PATTERN "*.svg" PATTERN "*.png")
 endfunction()

@@ -15,6 +15,7 @@
 
 #include <cmocka.h>
 
+#include "core/count.h"
 #include "liegrad/status.h"
 
 /* TEST("claim") { ... } checks a claim. No list repeats it: support/run_tests.c runs the tests of a file in

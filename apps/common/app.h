@@ -12,11 +12,12 @@
 #include <stdint.h>
 #include <stdio.h>
 
+#include "core/count.h"
 #include "liegrad/context.h"
 #include "liegrad/hyperparameters.h"
 #include "liegrad/status.h"
 
-#define APP_COUNT(array) (sizeof(array) / sizeof((array)[0]))
+#define APP_COUNT LG_COUNT
 
 enum {
     APP_EXIT_OK = 0,
@@ -161,6 +162,9 @@ int app_fail_file(const app *app, lg_status status, const lg_error *error, const
 lg_status app_error(lg_error *error, lg_status status, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 void app_warn(const app *app, const char *format, ...) __attribute__((format(printf, 2, 3)));
+struct lg_scene;
+/* The start of a scene without `initial` is drawn with --seed, and a warning says so. An exit code. */
+int app_scene_start(const app *app, struct lg_scene *scene, const char *path);
 /* A sentence about the command line with a hint at --help; returns APP_EXIT_USAGE. */
 int app_usage(const app *app, const char *format, ...) __attribute__((format(printf, 2, 3)));
 /* A sentence with the program's name; exits with code 5. */

@@ -39,7 +39,7 @@ static lg_status write_run(const lg_archive_writer *to, const classifier_file *f
     const char *const texts[][2] = {{"run/method", file->method},
                                     {"run/split", lg_split_name(file->split)},
                                     {"run/data_sha256", file->data_sha256}};
-    for (size_t i = 0; i < APP_COUNT(texts) && status == LG_OK; i++)
+    for (size_t i = 0; i < LG_COUNT(texts) && status == LG_OK; i++)
         status = to->text(to->user, texts[i][0], texts[i][1]);
     return status;
 }
@@ -64,7 +64,7 @@ lg_status classifier_file_save(const lg_context *context, const char *path, cons
 static const char *const methods[] = {"logistic", "tree", "svm-linear", "svm-rbf", "baseline"};
 
 static const char *known_method(const char *name) {
-    for (size_t i = 0; i < APP_COUNT(methods); i++)
+    for (size_t i = 0; i < LG_COUNT(methods); i++)
         if (strcmp(methods[i], name) == 0) return methods[i];
     return NULL;
 }

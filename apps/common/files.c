@@ -122,7 +122,7 @@ int app_check_outputs(const app *self, const app_path *paths, size_t count) {
     for (size_t i = 0; i < count; i++)
         if (paths[i].use == APP_DRAWN && paths[i].path != NULL && !app_plot_name_fits(paths[i].path))
             return app_usage(self, "--%s: '%s' does not end in .svg or .png", paths[i].option, paths[i].path);
-    used_file *files = app_alloc(APP_COUNT(self->arguments) + 3 * count, sizeof *files);
+    used_file *files = app_alloc(LG_COUNT(self->arguments) + 3 * count, sizeof *files);
     const size_t n = list_files(self, paths, count, files);
     int code = APP_EXIT_OK;
     for (size_t i = 0; i < n && code == APP_EXIT_OK; i++)

@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <limits.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/wait.h>
@@ -16,13 +17,13 @@ static const struct {
 
 static size_t format_of(const char *picture) {
     const size_t length = strlen(picture);
-    for (size_t i = 0; i < APP_COUNT(formats); i++)
+    for (size_t i = 0; i < LG_COUNT(formats); i++)
         if (length > 4 && strcmp(picture + length - 4, formats[i].ending) == 0) return i;
-    return APP_COUNT(formats);
+    return LG_COUNT(formats);
 }
 
 bool app_plot_name_fits(const char *picture) {
-    return format_of(picture) < APP_COUNT(formats);
+    return format_of(picture) < LG_COUNT(formats);
 }
 
 /* A gnuplot string in single quotes: a quote inside is doubled. */
@@ -37,8 +38,9 @@ static void put_quoted(FILE *stream, const char *text) {
 
 lg_status app_plot_begin(app_plot *plot, const char *picture, int width, int height) {
     const size_t format = format_of(picture);
-    if (format == APP_COUNT(formats)) return LG_INVALID_ARGUMENT;
+    if (format == LG_COUNT(formats)) return LG_INVALID_ARGUMENT;
     const int stem = (int)strlen(picture) - 4;
+    const char *slash = strrchr(picture, '/');
     *plot = (app_plot){.picture = app_format("%s", picture)};
     plot->data_path = app_format("%.*s.dat", stem, picture);
     plot->script_path = app_format("%.*s.gp", stem, picture);
@@ -48,7 +50,7 @@ lg_status app_plot_begin(app_plot *plot, const char *picture, int width, int hei
     (void)fprintf(script, "set terminal %s size %d,%d %s", formats[format].terminal, width, height,
                   formats[format].rest);
     (void)fputs("\ndatafile = ", script);
-    put_quoted(script, plot->data_path);
+    put_quoted(script, plot->data_path + (slash != NULL ? slash + 1 - picture : 0));
     (void)fputs("\nset grid lc rgb '#dddddd'\nset border lc rgb '#555555'\n", script);
     return LG_OK;
 }
@@ -65,7 +67,7 @@ static void drain(int from, FILE *to) {
         if (got > 0) (void)fwrite(buffer, 1, (size_t)got, to);
 }
 
-/* Runs `gnuplot script`, whose standard output is the picture. Its exit status: 127 when there is none, -1
+/* Runs `gnuplot script` in the folder of the script, whose standard output is the picture. Its exit status: 127 when there is none, -1
  * when it could not be started or died. The picture is written by us, whole or not at all: gnuplot does not
  * see a full disk. */
 static int run_gnuplot(const char *script, FILE *picture) {
@@ -81,7 +83,13 @@ static int run_gnuplot(const char *script, FILE *picture) {
         (void)dup2(ends[1], STDOUT_FILENO);
         (void)close(ends[0]);
         (void)close(ends[1]);
-        (void)execlp("gnuplot", "gnuplot", script, (char *)NULL);
+        const char *slash = strrchr(script, '/');
+        const size_t folder = slash != NULL ? (size_t)(slash - script) + 1 : 0;
+        char path[PATH_MAX];
+        if (folder >= sizeof path) _exit(1);
+        (void)snprintf(path, sizeof path, "%.*s", (int)folder, script);
+        if (folder > 0 && chdir(path) != 0) _exit(1);
+        (void)execlp("gnuplot", "gnuplot", script + folder, (char *)NULL);
         _exit(127);
     }
     (void)close(ends[1]);
@@ -128,7 +136,7 @@ lg_status app_plot_end(const app *self, app_plot *plot, bool *drawn, lg_error *e
         if (code == 127)
             app_warn(self,
                      "gnuplot is not installed: %s is not drawn, its data and script are left in %s and %s "
-                     "(gnuplot SCRIPT > PICTURE)",
+                     "(in their folder: gnuplot SCRIPT > PICTURE)",
                      plot->picture, plot->data_path, plot->script_path);
         else if (code != 0)
             app_warn(self, "gnuplot failed: %s is not drawn, its data and script are left in %s and %s",

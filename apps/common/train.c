@@ -394,7 +394,8 @@ lg_status train_draw_loss(const app *self, const char *picture, const double *lo
     for (size_t i = 0; i < epochs; i++)
         (void)fprintf(plot.data.stream, "%zu %.17g %.17g\n", i + 1, loss[i],
                       validation != NULL ? validation[i] : (double)NAN);
-    (void)fputs("set logscale y\nset format y '10^{%L}'\nset xlabel 'epoch'\nset ylabel 'loss'\n"
+    (void)fputs("set title 'Training'\nset logscale y\nset format y '10^{%L}'\nset xlabel 'epoch'\n"
+                "set ylabel 'loss (mean of an epoch)'\n"
                 "plot datafile using 1:2 with lines lw 2 lc rgb '#1f5fa8' title 'training'",
                 plot.script.stream);
     if (validation != NULL)

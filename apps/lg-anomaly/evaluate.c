@@ -225,7 +225,7 @@ static void print_groups(const evaluation *e) {
     group_row *rows = group_rows(e, &count);
     app_table_begin(&table, 4);
     static const char *const heads[] = {"group", "windows", "accuracy", "false positives"};
-    for (size_t c = 0; c < APP_COUNT(heads); c++) app_table_cell(&table, "%s", heads[c]);
+    for (size_t c = 0; c < LG_COUNT(heads); c++) app_table_cell(&table, "%s", heads[c]);
     for (size_t i = 0; i < count && i < SHOWN_GROUPS; i++) {
         app_table_cell(&table, "%u", rows[i].group);
         app_table_cell(&table, "%zu", rows[i].windows);
@@ -305,8 +305,8 @@ static void print_files(const evaluation *list, size_t count) {
     const bool votes = values.votes.count > 0;
     static const char *const heads[] = {"data",     "part",   "noise", "severity",         "windows",
                                         "accuracy", "recall", "F1",    "false alarms/day", "detected"};
-    app_table_begin(&table, votes ? APP_COUNT(heads) : APP_COUNT(heads) - 1);
-    for (size_t c = 0; c < APP_COUNT(heads) - !votes; c++) app_table_cell(&table, "%s", heads[c]);
+    app_table_begin(&table, votes ? LG_COUNT(heads) : LG_COUNT(heads) - 1);
+    for (size_t c = 0; c < LG_COUNT(heads) - !votes; c++) app_table_cell(&table, "%s", heads[c]);
     for (size_t i = 0; i < count; i++) {
         const evaluation *e = &list[i];
         app_table_cell(&table, "%s", e->path);
@@ -462,7 +462,7 @@ static int check_options(const app *self) {
         return app_usage(self, "--picture: needs --plot FILE");
     if ((values.plot != NULL || values.scores != NULL) && self->argument_count > 2)
         return app_usage(self, "--plot and --scores: for one data file at a time");
-    return app_check_outputs(self, paths, APP_COUNT(paths));
+    return app_check_outputs(self, paths, LG_COUNT(paths));
 }
 
 static int run(app *self) {

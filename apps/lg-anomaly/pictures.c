@@ -12,7 +12,7 @@ static const char *const colours[] = {"#1f5fa8", "#d1641f", "#2e8b57", "#8b3a8b"
                                       "#17a2b8", "#6b4423", "#5d6d7e", "#7cb342", "#e377c2"};
 
 const char *class_colour(size_t i) {
-    return colours[i % APP_COUNT(colours)];
+    return colours[i % LG_COUNT(colours)];
 }
 
 lg_status picture_begin(app_plot *plot, const char *picture, int width, int height, lg_error *error) {

@@ -126,7 +126,7 @@ static const char *scan_word(const char *p, const char *end) {
     if (*p == '-' || *p == '+') p++;
     const char *last = p;
     while (last < end && !ends_field(*last)) last++;
-    for (size_t i = 0; i < APP_COUNT(words); i++)
+    for (size_t i = 0; i < LG_COUNT(words); i++)
         if ((size_t)(last - p) == strlen(words[i]) && strncasecmp(p, words[i], strlen(words[i])) == 0)
             return last;
     return NULL;

@@ -188,7 +188,7 @@ static void write_curves(const bench *b, const learning *l) {
 void bench_elastica(bench *b) {
     static learning l;
     l = (learning){.what = NULL};
-    for (size_t i = 0; i < APP_COUNT(experiments); i++)
+    for (size_t i = 0; i < LG_COUNT(experiments); i++)
         if (strcmp(experiments[i].name, b->what->name) == 0) l.what = &experiments[i];
     open_curves(b, &l);
     if (b->given->out != NULL) write_curves(b, &l);

@@ -148,7 +148,7 @@ static void open_guesses(const bench *b, use *u) {
 void bench_elastica_solve(bench *b) {
     static const uint32_t intervals[] = {10, 20, 50, 100, 200, 400, 800};
     char name[64];
-    for (size_t i = 0; i < APP_COUNT(intervals); i++) {
+    for (size_t i = 0; i < LG_COUNT(intervals); i++) {
         use u = {.intervals = intervals[i]};
         open_truth(b, &u);
         open_guesses(b, &u);

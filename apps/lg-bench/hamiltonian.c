@@ -225,7 +225,7 @@ static void judge_weights(bench *b, learning *l) {
 
 void bench_hamiltonian(bench *b) {
     learning l = {.what = NULL};
-    for (size_t i = 0; i < APP_COUNT(experiments); i++)
+    for (size_t i = 0; i < LG_COUNT(experiments); i++)
         if (strcmp(experiments[i].name, b->what->name) == 0) l.what = &experiments[i];
     open_learning(b, &l);
     if (b->given->out != NULL) {

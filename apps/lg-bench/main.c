@@ -158,10 +158,10 @@ static void list_json(void) {
     app_json json;
     app_json_begin(&json);
     app_json_open(&json, "cases", '[');
-    for (size_t i = 0; i < APP_COUNT(cases); i++) {
-        double batches[APP_COUNT(cases[i].batches)];
+    for (size_t i = 0; i < LG_COUNT(cases); i++) {
+        double batches[LG_COUNT(cases[i].batches)];
         size_t n = 0;
-        for (; n < APP_COUNT(batches) && cases[i].batches[n] > 0; n++)
+        for (; n < LG_COUNT(batches) && cases[i].batches[n] > 0; n++)
             batches[n] = (double)cases[i].batches[n];
         app_json_open(&json, NULL, '{');
         app_json_text(&json, "case", cases[i].name);
@@ -180,7 +180,7 @@ static int list(app *self) {
         list_json();
         return APP_EXIT_OK;
     }
-    for (size_t i = 0; i < APP_COUNT(cases); i++) (void)printf("%-20s %s\n", cases[i].name, cases[i].summary);
+    for (size_t i = 0; i < LG_COUNT(cases); i++) (void)printf("%-20s %s\n", cases[i].name, cases[i].summary);
     return APP_EXIT_OK;
 }
 
@@ -258,13 +258,13 @@ static void report_table(const bench *b) {
                  b->dtype == LG_F64 ? "f64" : "f32", b->threads, b->threads == 1 ? "" : "s");
     if (b->core >= 0) (void)printf(", core %d", b->core);
     (void)printf("\n\n");
-    app_table_begin(&table, APP_COUNT(head));
-    for (size_t i = 0; i < APP_COUNT(head); i++) app_table_cell(&table, "%s", head[i]);
+    app_table_begin(&table, LG_COUNT(head));
+    for (size_t i = 0; i < LG_COUNT(head); i++) app_table_cell(&table, "%s", head[i]);
     for (size_t i = 0; i < b->rows; i++) {
         const bench_row *row = &b->row[i];
         app_table_cell(&table, "%s", row->name);
         const double times[] = {row->median_us, row->min_us, row->p10_us, row->p90_us};
-        for (size_t k = 0; k < APP_COUNT(times); k++) app_table_cell(&table, "%.4g", times[k]);
+        for (size_t k = 0; k < LG_COUNT(times); k++) app_table_cell(&table, "%.4g", times[k]);
         if (isnan(row->error))
             app_table_cell(&table, "-");
         else
@@ -284,7 +284,7 @@ static void report_table(const bench *b) {
 /* ---- running ---- */
 
 static const bench_case *find(const char *name) {
-    for (size_t i = 0; i < APP_COUNT(cases); i++)
+    for (size_t i = 0; i < LG_COUNT(cases); i++)
         if (strcmp(cases[i].name, name) == 0) return &cases[i];
     return NULL;
 }
@@ -293,15 +293,15 @@ static bool threads_given; /* one thread is the default here */
 
 static int check_outputs(const app *self) {
     static const char *const endings[] = {"data", "weights", "order", "mlp", "resnet", "mult", "mult-affine"};
-    app_path paths[APP_COUNT(endings) + 1] = {{"weights", given.weights, APP_READ}};
-    char *names[APP_COUNT(endings)];
+    app_path paths[LG_COUNT(endings) + 1] = {{"weights", given.weights, APP_READ}};
+    char *names[LG_COUNT(endings)];
     if (given.out == NULL) return APP_EXIT_OK;
-    for (size_t i = 0; i < APP_COUNT(endings); i++) {
+    for (size_t i = 0; i < LG_COUNT(endings); i++) {
         names[i] = app_format("%s.%s", given.out, endings[i]);
         paths[i + 1] = (app_path){"out", names[i], APP_WRITTEN};
     }
-    const int code = app_check_outputs(self, paths, APP_COUNT(paths));
-    for (size_t i = 0; i < APP_COUNT(endings); i++) free(names[i]);
+    const int code = app_check_outputs(self, paths, LG_COUNT(paths));
+    for (size_t i = 0; i < LG_COUNT(endings); i++) free(names[i]);
     return code;
 }
 
@@ -328,11 +328,11 @@ static int run(app *self) {
 }
 
 int main(int argc, char **argv) {
-    static app_command commands[APP_COUNT(cases) + 2];
+    static app_command commands[LG_COUNT(cases) + 2];
     static const app_option none[] = {APP_ROW_END};
     commands[0] =
         (app_command){.name = "list", .summary = "What can be measured", .options = none, .run = list};
-    for (size_t i = 0; i < APP_COUNT(cases); i++)
+    for (size_t i = 0; i < LG_COUNT(cases); i++)
         commands[i + 1] = (app_command){
             .name = cases[i].name,
             .summary = cases[i].summary,

@@ -101,7 +101,7 @@ static void work_against_error(bench *b, size_t links) {
     chain c;
     chain_make(&c, b, links);
     const double uncertain = make_reference(&c);
-    for (size_t i = 0; i < APP_COUNT(tolerances) && !app_interrupted(); i++) {
+    for (size_t i = 0; i < LG_COUNT(tolerances) && !app_interrupted(); i++) {
         char name[64];
         (void)snprintf(name, sizeof name, "N=%zu tol=%.0e", links, tolerances[i]);
         c.tolerance = tolerances[i];
@@ -146,7 +146,7 @@ void bench_ode(bench *b) {
     static const size_t lengths[] = {1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000};
     const size_t asked = (size_t)b->given->links;
     if (b->dtype != LG_F64) bench_check(b, LG_UNSUPPORTED, "integrators compute in f64");
-    for (size_t i = 0; i < (asked > 0 ? 1 : APP_COUNT(chains)); i++)
+    for (size_t i = 0; i < (asked > 0 ? 1 : LG_COUNT(chains)); i++)
         work_against_error(b, asked > 0 ? asked : chains[i]);
-    for (size_t i = 0; i < APP_COUNT(lengths) && !app_interrupted(); i++) cost_of_a_step(b, lengths[i]);
+    for (size_t i = 0; i < LG_COUNT(lengths) && !app_interrupted(); i++) cost_of_a_step(b, lengths[i]);
 }

@@ -175,6 +175,6 @@ double bench_difference(const double *x, const double *reference, size_t n) {
 const uint64_t *bench_batches(const bench *b, size_t *count) {
     *count = 1;
     if (b->given->batch > 0) return &b->given->batch;
-    for (*count = 0; *count < APP_COUNT(b->what->batches) && b->what->batches[*count] > 0;) ++*count;
+    for (*count = 0; *count < LG_COUNT(b->what->batches) && b->what->batches[*count] > 0;) ++*count;
     return b->what->batches;
 }

@@ -48,13 +48,13 @@ static void report(const app *self, const evaluation *e) {
                 {"unit_tangent_between", "half-way between nodes", errors->unit_tangent_between}};
     if (!self->json) {
         (void)printf("%zu curves (%s) of %s\n", e->chosen.count, part_names[values.part], self->arguments[1]);
-        for (size_t i = 0; i < APP_COUNT(rows); i++)
+        for (size_t i = 0; i < LG_COUNT(rows); i++)
             (void)printf("%-18s  %.4e  %s\n", rows[i].key, rows[i].value, rows[i].meaning);
         return;
     }
     app_json json;
     app_json_begin(&json);
-    for (size_t i = 0; i < APP_COUNT(rows); i++) app_json_real(&json, rows[i].key, rows[i].value);
+    for (size_t i = 0; i < LG_COUNT(rows); i++) app_json_real(&json, rows[i].key, rows[i].value);
     app_json_size(&json, "curves", e->chosen.count);
     app_json_text(&json, "part", part_names[values.part]);
     app_json_size(&json, "outside", e->beyond.count);

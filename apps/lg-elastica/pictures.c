@@ -12,7 +12,7 @@ static const char *const colours[] = {"#1f5fa8", "#d1641f", "#2e8b57", "#8b3a8b"
 static const char true_colour[] = "#1f5fa8", learned_colour[] = "#d1641f";
 
 static const char *colour(size_t i) {
-    return colours[i % APP_COUNT(colours)];
+    return colours[i % LG_COUNT(colours)];
 }
 
 static lg_status begin(app_plot *plot, const char *picture, int width, int height, lg_error *error) {
@@ -204,7 +204,7 @@ lg_status draw_comparison(const app *self, const char *picture, const comparison
     const size_t nodes = (size_t)what->intervals + 1, shown = what->shown;
     const double *const sets[] = {what->true_q, what->q, what->true_v, what->v};
     FILE *script = plot.script.stream;
-    for (size_t set = 0; set < APP_COUNT(sets); set++)
+    for (size_t set = 0; set < LG_COUNT(sets); set++)
         for (size_t i = 0; i < shown; i++) put_pairs(&plot, sets[set] + 2 * nodes * i, nodes);
     /* An error of exactly 0 (given ends) has no logarithm. */
     for (size_t k = 0; k < nodes; k++) {

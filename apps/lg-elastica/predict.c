@@ -164,8 +164,8 @@ static void print_table(const prediction *p) {
                                                    ? (last + SHOWN_POINTS - 1) / SHOWN_POINTS
                                                    : 1;
     app_table table;
-    app_table_begin(&table, APP_COUNT(heads));
-    for (size_t c = 0; c < APP_COUNT(heads); c++) app_table_cell(&table, "%s", heads[c]);
+    app_table_begin(&table, LG_COUNT(heads));
+    for (size_t c = 0; c < LG_COUNT(heads); c++) app_table_cell(&table, "%s", heads[c]);
     for (size_t k = 0; k <= last; k = k < last && k + every > last ? last : k + every) {
         app_table_cell(&table, "%.6g", p->s[k]);
         for (size_t c = 0; c < 2; c++) app_table_cell(&table, "%.6f", p->q[2 * k + c]);
@@ -259,7 +259,7 @@ static int run(app *self) {
     lg_error error = {LG_OK, ""};
     lg_surrogate_file file;
     if (values.s.count > 0 && values.points > 0) return app_usage(self, "either --s or --points");
-    int code = app_check_outputs(self, paths, APP_COUNT(paths));
+    int code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code != APP_EXIT_OK) return code;
     const lg_status status = lg_model_load_surrogate(self->context, self->arguments[0], NULL, &file, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);

@@ -75,7 +75,7 @@ static void print_curve(const beam_curve *curve, double seconds) {
                  solution->gradient, solution->residual, solution->iterations, seconds);
     app_table_begin(&table, 6);
     static const char *const heads[] = {"s", "x", "y", "vx", "vy", "theta"};
-    for (size_t c = 0; c < APP_COUNT(heads); c++) app_table_cell(&table, "%s", heads[c]);
+    for (size_t c = 0; c < LG_COUNT(heads); c++) app_table_cell(&table, "%s", heads[c]);
     for (size_t k = 0; k <= n; k = k < n && k + every > n ? n : k + every) {
         app_table_cell(&table, "%.6g", problem->length * (double)k / (double)n);
         for (size_t c = 0; c < 2; c++) app_table_cell(&table, "%.9f", curve->q[2 * k + c]);
@@ -136,8 +136,8 @@ static void print_branches(const beam_curves *found) {
     static const char *const heads[] = {"branch", "energy",   "rotation", "negative eigenvalues",
                                         "",       "gradient", "force x",  "force y"};
     app_table table;
-    app_table_begin(&table, APP_COUNT(heads));
-    for (size_t c = 0; c < APP_COUNT(heads); c++) app_table_cell(&table, "%s", heads[c]);
+    app_table_begin(&table, LG_COUNT(heads));
+    for (size_t c = 0; c < LG_COUNT(heads); c++) app_table_cell(&table, "%s", heads[c]);
     for (size_t i = 0; i < found->count; i++) {
         const beam_curve *curve = &found->list[i];
         app_table_cell(&table, "%zu", i + 1);
@@ -215,7 +215,7 @@ static int check_options(const app *self) {
                          values.branches ? "--branches" : "--sweep");
     if (values.saddles && !many)
         return app_usage(self, "--saddles: works together with --branches or --sweep only");
-    for (size_t i = 0; values.sweep > 0 && i < APP_COUNT(alone); i++)
+    for (size_t i = 0; values.sweep > 0 && i < LG_COUNT(alone); i++)
         if (app_given(self, alone[i]))
             return app_usage(self, "--%s: --sweep goes over the x of a case", alone[i]);
     return APP_EXIT_OK;
@@ -239,7 +239,7 @@ static int run(app *self) {
     } else if (code == APP_EXIT_OK) {
         code = boundary_read(self, &values.where, &problem, LG_ELASTICA_BOTH_ENDS, &where);
     }
-    if (code == APP_EXIT_OK) code = app_check_outputs(self, paths, APP_COUNT(paths));
+    if (code == APP_EXIT_OK) code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code != APP_EXIT_OK) return code;
     const lg_status status = lg_elastica_check(&where.problem, &error);
     if (status != LG_OK) return app_fail(self, status, "%s", error.message);

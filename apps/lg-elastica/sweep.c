@@ -111,8 +111,8 @@ static size_t branch_end(const sweep_point *points, size_t count, size_t first) 
 static void print_sweep(const sweep_point *points, size_t count) {
     static const char *const heads[] = {"branch", "points", "x from", "to", "energy from", "to", "saddles"};
     app_table table;
-    app_table_begin(&table, APP_COUNT(heads));
-    for (size_t c = 0; c < APP_COUNT(heads); c++) app_table_cell(&table, "%s", heads[c]);
+    app_table_begin(&table, LG_COUNT(heads));
+    for (size_t c = 0; c < LG_COUNT(heads); c++) app_table_cell(&table, "%s", heads[c]);
     for (size_t i = 0, last; i < count; i = last) {
         size_t saddles = 0;
         double low = INFINITY, high = -INFINITY;

@@ -209,7 +209,7 @@ static void add_places(const classifier_job *j) {
                 {"BY_FEATURES", j->d, gradient}};
     size_t at = 0;
     lg_text_add(&j->source->code, "\n/* where arrays begin in work */\n");
-    for (size_t i = 0; i < APP_COUNT(rows); i++) {
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
         if (!rows[i].wanted) continue;
         export_constant(j->source, rows[i].name, at);
         at += (rows[i].count + 7) / 8 * 8;
@@ -263,7 +263,7 @@ static void add_fragments(const classifier_job *j) {
         {"classifier_main", true},
         {tree ? "classifier_grad_zero" : "classifier_grad", true},
     };
-    for (size_t i = 0; i < APP_COUNT(fragments); i++)
+    for (size_t i = 0; i < LG_COUNT(fragments); i++)
         if (fragments[i].wanted) export_code(j->source, fragments[i].name);
 }
 
@@ -369,10 +369,10 @@ static int check(const classifier_job *j, const app *self) {
 }
 
 static const char *const score_words[] = {
-    "It is the one of the largest: of two equal ones class 1,\n * of more the first.",
-    "The scores are the decision and its negative, the larger\n * one is the class.",
-    "The scores are how many of the other classes each one\n * wins against, and a term within 1/3 that "
-    "orders classes of equal votes; of the classes with the most\n * votes the first is the class."};
+    ("It is the one of the largest: of two equal ones class 1,\n * of more the first."),
+    ("The scores are the decision and its negative, the larger\n * one is the class."),
+    ("The scores are how many of the other classes each one\n * wins against, and a term within 1/3 that "
+     "orders classes of equal votes; of the classes with the most\n * votes the first is the class.")};
 
 static export_window window_of(const classifier_file *file) {
     const lg_classifier *c = &file->classifier;

@@ -94,10 +94,10 @@ static places place_all(const lg_detector *model) {
 static void add_weights(export_source *source, const lg_model_file *file) {
     const lg_cnn *net = &file->detector.run.model.net;
     export_part parts[2 * (LG_CNN_MAX_BLOCKS + 2)];
-    char comment[APP_COUNT(parts)][128];
+    char comment[LG_COUNT(parts)][128];
     lg_slice_info s;
     uint32_t count = 0;
-    for (; count < APP_COUNT(parts) && lg_cnn_slice(net, count, &s); count++) {
+    for (; count < LG_COUNT(parts) && lg_cnn_slice(net, count, &s); count++) {
         int length = snprintf(comment[count], sizeof comment[count], "%s (", s.name);
         for (uint32_t k = 0; k < s.rank; k++)
             length += snprintf(comment[count] + length, sizeof comment[count] - (size_t)length, "%s%llu%s",
@@ -205,7 +205,7 @@ static void add_fragments(export_source *source, const lg_detector *model) {
         {"detector_main", true},
     };
     export_activation(source, model->net.activation, EXPORT_NET_VJP);
-    for (size_t i = 0; i < APP_COUNT(fragments); i++)
+    for (size_t i = 0; i < LG_COUNT(fragments); i++)
         if (fragments[i].wanted) export_code(source, fragments[i].name);
 }
 

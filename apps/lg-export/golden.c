@@ -27,7 +27,7 @@ void export_golden_write(const export_source *source, text *to) {
     const double *const tables[] = {golden->x, golden->y, golden->jacobian, golden->extra};
     static const char *const names[] = {"golden_x", "golden_value", "golden_gradient", "golden_extra"};
     size_t largest = 0;
-    for (size_t i = 1; i < APP_COUNT(tables); i++)
+    for (size_t i = 1; i < LG_COUNT(tables); i++)
         if (tables[i] != NULL && sizes[i] > largest) largest = sizes[i];
     lg_text_add(to, "enum { GOLDEN = %zu, LARGEST = %zu };\n", golden->count, largest);
     if (golden->jacobian != NULL) lg_text_add(to, "#define GRADIENT\n");
@@ -36,7 +36,7 @@ void export_golden_write(const export_source *source, text *to) {
         lg_text_add_literal(to, golden->extra_name);
         lg_text_add(to, "\n");
     }
-    for (size_t i = 0; i < APP_COUNT(tables); i++)
+    for (size_t i = 0; i < LG_COUNT(tables); i++)
         if (tables[i] != NULL && sizes[i] > 0) add_table(source, to, names[i], tables[i], sizes[i]);
 }
 

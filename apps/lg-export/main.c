@@ -138,7 +138,7 @@ static int build_model(job *j) {
 
 static bool is_exported(const char *kind) {
     bool found = strcmp(kind, "classifier") == 0 || strcmp(kind, "program") == 0;
-    for (size_t i = 0; i < APP_COUNT(kinds); i++) found = found || strcmp(kind, kinds[i].name) == 0;
+    for (size_t i = 0; i < LG_COUNT(kinds); i++) found = found || strcmp(kind, kinds[i].name) == 0;
     return found;
 }
 

@@ -75,7 +75,7 @@ char *export_name_from(const char *file) {
     static const char *const before[] = {"", "model_", "learned_"};
     char words[LONGEST];
     words_of(file, words);
-    for (size_t i = 0; i < APP_COUNT(before); i++) {
+    for (size_t i = 0; i < LG_COUNT(before); i++) {
         char *name = app_format("%s%s", before[i], words);
         if (export_name_problem(name) == NULL) return name;
         free(name);

@@ -103,7 +103,7 @@ static size_t add_chain_places(export_source *source, size_t embedding, size_t w
         {"NET_SLOPE", widest, JVP},
         {"NET_SLOPES", hidden + 1, VJP},
     };
-    return add_places(source, places, APP_COUNT(places), uses);
+    return add_places(source, places, LG_COUNT(places), uses);
 }
 
 /* Of a residual or multiplicative network. */
@@ -130,7 +130,7 @@ static size_t add_body_places(export_source *source, const lg_net *net, unsigned
         {"NET_SLOPES", h * (net->layers + (gated ? 3 : 1)), VJP},
         {"NET_GATES", gated ? gates * net->layers + 1 : 0, VJP},
     };
-    return add_places(source, places, APP_COUNT(places), uses);
+    return add_places(source, places, LG_COUNT(places), uses);
 }
 
 /* ---- fragments in the order of their use ---- */
@@ -139,7 +139,7 @@ static size_t add_body_places(export_source *source, const lg_net *net, unsigned
 static void add_code(export_source *source, const char *name, unsigned uses) {
     static const char *const endings[] = {"", "_jvp", "_vjp"};
     const bool wanted[] = {true, (uses & JVP) != 0, (uses & VJP) != 0};
-    for (size_t i = 0; i < APP_COUNT(endings); i++) {
+    for (size_t i = 0; i < LG_COUNT(endings); i++) {
         char fragment[64];
         (void)snprintf(fragment, sizeof fragment, "%s%s", name, endings[i]);
         if (wanted[i]) export_code(source, fragment);

@@ -118,7 +118,7 @@ void export_units(export_source *source, const char *otherwise) {
     const char *const rows[][2] = {{"of the inputs: ", source->options->input_units},
                                    {"of the outputs: ", source->options->output_units}};
     const char *label = "units";
-    for (size_t i = 0; i < APP_COUNT(rows); i++) {
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
         if (rows[i][1][0] == '\0') continue;
         lg_text_add(&source->about, "%-12s  %s%s\n", label, rows[i][0], rows[i][1]);
         label = "";
@@ -131,7 +131,7 @@ void export_provenance(export_source *source, const lg_provenance *provenance, c
                                    {"liegrad", provenance->liegrad_version},
                                    {"on", provenance->cpu},
                                    {"data SHA-256", sha256 != NULL ? sha256 : ""}};
-    for (size_t i = 0; i < APP_COUNT(rows); i++)
+    for (size_t i = 0; i < LG_COUNT(rows); i++)
         if (rows[i][1][0] != '\0') lg_text_add(&source->about, "%-12s  %s\n", rows[i][0], rows[i][1]);
     if (provenance->has_seed)
         lg_text_add(&source->about, "%-12s  %llu\n", "seed", (unsigned long long)provenance->seed);
@@ -142,7 +142,7 @@ void export_source_free(export_source *source) {
                            &source->weights, &source->code,  &source->test};
     double *const arrays[] = {source->golden.x, source->golden.y, source->golden.jacobian,
                               source->golden.extra};
-    for (size_t i = 0; i < APP_COUNT(texts); i++) lg_text_destroy(texts[i]);
-    for (size_t i = 0; i < APP_COUNT(arrays); i++) free(arrays[i]);
+    for (size_t i = 0; i < LG_COUNT(texts); i++) lg_text_destroy(texts[i]);
+    for (size_t i = 0; i < LG_COUNT(arrays); i++) free(arrays[i]);
     source->golden = (export_golden){.count = 0};
 }

@@ -152,7 +152,7 @@ static void add_options(text *to, const lg_surrogate *model) {
     lg_text_add(to, "network       %s, %u layers of %u after the first, embedding %u, %s\n",
                 lg_net_kind_name(model->net.kind), model->net.layers, model->net.hidden, model->net.embedding,
                 lg_activation_name(model->net.activation));
-    for (size_t i = 0; i < APP_COUNT(rows); i++)
+    for (size_t i = 0; i < LG_COUNT(rows); i++)
         if (rows[i].on) lg_text_add(to, "              %s\n", rows[i].sentence);
 }
 

@@ -294,7 +294,7 @@ static lg_gradcheck_case row_of_step(const lg_scheme *scheme, made_row *own) {
     memcpy(own->arguments, row.function.arguments, known * sizeof *own->arguments);
     memcpy(own->arguments + known, of_a_step, sizeof of_a_step);
     row.function.arguments = own->arguments;
-    row.function.inputs = known + APP_COUNT(of_a_step);
+    row.function.inputs = known + LG_COUNT(of_a_step);
     return row;
 }
 
@@ -312,7 +312,7 @@ const lg_gradcheck_case *integrator_rows(size_t *count) {
     static made_row *own;
     static size_t used;
     if (rows == NULL) {
-        const size_t most = 2 * lg_scheme_count() + APP_COUNT(extras);
+        const size_t most = 2 * lg_scheme_count() + LG_COUNT(extras);
         rows = app_alloc(most, sizeof *rows);
         own = app_alloc(most, sizeof *own);
         for (size_t i = 0; i < lg_scheme_count(); i++) {
@@ -323,7 +323,7 @@ const lg_gradcheck_case *integrator_rows(size_t *count) {
             rows[used] = row_of_step(scheme, &own[used]);
             used++;
         }
-        for (size_t i = 0; i < APP_COUNT(extras); i++, used++)
+        for (size_t i = 0; i < LG_COUNT(extras); i++, used++)
             rows[used] = row_of_extra(&extras[i], &own[used]);
     }
     *count = used;

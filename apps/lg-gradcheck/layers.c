@@ -159,6 +159,6 @@ static const lg_gradcheck_case rows[] = {
 };
 
 const lg_gradcheck_case *layer_rows(size_t *count) {
-    *count = APP_COUNT(rows);
+    *count = LG_COUNT(rows);
     return rows;
 }

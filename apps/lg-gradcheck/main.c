@@ -53,7 +53,7 @@ static lg_status each_row(visit_fn visit, void *user) {
     lg_status status = LG_OK;
     for (size_t i = 0; status == LG_OK && (row = lg_gradcheck_operation(i)) != NULL; i++)
         status = visit_wanted(visit, user, row);
-    for (size_t t = 0; t < APP_COUNT(tables); t++) {
+    for (size_t t = 0; t < LG_COUNT(tables); t++) {
         size_t count;
         const lg_gradcheck_case *table = tables[t](&count);
         for (size_t i = 0; i < count && status == LG_OK; i++) status = visit_wanted(visit, user, &table[i]);
@@ -142,7 +142,7 @@ static void report_program(run *r, const char *name, const lg_gradcheck_program_
     }
     app_table_cell(&r->table, "%s", name);
     const double errors[] = {found->value, found->forward, found->adjoint};
-    for (size_t i = 0; i < APP_COUNT(errors); i++) {
+    for (size_t i = 0; i < LG_COUNT(errors); i++) {
         if (found->refused)
             app_table_cell(&r->table, "-");
         else
@@ -171,8 +171,8 @@ static lg_status check_program(void *user, const lg_gradcheck_case *row) {
 static lg_status check_programs(run *r) {
     static const char *const head[] = {"program", "value", "forward", "adjoint", "verdict"};
     if (r->app->json) app_json_open(&r->json, "programs", '[');
-    if (!r->app->json) app_table_begin(&r->table, APP_COUNT(head));
-    for (size_t i = 0; i < APP_COUNT(head) && !r->app->json; i++) app_table_cell(&r->table, "%s", head[i]);
+    if (!r->app->json) app_table_begin(&r->table, LG_COUNT(head));
+    for (size_t i = 0; i < LG_COUNT(head) && !r->app->json; i++) app_table_cell(&r->table, "%s", head[i]);
     const lg_status status = each_row(check_program, r);
     if (r->app->json) app_json_close(&r->json, ']');
     if (!r->app->json) app_table_end(&r->table, stdout);
@@ -182,8 +182,8 @@ static lg_status check_programs(run *r) {
 static lg_status check_all(run *r) {
     static const char *const head[] = {"function", "order", "slope", "error", "verdict"};
     if (r->app->json) app_json_open(&r->json, "checks", '[');
-    if (!r->app->json) app_table_begin(&r->table, APP_COUNT(head));
-    for (size_t i = 0; i < APP_COUNT(head) && !r->app->json; i++) app_table_cell(&r->table, "%s", head[i]);
+    if (!r->app->json) app_table_begin(&r->table, LG_COUNT(head));
+    for (size_t i = 0; i < LG_COUNT(head) && !r->app->json; i++) app_table_cell(&r->table, "%s", head[i]);
     lg_status status = each_row(check_row, r);
     if (r->app->json) app_json_close(&r->json, ']');
     if (!r->app->json) app_table_end(&r->table, stdout);
@@ -239,8 +239,8 @@ static lg_status plant_row(void *user, const lg_gradcheck_case *row) {
 static lg_status plant_all(run *r) {
     static const char *const head[] = {"function", "mutation", "outcome", "why excluded"};
     if (r->app->json) app_json_open(&r->json, "plants", '[');
-    if (!r->app->json) app_table_begin(&r->table, APP_COUNT(head));
-    for (size_t i = 0; i < APP_COUNT(head) && !r->app->json; i++) app_table_cell(&r->table, "%s", head[i]);
+    if (!r->app->json) app_table_begin(&r->table, LG_COUNT(head));
+    for (size_t i = 0; i < LG_COUNT(head) && !r->app->json; i++) app_table_cell(&r->table, "%s", head[i]);
     lg_status status = each_row(plant_row, r);
     r->failures = r->missed;
     if (r->app->json) {

@@ -67,6 +67,6 @@ static const lg_gradcheck_case rows[] = {
 };
 
 const lg_gradcheck_case *surrogate_rows(size_t *count) {
-    *count = APP_COUNT(rows);
+    *count = LG_COUNT(rows);
     return rows;
 }

@@ -163,8 +163,11 @@ static lg_status draw_all(demo *self) {
     const lg_fit *fit = self->learner.fit;
     lg_status status = train_save_history(history, fit, &self->error);
     if (status == LG_OK)
-        status = draw_trajectories(self->app, sphere, &self->learner.run.model, self->test.data,
-                                   self->predicted, self->test.count, self->test.points, &self->error);
+        status = draw_trajectories(
+            self->app, sphere,
+            "Spherical pendulum, m = L = g = 1: direction q on the unit sphere, t in [0, 1]",
+            &self->learner.run.model, self->test.t, self->test.data, self->predicted, self->test.count,
+            self->test.points, &self->error);
     if (status == LG_OK)
         status = train_draw_loss(self->app, loss, lg_fit_history(fit, LG_FIT_LOSS), NULL,
                                  (size_t)lg_fit_epochs_done(fit), &self->error);

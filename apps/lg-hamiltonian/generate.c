@@ -85,11 +85,11 @@ static int run(app *self) {
     const lg_status status = lg_scene_read(self->context, self->arguments[0], FORM, &scene, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
     if (values.segments > 0) scene.segments = (uint32_t)values.segments;
-    code = !scene.has_initial
-               ? generate(self, &scene)
-               : app_fail(self, LG_FORMAT,
-                          "%s: line %u: `initial` is one start; many are drawn as `starts` says",
-                          self->arguments[0], scene.line_initial);
+    code = generate(self, &scene);
+    if (code == APP_EXIT_OK && scene.has_initial)
+        app_warn(self,
+                 "%s: line %u: `initial` is one start and was not used; the starts were drawn (key `starts`)",
+                 self->arguments[0], scene.line_initial);
     lg_scene_destroy(self->context, &scene);
     return code;
 }

@@ -86,11 +86,13 @@ lg_status record_verdict(const lg_context *context, const char *path, const lg_h
 /* ---- drawing (pictures.c) ---- */
 
 /* Each reports where the picture went; a missing gnuplot is only a warning. */
-/* True (may be NULL) and predicted (n, points, d): links on the sphere in space, or q_1 against q_2. */
-lg_status draw_trajectories(const app *app, const char *picture, const lg_hamiltonian *model,
-                            const double *truth, const double *predicted, size_t n, size_t points,
-                            lg_error *error);
-/* |H - H(0)| of the true energy (may be NULL) and of the learned one along one prediction. */
+/* True (may be NULL) and predicted (n, points, d) at times t (points): links on the sphere in space; of one
+ * degree of freedom the phase portrait, q and p against t; else q_1 against q_2. `title` holds no quotes. */
+lg_status draw_trajectories(const app *app, const char *picture, const char *title,
+                            const lg_hamiltonian *model, const double *t, const double *truth,
+                            const double *predicted, size_t n, size_t points, lg_error *error);
+/* |H - H(0)| of the true energy (may be NULL) and of the learned one along one prediction, in units of
+ * m = L = g = 1. */
 lg_status draw_energy(const app *app, const char *picture, const double *t, const double *true_energy,
                       const double *learned_energy, size_t count, lg_error *error);
 

@@ -79,7 +79,8 @@ static int start_from_scene(const app *self, prediction *p) {
     if (family != model->family || n != model->n)
         return app_fail(self, LG_SHAPE, "%s: line %u: a state of %zu numbers, but the model's has %zu", path,
                         p->scene.line_system, lg_system_dim(p->scene.system), p->dim);
-    if (!p->scene.has_initial) return app_fail(self, LG_FORMAT, "%s: the scene has no `initial`", path);
+    const int code = app_scene_start(self, &p->scene, path);
+    if (code != APP_EXIT_OK) return code;
     memcpy(p->start, p->scene.state, p->dim * sizeof *p->start);
     return APP_EXIT_OK;
 }
@@ -154,8 +155,8 @@ static int write_outputs(app *self, prediction *p) {
         if (status != LG_OK) return app_fail_file(self, status, &error, values.out);
     }
     if (values.plot != NULL)
-        status = draw_trajectories(self, values.plot, &p->file->run.model, p->truth, p->y.data, 1,
-                                   p->y.points, &error);
+        status =
+            draw_trajectories(self, values.plot, "The learned flow", &p->file->run.model, p->y.t, p->truth, p->y.data, 1, p->y.points, &error);
     return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, values.plot);
 }
 
@@ -183,7 +184,7 @@ static int run(app *self) {
         return app_usage(self, scene ? "either --initial or a scene, not both"
                                      : "no start: give --initial X,X,... or a scene");
     const app_path paths[] = {{"out", values.out, APP_WRITTEN}, {"plot", values.plot, APP_DRAWN}};
-    int code = app_check_outputs(self, paths, APP_COUNT(paths));
+    int code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code != APP_EXIT_OK) return code;
     const lg_status status =
         lg_model_load_hamiltonian(self->context, self->arguments[0], NULL, &file, &error);

@@ -182,7 +182,7 @@ static char *row_text(const study_file *file, const study_row *row) {
     (void)fputc(',', stream);
     put_number(stream, row->penalty);
     (void)fprintf(stream, ",%u,%llu", row->repeat, (unsigned long long)row->seed);
-    for (size_t i = 0; i < APP_COUNT(results); i++) {
+    for (size_t i = 0; i < LG_COUNT(results); i++) {
         (void)fputc(',', stream);
         put_number(stream, results[i]);
     }

@@ -121,8 +121,8 @@ static void print_cells(const lg_grid *grid, const study_file *file) {
     static const char *const titles[] = {"integrator", "substeps", "N",  "M",       "eps",  "penalty",
                                          "loss",       "E1",       "E2", "seconds", "runs", "failed"};
     app_table table;
-    app_table_begin(&table, APP_COUNT(titles));
-    for (size_t i = 0; i < APP_COUNT(titles); i++) app_table_cell(&table, "%s", titles[i]);
+    app_table_begin(&table, LG_COUNT(titles));
+    for (size_t i = 0; i < LG_COUNT(titles); i++) app_table_cell(&table, "%s", titles[i]);
     for (uint64_t i = 0; i < study_cells(grid); i++) {
         const study_row key = study_run_at(grid, i);
         const summary s = study_cell_summary(grid, file, key);
@@ -147,8 +147,8 @@ static void print_best(const lg_grid *grid, const study_file *file, bool noisy) 
     const size_t n = best_combinations(grid, file, noisy, best);
     if (n == 0) return;
     app_table table;
-    app_table_begin(&table, APP_COUNT(titles));
-    for (size_t i = 0; i < APP_COUNT(titles); i++) app_table_cell(&table, "%s", titles[i]);
+    app_table_begin(&table, LG_COUNT(titles));
+    for (size_t i = 0; i < LG_COUNT(titles); i++) app_table_cell(&table, "%s", titles[i]);
     for (size_t i = 0; i < n; i++) {
         app_table_cell(&table, "%s", best[i].key.integrator->name);
         app_table_cell(&table, "%u", best[i].key.substeps);
@@ -169,8 +169,8 @@ void study_print_tables(const lg_grid *grid, const study_file *file) {
     static const int order[] = {1, 2, 0, 3};
     app_table table;
     print_cells(grid, file);
-    app_table_begin(&table, APP_COUNT(titles));
-    for (size_t i = 0; i < APP_COUNT(titles); i++) app_table_cell(&table, "%s", titles[i]);
+    app_table_begin(&table, LG_COUNT(titles));
+    for (size_t i = 0; i < LG_COUNT(titles); i++) app_table_cell(&table, "%s", titles[i]);
     for (uint32_t i = 0; i < grid->integrator_count; i++)
         for (uint32_t j = 0; j < grid->substeps_count; j++) {
             const summary s = integrator_summary(grid, file, grid->integrators[i], grid->substeps[j]);

@@ -59,7 +59,7 @@ static const dependency dependencies[] = {
     {"work-precision", "method", false},   {"work-precision", "plot-kind", false}};
 
 static int check_options(const app *self) {
-    for (size_t i = 0; i < APP_COUNT(dependencies); i++) {
+    for (size_t i = 0; i < LG_COUNT(dependencies); i++) {
         const dependency *d = &dependencies[i];
         if (!app_given(self, d->option) || app_given(self, d->other) == d->needs) continue;
         if (d->needs) return app_usage(self, "--%s: works together with --%s only", d->option, d->other);
@@ -77,7 +77,7 @@ static int check_outputs(const app *self) {
                               {"gradient", weights ? values.gradient + 1 : NULL, APP_READ},
                               {"out", values.out, APP_WRITTEN},
                               {"plot", values.plot, APP_DRAWN}};
-    return app_check_outputs(self, paths, APP_COUNT(paths));
+    return app_check_outputs(self, paths, LG_COUNT(paths));
 }
 
 /* Equal or adaptive steps must fit the method. */

@@ -22,7 +22,7 @@ static lg_status put_texts(const report *what, const lg_archive_writer *to) {
                                     {"method", what->how->scheme->name},
                                     {"steps", steps}};
     lg_status status = LG_OK;
-    for (size_t i = 0; i < APP_COUNT(texts) && status == LG_OK; i++)
+    for (size_t i = 0; i < LG_COUNT(texts) && status == LG_OK; i++)
         if (texts[i][1][0] != '\0') status = to->text(to->user, texts[i][0], texts[i][1]);
     return status;
 }

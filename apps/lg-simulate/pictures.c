@@ -15,13 +15,13 @@ static const struct {
                {"y", "y", " [m]"},         {"v", "v", " [m/s]"}};
 
 static const char *symbol_of(const char *key) {
-    for (size_t i = 0; i < APP_COUNT(symbols); i++)
+    for (size_t i = 0; i < LG_COUNT(symbols); i++)
         if (strcmp(symbols[i].key, key) == 0) return symbols[i].symbol;
     return key;
 }
 
 static const char *unit_of(const simulation *sim, const char *key) {
-    for (size_t i = 0; i < APP_COUNT(symbols); i++)
+    for (size_t i = 0; i < LG_COUNT(symbols); i++)
         if (strcmp(symbols[i].key, key) == 0) return symbols[i].unit;
     return strcmp(key, "p") == 0 && lg_system_links(sim->system) > 0 ? " [kg m^2/s]" : "";
 }
@@ -29,7 +29,7 @@ static const char *unit_of(const simulation *sim, const char *key) {
 const char *colour(size_t i) {
     static const char *const colours[] = {"#1f5fa8", "#d1641f", "#2f8f4e", "#8e3fa8", "#b8242f",
                                           "#7a5c2e", "#12909a", "#555555", "#c49a00"};
-    return colours[i % APP_COUNT(colours)];
+    return colours[i % LG_COUNT(colours)];
 }
 
 size_t end_block(drawing *to) {

@@ -153,7 +153,7 @@ static int add_named(diagram *d, char *names) {
 
 static void add_default(diagram *d, bool flat) {
     const char *const *names = flat ? on_rn : on_manifolds;
-    const size_t count = flat ? APP_COUNT(on_rn) : APP_COUNT(on_manifolds);
+    const size_t count = flat ? LG_COUNT(on_rn) : LG_COUNT(on_manifolds);
     for (size_t i = 0; i < count; i++) {
         const lg_scheme *scheme = lg_scheme_find(names[i]);
         if (scheme == NULL || method_obstacle(d->sim, scheme) != NULL) continue;
@@ -245,8 +245,8 @@ static void print_table(const diagram *d) {
         "%s to t = %g. Error: |y - reference|/|reference| at the end; the reference is %s at tolerance %.0e, "
         "%.1e from\nits run at tolerance %.0e.\n\n",
         lg_system_name(d->sim->system), d->sim->t_end, d->reference, d->tol, d->reference_error, 10 * d->tol);
-    app_table_begin(&table, APP_COUNT(heads));
-    for (size_t i = 0; i < APP_COUNT(heads); i++) app_table_cell(&table, "%s", heads[i]);
+    app_table_begin(&table, LG_COUNT(heads));
+    for (size_t i = 0; i < LG_COUNT(heads); i++) app_table_cell(&table, "%s", heads[i]);
     for (size_t c = 0; c < d->count; c++)
         for (size_t i = 0; i < d->curves[c].count; i++) print_point(&table, &d->curves[c], i);
     app_table_end(&table, stdout);
@@ -267,8 +267,8 @@ static void put_panel(FILE *script, const diagram *d, const char *label, int col
         (void)fprintf(
             script,
             "%sdatafile index %zu using %d:3 with linespoints lw 1.6 pt %zu ps 0.6 lc rgb '%s' %s title '%s'",
-            separator, index++, column, 5 + c % 10, colours[c % APP_COUNT(colours)],
-            c >= APP_COUNT(colours) ? "dt 2" : "dt 1", d->curves[c].what.scheme.name);
+            separator, index++, column, 5 + c % 10, colours[c % LG_COUNT(colours)],
+            c >= LG_COUNT(colours) ? "dt 2" : "dt 1", d->curves[c].what.scheme.name);
         separator = ", \\\n  ";
     }
     (void)fputc('\n', script);

@@ -123,8 +123,8 @@ static void print_blocks(const simulation *sim, const double *y) {
 static void print_invariants(const watch *seen) {
     app_table table;
     const char *const heads[] = {"", "start", "end", "largest drift"};
-    app_table_begin(&table, APP_COUNT(heads));
-    for (size_t i = 0; i < APP_COUNT(heads); i++) app_table_cell(&table, "%s", heads[i]);
+    app_table_begin(&table, LG_COUNT(heads));
+    for (size_t i = 0; i < LG_COUNT(heads); i++) app_table_cell(&table, "%s", heads[i]);
     for (size_t i = 0; i < seen->invariants; i++) {
         app_table_cell(&table, "%s", lg_system_invariant_name(seen->sim->system, i));
         app_table_cell(&table, "%.12g", seen->start[i]);

@@ -81,10 +81,15 @@ int simulation_open(app *self, const simulate_values *values, const char *path, 
     lg_error error = {LG_OK, ""};
     *out = (simulation){.self = self, .values = values};
     lg_status status = lg_scene_read(self->context, path, NULL, &out->scene, &error);
+    /* Starts are drawn in Hamiltonian form. */
+    if (status == LG_OK && !out->scene.has_initial && out->scene.line_form == 0) {
+        lg_scene_destroy(self->context, &out->scene);
+        status = lg_scene_read(self->context, path, "hamiltonian", &out->scene, &error);
+    }
     if (status != LG_OK) return app_fail_file(self, status, &error, path);
     out->system = out->scene.system;
-    if (!out->scene.has_initial)
-        return app_fail(self, LG_FORMAT, "%s: there is no start: the key `initial` is missing", path);
+    const int code = app_scene_start(self, &out->scene, path);
+    if (code != APP_EXIT_OK) return code;
     out->dim = lg_system_dim(out->system);
     out->reported = lg_system_reported(out->system);
     out->work = app_alloc(lg_system_workspace(out->system), sizeof *out->work);

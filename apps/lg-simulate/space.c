@@ -219,7 +219,7 @@ static void draw_body(drawing *to) {
 static void draw_attitude(drawing *to) {
     static const sphere_curve axes[] = {
         {"R e_1", body_axis_1}, {"R e_2", body_axis_2}, {"R e_3", body_axis_3}};
-    put_sphere(to, "axes of the body in space", axes, APP_COUNT(axes));
+    put_sphere(to, "axes of the body in space", axes, LG_COUNT(axes));
 }
 
 /* ---- quadrotors: e3 points down, pictures up ---- */
@@ -308,7 +308,7 @@ static const space_picture pictures[] = {{"pendulum-chain", draw_chain},
                                          {"quadrotors", draw_quadrotors}};
 
 const space_picture *find_space_picture(const simulation *sim) {
-    for (size_t i = 0; i < APP_COUNT(pictures); i++)
+    for (size_t i = 0; i < LG_COUNT(pictures); i++)
         if (strcmp(pictures[i].system, lg_system_name(sim->system)) == 0) return &pictures[i];
     return NULL;
 }

@@ -511,7 +511,8 @@ LG_API lg_status lg_trials_read(const lg_context *context, const char *path, con
 typedef struct lg_scene {
     lg_system *system; /* owned */
     bool has_initial;
-    double *state;     /* owned: lg_system_dim numbers, in the system's form; NULL without `initial` */
+    double *state;     /* owned: lg_system_dim numbers, in the system's form; NULL without `initial` until
+                          lg_scene_draw_start */
     bool projected;    /* the start was off the manifold by rounding (<= 1e-6) and was projected */
     double projection; /* by how much */
     bool has_t_end;
@@ -527,12 +528,14 @@ typedef struct lg_scene {
 /* A YAML (or JSON) file. Keys: `system`; `form`; the parameters of the system; `links` where lists have one
  * entry a link (else told by them); `initial` with the parts of the state; `t_end`; `starts` {kind, low,
  * high, segments}; quadrotors: `reference` (parabola). Chains take `omega` or `p` in either form and convert:
- * p_i = m_ii q_i' + P_i sum_{j != i} m_ij q_j', q_i' = omega_i x q_i. Without `form` it is `form_wanted`
- * where the system has it; NULL: the first form whose state `initial` gives, else the system's first. Errors
- * also: LG_FORMAT when the scene names a form other than `form_wanted`. A projection is logged as a warning
- * with its line. `out` is overwritten. */
+ * p_i = m_ii q_i' + P_i sum_{j != i} m_ij q_j', q_i' = omega_i x q_i. The form is `form_wanted` where the
+ * system has it, whatever `form` says. With NULL it is `form`, else the first form whose state `initial`
+ * gives, else the system's first. A projection is logged as a warning with its line. `out` is overwritten. */
 LG_API lg_status lg_scene_read(const lg_context *context, const char *path, const char *form_wanted,
                                lg_scene *out, lg_error *error);
+/* Draws the start of a scene without `initial`, as `starts` says: the first one of lg_generate_trajectories
+ * with this seed. Errors: LG_INVALID_ARGUMENT (it has a start), LG_OUT_OF_MEMORY, those of lg_system_start. */
+LG_API lg_status lg_scene_draw_start(const lg_context *context, lg_scene *scene, uint64_t seed);
 /* With the context it was read with. Leaves it zeroed; NULL and a zeroed scene are fine. */
 LG_API void lg_scene_destroy(const lg_context *context, lg_scene *scene);
 

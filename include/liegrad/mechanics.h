@@ -205,14 +205,12 @@ LG_API lg_status lg_chain_gradient_extended(const lg_system *system, const doubl
 
 /* ---- Starts and trajectories ---- */
 
+/* How starts are drawn. Chains: q_i = normalised N(0, I_3), p_i = q_i x u with u uniform in a box; on R^d the
+ * state is uniform in a box. */
 typedef enum lg_starts {
-    LG_STARTS_THESIS, /* chains: q_i = normalised N(0, I_3), p_i = q_i x u, u ~ U[0,1]^3; on R^d: U[-1,1]^d */
-    LG_STARTS_BOX     /* U[-1,1]^d; LG_UNSUPPORTED for chains */
+    LG_STARTS_THESIS, /* the box is [0, 1]^3 for chains, [-1, 1]^d on R^d */
+    LG_STARTS_BOX     /* the box is [low, high] in every coordinate */
 } lg_starts;
-
-/* One random start, lg_system_dim numbers. Errors: LG_INVALID_ARGUMENT, LG_UNSUPPORTED (a system that is
- * neither a chain in Hamiltonian form nor on R^d). */
-LG_API lg_status lg_system_start(const lg_system *system, lg_starts kind, lg_rng *rng, double *y);
 
 typedef enum lg_noise { LG_NOISE_NORMAL /* eps N(0, 1) */, LG_NOISE_UNIFORM /* eps U(-1, 1) */ } lg_noise;
 
@@ -224,6 +222,7 @@ typedef struct lg_trajectory_options {
     double noise;        /* eps >= 0; 0 */
     lg_noise noise_kind; /* normal */
     lg_starts starts;    /* thesis */
+    double low, high;    /* of a box, low < high; -1, 1 */
     /* s >= 1: each start is followed for s consecutive trajectories of length T; 1. With 3, 900 trajectories
      * come from 300 starts. */
     size_t segments;
@@ -232,6 +231,12 @@ typedef struct lg_trajectory_options {
 } lg_trajectory_options;
 
 LG_API void lg_trajectory_options_init(lg_trajectory_options *options);
+
+/* One random start, lg_system_dim numbers, as `starts`, `low` and `high` of the options say (NULL: the
+ * defaults). lg_generate_trajectories draws its first one from stream 0 of the seed. Errors:
+ * LG_INVALID_ARGUMENT, LG_UNSUPPORTED (a system that is neither a chain in Hamiltonian form nor on R^d). */
+LG_API lg_status lg_system_start(const lg_system *system, const lg_trajectory_options *options, lg_rng *rng,
+                                 double *y);
 
 /* Samples trajectories with RKMK(5,4) on manifolds and Dormand-Prince 5(4) on R^n. Outputs: t (M),
  * trajectories (N, M, d), hamiltonian (N) = H at each start. Noise is added to all points but the first, in

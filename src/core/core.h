@@ -7,11 +7,11 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "core/count.h"
 #include "liegrad/context.h"
 #include "liegrad/status.h"
 
-#define LG_ALIGNMENT    64
-#define LG_COUNT(array) (sizeof(array) / sizeof((array)[0]))
+#define LG_ALIGNMENT 64
 
 /* Returns the status of the call when it is not LG_OK. */
 #define LG_TRY(call)                                                                                         \

@@ -62,15 +62,32 @@ NAMES(truth, [false] = "false", [true] = "true")
 NAMES(yes, [false] = "no", [true] = "yes")
 NAMES(noise, [LG_NOISE_NORMAL] = "normal", [LG_NOISE_UNIFORM] = "uniform")
 
+enum { MOST_PARAMETERS = 16, MOST_VALUES = 32 };
+
+/* Every parameter as a unit vector, which is positive and finite where it is one number: the family does not
+ * depend on them. */
+static lg_status make_system(const char *name, const char *form, lg_system **out) {
+    double unit[MOST_VALUES] = {1.0};
+    lg_named_values given[MOST_PARAMETERS];
+    lg_system_options options;
+    size_t count = 0;
+    const lg_parameter_row *row = lg_system_parameters(name, form);
+    for (; row != NULL && row->key != NULL && count < MOST_PARAMETERS; row++)
+        if (row->fallback == NULL && row->count <= MOST_VALUES)
+            given[count++] = (lg_named_values){row->key, unit, row->count > 0 ? row->count : 1};
+    lg_system_options_init(&options);
+    options.form = form;
+    options.parameters = given;
+    options.parameter_count = count;
+    return lg_system_create(NULL, name, &options, out, NULL);
+}
+
 const lg_hamiltonian_family *lg_family_of(const char *system, size_t *n) {
     static const char *const forms[] = {"hamiltonian", NULL};
     const lg_hamiltonian_family *family = NULL;
+    lg_system *made;
     for (size_t i = 0; i < LG_COUNT(forms) && family == NULL; i++) {
-        lg_system_options options;
-        lg_system *made;
-        lg_system_options_init(&options);
-        options.form = forms[i];
-        if (lg_system_create(NULL, system, &options, &made, NULL) != LG_OK) continue;
+        if (make_system(system, forms[i], &made) != LG_OK) continue;
         family = lg_hamiltonian_family_for(made, n);
         if (lg_system_links(made) > 0) *n = 0;
         lg_system_destroy(NULL, made);

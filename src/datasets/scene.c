@@ -5,6 +5,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "datasets/h5.h"
+
 #define UNIT_VECTOR 1e-9
 #define LARGEST     1e12 /* of every number */
 #define MAX_LINKS   1000000
@@ -218,8 +220,8 @@ static lg_status choose_form(lg_yaml *yaml, const char *system, const char *want
     if (plainly_hamiltonian(system) && strcmp(value.text, "hamiltonian") == 0) return LG_OK;
     *form = find_form(system, value.text);
     if (*form == NULL) return wrong_form(yaml, system, &value, error);
-    if (wanted == NULL || *form == wanted) return LG_OK;
-    return lg_yaml_fail(yaml, value.line, LG_FORMAT, error, "form: %s, but %s is needed here", *form, wanted);
+    if (wanted != NULL) *form = wanted;
+    return LG_OK;
 }
 
 /* ---- reading ---- */
@@ -372,6 +374,9 @@ static lg_status fill(reading *r) {
 static lg_status read_scene(const lg_context *context, lg_yaml *yaml, const char *form_wanted,
                             const lg_key_set *more, scene_table *table, lg_scene *out, lg_error *error) {
     const char *form;
+    if (!lg_yaml_has(yaml, "system") && lg_yaml_has(yaml, "integrators"))
+        return lg_fail(error, LG_FORMAT, "%s: not a scene but a grid of `lg-hamiltonian study`",
+                       lg_shown_path(lg_yaml_path(yaml)));
     LG_TRY(lg_yaml_name(yaml, &common_keys[KEY_SYSTEM], &table->values[KEY_SYSTEM], error));
     const char *system = system_name((uint32_t)table->values[KEY_SYSTEM].real[0]);
     LG_TRY(choose_form(yaml, system, form_wanted, &form, error));
@@ -403,6 +408,25 @@ lg_status lg_scene_read(const lg_context *context, const char *path, const char 
     LG_TRY(lg_yaml_open(context, path, &yaml, error));
     const lg_status status = lg_scene_from(context, yaml, form_wanted, NULL, out, error);
     lg_yaml_close(yaml);
+    return status;
+}
+
+lg_status lg_scene_draw_start(const lg_context *context, lg_scene *scene, uint64_t seed) {
+    if (scene == NULL || scene->system == NULL || scene->state != NULL) return LG_INVALID_ARGUMENT;
+    lg_trajectory_options options;
+    lg_trajectory_options_init(&options);
+    options.starts = scene->starts;
+    options.low = scene->low;
+    options.high = scene->high;
+    double *state = lg_alloc(context, lg_system_dim(scene->system), sizeof *state);
+    if (state == NULL) return LG_OUT_OF_MEMORY;
+    lg_rng rng;
+    lg_rng_seed(&rng, seed, 0);
+    const lg_status status = lg_system_start(scene->system, &options, &rng, state);
+    if (status == LG_OK)
+        scene->state = state;
+    else
+        lg_free(context, state);
     return status;
 }
 

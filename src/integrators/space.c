@@ -387,7 +387,7 @@ bool lg_space_is_abelian(const lg_space *space) {
     const lg_space_row *row = NULL;                                                                          \
     for (size_t f_ = 0; f_ < (space)->factors &&                                                             \
                         (row = &rows[(space)->factor[f_].kind], n = (space)->factor[f_].count, true);        \
-         y += n * row->state, a += n * row->algebra, f_++)
+         y += n * row->state, a += n * row->algebra, f_++, (void)y)
 
 void lg_space_act(const lg_space *space, const double *a, const double *y, double *out) {
     FOR_FACTORS(space, row, n, at, in) {

@@ -7,23 +7,36 @@
 
 /* ---- starts ---- */
 
-static void sphere_start(lg_rng *rng, double *y) {
+static void sphere_start(lg_rng *rng, double low, double high, double *y) {
     double norm = 0.0, u[3];
     while (!(norm > 1e-8)) { /* (almost) never twice */
         for (int c = 0; c < 3; c++) y[c] = lg_rng_normal(rng);
         norm = sqrt(lg_dot3(y, y));
     }
     for (int c = 0; c < 3; c++) y[c] /= norm;
-    for (int c = 0; c < 3; c++) u[c] = lg_rng_uniform(rng);
+    for (int c = 0; c < 3; c++) u[c] = lg_rng_uniform_in(rng, low, high);
     lg_cross3(y, u, y + 3);
 }
 
-lg_status lg_system_start(const lg_system *system, lg_starts kind, lg_rng *rng, double *y) {
-    if (!system || !rng || !y || (unsigned)kind > LG_STARTS_BOX) return LG_INVALID_ARGUMENT;
-    const bool chain = system->row == &lg_system_row_chain_hamiltonian;
-    if (chain ? kind == LG_STARTS_BOX : lg_system_constrained(system)) return LG_UNSUPPORTED;
-    for (size_t i = 0; chain && i < system->links; i++) sphere_start(rng, y + 6 * i);
-    for (size_t i = 0; !chain && i < system->space.dim; i++) y[i] = lg_rng_uniform_in(rng, -1.0, 1.0);
+static const char *starts_fault(const lg_trajectory_options *o) {
+    if (o->size != sizeof(*o)) return "options of unknown size";
+    if ((unsigned)o->starts > LG_STARTS_BOX) return "unknown kind of starts";
+    if (o->starts == LG_STARTS_BOX && !(o->low < o->high && isfinite(o->low) && isfinite(o->high)))
+        return "low must be below high";
+    return NULL;
+}
+
+lg_status lg_system_start(const lg_system *system, const lg_trajectory_options *options, lg_rng *rng,
+                          double *y) {
+    lg_trajectory_options defaults;
+    lg_trajectory_options_init(&defaults);
+    const lg_trajectory_options *o = options ? options : &defaults;
+    if (!system || !rng || !y || starts_fault(o)) return LG_INVALID_ARGUMENT;
+    const bool chain = system->row == &lg_system_row_chain_hamiltonian, box = o->starts == LG_STARTS_BOX;
+    if (!chain && lg_system_constrained(system)) return LG_UNSUPPORTED;
+    const double low = box ? o->low : chain ? 0.0 : -1.0, high = box ? o->high : 1.0;
+    for (size_t i = 0; chain && i < system->links; i++) sphere_start(rng, low, high, y + 6 * i);
+    for (size_t i = 0; !chain && i < system->space.dim; i++) y[i] = lg_rng_uniform_in(rng, low, high);
     return LG_OK;
 }
 
@@ -67,6 +80,8 @@ void lg_trajectory_options_init(lg_trajectory_options *options) {
                                        .trajectories = 500,
                                        .points = 5,
                                        .t_end = 0.1,
+                                       .low = -1.0,
+                                       .high = 1.0,
                                        .segments = 1,
                                        .seed = 1,
                                        .rtol = 1e-12,
@@ -78,13 +93,12 @@ static bool is_tolerance(double x) {
 }
 
 static const char *options_fault(const lg_trajectory_options *o) {
-    if (o->size != sizeof(*o)) return "options of unknown size";
+    if (starts_fault(o)) return starts_fault(o);
     if (o->trajectories < 1) return "trajectories must be at least 1";
     if (o->points < 2) return "points must be at least 2";
     if (!(o->t_end > 0.0) || !isfinite(o->t_end)) return "t_end must be positive";
     if (!(o->noise >= 0.0) || !isfinite(o->noise)) return "noise must not be negative";
     if ((unsigned)o->noise_kind > LG_NOISE_UNIFORM) return "unknown kind of noise";
-    if ((unsigned)o->starts > LG_STARTS_BOX) return "unknown kind of starts";
     if (o->segments < 1) return "segments must be at least 1";
     if (!is_tolerance(o->rtol) || !is_tolerance(o->atol) || !(o->rtol + o->atol > 0.0))
         return "tolerances must not be negative, nor both zero";
@@ -117,7 +131,7 @@ static lg_status sample_start(sampling *s, size_t number) {
     const size_t last = first + o->segments < o->trajectories ? first + o->segments : o->trajectories;
     lg_rng rng;
     lg_rng_seed(&rng, o->seed, 2 * (uint64_t)number);
-    LG_TRY(lg_system_start(s->system, o->starts, &rng, s->trajectories + first * block));
+    LG_TRY(lg_system_start(s->system, o, &rng, s->trajectories + first * block));
     for (size_t i = first; i < last; i++) {
         double *y = s->trajectories + i * block;
         if (lg_cancelled(s->context)) return LG_CANCELLED;

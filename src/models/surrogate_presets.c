@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "core/count.h"
 #include "liegrad/surrogate.h"
 
 /* Network, then training, in the order of the columns below. */
@@ -78,7 +79,7 @@ const lg_surrogate_preset *lg_surrogate_preset_find(const char *name, lg_surroga
                                                     bool merged, double fraction) {
     const lg_surrogate_preset *best = NULL;
     if (name == NULL || isnan(fraction)) return NULL;
-    for (size_t i = 0; i < sizeof presets / sizeof presets[0]; i++) {
+    for (size_t i = 0; i < LG_COUNT(presets); i++) {
         const lg_surrogate_preset *row = &presets[i];
         if (strcmp(row->name, name) != 0 || row->kind != kind || row->boundary != boundary ||
             row->merged != merged)

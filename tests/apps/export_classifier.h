@@ -47,7 +47,7 @@ static const sample samples[] = {
     {"baseline-linear", BASELINE, true, LINEAR, 0, 2, "gcc", "-O3"},
     {"baseline-rbf", BASELINE, false, RBF, 3, 3, "clang", "-O3"},
 };
-enum { SAMPLES = sizeof samples / sizeof samples[0], CHANNELS = 4, LENGTH = 33, WINDOWS = 40 };
+enum { SAMPLES = LG_COUNT(samples), CHANNELS = 4, LENGTH = 33, WINDOWS = 40 };
 
 typedef struct fitted {
     lg_classifier classifier;
@@ -141,7 +141,7 @@ static inline void classifier_save(const fitted *of, const char *name) {
     assert_ok(lg_file_writer_create(NULL, path, "classifier", NULL, &writer, &error));
     assert_ok(lg_file_writer_archive(writer, "", &to));
     assert_ok(lg_file_writer_names(writer, &of->series, &error));
-    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++)
+    for (size_t i = 0; i < LG_COUNT(rows); i++)
         assert_ok(to.array(to.user, rows[i].path, rows[i].type, 0, NULL, rows[i].value));
     assert_ok(to.text(to.user, "run/method", lg_method_name(of->classifier.method)));
     assert_ok(to.text(to.user, "run/split", "random"));

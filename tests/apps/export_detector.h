@@ -87,7 +87,7 @@ static const sample samples[] = {
      "-O3"},
     {"one", {2, 16, 1, {{1, 3, 1, 0, NONE, 1, 1}}, 1, 1, LG_IDENTITY, {0}}, 2, MSE, false, "gcc", "-O0"},
 };
-enum { SAMPLES = sizeof samples / sizeof samples[0] };
+enum { SAMPLES = LG_COUNT(samples) };
 
 /* Writes FOLDER.h5; offsets and scales of the channels are far from 0 and 1. */
 static inline void detector_save(const sample *of) {

@@ -56,7 +56,7 @@ static const sample samples[] = {
     {"free2", SEPARABLE, 2, MLP, LG_SINE, "cf4", 4, "clang", "-O3"},
     {"euler4", SEPARABLE, 4, LINEAR, LG_TANH, "symplectic-euler", 1, "gcc", "-O0"},
 };
-enum { SAMPLES = sizeof samples / sizeof samples[0] };
+enum { SAMPLES = LG_COUNT(samples) };
 
 static inline int hamiltonians_begin(void **state) {
     (void)state;

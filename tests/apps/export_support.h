@@ -352,7 +352,7 @@ static inline void export_check_ways(const char *folder, const char *name) {
         {"g++", "-O1"},
         {"clang++", "-O1"},
     };
-    export_check_each(folder, name, ways, sizeof ways / sizeof ways[0]);
+    export_check_each(folder, name, ways, LG_COUNT(ways));
 }
 
 /* Every optimisation with every compiler. */
@@ -367,7 +367,7 @@ static inline void export_check_all_ways(const char *folder, const char *name) {
         {"clang++", "-O0"}, {"clang++", "-O2"},
         {"clang++", "-O3"}, {"clang", "-O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all"}};
     export_check_ways(folder, name);
-    export_check_each(folder, name, ways, sizeof ways / sizeof ways[0]);
+    export_check_each(folder, name, ways, LG_COUNT(ways));
 }
 
 /* ---- objects ---- */
@@ -377,7 +377,7 @@ static inline bool export_may_call(const char *symbol) {
                                         "cosh", "tanh",  "cos",    "sincos", "tan",    "atan2", "sqrt",
                                         "fabs", "floor", "memcpy", "memset", "memmove"};
     const size_t length = strlen(symbol);
-    for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
+    for (size_t i = 0; i < LG_COUNT(names); i++) {
         const size_t n = strlen(names[i]);
         if (strncmp(symbol, names[i], n) == 0 &&
             (length == n || (length == n + 1 && symbol[n] == 'f' && strncmp(symbol, "mem", 3) != 0)))

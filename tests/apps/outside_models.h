@@ -53,7 +53,7 @@ static inline void model_compare(const model *m, lg_program *program, const char
 
 /* All models: what `check` says, in double precision, then with weights rounded to single precision. */
 static inline void model_for_each(void (*check)(const model *m, lg_program *program, lg_dtype dtype)) {
-    for (size_t k = 0; k < sizeof models / sizeof *models; k++) {
+    for (size_t k = 0; k < LG_COUNT(models); k++) {
         lg_program *program = model_program(&models[k]);
         check(&models[k], program, LG_F64);
         model_round(program);

@@ -12,8 +12,6 @@
 static const char lg[] = "lg-anomaly";
 static cli result;
 
-#define COUNT(array) (sizeof(array) / sizeof((array)[0]))
-
 static const char ranges[] = "fixed: {epochs: 6, batch: 10, preset: thesis}\n"
                              "ranges:\n"
                              "  activation: {choice: [tanh, swish]}\n"
@@ -87,7 +85,7 @@ static int setup(void **state) {
     (void)state;
     if (cli_begin() != 0) return -1;
     cli_write("ranges.yaml", ranges);
-    for (size_t i = 0; i < COUNT(others); i++) write_other(&others[i]);
+    for (size_t i = 0; i < LG_COUNT(others); i++) write_other(&others[i]);
     run("generate --runs 16 --hours 0.1 --noise 1 --window 30 --out data.h5");
     run("generate --runs 4 --hours 0.1 --noise 1 --window 30 --seed 9 --out fresh.h5");
     run("train data.h5 --epochs 2 --out model.h5");
@@ -102,7 +100,7 @@ static int setup(void **state) {
 static void test_help(void **state) {
     static const char *const commands[] = {"generate", "feed", "train", "evaluate", "search", "watch"};
     (void)state;
-    cli_expect_help(lg, commands, COUNT(commands), &result);
+    cli_expect_help(lg, commands, LG_COUNT(commands), &result);
 }
 
 static const cli_bad bad_input[] = {
@@ -199,7 +197,7 @@ static const cli_bad bad_input[] = {
 
 static void test_bad_input(void **state) {
     (void)state;
-    cli_expect_refused(lg, bad_input, COUNT(bad_input), &result);
+    cli_expect_refused(lg, bad_input, LG_COUNT(bad_input), &result);
     assert_false(cli_exists("m.h5"));
     assert_false(cli_exists("s.h5"));
 }
@@ -218,7 +216,7 @@ static void test_bad_ranges(void **state) {
         {"ranges:\n  method: {choice: [cnn, tree]}\n", "line 2: 'method' can only be cnn in a search"},
         {"fixed: {method: tree}\nranges:\n  plane: {integer: [0, 4]}\n", "line 1: 'method' can only be"}};
     (void)state;
-    cli_expect_bad_ranges(lg, rows, COUNT(rows), &result);
+    cli_expect_bad_ranges(lg, rows, LG_COUNT(rows), &result);
 }
 
 /* ---- data ---- */
@@ -357,7 +355,7 @@ static void train_and_evaluate(const char *data, const char *options) {
     assert_true(json_is_object(result.out));
     if (strstr(result.out, "\"part\": \"test\"") == NULL) fail_msg("%s %s: %s", data, options, result.out);
     expect_equal_key(trained.out, result.out, "accuracy");
-    for (size_t i = 0; i < COUNT(keys); i++) expect_equal_key(trained.out, result.out, keys[i]);
+    for (size_t i = 0; i < LG_COUNT(keys); i++) expect_equal_key(trained.out, result.out, keys[i]);
     assert_close(json_number(trained.out, "test_windows"), json_number(result.out, "windows"), 0, 0);
 }
 
@@ -381,7 +379,7 @@ static const char *const methods[] = {
 
 static void test_methods(void **state) {
     (void)state;
-    for (size_t i = 0; i < COUNT(methods); i++) train_and_evaluate("data.h5", methods[i]);
+    for (size_t i = 0; i < LG_COUNT(methods); i++) train_and_evaluate("data.h5", methods[i]);
     run("train data.h5 --method tree --out t.h5 --json");
     assert_true(json_number(result.out, "nodes") >= 3 && json_number(result.out, "depth") >= 1);
     assert_close(json_number(result.out, "false_alarms_per_day"),
@@ -391,7 +389,7 @@ static void test_methods(void **state) {
     assert_non_null(json_find(result.out, "grid"));
     assert_non_null(json_find(result.out, "cv_accuracy"));
     double chosen[3]; /* all windows train: only the folds differ */
-    for (size_t i = 0; i < COUNT(chosen); i++) {
+    for (size_t i = 0; i < LG_COUNT(chosen); i++) {
         static const char *const split[] = {"random", "run", "group"};
         char line[128];
         (void)snprintf(line, sizeof line,
@@ -414,8 +412,8 @@ static void test_other_data(void **state) {
                                       "--method logistic --features raw --components 2"};
     static const char *const names[] = {"three.h5", "one-channel.h5", "short.h5", "point.h5", "constant.h5"};
     (void)state;
-    for (size_t d = 0; d < COUNT(names); d++)
-        for (size_t i = 0; i < COUNT(how); i++) {
+    for (size_t d = 0; d < LG_COUNT(names); d++)
+        for (size_t i = 0; i < LG_COUNT(how); i++) {
             if (i == 5 && strcmp(names[d], "point.h5") == 0) continue;
             train_and_evaluate(names[d], how[i]);
         }
@@ -475,7 +473,7 @@ static void test_numbered_classes(void **state) {
     (void)state;
     write_numbered("from-0.h5", 0, true);
     write_numbered("from-1.h5", 1, true);
-    for (size_t i = 0; i < COUNT(models); i++) {
+    for (size_t i = 0; i < LG_COUNT(models); i++) {
         (void)snprintf(line, sizeof line, "evaluate %s fresh.h5 --json", models[i]);
         run(line);
         const double accuracy = json_number(result.out, "accuracy");
@@ -529,7 +527,7 @@ static void test_default_blocks(void **state) {
                  {"--kernel 3 --padding 1 --pooling none", 3}};
     char line[192];
     (void)state;
-    for (size_t i = 0; i < COUNT(cases); i++) {
+    for (size_t i = 0; i < LG_COUNT(cases); i++) {
         (void)snprintf(line, sizeof line, "train data.h5 --window 2 --epochs 1 --out blocks.h5 --json %s",
                        cases[i].options);
         run(line);
@@ -653,7 +651,7 @@ static void test_best_epoch(void **state) {
     int best = 12;
     size_t i = 0;
     (void)state;
-    for (; best == 12 && i < COUNT(rates); i++) {
+    for (; best == 12 && i < LG_COUNT(rates); i++) {
         (void)snprintf(line, sizeof line,
                        "train data.h5 --preset thesis --lr %s --epochs 12 --out long.h5 --json", rates[i]);
         run(line);
@@ -706,7 +704,7 @@ static void test_search(void **state) {
 static void test_published_searches(void **state) {
     static const char *const names[] = {"anomaly", "anomaly-wide"};
     (void)state;
-    cli_expect_published(lg, names, COUNT(names), &result);
+    cli_expect_published(lg, names, LG_COUNT(names), &result);
 }
 
 /* ---- full disks ---- */
@@ -742,7 +740,7 @@ static void test_pictures(void **state) {
         "generate --runs 2 --hours 0.05 --out q.h5 --plot p.svg --picture housings",
     };
     (void)state;
-    for (size_t i = 0; i < COUNT(lines); i++) {
+    for (size_t i = 0; i < LG_COUNT(lines); i++) {
         run(lines[i]);
         assert_true(cli_exists("p.gp"));
         if (strstr(result.err, "gnuplot failed") != NULL) fail_msg("%s: %s", lines[i], result.err);

@@ -52,8 +52,7 @@ static void every_case_runs(void **state) {
     };
     cli result;
     (void)state;
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
-        run_case(cases[i].arguments, cases[i].error, &result);
+    for (size_t i = 0; i < LG_COUNT(cases); i++) run_case(cases[i].arguments, cases[i].error, &result);
 }
 
 /* The other program's way: parameters written, read again, judged. Two epochs lower the loss. */
@@ -79,7 +78,7 @@ static void the_list_names_all_cases(void **state) {
     cli result;
     (void)state;
     cli_expect("lg-bench", "list", 0, "mlp2", &result);
-    for (size_t i = 0; i < sizeof names / sizeof *names; i++) assert_non_null(strstr(result.out, names[i]));
+    for (size_t i = 0; i < LG_COUNT(names); i++) assert_non_null(strstr(result.out, names[i]));
     cli_expect("lg-bench", "list --json", 0, "\"cases\"", &result);
     assert_true(json_is_object(result.out));
 }
@@ -91,7 +90,7 @@ static void an_integration_tells_its_work(void **state) {
     cli result;
     (void)state;
     run_case("ode --links 2 --repeats 1 --only tol=1e-06", 1e-4, &result);
-    for (size_t i = 0; i < sizeof keys / sizeof *keys; i++) assert_non_null(json_find(result.out, keys[i]));
+    for (size_t i = 0; i < LG_COUNT(keys); i++) assert_non_null(json_find(result.out, keys[i]));
     assert_true(json_number(result.out, "manifold_error") <= 1e-14);
     assert_true(json_number(result.out, "evaluations") >= 6 * json_number(result.out, "steps"));
     run_case("ode --links 1 --repeats 1 --only step", -1, &result);
@@ -105,7 +104,7 @@ static void the_report_says_on_what_it_ran(void **state) {
     cli result;
     (void)state;
     run_case("act --width 64 --repeats 1 --only exp", 3, &result);
-    for (size_t i = 0; i < sizeof keys / sizeof *keys; i++) assert_non_null(json_find(result.out, keys[i]));
+    for (size_t i = 0; i < LG_COUNT(keys); i++) assert_non_null(json_find(result.out, keys[i]));
     assert_null(strstr(result.out, "tanh"));
     cli_expect("lg-bench", "mlp2 --batch 2 --width 4 --repeats 1", 0, "B=2", &result);
 }
@@ -116,8 +115,7 @@ static void bad_options_are_refused(void **state) {
                                       "mlp2 --width -1",  "act --repeats 1 --only nothing"};
     cli result;
     (void)state;
-    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)
-        cli_expect("lg-bench", bad[i], 2, "lg-bench", &result);
+    for (size_t i = 0; i < LG_COUNT(bad); i++) cli_expect("lg-bench", bad[i], 2, "lg-bench", &result);
     cli_expect("lg-bench", "scalar --dtype f32", 2, "f64", &result);
     cli_expect("lg-bench", "ode --dtype f32", 2, "f64", &result);
 }

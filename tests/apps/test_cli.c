@@ -139,7 +139,6 @@ static const cli_bad bad_input[] = {
     {"generate scene.yaml --out d.h5 --noise-kind pink", 2, "--noise-kind: 'pink'"},
     {"generate missing.yaml --out d.h5", 3, "missing.yaml"},
     {"generate train.h5 --out d.h5", 3, "train.h5"},
-    {"generate start.yaml --out d.h5", 3, "initial"},
     {"generate scene.yaml --out nowhere/d.h5", 3, "nowhere/d.h5"},
     {"evaluate model.h5", 2, "missing argument"},
     {"evaluate missing.h5 test.h5", 3, "missing.h5"},
@@ -157,7 +156,6 @@ static const cli_bad bad_input[] = {
     {"predict model.h5 --initial 1,0,0,0,nan,0", 2, "--initial: '1,0,0,0,nan,0'"},
     {"predict model.h5 --initial 1,0,0,1,0,0", 2, "manifold"},
     {"predict model.h5 quartic.yaml", 3, "quartic.yaml"},
-    {"predict model.h5 scene.yaml", 3, "initial"},
     {"predict model.h5 start.yaml --out nowhere/p.h5", 3, "nowhere/p.h5"},
     {"study grid.yaml", 2, "--out FILE.csv is missing"},
     {"study missing.yaml --out s.csv", 3, "missing.yaml"},
@@ -248,10 +246,25 @@ static void test_evaluate_and_predict(void **state) {
     cli_expect(lg, "predict model.h5 --initial 1,0,0,0,0.5,0 --t-end 0.5", 0, "y = ", &result);
 }
 
-static void test_plots(void **state) {
+/* All commands take scenes with and without `initial`, and say what they make of them. */
+static void test_starts(void **state) {
     (void)state;
-    cli_expect(lg, "evaluate model.h5 test.h5 --plot sphere.svg", 0, "E1", &result);
+    cli_expect(lg, "predict model.h5 scene.yaml --seed 4 --t-end 0.1", 0, "y = ", &result);
+    assert_non_null(strstr(result.err, "scene.yaml: there is no `initial`: the start is drawn with seed 4"));
+    cli_expect("lg-simulate", "scene.yaml --seed 4 --t-end 0.1", 0, "", &result);
+    assert_non_null(strstr(result.err, "the start is drawn with seed 4"));
+    cli_expect(lg, "generate start.yaml --trajectories 4 --points 2 --out drawn.h5", 0, "drawn.h5", &result);
+    assert_non_null(strstr(result.err, "`initial` is one start and was not used"));
+}
+
+static void test_plots(void **state) {
+    static char script[65536];
+    (void)state;
+    cli_expect(lg, "evaluate model.h5 test.h5 --plot ./sphere.svg", 0, "E1", &result);
     assert_true(cli_exists("sphere.dat") && cli_exists("sphere.gp"));
+    cli_read("sphere.gp", script, sizeof script);
+    assert_non_null(strstr(script, "datafile = 'sphere.dat'\n")); /* no folder */
+    assert_non_null(strstr(script, "gravity"));
     if (!cli_exists("sphere.svg")) assert_non_null(strstr(result.err, "gnuplot"));
     cli_expect(lg, TRAIN "--epochs 2 --out plotted.h5 --plot loss.svg --history loss.csv", 0, "plotted.h5",
                &result);
@@ -542,6 +555,7 @@ int main(void) {
                                        cmocka_unit_test(test_bad_input),
                                        cmocka_unit_test(test_bad_scenes),
                                        cmocka_unit_test(test_evaluate_and_predict),
+                                       cmocka_unit_test(test_starts),
                                        cmocka_unit_test(test_plots),
                                        cmocka_unit_test(test_newton),
                                        cmocka_unit_test(test_separable),

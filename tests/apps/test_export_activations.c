@@ -70,7 +70,7 @@ static const function functions[] = {
     ROW(swish, swishl, swish_slope, 5, 20), /* x (1 - s): half an epsilon of s times x */
     ROW(relu, relul, relu_slope, 0, 0),     ROW(leaky_relu, leaky_relul, leaky_relu_slope, 1.5, 0.01),
 };
-enum { FUNCTIONS = sizeof functions / sizeof *functions };
+enum { FUNCTIONS = LG_COUNT(functions) };
 
 static void values_of(const function *f, bool single, int n, double *z, double *slope) {
     float narrow[BLOCK], narrow_slope[BLOCK];
@@ -181,7 +181,7 @@ static void test_limits(void **state) {
         {4, INFINITY, INFINITY},
         {4, -INFINITY, -INFINITY},
     };
-    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++)
+    for (size_t i = 0; i < LG_COUNT(rows); i++)
         for (int single = 0; single < 2; single++) {
             double y = rows[i].x;
             values_of(&functions[rows[i].function], single, 1, &y, NULL);
@@ -222,7 +222,7 @@ static void test_kinks(void **state) {
 static void test_sine(void **state) {
     (void)state;
     const double x[] = {0, 0.5, -3, 1e5, 123456789.125, 1e22};
-    for (size_t i = 0; i < sizeof x / sizeof *x; i++) {
+    for (size_t i = 0; i < LG_COUNT(x); i++) {
         double y = x[i], slope;
         float narrow = (float)x[i], narrow_slope;
         f64_slope_sine(1, &y, &slope);

@@ -284,12 +284,12 @@ static void documented(void **state) {
                                        "bbbbbbbb",
                                        "moment_y",
                                        "std acc_lower_x"};
-    expect_words("tree-f32/m.h", tree, sizeof tree / sizeof tree[0]);
+    expect_words("tree-f32/m.h", tree, LG_COUNT(tree));
     classifier_make(&samples[0], &of); /* cov-logistic */
     classifier_export(&of, "cov", "f32", folder, sizeof folder);
     classifier_free(&of);
     static const char *const cov[] = {"cov acc_lower_x moment_x", "logit of class 1", "contains the factor"};
-    expect_words("cov-f32/m.h", cov, sizeof cov / sizeof cov[0]);
+    expect_words("cov-f32/m.h", cov, LG_COUNT(cov));
 }
 
 static void builds(void **state) {

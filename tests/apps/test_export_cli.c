@@ -11,8 +11,6 @@ static cli result;
 static size_t parameters; /* of the Hamiltonian below */
 static double mass;       /* its gamma, 0: as drawn */
 
-#define COUNT(array) (sizeof(array) / sizeof((array)[0]))
-
 static const char *const suffixes[] = {".h", ".c", "_weights.c", "_test.c"};
 
 /* ---- models ---- */
@@ -141,7 +139,7 @@ static size_t entries(const char *name) {
 static bool has_all(const char *folder, const char *name) {
     char path[256];
     bool all = true;
-    for (size_t i = 0; i < COUNT(suffixes); i++) {
+    for (size_t i = 0; i < LG_COUNT(suffixes); i++) {
         (void)snprintf(path, sizeof path, "%s/%s%s", folder, name, suffixes[i]);
         all = all && cli_exists(path);
     }
@@ -165,7 +163,7 @@ static void test_help(void **state) {
     static const char *const words[] = {"--out=DIR",     "--name=NAME", "--dtype=NAME",
                                         "--scheme=NAME", "--golden=N",  "--seed=S",
                                         "--json",        "NAME_step",   "make test"};
-    for (size_t i = 0; i < COUNT(words); i++)
+    for (size_t i = 0; i < LG_COUNT(words); i++)
         if (strstr(result.out, words[i]) == NULL) fail_msg("--help does not say %s", words[i]);
 }
 
@@ -218,7 +216,7 @@ static const cli_bad refused[] = {
 
 static void test_refused(void **state) {
     (void)state;
-    cli_expect_refused(lg, refused, COUNT(refused), &result);
+    cli_expect_refused(lg, refused, LG_COUNT(refused), &result);
     assert_false(cli_exists("o"));
 }
 
@@ -236,7 +234,7 @@ static void test_names(void **state) {
         {"NAME.h5", "model_NAME"},
         {"a_very_long_name_that_is_cut_somewhere_and_still_is_one.h5", "a_very_long_name_that_is_cut_som"},
         {"no-ending", "no_ending"}};
-    for (size_t i = 0; i < COUNT(rows); i++) {
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
         char line[256];
         cli_link("pendulum.h5", rows[i][0]);
         (void)snprintf(line, sizeof line, "%s --out named", rows[i][0]);
@@ -283,7 +281,7 @@ static void test_files_of_others(void **state) {
                                         "pendulum_test.c"};
     static const char *const heads[] = {"", "all:", "/* lg-export: pendulums */", "# lg-export: pend",
                                         "/* lg-export: pendulum"};
-    for (size_t i = 0; i < COUNT(names); i++) {
+    for (size_t i = 0; i < LG_COUNT(names); i++) {
         char command[256], words[128];
         (void)snprintf(command, sizeof command,
                        "mkdir others && echo '%s' > others/%s && cp -r others before", heads[i], names[i]);
@@ -311,7 +309,7 @@ static void test_bad_folders(void **state) {
         {"pendulum.h5 --out blocked", 3, "blocked/pendulum_test.c: exists and is not a regular file"}};
     cli_link("nothing/there", "dangling");
     export_expect("mkdir -p blocked/pendulum_test.c && echo '/* lg-export: pendulum */ old' > blocked/notes");
-    cli_expect_refused(lg, rows, COUNT(rows), &result);
+    cli_expect_refused(lg, rows, LG_COUNT(rows), &result);
     export_expect("test ! -e nowhere && test ! -e blocked/pendulum.c && grep -q old blocked/notes");
     assert_int_equal(entries("blocked"), 2);
     export_expect("grep -q 'no HDF5' foreign.h5 && rm -r blocked dangling");
@@ -380,7 +378,7 @@ static void test_full_disk(void **state) {
     (void)state;
     static const rlim_t limits[] = {1, 500, 2000, 4000, 8000};
     export_expect("mkdir kept && printf '/* lg-export: pendulum */\\nold\\n' > kept/pendulum.c");
-    for (size_t i = 0; i < COUNT(limits); i++) {
+    for (size_t i = 0; i < LG_COUNT(limits); i++) {
         cli_expect_limited(lg, "pendulum.h5 --out o", limits[i], 3, "o: cannot be written: File too large",
                            &result);
         assert_false(cli_exists("o"));
@@ -395,11 +393,11 @@ static void test_json(void **state) {
     (void)state;
     cli_expect(lg, "pendulum.h5 --out o --dtype f32 --scheme rkmk4 --golden 3 --json", 0, "", &result);
     assert_true(json_is_object(result.out));
-    static const char *const words[] = {"\"name\": \"pendulum\"", "\"kind\": \"hamiltonian\"",
-                                        "\"dtype\": \"f32\"", "\"scheme\": \"rkmk4\"",
-                                        "\"files\": [\"pendulum.h\", \"pendulum.c\", \"pendulum_weights.c\", "
-                                        "\"pendulum_test.c\", \"Makefile\"]"};
-    for (size_t i = 0; i < COUNT(words); i++)
+    static const char *const words[] = {
+        "\"name\": \"pendulum\"", "\"kind\": \"hamiltonian\"", "\"dtype\": \"f32\"", "\"scheme\": \"rkmk4\"",
+        ("\"files\": [\"pendulum.h\", \"pendulum.c\", \"pendulum_weights.c\", "
+         "\"pendulum_test.c\", \"Makefile\"]")};
+    for (size_t i = 0; i < LG_COUNT(words); i++)
         if (strstr(result.out, words[i]) == NULL) fail_msg("no %s in %s", words[i], result.out);
     assert_close(json_number(result.out, "parameters"), (double)parameters, 0, 0);
     /* One of them is the shift of the mass, which is stored as part of its inverse. */
@@ -480,7 +478,7 @@ static void test_comments(void **state) {
                      "\x01\x1b[31m \\");
     export_run("evil*_?"
                "?_model.h5 --out evil --name evil");
-    export_check_each("evil", "evil", ways, COUNT(ways));
+    export_check_each("evil", "evil", ways, LG_COUNT(ways));
     export_expect("! LC_ALL=C grep -n '[^ -~\t]' evil/evil.h");
     export_expect("grep -q 'trained by' evil/evil.h && grep -q 'U+00B5' evil/evil.h && rm -r evil");
     cli_expect(lg, "pendulum.h5 --out o", 0, "", &result);
@@ -551,7 +549,7 @@ static void test_self_test_fails(void **state) {
     assert_non_null(strstr(out, "value"));
     assert_non_null(strstr(out, "gradient"));
     assert_non_null(strstr(out, "field and step"));
-    for (size_t i = 0; i < COUNT(plants); i++) {
+    for (size_t i = 0; i < LG_COUNT(plants); i++) {
         char command[512];
         (void)snprintf(
             command, sizeof command,

@@ -24,7 +24,7 @@ static void default_sizes(void **state) {
     } rows[] = {{1, 96, 2, false},  {2, 128, 2, false}, {2, 128, 3, true},  {4, 64, 3, false},
                 {6, 100, 2, false}, {6, 100, 3, true},  {6, 300, 5, false}, {6, 300, 2, true}};
     static const char *const dtypes[] = {"f64", "f32"};
-    for (size_t i = 0; i < 2 * sizeof rows / sizeof rows[0]; i++) {
+    for (size_t i = 0; i < 2 * LG_COUNT(rows); i++) {
         char name[32], folder[64], command[128];
         (void)snprintf(name, sizeof name, "default%zu", i);
         const sample of = detector_default(name, rows[i / 2].channels, rows[i / 2].length,

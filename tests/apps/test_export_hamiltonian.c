@@ -326,7 +326,7 @@ static void steps_of_a_turn_agree(void **state) {
         lg_rng rng;
         lg_rng_seed(&rng, 11, 1);
         open_pair(&p, &samples[3], dtypes[d]);
-        for (size_t i = 0; i < sizeof angles / sizeof angles[0]; i++)
+        for (size_t i = 0; i < LG_COUNT(angles); i++)
             for (int r = 0; r < 20; r++) {
                 const double error = turn_first(&p, angles[i], &rng);
                 worst = error <= worst ? worst : error;
@@ -410,7 +410,7 @@ static void maps_are_accurate_at_every_angle(void **state) {
         lg_rng rng;
         lg_rng_seed(&rng, 9, 1);
         double worst[2] = {0, 0};
-        for (size_t i = 0; i < sizeof angles / sizeof angles[0]; i++)
+        for (size_t i = 0; i < LG_COUNT(angles); i++)
             for (int r = 0; r < 100; r++) check_maps(&lib, angles[i], &rng, worst);
         print_message("%s: exp acts to %.1f eps (1 + |u|), dexpinv to %.1f eps condition\n", dtypes[d],
                       worst[0], worst[1]);
@@ -513,7 +513,7 @@ static void schemes_without_an_explicit_step_are_refused(void **state) {
         learned made = learned_make(&samples[i]);
         learned_free(&made);
     }
-    cli_expect_refused("lg-export", rows, sizeof rows / sizeof rows[0], &result);
+    cli_expect_refused("lg-export", rows, LG_COUNT(rows), &result);
     assert_false(cli_exists("no"));
 }
 

@@ -23,7 +23,7 @@ static void compare(const model *m, lg_program *program, lg_dtype dtype) {
     };
     /* Single precision meets every other one. */
     const size_t step = dtype == LG_F64 ? 1 : 2;
-    for (size_t i = step - 1; i < sizeof ways / sizeof *ways; i += step)
+    for (size_t i = step - 1; i < LG_COUNT(ways); i += step)
         model_compare(m, program, ways[i].compiler, ways[i].flags, dtype, FEW);
 }
 

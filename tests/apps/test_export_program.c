@@ -10,7 +10,7 @@
 #include "export_program.h"
 
 static const export_way few[] = {{"gcc", "-O2"}, {"clang", "-O1"}, {"g++", "-O1"}};
-enum { FEW = sizeof few / sizeof few[0] };
+enum { FEW = LG_COUNT(few) };
 
 static void chain_as_bundle(void **state) {
     (void)state;
@@ -77,7 +77,7 @@ static void self_tests_catch_errors(void **state) {
     (void)state;
     save_hamiltonian("wrong", &lg_hamiltonian_separable);
     export_run("wrong.h5 --out wrong --name wrong");
-    for (size_t i = 0; i < sizeof plants / sizeof plants[0]; i++) {
+    for (size_t i = 0; i < LG_COUNT(plants); i++) {
         char command[EXPORT_LINE];
         (void)snprintf(
             command, sizeof command,

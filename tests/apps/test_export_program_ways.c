@@ -9,8 +9,8 @@ static void all_ways(void **state) {
     save_hamiltonian("links", &lg_hamiltonian_chain);
     save_hamiltonian("flat", &lg_hamiltonian_separable);
     save_network("waves");
-    for (size_t p = 0; p < sizeof programs / sizeof programs[0]; p++)
-        for (size_t o = 0; o < sizeof options / sizeof options[0]; o++) {
+    for (size_t p = 0; p < LG_COUNT(programs); p++)
+        for (size_t o = 0; o < LG_COUNT(options); o++) {
             char arguments[256], folder[32];
             (void)snprintf(folder, sizeof folder, "%s%zu", programs[p], o);
             (void)snprintf(arguments, sizeof arguments, "%s.h5 --out %s --name %s --golden 20 %s",

@@ -2,8 +2,6 @@
  * conditions; what the header says. */
 #include "export_surrogate_support.h"
 
-#define COUNT(array) (sizeof(array) / sizeof((array)[0]))
-
 typedef struct example {
     const char *name;
     const char *compiler, *flags;
@@ -130,7 +128,7 @@ static const example examples[] = {
 };
 
 static void compare_all(bool single) {
-    for (size_t e = 0; e < COUNT(examples); e++) {
+    for (size_t e = 0; e < LG_COUNT(examples); e++) {
         const example *x = &examples[e];
         if (!export_has(x->compiler)) continue;
         beam b = beam_make(&x->options, x->intervals, x->length, x->trained);
@@ -153,7 +151,7 @@ static void single_precision(void **state) {
 /* A curve is a curve: it begins where it is told to, its tangent is its derivative, the nodes lie on it. */
 static void curves_are_curves(void **state) {
     (void)state;
-    for (size_t e = 0; e < COUNT(examples); e++) {
+    for (size_t e = 0; e < LG_COUNT(examples); e++) {
         const example *x = &examples[e];
         const double h = 1e-5 * x->length, length = x->length;
         double boundary[8], s[POINTS], q[2 * POINTS], v[2 * POINTS];
@@ -165,7 +163,7 @@ static void curves_are_curves(void **state) {
         draw_boundary(&rng, length, boundary);
         const double places[] = {0, 0.31 * length - h, 0.31 * length, 0.31 * length + h, length};
         memcpy(s, places, sizeof places);
-        beam_curve(&b, boundary, s, COUNT(places), q, v);
+        beam_curve(&b, boundary, s, LG_COUNT(places), q, v);
         for (size_t c = 0; c < 2; c++) {
             if (x->options.kind != LG_SURROGATE_CONTINUOUS) assert_close(q[c], boundary[c], 0, 0);
             if (x->options.kind == LG_SURROGATE_DISCRETE) assert_close(q[8 + c], boundary[4 + c], 0, 0);
@@ -176,12 +174,12 @@ static void curves_are_curves(void **state) {
             assert_close((q[6 + c] - q[2 + c]) / (2 * h), v[4 + c], 1e-5, 1e-5);
         }
         s[3] = NAN; /* that point alone is lost */
-        beam_curve(&b, boundary, s, COUNT(places), q, v);
+        beam_curve(&b, boundary, s, LG_COUNT(places), q, v);
         for (size_t c = 0; c < 2; c++)
             assert_true(isnan(q[6 + c]) && isnan(v[6 + c]) && isfinite(q[8 + c]) && isfinite(v[8 + c]));
         boundary[6] = NAN; /* vNx: now all of it */
-        beam_curve(&b, boundary, s, COUNT(places), q, v);
-        for (size_t i = 0; i < 2 * COUNT(places); i++) assert_true(isnan(q[i]) && isnan(v[i]));
+        beam_curve(&b, boundary, s, LG_COUNT(places), q, v);
+        for (size_t i = 0; i < 2 * LG_COUNT(places); i++) assert_true(isnan(q[i]) && isnan(v[i]));
         export_close(&b.lib);
         beam_free(&b);
     }
@@ -230,7 +228,7 @@ static void header_tells(void **state) {
     static const char *const all[] = {"2.5e-07",    "3.5e-07",     "lg-elastica train beams.h5",
                                       "0000000042", "1000 curves", "batches of 32",
                                       "m.h5"};
-    for (size_t r = 0; r < COUNT(rows); r++) {
+    for (size_t r = 0; r < LG_COUNT(rows); r++) {
         const example *x = &examples[rows[r].example];
         beam b = beam_make(&x->options, x->intervals, x->length, x->trained);
         double least = INFINITY;
@@ -239,7 +237,7 @@ static void header_tells(void **state) {
         assert_int_equal(export_shell("cat m/m.h", out), 0);
         for (const char *const *w = rows[r].words; *w != NULL; w++)
             if (strstr(out, *w) == NULL) fail_msg("no '%s' in\n%s", *w, out);
-        for (size_t i = 0; i < COUNT(all); i++)
+        for (size_t i = 0; i < LG_COUNT(all); i++)
             if (strstr(out, all[i]) == NULL) fail_msg("no '%s' in\n%s", all[i], out);
         for (size_t i = 0; i < TRAINED; i++) least = fmin(least, b.file.trained[8 * i + 4]);
         (void)snprintf(range, sizeof range, "qNx   %.6g to ", least);
@@ -253,7 +251,7 @@ static void header_tells(void **state) {
 static void compiled_every_way(void **state) {
     (void)state;
     static const size_t chosen[] = {1, 3, 6};
-    for (size_t i = 0; i < COUNT(chosen); i++) {
+    for (size_t i = 0; i < LG_COUNT(chosen); i++) {
         const example *x = &examples[chosen[i]];
         beam b = beam_make(&x->options, x->intervals, x->length, x->trained);
         beam_export(&b, x->name, i == 1);

@@ -23,7 +23,7 @@ static void every_network(void **state) {
                                               .normalise = turn % 2 == 1 && kind != LG_SURROGATE_ANGLE,
                                               .mirror = turn / 2 % 2 == 1,
                                               .boundary = turn % 3 == 1 && kind == LG_SURROGATE_ANGLE};
-        const export_way *way = &ways[i % (sizeof ways / sizeof ways[0])];
+        const export_way *way = &ways[i % LG_COUNT(ways)];
         char name[48];
         if (!export_has(way->compiler)) continue;
         (void)snprintf(name, sizeof name, "%s_%s_%s%s", lg_surrogate_kind_name(options.kind),

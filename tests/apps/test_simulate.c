@@ -9,7 +9,7 @@ static cli result;
 
 static const char oscillator[] = "system: oscillator\ninitial: {q: 0.6, p: -0.8}\nt_end: 3\n";
 static const char no_end[] = "system: oscillator\ninitial: {q: 0.6, p: -0.8}\n";
-static const char no_start[] = "system: oscillator\nt_end: 3\n";
+static const char no_start[] = "system: rigid-body\ninertia: [1, 2, 3]\nt_end: 3\n";
 static const char rigid[] =
     "system: rigid-body\ninertia: [1, 2, 3]\ninitial: {mu: [1, 0.5, -0.3]}\nt_end: 4\n";
 static const char top_format[] =
@@ -149,7 +149,7 @@ static const cli_bad bad_input[] = {
 
 static void test_bad_input(void **state) {
     (void)state;
-    cli_expect_refused(lg, bad_input, sizeof bad_input / sizeof bad_input[0], &result);
+    cli_expect_refused(lg, bad_input, LG_COUNT(bad_input), &result);
     assert_false(cli_exists("t.h5") || cli_exists("t.svg"));
 }
 
@@ -214,7 +214,7 @@ static void test_chain(void **state) {
     run("chain.yaml --tol 1e-11 --json");
     static const char *const keys[] = {"method",  "steps", "rejected",   "evaluations",
                                        "seconds", "t",     "invariants", "manifold_error"};
-    for (size_t i = 0; i < sizeof keys / sizeof keys[0]; i++) assert_non_null(json_find(result.out, keys[i]));
+    for (size_t i = 0; i < LG_COUNT(keys); i++) assert_non_null(json_find(result.out, keys[i]));
     const char *energy = json_find(json_find(result.out, "invariants"), "energy");
     assert_true(json_number(energy, "max_drift") < 1e-8 && json_number(energy, "max_drift") > 0);
     assert_true(json_number(result.out, "manifold_error") < 1e-13);
@@ -338,7 +338,7 @@ static const char *const bad_schemes[][2] = {
 
 static void test_bad_schemes(void **state) {
     (void)state;
-    for (size_t i = 0; i < sizeof bad_schemes / sizeof bad_schemes[0]; i++) {
+    for (size_t i = 0; i < LG_COUNT(bad_schemes); i++) {
         cli_write("bad.yaml", bad_schemes[i][0]);
         cli_expect(lg, "chain.yaml --scheme bad.yaml --steps 10", 3, bad_schemes[i][1], &result);
         if (strstr(result.err, "bad.yaml: line") == NULL) fail_msg("no line in: %s", result.err);
@@ -418,7 +418,7 @@ static void test_plots(void **state) {
         "rigid.yaml --plot-kind manifold"};
     char line[256];
     (void)state;
-    for (size_t i = 0; i < sizeof arguments / sizeof arguments[0]; i++) {
+    for (size_t i = 0; i < LG_COUNT(arguments); i++) {
         (void)snprintf(line, sizeof line, "%s --plot p%zu.svg", arguments[i], i);
         run(line);
         (void)snprintf(line, sizeof line, "p%zu.gp", i);

@@ -176,7 +176,7 @@ static void test_forms_of_lines(void **state) {
         {"time acc moment\n", "%.17g %.9g %.9g\n", true},
         {"", "%.3e; %.12g; %.12g;\r\n", true},
     };
-    for (size_t r = 0; r < sizeof rows / sizeof *rows; r++) {
+    for (size_t r = 0; r < LG_COUNT(rows); r++) {
         char *at = text + sprintf(text, "%s", rows[r].before);
         (void)add_samples(at, rows[r].form, rows[r].timed, 0, 4 * WINDOW, 2 * WINDOW);
         cli_write("feed.csv", text);
@@ -249,7 +249,7 @@ static void test_lost_samples(void **state) {
                 {"1,2;", true},      {"1.2.3,4", true},  {"0x1p3,1", true}, {"1,,2,,,,", true},
                 {"--1,1", true},     {"1e,1", true},     {"1,2e+", true},   {"nano,1", true},
                 {"1,\x01\xff", true}};
-    for (size_t r = 0; r < sizeof rows / sizeof *rows; r++) {
+    for (size_t r = 0; r < LG_COUNT(rows); r++) {
         char *at = add_samples(text, plain_form, false, 0, 20, 999), words[64];
         at += sprintf(at, "%s\n", rows[r].line);
         (void)add_samples(at, plain_form, false, 21, 40, 999);
@@ -358,7 +358,7 @@ static void test_lines_without_a_sample(void **state) {
                 {"time,acc,moment", {0, 0}},
                 {"what is this", {3, 3}},
                 {"time;acc;moment", {3, 3}}};
-    for (size_t r = 0; r < sizeof rows / sizeof *rows; r++)
+    for (size_t r = 0; r < LG_COUNT(rows); r++)
         for (int timed = 0; timed < 2; timed++) {
             char *at = text + sprintf(text, "time,acc,moment\n");
             for (int i = 0; i < 3; i++) {
@@ -391,7 +391,7 @@ static void test_rates(void **state) {
         bool refused;
     } rows[] = {{50, 0, true},    {2.5, 0, true}, {5.1, 0, true},  {4.9, 0, true},    {5.04, 0, false},
                 {4.96, 0, false}, {5, 0, false},  {5, 0.1, false}, {4.5, 0.05, true}, {10, 0.02, true}};
-    for (size_t r = 0; r < sizeof rows / sizeof *rows; r++) {
+    for (size_t r = 0; r < LG_COUNT(rows); r++) {
         char words[64] = "summary";
         write_rate(rows[r].rate, 400, rows[r].jitter);
         if (rows[r].refused && rows[r].jitter == 0)
@@ -424,8 +424,8 @@ static void test_wrong_times(void **state) {
     (void)state;
     static const char *const wrong[] = {"5%.1f", "59%.1f", "-%.1f", "1e%.0f", "%.0fe200", "0%.3g"};
     static const int places[] = {0, 1, 2, 57, 300, 318, 319};
-    for (size_t k = 0; k < sizeof wrong / sizeof *wrong; k++)
-        for (size_t p = 0; p < sizeof places / sizeof *places; p++) {
+    for (size_t k = 0; k < LG_COUNT(wrong); k++)
+        for (size_t p = 0; p < LG_COUNT(places); p++) {
             const int where = places[p];
             if (k > 0 && k < 5 && where != 57) continue;
             char *at = add_samples(text, timed_form, true, 1000, 1000 + (uint64_t)where, 9999);
@@ -488,7 +488,7 @@ static void test_a_last_line_that_is_cut(void **state) {
                 {"15.8,0.1", 1},
                 {"15", 1},
                 {"15.8,0.1,-", 1}};
-    for (size_t r = 0; r < sizeof rows / sizeof *rows; r++) {
+    for (size_t r = 0; r < LG_COUNT(rows); r++) {
         char *at = add_samples(text, timed_form, true, 0, 79, 999);
         (void)sprintf(at, "%s", rows[r].line);
         cli_write("feed.csv", text);
@@ -557,7 +557,7 @@ static void test_refused(void **state) {
         {"watch m.h5 --missing 1.5 --input feed.csv", 2, "missing"},
         {"watch m.h5 --crack-at soon --input feed.csv", 2, "crack-at"},
     };
-    cli_expect_refused("lg-anomaly", rows, sizeof rows / sizeof *rows, &result);
+    cli_expect_refused("lg-anomaly", rows, LG_COUNT(rows), &result);
     cli_expect("lg-anomaly", "watch m.h5 --quiet --input words.csv", 3, "no line holds 2 numbers", &result);
     cli_expect("lg-anomaly", "watch m.h5 --quiet --input three.csv", 3, "line 1: more than 3 numbers",
                &result);

@@ -17,7 +17,6 @@
 #include "support/malloc_count.h"
 
 enum { PORTS = LG_PROGRAM_MAX_PORTS };
-#define COUNT(a) (sizeof(a) / sizeof *(a))
 static const size_t rows_tried[] = {1, 2, 3, 7, 64};
 
 /* ---- building ---- */
@@ -217,7 +216,7 @@ static void check_all(const char *name, lg_program *program) {
         free(rounded);
     }
     for (size_t f = 0; f < lg_program_functions(program); f++)
-        for (size_t k = 0; k < COUNT(rows_tried); k++) {
+        for (size_t k = 0; k < LG_COUNT(rows_tried); k++) {
             char whole[128];
             (void)snprintf(whole, sizeof whole, "%s, %s", name, lg_program_function_name(program, f));
             check_function(whole, program, f, rows_tried[k]);
@@ -391,7 +390,7 @@ TEST("learned hamiltonians") {
                {&lg_hamiltonian_chain, 3, "cf4"},
                {&lg_hamiltonian_separable, 2, NULL},
                {&lg_hamiltonian_separable, 1, "rk4"}};
-    for (size_t i = 0; i < COUNT(all); i++) {
+    for (size_t i = 0; i < LG_COUNT(all); i++) {
         char name[64];
         lg_program *program = hamiltonian(NULL, all[i].family, all[i].links, all[i].scheme);
         (void)snprintf(name, sizeof name, "hamiltonian %zu", i);
@@ -431,7 +430,8 @@ static lg_system *system_at(size_t index, bool *there) {
     if (!*there) return NULL;
     for (const lg_parameter_row *p = lg_system_parameters(name, form); p->key; p++) {
         const size_t count = p->count > 0 ? p->count : 1;
-        if (p->fallback != NULL || keys == COUNT(given) || used + count > COUNT(given_numbers)) continue;
+        if (p->fallback != NULL || keys == LG_COUNT(given) || used + count > LG_COUNT(given_numbers))
+            continue;
         for (size_t i = 0; i < count; i++)
             given_numbers[used + i] =
                 p->rule == LG_PARAMETER_UNIT_VECTOR ? (i == 1 ? -1.0 : 2.0) / 3.0 : 0.75 + 0.125 * (double)i;
@@ -453,7 +453,7 @@ TEST("steps of systems") {
     loose = 5e-3; /* far from where a step is small */
     for (size_t index = 0; there; index++) {
         lg_system *system = system_at(index, &there);
-        for (size_t s = 0; there && s < COUNT(schemes); s++) {
+        for (size_t s = 0; there && s < LG_COUNT(schemes); s++) {
             const stepping step = {system, lg_scheme_find(schemes[s])};
             lg_system_taped_user bound;
             lg_taped_ode ode;
@@ -522,7 +522,7 @@ TEST("odd outputs") {
     const lg_port out[] = {{.name = "y0"}, {.name = "y1"}, {.name = "y2"}, {.name = "y3"},
                            {.name = "y4"}, {.name = "y5"}, {.name = "y6"}, {.name = "y7"},
                            {.name = "y8"}, {.name = "y9"}, {.name = "y10"}};
-    lg_program *program = build(NULL, in, 3, out, COUNT(out), 0, record_odd, NULL);
+    lg_program *program = build(NULL, in, 3, out, LG_COUNT(out), 0, record_odd, NULL);
     check_all("odd outputs", program);
     (void)derived(program, LG_DERIVATIVE_FORWARD, "f");
     (void)derived(program, LG_DERIVATIVE_ADJOINT, "f");
@@ -586,7 +586,7 @@ TEST("rows that meet") {
     const lg_port out[] = {{.name = "y0"}, {.name = "y1"}, {.name = "y2"}, {.name = "y3"},
                            {.name = "y4"}, {.name = "y5"}, {.name = "y6"}, {.name = "y7"},
                            {.name = "y8"}, {.name = "y9"}, {.name = "y10"}};
-    lg_program *program = build(NULL, in, 2, out, COUNT(out), WIDTH, record_meeting, NULL);
+    lg_program *program = build(NULL, in, 2, out, LG_COUNT(out), WIDTH, record_meeting, NULL);
     check_derivatives("rows that meet", program, false, false);
     lg_program_destroy(program);
 }
@@ -713,7 +713,7 @@ TEST("chosen pairs") {
                   {LG_DERIVATIVE_FORWARD, "f2", "u", "y", false},
                   {LG_DERIVATIVE_JACOBIAN_OF_ADJOINT, "h1", "x", "z", false},
                   {LG_DERIVATIVE_JACOBIAN_OF_ADJOINT, "h2", "x", "y", true}};
-    for (size_t c = 0; c < COUNT(chosen); c++) {
+    for (size_t c = 0; c < LG_COUNT(chosen); c++) {
         lg_derivative what;
         lg_error error;
         lg_plan *plan;
@@ -885,7 +885,7 @@ TEST("inputs that are not finite") {
     add_loop(program, "steps", 3);
     for (size_t f = 0; f < lg_program_functions(program); f++)
         for (int dtype = 0; dtype < 2; dtype++)
-            for (size_t b = 0; b < COUNT(bad); b++) {
+            for (size_t b = 0; b < LG_COUNT(bad); b++) {
                 numbers n;
                 ready r;
                 lg_plan_options options;
@@ -1091,7 +1091,7 @@ static lg_status attempt_build(lg_program **program, const lg_context *context, 
     const lg_parameter_spec theta = {"theta", lg_shape1((uint32_t)lg_mlp_parameters(&small_net)), values};
     const lg_function_spec function = {"f", in, 1, out, 1, record_value, &small_net};
     lg_program_spec spec;
-    for (size_t i = 0; i < COUNT(values); i++) values[i] = 0.1 * (double)(i % 7) - 0.3;
+    for (size_t i = 0; i < LG_COUNT(values); i++) values[i] = 0.1 * (double)(i % 7) - 0.3;
     lg_program_spec_init(&spec);
     spec.parameters = &theta;
     spec.parameter_count = 1;
@@ -1141,7 +1141,7 @@ TEST("every allocation may fail") {
     lg_context *context = lg_fail_alloc_context(&memory);
     assert_non_null(context);
     lg_program *program = NULL;
-    for (size_t a = 0; a < COUNT(attempts); a++) {
+    for (size_t a = 0; a < LG_COUNT(attempts); a++) {
         const size_t functions = program != NULL ? lg_program_functions(program) : 0;
         for (long n = 1;; n++) {
             lg_error error = {.message = ""};

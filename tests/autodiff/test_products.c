@@ -59,7 +59,7 @@ static const shape shapes[] = {{1, 1, 1},      {3, 5, 7},      {20, 100, 100},  
                                {32, 300, 301}, {500, 100, 60}, {130, 300, 300}, {7, 700, 129}};
 
 TEST("against naive loops") {
-    for (size_t i = 0; i < sizeof shapes / sizeof *shapes; i++)
+    for (size_t i = 0; i < LG_COUNT(shapes); i++)
         for (int variant = 0; variant < 3; variant++)
             for (int d = 0; d < 2; d++) {
                 const shape s = shapes[i];
@@ -82,7 +82,7 @@ TEST("against naive loops") {
 }
 
 TEST("same bits for any number of threads") {
-    for (size_t i = 0; i < sizeof shapes / sizeof *shapes; i++)
+    for (size_t i = 0; i < LG_COUNT(shapes); i++)
         for (int variant = 0; variant < 3; variant++)
             for (int d = 0; d < 2; d++) {
                 const shape s = shapes[i];

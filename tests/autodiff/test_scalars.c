@@ -335,10 +335,10 @@ static bool alike(double a, double b) {
 TEST("not finite numbers are treated alike") {
     static const lg_op_code ops[] = {LG_OP_MAX, LG_OP_GE, LG_OP_SELECT, LG_OP_SIGN, LG_OP_ABS};
     const double special[] = {NAN, INFINITY, -INFINITY, 0.0, -0.0, 1.0, -1.0, 2.5};
-    enum { N = sizeof special / sizeof *special };
+    enum { N = LG_COUNT(special) };
     for (int isa = 0; isa < LG_ISA_COUNT; isa++)
         for (int dtype = 0; dtype < 2; dtype++)
-            for (size_t o = 0; o < sizeof ops / sizeof *ops; o++)
+            for (size_t o = 0; o < LG_COUNT(ops); o++)
                 for (size_t n = 0; n < 2 * (size_t)N * N * N; n++) {
                     const bool constant = n >= (size_t)N * N * N; /* known beforehand: carried out, or left */
                     const lg_kernels *k = lg_kernels_of(dtype == 0 ? LG_F64 : LG_F32, (lg_isa)isa);
@@ -384,7 +384,7 @@ TEST("not finite numbers are treated alike") {
 TEST("a matrix that is not positive makes all of its row NaN, whatever zeros are known") {
     const double matrices[][4] = {{2, 0, 0, -1}, {-2, 0, 0, 1},  {0, 0, 0, 1},  {2, 0, 0, 3},
                                   {1, 2, 2, 1},  {NAN, 0, 0, 1}, {1, 0, 0, NAN}};
-    for (size_t m = 0; m < sizeof matrices / sizeof *matrices; m++)
+    for (size_t m = 0; m < LG_COUNT(matrices); m++)
         for (int diagonal = 0; diagonal < 2; diagonal++) {
             lg_scalars s;
             lg_scalars_init(&s, NULL);

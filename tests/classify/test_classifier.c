@@ -15,7 +15,7 @@ static const struct {
     uint32_t components;
 } chains[] = {{LG_METHOD_LOGISTIC, 0},   {LG_METHOD_LOGISTIC, 2}, {LG_METHOD_TREE, 0},   {LG_METHOD_TREE, 2},
               {LG_METHOD_SVM_LINEAR, 2}, {LG_METHOD_SVM_RBF, 0},  {LG_METHOD_SVM_RBF, 2}};
-#define CHAINS (sizeof chains / sizeof chains[0])
+#define CHAINS (LG_COUNT(chains))
 
 static lg_method_options options_of(size_t chain) {
     lg_method_options o;
@@ -64,7 +64,7 @@ TEST("chains tell clouds apart") {
 TEST("hard tables") {
     static const uint32_t shapes[][3] = {
         {30, 1, 2}, {20, 600, 4}, {2, 3, 2}, {3, 2, 3}, {4, 1, 4}}; /* n, d, classes */
-    for (size_t s = 0; s < sizeof shapes / sizeof shapes[0]; s++)
+    for (size_t s = 0; s < LG_COUNT(shapes); s++)
         for (int variant = 0; variant < 5; variant++)
             for (size_t t = 0; t < CHAINS; t++) {
                 const uint32_t n = shapes[s][0], d = shapes[s][1], classes = shapes[s][2];
@@ -257,7 +257,7 @@ TEST("what must be refused by name") {
                 {4, "classifier/svm/vectors_of", 0, 9999, LG_FORMAT},
                 {5, "classifier/svm/gamma", 0, -1.0, LG_FORMAT}};
     lg_series s = make_series();
-    for (size_t i = 0; i < sizeof lies / sizeof lies[0]; i++) {
+    for (size_t i = 0; i < LG_COUNT(lies); i++) {
         lg_classifier c, back;
         memory_archive archive = {0};
         const lg_archive_writer writer = memory_writer(&archive);

@@ -239,7 +239,7 @@ TEST("names") {
                  {LG_FEATURES_COV, false, 7, "cov acc_lower_y acc_upper_x", "cov 1 2"},
                  {LG_FEATURES_RAW, true, 41, "raw moment_x 1", "raw 4 1"},
                  {LG_FEATURES_BASELINE, false, 3, "slope moment_y acc_lower_y", "slope 5 1"}};
-    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+    for (size_t i = 0; i < LG_COUNT(cases); i++) {
         lg_features f;
         char text[200];
         assert_ok(lg_features_create(NULL, cases[i].kind, cases[i].x, &s, 20, NULL, &f, NULL));

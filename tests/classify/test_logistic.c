@@ -5,7 +5,7 @@
 #include "support/fail_alloc.h"
 
 TEST("golden") {
-    for (size_t t = 0; t < sizeof logistic_table / sizeof logistic_table[0]; t++) {
+    for (size_t t = 0; t < LG_COUNT(logistic_table); t++) {
         const uint32_t classes = logistic_table[t].classes, n = logistic_table[t].n, d = logistic_table[t].d;
         double x[600];
         uint32_t label[60];
@@ -54,7 +54,7 @@ TEST("gradient vanishes") {
         {3, 1, 3, 1.0, 1.0, 1e-9},      {100, 1, 2, 1.0, 1.0, 1e-9},    {300, 60, 3, 10.0, 0.3, 1e-7},
         {300, 100, 2, 10.0, 0.3, 1e-8}, {400, 200, 2, 10.0, 0.3, 1e-8}, {300, 290, 3, 1.0, 0.3, 1e-8},
     };
-    for (size_t t = 0; t < sizeof cases / sizeof cases[0]; t++) {
+    for (size_t t = 0; t < LG_COUNT(cases); t++) {
         uint32_t *label = malloc(cases[t].n * sizeof *label);
         double *x = clouds(cases[t].n, cases[t].d, cases[t].classes, cases[t].apart, 11 + t, label);
         lg_logistic m;

@@ -44,9 +44,8 @@ static void expect_roc(const uint32_t *truth, const double *score, uint32_t clas
 }
 
 TEST("golden roc") {
-    expect_roc(two_truth, two_score, 2, two_fpr, two_tpr, two_threshold, sizeof two_fpr / sizeof *two_fpr);
-    expect_roc(four_truth, four_score, 4, four_fpr, four_tpr, four_threshold,
-               sizeof four_fpr / sizeof *four_fpr);
+    expect_roc(two_truth, two_score, 2, two_fpr, two_tpr, two_threshold, LG_COUNT(two_fpr));
+    expect_roc(four_truth, four_score, 4, four_fpr, four_tpr, four_threshold, LG_COUNT(four_fpr));
 }
 
 TEST("roc by hand") {

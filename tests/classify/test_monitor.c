@@ -59,7 +59,7 @@ static bool push(lg_monitor *watch, uint64_t i, bool lost, lg_verdict *verdict) 
 
 TEST("windows follow every hop") {
     const uint32_t hops[] = {0, 1, 3, 7, WINDOW};
-    for (size_t h = 0; h < sizeof hops / sizeof *hops; h++) {
+    for (size_t h = 0; h < LG_COUNT(hops); h++) {
         const uint32_t hop = hops[h] == 0 ? WINDOW : hops[h];
         const lg_monitor_options options = options_of(CHANNELS, WINDOW, hops[h]);
         witness w = {.seen = 0};
@@ -206,7 +206,7 @@ TEST("votes") {
         {2, 2, "pp-pp", "-*--*"},
         {3, 5, "pp------", "--------"},
     };
-    for (size_t r = 0; r < sizeof rows / sizeof *rows; r++) {
+    for (size_t r = 0; r < LG_COUNT(rows); r++) {
         lg_monitor_options options = options_of(CHANNELS, 1, 0);
         options.votes = rows[r].k;
         options.votes_of = rows[r].n;

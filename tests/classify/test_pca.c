@@ -31,7 +31,7 @@ static void check_components(const double *x, size_t n, uint32_t d, const lg_pca
 TEST("components of clouds") {
     static const uint32_t sizes[][3] = {{50, 4, 4}, {50, 4, 2}, {20, 60, 20},
                                         {7, 7, 7},  {2, 5, 2},  {30, 1, 1}};
-    for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++) {
+    for (size_t i = 0; i < LG_COUNT(sizes); i++) {
         uint32_t label[50];
         const uint32_t n = sizes[i][0], d = sizes[i][1];
         double *x = clouds(n, d, 2, 2.0, 3, label), trace = 0;

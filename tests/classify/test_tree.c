@@ -84,10 +84,9 @@ static void expect_path(const lg_tree *tree, const double *alpha, const double *
 TEST("same pruning path as the golden one") {
     const lg_tree gini = GOLDEN(leaf_gini, LG_GINI), entropy = GOLDEN(leaf_entropy, LG_ENTROPY);
     const lg_tree full = GOLDEN(full, LG_GINI);
-    expect_path(&gini, leaf_gini_alpha, leaf_gini_impurity, sizeof leaf_gini_alpha / sizeof *leaf_gini_alpha);
-    expect_path(&entropy, leaf_entropy_alpha, leaf_entropy_impurity,
-                sizeof leaf_entropy_alpha / sizeof *leaf_entropy_alpha);
-    expect_path(&full, full_alpha, full_impurity, sizeof full_alpha / sizeof *full_alpha);
+    expect_path(&gini, leaf_gini_alpha, leaf_gini_impurity, LG_COUNT(leaf_gini_alpha));
+    expect_path(&entropy, leaf_entropy_alpha, leaf_entropy_impurity, LG_COUNT(leaf_entropy_alpha));
+    expect_path(&full, full_alpha, full_impurity, LG_COUNT(full_alpha));
 }
 
 /* ---- against brute force ---- */
@@ -294,7 +293,7 @@ TEST("values side by side") {
     const double pairs[][2] = {{1.0, 1.0 + 0x1p-52}, {-1e308, 1e308},   {1e308, 1.7e308},
                                {0.0, 0x1p-1074},     {-0x1p-1074, 0.0}, {-1.0 - 0x1p-52, -1.0}};
     const uint32_t y[] = {0, 1};
-    for (size_t i = 0; i < sizeof pairs / sizeof *pairs; i++) {
+    for (size_t i = 0; i < LG_COUNT(pairs); i++) {
         lg_tree tree;
         assert_ok(lg_tree_fit(NULL, &options, pairs[i], y, 2, 1, 2, &tree, NULL));
         assert_int_equal(tree.count, 3);

@@ -291,8 +291,8 @@ static void texts_of_blocks(void **state) {
                                       "3 kernel 4 stride 3 padding 3 none extra",
                                       "3 kernel 4 stride 3 padding 3 max 1/1/3 kernel 1",
                                       "12x5",
-                                      "1 kernel 1,1 kernel 1,1 kernel 1,1 kernel 1,1 kernel 1,1 kernel 1,"
-                                      "1 kernel 1,1 kernel 1,1 kernel 1"};
+                                      ("1 kernel 1,1 kernel 1,1 kernel 1,1 kernel 1,1 kernel 1,1 kernel 1,"
+                                       "1 kernel 1,1 kernel 1,1 kernel 1")};
     for (size_t i = 0; i < LG_COUNT(bad); i++) {
         const char *path = good_model(1);
         replace_text(path, "model", "blocks", bad[i]);

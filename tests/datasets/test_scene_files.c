@@ -47,15 +47,6 @@ static lg_status read_scene(const lg_context *context, const char *path, const l
     return status;
 }
 
-static lg_status read_hamiltonian(const lg_context *context, const char *path, const lg_read_options *options,
-                                  lg_error *error) {
-    (void)options;
-    lg_scene scene;
-    const lg_status status = lg_scene_read(context, path, "hamiltonian", &scene, error);
-    if (status == LG_OK) lg_scene_destroy(context, &scene);
-    return status;
-}
-
 static lg_status read_grid(const lg_context *context, const char *path, const lg_read_options *options,
                            lg_error *error) {
     (void)options;
@@ -474,8 +465,35 @@ static void forms(void **state) {
     assert_null(form_read("system: quartic\n", "hamiltonian"));
     const char *path =
         file_of("form.yaml", "system: pendulum-chain\ngravity: 1\nform: lagrangian\nlinks: 2\n");
-    assert_refused(read_hamiltonian, path, LG_FORMAT, "line 3",
-                   "form: lagrangian, but hamiltonian is needed");
+    lg_scene scene;
+    assert_ok(lg_scene_read(NULL, path, "hamiltonian", &scene, NULL));
+    assert_string_equal(lg_system_form(scene.system), "hamiltonian");
+    lg_scene_destroy(NULL, &scene);
+    assert_refused(read_scene, file_of("grid.yaml", "scene: pendulum.yaml\nintegrators: [cf4]\n"), LG_FORMAT,
+                   "grid.yaml", "lg-hamiltonian study");
+}
+
+/* The drawn start is the first one of the trajectories that are generated with the seed. */
+static void drawn_start(void **state) {
+    (void)state;
+    lg_scene scene = read_text("drawn.yaml",
+                               "system: pendulum-chain\nform: hamiltonian\ngravity: 1\nlinks: 2\n"
+                               "starts: {kind: box, low: 1, high: 3}\n",
+                               NULL);
+    lg_trajectory_options options;
+    lg_trajectory_options_init(&options);
+    options.trajectories = 2, options.points = 2, options.seed = 5;
+    options.starts = LG_STARTS_BOX, options.low = 1, options.high = 3;
+    double t[2], y[2 * 2 * 12], energy[2];
+    assert_ok(lg_generate_trajectories(NULL, scene.system, &options, t, y, energy, NULL));
+    assert_ok(lg_scene_draw_start(NULL, &scene, 5));
+    assert_memory_equal(scene.state, y, 12 * sizeof *y);
+    assert_status(lg_scene_draw_start(NULL, &scene, 5), LG_INVALID_ARGUMENT);
+    lg_scene_destroy(NULL, &scene);
+    scene = read_text("drawn.yaml", "system: heavy-top\n", NULL);
+    assert_status(lg_scene_draw_start(NULL, &scene, 5), LG_UNSUPPORTED);
+    assert_null(scene.state);
+    lg_scene_destroy(NULL, &scene);
 }
 
 /* The same motion from omega and from p, read in both forms. */
@@ -791,8 +809,6 @@ static void bad_grids(void **state) {
         assert_refused(read_grid, changed("bad.yaml", good_grid, cases[i].from, cases[i].to), expected,
                        cases[i].line, cases[i].word);
     }
-    (void)changed("scene.yaml", good_scene, "form: hamiltonian", "form: lagrangian");
-    assert_refused(read_grid, file_of("bad.yaml", good_grid), LG_FORMAT, "line 1", "line 3");
     /* A broken scene is told with its own line, and the grid's. */
     (void)changed("scene.yaml", good_scene, "gravity: 9.81", "gravity: heavy");
     assert_refused(read_grid, file_of("bad.yaml", good_grid), LG_FORMAT, "line 1", "line 4");
@@ -910,23 +926,15 @@ static void failing_allocations(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_key),
-        cmocka_unit_test(rounding_is_projected),
-        cmocka_unit_test(short_forms),
-        cmocka_unit_test(many_links),
-        cmocka_unit_test(every_system),
-        cmocka_unit_test(every_system_refuses),
-        cmocka_unit_test(foreign_keys),
-        cmocka_unit_test(forms),
-        cmocka_unit_test(velocities_and_momenta),
-        cmocka_unit_test(rotations),
-        cmocka_unit_test(own_values),
-        cmocka_unit_test(bad_scenes),
-        cmocka_unit_test(damaged_scenes),
-        cmocka_unit_test(grid_every_key),
-        cmocka_unit_test(bad_grids),
-        cmocka_unit_test(damaged_grids),
-        cmocka_unit_test(own_scenes),
+        cmocka_unit_test(every_key),           cmocka_unit_test(rounding_is_projected),
+        cmocka_unit_test(short_forms),         cmocka_unit_test(many_links),
+        cmocka_unit_test(every_system),        cmocka_unit_test(every_system_refuses),
+        cmocka_unit_test(foreign_keys),        cmocka_unit_test(forms),
+        cmocka_unit_test(drawn_start),         cmocka_unit_test(velocities_and_momenta),
+        cmocka_unit_test(rotations),           cmocka_unit_test(own_values),
+        cmocka_unit_test(bad_scenes),          cmocka_unit_test(damaged_scenes),
+        cmocka_unit_test(grid_every_key),      cmocka_unit_test(bad_grids),
+        cmocka_unit_test(damaged_grids),       cmocka_unit_test(own_scenes),
         cmocka_unit_test(failing_allocations),
     };
     return cmocka_run_group_tests(tests, scratch_begin, scratch_end);

@@ -130,7 +130,7 @@ TEST("field is the general one") {
         lg_system_user user;
         lg_ode ode;
         for (int repeat = 0; repeat < 3; repeat++) {
-            assert_ok(lg_system_start(system, LG_STARTS_THESIS, &rng, y));
+            assert_ok(lg_system_start(system, NULL, &rng, y));
             unpack(k, y, q, p);
             general_field(system, q, p, dq, dp);
             assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &ode));
@@ -157,7 +157,7 @@ TEST("on the manifold v = P M(q)^-1 p to rounding, and the energy is the dense o
     for (size_t k = 1; k <= MAX_LINKS; k++) {
         lg_system *system = make_chain(k);
         double y[2 * MAX_N], q[MAX_N], p[MAX_N], v[MAX_N], g[MAX_N], dense[MAX_N], work[18 * MAX_LINKS];
-        assert_ok(lg_system_start(system, LG_STARTS_THESIS, &rng, y));
+        assert_ok(lg_system_start(system, NULL, &rng, y));
         unpack(k, y, q, p);
         assert_close(lg_system_hamiltonian(system, y, work), dense_hamiltonian(system, q, p, dense), 1e-13,
                      1e-13);
@@ -190,7 +190,7 @@ TEST("off the manifold the extended gradient is the gradient of the extended ene
     for (size_t k = 1; k <= MAX_LINKS; k++) {
         lg_system *system = make_chain(k);
         double y[2 * MAX_N], v[MAX_N], g[MAX_N], work[18 * MAX_LINKS], shifted[2 * MAX_N];
-        assert_ok(lg_system_start(system, LG_STARTS_THESIS, &rng, y));
+        assert_ok(lg_system_start(system, NULL, &rng, y));
         for (size_t i = 0; i < 6 * k; i++) y[i] += lg_rng_uniform_in(&rng, -0.03, 0.03);
         assert_ok(lg_chain_gradient_extended(system, y, v, g, work));
         for (size_t j = 0; j < 6 * k; j++) {
@@ -247,7 +247,7 @@ TEST("invariants are kept") {
         const double times[2] = {0.25, k > 10 ? 0.5 : 3.0};
         lg_rng rng;
         lg_rng_seed(&rng, 24, k);
-        assert_ok(lg_system_start(system, LG_STARTS_THESIS, &rng, y));
+        assert_ok(lg_system_start(system, NULL, &rng, y));
         assert_ok(lg_reference_trajectories(NULL, system, y, 1, times, 2, 0.0, 0.0, out, NULL));
         for (size_t i = 0; i < lg_system_invariants(system); i++) {
             const double start = lg_system_invariant(system, i, y, work),

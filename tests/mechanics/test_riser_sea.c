@@ -510,7 +510,7 @@ TEST("bad") {
                 {2.0, 1e308, 100.0, true},   {2.0, 8.0, 1e-300, true},    {2.0, 8.0, 1e300, true},
                 {1e308, 8.0, 100.0, true},   {2.0, 1e150, 1e-320, true},  {2.0, 1e308, 1e308, false},
                 {2.0, 1e-100, 1e200, false}};
-    for (size_t i = 0; i < sizeof seas / sizeof seas[0]; i++) {
+    for (size_t i = 0; i < LG_COUNT(seas); i++) {
         const lg_sea_state sea = {.height = seas[i].height, .period = seas[i].period};
         waves[0].wavenumber = -7.0;
         assert_status(lg_sea_components(&sea, seas[i].depth, 9.81, 1, waves),

@@ -86,7 +86,7 @@ TEST("starts") {
     lg_rng_seed(&rng, 1, 0);
     const int n = 2000;
     for (int i = 0; i < n; i++) {
-        assert_ok(lg_system_start(chain, LG_STARTS_THESIS, &rng, y));
+        assert_ok(lg_system_start(chain, NULL, &rng, y));
         for (int j = 0; j < 3; j++) {
             assert_close(lg_dot3(y + 6 * j, y + 6 * j), 1.0, 1e-15, 0.0);
             assert_close(lg_dot3(y + 6 * j, y + 6 * j + 3), 0.0, 0.0, 1e-15);
@@ -97,7 +97,7 @@ TEST("starts") {
             for (int c = 0; c < 3; c++) tangent[c] += along[c] / (3 * n);
             square += lg_dot3(along, along) / (3 * n);
         }
-        assert_ok(lg_system_start(quartic, LG_STARTS_BOX, &rng, box));
+        assert_ok(lg_system_start(quartic, NULL, &rng, box));
         for (int c = 0; c < 4; c++) low = fmin(low, box[c]), high = fmax(high, box[c]);
     }
     for (int c = 0; c < 3; c++)
@@ -105,9 +105,8 @@ TEST("starts") {
     for (int c = 0; c < 3; c++) assert_close(tangent[c], 1.0 / 3.0, 0.0, 4.0 / sqrt(3.0 * 3 * n));
     assert_close(square, 2.0 / 3.0, 0.0, 4.0 / sqrt(3.0 * n));
     assert_true(low >= -1.0 && low < -0.99 && high <= 1.0 && high > 0.99);
-    assert_status(lg_system_start(chain, LG_STARTS_BOX, &rng, y), LG_UNSUPPORTED);
     lg_system *body = make("rigid-body-attitude", 1);
-    assert_status(lg_system_start(body, LG_STARTS_THESIS, &rng, y), LG_UNSUPPORTED);
+    assert_status(lg_system_start(body, NULL, &rng, y), LG_UNSUPPORTED);
     lg_system_destroy(NULL, body);
     lg_system_destroy(NULL, chain);
     lg_system_destroy(NULL, quartic);
@@ -171,6 +170,32 @@ TEST("noise") {
         assert_true(kind == LG_NOISE_NORMAL ? largest > 2.5 : largest <= 1.0 + 1e-9);
     }
     lg_system_destroy(NULL, system);
+}
+
+/* Of the chain all u are near (2, 2, 2): p = q x u is then known to 1e-3. */
+TEST("starts of a box: u of a chain and states on R^d are in it, and fill it") {
+    lg_system *chain = make("pendulum-chain", 3), *quartic = make("quartic", 1);
+    lg_trajectory_options o;
+    lg_trajectory_options_init(&o);
+    o.starts = LG_STARTS_BOX;
+    lg_rng rng;
+    lg_rng_seed(&rng, 1, 0);
+    double y[18], low = 3.0, high = -3.0;
+    for (int i = 0; i < 200; i++) {
+        o.low = 2.0, o.high = 2.0005;
+        assert_ok(lg_system_start(chain, &o, &rng, y));
+        for (const double *q = y; q < y + 18; q += 6)
+            for (int c = 0; c < 3; c++)
+                assert_close(q[3 + c], 2.0 * (q[(c + 1) % 3] - q[(c + 2) % 3]), 0.0, 2e-3);
+        o.low = -3.0, o.high = 2.0;
+        assert_ok(lg_system_start(quartic, &o, &rng, y));
+        for (int c = 0; c < 4; c++) low = fmin(low, y[c]), high = fmax(high, y[c]);
+    }
+    assert_true(low >= -3.0 && low < -2.9 && high <= 2.0 && high > 1.9);
+    o.low = o.high;
+    assert_status(lg_system_start(quartic, &o, &rng, y), LG_INVALID_ARGUMENT);
+    lg_system_destroy(NULL, chain);
+    lg_system_destroy(NULL, quartic);
 }
 
 /* The noise of a trajectory is not drawn from the stream that its start, or another one's, came from. */
@@ -266,7 +291,7 @@ TEST("bad sampling") {
             o.starts = (lg_starts)(LG_STARTS_BOX + 1);
             break;
         case 11:
-            o.starts = LG_STARTS_BOX, expected = LG_UNSUPPORTED;
+            o.starts = LG_STARTS_BOX, o.low = o.high;
             break;
         default:
             o.trajectories = SIZE_MAX / 8, expected = LG_OUT_OF_MEMORY;

@@ -49,7 +49,7 @@ static const lg_surrogate_options test_options[] = {
      .mirror = true,
      .boundary = true},
 };
-enum { TEST_OPTIONS = sizeof test_options / sizeof test_options[0] };
+enum { TEST_OPTIONS = LG_COUNT(test_options) };
 
 typedef struct small {
     lg_surrogate model;

@@ -285,7 +285,7 @@ static void learning(void **state) {
                  {2, 0, LG_DETECTOR_CROSS_ENTROPY, true},
                  {3, 0, LG_DETECTOR_CROSS_ENTROPY, false},
                  {2, 1, LG_DETECTOR_CROSS_ENTROPY, false}};
-    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+    for (size_t i = 0; i < LG_COUNT(cases); i++) {
         sounds s = make_sounds(160, cases[i].classes, cases[i].rare, 0.2, cases[i].centred);
         const lg_detector model = make_detector(cases[i].classes, cases[i].loss, cases[i].centred);
         lg_detector_data data = data_of(&s, &model, s.training, LG_F32);

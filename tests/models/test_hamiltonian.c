@@ -126,7 +126,7 @@ static void exact_chain_has_the_integrators_loss(void **state) {
         double theta[64];
         make_data(&set, "pendulum-chain", k);
         exact_chain(k, &model, theta);
-        for (size_t r = 0; r < sizeof row / sizeof *row; r++) {
+        for (size_t r = 0; r < LG_COUNT(row); r++) {
             lg_hamiltonian_problem problem = problem_of(&model, &set, row[r].name);
             const double one = loss_of(&problem, theta, NULL);
             problem.substeps = 2;
@@ -232,7 +232,7 @@ static void loss_gradients(void **state) {
         {"coupled-oscillators", 2, &lg_hamiltonian_separable, "rk4", 1e-3, LG_PENALTY_SUM_ABSOLUTE},
     };
     const uint32_t hidden[2] = {7, 5};
-    for (size_t r = 0; r < sizeof row / sizeof *row; r++) {
+    for (size_t r = 0; r < LG_COUNT(row); r++) {
         data set;
         lg_hamiltonian model;
         lg_rng rng;

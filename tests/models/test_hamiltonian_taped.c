@@ -23,7 +23,7 @@ static const learned models[] = {
     {&lg_hamiltonian_separable, 3, LG_POTENTIAL_MLP, LG_SINE},
     {&lg_hamiltonian_separable, 2, LG_POTENTIAL_LINEAR, LG_TANH},
 };
-enum { MODELS = sizeof models / sizeof *models };
+enum { MODELS = LG_COUNT(models) };
 
 /* A model with states, inputs and step sizes; on a tape as variables. */
 typedef struct setting {
@@ -182,7 +182,7 @@ static void derivatives(void **state) {
     static lg_var (*const builds[])(const void *, lg_tape *, const lg_var *) = {build_value, build_gradient,
                                                                                 build_field};
     for (size_t i = 0; i < MODELS; i++)
-        for (size_t j = 0; j < sizeof builds / sizeof *builds; j++) {
+        for (size_t j = 0; j < LG_COUNT(builds); j++) {
             setting s;
             open_setting(&s, &models[i], false);
             const lg_gradcheck_argument arguments[] = {
@@ -289,7 +289,7 @@ static void bad_shapes(void **state) {
         const uint32_t m = (uint32_t)s.m, d = (uint32_t)s.d;
         const lg_shape wrong[] = {lg_shape2(BATCH, m + 1), lg_shape2(1, m), lg_shape1(m),
                                   lg_shape3(BATCH, m, 1)};
-        for (size_t j = 0; j < sizeof wrong / sizeof *wrong; j++) {
+        for (size_t j = 0; j < LG_COUNT(wrong); j++) {
             record_inputs(&s);
             lg_var input = lg_full(s.tape, wrong[j], 0.1);
             assert_true(lg_is_none(lg_hamiltonian_record_field(s.tape, &s.vars, s.y, input)));

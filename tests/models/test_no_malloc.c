@@ -99,7 +99,7 @@ static void a_steady_training_step(void **state) {
         {"quartic", "stormer-verlet", 2, &lg_hamiltonian_separable, LG_F32, 1},
     };
     if (!lg_count_available()) skip();
-    for (size_t i = 0; i < sizeof settings / sizeof *settings; i++) train_counted(&settings[i]);
+    for (size_t i = 0; i < LG_COUNT(settings); i++) train_counted(&settings[i]);
 }
 
 static void network_evaluation(void **state) {

@@ -104,7 +104,7 @@ static void windows(void **state) {
         {15, 9, 4, {0, 9, 18, 40}},
         {20, SIZE_MAX, 2, {0, 40}},
     };
-    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+    for (size_t i = 0; i < LG_COUNT(cases); i++) {
         lg_windows w = cut(&s, cases[i].length, cases[i].hop);
         check_ramp(&s, &w, cases[i].start, cases[i].count);
         lg_windows_destroy(NULL, &w);

@@ -192,7 +192,7 @@ static void all_checks(const lg_surrogate_options *options, double length) {
     const double at[] = {0.0, 0.05 * length, 0.43 * length, length};
     double x[MOST_INPUTS];
     for (double side = -1.0; side <= 1.0; side += 2.0)
-        for (size_t i = 0; i < sizeof at / sizeof at[0]; i++) {
+        for (size_t i = 0; i < LG_COUNT(at); i++) {
             place(&e, side, at[i], x);
             against_tape(&e, x);
             against_curve(&e, x);

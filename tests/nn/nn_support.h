@@ -79,7 +79,7 @@ static lg_status memory_write(void *user, const char *path, lg_element type, uin
     memory_archive *archive = user;
     if (archive->fail_after > 0 && archive->count >= archive->fail_after) return LG_FILE;
     assert_null(memory_find(archive, path));
-    assert_true(archive->count < sizeof archive->items / sizeof archive->items[0]);
+    assert_true(archive->count < LG_COUNT(archive->items));
     memory_item *item = &archive->items[archive->count++];
     (void)snprintf(item->path, sizeof item->path, "%s", path);
     item->type = type;

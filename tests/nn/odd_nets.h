@@ -62,6 +62,6 @@ static const lg_cnn odd_nets[] = {
      .plane = 1,
      .outputs = 4},
 };
-enum { ODD_NETS = sizeof odd_nets / sizeof odd_nets[0] };
+enum { ODD_NETS = LG_COUNT(odd_nets) };
 
 #endif

@@ -106,7 +106,7 @@ static lg_cnn initialised(lg_cnn net) {
 static const struct {
     uint32_t channels, length;
 } sizes[] = {{1, 1}, {1, 5}, {2, 7}, {6, 300}, {6, 100}, {1, 152}, {1, 96}, {13, 31}};
-enum { SIZES = sizeof sizes / sizeof sizes[0], ALL_NETS = ODD_NETS + SIZES };
+enum { SIZES = LG_COUNT(sizes), ALL_NETS = ODD_NETS + SIZES };
 
 static lg_cnn net_number(size_t i, lg_activation kind) {
     if (i >= ODD_NETS)
@@ -280,7 +280,7 @@ static void refused(void **state) {
          "2^31 parameters"},
     };
     lg_error error;
-    for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
+    for (size_t i = 0; i < LG_COUNT(bad); i++) {
         lg_cnn net = bad[i].net;
         net.lengths[0] = 77;
         assert_status(lg_cnn_init(&net, &error), LG_INVALID_ARGUMENT);
@@ -427,7 +427,7 @@ static void refused_on_a_tape(void **state) {
                {lg_shape3(1, 11, 2), parameters, 0},         {lg_shape3(1, 12, 3), parameters, 0},
                {lg_shape3(1, 12, 2), parameters - 1, 0},     {lg_shape3(1, 12, 2), parameters, 1},
                {lg_shape3(1, 12, 2), parameters, UINT32_MAX}};
-    for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
+    for (size_t i = 0; i < LG_COUNT(bad); i++) {
         lg_tape_reset(tape);
         const lg_var theta = lg_full(tape, lg_shape1(bad[i].theta), 0.0);
         const lg_var x = lg_full(tape, bad[i].x, 0.0);

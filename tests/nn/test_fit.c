@@ -132,8 +132,8 @@ static void test_steps(void **state) {
     (void)state;
     const size_t batches[] = {3, 1, 0, 7, 100, 4};
     const uint32_t shards[] = {1, 2, 4, 5, 64};
-    for (size_t i = 0; i < sizeof batches / sizeof batches[0]; i++)
-        for (size_t j = 0; j < sizeof shards / sizeof shards[0]; j++) check_line(batches[i], shards[j]);
+    for (size_t i = 0; i < LG_COUNT(batches); i++)
+        for (size_t j = 0; j < LG_COUNT(shards); j++) check_line(batches[i], shards[j]);
 }
 
 /* ---- convergence: a separate implementation of the same protocol, with seven other starts, ends

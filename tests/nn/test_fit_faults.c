@@ -209,7 +209,7 @@ static void test_gradients_of_layers(void **state) {
                     {{huge, 1.0, 1.0, 0.0, 1},
                      f32 ? "second moment of parameter 0" : "the norm of the gradient"},
                 };
-                for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+                for (size_t i = 0; i < LG_COUNT(cases); i++) {
                     const lg_status status = run_steep(&cases[i].bad, (lg_dtype)dtype, shards, chunk, &error);
                     assert_status(status, cases[i].words == NULL ? LG_OK : LG_NOT_FINITE);
                     if (cases[i].words != NULL) assert_message(&error, cases[i].words);

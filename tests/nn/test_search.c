@@ -58,7 +58,7 @@ static void space_check(void **state) {
         {LG_RANGE_INTEGER, -0.5, 2, "whole"},       {LG_RANGE_INTEGER, 0, 0x1p54, "whole"},
         {(lg_range_kind)9, 0, 1, "kind"},
     };
-    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+    for (size_t i = 0; i < LG_COUNT(wrong); i++) {
         s = good;
         s.ranges[1] = bounds("x", wrong[i].kind, wrong[i].low, wrong[i].high);
         refused(&s, wrong[i].word);
@@ -220,7 +220,7 @@ static void quantiles(void **state) {
         double quantile;
         int better; /* least number of better ones that stops */
     } rows[] = {{0.1, 3}, {0.5, 15}, {0.25, 8}, {1, 30}, {1e-6, 1}};
-    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
         o.quantile = rows[i].quantile;
         for (int b = 0; b <= 30; b++)
             assert_int_equal(lg_search_prune(&o, t, 30, 30, 0, b - 0.5), b >= rows[i].better);
@@ -437,7 +437,7 @@ static void refusals(void **state) {
         uint32_t rungs;
         size_t size;
     } wrong[] = {{0, 5, sizeof o}, {1.1, 5, sizeof o}, {NAN, 5, sizeof o}, {0.5, 17, sizeof o}, {0.5, 5, 0}};
-    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+    for (size_t i = 0; i < LG_COUNT(wrong); i++) {
         o = few();
         o.quantile = wrong[i].quantile;
         o.rungs = wrong[i].rungs;
