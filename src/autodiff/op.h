@@ -7,8 +7,9 @@
 #ifndef LG_OP_H
 #define LG_OP_H
 
-#include "autodiff/kernels/kernels.h"
 #include "core/core.h"
+#include "kernels/kernels.h"
+#include "kernels/product.h"
 #include "liegrad/tape.h"
 
 #define LG_MAX_INPUTS 64 /* of one operation */
@@ -28,12 +29,6 @@ typedef enum lg_payload {
     LG_PAYLOAD_IN_PROCESS /* functions of the caller's: cannot be in a program */
 } lg_payload;
 
-/* Who shares the work of a large product: threads, and OpenBLAS where its packing pays. */
-typedef struct lg_crew {
-    lg_thread_pool *workers; /* NULL: one thread */
-    int threads;
-} lg_crew;
-
 /* One evaluation. Values are 64-byte aligned on a tape and in a program's work memory, elsewhere they need
  * not be; the output overlaps no input. */
 typedef struct lg_evaluation {
@@ -52,12 +47,6 @@ typedef struct lg_evaluation {
     size_t failures; /* out: rows that could not be computed and are NaN; whoever evaluates sets it to 0
                         before */
 } lg_evaluation;
-
-typedef enum lg_transpose_use {
-    LG_TRANSPOSE_NONE,    /* of no use */
-    LG_TRANSPOSE_IF_KEPT, /* of use if it is there already */
-    LG_TRANSPOSE_MAKE     /* worth making for an input that stays */
-} lg_transpose_use;
 
 struct lg_reverse;
 struct lg_forward;

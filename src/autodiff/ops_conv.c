@@ -9,7 +9,7 @@
  * of pooling}, attr.c the activation; its slope is the one array that is kept: neither the convolution nor
  * its activation is. Derivatives that are themselves differentiated are made of the three.
  */
-#include "autodiff/conv.h"
+#include "kernels/conv.h"
 #include "autodiff/op_c.h"
 #include "autodiff/ops_windows.h"
 #include "autodiff/tape_internal.h"

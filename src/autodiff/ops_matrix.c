@@ -1,7 +1,7 @@
 /* Matrix products: one family, variants nn, nt, tn, closed under differentiation; rank 2, or rank 3 as
  * batches. An optional third input is added: a full matrix, a bias row, or a scalar. */
 #include "autodiff/op_c.h"
-#include "autodiff/product.h"
+#include "kernels/product.h"
 #include "autodiff/scalars.h"
 #include "autodiff/tape_internal.h"
 

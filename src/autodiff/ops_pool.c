@@ -4,7 +4,7 @@
  * each window the element of h where x is largest, POOL_PLACE(g, x) puts it back: linear in the first input,
  * constant to differentiation in the second. Maximum pooling is POOL_PICK(x, x).
  */
-#include "autodiff/conv.h"
+#include "kernels/conv.h"
 #include "autodiff/op_c.h"
 #include "autodiff/ops_windows.h"
 #include "autodiff/tape_internal.h"

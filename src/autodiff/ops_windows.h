@@ -3,7 +3,7 @@
 #ifndef LG_OPS_WINDOWS_H
 #define LG_OPS_WINDOWS_H
 
-#include "autodiff/conv.h"
+#include "kernels/conv.h"
 #include "autodiff/op_c.h"
 #include "autodiff/tape_internal.h"
 

@@ -5,7 +5,7 @@
 
 #include "autodiff/plan_code.h"
 #include "autodiff/plan_graph.h"
-#include "autodiff/product.h"
+#include "kernels/product.h"
 
 /* ---- what becomes of a node ---- */
 

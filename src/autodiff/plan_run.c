@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "autodiff/plan.h"
-#include "autodiff/product.h"
+#include "kernels/product.h"
 
 typedef struct running {
     const lg_plan *plan;

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "autodiff/kernels/stumpff.h"
+#include "kernels/stumpff.h"
 
 uint32_t lg_scalar_instructions(lg_scalar_op op) {
     static const uint8_t count[LG_SCALAR_OPS] = {

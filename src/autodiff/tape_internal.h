@@ -220,6 +220,8 @@ void *lg_payload_allocate(lg_tape *tape, size_t bytes);
 /* Transpose of a node's value of rank 2, or of rank 3 seen as (d0 d1, d2), made once: it lasts as long as the
  * node, or as the memory that has been declared constant. NULL: error set. */
 const void *lg_transposed(lg_tape *tape, uint32_t node);
+/* Gives back the transposes that nodes from `node` on own. */
+void lg_forget_transposes(lg_tape *tape, uint32_t node);
 /* The transpose where `use` says that it is of use, else NULL. */
 const void *lg_kept_transpose(lg_tape *tape, lg_transpose_use use, uint32_t node);
 static inline lg_crew lg_tape_crew(const lg_tape *tape) {

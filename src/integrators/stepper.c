@@ -6,7 +6,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "autodiff/kernels/kernels.h"
+#include "kernels/kernels.h"
 
 /* ---- evaluations and what is kept of them ---- */
 

@@ -2,7 +2,7 @@
  * derivatives against difference quotients and against each other. */
 #include "nn_support.h"
 
-#include "autodiff/kernels/kernels.h"
+#include "kernels/kernels.h"
 #include "liegrad/networks.h"
 #include "support/malloc_count.h"
 
