@@ -1,4 +1,4 @@
-/* An operation: one row of lg_ops. Shape rule, forward, vjp, jvp and C of an operation stand together.
+/* An operation: one row of the table (op_table.h). Shape rule, forward, vjp, jvp and C of an operation stand together.
  *
  * Shape rule and forward know neither tape nor program: they get shapes, values, attributes and scratch
  * memory, and serve both. The vjp and jvp are written with operations on a tape, so they can be
@@ -29,9 +29,12 @@ typedef enum lg_payload {
     LG_PAYLOAD_IN_PROCESS /* functions of the caller's: cannot be in a program */
 } lg_payload;
 
+typedef struct lg_op lg_op;
+
 /* One evaluation. Values are 64-byte aligned on a tape and in a program's work memory, elsewhere they need
  * not be; the output overlaps no input. */
 typedef struct lg_evaluation {
+    const lg_op *op; /* the row in use; for `expand` only */
     const lg_kernels *k;
     const lg_crew *crew; /* NULL: one thread, no BLAS, no lock */
     const lg_attr *attr;
@@ -76,7 +79,7 @@ typedef struct lg_known {
     void *user;
 } lg_known;
 
-typedef struct lg_op {
+struct lg_op {
     const char *name;    /* unique: files know an operation by it */
     uint32_t frozen;     /* bit k: input k is a constant to differentiation */
     uint8_t least, most; /* inputs */
@@ -118,7 +121,15 @@ typedef struct lg_op {
     size_t (*terms)(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape);
     /* The evaluation as C (op_c.h); it sees shapes and attributes, no values. NULL: as `element` says. */
     void (*write_c)(struct lg_c *c, const lg_evaluation *e);
-} lg_op;
+};
+
+/* A row used instead of another one where derivatives are taken or scalar code is made: for planted errors. */
+typedef struct lg_exchange {
+    const lg_op *row, *by; /* NULL: no row is exchanged */
+} lg_exchange;
+static inline const lg_op *lg_row_in_use(const lg_exchange *exchange, const lg_op *row) {
+    return exchange->row == row ? exchange->by : row;
+}
 
 /* What every row has, in this order; the rest by name. */
 #define LG_OP(title, constants, from, to, shape_rule, value, reverse, tangent)                               \

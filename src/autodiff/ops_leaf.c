@@ -1,4 +1,5 @@
 /* Leaves: values that come from outside, and constants. */
+#include "autodiff/op_rows.h"
 #include "autodiff/tape_internal.h"
 
 #include <string.h>
@@ -11,7 +12,7 @@ static lg_status leaf_shape(const lg_shape *const *in, uint32_t inputs, const lg
 const lg_op lg_op_leaf = {LG_OP("leaf", 0, 0, 0, leaf_shape, NULL, lg_no_vjp, lg_zero_jvp)};
 
 static lg_var record_leaf(lg_tape *tape, lg_shape shape, void *value, uint32_t flags) {
-    return lg_record_value(tape, LG_OP_LEAF, NULL, 0, NULL, shape, value, flags);
+    return lg_record_value(tape, &lg_op_leaf, NULL, 0, NULL, shape, value, flags);
 }
 
 static void *leaf_memory(lg_tape *tape, const char *name, lg_shape *shape, bool valid) {

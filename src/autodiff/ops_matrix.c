@@ -1,9 +1,10 @@
 /* Matrix products: one family, variants nn, nt, tn, closed under differentiation; rank 2, or rank 3 as
  * batches. An optional third input is added: a full matrix, a bias row, or a scalar. */
 #include "autodiff/op_c.h"
-#include "kernels/product.h"
+#include "autodiff/op_rows.h"
 #include "autodiff/scalars.h"
 #include "autodiff/tape_internal.h"
+#include "kernels/product.h"
 
 #include <string.h>
 
@@ -167,7 +168,7 @@ static void matmul_c(lg_c *c, const lg_evaluation *e) {
 static lg_var product(lg_tape *tape, uint32_t variant, lg_var a, lg_var b) {
     lg_attr attr = {.i = {variant, 0, 0, 0}};
     lg_var in[2] = {a, b};
-    return lg_record(tape, LG_OP_MATMUL, in, 2, &attr);
+    return lg_record(tape, &lg_op_matmul, in, 2, &attr);
 }
 
 /* The two factors' cotangents: which variant, and which of (A, B, G) stand left and right. */
@@ -252,5 +253,5 @@ lg_var lg_matmul_tn(lg_tape *tape, lg_var a, lg_var b) {
 lg_var lg_matmul_add(lg_tape *tape, lg_var a, lg_var b, lg_var c) {
     lg_attr attr = {.i = {NN, 0, 0, 0}};
     lg_var in[3] = {a, b, c};
-    return lg_record(tape, LG_OP_MATMUL, in, 3, &attr);
+    return lg_record(tape, &lg_op_matmul, in, 3, &attr);
 }

@@ -1,3 +1,4 @@
+#include "autodiff/op_rows.h"
 #include "autodiff/plan_code.h"
 
 #include <string.h>
@@ -12,10 +13,10 @@ static bool small_product(const lg_graph *g, const lg_graph_node *n) {
 }
 
 bool lg_code_fits(const lg_graph *g, const lg_graph_node *n) {
-    const lg_op *op = lg_ops[n->op];
+    const lg_op *op = n->op;
     size_t in = 0;
     if (n->sort != LG_GRAPH_OPERATION || (op->element == NULL && op->expand == NULL)) return false;
-    if (n->count > MOST_OUT || (n->op == LG_OP_MATMUL && !small_product(g, n))) return false;
+    if (n->count > MOST_OUT || (n->op == &lg_op_matmul && !small_product(g, n))) return false;
     for (uint32_t k = 0; k < n->inputs; k++)
         if (n->in[k] != LG_GRAPH_NONE) in += g->node[n->in[k]].count;
     return in <= MOST_IN;
@@ -81,8 +82,8 @@ lg_status lg_code_add(lg_code *code, uint32_t node) {
     if (y == NULL) return LG_OUT_OF_MEMORY;
     const lg_evaluation e = {
         .attr = &n->attr, .inputs = n->inputs, .in = shapes, .shape = &n->shape, .count = n->count};
-    if (!lg_scalars_expand(&code->s, lg_ops[n->op], &e, x, y)) return LG_OUT_OF_MEMORY;
-    if (code->plant != NULL) lg_plant_scalars(code->plant, n->op, &code->s, y, n->count);
+    const lg_op *op = lg_row_in_use(&code->exchange, n->op);
+    if (!lg_scalars_expand(&code->s, op, &e, x, y)) return LG_OUT_OF_MEMORY;
     code->value[node] = y;
     return LG_OK;
 }

@@ -1,4 +1,5 @@
 /* Programs as C: a plan of one row, made in double precision, step by step. */
+#include "autodiff/op_rows.h"
 #include "autodiff/program_c.h"
 
 #include <limits.h>
@@ -384,7 +385,7 @@ static bool fits_int(lg_c *c, size_t count, const char *what) {
 }
 
 static void write_tensor(lg_c *c, const lg_tensor_step *s) {
-    const lg_op *op = lg_ops[s->op];
+    const lg_op *op = s->op;
     const lg_evaluation e = {.k = c->frame->plan->k,
                              .attr = &s->attr,
                              .inputs = s->inputs,

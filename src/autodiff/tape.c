@@ -4,12 +4,6 @@
 #include <stdio.h>
 #include <string.h>
 
-const lg_op *const lg_ops[LG_OP_COUNT] = {
-#define X(code, name) &lg_op_##name,
-    LG_OP_LIST(X)
-#undef X
-};
-
 /* ---- life ---- */
 
 void lg_tape_options_init(lg_tape_options *options) {
@@ -214,7 +208,7 @@ static bool reserve(lg_tape *tape, uint32_t inputs) {
                    sizeof *tape->parents);
 }
 
-static lg_node *append_node(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs,
+static lg_node *append_node(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs,
                             const lg_attr *attr, lg_shape shape, void *value, uint32_t flags) {
     lg_node *node = &tape->nodes[tape->count];
     node->value = value;
@@ -227,7 +221,7 @@ static lg_node *append_node(lg_tape *tape, lg_op_code op, const lg_var *in, uint
     node->shape = shape;
     node->generation = tape->generation;
     node->parents = tape->parents_count;
-    node->op = (uint8_t)op;
+    node->op = op;
     node->inputs = (uint8_t)inputs;
     node->flags = (uint8_t)flags;
     for (uint32_t i = 0; i < inputs; i++) tape->parents[tape->parents_count + i] = in[i].index;
@@ -248,7 +242,7 @@ static lg_var commit(lg_tape *tape, uint32_t inputs) {
     return lg_var_at(tape, tape->count++);
 }
 
-lg_var lg_record_value(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, const lg_attr *attr,
+lg_var lg_record_value(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs, const lg_attr *attr,
                        lg_shape shape, void *value, uint32_t flags) {
     if (tape->status != LG_OK || !reserve(tape, inputs)) return LG_NONE;
     append_node(tape, op, in, inputs, attr, shape, value, flags);
@@ -279,10 +273,9 @@ static lg_status evaluate(lg_tape *tape, const lg_op *op, const lg_var *in, lg_e
 }
 
 /* `over`: the value is that of the first input. `shape`: the one asked for, where it is given. */
-static lg_var record(lg_tape *tape, lg_op_code code, const lg_var *in, uint32_t inputs, const lg_attr *attr,
+static lg_var record(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs, const lg_attr *attr,
                      lg_shape shape, bool over) {
     static const lg_attr none;
-    const lg_op *op = lg_ops[code];
     const lg_node *nodes[LG_MAX_INPUTS];
     const lg_shape *shapes[LG_MAX_INPUTS];
     const void *values[LG_MAX_INPUTS];
@@ -317,23 +310,24 @@ static lg_var record(lg_tape *tape, lg_op_code code, const lg_var *in, uint32_t 
         if (tape->unrecorded) lg_pool_give(tape, value, count * tape->k->size);
         return lg_tape_fail(tape, status, op->name, lg_status_sentence(status));
     }
-    lg_node *node = append_node(tape, code, in, inputs, attr, shape, value,
+    lg_node *node = append_node(tape, op, in, inputs, attr, shape, value,
                                 tape->unrecorded ? (uint32_t)LG_NODE_POOLED : 0u);
     if (op->payload == LG_PAYLOAD_KEPT) node->attr.pointer = e.kept;
     if (over) tape->nodes[in[0].index].flags |= LG_NODE_NO_VALUE;
     return commit(tape, inputs);
 }
 
-lg_var lg_record(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, const lg_attr *attr) {
+lg_var lg_record(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs, const lg_attr *attr) {
     return record(tape, op, in, inputs, attr, lg_shape0(), false);
 }
 
-lg_var lg_record_over(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, const lg_attr *attr) {
+lg_var lg_record_over(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs,
+                      const lg_attr *attr) {
     return record(tape, op, in, inputs, attr, lg_shape0(), true);
 }
 
-lg_var lg_record_shaped(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, const lg_attr *attr,
-                        lg_shape shape) {
+lg_var lg_record_shaped(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs,
+                        const lg_attr *attr, lg_shape shape) {
     return record(tape, op, in, inputs, attr, shape, false);
 }
 
