@@ -4,6 +4,7 @@
 
 #include "kernels/kernels.h"
 #include "liegrad/networks.h"
+#include "liegrad/ops.h"
 #include "support/malloc_count.h"
 
 enum { ROWS = 5, MAX_WIDTH = 16, MAX_PARAMETERS = 1200 };
