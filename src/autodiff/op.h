@@ -110,7 +110,8 @@ struct lg_op {
     /* Scalar code of all elements y of the output from all elements x[k] of the inputs; for others whose
      * small tensors are worth writing out. */
     void (*expand)(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y);
-    bool over_first; /* elementwise, and may work in place of input 0 only, not of others */
+    uint32_t most_code; /* scalar code serves up to so many operations on numbers; 0: for any */
+    bool over_first;    /* elementwise, and may work in place of input 0 only, not of others */
     /* For the rows of `shape`; attr becomes that of 1/copies of them. NULL: BROADCAST where there is
      * `element`, else MEET. */
     lg_row_use (*rows)(const lg_shape *const *in, uint32_t inputs, const lg_shape *shape, uint32_t copies,
@@ -119,6 +120,10 @@ struct lg_op {
     lg_instead (*instead)(const lg_known *known);
     /* Terms of its longest sum, for error bounds; 0: numbers are moved only. NULL: 1. */
     size_t (*terms)(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape);
+    /* A plan makes one step of y = sigma(x W + b), a layer, where nobody else takes the product: of a row that
+     * says so of its inputs, and a row behind it that is sigma, an lg_activation in attr->i[0]. */
+    bool (*begins_layer)(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr);
+    bool ends_layer;
     /* The evaluation as C (op_c.h); it sees shapes and attributes, no values. NULL: as `element` says. */
     void (*write_c)(struct lg_c *c, const lg_evaluation *e);
 };

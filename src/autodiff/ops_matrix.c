@@ -226,6 +226,11 @@ static size_t matmul_terms(const lg_shape *const *in, const lg_attr *attr, const
     return in[0]->dims[in[0]->rank - (attr->i[0] == TN ? 2 : 1)];
 }
 
+static bool matmul_begins_layer(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr) {
+    return attr->i[0] == NN && in[0]->rank == 2 && in[1]->rank == 2 &&
+           (inputs == 2 || lg_shape_count(*in[2]) == in[1]->dims[1]);
+}
+
 const lg_op lg_op_matmul = {.name = "matmul",
                             .least = 2,
                             .most = 3,
@@ -239,7 +244,9 @@ const lg_op lg_op_matmul = {.name = "matmul",
                             .write_c = matmul_c,
                             .rows = matmul_rows,
                             .instead = matmul_instead,
-                            .terms = matmul_terms};
+                            .terms = matmul_terms,
+                            .most_code = 64,
+                            .begins_layer = matmul_begins_layer};
 
 lg_var lg_matmul(lg_tape *tape, lg_var a, lg_var b) {
     return product(tape, NN, a, b);

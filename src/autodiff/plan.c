@@ -1,5 +1,4 @@
 /* Plans: the order of steps, where numbers lie. */
-#include "autodiff/op_rows.h"
 #include "autodiff/plan.h"
 
 #include <string.h>
@@ -70,20 +69,16 @@ static size_t aligned(size_t count) {
 
 /* ---- fates ---- */
 
-static bool is_bias(const planning *p, uint32_t c, size_t n) {
-    return p->g.node[c].count == n;
-}
-
-/* An activation of a product that nobody else takes. */
+/* It ends a layer whose product nobody else takes. */
 static bool fuses(const planning *p, const lg_graph_node *n) {
-    if (n->op != &lg_op_act || n->in[0] == LG_GRAPH_NONE) return false;
+    const lg_shape *shapes[LG_MAX_INPUTS];
+    if (!n->op->ends_layer || n->in[0] == LG_GRAPH_NONE) return false;
     const lg_graph_node *product = &p->g.node[n->in[0]];
-    if (product->sort != LG_GRAPH_OPERATION || product->op != &lg_op_matmul || product->attr.i[0] != LG_NN ||
-        product->shape.rank != 2 || p->item[n->in[0]].uses != 1 || p->item[n->in[0]].fate != TENSOR)
+    if (product->sort != LG_GRAPH_OPERATION || product->op->begins_layer == NULL ||
+        p->item[n->in[0]].uses != 1 || p->item[n->in[0]].fate != TENSOR)
         return false;
-    const lg_shape *a = &p->g.node[product->in[0]].shape, *b = &p->g.node[product->in[1]].shape;
-    if (a->rank != 2 || b->rank != 2) return false;
-    return product->inputs == 2 || is_bias(p, product->in[2], b->dims[1]);
+    lg_graph_shapes(&p->g, product, shapes);
+    return product->op->begins_layer(shapes, product->inputs, &product->attr);
 }
 
 /* Elementwise over a tensor of its size that a step makes: the kernel goes on where that step ends. */
@@ -455,7 +450,7 @@ static lg_status add_step(planning *p, const uint32_t *order, const stretch *s, 
     const uint32_t node = order[s->first];
     const lg_graph_node *n = &p->g.node[node];
     if (s->code) return add_code(p, order + s->first, s->count, now);
-    const bool dense = n->op == &lg_op_act && n->in[0] != LG_GRAPH_NONE && p->item[n->in[0]].fate == FUSED;
+    const bool dense = n->op->ends_layer && n->in[0] != LG_GRAPH_NONE && p->item[n->in[0]].fate == FUSED;
     return dense ? add_dense(p, node) : add_tensor(p, node, now);
 }
 

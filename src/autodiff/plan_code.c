@@ -1,22 +1,15 @@
-#include "autodiff/op_rows.h"
 #include "autodiff/plan_code.h"
 
 #include <string.h>
 
-/* Elements of an output, of all inputs, multiplications of a product. */
-enum { MOST_OUT = 12, MOST_IN = 64, MOST_PRODUCT = 64 };
-
-static bool small_product(const lg_graph *g, const lg_graph_node *n) {
-    const lg_shape *a = &g->node[n->in[0]].shape;
-    const uint32_t inner = a->dims[n->attr.i[0] == 2 ? a->rank - 2 : a->rank - 1];
-    return n->count * inner <= MOST_PRODUCT;
-}
+/* Elements of an output, of all inputs. */
+enum { MOST_OUT = 12, MOST_IN = 64 };
 
 bool lg_code_fits(const lg_graph *g, const lg_graph_node *n) {
     const lg_op *op = n->op;
     size_t in = 0;
     if (n->sort != LG_GRAPH_OPERATION || (op->element == NULL && op->expand == NULL)) return false;
-    if (n->count > MOST_OUT || (n->op == &lg_op_matmul && !small_product(g, n))) return false;
+    if (n->count > MOST_OUT || (op->most_code > 0 && lg_graph_work(g, n) > op->most_code)) return false;
     for (uint32_t k = 0; k < n->inputs; k++)
         if (n->in[k] != LG_GRAPH_NONE) in += g->node[n->in[k]].count;
     return in <= MOST_IN;
