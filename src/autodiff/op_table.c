@@ -16,12 +16,49 @@
     X(mix)                                                                                                   \
     X(combine)                                                                                               \
     X(scale)                                                                                                 \
-    X(shift) X(pow) X(sqrt) X(exp) X(log) X(sin) X(cos) X(abs) X(sign) X(stop_gradient) X(act)               \
-        X(act_derivative) X(dual_act) X(dual_mix) X(matmul) X(reduce) X(repeat) X(reduce_max) X(argmax_mask) \
-            X(reshape) X(slice) X(pad) X(concat) X(permute) X(conv1d) X(conv1d_block) X(conv1d_input)        \
-                X(conv1d_weight) X(avg_pool1d) X(avg_pool1d_adjoint) X(pool_pick) X(pool_place) X(gather)    \
-                    X(scatter) X(rowdot) X(cross) X(spd_factor) X(spd_solve) X(stumpff) X(dexpinv_coef)      \
-                        X(lie) X(custom) X(custom_derivative)
+    X(shift)                                                                                                 \
+    X(pow)                                                                                                   \
+    X(sqrt)                                                                                                  \
+    X(exp)                                                                                                   \
+    X(log)                                                                                                   \
+    X(sin)                                                                                                   \
+    X(cos)                                                                                                   \
+    X(abs)                                                                                                   \
+    X(sign)                                                                                                  \
+    X(stop_gradient)                                                                                         \
+    X(act)                                                                                                   \
+    X(act_derivative)                                                                                        \
+    X(dual_act)                                                                                              \
+    X(dual_mix)                                                                                              \
+    X(matmul)                                                                                                \
+    X(reduce)                                                                                                \
+    X(repeat)                                                                                                \
+    X(reduce_max)                                                                                            \
+    X(argmax_mask)                                                                                           \
+    X(reshape)                                                                                               \
+    X(slice)                                                                                                 \
+    X(pad)                                                                                                   \
+    X(concat)                                                                                                \
+    X(permute)                                                                                               \
+    X(conv1d)                                                                                                \
+    X(conv1d_block)                                                                                          \
+    X(conv1d_input)                                                                                          \
+    X(conv1d_weight)                                                                                         \
+    X(avg_pool1d)                                                                                            \
+    X(avg_pool1d_adjoint)                                                                                    \
+    X(pool_pick)                                                                                             \
+    X(pool_place)                                                                                            \
+    X(gather)                                                                                                \
+    X(scatter)                                                                                               \
+    X(rowdot)                                                                                                \
+    X(cross)                                                                                                 \
+    X(spd_factor)                                                                                            \
+    X(spd_solve)                                                                                             \
+    X(stumpff)                                                                                               \
+    X(dexpinv_coef)                                                                                          \
+    X(lie)                                                                                                   \
+    X(custom)                                                                                                \
+    X(custom_derivative)
 
 #define X(name) extern const lg_op lg_op_##name;
 LG_OP_LIST(X)
