@@ -331,14 +331,6 @@ lg_var lg_record_shaped(lg_tape *tape, const lg_op *op, const lg_var *in, uint32
     return record(tape, op, in, inputs, attr, shape, false);
 }
 
-void lg_no_vjp(lg_reverse *r) {
-    (void)r;
-}
-
-lg_var lg_zero_jvp(const lg_forward *f) {
-    return lg_zeros_like(f->tape, f->y);
-}
-
 /* ---- readers ---- */
 
 static const lg_node *readable(const lg_tape *tape, lg_var v) {
