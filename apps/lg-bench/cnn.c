@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "autodiff/conv.h"
+#include "kernels/conv.h"
 #include "lg-bench/bench.h"
 #include "liegrad/detector.h"
 

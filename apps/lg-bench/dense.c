@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "autodiff/kernels/kernels.h"
+#include "kernels/kernels.h"
 #include "core/core.h"
 #include "lg-bench/bench.h"
 #include "liegrad/ops.h"

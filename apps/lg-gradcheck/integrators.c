@@ -9,6 +9,7 @@
 
 #include "common/app.h"
 #include "liegrad/geometry.h"
+#include "liegrad/ops.h"
 #include "liegrad/taped.h"
 
 enum { BATCH = 2, COPIES = 2, STEPS = 2 };

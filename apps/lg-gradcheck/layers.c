@@ -6,6 +6,7 @@
 #include "liegrad/convolution.h"
 #include "liegrad/networks.h"
 #include "liegrad/nn.h"
+#include "liegrad/ops.h"
 
 typedef struct settings {
     lg_activation activation;

@@ -9,6 +9,7 @@
 #include "lg-gradcheck/tables.h"
 #include "liegrad/geometry.h"
 #include "liegrad/mechanics.h"
+#include "liegrad/ops.h"
 #include "liegrad/random.h"
 
 enum { PARAMETERS_MAX = 64, KEYS_MAX = 16 };

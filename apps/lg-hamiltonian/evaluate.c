@@ -107,8 +107,7 @@ static int evaluate(app *self, lg_hamiltonian_file *file, const lg_trajectories 
     int code = status == LG_OK ? APP_EXIT_OK : app_fail(self, status, "%s", error.message);
     if (code == APP_EXIT_OK && predicted != NULL) {
         status = draw_trajectories(self, values.plot, "Trajectories of the test set, true and predicted",
-                                   model, test->t, test->data, predicted, test->count,
-                                   test->points, &error);
+                                   model, test->t, test->data, predicted, test->count, test->points, &error);
         if (status != LG_OK) code = app_fail_file(self, status, &error, values.plot);
     }
     if (code == APP_EXIT_OK) {

@@ -155,8 +155,8 @@ static int write_outputs(app *self, prediction *p) {
         if (status != LG_OK) return app_fail_file(self, status, &error, values.out);
     }
     if (values.plot != NULL)
-        status =
-            draw_trajectories(self, values.plot, "The learned flow", &p->file->run.model, p->y.t, p->truth, p->y.data, 1, p->y.points, &error);
+        status = draw_trajectories(self, values.plot, "The learned flow", &p->file->run.model, p->y.t,
+                                   p->truth, p->y.data, 1, p->y.points, &error);
     return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, values.plot);
 }
 

@@ -19,7 +19,6 @@
 #include "liegrad/export.h"
 #include "liegrad/networks.h"
 #include "liegrad/nn.h"
-#include "liegrad/ops.h"
 #include "liegrad/random.h"
 #include "liegrad/status.h"
 #include "liegrad/tape.h"

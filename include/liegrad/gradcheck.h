@@ -15,7 +15,7 @@
 #ifndef LIEGRAD_GRADCHECK_H
 #define LIEGRAD_GRADCHECK_H
 
-#include "liegrad/ops.h"
+#include "liegrad/tape.h"
 
 LG_BEGIN_DECLS
 

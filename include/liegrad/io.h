@@ -573,12 +573,12 @@ typedef struct lg_grid {
     lg_scene scene; /* in Hamiltonian form, owned; `scene: FILE` (relative to the grid's folder), or `system`
                        and the scene's keys in the grid itself */
     uint32_t integrator_count, n_count, m_count, eps_count, penalty_count, substeps_count;
-    const lg_scheme *integrators[LG_GRID_VALUES];    /* required */
-    uint32_t n[LG_GRID_VALUES], m[LG_GRID_VALUES];   /* required; keys N and M */
-    double eps[LG_GRID_VALUES];                      /* 0 */
-    double penalty[LG_GRID_VALUES];                  /* 0 */
-    uint32_t substeps[LG_GRID_VALUES];               /* 1 */
-    uint32_t repeats;                                /* 1 */
+    const lg_scheme *integrators[LG_GRID_VALUES];  /* required */
+    uint32_t n[LG_GRID_VALUES], m[LG_GRID_VALUES]; /* required; keys N and M */
+    double eps[LG_GRID_VALUES];                    /* 0 */
+    double penalty[LG_GRID_VALUES];                /* 0 */
+    uint32_t substeps[LG_GRID_VALUES];             /* 1 */
+    uint32_t repeats;                              /* 1 */
     double t_end;                            /* of the grid, else of the scene; required in one of them */
     lg_hamiltonian_run run;                  /* hyperparameters that all runs share, each under its name in
                              * lg_hamiltonian_hyperparameters; the model is not made yet */

@@ -23,7 +23,6 @@
 
 #include "liegrad/export.h"
 #include "liegrad/nn.h"
-#include "liegrad/ops.h"
 #include "liegrad/random.h"
 #include "liegrad/status.h"
 #include "liegrad/tape.h"

@@ -10,10 +10,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "liegrad/activation.h"
 #include "liegrad/archive.h"
 #include "liegrad/context.h"
 #include "liegrad/export.h"
-#include "liegrad/ops.h"
 #include "liegrad/random.h"
 #include "liegrad/status.h"
 #include "liegrad/tape.h"

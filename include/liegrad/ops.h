@@ -9,6 +9,7 @@
 #ifndef LIEGRAD_OPS_H
 #define LIEGRAD_OPS_H
 
+#include "liegrad/activation.h"
 #include "liegrad/tape.h"
 
 LG_BEGIN_DECLS
@@ -50,21 +51,8 @@ LG_API lg_var lg_cos(lg_tape *tape, lg_var x);
 LG_API lg_var lg_abs(lg_tape *tape, lg_var x);  /* derivative sign(x), +1 at 0 */
 LG_API lg_var lg_sign(lg_tape *tape, lg_var x); /* +1 for x >= 0, else -1; derivative 0 */
 
-/* Activations as families closed under differentiation: the n-th derivative is computed from stored values,
- * to order 8; beyond that LG_NOT_DIFFERENTIABLE. Kinks at 0 belong to the branch of x < 0. LeakyReLU's slope
- * is 0.01. */
-typedef enum lg_activation {
-    LG_IDENTITY,
-    LG_TANH,
-    LG_SIGMOID,
-    LG_SWISH, /* x sigmoid(x) */
-    LG_RELU,
-    LG_LEAKY_RELU,
-    LG_SINE
-} lg_activation;
-#define LG_ACTIVATION_COUNT 7
-LG_API const char *lg_activation_name(lg_activation kind);
-LG_API lg_status lg_activation_parse(const char *name, lg_activation *out);
+/* Activations (activation.h) as families closed under differentiation: the n-th derivative is computed from
+ * stored values, to order 8; beyond that LG_NOT_DIFFERENTIABLE. */
 LG_API lg_var lg_act(lg_tape *tape, lg_var x, lg_activation kind);
 /* Derivative number `order` of the activation at x, elementwise. */
 LG_API lg_var lg_act_derivative(lg_tape *tape, lg_var x, lg_activation kind, int order);

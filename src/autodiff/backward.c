@@ -10,6 +10,7 @@
  * contributions: |A B| <= |A| |B| (Frobenius) for a product, where that is less work than to measure it; all
  * else is measured while it is near.
  */
+#include "autodiff/op_rows.h"
 #include "autodiff/sweep.h"
 
 #include <math.h>
@@ -169,7 +170,7 @@ static bool overlap(const lg_tape *tape, lg_var a, lg_var b) {
 }
 
 bool lg_reverse_in_place(const lg_reverse *r) {
-    if (r->sweep == NULL || lg_planted(r->tape, r->node, LG_PLANT_VJP)) return false;
+    if (r->sweep == NULL || r->put_out) return false;
     for (uint32_t i = 0; i < r->inputs; i++)
         for (uint32_t j = 0; j < i; j++)
             if (r->need[i] && r->need[j] && overlap(r->tape, r->in[i], r->in[j])) return false;
@@ -225,7 +226,7 @@ void lg_reverse_matmul(lg_reverse *r, uint32_t k, uint32_t variant, lg_var a, lg
     if (!lg_reverse_in_place(r) || shape->rank != 2) {
         lg_attr attr = {.i = {variant, 0, 0, 0}};
         lg_var in[2] = {a, b};
-        r->out[k] = lg_record(tape, LG_OP_MATMUL, in, 2, &attr);
+        r->out[k] = lg_record(tape, &lg_op_matmul, in, 2, &attr);
         return;
     }
     bool add = false;
@@ -266,7 +267,7 @@ static void unrecorded_step(lg_tape *tape, lg_sweep *sweep, uint32_t i, void *bl
     bool need[LG_MAX_INPUTS];
     const lg_mark before = lg_tape_mark(tape);
     uint32_t inputs = tape->nodes[i].inputs;
-    lg_var g = lg_record_value(tape, LG_OP_LEAF, NULL, 0, NULL, tape->nodes[i].shape, block, 0);
+    lg_var g = lg_record_value(tape, &lg_op_leaf, NULL, 0, NULL, tape->nodes[i].shape, block, 0);
     if (tape->status != LG_OK) return;
     sweep->unbounded = 0;
     lg_reverse_step(tape, sweep->range, sweep->reach, sweep, i, g, in, need, out);

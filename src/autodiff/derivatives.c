@@ -107,9 +107,9 @@ static void forward_sweep(lg_tape *tape, lg_range range, const uint8_t *reach, l
             any = any || !lg_is_none(tangents[k]);
         }
         if (!any) continue;
-        lg_forward f = {tape, lg_var_at(tape, i), &attr, in, tangents, node->inputs};
-        lg_var moved = lg_planted(tape, i, LG_PLANT_JVP) ? lg_plant_jvp(&f) : lg_ops[node->op]->jvp(&f);
-        tangent[i - range.lo] = lg_add_or(tape, tangent[i - range.lo], moved);
+        const lg_op *op = lg_row_in_use(&tape->exchange, node->op);
+        const lg_forward f = {op, tape, lg_var_at(tape, i), &attr, in, tangents, node->inputs};
+        tangent[i - range.lo] = lg_add_or(tape, tangent[i - range.lo], op->jvp(&f));
     }
 }
 

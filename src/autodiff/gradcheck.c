@@ -1,6 +1,7 @@
 /* The gradient check. A function of first order is the user's; of second order it is G(x, c) = J(x)^T c, with
  * the cotangent c as one more argument. Both go through the same checks. */
 #include "autodiff/gradcheck_internal.h"
+#include "autodiff/op_table.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -112,10 +113,10 @@ static void place(check *k, const double *values, lg_var *x) {
 /* The user's function. A plant does not strike in the derivatives that it takes itself: they are its value.
  */
 static lg_var build_first(check *k, const lg_var *x) {
-    struct lg_plant *plant = k->tape->plant;
-    k->tape->plant = NULL;
+    const lg_exchange planted = k->tape->exchange;
+    k->tape->exchange = (lg_exchange){NULL, NULL};
     lg_var y = k->f->build(k->f->user, k->tape, x);
-    k->tape->plant = plant;
+    k->tape->exchange = planted;
     return y;
 }
 
@@ -458,10 +459,20 @@ static lg_status open_check(check *k) {
     const lg_gradcheck_plant *plant = k->options->plant;
     LG_TRY(lg_tape_create(k->context, NULL, &k->tape));
     if (plant == NULL) return LG_OK;
-    int op = lg_op_by_name(plant->operation);
-    if (op < 0) return LG_INVALID_ARGUMENT;
-    k->plant = (lg_plant){(lg_op_code)op, plant->direction, plant->mutation, plant->input, 0, 0};
-    k->tape->plant = &k->plant;
+    LG_TRY(lg_plant_open(&k->plant, plant));
+    k->tape->exchange = k->plant.exchange;
+    return LG_OK;
+}
+
+/* An operation outside the table would have no check of its own. */
+static lg_status in_table(check *k) {
+    for (uint32_t i = 0; i < k->tape->count; i++) {
+        const char *name = k->tape->nodes[i].op->name;
+        if (lg_op_place(k->tape->nodes[i].op) < LG_OPS_MOST) continue;
+        (void)snprintf(k->result->message, sizeof k->result->message,
+                       "%.80s: the operation '%.40s' is not in the table of operations", k->f->name, name);
+        return LG_UNSUPPORTED;
+    }
     return LG_OK;
 }
 
@@ -473,8 +484,9 @@ static lg_status learn_shape(check *k, lg_shape *shape) {
     build(k, x, &y);
     const lg_node *node = lg_tape_status(k->tape) == LG_OK ? lg_node_of(k->tape, y, "gradcheck") : NULL;
     if (node != NULL) *shape = node->shape;
+    const lg_status status = node != NULL ? in_table(k) : tape_failed(k);
     release(k);
-    return node != NULL ? LG_OK : tape_failed(k);
+    return status;
 }
 
 lg_status lg_gradcheck(const lg_context *context, const lg_gradcheck_function *function,
@@ -519,7 +531,7 @@ lg_status lg_gradcheck_run(const lg_context *context, const lg_gradcheck_case *r
 }
 
 lg_status lg_gradcheck_inputs_of(const lg_context *context, const lg_gradcheck_function *function,
-                                 const lg_gradcheck_options *options, lg_op_code op, uint32_t *inputs) {
+                                 const lg_gradcheck_options *options, const lg_op *op, uint32_t *inputs) {
     lg_gradcheck_result result = {0};
     if (!lg_gradcheck_valid(function, options)) return LG_INVALID_ARGUMENT;
     check k = {.context = context, .f = function, .options = options, .result = &result};

@@ -1,4 +1,4 @@
-/* The registry: every operation of LG_OP_LIST in the variants of shapes and attributes that matter, a family
+/* The registry: every operation of the table in the variants of shapes and attributes that matter, a family
  * after the other. */
 #include "autodiff/gradcheck_rows.h"
 

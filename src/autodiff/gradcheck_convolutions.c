@@ -1,5 +1,6 @@
 /* The registry: convolution and pooling. */
 #include "autodiff/gradcheck_rows.h"
+#include "autodiff/op_rows.h"
 
 /* ---- convolution and pooling; s->i = {stride or size, padding or stride, extent}, or {stride, padding,
  * activation, size and stride of pooling} ---- */
@@ -24,17 +25,18 @@ BUILD(build_conv1d_itself) {
     SETTINGS;
     return lg_conv1d(t, x[0], x[0], (uint32_t)s->i[0], (uint32_t)s->i[1]);
 }
-static lg_var record_windows(lg_tape *t, lg_op_code op, const lg_var *x, uint32_t inputs, const settings *s) {
+static lg_var record_windows(lg_tape *t, const lg_op *op, const lg_var *x, uint32_t inputs,
+                             const settings *s) {
     const lg_attr attr = {.i = {(uint32_t)s->i[0], (uint32_t)s->i[1], (uint32_t)s->i[2], 0}};
     return lg_record(t, op, x, inputs, &attr);
 }
 BUILD(build_conv1d_input) {
     SETTINGS;
-    return record_windows(t, LG_OP_CONV1D_INPUT, x, 2, s);
+    return record_windows(t, &lg_op_conv1d_input, x, 2, s);
 }
 BUILD(build_conv1d_weight) {
     SETTINGS;
-    return record_windows(t, LG_OP_CONV1D_WEIGHT, x, 2, s);
+    return record_windows(t, &lg_op_conv1d_weight, x, 2, s);
 }
 BUILD(build_avg_pool1d) {
     SETTINGS;
@@ -42,7 +44,7 @@ BUILD(build_avg_pool1d) {
 }
 BUILD(build_avg_pool1d_adjoint) {
     SETTINGS;
-    return record_windows(t, LG_OP_AVG_POOL1D_ADJOINT, x, 1, s);
+    return record_windows(t, &lg_op_avg_pool1d_adjoint, x, 1, s);
 }
 BUILD(build_max_pool1d) {
     SETTINGS;
@@ -52,7 +54,7 @@ BUILD(build_max_pool1d) {
 BUILD(build_pool_place) {
     SETTINGS;
     const lg_var in[2] = {x[0], lg_stop_gradient(t, lg_input_f64(t, s->shape, apart))};
-    return record_windows(t, LG_OP_POOL_PLACE, in, 2, s);
+    return record_windows(t, &lg_op_pool_place, in, 2, s);
 }
 /* A block of a network: fused activation, poolings that share their input. */
 BUILD(build_conv_block) {

@@ -1,5 +1,6 @@
 /* The registry: elementwise operations and activations. */
 #include "autodiff/gradcheck_rows.h"
+#include "autodiff/op_rows.h"
 
 /* ---- elementwise ---- */
 
@@ -32,7 +33,7 @@ BUILD(build_select) {
 }
 BUILD(build_ge) {
     (void)user;
-    return lg_record(t, LG_OP_GE, x, 2, NULL);
+    return lg_record(t, &lg_op_ge, x, 2, NULL);
 }
 BUILD(build_scale) {
     SETTINGS;

@@ -1,6 +1,7 @@
 /* The registry: rows of vectors, solves, functions of the angle, Lie groups. */
-#include "autodiff/lie.h"
 #include "autodiff/gradcheck_rows.h"
+#include "autodiff/lie.h"
+#include "autodiff/op_rows.h"
 
 #include <math.h>
 
@@ -27,7 +28,7 @@ BUILD(build_spd_solve) {
 BUILD(build_spd_factor) {
     lg_var a = definite(t, x[0], 2);
     (void)user;
-    return lg_record(t, LG_OP_SPD_FACTOR, &a, 1, NULL);
+    return lg_record(t, &lg_op_spd_factor, &a, 1, NULL);
 }
 #define SPD_ROW(label, k, m)                                                                                 \
     ROW("spd_solve k = " label, "spd_solve", build_spd_solve, WITH(.i = {k}),                                \

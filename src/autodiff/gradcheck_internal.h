@@ -5,14 +5,21 @@
 #include "autodiff/tape_internal.h"
 #include "liegrad/gradcheck.h"
 
-struct lg_plant {
-    lg_op_code op;
+/* A planted error: a copy of an operation's row whose vjp, jvp or scalar code is wrong. */
+typedef struct lg_plant {
+    lg_exchange exchange; /* the row for that with the error; none for errors in plans */
     lg_plant_direction direction;
     lg_plant_mutation mutation;
     uint32_t input;
     size_t applied, changed;
-};
-typedef struct lg_plant lg_plant;
+    struct lg_planted_row {
+        lg_op row; /* first: vjp, jvp and scalar code find the rest by the row in use */
+        struct lg_plant *plant;
+    } wrong;
+} lg_plant;
+/* The plant stays where it is as long as its exchange is used. LG_INVALID_ARGUMENT: there is no such operation.
+ */
+lg_status lg_plant_open(lg_plant *plant, const lg_gradcheck_plant *chosen);
 
 /* Whether function and options can be checked. */
 bool lg_gradcheck_valid(const lg_gradcheck_function *function, const lg_gradcheck_options *options);
@@ -28,12 +35,9 @@ struct lg_plan;
  * does. `constants`: memory for LG_PLANT_CONSTANT is taken from the plan. */
 bool lg_plant_plan(lg_plant *plant, struct lg_plan *plan);
 
-/* The code of a name, -1 for none. */
-int lg_op_by_name(const char *name);
-
-/* Bit `op` of used[op / 32] is set for each operation on the tape after y and its recorded vjp; `inputs` is
- * the largest number of inputs of a node with code `op`, 0 when there is none. */
+/* The largest number of inputs of an `op` on the tape of the function and its derivatives, 0 when there is
+ * none. */
 lg_status lg_gradcheck_inputs_of(const lg_context *context, const lg_gradcheck_function *function,
-                                 const lg_gradcheck_options *options, lg_op_code op, uint32_t *inputs);
+                                 const lg_gradcheck_options *options, const lg_op *op, uint32_t *inputs);
 
 #endif

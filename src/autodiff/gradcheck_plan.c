@@ -1,5 +1,6 @@
 /* Planted faults in plans that are made: one step of a plan is changed. */
 #include "autodiff/gradcheck_internal.h"
+#include "autodiff/op_rows.h"
 #include <string.h>
 
 #include "autodiff/plan.h"
@@ -8,13 +9,13 @@
 
 /* ---- other operations in place of one ---- */
 
-static lg_op_code other_operation(lg_op_code op) {
-    static const lg_op_code pairs[][2] = {
-        {LG_OP_ADD, LG_OP_SUB},   {LG_OP_SUB, LG_OP_ADD},     {LG_OP_MUL, LG_OP_ADD},
-        {LG_OP_DIV, LG_OP_MUL},   {LG_OP_MAX, LG_OP_ADD},     {LG_OP_SIN, LG_OP_COS},
-        {LG_OP_COS, LG_OP_SIN},   {LG_OP_EXP, LG_OP_SIN},     {LG_OP_LOG, LG_OP_EXP},
-        {LG_OP_SQRT, LG_OP_EXP},  {LG_OP_ABS, LG_OP_SIN},     {LG_OP_ATAN2, LG_OP_MUL},
-        {LG_OP_CROSS, LG_OP_ADD}, {LG_OP_SCALE, LG_OP_SHIFT}, {LG_OP_SHIFT, LG_OP_SCALE},
+static const lg_op *other_operation(const lg_op *op) {
+    static const lg_op *const pairs[][2] = {
+        {&lg_op_add, &lg_op_sub},   {&lg_op_sub, &lg_op_add},     {&lg_op_mul, &lg_op_add},
+        {&lg_op_div, &lg_op_mul},   {&lg_op_max, &lg_op_add},     {&lg_op_sin, &lg_op_cos},
+        {&lg_op_cos, &lg_op_sin},   {&lg_op_exp, &lg_op_sin},     {&lg_op_log, &lg_op_exp},
+        {&lg_op_sqrt, &lg_op_exp},  {&lg_op_abs, &lg_op_sin},     {&lg_op_atan2, &lg_op_mul},
+        {&lg_op_cross, &lg_op_add}, {&lg_op_scale, &lg_op_shift}, {&lg_op_shift, &lg_op_scale},
     };
     for (size_t i = 0; i < LG_COUNT(pairs); i++)
         if (pairs[i][0] == op) return pairs[i][1];
@@ -36,7 +37,7 @@ static uint32_t other_scalar(uint32_t op) {
 static bool operation(lg_plan_step *s) {
     switch (s->kind) {
     case LG_STEP_TENSOR: {
-        const lg_op_code op = s->tensor.op, other = other_operation(op);
+        const lg_op *op = s->tensor.op, *other = other_operation(op);
         s->tensor.op = other;
         return other != op;
     }

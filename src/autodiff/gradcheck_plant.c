@@ -1,13 +1,11 @@
-/* Planted errors: mutations of what an operation's vjp or jvp returns, and the run that wants each one
- * caught. */
+/* Planted errors: mutations of what an operation's vjp or jvp returns and of its scalar code. */
 #include "autodiff/gradcheck_internal.h"
+#include "autodiff/op_table.h"
 #include "autodiff/scalars.h"
 
 #include <string.h>
 
 #define PLANTED_FACTOR (1.0 + 1.0 / 1024.0)
-
-/* ---- mutations ---- */
 
 static bool same_numbers(const lg_tape *tape, lg_var a, lg_var b) {
     const lg_node *na = lg_node_at(tape, a), *nb = lg_node_at(tape, b);
@@ -30,25 +28,23 @@ static lg_var mutated(lg_tape *tape, lg_plant *plant, lg_var v) {
     return wrong;
 }
 
-bool lg_plant_hits(const lg_tape *tape, uint32_t node, lg_plant_direction direction) {
-    const lg_plant *plant = tape->plant;
-    return plant->direction == direction && tape->nodes[node].op == plant->op;
+static lg_plant *plant_of(const lg_op *row) {
+    return ((const struct lg_planted_row *)row)->plant;
 }
 
-void lg_plant_vjp(lg_reverse *r) {
-    uint32_t k = r->tape->plant->input;
+static void planted_vjp(lg_reverse *r) {
+    lg_plant *plant = plant_of(r->op);
+    const uint32_t k = plant->input;
+    lg_reverse right = *r;
+    right.op = plant->exchange.row;
+    right.put_out = true;
+    right.op->vjp(&right);
     if (k < r->inputs && r->need[k] && !lg_is_none(r->out[k]) && r->tape->status == LG_OK)
-        r->out[k] = mutated(r->tape, r->tape->plant, r->out[k]);
+        r->out[k] = mutated(r->tape, plant, r->out[k]);
 }
 
-lg_var lg_plant_jvp(const lg_forward *f) {
-    lg_tape *tape = f->tape;
-    lg_plant *plant = tape->plant;
-    lg_op_code op = (lg_op_code)lg_node_at(tape, f->y)->op;
-    if (plant->mutation != LG_PLANT_DROP) {
-        lg_var right = lg_ops[op]->jvp(f);
-        return tape->status == LG_OK && !lg_is_none(right) ? mutated(tape, plant, right) : right;
-    }
+/* The jvp as if the plant's input did not vary. */
+static lg_var without_input(const lg_forward *f, lg_plant *plant) {
     lg_var kept[LG_MAX_INPUTS];
     bool any = false;
     for (uint32_t k = 0; k < f->inputs; k++) {
@@ -58,29 +54,49 @@ lg_var lg_plant_jvp(const lg_forward *f) {
     }
     lg_forward without = *f;
     without.tangents = kept;
-    return any ? lg_ops[op]->jvp(&without) : lg_zeros_like(tape, f->y);
+    return any ? f->op->jvp(&without) : lg_zeros_like(f->tape, f->y);
 }
 
-void lg_plant_scalars(struct lg_plant *plant, lg_op_code op, lg_scalars *s, lg_scalar *y, size_t count) {
-    if (plant->direction != LG_PLANT_SCALARS || plant->op != op || count == 0) return;
+static lg_var planted_jvp(const lg_forward *f) {
+    lg_plant *plant = plant_of(f->op);
+    lg_forward right = *f;
+    right.op = plant->exchange.row;
+    if (plant->mutation == LG_PLANT_DROP) return without_input(&right, plant);
+    const lg_var v = right.op->jvp(&right);
+    return f->tape->status == LG_OK && !lg_is_none(v) ? mutated(f->tape, plant, v) : v;
+}
+
+static void planted_scalars(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
+    lg_plant *plant = plant_of(e->op);
+    if (!lg_scalars_expand(s, plant->exchange.row, e, x, y) || e->count == 0) return;
     const lg_scalar first = y[0];
     bool changed = false;
-    for (size_t i = 0; i < count; i++) {
+    for (size_t i = 0; i < e->count; i++) {
         const lg_scalar right = y[i];
         if (plant->mutation == LG_PLANT_SIGN) y[i] = lg_s_neg(s, right);
         if (plant->mutation == LG_PLANT_FACTOR) y[i] = lg_s_scale(s, PLANTED_FACTOR, right);
-        if (plant->mutation == LG_PLANT_TRANSPOSE) y[i] = i + 1 < count ? y[i + 1] : first;
-        if (plant->mutation == LG_PLANT_DROP && i + 1 == count) y[i] = lg_s_constant(s, 0.0);
+        if (plant->mutation == LG_PLANT_TRANSPOSE) y[i] = i + 1 < e->count ? y[i + 1] : first;
+        if (plant->mutation == LG_PLANT_DROP && i + 1 == e->count) y[i] = lg_s_constant(s, 0.0);
         changed = changed || y[i] != right;
     }
     plant->applied++;
     plant->changed += changed;
 }
 
-int lg_op_by_name(const char *name) {
-    for (int op = 0; op < LG_OP_COUNT; op++)
-        if (strcmp(lg_ops[op]->name, name) == 0) return op;
-    return -1;
+lg_status lg_plant_open(lg_plant *plant, const lg_gradcheck_plant *chosen) {
+    *plant = (lg_plant){.direction = chosen->direction, .mutation = chosen->mutation, .input = chosen->input};
+    if (chosen->direction == LG_PLANT_PLAN) return LG_OK;
+    const lg_op *row = lg_op_named(chosen->operation);
+    if (row == NULL) return LG_INVALID_ARGUMENT;
+    plant->wrong = (struct lg_planted_row){.row = *row, .plant = plant};
+    plant->exchange = (lg_exchange){row, &plant->wrong.row};
+    if (chosen->direction == LG_PLANT_VJP) plant->wrong.row.vjp = planted_vjp;
+    if (chosen->direction == LG_PLANT_JVP) plant->wrong.row.jvp = planted_jvp;
+    if (chosen->direction == LG_PLANT_SCALARS) {
+        plant->wrong.row.element = NULL;
+        plant->wrong.row.expand = planted_scalars;
+    }
+    return LG_OK;
 }
 
 const char *lg_plant_direction_name(lg_plant_direction direction) {
@@ -92,109 +108,4 @@ const char *lg_plant_mutation_name(lg_plant_mutation mutation) {
     static const char *const names[LG_PLANT_MUTATIONS + LG_PLANT_PLAN_MUTATIONS] = {
         "sign", "drop", "factor", "transpose", "missing", "operand", "operation", "constant", "clobber"};
     return (unsigned)mutation < LG_COUNT(names) ? names[mutation] : "unknown";
-}
-
-/* ---- the run ---- */
-
-/* Why this mutation cannot be seen, or NULL. The whole output of a jvp is mutated, but by a dropped term. */
-static const char *never_asked(const lg_gradcheck_case *row, const lg_gradcheck_plant *plant) {
-    const int op = lg_op_by_name(plant->operation);
-    const uint32_t input = plant->input;
-    const bool of_input = plant->direction == LG_PLANT_VJP || plant->mutation == LG_PLANT_DROP;
-    if (op == LG_OP_LEAF) return "a leaf has no inputs";
-    if (op == LG_OP_CUSTOM_DERIVATIVE) return "the derivative of a numeric derivative is an error";
-    if (lg_ops[op]->frozen == ~0u || (of_input && input < 32 && (lg_ops[op]->frozen >> input & 1u)))
-        return "constant to differentiation";
-    return row->zero ? "the derivative is identically zero" : NULL;
-}
-
-static lg_status plant_one(const lg_context *context, const lg_gradcheck_case *row,
-                           const lg_gradcheck_options *options, const lg_gradcheck_plant *plant,
-                           lg_plant_report_fn report, void *user) {
-    const char *why = never_asked(row, plant);
-    if (why != NULL) {
-        report(user, row, plant, LG_PLANT_EXCLUDED, why);
-        return LG_OK;
-    }
-    lg_gradcheck_options planted = *options;
-    lg_gradcheck_result result;
-    planted.plant = plant;
-    lg_status status = lg_gradcheck_run(context, row, &planted, &result);
-    if (status != LG_OK && status != LG_CHECK_FAILED) return status;
-    if (plant->mutation == LG_PLANT_TRANSPOSE && result.plant_changed == 0)
-        report(user, row, plant, LG_PLANT_EXCLUDED, "the transposition changes no number");
-    else
-        report(user, row, plant, status == LG_OK ? LG_PLANT_MISSED : LG_PLANT_CAUGHT, result.message);
-    return LG_OK;
-}
-
-static lg_status plant_operation(const lg_context *context, const lg_gradcheck_case *row,
-                                 const char *operation, uint32_t inputs, const lg_gradcheck_options *options,
-                                 lg_plant_report_fn report, void *user) {
-    for (int direction = LG_PLANT_VJP; direction <= LG_PLANT_JVP; direction++)
-        for (int mutation = 0; mutation < LG_PLANT_MUTATIONS; mutation++) {
-            /* A jvp returns one tangent: only what is dropped depends on the input. */
-            bool whole = direction == LG_PLANT_JVP && mutation != LG_PLANT_DROP;
-            for (uint32_t input = 0; input < (whole ? 1 : inputs); input++) {
-                lg_gradcheck_plant plant = {operation, (lg_plant_direction)direction,
-                                            (lg_plant_mutation)mutation, input};
-                LG_TRY(plant_one(context, row, options, &plant, report, user));
-            }
-        }
-    return LG_OK;
-}
-
-/* ---- programs ---- */
-
-static lg_status plant_in_program(const lg_context *context, const lg_gradcheck_case *row,
-                                  const lg_gradcheck_options *options, const lg_gradcheck_plant *plant,
-                                  lg_plant_report_fn report, void *user) {
-    lg_gradcheck_options planted = *options;
-    lg_gradcheck_program_result result;
-    planted.plant = plant;
-    const lg_status status = lg_gradcheck_program(context, row, &planted, &result);
-    if (status != LG_OK && status != LG_CHECK_FAILED) return status;
-    if (result.plant_changed == 0)
-        report(user, row, plant, LG_PLANT_EXCLUDED,
-               result.plant_applied > 0 ? "it changes no number" : "there is none in the plans");
-    else
-        report(user, row, plant, status == LG_OK ? LG_PLANT_MISSED : LG_PLANT_CAUGHT, result.message);
-    return LG_OK;
-}
-
-static lg_status plant_program(const lg_context *context, const lg_gradcheck_case *row,
-                               const lg_gradcheck_options *options, lg_plant_report_fn report, void *user) {
-    static const char *const functions[] = {"value", "forward", "adjoint"};
-    if (row->no_program != NULL) return LG_OK;
-    for (size_t i = 0; i < LG_GRADCHECK_CASE_OPERATIONS && row->operations[i] != NULL; i++) {
-        const lg_op *op = lg_ops[lg_op_by_name(row->operations[i])];
-        for (int m = 0; m < LG_PLANT_MUTATIONS && (op->element != NULL || op->expand != NULL); m++) {
-            const lg_gradcheck_plant plant = {op->name, LG_PLANT_SCALARS, (lg_plant_mutation)m, 0};
-            LG_TRY(plant_in_program(context, row, options, &plant, report, user));
-        }
-    }
-    for (size_t f = 0; f < LG_COUNT(functions); f++)
-        for (int m = 0; m < LG_PLANT_PLAN_MUTATIONS; m++) {
-            const lg_gradcheck_plant plant = {functions[f], LG_PLANT_PLAN,
-                                              (lg_plant_mutation)(LG_PLANT_MUTATIONS + m), 0};
-            LG_TRY(plant_in_program(context, row, options, &plant, report, user));
-        }
-    return LG_OK;
-}
-
-lg_status lg_gradcheck_plant_all(const lg_context *context, const lg_gradcheck_case *row,
-                                 const lg_gradcheck_options *options, lg_plant_report_fn report, void *user) {
-    lg_gradcheck_options chosen;
-    lg_gradcheck_options_init(&chosen);
-    if (row == NULL || report == NULL) return LG_INVALID_ARGUMENT;
-    if (options != NULL) chosen = *options;
-    for (size_t i = 0; i < LG_GRADCHECK_CASE_OPERATIONS && row->operations[i] != NULL; i++) {
-        int op = lg_op_by_name(row->operations[i]);
-        uint32_t inputs = 0;
-        if (op < 0) return LG_INVALID_ARGUMENT;
-        LG_TRY(lg_gradcheck_inputs_of(context, &row->function, &chosen, (lg_op_code)op, &inputs));
-        LG_TRY(plant_operation(context, row, row->operations[i], inputs == 0 ? 1 : inputs, &chosen, report,
-                               user));
-    }
-    return plant_program(context, row, &chosen, report, user);
 }

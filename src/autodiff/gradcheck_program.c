@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "autodiff/gradcheck_internal.h"
+#include "autodiff/op_rows.h"
 #include "autodiff/plan.h"
 #include "autodiff/program.h"
 #include "liegrad/random.h"
@@ -277,14 +278,11 @@ static lg_status make_memory(check *k) {
 static lg_status make_planted(check *k, lg_error *error) {
     const lg_gradcheck_plant *plant = k->options->plant;
     const bool scalars = plant->direction == LG_PLANT_SCALARS;
-    const int op = lg_op_by_name(plant->operation);
-    if ((scalars && op < 0) || plant->direction < LG_PLANT_SCALARS) return LG_INVALID_ARGUMENT;
-    k->plant = (lg_plant){.op = scalars ? (lg_op_code)op : LG_OP_LEAF,
-                          .direction = plant->direction,
-                          .mutation = plant->mutation};
-    k->program->plant = &k->plant;
+    if (plant->direction < LG_PLANT_SCALARS) return LG_INVALID_ARGUMENT;
+    LG_TRY(lg_plant_open(&k->plant, plant));
+    k->program->exchange = k->plant.exchange;
     const lg_status status = make_plans(k, k->planted, error);
-    k->program->plant = NULL;
+    k->program->exchange = (lg_exchange){NULL, NULL};
     for (size_t f = 0; status == LG_OK && !scalars && f < FUNCTIONS; f++)
         if (strcmp(labels[f], plant->operation) == 0) (void)lg_plant_plan(&k->plant, k->planted[f]);
     k->plant.changed = 0;

@@ -1,4 +1,4 @@
-/* An operation: one row of lg_ops. Shape rule, forward, vjp, jvp and C of an operation stand together.
+/* An operation: one row of the table (op_table.h). Shape rule, forward, vjp, jvp and C of an operation stand together.
  *
  * Shape rule and forward know neither tape nor program: they get shapes, values, attributes and scratch
  * memory, and serve both. The vjp and jvp are written with operations on a tape, so they can be
@@ -7,8 +7,9 @@
 #ifndef LG_OP_H
 #define LG_OP_H
 
-#include "autodiff/kernels/kernels.h"
 #include "core/core.h"
+#include "kernels/kernels.h"
+#include "kernels/product.h"
 #include "liegrad/tape.h"
 
 #define LG_MAX_INPUTS 64 /* of one operation */
@@ -28,15 +29,12 @@ typedef enum lg_payload {
     LG_PAYLOAD_IN_PROCESS /* functions of the caller's: cannot be in a program */
 } lg_payload;
 
-/* Who shares the work of a large product: threads, and OpenBLAS where its packing pays. */
-typedef struct lg_crew {
-    lg_thread_pool *workers; /* NULL: one thread */
-    int threads;
-} lg_crew;
+typedef struct lg_op lg_op;
 
 /* One evaluation. Values are 64-byte aligned on a tape and in a program's work memory, elsewhere they need
  * not be; the output overlaps no input. */
 typedef struct lg_evaluation {
+    const lg_op *op; /* the row in use; for `expand` only */
     const lg_kernels *k;
     const lg_crew *crew; /* NULL: one thread, no BLAS, no lock */
     const lg_attr *attr;
@@ -52,13 +50,6 @@ typedef struct lg_evaluation {
     size_t failures; /* out: rows that could not be computed and are NaN; whoever evaluates sets it to 0
                         before */
 } lg_evaluation;
-
-typedef enum lg_transpose_use {
-    LG_TRANSPOSE_NONE,    /* of no use */
-    LG_TRANSPOSE_FIXED,   /* worth making once for an input that never changes */
-    LG_TRANSPOSE_IF_KEPT, /* of use if it is there already */
-    LG_TRANSPOSE_MAKE     /* worth making for an input that stays */
-} lg_transpose_use;
 
 struct lg_reverse;
 struct lg_forward;
@@ -88,7 +79,7 @@ typedef struct lg_known {
     void *user;
 } lg_known;
 
-typedef struct lg_op {
+struct lg_op {
     const char *name;    /* unique: files know an operation by it */
     uint32_t frozen;     /* bit k: input k is a constant to differentiation */
     uint8_t least, most; /* inputs */
@@ -119,7 +110,8 @@ typedef struct lg_op {
     /* Scalar code of all elements y of the output from all elements x[k] of the inputs; for others whose
      * small tensors are worth writing out. */
     void (*expand)(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y);
-    bool over_first; /* elementwise, and may work in place of input 0 only, not of others */
+    uint32_t most_code; /* scalar code serves up to so many operations on numbers; 0: for any */
+    bool over_first;    /* elementwise, and may work in place of input 0 only, not of others */
     /* The input that multiplies what the others give, the last one; *rest becomes the attributes of the
      * operation without it. False: there is none. NULL: never. */
     bool (*factor)(const lg_attr *attr, uint32_t inputs, lg_attr *rest);
@@ -131,9 +123,21 @@ typedef struct lg_op {
     lg_instead (*instead)(const lg_known *known);
     /* Terms of its longest sum, for error bounds; 0: numbers are moved only. NULL: 1. */
     size_t (*terms)(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape);
+    /* A plan makes one step of y = sigma(x W + b), a layer, where nobody else takes the product: of a row that
+     * says so of its inputs, and a row behind it that is sigma, an lg_activation in attr->i[0]. */
+    bool (*begins_layer)(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr);
+    bool ends_layer;
     /* The evaluation as C (op_c.h); it sees shapes and attributes, no values. NULL: as `element` says. */
     void (*write_c)(struct lg_c *c, const lg_evaluation *e);
-} lg_op;
+};
+
+/* A row used instead of another one where derivatives are taken or scalar code is made: for planted errors. */
+typedef struct lg_exchange {
+    const lg_op *row, *by; /* NULL: no row is exchanged */
+} lg_exchange;
+static inline const lg_op *lg_row_in_use(const lg_exchange *exchange, const lg_op *row) {
+    return exchange->row == row ? exchange->by : row;
+}
 
 /* What every row has, in this order; the rest by name. */
 #define LG_OP(title, constants, from, to, shape_rule, value, reverse, tangent)                               \

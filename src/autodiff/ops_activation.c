@@ -4,6 +4,7 @@
  * computed from the stored helper h (the value for tanh, sigmoid and the ReLUs, the sigmoid for swish), to
  * which differentiation is blind. Its own derivative with respect to x is the family's next member.
  */
+#include "autodiff/op_rows.h"
 #include "autodiff/scalars.h"
 #include "autodiff/tape_internal.h"
 
@@ -146,7 +147,7 @@ static lg_var derivative(lg_tape *tape, lg_var x, lg_var h, lg_var g, uint32_t k
     /* The helper's place is kept even when there is none, so that its bit in `frozen` is fixed. */
     in[n++] = lg_is_none(h) ? x : h;
     if (!lg_is_none(g)) in[n++] = g;
-    return lg_record(tape, LG_OP_ACT_DERIVATIVE, in, n, &attr);
+    return lg_record(tape, &lg_op_act_derivative, in, n, &attr);
 }
 
 static lg_status derivative_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
@@ -258,11 +259,11 @@ static lg_instead act_instead(const lg_known *k) {
     return k->attr->i[0] == LG_IDENTITY ? lg_instead_input(0) : lg_instead_nothing();
 }
 const lg_op lg_op_act = {LG_OP("act", 0, 1, 1, act_shape, act_forward, act_vjp, act_jvp),
-                         .element = act_element, .instead = act_instead};
+                         .element = act_element, .instead = act_instead, .ends_layer = true};
 
 static lg_var act_node(lg_tape *tape, lg_var x, lg_activation kind) {
     lg_attr attr = {.i = {(uint32_t)kind, 0, 0, 0}};
-    return lg_record(tape, LG_OP_ACT, &x, 1, &attr);
+    return lg_record(tape, &lg_op_act, &x, 1, &attr);
 }
 
 lg_var lg_act(lg_tape *tape, lg_var x, lg_activation kind) {
@@ -307,7 +308,7 @@ lg_var lg_dense(lg_tape *tape, lg_var x, lg_var w, lg_var b, lg_activation kind)
     lg_shape shape = lg_shape2((uint32_t)m, (uint32_t)n);
     lg_var inputs[3] = {x, w, b};
     lg_attr product = {.i = {0, 0, 0, 0}}, activation = {.i = {(uint32_t)kind, 0, 0, 0}};
-    lg_var z = lg_record_value(tape, LG_OP_MATMUL, inputs, has_bias ? 3 : 2, &product, shape, value,
+    lg_var z = lg_record_value(tape, &lg_op_matmul, inputs, has_bias ? 3 : 2, &product, shape, value,
                                LG_NODE_NO_VALUE);
-    return lg_record_value(tape, LG_OP_ACT, &z, 1, &activation, shape, value, 0);
+    return lg_record_value(tape, &lg_op_act, &z, 1, &activation, shape, value, 0);
 }

@@ -9,12 +9,15 @@
  * of pooling}, attr.c the activation; its slope is the one array that is kept: neither the convolution nor
  * its activation is. Derivatives that are themselves differentiated are made of the three.
  */
-#include "autodiff/conv.h"
 #include "autodiff/op_c.h"
+#include "autodiff/op_rows.h"
 #include "autodiff/ops_windows.h"
 #include "autodiff/tape_internal.h"
+#include "kernels/conv.h"
 
 #include <stdio.h>
+
+extern const lg_op lg_op_conv1d, lg_op_conv1d_block;
 
 /* ---- convolution: sizes ---- */
 
@@ -398,7 +401,7 @@ static lg_status bias_into(lg_tape *tape, const lg_conv *c, const void *g, void 
 
 /* ---- convolution: derivatives ---- */
 
-static lg_var record_two(lg_tape *tape, lg_op_code op, lg_var a, lg_var b, const lg_attr *attr,
+static lg_var record_two(lg_tape *tape, const lg_op *op, lg_var a, lg_var b, const lg_attr *attr,
                          uint32_t extent) {
     const lg_attr own = {.i = {attr->i[0], attr->i[1], extent, 0}};
     const lg_var in[2] = {a, b};
@@ -406,15 +409,15 @@ static lg_var record_two(lg_tape *tape, lg_op_code op, lg_var a, lg_var b, const
 }
 
 static lg_var conv(lg_tape *tape, lg_var x, lg_var w, const lg_attr *attr) {
-    return record_two(tape, LG_OP_CONV1D, x, w, attr, 0);
+    return record_two(tape, &lg_op_conv1d, x, w, attr, 0);
 }
 
 static lg_var conv_input(lg_tape *tape, lg_var g, lg_var w, const lg_attr *attr, uint32_t length) {
-    return record_two(tape, LG_OP_CONV1D_INPUT, g, w, attr, length);
+    return record_two(tape, &lg_op_conv1d_input, g, w, attr, length);
 }
 
 static lg_var conv_weight(lg_tape *tape, lg_var x, lg_var g, const lg_attr *attr, uint32_t kernel) {
-    return record_two(tape, LG_OP_CONV1D_WEIGHT, x, g, attr, kernel);
+    return record_two(tape, &lg_op_conv1d_weight, x, g, attr, kernel);
 }
 
 /* All cotangents straight into the adjoints, from g, that of the convolution c. */
@@ -602,7 +605,7 @@ static void block_reversed(lg_reverse *r) {
 /* sigma'(z), z and what leads to it recorded. */
 static lg_var block_slope(lg_tape *tape, const lg_var *in, uint32_t inputs, const lg_attr *attr) {
     const lg_attr own = {.i = {attr->i[0], attr->i[1], 0, 0}};
-    return lg_act_derivative(tape, lg_record(tape, LG_OP_CONV1D, in, inputs, &own), (lg_activation)attr->c,
+    return lg_act_derivative(tape, lg_record(tape, &lg_op_conv1d, in, inputs, &own), (lg_activation)attr->c,
                              1);
 }
 
@@ -615,7 +618,7 @@ static void block_vjp(lg_reverse *r) {
     if (lg_is_none(slope)) return;
     const lg_attr pool = {.i = {r->attr->i[2], r->attr->i[3], 0, 0}};
     const uint32_t length = lg_node_at(r->tape, slope)->shape.dims[1];
-    const lg_var g = lg_record_pool(r->tape, LG_OP_AVG_POOL1D_ADJOINT, r->g, LG_NONE, &pool, length);
+    const lg_var g = lg_record_pool(r->tape, &lg_op_avg_pool1d_adjoint, r->g, LG_NONE, &pool, length);
     conv1d_recorded(r, lg_mul(r->tape, g, slope));
 }
 
@@ -624,7 +627,7 @@ static lg_var block_jvp(const lg_forward *f) {
     if (lg_is_none(slope)) return LG_NONE;
     const lg_attr pool = {.i = {f->attr->i[2], f->attr->i[3], 0, 0}};
     const lg_var z = conv1d_tangent(f, lg_node_at(f->tape, slope)->shape);
-    return lg_record_pool(f->tape, LG_OP_AVG_POOL1D, lg_mul(f->tape, z, slope), LG_NONE, &pool, 0);
+    return lg_record_pool(f->tape, &lg_op_avg_pool1d, lg_mul(f->tape, z, slope), LG_NONE, &pool, 0);
 }
 
 const lg_op lg_op_conv1d_block = {
@@ -674,5 +677,5 @@ lg_var lg_conv1d_pooled(lg_tape *tape, lg_var x, lg_var w, lg_var b, uint32_t st
     const lg_node *weight = lg_node_of(tape, w, name);
     if (weight == NULL || !good_steps(tape, stride, weight, padding, name)) return LG_NONE;
     const bool plain = kind == LG_IDENTITY && size == 1 && step == 1;
-    return lg_record(tape, plain ? LG_OP_CONV1D : LG_OP_CONV1D_BLOCK, in, inputs, &attr);
+    return lg_record(tape, plain ? &lg_op_conv1d : &lg_op_conv1d_block, in, inputs, &attr);
 }

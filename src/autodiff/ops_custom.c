@@ -1,9 +1,12 @@
 /* Operations brought by the user. A derivative built with operations is differentiable again; a numeric one
  * is recorded as CUSTOM_DERIVATIVE, whose own derivative is an error that names the operation. With both
  * kinds of a vjp, the numeric one is taken where nothing is recorded. */
+#include "autodiff/op_rows.h"
 #include "autodiff/tape_internal.h"
 
 #include <string.h>
+
+extern const lg_op lg_op_custom;
 
 static lg_status custom_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
                               lg_shape *out) {
@@ -32,7 +35,7 @@ static lg_var derivative_node(lg_tape *tape, const lg_custom_op *op, const lg_va
     void *value = lg_value_allocate(tape, lg_shape_count(shape));
     if (value == NULL) return LG_NONE;
     lg_attr attr = {.pointer = op};
-    return lg_record_value(tape, LG_OP_CUSTOM_DERIVATIVE, in, inputs, &attr, shape, value,
+    return lg_record_value(tape, &lg_op_custom_derivative, in, inputs, &attr, shape, value,
                            tape->unrecorded ? (uint32_t)LG_NODE_POOLED : 0u);
 }
 
@@ -143,7 +146,7 @@ lg_var lg_custom(lg_tape *tape, const lg_custom_op *op, const lg_var *inputs, si
     lg_attr attr = {.pointer = op};
     for (uint32_t i = 0; i < LG_MAX_RANK; i++) attr.i[i] = i < shape.rank ? shape.dims[i] : UINT32_MAX;
     lg_scope_push(tape, op->name);
-    lg_var y = lg_record(tape, LG_OP_CUSTOM, inputs, (uint32_t)n, &attr);
+    lg_var y = lg_record(tape, &lg_op_custom, inputs, (uint32_t)n, &attr);
     lg_scope_pop(tape);
     return y;
 }

@@ -2,7 +2,10 @@
  * the last pass has kernels. */
 #include "autodiff/dual.h"
 #include "autodiff/op_c.h"
+#include "autodiff/op_rows.h"
 #include "autodiff/tape_internal.h"
+
+extern const lg_op lg_op_dual_act, lg_op_dual_mix;
 
 /* ---- halves ---- */
 
@@ -178,7 +181,7 @@ const lg_op lg_op_dual_act = {
 
 lg_var lg_dual_act(lg_tape *tape, lg_var x, lg_activation kind) {
     const lg_attr attr = {.i = {(uint32_t)kind, 0, 0, 0}};
-    return lg_record(tape, LG_OP_DUAL_ACT, &x, 1, &attr);
+    return lg_record(tape, &lg_op_dual_act, &x, 1, &attr);
 }
 
 /* The product and z = x W + b lie in one buffer, and sigma(z) too where the kind is fused: what is
@@ -189,13 +192,13 @@ lg_var lg_dual_dense(lg_tape *tape, lg_var x, lg_var w, lg_var b, lg_activation 
         return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "dual_dense", "unknown activation");
     if (!fused((uint32_t)kind)) return lg_dual_act(tape, lg_dual_dense(tape, x, w, b, LG_IDENTITY), kind);
     const lg_var in[2] = {x, w};
-    const lg_var product = lg_record(tape, LG_OP_MATMUL, in, 2, &none);
+    const lg_var product = lg_record(tape, &lg_op_matmul, in, 2, &none);
     if (lg_is_none(product) || (lg_is_none(b) && kind == LG_IDENTITY)) return product;
     const lg_attr attr = {.i = {(uint32_t)kind, 0, 0, 0}};
     const lg_var parts[2] = {product, b};
     const uint32_t inputs = lg_is_none(b) ? 1 : 2;
-    if (tape->unrecorded) return lg_record(tape, LG_OP_DUAL_ACT, parts, inputs, &attr);
-    return lg_record_over(tape, LG_OP_DUAL_ACT, parts, inputs, &attr);
+    if (tape->unrecorded) return lg_record(tape, &lg_op_dual_act, parts, inputs, &attr);
+    return lg_record_over(tape, &lg_op_dual_act, parts, inputs, &attr);
 }
 
 /* ---- mix ---- */
@@ -284,5 +287,5 @@ const lg_op lg_op_dual_mix = {
 
 lg_var lg_dual_mix(lg_tape *tape, lg_var z, lg_var u, lg_var v) {
     const lg_var in[3] = {z, u, v};
-    return lg_record(tape, LG_OP_DUAL_MIX, in, 3, NULL);
+    return lg_record(tape, &lg_op_dual_mix, in, 3, NULL);
 }

@@ -1,8 +1,11 @@
 /* Elementwise operations: binary with broadcasting, unary. */
 #include <math.h>
 
+#include "autodiff/op_rows.h"
 #include "autodiff/scalars.h"
 #include "autodiff/tape_internal.h"
+
+extern const lg_op lg_op_mix, lg_op_pow;
 
 /* ---- broadcasting ---- */
 
@@ -223,7 +226,7 @@ static lg_status max_forward(lg_evaluation *e) {
     return binary_forward(e, LG_K_MAX);
 }
 static lg_var mask_of(lg_tape *tape, const lg_var *in) {
-    return lg_record(tape, LG_OP_GE, in, 2, NULL);
+    return lg_record(tape, &lg_op_ge, in, 2, NULL);
 }
 static void max_vjp(lg_reverse *r) {
     lg_var to_a = lg_mul(r->tape, r->g, mask_of(r->tape, r->in));
@@ -246,24 +249,24 @@ static lg_scalar max_element(lg_scalars *s, const lg_attr *attr, const lg_scalar
 const lg_op lg_op_max = {LG_OP("max", 0, 2, 2, broadcast_shape, max_forward, max_vjp, max_jvp),
                          .element = max_element};
 
-static lg_var binary(lg_tape *tape, lg_op_code op, lg_var a, lg_var b) {
+static lg_var binary(lg_tape *tape, const lg_op *op, lg_var a, lg_var b) {
     lg_var in[2] = {a, b};
     return lg_record(tape, op, in, 2, NULL);
 }
 lg_var lg_add(lg_tape *tape, lg_var a, lg_var b) {
-    return binary(tape, LG_OP_ADD, a, b);
+    return binary(tape, &lg_op_add, a, b);
 }
 lg_var lg_sub(lg_tape *tape, lg_var a, lg_var b) {
-    return binary(tape, LG_OP_SUB, a, b);
+    return binary(tape, &lg_op_sub, a, b);
 }
 lg_var lg_mul(lg_tape *tape, lg_var a, lg_var b) {
-    return binary(tape, LG_OP_MUL, a, b);
+    return binary(tape, &lg_op_mul, a, b);
 }
 lg_var lg_div(lg_tape *tape, lg_var a, lg_var b) {
-    return binary(tape, LG_OP_DIV, a, b);
+    return binary(tape, &lg_op_div, a, b);
 }
 lg_var lg_max(lg_tape *tape, lg_var a, lg_var b) {
-    return binary(tape, LG_OP_MAX, a, b);
+    return binary(tape, &lg_op_max, a, b);
 }
 
 static lg_status atan2_forward(lg_evaluation *e) {
@@ -292,10 +295,10 @@ const lg_op lg_op_atan2 = {LG_OP("atan2", 0, 2, 2, broadcast_shape, atan2_forwar
                            .element = atan2_element};
 
 lg_var lg_atan2(lg_tape *tape, lg_var a, lg_var b) {
-    return binary(tape, LG_OP_ATAN2, a, b);
+    return binary(tape, &lg_op_atan2, a, b);
 }
 lg_var lg_ge(lg_tape *tape, lg_var a, lg_var b) {
-    return binary(tape, LG_OP_GE, a, b);
+    return binary(tape, &lg_op_ge, a, b);
 }
 
 /* ---- y = c != 0 ? a : b, equal shapes ---- */
@@ -330,7 +333,7 @@ const lg_op lg_op_select = {LG_OP("select", 1u, 3, 3, three_alike, select_forwar
 
 lg_var lg_select(lg_tape *tape, lg_var condition, lg_var yes, lg_var no) {
     const lg_var in[3] = {condition, yes, no};
-    return lg_record(tape, LG_OP_SELECT, in, 3, NULL);
+    return lg_record(tape, &lg_op_select, in, 3, NULL);
 }
 
 /* ---- y = (1 - z) u + z v ---- */
@@ -373,7 +376,7 @@ const lg_op lg_op_mix = {LG_OP("mix", 0, 3, 3, three_alike, mix_forward, mix_vjp
 
 lg_var lg_lerp(lg_tape *tape, lg_var z, lg_var u, lg_var v) {
     const lg_var in[3] = {z, u, v};
-    return lg_record(tape, LG_OP_MIX, in, 3, NULL);
+    return lg_record(tape, &lg_op_mix, in, 3, NULL);
 }
 
 /* ---- linear combination; attr.pointer = coefficients (payload) ---- */
@@ -428,7 +431,7 @@ lg_var lg_linear_combination(lg_tape *tape, const lg_var *x, const double *c, si
     if (kept == NULL) return LG_NONE;
     for (size_t i = 0; i < n; i++) kept[i] = c[i];
     lg_attr attr = {.pointer = kept};
-    return lg_record(tape, LG_OP_COMBINE, x, (uint32_t)n, &attr);
+    return lg_record(tape, &lg_op_combine, x, (uint32_t)n, &attr);
 }
 
 /* ---- unary: f'(x) is named by each row through its vjp ---- */
@@ -439,7 +442,7 @@ static lg_status same_shape(const lg_shape *const *in, uint32_t inputs, const lg
     return LG_OK;
 }
 
-static lg_var unary(lg_tape *tape, lg_op_code op, lg_var x, double c) {
+static lg_var unary(lg_tape *tape, const lg_op *op, lg_var x, double c) {
     lg_attr attr = {.c = c};
     return lg_record(tape, op, &x, 1, &attr);
 }
@@ -541,41 +544,41 @@ const lg_op lg_op_stop_gradient = {
     .element = stop_gradient_element, .instead = stop_gradient_instead};
 
 lg_var lg_neg(lg_tape *tape, lg_var x) {
-    return unary(tape, LG_OP_SCALE, x, -1.0);
+    return unary(tape, &lg_op_scale, x, -1.0);
 }
 lg_var lg_scale(lg_tape *tape, lg_var x, double c) {
-    return unary(tape, LG_OP_SCALE, x, c);
+    return unary(tape, &lg_op_scale, x, c);
 }
 lg_var lg_add_scalar(lg_tape *tape, lg_var x, double c) {
-    return unary(tape, LG_OP_SHIFT, x, c);
+    return unary(tape, &lg_op_shift, x, c);
 }
 lg_var lg_pow(lg_tape *tape, lg_var x, double exponent) {
-    return unary(tape, LG_OP_POW, x, exponent);
+    return unary(tape, &lg_op_pow, x, exponent);
 }
 lg_var lg_square(lg_tape *tape, lg_var x) {
-    return unary(tape, LG_OP_POW, x, 2.0);
+    return unary(tape, &lg_op_pow, x, 2.0);
 }
 lg_var lg_sqrt(lg_tape *tape, lg_var x) {
-    return unary(tape, LG_OP_SQRT, x, 0.0);
+    return unary(tape, &lg_op_sqrt, x, 0.0);
 }
 lg_var lg_exp(lg_tape *tape, lg_var x) {
-    return unary(tape, LG_OP_EXP, x, 0.0);
+    return unary(tape, &lg_op_exp, x, 0.0);
 }
 lg_var lg_log(lg_tape *tape, lg_var x) {
-    return unary(tape, LG_OP_LOG, x, 0.0);
+    return unary(tape, &lg_op_log, x, 0.0);
 }
 lg_var lg_sin(lg_tape *tape, lg_var x) {
-    return unary(tape, LG_OP_SIN, x, 0.0);
+    return unary(tape, &lg_op_sin, x, 0.0);
 }
 lg_var lg_cos(lg_tape *tape, lg_var x) {
-    return unary(tape, LG_OP_COS, x, 0.0);
+    return unary(tape, &lg_op_cos, x, 0.0);
 }
 lg_var lg_abs(lg_tape *tape, lg_var x) {
-    return unary(tape, LG_OP_ABS, x, 0.0);
+    return unary(tape, &lg_op_abs, x, 0.0);
 }
 lg_var lg_sign(lg_tape *tape, lg_var x) {
-    return unary(tape, LG_OP_SIGN, x, 0.0);
+    return unary(tape, &lg_op_sign, x, 0.0);
 }
 lg_var lg_stop_gradient(lg_tape *tape, lg_var x) {
-    return unary(tape, LG_OP_STOP, x, 0.0);
+    return unary(tape, &lg_op_stop_gradient, x, 0.0);
 }

@@ -3,8 +3,11 @@
 #include <float.h>
 
 #include "autodiff/op_c.h"
+#include "autodiff/op_rows.h"
 #include "autodiff/scalars.h"
 #include "autodiff/tape_internal.h"
+
+extern const lg_op lg_op_rowdot;
 
 /* ---- row-wise dot product: (..., d) (..., d) -> (..., 1) ---- */
 
@@ -62,7 +65,7 @@ const lg_op lg_op_rowdot = {LG_OP("rowdot", 0, 2, 2, rowdot_shape, rowdot_forwar
 
 lg_var lg_rowdot(lg_tape *tape, lg_var a, lg_var b) {
     lg_var in[2] = {a, b};
-    return lg_record(tape, LG_OP_ROWDOT, in, 2, NULL);
+    return lg_record(tape, &lg_op_rowdot, in, 2, NULL);
 }
 
 lg_var lg_rownorm2(lg_tape *tape, lg_var a) {
@@ -125,7 +128,7 @@ const lg_op lg_op_cross = {LG_OP("cross", 0, 2, 2, cross_shape, cross_forward, c
 
 lg_var lg_cross(lg_tape *tape, lg_var a, lg_var b) {
     lg_var in[2] = {a, b};
-    return lg_record(tape, LG_OP_CROSS, in, 2, NULL);
+    return lg_record(tape, &lg_op_cross, in, 2, NULL);
 }
 
 /* ---- batched symmetric positive definite solve; the factor is a node of its own, constant to
@@ -282,7 +285,7 @@ static void solve_c(lg_c *c, const lg_evaluation *e) {
 
 static lg_var solve_with(lg_tape *tape, lg_var a, lg_var b, lg_var factor) {
     lg_var in[3] = {a, b, factor};
-    return lg_record(tape, LG_OP_SPD_SOLVE, in, 3, NULL);
+    return lg_record(tape, &lg_op_spd_solve, in, 3, NULL);
 }
 
 static lg_var symmetric_part(lg_tape *tape, lg_var a) {
@@ -314,7 +317,7 @@ const lg_op lg_op_spd_solve = {LG_OP("spd_solve", 4u, 3, 3, solve_shape, solve_f
                                .terms = order_terms};
 
 lg_var lg_spd_solve(lg_tape *tape, lg_var a, lg_var b) {
-    lg_var factor = lg_record(tape, LG_OP_SPD_FACTOR, &a, 1, NULL);
+    lg_var factor = lg_record(tape, &lg_op_spd_factor, &a, 1, NULL);
     return solve_with(tape, a, b, factor);
 }
 
@@ -361,7 +364,7 @@ static void stumpff_c(lg_c *c, const lg_evaluation *e) {
 }
 
 /* The next derivative of the same family. */
-static lg_var next_order(lg_tape *tape, lg_op_code op, lg_var w, const lg_attr *attr) {
+static lg_var next_order(lg_tape *tape, const lg_op *op, lg_var w, const lg_attr *attr) {
     lg_attr next = *attr;
     next.i[1]++;
     return lg_record(tape, op, &w, 1, &next);
@@ -369,11 +372,11 @@ static lg_var next_order(lg_tape *tape, lg_op_code op, lg_var w, const lg_attr *
 
 static void stumpff_vjp(lg_reverse *r) {
     if (r->need[0])
-        r->out[0] = lg_rowdot(r->tape, r->g, next_order(r->tape, LG_OP_STUMPFF, r->in[0], r->attr));
+        r->out[0] = lg_rowdot(r->tape, r->g, next_order(r->tape, &lg_op_stumpff, r->in[0], r->attr));
 }
 
 static lg_var stumpff_jvp(const lg_forward *f) {
-    return lg_mul(f->tape, next_order(f->tape, LG_OP_STUMPFF, f->in[0], f->attr), f->tangents[0]);
+    return lg_mul(f->tape, next_order(f->tape, &lg_op_stumpff, f->in[0], f->attr), f->tangents[0]);
 }
 
 const lg_op lg_op_stumpff = {
@@ -383,7 +386,7 @@ const lg_op lg_op_stumpff = {
 lg_var lg_stumpff_functions(lg_tape *tape, lg_var w, int K) {
     if (K < 0) return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "stumpff", "K is negative");
     lg_attr attr = {.i = {(uint32_t)K, 0, 0, 0}};
-    return lg_record(tape, LG_OP_STUMPFF, &w, 1, &attr);
+    return lg_record(tape, &lg_op_stumpff, &w, 1, &attr);
 }
 
 /* ---- dexpinv's coefficient; attr.i = {0, order} ---- */
@@ -404,11 +407,11 @@ static lg_status dexpinv_forward(lg_evaluation *e) {
 
 static void dexpinv_vjp(lg_reverse *r) {
     if (r->need[0])
-        r->out[0] = lg_mul(r->tape, r->g, next_order(r->tape, LG_OP_DEXPINV_COEF, r->in[0], r->attr));
+        r->out[0] = lg_mul(r->tape, r->g, next_order(r->tape, &lg_op_dexpinv_coef, r->in[0], r->attr));
 }
 
 static lg_var dexpinv_jvp(const lg_forward *f) {
-    return lg_mul(f->tape, next_order(f->tape, LG_OP_DEXPINV_COEF, f->in[0], f->attr), f->tangents[0]);
+    return lg_mul(f->tape, next_order(f->tape, &lg_op_dexpinv_coef, f->in[0], f->attr), f->tangents[0]);
 }
 
 static lg_scalar dexpinv_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *x, uint32_t inputs) {
@@ -423,5 +426,5 @@ const lg_op lg_op_dexpinv_coef = {
 lg_var lg_dexpinv_coefficient(lg_tape *tape, lg_var w, int order) {
     if (order < 0) return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "dexpinv_coef", "the order is negative");
     lg_attr attr = {.i = {0, (uint32_t)order, 0, 0}};
-    return lg_record(tape, LG_OP_DEXPINV_COEF, &w, 1, &attr);
+    return lg_record(tape, &lg_op_dexpinv_coef, &w, 1, &attr);
 }

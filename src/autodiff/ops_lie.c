@@ -6,6 +6,8 @@
 #include "autodiff/op_c.h"
 #include "autodiff/tape_internal.h"
 
+extern const lg_op lg_op_lie;
+
 /* ---- built from other operations ---- */
 
 /* b + c1 u x b + c2 u x (u x b) */
@@ -335,7 +337,7 @@ const lg_op lg_op_lie = {LG_OP("lie", 0, 2, LG_K_LIE_INPUTS, lie_shape, lie_forw
 
 static lg_var apply(lg_tape *tape, lg_k_lie map, const lg_var *in) {
     const lg_attr attr = {.i = {map, 0, 0, 0}};
-    return lg_record(tape, LG_OP_LIE, in, maps[map].inputs, &attr);
+    return lg_record(tape, &lg_op_lie, in, maps[map].inputs, &attr);
 }
 
 lg_var lg_so3_exp_rows(lg_tape *tape, lg_var u, lg_var x) {

@@ -1,9 +1,10 @@
 /* Matrix products: one family, variants nn, nt, tn, closed under differentiation; rank 2, or rank 3 as
  * batches. An optional third input is added: a full matrix, a bias row, or a scalar. */
 #include "autodiff/op_c.h"
-#include "autodiff/product.h"
+#include "autodiff/op_rows.h"
 #include "autodiff/scalars.h"
 #include "autodiff/tape_internal.h"
+#include "kernels/product.h"
 
 #include <string.h>
 
@@ -167,7 +168,7 @@ static void matmul_c(lg_c *c, const lg_evaluation *e) {
 static lg_var product(lg_tape *tape, uint32_t variant, lg_var a, lg_var b) {
     lg_attr attr = {.i = {variant, 0, 0, 0}};
     lg_var in[2] = {a, b};
-    return lg_record(tape, LG_OP_MATMUL, in, 2, &attr);
+    return lg_record(tape, &lg_op_matmul, in, 2, &attr);
 }
 
 /* The two factors' cotangents: which variant, and which of (A, B, G) stand left and right. */
@@ -225,6 +226,11 @@ static size_t matmul_terms(const lg_shape *const *in, const lg_attr *attr, const
     return in[0]->dims[in[0]->rank - (attr->i[0] == TN ? 2 : 1)];
 }
 
+static bool matmul_begins_layer(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr) {
+    return attr->i[0] == NN && in[0]->rank == 2 && in[1]->rank == 2 &&
+           (inputs == 2 || lg_shape_count(*in[2]) == in[1]->dims[1]);
+}
+
 const lg_op lg_op_matmul = {.name = "matmul",
                             .least = 2,
                             .most = 3,
@@ -238,7 +244,9 @@ const lg_op lg_op_matmul = {.name = "matmul",
                             .write_c = matmul_c,
                             .rows = matmul_rows,
                             .instead = matmul_instead,
-                            .terms = matmul_terms};
+                            .terms = matmul_terms,
+                            .most_code = 64,
+                            .begins_layer = matmul_begins_layer};
 
 lg_var lg_matmul(lg_tape *tape, lg_var a, lg_var b) {
     return product(tape, NN, a, b);
@@ -252,5 +260,5 @@ lg_var lg_matmul_tn(lg_tape *tape, lg_var a, lg_var b) {
 lg_var lg_matmul_add(lg_tape *tape, lg_var a, lg_var b, lg_var c) {
     lg_attr attr = {.i = {NN, 0, 0, 0}};
     lg_var in[3] = {a, b, c};
-    return lg_record(tape, LG_OP_MATMUL, in, 3, &attr);
+    return lg_record(tape, &lg_op_matmul, in, 3, &attr);
 }

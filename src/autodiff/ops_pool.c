@@ -4,10 +4,13 @@
  * each window the element of h where x is largest, POOL_PLACE(g, x) puts it back: linear in the first input,
  * constant to differentiation in the second. Maximum pooling is POOL_PICK(x, x).
  */
-#include "autodiff/conv.h"
 #include "autodiff/op_c.h"
+#include "autodiff/op_rows.h"
 #include "autodiff/ops_windows.h"
 #include "autodiff/tape_internal.h"
+#include "kernels/conv.h"
+
+extern const lg_op lg_op_pool_pick;
 
 /* ---- pooling: sizes ---- */
 
@@ -50,7 +53,7 @@ static lg_status place_shape(const lg_shape *const *in, uint32_t inputs, const l
     return pooled_from(in[0], out, attr) ? LG_OK : LG_SHAPE;
 }
 
-lg_var lg_record_pool(lg_tape *tape, lg_op_code op, lg_var a, lg_var b, const lg_attr *attr,
+lg_var lg_record_pool(lg_tape *tape, const lg_op *op, lg_var a, lg_var b, const lg_attr *attr,
                       uint32_t length) {
     const lg_attr own = {.i = {attr->i[0], attr->i[1], length, 0}};
     const lg_var in[2] = {a, b};
@@ -127,7 +130,7 @@ static void avg_pool1d_vjp(lg_reverse *r) {
     if (!r->need[0]) return;
     const lg_shape x = lg_node_at(r->tape, r->in[0])->shape;
     if (!lg_reverse_in_place(r)) {
-        r->out[0] = lg_record_pool(r->tape, LG_OP_AVG_POOL1D_ADJOINT, r->g, LG_NONE, r->attr, x.dims[1]);
+        r->out[0] = lg_record_pool(r->tape, &lg_op_avg_pool1d_adjoint, r->g, LG_NONE, r->attr, x.dims[1]);
         return;
     }
     bool add = false;
@@ -136,15 +139,16 @@ static void avg_pool1d_vjp(lg_reverse *r) {
 }
 
 static lg_var avg_pool1d_jvp(const lg_forward *f) {
-    return lg_record_pool(f->tape, LG_OP_AVG_POOL1D, f->tangents[0], LG_NONE, f->attr, 0);
+    return lg_record_pool(f->tape, &lg_op_avg_pool1d, f->tangents[0], LG_NONE, f->attr, 0);
 }
 
 static void avg_pool1d_adjoint_vjp(lg_reverse *r) {
-    if (r->need[0]) r->out[0] = lg_record_pool(r->tape, LG_OP_AVG_POOL1D, r->g, LG_NONE, r->attr, 0);
+    if (r->need[0]) r->out[0] = lg_record_pool(r->tape, &lg_op_avg_pool1d, r->g, LG_NONE, r->attr, 0);
 }
 
 static lg_var avg_pool1d_adjoint_jvp(const lg_forward *f) {
-    return lg_record_pool(f->tape, LG_OP_AVG_POOL1D_ADJOINT, f->tangents[0], LG_NONE, f->attr, f->attr->i[2]);
+    return lg_record_pool(f->tape, &lg_op_avg_pool1d_adjoint, f->tangents[0], LG_NONE, f->attr,
+                          f->attr->i[2]);
 }
 
 static size_t pool_terms(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape) {
@@ -222,7 +226,7 @@ static void pool_place_c(lg_c *c, const lg_evaluation *e) {
 static void pool_pick_vjp(lg_reverse *r) {
     if (!r->need[0]) return;
     if (!lg_reverse_in_place(r)) {
-        r->out[0] = lg_record_pool(r->tape, LG_OP_POOL_PLACE, r->g, r->in[1], r->attr, 0);
+        r->out[0] = lg_record_pool(r->tape, &lg_op_pool_place, r->g, r->in[1], r->attr, 0);
         return;
     }
     bool add = false;
@@ -235,15 +239,15 @@ static void pool_pick_vjp(lg_reverse *r) {
 }
 
 static lg_var pool_pick_jvp(const lg_forward *f) {
-    return lg_record_pool(f->tape, LG_OP_POOL_PICK, f->tangents[0], f->in[1], f->attr, 0);
+    return lg_record_pool(f->tape, &lg_op_pool_pick, f->tangents[0], f->in[1], f->attr, 0);
 }
 
 static void pool_place_vjp(lg_reverse *r) {
-    if (r->need[0]) r->out[0] = lg_record_pool(r->tape, LG_OP_POOL_PICK, r->g, r->in[1], r->attr, 0);
+    if (r->need[0]) r->out[0] = lg_record_pool(r->tape, &lg_op_pool_pick, r->g, r->in[1], r->attr, 0);
 }
 
 static lg_var pool_place_jvp(const lg_forward *f) {
-    return lg_record_pool(f->tape, LG_OP_POOL_PLACE, f->tangents[0], f->in[1], f->attr, 0);
+    return lg_record_pool(f->tape, &lg_op_pool_place, f->tangents[0], f->in[1], f->attr, 0);
 }
 
 const lg_op lg_op_pool_pick = {
@@ -255,7 +259,7 @@ const lg_op lg_op_pool_place = {
 
 /* ---- what the caller sees ---- */
 
-static lg_var pool(lg_tape *tape, lg_op_code op, const char *name, lg_var x, bool twice, uint32_t size,
+static lg_var pool(lg_tape *tape, const lg_op *op, const char *name, lg_var x, bool twice, uint32_t size,
                    uint32_t stride) {
     const lg_attr attr = {.i = {size, stride, 0, 0}};
     if (tape->status != LG_OK) return LG_NONE;
@@ -265,9 +269,9 @@ static lg_var pool(lg_tape *tape, lg_op_code op, const char *name, lg_var x, boo
 }
 
 lg_var lg_avg_pool1d(lg_tape *tape, lg_var x, uint32_t size, uint32_t stride) {
-    return pool(tape, LG_OP_AVG_POOL1D, "avg_pool1d", x, false, size, stride);
+    return pool(tape, &lg_op_avg_pool1d, "avg_pool1d", x, false, size, stride);
 }
 
 lg_var lg_max_pool1d(lg_tape *tape, lg_var x, uint32_t size, uint32_t stride) {
-    return pool(tape, LG_OP_POOL_PICK, "max_pool1d", x, true, size, stride);
+    return pool(tape, &lg_op_pool_pick, "max_pool1d", x, true, size, stride);
 }

@@ -4,13 +4,16 @@
  * it. Everything else is a chain of them. attr.i = {outer, length, inner}.
  */
 #include "autodiff/op_c.h"
+#include "autodiff/op_rows.h"
 #include "autodiff/scalars.h"
 #include "autodiff/tape_internal.h"
 
 #include <string.h>
 
-static lg_var record_sized(lg_tape *tape, lg_op_code op, lg_var x, size_t outer, size_t length, size_t inner,
-                           lg_shape shape) {
+extern const lg_op lg_op_reduce, lg_op_reduce_max, lg_op_argmax_mask;
+
+static lg_var record_sized(lg_tape *tape, const lg_op *op, lg_var x, size_t outer, size_t length,
+                           size_t inner, lg_shape shape) {
     if (outer > UINT32_MAX || length > UINT32_MAX || inner > UINT32_MAX)
         return lg_tape_fail(tape, LG_SHAPE, "reduce", "more than 2^32 - 1 elements along an axis");
     const lg_attr attr = {.i = {(uint32_t)outer, (uint32_t)length, (uint32_t)inner, 0}};
@@ -95,13 +98,13 @@ static void reduce_c(lg_c *c, const lg_evaluation *e) {
 static void reduce_vjp(lg_reverse *r) {
     const uint32_t *i = r->attr->i;
     if (r->need[0])
-        r->out[0] =
-            record_sized(r->tape, LG_OP_REPEAT, r->g, i[0], i[1], i[2], lg_node_at(r->tape, r->in[0])->shape);
+        r->out[0] = record_sized(r->tape, &lg_op_repeat, r->g, i[0], i[1], i[2],
+                                 lg_node_at(r->tape, r->in[0])->shape);
 }
 
 static lg_var reduce_jvp(const lg_forward *f) {
     const uint32_t *i = f->attr->i;
-    return record_sized(f->tape, LG_OP_REDUCE, f->tangents[0], i[0], i[1], i[2],
+    return record_sized(f->tape, &lg_op_reduce, f->tangents[0], i[0], i[1], i[2],
                         lg_node_at(f->tape, f->y)->shape);
 }
 
@@ -184,13 +187,13 @@ static void repeat_c(lg_c *c, const lg_evaluation *e) {
 static void repeat_vjp(lg_reverse *r) {
     const uint32_t *i = r->attr->i;
     if (r->need[0])
-        r->out[0] =
-            record_sized(r->tape, LG_OP_REDUCE, r->g, i[0], i[1], i[2], lg_node_at(r->tape, r->in[0])->shape);
+        r->out[0] = record_sized(r->tape, &lg_op_reduce, r->g, i[0], i[1], i[2],
+                                 lg_node_at(r->tape, r->in[0])->shape);
 }
 
 static lg_var repeat_jvp(const lg_forward *f) {
     const uint32_t *i = f->attr->i;
-    return record_sized(f->tape, LG_OP_REPEAT, f->tangents[0], i[0], i[1], i[2],
+    return record_sized(f->tape, &lg_op_repeat, f->tangents[0], i[0], i[1], i[2],
                         lg_node_at(f->tape, f->y)->shape);
 }
 
@@ -222,8 +225,8 @@ static bool broadcasts_to(const lg_shape *small, const lg_shape *big) {
 /* Applies `op` for every run of axes of `big` that `small` lacks, from the last run to the first when
  * reducing, from the first to the last when repeating. The result has small's shape (REDUCE) or big's
  * (REPEAT). */
-static lg_var chain(lg_tape *tape, lg_op_code op, lg_var x, const lg_shape *small, const lg_shape *big) {
-    bool reducing = op == LG_OP_REDUCE;
+static lg_var chain(lg_tape *tape, const lg_op *op, lg_var x, const lg_shape *small, const lg_shape *big) {
+    bool reducing = op == &lg_op_reduce;
     lg_shape now = *big; /* big's axes, those already (or not yet) treated having length 1 */
     if (!reducing)
         for (uint32_t i = 0; i < big->rank; i++) now.dims[i] = aligned_dim(small, big, i);
@@ -254,29 +257,29 @@ static lg_var chain(lg_tape *tape, lg_op_code op, lg_var x, const lg_shape *smal
     return lg_reshape(tape, x, reducing ? *small : *big);
 }
 
-static lg_var fit(lg_tape *tape, lg_op_code op, lg_var x, lg_shape shape) {
-    const lg_node *node = lg_node_of(tape, x, lg_ops[op]->name);
+static lg_var fit(lg_tape *tape, const lg_op *op, lg_var x, lg_shape shape) {
+    const lg_node *node = lg_node_of(tape, x, op->name);
     if (tape->status != LG_OK || node == NULL) return LG_NONE;
-    if (shape.rank > LG_MAX_RANK) return lg_tape_fail(tape, LG_SHAPE, lg_ops[op]->name, "rank above 4");
+    if (shape.rank > LG_MAX_RANK) return lg_tape_fail(tape, LG_SHAPE, op->name, "rank above 4");
     if (lg_same_shape(&node->shape, &shape)) return x;
     lg_shape from = node->shape;
-    const lg_shape *small = op == LG_OP_REDUCE ? &shape : &from, *big = op == LG_OP_REDUCE ? &from : &shape;
-    if (!broadcasts_to(small, big)) return lg_fail_shapes(tape, lg_ops[op]->name, &node, 1);
+    const lg_shape *small = op == &lg_op_reduce ? &shape : &from, *big = op == &lg_op_reduce ? &from : &shape;
+    if (!broadcasts_to(small, big)) return lg_fail_shapes(tape, op->name, &node, 1);
     return chain(tape, op, x, small, big);
 }
 
 lg_var lg_sum_to(lg_tape *tape, lg_var x, lg_shape shape) {
-    return fit(tape, LG_OP_REDUCE, x, shape);
+    return fit(tape, &lg_op_reduce, x, shape);
 }
 
 lg_var lg_broadcast_to(lg_tape *tape, lg_var x, lg_shape shape) {
-    return fit(tape, LG_OP_REPEAT, x, shape);
+    return fit(tape, &lg_op_repeat, x, shape);
 }
 
 lg_var lg_sum(lg_tape *tape, lg_var x) {
     const lg_node *node = lg_node_of(tape, x, "sum");
     if (tape->status != LG_OK || node == NULL) return LG_NONE;
-    return record_sized(tape, LG_OP_REDUCE, x, 1, node->count, 1, lg_shape0());
+    return record_sized(tape, &lg_op_reduce, x, 1, node->count, 1, lg_shape0());
 }
 
 lg_var lg_mean(lg_tape *tape, lg_var x) {
@@ -298,11 +301,11 @@ static lg_shape without_axis(lg_shape shape, uint32_t axis, bool keep) {
     return shape;
 }
 
-static lg_var along_axis(lg_tape *tape, lg_op_code op, lg_var x, int axis, bool keep, size_t *length) {
-    const lg_node *node = lg_node_of(tape, x, lg_ops[op]->name);
+static lg_var along_axis(lg_tape *tape, const lg_op *op, lg_var x, int axis, bool keep, size_t *length) {
+    const lg_node *node = lg_node_of(tape, x, op->name);
     if (tape->status != LG_OK || node == NULL) return LG_NONE;
     int a = lg_axis(axis, node->shape.rank);
-    if (a < 0) return lg_tape_fail(tape, LG_INVALID_ARGUMENT, lg_ops[op]->name, "no such axis");
+    if (a < 0) return lg_tape_fail(tape, LG_INVALID_ARGUMENT, op->name, "no such axis");
     size_t outer, inner;
     lg_around(&node->shape, (uint32_t)a, &outer, length, &inner);
     return record_sized(tape, op, x, outer, *length, inner, without_axis(node->shape, (uint32_t)a, keep));
@@ -310,12 +313,12 @@ static lg_var along_axis(lg_tape *tape, lg_op_code op, lg_var x, int axis, bool 
 
 lg_var lg_sum_axis(lg_tape *tape, lg_var x, int axis, bool keep) {
     size_t length;
-    return along_axis(tape, LG_OP_REDUCE, x, axis, keep, &length);
+    return along_axis(tape, &lg_op_reduce, x, axis, keep, &length);
 }
 
 lg_var lg_mean_axis(lg_tape *tape, lg_var x, int axis, bool keep) {
     size_t length = 1;
-    lg_var total = along_axis(tape, LG_OP_REDUCE, x, axis, keep, &length);
+    lg_var total = along_axis(tape, &lg_op_reduce, x, axis, keep, &length);
     return lg_is_none(total) ? total : lg_scale(tape, total, 1.0 / (double)length);
 }
 
@@ -415,7 +418,7 @@ const lg_op lg_op_argmax_mask = {
     .write_c = argmax_mask_c};
 
 static lg_var mask_of(lg_tape *tape, const lg_attr *attr, lg_var x) {
-    return record_sized(tape, LG_OP_ARGMAX_MASK, x, attr->i[0], attr->i[1], attr->i[2],
+    return record_sized(tape, &lg_op_argmax_mask, x, attr->i[0], attr->i[1], attr->i[2],
                         lg_node_at(tape, x)->shape);
 }
 
@@ -423,14 +426,14 @@ static void reduce_max_vjp(lg_reverse *r) {
     if (!r->need[0]) return;
     const uint32_t *i = r->attr->i;
     lg_shape shape = lg_node_at(r->tape, r->in[0])->shape;
-    lg_var spread = record_sized(r->tape, LG_OP_REPEAT, r->g, i[0], i[1], i[2], shape);
+    lg_var spread = record_sized(r->tape, &lg_op_repeat, r->g, i[0], i[1], i[2], shape);
     r->out[0] = lg_mul(r->tape, spread, mask_of(r->tape, r->attr, r->in[0]));
 }
 
 static lg_var reduce_max_jvp(const lg_forward *f) {
     const uint32_t *i = f->attr->i;
     lg_var chosen = lg_mul(f->tape, f->tangents[0], mask_of(f->tape, f->attr, f->in[0]));
-    return record_sized(f->tape, LG_OP_REDUCE, chosen, i[0], i[1], i[2], lg_node_at(f->tape, f->y)->shape);
+    return record_sized(f->tape, &lg_op_reduce, chosen, i[0], i[1], i[2], lg_node_at(f->tape, f->y)->shape);
 }
 
 const lg_op lg_op_reduce_max = {
@@ -439,5 +442,5 @@ const lg_op lg_op_reduce_max = {
 
 lg_var lg_max_axis(lg_tape *tape, lg_var x, int axis, bool keep) {
     size_t length;
-    return along_axis(tape, LG_OP_REDUCE_MAX, x, axis, keep, &length);
+    return along_axis(tape, &lg_op_reduce_max, x, axis, keep, &length);
 }

@@ -1,9 +1,12 @@
 /* Operations that move numbers: views, slices, pads, concatenation, permutation, gather and scatter. */
 #include "autodiff/op_c.h"
+#include "autodiff/op_rows.h"
 #include "autodiff/scalars.h"
 #include "autodiff/tape_internal.h"
 
 #include <string.h>
+
+extern const lg_op lg_op_slice, lg_op_pad, lg_op_concat, lg_op_permute, lg_op_gather, lg_op_scatter;
 
 /* Nothing moves when the shape stays. */
 static lg_instead same_instead(const lg_known *k) {
@@ -83,7 +86,7 @@ lg_var lg_reshape(lg_tape *tape, lg_var x, lg_shape shape) {
         return lg_fail_shapes(tape, "reshape", &node, 1);
     for (uint32_t i = shape.rank; i < LG_MAX_RANK; i++) shape.dims[i] = 0;
     if (lg_same_shape(&shape, &node->shape)) return x;
-    return lg_record_value(tape, LG_OP_RESHAPE, &x, 1, NULL, shape, node->value, LG_NODE_VIEW);
+    return lg_record_value(tape, &lg_op_reshape, &x, 1, NULL, shape, node->value, LG_NODE_VIEW);
 }
 
 /* ---- slice and pad: each other's adjoints; attr.i = {axis, start or before, length or after, view offset}
@@ -178,10 +181,10 @@ lg_var lg_slice(lg_tape *tape, lg_var x, int axis, uint32_t start, uint32_t leng
     lg_shape shape = node->shape;
     shape.dims[a] = length;
     lg_attr attr = {.i = {(uint32_t)a, start, length, 0}};
-    if (outer != 1 || (size_t)start * inner > UINT32_MAX) return lg_record(tape, LG_OP_SLICE, &x, 1, &attr);
+    if (outer != 1 || (size_t)start * inner > UINT32_MAX) return lg_record(tape, &lg_op_slice, &x, 1, &attr);
     attr.i[3] = start * (uint32_t)inner;
     unsigned char *value = (unsigned char *)node->value + (size_t)attr.i[3] * tape->k->size;
-    return lg_record_value(tape, LG_OP_SLICE, &x, 1, &attr, shape, value, LG_NODE_VIEW);
+    return lg_record_value(tape, &lg_op_slice, &x, 1, &attr, shape, value, LG_NODE_VIEW);
 }
 
 static lg_status pad_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
@@ -254,7 +257,7 @@ lg_var lg_pad(lg_tape *tape, lg_var x, int axis, uint32_t before, uint32_t after
     int a = lg_axis(axis, node->shape.rank);
     if (a < 0 || (uint64_t)node->shape.dims[a] + before + after > UINT32_MAX)
         return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "pad", "no such axis, or it becomes too long");
-    return lg_record(tape, LG_OP_PAD, &x, 1, &(lg_attr){.i = {(uint32_t)a, before, after, 0}});
+    return lg_record(tape, &lg_op_pad, &x, 1, &(lg_attr){.i = {(uint32_t)a, before, after, 0}});
 }
 
 /* ---- concatenation; attr.i = {axis} ---- */
@@ -345,7 +348,7 @@ static lg_var concat_some(lg_tape *tape, const lg_var *parts, size_t n, int axis
     if (first == NULL) return LG_NONE;
     int a = lg_axis(axis, first->shape.rank);
     if (a < 0) return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "concat", "no such axis");
-    return lg_record(tape, LG_OP_CONCAT, parts, (uint32_t)n, &(lg_attr){.i = {(uint32_t)a, 0, 0, 0}});
+    return lg_record(tape, &lg_op_concat, parts, (uint32_t)n, &(lg_attr){.i = {(uint32_t)a, 0, 0, 0}});
 }
 
 lg_var lg_concat(lg_tape *tape, const lg_var *parts, size_t n, int axis) {
@@ -498,7 +501,7 @@ lg_var lg_permute(lg_tape *tape, lg_var x, const int *axes) {
         seen |= 1u << a;
         attr.i[i] = (uint32_t)a;
     }
-    return lg_record(tape, LG_OP_PERMUTE, &x, 1, &attr);
+    return lg_record(tape, &lg_op_permute, &x, 1, &attr);
 }
 
 lg_var lg_transpose(lg_tape *tape, lg_var x) {
@@ -585,7 +588,7 @@ static void scatter_c(lg_c *c, const lg_evaluation *e) {
 }
 
 /* The payload is already the tape's: derivatives share it. */
-static lg_var record_indexed(lg_tape *tape, lg_op_code op, lg_var x, const lg_attr *attr) {
+static lg_var record_indexed(lg_tape *tape, const lg_op *op, lg_var x, const lg_attr *attr) {
     return lg_record(tape, op, &x, 1, attr);
 }
 
@@ -607,30 +610,30 @@ static void scatter_expand(lg_scalars *s, const lg_evaluation *e, const lg_scala
 }
 
 static void gather_vjp(lg_reverse *r) {
-    if (r->need[0]) r->out[0] = record_indexed(r->tape, LG_OP_SCATTER, r->g, r->attr);
+    if (r->need[0]) r->out[0] = record_indexed(r->tape, &lg_op_scatter, r->g, r->attr);
 }
 static lg_var gather_jvp(const lg_forward *f) {
-    return record_indexed(f->tape, LG_OP_GATHER, f->tangents[0], f->attr);
+    return record_indexed(f->tape, &lg_op_gather, f->tangents[0], f->attr);
 }
 const lg_op lg_op_gather = {LG_OP("gather", 0, 1, 1, gather_shape, gather_forward, gather_vjp, gather_jvp),
                             .payload = LG_PAYLOAD_INDICES, .write_c = gather_c, .expand = gather_expand,
                             .terms = lg_no_terms};
 
 static void scatter_vjp(lg_reverse *r) {
-    if (r->need[0]) r->out[0] = record_indexed(r->tape, LG_OP_GATHER, r->g, r->attr);
+    if (r->need[0]) r->out[0] = record_indexed(r->tape, &lg_op_gather, r->g, r->attr);
 }
 static lg_var scatter_jvp(const lg_forward *f) {
-    return record_indexed(f->tape, LG_OP_SCATTER, f->tangents[0], f->attr);
+    return record_indexed(f->tape, &lg_op_scatter, f->tangents[0], f->attr);
 }
 const lg_op lg_op_scatter = {
     LG_OP("scatter", 0, 1, 1, scatter_shape, scatter_forward, scatter_vjp, scatter_jvp),
     .payload = LG_PAYLOAD_INDICES, .write_c = scatter_c, .expand = scatter_expand};
 
-static lg_var index_rows(lg_tape *tape, lg_op_code op, lg_var x, const uint32_t *indices, uint32_t n,
+static lg_var index_rows(lg_tape *tape, const lg_op *op, lg_var x, const uint32_t *indices, uint32_t n,
                          uint32_t rows) {
     for (uint32_t i = 0; i < n; i++)
         if (indices[i] >= rows)
-            return lg_tape_fail(tape, LG_INVALID_ARGUMENT, lg_ops[op]->name, "an index is out of range");
+            return lg_tape_fail(tape, LG_INVALID_ARGUMENT, op->name, "an index is out of range");
     uint32_t *kept = lg_payload_allocate(tape, (size_t)n * sizeof *kept);
     if (kept == NULL) return LG_NONE;
     memcpy(kept, indices, (size_t)n * sizeof *kept);
@@ -642,10 +645,10 @@ lg_var lg_gather(lg_tape *tape, lg_var x, const uint32_t *indices, uint32_t n) {
     if (tape->status != LG_OK) return LG_NONE;
     const lg_node *node = lg_node_of(tape, x, "gather");
     if (node == NULL) return LG_NONE;
-    return index_rows(tape, LG_OP_GATHER, x, indices, n, node->shape.rank == 0 ? 0 : node->shape.dims[0]);
+    return index_rows(tape, &lg_op_gather, x, indices, n, node->shape.rank == 0 ? 0 : node->shape.dims[0]);
 }
 
 lg_var lg_scatter(lg_tape *tape, lg_var x, const uint32_t *indices, uint32_t n, uint32_t rows) {
     if (tape->status != LG_OK) return LG_NONE;
-    return index_rows(tape, LG_OP_SCATTER, x, indices, n, rows);
+    return index_rows(tape, &lg_op_scatter, x, indices, n, rows);
 }

@@ -3,7 +3,7 @@
 #ifndef LG_OPS_WINDOWS_H
 #define LG_OPS_WINDOWS_H
 
-#include "autodiff/conv.h"
+#include "kernels/conv.h"
 #include "autodiff/op_c.h"
 #include "autodiff/tape_internal.h"
 
@@ -14,7 +14,8 @@ enum { LG_WINDOWS_TEXT = 160 };
 bool lg_pool_of(const lg_shape *x, const lg_attr *attr, lg_k_windows *out);
 /* A pooling operation of a, and of b unless it is LG_NONE, with the size and stride of attr; length: of the
  * series, where the inputs leave it open. */
-lg_var lg_record_pool(lg_tape *tape, lg_op_code op, lg_var a, lg_var b, const lg_attr *attr, uint32_t length);
+lg_var lg_record_pool(lg_tape *tape, const lg_op *op, lg_var a, lg_var b, const lg_attr *attr,
+                      uint32_t length);
 
 /* Windows as C: their type, an expression of them, their means. */
 extern const lg_c_fragment lg_c_windows, lg_c_pool_mean;

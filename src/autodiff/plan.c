@@ -5,7 +5,7 @@
 
 #include "autodiff/plan_code.h"
 #include "autodiff/plan_graph.h"
-#include "autodiff/product.h"
+#include "kernels/product.h"
 
 /* ---- what becomes of a node ---- */
 
@@ -46,7 +46,7 @@ typedef struct planning {
     const double *
         *constant; /* pieces of the constants: values, or NULL when the place is written otherwise */
     size_t *constant_at, *constant_count, constants, constant_capacity;
-    struct lg_plant *plant;
+    lg_exchange exchange;
     lg_error *error;
     bool compact, failed;
 } planning;
@@ -69,26 +69,22 @@ static size_t aligned(size_t count) {
 
 /* ---- fates ---- */
 
-static bool is_bias(const planning *p, uint32_t c, size_t n) {
-    return p->g.node[c].count == n;
-}
-
-/* An activation of a product that nobody else takes. */
+/* It ends a layer whose product nobody else takes. */
 static bool fuses(const planning *p, const lg_graph_node *n) {
-    if (n->op != LG_OP_ACT || n->in[0] == LG_GRAPH_NONE) return false;
+    const lg_shape *shapes[LG_MAX_INPUTS];
+    if (!n->op->ends_layer || n->in[0] == LG_GRAPH_NONE) return false;
     const lg_graph_node *product = &p->g.node[n->in[0]];
-    if (product->sort != LG_GRAPH_OPERATION || product->op != LG_OP_MATMUL || product->attr.i[0] != LG_NN ||
-        product->shape.rank != 2 || p->item[n->in[0]].uses != 1 || p->item[n->in[0]].fate != TENSOR)
+    if (product->sort != LG_GRAPH_OPERATION || product->op->begins_layer == NULL ||
+        p->item[n->in[0]].uses != 1 || p->item[n->in[0]].fate != TENSOR)
         return false;
-    const lg_shape *a = &p->g.node[product->in[0]].shape, *b = &p->g.node[product->in[1]].shape;
-    if (a->rank != 2 || b->rank != 2) return false;
-    return product->inputs == 2 || is_bias(p, product->in[2], b->dims[1]);
+    lg_graph_shapes(&p->g, product, shapes);
+    return product->op->begins_layer(shapes, product->inputs, &product->attr);
 }
 
 /* Elementwise over a tensor of its size that a step makes: the kernel goes on where that step ends. */
 static bool follows_tensor(const planning *p, const lg_graph_node *n) {
     enum { FEW = 6 };
-    if (lg_ops[n->op]->element == NULL || n->count <= FEW) return false;
+    if (n->op->element == NULL || n->count <= FEW) return false;
     for (uint32_t k = 0; k < n->inputs; k++)
         if (n->in[k] != LG_GRAPH_NONE && p->g.node[n->in[k]].count == n->count &&
             (p->item[n->in[k]].fate == TENSOR || p->item[n->in[k]].fate == FUSED))
@@ -113,7 +109,7 @@ static void find_fates(planning *p) {
             continue;
         }
         lg_graph_shapes(g, n, shapes);
-        const lg_op *op = lg_ops[n->op];
+        const lg_op *op = n->op;
         size_t offset;
         if (op->view != NULL && p->item[n->in[0]].fate != CODE && op->view(shapes, &n->attr, &offset)) {
             it->fate = VIEW;
@@ -237,9 +233,9 @@ static bool meets_another(const planning *p, const lg_graph_node *n, uint32_t k)
 /* An elementwise operation over an input of its shape that nobody needs afterwards. */
 static bool over_input(planning *p, uint32_t node, uint32_t now) {
     const lg_graph_node *n = &p->g.node[node];
-    if (lg_ops[n->op]->element == NULL) return false;
+    if (n->op->element == NULL) return false;
     for (uint32_t k = 0; k < n->inputs; k++) {
-        if (n->in[k] == LG_GRAPH_NONE || (lg_ops[n->op]->over_first && k > 0)) continue;
+        if (n->in[k] == LG_GRAPH_NONE || (n->op->over_first && k > 0)) continue;
         if (!lg_same_shape(&p->g.node[n->in[k]].shape, &n->shape) || meets_another(p, n, k)) continue;
         item *from = &p->item[p->item[n->in[k]].base];
         if (from->place.area != LG_AREA_WORK || from->last != now || from->lasting ||
@@ -299,7 +295,7 @@ static uint32_t anchor_of(const planning *p, uint32_t node, const uint32_t *last
     const lg_graph_node *n = &p->g.node[node];
     size_t freed = 0;
     uint32_t after = 0;
-    if (p->item[node].fate != TENSOR || lg_ops[n->op]->element == NULL) return node;
+    if (p->item[node].fate != TENSOR || n->op->element == NULL) return node;
     for (uint32_t k = 0; k < n->inputs; k++) {
         if (n->in[k] == LG_GRAPH_NONE) continue;
         const uint32_t in = n->in[k], base = p->item[in].base;
@@ -393,7 +389,7 @@ static lg_plan_step *new_step(planning *p, lg_plan_step_kind kind) {
 /* The transpose of a constant that products go through faster. */
 static lg_place transposed(planning *p, const lg_graph_node *n, lg_evaluation *e) {
     const lg_place none = {LG_AREA_NONE, 0, 0};
-    const lg_op *op = lg_ops[n->op];
+    const lg_op *op = n->op;
     if (op->transpose == NULL || n->in[1] == LG_GRAPH_NONE) return none;
     const lg_graph_node *from = &p->g.node[n->in[1]];
     if (from->sort != LG_GRAPH_CONSTANT || op->transpose(e) == LG_TRANSPOSE_NONE) return none;
@@ -407,7 +403,7 @@ static lg_place transposed(planning *p, const lg_graph_node *n, lg_evaluation *e
 }
 
 static lg_status keep_payload(planning *p, const lg_graph_node *n, lg_attr *attr) {
-    const lg_payload kind = lg_ops[n->op]->payload;
+    const lg_payload kind = n->op->payload;
     const size_t bytes = kind == LG_PAYLOAD_REALS     ? n->inputs * sizeof(double)
                          : kind == LG_PAYLOAD_INDICES ? n->attr.i[0] * sizeof(uint32_t)
                                                       : 0;
@@ -445,8 +441,7 @@ static lg_status add_tensor(planning *p, uint32_t node, uint32_t now) {
     made.transposed = transposed(p, n, &e);
     give_place(p, node, now);
     made.y = p->item[node].place;
-    made.scratch_count =
-        lg_ops[n->op]->scratch != NULL ? lg_ops[n->op]->scratch(&e) / p->plan->k->size + 1 : 0;
+    made.scratch_count = n->op->scratch != NULL ? n->op->scratch(&e) / p->plan->k->size + 1 : 0;
     made.scratch = (lg_place){LG_AREA_WORK, 0, give_room(p, made.scratch_count)};
     take_back(p, made.scratch.offset, made.scratch_count);
     step->tensor = made;
@@ -484,7 +479,7 @@ static lg_status add_code(planning *p, const uint32_t *nodes, uint32_t count, ui
     if (step == NULL || stored == NULL) return LG_OUT_OF_MEMORY;
     lg_status status = LG_OK;
     lg_code_begin(&code, &p->temporary, &p->g, p->code_value);
-    code.plant = p->plant;
+    code.exchange = p->exchange;
     for (uint32_t j = 0; status == LG_OK && j < count; j++) status = lg_code_add(&code, nodes[j]);
     for (uint32_t j = 0; status == LG_OK && j < count; j++) {
         if (!goes_out(p, nodes[j], now)) continue;
@@ -506,7 +501,7 @@ static lg_status add_step(planning *p, const uint32_t *order, const stretch *s, 
     const uint32_t node = order[s->first];
     const lg_graph_node *n = &p->g.node[node];
     if (s->code) return add_code(p, order + s->first, s->count, now);
-    const bool dense = n->op == LG_OP_ACT && n->in[0] != LG_GRAPH_NONE && p->item[n->in[0]].fate == FUSED;
+    const bool dense = n->op->ends_layer && n->in[0] != LG_GRAPH_NONE && p->item[n->in[0]].fate == FUSED;
     return dense ? add_dense(p, node) : add_tensor(p, node, now);
 }
 
@@ -576,9 +571,9 @@ static size_t bits(size_t n) {
 /* What an operation adds to the longest path: 1, and log2 of the terms of its longest sum. */
 static size_t own_depth(const lg_graph *g, const lg_graph_node *n) {
     const lg_shape *shapes[LG_MAX_INPUTS];
-    if (lg_ops[n->op]->terms == NULL) return 1;
+    if (n->op->terms == NULL) return 1;
     lg_graph_shapes(g, n, shapes);
-    const size_t terms = lg_ops[n->op]->terms(shapes, &n->attr, &n->shape);
+    const size_t terms = n->op->terms(shapes, &n->attr, &n->shape);
     return terms > 0 ? 1 + bits(terms) : 0;
 }
 
@@ -712,7 +707,7 @@ lg_status lg_plan_create(const lg_program *program, size_t function, const lg_pl
                   .temporary = {.context = program->context,
                                 .most = chosen.most_bytes < SIZE_MAX / 4 ? 4 * chosen.most_bytes : 0},
                   .compact = chosen.compact,
-                  .plant = program->plant,
+                  .exchange = program->exchange,
                   .error = error};
     lg_status status = make(&p, program, f, &chosen);
     lg_heap_destroy(&p.temporary);

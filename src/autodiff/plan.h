@@ -24,7 +24,7 @@ typedef struct lg_place {
 
 /* A tensor operation. y may be the place of input `over` when the operation works elementwise in place. */
 typedef struct lg_tensor_step {
-    lg_op_code op;
+    const lg_op *op;
     lg_attr attr; /* pointer into the plan's payload */
     uint32_t inputs;
     const lg_shape **shapes; /* of inputs */

@@ -2,20 +2,14 @@
 
 #include <string.h>
 
-/* Elements of an output, of all inputs, multiplications of a product. */
-enum { MOST_OUT = 12, MOST_IN = 64, MOST_PRODUCT = 64 };
-
-static bool small_product(const lg_graph *g, const lg_graph_node *n) {
-    const lg_shape *a = &g->node[n->in[0]].shape;
-    const uint32_t inner = a->dims[n->attr.i[0] == 2 ? a->rank - 2 : a->rank - 1];
-    return n->count * inner <= MOST_PRODUCT;
-}
+/* Elements of an output, of all inputs. */
+enum { MOST_OUT = 12, MOST_IN = 64 };
 
 bool lg_code_fits(const lg_graph *g, const lg_graph_node *n) {
-    const lg_op *op = lg_ops[n->op];
+    const lg_op *op = n->op;
     size_t in = 0;
     if (n->sort != LG_GRAPH_OPERATION || (op->element == NULL && op->expand == NULL)) return false;
-    if (n->count > MOST_OUT || (n->op == LG_OP_MATMUL && !small_product(g, n))) return false;
+    if (n->count > MOST_OUT || (op->most_code > 0 && lg_graph_work(g, n) > op->most_code)) return false;
     for (uint32_t k = 0; k < n->inputs; k++)
         if (n->in[k] != LG_GRAPH_NONE) in += g->node[n->in[k]].count;
     return in <= MOST_IN;
@@ -81,8 +75,8 @@ lg_status lg_code_add(lg_code *code, uint32_t node) {
     if (y == NULL) return LG_OUT_OF_MEMORY;
     const lg_evaluation e = {
         .attr = &n->attr, .inputs = n->inputs, .in = shapes, .shape = &n->shape, .count = n->count};
-    if (!lg_scalars_expand(&code->s, lg_ops[n->op], &e, x, y)) return LG_OUT_OF_MEMORY;
-    if (code->plant != NULL) lg_plant_scalars(code->plant, n->op, &code->s, y, n->count);
+    const lg_op *op = lg_row_in_use(&code->exchange, n->op);
+    if (!lg_scalars_expand(&code->s, op, &e, x, y)) return LG_OUT_OF_MEMORY;
     code->value[node] = y;
     return LG_OK;
 }

@@ -15,7 +15,7 @@ typedef struct lg_code {
     lg_scalar **value; /* by node: an instruction for each element, or NULL */
     uint32_t *load;    /* by number of an INPUT: node, element */
     uint32_t loads, capacity;
-    struct lg_plant *plant; /* of the program */
+    lg_exchange exchange; /* of the program */
 } lg_code;
 
 /* `value`: room for as many entries as the graph has nodes, all NULL. */

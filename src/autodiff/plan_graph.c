@@ -1,3 +1,4 @@
+#include "autodiff/op_rows.h"
 #include "autodiff/plan_graph.h"
 
 #include <math.h>
@@ -31,7 +32,7 @@ static uint64_t mix(uint64_t h, uint64_t x) {
 }
 
 static uint64_t hash(const lg_graph_node *n) {
-    uint64_t bits, h = mix((uint64_t)n->sort * 64 + n->op, n->number);
+    uint64_t bits, h = mix((uint64_t)(uintptr_t)n->op + n->sort, n->number);
     memcpy(&bits, &n->attr.c, sizeof bits);
     h = mix(h, bits);
     for (int k = 0; k < 4; k++) h = mix(h, n->attr.i[k]);
@@ -45,7 +46,7 @@ static uint64_t hash(const lg_graph_node *n) {
 }
 
 static size_t payload_bytes(const lg_graph_node *n) {
-    const lg_payload kind = lg_ops[n->op]->payload;
+    const lg_payload kind = n->op->payload;
     return kind == LG_PAYLOAD_REALS     ? n->inputs * sizeof(double)
            : kind == LG_PAYLOAD_INDICES ? n->attr.i[0] * sizeof(uint32_t)
                                         : 0;
@@ -102,7 +103,7 @@ static uint32_t add(making *m, const lg_graph_node *n) {
 
 static uint32_t add_constant(making *m, lg_shape shape, const double *value, bool weights) {
     return add(m, &(lg_graph_node){.sort = LG_GRAPH_CONSTANT,
-                                   .op = LG_OP_LEAF,
+                                   .op = &lg_op_leaf,
                                    .shape = shape,
                                    .count = lg_shape_count(shape),
                                    .value = value,
@@ -139,14 +140,14 @@ static bool takes_weights(const making *m, const lg_graph_node *n) {
 
 double lg_graph_work(const lg_graph *g, const lg_graph_node *n) {
     const lg_shape *shapes[LG_MAX_INPUTS];
-    if (lg_ops[n->op]->terms == NULL) return (double)n->count;
+    if (n->op->terms == NULL) return (double)n->count;
     lg_graph_shapes(g, n, shapes);
-    return (double)n->count * (double)lg_ops[n->op]->terms(shapes, &n->attr, &n->shape);
+    return (double)n->count * (double)n->op->terms(shapes, &n->attr, &n->shape);
 }
 
 static uint32_t fold(making *m, const lg_graph_node *n, const lg_shape *const *shapes) {
     const void *values[LG_MAX_INPUTS];
-    const lg_op *op = lg_ops[n->op];
+    const lg_op *op = n->op;
     const bool weights = takes_weights(m, n);
     size_t offset;
     for (uint32_t k = 0; k < n->inputs; k++)
@@ -187,19 +188,19 @@ static uint32_t zeros(making *m, lg_shape shape) {
 }
 
 static uint32_t reshaped(making *m, uint32_t i, lg_shape shape) {
-    while (m->g.node[i].sort == LG_GRAPH_OPERATION && m->g.node[i].op == LG_OP_RESHAPE)
+    while (m->g.node[i].sort == LG_GRAPH_OPERATION && m->g.node[i].op == &lg_op_reshape)
         i = m->g.node[i].in[0];
     const lg_graph_node *from = &m->g.node[i];
     if (lg_same_shape(&from->shape, &shape)) return i;
     if (from->sort == LG_GRAPH_CONSTANT) return add_constant(m, shape, from->value, from->weights);
-    if (from->sort == LG_GRAPH_OPERATION && from->op == LG_OP_REPEAT) {
+    if (from->sort == LG_GRAPH_OPERATION && from->op == &lg_op_repeat) {
         lg_graph_node other = *from; /* the shape of a broadcast is given */
         other.shape = shape;
         return add(m, &other);
     }
     return add(
         m, &(lg_graph_node){
-               .op = LG_OP_RESHAPE, .inputs = 1, .in = &i, .shape = shape, .count = lg_shape_count(shape)});
+               .op = &lg_op_reshape, .inputs = 1, .in = &i, .shape = shape, .count = lg_shape_count(shape)});
 }
 
 /* What `instead` of a row may ask. */
@@ -215,7 +216,7 @@ static bool asked_filled(void *user, uint32_t input, double with) {
 
 /* What the node is instead, or LG_GRAPH_NONE. */
 static uint32_t simpler(making *m, const lg_graph_node *n, const lg_shape *const *shapes) {
-    const lg_op *op = lg_ops[n->op];
+    const lg_op *op = n->op;
     asking asks = {m, n};
     const lg_known known = {&n->attr, n->inputs, shapes, &n->shape, asked_filled, &asks};
     const lg_instead found = op->instead != NULL ? op->instead(&known) : lg_instead_nothing();
@@ -236,7 +237,7 @@ static uint32_t simpler(making *m, const lg_graph_node *n, const lg_shape *const
 /* copies > 1: row r of the node is row r / copies of a tensor with rows / copies rows. */
 static uint32_t copies_of(const making *m, uint32_t i) {
     const lg_graph_node *n = &m->g.node[i];
-    if (n->sort != LG_GRAPH_OPERATION || n->op != LG_OP_REPEAT || n->shape.rank == 0) return 1;
+    if (n->sort != LG_GRAPH_OPERATION || n->op != &lg_op_repeat || n->shape.rank == 0) return 1;
     return n->shape.dims[0] == n->attr.i[0] * n->attr.i[1] ? n->attr.i[1] : 1;
 }
 
@@ -274,7 +275,7 @@ static uint32_t on_single_rows(making *m, const lg_graph_node *n, const lg_shape
     for (uint32_t k = 0; k < n->inputs && copies == 1; k++)
         if (n->in[k] != LG_GRAPH_NONE) copies = copies_of(m, n->in[k]);
     if (copies == 1 || rows == 0 || rows % copies != 0) return LG_GRAPH_NONE;
-    const lg_op *op = lg_ops[n->op];
+    const lg_op *op = n->op;
     lg_graph_node once = *n;
     once.in = in;
     const lg_row_use use = op->rows != NULL      ? op->rows(shapes, n->inputs, &n->shape, copies, &once.attr)
@@ -295,7 +296,7 @@ static uint32_t on_single_rows(making *m, const lg_graph_node *n, const lg_shape
     uint32_t made = add(m, &once);
     const uint32_t length = (uint32_t)(once.count / once.shape.dims[0]);
     return m->failed ? 0
-                     : add(m, &(lg_graph_node){.op = LG_OP_REPEAT,
+                     : add(m, &(lg_graph_node){.op = &lg_op_repeat,
                                                .attr = {.i = {once.shape.dims[0], copies, length, 0}},
                                                .inputs = 1,
                                                .in = &made,
@@ -316,7 +317,7 @@ static uint32_t rows_of_copies(const making *m, const lg_graph_node *n) {
 
 /* An input that is one row for all rows of an elementwise operation, where the operation takes it so. */
 static uint32_t with_broadcasts(making *m, const lg_graph_node *n, const lg_shape *const *shapes) {
-    const lg_op *op = lg_ops[n->op];
+    const lg_op *op = n->op;
     const lg_shape *fewer[LG_MAX_INPUTS];
     uint32_t in[LG_MAX_INPUTS], changed = 0;
     lg_graph_node made = *n;
@@ -343,7 +344,7 @@ static uint32_t operation(making *m, const lg_graph_node *n, const lg_shape *con
 
 /* Where a factor alone has rows of its own, what it multiplies is computed for single rows. */
 static uint32_t factor_apart(making *m, const lg_graph_node *n, const lg_shape *const *shapes) {
-    const lg_op *op = lg_ops[n->op];
+    const lg_op *op = n->op;
     const uint32_t last = n->inputs - 1, copies = n->inputs > 1 ? rows_of_copies(m, n) : 1;
     lg_graph_node rest = *n;
     if (copies == 1 || op->factor == NULL || !op->factor(&n->attr, n->inputs, &rest.attr))
@@ -351,7 +352,7 @@ static uint32_t factor_apart(making *m, const lg_graph_node *n, const lg_shape *
     rest.inputs = last;
     uint32_t in[2] = {n->in[last], operation(m, &rest, shapes)};
     const lg_graph_node product = {
-        .op = LG_OP_MUL, .inputs = 2, .in = in, .shape = n->shape, .count = n->count};
+        .op = &lg_op_mul, .inputs = 2, .in = in, .shape = n->shape, .count = n->count};
     const lg_shape *both[2];
     lg_graph_shapes(&m->g, &product, both);
     return m->failed ? 0 : operation(m, &product, both);
@@ -372,7 +373,7 @@ static uint32_t operation(making *m, const lg_graph_node *n, const lg_shape *con
 
 static uint32_t unread(const lg_function *f, const lg_program_node *n, size_t rows) {
     lg_attr attr;
-    const lg_op *op = lg_ops[n->op];
+    const lg_op *op = n->op;
     if (op->unread == NULL || !lg_node_attr_at(f, n, rows, &attr)) return 0;
     return op->unread(&attr, n->inputs);
 }
@@ -412,21 +413,21 @@ static uint32_t leaf(making *m, const lg_program_node *n, lg_shape shape) {
 }
 
 /* What follows from the rest would tell equal operations apart. */
-static void tidy(lg_attr *attr, lg_op_code op) {
+static void tidy(lg_attr *attr, const lg_op *op) {
     for (uint32_t k = 0; k < LG_WHOLE_COUNT; k++)
-        if (lg_ops[op]->follows >> k & 1) attr->i[k] = 0;
+        if (op->follows >> k & 1) attr->i[k] = 0;
 }
 
 static lg_status node(making *m, uint32_t i, lg_error *error) {
     const lg_function *f = m->f;
     const lg_program_node *from = &f->node[i];
-    const lg_op *op = lg_ops[from->op];
+    const lg_op *op = from->op;
     lg_shape stated;
     if (!lg_node_shape_at(from, m->rows, &stated))
         return lg_fail(error, LG_SHAPE,
                        "function '%s', operation %u (%s): a tensor is too large with %zu rows", f->name, i,
                        op->name, m->rows);
-    if (from->op == LG_OP_LEAF) {
+    if (from->op == &lg_op_leaf) {
         m->of[i] = leaf(m, from, stated);
         return m->failed ? LG_OUT_OF_MEMORY : LG_OK;
     }

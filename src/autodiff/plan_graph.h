@@ -12,7 +12,7 @@ typedef enum lg_graph_sort { LG_GRAPH_OPERATION, LG_GRAPH_INPUT, LG_GRAPH_CONSTA
 
 typedef struct lg_graph_node {
     lg_graph_sort sort;
-    lg_op_code op;
+    const lg_op *op;
     lg_attr attr;
     uint32_t number; /* of an input */
     uint32_t inputs;

@@ -1,4 +1,6 @@
 /* Programs: what they own, what is checked when a part is added, looking at them. */
+#include "autodiff/op_rows.h"
+#include "autodiff/op_table.h"
 #include "autodiff/program.h"
 
 #include <math.h>
@@ -239,7 +241,7 @@ bool lg_node_attr_at(const lg_function *f, const lg_program_node *node, size_t r
         if (value < 0 || value > (int64_t)UINT32_MAX) return false;
         attr->i[k] = (uint32_t)value;
     }
-    const lg_payload payload = lg_ops[node->op]->payload;
+    const lg_payload payload = node->op->payload;
     if (payload == LG_PAYLOAD_REALS) attr->pointer = f->reals + node->payload;
     if (payload == LG_PAYLOAD_INDICES) attr->pointer = f->indices + node->payload;
     return true;
@@ -344,7 +346,7 @@ static lg_status check_ports(const lg_function *f, lg_error *error) {
 }
 
 static lg_status bad_node(const lg_function *f, uint32_t i, const char *why, lg_error *error) {
-    const char *name = f->node[i].op < LG_OP_COUNT ? lg_ops[f->node[i].op]->name : "?";
+    const char *name = f->node[i].op != NULL ? f->node[i].op->name : "?";
     return lg_fail(error, LG_FORMAT, "function '%s', operation %u (%s): %s", f->name, i, name, why);
 }
 
@@ -371,7 +373,7 @@ static lg_status check_leaf(const lg_program *p, const lg_function *f, uint32_t 
 
 static lg_status check_payload(const lg_function *f, uint32_t i, lg_error *error) {
     const lg_program_node *node = &f->node[i];
-    const lg_payload payload = lg_ops[node->op]->payload;
+    const lg_payload payload = node->op->payload;
     if (payload == LG_PAYLOAD_IN_PROCESS)
         return bad_node(f, i, "an operation of the caller's own lives in the process only", error);
     if (payload != LG_PAYLOAD_REALS && payload != LG_PAYLOAD_INDICES) return LG_OK;
@@ -404,8 +406,8 @@ static lg_status check_shapes(const lg_function *f, uint32_t i, lg_error *error)
         if (!lg_node_shape_at(node, rows, &stated) || !lg_node_attr_at(f, node, rows, &attr))
             return bad_node(f, i, "a dimension or attribute is negative or too large", error);
         found = stated;
-        if (node->op == LG_OP_LEAF) continue;
-        const lg_status status = lg_ops[node->op]->shape(in, node->inputs, &attr, &found);
+        if (node->op == &lg_op_leaf) continue;
+        const lg_status status = node->op->shape(in, node->inputs, &attr, &found);
         if (status != LG_OK || !lg_same_shape(&found, &stated))
             return bad_node(f, i, "its shape or attributes do not fit its inputs", error);
     }
@@ -420,8 +422,9 @@ static bool affine_within(lg_affine a) {
 
 static lg_status check_node(const lg_program *p, const lg_function *f, uint32_t i, lg_error *error) {
     const lg_program_node *node = &f->node[i];
-    if ((unsigned)node->op >= LG_OP_COUNT) return bad_node(f, i, "there is no such operation", error);
-    const lg_op *op = lg_ops[node->op];
+    if (node->op == NULL || lg_op_place(node->op) == LG_OPS_MOST)
+        return bad_node(f, i, "there is no such operation", error);
+    const lg_op *op = node->op;
     if (node->rank > LG_MAX_RANK) return bad_node(f, i, "its rank is too high", error);
     if (!isfinite(node->c)) return bad_node(f, i, "an attribute is not finite", error);
     if (node->inputs < op->least || node->inputs > op->most || node->first > f->edge_count ||
@@ -432,7 +435,7 @@ static lg_status check_node(const lg_program *p, const lg_function *f, uint32_t 
     bool within = affine_within(node->inverse);
     for (int k = 0; k < 4; k++) within = within && affine_within(node->dims[k]) && affine_within(node->i[k]);
     if (!within) return bad_node(f, i, "a dimension or attribute is too large", error);
-    if (node->op == LG_OP_LEAF) LG_TRY(check_leaf(p, f, i, error));
+    if (node->op == &lg_op_leaf) LG_TRY(check_leaf(p, f, i, error));
     LG_TRY(check_payload(f, i, error));
     return check_shapes(f, i, error);
 }
@@ -607,6 +610,6 @@ size_t lg_program_operations(const lg_program *p, size_t function) {
     size_t count = 0;
     if (function >= p->functions) return 0;
     const lg_function *f = &p->function[function];
-    for (uint32_t i = 0; i < f->nodes; i++) count += f->node[i].op != LG_OP_LEAF;
+    for (uint32_t i = 0; i < f->nodes; i++) count += f->node[i].op != &lg_op_leaf;
     return count;
 }

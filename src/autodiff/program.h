@@ -8,6 +8,7 @@
 #define LG_AUTODIFF_PROGRAM_H
 
 #include "autodiff/op.h"
+#include "autodiff/op_rows.h"
 #include "autodiff/tape_internal.h"
 #include "liegrad/program.h"
 #include "liegrad/program_image.h"
@@ -25,7 +26,7 @@ typedef enum lg_leaf {
 
 /* One operation or leaf. */
 typedef struct lg_program_node {
-    lg_op_code op; /* LG_OP_LEAF for leaves */
+    const lg_op *op; /* &lg_op_leaf for leaves */
     lg_leaf leaf;
     uint32_t number;
     uint32_t first, inputs; /* edges[first ...]: the nodes it takes, all before it */
@@ -70,7 +71,7 @@ struct lg_program {
     size_t parameters;
     lg_function *function;
     size_t functions, capacity;
-    struct lg_plant *plant; /* deliberately wrong scalar code in plans (gradcheck_plant.c); NULL */
+    lg_exchange exchange; /* of the scalar code of one operation in plans */
 };
 
 /* Limits of what is built or loaded; a file beyond them is refused. */

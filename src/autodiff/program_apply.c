@@ -2,6 +2,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "autodiff/op_rows.h"
 #include "autodiff/program.h"
 
 typedef struct applying {
@@ -62,7 +63,7 @@ static lg_var leaf(const applying *a, const lg_program_node *node, lg_shape shap
 
 /* A payload on the tape lives as long as the tape's nodes, not as long as the program. */
 static bool keep_payload(lg_tape *tape, const lg_program_node *node, lg_attr *attr) {
-    const lg_payload kind = lg_ops[node->op]->payload;
+    const lg_payload kind = node->op->payload;
     const size_t size = kind == LG_PAYLOAD_REALS     ? sizeof(double)
                         : kind == LG_PAYLOAD_INDICES ? sizeof(uint32_t)
                                                      : 0;
@@ -77,8 +78,8 @@ static bool keep_payload(lg_tape *tape, const lg_program_node *node, lg_attr *at
 static lg_var record(const applying *a, const lg_program_node *node, const lg_var *in, lg_shape shape) {
     lg_attr attr;
     if (!lg_node_attr_at(a->f, node, a->rows, &attr))
-        return lg_tape_fail(a->tape, LG_SHAPE, lg_ops[node->op]->name, "an attribute is out of range");
-    if (lg_ops[node->op]->record != NULL) return lg_ops[node->op]->record(a->tape, in[0], &attr, shape);
+        return lg_tape_fail(a->tape, LG_SHAPE, node->op->name, "an attribute is out of range");
+    if (node->op->record != NULL) return node->op->record(a->tape, in[0], &attr, shape);
     if (!keep_payload(a->tape, node, &attr)) return LG_NONE;
     return lg_record_shaped(a->tape, node->op, in, node->inputs, &attr, shape);
 }
@@ -88,7 +89,7 @@ static lg_var operation(const applying *a, const lg_program_node *node, lg_shape
     for (uint32_t k = 0; k < node->inputs; k++) in[k] = a->made[a->f->edges[node->first + k]];
     const lg_var made = record(a, node, in, shape);
     if (!lg_is_none(made) && !lg_same_shape(&lg_node_at(a->tape, made)->shape, &shape))
-        return lg_tape_fail(a->tape, LG_SHAPE, lg_ops[node->op]->name,
+        return lg_tape_fail(a->tape, LG_SHAPE, node->op->name,
                             "with so many rows its shape is another one than stated");
     return made;
 }
@@ -100,7 +101,7 @@ static void record_nodes(applying *a) {
         if (!lg_node_shape_at(node, a->rows, &shape))
             a->made[i] = lg_tape_fail(a->tape, LG_SHAPE, a->f->name, "a dimension is out of range");
         else
-            a->made[i] = node->op == LG_OP_LEAF ? leaf(a, node, shape) : operation(a, node, shape);
+            a->made[i] = node->op == &lg_op_leaf ? leaf(a, node, shape) : operation(a, node, shape);
     }
 }
 

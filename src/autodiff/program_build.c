@@ -9,6 +9,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "autodiff/op_rows.h"
 #include "autodiff/program.h"
 #include "liegrad/random.h"
 
@@ -130,14 +131,14 @@ static const char *taken_by(const building *b, uint32_t i) {
     const lg_tape *tape = b->r[0].tape;
     for (uint32_t j = i + 1; j < b->count; j++)
         for (uint32_t k = 0; k < tape->nodes[j].inputs; k++)
-            if (tape->parents[tape->nodes[j].parents + k] == i) return lg_ops[tape->nodes[j].op]->name;
+            if (tape->parents[tape->nodes[j].parents + k] == i) return tape->nodes[j].op->name;
     return "an output";
 }
 
 static lg_status refuse(building *b, uint32_t i, const char *why) {
     const lg_node *node = node_in(b, 0, i);
-    const char *name = lg_ops[node->op]->name, *by = taken_by(b, i);
-    const bool leaf = node->op == LG_OP_LEAF;
+    const char *name = node->op->name, *by = taken_by(b, i);
+    const bool leaf = node->op == &lg_op_leaf;
     look_at(b, i);
     const char *where = b->r[0].tape->watched;
     return lg_fail(b->error, LG_UNSUPPORTED, "function '%s': %s%s%s%s%s: %s", b->spec->name,
@@ -153,7 +154,7 @@ static lg_status refuse_structure(const building *b, uint32_t i) {
         b->error, LG_UNSUPPORTED,
         "function '%s': another number of rows or other numbers record other operations, from number %u "
         "(%s) on: a program cannot branch on values or loop over rows",
-        b->spec->name, i, lg_ops[node_in(b, 0, last)->op]->name);
+        b->spec->name, i, node_in(b, 0, last)->op->name);
 }
 
 static lg_status compare_structure(const building *b) {
@@ -276,7 +277,7 @@ static lg_status add_indices(building *b, lg_program_node *node, const uint32_t 
 
 static lg_status payload(building *b, uint32_t i, lg_program_node *node) {
     const lg_node *from = node_in(b, 0, i);
-    switch (lg_ops[from->op]->payload) {
+    switch (from->op->payload) {
     case LG_PAYLOAD_REALS:
         if (!same_payload(b, i, from->inputs * sizeof(double)))
             return refuse(b, i, "its coefficients depend on numbers or on the number of rows");
@@ -347,17 +348,16 @@ static lg_status node(building *b, uint32_t i, lg_program_node *out) {
     const lg_tape *tape = b->r[0].tape;
     const lg_node *from = &tape->nodes[i];
     lg_function *f = &b->made;
-    *out = (lg_program_node){
-        .op = (lg_op_code)from->op, .inputs = from->inputs, .first = (uint32_t)f->edge_count};
+    *out = (lg_program_node){.op = from->op, .inputs = from->inputs, .first = (uint32_t)f->edge_count};
     for (uint32_t k = 0; k < from->inputs; k++)
         f->edges[f->edge_count++] = b->place[tape->parents[from->parents + k]] - 1;
     if (!affine_shape(b, i, out)) return refuse(b, i, "its shape is not affine in the number of rows");
     if (!affine_attributes(b, i, out))
         return refuse(b, i, "an attribute is not affine in the number of rows");
     for (uint32_t k = 0; k < LG_WHOLE_COUNT; k++)
-        if (lg_ops[from->op]->follows >> k & 1) out->i[k] = (lg_affine){0, 0};
+        if (from->op->follows >> k & 1) out->i[k] = (lg_affine){0, 0};
     if (!real_attribute(b, i, out)) return refuse(b, i, "an attribute depends on numbers");
-    return from->op == LG_OP_LEAF ? leaf(b, i, out) : payload(b, i, out);
+    return from->op == &lg_op_leaf ? leaf(b, i, out) : payload(b, i, out);
 }
 
 /* A row's shape, or that of what all rows share. */
@@ -383,7 +383,7 @@ static lg_status output_port(building *b, size_t j, lg_port *port) {
 /* Before anything else: what it is given may be numbers of its own, and would be named in its place. */
 static lg_status refuse_custom(building *b) {
     for (uint32_t i = 0; i < b->count; i++)
-        if (b->place[i] != 0 && lg_ops[node_in(b, 0, i)->op]->payload == LG_PAYLOAD_IN_PROCESS)
+        if (b->place[i] != 0 && node_in(b, 0, i)->op->payload == LG_PAYLOAD_IN_PROCESS)
             return refuse(b, i, "an operation of the caller's own lives in this process only");
     return LG_OK;
 }

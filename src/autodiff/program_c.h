@@ -1,4 +1,5 @@
-/* The writer of C inside: what has been written once, and the plan that is being written. */
+/* The writer of C inside: what has been written once, and the plan that is being written. program_c_text.c has
+ * the pieces, program_c_scalars.c and program_c_body.c the bodies of functions, program_c.c the whole. */
 #ifndef LG_PROGRAM_C_H
 #define LG_PROGRAM_C_H
 
@@ -59,31 +60,41 @@ struct lg_c {
     size_t indices_at; /* $i */
 };
 
-/* ---- failures; each returns false ---- */
+/* ---- failures ---- */
 
+/* Returns false. */
 bool lg_c_fail(lg_c *c, lg_status status, const char *format, ...) __attribute__((format(printf, 3, 4)));
+void lg_c_fail_memory(lg_c *c);
 bool lg_c_good(lg_c *c); /* no failure so far, texts included */
 /* Room for `needed` elements of `size` bytes; what is new is zero. */
 bool lg_c_room(lg_c *c, void **array, size_t *capacity, size_t needed, size_t size);
 
 /* ---- pieces of text ---- */
 
+/* A line of tokens at this depth, broken where it is long. */
+void lg_c_add_line(lg_text *to, int depth, const char *line, size_t length);
+/* `text` with `name` for @. */
+void lg_c_add_definition(lg_text *to, const char *text, const char *name);
 void lg_c_need(lg_c *c, const lg_c_fragment *fragment);
 /* A static function with this text (@ for its name), unless it stands there; its name. `title` begins it;
  * `stack`: bytes of its frame; blocks are counted once, for they follow each other. NULL on failure. */
 const char *lg_c_define(lg_c *c, const char *title, const char *text, size_t stack, bool block);
-/* The memory of a place as C: "work + 12". */
+/* The ranges of the plan's constants that its steps read, into the table of weights. */
+void lg_c_collect_constants(lg_c *c, const lg_plan *plan);
 /* Where an element of the constants that steps read stands in the weights. */
 size_t lg_c_constant_at(const lg_c *c, size_t offset);
+/* The memory of a place as C: "work + 12". */
 void lg_c_add_place(lg_c *c, lg_text *to, lg_place place);
 /* Whether the word stands in the text. */
 bool lg_c_uses(const char *text, const char *word);
 /* Memory that is used. */
 void lg_c_use(lg_c *c, lg_place place, size_t count);
 
-/* ---- scalar code (program_c_scalars.c) ---- */
+/* ---- bodies of functions ---- */
 
 void lg_c_elementwise(lg_c *c, const lg_op *op, const lg_evaluation *e);
 void lg_c_scalars(lg_c *c, const lg_scalar_step *step);
+/* A plan as the function `public`, or as a static one (NULL); its name, NULL on failure. */
+const char *lg_c_write_plan(lg_c *c, const lg_plan *plan, const char *public, size_t *work);
 
 #endif

@@ -1,4 +1,6 @@
 /* Functions of a program to plain data and back. */
+#include "autodiff/op_rows.h"
+#include "autodiff/op_table.h"
 #include "liegrad/program_image.h"
 
 #include <stdio.h>
@@ -15,8 +17,8 @@ _Static_assert(LG_WHOLE_COUNT == sizeof((lg_program_node *)0)->i / sizeof(lg_aff
 /* ---- to plain data ---- */
 
 static lg_operation operation_of(const lg_function *f, const lg_program_node *node) {
-    const lg_op *op = lg_ops[node->op];
-    const bool leaf = node->op == LG_OP_LEAF;
+    const lg_op *op = node->op;
+    const bool leaf = node->op == &lg_op_leaf;
     lg_operation o = {.name = leaf ? leaf_names[node->leaf] : op->name,
                       .revision = leaf ? 1 : 1u + op->revision,
                       .inputs = f->edges + node->first,
@@ -90,14 +92,13 @@ static lg_status find_operation(const making *m, size_t i, lg_program_node *node
     const lg_operation *o = &m->from->operations[i];
     for (uint32_t leaf = LG_LEAF_INPUT; o->name != NULL && leaf < LG_COUNT(leaf_names); leaf++)
         if (strcmp(o->name, leaf_names[leaf]) == 0) {
-            node->op = LG_OP_LEAF;
+            node->op = &lg_op_leaf;
             node->leaf = (lg_leaf)leaf;
         }
-    for (int op = LG_OP_LEAF + 1; o->name != NULL && node->leaf == LG_LEAF_NONE && op < LG_OP_COUNT; op++)
-        if (strcmp(o->name, lg_ops[op]->name) == 0) node->op = (lg_op_code)op;
-    if (node->op == LG_OP_LEAF && node->leaf == LG_LEAF_NONE)
+    if (o->name != NULL && node->leaf == LG_LEAF_NONE) node->op = lg_op_named(o->name);
+    if (node->op == NULL || (node->op == &lg_op_leaf && node->leaf == LG_LEAF_NONE))
         return refuse(m, i, LG_FORMAT, "there is no such operation");
-    const uint32_t known = node->op == LG_OP_LEAF ? 1u : 1u + lg_ops[node->op]->revision;
+    const uint32_t known = node->op == &lg_op_leaf ? 1u : 1u + node->op->revision;
     if (o->revision > known) return refuse(m, i, LG_VERSION, "it is of a later revision than is known here");
     if (o->revision < known) return refuse(m, i, LG_FORMAT, "it is of a revision that is not read any more");
     return LG_OK;
@@ -107,7 +108,7 @@ static lg_status find_operation(const making *m, size_t i, lg_program_node *node
 static lg_status take_payload(making *m, size_t i, lg_program_node *node) {
     const lg_operation *o = &m->from->operations[i];
     lg_function *f = &m->f;
-    const lg_payload payload = lg_ops[node->op]->payload;
+    const lg_payload payload = node->op->payload;
     const bool reals = node->leaf == LG_LEAF_CONSTANT || payload == LG_PAYLOAD_REALS;
     const bool indices = payload == LG_PAYLOAD_INDICES;
     if ((o->real_count > 0 && !reals) || (o->index_count > 0 && !indices))

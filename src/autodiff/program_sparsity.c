@@ -60,7 +60,7 @@ static lg_status spread_code(spreading *s, uint32_t node, lg_scalars *code, bool
     const lg_evaluation e = {
         .attr = &n->attr, .inputs = n->inputs, .in = shapes, .shape = &n->shape, .count = n->count};
     if (y == NULL) return LG_OUT_OF_MEMORY;
-    *known = lg_scalars_expand(code, lg_ops[n->op], &e, x, y);
+    *known = lg_scalars_expand(code, n->op, &e, x, y);
     if (!*known) return LG_OK;
     uint64_t *of = lg_heap_take(&s->heap, (size_t)code->count * s->words, sizeof *of),
              *set = sets_of(s, node);
@@ -79,7 +79,7 @@ static lg_status spread_code(spreading *s, uint32_t node, lg_scalars *code, bool
 
 static lg_status spread(spreading *s, uint32_t node) {
     const lg_graph_node *n = &s->g.node[node];
-    const lg_op *op = lg_ops[n->op];
+    const lg_op *op = n->op;
     size_t elements = n->count;
     bool any = false, known = false;
     for (uint32_t k = 0; k < n->inputs; k++) {

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "autodiff/kernels/stumpff.h"
+#include "kernels/stumpff.h"
 
 uint32_t lg_scalar_instructions(lg_scalar_op op) {
     static const uint8_t count[LG_SCALAR_OPS] = {
@@ -297,10 +297,12 @@ static void expand_elementwise(lg_scalars *s, const lg_op *op, const lg_evaluati
 
 bool lg_scalars_expand(lg_scalars *s, const lg_op *op, const lg_evaluation *e, const lg_scalar *const *x,
                        lg_scalar *y) {
+    lg_evaluation by = *e;
+    by.op = op;
     if (op->element != NULL)
         expand_elementwise(s, op, e, x, y);
     else if (op->expand != NULL)
-        op->expand(s, e, x, y);
+        op->expand(s, &by, x, y);
     else
         return false;
     return !s->failed;

@@ -19,7 +19,7 @@ bool lg_valid_list(lg_tape *tape, const lg_var *list, size_t n, const char *name
 }
 
 bool lg_frozen(const lg_node *node, uint32_t input) {
-    return input < 32 && ((lg_ops[node->op]->frozen >> input) & 1u) != 0;
+    return input < 32 && ((node->op->frozen >> input) & 1u) != 0;
 }
 
 void lg_mark_reach(const lg_tape *tape, lg_range range, const lg_var *wrt, size_t n, uint8_t *reach) {
@@ -44,7 +44,7 @@ void lg_reverse_step(lg_tape *tape, lg_range range, const uint8_t *reach, struct
         need[k] = parents[k] >= range.lo && reach[parents[k] - range.lo] && !lg_frozen(node, k);
         out[k] = LG_NONE;
     }
-    lg_reverse r = {tape, i, lg_var_at(tape, i), g, &attr, in, inputs, need, out, sweep};
-    lg_ops[node->op]->vjp(&r);
-    if (lg_planted(tape, i, LG_PLANT_VJP)) lg_plant_vjp(&r);
+    const lg_op *op = lg_row_in_use(&tape->exchange, node->op);
+    lg_reverse r = {op, tape, i, lg_var_at(tape, i), g, &attr, in, inputs, need, out, sweep, false};
+    op->vjp(&r);
 }

@@ -24,8 +24,4 @@ static inline const uint32_t *lg_parents_of(const lg_tape *tape, const lg_node *
     return &tape->parents[node->parents];
 }
 
-static inline bool lg_planted(const lg_tape *tape, uint32_t node, lg_plant_direction direction) {
-    return tape->plant != NULL && lg_plant_hits(tape, node, direction);
-}
-
 #endif

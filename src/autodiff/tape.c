@@ -1,14 +1,8 @@
-/* The tape: nodes, handles, marks, the sticky error, leaves and readers. */
+/* The tape: nodes, handles, marks, the sticky error, recording and readers. */
 #include "autodiff/tape_internal.h"
 
 #include <stdio.h>
 #include <string.h>
-
-const lg_op *const lg_ops[LG_OP_COUNT] = {
-#define X(code, name) &lg_op_##name,
-    LG_OP_LIST(X)
-#undef X
-};
 
 /* ---- life ---- */
 
@@ -100,18 +94,7 @@ lg_mark lg_tape_mark(const lg_tape *tape) {
 }
 
 void lg_forget_nodes(lg_tape *tape, uint32_t node) {
-    uint32_t kept = 0;
-    for (uint32_t i = 0; i < tape->transposed_count; i++) {
-        uint32_t owner = tape->transposed[i];
-        if (owner < node) {
-            tape->transposed[kept++] = owner;
-        } else {
-            lg_node *n = &tape->nodes[owner];
-            lg_pool_give(tape, n->transposed, n->count * tape->k->size);
-            n->transposed = NULL;
-        }
-    }
-    tape->transposed_count = kept;
+    lg_forget_transposes(tape, node);
     tape->count = node;
 }
 
@@ -225,7 +208,7 @@ static bool reserve(lg_tape *tape, uint32_t inputs) {
                    sizeof *tape->parents);
 }
 
-static lg_node *append_node(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs,
+static lg_node *append_node(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs,
                             const lg_attr *attr, lg_shape shape, void *value, uint32_t flags) {
     lg_node *node = &tape->nodes[tape->count];
     node->value = value;
@@ -238,7 +221,7 @@ static lg_node *append_node(lg_tape *tape, lg_op_code op, const lg_var *in, uint
     node->shape = shape;
     node->generation = tape->generation;
     node->parents = tape->parents_count;
-    node->op = (uint8_t)op;
+    node->op = op;
     node->inputs = (uint8_t)inputs;
     node->flags = (uint8_t)flags;
     for (uint32_t i = 0; i < inputs; i++) tape->parents[tape->parents_count + i] = in[i].index;
@@ -259,7 +242,7 @@ static lg_var commit(lg_tape *tape, uint32_t inputs) {
     return lg_var_at(tape, tape->count++);
 }
 
-lg_var lg_record_value(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, const lg_attr *attr,
+lg_var lg_record_value(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs, const lg_attr *attr,
                        lg_shape shape, void *value, uint32_t flags) {
     if (tape->status != LG_OK || !reserve(tape, inputs)) return LG_NONE;
     append_node(tape, op, in, inputs, attr, shape, value, flags);
@@ -290,10 +273,9 @@ static lg_status evaluate(lg_tape *tape, const lg_op *op, const lg_var *in, lg_e
 }
 
 /* `over`: the value is that of the first input. `shape`: the one asked for, where it is given. */
-static lg_var record(lg_tape *tape, lg_op_code code, const lg_var *in, uint32_t inputs, const lg_attr *attr,
+static lg_var record(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs, const lg_attr *attr,
                      lg_shape shape, bool over) {
     static const lg_attr none;
-    const lg_op *op = lg_ops[code];
     const lg_node *nodes[LG_MAX_INPUTS];
     const lg_shape *shapes[LG_MAX_INPUTS];
     const void *values[LG_MAX_INPUTS];
@@ -328,176 +310,25 @@ static lg_var record(lg_tape *tape, lg_op_code code, const lg_var *in, uint32_t 
         if (tape->unrecorded) lg_pool_give(tape, value, count * tape->k->size);
         return lg_tape_fail(tape, status, op->name, lg_status_sentence(status));
     }
-    lg_node *node = append_node(tape, code, in, inputs, attr, shape, value,
+    lg_node *node = append_node(tape, op, in, inputs, attr, shape, value,
                                 tape->unrecorded ? (uint32_t)LG_NODE_POOLED : 0u);
     if (op->payload == LG_PAYLOAD_KEPT) node->attr.pointer = e.kept;
     if (over) tape->nodes[in[0].index].flags |= LG_NODE_NO_VALUE;
     return commit(tape, inputs);
 }
 
-lg_var lg_record(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, const lg_attr *attr) {
+lg_var lg_record(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs, const lg_attr *attr) {
     return record(tape, op, in, inputs, attr, lg_shape0(), false);
 }
 
-lg_var lg_record_over(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, const lg_attr *attr) {
+lg_var lg_record_over(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs,
+                      const lg_attr *attr) {
     return record(tape, op, in, inputs, attr, lg_shape0(), true);
 }
 
-lg_var lg_record_shaped(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, const lg_attr *attr,
-                        lg_shape shape) {
+lg_var lg_record_shaped(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs,
+                        const lg_attr *attr, lg_shape shape) {
     return record(tape, op, in, inputs, attr, shape, false);
-}
-
-void lg_no_vjp(lg_reverse *r) {
-    (void)r;
-}
-
-lg_var lg_zero_jvp(const lg_forward *f) {
-    return lg_zeros_like(f->tape, f->y);
-}
-
-/* ---- transposes ---- */
-
-void lg_tape_constant(lg_tape *tape, const void *memory, size_t bytes) {
-    for (uint32_t i = 0; i < tape->lasting_count; i++) {
-        const lg_lasting *l = &tape->lasting[i];
-        lg_pool_give(tape, l->transposed, (size_t)l->rows * l->cols * tape->k->size);
-    }
-    tape->lasting_count = 0;
-    tape->constant = memory;
-    tape->constant_bytes = bytes;
-}
-
-static bool is_constant(const lg_tape *tape, const lg_node *node) {
-    const uintptr_t at = (uintptr_t)node->value - (uintptr_t)tape->constant;
-    return at < tape->constant_bytes && node->count * tape->k->size <= tape->constant_bytes - at;
-}
-
-static uint32_t columns_of(const lg_node *node) {
-    return node->shape.dims[node->shape.rank - 1];
-}
-
-static uint32_t rows_of(const lg_node *node) {
-    return node->shape.rank == 3 ? node->shape.dims[0] * node->shape.dims[1] : node->shape.dims[0];
-}
-
-static void *lasting_transpose(const lg_tape *tape, const lg_node *node) {
-    for (uint32_t i = 0; i < tape->lasting_count; i++) {
-        const lg_lasting *l = &tape->lasting[i];
-        if (l->value == node->value && l->rows == rows_of(node) && l->cols == columns_of(node))
-            return l->transposed;
-    }
-    return NULL;
-}
-
-static void *make_transpose(lg_tape *tape, const lg_node *node) {
-    void *memory = lg_pool_take(tape, node->count * tape->k->size);
-    if (memory != NULL) tape->k->transpose(rows_of(node), columns_of(node), node->value, memory);
-    return memory;
-}
-
-static void *new_lasting(lg_tape *tape, const lg_node *node) {
-    if (!lg_grow(tape, (void **)&tape->lasting, &tape->lasting_capacity, tape->lasting_count + 1,
-                 sizeof *tape->lasting))
-        return NULL;
-    void *memory = make_transpose(tape, node);
-    if (memory == NULL) return NULL;
-    tape->lasting[tape->lasting_count++] = (lg_lasting){node->value, memory, rows_of(node), columns_of(node)};
-    return memory;
-}
-
-static void *new_owned(lg_tape *tape, const lg_node *node, uint32_t index) {
-    if (!lg_grow(tape, (void **)&tape->transposed, &tape->transposed_capacity, tape->transposed_count + 1,
-                 sizeof *tape->transposed))
-        return NULL;
-    void *memory = make_transpose(tape, node);
-    if (memory != NULL) tape->transposed[tape->transposed_count++] = index;
-    return memory;
-}
-
-const void *lg_transposed(lg_tape *tape, uint32_t index) {
-    lg_node *node = &tape->nodes[index];
-    if (node->transposed != NULL) return node->transposed;
-    if (is_constant(tape, node)) {
-        node->transposed = lasting_transpose(tape, node);
-        if (node->transposed == NULL) node->transposed = new_lasting(tape, node);
-    } else {
-        node->transposed = new_owned(tape, node, index);
-    }
-    return node->transposed;
-}
-
-/* ---- leaves ---- */
-
-static lg_status leaf_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr, lg_shape *out) {
-    (void)in, (void)inputs, (void)attr, (void)out;
-    return LG_INVALID_ARGUMENT;
-}
-
-const lg_op lg_op_leaf = {LG_OP("leaf", 0, 0, 0, leaf_shape, NULL, lg_no_vjp, lg_zero_jvp)};
-
-static lg_var record_leaf(lg_tape *tape, lg_shape shape, void *value, uint32_t flags) {
-    return lg_record_value(tape, LG_OP_LEAF, NULL, 0, NULL, shape, value, flags);
-}
-
-static void *leaf_memory(lg_tape *tape, const char *name, lg_shape *shape, bool valid) {
-    if (tape->status != LG_OK) return NULL;
-    if (shape->rank > LG_MAX_RANK || !valid) {
-        lg_tape_fail(tape, LG_INVALID_ARGUMENT, name, "rank above 4, or no data");
-        return NULL;
-    }
-    for (uint32_t i = shape->rank; i < LG_MAX_RANK; i++) shape->dims[i] = 0;
-    return lg_value_allocate(tape, lg_shape_count(*shape));
-}
-
-static uint32_t fresh_flags(const lg_tape *tape) {
-    return tape->unrecorded ? LG_NODE_POOLED : 0;
-}
-
-lg_var lg_input(lg_tape *tape, lg_shape shape, const void *data) {
-    void *value = leaf_memory(tape, "input", &shape, data != NULL);
-    if (value == NULL) return LG_NONE;
-    memcpy(value, data, lg_shape_count(shape) * tape->k->size);
-    return record_leaf(tape, shape, value, fresh_flags(tape));
-}
-
-lg_var lg_input_f64(lg_tape *tape, lg_shape shape, const double *data) {
-    void *value = leaf_memory(tape, "input", &shape, data != NULL);
-    if (value == NULL) return LG_NONE;
-    tape->k->convert_in(lg_shape_count(shape), data, value);
-    return record_leaf(tape, shape, value, fresh_flags(tape));
-}
-
-lg_var lg_input_buffer(lg_tape *tape, lg_shape shape, void **values) {
-    void *value = leaf_memory(tape, "input", &shape, values != NULL);
-    if (value == NULL) return LG_NONE;
-    *values = value;
-    return record_leaf(tape, shape, value, fresh_flags(tape));
-}
-
-lg_var lg_parameter(lg_tape *tape, lg_shape shape, const void *data) {
-    if (tape->status != LG_OK) return LG_NONE;
-    if (shape.rank > LG_MAX_RANK || data == NULL || lg_shape_count(shape) > SIZE_MAX / 16)
-        return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "parameter", "rank above 4, too large, or no data");
-    for (uint32_t i = shape.rank; i < LG_MAX_RANK; i++) shape.dims[i] = 0;
-    /* The tape never writes to a leaf's value. */
-    union {
-        const void *shared;
-        void *value;
-    } memory = {.shared = data};
-    return record_leaf(tape, shape, memory.value, 0);
-}
-
-lg_var lg_full(lg_tape *tape, lg_shape shape, double c) {
-    void *value = leaf_memory(tape, "full", &shape, true);
-    if (value == NULL) return LG_NONE;
-    tape->k->fill(lg_shape_count(shape), c, value);
-    return record_leaf(tape, shape, value, fresh_flags(tape));
-}
-
-lg_var lg_zeros_like(lg_tape *tape, lg_var v) {
-    if (tape->status != LG_OK) return LG_NONE;
-    return lg_full(tape, lg_node_at(tape, v)->shape, 0.0);
 }
 
 /* ---- readers ---- */

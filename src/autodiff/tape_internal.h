@@ -8,74 +8,8 @@
 
 #include "autodiff/op.h"
 #include "core/core.h"
-#include "liegrad/gradcheck.h"
 #include "liegrad/ops.h"
 #include "liegrad/tape.h"
-
-/* X(enumerator, descriptor): every operation that can be on a tape. lg-gradcheck has a row for each. */
-#define LG_OP_LIST(X)                                                                                        \
-    X(LEAF, leaf)                                                                                            \
-    X(ADD, add)                                                                                              \
-    X(SUB, sub)                                                                                              \
-    X(MUL, mul)                                                                                              \
-    X(DIV, div)                                                                                              \
-    X(MAX, max)                                                                                              \
-    X(ATAN2, atan2)                                                                                          \
-    X(SELECT, select)                                                                                        \
-    X(GE, ge)                                                                                                \
-    X(MIX, mix)                                                                                              \
-    X(COMBINE, combine)                                                                                      \
-    X(SCALE, scale)                                                                                          \
-    X(SHIFT, shift)                                                                                          \
-    X(POW, pow)                                                                                              \
-    X(SQRT, sqrt)                                                                                            \
-    X(EXP, exp)                                                                                              \
-    X(LOG, log)                                                                                              \
-    X(SIN, sin)                                                                                              \
-    X(COS, cos)                                                                                              \
-    X(ABS, abs)                                                                                              \
-    X(SIGN, sign)                                                                                            \
-    X(STOP, stop_gradient)                                                                                   \
-    X(ACT, act)                                                                                              \
-    X(ACT_DERIVATIVE, act_derivative)                                                                        \
-    X(DUAL_ACT, dual_act)                                                                                    \
-    X(DUAL_MIX, dual_mix)                                                                                    \
-    X(MATMUL, matmul)                                                                                        \
-    X(REDUCE, reduce)                                                                                        \
-    X(REPEAT, repeat)                                                                                        \
-    X(REDUCE_MAX, reduce_max)                                                                                \
-    X(ARGMAX_MASK, argmax_mask)                                                                              \
-    X(RESHAPE, reshape)                                                                                      \
-    X(SLICE, slice)                                                                                          \
-    X(PAD, pad)                                                                                              \
-    X(CONCAT, concat)                                                                                        \
-    X(PERMUTE, permute)                                                                                      \
-    X(CONV1D, conv1d)                                                                                        \
-    X(CONV1D_BLOCK, conv1d_block)                                                                            \
-    X(CONV1D_INPUT, conv1d_input)                                                                            \
-    X(CONV1D_WEIGHT, conv1d_weight)                                                                          \
-    X(AVG_POOL1D, avg_pool1d)                                                                                \
-    X(AVG_POOL1D_ADJOINT, avg_pool1d_adjoint)                                                                \
-    X(POOL_PICK, pool_pick)                                                                                  \
-    X(POOL_PLACE, pool_place)                                                                                \
-    X(GATHER, gather)                                                                                        \
-    X(SCATTER, scatter)                                                                                      \
-    X(ROWDOT, rowdot)                                                                                        \
-    X(CROSS, cross)                                                                                          \
-    X(SPD_FACTOR, spd_factor)                                                                                \
-    X(SPD_SOLVE, spd_solve)                                                                                  \
-    X(STUMPFF, stumpff)                                                                                      \
-    X(DEXPINV_COEF, dexpinv_coef)                                                                            \
-    X(LIE, lie)                                                                                              \
-    X(CUSTOM, custom)                                                                                        \
-    X(CUSTOM_DERIVATIVE, custom_derivative)
-
-typedef enum lg_op_code {
-#define X(code, name) LG_OP_##code,
-    LG_OP_LIST(X)
-#undef X
-        LG_OP_COUNT
-} lg_op_code;
 
 enum {
     LG_NODE_POOLED = 1,  /* the value is a pool block that the node owns (unrecorded mode only) */
@@ -84,6 +18,7 @@ enum {
 };
 
 typedef struct lg_node {
+    const lg_op *op;
     void *value;
     void *transposed; /* transpose of the value; NULL until asked for. Its owner: see lg_transposed */
     size_t count;
@@ -91,7 +26,7 @@ typedef struct lg_node {
     lg_shape shape;
     uint32_t generation;
     uint32_t parents; /* offset into lg_tape.parents */
-    uint8_t op, inputs, flags;
+    uint8_t inputs, flags;
 } lg_node;
 
 typedef struct lg_chunk {
@@ -153,7 +88,7 @@ struct lg_tape {
     uint32_t watch; /* 1 + a node at whose recording the scope is written down; 0: none */
     char watched[160];
     size_t spd_failures;
-    struct lg_plant *plant; /* a deliberately wrong derivative (gradcheck_plant.c); NULL */
+    lg_exchange exchange; /* of the derivatives of one operation */
 };
 
 /* ---- the interface of an operation ---- */
@@ -161,6 +96,7 @@ struct lg_tape {
 /* One reverse step. out[k] is set to the cotangent of input k, LG_NONE for zero, or left when need[k] is
  * false. */
 typedef struct lg_reverse {
+    const lg_op *op; /* the row in use */
     lg_tape *tape;
     uint32_t node;
     lg_var y, g;
@@ -170,10 +106,12 @@ typedef struct lg_reverse {
     const bool *need;
     lg_var *out;
     struct lg_sweep *sweep; /* NULL when recorded */
+    bool put_out;           /* no adjoint is to be written in place: whoever calls looks at `out` */
 } lg_reverse;
 
 /* One forward step: tangents[k] is LG_NONE when input k does not vary. Returns the output's tangent. */
 typedef struct lg_forward {
+    const lg_op *op; /* the row in use */
     lg_tape *tape;
     lg_var y;
     const lg_attr *attr;
@@ -181,24 +119,19 @@ typedef struct lg_forward {
     uint32_t inputs;
 } lg_forward;
 
-extern const lg_op *const lg_ops[LG_OP_COUNT];
-#define X(code, name) extern const lg_op lg_op_##name;
-LG_OP_LIST(X)
-#undef X
-
 /* ---- recording ---- */
 
 /* Validates handles, asks for the shape, allocates, evaluates, records. `attr` may be NULL. */
-lg_var lg_record(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, const lg_attr *attr);
+lg_var lg_record(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs, const lg_attr *attr);
 /* Records a node whose value is given (a view, a fused result): shape rule and forward are not run. */
-lg_var lg_record_value(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, const lg_attr *attr,
+lg_var lg_record_value(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs, const lg_attr *attr,
                        lg_shape shape, void *value, uint32_t flags);
 /* lg_record of an operation that works in place of its first input's value, which becomes its own: the
  * input's node must be the newest, and its value never be read again. Recorded mode only. */
-lg_var lg_record_over(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, const lg_attr *attr);
+lg_var lg_record_over(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs, const lg_attr *attr);
 /* For operations whose output's shape is `given`. */
-lg_var lg_record_shaped(lg_tape *tape, lg_op_code op, const lg_var *in, uint32_t inputs, const lg_attr *attr,
-                        lg_shape shape);
+lg_var lg_record_shaped(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t inputs,
+                        const lg_attr *attr, lg_shape shape);
 /* For what is constant to differentiation. */
 void lg_no_vjp(lg_reverse *r);
 lg_var lg_zero_jvp(const lg_forward *f);
@@ -220,6 +153,8 @@ void *lg_payload_allocate(lg_tape *tape, size_t bytes);
 /* Transpose of a node's value of rank 2, or of rank 3 seen as (d0 d1, d2), made once: it lasts as long as the
  * node, or as the memory that has been declared constant. NULL: error set. */
 const void *lg_transposed(lg_tape *tape, uint32_t node);
+/* Gives back the transposes that nodes from `node` on own. */
+void lg_forget_transposes(lg_tape *tape, uint32_t node);
 /* The transpose where `use` says that it is of use, else NULL. */
 const void *lg_kept_transpose(lg_tape *tape, lg_transpose_use use, uint32_t node);
 static inline lg_crew lg_tape_crew(const lg_tape *tape) {
@@ -241,8 +176,8 @@ void lg_forget_nodes(lg_tape *tape, uint32_t node);
 
 /* ---- help for vjps ---- */
 
-/* Whether this step may write its inputs' adjoints by itself: nobody records or plants errors in it, and no
- * two wanted inputs share memory. */
+/* Whether this step may write its inputs' adjoints by itself: nobody records it or looks at
+ * `out`, and no two wanted inputs share memory. */
 bool lg_reverse_in_place(const lg_reverse *r);
 /* Then: memory of input k's adjoint. *add: it holds numbers already and is added to; else it is to be
  * written, all of it. NULL: error set. */
@@ -268,14 +203,6 @@ void lg_gemm(lg_tape *tape, uint32_t variant, size_t m, size_t n, size_t k, cons
  */
 lg_status lg_backward_set_bounded(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, void *const *grad,
                                   double *bound);
-
-/* Planted errors. With a plant on the tape: whether it strikes this node's vjp or jvp;
- * its mutation of what a vjp has put out; a jvp with its mutation. */
-bool lg_plant_hits(const lg_tape *tape, uint32_t node, lg_plant_direction direction);
-void lg_plant_vjp(lg_reverse *r);
-/* The same in the scalar code y of an operation. */
-void lg_plant_scalars(struct lg_plant *plant, lg_op_code op, lg_scalars *s, lg_scalar *y, size_t count);
-lg_var lg_plant_jvp(const lg_forward *f);
 
 lg_var lg_zeros_like(lg_tape *tape, lg_var v);
 /* a + b where LG_NONE is zero */

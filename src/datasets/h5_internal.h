@@ -1,4 +1,5 @@
-/* Shared by the two halves of h5.h. */
+/* Inside of h5.h: h5.c is below h5_read.c, h5_texts.c and h5_write.c, which do not call each other but for the
+ * data sets that h5_texts.c opens by h5_read.c. */
 #ifndef LG_H5_INTERNAL_H
 #define LG_H5_INTERNAL_H
 

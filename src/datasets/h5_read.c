@@ -76,37 +76,28 @@ lg_status lg_h5_edit(const lg_context *context, const char *path, lg_h5 **out, l
     return open_handle(context, path, NULL, true, out, error);
 }
 
-/* ---- what is there ---- */
+typedef struct read_call {
+    const lg_context *context;
+    const char *path;
+    const lg_read_options *options;
+    lg_status (*read)(void *user, lg_h5 *h5, lg_error *error);
+    void *user;
+} read_call;
 
-/* Every link on the way exists and the last one leads to an object. */
-bool lg_path_exists(lg_h5 *h5, const char *name) {
-    char part[512];
-    size_t length = strlen(name);
-    if (length >= sizeof part) return false;
-    memcpy(part, name, length + 1);
-    for (size_t i = 1; i < length; i++) {
-        if (part[i] != '/') continue;
-        part[i] = '\0';
-        bool there = H5Lexists(h5->file, part, h5->links) > 0;
-        part[i] = '/';
-        if (!there) return false;
-    }
-    return H5Lexists(h5->file, name, h5->links) > 0 && H5Oexists_by_name(h5->file, name, h5->links) > 0;
+static lg_status open_and_read(void *user, lg_error *error) {
+    const read_call *call = user;
+    lg_h5 *h5;
+    LG_TRY(lg_h5_open(call->context, call->path, call->options, &h5, error));
+    const lg_status status = call->read(call->user, h5, error);
+    lg_h5_close(h5);
+    return status;
 }
 
-bool lg_h5_has(lg_h5 *h5, const char *name) {
-    lg_h5_quiet quiet = lg_quiet_begin();
-    bool there = *name == '\0' || lg_path_exists(h5, name);
-    lg_quiet_end(quiet);
-    return there;
-}
-
-bool lg_h5_has_attribute(lg_h5 *h5, const char *object, const char *name) {
-    lg_h5_quiet quiet = lg_quiet_begin();
-    bool there = (*object == '\0' || lg_path_exists(h5, object)) &&
-                 H5Aexists_by_name(h5->file, *object == '\0' ? "/" : object, name, h5->links) > 0;
-    lg_quiet_end(quiet);
-    return there;
+lg_status lg_h5_read(const lg_context *context, const char *path, const lg_read_options *options,
+                     lg_status (*read)(void *user, lg_h5 *h5, lg_error *error), void *user, lg_error *error) {
+    read_call call = {context, path, options, read, user};
+    LG_TRY(lg_probe(path, options, open_and_read, &call, error));
+    return open_and_read(&call, error);
 }
 
 /* ---- data sets ---- */

@@ -125,27 +125,3 @@ lg_status lg_probe(const char *path, const lg_read_options *options,
                        lg_shown_path(path));
     return report.status == LG_OK ? LG_OK : lg_fail(error, report.status, "%s", report.message);
 }
-
-typedef struct read_call {
-    const lg_context *context;
-    const char *path;
-    const lg_read_options *options;
-    lg_status (*read)(void *user, lg_h5 *h5, lg_error *error);
-    void *user;
-} read_call;
-
-static lg_status open_and_read(void *user, lg_error *error) {
-    const read_call *call = user;
-    lg_h5 *h5;
-    LG_TRY(lg_h5_open(call->context, call->path, call->options, &h5, error));
-    const lg_status status = call->read(call->user, h5, error);
-    lg_h5_close(h5);
-    return status;
-}
-
-lg_status lg_h5_read(const lg_context *context, const char *path, const lg_read_options *options,
-                     lg_status (*read)(void *user, lg_h5 *h5, lg_error *error), void *user, lg_error *error) {
-    read_call call = {context, path, options, read, user};
-    LG_TRY(lg_probe(path, options, open_and_read, &call, error));
-    return open_and_read(&call, error);
-}

@@ -315,10 +315,6 @@ static lg_status create_system(reading *r, double *values, lg_named_values *name
                         inner.message);
 }
 
-lg_status lg_scene_no_memory(const reading *r) {
-    return lg_fail(r->error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_yaml_path(r->yaml));
-}
-
 static lg_status read_system(reading *r) {
     size_t numbers = 0, rows = 0;
     for (; r->table->parameters[rows].key != NULL; rows++)

@@ -33,7 +33,9 @@ static inline size_t per_link(size_t count, size_t links) {
     return count != 0 ? count : links;
 }
 
-lg_status lg_scene_no_memory(const reading *r);
+static inline lg_status lg_scene_no_memory(const reading *r) {
+    return lg_fail(r->error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_yaml_path(r->yaml));
+}
 /* r->out->state from the values of `initial`; the system is made. */
 lg_status lg_scene_read_start(reading *r);
 

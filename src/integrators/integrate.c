@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "autodiff/kernels/kernels.h"
+#include "kernels/kernels.h"
 #include "integrators/stepper.h"
 
 static inline double dmax(double a, double b) {

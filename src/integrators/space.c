@@ -5,8 +5,8 @@
 #include <stdint.h>
 #include <string.h>
 
-#include "autodiff/kernels/kernels.h"
-#include "autodiff/kernels/stumpff.h"
+#include "kernels/kernels.h"
+#include "kernels/stumpff.h"
 #include "core/core.h"
 #include "integrators/series.h"
 #include "liegrad/adjoint.h"

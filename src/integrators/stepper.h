@@ -27,8 +27,11 @@ typedef struct lg_newton {
 
 /* Elements of the algebra are rows of whole blocks (LG_K_STAGE_BLOCK), aligned; what lies behind algebra_dim
  * numbers is 0. */
+typedef struct lg_step_form lg_step_form;
+
 struct lg_stepper {
     const lg_scheme *scheme;
+    const lg_step_form *form; /* stepper.c */
     lg_ode ode;
     size_t evaluations;
     double angle;  /* largest in the last step */
@@ -38,9 +41,6 @@ struct lg_stepper {
     bool identity; /* dexpinv changes nothing: k_i is the field's value */
     bool dense;    /* the last step succeeded: dense output may look at it */
     const struct lg_kernels *kernels;
-    /* RKMK with exact dexpinv on copies of T*S^2: one kernel a stage, and what only kernels read, k_i and
-     * sigma, is packed. Not NULL then; states and rows have room for whole blocks of copies. */
-    const struct lg_kernels *packed;
     lg_memo memo[2];
     size_t row_size;                         /* numbers in a row, at least algebra_dim */
     double *k;                               /* (stages, row_size) */
@@ -63,9 +63,24 @@ lg_status lg_stepper_evaluate(lg_stepper *s, double t, const double *y, const do
 /* Takes the angle of an exponent into account. */
 void lg_stepper_turn(lg_stepper *s, const double *a);
 
+/* Whether the memo is of this time, up to rounding, and of this y of n numbers; to make it so. */
+bool lg_memo_holds(const lg_memo *memo, size_t n, double t, double h, const double *y);
+void lg_memo_keep(lg_memo *memo, size_t n, double t, const double *y);
+
 /* Steps of single kinds: from (t, y) to s->y_next. */
+lg_status lg_step_rkmk(lg_stepper *s, double t, double h, const double *y, const double *input);
+lg_status lg_step_commutator_free(lg_stepper *s, double t, double h, const double *y, const double *input);
+lg_status lg_step_splitting(lg_stepper *s, double t, double h, const double *y, const double *input);
+lg_status lg_step_variational(lg_stepper *s, double t, double h, const double *y, const double *input);
 lg_status lg_step_implicit(lg_stepper *s, double t, double h, const double *y, const double *input);
 lg_status lg_step_slgi(lg_stepper *s, double t, double h, const double *y, const double *input);
+
+/* RKMK for copies of T*S^2, packed; states and rows have room for whole blocks of copies. */
+bool lg_packed_fits(const lg_scheme *scheme, const lg_space *space);
+lg_status lg_step_packed(lg_stepper *s, double t, double h, const double *y, const double *input);
+/* The state of the last step at which the k_i have these weights. */
+void lg_dense_rkmk(const lg_stepper *s, const double *weight, double *y);
+void lg_dense_packed(const lg_stepper *s, const double *weight, double *y);
 
 /* Solves z = h f(t + theta h, stage(z)) into s->newton.z; `stage` writes the point of z. newton.scale is set.
  * Errors: LG_NO_CONVERGENCE, LG_NOT_FINITE (the field at y is not finite), the field's. */

@@ -8,7 +8,7 @@
 #ifndef LG_RISER_INTERNAL_H
 #define LG_RISER_INTERNAL_H
 
-#include "autodiff/kernels/kernels.h"
+#include "kernels/kernels.h"
 #include "core/core.h"
 #include "liegrad/riser.h"
 

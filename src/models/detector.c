@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "autodiff/kernels/kernels.h"
+#include "kernels/kernels.h"
 #include "core/core.h"
 #include "models/detector_internal.h"
 

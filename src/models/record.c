@@ -1,7 +1,7 @@
 /* Recording pieces that programs of learned models share. */
 #include "models/record.h"
 
-#include "autodiff/kernels/kernels.h"
+#include "kernels/kernels.h"
 #include "core/core.h"
 
 lg_var lg_record_copies(lg_tape *tape, lg_var x, uint32_t copies) {

@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "autodiff/kernels/kernels.h"
+#include "kernels/kernels.h"
 #include "liegrad/nn.h"
 
 lg_adam_options lg_adam_defaults(void) {

@@ -4,7 +4,7 @@
  * input when it is written. */
 #include <string.h>
 
-#include "autodiff/conv.h"
+#include "kernels/conv.h"
 #include "nn/cnn.h"
 #include "nn/eval.h"
 

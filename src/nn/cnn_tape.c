@@ -1,6 +1,7 @@
 /* Convolutional networks on a tape. */
 #include "core/core.h"
 #include "nn/cnn.h"
+#include "liegrad/ops.h"
 
 /* The network's parameters and input, or nothing to be done. */
 static bool fits(lg_tape *tape, const lg_cnn *net, size_t parameters, size_t offset, lg_var x) {

@@ -2,7 +2,7 @@
 #ifndef LG_NN_EVAL_H
 #define LG_NN_EVAL_H
 
-#include "autodiff/kernels/kernels.h"
+#include "kernels/kernels.h"
 #include "core/core.h"
 #include "liegrad/ops.h"
 

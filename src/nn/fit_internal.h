@@ -2,7 +2,7 @@
 #ifndef LG_FIT_INTERNAL_H
 #define LG_FIT_INTERNAL_H
 
-#include "autodiff/kernels/kernels.h"
+#include "kernels/kernels.h"
 #include "core/core.h"
 #include "liegrad/nn.h"
 

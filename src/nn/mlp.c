@@ -1,5 +1,6 @@
 /* Multilayer perceptrons: description, initialisation, application on a tape. */
 #include "liegrad/nn.h"
+#include "liegrad/ops.h"
 
 #include <math.h>
 #include <string.h>

@@ -4,7 +4,7 @@
 
 #include <float.h>
 
-#include "autodiff/conv.h"
+#include "kernels/conv.h"
 #include "liegrad/ops.h"
 #include "liegrad/random.h"
 

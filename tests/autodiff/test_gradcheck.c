@@ -3,6 +3,8 @@
 #include "test_support.h"
 
 #include "autodiff/gradcheck_internal.h"
+#include "autodiff/op_rows.h"
+#include "autodiff/op_table.h"
 #include "support/fail_alloc.h"
 
 /* ---- the registry ---- */
@@ -69,19 +71,37 @@ TEST("every operation has a row") {
     const lg_gradcheck_case *row;
     lg_gradcheck_options options;
     lg_gradcheck_options_init(&options);
-    for (int op = 0; op < LG_OP_COUNT; op++) {
+    for (uint32_t at = 0; lg_ops[at] != NULL; at++) {
+        const lg_op *op = lg_ops[at];
         bool found = false;
         for (size_t i = 0; !found && (row = lg_gradcheck_operation(i)) != NULL; i++)
             for (size_t j = 0; j < LG_GRADCHECK_CASE_OPERATIONS && row->operations[j] != NULL; j++) {
-                if (strcmp(row->operations[j], lg_ops[op]->name) != 0) continue;
+                if (strcmp(row->operations[j], op->name) != 0) continue;
                 uint32_t inputs = 0;
-                assert_ok(lg_gradcheck_inputs_of(NULL, &row->function, &options, (lg_op_code)op, &inputs));
-                if (inputs == 0 && op != LG_OP_LEAF)
-                    fail_msg("%s has no %s on its tape", row->function.name, lg_ops[op]->name);
+                assert_ok(lg_gradcheck_inputs_of(NULL, &row->function, &options, op, &inputs));
+                if (inputs == 0 && op != &lg_op_leaf)
+                    fail_msg("%s has no %s on its tape", row->function.name, op->name);
                 found = true;
             }
-        if (!found) fail_msg("no row for the operation %s", lg_ops[op]->name);
+        if (!found) fail_msg("no row for the operation %s", op->name);
     }
+}
+
+static lg_op stray; /* a copy of a row, which the table does not have */
+
+static lg_var build_stray(const void *user, lg_tape *tape, const lg_var *x) {
+    (void)user;
+    return lg_record(tape, &stray, x, 1, NULL);
+}
+
+TEST("operations outside the table are refused") {
+    const lg_gradcheck_argument argument = {.shape = {1, {3}}, .low = 1.0, .high = 2.0};
+    const lg_gradcheck_function f = {
+        .name = "stray", .build = build_stray, .arguments = &argument, .inputs = 1};
+    lg_gradcheck_result result;
+    stray = lg_op_exp;
+    assert_status(lg_gradcheck(NULL, &f, NULL, &result), LG_UNSUPPORTED);
+    assert_non_null(strstr(result.message, "'exp' is not in the table"));
 }
 
 TEST("names are different and known") {
@@ -90,18 +110,20 @@ TEST("names are different and known") {
         for (size_t j = 0; j < i; j++)
             assert_string_not_equal(row->function.name, lg_gradcheck_operation(j)->function.name);
         for (size_t j = 0; j < LG_GRADCHECK_CASE_OPERATIONS && row->operations[j] != NULL; j++)
-            if (lg_op_by_name(row->operations[j]) < 0) fail_msg("unknown %s", row->operations[j]);
+            if (lg_op_named(row->operations[j]) == NULL) fail_msg("unknown %s", row->operations[j]);
     }
-    for (int a = 0; a < LG_OP_COUNT; a++)
-        for (int b = 0; b < a; b++) assert_string_not_equal(lg_ops[a]->name, lg_ops[b]->name);
+    for (uint32_t a = 0; lg_ops[a] != NULL; a++) {
+        assert_int_equal(lg_op_place(lg_ops[a]), a);
+        for (uint32_t b = 0; b < a; b++) assert_string_not_equal(lg_ops[a]->name, lg_ops[b]->name);
+    }
 }
 
 /* ---- planted errors ---- */
 
 typedef struct tally {
-    size_t outcome[LG_PLANT_EXCLUDED + 1], caught[LG_OP_COUNT][LG_PLANT_DIRECTIONS][LG_PLANT_MUTATIONS];
+    size_t outcome[LG_PLANT_EXCLUDED + 1], caught[LG_OPS_MOST][LG_PLANT_DIRECTIONS][LG_PLANT_MUTATIONS];
     size_t programs[LG_PLANT_EXCLUDED + 1], in_plans[LG_PLANT_PLAN_MUTATIONS];
-    size_t flat[LG_OP_COUNT][LG_PLANT_DIRECTIONS]; /* transpositions of one column or row: nothing changes */
+    size_t flat[LG_OPS_MOST][LG_PLANT_DIRECTIONS]; /* transpositions of one column or row: nothing changes */
 } tally;
 
 static void count_plant(void *user, const lg_gradcheck_case *row, const lg_gradcheck_plant *plant,
@@ -112,10 +134,10 @@ static void count_plant(void *user, const lg_gradcheck_case *row, const lg_gradc
     assert_true(strlen(reason) > 0 || outcome == LG_PLANT_MISSED);
     if (outcome == LG_PLANT_EXCLUDED && plant->mutation == LG_PLANT_TRANSPOSE &&
         strstr(reason, "changes no number") != NULL)
-        t->flat[lg_op_by_name(plant->operation)][plant->direction]++;
+        t->flat[lg_op_place(lg_op_named(plant->operation))][plant->direction]++;
     if (outcome == LG_PLANT_CAUGHT && of_plan) t->in_plans[plant->mutation - LG_PLANT_MUTATIONS]++;
     if (outcome == LG_PLANT_CAUGHT && !of_plan)
-        t->caught[lg_op_by_name(plant->operation)][plant->direction][plant->mutation]++;
+        t->caught[lg_op_place(lg_op_named(plant->operation))][plant->direction][plant->mutation]++;
     if (outcome == LG_PLANT_MISSED)
         fail_msg("%s: %s %s of %s, input %u, was not caught", row->function.name, plant->operation,
                  lg_plant_direction_name(plant->direction), lg_plant_mutation_name(plant->mutation),
@@ -130,11 +152,12 @@ TEST("every plant is caught") {
     assert_int_equal(t.outcome[LG_PLANT_MISSED] + t.programs[LG_PLANT_MISSED], 0);
     /* Every fault in the scalar code of every operation that has one, and every sort of fault in plans. What
      * is stopped goes before there is code. */
-    for (int op = 0; op < LG_OP_COUNT; op++)
+    for (uint32_t at = 0; lg_ops[at] != NULL; at++)
         for (int mutation = 0; mutation < LG_PLANT_MUTATIONS; mutation++) {
-            if ((lg_ops[op]->element == NULL && lg_ops[op]->expand == NULL) || op == LG_OP_STOP) continue;
-            if (t.caught[op][LG_PLANT_SCALARS][mutation] == 0)
-                fail_msg("%s: no %s of scalar code was caught", lg_ops[op]->name,
+            const lg_op *op = lg_ops[at];
+            if ((op->element == NULL && op->expand == NULL) || op == &lg_op_stop_gradient) continue;
+            if (t.caught[at][LG_PLANT_SCALARS][mutation] == 0)
+                fail_msg("%s: no %s of scalar code was caught", op->name,
                          lg_plant_mutation_name((lg_plant_mutation)mutation));
         }
     for (int mutation = 0; mutation < LG_PLANT_PLAN_MUTATIONS; mutation++)
@@ -142,15 +165,16 @@ TEST("every plant is caught") {
     assert_true(t.outcome[LG_PLANT_CAUGHT] > 3 * t.outcome[LG_PLANT_EXCLUDED]);
     /* No operation escapes altogether: sign, drop and factor are caught in all that have a derivative, and
      * transposition in all whose derivative can have two axes. */
-    for (int op = 0; op < LG_OP_COUNT; op++) {
-        if (op == LG_OP_LEAF || op == LG_OP_CUSTOM_DERIVATIVE || lg_ops[op]->frozen == ~0u ||
-            op == LG_OP_SPD_FACTOR)
+    for (uint32_t at = 0; lg_ops[at] != NULL; at++) {
+        const lg_op *op = lg_ops[at];
+        if (op == &lg_op_leaf || op == &lg_op_custom_derivative || op->frozen == ~0u ||
+            op == &lg_op_spd_factor)
             continue;
         for (int direction = 0; direction < 2; direction++)
             for (int mutation = 0; mutation < LG_PLANT_MUTATIONS; mutation++) {
-                if (mutation == LG_PLANT_TRANSPOSE && t.flat[op][direction] > 0) continue;
-                if (t.caught[op][direction][mutation] == 0)
-                    fail_msg("%s: no %s of a %s was caught", lg_ops[op]->name,
+                if (mutation == LG_PLANT_TRANSPOSE && t.flat[at][direction] > 0) continue;
+                if (t.caught[at][direction][mutation] == 0)
+                    fail_msg("%s: no %s of a %s was caught", op->name,
                              lg_plant_mutation_name((lg_plant_mutation)mutation),
                              lg_plant_direction_name((lg_plant_direction)direction));
             }

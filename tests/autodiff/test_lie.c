@@ -3,7 +3,7 @@
  */
 #include "test_support.h"
 
-#include "autodiff/kernels/kernels.h"
+#include "kernels/kernels.h"
 #include "autodiff/lie.h"
 #include "liegrad/geometry.h"
 #include "liegrad/ops.h"

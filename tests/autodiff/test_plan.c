@@ -4,6 +4,7 @@
 
 #include "test_support.h"
 
+#include "autodiff/op_rows.h"
 #include "autodiff/plan.h"
 #include "autodiff/program.h"
 #include "liegrad/convolution.h"
@@ -654,7 +655,7 @@ static size_t tangents(const lg_plan *plan) {
         const lg_plan_step *step = &plan->step[s];
         if (step->kind == LG_STEP_DENSE && step->dense.kind == LG_TANH)
             count += step->dense.m * step->dense.n;
-        if (step->kind == LG_STEP_TENSOR && step->tensor.op == LG_OP_ACT) count += step->tensor.count;
+        if (step->kind == LG_STEP_TENSOR && step->tensor.op == &lg_op_act) count += step->tensor.count;
         for (uint32_t g = 0; step->kind == LG_STEP_SCALARS && g < step->scalars.groups; g++)
             if (step->scalars.group[g].op == LG_S_TANH) count += step->scalars.group[g].count;
     }

@@ -4,6 +4,8 @@
 #include "test_support.h"
 
 #include "autodiff/gradcheck_internal.h"
+#include "autodiff/op_rows.h"
+#include "autodiff/op_table.h"
 #include "autodiff/scalars.h"
 #include "liegrad/random.h"
 
@@ -63,7 +65,7 @@ typedef struct node_values {
 } node_values;
 
 static bool reads(const lg_node *node, uint32_t k) {
-    const lg_op *op = lg_ops[node->op];
+    const lg_op *op = node->op;
     const uint32_t unread = op->unread != NULL ? op->unread(&node->attr, node->inputs) : 0;
     return k >= 32 || !(unread >> k & 1u);
 }
@@ -93,7 +95,7 @@ static void open_node(node_values *v, const lg_tape *tape, const lg_node *node, 
     v->e.in = v->shapes;
     v->e.x = v->x;
     v->e.y = v->y;
-    const lg_op *op = lg_ops[node->op];
+    const lg_op *op = node->op;
     if (op->scratch != NULL) v->e.scratch = own(op->scratch(&v->e), 1);
     assert_ok(op->forward(&v->e));
 }
@@ -236,7 +238,7 @@ static void walk_by_kernel(const lg_scalars *s, const lg_kernels *k, const doubl
 
 /* ---- equal to the tensors ---- */
 
-static bool seen[LG_OP_COUNT];
+static bool seen[LG_OPS_MOST];
 
 static void compare(const char *row, const char *op, const char *what, const lg_scalar *y, const double *r,
                     const double *forward, size_t count, double size, double tolerance) {
@@ -247,7 +249,7 @@ static void compare(const char *row, const char *op, const char *what, const lg_
 }
 
 static void check_scalars(const lg_tape *tape, const lg_node *node, const char *row) {
-    const lg_op *op = lg_ops[node->op];
+    const lg_op *op = node->op;
     if ((op->element == NULL && op->expand == NULL) || node->count > MOST) return;
     for (int isa = 0; isa < LG_ISA_COUNT; isa++)
         for (int dtype = 0; dtype < 2; dtype++) {
@@ -277,21 +279,21 @@ static void check_scalars(const lg_tape *tape, const lg_node *node, const char *
             lg_scalars_destroy(&s);
             close_node(&v);
         }
-    seen[node->op] = true;
+    seen[lg_op_place(node->op)] = true;
 }
 
 TEST("scalar code equals the operation") {
     memset(seen, 0, sizeof seen);
     each_node(check_scalars);
-    for (int op = 0; op < LG_OP_COUNT; op++)
-        if ((lg_ops[op]->element != NULL || lg_ops[op]->expand != NULL) && !seen[op])
-            fail_msg("%s was on no tape", lg_ops[op]->name);
+    for (uint32_t i = 0; lg_ops[i] != NULL; i++)
+        if ((lg_ops[i]->element != NULL || lg_ops[i]->expand != NULL) && !seen[i])
+            fail_msg("%s was on no tape", lg_ops[i]->name);
 }
 
 /* ---- over an input: what plans do with elementwise operations ---- */
 
 static void check_over(const lg_tape *tape, const lg_node *node, const char *row) {
-    const lg_op *op = lg_ops[node->op];
+    const lg_op *op = node->op;
     if (op->element == NULL) return;
     for (uint32_t i = 0; i < node->inputs; i++)
         if (reads(node, i) &&
@@ -301,7 +303,7 @@ static void check_over(const lg_tape *tape, const lg_node *node, const char *row
         for (int dtype = 0; dtype < 2; dtype++)
             for (uint32_t i = 0; i < node->inputs; i++) {
                 const lg_kernels *k = lg_kernels_of(dtype == 0 ? LG_F64 : LG_F32, (lg_isa)isa);
-                if (k == NULL || !reads(node, i) || (node->op == LG_OP_COMBINE && i > 0)) continue;
+                if (k == NULL || !reads(node, i) || (node->op == &lg_op_combine && i > 0)) continue;
                 node_values v;
                 open_node(&v, tape, node, k);
                 void *over = own(node->count, k->size);
@@ -316,14 +318,14 @@ static void check_over(const lg_tape *tape, const lg_node *node, const char *row
                 free(over);
                 close_node(&v);
             }
-    seen[node->op] = true;
+    seen[lg_op_place(node->op)] = true;
 }
 
 TEST("elementwise operations work over an input") {
     memset(seen, 0, sizeof seen);
     each_node(check_over);
-    for (int op = 0; op < LG_OP_COUNT; op++)
-        if (lg_ops[op]->element != NULL && !seen[op]) fail_msg("%s was on no tape", lg_ops[op]->name);
+    for (uint32_t i = 0; lg_ops[i] != NULL; i++)
+        if (lg_ops[i]->element != NULL && !seen[i]) fail_msg("%s was on no tape", lg_ops[i]->name);
 }
 
 /* ---- numbers that are not finite ---- */
@@ -333,7 +335,7 @@ static bool alike(double a, double b) {
 }
 
 TEST("not finite numbers are treated alike") {
-    static const lg_op_code ops[] = {LG_OP_MAX, LG_OP_GE, LG_OP_SELECT, LG_OP_SIGN, LG_OP_ABS};
+    static const lg_op *const ops[] = {&lg_op_max, &lg_op_ge, &lg_op_select, &lg_op_sign, &lg_op_abs};
     const double special[] = {NAN, INFINITY, -INFINITY, 0.0, -0.0, 1.0, -1.0, 2.5};
     enum { N = LG_COUNT(special) };
     for (int isa = 0; isa < LG_ISA_COUNT; isa++)
@@ -347,7 +349,7 @@ TEST("not finite numbers are treated alike") {
                     double numbers[3], forward, found[16], hand[16];
                     unsigned char x[3][64], y[64];
                     const lg_attr attr = {.c = 0.0};
-                    const lg_op *op = lg_ops[ops[o]];
+                    const lg_op *op = ops[o];
                     const lg_shape shape = lg_shape1(1);
                     const lg_shape *shapes[3] = {&shape, &shape, &shape};
                     const void *values[3] = {x[0], x[1], x[2]};
@@ -403,11 +405,11 @@ TEST("a matrix that is not positive makes all of its row NaN, whatever zeros are
             const lg_scalar *places[3] = {in, in + 4, l};
             lg_evaluation e = {
                 .k = lg_kernels_for(LG_F64), .inputs = 1, .in = shapes, .shape = &square, .count = 4};
-            assert_true(lg_scalars_expand(&s, lg_ops[LG_OP_SPD_FACTOR], &e, places, l));
+            assert_true(lg_scalars_expand(&s, &lg_op_spd_factor, &e, places, l));
             e.inputs = 3;
             e.shape = &column;
             e.count = 2;
-            assert_true(lg_scalars_expand(&s, lg_ops[LG_OP_SPD_SOLVE], &e, places, x));
+            assert_true(lg_scalars_expand(&s, &lg_op_spd_solve, &e, places, x));
             assert_true(s.count < 256);
             walk_by_kernel(&s, e.k, numbers, r);
             const size_t failures = e.k->spd_factor(1, 2, a, factor);

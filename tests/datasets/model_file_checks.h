@@ -8,6 +8,7 @@
 #include "io_test.h"
 
 #include "liegrad/networks.h"
+#include "liegrad/ops.h"
 
 #define JOIN_(a, b, c) a##b##c
 #define JOIN(a, b, c)  JOIN_(a, b, c)

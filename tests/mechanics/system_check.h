@@ -8,6 +8,7 @@
 #include "liegrad/geometry.h"
 #include "liegrad/gradcheck.h"
 #include "liegrad/mechanics.h"
+#include "liegrad/ops.h"
 #include "liegrad/random.h"
 
 enum { SYSTEM_MAX_DIM = 64, SYSTEM_MAX_BATCH = 4 };

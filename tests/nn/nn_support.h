@@ -8,6 +8,7 @@
 #include <pthread.h>
 
 #include "liegrad/nn.h"
+#include "liegrad/ops.h"
 
 /* ---- allocator: counts live blocks and calls; call number fail_at (from 0) gives NULL ---- */
 typedef struct counter {

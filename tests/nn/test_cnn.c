@@ -4,6 +4,7 @@
 
 #include "liegrad/convolution.h"
 #include "liegrad/gradcheck.h"
+#include "liegrad/ops.h"
 #include "nn/odd_nets.h"
 #include "support/malloc_count.h"
 

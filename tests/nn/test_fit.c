@@ -1,6 +1,7 @@
 /* The training loop: one step after the other against plain loops, convergence, the same bytes whatever the
  * threads and however often interrupted, validation and best epoch, and what stops it. */
 #include "nn_support.h"
+#include "liegrad/ops.h"
 
 static lg_fit_options options_of(uint64_t epochs, size_t batch) {
     lg_fit_options o;

@@ -1,6 +1,7 @@
 /* Training that cannot go on, or should not start: NaN, failing memory, bad options, states that are not one.
  */
 #include "nn_support.h"
+#include "liegrad/ops.h"
 
 static lg_fit_options options_of(uint64_t epochs, size_t batch) {
     lg_fit_options o;

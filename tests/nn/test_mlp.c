@@ -1,6 +1,7 @@
 /* Multilayer perceptrons: description, initialisation, evaluation without a tape against plain loops and
  * difference quotients, the tape against evaluation, products with the Hessian against the tape. */
 #include "nn_support.h"
+#include "liegrad/ops.h"
 
 #define ROWS 5
 

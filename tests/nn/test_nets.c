@@ -2,8 +2,9 @@
  * derivatives against difference quotients and against each other. */
 #include "nn_support.h"
 
-#include "autodiff/kernels/kernels.h"
+#include "kernels/kernels.h"
 #include "liegrad/networks.h"
+#include "liegrad/ops.h"
 #include "support/malloc_count.h"
 
 enum { ROWS = 5, MAX_WIDTH = 16, MAX_PARAMETERS = 1200 };

@@ -3,8 +3,8 @@
 
 #include <float.h>
 
-#include "autodiff/kernels/kernels.h"
-#include "autodiff/kernels/stumpff.h"
+#include "kernels/kernels.h"
+#include "kernels/stumpff.h"
 #include "golden/stumpff_table.h"
 #include "liegrad/geometry.h"
 #include "liegrad/random.h"

@@ -1,4 +1,4 @@
-#include "autodiff/conv.h"
+#include "kernels/conv.h"
 
 #include <string.h>
 

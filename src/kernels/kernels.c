@@ -1,28 +1,28 @@
 /* One table of kernels. Compiled once for each type (LG_KERNEL_f64, LG_KERNEL_f32) and instruction set
  * (LG_KERNEL_ISA = baseline, avx2, avx512, and LG_KERNEL_ISA_<set>); the only external symbol is the table
  * lg_kernels_<type>_<set>. */
-#include "autodiff/kernels/kernels.h"
-#include "autodiff/kernels/stumpff.h"
+#include "kernels/kernels.h"
+#include "kernels/stumpff.h"
 
-#include "autodiff/kernels/common.inc"
-#include "autodiff/kernels/math.inc"
+#include "kernels/common.inc"
+#include "kernels/math.inc"
 
-#include "autodiff/kernels/elementwise.inc"
+#include "kernels/elementwise.inc"
 
-#include "autodiff/kernels/act.inc"
-#include "autodiff/kernels/dual.inc"
-#include "autodiff/kernels/transpose.inc"
+#include "kernels/act.inc"
+#include "kernels/dual.inc"
+#include "kernels/transpose.inc"
 
-#include "autodiff/kernels/gemm.inc"
-#include "autodiff/kernels/window.inc"
+#include "kernels/gemm.inc"
+#include "kernels/window.inc"
 
-#include "autodiff/kernels/reduce.inc"
-#include "autodiff/kernels/geometry.inc"
-#include "autodiff/kernels/lie.inc"
-#include "autodiff/kernels/lie_maps.inc"
-#include "autodiff/kernels/spd.inc"
-#include "autodiff/kernels/steps.inc"
-#include "autodiff/kernels/scalars.inc"
+#include "kernels/reduce.inc"
+#include "kernels/geometry.inc"
+#include "kernels/lie.inc"
+#include "kernels/lie_maps.inc"
+#include "kernels/spd.inc"
+#include "kernels/steps.inc"
+#include "kernels/scalars.inc"
 
 #define PASTE_(a, b) a##b
 #define PASTE(a, b)  PASTE_(a, b)

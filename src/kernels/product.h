@@ -2,9 +2,22 @@
 #ifndef LG_PRODUCT_H
 #define LG_PRODUCT_H
 
-#include "autodiff/op.h"
+#include "kernels/kernels.h"
 
 enum { LG_NN, LG_NT, LG_TN };
+
+/* Who shares the work of a large product: threads, and OpenBLAS where its packing pays. */
+typedef struct lg_crew {
+    lg_thread_pool *workers; /* NULL: one thread */
+    int threads;
+} lg_crew;
+
+typedef enum lg_transpose_use {
+    LG_TRANSPOSE_NONE,    /* of no use */
+    LG_TRANSPOSE_FIXED,   /* worth making once for an input that never changes */
+    LG_TRANSPOSE_IF_KEPT, /* of use if it is there already */
+    LG_TRANSPOSE_MAKE     /* worth making for an input that stays */
+} lg_transpose_use;
 
 /* op(A) (m, k), op(B) (k, n), C (m, n), row-major. */
 typedef struct lg_product_size {

@@ -9,11 +9,9 @@
  * the kernel with the whole inner sum. OpenBLAS takes over where its cache blocking pays
  * for its lock and its packing. The form depends on shapes and on what the tape has kept, never on threads.
  */
-#include "autodiff/product.h"
+#include "kernels/product.h"
 
 #include <cblas.h>
-
-#include "autodiff/tape_internal.h"
 
 /* In multiplications m n k. */
 #define OWN_KERNEL_LIMIT 1e9
@@ -150,26 +148,4 @@ void lg_product(const lg_kernels *k, const lg_crew *crew, const lg_product_size 
                  .c = c,
                  .accumulate = accumulate};
     run(crew, &p);
-}
-
-/* ---- on a tape ---- */
-
-const void *lg_kept_transpose(lg_tape *tape, lg_transpose_use use, uint32_t node) {
-    if (use == LG_TRANSPOSE_NONE || use == LG_TRANSPOSE_FIXED) return NULL;
-    if (use == LG_TRANSPOSE_IF_KEPT && tape->nodes[node].transposed == NULL) return NULL;
-    return lg_transposed(tape, node);
-}
-
-void lg_gemm(lg_tape *tape, uint32_t variant, size_t m, size_t n, size_t k, const void *a, uint32_t b_node,
-             void *c, bool accumulate) {
-    const lg_crew crew = lg_tape_crew(tape);
-    const lg_product_size size = {variant, m, n, k};
-    const void *b = tape->nodes[b_node].value;
-    const void *transposed = lg_kept_transpose(tape, lg_product_transpose(&size, &crew), b_node);
-    if (tape->status != LG_OK) return;
-    const size_t bytes = transposed != NULL ? 0 : lg_product_scratch(tape->k, &size, &crew);
-    void *scratch = bytes > 0 ? lg_pool_take(tape, bytes) : NULL;
-    if (bytes > 0 && scratch == NULL) return;
-    lg_product(tape->k, &crew, &size, a, b, transposed, c, accumulate, scratch);
-    if (bytes > 0) lg_pool_give(tape, scratch, bytes);
 }

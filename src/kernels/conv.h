@@ -8,7 +8,7 @@
 #ifndef LG_CONV_H
 #define LG_CONV_H
 
-#include "autodiff/kernels/kernels.h"
+#include "kernels/kernels.h"
 
 /* windows.size is the kernel, windows.channels the input's. pool.count > 0: sigma(conv + bias) is averaged
  * over these windows, which fit it. */

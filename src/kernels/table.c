@@ -1,4 +1,4 @@
-#include "autodiff/kernels/kernels.h"
+#include "kernels/kernels.h"
 
 extern const lg_kernels lg_kernels_f64_baseline, lg_kernels_f32_baseline;
 #if defined(__x86_64__)

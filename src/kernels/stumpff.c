@@ -1,4 +1,4 @@
-#include "autodiff/kernels/stumpff.h"
+#include "kernels/stumpff.h"
 
 #include <math.h>
 #include <stdbool.h>
@@ -22,7 +22,7 @@ enum {
     MAX_ORDER = LG_STUMPFF_MAX_ORDER
 };
 
-#include "autodiff/code/inverse_factorial.c" /* inverse_factorial[n] = 1/n!, n <= 63 */
+#include "kernels/code/inverse_factorial.c" /* inverse_factorial[n] = 1/n!, n <= 63 */
 
 /* (i + d)!/i!, exact */
 static const double falling[MAX_ORDER + 1][TERMS] = {
@@ -140,7 +140,7 @@ void lg_stumpff(double w, int K, int order, double *c) {
 /* ---- dexpinv: the text that exported code has ---- */
 
 #define real double
-#include "autodiff/code/dexpinv.c"
+#include "kernels/code/dexpinv.c"
 #undef real
 
 double lg_dexpinv_coef(double w, int order) {

@@ -1,0 +1,94 @@
+/* What reading and writing of HDF5 share: types of numbers, handles, and what is there. */
+#include "datasets/h5_internal.h"
+
+#include <string.h>
+
+/* ---- types ---- */
+
+size_t lg_element_size(lg_element type) {
+    return type == LG_ELEMENT_F32 || type == LG_ELEMENT_U32 ? 4 : 8;
+}
+
+hid_t lg_h5_memory_type(lg_element type) {
+    switch (type) {
+    case LG_ELEMENT_F64:
+        return H5T_NATIVE_DOUBLE;
+    case LG_ELEMENT_F32:
+        return H5T_NATIVE_FLOAT;
+    case LG_ELEMENT_I64:
+        return H5T_NATIVE_INT64;
+    case LG_ELEMENT_U64:
+        return H5T_NATIVE_UINT64;
+    case LG_ELEMENT_U32:
+        return H5T_NATIVE_UINT32;
+    }
+    return H5I_INVALID_HID;
+}
+
+/* ---- handles ---- */
+
+static herr_t refuse_external(const char *parent_file, const char *parent_group, const char *child_file,
+                              const char *child_object, unsigned *flags, hid_t access, void *user) {
+    (void)parent_file, (void)parent_group, (void)child_file, (void)child_object, (void)flags, (void)access,
+        (void)user;
+    return -1;
+}
+
+lg_status lg_h5_new(const lg_context *context, const char *path, lg_h5 **out, lg_error *error) {
+    if (path == NULL || *path == '\0' || out == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
+    lg_h5 *h5 = lg_alloc(context, 1, sizeof *h5);
+    if (h5 != NULL) {
+        *h5 = (lg_h5){.context = context, .file = H5I_INVALID_HID, .links = H5I_INVALID_HID};
+        h5->path = lg_strdup(context, path);
+        h5->links = H5Pcreate(H5P_LINK_ACCESS);
+        if (h5->path != NULL && h5->links >= 0 && H5Pset_elink_cb(h5->links, refuse_external, NULL) >= 0) {
+            *out = h5;
+            return LG_OK;
+        }
+    }
+    lg_h5_close(h5);
+    return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+}
+
+void lg_h5_close(lg_h5 *h5) {
+    if (h5 == NULL) return;
+    lg_h5_quiet quiet = lg_quiet_begin();
+    if (h5->file >= 0) (void)H5Fclose(h5->file);
+    if (h5->links >= 0) (void)H5Pclose(h5->links);
+    lg_quiet_end(quiet);
+    lg_free(h5->context, h5->path);
+    lg_free(h5->context, h5);
+}
+
+/* ---- what is there ---- */
+
+bool lg_path_exists(lg_h5 *h5, const char *name) {
+    char part[512];
+    size_t length = strlen(name);
+    if (length >= sizeof part) return false;
+    memcpy(part, name, length + 1);
+    for (size_t i = 1; i < length; i++) {
+        if (part[i] != '/') continue;
+        part[i] = '\0';
+        bool there = H5Lexists(h5->file, part, h5->links) > 0;
+        part[i] = '/';
+        if (!there) return false;
+    }
+    return H5Lexists(h5->file, name, h5->links) > 0 && H5Oexists_by_name(h5->file, name, h5->links) > 0;
+}
+
+bool lg_h5_has(lg_h5 *h5, const char *name) {
+    lg_h5_quiet quiet = lg_quiet_begin();
+    bool there = *name == '\0' || lg_path_exists(h5, name);
+    lg_quiet_end(quiet);
+    return there;
+}
+
+bool lg_h5_has_attribute(lg_h5 *h5, const char *object, const char *name) {
+    lg_h5_quiet quiet = lg_quiet_begin();
+    bool there = (*object == '\0' || lg_path_exists(h5, object)) &&
+                 H5Aexists_by_name(h5->file, *object == '\0' ? "/" : object, name, h5->links) > 0;
+    lg_quiet_end(quiet);
+    return there;
+}

@@ -1,0 +1,73 @@
+/* What steps of all kinds stand on: evaluations and what is kept of them, angles. */
+#include "integrators/stepper.h"
+
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+/* Times that differ by rounding are the same time. */
+static bool same_time(double a, double b, double h) {
+    return a == b || fabs(a - b) <= 4.0 * DBL_EPSILON * fmax(fabs(b), fabs(h));
+}
+
+bool lg_memo_holds(const lg_memo *memo, size_t n, double t, double h, const double *y) {
+    return memo->valid && same_time(memo->t, t, h) && memcmp(memo->y, y, n * sizeof(*y)) == 0;
+}
+
+void lg_memo_keep(lg_memo *memo, size_t n, double t, const double *y) {
+    memo->valid = true;
+    memo->is_packed = false;
+    memo->t = t;
+    memcpy(memo->y, y, n * sizeof(*y));
+}
+
+lg_status lg_stepper_evaluate(lg_stepper *s, double t, const double *y, const double *input, double *out) {
+    s->evaluations++;
+    return s->ode.field(s->ode.user, t, y, input, out);
+}
+
+/* f(t, y) at the start of a step. memo[0] belongs to the start of the step before (which may have been
+ * rejected), memo[1] to its end. Dense output finds the start of the step in memo[0].y. */
+lg_status lg_stepper_first(lg_stepper *s, double t, double h, const double *y, const double *input,
+                           const double **f) {
+    const size_t n = s->ode.space.dim;
+    if (!s->memoises || input) {
+        lg_stepper_reset(s);
+        if (s->scheme->dense_order > 0) memcpy(s->memo[0].y, y, n * sizeof(*y));
+        *f = s->k;
+        return lg_stepper_evaluate(s, t, y, input, s->k);
+    }
+    if (!lg_memo_holds(&s->memo[0], n, t, h, y) && lg_memo_holds(&s->memo[1], n, t, h, y)) {
+        const lg_memo swap = s->memo[0];
+        s->memo[0] = s->memo[1];
+        s->memo[1] = swap;
+    } else if (!lg_memo_holds(&s->memo[0], n, t, h, y)) {
+        s->memo[0].valid = false;
+        LG_TRY(lg_stepper_evaluate(s, t, y, input, s->memo[0].value));
+        lg_memo_keep(&s->memo[0], n, t, y);
+    }
+    s->memo[1].valid = false;
+    *f = s->memo[0].value;
+    return LG_OK;
+}
+
+void lg_stepper_reset(lg_stepper *stepper) {
+    for (int i = 0; i < 2; i++) stepper->memo[i].valid = stepper->memo[i].is_packed = false;
+}
+
+void lg_stepper_turn(lg_stepper *s, const double *a) {
+    if (s->abelian) return;
+    const double angle = lg_space_angle(&s->ode.space, a);
+    if (angle > s->angle || isnan(angle)) s->angle = angle;
+}
+
+/* 0 x is 0 or, where x is not finite, NaN; eight sums, so that they need not wait for each other. */
+bool lg_all_finite(size_t n, const double *x) {
+    double zero[8] = {0.0}, sum = 0.0;
+    size_t i = 0;
+    for (; i + 8 <= n; i += 8)
+        for (int j = 0; j < 8; j++) zero[j] += 0.0 * x[i + j];
+    for (; i < n; i++) sum += 0.0 * x[i];
+    for (int j = 0; j < 8; j++) sum += zero[j];
+    return sum == 0.0;
+}
