@@ -788,6 +788,16 @@ static void place_of_a_sample(void **state) {
     assert_refused(read_data, path, LG_NOT_FINITE, "precision in window 5, channel 0, sample 0", "");
 }
 
+/* A label that int64 does not hold is refused; it is not the largest that it holds. */
+static void label_beyond_its_range(void **state) {
+    (void)state;
+    const hsize_t dims[1] = {WINDOWS};
+    const uint64_t large[WINDOWS] = {0, 1, 2, 0, 1, (uint64_t)INT64_MAX + 1};
+    const char *path = good_file();
+    replace_dataset(path, "y", H5T_STD_U64LE, H5T_NATIVE_UINT64, 1, dims, large);
+    assert_refused(read_data, path, LG_FORMAT, "/y: cannot be read", "out of range");
+}
+
 /* Texts where numbers belong, and texts that are no names. */
 static void bad_texts(void **state) {
     (void)state;
@@ -1016,20 +1026,35 @@ static void failing_allocations(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(round_trip),          cmocka_unit_test(hash_of_arrays),
-        cmocka_unit_test(awkward_names),       cmocka_unit_test(foreign_samples),
-        cmocka_unit_test(number_labels),       cmocka_unit_test(text_labels),
-        cmocka_unit_test(bool_labels),         cmocka_unit_test(listed_names),
-        cmocka_unit_test(foreign_units),       cmocka_unit_test(torn_runs),
-        cmocka_unit_test(matched_classes),     cmocka_unit_test(unmatched_classes),
-        cmocka_unit_test(numbers_with_names),  cmocka_unit_test(unknown_zero),
-        cmocka_unit_test(given_class_labels),  cmocka_unit_test(labels_written_again),
-        cmocka_unit_test(lost_in_floats),      cmocka_unit_test(many_blocks),
-        cmocka_unit_test(foreign_rates),       cmocka_unit_test(damaged_files),
-        cmocka_unit_test(bad_arrays),          cmocka_unit_test(place_of_a_sample),
-        cmocka_unit_test(bad_texts),           cmocka_unit_test(unknown_filter),
-        cmocka_unit_test(huge_sizes),          cmocka_unit_test(limit_of_memory),
-        cmocka_unit_test(bad_attributes),      cmocka_unit_test(refused_on_write),
+        cmocka_unit_test(round_trip),
+        cmocka_unit_test(hash_of_arrays),
+        cmocka_unit_test(awkward_names),
+        cmocka_unit_test(foreign_samples),
+        cmocka_unit_test(number_labels),
+        cmocka_unit_test(text_labels),
+        cmocka_unit_test(bool_labels),
+        cmocka_unit_test(listed_names),
+        cmocka_unit_test(foreign_units),
+        cmocka_unit_test(torn_runs),
+        cmocka_unit_test(matched_classes),
+        cmocka_unit_test(unmatched_classes),
+        cmocka_unit_test(numbers_with_names),
+        cmocka_unit_test(unknown_zero),
+        cmocka_unit_test(given_class_labels),
+        cmocka_unit_test(labels_written_again),
+        cmocka_unit_test(lost_in_floats),
+        cmocka_unit_test(many_blocks),
+        cmocka_unit_test(foreign_rates),
+        cmocka_unit_test(damaged_files),
+        cmocka_unit_test(bad_arrays),
+        cmocka_unit_test(place_of_a_sample),
+        cmocka_unit_test(label_beyond_its_range),
+        cmocka_unit_test(bad_texts),
+        cmocka_unit_test(unknown_filter),
+        cmocka_unit_test(huge_sizes),
+        cmocka_unit_test(limit_of_memory),
+        cmocka_unit_test(bad_attributes),
+        cmocka_unit_test(refused_on_write),
         cmocka_unit_test(failing_allocations),
     };
     return cmocka_run_group_tests(tests, scratch_begin, scratch_end);

@@ -616,6 +616,23 @@ static void arc_lengths_out_of_range(void **state) {
     }
 }
 
+/* A boundary condition that is not finite makes the whole curve NaN, though an activation would hide it. */
+static void boundary_conditions_that_are_not_finite(void **state) {
+    (void)state;
+    enum { BAD = 3 };
+    static const double bad[BAD] = {NAN, INFINITY, -INFINITY}, at[] = {0.0, 0.5, 1.0};
+    for (size_t i = 0; i < TEST_OPTIONS * 8 * BAD; i++) {
+        small s;
+        double x[8], q[6], v[6];
+        make_small(&s, i / 8 / BAD, N, TEST_LENGTH, 31);
+        memcpy(x, some_x[0], sizeof x);
+        x[i / BAD % 8] = bad[i % BAD];
+        curve_of(&s, x, at, 3, q, v);
+        for (size_t k = 0; k < 6; k++) assert_true(isnan(q[k]) && isnan(v[k]));
+        free_small(&s);
+    }
+}
+
 /* ---- evaluation ---- */
 
 static void errors_of_a_discrete_network(void **state) {
@@ -794,6 +811,7 @@ int main(void) {
         cmocka_unit_test(single_and_double),
         cmocka_unit_test(work_size),
         cmocka_unit_test(arc_lengths_out_of_range),
+        cmocka_unit_test(boundary_conditions_that_are_not_finite),
         cmocka_unit_test(errors_of_a_discrete_network),
         cmocka_unit_test(errors_add_up),
         cmocka_unit_test(what_evaluate_refuses),
