@@ -67,7 +67,7 @@ static lg_var planted_jvp(const lg_forward *f) {
 }
 
 static void planted_scalars(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
-    lg_plant *plant = plant_of(e->op);
+    lg_plant *plant = plant_of(s->row);
     if (!lg_scalars_expand(s, plant->exchange.row, e, x, y) || e->count == 0) return;
     const lg_scalar first = y[0];
     bool changed = false;

@@ -34,7 +34,6 @@ typedef struct lg_op lg_op;
 /* One evaluation. Values are 64-byte aligned on a tape and in a program's work memory, elsewhere they need
  * not be; the output overlaps no input. */
 typedef struct lg_evaluation {
-    const lg_op *op; /* the row in use; for `expand` only */
     const lg_kernels *k;
     const lg_crew *crew; /* NULL: one thread, no BLAS, no lock */
     const lg_attr *attr;

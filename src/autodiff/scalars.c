@@ -297,12 +297,11 @@ static void expand_elementwise(lg_scalars *s, const lg_op *op, const lg_evaluati
 
 bool lg_scalars_expand(lg_scalars *s, const lg_op *op, const lg_evaluation *e, const lg_scalar *const *x,
                        lg_scalar *y) {
-    lg_evaluation by = *e;
-    by.op = op;
+    s->row = op;
     if (op->element != NULL)
         expand_elementwise(s, op, e, x, y);
     else if (op->expand != NULL)
-        op->expand(s, &by, x, y);
+        op->expand(s, e, x, y);
     else
         return false;
     return !s->failed;

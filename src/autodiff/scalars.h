@@ -19,6 +19,7 @@ typedef struct lg_scalar_code {
 
 struct lg_scalars {
     const lg_context *context;
+    const lg_op *row;     /* in use: whose `expand` is called */
     lg_scalar_code *code; /* by number */
     uint32_t count, capacity;
     uint32_t *table; /* hashes: number + 1, 0 for none */
