@@ -201,43 +201,36 @@ TEST("each part of the check, alone, sees the error that is its own") {
 static const lg_gradcheck_argument three[] = {{.shape = {1, {3, 0, 0, 0}}}};
 
 static lg_var tanh_of_sin(const void *user, lg_tape *tape, const lg_var *x) {
-    (void)user;
     return lg_act(tape, lg_sin(tape, x[0]), LG_TANH);
 }
 
 /* Right to first order: the derivative's value is right but it does not know of x. */
 static lg_var once(const void *user, lg_tape *tape, const lg_var *x) {
-    (void)user;
     return lg_mul(tape, lg_stop_gradient(tape, lg_scale(tape, lg_sin(tape, x[0]), 2.0)), x[0]);
 }
 
 static lg_status sine_forward(void *user, lg_dtype dtype, const void *const *in, void *y) {
-    (void)user, (void)dtype;
     for (int i = 0; i < 3; i++) ((double *)y)[i] = sin(((const double *)in[0])[i]);
     return LG_OK;
 }
 static lg_status frozen_vjp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y, lg_var g,
                             const bool *need, lg_var *out) {
-    (void)user, (void)n, (void)y, (void)need;
     out[0] = lg_mul(tape, g, lg_stop_gradient(tape, lg_cos(tape, in[0])));
     return LG_OK;
 }
 static lg_status right_jvp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y,
                            const lg_var *tangents, lg_var *out) {
-    (void)user, (void)n, (void)y;
     *out = lg_mul(tape, tangents[0], lg_cos(tape, in[0]));
     return LG_OK;
 }
 static lg_status numeric_cos(void *user, lg_dtype dtype, const void *const *in, const void *y, const void *g,
                              void *const *out) {
-    (void)user, (void)dtype, (void)y;
     for (int i = 0; i < 3; i++)
         ((double *)out[0])[i] = ((const double *)g)[i] * cos(((const double *)in[0])[i]);
     return LG_OK;
 }
 static lg_status numeric_cos_jvp(void *user, lg_dtype dtype, const void *const *in, const void *y,
                                  const void *const *tangents, void *out) {
-    (void)user, (void)dtype, (void)y;
     for (int i = 0; i < 3; i++)
         ((double *)out)[i] = ((const double *)tangents[0])[i] * cos(((const double *)in[0])[i]);
     return LG_OK;
@@ -252,24 +245,19 @@ static lg_var custom_of(const void *user, lg_tape *tape, const lg_var *x) {
     return lg_custom(tape, user, x, 1, lg_shape1(3));
 }
 static lg_var root_of_negative(const void *user, lg_tape *tape, const lg_var *x) {
-    (void)user;
     return lg_sqrt(tape, lg_add_scalar(tape, x[0], -4.0));
 }
 static lg_var does_not_fit(const void *user, lg_tape *tape, const lg_var *x) {
-    (void)user;
     return lg_matmul(tape, x[0], x[0]);
 }
 static lg_var own_failure(const void *user, lg_tape *tape, const lg_var *x) {
-    (void)user, (void)x;
     return lg_tape_fail(tape, LG_NO_CONVERGENCE, "mine", "it does not converge");
 }
 static lg_var none(const void *user, lg_tape *tape, const lg_var *x) {
-    (void)user, (void)tape, (void)x;
     return LG_NONE;
 }
 /* A kink closer than the steps: |x| at 1e-4. */
 static lg_var kinked(const void *user, lg_tape *tape, const lg_var *x) {
-    (void)user;
     return lg_abs(tape, x[0]);
 }
 
@@ -312,7 +300,6 @@ TEST("numeric derivatives have no second order") {
 }
 
 static lg_var zero_claim(const void *user, lg_tape *tape, const lg_var *x) {
-    (void)user;
     return lg_sin(tape, x[0]);
 }
 
@@ -339,7 +326,6 @@ static lg_status wrong_tangent(const void *user, uint32_t argument, const double
 }
 static lg_status no_perturb(const void *user, uint32_t argument, const double *x, const double *d, double h,
                             double *moved) {
-    (void)user, (void)argument, (void)x, (void)d, (void)h, (void)moved;
     return LG_NO_CONVERGENCE;
 }
 

@@ -497,7 +497,6 @@ TEST("steps of systems") {
 /* ---- odd outputs and odd shapes ---- */
 
 static lg_status record_odd(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     const uint32_t rows = lg_var_shape(tape, x[0]).dims[0];
     y[0] = lg_sin(tape, x[0]); /* twice an output */
     y[1] = y[0];
@@ -531,7 +530,6 @@ TEST("odd outputs") {
 
 static lg_status record_scalar_rows(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x,
                                     lg_var *y) {
-    (void)user, (void)theta;
     y[0] = lg_mul(tape, lg_exp(tape, x[0]), lg_sin(tape, x[1]));
     return lg_tape_status(tape);
 }
@@ -556,7 +554,6 @@ enum { WIDTH = 4, COPIES = 2 };
 
 /* x (B, 4), w shared (4, 4) */
 static lg_status record_meeting(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user;
     static const uint32_t chosen[3] = {3, 0, 0};
     const uint32_t rows = lg_var_shape(tape, x[0]).dims[0], all = rows * COPIES;
     const lg_var r = repeated(tape, x[0], rows, WIDTH, COPIES), other = lg_sin(tape, r);
@@ -603,7 +600,6 @@ static lg_status record_matrix(void *user, lg_tape *tape, const lg_var *theta, c
     const lg_var alike = repeated(tape, lg_reshape(tape, theta[0], lg_shape2(2, 2)), 2, 2, 2);
     const lg_var tall = lg_reshape(tape, r, lg_shape3(all, 1, 4)),
                  square = lg_reshape(tape, r, lg_shape3(all, 2, 2));
-    (void)user;
     y[0] = lg_slice(tape, lg_reshape(tape, lg_matmul(tape, tall, right), lg_shape2(all, 3)), 0, 0, rows);
     y[1] = lg_slice(tape, lg_reshape(tape, lg_matmul(tape, left, square), lg_shape2(all, 8)), 0, 0, rows);
     y[2] = lg_slice(tape, lg_reshape(tape, lg_matmul(tape, alike, square), lg_shape2(all, 8)), 0, 0, rows);
@@ -760,7 +756,6 @@ TEST("chosen pairs") {
     what.output_count = 2;
     assert_ok(lg_program_derive(program, &what, &error));
     assert_status(lg_program_derive(program, &what, &error), LG_INVALID_ARGUMENT); /* the name is taken */
-    (void)of;
     assert_int_equal(lg_program_functions(program), before + 1);
     lg_program_destroy(program);
 }
@@ -828,7 +823,6 @@ TEST("loops are single steps") {
 
 /* Two outputs change places. */
 static lg_status record_exchange(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     y[0] = lg_scale(tape, x[1], 2.0);
     y[1] = lg_add(tape, x[0], x[2]);
     return lg_tape_status(tape);
@@ -1102,7 +1096,6 @@ static lg_status attempt_build(lg_program **program, const lg_context *context, 
 
 static lg_status attempt_derive(lg_program **program, const lg_context *context, lg_error *error) {
     lg_derivative what;
-    (void)context;
     lg_derivative_init(&what);
     what.kind = LG_DERIVATIVE_JACOBIAN;
     what.function = "f";
@@ -1110,13 +1103,11 @@ static lg_status attempt_derive(lg_program **program, const lg_context *context,
 }
 
 static lg_status attempt_loop(lg_program **program, const lg_context *context, lg_error *error) {
-    (void)context;
     return lg_program_add_loop(*program, "loop", "f", 2, NULL, 0, error);
 }
 
 static lg_status attempt_plan(lg_program **program, const lg_context *context, lg_error *error) {
     lg_plan *plan = NULL;
-    (void)context;
     for (size_t f = 0; f < lg_program_functions(*program); f++) {
         lg_plan_options options;
         lg_plan_options_init(&options);
@@ -1172,7 +1163,6 @@ enum { ROUNDS = 3000, WIDE = 20 };
 /* x sin(sum x), over and over: a tensor, then scalar code. */
 static lg_status record_rounds(void *user, lg_tape *tape, const lg_var *parameters, const lg_var *x,
                                lg_var *y) {
-    (void)user, (void)parameters;
     *y = x[0];
     for (int i = 0; i < ROUNDS; i++) *y = lg_mul(tape, x[0], lg_sin(tape, lg_sum(tape, *y)));
     return lg_tape_status(tape);

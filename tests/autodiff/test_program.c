@@ -322,7 +322,6 @@ TEST("derivatives are those of the tape") {
 /* ---- what is refused, and how it is said ---- */
 
 static lg_status identity(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     y[0] = lg_scale(tape, x[0], 1.0);
     return lg_tape_status(tape);
 }
@@ -332,7 +331,6 @@ static uint32_t rows_in(lg_tape *tape, lg_var x) {
 }
 
 static lg_status branch(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     const double *values = lg_value(tape, x[0]);
     y[0] = values[0] > values[1] ? lg_sin(tape, x[0]) : lg_exp(tape, lg_sin(tape, x[0]));
     return lg_tape_status(tape);
@@ -340,14 +338,12 @@ static lg_status branch(void *user, lg_tape *tape, const lg_var *theta, const lg
 
 static lg_status loop_over_rows(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     lg_var rows[8];
-    (void)user, (void)theta;
     for (uint32_t r = 0; r < rows_in(tape, x[0]); r++) rows[r] = lg_sin(tape, lg_slice(tape, x[0], 0, r, 1));
     y[0] = lg_concat(tape, rows, rows_in(tape, x[0]), 0);
     return lg_tape_status(tape);
 }
 
 static lg_status put_back(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     lg_scope_push(tape, "friction");
     const lg_var copy = lg_input(tape, lg_var_shape(tape, x[0]), lg_value(tape, x[0]));
     lg_scope_pop(tape);
@@ -357,27 +353,23 @@ static lg_status put_back(void *user, lg_tape *tape, const lg_var *theta, const 
 
 /* Numbers of a parameter, too. */
 static lg_status weight_put_back(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user;
     y[0] = lg_mul(tape, x[0], lg_input(tape, lg_var_shape(tape, theta[0]), lg_value(tape, theta[0])));
     return lg_tape_status(tape);
 }
 
 static lg_status closed_over(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     static const double data[5 * 3] = {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
-    (void)user, (void)theta;
     y[0] = lg_sub(tape, x[0], lg_input(tape, lg_var_shape(tape, x[0]), data));
     return lg_tape_status(tape);
 }
 
 static lg_status attribute(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     const double *values = lg_value(tape, x[0]);
     y[0] = lg_scale(tape, x[0], values[0]);
     return lg_tape_status(tape);
 }
 
 static lg_status coefficients(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     const lg_var both[2] = {x[0], lg_sin(tape, x[0])};
     const double c[2] = {1.0, (double)rows_in(tape, x[0])};
     y[0] = lg_linear_combination(tape, both, c, 2);
@@ -385,7 +377,6 @@ static lg_status coefficients(void *user, lg_tape *tape, const lg_var *theta, co
 }
 
 static lg_status quadratic(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     const uint32_t rows = rows_in(tape, x[0]);
     const lg_var all = lg_reshape(tape, lg_matmul_nt(tape, x[0], x[0]), lg_shape1(rows * rows));
     y[0] = lg_sum(tape, lg_sin(tape, all));
@@ -393,20 +384,17 @@ static lg_status quadratic(void *user, lg_tape *tape, const lg_var *theta, const
 }
 
 static lg_status square(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     y[0] = lg_matmul_nt(tape, x[0], x[0]);
     return lg_tape_status(tape);
 }
 
 static lg_status doubled(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     const lg_var both[2] = {x[0], x[0]};
     y[0] = lg_concat(tape, both, 2, 0);
     return lg_tape_status(tape);
 }
 
 static lg_status triple_forward(void *user, lg_dtype dtype, const void *const *in, void *y) {
-    (void)user;
     if (dtype == LG_F64)
         for (size_t i = 0; i < 3; i++) ((double *)y)[i] = 3.0 * ((const double *)in[0])[i];
     return LG_OK;
@@ -414,21 +402,18 @@ static lg_status triple_forward(void *user, lg_dtype dtype, const void *const *i
 
 static lg_status custom(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     static const lg_custom_op triple = {.name = "triple", .forward = triple_forward};
-    (void)user, (void)theta;
     y[0] = lg_add(tape, x[0], lg_custom(tape, &triple, &x[1], 1, lg_shape1(3)));
     return lg_tape_status(tape);
 }
 
 static lg_status fall(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                       lg_var *out) {
-    (void)user, (void)t, (void)input;
     out[0] = lg_neg(tape, lg_pow(tape, y[0], 3.0));
     return lg_tape_status(tape);
 }
 
 static lg_status implicit(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     lg_taped_ode ode = {.field = fall};
-    (void)user, (void)theta;
     const lg_space_factor flat = {LG_SPACE_RN, 3};
     lg_status status = lg_space_init(&ode.space, &flat, 1);
     if (status == LG_OK) status = lg_taped_step(tape, lg_scheme_find("midpoint"), &ode, 0.0, 0.1, x, y);
@@ -436,32 +421,27 @@ static lg_status implicit(void *user, lg_tape *tape, const lg_var *theta, const 
 }
 
 static lg_status nothing(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta, (void)x, (void)y;
     return lg_tape_status(tape);
 }
 
 static lg_status resets(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const double one[3] = {1.0, 1.0, 1.0};
-    (void)user, (void)theta, (void)x;
     lg_tape_reset(tape);
     y[0] = lg_input(tape, lg_shape1(3), one);
     return lg_tape_status(tape);
 }
 
 static lg_status fails(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)tape, (void)theta, (void)x, (void)y;
     return LG_NO_CONVERGENCE;
 }
 
 static lg_status misfits(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     y[0] = lg_cross(tape, x[0], lg_slice(tape, x[0], 1, 0, 2));
     return lg_tape_status(tape);
 }
 
 static lg_status endless(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const double infinite[3] = {1.0, INFINITY, 2.0};
-    (void)user, (void)theta;
     y[0] = lg_max(tape, x[0], lg_input(tape, lg_shape1(3), infinite));
     return lg_tape_status(tape);
 }
@@ -639,7 +619,6 @@ TEST("two functions of one name; means over the batch are no refusal (loss, abov
 /* ---- derivatives that cannot be; on failure the program is as before ---- */
 
 static lg_status shared_and_not(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     y[0] = lg_mul(tape, x[0], x[1]);
     y[1] = lg_mean(tape, lg_square(tape, x[0]));
     return lg_tape_status(tape);
@@ -715,14 +694,12 @@ TEST("derivatives that cannot be") {
 
 /* Rows that meet, and NaN wherever inputs without a range are tried. */
 static lg_status centred_root(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     const lg_var root = lg_sqrt(tape, lg_add_scalar(tape, x[0], -2.0));
     y[0] = lg_sub(tape, root, lg_mean_axis(tape, root, 0, true));
     return lg_tape_status(tape);
 }
 
 static lg_status centred(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     y[0] = lg_sub(tape, x[0], lg_mean_axis(tape, x[0], 0, true));
     return lg_tape_status(tape);
 }
@@ -788,7 +765,6 @@ TEST("application is checked") {
 /* ---- what depends on parameters alone is computed once ---- */
 
 static lg_status scaled(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user;
     y[0] = lg_mul(tape, x[0], lg_exp(tape, theta[0]));
     return lg_tape_status(tape);
 }

@@ -47,7 +47,6 @@ static lg_var functional(lg_tape *tape, lg_var y) {
 static lg_status record(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const recording *r = user;
     const lg_gradcheck_function *f = &r->row->function;
-    (void)theta;
     const lg_var value = f->build(f->user, tape, x);
     if (!r->gradient) {
         y[0] = value;
@@ -415,7 +414,6 @@ typedef struct family {
 static lg_status record_family(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const family *f = user;
     const lg_attr attr = {.i = {f->columns - 1, f->order, 0, 0}};
-    (void)theta;
     y[0] = lg_record(tape, f->op, x, 1, &attr);
     return lg_tape_status(tape);
 }

@@ -47,7 +47,6 @@ static lg_var good(lg_tape *t) {
 static const uint32_t first_rows[2] = {0, 1};
 static const double weights3[3] = {1, 2, 3};
 static lg_status identity_forward(void *user, lg_dtype dtype, const void *const *in, void *y) {
-    (void)user;
     memcpy(y, in[0], 3 * (dtype == LG_F64 ? sizeof(double) : sizeof(float)));
     return LG_OK;
 }
@@ -726,7 +725,6 @@ static double d_cos(int n, double x) {
     return d_sin(n + 1, x);
 }
 static double d_exp(int n, double x) {
-    (void)n;
     return exp(x);
 }
 static double d_log(int n, double x) {
@@ -1244,25 +1242,21 @@ TEST("loss values") {
 /* ---- custom operations ---- */
 
 static lg_status failing_forward(void *user, lg_dtype dtype, const void *const *in, void *y) {
-    (void)user, (void)dtype, (void)in, (void)y;
     return LG_NO_CONVERGENCE;
 }
 static lg_status wrong_shape_vjp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y, lg_var g,
                                  const bool *need, lg_var *out) {
-    (void)user, (void)in, (void)n, (void)y, (void)need;
     out[0] = lg_sum(tape, g);
     return LG_OK;
 }
 static lg_status failing_vjp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y, lg_var g,
                              const bool *need, lg_var *out) {
-    (void)user, (void)tape, (void)in, (void)n, (void)y, (void)g, (void)need, (void)out;
     return LG_NO_CONVERGENCE;
 }
 /* Through operations with payload, and writing rubbish where nothing is asked for. */
 static lg_status payload_vjp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y, lg_var g,
                              const bool *need, lg_var *out) {
     static const uint32_t order[3] = {0, 1, 2};
-    (void)user, (void)in, (void)n, (void)y;
     if (need[0]) out[0] = lg_gather(tape, g, order, 3);
     if (!need[1]) out[1] = (lg_var){4000000000u, 1};
     return LG_OK;
@@ -1270,13 +1264,11 @@ static lg_status payload_vjp(void *user, lg_tape *tape, const lg_var *in, size_t
 /* One temporary for both inputs; then one and a view of a part of it. */
 static lg_status shared_vjp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y, lg_var g,
                             const bool *need, lg_var *out) {
-    (void)user, (void)in, (void)n, (void)y, (void)need;
     out[0] = out[1] = lg_scale(tape, g, 2.0);
     return LG_OK;
 }
 static lg_status shared_part_vjp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y, lg_var g,
                                  const bool *need, lg_var *out) {
-    (void)user, (void)in, (void)n, (void)y, (void)need;
     out[0] = lg_scale(tape, g, 2.0);
     out[1] = lg_slice(tape, out[0], 0, 0, 2);
     return LG_OK;
@@ -1327,13 +1319,11 @@ typedef struct both_counts {
 
 static lg_status square_forward(void *user, lg_dtype dtype, const void *const *in, void *y) {
     const double *x = in[0];
-    (void)user, (void)dtype;
     for (int i = 0; i < 3; i++) ((double *)y)[i] = x[i] * x[i];
     return LG_OK;
 }
 static lg_status square_vjp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y, lg_var g,
                             const bool *need, lg_var *out) {
-    (void)n, (void)y, (void)need;
     ((both_counts *)user)->built++;
     out[0] = lg_scale(tape, lg_mul(tape, g, in[0]), 2.0);
     return LG_OK;
@@ -1341,7 +1331,6 @@ static lg_status square_vjp(void *user, lg_tape *tape, const lg_var *in, size_t 
 static lg_status square_numeric_vjp(void *user, lg_dtype dtype, const void *const *in, const void *y,
                                     const void *g, void *const *out) {
     const double *x = in[0], *by = g;
-    (void)dtype, (void)y;
     ((both_counts *)user)->numeric++;
     for (int i = 0; i < 3; i++) ((double *)out[0])[i] = 2.0 * by[i] * x[i];
     return LG_OK;
@@ -1447,7 +1436,6 @@ TEST("Empty tensors flow through without reading or writing") {
 }
 
 static lg_status copy_input(void *user, lg_dtype dtype, const void *const *inputs, void *y) {
-    (void)user, (void)dtype;
     memcpy(y, inputs[0], sizeof(double));
     return LG_OK;
 }
@@ -1456,7 +1444,6 @@ static lg_status vjp_with_a_pass(void *user, lg_tape *t, const lg_var *inputs, s
                                  const bool *need, lg_var *out) {
     double inner = 0.0;
     void *memory = &inner;
-    (void)user, (void)n, (void)y, (void)need;
     out[0] = g;
     return lg_backward(t, g, inputs, 1, &memory);
 }

@@ -9,7 +9,6 @@
 /* ---- libsvm on the same rows ---- */
 
 static void quiet(const char *text) {
-    (void)text;
 }
 
 typedef struct reference {

@@ -80,14 +80,10 @@ TEST("fail fills the message") {
 /* ---- context ---- */
 
 static void *refuse(void *user, size_t bytes) {
-    (void)user;
-    (void)bytes;
     return NULL;
 }
 
 static void release_nothing(void *user, void *memory) {
-    (void)user;
-    (void)memory;
 }
 
 TEST("context options are checked") {
@@ -469,7 +465,6 @@ TEST("pool runs every task once") {
 }
 
 static void wait_for_all(void *user, size_t index) {
-    (void)index;
     atomic_int *arrived = user;
     atomic_fetch_add(arrived, 1);
     const struct timespec pause = {0, 500000};
@@ -493,7 +488,6 @@ typedef struct late {
 /* Both threads take one task each; the worker's takes its time. */
 static void finish_late(void *user, size_t index) {
     late *self = user;
-    (void)index;
     atomic_fetch_add(&self->arrived, 1);
     while (atomic_load(&self->arrived) < 2) continue;
     if (!pthread_equal(pthread_self(), self->caller)) {

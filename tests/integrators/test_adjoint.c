@@ -164,7 +164,6 @@ enum { LINEAR = 3 };
 
 static lg_status linear_field(void *user, double t, const double *y, const double *input, double *out) {
     const setup *s = user;
-    (void)t, (void)input;
     for (int i = 0; i < LINEAR; i++) {
         out[i] = 0.0;
         for (int j = 0; j < LINEAR; j++) out[i] += s->parameters[LINEAR * i + j] * y[j];
@@ -175,7 +174,6 @@ static lg_status linear_field(void *user, double t, const double *y, const doubl
 static lg_status linear_taped(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                               lg_var *out) {
     const setup *s = user;
-    (void)t, (void)input;
     out[0] = lg_matmul_nt(tape, y[0], lg_reshape(tape, s->theta, lg_shape2(LINEAR, LINEAR)));
     return lg_tape_status(tape);
 }
@@ -268,7 +266,6 @@ static void cross_add(const double *a, const double *b, double *out) {
 
 static lg_status chain_field(void *user, double t, const double *y, const double *input, double *out) {
     const setup *s = user;
-    (void)t, (void)input;
     const double m1 = s->parameters[0], m2 = s->parameters[1], gravity = s->parameters[2];
     const double W[2][2] = {{1.0 / m1, -1.0 / m1}, {-1.0 / m1, 1.0 / m1 + 1.0 / m2}};
     const double weight[2] = {(m1 + m2) * gravity, m2 * gravity}, *q[2] = {y, y + 6}, *p[2] = {y + 3, y + 9};
@@ -293,7 +290,6 @@ static lg_status chain_field(void *user, double t, const double *y, const double
 static lg_status chain_taped(void *user, lg_tape *T, lg_taped_time t, const lg_var *y, lg_var input,
                              lg_var *out) {
     const setup *s = user;
-    (void)t, (void)input;
     static const double up[3] = {0.0, 0.0, 1.0};
     lg_var e3 = lg_input_f64(T, lg_shape1(3), up), q[2], p[2], u[2], rest[2], v[2], xi[2], eta[2];
     lg_var m1 = lg_slice(T, s->theta, 0, 0, 1), m2 = lg_slice(T, s->theta, 0, 1, 1);
@@ -374,7 +370,6 @@ static const double top_b[3] = {0.4, -0.7, 1.1};
 
 static lg_status top_field(void *user, double t, const double *y, const double *input, double *out) {
     const setup *s = user;
-    (void)t, (void)input;
     const double *R = y, *r = y + 9, axis[3] = {R[2], R[5], R[8]};
     memset(out, 0, 6 * sizeof *out);
     for (int k = 0; k < 3; k++) {
@@ -388,7 +383,6 @@ static lg_status top_field(void *user, double t, const double *y, const double *
 static lg_status top_taped(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                            lg_var *out) {
     const setup *s = user;
-    (void)t, (void)input;
     lg_var R = lg_reshape(tape, y[0], lg_shape3(1, 3, 3)), r = lg_reshape(tape, y[1], lg_shape3(1, 3, 1));
     lg_var D = lg_reshape(tape, s->theta, lg_shape3(1, 3, 1));
     lg_var u = lg_matmul(tape, R, lg_mul(tape, D, lg_matmul_tn(tape, R, r)));
@@ -420,14 +414,12 @@ TEST("top") {
 
 static lg_status quartic_force(void *user, double t, const double *q, const double *input, double *out) {
     const setup *s = user;
-    (void)input;
     out[0] = -4.0 * s->parameters[0] * q[0] * q[0] * q[0];
     if (s->parameters[1] != 0.0) out[0] += s->parameters[1] * cos(t);
     return LG_OK;
 }
 
 static lg_status velocity(void *user, double t, const double *p, const double *input, double *out) {
-    (void)user, (void)t, (void)input;
     out[0] = p[0];
     return LG_OK;
 }
@@ -435,7 +427,6 @@ static lg_status velocity(void *user, double t, const double *p, const double *i
 static lg_status quartic_force_taped(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input,
                                      lg_var *out) {
     const setup *s = user;
-    (void)input;
     lg_var a = lg_slice(tape, s->theta, 0, 0, 1), b = lg_slice(tape, s->theta, 0, 1, 1);
     lg_var cube = lg_mul(tape, lg_square(tape, q), q);
     *out = lg_add(tape, lg_scale(tape, lg_mul(tape, a, cube), -4.0), lg_scale(tape, b, cos(t.value)));
@@ -444,7 +435,6 @@ static lg_status quartic_force_taped(void *user, lg_tape *tape, lg_taped_time t,
 
 static lg_status velocity_taped(void *user, lg_tape *tape, lg_taped_time t, lg_var p, lg_var input,
                                 lg_var *out) {
-    (void)user, (void)t, (void)input;
     *out = p;
     return lg_tape_status(tape);
 }
@@ -492,7 +482,6 @@ typedef struct accepted {
 
 static lg_status observe(void *user, double t, double h, const double *y) {
     accepted *a = user;
-    (void)y;
     if (a->count == ADAPTIVE) return LG_TOO_MANY_STEPS;
     a->t[a->count] = t;
     a->h[a->count++] = h;
@@ -619,7 +608,6 @@ TEST("checkpoints of a driven system") {
 
 static lg_status pendulum_force(void *user, double t, const double *q, const double *input, double *out) {
     const setup *s = user;
-    (void)t, (void)input;
     out[0] = -s->parameters[0] * sin(q[0]);
     return LG_OK;
 }
@@ -627,7 +615,6 @@ static lg_status pendulum_force(void *user, double t, const double *q, const dou
 static lg_status pendulum_force_taped(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input,
                                       lg_var *out) {
     const setup *s = user;
-    (void)t, (void)input;
     *out = lg_neg(tape, lg_mul(tape, s->theta, lg_sin(tape, q)));
     return lg_tape_status(tape);
 }
@@ -722,7 +709,6 @@ TEST("some outputs") {
 }
 
 static lg_status drift_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)user, (void)t, (void)y, (void)input;
     out[0] = 2.0;
     return LG_OK;
 }
@@ -730,7 +716,6 @@ static lg_status drift_field(void *user, double t, const double *y, const double
 static lg_status drift_taped(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                              lg_var *out) {
     const setup *s = user;
-    (void)t, (void)y, (void)input;
     out[0] = lg_full(tape, lg_shape2(1, 1), lg_is_none(s->theta) ? 2.0 : NAN);
     return lg_tape_status(tape);
 }
@@ -811,14 +796,12 @@ TEST("bad arguments") {
 
 static lg_status wrong_shape(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                              lg_var *out) {
-    (void)user, (void)t, (void)input;
     out[0] = y[0];
     out[1] = lg_full(tape, lg_shape3(1, 5, 3), 1.0);
     return lg_tape_status(tape);
 }
 
 static lg_status refusing_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)user, (void)y, (void)input, (void)out;
     return t > 0.8 ? LG_NO_CONVERGENCE : chain_field(user, t, y, input, out);
 }
 
@@ -829,20 +812,17 @@ static lg_status refusing_taped(void *user, lg_tape *tape, lg_taped_time t, cons
 
 /* y' = y^2 */
 static lg_status steep_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)user, (void)t, (void)input;
     out[0] = y[0] * y[0];
     return LG_OK;
 }
 
 static lg_status steep_taped(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                              lg_var *out) {
-    (void)user, (void)t, (void)input;
     out[0] = lg_square(tape, y[0]);
     return lg_tape_status(tape);
 }
 
 static lg_status own_step(void *user, double t, double h, double *y) {
-    (void)user, (void)t, (void)h, (void)y;
     return LG_OK;
 }
 

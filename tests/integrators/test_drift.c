@@ -52,7 +52,6 @@ TEST("chain") {
 static lg_status attitude(void *user, double t, const double *y, const double *input, double *out) {
     static const double pi[3] = {0.4, 1.1, -0.7}, inertia[3] = {0.8, 1.3, 2.1};
     double body[3];
-    (void)user, (void)t, (void)input;
     for (int j = 0; j < 3; j++) body[j] = (y[j] * pi[0] + y[3 + j] * pi[1] + y[6 + j] * pi[2]) / inertia[j];
     for (int i = 0; i < 3; i++) out[i] = y[3 * i] * body[0] + y[3 * i + 1] * body[1] + y[3 * i + 2] * body[2];
     return LG_OK;

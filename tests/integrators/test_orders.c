@@ -16,20 +16,17 @@ static void chain_rhs(real t, const real *y, real *out) {
 
 static void rigid_rhs(real t, const real *y, real *out) {
     const real u[3] = {-y[0] / 0.8L, -y[1] / 1.3L, -y[2] / 2.1L};
-    (void)t;
     cross_l(u, y, out);
 }
 
 static void quartic_rhs(real t, const real *y, real *out) {
     const real r = y[0] * y[0] + y[1] * y[1];
-    (void)t;
     out[0] = y[2], out[1] = y[3], out[2] = -y[0] * (r + 1.0L), out[3] = -y[1] * r;
 }
 
 /* Q' = hat(u) Q, pi' = u x pi + v */
 static void top_rhs(real t, const real *y, real *out) {
     real f[6];
-    (void)t;
     top_l(y, f);
     for (int j = 0; j < 3; j++) {
         real column[3] = {y[j], y[3 + j], y[6 + j]};

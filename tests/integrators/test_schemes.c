@@ -558,7 +558,6 @@ TEST("variational step") {
 
 /* A stiff linear problem, and its exact step. */
 static lg_status stiff_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)user, (void)input;
     out[0] = -1e6 * (y[0] - t);
     out[1] = y[0] - y[1];
     return LG_OK;
@@ -566,7 +565,6 @@ static lg_status stiff_field(void *user, double t, const double *y, const double
 
 /* y' = y^2 + 1e3: the implicit Euler stage is real for small steps only */
 static lg_status unsolvable_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)user, (void)t, (void)input;
     out[0] = y[0] * y[0] + 1e3;
     return LG_OK;
 }
@@ -744,14 +742,12 @@ TEST("the quadratic form with theta = 1/2 has the (Q, pi) of the cotangent form;
 
 /* T*(R^m) inside: with SO(3) at rest the rule theta = 1/2 is the midpoint rule. */
 static lg_status resting_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)user, (void)t, (void)input;
     memset(out, 0, 6 * sizeof(*out));
     out[6] = y[13], out[7] = -sin(y[12]);
     return LG_OK;
 }
 
 static lg_status pendulum_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)user, (void)t, (void)input;
     out[0] = y[1], out[1] = -sin(y[0]);
     return LG_OK;
 }
@@ -797,7 +793,6 @@ TEST("theta = 0 is symplectic Euler with p first, theta = 1 with q first") {
 }
 
 static lg_status nan_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)user, (void)t, (void)y, (void)input;
     for (int i = 0; i < 6; i++) out[i] = NAN;
     return LG_OK;
 }

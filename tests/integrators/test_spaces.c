@@ -269,9 +269,6 @@ TEST("the action against the exponential of the 4 x 4 matrix") {
 
 static lg_status constant_field(void *user, double t, const double *y, const double *input, double *out) {
     const fixture *f = user;
-    (void)t;
-    (void)y;
-    (void)input;
     for (size_t i = 0; i < f->algebra; i++) out[i] = 0.1 * (double)(i % 5) - 0.2 + 0.05 * (double)(i % 3);
     return LG_OK;
 }
@@ -400,9 +397,6 @@ TEST("drift") {
 
 /* A spherical pendulum (q, omega), and a body that turns with it: rotations of 0.05 to 0.6 a step. */
 static lg_status turning_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)user;
-    (void)t;
-    (void)input;
     for (int j = 0; j < 3; j++) {
         out[j] = y[3 + j];
         out[3 + j] = j == 2 ? 9.81 : 0.0;

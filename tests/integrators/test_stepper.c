@@ -8,21 +8,18 @@
 
 /* y' = a . y with constant a behind user */
 static lg_status constant_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)t, (void)y, (void)input;
     memcpy(out, user, 6 * sizeof(double));
     return LG_OK;
 }
 
 /* The same as an ambient field. */
 static lg_status turning_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)t, (void)input;
     lg_se3_generator(user, y, out);
     return LG_OK;
 }
 
 /* R^2: y' = (t^4, input or 0) */
 static lg_status time_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)user, (void)y;
     out[0] = t * t * t * t;
     out[1] = input ? input[0] : 0.0;
     return LG_OK;
@@ -30,13 +27,11 @@ static lg_status time_field(void *user, double t, const double *y, const double 
 
 /* R^1: y' = y^2, which reaches infinity at t = 1/y0; user: NULL, or the status to return */
 static lg_status blow_up_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)t, (void)input;
     out[0] = y[0] * y[0];
     return user ? *(lg_status *)user : LG_OK;
 }
 
 static lg_status sqrt_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)user, (void)y, (void)input;
     out[0] = sqrt(0.5 - t); /* NaN beyond 1/2 */
     return LG_OK;
 }
@@ -184,19 +179,16 @@ TEST("first same as last: six evaluations a step, and a rejected step costs none
 }
 
 static lg_status spring(void *user, double t, const double *q, const double *input, double *out) {
-    (void)user, (void)t;
     out[0] = (input ? input[0] : 0.0) - q[0];
     return LG_OK;
 }
 
 static lg_status same(void *user, double t, const double *p, const double *input, double *out) {
-    (void)user, (void)t, (void)input;
     out[0] = p[0];
     return LG_OK;
 }
 
 static lg_status drifting(void *user, double t, double h, double *y) {
-    (void)user, (void)t;
     y[0] += h * y[1];
     return LG_OK;
 }
@@ -300,7 +292,6 @@ typedef struct times_seen {
 
 static lg_status noting_field(void *user, double t, const double *y, const double *input, double *out) {
     times_seen *seen = user;
-    (void)input;
     if (seen->count < 16) seen->t[seen->count++] = t;
     out[0] = y[0];
     return LG_OK;
@@ -542,7 +533,6 @@ TEST("each new state is projected, also that of a scheme that keeps its last val
 }
 
 static lg_status half(void *user, double t, const double *x, const double *input, double *out) {
-    (void)user, (void)t, (void)input;
     out[0] = x[0];
     return LG_OK;
 }

@@ -11,7 +11,6 @@ static lg_var column(lg_tape *tape, lg_var x, uint32_t i) {
 }
 
 static lg_status force(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input, lg_var *out) {
-    (void)user, (void)t, (void)input;
     lg_var q1 = column(tape, q, 0), q2 = column(tape, q, 1);
     lg_var first = lg_add(tape, q1, lg_mul(tape, q1, q2));
     const double weights[3] = {2.0, 0.5, 1.0};
@@ -22,7 +21,6 @@ static lg_status force(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_
 }
 
 static lg_status velocity(void *user, lg_tape *tape, lg_taped_time t, lg_var p, lg_var input, lg_var *out) {
-    (void)user, (void)t, (void)input;
     lg_var p1 = column(tape, p, 0), p2 = column(tape, p, 1);
     lg_var cube = lg_scale(tape, lg_pow(tape, lg_add(tape, p1, p2), 3.0), 0.5);
     lg_var both[2] = {lg_add(tape, p1, cube), lg_add(tape, lg_scale(tape, p2, 2.0), cube)};
@@ -97,7 +95,6 @@ static const double inverse[3] = {1.0, 1.0 / 1.3, 1.0 / 0.6}, chi[3] = {0.2, -0.
  */
 static lg_status top(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input, lg_var *out) {
     const lg_shape vector = lg_shape3(1, 1, 3), upright = lg_shape3(1, 3, 1);
-    (void)user, (void)t, (void)input;
     lg_var Q = lg_reshape(tape, y[0], lg_shape3(1, 3, 3));
     lg_var body = lg_matmul_tn(tape, Q, lg_reshape(tape, y[1], upright));
     lg_var turned = lg_mul(tape, body, lg_input(tape, upright, inverse));

@@ -354,7 +354,6 @@ static lg_status cubic(void *user, lg_tape *tape, lg_taped_time t, const lg_var 
     const double *of = user;
     lg_var rows = lg_taped_time_rows(tape, t, lg_var_shape(tape, y[0]).dims[0]);
     lg_var terms[2] = {y[0], lg_mul(tape, rows, lg_square(tape, rows))};
-    (void)input;
     f[0] = lg_linear_combination(tape, terms, of, 2);
     return lg_tape_status(tape);
 }
@@ -640,7 +639,6 @@ TEST("known values are not evaluated again") {
 
 /* y' = -y, time and input ignored */
 static lg_status decay(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input, lg_var *f) {
-    (void)user, (void)t, (void)input;
     f[0] = lg_neg(tape, y[0]);
     return lg_tape_status(tape);
 }
@@ -859,7 +857,6 @@ TEST("bad manifold") {
 /* y' = 1 + y^2: y1 = y0 + h (1 + y1^2) has no real solution for h > 1/2 at y0 = 0. */
 static lg_status without_solution(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                                   lg_var *f) {
-    (void)user, (void)t, (void)input;
     f[0] = lg_add_scalar(tape, lg_square(tape, y[0]), 1.0);
     return lg_tape_status(tape);
 }

@@ -45,89 +45,6 @@ static void random_start(lg_rng *rng, double size, double *Q, double *pi) {
     for (int i = 0; i < 3; i++) pi[i] = lg_rng_uniform_in(rng, -size, size);
 }
 
-/* ---- fields against H ---- */
-
-static const double stencil[4][2] = {{-2, 1.0 / 12}, {-1, -2.0 / 3}, {1, 2.0 / 3}, {2, -1.0 / 12}};
-#define DELTA 1e-3
-
-static double energy(const lg_system *system, const double *y) {
-    double work[SYSTEM_MAX_DIM];
-    return lg_system_hamiltonian(system, y, work);
-}
-
-/* dH/dy_i by differences of fourth order. */
-static double slope(const lg_system *system, const double *y, size_t i) {
-    double moved[SYSTEM_MAX_DIM], sum = 0.0;
-    memcpy(moved, y, lg_system_dim(system) * sizeof(*y));
-    for (int s = 0; s < 4; s++) {
-        moved[i] = y[i] + DELTA * stencil[s][0];
-        sum += stencil[s][1] / DELTA * energy(system, moved);
-    }
-    return sum;
-}
-
-/* d/ds H(exp(s e_k) Q, pi) */
-static double turning_slope(const lg_system *system, const double *y, int k) {
-    double moved[SYSTEM_MAX_DIM], sum = 0.0;
-    memcpy(moved, y, lg_system_dim(system) * sizeof(*y));
-    for (int s = 0; s < 4; s++) {
-        double u[3] = {0.0, 0.0, 0.0}, R[9];
-        u[k] = DELTA * stencil[s][0];
-        lg_so3_exp(u, R);
-        for (int r = 0; r < 3; r++)
-            for (int c = 0; c < 3; c++)
-                moved[3 * r + c] = R[3 * r] * y[c] + R[3 * r + 1] * y[3 + c] + R[3 * r + 2] * y[6 + c];
-        sum += stencil[s][1] / DELTA * energy(system, moved);
-    }
-    return sum;
-}
-
-TEST("f = (dH/dpi, -R_Q^* dH/dQ) on T*SO(3), and q' = dH/dp, p' = 0 with H = energy + |p|^2/2") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 11, 0);
-    static const int canonical[] = {COTANGENT, QUADRATIC};
-    for (int f = 0; f < 2; f++) {
-        lg_system *system = make_top(&skew, canonical[f]);
-        double Q[9], pi[3], y[18], algebra[12];
-        random_start(&rng, 3.0, Q, pi);
-        state_of(system, &skew, Q, pi, y);
-        for (size_t i = 12; i < lg_system_dim(system); i++) y[i] = lg_rng_uniform_in(&rng, -1, 1);
-        evaluate(system, 0.0, y, algebra);
-        for (int k = 0; k < 3; k++) {
-            assert_close(algebra[k], slope(system, y, 9 + (size_t)k), 1e-9, 1e-9);
-            assert_close(algebra[3 + k], -turning_slope(system, y, k), 1e-9, 1e-9);
-        }
-        for (size_t k = 0; k < 3 && canonical[f] == QUADRATIC; k++) {
-            const double p = y[15 + k] - skew.mass * skew.length * skew.chi[k];
-            assert_close(algebra[6 + k], slope(system, y, 15 + k) + p, 1e-9, 1e-9);
-            assert_close(slope(system, y, 12 + k), 0.0, 0.0, 1e-10);
-            assert_close(algebra[9 + k], 0.0, 0.0, 0.0);
-        }
-        lg_system_destroy(NULL, system);
-    }
-}
-
-TEST("Lie-Poisson: Gamma' = Gamma x dH/dPi, Pi' = Pi x dH/dPi + Gamma x dH/dGamma") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 12, 0);
-    lg_system *system = make_top(&skew, POISSON);
-    double y[6], v[6], hp[3], hg[3], a[3], b[3], c[3];
-    for (int i = 0; i < 6; i++) y[i] = lg_rng_uniform_in(&rng, -3, 3);
-    for (size_t k = 0; k < 3; k++) {
-        hg[k] = slope(system, y, k);
-        hp[k] = slope(system, y, 3 + k);
-    }
-    lg_cross3(y, hp, a);
-    lg_cross3(y + 3, hp, b);
-    lg_cross3(y, hg, c);
-    velocity(system, 0.0, y, v);
-    for (int k = 0; k < 3; k++) {
-        assert_close(v[k], a[k], 1e-9, 1e-9);
-        assert_close(v[3 + k], b[k] + c[k], 1e-9, 1e-9);
-    }
-    lg_system_destroy(NULL, system);
-}
-
 TEST("cotangent, direct and quadratic have the same velocity of (Q, pi)") {
     lg_rng rng;
     lg_rng_seed(&rng, 13, 0);
@@ -137,7 +54,6 @@ TEST("cotangent, direct and quadratic have the same velocity of (Q, pi)") {
         lg_system *system = make_top(&skew, form);
         state_of(system, &skew, Q, pi, y);
         velocity(system, 0.0, y, v[form]);
-        lg_system_destroy(NULL, system);
     }
     for (int i = 0; i < 12; i++) {
         assert_close(v[DIRECT][i], v[COTANGENT][i], 1e-14, 1e-13);
@@ -212,7 +128,6 @@ static void check_flow(const char *name, const top *of, const double *Q, const d
         printf(" %s %.1e (invariants %.1e)", forms[form], worst, drift);
         assert_true(worst < 1e-8);
         assert_true(drift < 1e-8);
-        lg_system_destroy(NULL, system);
     }
     printf("\n");
 }
@@ -259,7 +174,6 @@ TEST("exact invariants") {
         assert_true(fabs(lg_system_invariant(system, 0, out, own) - lg_system_invariant(system, 0, y, own)) >
                     1e-3);
         lg_stepper_destroy(NULL, stepper);
-        lg_system_destroy(NULL, system);
     }
 }
 
@@ -281,30 +195,12 @@ TEST("symplectic integrator sees one top") {
         assert_ok(lg_stepper_create(NULL, lg_scheme_find("slgi"), &ode, &stepper));
         for (int n = 0; n < 50; n++) assert_ok(lg_step(stepper, 0.01 * n, 0.01, end[f], NULL, end[f]));
         lg_stepper_destroy(NULL, stepper);
-        lg_system_destroy(NULL, system);
     }
     for (int i = 0; i < 12; i++) assert_close(end[1][i], end[0][i], 0.0, 1e-12);
     assert_true(largest_difference(end[0], start, 12) > 0.1);
 }
 
 /* ---- on a tape ---- */
-
-TEST("taped fields") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 16, 0);
-    for (int form = 0; form < FORMS; form++) {
-        lg_system *system = make_top(&skew, form);
-        const size_t dim = lg_system_dim(system);
-        double states[2 * 18], Q[9], pi[3];
-        for (size_t b = 0; b < 2; b++) {
-            random_start(&rng, 3.0, Q, pi);
-            state_of(system, &skew, Q, pi, states + b * dim);
-            for (size_t i = 12; i < dim; i++) states[b * dim + i] = lg_rng_uniform_in(&rng, -1, 1);
-        }
-        check_taped_field(system, 0.0, states, 2, 0.1);
-        lg_system_destroy(NULL, system);
-    }
-}
 
 /* d(sum of (Q, pi) after five steps of RKMK4)/d parameters */
 static void flow_gradient(int form, const double *Q, const double *pi, double *gradient) {
@@ -324,7 +220,6 @@ static void flow_gradient(int form, const double *Q, const double *pi, double *g
     assert_ok(lg_grad(tape, lg_add(tape, lg_sum(tape, out[0]), lg_sum(tape, out[1])), &p, 1, &g));
     assert_ok(lg_read(tape, g, gradient, count));
     lg_tape_destroy(tape);
-    lg_system_destroy(NULL, system);
 }
 
 /* The derivatives of the quadratic form in M, l, chi are those of the top: its start does not depend on them.
@@ -357,11 +252,9 @@ TEST("description") {
             lg_system_parameter_label(system, i, label);
             assert_string_equal(label, labels[i]);
         }
-        lg_system_destroy(NULL, system);
     }
     lg_system *first = make_system("heavy-top", NULL, NULL, 0);
     assert_string_equal(lg_system_form(first), "cotangent");
-    lg_system_destroy(NULL, first);
 }
 
 TEST("bad input") {

@@ -26,7 +26,6 @@ TEST("field is eulers") {
     velocity(system, 0.0, mu, v);
     for (int i = 0; i < 3; i++) assert_close(v[i], expected[i], 1e-14, 1e-15);
     assert_string_equal(lg_system_layout(system), "mu");
-    lg_system_destroy(NULL, system);
 }
 
 /* sn, cn, dn of u for the modulus with complement m1 = 1 - k^2, by the arithmetic-geometric mean (Abramowitz
@@ -114,7 +113,6 @@ static void check_near_the_middle_axis(double m1, double start, double tolerance
     }
     printf("1 - k^2 = %.0e: error to T = 100: %.2e\n", m1, worst);
     assert_true(worst < error);
-    lg_system_destroy(NULL, system);
 }
 
 TEST("middle axis to 100") {
@@ -165,23 +163,6 @@ TEST("attitude is that of the body") {
                      1e-11, 0.0);
     assert_int_equal(lg_system_invariants(system), 2);
     assert_string_equal(lg_system_layout(system), "R pi");
-    lg_system_destroy(NULL, system);
-}
-
-TEST("taped fields") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 4, 0);
-    double mu[6], y[24];
-    for (int i = 0; i < 6; i++) mu[i] = lg_rng_uniform_in(&rng, -2, 2);
-    for (int b = 0; b < 2; b++) {
-        random_rotation(&rng, y + 12 * b);
-        for (int i = 9; i < 12; i++) y[12 * b + i] = lg_rng_uniform_in(&rng, -2, 2);
-    }
-    lg_system *body = make_body("rigid-body", inertia), *attitude = make_body("rigid-body-attitude", inertia);
-    check_taped_field(body, 0.0, mu, 2, 0.1);
-    check_taped_field(attitude, 0.0, y, 2, 0.1);
-    lg_system_destroy(NULL, body);
-    lg_system_destroy(NULL, attitude);
 }
 
 TEST("bad input") {
