@@ -688,7 +688,7 @@ static lg_status record_two(void *user, lg_tape *tape, const lg_var *theta, cons
 }
 
 TEST("chosen pairs") {
-    static const char *const by = "z", *const of = "z", *const all[2] = {"y", "z"};
+    static const char *const by = "z", *const all[2] = {"y", "z"};
     const lg_port in[] = {{.name = "x", .shape = {1, {3}}}, {.name = "u", .shape = {1, {2}}}};
     const uint32_t hidden[1] = {30};
     lg_mlp net;

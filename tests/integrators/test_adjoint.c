@@ -1,6 +1,6 @@
 /* Gradients of trajectories against closed forms, against differences, and against themselves with other
  * checkpoints. */
-#include "test_support.h"
+#include "support/fixtures.h"
 
 #include "liegrad/adjoint.h"
 #include "liegrad/ops.h"
@@ -87,18 +87,16 @@ static void gradient_of(setup *s, result *r) {
 
 /* J by the plain stepper, with the same steps. */
 static double functional(setup *s) {
-    lg_stepper *stepper;
     double y[MOST], J = 0.0;
     s->ode.user = s;
     const size_t d = s->ode.space.dim;
-    assert_ok(lg_stepper_create(NULL, lg_scheme_find(s->scheme), &s->ode, &stepper));
+    lg_stepper *stepper = test_stepper(lg_scheme_find(s->scheme), &s->ode);
     memcpy(y, s->y0, d * sizeof *y);
     for (size_t n = 0; n <= s->steps; n++) {
         for (size_t i = 0; i < d; i++) J += 0.5 * s->along * y[i] * y[i];
         if (n < s->steps) assert_ok(lg_step(stepper, s->t[n], s->h[n], y, NULL, y));
     }
     for (size_t i = 0; i < d; i++) J += s->final[i] * y[i];
-    lg_stepper_destroy(NULL, stepper);
     return J;
 }
 
@@ -494,7 +492,6 @@ TEST("the steps of an adaptive run, forward or backward, held fixed") {
     for (int i = 0; i < 2; i++) {
         setup s = chain_setup("rkmk54");
         lg_step_controller control;
-        lg_stepper *stepper;
         lg_run_stats stats;
         double y_end[12];
         result r;
@@ -505,9 +502,8 @@ TEST("the steps of an adaptive run, forward or backward, held fixed") {
         control.observer = &steps;
         steps.count = 0;
         s.ode.user = &s;
-        assert_ok(lg_stepper_create(NULL, lg_scheme_find(s.scheme), &s.ode, &stepper));
+        lg_stepper *stepper = test_stepper(lg_scheme_find(s.scheme), &s.ode);
         assert_ok(lg_integrate_adaptive(stepper, &control, 0.0, s.y0, &ends[i], 1, y_end, &stats));
-        lg_stepper_destroy(NULL, stepper);
         print_message("%zu steps accepted, %zu rejected, from %.3g to %.3g\n", stats.steps, stats.rejected,
                       steps.h[0], steps.h[steps.count - 1]);
         assert_int_equal(steps.count, stats.steps);
@@ -573,12 +569,11 @@ TEST("checkpoints of a driven system") {
     setup s = quartic_setup("stormer-verlet");
     result first, r;
     double seen[STEPS + 1][2], y[2];
-    lg_stepper *stepper;
     for (size_t n = 0; n < STEPS; n++) times[n] = 0.3 + 0.1 * (double)n, sizes[n] = 0.1;
     s.seen = seen[0];
     s.checkpoints = 1;
     gradient_of(&s, &first);
-    assert_ok(lg_stepper_create(NULL, lg_scheme_find(s.scheme), &s.ode, &stepper));
+    lg_stepper *stepper = test_stepper(lg_scheme_find(s.scheme), &s.ode);
     size_t moved = 0;
     for (size_t c = 2; c <= STEPS; c++) {
         s.checkpoints = c;
@@ -600,7 +595,6 @@ TEST("checkpoints of a driven system") {
             assert_memory_equal(y, seen[end], sizeof y);
         }
     }
-    lg_stepper_destroy(NULL, stepper);
     assert_true(moved > 0); /* or the comparison would say nothing */
 }
 

@@ -1,6 +1,7 @@
 /* Orders of convergence on a nonplanar double pendulum, a rigid body, a heavy top and coupled oscillators,
  * and what planted errors do to them. */
 #include "fields.h"
+#include "support/fixtures.h"
 
 /* ---- problems, and their solutions in long double ---- */
 
@@ -120,11 +121,10 @@ static double error_of(const problem *p, lg_stepper *stepper, size_t steps) {
 /* Slope of log(error) against log(h) by least squares over the step sizes with errors in [1e-11, 1e-3],
  * `density` of them a halving, at most 5.5 halvings; `halvings` is the range of h in powers of 2. */
 static double measured_order(const problem *p, const lg_scheme *scheme, int density, double *halvings) {
-    lg_stepper *stepper = NULL;
     fit_line fit = {0};
     double first = 0.0;
     *halvings = 0.0;
-    assert_ok(lg_stepper_create(NULL, scheme, &p->ode, &stepper));
+    lg_stepper *stepper = test_stepper(scheme, &p->ode);
     for (int i = 2 * density; i <= 20 * density && *halvings < 5.4; i++) {
         const size_t steps = (size_t)lround(pow(2.0, (double)i / density));
         const double x = log(p->t_end / (double)steps), error = error_of(p, stepper, steps);
@@ -134,7 +134,6 @@ static double measured_order(const problem *p, const lg_scheme *scheme, int dens
         fit_add(&fit, x, log(error));
         *halvings = (first - x) / log(2.0);
     }
-    lg_stepper_destroy(NULL, stepper);
     return fit_slope(&fit);
 }
 
@@ -257,13 +256,11 @@ TEST("Stormer-Verlet is reversible, and M points cost M forces") {
     const problem p = quartic_problem(1.0);
     double out[8], back[8];
     lg_run_stats stats;
-    lg_stepper *stepper = NULL;
-    assert_ok(lg_stepper_create(NULL, lg_scheme_find("stormer-verlet"), &p.ode, &stepper));
+    lg_stepper *stepper = test_stepper(lg_scheme_find("stormer-verlet"), &p.ode);
     assert_ok(lg_integrate_fixed(stepper, 0.0, 0.05, 20, NULL, 0, 20, p.y0, out, NULL));
     assert_ok(lg_integrate_fixed(stepper, 1.0, -0.05, 20, NULL, 0, 20, out + 4, back, NULL));
     for (int j = 0; j < 4; j++) assert_close(back[4 + j], p.y0[j], 0.0, 1e-14);
     lg_stepper_reset(stepper);
     assert_ok(lg_integrate_fixed(stepper, 0.0, 0.05, 20, NULL, 0, 20, p.y0, out, &stats));
     assert_int_equal(stats.evaluations, 21);
-    lg_stepper_destroy(NULL, stepper);
 }

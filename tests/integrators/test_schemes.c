@@ -2,6 +2,7 @@
  * 4 matrices of SE(3), exponentials by scaling and squaring, dexpinv by its series, formulas as the sources
  * print them. */
 #include "fields.h"
+#include "support/fixtures.h"
 
 #include "core/core.h"
 #include "liegrad/random.h"
@@ -324,14 +325,12 @@ static double distance(const double *y, const alg *e) {
 /* One step of a scheme from the start, at a time where gravity swings. */
 static double step_error(const lg_scheme *scheme, double h, const alg *e, double *error) {
     double y[CHAIN_DIM];
-    lg_stepper *stepper = NULL;
     const lg_ode ode = chain_ode(scheme, &swing);
-    assert_ok(lg_stepper_create(NULL, scheme, &ode, &stepper));
+    lg_stepper *stepper = test_stepper(scheme, &ode);
     chain_start(y);
     assert_ok(lg_step(stepper, 0.3, h, y, NULL, y));
     if (error && lg_stepper_error(stepper))
         memcpy(error, lg_stepper_error(stepper), CHAIN_DIM * sizeof(*error));
-    lg_stepper_destroy(NULL, stepper);
     return distance(y, e);
 }
 
@@ -509,21 +508,18 @@ TEST("splitting steps") {
     memcpy(e, y, sizeof(e));
     (void)quartic_force(NULL, 0, e, NULL, f);
     for (int i = 0; i < 2; i++) e[2 + i] += h * f[i], e[i] += h * e[2 + i];
-    lg_stepper *stepper = NULL;
-    assert_ok(lg_stepper_create(NULL, lg_scheme_find("symplectic-euler"), &ode, &stepper));
+    lg_stepper *stepper = test_stepper(lg_scheme_find("symplectic-euler"), &ode);
     assert_ok(lg_step(stepper, 0.0, h, y, NULL, out));
     for (int i = 0; i < 4; i++) assert_close(out[i], e[i], 0.0, 1e-15);
-    lg_stepper_destroy(NULL, stepper);
     memcpy(e, y, sizeof(e));
     for (int half = 0; half < 2; half++) {
         (void)quartic_force(NULL, 0, e, NULL, f);
         for (int i = 0; i < 2; i++) e[2 + i] += h / 2 * f[i];
         for (int i = 0; half == 0 && i < 2; i++) e[i] += h * e[2 + i];
     }
-    assert_ok(lg_stepper_create(NULL, lg_scheme_find("stormer-verlet"), &ode, &stepper));
+    stepper = test_stepper(lg_scheme_find("stormer-verlet"), &ode);
     assert_ok(lg_step(stepper, 0.0, h, y, NULL, out));
     for (int i = 0; i < 4; i++) assert_close(out[i], e[i], 0.0, 1e-15);
-    lg_stepper_destroy(NULL, stepper);
 }
 
 static lg_status variational(void *user, double t, double h, double *y) {
@@ -535,23 +531,21 @@ static lg_status variational(void *user, double t, double h, double *y) {
 TEST("variational step") {
     double y[12];
     lg_status failure = LG_NO_CONVERGENCE;
-    lg_stepper *stepper = NULL;
     lg_ode ode = {.step = NULL};
     const lg_scheme *scheme = lg_scheme_find("variational");
     assert_ok(lg_space_init(&ode.space, &(lg_space_factor){LG_SPACE_TS2, 2}, 1));
+    lg_stepper *stepper = NULL;
     assert_status(lg_stepper_create(NULL, scheme, &ode, &stepper), LG_INVALID_ARGUMENT);
     ode.step = variational;
     chain_start(y);
-    assert_ok(lg_stepper_create(NULL, scheme, &ode, &stepper));
+    stepper = test_stepper(scheme, &ode);
     assert_ok(lg_step(stepper, 3.0, 0.5, y, NULL, y));
     assert_close(y[0], 0.6 + 1.5, 1e-15, 0.0);
     assert_int_equal(lg_stepper_evaluations(stepper), 1);
-    lg_stepper_destroy(NULL, stepper);
     ode.user = &failure;
-    assert_ok(lg_stepper_create(NULL, scheme, &ode, &stepper));
+    stepper = test_stepper(scheme, &ode);
     assert_status(lg_step(stepper, 3.0, 0.5, y, NULL, y), LG_NO_CONVERGENCE);
     assert_close(y[0], 0.6 + 1.5, 1e-15, 0.0);
-    lg_stepper_destroy(NULL, stepper);
 }
 
 /* ---- implicit schemes ---- */
@@ -571,10 +565,9 @@ static lg_status unsolvable_field(void *user, double t, const double *y, const d
 
 TEST("implicit steps") {
     double y[2] = {1.0, 2.0}, out[2];
-    lg_stepper *stepper = NULL;
     lg_ode ode = {.field = stiff_field};
     assert_ok(lg_space_init_rn(&ode.space, 2));
-    assert_ok(lg_stepper_create(NULL, lg_scheme_find("implicit-euler"), &ode, &stepper));
+    lg_stepper *stepper = test_stepper(lg_scheme_find("implicit-euler"), &ode);
     assert_ok(lg_step(stepper, 0.5, 0.1, y, NULL, out));
     const double first = (1.0 + 1e5 * 0.6) / (1.0 + 1e5);
     assert_close(out[0], first, 1e-12, 0.0);
@@ -582,16 +575,14 @@ TEST("implicit steps") {
     y[0] = y[1] = 0.0; /* from the origin */
     assert_ok(lg_step(stepper, 0.0, 0.1, y, NULL, out));
     assert_close(out[0], 1e5 * 0.1 / (1.0 + 1e5), 1e-12, 0.0);
-    lg_stepper_destroy(NULL, stepper);
     ode.field = unsolvable_field;
     assert_ok(lg_space_init_rn(&ode.space, 1));
-    assert_ok(lg_stepper_create(NULL, lg_scheme_find("implicit-euler"), &ode, &stepper));
+    stepper = test_stepper(lg_scheme_find("implicit-euler"), &ode);
     y[0] = out[0] = 0.5;
     assert_status(lg_step(stepper, 0.0, 1.0, y, NULL, out), LG_NO_CONVERGENCE);
     assert_true(out[0] == 0.5);
     assert_ok(lg_step(stepper, 0.0, 1e-3, y, NULL, out)); /* 1e-3 Y^2 - Y + 1.5 = 0 */
     assert_close(out[0], (1.0 - sqrt(1.0 - 4e-3 * 1.5)) / 2e-3, 1e-12, 0.0);
-    lg_stepper_destroy(NULL, stepper);
 }
 
 /* ---- symplectic Lie group integrators: the residual of 6 equations in long double ---- */
@@ -686,13 +677,11 @@ static void slgi_step(real theta, real h, real *y) {
 
 static lg_stepper *top_stepper(double theta, lg_field f, bool quadratic, lg_scheme *scheme) {
     lg_ode ode = {.field = f};
-    lg_stepper *stepper = NULL;
     *scheme = *lg_scheme_find("slgi");
     scheme->theta = theta;
     assert_ok(lg_space_init(&ode.space, (lg_space_factor[]){{LG_SPACE_SE3, 1}, {LG_SPACE_RN, 6}},
                             quadratic ? 2 : 1));
-    assert_ok(lg_stepper_create(NULL, scheme, &ode, &stepper));
-    return stepper;
+    return test_stepper(scheme, &ode);
 }
 
 TEST("slgi against residual") {
@@ -715,7 +704,6 @@ TEST("slgi against residual") {
                 thetas[i], steps[k], worst, (double)lg_stepper_evaluations(stepper) / 10.0,
                 lg_stepper_angle(stepper));
             assert_true(worst <= 1e-11);
-            lg_stepper_destroy(NULL, stepper);
         }
     }
 }
@@ -736,8 +724,6 @@ TEST("the quadratic form with theta = 1/2 has the (Q, pi) of the cotangent form;
     assert_true(x[15] == 0.0 && x[16] == -30.0 && x[17] == 0.0);
     assert_true(fabs(x[12]) + fabs(x[13]) + fabs(x[14]) > 1e-3);
     assert_close(lg_stepper_angle(quadratic), lg_stepper_angle(top), 1e-12, 0.0);
-    lg_stepper_destroy(NULL, top);
-    lg_stepper_destroy(NULL, quadratic);
 }
 
 /* T*(R^m) inside: with SO(3) at rest the rule theta = 1/2 is the midpoint rule. */
@@ -755,19 +741,16 @@ static lg_status pendulum_field(void *user, double t, const double *y, const dou
 TEST("slgi on rm") {
     double x[14] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0.3, 0.2, 0.1, 0.4, 0.9}, y[2] = {0.4, 0.9};
     lg_ode ode = {.field = resting_field}, plain = {.field = pendulum_field};
-    lg_stepper *slgi = NULL, *midpoint = NULL;
     assert_ok(lg_space_init(&ode.space, (lg_space_factor[]){{LG_SPACE_SE3, 1}, {LG_SPACE_RN, 2}}, 2));
     assert_ok(lg_space_init_rn(&plain.space, 2));
-    assert_ok(lg_stepper_create(NULL, lg_scheme_find("slgi"), &ode, &slgi));
-    assert_ok(lg_stepper_create(NULL, lg_scheme_find("midpoint"), &plain, &midpoint));
+    lg_stepper *slgi = test_stepper(lg_scheme_find("slgi"), &ode),
+               *midpoint = test_stepper(lg_scheme_find("midpoint"), &plain);
     for (int n = 0; n < 20; n++) {
         assert_ok(lg_step(slgi, 0.0, 0.2, x, NULL, x));
         assert_ok(lg_step(midpoint, 0.0, 0.2, y, NULL, y));
     }
     for (int i = 0; i < 2; i++) assert_close(x[12 + i], y[i], 1e-13, 0.0);
     assert_close(x[10], 0.2, 1e-15, 0.0);
-    lg_stepper_destroy(NULL, slgi);
-    lg_stepper_destroy(NULL, midpoint);
 }
 
 TEST("theta = 0 is symplectic Euler with p first, theta = 1 with q first") {
@@ -776,10 +759,9 @@ TEST("theta = 0 is symplectic Euler with p first, theta = 1 with q first") {
         double x[14] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0.3, 0.2, 0.1, 0.4, 0.9}, q = 0.4, p = 0.9;
         lg_ode ode = {.field = resting_field};
         lg_scheme scheme = *lg_scheme_find("slgi");
-        lg_stepper *stepper = NULL;
         scheme.theta = theta;
         assert_ok(lg_space_init(&ode.space, (lg_space_factor[]){{LG_SPACE_SE3, 1}, {LG_SPACE_RN, 2}}, 2));
-        assert_ok(lg_stepper_create(NULL, &scheme, &ode, &stepper));
+        lg_stepper *stepper = test_stepper(&scheme, &ode);
         for (int n = 0; n < 20; n++) {
             assert_ok(lg_step(stepper, 0.0, h, x, NULL, x));
             if (theta == 1) q += h * p;
@@ -788,7 +770,6 @@ TEST("theta = 0 is symplectic Euler with p first, theta = 1 with q first") {
         }
         assert_close(x[12], q, 1e-13, 0.0);
         assert_close(x[13], p, 1e-13, 0.0);
-        lg_stepper_destroy(NULL, stepper);
     }
 }
 
@@ -816,5 +797,4 @@ TEST("slgi failures") {
     stepper = top_stepper(0.5, nan_field, false, &scheme);
     assert_status(lg_step(stepper, 0.0, 0.01, y, NULL, y), LG_NOT_FINITE);
     assert_memory_equal(y, before, sizeof(y));
-    lg_stepper_destroy(NULL, stepper);
 }

@@ -1,6 +1,7 @@
 /* Every kind of space by the same properties: action axioms, generator, bracket, dexpinv against the matrix
  * function of ad, projections, and how far 10^5 steps drift from the manifold. */
-#include "test_support.h"
+#include "fields.h"
+#include "support/fixtures.h"
 
 #include "integrators/matrix_function.h"
 #include "liegrad/adjoint.h"
@@ -287,11 +288,9 @@ TEST("constant field") {
             if (scheme->ambient ||
                 (scheme->kind != LG_SCHEME_RKMK && scheme->kind != LG_SCHEME_COMMUTATOR_FREE))
                 continue;
-            lg_stepper *stepper;
-            assert_ok(lg_stepper_create(NULL, scheme, &ode, &stepper));
+            lg_stepper *stepper = test_stepper(scheme, &ode);
             assert_ok(lg_step(stepper, 0.0, 2.0, y, NULL, out));
             assert_same(out, e, f.dim, 1e-14);
-            lg_stepper_destroy(NULL, stepper);
         }
     }
 }
@@ -413,17 +412,46 @@ TEST("every scheme stays") {
     for (size_t k = 0; k < lg_scheme_count(); k++) {
         const lg_scheme *scheme = lg_scheme_at(k);
         double y[15] = {0.6, 0.0, 0.8, -0.8, 2.0, 0.6, 1, 0, 0, 0, 1, 0, 0, 0, 1}, worst = 0.0;
-        lg_stepper *stepper;
         if (scheme->ambient || (scheme->kind != LG_SCHEME_RKMK && scheme->kind != LG_SCHEME_COMMUTATOR_FREE))
             continue;
-        assert_ok(lg_stepper_create(NULL, scheme, &ode, &stepper));
+        lg_stepper *stepper = test_stepper(scheme, &ode);
         for (int n = 0; n < STEPS; n++) {
             assert_ok(lg_step(stepper, 0.05 * n, 0.05, y, NULL, y));
             if (n % 100 == 0 || n + 1 == STEPS) worst = fmax(worst, lg_space_manifold_error(&ode.space, y));
         }
         print_message("%-12s off by %.1e in 10^5 steps\n", scheme->name, worst);
         assert_true(worst <= 1e-13);
-        lg_stepper_destroy(NULL, stepper);
+    }
+}
+
+/* Fast and slow. */
+TEST("slgi keeps a heavy top on T*SO(3) over 10^5 steps") {
+    enum { STEPS = 100000 };
+    lg_ode ode = {.field = top_field};
+    assert_ok(lg_space_init(&ode.space, &(lg_space_factor){LG_SPACE_SE3, 1}, 1));
+    for (int fast = 0; fast < 2; fast++) {
+        double y[12], worst = 0.0;
+        lg_stepper *stepper = test_stepper(lg_scheme_find("slgi"), &ode);
+        top_start(fast ? 150.0 : 5.0, y);
+        for (int n = 0; n < STEPS; n++) {
+            assert_ok(lg_step(stepper, 0.01 * n, 0.01, y, NULL, y));
+            if (n % 100 == 0) worst = fmax(worst, lg_space_manifold_error(&ode.space, y));
+        }
+        assert_true(worst <= 1e-13);
+    }
+}
+
+/* 10^4 steps of the chain: what is seen above is not seen everywhere. */
+TEST("rk4 leaves the manifold, with a projection it does not") {
+    static double swing = 0.0;
+    for (int projected = 0; projected < 2; projected++) {
+        const lg_scheme *scheme = lg_scheme_find(projected ? "rk4-projected" : "rk4");
+        const lg_ode ode = chain_ode(scheme, &swing);
+        lg_stepper *stepper = test_stepper(scheme, &ode);
+        double y[CHAIN_DIM];
+        chain_start(y);
+        for (int n = 0; n < 10000; n++) assert_ok(lg_step(stepper, 0.01 * n, 0.01, y, NULL, y));
+        assert_true((lg_space_manifold_error(&ode.manifold, y) <= 1e-13) == (projected == 1));
     }
 }
 

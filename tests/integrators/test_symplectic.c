@@ -1,5 +1,5 @@
 /* Symplecticity through the taped Jacobian: on R^2n, and on T*SO(3) in right-trivialised coordinates. */
-#include "test_support.h"
+#include "support/fixtures.h"
 
 #include "liegrad/ops.h"
 #include "liegrad/taped.h"
@@ -44,17 +44,15 @@ static void flat_jacobian(const lg_scheme *scheme, double h, double *psi) {
     static const double y0[4] = {0.4, -0.9, 0.2, 0.7};
     const bool splitting = scheme->kind == LG_SCHEME_SPLITTING;
     lg_taped_ode ode = {.field = field, .force = force, .velocity = velocity};
-    lg_tape *tape;
     lg_var start[2], end[2];
     assert_ok(lg_space_init(&ode.space,
                             (lg_space_factor[]){{LG_SPACE_RN, splitting ? 2 : 4}, {LG_SPACE_RN, 2}},
                             splitting ? 2 : 1));
-    assert_ok(lg_tape_create(NULL, NULL, &tape));
+    lg_tape *tape = test_tape(LG_F64);
     lg_var y = lg_input(tape, lg_shape2(1, 4), y0);
     assert_ok(lg_taped_split(tape, &ode.space, y, start));
     assert_ok(lg_taped_integrate(tape, scheme, &ode, 0.0, h, STEPS, STEPS, start, end));
     assert_ok(lg_read(tape, lg_jacobian(tape, lg_taped_join(tape, &ode.space, end), y), psi, 16));
-    lg_tape_destroy(tape);
 }
 
 /* The largest element of Psi^T J Psi - J. */
@@ -131,12 +129,11 @@ static void top_flow(const lg_scheme *scheme, double h, flow *f) {
     static const double zero[6] = {0.0};
     lg_taped_ode ode = {.field = top};
     lg_space rotations;
-    lg_tape *tape;
     double y1[12], jacobian[12 * 6];
     lg_var y[2], end[2];
     assert_ok(lg_space_init(&rotations, &(lg_space_factor){LG_SPACE_SO3, 1}, 1));
     assert_ok(lg_space_init(&ode.space, &(lg_space_factor){LG_SPACE_SE3, 1}, 1));
-    assert_ok(lg_tape_create(NULL, NULL, &tape));
+    lg_tape *tape = test_tape(LG_F64);
     lg_var moved = lg_input(tape, lg_shape3(1, 1, 6), zero), e = lg_slice(tape, moved, 2, 0, 3);
     lg_var Q = lg_input(tape, lg_shape3(1, 1, 9), Q0), mu = lg_input(tape, lg_shape3(1, 1, 3), mu0);
     assert_ok(lg_taped_act(tape, &rotations, &e, &Q, &y[0]));
@@ -145,7 +142,6 @@ static void top_flow(const lg_scheme *scheme, double h, flow *f) {
     lg_var joined = lg_taped_join(tape, &ode.space, end);
     assert_ok(lg_read(tape, joined, y1, 12));
     assert_ok(lg_read(tape, lg_jacobian(tape, joined, moved), jacobian, 12 * 6));
-    lg_tape_destroy(tape);
     memcpy(f->before, mu0, sizeof(mu0));
     memcpy(f->after, y1 + 9, sizeof(f->after));
     for (int j = 0; j < 6; j++) {

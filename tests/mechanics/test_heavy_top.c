@@ -1,5 +1,5 @@
 /* The heavy top in four forms: fields against the Hamiltonian, flows against the equations in the body. */
-#include "test_support.h"
+#include "support/fixtures.h"
 
 #include "liegrad/geometry.h"
 #include "liegrad/ops.h"
@@ -161,10 +161,9 @@ TEST("exact invariants") {
         lg_system *system = make_top(&skew, kept[i].form);
         lg_system_user user;
         lg_ode ode;
-        lg_stepper *stepper = NULL;
         state_of(system, &skew, Q, pi, y);
         assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &ode));
-        assert_ok(lg_stepper_create(NULL, lg_scheme_find("lie-euler"), &ode, &stepper));
+        lg_stepper *stepper = test_stepper(lg_scheme_find("lie-euler"), &ode);
         memcpy(out, y, sizeof(out));
         for (int n = 0; n < 500; n++) assert_ok(lg_step(stepper, 0.0, 0.02, out, NULL, out));
         double own[SYSTEM_MAX_DIM];
@@ -173,7 +172,6 @@ TEST("exact invariants") {
                          1e-12, 1e-12);
         assert_true(fabs(lg_system_invariant(system, 0, out, own) - lg_system_invariant(system, 0, y, own)) >
                     1e-3);
-        lg_stepper_destroy(NULL, stepper);
     }
 }
 
@@ -188,13 +186,11 @@ TEST("symplectic integrator sees one top") {
         lg_system *system = make_top(&skew, canonical[f]);
         lg_system_user user;
         lg_ode ode;
-        lg_stepper *stepper = NULL;
         state_of(system, &skew, Q, pi, start);
         memcpy(end[f], start, sizeof(start));
         assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &ode));
-        assert_ok(lg_stepper_create(NULL, lg_scheme_find("slgi"), &ode, &stepper));
+        lg_stepper *stepper = test_stepper(lg_scheme_find("slgi"), &ode);
         for (int n = 0; n < 50; n++) assert_ok(lg_step(stepper, 0.01 * n, 0.01, end[f], NULL, end[f]));
-        lg_stepper_destroy(NULL, stepper);
     }
     for (int i = 0; i < 12; i++) assert_close(end[1][i], end[0][i], 0.0, 1e-12);
     assert_true(largest_difference(end[0], start, 12) > 0.1);
@@ -208,18 +204,16 @@ static void flow_gradient(int form, const double *Q, const double *pi, double *g
     const uint32_t dim = (uint32_t)lg_system_dim(system), count = (uint32_t)lg_system_parameter_count(system);
     lg_system_taped_user user;
     lg_taped_ode ode;
-    lg_tape *tape = NULL;
     double y[18];
     lg_var parts[LG_TAPED_MAX_PARTS], out[LG_TAPED_MAX_PARTS], g;
     state_of(system, &skew, Q, pi, y);
-    assert_ok(lg_tape_create(NULL, NULL, &tape));
+    lg_tape *tape = test_tape(LG_F64);
     lg_var p = lg_input_f64(tape, lg_shape1(count), lg_system_parameter_values(system));
     assert_ok(lg_system_taped_ode(system, LG_COORDINATES_LIE, p, &user, &ode));
     assert_ok(lg_taped_split(tape, &ode.space, lg_input_f64(tape, lg_shape2(1, dim), y), parts));
     assert_ok(lg_taped_integrate(tape, lg_scheme_find("rkmk4"), &ode, 0.0, 0.02, 5, 5, parts, out));
     assert_ok(lg_grad(tape, lg_add(tape, lg_sum(tape, out[0]), lg_sum(tape, out[1])), &p, 1, &g));
     assert_ok(lg_read(tape, g, gradient, count));
-    lg_tape_destroy(tape);
 }
 
 /* The derivatives of the quadratic form in M, l, chi are those of the top: its start does not depend on them.
