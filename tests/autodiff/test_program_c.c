@@ -11,7 +11,7 @@
 #include "liegrad/gradcheck.h"
 #include "liegrad/program.h"
 #include "liegrad/random.h"
-#include "test_support.h"
+#include "support/fixtures.h"
 
 #define WARNINGS "-Wall -Wextra -Wconversion -Wdouble-promotion -Wshadow -pedantic -Werror"
 
@@ -297,8 +297,7 @@ static void check(const bundle *b, const char *compiler, const char *flags, lg_d
     compiled c = compile(b, compiler, flags, dtype, compact);
     double worst = 0;
     const char *which = "";
-    lg_tape *tape;
-    assert_ok(lg_tape_create(NULL, NULL, &tape));
+    lg_tape *tape = test_tape(LG_F64);
     assert_int_equal(c.source->functions, b->functions);
     for (size_t i = 0; i < c.source->functions; i++) {
         const double error = compare(b, &c, i, tape, points);
@@ -309,7 +308,6 @@ static void check(const bundle *b, const char *compiler, const char *flags, lg_d
     }
     print_message("%s %s, %s, %s: worst %.2f eps depth (%s)\n", compiler, flags,
                   dtype == LG_F32 ? "f32" : "f64", compact ? "loops" : "straight code", worst, which);
-    lg_tape_destroy(tape);
     discard(&c);
 }
 
