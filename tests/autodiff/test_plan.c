@@ -2,7 +2,7 @@
  * memory and whatever is asked for; shared work is shared rightly. ctest-labels: threads isa */
 #include <pthread.h>
 
-#include "test_support.h"
+#include "program_support.h"
 
 #include "autodiff/plan.h"
 #include "autodiff/program.h"
@@ -11,45 +11,23 @@
 #include "liegrad/mechanics.h"
 #include "liegrad/networks.h"
 #include "liegrad/nn.h"
-#include "liegrad/ops.h"
-#include "support/fail_alloc.h"
 #include "support/malloc_count.h"
 
 enum { PORTS = LG_PROGRAM_MAX_PORTS };
-#define COUNT(a) (sizeof(a) / sizeof *(a))
 static const size_t rows_tried[] = {1, 2, 3, 7, 64};
 
 /* ---- building ---- */
 
-static lg_program *build(const lg_context *context, const lg_port *in, size_t inputs, const lg_port *out,
-                         size_t outputs, size_t parameters, lg_record_function record, void *user) {
+static lg_program *build(const lg_port *in, size_t inputs, const lg_port *out, size_t outputs,
+                         size_t parameters, lg_record_function record, void *user) {
     lg_rng rng;
     lg_rng_seed(&rng, 11, parameters);
-    double *values = malloc((parameters + 1) * sizeof *values);
+    double *values = TEST_ARRAY(double, parameters + 1);
     for (size_t i = 0; i < parameters; i++) values[i] = 0.5 * lg_rng_normal(&rng);
     const lg_parameter_spec theta = {"theta", lg_shape1((uint32_t)parameters), values};
     const lg_function_spec function = {"f", in, inputs, out, outputs, record, user};
-    lg_program_spec spec;
-    lg_program *program = NULL;
-    lg_error error;
-    lg_program_spec_init(&spec);
-    spec.parameters = &theta;
-    spec.parameter_count = parameters > 0;
-    spec.functions = &function;
-    spec.function_count = 1;
-    if (lg_program_build(context, &spec, &program, &error) != LG_OK) fail_msg("%s", error.message);
-    free(values);
-    return program;
-}
-
-static size_t derived(lg_program *program, lg_derivative_kind kind, const char *function) {
-    lg_derivative what;
-    lg_error error;
-    lg_derivative_init(&what);
-    what.kind = kind;
-    what.function = function;
-    if (lg_program_derive(program, &what, &error) != LG_OK) fail_msg("%s: %s", function, error.message);
-    return lg_program_functions(program) - 1;
+    const lg_program_spec spec = spec_of(&theta, parameters > 0, &function, 1);
+    return test_program(&spec);
 }
 
 /* ---- numbers ---- */
@@ -216,7 +194,7 @@ static void check_all(const char *name, lg_program *program) {
         free(rounded);
     }
     for (size_t f = 0; f < lg_program_functions(program); f++)
-        for (size_t k = 0; k < COUNT(rows_tried); k++) {
+        for (size_t k = 0; k < LG_COUNT(rows_tried); k++) {
             char whole[128];
             (void)snprintf(whole, sizeof whole, "%s, %s", name, lg_program_function_name(program, f));
             check_function(whole, program, f, rows_tried[k]);
@@ -267,11 +245,48 @@ static void check_jacobian(const char *name, const lg_program *program, size_t v
     close_numbers(&n);
 }
 
+/* The forward and the adjoint function against lg_jvp and lg_vjp of the value on a tape. Their inputs are those of the
+ * value and then directions of its inputs or weights of its outputs. */
+static void check_modes(const char *name, const lg_program *program, size_t value, size_t mode, bool adjoint,
+                        size_t rows) {
+    numbers n;
+    size_t inputs, outputs;
+    const lg_port *port = lg_program_inputs(program, mode, &inputs);
+    lg_var in[PORTS], y[PORTS], expected[PORTS], got[PORTS];
+    lg_tape *tape;
+    (void)lg_program_inputs(program, value, &inputs);
+    (void)lg_program_outputs(program, value, &outputs);
+    open_numbers(&n, program, mode, rows, false);
+    assert_ok(lg_tape_create(NULL, NULL, &tape));
+    for (size_t i = 0; i < n.inputs; i++) in[i] = lg_input(tape, lg_port_shape(&port[i], rows), n.in[i]);
+    assert_ok(lg_program_record(tape, program, value, NULL, in, y));
+    assert_ok(lg_program_record(tape, program, mode, NULL, in, got));
+    if (adjoint)
+        assert_ok(lg_vjp(tape, y, in + inputs, outputs, in, inputs, expected));
+    else
+        assert_ok(lg_jvp(tape, y, outputs, in, in + inputs, inputs, expected));
+    assert_int_equal(n.outputs, adjoint ? inputs : outputs);
+    for (size_t j = 0; j < n.outputs; j++) {
+        double *other = TEST_ARRAY(double, n.out_count[j] + 1), size = 1e-3;
+        assert_ok(lg_read(tape, got[j], n.out[j], n.out_count[j]));
+        assert_ok(lg_read(tape, expected[j], other, n.out_count[j]));
+        for (size_t i = 0; i < n.out_count[j]; i++) size = fmax(size, fabs(other[i]));
+        for (size_t i = 0; i < n.out_count[j]; i++)
+            if (!lg_is_close(n.out[j][i], other[i], 0.0, 1e-12 * size))
+                fail_msg("%s, %s, output %zu, element %zu: %.17g, not %.17g", name,
+                         adjoint ? "adjoint" : "forward", j, i, n.out[j][i], other[i]);
+    }
+    lg_tape_destroy(tape);
+    close_numbers(&n);
+}
+
 static void check_derivatives(const char *name, lg_program *program, bool independent, bool second) {
     const size_t value = lg_program_functions(program) - 1;
     const char *function = lg_program_function_name(program, value);
-    (void)derived(program, LG_DERIVATIVE_FORWARD, function);
-    const size_t adjoint = derived(program, LG_DERIVATIVE_ADJOINT, function);
+    const size_t forward = derived(program, LG_DERIVATIVE_FORWARD, function),
+                 adjoint = derived(program, LG_DERIVATIVE_ADJOINT, function);
+    check_modes(name, program, value, forward, false, 3);
+    check_modes(name, program, value, adjoint, true, 3);
     if (independent) {
         const size_t jacobian = derived(program, LG_DERIVATIVE_JACOBIAN, function);
         for (size_t rows = 1; rows <= 5; rows += 2) check_jacobian(name, program, value, jacobian, rows);
@@ -317,23 +332,22 @@ TEST("networks of every kind") {
                 char name[64];
                 lg_net net;
                 assert_ok(lg_net_init(&net, (lg_net_kind)kind, 3, embedding, width, 2, 2, kinds[kind % 4]));
-                lg_program *program =
-                    build(NULL, &x, 1, y_ports, 1, lg_net_parameters(&net), record_net, &net);
+                lg_program *program = build(&x, 1, y_ports, 1, lg_net_parameters(&net), record_net, &net);
                 (void)snprintf(name, sizeof name, "network %d, embedding %u, width %u", kind, embedding,
                                width);
                 check_derivatives(name, program, true, width == 5);
-                lg_program_destroy(program);
             }
 }
 
-TEST("perceptrons") {
+TEST("perceptrons of every activation, with gradients") {
     const lg_port x = {.name = "x", .shape = {1, {3, 0, 0, 0}}};
     const uint32_t hidden[2] = {20, 9};
-    lg_mlp net;
-    assert_ok(lg_mlp_init(&net, 3, hidden, 2, 1, LG_TANH, true));
-    lg_program *program = build(NULL, &x, 1, y_ports, 2, lg_mlp_parameters(&net), record_mlp, &net);
-    check_derivatives("perceptron", program, true, true);
-    lg_program_destroy(program);
+    for (int kind = 0; kind < LG_ACTIVATION_COUNT; kind++) {
+        lg_mlp net;
+        assert_ok(lg_mlp_init(&net, 3, hidden, 2, 1, (lg_activation)kind, true));
+        lg_program *program = build(&x, 1, y_ports, 2, lg_mlp_parameters(&net), record_mlp, &net);
+        check_derivatives(lg_activation_name((lg_activation)kind), program, true, kind == LG_TANH);
+    }
 }
 
 TEST("convolutions") {
@@ -355,28 +369,32 @@ TEST("convolutions") {
                       .activation = LG_TANH};
         if (pooling == LG_POOL_NONE) net.block[0].pool_size = net.block[0].pool_stride = 0;
         assert_ok(lg_cnn_init(&net, NULL));
-        lg_program *program = build(NULL, &x, 1, y_ports, 1, lg_cnn_parameters(&net), record_cnn, &net);
+        lg_program *program = build(&x, 1, y_ports, 1, lg_cnn_parameters(&net), record_cnn, &net);
         check_derivatives(pooling == LG_POOL_MAX ? "cnn, maxima" : "cnn", program, true, false);
-        lg_program_destroy(program);
     }
 }
 
 /* ---- Hamiltonians and systems ---- */
 
-static lg_program *hamiltonian(const lg_context *context, lg_hamiltonian_family family, uint32_t links,
-                               const char *scheme) {
+/* The caller destroys it. */
+static lg_program *make_hamiltonian(lg_hamiltonian_family family, uint32_t links, const char *scheme) {
     const uint32_t hidden[1] = {6};
     lg_hamiltonian model;
     lg_program *program = NULL;
     lg_error error;
     assert_ok(lg_hamiltonian_init(&model, family, links, LG_POTENTIAL_MLP, hidden, 1, LG_TANH));
-    double *theta = malloc(lg_hamiltonian_parameters(&model) * sizeof *theta);
+    double *theta = TEST_ARRAY(double, lg_hamiltonian_parameters(&model));
     for (size_t i = 0; i < lg_hamiltonian_parameters(&model); i++)
         theta[i] = 0.3 + 0.5 * (double)(i * 7 % 11) / 11.0;
-    const lg_status status = lg_hamiltonian_program(
-        context, &model, theta, scheme == NULL ? NULL : lg_scheme_find(scheme), &program, &error);
-    if (context == NULL && status != LG_OK) fail_msg("%s", error.message);
-    free(theta);
+    if (lg_hamiltonian_program(NULL, &model, theta, scheme == NULL ? NULL : lg_scheme_find(scheme), &program,
+                               &error) != LG_OK)
+        fail_msg("%s", error.message);
+    return program;
+}
+
+static lg_program *hamiltonian(lg_hamiltonian_family family, uint32_t links, const char *scheme) {
+    lg_program *program = make_hamiltonian(family, links, scheme);
+    lg_test_owns(program, release_program);
     return program;
 }
 
@@ -390,13 +408,12 @@ TEST("learned hamiltonians") {
                {LG_HAMILTONIAN_CHAIN, 3, "cf4"},
                {LG_HAMILTONIAN_SEPARABLE, 2, NULL},
                {LG_HAMILTONIAN_SEPARABLE, 1, "rk4"}};
-    for (size_t i = 0; i < COUNT(all); i++) {
+    for (size_t i = 0; i < LG_COUNT(all); i++) {
         char name[64];
-        lg_program *program = hamiltonian(NULL, all[i].family, all[i].links, all[i].scheme);
+        lg_program *program = hamiltonian(all[i].family, all[i].links, all[i].scheme);
         (void)snprintf(name, sizeof name, "hamiltonian %zu", i);
         check_all(name, program);
         if (all[i].links < 3) check_derivatives(name, program, true, all[i].links == 1);
-        lg_program_destroy(program);
     }
 }
 
@@ -430,7 +447,8 @@ static lg_system *system_at(size_t index, bool *there) {
     if (!*there) return NULL;
     for (const lg_parameter_row *p = lg_system_parameters(name, form); p->key; p++) {
         const size_t count = p->count > 0 ? p->count : 1;
-        if (p->fallback != NULL || keys == COUNT(given) || used + count > COUNT(given_numbers)) continue;
+        if (p->fallback != NULL || keys == LG_COUNT(given) || used + count > LG_COUNT(given_numbers))
+            continue;
         for (size_t i = 0; i < count; i++)
             given_numbers[used + i] =
                 p->rule == LG_PARAMETER_UNIT_VECTOR ? (i == 1 ? -1.0 : 2.0) / 3.0 : 0.75 + 0.125 * (double)i;
@@ -452,7 +470,7 @@ TEST("steps of systems") {
     loose = 5e-3; /* far from where a step is small */
     for (size_t index = 0; there; index++) {
         lg_system *system = system_at(index, &there);
-        for (size_t s = 0; there && s < COUNT(schemes); s++) {
+        for (size_t s = 0; there && s < LG_COUNT(schemes); s++) {
             const stepping step = {system, lg_scheme_find(schemes[s])};
             lg_system_taped_user bound;
             lg_taped_ode ode;
@@ -467,15 +485,10 @@ TEST("steps of systems") {
                                              lg_system_parameter_values(system)};
             const lg_function_spec function = {
                 "step", in, 2, y_ports, 1, record_step, (void *)(uintptr_t)&step};
-            lg_program_spec spec;
+            const lg_program_spec spec = spec_of(&theta, 1, &function, 1);
             lg_program *program = NULL;
             lg_error error;
             char name[96];
-            lg_program_spec_init(&spec);
-            spec.parameters = &theta;
-            spec.parameter_count = 1;
-            spec.functions = &function;
-            spec.function_count = 1;
             (void)snprintf(name, sizeof name, "%s, %s", lg_system_name(system), schemes[s]);
             const lg_status status = lg_program_build(NULL, &spec, &program, &error);
             if (status == LG_UNSUPPORTED) {
@@ -520,12 +533,11 @@ TEST("odd outputs") {
     const lg_port out[] = {{.name = "y0"}, {.name = "y1"}, {.name = "y2"}, {.name = "y3"},
                            {.name = "y4"}, {.name = "y5"}, {.name = "y6"}, {.name = "y7"},
                            {.name = "y8"}, {.name = "y9"}, {.name = "y10"}};
-    lg_program *program = build(NULL, in, 3, out, COUNT(out), 0, record_odd, NULL);
+    lg_program *program = build(in, 3, out, LG_COUNT(out), 0, record_odd, NULL);
     check_all("odd outputs", program);
     (void)derived(program, LG_DERIVATIVE_FORWARD, "f");
     (void)derived(program, LG_DERIVATIVE_ADJOINT, "f");
     check_all("odd outputs", program);
-    lg_program_destroy(program);
 }
 
 static lg_status record_scalar_rows(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x,
@@ -536,9 +548,8 @@ static lg_status record_scalar_rows(void *user, lg_tape *tape, const lg_var *the
 
 TEST("rows without a shape: (B)") {
     const lg_port in[] = {{.name = "x"}, {.name = "z"}};
-    lg_program *program = build(NULL, in, 2, y_ports, 1, 0, record_scalar_rows, NULL);
+    lg_program *program = build(in, 2, y_ports, 1, 0, record_scalar_rows, NULL);
     check_derivatives("rows of rank 0", program, true, true);
-    lg_program_destroy(program);
 }
 
 /* ---- rows that repeat: where treating them alone would be wrong ---- */
@@ -582,9 +593,8 @@ TEST("rows that meet") {
     const lg_port out[] = {{.name = "y0"}, {.name = "y1"}, {.name = "y2"}, {.name = "y3"},
                            {.name = "y4"}, {.name = "y5"}, {.name = "y6"}, {.name = "y7"},
                            {.name = "y8"}, {.name = "y9"}, {.name = "y10"}};
-    lg_program *program = build(NULL, in, 2, out, COUNT(out), WIDTH, record_meeting, NULL);
+    lg_program *program = build(in, 2, out, LG_COUNT(out), WIDTH, record_meeting, NULL);
     check_derivatives("rows that meet", program, false, false);
-    lg_program_destroy(program);
 }
 
 /* Batches times one matrix whose rows repeat, and that has as many rows as the batch when 2 B = 4: its rows
@@ -616,9 +626,8 @@ static lg_status record_matrix(void *user, lg_tape *tape, const lg_var *theta, c
 TEST("a matrix beside a batch") {
     const lg_port in[] = {{.name = "x", .shape = {1, {WIDTH}}},
                           {.name = "w", .shape = {2, {2, 2}}, .shared = true}};
-    lg_program *program = build(NULL, in, 2, y_ports, 6, 4, record_matrix, NULL);
+    lg_program *program = build(in, 2, y_ports, 6, 4, record_matrix, NULL);
     check_derivatives("a matrix beside a batch", program, false, false);
-    lg_program_destroy(program);
 }
 
 /* Pairs: value and derivative as one batch of 2B rows. */
@@ -634,9 +643,8 @@ TEST("pairs of networks") {
                 {.name = "d", .shape = {1 + (uint32_t)shared, {shared ? 1 : 3, 3}}, .shared = shared}};
             lg_net net;
             assert_ok(lg_net_init(&net, (lg_net_kind)kind, 3, 4, 6, 2, 2, LG_TANH));
-            lg_program *program = build(NULL, in, 2, y_ports, 2, lg_net_parameters(&net), record_pairs, &net);
+            lg_program *program = build(in, 2, y_ports, 2, lg_net_parameters(&net), record_pairs, &net);
             check_derivatives("pairs", program, true, kind == 0);
-            lg_program_destroy(program);
         }
 }
 
@@ -662,7 +670,7 @@ TEST("shared work is done once") {
         const uint32_t hidden[2] = {width, width};
         lg_mlp net;
         assert_ok(lg_mlp_init(&net, 3, hidden, 2, 5, LG_TANH, true));
-        lg_program *program = build(NULL, &x, 1, y_ports, 1, lg_mlp_parameters(&net), record_value, &net);
+        lg_program *program = build(&x, 1, y_ports, 1, lg_mlp_parameters(&net), record_value, &net);
         (void)derived(program, LG_DERIVATIVE_ADJOINT, "f");
         (void)derived(program, LG_DERIVATIVE_JACOBIAN, "f");
         (void)derived(program, LG_DERIVATIVE_JACOBIAN_OF_ADJOINT, "f");
@@ -676,7 +684,6 @@ TEST("shared work is done once") {
                 assert_int_equal(tangents(plan), rows * 2 * width);
                 lg_plan_destroy(plan);
             }
-        lg_program_destroy(program);
     }
 }
 
@@ -693,7 +700,7 @@ TEST("chosen pairs") {
     const uint32_t hidden[1] = {30};
     lg_mlp net;
     assert_ok(lg_mlp_init(&net, 3, hidden, 1, 1, LG_TANH, true));
-    lg_program *program = build(NULL, in, 2, y_ports, 2, lg_mlp_parameters(&net), record_two, &net);
+    lg_program *program = build(in, 2, y_ports, 2, lg_mlp_parameters(&net), record_two, &net);
     const struct {
         lg_derivative_kind kind;
         const char *name, *in, *out;
@@ -708,7 +715,7 @@ TEST("chosen pairs") {
                   {LG_DERIVATIVE_FORWARD, "f2", "u", "y", false},
                   {LG_DERIVATIVE_JACOBIAN_OF_ADJOINT, "h1", "x", "z", false},
                   {LG_DERIVATIVE_JACOBIAN_OF_ADJOINT, "h2", "x", "y", true}};
-    for (size_t c = 0; c < COUNT(chosen); c++) {
+    for (size_t c = 0; c < LG_COUNT(chosen); c++) {
         lg_derivative what;
         lg_error error;
         lg_plan *plan;
@@ -757,7 +764,6 @@ TEST("chosen pairs") {
     assert_ok(lg_program_derive(program, &what, &error));
     assert_status(lg_program_derive(program, &what, &error), LG_INVALID_ARGUMENT); /* the name is taken */
     assert_int_equal(lg_program_functions(program), before + 1);
-    lg_program_destroy(program);
 }
 
 /* ---- loops ---- */
@@ -770,7 +776,7 @@ static void add_loop(lg_program *program, const char *name, size_t times) {
 }
 
 TEST("loops are single steps") {
-    lg_program *program = hamiltonian(NULL, LG_HAMILTONIAN_CHAIN, 1, NULL);
+    lg_program *program = hamiltonian(LG_HAMILTONIAN_CHAIN, 1, NULL);
     size_t step;
     assert_ok(lg_program_find(program, "step", &step));
     for (size_t times = 1; times <= 7; times += times < 3 ? 1 : 4) {
@@ -818,7 +824,6 @@ TEST("loops are single steps") {
     assert_memory_equal(n.out[0], single.out[0], n.out_count[0] * sizeof(double));
     close_numbers(&n);
     close_numbers(&single);
-    lg_program_destroy(program);
 }
 
 /* Two outputs change places. */
@@ -833,7 +838,7 @@ TEST("loops carry several") {
         {.name = "a", .shape = {1, {2}}}, {.name = "b", .shape = {1, {2}}}, {.name = "c", .shape = {1, {2}}}};
     const lg_port out[] = {{.name = "p"}, {.name = "q"}};
     const lg_carry both[] = {{"p", "a"}, {"q", "b"}}, one[] = {{"q", "a"}, {"q", "b"}};
-    lg_program *program = build(NULL, in, 3, out, 2, 0, record_exchange, NULL);
+    lg_program *program = build(in, 3, out, 2, 0, record_exchange, NULL);
     lg_error error;
     assert_ok(lg_program_add_loop(program, "both", "f", 5, both, 2, &error));
     assert_ok(lg_program_add_loop(program, "one", "f", 4, one, 2, &error));
@@ -867,18 +872,17 @@ TEST("loops carry several") {
     assert_ok(lg_program_find(program, "many", &calls));
     assert_status(lg_plan_create(program, calls, &options, &plan, &error), LG_UNSUPPORTED);
     assert_non_null(strstr(error.message, "more than 1e+04"));
-    lg_program_destroy(program);
 }
 
 /* ---- options ---- */
 
 TEST("inputs that are not finite") {
     const double bad[] = {NAN, INFINITY, -INFINITY};
-    lg_program *program = hamiltonian(NULL, LG_HAMILTONIAN_CHAIN, 1, NULL);
+    lg_program *program = hamiltonian(LG_HAMILTONIAN_CHAIN, 1, NULL);
     add_loop(program, "steps", 3);
     for (size_t f = 0; f < lg_program_functions(program); f++)
         for (int dtype = 0; dtype < 2; dtype++)
-            for (size_t b = 0; b < COUNT(bad); b++) {
+            for (size_t b = 0; b < LG_COUNT(bad); b++) {
                 numbers n;
                 ready r;
                 lg_plan_options options;
@@ -918,11 +922,10 @@ TEST("inputs that are not finite") {
                 close_plan(&r, &n);
                 close_numbers(&n);
             }
-    lg_program_destroy(program);
 }
 
 TEST("without the mark, rows do not touch each other") {
-    lg_program *program = hamiltonian(NULL, LG_HAMILTONIAN_CHAIN, 2, NULL);
+    lg_program *program = hamiltonian(LG_HAMILTONIAN_CHAIN, 2, NULL);
     for (size_t f = 0; f < lg_program_functions(program); f++) {
         numbers n;
         ready r;
@@ -943,7 +946,6 @@ TEST("without the mark, rows do not touch each other") {
         close_plan(&r, &n);
         close_numbers(&n);
     }
-    lg_program_destroy(program);
 }
 
 TEST("memory is bounded") {
@@ -951,7 +953,7 @@ TEST("memory is bounded") {
     const uint32_t hidden[2] = {64, 64};
     lg_mlp net;
     assert_ok(lg_mlp_init(&net, 16, hidden, 2, 3, LG_TANH, true));
-    lg_program *program = build(NULL, &x, 1, y_ports, 1, lg_mlp_parameters(&net), record_value, &net);
+    lg_program *program = build(&x, 1, y_ports, 1, lg_mlp_parameters(&net), record_value, &net);
     for (size_t rows = 1; rows <= 50; rows += 49) {
         bool made = false, refused = false;
         for (size_t most = 64; most < (size_t)1 << 22; most += most / 3) {
@@ -997,14 +999,13 @@ TEST("memory is bounded") {
     assert_status(lg_plan_create(program, lg_program_functions(program), NULL, &plan, NULL), LG_NOT_FOUND);
     assert_null(plan);
     lg_plan_destroy(NULL);
-    lg_program_destroy(program);
 }
 
 TEST("a plan keeps nothing of its program") {
-    lg_program *program = hamiltonian(NULL, LG_HAMILTONIAN_CHAIN, 2, "rkmk4");
+    lg_program *program = hamiltonian(LG_HAMILTONIAN_CHAIN, 2, "rkmk4");
     add_loop(program, "steps", 2);
     for (size_t f = 0; f < lg_program_functions(program); f++) {
-        lg_program *other = hamiltonian(NULL, LG_HAMILTONIAN_CHAIN, 2, "rkmk4");
+        lg_program *other = make_hamiltonian(LG_HAMILTONIAN_CHAIN, 2, "rkmk4");
         add_loop(other, "steps", 2);
         numbers n;
         ready r;
@@ -1021,7 +1022,6 @@ TEST("a plan keeps nothing of its program") {
         close_plan(&r, &n);
         close_numbers(&n);
     }
-    lg_program_destroy(program);
 }
 
 /* ---- threads ---- */
@@ -1045,7 +1045,7 @@ static void *work_on(void *user) {
 }
 
 TEST("threads share a plan") {
-    lg_program *program = hamiltonian(NULL, LG_HAMILTONIAN_CHAIN, 2, NULL);
+    lg_program *program = hamiltonian(LG_HAMILTONIAN_CHAIN, 2, NULL);
     add_loop(program, "steps", 2);
     for (size_t f = 0; f < lg_program_functions(program); f++) {
         numbers n;
@@ -1069,7 +1069,6 @@ TEST("threads share a plan") {
         close_plan(&r, &n);
         close_numbers(&n);
     }
-    lg_program_destroy(program);
 }
 
 /* ---- every allocation fails in turn ---- */
@@ -1083,13 +1082,8 @@ static lg_status attempt_build(lg_program **program, const lg_context *context, 
     static double values[64];
     const lg_parameter_spec theta = {"theta", lg_shape1((uint32_t)lg_mlp_parameters(&small_net)), values};
     const lg_function_spec function = {"f", in, 1, out, 1, record_value, &small_net};
-    lg_program_spec spec;
-    for (size_t i = 0; i < COUNT(values); i++) values[i] = 0.1 * (double)(i % 7) - 0.3;
-    lg_program_spec_init(&spec);
-    spec.parameters = &theta;
-    spec.parameter_count = 1;
-    spec.functions = &function;
-    spec.function_count = 1;
+    lg_program_spec spec = spec_of(&theta, 1, &function, 1);
+    for (size_t i = 0; i < LG_COUNT(values); i++) values[i] = 0.1 * (double)(i % 7) - 0.3;
     spec.description = "a network";
     return lg_program_build(context, &spec, program, error);
 }
@@ -1131,7 +1125,7 @@ TEST("every allocation may fail") {
     lg_context *context = lg_fail_alloc_context(&memory);
     assert_non_null(context);
     lg_program *program = NULL;
-    for (size_t a = 0; a < COUNT(attempts); a++) {
+    for (size_t a = 0; a < LG_COUNT(attempts); a++) {
         const size_t functions = program != NULL ? lg_program_functions(program) : 0;
         for (long n = 1;; n++) {
             lg_error error = {.message = ""};
@@ -1171,18 +1165,13 @@ static lg_status record_rounds(void *user, lg_tape *tape, const lg_var *paramete
 TEST("long recordings take memory in proportion") {
     const lg_port in = {.name = "x", .shape = lg_shape1(WIDE), .shared = true}, out = {.name = "y"};
     const lg_function_spec function = {"rounds", &in, 1, &out, 1, record_rounds, NULL};
-    lg_program_spec spec;
+    const lg_program_spec spec = spec_of(NULL, 0, &function, 1);
     lg_plan_options options;
-    lg_program *program;
+    lg_program *program = test_program(&spec);
     lg_plan *plan;
     lg_error error;
-    lg_program_spec_init(&spec);
-    spec.functions = &function;
-    spec.function_count = 1;
-    assert_ok(lg_program_build(NULL, &spec, &program, &error));
     lg_plan_options_init(&options);
     options.most_bytes = (size_t)16 << 20;
     if (lg_plan_create(program, 0, &options, &plan, &error) != LG_OK) fail_msg("%s", error.message);
     lg_plan_destroy(plan);
-    lg_program_destroy(program);
 }
