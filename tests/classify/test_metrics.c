@@ -3,7 +3,7 @@
 
 #include "golden/metrics_table.h"
 #include "liegrad/metrics.h"
-#include "support/fail_alloc.h"
+#include "support/fixtures.h"
 
 static void expect_golden(const uint32_t *truth, const uint32_t *given, const double *score, uint32_t classes,
                           const uint64_t *confusion, const double *metrics, double auc) {
@@ -118,15 +118,10 @@ TEST("empty classes") {
     assert_memory_equal(counted, expected, sizeof expected);
 }
 
-TEST("memory that runs out") {
-    lg_fail_alloc memory;
-    lg_context *context = lg_fail_alloc_context(&memory);
-    double auc = 77.0;
-    lg_fail_alloc_arm(&memory, 1);
-    assert_status(lg_auc(context, two_truth, two_score, TABLE_WINDOWS, 2, &auc), LG_OUT_OF_MEMORY);
-    assert_close(auc, 77.0, 0, 0);
-    lg_fail_alloc_arm(&memory, 0);
-    assert_ok(lg_auc(context, two_truth, two_score, TABLE_WINDOWS, 2, &auc));
-    assert_int_equal(lg_fail_alloc_live(&memory), 0);
-    lg_context_destroy(context);
+TEST("every allocation may fail, and the area is untouched") {
+    EVERY_ALLOCATION_FAILS(context, {
+        double auc = 77.0;
+        status = lg_auc(context, two_truth, two_score, TABLE_WINDOWS, 2, &auc);
+        if (status != LG_OK) assert_close(auc, 77.0, 0, 0);
+    });
 }

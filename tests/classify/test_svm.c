@@ -4,7 +4,7 @@
 
 #include <libsvm/svm.h>
 
-#include "support/fail_alloc.h"
+#include "support/fixtures.h"
 
 /* ---- libsvm on the same rows ---- */
 
@@ -88,7 +88,7 @@ TEST("Classes that a plane cannot hold apart: votes tie often, and libsvm takes 
         double *x = clouds(N, D, CLASSES, 0.3, 3, label), *other = clouds(N, D, 2, 0.0, 4, (uint32_t[N]){0});
         lg_svm svm;
         assert_ok(lg_svm_fit(NULL, (lg_kernel)kernel, 10.0, 2.0, x, label, N, D, CLASSES, &svm, NULL));
-        double *work = malloc(lg_svm_work(&svm) * sizeof *work), score[CLASSES];
+        double *work = TEST_ARRAY(double, lg_svm_work(&svm)), score[CLASSES];
         reference r;
         reference_train(&r, x, label, N, D, CLASSES, &svm);
         for (uint32_t i = 0; i < N; i++) {
@@ -116,9 +116,6 @@ TEST("Classes that a plane cannot hold apart: votes tie often, and libsvm takes 
         }
         reference_free(&r);
         lg_svm_destroy(NULL, &svm);
-        free(work);
-        free(other);
-        free(x);
     }
     print_message("%u ties, %u would turn\n", ties, turned);
     assert_true(ties > 20 && turned > 5);
@@ -139,17 +136,17 @@ TEST("equal to libsvm") {
     for (size_t t = 0; t < sizeof cases / sizeof cases[0]; t++) {
         const uint32_t n = cases[t].n, d = cases[t].d, classes = cases[t].classes;
         uint32_t label[131];
-        double *x = clouds(n, d, classes, 1.0, 20 + t, label), *score = malloc(n * classes * sizeof *score);
+        double *x = clouds(n, d, classes, 1.0, 20 + t, label), *score = TEST_ARRAY(double, n *classes);
         lg_svm svm;
         lg_error e;
         const lg_status status =
             lg_svm_fit(NULL, cases[t].kernel, cases[t].c, cases[t].gamma, x, label, n, d, classes, &svm, &e);
         if (status != LG_OK) fail_msg("%s", e.message);
-        double *work = malloc(lg_svm_work(&svm) * sizeof *work);
+        double *work = TEST_ARRAY(double, lg_svm_work(&svm));
         lg_svm_predict(&svm, x, n, score, work);
         reference r;
         reference_train(&r, x, label, n, d, classes, &svm);
-        struct svm_node *node = malloc((d + 1) * sizeof *node);
+        struct svm_node *node = TEST_ARRAY(struct svm_node, d + 1);
         for (uint32_t i = 0; i < n; i++) {
             double decision[6], expected[4], alone[4];
             (void)svm_predict_values(r.model, node_row(x + i * d, d, node), decision);
@@ -163,12 +160,8 @@ TEST("equal to libsvm") {
                 assert_close(alone[c], score[i * classes + c], 1e-12, 1e-12);
             }
         }
-        free(node);
         reference_free(&r);
         lg_svm_destroy(NULL, &svm);
-        free(work);
-        free(score);
-        free(x);
     }
 }
 
@@ -200,7 +193,6 @@ TEST("dual is optimal") {
         for (size_t i = 0; i < N * d; i++) var += (x[i] - mean) * (x[i] - mean) / (N * d);
         assert_close(svm.gamma, 1.0 / (d * var), 1e-12, 0);
         lg_svm_destroy(NULL, &svm);
-        free(x);
     }
 }
 
@@ -240,7 +232,6 @@ TEST("Classes 1 and 3 of 5 do not occur: never given, and the others as without 
     }
     lg_svm_destroy(NULL, &three);
     lg_svm_destroy(NULL, &five);
-    free(x);
 }
 
 TEST("hard tables") {
@@ -269,7 +260,6 @@ TEST("hard tables") {
         for (int i = 0; i < 2 * N; i++) assert_true(isfinite(score[i]));
         lg_svm_destroy(NULL, &svm);
     }
-    free(x);
 }
 
 TEST("refusals") {
@@ -288,26 +278,16 @@ TEST("refusals") {
     x[3] = NAN;
     assert_status(lg_svm_fit(NULL, LG_KERNEL_RBF, 1.0, 0, x, label, 6, 2, 2, &m, &e), LG_NOT_FINITE);
     assert_int_equal(m.inputs, 99);
-    free(x);
 }
 
-TEST("allocations that fail") {
+TEST("every allocation may fail") {
     for (uint32_t d = 2; d <= 12; d += 10) {
         uint32_t label[30];
         double *x = clouds(30, d, 3, 1.0, 4, label);
-        lg_fail_alloc memory;
-        lg_context *context = lg_fail_alloc_context(&memory);
-        for (long n = 1;; n++) {
+        EVERY_ALLOCATION_FAILS(context, {
             lg_svm m = {0};
-            lg_fail_alloc_arm(&memory, n);
-            const lg_status status = lg_svm_fit(context, LG_KERNEL_RBF, 1.0, 0, x, label, 30, d, 3, &m, NULL);
+            status = lg_svm_fit(context, LG_KERNEL_RBF, 1.0, 0, x, label, 30, d, 3, &m, NULL);
             lg_svm_destroy(context, &m);
-            assert_int_equal(lg_fail_alloc_live(&memory), 0);
-            if (!lg_fail_alloc_hit(&memory)) break;
-            assert_status(status, LG_OUT_OF_MEMORY);
-        }
-        lg_fail_alloc_arm(&memory, 0);
-        lg_context_destroy(context);
-        free(x);
+        });
     }
 }

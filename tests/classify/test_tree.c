@@ -4,7 +4,7 @@
 #include "golden/tree_table.h"
 #include "liegrad/classify.h"
 #include "liegrad/random.h"
-#include "support/fail_alloc.h"
+#include "support/fixtures.h"
 
 static lg_tree_options options_of(lg_criterion criterion, uint32_t leaf) {
     lg_tree_options options;
@@ -330,8 +330,8 @@ TEST("tables without a split") {
 TEST("a tree as deep as it has rows: no recursion anywhere") {
     enum { DEEP = 3000 };
     const lg_tree_options options = options_of(LG_GINI, 1);
-    double *x = calloc(DEEP, sizeof *x);
-    uint32_t *y = calloc(DEEP, sizeof *y);
+    double *x = TEST_ARRAY(double, DEEP);
+    uint32_t *y = TEST_ARRAY(uint32_t, DEEP);
     lg_tree tree, pruned;
     assert_true(x != NULL && y != NULL);
     for (uint32_t i = 0; i < DEEP; i++) {
@@ -345,8 +345,6 @@ TEST("a tree as deep as it has rows: no recursion anywhere") {
     assert_int_equal(pruned.count, 1);
     lg_tree_destroy(NULL, &pruned);
     lg_tree_destroy(NULL, &tree);
-    free(x);
-    free(y);
 }
 
 TEST("bad input") {
@@ -389,27 +387,16 @@ TEST("bad input") {
     assert_status(lg_criterion_parse("Gini", &criterion), LG_NOT_FOUND);
 }
 
-TEST("memory that runs out") {
-    lg_fail_alloc memory;
-    lg_context *context = lg_fail_alloc_context(&memory);
+TEST("every allocation may fail, and the tree is untouched") {
     lg_tree_options options = options_of(LG_ENTROPY, 1);
-    lg_tree tree = {.inputs = 77};
     options.ccp_alpha = 1e-3;
-    long n = 1;
-    for (;; n++) {
-        lg_fail_alloc_arm(&memory, n);
-        const lg_status status = lg_tree_fit(context, &options, table_x, table_y, TABLE_ROWS, TABLE_FEATURES,
-                                             TABLE_CLASSES, &tree, NULL);
-        if (!lg_fail_alloc_hit(&memory)) {
-            assert_ok(status);
-            break;
-        }
-        assert_status(status, LG_OUT_OF_MEMORY);
-        assert_int_equal(lg_fail_alloc_live(&memory), 0);
-        assert_int_equal(tree.inputs, 77);
-    }
-    assert_true(n > 15);
-    lg_tree_destroy(context, &tree);
-    assert_int_equal(lg_fail_alloc_live(&memory), 0);
-    lg_context_destroy(context);
+    EVERY_ALLOCATION_FAILS(context, {
+        lg_tree tree = {.inputs = 77};
+        status = lg_tree_fit(context, &options, table_x, table_y, TABLE_ROWS, TABLE_FEATURES, TABLE_CLASSES,
+                             &tree, NULL);
+        if (status == LG_OK)
+            lg_tree_destroy(context, &tree);
+        else
+            assert_int_equal(tree.inputs, 77);
+    });
 }

@@ -233,11 +233,11 @@ TEST("every allocation may fail, and a run may be cancelled") {
     sampling s;
     const volatile int cancel = 1;
     lg_context_options options;
-    lg_context *context = NULL;
-    every_allocation_fails(sample_chain, &s, 4);
+    lg_context *cancelled = NULL;
+    EVERY_ALLOCATION_FAILS(context, status = sample_chain(context, &s););
     lg_context_options_init(&options);
     options.cancel = &cancel;
-    assert_ok(lg_context_create(&options, &context));
-    assert_status(sample_chain(context, &s), LG_CANCELLED);
-    lg_context_destroy(context);
+    assert_ok(lg_context_create(&options, &cancelled));
+    assert_status(sample_chain(cancelled, &s), LG_CANCELLED);
+    lg_context_destroy(cancelled);
 }

@@ -33,24 +33,25 @@ static inline lg_stepper *test_stepper(const lg_scheme *scheme, const lg_ode *od
     return stepper;
 }
 
-/* Makes every allocation of `attempt` fail in turn: it returns LG_OUT_OF_MEMORY each time, nothing leaks, and at least
- * `least` have failed before it passes. It gives back all that it takes. */
-static inline void every_allocation_fails(lg_status (*attempt)(const lg_context *context, void *user),
-                                          void *user, long least) {
-    lg_fail_alloc memory;
-    lg_context *context = lg_fail_alloc_context(&memory);
-    long failures = 0;
-    assert_non_null(context);
-    for (;; failures++) {
-        lg_fail_alloc_arm(&memory, failures + 1);
-        const lg_status status = attempt(context, user);
-        assert_int_equal(lg_fail_alloc_live(&memory), 0);
-        assert_status(status, lg_fail_alloc_hit(&memory) ? LG_OUT_OF_MEMORY : LG_OK);
-        if (!lg_fail_alloc_hit(&memory)) break;
-    }
-    assert_true(failures >= least);
-    lg_fail_alloc_arm(&memory, 0);
-    lg_context_destroy(context);
-}
+/* Runs a block that sets `status` with every allocation of `context` failing in turn: LG_OUT_OF_MEMORY comes each time
+ * until all allocations have failed once, then LG_OK, and nothing leaks. The block gives back all that it takes. */
+#define EVERY_ALLOCATION_FAILS(context, ...)                                                                 \
+    do {                                                                                                     \
+        lg_fail_alloc memory_;                                                                               \
+        lg_context *context = lg_fail_alloc_context(&memory_);                                               \
+        bool hit_ = true;                                                                                    \
+        assert_non_null(context);                                                                            \
+        for (long n_ = 1; hit_; n_++) {                                                                      \
+            lg_status status = LG_CHECK_FAILED;                                                              \
+            lg_fail_alloc_arm(&memory_, n_);                                                                 \
+            __VA_ARGS__                                                                                      \
+            hit_ = lg_fail_alloc_hit(&memory_);                                                              \
+            assert_int_equal(lg_fail_alloc_live(&memory_), 0);                                               \
+            assert_status(status, hit_ ? LG_OUT_OF_MEMORY : LG_OK);                                          \
+            assert_true(hit_ || n_ > 1);                                                                     \
+        }                                                                                                    \
+        lg_fail_alloc_arm(&memory_, 0);                                                                      \
+        lg_context_destroy(context);                                                                         \
+    } while (0)
 
 #endif
