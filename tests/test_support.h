@@ -65,4 +65,17 @@ static inline bool lg_is_close(double a, double e, double rtol, double atol) {
             fail_msg("%s: %s, expected %s", #call, lg_status_name(lg_s_), lg_status_name(expected));         \
     } while (0)
 
+/* Least squares slope of points. */
+typedef struct fit_line {
+    double n, sx, sy, sxx, sxy;
+} fit_line;
+
+static inline void fit_add(fit_line *f, double x, double y) {
+    f->n++, f->sx += x, f->sy += y, f->sxx += x * x, f->sxy += x * y;
+}
+
+static inline double fit_slope(const fit_line *f) {
+    return (f->n * f->sxy - f->sx * f->sy) / (f->n * f->sxx - f->sx * f->sx);
+}
+
 #endif

@@ -184,17 +184,4 @@ static inline void top_start(double spin, double y[12]) {
     memcpy(y, start, sizeof(start));
 }
 
-/* Least squares slope of points. */
-typedef struct lg_fit_line {
-    double n, sx, sy, sxx, sxy;
-} fit_line;
-
-static inline void fit_add(fit_line *f, double x, double y) {
-    f->n++, f->sx += x, f->sy += y, f->sxx += x * x, f->sxy += x * y;
-}
-
-static inline double fit_slope(const fit_line *f) {
-    return (f->n * f->sxy - f->sx * f->sy) / (f->n * f->sxx - f->sx * f->sx);
-}
-
 #endif

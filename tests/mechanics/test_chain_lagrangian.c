@@ -185,14 +185,14 @@ static void steps(const lg_system *system, double h, size_t n, double *y, double
 
 TEST("variational order") {
     lg_system *system = make_chain("lagrangian", 2, GRAVITY, masses, lengths);
-    double start[12], exact[12], y[12], work[36], sx = 0, sy = 0, sxx = 0, sxy = 0;
+    double start[12], exact[12], y[12], work[36];
+    fit_line fit = {0};
     const double time = 0.5;
     lg_rng rng;
     lg_rng_seed(&rng, 35, 0);
     random_links(&rng, 2, start);
     assert_ok(lg_reference_trajectories(NULL, system, start, 1, &time, 1, 0.0, 0.0, exact, NULL));
-    const int n = 6;
-    for (int i = 0; i < n; i++) {
+    for (int i = 0; i < 6; i++) {
         const size_t count = (size_t)32 << i;
         const double h = time / (double)count;
         double error = 0.0;
@@ -200,9 +200,9 @@ TEST("variational order") {
         steps(system, h, count, y, work);
         for (int j = 0; j < 12; j++) error = fmax(error, fabs(y[j] - exact[j]));
         assert_true(error < 1e-1 && error > 1e-11);
-        sx += log(h), sy += log(error), sxx += log(h) * log(h), sxy += log(h) * log(error);
+        fit_add(&fit, log(h), log(error));
     }
-    const double slope = (n * sxy - sx * sy) / (n * sxx - sx * sx);
+    const double slope = fit_slope(&fit);
     print_message("  variational: order %.3f\n", slope);
     assert_true(slope > 1.85 && slope < 2.85);
 }

@@ -1,6 +1,6 @@
 /* Branches of the elastica: the documented hard cases, saddles, generated curves, memory. */
 #include "liegrad/elastica.h"
-#include "support/fail_alloc.h"
+#include "support/fixtures.h"
 #include "test_support.h"
 /* ctest-labels: threads */
 
@@ -186,18 +186,8 @@ static lg_status everything(const lg_context *context) {
     return status;
 }
 
-TEST("out of memory") {
-    lg_fail_alloc memory;
-    lg_context *context = lg_fail_alloc_context(&memory);
-    for (long n = 1;; n++) {
-        lg_fail_alloc_arm(&memory, n);
-        const lg_status status = everything(context);
-        if (!lg_fail_alloc_hit(&memory)) break;
-        assert_int_equal(status, LG_OUT_OF_MEMORY);
-        assert_int_equal(lg_fail_alloc_live(&memory), 0);
-    }
-    assert_int_equal(lg_fail_alloc_live(&memory), 0);
-    lg_context_destroy(context);
+TEST("every allocation may fail") {
+    EVERY_ALLOCATION_FAILS(context, status = everything(context););
 }
 
 TEST("cancel") {
