@@ -268,7 +268,7 @@ static void check_on_tape(lg_dtype dtype, size_t i) {
     reference_free(&r);
 }
 
-TEST("operations against naive loops") {
+TEST("operations and their cotangents, recorded and swept, are naive loops") {
     for (size_t i = 0; i < SHAPES; i++) {
         check_on_tape(LG_F64, i);
         check_on_tape(LG_F32, i);
@@ -371,7 +371,7 @@ TEST("a sample alone has the bits that it has among others: value and cotangent"
 
 /* f = |conv(x, w)|^2/2: H_xx v = conv_input(conv(v, w), w), and (D_x D_w f)^T u = conv_input(conv(x, u), w) +
  * conv_input(conv(x, w), u). */
-TEST("second derivatives") {
+TEST("second derivatives are differences of the gradient") {
     const sizes s = {2, 11, 3, 4, 5, 2, 1};
     reference r = reference_of(s);
     const size_t nx = r.nx, nw = r.nw;
@@ -408,7 +408,7 @@ TEST("second derivatives") {
 }
 
 /* What is not finite reaches the windows that hold it and no others; a maximum keeps NaN and infinities. */
-TEST("not finite") {
+TEST("what is not finite reaches the windows that hold it and no others") {
     double x[2 * 9] = {0};
     for (int i = 0; i < 18; i++) x[i] = i % 5;
     x[2 * 4] = NAN;          /* time 4, channel 0 */
@@ -429,7 +429,7 @@ TEST("not finite") {
     }
 }
 
-TEST("ties go to the first") {
+TEST("of equal maxima the first takes the cotangent") {
     const double x[6] = {2, 2, 1, 3, 3, 3};
     const double every[6] = {1, 0, 0, 3, 0, 0}; /* windows 2 2 1, 2 1 3, 1 3 3, 3 3 3 */
     double grad[6];
@@ -488,7 +488,7 @@ static const struct {
     {{3, {1, 4, 2, 0}}, {3, {3, 2, 3, 0}}, 0, 1, UINT32_MAX, LG_INVALID_ARGUMENT},
 };
 
-TEST("bad input") {
+TEST("shapes, strides and paddings that do not fit are refused") {
     lg_tape *tape = test_tape(LG_F64);
     for (size_t i = 0; i < sizeof refused / sizeof *refused; i++)
         for (int kind = LG_IDENTITY; kind <= LG_TANH; kind++) {

@@ -7,7 +7,7 @@
 
 /* ---- the registry ---- */
 
-TEST("every row passes") {
+TEST("every row of the registry passes") {
     const lg_gradcheck_case *row;
     for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++) {
         lg_gradcheck_result result;
@@ -25,7 +25,7 @@ TEST("every row passes") {
     }
 }
 
-TEST("As programs too, or they say why not") {
+TEST("every row passes as a program, or says why it is none") {
     const lg_gradcheck_case *row;
     for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++) {
         lg_gradcheck_program_result result;
@@ -45,7 +45,7 @@ TEST("As programs too, or they say why not") {
 
 /* A row that is wrong about itself fails: refused without saying so, a program although it says it is none,
  * refused for another reason. */
-TEST("refusals are checked") {
+TEST("what is refused as a program is refused for the stated reason") {
     const lg_gradcheck_case *row;
     bool both[2] = {false, false};
     for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++) {
@@ -84,7 +84,7 @@ TEST("every operation has a row") {
     }
 }
 
-TEST("names are different and known") {
+TEST("names of rows are different, and their operations exist") {
     const lg_gradcheck_case *row;
     for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++) {
         for (size_t j = 0; j < i; j++)
@@ -274,7 +274,7 @@ static void expect(lg_gradcheck_function f, lg_status status, const char *says, 
     if (failing_order > 1) assert_true(result.order[0].passed);
 }
 
-TEST("user functions") {
+TEST("functions of a user pass, or fail with the part and order that is wrong") {
     static const double close[3] = {1e-4, 1.0, -1.0};
     static const lg_gradcheck_argument at_kink[] = {{.shape = {1, {3, 0, 0, 0}}, .values = close}};
     expect((lg_gradcheck_function){.name = "right", .build = tanh_of_sin}, LG_OK, "", 0);
@@ -303,7 +303,7 @@ static lg_var zero_claim(const void *user, lg_tape *tape, const lg_var *x) {
     return lg_sin(tape, x[0]);
 }
 
-TEST("zero must be zero") {
+TEST("a function that is declared zero must be zero") {
     lg_gradcheck_result result;
     lg_gradcheck_case row = {
         .function = {.name = "not zero", .inputs = 1, .arguments = three, .build = zero_claim}, .zero = true};
@@ -329,7 +329,7 @@ static lg_status no_perturb(const void *user, uint32_t argument, const double *x
     return LG_NO_CONVERGENCE;
 }
 
-TEST("manifold arguments") {
+TEST("tangents on a manifold are checked against its perturbations") {
     lg_gradcheck_result result;
     sphere = row_named("on the sphere")->function;
     sphere.tangent = wrong_tangent;
@@ -346,7 +346,7 @@ TEST("manifold arguments") {
 
 /* ---- bad input ---- */
 
-TEST("bad input") {
+TEST("bad functions and options are refused") {
     lg_gradcheck_result result;
     const lg_gradcheck_function good = {
         .name = "good", .inputs = 1, .arguments = three, .build = tanh_of_sin};
@@ -382,7 +382,7 @@ TEST("bad input") {
     assert_status(lg_gradcheck_run(NULL, NULL, NULL, &result), LG_INVALID_ARGUMENT);
 }
 
-TEST("order one alone") {
+TEST("order 1 can be checked alone") {
     lg_gradcheck_options options;
     lg_gradcheck_options_init(&options);
     options.order = 1;

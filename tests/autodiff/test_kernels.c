@@ -48,7 +48,7 @@ static void *random_numbers(const lg_kernels *k, lg_rng *rng, size_t n, double l
     return x;
 }
 
-TEST("tables") {
+TEST("every table says its type and set, and the one in use is there") {
     for (int dtype = 0; dtype < 2; dtype++) {
         const lg_kernels *k = lg_kernels_for((lg_dtype)dtype);
         assert_non_null(k);
@@ -684,7 +684,7 @@ TEST_EVERY_TABLE("cross products and dot products of rows", k) {
 }
 
 /* Relative everywhere, next to the zeros of the functions too: the table's arguments are the very doubles. */
-TEST("stumpff") {
+TEST("lg_stumpff is relatively exact, next to its zeros too") {
     double worst = 0;
     for (size_t i = 0; i < LG_COUNT(stumpff_table); i++) {
         double c[9], part[9];
@@ -789,7 +789,7 @@ TEST_EVERY_TABLE("a point off its manifold by rounding is returned to it, one th
     assert_close(lg_dot3(out, out + 3) - lg_dot3(y, y + 3), 0.0, 0, 5e-15);
 }
 
-TEST("dexpinv") {
+TEST("lg_dexpinv_coef is relatively exact to order 5") {
     for (size_t i = 0; i < LG_COUNT(dexpinv_table); i++)
         for (int order = 0; order < 6; order++) {
             const double e = dexpinv_table[i].g[order];
@@ -906,7 +906,7 @@ TEST_EVERY_TABLE("an update of Adam does not depend on its position", k) {
     free(g);
 }
 
-TEST("describe") {
+TEST("the description of the machine names the set in use and fits the memory") {
     char text[200], cut[8];
     const int length = lg_cpu_describe(text, sizeof text);
     assert_true(length > 0 && (size_t)length == strlen(text));

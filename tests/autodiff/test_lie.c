@@ -101,7 +101,7 @@ static void run_kernel(const lg_kernels *k, int map, const problem *p, double (*
     for (int i = 0; i <= LG_K_LIE_INPUTS; i++) k->convert_out(NUMBERS, y[i], out[i]);
 }
 
-TEST("kernels") {
+TEST("maps are the plain functions in every table, and so are their cotangents") {
     static double found[LG_K_LIE_INPUTS + 1][NUMBERS], expected[LG_K_LIE_INPUTS + 1][NUMBERS];
     problem *p = problem_make();
     for (int map = 0; map < CASES; map++) {
@@ -208,7 +208,7 @@ static double along(int map, const problem *p, double at, int order) {
     return value;
 }
 
-TEST("higher orders") {
+TEST("derivatives to order 4 are differences of the one below") {
     problem *p = problem_make();
     for (int map = 0; map < CASES; map++)
         for (int order = 1; order <= LONGEST; order++) {
@@ -220,7 +220,7 @@ TEST("higher orders") {
     free(p);
 }
 
-TEST("bad shapes") {
+TEST("shapes that do not fit are refused") {
     static const double zeros[64] = {0};
     lg_tape *tape = test_tape(LG_F64);
     for (int wrong = 0; wrong < 5; wrong++) {

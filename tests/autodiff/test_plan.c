@@ -323,7 +323,7 @@ static lg_status record_cnn(void *user, lg_tape *tape, const lg_var *theta, cons
 static const lg_port y_ports[] = {{.name = "y"}, {.name = "z"}, {.name = "a"},
                                   {.name = "b"}, {.name = "c"}, {.name = "e"}};
 
-TEST("networks of every kind") {
+TEST("networks of every kind: plans and derivatives are those of the tape") {
     static const lg_activation kinds[] = {LG_TANH, LG_SIGMOID, LG_SWISH, LG_SINE};
     const lg_port x = {.name = "x", .shape = {1, {3, 0, 0, 0}}};
     for (int kind = 0; kind < LG_NET_KIND_COUNT; kind++)
@@ -350,7 +350,7 @@ TEST("perceptrons of every activation, with gradients") {
     }
 }
 
-TEST("convolutions") {
+TEST("convolutional networks: plans and derivatives are those of the tape") {
     const lg_port x = {.name = "x", .shape = {2, {9, 2, 0, 0}}};
     for (int pooling = LG_POOL_NONE; pooling <= LG_POOL_MAX; pooling++) {
         lg_cnn net = {.channels = 2,
@@ -398,7 +398,7 @@ static lg_program *hamiltonian(lg_hamiltonian_family family, uint32_t links, con
     return program;
 }
 
-TEST("learned hamiltonians") {
+TEST("learned Hamiltonians and their steps: plans and derivatives are those of the tape") {
     static const struct {
         lg_hamiltonian_family family;
         uint32_t links;
@@ -463,7 +463,7 @@ static lg_system *system_at(size_t index, bool *there) {
     return system;
 }
 
-TEST("steps of systems") {
+TEST("steps of every system with every sort of scheme are those of the tape") {
     static const char *const schemes[] = {"rk4", "cf4", "rkmk4"};
     size_t programs = 0, refused = 0;
     bool there = true;
@@ -526,7 +526,7 @@ static lg_status record_odd(void *user, lg_tape *tape, const lg_var *theta, cons
     return lg_tape_status(tape);
 }
 
-TEST("odd outputs") {
+TEST("outputs may be inputs, constants, views, empty or the same") {
     const lg_port in[] = {{.name = "x", .shape = {1, {4}}},
                           {.name = "s", .shape = {2, {2, 3}}, .shared = true},
                           {.name = "t", .shape = {0, {0}}, .shared = true}};
@@ -546,7 +546,7 @@ static lg_status record_scalar_rows(void *user, lg_tape *tape, const lg_var *the
     return lg_tape_status(tape);
 }
 
-TEST("rows without a shape: (B)") {
+TEST("rows may have no shape: (B)") {
     const lg_port in[] = {{.name = "x"}, {.name = "z"}};
     lg_program *program = build(in, 2, y_ports, 1, 0, record_scalar_rows, NULL);
     check_derivatives("rows of rank 0", program, true, true);
@@ -587,7 +587,7 @@ static lg_status record_meeting(void *user, lg_tape *tape, const lg_var *theta, 
     return lg_tape_status(tape);
 }
 
-TEST("rows that meet") {
+TEST("rows that meet are not treated one by one") {
     const lg_port in[] = {{.name = "x", .shape = {1, {WIDTH}}},
                           {.name = "w", .shape = {2, {WIDTH, WIDTH}}, .shared = true}};
     const lg_port out[] = {{.name = "y0"}, {.name = "y1"}, {.name = "y2"}, {.name = "y3"},
@@ -623,7 +623,7 @@ static lg_status record_matrix(void *user, lg_tape *tape, const lg_var *theta, c
     return lg_tape_status(tape);
 }
 
-TEST("a matrix beside a batch") {
+TEST("a matrix with as many rows as the batch is no batch") {
     const lg_port in[] = {{.name = "x", .shape = {1, {WIDTH}}},
                           {.name = "w", .shape = {2, {2, 2}}, .shared = true}};
     lg_program *program = build(in, 2, y_ports, 6, 4, record_matrix, NULL);
@@ -635,7 +635,7 @@ static lg_status record_pairs(void *user, lg_tape *tape, const lg_var *theta, co
     return lg_net_record_jvp(tape, user, theta[0], 0, x[0], x[1], &y[0], &y[1]);
 }
 
-TEST("pairs of networks") {
+TEST("values and tangents as one batch are those of the tape") {
     for (int kind = 0; kind < LG_NET_KIND_COUNT; kind++)
         for (int shared = 0; shared < 2; shared++) {
             const lg_port in[] = {
@@ -694,7 +694,7 @@ static lg_status record_two(void *user, lg_tape *tape, const lg_var *theta, cons
     return lg_tape_status(tape);
 }
 
-TEST("chosen pairs") {
+TEST("chosen inputs and outputs cost only what they need") {
     static const char *const by = "z", *const all[2] = {"y", "z"};
     const lg_port in[] = {{.name = "x", .shape = {1, {3}}}, {.name = "u", .shape = {1, {2}}}};
     const uint32_t hidden[1] = {30};
@@ -833,7 +833,7 @@ static lg_status record_exchange(void *user, lg_tape *tape, const lg_var *theta,
     return lg_tape_status(tape);
 }
 
-TEST("loops carry several") {
+TEST("loops carry several outputs, in any order, and refuse what cannot be") {
     const lg_port in[] = {
         {.name = "a", .shape = {1, {2}}}, {.name = "b", .shape = {1, {2}}}, {.name = "c", .shape = {1, {2}}}};
     const lg_port out[] = {{.name = "p"}, {.name = "q"}};
@@ -876,7 +876,7 @@ TEST("loops carry several") {
 
 /* ---- options ---- */
 
-TEST("inputs that are not finite") {
+TEST("a plan that marks unfit inputs gives NaN everywhere, else the same bits") {
     const double bad[] = {NAN, INFINITY, -INFINITY};
     lg_program *program = hamiltonian(LG_HAMILTONIAN_CHAIN, 1, NULL);
     add_loop(program, "steps", 3);
@@ -948,7 +948,7 @@ TEST("without the mark, rows do not touch each other") {
     }
 }
 
-TEST("memory is bounded") {
+TEST("most_bytes bounds a plan, and more memory never hurts") {
     const lg_port x = {.name = "x", .shape = {1, {16}}};
     const uint32_t hidden[2] = {64, 64};
     lg_mlp net;
@@ -1044,7 +1044,7 @@ static void *work_on(void *user) {
     return NULL;
 }
 
-TEST("threads share a plan") {
+TEST("threads share a plan and get the same bits") {
     lg_program *program = hamiltonian(LG_HAMILTONIAN_CHAIN, 2, NULL);
     add_loop(program, "steps", 2);
     for (size_t f = 0; f < lg_program_functions(program); f++) {

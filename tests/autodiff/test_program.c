@@ -69,7 +69,7 @@ static void compare_apply(lg_program *program, size_t function, network *n, lg_r
     }
 }
 
-TEST("applied equals recorded") {
+TEST("a program on a tape is its recording, to the last bit") {
     network n;
     make_network(&n, 3, 16, 1, LG_TANH);
     lg_program *program = build_network(&n);
@@ -256,7 +256,7 @@ static lg_status build_one(const refusal *c, lg_program **program, lg_error *err
     return lg_program_build(NULL, &spec, program, error);
 }
 
-TEST("refusals name the culprit") {
+TEST("recordings that depend on numbers or rows are refused by name") {
     static const refusal cases[] = {
         {branch, LG_UNSUPPORTED, .words = {"'f'", "branch on values", "sin"}},
         {loop_over_rows, LG_UNSUPPORTED, .words = {"'f'", "loop over rows"}},
@@ -308,7 +308,7 @@ TEST("refusals name the culprit") {
     }
 }
 
-TEST("weights are checked") {
+TEST("parameters that are not finite, named twice or not given are refused") {
     const double numbers[3] = {0.5, NAN, 1.0}, good[3] = {1.0, 2.0, 3.0}, bad[3] = {1.0, -INFINITY, 3.0};
     const lg_port out = {.name = "y"};
     const lg_function_spec function = {"f", &x3, 1, &out, 1, identity, NULL};
@@ -348,7 +348,7 @@ TEST("weights are checked") {
     lg_program_destroy(NULL);
 }
 
-TEST("two functions of one name; means over the batch are no refusal (loss, above)") {
+TEST("two functions of one name are refused") {
     const lg_port out = {.name = "y"};
     const lg_function_spec functions[2] = {{"f", &x3, 1, &out, 1, identity, NULL},
                                            {"f", &x3, 1, &out, 1, identity, NULL}};
@@ -369,7 +369,7 @@ static lg_status shared_and_not(void *user, lg_tape *tape, const lg_var *theta, 
     return lg_tape_status(tape);
 }
 
-TEST("derivatives that cannot be") {
+TEST("derivatives that cannot be are refused, and the program stays as it was") {
     const lg_port in[2] = {x3, {.name = "s", .shape = {1, {3}}, .shared = true}},
                   out[2] = {{.name = "y"}, {.name = "m"}};
     const lg_function_spec function = {"f", in, 2, out, 2, shared_and_not, NULL};
@@ -468,7 +468,7 @@ TEST("jacobians of rows that meet are refused") {
 
 /* ---- on a tape: errors stick, outputs are untouched ---- */
 
-TEST("application is checked") {
+TEST("on a tape errors stick, and outputs are untouched") {
     network n;
     make_network(&n, 3, 4, 1, LG_TANH);
     lg_program *program = build_network(&n);
@@ -500,7 +500,7 @@ static lg_status scaled(void *user, lg_tape *tape, const lg_var *theta, const lg
     return lg_tape_status(tape);
 }
 
-TEST("parameters are folded") {
+TEST("what depends on parameters alone is computed once") {
     const double logarithms[3] = {0.5, -1.0, 2.0}, x[3] = {1.0, 2.0, -3.0};
     const lg_parameter_spec theta = {"theta", lg_shape1(3), logarithms};
     const lg_port out = {.name = "y"};

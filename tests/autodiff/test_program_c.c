@@ -336,11 +336,11 @@ static void check_all(bool gradients) {
     }
 }
 
-TEST("values equal the tape") {
+TEST("values in C are the tape's, for every compiler, type and form") {
     check_all(false);
 }
 
-TEST("gradients equal the tape") {
+TEST("gradients in C are the tape's, for every compiler, type and form") {
     check_all(true);
 }
 
@@ -391,7 +391,7 @@ static void check_alone(const bundle *b, bool compact, const char *compiler) {
     assert_int_equal(system(command), 0);
 }
 
-TEST("every function compiles alone") {
+TEST("every function compiles alone, as C and as C++") {
     for (size_t next = 0; lg_gradcheck_operation(next) != NULL;) {
         bundle b = make_bundle(false, &next);
         if (has("gcc")) check_alone(&b, false, "gcc -std=c99 -Wstrict-prototypes -Wmissing-prototypes");
@@ -442,7 +442,7 @@ static double family_error(const family *f, const double *w, const double *got) 
     return worst;
 }
 
-TEST("functions of the angle") {
+TEST("functions of the angle in C are the kernels' for all orders") {
     static double w[ANGLES], got[ANGLES * (TOP + 1)];
     family families[2 * (TOP + 1)];
     bundle b = {.functions = 0};

@@ -355,7 +355,7 @@ static const int beyond[2] = {0, 2};
     X(lg_custom(t, NULL, NULL, 0, lg_shape0()), LG_INVALID_ARGUMENT, "custom", "no name", NULL)              \
     X(lg_jacobian(t, V1(2), LG_NONE), LG_STALE_HANDLE, "jacobian", "LG_NONE", NULL)
 
-TEST("wrong shapes") {
+TEST("shapes that do not fit are named with the operation and its scope") {
     lg_tape *t = test_tape(LG_F64);
 #define X(expression, status, operation, one, two)                                                           \
     {                                                                                                        \
@@ -371,7 +371,7 @@ TEST("wrong shapes") {
 #undef X
 }
 
-TEST("wrong shapes of directions") {
+TEST("directions of a wrong shape are refused") {
     lg_tape *t = test_tape(LG_F64);
     lg_var x = good(t), c = lg_full(t, lg_shape1(6), 1.0), out = {9, 9};
     lg_mark mark = lg_tape_mark(t);
@@ -456,7 +456,7 @@ TEST("no allocation after the first step") {
     lg_context_destroy(context);
 }
 
-TEST("every allocation may fail") {
+TEST("every allocation may fail, and the tape works after a reset") {
     lg_fail_alloc memory;
     lg_context *context = lg_fail_alloc_context(&memory);
     static model m;
@@ -485,7 +485,7 @@ TEST("every allocation may fail") {
     lg_context_destroy(context);
 }
 
-TEST("max bytes") {
+TEST("max_bytes bounds the tape") {
     static model m;
     fill(&m);
     lg_tape *tape = test_tape(LG_F64);
@@ -500,7 +500,7 @@ TEST("max bytes") {
     lg_tape_destroy(tape);
 }
 
-TEST("options") {
+TEST("bad options are refused") {
     lg_tape *tape = NULL;
     lg_tape_options options;
     lg_tape_options_init(&options);
@@ -549,7 +549,7 @@ static size_t derivatives_of(const lg_gradcheck_function *f, lg_dtype dtype, dou
     return used;
 }
 
-TEST("float agrees with double") {
+TEST("values, vjp and jvp of every row agree in float and double") {
     const lg_gradcheck_case *row;
     for (size_t i = 0; (row = lg_gradcheck_operation(i)) != NULL; i++) {
         double in_double[1024], in_float[1024], most = 0.0;
@@ -584,7 +584,7 @@ OP(combination, lg_linear_combination(t, (lg_var[2]){v, good(t)}, (const double[
 OP(solved, lg_spd_solve(t, lg_input_f64(t, lg_shape3(1, 2, 2), (const double[4]){2, 1, 1, 3}),
                         lg_reshape(t, v, lg_shape3(1, 2, 3))))
 
-TEST("at v = (1 -2 3; 4 5 -6), with (1 2 3; 4 5 6) as the other operand") {
+TEST("values by hand, at (1 -2 3; 4 5 -6) and (1 2 3; 4 5 6)") {
     static const double v[6] = {1, -2, 3, 4, 5, -6};
     static const struct {
         const char *name;
@@ -683,7 +683,7 @@ OP(sigmoid, lg_act(t, v, LG_SIGMOID))
 OP(sine, lg_act(t, v, LG_SINE))
 OP(reciprocal, lg_div(t, lg_full(t, lg_shape0(), 1.0), v))
 
-TEST("Reverse over reverse, forward over forward, and in turn, to fourth order") {
+TEST("closed forms to order 4, in all orders of forward and reverse") {
     static const closed_form forms[] = {
         {"x^5", call_x5, d_x5, 1.3},
         {"x^5 at 0", call_x5, d_x5, 0.0},
@@ -734,7 +734,7 @@ static lg_var cubic(lg_tape *t, lg_var x) {
     return lg_add(t, lg_sum(t, lg_pow(t, x, 3)), lg_sum(t, p));
 }
 
-TEST("hessian vector product") {
+TEST("a Hessian-vector product and a Hessian by hand") {
     static const double x0[3] = {0.5, -1.5, 2.0}, v0[3] = {1.0, 0.25, -0.75};
     double got[3], hessian[9];
     lg_tape *t = test_tape(LG_F64);
@@ -814,7 +814,7 @@ TEST("backward adds and leaves the tape") {
 /* lg_backward_set into memory full of NaN equals lg_backward onto zeros to the last bit, whatever parts of a
  * flat parameter are used: random views of 1 to 7 elements of 60, a few of them or more than there are places
  * to remember them; views of views; weights; what nothing reaches; inner variables. */
-TEST("backward set") {
+TEST("lg_backward_set is lg_backward onto zeros, whatever views are used") {
     enum { N = 60, UNUSED = 5 };
     lg_rng rng;
     lg_rng_seed(&rng, 7, 0);
@@ -854,7 +854,7 @@ TEST("backward set") {
 
 /* Of two layers and what is not one: equality where a gradient is a single contribution, a product's is of
  * rank one; infinity and NaN in any of them are seen. */
-TEST("backward set bounded") {
+TEST("the bound of a gradient's norm holds, and is met by single contributions") {
     enum { SIDE = 20, N = SIDE * SIDE + 2 * SIDE };
     static double theta[N], grad[N];
     for (int kind = 0; kind < 6; kind++)
@@ -888,7 +888,7 @@ TEST("backward set bounded") {
 
 /* Two inputs of one operation are overlapping views of the parameter, longer than a block of the kernels: x
  * and its factor in the derivative of an activation; the vector and the angle of a rotation. */
-TEST("backward set overlapping inputs") {
+TEST("inputs of one operation may be overlapping views") {
     enum { N = 1200, LENGTH = 900 };
     static double theta[N], set[N], zero[N];
     lg_rng rng;
@@ -917,7 +917,7 @@ TEST("backward set overlapping inputs") {
 }
 
 /* Derivatives are total: what depends on another variable asked for carries on to it, in every mode alike. */
-TEST("interior variables") {
+TEST("derivatives are total: they carry on through other variables asked for") {
     lg_tape *t = test_tape(LG_F64);
     lg_var x = lg_full(t, lg_shape0(), 2.0), z = lg_square(t, x), y = lg_mul(t, z, x);
     lg_var wrt[3] = {x, z, x}, out[3], d[2] = {lg_full(t, lg_shape0(), 0.5), lg_full(t, lg_shape0(), 0.25)};
@@ -994,7 +994,7 @@ TEST("a flat parameter whose slices overlap, are reshaped, sliced again, and use
     }
 }
 
-TEST("parameter is not copied") {
+TEST("a parameter is not copied") {
     static const double theta[2] = {1, 2};
     lg_tape *t = test_tape(LG_F64);
     assert_ptr_equal(lg_value(t, lg_parameter(t, lg_shape1(2), theta)), theta);
@@ -1002,7 +1002,7 @@ TEST("parameter is not copied") {
 
 /* ---- not a number, kinks ---- */
 
-TEST("nan is not an error") {
+TEST("NaN is not an error") {
     lg_tape *t = test_tape(LG_F64);
     static const double x0[2] = {-1.0, 4.0};
     double y[2], g[2];
@@ -1059,7 +1059,7 @@ TEST("the documented side at each kink; second derivatives are zero") {
 
 /* ---- products above the size of the own kernel ---- */
 
-TEST("(M, K) (K, N), stored as each variant wants it; above the limit at which the BLAS takes over") {
+TEST("products above the limit of the own kernel are right in all variants") {
     enum { M = 1009, N = 997, K = 1013 };
     static const struct {
         uint32_t a[2], b[2];
@@ -1098,7 +1098,7 @@ TEST("(M, K) (K, N), stored as each variant wants it; above the limit at which t
 
 /* ---- solves ---- */
 
-TEST("spd failures are counted") {
+TEST("solves that fail are NaN in their row, and counted once") {
     static const double a[12] = {4, 1, 3, 2 /* symmetric part 4 2; 2 2 */, -1, 0, 0, 1, 2, 0, 0, 5},
                         b[6] = {2, 4, 1, 1, 4, 10};
     double x[6];
@@ -1120,7 +1120,7 @@ TEST("spd failures are counted") {
 
 /* ---- losses ---- */
 
-TEST("loss values") {
+TEST("losses by hand, with and without weights") {
     static const double y0[4] = {0.5, -2.0, 1.5, 0.25}, t0[4] = {0.0, 1.0, 0.5, 1.0}, w0[2] = {2.0, 0.5};
     double expected[LG_LOSS_COUNT] = {0}, weighted[LG_LOSS_COUNT] = {0};
     for (int i = 0; i < 4; i++) {
@@ -1243,7 +1243,7 @@ static lg_status square_numeric_vjp(void *user, lg_dtype dtype, const void *cons
     return LG_OK;
 }
 
-TEST("the numeric one where nothing is recorded, the other one where it is: any order") {
+TEST("a custom operation's numeric vjp serves the last pass, the other one all orders") {
     static const double x0[3] = {1, 2, 3};
     both_counts counts = {0, 0};
     const lg_custom_op op = {.name = "square",
@@ -1269,7 +1269,7 @@ TEST("the numeric one where nothing is recorded, the other one where it is: any 
     assert_true(counts.numeric == 2 && counts.built == 1);
 }
 
-TEST("custom vjp in the last pass") {
+TEST("a custom vjp gives back its payload after the last pass") {
     static const double x0[3] = {1, 2, 3};
     lg_tape *t = test_tape(LG_F64);
     lg_var in[2] = {vector(t, 3, x0), vector(t, 3, x0)};
@@ -1288,7 +1288,7 @@ TEST("custom vjp in the last pass") {
 }
 
 /* A temporary that serves two inputs must not become the adjoint of one while the other still reads it. */
-TEST("custom vjp with shared cotangents") {
+TEST("a temporary may serve two inputs of a custom vjp") {
     static const double x0[3] = {1, 2, 3}, ten[3] = {10, 20, 30};
     lg_tape *t = test_tape(LG_F64);
     for (int part = 0; part < 2; part++) {
@@ -1314,7 +1314,7 @@ TEST("custom vjp with shared cotangents") {
     }
 }
 
-TEST("activation names") {
+TEST("names of activations are read back") {
     for (int i = 0; i < LG_ACTIVATION_COUNT; i++) {
         lg_activation found = (lg_activation)-1;
         assert_ok(lg_activation_parse(lg_activation_name((lg_activation)i), &found));

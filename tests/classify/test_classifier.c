@@ -59,7 +59,7 @@ TEST("chains tell clouds apart") {
         }
 }
 
-TEST("hard tables") {
+TEST("wide, short, scaled and contradictory tables give finite scores") {
     static const uint32_t shapes[][3] = {
         {30, 1, 2}, {20, 600, 4}, {2, 3, 2}, {3, 2, 3}, {4, 1, 4}}; /* n, d, classes */
     for (size_t s = 0; s < sizeof shapes / sizeof shapes[0]; s++)
@@ -87,7 +87,7 @@ TEST("hard tables") {
             }
 }
 
-TEST("refusals") {
+TEST("bad tables and options are refused, and the classifier is untouched") {
     uint32_t label[8];
     double *x = clouds(8, 2, 2, 1.0, 3, label);
     lg_classifier c = {.classes = 55};
@@ -202,7 +202,7 @@ static void use(const lg_archive_reader *reader, const float *x) {
     lg_classifier_destroy(NULL, &c);
 }
 
-TEST("archives that lie") {
+TEST("archives that lie are refused, or what they give can be used") {
     static const double wrong[] = {-1.0, 0.0, 1.0, 2.5, 1e9, NAN, INFINITY};
     static const uint32_t wrong32[] = {0, 1, 2, 3, 7, 1u << 20, UINT32_MAX};
     lg_series s = make_series();
@@ -238,7 +238,7 @@ TEST("archives that lie") {
     lg_series_destroy(NULL, &s);
 }
 
-TEST("what must be refused by name") {
+TEST("lies in an archive are refused by name") {
     static const struct {
         size_t chain;
         const char *path;
@@ -295,7 +295,7 @@ static void replace(memory_archive *archive, const char *path, const void *data,
 
 /* Seven nodes, each the child of one: 0 has 1 and 2, and apart from them 3 has 4 and 5, 4 has 3 and 6. With
  * `honest` 2 has 3 and 4, 4 has 5 and 6. */
-TEST("trees with cycles") {
+TEST("trees with cycles are refused") {
     lg_series s = make_series();
     for (int honest = 0; honest < 2; honest++) {
         static const double children[2][7][2] = {
@@ -351,7 +351,7 @@ TEST("every allocation may fail") {
 
 /* ---- choosing ---- */
 
-TEST("choice by hand") {
+TEST("the choice by cross-validation is the one by hand") {
     enum { N = 61, FOLDS = 5 };
     uint32_t chosen[N], own[N], fold[N], n = 0;
     double *x = clouds(70, 4, 2, 1.5, 77, (uint32_t[70]){0});
@@ -398,7 +398,7 @@ TEST("choice by hand") {
 
 /* Four recordings of each class, each a tight cloud about a centre of its own that tells nothing of the
  * class. Torn apart, every row is known from its neighbours; as units, none is. */
-TEST("units are not torn") {
+TEST("folds do not tear units") {
     enum { UNITS = 12, EACH = 10, N = UNITS * EACH };
     uint32_t label[N], unit[N], chosen[N];
     double x[2 * N], torn, whole, few;
@@ -436,7 +436,7 @@ TEST("units are not torn") {
     assert_true(none < 1.0);
 }
 
-TEST("choice of few") {
+TEST("few rows and wide tables can be chosen from, the first of equals is taken") {
     uint32_t label[30];
     double *x = clouds(30, 40, 3, 3.0, 5, label), rate[2];
     lg_method_options o[2];

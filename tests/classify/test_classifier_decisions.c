@@ -186,19 +186,19 @@ static void all_chains(lg_feature_kind kind) {
             }
 }
 
-TEST("raw") {
+TEST("decisions and Jacobians of every method on raw samples") {
     all_chains(LG_FEATURES_RAW);
 }
 
-TEST("deviations") {
+TEST("decisions and Jacobians of every method on deviations") {
     all_chains(LG_FEATURES_STD);
 }
 
-TEST("covariance") {
+TEST("decisions and Jacobians of every method on the covariance") {
     all_chains(LG_FEATURES_COV);
 }
 
-TEST("baseline") {
+TEST("decisions and Jacobians of every method on the baseline") {
     all_chains(LG_FEATURES_BASELINE);
 }
 
@@ -215,7 +215,7 @@ TEST("the whole Jacobian of one chain of each kind, and zeros for channels that 
     }
 }
 
-TEST("a window that is moved has the same deviations, covariance and baseline") {
+TEST("Jacobians of deviations, covariance and baseline sum to zero over a channel") {
     for (int kind = LG_FEATURES_STD; kind < LG_FEATURE_KIND_COUNT; kind++) {
         chain *f = make(make_series(CHANNELS, LENGTH, 2), (lg_feature_kind)kind, false, LG_METHOD_SVM_RBF, 0);
         double y[MOST_OUTPUTS], *jacobian = jacobian_of(f, f->series.x, y);
@@ -231,7 +231,7 @@ TEST("a window that is moved has the same deviations, covariance and baseline") 
 
 /* Of a constant channel: deviations have a kink, derivative 0; the covariance with the others moves. Central
  * differences take the kink, which is even, away, and leave an error of first order in the step. */
-TEST("constant channel") {
+TEST("a constant channel has the derivative zero, but for the covariance with others") {
     for (int kind = LG_FEATURES_STD; kind < LG_FEATURE_KIND_COUNT; kind++) {
         chain *f =
             make(make_series(CHANNELS, LENGTH, 2), (lg_feature_kind)kind, false, LG_METHOD_LOGISTIC, 0);
@@ -248,7 +248,7 @@ TEST("constant channel") {
     }
 }
 
-TEST("a channel that is the sum of two others") {
+TEST("dependent channels have the derivatives of differences") {
     chain *f = make(make_series(CHANNELS, LENGTH, 2), LG_FEATURES_COV, false, LG_METHOD_LOGISTIC, 0);
     for (size_t t = 0; t < LENGTH; t++)
         f->series.x[2 * LENGTH + t] = f->series.x[t] + f->series.x[LENGTH + t];
@@ -261,7 +261,7 @@ TEST("a channel that is the sum of two others") {
 /* All m channels alike: C = a 1 1^T = s^2 P with s^2 = m a and P the projection on (1, ..., 1), Q = I - P the
  * one on the null space. The cotangent of C from G, that of the root, is (P G Q + Q G P)/s + P G P/(2 s),
  * free of what rounding makes of the eigenvalues 0. */
-TEST("identical channels") {
+TEST("identical channels have the derivative of the projection") {
     enum { M = CHANNELS };
     chain *f = make(make_series(M, LENGTH, 2), LG_FEATURES_COV, false, LG_METHOD_LOGISTIC, 0);
     float *x = f->series.x;
@@ -299,7 +299,7 @@ static double sign_of(unsigned bits) {
 /* Z = sum_k s_k v_k w_k^T with exact numbers, orthonormal v_k, orthogonal w_k of ones and minus ones: with G,
  * the cotangent of the root, that of Z is 2/n sum_ab v_a (v_a.G v_b) s_b/(s_a + s_b) w_b^T. It is off by eps
  * s_max/s_min, 1e-12; from eigenvectors of Z Z^T it would be by the square of that ratio. */
-TEST("small roots") {
+TEST("derivatives are exact with roots 4096 times apart") {
     enum { M = 4, N = 8 };
     static const double root[M] = {0x1p-4, 1.0, 0x1p-12, 0x1p-8};
     chain *f = make(make_series(M, N, 2), LG_FEATURES_COV, false, LG_METHOD_LOGISTIC, 0);
@@ -339,7 +339,7 @@ TEST("small roots") {
 
 /* Accelerations of the same deviation in all parts: slope 0, and so are its derivatives; the intercept is the
  * mean of the moment's deviations. */
-TEST("level baseline") {
+TEST("a level baseline has slope zero, with zero derivatives") {
     chain *f = make(make_series(CHANNELS, LENGTH, 2), LG_FEATURES_BASELINE, true, LG_METHOD_LOGISTIC, 0);
     assert_int_equal(f->c.features.count, 2);
     for (size_t t = 0; t < LENGTH; t++) f->series.x[t] = (float)(t % 5);
@@ -358,7 +358,7 @@ TEST("level baseline") {
     }
 }
 
-TEST("one sample") {
+TEST("windows of one sample have derivatives for raw samples only") {
     for (int method = 0; method < LG_METHOD_COUNT; method++)
         for (int kind = LG_FEATURES_RAW; kind <= LG_FEATURES_COV; kind++) {
             chain *f = make(make_series(3, 1, 3), (lg_feature_kind)kind, false, (lg_method)method, 0);
@@ -372,7 +372,7 @@ TEST("one sample") {
         }
 }
 
-TEST("trees are constant") {
+TEST("trees have the derivative zero") {
     chain *f = make(make_series(CHANNELS, LENGTH, 3), LG_FEATURES_COV, false, LG_METHOD_TREE, 2);
     double y[MOST_OUTPUTS], *jacobian = jacobian_of(f, f->series.x, y), sum = 0.0;
     for (size_t i = 0; i < 3; i++) sum += y[i];
@@ -382,7 +382,7 @@ TEST("trees are constant") {
 
 /* ---- classes that do not occur ---- */
 
-TEST("unseen class") {
+TEST("classes that do not occur are never given") {
     for (int method = 0; method < LG_METHOD_COUNT; method++) {
         lg_series s = make_series(CHANNELS, LENGTH, 4);
         for (size_t i = 0; i < WINDOWS; i++)
@@ -406,7 +406,7 @@ TEST("unseen class") {
 
 /* ---- bad input ---- */
 
-TEST("refused") {
+TEST("windows that are not finite and features that do not fit are refused") {
     chain *f = make(make_series(CHANNELS, LENGTH, 2), LG_FEATURES_COV, false, LG_METHOD_SVM_RBF, 0);
     double y[1] = {7.0}, *jacobian = calloc(f->inputs, sizeof *jacobian);
     f->series.x[70] = NAN;

@@ -44,7 +44,7 @@ static double *compute(const lg_features *f, const float *x) {
     return out;
 }
 
-TEST("std and raw") {
+TEST("deviations by their definition, raw samples as they stand") {
     lg_series s = make_series(1, 6, 37, true);
     lg_features f;
     assert_ok(lg_features_create(NULL, LG_FEATURES_STD, false, &s, 37, NULL, &f, NULL));
@@ -66,7 +66,7 @@ TEST("std and raw") {
 
 /* S S = covariance of the scaled channels, S symmetric and positive semidefinite; also with a channel that is
  * the sum of two others and a constant one. */
-TEST("cov squares to covariance") {
+TEST("the root squares to the covariance, with dependent and constant channels") {
     lg_series s = make_series(1, 6, 50, true);
     for (int i = 0; i < 50; i++) {
         s.x[2 * 50 + i] = s.x[i] + s.x[50 + i];
@@ -100,7 +100,7 @@ static double sign_of(unsigned bits) {
 /* Roots far apart: Z = sum_k s_k v_k w_k^T with exact numbers, orthonormal v_k and orthogonal w_k of ones and
  * minus ones, has S = sum_k s_k v_k v_k^T. Eigenvalues s_k^2 of the covariance itself would be off by eps,
  * s_3 by 1e-11. */
-TEST("cov of small roots") {
+TEST("roots 2^18 apart are right to the last digits") {
     enum { M = 4, N = 8 };
     static const double root[M] = {0x1p-6, 1.0, 0x1p-18, 0x1p-12};
     lg_series s = make_series(1, M, N, false);
@@ -162,7 +162,7 @@ TEST("one channel, many, more than samples; copies of each other; the memory beh
             }
 }
 
-TEST("Moments that are 2 acceleration + offset in each part give intercept and slope, in this order") {
+TEST("moments that are 2 acceleration + offset give intercept and slope, in this order") {
     lg_series s = make_series(1, 6, 100, true);
     for (int part = 0; part < 10; part++)
         for (int t = 0; t < 10; t++) {
@@ -187,7 +187,7 @@ TEST("Moments that are 2 acceleration + offset in each part give intercept and s
     free_series(&s);
 }
 
-TEST("short windows") {
+TEST("windows of one sample have zeros") {
     lg_series s = make_series(1, 3, 1, false);
     lg_features f;
     for (int kind = LG_FEATURES_STD; kind <= LG_FEATURES_COV; kind++) {
@@ -199,7 +199,7 @@ TEST("short windows") {
     free_series(&s);
 }
 
-TEST("Zero, not what rounding of the mean leaves: some lengths would") {
+TEST("a constant channel has zero, not what rounding of its mean leaves") {
     double mean[1] = {0}, scale[1] = {3};
     const lg_scaler scaler = {1, mean, scale};
     for (uint32_t length = 2; length <= 60; length++) {
@@ -214,7 +214,7 @@ TEST("Zero, not what rounding of the mean leaves: some lengths would") {
     }
 }
 
-TEST("names") {
+TEST("features have the names of their channels") {
     lg_series s = make_series(1, 6, 20, true);
     static const struct {
         lg_feature_kind kind;
@@ -267,7 +267,7 @@ TEST("threads give the same bits") {
     free_series(&s);
 }
 
-TEST("refusals") {
+TEST("windows, scalers and samples that do not fit are refused") {
     lg_series s = make_series(2, 3, 20, false);
     lg_features f = {.count = 77};
     lg_error e;

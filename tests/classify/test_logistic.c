@@ -4,7 +4,7 @@
 #include "golden/logistic_table.h"
 #include "support/fixtures.h"
 
-TEST("golden") {
+TEST("weights are scikit-learn's") {
     for (size_t t = 0; t < sizeof logistic_table / sizeof logistic_table[0]; t++) {
         const uint32_t classes = logistic_table[t].classes, n = logistic_table[t].n, d = logistic_table[t].d;
         double x[600];
@@ -43,7 +43,7 @@ static double largest_gradient(const lg_logistic *m, const double *x, const uint
     return largest;
 }
 
-TEST("gradient vanishes") {
+TEST("the gradient of what is minimised vanishes") {
     static const struct {
         uint32_t n, d, classes;
         double c, apart, tolerance;
@@ -71,7 +71,7 @@ TEST("gradient vanishes") {
 }
 
 /* Series are smooth: neighbouring features are nearly the same, and conjugate gradients alone are slow. */
-TEST("correlated features") {
+TEST("correlated features take few iterations") {
     enum { N = 200, D = 190 };
     for (uint32_t classes = 2; classes <= 4; classes++) {
         uint32_t label[N];
@@ -86,7 +86,7 @@ TEST("correlated features") {
     }
 }
 
-TEST("Almost no penalty: what holds the sum over the classes at 0 is 10^-12 of the rest") {
+TEST("without a penalty the classes' weights still sum to zero") {
     enum { N = 200, D = 13, K = 3 };
     uint32_t label[N];
     double *x = clouds(N, D, K, 0.1, 9, label), largest = 0;
@@ -99,7 +99,7 @@ TEST("Almost no penalty: what holds the sum over the classes at 0 is 10^-12 of t
     lg_logistic_destroy(NULL, &m);
 }
 
-TEST("hard tables") {
+TEST("contradictory, scaled and incomplete tables have their minimiser") {
     uint32_t label[40];
     double *x = clouds(40, 2, 2, 1.0, 6, label), p[120];
     lg_logistic m;
@@ -131,7 +131,7 @@ TEST("hard tables") {
     lg_logistic_destroy(NULL, &m);
 }
 
-TEST("refusals") {
+TEST("bad tables and penalties are refused") {
     uint32_t label[6];
     double *x = clouds(6, 2, 2, 1.0, 4, label);
     lg_logistic m = {.inputs = 99};

@@ -26,7 +26,7 @@ static void check_components(const double *x, size_t n, uint32_t d, const lg_pca
     }
 }
 
-TEST("components of clouds") {
+TEST("components are orthonormal, uncorrelated, sorted and of a fixed sign") {
     static const uint32_t sizes[][3] = {{50, 4, 4}, {50, 4, 2}, {20, 60, 20},
                                         {7, 7, 7},  {2, 5, 2},  {30, 1, 1}};
     for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++) {
@@ -45,7 +45,7 @@ TEST("components of clouds") {
 
 /* A table and the same table with its rows repeated have the same components; d > n goes one way, d < n the
  * other. */
-TEST("both routes agree") {
+TEST("both routes agree: more rows or more features") {
     uint32_t label[6];
     double *x = clouds(6, 9, 2, 1.0, 8, label), twice[12 * 9];
     memcpy(twice, x, 54 * sizeof *x);
@@ -59,7 +59,7 @@ TEST("both routes agree") {
     lg_pca_destroy(NULL, &b);
 }
 
-TEST("Along (1, 1)/sqrt 2: variance 1 + r and 1 - r, by hand") {
+TEST("components of two features by hand") {
     const double x[] = {1, 1, -1, -1, 1, -1, -1, 1, 1, 1, -1, -1}; /* r = (4 - 2)/6 */
     lg_pca p;
     assert_ok(lg_pca_fit(NULL, x, 6, 2, 2, &p, NULL));
@@ -70,7 +70,7 @@ TEST("Along (1, 1)/sqrt 2: variance 1 + r and 1 - r, by hand") {
     lg_pca_destroy(NULL, &p);
 }
 
-TEST("scales") {
+TEST("scales, constant features and constant tables") {
     uint32_t label[30];
     double *x = clouds(30, 3, 2, 1.0, 4, label), z[90], expected[90], work[3];
     lg_pca p;
@@ -102,7 +102,7 @@ TEST("scales") {
     lg_pca_destroy(NULL, &p);
 }
 
-TEST("refusals") {
+TEST("too many components and numbers that are not finite are refused") {
     uint32_t label[6];
     double *x = clouds(6, 3, 2, 1.0, 4, label);
     lg_pca p = {.inputs = 99};

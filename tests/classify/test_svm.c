@@ -80,7 +80,7 @@ static void scores_of(const double *decision, uint32_t classes, double *score) {
     score[first] = score[largest]; /* or the next number above it */
 }
 
-TEST("Classes that a plane cannot hold apart: votes tie often, and libsvm takes the first") {
+TEST("ties of votes are broken as libsvm does") {
     enum { N = 240, D = 2, CLASSES = 6 };
     uint32_t ties = 0, turned = 0;
     for (int kernel = LG_KERNEL_LINEAR; kernel <= LG_KERNEL_RBF; kernel++) {
@@ -121,7 +121,7 @@ TEST("Classes that a plane cannot hold apart: votes tie often, and libsvm takes 
     assert_true(ties > 20 && turned > 5);
 }
 
-TEST("equal to libsvm") {
+TEST("decisions are libsvm's, for lists and for tables") {
     static const struct {
         lg_kernel kernel;
         uint32_t n, d, classes;
@@ -167,7 +167,7 @@ TEST("equal to libsvm") {
 
 /* Karush-Kuhn-Tucker: y f(x) >= 1 for rows that are no vectors, <= 1 at the bound C, = 1 between, each up to
  * libsvm's 1e-3; with a table as with lists. */
-TEST("dual is optimal") {
+TEST("the dual is optimal (Karush, Kuhn, Tucker)") {
     for (uint32_t d = 3; d <= 12; d += 9) {
         enum { N = 201 };
         uint32_t label[N];
@@ -215,7 +215,7 @@ TEST("two points: the plane half-way, margin 1 at both; class 1 on the positive 
     lg_svm_destroy(NULL, &svm);
 }
 
-TEST("Classes 1 and 3 of 5 do not occur: never given, and the others as without them") {
+TEST("classes that do not occur are never given, and the others as without them") {
     uint32_t label[60], wide[60];
     double *x = clouds(60, 3, 3, 1.0, 9, label);
     for (int i = 0; i < 60; i++) wide[i] = 2 * label[i];
@@ -234,7 +234,7 @@ TEST("Classes 1 and 3 of 5 do not occur: never given, and the others as without 
     lg_svm_destroy(NULL, &five);
 }
 
-TEST("hard tables") {
+TEST("scaled and contradictory tables have finite, scaled decisions") {
     enum { N = 40 };
     uint32_t label[N];
     double *x = clouds(N, 2, 2, 2.0, 6, label), score[2 * N], first[2 * N], work[200];
@@ -262,7 +262,7 @@ TEST("hard tables") {
     }
 }
 
-TEST("refusals") {
+TEST("bad tables and options are refused") {
     uint32_t label[6];
     double *x = clouds(6, 2, 2, 1.0, 4, label);
     lg_svm m = {.inputs = 99};

@@ -267,7 +267,7 @@ TEST("ties go to the lower feature and threshold") {
     }
 }
 
-TEST("limits") {
+TEST("depth, leaves and splits keep their limits") {
     double x[ROWS * FEATURES];
     uint32_t label[ROWS];
     lg_tree tree;
@@ -289,7 +289,7 @@ TEST("limits") {
     lg_tree_destroy(NULL, &tree);
 }
 
-TEST("values side by side") {
+TEST("a threshold lies between neighbouring doubles") {
     const lg_tree_options options = options_of(LG_GINI, 1);
     const double pairs[][2] = {{1.0, 1.0 + 0x1p-52}, {-1e308, 1e308},   {1e308, 1.7e308},
                                {0.0, 0x1p-1074},     {-0x1p-1074, 0.0}, {-1.0 - 0x1p-52, -1.0}};
@@ -305,7 +305,7 @@ TEST("values side by side") {
     }
 }
 
-TEST("tables without a split") {
+TEST("tables without a split are one leaf") {
     const lg_tree_options options = options_of(LG_ENTROPY, 1);
     const double same[] = {2, 2, 2, -0.0, 0.0, 0.0}, one[] = {5.0};
     const uint32_t y[] = {0, 1, 1};
@@ -347,7 +347,7 @@ TEST("a tree as deep as it has rows: no recursion anywhere") {
     lg_tree_destroy(NULL, &tree);
 }
 
-TEST("bad input") {
+TEST("bad tables and options are refused") {
     const lg_tree_options good = options_of(LG_GINI, 1);
     const double x[] = {1, 2, 3}, bad[] = {1, NAN, 3}, worse[] = {1, 2, -INFINITY};
     const uint32_t y[] = {0, 1, 0}, out_of_range[] = {0, 2, 0};

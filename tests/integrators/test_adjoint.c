@@ -214,7 +214,7 @@ static void linear_step(const double *A, double h, bool transposed, const double
     if (d) memcpy(d, du, sizeof du);
 }
 
-TEST("linear closed form") {
+TEST("the gradient of a linear system is its closed form") {
     setup s = linear_setup();
     result r;
     gradient_of(&s, &r);
@@ -335,7 +335,7 @@ static setup chain_setup(const char *scheme) {
     return s;
 }
 
-TEST("chain of two links") {
+TEST("gradients of two links are differences, for six schemes") {
     static const char *const schemes[] = {"lie-euler", "rkmk3", "rkmk4", "cf4", "rkmk54", "cf32a"};
     for (size_t i = 0; i < sizeof schemes / sizeof *schemes; i++) {
         setup s = chain_setup(schemes[i]);
@@ -348,7 +348,7 @@ TEST("chain of two links") {
 
 /* The derivative along the symmetry is zero: rotating the start about the vertical does not change what
  * depends on heights only. */
-TEST("chain symmetry") {
+TEST("the derivative along a symmetry is zero") {
     setup s = chain_setup("rkmk4");
     result r;
     s.along = 0.0;
@@ -389,7 +389,7 @@ static lg_status top_taped(void *user, lg_tape *tape, lg_taped_time t, const lg_
     return lg_tape_status(tape);
 }
 
-TEST("top") {
+TEST("gradients of a top are differences, for slgi, RKMK and commutator-free steps") {
     static const char *const schemes[] = {"slgi", "rkmk4", "cf4"};
     for (size_t k = 0; k < sizeof schemes / sizeof *schemes; k++) {
         setup s = {.scheme = schemes[k],
@@ -456,7 +456,7 @@ static setup quartic_setup(const char *scheme) {
     return s;
 }
 
-TEST("quartic") {
+TEST("gradients of splitting schemes are differences, on one part or two") {
     setup verlet = quartic_setup("stormer-verlet"), euler = quartic_setup("symplectic-euler");
     against_differences(&verlet, "quartic, driven");
     against_differences(&euler, "quartic, driven");
@@ -518,14 +518,14 @@ TEST("the steps of an adaptive run, forward or backward, held fixed") {
     }
 }
 
-TEST("backward in time") {
+TEST("gradients backward in time are differences") {
     setup s = chain_setup("rkmk4"), q = quartic_setup("stormer-verlet");
     unequal_steps(-0.05, times, sizes, STEPS);
     against_differences(&s, "two links, backward");
     against_differences(&q, "quartic, backward");
 }
 
-TEST("one step") {
+TEST("one step takes one checkpoint") {
     setup s = chain_setup("cf4");
     s.steps = 1;
     against_differences(&s, "two links, one step");
@@ -564,7 +564,7 @@ TEST("checkpoints change nothing") {
 
 /* Where time is part of the field, a segment that starts anew differs by the rounding of t + h; what is
  * computed again inside it does not. */
-TEST("checkpoints of a driven system") {
+TEST("checkpoints of a driven system differ by the rounding of times only") {
     setup s = quartic_setup("stormer-verlet");
     result first, r;
     double seen[STEPS + 1][2], y[2];
@@ -636,7 +636,7 @@ static void pendulum_by_hand(const setup *s, double y[][2], double *lambda, doub
     }
 }
 
-TEST("hundred thousand steps") {
+TEST("the gradient of 10^5 steps is the one by hand, in the memory of a formula") {
     static double t[LONG], h[LONG], y[LONG + 1][2];
     setup s = {.scheme = "stormer-verlet",
                .ode = {.force = pendulum_force, .velocity = velocity},
@@ -677,7 +677,7 @@ TEST("hundred thousand steps") {
 
 /* ---- what may go wrong ---- */
 
-TEST("some outputs") {
+TEST("any output may be left out") {
     setup s = chain_setup("rkmk4");
     result r, part = {.stats = {0}};
     gradient_of(&s, &r);
@@ -746,7 +746,7 @@ static void refused_setup(setup *s, lg_status expected, const char *word) {
     refused(NULL, s, &p, expected, word);
 }
 
-TEST("bad arguments") {
+TEST("bad problems are refused by name, and nothing is written") {
     setup s = chain_setup("rkmk4");
     const lg_adjoint_problem good = problem_of(&s);
     double bad[STEPS];
@@ -819,13 +819,13 @@ static lg_status own_step(void *user, double t, double h, double *y) {
     return LG_OK;
 }
 
-TEST("no taped form") {
+TEST("schemes without a taped form are refused") {
     setup s = chain_setup("variational");
     s.ode.step = own_step;
     refused_setup(&s, LG_UNSUPPORTED, "no taped form");
 }
 
-TEST("failing callbacks") {
+TEST("failures of callbacks end the run, and nothing is written") {
     setup s = chain_setup("rkmk4");
     for (size_t n = 0; n <= STEPS; n += STEPS) {
         s.stop_at = n;
@@ -886,7 +886,7 @@ static lg_status cancelling_taped(void *user, lg_tape *tape, lg_taped_time t, co
     return chain_taped(user, tape, t, y, input, out);
 }
 
-TEST("cancelled") {
+TEST("a run may be cancelled anywhere") {
     lg_context_options options;
     lg_context_options_init(&options);
     options.cancel = &cancel_flag;

@@ -122,7 +122,7 @@ static void check_group(const struct group *g, const double *a, double condition
     }
 }
 
-TEST("groups against matrix functions") {
+TEST("Ad, dexp, dexpinv and duals of both groups are matrix functions of ad") {
     lg_rng rng;
     lg_rng_seed(&rng, 9, 0);
     for (size_t k = 0; k < GROUPS; k++)
@@ -158,7 +158,7 @@ TEST("Jacobi's identity, antisymmetry; a duality on vectors that are not units")
     }
 }
 
-TEST("exp against the 4 x 4 matrix, exp(a) g against the product, Ad of a product") {
+TEST("exp and its action are the matrix exponential, Ad of a product the product") {
     lg_rng rng;
     lg_rng_seed(&rng, 11, 0);
     for (size_t n = 0; n < WIDE_ANGLES; n++) {
@@ -210,7 +210,7 @@ TEST("exp against the 4 x 4 matrix, exp(a) g against the product, Ad of a produc
 
 /* ---- logarithms ---- */
 
-TEST("log of exp") {
+TEST("log is the inverse of exp, near 0 and near pi") {
     const double some[] = {0.0, 1e-300, 1e-160, 1e-12, 1e-9, 1e-4, 0.1, 1.0, 2.0, 3.0, PI - 1e-4, PI - 1e-9};
     lg_rng rng;
     lg_rng_seed(&rng, 12, 0);
@@ -244,7 +244,7 @@ TEST("beyond pi the logarithm is another one; its exponential is the same") {
         }
 }
 
-TEST("log at pi") {
+TEST("log at pi has a positive largest entry") {
     static const struct {
         double axis[3], expected[3];
     } turns[] = {
@@ -264,7 +264,7 @@ TEST("log at pi") {
     }
 }
 
-TEST("R off by rounding and more: the logarithm is off by as much, at every angle. NaN stays") {
+TEST("log of what is almost a rotation is as far off") {
     lg_rng rng;
     lg_rng_seed(&rng, 14, 0);
     for (size_t n = 0; n < WIDE_ANGLES; n++)
@@ -287,7 +287,7 @@ TEST("R off by rounding and more: the logarithm is off by as much, at every angl
     }
 }
 
-TEST("nearest rotation") {
+TEST("the projection is the polar factor") {
     lg_rng rng;
     lg_rng_seed(&rng, 15, 0);
     for (int repeat = 0; repeat < 50; repeat++) {
@@ -310,7 +310,7 @@ TEST("nearest rotation") {
     for (int i = 0; i < 9; i++) assert_true(isnan(reflection[i]) && isnan(zero[i]));
 }
 
-TEST("truncations approach the closed form") {
+TEST("truncations of dexpinv approach the closed form") {
     lg_space space;
     const lg_space_factor factors[] = {{LG_SPACE_RN, 2}, {LG_SPACE_TS2, 1}};
     assert_ok(lg_space_init(&space, factors, 2));
@@ -335,7 +335,7 @@ TEST("truncations approach the closed form") {
     assert_memory_equal(x, exact, sizeof(x)); /* the third Bernoulli number is 0 */
 }
 
-TEST("space products") {
+TEST("factors of a product act apart") {
     lg_space space;
     const lg_space_factor factors[] = {{LG_SPACE_TS2, 2}, {LG_SPACE_RN, 3}};
     assert_ok(lg_space_init(&space, factors, 2));
@@ -365,7 +365,7 @@ TEST("space products") {
     assert_true(out[12] == a[12]);
 }
 
-TEST("bad spaces") {
+TEST("spaces that cannot be are refused") {
     lg_space space = {.dim = 77};
     const lg_space_factor zero = {LG_SPACE_TS2, 0}, unknown = {LG_SPACE_KINDS, 1},
                           huge = {LG_SPACE_RN, SIZE_MAX};

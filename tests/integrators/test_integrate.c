@@ -60,7 +60,7 @@ static double dense_slope(const lg_scheme *scheme) {
     return fit_slope(&fit);
 }
 
-TEST("dense order") {
+TEST("dense output has local order 5, and a planted error loses it") {
     static const char *const names[] = {"rkmk54", "dp54"};
     for (int i = 0; i < 2; i++) {
         const lg_scheme *scheme = lg_scheme_find(names[i]);
@@ -77,7 +77,7 @@ TEST("dense order") {
     }
 }
 
-TEST("dense ends and manifold") {
+TEST("dense output meets both ends and stays on the manifold") {
     const lg_scheme *scheme = lg_scheme_find("rkmk54");
     const lg_ode ode = chain_ode(scheme, &swing);
     const lg_space space = chain_ode(lg_scheme_find("rkmk4"), &swing).space;
@@ -288,7 +288,7 @@ static lg_status noise(void *user, double t, const double *y, const double *inpu
     return LG_OK;
 }
 
-TEST("failures") {
+TEST("runs that cannot go on say so and keep what is done") {
     const double y0[1] = {1.0}, times[] = {0.0, 1.0, 2.0};
     double out[3] = {7.0, 7.0, 7.0};
     lg_run_stats stats;

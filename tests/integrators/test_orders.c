@@ -163,7 +163,7 @@ static double rigid_time(int order) {
     return order == 1 ? 0.5 : order < 5 ? 4.0 : 28.0;
 }
 
-TEST("orders on the chain") {
+TEST("every Lie group scheme has its order on the chain") {
     for (size_t i = 0; i < lg_scheme_count(); i++) {
         const lg_scheme *scheme = lg_scheme_at(i);
         if (scheme->kind != LG_SCHEME_RKMK && scheme->kind != LG_SCHEME_COMMUTATOR_FREE) continue;
@@ -172,7 +172,7 @@ TEST("orders on the chain") {
     }
 }
 
-TEST("orders on the rigid body") {
+TEST("every one-step scheme has its order on the rigid body") {
     for (size_t i = 0; i < lg_scheme_count(); i++) {
         const lg_scheme *scheme = lg_scheme_at(i);
         if (scheme->kind != LG_SCHEME_RKMK && scheme->kind != LG_SCHEME_COMMUTATOR_FREE &&
@@ -183,7 +183,7 @@ TEST("orders on the rigid body") {
     }
 }
 
-TEST("orders of splitting") {
+TEST("every splitting scheme has its order") {
     const problem p = quartic_problem(1.0);
     for (size_t i = 0; i < lg_scheme_count(); i++) {
         const lg_scheme *scheme = lg_scheme_at(i);
@@ -191,7 +191,7 @@ TEST("orders of splitting") {
     }
 }
 
-TEST("orders of slgi") {
+TEST("slgi has order 2 for theta = 1/2, else 1") {
     static const struct {
         double theta;
         int order;
@@ -229,7 +229,7 @@ static void assert_falls(const lg_scheme *scheme, int order) {
     assert_true(has_order(slope, order));
 }
 
-TEST("planted errors are caught") {
+TEST("wrong brackets and swapped exponentials lose the order") {
     lg_scheme two = *lg_scheme_find("rkmk4-2c"), cf4 = *lg_scheme_find("cf4"), cg3 = *lg_scheme_find("cg3");
     lg_commutator list[2];
     lg_cf_row rows[5];

@@ -94,7 +94,7 @@ static void compare(const lg_scheme *scheme, size_t copies, double scale, const 
     }
 }
 
-TEST("agrees with the interpreter") {
+TEST("packed steps are the interpreter's") {
     static const char *const names[] = {"lie-euler", "lie-heun", "rkmk3", "rkmk4", "rkmk5", "rkmk54"};
     static const size_t copies[] = {2, 7, 8, 9, 16, 17};
     static const double scales[] = {0.1, 1.0, 3.0}; /* short series, both, long series and beyond */
@@ -107,7 +107,7 @@ TEST("agrees with the interpreter") {
             }
 }
 
-TEST("the constant input of a step may change: a value from the end of the last one must not be taken") {
+TEST("a changed input is seen: no value of the last step is taken") {
     const double inputs[2] = {0.9, -2.0};
     field_data data = {.copies = 3, .scale = 1.0}, fresh = data;
     lg_stepper *stepper = make(lg_scheme_find("rkmk54"), &data, 1);
@@ -126,7 +126,7 @@ TEST("the constant input of a step may change: a value from the end of the last 
 
 /* Copies that do not see each other: the same bits at every place and in every number of them, whatever the
  * angles of the others. */
-TEST("place does not matter") {
+TEST("a copy has the same bits at every place") {
     double y[DIM], out[DIM], one[6];
     field_data data = {.copies = MOST, .scale = 1.0};
     fill(MOST, y);
@@ -145,7 +145,7 @@ TEST("place does not matter") {
     }
 }
 
-TEST("a value that is not finite, at any stage, in one copy only") {
+TEST("what is not finite in one copy is seen at every stage") {
     for (size_t broken = 1; broken <= 7; broken++) {
         field_data data = {.copies = 9, .scale = 1.0, .broken = broken};
         lg_stepper *stepper = make(lg_scheme_find("rkmk54"), &data, 1);

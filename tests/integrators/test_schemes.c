@@ -334,7 +334,7 @@ static double step_error(const lg_scheme *scheme, double h, const alg *e, double
     return distance(y, e);
 }
 
-TEST("single steps") {
+TEST("every scheme's single step is an independent one, in long double") {
     double start[CHAIN_DIM];
     alg y;
     chain_start(start);
@@ -420,7 +420,7 @@ static lg_scheme random_rkmk(lg_rng *rng, int stages, lg_commutator *list) {
     return s;
 }
 
-TEST("random tableaux") {
+TEST("random tableaux with brackets and truncations are those of long double") {
     lg_rng rng;
     double start[CHAIN_DIM], worst = 0.0;
     alg y;
@@ -467,7 +467,7 @@ static alg cf_point(const lg_cf_row *row, int stages, real h, const alg *y, cons
     return point;
 }
 
-TEST("random commutator free") {
+TEST("random commutator-free schemes are those of long double") {
     lg_rng rng;
     double start[CHAIN_DIM], worst = 0.0;
     alg y;
@@ -500,7 +500,7 @@ TEST("random commutator free") {
 
 /* ---- splitting, variational ---- */
 
-TEST("splitting steps") {
+TEST("splitting schemes by hand") {
     const double h = 0.02;
     double y[4] = {0.4, -0.7, 0.3, 0.6}, e[4], f[2], out[4];
     lg_ode ode = {.field = quartic_field, .force = quartic_force, .velocity = quartic_velocity};
@@ -528,7 +528,7 @@ static lg_status variational(void *user, double t, double h, double *y) {
     return LG_OK;
 }
 
-TEST("variational step") {
+TEST("a variational step is the system's own") {
     double y[12];
     lg_status failure = LG_NO_CONVERGENCE;
     lg_ode ode = {.step = NULL};
@@ -563,7 +563,7 @@ static lg_status unsolvable_field(void *user, double t, const double *y, const d
     return LG_OK;
 }
 
-TEST("implicit steps") {
+TEST("implicit steps are exact on stiff problems, or do not converge") {
     double y[2] = {1.0, 2.0}, out[2];
     lg_ode ode = {.field = stiff_field};
     assert_ok(lg_space_init_rn(&ode.space, 2));
@@ -684,7 +684,7 @@ static lg_stepper *top_stepper(double theta, lg_field f, bool quadratic, lg_sche
     return test_stepper(scheme, &ode);
 }
 
-TEST("slgi against residual") {
+TEST("slgi solves its six equations in long double") {
     static const double thetas[] = {0.0, 0.3, 0.5, 1.0}, steps[] = {0.005, 0.01, 0.02};
     for (size_t i = 0; i < 4; i++) {
         for (size_t k = 0; k < 3; k++) {
@@ -738,7 +738,7 @@ static lg_status pendulum_field(void *user, double t, const double *y, const dou
     return LG_OK;
 }
 
-TEST("slgi on rm") {
+TEST("slgi on R^m is the midpoint rule") {
     double x[14] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0.3, 0.2, 0.1, 0.4, 0.9}, y[2] = {0.4, 0.9};
     lg_ode ode = {.field = resting_field}, plain = {.field = pendulum_field};
     assert_ok(lg_space_init(&ode.space, (lg_space_factor[]){{LG_SPACE_SE3, 1}, {LG_SPACE_RN, 2}}, 2));
@@ -778,7 +778,7 @@ static lg_status nan_field(void *user, double t, const double *y, const double *
     return LG_OK;
 }
 
-TEST("slgi failures") {
+TEST("spaces and fields that slgi cannot take are refused") {
     static const lg_space_factor unfit[][2] = {{{LG_SPACE_TS2, 1}, {LG_SPACE_RN, 2}},
                                                {{LG_SPACE_SE3, 2}, {LG_SPACE_RN, 2}},
                                                {{LG_SPACE_SE3, 1}, {LG_SPACE_RN, 3}},

@@ -102,7 +102,7 @@ static void assert_same(const double *x, const double *e, size_t n, double toler
 
 /* ---- properties ---- */
 
-TEST("rows") {
+TEST("every row has its sizes") {
     for (size_t k = 0; k < CASES; k++) {
         fixture f = make(&cases[k], COPIES);
         assert_true(f.row->state == cases[k].state && f.row->algebra == cases[k].algebra && !f.row->abelian);
@@ -113,7 +113,7 @@ TEST("rows") {
 
 /* exp(0) y = y, exp(-a) exp(a) y = y, exp(.7 a) exp(.3 a) y = exp(a) y, in place too; |u| is what angle says
  */
-TEST("action axioms") {
+TEST("every action is one: exp(0) = 1, exp(-a) exp(a) = 1, exp(sa) exp(ta) = exp((s + t)a)") {
     for (size_t k = 0; k < CASES; k++)
         for (size_t n = 0; n < ANGLES; n++) {
             fixture f = make(&cases[k], COPIES);
@@ -181,7 +181,7 @@ TEST("the generator is the action's derivative, and stays tangent") {
 
 /* Antisymmetry, Jacobi's identity, and with the action: exp(a) exp(b) exp(-a) = exp(Ad b), to second order
  * the bracket is the commutator of the flows. */
-TEST("bracket") {
+TEST("every bracket is antisymmetric, a derivation, and the commutator of the flows") {
     for (size_t k = 0; k < CASES; k++) {
         fixture f = make(&cases[k], COPIES);
         double v[5][MAX_ALGEBRA], x[MAX_ALGEBRA], sum[MAX_ALGEBRA] = {0}, y[MAX_STATE], z[MAX_STATE];
@@ -210,7 +210,7 @@ TEST("bracket") {
 }
 
 /* dexp_a dexpinv_a b = b, with dexp from the matrix of ad_a in long double; rho = u.v is not small. */
-TEST("dexpinv") {
+TEST("every dexpinv is the inverse of dexp") {
     for (size_t k = 0; k < CASES; k++)
         for (size_t n = 0; n < ANGLES; n++) {
             fixture f = make(&cases[k], COPIES);
@@ -274,7 +274,7 @@ static lg_status constant_field(void *user, double t, const double *y, const dou
     return LG_OK;
 }
 
-TEST("constant field") {
+TEST("every scheme is exact for a constant field on every space") {
     for (size_t k = 0; k < CASES; k++) {
         fixture f = make(&cases[k], 2);
         const lg_ode ode = {.space = f.space, .field = constant_field, .user = &f};
@@ -297,7 +297,7 @@ TEST("constant field") {
 
 /* ---- projections ---- */
 
-TEST("projection") {
+TEST("every projection lands on its manifold, and NaN is seen") {
     for (size_t k = 0; k < CASES; k++) {
         fixture f = make(&cases[k], COPIES);
         double y[MAX_STATE], off[MAX_STATE];
@@ -321,7 +321,7 @@ TEST("projection") {
 
 /* The projection P of gradients: g.t = (P g).t for tangent t = a . y, P P = P, and P g is a tangent vector
  * itself: it keeps the constraints to first order. */
-TEST("gradient projection") {
+TEST("the projection of gradients is tangent and keeps g.t") {
     for (size_t k = 0; k < CASES; k++) {
         fixture f = make(&cases[k], COPIES);
         double y[MAX_STATE], g[MAX_STATE], p[MAX_STATE], pp[MAX_STATE], t[MAX_STATE], a[MAX_ALGEBRA],
@@ -375,7 +375,7 @@ static void bounded_orbit(double *a) {
     for (int i = 0; i < 3; i++) a[3 + i] = 0.3 * sqrt(w) * (a[3 + i] - rho / w * a[i]);
 }
 
-TEST("drift") {
+TEST("every action stays on its manifold over 10^5 steps") {
     static const double speeds[] = {1e-3, 0.05, 0.3, 1.0, 2.3};
     for (size_t k = 0; k < CASES; k++) {
         if (!cases[k].constrained) continue;
@@ -404,7 +404,7 @@ static lg_status turning_field(void *user, double t, const double *y, const doub
     return LG_OK;
 }
 
-TEST("every scheme stays") {
+TEST("every Lie group scheme stays on the manifold over 10^5 steps") {
     enum { STEPS = 100000 };
     const lg_space_factor factors[] = {{LG_SPACE_TS2, 1}, {LG_SPACE_SO3, 1}};
     lg_ode ode = {.field = turning_field};

@@ -62,7 +62,7 @@ static double largest_share(const lg_scheme *scheme) {
     return largest;
 }
 
-TEST("constant field is exact") {
+TEST("every scheme is exact for a constant field, and reports its angle") {
     double a[6] = {0.5, -0.4, 0.7, 0.3, 0.6, -0.2}, y[6] = {0.6, 0.0, 0.8, 0.8, 0.5, -0.6}, exact[6], out[6],
            ha[6];
     for (int i = 0; i < 6; i++) ha[i] = 0.9 * a[i];
@@ -86,7 +86,7 @@ TEST("constant field is exact") {
 
 /* Stages carry t + c_i h: t^4 is integrated exactly by order 5, t^3's quadrature by order 4 is tested by its
  * error. */
-TEST("time and inputs") {
+TEST("stages carry time and input") {
     double y0[2] = {0.0, 0.0}, out[4 * 2];
     const double inputs[3] = {1.0, -2.0, 4.0};
     lg_stepper *stepper = make("rkmk5", ode_on(LG_SPACE_RN, 2, time_field, NULL));
@@ -114,7 +114,7 @@ TEST("on R^n the Lie group schemes are the classical ones, to the bit") {
     }
 }
 
-TEST("So are the commutator-free ones, to rounding") {
+TEST("on R^n the commutator-free schemes are the classical ones, to rounding") {
     const double y0[1] = {0.3};
     for (size_t i = 0; i < lg_scheme_count(); i++) {
         const lg_scheme *cf = lg_scheme_at(i);
@@ -185,7 +185,7 @@ static lg_status drifting(void *user, double t, double h, double *y) {
 
 /* A field value is not carried to where it does not hold: from a step with an input to one without, or past
  * a last drift. The same step by a stepper without a past is the judge. */
-TEST("stale values are not reused") {
+TEST("a field value is not carried to where it does not hold") {
     const double y0[2] = {0.2, 0.3}, input[1] = {5.0};
     double y[2], here[2], there[2];
     for (size_t i = 0; i < lg_scheme_count(); i++) {
@@ -217,7 +217,7 @@ TEST("stale values are not reused") {
     }
 }
 
-TEST("callers memory") {
+TEST("a stepper keeps to the caller's memory") {
     const lg_ode ode = ode_on(LG_SPACE_RN, 3, blow_up_field, NULL);
     const lg_scheme *scheme = lg_scheme_find("rkmk54");
     const size_t bytes = lg_stepper_size(scheme, &ode);
@@ -284,7 +284,7 @@ static lg_status noting_field(void *user, double t, const double *y, const doubl
 }
 
 /* The second step of a run has the length that the first one's error asks for: safety h err^(-1/5). */
-TEST("run uses the lower order") {
+TEST("a run uses the lower order of a pair") {
     const double y0[1] = {1.0}, times[1] = {10.0}, h = 0.25;
     double y[1], out[1];
     times_seen seen = {.count = 0};
@@ -303,7 +303,7 @@ TEST("run uses the lower order") {
     assert_close(5.0 * (seen.t[7] - h), 0.9 * h * pow(error, -0.2), 1e-12, 0.0);
 }
 
-TEST("adaptive meets tolerance and times") {
+TEST("adaptive runs meet tolerances and times") {
     const double y0[1] = {1.0}, times[] = {0.0, 0.25, 0.25, 0.5, 0.9};
     double out[5], previous = 1.0;
     lg_step_controller c;
@@ -326,7 +326,7 @@ TEST("adaptive meets tolerance and times") {
     assert_close(out[0], 1.0, 1e-10, 0.0);
 }
 
-TEST("failures of a run") {
+TEST("a run that fails keeps what it has reached") {
     const double y0[1] = {1.0}, times[] = {0.5, 2.0}, none[] = {0.25, 1.0};
     double out[2] = {7.0, 7.0};
     lg_run_stats stats;
@@ -354,7 +354,7 @@ TEST("failures of a run") {
     assert_int_equal(stats.evaluations, 1);
 }
 
-TEST("bad arguments of a run") {
+TEST("bad arguments of a run are refused, and nothing is written") {
     const double y0[1] = {1.0}, bad[1] = {NAN}, zigzag[] = {0.5, 0.25}, through[] = {-0.5, 0.5},
                  nan_time[] = {NAN};
     double out[8] = {7.0};
@@ -388,7 +388,7 @@ TEST("bad arguments of a run") {
 
 /* ---- schemes as data ---- */
 
-TEST("schemes are consistent") {
+TEST("every scheme of the table is consistent") {
     for (size_t i = 0; i < lg_scheme_count(); i++) {
         lg_error error;
         assert_ok(lg_scheme_check(lg_scheme_at(i), &error));
@@ -443,7 +443,7 @@ TEST("faulty schemes are refused") {
     s = sv, s.embedded_order = 1, assert_faulty(&s);
 }
 
-TEST("faulty data of new kinds is refused") {
+TEST("faulty brackets, dense output and angles are refused") {
     const lg_scheme two = *lg_scheme_find("rkmk4-2c"), dp = *lg_scheme_find("rkmk54"),
                     midpoint = *lg_scheme_find("midpoint"), slgi = *lg_scheme_find("slgi");
     static const lg_commutator bad[] = {{0, 0, 0, 1.0}, {5, 0, 1, 1.0},  {2, 2, 1, 1.0},
@@ -498,7 +498,7 @@ static lg_status half(void *user, double t, const double *x, const double *input
     return LG_OK;
 }
 
-TEST("unfitting pairs are refused") {
+TEST("schemes and equations that do not fit are refused") {
     lg_stepper *stepper = NULL;
     lg_ode ode = ode_on(LG_SPACE_TS2, 1, constant_field, NULL);
     assert_status(lg_stepper_create(NULL, lg_scheme_find("rk4"), &ode, &stepper), LG_UNSUPPORTED);

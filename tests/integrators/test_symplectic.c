@@ -71,13 +71,13 @@ static double flat_defect(const char *name, double h) {
     return defect;
 }
 
-TEST("oscillator") {
+TEST("symplectic schemes keep the form on R^4") {
     assert_true(flat_defect("symplectic-euler", 0.1) <= 1e-14);
     assert_true(flat_defect("stormer-verlet", 0.1) <= 1e-14);
     assert_true(flat_defect("midpoint", 0.1) <= 1e-14);
 }
 
-TEST("oscillator by others") {
+TEST("other schemes do not keep the form on R^4") {
     assert_true(flat_defect("euler", 0.1) > 1e-3);
     assert_true(flat_defect("implicit-euler", 0.1) > 1e-3);
     assert_true(flat_defect("rk4", 0.1) > 1e-7);
@@ -179,7 +179,7 @@ static double top_defect(const lg_scheme *scheme, double h, double sign) {
     return defect;
 }
 
-TEST("heavy top") {
+TEST("slgi keeps the form on T*SO(3) for every theta") {
     static const double theta[] = {0.0, 0.3, 0.5, 1.0};
     for (size_t i = 0; i < sizeof(theta) / sizeof(*theta); i++) {
         lg_scheme scheme = *lg_scheme_find("slgi");
@@ -190,7 +190,7 @@ TEST("heavy top") {
     }
 }
 
-TEST("heavy top by others") {
+TEST("other schemes do not keep the form on T*SO(3)") {
     assert_true(top_defect(lg_scheme_find("rkmk4"), 0.05, -1.0) > 1e-8);
     assert_true(top_defect(lg_scheme_find("lie-euler"), 0.05, -1.0) > 1e-3);
 }

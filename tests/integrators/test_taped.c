@@ -217,11 +217,11 @@ static void every_scheme(comparison compared, lg_dtype dtype, double tolerance) 
     lg_tape_destroy(tape);
 }
 
-TEST("taped equals plain") {
+TEST("every scheme on a tape is the plain one") {
     every_scheme(compare, LG_F64, 1e-13);
 }
 
-TEST("taped equals plain f32") {
+TEST("every scheme on a float tape is the plain one") {
     every_scheme(compare, LG_F32, 1e-5);
 }
 
@@ -267,11 +267,11 @@ static void compare_rows(lg_tape *tape, const lg_scheme *scheme, double toleranc
     }
 }
 
-TEST("rows equal plain steps") {
+TEST("times, steps and inputs of each row are those of plain steps") {
     every_scheme(compare_rows, LG_F64, 1e-13);
 }
 
-TEST("rows equal plain steps f32") {
+TEST("times, steps and inputs of each row on a float tape are those of plain steps") {
     every_scheme(compare_rows, LG_F32, 1e-5);
 }
 
@@ -339,7 +339,7 @@ static void slope(lg_tape *tape, const lg_scheme *scheme, double tolerance) {
     assert_states(scheme->name, got, expected, BATCH * dim, tolerance);
 }
 
-TEST("slopes at no step") {
+TEST("the derivative in h at h = 0 is the field, for every scheme") {
     every_scheme(slope, LG_F64, 1e-13);
 }
 
@@ -371,7 +371,7 @@ static double nth_derivative(double a, double c, int n, bool by_h) {
 
 /* y' = a y: y1 = y sum_{k <= 4} (a h)^k/k!. y' = t^3: Simpson's rule is exact, y1 = y + ((t + h)^4 - t^4)/4.
  */
-TEST("derivatives of any order") {
+TEST("derivatives in h and t to order 4 are closed forms") {
     const double a = -1.3, z = a * 0.3, t = 0.4, e = 0.7;
     const double series[] = {1 + z + z * z / 2 + z * z * z / 6 + z * z * z * z / 24,
                              a * (1 + z + z * z / 2 + z * z * z / 6), a * a * (1 + z + z * z / 2),
@@ -490,7 +490,7 @@ static void check_projection(lg_tape *tape, const lg_space_factor *factors, size
     }
 }
 
-TEST("maps equal the plain ones") {
+TEST("maps of every kind of space are the plain ones") {
     lg_tape *tape = test_tape(LG_F64);
     for (int kind = 0; kind < LG_SPACE_KINDS; kind++)
         for (size_t copies = 1; copies <= 3; copies += 2) {
@@ -750,7 +750,7 @@ TEST("what Newton's method records is given back, however long it searches") {
 
 /* ---- refusals ---- */
 
-TEST("bad arguments") {
+TEST("bad arguments and schemes that do not fit are refused") {
     static pair p;
     const lg_scheme *cf4 = lg_scheme_find("cf4");
     lg_var y[LG_TAPED_MAX_PARTS], out[4 * LG_TAPED_MAX_PARTS];
@@ -783,7 +783,7 @@ typedef struct bad_interval {
     const char *fault;
 } bad_interval;
 
-TEST("bad intervals") {
+TEST("times, steps and inputs of a wrong shape are refused") {
     static const bad_interval rows[] = {
         {.rows = {1, {BATCH}}, .fault = "the time is not (B, 1)"},
         {.rows = {2, {BATCH, 2}}, .fault = "the time is not (B, 1)"},
@@ -813,7 +813,7 @@ TEST("bad intervals") {
     }
 }
 
-TEST("bad manifold") {
+TEST("a manifold that does not fit is refused") {
     static pair p;
     const lg_scheme *scheme = lg_scheme_find("rk4-projected");
     make_pair(&p, scheme);
@@ -831,7 +831,7 @@ static lg_status without_solution(void *user, lg_tape *tape, lg_taped_time t, co
     return lg_tape_status(tape);
 }
 
-TEST("no convergence") {
+TEST("implicit steps that do not converge say so") {
     const lg_scheme *scheme = lg_scheme_find("implicit-euler");
     const double y0 = 0.0;
     lg_taped_ode ode = {.field = without_solution};

@@ -32,7 +32,7 @@ static void dense_accelerations(const lg_system *system, const double *y, double
     memcpy(a, x, 3 * k * sizeof(*a));
 }
 
-TEST("field is the dense solution") {
+TEST("the field is the dense solution of the constrained equations, for up to 20 links") {
     static const size_t links[] = {1, 2, 3, 4, 5, 10, 19, 20};
     lg_rng rng;
     lg_rng_seed(&rng, 31, 0);
@@ -96,7 +96,7 @@ TEST("momenta and velocities are inverse, and both forms have the same invariant
     }
 }
 
-TEST("invariants are kept") {
+TEST("invariants and manifold are kept by chains of up to 20 links") {
     static const size_t links[] = {1, 2, 5, 20};
     for (size_t n = 0; n < 4; n++) {
         const size_t k = links[n], d = 6 * k;
@@ -118,7 +118,7 @@ TEST("invariants are kept") {
     }
 }
 
-TEST("without gravity a single pendulum turns at constant rate, at any length and mass") {
+TEST("one link by hand") {
     lg_system *system = make_chain("lagrangian", 1, GRAVITY, masses, lengths);
     const double y[6] = {0.6, 0.0, 0.8, 0.0, 2.0, 0.0};
     double f[6], work[18];
@@ -132,7 +132,7 @@ TEST("without gravity a single pendulum turns at constant rate, at any length an
 }
 
 /* Upright plus 1e-8 falls like cosh(t sqrt(g/L)): nothing is lost beside gravity. An equilibrium stays. */
-TEST("upright") {
+TEST("an upright pendulum falls as cosh, an equilibrium stays") {
     lg_system *system = make_chain("lagrangian", 1, GRAVITY, masses, lengths);
     const double y[6] = {1e-8, 0.0, 1.0, 0.0, 0.0, 0.0}, rest[6] = {0.0, 0.0, 1.0, 0.0, 0.0, 0.0}, time = 2.0,
                  rate = sqrt(GRAVITY);
@@ -146,7 +146,7 @@ TEST("upright") {
 
 /* Where the links have other lengths than 1, numbers or NaN come out; nothing is read or written elsewhere.
  */
-TEST("off the manifold") {
+TEST("off the manifold numbers or NaN come out") {
     for (size_t k = 1; k <= 6; k++) {
         lg_system *system = make_chain("lagrangian", k, GRAVITY, masses, lengths);
         double y[36], f[36], a[36], velocity[36], work[18 * 6];
@@ -183,7 +183,7 @@ static void steps(const lg_system *system, double h, size_t n, double *y, double
     for (size_t i = 0; i < n; i++) assert_ok(ode.step(&user, (double)i * h, h, y));
 }
 
-TEST("variational order") {
+TEST("the variational integrator has order 2") {
     lg_system *system = make_chain("lagrangian", 2, GRAVITY, masses, lengths);
     double start[12], exact[12], y[12], work[36];
     fit_line fit = {0};
@@ -209,7 +209,7 @@ TEST("variational order") {
 
 /* 2000 steps: on the manifold to rounding, vertical angular momentum kept to rounding, energy within a band;
  * then back again. */
-TEST("variational structure") {
+TEST("the variational integrator is reversible and keeps manifold and momentum") {
     enum { N = 2000 };
     for (size_t k = 1; k <= 5; k += 2) {
         lg_system *system = make_chain("lagrangian", k, GRAVITY, masses, lengths);
@@ -236,7 +236,7 @@ TEST("variational structure") {
     }
 }
 
-TEST("variational forms agree") {
+TEST("the variational integrators of both forms agree") {
     enum { K = 3 };
     lg_system *first = make_chain("lagrangian", K, GRAVITY, masses, lengths),
               *second = make_chain("hamiltonian", K, GRAVITY, masses, lengths);
@@ -251,7 +251,7 @@ TEST("variational forms agree") {
     for (size_t i = 0; i < 6 * K; i++) assert_close(z[i], y[i], 1e-11, 1e-11);
 }
 
-TEST("variational failures") {
+TEST("variational steps that fail leave the state") {
     lg_system *system = make_chain("lagrangian", 2, GRAVITY, masses, lengths);
     double y[12] = {1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0}, before[12], work[36];
     lg_system_user user;

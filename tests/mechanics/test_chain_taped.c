@@ -105,7 +105,7 @@ TEST("NaN in one row is no error of the tape and stays in that row") {
 
 /* An input that depends on another one: q and omega are both made of x. Derivatives are partial inside, total
  * outside. */
-TEST("dependent inputs") {
+TEST("inputs may depend on each other: derivatives are total outside") {
     lg_system *system = make("lagrangian", 2);
     lg_tape *t = test_tape(LG_F64);
     const double x0[6] = {0.6, 0.0, 0.8, 0.0, 1.0, 0.0};
@@ -124,7 +124,7 @@ TEST("dependent inputs") {
     for (int i = 0; i < 6; i++) assert_close(recorded[i], swept[i], 1e-11, 1e-11);
 }
 
-TEST("refused") {
+TEST("forms that have no field on a tape are refused") {
     lg_system *system = make("hamiltonian", 1);
     lg_system_taped_user user;
     lg_taped_ode ode;

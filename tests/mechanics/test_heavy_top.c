@@ -132,7 +132,7 @@ static void check_flow(const char *name, const top *of, const double *Q, const d
     printf("\n");
 }
 
-TEST("flows agree with the body") {
+TEST("flows of every form are those of the equations in the body") {
     static const double identity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
     const double fast[3] = {0.0, 0.46875 * 150.0, 0.234375 * -4.61538}, slow[3] = {0.3, -0.2, 0.5};
     double Q[9], pi[3];
@@ -148,7 +148,7 @@ TEST("flows agree with the body") {
 
 /* Coarse steps of Lie-Euler keep what the form keeps: both Casimirs of se(3)*, and pi.Gamma0 of the direct
  * product. */
-TEST("exact invariants") {
+TEST("coarse steps keep what the form keeps") {
     lg_rng rng;
     lg_rng_seed(&rng, 15, 0);
     double Q[9], pi[3], y[18], out[18], work[SYSTEM_MAX_DIM];
@@ -176,7 +176,7 @@ TEST("exact invariants") {
 }
 
 /* With the symplectic integrator at theta = 1/2, (Q, pi) of quadratic are those of cotangent to rounding. */
-TEST("symplectic integrator sees one top") {
+TEST("to slgi the quadratic form is the cotangent one") {
     static const int canonical[] = {COTANGENT, QUADRATIC};
     double end[2][18], start[18], Q[9], pi[3], work[SYSTEM_MAX_DIM];
     lg_rng rng;
@@ -218,7 +218,7 @@ static void flow_gradient(int form, const double *Q, const double *pi, double *g
 
 /* The derivatives of the quadratic form in M, l, chi are those of the top: its start does not depend on them.
  */
-TEST("quadratic has the gradient of the top") {
+TEST("derivatives of the quadratic form in the parameters are the top's") {
     lg_rng rng;
     lg_rng_seed(&rng, 17, 0);
     double Q[9], pi[3], a[11], b[11];
@@ -229,7 +229,7 @@ TEST("quadratic has the gradient of the top") {
     assert_true(fabs(a[3]) > 1e-3);
 }
 
-TEST("description") {
+TEST("layouts, sizes and labels of every form") {
     static const char *const layouts[FORMS] = {"Q pi", "Q pi", "Gamma Pi", "Q pi"};
     static const size_t dims[FORMS] = {12, 12, 6, 18}, reported[FORMS] = {12, 12, 6, 12};
     static const char *const labels[] = {"I1",   "I2",   "I3",       "m",        "L",       "chi1",
@@ -251,7 +251,7 @@ TEST("description") {
     assert_string_equal(lg_system_form(first), "cotangent");
 }
 
-TEST("bad input") {
+TEST("parameters that a top cannot have are refused") {
     const double long_chi[3] = {0.0, 1.1, 0.0}, negative = -1.0;
     const lg_named_values bad[] = {{"chi", long_chi, 3}, {"mass", &negative, 1}, {"gravity", &negative, 1}};
     lg_system_options options;

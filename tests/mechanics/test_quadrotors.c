@@ -133,7 +133,7 @@ static void quadrotor_acceleration(const double *y, const double *dy, int i, dou
 
 /* Each quadrotor feels its thrust, gravity and the tension T_i of its link; the payload gravity and both
  * tensions. */
-TEST("newtons laws") {
+TEST("the three masses obey Newton's laws under the thrusts of the control law") {
     lg_rng rng;
     lg_rng_seed(&rng, 31, 0);
     lg_system *system = make_quadrotors();
@@ -159,7 +159,7 @@ TEST("newtons laws") {
     }
 }
 
-TEST("kinematics") {
+TEST("positions, attitudes and links move as their velocities say") {
     lg_rng rng;
     lg_rng_seed(&rng, 32, 0);
     lg_system *system = make_quadrotors();
@@ -200,7 +200,7 @@ static void thesis_start(double *y) {
 
 /* y - y_d = (e0 + (e0' + 2 e0) t) exp(-2 t) while links and error stay in a plane; the links reach their
  * directions. */
-TEST("closed form of a planar start") {
+TEST("a planar start follows its closed form") {
     enum { POINTS = 10 };
     const double e0[3] = {0.5, 0.0, 0.75}, de0[3] = {-1.0, 0.0, 5.0};
     double y0[DIM], times[POINTS], y[POINTS * DIM], yd[3][3], qd[3], worst = 0.0, direction = 0.0;
@@ -254,7 +254,7 @@ TEST("with no moments each quadrotor turns as a free body: R J Omega and Omega.J
     }
 }
 
-TEST("description") {
+TEST("layout, sizes and labels") {
     static const char *const labels[] = {"J1", "J2", "J3", "m_y", "m1", "m2", "L1",
                                          "L2", "g",  "kx", "kv",  "kq", "kw", "beta"};
     char label[32];
@@ -273,7 +273,7 @@ TEST("description") {
     }
 }
 
-TEST("Parallel links cannot hold the payload") {
+TEST("parallel links cannot hold the payload") {
     double y[DIM], work[SYSTEM_MAX_DIM], algebra[ALGEBRA];
     lg_system *system = make_quadrotors();
     lg_system_user user;

@@ -18,7 +18,7 @@ static void euler(const double *I, const double *mu, double *out) {
     }
 }
 
-TEST("field is eulers") {
+TEST("the field is Euler's") {
     const double mu[3] = {0.4, -1.3, 0.8};
     double expected[3], v[3];
     lg_system *system = make_body("rigid-body", inertia);
@@ -49,7 +49,7 @@ static void jacobi(double u, double m1, double *sn, double *cn, double *dn) {
     *dn = sqrt(m1 + (1.0 - m1) * *cn * *cn);
 }
 
-TEST("elliptic functions") {
+TEST("the elliptic functions of this test are right") {
     /* sn^2 + cn^2 = 1; the limits sin (m = 0) and tanh (m = 1); sn(K/2)^2 = 1/(1 + k') with K = pi/(2 agm(1,
      * k')). */
     double sn, cn, dn, a = 1.0, b = 0.8;
@@ -115,7 +115,7 @@ static void check_near_the_middle_axis(double m1, double start, double tolerance
     assert_true(worst < error);
 }
 
-TEST("middle axis to 100") {
+TEST("near the middle axis the solution is Jacobi's, to T = 100") {
     check_near_the_middle_axis(1e-4, -4.0, 1e-12, 5e-7);
     check_near_the_middle_axis(1e-8, -9.0, 1e-14, 2e-5);
 }
@@ -144,7 +144,7 @@ static void rk4(void (*f)(const double *, double *), size_t n, double h, size_t 
     }
 }
 
-TEST("attitude is that of the body") {
+TEST("the attitude is that of the equations in the body") {
     lg_rng rng;
     lg_rng_seed(&rng, 3, 0);
     double y[12], body[12], end[12], work[16];
@@ -165,7 +165,7 @@ TEST("attitude is that of the body") {
     assert_string_equal(lg_system_layout(system), "R pi");
 }
 
-TEST("bad input") {
+TEST("moments of inertia that cannot be are refused") {
     static const double bad[3][3] = {{1.0, 0.0, 1.0}, {1.0, -2.0, 1.0}, {1.0, NAN, 1.0}};
     lg_system_options options;
     lg_system *system = NULL;

@@ -32,7 +32,7 @@ static lg_riser_parameters odd_ones(void) {
 
 /* ---- linear part ---- */
 
-TEST("periods") {
+TEST("periods are the published ones, to half a digit") {
     static const struct {
         double severity;
         bool locked;
@@ -85,7 +85,7 @@ static void inverse_iteration(const double *mass, const double *stiffness, size_
     }
 }
 
-TEST("against energies") {
+TEST("periods and matrices are those of the energies") {
     const lg_riser_parameters cases[] = {standard(LG_HOUSING_TIGHT, 1.0), odd_ones()};
     for (size_t c = 0; c < LG_COUNT(cases); c++) {
         const lg_riser_parameters *p = &cases[c];
@@ -117,7 +117,7 @@ TEST("against energies") {
 
 /* ---- foundation ---- */
 
-TEST("wellhead") {
+TEST("moment and energy of the wellhead and the soil fit each other") {
     lg_wellhead w;
     const lg_riser_parameters p = standard(LG_HOUSING_SLACK, 0.58);
     const double casing = 0.58 * 150e6, inner = 1.0 / (1.0 / 300e6 + 1.0 / casing), gap = 60e3 / inner;
@@ -173,14 +173,14 @@ static double drift(const lg_riser_parameters *p, double dt, double time) {
     return worst;
 }
 
-TEST("energy linear") {
+TEST("a linear riser keeps its energy") {
     const lg_riser_parameters p = linear();
     const double worst = drift(&p, 0.05, 1000.0);
     printf("linear, tight: energy drifts by %.1e in 20000 steps\n", worst);
     assert_true(worst < 1e-11);
 }
 
-TEST("energy slack") {
+TEST("a slack riser keeps its energy to second order") {
     const lg_riser_parameters p = standard(LG_HOUSING_SLACK, 0.58);
     double before = 0.0;
     for (double dt = 0.04; dt > 0.002; dt /= 2.0) {
@@ -193,7 +193,7 @@ TEST("energy slack") {
 }
 
 /* What is there at the start is the energy of riser_check.h, and damping takes from it all the time. */
-TEST("energy damped") {
+TEST("damping takes energy all the time") {
     enum { STEPS = 4000 };
     const lg_riser_parameters p = linear();
     double q[2 * N], v[2 * N], energy[STEPS + 1], start = 0.0;
@@ -222,7 +222,7 @@ TEST("in still water drag takes its force times the velocity") {
     assert_close((energy[1] - energy[0]) / dt, -power, 1e-3, 0.0);
 }
 
-TEST("a mode of the linear riser keeps its shape: exact solution of the undamped motion") {
+TEST("free motion has order 2: a mode keeps its shape") {
     enum { MODES = 3, HALVINGS = 6 };
     const lg_riser_parameters p = linear(), *const pp = &p;
     double mass[N * N], stiffness[N * N], modes[MODES * N], periods[MODES];
@@ -296,7 +296,7 @@ static double forced_order(const char *name, const lg_riser_parameters *p, doubl
     return slope;
 }
 
-TEST("order forced") {
+TEST("forced motion has order 2") {
     lg_riser_parameters p = linear();
     assert_close(forced_order("linear, no drag", &p, 0.0), 2.0, 0.0, 0.05);
     assert_close(forced_order("linear, drag", &p, 1.0), 2.0, 0.0, 0.1);
@@ -306,7 +306,7 @@ TEST("order forced") {
 
 /* ---- bad input ---- */
 
-TEST("free motion bad") {
+TEST("bad arguments of free motion are refused, and nothing is written") {
     lg_riser_parameters p = linear();
     double q[2 * N], v[2 * N], kept[2 * N], energy[3] = {7.0, 7.0, 7.0};
     lg_error error;
@@ -335,7 +335,7 @@ TEST("free motion bad") {
     assert_true(energy[0] > 0.0 && energy[1] == 7.0);
 }
 
-TEST("parameters bad") {
+TEST("parameters that cannot be are refused by name") {
     lg_riser_parameters p;
     lg_error error;
 #define REFUSED(member, value)                                                                               \

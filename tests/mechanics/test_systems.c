@@ -20,7 +20,7 @@ static void assert_layout(lg_system *system, const char *layout, size_t dim, siz
     assert_int_equal(lg_system_parameter_count(system), parameters);
 }
 
-TEST("rows") {
+TEST("every row of the table is complete and different") {
     const char *name = NULL, *form = NULL;
     size_t n = 0;
     for (; lg_system_at(n, &name, &form); n++) {
@@ -45,7 +45,7 @@ TEST("rows") {
     assert_true(lg_system_state("pendulum-chain", NULL) != lg_system_state("pendulum-chain", "hamiltonian"));
 }
 
-TEST("layouts") {
+TEST("layouts and sizes") {
     lg_system_options options = chain_options(2);
     assert_layout(make_system_with("pendulum-chain", &options), "q1 omega1 q2 omega2", 12, 5);
     options.form = "hamiltonian";
@@ -60,7 +60,7 @@ TEST("layouts") {
                         " q999 omega999 q1000 omega1000");
 }
 
-TEST("parameters") {
+TEST("parameters and labels are in the order of the table") {
     const lg_named_values given[] = {{"lengths", unlike, 3}, {"gravity", &gravity, 1}};
     const double expected[7] = {9.81, 1.0, 1.0, 1.0, 1.0, 1.3, 0.7};
     const char *const labels[8] = {"g", "m1", "m2", "m3", "L1", "L2", "L3", ""};
@@ -110,7 +110,7 @@ static void refused_values(const char *key, const double *values, size_t count, 
     refused("pendulum-chain", &options, LG_INVALID_ARGUMENT, first, second);
 }
 
-TEST("refused") {
+TEST("systems, forms and parameters that cannot be are refused by name") {
     const double bad[][3] = {{1.0, 0.0, 1.0}, {-1.0, 1.0, 1.0}, {1.0, 1.0, NAN}, {INFINITY, 1.0, 1.0}};
     static const char *const entry[4] = {"[1]", "[0]", "[2]", "[0]"};
     lg_system_options options = chain_options(3);
@@ -154,7 +154,7 @@ TEST("refused") {
     lg_system_destroy(NULL, NULL);
 }
 
-TEST("arguments") {
+TEST("functions of chains refuse other systems and NULL") {
     lg_system *quartic = make_system_with("quartic", NULL);
     lg_system_options options = chain_options(1);
     lg_system *chain = make_system_with("pendulum-chain", &options);

@@ -34,7 +34,7 @@ TEST("the first oscillator of the pair is harmonic: cos and sin; G is kept") {
                      1e-11, 0.0);
 }
 
-TEST("starts") {
+TEST("starts have the laws of the thesis") {
     lg_system *chain = make("pendulum-chain", 3), *quartic = make("quartic", 1);
     double y[18], mean[3] = {0}, tangent[3] = {0}, square = 0.0, box[4], low = 1.0, high = -1.0;
     lg_rng rng;
@@ -65,7 +65,7 @@ TEST("starts") {
     assert_status(lg_system_start(body, LG_STARTS_THESIS, &rng, y), LG_UNSUPPORTED);
 }
 
-TEST("sampling") {
+TEST("samples keep the energy and depend on the seed alone") {
     lg_system *system = make("pendulum-chain", 2);
     lg_trajectory_options o;
     lg_trajectory_options_init(&o);
@@ -96,7 +96,7 @@ TEST("sampling") {
     assert_true(y2[0] != y[0]);
 }
 
-TEST("noise") {
+TEST("noise has its law, and leaves the first point") {
     enum { N = 400, M = 3, D = 6 };
     lg_system *system = make("pendulum-chain", 1);
     lg_trajectory_options o;
@@ -146,7 +146,7 @@ TEST("noise is independent of the starts") {
 }
 
 /* Three consecutive segments from each start; the last start gives what is left. Noise does not travel. */
-TEST("segments") {
+TEST("segments follow each other from one start") {
     enum { N = 8, M = 6, D = 4 };
     lg_system *system = make("quartic", 1);
     lg_trajectory_options o;
@@ -170,7 +170,7 @@ TEST("segments") {
 
 /* ---- bad input ---- */
 
-TEST("bad sampling") {
+TEST("bad samplings are refused, and nothing is written") {
     lg_system *chain = make("pendulum-chain", 1);
     double t[8] = {7.0}, y[64] = {7.0}, H[8] = {7.0};
     lg_error error;
