@@ -74,31 +74,14 @@ static alg bracket(const alg *f, const alg *g) {
     return out;
 }
 
-static const real bernoulli[25] = {1.0L,
-                                   -0.5L,
-                                   1.0L / 6,
-                                   0,
-                                   -1.0L / 30,
-                                   0,
-                                   1.0L / 42,
-                                   0,
-                                   -1.0L / 30,
-                                   0,
-                                   5.0L / 66,
-                                   0,
-                                   -691.0L / 2730,
-                                   0,
-                                   7.0L / 6,
-                                   0,
-                                   -3617.0L / 510,
-                                   0,
-                                   43867.0L / 798,
-                                   0,
-                                   -174611.0L / 330,
-                                   0,
-                                   854513.0L / 138,
-                                   0,
-                                   -236364091.0L / 2730};
+/* B_k; the odd ones after the first are 0. */
+static real bernoulli(int k) {
+    static const real even[][2] = {
+        {1, 1}, {1, 6},       {-1, 30},     {1, 42},        {-1, 30},      {5, 66},           {-691, 2730},
+        {7, 6}, {-3617, 510}, {43867, 798}, {-174611, 330}, {854513, 138}, {-236364091, 2730}};
+    if (k % 2 == 1) return k == 1 ? -0.5L : 0.0L;
+    return even[k / 2][0] / even[k / 2][1];
+}
 
 /* sum_{k <= K} B_k/k! ad_a^k b; K < 0: the whole series */
 static alg dexpinv(int K, const alg *a, const alg *b) {
@@ -107,7 +90,7 @@ static alg dexpinv(int K, const alg *a, const alg *b) {
     for (int k = 1; k <= (K < 0 ? 24 : K); k++) {
         term = bracket(a, &term);
         factorial *= k;
-        for (int i = 0; i < CHAIN_DIM; i++) out.x[i] += bernoulli[k] / factorial * term.x[i];
+        for (int i = 0; i < CHAIN_DIM; i++) out.x[i] += bernoulli(k) / factorial * term.x[i];
     }
     return out;
 }
