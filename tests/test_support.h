@@ -1,5 +1,5 @@
-/* What every test includes: cmocka, tests that state their claims, and comparisons in double that are false for
- * NaN. cmocka's own assert_float_equal compares floats and lets NaN pass: it is not used here. */
+/* What every test includes: cmocka, tests that state their claims, and comparisons in double that are false
+ * for NaN. cmocka's own assert_float_equal compares floats and lets NaN pass: it is not used here. */
 #ifndef LG_TEST_SUPPORT_H
 #define LG_TEST_SUPPORT_H
 

@@ -245,8 +245,8 @@ static void check_jacobian(const char *name, const lg_program *program, size_t v
     close_numbers(&n);
 }
 
-/* The forward and the adjoint function against lg_jvp and lg_vjp of the value on a tape. Their inputs are those of the
- * value and then directions of its inputs or weights of its outputs. */
+/* The forward and the adjoint function against lg_jvp and lg_vjp of the value on a tape. Their inputs are those
+ * of the value and then directions of its inputs or weights of its outputs. */
 static void check_modes(const char *name, const lg_program *program, size_t value, size_t mode, bool adjoint,
                         size_t rows) {
     numbers n;

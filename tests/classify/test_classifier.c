@@ -333,7 +333,7 @@ TEST("every allocation may fail") {
         double *x = clouds(12, 3, 3, 1.0, 2, label);
         const lg_method_options o = options_of(t);
         for (int what = 0; what < 3; what++)
-            EVERY_ALLOCATION_FAILS(context, {
+            EVERY_ALLOCATION_FAILS(context, 1, {
                 double rates[1];
                 size_t best;
                 back = (lg_classifier){0};

@@ -308,7 +308,7 @@ TEST("every allocation may fail") {
     lg_windows w;
     double table[4 * 21];
     assert_ok(lg_windows_create(NULL, &s, 0, 0, &w, NULL));
-    EVERY_ALLOCATION_FAILS(context, {
+    EVERY_ALLOCATION_FAILS(context, 1, {
         lg_features f = {0};
         status = lg_features_create(context, LG_FEATURES_COV, false, &s, 30, NULL, &f, NULL);
         if (status == LG_OK) status = lg_features_table(context, &f, &s, &w, 2, table, NULL);

@@ -156,7 +156,7 @@ TEST("every allocation may fail") {
         const uint32_t n = shapes[t][0], d = shapes[t][1], classes = shapes[t][2];
         uint32_t label[200];
         double *x = clouds(n, d, classes, 1.0, 4, label);
-        EVERY_ALLOCATION_FAILS(context, {
+        EVERY_ALLOCATION_FAILS(context, 1, {
             lg_logistic m = {0};
             status = lg_logistic_fit(context, x, label, n, d, classes, 1.0, &m, NULL);
             lg_logistic_destroy(context, &m);

@@ -122,7 +122,7 @@ TEST("every allocation may fail") {
     uint32_t label[6];
     double *x = clouds(6, 3, 2, 1.0, 4, label);
     for (uint32_t n = 2; n <= 6; n += 4)
-        EVERY_ALLOCATION_FAILS(context, {
+        EVERY_ALLOCATION_FAILS(context, 1, {
             lg_pca p = {0};
             status = lg_pca_fit(context, x, n, 3, 2, &p, NULL);
             lg_pca_destroy(context, &p);

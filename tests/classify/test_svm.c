@@ -284,7 +284,7 @@ TEST("every allocation may fail") {
     for (uint32_t d = 2; d <= 12; d += 10) {
         uint32_t label[30];
         double *x = clouds(30, d, 3, 1.0, 4, label);
-        EVERY_ALLOCATION_FAILS(context, {
+        EVERY_ALLOCATION_FAILS(context, 1, {
             lg_svm m = {0};
             status = lg_svm_fit(context, LG_KERNEL_RBF, 1.0, 0, x, label, 30, d, 3, &m, NULL);
             lg_svm_destroy(context, &m);

@@ -390,7 +390,7 @@ TEST("bad tables and options are refused") {
 TEST("every allocation may fail, and the tree is untouched") {
     lg_tree_options options = options_of(LG_ENTROPY, 1);
     options.ccp_alpha = 1e-3;
-    EVERY_ALLOCATION_FAILS(context, {
+    EVERY_ALLOCATION_FAILS(context, 15, {
         lg_tree tree = {.inputs = 77};
         status = lg_tree_fit(context, &options, table_x, table_y, TABLE_ROWS, TABLE_FEATURES, TABLE_CLASSES,
                              &tree, NULL);

@@ -568,26 +568,6 @@ TEST("the description of the machine fits its memory") {
     assert_int_equal(lg_cpu_describe(NULL, 0), length);
 }
 
-/* Runs last: it changes the process. OpenBLAS computes as before, in one thread; the environment is as it
- * was. */
-TEST("runtime setup") {
-    enum { N = 96 };
-    static double a[N * N], c[N * N];
-    const char *before = getenv("OPENBLAS_CORETYPE");
-    lg_runtime_setup();
-    lg_runtime_setup();
-    assert_true(getenv("OPENBLAS_CORETYPE") == before);
-    assert_int_equal(openblas_get_num_threads(), 1);
-    for (int i = 0; i < N * N; i++) a[i] = i % 7;
-    cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasTrans, N, N, N, 1.0, a, N, a, N, 0.0, c, N);
-    for (int i = 0; i < N; i++)
-        for (int j = 0; j < N; j++) {
-            double sum = 0;
-            for (int k = 0; k < N; k++) sum += a[i * N + k] * a[j * N + k];
-            assert_close(c[i * N + j], sum, 0.0, 0.0); /* small integers: exact in any order */
-        }
-}
-
 TEST("the version is the header's") {
     assert_string_equal(lg_version(), LG_VERSION_STRING);
 }
@@ -661,4 +641,24 @@ TEST("the comparison that every test stands on: NaN is never close, not even to 
     assert_true(lg_is_close(INFINITY, INFINITY, 0.0, 0.0));
     assert_false(lg_is_close(1.0, INFINITY, 1.0, 1.0));
     assert_false(lg_is_close(-INFINITY, INFINITY, 1.0, 1.0));
+}
+
+/* Runs last: it changes the process. OpenBLAS computes as before, in one thread; the environment is as it
+ * was. */
+TEST("runtime setup") {
+    enum { N = 96 };
+    static double a[N * N], c[N * N];
+    const char *before = getenv("OPENBLAS_CORETYPE");
+    lg_runtime_setup();
+    lg_runtime_setup();
+    assert_true(getenv("OPENBLAS_CORETYPE") == before);
+    assert_int_equal(openblas_get_num_threads(), 1);
+    for (int i = 0; i < N * N; i++) a[i] = i % 7;
+    cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasTrans, N, N, N, 1.0, a, N, a, N, 0.0, c, N);
+    for (int i = 0; i < N; i++)
+        for (int j = 0; j < N; j++) {
+            double sum = 0;
+            for (int k = 0; k < N; k++) sum += a[i * N + k] * a[j * N + k];
+            assert_close(c[i * N + j], sum, 0.0, 0.0); /* small integers: exact in any order */
+        }
 }

@@ -862,7 +862,7 @@ TEST("failures of callbacks end the run, and nothing is written") {
 TEST("every allocation may fail, and nothing is written") {
     setup s = chain_setup("rkmk54");
     s.steps = 4;
-    EVERY_ALLOCATION_FAILS(context, {
+    EVERY_ALLOCATION_FAILS(context, 5, {
         result r;
         result untouched;
         memset(&r, 0x5a, sizeof r);

@@ -1,5 +1,5 @@
-/* The chains' fields on a tape, beyond what test_system_properties.c says of every system: float tapes, rows that
- * are not finite, inputs that depend on each other. */
+/* The chains' fields on a tape, beyond what test_system_properties.c says of every system: float tapes, rows
+ * that are not finite, inputs that depend on each other. */
 #include "support/fixtures.h"
 #include "system_check.h"
 

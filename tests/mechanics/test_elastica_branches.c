@@ -187,7 +187,7 @@ static lg_status everything(const lg_context *context) {
 }
 
 TEST("every allocation may fail") {
-    EVERY_ALLOCATION_FAILS(context, status = everything(context););
+    EVERY_ALLOCATION_FAILS(context, 1, status = everything(context););
 }
 
 TEST("solving and generating may be cancelled") {

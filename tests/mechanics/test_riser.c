@@ -373,7 +373,7 @@ TEST("parameters that cannot be are refused by name") {
 TEST("every allocation may fail") {
     const lg_riser_parameters p = linear();
     double q[2 * N], v[2 * N], energy[3];
-    EVERY_ALLOCATION_FAILS(context, {
+    EVERY_ALLOCATION_FAILS(context, 2, {
         kick(q, v);
         status = lg_riser_free_motion(context, &p, 0.05, 2, true, q, v, energy, NULL);
     });

@@ -552,7 +552,7 @@ TEST("a run may be cancelled, and every allocation may fail") {
     assert_ok(lg_context_create(&options, &context));
     assert_status(lg_riser_simulate(context, &p, &run, 2, x, NULL), LG_CANCELLED);
     lg_context_destroy(context);
-    EVERY_ALLOCATION_FAILS(failing, {
+    EVERY_ALLOCATION_FAILS(failing, 3, {
         x[0] = 9.0f;
         status = lg_riser_simulate(failing, &p, &run, 2, x, NULL);
         assert_true(status == LG_OK || x[0] == 9.0f);

@@ -234,7 +234,7 @@ TEST("every allocation may fail, and a run may be cancelled") {
     const volatile int cancel = 1;
     lg_context_options options;
     lg_context *cancelled = NULL;
-    EVERY_ALLOCATION_FAILS(context, status = sample_chain(context, &s););
+    EVERY_ALLOCATION_FAILS(context, 4, status = sample_chain(context, &s););
     lg_context_options_init(&options);
     options.cancel = &cancel;
     assert_ok(lg_context_create(&options, &cancelled));
