@@ -1,5 +1,5 @@
-/* What every test includes: cmocka, tests that state their claims, and comparisons in double that are false for
- * NaN. cmocka's own assert_float_equal compares floats and lets NaN pass: it is not used here. */
+/* What every test includes: cmocka, tests that state their claims, and comparisons in double that are false
+ * for NaN. cmocka's own assert_float_equal compares floats and lets NaN pass: it is not used here. */
 #ifndef LG_TEST_SUPPORT_H
 #define LG_TEST_SUPPORT_H
 
@@ -65,5 +65,18 @@ static inline bool lg_is_close(double a, double e, double rtol, double atol) {
         if (lg_s_ != (expected))                                                                             \
             fail_msg("%s: %s, expected %s", #call, lg_status_name(lg_s_), lg_status_name(expected));         \
     } while (0)
+
+/* Least squares slope of points. */
+typedef struct fit_line {
+    double n, sx, sy, sxx, sxy;
+} fit_line;
+
+static inline void fit_add(fit_line *f, double x, double y) {
+    f->n++, f->sx += x, f->sy += y, f->sxx += x * x, f->sxy += x * y;
+}
+
+static inline double fit_slope(const fit_line *f) {
+    return (f->n * f->sxy - f->sx * f->sy) / (f->n * f->sxx - f->sx * f->sx);
+}
 
 #endif

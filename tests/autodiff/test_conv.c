@@ -1,6 +1,7 @@
 /* Convolution and pooling along time: every table of kernels against naive loops in double, then the
  * operations of the tape against the same loops, with their derivatives. */
-#include "test_support.h"
+#include "kernel_tables.h"
+#include "support/fixtures.h"
 
 #include <float.h>
 
@@ -134,14 +135,6 @@ static void assert_numbers(const lg_kernels *k, const char *what, size_t i, size
     free(got);
 }
 
-static void each_table(void (*test)(const lg_kernels *)) {
-    for (int dtype = 0; dtype < 2; dtype++)
-        for (int isa = 0; isa < LG_ISA_COUNT; isa++) {
-            const lg_kernels *k = lg_kernels_of((lg_dtype)dtype, (lg_isa)isa);
-            if (k != NULL) test(k);
-        }
-}
-
 /* ---- convolution on plain memory ---- */
 
 /* Written over garbage, then added to what is there. */
@@ -174,12 +167,8 @@ static void check_convolution(const lg_kernels *k, size_t i) {
     reference_free(&r);
 }
 
-static void convolutions(const lg_kernels *k) {
+TEST_EVERY_TABLE("convolution against naive loops", k) {
     for (size_t i = 0; i < SHAPES; i++) check_convolution(k, i);
-}
-
-TEST("convolution against naive loops") {
-    each_table(convolutions);
 }
 
 /* ---- pooling on plain memory ---- */
@@ -243,24 +232,11 @@ static void check_pooling(const lg_kernels *k, size_t i) {
     free(tx), free(th), free(tg), free(y), free(to);
 }
 
-static void poolings(const lg_kernels *k) {
+TEST_EVERY_TABLE("pooling against naive loops", k) {
     for (size_t i = 0; i < SHAPES; i++) check_pooling(k, i);
 }
 
-TEST("pooling against naive loops") {
-    each_table(poolings);
-}
-
 /* ---- the tape ---- */
-
-static lg_tape *tape_of(lg_dtype dtype) {
-    lg_tape_options options;
-    lg_tape *tape;
-    lg_tape_options_init(&options);
-    options.dtype = dtype;
-    assert_ok(lg_tape_create(NULL, &options, &tape));
-    return tape;
-}
 
 /* Both ways back, recorded and not, against the loops. */
 static void check_on_tape(lg_dtype dtype, size_t i) {
@@ -268,7 +244,7 @@ static void check_on_tape(lg_dtype dtype, size_t i) {
     const sizes s = sizes_of(i);
     const uint32_t count = (uint32_t)conv_for(s).windows.count;
     reference r = reference_of(s);
-    lg_tape *tape = tape_of(dtype);
+    lg_tape *tape = test_tape(dtype);
     lg_var wrt[3] = {lg_input_f64(tape, lg_shape3(s.batch, s.length, s.channels), r.x),
                      lg_input_f64(tape, lg_shape3(s.kernel, s.channels, s.outputs), r.w),
                      lg_input_f64(tape, lg_shape1(s.outputs), r.b)};
@@ -289,11 +265,10 @@ static void check_on_tape(lg_dtype dtype, size_t i) {
         assert_numbers(k, "db", i, s.outputs, both[way][2], r.db, r.adb, 0.0);
     }
     for (int j = 0; j < 3; j++) free(grad[j]);
-    lg_tape_destroy(tape);
     reference_free(&r);
 }
 
-TEST("operations against naive loops") {
+TEST("operations and their cotangents, recorded and swept, are naive loops") {
     for (size_t i = 0; i < SHAPES; i++) {
         check_on_tape(LG_F64, i);
         check_on_tape(LG_F32, i);
@@ -310,7 +285,7 @@ static void check_block(const reference *r, lg_activation kind, uint32_t size, u
     const uint32_t count = (10 - size) / step + 1, ny = 2 * count * 5;
     double y[2][100], grad[2][3][120], recorded[120];
     for (int way = 0; way < 2; way++) {
-        lg_tape *tape = tape_of(LG_F64);
+        lg_tape *tape = test_tape(LG_F64);
         const lg_var in[3] = {lg_input_f64(tape, lg_shape3(2, 20, 3), r->x),
                               lg_input_f64(tape, lg_shape3(4, 3, 5), r->w),
                               lg_input_f64(tape, lg_shape1(5), r->b)};
@@ -327,7 +302,6 @@ static void check_block(const reference *r, lg_activation kind, uint32_t size, u
             assert_ok(lg_read(tape, out[k], recorded, n));
             for (size_t j = 0; j < n; j++) assert_close(recorded[j], grad[way][k][j], 1e-12, 1e-13);
         }
-        lg_tape_destroy(tape);
     }
     for (uint32_t j = 0; j < ny; j++) assert_close(y[0][j], y[1][j], 1e-13, 1e-14);
     for (size_t j = 0; j < r->nx; j++) assert_close(grad[0][0][j], grad[1][0][j], 1e-12, 1e-13);
@@ -344,8 +318,7 @@ TEST("one node gives what the convolution, the bias, the activation and the pool
     reference_free(&r);
 }
 
-/* Values and slopes are those of bias_act and act on every set, in rows with remainders. */
-static void slopes_with_values(const lg_kernels *k) {
+TEST_EVERY_TABLE("values and slopes are those of bias_act and act on every set, in rows with remainders", k) {
     enum { ROWS = 3, COLS = 37, N = ROWS * COLS };
     double *x = random_values(N, 41), *b = random_values(COLS, 42), *z = zeros(N);
     for (size_t j = 0; j < N; j++) z[j] = 6.0 * x[j];
@@ -367,10 +340,6 @@ static void slopes_with_values(const lg_kernels *k) {
     }
     free(x), free(b), free(z), free(bias), free(added), free(value), free(d), free(y), free(slope);
     free(expected), free(got);
-}
-
-TEST("slopes on every set") {
-    each_table(slopes_with_values);
 }
 
 TEST("a sample alone has the bits that it has among others: value and cotangent") {
@@ -402,12 +371,12 @@ TEST("a sample alone has the bits that it has among others: value and cotangent"
 
 /* f = |conv(x, w)|^2/2: H_xx v = conv_input(conv(v, w), w), and (D_x D_w f)^T u = conv_input(conv(x, u), w) +
  * conv_input(conv(x, w), u). */
-TEST("second derivatives") {
+TEST("second derivatives are differences of the gradient") {
     const sizes s = {2, 11, 3, 4, 5, 2, 1};
     reference r = reference_of(s);
     const size_t nx = r.nx, nw = r.nw;
     double *v = random_values(nx, 21), *u = random_values(nw, 22);
-    lg_tape *tape = tape_of(LG_F64);
+    lg_tape *tape = test_tape(LG_F64);
     const lg_shape xs = lg_shape3(2, 11, 3), ws = lg_shape3(4, 3, 5);
     lg_var wrt[2] = {lg_input_f64(tape, xs, r.x), lg_input_f64(tape, ws, r.w)}, first[2], hv, hu;
     const lg_var y = lg_conv1d(tape, wrt[0], wrt[1], 2, 1);
@@ -423,31 +392,29 @@ TEST("second derivatives") {
             double *x = zeros(nx), *w = zeros(nw);
             for (size_t i = 0; i < nx; i++) x[i] = r.x[i] + (what == 0 ? h * v[i] : 0.0);
             for (size_t i = 0; i < nw; i++) w[i] = r.w[i] + (what == 1 ? h * u[i] : 0.0);
-            lg_tape *fresh = tape_of(LG_F64);
+            lg_tape *fresh = test_tape(LG_F64);
             const lg_var at = lg_input_f64(fresh, xs, x);
             const lg_var z = lg_conv1d(fresh, at, lg_input_f64(fresh, ws, w), 2, 1);
             void *const to[1] = {side == 0 ? ahead : behind};
             assert_ok(
                 lg_backward_set(fresh, lg_scale(fresh, lg_sum(fresh, lg_square(fresh, z)), 0.5), &at, 1, to));
-            lg_tape_destroy(fresh);
             free(x), free(w);
         }
         assert_ok(lg_read(tape, what == 0 ? hv : hu, got, nx));
         for (size_t i = 0; i < nx; i++) assert_close(got[i], ahead[i] - behind[i], 1e-11, 1e-11);
     }
-    lg_tape_destroy(tape);
     free(v), free(u), free(ahead), free(behind), free(got);
     reference_free(&r);
 }
 
 /* What is not finite reaches the windows that hold it and no others; a maximum keeps NaN and infinities. */
-TEST("not finite") {
+TEST("what is not finite reaches the windows that hold it and no others") {
     double x[2 * 9] = {0};
     for (int i = 0; i < 18; i++) x[i] = i % 5;
     x[2 * 4] = NAN;          /* time 4, channel 0 */
     x[2 * 6 + 1] = INFINITY; /* time 6, channel 1 */
     const double w[3 * 2] = {1, 1, 1, 1, 1, 1};
-    lg_tape *tape = tape_of(LG_F64);
+    lg_tape *tape = test_tape(LG_F64);
     const lg_var in = lg_input_f64(tape, lg_shape3(1, 9, 2), x);
     const double *y = lg_value(tape, lg_conv1d(tape, in, lg_input_f64(tape, lg_shape3(3, 2, 1), w), 1, 0));
     const double *mean = lg_value(tape, lg_avg_pool1d(tape, in, 3, 1));
@@ -460,26 +427,24 @@ TEST("not finite") {
         assert_true(isnan(mean[2 * t]) == nan && isnan(max[2 * t]) == nan);
         assert_true(isinf(mean[2 * t + 1]) == infinite && isinf(max[2 * t + 1]) == infinite);
     }
-    lg_tape_destroy(tape);
 }
 
-TEST("ties go to the first") {
+TEST("of equal maxima the first takes the cotangent") {
     const double x[6] = {2, 2, 1, 3, 3, 3};
     const double every[6] = {1, 0, 0, 3, 0, 0}; /* windows 2 2 1, 2 1 3, 1 3 3, 3 3 3 */
     double grad[6];
     void *const to[1] = {grad};
-    lg_tape *tape = tape_of(LG_F64);
+    lg_tape *tape = test_tape(LG_F64);
     const lg_var in = lg_input_f64(tape, lg_shape3(1, 6, 1), x);
     assert_ok(lg_backward_set(tape, lg_sum(tape, lg_max_pool1d(tape, in, 3, 2)), &in, 1, to));
     for (int i = 0; i < 6; i++) assert_close(grad[i], i == 0 || i == 3 ? 1.0 : 0.0, 0.0, 0.0);
     assert_ok(lg_backward_set(tape, lg_sum(tape, lg_max_pool1d(tape, in, 3, 1)), &in, 1, to));
     for (int i = 0; i < 6; i++) assert_close(grad[i], every[i], 0.0, 0.0);
-    lg_tape_destroy(tape);
 }
 
 TEST("one series used twice, as x and as w: the cotangents add up") {
     double *v = random_values(8, 31), grad[8], recorded[8];
-    lg_tape *tape = tape_of(LG_F64);
+    lg_tape *tape = test_tape(LG_F64);
     const lg_var x = lg_input_f64(tape, lg_shape3(2, 2, 2), v);
     const lg_var y = lg_sum(tape, lg_square(tape, lg_conv1d(tape, x, x, 1, 0)));
     lg_var g;
@@ -492,17 +457,15 @@ TEST("one series used twice, as x and as w: the cotangents add up") {
         for (int side = 0; side < 2; side++) {
             const double kept = v[i], h = 1e-6;
             v[i] += side == 0 ? h : -h;
-            lg_tape *fresh = tape_of(LG_F64);
+            lg_tape *fresh = test_tape(LG_F64);
             const lg_var at = lg_input_f64(fresh, lg_shape3(2, 2, 2), v);
             assert_ok(lg_read(fresh, lg_sum(fresh, lg_square(fresh, lg_conv1d(fresh, at, at, 1, 0))),
                               &ends[side], 1));
-            lg_tape_destroy(fresh);
             v[i] = kept;
         }
         assert_close(grad[i], (ends[0] - ends[1]) / 2e-6, 1e-7, 1e-8);
         assert_close(recorded[i], grad[i], 1e-13, 1e-14);
     }
-    lg_tape_destroy(tape);
     free(v);
 }
 
@@ -525,8 +488,8 @@ static const struct {
     {{3, {1, 4, 2, 0}}, {3, {3, 2, 3, 0}}, 0, 1, UINT32_MAX, LG_INVALID_ARGUMENT},
 };
 
-TEST("bad input") {
-    lg_tape *tape = tape_of(LG_F64);
+TEST("shapes, strides and paddings that do not fit are refused") {
+    lg_tape *tape = test_tape(LG_F64);
     for (size_t i = 0; i < sizeof refused / sizeof *refused; i++)
         for (int kind = LG_IDENTITY; kind <= LG_TANH; kind++) {
             lg_tape_reset(tape);
@@ -571,5 +534,4 @@ TEST("bad input") {
     lg_tape_reset(tape);
     assert_true(lg_is_none(lg_conv1d_dense(tape, x, x, LG_NONE, 1, 0, (lg_activation)LG_ACTIVATION_COUNT)));
     assert_status(lg_tape_status(tape), LG_INVALID_ARGUMENT);
-    lg_tape_destroy(tape);
 }

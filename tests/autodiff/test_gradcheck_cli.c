@@ -5,19 +5,16 @@ static const char program[] = "lg-gradcheck";
 static cli result;
 
 static int setup(void **state) {
-    (void)state;
     cli_make_folder();
     return cli_folder[0] == '\0' ? -1 : 0;
 }
 
 static int teardown(void **state) {
-    (void)state;
     cli_remove_folder();
     return 0;
 }
 
 static void test_everything_passes(void **state) {
-    (void)state;
     cli_expect(program, "", 0, " 0 wrong.", &result);
     assert_null(strstr(result.out, "WRONG"));
     cli_expect(program, "--seed 77", 0, " 0 wrong.", &result);
@@ -28,7 +25,6 @@ static void test_everything_passes(void **state) {
 }
 
 static void test_every_plant_is_caught(void **state) {
-    (void)state;
     static const char *const some[] = {"matmul", "cross", "stumpff", "spd_solve", "max", "custom"};
     for (size_t i = 0; i < sizeof some / sizeof *some; i++) {
         char arguments[64];
@@ -48,7 +44,6 @@ static void test_every_plant_is_caught(void **state) {
 }
 
 static void test_one_operation(void **state) {
-    (void)state;
     cli_expect(program, "--only cross --json", 0, "\"passed\": true", &result);
     assert_true(json_is_object(result.out));
     assert_non_null(strstr(result.out, "\"name\": \"cross (4, 3)\""));
@@ -62,7 +57,6 @@ static void test_one_operation(void **state) {
 }
 
 static void test_bad_usage(void **state) {
-    (void)state;
     cli_expect(program, "--only nosuch", 2, "nosuch", &result);
     cli_expect(program, "--only nosuch --plant --json", 2, "nosuch", &result);
     assert_string_equal(result.out, "");

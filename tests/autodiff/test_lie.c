@@ -1,7 +1,7 @@
 /* Maps of so(3) and se(3) as operations: values against the plain functions, in every instruction set and
  * both types; cotangents of the kernels against those that the tape records; third derivatives; bad shapes.
  */
-#include "test_support.h"
+#include "support/fixtures.h"
 
 #include "kernels/kernels.h"
 #include "autodiff/lie.h"
@@ -101,7 +101,7 @@ static void run_kernel(const lg_kernels *k, int map, const problem *p, double (*
     for (int i = 0; i <= LG_K_LIE_INPUTS; i++) k->convert_out(NUMBERS, y[i], out[i]);
 }
 
-TEST("kernels") {
+TEST("maps are the plain functions in every table, and so are their cotangents") {
     static double found[LG_K_LIE_INPUTS + 1][NUMBERS], expected[LG_K_LIE_INPUTS + 1][NUMBERS];
     problem *p = problem_make();
     for (int map = 0; map < CASES; map++) {
@@ -136,20 +136,11 @@ static lg_var apply(lg_tape *tape, int map, const lg_var *x) {
     return lg_se3_dexpinv_rows(tape, x[0], x[1], x[2], x[3]);
 }
 
-static lg_tape *tape_make(lg_dtype dtype) {
-    lg_tape_options options;
-    lg_tape *tape = NULL;
-    lg_tape_options_init(&options);
-    options.dtype = dtype;
-    assert_ok(lg_tape_create(NULL, &options, &tape));
-    return tape;
-}
-
 TEST("the kernels' cotangents are those that are recorded; inputs may be views of one variable") {
     static double block[LG_K_LIE_INPUTS * NUMBERS], expected[LG_K_LIE_INPUTS * NUMBERS];
     static double found[LG_K_LIE_INPUTS * NUMBERS];
     problem *p = problem_make();
-    lg_tape *tape = tape_make(LG_F64);
+    lg_tape *tape = test_tape(LG_F64);
     for (int map = 0; map < CASES; map++) {
         const uint32_t n = inputs_of(map);
         lg_var x[LG_K_LIE_INPUTS], gradient;
@@ -170,14 +161,13 @@ TEST("the kernels' cotangents are those that are recorded; inputs may be views o
         assert_ok(lg_backward_set(tape, sum, &all, 1, (void *[]){found}));
         for (size_t i = 0; i < total; i++) assert_close(found[i], expected[i], 1e-12, 1e-12);
     }
-    lg_tape_destroy(tape);
     free(p);
 }
 
 TEST("inputs that are overlapping rows of one variable, or one and the same") {
     static double expected[NUMBERS], found[NUMBERS];
     problem *p = problem_make();
-    lg_tape *tape = tape_make(LG_F64);
+    lg_tape *tape = test_tape(LG_F64);
     for (uint32_t apart = 0; apart < 2; apart++) {
         const uint32_t rows = ROWS - apart;
         lg_var gradient;
@@ -191,13 +181,12 @@ TEST("inputs that are overlapping rows of one variable, or one and the same") {
         assert_ok(lg_backward_set(tape, sum, &all, 1, (void *[]){found}));
         for (size_t i = 0; i < 3 * ROWS; i++) assert_close(found[i], expected[i], 1e-12, 1e-12);
     }
-    lg_tape_destroy(tape);
     free(p);
 }
 
 /* d^order/ds^order of <g, map(x + s dx)> at s = `at`, one row */
 static double along(int map, const problem *p, double at, int order) {
-    lg_tape *tape = tape_make(LG_F64);
+    lg_tape *tape = test_tape(LG_F64);
     lg_var s = lg_input_f64(tape, lg_shape1(1), &at), x[LG_K_LIE_INPUTS];
     double value = 0.0;
     for (uint32_t k = 0; k < inputs_of(map); k++) {
@@ -216,11 +205,10 @@ static double along(int map, const problem *p, double at, int order) {
         y = next;
     }
     assert_ok(lg_read(tape, y, &value, 1));
-    lg_tape_destroy(tape);
     return value;
 }
 
-TEST("higher orders") {
+TEST("derivatives to order 4 are differences of the one below") {
     problem *p = problem_make();
     for (int map = 0; map < CASES; map++)
         for (int order = 1; order <= LONGEST; order++) {
@@ -232,9 +220,9 @@ TEST("higher orders") {
     free(p);
 }
 
-TEST("bad shapes") {
+TEST("shapes that do not fit are refused") {
     static const double zeros[64] = {0};
-    lg_tape *tape = tape_make(LG_F64);
+    lg_tape *tape = test_tape(LG_F64);
     for (int wrong = 0; wrong < 5; wrong++) {
         lg_tape_reset(tape);
         lg_var u = lg_input_f64(tape, lg_shape2(2, 3), zeros),
@@ -251,5 +239,4 @@ TEST("bad shapes") {
         assert_status(lg_tape_status(tape), LG_SHAPE);
         assert_non_null(strstr(lg_tape_message(tape), "lie"));
     }
-    lg_tape_destroy(tape);
 }

@@ -2,7 +2,7 @@
  * memory and whatever is asked for; shared work is shared rightly. ctest-labels: threads isa */
 #include <pthread.h>
 
-#include "test_support.h"
+#include "program_support.h"
 
 #include "autodiff/op_rows.h"
 #include "autodiff/plan.h"
@@ -12,9 +12,6 @@
 #include "liegrad/mechanics.h"
 #include "liegrad/networks.h"
 #include "liegrad/nn.h"
-#include "liegrad/ops.h"
-#include "models/hamiltonian_internal.h"
-#include "support/fail_alloc.h"
 #include "support/malloc_count.h"
 
 enum { PORTS = LG_PROGRAM_MAX_PORTS };
@@ -22,35 +19,16 @@ static const size_t rows_tried[] = {1, 2, 3, 7, 64};
 
 /* ---- building ---- */
 
-static lg_program *build(const lg_context *context, const lg_port *in, size_t inputs, const lg_port *out,
-                         size_t outputs, size_t parameters, lg_record_function record, void *user) {
+static lg_program *build(const lg_port *in, size_t inputs, const lg_port *out, size_t outputs,
+                         size_t parameters, lg_record_function record, void *user) {
     lg_rng rng;
     lg_rng_seed(&rng, 11, parameters);
-    double *values = malloc((parameters + 1) * sizeof *values);
+    double *values = TEST_ARRAY(double, parameters + 1);
     for (size_t i = 0; i < parameters; i++) values[i] = 0.5 * lg_rng_normal(&rng);
     const lg_parameter_spec theta = {"theta", lg_shape1((uint32_t)parameters), values};
     const lg_function_spec function = {"f", in, inputs, out, outputs, record, user};
-    lg_program_spec spec;
-    lg_program *program = NULL;
-    lg_error error;
-    lg_program_spec_init(&spec);
-    spec.parameters = &theta;
-    spec.parameter_count = parameters > 0;
-    spec.functions = &function;
-    spec.function_count = 1;
-    if (lg_program_build(context, &spec, &program, &error) != LG_OK) fail_msg("%s", error.message);
-    free(values);
-    return program;
-}
-
-static size_t derived(lg_program *program, lg_derivative_kind kind, const char *function) {
-    lg_derivative what;
-    lg_error error;
-    lg_derivative_init(&what);
-    what.kind = kind;
-    what.function = function;
-    if (lg_program_derive(program, &what, &error) != LG_OK) fail_msg("%s: %s", function, error.message);
-    return lg_program_functions(program) - 1;
+    const lg_program_spec spec = spec_of(&theta, parameters > 0, &function, 1);
+    return test_program(&spec);
 }
 
 /* ---- numbers ---- */
@@ -268,11 +246,48 @@ static void check_jacobian(const char *name, const lg_program *program, size_t v
     close_numbers(&n);
 }
 
+/* The forward and the adjoint function against lg_jvp and lg_vjp of the value on a tape. Their inputs are those
+ * of the value and then directions of its inputs or weights of its outputs. */
+static void check_modes(const char *name, const lg_program *program, size_t value, size_t mode, bool adjoint,
+                        size_t rows) {
+    numbers n;
+    size_t inputs, outputs;
+    const lg_port *port = lg_program_inputs(program, mode, &inputs);
+    lg_var in[PORTS], y[PORTS], expected[PORTS], got[PORTS];
+    lg_tape *tape;
+    (void)lg_program_inputs(program, value, &inputs);
+    (void)lg_program_outputs(program, value, &outputs);
+    open_numbers(&n, program, mode, rows, false);
+    assert_ok(lg_tape_create(NULL, NULL, &tape));
+    for (size_t i = 0; i < n.inputs; i++) in[i] = lg_input(tape, lg_port_shape(&port[i], rows), n.in[i]);
+    assert_ok(lg_program_record(tape, program, value, NULL, in, y));
+    assert_ok(lg_program_record(tape, program, mode, NULL, in, got));
+    if (adjoint)
+        assert_ok(lg_vjp(tape, y, in + inputs, outputs, in, inputs, expected));
+    else
+        assert_ok(lg_jvp(tape, y, outputs, in, in + inputs, inputs, expected));
+    assert_int_equal(n.outputs, adjoint ? inputs : outputs);
+    for (size_t j = 0; j < n.outputs; j++) {
+        double *other = TEST_ARRAY(double, n.out_count[j] + 1), size = 1e-3;
+        assert_ok(lg_read(tape, got[j], n.out[j], n.out_count[j]));
+        assert_ok(lg_read(tape, expected[j], other, n.out_count[j]));
+        for (size_t i = 0; i < n.out_count[j]; i++) size = fmax(size, fabs(other[i]));
+        for (size_t i = 0; i < n.out_count[j]; i++)
+            if (!lg_is_close(n.out[j][i], other[i], 0.0, 1e-12 * size))
+                fail_msg("%s, %s, output %zu, element %zu: %.17g, not %.17g", name,
+                         adjoint ? "adjoint" : "forward", j, i, n.out[j][i], other[i]);
+    }
+    lg_tape_destroy(tape);
+    close_numbers(&n);
+}
+
 static void check_derivatives(const char *name, lg_program *program, bool independent, bool second) {
     const size_t value = lg_program_functions(program) - 1;
     const char *function = lg_program_function_name(program, value);
-    (void)derived(program, LG_DERIVATIVE_FORWARD, function);
-    const size_t adjoint = derived(program, LG_DERIVATIVE_ADJOINT, function);
+    const size_t forward = derived(program, LG_DERIVATIVE_FORWARD, function),
+                 adjoint = derived(program, LG_DERIVATIVE_ADJOINT, function);
+    check_modes(name, program, value, forward, false, 3);
+    check_modes(name, program, value, adjoint, true, 3);
     if (independent) {
         const size_t jacobian = derived(program, LG_DERIVATIVE_JACOBIAN, function);
         for (size_t rows = 1; rows <= 5; rows += 2) check_jacobian(name, program, value, jacobian, rows);
@@ -309,7 +324,7 @@ static lg_status record_cnn(void *user, lg_tape *tape, const lg_var *theta, cons
 static const lg_port y_ports[] = {{.name = "y"}, {.name = "z"}, {.name = "a"},
                                   {.name = "b"}, {.name = "c"}, {.name = "e"}};
 
-TEST("networks of every kind") {
+TEST("networks of every kind: plans and derivatives are those of the tape") {
     static const lg_activation kinds[] = {LG_TANH, LG_SIGMOID, LG_SWISH, LG_SINE};
     const lg_port x = {.name = "x", .shape = {1, {3, 0, 0, 0}}};
     for (int kind = 0; kind < LG_NET_KIND_COUNT; kind++)
@@ -318,26 +333,25 @@ TEST("networks of every kind") {
                 char name[64];
                 lg_net net;
                 assert_ok(lg_net_init(&net, (lg_net_kind)kind, 3, embedding, width, 2, 2, kinds[kind % 4]));
-                lg_program *program =
-                    build(NULL, &x, 1, y_ports, 1, lg_net_parameters(&net), record_net, &net);
+                lg_program *program = build(&x, 1, y_ports, 1, lg_net_parameters(&net), record_net, &net);
                 (void)snprintf(name, sizeof name, "network %d, embedding %u, width %u", kind, embedding,
                                width);
                 check_derivatives(name, program, true, width == 5);
-                lg_program_destroy(program);
             }
 }
 
-TEST("perceptrons") {
+TEST("perceptrons of every activation, with gradients") {
     const lg_port x = {.name = "x", .shape = {1, {3, 0, 0, 0}}};
     const uint32_t hidden[2] = {20, 9};
-    lg_mlp net;
-    assert_ok(lg_mlp_init(&net, 3, hidden, 2, 1, LG_TANH, true));
-    lg_program *program = build(NULL, &x, 1, y_ports, 2, lg_mlp_parameters(&net), record_mlp, &net);
-    check_derivatives("perceptron", program, true, true);
-    lg_program_destroy(program);
+    for (int kind = 0; kind < LG_ACTIVATION_COUNT; kind++) {
+        lg_mlp net;
+        assert_ok(lg_mlp_init(&net, 3, hidden, 2, 1, (lg_activation)kind, true));
+        lg_program *program = build(&x, 1, y_ports, 2, lg_mlp_parameters(&net), record_mlp, &net);
+        check_derivatives(lg_activation_name((lg_activation)kind), program, true, kind == LG_TANH);
+    }
 }
 
-TEST("convolutions") {
+TEST("convolutional networks: plans and derivatives are those of the tape") {
     const lg_port x = {.name = "x", .shape = {2, {9, 2, 0, 0}}};
     for (int pooling = LG_POOL_NONE; pooling <= LG_POOL_MAX; pooling++) {
         lg_cnn net = {.channels = 2,
@@ -356,32 +370,36 @@ TEST("convolutions") {
                       .activation = LG_TANH};
         if (pooling == LG_POOL_NONE) net.block[0].pool_size = net.block[0].pool_stride = 0;
         assert_ok(lg_cnn_init(&net, NULL));
-        lg_program *program = build(NULL, &x, 1, y_ports, 1, lg_cnn_parameters(&net), record_cnn, &net);
+        lg_program *program = build(&x, 1, y_ports, 1, lg_cnn_parameters(&net), record_cnn, &net);
         check_derivatives(pooling == LG_POOL_MAX ? "cnn, maxima" : "cnn", program, true, false);
-        lg_program_destroy(program);
     }
 }
 
 /* ---- Hamiltonians and systems ---- */
 
-static lg_program *hamiltonian(const lg_context *context, const lg_hamiltonian_family *family, uint32_t links,
-                               const char *scheme) {
+/* The caller destroys it. */
+static lg_program *make_hamiltonian(const lg_hamiltonian_family *family, uint32_t links, const char *scheme) {
     const uint32_t hidden[1] = {6};
     lg_hamiltonian model;
     lg_program *program = NULL;
     lg_error error;
     assert_ok(lg_hamiltonian_init(&model, family, links, LG_POTENTIAL_MLP, hidden, 1, LG_TANH));
-    double *theta = malloc(lg_hamiltonian_parameters(&model) * sizeof *theta);
+    double *theta = TEST_ARRAY(double, lg_hamiltonian_parameters(&model));
     for (size_t i = 0; i < lg_hamiltonian_parameters(&model); i++)
         theta[i] = 0.3 + 0.5 * (double)(i * 7 % 11) / 11.0;
-    const lg_status status = lg_hamiltonian_program(
-        context, &model, theta, scheme == NULL ? NULL : lg_scheme_find(scheme), &program, &error);
-    if (context == NULL && status != LG_OK) fail_msg("%s", error.message);
-    free(theta);
+    if (lg_hamiltonian_program(NULL, &model, theta, scheme == NULL ? NULL : lg_scheme_find(scheme), &program,
+                               &error) != LG_OK)
+        fail_msg("%s", error.message);
     return program;
 }
 
-TEST("learned hamiltonians") {
+static lg_program *hamiltonian(lg_hamiltonian_family family, uint32_t links, const char *scheme) {
+    lg_program *program = make_hamiltonian(family, links, scheme);
+    lg_test_owns(program, release_program);
+    return program;
+}
+
+TEST("learned Hamiltonians and their steps: plans and derivatives are those of the tape") {
     static const struct {
         const lg_hamiltonian_family *family;
         uint32_t links;
@@ -393,11 +411,10 @@ TEST("learned hamiltonians") {
                {&lg_hamiltonian_separable, 1, "rk4"}};
     for (size_t i = 0; i < LG_COUNT(all); i++) {
         char name[64];
-        lg_program *program = hamiltonian(NULL, all[i].family, all[i].links, all[i].scheme);
+        lg_program *program = hamiltonian(all[i].family, all[i].links, all[i].scheme);
         (void)snprintf(name, sizeof name, "hamiltonian %zu", i);
         check_all(name, program);
         if (all[i].links < 3) check_derivatives(name, program, true, all[i].links == 1);
-        lg_program_destroy(program);
     }
 }
 
@@ -447,7 +464,7 @@ static lg_system *system_at(size_t index, bool *there) {
     return system;
 }
 
-TEST("steps of systems") {
+TEST("steps of every system with every sort of scheme are those of the tape") {
     static const char *const schemes[] = {"rk4", "cf4", "rkmk4"};
     size_t programs = 0, refused = 0;
     bool there = true;
@@ -469,15 +486,10 @@ TEST("steps of systems") {
                                              lg_system_parameter_values(system)};
             const lg_function_spec function = {
                 "step", in, 2, y_ports, 1, record_step, (void *)(uintptr_t)&step};
-            lg_program_spec spec;
+            const lg_program_spec spec = spec_of(&theta, 1, &function, 1);
             lg_program *program = NULL;
             lg_error error;
             char name[96];
-            lg_program_spec_init(&spec);
-            spec.parameters = &theta;
-            spec.parameter_count = 1;
-            spec.functions = &function;
-            spec.function_count = 1;
             (void)snprintf(name, sizeof name, "%s, %s", lg_system_name(system), schemes[s]);
             const lg_status status = lg_program_build(NULL, &spec, &program, &error);
             if (status == LG_UNSUPPORTED) {
@@ -499,7 +511,6 @@ TEST("steps of systems") {
 /* ---- odd outputs and odd shapes ---- */
 
 static lg_status record_odd(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     const uint32_t rows = lg_var_shape(tape, x[0]).dims[0];
     y[0] = lg_sin(tape, x[0]); /* twice an output */
     y[1] = y[0];
@@ -516,33 +527,30 @@ static lg_status record_odd(void *user, lg_tape *tape, const lg_var *theta, cons
     return lg_tape_status(tape);
 }
 
-TEST("odd outputs") {
+TEST("outputs may be inputs, constants, views, empty or the same") {
     const lg_port in[] = {{.name = "x", .shape = {1, {4}}},
                           {.name = "s", .shape = {2, {2, 3}}, .shared = true},
                           {.name = "t", .shape = {0, {0}}, .shared = true}};
     const lg_port out[] = {{.name = "y0"}, {.name = "y1"}, {.name = "y2"}, {.name = "y3"},
                            {.name = "y4"}, {.name = "y5"}, {.name = "y6"}, {.name = "y7"},
                            {.name = "y8"}, {.name = "y9"}, {.name = "y10"}};
-    lg_program *program = build(NULL, in, 3, out, LG_COUNT(out), 0, record_odd, NULL);
+    lg_program *program = build(in, 3, out, LG_COUNT(out), 0, record_odd, NULL);
     check_all("odd outputs", program);
     (void)derived(program, LG_DERIVATIVE_FORWARD, "f");
     (void)derived(program, LG_DERIVATIVE_ADJOINT, "f");
     check_all("odd outputs", program);
-    lg_program_destroy(program);
 }
 
 static lg_status record_scalar_rows(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x,
                                     lg_var *y) {
-    (void)user, (void)theta;
     y[0] = lg_mul(tape, lg_exp(tape, x[0]), lg_sin(tape, x[1]));
     return lg_tape_status(tape);
 }
 
-TEST("rows without a shape: (B)") {
+TEST("rows may have no shape: (B)") {
     const lg_port in[] = {{.name = "x"}, {.name = "z"}};
-    lg_program *program = build(NULL, in, 2, y_ports, 1, 0, record_scalar_rows, NULL);
+    lg_program *program = build(in, 2, y_ports, 1, 0, record_scalar_rows, NULL);
     check_derivatives("rows of rank 0", program, true, true);
-    lg_program_destroy(program);
 }
 
 /* ---- rows that repeat: where treating them alone would be wrong ---- */
@@ -558,7 +566,6 @@ enum { WIDTH = 4, COPIES = 2 };
 
 /* x (B, 4), w shared (4, 4) */
 static lg_status record_meeting(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user;
     static const uint32_t chosen[3] = {3, 0, 0};
     const uint32_t rows = lg_var_shape(tape, x[0]).dims[0], all = rows * COPIES;
     const lg_var r = repeated(tape, x[0], rows, WIDTH, COPIES), other = lg_sin(tape, r);
@@ -581,15 +588,14 @@ static lg_status record_meeting(void *user, lg_tape *tape, const lg_var *theta, 
     return lg_tape_status(tape);
 }
 
-TEST("rows that meet") {
+TEST("rows that meet are not treated one by one") {
     const lg_port in[] = {{.name = "x", .shape = {1, {WIDTH}}},
                           {.name = "w", .shape = {2, {WIDTH, WIDTH}}, .shared = true}};
     const lg_port out[] = {{.name = "y0"}, {.name = "y1"}, {.name = "y2"}, {.name = "y3"},
                            {.name = "y4"}, {.name = "y5"}, {.name = "y6"}, {.name = "y7"},
                            {.name = "y8"}, {.name = "y9"}, {.name = "y10"}};
-    lg_program *program = build(NULL, in, 2, out, LG_COUNT(out), WIDTH, record_meeting, NULL);
+    lg_program *program = build(in, 2, out, LG_COUNT(out), WIDTH, record_meeting, NULL);
     check_derivatives("rows that meet", program, false, false);
-    lg_program_destroy(program);
 }
 
 /* Batches times one matrix whose rows repeat, and that has as many rows as the batch when 2 B = 4: its rows
@@ -605,7 +611,6 @@ static lg_status record_matrix(void *user, lg_tape *tape, const lg_var *theta, c
     const lg_var alike = repeated(tape, lg_reshape(tape, theta[0], lg_shape2(2, 2)), 2, 2, 2);
     const lg_var tall = lg_reshape(tape, r, lg_shape3(all, 1, 4)),
                  square = lg_reshape(tape, r, lg_shape3(all, 2, 2));
-    (void)user;
     y[0] = lg_slice(tape, lg_reshape(tape, lg_matmul(tape, tall, right), lg_shape2(all, 3)), 0, 0, rows);
     y[1] = lg_slice(tape, lg_reshape(tape, lg_matmul(tape, left, square), lg_shape2(all, 8)), 0, 0, rows);
     y[2] = lg_slice(tape, lg_reshape(tape, lg_matmul(tape, alike, square), lg_shape2(all, 8)), 0, 0, rows);
@@ -619,12 +624,11 @@ static lg_status record_matrix(void *user, lg_tape *tape, const lg_var *theta, c
     return lg_tape_status(tape);
 }
 
-TEST("a matrix beside a batch") {
+TEST("a matrix with as many rows as the batch is no batch") {
     const lg_port in[] = {{.name = "x", .shape = {1, {WIDTH}}},
                           {.name = "w", .shape = {2, {2, 2}}, .shared = true}};
-    lg_program *program = build(NULL, in, 2, y_ports, 6, 4, record_matrix, NULL);
+    lg_program *program = build(in, 2, y_ports, 6, 4, record_matrix, NULL);
     check_derivatives("a matrix beside a batch", program, false, false);
-    lg_program_destroy(program);
 }
 
 /* Pairs: value and derivative as one batch of 2B rows. */
@@ -632,7 +636,7 @@ static lg_status record_pairs(void *user, lg_tape *tape, const lg_var *theta, co
     return lg_net_record_jvp(tape, user, theta[0], 0, x[0], x[1], &y[0], &y[1]);
 }
 
-TEST("pairs of networks") {
+TEST("values and tangents as one batch are those of the tape") {
     for (int kind = 0; kind < LG_NET_KIND_COUNT; kind++)
         for (int shared = 0; shared < 2; shared++) {
             const lg_port in[] = {
@@ -640,9 +644,8 @@ TEST("pairs of networks") {
                 {.name = "d", .shape = {1 + (uint32_t)shared, {shared ? 1 : 3, 3}}, .shared = shared}};
             lg_net net;
             assert_ok(lg_net_init(&net, (lg_net_kind)kind, 3, 4, 6, 2, 2, LG_TANH));
-            lg_program *program = build(NULL, in, 2, y_ports, 2, lg_net_parameters(&net), record_pairs, &net);
+            lg_program *program = build(in, 2, y_ports, 2, lg_net_parameters(&net), record_pairs, &net);
             check_derivatives("pairs", program, true, kind == 0);
-            lg_program_destroy(program);
         }
 }
 
@@ -668,7 +671,7 @@ TEST("shared work is done once") {
         const uint32_t hidden[2] = {width, width};
         lg_mlp net;
         assert_ok(lg_mlp_init(&net, 3, hidden, 2, 5, LG_TANH, true));
-        lg_program *program = build(NULL, &x, 1, y_ports, 1, lg_mlp_parameters(&net), record_value, &net);
+        lg_program *program = build(&x, 1, y_ports, 1, lg_mlp_parameters(&net), record_value, &net);
         (void)derived(program, LG_DERIVATIVE_ADJOINT, "f");
         (void)derived(program, LG_DERIVATIVE_JACOBIAN, "f");
         (void)derived(program, LG_DERIVATIVE_JACOBIAN_OF_ADJOINT, "f");
@@ -682,7 +685,6 @@ TEST("shared work is done once") {
                 assert_int_equal(tangents(plan), rows * 2 * width);
                 lg_plan_destroy(plan);
             }
-        lg_program_destroy(program);
     }
 }
 
@@ -693,13 +695,13 @@ static lg_status record_two(void *user, lg_tape *tape, const lg_var *theta, cons
     return lg_tape_status(tape);
 }
 
-TEST("chosen pairs") {
-    static const char *const by = "z", *const of = "z", *const all[2] = {"y", "z"};
+TEST("chosen inputs and outputs cost only what they need") {
+    static const char *const by = "z", *const all[2] = {"y", "z"};
     const lg_port in[] = {{.name = "x", .shape = {1, {3}}}, {.name = "u", .shape = {1, {2}}}};
     const uint32_t hidden[1] = {30};
     lg_mlp net;
     assert_ok(lg_mlp_init(&net, 3, hidden, 1, 1, LG_TANH, true));
-    lg_program *program = build(NULL, in, 2, y_ports, 2, lg_mlp_parameters(&net), record_two, &net);
+    lg_program *program = build(in, 2, y_ports, 2, lg_mlp_parameters(&net), record_two, &net);
     const struct {
         lg_derivative_kind kind;
         const char *name, *in, *out;
@@ -762,9 +764,7 @@ TEST("chosen pairs") {
     what.output_count = 2;
     assert_ok(lg_program_derive(program, &what, &error));
     assert_status(lg_program_derive(program, &what, &error), LG_INVALID_ARGUMENT); /* the name is taken */
-    (void)of;
     assert_int_equal(lg_program_functions(program), before + 1);
-    lg_program_destroy(program);
 }
 
 /* ---- loops ---- */
@@ -777,7 +777,7 @@ static void add_loop(lg_program *program, const char *name, size_t times) {
 }
 
 TEST("loops are single steps") {
-    lg_program *program = hamiltonian(NULL, &lg_hamiltonian_chain, 1, NULL);
+    lg_program *program = hamiltonian(&lg_hamiltonian_chain, 1, NULL);
     size_t step;
     assert_ok(lg_program_find(program, "step", &step));
     for (size_t times = 1; times <= 7; times += times < 3 ? 1 : 4) {
@@ -825,23 +825,21 @@ TEST("loops are single steps") {
     assert_memory_equal(n.out[0], single.out[0], n.out_count[0] * sizeof(double));
     close_numbers(&n);
     close_numbers(&single);
-    lg_program_destroy(program);
 }
 
 /* Two outputs change places. */
 static lg_status record_exchange(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     y[0] = lg_scale(tape, x[1], 2.0);
     y[1] = lg_add(tape, x[0], x[2]);
     return lg_tape_status(tape);
 }
 
-TEST("loops carry several") {
+TEST("loops carry several outputs, in any order, and refuse what cannot be") {
     const lg_port in[] = {
         {.name = "a", .shape = {1, {2}}}, {.name = "b", .shape = {1, {2}}}, {.name = "c", .shape = {1, {2}}}};
     const lg_port out[] = {{.name = "p"}, {.name = "q"}};
     const lg_carry both[] = {{"p", "a"}, {"q", "b"}}, one[] = {{"q", "a"}, {"q", "b"}};
-    lg_program *program = build(NULL, in, 3, out, 2, 0, record_exchange, NULL);
+    lg_program *program = build(in, 3, out, 2, 0, record_exchange, NULL);
     lg_error error;
     assert_ok(lg_program_add_loop(program, "both", "f", 5, both, 2, &error));
     assert_ok(lg_program_add_loop(program, "one", "f", 4, one, 2, &error));
@@ -875,14 +873,13 @@ TEST("loops carry several") {
     assert_ok(lg_program_find(program, "many", &calls));
     assert_status(lg_plan_create(program, calls, &options, &plan, &error), LG_UNSUPPORTED);
     assert_non_null(strstr(error.message, "more than 1e+04"));
-    lg_program_destroy(program);
 }
 
 /* ---- options ---- */
 
-TEST("inputs that are not finite") {
+TEST("a plan that marks unfit inputs gives NaN everywhere, else the same bits") {
     const double bad[] = {NAN, INFINITY, -INFINITY};
-    lg_program *program = hamiltonian(NULL, &lg_hamiltonian_chain, 1, NULL);
+    lg_program *program = hamiltonian(&lg_hamiltonian_chain, 1, NULL);
     add_loop(program, "steps", 3);
     for (size_t f = 0; f < lg_program_functions(program); f++)
         for (int dtype = 0; dtype < 2; dtype++)
@@ -926,11 +923,10 @@ TEST("inputs that are not finite") {
                 close_plan(&r, &n);
                 close_numbers(&n);
             }
-    lg_program_destroy(program);
 }
 
 TEST("without the mark, rows do not touch each other") {
-    lg_program *program = hamiltonian(NULL, &lg_hamiltonian_chain, 2, NULL);
+    lg_program *program = hamiltonian(&lg_hamiltonian_chain, 2, NULL);
     for (size_t f = 0; f < lg_program_functions(program); f++) {
         numbers n;
         ready r;
@@ -951,15 +947,14 @@ TEST("without the mark, rows do not touch each other") {
         close_plan(&r, &n);
         close_numbers(&n);
     }
-    lg_program_destroy(program);
 }
 
-TEST("memory is bounded") {
+TEST("most_bytes bounds a plan, and more memory never hurts") {
     const lg_port x = {.name = "x", .shape = {1, {16}}};
     const uint32_t hidden[2] = {64, 64};
     lg_mlp net;
     assert_ok(lg_mlp_init(&net, 16, hidden, 2, 3, LG_TANH, true));
-    lg_program *program = build(NULL, &x, 1, y_ports, 1, lg_mlp_parameters(&net), record_value, &net);
+    lg_program *program = build(&x, 1, y_ports, 1, lg_mlp_parameters(&net), record_value, &net);
     for (size_t rows = 1; rows <= 50; rows += 49) {
         bool made = false, refused = false;
         for (size_t most = 64; most < (size_t)1 << 22; most += most / 3) {
@@ -1005,14 +1000,13 @@ TEST("memory is bounded") {
     assert_status(lg_plan_create(program, lg_program_functions(program), NULL, &plan, NULL), LG_NOT_FOUND);
     assert_null(plan);
     lg_plan_destroy(NULL);
-    lg_program_destroy(program);
 }
 
 TEST("a plan keeps nothing of its program") {
-    lg_program *program = hamiltonian(NULL, &lg_hamiltonian_chain, 2, "rkmk4");
+    lg_program *program = hamiltonian(&lg_hamiltonian_chain, 2, "rkmk4");
     add_loop(program, "steps", 2);
     for (size_t f = 0; f < lg_program_functions(program); f++) {
-        lg_program *other = hamiltonian(NULL, &lg_hamiltonian_chain, 2, "rkmk4");
+        lg_program *other = make_hamiltonian(&lg_hamiltonian_chain, 2, "rkmk4");
         add_loop(other, "steps", 2);
         numbers n;
         ready r;
@@ -1029,7 +1023,6 @@ TEST("a plan keeps nothing of its program") {
         close_plan(&r, &n);
         close_numbers(&n);
     }
-    lg_program_destroy(program);
 }
 
 /* ---- threads ---- */
@@ -1052,8 +1045,8 @@ static void *work_on(void *user) {
     return NULL;
 }
 
-TEST("threads share a plan") {
-    lg_program *program = hamiltonian(NULL, &lg_hamiltonian_chain, 2, NULL);
+TEST("threads share a plan and get the same bits") {
+    lg_program *program = hamiltonian(&lg_hamiltonian_chain, 2, NULL);
     add_loop(program, "steps", 2);
     for (size_t f = 0; f < lg_program_functions(program); f++) {
         numbers n;
@@ -1077,7 +1070,6 @@ TEST("threads share a plan") {
         close_plan(&r, &n);
         close_numbers(&n);
     }
-    lg_program_destroy(program);
 }
 
 /* ---- every allocation fails in turn ---- */
@@ -1091,20 +1083,14 @@ static lg_status attempt_build(lg_program **program, const lg_context *context, 
     static double values[64];
     const lg_parameter_spec theta = {"theta", lg_shape1((uint32_t)lg_mlp_parameters(&small_net)), values};
     const lg_function_spec function = {"f", in, 1, out, 1, record_value, &small_net};
-    lg_program_spec spec;
+    lg_program_spec spec = spec_of(&theta, 1, &function, 1);
     for (size_t i = 0; i < LG_COUNT(values); i++) values[i] = 0.1 * (double)(i % 7) - 0.3;
-    lg_program_spec_init(&spec);
-    spec.parameters = &theta;
-    spec.parameter_count = 1;
-    spec.functions = &function;
-    spec.function_count = 1;
     spec.description = "a network";
     return lg_program_build(context, &spec, program, error);
 }
 
 static lg_status attempt_derive(lg_program **program, const lg_context *context, lg_error *error) {
     lg_derivative what;
-    (void)context;
     lg_derivative_init(&what);
     what.kind = LG_DERIVATIVE_JACOBIAN;
     what.function = "f";
@@ -1112,13 +1098,11 @@ static lg_status attempt_derive(lg_program **program, const lg_context *context,
 }
 
 static lg_status attempt_loop(lg_program **program, const lg_context *context, lg_error *error) {
-    (void)context;
     return lg_program_add_loop(*program, "loop", "f", 2, NULL, 0, error);
 }
 
 static lg_status attempt_plan(lg_program **program, const lg_context *context, lg_error *error) {
     lg_plan *plan = NULL;
-    (void)context;
     for (size_t f = 0; f < lg_program_functions(*program); f++) {
         lg_plan_options options;
         lg_plan_options_init(&options);
@@ -1174,7 +1158,6 @@ enum { ROUNDS = 3000, WIDE = 20 };
 /* x sin(sum x), over and over: a tensor, then scalar code. */
 static lg_status record_rounds(void *user, lg_tape *tape, const lg_var *parameters, const lg_var *x,
                                lg_var *y) {
-    (void)user, (void)parameters;
     *y = x[0];
     for (int i = 0; i < ROUNDS; i++) *y = lg_mul(tape, x[0], lg_sin(tape, lg_sum(tape, *y)));
     return lg_tape_status(tape);
@@ -1183,18 +1166,13 @@ static lg_status record_rounds(void *user, lg_tape *tape, const lg_var *paramete
 TEST("long recordings take memory in proportion") {
     const lg_port in = {.name = "x", .shape = lg_shape1(WIDE), .shared = true}, out = {.name = "y"};
     const lg_function_spec function = {"rounds", &in, 1, &out, 1, record_rounds, NULL};
-    lg_program_spec spec;
+    const lg_program_spec spec = spec_of(NULL, 0, &function, 1);
     lg_plan_options options;
-    lg_program *program;
+    lg_program *program = test_program(&spec);
     lg_plan *plan;
     lg_error error;
-    lg_program_spec_init(&spec);
-    spec.functions = &function;
-    spec.function_count = 1;
-    assert_ok(lg_program_build(NULL, &spec, &program, &error));
     lg_plan_options_init(&options);
     options.most_bytes = (size_t)16 << 20;
     if (lg_plan_create(program, 0, &options, &plan, &error) != LG_OK) fail_msg("%s", error.message);
     lg_plan_destroy(plan);
-    lg_program_destroy(program);
 }

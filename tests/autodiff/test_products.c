@@ -58,8 +58,8 @@ static double *evaluate(shape s, int variant, lg_dtype dtype, int threads) {
 static const shape shapes[] = {{1, 1, 1},      {3, 5, 7},      {20, 100, 100},  {33, 101, 97},
                                {32, 300, 301}, {500, 100, 60}, {130, 300, 300}, {7, 700, 129}};
 
-TEST("against naive loops") {
-    for (size_t i = 0; i < LG_COUNT(shapes); i++)
+TEST("products and their gradients are naive loops") {
+    for (size_t i = 0; i < sizeof shapes / sizeof *shapes; i++)
         for (int variant = 0; variant < 3; variant++)
             for (int d = 0; d < 2; d++) {
                 const shape s = shapes[i];
@@ -97,7 +97,7 @@ TEST("same bits for any number of threads") {
             }
 }
 
-TEST("bad threads") {
+TEST("numbers of threads that cannot be are refused") {
     lg_tape_options options;
     lg_tape *tape;
     lg_tape_options_init(&options);

@@ -1,15 +1,10 @@
 /* Programs: building, what is refused, application on a tape, plans. */
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
+#include "program_support.h"
 
 #include "autodiff/op_rows.h"
 #include "autodiff/plan.h"
 #include "liegrad/nn.h"
-#include "liegrad/ops.h"
-#include "liegrad/program.h"
 #include "liegrad/taped.h"
-#include "test_support.h"
 
 /* ---- a network with an input gradient ---- */
 
@@ -22,8 +17,8 @@ static void make_network(network *n, uint32_t inputs, uint32_t width, uint32_t o
     const uint32_t hidden[2] = {width, width};
     lg_rng rng;
     lg_rng_seed(&rng, 3, 1);
-    assert_int_equal(lg_mlp_init(&n->net, inputs, hidden, 2, outputs, kind, true), LG_OK);
-    n->theta = malloc(lg_mlp_parameters(&n->net) * sizeof(double));
+    assert_ok(lg_mlp_init(&n->net, inputs, hidden, 2, outputs, kind, true));
+    n->theta = TEST_ARRAY(double, lg_mlp_parameters(&n->net));
     lg_mlp_initialise(&n->net, &rng, n->theta);
 }
 
@@ -52,41 +47,30 @@ static lg_program *build_network(network *n) {
         {"gradient", &x3, 1, value_ports, 2, record_gradient, &n->net},
         {"loss", &x3, 1, value_ports, 1, record_loss, &n->net},
     };
-    lg_program_spec spec;
-    lg_program *program = NULL;
-    lg_error error;
-    lg_program_spec_init(&spec);
-    spec.parameters = &theta;
-    spec.parameter_count = 1;
-    spec.functions = functions;
-    spec.function_count = sizeof functions / sizeof *functions;
-    if (lg_program_build(NULL, &spec, &program, &error) != LG_OK) fail_msg("%s", error.message);
-    return program;
+    const lg_program_spec spec = spec_of(&theta, 1, functions, LG_COUNT(functions));
+    return test_program(&spec);
 }
 
 /* Function of the program on a tape, and the recording itself, with `rows` rows: to the last bit. */
 static void compare_apply(lg_program *program, size_t function, network *n, lg_record_function record,
                           size_t outputs, size_t rows) {
-    lg_tape *tape;
     lg_rng rng;
     lg_rng_seed(&rng, 4, rows);
-    assert_int_equal(lg_tape_create(NULL, NULL, &tape), LG_OK);
-    double *x = malloc(3 * rows * sizeof *x);
+    lg_tape *tape = test_tape(LG_F64);
+    double *x = TEST_ARRAY(double, 3 * rows);
     for (size_t i = 0; i < 3 * rows; i++) x[i] = lg_rng_normal(&rng);
     lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)lg_mlp_parameters(&n->net)), n->theta);
     lg_var in = lg_input(tape, lg_shape2((uint32_t)rows, 3), x), want[2], got[2];
-    assert_int_equal(record(&n->net, tape, &theta, &in, want), LG_OK);
-    assert_int_equal(lg_program_record(tape, program, function, &theta, &in, got), LG_OK);
+    assert_ok(record(&n->net, tape, &theta, &in, want));
+    assert_ok(lg_program_record(tape, program, function, &theta, &in, got));
     for (size_t j = 0; j < outputs; j++) {
         const size_t count = lg_shape_count(lg_var_shape(tape, want[j]));
         assert_int_equal(lg_shape_count(lg_var_shape(tape, got[j])), count);
         assert_memory_equal(lg_value(tape, want[j]), lg_value(tape, got[j]), count * sizeof(double));
     }
-    free(x);
-    lg_tape_destroy(tape);
 }
 
-TEST("applied equals recorded") {
+TEST("a program on a tape is its recording, to the last bit") {
     network n;
     make_network(&n, 3, 16, 1, LG_TANH);
     lg_program *program = build_network(&n);
@@ -95,65 +79,6 @@ TEST("applied equals recorded") {
         compare_apply(program, 1, &n, record_gradient, 2, rows);
         compare_apply(program, 2, &n, record_loss, 1, rows);
     }
-    lg_program_destroy(program);
-    free(n.theta);
-}
-
-/* ---- plans ---- */
-
-static void close_to(const double *got, const double *want, size_t count, double tolerance) {
-    for (size_t i = 0; i < count; i++) assert_close(got[i], want[i], tolerance, tolerance);
-}
-
-static void compare_plan(lg_program *program, size_t function, network *n, lg_record_function record,
-                         size_t outputs, size_t rows) {
-    lg_tape *tape;
-    lg_plan *plan;
-    lg_rng rng;
-    lg_error error;
-    lg_plan_options options;
-    lg_plan_options_init(&options);
-    options.rows = rows;
-    lg_rng_seed(&rng, 5, rows);
-    assert_int_equal(lg_tape_create(NULL, NULL, &tape), LG_OK);
-    if (lg_plan_create(program, function, &options, &plan, &error) != LG_OK) fail_msg("%s", error.message);
-    double *x = malloc(3 * rows * sizeof *x);
-    for (size_t i = 0; i < 3 * rows; i++) x[i] = lg_rng_normal(&rng);
-    lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)lg_mlp_parameters(&n->net)), n->theta);
-    lg_var in = lg_input(tape, lg_shape2((uint32_t)rows, 3), x), want[2];
-    assert_int_equal(record(&n->net, tape, &theta, &in, want), LG_OK);
-    void *work = aligned_alloc(64, lg_plan_work_size(plan)), *out[2] = {NULL, NULL};
-    memset(work, 0xff, lg_plan_work_size(plan));
-    for (size_t j = 0; j < outputs; j++) out[j] = malloc(lg_plan_output_count(plan, j) * sizeof(double));
-    lg_plan_eval(plan, (const void *const[]){x}, out, work);
-    for (size_t j = 0; j < outputs; j++) {
-        const size_t count = lg_plan_output_count(plan, j);
-        assert_int_equal(count, lg_shape_count(lg_var_shape(tape, want[j])));
-        close_to(out[j], lg_value(tape, want[j]), count, 1e-14);
-        free(out[j]);
-    }
-    free(work);
-    free(x);
-    lg_plan_destroy(plan);
-    lg_tape_destroy(tape);
-}
-
-TEST("plans equal recorded") {
-    const lg_activation kinds[] = {LG_TANH,       LG_SIGMOID, LG_SWISH,   LG_RELU,
-                                   LG_LEAKY_RELU, LG_SINE,    LG_IDENTITY};
-    for (size_t k = 0; k < sizeof kinds / sizeof *kinds; k++)
-        for (uint32_t width = 2; width <= 20; width += 6) {
-            network n;
-            make_network(&n, 3, width, 1, kinds[k]);
-            lg_program *program = build_network(&n);
-            for (size_t rows = 1; rows <= 40; rows += 13) {
-                compare_plan(program, 0, &n, record_value, 1, rows);
-                compare_plan(program, 1, &n, record_gradient, 2, rows);
-                compare_plan(program, 2, &n, record_loss, 1, rows);
-            }
-            lg_program_destroy(program);
-            free(n.theta);
-        }
 }
 
 /* ---- derivatives ---- */
@@ -180,150 +105,13 @@ static lg_program *build_pair(network *n) {
     static const lg_port out[2] = {{.name = "a"}, {.name = "b"}};
     const lg_parameter_spec theta = {"theta", lg_shape1((uint32_t)lg_mlp_parameters(&n->net)), n->theta};
     const lg_function_spec function = {"pair", in, 2, out, 2, record_pair, &n->net};
-    lg_program_spec spec;
-    lg_program *program = NULL;
-    lg_error error;
-    lg_program_spec_init(&spec);
-    spec.parameters = &theta;
-    spec.parameter_count = 1;
-    spec.functions = &function;
-    spec.function_count = 1;
-    if (lg_program_build(NULL, &spec, &program, &error) != LG_OK) fail_msg("%s", error.message);
-    return program;
-}
-
-static size_t derived(lg_program *program, lg_derivative_kind kind, const char *function) {
-    lg_derivative what;
-    lg_error error;
-    lg_derivative_init(&what);
-    what.kind = kind;
-    what.function = function;
-    if (lg_program_derive(program, &what, &error) != LG_OK) fail_msg("%s", error.message);
-    return lg_program_functions(program) - 1;
-}
-
-/* Runs a function on rows of inputs; outputs one after another in out. */
-static void run_rows(const lg_program *program, size_t function, size_t rows, const double *const *in,
-                     double **out) {
-    lg_plan_options options;
-    lg_plan *plan;
-    lg_error error;
-    size_t count;
-    lg_plan_options_init(&options);
-    options.rows = rows;
-    if (lg_plan_create(program, function, &options, &plan, &error) != LG_OK) fail_msg("%s", error.message);
-    void *work = aligned_alloc(64, lg_plan_work_size(plan)), *to[64];
-    memset(work, 0xff, lg_plan_work_size(plan));
-    (void)lg_program_outputs(program, function, &count);
-    for (size_t j = 0; j < count; j++)
-        to[j] = out[j] = malloc(lg_plan_output_count(plan, j) * sizeof(double));
-    lg_plan_eval(plan, (const void *const *)in, to, work);
-    free(work);
-    lg_plan_destroy(plan);
-}
-
-typedef struct pair_point {
-    double q[Q], u[U], da[Y0], db[Y1];
-} pair_point;
-
-/* Each row's Jacobians by the tape, row by row: of (a, b) by (q, u), and of the adjoint by (q, u, da, db). */
-typedef struct pair_truth {
-    double jac[4][Y0 * Q], adj[2][Q], jac_adj[8][Q * Y0];
-    size_t jac_count[4], jac_adj_count[8];
-} pair_truth;
-
-static void read_all(const lg_tape *tape, lg_var v, double *out, size_t *count) {
-    *count = lg_shape_count(lg_var_shape(tape, v));
-    assert_int_equal(lg_read(tape, v, out, *count), LG_OK);
-}
-
-static void true_derivatives(network *n, const pair_point *p, pair_truth *t) {
-    lg_tape *tape;
-    size_t count;
-    assert_int_equal(lg_tape_create(NULL, NULL, &tape), LG_OK);
-    lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)lg_mlp_parameters(&n->net)), n->theta);
-    lg_var x[4] = {lg_input(tape, lg_shape2(1, Q), p->q), lg_input(tape, lg_shape2(1, U), p->u),
-                   lg_input(tape, lg_shape2(1, Y0), p->da), lg_input(tape, lg_shape2(1, Y1), p->db)};
-    lg_var y[2], adj[2];
-    assert_int_equal(record_pair(&n->net, tape, &theta, x, y), LG_OK);
-    for (size_t j = 0; j < 2; j++)
-        for (size_t i = 0; i < 2; i++)
-            read_all(tape, lg_jacobian(tape, y[j], x[i]), t->jac[2 * j + i], &t->jac_count[2 * j + i]);
-    assert_int_equal(lg_vjp(tape, y, x + 2, 2, x, 2, adj), LG_OK);
-    for (size_t j = 0; j < 2; j++) {
-        read_all(tape, adj[j], t->adj[j], &count);
-        for (size_t i = 0; i < 4; i++)
-            read_all(tape, lg_jacobian(tape, adj[j], x[i]), t->jac_adj[4 * j + i],
-                     &t->jac_adj_count[4 * j + i]);
-    }
-    lg_tape_destroy(tape);
-}
-
-TEST("derivatives are those of the tape") {
-    enum { ROWS = 5 };
-    network n;
-    make_network(&n, Q + U, 10, Y1, LG_TANH);
-    lg_program *program = build_pair(&n);
-    const size_t jac = derived(program, LG_DERIVATIVE_JACOBIAN, "pair");
-    const size_t adj = derived(program, LG_DERIVATIVE_ADJOINT, "pair");
-    const size_t jac_adj = derived(program, LG_DERIVATIVE_JACOBIAN_OF_ADJOINT, "pair");
-    const size_t fwd = derived(program, LG_DERIVATIVE_FORWARD, "pair");
-    lg_rng rng;
-    lg_rng_seed(&rng, 6, 1);
-    pair_point point[ROWS];
-    pair_truth truth[ROWS];
-    double q[ROWS * Q], u[ROWS * U], da[ROWS * Y0], db[ROWS * Y1];
-    for (size_t r = 0; r < ROWS; r++) {
-        double *all = (double *)&point[r];
-        for (size_t i = 0; i < sizeof point[r] / sizeof(double); i++) all[i] = lg_rng_normal(&rng);
-        memcpy(q + r * Q, point[r].q, sizeof point[r].q);
-        memcpy(u + r * U, point[r].u, sizeof point[r].u);
-        memcpy(da + r * Y0, point[r].da, sizeof point[r].da);
-        memcpy(db + r * Y1, point[r].db, sizeof point[r].db);
-        true_derivatives(&n, &point[r], &truth[r]);
-    }
-    for (size_t rows = 1; rows <= ROWS; rows += 2) {
-        double *out[8];
-        run_rows(program, jac, rows, (const double *const[]){q, u}, out);
-        for (size_t j = 0; j < 4; j++) {
-            for (size_t r = 0; r < rows; r++)
-                close_to(out[j] + r * truth[r].jac_count[j], truth[r].jac[j], truth[r].jac_count[j], 1e-13);
-            free(out[j]);
-        }
-        run_rows(program, adj, rows, (const double *const[]){q, u, da, db}, out);
-        for (size_t j = 0; j < 2; j++) {
-            const size_t count = j == 0 ? Q : U;
-            for (size_t r = 0; r < rows; r++) close_to(out[j] + r * count, truth[r].adj[j], count, 1e-13);
-            free(out[j]);
-        }
-        run_rows(program, jac_adj, rows, (const double *const[]){q, u, da, db}, out);
-        for (size_t j = 0; j < 8; j++) {
-            for (size_t r = 0; r < rows; r++)
-                close_to(out[j] + r * truth[r].jac_adj_count[j], truth[r].jac_adj[j],
-                         truth[r].jac_adj_count[j], 1e-13);
-            free(out[j]);
-        }
-        /* <c, J d> = <J^T c, d>, with d = (q, u) */
-        run_rows(program, fwd, rows, (const double *const[]){q, u, q, u}, out);
-        for (size_t r = 0; r < rows; r++) {
-            double left = 0.0, right = 0.0;
-            for (size_t i = 0; i < Y0; i++) left += out[0][r * Y0 + i] * da[r * Y0 + i];
-            for (size_t i = 0; i < Y1; i++) left += out[1][r * Y1 + i] * db[r * Y1 + i];
-            for (size_t i = 0; i < Q; i++) right += truth[r].adj[0][i] * q[r * Q + i];
-            for (size_t i = 0; i < U; i++) right += truth[r].adj[1][i] * u[r * U + i];
-            assert_close(left, right, 1e-12, 1e-12);
-        }
-        free(out[0]);
-        free(out[1]);
-    }
-    lg_program_destroy(program);
-    free(n.theta);
+    const lg_program_spec spec = spec_of(&theta, 1, &function, 1);
+    return test_program(&spec);
 }
 
 /* ---- what is refused, and how it is said ---- */
 
 static lg_status identity(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     y[0] = lg_scale(tape, x[0], 1.0);
     return lg_tape_status(tape);
 }
@@ -333,7 +121,6 @@ static uint32_t rows_in(lg_tape *tape, lg_var x) {
 }
 
 static lg_status branch(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     const double *values = lg_value(tape, x[0]);
     y[0] = values[0] > values[1] ? lg_sin(tape, x[0]) : lg_exp(tape, lg_sin(tape, x[0]));
     return lg_tape_status(tape);
@@ -341,14 +128,12 @@ static lg_status branch(void *user, lg_tape *tape, const lg_var *theta, const lg
 
 static lg_status loop_over_rows(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     lg_var rows[8];
-    (void)user, (void)theta;
     for (uint32_t r = 0; r < rows_in(tape, x[0]); r++) rows[r] = lg_sin(tape, lg_slice(tape, x[0], 0, r, 1));
     y[0] = lg_concat(tape, rows, rows_in(tape, x[0]), 0);
     return lg_tape_status(tape);
 }
 
 static lg_status put_back(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     lg_scope_push(tape, "friction");
     const lg_var copy = lg_input(tape, lg_var_shape(tape, x[0]), lg_value(tape, x[0]));
     lg_scope_pop(tape);
@@ -358,27 +143,23 @@ static lg_status put_back(void *user, lg_tape *tape, const lg_var *theta, const 
 
 /* Numbers of a parameter, too. */
 static lg_status weight_put_back(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user;
     y[0] = lg_mul(tape, x[0], lg_input(tape, lg_var_shape(tape, theta[0]), lg_value(tape, theta[0])));
     return lg_tape_status(tape);
 }
 
 static lg_status closed_over(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     static const double data[5 * 3] = {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
-    (void)user, (void)theta;
     y[0] = lg_sub(tape, x[0], lg_input(tape, lg_var_shape(tape, x[0]), data));
     return lg_tape_status(tape);
 }
 
 static lg_status attribute(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     const double *values = lg_value(tape, x[0]);
     y[0] = lg_scale(tape, x[0], values[0]);
     return lg_tape_status(tape);
 }
 
 static lg_status coefficients(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     const lg_var both[2] = {x[0], lg_sin(tape, x[0])};
     const double c[2] = {1.0, (double)rows_in(tape, x[0])};
     y[0] = lg_linear_combination(tape, both, c, 2);
@@ -386,7 +167,6 @@ static lg_status coefficients(void *user, lg_tape *tape, const lg_var *theta, co
 }
 
 static lg_status quadratic(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     const uint32_t rows = rows_in(tape, x[0]);
     const lg_var all = lg_reshape(tape, lg_matmul_nt(tape, x[0], x[0]), lg_shape1(rows * rows));
     y[0] = lg_sum(tape, lg_sin(tape, all));
@@ -394,20 +174,17 @@ static lg_status quadratic(void *user, lg_tape *tape, const lg_var *theta, const
 }
 
 static lg_status square(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     y[0] = lg_matmul_nt(tape, x[0], x[0]);
     return lg_tape_status(tape);
 }
 
 static lg_status doubled(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     const lg_var both[2] = {x[0], x[0]};
     y[0] = lg_concat(tape, both, 2, 0);
     return lg_tape_status(tape);
 }
 
 static lg_status triple_forward(void *user, lg_dtype dtype, const void *const *in, void *y) {
-    (void)user;
     if (dtype == LG_F64)
         for (size_t i = 0; i < 3; i++) ((double *)y)[i] = 3.0 * ((const double *)in[0])[i];
     return LG_OK;
@@ -415,21 +192,18 @@ static lg_status triple_forward(void *user, lg_dtype dtype, const void *const *i
 
 static lg_status custom(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     static const lg_custom_op triple = {.name = "triple", .forward = triple_forward};
-    (void)user, (void)theta;
     y[0] = lg_add(tape, x[0], lg_custom(tape, &triple, &x[1], 1, lg_shape1(3)));
     return lg_tape_status(tape);
 }
 
 static lg_status fall(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                       lg_var *out) {
-    (void)user, (void)t, (void)input;
     out[0] = lg_neg(tape, lg_pow(tape, y[0], 3.0));
     return lg_tape_status(tape);
 }
 
 static lg_status implicit(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     lg_taped_ode ode = {.field = fall};
-    (void)user, (void)theta;
     const lg_space_factor flat = {LG_SPACE_RN, 3};
     lg_status status = lg_space_init(&ode.space, &flat, 1);
     if (status == LG_OK) status = lg_taped_step(tape, lg_scheme_find("midpoint"), &ode, 0.0, 0.1, x, y);
@@ -437,32 +211,27 @@ static lg_status implicit(void *user, lg_tape *tape, const lg_var *theta, const 
 }
 
 static lg_status nothing(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta, (void)x, (void)y;
     return lg_tape_status(tape);
 }
 
 static lg_status resets(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const double one[3] = {1.0, 1.0, 1.0};
-    (void)user, (void)theta, (void)x;
     lg_tape_reset(tape);
     y[0] = lg_input(tape, lg_shape1(3), one);
     return lg_tape_status(tape);
 }
 
 static lg_status fails(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)tape, (void)theta, (void)x, (void)y;
     return LG_NO_CONVERGENCE;
 }
 
 static lg_status misfits(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     y[0] = lg_cross(tape, x[0], lg_slice(tape, x[0], 1, 0, 2));
     return lg_tape_status(tape);
 }
 
 static lg_status endless(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const double infinite[3] = {1.0, INFINITY, 2.0};
-    (void)user, (void)theta;
     y[0] = lg_max(tape, x[0], lg_input(tape, lg_shape1(3), infinite));
     return lg_tape_status(tape);
 }
@@ -484,87 +253,48 @@ static lg_status build_one(const refusal *c, lg_program **program, lg_error *err
     const lg_port out = {.name = c->output != NULL ? c->output : "y"};
     const lg_function_spec function = {
         c->function != NULL ? c->function : "f", in, 2, &out, 1, c->record, NULL};
-    lg_program_spec spec;
-    lg_program_spec_init(&spec);
-    spec.parameters = &theta;
-    spec.parameter_count = 1;
-    spec.functions = &function;
-    spec.function_count = 1;
+    const lg_program_spec spec = spec_of(&theta, 1, &function, 1);
     return lg_program_build(NULL, &spec, program, error);
 }
 
-TEST("refusals name the culprit") {
+TEST("recordings that depend on numbers or rows are refused by name") {
     static const refusal cases[] = {
-        {.record = branch, .status = LG_UNSUPPORTED, .words = {"'f'", "branch on values", "sin"}},
-        {.record = loop_over_rows, .status = LG_UNSUPPORTED, .words = {"'f'", "loop over rows"}},
-        {.record = put_back,
-         .status = LG_UNSUPPORTED,
-         .words = {"'f'", "taken by mul", "friction", "numbers differ"}},
-        {.record = weight_put_back, .status = LG_UNSUPPORTED, .words = {"taken by mul", "numbers differ"}},
-        {.record = closed_over,
-         .status = LG_UNSUPPORTED,
-         .words = {"taken by sub", "numbers differ", "declare it as an input"}},
-        {.record = implicit, .status = LG_UNSUPPORTED, .words = {"implicit stage", "numbers differ"}},
-        {.record = attribute, .status = LG_UNSUPPORTED, .words = {"operation scale", "depends on numbers"}},
-        {.record = coefficients, .status = LG_UNSUPPORTED, .words = {"operation combine", "coefficients"}},
-        {.record = quadratic, .status = LG_UNSUPPORTED, .words = {"not affine in the number of rows"}},
-        {.record = square,
-         .status = LG_UNSUPPORTED,
-         .words = {"output 'y'", "neither one value for each row"}},
-        {.record = doubled,
-         .status = LG_UNSUPPORTED,
-         .words = {"output 'y'", "neither one value for each row"}},
-        {.record = custom,
-         .status = LG_UNSUPPORTED,
-         .words = {"operation custom", "triple", "this process only"}},
-        {.record = nothing, .status = LG_INVALID_ARGUMENT, .words = {"output 'y' was not recorded"}},
-        {.record = resets, .status = LG_INVALID_ARGUMENT, .words = {"'f'", "reset the tape"}},
-        {.record = fails, .status = LG_NO_CONVERGENCE, .words = {"'f'", "recording failed"}},
-        {.record = misfits, .status = LG_SHAPE, .words = {"'f'", "cross"}},
-        {.record = endless, .status = LG_NOT_FINITE, .words = {"'f'", "constant that is not finite"}},
-        {.record = NULL, .status = LG_INVALID_ARGUMENT, .words = {"no recording"}},
-        {.record = identity, .status = LG_INVALID_ARGUMENT, .words = {"it is empty"}, .function = ""},
-        {.record = identity,
-         .status = LG_INVALID_ARGUMENT,
-         .words = {"not a C identifier"},
-         .function = "a-b"},
-        {.record = identity,
-         .status = LG_INVALID_ARGUMENT,
-         .words = {"begin with a letter"},
-         .function = "_f"},
-        {.record = identity, .status = LG_INVALID_ARGUMENT, .words = {"word of C"}, .function = "while"},
-        {.record = identity,
-         .status = LG_INVALID_ARGUMENT,
-         .words = {"'2x'", "an input", "begin with a letter"},
-         .input = "2x"},
-        {.record = identity,
-         .status = LG_INVALID_ARGUMENT,
-         .words = {"'x__1'", "two underscores"},
-         .input = "x__1"},
-        {.record = identity,
-         .status = LG_INVALID_ARGUMENT,
-         .words = {"'int'", "an output", "word of C"},
-         .output = "int"},
-        {.record = identity,
-         .status = LG_INVALID_ARGUMENT,
-         .words = {"'y\?'", "not a C identifier"},
-         .output = "y\n"},
-        {.record = identity, .status = LG_INVALID_ARGUMENT, .words = {"two ports called 'x'"}, .other = "x"},
-        {.record = identity, .status = LG_INVALID_ARGUMENT, .words = {"two ports called 's'"}, .output = "s"},
-        {.record = identity,
-         .status = LG_INVALID_ARGUMENT,
-         .words = {"'x'", "a range that is none"},
+        {branch, LG_UNSUPPORTED, .words = {"'f'", "branch on values", "sin"}},
+        {loop_over_rows, LG_UNSUPPORTED, .words = {"'f'", "loop over rows"}},
+        {put_back, LG_UNSUPPORTED, .words = {"'f'", "taken by mul", "friction", "numbers differ"}},
+        {weight_put_back, LG_UNSUPPORTED, .words = {"taken by mul", "numbers differ"}},
+        {closed_over, LG_UNSUPPORTED, .words = {"taken by sub", "numbers differ", "declare it as an input"}},
+        {implicit, LG_UNSUPPORTED, .words = {"implicit stage", "numbers differ"}},
+        {attribute, LG_UNSUPPORTED, .words = {"operation scale", "depends on numbers"}},
+        {coefficients, LG_UNSUPPORTED, .words = {"operation combine", "coefficients"}},
+        {quadratic, LG_UNSUPPORTED, .words = {"not affine in the number of rows"}},
+        {square, LG_UNSUPPORTED, .words = {"output 'y'", "neither one value for each row"}},
+        {doubled, LG_UNSUPPORTED, .words = {"output 'y'", "neither one value for each row"}},
+        {custom, LG_UNSUPPORTED, .words = {"operation custom", "triple", "this process only"}},
+        {nothing, LG_INVALID_ARGUMENT, .words = {"output 'y' was not recorded"}},
+        {resets, LG_INVALID_ARGUMENT, .words = {"'f'", "reset the tape"}},
+        {fails, LG_NO_CONVERGENCE, .words = {"'f'", "recording failed"}},
+        {misfits, LG_SHAPE, .words = {"'f'", "cross"}},
+        {endless, LG_NOT_FINITE, .words = {"'f'", "constant that is not finite"}},
+        {NULL, LG_INVALID_ARGUMENT, .words = {"no recording"}},
+        {identity, LG_INVALID_ARGUMENT, .words = {"it is empty"}, .function = ""},
+        {identity, LG_INVALID_ARGUMENT, .words = {"not a C identifier"}, .function = "a-b"},
+        {identity, LG_INVALID_ARGUMENT, .words = {"begin with a letter"}, .function = "_f"},
+        {identity, LG_INVALID_ARGUMENT, .words = {"word of C"}, .function = "while"},
+        {identity, LG_INVALID_ARGUMENT, .words = {"'2x'", "an input", "begin with a letter"}, .input = "2x"},
+        {identity, LG_INVALID_ARGUMENT, .words = {"'x__1'", "two underscores"}, .input = "x__1"},
+        {identity, LG_INVALID_ARGUMENT, .words = {"'int'", "an output", "word of C"}, .output = "int"},
+        {identity, LG_INVALID_ARGUMENT, .words = {"'y\?'", "not a C identifier"}, .output = "y\n"},
+        {identity, LG_INVALID_ARGUMENT, .words = {"two ports called 'x'"}, .other = "x"},
+        {identity, LG_INVALID_ARGUMENT, .words = {"two ports called 's'"}, .output = "s"},
+        {identity, LG_INVALID_ARGUMENT, .words = {"'x'", "a range that is none"},
          .port = {.shape = {1, {3}}, .low = 2.0, .high = 1.0}},
-        {.record = identity,
-         .status = LG_SHAPE,
-         .words = {"input 0", "rank that is too high"},
+        {identity, LG_SHAPE, .words = {"input 0", "rank that is too high"},
          .port = {.shape = {4, {1, 1, 1, 1}}}},
-        {.record = identity,
-         .status = LG_INVALID_ARGUMENT,
-         .words = {"too long"},
+        {identity, LG_INVALID_ARGUMENT, .words = {"too long"},
          .output = "y12345678901234567890123456789012345678901234567890123456789012345678901234567890"},
     };
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+    for (size_t i = 0; i < LG_COUNT(cases); i++) {
         lg_error error = {.message = ""};
         lg_program *program = NULL;
         const lg_status status = build_one(&cases[i], &program, &error);
@@ -579,7 +309,7 @@ TEST("refusals name the culprit") {
     }
 }
 
-TEST("weights are checked") {
+TEST("parameters that are not finite, named twice or not given are refused") {
     const double numbers[3] = {0.5, NAN, 1.0}, good[3] = {1.0, 2.0, 3.0}, bad[3] = {1.0, -INFINITY, 3.0};
     const lg_port out = {.name = "y"};
     const lg_function_spec function = {"f", &x3, 1, &out, 1, identity, NULL};
@@ -598,10 +328,8 @@ TEST("weights are checked") {
     lg_program_spec spec;
     lg_program *program = NULL;
     lg_error error;
-    lg_program_spec_init(&spec);
-    spec.functions = &function;
-    spec.function_count = 1;
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+    spec = spec_of(NULL, 0, &function, 1);
+    for (size_t i = 0; i < LG_COUNT(cases); i++) {
         spec.parameters = cases[i].specs;
         spec.parameter_count = cases[i].count;
         assert_int_equal(lg_program_build(NULL, &spec, &program, &error), cases[i].status);
@@ -610,28 +338,25 @@ TEST("weights are checked") {
     }
     spec.parameters = twice;
     spec.parameter_count = 1;
-    assert_int_equal(lg_program_build(NULL, &spec, &program, &error), LG_OK);
+    assert_ok(lg_program_build(NULL, &spec, &program, &error));
     assert_int_equal(lg_program_set_parameter(program, 0, bad), LG_NOT_FINITE);
     assert_memory_equal(lg_program_parameter(program, 0).values, good, sizeof good);
     assert_int_equal(lg_program_set_parameter(program, 1, good), LG_NOT_FOUND);
     assert_null(lg_program_parameter(program, 1).name);
-    lg_program_destroy(program);
     spec.size = 8;
     assert_int_equal(lg_program_build(NULL, &spec, &program, &error), LG_INVALID_ARGUMENT);
     assert_int_equal(lg_program_build(NULL, NULL, &program, &error), LG_INVALID_ARGUMENT);
     lg_program_destroy(NULL);
 }
 
-TEST("two functions of one name; means over the batch are no refusal (loss, above)") {
+TEST("two functions of one name are refused") {
     const lg_port out = {.name = "y"};
     const lg_function_spec functions[2] = {{"f", &x3, 1, &out, 1, identity, NULL},
                                            {"f", &x3, 1, &out, 1, identity, NULL}};
     lg_program_spec spec;
     lg_program *program = NULL;
     lg_error error;
-    lg_program_spec_init(&spec);
-    spec.functions = functions;
-    spec.function_count = 2;
+    spec = spec_of(NULL, 0, functions, 2);
     assert_int_equal(lg_program_build(NULL, &spec, &program, &error), LG_INVALID_ARGUMENT);
     assert_non_null(strstr(error.message, "two functions are called 'f'"));
     assert_null(program);
@@ -640,24 +365,19 @@ TEST("two functions of one name; means over the batch are no refusal (loss, abov
 /* ---- derivatives that cannot be; on failure the program is as before ---- */
 
 static lg_status shared_and_not(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     y[0] = lg_mul(tape, x[0], x[1]);
     y[1] = lg_mean(tape, lg_square(tape, x[0]));
     return lg_tape_status(tape);
 }
 
-TEST("derivatives that cannot be") {
+TEST("derivatives that cannot be are refused, and the program stays as it was") {
     const lg_port in[2] = {x3, {.name = "s", .shape = {1, {3}}, .shared = true}},
                   out[2] = {{.name = "y"}, {.name = "m"}};
     const lg_function_spec function = {"f", in, 2, out, 2, shared_and_not, NULL};
     const char *const s = "s", *const m = "m", *const x = "x", *const unknown = "q";
-    lg_program_spec spec;
-    lg_program *program = NULL;
     lg_error error;
-    lg_program_spec_init(&spec);
-    spec.functions = &function;
-    spec.function_count = 1;
-    assert_int_equal(lg_program_build(NULL, &spec, &program, &error), LG_OK);
+    const lg_program_spec spec = spec_of(NULL, 0, &function, 1);
+    lg_program *program = test_program(&spec);
     const struct {
         lg_derivative_kind kind;
         const char *function, *const *input, *const *output, *name;
@@ -675,7 +395,7 @@ TEST("derivatives that cannot be") {
         {(lg_derivative_kind)LG_DERIVATIVE_KIND_COUNT, "f", NULL, NULL, NULL, LG_INVALID_ARGUMENT, ""},
         {LG_DERIVATIVE_ADJOINT, NULL, NULL, NULL, NULL, LG_INVALID_ARGUMENT, ""},
     };
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+    for (size_t i = 0; i < LG_COUNT(cases); i++) {
         lg_derivative what;
         lg_derivative_init(&what);
         what.kind = cases[i].kind;
@@ -711,19 +431,16 @@ TEST("derivatives that cannot be") {
     (void)derived(program, LG_DERIVATIVE_ADJOINT, "adj1_f");
     port = lg_program_outputs(program, lg_program_functions(program) - 1, &count);
     assert_string_equal(port[0].name, "adj2_x");
-    lg_program_destroy(program);
 }
 
 /* Rows that meet, and NaN wherever inputs without a range are tried. */
 static lg_status centred_root(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     const lg_var root = lg_sqrt(tape, lg_add_scalar(tape, x[0], -2.0));
     y[0] = lg_sub(tape, root, lg_mean_axis(tape, root, 0, true));
     return lg_tape_status(tape);
 }
 
 static lg_status centred(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user, (void)theta;
     y[0] = lg_sub(tape, x[0], lg_mean_axis(tape, x[0], 0, true));
     return lg_tape_status(tape);
 }
@@ -733,13 +450,9 @@ TEST("jacobians of rows that meet are refused") {
     const lg_function_spec functions[] = {{"centred", &x3, 1, &out, 1, centred, NULL},
                                           {"centred_root", &x3, 1, &out, 1, centred_root, NULL}};
     lg_derivative what;
-    lg_program_spec spec;
-    lg_program *program = NULL;
     lg_error error;
-    lg_program_spec_init(&spec);
-    spec.functions = functions;
-    spec.function_count = 2;
-    assert_int_equal(lg_program_build(NULL, &spec, &program, &error), LG_OK);
+    const lg_program_spec spec = spec_of(NULL, 0, functions, 2);
+    lg_program *program = test_program(&spec);
     lg_derivative_init(&what);
     what.kind = LG_DERIVATIVE_JACOBIAN;
     what.function = "centred_root";
@@ -751,20 +464,18 @@ TEST("jacobians of rows that meet are refused") {
     what.kind = LG_DERIVATIVE_JACOBIAN_OF_ADJOINT;
     assert_int_equal(lg_program_derive(program, &what, &error), LG_UNSUPPORTED);
     what.kind = LG_DERIVATIVE_ADJOINT;
-    assert_int_equal(lg_program_derive(program, &what, &error), LG_OK);
-    lg_program_destroy(program);
+    assert_ok(lg_program_derive(program, &what, &error));
 }
 
 /* ---- on a tape: errors stick, outputs are untouched ---- */
 
-TEST("application is checked") {
+TEST("on a tape errors stick, and outputs are untouched") {
     network n;
     make_network(&n, 3, 4, 1, LG_TANH);
     lg_program *program = build_network(&n);
     const double zeros[8] = {0.0};
     for (int c = 0; c < 5; c++) {
-        lg_tape *tape;
-        assert_int_equal(lg_tape_create(NULL, NULL, &tape), LG_OK);
+        lg_tape *tape = test_tape(LG_F64);
         lg_var x = lg_input(tape, c == 0 ? lg_shape2(2, 4) : c == 1 ? lg_shape1(3) : lg_shape2(2, 3), zeros);
         lg_var theta = c == 2 ? lg_input(tape, lg_shape1(5), zeros)
                               : lg_input(tape, lg_shape1((uint32_t)lg_mlp_parameters(&n.net)), n.theta);
@@ -780,21 +491,17 @@ TEST("application is checked") {
         assert_memory_equal(&y, &mark, sizeof y);
         assert_int_equal(lg_program_record(tape, program, 0, &theta, &x, &y), expected); /* it sticks */
         assert_memory_equal(&y, &mark, sizeof y);
-        lg_tape_destroy(tape);
     }
-    lg_program_destroy(program);
-    free(n.theta);
 }
 
 /* ---- what depends on parameters alone is computed once ---- */
 
 static lg_status scaled(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    (void)user;
     y[0] = lg_mul(tape, x[0], lg_exp(tape, theta[0]));
     return lg_tape_status(tape);
 }
 
-TEST("parameters are folded") {
+TEST("what depends on parameters alone is computed once") {
     const double logarithms[3] = {0.5, -1.0, 2.0}, x[3] = {1.0, 2.0, -3.0};
     const lg_parameter_spec theta = {"theta", lg_shape1(3), logarithms};
     const lg_port out = {.name = "y"};
@@ -809,9 +516,9 @@ TEST("parameters are folded") {
     spec.parameter_count = 1;
     spec.functions = &function;
     spec.function_count = 1;
-    assert_int_equal(lg_program_build(NULL, &spec, &program, &error), LG_OK);
+    assert_ok(lg_program_build(NULL, &spec, &program, &error));
     assert_int_equal(lg_program_operations(program, 0), 2);
-    assert_int_equal(lg_plan_create(program, 0, NULL, &plan, &error), LG_OK);
+    assert_ok(lg_plan_create(program, 0, NULL, &plan, &error));
     for (size_t s = 0; s < plan->steps; s++) {
         if (plan->step[s].kind == LG_STEP_TENSOR) assert_int_not_equal(plan->step[s].tensor.op, &lg_op_exp);
         for (uint32_t g = 0; plan->step[s].kind == LG_STEP_SCALARS && g < plan->step[s].scalars.groups; g++)
@@ -822,7 +529,6 @@ TEST("parameters are folded") {
     for (size_t i = 0; i < 3; i++) assert_close(y[i], x[i] * exp(logarithms[i]), 1e-15, 0);
     free(work);
     lg_plan_destroy(plan);
-    lg_program_destroy(program);
 }
 
 TEST("a_{2i+j} = sin(q_i u_j); b = net(q, u) + q . u depends on everything") {
@@ -832,9 +538,9 @@ TEST("a_{2i+j} = sin(q_i u_j); b = net(q, u) + q . u depends on everything") {
     lg_program *program = build_pair(&n);
     unsigned char by_q[Y0 * Q], by_u[Y0 * U], all[Y1 * Q];
     lg_error error;
-    assert_int_equal(lg_program_sparsity(program, 0, 0, 0, by_q, &error), LG_OK);
-    assert_int_equal(lg_program_sparsity(program, 0, 0, 1, by_u, &error), LG_OK);
-    assert_int_equal(lg_program_sparsity(program, 0, 1, 0, all, &error), LG_OK);
+    assert_ok(lg_program_sparsity(program, 0, 0, 0, by_q, &error));
+    assert_ok(lg_program_sparsity(program, 0, 0, 1, by_u, &error));
+    assert_ok(lg_program_sparsity(program, 0, 1, 0, all, &error));
     for (size_t a = 0; a < Y0; a++) {
         for (size_t i = 0; i < Q; i++) assert_int_equal(by_q[a * Q + i], a / U == i);
         for (size_t j = 0; j < U; j++) assert_int_equal(by_u[a * U + j], a % U == j);
@@ -842,6 +548,4 @@ TEST("a_{2i+j} = sin(q_i u_j); b = net(q, u) + q . u depends on everything") {
     for (size_t i = 0; i < Y1 * Q; i++) assert_int_equal(all[i], 1);
     assert_int_equal(lg_program_sparsity(program, 0, 2, 0, all, &error), LG_NOT_FOUND);
     assert_int_equal(lg_program_sparsity(program, 1, 0, 0, all, &error), LG_NOT_FOUND);
-    lg_program_destroy(program);
-    free(n.theta);
 }

@@ -13,7 +13,7 @@
 #include "liegrad/gradcheck.h"
 #include "liegrad/program.h"
 #include "liegrad/random.h"
-#include "test_support.h"
+#include "support/fixtures.h"
 
 #define WARNINGS "-Wall -Wextra -Wconversion -Wdouble-promotion -Wshadow -pedantic -Werror"
 
@@ -49,7 +49,6 @@ static lg_var functional(lg_tape *tape, lg_var y) {
 static lg_status record(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const recording *r = user;
     const lg_gradcheck_function *f = &r->row->function;
-    (void)theta;
     const lg_var value = f->build(f->user, tape, x);
     if (!r->gradient) {
         y[0] = value;
@@ -300,8 +299,7 @@ static void check(const bundle *b, const char *compiler, const char *flags, lg_d
     compiled c = compile(b, compiler, flags, dtype, compact);
     double worst = 0;
     const char *which = "";
-    lg_tape *tape;
-    assert_ok(lg_tape_create(NULL, NULL, &tape));
+    lg_tape *tape = test_tape(LG_F64);
     assert_int_equal(c.source->functions, b->functions);
     for (size_t i = 0; i < c.source->functions; i++) {
         const double error = compare(b, &c, i, tape, points);
@@ -312,7 +310,6 @@ static void check(const bundle *b, const char *compiler, const char *flags, lg_d
     }
     print_message("%s %s, %s, %s: worst %.2f eps depth (%s)\n", compiler, flags,
                   dtype == LG_F32 ? "f32" : "f64", compact ? "loops" : "straight code", worst, which);
-    lg_tape_destroy(tape);
     discard(&c);
 }
 
@@ -341,11 +338,11 @@ static void check_all(bool gradients) {
     }
 }
 
-TEST("values equal the tape") {
+TEST("values in C are the tape's, for every compiler, type and form") {
     check_all(false);
 }
 
-TEST("gradients equal the tape") {
+TEST("gradients in C are the tape's, for every compiler, type and form") {
     check_all(true);
 }
 
@@ -396,7 +393,7 @@ static void check_alone(const bundle *b, bool compact, const char *compiler) {
     assert_int_equal(system(command), 0);
 }
 
-TEST("every function compiles alone") {
+TEST("every function compiles alone, as C and as C++") {
     for (size_t next = 0; lg_gradcheck_operation(next) != NULL;) {
         bundle b = make_bundle(false, &next);
         if (has("gcc")) check_alone(&b, false, "gcc -std=c99 -Wstrict-prototypes -Wmissing-prototypes");
@@ -417,7 +414,6 @@ typedef struct family {
 static lg_status record_family(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const family *f = user;
     const lg_attr attr = {.i = {f->columns - 1, f->order, 0, 0}};
-    (void)theta;
     y[0] = lg_record(tape, f->op, x, 1, &attr);
     return lg_tape_status(tape);
 }
@@ -448,7 +444,7 @@ static double family_error(const family *f, const double *w, const double *got) 
     return worst;
 }
 
-TEST("functions of the angle") {
+TEST("functions of the angle in C are the kernels' for all orders") {
     static double w[ANGLES], got[ANGLES * (TOP + 1)];
     family families[2 * (TOP + 1)];
     bundle b = {.functions = 0};

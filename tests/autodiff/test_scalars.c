@@ -1,7 +1,7 @@
 /* Scalar code of operations: every operation that has some, on every node that the registry of the gradient
  * check puts on a tape, is the same function as the operation's tensors, on every instruction set, in both
  * types. Elementwise operations may work over an input. ctest-labels: isa */
-#include "test_support.h"
+#include "support/fixtures.h"
 
 #include "autodiff/gradcheck_internal.h"
 #include "autodiff/op_rows.h"
@@ -34,10 +34,9 @@ static void each_node(visit_fn visit) {
     lg_rng_seed(&rng, 5, 1);
     for (size_t r = 0; (row = lg_gradcheck_operation(r)) != NULL; r++) {
         const lg_gradcheck_function *f = &row->function;
-        lg_tape *tape;
         lg_var x[LG_GRADCHECK_MAX_INPUTS], d[LG_GRADCHECK_MAX_INPUTS], back[LG_GRADCHECK_MAX_INPUTS], y,
             forward;
-        assert_ok(lg_tape_create(NULL, NULL, &tape));
+        lg_tape *tape = test_tape(LG_F64);
         for (uint32_t i = 0; i < f->inputs; i++) {
             x[i] = argument(tape, &rng, &f->arguments[i], true);
             d[i] = argument(tape, &rng, &f->arguments[i], false);
@@ -48,7 +47,6 @@ static void each_node(visit_fn visit) {
         assert_ok(lg_vjp(tape, &y, &forward, 1, x, f->inputs, back));
         if (!f->first_order_only) assert_ok(lg_vjp(tape, back, d, f->inputs, x, f->inputs, back));
         for (uint32_t i = 0; i < tape->count; i++) visit(tape, &tape->nodes[i], f->name);
-        lg_tape_destroy(tape);
     }
 }
 

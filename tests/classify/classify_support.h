@@ -8,12 +8,10 @@
 #include "liegrad/classify.h"
 #include "liegrad/random.h"
 
-/* n points in d dimensions, class i mod classes, whose centres lie `apart` along different axes. Caller
- * frees. */
+/* n points in d dimensions, class i mod classes, whose centres lie `apart` along different axes. */
 static inline double *clouds(size_t n, uint32_t d, uint32_t classes, double apart, uint64_t seed,
                              uint32_t *label) {
-    double *x = malloc(n * d * sizeof *x);
-    assert_non_null(x);
+    double *x = TEST_ARRAY(double, n *d);
     lg_rng rng;
     lg_rng_seed(&rng, seed, 0);
     for (size_t i = 0; i < n; i++) {

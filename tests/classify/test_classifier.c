@@ -3,7 +3,7 @@
 #include "classify_support.h"
 
 #include "liegrad/metrics.h"
-#include "support/fail_alloc.h"
+#include "support/fixtures.h"
 
 /* One thread of BLAS, as in the executables: the thread sanitizer cannot see into its own. */
 __attribute__((constructor)) static void one_thread_of_blas(void) {
@@ -26,12 +26,11 @@ static lg_method_options options_of(size_t chain) {
 }
 
 static double accuracy(const lg_classifier *c, const double *x, const uint32_t *label, size_t n, uint32_t d) {
-    double *work = malloc((lg_classifier_work(c) + c->classes) * sizeof *work), right = 0;
+    double *work = TEST_ARRAY(double, (lg_classifier_work(c) + c->classes)), right = 0;
     for (size_t i = 0; i < n; i++) {
         lg_classifier_score(c, x + i * d, work, work + c->classes);
         right += lg_class_of(work, c->classes) == label[i];
     }
-    free(work);
     return right / (double)n;
 }
 
@@ -57,11 +56,10 @@ TEST("chains tell clouds apart") {
             assert_memory_equal(c.pca.mean, again.pca.mean, 5 * sizeof(double));
             lg_classifier_destroy(NULL, &c);
             lg_classifier_destroy(NULL, &again);
-            free(x);
         }
 }
 
-TEST("hard tables") {
+TEST("wide, short, scaled and contradictory tables give finite scores") {
     static const uint32_t shapes[][3] = {
         {30, 1, 2}, {20, 600, 4}, {2, 3, 2}, {3, 2, 3}, {4, 1, 4}}; /* n, d, classes */
     for (size_t s = 0; s < LG_COUNT(shapes); s++)
@@ -80,18 +78,16 @@ TEST("hard tables") {
                 const lg_status status = lg_classifier_fit(NULL, &o, x, label, NULL, n, d, classes, &c, &e);
                 if (status != LG_OK)
                     fail_msg("n %u d %u variant %d chain %zu: %s", n, d, variant, t, e.message);
-                double *work = malloc((lg_classifier_work(&c) + classes) * sizeof *work);
+                double *work = TEST_ARRAY(double, (lg_classifier_work(&c) + classes));
                 for (uint32_t i = 0; i < n; i++) {
                     lg_classifier_score(&c, x + i * d, work, work + classes);
                     for (uint32_t k = 0; k < classes; k++) assert_true(isfinite(work[k]));
                 }
-                free(work);
                 lg_classifier_destroy(NULL, &c);
-                free(x);
             }
 }
 
-TEST("refusals") {
+TEST("bad tables and options are refused, and the classifier is untouched") {
     uint32_t label[8];
     double *x = clouds(8, 2, 2, 1.0, 3, label);
     lg_classifier c = {.classes = 55};
@@ -115,7 +111,6 @@ TEST("refusals") {
         assert_int_equal(method, m);
     }
     assert_status(lg_method_parse("svm", &method), LG_NOT_FOUND);
-    free(x);
 }
 
 /* ---- archives ---- */
@@ -141,38 +136,52 @@ static void make_classifier(const lg_series *s, size_t t, lg_classifier *c) {
     lg_windows w;
     assert_ok(lg_windows_create(NULL, s, 0, 0, &w, NULL));
     assert_ok(lg_features_create(NULL, kinds[t % 4], false, s, 40, NULL, &c->features, NULL));
-    double *x = malloc(w.count * c->features.count * sizeof *x);
+    double *x = TEST_ARRAY(double, w.count * c->features.count);
     assert_ok(lg_features_table(NULL, &c->features, s, &w, 1, x, NULL));
     const lg_method_options o = options_of(t);
     assert_ok(lg_classifier_fit(NULL, &o, x, s->label, NULL, w.count, c->features.count, 3, c, NULL));
-    free(x);
     lg_windows_destroy(NULL, &w);
+}
+
+/* Chain t, saved. */
+typedef struct archived {
+    lg_classifier c;
+    memory_archive archive;
+    lg_archive_reader reader;
+} archived;
+
+static void open_archived(const lg_series *s, size_t t, archived *a) {
+    a->archive = (memory_archive){0};
+    a->reader = memory_reader(&a->archive);
+    const lg_archive_writer writer = memory_writer(&a->archive);
+    make_classifier(s, t, &a->c);
+    assert_ok(lg_classifier_save(&a->c, &writer, NULL));
+}
+
+static void close_archived(archived *a) {
+    memory_clear(&a->archive);
+    lg_classifier_destroy(NULL, &a->c);
 }
 
 TEST("archives keep every bit") {
     lg_series s = make_series();
     for (size_t t = 0; t < CHAINS; t++) {
-        lg_classifier c, back;
-        memory_archive archive = {0};
-        const lg_archive_writer writer = memory_writer(&archive);
-        const lg_archive_reader reader = memory_reader(&archive);
-        make_classifier(&s, t, &c);
+        archived a;
+        lg_classifier back;
         lg_error e;
-        assert_ok(lg_classifier_save(&c, &writer, NULL));
-        const lg_status status = lg_classifier_load(NULL, &reader, &back, &e);
+        open_archived(&s, t, &a);
+        const lg_status status = lg_classifier_load(NULL, &a.reader, &back, &e);
         if (status != LG_OK) fail_msg("%s", e.message);
-        assert_int_equal(back.method, c.method);
-        assert_int_equal(lg_classifier_work(&back), lg_classifier_work(&c));
-        double *work = malloc(lg_classifier_work(&c) * sizeof *work), a[3], b[3];
+        assert_int_equal(back.method, a.c.method);
+        assert_int_equal(lg_classifier_work(&back), lg_classifier_work(&a.c));
+        double *work = TEST_ARRAY(double, lg_classifier_work(&a.c)), kept[3], read[3];
         for (size_t i = 0; i < s.count; i++) {
-            assert_ok(lg_classifier_window(&c, s.x + i * 240, a, work));
-            assert_ok(lg_classifier_window(&back, s.x + i * 240, b, work));
-            assert_memory_equal(a, b, sizeof a);
+            assert_ok(lg_classifier_window(&a.c, s.x + i * 240, kept, work));
+            assert_ok(lg_classifier_window(&back, s.x + i * 240, read, work));
+            assert_memory_equal(kept, read, sizeof kept);
         }
-        free(work);
-        lg_classifier_destroy(NULL, &c);
         lg_classifier_destroy(NULL, &back);
-        memory_clear(&archive);
+        close_archived(&a);
     }
     lg_series_destroy(NULL, &s);
 }
@@ -193,19 +202,15 @@ static void use(const lg_archive_reader *reader, const float *x) {
     lg_classifier_destroy(NULL, &c);
 }
 
-TEST("archives that lie") {
+TEST("archives that lie are refused, or what they give can be used") {
     static const double wrong[] = {-1.0, 0.0, 1.0, 2.5, 1e9, NAN, INFINITY};
     static const uint32_t wrong32[] = {0, 1, 2, 3, 7, 1u << 20, UINT32_MAX};
     lg_series s = make_series();
     for (size_t t = 0; t < CHAINS; t++) {
-        lg_classifier c;
-        memory_archive archive = {0};
-        const lg_archive_writer writer = memory_writer(&archive);
-        const lg_archive_reader reader = memory_reader(&archive);
-        make_classifier(&s, t, &c);
-        assert_ok(lg_classifier_save(&c, &writer, NULL));
-        for (size_t i = 0; i < archive.count; i++) {
-            memory_item *item = &archive.item[i];
+        archived a;
+        open_archived(&s, t, &a);
+        for (size_t i = 0; i < a.archive.count; i++) {
+            memory_item *item = &a.archive.item[i];
             const size_t size = item->type == LG_ELEMENT_F64 ? 8 : 4;
             const size_t step = item->bytes / size > 12 ? item->bytes / size / 12 : 1;
             for (size_t at = 0; (at + 1) * size <= item->bytes; at += step)
@@ -213,28 +218,27 @@ TEST("archives that lie") {
                     unsigned char saved[8];
                     memcpy(saved, item->data + at * size, size);
                     memcpy(item->data + at * size, size == 8 ? (const void *)&wrong[w] : &wrong32[w], size);
-                    use(&reader, s.x);
+                    use(&a.reader, s.x);
                     memcpy(item->data + at * size, saved, size);
                 }
             for (uint32_t r = 0; r < item->rank; r++) {
                 item->dims[r] ^= 1;
                 lg_classifier back;
-                assert_status(lg_classifier_load(NULL, &reader, &back, NULL), LG_FORMAT);
+                assert_status(lg_classifier_load(NULL, &a.reader, &back, NULL), LG_FORMAT);
                 item->dims[r] ^= 1;
             }
             const char first = item->path[0]; /* missing */
             lg_classifier back;
             item->path[0] = '?';
-            assert_status(lg_classifier_load(NULL, &reader, &back, NULL), LG_NOT_FOUND);
+            assert_status(lg_classifier_load(NULL, &a.reader, &back, NULL), LG_NOT_FOUND);
             item->path[0] = first;
         }
-        memory_clear(&archive);
-        lg_classifier_destroy(NULL, &c);
+        close_archived(&a);
     }
     lg_series_destroy(NULL, &s);
 }
 
-TEST("what must be refused by name") {
+TEST("lies in an archive are refused by name") {
     static const struct {
         size_t chain;
         const char *path;
@@ -257,14 +261,11 @@ TEST("what must be refused by name") {
                 {4, "classifier/svm/vectors_of", 0, 9999, LG_FORMAT},
                 {5, "classifier/svm/gamma", 0, -1.0, LG_FORMAT}};
     lg_series s = make_series();
-    for (size_t i = 0; i < LG_COUNT(lies); i++) {
-        lg_classifier c, back;
-        memory_archive archive = {0};
-        const lg_archive_writer writer = memory_writer(&archive);
-        const lg_archive_reader reader = memory_reader(&archive);
-        make_classifier(&s, lies[i].chain, &c);
-        assert_ok(lg_classifier_save(&c, &writer, NULL));
-        memory_item *item = memory_find(&archive, lies[i].path);
+    for (size_t i = 0; i < sizeof lies / sizeof lies[0]; i++) {
+        archived a;
+        lg_classifier back;
+        open_archived(&s, lies[i].chain, &a);
+        memory_item *item = memory_find(&a.archive, lies[i].path);
         assert_non_null(item);
         const uint32_t whole = (uint32_t)(lies[i].value > 0 ? lies[i].value : 0);
         if (item->type == LG_ELEMENT_F64)
@@ -272,11 +273,10 @@ TEST("what must be refused by name") {
         else
             memcpy(item->data + 4 * lies[i].entry, &whole, 4);
         lg_error e;
-        const lg_status status = lg_classifier_load(NULL, &reader, &back, &e);
+        const lg_status status = lg_classifier_load(NULL, &a.reader, &back, &e);
         if (status != lies[i].status) fail_msg("%s: %s", lies[i].path, lg_status_name(status));
         assert_non_null(strstr(e.message, lies[i].path));
-        memory_clear(&archive);
-        lg_classifier_destroy(NULL, &c);
+        close_archived(&a);
     }
     lg_series_destroy(NULL, &s);
 }
@@ -295,7 +295,7 @@ static void replace(memory_archive *archive, const char *path, const void *data,
 
 /* Seven nodes, each the child of one: 0 has 1 and 2, and apart from them 3 has 4 and 5, 4 has 3 and 6. With
  * `honest` 2 has 3 and 4, 4 has 5 and 6. */
-TEST("trees with cycles") {
+TEST("trees with cycles are refused") {
     lg_series s = make_series();
     for (int honest = 0; honest < 2; honest++) {
         static const double children[2][7][2] = {
@@ -309,66 +309,49 @@ TEST("trees with cycles") {
             memcpy(&node[i][1], children[honest][i], sizeof children[honest][i]);
             node[i][5] = counts[i][0] = 1;
         }
-        lg_classifier c, back;
-        memory_archive archive = {0};
-        const lg_archive_writer writer = memory_writer(&archive);
-        const lg_archive_reader reader = memory_reader(&archive);
-        make_classifier(&s, 2, &c);
-        assert_ok(lg_classifier_save(&c, &writer, NULL));
-        replace(&archive, "classifier/tree/nodes", &seven, 1, sizeof seven);
-        replace(&archive, "classifier/tree/node", node, 7, sizeof node[0]);
-        replace(&archive, "classifier/tree/counts", counts, 7, sizeof counts[0]);
-        assert_status(lg_classifier_load(NULL, &reader, &back, NULL), honest ? LG_OK : LG_FORMAT);
+        archived a;
+        lg_classifier back;
+        open_archived(&s, 2, &a);
+        replace(&a.archive, "classifier/tree/nodes", &seven, 1, sizeof seven);
+        replace(&a.archive, "classifier/tree/node", node, 7, sizeof node[0]);
+        replace(&a.archive, "classifier/tree/counts", counts, 7, sizeof counts[0]);
+        assert_status(lg_classifier_load(NULL, &a.reader, &back, NULL), honest ? LG_OK : LG_FORMAT);
         lg_classifier_destroy(NULL, &back);
-        lg_classifier_destroy(NULL, &c);
-        memory_clear(&archive);
+        close_archived(&a);
     }
     lg_series_destroy(NULL, &s);
 }
 
-TEST("allocations that fail") {
+TEST("every allocation may fail") {
     lg_series s = make_series();
     for (size_t t = 0; t < CHAINS; t++) {
-        lg_classifier c, back;
-        memory_archive archive = {0};
-        const lg_archive_writer writer = memory_writer(&archive);
-        const lg_archive_reader reader = memory_reader(&archive);
-        make_classifier(&s, t, &c);
-        assert_ok(lg_classifier_save(&c, &writer, NULL));
+        archived a;
+        lg_classifier back;
+        open_archived(&s, t, &a);
         static const uint32_t unit[12] = {0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3};
         uint32_t label[12];
         double *x = clouds(12, 3, 3, 1.0, 2, label);
         const lg_method_options o = options_of(t);
-        lg_fail_alloc memory;
-        lg_context *context = lg_fail_alloc_context(&memory);
         for (int what = 0; what < 3; what++)
-            for (long n = 1;; n++) {
+            EVERY_ALLOCATION_FAILS(context, 1, {
                 double rates[1];
                 size_t best;
-                lg_fail_alloc_arm(&memory, n);
                 back = (lg_classifier){0};
-                const lg_status status =
-                    what == 0   ? lg_classifier_load(context, &reader, &back, NULL)
-                    : what == 1 ? lg_classifier_fit(context, &o, x, label, NULL, 12, 3, 3, &back, NULL)
-                                : lg_grid_search(context, &o, 1, 2, x, label, unit, NULL, 12, 3, 3, 1, rates,
-                                                 &best, NULL);
+                if (what == 0) status = lg_classifier_load(context, &a.reader, &back, NULL);
+                if (what == 1) status = lg_classifier_fit(context, &o, x, label, NULL, 12, 3, 3, &back, NULL);
+                if (what == 2)
+                    status = lg_grid_search(context, &o, 1, 2, x, label, unit, NULL, 12, 3, 3, 1, rates,
+                                            &best, NULL);
                 lg_classifier_destroy(context, &back);
-                assert_int_equal(lg_fail_alloc_live(&memory), 0);
-                if (!lg_fail_alloc_hit(&memory)) break;
-                assert_status(status, LG_OUT_OF_MEMORY);
-            }
-        lg_fail_alloc_arm(&memory, 0);
-        lg_context_destroy(context);
-        free(x);
-        memory_clear(&archive);
-        lg_classifier_destroy(NULL, &c);
+            });
+        close_archived(&a);
     }
     lg_series_destroy(NULL, &s);
 }
 
 /* ---- choosing ---- */
 
-TEST("choice by hand") {
+TEST("the choice by cross-validation is the one by hand") {
     enum { N = 61, FOLDS = 5 };
     uint32_t chosen[N], own[N], fold[N], n = 0;
     double *x = clouds(70, 4, 2, 1.5, 77, (uint32_t[70]){0});
@@ -401,7 +384,6 @@ TEST("choice by hand") {
         }
         expected += right / tested / FOLDS;
         free(work);
-        lg_classifier_destroy(NULL, &c);
     }
     assert_close(rates[2], expected, 1e-14, 0);
     for (int i = 0; i < 4; i++)
@@ -412,12 +394,11 @@ TEST("choice by hand") {
         assert_memory_equal(other, rates, sizeof rates);
         assert_int_equal(again, best);
     }
-    free(x);
 }
 
 /* Four recordings of each class, each a tight cloud about a centre of its own that tells nothing of the
  * class. Torn apart, every row is known from its neighbours; as units, none is. */
-TEST("units are not torn") {
+TEST("folds do not tear units") {
     enum { UNITS = 12, EACH = 10, N = UNITS * EACH };
     uint32_t label[N], unit[N], chosen[N];
     double x[2 * N], torn, whole, few;
@@ -455,7 +436,7 @@ TEST("units are not torn") {
     assert_true(none < 1.0);
 }
 
-TEST("choice of few") {
+TEST("few rows and wide tables can be chosen from, the first of equals is taken") {
     uint32_t label[30];
     double *x = clouds(30, 40, 3, 3.0, 5, label), rate[2];
     lg_method_options o[2];
@@ -483,5 +464,4 @@ TEST("choice of few") {
     assert_status(lg_grid_search(NULL, o, 0, 5, x, label, NULL, NULL, 30, 40, 3, 1, rate, &best, &e),
                   LG_INVALID_ARGUMENT);
     assert_int_equal(best, 7);
-    free(x);
 }

@@ -38,45 +38,46 @@ typedef struct chain {
     double *work;
 } chain;
 
-static chain make(lg_series series, lg_feature_kind kind, bool directions_x, lg_method method,
-                  uint32_t components) {
-    chain f = {.series = series};
-    lg_error e;
-    assert_ok(lg_windows_create(NULL, &f.series, 0, 0, &f.windows, NULL));
-    assert_ok(lg_scaler_fit(NULL, &f.series, &f.windows, NULL, WINDOWS, false, &f.scaler));
-    if (lg_features_create(NULL, kind, directions_x, &f.series, f.series.length, &f.scaler, &f.c.features,
-                           &e) != LG_OK)
-        fail_msg("%s", e.message);
-    const uint32_t d = f.c.features.count;
-    double *table = malloc(WINDOWS * d * sizeof *table);
-    assert_ok(lg_features_table(NULL, &f.c.features, &f.series, &f.windows, 1, table, NULL));
-    lg_method_options o;
-    lg_method_options_init(&o);
-    o.method = method;
-    o.components = components < d ? components : d;
-    if (lg_classifier_fit(NULL, &o, table, f.series.label, NULL, WINDOWS, d, f.series.classes, &f.c, &e) !=
-        LG_OK)
-        fail_msg("%s", e.message);
-    free(table);
-    f.inputs = (size_t)f.series.channels * f.series.length;
-    f.outputs = lg_classifier_outputs(&f.c);
-    assert_in_range(f.outputs, 1, MOST_OUTPUTS);
-    f.work = malloc((lg_classifier_jacobian_work(&f.c) + lg_classifier_work(&f.c) + 1) * sizeof *f.work);
-    return f;
-}
-
-static void release(chain *f) {
+static void release(void *of) {
+    chain *f = of;
     lg_classifier_destroy(NULL, &f->c);
     lg_scaler_destroy(NULL, &f->scaler);
     lg_windows_destroy(NULL, &f->windows);
     lg_series_destroy(NULL, &f->series);
-    free(f->work);
 }
 
-/* All of the Jacobian, the memory around it watched. Caller frees. */
+static chain *make(lg_series series, lg_feature_kind kind, bool directions_x, lg_method method,
+                   uint32_t components) {
+    chain *f = TEST_ARRAY(chain, 1);
+    f->series = series;
+    lg_test_owns(f, release);
+    lg_error e;
+    assert_ok(lg_windows_create(NULL, &f->series, 0, 0, &f->windows, NULL));
+    assert_ok(lg_scaler_fit(NULL, &f->series, &f->windows, NULL, WINDOWS, false, &f->scaler));
+    if (lg_features_create(NULL, kind, directions_x, &f->series, f->series.length, &f->scaler, &f->c.features,
+                           &e) != LG_OK)
+        fail_msg("%s", e.message);
+    const uint32_t d = f->c.features.count;
+    double *table = TEST_ARRAY(double, WINDOWS *d);
+    assert_ok(lg_features_table(NULL, &f->c.features, &f->series, &f->windows, 1, table, NULL));
+    lg_method_options o;
+    lg_method_options_init(&o);
+    o.method = method;
+    o.components = components < d ? components : d;
+    if (lg_classifier_fit(NULL, &o, table, f->series.label, NULL, WINDOWS, d, f->series.classes, &f->c, &e) !=
+        LG_OK)
+        fail_msg("%s", e.message);
+    f->inputs = (size_t)f->series.channels * f->series.length;
+    f->outputs = lg_classifier_outputs(&f->c);
+    assert_in_range(f->outputs, 1, MOST_OUTPUTS);
+    f->work = TEST_ARRAY(double, lg_classifier_jacobian_work(&f->c) + lg_classifier_work(&f->c) + 1);
+    return f;
+}
+
+/* All of the Jacobian, the memory around it watched. */
 static double *jacobian_of(const chain *f, const float *x, double *y) {
     const size_t count = f->outputs * f->inputs, size = lg_classifier_jacobian_work(&f->c);
-    double *jacobian = malloc(count * sizeof *jacobian), plain[MOST_OUTPUTS];
+    double *jacobian = TEST_ARRAY(double, count), plain[MOST_OUTPUTS];
     for (size_t i = 0; i < count; i++) jacobian[i] = NAN;
     for (size_t i = 0; i < size; i++) f->work[i] = NAN;
     f->work[size] = 55.0;
@@ -129,7 +130,6 @@ static void against_differences(const chain *f, float *x, size_t every, double s
             assert_close(row[input], by[o], 0, tolerance * largest_of(row, f->inputs) + 1e-12);
         }
     }
-    free(jacobian);
 }
 
 /* ---- decisions against scores ---- */
@@ -179,56 +179,51 @@ static void all_chains(lg_feature_kind kind) {
         for (uint32_t classes = 2; classes <= 4; classes++)
             for (uint32_t components = 0; components <= 3; components += 3) {
                 const bool directions_x = classes == 3;
-                chain f = make(make_series(CHANNELS, LENGTH, classes), kind, directions_x, (lg_method)method,
-                               components);
-                for (size_t i = 0; i < WINDOWS; i++) against_scores(&f, f.series.x + i * f.inputs);
-                against_differences(&f, f.series.x + 7 * f.inputs, 13, 0x1p-5, 1e-9);
-                release(&f);
+                chain *f = make(make_series(CHANNELS, LENGTH, classes), kind, directions_x, (lg_method)method,
+                                components);
+                for (size_t i = 0; i < WINDOWS; i++) against_scores(f, f->series.x + i * f->inputs);
+                against_differences(f, f->series.x + 7 * f->inputs, 13, 0x1p-5, 1e-9);
             }
 }
 
-TEST("raw") {
+TEST("decisions and Jacobians of every method on raw samples") {
     all_chains(LG_FEATURES_RAW);
 }
 
-TEST("deviations") {
+TEST("decisions and Jacobians of every method on deviations") {
     all_chains(LG_FEATURES_STD);
 }
 
-TEST("covariance") {
+TEST("decisions and Jacobians of every method on the covariance") {
     all_chains(LG_FEATURES_COV);
 }
 
-TEST("baseline") {
+TEST("decisions and Jacobians of every method on the baseline") {
     all_chains(LG_FEATURES_BASELINE);
 }
 
 TEST("the whole Jacobian of one chain of each kind, and zeros for channels that are not selected") {
     for (int kind = 0; kind < LG_FEATURE_KIND_COUNT; kind++) {
-        chain f = make(make_series(CHANNELS, LENGTH, 2), (lg_feature_kind)kind, true, LG_METHOD_LOGISTIC, 0);
-        double y[MOST_OUTPUTS], *jacobian = jacobian_of(&f, f.series.x, y);
-        against_differences(&f, f.series.x, 1, 0x1p-5, 1e-9);
-        for (size_t i = 0; i < f.inputs; i++)
+        chain *f = make(make_series(CHANNELS, LENGTH, 2), (lg_feature_kind)kind, true, LG_METHOD_LOGISTIC, 0);
+        double y[MOST_OUTPUTS], *jacobian = jacobian_of(f, f->series.x, y);
+        against_differences(f, f->series.x, 1, 0x1p-5, 1e-9);
+        for (size_t i = 0; i < f->inputs; i++)
             if (i / LENGTH % 2 == 1) assert_close(jacobian[i], 0.0, 0, 0);
         if (kind != LG_FEATURES_BASELINE)
             for (size_t c = 0; c < CHANNELS; c += 2)
                 assert_true(largest_of(jacobian + c * LENGTH, LENGTH) > 1e-6);
-        free(jacobian);
-        release(&f);
     }
 }
 
-TEST("a window that is moved has the same deviations, covariance and baseline") {
+TEST("Jacobians of deviations, covariance and baseline sum to zero over a channel") {
     for (int kind = LG_FEATURES_STD; kind < LG_FEATURE_KIND_COUNT; kind++) {
-        chain f = make(make_series(CHANNELS, LENGTH, 2), (lg_feature_kind)kind, false, LG_METHOD_SVM_RBF, 0);
-        double y[MOST_OUTPUTS], *jacobian = jacobian_of(&f, f.series.x, y);
+        chain *f = make(make_series(CHANNELS, LENGTH, 2), (lg_feature_kind)kind, false, LG_METHOD_SVM_RBF, 0);
+        double y[MOST_OUTPUTS], *jacobian = jacobian_of(f, f->series.x, y);
         for (size_t c = 0; c < CHANNELS; c++) {
             double sum = 0.0;
             for (size_t t = 0; t < LENGTH; t++) sum += jacobian[c * LENGTH + t];
-            assert_close(sum, 0.0, 0, 1e-13 * largest_of(jacobian, f.inputs));
+            assert_close(sum, 0.0, 0, 1e-13 * largest_of(jacobian, f->inputs));
         }
-        free(jacobian);
-        release(&f);
     }
 }
 
@@ -236,52 +231,49 @@ TEST("a window that is moved has the same deviations, covariance and baseline") 
 
 /* Of a constant channel: deviations have a kink, derivative 0; the covariance with the others moves. Central
  * differences take the kink, which is even, away, and leave an error of first order in the step. */
-TEST("constant channel") {
+TEST("a constant channel has the derivative zero, but for the covariance with others") {
     for (int kind = LG_FEATURES_STD; kind < LG_FEATURE_KIND_COUNT; kind++) {
-        chain f = make(make_series(CHANNELS, LENGTH, 2), (lg_feature_kind)kind, false, LG_METHOD_LOGISTIC, 0);
-        for (size_t t = 0; t < LENGTH; t++) f.series.x[t] = 0.75f;
-        double y[MOST_OUTPUTS], *jacobian = jacobian_of(&f, f.series.x, y);
+        chain *f =
+            make(make_series(CHANNELS, LENGTH, 2), (lg_feature_kind)kind, false, LG_METHOD_LOGISTIC, 0);
+        for (size_t t = 0; t < LENGTH; t++) f->series.x[t] = 0.75f;
+        double y[MOST_OUTPUTS], *jacobian = jacobian_of(f, f->series.x, y);
         if (kind == LG_FEATURES_COV)
             assert_true(largest_of(jacobian, LENGTH) > 1e-3);
         else
             for (size_t t = 0; t < LENGTH; t++) assert_close(jacobian[t], 0.0, 0, 0);
-        if (kind == LG_FEATURES_COV) against_differences(&f, f.series.x, 3, 0x1p-10, 2e-3);
-        free(jacobian);
-        for (size_t i = 0; i < f.inputs; i++) f.series.x[i] = 3.0f; /* all of them */
-        jacobian = jacobian_of(&f, f.series.x, y);
-        for (size_t i = 0; i < f.inputs; i++) assert_close(jacobian[i], 0.0, 0, 0);
-        free(jacobian);
-        release(&f);
+        if (kind == LG_FEATURES_COV) against_differences(f, f->series.x, 3, 0x1p-10, 2e-3);
+        for (size_t i = 0; i < f->inputs; i++) f->series.x[i] = 3.0f; /* all of them */
+        jacobian = jacobian_of(f, f->series.x, y);
+        for (size_t i = 0; i < f->inputs; i++) assert_close(jacobian[i], 0.0, 0, 0);
     }
 }
 
-TEST("a channel that is the sum of two others") {
-    chain f = make(make_series(CHANNELS, LENGTH, 2), LG_FEATURES_COV, false, LG_METHOD_LOGISTIC, 0);
-    for (size_t t = 0; t < LENGTH; t++) f.series.x[2 * LENGTH + t] = f.series.x[t] + f.series.x[LENGTH + t];
-    against_differences(&f, f.series.x, 7, 0x1p-10, 2e-3);
-    release(&f);
+TEST("dependent channels have the derivatives of differences") {
+    chain *f = make(make_series(CHANNELS, LENGTH, 2), LG_FEATURES_COV, false, LG_METHOD_LOGISTIC, 0);
+    for (size_t t = 0; t < LENGTH; t++)
+        f->series.x[2 * LENGTH + t] = f->series.x[t] + f->series.x[LENGTH + t];
+    against_differences(f, f->series.x, 7, 0x1p-10, 2e-3);
     /* fewer samples than channels */
     f = make(make_series(CHANNELS, 4, 2), LG_FEATURES_COV, false, LG_METHOD_LOGISTIC, 0);
-    against_differences(&f, f.series.x, 1, 0x1p-10, 5e-3);
-    release(&f);
+    against_differences(f, f->series.x, 1, 0x1p-10, 5e-3);
 }
 
 /* All m channels alike: C = a 1 1^T = s^2 P with s^2 = m a and P the projection on (1, ..., 1), Q = I - P the
  * one on the null space. The cotangent of C from G, that of the root, is (P G Q + Q G P)/s + P G P/(2 s),
  * free of what rounding makes of the eigenvalues 0. */
-TEST("identical channels") {
+TEST("identical channels have the derivative of the projection") {
     enum { M = CHANNELS };
-    chain f = make(make_series(M, LENGTH, 2), LG_FEATURES_COV, false, LG_METHOD_LOGISTIC, 0);
-    float *x = f.series.x;
+    chain *f = make(make_series(M, LENGTH, 2), LG_FEATURES_COV, false, LG_METHOD_LOGISTIC, 0);
+    float *x = f->series.x;
     double y[MOST_OUTPUTS], g[M][M], row[M] = {0}, mean = 0.0, variance = 0.0, all = 0.0;
     for (size_t c = 0; c < M; c++) {
-        f.c.features.scale[c] = 1.0;
+        f->c.features.scale[c] = 1.0;
         memcpy(x + c * LENGTH, x, LENGTH * sizeof *x);
     }
-    double *jacobian = jacobian_of(&f, x, y);
+    double *jacobian = jacobian_of(f, x, y);
     for (size_t i = 0, at = 0; i < M; i++)
         for (size_t j = i; j < M; j++, at++) {
-            const double weight = f.c.logistic.weight[at] / f.c.pca.scale[at];
+            const double weight = f->c.logistic.weight[at] / f->c.pca.scale[at];
             g[i][j] = g[j][i] = i == j ? weight : 0.5 * weight;
         }
     for (size_t i = 0; i < M; i++) {
@@ -296,10 +288,8 @@ TEST("identical channels") {
         for (size_t j = 0; j < M; j++) sum += (row[i] + row[j] - 2.0 * all) / s + all / (2.0 * s);
         for (size_t t = 0; t < LENGTH; t++)
             assert_close(jacobian[i * LENGTH + t], 2.0 * sum * (x[t] - mean) / LENGTH, 1e-12,
-                         1e-13 * largest_of(jacobian, f.inputs));
+                         1e-13 * largest_of(jacobian, f->inputs));
     }
-    free(jacobian);
-    release(&f);
 }
 
 static double sign_of(unsigned bits) {
@@ -309,14 +299,14 @@ static double sign_of(unsigned bits) {
 /* Z = sum_k s_k v_k w_k^T with exact numbers, orthonormal v_k, orthogonal w_k of ones and minus ones: with G,
  * the cotangent of the root, that of Z is 2/n sum_ab v_a (v_a.G v_b) s_b/(s_a + s_b) w_b^T. It is off by eps
  * s_max/s_min, 1e-12; from eigenvectors of Z Z^T it would be by the square of that ratio. */
-TEST("small roots") {
+TEST("derivatives are exact with roots 4096 times apart") {
     enum { M = 4, N = 8 };
     static const double root[M] = {0x1p-4, 1.0, 0x1p-12, 0x1p-8};
-    chain f = make(make_series(M, N, 2), LG_FEATURES_COV, false, LG_METHOD_LOGISTIC, 0);
-    float *x = f.series.x;
+    chain *f = make(make_series(M, N, 2), LG_FEATURES_COV, false, LG_METHOD_LOGISTIC, 0);
+    float *x = f->series.x;
     double y[MOST_OUTPUTS], g[M][M], turned[M][M] = {{0.0}};
     for (unsigned i = 0; i < M; i++) {
-        f.c.features.scale[i] = 2.0;
+        f->c.features.scale[i] = 2.0;
         for (unsigned t = 0; t < N; t++) {
             double sum = 3.0;
             for (unsigned k = 0; k < M; k++) sum += root[k] * sign_of(k & i) * sign_of((k + 1) & t);
@@ -324,10 +314,10 @@ TEST("small roots") {
             assert_true((double)x[i * N + t] == sum);
         }
     }
-    double *jacobian = jacobian_of(&f, x, y);
+    double *jacobian = jacobian_of(f, x, y);
     for (unsigned i = 0, at = 0; i < M; i++)
         for (unsigned j = i; j < M; j++, at++) {
-            const double weight = f.c.logistic.weight[at] / f.c.pca.scale[at];
+            const double weight = f->c.logistic.weight[at] / f->c.pca.scale[at];
             g[i][j] = g[j][i] = i == j ? weight : 0.5 * weight;
         }
     for (unsigned a = 0; a < M; a++)
@@ -343,104 +333,94 @@ TEST("small roots") {
                     sum += 0.5 * sign_of(a & i) * turned[a][b] * (root[b] / (root[a] + root[b])) *
                            sign_of((b + 1) & t);
             assert_close(jacobian[i * N + t], 2.0 * sum / (N * 2.0), 0,
-                         1e-11 * largest_of(jacobian, f.inputs));
+                         1e-11 * largest_of(jacobian, f->inputs));
         }
-    free(jacobian);
-    release(&f);
 }
 
 /* Accelerations of the same deviation in all parts: slope 0, and so are its derivatives; the intercept is the
  * mean of the moment's deviations. */
-TEST("level baseline") {
-    chain f = make(make_series(CHANNELS, LENGTH, 2), LG_FEATURES_BASELINE, true, LG_METHOD_LOGISTIC, 0);
-    assert_int_equal(f.c.features.count, 2);
-    for (size_t t = 0; t < LENGTH; t++) f.series.x[t] = (float)(t % 5);
-    double y[MOST_OUTPUTS], *jacobian = jacobian_of(&f, f.series.x, y);
+TEST("a level baseline has slope zero, with zero derivatives") {
+    chain *f = make(make_series(CHANNELS, LENGTH, 2), LG_FEATURES_BASELINE, true, LG_METHOD_LOGISTIC, 0);
+    assert_int_equal(f->c.features.count, 2);
+    for (size_t t = 0; t < LENGTH; t++) f->series.x[t] = (float)(t % 5);
+    double y[MOST_OUTPUTS], *jacobian = jacobian_of(f, f->series.x, y);
     for (size_t i = 0; i < 4 * LENGTH; i++) assert_close(jacobian[i], 0.0, 0, 0);
-    const double factor = f.c.logistic.weight[0] / f.c.pca.scale[0];
+    const double factor = f->c.logistic.weight[0] / f->c.pca.scale[0];
     for (size_t s = 0; s < 10; s++) {
-        const float *x = f.series.x + 4 * LENGTH + 5 * s;
+        const float *x = f->series.x + 4 * LENGTH + 5 * s;
         double mean = 0.0, square = 0.0;
         for (size_t t = 0; t < 5; t++) mean += (double)x[t] / 5.0;
         for (size_t t = 0; t < 5; t++) square += (x[t] - mean) * (x[t] - mean) / 5.0;
         for (size_t t = 0; t < 5; t++) {
-            const double wanted = factor * (x[t] - mean) / (50.0 * sqrt(square) * f.scaler.scale[4]);
+            const double wanted = factor * (x[t] - mean) / (50.0 * sqrt(square) * f->scaler.scale[4]);
             assert_close(jacobian[4 * LENGTH + 5 * s + t], wanted, 1e-11, 1e-13);
         }
     }
-    free(jacobian);
-    release(&f);
 }
 
-TEST("one sample") {
+TEST("windows of one sample have derivatives for raw samples only") {
     for (int method = 0; method < LG_METHOD_COUNT; method++)
         for (int kind = LG_FEATURES_RAW; kind <= LG_FEATURES_COV; kind++) {
-            chain f = make(make_series(3, 1, 3), (lg_feature_kind)kind, false, (lg_method)method, 0);
-            double y[MOST_OUTPUTS], *jacobian = jacobian_of(&f, f.series.x, y);
-            for (size_t i = 0; kind != LG_FEATURES_RAW && i < f.outputs * f.inputs; i++)
+            chain *f = make(make_series(3, 1, 3), (lg_feature_kind)kind, false, (lg_method)method, 0);
+            double y[MOST_OUTPUTS], *jacobian = jacobian_of(f, f->series.x, y);
+            for (size_t i = 0; kind != LG_FEATURES_RAW && i < f->outputs * f->inputs; i++)
                 assert_close(jacobian[i], 0.0, 0, 0);
             if (kind == LG_FEATURES_RAW && method != LG_METHOD_TREE)
-                assert_true(largest_of(jacobian, f.inputs) > 1e-6);
-            against_differences(&f, f.series.x, 1, 0x1p-5, 1e-9);
-            against_scores(&f, f.series.x);
-            free(jacobian);
-            release(&f);
+                assert_true(largest_of(jacobian, f->inputs) > 1e-6);
+            against_differences(f, f->series.x, 1, 0x1p-5, 1e-9);
+            against_scores(f, f->series.x);
         }
 }
 
-TEST("trees are constant") {
-    chain f = make(make_series(CHANNELS, LENGTH, 3), LG_FEATURES_COV, false, LG_METHOD_TREE, 2);
-    double y[MOST_OUTPUTS], *jacobian = jacobian_of(&f, f.series.x, y), sum = 0.0;
+TEST("trees have the derivative zero") {
+    chain *f = make(make_series(CHANNELS, LENGTH, 3), LG_FEATURES_COV, false, LG_METHOD_TREE, 2);
+    double y[MOST_OUTPUTS], *jacobian = jacobian_of(f, f->series.x, y), sum = 0.0;
     for (size_t i = 0; i < 3; i++) sum += y[i];
     assert_close(sum, 1.0, 1e-15, 0);
-    for (size_t i = 0; i < f.outputs * f.inputs; i++) assert_close(jacobian[i], 0.0, 0, 0);
-    free(jacobian);
-    release(&f);
+    for (size_t i = 0; i < f->outputs * f->inputs; i++) assert_close(jacobian[i], 0.0, 0, 0);
 }
 
 /* ---- classes that do not occur ---- */
 
-TEST("unseen class") {
+TEST("classes that do not occur are never given") {
     for (int method = 0; method < LG_METHOD_COUNT; method++) {
         lg_series s = make_series(CHANNELS, LENGTH, 4);
         for (size_t i = 0; i < WINDOWS; i++)
             if (s.label[i] == 1) s.label[i] = 3;
-        chain f = make(s, LG_FEATURES_STD, false, (lg_method)method, 0);
-        double y[MOST_OUTPUTS], *jacobian = jacobian_of(&f, f.series.x, y);
-        against_differences(&f, f.series.x, 13, 0x1p-5, 1e-9);
-        against_scores(&f, f.series.x);
+        chain *f = make(s, LG_FEATURES_STD, false, (lg_method)method, 0);
+        double y[MOST_OUTPUTS], *jacobian = jacobian_of(f, f->series.x, y);
+        against_differences(f, f->series.x, 13, 0x1p-5, 1e-9);
+        against_scores(f, f->series.x);
         if (method >= LG_METHOD_SVM_LINEAR) { /* pairs 01 02 03 12 13 23 */
             static const double fixed[6] = {1.0, 0.0, 0.0, -1.0, -1.0, 0.0};
             for (size_t p = 0; p < 6; p++) {
-                const double size = largest_of(jacobian + p * f.inputs, f.inputs);
+                const double size = largest_of(jacobian + p * f->inputs, f->inputs);
                 if (fixed[p] != 0.0) assert_close(y[p], fixed[p], 0, 0);
                 assert_int_equal(size > 0.0, fixed[p] == 0.0);
             }
         }
-        if (method == LG_METHOD_LOGISTIC) assert_close(largest_of(jacobian + f.inputs, f.inputs), 0.0, 0, 0);
-        free(jacobian);
-        release(&f);
+        if (method == LG_METHOD_LOGISTIC)
+            assert_close(largest_of(jacobian + f->inputs, f->inputs), 0.0, 0, 0);
     }
 }
 
 /* ---- bad input ---- */
 
-TEST("refused") {
-    chain f = make(make_series(CHANNELS, LENGTH, 2), LG_FEATURES_COV, false, LG_METHOD_SVM_RBF, 0);
-    double y[1] = {7.0}, *jacobian = calloc(f.inputs, sizeof *jacobian);
-    f.series.x[70] = NAN;
-    assert_status(lg_classifier_decisions(&f.c, f.series.x, y, jacobian, f.work), LG_NOT_FINITE);
-    f.series.x[70] = INFINITY;
-    assert_status(lg_classifier_decisions(&f.c, f.series.x, y, jacobian, f.work), LG_NOT_FINITE);
-    f.series.x[70] = 0.0f;
-    const uint32_t count = f.c.features.count;
-    f.c.features.count = 0;
-    assert_status(lg_classifier_decisions(&f.c, f.series.x, y, jacobian, f.work), LG_INVALID_ARGUMENT);
-    f.c.features.count = count - 1;
-    assert_status(lg_classifier_decisions(&f.c, f.series.x, y, jacobian, f.work), LG_INVALID_ARGUMENT);
-    f.c.features.count = count;
+TEST("windows that are not finite and features that do not fit are refused") {
+    chain *f = make(make_series(CHANNELS, LENGTH, 2), LG_FEATURES_COV, false, LG_METHOD_SVM_RBF, 0);
+    double y[1] = {7.0}, *jacobian = calloc(f->inputs, sizeof *jacobian);
+    f->series.x[70] = NAN;
+    assert_status(lg_classifier_decisions(&f->c, f->series.x, y, jacobian, f->work), LG_NOT_FINITE);
+    f->series.x[70] = INFINITY;
+    assert_status(lg_classifier_decisions(&f->c, f->series.x, y, jacobian, f->work), LG_NOT_FINITE);
+    f->series.x[70] = 0.0f;
+    const uint32_t count = f->c.features.count;
+    f->c.features.count = 0;
+    assert_status(lg_classifier_decisions(&f->c, f->series.x, y, jacobian, f->work), LG_INVALID_ARGUMENT);
+    f->c.features.count = count - 1;
+    assert_status(lg_classifier_decisions(&f->c, f->series.x, y, jacobian, f->work), LG_INVALID_ARGUMENT);
+    f->c.features.count = count;
     assert_close(y[0], 7.0, 0, 0);
-    assert_close(largest_of(jacobian, f.inputs), 0.0, 0, 0);
+    assert_close(largest_of(jacobian, f->inputs), 0.0, 0, 0);
     free(jacobian);
-    release(&f);
 }

@@ -2,7 +2,7 @@
  * threads, bad input. */
 #include "classify_support.h"
 
-#include "support/fail_alloc.h"
+#include "support/fixtures.h"
 
 static const char *const riser[6] = {"acc_lower_x", "acc_lower_y", "acc_upper_x",
                                      "acc_upper_y", "moment_x",    "moment_y"};
@@ -39,13 +39,12 @@ static double covariance(const float *a, const float *b, size_t n) {
 }
 
 static double *compute(const lg_features *f, const float *x) {
-    double *out = malloc(f->count * sizeof *out), *work = malloc(lg_features_work(f) * sizeof *work);
+    double *out = TEST_ARRAY(double, f->count), *work = TEST_ARRAY(double, lg_features_work(f));
     assert_ok(lg_features_compute(f, x, out, work));
-    free(work);
     return out;
 }
 
-TEST("std and raw") {
+TEST("deviations by their definition, raw samples as they stand") {
     lg_series s = make_series(1, 6, 37, true);
     lg_features f;
     assert_ok(lg_features_create(NULL, LG_FEATURES_STD, false, &s, 37, NULL, &f, NULL));
@@ -53,24 +52,21 @@ TEST("std and raw") {
     double *out = compute(&f, s.x);
     for (int c = 0; c < 6; c++)
         assert_close(out[c], sqrt(covariance(s.x + 37 * c, s.x + 37 * c, 37)), 1e-14, 0);
-    free(out);
     for (int t = 0; t < 37; t++) s.x[t] = 1e5f + 0.1f;
     out = compute(&f, s.x);
     assert_close(out[0], 0.0, 0, 0); /* not what rounding of the mean leaves */
-    free(out);
     lg_features_destroy(NULL, &f);
     assert_ok(lg_features_create(NULL, LG_FEATURES_RAW, true, &s, 37, NULL, &f, NULL));
     assert_int_equal(f.count, 3 * 37);
     out = compute(&f, s.x);
     for (int i = 0; i < 37; i++) assert_close(out[37 + i], s.x[2 * 37 + i], 0, 0);
-    free(out);
     lg_features_destroy(NULL, &f);
     free_series(&s);
 }
 
 /* S S = covariance of the scaled channels, S symmetric and positive semidefinite; also with a channel that is
  * the sum of two others and a constant one. */
-TEST("cov squares to covariance") {
+TEST("the root squares to the covariance, with dependent and constant channels") {
     lg_series s = make_series(1, 6, 50, true);
     for (int i = 0; i < 50; i++) {
         s.x[2 * 50 + i] = s.x[i] + s.x[50 + i];
@@ -93,7 +89,6 @@ TEST("cov squares to covariance") {
         }
     for (int i = 0; i < 6; i++) assert_true(root[i][i] >= 0.0);
     for (int j = 0; j < 6; j++) assert_close(root[5][j], 0.0, 0, 1e-18); /* no rounding of a constant */
-    free(out);
     lg_features_destroy(NULL, &f);
     free_series(&s);
 }
@@ -105,7 +100,7 @@ static double sign_of(unsigned bits) {
 /* Roots far apart: Z = sum_k s_k v_k w_k^T with exact numbers, orthonormal v_k and orthogonal w_k of ones and
  * minus ones, has S = sum_k s_k v_k v_k^T. Eigenvalues s_k^2 of the covariance itself would be off by eps,
  * s_3 by 1e-11. */
-TEST("cov of small roots") {
+TEST("roots 2^18 apart are right to the last digits") {
     enum { M = 4, N = 8 };
     static const double root[M] = {0x1p-6, 1.0, 0x1p-18, 0x1p-12};
     lg_series s = make_series(1, M, N, false);
@@ -129,7 +124,6 @@ TEST("cov of small roots") {
                 }
             assert_close(sum, k == l ? root[k] : 0.0, 0, 4e-15);
         }
-    free(out);
     lg_features_destroy(NULL, &f);
     free_series(&s);
 }
@@ -146,8 +140,8 @@ TEST("one channel, many, more than samples; copies of each other; the memory beh
                 lg_features f;
                 assert_ok(lg_features_create(NULL, LG_FEATURES_COV, false, &s, n, NULL, &f, NULL));
                 const size_t size = lg_features_work(&f);
-                double *out = malloc(f.count * sizeof *out), *work = malloc((size + 1) * sizeof *work);
-                double *root = malloc(m * m * sizeof *root), largest = 0.0;
+                double *out = TEST_ARRAY(double, f.count), *work = TEST_ARRAY(double, (size + 1));
+                double *root = TEST_ARRAY(double, m *m), largest = 0.0;
                 work[size] = 55.0;
                 assert_ok(lg_features_compute(&f, s.x, out, work));
                 assert_close(work[size], 55.0, 0, 0);
@@ -163,15 +157,12 @@ TEST("one channel, many, more than samples; copies of each other; the memory beh
                         for (uint32_t k = 0; k < m; k++) square += root[i * m + k] * root[k * m + j];
                         assert_close(square, covariance(s.x + i * n, s.x + j * n, n), 0, 1e-13 * largest);
                     }
-                free(root);
-                free(work);
-                free(out);
                 lg_features_destroy(NULL, &f);
                 free_series(&s);
             }
 }
 
-TEST("Moments that are 2 acceleration + offset in each part give intercept and slope, in this order") {
+TEST("moments that are 2 acceleration + offset give intercept and slope, in this order") {
     lg_series s = make_series(1, 6, 100, true);
     for (int part = 0; part < 10; part++)
         for (int t = 0; t < 10; t++) {
@@ -189,7 +180,6 @@ TEST("Moments that are 2 acceleration + offset in each part give intercept and s
     for (int p = 0; p < 10; p++) mean += 0.1 * sqrt(covariance(s.x + 500 + 10 * p, s.x + 500 + 10 * p, 10));
     assert_close(out[2], mean, 1e-13, 0);
     assert_close(out[3], 0.0, 0, 0);
-    free(out);
     lg_features_destroy(NULL, &f);
     assert_ok(lg_features_create(NULL, LG_FEATURES_BASELINE, true, &s, 100, NULL, &f, NULL));
     assert_int_equal(f.count, 2);
@@ -197,20 +187,19 @@ TEST("Moments that are 2 acceleration + offset in each part give intercept and s
     free_series(&s);
 }
 
-TEST("short windows") {
+TEST("windows of one sample have zeros") {
     lg_series s = make_series(1, 3, 1, false);
     lg_features f;
     for (int kind = LG_FEATURES_STD; kind <= LG_FEATURES_COV; kind++) {
         assert_ok(lg_features_create(NULL, (lg_feature_kind)kind, false, &s, 1, NULL, &f, NULL));
         double *out = compute(&f, s.x);
         for (uint32_t i = 0; i < f.count; i++) assert_close(out[i], 0.0, 0, 0);
-        free(out);
         lg_features_destroy(NULL, &f);
     }
     free_series(&s);
 }
 
-TEST("Zero, not what rounding of the mean leaves: some lengths would") {
+TEST("a constant channel has zero, not what rounding of its mean leaves") {
     double mean[1] = {0}, scale[1] = {3};
     const lg_scaler scaler = {1, mean, scale};
     for (uint32_t length = 2; length <= 60; length++) {
@@ -220,13 +209,12 @@ TEST("Zero, not what rounding of the mean leaves: some lengths would") {
         assert_ok(lg_features_create(NULL, LG_FEATURES_COV, false, &s, length, &scaler, &f, NULL));
         double *out = compute(&f, s.x);
         assert_close(out[0], 0.0, 0, 0);
-        free(out);
         lg_features_destroy(NULL, &f);
         free_series(&s);
     }
 }
 
-TEST("names") {
+TEST("features have the names of their channels") {
     lg_series s = make_series(1, 6, 20, true);
     static const struct {
         lg_feature_kind kind;
@@ -264,7 +252,7 @@ TEST("threads give the same bits") {
     for (int kind = 0; kind < LG_FEATURE_KIND_COUNT; kind++) {
         lg_features f;
         assert_ok(lg_features_create(NULL, (lg_feature_kind)kind, false, &s, 60, NULL, &f, NULL));
-        double *one = malloc(23 * f.count * sizeof *one), *more = malloc(23 * f.count * sizeof *more);
+        double *one = TEST_ARRAY(double, 23 * f.count), *more = TEST_ARRAY(double, 23 * f.count);
         assert_ok(lg_features_table(NULL, &f, &s, &w, 1, one, NULL));
         double *row = compute(&f, s.x + 22 * 6 * 60);
         assert_memory_equal(row, one + 22 * f.count, f.count * sizeof *row);
@@ -273,16 +261,13 @@ TEST("threads give the same bits") {
             assert_ok(lg_features_table(NULL, &f, &s, &w, threads, more, NULL));
             assert_memory_equal(one, more, 23 * f.count * sizeof *one);
         }
-        free(row);
-        free(one);
-        free(more);
         lg_features_destroy(NULL, &f);
     }
     lg_windows_destroy(NULL, &w);
     free_series(&s);
 }
 
-TEST("refusals") {
+TEST("windows, scalers and samples that do not fit are refused") {
     lg_series s = make_series(2, 3, 20, false);
     lg_features f = {.count = 77};
     lg_error e;
@@ -318,25 +303,17 @@ TEST("refusals") {
     free_series(&s);
 }
 
-TEST("allocations that fail") {
+TEST("every allocation may fail") {
     lg_series s = make_series(4, 6, 30, false);
     lg_windows w;
-    assert_ok(lg_windows_create(NULL, &s, 0, 0, &w, NULL));
-    lg_fail_alloc memory;
-    lg_context *context = lg_fail_alloc_context(&memory);
     double table[4 * 21];
-    for (long n = 1;; n++) {
+    assert_ok(lg_windows_create(NULL, &s, 0, 0, &w, NULL));
+    EVERY_ALLOCATION_FAILS(context, 1, {
         lg_features f = {0};
-        lg_fail_alloc_arm(&memory, n);
-        lg_status status = lg_features_create(context, LG_FEATURES_COV, false, &s, 30, NULL, &f, NULL);
+        status = lg_features_create(context, LG_FEATURES_COV, false, &s, 30, NULL, &f, NULL);
         if (status == LG_OK) status = lg_features_table(context, &f, &s, &w, 2, table, NULL);
         lg_features_destroy(context, &f);
-        assert_int_equal(lg_fail_alloc_live(&memory), 0);
-        if (!lg_fail_alloc_hit(&memory)) break;
-        assert_status(status, LG_OUT_OF_MEMORY);
-    }
-    lg_fail_alloc_arm(&memory, 0);
-    lg_context_destroy(context);
+    });
     lg_windows_destroy(NULL, &w);
     free_series(&s);
 }

@@ -2,10 +2,10 @@
 #include "classify_support.h"
 
 #include "golden/logistic_table.h"
-#include "support/fail_alloc.h"
+#include "support/fixtures.h"
 
-TEST("golden") {
-    for (size_t t = 0; t < LG_COUNT(logistic_table); t++) {
+TEST("weights are scikit-learn's") {
+    for (size_t t = 0; t < sizeof logistic_table / sizeof logistic_table[0]; t++) {
         const uint32_t classes = logistic_table[t].classes, n = logistic_table[t].n, d = logistic_table[t].d;
         double x[600];
         uint32_t label[60];
@@ -30,7 +30,7 @@ TEST("golden") {
 static double largest_gradient(const lg_logistic *m, const double *x, const uint32_t *label, size_t n,
                                double c) {
     const uint32_t d = m->inputs, k = m->classes, rows = k == 2 ? 1 : k;
-    double *p = malloc(n * k * sizeof *p), largest = 0;
+    double *p = TEST_ARRAY(double, n *k), largest = 0;
     lg_logistic_predict(m, x, n, p);
     for (uint32_t a = 0; a < rows; a++)
         for (uint32_t j = 0; j <= d; j++) {
@@ -40,11 +40,10 @@ static double largest_gradient(const lg_logistic *m, const double *x, const uint
                 g += c * (p[i * k + of] - (label[i] == of)) * (j < d ? x[i * d + j] : 1.0);
             largest = fmax(largest, fabs(g));
         }
-    free(p);
     return largest;
 }
 
-TEST("gradient vanishes") {
+TEST("the gradient of what is minimised vanishes") {
     static const struct {
         uint32_t n, d, classes;
         double c, apart, tolerance;
@@ -54,8 +53,8 @@ TEST("gradient vanishes") {
         {3, 1, 3, 1.0, 1.0, 1e-9},      {100, 1, 2, 1.0, 1.0, 1e-9},    {300, 60, 3, 10.0, 0.3, 1e-7},
         {300, 100, 2, 10.0, 0.3, 1e-8}, {400, 200, 2, 10.0, 0.3, 1e-8}, {300, 290, 3, 1.0, 0.3, 1e-8},
     };
-    for (size_t t = 0; t < LG_COUNT(cases); t++) {
-        uint32_t *label = malloc(cases[t].n * sizeof *label);
+    for (size_t t = 0; t < sizeof cases / sizeof cases[0]; t++) {
+        uint32_t *label = TEST_ARRAY(uint32_t, cases[t].n);
         double *x = clouds(cases[t].n, cases[t].d, cases[t].classes, cases[t].apart, 11 + t, label);
         lg_logistic m;
         assert_ok(
@@ -68,13 +67,11 @@ TEST("gradient vanishes") {
             assert_close(sum, 0.0, 0, 1e-11);
         }
         lg_logistic_destroy(NULL, &m);
-        free(x);
-        free(label);
     }
 }
 
 /* Series are smooth: neighbouring features are nearly the same, and conjugate gradients alone are slow. */
-TEST("correlated features") {
+TEST("correlated features take few iterations") {
     enum { N = 200, D = 190 };
     for (uint32_t classes = 2; classes <= 4; classes++) {
         uint32_t label[N];
@@ -86,11 +83,10 @@ TEST("correlated features") {
         assert_close(largest_gradient(&m, x, label, N, 100.0), 0.0, 0, 1e-6);
         assert_true(m.iterations <= 20); /* of Newton's method: none is wasted on a poor solution */
         lg_logistic_destroy(NULL, &m);
-        free(x);
     }
 }
 
-TEST("Almost no penalty: what holds the sum over the classes at 0 is 10^-12 of the rest") {
+TEST("without a penalty the classes' weights still sum to zero") {
     enum { N = 200, D = 13, K = 3 };
     uint32_t label[N];
     double *x = clouds(N, D, K, 0.1, 9, label), largest = 0;
@@ -101,10 +97,9 @@ TEST("Almost no penalty: what holds the sum over the classes at 0 is 10^-12 of t
         assert_close((m.weight[j] + m.weight[D + j] + m.weight[2 * D + j]) / largest, 0.0, 0, 1e-13);
     assert_close(largest_gradient(&m, x, label, N, 1e10), 0.0, 0, 1e-1);
     lg_logistic_destroy(NULL, &m);
-    free(x);
 }
 
-TEST("hard tables") {
+TEST("contradictory, scaled and incomplete tables have their minimiser") {
     uint32_t label[40];
     double *x = clouds(40, 2, 2, 1.0, 6, label), p[120];
     lg_logistic m;
@@ -118,7 +113,6 @@ TEST("hard tables") {
     lg_logistic_destroy(NULL, &m);
     static const double factors[] = {1e-12, 1e12};
     for (int f = 0; f < 2; f++) {
-        free(x);
         x = clouds(40, 2, 2, 1.0, 6, label);
         for (int i = 0; i < 80; i++) x[i] *= factors[f];
         assert_ok(lg_logistic_fit(NULL, x, label, 40, 2, 2, 1.0, &m, NULL));
@@ -135,10 +129,9 @@ TEST("hard tables") {
         assert_close(p[3 * i] + p[3 * i + 2], 1.0, 1e-14, 0);
     }
     lg_logistic_destroy(NULL, &m);
-    free(x);
 }
 
-TEST("refusals") {
+TEST("bad tables and penalties are refused") {
     uint32_t label[6];
     double *x = clouds(6, 2, 2, 1.0, 4, label);
     lg_logistic m = {.inputs = 99};
@@ -155,28 +148,18 @@ TEST("refusals") {
     x[5] = INFINITY;
     assert_status(lg_logistic_fit(NULL, x, label, 6, 2, 2, 1.0, &m, &e), LG_NOT_FINITE);
     assert_int_equal(m.inputs, 99);
-    free(x);
 }
 
-TEST("allocations that fail") {
+TEST("every allocation may fail") {
     static const uint32_t shapes[][3] = {{30, 2, 2}, {12, 40, 3}, {200, 80, 2}};
     for (size_t t = 0; t < 3; t++) {
+        const uint32_t n = shapes[t][0], d = shapes[t][1], classes = shapes[t][2];
         uint32_t label[200];
-        double *x = clouds(shapes[t][0], shapes[t][1], shapes[t][2], 1.0, 4, label);
-        lg_fail_alloc memory;
-        lg_context *context = lg_fail_alloc_context(&memory);
-        for (long n = 1;; n++) {
+        double *x = clouds(n, d, classes, 1.0, 4, label);
+        EVERY_ALLOCATION_FAILS(context, 1, {
             lg_logistic m = {0};
-            lg_fail_alloc_arm(&memory, n);
-            const lg_status status =
-                lg_logistic_fit(context, x, label, shapes[t][0], shapes[t][1], shapes[t][2], 1.0, &m, NULL);
+            status = lg_logistic_fit(context, x, label, n, d, classes, 1.0, &m, NULL);
             lg_logistic_destroy(context, &m);
-            assert_int_equal(lg_fail_alloc_live(&memory), 0);
-            if (!lg_fail_alloc_hit(&memory)) break;
-            assert_status(status, LG_OUT_OF_MEMORY);
-        }
-        lg_fail_alloc_arm(&memory, 0);
-        lg_context_destroy(context);
-        free(x);
+        });
     }
 }

@@ -3,7 +3,7 @@
 
 #include "golden/metrics_table.h"
 #include "liegrad/metrics.h"
-#include "support/fail_alloc.h"
+#include "support/fixtures.h"
 
 static void expect_golden(const uint32_t *truth, const uint32_t *given, const double *score, uint32_t classes,
                           const uint64_t *confusion, const double *metrics, double auc) {
@@ -25,7 +25,7 @@ static void expect_golden(const uint32_t *truth, const uint32_t *given, const do
     assert_close(got, auc, 1e-14, 0);
 }
 
-TEST("golden metrics") {
+TEST("metrics are scikit-learn's") {
     expect_golden(two_truth, two_given, two_score, 2, two_confusion, two_metrics, two_auc);
     expect_golden(four_truth, four_given, four_score, 4, four_confusion, four_metrics, four_auc);
 }
@@ -43,12 +43,13 @@ static void expect_roc(const uint32_t *truth, const double *score, uint32_t clas
     }
 }
 
-TEST("golden roc") {
-    expect_roc(two_truth, two_score, 2, two_fpr, two_tpr, two_threshold, LG_COUNT(two_fpr));
-    expect_roc(four_truth, four_score, 4, four_fpr, four_tpr, four_threshold, LG_COUNT(four_fpr));
+TEST("receiver operating characteristics are scikit-learn's") {
+    expect_roc(two_truth, two_score, 2, two_fpr, two_tpr, two_threshold, sizeof two_fpr / sizeof *two_fpr);
+    expect_roc(four_truth, four_score, 4, four_fpr, four_tpr, four_threshold,
+               sizeof four_fpr / sizeof *four_fpr);
 }
 
-TEST("roc by hand") {
+TEST("a characteristic by hand, with ties, NaN and one class only") {
     const uint32_t truth[] = {1, 0, 1, 0};
     const double score[] = {0.9, 0.5, 0.5, 0.1}, flat[] = {2, 2, 2, 2}, missing[] = {0.9, 0.5, NAN, NAN};
     double fpr[5], tpr[5], threshold[5];
@@ -68,7 +69,7 @@ TEST("roc by hand") {
     assert_int_equal(lg_roc(truth, 1, score, 0, order, fpr, tpr, threshold), 0);
 }
 
-TEST("area by hand") {
+TEST("areas by hand, with ties and absent classes") {
     const uint32_t truth[] = {1, 0, 1, 0}, three[] = {0, 0, 2, 2}, none[] = {0, 0, 0, 0};
     const double score[] = {0, 0.9, 0, 0.5, 0, 0.5, 0, 0.1}, flat[8] = {0};
     const double of_three[] = {1, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 1};
@@ -87,7 +88,7 @@ TEST("area by hand") {
     assert_status(lg_auc(NULL, none, score, 4, 0, &auc), LG_INVALID_ARGUMENT);
 }
 
-TEST("class of") {
+TEST("the largest score wins, of equals the later of two and the first of more") {
     const double two[] = {0.5, 0.5}, lower[] = {0.6, 0.4}, three[] = {1, 3, 3}, unknown[] = {NAN, 1};
     assert_int_equal(lg_class_of(two, 2), 1);
     assert_int_equal(lg_class_of(lower, 2), 0);
@@ -96,7 +97,7 @@ TEST("class of") {
     assert_int_equal(lg_class_of(unknown, 2), 0);
 }
 
-TEST("empty classes") {
+TEST("empty classes count as zero or are left out") {
     /* class 1 was never given; class 2 does not occur, but was given once */
     const uint64_t confusion[] = {3, 0, 1, 2, 0, 0, 0, 0, 0};
     const lg_metrics m = lg_metrics_of(confusion, 3);
@@ -117,15 +118,10 @@ TEST("empty classes") {
     assert_memory_equal(counted, expected, sizeof expected);
 }
 
-TEST("memory that runs out") {
-    lg_fail_alloc memory;
-    lg_context *context = lg_fail_alloc_context(&memory);
-    double auc = 77.0;
-    lg_fail_alloc_arm(&memory, 1);
-    assert_status(lg_auc(context, two_truth, two_score, TABLE_WINDOWS, 2, &auc), LG_OUT_OF_MEMORY);
-    assert_close(auc, 77.0, 0, 0);
-    lg_fail_alloc_arm(&memory, 0);
-    assert_ok(lg_auc(context, two_truth, two_score, TABLE_WINDOWS, 2, &auc));
-    assert_int_equal(lg_fail_alloc_live(&memory), 0);
-    lg_context_destroy(context);
+TEST("every allocation may fail, and the area is untouched") {
+    EVERY_ALLOCATION_FAILS(context, 1, {
+        double auc = 77.0;
+        status = lg_auc(context, two_truth, two_score, TABLE_WINDOWS, 2, &auc);
+        if (status != LG_OK) assert_close(auc, 77.0, 0, 0);
+    });
 }

@@ -174,7 +174,7 @@ TEST("too much missing is not judged") {
     assert_int_equal(w.seen, 0);
 }
 
-TEST("Windows without a judgement, longer gaps than a window: the alarm keeps its state") {
+TEST("without judgements the alarm keeps its state") {
     lg_monitor_options options = options_of(CHANNELS, WINDOW, 0);
     options.votes = 2;
     options.votes_of = 3;
@@ -196,7 +196,7 @@ TEST("Windows without a judgement, longer gaps than a window: the alarm keeps it
     assert_int_equal(v.window, 7);
 }
 
-TEST("votes") {
+TEST("the alarm is k votes of the last n") {
     static const struct {
         uint32_t k, n;
         const char *script, *alarm;
@@ -225,7 +225,7 @@ TEST("votes") {
     }
 }
 
-TEST("all of sixty four") {
+TEST("sixty-four votes are kept") {
     lg_monitor_options options = options_of(CHANNELS, 1, 0);
     options.votes = options.votes_of = 64;
     char script[71];
@@ -240,7 +240,7 @@ TEST("all of sixty four") {
     }
 }
 
-TEST("a judge that fails") {
+TEST("a judge that fails leaves the verdict, and takes no vote") {
     const lg_monitor_options options = options_of(CHANNELS, 2, 0);
     witness w = {.seen = 0, .script = "pf-"};
     lg_monitor *watch = start(&options, &w);
@@ -259,7 +259,7 @@ TEST("a judge that fails") {
     assert_int_equal(v.positive_votes, 1);
 }
 
-TEST("values that are not finite") {
+TEST("values that are not finite are lost samples") {
     const lg_monitor_options options = options_of(CHANNELS, WINDOW, 0);
     witness w = {.seen = 0};
     lg_monitor *watch = start(&options, &w);
@@ -305,7 +305,7 @@ TEST("push takes no memory") {
     assert_true(w.seen > 100);
 }
 
-TEST("bad options") {
+TEST("bad options are refused") {
     const lg_monitor_options good = options_of(CHANNELS, WINDOW, 0);
     witness w = {.channels = CHANNELS, .window = WINDOW};
     lg_monitor *watch = (lg_monitor *)(void *)memory;
@@ -333,7 +333,7 @@ TEST("bad options") {
     assert_int_equal(lg_monitor_size(NULL), 0);
 }
 
-TEST("Nothing is written behind the size that was told") {
+TEST("nothing is written behind the size that was told") {
     const uint32_t sizes[][2] = {{1, 1}, {2, 7}, {2, 64}, {2, 65}};
     for (size_t s = 0; s < 4; s++) {
         const lg_monitor_options options = options_of(sizes[s][0], sizes[s][1], 1);

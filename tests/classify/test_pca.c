@@ -1,14 +1,14 @@
 /* Principal components: orthonormal, of the right variance, signs fixed, both routes agree; hard tables. */
 #include "classify_support.h"
 
-#include "support/fail_alloc.h"
+#include "support/fixtures.h"
 
 #define HALF_ROOT 0.70710678118654752440
 
 /* W orthonormal; projections uncorrelated with variances as told; their sum is the trace. */
 static void check_components(const double *x, size_t n, uint32_t d, const lg_pca *p) {
     const uint32_t k = p->components;
-    double *z = malloc(n * k * sizeof *z), *work = malloc(d * sizeof *work);
+    double *z = TEST_ARRAY(double, n *k), *work = TEST_ARRAY(double, d);
     lg_pca_eval(p, x, n, z, work);
     for (uint32_t a = 0; a < k; a++) {
         double largest = 0;
@@ -24,11 +24,9 @@ static void check_components(const double *x, size_t n, uint32_t d, const lg_pca
         }
         if (a > 0) assert_true(p->variance[a] <= p->variance[a - 1]);
     }
-    free(z);
-    free(work);
 }
 
-TEST("components of clouds") {
+TEST("components are orthonormal, uncorrelated, sorted and of a fixed sign") {
     static const uint32_t sizes[][3] = {{50, 4, 4}, {50, 4, 2}, {20, 60, 20},
                                         {7, 7, 7},  {2, 5, 2},  {30, 1, 1}};
     for (size_t i = 0; i < LG_COUNT(sizes); i++) {
@@ -42,13 +40,12 @@ TEST("components of clouds") {
         for (uint32_t j = 0; j < p.variances; j++) trace += p.variance[j];
         assert_close(trace, d, 1e-12, 0); /* each standardised feature has variance 1 */
         lg_pca_destroy(NULL, &p);
-        free(x);
     }
 }
 
 /* A table and the same table with its rows repeated have the same components; d > n goes one way, d < n the
  * other. */
-TEST("both routes agree") {
+TEST("both routes agree: more rows or more features") {
     uint32_t label[6];
     double *x = clouds(6, 9, 2, 1.0, 8, label), twice[12 * 9];
     memcpy(twice, x, 54 * sizeof *x);
@@ -60,10 +57,9 @@ TEST("both routes agree") {
     for (int i = 0; i < 45; i++) assert_close(a.vectors[i], b.vectors[i], 1e-10, 1e-11);
     lg_pca_destroy(NULL, &a);
     lg_pca_destroy(NULL, &b);
-    free(x);
 }
 
-TEST("Along (1, 1)/sqrt 2: variance 1 + r and 1 - r, by hand") {
+TEST("components of two features by hand") {
     const double x[] = {1, 1, -1, -1, 1, -1, -1, 1, 1, 1, -1, -1}; /* r = (4 - 2)/6 */
     lg_pca p;
     assert_ok(lg_pca_fit(NULL, x, 6, 2, 2, &p, NULL));
@@ -74,7 +70,7 @@ TEST("Along (1, 1)/sqrt 2: variance 1 + r and 1 - r, by hand") {
     lg_pca_destroy(NULL, &p);
 }
 
-TEST("scales") {
+TEST("scales, constant features and constant tables") {
     uint32_t label[30];
     double *x = clouds(30, 3, 2, 1.0, 4, label), z[90], expected[90], work[3];
     lg_pca p;
@@ -104,10 +100,9 @@ TEST("scales") {
     lg_pca_destroy(NULL, &p);
     assert_ok(lg_pca_fit(NULL, x, 1, 5, 1, &p, NULL));
     lg_pca_destroy(NULL, &p);
-    free(x);
 }
 
-TEST("refusals") {
+TEST("too many components and numbers that are not finite are refused") {
     uint32_t label[6];
     double *x = clouds(6, 3, 2, 1.0, 4, label);
     lg_pca p = {.inputs = 99};
@@ -121,24 +116,15 @@ TEST("refusals") {
     x[4] = 1e200; /* its square is not a double */
     assert_status(lg_pca_fit(NULL, x, 6, 3, 1, &p, &e), LG_NOT_FINITE);
     assert_int_equal(p.inputs, 99);
-    free(x);
 }
 
-TEST("allocations that fail") {
+TEST("every allocation may fail") {
     uint32_t label[6];
     double *x = clouds(6, 3, 2, 1.0, 4, label);
-    lg_fail_alloc memory;
-    lg_context *context = lg_fail_alloc_context(&memory);
-    for (long n = 1;; n++) {
-        lg_pca p = {0};
-        lg_fail_alloc_arm(&memory, n);
-        const lg_status status = lg_pca_fit(context, x, n % 2 ? 6 : 2, 3, 2, &p, NULL);
-        lg_pca_destroy(context, &p);
-        assert_int_equal(lg_fail_alloc_live(&memory), 0);
-        if (!lg_fail_alloc_hit(&memory)) break;
-        assert_status(status, LG_OUT_OF_MEMORY);
-    }
-    lg_fail_alloc_arm(&memory, 0);
-    lg_context_destroy(context);
-    free(x);
+    for (uint32_t n = 2; n <= 6; n += 4)
+        EVERY_ALLOCATION_FAILS(context, 1, {
+            lg_pca p = {0};
+            status = lg_pca_fit(context, x, n, 3, 2, &p, NULL);
+            lg_pca_destroy(context, &p);
+        });
 }

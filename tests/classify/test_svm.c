@@ -4,12 +4,11 @@
 
 #include <libsvm/svm.h>
 
-#include "support/fail_alloc.h"
+#include "support/fixtures.h"
 
 /* ---- libsvm on the same rows ---- */
 
 static void quiet(const char *text) {
-    (void)text;
 }
 
 typedef struct reference {
@@ -81,7 +80,7 @@ static void scores_of(const double *decision, uint32_t classes, double *score) {
     score[first] = score[largest]; /* or the next number above it */
 }
 
-TEST("Classes that a plane cannot hold apart: votes tie often, and libsvm takes the first") {
+TEST("ties of votes are broken as libsvm does") {
     enum { N = 240, D = 2, CLASSES = 6 };
     uint32_t ties = 0, turned = 0;
     for (int kernel = LG_KERNEL_LINEAR; kernel <= LG_KERNEL_RBF; kernel++) {
@@ -89,7 +88,7 @@ TEST("Classes that a plane cannot hold apart: votes tie often, and libsvm takes 
         double *x = clouds(N, D, CLASSES, 0.3, 3, label), *other = clouds(N, D, 2, 0.0, 4, (uint32_t[N]){0});
         lg_svm svm;
         assert_ok(lg_svm_fit(NULL, (lg_kernel)kernel, 10.0, 2.0, x, label, N, D, CLASSES, &svm, NULL));
-        double *work = malloc(lg_svm_work(&svm) * sizeof *work), score[CLASSES];
+        double *work = TEST_ARRAY(double, lg_svm_work(&svm)), score[CLASSES];
         reference r;
         reference_train(&r, x, label, N, D, CLASSES, &svm);
         for (uint32_t i = 0; i < N; i++) {
@@ -117,15 +116,12 @@ TEST("Classes that a plane cannot hold apart: votes tie often, and libsvm takes 
         }
         reference_free(&r);
         lg_svm_destroy(NULL, &svm);
-        free(work);
-        free(other);
-        free(x);
     }
     print_message("%u ties, %u would turn\n", ties, turned);
     assert_true(ties > 20 && turned > 5);
 }
 
-TEST("equal to libsvm") {
+TEST("decisions are libsvm's, for lists and for tables") {
     static const struct {
         lg_kernel kernel;
         uint32_t n, d, classes;
@@ -140,17 +136,17 @@ TEST("equal to libsvm") {
     for (size_t t = 0; t < sizeof cases / sizeof cases[0]; t++) {
         const uint32_t n = cases[t].n, d = cases[t].d, classes = cases[t].classes;
         uint32_t label[131];
-        double *x = clouds(n, d, classes, 1.0, 20 + t, label), *score = malloc(n * classes * sizeof *score);
+        double *x = clouds(n, d, classes, 1.0, 20 + t, label), *score = TEST_ARRAY(double, n *classes);
         lg_svm svm;
         lg_error e;
         const lg_status status =
             lg_svm_fit(NULL, cases[t].kernel, cases[t].c, cases[t].gamma, x, label, n, d, classes, &svm, &e);
         if (status != LG_OK) fail_msg("%s", e.message);
-        double *work = malloc(lg_svm_work(&svm) * sizeof *work);
+        double *work = TEST_ARRAY(double, lg_svm_work(&svm));
         lg_svm_predict(&svm, x, n, score, work);
         reference r;
         reference_train(&r, x, label, n, d, classes, &svm);
-        struct svm_node *node = malloc((d + 1) * sizeof *node);
+        struct svm_node *node = TEST_ARRAY(struct svm_node, d + 1);
         for (uint32_t i = 0; i < n; i++) {
             double decision[6], expected[4], alone[4];
             (void)svm_predict_values(r.model, node_row(x + i * d, d, node), decision);
@@ -164,18 +160,14 @@ TEST("equal to libsvm") {
                 assert_close(alone[c], score[i * classes + c], 1e-12, 1e-12);
             }
         }
-        free(node);
         reference_free(&r);
         lg_svm_destroy(NULL, &svm);
-        free(work);
-        free(score);
-        free(x);
     }
 }
 
 /* Karush-Kuhn-Tucker: y f(x) >= 1 for rows that are no vectors, <= 1 at the bound C, = 1 between, each up to
  * libsvm's 1e-3; with a table as with lists. */
-TEST("dual is optimal") {
+TEST("the dual is optimal (Karush, Kuhn, Tucker)") {
     for (uint32_t d = 3; d <= 12; d += 9) {
         enum { N = 201 };
         uint32_t label[N];
@@ -201,7 +193,6 @@ TEST("dual is optimal") {
         for (size_t i = 0; i < N * d; i++) var += (x[i] - mean) * (x[i] - mean) / (N * d);
         assert_close(svm.gamma, 1.0 / (d * var), 1e-12, 0);
         lg_svm_destroy(NULL, &svm);
-        free(x);
     }
 }
 
@@ -224,7 +215,7 @@ TEST("two points: the plane half-way, margin 1 at both; class 1 on the positive 
     lg_svm_destroy(NULL, &svm);
 }
 
-TEST("Classes 1 and 3 of 5 do not occur: never given, and the others as without them") {
+TEST("classes that do not occur are never given, and the others as without them") {
     uint32_t label[60], wide[60];
     double *x = clouds(60, 3, 3, 1.0, 9, label);
     for (int i = 0; i < 60; i++) wide[i] = 2 * label[i];
@@ -241,10 +232,9 @@ TEST("Classes 1 and 3 of 5 do not occur: never given, and the others as without 
     }
     lg_svm_destroy(NULL, &three);
     lg_svm_destroy(NULL, &five);
-    free(x);
 }
 
-TEST("hard tables") {
+TEST("scaled and contradictory tables have finite, scaled decisions") {
     enum { N = 40 };
     uint32_t label[N];
     double *x = clouds(N, 2, 2, 2.0, 6, label), score[2 * N], first[2 * N], work[200];
@@ -270,10 +260,9 @@ TEST("hard tables") {
         for (int i = 0; i < 2 * N; i++) assert_true(isfinite(score[i]));
         lg_svm_destroy(NULL, &svm);
     }
-    free(x);
 }
 
-TEST("refusals") {
+TEST("bad tables and options are refused") {
     uint32_t label[6];
     double *x = clouds(6, 2, 2, 1.0, 4, label);
     lg_svm m = {.inputs = 99};
@@ -289,26 +278,16 @@ TEST("refusals") {
     x[3] = NAN;
     assert_status(lg_svm_fit(NULL, LG_KERNEL_RBF, 1.0, 0, x, label, 6, 2, 2, &m, &e), LG_NOT_FINITE);
     assert_int_equal(m.inputs, 99);
-    free(x);
 }
 
-TEST("allocations that fail") {
+TEST("every allocation may fail") {
     for (uint32_t d = 2; d <= 12; d += 10) {
         uint32_t label[30];
         double *x = clouds(30, d, 3, 1.0, 4, label);
-        lg_fail_alloc memory;
-        lg_context *context = lg_fail_alloc_context(&memory);
-        for (long n = 1;; n++) {
+        EVERY_ALLOCATION_FAILS(context, 1, {
             lg_svm m = {0};
-            lg_fail_alloc_arm(&memory, n);
-            const lg_status status = lg_svm_fit(context, LG_KERNEL_RBF, 1.0, 0, x, label, 30, d, 3, &m, NULL);
+            status = lg_svm_fit(context, LG_KERNEL_RBF, 1.0, 0, x, label, 30, d, 3, &m, NULL);
             lg_svm_destroy(context, &m);
-            assert_int_equal(lg_fail_alloc_live(&memory), 0);
-            if (!lg_fail_alloc_hit(&memory)) break;
-            assert_status(status, LG_OUT_OF_MEMORY);
-        }
-        lg_fail_alloc_arm(&memory, 0);
-        lg_context_destroy(context);
-        free(x);
+        });
     }
 }

@@ -4,7 +4,7 @@
 #include "golden/tree_table.h"
 #include "liegrad/classify.h"
 #include "liegrad/random.h"
-#include "support/fail_alloc.h"
+#include "support/fixtures.h"
 
 static lg_tree_options options_of(lg_criterion criterion, uint32_t leaf) {
     lg_tree_options options;
@@ -266,7 +266,7 @@ TEST("ties go to the lower feature and threshold") {
     }
 }
 
-TEST("limits") {
+TEST("depth, leaves and splits keep their limits") {
     double x[ROWS * FEATURES];
     uint32_t label[ROWS];
     lg_tree tree;
@@ -288,7 +288,7 @@ TEST("limits") {
     lg_tree_destroy(NULL, &tree);
 }
 
-TEST("values side by side") {
+TEST("a threshold lies between neighbouring doubles") {
     const lg_tree_options options = options_of(LG_GINI, 1);
     const double pairs[][2] = {{1.0, 1.0 + 0x1p-52}, {-1e308, 1e308},   {1e308, 1.7e308},
                                {0.0, 0x1p-1074},     {-0x1p-1074, 0.0}, {-1.0 - 0x1p-52, -1.0}};
@@ -304,7 +304,7 @@ TEST("values side by side") {
     }
 }
 
-TEST("tables without a split") {
+TEST("tables without a split are one leaf") {
     const lg_tree_options options = options_of(LG_ENTROPY, 1);
     const double same[] = {2, 2, 2, -0.0, 0.0, 0.0}, one[] = {5.0};
     const uint32_t y[] = {0, 1, 1};
@@ -329,8 +329,8 @@ TEST("tables without a split") {
 TEST("a tree as deep as it has rows: no recursion anywhere") {
     enum { DEEP = 3000 };
     const lg_tree_options options = options_of(LG_GINI, 1);
-    double *x = calloc(DEEP, sizeof *x);
-    uint32_t *y = calloc(DEEP, sizeof *y);
+    double *x = TEST_ARRAY(double, DEEP);
+    uint32_t *y = TEST_ARRAY(uint32_t, DEEP);
     lg_tree tree, pruned;
     assert_true(x != NULL && y != NULL);
     for (uint32_t i = 0; i < DEEP; i++) {
@@ -344,11 +344,9 @@ TEST("a tree as deep as it has rows: no recursion anywhere") {
     assert_int_equal(pruned.count, 1);
     lg_tree_destroy(NULL, &pruned);
     lg_tree_destroy(NULL, &tree);
-    free(x);
-    free(y);
 }
 
-TEST("bad input") {
+TEST("bad tables and options are refused") {
     const lg_tree_options good = options_of(LG_GINI, 1);
     const double x[] = {1, 2, 3}, bad[] = {1, NAN, 3}, worse[] = {1, 2, -INFINITY};
     const uint32_t y[] = {0, 1, 0}, out_of_range[] = {0, 2, 0};
@@ -388,27 +386,16 @@ TEST("bad input") {
     assert_status(lg_criterion_parse("Gini", &criterion), LG_NOT_FOUND);
 }
 
-TEST("memory that runs out") {
-    lg_fail_alloc memory;
-    lg_context *context = lg_fail_alloc_context(&memory);
+TEST("every allocation may fail, and the tree is untouched") {
     lg_tree_options options = options_of(LG_ENTROPY, 1);
-    lg_tree tree = {.inputs = 77};
     options.ccp_alpha = 1e-3;
-    long n = 1;
-    for (;; n++) {
-        lg_fail_alloc_arm(&memory, n);
-        const lg_status status = lg_tree_fit(context, &options, table_x, table_y, TABLE_ROWS, TABLE_FEATURES,
-                                             TABLE_CLASSES, &tree, NULL);
-        if (!lg_fail_alloc_hit(&memory)) {
-            assert_ok(status);
-            break;
-        }
-        assert_status(status, LG_OUT_OF_MEMORY);
-        assert_int_equal(lg_fail_alloc_live(&memory), 0);
-        assert_int_equal(tree.inputs, 77);
-    }
-    assert_true(n > 15);
-    lg_tree_destroy(context, &tree);
-    assert_int_equal(lg_fail_alloc_live(&memory), 0);
-    lg_context_destroy(context);
+    EVERY_ALLOCATION_FAILS(context, 15, {
+        lg_tree tree = {.inputs = 77};
+        status = lg_tree_fit(context, &options, table_x, table_y, TABLE_ROWS, TABLE_FEATURES, TABLE_CLASSES,
+                             &tree, NULL);
+        if (status == LG_OK)
+            lg_tree_destroy(context, &tree);
+        else
+            assert_int_equal(tree.inputs, 77);
+    });
 }

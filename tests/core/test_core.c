@@ -42,7 +42,7 @@ static const struct {
     {LG_CHECK_FAILED, 16, "CHECK_FAILED"},
 };
 
-TEST("status list") {
+TEST("every status has the value, name and sentence of the interface") {
 #define COUNT_ONE(code, value, sentence) +1
     assert_int_equal(LG_COUNT(statuses), 0 LG_STATUS_LIST(COUNT_ONE));
 #undef COUNT_ONE
@@ -57,7 +57,7 @@ TEST("status list") {
     }
 }
 
-TEST("status outside the list") {
+TEST("a status outside the list is UNKNOWN") {
     assert_string_equal(lg_status_name((lg_status)1000), "UNKNOWN");
     assert_non_null(lg_status_sentence((lg_status)1000));
 }
@@ -80,14 +80,10 @@ TEST("fail fills the message") {
 /* ---- context ---- */
 
 static void *refuse(void *user, size_t bytes) {
-    (void)user;
-    (void)bytes;
     return NULL;
 }
 
 static void release_nothing(void *user, void *memory) {
-    (void)user;
-    (void)memory;
 }
 
 TEST("context options are checked") {
@@ -142,7 +138,7 @@ static void check_memory(const lg_context *context) {
     lg_free(context, copy);
 }
 
-TEST("memory") {
+TEST("memory is zeroed, aligned, and refused where its size overflows") {
     lg_context *context = NULL;
     assert_ok(lg_context_create(NULL, &context));
     check_memory(context);
@@ -161,7 +157,7 @@ TEST("memory comes from the context") {
     assert_int_equal(lg_fail_alloc_live(&memory), 0);
 }
 
-TEST("failing allocations") {
+TEST("allocations that fail leave nothing behind") {
     lg_fail_alloc memory;
     lg_context *context = lg_fail_alloc_context(&memory);
     lg_fail_alloc_arm(&memory, 1);
@@ -203,7 +199,7 @@ static void hear(void *user, lg_log_level level, const char *message) {
     (void)snprintf(all->message, sizeof all->message, "%s", message);
 }
 
-TEST("log and cancel") {
+TEST("messages and the cancel flag go through the context") {
     heard all = {0, LG_LOG_DEBUG, ""};
     volatile int cancel = 0;
     lg_context_options options;
@@ -251,7 +247,7 @@ TEST("the reference implementation's first outputs from the state 1, 2, 3, 4 (Bl
     for (size_t i = 0; i < LG_COUNT(expected); i++) assert_true(lg_rng_next(&rng) == expected[i]);
 }
 
-TEST("Seeded sequences are recorded in files and reports: they may never change") {
+TEST("seeded sequences never change: files and reports record them") {
     static const struct {
         uint64_t seed, stream, next[3];
     } rows[] = {
@@ -266,7 +262,7 @@ TEST("Seeded sequences are recorded in files and reports: they may never change"
     }
 }
 
-TEST("rng state is all there is") {
+TEST("the state of a generator is all there is") {
     lg_rng rng;
     lg_rng_seed(&rng, 3, 0);
     (void)lg_rng_normal(&rng);
@@ -314,7 +310,7 @@ static void moments(const double *x, size_t n, double out[5]) {
 
 enum { SAMPLES = 200000 };
 
-TEST("Five standard deviations of each estimate") {
+TEST("uniform and normal numbers have their moments") {
     const double root = 5.0 / sqrt((double)SAMPLES);
     double *x = malloc(SAMPLES * sizeof *x), m[5];
     assert_non_null(x);
@@ -348,7 +344,7 @@ TEST("Five standard deviations of each estimate") {
     free(x);
 }
 
-TEST("rng streams are independent") {
+TEST("streams and seeds are independent") {
     lg_rng a, b, c;
     lg_rng_seed(&a, 5, 0);
     lg_rng_seed(&b, 5, 1);
@@ -363,7 +359,7 @@ TEST("rng streams are independent") {
     assert_close(ac, 0.0, 0.0, 5.0 / sqrt((double)SAMPLES));
 }
 
-TEST("rng below") {
+TEST("bounded draws are uniform") {
     lg_rng rng;
     lg_rng_seed(&rng, 8, 0);
     assert_true(lg_rng_below(&rng, 0) == 0);
@@ -385,7 +381,7 @@ TEST("rng below") {
     assert_close(low, 1.0 / 3.0, 0.0, 5.0 * sqrt(2.0 / 9.0 / SAMPLES));
 }
 
-TEST("rng shuffle") {
+TEST("shuffles are permutations, all equally likely") {
     lg_rng rng;
     lg_rng_seed(&rng, 9, 0);
     lg_rng_shuffle(&rng, NULL, 0);
@@ -469,7 +465,6 @@ TEST("pool runs every task once") {
 }
 
 static void wait_for_all(void *user, size_t index) {
-    (void)index;
     atomic_int *arrived = user;
     atomic_fetch_add(arrived, 1);
     const struct timespec pause = {0, 500000};
@@ -493,7 +488,6 @@ typedef struct late {
 /* Both threads take one task each; the worker's takes its time. */
 static void finish_late(void *user, size_t index) {
     late *self = user;
-    (void)index;
     atomic_fetch_add(&self->arrived, 1);
     while (atomic_load(&self->arrived) < 2) continue;
     if (!pthread_equal(pthread_self(), self->caller)) {
@@ -514,7 +508,7 @@ TEST("a run returns when the last task has ended, even long after the caller's o
     lg_thread_pool_destroy(pool);
 }
 
-TEST("pool bad input") {
+TEST("numbers of threads that cannot be are refused") {
     lg_thread_pool *pool = NULL;
     static const int bad[] = {0, -1, -2147483647, 1025};
     for (size_t i = 0; i < LG_COUNT(bad); i++) {
@@ -541,7 +535,7 @@ static int isa_with(const char *asked) {
     return WEXITSTATUS(status);
 }
 
-TEST("isa choice") {
+TEST("the variable chooses an instruction set, up to the best there is") {
     static const char *const names[LG_ISA_COUNT] = {"baseline", "avx2", "avx512"};
     const int best = isa_with(NULL);
     assert_in_range(best, 0, LG_ISA_COUNT - 1);
@@ -560,7 +554,7 @@ TEST("isa in use is what was asked for") {
     assert_int_equal(lg_isa_in_use(), lg_isa_in_use());
 }
 
-TEST("cpu description") {
+TEST("the description of the machine fits its memory") {
     char text[256], part[8];
     memset(text, 'x', sizeof text);
     const int length = lg_cpu_describe(text, sizeof text);
@@ -574,27 +568,7 @@ TEST("cpu description") {
     assert_int_equal(lg_cpu_describe(NULL, 0), length);
 }
 
-/* Runs last: it changes the process. OpenBLAS computes as before, in one thread; the environment is as it
- * was. */
-TEST("runtime setup") {
-    enum { N = 96 };
-    static double a[N * N], c[N * N];
-    const char *before = getenv("OPENBLAS_CORETYPE");
-    lg_runtime_setup();
-    lg_runtime_setup();
-    assert_true(getenv("OPENBLAS_CORETYPE") == before);
-    assert_int_equal(openblas_get_num_threads(), 1);
-    for (int i = 0; i < N * N; i++) a[i] = i % 7;
-    cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasTrans, N, N, N, 1.0, a, N, a, N, 0.0, c, N);
-    for (int i = 0; i < N; i++)
-        for (int j = 0; j < N; j++) {
-            double sum = 0;
-            for (int k = 0; k < N; k++) sum += a[i * N + k] * a[j * N + k];
-            assert_close(c[i * N + j], sum, 0.0, 0.0); /* small integers: exact in any order */
-        }
-}
-
-TEST("version") {
+TEST("the version is the header's") {
     assert_string_equal(lg_version(), LG_VERSION_STRING);
 }
 
@@ -614,7 +588,7 @@ static void take_and_give_back(void) {
     free(memory);
 }
 
-TEST("counting") {
+TEST("counters see allocations, releases and locks") {
     if (!lg_count_available()) skip();
     lg_count_begin();
     take_and_give_back();
@@ -667,4 +641,24 @@ TEST("the comparison that every test stands on: NaN is never close, not even to 
     assert_true(lg_is_close(INFINITY, INFINITY, 0.0, 0.0));
     assert_false(lg_is_close(1.0, INFINITY, 1.0, 1.0));
     assert_false(lg_is_close(-INFINITY, INFINITY, 1.0, 1.0));
+}
+
+/* Runs last: it changes the process. OpenBLAS computes as before, in one thread; the environment is as it
+ * was. */
+TEST("runtime setup") {
+    enum { N = 96 };
+    static double a[N * N], c[N * N];
+    const char *before = getenv("OPENBLAS_CORETYPE");
+    lg_runtime_setup();
+    lg_runtime_setup();
+    assert_true(getenv("OPENBLAS_CORETYPE") == before);
+    assert_int_equal(openblas_get_num_threads(), 1);
+    for (int i = 0; i < N * N; i++) a[i] = i % 7;
+    cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasTrans, N, N, N, 1.0, a, N, a, N, 0.0, c, N);
+    for (int i = 0; i < N; i++)
+        for (int j = 0; j < N; j++) {
+            double sum = 0;
+            for (int k = 0; k < N; k++) sum += a[i * N + k] * a[j * N + k];
+            assert_close(c[i * N + j], sum, 0.0, 0.0); /* small integers: exact in any order */
+        }
 }

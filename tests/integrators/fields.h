@@ -66,7 +66,6 @@ static inline void narrow(size_t n, const real *x, double *out) {
 /* user: double, the swing */
 static inline lg_status chain_field(void *user, double t, const double *y, const double *input, double *out) {
     real x[CHAIN_DIM], f[CHAIN_DIM];
-    (void)input;
     widen(CHAIN_DIM, y, x);
     chain_l(t, *(const double *)user, x, f);
     narrow(CHAIN_DIM, f, out);
@@ -76,7 +75,6 @@ static inline lg_status chain_field(void *user, double t, const double *y, const
 static inline lg_status chain_ambient_field(void *user, double t, const double *y, const double *input,
                                             double *out) {
     real x[CHAIN_DIM], f[CHAIN_DIM], v[CHAIN_DIM];
-    (void)input;
     widen(CHAIN_DIM, y, x);
     chain_l(t, *(const double *)user, x, f);
     chain_velocity_l(x, f, v);
@@ -103,7 +101,6 @@ static inline void chain_start(double y[CHAIN_DIM]) {
 
 /* Free rigid body: mu' = -J^-1 mu x mu, J = (0.8, 1.3, 2.1) */
 static inline lg_status rigid_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)user, (void)t, (void)input;
     out[0] = -y[0] / 0.8, out[1] = -y[1] / 1.3, out[2] = -y[2] / 2.1;
     return LG_OK;
 }
@@ -122,14 +119,12 @@ static inline lg_status rigid_ambient_field(void *user, double t, const double *
 static inline lg_status quartic_force(void *user, double t, const double *q, const double *input,
                                       double *out) {
     const double r = q[0] * q[0] + q[1] * q[1];
-    (void)user, (void)t, (void)input;
     out[0] = -q[0] * (r + 1.0), out[1] = -q[1] * r;
     return LG_OK;
 }
 
 static inline lg_status quartic_velocity(void *user, double t, const double *p, const double *input,
                                          double *out) {
-    (void)user, (void)t, (void)input;
     out[0] = p[0], out[1] = p[1];
     return LG_OK;
 }
@@ -160,7 +155,6 @@ static inline void top_l(const real *y, real *f) {
 
 static inline lg_status top_field(void *user, double t, const double *y, const double *input, double *out) {
     real x[12], f[6];
-    (void)user, (void)t, (void)input;
     widen(12, y, x);
     top_l(x, f);
     narrow(6, f, out);
@@ -173,7 +167,6 @@ static inline lg_status top_quadratic_field(void *user, double t, const double *
                                             double *out) {
     const real gamma0[3] = {0.0L, 0.0L, -9.81L};
     real x[18], f[6], Qp[3], torque[3], turn[3];
-    (void)user, (void)t, (void)input;
     widen(18, y, x);
     top_omega_l(x, f);
     for (int i = 0; i < 3; i++) Qp[i] = dot_l(x + 3 * i, x + 15);
@@ -189,19 +182,6 @@ static inline lg_status top_quadratic_field(void *user, double t, const double *
 static inline void top_start(double spin, double y[12]) {
     const double start[12] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0.0, 0.46875 * spin, 0.234375 * -4.61538};
     memcpy(y, start, sizeof(start));
-}
-
-/* Least squares slope of points. */
-typedef struct lg_fit_line {
-    double n, sx, sy, sxx, sxy;
-} fit_line;
-
-static inline void fit_add(fit_line *f, double x, double y) {
-    f->n++, f->sx += x, f->sy += y, f->sxx += x * x, f->sxy += x * y;
-}
-
-static inline double fit_slope(const fit_line *f) {
-    return (f->n * f->sxy - f->sx * f->sy) / (f->n * f->sxx - f->sx * f->sx);
 }
 
 #endif

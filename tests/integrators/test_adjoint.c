@@ -1,10 +1,9 @@
 /* Gradients of trajectories against closed forms, against differences, and against themselves with other
  * checkpoints. */
-#include "test_support.h"
+#include "support/fixtures.h"
 
 #include "liegrad/adjoint.h"
 #include "liegrad/ops.h"
-#include "support/fail_alloc.h"
 
 enum { MOST = 16, STEPS = 23 };
 
@@ -87,18 +86,16 @@ static void gradient_of(setup *s, result *r) {
 
 /* J by the plain stepper, with the same steps. */
 static double functional(setup *s) {
-    lg_stepper *stepper;
     double y[MOST], J = 0.0;
     s->ode.user = s;
     const size_t d = s->ode.space.dim;
-    assert_ok(lg_stepper_create(NULL, lg_scheme_find(s->scheme), &s->ode, &stepper));
+    lg_stepper *stepper = test_stepper(lg_scheme_find(s->scheme), &s->ode);
     memcpy(y, s->y0, d * sizeof *y);
     for (size_t n = 0; n <= s->steps; n++) {
         for (size_t i = 0; i < d; i++) J += 0.5 * s->along * y[i] * y[i];
         if (n < s->steps) assert_ok(lg_step(stepper, s->t[n], s->h[n], y, NULL, y));
     }
     for (size_t i = 0; i < d; i++) J += s->final[i] * y[i];
-    lg_stepper_destroy(NULL, stepper);
     return J;
 }
 
@@ -164,7 +161,6 @@ enum { LINEAR = 3 };
 
 static lg_status linear_field(void *user, double t, const double *y, const double *input, double *out) {
     const setup *s = user;
-    (void)t, (void)input;
     for (int i = 0; i < LINEAR; i++) {
         out[i] = 0.0;
         for (int j = 0; j < LINEAR; j++) out[i] += s->parameters[LINEAR * i + j] * y[j];
@@ -175,7 +171,6 @@ static lg_status linear_field(void *user, double t, const double *y, const doubl
 static lg_status linear_taped(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                               lg_var *out) {
     const setup *s = user;
-    (void)t, (void)input;
     out[0] = lg_matmul_nt(tape, y[0], lg_reshape(tape, s->theta, lg_shape2(LINEAR, LINEAR)));
     return lg_tape_status(tape);
 }
@@ -219,7 +214,7 @@ static void linear_step(const double *A, double h, bool transposed, const double
     if (d) memcpy(d, du, sizeof du);
 }
 
-TEST("linear closed form") {
+TEST("the gradient of a linear system is its closed form") {
     setup s = linear_setup();
     result r;
     gradient_of(&s, &r);
@@ -268,7 +263,6 @@ static void cross_add(const double *a, const double *b, double *out) {
 
 static lg_status chain_field(void *user, double t, const double *y, const double *input, double *out) {
     const setup *s = user;
-    (void)t, (void)input;
     const double m1 = s->parameters[0], m2 = s->parameters[1], gravity = s->parameters[2];
     const double W[2][2] = {{1.0 / m1, -1.0 / m1}, {-1.0 / m1, 1.0 / m1 + 1.0 / m2}};
     const double weight[2] = {(m1 + m2) * gravity, m2 * gravity}, *q[2] = {y, y + 6}, *p[2] = {y + 3, y + 9};
@@ -293,7 +287,6 @@ static lg_status chain_field(void *user, double t, const double *y, const double
 static lg_status chain_taped(void *user, lg_tape *T, lg_taped_time t, const lg_var *y, lg_var input,
                              lg_var *out) {
     const setup *s = user;
-    (void)t, (void)input;
     static const double up[3] = {0.0, 0.0, 1.0};
     lg_var e3 = lg_input_f64(T, lg_shape1(3), up), q[2], p[2], u[2], rest[2], v[2], xi[2], eta[2];
     lg_var m1 = lg_slice(T, s->theta, 0, 0, 1), m2 = lg_slice(T, s->theta, 0, 1, 1);
@@ -342,7 +335,7 @@ static setup chain_setup(const char *scheme) {
     return s;
 }
 
-TEST("chain of two links") {
+TEST("gradients of two links are differences, for six schemes") {
     static const char *const schemes[] = {"lie-euler", "rkmk3", "rkmk4", "cf4", "rkmk54", "cf32a"};
     for (size_t i = 0; i < sizeof schemes / sizeof *schemes; i++) {
         setup s = chain_setup(schemes[i]);
@@ -355,7 +348,7 @@ TEST("chain of two links") {
 
 /* The derivative along the symmetry is zero: rotating the start about the vertical does not change what
  * depends on heights only. */
-TEST("chain symmetry") {
+TEST("the derivative along a symmetry is zero") {
     setup s = chain_setup("rkmk4");
     result r;
     s.along = 0.0;
@@ -374,7 +367,6 @@ static const double top_b[3] = {0.4, -0.7, 1.1};
 
 static lg_status top_field(void *user, double t, const double *y, const double *input, double *out) {
     const setup *s = user;
-    (void)t, (void)input;
     const double *R = y, *r = y + 9, axis[3] = {R[2], R[5], R[8]};
     memset(out, 0, 6 * sizeof *out);
     for (int k = 0; k < 3; k++) {
@@ -388,7 +380,6 @@ static lg_status top_field(void *user, double t, const double *y, const double *
 static lg_status top_taped(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                            lg_var *out) {
     const setup *s = user;
-    (void)t, (void)input;
     lg_var R = lg_reshape(tape, y[0], lg_shape3(1, 3, 3)), r = lg_reshape(tape, y[1], lg_shape3(1, 3, 1));
     lg_var D = lg_reshape(tape, s->theta, lg_shape3(1, 3, 1));
     lg_var u = lg_matmul(tape, R, lg_mul(tape, D, lg_matmul_tn(tape, R, r)));
@@ -398,7 +389,7 @@ static lg_status top_taped(void *user, lg_tape *tape, lg_taped_time t, const lg_
     return lg_tape_status(tape);
 }
 
-TEST("top") {
+TEST("gradients of a top are differences, for slgi, RKMK and commutator-free steps") {
     static const char *const schemes[] = {"slgi", "rkmk4", "cf4"};
     for (size_t k = 0; k < sizeof schemes / sizeof *schemes; k++) {
         setup s = {.scheme = schemes[k],
@@ -420,14 +411,12 @@ TEST("top") {
 
 static lg_status quartic_force(void *user, double t, const double *q, const double *input, double *out) {
     const setup *s = user;
-    (void)input;
     out[0] = -4.0 * s->parameters[0] * q[0] * q[0] * q[0];
     if (s->parameters[1] != 0.0) out[0] += s->parameters[1] * cos(t);
     return LG_OK;
 }
 
 static lg_status velocity(void *user, double t, const double *p, const double *input, double *out) {
-    (void)user, (void)t, (void)input;
     out[0] = p[0];
     return LG_OK;
 }
@@ -435,7 +424,6 @@ static lg_status velocity(void *user, double t, const double *p, const double *i
 static lg_status quartic_force_taped(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input,
                                      lg_var *out) {
     const setup *s = user;
-    (void)input;
     lg_var a = lg_slice(tape, s->theta, 0, 0, 1), b = lg_slice(tape, s->theta, 0, 1, 1);
     lg_var cube = lg_mul(tape, lg_square(tape, q), q);
     *out = lg_add(tape, lg_scale(tape, lg_mul(tape, a, cube), -4.0), lg_scale(tape, b, cos(t.value)));
@@ -444,7 +432,6 @@ static lg_status quartic_force_taped(void *user, lg_tape *tape, lg_taped_time t,
 
 static lg_status velocity_taped(void *user, lg_tape *tape, lg_taped_time t, lg_var p, lg_var input,
                                 lg_var *out) {
-    (void)user, (void)t, (void)input;
     *out = p;
     return lg_tape_status(tape);
 }
@@ -469,7 +456,7 @@ static setup quartic_setup(const char *scheme) {
     return s;
 }
 
-TEST("quartic") {
+TEST("gradients of splitting schemes are differences, on one part or two") {
     setup verlet = quartic_setup("stormer-verlet"), euler = quartic_setup("symplectic-euler");
     against_differences(&verlet, "quartic, driven");
     against_differences(&euler, "quartic, driven");
@@ -492,7 +479,6 @@ typedef struct accepted {
 
 static lg_status observe(void *user, double t, double h, const double *y) {
     accepted *a = user;
-    (void)y;
     if (a->count == ADAPTIVE) return LG_TOO_MANY_STEPS;
     a->t[a->count] = t;
     a->h[a->count++] = h;
@@ -505,7 +491,6 @@ TEST("the steps of an adaptive run, forward or backward, held fixed") {
     for (int i = 0; i < 2; i++) {
         setup s = chain_setup("rkmk54");
         lg_step_controller control;
-        lg_stepper *stepper;
         lg_run_stats stats;
         double y_end[12];
         result r;
@@ -516,9 +501,8 @@ TEST("the steps of an adaptive run, forward or backward, held fixed") {
         control.observer = &steps;
         steps.count = 0;
         s.ode.user = &s;
-        assert_ok(lg_stepper_create(NULL, lg_scheme_find(s.scheme), &s.ode, &stepper));
+        lg_stepper *stepper = test_stepper(lg_scheme_find(s.scheme), &s.ode);
         assert_ok(lg_integrate_adaptive(stepper, &control, 0.0, s.y0, &ends[i], 1, y_end, &stats));
-        lg_stepper_destroy(NULL, stepper);
         print_message("%zu steps accepted, %zu rejected, from %.3g to %.3g\n", stats.steps, stats.rejected,
                       steps.h[0], steps.h[steps.count - 1]);
         assert_int_equal(steps.count, stats.steps);
@@ -534,14 +518,14 @@ TEST("the steps of an adaptive run, forward or backward, held fixed") {
     }
 }
 
-TEST("backward in time") {
+TEST("gradients backward in time are differences") {
     setup s = chain_setup("rkmk4"), q = quartic_setup("stormer-verlet");
     unequal_steps(-0.05, times, sizes, STEPS);
     against_differences(&s, "two links, backward");
     against_differences(&q, "quartic, backward");
 }
 
-TEST("one step") {
+TEST("one step takes one checkpoint") {
     setup s = chain_setup("cf4");
     s.steps = 1;
     against_differences(&s, "two links, one step");
@@ -580,16 +564,15 @@ TEST("checkpoints change nothing") {
 
 /* Where time is part of the field, a segment that starts anew differs by the rounding of t + h; what is
  * computed again inside it does not. */
-TEST("checkpoints of a driven system") {
+TEST("checkpoints of a driven system differ by the rounding of times only") {
     setup s = quartic_setup("stormer-verlet");
     result first, r;
     double seen[STEPS + 1][2], y[2];
-    lg_stepper *stepper;
     for (size_t n = 0; n < STEPS; n++) times[n] = 0.3 + 0.1 * (double)n, sizes[n] = 0.1;
     s.seen = seen[0];
     s.checkpoints = 1;
     gradient_of(&s, &first);
-    assert_ok(lg_stepper_create(NULL, lg_scheme_find(s.scheme), &s.ode, &stepper));
+    lg_stepper *stepper = test_stepper(lg_scheme_find(s.scheme), &s.ode);
     size_t moved = 0;
     for (size_t c = 2; c <= STEPS; c++) {
         s.checkpoints = c;
@@ -611,7 +594,6 @@ TEST("checkpoints of a driven system") {
             assert_memory_equal(y, seen[end], sizeof y);
         }
     }
-    lg_stepper_destroy(NULL, stepper);
     assert_true(moved > 0); /* or the comparison would say nothing */
 }
 
@@ -619,7 +601,6 @@ TEST("checkpoints of a driven system") {
 
 static lg_status pendulum_force(void *user, double t, const double *q, const double *input, double *out) {
     const setup *s = user;
-    (void)t, (void)input;
     out[0] = -s->parameters[0] * sin(q[0]);
     return LG_OK;
 }
@@ -627,7 +608,6 @@ static lg_status pendulum_force(void *user, double t, const double *q, const dou
 static lg_status pendulum_force_taped(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input,
                                       lg_var *out) {
     const setup *s = user;
-    (void)t, (void)input;
     *out = lg_neg(tape, lg_mul(tape, s->theta, lg_sin(tape, q)));
     return lg_tape_status(tape);
 }
@@ -656,7 +636,7 @@ static void pendulum_by_hand(const setup *s, double y[][2], double *lambda, doub
     }
 }
 
-TEST("hundred thousand steps") {
+TEST("the gradient of 10^5 steps is the one by hand, in the memory of a formula") {
     static double t[LONG], h[LONG], y[LONG + 1][2];
     setup s = {.scheme = "stormer-verlet",
                .ode = {.force = pendulum_force, .velocity = velocity},
@@ -697,7 +677,7 @@ TEST("hundred thousand steps") {
 
 /* ---- what may go wrong ---- */
 
-TEST("some outputs") {
+TEST("any output may be left out") {
     setup s = chain_setup("rkmk4");
     result r, part = {.stats = {0}};
     gradient_of(&s, &r);
@@ -722,7 +702,6 @@ TEST("some outputs") {
 }
 
 static lg_status drift_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)user, (void)t, (void)y, (void)input;
     out[0] = 2.0;
     return LG_OK;
 }
@@ -730,7 +709,6 @@ static lg_status drift_field(void *user, double t, const double *y, const double
 static lg_status drift_taped(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                              lg_var *out) {
     const setup *s = user;
-    (void)t, (void)y, (void)input;
     out[0] = lg_full(tape, lg_shape2(1, 1), lg_is_none(s->theta) ? 2.0 : NAN);
     return lg_tape_status(tape);
 }
@@ -768,7 +746,7 @@ static void refused_setup(setup *s, lg_status expected, const char *word) {
     refused(NULL, s, &p, expected, word);
 }
 
-TEST("bad arguments") {
+TEST("bad problems are refused by name, and nothing is written") {
     setup s = chain_setup("rkmk4");
     const lg_adjoint_problem good = problem_of(&s);
     double bad[STEPS];
@@ -811,14 +789,12 @@ TEST("bad arguments") {
 
 static lg_status wrong_shape(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                              lg_var *out) {
-    (void)user, (void)t, (void)input;
     out[0] = y[0];
     out[1] = lg_full(tape, lg_shape3(1, 5, 3), 1.0);
     return lg_tape_status(tape);
 }
 
 static lg_status refusing_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)user, (void)y, (void)input, (void)out;
     return t > 0.8 ? LG_NO_CONVERGENCE : chain_field(user, t, y, input, out);
 }
 
@@ -829,30 +805,27 @@ static lg_status refusing_taped(void *user, lg_tape *tape, lg_taped_time t, cons
 
 /* y' = y^2 */
 static lg_status steep_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)user, (void)t, (void)input;
     out[0] = y[0] * y[0];
     return LG_OK;
 }
 
 static lg_status steep_taped(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                              lg_var *out) {
-    (void)user, (void)t, (void)input;
     out[0] = lg_square(tape, y[0]);
     return lg_tape_status(tape);
 }
 
 static lg_status own_step(void *user, double t, double h, double *y) {
-    (void)user, (void)t, (void)h, (void)y;
     return LG_OK;
 }
 
-TEST("no taped form") {
+TEST("schemes without a taped form are refused") {
     setup s = chain_setup("variational");
     s.ode.step = own_step;
     refused_setup(&s, LG_UNSUPPORTED, "no taped form");
 }
 
-TEST("failing callbacks") {
+TEST("failures of callbacks end the run, and nothing is written") {
     setup s = chain_setup("rkmk4");
     for (size_t n = 0; n <= STEPS; n += STEPS) {
         s.stop_at = n;
@@ -886,32 +859,17 @@ TEST("failing callbacks") {
     refused_setup(&s, LG_NOT_FINITE, "finite");
 }
 
-TEST("memory that fails") {
-    lg_fail_alloc memory;
-    lg_context *context = lg_fail_alloc_context(&memory);
-    assert_non_null(context);
+TEST("every allocation may fail, and nothing is written") {
     setup s = chain_setup("rkmk54");
     s.steps = 4;
-    long failures = 0;
-    for (long n = 1;; n++) {
-        result r, untouched;
+    EVERY_ALLOCATION_FAILS(context, 5, {
+        result r;
+        result untouched;
         memset(&r, 0x5a, sizeof r);
         memset(&untouched, 0x5a, sizeof untouched);
-        lg_fail_alloc_arm(&memory, n);
-        const lg_status status = try_gradient(context, &s, &r, NULL);
-        assert_int_equal(lg_fail_alloc_live(&memory), 0);
-        if (!lg_fail_alloc_hit(&memory)) {
-            assert_int_equal(status, LG_OK);
-            break;
-        }
-        assert_int_equal(status, LG_OUT_OF_MEMORY);
-        assert_memory_equal(&r, &untouched, sizeof r);
-        failures++;
-    }
-    print_message("%ld allocations failed in turn\n", failures);
-    assert_true(failures >= 5);
-    lg_fail_alloc_arm(&memory, 0);
-    lg_context_destroy(context);
+        status = try_gradient(context, &s, &r, NULL);
+        if (status != LG_OK) assert_memory_equal(&r, &untouched, sizeof r);
+    });
 }
 
 static volatile int cancel_flag;
@@ -928,7 +886,7 @@ static lg_status cancelling_taped(void *user, lg_tape *tape, lg_taped_time t, co
     return chain_taped(user, tape, t, y, input, out);
 }
 
-TEST("cancelled") {
+TEST("a run may be cancelled anywhere") {
     lg_context_options options;
     lg_context_options_init(&options);
     options.cancel = &cancel_flag;

@@ -1,22 +1,11 @@
 /* Adaptive runs: dense output and its order, observers, rejection by the angle for every adaptive scheme,
  * first steps, failures. */
 #include "fields.h"
+#include "support/fixtures.h"
 
 #define PI 3.14159265358979323846
 
 static double swing = 0.3;
-
-static lg_stepper *make(const lg_scheme *scheme, const lg_ode *ode) {
-    lg_stepper *stepper = NULL;
-    assert_ok(lg_stepper_create(NULL, scheme, ode, &stepper));
-    return stepper;
-}
-
-static lg_space chain_space(void) {
-    lg_space space;
-    assert_ok(lg_space_init(&space, &(lg_space_factor){LG_SPACE_TS2, 2}, 1));
-    return space;
-}
 
 /* ---- dense output ---- */
 
@@ -26,11 +15,10 @@ static void reference(double t_end, double *y) {
     const lg_ode ode = chain_ode(scheme, &swing);
     const size_t steps = 40 + (size_t)(400.0 * t_end);
     double out[2 * CHAIN_DIM], y0[CHAIN_DIM];
-    lg_stepper *stepper = make(scheme, &ode);
+    lg_stepper *stepper = test_stepper(scheme, &ode);
     chain_start(y0);
     assert_ok(lg_integrate_fixed(stepper, 0.0, t_end / (double)steps, steps, NULL, 0, steps, y0, out, NULL));
     memcpy(y, out + CHAIN_DIM, CHAIN_DIM * sizeof(*y));
-    lg_stepper_destroy(NULL, stepper);
 }
 
 static double difference(const double *x, const double *y) {
@@ -52,14 +40,12 @@ static double dense_error(const lg_scheme *scheme, double h) {
     const lg_ode ode = rigid_ode(scheme->ambient), lie = rigid_ode(false);
     const double y0[3] = {0.4, 1.1, -0.7};
     double y[3], out[3], exact[6], worst = 0.0;
-    lg_stepper *stepper = make(scheme, &ode), *fine = make(lg_scheme_find("rkmk5"), &lie);
+    lg_stepper *stepper = test_stepper(scheme, &ode), *fine = test_stepper(lg_scheme_find("rkmk5"), &lie);
     assert_ok(lg_step(stepper, 0.0, h / 2, y0, NULL, y));
     assert_ok(lg_step(stepper, h / 2, h / 2, y, NULL, y));
     assert_ok(lg_stepper_dense(stepper, 0.4, out));
     assert_ok(lg_integrate_fixed(fine, 0.0, 0.7 * h / 400, 400, NULL, 0, 400, y0, exact, NULL));
     for (int i = 0; i < 3; i++) worst = fmax(worst, fabs(out[i] - exact[3 + i]));
-    lg_stepper_destroy(NULL, stepper);
-    lg_stepper_destroy(NULL, fine);
     return worst;
 }
 
@@ -74,7 +60,7 @@ static double dense_slope(const lg_scheme *scheme) {
     return fit_slope(&fit);
 }
 
-TEST("dense order") {
+TEST("dense output has local order 5, and a planted error loses it") {
     static const char *const names[] = {"rkmk54", "dp54"};
     for (int i = 0; i < 2; i++) {
         const lg_scheme *scheme = lg_scheme_find(names[i]);
@@ -91,12 +77,12 @@ TEST("dense order") {
     }
 }
 
-TEST("dense ends and manifold") {
+TEST("dense output meets both ends and stays on the manifold") {
     const lg_scheme *scheme = lg_scheme_find("rkmk54");
     const lg_ode ode = chain_ode(scheme, &swing);
-    const lg_space space = chain_space();
+    const lg_space space = chain_ode(lg_scheme_find("rkmk4"), &swing).space;
     double y[CHAIN_DIM], next[CHAIN_DIM], out[CHAIN_DIM], input[1] = {0.0};
-    lg_stepper *stepper = make(scheme, &ode);
+    lg_stepper *stepper = test_stepper(scheme, &ode);
     chain_start(y);
     assert_status(lg_stepper_dense(stepper, 0.5, out), LG_INVALID_ARGUMENT); /* no step yet */
     for (int n = 0; n < 20; n++) {
@@ -121,18 +107,16 @@ TEST("dense ends and manifold") {
     y[0] = NAN;
     assert_status(lg_step(stepper, 0.0, 0.1, y, NULL, next), LG_NOT_FINITE);
     assert_status(lg_stepper_dense(stepper, 0.5, out), LG_INVALID_ARGUMENT); /* that step failed */
-    lg_stepper_destroy(NULL, stepper);
     const lg_ode same = chain_ode(lg_scheme_find("cf4"), &swing);
-    stepper = make(lg_scheme_find("cf4"), &same);
+    stepper = test_stepper(lg_scheme_find("cf4"), &same);
     assert_status(lg_stepper_dense(stepper, 0.5, out), LG_UNSUPPORTED);
-    lg_stepper_destroy(NULL, stepper);
 }
 
 enum { TIMES = 200 };
 
 TEST("many times: as accurate as the tolerance, and they cost nothing; both directions") {
     static const char *const names[] = {"rkmk54", "dp54", "cf43"};
-    const lg_space space = chain_space();
+    const lg_space space = chain_ode(lg_scheme_find("rkmk4"), &swing).space;
     double times[TIMES], y0[CHAIN_DIM], exact[CHAIN_DIM];
     static double out[3][TIMES * CHAIN_DIM], back[TIMES * CHAIN_DIM], backwards[TIMES];
     for (int i = 0; i < TIMES; i++) times[i] = 2.0 * i / (TIMES - 1);
@@ -141,7 +125,7 @@ TEST("many times: as accurate as the tolerance, and they cost nothing; both dire
     for (int k = 0; k < 3; k++) {
         const lg_scheme *scheme = lg_scheme_find(names[k]);
         const lg_ode ode = chain_ode(scheme, &swing);
-        lg_stepper *stepper = make(scheme, &ode);
+        lg_stepper *stepper = test_stepper(scheme, &ode);
         lg_run_stats dense, one, clipped;
         lg_step_controller c;
         lg_step_controller_init(&c);
@@ -175,7 +159,6 @@ TEST("many times: as accurate as the tolerance, and they cost nothing; both dire
         for (int i = 0; i < TIMES; i++)
             assert_true(difference(back + i * CHAIN_DIM, out[k] + (TIMES - 1 - i) * CHAIN_DIM) < 2e-6);
         reference(2.0, exact);
-        lg_stepper_destroy(NULL, stepper);
     }
 }
 
@@ -203,7 +186,7 @@ TEST("the steps seen are a chain from start to end, and repeating them gives the
     for (int k = 0; k < 5; k++) {
         const lg_scheme *scheme = lg_scheme_find(names[k]);
         const lg_ode ode = chain_ode(scheme, &swing);
-        lg_stepper *stepper = make(scheme, &ode), *again = make(scheme, &ode);
+        lg_stepper *stepper = test_stepper(scheme, &ode), *again = test_stepper(scheme, &ode);
         lg_run_stats stats;
         lg_step_controller c;
         lg_step_controller_init(&c);
@@ -225,15 +208,12 @@ TEST("the steps seen are a chain from start to end, and repeating them gives the
         w.stop_at = 3;
         assert_status(lg_integrate_adaptive(stepper, &c, 0.0, y0, times, 3, out, &stats), LG_CANCELLED);
         assert_int_equal(stats.steps, 3);
-        lg_stepper_destroy(NULL, stepper);
-        lg_stepper_destroy(NULL, again);
     }
 }
 
 /* ---- rejection and first steps ---- */
 
 static lg_status spin_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)t, (void)y, (void)input;
     for (int i = 0; i < 6; i++) out[i] = ((const double *)user)[i];
     return LG_OK;
 }
@@ -249,7 +229,7 @@ TEST("a free rotation is exact for every h: only the angle bounds the step") {
         lg_ode ode = {.field = spin_field, .user = user};
         assert_ok(lg_space_init(&ode.space, &(lg_space_factor){LG_SPACE_TS2, 1}, 1));
         for (int limited = 0; limited < 2; limited++) {
-            lg_stepper *stepper = make(scheme, &ode);
+            lg_stepper *stepper = test_stepper(scheme, &ode);
             lg_run_stats stats;
             lg_step_controller c;
             lg_step_controller_init(&c);
@@ -258,20 +238,17 @@ TEST("a free rotation is exact for every h: only the angle bounds the step") {
             assert_ok(lg_integrate_adaptive(stepper, &c, 0.0, y0, times, 1, out, &stats));
             assert_true(stats.max_angle <= c.max_angle && stats.max_angle > 0.7 * c.max_angle);
             assert_true(stats.rejected > 0 && stats.rejected < 20);
-            lg_stepper_destroy(NULL, stepper);
         }
     }
 }
 
 /* R^1: y' = rate y */
 static lg_status growth(void *user, double t, const double *y, const double *input, double *out) {
-    (void)t, (void)input;
     out[0] = *(const double *)user * y[0];
     return LG_OK;
 }
 
 static lg_status from_zero(void *user, double t, const double *y, const double *input, double *out) {
-    (void)user, (void)y, (void)input;
     out[0] = t > 0.0 ? 3.0 * t * t : 0.0;
     return LG_OK;
 }
@@ -290,31 +267,28 @@ TEST("whatever the scale, few steps are wasted at the start") {
             lg_step_controller_init(&c);
             c.rtol = tol, c.atol = 0.0;
             ode.user = &rate;
-            lg_stepper *stepper = make(lg_scheme_find("dp54"), &ode);
+            lg_stepper *stepper = test_stepper(lg_scheme_find("dp54"), &ode);
             assert_ok(lg_integrate_adaptive(stepper, &c, 0.0, y0, t_end, 1, out, &stats));
             assert_close(out[0], exp(rate * t_end[0]), 10.0 * tol, 1e-15);
             assert_true(stats.rejected <= 3 && stats.steps < 15.0 + 0.3 * pow(tol, -0.2));
-            lg_stepper_destroy(NULL, stepper);
         }
     }
     const double one[] = {1.0};
     ode.field = from_zero;
-    lg_stepper *stepper = make(lg_scheme_find("dp54"), &ode);
+    lg_stepper *stepper = test_stepper(lg_scheme_find("dp54"), &ode);
     assert_ok(lg_integrate_adaptive(stepper, NULL, 0.0, zero, one, 1, out, &stats)); /* no size, no speed */
     assert_close(out[0], 1.0, 1e-6, 0.0);
-    lg_stepper_destroy(NULL, stepper);
 }
 
 /* ---- failures ---- */
 
 static lg_status noise(void *user, double t, const double *y, const double *input, double *out) {
-    (void)user, (void)y, (void)input;
     const double x = 1e9 * sin(1e9 * t + 1.0);
     out[0] = 1e12 * (x - floor(x) - 0.5);
     return LG_OK;
 }
 
-TEST("failures") {
+TEST("runs that cannot go on say so and keep what is done") {
     const double y0[1] = {1.0}, times[] = {0.0, 1.0, 2.0};
     double out[3] = {7.0, 7.0, 7.0};
     lg_run_stats stats;
@@ -326,7 +300,7 @@ TEST("failures") {
         c.dense = dense == 1;
         c.rtol = 1e-15, c.atol = 0.0;
         out[1] = out[2] = 7.0;
-        lg_stepper *stepper = make(lg_scheme_find("dp54"), &ode);
+        lg_stepper *stepper = test_stepper(lg_scheme_find("dp54"), &ode);
         assert_status(lg_integrate_adaptive(stepper, &c, 0.0, y0, times, 3, out, &stats), LG_STEP_TOO_SMALL);
         assert_true(out[0] == 1.0 && out[1] == 7.0 && out[2] == 7.0);
         assert_true(stats.rejected > 0);
@@ -334,6 +308,5 @@ TEST("failures") {
         c.max_steps = 4, c.h_max = 0.01;
         assert_status(lg_integrate_adaptive(stepper, &c, 0.0, y0, times, 3, out, &stats), LG_TOO_MANY_STEPS);
         assert_int_equal(stats.steps + stats.rejected, 4);
-        lg_stepper_destroy(NULL, stepper);
     }
 }

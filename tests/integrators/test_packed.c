@@ -1,6 +1,6 @@
 /* Steps on copies of T*S^2 go through kernels of their own. They agree with the interpreter, which the same
  * space as a product of two factors still uses, and do not depend on where a copy stands. */
-#include "test_support.h"
+#include "support/fixtures.h"
 
 #include "liegrad/integrators.h"
 
@@ -45,10 +45,8 @@ static lg_stepper *make(const lg_scheme *scheme, field_data *data, int whole) {
     const lg_space_factor factors[2] = {{LG_SPACE_TS2, whole ? data->copies : 1},
                                         {LG_SPACE_TS2, data->copies - 1}};
     lg_ode ode = {.field = swirl, .user = data};
-    lg_stepper *stepper = NULL;
     assert_ok(lg_space_init(&ode.space, factors, whole ? 1 : 2));
-    assert_ok(lg_stepper_create(NULL, scheme, &ode, &stepper));
-    return stepper;
+    return test_stepper(scheme, &ode);
 }
 
 static double largest(size_t n, const double *x) {
@@ -94,11 +92,9 @@ static void compare(const lg_scheme *scheme, size_t copies, double scale, const 
         }
         if (i != 1) memcpy(y, a, n * sizeof *y), t += sizes[i];
     }
-    lg_stepper_destroy(NULL, packed);
-    lg_stepper_destroy(NULL, plain);
 }
 
-TEST("agrees with the interpreter") {
+TEST("packed steps are the interpreter's") {
     static const char *const names[] = {"lie-euler", "lie-heun", "rkmk3", "rkmk4", "rkmk5", "rkmk54"};
     static const size_t copies[] = {2, 7, 8, 9, 16, 17};
     static const double scales[] = {0.1, 1.0, 3.0}; /* short series, both, long series and beyond */
@@ -111,7 +107,7 @@ TEST("agrees with the interpreter") {
             }
 }
 
-TEST("the constant input of a step may change: a value from the end of the last one must not be taken") {
+TEST("a changed input is seen: no value of the last step is taken") {
     const double inputs[2] = {0.9, -2.0};
     field_data data = {.copies = 3, .scale = 1.0}, fresh = data;
     lg_stepper *stepper = make(lg_scheme_find("rkmk54"), &data, 1);
@@ -126,13 +122,11 @@ TEST("the constant input of a step may change: a value from the end of the last 
     lg_stepper_reset(other);
     assert_ok(lg_step(other, 0.1, 0.1, y, &inputs[1], b));
     assert_memory_equal(a, b, sizeof a);
-    lg_stepper_destroy(NULL, stepper);
-    lg_stepper_destroy(NULL, other);
 }
 
 /* Copies that do not see each other: the same bits at every place and in every number of them, whatever the
  * angles of the others. */
-TEST("place does not matter") {
+TEST("a copy has the same bits at every place") {
     double y[DIM], out[DIM], one[6];
     field_data data = {.copies = MOST, .scale = 1.0};
     fill(MOST, y);
@@ -148,12 +142,10 @@ TEST("place does not matter") {
         for (int j = 0; j < 6; j++)
             assert_true(lg_stepper_error(single)[j] == lg_stepper_error(all)[6 * i + (size_t)j]);
         assert_true(lg_stepper_angle(single) <= lg_stepper_angle(all));
-        lg_stepper_destroy(NULL, single);
     }
-    lg_stepper_destroy(NULL, all);
 }
 
-TEST("a value that is not finite, at any stage, in one copy only") {
+TEST("what is not finite in one copy is seen at every stage") {
     for (size_t broken = 1; broken <= 7; broken++) {
         field_data data = {.copies = 9, .scale = 1.0, .broken = broken};
         lg_stepper *stepper = make(lg_scheme_find("rkmk54"), &data, 1);
@@ -169,6 +161,5 @@ TEST("a value that is not finite, at any stage, in one copy only") {
         lg_stepper_reset(stepper);
         assert_ok(lg_step(stepper, 0.0, 0.1, y, NULL, out));
         assert_true(lg_stepper_angle(stepper) < 1.0 && isfinite(lg_stepper_error(stepper)[52]));
-        lg_stepper_destroy(NULL, stepper);
     }
 }

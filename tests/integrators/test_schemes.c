@@ -2,6 +2,7 @@
  * 4 matrices of SE(3), exponentials by scaling and squaring, dexpinv by its series, formulas as the sources
  * print them. */
 #include "fields.h"
+#include "support/fixtures.h"
 
 #include "core/core.h"
 #include "liegrad/random.h"
@@ -73,31 +74,14 @@ static alg bracket(const alg *f, const alg *g) {
     return out;
 }
 
-static const real bernoulli[25] = {1.0L,
-                                   -0.5L,
-                                   1.0L / 6,
-                                   0,
-                                   -1.0L / 30,
-                                   0,
-                                   1.0L / 42,
-                                   0,
-                                   -1.0L / 30,
-                                   0,
-                                   5.0L / 66,
-                                   0,
-                                   -691.0L / 2730,
-                                   0,
-                                   7.0L / 6,
-                                   0,
-                                   -3617.0L / 510,
-                                   0,
-                                   43867.0L / 798,
-                                   0,
-                                   -174611.0L / 330,
-                                   0,
-                                   854513.0L / 138,
-                                   0,
-                                   -236364091.0L / 2730};
+/* B_k; the odd ones after the first are 0. */
+static real bernoulli(int k) {
+    static const real even[][2] = {
+        {1, 1}, {1, 6},       {-1, 30},     {1, 42},        {-1, 30},      {5, 66},           {-691, 2730},
+        {7, 6}, {-3617, 510}, {43867, 798}, {-174611, 330}, {854513, 138}, {-236364091, 2730}};
+    if (k % 2 == 1) return k == 1 ? -0.5L : 0.0L;
+    return even[k / 2][0] / even[k / 2][1];
+}
 
 /* sum_{k <= K} B_k/k! ad_a^k b; K < 0: the whole series */
 static alg dexpinv(int K, const alg *a, const alg *b) {
@@ -106,7 +90,7 @@ static alg dexpinv(int K, const alg *a, const alg *b) {
     for (int k = 1; k <= (K < 0 ? 24 : K); k++) {
         term = bracket(a, &term);
         factorial *= k;
-        for (int i = 0; i < CHAIN_DIM; i++) out.x[i] += bernoulli[k] / factorial * term.x[i];
+        for (int i = 0; i < CHAIN_DIM; i++) out.x[i] += bernoulli(k) / factorial * term.x[i];
     }
     return out;
 }
@@ -324,18 +308,16 @@ static double distance(const double *y, const alg *e) {
 /* One step of a scheme from the start, at a time where gravity swings. */
 static double step_error(const lg_scheme *scheme, double h, const alg *e, double *error) {
     double y[CHAIN_DIM];
-    lg_stepper *stepper = NULL;
     const lg_ode ode = chain_ode(scheme, &swing);
-    assert_ok(lg_stepper_create(NULL, scheme, &ode, &stepper));
+    lg_stepper *stepper = test_stepper(scheme, &ode);
     chain_start(y);
     assert_ok(lg_step(stepper, 0.3, h, y, NULL, y));
     if (error && lg_stepper_error(stepper))
         memcpy(error, lg_stepper_error(stepper), CHAIN_DIM * sizeof(*error));
-    lg_stepper_destroy(NULL, stepper);
     return distance(y, e);
 }
 
-TEST("single steps") {
+TEST("every scheme's single step is an independent one, in long double") {
     double start[CHAIN_DIM];
     alg y;
     chain_start(start);
@@ -421,7 +403,7 @@ static lg_scheme random_rkmk(lg_rng *rng, int stages, lg_commutator *list) {
     return s;
 }
 
-TEST("random tableaux") {
+TEST("random tableaux with brackets and truncations are those of long double") {
     lg_rng rng;
     double start[CHAIN_DIM], worst = 0.0;
     alg y;
@@ -468,7 +450,7 @@ static alg cf_point(const lg_cf_row *row, int stages, real h, const alg *y, cons
     return point;
 }
 
-TEST("random commutator free") {
+TEST("random commutator-free schemes are those of long double") {
     lg_rng rng;
     double start[CHAIN_DIM], worst = 0.0;
     alg y;
@@ -501,7 +483,7 @@ TEST("random commutator free") {
 
 /* ---- splitting, variational ---- */
 
-TEST("splitting steps") {
+TEST("splitting schemes by hand") {
     const double h = 0.02;
     double y[4] = {0.4, -0.7, 0.3, 0.6}, e[4], f[2], out[4];
     lg_ode ode = {.field = quartic_field, .force = quartic_force, .velocity = quartic_velocity};
@@ -509,21 +491,18 @@ TEST("splitting steps") {
     memcpy(e, y, sizeof(e));
     (void)quartic_force(NULL, 0, e, NULL, f);
     for (int i = 0; i < 2; i++) e[2 + i] += h * f[i], e[i] += h * e[2 + i];
-    lg_stepper *stepper = NULL;
-    assert_ok(lg_stepper_create(NULL, lg_scheme_find("symplectic-euler"), &ode, &stepper));
+    lg_stepper *stepper = test_stepper(lg_scheme_find("symplectic-euler"), &ode);
     assert_ok(lg_step(stepper, 0.0, h, y, NULL, out));
     for (int i = 0; i < 4; i++) assert_close(out[i], e[i], 0.0, 1e-15);
-    lg_stepper_destroy(NULL, stepper);
     memcpy(e, y, sizeof(e));
     for (int half = 0; half < 2; half++) {
         (void)quartic_force(NULL, 0, e, NULL, f);
         for (int i = 0; i < 2; i++) e[2 + i] += h / 2 * f[i];
         for (int i = 0; half == 0 && i < 2; i++) e[i] += h * e[2 + i];
     }
-    assert_ok(lg_stepper_create(NULL, lg_scheme_find("stormer-verlet"), &ode, &stepper));
+    stepper = test_stepper(lg_scheme_find("stormer-verlet"), &ode);
     assert_ok(lg_step(stepper, 0.0, h, y, NULL, out));
     for (int i = 0; i < 4; i++) assert_close(out[i], e[i], 0.0, 1e-15);
-    lg_stepper_destroy(NULL, stepper);
 }
 
 static lg_status variational(void *user, double t, double h, double *y) {
@@ -532,33 +511,30 @@ static lg_status variational(void *user, double t, double h, double *y) {
     return LG_OK;
 }
 
-TEST("variational step") {
+TEST("a variational step is the system's own") {
     double y[12];
     lg_status failure = LG_NO_CONVERGENCE;
-    lg_stepper *stepper = NULL;
     lg_ode ode = {.step = NULL};
     const lg_scheme *scheme = lg_scheme_find("variational");
     assert_ok(lg_space_init(&ode.space, &(lg_space_factor){LG_SPACE_TS2, 2}, 1));
+    lg_stepper *stepper = NULL;
     assert_status(lg_stepper_create(NULL, scheme, &ode, &stepper), LG_INVALID_ARGUMENT);
     ode.step = variational;
     chain_start(y);
-    assert_ok(lg_stepper_create(NULL, scheme, &ode, &stepper));
+    stepper = test_stepper(scheme, &ode);
     assert_ok(lg_step(stepper, 3.0, 0.5, y, NULL, y));
     assert_close(y[0], 0.6 + 1.5, 1e-15, 0.0);
     assert_int_equal(lg_stepper_evaluations(stepper), 1);
-    lg_stepper_destroy(NULL, stepper);
     ode.user = &failure;
-    assert_ok(lg_stepper_create(NULL, scheme, &ode, &stepper));
+    stepper = test_stepper(scheme, &ode);
     assert_status(lg_step(stepper, 3.0, 0.5, y, NULL, y), LG_NO_CONVERGENCE);
     assert_close(y[0], 0.6 + 1.5, 1e-15, 0.0);
-    lg_stepper_destroy(NULL, stepper);
 }
 
 /* ---- implicit schemes ---- */
 
 /* A stiff linear problem, and its exact step. */
 static lg_status stiff_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)user, (void)input;
     out[0] = -1e6 * (y[0] - t);
     out[1] = y[0] - y[1];
     return LG_OK;
@@ -566,17 +542,15 @@ static lg_status stiff_field(void *user, double t, const double *y, const double
 
 /* y' = y^2 + 1e3: the implicit Euler stage is real for small steps only */
 static lg_status unsolvable_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)user, (void)t, (void)input;
     out[0] = y[0] * y[0] + 1e3;
     return LG_OK;
 }
 
-TEST("implicit steps") {
+TEST("implicit steps are exact on stiff problems, or do not converge") {
     double y[2] = {1.0, 2.0}, out[2];
-    lg_stepper *stepper = NULL;
     lg_ode ode = {.field = stiff_field};
     assert_ok(lg_space_init_rn(&ode.space, 2));
-    assert_ok(lg_stepper_create(NULL, lg_scheme_find("implicit-euler"), &ode, &stepper));
+    lg_stepper *stepper = test_stepper(lg_scheme_find("implicit-euler"), &ode);
     assert_ok(lg_step(stepper, 0.5, 0.1, y, NULL, out));
     const double first = (1.0 + 1e5 * 0.6) / (1.0 + 1e5);
     assert_close(out[0], first, 1e-12, 0.0);
@@ -584,16 +558,14 @@ TEST("implicit steps") {
     y[0] = y[1] = 0.0; /* from the origin */
     assert_ok(lg_step(stepper, 0.0, 0.1, y, NULL, out));
     assert_close(out[0], 1e5 * 0.1 / (1.0 + 1e5), 1e-12, 0.0);
-    lg_stepper_destroy(NULL, stepper);
     ode.field = unsolvable_field;
     assert_ok(lg_space_init_rn(&ode.space, 1));
-    assert_ok(lg_stepper_create(NULL, lg_scheme_find("implicit-euler"), &ode, &stepper));
+    stepper = test_stepper(lg_scheme_find("implicit-euler"), &ode);
     y[0] = out[0] = 0.5;
     assert_status(lg_step(stepper, 0.0, 1.0, y, NULL, out), LG_NO_CONVERGENCE);
     assert_true(out[0] == 0.5);
     assert_ok(lg_step(stepper, 0.0, 1e-3, y, NULL, out)); /* 1e-3 Y^2 - Y + 1.5 = 0 */
     assert_close(out[0], (1.0 - sqrt(1.0 - 4e-3 * 1.5)) / 2e-3, 1e-12, 0.0);
-    lg_stepper_destroy(NULL, stepper);
 }
 
 /* ---- symplectic Lie group integrators: the residual of 6 equations in long double ---- */
@@ -688,16 +660,14 @@ static void slgi_step(real theta, real h, real *y) {
 
 static lg_stepper *top_stepper(double theta, lg_field f, bool quadratic, lg_scheme *scheme) {
     lg_ode ode = {.field = f};
-    lg_stepper *stepper = NULL;
     *scheme = *lg_scheme_find("slgi");
     scheme->theta = theta;
     assert_ok(lg_space_init(&ode.space, (lg_space_factor[]){{LG_SPACE_SE3, 1}, {LG_SPACE_RN, 6}},
                             quadratic ? 2 : 1));
-    assert_ok(lg_stepper_create(NULL, scheme, &ode, &stepper));
-    return stepper;
+    return test_stepper(scheme, &ode);
 }
 
-TEST("slgi against residual") {
+TEST("slgi solves its six equations in long double") {
     static const double thetas[] = {0.0, 0.3, 0.5, 1.0}, steps[] = {0.005, 0.01, 0.02};
     for (size_t i = 0; i < 4; i++) {
         for (size_t k = 0; k < 3; k++) {
@@ -717,7 +687,6 @@ TEST("slgi against residual") {
                 thetas[i], steps[k], worst, (double)lg_stepper_evaluations(stepper) / 10.0,
                 lg_stepper_angle(stepper));
             assert_true(worst <= 1e-11);
-            lg_stepper_destroy(NULL, stepper);
         }
     }
 }
@@ -738,40 +707,33 @@ TEST("the quadratic form with theta = 1/2 has the (Q, pi) of the cotangent form;
     assert_true(x[15] == 0.0 && x[16] == -30.0 && x[17] == 0.0);
     assert_true(fabs(x[12]) + fabs(x[13]) + fabs(x[14]) > 1e-3);
     assert_close(lg_stepper_angle(quadratic), lg_stepper_angle(top), 1e-12, 0.0);
-    lg_stepper_destroy(NULL, top);
-    lg_stepper_destroy(NULL, quadratic);
 }
 
 /* T*(R^m) inside: with SO(3) at rest the rule theta = 1/2 is the midpoint rule. */
 static lg_status resting_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)user, (void)t, (void)input;
     memset(out, 0, 6 * sizeof(*out));
     out[6] = y[13], out[7] = -sin(y[12]);
     return LG_OK;
 }
 
 static lg_status pendulum_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)user, (void)t, (void)input;
     out[0] = y[1], out[1] = -sin(y[0]);
     return LG_OK;
 }
 
-TEST("slgi on rm") {
+TEST("slgi on R^m is the midpoint rule") {
     double x[14] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0.3, 0.2, 0.1, 0.4, 0.9}, y[2] = {0.4, 0.9};
     lg_ode ode = {.field = resting_field}, plain = {.field = pendulum_field};
-    lg_stepper *slgi = NULL, *midpoint = NULL;
     assert_ok(lg_space_init(&ode.space, (lg_space_factor[]){{LG_SPACE_SE3, 1}, {LG_SPACE_RN, 2}}, 2));
     assert_ok(lg_space_init_rn(&plain.space, 2));
-    assert_ok(lg_stepper_create(NULL, lg_scheme_find("slgi"), &ode, &slgi));
-    assert_ok(lg_stepper_create(NULL, lg_scheme_find("midpoint"), &plain, &midpoint));
+    lg_stepper *slgi = test_stepper(lg_scheme_find("slgi"), &ode),
+               *midpoint = test_stepper(lg_scheme_find("midpoint"), &plain);
     for (int n = 0; n < 20; n++) {
         assert_ok(lg_step(slgi, 0.0, 0.2, x, NULL, x));
         assert_ok(lg_step(midpoint, 0.0, 0.2, y, NULL, y));
     }
     for (int i = 0; i < 2; i++) assert_close(x[12 + i], y[i], 1e-13, 0.0);
     assert_close(x[10], 0.2, 1e-15, 0.0);
-    lg_stepper_destroy(NULL, slgi);
-    lg_stepper_destroy(NULL, midpoint);
 }
 
 TEST("theta = 0 is symplectic Euler with p first, theta = 1 with q first") {
@@ -780,10 +742,9 @@ TEST("theta = 0 is symplectic Euler with p first, theta = 1 with q first") {
         double x[14] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0.3, 0.2, 0.1, 0.4, 0.9}, q = 0.4, p = 0.9;
         lg_ode ode = {.field = resting_field};
         lg_scheme scheme = *lg_scheme_find("slgi");
-        lg_stepper *stepper = NULL;
         scheme.theta = theta;
         assert_ok(lg_space_init(&ode.space, (lg_space_factor[]){{LG_SPACE_SE3, 1}, {LG_SPACE_RN, 2}}, 2));
-        assert_ok(lg_stepper_create(NULL, &scheme, &ode, &stepper));
+        lg_stepper *stepper = test_stepper(&scheme, &ode);
         for (int n = 0; n < 20; n++) {
             assert_ok(lg_step(stepper, 0.0, h, x, NULL, x));
             if (theta == 1) q += h * p;
@@ -792,17 +753,15 @@ TEST("theta = 0 is symplectic Euler with p first, theta = 1 with q first") {
         }
         assert_close(x[12], q, 1e-13, 0.0);
         assert_close(x[13], p, 1e-13, 0.0);
-        lg_stepper_destroy(NULL, stepper);
     }
 }
 
 static lg_status nan_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)user, (void)t, (void)y, (void)input;
     for (int i = 0; i < 6; i++) out[i] = NAN;
     return LG_OK;
 }
 
-TEST("slgi failures") {
+TEST("spaces and fields that slgi cannot take are refused") {
     static const lg_space_factor unfit[][2] = {{{LG_SPACE_TS2, 1}, {LG_SPACE_RN, 2}},
                                                {{LG_SPACE_SE3, 2}, {LG_SPACE_RN, 2}},
                                                {{LG_SPACE_SE3, 1}, {LG_SPACE_RN, 3}},
@@ -821,5 +780,4 @@ TEST("slgi failures") {
     stepper = top_stepper(0.5, nan_field, false, &scheme);
     assert_status(lg_step(stepper, 0.0, 0.01, y, NULL, y), LG_NOT_FINITE);
     assert_memory_equal(y, before, sizeof(y));
-    lg_stepper_destroy(NULL, stepper);
 }

@@ -1,5 +1,5 @@
 /* The stepper and its loops: exact cases, memory, reuse of field values, step control, bad input. */
-#include "test_support.h"
+#include "support/fixtures.h"
 
 #include "liegrad/geometry.h"
 #include "liegrad/integrators.h"
@@ -8,21 +8,18 @@
 
 /* y' = a . y with constant a behind user */
 static lg_status constant_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)t, (void)y, (void)input;
     memcpy(out, user, 6 * sizeof(double));
     return LG_OK;
 }
 
 /* The same as an ambient field. */
 static lg_status turning_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)t, (void)input;
     lg_se3_generator(user, y, out);
     return LG_OK;
 }
 
 /* R^2: y' = (t^4, input or 0) */
 static lg_status time_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)user, (void)y;
     out[0] = t * t * t * t;
     out[1] = input ? input[0] : 0.0;
     return LG_OK;
@@ -30,21 +27,17 @@ static lg_status time_field(void *user, double t, const double *y, const double 
 
 /* R^1: y' = y^2, which reaches infinity at t = 1/y0; user: NULL, or the status to return */
 static lg_status blow_up_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)t, (void)input;
     out[0] = y[0] * y[0];
     return user ? *(lg_status *)user : LG_OK;
 }
 
 static lg_status sqrt_field(void *user, double t, const double *y, const double *input, double *out) {
-    (void)user, (void)y, (void)input;
     out[0] = sqrt(0.5 - t); /* NaN beyond 1/2 */
     return LG_OK;
 }
 
 static lg_stepper *make(const char *name, lg_ode ode) {
-    lg_stepper *stepper = NULL;
-    assert_ok(lg_stepper_create(NULL, lg_scheme_find(name), &ode, &stepper));
-    return stepper;
+    return test_stepper(lg_scheme_find(name), &ode);
 }
 
 static lg_ode ode_on(lg_space_kind kind, size_t count, lg_field field, void *user) {
@@ -69,7 +62,7 @@ static double largest_share(const lg_scheme *scheme) {
     return largest;
 }
 
-TEST("constant field is exact") {
+TEST("every scheme is exact for a constant field, and reports its angle") {
     double a[6] = {0.5, -0.4, 0.7, 0.3, 0.6, -0.2}, y[6] = {0.6, 0.0, 0.8, 0.8, 0.5, -0.6}, exact[6], out[6],
            ha[6];
     for (int i = 0; i < 6; i++) ha[i] = 0.9 * a[i];
@@ -86,7 +79,6 @@ TEST("constant field is exact") {
         for (int j = 0; error && j < 6; j++) assert_close(error[j], 0.0, 0.0, 4e-15);
         assert_close(lg_stepper_angle(stepper), largest_share(scheme) * 0.9 * sqrt(lg_dot3(a, a)), 1e-14,
                      0.0);
-        lg_stepper_destroy(NULL, stepper);
         tested++;
     }
     assert_true(tested > 0);
@@ -94,7 +86,7 @@ TEST("constant field is exact") {
 
 /* Stages carry t + c_i h: t^4 is integrated exactly by order 5, t^3's quadrature by order 4 is tested by its
  * error. */
-TEST("time and inputs") {
+TEST("stages carry time and input") {
     double y0[2] = {0.0, 0.0}, out[4 * 2];
     const double inputs[3] = {1.0, -2.0, 4.0};
     lg_stepper *stepper = make("rkmk5", ode_on(LG_SPACE_RN, 2, time_field, NULL));
@@ -103,11 +95,9 @@ TEST("time and inputs") {
     assert_close(out[3], 0.5, 1e-15, 0.0);
     assert_close(out[5], -0.5, 1e-15, 0.0);
     assert_close(out[7], 1.5, 1e-15, 0.0);
-    lg_stepper_destroy(NULL, stepper);
     stepper = make("cf4", ode_on(LG_SPACE_RN, 2, time_field, NULL)); /* Simpson's rule on R^n */
     assert_ok(lg_step(stepper, 1.0, 1.0, y0, NULL, out));
     assert_close(out[0], (1.0 + 4.0 * pow(1.5, 4.0) + 16.0) / 6.0, 1e-15, 0.0);
-    lg_stepper_destroy(NULL, stepper);
 }
 
 TEST("on R^n the Lie group schemes are the classical ones, to the bit") {
@@ -119,13 +109,12 @@ TEST("on R^n the Lie group schemes are the classical ones, to the bit") {
         for (int j = 0; j < 2; j++) {
             lg_stepper *stepper = make(pairs[i][j], ode_on(LG_SPACE_RN, 1, blow_up_field, NULL));
             assert_ok(lg_integrate_fixed(stepper, 0.0, 0.1, 10, NULL, 0, 10, y0, out[j], NULL));
-            lg_stepper_destroy(NULL, stepper);
         }
         assert_memory_equal(out[0], out[1], sizeof(out[0]));
     }
 }
 
-TEST("So are the commutator-free ones, to rounding") {
+TEST("on R^n the commutator-free schemes are the classical ones, to rounding") {
     const double y0[1] = {0.3};
     for (size_t i = 0; i < lg_scheme_count(); i++) {
         const lg_scheme *cf = lg_scheme_at(i);
@@ -146,11 +135,9 @@ TEST("So are the commutator-free ones, to rounding") {
         }
         const lg_scheme *const both[2] = {cf, &classic};
         for (int j = 0; j < 2; j++) {
-            lg_stepper *stepper = NULL;
             const lg_ode ode = ode_on(LG_SPACE_RN, 1, blow_up_field, NULL);
-            assert_ok(lg_stepper_create(NULL, both[j], &ode, &stepper));
+            lg_stepper *stepper = test_stepper(both[j], &ode);
             assert_ok(lg_integrate_fixed(stepper, 0.0, 0.1, 10, NULL, 0, 10, y0, out[j], NULL));
-            lg_stepper_destroy(NULL, stepper);
         }
         assert_close(out[0][1], out[1][1], 1e-15, 0.0);
     }
@@ -169,7 +156,6 @@ TEST("first same as last: six evaluations a step, and a rejected step costs none
         assert_ok(lg_integrate_fixed(stepper, 0.7, 0.1, 10, NULL, 0, 10, y0, out, &stats));
         assert_int_equal(stats.evaluations, cases[i].evaluations);
         assert_int_equal(stats.steps, 10);
-        lg_stepper_destroy(NULL, stepper);
     }
     lg_stepper *stepper = make("rkmk54", ode_on(LG_SPACE_RN, 1, blow_up_field, NULL));
     assert_ok(lg_step(stepper, 0.0, 0.2, y0, NULL, y));
@@ -180,30 +166,26 @@ TEST("first same as last: six evaluations a step, and a rejected step costs none
     lg_stepper_reset(stepper);
     assert_ok(lg_step(stepper, 0.2, 0.1, y, NULL, y));
     assert_int_equal(lg_stepper_evaluations(stepper), 7 + 6 + 6 + 7);
-    lg_stepper_destroy(NULL, stepper);
 }
 
 static lg_status spring(void *user, double t, const double *q, const double *input, double *out) {
-    (void)user, (void)t;
     out[0] = (input ? input[0] : 0.0) - q[0];
     return LG_OK;
 }
 
 static lg_status same(void *user, double t, const double *p, const double *input, double *out) {
-    (void)user, (void)t, (void)input;
     out[0] = p[0];
     return LG_OK;
 }
 
 static lg_status drifting(void *user, double t, double h, double *y) {
-    (void)user, (void)t;
     y[0] += h * y[1];
     return LG_OK;
 }
 
 /* A field value is not carried to where it does not hold: from a step with an input to one without, or past
  * a last drift. The same step by a stepper without a past is the judge. */
-TEST("stale values are not reused") {
+TEST("a field value is not carried to where it does not hold") {
     const double y0[2] = {0.2, 0.3}, input[1] = {5.0};
     double y[2], here[2], there[2];
     for (size_t i = 0; i < lg_scheme_count(); i++) {
@@ -216,8 +198,6 @@ TEST("stale values are not reused") {
         assert_ok(lg_step(stepper, 0.1, 0.1, y, NULL, here));
         assert_ok(lg_step(fresh, 0.1, 0.1, y, NULL, there));
         assert_memory_equal(here, there, sizeof(here));
-        lg_stepper_destroy(NULL, stepper);
-        lg_stepper_destroy(NULL, fresh);
     }
     const lg_scheme drift_last = {.name = "kick-drift",
                                   .kind = LG_SCHEME_SPLITTING,
@@ -226,9 +206,8 @@ TEST("stale values are not reused") {
                                   .kick = {1.0},
                                   .drift = {1.0}};
     lg_ode ode = ode_on(LG_SPACE_RN, 2, time_field, NULL);
-    lg_stepper *stepper = NULL;
     ode.force = spring, ode.velocity = same;
-    assert_ok(lg_stepper_create(NULL, &drift_last, &ode, &stepper));
+    lg_stepper *stepper = test_stepper(&drift_last, &ode);
     memcpy(y, y0, sizeof(y));
     for (int i = 0; i < 2; i++) {
         const double p = y[1] - 0.1 * y[0], q = y[0] + 0.1 * p;
@@ -236,10 +215,9 @@ TEST("stale values are not reused") {
         assert_close(y[0], q, 1e-15, 0.0);
         assert_close(y[1], p, 1e-15, 0.0);
     }
-    lg_stepper_destroy(NULL, stepper);
 }
 
-TEST("callers memory") {
+TEST("a stepper keeps to the caller's memory") {
     const lg_ode ode = ode_on(LG_SPACE_RN, 3, blow_up_field, NULL);
     const lg_scheme *scheme = lg_scheme_find("rkmk54");
     const size_t bytes = lg_stepper_size(scheme, &ode);
@@ -300,14 +278,13 @@ typedef struct times_seen {
 
 static lg_status noting_field(void *user, double t, const double *y, const double *input, double *out) {
     times_seen *seen = user;
-    (void)input;
     if (seen->count < 16) seen->t[seen->count++] = t;
     out[0] = y[0];
     return LG_OK;
 }
 
 /* The second step of a run has the length that the first one's error asks for: safety h err^(-1/5). */
-TEST("run uses the lower order") {
+TEST("a run uses the lower order of a pair") {
     const double y0[1] = {1.0}, times[1] = {10.0}, h = 0.25;
     double y[1], out[1];
     times_seen seen = {.count = 0};
@@ -324,10 +301,9 @@ TEST("run uses the lower order") {
     /* seven evaluations in the first step, the first of the second at its c_2 = 1/5 */
     assert_close(seen.t[6], h, 1e-15, 0.0);
     assert_close(5.0 * (seen.t[7] - h), 0.9 * h * pow(error, -0.2), 1e-12, 0.0);
-    lg_stepper_destroy(NULL, stepper);
 }
 
-TEST("adaptive meets tolerance and times") {
+TEST("adaptive runs meet tolerances and times") {
     const double y0[1] = {1.0}, times[] = {0.0, 0.25, 0.25, 0.5, 0.9};
     double out[5], previous = 1.0;
     lg_step_controller c;
@@ -348,26 +324,9 @@ TEST("adaptive meets tolerance and times") {
     double y[1] = {10.0};
     assert_ok(lg_integrate_adaptive(stepper, &c, 0.9, y, back, 1, out, NULL));
     assert_close(out[0], 1.0, 1e-10, 0.0);
-    lg_stepper_destroy(NULL, stepper);
 }
 
-TEST("free rotation is exact for every h: without the bound on the angle h would grow beyond 2 pi") {
-    double a[6] = {0.3, 0.2, -0.5, 0.0, 0.0, 0.0}, ta[6], y[6] = {0.6, 0.0, 0.8, 0.8, 0.5, -0.6}, exact[6],
-           out[6];
-    const double times[] = {1000.0};
-    lg_run_stats stats;
-    lg_stepper *stepper = make("rkmk54", ode_on(LG_SPACE_TS2, 1, constant_field, a));
-    assert_ok(lg_integrate_adaptive(stepper, NULL, 0.0, y, times, 1, out, &stats));
-    assert_true(stats.max_angle <= PI && stats.max_angle > 2.5);
-    assert_true(stats.steps < 300 && stats.rejected < 10);
-    const double angle = sqrt(lg_dot3(a, a)), turns = floor(1000.0 * angle / (2.0 * PI));
-    for (int i = 0; i < 6; i++) ta[i] = a[i] * (1000.0 - turns * 2.0 * PI / angle);
-    lg_se3_exp_act(ta, y, exact);
-    for (int i = 0; i < 6; i++) assert_close(out[i], exact[i], 0.0, 1e-11);
-    lg_stepper_destroy(NULL, stepper);
-}
-
-TEST("failures of a run") {
+TEST("a run that fails keeps what it has reached") {
     const double y0[1] = {1.0}, times[] = {0.5, 2.0}, none[] = {0.25, 1.0};
     double out[2] = {7.0, 7.0};
     lg_run_stats stats;
@@ -381,7 +340,6 @@ TEST("failures of a run") {
     c.max_steps = 5;
     assert_status(lg_integrate_adaptive(stepper, &c, 0.0, y0, times, 1, out, &stats), LG_TOO_MANY_STEPS);
     assert_int_equal(stats.steps + stats.rejected, 5);
-    lg_stepper_destroy(NULL, stepper);
     stepper = make("dp54", ode_on(LG_SPACE_RN, 1, sqrt_field, NULL));
     out[1] = 7.0;
     assert_status(lg_integrate_adaptive(stepper, NULL, 0.0, y0, none, 2, out, NULL), LG_NOT_FINITE);
@@ -389,16 +347,14 @@ TEST("failures of a run") {
     double start[1] = {1.0};
     assert_status(lg_step(stepper, 0.4, 0.5, start, NULL, start), LG_NOT_FINITE);
     assert_true(start[0] == 1.0);
-    lg_stepper_destroy(NULL, stepper);
     lg_status cancelled = LG_CANCELLED;
     stepper = make("dp54", ode_on(LG_SPACE_RN, 1, blow_up_field, &cancelled));
     assert_status(lg_integrate_adaptive(stepper, NULL, 0.0, y0, times, 1, out, NULL), LG_CANCELLED);
     assert_status(lg_integrate_fixed(stepper, 0.0, 0.1, 2, NULL, 0, 2, y0, out, &stats), LG_CANCELLED);
     assert_int_equal(stats.evaluations, 1);
-    lg_stepper_destroy(NULL, stepper);
 }
 
-TEST("bad arguments of a run") {
+TEST("bad arguments of a run are refused, and nothing is written") {
     const double y0[1] = {1.0}, bad[1] = {NAN}, zigzag[] = {0.5, 0.25}, through[] = {-0.5, 0.5},
                  nan_time[] = {NAN};
     double out[8] = {7.0};
@@ -426,15 +382,13 @@ TEST("bad arguments of a run") {
     assert_status(lg_integrate_fixed(s, 0.0, 0.1, 4, NULL, 0, 4, bad, out, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_step(NULL, 0.0, 0.1, y0, NULL, out), LG_INVALID_ARGUMENT);
     assert_true(out[0] == 7.0);
-    lg_stepper_destroy(NULL, s);
     s = make("rk4", ode_on(LG_SPACE_RN, 1, blow_up_field, NULL));
     assert_status(lg_integrate_adaptive(s, NULL, 0.0, y0, zigzag, 1, out, NULL), LG_UNSUPPORTED);
-    lg_stepper_destroy(NULL, s);
 }
 
 /* ---- schemes as data ---- */
 
-TEST("schemes are consistent") {
+TEST("every scheme of the table is consistent") {
     for (size_t i = 0; i < lg_scheme_count(); i++) {
         lg_error error;
         assert_ok(lg_scheme_check(lg_scheme_at(i), &error));
@@ -489,7 +443,7 @@ TEST("faulty schemes are refused") {
     s = sv, s.embedded_order = 1, assert_faulty(&s);
 }
 
-TEST("faulty data of new kinds is refused") {
+TEST("faulty brackets, dense output and angles are refused") {
     const lg_scheme two = *lg_scheme_find("rkmk4-2c"), dp = *lg_scheme_find("rkmk54"),
                     midpoint = *lg_scheme_find("midpoint"), slgi = *lg_scheme_find("slgi");
     static const lg_commutator bad[] = {{0, 0, 0, 1.0}, {5, 0, 1, 1.0},  {2, 2, 1, 1.0},
@@ -525,29 +479,26 @@ TEST("each new state is projected, also that of a scheme that keeps its last val
     const lg_scheme *const cases[] = {lg_scheme_find("rk4"), lg_scheme_find("rk4-projected"), &dp};
     for (int i = 0; i < 3; i++) {
         lg_ode ode = ode_on(LG_SPACE_RN, 6, turning_field, a);
-        lg_stepper *stepper = NULL, *fresh = NULL;
+        lg_stepper *stepper = NULL;
         ode.manifold = ts2;
-        assert_ok(lg_stepper_create(NULL, cases[i], &ode, &stepper));
-        assert_ok(lg_stepper_create(NULL, cases[i], &ode, &fresh));
+        stepper = test_stepper(cases[i], &ode);
+        lg_stepper *fresh = test_stepper(cases[i], &ode);
         assert_ok(lg_integrate_fixed(stepper, 0.0, 0.3, 20, NULL, 0, 20, y0, out, NULL));
         assert_true((lg_space_manifold_error(&ts2, out + 6) < 1e-15) == (i > 0));
         assert_ok(lg_step(stepper, 6.0, 0.3, out + 6, NULL, out));
         assert_ok(lg_step(fresh, 6.0, 0.3, out + 6, NULL, next));
         assert_memory_equal(out, next, sizeof(next));
-        lg_stepper_destroy(NULL, stepper);
-        lg_stepper_destroy(NULL, fresh);
         assert_ok(lg_space_init(&ode.manifold, &(lg_space_factor){LG_SPACE_TS2, 2}, 1));
         if (i > 0) assert_status(lg_stepper_create(NULL, cases[i], &ode, &stepper), LG_INVALID_ARGUMENT);
     }
 }
 
 static lg_status half(void *user, double t, const double *x, const double *input, double *out) {
-    (void)user, (void)t, (void)input;
     out[0] = x[0];
     return LG_OK;
 }
 
-TEST("unfitting pairs are refused") {
+TEST("schemes and equations that do not fit are refused") {
     lg_stepper *stepper = NULL;
     lg_ode ode = ode_on(LG_SPACE_TS2, 1, constant_field, NULL);
     assert_status(lg_stepper_create(NULL, lg_scheme_find("rk4"), &ode, &stepper), LG_UNSUPPORTED);

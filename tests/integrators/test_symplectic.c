@@ -1,5 +1,5 @@
 /* Symplecticity through the taped Jacobian: on R^2n, and on T*SO(3) in right-trivialised coordinates. */
-#include "test_support.h"
+#include "support/fixtures.h"
 
 #include "liegrad/ops.h"
 #include "liegrad/taped.h"
@@ -11,7 +11,6 @@ static lg_var column(lg_tape *tape, lg_var x, uint32_t i) {
 }
 
 static lg_status force(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input, lg_var *out) {
-    (void)user, (void)t, (void)input;
     lg_var q1 = column(tape, q, 0), q2 = column(tape, q, 1);
     lg_var first = lg_add(tape, q1, lg_mul(tape, q1, q2));
     const double weights[3] = {2.0, 0.5, 1.0};
@@ -22,7 +21,6 @@ static lg_status force(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_
 }
 
 static lg_status velocity(void *user, lg_tape *tape, lg_taped_time t, lg_var p, lg_var input, lg_var *out) {
-    (void)user, (void)t, (void)input;
     lg_var p1 = column(tape, p, 0), p2 = column(tape, p, 1);
     lg_var cube = lg_scale(tape, lg_pow(tape, lg_add(tape, p1, p2), 3.0), 0.5);
     lg_var both[2] = {lg_add(tape, p1, cube), lg_add(tape, lg_scale(tape, p2, 2.0), cube)};
@@ -46,17 +44,15 @@ static void flat_jacobian(const lg_scheme *scheme, double h, double *psi) {
     static const double y0[4] = {0.4, -0.9, 0.2, 0.7};
     const bool splitting = scheme->kind == LG_SCHEME_SPLITTING;
     lg_taped_ode ode = {.field = field, .force = force, .velocity = velocity};
-    lg_tape *tape;
     lg_var start[2], end[2];
     assert_ok(lg_space_init(&ode.space,
                             (lg_space_factor[]){{LG_SPACE_RN, splitting ? 2 : 4}, {LG_SPACE_RN, 2}},
                             splitting ? 2 : 1));
-    assert_ok(lg_tape_create(NULL, NULL, &tape));
+    lg_tape *tape = test_tape(LG_F64);
     lg_var y = lg_input(tape, lg_shape2(1, 4), y0);
     assert_ok(lg_taped_split(tape, &ode.space, y, start));
     assert_ok(lg_taped_integrate(tape, scheme, &ode, 0.0, h, STEPS, STEPS, start, end));
     assert_ok(lg_read(tape, lg_jacobian(tape, lg_taped_join(tape, &ode.space, end), y), psi, 16));
-    lg_tape_destroy(tape);
 }
 
 /* The largest element of Psi^T J Psi - J. */
@@ -75,13 +71,13 @@ static double flat_defect(const char *name, double h) {
     return defect;
 }
 
-TEST("oscillator") {
+TEST("symplectic schemes keep the form on R^4") {
     assert_true(flat_defect("symplectic-euler", 0.1) <= 1e-14);
     assert_true(flat_defect("stormer-verlet", 0.1) <= 1e-14);
     assert_true(flat_defect("midpoint", 0.1) <= 1e-14);
 }
 
-TEST("oscillator by others") {
+TEST("other schemes do not keep the form on R^4") {
     assert_true(flat_defect("euler", 0.1) > 1e-3);
     assert_true(flat_defect("implicit-euler", 0.1) > 1e-3);
     assert_true(flat_defect("rk4", 0.1) > 1e-7);
@@ -97,7 +93,6 @@ static const double inverse[3] = {1.0, 1.0 / 1.3, 1.0 / 0.6}, chi[3] = {0.2, -0.
  */
 static lg_status top(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input, lg_var *out) {
     const lg_shape vector = lg_shape3(1, 1, 3), upright = lg_shape3(1, 3, 1);
-    (void)user, (void)t, (void)input;
     lg_var Q = lg_reshape(tape, y[0], lg_shape3(1, 3, 3));
     lg_var body = lg_matmul_tn(tape, Q, lg_reshape(tape, y[1], upright));
     lg_var turned = lg_mul(tape, body, lg_input(tape, upright, inverse));
@@ -134,12 +129,11 @@ static void top_flow(const lg_scheme *scheme, double h, flow *f) {
     static const double zero[6] = {0.0};
     lg_taped_ode ode = {.field = top};
     lg_space rotations;
-    lg_tape *tape;
     double y1[12], jacobian[12 * 6];
     lg_var y[2], end[2];
     assert_ok(lg_space_init(&rotations, &(lg_space_factor){LG_SPACE_SO3, 1}, 1));
     assert_ok(lg_space_init(&ode.space, &(lg_space_factor){LG_SPACE_SE3, 1}, 1));
-    assert_ok(lg_tape_create(NULL, NULL, &tape));
+    lg_tape *tape = test_tape(LG_F64);
     lg_var moved = lg_input(tape, lg_shape3(1, 1, 6), zero), e = lg_slice(tape, moved, 2, 0, 3);
     lg_var Q = lg_input(tape, lg_shape3(1, 1, 9), Q0), mu = lg_input(tape, lg_shape3(1, 1, 3), mu0);
     assert_ok(lg_taped_act(tape, &rotations, &e, &Q, &y[0]));
@@ -148,7 +142,6 @@ static void top_flow(const lg_scheme *scheme, double h, flow *f) {
     lg_var joined = lg_taped_join(tape, &ode.space, end);
     assert_ok(lg_read(tape, joined, y1, 12));
     assert_ok(lg_read(tape, lg_jacobian(tape, joined, moved), jacobian, 12 * 6));
-    lg_tape_destroy(tape);
     memcpy(f->before, mu0, sizeof(mu0));
     memcpy(f->after, y1 + 9, sizeof(f->after));
     for (int j = 0; j < 6; j++) {
@@ -186,7 +179,7 @@ static double top_defect(const lg_scheme *scheme, double h, double sign) {
     return defect;
 }
 
-TEST("heavy top") {
+TEST("slgi keeps the form on T*SO(3) for every theta") {
     static const double theta[] = {0.0, 0.3, 0.5, 1.0};
     for (size_t i = 0; i < sizeof(theta) / sizeof(*theta); i++) {
         lg_scheme scheme = *lg_scheme_find("slgi");
@@ -197,7 +190,7 @@ TEST("heavy top") {
     }
 }
 
-TEST("heavy top by others") {
+TEST("other schemes do not keep the form on T*SO(3)") {
     assert_true(top_defect(lg_scheme_find("rkmk4"), 0.05, -1.0) > 1e-8);
     assert_true(top_defect(lg_scheme_find("lie-euler"), 0.05, -1.0) > 1e-3);
 }

@@ -1,5 +1,5 @@
 /* The kernels of both types on every instruction set that this machine has. */
-#include "test_support.h"
+#include "kernel_tables.h"
 
 #include <float.h>
 
@@ -12,15 +12,6 @@
 enum { MAX_N = 4096 };
 
 static const char *const type_names[2] = {"f64", "f32"};
-
-/* Runs test(table) for every table there is. */
-static void each_table(void (*test)(const lg_kernels *)) {
-    for (int dtype = 0; dtype < 2; dtype++)
-        for (int isa = 0; isa < LG_ISA_COUNT; isa++) {
-            const lg_kernels *k = lg_kernels_of((lg_dtype)dtype, (lg_isa)isa);
-            if (k != NULL) test(k);
-        }
-}
 
 static double get(const lg_kernels *k, const void *x, size_t i) {
     return k->dtype == LG_F64 ? ((const double *)x)[i] : (double)((const float *)x)[i];
@@ -58,7 +49,7 @@ static void *random_numbers(const lg_kernels *k, lg_rng *rng, size_t n, double l
     return x;
 }
 
-TEST("tables") {
+TEST("every table says its type and set, and the one in use is there") {
     for (int dtype = 0; dtype < 2; dtype++) {
         const lg_kernels *k = lg_kernels_for((lg_dtype)dtype);
         assert_non_null(k);
@@ -180,7 +171,7 @@ static size_t special_values(const lg_kernels *k, void *x) {
     return n;
 }
 
-static void functions_of(const lg_kernels *k) {
+TEST_EVERY_TABLE("functions are right to a few units in the last place", k) {
     lg_rng rng;
     lg_rng_seed(&rng, 1, 0);
     void *x = numbers(k, MAX_N), *y = numbers(k, MAX_N);
@@ -217,10 +208,6 @@ static void functions_of(const lg_kernels *k) {
     free(y);
 }
 
-TEST("functions") {
-    each_table(functions_of);
-}
-
 /* ---- results do not depend on position ---- */
 
 enum { POSITION_N = 37 };
@@ -237,7 +224,7 @@ static void assert_same(const lg_kernels *k, const char *name, const void *whole
                  lg_isa_name(k->isa), name, i, get(k, whole, i * width), get(k, alone, 0));
 }
 
-static void positions_of(const lg_kernels *k) {
+TEST_EVERY_TABLE("an element has the same bits wherever it stands in an array", k) {
     enum { N = POSITION_N };
     lg_rng rng;
     lg_rng_seed(&rng, 2, 0);
@@ -305,13 +292,9 @@ static void positions_of(const lg_kernels *k) {
     free(special), free(x), free(g), free(h), free(y), free(in_place), free(one);
 }
 
-TEST("positions") {
-    each_table(positions_of);
-}
-
 /* ---- elementwise ---- */
 
-static void elementwise_of(const lg_kernels *k) {
+TEST_EVERY_TABLE("elementwise functions have their values, at kinks and NaN too", k) {
     const double a[] = {1, -2, 3, NAN, 0.5, 5}, b[] = {2, -2, 1, 1, NAN, 5};
     static const double max[] = {2, -2, 3, NAN, NAN, 5}, ge[] = {0, 1, 1, 0, 0, 1},
                         sub[] = {-1, 0, 2, NAN, NAN, 0};
@@ -371,11 +354,7 @@ static void elementwise_of(const lg_kernels *k) {
     }
 }
 
-TEST("elementwise") {
-    each_table(elementwise_of);
-}
-
-static void strided_of(const lg_kernels *k) {
+TEST_EVERY_TABLE("strided operations are the contiguous ones", k) {
     lg_rng rng;
     lg_rng_seed(&rng, 3, 0);
     for (size_t rows = 1; rows < 20; rows += 3)
@@ -398,10 +377,6 @@ static void strided_of(const lg_kernels *k) {
             }
 }
 
-TEST("strided") {
-    each_table(strided_of);
-}
-
 /* ---- activations ---- */
 
 /* Derivatives 0..8 by the Taylor series of the differential equations h' = 1 - h^2 and s' = s - s^2. */
@@ -419,7 +394,7 @@ static void exact_derivatives(lg_k_act kind, long double x, long double d[LG_K_A
     }
 }
 
-static void act_of(const lg_kernels *k) {
+TEST_EVERY_TABLE("derivatives of activations to order 8 are exact", k) {
     static const double points[] = {-3.1, -1.0, -0.3, 0, 0.2, 0.9, 2.5, 6.0};
     static const lg_k_act smooth[] = {LG_K_TANH, LG_K_SIGMOID, LG_K_SWISH};
     enum { N = LG_COUNT(points) };
@@ -471,12 +446,8 @@ static void act_of(const lg_kernels *k) {
     free(x), free(y), free(h), free(g);
 }
 
-TEST("act") {
-    each_table(act_of);
-}
-
-/* act_reverse is its passes one by one, to the bit: dq [+]= c s^(order), dx [+]= (c q) s^(order + 1). */
-static void act_reverse_of(const lg_kernels *k) {
+TEST_EVERY_TABLE(
+    "act_reverse is its passes one by one, to the bit: dq [+]= c s^(order), dx [+]= (c q) s^(order + 1)", k) {
     lg_rng rng;
     lg_rng_seed(&rng, 14, 0);
     static const size_t sizes[] = {1, 7, 256, 300, 1000};
@@ -511,12 +482,7 @@ static void act_reverse_of(const lg_kernels *k) {
     }
 }
 
-TEST("act reverse") {
-    each_table(act_reverse_of);
-}
-
-/* bias_act is the addition and then the activation, to the bit. */
-static void bias_act_of(const lg_kernels *k) {
+TEST_EVERY_TABLE("bias_act is the addition and then the activation, to the bit", k) {
     lg_rng rng;
     lg_rng_seed(&rng, 4, 0);
     static const size_t shapes[][2] = {{1, 1}, {5, 1}, {3, 37}, {20, 100}, {7, 8}};
@@ -536,10 +502,6 @@ static void bias_act_of(const lg_kernels *k) {
                 assert_memory_equal(y, z, n * k->size);
                 free(x), free(bias), free(y), free(z);
             }
-}
-
-TEST("bias act") {
-    each_table(bias_act_of);
 }
 
 /* ---- products ---- */
@@ -587,7 +549,7 @@ static void check_gemm(const lg_kernels *t, lg_rng *rng, size_t m, size_t n, siz
     free(a), free(b), free(c), free(before);
 }
 
-static void gemm_of(const lg_kernels *t) {
+TEST_EVERY_TABLE("products are chains of multiply-adds, to the bit", t) {
     lg_rng rng;
     lg_rng_seed(&rng, 5, 0);
     for (size_t m = 1; m <= 19; m++)
@@ -602,12 +564,7 @@ static void gemm_of(const lg_kernels *t) {
             check_gemm(t, &rng, shapes[s][0], shapes[s][1], shapes[s][2], v & 1, v >> 1 & 1, v >> 2);
 }
 
-TEST("gemm") {
-    each_table(gemm_of);
-}
-
-/* Within rounding of the sum; the same for every row and with every m. */
-static void matvec_of(const lg_kernels *k) {
+TEST_EVERY_TABLE("matvec is right to rounding, the same for every row and number of rows", k) {
     lg_rng rng;
     lg_rng_seed(&rng, 15, 0);
     for (size_t i = 0; i < 40 * 40; i++) {
@@ -641,11 +598,7 @@ static void matvec_of(const lg_kernels *k) {
     }
 }
 
-TEST("matvec") {
-    each_table(matvec_of);
-}
-
-static void transpose_of(const lg_kernels *k) {
+TEST_EVERY_TABLE("transposes", k) {
     lg_rng rng;
     lg_rng_seed(&rng, 6, 0);
     for (size_t rows = 1; rows < 23; rows++)
@@ -659,13 +612,9 @@ static void transpose_of(const lg_kernels *k) {
         }
 }
 
-TEST("transpose") {
-    each_table(transpose_of);
-}
-
 /* ---- reductions ---- */
 
-static void reductions_of(const lg_kernels *k) {
+TEST_EVERY_TABLE("sums and dot products have the same bits on every instruction set", k) {
     lg_rng rng;
     lg_rng_seed(&rng, 7, 0);
     for (size_t n = 0; n < 300; n += n < 70 ? 1 : 41) {
@@ -708,13 +657,9 @@ static void reductions_of(const lg_kernels *k) {
     }
 }
 
-TEST("reductions") {
-    each_table(reductions_of);
-}
-
 /* ---- geometry ---- */
 
-static void vectors_of(const lg_kernels *k) {
+TEST_EVERY_TABLE("cross products and dot products of rows", k) {
     lg_rng rng;
     lg_rng_seed(&rng, 8, 0);
     for (size_t rows = 1; rows < 40; rows += 3) {
@@ -739,12 +684,8 @@ static void vectors_of(const lg_kernels *k) {
     }
 }
 
-TEST("vectors") {
-    each_table(vectors_of);
-}
-
 /* Relative everywhere, next to the zeros of the functions too: the table's arguments are the very doubles. */
-TEST("stumpff") {
+TEST("lg_stumpff is relatively exact, next to its zeros too") {
     double worst = 0;
     for (size_t i = 0; i < LG_COUNT(stumpff_table); i++) {
         double c[9], part[9];
@@ -765,7 +706,7 @@ TEST("stumpff") {
     for (int k = 0; k < 4; k++) assert_true(isnan(c[k]));
 }
 
-static void stumpff_of(const lg_kernels *t) {
+TEST_EVERY_TABLE("Stumpff functions of the kernels are relatively exact", t) {
     double worst = 0;
     for (size_t i = 0; i < LG_COUNT(stumpff_table); i++) {
         /* in single precision the argument is not the table's: only those that do not move it are compared */
@@ -784,15 +725,11 @@ static void stumpff_of(const lg_kernels *t) {
     print_message("%s %-8s stumpff: relative error %.2e\n", type_names[t->dtype], lg_isa_name(t->isa), worst);
 }
 
-TEST("stumpff kernels") {
-    each_table(stumpff_of);
-}
-
 /* ---- Lie group actions ---- */
 
 /* Angles on both sides of the limits of the series, 1/4 and 2, in every lane; exact sizes, in place, every
  * position the same bits. */
-static void lie_of(const lg_kernels *t) {
+TEST_EVERY_TABLE("SE(3) acts as the plain functions do, with the same bits at every place", t) {
     const double angles[] = {0.0, 1e-9, 0.1, 0.2499, 0.2501, 0.3, 1.0, 1.999, 2.001, 3.0, 5.0};
     lg_rng rng;
     lg_rng_seed(&rng, 71, 0);
@@ -839,8 +776,8 @@ static void lie_of(const lg_kernels *t) {
     }
 }
 
-/* A point off its manifold by rounding is returned to it, one that is farther away is not. */
-static void lie_settles_of(const lg_kernels *t) {
+TEST_EVERY_TABLE("a point off its manifold by rounding is returned to it, one that is farther away is not",
+                 t) {
     const double a[6] = {0.1, 0.2, -0.3, 0.4, 0.0, 0.2};
     double y[6] = {0.6, 0.0, 0.8, 1.6 + 1e-14, 2.0, -1.2}, out[6];
     y[0] += 2e-14;
@@ -853,12 +790,7 @@ static void lie_settles_of(const lg_kernels *t) {
     assert_close(lg_dot3(out, out + 3) - lg_dot3(y, y + 3), 0.0, 0, 5e-15);
 }
 
-TEST("lie") {
-    each_table(lie_of);
-    each_table(lie_settles_of);
-}
-
-TEST("dexpinv") {
+TEST("lg_dexpinv_coef is relatively exact to order 5") {
     for (size_t i = 0; i < LG_COUNT(dexpinv_table); i++)
         for (int order = 0; order < 6; order++) {
             const double e = dexpinv_table[i].g[order];
@@ -872,7 +804,8 @@ TEST("dexpinv") {
 
 /* ---- small systems ---- */
 
-static void spd_of(const lg_kernels *t) {
+TEST_EVERY_TABLE("small positive systems are solved, and those that are not positive are NaN and counted",
+                 t) {
     lg_rng rng;
     lg_rng_seed(&rng, 9, 0);
     enum { N = 5, M = 3, MAX_K = 9 };
@@ -918,13 +851,9 @@ static void spd_of(const lg_kernels *t) {
     }
 }
 
-TEST("spd") {
-    each_table(spd_of);
-}
-
 /* ---- Adam ---- */
 
-static void adam_of(const lg_kernels *k) {
+TEST_EVERY_TABLE("Adam is its formula, with both kinds of decay", k) {
     lg_rng rng;
     lg_rng_seed(&rng, 10, 0);
     const double lr = 1e-2, b1 = 0.9, b2 = 0.99, eps = 1e-8, decay = 0.1, clip = 0.5;
@@ -955,8 +884,7 @@ static void adam_of(const lg_kernels *k) {
     }
 }
 
-/* An element's update does not depend on its position. */
-static void adam_positions_of(const lg_kernels *k) {
+TEST_EVERY_TABLE("an update of Adam does not depend on its position", k) {
     lg_rng rng;
     lg_rng_seed(&rng, 11, 0);
     enum { N = POSITION_N };
@@ -979,12 +907,7 @@ static void adam_positions_of(const lg_kernels *k) {
     free(g);
 }
 
-TEST("adam") {
-    each_table(adam_of);
-    each_table(adam_positions_of);
-}
-
-TEST("describe") {
+TEST("the description of the machine names the set in use and fits the memory") {
     char text[200], cut[8];
     const int length = lg_cpu_describe(text, sizeof text);
     assert_true(length > 0 && (size_t)length == strlen(text));

@@ -11,19 +11,44 @@
 #include "liegrad/ops.h"
 #include "liegrad/random.h"
 
-enum { SYSTEM_MAX_DIM = 64, SYSTEM_MAX_BATCH = 4 };
+enum { SYSTEM_MAX_DIM = 128, SYSTEM_MAX_BATCH = 4 };
+
+static inline void release_system(void *system) {
+    lg_system_destroy(NULL, system);
+}
+
+/* A system of the running test. */
+static inline lg_system *make_system_with(const char *name, const lg_system_options *options) {
+    lg_system *system = NULL;
+    lg_error error;
+    if (lg_system_create(NULL, name, options, &system, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_string_equal(error.message, "");
+    lg_test_owns(system, release_system);
+    return system;
+}
 
 static inline lg_system *make_system(const char *name, const char *form, const lg_named_values *parameters,
                                      size_t count) {
-    lg_system *system = NULL;
-    lg_error error;
     lg_system_options options;
     lg_system_options_init(&options);
     options.form = form;
     options.parameters = parameters;
     options.parameter_count = count;
-    if (lg_system_create(NULL, name, &options, &system, &error) != LG_OK) fail_msg("%s", error.message);
-    return system;
+    return make_system_with(name, &options);
+}
+
+/* Pendulums; arrays NULL: ones. */
+static inline lg_system *make_chain(const char *form, size_t links, double gravity, const double *masses,
+                                    const double *lengths) {
+    const lg_named_values given[] = {
+        {"gravity", &gravity, 1}, {"masses", masses, links}, {"lengths", lengths, links}};
+    lg_system_options options;
+    lg_system_options_init(&options);
+    options.form = form;
+    options.links = links;
+    options.parameters = given;
+    options.parameter_count = masses ? 3 : 1;
+    return make_system_with("pendulum-chain", &options);
 }
 
 /* f(t, y) in the algebra. */
@@ -65,6 +90,18 @@ static inline void random_rotation(lg_rng *rng, double R[9]) {
     double u[3];
     for (int i = 0; i < 3; i++) u[i] = lg_rng_uniform_in(rng, -2, 2);
     lg_so3_exp(u, R);
+}
+
+/* (q, omega) of each link: q uniform on the sphere, omega orthogonal to it. */
+static inline void random_links(lg_rng *rng, size_t links, double *y) {
+    for (size_t i = 0; i < links; i++, y += 6) {
+        double u[3];
+        for (int c = 0; c < 3; c++) y[c] = lg_rng_normal(rng);
+        const double norm = sqrt(lg_dot3(y, y));
+        for (int c = 0; c < 3; c++) y[c] /= norm;
+        for (int c = 0; c < 3; c++) u[c] = lg_rng_uniform_in(rng, -2.0, 2.0);
+        lg_cross3(y, u, y + 3);
+    }
 }
 
 /* ---- taped fields ---- */

@@ -1,10 +1,7 @@
 /* The Hamiltonian chain against dense linear algebra, difference quotients and the general equations of a
  * constrained Hamiltonian system. */
-#include "test_support.h"
-
-#include "liegrad/geometry.h"
-#include "liegrad/mechanics.h"
 #include "dense_solve.h"
+#include "system_check.h"
 
 #define MAX_LINKS 5
 #define MAX_N     (3 * MAX_LINKS)
@@ -12,24 +9,6 @@
 static const double masses[MAX_LINKS] = {1.0, 1.3, 0.7, 2.0, 0.4},
                     lengths[MAX_LINKS] = {1.0, 0.8, 1.5, 0.6, 1.1};
 #define GRAVITY 9.81
-
-/* Arrays NULL: ones. */
-static lg_system *make(size_t links, double gravity, const double *m, const double *l) {
-    const lg_named_values given[] = {{"gravity", &gravity, 1}, {"masses", m, links}, {"lengths", l, links}};
-    lg_system *system = NULL;
-    lg_system_options options;
-    lg_system_options_init(&options);
-    options.form = "hamiltonian";
-    options.links = links;
-    options.parameters = given;
-    options.parameter_count = m ? 3 : 1;
-    assert_ok(lg_system_create(NULL, "pendulum-chain", &options, &system, NULL));
-    return system;
-}
-
-static lg_system *make_chain(size_t links) {
-    return make(links, GRAVITY, masses, lengths);
-}
 
 /* M(q), 3k x 3k: m_ij P_i P_j off the diagonal, m_ii I on it; q contiguous (k, 3) */
 static void dense_mass(size_t k, const double *m, const double *q, double *M) {
@@ -72,90 +51,11 @@ static void unpack(size_t k, const double *y, double *q, double *p) {
 static const double stencil[4][2] = {{-2, 1.0 / 12}, {-1, -2.0 / 3}, {1, 2.0 / 3}, {2, -1.0 / 12}};
 #define DELTA 1e-3
 
-/* P(q) p with P = I - G^T (G G^T)^-1 G and G the Jacobian of g_i = (|q_i|^2 - 1)/2, k x 3k, all dense. */
-static void dense_project(size_t k, const double *q, const double *p, double *out) {
-    const size_t n = 3 * k;
-    double G[MAX_LINKS * MAX_N] = {0}, GG[MAX_LINKS * MAX_LINKS] = {0}, b[MAX_LINKS] = {0}, x[MAX_LINKS];
-    for (size_t i = 0; i < k; i++) memcpy(G + i * n + 3 * i, q + 3 * i, 3 * sizeof(*q));
-    for (size_t i = 0; i < k; i++)
-        for (size_t c = 0; c < n; c++) {
-            b[i] += G[i * n + c] * p[c];
-            for (size_t j = 0; j < k; j++) GG[i * k + j] += G[i * n + c] * G[j * n + c];
-        }
-    dense_solve(k, GG, b, x);
-    for (size_t c = 0; c < n; c++) {
-        out[c] = p[c];
-        for (size_t i = 0; i < k; i++) out[c] -= G[i * n + c] * x[i];
-    }
-}
-
-/* The general equations: q' = P H_p, p' = -P^T H_q + (P^T L^T P + L P - P^T L^T) H_p, L = d(P^T p)/dq. */
-static void general_field(const lg_system *system, const double *q, const double *p, double *dq, double *dp) {
-    const size_t k = lg_system_links(system), n = 3 * k;
-    double hp[MAX_N], hq[MAX_N] = {0}, L[MAX_N * MAX_N] = {0}, shifted[MAX_N], column[MAX_N];
-    (void)dense_hamiltonian(system, q, p, hp);
-    for (size_t j = 0; j < n; j++)
-        for (size_t s = 0; s < 4; s++) {
-            memcpy(shifted, q, n * sizeof(*q));
-            shifted[j] += DELTA * stencil[s][0];
-            hq[j] += stencil[s][1] / DELTA * dense_hamiltonian(system, shifted, p, NULL);
-            dense_project(k, shifted, p, column);
-            for (size_t i = 0; i < n; i++) L[i * n + j] += stencil[s][1] / DELTA * column[i];
-        }
-    double php[MAX_N], phq[MAX_N], lt_php[MAX_N] = {0}, l_php[MAX_N] = {0}, lt_hp[MAX_N] = {0}, first[MAX_N],
-                                   last[MAX_N];
-    dense_project(k, q, hp, php);
-    dense_project(k, q, hq, phq);
-    for (size_t i = 0; i < n; i++)
-        for (size_t j = 0; j < n; j++) {
-            lt_php[i] += L[j * n + i] * php[j];
-            l_php[i] += L[i * n + j] * php[j];
-            lt_hp[i] += L[j * n + i] * hp[j];
-        }
-    dense_project(k, q, lt_php, first);
-    dense_project(k, q, lt_hp, last);
-    for (size_t i = 0; i < n; i++) {
-        dq[i] = php[i];
-        dp[i] = -phq[i] + first[i] + l_php[i] - last[i];
-    }
-}
-
-TEST("field is the general one") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 21, 0);
-    for (size_t k = 1; k <= MAX_LINKS; k++) {
-        lg_system *system = make_chain(k);
-        double y[2 * MAX_N], q[MAX_N], p[MAX_N], dq[MAX_N], dp[MAX_N], work[18 * MAX_LINKS], a[2 * MAX_N],
-            velocity[2][2 * MAX_N], worst = 0.0;
-        lg_system_user user;
-        lg_ode ode;
-        for (int repeat = 0; repeat < 3; repeat++) {
-            assert_ok(lg_system_start(system, NULL, &rng, y));
-            unpack(k, y, q, p);
-            general_field(system, q, p, dq, dp);
-            assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &ode));
-            assert_ok(ode.field(&user, 0.0, y, NULL, a));
-            lg_space_generator(&ode.space, a, y, velocity[0]);
-            assert_ok(lg_system_ode(system, LG_COORDINATES_AMBIENT, &user, work, &ode));
-            assert_ok(ode.field(&user, 0.0, y, NULL, velocity[1]));
-            for (size_t i = 0; i < k; i++)
-                for (size_t c = 0; c < 3; c++) {
-                    worst = fmax(worst, fabs(velocity[0][6 * i + c] - dq[3 * i + c]));
-                    worst = fmax(worst, fabs(velocity[0][6 * i + 3 + c] - dp[3 * i + c]));
-                }
-            for (size_t i = 0; i < 6 * k; i++) assert_close(velocity[1][i], velocity[0][i], 1e-13, 1e-13);
-        }
-        print_message("  k = %zu: largest difference to the general equations %.2g\n", k, worst);
-        assert_true(worst < 1e-9); /* difference quotients */
-        lg_system_destroy(NULL, system);
-    }
-}
-
-TEST("on the manifold v = P M(q)^-1 p to rounding, and the energy is the dense one") {
+TEST("on the manifold the gradient is the dense solution's, and the energy too") {
     lg_rng rng;
     lg_rng_seed(&rng, 22, 0);
     for (size_t k = 1; k <= MAX_LINKS; k++) {
-        lg_system *system = make_chain(k);
+        lg_system *system = make_chain("hamiltonian", k, GRAVITY, masses, lengths);
         double y[2 * MAX_N], q[MAX_N], p[MAX_N], v[MAX_N], g[MAX_N], dense[MAX_N], work[18 * MAX_LINKS];
         assert_ok(lg_system_start(system, NULL, &rng, y));
         unpack(k, y, q, p);
@@ -180,7 +80,6 @@ TEST("on the manifold v = P M(q)^-1 p to rounding, and the energy is the dense o
             lg_cross3(q + 3 * i, dense + 3 * i, b);
             for (int c = 0; c < 3; c++) assert_close(a[c], b[c], 1e-9, 1e-9);
         }
-        lg_system_destroy(NULL, system);
     }
 }
 
@@ -188,7 +87,7 @@ TEST("off the manifold the extended gradient is the gradient of the extended ene
     lg_rng rng;
     lg_rng_seed(&rng, 23, 0);
     for (size_t k = 1; k <= MAX_LINKS; k++) {
-        lg_system *system = make_chain(k);
+        lg_system *system = make_chain("hamiltonian", k, GRAVITY, masses, lengths);
         double y[2 * MAX_N], v[MAX_N], g[MAX_N], work[18 * MAX_LINKS], shifted[2 * MAX_N];
         assert_ok(lg_system_start(system, NULL, &rng, y));
         for (size_t i = 0; i < 6 * k; i++) y[i] += lg_rng_uniform_in(&rng, -0.03, 0.03);
@@ -203,12 +102,11 @@ TEST("off the manifold the extended gradient is the gradient of the extended ene
             const size_t i = j / 6, c = j % 6;
             assert_close(c < 3 ? g[3 * i + c] : v[3 * i + c - 3], quotient, 1e-8, 1e-8);
         }
-        lg_system_destroy(NULL, system);
     }
 }
 
-TEST("k = 1: H = |p|^2/(2 m L^2) + m g L q_z, f = (q x p/(m L^2), m g L e3 x q)") {
-    lg_system *system = make(1, 1.0, NULL, NULL);
+TEST("one link by hand") {
+    lg_system *system = make_chain("hamiltonian", 1, 1.0, NULL, NULL);
     const double y[6] = {0.6, 0.0, 0.8, 0.8, 0.5, -0.6};
     double work[18], a[6], e[6] = {-0.4, 1.0, 0.3, 0.0, 0.6, 0.0};
     lg_system_user user;
@@ -222,11 +120,10 @@ TEST("k = 1: H = |p|^2/(2 m L^2) + m g L q_z, f = (q x p/(m L^2), m g L e3 x q)"
     assert_ok(lg_chain_mass_matrix(system, m));
     assert_ok(lg_chain_potential_weights(system, weight));
     assert_true(m[0] == 1.0 && weight[0] == 1.0);
-    lg_system_destroy(NULL, system);
 }
 
-TEST("two links, masses and lengths 1: m = [[2, 1], [1, 1]], V = 2 q1_z + q2_z") {
-    lg_system *system = make(2, 1.0, NULL, NULL);
+TEST("two links of ones by hand") {
+    lg_system *system = make_chain("hamiltonian", 2, 1.0, NULL, NULL);
     double m[4], weights[2];
     const double expected[4] = {2.0, 1.0, 1.0, 1.0};
     assert_ok(lg_chain_mass_matrix(system, m));
@@ -234,15 +131,14 @@ TEST("two links, masses and lengths 1: m = [[2, 1], [1, 1]], V = 2 q1_z + q2_z")
     assert_ok(lg_chain_potential_weights(system, weights));
     assert_true(weights[0] == 2.0 && weights[1] == 1.0);
     assert_string_equal(lg_system_layout(system), "q1 p1 q2 p2");
-    lg_system_destroy(NULL, system);
 }
 
-TEST("invariants are kept") {
+TEST("invariants and manifold are kept by chains of up to 200 links") {
     static const size_t links[] = {1, 2, 5, 200};
     for (size_t n = 0; n < 4; n++) {
         const size_t k = links[n], d = 6 * k;
-        lg_system *system = make(k, 1.0, NULL, NULL);
-        double *y = calloc(3 * d + lg_system_workspace(system), sizeof(*y)), *out = y + d,
+        lg_system *system = make_chain("hamiltonian", k, 1.0, NULL, NULL);
+        double *y = TEST_ARRAY(double, 3 * d + lg_system_workspace(system)), *out = y + d,
                *work = out + 2 * d;
         const double times[2] = {0.25, k > 10 ? 0.5 : 3.0};
         lg_rng rng;
@@ -263,14 +159,12 @@ TEST("invariants are kept") {
         const double error = lg_space_manifold_error(&space, out + d);
         print_message("  k = %zu: manifold error %.2g, largest component %.2g\n", k, error, size);
         assert_true(error < 2e-14 * size);
-        free(y);
-        lg_system_destroy(NULL, system);
     }
 }
 
 /* Upright plus 1e-8 falls: theta grows like exp(t sqrt(g/L)); an essentially relative tolerance sees it. */
-TEST("upright pendulum") {
-    lg_system *system = make(1, 1.0, NULL, NULL);
+TEST("an upright pendulum falls as cosh, an equilibrium stays") {
+    lg_system *system = make_chain("hamiltonian", 1, 1.0, NULL, NULL);
     const double y[6] = {1e-8, 0.0, 1.0, 0.0, 0.0, 0.0}, times[2] = {5.0, 10.0},
                  rest[6] = {0.0, 0.0, 1.0, 0.0, 0.0, 0.0};
     double out[12];
@@ -280,11 +174,10 @@ TEST("upright pendulum") {
     assert_close(out[6], 1e-8 * cosh(10.0), 1e-7, 0.0); /* sin(theta) is not theta any more: 1e-8 */
     assert_ok(lg_reference_trajectories(NULL, system, rest, 1, times, 2, 0.0, 0.0, out, NULL));
     assert_memory_equal(out + 6, rest, sizeof(rest)); /* an equilibrium stays */
-    lg_system_destroy(NULL, system);
 }
 
 TEST("far off the manifold is a status") {
-    lg_system *system = make_chain(2);
+    lg_system *system = make_chain("hamiltonian", 2, GRAVITY, masses, lengths);
     double y[12] = {0}, v[6] = {7.0}, g[6] = {7.0}, work[36];
     assert_status(lg_chain_gradient(system, y, v, g, work), LG_NOT_FINITE); /* links of length 0 */
     y[2] = 20.0, y[8] = 20.0;
@@ -293,5 +186,4 @@ TEST("far off the manifold is a status") {
     y[2] = NAN;
     assert_status(lg_chain_gradient(system, y, v, g, work), LG_NOT_FINITE);
     assert_true(v[0] == 7.0 && g[0] == 7.0);
-    lg_system_destroy(NULL, system);
 }

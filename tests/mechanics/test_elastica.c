@@ -24,7 +24,7 @@ static lg_elastica_solution solved(const lg_elastica *p) {
 
 /* ---- description ---- */
 
-TEST("cases") {
+TEST("families of boundary values by hand") {
     lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.5 * PI, 50);
     lg_elastica_case kind = LG_ELASTICA_RIGHT_END;
     assert_close(p.theta0, 0.5 * PI, 0, 1e-15);
@@ -42,7 +42,7 @@ TEST("cases") {
     assert_status(lg_elastica_case_parse(NULL, &kind), LG_NOT_FOUND);
 }
 
-TEST("bad input") {
+TEST("bad problems and options are refused, and nothing is written") {
     lg_error error;
     const lg_elastica good = family(LG_ELASTICA_BOTH_ENDS, 1.0, 50);
     assert_ok(lg_elastica_check(&good, &error));
@@ -107,7 +107,7 @@ static double action(const lg_elastica *p, const double *nodes, const double *ta
     return sum;
 }
 
-TEST("energy is action") {
+TEST("the energy is the discrete action") {
     lg_elastica p = family(LG_ELASTICA_RIGHT_END, 1.7, 20);
     p.q0[0] = 0.4;
     p.q0[1] = -0.3;
@@ -120,7 +120,7 @@ TEST("energy is action") {
 
 /* d action / d(q_k, v_k) by central differences, plus 2 h Lambda v: zero at the solution, and equal to the
  * multipliers found. */
-TEST("euler lagrange") {
+TEST("the solution satisfies the Euler-Lagrange equations, and errors of 1e-6 are seen") {
     const lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.6 * PI, 50);
     const lg_elastica_solution s = solved(&p);
     const double h = p.length / p.intervals, step = 1e-5;
@@ -153,7 +153,7 @@ TEST("euler lagrange") {
     assert_true(isnan(lg_elastica_euler_lagrange(&p, q, v, NULL)));
 }
 
-TEST("the gradient of E by differences vanishes; the force is dE/dq_N; any small move costs energy") {
+TEST("solutions are minima, and the force is dE/dq_N") {
     for (int kind = 0; kind < LG_ELASTICA_CASE_COUNT; kind++) {
         lg_elastica p = family((lg_elastica_case)kind, 2.3, 30);
         const lg_elastica_solution s = solved(&p);
@@ -184,7 +184,7 @@ TEST("the gradient of E by differences vanishes; the force is dE/dq_N; any small
 
 /* ---- known values ---- */
 
-TEST("known energies") {
+TEST("energies known from elsewhere") {
     const struct {
         double x;
         uint32_t n;
@@ -200,7 +200,7 @@ TEST("known energies") {
 }
 
 /* Every x of both families, gap's edges included: a minimum with small residual, and the mirror image. */
-TEST("families") {
+TEST("every member of both families is a minimum with a mirror image") {
     for (int i = 0; i < 120; i++) {
         const lg_elastica_case kind = (lg_elastica_case)(i % 2);
         const double x = PI * (0.01 + 0.98 * (i / 2) / 59.0);
@@ -239,7 +239,7 @@ TEST("Moved, turned and scaled: the same shape") {
 
 /* ---- guesses ---- */
 
-TEST("guess") {
+TEST("a guess chooses the minimum") {
     lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.1, 50);
     lg_elastica_options o;
     lg_elastica_solution s, first = solved(&p);
@@ -259,7 +259,7 @@ TEST("guess") {
 
 /* ---- hard cases ---- */
 
-TEST("degenerate") {
+TEST("straight, half-turned and coarse beams have minima") {
     lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.0, 50);
     lg_elastica_solution s = solved(&p);
     assert_int_equal(s.negative_eigenvalues, 0);
@@ -292,7 +292,7 @@ TEST("Ends that meet: a circle, E = (EI/2)(2 pi)^2/L; and with half a turn a dro
     assert_int_equal(solved(&p).negative_eigenvalues, 0);
 }
 
-TEST("turns") {
+TEST("beams of two turns have a minimum while the nodes resolve it") {
     lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.0, 100);
     p.qN[0] = 1.0;
     p.theta0 = 0.3;
@@ -305,7 +305,7 @@ TEST("turns") {
     assert_true(strlen(error.message) > 10);
 }
 
-TEST("taut") {
+TEST("beams taut to 1e-13 have minima") {
     for (double slack = 1e-2; slack > 1e-13; slack *= 1e-5) {
         lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 1.0, 50);
         p.qN[0] = 3.3 * (1.0 - slack);
@@ -313,7 +313,7 @@ TEST("taut") {
     }
 }
 
-TEST("many intervals") {
+TEST("10^5 intervals are solved") {
     const uint32_t n = 100000;
     const lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, PI / 3.0, n);
     double *angles = calloc(n + 1, sizeof *angles);

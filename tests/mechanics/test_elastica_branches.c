@@ -1,6 +1,6 @@
 /* Branches of the elastica: the documented hard cases, saddles, generated curves, memory. */
 #include "liegrad/elastica.h"
-#include "support/fail_alloc.h"
+#include "support/fixtures.h"
 #include "test_support.h"
 /* ctest-labels: threads */
 
@@ -29,7 +29,7 @@ static size_t branches(lg_elastica_case kind, double share, int turns, bool sadd
 }
 
 /* Both-ends: a second arch, below, up to |w| = 0.1925 pi. Right-end: the wrong-way buckle up to 0.171 pi. */
-TEST("second minimum") {
+TEST("a second minimum is found") {
     assert_int_equal(branches(LG_ELASTICA_BOTH_ENDS, 0.192, 0, false), 2);
     assert_true(theta[10] > 0.0 && theta[51 + 10] < 0.0);
     assert_int_equal(branches(LG_ELASTICA_BOTH_ENDS, 0.193, 0, false), 1);
@@ -52,7 +52,7 @@ TEST("the same tangents with other rotations: both loops and the asymmetric pair
 }
 
 /* The clamped straight beam buckles: two arches, two S (one negative eigenvalue each), then two of two. */
-TEST("saddles") {
+TEST("saddles are found when asked for") {
     assert_true(branches(LG_ELASTICA_BOTH_ENDS, 0.0, 0, true) >= 6);
     const double energies[] = {11.084, 11.084, 22.442, 22.442, 43.774, 43.774};
     for (uint32_t i = 0; i < 6; i++) {
@@ -65,7 +65,7 @@ TEST("saddles") {
     assert_int_equal(solutions[2].negative_eigenvalues, 1);
 }
 
-TEST("branches bad input") {
+TEST("bad arguments of branches are refused") {
     lg_elastica p = lg_elastica_defaults();
     size_t count = 5;
     assert_status(lg_elastica_branches(NULL, &p, NULL, false, 0, theta, solutions, &count, NULL),
@@ -84,7 +84,7 @@ TEST("branches bad input") {
 
 /* ---- sets of curves ---- */
 
-TEST("generate") {
+TEST("generated curves are the solutions one by one, whatever the threads") {
     lg_elastica_sampling s = lg_elastica_sampling_defaults();
     lg_elastica_curves one = {.count = 0}, two = {.count = 0};
     s.right_end = true;
@@ -144,7 +144,7 @@ TEST("without a gap the ends are the bifurcations themselves") {
     lg_elastica_curves_destroy(NULL, &curves);
 }
 
-TEST("generate bad input") {
+TEST("bad samplings are refused") {
     lg_error error;
     lg_elastica_curves curves = {.count = 77};
     lg_elastica_sampling bad[6];
@@ -186,21 +186,11 @@ static lg_status everything(const lg_context *context) {
     return status;
 }
 
-TEST("out of memory") {
-    lg_fail_alloc memory;
-    lg_context *context = lg_fail_alloc_context(&memory);
-    for (long n = 1;; n++) {
-        lg_fail_alloc_arm(&memory, n);
-        const lg_status status = everything(context);
-        if (!lg_fail_alloc_hit(&memory)) break;
-        assert_int_equal(status, LG_OUT_OF_MEMORY);
-        assert_int_equal(lg_fail_alloc_live(&memory), 0);
-    }
-    assert_int_equal(lg_fail_alloc_live(&memory), 0);
-    lg_context_destroy(context);
+TEST("every allocation may fail") {
+    EVERY_ALLOCATION_FAILS(context, 1, status = everything(context););
 }
 
-TEST("cancel") {
+TEST("solving and generating may be cancelled") {
     const volatile int stop = 1;
     lg_context_options o;
     lg_context *context;

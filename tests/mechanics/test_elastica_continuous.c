@@ -27,7 +27,7 @@ static lg_elastica_solution solved(const lg_elastica *p) {
 
 static const double shares[] = {0.0, 0.01, 0.1, 1.0 / 3.0, 0.5, 0.8, 0.95, 0.99, 1.0, 1.01, 1.6};
 
-TEST("(EI/2) theta'^2 + lx cos theta + ly sin theta, theta' by a difference of order 8") {
+TEST("the first integral is constant along every solution") {
     static const double weight[] = {4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0};
     for (size_t i = 0; i < 11; i++)
         for (int kind = 0; kind < LG_ELASTICA_CASE_COUNT; kind++) {
@@ -46,7 +46,7 @@ TEST("(EI/2) theta'^2 + lx cos theta + ly sin theta, theta' by a difference of o
         }
 }
 
-TEST("the curve and the equation: theta'' by a difference, q by Simpson's rule") {
+TEST("the curve and the differential equation hold") {
     for (size_t i = 0; i < 11; i++) {
         const lg_elastica p = family(LG_ELASTICA_RIGHT_END, shares[i], N);
         const lg_elastica_solution s = solved(&p);
@@ -64,7 +64,7 @@ TEST("the curve and the equation: theta'' by a difference, q by Simpson's rule")
     }
 }
 
-TEST("order 2 of the discrete problem: errors shrink four times, extrapolation meets the collocation") {
+TEST("Richardson's extrapolation of discrete solutions meets the continuous one") {
     for (int kind = 0; kind < LG_ELASTICA_CASE_COUNT; kind++)
         for (size_t i = 0; i < 5; i++) {
             lg_elastica p = family((lg_elastica_case)kind, shares[i], N);
@@ -102,7 +102,7 @@ TEST("the result does not depend on the nodes that are asked for") {
 
 /* Ends turned by pi: each sheds half a loop of the infinite beam, E = 16 EI/(L - d), force 16 EI/(L - d)^2,
  * up to exp(-L sqrt(force/EI)). A closed beam with a full turn is a circle. */
-TEST("closed forms") {
+TEST("half loops and circles are closed forms") {
     lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 1.0, 50);
     lg_elastica_solution s = solved(&p);
     assert_close(s.energy, 1600.0 / 3.0, 1e-12, 0);
@@ -116,7 +116,7 @@ TEST("closed forms") {
 }
 
 /* 10^6 steps of no shooting: the classical Runge-Kutta method from the left end, where growth allows it. */
-TEST("against runge kutta") {
+TEST("the solution is that of the classical Runge-Kutta method") {
     const lg_elastica p = family(LG_ELASTICA_RIGHT_END, 1.0 / 3.0, N);
     const lg_elastica_solution s = solved(&p);
     const double h = p.length / N, a = s.force[0] / p.stiffness, b = s.force[1] / p.stiffness;
@@ -134,7 +134,7 @@ TEST("against runge kutta") {
     }
 }
 
-TEST("guess") {
+TEST("a guess chooses the minimum") {
     const lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.1, 50);
     lg_elastica_options o;
     lg_elastica_solution s;
@@ -147,7 +147,7 @@ TEST("guess") {
     assert_true(s.energy > lowest + 4.0);
 }
 
-TEST("generate") {
+TEST("generated curves are the solutions one by one") {
     lg_elastica_sampling sampling = lg_elastica_sampling_defaults();
     lg_elastica_curves curves = {.count = 0};
     sampling.right_end = sampling.continuous = true;

@@ -1,18 +1,13 @@
 /* The heavy top in four forms: fields against the Hamiltonian, flows against the equations in the body. */
-#include "test_support.h"
+#include "support/fixtures.h"
 
 #include "liegrad/geometry.h"
 #include "liegrad/ops.h"
 #include "mechanics/system.h"
-#include "system_check.h"
+#include "body_check.h"
 
 static const char *const forms[] = {"cotangent", "direct", "lie-poisson", "quadratic"};
 enum { COTANGENT, DIRECT, POISSON, QUADRATIC, FORMS };
-
-/* Numbers of a top. */
-typedef struct top {
-    double inertia[3], mass, length, chi[3], gamma0[3];
-} top;
 
 static const top symmetric = {{0.234375, 0.46875, 0.234375}, 15.0, 2.0, {0.0, 1.0, 0.0}, {0.0, 0.0, -9.81}};
 static const top skew = {{1.1, 2.3, 2.9}, 1.7, 0.6, {0.48, 0.6, 0.64}, {1.5, -2.0, -9.0}};
@@ -45,89 +40,6 @@ static void random_start(lg_rng *rng, double size, double *Q, double *pi) {
     for (int i = 0; i < 3; i++) pi[i] = lg_rng_uniform_in(rng, -size, size);
 }
 
-/* ---- fields against H ---- */
-
-static const double stencil[4][2] = {{-2, 1.0 / 12}, {-1, -2.0 / 3}, {1, 2.0 / 3}, {2, -1.0 / 12}};
-#define DELTA 1e-3
-
-static double energy(const lg_system *system, const double *y) {
-    double work[SYSTEM_MAX_DIM];
-    return lg_system_hamiltonian(system, y, work);
-}
-
-/* dH/dy_i by differences of fourth order. */
-static double slope(const lg_system *system, const double *y, size_t i) {
-    double moved[SYSTEM_MAX_DIM], sum = 0.0;
-    memcpy(moved, y, lg_system_dim(system) * sizeof(*y));
-    for (int s = 0; s < 4; s++) {
-        moved[i] = y[i] + DELTA * stencil[s][0];
-        sum += stencil[s][1] / DELTA * energy(system, moved);
-    }
-    return sum;
-}
-
-/* d/ds H(exp(s e_k) Q, pi) */
-static double turning_slope(const lg_system *system, const double *y, int k) {
-    double moved[SYSTEM_MAX_DIM], sum = 0.0;
-    memcpy(moved, y, lg_system_dim(system) * sizeof(*y));
-    for (int s = 0; s < 4; s++) {
-        double u[3] = {0.0, 0.0, 0.0}, R[9];
-        u[k] = DELTA * stencil[s][0];
-        lg_so3_exp(u, R);
-        for (int r = 0; r < 3; r++)
-            for (int c = 0; c < 3; c++)
-                moved[3 * r + c] = R[3 * r] * y[c] + R[3 * r + 1] * y[3 + c] + R[3 * r + 2] * y[6 + c];
-        sum += stencil[s][1] / DELTA * energy(system, moved);
-    }
-    return sum;
-}
-
-TEST("f = (dH/dpi, -R_Q^* dH/dQ) on T*SO(3), and q' = dH/dp, p' = 0 with H = energy + |p|^2/2") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 11, 0);
-    static const int canonical[] = {COTANGENT, QUADRATIC};
-    for (int f = 0; f < 2; f++) {
-        lg_system *system = make_top(&skew, canonical[f]);
-        double Q[9], pi[3], y[18], algebra[12];
-        random_start(&rng, 3.0, Q, pi);
-        state_of(system, &skew, Q, pi, y);
-        for (size_t i = 12; i < lg_system_dim(system); i++) y[i] = lg_rng_uniform_in(&rng, -1, 1);
-        evaluate(system, 0.0, y, algebra);
-        for (int k = 0; k < 3; k++) {
-            assert_close(algebra[k], slope(system, y, 9 + (size_t)k), 1e-9, 1e-9);
-            assert_close(algebra[3 + k], -turning_slope(system, y, k), 1e-9, 1e-9);
-        }
-        for (size_t k = 0; k < 3 && canonical[f] == QUADRATIC; k++) {
-            const double p = y[15 + k] - skew.mass * skew.length * skew.chi[k];
-            assert_close(algebra[6 + k], slope(system, y, 15 + k) + p, 1e-9, 1e-9);
-            assert_close(slope(system, y, 12 + k), 0.0, 0.0, 1e-10);
-            assert_close(algebra[9 + k], 0.0, 0.0, 0.0);
-        }
-        lg_system_destroy(NULL, system);
-    }
-}
-
-TEST("Lie-Poisson: Gamma' = Gamma x dH/dPi, Pi' = Pi x dH/dPi + Gamma x dH/dGamma") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 12, 0);
-    lg_system *system = make_top(&skew, POISSON);
-    double y[6], v[6], hp[3], hg[3], a[3], b[3], c[3];
-    for (int i = 0; i < 6; i++) y[i] = lg_rng_uniform_in(&rng, -3, 3);
-    for (size_t k = 0; k < 3; k++) {
-        hg[k] = slope(system, y, k);
-        hp[k] = slope(system, y, 3 + k);
-    }
-    lg_cross3(y, hp, a);
-    lg_cross3(y + 3, hp, b);
-    lg_cross3(y, hg, c);
-    velocity(system, 0.0, y, v);
-    for (int k = 0; k < 3; k++) {
-        assert_close(v[k], a[k], 1e-9, 1e-9);
-        assert_close(v[3 + k], b[k] + c[k], 1e-9, 1e-9);
-    }
-    lg_system_destroy(NULL, system);
-}
-
 TEST("cotangent, direct and quadratic have the same velocity of (Q, pi)") {
     lg_rng rng;
     lg_rng_seed(&rng, 13, 0);
@@ -137,7 +49,6 @@ TEST("cotangent, direct and quadratic have the same velocity of (Q, pi)") {
         lg_system *system = make_top(&skew, form);
         state_of(system, &skew, Q, pi, y);
         velocity(system, 0.0, y, v[form]);
-        lg_system_destroy(NULL, system);
     }
     for (int i = 0; i < 12; i++) {
         assert_close(v[DIRECT][i], v[COTANGENT][i], 1e-14, 1e-13);
@@ -146,35 +57,6 @@ TEST("cotangent, direct and quadratic have the same velocity of (Q, pi)") {
 }
 
 /* ---- flows against the equations in the body ---- */
-
-/* y = (Q, Pi): Q' = Q hat(Omega), Pi' = Pi x Omega + M l (Q^T Gamma0) x chi, Omega = I^-1 Pi. */
-static void body_equations(const top *of, const double *y, double *out) {
-    double omega[3], gamma[3], a[3], b[3];
-    for (int i = 0; i < 3; i++) {
-        omega[i] = y[9 + i] / of->inertia[i];
-        gamma[i] = y[i] * of->gamma0[0] + y[3 + i] * of->gamma0[1] + y[6 + i] * of->gamma0[2];
-    }
-    for (int r = 0; r < 3; r++)
-        for (int c = 0; c < 3; c++) {
-            const int d = (c + 1) % 3, e = (c + 2) % 3;
-            out[3 * r + c] = y[3 * r + d] * omega[e] - y[3 * r + e] * omega[d];
-        }
-    lg_cross3(y + 9, omega, a);
-    lg_cross3(gamma, of->chi, b);
-    for (int i = 0; i < 3; i++) out[9 + i] = a[i] + of->mass * of->length * b[i];
-}
-
-static void rk4_in_the_body(const top *of, double h, int steps, double *y) {
-    static const double c[4] = {0.0, 0.5, 0.5, 1.0};
-    double k[4][12], z[12];
-    for (int s = 0; s < steps; s++) {
-        for (int i = 0; i < 4; i++) {
-            for (int j = 0; j < 12; j++) z[j] = y[j] + (i > 0 ? c[i] * h * k[i - 1][j] : 0.0);
-            body_equations(of, z, k[i]);
-        }
-        for (int j = 0; j < 12; j++) y[j] += h / 6.0 * (k[0][j] + 2.0 * (k[1][j] + k[2][j]) + k[3][j]);
-    }
-}
 
 static double largest_difference(const double *a, const double *b, size_t n) {
     double worst = 0.0;
@@ -212,12 +94,11 @@ static void check_flow(const char *name, const top *of, const double *Q, const d
         printf(" %s %.1e (invariants %.1e)", forms[form], worst, drift);
         assert_true(worst < 1e-8);
         assert_true(drift < 1e-8);
-        lg_system_destroy(NULL, system);
     }
     printf("\n");
 }
 
-TEST("flows agree with the body") {
+TEST("flows of every form are those of the equations in the body") {
     static const double identity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
     const double fast[3] = {0.0, 0.46875 * 150.0, 0.234375 * -4.61538}, slow[3] = {0.3, -0.2, 0.5};
     double Q[9], pi[3];
@@ -233,7 +114,7 @@ TEST("flows agree with the body") {
 
 /* Coarse steps of Lie-Euler keep what the form keeps: both Casimirs of se(3)*, and pi.Gamma0 of the direct
  * product. */
-TEST("exact invariants") {
+TEST("coarse steps keep what the form keeps") {
     lg_rng rng;
     lg_rng_seed(&rng, 15, 0);
     double Q[9], pi[3], y[18], out[18], work[SYSTEM_MAX_DIM];
@@ -246,10 +127,9 @@ TEST("exact invariants") {
         lg_system *system = make_top(&skew, kept[i].form);
         lg_system_user user;
         lg_ode ode;
-        lg_stepper *stepper = NULL;
         state_of(system, &skew, Q, pi, y);
         assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &ode));
-        assert_ok(lg_stepper_create(NULL, lg_scheme_find("lie-euler"), &ode, &stepper));
+        lg_stepper *stepper = test_stepper(lg_scheme_find("lie-euler"), &ode);
         memcpy(out, y, sizeof(out));
         for (int n = 0; n < 500; n++) assert_ok(lg_step(stepper, 0.0, 0.02, out, NULL, out));
         double own[SYSTEM_MAX_DIM];
@@ -258,13 +138,11 @@ TEST("exact invariants") {
                          1e-12, 1e-12);
         assert_true(fabs(lg_system_invariant(system, 0, out, own) - lg_system_invariant(system, 0, y, own)) >
                     1e-3);
-        lg_stepper_destroy(NULL, stepper);
-        lg_system_destroy(NULL, system);
     }
 }
 
 /* With the symplectic integrator at theta = 1/2, (Q, pi) of quadratic are those of cotangent to rounding. */
-TEST("symplectic integrator sees one top") {
+TEST("to slgi the quadratic form is the cotangent one") {
     static const int canonical[] = {COTANGENT, QUADRATIC};
     double end[2][18], start[18], Q[9], pi[3], work[SYSTEM_MAX_DIM];
     lg_rng rng;
@@ -274,14 +152,11 @@ TEST("symplectic integrator sees one top") {
         lg_system *system = make_top(&skew, canonical[f]);
         lg_system_user user;
         lg_ode ode;
-        lg_stepper *stepper = NULL;
         state_of(system, &skew, Q, pi, start);
         memcpy(end[f], start, sizeof(start));
         assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &ode));
-        assert_ok(lg_stepper_create(NULL, lg_scheme_find("slgi"), &ode, &stepper));
+        lg_stepper *stepper = test_stepper(lg_scheme_find("slgi"), &ode);
         for (int n = 0; n < 50; n++) assert_ok(lg_step(stepper, 0.01 * n, 0.01, end[f], NULL, end[f]));
-        lg_stepper_destroy(NULL, stepper);
-        lg_system_destroy(NULL, system);
     }
     for (int i = 0; i < 12; i++) assert_close(end[1][i], end[0][i], 0.0, 1e-12);
     assert_true(largest_difference(end[0], start, 12) > 0.1);
@@ -289,47 +164,27 @@ TEST("symplectic integrator sees one top") {
 
 /* ---- on a tape ---- */
 
-TEST("taped fields") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 16, 0);
-    for (int form = 0; form < FORMS; form++) {
-        lg_system *system = make_top(&skew, form);
-        const size_t dim = lg_system_dim(system);
-        double states[2 * 18], Q[9], pi[3];
-        for (size_t b = 0; b < 2; b++) {
-            random_start(&rng, 3.0, Q, pi);
-            state_of(system, &skew, Q, pi, states + b * dim);
-            for (size_t i = 12; i < dim; i++) states[b * dim + i] = lg_rng_uniform_in(&rng, -1, 1);
-        }
-        check_taped_field(system, 0.0, states, 2, 0.1);
-        lg_system_destroy(NULL, system);
-    }
-}
-
 /* d(sum of (Q, pi) after five steps of RKMK4)/d parameters */
 static void flow_gradient(int form, const double *Q, const double *pi, double *gradient) {
     lg_system *system = make_top(&skew, form);
     const uint32_t dim = (uint32_t)lg_system_dim(system), count = (uint32_t)lg_system_parameter_count(system);
     lg_system_taped_user user;
     lg_taped_ode ode;
-    lg_tape *tape = NULL;
     double y[18];
     lg_var parts[LG_TAPED_MAX_PARTS], out[LG_TAPED_MAX_PARTS], g;
     state_of(system, &skew, Q, pi, y);
-    assert_ok(lg_tape_create(NULL, NULL, &tape));
+    lg_tape *tape = test_tape(LG_F64);
     lg_var p = lg_input_f64(tape, lg_shape1(count), lg_system_parameter_values(system));
     assert_ok(lg_system_taped_ode(system, LG_COORDINATES_LIE, p, &user, &ode));
     assert_ok(lg_taped_split(tape, &ode.space, lg_input_f64(tape, lg_shape2(1, dim), y), parts));
     assert_ok(lg_taped_integrate(tape, lg_scheme_find("rkmk4"), &ode, 0.0, 0.02, 5, 5, parts, out));
     assert_ok(lg_grad(tape, lg_add(tape, lg_sum(tape, out[0]), lg_sum(tape, out[1])), &p, 1, &g));
     assert_ok(lg_read(tape, g, gradient, count));
-    lg_tape_destroy(tape);
-    lg_system_destroy(NULL, system);
 }
 
 /* The derivatives of the quadratic form in M, l, chi are those of the top: its start does not depend on them.
  */
-TEST("quadratic has the gradient of the top") {
+TEST("derivatives of the quadratic form in the parameters are the top's") {
     lg_rng rng;
     lg_rng_seed(&rng, 17, 0);
     double Q[9], pi[3], a[11], b[11];
@@ -340,7 +195,7 @@ TEST("quadratic has the gradient of the top") {
     assert_true(fabs(a[3]) > 1e-3);
 }
 
-TEST("description") {
+TEST("layouts, sizes and labels of every form") {
     static const char *const layouts[FORMS] = {"Q pi", "Q pi", "Gamma Pi", "Q pi"};
     static const size_t dims[FORMS] = {12, 12, 6, 18}, reported[FORMS] = {12, 12, 6, 12};
     static const char *const labels[] = {"I1",   "I2",   "I3",       "m",        "L",       "chi1",
@@ -357,14 +212,12 @@ TEST("description") {
             lg_system_parameter_label(system, i, label);
             assert_string_equal(label, labels[i]);
         }
-        lg_system_destroy(NULL, system);
     }
     lg_system *first = make_system("heavy-top", NULL, NULL, 0);
     assert_string_equal(lg_system_form(first), "cotangent");
-    lg_system_destroy(NULL, first);
 }
 
-TEST("bad input") {
+TEST("parameters that a top cannot have are refused") {
     const double long_chi[3] = {0.0, 1.1, 0.0}, negative = -1.0;
     const lg_named_values bad[] = {{"chi", long_chi, 3}, {"mass", &negative, 1}, {"gravity", &negative, 1}};
     lg_system_options options;

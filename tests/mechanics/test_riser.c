@@ -6,7 +6,7 @@
 #include "mechanics/dense_solve.h"
 #include "mechanics/riser_check.h"
 #include "mechanics/riser.h"
-#include "support/fail_alloc.h"
+#include "support/fixtures.h"
 
 enum { N = LG_RISER_DOF };
 
@@ -32,7 +32,7 @@ static lg_riser_parameters odd_ones(void) {
 
 /* ---- linear part ---- */
 
-TEST("periods") {
+TEST("periods are the published ones, to half a digit") {
     static const struct {
         double severity;
         bool locked;
@@ -85,7 +85,7 @@ static void inverse_iteration(const double *mass, const double *stiffness, size_
     }
 }
 
-TEST("against energies") {
+TEST("periods and matrices are those of the energies") {
     const lg_riser_parameters cases[] = {standard(LG_HOUSING_TIGHT, 1.0), odd_ones()};
     for (size_t c = 0; c < LG_COUNT(cases); c++) {
         const lg_riser_parameters *p = &cases[c];
@@ -117,7 +117,7 @@ TEST("against energies") {
 
 /* ---- foundation ---- */
 
-TEST("wellhead") {
+TEST("moment and energy of the wellhead and the soil fit each other") {
     lg_wellhead w;
     const lg_riser_parameters p = standard(LG_HOUSING_SLACK, 0.58);
     const double casing = 0.58 * 150e6, inner = 1.0 / (1.0 / 300e6 + 1.0 / casing), gap = 60e3 / inner;
@@ -166,22 +166,21 @@ static void kick(double *q, double *v) {
 /* max |E/E_0 - 1| over `time` seconds. */
 static double drift(const lg_riser_parameters *p, double dt, double time) {
     const size_t steps = (size_t)llround(time / dt);
-    double q[2 * N], v[2 * N], *energy = malloc((steps + 1) * sizeof *energy), worst = 0.0;
+    double q[2 * N], v[2 * N], *energy = TEST_ARRAY(double, steps + 1), worst = 0.0;
     kick(q, v);
     assert_ok(lg_riser_free_motion(NULL, p, dt, steps, false, q, v, energy, NULL));
     for (size_t i = 0; i <= steps; i++) worst = fmax(worst, fabs(energy[i] / energy[0] - 1.0));
-    free(energy);
     return worst;
 }
 
-TEST("energy linear") {
+TEST("a linear riser keeps its energy") {
     const lg_riser_parameters p = linear();
     const double worst = drift(&p, 0.05, 1000.0);
     printf("linear, tight: energy drifts by %.1e in 20000 steps\n", worst);
     assert_true(worst < 1e-11);
 }
 
-TEST("energy slack") {
+TEST("a slack riser keeps its energy to second order") {
     const lg_riser_parameters p = standard(LG_HOUSING_SLACK, 0.58);
     double before = 0.0;
     for (double dt = 0.04; dt > 0.002; dt /= 2.0) {
@@ -194,7 +193,7 @@ TEST("energy slack") {
 }
 
 /* What is there at the start is the energy of riser_check.h, and damping takes from it all the time. */
-TEST("energy damped") {
+TEST("damping takes energy all the time") {
     enum { STEPS = 4000 };
     const lg_riser_parameters p = linear();
     double q[2 * N], v[2 * N], energy[STEPS + 1], start = 0.0;
@@ -223,7 +222,7 @@ TEST("in still water drag takes its force times the velocity") {
     assert_close((energy[1] - energy[0]) / dt, -power, 1e-3, 0.0);
 }
 
-TEST("a mode of the linear riser keeps its shape: exact solution of the undamped motion") {
+TEST("free motion has order 2: a mode keeps its shape") {
     enum { MODES = 3, HALVINGS = 6 };
     const lg_riser_parameters p = linear(), *const pp = &p;
     double mass[N * N], stiffness[N * N], modes[MODES * N], periods[MODES];
@@ -233,7 +232,7 @@ TEST("a mode of the linear riser keeps its shape: exact solution of the undamped
     RISER_MATRIX(STIFFNESS, stiffness);
     inverse_iteration(mass, stiffness, MODES, modes, periods);
     for (int m = 0; m < MODES; m++) {
-        double sum_x = 0.0, sum_y = 0.0, sum_xx = 0.0, sum_xy = 0.0;
+        fit_line fit = {0};
         for (int k = 0; k <= HALVINGS; k++) {
             const double dt = 0.05 / (double)(1 << k), time = 3.0;
             double q[2 * N] = {0.0}, v[2 * N] = {0.0}, error = 0.0, size = 0.0;
@@ -245,10 +244,9 @@ TEST("a mode of the linear riser keeps its shape: exact solution of the undamped
                 error = fmax(error, fabs(q[i] - exact));
                 size = fmax(size, fabs(modes[m * N + i]));
             }
-            const double x = log(dt), y = log(error / size);
-            sum_x += x, sum_y += y, sum_xx += x * x, sum_xy += x * y;
+            fit_add(&fit, log(dt), log(error / size));
         }
-        const double n = HALVINGS + 1, slope = (n * sum_xy - sum_x * sum_y) / (n * sum_xx - sum_x * sum_x);
+        const double slope = fit_slope(&fit);
         printf("free, mode %d (%.3f s): order %.3f over %d halvings\n", m + 1, periods[m], slope, HALVINGS);
         assert_close(slope, 2.0, 0.0, 0.05);
     }
@@ -279,7 +277,8 @@ static void forced(const lg_riser_parameters *p, double drag_scale, double dt, d
 static double forced_order(const char *name, const lg_riser_parameters *p, double drag_scale) {
     enum { HALVINGS = 5, S = 2 * LG_RISER_STATE };
     const double time = 40.0;
-    double reference[S], sum_x = 0.0, sum_y = 0.0, sum_xx = 0.0, sum_xy = 0.0;
+    double reference[S];
+    fit_line fit = {0};
     forced(p, drag_scale, 0.05 / 512, time, reference);
     for (int k = 0; k <= HALVINGS; k++) {
         const double dt = 0.05 / (double)(1 << k);
@@ -289,16 +288,15 @@ static double forced_order(const char *name, const lg_riser_parameters *p, doubl
             error += (at[i] - reference[i]) * (at[i] - reference[i]);
             size += reference[i] * reference[i];
         }
-        const double x = log(dt), y = 0.5 * log(error / size);
-        printf("  dt %.5f: %.2e\n", dt, exp(y));
-        sum_x += x, sum_y += y, sum_xx += x * x, sum_xy += x * y;
+        printf("  dt %.5f: %.2e\n", dt, sqrt(error / size));
+        fit_add(&fit, log(dt), 0.5 * log(error / size));
     }
-    const double n = HALVINGS + 1, slope = (n * sum_xy - sum_x * sum_y) / (n * sum_xx - sum_x * sum_x);
+    const double slope = fit_slope(&fit);
     printf("forced, %s: order %.3f over %d halvings\n", name, slope, HALVINGS);
     return slope;
 }
 
-TEST("order forced") {
+TEST("forced motion has order 2") {
     lg_riser_parameters p = linear();
     assert_close(forced_order("linear, no drag", &p, 0.0), 2.0, 0.0, 0.05);
     assert_close(forced_order("linear, drag", &p, 1.0), 2.0, 0.0, 0.1);
@@ -308,7 +306,7 @@ TEST("order forced") {
 
 /* ---- bad input ---- */
 
-TEST("free motion bad") {
+TEST("bad arguments of free motion are refused, and nothing is written") {
     lg_riser_parameters p = linear();
     double q[2 * N], v[2 * N], kept[2 * N], energy[3] = {7.0, 7.0, 7.0};
     lg_error error;
@@ -337,7 +335,7 @@ TEST("free motion bad") {
     assert_true(energy[0] > 0.0 && energy[1] == 7.0);
 }
 
-TEST("parameters bad") {
+TEST("parameters that cannot be are refused by name") {
     lg_riser_parameters p;
     lg_error error;
 #define REFUSED(member, value)                                                                               \
@@ -372,21 +370,11 @@ TEST("parameters bad") {
     assert_null(lg_riser_channel(LG_RISER_CHANNELS));
 }
 
-TEST("memory") {
-    lg_fail_alloc memory;
-    lg_context *context = lg_fail_alloc_context(&memory);
+TEST("every allocation may fail") {
     const lg_riser_parameters p = linear();
     double q[2 * N], v[2 * N], energy[3];
-    long n = 1;
-    for (;; n++) {
+    EVERY_ALLOCATION_FAILS(context, 2, {
         kick(q, v);
-        lg_fail_alloc_arm(&memory, n);
-        const lg_status status = lg_riser_free_motion(context, &p, 0.05, 2, true, q, v, energy, NULL);
-        assert_int_equal(lg_fail_alloc_live(&memory), 0);
-        if (!lg_fail_alloc_hit(&memory)) break;
-        assert_int_equal(status, LG_OUT_OF_MEMORY);
-    }
-    assert_true(n > 2);
-    lg_fail_alloc_arm(&memory, 0);
-    lg_context_destroy(context);
+        status = lg_riser_free_motion(context, &p, 0.05, 2, true, q, v, energy, NULL);
+    });
 }

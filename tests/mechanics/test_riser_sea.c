@@ -6,7 +6,7 @@
 #include "mechanics/dense_solve.h"
 #include "mechanics/riser_check.h"
 #include "mechanics/riser.h"
-#include "support/fail_alloc.h"
+#include "support/fixtures.h"
 #include "support/malloc_count.h"
 
 enum { N = LG_RISER_DOF, C = LG_RISER_CHANNELS, WAVES = LG_RISER_COMPONENTS };
@@ -31,7 +31,7 @@ static double energy_between(double a, double b) {
     return sum;
 }
 
-TEST("spectrum") {
+TEST("components share the spectrum's energy, with its spread of directions") {
     const lg_sea_state sea = {.height = 3.2, .period = 9.0, .direction = 0.4};
     const double total = energy_between(0.4, 1.0) + energy_between(1.0, 5.0);
     printf("energy above 5 peak frequencies: %.2f %%\n", 100.0 * energy_between(5.0, 60.0) / total);
@@ -84,7 +84,7 @@ TEST("over an hour the elevation has the variance Hs^2/16, within what 200 compo
     assert_close(squares - sum * sum, 0.25, 0.1, 0.0);
 }
 
-TEST("dispersion") {
+TEST("wave numbers satisfy the dispersion relation") {
     for (double w = 1e-4; w < 50.0; w *= 1.3) {
         const double k = lg_dispersion(w, 100.0, 9.81);
         assert_close(9.81 * k * tanh(k * 100.0), w * w, 4e-15, 0.0);
@@ -128,7 +128,7 @@ static void direct_row(const lg_riser_parameters *p, const lg_wave *waves, doubl
     }
 }
 
-TEST("kinematics") {
+TEST("velocities and forces of the water are the sums as they stand") {
     static const size_t steps[] = {3999, 4000, 4095, 4096, 4097, 4223, 4224, 4225, 4351, 4352, 76000, 7};
     lg_riser_parameters p;
     lg_riser_run run;
@@ -170,7 +170,7 @@ static lg_riser_run quiet_run(void) {
     return run;
 }
 
-TEST("calm") {
+TEST("a calm sea moves nothing, and noise has its deviation") {
     enum { COUNT = 18001 };
     float *x = malloc(COUNT * C * sizeof *x);
     lg_riser_parameters p;
@@ -228,7 +228,7 @@ TEST("in a current alone the riser leans as the linear equations of riser_check.
  * the riser with its second derivative; Newmark's accelerations belong to those motions exactly: (x_{n+1} - 2
  * x_n
  * + x_{n-1})/dt^2 = (x''_{n+1} + 2 x''_n + x''_{n-1})/4. */
-TEST("sensors") {
+TEST("sensors measure one motion") {
     enum { COUNT = 400, U = 0, TH, SLOPE, KINDS };
     lg_riser_parameters p;
     lg_riser_run run;
@@ -283,7 +283,7 @@ static void deviations(const float *x, size_t first, size_t count, double out[C]
     }
 }
 
-TEST("monotone") {
+TEST("the response grows with the severity") {
     enum { COUNT = 6000 };
     static const double severities[] = {1.0, 0.9, 0.75, 0.58, 0.45};
     float *x = malloc(COUNT * C * sizeof *x);
@@ -307,7 +307,7 @@ TEST("monotone") {
     free(x);
 }
 
-TEST("ratios") {
+TEST("ratios of broken to intact lie in their bounds") {
     enum { COUNT = 6000, CONDITIONS = 9 };
     static const double low[3] = {1.40, 1.05, 0.99}, high[3] = {1.65, 1.12, 1.06};
     float *x = malloc(COUNT * C * sizeof *x);
@@ -332,7 +332,7 @@ TEST("ratios") {
 
 /* ---- runs ---- */
 
-TEST("crack") {
+TEST("a crack changes nothing before its time") {
     enum { COUNT = 1500, AT = 301, BYTES = COUNT * C * sizeof(float) };
     float *intact = malloc(BYTES), *broken = malloc(BYTES), *cracked = malloc(BYTES);
     lg_riser_parameters p;
@@ -367,7 +367,7 @@ TEST("crack") {
     free(cracked);
 }
 
-TEST("streams") {
+TEST("streams in pieces are the whole run, and seeds are apart") {
     enum { COUNT = 700 };
     float whole[COUNT * C], pieces[COUNT * C], other[COUNT * C];
     lg_riser_parameters p;
@@ -407,7 +407,7 @@ TEST("streams") {
     assert_true(sum > 1e3);
 }
 
-TEST("standard runs") {
+TEST("standard runs differ in what they should") {
     static const double heights[6] = {1.5, 2.0, 2.5, 3.0, 3.5, 4.5}, directions[3] = {20.0, 45.0, 70.0};
     size_t states[LG_SEA_STATES] = {0};
     uint64_t seeds[LG_RISER_RUNS], noises[LG_RISER_RUNS];
@@ -440,7 +440,7 @@ TEST("standard runs") {
 
 /* ---- bad input ---- */
 
-TEST("bad") {
+TEST("bad parameters, runs and seas are refused by name") {
     float x[3 * C] = {9.0f};
     lg_riser_parameters p;
     lg_riser_run run;
@@ -538,7 +538,7 @@ TEST("bad") {
     assert_true(fabsf(x[0]) < 1.0f);
 }
 
-TEST("cancel and memory") {
+TEST("a run may be cancelled, and every allocation may fail") {
     volatile int cancel = 1;
     lg_context_options options;
     lg_context *context;
@@ -552,18 +552,9 @@ TEST("cancel and memory") {
     assert_ok(lg_context_create(&options, &context));
     assert_status(lg_riser_simulate(context, &p, &run, 2, x, NULL), LG_CANCELLED);
     lg_context_destroy(context);
-    lg_fail_alloc memory;
-    context = lg_fail_alloc_context(&memory);
-    long n = 1;
-    for (;; n++) {
-        lg_fail_alloc_arm(&memory, n);
-        const lg_status status = lg_riser_simulate(context, &p, &run, 2, x, NULL);
-        assert_int_equal(lg_fail_alloc_live(&memory), 0);
-        if (!lg_fail_alloc_hit(&memory)) break;
-        assert_int_equal(status, LG_OUT_OF_MEMORY);
-        assert_true(x[0] == 9.0f);
-    }
-    assert_true(n > 3);
-    lg_fail_alloc_arm(&memory, 0);
-    lg_context_destroy(context);
+    EVERY_ALLOCATION_FAILS(failing, 3, {
+        x[0] = 9.0f;
+        status = lg_riser_simulate(failing, &p, &run, 2, x, NULL);
+        assert_true(status == LG_OK || x[0] == 9.0f);
+    });
 }

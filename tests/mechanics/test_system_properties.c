@@ -463,7 +463,6 @@ static void cross(const double *a, const double *b, double *out) {
 /* d = (dH/dq, dH/dp) */
 static void canonical(size_t copies, const double *y, const double *d, double *out) {
     const size_t n = copies / 2;
-    (void)y;
     assert_true(copies == 2 * n);
     for (size_t i = 0; i < n; i++) {
         out[i] = d[n + i];
@@ -504,13 +503,11 @@ static void product_rotations(size_t copies, const double *y, const double *d, d
 
 /* d = y x dH/dy = y' */
 static void body_momentum(size_t copies, const double *y, const double *d, double *out) {
-    (void)y;
     memcpy(out, d, 3 * copies * sizeof *out);
 }
 
 /* d_u = G x dH/dG + P x dH/dP = P', d_v = G x dH/dP = G' */
 static void body_momenta(size_t copies, const double *y, const double *d, double *out) {
-    (void)y;
     for (size_t i = 0; i < copies; i++, d += 6, out += 6) {
         memcpy(out, d + 3, 3 * sizeof *out);
         memcpy(out + 3, d, 3 * sizeof *out);
@@ -714,15 +711,24 @@ static double sum_at(const void *of, double by) {
     return sum;
 }
 
-/* d(w.f)/dp on the tape */
+/* d(w.f)/dp on the tape, of the sweep; what is recorded is the same, in the states too. */
 static void taped_gradient(const sample *s, const double *weight, double *gradient) {
+    double *in_y = take(BATCH * s->dim), *recorded = take(BATCH * s->dim + s->parameters);
+    lg_var g[2];
     recording r;
     open_recording(s, LG_COORDINATES_LIE, s->y, &r);
     lg_var w = lg_input_f64(r.tape, lg_shape2(BATCH, (uint32_t)s->algebra), weight);
     lg_var sum = lg_sum(r.tape, lg_mul(r.tape, w, record_field(s, &r)));
-    void *const out[1] = {gradient};
-    const lg_status status = lg_backward_set(r.tape, sum, &r.parameters, 1, out);
-    if (status != LG_OK) fail_msg("%s: %s", s->label, lg_tape_message(r.tape));
+    const lg_var by[2] = {r.parameters, r.y};
+    void *const out[2] = {gradient, in_y};
+    if (lg_backward_set(r.tape, sum, by, 2, out) != LG_OK || lg_grad(r.tape, sum, by, 2, g) != LG_OK)
+        fail_msg("%s: %s", s->label, lg_tape_message(r.tape));
+    const size_t counts[2] = {s->parameters, BATCH * s->dim};
+    for (int i = 0; i < 2; i++) {
+        assert_ok(lg_read(r.tape, g[i], recorded, counts[i]));
+        same(s, "recorded and swept gradients", counts[i], recorded, out[i],
+             1e-11 * (1.0 + largest(counts[i], recorded)));
+    }
     lg_tape_destroy(r.tape);
 }
 
@@ -757,6 +763,14 @@ static void parameter_derivatives(sample *s) {
 
 TEST("every field on a tape is the plain one") {
     on_every_sample(taped_field);
+}
+
+static void differentiable(sample *s) {
+    check_taped_field(s->system, s->t, s->y, BATCH, 0.02);
+}
+
+TEST("every field on a tape has right derivatives to second order in states, parameters and times") {
+    on_every_sample(differentiable);
 }
 
 TEST("every ambient field is the generator of the field, on a tape and off the manifold too") {

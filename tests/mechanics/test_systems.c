@@ -1,9 +1,6 @@
 /* The table of systems: rows, layouts, parameters and their rules, fields of both forms, and what is refused
  * with which sentence. */
-#include "test_support.h"
-
-#include "liegrad/mechanics.h"
-#include "liegrad/ops.h"
+#include "system_check.h"
 
 static const double gravity = 9.81, ones[3] = {1.0, 1.0, 1.0}, unlike[3] = {1.0, 1.3, 0.7};
 static const lg_named_values only_gravity = {"gravity", &gravity, 1};
@@ -17,22 +14,13 @@ static lg_system_options chain_options(size_t links) {
     return options;
 }
 
-static lg_system *make(const char *name, const lg_system_options *options) {
-    lg_system *system = NULL;
-    lg_error error;
-    if (lg_system_create(NULL, name, options, &system, &error) != LG_OK) fail_msg("%s", error.message);
-    assert_string_equal(error.message, "");
-    return system;
-}
-
 static void assert_layout(lg_system *system, const char *layout, size_t dim, size_t parameters) {
     assert_string_equal(lg_system_layout(system), layout);
     assert_int_equal(lg_system_dim(system), dim);
     assert_int_equal(lg_system_parameter_count(system), parameters);
-    lg_system_destroy(NULL, system);
 }
 
-TEST("rows") {
+TEST("every row of the table is complete and different") {
     const char *name = NULL, *form = NULL;
     size_t n = 0;
     for (; lg_system_at(n, &name, &form); n++) {
@@ -57,23 +45,22 @@ TEST("rows") {
     assert_true(lg_system_state("pendulum-chain", NULL) != lg_system_state("pendulum-chain", "hamiltonian"));
 }
 
-TEST("layouts") {
+TEST("layouts and sizes") {
     lg_system_options options = chain_options(2);
-    assert_layout(make("pendulum-chain", &options), "q1 omega1 q2 omega2", 12, 5);
+    assert_layout(make_system_with("pendulum-chain", &options), "q1 omega1 q2 omega2", 12, 5);
     options.form = "hamiltonian";
-    assert_layout(make("pendulum-chain", &options), "q1 p1 q2 p2", 12, 5);
-    assert_layout(make("oscillator", NULL), "q p", 2, 0);
-    assert_layout(make("quartic", NULL), "q p", 4, 0);
-    assert_layout(make("coupled-oscillators", NULL), "q p", 4, 0);
+    assert_layout(make_system_with("pendulum-chain", &options), "q1 p1 q2 p2", 12, 5);
+    assert_layout(make_system_with("oscillator", NULL), "q p", 2, 0);
+    assert_layout(make_system_with("quartic", NULL), "q p", 4, 0);
+    assert_layout(make_system_with("coupled-oscillators", NULL), "q p", 4, 0);
     options = chain_options(1000);
-    lg_system *system = make("pendulum-chain", &options);
+    lg_system *system = make_system_with("pendulum-chain", &options);
     const char *layout = lg_system_layout(system);
     assert_string_equal(layout + strlen(layout) - strlen(" q999 omega999 q1000 omega1000"),
                         " q999 omega999 q1000 omega1000");
-    lg_system_destroy(NULL, system);
 }
 
-TEST("parameters") {
+TEST("parameters and labels are in the order of the table") {
     const lg_named_values given[] = {{"lengths", unlike, 3}, {"gravity", &gravity, 1}};
     const double expected[7] = {9.81, 1.0, 1.0, 1.0, 1.0, 1.3, 0.7};
     const char *const labels[8] = {"g", "m1", "m2", "m3", "L1", "L2", "L3", ""};
@@ -81,7 +68,7 @@ TEST("parameters") {
     lg_system_options options = chain_options(3);
     options.parameters = given;
     options.parameter_count = 2;
-    lg_system *system = make("pendulum-chain", &options);
+    lg_system *system = make_system_with("pendulum-chain", &options);
     assert_string_equal(lg_system_name(system), "pendulum-chain");
     assert_string_equal(lg_system_form(system), "lagrangian");
     assert_int_equal(lg_system_links(system), 3);
@@ -92,16 +79,13 @@ TEST("parameters") {
         lg_system_parameter_label(system, i, label);
         assert_string_equal(label, labels[i]);
     }
-    lg_system_destroy(NULL, system);
     options = chain_options(1);
-    system = make("pendulum-chain", &options);
+    system = make_system_with("pendulum-chain", &options);
     lg_system_parameter_label(system, 1, label);
     assert_string_equal(label, "m1");
-    lg_system_destroy(NULL, system);
-    system = make("oscillator", NULL);
+    system = make_system_with("oscillator", NULL);
     assert_null(lg_system_form(system));
     assert_int_equal(lg_system_links(system), 0);
-    lg_system_destroy(NULL, system);
 }
 
 /* status and words of the sentence, for one change of a good chain of three */
@@ -126,7 +110,7 @@ static void refused_values(const char *key, const double *values, size_t count, 
     refused("pendulum-chain", &options, LG_INVALID_ARGUMENT, first, second);
 }
 
-TEST("refused") {
+TEST("systems, forms and parameters that cannot be are refused by name") {
     const double bad[][3] = {{1.0, 0.0, 1.0}, {-1.0, 1.0, 1.0}, {1.0, 1.0, NAN}, {INFINITY, 1.0, 1.0}};
     static const char *const entry[4] = {"[1]", "[0]", "[2]", "[0]"};
     lg_system_options options = chain_options(3);
@@ -170,10 +154,10 @@ TEST("refused") {
     lg_system_destroy(NULL, NULL);
 }
 
-TEST("arguments") {
-    lg_system *quartic = make("quartic", NULL);
+TEST("functions of chains refuse other systems and NULL") {
+    lg_system *quartic = make_system_with("quartic", NULL);
     lg_system_options options = chain_options(1);
-    lg_system *chain = make("pendulum-chain", &options);
+    lg_system *chain = make_system_with("pendulum-chain", &options);
     double x[36] = {0}, work[64];
     lg_system_user user;
     lg_ode ode;
@@ -192,12 +176,10 @@ TEST("arguments") {
     assert_status(lg_system_ode(quartic, LG_COORDINATES_LIE, NULL, work, &ode), LG_INVALID_ARGUMENT);
     assert_status(lg_system_ode(quartic, LG_COORDINATES_LIE, &user, NULL, &ode), LG_INVALID_ARGUMENT);
     assert_status(lg_system_ode(quartic, LG_COORDINATES_LIE, &user, work, NULL), LG_INVALID_ARGUMENT);
-    lg_system_destroy(NULL, quartic);
-    lg_system_destroy(NULL, chain);
 }
 
 TEST("Figure 1.1's oscillator: the midpoint rule, H kept exactly") {
-    lg_system *system = make("oscillator", NULL);
+    lg_system *system = make_system_with("oscillator", NULL);
     double y[2] = {0.8, -0.6}, work[1], h = 0.3;
     lg_system_user user;
     lg_ode ode;
@@ -213,13 +195,11 @@ TEST("Figure 1.1's oscillator: the midpoint rule, H kept exactly") {
     }
     assert_close(lg_system_hamiltonian(system, y, work), 0.5, 0.0, 1e-14);
     assert_int_equal(lg_system_invariants(system), 1);
-    lg_system_destroy(NULL, system);
 }
 
 TEST("a million links") {
     lg_system_options options = chain_options(1000000);
-    lg_system *system = make("pendulum-chain", &options);
+    lg_system *system = make_system_with("pendulum-chain", &options);
     assert_int_equal(lg_system_dim(system), 6000000);
     assert_int_equal(lg_system_parameter_count(system), 2000001);
-    lg_system_destroy(NULL, system);
 }

@@ -1,63 +1,19 @@
 /* Systems on R^4, starts, sampled trajectories, and bad input. */
-#include "test_support.h"
-
-#include "liegrad/geometry.h"
-#include "liegrad/mechanics.h"
+#include "support/fixtures.h"
+#include "system_check.h"
 
 /* Chains in Hamiltonian form with m = L = g = 1. */
 static lg_system *make(const char *name, size_t links) {
-    const double gravity = 1.0;
-    const lg_named_values given = {"gravity", &gravity, 1};
-    lg_system *system = NULL;
-    lg_system_options options;
-    lg_system_options_init(&options);
-    options.links = links;
-    if (strcmp(name, "pendulum-chain") == 0) {
-        options.form = "hamiltonian";
-        options.parameters = &given;
-        options.parameter_count = 1;
-    }
-    assert_ok(lg_system_create(NULL, name, &options, &system, NULL));
-    return system;
+    return strcmp(name, "pendulum-chain") == 0 ? make_chain("hamiltonian", links, 1.0, NULL, NULL)
+                                               : make_system(name, NULL, NULL, 0);
 }
 
-static const char *const planar[] = {"quartic", "coupled-oscillators"};
-
-TEST("y' = J grad H by difference quotients, and the halves are the field") {
-    for (int n = 0; n < 2; n++) {
-        lg_system *system = make(planar[n], 1);
-        const double y[4] = {0.4, -0.7, 0.3, 0.6}, h = 1e-3;
-        double work[1], field[4], force[2], velocity[2], gradient[4];
-        lg_system_user user;
-        lg_ode ode;
-        assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &ode));
-        assert_true(lg_space_is_abelian(&ode.space) && !lg_system_constrained(system) &&
-                    lg_system_separable(system));
-        assert_ok(ode.field(&user, 0.0, y, NULL, field));
-        assert_ok(ode.force(&user, 0.0, y, NULL, force));
-        assert_ok(ode.velocity(&user, 0.0, y + 2, NULL, velocity));
-        for (int j = 0; j < 4; j++) {
-            double x[4], H[4];
-            for (int s = 0; s < 4; s++) {
-                memcpy(x, y, sizeof(x));
-                x[j] += h * (double[]){-2, -1, 1, 2}[s];
-                H[s] = lg_system_hamiltonian(system, x, work);
-            }
-            gradient[j] = (H[0] - 8 * H[1] + 8 * H[2] - H[3]) / (12 * h);
-        }
-        for (int j = 0; j < 2; j++) {
-            assert_close(field[j], gradient[2 + j], 0.0, 1e-9);
-            assert_close(field[2 + j], -gradient[j], 0.0, 1e-9);
-            assert_true(field[j] == velocity[j] && field[2 + j] == force[j]);
-        }
-        lg_system_destroy(NULL, system);
-    }
+TEST("the quartic's energy at one point, by hand (4.3.4)") {
     double work[1];
-    lg_system *quartic = make("quartic", 1); /* (4.3.4) at one point by hand */
+    lg_system *quartic = make("quartic", 1);
     assert_close(lg_system_hamiltonian(quartic, (double[]){1.0, 2.0, 1.0, -1.0}, work), 6.0 + 4.25 + 2.5,
                  1e-15, 0.0);
     assert_string_equal(lg_system_layout(quartic), "q p");
-    lg_system_destroy(NULL, quartic);
 }
 
 TEST("the first oscillator of the pair is harmonic: cos and sin; G is kept") {
@@ -76,10 +32,9 @@ TEST("the first oscillator of the pair is harmonic: cos and sin; G is kept") {
     for (size_t i = 0; i < 2; i++)
         assert_close(lg_system_invariant(system, i, out + 4, work), lg_system_invariant(system, i, y, work),
                      1e-11, 0.0);
-    lg_system_destroy(NULL, system);
 }
 
-TEST("starts") {
+TEST("starts have the laws of the thesis") {
     lg_system *chain = make("pendulum-chain", 3), *quartic = make("quartic", 1);
     double y[18], mean[3] = {0}, tangent[3] = {0}, square = 0.0, box[4], low = 1.0, high = -1.0;
     lg_rng rng;
@@ -107,12 +62,9 @@ TEST("starts") {
     assert_true(low >= -1.0 && low < -0.99 && high <= 1.0 && high > 0.99);
     lg_system *body = make("rigid-body-attitude", 1);
     assert_status(lg_system_start(body, NULL, &rng, y), LG_UNSUPPORTED);
-    lg_system_destroy(NULL, body);
-    lg_system_destroy(NULL, chain);
-    lg_system_destroy(NULL, quartic);
 }
 
-TEST("sampling") {
+TEST("samples keep the energy and depend on the seed alone") {
     lg_system *system = make("pendulum-chain", 2);
     lg_trajectory_options o;
     lg_trajectory_options_init(&o);
@@ -141,10 +93,9 @@ TEST("sampling") {
     o.seed = 6;
     assert_ok(lg_generate_trajectories(NULL, system, &o, t2, y2, H2, NULL));
     assert_true(y2[0] != y[0]);
-    lg_system_destroy(NULL, system);
 }
 
-TEST("noise") {
+TEST("noise has its law, and leaves the first point") {
     enum { N = 400, M = 3, D = 6 };
     lg_system *system = make("pendulum-chain", 1);
     lg_trajectory_options o;
@@ -169,7 +120,6 @@ TEST("noise") {
         assert_close(square / n, kind == LG_NOISE_NORMAL ? 1.0 : 1.0 / 3.0, 0.1, 0.0);
         assert_true(kind == LG_NOISE_NORMAL ? largest > 2.5 : largest <= 1.0 + 1e-9);
     }
-    lg_system_destroy(NULL, system);
 }
 
 /* Of the chain all u are near (2, 2, 2): p = q x u is then known to 1e-3. */
@@ -218,11 +168,10 @@ TEST("noise is independent of the starts") {
             }
         assert_close(correlation, 0.0, 0.0, 4.0 / sqrt((N - shift) * D));
     }
-    lg_system_destroy(NULL, system);
 }
 
 /* Three consecutive segments from each start; the last start gives what is left. Noise does not travel. */
-TEST("segments") {
+TEST("segments follow each other from one start") {
     enum { N = 8, M = 6, D = 4 };
     lg_system *system = make("quartic", 1);
     lg_trajectory_options o;
@@ -242,64 +191,36 @@ TEST("segments") {
     o.noise = 0.1;
     assert_ok(lg_generate_trajectories(NULL, system, &o, t, noisy, H, NULL));
     for (int i = 0; i < N; i++) assert_memory_equal(noisy + i * M * D, y + i * M * D, D * sizeof(double));
-    lg_system_destroy(NULL, system);
 }
 
 /* ---- bad input ---- */
 
-TEST("bad sampling") {
+TEST("bad samplings are refused, and nothing is written") {
     lg_system *chain = make("pendulum-chain", 1);
     double t[8] = {7.0}, y[64] = {7.0}, H[8] = {7.0};
     lg_error error;
-    for (int fault = 0; fault < 13; fault++) {
-        lg_trajectory_options o;
-        lg_trajectory_options_init(&o);
-        o.trajectories = 2, o.points = 2;
-        lg_status expected = LG_INVALID_ARGUMENT;
-        switch (fault) {
-        case 0:
-            o.size = 1;
-            break;
-        case 1:
-            o.trajectories = 0;
-            break;
-        case 2:
-            o.points = 1;
-            break;
-        case 3:
-            o.t_end = 0.0;
-            break;
-        case 4:
-            o.t_end = NAN;
-            break;
-        case 5:
-            o.noise = -1.0;
-            break;
-        case 6:
-            o.noise = INFINITY;
-            break;
-        case 7:
-            o.noise_kind = (lg_noise)(LG_NOISE_UNIFORM + 1);
-            break;
-        case 8:
-            o.segments = 0;
-            break;
-        case 9:
-            o.rtol = o.atol = 0.0;
-            break;
-        case 10:
-            o.starts = (lg_starts)(LG_STARTS_BOX + 1);
-            break;
-        case 11:
-            o.starts = LG_STARTS_BOX, o.low = o.high;
-            break;
-        default:
-            o.trajectories = SIZE_MAX / 8, expected = LG_OUT_OF_MEMORY;
-            break;
-        }
-        assert_status(lg_generate_trajectories(NULL, chain, &o, t, y, H, &error), expected);
-        assert_true(error.status == expected && strlen(error.message) > 0);
-    }
+#define REFUSED(change, expected)                                                                            \
+    do {                                                                                                     \
+        lg_trajectory_options o;                                                                             \
+        lg_trajectory_options_init(&o);                                                                      \
+        o.trajectories = 2, o.points = 2;                                                                    \
+        change;                                                                                              \
+        assert_status(lg_generate_trajectories(NULL, chain, &o, t, y, H, &error), expected);                 \
+        assert_true(error.status == (expected) && strlen(error.message) > 0);                                \
+    } while (0)
+    REFUSED(o.size = 1, LG_INVALID_ARGUMENT);
+    REFUSED(o.trajectories = 0, LG_INVALID_ARGUMENT);
+    REFUSED(o.points = 1, LG_INVALID_ARGUMENT);
+    REFUSED(o.t_end = 0.0, LG_INVALID_ARGUMENT);
+    REFUSED(o.t_end = NAN, LG_INVALID_ARGUMENT);
+    REFUSED(o.noise = -1.0, LG_INVALID_ARGUMENT);
+    REFUSED(o.noise = INFINITY, LG_INVALID_ARGUMENT);
+    REFUSED(o.noise_kind = (lg_noise)(LG_NOISE_UNIFORM + 1), LG_INVALID_ARGUMENT);
+    REFUSED(o.segments = 0, LG_INVALID_ARGUMENT);
+    REFUSED(o.rtol = o.atol = 0.0, LG_INVALID_ARGUMENT);
+    REFUSED(o.starts = (lg_starts)(LG_STARTS_BOX + 1), LG_INVALID_ARGUMENT);
+    REFUSED((o.starts = LG_STARTS_BOX, o.low = o.high), LG_INVALID_ARGUMENT);
+    REFUSED(o.trajectories = SIZE_MAX / 8, LG_OUT_OF_MEMORY);
     assert_status(lg_generate_trajectories(NULL, NULL, NULL, t, y, H, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_generate_trajectories(NULL, chain, NULL, NULL, y, H, NULL), LG_INVALID_ARGUMENT);
     const double starts[6] = {0.0, 0.0, NAN, 0.0, 0.0, 0.0}, times[2] = {2.0, 1.0};
@@ -308,65 +229,40 @@ TEST("bad sampling") {
     assert_status(lg_reference_trajectories(NULL, chain, starts, 0, times, 1, 0, 0, y, NULL),
                   LG_INVALID_ARGUMENT);
     assert_true(t[0] == 7.0 && y[0] == 7.0 && H[0] == 7.0);
-    lg_system_destroy(NULL, chain);
 }
 
-/* Every allocation fails in turn: a status, nothing leaks, outputs untouched. The cancel flag too. */
-typedef struct failing {
-    int left, live;
-} failing;
+typedef struct sampling {
+    double t[5], y[2 * 5 * 6], H[2];
+} sampling;
 
-static void *failing_allocate(void *user, size_t bytes) {
-    failing *f = user;
-    if (f->left-- <= 0) return NULL;
-    f->live++;
-    return aligned_alloc(64, (bytes + 63) / 64 * 64);
-}
-
-static void failing_release(void *user, void *memory) {
-    ((failing *)user)->live--;
-    free(memory);
-}
-
-TEST("failing allocations") {
-    double t[5] = {7.0}, y[2 * 5 * 6] = {7.0}, H[2];
-    int cancel = 0;
-    failing f = {1000, 0};
-    lg_context_options options;
-    lg_context_options_init(&options);
-    options.allocate = failing_allocate, options.release = failing_release, options.allocator_user = &f;
-    options.cancel = &cancel;
-    lg_context *context = NULL;
-    assert_ok(lg_context_create(&options, &context));
-    const int live = f.live;
-    lg_trajectory_options o;
-    lg_trajectory_options_init(&o);
-    o.trajectories = 2;
+static lg_status sample_chain(const lg_context *context, void *user) {
+    sampling *s = user;
     const double gravity = 1.0;
     const lg_named_values given = {"gravity", &gravity, 1};
-    lg_system_options chain;
-    lg_system_options_init(&chain);
-    chain.form = "hamiltonian", chain.parameters = &given, chain.parameter_count = 1;
-    int failures = 0;
-    for (int allowed = 0;; allowed++) {
-        lg_system *system = NULL;
-        f.left = allowed;
-        lg_status status = lg_system_create(context, "pendulum-chain", &chain, &system, NULL);
-        if (status == LG_OK) status = lg_generate_trajectories(context, system, &o, t, y, H, NULL);
-        lg_system_destroy(context, system);
-        assert_int_equal(f.live, live);
-        if (status == LG_OK) break;
-        assert_int_equal(status, LG_OUT_OF_MEMORY);
-        assert_true(t[0] == 7.0 && y[0] == 7.0);
-        failures++;
-    }
-    assert_int_equal(failures, 4);
-    f.left = 1000, cancel = 1, t[0] = 7.0;
     lg_system *system = NULL;
-    assert_ok(lg_system_create(context, "pendulum-chain", &chain, &system, NULL));
-    assert_status(lg_generate_trajectories(context, system, &o, t, y, H, NULL), LG_CANCELLED);
-    assert_true(t[0] == 7.0);
+    lg_trajectory_options o;
+    lg_system_options chain;
+    lg_trajectory_options_init(&o);
+    lg_system_options_init(&chain);
+    o.trajectories = 2;
+    chain.form = "hamiltonian", chain.parameters = &given, chain.parameter_count = 1;
+    s->t[0] = s->y[0] = 7.0;
+    lg_status status = lg_system_create(context, "pendulum-chain", &chain, &system, NULL);
+    if (status == LG_OK) status = lg_generate_trajectories(context, system, &o, s->t, s->y, s->H, NULL);
     lg_system_destroy(context, system);
-    assert_int_equal(f.live, live);
-    lg_context_destroy(context);
+    if (status != LG_OK) assert_true(s->t[0] == 7.0 && s->y[0] == 7.0);
+    return status;
+}
+
+TEST("every allocation may fail, and a run may be cancelled") {
+    sampling s;
+    const volatile int cancel = 1;
+    lg_context_options options;
+    lg_context *cancelled = NULL;
+    EVERY_ALLOCATION_FAILS(context, 4, status = sample_chain(context, &s););
+    lg_context_options_init(&options);
+    options.cancel = &cancel;
+    assert_ok(lg_context_create(&options, &cancelled));
+    assert_status(sample_chain(cancelled, &s), LG_CANCELLED);
+    lg_context_destroy(cancelled);
 }

@@ -1,6 +1,6 @@
 #include "test_support.h"
 
-enum { MOST_TESTS = 128, MOST_OWNED = 4096 };
+enum { MOST_TESTS = 128, MOST_OWNED = 1 << 16 };
 
 static lg_test_body bodies[MOST_TESTS];
 static struct CMUnitTest tests[MOST_TESTS];

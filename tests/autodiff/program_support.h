@@ -1,0 +1,43 @@
+/* Programs of the running test. */
+#ifndef LG_PROGRAM_SUPPORT_H
+#define LG_PROGRAM_SUPPORT_H
+
+#include "support/fixtures.h"
+
+#include "liegrad/program.h"
+
+static inline void release_program(void *program) {
+    lg_program_destroy(program);
+}
+
+static inline lg_program_spec spec_of(const lg_parameter_spec *parameters, size_t parameter_count,
+                                      const lg_function_spec *functions, size_t function_count) {
+    lg_program_spec spec;
+    lg_program_spec_init(&spec);
+    spec.parameters = parameters;
+    spec.parameter_count = parameter_count;
+    spec.functions = functions;
+    spec.function_count = function_count;
+    return spec;
+}
+
+static inline lg_program *test_program(const lg_program_spec *spec) {
+    lg_program *program = NULL;
+    lg_error error;
+    if (lg_program_build(NULL, spec, &program, &error) != LG_OK) fail_msg("%s", error.message);
+    lg_test_owns(program, release_program);
+    return program;
+}
+
+/* The number of the derivative. */
+static inline size_t derived(lg_program *program, lg_derivative_kind kind, const char *function) {
+    lg_derivative what;
+    lg_error error;
+    lg_derivative_init(&what);
+    what.kind = kind;
+    what.function = function;
+    if (lg_program_derive(program, &what, &error) != LG_OK) fail_msg("%s: %s", function, error.message);
+    return lg_program_functions(program) - 1;
+}
+
+#endif

@@ -1,0 +1,58 @@
+/* Objects of the running test: it gives them back when it ends. */
+#ifndef LG_FIXTURES_H
+#define LG_FIXTURES_H
+
+#include "test_support.h"
+
+#include "liegrad/integrators.h"
+#include "liegrad/ops.h"
+#include "support/fail_alloc.h"
+
+static inline void release_tape(void *tape) {
+    lg_tape_destroy(tape);
+}
+
+static inline lg_tape *test_tape(lg_dtype dtype) {
+    lg_tape_options options;
+    lg_tape *tape = NULL;
+    lg_tape_options_init(&options);
+    options.dtype = dtype;
+    assert_ok(lg_tape_create(NULL, &options, &tape));
+    lg_test_owns(tape, release_tape);
+    return tape;
+}
+
+static inline void release_stepper(void *stepper) {
+    lg_stepper_destroy(NULL, stepper);
+}
+
+static inline lg_stepper *test_stepper(const lg_scheme *scheme, const lg_ode *ode) {
+    lg_stepper *stepper = NULL;
+    assert_ok(lg_stepper_create(NULL, scheme, ode, &stepper));
+    lg_test_owns(stepper, release_stepper);
+    return stepper;
+}
+
+/* Runs a block that sets `status` with every allocation of `context` failing in turn. LG_OUT_OF_MEMORY comes each
+ * time until all allocations have failed once, `least` of them or more, then LG_OK. Nothing leaks: the block gives
+ * back all that it takes. */
+#define EVERY_ALLOCATION_FAILS(context, least, ...)                                                          \
+    do {                                                                                                     \
+        lg_fail_alloc memory_;                                                                               \
+        lg_context *context = lg_fail_alloc_context(&memory_);                                               \
+        bool hit_ = true;                                                                                    \
+        assert_non_null(context);                                                                            \
+        for (long n_ = 1; hit_; n_++) {                                                                      \
+            lg_status status = LG_CHECK_FAILED;                                                              \
+            lg_fail_alloc_arm(&memory_, n_);                                                                 \
+            __VA_ARGS__                                                                                      \
+            hit_ = lg_fail_alloc_hit(&memory_);                                                              \
+            assert_int_equal(lg_fail_alloc_live(&memory_), 0);                                               \
+            assert_status(status, hit_ ? LG_OUT_OF_MEMORY : LG_OK);                                          \
+            assert_true(hit_ || n_ > (least));                                                               \
+        }                                                                                                    \
+        lg_fail_alloc_arm(&memory_, 0);                                                                      \
+        lg_context_destroy(context);                                                                         \
+    } while (0)
+
+#endif
