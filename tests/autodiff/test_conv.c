@@ -1,6 +1,6 @@
 /* Convolution and pooling along time: every table of kernels against naive loops in double, then the
  * operations of the tape against the same loops, with their derivatives. */
-#include "kernel_tables.h"
+#include "kernels/kernel_tables.h"
 #include "support/fixtures.h"
 
 #include <float.h>

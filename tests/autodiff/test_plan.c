@@ -12,6 +12,7 @@
 #include "liegrad/mechanics.h"
 #include "liegrad/networks.h"
 #include "liegrad/nn.h"
+#include "models/hamiltonian_internal.h"
 #include "support/malloc_count.h"
 
 enum { PORTS = LG_PROGRAM_MAX_PORTS };
@@ -393,7 +394,7 @@ static lg_program *make_hamiltonian(const lg_hamiltonian_family *family, uint32_
     return program;
 }
 
-static lg_program *hamiltonian(lg_hamiltonian_family family, uint32_t links, const char *scheme) {
+static lg_program *hamiltonian(const lg_hamiltonian_family *family, uint32_t links, const char *scheme) {
     lg_program *program = make_hamiltonian(family, links, scheme);
     lg_test_owns(program, release_program);
     return program;

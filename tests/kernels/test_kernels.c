@@ -1,5 +1,5 @@
 /* The kernels of both types on every instruction set that this machine has. */
-#include "kernel_tables.h"
+#include "kernels/kernel_tables.h"
 
 #include <float.h>
 

@@ -4,7 +4,7 @@
 
 #include "test_support.h"
 
-#include "autodiff/kernels/kernels.h"
+#include "kernels/kernels.h"
 
 static inline void every_table(void (*test)(const lg_kernels *)) {
     for (int dtype = 0; dtype < 2; dtype++)
