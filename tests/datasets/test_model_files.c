@@ -253,9 +253,6 @@ static void refused_on_save(void **state) {
     file.run.model.n = 77;
     assert_status(lg_model_save_hamiltonian(NULL, path, &file, NULL, NULL), LG_INVALID_ARGUMENT);
     file.run = make_run(0);
-    file.run.scheme = NULL;
-    assert_status(lg_model_save_hamiltonian(NULL, path, &file, NULL, NULL), LG_INVALID_ARGUMENT);
-    file.run = make_run(0);
     file.run.training.lr = NAN;
     assert_status(lg_model_save_hamiltonian(NULL, path, &file, NULL, NULL), LG_NOT_FINITE);
     file.run = make_run(0);
