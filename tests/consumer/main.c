@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include <liegrad/nn.h>
+#include <liegrad/ops.h>
 
 enum { HIDDEN = 8, ROWS = 2 };
 
