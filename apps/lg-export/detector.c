@@ -1,5 +1,4 @@
-/* Detectors: tables and weights of a convolutional network, words and golden vectors. The functions
- * themselves are those below code/detector. */
+/* Detectors: functions of their program, words and golden vectors. */
 #include <float.h>
 #include <math.h>
 #include <stdlib.h>
@@ -10,224 +9,33 @@
 #include "liegrad/detector.h"
 #include "liegrad/metrics.h"
 
-enum { GOLDEN_STREAM = 0x64657463, STACK = 4096 };
-
-/* ---- sizes ---- */
-
-static size_t channels_of(const lg_cnn *net, uint32_t i) {
-    return i == 0 ? net->channels : net->block[i - 1].channels;
-}
-
-static size_t padding_of(const lg_cnn *net, uint32_t i) {
-    return i < net->blocks ? net->block[i].padding : 0;
-}
-
-/* Numbers that enter block i, the zeros around them included. */
-static size_t padded(const lg_cnn *net, uint32_t i) {
-    return (net->lengths[i] + 2 * padding_of(net, i)) * channels_of(net, i);
-}
-
-static size_t convolved(const lg_cnn *net, uint32_t i) {
-    const lg_cnn_block *b = &net->block[i];
-    return (net->lengths[i] + 2 * (size_t)b->padding - b->kernel) / b->stride + 1;
-}
-
-static size_t numbers_of(const lg_cnn *net, uint32_t i) {
-    return convolved(net, i) * net->block[i].channels;
-}
-
-static size_t most(size_t a, size_t b) {
-    return a > b ? a : b;
-}
-
-/* ---- places in work ---- */
-
-typedef struct places {
-    size_t logit, probability, sides, side, activated, plane, reverse_convolved;
-    size_t input[LG_CNN_MAX_BLOCKS + 1];
-    size_t eval[LG_CNN_MAX_BLOCKS + 1], grad[LG_CNN_MAX_BLOCKS + 1]; /* what the activation works on */
-    size_t slope[LG_CNN_MAX_BLOCKS + 1];
-    size_t eval_end, end;
-} places;
-
-static size_t take(size_t *at, size_t count) {
-    const size_t here = *at;
-    *at += (count + 7) / 8 * 8;
-    return here;
-}
-
-/* Inputs of blocks lie in two sides in turn, and so do cotangents on the way back. Beyond what an evaluation
- * needs: slopes, and what a maximum was taken of. */
-static places place_all(const lg_detector *model) {
-    const lg_cnn *net = &model->net;
-    places p = {.side = 0};
-    size_t at = 0, pooled = 0, largest = 0;
-    for (uint32_t i = 0; i <= net->blocks; i++) p.side = most(p.side, padded(net, i));
-    p.side = (p.side + 7) / 8 * 8;
-    for (uint32_t i = 0; i < net->blocks; i++) {
-        largest = most(largest, numbers_of(net, i));
-        if (net->block[i].pooling != LG_POOL_NONE) pooled = most(pooled, numbers_of(net, i));
-    }
-    p.logit = take(&at, net->outputs);
-    p.probability = take(&at, model->classes);
-    p.sides = take(&at, 2 * p.side);
-    p.activated = take(&at, pooled);
-    p.plane = take(&at, net->plane);
-    p.eval_end = at;
-    p.reverse_convolved = largest > pooled ? take(&at, largest) : p.activated;
-    for (uint32_t i = 0; i <= net->blocks; i++) p.input[i] = p.sides + i % 2 * p.side;
-    for (uint32_t i = 0; i < net->blocks; i++) {
-        const size_t next = p.input[i + 1] + padding_of(net, i + 1) * channels_of(net, i + 1);
-        const lg_pooling pooling = net->block[i].pooling;
-        p.eval[i] = pooling == LG_POOL_NONE ? next : p.activated;
-        p.grad[i] = pooling == LG_POOL_MAX ? take(&at, numbers_of(net, i)) : p.eval[i];
-        p.slope[i] = take(&at, numbers_of(net, i));
-    }
-    p.eval[net->blocks] = p.grad[net->blocks] = p.plane;
-    p.slope[net->blocks] = take(&at, net->plane);
-    p.end = at;
-    return p;
-}
+enum { GOLDEN_STREAM = 0x64657463, STACK = 1024 };
 
 /* ---- code ---- */
 
-static void add_weights(export_source *source, const lg_model_file *file) {
-    const lg_cnn *net = &file->detector.run.model.net;
-    export_part parts[2 * (LG_CNN_MAX_BLOCKS + 2)];
-    char comment[LG_COUNT(parts)][128];
-    lg_slice_info s;
-    uint32_t count = 0;
-    for (; count < LG_COUNT(parts) && lg_cnn_slice(net, count, &s); count++) {
-        int length = snprintf(comment[count], sizeof comment[count], "%s (", s.name);
-        for (uint32_t k = 0; k < s.rank; k++)
-            length += snprintf(comment[count] + length, sizeof comment[count] - (size_t)length, "%s%llu%s",
-                               k > 0 ? ", " : "", (unsigned long long)s.dims[k], k + 1 == s.rank ? ")" : "");
-        parts[count] = (export_part){comment[count], s.count, file->detector.theta + s.offset};
-    }
-    export_array(source, "weights", parts, count);
-}
-
-/* The mean and what its rounding leaves out, and 1/scale. */
-static void add_scaler(export_source *source, const lg_scaler *scaler) {
-    const size_t n = scaler->channels;
-    double *rest = app_alloc(n, sizeof *rest), *inverse = app_alloc(n, sizeof *inverse);
-    for (size_t i = 0; i < n; i++) {
-        rest[i] = scaler->mean[i] - export_round(source->options, scaler->mean[i]);
-        inverse[i] = 1 / scaler->scale[i];
-    }
-    export_array(source, "mean", &(export_part){"mean of each channel (channels)", n, scaler->mean}, 1);
-    export_array(source, "mean_rest", &(export_part){"what its rounding leaves out", n, rest}, 1);
-    export_array(source, "inverse_scale", &(export_part){"1/scale of each channel (channels)", n, inverse},
-                 1);
-    free(rest);
-    free(inverse);
-}
-
-/* {in, out, weight, bias} of layer number `layer`. */
-static void add_layer(text *to, const lg_cnn *net, uint32_t layer) {
-    lg_slice_info weight, bias;
-    if (!lg_cnn_slice(net, 2 * layer, &weight) || !lg_cnn_slice(net, 2 * layer + 1, &bias)) return;
-    lg_text_add(to, "{%zu, %zu, %zu, %zu}", weight.count / bias.count, bias.count, weight.offset,
-                bias.offset);
-}
-
-static void add_blocks(export_source *source, const lg_cnn *net) {
-    text *to = &source->code;
-    lg_text_add(
-        to,
-        "\n/* length, channels, stride, padding, convolved, pooling, pool, pool_stride, pooled, {in, out, "
-        "weight,\n * bias} */\nstatic const cnn_block cnn_blocks[] = {\n");
-    for (uint32_t i = 0; i < net->blocks; i++) {
-        const lg_cnn_block *b = &net->block[i];
-        const bool pooled = b->pooling != LG_POOL_NONE;
-        lg_text_add(to, "    {%u, %zu, %u, %u, %zu, %d, %u, %u, %u, ", net->lengths[i], channels_of(net, i),
-                    b->stride, b->padding, convolved(net, i), (int)b->pooling, pooled ? b->pool_size : 1,
-                    pooled ? b->pool_stride : 1, net->lengths[i + 1]);
-        add_layer(to, net, i);
-        lg_text_add(to, "},\n");
-    }
-    if (net->blocks == 0)
-        lg_text_add(to, "    {0, 0, 0, 0, 0, 0, 0, 0, 0, {0, 0, 0, 0}}, /* there are none */\n");
-    lg_text_add(to, "};\n");
-    if (net->plane > 0) {
-        lg_text_add(to, "static const net_layer cnn_plane = ");
-        add_layer(to, net, net->blocks);
-        lg_text_add(to, ";\n");
-    }
-    lg_text_add(to, "static const net_layer cnn_output = ");
-    add_layer(to, net, net->blocks + (net->plane > 0));
-    lg_text_add(to, ";\n");
-}
-
-static void add_places(export_source *source, const lg_cnn *net, const places *p) {
-    text *to = &source->code;
-    const size_t *const activated[] = {p->eval, p->grad};
-    static const char *const names[] = {"eval", "grad"};
-    for (size_t k = 0; k < 2; k++) {
-        lg_text_add(to, "\n/* input, activated, slope */\nstatic const cnn_place cnn_places_%s[] = {\n",
-                    names[k]);
-        for (uint32_t i = 0; i <= net->blocks; i++)
-            lg_text_add(to, "    {%zu, %zu, %zu},\n", p->input[i], activated[k][i], k == 0 ? 0 : p->slope[i]);
-        lg_text_add(to, "};\n");
-    }
-    lg_text_add(to,
-                "/* where arrays begin in work, and how large each of two is that cotangents lie in */\n");
-    export_constant(source, "LOGIT", p->logit);
-    export_constant(source, "PROBABILITY", p->probability);
-    export_constant(source, "REVERSE", p->sides);
-    export_constant(source, "REVERSE_SIDE", p->side);
-    export_constant(source, "REVERSE_CONVOLVED", p->reverse_convolved);
-}
-
-static void add_fragments(export_source *source, const lg_detector *model) {
-    const bool plane = model->net.plane > 0;
-    const struct {
-        const char *name;
-        bool wanted;
-    } fragments[] = {
-        {"cnn_activate", true},
-        {"cnn_pool", true},
-        {"cnn_tile", true},
-        {"cnn_forward", true},
-        {"cnn_dense_plane", plane},
-        {"cnn_dense", !plane},
-        {"rolled", true},
-        {"row_products", true},
-        {"cnn_dense_plane_vjp", plane},
-        {"cnn_dense_vjp", !plane},
-        {"cnn_pool_vjp", true},
-        {"cnn_reverse", true},
-        {"detector_scale", !model->centred},
-        {"detector_scale_centred", model->centred},
-        {"detector_sigmoid", model->loss == LG_DETECTOR_MSE},
-        {"detector_softmax", model->loss != LG_DETECTOR_MSE},
-        {"detector_class", true},
-        {"detector_main", true},
-    };
-    export_activation(source, model->net.activation, EXPORT_NET_VJP);
-    for (size_t i = 0; i < LG_COUNT(fragments); i++)
-        if (fragments[i].wanted) export_code(source, fragments[i].name);
-}
-
-static void add_code(export_source *source, const lg_model_file *file) {
+static int add_code(const app *self, export_source *source, const lg_model_file *file) {
     const lg_detector *model = &file->detector.run.model;
-    const places p = place_all(model);
-    add_weights(source, file);
-    add_scaler(source, &file->detector.scaler);
-    export_code(source, "dot");
-    export_code(source, "noinline");
-    export_code(source, "dense_add");
-    export_code(source, "dense");
-    export_code(source, "cnn_types");
-    export_constant(source, "BLOCKS", model->net.blocks);
-    add_blocks(source, &model->net);
-    add_places(source, &model->net, &p);
-    add_fragments(source, model);
-    source->work = p.end;
+    export_function functions[] = {
+        {"value", "eval", 0}, {"grad", "grad", 0}, {"probability", "probability", 0}};
+    const size_t scores = (model->classes + 7) / 8 * 8;
+    lg_program *program = NULL;
+    lg_error error = {LG_OK, ""};
+    const lg_status status =
+        lg_detector_program(self->context, model, &file->detector.scaler, file->detector.theta, &program, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, source->options->file);
+    const int code = export_bundle(self, source, program, functions, LG_COUNT(functions));
+    lg_program_destroy(program);
+    if (code != APP_EXIT_OK) return code;
+    const size_t classify = scores + functions[2].work;
+    const size_t most = functions[0].work > classify ? functions[0].work : classify;
+    if (most > source->work) source->work = most;
     source->stack += STACK;
     source->depth = model->net.blocks + (model->net.plane > 0) + 2;
-    export_size(source, "EVAL_WORK_SIZE", p.eval_end,
-                "numbers of work that suffice for all but the gradient");
+    export_size(source, "EVAL_WORK_SIZE", most, "numbers of work that suffice for all but the gradient");
+    export_constant(source, "AT_NET", scores);
+    export_code(source, "detector_class");
+    export_code(source, "detector_main");
+    return APP_EXIT_OK;
 }
 
 /* ---- words ---- */
@@ -382,11 +190,10 @@ int export_detector(const app *self, const lg_model_file *file, export_source *s
     source->inputs = lg_model_inputs(file->model);
     source->outputs = lg_model_outputs(file->model);
     source->parameters = lg_model_parameters(file->model);
-    source->work = place_all(model).end;
-    const int code = export_window_check(self, source, (double)source->parameters);
+    int code = export_window_check(self, source, (double)source->parameters);
+    if (code == APP_EXIT_OK) code = add_code(self, source, file);
     if (code != APP_EXIT_OK) return code;
     export_window_code(source, &window);
-    add_code(source, file);
     const exported_detector exported = {file->detector.run.model, file->detector.scaler, file->detector.theta,
                                         file->model};
     const int drawn = add_golden(self, source, &exported);

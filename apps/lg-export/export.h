@@ -25,6 +25,7 @@
 #include "liegrad/integrators.h"
 #include "liegrad/io.h"
 #include "liegrad/model.h"
+#include "liegrad/program.h"
 
 typedef lg_text text;
 
@@ -62,8 +63,9 @@ typedef struct export_golden {
 typedef struct export_source {
     const export_options *options;
     size_t inputs, outputs;
-    bool bundle; /* a program: functions of its own instead of NAME_eval and NAME_grad, all of sizes, arrays
-                    and the code with its prelude in the texts below, golden vectors in `test` */
+    bool written; /* the library wrote arrays, and the code with its prelude, in the texts below */
+    bool bundle;  /* a program: functions of its own instead of NAME_eval and NAME_grad, all of the sizes and
+                     golden vectors in the texts below */
     size_t functions; /* of a bundle */
     size_t work;      /* NAME_WORK_SIZE, in reals, enough for every function */
     size_t stack; /* NAME_STACK_SIZE: bound on the sum of all frames of NAME.c in bytes, gcc and clang, -O0 to
@@ -137,6 +139,21 @@ bool export_golden_fits(const export_source *source);
 /* Their text for NAME_test.c. */
 void export_golden_write(const export_source *source, text *to);
 
+/* ---- code that the library writes (bundle.c) ---- */
+
+/* A function of a model's program, and what it is called in C. Those of NAME_eval and NAME_grad stand first:
+ * NAME.h declares them by itself. */
+typedef struct export_function {
+    const char *function, *name;
+    size_t work; /* out: reals of work memory that it needs */
+} export_function;
+/* Adds their code, arrays and weights. Parameters of the program are rounded to the exported type. An exit
+ * code; a sentence has been said on failure. */
+int export_bundle(const app *self, export_source *source, lg_program *program, export_function *functions,
+                  size_t count);
+/* lg_program_set_parameter of all of them, rounded. */
+lg_status export_round_parameters(const export_source *source, lg_program *program);
+
 /* ---- kinds (one file each; golden vectors included) ---- */
 
 /* An exit code; a sentence has been said on failure. `source->options` is set by the caller. */
@@ -145,18 +162,13 @@ int export_surrogate(const app *self, const lg_model_file *file, export_source *
 int export_detector(const app *self, const lg_model_file *file, export_source *source);
 int export_classifier(const app *self, const char *path, export_source *source);
 int export_program(const app *self, const char *path, export_source *source);
-/* A bundle of functions as it stands; destroys it. `path`: of the model's file. */
-int export_bundle(const app *self, const char *path, lg_program *program, export_source *source);
+/* All functions of a program under their own names; destroys it. `path`: of the model's file. */
+int export_whole(const app *self, const char *path, lg_program *program, export_source *source);
 
-/* Network blocks that several kinds use (nets.c): constants, tables and fragments of a network whose
- * parameters are `NAME_weights` from element 0; the weights themselves with their names. Work of the
- * fragments' functions, in reals. net_value(x, y, work); net_jvp(x, dx, y, dy, work); net_vjp(x, cotangent,
- * y, dx, work) */
-typedef enum export_net_use { EXPORT_NET_JVP = 1, EXPORT_NET_VJP = 2 } export_net_use;
-size_t export_mlp(export_source *source, const lg_mlp *net, const double *theta, unsigned uses);
-size_t export_net(export_source *source, const lg_net *net, const double *theta, unsigned uses);
-/* activate(n, z) and, with uses, activate_slope(n, z, slope): in place, slope the derivative at what came. */
-void export_activation(export_source *source, lg_activation kind, unsigned uses);
+/* Perceptrons of Hamiltonians (nets.c): constants, tables and fragments of a network whose parameters are
+ * `NAME_weights` from element 0; the weights themselves with their names. Work of the fragments' functions, in
+ * reals. net_value(x, y, work); net_vjp(x, cotangent, y, dx, work) */
+size_t export_mlp(export_source *source, const lg_mlp *net, const double *theta);
 
 /* ---- the model's name in C (name.c) ---- */
 

@@ -135,7 +135,7 @@ static const char *or_nothing(const text *from) {
 }
 
 static void add_arrays(const export_source *source, text *to) {
-    if (source->bundle) {
+    if (source->written) {
         lg_text_add(to, "%s", or_nothing(&source->arrays));
         return;
     }
@@ -146,7 +146,7 @@ static void add_arrays(const export_source *source, text *to) {
 static void add_code(const export_source *source, text *to) {
     const char *name = source->options->name;
     lg_text_add(to, "/* %s.h says what this is. */\n#include \"%s.h\"\n\n", name, name);
-    if (source->bundle) {
+    if (source->written) {
         lg_text_add(to, "#include <stddef.h>\n%s\n%s", or_nothing(&source->arrays),
                     or_nothing(&source->code));
         return;

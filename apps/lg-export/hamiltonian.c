@@ -341,8 +341,8 @@ static int export_as_program(const app *self, const lg_hamiltonian_file *trained
     const char *path = self->arguments[0];
     const lg_status status = lg_hamiltonian_program(self->context, &trained->run.model, trained->theta,
                                                     source->options->scheme, &program, &error);
-    source->parameters = 0; /* export_bundle counts them */
-    return status == LG_OK ? export_bundle(self, path, program, source)
+    source->parameters = 0; /* export_whole counts them */
+    return status == LG_OK ? export_whole(self, path, program, source)
                            : app_fail_file(self, status, &error, path);
 }
 
@@ -368,7 +368,7 @@ int export_hamiltonian(const app *self, const lg_model_file *file, export_source
                         "%s: the mass matrix is not positive definite, or its inverse is not a number of the "
                         "exported type",
                         path);
-    const size_t net_work = export_mlp(source, &model->net, trained->theta, EXPORT_NET_VJP);
+    const size_t net_work = export_mlp(source, &model->net, trained->theta);
     add_code(source, model, &step, net_work);
     tell(source, trained, &step);
     const lg_status status = golden_vectors(source, model, file->model, step.scheme, trained->run.dt);

@@ -28,21 +28,6 @@ static int failed(const job *j, lg_status status, const lg_error *error) {
 
 /* ---- numbers that go in ---- */
 
-/* Parameters as the code has them: what is compared is the arithmetic. */
-static lg_status round_parameters(const job *j) {
-    lg_status status = LG_OK;
-    for (size_t i = 0; i < lg_program_parameters(j->program) && status == LG_OK; i++) {
-        const lg_parameter_spec p = lg_program_parameter(j->program, i);
-        const size_t count = lg_shape_count(p.shape);
-        double *values = app_alloc(count, sizeof *values);
-        for (size_t k = 0; k < count; k++) values[k] = export_round(j->source->options, p.values[k]);
-        status = lg_program_set_parameter(j->program, i, values);
-        free(values);
-        j->source->parameters += count;
-    }
-    return status;
-}
-
 static size_t draw(const job *j, const lg_port *port, lg_rng *rng, double *x) {
     const bool open = port->low == 0 && port->high == 0;
     const size_t count = lg_shape_count(port->shape);
@@ -344,7 +329,7 @@ static int write_code(job *j) {
 
 static void take_texts(job *j) {
     export_source *source = j->source;
-    source->bundle = true;
+    source->bundle = source->written = true;
     lg_text_add(&source->sizes, "%s", j->c->sizes);
     lg_text_add(&source->declarations, "%s", j->c->declarations);
     lg_text_add(&source->arrays, "%s", j->c->arrays);
@@ -358,10 +343,12 @@ static void take_texts(job *j) {
     source->functions = j->c->functions;
 }
 
-int export_bundle(const app *self, const char *path, lg_program *program, export_source *source) {
+int export_whole(const app *self, const char *path, lg_program *program, export_source *source) {
     job j = {.self = self, .source = source, .program = program};
     const lg_error error = {LG_OK, ""};
-    const lg_status status = round_parameters(&j);
+    for (size_t i = 0; i < lg_program_parameters(program); i++)
+        source->parameters += lg_shape_count(lg_program_parameter(program, i).shape);
+    const lg_status status = export_round_parameters(source, program);
     int code = status != LG_OK ? failed(&j, status, &error) : write_code(&j);
     if (code == APP_EXIT_OK) {
         take_texts(&j);
@@ -378,6 +365,6 @@ int export_program(const app *self, const char *path, export_source *source) {
     lg_error error = {LG_OK, ""};
     lg_program *program;
     const lg_status status = lg_program_load(self->context, path, NULL, &program, &error);
-    return status == LG_OK ? export_bundle(self, path, program, source)
+    return status == LG_OK ? export_whole(self, path, program, source)
                            : app_fail_file(self, status, &error, path);
 }

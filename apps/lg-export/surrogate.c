@@ -13,65 +13,72 @@
 /* Places of the curve in a golden vector, each with q and v. */
 enum { PLACES = 5, NUMBERS = 8, GOLDEN_STREAM = 0x676f6c64 };
 
-/* What differs between the kinds: fragment; what the network is used for besides its value; reals of work
- * beside the network's; whether s is the first input; bytes of stack of the fragments' functions. */
+/* Functions of the program that the code needs, the fragment of the curve, reals of work that this one needs
+ * beside theirs, and whether s is the first input. */
+enum { FUNCTIONS = 4, CURVE_STACK = 2048 };
 typedef struct surrogate_form {
+    export_function functions[FUNCTIONS];
+    size_t count;
     const char *fragment;
-    unsigned uses;
     size_t work;
     bool place;
-    size_t stack;
 } surrogate_form;
 
 static const surrogate_form forms[LG_SURROGATE_KIND_COUNT] = {
-    [LG_SURROGATE_DISCRETE] = {"surrogate_discrete", EXPORT_NET_JVP, 16, false, 2048},
-    [LG_SURROGATE_CONTINUOUS] = {"surrogate_continuous", EXPORT_NET_JVP | EXPORT_NET_VJP, 22, true, 2048},
-    [LG_SURROGATE_ANGLE] = {"surrogate_angle", EXPORT_NET_VJP, 8, true, 2560},
+    [LG_SURROGATE_DISCRETE] = {{{"value", "eval", 0}, {"grad", "grad", 0}}, 2, "curve_discrete", 0, false},
+    [LG_SURROGATE_CONTINUOUS] =
+        {{{"value", "eval", 0}, {"grad", "grad", 0}, {"point", "point", 0}, {"place", "place", 0}},
+         4,
+         "curve_continuous",
+         0,
+         true},
+    [LG_SURROGATE_ANGLE] =
+        {{{"value", "eval", 0}, {"grad", "grad", 0}, {"ends", "ends", 0}, {"point", "point", 0}},
+         4,
+         "curve_angle",
+         8,
+         true},
 };
 
 static const char *const boundary_names[NUMBERS] = {"q0x", "q0y", "v0x", "v0y", "qNx", "qNy", "vNx", "vNy"};
 
 /* ---- code ---- */
 
-/* Weights of the ends (see liegrad/surrogate.h): with c = e^{-100 L^2}, (a - c b)/(1 - c^2). */
-static void add_angle_constants(export_source *source, const lg_surrogate *model) {
+static void add_constants(export_source *source, const lg_surrogate *model) {
     const double length = model->length;
     const size_t n = model->intervals, panels = n * ((50 + n - 1) / n);
     const double eps = source->options->dtype == LG_F32 ? (double)FLT_EPSILON : DBL_EPSILON;
-    export_constant(source, "BOUNDARY", model->options.boundary);
-    export_real(source, "LENGTH", length);
-    export_real(source, "LENGTH_REST", length - export_round(source->options, length));
-    export_real(source, "END_CROSS", exp(-100 * length * length));
-    export_real(source, "END_SCALE", -1 / expm1(-200 * length * length));
-    export_constant(source, "PANELS", panels);
-    export_real(source, "PANEL", length / (double)panels);
-    export_real(source, "PANEL_SLACK", fmax(1e-9, 4 * eps * (double)panels));
+    if (model->options.kind == LG_SURROGATE_DISCRETE) {
+        export_real(source, "LENGTH", length);
+        export_constant(source, "INTERVALS", n);
+        export_real(source, "INTERVAL", length / (double)n);
+    }
+    if (model->options.kind == LG_SURROGATE_ANGLE) {
+        export_constant(source, "PANELS", panels);
+        export_real(source, "PANEL", length / (double)panels);
+        export_real(source, "PANEL_SLACK", fmax(1e-9, 4 * eps * (double)panels));
+    }
 }
 
-static void add_row_constants(export_source *source, const lg_surrogate *model) {
-    export_constant(source, "NORMALISE", model->options.normalise);
-    export_real(source, "CENTRE", model->centre);
-    export_real(source, "LENGTH", model->length);
-    if (model->options.kind != LG_SURROGATE_DISCRETE) return;
-    export_constant(source, "INTERVALS", model->intervals);
-    export_real(source, "INTERVAL", model->length / model->intervals);
-}
-
-static void add_code(export_source *source, const lg_surrogate *model, const double *theta) {
-    const surrogate_form *form = &forms[model->options.kind];
-    const bool discrete = model->options.kind == LG_SURROGATE_DISCRETE;
-    const size_t net = export_net(source, &model->net, theta, form->uses);
-    export_constant(source, "MIRROR", model->options.mirror);
-    if (model->options.kind == LG_SURROGATE_ANGLE)
-        add_angle_constants(source, model);
-    else
-        add_row_constants(source, model);
-    export_code(source, "surrogate_mirror");
-    if (model->options.kind != LG_SURROGATE_ANGLE) export_code(source, "surrogate_row");
-    export_code(source, form->fragment);
-    source->work = net + form->work +
-                   (discrete ? 4 * ((size_t)model->intervals - 1) + 4 * ((size_t)model->intervals + 1) : 0);
-    source->stack += form->stack;
+static int add_code(const app *self, export_source *source, const lg_surrogate *model, const double *theta) {
+    surrogate_form form = forms[model->options.kind];
+    lg_program *program = NULL;
+    lg_error error = {LG_OK, ""};
+    const lg_status status = lg_surrogate_program(self->context, model, theta, &program, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, source->options->file);
+    const int code = export_bundle(self, source, program, form.functions, form.count);
+    lg_program_destroy(program);
+    if (code != APP_EXIT_OK) return code;
+    add_constants(source, model);
+    export_code(source, "curve_mark");
+    export_code(source, form.fragment);
+    size_t least = form.work;
+    if (model->options.kind == LG_SURROGATE_DISCRETE) least = 4 * (2 * (size_t)model->intervals);
+    for (size_t i = model->options.kind == LG_SURROGATE_DISCRETE ? 0 : 2; i < form.count; i++)
+        if (i != 1 && least + form.functions[i].work > source->work)
+            source->work = least + form.functions[i].work;
+    source->stack += CURVE_STACK;
+    return APP_EXIT_OK;
 }
 
 /* Dense layers one after another, and what is done to the last one's numbers. */
@@ -291,7 +298,8 @@ int export_surrogate(const app *self, const lg_model_file *file, export_source *
     source->inputs = lg_model_inputs(file->model);
     source->outputs = lg_model_outputs(file->model);
     source->parameters = lg_model_parameters(file->model);
-    add_code(source, &file->surrogate.run.model, file->surrogate.theta);
+    const int code = add_code(self, source, &file->surrogate.run.model, file->surrogate.theta);
+    if (code != APP_EXIT_OK) return code;
     source->depth = depth_of(&file->surrogate.run.model.net);
     source->condition = 1;
     add_words(source, &file->surrogate);

@@ -212,13 +212,14 @@ LG_API void lg_plan_eval(const lg_plan *plan, const void *const *inputs, void *c
  * begins with #include "NAME.h", then `arrays`, then `code`; NAME_weights.c has the same, and `weights`
  * instead of `code`. */
 typedef struct lg_c_options {
-    size_t size;             /* sizeof(lg_c_options) */
-    const char *name;        /* a C identifier, with which all that is visible begins */
-    lg_dtype dtype;          /* of the code; LG_F64 */
-    const size_t *functions; /* which, by number */
-    size_t function_count;   /* 0: all */
-    bool mark_unfit;         /* true (the default): as lg_plan_options has it */
-    bool compact;            /* likewise, false: less code, slower where tensors are small */
+    size_t size;              /* sizeof(lg_c_options) */
+    const char *name;         /* a C identifier, with which all that is visible begins */
+    lg_dtype dtype;           /* of the code; LG_F64 */
+    const size_t *functions;  /* which, by number */
+    size_t function_count;    /* 0: all */
+    const char *const *names; /* of those functions in C, C identifiers; NULL, also one of them: its own */
+    bool mark_unfit;          /* true (the default): as lg_plan_options has it */
+    bool compact;             /* likewise, false: less code, slower where tensors are small */
 } lg_c_options;
 LG_API void lg_c_options_init(lg_c_options *options);
 

@@ -37,7 +37,8 @@ static void add_parameter(lg_c *c, lg_text *to, const char *name, bool in) {
                 !lower || strcmp(name, "work") == 0 || is_ours ? "_" : "");
 }
 
-static void add_declaration(lg_c *c, lg_text *to, const lg_function *f, const lg_plan *plan, size_t work) {
+static void add_declaration(lg_c *c, lg_text *to, const lg_function *f, const char *title,
+                            const lg_plan *plan, size_t work) {
     lg_text line = {.context = c->context};
     lg_text_add(&line, "/*");
     add_ports(&line, f->input, f->inputs);
@@ -47,7 +48,7 @@ static void add_declaration(lg_c *c, lg_text *to, const lg_function *f, const lg
     lg_text_add(to, "\n");
     if (!line.failed) lg_c_add_line(to, 0, line.data, line.length);
     lg_text_destroy(&line);
-    lg_text_add(&line, "void %s_%s(", c->name, f->name);
+    lg_text_add(&line, "void %s_%s(", c->name, title);
     for (size_t i = 0; i < f->inputs; i++) add_parameter(c, &line, f->input[i].name, true);
     for (size_t j = 0; j < f->outputs; j++) add_parameter(c, &line, f->output[j].name, false);
     lg_text_add(&line, "%s_real *work);", c->name);
@@ -59,15 +60,16 @@ static void add_declaration(lg_c *c, lg_text *to, const lg_function *f, const lg
 }
 
 /* Names of functions that would be names of something else. */
-static bool check_function(lg_c *c, const lg_function *f) {
+static bool check_function(lg_c *c, const char *title) {
     static const char *const taken[] = {"real", "weights", "indices", "H"};
-    const size_t length = strlen(f->name), ending = strlen("WORK_SIZE");
-    bool bad = length >= ending && strcmp(f->name + length - ending, "WORK_SIZE") == 0;
+    const size_t length = strlen(title), ending = strlen("WORK_SIZE");
+    bool bad = lg_program_name_problem(title) != NULL ||
+               (length >= ending && strcmp(title + length - ending, "WORK_SIZE") == 0);
     bool lower = false; /* names in capitals are macros */
-    for (const char *s = f->name; *s != '\0'; s++) lower = lower || (*s >= 'a' && *s <= 'z');
+    for (const char *s = title; *s != '\0'; s++) lower = lower || (*s >= 'a' && *s <= 'z');
     bad = bad || !lower;
-    for (size_t i = 0; i < LG_COUNT(taken); i++) bad = bad || strcmp(f->name, taken[i]) == 0;
-    return !bad || lg_c_fail(c, LG_INVALID_ARGUMENT, "the function '%s' cannot have this name in C", f->name);
+    for (size_t i = 0; i < LG_COUNT(taken); i++) bad = bad || strcmp(title, taken[i]) == 0;
+    return !bad || lg_c_fail(c, LG_INVALID_ARGUMENT, "the function '%s' cannot have this name in C", title);
 }
 
 /* ---- arrays ---- */
@@ -137,9 +139,10 @@ typedef struct writing {
     lg_text sizes, declarations, arrays, weights;
 } writing;
 
-static bool write_function(writing *w, size_t index) {
+static bool write_function(writing *w, size_t index, const char *alias) {
     lg_c *c = &w->c;
     const lg_function *f = &c->program->function[index];
+    const char *title = alias != NULL ? alias : f->name;
     lg_plan_options options;
     lg_plan *plan = NULL;
     char name[2 * LG_PROGRAM_MAX_NAME + 8];
@@ -147,13 +150,13 @@ static bool write_function(writing *w, size_t index) {
     lg_plan_options_init(&options);
     options.mark_unfit = w->options->mark_unfit;
     options.compact = w->options->compact;
-    if (!check_function(c, f)) return false;
+    if (!check_function(c, title)) return false;
     c->status = lg_plan_create(c->program, index, &options, &plan, c->error);
     if (c->status != LG_OK) return false;
-    (void)snprintf(name, sizeof name, "%s_%s", c->name, f->name);
+    (void)snprintf(name, sizeof name, "%s_%s", c->name, title);
     (void)lg_c_write_plan(c, plan, name, &work);
     if (work > INT_MAX) (void)lg_c_fail(c, LG_UNSUPPORTED, "function '%s' is too large for C", f->name);
-    add_declaration(c, &w->declarations, f, plan, work);
+    add_declaration(c, &w->declarations, f, title, plan, work);
     lg_text_add(&w->sizes, "#define %s_WORK_SIZE %zu\n", name, work > 0 ? work : 1);
     lg_c_source *out = w->out;
     out->function[out->functions] = index;
@@ -204,7 +207,7 @@ static void write_all(writing *w) {
         if (index >= c->program->functions)
             (void)lg_c_fail(c, LG_NOT_FOUND, "there is no such function");
         else
-            (void)write_function(w, index);
+            (void)write_function(w, index, o->names != NULL && o->function_count > 0 ? o->names[i] : NULL);
     }
     out->work_size = out->work_size > 0 ? out->work_size : 1;
     lg_text_add(&w->sizes, "#define %s_WORK_SIZE %zu /* the largest of them */\n", c->name, out->work_size);

@@ -218,7 +218,8 @@ static lg_var end_weights(const drawing *d, lg_var s) {
     lg_tape *t = d->tape;
     const double length = d->model->length, c = exp(-100.0 * length * length);
     const double mixed = 1.0 / ((1.0 - c) * (1.0 + c));
-    const lg_var rest = lg_add_scalar(t, s, -length);
+    const double high = (double)(float)length; /* s - L rounds nothing near L in single precision either */
+    const lg_var rest = lg_add_scalar(t, lg_add_scalar(t, s, -high), high - length);
     const lg_var a = lg_exp(t, lg_scale(t, lg_square(t, s), -100.0));
     const lg_var b = lg_exp(t, lg_scale(t, lg_square(t, rest), -100.0));
     const double own[2] = {mixed, -c * mixed}, other[2] = {-c * mixed, mixed};

@@ -1,0 +1,71 @@
+/* Models whose functions are a program: the library writes their code. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "lg-export/export.h"
+
+/* Parameters as the code has them. */
+lg_status export_round_parameters(const export_source *source, lg_program *program) {
+    lg_status status = LG_OK;
+    for (size_t i = 0; i < lg_program_parameters(program) && status == LG_OK; i++) {
+        const lg_parameter_spec p = lg_program_parameter(program, i);
+        const size_t count = lg_shape_count(p.shape);
+        double *values = app_alloc(count, sizeof *values);
+        for (size_t k = 0; k < count; k++) values[k] = export_round(source->options, p.values[k]);
+        status = lg_program_set_parameter(program, i, values);
+        free(values);
+    }
+    return status;
+}
+
+/* The declarations behind the first two, each of which begins with an empty line and a comment. */
+static const char *other_declarations(const char *declarations) {
+    for (int skipped = 0; declarations != NULL && skipped < 2; skipped++)
+        declarations = strstr(declarations + 1, "\n/*");
+    return declarations != NULL ? declarations : "";
+}
+
+static void take_texts(export_source *source, const lg_c_source *c) {
+    source->written = true;
+    lg_text_add(&source->declarations, "%s", other_declarations(c->declarations));
+    lg_text_add(&source->arrays, "%s", c->arrays);
+    lg_text_add(&source->code, "%s\n", c->code);
+    lg_text_add(&source->weights, "%s", c->weights);
+    source->stack += c->stack_size;
+    source->numbers += c->numbers;
+    source->integers += c->integers;
+    if (c->work_size > source->work) source->work = c->work_size;
+}
+
+int export_bundle(const app *self, export_source *source, lg_program *program, export_function *functions,
+                  size_t count) {
+    size_t *chosen = app_alloc(count, sizeof *chosen);
+    const char **names = app_alloc(count, sizeof *names);
+    lg_error error = {LG_OK, ""};
+    lg_c_options how;
+    lg_c_source *c = NULL;
+    lg_c_options_init(&how);
+    how.name = source->options->name;
+    how.dtype = source->options->dtype;
+    how.functions = chosen;
+    how.names = names;
+    how.function_count = count;
+    lg_status status = export_round_parameters(source, program);
+    for (size_t i = 0; i < count && status == LG_OK; i++) {
+        names[i] = functions[i].name;
+        status = lg_program_find(program, functions[i].function, &chosen[i]);
+    }
+    if (status == LG_OK) status = lg_program_write_c(program, &how, &c, &error);
+    if (status == LG_OK) {
+        for (size_t i = 0; i < count; i++) functions[i].work = c->work[i];
+        take_texts(source, c);
+    }
+    lg_c_source_destroy(c);
+    free((void *)names);
+    free(chosen);
+    if (status == LG_NOT_FINITE) { /* export_write says so */
+        source->weights.unfit = true;
+        return APP_EXIT_OK;
+    }
+    return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, source->options->file);
+}
