@@ -169,31 +169,55 @@ static lg_var input_columns(const drawing *d, lg_var by) {
     return lg_concat(t, parts + 1 - first, 2 + first, 2);
 }
 
-/* Derivatives of f by its columns `at`, as rows: (B, count, outputs). */
-static lg_var net_directions(const drawing *d, lg_var input, const uint32_t *at, uint32_t count) {
-    const uint32_t rows = rows_of(d, input);
-    const lg_var copies = lg_record_copies(d->tape, input, count);
-    const lg_var units = lg_record_units(d->tape, rows, at, count, d->model->net.inputs);
-    const lg_var f = net(d, copies);
-    lg_var along = LG_NONE;
-    if (lg_jvp(d->tape, &f, 1, &copies, &units, 1, &along) != LG_OK) return LG_NONE;
-    return lg_reshape(d->tape, along, lg_shape3(rows, count, d->model->net.outputs));
+/* Columns of the network's input that the directions move: s where there is a place, then all but q0. */
+static lg_var moved_columns(const drawing *d, lg_var by) {
+    const uint32_t first = places(d->model);
+    const lg_var ends = lg_slice(d->tape, by, 2, first + LG_AT_V0, BOUNDARY - LG_AT_V0);
+    const lg_var both[2] = {first > 0 ? lg_slice(d->tape, by, 2, 0, 1) : LG_NONE, ends};
+    return first > 0 ? lg_concat(d->tape, both, 2, 2) : ends;
+}
+
+/* Derivatives of f by these columns (B, outputs, directions), in one batch: of cotangents where the outputs
+ * are fewer, else of directions. */
+static lg_var net_jacobian(const drawing *d, lg_var input, uint32_t directions) {
+    static const uint32_t column[MOST_DIRECTIONS] = {0, 3, 4, 5, 6, 7, 8};
+    lg_tape *t = d->tape;
+    const uint32_t rows = rows_of(d, input), outputs = d->model->net.outputs, inputs = d->model->net.inputs;
+    const bool forward = directions < outputs;
+    const uint32_t count = forward ? directions : outputs, first = places(d->model);
+    uint32_t at[MOST_DIRECTIONS];
+    for (uint32_t k = 0; k < directions; k++) at[k] = column[k + 1 - first] - (1 - first);
+    const lg_var copies = lg_record_copies(t, input, count), f = net(d, copies);
+    const lg_var units = lg_record_units(t, rows, forward ? at : NULL, count, forward ? inputs : outputs);
+    lg_var by = LG_NONE;
+    if (forward) {
+        (void)lg_jvp(t, &f, 1, &copies, &units, 1, &by);
+        return lg_transpose(t, lg_reshape(t, by, lg_shape3(rows, count, outputs)));
+    }
+    (void)lg_vjp(t, &f, &units, 1, &copies, 1, &by);
+    return moved_columns(d, lg_reshape(t, by, lg_shape3(rows, count, inputs)));
+}
+
+/* by (B, outputs, directions), each pair of outputs times (1, R). */
+static lg_var reflected_rows(const drawing *d, lg_var by, lg_var sign) {
+    const lg_shape shape = lg_var_shape(d->tape, by);
+    const uint32_t rows = shape.dims[0];
+    if (!d->model->options.mirror) return by;
+    const lg_var pairs = lg_reshape(
+        d->tape, by, lg_shape_of(4, (const uint32_t[]){rows, shape.dims[1] / 2, 2, shape.dims[2]}));
+    const lg_var factor =
+        lg_reshape(d->tape, mirror(d, sign), lg_shape_of(4, (const uint32_t[]){rows, 1, 2, 1}));
+    return lg_reshape(d->tape, lg_mul(d->tape, pairs, factor), shape);
 }
 
 static lg_status curve_gradient(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
-    static const uint32_t column[MOST_DIRECTIONS] = {0, 3, 4, 5, 6, 7, 8};
     const drawing d = {t, user, theta[0]};
-    const uint32_t first = places(d.model), rows = rows_of(&d, in[0]), outputs = d.model->net.outputs;
-    const uint32_t count = MOST_DIRECTIONS - 1 + first;
+    const uint32_t first = places(d.model), rows = rows_of(&d, in[0]);
     const lg_var x = columns(&d, in[0], first, BOUNDARY), s = columns(&d, in[0], 0, 1);
     const lg_var sign = sign_of(&d, x), input = curve_input(&d, s, x, sign);
-    uint32_t at[MOST_DIRECTIONS];
-    for (uint32_t k = 0; k < count; k++) at[k] = column[k + 1 - first] - (1 - first);
     y[0] = hand_over(&d, net(&d, input), x, sign);
-    lg_var by = lg_reshape(t, net_directions(&d, input, at, count), lg_shape2(rows * count, outputs));
-    by = reflected(&d, by, lg_record_copies(t, sign, count));
-    by = lg_transpose(t, lg_reshape(t, by, lg_shape3(rows, count, outputs)));
-    y[1] = input_columns(&d, lg_mul(t, by, moves(&d, sign, rows)));
+    const lg_var by = net_jacobian(&d, input, MOST_DIRECTIONS - 1 + first);
+    y[1] = input_columns(&d, lg_mul(t, reflected_rows(&d, by, sign), moves(&d, sign, rows)));
     return lg_tape_status(t);
 }
 
