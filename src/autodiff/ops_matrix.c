@@ -129,15 +129,15 @@ static const lg_c_fragment c_products[] = {
             }),
             .needs = {&lg_c_dense_add}},
     [NT] = {.comment = "y (m, n) += a (m, k) times the transpose of b (n, k)",
-            .text = LG_C(static void matmul_nt(int m, int n, int k, const real *RESTRICT a,
-                                               const real *RESTRICT b, real *RESTRICT y) {
+            .text = LG_C(static NOINLINE void matmul_nt(int m, int n, int k, const real *RESTRICT a,
+                                                        const real *RESTRICT b, real *RESTRICT y) {
                 for (int i = 0; i < m; i++)
                     if (k == 1)
                         for (int j = 0; j < n; j++) y[i * n + j] += a[i] * b[j];
                     else
                         for (int j = 0; j < n; j++) y[i * n + j] += dot(k, b + j * k, a + i * k);
             }),
-            .needs = {&lg_c_dot}},
+            .needs = {&lg_c_dot, &lg_c_noinline}},
     [TN] = {.comment = "y (m, n) += the transpose of a (k, m) times b (k, n)",
             .text = LG_C(static void matmul_tn(int m, int n, int k, const real *RESTRICT a,
                                                const real *RESTRICT b, real *RESTRICT y) {
