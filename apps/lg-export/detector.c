@@ -20,8 +20,8 @@ static int add_code(const app *self, export_source *source, const lg_model_file 
     const size_t scores = (model->classes + 7) / 8 * 8;
     lg_program *program = NULL;
     lg_error error = {LG_OK, ""};
-    const lg_status status =
-        lg_detector_program(self->context, model, &file->detector.scaler, file->detector.theta, &program, &error);
+    const lg_status status = lg_detector_program(self->context, model, &file->detector.scaler,
+                                                 file->detector.theta, &program, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, source->options->file);
     const int code = export_bundle(self, source, program, functions, LG_COUNT(functions));
     lg_program_destroy(program);
