@@ -47,7 +47,8 @@ typedef struct train_task {
      * NULL. */
     int (*prepare)(void *user, app *app);
     lg_status (*hold_out)(void *user, app *app, double validation, lg_error *error);
-    /* The fit; it is destroyed by `release`, with what prepare and hold_out made, whether they failed or not. */
+    /* The fit; it is destroyed by `release`, with what prepare and hold_out made, whether they failed or
+     * not. */
     lg_status (*create)(void *user, app *app, const lg_fit_options *options, lg_fit **fit, lg_error *error);
     void (*release)(void *user, app *app);
     /* The plan was carried out as far as asked: judges, writes the model, draws and reports. */

@@ -5,36 +5,31 @@
 
 /* ---- names ---- */
 
-#define NAMES(function, ...)                                                                                 \
-    const char *function(uint32_t value) {                                                                   \
+#define NAMES(linkage, function, ...)                                                                        \
+    linkage const char *function(uint32_t value) {                                                           \
         static const char *const names[] = {__VA_ARGS__};                                                    \
         return value < APP_COUNT(names) ? names[value] : NULL;                                               \
     }
-NAMES(train_method_name, [METHOD_CNN] = "cnn", [METHOD_LOGISTIC] = "logistic", [METHOD_TREE] = "tree",
+NAMES(extern, train_method_name, [METHOD_CNN] = "cnn", [METHOD_LOGISTIC] = "logistic", [METHOD_TREE] = "tree",
       [METHOD_SVM_LINEAR] = "svm-linear", [METHOD_SVM_RBF] = "svm-rbf", [METHOD_BASELINE] = "baseline")
-NAMES(train_preset_name, "thesis", "best")
-static NAMES(features_name, [LG_FEATURES_RAW] = "raw", [LG_FEATURES_STD] = "std", [LG_FEATURES_COV] = "cov") static NAMES(
-    directions_name, "xy",
-    "x") static NAMES(criterion_name, [LG_GINI] = "gini",
-                      [LG_ENTROPY] =
-                          "entropy") static NAMES(prune_name, [PRUNE_NONE] = "none", [PRUNE_PRE] = "pre",
-                                                  [PRUNE_POST] = "post") static NAMES(pooling_name,
-                                                                                      [LG_POOL_NONE] = "none",
-                                                                                      [LG_POOL_AVERAGE] =
-                                                                                          "average",
-                                                                                      [LG_POOL_MAX] = "max")
+NAMES(extern, train_preset_name, "thesis", "best")
+NAMES(static, features_name, [LG_FEATURES_RAW] = "raw", [LG_FEATURES_STD] = "std", [LG_FEATURES_COV] = "cov")
+NAMES(static, directions_name, "xy", "x")
+NAMES(static, criterion_name, [LG_GINI] = "gini", [LG_ENTROPY] = "entropy")
+NAMES(static, prune_name, [PRUNE_NONE] = "none", [PRUNE_PRE] = "pre", [PRUNE_POST] = "post")
+NAMES(static, pooling_name, [LG_POOL_NONE] = "none", [LG_POOL_AVERAGE] = "average", [LG_POOL_MAX] = "max")
 
-    /* ---- hyperparameters beside those of the run ---- */
+/* ---- hyperparameters beside those of the run ---- */
 
-    enum {
-        CNN = 1u << METHOD_CNN,
-        LOGISTIC = 1u << METHOD_LOGISTIC,
-        TREE = 1u << METHOD_TREE,
-        LINEAR = 1u << METHOD_SVM_LINEAR,
-        RBF = 1u << METHOD_SVM_RBF,
-        BASELINE = 1u << METHOD_BASELINE,
-        CLASSICAL = LOGISTIC | TREE | LINEAR | RBF
-    };
+enum {
+    CNN = 1u << METHOD_CNN,
+    LOGISTIC = 1u << METHOD_LOGISTIC,
+    TREE = 1u << METHOD_TREE,
+    LINEAR = 1u << METHOD_SVM_LINEAR,
+    RBF = 1u << METHOD_SVM_RBF,
+    BASELINE = 1u << METHOD_BASELINE,
+    CLASSICAL = LOGISTIC | TREE | LINEAR | RBF
+};
 
 #define ROW(name, type, member, ...) LG_HYPERPARAMETER(train_values, NULL, name, type, member, __VA_ARGS__)
 static const lg_hyperparameter rows[] = {

@@ -4,99 +4,74 @@
 #include <math.h>
 #include <stdlib.h>
 
-static const char *const measures[4] = {"loss", "E1", "E2", "seconds"};
+#define COMBINATION_AXES                                                                                     \
+    { AXIS_INTEGRATOR, AXIS_SUBSTEPS, AXIS_N, AXIS_M, AXIS_PENALTY }
 
-typedef struct collection {
-    size_t count, failed;
-    double *values[4]; /* each (room) */
-} collection;
-
-static collection collection_make(size_t room) {
-    collection c = {0, 0, {NULL, NULL, NULL, NULL}};
-    for (int k = 0; k < 4; k++) c.values[k] = app_alloc(room, sizeof(double));
-    return c;
+static bool same_on(const study_row *a, const study_row *b, const uint32_t *axes, size_t count) {
+    for (size_t i = 0; i < count; i++)
+        if (a->at[axes[i]] != b->at[axes[i]]) return false;
+    return true;
 }
 
-static void collection_add(collection *c, const study_row *row) {
-    const double results[4] = {row->loss, row->e1, row->e2, row->seconds};
-    if (row->failed) {
-        c->failed++;
-        return;
-    }
-    for (int k = 0; k < 4; k++) c->values[k][c->count] = results[k];
-    c->count++;
-}
-
-static summary collection_end(collection *c) {
-    summary s = {.runs = c->count + c->failed, .failed = c->failed};
-    for (int k = 0; k < 4; k++) {
-        double logarithm = 0;
-        for (size_t i = 0; i < c->count; i++) logarithm += log(c->values[k][i]);
-        s.geometric[k] = c->count > 0 ? exp(logarithm / (double)c->count) : (double)NAN;
-        s.median[k] = app_median(c->values[k], c->count);
-        free(c->values[k]);
-    }
-    return s;
-}
-
-summary study_cell_summary(const lg_grid *grid, const study_file *file, study_row key) {
-    collection c = collection_make(grid->repeats);
-    for (key.repeat = 1; key.repeat <= grid->repeats; key.repeat++) {
-        const study_row *row = study_file_find(file, &key);
-        if (row != NULL) collection_add(&c, row);
-    }
-    return collection_end(&c);
-}
-
-/* Over all runs of the grid with this integrator and number of substeps. */
-static summary integrator_summary(const lg_grid *grid, const study_file *file, const lg_scheme *integrator,
-                                  uint32_t substeps) {
-    const uint64_t runs = lg_grid_runs(grid);
-    collection c = collection_make((size_t)runs);
+/* Over all runs of the plan with the integrator and number of substeps of `first`. */
+static study_summary integrator_summary(const study_file *file, const study_row *first) {
+    static const uint32_t axes[] = {AXIS_INTEGRATOR, AXIS_SUBSTEPS};
+    const uint64_t runs = study_runs(file->plan);
+    study_collection c = study_collect((size_t)runs);
     for (uint64_t i = 0; i < runs; i++) {
-        const study_row key = study_run_at(grid, i);
-        if (key.integrator != integrator || key.substeps != substeps) continue;
-        const study_row *row = study_file_find(file, &key);
-        if (row != NULL) collection_add(&c, row);
+        const study_row key = study_run_at(file->plan, i);
+        if (same_on(&key, first, axes, APP_COUNT(axes))) study_add(&c, study_file_find(file, &key));
     }
-    return collection_end(&c);
+    return study_end(&c);
+}
+
+/* Row number `index` of the pairs (integrator, substeps), integrators first. */
+static study_row integrator_at(const study_plan *plan, uint64_t index) {
+    const uint32_t substeps = plan->axes[AXIS_SUBSTEPS].count;
+    study_row key = {.at = {[AXIS_INTEGRATOR] = (uint32_t)(index / substeps),
+                            [AXIS_SUBSTEPS] = (uint32_t)(index % substeps)}};
+    return key;
+}
+
+static uint64_t integrators_of(const study_plan *plan) {
+    return (uint64_t)plan->axes[AXIS_INTEGRATOR].count * plan->axes[AXIS_SUBSTEPS].count;
 }
 
 /* A combination (integrator, substeps, N, M, penalty) over all noises of one kind and all repeats. */
 typedef struct combination {
     study_row key;
-    summary summary;
+    study_summary summary;
 } combination;
 
 enum { BEST = 5 };
 
 static int by_e1(const void *a, const void *b) {
-    return app_compare_doubles(&((const combination *)a)->summary.geometric[1],
-                               &((const combination *)b)->summary.geometric[1]);
+    return app_compare_doubles(&((const combination *)a)->summary.geometric[STUDY_E1],
+                               &((const combination *)b)->summary.geometric[STUDY_E1]);
 }
 
-static summary combination_summary(const lg_grid *grid, const study_file *file, study_row key, bool noisy) {
-    collection c = collection_make((size_t)grid->eps_count * grid->repeats);
-    for (uint32_t i = 0; i < grid->eps_count; i++) {
-        if ((grid->eps[i] > 0) != noisy) continue;
-        key.eps = grid->eps[i];
-        for (key.repeat = 1; key.repeat <= grid->repeats; key.repeat++) {
-            const study_row *row = study_file_find(file, &key);
-            if (row != NULL) collection_add(&c, row);
-        }
+static study_summary combination_summary(const study_file *file, study_row key, bool noisy) {
+    const study_plan *plan = file->plan;
+    const study_axis *eps = &plan->axes[AXIS_EPS];
+    study_collection c = study_collect((size_t)eps->count * plan->repeats);
+    for (uint32_t i = 0; i < eps->count; i++) {
+        if ((eps->number[i] > 0) != noisy) continue;
+        key.at[AXIS_EPS] = i;
+        for (key.repeat = 1; key.repeat <= plan->repeats; key.repeat++)
+            study_add(&c, study_file_find(file, &key));
     }
-    return collection_end(&c);
+    return study_end(&c);
 }
 
 /* Fills best[0..] in the order of the geometric mean of E1; returns how many there are. */
-static size_t best_combinations(const lg_grid *grid, const study_file *file, bool noisy,
-                                combination best[BEST]) {
-    const size_t all = (size_t)(lg_grid_runs(grid) / grid->repeats / grid->eps_count);
+static size_t best_combinations(const study_file *file, bool noisy, combination best[BEST]) {
+    const study_plan *plan = file->plan;
+    const size_t all = (size_t)(study_cells(plan) / plan->axes[AXIS_EPS].count);
     combination *list = app_alloc(all, sizeof *list);
     size_t n = 0;
     for (size_t i = 0; i < all; i++) {
-        list[n].key = study_run_at(grid, i);
-        list[n].summary = combination_summary(grid, file, list[n].key, noisy);
+        list[n].key = study_run_at(plan, i);
+        list[n].summary = combination_summary(file, list[n].key, noisy);
         if (list[n].summary.runs > list[n].summary.failed) n++;
     }
     qsort(list, n, sizeof *list, by_e1);
@@ -106,9 +81,7 @@ static size_t best_combinations(const lg_grid *grid, const study_file *file, boo
     return n;
 }
 
-uint64_t study_cells(const lg_grid *grid) {
-    return lg_grid_runs(grid) / grid->repeats;
-}
+/* ---- tables ---- */
 
 static void number_cell(app_table *table, const char *format, double value) {
     if (isfinite(value))
@@ -117,23 +90,36 @@ static void number_cell(app_table *table, const char *format, double value) {
         app_table_cell(table, "-");
 }
 
-static void print_cells(const lg_grid *grid, const study_file *file) {
-    static const char *const titles[] = {"integrator", "substeps", "N",  "M",       "eps",  "penalty",
-                                         "loss",       "E1",       "E2", "seconds", "runs", "failed"};
+/* The first row: names of axes, then `more`. */
+static void head_cells(app_table *table, const study_plan *plan, const uint32_t *axes, size_t count,
+                       const char *const *more, size_t more_count) {
+    app_table_begin(table, count + more_count);
+    for (size_t i = 0; i < count; i++) app_table_cell(table, "%s", plan->axes[axes[i]].name);
+    for (size_t i = 0; i < more_count; i++) app_table_cell(table, "%s", more[i]);
+}
+
+static void key_cells(app_table *table, const study_plan *plan, const study_row *key, const uint32_t *axes,
+                      size_t count) {
+    for (size_t i = 0; i < count; i++) app_table_cell(table, "%s", text_at(plan, key, axes[i]));
+}
+
+static void figure_cells(app_table *table, const double *figures, const uint32_t *measures, size_t count) {
+    for (size_t i = 0; i < count; i++)
+        number_cell(table, measures[i] == STUDY_SECONDS ? "%.2f" : "%.2e", figures[measures[i]]);
+}
+
+static void print_cells(const study_file *file) {
+    static const uint32_t axes[] = {AXIS_INTEGRATOR, AXIS_SUBSTEPS, AXIS_N, AXIS_M, AXIS_EPS, AXIS_PENALTY};
+    static const uint32_t measures[] = {STUDY_LOSS, STUDY_E1, STUDY_E2, STUDY_SECONDS};
+    static const char *const more[] = {"loss", "E1", "E2", "seconds", "runs", "failed"};
     app_table table;
-    app_table_begin(&table, LG_COUNT(titles));
-    for (size_t i = 0; i < LG_COUNT(titles); i++) app_table_cell(&table, "%s", titles[i]);
-    for (uint64_t i = 0; i < study_cells(grid); i++) {
-        const study_row key = study_run_at(grid, i);
-        const summary s = study_cell_summary(grid, file, key);
+    head_cells(&table, file->plan, axes, APP_COUNT(axes), more, APP_COUNT(more));
+    for (uint64_t i = 0; i < study_cells(file->plan); i++) {
+        const study_row key = study_run_at(file->plan, i);
+        const study_summary s = study_cell_summary(file, key);
         if (s.runs == 0) continue;
-        app_table_cell(&table, "%s", key.integrator->name);
-        app_table_cell(&table, "%u", key.substeps);
-        app_table_cell(&table, "%u", key.n);
-        app_table_cell(&table, "%u", key.m);
-        app_table_cell(&table, "%g", key.eps);
-        app_table_cell(&table, "%g", key.penalty);
-        for (int k = 0; k < 4; k++) number_cell(&table, k < 3 ? "%.2e" : "%.2f", s.median[k]);
+        key_cells(&table, file->plan, &key, axes, APP_COUNT(axes));
+        figure_cells(&table, s.median, measures, APP_COUNT(measures));
         app_table_cell(&table, "%zu", s.runs);
         app_table_cell(&table, "%zu", s.failed);
     }
@@ -141,115 +127,120 @@ static void print_cells(const lg_grid *grid, const study_file *file) {
     app_table_end(&table, stdout);
 }
 
-static void print_best(const lg_grid *grid, const study_file *file, bool noisy) {
-    static const char *const titles[] = {"integrator", "substeps", "N", "M", "penalty", "E1", "E2", "runs"};
+static void print_best(const study_file *file, bool noisy) {
+    static const uint32_t axes[] = COMBINATION_AXES, measures[] = {STUDY_E1, STUDY_E2};
+    static const char *const more[] = {"E1", "E2", "runs"};
     combination best[BEST];
-    const size_t n = best_combinations(grid, file, noisy, best);
+    const size_t n = best_combinations(file, noisy, best);
     if (n == 0) return;
     app_table table;
-    app_table_begin(&table, LG_COUNT(titles));
-    for (size_t i = 0; i < LG_COUNT(titles); i++) app_table_cell(&table, "%s", titles[i]);
+    head_cells(&table, file->plan, axes, APP_COUNT(axes), more, APP_COUNT(more));
     for (size_t i = 0; i < n; i++) {
-        app_table_cell(&table, "%s", best[i].key.integrator->name);
-        app_table_cell(&table, "%u", best[i].key.substeps);
-        app_table_cell(&table, "%u", best[i].key.n);
-        app_table_cell(&table, "%u", best[i].key.m);
-        app_table_cell(&table, "%g", best[i].key.penalty);
-        number_cell(&table, "%.2e", best[i].summary.geometric[1]);
-        number_cell(&table, "%.2e", best[i].summary.geometric[2]);
+        key_cells(&table, file->plan, &best[i].key, axes, APP_COUNT(axes));
+        figure_cells(&table, best[i].summary.geometric, measures, APP_COUNT(measures));
         app_table_cell(&table, "%zu", best[i].summary.runs - best[i].summary.failed);
     }
     (void)printf("\nBest combinations %s noise (geometric means)\n", noisy ? "with" : "without");
     app_table_end(&table, stdout);
 }
 
-void study_print_tables(const lg_grid *grid, const study_file *file) {
-    static const char *const titles[] = {"integrator", "substeps", "E1",   "E2",
-                                         "loss",       "seconds",  "runs", "failed"};
-    static const int order[] = {1, 2, 0, 3};
+static void print_integrators(const study_file *file) {
+    static const uint32_t axes[] = {AXIS_INTEGRATOR, AXIS_SUBSTEPS};
+    static const uint32_t measures[] = {STUDY_E1, STUDY_E2, STUDY_LOSS, STUDY_SECONDS};
+    static const char *const more[] = {"E1", "E2", "loss", "seconds", "runs", "failed"};
     app_table table;
-    print_cells(grid, file);
-    app_table_begin(&table, LG_COUNT(titles));
-    for (size_t i = 0; i < LG_COUNT(titles); i++) app_table_cell(&table, "%s", titles[i]);
-    for (uint32_t i = 0; i < grid->integrator_count; i++)
-        for (uint32_t j = 0; j < grid->substeps_count; j++) {
-            const summary s = integrator_summary(grid, file, grid->integrators[i], grid->substeps[j]);
-            if (s.runs == 0) continue;
-            app_table_cell(&table, "%s", grid->integrators[i]->name);
-            app_table_cell(&table, "%u", grid->substeps[j]);
-            for (int k = 0; k < 4; k++) number_cell(&table, k < 3 ? "%.2e" : "%.2f", s.geometric[order[k]]);
-            app_table_cell(&table, "%zu", s.runs);
-            app_table_cell(&table, "%zu", s.failed);
-        }
+    head_cells(&table, file->plan, axes, APP_COUNT(axes), more, APP_COUNT(more));
+    for (uint64_t i = 0; i < integrators_of(file->plan); i++) {
+        const study_row key = integrator_at(file->plan, i);
+        const study_summary s = integrator_summary(file, &key);
+        if (s.runs == 0) continue;
+        key_cells(&table, file->plan, &key, axes, APP_COUNT(axes));
+        figure_cells(&table, s.geometric, measures, APP_COUNT(measures));
+        app_table_cell(&table, "%zu", s.runs);
+        app_table_cell(&table, "%zu", s.failed);
+    }
     (void)printf("\nGeometric means over all runs of an integrator\n");
     app_table_end(&table, stdout);
-    print_best(grid, file, false);
-    print_best(grid, file, true);
 }
 
-static void json_summary(app_json *json, const summary *s, const double *figures) {
-    for (int k = 0; k < 4; k++) app_json_real(json, measures[k], figures[k]);
+/* ---- JSON ---- */
+
+static void json_key(app_json *json, const study_plan *plan, const study_row *key, const uint32_t *axes,
+                     size_t count) {
+    for (size_t i = 0; i < count; i++)
+        if (isnan(number_at(plan, key, axes[i])))
+            app_json_text(json, plan->axes[axes[i]].name, text_at(plan, key, axes[i]));
+        else
+            app_json_real(json, plan->axes[axes[i]].name, number_at(plan, key, axes[i]));
+}
+
+static void json_row(app_json *json, const study_plan *plan, const study_row *key, const uint32_t *axes,
+                     size_t count, const study_summary *s, const double *figures) {
+    app_json_open(json, NULL, '{');
+    json_key(json, plan, key, axes, count);
+    for (uint32_t k = 0; k < plan->measure_count; k++) app_json_real(json, plan->measures[k], figures[k]);
     app_json_size(json, "runs", s->runs);
     app_json_size(json, "failed", s->failed);
+    app_json_close(json, '}');
 }
 
-static void json_best(app_json *json, const char *key, const lg_grid *grid, const study_file *file,
-                      bool noisy) {
+static void json_best(app_json *json, const char *name, const study_file *file, bool noisy) {
+    static const uint32_t axes[] = COMBINATION_AXES;
     combination best[BEST];
-    const size_t n = best_combinations(grid, file, noisy, best);
-    app_json_open(json, key, '[');
-    for (size_t i = 0; i < n; i++) {
-        app_json_open(json, NULL, '{');
-        app_json_text(json, "integrator", best[i].key.integrator->name);
-        app_json_size(json, "substeps", best[i].key.substeps);
-        app_json_size(json, "N", best[i].key.n);
-        app_json_size(json, "M", best[i].key.m);
-        app_json_real(json, "penalty", best[i].key.penalty);
-        json_summary(json, &best[i].summary, best[i].summary.geometric);
-        app_json_close(json, '}');
+    const size_t n = best_combinations(file, noisy, best);
+    app_json_open(json, name, '[');
+    for (size_t i = 0; i < n; i++)
+        json_row(json, file->plan, &best[i].key, axes, APP_COUNT(axes), &best[i].summary,
+                 best[i].summary.geometric);
+    app_json_close(json, ']');
+}
+
+static void json_cells(app_json *json, const study_file *file) {
+    static const uint32_t axes[] = {AXIS_INTEGRATOR, AXIS_SUBSTEPS, AXIS_N, AXIS_M, AXIS_EPS, AXIS_PENALTY};
+    app_json_open(json, "medians", '[');
+    for (uint64_t i = 0; i < study_cells(file->plan); i++) {
+        const study_row key = study_run_at(file->plan, i);
+        const study_summary s = study_cell_summary(file, key);
+        if (s.runs > 0) json_row(json, file->plan, &key, axes, APP_COUNT(axes), &s, s.median);
     }
     app_json_close(json, ']');
 }
 
-void study_print_json(const app *self, const lg_grid *grid, const study_file *file, uint64_t fresh,
-                      double seconds) {
+static void json_integrators(app_json *json, const study_file *file) {
+    static const uint32_t axes[] = {AXIS_INTEGRATOR, AXIS_SUBSTEPS};
+    app_json_open(json, "geometric_means", '[');
+    for (uint64_t i = 0; i < integrators_of(file->plan); i++) {
+        const study_row key = integrator_at(file->plan, i);
+        const study_summary s = integrator_summary(file, &key);
+        json_row(json, file->plan, &key, axes, APP_COUNT(axes), &s, s.geometric);
+    }
+    app_json_close(json, ']');
+}
+
+static void report_json(const app *self, const study_file *file, uint64_t fresh, double seconds) {
     app_json json;
     app_json_begin(&json);
-    app_json_size(&json, "planned", lg_grid_runs(grid));
+    app_json_size(&json, "planned", study_runs(file->plan));
     app_json_size(&json, "done", file->count);
     app_json_size(&json, "new", fresh);
-    app_json_text(&json, "protocol", file->protocol);
-    app_json_open(&json, "medians", '[');
-    for (uint64_t i = 0; i < study_cells(grid); i++) {
-        const study_row key = study_run_at(grid, i);
-        const summary s = study_cell_summary(grid, file, key);
-        if (s.runs == 0) continue;
-        app_json_open(&json, NULL, '{');
-        app_json_text(&json, "integrator", key.integrator->name);
-        app_json_size(&json, "substeps", key.substeps);
-        app_json_size(&json, "N", key.n);
-        app_json_size(&json, "M", key.m);
-        app_json_real(&json, "eps", key.eps);
-        app_json_real(&json, "penalty", key.penalty);
-        json_summary(&json, &s, s.median);
-        app_json_close(&json, '}');
-    }
-    app_json_close(&json, ']');
-    app_json_open(&json, "geometric_means", '[');
-    for (uint32_t i = 0; i < grid->integrator_count; i++)
-        for (uint32_t j = 0; j < grid->substeps_count; j++) {
-            const summary s = integrator_summary(grid, file, grid->integrators[i], grid->substeps[j]);
-            app_json_open(&json, NULL, '{');
-            app_json_text(&json, "integrator", grid->integrators[i]->name);
-            app_json_size(&json, "substeps", grid->substeps[j]);
-            json_summary(&json, &s, s.geometric);
-            app_json_close(&json, '}');
-        }
-    app_json_close(&json, ']');
-    json_best(&json, "best_without_noise", grid, file, false);
-    json_best(&json, "best_with_noise", grid, file, true);
+    app_json_text(&json, "protocol", file->plan->protocol);
+    json_cells(&json, file);
+    json_integrators(&json, file);
+    json_best(&json, "best_without_noise", file, false);
+    json_best(&json, "best_with_noise", file, true);
     app_json_size(&json, "threads", self->threads);
     app_json_text(&json, "out", file->path);
     app_json_real(&json, "seconds", seconds);
     app_json_end(&json);
+}
+
+void study_report(const app *self, const study_file *file, uint64_t fresh, double seconds) {
+    if (self->json) {
+        report_json(self, file, fresh, seconds);
+        return;
+    }
+    print_cells(file);
+    print_integrators(file);
+    print_best(file, false);
+    print_best(file, true);
 }

@@ -26,10 +26,10 @@ typedef enum lg_hyper_type {
     LG_HYPER_U32,
     LG_HYPER_FLAG,   /* bool; 0 or 1 in files, a name elsewhere */
     LG_HYPER_NAME,   /* an enumeration, or a bool with two names; a name everywhere */
-    LG_HYPER_WHOLES, /* a list of whole numbers through `get` and `put`; as text they are separated by commas */
-    LG_HYPER_REALS, /* a list of numbers, likewise */
-    LG_HYPER_TEXT,  /* char array; for facts about the data, which nobody sets */
-    LG_HYPER_SHOWN  /* a text that `show` makes of several members; for facts, too */
+    LG_HYPER_WHOLES, /* a list of whole numbers through `get` and `put`; commas separate them in a text */
+    LG_HYPER_REALS,  /* a list of numbers, likewise */
+    LG_HYPER_TEXT,   /* char array; for facts about the data, which nobody sets */
+    LG_HYPER_SHOWN   /* a text that `show` makes of several members; for facts, too */
 } lg_hyper_type;
 
 /* The most numbers in a list, and room for any value as text. */

@@ -1,5 +1,5 @@
 /* The CSV of a study. */
-#include "lg-hamiltonian/study.h"
+#include "common/study.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -9,18 +9,24 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-enum { COLUMNS = 15 };
-static const char header[] =
-    "integrator,substeps,N,M,eps,penalty,repeat,seed,loss,E1,E2,seconds,epochs,status,protocol";
+/* Columns beside axes and measures. */
+static const char *const between[] = {"repeat", "seed"}, *const behind[] = {"epochs", "status", "protocol"};
+enum { MOST_COLUMNS = STUDY_AXES + STUDY_MEASURES + APP_COUNT(between) + APP_COUNT(behind) };
+
+static void add_name(char *text, size_t size, const char *name) {
+    const size_t used = strlen(text);
+    (void)snprintf(text + used, size - used, "%s%s", used > 0 ? "," : "", name);
+}
+
+static void header_of(const study_plan *plan, char *text, size_t size) {
+    text[0] = '\0';
+    for (uint32_t i = 0; i < plan->axis_count; i++) add_name(text, size, plan->axes[i].name);
+    for (size_t i = 0; i < APP_COUNT(between); i++) add_name(text, size, between[i]);
+    for (uint32_t i = 0; i < plan->measure_count; i++) add_name(text, size, plan->measures[i]);
+    for (size_t i = 0; i < APP_COUNT(behind); i++) add_name(text, size, behind[i]);
+}
 
 /* ---- reading ---- */
-
-static bool parse_u32(const char *text, uint32_t *out) {
-    uint64_t value;
-    if (!app_parse_size(text, &value) || value > UINT32_MAX) return false;
-    *out = (uint32_t)value;
-    return true;
-}
 
 /* An empty field is NaN. */
 static bool parse_result(const char *text, double *out) {
@@ -29,24 +35,43 @@ static bool parse_result(const char *text, double *out) {
     return true;
 }
 
-static bool parse_row(char *line, const char **protocol, study_row *row) {
-    char *field[COLUMNS], *at = line;
+/* The position of a value on its axis; names that are not there may be those of an earlier grid. */
+static bool parse_value(const study_axis *axis, const char *text, uint32_t *at) {
+    double number = (double)NAN;
+    const bool named = isnan(axis->number[0]);
+    if (text[0] == '\0' || (!named && !app_parse_real(text, &number))) return false;
+    for (*at = 0; *at < axis->count; ++*at)
+        if (named ? strcmp(axis->text[*at], text) == 0 : axis->number[*at] == number) break;
+    return true;
+}
+
+static bool parse_repeat(const char *text, uint32_t *out) {
+    uint64_t value;
+    if (!app_parse_size(text, &value) || value > UINT32_MAX) return false;
+    *out = (uint32_t)value;
+    return true;
+}
+
+static bool parse_row(const study_plan *plan, char *line, const char **protocol, study_row *row) {
+    const size_t columns = plan->axis_count + APP_COUNT(between) + plan->measure_count + APP_COUNT(behind);
+    char *field[MOST_COLUMNS], *at = line;
     size_t n = 0;
-    for (; n < COLUMNS && at != NULL; n++) {
+    for (; n < columns && at != NULL; n++) {
         field[n] = at;
         at = strchr(at, ',');
         if (at != NULL) *at++ = '\0';
     }
-    if (n != COLUMNS || at != NULL) return false;
-    row->failed = strcmp(field[13], "ok") != 0;
-    *protocol = field[14];
-    return (row->integrator = lg_scheme_find(field[0])) != NULL && parse_u32(field[1], &row->substeps) &&
-           parse_u32(field[2], &row->n) && parse_u32(field[3], &row->m) &&
-           app_parse_real(field[4], &row->eps) && app_parse_real(field[5], &row->penalty) &&
-           parse_u32(field[6], &row->repeat) && app_parse_size(field[7], &row->seed) &&
-           parse_result(field[8], &row->loss) && parse_result(field[9], &row->e1) &&
-           parse_result(field[10], &row->e2) && parse_result(field[11], &row->seconds) &&
-           app_parse_size(field[12], &row->epochs);
+    if (n != columns || at != NULL) return false;
+    char **next = field;
+    bool good = true;
+    for (uint32_t i = 0; i < plan->axis_count && good; i++)
+        good = parse_value(&plan->axes[i], *next++, &row->at[i]);
+    good = good && parse_repeat(*next++, &row->repeat) && app_parse_size(*next++, &row->seed);
+    for (uint32_t i = 0; i < plan->measure_count && good; i++) good = parse_result(*next++, &row->result[i]);
+    if (!good || !app_parse_size(next[0], &row->epochs)) return false;
+    row->failed = strcmp(next[1], "ok") != 0;
+    *protocol = next[2];
+    return true;
 }
 
 static void keep(study_file *file, const study_row *row) {
@@ -63,6 +88,8 @@ static void keep(study_file *file, const study_row *row) {
 
 static lg_status parse_text(study_file *file, char *text, lg_error *error) {
     size_t number = 0;
+    char header[512];
+    header_of(file->plan, header, sizeof header);
     for (char *line = text, *end; (end = strchr(line, '\n')) != NULL; line = end + 1) {
         const char *protocol;
         study_row row;
@@ -74,13 +101,13 @@ static lg_status parse_text(study_file *file, char *text, lg_error *error) {
                              "%s: line 1: this is not the table of a study; first line expected: %s",
                              file->path, header);
         }
-        if (!parse_row(line, &protocol, &row))
+        if (!parse_row(file->plan, line, &protocol, &row))
             return app_error(error, LG_FORMAT, "%s: line %zu: not a row of a study", file->path, number);
-        if (strcmp(protocol, file->protocol) != 0)
+        if (strcmp(protocol, file->plan->protocol) != 0)
             return app_error(
                 error, LG_FORMAT,
                 "%s: line %zu: the row belongs to a study with other settings (protocol %s, not %s)",
-                file->path, number, protocol, file->protocol);
+                file->path, number, protocol, file->plan->protocol);
         keep(file, &row);
     }
     return LG_OK;
@@ -127,11 +154,13 @@ static lg_status append(study_file *file, const char *text, lg_error *error) {
     return app_error(error, LG_FILE, "%s: a row cannot be written: %s", file->path, strerror(number));
 }
 
-lg_status study_file_open(const char *path, const char *protocol, study_file *out, lg_error *error) {
-    study_file file = {.path = path, .fd = open(path, O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0666)};
+lg_status study_file_open(const char *path, const study_plan *plan, study_file *out, lg_error *error) {
+    char header[512];
+    study_file file = {
+        .path = path, .plan = plan, .fd = open(path, O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0666)};
     if (file.fd < 0)
         return app_error(error, LG_FILE, "%s: cannot be opened for writing: %s", path, strerror(errno));
-    (void)snprintf(file.protocol, sizeof file.protocol, "%s", protocol);
+    header_of(plan, header, sizeof header);
     size_t size = 0;
     char *text = read_whole(file.fd, &size);
     lg_status status = LG_OK;
@@ -164,30 +193,38 @@ lg_status study_file_open(const char *path, const char *protocol, study_file *ou
 }
 
 /* The shortest of 15 and 17 digits that is read back as the same number; empty for what is not finite. */
-static void put_number(FILE *stream, double value) {
-    char text[40];
+static void number_text(double value, char text[STUDY_TEXT]) {
+    text[0] = '\0';
     if (!isfinite(value)) return;
-    (void)snprintf(text, sizeof text, "%.15g", value);
-    if (strtod(text, NULL) != value) (void)snprintf(text, sizeof text, "%.17g", value);
-    (void)fputs(text, stream);
+    (void)snprintf(text, STUDY_TEXT, "%.15g", value);
+    if (strtod(text, NULL) != value) (void)snprintf(text, STUDY_TEXT, "%.17g", value);
+}
+
+void study_axis_add(study_axis *axis, const char *name, double number) {
+    if (axis->count == STUDY_VALUES) abort(); /* a grid has no more */
+    char *text = axis->text[axis->count];
+    axis->number[axis->count++] = name != NULL ? (double)NAN : number;
+    if (name != NULL)
+        (void)snprintf(text, STUDY_TEXT, "%s", name);
+    else
+        number_text(number, text);
 }
 
 static char *row_text(const study_file *file, const study_row *row) {
-    const double results[] = {row->loss, row->e1, row->e2, row->seconds};
+    const study_plan *plan = file->plan;
+    char number[STUDY_TEXT];
     app_file memory;
     app_file_begin(&memory, file->path);
     FILE *stream = memory.stream;
-    (void)fprintf(stream, "%s,%u,%u,%u,", row->integrator->name, row->substeps, row->n, row->m);
-    put_number(stream, row->eps);
-    (void)fputc(',', stream);
-    put_number(stream, row->penalty);
-    (void)fprintf(stream, ",%u,%llu", row->repeat, (unsigned long long)row->seed);
-    for (size_t i = 0; i < LG_COUNT(results); i++) {
-        (void)fputc(',', stream);
-        put_number(stream, results[i]);
+    for (uint32_t i = 0; i < plan->axis_count; i++)
+        (void)fprintf(stream, "%s,", plan->axes[i].text[row->at[i]]);
+    (void)fprintf(stream, "%u,%llu", row->repeat, (unsigned long long)row->seed);
+    for (uint32_t i = 0; i < plan->measure_count; i++) {
+        number_text(row->result[i], number);
+        (void)fprintf(stream, ",%s", number);
     }
     (void)fprintf(stream, ",%llu,%s,%s\n", (unsigned long long)row->epochs, row->failed ? "failed" : "ok",
-                  file->protocol);
+                  plan->protocol);
     (void)fclose(stream);
     return memory.text;
 }
@@ -203,10 +240,9 @@ lg_status study_file_append(study_file *file, const study_row *row, lg_error *er
 const study_row *study_file_find(const study_file *file, const study_row *key) {
     for (size_t i = 0; i < file->count; i++) {
         const study_row *row = &file->rows[i];
-        if (row->integrator == key->integrator && row->substeps == key->substeps && row->n == key->n &&
-            row->m == key->m && row->eps == key->eps && row->penalty == key->penalty &&
-            row->repeat == key->repeat)
-            return row;
+        bool same = row->repeat == key->repeat;
+        for (uint32_t a = 0; a < file->plan->axis_count && same; a++) same = row->at[a] == key->at[a];
+        if (same) return row;
     }
     return NULL;
 }

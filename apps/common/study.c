@@ -1,0 +1,233 @@
+/* The study driver: the runs of a grid, some at a time. */
+#include "common/study.h"
+
+#include <math.h>
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "liegrad/io.h"
+#include "liegrad/random.h"
+
+study_values study_given;
+
+const app_option study_options[] = {
+    APP_ROW_TEXT(study_values, out, "out", "FILE.csv",
+                 "The table of runs; rows that it already holds are not run again"),
+    APP_ROW_SIZE(study_values, jobs, "jobs", "J", 1, 256,
+                 "Runs at the same time (default: --threads); each uses threads/jobs threads"),
+    APP_ROW_SIZE(study_values, stop_after, "stop-after", "n", 1, 1e9, "Stop after n new runs"), APP_ROW_END};
+
+typedef struct study {
+    app *app;
+    const study_task *task;
+    study_plan plan;
+    study_file file;
+    uint64_t *pending; /* indices of the runs to do */
+    size_t pending_count, done;
+    uint64_t threads_each;
+    pthread_mutex_t mutex; /* file, done, status, progress */
+    lg_status status;
+    lg_error error;
+    app_progress progress;
+} study;
+
+/* ---- the plan ---- */
+
+uint64_t study_cells(const study_plan *plan) {
+    uint64_t cells = 1;
+    for (uint32_t i = 0; i < plan->axis_count; i++) cells *= plan->axes[i].count;
+    return cells;
+}
+
+uint64_t study_runs(const study_plan *plan) {
+    return study_cells(plan) * plan->repeats;
+}
+
+uint64_t study_seed(uint64_t seed, uint64_t repeat, uint64_t kind) {
+    enum { KINDS = 8 };
+    lg_rng rng;
+    lg_rng_seed(&rng, seed, repeat * KINDS + kind);
+    return lg_rng_next(&rng) >> 1;
+}
+
+study_row study_run_at(const study_plan *plan, uint64_t index) {
+    study_row row = {.failed = false};
+    for (uint32_t i = 0; i < plan->axis_count; i++) {
+        const uint32_t axis = plan->order[i], count = plan->axes[axis].count;
+        row.at[axis] = (uint32_t)(index % count);
+        index /= count;
+    }
+    row.repeat = (uint32_t)index + 1;
+    row.seed = study_seed(plan->seed, row.repeat, 0);
+    return row;
+}
+
+void study_set_protocol(study_plan *plan, const char *text) {
+    char hash[LG_SHA256_TEXT];
+    lg_sha256 sha;
+    lg_sha256_init(&sha);
+    lg_sha256_add(&sha, text, strlen(text));
+    lg_sha256_finish(&sha, hash);
+    (void)snprintf(plan->protocol, sizeof plan->protocol, "%.*s", STUDY_PROTOCOL_TEXT - 1, hash);
+}
+
+/* ---- summaries ---- */
+
+study_collection study_collect(size_t room) {
+    study_collection c = {.count = 0};
+    for (int k = 0; k < STUDY_MEASURES; k++) c.values[k] = app_alloc(room, sizeof(double));
+    return c;
+}
+
+void study_add(study_collection *c, const study_row *row) {
+    if (row == NULL) return;
+    if (row->failed) {
+        c->failed++;
+        return;
+    }
+    for (int k = 0; k < STUDY_MEASURES; k++) c->values[k][c->count] = row->result[k];
+    c->count++;
+}
+
+study_summary study_end(study_collection *c) {
+    study_summary s = {.runs = c->count + c->failed, .failed = c->failed};
+    for (int k = 0; k < STUDY_MEASURES; k++) {
+        double logarithm = 0;
+        for (size_t i = 0; i < c->count; i++) logarithm += log(c->values[k][i]);
+        s.geometric[k] = c->count > 0 ? exp(logarithm / (double)c->count) : (double)NAN;
+        s.median[k] = app_median(c->values[k], c->count);
+        free(c->values[k]);
+    }
+    return s;
+}
+
+study_summary study_cell_summary(const study_file *file, study_row key) {
+    study_collection c = study_collect(file->plan->repeats);
+    for (key.repeat = 1; key.repeat <= file->plan->repeats; key.repeat++)
+        study_add(&c, study_file_find(file, &key));
+    return study_end(&c);
+}
+
+/* ---- runs ---- */
+
+/* A run whose numbers blow up is a result of the study; anything else ends it. */
+static bool is_result(lg_status status) {
+    return status == LG_NOT_FINITE || status == LG_NO_CONVERGENCE || status == LG_STEP_TOO_SMALL ||
+           status == LG_TOO_MANY_STEPS;
+}
+
+static void fail_row(const study_plan *plan, study_row *row) {
+    row->failed = true;
+    for (uint32_t k = 0; k + 1 < plan->measure_count; k++) row->result[k] = (double)NAN;
+}
+
+static void run_task(void *user, size_t index) {
+    study *self = user;
+    char text[256];
+    (void)pthread_mutex_lock(&self->mutex);
+    const bool stop = self->status != LG_OK || app_interrupted();
+    (void)pthread_mutex_unlock(&self->mutex);
+    if (stop) return;
+    lg_error error = {LG_OK, ""};
+    study_row row = study_run_at(&self->plan, self->pending[index]);
+    lg_status status =
+        self->task->run(self->task->user, self->app, &self->plan, self->threads_each, &row, &error);
+    if (is_result(status)) {
+        fail_row(&self->plan, &row);
+        status = LG_OK;
+    }
+    (void)pthread_mutex_lock(&self->mutex);
+    if (status == LG_OK) status = study_file_append(&self->file, &row, &error);
+    if (status == LG_OK) {
+        self->done++;
+        self->task->show(&self->plan, &row, text, sizeof text);
+        app_progress_show(&self->progress, self->done, "run %zu/%zu  %s", self->done, self->pending_count,
+                          text);
+    } else if (self->status == LG_OK) {
+        self->status = status;
+        self->error = error;
+    }
+    (void)pthread_mutex_unlock(&self->mutex);
+}
+
+static void collect_pending(study *self) {
+    const uint64_t runs = study_runs(&self->plan);
+    self->pending = app_alloc((size_t)runs, sizeof *self->pending);
+    for (uint64_t i = 0; i < runs; i++) {
+        const study_row row = study_run_at(&self->plan, i);
+        if (study_file_find(&self->file, &row) == NULL) self->pending[self->pending_count++] = i;
+    }
+    if (study_given.stop_after > 0 && self->pending_count > study_given.stop_after)
+        self->pending_count = (size_t)study_given.stop_after;
+}
+
+static int run_all(study *self) {
+    const uint64_t jobs = study_given.jobs > 0 ? study_given.jobs : self->app->threads;
+    self->threads_each = self->app->threads / jobs > 0 ? self->app->threads / jobs : 1;
+    (void)pthread_mutex_init(&self->mutex, NULL);
+    app_progress_begin(&self->progress, 0, self->pending_count);
+    app_parallel(jobs, self->pending_count, run_task, self);
+    app_progress_end(&self->progress);
+    (void)pthread_mutex_destroy(&self->mutex);
+    if (app_interrupted() || self->status == LG_CANCELLED) {
+        (void)fprintf(stderr, "%s: stopped; %zu of %llu runs are in %s, the same command continues\n",
+                      self->app->title, self->file.count, (unsigned long long)study_runs(&self->plan),
+                      self->file.path);
+        return APP_EXIT_INTERRUPTED;
+    }
+    if (self->status != LG_OK)
+        return app_fail(self->app, self->status, "%s",
+                        self->error.message[0] != '\0' ? self->error.message
+                                                       : lg_status_sentence(self->status));
+    return APP_EXIT_OK;
+}
+
+/* ---- the command ---- */
+
+static int check_outputs(const app *self, const study_task *task) {
+    app_path paths[8] = {{"out", study_given.out, APP_WRITTEN}};
+    size_t count = 1;
+    for (size_t i = 0; i < task->picture_count && count < APP_COUNT(paths); i++)
+        paths[count++] = (app_path){task->pictures[i].option, task->pictures[i].path, APP_DRAWN};
+    return app_check_outputs(self, paths, count);
+}
+
+static int draw_pictures(const study *self) {
+    lg_error error = {LG_OK, ""};
+    for (size_t i = 0; i < self->task->picture_count; i++) {
+        const study_picture *picture = &self->task->pictures[i];
+        if (picture->path == NULL) continue;
+        const lg_status status = picture->draw(self->app, picture->path, &self->file, &error);
+        if (status != LG_OK) return app_fail_file(self->app, status, &error, picture->path);
+    }
+    return APP_EXIT_OK;
+}
+
+static int run_with_file(study *self) {
+    const double begin = app_seconds();
+    collect_pending(self);
+    int code = run_all(self);
+    if (code == APP_EXIT_OK) code = draw_pictures(self);
+    if (code == APP_EXIT_OK) self->task->report(self->app, &self->file, self->done, app_seconds() - begin);
+    free(self->pending);
+    return code;
+}
+
+int study_main(app *host, const study_task *task) {
+    if (study_given.out == NULL) return app_usage(host, "--out FILE.csv is missing");
+    int code = check_outputs(host, task);
+    if (code != APP_EXIT_OK) return code;
+    study *self = app_alloc(1, sizeof *self);
+    self->app = host;
+    self->task = task;
+    code = task->read(task->user, host, &self->plan);
+    if (code == APP_EXIT_OK) {
+        const lg_status status = study_file_open(study_given.out, &self->plan, &self->file, &self->error);
+        code = status == LG_OK ? run_with_file(self)
+                               : app_fail_file(host, status, &self->error, study_given.out);
+        if (status == LG_OK) study_file_close(&self->file);
+    }
+    free(self);
+    return code;
+}
