@@ -133,3 +133,61 @@ TEST("defaults are those of the rows") {
     lg_hyperparameters_default(lg_surrogate_hyperparameters, &run);
     assert_true(run.surrogate.train_fraction == 0.9 && run.surrogate.test_fraction == 0.1);
 }
+
+/* ---- the page ---- */
+
+static const char page_begin[] =
+    "# Hyperparameters\n\n"
+    "One table for each kind of run (`liegrad/hyperparameters.h`, `src/datasets/hyperparameters.c`) says "
+    "name, "
+    "range, default\nand meaning; command lines, ranges of searches, grids of studies, attributes of files, "
+    "the "
+    "comparison of a resumed run\nand JSON come from it. The name stands in files and grids, the option on "
+    "command lines and in searches. What is stored in\na file must be the same in a resumed run. The options "
+    "of the classical methods of `lg-anomaly` and of the blocks of its\nnetwork are rows of the same form in "
+    "`apps/lg-anomaly/train_options.c`.\n\n"
+    "This page is written by `test_hyperparameters`, which fails when it is old: run it with "
+    "LG_WRITE_PAGES=1 "
+    "then.\n";
+
+static void put_page(FILE *page) {
+    static const char *const titles[] = {"`lg-hamiltonian train`, `study` (`lg_hamiltonian_run`)",
+                                         "`lg-elastica train`, `search` (`lg_surrogate_run`)",
+                                         "`lg-anomaly train --method cnn`, `search` (`lg_detector_run`)"};
+    (void)fputs(page_begin, page);
+    for (size_t table = 0; table < LG_COUNT(tables); table++) {
+        (void)fprintf(page, "\n## %s\n\n| name | option | stored in | |\n|---|---|---|---|\n", titles[table]);
+        for (const lg_hyperparameter *row = tables[table]; row->name != NULL; row++) {
+            char option[64], text[1024];
+            lg_hyperparameter_option(row, option, sizeof option);
+            (void)lg_hyperparameter_describe(row, text, sizeof text);
+            (void)fprintf(page, "| `%s` | %s%s%s | `/%s` | ", row->name, option[0] != '\0' ? "`--" : "",
+                          option, option[0] != '\0' ? "`" : "", row->group);
+            for (const char *c = text; *c != '\0'; c++) (void)fprintf(page, *c == '|' ? "\\%c" : "%c", *c);
+            (void)fputs(" |\n", page);
+        }
+    }
+}
+
+TEST("docs/hyperparameters.md is the page of these tables") {
+    static const char path[] = LG_TEST_DIR "/../docs/hyperparameters.md";
+    char *wanted = NULL, *found = NULL;
+    size_t size = 0, room = 0;
+    FILE *page = open_memstream(&wanted, &size);
+    assert_non_null(page);
+    put_page(page);
+    (void)fclose(page);
+    if (getenv("LG_WRITE_PAGES") != NULL) {
+        FILE *file = fopen(path, "w");
+        assert_non_null(file);
+        (void)fputs(wanted, file);
+        (void)fclose(file);
+    }
+    FILE *file = fopen(path, "r");
+    assert_non_null(file);
+    if (getdelim(&found, &room, '\0', file) < 0) fail_msg("%s cannot be read", path);
+    (void)fclose(file);
+    if (strcmp(found, wanted) != 0) fail_msg("%s is old: run this test with LG_WRITE_PAGES=1", path);
+    free(wanted);
+    free(found);
+}

@@ -142,6 +142,8 @@ static void minimal_model(void **state) {
     assert_null(file.adam_m);
     assert_int_equal(file.run.substeps, 1);
     assert_int_equal(file.parameters, 52);
+    /* What is not known is out of no range. */
+    assert_ok(lg_model_save_hamiltonian(NULL, scratch_path("again.h5"), &file, NULL, NULL));
     lg_hamiltonian_file_destroy(NULL, &file);
 }
 

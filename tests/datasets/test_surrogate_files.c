@@ -194,7 +194,7 @@ static void bad_attributes(void **state) {
     static const bad_integer integers[] = {{"model", "mirror", 2, "0 nor 1"},
                                            {"model", "boundary", 1, "angle"},
                                            {"model", "layers", 99, "layers is out of range"},
-                                           {"model", "hidden", 0, "hidden"},
+                                           {"model", "hidden", 0, "hidden is out of range"},
                                            {"model", "hidden", 5, "shape"},
                                            {"model", "hidden", 1 << 20, "shape"},
                                            {"model", "intervals", 1, "intervals"},
