@@ -17,13 +17,13 @@ static lg_status begin(app_plot *plot, const char *picture, lg_error *error) {
 static const char *const colours[] = {"#1f5fa8", "#d1641f", "#2a9d5c", "#8a4fbf", "#c0392b", "#6b7280"};
 
 static const char *colour_of(size_t series) {
-    return colours[series % LG_COUNT(colours)];
+    return colours[series % APP_COUNT(colours)];
 }
 
 /* gnuplot's filled marks: circle, square, triangle up and down, diamond, pentagon. */
 static int mark_of(size_t series) {
     static const int marks[] = {7, 5, 9, 11, 13, 15};
-    return marks[series % LG_COUNT(marks)];
+    return marks[series % APP_COUNT(marks)];
 }
 
 /* ---- accuracy against time ---- */
