@@ -156,7 +156,7 @@ void bench_dense(bench *b) {
     dense d = {.net = bench_net(b, IN, (uint32_t)b->given->width, HIDDEN, OUT, true), .dtype = b->dtype};
     d.rows = (size_t)*bench_batches(b, &count);
     d.parameters = lg_mlp_parameters(&d.net);
-    d.adam = lg_adam_defaults();
+    lg_adam_options_init(&d.adam);
     double *x = bench_uniform(d.rows * IN, 1), *target = bench_uniform(d.rows * OUT, 2);
     double *theta = bench_parameters(&d.net);
     void **const arrays[] = {&d.theta, &d.gradient, &d.m, &d.v};
@@ -231,7 +231,8 @@ static double adam_error(adam *a) {
 }
 
 void bench_adam(bench *b) {
-    adam a = {.dtype = b->dtype, .options = lg_adam_defaults(), .n = (size_t)b->given->width};
+    adam a = {.dtype = b->dtype, .n = (size_t)b->given->width};
+    lg_adam_options_init(&a.options);
     a.pieces = (size_t)b->threads;
     double *gradient = bench_uniform(a.n, 1), *theta = bench_uniform(a.n, 2);
     char **const arrays[] = {&a.gradient, &a.theta, &a.m, &a.v};

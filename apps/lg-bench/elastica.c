@@ -71,7 +71,8 @@ static uint32_t *shuffled(size_t n, uint64_t stream) {
 }
 
 static void open_curves(const bench *b, learning *l) {
-    lg_elastica_sampling sampling = lg_elastica_sampling_defaults();
+    lg_elastica_sampling sampling;
+    lg_elastica_sampling_init(&sampling);
     lg_error error = {LG_OK, ""};
     sampling.count = CURVES;
     bench_check(b, lg_elastica_generate(b->app->context, &sampling, &l->curves, &error), error.message);

@@ -20,7 +20,8 @@ static double x_of(size_t i, bool neighbour) {
 }
 
 static lg_elastica problem_of(size_t i, uint32_t intervals, bool neighbour) {
-    lg_elastica problem = lg_elastica_defaults();
+    lg_elastica problem;
+    lg_elastica_init(&problem);
     problem.intervals = intervals;
     lg_elastica_set_case(&problem, LG_ELASTICA_BOTH_ENDS, x_of(i, neighbour));
     return problem;

@@ -69,7 +69,7 @@ static void report(const app *self, const lg_elastica_data *data, double seconds
 
 static int fill_sampling(const app *self, lg_elastica_sampling *sampling) {
     const boundary_values ends = {.q0 = values.q0, .qN = values.qN};
-    *sampling = lg_elastica_sampling_defaults();
+    lg_elastica_sampling_init(sampling);
     sampling->both_ends = values.kind != 1;
     sampling->right_end = values.kind != 0;
     sampling->count = (size_t)values.count;

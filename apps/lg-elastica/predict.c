@@ -44,7 +44,8 @@ typedef struct prediction {
 static int read_where(const app *self, prediction *p) {
     const lg_surrogate_file *file = p->file;
     const families known = families_of(file->trained, file->trained_count);
-    lg_elastica problem = lg_elastica_defaults();
+    lg_elastica problem;
+    lg_elastica_init(&problem);
     problem.length = file->run.model.length;
     problem.intervals = file->run.model.intervals;
     if (file->trained_count > 0) {

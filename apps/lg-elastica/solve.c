@@ -224,7 +224,8 @@ static int check_options(const app *self) {
 static int run(app *self) {
     const app_path paths[] = {{"out", values.out, APP_WRITTEN}, {"plot", values.plot, APP_DRAWN}};
     lg_error error = {LG_OK, ""};
-    lg_elastica problem = lg_elastica_defaults();
+    lg_elastica problem;
+    lg_elastica_init(&problem);
     lg_elastica_options options;
     boundary where;
     problem.length = values.length;

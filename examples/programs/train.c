@@ -46,7 +46,8 @@ static double over_all(loop *l, const uint32_t *order) {
 
 static lg_status run(loop *l, uint32_t *order, double *first, double *last) {
     const size_t per_epoch = l->how->samples / l->how->batch;
-    lg_adam_options adam = lg_adam_defaults();
+    lg_adam_options adam;
+    lg_adam_options_init(&adam);
     lg_rng rng;
     lg_rng_seed(&rng, 7, 0);
     adam.lr = l->how->rate;

@@ -49,7 +49,7 @@ typedef struct lg_elastica {
 } lg_elastica;
 
 /* The defaults named above, theta0 = rotation = 0. */
-LG_API lg_elastica lg_elastica_defaults(void);
+LG_API void lg_elastica_init(lg_elastica *problem);
 
 /* Two families of boundary conditions over x, of period 2 pi. With w = x wrapped to (-pi, pi]:
  *   both-ends: theta0 = w, theta(L) = -w (rotation -2w);   right-end: theta0 = 0, theta(L) = -w.
@@ -156,7 +156,7 @@ typedef struct lg_elastica_sampling {
     lg_elastica problem;       /* endpoints, length, stiffness, intervals */
     int threads;               /* 1 */
 } lg_elastica_sampling;
-LG_API lg_elastica_sampling lg_elastica_sampling_defaults(void); /* both-ends only */
+LG_API void lg_elastica_sampling_init(lg_elastica_sampling *sampling); /* both-ends only */
 
 /* x equidistant over each of the two intervals [gap pi, (1 - gap) pi] and its mirror image, ends included,
  * count/2 values in each (one more in the first when count is odd; a single value lies at the interval's

@@ -122,7 +122,7 @@ typedef struct lg_adam_options {
     double weight_decay; /* 0, >= 0 */
     bool decoupled; /* false: gradient + decay theta (L2); true: theta - lr decay theta beside the step */
 } lg_adam_options;
-LG_API lg_adam_options lg_adam_defaults(void);
+LG_API void lg_adam_options_init(lg_adam_options *options);
 
 /* Step number `step` = 1, 2, ... on n elements of `dtype`, elementwise:
  *   g = clip gradient [+ decay theta], m = beta1 m + (1 - beta1) g, v = beta2 v + (1 - beta2) g^2,
@@ -220,7 +220,7 @@ typedef struct lg_fit_options {
     uint32_t shards; /* 4, 1..1024: contiguous near-equal pieces of a batch, min(shards, batch) of them. Each
                       * has a gradient of its own: where parameters outweigh the batch take 1; threads beyond
                       * the shards split the large products instead */
-    lg_adam_options adam; /* lg_adam_defaults() */
+    lg_adam_options adam; /* those of lg_adam_options_init */
     lg_schedule schedule; /* constant */
     double clip_norm;     /* 0: off; else the bound on the gradient's Euclidean norm */
     uint64_t seed;        /* 1 */
@@ -309,7 +309,7 @@ typedef struct lg_newton_options {
     uint64_t max_iterations;   /* 200 */
     double gradient_tolerance; /* 1e-15: stop when max |gradient| <= this times max |Hessian entry| */
 } lg_newton_options;
-LG_API lg_newton_options lg_newton_defaults(void);
+LG_API void lg_newton_options_init(lg_newton_options *options);
 
 typedef struct lg_newton_result {
     uint64_t iterations;

@@ -10,8 +10,8 @@
 #define ANGLE_MAX 1e6
 #define TURNS_MAX 20.0
 
-lg_elastica lg_elastica_defaults(void) {
-    return (lg_elastica){.length = 3.3, .stiffness = 10.0, .qN = {3.0, 0.0}, .intervals = 50};
+void lg_elastica_init(lg_elastica *problem) {
+    *problem = (lg_elastica){.length = 3.3, .stiffness = 10.0, .qN = {3.0, 0.0}, .intervals = 50};
 }
 
 void lg_elastica_options_init(lg_elastica_options *options) {

@@ -46,9 +46,9 @@ void lg_elastica_curves_destroy(const lg_context *context, lg_elastica_curves *c
 
 /* ---- sampling ---- */
 
-lg_elastica_sampling lg_elastica_sampling_defaults(void) {
-    return (lg_elastica_sampling){
-        .both_ends = true, .count = 1000, .gap = 0.01, .problem = lg_elastica_defaults(), .threads = 1};
+void lg_elastica_sampling_init(lg_elastica_sampling *sampling) {
+    *sampling = (lg_elastica_sampling){.both_ends = true, .count = 1000, .gap = 0.01, .threads = 1};
+    lg_elastica_init(&sampling->problem);
 }
 
 static lg_status check_sampling(const lg_elastica_sampling *s, lg_error *error) {

@@ -5,8 +5,8 @@
 #include "kernels/kernels.h"
 #include "liegrad/nn.h"
 
-lg_adam_options lg_adam_defaults(void) {
-    return (lg_adam_options){.lr = 1e-3, .beta1 = 0.9, .beta2 = 0.999, .eps = 1e-8};
+void lg_adam_options_init(lg_adam_options *options) {
+    *options = (lg_adam_options){.lr = 1e-3, .beta1 = 0.9, .beta2 = 0.999, .eps = 1e-8};
 }
 
 void lg_adam_step(const lg_adam_options *options, lg_dtype dtype, uint64_t step, double rate, double clip,

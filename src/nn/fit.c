@@ -24,12 +24,12 @@ void lg_fit_options_init(lg_fit_options *options) {
         .dtype = LG_F64,
         .epochs = 100,
         .shards = 4,
-        .adam = lg_adam_defaults(),
         .schedule = {.kind = LG_SCHEDULE_CONSTANT, .every = 1, .gamma = 1.0, .floor = 0.0},
         .seed = 1,
         .shuffle = true,
         .threads = 1,
     };
+    lg_adam_options_init(&options->adam);
 }
 
 void lg_training_apply(const lg_training *training, lg_fit_options *options) {

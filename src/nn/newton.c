@@ -119,13 +119,15 @@ static lg_status iterate(newton *w, const lg_newton_options *options, lg_newton_
     return LG_OK;
 }
 
-lg_newton_options lg_newton_defaults(void) {
-    return (lg_newton_options){.max_iterations = 200, .gradient_tolerance = 1e-15};
+void lg_newton_options_init(lg_newton_options *options) {
+    *options = (lg_newton_options){.max_iterations = 200, .gradient_tolerance = 1e-15};
 }
 
 lg_status lg_newton_fit(const lg_context *context, const lg_fit_problem *problem,
                         const lg_newton_options *options, double *theta, lg_newton_result *result) {
-    const lg_newton_options chosen = options != NULL ? *options : lg_newton_defaults();
+    lg_newton_options chosen;
+    lg_newton_options_init(&chosen);
+    if (options != NULL) chosen = *options;
     if (problem == NULL || problem->loss == NULL || theta == NULL) return LG_INVALID_ARGUMENT;
     if (problem->parameters == 0 || problem->parameters > LG_NEWTON_MAX_PARAMETERS || problem->samples == 0 ||
         problem->samples > UINT32_MAX)

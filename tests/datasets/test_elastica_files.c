@@ -234,7 +234,8 @@ static void length_of_equilibria(void **state) {
                  {10, true, false, false}, {20, false, true, false},  {4, true, false, false},
                  {10, false, true, false}, {100, false, false, true}, {100, true, true, false}};
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
-        lg_elastica_sampling sampling = lg_elastica_sampling_defaults();
+        lg_elastica_sampling sampling;
+        lg_elastica_sampling_init(&sampling);
         lg_elastica_data data = {.sha256 = ""}, again;
         sampling.both_ends = cases[i].both_ends;
         sampling.right_end = !cases[i].both_ends || i % 2 == 0;

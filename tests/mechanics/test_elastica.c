@@ -9,7 +9,8 @@
 static double theta[POINTS], other[POINTS], q[2 * POINTS], v[2 * POINTS], multiplier[POINTS];
 
 static lg_elastica family(lg_elastica_case kind, double x, uint32_t n) {
-    lg_elastica p = lg_elastica_defaults();
+    lg_elastica p;
+    lg_elastica_init(&p);
     lg_elastica_set_case(&p, kind, x);
     p.intervals = n;
     return p;

@@ -12,7 +12,8 @@ static lg_elastica_solution solutions[ROOM];
 
 /* Branches of a family at x = share pi, the rotation `turns` turns beyond that of the global minimum. */
 static size_t branches(lg_elastica_case kind, double share, int turns, bool saddles) {
-    lg_elastica p = lg_elastica_defaults();
+    lg_elastica p;
+    lg_elastica_init(&p);
     lg_error error;
     size_t count = 99;
     lg_elastica_set_case(&p, kind, share * PI);
@@ -66,7 +67,8 @@ TEST("saddles are found when asked for") {
 }
 
 TEST("bad arguments of branches are refused") {
-    lg_elastica p = lg_elastica_defaults();
+    lg_elastica p;
+    lg_elastica_init(&p);
     size_t count = 5;
     assert_status(lg_elastica_branches(NULL, &p, NULL, false, 0, theta, solutions, &count, NULL),
                   LG_INVALID_ARGUMENT);
@@ -85,7 +87,8 @@ TEST("bad arguments of branches are refused") {
 /* ---- sets of curves ---- */
 
 TEST("generated curves are the solutions one by one, whatever the threads") {
-    lg_elastica_sampling s = lg_elastica_sampling_defaults();
+    lg_elastica_sampling s;
+    lg_elastica_sampling_init(&s);
     lg_elastica_curves one = {.count = 0}, two = {.count = 0};
     s.right_end = true;
     s.count = 91;
@@ -127,7 +130,8 @@ TEST("generated curves are the solutions one by one, whatever the threads") {
 }
 
 TEST("without a gap the ends are the bifurcations themselves") {
-    lg_elastica_sampling s = lg_elastica_sampling_defaults();
+    lg_elastica_sampling s;
+    lg_elastica_sampling_init(&s);
     lg_elastica_curves curves = {.count = 0};
     s.gap = 0.0;
     s.count = 9;
@@ -148,7 +152,7 @@ TEST("bad samplings are refused") {
     lg_error error;
     lg_elastica_curves curves = {.count = 77};
     lg_elastica_sampling bad[6];
-    for (int i = 0; i < 6; i++) bad[i] = lg_elastica_sampling_defaults();
+    for (int i = 0; i < 6; i++) lg_elastica_sampling_init(&bad[i]);
     bad[0].both_ends = false;
     bad[1].count = 0;
     bad[2].gap = 0.5;
@@ -159,7 +163,7 @@ TEST("bad samplings are refused") {
         assert_status(lg_elastica_generate(NULL, &bad[i], &curves, &error), LG_INVALID_ARGUMENT);
         assert_true(strlen(error.message) > 10);
     }
-    bad[0] = lg_elastica_sampling_defaults();
+    lg_elastica_sampling_init(&bad[0]);
     bad[0].gap = NAN;
     assert_status(lg_elastica_generate(NULL, &bad[0], &curves, &error), LG_NOT_FINITE);
     assert_int_equal(curves.count, 77);
@@ -167,7 +171,8 @@ TEST("bad samplings are refused") {
 }
 
 static lg_status everything(const lg_context *context) {
-    lg_elastica_sampling s = lg_elastica_sampling_defaults();
+    lg_elastica_sampling s;
+    lg_elastica_sampling_init(&s);
     lg_elastica_curves curves = {.count = 0};
     size_t count;
     s.count = 3;
@@ -198,7 +203,8 @@ TEST("solving and generating may be cancelled") {
     o.cancel = &stop;
     assert_ok(lg_context_create(&o, &context));
     assert_status(everything(context), LG_CANCELLED);
-    lg_elastica_sampling s = lg_elastica_sampling_defaults();
+    lg_elastica_sampling s;
+    lg_elastica_sampling_init(&s);
     lg_elastica_curves curves = {.count = 0};
     assert_status(lg_elastica_generate(context, &s, &curves, NULL), LG_CANCELLED);
     assert_null(curves.q);

@@ -9,7 +9,8 @@
 static double theta[4 * N + 1], q[2 * (4 * N + 1)], coarse[2 * N + 1], coarse_q[2 * (2 * N + 1)];
 
 static lg_elastica family(lg_elastica_case kind, double share, uint32_t n) {
-    lg_elastica p = lg_elastica_defaults();
+    lg_elastica p;
+    lg_elastica_init(&p);
     lg_elastica_set_case(&p, kind, share * PI);
     p.intervals = n;
     return p;
@@ -148,7 +149,8 @@ TEST("a guess chooses the minimum") {
 }
 
 TEST("generated curves are the solutions one by one") {
-    lg_elastica_sampling sampling = lg_elastica_sampling_defaults();
+    lg_elastica_sampling sampling;
+    lg_elastica_sampling_init(&sampling);
     lg_elastica_curves curves = {.count = 0};
     sampling.right_end = sampling.continuous = true;
     sampling.count = 26;

@@ -19,7 +19,8 @@ static void reference(const lg_adam_options *o, int step, double rate, double cl
 }
 
 static void compare_with_reference(bool decoupled, double decay) {
-    lg_adam_options o = lg_adam_defaults();
+    lg_adam_options o;
+    lg_adam_options_init(&o);
     o.lr = 0.05;
     o.weight_decay = decay;
     o.decoupled = decoupled;
@@ -52,7 +53,8 @@ static void test_sequence(void **state) {
 /* With a constant gradient m_hat = g and v_hat = g^2 in every step, so a step is lr g/(|g| + eps). */
 static void test_constant_gradient(void **state) {
     (void)state;
-    lg_adam_options o = lg_adam_defaults();
+    lg_adam_options o;
+    lg_adam_options_init(&o);
     assert_close(o.lr, 1e-3, 0.0, 0.0);
     assert_close(o.eps, 1e-8, 0.0, 0.0);
     o.eps = 0.5;
@@ -69,7 +71,8 @@ static void test_constant_gradient(void **state) {
 /* Without a gradient decoupled decay multiplies by 1 - lr decay, L2 walks with unit speed towards zero. */
 static void test_decay_forms(void **state) {
     (void)state;
-    lg_adam_options o = lg_adam_defaults();
+    lg_adam_options o;
+    lg_adam_options_init(&o);
     o.lr = 0.01;
     o.weight_decay = 0.5;
     o.eps = 1e-300;
