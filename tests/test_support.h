@@ -39,6 +39,14 @@ void *lg_test_memory(size_t bytes);
     }                                                                                                        \
     static void lg_test_##line(void)
 
+/* begin() runs before the tests of a file and end() after them; either may be NULL. */
+void lg_test_group(CMFixtureFunction begin, CMFixtureFunction end);
+
+#define TEST_GROUP(begin, end)                                                                               \
+    __attribute__((constructor)) static void lg_enter_group(void) {                                          \
+        lg_test_group(begin, end);                                                                           \
+    }
+
 /* |a - e| <= atol + rtol |e|, false when either is NaN; infinities are close only when equal. */
 static inline bool lg_is_close(double a, double e, double rtol, double atol) {
     if (a == e) return true;

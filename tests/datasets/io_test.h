@@ -52,6 +52,8 @@ static inline int scratch_end(void **state) {
     return rmdir(scratch);
 }
 
+TEST_GROUP(scratch_begin, scratch_end)
+
 static inline const char *scratch_path(const char *name) {
     static char paths[8][128];
     static unsigned next;

@@ -114,8 +114,7 @@ static inline void load_fitted(model_file *again) {
     model_free(NULL, &file);
 }
 
-static inline void model_with_fit(void **state) {
-    (void)state;
+static inline void model_with_fit(void) {
     model_file again;
     load_fitted(&again);
     model_free(NULL, &again);

@@ -157,8 +157,7 @@ static void assert_same_model(const lg_detector_file *a, const lg_detector_file 
     assert_memory_equal(a->class_label, b->class_label, want->classes * LG_SERIES_NAME);
 }
 
-static void round_trip(void **state) {
-    (void)state;
+TEST("a model comes back as it was saved") {
     for (size_t e = 0; e < LG_COUNT(examples); e++) {
         lg_detector_file file, again;
         const char *path = scratch_path("round.h5"), *second = scratch_path("round2.h5");
@@ -201,8 +200,7 @@ static void round_trip(void **state) {
 
 /* Every slice of the network's vector lies below /model under its name, in the type of the training; blocks
  * are a text that a person reads. */
-static void layers_by_name(void **state) {
-    (void)state;
+TEST("every layer is an array below its name") {
     for (size_t e = 0; e < LG_COUNT(examples); e++) {
         lg_detector_file file;
         lg_slice_info slice;
@@ -225,9 +223,7 @@ static void layers_by_name(void **state) {
     }
 }
 
-/* What a model written by hand needs, and what it may leave out. */
-static void minimal_model(void **state) {
-    (void)state;
+TEST("a model written by hand may leave out what is not needed") {
     static const char *const links[] = {"train", "run"};
     static const char *const attributes[] = {"classes",  "class_labels", "channels",      "rate",
                                              "accuracy", "f1",           "test_mse",      "seed",
@@ -250,9 +246,7 @@ static void minimal_model(void **state) {
     lg_detector_file_destroy(NULL, &full);
 }
 
-/* The text of the blocks, read and written. */
-static void texts_of_blocks(void **state) {
-    (void)state;
+TEST("the text of the blocks is read as it is written") {
     static const struct {
         const char *text;
         uint32_t padding, stride;
@@ -320,14 +314,12 @@ static void texts_of_blocks(void **state) {
 
 /* ---- bad input ---- */
 
-static void damaged_models(void **state) {
-    (void)state;
+TEST("a damaged model is refused") {
     refuse_damaged_files(read_model, good_model(0), "");
     survive_changed_bytes(read_model, good_model(0), 100);
 }
 
-static void bad_arrays(void **state) {
-    (void)state;
+TEST("an array of the wrong shape or value is refused by name") {
     static const bad_array cases[] = {
         {"model/conv1/weight", 3, {4, 2, 4}, 0, LG_FORMAT, "shape"},
         {"model/conv1/weight", 2, {4, 6}, 0, LG_FORMAT, "shape"},
@@ -352,8 +344,7 @@ static void bad_arrays(void **state) {
     refuse_without_links(read_model, fresh_model, "", needed, LG_COUNT(needed));
 }
 
-static void bad_attributes(void **state) {
-    (void)state;
+TEST("an attribute of the wrong type or value is refused by name") {
     static const bad_value texts[] = {{"/", "kind", NULL, "missing"},
                                       {"/", "kind", "surrogate", "detector"},
                                       {"/", "classes", "a|b", "2 names, expected 5"},
@@ -399,8 +390,7 @@ static void bad_attributes(void **state) {
     refuse_nans(read_model, fresh_model, "", reals, LG_COUNT(reals));
 }
 
-static void refused_on_save(void **state) {
-    (void)state;
+TEST("a model that could not be read is not saved") {
     lg_detector_file file;
     lg_error error = {LG_OK, ""};
     const char *path = scratch_path("refused.h5");
@@ -454,20 +444,17 @@ static void same_net_as_saved(const lg_detector_run *run, lg_file_reader *reader
     assert_same_net(&run->model.net, &wanted.model.net);
 }
 
-static void checkpoint_resumes(void **state) {
-    (void)state;
+TEST("a fit resumed from its checkpoint ends in the same bits") {
     resume_checkpoint(same_net_as_saved);
 }
 
-static void damaged_checkpoints(void **state) {
-    (void)state;
+TEST("a damaged checkpoint is refused") {
     static const char *const needed[] = {"batch",         "lr",      "data_sha256", "split",
                                          "test_fraction", "windows", "hop"};
     refuse_damaged_checkpoints("detector", "detector-checkpoint", 60, needed, LG_COUNT(needed));
 }
 
-static void another_problem(void **state) {
-    (void)state;
+TEST("a checkpoint of another run is refused, and the sentence names the difference") {
     const lg_detector_run wanted = make_run(3);
     lg_detector_run runs[12];
     static const char *const words[] = {"batch 33, not 32",   "split run, not group",
@@ -565,8 +552,7 @@ static const char *good_classifier(void) {
     return path;
 }
 
-static void classifier_files(void **state) {
-    (void)state;
+TEST("the names and arrays of a classifier come back as they were written") {
     lg_file_reader *reader;
     lg_archive_reader archive;
     lg_series names, want = names_only();
@@ -602,8 +588,7 @@ static void classifier_files(void **state) {
     assert_refused(read_classifier, scratch_path("classifier.h5"), LG_FORMAT, "classes", "missing");
 }
 
-static void names_refused(void **state) {
-    (void)state;
+TEST("names and rates that could not be read are not written") {
     lg_file_writer *writer;
     lg_series names = names_only();
     lg_error error = {LG_OK, ""};
@@ -632,8 +617,7 @@ static void assert_kind(const char *path, const char *expected) {
     assert_string_equal(kind, expected);
 }
 
-static void kinds(void **state) {
-    (void)state;
+TEST("a file tells its kind") {
     char kind[9] = "before";
     lg_error error = {LG_OK, ""};
     assert_kind(good_model(0), "detector");
@@ -674,30 +658,11 @@ static lg_status classifier_step(const lg_context *context, void *user, lg_error
     return read_classifier(context, user, &options, error);
 }
 
-static void failing_allocations(void **state) {
-    (void)state;
+TEST("every allocation may fail, and nothing leaks") {
     fail_model_allocations(12, 8);
     assert_true(fail_every_allocation(classifier_step, (void *)good_classifier()) >= 12);
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(round_trip),
-        cmocka_unit_test(layers_by_name),
-        cmocka_unit_test(minimal_model),
-        cmocka_unit_test(texts_of_blocks),
-        cmocka_unit_test(damaged_models),
-        cmocka_unit_test(bad_arrays),
-        cmocka_unit_test(bad_attributes),
-        cmocka_unit_test(refused_on_save),
-        cmocka_unit_test(model_with_fit),
-        cmocka_unit_test(checkpoint_resumes),
-        cmocka_unit_test(damaged_checkpoints),
-        cmocka_unit_test(another_problem),
-        cmocka_unit_test(classifier_files),
-        cmocka_unit_test(names_refused),
-        cmocka_unit_test(kinds),
-        cmocka_unit_test(failing_allocations),
-    };
-    return cmocka_run_group_tests(tests, scratch_begin, scratch_end);
+TEST("a model comes back with the state of its fit") {
+    model_with_fit();
 }

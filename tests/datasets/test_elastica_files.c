@@ -69,8 +69,7 @@ static void assert_same_curves(const lg_elastica_curves *a, const lg_elastica_cu
     assert_memory_equal(a->v, b->v, nodes);
 }
 
-static void round_trip(void **state) {
-    (void)state;
+TEST("curves come back as they were written") {
     for (int optional = 0; optional < 2; optional++) {
         lg_elastica_data data, again;
         const char *path = scratch_path("round.h5"), *second = scratch_path("round2.h5");
@@ -101,8 +100,7 @@ static void round_trip(void **state) {
 }
 
 /* boundary, q and v as little-endian doubles, one after the other. */
-static void hash_of_arrays(void **state) {
-    (void)state;
+TEST("the hash is that of boundary, q and v as little-endian doubles, one after the other") {
     lg_elastica_data data;
     lg_sha256 sha;
     char text[LG_SHA256_TEXT];
@@ -143,8 +141,7 @@ static const char *foreign_file(const lg_elastica_curves *c, hid_t stored, bool 
     return path;
 }
 
-static void foreign_files(void **state) {
-    (void)state;
+TEST("files of other programs are read") {
     const struct {
         hid_t stored;
         bool packed;
@@ -175,9 +172,7 @@ static void foreign_files(void **state) {
     }
 }
 
-/* Optional arrays and attributes in the types that other programs choose. */
-static void foreign_extras(void **state) {
-    (void)state;
+TEST("optional arrays and attributes are read in the types that other programs choose") {
     lg_elastica_data data, again;
     make_curves(3.3, INTERVALS, CURVES, false, &data);
     const char *path = foreign_file(&data.curves, H5T_IEEE_F64LE, false);
@@ -205,8 +200,7 @@ static void foreign_extras(void **state) {
 }
 
 /* Chords alone, or the trapezoidal rule, would be off by more than the rounding hides. */
-static void length_of_curves(void **state) {
-    (void)state;
+TEST("the length of a curve is found to rounding") {
     const struct {
         double length;
         uint32_t intervals;
@@ -225,8 +219,7 @@ static void length_of_curves(void **state) {
 
 /* What the solver's own curves tell without the attribute: the length they were made with, to the last bit.
  * Coarse discrete curves are no arcs: from N = 10 arcs alone would say 3.27. */
-static void length_of_equilibria(void **state) {
-    (void)state;
+TEST("the length of coarse discrete equilibria is found") {
     static const struct {
         uint32_t intervals;
         bool both_ends, continuous, single;
@@ -254,8 +247,7 @@ static void length_of_equilibria(void **state) {
 
 /* ---- bad input ---- */
 
-static void damaged_files(void **state) {
-    (void)state;
+TEST("a damaged file is refused") {
     refuse_damaged_files(read_data, good_file(), "");
     survive_changed_bytes(read_data, good_file(), 120);
     lg_elastica_data data;
@@ -264,8 +256,7 @@ static void damaged_files(void **state) {
     lg_elastica_data_destroy(NULL, &data);
 }
 
-static void bad_arrays(void **state) {
-    (void)state;
+TEST("an array of the wrong shape or value is refused by name") {
     static const bad_array cases[] = {
         {"boundary", 1, {48}, 0, LG_FORMAT, "rank"},
         {"boundary", 2, {6, 7}, 0, LG_FORMAT, "(6, 7)"},
@@ -298,9 +289,7 @@ static void bad_arrays(void **state) {
     refuse_without_links(read_data, good_file, "", needed, LG_COUNT(needed));
 }
 
-/* Sizes that nobody has memory for, without a byte behind them. */
-static void huge_sizes(void **state) {
-    (void)state;
+TEST("sizes that nobody has memory for are refused, without a byte behind them") {
     static const struct {
         const char *name;
         int rank;
@@ -322,8 +311,7 @@ static void huge_sizes(void **state) {
     }
 }
 
-static void bad_attributes(void **state) {
-    (void)state;
+TEST("an attribute of the wrong type or value is refused by name") {
     static const struct {
         const char *name;
         double value;
@@ -353,9 +341,7 @@ static void bad_attributes(void **state) {
     assert_ok(read_data(NULL, path, NULL, NULL));
 }
 
-/* Curves that shrink to a point have no length. */
-static void no_length(void **state) {
-    (void)state;
+TEST("curves that shrink to a point have no length") {
     const char *path = good_file();
     const hsize_t boundary[2] = {6, 8}, nodes[3] = {6, 11, 2};
     double b[48], q[132] = {0}, v[132];
@@ -369,8 +355,7 @@ static void no_length(void **state) {
     assert_refused(read_data, path, LG_FORMAT, "length 0", "");
 }
 
-static void refused_on_write(void **state) {
-    (void)state;
+TEST("curves that could not be read are not written") {
     lg_elastica_data data;
     lg_error error = {LG_OK, ""};
     const char *path = scratch_path("refused.h5");
@@ -409,24 +394,10 @@ static lg_status write_step(const lg_context *context, void *user, lg_error *err
     return status;
 }
 
-static void failing_allocations(void **state) {
-    (void)state;
+TEST("every allocation may fail, and nothing leaks") {
     const char *path = good_file();
     assert_true(fail_every_reading(read_data, path) >= 7);
     assert_true(fail_every_allocation(write_step, (void *)path) >= 4);
     delete_attribute(path, "/", "length");
     assert_true(fail_every_reading(read_data, path) >= 8);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(round_trip),          cmocka_unit_test(hash_of_arrays),
-        cmocka_unit_test(foreign_files),       cmocka_unit_test(foreign_extras),
-        cmocka_unit_test(length_of_curves),    cmocka_unit_test(length_of_equilibria),
-        cmocka_unit_test(damaged_files),       cmocka_unit_test(bad_arrays),
-        cmocka_unit_test(huge_sizes),          cmocka_unit_test(bad_attributes),
-        cmocka_unit_test(no_length),           cmocka_unit_test(refused_on_write),
-        cmocka_unit_test(failing_allocations),
-    };
-    return cmocka_run_group_tests(tests, scratch_begin, scratch_end);
 }

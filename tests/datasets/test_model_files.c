@@ -71,8 +71,7 @@ static void make_model(size_t which, lg_hamiltonian_file *file) {
     (void)snprintf(file->provenance.cpu, sizeof file->provenance.cpu, "kernels baseline");
 }
 
-static void model_round_trip(void **state) {
-    (void)state;
+TEST("a model comes back as it was saved") {
     for (size_t e = 0; e < LG_COUNT(examples); e++) {
         lg_hamiltonian_file file, again;
         const char *path = scratch_path("round.h5"), *second = scratch_path("round2.h5");
@@ -101,8 +100,7 @@ static void model_round_trip(void **state) {
 }
 
 /* Weights lie where the flat vector says: (in, out) row-major, bias, ..., then the kinetic part. */
-static void layers_by_name(void **state) {
-    (void)state;
+TEST("every layer is an array below its name") {
     lg_hamiltonian_file file;
     lg_h5 *h5;
     const char *path = good_model(0);
@@ -128,9 +126,7 @@ static void layers_by_name(void **state) {
     lg_hamiltonian_file_destroy(NULL, &file);
 }
 
-/* What a model written by hand needs, and what it may leave out. */
-static void minimal_model(void **state) {
-    (void)state;
+TEST("a model written by hand may leave out what is not needed") {
     const char *path = good_model(0);
     static const char *const links[] = {"optimizer", "rng", "train", "run"};
     static const char *const attributes[] = {"E1",          "seed",  "command", "cpu", "liegrad_version",
@@ -147,14 +143,12 @@ static void minimal_model(void **state) {
     lg_hamiltonian_file_destroy(NULL, &file);
 }
 
-static void damaged_models(void **state) {
-    (void)state;
+TEST("a damaged model is refused") {
     refuse_damaged_files(read_model, good_model(0), "");
     survive_changed_bytes(read_model, good_model(0), 300);
 }
 
-static void bad_arrays(void **state) {
-    (void)state;
+TEST("an array of the wrong shape or value is refused by name") {
     static const bad_array cases[] = {
         {"model/potential/layer1/weight", 2, {4, 6}, 1, LG_FORMAT, "shape"},
         {"model/potential/layer1/weight", 1, {24}, 1, LG_FORMAT, "shape"},
@@ -186,8 +180,7 @@ static void bad_arrays(void **state) {
     assert_refused(read_model, path, LG_FORMAT, "layer1", "");
 }
 
-static void bad_model_attributes(void **state) {
-    (void)state;
+TEST("an attribute of the wrong type or value is refused by name") {
     static const bad_value cases[] = {
         {"/", "kind", NULL, "kind"},
         {"/", "kind", "trajectories", "trajectories"},
@@ -238,8 +231,7 @@ static void bad_model_attributes(void **state) {
     refuse_nans(read_model, fresh_model, "finite", reals, LG_COUNT(reals));
 }
 
-static void refused_on_save(void **state) {
-    (void)state;
+TEST("a model that could not be read is not saved") {
     lg_hamiltonian_file file;
     lg_error error = {LG_OK, ""};
     const char *path = scratch_path("refused.h5");
@@ -287,8 +279,7 @@ static void assert_verdict(const char *path, const lg_hamiltonian_file *want) {
 }
 
 /* What the errors do not touch: a model with the state of its fit, and an attribute of somebody else. */
-static void recorded_into_all_that_was_there(void **state) {
-    (void)state;
+TEST("recorded errors leave all else in the file as it was") {
     lg_hamiltonian_file file, again;
     lg_h5 *h5;
     char note[16];
@@ -326,8 +317,7 @@ static void recorded_into_all_that_was_there(void **state) {
 }
 
 /* What another test set said goes, also where this one says nothing; weights of floats are found again. */
-static void recorded_in_place_of_others(void **state) {
-    (void)state;
+TEST("recorded errors replace those of another test set") {
     for (size_t e = 0; e < LG_COUNT(examples); e++) {
         lg_hamiltonian_file file;
         const char *path = good_model(e);
@@ -364,8 +354,7 @@ static void assert_not_recorded(const lg_hamiltonian_file *file, lg_status statu
     assert_same_bytes(path, before);
 }
 
-static void refused_on_record(void **state) {
-    (void)state;
+TEST("errors are recorded only into the model that they are of, and only when finite") {
     lg_hamiltonian_file file;
     make_model(0, &file);
     set_verdict(&file);
@@ -393,8 +382,7 @@ static void refused_on_record(void **state) {
 }
 
 /* A test set is for people: what is wrong with it does not make the model unreadable. */
-static void strange_test_sets(void **state) {
-    (void)state;
+TEST("what is wrong with a test set does not make the model unreadable") {
     static const char *const names[] = {"test_trajectories", "test_points", "test_t_end"};
     const double wrong[] = {-1, NAN, 2.5};
     lg_hamiltonian_file want = {.has_e1 = true, .e1 = 1.7e-7};
@@ -419,8 +407,7 @@ static void strange_test_sets(void **state) {
     assert_verdict(path, &want);
 }
 
-static void fitted_model(void **state) {
-    (void)state;
+TEST("a model comes back with the state of its fit") {
     lg_hamiltonian_file again;
     load_fitted(&again);
     assert_int_equal(again.adam_step, 9);
@@ -430,8 +417,7 @@ static void fitted_model(void **state) {
 /* ---- checkpoints ---- */
 
 /* Files of before there were schedules have no key for it: then it is steps. Every other row is there. */
-static void without_schedule(void **state) {
-    (void)state;
+TEST("a file without a schedule has steps") {
     lg_hamiltonian_run run, wanted = make_run(0);
     lg_file_reader *reader;
     lg_hamiltonian_file file;
@@ -476,14 +462,11 @@ static void look_into_archive(const lg_hamiltonian_run *run, lg_file_reader *rea
     assert_true(rank == 1 && dims[0] == 3);
 }
 
-static void checkpoint_resumes(void **state) {
-    (void)state;
+TEST("a fit resumed from its checkpoint ends in the same bits") {
     resume_checkpoint(look_into_archive);
 }
 
-/* A NaN in the saved state of the optimiser is found when the fit takes it. */
-static void checkpoint_with_nan(void **state) {
-    (void)state;
+TEST("a NaN in the saved state of the optimiser is found when the fit takes it") {
     const char *path = good_checkpoint();
     const double bad[3] = {0, NAN, 0};
     const hsize_t three = 3;
@@ -501,8 +484,7 @@ static void checkpoint_with_nan(void **state) {
     lg_fit_destroy(fit);
 }
 
-static void damaged_checkpoints(void **state) {
-    (void)state;
+TEST("a damaged checkpoint is refused") {
     static const char *const needed[] = {"batch", "lr", "data_sha256", "integrator", "dtype", "seed", "dt"};
     refuse_damaged_checkpoints("hamiltonian", "checkpoint", 300, needed, LG_COUNT(needed));
     const char *path = good_checkpoint();
@@ -517,8 +499,7 @@ static void damaged_checkpoints(void **state) {
     assert_refused(read_checkpoint, path, LG_NOT_FINITE, "lr", "finite");
 }
 
-static void another_problem(void **state) {
-    (void)state;
+TEST("a checkpoint of another run is refused, and the sentence names the difference") {
     const lg_hamiltonian_run wanted = make_run(0);
     lg_hamiltonian_run runs[10];
     static const char *const words[] = {"batch 81, not 80",
@@ -546,9 +527,7 @@ static void another_problem(void **state) {
     refuse_other_runs(&wanted, runs, words, LG_COUNT(runs));
 }
 
-/* A failing array call sticks to the writer, and no file comes of it. */
-static void failures_stick(void **state) {
-    (void)state;
+TEST("a failing array call sticks to the writer, and no file comes of it") {
     lg_file_writer *writer;
     lg_archive_writer archive;
     const char *path = scratch_path("sticky.h5");
@@ -566,32 +545,6 @@ static void failures_stick(void **state) {
 
 /* ---- memory ---- */
 
-static void failing_allocations(void **state) {
-    (void)state;
+TEST("every allocation may fail, and nothing leaks") {
     fail_model_allocations(9, 8);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(model_round_trip),
-        cmocka_unit_test(layers_by_name),
-        cmocka_unit_test(minimal_model),
-        cmocka_unit_test(damaged_models),
-        cmocka_unit_test(bad_arrays),
-        cmocka_unit_test(bad_model_attributes),
-        cmocka_unit_test(refused_on_save),
-        cmocka_unit_test(fitted_model),
-        cmocka_unit_test(recorded_into_all_that_was_there),
-        cmocka_unit_test(recorded_in_place_of_others),
-        cmocka_unit_test(refused_on_record),
-        cmocka_unit_test(strange_test_sets),
-        cmocka_unit_test(checkpoint_resumes),
-        cmocka_unit_test(checkpoint_with_nan),
-        cmocka_unit_test(damaged_checkpoints),
-        cmocka_unit_test(another_problem),
-        cmocka_unit_test(failures_stick),
-        cmocka_unit_test(without_schedule),
-        cmocka_unit_test(failing_allocations),
-    };
-    return cmocka_run_group_tests(tests, scratch_begin, scratch_end);
 }

@@ -155,8 +155,7 @@ static void assert_same_model(const lg_model *model, const lg_model *expected) {
     free(x), free(y), free(again), free(work), free(expected_work);
 }
 
-static void hamiltonians_load(void **state) {
-    (void)state;
+TEST("a Hamiltonian loads as a model") {
     lg_model_file file;
     lg_hamiltonian_file own;
     const char *path = fresh(LG_MODEL_HAMILTONIAN);
@@ -174,8 +173,7 @@ static void hamiltonians_load(void **state) {
     lg_hamiltonian_file_destroy(NULL, &own);
 }
 
-static void surrogates_load(void **state) {
-    (void)state;
+TEST("a surrogate loads as a model") {
     lg_model_file file;
     lg_surrogate_file own;
     const char *path = fresh(LG_MODEL_SURROGATE);
@@ -191,8 +189,7 @@ static void surrogates_load(void **state) {
     lg_surrogate_file_destroy(NULL, &own);
 }
 
-static void detectors_load(void **state) {
-    (void)state;
+TEST("a detector loads as a model") {
     lg_model_file file;
     lg_detector_file own;
     const char *path = fresh(LG_MODEL_DETECTOR);
@@ -212,9 +209,7 @@ static void detectors_load(void **state) {
     lg_detector_file_destroy(NULL, &own);
 }
 
-/* Where the structure was moved to, the model still finds its numbers. */
-static void files_may_move(void **state) {
-    (void)state;
+TEST("a structure that was moved still finds its numbers") {
     lg_model_file *first = malloc(sizeof *first), second;
     assert_non_null(first);
     assert_ok(lg_model_load(NULL, fresh(LG_MODEL_DETECTOR), NULL, first, NULL));
@@ -229,8 +224,7 @@ static void files_may_move(void **state) {
     lg_model_file_destroy(NULL, &second);
 }
 
-static void freed_files_are_zero(void **state) {
-    (void)state;
+TEST("a freed file is zero and may be freed again") {
     static const lg_model_file zero;
     lg_model_file file;
     memset(&file, 0, sizeof file);
@@ -246,9 +240,7 @@ static void freed_files_are_zero(void **state) {
 
 /* ---- what is no model ---- */
 
-/* Files that say that they are another kind, whatever is in them. */
-static void other_kinds_are_refused(void **state) {
-    (void)state;
+TEST("files that say that they are another kind are refused, whatever is in them") {
     static const char *const kinds[][2] = {
         {"checkpoint", "checkpoint of an unfinished training"},
         {"surrogate-checkpoint", "checkpoint of an unfinished training"},
@@ -272,8 +264,7 @@ static void other_kinds_are_refused(void **state) {
 }
 
 /* As their own writers make them. */
-static void data_and_checkpoints_are_refused(void **state) {
-    (void)state;
+TEST("data and checkpoints are no models") {
     lg_trajectories data;
     lg_file_writer *writer;
     lg_hamiltonian_file file;
@@ -292,8 +283,7 @@ static void data_and_checkpoints_are_refused(void **state) {
     assert_refused(read_any, path, LG_FORMAT, "checkpoint", "unfinished");
 }
 
-static void files_of_others_are_refused(void **state) {
-    (void)state;
+TEST("files of other programs are refused") {
     const char *path = fresh(LG_MODEL_HAMILTONIAN);
     replace_text(path, "/", "format", "keras");
     assert_refused(read_any, path, LG_FORMAT, "does not say", "");
@@ -305,9 +295,7 @@ static void files_of_others_are_refused(void **state) {
     assert_refused(read_any, path, LG_VERSION, "format_version", "");
 }
 
-/* One kind that says that it is another. */
-static void false_names_are_refused(void **state) {
-    (void)state;
+TEST("one kind that says that it is another is refused") {
     static const char *const names[LG_MODEL_KIND_COUNT] = {"hamiltonian", "surrogate", "detector"};
     for (int kind = 0; kind < LG_MODEL_KIND_COUNT; kind++)
         for (int other = 0; other < LG_MODEL_KIND_COUNT; other++) {
@@ -320,8 +308,7 @@ static void false_names_are_refused(void **state) {
         }
 }
 
-static void nothing_to_read(void **state) {
-    (void)state;
+TEST("a missing file or argument is refused") {
     lg_model_file file;
     assert_status(lg_model_load(NULL, NULL, NULL, &file, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_model_load(NULL, fresh(LG_MODEL_DETECTOR), NULL, NULL, NULL), LG_INVALID_ARGUMENT);
@@ -329,8 +316,7 @@ static void nothing_to_read(void **state) {
 
 /* ---- damage ---- */
 
-static void damaged_files(void **state) {
-    (void)state;
+TEST("a damaged file of any kind is refused") {
     for (int kind = 0; kind < LG_MODEL_KIND_COUNT; kind++) {
         (void)fresh((lg_model_kind)kind);
         char name[32];
@@ -340,8 +326,7 @@ static void damaged_files(void **state) {
     }
 }
 
-static void missing_and_bad_weights(void **state) {
-    (void)state;
+TEST("missing and bad weights are refused") {
     const hsize_t dims[2] = {6, 5}, short_dims[2] = {5, 5};
     double values[30];
     for (size_t i = 0; i < LG_COUNT(values); i++) values[i] = i == 7 ? NAN : 1.0;
@@ -361,27 +346,7 @@ static void missing_and_bad_weights(void **state) {
     assert_refused(read_any, path, LG_FORMAT, "scale", "");
 }
 
-static void failing_allocations(void **state) {
-    (void)state;
+TEST("every allocation may fail, and nothing leaks") {
     for (int kind = 0; kind < LG_MODEL_KIND_COUNT; kind++)
         assert_true(fail_every_reading(read_any, fresh((lg_model_kind)kind)) >= 2);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(hamiltonians_load),
-        cmocka_unit_test(surrogates_load),
-        cmocka_unit_test(detectors_load),
-        cmocka_unit_test(files_may_move),
-        cmocka_unit_test(freed_files_are_zero),
-        cmocka_unit_test(other_kinds_are_refused),
-        cmocka_unit_test(data_and_checkpoints_are_refused),
-        cmocka_unit_test(files_of_others_are_refused),
-        cmocka_unit_test(false_names_are_refused),
-        cmocka_unit_test(nothing_to_read),
-        cmocka_unit_test(damaged_files),
-        cmocka_unit_test(missing_and_bad_weights),
-        cmocka_unit_test(failing_allocations),
-    };
-    return cmocka_run_group_tests(tests, scratch_begin, scratch_end);
 }

@@ -13,8 +13,7 @@ static void hash_text(const char *text, size_t times, size_t piece, char out[LG_
     lg_sha256_finish(&state, out);
 }
 
-static void sha256_vectors(void **state) {
-    (void)state;
+TEST("SHA-256 gives the published hashes") {
     static const struct {
         const char *text;
         size_t times;
@@ -39,8 +38,7 @@ static void sha256_vectors(void **state) {
     }
 }
 
-static void numbers_whole(void **state) {
-    (void)state;
+TEST("numbers are consumed whole and finite") {
     static const struct {
         const char *text;
         lg_status status;
@@ -88,9 +86,4 @@ static void numbers_whole(void **state) {
         assert_status(lg_integer_parse(refused[i], &whole), LG_FORMAT);
     assert_true(whole == UINT64_MAX);
     assert_status(lg_number_parse(NULL, NULL), LG_INVALID_ARGUMENT);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(sha256_vectors), cmocka_unit_test(numbers_whole)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

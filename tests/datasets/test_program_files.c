@@ -37,8 +37,7 @@ static void check_round_trip(const lg_program *program, const lg_read_options *o
     lg_program_destroy(again);
 }
 
-static void networks_round_trip(void **state) {
-    (void)state;
+TEST("programs of networks come back as they were saved") {
     char kind[64];
     lg_program *program = zoo_network(), *again;
     check_round_trip(program, NULL);
@@ -72,9 +71,7 @@ static void networks_round_trip(void **state) {
     lg_program_destroy(program);
 }
 
-/* Every operation that can be in a program, with its derivative. */
-static void operations_round_trip(void **state) {
-    (void)state;
+TEST("every operation that can be in a program comes back, with its derivative") {
     const lg_read_options here = without_probe();
     const lg_gradcheck_case *row;
     size_t checked = 0;
@@ -88,8 +85,7 @@ static void operations_round_trip(void **state) {
     assert_true(checked > 0);
 }
 
-static void empty_program(void **state) {
-    (void)state;
+TEST("an empty program comes back") {
     lg_program_spec spec;
     lg_program *program, *again;
     const char *path = scratch_path("empty.h5");
@@ -105,14 +101,12 @@ static void empty_program(void **state) {
 
 /* ---- damage ---- */
 
-static void damaged_files(void **state) {
-    (void)state;
+TEST("a damaged file is refused") {
     refuse_damaged_files(read_program, fresh(), "");
     survive_changed_bytes(read_program, fresh(), 100);
 }
 
-static void missing_parts(void **state) {
-    (void)state;
+TEST("a file without one of its parts is refused by its name") {
     static const char *const links[] = {"operations",
                                         "function_names",
                                         "parameters/theta",
@@ -131,8 +125,7 @@ static void missing_parts(void **state) {
     assert_ok(read_program(NULL, path, NULL, NULL));
 }
 
-static void bad_arrays(void **state) {
-    (void)state;
+TEST("an array of the wrong shape or value is refused") {
     static const bad_array cases[] = {
         {"parameters/theta", 1, {5}, 1, LG_FORMAT, "functions/value"},
         {"parameters/scale", 0, {0}, NAN, LG_NOT_FINITE, "NaN"},
@@ -144,8 +137,7 @@ static void bad_arrays(void **state) {
     refuse_arrays(read_program, fresh, false, cases, LG_COUNT(cases));
 }
 
-static void bad_attributes(void **state) {
-    (void)state;
+TEST("an attribute of the wrong type or value is refused") {
     static const bad_value texts[] = {
         {"/", "kind", "hamiltonian", "program"},
         {"functions/ten_steps", "calls", "ten_steps", "before"},
@@ -162,8 +154,7 @@ static void bad_attributes(void **state) {
 }
 
 /* Names of operations and of what would enter C. */
-static void bad_names(void **state) {
-    (void)state;
+TEST("names of operations and of what would enter C are checked") {
     static const struct {
         const char *path, *name, *word;
     } cases[] = {
@@ -187,9 +178,7 @@ static void bad_names(void **state) {
     }
 }
 
-/* What a file says of itself does not reach the terminal raw. */
-static void tamed_texts(void **state) {
-    (void)state;
+TEST("what a file says of itself does not reach the terminal raw") {
     static const char *const names[] = {"kind", "format"};
     for (size_t i = 0; i < LG_COUNT(names); i++) {
         const char *path = fresh();
@@ -198,8 +187,7 @@ static void tamed_texts(void **state) {
     }
 }
 
-static void newer_files(void **state) {
-    (void)state;
+TEST("a file of a newer version is refused") {
     const char *path = fresh();
     change_number(path, "revisions", 0, 2.0);
     assert_refused(read_program, path, LG_VERSION, "revision", "");
@@ -211,8 +199,7 @@ static void newer_files(void **state) {
     assert_refused(read_program, path, LG_VERSION, "format_version", "");
 }
 
-static void limits(void **state) {
-    (void)state;
+TEST("a file beyond the limits is refused") {
     lg_read_options options;
     lg_read_options_init(&options);
     options.max_bytes = 3000; /* no array is larger, all together are */
@@ -221,8 +208,7 @@ static void limits(void **state) {
     assert_non_null(strstr(error.message, "limit"));
 }
 
-static void no_model(void **state) {
-    (void)state;
+TEST("a file that holds no program is refused") {
     lg_model_file file;
     lg_error error;
     assert_status(lg_model_load(NULL, fresh(), NULL, &file, &error), LG_FORMAT);
@@ -232,8 +218,7 @@ static void no_model(void **state) {
     assert_non_null(strstr(error.message, "program"));
 }
 
-static void bad_calls(void **state) {
-    (void)state;
+TEST("wrong arguments are refused") {
     lg_program *program = zoo_network(), *out = NULL;
     assert_status(lg_program_save(NULL, NULL, program, NULL, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_program_save(NULL, fresh(), NULL, NULL, NULL), LG_INVALID_ARGUMENT);
@@ -257,8 +242,7 @@ static lg_status save_and_load(const lg_context *context, void *user, lg_error *
     return status;
 }
 
-static void failing_allocations(void **state) {
-    (void)state;
+TEST("every allocation may fail, and nothing leaks") {
     char path[128];
     (void)snprintf(path, sizeof path, "%s", fresh());
     assert_true(fail_every_allocation(save_and_load, path) > 50);
@@ -380,8 +364,7 @@ static lg_status attack_with(const attack *a, lg_program *program, lg_error *err
 }
 
 /* Attributes and shapes that lie: refused, or run at once. */
-static void attacked(void **state) {
-    (void)state;
+TEST("attributes and shapes that lie are refused, or the program runs at once") {
     for (size_t i = 0; i < LG_COUNT(attacks); i++) {
         lg_program_spec spec;
         lg_program *program;
@@ -403,31 +386,8 @@ static void attacked(void **state) {
 
 /* ---- mutants ---- */
 
-static void some_mutants(void **state) {
-    (void)state;
+TEST("a sample of mutated files is refused or runs") {
     mutate_images(400, 1);
     mutate_arrays(100, 2);
     mutate_bytes(50, 3);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(networks_round_trip),
-        cmocka_unit_test(operations_round_trip),
-        cmocka_unit_test(empty_program),
-        cmocka_unit_test(damaged_files),
-        cmocka_unit_test(missing_parts),
-        cmocka_unit_test(bad_arrays),
-        cmocka_unit_test(bad_attributes),
-        cmocka_unit_test(bad_names),
-        cmocka_unit_test(tamed_texts),
-        cmocka_unit_test(newer_files),
-        cmocka_unit_test(limits),
-        cmocka_unit_test(no_model),
-        cmocka_unit_test(bad_calls),
-        cmocka_unit_test(failing_allocations),
-        cmocka_unit_test(attacked),
-        cmocka_unit_test(some_mutants),
-    };
-    return cmocka_run_group_tests(tests, scratch_begin, scratch_end);
 }

@@ -3,26 +3,14 @@
  * and runs within its limits. ctest-labels: slow */
 #include "program_mutants.h"
 
-static void decoded_lists(void **state) {
-    (void)state;
+TEST("mutated lists are refused or run") {
     mutate_images(14000, 101);
 }
 
-static void arrays_of_files(void **state) {
-    (void)state;
+TEST("mutated arrays of files are refused or run") {
     mutate_arrays(4500, 102);
 }
 
-static void bytes_of_files(void **state) {
-    (void)state;
+TEST("files with mutated bytes are refused or run") {
     mutate_bytes(1500, 103);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(decoded_lists),
-        cmocka_unit_test(arrays_of_files),
-        cmocka_unit_test(bytes_of_files),
-    };
-    return cmocka_run_group_tests(tests, scratch_begin, scratch_end);
 }

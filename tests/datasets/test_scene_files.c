@@ -88,8 +88,7 @@ static const double *parameter(const lg_scene *scene, const char *key) {
     return values;
 }
 
-static void every_key(void **state) {
-    (void)state;
+TEST("every key of a scene is read") {
     lg_scene scene = read_text("scene.yaml", good_scene, NULL);
     assert_string_equal(lg_system_name(scene.system), "pendulum-chain");
     assert_string_equal(lg_system_form(scene.system), "hamiltonian");
@@ -131,9 +130,7 @@ static void every_key(void **state) {
     lg_scene_destroy(NULL, &scene);
 }
 
-/* One link and one number may leave out their lists; a scalar is a list of one. */
-static void short_forms(void **state) {
-    (void)state;
+TEST("one link and one number may leave out their lists; a scalar is a list of one") {
     static const char *const chains[] = {
         "system: pendulum-chain\ngravity: 1\nmasses: 2\ninitial: {q: [0, 0, 1], omega: [1, 0, 0]}\n",
         "system: pendulum-chain\ngravity: 1\nmasses: [2]\ninitial: {q: [[0, 0, 1]], omega: [1, 0, 0]}\n"};
@@ -164,8 +161,7 @@ static void short_forms(void **state) {
     lg_scene_destroy(NULL, &scene);
 }
 
-static void many_links(void **state) {
-    (void)state;
+TEST("a scene may have many links") {
     enum { LINKS = 10000 };
     char *text = malloc(LINKS * 20 + 200), *at = text;
     assert_non_null(text);
@@ -313,8 +309,7 @@ static size_t links_of(const char *name, const char *form) {
     return 0;
 }
 
-static void every_system(void **state) {
-    (void)state;
+TEST("scenes of every system are read") {
     whole w = {.key = NULL};
     double parameters[MOST], y[MOST], found[MOST], expected[MOST];
     for (size_t i = 0; lg_system_at(i, &w.name, &w.form); i++) {
@@ -389,8 +384,7 @@ static void refuse_gone(whole *w, const char *key, bool needed) {
     w->gone = false;
 }
 
-static void every_system_refuses(void **state) {
-    (void)state;
+TEST("every system refuses what is wrong with its scene") {
     whole w = {.key = NULL};
     for (size_t i = 0; lg_system_at(i, &w.name, &w.form); i++) {
         w.links = links_of(w.name, w.form);
@@ -412,9 +406,7 @@ static void every_system_refuses(void **state) {
     }
 }
 
-/* Keys that nothing has, with those that the system has; keys of other systems and other forms. */
-static void foreign_keys(void **state) {
-    (void)state;
+TEST("keys of other systems and forms, and keys that nothing has, are refused with those that there are") {
     static const struct {
         const char *text, *line, *word;
     } cases[] = {
@@ -450,8 +442,7 @@ static const char *form_read(const char *text, const char *wanted) {
     return form;
 }
 
-static void forms(void **state) {
-    (void)state;
+TEST("the form of a scene follows from what is given, or is asked for") {
     static const char bare[] = "system: pendulum-chain\ngravity: 1\nlinks: 2\n";
     static const char with_p[] =
         "system: pendulum-chain\ngravity: 1\ninitial: {q: [0, 0, 1], p: [1, 0, 0]}\n";
@@ -473,9 +464,7 @@ static void forms(void **state) {
                    "grid.yaml", "lg-hamiltonian study");
 }
 
-/* The drawn start is the first one of the trajectories that are generated with the seed. */
-static void drawn_start(void **state) {
-    (void)state;
+TEST("the drawn start is the first of the trajectories that are generated with the seed") {
     lg_scene scene = read_text("drawn.yaml",
                                "system: pendulum-chain\nform: hamiltonian\ngravity: 1\nlinks: 2\n"
                                "starts: {kind: box, low: 1, high: 3}\n",
@@ -496,9 +485,7 @@ static void drawn_start(void **state) {
     lg_scene_destroy(NULL, &scene);
 }
 
-/* The same motion from omega and from p, read in both forms. */
-static void velocities_and_momenta(void **state) {
-    (void)state;
+TEST("omega and p give the same motion, read in both forms") {
     static const char head[] =
         "system: pendulum-chain\ngravity: 9.81\nmasses: [1, 1.3, 0.7]\nlengths: [1, 0.8, 1.5]\n";
     static const char turn[] = "initial: {q: [[0.6, 0, 0.8], [0, 1, 0], [0.48, 0.6, 0.64]],\n"
@@ -549,9 +536,7 @@ static void keep_log(void *user, lg_log_level level, const char *message) {
     (void)snprintf(logged, sizeof logged, "%s", message);
 }
 
-/* Rounding is projected and told; more is an error. */
-static void rounding_is_projected(void **state) {
-    (void)state;
+TEST("rounding is projected and told, and more is an error") {
     lg_scene scene;
     lg_context_options options;
     lg_context *context;
@@ -586,8 +571,7 @@ static void rounding_is_projected(void **state) {
     "  q: [[0.6, 0, 0.8],\n [-0.6, 0, 0.8]]\n  omega: [[0, 1, 0],\n [0, -1, 0]]\n"
 
 /* Rotations and the links of the quadrotors. */
-static void rotations(void **state) {
-    (void)state;
+TEST("rotations are projected when nearly orthogonal and refused otherwise") {
     static const char *const tops[] = {
         "system: rigid-body-attitude\ninitial: {pi: [1, 2, 3], R: [[1, 0, 0],\n[0, 1, 0], [0, 0, %s]]}\n",
         "system: heavy-top\nform: cotangent\ninitial: {pi: [1, 2, 3], Q: [[1, 0, 0],\n[0, 1, 0], [0, 0, "
@@ -631,8 +615,7 @@ typedef struct bad_text {
     const char *from, *to, *line, *word;
 } bad_text;
 
-static void bad_scenes(void **state) {
-    (void)state;
+TEST("a bad scene is refused with its line and word") {
     static const bad_text cases[] = {
         {"gravity: 9.81", "gravity: 9.81m/s", "line 4", "gravity"},
         {"gravity: 9.81", "gravity: 9,81", "line 4", "gravity"},
@@ -708,8 +691,7 @@ static void bad_scenes(void **state) {
                    LG_FORMAT, "line 2", "initial.q");
 }
 
-static void damaged_scenes(void **state) {
-    (void)state;
+TEST("a damaged scene is refused") {
     refuse_damaged_files(read_scene, file_of("scene.json", json_scene), "line");
     survive_changed_bytes(read_scene, file_of("scene.json", json_scene), 300);
     survive_changed_bytes(read_scene, file_of("scene.yaml", good_scene), 300);
@@ -740,8 +722,7 @@ static void damaged_scenes(void **state) {
 
 /* ---- grids ---- */
 
-static void grid_every_key(void **state) {
-    (void)state;
+TEST("every key of a grid is read") {
     lg_grid grid;
     (void)file_of("scene.yaml", good_scene);
     assert_ok(lg_grid_read(NULL, file_of("grid.yaml", good_grid), &grid, NULL));
@@ -776,8 +757,7 @@ static void grid_every_key(void **state) {
     lg_grid_destroy(NULL, &grid);
 }
 
-static void bad_grids(void **state) {
-    (void)state;
+TEST("a bad grid is refused with its line and word") {
     static const bad_text cases[] = {
         {"integrators: [cf4, rk4]", "integrators: [cf4, rk5]", "line 2", "rk5"},
         {"integrators: [cf4, rk4]\n", "", "line 1", "'integrators' is missing"},
@@ -816,8 +796,7 @@ static void bad_grids(void **state) {
                    LG_FORMAT, "t_end", "line 1");
 }
 
-static void damaged_grids(void **state) {
-    (void)state;
+TEST("a damaged grid is refused") {
     static const char json[] =
         "{\"system\": \"coupled-oscillators\", \"t_end\": 0.1, \"integrators\": [\"stormer-verlet\"],\n"
         " \"N\": [900], \"M\": [2], \"eps\": [0.1, 0.2], \"penalty\": [0, 1],\n"
@@ -834,8 +813,7 @@ static bool is_yaml(const char *name) {
 }
 
 /* Every file of scenes/ is a scene, or a grid where its name says so; every system has a scene. */
-static void own_scenes(void **state) {
-    (void)state;
+TEST("every file of scenes/ is a scene or a grid, and every system has a scene") {
     char path[512];
     size_t count = 0, seen = 0;
     const char *name, *form, *const folder_name = LG_TEST_DIR "/../scenes";
@@ -864,8 +842,7 @@ static void own_scenes(void **state) {
     free(systems);
 }
 
-static void own_values(void **state) {
-    (void)state;
+TEST("the scenes of the house hold the values that they are named for") {
     static const struct {
         const char *name, *form;
         size_t dim, at; /* of a number of the start; dim 0: no start */
@@ -917,25 +894,8 @@ static lg_status grid_step(const lg_context *context, void *user, lg_error *erro
     return read_grid(context, user, NULL, error);
 }
 
-static void failing_allocations(void **state) {
-    (void)state;
+TEST("every allocation may fail, and nothing leaks") {
     const char *scene = file_of("scene.yaml", good_scene), *grid = file_of("grid.yaml", good_grid);
     assert_int_equal(fail_every_allocation(scene_step, (void *)scene), 9);
     assert_int_equal(fail_every_allocation(grid_step, (void *)grid), 13);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_key),           cmocka_unit_test(rounding_is_projected),
-        cmocka_unit_test(short_forms),         cmocka_unit_test(many_links),
-        cmocka_unit_test(every_system),        cmocka_unit_test(every_system_refuses),
-        cmocka_unit_test(foreign_keys),        cmocka_unit_test(forms),
-        cmocka_unit_test(drawn_start),         cmocka_unit_test(velocities_and_momenta),
-        cmocka_unit_test(rotations),           cmocka_unit_test(own_values),
-        cmocka_unit_test(bad_scenes),          cmocka_unit_test(damaged_scenes),
-        cmocka_unit_test(grid_every_key),      cmocka_unit_test(bad_grids),
-        cmocka_unit_test(damaged_grids),       cmocka_unit_test(own_scenes),
-        cmocka_unit_test(failing_allocations),
-    };
-    return cmocka_run_group_tests(tests, scratch_begin, scratch_end);
 }

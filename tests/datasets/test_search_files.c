@@ -22,8 +22,7 @@ static lg_search_file read_example(void) {
     return file;
 }
 
-static void ranges_are_read(void **state) {
-    (void)state;
+TEST("ranges are read") {
     const lg_search_file f = read_example();
     const lg_range *r = f.space.ranges;
     assert_int_equal(f.fixed_count, 3);
@@ -66,8 +65,7 @@ static lg_status read_ranges(const lg_context *context, const char *path, const 
     return status;
 }
 
-static void ranges_refused(void **state) {
-    (void)state;
+TEST("bad ranges are refused") {
     static const struct {
         const char *text, *line, *word;
     } wrong[] = {
@@ -122,8 +120,7 @@ static void ranges_refused(void **state) {
     survive_changed_bytes(read_ranges, scratch_path("ranges.yaml"), 400);
 }
 
-static void published_ranges(void **state) {
-    (void)state;
+TEST("the published ranges are those of the files") {
     static const struct {
         const char *name;
         size_t ranges, fixed;
@@ -176,8 +173,7 @@ static void assert_same_trial(const lg_trial *a, const lg_trial *b) {
     assert_memory_equal(a->report, b->report, sizeof a->report);
 }
 
-static void trials_round_trip(void **state) {
-    (void)state;
+TEST("trials come back as they were written") {
     const lg_search_file file = read_example();
     lg_trial trials[N], back[N];
     size_t count = 99;
@@ -210,9 +206,7 @@ static void trials_round_trip(void **state) {
     assert_int_equal(count, 0);
 }
 
-/* What stands in the file, for other programs. */
-static void table_text(void **state) {
-    (void)state;
+TEST("the table of trials is text that other programs read") {
     const lg_search_file file = read_example();
     lg_trial t[2] = {{.number = 3,
                       .state = LG_TRIAL_PRUNED,
@@ -242,8 +236,7 @@ static void table_text(void **state) {
 }
 
 /* Cut anywhere: complete lines are read, the last one runs again. */
-static void truncated_tables(void **state) {
-    (void)state;
+TEST("of a table that is cut anywhere the complete lines are read") {
     const lg_search_file file = read_example();
     lg_trial trials[N], back[N];
     const char *path = scratch_path("trials.csv"), *cut = scratch_path("cut.csv");
@@ -276,8 +269,7 @@ static const char *replaced(const char *text, const char *from, const char *to) 
     return out;
 }
 
-static void damaged_tables(void **state) {
-    (void)state;
+TEST("a damaged table is refused") {
     const lg_search_file file = read_example();
     lg_trial t[2] = {{.number = 1, .objective = 0.5, .value = {0, 3, 0.0078125, 0.0625, 0}},
                      {.number = 2, .objective = 0.25, .value = {1, 4, 0, 0.03125, 1}, .reports = 2}};
@@ -339,8 +331,7 @@ static void damaged_tables(void **state) {
     free(text);
 }
 
-static void of_another_search(void **state) {
-    (void)state;
+TEST("a table of another search is refused") {
     const lg_search_file file = read_example();
     lg_trial trials[N], back[N];
     size_t count = 77;
@@ -374,8 +365,7 @@ static void of_another_search(void **state) {
     assert_ok(lg_trials_read(NULL, path, &moved, 5, "data", back, N, &count, NULL));
 }
 
-static void bad_trials_are_not_written(void **state) {
-    (void)state;
+TEST("trials that could not be read are not written") {
     const lg_search_file file = read_example();
     lg_trial trials[N], changed[N];
     const char *path = scratch_path("unwritten.csv");
@@ -459,8 +449,7 @@ static lg_status session_go(session *s) {
     return status;
 }
 
-static void resumed_search(void **state) {
-    (void)state;
+TEST("a resumed search ends as one that was not interrupted") {
     const lg_search_file file = read_example();
     const char *whole = scratch_path("whole.csv"), *parts = scratch_path("parts.csv");
     session one = {.file = &file, .path = whole};
@@ -495,25 +484,7 @@ static lg_status use_memory(const lg_context *context, void *user, lg_error *err
     return lg_trials_read(context, scratch_path("m.csv"), file, 1, NULL, trials, N, &count, error);
 }
 
-static void out_of_memory(void **state) {
-    (void)state;
+TEST("every allocation may fail, and nothing leaks") {
     lg_search_file file = read_example();
     assert_true(fail_every_allocation(use_memory, &file) >= 6);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(ranges_are_read),
-        cmocka_unit_test(ranges_refused),
-        cmocka_unit_test(published_ranges),
-        cmocka_unit_test(trials_round_trip),
-        cmocka_unit_test(table_text),
-        cmocka_unit_test(truncated_tables),
-        cmocka_unit_test(damaged_tables),
-        cmocka_unit_test(of_another_search),
-        cmocka_unit_test(bad_trials_are_not_written),
-        cmocka_unit_test(resumed_search),
-        cmocka_unit_test(out_of_memory),
-    };
-    return cmocka_run_group_tests(tests, scratch_begin, scratch_end);
 }

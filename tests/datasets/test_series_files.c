@@ -72,8 +72,7 @@ static void assert_names(char (*have)[LG_SERIES_NAME], size_t count, const char 
     assert_string_equal(text, joined);
 }
 
-static void round_trip(void **state) {
-    (void)state;
+TEST("a series comes back as it was written") {
     for (int full = 0; full < 2; full++) {
         lg_series_data data, again;
         const char *path = scratch_path("round.h5"), *second = scratch_path("round2.h5");
@@ -114,9 +113,7 @@ static void round_trip(void **state) {
     }
 }
 
-/* x as little-endian floats, then label. */
-static void hash_of_arrays(void **state) {
-    (void)state;
+TEST("the hash is that of x as little-endian floats, then the labels") {
     lg_series_data data;
     lg_sha256 sha;
     char text[LG_SHA256_TEXT];
@@ -130,8 +127,7 @@ static void hash_of_arrays(void **state) {
 }
 
 /* Names that cannot be joined by |, and more of them than an attribute holds. */
-static void awkward_names(void **state) {
-    (void)state;
+TEST("names that cannot be joined, and more than an attribute holds, come back") {
     for (size_t many = 0; many < 2; many++) {
         const uint32_t classes = many == 1 ? 3000 : 2;
         lg_series_data data = {.series = {.count = classes, .channels = 3, .length = 1, .classes = classes}},
@@ -215,8 +211,7 @@ static void assert_labels(const char *path, const lg_series *like, const char *n
 
 static const double plain[WINDOWS] = {0, 1, 0, 1, 1, 0};
 
-static void foreign_samples(void **state) {
-    (void)state;
+TEST("samples are read in the types of other programs") {
     const struct {
         hid_t stored;
         int rank;
@@ -243,8 +238,7 @@ static void foreign_samples(void **state) {
     }
 }
 
-static void number_labels(void **state) {
-    (void)state;
+TEST("labels may be numbers of any type") {
     const struct {
         hid_t stored;
         int rank;
@@ -272,8 +266,7 @@ static void number_labels(void **state) {
     }
 }
 
-static void text_labels(void **state) {
-    (void)state;
+TEST("labels may be texts") {
     static const char *const words[WINDOWS] = {"ok", "worn out", "ok", "leak", "worn out", "ok"};
     static const char *const digits[WINDOWS] = {"10", "9", "10", "9", "10", "9"}; /* bytewise: 10 first */
     static const uint32_t rising[WINDOWS] = {1, 2, 1, 0, 2, 1}, listed[WINDOWS] = {0, 1, 0, 2, 1, 0};
@@ -302,8 +295,7 @@ static void text_labels(void **state) {
 }
 
 /* numpy's bool is an enumeration. */
-static void bool_labels(void **state) {
-    (void)state;
+TEST("labels may be numpy's bool, which is an enumeration") {
     const signed char no = 0, yes = 1, y[WINDOWS] = {1, 0, 0, 1, 1, 0};
     const hsize_t n = WINDOWS;
     const uint32_t expected[WINDOWS] = {1, 0, 0, 1, 1, 0};
@@ -318,8 +310,7 @@ static void bool_labels(void **state) {
 }
 
 /* A list of texts, as attrs["classes"] = ["a", "b"] writes; numbers are no names. */
-static void listed_names(void **state) {
-    (void)state;
+TEST("a list of texts is names, and a list of numbers is not") {
     const char *const names[2] = {"dry|cold", "wet"};
     const hsize_t n = 2;
     const uint32_t expected[WINDOWS] = {0, 1, 0, 1, 1, 0};
@@ -348,8 +339,7 @@ static void listed_names(void **state) {
     assert_labels(path, NULL, "0|1", expected);
 }
 
-static void foreign_units(void **state) {
-    (void)state;
+TEST("units of other programs are read") {
     static const char *const people[WINDOWS] = {"p7", "p7", "p12", "p12", "p9", "p9"};
     static const double runs[WINDOWS] = {40, 40, 3, 3, 3, 0}, rate = 12.5;
     static const uint32_t groups[WINDOWS] = {1, 1, 0, 0, 2, 2};
@@ -390,8 +380,7 @@ static lg_context *listening(heard *h) {
     return context;
 }
 
-static void torn_runs(void **state) {
-    (void)state;
+TEST("runs whose windows do not follow one another are left out, with a warning") {
     static const double runs[WINDOWS] = {1, 1, 2, 1, 2, 2};
     heard h = {0, ""};
     lg_series_data data;
@@ -416,8 +405,7 @@ static lg_series classes_like(uint32_t classes, const char *const *names) {
     return like;
 }
 
-static void matched_classes(void **state) {
-    (void)state;
+TEST("classes are matched by name") {
     static const struct {
         const char *like[3];
         double y[WINDOWS];
@@ -455,8 +443,7 @@ static void matched_classes(void **state) {
     }
 }
 
-static void unmatched_classes(void **state) {
-    (void)state;
+TEST("classes that do not match are refused") {
     static const struct {
         const char *like[2];
         double y[WINDOWS];
@@ -491,9 +478,7 @@ static void unmatched_classes(void **state) {
                   LG_INVALID_ARGUMENT);
 }
 
-/* Numbers with names: what they mean does not depend on which of them occur. */
-static void numbers_with_names(void **state) {
-    (void)state;
+TEST("what numbers with names mean does not depend on which of them occur") {
     static const double one[WINDOWS] = {1, 2, 3, 1, 2, 3}, zero[WINDOWS] = {0, 1, 2, 0, 1, 2},
                         odd[WINDOWS] = {-1, 7, 9, -1, 7, 9};
     static const struct {
@@ -553,9 +538,7 @@ static void numbers_with_names(void **state) {
     }
 }
 
-/* Labels without names are names: one that did not occur is no number of a class. */
-static void unknown_zero(void **state) {
-    (void)state;
+TEST("labels without names are names: one that did not occur is no number of a class") {
     static const char *const names[] = {"1", "2", "3"};
     static const double y[WINDOWS] = {0, 1, 2, 0, 1, 2};
     lg_series_data data;
@@ -569,8 +552,7 @@ static void unknown_zero(void **state) {
 }
 
 /* Neither 0 nor K occurs and nothing else tells: 0 is taken, with a warning. class_labels tells. */
-static void given_class_labels(void **state) {
-    (void)state;
+TEST("class_labels tells what 0 means; without it 0 is taken, with a warning") {
     static const double y[WINDOWS] = {1, 2, 1, 2, 1, 2};
     static const uint32_t from_zero[WINDOWS] = {1, 2, 1, 2, 1, 2}, given[WINDOWS] = {2, 0, 2, 0, 2, 0};
     heard h = {0, ""};
@@ -598,9 +580,7 @@ static void given_class_labels(void **state) {
     assert_refused(read_data, path, LG_FORMAT, "class_labels", "expected texts");
 }
 
-/* What this program writes counts from 0, whatever the file said that was read. */
-static void labels_written_again(void **state) {
-    (void)state;
+TEST("what this program writes counts from 0, whatever the file that was read said") {
     static const double y[WINDOWS] = {2, 3, 3, 2, 3, 2};
     static const uint32_t expected[WINDOWS] = {1, 2, 2, 1, 2, 1};
     heard h = {0, ""};
@@ -636,8 +616,7 @@ static void put_waves(const char *path, const double offset[CHANNELS], const dou
     replace_dataset(path, "X", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 3, dims, x);
 }
 
-static void lost_in_floats(void **state) {
-    (void)state;
+TEST("a spread that floats lose is told, or refused") {
     static const struct {
         double offset[CHANNELS], scale[CHANNELS];
         const char *warning, *word;
@@ -673,9 +652,7 @@ static void lost_in_floats(void **state) {
     }
 }
 
-/* More than one block of rows, in chunks that do not divide them. */
-static void many_blocks(void **state) {
-    (void)state;
+TEST("more than one block of rows is read, in chunks that do not divide them") {
     enum { ROWS = 700, SAMPLES = 300 };
     const hsize_t dims[2] = {ROWS, SAMPLES}, chunk[2] = {37, 64};
     double *x = malloc(sizeof *x * ROWS * SAMPLES), y[ROWS];
@@ -701,8 +678,7 @@ static void many_blocks(void **state) {
     free(x);
 }
 
-static void foreign_rates(void **state) {
-    (void)state;
+TEST("rates of other programs are read") {
     heard h = {0, ""};
     lg_context *context = listening(&h);
     lg_series_data data;
@@ -719,8 +695,7 @@ static void foreign_rates(void **state) {
 
 /* ---- bad input ---- */
 
-static void damaged_files(void **state) {
-    (void)state;
+TEST("a damaged file is refused") {
     static const char *const words[WINDOWS] = {"ok", "leak", "ok", "worn out", "leak", "ok"};
     refuse_damaged_files(read_data, good_file(), "");
     survive_changed_bytes(read_data, good_file(), 80);
@@ -730,8 +705,7 @@ static void damaged_files(void **state) {
     survive_changed_bytes(read_data, path, 80);
 }
 
-static void bad_arrays(void **state) {
-    (void)state;
+TEST("an array of the wrong shape or value is refused by name") {
     static const bad_array cases[] = {
         {"X", 1, {60}, 0, LG_FORMAT, "rank 1"},
         {"X", 4, {6, 2, 5, 1}, 0, LG_FORMAT, "rank 4"},
@@ -770,9 +744,7 @@ static void bad_arrays(void **state) {
     refuse_without_links(read_data, good_file, "has no", needed, LG_COUNT(needed));
 }
 
-/* The place of the first bad sample, and of no other. */
-static void place_of_a_sample(void **state) {
-    (void)state;
+TEST("the place of the first bad sample is told, and of no other") {
     const hsize_t dims[3] = {WINDOWS, CHANNELS, LENGTH};
     double x[WINDOWS * WINDOW] = {0};
     x[4 * WINDOW + LENGTH + 3] = NAN;
@@ -788,9 +760,7 @@ static void place_of_a_sample(void **state) {
     assert_refused(read_data, path, LG_NOT_FINITE, "precision in window 5, channel 0, sample 0", "");
 }
 
-/* A label that int64 does not hold is refused; it is not the largest that it holds. */
-static void label_beyond_its_range(void **state) {
-    (void)state;
+TEST("a label that int64 does not hold is refused") {
     const hsize_t dims[1] = {WINDOWS};
     const uint64_t large[WINDOWS] = {0, 1, 2, 0, 1, (uint64_t)INT64_MAX + 1};
     const char *path = good_file();
@@ -798,9 +768,7 @@ static void label_beyond_its_range(void **state) {
     assert_refused(read_data, path, LG_FORMAT, "/y: cannot be read", "out of range");
 }
 
-/* Texts where numbers belong, and texts that are no names. */
-static void bad_texts(void **state) {
-    (void)state;
+TEST("texts where numbers belong, and texts that are no names, are refused") {
     static char longest[65];
     const char *const words[WINDOWS] = {"a", "b", "", "a", "b", "a"};
     const char *const lengthy[WINDOWS] = {"a", longest, "a", "a", "b", "a"};
@@ -839,9 +807,7 @@ static void put_empty(const char *path, const char *name, hid_t type, int rank, 
     assert_true(H5Pclose(plist) >= 0 && H5Fclose(file) >= 0);
 }
 
-/* Sizes that nobody has memory for, without a byte behind them. */
-static void huge_sizes(void **state) {
-    (void)state;
+TEST("sizes that nobody has memory for are refused, without a byte behind them") {
     static const struct {
         const char *name;
         int rank;
@@ -872,8 +838,7 @@ static size_t pass_through(unsigned flags, size_t count, const unsigned *values,
     return bytes;
 }
 
-static void unknown_filter(void **state) {
-    (void)state;
+TEST("an unknown filter is refused") {
     static const H5Z_class2_t squeeze = {.version = H5Z_CLASS_T_VERS,
                                          .id = 300,
                                          .encoder_present = 1,
@@ -895,9 +860,7 @@ static void unknown_filter(void **state) {
     assert_refused(read_data, path, LG_FORMAT, "/X: is compressed with 'squeeze'", "gzip");
 }
 
-/* The limit counts what lies in memory: floats, whatever the stored type. */
-static void limit_of_memory(void **state) {
-    (void)state;
+TEST("the limit counts what lies in memory: floats, whatever the stored type") {
     lg_error error = {LG_OK, ""};
     lg_read_options options;
     lg_read_options_init(&options);
@@ -910,8 +873,7 @@ static void limit_of_memory(void **state) {
     assert_non_null(strstr(error.message, "/X"));
 }
 
-static void bad_attributes(void **state) {
-    (void)state;
+TEST("an attribute of the wrong type or value is refused by name") {
     static const struct {
         const char *name;
         double value;
@@ -948,8 +910,7 @@ static void bad_attributes(void **state) {
     assert_refused(read_data, path, LG_VERSION, "format_version", "2");
 }
 
-static void refused_on_write(void **state) {
-    (void)state;
+TEST("a series that could not be read is not written") {
     lg_series_data data;
     lg_error error = {LG_OK, ""};
     const char *path = scratch_path("refused.h5");
@@ -1011,8 +972,7 @@ static lg_status write_step(const lg_context *context, void *user, lg_error *err
     return status;
 }
 
-static void failing_allocations(void **state) {
-    (void)state;
+TEST("every allocation may fail, and nothing leaks") {
     static const char *const words[WINDOWS] = {"ok", "leak", "ok", "worn out", "leak", "ok"};
     const char *path = good_file();
     assert_true(fail_every_reading(read_data, path) >= 20);
@@ -1022,40 +982,4 @@ static void failing_allocations(void **state) {
     put_labels(path, "group", H5T_IEEE_F64LE, 1, plain);
     replace_text(path, "/", "classes", "worn out|leak|ok");
     assert_true(fail_every_allocation(read_like_step, (void *)path) >= 20);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(round_trip),
-        cmocka_unit_test(hash_of_arrays),
-        cmocka_unit_test(awkward_names),
-        cmocka_unit_test(foreign_samples),
-        cmocka_unit_test(number_labels),
-        cmocka_unit_test(text_labels),
-        cmocka_unit_test(bool_labels),
-        cmocka_unit_test(listed_names),
-        cmocka_unit_test(foreign_units),
-        cmocka_unit_test(torn_runs),
-        cmocka_unit_test(matched_classes),
-        cmocka_unit_test(unmatched_classes),
-        cmocka_unit_test(numbers_with_names),
-        cmocka_unit_test(unknown_zero),
-        cmocka_unit_test(given_class_labels),
-        cmocka_unit_test(labels_written_again),
-        cmocka_unit_test(lost_in_floats),
-        cmocka_unit_test(many_blocks),
-        cmocka_unit_test(foreign_rates),
-        cmocka_unit_test(damaged_files),
-        cmocka_unit_test(bad_arrays),
-        cmocka_unit_test(place_of_a_sample),
-        cmocka_unit_test(label_beyond_its_range),
-        cmocka_unit_test(bad_texts),
-        cmocka_unit_test(unknown_filter),
-        cmocka_unit_test(huge_sizes),
-        cmocka_unit_test(limit_of_memory),
-        cmocka_unit_test(bad_attributes),
-        cmocka_unit_test(refused_on_write),
-        cmocka_unit_test(failing_allocations),
-    };
-    return cmocka_run_group_tests(tests, scratch_begin, scratch_end);
 }

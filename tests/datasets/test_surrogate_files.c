@@ -87,8 +87,7 @@ static void make_model(size_t which, lg_surrogate_file *file) {
     (void)snprintf(file->provenance.command, sizeof file->provenance.command, "train");
 }
 
-static void round_trip(void **state) {
-    (void)state;
+TEST("a model comes back as it was saved") {
     for (size_t e = 0; e < LG_COUNT(examples); e++) {
         lg_surrogate_file file, again;
         const char *path = scratch_path("round.h5"), *second = scratch_path("round2.h5");
@@ -119,9 +118,7 @@ static void round_trip(void **state) {
     }
 }
 
-/* Every slice of the network's vector lies below /model under its name, in the type of the training. */
-static void layers_by_name(void **state) {
-    (void)state;
+TEST("every slice of the vector lies under its name, in the type of the training") {
     for (size_t e = 0; e < LG_COUNT(examples); e++) {
         lg_surrogate_file file;
         lg_slice_info slice;
@@ -140,9 +137,7 @@ static void layers_by_name(void **state) {
     }
 }
 
-/* What a model written by hand needs, and what it may leave out. */
-static void minimal_model(void **state) {
-    (void)state;
+TEST("a model written by hand may leave out what is not needed") {
     static const char *const links[] = {"train", "run", "trained"};
     static const char *const attributes[] = {"train_mse", "test_mse", "seed", "command", "cpu", "format"};
     lg_surrogate_file file;
@@ -159,14 +154,12 @@ static void minimal_model(void **state) {
     lg_surrogate_file_destroy(NULL, &file);
 }
 
-static void damaged_models(void **state) {
-    (void)state;
+TEST("a damaged model is refused") {
     refuse_damaged_files(read_model, good_model(1), "");
     survive_changed_bytes(read_model, good_model(1), 100);
 }
 
-static void bad_arrays(void **state) {
-    (void)state;
+TEST("an array of the wrong shape or value is refused by name") {
     static const bad_array cases[] = {
         {"model/embedding/weight", 2, {6, 9}, 1, LG_FORMAT, "shape"},
         {"model/embedding/bias", 1, {6}, NAN, LG_NOT_FINITE, "(0)"},
@@ -182,8 +175,7 @@ static void bad_arrays(void **state) {
     assert_refused(read_model, path, LG_FORMAT, "model/embedding/bias", "");
 }
 
-static void bad_attributes(void **state) {
-    (void)state;
+TEST("an attribute of the wrong type or value is refused by name") {
     static const bad_value texts[] = {
         {"/", "kind", "hamiltonian", "surrogate"},     {"model", "network", NULL, "missing"},
         {"model", "network", "fuzzy", "known name"},   {"model", "architecture", "unet", "known name"},
@@ -211,8 +203,7 @@ static void bad_attributes(void **state) {
     refuse_nans(read_model, fresh_model, "finite", reals, LG_COUNT(reals));
 }
 
-static void refused_on_save(void **state) {
-    (void)state;
+TEST("a model that could not be read is not saved") {
     lg_surrogate_file file;
     lg_error error = {LG_OK, ""};
     const char *path = scratch_path("refused.h5");
@@ -246,19 +237,16 @@ static void refused_on_save(void **state) {
     assert_status(lg_model_save_surrogate(NULL, path, &file, NULL, NULL), LG_INVALID_ARGUMENT);
 }
 
-static void checkpoint_resumes(void **state) {
-    (void)state;
+TEST("a fit resumed from its checkpoint ends in the same bits") {
     resume_checkpoint(NULL);
 }
 
-static void damaged_checkpoints(void **state) {
-    (void)state;
+TEST("a damaged checkpoint is refused") {
     static const char *const needed[] = {"batch", "lr", "data_sha256", "gamma", "train_fraction", "curves"};
     refuse_damaged_checkpoints("surrogate", "surrogate-checkpoint", 60, needed, LG_COUNT(needed));
 }
 
-static void another_problem(void **state) {
-    (void)state;
+TEST("a checkpoint of another run is refused, and the sentence names the difference") {
     const lg_surrogate_run wanted = make_run(1);
     lg_surrogate_run runs[9];
     static const char *const words[] = {"batch 33, not 32",
@@ -285,19 +273,10 @@ static void another_problem(void **state) {
 
 /* ---- memory ---- */
 
-static void failing_allocations(void **state) {
-    (void)state;
+TEST("every allocation may fail, and nothing leaks") {
     fail_model_allocations(8, 6);
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(round_trip),         cmocka_unit_test(layers_by_name),
-        cmocka_unit_test(minimal_model),      cmocka_unit_test(damaged_models),
-        cmocka_unit_test(bad_arrays),         cmocka_unit_test(bad_attributes),
-        cmocka_unit_test(refused_on_save),    cmocka_unit_test(model_with_fit),
-        cmocka_unit_test(checkpoint_resumes), cmocka_unit_test(damaged_checkpoints),
-        cmocka_unit_test(another_problem),    cmocka_unit_test(failing_allocations),
-    };
-    return cmocka_run_group_tests(tests, scratch_begin, scratch_end);
+TEST("a model comes back with the state of its fit") {
+    model_with_fit();
 }

@@ -46,8 +46,7 @@ static lg_status read_and_free(const lg_context *context, const char *path, cons
     return status;
 }
 
-static void round_trip(void **state) {
-    (void)state;
+TEST("trajectories come back as they were written") {
     for (uint32_t links = 1; links <= 3; links++) {
         lg_trajectories data, again;
         const char *path = scratch_path("round.h5"), *second = scratch_path("round2.h5");
@@ -76,9 +75,7 @@ static void round_trip(void **state) {
     }
 }
 
-/* The hash is that of t, data and inputs as little-endian doubles. */
-static void hash_is_of_the_data(void **state) {
-    (void)state;
+TEST("the hash is that of t, data and inputs as little-endian doubles") {
     lg_trajectories data;
     lg_sha256 sha;
     char digest[LG_SHA256_TEXT];
@@ -103,8 +100,7 @@ static void bare_file(const char *path) {
     assert_true(file >= 0 && H5Fclose(file) >= 0);
 }
 
-static void foreign_types(void **state) {
-    (void)state;
+TEST("numbers are read in the types of other programs") {
     /* Big-endian floats, 16-bit integers as times, variable-length texts, no attributes of ours. */
     const char *path = scratch_path("foreign.h5");
     const float points[2 * 3 * 4] = {0.5f, -0.25f, 1, 0, 0.5f, -0.125f, 1,  1,  2,  3,  4,  5,
@@ -133,8 +129,7 @@ static void foreign_types(void **state) {
     lg_trajectories_destroy(NULL, &data);
 }
 
-static void foreign_texts(void **state) {
-    (void)state;
+TEST("texts are read in the types of other programs") {
     static const H5T_str_t pads[] = {H5T_STR_NULLTERM, H5T_STR_NULLPAD, H5T_STR_SPACEPAD};
     for (size_t i = 0; i < LG_COUNT(pads); i++) {
         const char *path = good_file(2);
@@ -151,8 +146,7 @@ static void foreign_texts(void **state) {
     }
 }
 
-static void derived_attributes(void **state) {
-    (void)state;
+TEST("attributes that follow from the data may be missing") {
     static const char *const names[] = {"system",         "links", "layout", "format",
                                         "format_version", "kind",  "seed",   "liegrad_version"};
     const char *path = good_file(2);
@@ -179,9 +173,7 @@ static void derived_attributes(void **state) {
     lg_trajectories_destroy(NULL, &data);
 }
 
-/* Times stored as floats are equidistant to their own rounding. */
-static void float_times(void **state) {
-    (void)state;
+TEST("times stored as floats are equidistant to their own rounding") {
     const char *path = good_file(1);
     const hsize_t five = 5;
     const double times[5] = {1000.0, 1000.025, 1000.05, 1000.075, 1000.1};
@@ -194,8 +186,7 @@ static void float_times(void **state) {
 
 /* ---- bad input ---- */
 
-static void damaged_files(void **state) {
-    (void)state;
+TEST("a damaged file is refused") {
     refuse_damaged_files(read_and_free, good_file(1), "");
     survive_changed_bytes(read_and_free, good_file(1), 400);
 }
@@ -223,8 +214,7 @@ typedef struct bad_data {
     const char *word1, *word2;
 } bad_data;
 
-static void bad_data_sets(void **state) {
-    (void)state;
+TEST("a data set of the wrong shape or value is refused by name") {
     const bad_data cases[] = {
         {"t", 2, {5, 1}, SIZE_MAX, 0, LG_FORMAT, "/t", "rank"},
         {"t", 1, {4}, SIZE_MAX, 0, LG_FORMAT, "/t", "4"},
@@ -263,8 +253,7 @@ static void bad_data_sets(void **state) {
     assert_ok(read_and_free(NULL, path, NULL, NULL));
 }
 
-static void wrong_types(void **state) {
-    (void)state;
+TEST("a value of the wrong type is refused") {
     static const char *const names[] = {"t", "trajectories", "hamiltonian", "inputs"};
     for (size_t i = 0; i < LG_COUNT(names); i++) {
         const char *path = good_file(1);
@@ -287,8 +276,7 @@ static void wrong_types(void **state) {
     }
 }
 
-static void bad_attributes(void **state) {
-    (void)state;
+TEST("an attribute of the wrong value is refused by name") {
     const char *path = good_file(2);
     replace_integer(path, "/", "format_version", 2);
     assert_refused(read_and_free, path, LG_VERSION, "format_version", "2");
@@ -318,9 +306,7 @@ static void bad_attributes(void **state) {
     assert_refused(read_and_free, path, LG_FORMAT, "system", "text");
 }
 
-/* A file of a few kilobytes that declares terabytes. */
-static void absurd_sizes(void **state) {
-    (void)state;
+TEST("a file of a few kilobytes that declares terabytes is refused") {
     const hsize_t sizes[][3] = {
         {(hsize_t)1 << 40, 5, 6}, {(hsize_t)1 << 62, (hsize_t)1 << 62, 6}, {1u << 20, 64, 6}};
     for (size_t i = 0; i < LG_COUNT(sizes); i++) {
@@ -338,9 +324,7 @@ static void absurd_sizes(void **state) {
     }
 }
 
-/* Data is not taken from other files. */
-static void other_files(void **state) {
-    (void)state;
+TEST("data is not taken from other files") {
     const char *target = scratch_path("target.h5");
     lg_trajectories data;
     make_chain(NULL, 1, 3, 5, &data);
@@ -363,8 +347,7 @@ static void other_files(void **state) {
     assert_refused(read_and_free, path, LG_FORMAT, "/t", "another file");
 }
 
-static void bad_arguments(void **state) {
-    (void)state;
+TEST("wrong arguments are refused") {
     lg_trajectories data, untouched;
     memset(&data, 0x5a, sizeof data);
     memcpy(&untouched, &data, sizeof data);
@@ -421,8 +404,7 @@ static lg_status create_step(const lg_context *context, void *user, lg_error *er
     return status;
 }
 
-static void failing_allocations(void **state) {
-    (void)state;
+TEST("every allocation may fail, and nothing leaks") {
     const char *path = good_file(2);
     size_t files = scratch_files();
     assert_true(fail_every_allocation(read_step, (void *)path) >= 6);
@@ -431,8 +413,7 @@ static void failing_allocations(void **state) {
     assert_int_equal(scratch_files(), files);
 }
 
-static void full_disk(void **state) {
-    (void)state;
+TEST("a full disk leaves no file") {
     const char *path = good_file(1), *copy = scratch_path("copy.h5");
     size_t size, files;
     unsigned char *before = read_bytes_of(path, &size);
@@ -459,8 +440,7 @@ static void full_disk(void **state) {
     free(before);
 }
 
-static void unwritable(void **state) {
-    (void)state;
+TEST("a place that cannot be written is refused") {
     lg_trajectories data;
     make_chain(NULL, 1, 2, 3, &data);
     const char *const places[] = {"/proc/data.h5", scratch_path("no/such/folder/data.h5"), "/dev/full",
@@ -495,8 +475,7 @@ static lg_status dies(void *user, lg_error *error) {
     return *nowhere == 0 ? LG_OK : LG_FORMAT;
 }
 
-static void probe_catches(void **state) {
-    (void)state;
+TEST("the probe catches a reader that dies") {
     const char *path = good_file(1);
     lg_read_options options;
     lg_read_options_init(&options);
@@ -513,8 +492,7 @@ static void probe_catches(void **state) {
 }
 
 /* Programs that know only doubles store k as 2.0: the same number, but nothing else is. */
-static void integers_as_floats(void **state) {
-    (void)state;
+TEST("integers stored as whole doubles are read, and nothing else is") {
     static const struct {
         double value;
         const char *words; /* NULL: accepted */
@@ -540,19 +518,4 @@ static void integers_as_floats(void **state) {
     assert_ok(read_and_free(NULL, path, NULL, NULL));
     replace_attribute(path, "/", "format_version", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, &version);
     assert_refused(read_and_free, path, LG_VERSION, "format_version", "2");
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(round_trip),         cmocka_unit_test(hash_is_of_the_data),
-        cmocka_unit_test(foreign_types),      cmocka_unit_test(foreign_texts),
-        cmocka_unit_test(derived_attributes), cmocka_unit_test(float_times),
-        cmocka_unit_test(damaged_files),      cmocka_unit_test(bad_data_sets),
-        cmocka_unit_test(wrong_types),        cmocka_unit_test(bad_attributes),
-        cmocka_unit_test(absurd_sizes),       cmocka_unit_test(other_files),
-        cmocka_unit_test(bad_arguments),      cmocka_unit_test(failing_allocations),
-        cmocka_unit_test(full_disk),          cmocka_unit_test(unwritable),
-        cmocka_unit_test(probe_catches),      cmocka_unit_test(integers_as_floats),
-    };
-    return cmocka_run_group_tests(tests, scratch_begin, scratch_end);
 }

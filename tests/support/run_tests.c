@@ -5,6 +5,7 @@ enum { MOST_TESTS = 128, MOST_OWNED = 1 << 16 };
 static lg_test_body bodies[MOST_TESTS];
 static struct CMUnitTest tests[MOST_TESTS];
 static size_t test_count;
+static CMFixtureFunction group_begin, group_end;
 
 static struct {
     void *object;
@@ -33,6 +34,11 @@ void lg_test_enter(const char *claim, lg_test_body body) {
     test_count++;
 }
 
+void lg_test_group(CMFixtureFunction begin, CMFixtureFunction end) {
+    group_begin = begin;
+    group_end = end;
+}
+
 void lg_test_owns(void *object, void (*release)(void *)) {
     assert_non_null(object);
     assert_true(owned_count < MOST_OWNED);
@@ -49,5 +55,5 @@ void *lg_test_memory(size_t bytes) {
 
 int main(int argc, char **argv) {
     if (argc > 1) cmocka_set_test_filter(argv[1]);
-    return _cmocka_run_group_tests("tests", tests, test_count, NULL, NULL);
+    return _cmocka_run_group_tests("tests", tests, test_count, group_begin, group_end);
 }
