@@ -2,16 +2,8 @@
  * what it computes is. */
 #include "cli_support.h"
 
-static int make_folder(void **state) {
-    (void)state;
-    cli_make_folder();
-    return cli_folder[0] == '\0';
-}
-
-static int remove_folder(void **state) {
-    (void)state;
-    cli_remove_folder();
-    return 0;
+static int setup(void **state) {
+    return cli_begin();
 }
 
 static void run_case(const char *arguments, double largest_error, cli *result) {
@@ -26,7 +18,7 @@ static void run_case(const char *arguments, double largest_error, cli *result) {
     if (!(error >= 0 && error <= largest_error)) fail_msg("lg-bench %s: error %g", words, error);
 }
 
-static void every_case_runs(void **state) {
+TEST("every case runs") {
     static const struct {
         const char *arguments;
         double error; /* largest; negative: there is none */
@@ -51,14 +43,12 @@ static void every_case_runs(void **state) {
         {"ode --links 3 --repeats 1 --only tol=1e-12", 1e-9},
     };
     cli result;
-    (void)state;
     for (size_t i = 0; i < LG_COUNT(cases); i++) run_case(cases[i].arguments, cases[i].error, &result);
 }
 
 /* The other program's way: parameters written, read again, judged. Two epochs lower the loss. */
-static void a_hamiltonian_is_trained_and_judged(void **state) {
+TEST("a Hamiltonian is trained, read again and judged") {
     cli result;
-    (void)state;
     run_case("hamiltonian-quartic --epochs 3 --out set --judge", 0.2, &result);
     const double trained = json_number(result.out, "error");
     assert_true(isfinite(json_number(result.out, "E1")));
@@ -72,11 +62,10 @@ static void a_hamiltonian_is_trained_and_judged(void **state) {
     cli_expect("lg-bench", "hamiltonian --weights missing", 3, "missing", &result);
 }
 
-static void the_list_names_all_cases(void **state) {
+TEST("the list names all cases") {
     static const char *const names[] = {"mlp2", "hamiltonian", "dense", "adam",   "scalar", "jvp",
                                         "gemm", "act",         "node",  "batch1", "ode"};
     cli result;
-    (void)state;
     cli_expect("lg-bench", "list", 0, "mlp2", &result);
     for (size_t i = 0; i < LG_COUNT(names); i++) assert_non_null(strstr(result.out, names[i]));
     cli_expect("lg-bench", "list --json", 0, "\"cases\"", &result);
@@ -84,11 +73,10 @@ static void the_list_names_all_cases(void **state) {
 }
 
 /* A chain's rows tell what the solver did, and a step's cost stands behind them. */
-static void an_integration_tells_its_work(void **state) {
+TEST("an integration tells its work") {
     static const char *const keys[] = {"steps", "rejected", "evaluations", "manifold_error",
                                        "reference_error"};
     cli result;
-    (void)state;
     run_case("ode --links 2 --repeats 1 --only tol=1e-06", 1e-4, &result);
     for (size_t i = 0; i < LG_COUNT(keys); i++) assert_non_null(json_find(result.out, keys[i]));
     assert_true(json_number(result.out, "manifold_error") <= 1e-14);
@@ -98,33 +86,24 @@ static void an_integration_tells_its_work(void **state) {
 }
 
 /* What it ran on is told; rows can be chosen. */
-static void the_report_says_on_what_it_ran(void **state) {
+TEST("the report says on what it ran") {
     static const char *const keys[] = {"cpu",      "kernels", "dtype",  "threads",
                                        "error_is", "p10_us",  "p90_us", "rows"};
     cli result;
-    (void)state;
     run_case("act --width 64 --repeats 1 --only exp", 3, &result);
     for (size_t i = 0; i < LG_COUNT(keys); i++) assert_non_null(json_find(result.out, keys[i]));
     assert_null(strstr(result.out, "tanh"));
     cli_expect("lg-bench", "mlp2 --batch 2 --width 4 --repeats 1", 0, "B=2", &result);
 }
 
-static void bad_options_are_refused(void **state) {
+TEST("bad options are refused") {
     static const char *const bad[] = {"nothing",          "mlp2 --batch 0",
                                       "mlp2 --dtype f16", "mlp2 --repeats x",
                                       "mlp2 --width -1",  "act --repeats 1 --only nothing"};
     cli result;
-    (void)state;
     for (size_t i = 0; i < LG_COUNT(bad); i++) cli_expect("lg-bench", bad[i], 2, "lg-bench", &result);
     cli_expect("lg-bench", "scalar --dtype f32", 2, "f64", &result);
     cli_expect("lg-bench", "ode --dtype f32", 2, "f64", &result);
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_case_runs),          cmocka_unit_test(a_hamiltonian_is_trained_and_judged),
-        cmocka_unit_test(the_list_names_all_cases), cmocka_unit_test(the_report_says_on_what_it_ran),
-        cmocka_unit_test(bad_options_are_refused),  cmocka_unit_test(an_integration_tells_its_work),
-    };
-    return cmocka_run_group_tests(tests, make_folder, remove_folder);
-}
+TEST_GROUP(setup, cli_end)

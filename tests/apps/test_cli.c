@@ -36,15 +36,11 @@ static void write_nan_file(void) {
 }
 
 static int setup(void **state) {
-    (void)state;
-    cli_make_folder();
-    if (cli_folder[0] == '\0') return -1;
+    if (cli_begin() != 0) return -1;
     cli_write("scene.yaml", scene);
     cli_write("start.yaml", start_scene);
     cli_write("quartic.yaml", quartic);
     cli_write("grid.yaml", grid);
-    cli_write("empty.h5", "");
-    cli_write("foreign.h5", "this is no HDF5 file, whatever its name says\n");
     cli_expect(lg,
                "generate scene.yaml --trajectories 40 --points 4 --t-end 0.1 --out train.h5 --seed 5 --json",
                0, "\"trajectories\": 40", &result);
@@ -150,8 +146,7 @@ static const cli_bad bad_input[] = {
     {"demo --out scene.yaml", 3, "scene.yaml"},
 };
 
-static void test_bad_input(void **state) {
-    (void)state;
+TEST("a refused command line tells its exit code and word, and writes nothing") {
     cli_expect_refused(lg, bad_input, sizeof bad_input / sizeof bad_input[0], &result);
     assert_false(cli_exists("m.h5"));
     assert_false(cli_exists("d.h5"));
@@ -169,8 +164,7 @@ static const char *const bad_scenes[][2] = {
     {"system: [pendulum-chain\n", "bad.yaml"},
 };
 
-static void test_bad_scenes(void **state) {
-    (void)state;
+TEST("a bad scene is refused with its name") {
     for (size_t i = 0; i < sizeof bad_scenes / sizeof bad_scenes[0]; i++) {
         cli_write("bad.yaml", bad_scenes[i][0]);
         cli_expect(lg, "generate bad.yaml --out d.h5", 3, bad_scenes[i][1], &result);
@@ -180,10 +174,9 @@ static void test_bad_scenes(void **state) {
 
 /* ---- help, versions, JSON ---- */
 
-static void test_help(void **state) {
+TEST("every command has help and a version") {
     static const char *const commands[] = {"generate", "train", "evaluate", "predict", "study", "demo"};
     char arguments[64];
-    (void)state;
     cli_expect(lg, "--version", 0, "lg-hamiltonian (liegrad) ", &result);
     cli_expect(lg, "--help", 0, "Commands:", &result);
     for (size_t i = 0; i < sizeof commands / sizeof commands[0]; i++) {
@@ -195,8 +188,7 @@ static void test_help(void **state) {
     }
 }
 
-static void test_json_checker(void **state) {
-    (void)state;
+TEST("the checker of JSON refuses what is no JSON") {
     assert_true(json_is_object("{\"a\": [1, -2.5e-3, null, true], \"b\": {\"c\": \"x\\u00e9\\n\"}}\n"));
     assert_false(json_is_object("{\"a\": nan}"));
     assert_false(json_is_object("{\"a\": 01}"));
@@ -205,8 +197,7 @@ static void test_json_checker(void **state) {
     assert_close(json_number("{\"ab\": {\"b\": 1}, \"b\": 2}", "b"), 2, 0, 0);
 }
 
-static void test_evaluate_and_predict(void **state) {
-    (void)state;
+TEST("a model is evaluated, and predicts") {
     cli_expect(lg, "evaluate model.h5 test.h5 --json", 0, "\"E1\"", &result);
     assert_true(json_is_object(result.out));
     const double e1 = json_number(result.out, "E1"), e2 = json_number(result.out, "E2");
@@ -228,9 +219,7 @@ static void test_evaluate_and_predict(void **state) {
     cli_expect(lg, "predict model.h5 --initial 1,0,0,0,0.5,0 --t-end 0.5", 0, "y = ", &result);
 }
 
-/* All commands take scenes with and without `initial`, and say what they make of them. */
-static void test_starts(void **state) {
-    (void)state;
+TEST("all commands take scenes with and without a start, and say what they make of them") {
     cli_expect(lg, "predict model.h5 scene.yaml --seed 4 --t-end 0.1", 0, "y = ", &result);
     assert_non_null(strstr(result.err, "scene.yaml: there is no `initial`: the start is drawn with seed 4"));
     cli_expect("lg-simulate", "scene.yaml --seed 4 --t-end 0.1", 0, "", &result);
@@ -239,9 +228,8 @@ static void test_starts(void **state) {
     assert_non_null(strstr(result.err, "`initial` is one start and was not used"));
 }
 
-static void test_plots(void **state) {
+TEST("pictures and histories are drawn") {
     static char script[65536];
-    (void)state;
     cli_expect(lg, "evaluate model.h5 test.h5 --plot ./sphere.svg", 0, "E1", &result);
     assert_true(cli_exists("sphere.dat") && cli_exists("sphere.gp"));
     cli_read("sphere.gp", script, sizeof script);
@@ -256,8 +244,7 @@ static void test_plots(void **state) {
 }
 
 /* Linear potential: Newton reaches the floor of the loss, below what Adam alone leaves. */
-static void test_newton(void **state) {
-    (void)state;
+TEST("Newton reaches the floor of a linear potential's loss, below what Adam alone leaves") {
     cli_expect(lg, "train train.h5 --potential linear --epochs 3 --out l.h5 --json", 0, "\"loss\"", &result);
     const double adam = json_number(result.out, "loss");
     cli_expect(lg, "train train.h5 --potential linear --epochs 3 --newton --out l.h5 --json", 0,
@@ -266,8 +253,7 @@ static void test_newton(void **state) {
     if (!(newton < 1e-14 && newton < 1e-6 * adam)) fail_msg("loss %g by Adam, %g by Newton", adam, newton);
 }
 
-static void test_separable(void **state) {
-    (void)state;
+TEST("separable systems are trained and judged") {
     cli_expect(lg, "generate quartic.yaml --trajectories 20 --points 4 --t-end 0.3 --out q.h5", 0, "quartic",
                &result);
     cli_expect(lg, "train q.h5 --hidden 8 --epochs 2 --batch 10 --out qm.h5 --json", 0, "\"stormer-verlet\"",
@@ -297,8 +283,7 @@ static void assert_same_parameters(const char *a, const char *b, bool same) {
     lg_hamiltonian_file_destroy(NULL, &second);
 }
 
-static void test_same_bits(void **state) {
-    (void)state;
+TEST("the same seed gives the same bits, in one run or resumed") {
     cli_expect(lg, TRAIN "--epochs 6 --threads 1 --seed 4 --out one.h5", 0, "one.h5", &result);
     cli_expect(lg, TRAIN "--epochs 6 --threads 2 --seed 4 --out two.h5", 0, "two.h5", &result);
     cli_expect(lg, TRAIN "--epochs 6 --threads 2 --seed 5 --out other.h5", 0, "other.h5", &result);
@@ -365,8 +350,7 @@ static void assert_recorded(const lg_hamiltonian_file *file, double e1, double e
     lg_trajectories_destroy(NULL, &test);
 }
 
-static void test_record(void **state) {
-    (void)state;
+TEST("errors are recorded in the model's file") {
     lg_hamiltonian_file before, after;
     cli_expect(lg, TRAIN "--epochs 6 --seed 4 --stop-after 2 --checkpoint rc.h5 --out rec.h5", 0, "rec.h5",
                &result);
@@ -400,10 +384,9 @@ static void test_record(void **state) {
 
 /* Test data without energies take the E2 of others away; the training data are no test set, which is said. A
  * link to the model stays a link. */
-static void test_record_again(void **state) {
+TEST("recorded errors replace the first ones, and a link to the model stays a link") {
     char path[1024];
     lg_hamiltonian_file file;
-    (void)state;
     cli_expect(lg, "evaluate twin.h5 train.h5 --record", 0, "Recorded in twin.h5", &result);
     assert_non_null(strstr(result.err, "train.h5 holds the data that twin.h5 was trained on"));
     load("model.h5", &file);
@@ -421,10 +404,8 @@ static void test_record_again(void **state) {
     lg_hamiltonian_file_destroy(NULL, &file);
 }
 
-/* Said before the evaluation; root may write everywhere. */
-static void test_record_into_a_shut_folder(void **state) {
+TEST("a folder that cannot be written is told before the evaluation; root may write everywhere") {
     char folder[1024], path[1024];
-    (void)state;
     cli_path("shut", folder, sizeof folder);
     assert_int_equal(mkdir(folder, 0777), 0);
     copy("model.h5", "shut/model.h5");
@@ -440,11 +421,10 @@ static void test_record_into_a_shut_folder(void **state) {
 }
 
 /* What demo judges, it records. */
-static void test_demo(void **state) {
+TEST("what the demonstration judges, it records") {
     lg_hamiltonian_file file;
     lg_trajectories test;
     char path[1024];
-    (void)state;
     cli_expect(lg, "demo --epochs 1 --t-end 1 --out demo --json", 0, "\"E1\"", &result);
     load("demo/model.h5", &file);
     assert_true(file.has_e1 && file.has_e2 && file.test.trajectories == 100 && file.test.points == 15);
@@ -463,8 +443,7 @@ static void test_demo(void **state) {
     assert_int_equal(closedir(folder), 0);
 }
 
-static void test_interrupt(void **state) {
-    (void)state;
+TEST("Ctrl-C saves the state") {
     cli_interrupt_training(lg, TRAIN "--history never.csv", &result);
     assert_true(cli_exists("never.csv"));
     cli_expect(lg, "train train.h5 --resume never.h5.checkpoint --stop-after 1 --out now.h5 --json", 0,
@@ -474,8 +453,7 @@ static void test_interrupt(void **state) {
 
 /* ---- full disks ---- */
 
-static void test_full_disk(void **state) {
-    (void)state;
+TEST("a full disk is told, and leaves no file") {
     cli_expect_limited(lg, "generate scene.yaml --out full.h5 --trajectories 300", 4096, 3, "full.h5",
                        &result);
     cli_expect_limited(lg, TRAIN "--epochs 1 --out full.h5", 2048, 3, "full.h5", &result);
@@ -501,9 +479,8 @@ static int lines(const char *text) {
     return n;
 }
 
-static void test_study(void **state) {
+TEST("a study runs, and goes on where it was stopped") {
     char once[8192], again[8192], path[1024];
-    (void)state;
     cli_expect(lg,
                "study grid.yaml --out once.csv --jobs 2 --threads 2 --plot w.svg --plot-noise n.svg "
                "--plot-parallel p.png",
@@ -531,23 +508,4 @@ static void test_study(void **state) {
     cli_expect(lg, "study grid.yaml --out limited.csv --json", 0, "\"done\": 4", &result);
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_json_checker),
-                                       cmocka_unit_test(test_help),
-                                       cmocka_unit_test(test_bad_input),
-                                       cmocka_unit_test(test_bad_scenes),
-                                       cmocka_unit_test(test_evaluate_and_predict),
-                                       cmocka_unit_test(test_starts),
-                                       cmocka_unit_test(test_plots),
-                                       cmocka_unit_test(test_newton),
-                                       cmocka_unit_test(test_separable),
-                                       cmocka_unit_test(test_same_bits),
-                                       cmocka_unit_test(test_record),
-                                       cmocka_unit_test(test_record_again),
-                                       cmocka_unit_test(test_record_into_a_shut_folder),
-                                       cmocka_unit_test(test_demo),
-                                       cmocka_unit_test(test_interrupt),
-                                       cmocka_unit_test(test_full_disk),
-                                       cmocka_unit_test(test_study)};
-    return cmocka_run_group_tests(tests, setup, cli_end);
-}
+TEST_GROUP(setup, cli_end)

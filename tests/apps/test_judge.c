@@ -22,9 +22,7 @@ static const char grid[] =
     "test: { trajectories: 4, points: 5 }\nseed: 3\n";
 
 static int setup(void **state) {
-    (void)state;
-    cli_make_folder();
-    if (cli_folder[0] == '\0') return -1;
+    if (cli_begin() != 0) return -1;
     cli_write("chain1.yaml", chain1);
     cli_write("chain2.yaml", chain2);
     cli_write("chain-box.yaml", chain_box);
@@ -146,8 +144,7 @@ static void check_errors(const char *scene, const char *integrator, const char *
     lg_trajectories_destroy(NULL, &test);
 }
 
-static void test_errors(void **state) {
-    (void)state;
+TEST("E1 and E2 are those that are computed here") {
     check_errors("chain1.yaml", "cf4", "0");
     check_errors("chain2.yaml", "lie-euler", "1e-2");
     check_errors("chain1.yaml", "rkmk54", "0");      /* a pair, without control of the step */
@@ -155,10 +152,8 @@ static void test_errors(void **state) {
     check_errors("oscillators.yaml", "rk4", "1e-2"); /* leaves model.h5 and test.h5 to the next two */
 }
 
-/* Results that overflow are shown as null and end with a sentence; an unknown E2 is no failure. */
-static void test_not_finite(void **state) {
+TEST("results that overflow are null and end with a sentence; an unknown E2 is no failure") {
     lg_trajectories test;
-    (void)state;
     read_data("test.h5", &test);
     const size_t last = test.points * test.state_size - 1;
     const double kept = test.data[last];
@@ -182,9 +177,8 @@ static void test_not_finite(void **state) {
     lg_trajectories_destroy(NULL, &test);
 }
 
-static void test_other_system(void **state) {
+TEST("test data of another system is told") {
     lg_trajectories test;
-    (void)state;
     read_data("test.h5", &test);
     (void)snprintf(test.system, sizeof test.system, "quartic");
     write_data("quartic.h5", &test);
@@ -198,9 +192,8 @@ static void test_other_system(void **state) {
     assert_string_equal(result.err, "");
 }
 
-static void test_too_many_points(void **state) {
+TEST("trajectories of too many points are refused") {
     lg_trajectories data;
-    (void)state;
     generate("oscillators.yaml --trajectories 2 --points 513 --t-end 0.5", "long.h5", &data);
     lg_trajectories_destroy(NULL, &data);
     cli_expect(lg, "train long.h5 --integrator rk4 --epochs 1 --out m.h5", 3,
@@ -215,9 +208,8 @@ static const double *point(const lg_trajectories *data, size_t i, size_t j) {
     return data->data + (i * data->points + j) * data->state_size;
 }
 
-static void test_box_of_chain(void **state) {
+TEST("starts of a chain lie in the box that is asked for") {
     lg_trajectories data;
-    (void)state;
     generate("chain-box.yaml --trajectories 10 --points 3 --t-end 0.1 --noise 1e-2", "box.h5", &data);
     for (size_t i = 0; i < data.count; i++)
         for (size_t link = 0; link < 2; link++) {
@@ -256,9 +248,8 @@ static void check_noise(const lg_trajectories *clean, const char *kind, double e
     lg_trajectories_destroy(NULL, &noisy);
 }
 
-static void test_box_and_noise(void **state) {
+TEST("starts lie in the box, and the noise is of the size that is asked for") {
     lg_trajectories clean;
-    (void)state;
     generate("oscillators.yaml --trajectories 40 --points 9 --t-end 0.5", "clean.h5", &clean);
     for (size_t i = 0; i < clean.count; i++) {
         const double *y = point(&clean, i, 0);
@@ -340,12 +331,11 @@ static int check_list(const char *key, const row rows[ROWS], double eps, size_t 
     return count;
 }
 
-static void test_study(void **state) {
+TEST("a study judges each of its models") {
     static const char *const names[] = {"cf4", "euler"};
     row rows[ROWS];
     double values[ROWS];
     char words[64];
-    (void)state;
     cli_expect(lg, "study grid.yaml --out study.csv --jobs 2 --threads 2 --json", 0, "\"done\": 12", &result);
     assert_int_equal(read_rows("study.csv", rows), ROWS);
     assert_int_equal(check_list("medians", rows, 0, 3, true), 4);
@@ -365,11 +355,4 @@ static void test_study(void **state) {
         }
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_errors),       cmocka_unit_test(test_not_finite),
-        cmocka_unit_test(test_other_system), cmocka_unit_test(test_too_many_points),
-        cmocka_unit_test(test_box_of_chain), cmocka_unit_test(test_box_and_noise),
-        cmocka_unit_test(test_study)};
-    return cmocka_run_group_tests(tests, setup, cli_end);
-}
+TEST_GROUP(setup, cli_end)

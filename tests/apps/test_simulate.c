@@ -62,9 +62,7 @@ static void run(const char *arguments) {
 }
 
 static int setup(void **state) {
-    (void)state;
-    cli_make_folder();
-    if (cli_folder[0] == '\0') return -1;
+    if (cli_begin() != 0) return -1;
     cli_write("oscillator.yaml", oscillator);
     cli_write("no-end.yaml", no_end);
     cli_write("no-start.yaml", no_start);
@@ -147,14 +145,12 @@ static const cli_bad bad_input[] = {
     {"chain.yaml --method euler --steps 40 --t-end 1e6", 4, "not finite"},
 };
 
-static void test_bad_input(void **state) {
-    (void)state;
+TEST("a refused command line tells its exit code and word") {
     cli_expect_refused(lg, bad_input, LG_COUNT(bad_input), &result);
     assert_false(cli_exists("t.h5") || cli_exists("t.svg"));
 }
 
-static void test_help(void **state) {
-    (void)state;
+TEST("the executable has help and a version") {
     cli_expect(lg, "--version", 0, "lg-simulate (liegrad) ", &result);
     cli_expect(lg, "--help", 0, "--work-precision", &result);
     /* Every method is named. */
@@ -165,9 +161,8 @@ static void test_help(void **state) {
 
 /* ---- runs with known answers ---- */
 
-static void test_oscillator(void **state) {
+TEST("an oscillator turns as the cosine does") {
     const double q = 0.6 * cos(3) - 0.8 * sin(3), p = -0.8 * cos(3) - 0.6 * sin(3);
-    (void)state;
     run("oscillator.yaml --tol 1e-12 --json");
     assert_close(component(0), q, 0, 1e-10);
     assert_close(component(1), p, 0, 1e-10);
@@ -184,8 +179,7 @@ static void test_oscillator(void **state) {
 }
 
 /* (1 + h^2)^(+-n)/2 and, symplectic Euler, p first: q^2 + p^2 - h q p. */
-static void test_euler_energies(void **state) {
-    (void)state;
+TEST("the energies of both Euler methods are those of the formulas") {
     const double h = 0.03, growth = pow(1 + h * h, 100);
     run("oscillator.yaml --method euler --steps 100 --json");
     const char *energy = json_find(json_find(result.out, "invariants"), "energy");
@@ -208,9 +202,8 @@ static void test_euler_energies(void **state) {
     assert_close(component(0), theta_q, 0, 1e-13);
 }
 
-static void test_chain(void **state) {
+TEST("a chain keeps its energy") {
     double y[12];
-    (void)state;
     run("chain.yaml --tol 1e-11 --json");
     static const char *const keys[] = {"method",  "steps", "rejected",   "evaluations",
                                        "seconds", "t",     "invariants", "manifold_error"};
@@ -231,12 +224,10 @@ static void test_chain(void **state) {
     assert_non_null(strstr(result.out, "largest drift"));
 }
 
-/* Truncated at ad^2 the method has order 4 still, at ad^1 not; the exact form is the default. */
-static void test_dexpinv(void **state) {
+TEST("dexpinv truncated at ad^2 has order 4 still, at ad^1 not; the exact form is the default") {
     static const char *const arguments[] = {"exact", "10", "2", "0"};
     double y[4];
     char line[128];
-    (void)state;
     for (size_t i = 0; i < 4; i++) {
         (void)snprintf(line, sizeof line, "chain.yaml --method rkmk4 --steps 200 --json --dexpinv %s",
                        arguments[i]);
@@ -250,9 +241,8 @@ static void test_dexpinv(void **state) {
     assert_true(fabs(y[3] - y[0]) > 10 * fabs(y[2] - y[0]));
 }
 
-static void test_top(void **state) {
+TEST("the forms of the heavy top give the same motion, and theta changes it") {
     double y[12];
-    (void)state;
     run("cotangent.yaml --tol 1e-11 --json");
     assert_int_equal(json_array(result.out, "y", y, 13), 12);
     run("quadratic.yaml --method slgi --steps 4000 --json");
@@ -276,8 +266,7 @@ static void expect_same(const char *scheme, const char *method) {
     for (size_t i = 0; i < 12; i++) assert_close(component(i), y[i], 0, 1e-14);
 }
 
-static void test_scheme_files(void **state) {
-    (void)state;
+TEST("schemes are read from files") {
     cli_write("kutta3.yaml",
               "name: kutta3\nkind: rkmk\norder: 3\na: [[], [1/2], [-1, 2]]\nb: [1/6, 2/3, 1/6]\n");
     expect_same("kutta3.yaml", "rkmk3");
@@ -336,8 +325,7 @@ static const char *const bad_schemes[][2] = {
     {"[", "bad.yaml"},
 };
 
-static void test_bad_schemes(void **state) {
-    (void)state;
+TEST("a bad scheme is refused with its word") {
     for (size_t i = 0; i < LG_COUNT(bad_schemes); i++) {
         cli_write("bad.yaml", bad_schemes[i][0]);
         cli_expect(lg, "chain.yaml --scheme bad.yaml --steps 10", 3, bad_schemes[i][1], &result);
@@ -367,10 +355,9 @@ static void expect_text(const char *name, const char *key, const char *value) {
     assert_string_equal((const char *)text, value);
 }
 
-static void test_trajectory(void **state) {
+TEST("a trajectory is written as it was computed") {
     const uint64_t dims[] = {11, 12}, three[] = {3, 2};
     double t[11], y[11 * 12];
-    (void)state;
     run("chain.yaml --out t.h5 --points 11 --json");
     assert_close(json_number(result.out, "points"), 11, 0, 0);
     read_array("t.h5", "t", 1, dims, t);
@@ -400,15 +387,14 @@ static void test_trajectory(void **state) {
     assert_close(json_number(result.out, "t"), 2, 0, 0);
 }
 
-static void test_full_disk(void **state) {
-    (void)state;
+TEST("a full disk is told, and leaves no file") {
     cli_expect_limited(lg, "chain.yaml --out full.h5", 4096, 3, "full.h5", &result);
     cli_expect_limited(lg, "chain.yaml --plot full.svg", 4096, 3, "full", &result);
     assert_false(cli_exists("full.h5") || cli_exists("full.svg") || cli_exists("full.dat"));
     assert_int_equal(cli_count_files("tmp"), 0);
 }
 
-static void test_plots(void **state) {
+TEST("pictures are drawn") {
     static const char *const arguments[] = {
         "chain.yaml", "oscillator.yaml", "chain.yaml --plot-kind components",
         "chain.yaml --plot-kind invariants", "chain.yaml --plot-kind manifold",
@@ -417,7 +403,6 @@ static void test_plots(void **state) {
         /* zero all along */
         "rigid.yaml --plot-kind manifold"};
     char line[256];
-    (void)state;
     for (size_t i = 0; i < LG_COUNT(arguments); i++) {
         (void)snprintf(line, sizeof line, "%s --plot p%zu.svg", arguments[i], i);
         run(line);
@@ -431,8 +416,7 @@ static void test_plots(void **state) {
 
 /* ---- work and precision ---- */
 
-static void test_work_precision(void **state) {
-    (void)state;
+TEST("work and precision of schemes are compared") {
     run("rigid.yaml --work-precision --methods rkmk4,rkmk54 --levels 5 --plot w.svg --json");
     const char *reference = json_find(result.out, "reference");
     assert_non_null(reference);
@@ -516,8 +500,7 @@ static void check_gradient(const char *options, const char *more, double toleran
     free(text);
 }
 
-static void test_gradient(void **state) {
-    (void)state;
+TEST("the gradient of an end is that of differences") {
     check_gradient("--method rkmk4 --steps 60", "", 1e-6);
     check_gradient("--method cf4 --steps 60", "--checkpoints 7", 1e-6);
     check_gradient("--method rk4 --steps 60", "", 1e-6);
@@ -555,8 +538,7 @@ static void interrupt(const char *arguments) {
     assert_non_null(strstr(result.err, "stopped by Ctrl-C"));
 }
 
-static void test_interrupt(void **state) {
-    (void)state;
+TEST("Ctrl-C ends a run") {
     interrupt("chain.yaml --method rkmk4 --steps 1000000000 --json");
     interrupt("chain.yaml --tol 1e-13 --t-end 1e6 --max-steps 1000000000 --json");
     interrupt("chain.yaml --work-precision --t-end 300 --tol 1e-9 --json");
@@ -566,21 +548,4 @@ static void test_interrupt(void **state) {
     assert_non_null(strstr(result.err, "points reached"));
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_bad_input),
-                                       cmocka_unit_test(test_help),
-                                       cmocka_unit_test(test_oscillator),
-                                       cmocka_unit_test(test_euler_energies),
-                                       cmocka_unit_test(test_chain),
-                                       cmocka_unit_test(test_dexpinv),
-                                       cmocka_unit_test(test_top),
-                                       cmocka_unit_test(test_scheme_files),
-                                       cmocka_unit_test(test_bad_schemes),
-                                       cmocka_unit_test(test_trajectory),
-                                       cmocka_unit_test(test_full_disk),
-                                       cmocka_unit_test(test_plots),
-                                       cmocka_unit_test(test_work_precision),
-                                       cmocka_unit_test(test_gradient),
-                                       cmocka_unit_test(test_interrupt)};
-    return cmocka_run_group_tests(tests, setup, cli_end);
-}
+TEST_GROUP(setup, cli_end)
