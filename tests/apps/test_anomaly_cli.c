@@ -97,9 +97,8 @@ static int setup(void **state) {
 
 /* ---- words ---- */
 
-static void test_help(void **state) {
+TEST("every command has help") {
     static const char *const commands[] = {"generate", "feed", "train", "evaluate", "search", "watch"};
-    (void)state;
     cli_expect_help(lg, commands, LG_COUNT(commands), &result);
 }
 
@@ -193,14 +192,13 @@ static const cli_bad bad_input[] = {
     {"search ranges.yaml data.h5 --out ranges.yaml", 2, "--out: ranges.yaml is an input"},
 };
 
-static void test_bad_input(void **state) {
-    (void)state;
+TEST("a refused command line tells its exit code and word, and writes nothing") {
     cli_expect_refused(lg, bad_input, LG_COUNT(bad_input), &result);
     assert_false(cli_exists("m.h5"));
     assert_false(cli_exists("s.h5"));
 }
 
-static void test_bad_ranges(void **state) {
+TEST("bad ranges of a search are refused with their line") {
     static const char *const rows[][2] = {
         {"fixed: {bogus: 1}\nranges:\n  plane: {integer: [0, 4]}\n", "line 1: 'bogus' is no option of train"},
         {"fixed:\n  test: m.h5\nranges:\n  plane: {integer: [0, 4]}\n", "line 2: 'test' is no option"},
@@ -213,14 +211,12 @@ static void test_bad_ranges(void **state) {
         {"fixed:\n  lr: 0.1\n  prune: pre\nranges:\n  plane: {integer: [0, 4]}\n", "line 3: 'prune' is no"},
         {"ranges:\n  method: {choice: [cnn, tree]}\n", "line 2: 'method' can only be cnn in a search"},
         {"fixed: {method: tree}\nranges:\n  plane: {integer: [0, 4]}\n", "line 1: 'method' can only be"}};
-    (void)state;
     cli_expect_bad_ranges(lg, rows, LG_COUNT(rows), &result);
 }
 
 /* ---- data ---- */
 
-static void test_generate(void **state) {
-    (void)state;
+TEST("generated windows are those that are asked for, and the same for the same seed") {
     run("generate --runs 4 --hours 0.05 --noise 0 --severity 1 --window 20 --out same.h5 --threads 1 --json");
     assert_true(json_is_object(result.out));
     assert_close(json_number(result.out, "windows"), 36, 0, 0);
@@ -269,9 +265,8 @@ static size_t count_lines(const char *text) {
     return lines;
 }
 
-static void test_feed(void **state) {
+TEST("a feed has the lines and the columns that are asked for") {
     static char whole[CLI_TEXT], again[CLI_TEXT];
-    (void)state;
     run("feed --hours 0.02 --out feed.csv --json");
     assert_close(json_number(result.out, "lines"), 360, 0, 0);
     (void)cli_read("feed.csv", whole, sizeof whole);
@@ -308,9 +303,8 @@ static void test_feed(void **state) {
 }
 
 /* Nine digits give every float back: each number is, to half a unit of its ninth digit, a float. */
-static void test_feed_digits(void **state) {
+TEST("every number of a feed is, to half a unit of its ninth digit, a float") {
     static char text[CLI_TEXT];
-    (void)state;
     run("feed --hours 0.02 --noise 0 --out digits.csv");
     (void)cli_read("digits.csv", text, sizeof text);
     int numbers = 0;
@@ -375,8 +369,7 @@ static const char *const methods[] = {
     "--epochs 2 --filters 8,4 --kernel 3 --pooling max --plane 0 --loss cross-entropy",
 };
 
-static void test_methods(void **state) {
-    (void)state;
+TEST("every method trains, evaluates and predicts") {
     for (size_t i = 0; i < LG_COUNT(methods); i++) train_and_evaluate("data.h5", methods[i]);
     run("train data.h5 --method tree --out t.h5 --json");
     assert_true(json_number(result.out, "nodes") >= 3 && json_number(result.out, "depth") >= 1);
@@ -401,7 +394,7 @@ static void test_methods(void **state) {
 }
 
 /* Classes that a child could tell apart, and every shape. */
-static void test_other_data(void **state) {
+TEST("data of every shape are learned") {
     static const char *const how[] = {"--epochs 3",
                                       "--method logistic",
                                       "--method tree",
@@ -409,7 +402,6 @@ static void test_other_data(void **state) {
                                       "--method svm-rbf --c 1",
                                       "--method logistic --features raw --components 2"};
     static const char *const names[] = {"three.h5", "one-channel.h5", "short.h5", "point.h5", "constant.h5"};
-    (void)state;
     for (size_t d = 0; d < LG_COUNT(names); d++)
         for (size_t i = 0; i < LG_COUNT(how); i++) {
             if (i == 5 && strcmp(names[d], "point.h5") == 0) continue;
@@ -431,8 +423,7 @@ static void test_other_data(void **state) {
     assert_non_null(strstr(result.err, "without a test part"));
 }
 
-static void test_given_test_set(void **state) {
-    (void)state;
+TEST("a test set may be a file of its own") {
     run("train data.h5 --test fresh.h5 --method logistic --out given.h5 --json");
     lg_series_data data = read_back("data.h5"), fresh = read_back("fresh.h5");
     assert_close(json_number(result.out, "train_windows"), (double)data.series.count, 0, 0);
@@ -464,11 +455,9 @@ static void write_numbered(const char *name, uint32_t low, bool named) {
     lg_series_data_destroy(NULL, &data);
 }
 
-/* A model remembers what stood for its classes: the same numbers mean the same in a file without names. */
-static void test_numbered_classes(void **state) {
+TEST("a model remembers what stood for its classes, also in files without names") {
     static const char *const models[] = {"model.h5", "logistic.h5"};
     char line[128];
-    (void)state;
     write_numbered("from-0.h5", 0, true);
     write_numbered("from-1.h5", 1, true);
     for (size_t i = 0; i < LG_COUNT(models); i++) {
@@ -486,9 +475,8 @@ static void test_numbered_classes(void **state) {
 }
 
 /* Pictures of a file without names have the names that were trained on; one feature is drawn alone. */
-static void test_picture_names(void **state) {
+TEST("pictures of a file without names have those that were trained on") {
     static char text[CLI_TEXT];
-    (void)state;
     write_numbered("unnamed.h5", 0, false);
     run("train data.h5 --method tree --features std --out named.h5 --plot named.svg");
     (void)cli_read("named.gp", text, sizeof text);
@@ -510,8 +498,7 @@ static size_t blocks_of(const char *json) {
     return count;
 }
 
-/* Without --filters there are as many blocks as fit, three at most. */
-static void test_default_blocks(void **state) {
+TEST("without --filters there are as many blocks as fit, three at most") {
     static const struct {
         const char *options;
         size_t blocks;
@@ -524,7 +511,6 @@ static void test_default_blocks(void **state) {
                  {"--pool-size 6", 1},
                  {"--kernel 3 --padding 1 --pooling none", 3}};
     char line[192];
-    (void)state;
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
         (void)snprintf(line, sizeof line, "train data.h5 --window 2 --epochs 1 --out blocks.h5 --json %s",
                        cases[i].options);
@@ -534,11 +520,9 @@ static void test_default_blocks(void **state) {
     }
 }
 
-/* The split by group keeps sea states whole: no group of the test part is trained on. */
-static void test_parts(void **state) {
+TEST("a split by group keeps sea states whole") {
     static char text[CLI_TEXT];
     bool tested[32] = {false};
-    (void)state;
     run("train data.h5 --method logistic --split group --out parts.h5");
     for (int part = 0; part < 2; part++) {
         run(part == 0 ? "evaluate parts.h5 data.h5 --part test --scores part.csv"
@@ -572,8 +556,7 @@ static void test_parts(void **state) {
 
 /* Six recordings of eight windows of 5 s at 4 Hz, the second half of each damaged: with 2 of 3 votes the
  * alarm comes with the second damaged window, 10 s after the damage began. */
-static void test_votes(void **state) {
-    (void)state;
+TEST("votes give the alarm and its delay") {
     run("train votes.h5 --method logistic --features std --split run --out v.h5");
     run("evaluate v.h5 votes.h5 --part all --votes 2,3 --json");
     assert_close(json_number(result.out, "accuracy"), 1, 0, 0);
@@ -614,8 +597,7 @@ static void expect_same_models(const char *a, const char *b, bool same) {
 
 #define TRAIN "train data.h5 --batch 20 --plane 3 --split run "
 
-static void test_resume(void **state) {
-    (void)state;
+TEST("a resumed training ends in the same model") {
     run(TRAIN "--epochs 6 --out one.h5 --threads 1");
     run(TRAIN "--epochs 6 --out two.h5 --threads 2");
     run(TRAIN "--epochs 6 --out other.h5 --seed 3");
@@ -643,12 +625,11 @@ static void test_resume(void **state) {
 
 /* With a validation part the parameters of its best epoch are the model. With a large learning rate that is
  * not the last one. */
-static void test_best_epoch(void **state) {
+TEST("with a validation part the best epoch is the model") {
     static const char *const rates[] = {"0.03", "0.1", "0.3", "0.01"};
     char line[256];
     int best = 12;
     size_t i = 0;
-    (void)state;
     for (; best == 12 && i < LG_COUNT(rates); i++) {
         (void)snprintf(line, sizeof line,
                        "train data.h5 --preset thesis --lr %s --epochs 12 --out long.h5 --json", rates[i]);
@@ -664,9 +645,8 @@ static void test_best_epoch(void **state) {
     assert_close(json_number(result.out, "validation_windows"), 0, 0, 0);
 }
 
-static void test_interrupted(void **state) {
+TEST("Ctrl-C saves the state of a training") {
     const struct timespec pause = {0, 200000000};
-    (void)state;
     cli_interrupt_training(lg, TRAIN, &result);
     run("train data.h5 --resume never.h5.checkpoint --stop-after 1 --out now.h5 --json");
     cli_child child = cli_start(lg, "generate --runs 108 --hours 2 --out never.h5", 0);
@@ -683,8 +663,7 @@ static void test_interrupted(void **state) {
 
 /* ---- search ---- */
 
-static void test_search(void **state) {
-    (void)state;
+TEST("a search runs, and goes on where it was stopped") {
     run(SEARCH "--out once.csv --json");
     assert_close(json_number(result.out, "new"), 6, 0, 0);
     const char *best = json_find(result.out, "best");
@@ -699,16 +678,14 @@ static void test_search(void **state) {
     cli_expect(lg, "search tree.yaml three.h5 --trials 1 --out tree.csv", 4, "is for two classes", &result);
 }
 
-static void test_published_searches(void **state) {
+TEST("the published searches run") {
     static const char *const names[] = {"anomaly", "anomaly-wide"};
-    (void)state;
     cli_expect_published(lg, names, LG_COUNT(names), &result);
 }
 
 /* ---- full disks ---- */
 
-static void test_full_disk(void **state) {
-    (void)state;
+TEST("a full disk is told, and leaves no file") {
     cli_expect_limited(lg, "generate --runs 2 --hours 0.05 --out full.h5", 4096, 3, "full.h5", &result);
     cli_expect_limited(lg, "train data.h5 --epochs 1 --out full.h5", 2048, 3, "full.h5", &result);
     cli_expect_limited(lg, "train data.h5 --method tree --out full.h5", 2048, 3, "full.h5", &result);
@@ -721,7 +698,7 @@ static void test_full_disk(void **state) {
 
 /* ---- pictures: what is drawn by default, and each by name ---- */
 
-static void test_pictures(void **state) {
+TEST("pictures are drawn") {
     static const char *const lines[] = {
         "train data.h5 --epochs 2 --out p.h5 --plot p.svg",
         "train data.h5 --method tree --criterion entropy --out p.h5 --plot p.svg",
@@ -737,7 +714,6 @@ static void test_pictures(void **state) {
         "generate --runs 2 --hours 0.05 --out q.h5 --plot p.svg",
         "generate --runs 2 --hours 0.05 --out q.h5 --plot p.svg --picture housings",
     };
-    (void)state;
     for (size_t i = 0; i < LG_COUNT(lines); i++) {
         run(lines[i]);
         assert_true(cli_exists("p.gp"));
@@ -746,29 +722,4 @@ static void test_pictures(void **state) {
     }
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_help),
-        cmocka_unit_test(test_bad_input),
-        cmocka_unit_test(test_bad_ranges),
-        cmocka_unit_test(test_generate),
-        cmocka_unit_test(test_feed),
-        cmocka_unit_test(test_feed_digits),
-        cmocka_unit_test(test_methods),
-        cmocka_unit_test(test_other_data),
-        cmocka_unit_test(test_given_test_set),
-        cmocka_unit_test(test_parts),
-        cmocka_unit_test(test_numbered_classes),
-        cmocka_unit_test(test_picture_names),
-        cmocka_unit_test(test_default_blocks),
-        cmocka_unit_test(test_votes),
-        cmocka_unit_test(test_resume),
-        cmocka_unit_test(test_best_epoch),
-        cmocka_unit_test(test_interrupted),
-        cmocka_unit_test(test_search),
-        cmocka_unit_test(test_published_searches),
-        cmocka_unit_test(test_full_disk),
-        cmocka_unit_test(test_pictures),
-    };
-    return cmocka_run_group_tests(tests, setup, cli_end);
-}
+TEST_GROUP(setup, cli_end)

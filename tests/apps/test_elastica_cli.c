@@ -213,16 +213,14 @@ static const cli_bad bad_input[] = {
     {"search ranges.yaml data.h5 --out ranges.yaml --resume", 2, "--out: ranges.yaml is an input"},
 };
 
-static void test_bad_input(void **state) {
-    (void)state;
+TEST("a refused command line tells its exit code and word, and writes nothing") {
     cli_expect_refused(lg, bad_input, sizeof bad_input / sizeof bad_input[0], &result);
     static const char *const outputs[] = {"m.h5", "d.h5", "s.csv", "c.svg", "d.svg", "link.svg"};
     for (size_t i = 0; i < sizeof outputs / sizeof outputs[0]; i++) assert_false(cli_exists(outputs[i]));
 }
 
-static void test_long_lists(void **state) {
+TEST("a list that is too long is refused with its length") {
     char line[2048] = "predict model.h5 --x 1 --s 0";
-    (void)state;
     for (int i = 1; i < 256; i++) (void)strcat(line, ",1");
     run(line);
     (void)strcat(line, ",1");
@@ -255,22 +253,19 @@ static const char *const bad_ranges[][2] = {
      "line 3: 'gamma' is no option of --network angle"},
 };
 
-static void test_bad_ranges(void **state) {
-    (void)state;
+TEST("bad ranges of a search are refused with their line") {
     cli_expect_bad_ranges(lg, bad_ranges, sizeof bad_ranges / sizeof bad_ranges[0], &result);
 }
 
-static void test_help(void **state) {
+TEST("every command has help") {
     static const char *const commands[] = {"solve", "generate", "train", "evaluate", "predict", "search"};
-    (void)state;
     cli_expect_help(lg, commands, sizeof commands / sizeof commands[0], &result);
 }
 
 /* ---- solve ---- */
 
 /* Energies at N = 1000 found by another program. */
-static void test_known_energies(void **state) {
-    (void)state;
+TEST("energies are those that another program found at N = 1000") {
     run("solve --case both-ends --x 1.0471975511965976 --intervals 1000 --json");
     assert_close(json_number(result.out, "energy"), 9.695403610363, 1e-10, 0);
     run("solve --case both-ends --x 1.5707963267948966 --intervals 1000 --json");
@@ -279,12 +274,11 @@ static void test_known_energies(void **state) {
     assert_close(json_number(result.out, "energy"), 45.752542288901, 1e-10, 0);
 }
 
-static void test_solution(void **state) {
+TEST("a solution meets its boundary conditions, and is written as it was found") {
     static const char *const keys[] = {
         "energy", "residual", "gradient",   "multiplier", "lambda",
         "v",      "seconds",  "iterations", "theta",      "negative_eigenvalues"};
     double q[22], v[22], numbers[11];
-    (void)state;
     run("solve --case right-end --x 2 --intervals 10 --json");
     assert_true(json_is_object(result.out));
     for (size_t i = 0; i < sizeof keys / sizeof keys[0]; i++)
@@ -315,8 +309,7 @@ static void test_solution(void **state) {
 }
 
 /* Another place, direction, size and stiffness: E scales with EI/L. */
-static void test_scaling(void **state) {
-    (void)state;
+TEST("the energy scales with EI/L, at any place, direction and size") {
     run("solve --theta0 0.7 --thetaN -0.4 --json");
     const double energy = json_number(result.out, "energy");
     run("solve --theta0 2.270796326794897 --thetaN 1.1707963267948966 --q0 1,-2 --qN 1,4 --length 6.6 "
@@ -324,9 +317,8 @@ static void test_scaling(void **state) {
     assert_close(json_number(result.out, "energy"), 1.5 * energy, 1e-10, 0);
 }
 
-static void test_rotations(void **state) {
+TEST("the rotation that is asked for is found or refused") {
     double rotation;
-    (void)state;
     run("solve --theta0 1 --thetaN -1 --json");
     const double best = json_number(result.out, "energy");
     assert_close(json_number(result.out, "rotation"), -2, 1e-12, 0);
@@ -366,9 +358,8 @@ static size_t branch_energies(const char *arguments, double *energies, size_t ro
     return n;
 }
 
-static void test_hard_cases(void **state) {
+TEST("hard cases have their known minima") {
     double energies[64];
-    (void)state;
     size_t n =
         branch_energies("solve --case both-ends --x 3.141592653589793 --branches --json", energies, 64);
     assert_int_equal(n, 4);
@@ -396,9 +387,8 @@ static void test_hard_cases(void **state) {
     }
 }
 
-static void test_branches_with_saddles(void **state) {
+TEST("there are more branches with saddles than without") {
     double minima[64], all[64];
-    (void)state;
     const size_t few = branch_energies("solve --x 0.3 --intervals 20 --branches --json", minima, 64);
     const size_t many = branch_energies("solve --x 0.3 --intervals 20 --branches --saddles --json", all, 64);
     assert_true(many > few);
@@ -410,9 +400,7 @@ static void test_branches_with_saddles(void **state) {
     if (!cli_exists("all.svg")) assert_non_null(strstr(result.err, "gnuplot"));
 }
 
-/* The continuous problem is what the discrete one converges to. */
-static void test_continuous(void **state) {
-    (void)state;
+TEST("the continuous problem is what the discrete one converges to") {
     run("solve --x 1 --continuous --json");
     const double limit = json_number(result.out, "energy");
     assert_null(json_find(result.out, "lambda"));
@@ -423,9 +411,8 @@ static void test_continuous(void **state) {
     assert_close(coarse / fine, 4, 0.02, 0);
 }
 
-static void test_sweep(void **state) {
+TEST("a sweep follows the branches") {
     char text[8192];
-    (void)state;
     run("solve --case right-end --sweep 9 --intervals 12 --plot sweep.svg --out sweep.csv --json");
     assert_true(json_is_object(result.out));
     double x[9];
@@ -441,8 +428,7 @@ static void test_sweep(void **state) {
 
 /* ---- generate ---- */
 
-static void test_generate(void **state) {
-    (void)state;
+TEST("generated curves are those that are asked for, and the same for the same seed") {
     run("generate --case both --count 5 --intervals 7 --gap 0.02 --out g.h5 --plot g.svg --json");
     assert_true(json_is_object(result.out));
     assert_close(json_number(result.out, "curves"), 10, 0, 0);
@@ -490,10 +476,8 @@ static double children_seconds(void) {
            1e-6 * (double)(use.ru_utime.tv_usec + use.ru_stime.tv_usec);
 }
 
-/* Minutes of work are left at once. */
-static void test_interrupted_generation(void **state) {
+TEST("interrupted generation ends at once") {
     const struct timespec pause = {0, 400000000};
-    (void)state;
     const double begin = children_seconds();
     const cli_child child =
         cli_start(lg, "generate --count 100000 --intervals 100 --out many.h5 --threads 1", 0);
@@ -508,11 +492,10 @@ static void test_interrupted_generation(void **state) {
 
 /* ---- train, evaluate, predict ---- */
 
-static void test_train(void **state) {
+TEST("a network is trained and judged") {
     static const char *const keys[] = {"train_mse", "test_mse", "seconds_per_epoch", "parameters",
                                        "loss",      "epochs",   "threads",           "dtype",
                                        "seed",      "source"};
-    (void)state;
     run(TRAIN "--epochs 4 --out t.h5 --history t.csv --plot t.svg --json");
     assert_true(json_is_object(result.out));
     for (size_t i = 0; i < sizeof keys / sizeof keys[0]; i++)
@@ -536,9 +519,7 @@ static void test_train(void **state) {
     assert_true(cli_exists("e.gp") && cli_exists("t.gp") && cli_exists("t.csv"));
 }
 
-/* Without a preset's, published settings are taken where they are asked for. */
-static void test_presets(void **state) {
-    (void)state;
+TEST("without a preset's, published settings are taken where they are asked for") {
     run("train data.h5 --preset thesis --epochs 1 --out p.h5 --json");
     assert_close(json_number(result.out, "hidden"), 879, 0, 0);
     assert_close(json_number(result.out, "layers"), 4, 0, 0);
@@ -561,11 +542,9 @@ static const char *const kinds[] = {"--network discrete --architecture resnet",
                                     "--network angle --embedding 5 --architecture mult",
                                     "--network angle --boundary true --architecture mlp"};
 
-/* Every kind of network: trained, judged, asked. */
-static void test_kinds(void **state) {
+TEST("every kind of network is trained, judged and asked") {
     char line[256];
     double q[22], v[22];
-    (void)state;
     for (size_t i = 0; i < sizeof kinds / sizeof kinds[0]; i++) {
         (void)snprintf(line, sizeof line,
                        "train data.h5 %s --hidden 5 --layers 1 --epochs 2 --out k.h5 --json", kinds[i]);
@@ -592,12 +571,11 @@ static void test_kinds(void **state) {
     }
 }
 
-static void test_predict(void **state) {
+TEST("a prediction is told with its place, its reach and its error") {
     static const char *const keys[] = {"s",     "q",      "v",      "theta",   "distance",
                                        "reach", "inside", "energy", "seconds", "max_error"};
     char text[4096];
     double s[5];
-    (void)state;
     run("predict model.h5 --x 1 --points 5 --solve --out p.csv --plot p.svg --json");
     assert_true(json_is_object(result.out));
     for (size_t i = 0; i < sizeof keys / sizeof keys[0]; i++)
@@ -618,9 +596,7 @@ static void test_predict(void **state) {
     assert_non_null(strstr(result.out, "largest difference"));
 }
 
-/* A query that the network was not trained for is answered with a warning. */
-static void test_range(void **state) {
-    (void)state;
+TEST("a query that the network was not trained for is answered with a warning") {
     run("predict model.h5 --case right-end --x 2 --json");
     assert_non_null(strstr(result.err, "warning: outside the trained range"));
     assert_int_equal(strncmp(json_find(result.out, "inside"), "false", 5), 0);
@@ -659,8 +635,7 @@ static void assert_same_parameters(const char *a, const char *b, bool same) {
     lg_surrogate_file_destroy(NULL, &second);
 }
 
-static void test_same_bits(void **state) {
-    (void)state;
+TEST("the same seed gives the same bits, in one run or resumed") {
     run(TRAIN "--epochs 6 --threads 1 --seed 4 --shards 4 --out one.h5");
     run(TRAIN "--epochs 6 --threads 2 --seed 4 --shards 4 --out two.h5");
     run(TRAIN "--epochs 6 --threads 2 --seed 5 --shards 4 --out other.h5");
@@ -681,8 +656,7 @@ static void test_same_bits(void **state) {
     assert_false(cli_exists("r.h5"));
 }
 
-static void test_interrupted_training(void **state) {
-    (void)state;
+TEST("Ctrl-C saves the state of a training") {
     cli_interrupt_training(lg, TRAIN "--history never.csv", &result);
     assert_true(cli_exists("never.csv"));
     cli_expect(lg, "train data.h5 --resume never.h5.checkpoint --stop-after 1 --out now.h5 --json", 0,
@@ -691,8 +665,7 @@ static void test_interrupted_training(void **state) {
 
 /* ---- search ---- */
 
-static void test_search(void **state) {
-    (void)state;
+TEST("a search runs, and goes on where it was stopped") {
     run(SEARCH "--out once.csv --plot s.svg --json");
     assert_true(json_is_object(result.out));
     assert_close(json_number(result.out, "trials"), 6, 0, 0);
@@ -716,9 +689,7 @@ static void test_search(void **state) {
     assert_close(json_number(result.out, "new"), 2, 0, 0);
 }
 
-/* A trial that fails is a row of the table, and the search goes on. */
-static void test_failed_trials(void **state) {
-    (void)state;
+TEST("a trial that fails is a row of the table, and the search goes on") {
     cli_write("wild.yaml", "fixed: {epochs: 9, batch: 8, hidden: 4, layers: 14, activation: identity, "
                            "schedule: constant}\nranges:\n  lr: {log-uniform: [5e2, 1e3]}\n");
     cli_expect(lg, "search wild.yaml data.h5 --trials 2 --out wild.csv --plot wild.svg --json", 4,
@@ -739,15 +710,13 @@ static void test_failed_trials(void **state) {
                "lg-elastica train: out of memory: the network has 1", &result);
 }
 
-static void test_published_searches(void **state) {
+TEST("the published searches run") {
     static const char *const names[] = {"elastica-discrete", "elastica-continuous", "elastica-angle"};
-    (void)state;
     cli_expect_published(lg, names, sizeof names / sizeof names[0], &result);
 }
 
-static void test_interrupted_search(void **state) {
+TEST("Ctrl-C keeps the table of a search") {
     static char once[16384], again[16384];
-    (void)state;
     const cli_child child =
         cli_start(lg, "search ranges.yaml data.h5 --trials 100000 --warm-up 2 --out long.csv", 0);
     cli_wait_for("long.csv");
@@ -767,8 +736,7 @@ static void test_interrupted_search(void **state) {
 
 /* ---- full disks ---- */
 
-static void test_full_disk(void **state) {
-    (void)state;
+TEST("a full disk is told, and leaves no file") {
     cli_expect_limited(lg, "generate --count 100 --out full.h5", 4096, 3, "full.h5", &result);
     cli_expect_limited(lg, TRAIN "--epochs 1 --out full.h5", 2048, 3, "full.h5", &result);
     cli_expect_limited(lg, TRAIN "--epochs 9 --out full.h5 --stop-after 1", 2048, 3, "full.h5.checkpoint",
@@ -798,32 +766,4 @@ static void test_full_disk(void **state) {
     assert_int_equal(cli_count_files("tmp"), 0);
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_help),
-                                       cmocka_unit_test(test_bad_input),
-                                       cmocka_unit_test(test_bad_ranges),
-                                       cmocka_unit_test(test_long_lists),
-                                       cmocka_unit_test(test_known_energies),
-                                       cmocka_unit_test(test_solution),
-                                       cmocka_unit_test(test_scaling),
-                                       cmocka_unit_test(test_rotations),
-                                       cmocka_unit_test(test_hard_cases),
-                                       cmocka_unit_test(test_branches_with_saddles),
-                                       cmocka_unit_test(test_continuous),
-                                       cmocka_unit_test(test_sweep),
-                                       cmocka_unit_test(test_generate),
-                                       cmocka_unit_test(test_interrupted_generation),
-                                       cmocka_unit_test(test_train),
-                                       cmocka_unit_test(test_presets),
-                                       cmocka_unit_test(test_kinds),
-                                       cmocka_unit_test(test_predict),
-                                       cmocka_unit_test(test_range),
-                                       cmocka_unit_test(test_same_bits),
-                                       cmocka_unit_test(test_interrupted_training),
-                                       cmocka_unit_test(test_search),
-                                       cmocka_unit_test(test_failed_trials),
-                                       cmocka_unit_test(test_published_searches),
-                                       cmocka_unit_test(test_interrupted_search),
-                                       cmocka_unit_test(test_full_disk)};
-    return cmocka_run_group_tests(tests, setup, cli_end);
-}
+TEST_GROUP(setup, cli_end)

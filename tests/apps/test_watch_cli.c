@@ -104,8 +104,7 @@ static bool json_is(const char *object, const char *key, const char *value) {
 
 /* ---- tests ---- */
 
-static void test_verdicts(void **state) {
-    (void)state;
+TEST("every window has its verdict, place and time") {
     write_feed("feed.csv", false, 20 * WINDOW + 7, 10 * WINDOW);
     cli_expect("lg-anomaly", "watch m.h5 --json --input feed.csv --crack-at 80", 0, "summary", &result);
     assert_int_equal(count_lines(result.out), 21);
@@ -145,8 +144,7 @@ static void test_verdicts(void **state) {
     assert_true(json_is(summary(), "false_alarms", "null"));
 }
 
-static void test_a_network_watches_too(void **state) {
-    (void)state;
+TEST("a network watches too") {
     write_feed("feed.csv", true, 5 * WINDOW, 0);
     cli_expect("lg-anomaly", "watch n.h5 --json --input feed.csv", 0, "summary", &result);
     assert_int_equal(count_lines(result.out), 6);
@@ -154,9 +152,7 @@ static void test_a_network_watches_too(void **state) {
     assert_true(score >= 0 && score <= 1);
 }
 
-/* The same samples in every form give the same verdicts. */
-static void test_forms_of_lines(void **state) {
-    (void)state;
+TEST("the same samples in every form give the same verdicts") {
     static const struct {
         const char *before, *form;
         bool timed;
@@ -194,8 +190,7 @@ static void test_forms_of_lines(void **state) {
     cli_expect("lg-anomaly", "watch m.h5 --input feed.csv", 0, "# windows 4: judged 4", &result);
 }
 
-static void test_times_tell_what_is_missing(void **state) {
-    (void)state;
+TEST("times tell what is missing") {
     char *at = add_samples(text, timed_form, true, 0, 50, 999);
     at = add_samples(at, timed_form, true, 53, 90, 999);    /* 3 in window 1 */
     at = add_samples(at, timed_form, true, 200, 240, 999);  /* 30 of window 2, windows 3 and 4 */
@@ -216,9 +211,7 @@ static void test_times_tell_what_is_missing(void **state) {
     assert_close(json_number(summary(), "samples"), 280, 0, 0);
 }
 
-/* Times that jitter and drift lose no sample; a clock that is set does not stop the watch. */
-static void test_clocks(void **state) {
-    (void)state;
+TEST("times that jitter and drift lose no sample, and a clock that is set does not stop the watch") {
     char *at = text;
     for (int i = 0; i < 5000; i++)
         at += sprintf(at, "%.4f,0.1,-0.1\n", 1.7e9 + i * 0.2003 + 0.05 * sin(1.3 * i));
@@ -238,8 +231,7 @@ static void test_clocks(void **state) {
     assert_non_null(strstr(result.err, "begins anew"));
 }
 
-static void test_lost_samples(void **state) {
-    (void)state;
+TEST("values that are missing are lost samples, and other lines are malformed") {
     static const struct {
         const char *line;
         bool malformed;
@@ -273,8 +265,7 @@ static void test_lost_samples(void **state) {
     assert_non_null(strstr(result.err, "only counted"));
 }
 
-static void test_very_long_lines(void **state) {
-    (void)state;
+TEST("a very long line costs no other line") {
     char *at = add_samples(text, plain_form, false, 0, 20, 999);
     memset(at, '7', 700000);
     at += 700000;
@@ -296,8 +287,7 @@ static void test_very_long_lines(void **state) {
     cli_expect("lg-anomaly", "watch m.h5 --input feed.csv", 3, "no line holds 2 numbers", &result);
 }
 
-static void test_layout_that_begins_wrong(void **state) {
-    (void)state;
+TEST("the layout is that of lines that agree, though the first ones are cut off") {
     char *at = text + sprintf(text, "1,2\n"); /* cut off */
     (void)add_samples(at, timed_form, true, 1, 200, 999);
     cli_write("feed.csv", text);
@@ -319,9 +309,7 @@ static void test_layout_that_begins_wrong(void **state) {
     assert_close(json_number(summary(), "malformed"), 0, 0, 0);
 }
 
-/* One column less, for a while or for good: lost samples, never a time taken for a value. */
-static void test_layout_holds(void **state) {
-    (void)state;
+TEST("one column less, for a while or for good, is lost samples, never a time taken for a value") {
     for (int timed = 0; timed < 2; timed++) {
         char *at = add_samples(text, timed ? timed_form : plain_form, timed, 0, 100, 999);
         for (int i = 100; i < 104; i++) at += sprintf(at, timed ? "%.1f,0.1\n" : "%.1f,0.1,0.1\n", i / 5.0);
@@ -346,9 +334,7 @@ static void test_layout_holds(void **state) {
         strstr(result.err, "20 lines in a row could not be read; expected are a time and 2 numbers"));
 }
 
-/* Lines that hold no sample move no clock: every true sample is received. */
-static void test_lines_without_a_sample(void **state) {
-    (void)state;
+TEST("lines that hold no sample move no clock: every true sample is received") {
     static const struct {
         const char *line;
         int malformed[2]; /* without times, with times */
@@ -383,9 +369,7 @@ static void write_rate(double rate, int samples, double jitter) {
     cli_write("feed.csv", text);
 }
 
-/* A feed of another rate is refused before anything is judged, or forced onto its grid. */
-static void test_rates(void **state) {
-    (void)state;
+TEST("a feed of another rate is refused before anything is judged, or forced onto its grid") {
     static const struct {
         double rate, jitter;
         bool refused;
@@ -419,9 +403,7 @@ static void test_rates(void **state) {
     assert_close(json_number(summary(), "absent"), 399, 0, 0);
 }
 
-/* One wrong time, anywhere, costs its own line; what comes again and again is a jump. */
-static void test_wrong_times(void **state) {
-    (void)state;
+TEST("one wrong time costs its own line; what comes again and again is a jump") {
     static const char *const wrong[] = {"5%.1f", "59%.1f", "-%.1f", "1e%.0f", "%.0fe200", "0%.3g"};
     static const int places[] = {0, 1, 2, 57, 300, 318, 319};
     for (size_t k = 0; k < LG_COUNT(wrong); k++)
@@ -458,9 +440,7 @@ static void test_wrong_times(void **state) {
     assert_close(json_number(summary(), "samples"), 400, 0, 0);
 }
 
-/* A long gap is counted, not printed window by window. */
-static void test_a_long_gap(void **state) {
-    (void)state;
+TEST("a long gap is counted, not printed window by window") {
     char *at = add_samples(text, timed_form, true, 0, 80, 999);
     (void)add_samples(at, timed_form, true, 40080, 40160, 999);
     cli_write("feed.csv", text);
@@ -474,9 +454,7 @@ static void test_a_long_gap(void **state) {
     cli_expect("lg-anomaly", "watch m.h5 --input feed.csv", 0, "# not judged: 997 windows more", &result);
 }
 
-/* A last line without an end may hold half a number. */
-static void test_a_last_line_that_is_cut(void **state) {
-    (void)state;
+TEST("a last line without an end may hold half a number") {
     static const struct {
         const char *line;
         int malformed;
@@ -501,8 +479,7 @@ static void test_a_last_line_that_is_cut(void **state) {
     cli_expect("lg-anomaly", "watch m.h5 --json --input feed.csv", 0, "\"received\": 1", &result);
 }
 
-static void test_when_the_crack_is(void **state) {
-    (void)state;
+TEST("--crack-at beyond the last sample is told") {
     write_feed("feed.csv", true, 200, 100);
     cli_expect("lg-anomaly", "watch m.h5 --json --crack-at 20 --input feed.csv", 0, "summary", &result);
     assert_string_equal(result.err, "");
@@ -512,8 +489,7 @@ static void test_when_the_crack_is(void **state) {
     cli_expect("lg-anomaly", "feed --help", 0, "takes seconds", &result);
 }
 
-static void test_hop_votes_bridge(void **state) {
-    (void)state;
+TEST("windows that overlap vote as they are asked to") {
     write_feed("feed.csv", true, 4 * WINDOW, 2 * WINDOW);
     cli_expect("lg-anomaly", "watch m.h5 --hop 1.6 --votes 1 --votes-of 1 --input feed.csv", 0,
                "# windows 16:", &result);
@@ -525,8 +501,7 @@ static void test_hop_votes_bridge(void **state) {
     assert_non_null(strstr(result.err, "trained at 5 Hz, not 10 Hz"));
 }
 
-static void test_an_empty_feed(void **state) {
-    (void)state;
+TEST("an empty feed is told") {
     cli_write("feed.csv", "");
     cli_expect("lg-anomaly", "watch m.h5 --json --input feed.csv", 0, "\"samples\": 0", &result);
     assert_true(json_is(summary(), "days", "0"));
@@ -535,8 +510,7 @@ static void test_an_empty_feed(void **state) {
     assert_true(json_is(summary(), "false_alarms_per_day", "null"));
 }
 
-static void test_refused(void **state) {
-    (void)state;
+TEST("a refused command line tells its exit code and word") {
     write_feed("feed.csv", true, 50, 999);
     cli_write("words.csv", "acc,moment\nfoo,bar\n");
     cli_write("three.csv", "1,2,3,4\n1,2,3,4\n");
@@ -572,8 +546,7 @@ static bool wait_for(cli_child child, const char *words, size_t *used) {
     return strstr(result.out, words) != NULL;
 }
 
-static void test_a_pipe_and_ctrl_c(void **state) {
-    (void)state;
+TEST("a pipe is watched until Ctrl-C") {
     int feed[2];
     size_t used = 0;
     const int saved = dup(STDIN_FILENO);
@@ -600,8 +573,7 @@ static void test_a_pipe_and_ctrl_c(void **state) {
     assert_close(json_number(summary(), "received"), WINDOW, 0, 0);
 }
 
-static void test_constant_memory(void **state) {
-    (void)state;
+TEST("memory does not grow with the feed") {
     char path[1024];
     cli_path("feed.csv", path, sizeof path);
     FILE *file = fopen(path, "w");
@@ -621,28 +593,4 @@ static void test_constant_memory(void **state) {
     assert_true(start > 0 && most - start < 1024);
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_verdicts),
-        cmocka_unit_test(test_a_network_watches_too),
-        cmocka_unit_test(test_forms_of_lines),
-        cmocka_unit_test(test_times_tell_what_is_missing),
-        cmocka_unit_test(test_clocks),
-        cmocka_unit_test(test_lost_samples),
-        cmocka_unit_test(test_very_long_lines),
-        cmocka_unit_test(test_layout_that_begins_wrong),
-        cmocka_unit_test(test_layout_holds),
-        cmocka_unit_test(test_lines_without_a_sample),
-        cmocka_unit_test(test_rates),
-        cmocka_unit_test(test_wrong_times),
-        cmocka_unit_test(test_a_long_gap),
-        cmocka_unit_test(test_a_last_line_that_is_cut),
-        cmocka_unit_test(test_when_the_crack_is),
-        cmocka_unit_test(test_hop_votes_bridge),
-        cmocka_unit_test(test_an_empty_feed),
-        cmocka_unit_test(test_refused),
-        cmocka_unit_test(test_a_pipe_and_ctrl_c),
-        cmocka_unit_test(test_constant_memory),
-    };
-    return cmocka_run_group_tests(tests, make_models, remove_models);
-}
+TEST_GROUP(make_models, remove_models)

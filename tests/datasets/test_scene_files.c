@@ -842,7 +842,7 @@ TEST("every file of scenes/ is a scene or a grid, and every system has a scene")
     free(systems);
 }
 
-TEST("the scenes of the house hold the values that they are named for") {
+TEST("the files of scenes/ have their form and their start") {
     static const struct {
         const char *name, *form;
         size_t dim, at; /* of a number of the start; dim 0: no start */

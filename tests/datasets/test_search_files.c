@@ -120,7 +120,7 @@ TEST("bad ranges are refused") {
     survive_changed_bytes(read_ranges, scratch_path("ranges.yaml"), 400);
 }
 
-TEST("the published ranges are those of the files") {
+TEST("the published files have their ranges and fixed settings") {
     static const struct {
         const char *name;
         size_t ranges, fixed;
