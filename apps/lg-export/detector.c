@@ -198,7 +198,8 @@ int export_detector(const app *self, const lg_model_file *file, export_source *s
                                         file->model};
     const int drawn = add_golden(self, source, &exported);
     if (drawn != APP_EXIT_OK) return drawn;
-    source->condition = detector_condition(source, &exported);
+    const lg_status status = detector_condition(source, &exported, &source->condition);
+    if (status != LG_OK) return app_fail(self, status, "rounding of the network");
     add_words(source, &file->detector, &window);
     return APP_EXIT_OK;
 }

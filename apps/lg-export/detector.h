@@ -25,8 +25,9 @@ bool detector_has_kinks(const lg_cnn *net);
  * of two changes of results, measured over windows like the golden ones, in roundings and relative to the
  * root mean square of the results: that of value and gradient when weights and windows move by a rounding
  * each, and that between single and double precision of the library; times 4 for safety, divided by
- * the 20 DEPTH that every tolerance contains. Needs golden vectors. */
+ * the 20 DEPTH that every tolerance contains. Needs golden vectors. Errors: those of lg_detector_program
+ * and lg_plan_create. */
 enum { DETECTOR_WINDOWS = 48 };
-double detector_condition(const export_source *source, const exported_detector *model);
+lg_status detector_condition(const export_source *source, const exported_detector *model, double *out);
 
 #endif

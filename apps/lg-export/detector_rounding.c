@@ -7,6 +7,7 @@
 #include <stdlib.h>
 
 #include "liegrad/convolution.h"
+#include "liegrad/program.h"
 
 enum { ROUNDING_STREAM = 0x726f756e };
 
@@ -96,71 +97,115 @@ static double growth_of_moves(const export_source *source, const exported_detect
                 growth(&gradient, MOVE, source->golden.jacobian, source->golden.count));
 }
 
-/* y (outputs) and the gradient (outputs, length, channels) by the window, in either precision. */
-static void library(const exported_detector *model, lg_dtype dtype, const void *theta, const double *x,
-                    double *out, void *number, void *work) {
-    const lg_cnn *net = &model->detector.net;
-    const size_t n = (size_t)net->length * net->channels, m = net->outputs, total = n + m + m + n;
-    float *single = number;
-    double *full = number; /* x, cotangent, y, gradient */
-    for (size_t o = 0; o < m; o++) {
-        for (size_t i = 0; i < n + m; i++) {
-            const double value = i < n ? x[i] : i - n == o ? 1 : 0;
-            if (dtype == LG_F32)
-                single[i] = (float)value;
-            else
-                full[i] = value;
-        }
-        if (dtype == LG_F32)
-            lg_cnn_input_gradient(net, dtype, theta, single, single + n, single + n + m, single + n + 2 * m,
-                                  work);
+/* A plan of the network's values and gradients, with memory for it. */
+typedef struct rounded {
+    lg_plan *plan;
+    lg_dtype dtype;
+    void *x, *out, *work; /* numbers of dtype; out: y (outputs), then g (outputs, channels, length) */
+} rounded;
+
+static lg_status prepare(const lg_program *program, lg_dtype dtype, rounded *r) {
+    lg_plan_options options;
+    size_t function = 0;
+    lg_plan_options_init(&options);
+    options.dtype = dtype;
+    *r = (rounded){.dtype = dtype};
+    lg_status status = lg_program_find(program, "grad", &function);
+    if (status == LG_OK) status = lg_plan_create(program, function, &options, &r->plan, NULL);
+    if (status != LG_OK) return status;
+    r->x = app_alloc(lg_plan_input_count(r->plan, 0), sizeof(double));
+    r->out = app_alloc(lg_plan_output_count(r->plan, 0) + lg_plan_output_count(r->plan, 1), sizeof(double));
+    r->work = app_alloc(lg_plan_work_size(r->plan), 1);
+    return LG_OK;
+}
+
+static void finish(rounded *r) {
+    lg_plan_destroy(r->plan);
+    free(r->x);
+    free(r->out);
+    free(r->work);
+}
+
+/* y (outputs) and the gradient (outputs, channels, length) by the window, in the plan's precision. */
+static void evaluate(const rounded *r, const exported_detector *model, const double *x, double *out) {
+    const size_t n = lg_plan_input_count(r->plan, 0), m = lg_plan_output_count(r->plan, 0);
+    const size_t length = model->detector.net.length;
+    float *x_single = r->x, *single = r->out;
+    double *x_full = r->x, *full = r->out;
+    for (size_t i = 0; i < n; i++) {
+        if (r->dtype == LG_F32)
+            x_single[i] = (float)x[i];
         else
-            lg_cnn_input_gradient(net, dtype, theta, full, full + n, full + n + m, full + n + 2 * m, work);
-        for (size_t i = n + m; i < total; i++) {
-            const double value = dtype == LG_F32 ? (double)single[i] : full[i];
-            if (i < n + 2 * m)
-                out[i - n - m] = value;
-            else
-                out[m + o * n + i - n - 2 * m] = value / model->scaler.scale[(i - n - 2 * m) % net->channels];
-        }
+            x_full[i] = x[i];
     }
+    void *const outputs[2] = {r->out, r->dtype == LG_F32 ? (void *)(single + m) : (void *)(full + m)};
+    lg_plan_eval(r->plan, (const void *const[]){r->x}, outputs, r->work);
+    for (size_t i = 0; i < m + m * n; i++) out[i] = r->dtype == LG_F32 ? (double)single[i] : full[i];
+    for (size_t i = 0; i < m * n; i++) out[m + i] /= model->scaler.scale[i % n / length];
+}
+
+/* The network alone, which reads windows that are scaled already. */
+static lg_status network_program(const exported_detector *model, lg_program **out) {
+    lg_detector alone = model->detector;
+    const size_t channels = alone.net.channels;
+    double *scale = app_alloc(2 * channels, sizeof *scale);
+    for (size_t c = 0; c < channels; c++) {
+        scale[c] = 1;
+        scale[channels + c] = 0;
+    }
+    const lg_scaler scaler = {alone.net.channels, scale + channels, scale};
+    alone.centred = false;
+    const lg_status status = lg_detector_program(NULL, &alone, &scaler, model->theta, out, NULL);
+    free(scale);
+    return status;
+}
+
+/* A scaled window (channels, length) of noise in single precision, drawn sample by sample. */
+static void draw_scaled(const lg_cnn *net, lg_rng *rng, double *x) {
+    for (size_t t = 0; t < net->length; t++)
+        for (size_t c = 0; c < net->channels; c++) x[c * net->length + t] = (double)(float)lg_rng_normal(rng);
 }
 
 /* The library in single precision against itself in double precision, on the same scaled windows: the growth
  * of value and gradient. */
-static double growth_of_sums(const export_source *source, const exported_detector *model, lg_rng *rng) {
-    const lg_cnn *net = &model->detector.net;
-    const size_t n = source->inputs, outputs = source->outputs, parameters = source->parameters;
-    const bool kinks = detector_has_kinks(net);
+static lg_status growth_of_sums(const export_source *source, const exported_detector *model, lg_rng *rng,
+                                double *out) {
+    const size_t n = source->inputs, outputs = source->outputs;
+    spread value = {.size = outputs},
+           gradient = {.size = detector_has_kinks(&model->detector.net) ? 0 : outputs * n};
+    lg_program *program = NULL;
+    rounded full = {.plan = NULL}, single = {.plan = NULL};
+    lg_status status = network_program(model, &program);
+    if (status == LG_OK) status = prepare(program, LG_F64, &full);
+    if (status == LG_OK) status = prepare(program, LG_F32, &single);
     double *x = app_alloc(n, sizeof *x), *here = app_alloc(2 * outputs * (n + 1), sizeof *here);
-    double *there = here + outputs * (n + 1), *number = app_alloc(2 * (n + outputs), sizeof *number);
-    float *single = app_alloc(parameters, sizeof *single);
-    void *work = app_alloc(lg_cnn_gradient_work_size(net, LG_F64), 1);
-    void *work_single = app_alloc(lg_cnn_gradient_work_size(net, LG_F32), 1);
-    spread value = {.size = outputs}, gradient = {.size = kinks ? 0 : outputs * n};
-    for (size_t i = 0; i < parameters; i++) single[i] = (float)model->theta[i];
-    for (int v = 0; v < DETECTOR_WINDOWS; v++) {
-        for (size_t i = 0; i < n; i++) x[i] = (double)(float)lg_rng_normal(rng);
-        library(model, LG_F64, model->theta, x, here, number, work);
-        library(model, LG_F32, single, x, there, number, work_single);
+    double *there = here + outputs * (n + 1);
+    for (int v = 0; status == LG_OK && v < DETECTOR_WINDOWS; v++) {
+        draw_scaled(&model->detector.net, rng, x);
+        evaluate(&full, model, x, here);
+        evaluate(&single, model, x, there);
         note(&value, here, there);
         note(&gradient, here + outputs, there + outputs);
     }
+    finish(&full);
+    finish(&single);
+    lg_program_destroy(program);
     free(x);
     free(here);
-    free(number);
-    free(single);
-    free(work);
-    free(work_single);
-    return fmax(growth(&value, (double)FLT_EPSILON, source->golden.y, source->golden.count),
+    *out = fmax(growth(&value, (double)FLT_EPSILON, source->golden.y, source->golden.count),
                 growth(&gradient, (double)FLT_EPSILON, source->golden.jacobian, source->golden.count));
+    return status;
 }
 
 /* Rounded up to two digits: the last ones of growth_of_sums depend on the processor. */
-double detector_condition(const export_source *source, const exported_detector *model) {
+lg_status detector_condition(const export_source *source, const exported_detector *model, double *out) {
     lg_rng rng;
+    double sums;
     lg_rng_seed(&rng, source->options->seed, ROUNDING_STREAM);
-    const double moves = growth_of_moves(source, model, &rng), sums = growth_of_sums(source, model, &rng);
-    const double out = 4 * fmax(moves, sums) / (20 * (double)source->depth);
-    return out > 1 ? ceil(10 * out) / 10 : 1;
+    const double moves = growth_of_moves(source, model, &rng);
+    const lg_status status = growth_of_sums(source, model, &rng, &sums);
+    if (status != LG_OK) return status;
+    const double condition = 4 * fmax(moves, sums) / (20 * (double)source->depth);
+    *out = condition > 1 ? ceil(10 * condition) / 10 : 1;
+    return LG_OK;
 }

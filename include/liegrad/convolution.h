@@ -72,18 +72,6 @@ LG_API void lg_cnn_initialise(const lg_cnn *net, lg_initialisation kind, lg_rng 
 LG_API lg_var lg_cnn_record(lg_tape *tape, const lg_cnn *net, lg_var theta, size_t offset, lg_var x,
                             lg_var *plane);
 
-/* ---- without a tape: caller's memory (64-byte aligned), no allocation, no lock ---- */
-LG_API size_t lg_cnn_work_size(const lg_cnn *net, lg_dtype dtype);
-/* x (rows, length, channels), y (rows, outputs) logits, plane (rows, plane) or NULL; rows one by one, each
- * with the same bits whatever the others. */
-LG_API void lg_cnn_eval(const lg_cnn *net, lg_dtype dtype, const void *theta, const void *x, size_t rows,
-                        void *y, void *plane, void *work);
-/* One series: gradient (length, channels) = sum_o cotangent[o] dy[o]/dx; y (outputs) or NULL. `work`:
- * lg_cnn_gradient_work_size bytes. Kinks as on the tape: ties to the first sample, 0 at the kink of ReLU. */
-LG_API size_t lg_cnn_gradient_work_size(const lg_cnn *net, lg_dtype dtype);
-LG_API void lg_cnn_input_gradient(const lg_cnn *net, lg_dtype dtype, const void *theta, const void *x,
-                                  const void *cotangent, void *y, void *gradient, void *work);
-
 LG_END_DECLS
 
 #endif

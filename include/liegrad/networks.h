@@ -79,17 +79,6 @@ LG_API lg_var lg_net_record(lg_tape *tape, const lg_net *net, lg_var theta, size
 LG_API lg_status lg_net_record_jvp(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, lg_var x,
                                    lg_var dx, lg_var *y, lg_var *dy);
 
-/* ---- without a tape: caller's memory, no allocation, no lock; see lg_mlp_eval ---- */
-LG_API size_t lg_net_work_size(const lg_net *net, size_t rows, lg_dtype dtype);
-LG_API void lg_net_eval(const lg_net *net, lg_dtype dtype, const void *theta, const void *x, size_t rows,
-                        void *y, void *work);
-/* y may be NULL. */
-LG_API void lg_net_jvp(const lg_net *net, lg_dtype dtype, const void *theta, const void *x,
-                       const void *tangent, size_t rows, void *y, void *dy, void *work);
-/* gradient[r, i] = sum_o cotangent[r, o] dy[r, o]/dx[r, i]; cotangent NULL: ones; y may be NULL. */
-LG_API void lg_net_input_gradient(const lg_net *net, lg_dtype dtype, const void *theta, const void *x,
-                                  size_t rows, const void *cotangent, void *y, void *gradient, void *work);
-
 LG_END_DECLS
 
 #endif

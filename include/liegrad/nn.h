@@ -85,34 +85,6 @@ LG_API lg_var lg_mlp_record_gradient(lg_tape *tape, const lg_mlp *net, const lg_
 /* Bind and apply in one. */
 LG_API lg_var lg_mlp_record(lg_tape *tape, const lg_mlp *net, lg_var theta, size_t offset, lg_var x);
 
-/* ---- multilayer perceptron: without a tape ----
- * No allocation, no lock, no failure: the caller gives memory. theta, x, y, tangents are arrays of `dtype`;
- * theta points at the network's first parameter. `work`: lg_mlp_work_size bytes, 64-byte aligned, contents
- * irrelevant before and after. Outputs must not overlap inputs or work. Values of a row do not depend on the
- * other rows or their number; input gradients of one row are accumulated in another order than those of
- * several, and differ from them by rounding. */
-
-/* Bytes of work for each of the functions below for up to `rows` rows. */
-LG_API size_t lg_mlp_work_size(const lg_mlp *net, size_t rows, lg_dtype dtype);
-/* x (rows, in) -> y (rows, out) */
-LG_API void lg_mlp_eval(const lg_mlp *net, lg_dtype dtype, const void *theta, const void *x, size_t rows,
-                        void *y, void *work);
-/* gradient[r, i] = sum_o cotangent[r, o] d y[r, o]/d x[r, i]; cotangent (rows, out), NULL for ones; y (rows,
- * out) or NULL; gradient (rows, in). */
-LG_API void lg_mlp_input_gradient(const lg_mlp *net, lg_dtype dtype, const void *theta, const void *x,
-                                  size_t rows, const void *cotangent, void *y, void *gradient, void *work);
-/* dy[r, o] = sum_i d y[r, o]/d x[r, i] tangent[r, i]; y (rows, out) or NULL, dy (rows, out). */
-LG_API void lg_mlp_jvp(const lg_mlp *net, lg_dtype dtype, const void *theta, const void *x,
-                       const void *tangent, size_t rows, void *y, void *dy, void *work);
-/* Hessian times a direction, forward over reverse, for networks of one output (others: of the sum of
- * outputs): gradient[r, i] = dy[r]/dx[r, i], dgradient[r, i] = sum_j d2y[r]/dx[r, i] dx[r, j] tangent[r, j].
- * y (rows, out) and gradient may be NULL; all (rows, in) otherwise. `work`: lg_mlp_hessian_work_size bytes.
- */
-LG_API size_t lg_mlp_hessian_work_size(const lg_mlp *net, size_t rows, lg_dtype dtype);
-LG_API void lg_mlp_hessian_vector(const lg_mlp *net, lg_dtype dtype, const void *theta, const void *x,
-                                  const void *tangent, size_t rows, void *y, void *gradient, void *dgradient,
-                                  void *work);
-
 /* ---- Adam (Kingma & Ba 2015; decoupled decay: Loshchilov & Hutter 2019) ---- */
 
 typedef struct lg_adam_options {

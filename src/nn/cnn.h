@@ -27,13 +27,6 @@ void lg_cnn_layout(const lg_cnn *net, cnn_layout *layout);
  * derivatives then computes each convolution once. */
 lg_var lg_cnn_record_apart(lg_tape *tape, const lg_cnn *net, lg_var theta, lg_var x);
 
-/* The two halves of lg_cnn_input_gradient, for several cotangents of one series: the values, with what the
- * second half reads left in `work` (lg_cnn_gradient_work_size); y (outputs) or NULL. Then, with the same
- * `work`, the gradient (length, channels) of any number of cotangents (outputs), one after the other. */
-void lg_cnn_forward(const lg_cnn *net, lg_dtype dtype, const void *theta, const void *x, void *y, void *work);
-void lg_cnn_backward(const lg_cnn *net, lg_dtype dtype, const void *theta, const void *cotangent,
-                     void *gradient, void *work);
-
 /* Channels and samples that enter block i, or, for i = blocks, the layers behind the last one. */
 static inline uint32_t cnn_channels(const lg_cnn *net, uint32_t i) {
     return i == 0 ? net->channels : net->block[i - 1].channels;

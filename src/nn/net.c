@@ -90,20 +90,6 @@ bool lg_net_gated(const lg_net *net) {
     return bodies[net->kind].gated;
 }
 
-bool lg_net_is_mlp(const lg_net *net) {
-    return net->kind == LG_NET_MLP && net->embedding == 0;
-}
-
-_Static_assert(LG_NET_MAX_LAYERS + 2 <= LG_MLP_MAX_LAYERS, "every perceptron is one of liegrad/nn.h");
-
-lg_mlp lg_net_mlp(const lg_net *net) {
-    lg_mlp mlp = {.layers = net->layers + 2, .activation = net->activation, .last_bias = true};
-    mlp.width[0] = net->inputs;
-    for (uint32_t l = 0; l <= net->layers; l++) mlp.width[l + 1] = net->hidden;
-    mlp.width[mlp.layers] = net->outputs;
-    return mlp;
-}
-
 size_t lg_net_parameters(const lg_net *net) {
     net_layout layout;
     lg_net_layout(net, &layout);

@@ -29,10 +29,6 @@ void lg_net_layout(const lg_net *net, net_layout *layout);
 /* Whether H <- (1 - Z) o U + Z o V. */
 bool lg_net_gated(const lg_net *net);
 
-/* A perceptron without an embedding is one of liegrad/nn.h: the same parameters in the same order. */
-bool lg_net_is_mlp(const lg_net *net);
-lg_mlp lg_net_mlp(const lg_net *net);
-
 #define LG_TWO_PI 6.283185307179586476925286766559
 
 #endif

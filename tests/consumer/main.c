@@ -1,5 +1,5 @@
 /* What a C program outside the tree sees of the library: a network on a tape, its input gradient, and the
- * parameter gradient of the squared norm of that, beside the evaluation without a tape. */
+ * parameter gradient of the squared norm of that, beside a program of the network and its plan. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -7,6 +7,7 @@
 
 #include <liegrad/nn.h>
 #include <liegrad/ops.h>
+#include <liegrad/program.h>
 
 enum { HIDDEN = 8, ROWS = 2 };
 
@@ -14,7 +15,49 @@ static int close_to(double a, double b) {
     return fabs(a - b) <= 1e-12 * (1.0 + fabs(b));
 }
 
-/* Returns 0 when value and input gradient agree with and without a tape and the last pass gives a finite
+/* V (rows, 1) and dV/dx (rows, 3), recorded once. */
+static lg_status record(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *out) {
+    lg_mlp_vars vars;
+    out[0] = lg_mlp_record(tape, user, theta[0], 0, x[0]);
+    lg_mlp_bind(tape, user, theta[0], 0, &vars);
+    out[1] = lg_mlp_record_gradient(tape, user, &vars, x[0]);
+    return lg_tape_status(tape);
+}
+
+/* The same by a plan: no tape, and no allocation in the call that evaluates. */
+static lg_status run(const lg_context *context, lg_mlp *net, const double *theta, const double *x, double *y,
+                     double *dx) {
+    const lg_port input = {.name = "x", .shape = lg_shape1(3)}, outputs[2] = {{.name = "V"}, {.name = "g"}};
+    const lg_function_spec function = {"value", &input, 1, outputs, 2, record, net};
+    const lg_parameter_spec parameter = {"theta", lg_shape1((uint32_t)lg_mlp_parameters(net)), theta};
+    lg_program_spec spec;
+    lg_plan_options options;
+    lg_program *program = NULL;
+    lg_plan *plan = NULL;
+    lg_program_spec_init(&spec);
+    spec.parameters = &parameter;
+    spec.parameter_count = 1;
+    spec.functions = &function;
+    spec.function_count = 1;
+    lg_plan_options_init(&options);
+    options.rows = ROWS;
+    lg_status status = lg_program_build(context, &spec, &program, NULL);
+    if (status == LG_OK) status = lg_plan_create(program, 0, &options, &plan, NULL);
+    void *work = status == LG_OK ? malloc(lg_plan_work_size(plan) + 64) : NULL;
+    if (work != NULL) {
+        const void *const in[1] = {x};
+        void *const out[2] = {y, dx};
+        lg_plan_eval(plan, in, out, (void *)(((size_t)work + 63) & ~(size_t)63));
+    } else if (status == LG_OK) {
+        status = LG_OUT_OF_MEMORY;
+    }
+    free(work);
+    lg_plan_destroy(plan);
+    lg_program_destroy(program);
+    return status;
+}
+
+/* Returns 0 when value and input gradient agree on a tape and by a plan and the last pass gives a finite
  * gradient. */
 static int use(const lg_context *context) {
     const uint32_t hidden[1] = {HIDDEN};
@@ -41,11 +84,7 @@ static int use(const lg_context *context) {
         lg_backward(tape, loss, &theta, 1, &out) != LG_OK || lg_read(tape, g, taped, ROWS * 3) != LG_OK;
     lg_tape_destroy(tape);
 
-    void *work = malloc(lg_mlp_work_size(&net, ROWS, LG_F64) + 64);
-    if (work == NULL) return 4;
-    lg_mlp_input_gradient(&net, LG_F64, params, x, ROWS, NULL, y, dx,
-                          (void *)(((size_t)work + 63) & ~(size_t)63));
-    free(work);
+    if (run(context, &net, params, x, y, dx) != LG_OK) return 4;
     for (int i = 0; i < ROWS * 3; i++) failed |= !close_to(dx[i], taped[i]);
     for (size_t i = 0; i < n; i++) norm += grad[i] * grad[i];
     return failed || !(norm > 0.0 && norm < 1e6) ? 5 : 0;

@@ -1,5 +1,4 @@
-/* A steady training step calls no malloc; evaluation of a network takes no lock either. Models in a loop:
- * test_model_no_malloc.c. */
+/* A steady training step calls no malloc. Models in a loop: test_model_no_malloc.c; plans: test_plan.c. */
 #include "test_support.h"
 
 #include "liegrad/hamiltonian.h"
@@ -102,36 +101,9 @@ static void a_steady_training_step(void **state) {
     for (size_t i = 0; i < LG_COUNT(settings); i++) train_counted(&settings[i]);
 }
 
-static void network_evaluation(void **state) {
-    (void)state;
-    if (!lg_count_available()) skip();
-    static const lg_dtype dtypes[] = {LG_F64, LG_F32};
-    for (size_t d = 0; d < 2; d++) {
-        enum { ROWS = 5 };
-        lg_mlp net;
-        lg_rng rng;
-        const uint32_t hidden[2] = {40, 30};
-        assert_ok(lg_mlp_init(&net, 3, hidden, 2, 2, LG_SWISH, true));
-        double theta[2000];
-        assert_true(lg_mlp_parameters(&net) <= 2000);
-        lg_rng_seed(&rng, 3, 0);
-        lg_mlp_initialise(&net, &rng, theta);
-        for (size_t i = 0; dtypes[d] == LG_F32 && i < lg_mlp_parameters(&net); i++)
-            ((float *)(void *)theta)[i] = (float)theta[i];
-        double x[ROWS * 3] = {0}, y[ROWS * 2], dy[ROWS * 2], dx[ROWS * 3];
-        void *work = NULL;
-        assert_int_equal(posix_memalign(&work, 64, lg_mlp_work_size(&net, ROWS, dtypes[d])), 0);
-        assert_no_malloc_no_lock(lg_mlp_eval(&net, dtypes[d], theta, x, ROWS, y, work));
-        assert_no_malloc_no_lock(lg_mlp_input_gradient(&net, dtypes[d], theta, x, ROWS, NULL, y, dx, work));
-        assert_no_malloc_no_lock(lg_mlp_jvp(&net, dtypes[d], theta, x, x, ROWS, y, dy, work));
-        free(work);
-    }
-}
-
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_steady_training_step),
-        cmocka_unit_test(network_evaluation),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

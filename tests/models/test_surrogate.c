@@ -265,11 +265,17 @@ static void reach_without_loners(void **state) {
 /* What the network is shown, as the header says it, and what it answers. */
 static void ask(const small *s, const double *row, double *y, double *dy) {
     const double along[9] = {1.0 / s->model.length};
-    void *work = NULL;
-    assert_int_equal(posix_memalign(&work, 64, lg_net_work_size(&s->model.net, 1, LG_F64) + 64), 0);
-    lg_net_eval(&s->model.net, LG_F64, s->theta, row, 1, y, work);
-    if (dy != NULL) lg_net_jvp(&s->model.net, LG_F64, s->theta, row, along, 1, NULL, dy, work);
-    free(work);
+    const lg_net *net = &s->model.net;
+    lg_tape *tape = NULL;
+    lg_var out = LG_NONE, slope = LG_NONE;
+    assert_ok(lg_tape_create(NULL, NULL, &tape));
+    const lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)s->parameters), s->theta);
+    const lg_var x = lg_input(tape, lg_shape2(1, net->inputs), row);
+    const lg_var direction = lg_input(tape, lg_shape2(1, net->inputs), along);
+    assert_ok(lg_net_record_jvp(tape, net, theta, 0, x, direction, &out, &slope));
+    assert_ok(lg_read(tape, out, y, net->outputs));
+    if (dy != NULL) assert_ok(lg_read(tape, slope, dy, net->outputs));
+    lg_tape_destroy(tape);
 }
 
 /* Setting 0: the boundary conditions as they are. Setting 1: x-coordinates normalised; v0y < vNy reflected.

@@ -5,41 +5,11 @@
 #include "kernels/kernels.h"
 #include "liegrad/networks.h"
 #include "liegrad/ops.h"
-#include "support/malloc_count.h"
+#include "plain_layers.h"
 
 enum { ROWS = 5, MAX_WIDTH = 16, MAX_PARAMETERS = 1200 };
 
 /* ---- the formulas, one row at a time ---- */
-
-static double sigma(lg_activation kind, double x) {
-    switch (kind) {
-    case LG_TANH:
-        return tanh(x);
-    case LG_SIGMOID:
-        return 1.0 / (1.0 + exp(-x));
-    case LG_SWISH:
-        return x / (1.0 + exp(-x));
-    case LG_RELU:
-        return x > 0.0 ? x : 0.0;
-    case LG_LEAKY_RELU:
-        return x > 0.0 ? x : 0.01 * x;
-    case LG_SINE:
-        return sin(x);
-    default:
-        return x;
-    }
-}
-
-/* y = sigma(x W + b), the parameters at *theta, which moves past them. */
-static void plain_dense(const double **theta, uint32_t in, uint32_t out, bool bias, lg_activation kind,
-                        const double *x, double *y) {
-    for (uint32_t j = 0; j < out; j++) {
-        double z = bias ? (*theta)[in * out + j] : 0.0;
-        for (uint32_t i = 0; i < in; i++) z += x[i] * (*theta)[i * out + j];
-        y[j] = sigma(kind, z);
-    }
-    *theta += in * out + (bias ? out : 0);
-}
 
 static void plain(const lg_net *net, const double *theta, const double *x, double *y) {
     double e[MAX_WIDTH], u[MAX_WIDTH], v[MAX_WIDTH], h[MAX_WIDTH], z[MAX_WIDTH], w[MAX_WIDTH];
@@ -77,8 +47,7 @@ static void plain(const lg_net *net, const double *theta, const double *x, doubl
 typedef struct fixture {
     lg_net net;
     size_t n;
-    double theta[MAX_PARAMETERS], x[ROWS * MAX_WIDTH], dx[ROWS * MAX_WIDTH], c[ROWS * MAX_WIDTH];
-    void *work;
+    double theta[MAX_PARAMETERS], x[ROWS * MAX_WIDTH], dx[ROWS * MAX_WIDTH];
 } fixture;
 
 static void setup(fixture *f, lg_net_kind kind, uint32_t embedding, uint32_t layers,
@@ -92,10 +61,7 @@ static void setup(fixture *f, lg_net_kind kind, uint32_t embedding, uint32_t lay
     for (size_t i = 0; i < ROWS * MAX_WIDTH; i++) {
         f->x[i] = lg_rng_uniform_in(&rng, -1.0, 1.0);
         f->dx[i] = lg_rng_uniform_in(&rng, -1.0, 1.0);
-        f->c[i] = lg_rng_uniform_in(&rng, -1.0, 1.0);
     }
-    assert_int_equal(posix_memalign(&f->work, 64, lg_net_work_size(&f->net, ROWS, LG_F64)), 0);
-    memset(f->work, 0xff, lg_net_work_size(&f->net, ROWS, LG_F64));
 }
 
 /* Every kind, with and without an embedding, with several activations; also without layers. */
@@ -108,7 +74,6 @@ static void each(void (*check)(fixture *f)) {
                 for (size_t a = 0; a < sizeof kinds / sizeof kinds[0]; a++) {
                     setup(&f, (lg_net_kind)kind, embedding, layers, kinds[a]);
                     check(&f);
-                    free(f.work);
                 }
 }
 
@@ -211,26 +176,65 @@ static void test_initialisation(void **state) {
     each(check_initialisation);
 }
 
-/* ---- values ---- */
+/* ---- the taped pair ---- */
+
+/* Value and derivative of the pair, along f->dx or, for one direction, along its first row. */
+static void record_pair(const fixture *f, lg_tape *tape, uint32_t directions, double *value,
+                        double *derivative) {
+    lg_var y = LG_NONE, dy = LG_NONE;
+    lg_tape_reset(tape);
+    const lg_var theta = lg_input_f64(tape, lg_shape1((uint32_t)f->n), f->theta);
+    const lg_var x = lg_input_f64(tape, lg_shape2(ROWS, 3), f->x);
+    const lg_var dx = lg_input_f64(tape, lg_shape2(directions, 3), f->dx);
+    assert_ok(lg_net_record_jvp(tape, &f->net, theta, 0, x, dx, &y, &dy));
+    assert_ok(lg_read(tape, y, value, ROWS * 2));
+    assert_ok(lg_read(tape, dy, derivative, ROWS * 2));
+}
+
+/* The same by lg_net_record and lg_jvp. */
+static void record_plain(const fixture *f, lg_tape *tape, uint32_t directions, double *value,
+                         double *derivative) {
+    lg_var dy = LG_NONE;
+    lg_tape_reset(tape);
+    const lg_var theta = lg_input_f64(tape, lg_shape1((uint32_t)f->n), f->theta);
+    const lg_var x = lg_input_f64(tape, lg_shape2(ROWS, 3), f->x);
+    const lg_var dx =
+        lg_broadcast_to(tape, lg_input_f64(tape, lg_shape2(directions, 3), f->dx), lg_shape2(ROWS, 3));
+    const lg_var y = lg_net_record(tape, &f->net, theta, 0, x);
+    assert_ok(lg_jvp(tape, &y, 1, &x, &dx, 1, &dy));
+    assert_ok(lg_read(tape, y, value, ROWS * 2));
+    assert_ok(lg_read(tape, dy, derivative, ROWS * 2));
+}
+
+/* By the formulas, and their central differences along `direction`. */
+static void plain_row(const fixture *f, const double *x, const double *direction, double *y, double *dy) {
+    const double h = 1e-5;
+    double plus[2], minus[2], moved[3];
+    plain(&f->net, f->theta, x, y);
+    for (size_t i = 0; i < 3; i++) moved[i] = x[i] + h * direction[i];
+    plain(&f->net, f->theta, moved, plus);
+    for (size_t i = 0; i < 3; i++) moved[i] = x[i] - h * direction[i];
+    plain(&f->net, f->theta, moved, minus);
+    for (size_t o = 0; o < 2; o++) dy[o] = (plus[o] - minus[o]) / (2.0 * h);
+}
 
 static void check_values(fixture *f) {
-    double y[ROWS * 2], taped[ROWS * 2], row[2], expected[2];
+    double value[2][ROWS * 2], derivative[2][ROWS * 2], y[2], dy[2];
     lg_tape *tape = NULL;
-    lg_net_eval(&f->net, LG_F64, f->theta, f->x, ROWS, y, f->work);
     assert_ok(lg_tape_create(NULL, NULL, &tape));
-    const lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)f->n), f->theta);
-    const lg_var x = lg_input(tape, lg_shape2(ROWS, 3), f->x);
-    assert_ok(lg_read(tape, lg_net_record(tape, &f->net, theta, 0, x), taped, ROWS * 2));
-    lg_tape_destroy(tape);
-    for (size_t r = 0; r < ROWS; r++) {
-        plain(&f->net, f->theta, f->x + 3 * r, expected);
-        lg_net_eval(&f->net, LG_F64, f->theta, f->x + 3 * r, 1, row, f->work);
-        for (size_t o = 0; o < 2; o++) {
-            assert_close(y[2 * r + o], expected[o], 1e-13, 1e-14);
-            assert_close(taped[2 * r + o], expected[o], 1e-13, 1e-14);
-            assert_true(row[o] == y[2 * r + o]);
+    for (uint32_t directions = 1; directions <= ROWS; directions += ROWS - 1) {
+        record_pair(f, tape, directions, value[0], derivative[0]);
+        record_plain(f, tape, directions, value[1], derivative[1]);
+        for (size_t i = 0; i < ROWS * 2; i++) assert_close(derivative[0][i], derivative[1][i], 1e-12, 1e-13);
+        for (size_t r = 0; r < ROWS; r++) {
+            plain_row(f, f->x + 3 * r, f->dx + (directions == 1 ? 0 : 3 * r), y, dy);
+            for (size_t o = 0; o < 2; o++) {
+                for (int way = 0; way < 2; way++) assert_close(value[way][2 * r + o], y[o], 1e-13, 1e-14);
+                assert_close(derivative[0][2 * r + o], dy[o], 1e-7, 1e-8);
+            }
         }
     }
+    lg_tape_destroy(tape);
 }
 
 static void test_values(void **state) {
@@ -238,110 +242,26 @@ static void test_values(void **state) {
     each(check_values);
 }
 
-/* ---- directional derivative and input gradient, untaped ---- */
-
-static void check_jvp(fixture *f) {
-    double y[ROWS * 2], dy[ROWS * 2], only[ROWS * 2], row[2], expected[2], plus[2], minus[2], moved[3];
-    const double h = 1e-5;
-    lg_net_jvp(&f->net, LG_F64, f->theta, f->x, f->dx, ROWS, y, dy, f->work);
-    lg_net_jvp(&f->net, LG_F64, f->theta, f->x, f->dx, ROWS, NULL, only, f->work);
-    assert_memory_equal(dy, only, sizeof dy);
-    for (size_t r = 0; r < ROWS; r++) {
-        plain(&f->net, f->theta, f->x + 3 * r, expected);
-        for (size_t i = 0; i < 3; i++) moved[i] = f->x[3 * r + i] + h * f->dx[3 * r + i];
-        plain(&f->net, f->theta, moved, plus);
-        for (size_t i = 0; i < 3; i++) moved[i] = f->x[3 * r + i] - h * f->dx[3 * r + i];
-        plain(&f->net, f->theta, moved, minus);
-        lg_net_jvp(&f->net, LG_F64, f->theta, f->x + 3 * r, f->dx + 3 * r, 1, NULL, row, f->work);
-        for (size_t o = 0; o < 2; o++) {
-            assert_close(y[2 * r + o], expected[o], 1e-13, 1e-14);
-            assert_close(dy[2 * r + o], (plus[o] - minus[o]) / (2.0 * h), 1e-7, 1e-8);
-            assert_true(row[o] == dy[2 * r + o]);
-        }
+static void check_single_precision(fixture *f) {
+    double value[2][ROWS * 2], derivative[2][ROWS * 2];
+    for (int dtype = LG_F64; dtype <= LG_F32; dtype++) {
+        lg_tape_options options;
+        lg_tape *tape = NULL;
+        lg_tape_options_init(&options);
+        options.dtype = (lg_dtype)dtype;
+        assert_ok(lg_tape_create(NULL, &options, &tape));
+        record_pair(f, tape, ROWS, value[dtype != LG_F64], derivative[dtype != LG_F64]);
+        lg_tape_destroy(tape);
     }
-}
-
-static void test_jvp(void **state) {
-    (void)state;
-    each(check_jvp);
-}
-
-/* <gradient, dx> = <cotangent, dy>, row by row; several rows agree with one. */
-static void check_input_gradient(fixture *f) {
-    double y[ROWS * 2], gradient[ROWS * 3], ones[ROWS * 3], dy[ROWS * 2], row[3], all[ROWS * 2];
-    lg_net_jvp(&f->net, LG_F64, f->theta, f->x, f->dx, ROWS, NULL, dy, f->work);
-    lg_net_input_gradient(&f->net, LG_F64, f->theta, f->x, ROWS, f->c, y, gradient, f->work);
-    lg_net_input_gradient(&f->net, LG_F64, f->theta, f->x, ROWS, NULL, NULL, ones, f->work);
-    lg_net_eval(&f->net, LG_F64, f->theta, f->x, ROWS, all, f->work);
-    assert_memory_equal(y, all, sizeof y);
-    for (size_t r = 0; r < ROWS; r++) {
-        double left = 0.0, left_ones = 0.0;
-        for (size_t i = 0; i < 3; i++) {
-            left += gradient[3 * r + i] * f->dx[3 * r + i];
-            left_ones += ones[3 * r + i] * f->dx[3 * r + i];
-        }
-        assert_close(left, f->c[2 * r] * dy[2 * r] + f->c[2 * r + 1] * dy[2 * r + 1], 1e-12, 1e-13);
-        assert_close(left_ones, dy[2 * r] + dy[2 * r + 1], 1e-12, 1e-13);
-        lg_net_input_gradient(&f->net, LG_F64, f->theta, f->x + 3 * r, 1, f->c + 2 * r, NULL, row, f->work);
-        for (size_t i = 0; i < 3; i++) assert_close(row[i], gradient[3 * r + i], 1e-12, 1e-13);
+    for (size_t i = 0; i < ROWS * 2; i++) {
+        assert_close(value[1][i], value[0][i], 2e-5, 1e-5);
+        assert_close(derivative[1][i], derivative[0][i], 1e-4, 1e-4);
     }
-}
-
-static void test_input_gradient(void **state) {
-    (void)state;
-    each(check_input_gradient);
 }
 
 static void test_single_precision(void **state) {
     (void)state;
-    fixture f;
-    for (int kind = 0; kind < LG_NET_KIND_COUNT; kind++) {
-        float theta[MAX_PARAMETERS], x[ROWS * 3], dx[ROWS * 3], y[ROWS * 2], dy[ROWS * 2];
-        double wide[ROWS * 2], wide_dy[ROWS * 2];
-        setup(&f, (lg_net_kind)kind, 6, 3, LG_TANH);
-        for (size_t i = 0; i < f.n; i++) f.theta[i] = theta[i] = (float)f.theta[i];
-        for (size_t i = 0; i < ROWS * 3; i++) f.x[i] = x[i] = (float)f.x[i];
-        for (size_t i = 0; i < ROWS * 3; i++) f.dx[i] = dx[i] = (float)f.dx[i];
-        lg_net_jvp(&f.net, LG_F64, f.theta, f.x, f.dx, ROWS, wide, wide_dy, f.work);
-        lg_net_jvp(&f.net, LG_F32, theta, x, dx, ROWS, y, dy, f.work);
-        for (size_t i = 0; i < ROWS * 2; i++) {
-            assert_close((double)y[i], wide[i], 1e-5, 1e-6);
-            assert_close((double)dy[i], wide_dy[i], 1e-5, 1e-5);
-        }
-        free(f.work);
-    }
-}
-
-/* ---- the taped pair ---- */
-
-static void check_apply_jvp(fixture *f) {
-    double value[ROWS * 2], derivative[ROWS * 2], y_plain[ROWS * 2], dy_plain[ROWS * 2];
-    lg_tape *tape = NULL;
-    lg_var y = LG_NONE, dy = LG_NONE, other = LG_NONE;
-    assert_ok(lg_tape_create(NULL, NULL, &tape));
-    const lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)f->n), f->theta);
-    const lg_var x = lg_input(tape, lg_shape2(ROWS, 3), f->x);
-    for (uint32_t directions = 1; directions <= ROWS; directions += ROWS - 1) {
-        const lg_var dx = lg_input(tape, lg_shape2(directions, 3), f->dx);
-        const lg_var whole = lg_broadcast_to(tape, dx, lg_shape2(ROWS, 3));
-        assert_ok(lg_net_record_jvp(tape, &f->net, theta, 0, x, dx, &y, &dy));
-        const lg_var v = lg_net_record(tape, &f->net, theta, 0, x);
-        assert_ok(lg_jvp(tape, &v, 1, &x, &whole, 1, &other));
-        assert_ok(lg_read(tape, y, value, ROWS * 2));
-        assert_ok(lg_read(tape, dy, derivative, ROWS * 2));
-        assert_ok(lg_read(tape, v, y_plain, ROWS * 2));
-        assert_ok(lg_read(tape, other, dy_plain, ROWS * 2));
-        for (size_t i = 0; i < ROWS * 2; i++) {
-            assert_close(value[i], y_plain[i], 1e-13, 1e-14);
-            assert_close(derivative[i], dy_plain[i], 1e-12, 1e-13);
-        }
-    }
-    lg_tape_destroy(tape);
-}
-
-static void test_apply_jvp(void **state) {
-    (void)state;
-    each(check_apply_jvp);
+    each(check_single_precision);
 }
 
 /* sum of y^2 and of (dy)^2, either by the pair or by recorded forward mode */
@@ -425,7 +345,6 @@ static void test_gradient_of_gradient(void **state) {
         }
         for (size_t i = 0; i <= f.n; i++) assert_close(out[0][i], out[1][i], 1e-9, 1e-9);
         lg_tape_destroy(tape);
-        free(f.work);
     }
 }
 
@@ -451,22 +370,6 @@ static void test_misuse(void **state) {
     const lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)f.n - 1), f.theta);
     assert_true(lg_is_none(lg_net_record(tape, &f.net, theta, 0, lg_input(tape, lg_shape2(ROWS, 3), f.x))));
     lg_tape_destroy(tape);
-    free(f.work);
-}
-
-static void test_no_malloc(void **state) {
-    (void)state;
-    fixture f;
-    double y[ROWS * 2], gradient[ROWS * 3];
-    if (!lg_count_available()) skip();
-    for (int kind = 0; kind < LG_NET_KIND_COUNT; kind++) {
-        setup(&f, (lg_net_kind)kind, 6, 3, LG_TANH);
-        assert_no_malloc_no_lock(lg_net_eval(&f.net, LG_F64, f.theta, f.x, ROWS, y, f.work));
-        assert_no_malloc_no_lock(lg_net_jvp(&f.net, LG_F64, f.theta, f.x, f.dx, ROWS, NULL, y, f.work));
-        assert_no_malloc_no_lock(
-            lg_net_input_gradient(&f.net, LG_F64, f.theta, f.x, ROWS, NULL, y, gradient, f.work));
-        free(f.work);
-    }
 }
 
 /* ---- kernels: no element's result depends on where it stands, or on what else is asked for ---- */
@@ -540,14 +443,10 @@ int main(void) {
         cmocka_unit_test(test_slices),
         cmocka_unit_test(test_initialisation),
         cmocka_unit_test(test_values),
-        cmocka_unit_test(test_jvp),
-        cmocka_unit_test(test_input_gradient),
         cmocka_unit_test(test_single_precision),
-        cmocka_unit_test(test_apply_jvp),
         cmocka_unit_test(test_gradients),
         cmocka_unit_test(test_gradient_of_gradient),
         cmocka_unit_test(test_misuse),
-        cmocka_unit_test(test_no_malloc),
         cmocka_unit_test(test_positions),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
