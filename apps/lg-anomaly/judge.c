@@ -104,7 +104,7 @@ lg_status judge_rows(const app *self, const well_model *model, const lg_series *
                      lg_error *error) {
     const lg_classifier *classifier = &model->classifier;
     *out = judgement_create(model, series, windows, part, false);
-    double *work = app_alloc(lg_classifier_work(classifier), sizeof *work);
+    double *work = app_alloc(lg_classifier_work_size(classifier), 1);
     const double begin = app_seconds();
     for (size_t i = 0; i < out->count; i++)
         lg_classifier_score(classifier, table + (size_t)part->list[i] * classifier->features.count,

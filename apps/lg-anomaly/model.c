@@ -123,8 +123,7 @@ void well_model_free(const app *self, well_model *model) {
 }
 
 size_t well_model_work(const well_model *model) {
-    return model->network ? lg_detector_work_size(model->plan)
-                          : lg_classifier_work(&model->classifier) * sizeof(double);
+    return model->network ? lg_detector_work_size(model->plan) : lg_classifier_work_size(&model->classifier);
 }
 
 lg_status well_model_score(const well_model *model, const float *x, double *score, double *plane,

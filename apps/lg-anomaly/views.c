@@ -114,7 +114,7 @@ static lg_status feature_points(const well_model *model, const lg_series *series
     *out = points_create(model, shown(judged), columns);
     float *x = app_alloc((size_t)features->channels * features->length, sizeof *x);
     double *f = app_alloc(2 * (size_t)features->count, sizeof *f);
-    double *work = app_alloc(lg_features_work(features), sizeof *work);
+    double *work = app_alloc(lg_features_work_size(features), 1);
     lg_status status = LG_OK;
     for (size_t i = 0; i < out->as.count && status == LG_OK; i++) {
         const size_t at = chosen(judged, i);
@@ -270,7 +270,7 @@ static lg_status view_regressions(const viewing *v, lg_error *error) {
     regression *lines = app_alloc(room, sizeof *lines);
     double *memory = app_alloc(room * each, sizeof *memory);
     double *f = app_alloc(features->count, sizeof *f);
-    double *work = app_alloc(lg_features_work(features), sizeof *work);
+    double *work = app_alloc(lg_features_work_size(features), 1);
     float *x = app_alloc((size_t)features->channels * features->length, sizeof *x);
     size_t *of_class = app_alloc(v->model->classes, sizeof *of_class), count = 0;
     const size_t every = shown(v->judged) / room + 1;

@@ -53,7 +53,7 @@ static void chain_make(chain *c, const bench *b, size_t links) {
                 "making the chain");
     c->dim = lg_system_dim(c->system);
     for (int form = 0; form < 2; form++) {
-        c->work[form] = app_alloc(lg_system_workspace(c->system), sizeof(double));
+        c->work[form] = app_alloc(lg_system_work_size(c->system), 1);
         bench_check(
             b, lg_system_ode(c->system, (lg_coordinates)form, &c->user[form], c->work[form], &c->ode[form]),
             "making the field");

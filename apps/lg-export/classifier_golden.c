@@ -150,7 +150,8 @@ static void add_test(const classifier_job *j, const double *size) {
 int classifier_golden(const classifier_job *j, const app *self) {
     const lg_classifier *c = j->c;
     const size_t inputs = j->source->inputs, m = c->features.selected;
-    const size_t work = lg_classifier_work(c) + lg_classifier_jacobian_work(c) + inputs;
+    const size_t work = lg_classifier_work_size(c) / sizeof(double) +
+                        lg_classifier_jacobian_work_size(c) / sizeof(double) + inputs;
     drawing d = {.j = j,
                  .window = app_alloc(inputs, sizeof(float)),
                  .feature = app_alloc(j->d, sizeof(double)),

@@ -144,7 +144,7 @@ static lg_status draw_long(demo *self, const char *picture) {
     lg_status status = learned_flow(self->app->context, model, self->theta, 1e-10, self->test.data, t,
                                     LONG_POINTS, y, energies + LONG_POINTS, NULL, &self->error);
     if (status == LG_OK) {
-        work = app_alloc(lg_system_workspace(system), sizeof *work);
+        work = app_alloc(lg_system_work_size(system), 1);
         for (size_t i = 0; i < LONG_POINTS; i++)
             energies[i] = lg_system_hamiltonian(system, y + i * dim, work);
         status =

@@ -92,7 +92,7 @@ int simulation_open(app *self, const simulate_values *values, const char *path, 
     if (code != APP_EXIT_OK) return code;
     out->dim = lg_system_dim(out->system);
     out->reported = lg_system_reported(out->system);
-    out->work = app_alloc(lg_system_workspace(out->system), sizeof *out->work);
+    out->work = app_alloc(lg_system_work_size(out->system), 1);
     for (int form = 0; form < 2 && status == LG_OK; form++)
         status =
             lg_system_ode(out->system, (lg_coordinates)form, &out->user[form], out->work, &out->ode[form]);

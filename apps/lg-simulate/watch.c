@@ -60,7 +60,7 @@ static double invariant(const watch *self, size_t i, const double *y) {
 void watch_begin(watch *self, const simulation *sim, bool traced, bool recorded, const double *y0) {
     *self = (watch){.sim = sim, .traced = traced, .recorded = recorded};
     self->invariants = lg_system_invariants(sim->system);
-    self->work = app_alloc(lg_system_workspace(sim->system), sizeof *self->work);
+    self->work = app_alloc(lg_system_work_size(sim->system), 1);
     self->start = app_alloc(self->invariants, sizeof *self->start);
     self->end = app_alloc(self->invariants, sizeof *self->end);
     self->drift = app_alloc(self->invariants, sizeof *self->drift);

@@ -501,8 +501,7 @@ static problem problem_make(size_t links) {
     p.y0 = allocate(p.dim, sizeof(double));
     p.reference = allocate(p.dim, sizeof(double));
     for (size_t i = 0; i < p.dim; i++) p.y0[i] = start[i % 6];
-    for (int form = 0; form < 2; form++)
-        p.work[form] = allocate(lg_system_workspace(p.system), sizeof(double));
+    for (int form = 0; form < 2; form++) p.work[form] = allocate(lg_system_work_size(p.system), 1);
     return p;
 }
 

@@ -21,7 +21,7 @@ bool plant_create(plant *self) {
     options.parameter_count = 1;
     memset(self, 0, sizeof *self);
     if (lg_system_create(NULL, "pendulum-chain", &options, &self->system, NULL) != LG_OK) return false;
-    self->work = malloc(lg_system_workspace(self->system) * sizeof *self->work);
+    self->work = malloc(lg_system_work_size(self->system));
     if (self->work == NULL ||
         lg_system_ode(self->system, LG_COORDINATES_LIE, &self->user, self->work, &self->ode) != LG_OK ||
         lg_chain_potential_weights(self->system, &self->weight) != LG_OK ||

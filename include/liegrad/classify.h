@@ -56,8 +56,8 @@ LG_API lg_status lg_features_create(const lg_context *context, lg_feature_kind k
                                     const lg_series *series, uint32_t length, const lg_scaler *scaler,
                                     lg_features *out, lg_error *error);
 LG_API void lg_features_destroy(const lg_context *context, lg_features *features);
-/* Doubles of work for lg_features_compute. */
-LG_API size_t lg_features_work(const lg_features *features);
+/* Bytes of work for lg_features_compute. */
+LG_API size_t lg_features_work_size(const lg_features *features);
 /* x (channels, length) -> out (d). A constant channel, or one sample, has standard deviation and covariance 0
  * exactly. The root of a covariance comes from the singular values of the centred, scaled window, to some
  * eps times its norm. LG_NO_CONVERGENCE (those singular values), LG_NOT_FINITE; then out is undefined. */
@@ -203,8 +203,8 @@ LG_API lg_status lg_svm_plane(const lg_svm *svm, double *w, double *b);
 /* x (n, d) -> score (n, classes): two classes: -+ decision; more: votes, plus a term within 1/3 made of the
  * class's decisions, by which rows of equal votes are ordered. The first of the classes with the most votes,
  * which is libsvm's answer, has the largest score: where another one's is not smaller, the next number above
- * it. The class is that of the largest score. work: lg_svm_work doubles. */
-LG_API size_t lg_svm_work(const lg_svm *svm);
+ * it. The class is that of the largest score. work: lg_svm_work_size bytes. */
+LG_API size_t lg_svm_work_size(const lg_svm *svm);
 LG_API void lg_svm_predict(const lg_svm *svm, const double *x, size_t n, double *score, double *work);
 
 /* ---- the chain (classifier.c) ---- */
@@ -246,8 +246,8 @@ LG_API lg_status lg_classifier_fit(const lg_context *context, const lg_method_op
                                    size_t count, uint32_t d, uint32_t classes, lg_classifier *out,
                                    lg_error *error);
 LG_API void lg_classifier_destroy(const lg_context *context, lg_classifier *classifier);
-/* Doubles of work for the two functions below. */
-LG_API size_t lg_classifier_work(const lg_classifier *classifier);
+/* Bytes of work for the two functions below. */
+LG_API size_t lg_classifier_work_size(const lg_classifier *classifier);
 /* Features f (d) -> score (classes): probabilities; for svm as lg_svm_predict. */
 LG_API void lg_classifier_score(const lg_classifier *classifier, const double *f, double *score,
                                 double *work);
@@ -265,10 +265,10 @@ LG_API lg_status lg_classifier_window(const lg_classifier *classifier, const flo
  * covariance within its null space: in derivatives, eigenvalues (squares of singular values of the window) of
  * at most LG_NULL_EIGENVALUE times the largest one count as 0. Derivatives of the root are off by some eps
  * times the ratio of the largest to the smallest singular value that counts. The slope of the baseline is
- * constant where the acceleration does not vary. work: lg_classifier_jacobian_work doubles. Errors: as
+ * constant where the acceleration does not vary. work: lg_classifier_jacobian_work_size bytes. Errors: as
  * lg_classifier_window; then y and jacobian are untouched. */
 LG_API size_t lg_classifier_outputs(const lg_classifier *classifier);
-LG_API size_t lg_classifier_jacobian_work(const lg_classifier *classifier);
+LG_API size_t lg_classifier_jacobian_work_size(const lg_classifier *classifier);
 LG_API lg_status lg_classifier_decisions(const lg_classifier *classifier, const float *x, double *y,
                                          double *jacobian, double *work);
 /* Arrays and texts below "classifier/"; the reader checks sizes and values before it trusts them: LG_FORMAT,

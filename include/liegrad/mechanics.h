@@ -103,11 +103,11 @@ LG_API size_t lg_system_links(const lg_system *system);     /* chains: k; others
 LG_API bool lg_system_constrained(const lg_system *system); /* lives on a manifold other than R^n */
 LG_API bool lg_system_separable(const lg_system *system);   /* H = K(p) + V(q): splitting schemes apply */
 
-/* Doubles of workspace that the functions below need (at least 1); the caller's, content irrelevant before
- * and after. */
-LG_API size_t lg_system_workspace(const lg_system *system);
+/* Bytes of work that the functions below need (at least 8); the caller's, content irrelevant before and
+ * after. */
+LG_API size_t lg_system_work_size(const lg_system *system);
 
-/* H(y); work: lg_system_workspace doubles. NaN where there is none (quadrotors), and off the manifold where
+/* H(y); work: lg_system_work_size bytes. NaN where there is none (quadrotors), and off the manifold where
  * it is not defined. */
 LG_API double lg_system_hamiltonian(const lg_system *system, const double *y, double *work);
 
@@ -132,7 +132,7 @@ typedef struct lg_system_user {
 } lg_system_user;
 
 /* Fills `ode` (space, functions, user, for AMBIENT the manifold). `user` (filled too) and `work`
- * (lg_system_workspace doubles) must outlive its use. The ambient field is the generator of the other one,
+ * (lg_system_work_size bytes) must outlive its use. The ambient field is the generator of the other one,
  * f(t, y) . y, but for chains in Hamiltonian form. Chains, e3 up:
  *
  * Lagrangian form, state q_1, omega_1, q_2, omega_2, ... The tensions lambda of the links solve a symmetric
@@ -181,7 +181,7 @@ LG_API lg_status lg_chain_potential_weights(const lg_system *system, double *wei
 /* Between the forms, of the same parameters: q_1, omega_1, ... to q_1, p_1, ... and back; `from` and `to`
  * (6k) may be equal. With q_i' = omega_i x q_i: p_i = m_ii q_i' + P_i sum_{j != i} m_ij q_j', P_i = I - q_i
  * q_i^T; back q_i' = dH/dp_i and omega_i = q_i x q_i'. Systems of either form. O(k). work:
- * lg_system_workspace doubles. Errors: LG_NOT_FINITE (back only). */
+ * lg_system_work_size bytes. Errors: LG_NOT_FINITE (back only). */
 LG_API lg_status lg_chain_momenta(const lg_system *system, const double *from, double *to, double *work);
 LG_API lg_status lg_chain_velocities(const lg_system *system, const double *from, double *to, double *work);
 
@@ -190,7 +190,7 @@ LG_API lg_status lg_chain_velocities(const lg_system *system, const double *from
 /* On the manifold. dH/dp_i -> v (3k), dH/dq_i -> g (3k), from y (6k). W = m^-1 is tridiagonal; with G_il =
  * q_i.q_l and u_i = q_i.(W p)_i, (W o G) lambda = u: v_i = sum_j W_ij (p_j - lambda_j q_j), dT/dq_i =
  * -lambda_i v_i, plus dV/dq. The k x k system is symmetric positive definite and tridiagonal: O(k). work:
- * lg_system_workspace doubles. Errors: LG_NOT_FINITE (a pivot is not positive: NaN in y, or a link of length
+ * lg_system_work_size bytes. Errors: LG_NOT_FINITE (a pivot is not positive: NaN in y, or a link of length
  * 0). */
 LG_API lg_status lg_chain_gradient(const lg_system *system, const double *y, double *v, double *g,
                                    double *work);

@@ -122,10 +122,11 @@ static size_t larger(size_t a, size_t b) {
     return a > b ? a : b;
 }
 
-size_t lg_classifier_work(const lg_classifier *c) {
-    const size_t features = c->features.count > 0 ? lg_features_work(&c->features) : 0;
-    const size_t svm = c->svm.vectors > 0 ? lg_svm_work(&c->svm) : 0;
-    return (size_t)c->pca.inputs + lg_pca_outputs(&c->pca) + larger(larger(features, svm), c->pca.inputs);
+size_t lg_classifier_work_size(const lg_classifier *c) {
+    const size_t features = c->features.count > 0 ? lg_features_work_size(&c->features) : 0;
+    const size_t svm = c->svm.vectors > 0 ? lg_svm_work_size(&c->svm) : 0;
+    const size_t numbers = (size_t)c->pca.inputs + lg_pca_outputs(&c->pca);
+    return numbers * sizeof(double) + larger(larger(features, svm), c->pca.inputs * sizeof(double));
 }
 
 void lg_classifier_score(const lg_classifier *c, const double *f, double *score, double *work) {
@@ -181,9 +182,10 @@ size_t lg_classifier_outputs(const lg_classifier *c) {
     }
 }
 
-size_t lg_classifier_jacobian_work(const lg_classifier *c) {
-    const size_t features = c->features.count > 0 ? lg_features_work(&c->features) : 0;
-    return 2 * ((size_t)c->pca.inputs + lg_pca_outputs(&c->pca)) + c->svm.vectors + features;
+size_t lg_classifier_jacobian_work_size(const lg_classifier *c) {
+    const size_t features = c->features.count > 0 ? lg_features_work_size(&c->features) : 0;
+    const size_t numbers = 2 * ((size_t)c->pca.inputs + lg_pca_outputs(&c->pca)) + c->svm.vectors;
+    return numbers * sizeof(double) + features;
 }
 
 static void decide(const lg_classifier *c, const pieces *p, double *y) {

@@ -190,7 +190,8 @@ static kept keep_in(const lg_features *f, double *work) {
     return k;
 }
 
-size_t lg_features_work(const lg_features *f) {
+/* Doubles. */
+static size_t work_doubles(const lg_features *f) {
     const size_t m = f->selected, length = f->length, pairs = f->pairs;
     switch (f->kind) {
     case LG_FEATURES_RAW:
@@ -202,6 +203,10 @@ size_t lg_features_work(const lg_features *f) {
     default:
         return 2 * pairs * (length + f->segments);
     }
+}
+
+size_t lg_features_work_size(const lg_features *f) {
+    return work_doubles(f) * sizeof(double);
 }
 
 /* As lg_sum_of; of up to 2^29 equal numbers it is exact, and so is their mean. */
@@ -643,7 +648,7 @@ static void table_part(void *user, size_t part) {
     const table_job *job = user;
     const size_t n = job->windows->count;
     double *work = job->memory + part * job->work;
-    float *x = (float *)(void *)(work + lg_features_work(job->features));
+    float *x = (float *)(void *)(work + work_doubles(job->features));
     for (size_t i = n * part / job->parts; i < n * (part + 1) / job->parts; i++) {
         lg_windows_copy(job->series, job->windows, i, x);
         lg_status status = lg_features_compute(job->features, x, job->out + i * job->features->count, work);
@@ -680,7 +685,7 @@ lg_status lg_features_table(const lg_context *context, const lg_features *featur
     if (windows->count == 0) return LG_OK;
     table_job job = {context, features, series, windows, out, 0, 0, NULL, NULL, NULL};
     job.parts = (size_t)threads < windows->count ? (size_t)threads : windows->count;
-    job.work = (lg_features_work(features) + window_doubles(features) + 7) / 8 * 8;
+    job.work = (work_doubles(features) + window_doubles(features) + 7) / 8 * 8;
     job.memory = lg_alloc(context, job.parts, job.work * sizeof *job.memory);
     job.status = lg_alloc(context, job.parts, sizeof *job.status);
     job.failed = lg_alloc(context, job.parts, sizeof *job.failed);

@@ -54,7 +54,8 @@ static lg_status try_fold(const search *s, size_t option, uint32_t fold, double 
     lg_status status =
         lg_classifier_fit(s->context, &o, s->x, s->label, rows, n, s->d, s->classes, &c, error);
     if (status == LG_OK) {
-        double *work = lg_alloc(s->context, lg_classifier_work(&c) + s->classes, sizeof *work);
+        double *work =
+            lg_alloc(s->context, lg_classifier_work_size(&c) / sizeof(double) + s->classes, sizeof *work);
         n = gather(s, fold, true, rows);
         if (work != NULL)
             *accuracy = accuracy_of(s, &c, rows, n, work, work + s->classes);

@@ -436,8 +436,8 @@ static void vote(const lg_svm *svm, const double *k, double *score, double *lean
     prefer_first(lean, classes, score);
 }
 
-size_t lg_svm_work(const lg_svm *svm) {
-    return (size_t)svm->vectors + svm->inputs + svm->classes;
+size_t lg_svm_work_size(const lg_svm *svm) {
+    return ((size_t)svm->vectors + svm->inputs + svm->classes) * sizeof(double);
 }
 
 void lg_svm_predict(const lg_svm *svm, const double *x, size_t n, double *score, double *work) {

@@ -162,7 +162,7 @@ static lg_status place(const reading *r, start *s) {
 static lg_status convert(const reading *r, start *s) {
     const lg_system *system = r->out->system;
     if (!s->other) return LG_OK;
-    double *work = lg_alloc(r->context, lg_system_workspace(system), sizeof *work);
+    double *work = lg_alloc(r->context, lg_system_work_size(system), 1);
     if (work == NULL) return lg_scene_no_memory(r);
     const bool momenta = strcmp(r->table->own_key, "p") == 0;
     const lg_status status =

@@ -350,9 +350,9 @@ static bool is_generated(const lg_system *system) {
     return lg_system_constrained(system) && !system->row->field[LG_COORDINATES_AMBIENT];
 }
 
-size_t lg_system_workspace(const lg_system *system) {
+size_t lg_system_work_size(const lg_system *system) {
     const size_t work = own_work(system) + (is_generated(system) ? system->space.algebra_dim : 0);
-    return work > 0 ? work : 1;
+    return (work > 0 ? work : 1) * sizeof(double);
 }
 
 /* ---- invariants ---- */

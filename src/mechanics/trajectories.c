@@ -59,7 +59,7 @@ static lg_status reference_create(const lg_context *context, const lg_system *sy
                                   double atol, reference *r) {
     const bool lie = lg_system_constrained(system);
     lg_ode ode;
-    *r = (reference){.work = lg_alloc(context, lg_system_workspace(system), sizeof(double))};
+    *r = (reference){.work = lg_alloc(context, lg_system_work_size(system), 1)};
     if (!r->work) return LG_OUT_OF_MEMORY;
     lg_step_controller_init(&r->control);
     r->control.rtol = rtol;

@@ -19,9 +19,9 @@ static void open_pair(pair *p, const sample *of, const char *dtype) {
     classifier_make(of, &p->here);
     classifier_export(&p->here, of->folder, dtype, folder, sizeof folder);
     p->lib = export_open(folder, "m", export_has(of->compiler) ? of->compiler : "cc", of->flags);
-    p->work =
-        calloc(lg_classifier_work(&p->here.classifier) + lg_classifier_jacobian_work(&p->here.classifier),
-               sizeof *p->work);
+    p->work = calloc(lg_classifier_work_size(&p->here.classifier) / sizeof(double) +
+                         lg_classifier_jacobian_work_size(&p->here.classifier) / sizeof(double),
+                     sizeof *p->work);
     assert_int_equal(p->lib.inputs, INPUTS);
     assert_int_equal(p->lib.outputs, lg_classifier_outputs(&p->here.classifier));
 }
@@ -251,9 +251,9 @@ static void lonely_class(void **state) {
         svm->vectors_of[3] = 0;
         classifier_export(&p.here, of.folder, "f64", folder, sizeof folder);
         p.lib = export_open(folder, "m", "cc", "-O2");
-        p.work =
-            calloc(lg_classifier_work(&p.here.classifier) + lg_classifier_jacobian_work(&p.here.classifier),
-                   sizeof *p.work);
+        p.work = calloc(lg_classifier_work_size(&p.here.classifier) / sizeof(double) +
+                            lg_classifier_jacobian_work_size(&p.here.classifier) / sizeof(double),
+                        sizeof *p.work);
         export_compare(&p.lib, of.folder, 100, draw_window, reference, &p);
         check_classes(&p);
         close_pair(&p);

@@ -26,7 +26,7 @@ static lg_method_options options_of(size_t chain) {
 }
 
 static double accuracy(const lg_classifier *c, const double *x, const uint32_t *label, size_t n, uint32_t d) {
-    double *work = TEST_ARRAY(double, (lg_classifier_work(c) + c->classes)), right = 0;
+    double *work = TEST_ARRAY(double, (lg_classifier_work_size(c) / sizeof(double) + c->classes)), right = 0;
     for (size_t i = 0; i < n; i++) {
         lg_classifier_score(c, x + i * d, work, work + c->classes);
         right += lg_class_of(work, c->classes) == label[i];
@@ -78,7 +78,7 @@ TEST("wide, short, scaled and contradictory tables give finite scores") {
                 const lg_status status = lg_classifier_fit(NULL, &o, x, label, NULL, n, d, classes, &c, &e);
                 if (status != LG_OK)
                     fail_msg("n %u d %u variant %d chain %zu: %s", n, d, variant, t, e.message);
-                double *work = TEST_ARRAY(double, (lg_classifier_work(&c) + classes));
+                double *work = TEST_ARRAY(double, (lg_classifier_work_size(&c) / sizeof(double) + classes));
                 for (uint32_t i = 0; i < n; i++) {
                     lg_classifier_score(&c, x + i * d, work, work + classes);
                     for (uint32_t k = 0; k < classes; k++) assert_true(isfinite(work[k]));
@@ -173,8 +173,9 @@ TEST("archives keep every bit") {
         const lg_status status = lg_classifier_load(NULL, &a.reader, &back, &e);
         if (status != LG_OK) fail_msg("%s", e.message);
         assert_int_equal(back.method, a.c.method);
-        assert_int_equal(lg_classifier_work(&back), lg_classifier_work(&a.c));
-        double *work = TEST_ARRAY(double, lg_classifier_work(&a.c)), kept[3], read[3];
+        assert_int_equal(lg_classifier_work_size(&back) / sizeof(double),
+                         lg_classifier_work_size(&a.c) / sizeof(double));
+        double *work = TEST_ARRAY(double, lg_classifier_work_size(&a.c) / sizeof(double)), kept[3], read[3];
         for (size_t i = 0; i < s.count; i++) {
             assert_ok(lg_classifier_window(&a.c, s.x + i * 240, kept, work));
             assert_ok(lg_classifier_window(&back, s.x + i * 240, read, work));
@@ -195,7 +196,7 @@ static void use(const lg_archive_reader *reader, const float *x) {
         assert_int_equal(c.classes, 0);
         return;
     }
-    double *work = malloc((lg_classifier_work(&c) + c.classes) * sizeof *work);
+    double *work = malloc((lg_classifier_work_size(&c) / sizeof(double) + c.classes) * sizeof *work);
     if (c.features.channels * c.features.length <= 240)
         (void)lg_classifier_window(&c, x, work, work + c.classes);
     free(work);
@@ -375,7 +376,7 @@ TEST("the choice by cross-validation is the one by hand") {
             if (fold[i] != f) rows[count++] = chosen[i];
         lg_classifier c = {0};
         assert_ok(lg_classifier_fit(NULL, &grid[2], x, all, rows, count, 4, 2, &c, NULL));
-        work = malloc(lg_classifier_work(&c) * sizeof *work);
+        work = malloc(lg_classifier_work_size(&c));
         for (uint32_t i = 0; i < N; i++) {
             if (fold[i] != f) continue;
             lg_classifier_score(&c, x + 4 * chosen[i], score, work);

@@ -70,13 +70,15 @@ static chain *make(lg_series series, lg_feature_kind kind, bool directions_x, lg
     f->inputs = (size_t)f->series.channels * f->series.length;
     f->outputs = lg_classifier_outputs(&f->c);
     assert_in_range(f->outputs, 1, MOST_OUTPUTS);
-    f->work = TEST_ARRAY(double, lg_classifier_jacobian_work(&f->c) + lg_classifier_work(&f->c) + 1);
+    f->work = TEST_ARRAY(double, lg_classifier_jacobian_work_size(&f->c) / sizeof(double) +
+                                     lg_classifier_work_size(&f->c) / sizeof(double) + 1);
     return f;
 }
 
 /* All of the Jacobian, the memory around it watched. */
 static double *jacobian_of(const chain *f, const float *x, double *y) {
-    const size_t count = f->outputs * f->inputs, size = lg_classifier_jacobian_work(&f->c);
+    const size_t count = f->outputs * f->inputs,
+                 size = lg_classifier_jacobian_work_size(&f->c) / sizeof(double);
     double *jacobian = TEST_ARRAY(double, count), plain[MOST_OUTPUTS];
     for (size_t i = 0; i < count; i++) jacobian[i] = NAN;
     for (size_t i = 0; i < size; i++) f->work[i] = NAN;

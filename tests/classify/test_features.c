@@ -39,7 +39,8 @@ static double covariance(const float *a, const float *b, size_t n) {
 }
 
 static double *compute(const lg_features *f, const float *x) {
-    double *out = TEST_ARRAY(double, f->count), *work = TEST_ARRAY(double, lg_features_work(f));
+    double *out = TEST_ARRAY(double, f->count),
+           *work = TEST_ARRAY(double, lg_features_work_size(f) / sizeof(double));
     assert_ok(lg_features_compute(f, x, out, work));
     return out;
 }
@@ -139,7 +140,7 @@ TEST("one channel, many, more than samples; copies of each other; the memory beh
                     memcpy(s.x + i * n, s.x + (i - 1) * n, n * sizeof *s.x);
                 lg_features f;
                 assert_ok(lg_features_create(NULL, LG_FEATURES_COV, false, &s, n, NULL, &f, NULL));
-                const size_t size = lg_features_work(&f);
+                const size_t size = lg_features_work_size(&f) / sizeof(double);
                 double *out = TEST_ARRAY(double, f.count), *work = TEST_ARRAY(double, (size + 1));
                 double *root = TEST_ARRAY(double, m *m), largest = 0.0;
                 work[size] = 55.0;
@@ -285,7 +286,7 @@ TEST("windows, scalers and samples that do not fit are refused") {
     assert_status(lg_features_create(NULL, LG_FEATURES_COV, false, &s, 20, &narrow, &f, &e), bad);
     assert_int_equal(f.count, 77);
     assert_ok(lg_features_create(NULL, LG_FEATURES_COV, false, &s, 20, NULL, &f, &e));
-    double out[6], *work = malloc(lg_features_work(&f) * sizeof *work);
+    double out[6], *work = malloc(lg_features_work_size(&f));
     for (int t = 0; t < 20; t++) s.x[20 + t] = INFINITY; /* which is constant */
     assert_status(lg_features_compute(&f, s.x, out, work), LG_NOT_FINITE);
     for (int t = 0; t < 20; t++) s.x[20 + t] = 1.0f;

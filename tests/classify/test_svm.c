@@ -88,7 +88,7 @@ TEST("ties of votes are broken as libsvm does") {
         double *x = clouds(N, D, CLASSES, 0.3, 3, label), *other = clouds(N, D, 2, 0.0, 4, (uint32_t[N]){0});
         lg_svm svm;
         assert_ok(lg_svm_fit(NULL, (lg_kernel)kernel, 10.0, 2.0, x, label, N, D, CLASSES, &svm, NULL));
-        double *work = TEST_ARRAY(double, lg_svm_work(&svm)), score[CLASSES];
+        double *work = TEST_ARRAY(double, lg_svm_work_size(&svm) / sizeof(double)), score[CLASSES];
         reference r;
         reference_train(&r, x, label, N, D, CLASSES, &svm);
         for (uint32_t i = 0; i < N; i++) {
@@ -142,7 +142,7 @@ TEST("decisions are libsvm's, for lists and for tables") {
         const lg_status status =
             lg_svm_fit(NULL, cases[t].kernel, cases[t].c, cases[t].gamma, x, label, n, d, classes, &svm, &e);
         if (status != LG_OK) fail_msg("%s", e.message);
-        double *work = TEST_ARRAY(double, lg_svm_work(&svm));
+        double *work = TEST_ARRAY(double, lg_svm_work_size(&svm) / sizeof(double));
         lg_svm_predict(&svm, x, n, score, work);
         reference r;
         reference_train(&r, x, label, n, d, classes, &svm);
@@ -175,7 +175,7 @@ TEST("the dual is optimal (Karush, Kuhn, Tucker)") {
         lg_svm svm;
         assert_ok(lg_svm_fit(NULL, LG_KERNEL_RBF, 2.0, 0.0, x, label, N, d, 2, &svm, NULL));
         double work[2 * N + 20];
-        assert_true(lg_svm_work(&svm) <= 2 * N + 20);
+        assert_true(lg_svm_work_size(&svm) / sizeof(double) <= 2 * N + 20);
         lg_svm_predict(&svm, x, N, score, work);
         for (uint32_t v = 0; v < svm.vectors; v++) sum += svm.coefficient[v];
         assert_close(sum, 0.0, 0, 1e-10);

@@ -56,7 +56,7 @@ static inline void evaluate(const lg_system *system, double t, const double *y, 
     double work[SYSTEM_MAX_DIM];
     lg_system_user user;
     lg_ode ode;
-    assert_true(lg_system_workspace(system) <= SYSTEM_MAX_DIM);
+    assert_true(lg_system_work_size(system) / sizeof(double) <= SYSTEM_MAX_DIM);
     assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &ode));
     assert_ok(ode.field(ode.user, t, y, NULL, algebra));
 }

@@ -138,7 +138,7 @@ TEST("invariants and manifold are kept by chains of up to 200 links") {
     for (size_t n = 0; n < 4; n++) {
         const size_t k = links[n], d = 6 * k;
         lg_system *system = make_chain("hamiltonian", k, 1.0, NULL, NULL);
-        double *y = TEST_ARRAY(double, 3 * d + lg_system_workspace(system)), *out = y + d,
+        double *y = TEST_ARRAY(double, 3 * d + lg_system_work_size(system) / sizeof(double)), *out = y + d,
                *work = out + 2 * d;
         const double times[2] = {0.25, k > 10 ? 0.5 : 3.0};
         lg_rng rng;

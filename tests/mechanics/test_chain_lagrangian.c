@@ -40,7 +40,7 @@ TEST("the field is the dense solution of the constrained equations, for up to 20
     for (size_t n = 0; n < sizeof(links) / sizeof(*links); n++) {
         const size_t k = links[n];
         lg_system *system = make_chain("lagrangian", k, GRAVITY, masses, lengths);
-        double *work = TEST_ARRAY(double, lg_system_workspace(system));
+        double *work = TEST_ARRAY(double, lg_system_work_size(system) / sizeof(double));
         double y[6 * MAX_LINKS], a[3 * MAX_LINKS], f[6 * MAX_LINKS], g[6 * MAX_LINKS],
             velocity[6 * MAX_LINKS];
         lg_system_user user;
@@ -101,7 +101,8 @@ TEST("invariants and manifold are kept by chains of up to 20 links") {
     for (size_t n = 0; n < 4; n++) {
         const size_t k = links[n], d = 6 * k;
         lg_system *system = make_chain("lagrangian", k, GRAVITY, masses, lengths);
-        double *y = TEST_ARRAY(double, 2 * d + lg_system_workspace(system)), *end = y + d, *work = end + d;
+        double *y = TEST_ARRAY(double, 2 * d + lg_system_work_size(system) / sizeof(double)), *end = y + d,
+               *work = end + d;
         const double time = 1.0;
         lg_rng rng;
         lg_rng_seed(&rng, 33, k);

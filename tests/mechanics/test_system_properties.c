@@ -133,7 +133,7 @@ static void open_sample(sample *s, const char *name, const char *form, size_t li
     s->dim = lg_system_dim(s->system);
     s->algebra = s->space->algebra_dim;
     s->parameters = lg_system_parameter_count(s->system);
-    s->work = take(lg_system_workspace(s->system));
+    s->work = take(lg_system_work_size(s->system) / sizeof(double));
     s->y = take(BATCH * s->dim);
     for (size_t b = 0; b < BATCH; b++) draw_state(s, s->y + b * s->dim);
 }

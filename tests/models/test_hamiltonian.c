@@ -94,8 +94,7 @@ static void exact_chain_has_the_true_energy_and_field(void **state) {
         built b;
         void *system_work = NULL;
         build_from(&b, &model, theta);
-        assert_int_equal(posix_memalign(&system_work, 64, lg_system_workspace(set.system) * sizeof(double)),
-                         0);
+        assert_int_equal(posix_memalign(&system_work, 64, lg_system_work_size(set.system)), 0);
         lg_system_user user;
         lg_ode ode;
         assert_ok(lg_system_ode(set.system, LG_COORDINATES_LIE, &user, system_work, &ode));
@@ -151,8 +150,7 @@ static void exact_chain_leaves_the_manifold_as_the_true_one(void **state) {
         make_data(&set, "pendulum-chain", k);
         exact_chain(k, &model, theta);
         double *work = NULL;
-        assert_int_equal(posix_memalign((void **)&work, 64, lg_system_workspace(set.system) * sizeof(double)),
-                         0);
+        assert_int_equal(posix_memalign((void **)&work, 64, lg_system_work_size(set.system)), 0);
         lg_system_user user;
         lg_ode ode;
         lg_stepper *stepper;
@@ -362,7 +360,7 @@ static void check_system(const lg_system *system) {
     const lg_hamiltonian_family *family = lg_hamiltonian_family_for(system, &n);
     if (family == NULL || family->off_manifold != NULL) return;
     double y[MOST_STATE], dH[MOST_STATE], velocity[MOST_STATE], algebra[MOST_STATE], expected[MOST_STATE];
-    double *work = malloc(lg_system_workspace(system) * sizeof *work);
+    double *work = malloc(lg_system_work_size(system));
     assert_ok(lg_hamiltonian_space(family, (uint32_t)n, &space));
     assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &ode));
     lg_rng_seed(&rng, 17, n);
