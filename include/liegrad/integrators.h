@@ -33,11 +33,12 @@ typedef enum lg_space_kind {
     LG_SPACE_RN,       /* R^n under addition: state 1, algebra 1 a copy; n copies are R^n */
     LG_SPACE_TS2,      /* T*S^2 (and TS^2) under SE(3): state (q, p) 6, algebra (u, v) 6 */
     LG_SPACE_SO3,      /* SO(3) under itself: state R row-major 9, algebra u 3; exp(u) R */
-    LG_SPACE_SE3,      /* SE(3) under itself: state (R, r) 12, algebra (u, v) 6; (exp(u) R, exp(u) r +
-                        * dexp_u v). It is the right-trivialised T*SO(3), r the spatial momentum. */
+    LG_SPACE_SE3,      /* SE(3) under itself: state (R, r) 12, algebra (u, v) 6;
+                        * (exp(u) R, exp(u) r + dexp_u v).
+                        * This is the right-trivialised T*SO(3), where r is the spatial momentum. */
     LG_SPACE_SO3_DUAL, /* so(3)* = R^3 under SO(3): state 3, algebra u 3; exp(u) x */
-    LG_SPACE_SE3_DUAL, /* se(3)* = R^6 under SE(3): state (G, P) 6, algebra (u, v) 6; as on T*S^2, (R G, R P
-                        * + r x R G), with any |G| */
+    LG_SPACE_SE3_DUAL, /* se(3)* = R^6 under SE(3): state (G, P) 6, algebra (u, v) 6;
+                        * (R G, R P + r x R G) as on T*S^2, with any |G| */
     LG_SPACE_KINDS
 } lg_space_kind;
 
@@ -85,10 +86,9 @@ LG_API lg_status lg_space_init_rn(lg_space *space, size_t n);
 /* True when every factor is R^n, where Lie group schemes are the classical ones. */
 LG_API bool lg_space_is_abelian(const lg_space *space);
 
-/* out = exp(a) . y; a algebra_dim numbers, y and out dim numbers; out may equal y. Points within 1e-13 of
- * T*S^2, SO(3) and SE(3) are returned to them to first order, so that rounding does not add up; farther ones
- * keep their distance.
- */
+/* out = exp(a) . y. a has algebra_dim numbers; y and out have dim numbers; out may equal y. Points within
+ * 1e-13 of T*S^2, SO(3) and SE(3) are projected to first order, so that rounding does not accumulate. Points
+ * farther away keep their distance. */
 LG_API void lg_space_act(const lg_space *space, const double *a, const double *y, double *out);
 /* out = a . y, the ambient velocity of the algebra element a at y (dim numbers); out may equal y. */
 LG_API void lg_space_generator(const lg_space *space, const double *a, const double *y, double *out);
@@ -97,16 +97,18 @@ LG_API void lg_space_bracket(const lg_space *space, const double *a, const doubl
 
 #define LG_DEXPINV_EXACT (-1)
 #define LG_DEXPINV_MAX   10
-/* out = dexp_a^-1(b); out may equal b. `truncation` LG_DEXPINV_EXACT is the closed form; K in
- * 0..LG_DEXPINV_MAX is sum_{k <= K} B_k/k! ad_a^k b = b - 1/2 [a, b] + 1/12 [a, [a, b]] + 0 - ... */
+/* out = dexp_a^-1(b); out may equal b. `truncation` is LG_DEXPINV_EXACT for the closed form, or K in
+ * 0..LG_DEXPINV_MAX for the series
+ *   sum_{k <= K} B_k/k! ad_a^k b = b - 1/2 [a, b] + 1/12 [a, [a, b]] + 0 - ... */
 LG_API void lg_space_dexpinv(const lg_space *space, int truncation, const double *a, const double *b,
                              double *out);
 
-/* In place: q / |q|, p - q (q.p) on each T*S^2; the nearest rotation on SO(3) and SE(3), NaN where the
- * determinant is not positive. For starts that are off by rounding, and for schemes with `project`. */
+/* Projects y in place. On each T*S^2: q / |q|, p - q (q.p). On SO(3) and SE(3): the nearest rotation, or NaN
+ * where the determinant is not positive. This is for starts that are off by rounding, and for schemes with
+ * `project`. */
 LG_API void lg_space_project(const lg_space *space, double *y);
-/* Largest of | |q| - 1 | and |q.p|, for rotations of the entries of R^T R - I (a reflection: 2), over the
- * factors; NaN when the state holds NaN; 0 on R^n and the duals. */
+/* The largest violation over all factors: | |q| - 1 | and |q.p| on T*S^2; for rotations the entries of
+ * R^T R - I, or 2 for a reflection; 0 on R^n and the duals. NaN when the state holds NaN. */
 LG_API double lg_space_manifold_error(const lg_space *space, const double *y);
 /* Largest rotation angle |u| in a; NaN when a holds NaN. */
 LG_API double lg_space_angle(const lg_space *space, const double *a);
@@ -114,26 +116,26 @@ LG_API double lg_space_angle(const lg_space *space, const double *a);
 /* ---- Differential equations ---- */
 
 /* algebra = f(t, y), ode.space.algebra_dim numbers. `input` is what the stepper was given, or NULL. A status
- * other than LG_OK ends the integration with it, except LG_NOT_FINITE, for which an adaptive integration
- * first tries smaller steps. */
+ * other than LG_OK ends the integration, which returns it. An adaptive integration first tries smaller steps
+ * after LG_NOT_FINITE. */
 typedef lg_status (*lg_field)(void *user, double t, const double *y, const double *input, double *algebra);
-/* For separable systems on R^2n, y = (q, p): `half` is q for the force -dV/dq and p for the velocity dK/dp, n
- * numbers each. */
+/* For separable systems on R^2n, y = (q, p). `half` is q for the force -dV/dq, and p for the velocity dK/dp.
+ * `half` and `out` have n numbers each. */
 typedef lg_status (*lg_half_field)(void *user, double t, const double *half, const double *input,
                                    double *out);
 
-/* One step of a variational integrator in the system's own coordinates, in place: y(t) -> y(t + h). Kept
- * between steps: nothing. */
+/* One step of a variational integrator in the system's own coordinates, in place: y(t) -> y(t + h). It keeps
+ * nothing between steps. */
 typedef lg_status (*lg_variational_step)(void *user, double t, double h, double *y);
 
 typedef struct lg_ode {
     lg_space space;
-    lg_field field;         /* NULL only when all that is used is a splitting scheme */
+    lg_field field;         /* may be NULL when only splitting schemes are used */
     lg_half_field force;    /* NULL when the system is not separable */
     lg_half_field velocity; /* NULL exactly when force is */
     void *user;
-    lg_space manifold; /* ambient forms: where the states of R^n ought to lie, for projection; factors 0:
-                        * everywhere */
+    lg_space manifold; /* ambient forms: the manifold in R^n on which the states lie, for projection;
+                        * factors 0: no constraint */
     lg_variational_step step; /* NULL when the system has no variational integrator of its own */
 } lg_ode;
 
@@ -142,28 +144,35 @@ typedef struct lg_ode {
 #define LG_SCHEME_MAX_STAGES       8
 #define LG_SCHEME_MAX_EXPONENTIALS 4
 
-/* What an interpreter does with the data, h the step, y the start of the step. */
+/* How an interpreter uses the data. h is the step, y the start of the step. */
 typedef enum lg_scheme_kind {
-    /* Runge-Kutta-Munthe-Kaas: sigma_i = h sum_j a_ij k_j; Y_i = exp(sigma_i) . y;
-     * k_i = dexpinv_{sigma_i} f(t + c_i h, Y_i); y1 = exp(h sum_i b_i k_i) . y. Classical Runge-Kutta on R^n.
-     */
+    /* Runge-Kutta-Munthe-Kaas; on R^n the classical Runge-Kutta method:
+     *   sigma_i = h sum_j a_ij k_j
+     *   Y_i     = exp(sigma_i) . y
+     *   k_i     = dexpinv_{sigma_i} f(t + c_i h, Y_i)
+     *   y1      = exp(h sum_i b_i k_i) . y */
     LG_SCHEME_RKMK,
-    /* f_i = f(t + c_i h, Y_i); Y_i and y1 by lg_cf_row: products of exponentials of combinations of the f_j.
-     */
+    /* f_i = f(t + c_i h, Y_i). lg_cf_row gives Y_i and y1 as products of exponentials of combinations of the
+     * f_j. */
     LG_SCHEME_COMMUTATOR_FREE,
     /* On R^2n, for i = 0..stages-1: p += kick_i h force(q), q += drift_i h velocity(p). A force at an
      * unchanged q is not evaluated again, neither inside a step nor from one step to the next. */
     LG_SCHEME_SPLITTING,
-    /* On R^n, one implicit stage, 0 <= theta <= 1: Y = y + theta h f(t + theta h, Y), y1 = y + h f(t + theta
-     * h, Y), by Newton's method with a full difference Jacobian (8 n^2 bytes of the stepper, n <= 16384), to
-     * rounding. theta = 1: implicit Euler, 1/2: midpoint. */
+    /* On R^n, one implicit stage, 0 <= theta <= 1:
+     *   Y  = y + theta h f(t + theta h, Y)
+     *   y1 = y + h f(t + theta h, Y)
+     * Newton's method solves it to rounding, with a full Jacobian by differences (8 n^2 bytes of the stepper,
+     * n <= 16384). theta = 1 is implicit Euler, theta = 1/2 the midpoint rule. */
     LG_SCHEME_IMPLICIT,
-    /* Symplectic Lie group integrators on T*G, G = SO(3) x R^m (one factor SE(3), then perhaps one R^2m as
-     * (q, p)), 0 <= theta <= 1. With (xi, n) = h f(exp(theta xi) . g0, M_theta):
-     *   M_theta = dexp_{-xi}^*(mu0 + Ad_{exp(theta xi)}^* n) - theta dexp_{-theta xi}^* Ad_{exp(theta xi)}^*
-     * n g1 = exp(xi) g0, mu1 = Ad_{exp(-xi)}^* mu0 + Ad_{exp((theta - 1) xi)}^* n (Celledoni, Marthinsen,
-     * Owren) by Newton's method, to rounding. Order 2 for theta = 1/2, else 1. Steps of implicit kinds keep
-     * nothing from the step before. */
+    /* Symplectic Lie group integrators (Celledoni, Marthinsen, Owren) on T*G, 0 <= theta <= 1, with
+     * G = SO(3) x R^m: one factor SE(3), optionally followed by one R^2m as (q, p).
+     *   (xi, n) = h f(exp(theta xi) . g0, M_theta)
+     *   M_theta = dexp_{-xi}^*(mu0 + Ad_{exp(theta xi)}^* n)
+     *             - theta dexp_{-theta xi}^* Ad_{exp(theta xi)}^* n
+     *   g1      = exp(xi) g0
+     *   mu1     = Ad_{exp(-xi)}^* mu0 + Ad_{exp((theta - 1) xi)}^* n
+     * Newton's method solves it to rounding. The order is 2 for theta = 1/2, otherwise 1. Steps of implicit
+     * kinds keep nothing from the step before. */
     LG_SCHEME_SLGI,
     LG_SCHEME_VARIATIONAL, /* ode.step */
     LG_SCHEME_KINDS
@@ -178,8 +187,9 @@ typedef struct lg_cf_row {
     double coefficient[LG_SCHEME_MAX_EXPONENTIALS][LG_SCHEME_MAX_STAGES];
 } lg_cf_row;
 
-/* RKMK: adds h^2 weight [k_first, k_second] to the exponent of stage `row`, 1 <= row < stages, or of the
- * step, row = stages (never with fsal, where the last stage is the step); first, second < row. */
+/* RKMK: adds h^2 weight [k_first, k_second] to the exponent of stage `row` for 1 <= row < stages, and to the
+ * exponent of the step for row = stages; first, second < row. row = stages is not allowed with fsal, where
+ * the last stage is the step. */
 typedef struct lg_commutator {
     int row, first, second;
     double weight;
@@ -196,8 +206,7 @@ typedef struct lg_scheme {
     int stages;         /* 1..LG_SCHEME_MAX_STAGES */
     int embedded_order; /* order of the embedded solution; 0: there is none */
     bool fsal;   /* RKMK: the last row of a is b: its Y is y1, and f there is the first f of the next step */
-    int dexpinv; /* RKMK: LG_DEXPINV_EXACT or the truncation K. Order 3 needs K >= 1, orders 4 and 5 K >= 2.
-                  */
+    int dexpinv; /* RKMK: LG_DEXPINV_EXACT or the truncation K; order 3 needs K >= 1, orders 4, 5 K >= 2 */
     double c[LG_SCHEME_MAX_STAGES];
     double a[LG_SCHEME_MAX_STAGES][LG_SCHEME_MAX_STAGES]; /* RKMK: strictly lower triangular */
     double b[LG_SCHEME_MAX_STAGES];                       /* RKMK */
@@ -207,35 +216,46 @@ typedef struct lg_scheme {
     double kick[LG_SCHEME_MAX_STAGES];  /* splitting */
     double drift[LG_SCHEME_MAX_STAGES]; /* splitting */
     double theta;                       /* implicit, symplectic Lie group integrators */
-    bool project; /* ambient: each step (and dense output) ends with ode.manifold's projection, if there is
-                     one */
+    bool project; /* ambient: each step (and dense output) ends with a projection to ode.manifold, if set */
     const lg_commutator *commutators; /* RKMK; with them, dexpinv is usually 0 */
     int commutator_count;
-    /* RKMK without commutators, with dense output: at t + s h, exp(h sum_i b_i(s) k_i) . y with b_i(s) =
-     * sum_j dense[i][j] s^(j+1), of order dense_order; 0: none. */
+    /* Dense output of order dense_order (0: none), for RKMK without commutators. The state at t + s h is
+     * exp(h sum_i b_i(s) k_i) . y with b_i(s) = sum_j dense[i][j] s^(j+1). */
     int dense_order;
     double dense[LG_SCHEME_MAX_STAGES][LG_DENSE_POWERS];
 } lg_scheme;
 
-/* The schemes of the library. Classical, ambient = true: euler, implicit-euler, midpoint, rk4, rk4-projected,
- * dp54 (Dormand-Prince 5(4), adaptive). Splitting: symplectic-euler (p first), stormer-verlet. variational.
- * Lie group methods, with exact dexpinv where there is one:
- * - lie-euler; lie-heun: k_2 = f(exp(h k_1) y), exp(h/2 (k_1 + k_2)) y; rkmk3 (Kutta's tableau); rkmk4
- *   (classical tableau); rkmk4-2c: the classical tableau with two commutators; rkmk5, rkmk54
- *   (Dormand-Prince, the second adaptive, with dense output of order 4)
- * - cg3: Crouch and Grossman, order 3; cf4; cf32a, cf32b: 3(2), adaptive; cf43: cf4 with an embedded solution
- * of order 3, adaptive
- * - slgi: theta = 1/2; copy the row for another
- * lg_scheme_at(0..lg_scheme_count()-1); NULL beyond. lg_scheme_find: NULL for an unknown name. Static,
- * constant. */
+/* The schemes of the library.
+ *
+ * Classical (ambient = true):
+ * - euler, implicit-euler, midpoint, rk4, rk4-projected
+ * - dp54: Dormand-Prince 5(4), adaptive
+ * Splitting:
+ * - symplectic-euler (p first), stormer-verlet
+ * Variational:
+ * - variational: the integrator of the system
+ * Lie group methods; those that use dexpinv use the exact one:
+ * - lie-euler
+ * - lie-heun: k_2 = f(exp(h k_1) y), y1 = exp(h/2 (k_1 + k_2)) y
+ * - rkmk3: Kutta's tableau
+ * - rkmk4: the classical tableau; rkmk4-2c: the classical tableau with two commutators
+ * - rkmk5, rkmk54: Dormand-Prince; rkmk54 is adaptive, with dense output of order 4
+ * - cg3: Crouch and Grossman, order 3
+ * - cf4; cf43: cf4 with an embedded solution of order 3, adaptive
+ * - cf32a, cf32b: 3(2), adaptive
+ * - slgi: theta = 1/2; for another theta copy the row
+ *
+ * lg_scheme_at takes 0..lg_scheme_count()-1 and returns NULL beyond. lg_scheme_find returns NULL for an
+ * unknown name. Rows are static and constant. */
 LG_API size_t lg_scheme_count(void);
 LG_API const lg_scheme *lg_scheme_at(size_t index);
 LG_API const lg_scheme *lg_scheme_find(const char *name);
 
-/* Is the data consistent: ranges, explicit rows and commutators, c_i the sums of the rows, weights that sum
- * to 1 (those of dense output to s), FSAL rows equal, all to 1e-12; nothing that the kind does not have
- * (embedded solution, dense output, commutators, projection). The order is not checked. Errors:
- * LG_INVALID_ARGUMENT with the reason in `error` (may be NULL). */
+/* Checks that the data is consistent, to 1e-12:
+ * - numbers are in their ranges; rows and commutators are explicit
+ * - c_i are the sums of the rows; weights sum to 1, those of dense output to s; FSAL rows are equal
+ * - parts that the kind does not have are absent (embedded solution, dense output, commutators, projection)
+ * The order is not checked. Errors: LG_INVALID_ARGUMENT with the reason in `error` (may be NULL). */
 LG_API lg_status lg_scheme_check(const lg_scheme *scheme, lg_error *error);
 
 /* ---- Steps ---- */
@@ -244,36 +264,37 @@ typedef struct lg_stepper lg_stepper;
 
 /* Bytes that lg_stepper_init needs for this pair; 0 for arguments that lg_stepper_init would refuse. */
 LG_API size_t lg_stepper_size(const lg_scheme *scheme, const lg_ode *ode);
-/* Builds a stepper in `memory` (64-byte aligned, at least lg_stepper_size bytes, the caller's, to outlive the
- * stepper; nothing to destroy). `ode` is copied; `scheme` and ode->user must outlive the stepper. Errors:
- * LG_INVALID_ARGUMENT (memory too small or misaligned, inconsistent scheme or space, missing functions),
- * LG_UNSUPPORTED (an ambient, splitting or implicit scheme on a space that is not R^n; splitting on odd
- * dimension; slgi on a space it is not for; an implicit scheme of more than 16384 unknowns). */
+/* Builds a stepper in the caller's `memory`: 64-byte aligned, at least lg_stepper_size bytes, outliving the
+ * stepper. There is nothing to destroy. `ode` is copied; `scheme` and ode->user must outlive the stepper.
+ * Errors:
+ * - LG_INVALID_ARGUMENT: memory too small or misaligned, inconsistent scheme or space, missing functions
+ * - LG_UNSUPPORTED: an ambient, splitting or implicit scheme on a space that is not R^n; splitting on an odd
+ *   dimension; slgi on a space that is not T*G; an implicit scheme with more than 16384 unknowns */
 LG_API lg_status lg_stepper_init(void *memory, size_t bytes, const lg_scheme *scheme, const lg_ode *ode,
                                  lg_stepper **out);
-/* The same in memory from the context (NULL: the C library). Errors: as above, LG_OUT_OF_MEMORY. */
+/* The same in memory from the context (NULL: the C library). Errors: those of lg_stepper_init,
+ * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_stepper_create(const lg_context *context, const lg_scheme *scheme, const lg_ode *ode,
                                    lg_stepper **out);
 LG_API void lg_stepper_destroy(const lg_context *context, lg_stepper *stepper); /* NULL is fine */
 
-/* One step: y_next = Phi_h(t, y), dim numbers; may equal y. h may be negative. `input` goes to the field,
- * constant over the step; may be NULL. A field value at the same (t, y) as one already known is not evaluated
- * again when input is NULL: after a change of what ode.user points to, call lg_stepper_reset. Errors: what
- * the field returns; LG_NOT_FINITE when y_next is not finite; LG_NO_CONVERGENCE (implicit kinds). y_next is
- * untouched then. */
+/* One step: y_next = Phi_h(t, y), dim numbers; y_next may equal y. h may be negative. `input` goes to the
+ * field, constant over the step; it may be NULL. With input NULL, a field value known at the same (t, y) is
+ * reused: call lg_stepper_reset after you change what ode.user points to. Errors: those of the field;
+ * LG_NOT_FINITE when y_next is not finite; LG_NO_CONVERGENCE (implicit kinds). y_next is then untouched. */
 LG_API lg_status lg_step(lg_stepper *stepper, double t, double h, const double *y, const double *input,
                          double *y_next);
 /* Forget field values kept from earlier steps. */
 LG_API void lg_stepper_reset(lg_stepper *stepper);
 
-/* Of the last step: the estimated local error as an ambient vector (dim numbers; the algebra's difference
- * h sum (b_i - embedded_i) k_i mapped by the generator at y_next for RKMK, the difference of the two
- * solutions for commutator-free schemes), NULL when the scheme has no embedded solution; the largest rotation
- * angle among all exponents. */
+/* The estimated local error of the last step as an ambient vector (dim numbers); NULL when the scheme has no
+ * embedded solution. RKMK: h sum (b_i - embedded_i) k_i, mapped by the generator at y_next. Commutator-free
+ * schemes: the difference of the two solutions. */
 LG_API const double *lg_stepper_error(const lg_stepper *stepper);
+/* The largest rotation angle among all exponents of the last step. */
 LG_API double lg_stepper_angle(const lg_stepper *stepper);
-/* Dense output: the state at t + s h inside the step just made, 0 <= s <= 1, for schemes with dense_order >
- * 0; on the manifold. Errors: LG_UNSUPPORTED, LG_INVALID_ARGUMENT (no step yet, s outside). */
+/* Dense output: the state at t + s h inside the last step, 0 <= s <= 1. It lies on the manifold. Errors:
+ * LG_UNSUPPORTED (dense_order is 0), LG_INVALID_ARGUMENT (no step yet, s outside). */
 LG_API lg_status lg_stepper_dense(const lg_stepper *stepper, double s, double *y);
 /* Evaluations of the field (of the force for splitting schemes, of ode.step for variational ones) since
  * lg_stepper_init. */
@@ -288,17 +309,17 @@ typedef struct lg_run_stats {
     double max_angle;   /* largest rotation angle of an accepted step */
 } lg_run_stats;
 
-/* `steps` steps of size h from t0, step n at t0 + n h. Every `every`-th state is kept (every >= 1 divides
- * steps): out (steps/every + 1, dim), row 0 is y0; out may not overlap y0. `inputs` NULL, or (steps,
- * input_dim): row n is constant over step n. `stats` may be NULL. Errors: LG_INVALID_ARGUMENT (steps 0,
- * every, non-finite t0, h or y0), those of lg_step. On failure the rows reached before it are written, the
- * others untouched; stats are filled. */
+/* Makes `steps` steps of size h from t0; step n starts at t0 + n h. out (steps/every + 1, dim) holds every
+ * `every`-th state (every >= 1 divides steps); row 0 is y0; out must not overlap y0. `inputs` is NULL or
+ * (steps, input_dim), where row n is constant over step n. `stats` may be NULL. Errors: LG_INVALID_ARGUMENT
+ * (steps 0, `every` 0 or not a divisor, non-finite t0, h or y0), those of lg_step. On failure the rows
+ * reached are written, the others are untouched, and stats are filled. */
 LG_API lg_status lg_integrate_fixed(lg_stepper *stepper, double t0, double h, size_t steps,
                                     const double *inputs, size_t input_dim, size_t every, const double *y0,
                                     double *out, lg_run_stats *stats);
 
 /* Called after each accepted step from t to t + h, with the state at its end (dim numbers). A status other
- * than LG_OK ends the integration with it. */
+ * than LG_OK ends the integration, which returns it. */
 typedef lg_status (*lg_step_observer)(void *user, double t, double h, const double *y);
 
 typedef struct lg_step_controller {
@@ -312,8 +333,8 @@ typedef struct lg_step_controller {
     double h_max;      /* > 0, or 0: no bound */
     double max_angle;  /* a step with a larger rotation angle in any exponent is rejected; pi */
     size_t max_steps;  /* accepted and rejected together; 1000000 */
-    /* Times between steps by dense output where the scheme has it; otherwise, and when false, steps are
-     * clipped to end at them. The last time always ends a step. false */
+    /* true: dense output gives the times between steps, where the scheme has it. Otherwise steps are clipped
+     * to end at the times. A step always ends at the last time. Default: false. */
     bool dense;
     lg_step_observer observe; /* NULL: nobody */
     void *observer;
@@ -332,10 +353,11 @@ typedef struct lg_step_decision {
     double h; /* the next step to try, > 0 */
 } lg_step_decision;
 
-/* A pure function. `error` is the norm relative to the tolerance (accept when <= 1, NaN rejects), `exponent`
- * is 1/(embedded_order + 1): h_next = h clamp(safety error^-exponent, factor_min, factor_max), at most h_max.
- * After a rejection the step does not grow; a step whose angle is beyond max_angle, or not finite, is
- * rejected and shrunk by at least a half. */
+/* Decides on a step; a pure function. `error` is the norm relative to the tolerance: the step is accepted
+ * when error <= 1, and NaN rejects it. `exponent` is 1/(embedded_order + 1).
+ *   h_next = h clamp(safety error^-exponent, factor_min, factor_max), at most h_max where h_max > 0
+ * After a rejection the step does not grow. A step is also rejected when its angle exceeds max_angle or is
+ * not finite; the next one is then at most half as long. */
 LG_API lg_step_decision lg_step_controller_decide(const lg_step_controller *control, double exponent,
                                                   double error, const lg_step_history *history);
 
@@ -343,12 +365,12 @@ LG_API lg_step_decision lg_step_controller_decide(const lg_step_controller *cont
 LG_API double lg_error_norm(const lg_step_controller *control, size_t dim, const double *error,
                             const double *y, const double *y_next);
 
-/* From (t0, y0) to each of times[0..count-1], monotone in either direction from t0 (equal neighbours are
- * allowed): out (count, dim), where control->dense says how. control may be NULL for the
- * defaults; stats may be NULL. Errors: LG_UNSUPPORTED (no embedded solution), LG_INVALID_ARGUMENT (times,
- * tolerances, non-finite start), LG_STEP_TOO_SMALL, LG_TOO_MANY_STEPS, LG_NOT_FINITE (the field is not finite
- * however small the step), what the field returns. On failure the rows reached before it are written, the
- * others untouched; stats are filled. */
+/* Integrates from (t0, y0) to each of times[0..count-1]; out (count, dim). The times are monotone in either
+ * direction from t0, and neighbours may be equal. control->dense says how times between steps are reached.
+ * `control` may be NULL for the defaults; `stats` may be NULL. Errors: LG_UNSUPPORTED (no embedded solution),
+ * LG_INVALID_ARGUMENT (times, tolerances, non-finite start), LG_STEP_TOO_SMALL, LG_TOO_MANY_STEPS,
+ * LG_NOT_FINITE (the field is not finite however small the step), those of the field. On failure the rows
+ * reached are written, the others are untouched, and stats are filled. */
 LG_API lg_status lg_integrate_adaptive(lg_stepper *stepper, const lg_step_controller *control, double t0,
                                        const double *y0, const double *times, size_t count, double *out,
                                        lg_run_stats *stats);

@@ -1,21 +1,25 @@
 /* Files: HDF5 data, models and checkpoints; YAML scenes and study grids. Library `liegrad_io`.
  *
  * What holds for every function here:
- *   - A failure gives a status and, when `error` is not NULL, a sentence with the file, the key and, for
- * YAML, the line. Outputs are untouched, nothing leaks.
- *   - Structures that own memory are released by their own `_free` or `_destroy`, which leaves them zeroed; a
- * zeroed structure may be freed.
- *   - HDF5's own messages are silenced while these functions run and restored afterwards. HDF5 as Debian
- * builds it is not thread-safe: functions that read or write HDF5 run in one thread of the process at a time.
- *   - Writers compose the file in memory, write it under a temporary name in the target's folder, fsync,
- * rename, fsync the folder. Until then the old file is whole; after a failure it still is, and no temporary
- * stays. A target that exists and is not a regular file (a device, a folder) is refused. A full disk and
- * RLIMIT_FSIZE are LG_FILE.
+ * - A failure gives a status. When `error` is not NULL it also gives a sentence with the file, the key and,
+ *   for YAML, the line. Outputs are untouched, and nothing leaks.
+ * - A structure that owns memory is released by its own `_free` or `_destroy`, which leaves it zeroed. A
+ *   zeroed structure may be freed.
+ * - HDF5's own messages are silenced while these functions run and restored afterwards. HDF5 as Debian builds
+ *   it is not thread-safe: only one thread of the process may read or write HDF5 at a time.
+ * - Writers compose the file in memory, write it under a temporary name in the target's folder, fsync it,
+ *   rename it, and fsync the folder. The old file stays whole until the rename. After a failure the old file
+ *   is still whole, and no temporary file is left. A target that exists and is not a regular file (a device,
+ *   a folder) is refused. A full disk and RLIMIT_FSIZE give LG_FILE.
  *
- * Statuses of readers: LG_NOT_FOUND (no such file; a missing key is LG_FORMAT), LG_FILE (cannot be opened or
- * read, is no regular file), LG_FORMAT (empty, truncated, foreign, wrong rank or type, sizes that do not fit
- * or exceed the limit, bad values), LG_NOT_FINITE (a NaN or infinity, with key and first index), LG_VERSION
- * (a newer major format version), LG_OUT_OF_MEMORY.
+ * Statuses of readers:
+ *   LG_NOT_FOUND      no such file (a missing key is LG_FORMAT)
+ *   LG_FILE           the file cannot be opened or read, or is not a regular file
+ *   LG_FORMAT         the file is empty, truncated, foreign, or has a wrong rank or type, sizes that do not
+ *                     fit or exceed the limit, or bad values
+ *   LG_NOT_FINITE     a NaN or infinity; the sentence has the key and the first index
+ *   LG_VERSION        a newer major format version
+ *   LG_OUT_OF_MEMORY
  */
 #ifndef LIEGRAD_IO_H
 #define LIEGRAD_IO_H
@@ -46,9 +50,9 @@ LG_BEGIN_DECLS
 
 typedef struct lg_read_options {
     size_t size; /* sizeof(lg_read_options) */
-    /* HDF5 crashes or loops on some damaged files. With probe, the complete read happens first in a forked
-     * child with limits on memory and time (of the CPU and, far above it, of the clock); a child that dies is
-     * LG_FORMAT. Default true. Turn it off in a process that must not fork. */
+    /* HDF5 crashes or loops on some damaged files. With probe, a forked child first reads the complete file,
+     * with limits on memory, CPU time and, far above it, wall time. LG_FORMAT when the child dies. Default
+     * true. Turn it off in a process that must not fork. */
     bool probe;
     uint32_t probe_seconds; /* CPU time of the child, default 20 and more for large files */
     uint64_t max_bytes;     /* largest array in memory, default 8 GiB: beyond it LG_FORMAT */
@@ -57,7 +61,8 @@ typedef struct lg_read_options {
 /* Every `const lg_read_options *` may be NULL for these defaults. */
 LG_API void lg_read_options_init(lg_read_options *options);
 
-/* Writes `bytes` bytes as the complete file `path`, in the way told above (CSV, SVG and JSON files too). */
+/* Writes `bytes` bytes as the complete file `path` by the steps listed above. CSV, SVG and JSON files are
+ * written by it too. */
 LG_API lg_status lg_file_write(const lg_context *context, const char *path, const void *data, size_t bytes,
                                lg_error *error);
 
@@ -107,7 +112,8 @@ LG_API lg_status lg_file_writer_create(const lg_context *context, const char *pa
  * the group that their path names ("a/b" is attribute b of group /a). Valid until the writer is destroyed. A
  * failing call also sticks to the writer: the commit repeats it. */
 LG_API lg_status lg_file_writer_archive(lg_file_writer *writer, const char *prefix, lg_archive_writer *out);
-/* Image -> temporary -> fsync -> rename. Once; whatever comes of it, the writer can only be destroyed. */
+/* Writes the image to a temporary file, syncs and renames it. Call it once; after success or failure the
+ * writer can only be destroyed. */
 LG_API lg_status lg_file_writer_commit(lg_file_writer *writer, lg_error *error);
 LG_API void
 lg_file_writer_destroy(lg_file_writer *writer); /* NULL is fine; without a commit no file is made */
@@ -220,14 +226,15 @@ LG_API lg_status lg_model_save_hamiltonian(const lg_context *context, const char
 LG_API lg_status lg_model_load_hamiltonian(const lg_context *context, const char *path,
                                            const lg_read_options *options, lg_hamiltonian_file *out,
                                            lg_error *error);
-/* Writes what a test set said, has_e1 to test of `file`, into the model file at `path`, in place of what
- * stood there; all else in it stays as it is, what this version does not know too, and a failure changes
- * nothing.
- *   E1: mean over trajectories, coordinates and points, the first included, of the squared difference between
- * the test trajectories and the accurately integrated learned flow. E2: mean |d - mean d|, d = true H -
- * learned H at the starts.
- * Run and theta of `file` must be those of the file at `path`, as loaded or saved: LG_INVALID_ARGUMENT for
- * another model, such as one that was trained meanwhile. LG_NOT_FINITE for errors that are not. */
+/* Writes the results on a test set (members has_e1 to test of `file`) into the model file at `path`, where
+ * they replace earlier results. Everything else in the file stays as it is, entries unknown to this version
+ * included. A failure changes nothing.
+ *   E1 = mean over trajectories, coordinates and points (the first included) of the squared difference
+ *        between the test trajectories and the accurately integrated learned flow
+ *   E2 = mean |d - mean d|, d = true H - learned H at the starts
+ * Run and theta of `file` must be those of the file at `path`, as loaded or saved. Errors also:
+ * LG_INVALID_ARGUMENT for another model, such as one trained in the meantime; LG_NOT_FINITE for E1 or E2 that
+ * is not finite. */
 LG_API lg_status lg_model_record_hamiltonian(const lg_context *context, const char *path,
                                              const lg_hamiltonian_file *file, lg_error *error);
 LG_API void lg_hamiltonian_file_destroy(const lg_context *context, lg_hamiltonian_file *file);
@@ -315,13 +322,13 @@ typedef struct lg_series_data {
  * floats with whole values, negative too) or texts (fixed or variable length, 1 to 63 bytes), at most 65536
  * different ones. All else is optional:
  *   - attribute `classes`: K names, joined by | or as a list of texts. Without it the labels are the names,
- * in rising order. Which label has which name, by the first rule that holds:
+ *     in rising order. The first rule that holds says which label has which name:
  *       1. attribute `class_labels` (K texts, likewise): what /y holds for each class;
  *       2. `like` (see below) has the same names in the same order, and class_label: as there. A number that
  *          is not among them is an error;
  *       3. /y of whole numbers within 1..K, K among them: counted from 1 (not in files written here);
- *       4. whole numbers within 0..K-1: counted from 0; with a warning where 0 does not occur, as nothing
- *          tells then (none in files written here);
+ *       4. whole numbers within 0..K-1: counted from 0; with a warning where 0 does not occur, because the
+ *          base is then a guess (no warning for files written here);
  *       5. texts that are all among the names: by name;
  *       6. the different labels are K: in rising order (texts bytewise).
  *     What was found is series.class_label; with `like` it is that of `like`.
@@ -417,14 +424,13 @@ LG_API extern const lg_run_kind lg_run_hamiltonian, lg_run_surrogate, lg_run_det
 LG_API lg_status lg_checkpoint_create(const lg_context *context, const char *path, const lg_run_kind *kind,
                                       const void *run, const lg_provenance *provenance, lg_file_writer **out,
                                       lg_error *error);
-/* Opens a checkpoint and gives its run; /fit is reached by lg_file_reader_archive(reader, "fit", &archive).
- */
+/* Opens a checkpoint and gives its run. lg_file_reader_archive(reader, "fit", &archive) gives /fit. */
 LG_API lg_status lg_checkpoint_open(const lg_context *context, const char *path,
                                     const lg_read_options *options, const lg_run_kind *kind, void *run,
                                     lg_file_reader **out, lg_error *error);
-/* LG_INVALID_ARGUMENT and a sentence naming the first difference ("...: was written with batch 80, not 100")
- * when `stored` is not the run `wanted`: all that is stored of a run is compared. `path` is for the sentence.
- */
+/* Compares everything that is stored of two runs. Errors: LG_INVALID_ARGUMENT when `stored` is not the run
+ * `wanted`; the sentence names the first difference ("...: was written with batch 80, not 100"). `path` is
+ * only for the sentence. */
 LG_API lg_status lg_run_compare(const char *path, const lg_run_kind *kind, const void *stored,
                                 const void *wanted, lg_error *error);
 
@@ -456,10 +462,9 @@ typedef struct lg_model_file {
         lg_detector_file detector;
     };
 } lg_model_file;
-/* LG_FORMAT, with a sentence that says what the file is, for a kind that is no lg_model (checkpoints, data;
- * classical classifiers are read by lg_classifier_load, programs by lg_program_load). The other errors are
- * those of the kind's own loader.
- */
+/* Loads a model file of any of these kinds. Errors: those of the kind's own loader; LG_FORMAT for a kind that
+ * is not an lg_model, with a sentence that says what the file is: checkpoints, data, classical classifiers
+ * (read by lg_classifier_load), programs (read by lg_program_load). */
 LG_API lg_status lg_model_load(const lg_context *context, const char *path, const lg_read_options *options,
                                lg_model_file *out, lg_error *error);
 LG_API void lg_model_file_destroy(const lg_context *context, lg_model_file *file);
@@ -533,8 +538,9 @@ typedef struct lg_scene {
  * gives, else the system's first. A projection is logged as a warning with its line. `out` is overwritten. */
 LG_API lg_status lg_scene_read(const lg_context *context, const char *path, const char *form_wanted,
                                lg_scene *out, lg_error *error);
-/* Draws the start of a scene without `initial`, as `starts` says: the first one of lg_generate_trajectories
- * with this seed. Errors: LG_INVALID_ARGUMENT (it has a start), LG_OUT_OF_MEMORY, those of lg_system_start. */
+/* Draws the start of a scene without `initial`, as `starts` says. It is the first start of
+ * lg_generate_trajectories with this seed. Errors: LG_INVALID_ARGUMENT (the scene has a start),
+ * LG_OUT_OF_MEMORY, those of lg_system_start. */
 LG_API lg_status lg_scene_draw_start(const lg_context *context, lg_scene *scene, uint64_t seed);
 /* With the context it was read with. Leaves it zeroed; NULL and a zeroed scene are fine. */
 LG_API void lg_scene_destroy(const lg_context *context, lg_scene *scene);
@@ -545,21 +551,35 @@ LG_API int lg_scene_describe(const char *system, const char *form, char *text, s
 
 /* ---- schemes ---- */
 
-/* A scheme from a YAML (or JSON) file, checked with lg_scheme_check. Numbers are decimals or quotients a/b.
- * Keys: name           (the file's name) kind           rkmk | runge-kutta (in the ambient space) |
- * commutator-free | splitting order          of the method embedded_order with `embedded`: order of the
- * embedded solution, for adaptive steps rkmk, runge-kutta: a, a list for each stage, the first one empty, and
- * b, one number a stage; embedded, likewise; c (else the sums of a). rkmk: dexpinv, exact or the truncation K
- * (exact); commutators, a list of [row, first, second, weight], stages counted from 1, row = stages + 1 is
- * the step (then dexpinv is 0 unless given). commutator-free: rows, one for each stage and one for the end of
- * the step; embedded, a row. A row is a list of exponentials, each a list of coefficients, the first one
- * applied first; one such list stands for itself; {base: i, exponentials: [...]} starts at stage i.
- * splitting: kick, drift.
+/* Reads a scheme from a YAML (or JSON) file and checks it with lg_scheme_check. Numbers are decimals or
+ * quotients a/b. Keys of all kinds:
+ *   name            default: the file's name
+ *   kind            rkmk | runge-kutta (in the ambient space) | commutator-free | splitting
+ *   order           of the method
+ *   embedded_order  with `embedded`: order of the embedded solution, for adaptive steps
+ * rkmk and runge-kutta:
+ *   a               a list for each stage; the first one is empty
+ *   b, embedded     one number for each stage
+ *   c               default: the sums of the rows of a
+ * rkmk only:
+ *   dexpinv         exact or the truncation K; default exact, with commutators 0
+ *   commutators     a list of [row, first, second, weight]; stages count from 1, row = stages + 1 is the step
+ * commutator-free:
+ *   rows            one row for each stage and one for the end of the step
+ *   embedded        one row
+ *   A row is a list of exponentials. An exponential is a list of coefficients; the first one in the row is
+ *   applied first. A row with one exponential may be that list itself. {base: i, exponentials: [...]} starts
+ *   at stage i.
+ * splitting:
+ *   kick, drift
+ *
+ * Example:
  *   kind: rkmk
  *   order: 3
  *   a: [[], [1/2], [-1, 2]]
  *   b: [1/6, 2/3, 1/6]
- * lg_scheme_destroy frees it, with the context it was read with; NULL is fine. */
+ *
+ * lg_scheme_destroy frees the scheme, with the context it was read with; NULL is fine. */
 LG_API lg_status lg_scheme_read(const lg_context *context, const char *path, lg_scheme **out,
                                 lg_error *error);
 LG_API void lg_scheme_destroy(const lg_context *context, lg_scheme *scheme);
