@@ -1,6 +1,5 @@
-/* How state leaves and enters the library without naming a file format: named arrays and texts. liegrad_io
- * gives HDF5 implementations (liegrad/io.h); a caller may write its own. Paths look like "optimizer/adam/m".
- */
+/* Archives: state is saved and loaded as named arrays and texts, independent of a file format. liegrad_io has
+ * HDF5 implementations (liegrad/io.h); a caller may write its own. Paths look like "optimizer/adam/m". */
 #ifndef LIEGRAD_ARCHIVE_H
 #define LIEGRAD_ARCHIVE_H
 

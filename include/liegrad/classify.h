@@ -62,9 +62,10 @@ LG_API size_t lg_features_work_size(const lg_features *features);
  * exactly. The root of a covariance comes from the singular values of the centred, scaled window, to some
  * eps times its norm. LG_NO_CONVERGENCE (those singular values), LG_NOT_FINITE; then out is undefined. */
 LG_API lg_status lg_features_compute(const lg_features *features, const float *x, double *out, double *work);
-/* "raw acc_lower_x 17" (sample), "std acc_lower_x", "cov acc_lower_x moment_x", "intercept moment_x
- * acc_lower_x", "slope ..."; numbers of channels where there are no names, or no series (NULL). As snprintf.
- */
+/* Writes the name of feature `index`, with the conventions of snprintf:
+ *   "raw acc_lower_x 17" (the sample), "std acc_lower_x", "cov acc_lower_x moment_x",
+ *   "intercept moment_x acc_lower_x", "slope moment_x acc_lower_x"
+ * Channels are numbers where there are no names or `series` is NULL. */
 LG_API int lg_features_name(const lg_features *features, const lg_series *series, uint32_t index, char *text,
                             size_t size);
 /* All windows: out (windows->count, d), by `threads` >= 1 threads with the same bits for any number. The
@@ -197,8 +198,8 @@ LG_API lg_status lg_svm_fit(const lg_context *context, lg_kernel kernel, double 
                             const double *x, const uint32_t *label, size_t n, uint32_t d, uint32_t classes,
                             lg_svm *out, lg_error *error);
 LG_API void lg_svm_destroy(const lg_context *context, lg_svm *svm);
-/* Linear kernel, two classes: w (d), b with decision w.x + b, positive for class 1. LG_UNSUPPORTED otherwise.
- */
+/* The decision w.x + b of a linear kernel with two classes: w (d), b; positive for class 1. Errors:
+ * LG_UNSUPPORTED for another kernel or more classes. */
 LG_API lg_status lg_svm_plane(const lg_svm *svm, double *w, double *b);
 /* x (n, d) -> score (n, classes): two classes: -+ decision; more: votes, plus a term within 1/3 made of the
  * class's decisions, by which rows of equal votes are ordered. The first of the classes with the most votes,

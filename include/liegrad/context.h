@@ -20,8 +20,7 @@ typedef enum lg_dtype { LG_F64 = 0, LG_F32 = 1 } lg_dtype;
 
 typedef enum lg_log_level { LG_LOG_DEBUG, LG_LOG_INFO, LG_LOG_WARNING, LG_LOG_ERROR } lg_log_level;
 
-/* Called with a complete sentence without newline. May be called from the thread that calls the library only.
- */
+/* Called with a complete sentence without newline, only from the thread that calls the library. */
 typedef void (*lg_log_fn)(void *user, lg_log_level level, const char *message);
 
 /* Returns memory aligned to 64 bytes, or NULL. `bytes` > 0. Must be thread safe. */

@@ -91,9 +91,9 @@ LG_API lg_status lg_detector_program(const lg_context *context, const lg_detecto
 
 /* ---- use, without a tape ---- */
 
-/* A plan of `scores` above for one window. Immutable: threads may share it, each with work of its own. All is
- * copied; the network computes in `dtype`, to which theta is rounded. Errors: those of lg_detector_program and
- * lg_plan_create. */
+/* A plan of `scores` above for one window. Immutable: threads may share it, each with its own work memory.
+ * Everything is copied. The network computes in `dtype`, to which theta is rounded. Errors: those of
+ * lg_detector_program and lg_plan_create. */
 typedef struct lg_detector_plan lg_detector_plan;
 LG_API lg_status lg_detector_plan_create(const lg_context *context, const lg_detector *model,
                                          const lg_scaler *scaler, const double *theta, lg_dtype dtype,

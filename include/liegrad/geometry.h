@@ -49,9 +49,9 @@ LG_API void lg_so3_dexpinv(const double u[3], const double b[3], double out[3]);
 /* dexp_u^* = dexp_{-u} and its inverse (dexp_u^-1)^* = dexp_{-u}^-1; dexp_u^* mu = Ad_{exp u}^* dexp_u mu */
 LG_API void lg_so3_dexp_dual(const double u[3], const double mu[3], double out[3]);
 LG_API void lg_so3_dexpinv_dual(const double u[3], const double mu[3], double out[3]);
-/* In place: the nearest rotation in the Frobenius norm, the orthogonal polar factor, by Newton's iteration R
- * <- (R + R^-T)/2 (Higham 1986). NaN when det R is not positive: such a matrix is not a rotation off by
- * rounding. */
+/* Replaces R by the nearest rotation in the Frobenius norm (the orthogonal polar factor). Newton's iteration:
+ *   R <- (R + R^-T)/2 (Higham 1986)
+ * The result is NaN when det R is not positive: such a matrix is not a rotation with rounding errors. */
 LG_API void lg_so3_project(double R[9]);
 
 /* ---- SE(3) ----

@@ -34,8 +34,8 @@ typedef struct lg_gradcheck_function {
     const char *name;
     uint32_t inputs; /* 1..LG_GRADCHECK_MAX_INPUTS */
     const lg_gradcheck_argument *arguments;
-    /* y from the arguments' variables x[0..inputs-1]; errors stick to the tape (lg_tape_fail for one's own).
-     */
+    /* Records y from the arguments' variables x[0..inputs-1]. Errors stick to the tape; lg_tape_fail reports
+     * your own. */
     lg_var (*build)(const void *user, lg_tape *tape, const lg_var *x);
     /* Only for arguments with algebra > 0. perturb: moved = exp(h d).x; tangent: its derivative with respect
      * to h at h = 0, of x's shape. */

@@ -134,7 +134,7 @@ typedef struct lg_ode {
     lg_half_field force;    /* NULL when the system is not separable */
     lg_half_field velocity; /* NULL exactly when force is */
     void *user;
-    lg_space manifold; /* ambient forms: the manifold in R^n on which the states lie, for projection;
+    lg_space manifold;        /* ambient forms: the manifold in R^n on which the states lie, for projection;
                         * factors 0: no constraint */
     lg_variational_step step; /* NULL when the system has no variational integrator of its own */
 } lg_ode;

@@ -118,8 +118,8 @@ LG_API double lg_system_invariant(const lg_system *system, size_t index, const d
                                   double *work); /* NaN beyond */
 
 typedef enum lg_coordinates {
-    LG_COORDINATES_LIE, /* on the space itself, field in the algebra: for Lie group schemes */
-    LG_COORDINATES_AMBIENT /* on R^dim, field the ambient velocity: for classical schemes. The same as LIE on R^n. */
+    LG_COORDINATES_LIE,    /* on the space itself, field in the algebra: for Lie group schemes */
+    LG_COORDINATES_AMBIENT /* on R^dim, field the ambient velocity: for classical schemes; as LIE on R^n */
 } lg_coordinates;
 
 /* The form that a scheme wants: AMBIENT for scheme->ambient and for splitting schemes, LIE otherwise. */
@@ -141,13 +141,12 @@ typedef struct lg_system_user {
  *   a_i = (lambda_{i+1} q_{i+1} - lambda_i q_i)/m_i - g e3 is the acceleration of mass i, a_0 = 0;
  *   q_i'' = (a_i - a_{i-1})/L_i
  *   LIE:     f_i = (omega_i, q_i (q_i.q_i'') - q_i'')
- *   AMBIENT: q_i' = omega_i x q_i, omega_i' = q_i x q_i''. Defined off the manifold too, by the same
- * formulas.
+ *   AMBIENT: q_i' = omega_i x q_i, omega_i' = q_i x q_i''; the same formulas hold off the manifold
  *
  * Hamiltonian form, v_i = dH/dp_i, g_i = dH/dq_i:
  *   LIE:     f_i = (xi_i, eta_i) = (q_i x v_i, g_i x q_i + v_i x p_i)
- *   AMBIENT: q_i' = v_i - q_i (q_i.v_i), p_i' = -g_i + q_i (q_i.g_i) + p_i (q_i.v_i) - q_i (p_i.v_i), with
- * the gradient of lg_chain_gradient_extended, as a classical scheme leaves the manifold. The field returns
+ *   AMBIENT: q_i' = v_i - q_i (q_i.v_i), p_i' = -g_i + q_i (q_i.g_i) + p_i (q_i.v_i) - q_i (p_i.v_i)
+ * AMBIENT uses lg_chain_gradient_extended, because a classical scheme leaves the manifold. The field returns
  * LG_NOT_FINITE where the kinetic energy is not defined.
  *
  * ode.step: oscillator, the midpoint rule (discrete Lagrangian h L((q0 + q1)/2, (q1 - q0)/h)); chains in both

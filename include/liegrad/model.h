@@ -22,9 +22,9 @@
  *   surrogate, angle       (s, q0 v0 qN vN), 9 -> theta(s), 1. Column 0 is the curvature.
  *   detector               window as recorded (channels, length) -> logits (outputs of its network)
  *
- * The gradient of a Hamiltonian is that of lg_hamiltonian_record_gradient: of the extension to the ambient space
- * whose field is the flow on the manifold. ReLU and max pooling have the derivative of the branch that is
- * taken.
+ * The gradient of a Hamiltonian is that of lg_hamiltonian_record_gradient. It is that of the extension of H
+ * to the ambient space, whose field is the flow on the manifold. ReLU and max pooling have the derivative of
+ * the branch that is taken.
  */
 #ifndef LIEGRAD_MODEL_H
 #define LIEGRAD_MODEL_H
@@ -90,12 +90,12 @@ typedef struct lg_model_user {
 } lg_model_user;
 LG_API lg_status lg_model_ode(const lg_model *model, lg_model_user *user, void *work, lg_ode *ode);
 
-/* The same with a scheme in one piece of memory (64-byte aligned, lg_model_stepper_size bytes, the caller's):
- * steps are lg_step(stepper, t, h, state, input, next) then, on the manifold, without allocation or lock.
- * `model` and `scheme` must outlive it; nothing to destroy. Size 0 and LG_UNSUPPORTED for classical schemes
- * on chains (they leave the manifold), splitting schemes on chains, variational ones, slgi;
- * LG_INVALID_ARGUMENT as lg_stepper_init (whether the scheme fits is said before anything about the memory).
- */
+/* The learned system and a scheme in one piece of the caller's memory: 64-byte aligned, lg_model_stepper_size
+ * bytes. A step is then lg_step(stepper, t, h, state, input, next); it stays on the manifold and neither
+ * allocates nor locks. `model` and `scheme` must outlive the stepper. There is nothing to destroy. Errors:
+ * - LG_UNSUPPORTED, and size 0: classical schemes on chains (they leave the manifold), splitting schemes on
+ *   chains, variational schemes, slgi
+ * - LG_INVALID_ARGUMENT: as lg_stepper_init; the scheme is checked before the memory */
 LG_API size_t lg_model_stepper_size(const lg_model *model, const lg_scheme *scheme);
 LG_API lg_status lg_model_stepper_init(void *memory, size_t bytes, const lg_model *model,
                                        const lg_scheme *scheme, lg_stepper **out);

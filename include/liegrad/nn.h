@@ -105,8 +105,7 @@ LG_API void lg_adam_step(const lg_adam_options *options, lg_dtype dtype, uint64_
 
 /* Euclidean norm, accumulated in double in a fixed order. */
 LG_API double lg_gradient_norm(lg_dtype dtype, size_t n, const void *gradient);
-/* What to multiply a gradient of this norm with so that its norm is at most `limit`: min(1, limit/norm); 1
- * for limit 0. */
+/* The factor that brings a gradient of this norm to at most `limit`: min(1, limit/norm), or 1 for limit 0. */
 LG_API double lg_clip_factor(double norm, double limit);
 
 /* ---- schedules ---- */
@@ -124,8 +123,11 @@ typedef struct lg_schedule {
     double floor;   /* cosine: last factor, in [0, 1] */
 } lg_schedule;
 
-/* Factor on Adam's lr in epoch 0, 1, ..., epochs - 1. constant: 1; step: gamma^floor(epoch/every); cosine:
- * floor + (1 - floor) (1 + cos(pi epoch/epochs))/2, and floor from `epochs` on. */
+/* The factor on Adam's lr in epoch 0, 1, ..., epochs - 1:
+ *   constant  1
+ *   step      gamma^floor(epoch/every), floor() rounding down
+ *   cosine    floor + (1 - floor) (1 + cos(pi epoch/epochs))/2, and floor from `epochs` on, where floor is
+ *             the schedule's */
 LG_API double lg_schedule_rate(const lg_schedule *schedule, uint64_t epoch, uint64_t epochs);
 
 /* ---- training ---- */
@@ -145,8 +147,8 @@ typedef struct lg_fit_problem {
     lg_status (*loss)(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                       size_t batch, lg_var *loss);
     void *user;
-    size_t validation; /* so many of the samples, the last ones, are the validation part, in place of one
-                        * drawn by lg_fit_options.validation (then 0); 0: none */
+    size_t validation; /* the last so many samples are the validation part; lg_fit_options.validation, which
+                        * draws one at random, must then be 0. 0: no such part */
     size_t chunk; /* samples on a tape at once, so that their values stay in the cache; 0: LG_FIT_CHUNK */
 } lg_fit_problem;
 
@@ -229,27 +231,29 @@ LG_API lg_status lg_fit_create(const lg_context *context, const lg_fit_problem *
                                lg_error *error);
 LG_API void lg_fit_destroy(lg_fit *fit); /* NULL is fine */
 
-/* Trains until the plan is finished (then LG_OK, at once when it already is), stop_after epochs are done
- * (LG_OK), or something stops it. In every case the state is that of a batch boundary: it can be saved, and
- * lg_fit_run continues from it with the same bits as a run that never stopped. Each shard has its own tape
- * and gradient; gradients and losses are added in a fixed tree, so that the bits depend on `shards` and not
- * on `threads`. After the first batches no memory is allocated. Errors: LG_CANCELLED (the context's cancel
- * flag, read between batches, or on_epoch), LG_NOT_FINITE (a loss, gradient, parameter or moment is NaN or
- * infinite; the state is the one before that step; the sentence names epoch, batch and what), the loss
- * callback's, the tape's, the checkpoint callback's, LG_OUT_OF_MEMORY. */
+/* Trains until the plan is finished (LG_OK; at once when it already is), stop_after epochs are done (LG_OK),
+ * or an error stops it. In every case the state is that of a batch boundary: it can be saved, and lg_fit_run
+ * continues from it with the same bits as a run that never stopped. Each shard has its own tape and gradient.
+ * Gradients and losses are added in a fixed tree, so the bits depend on `shards` and not on `threads`. After
+ * the first batches no memory is allocated. Errors:
+ * - LG_CANCELLED: the context's cancel flag, read between batches, or on_epoch
+ * - LG_NOT_FINITE: a loss, gradient, parameter or moment is NaN or infinite. The state is the one before that
+ *   step. The sentence names the epoch, the batch and the value.
+ * - LG_OUT_OF_MEMORY, and those of the loss callback, the tape and the checkpoint callback */
 LG_API lg_status lg_fit_run(lg_fit *fit, lg_error *error);
 
 /* True when the planned epochs are done or patience ran out. */
 LG_API bool lg_fit_finished(const lg_fit *fit);
 
-/* Saves the whole state: optimizer/{parameters,best}, optimizer/adam/{m,v,step}, rng,
- * train/{permutation,epoch,...}, train/history/{loss,validation,seconds,rate}, train/options/... Errors: the
- * writer's. */
+/* Saves the whole state under these names:
+ *   optimizer/{parameters,best}, optimizer/adam/{m,v,step}, rng
+ *   train/{permutation,epoch,...}, train/history/{loss,validation,seconds,rate}, train/options/...
+ * Errors: the writer's. */
 LG_API lg_status lg_fit_save(const lg_fit *fit, const lg_archive_writer *writer, lg_error *error);
 /* Replaces the state; on failure it is as before. Errors: LG_INVALID_ARGUMENT when a hyperparameter, the
- * number of parameters or samples differs (the sentence names it and both values), LG_FORMAT for a state that
- * cannot be (no permutation, position off a batch boundary, values not finite), the reader's,
- * LG_OUT_OF_MEMORY. */
+ * number of parameters or samples differs (the sentence names it and both values), LG_FORMAT for an
+ * impossible state (an order that is not a permutation, a position off a batch boundary, values not finite),
+ * the reader's, LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_fit_load(lg_fit *fit, const lg_archive_reader *reader, lg_error *error);
 
 /* The result as `parameters` doubles: with keep_best those of the best epoch (when one is finished), else the

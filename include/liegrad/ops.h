@@ -24,10 +24,10 @@ LG_API lg_var lg_max(lg_tape *tape, lg_var a, lg_var b); /* larger of two; ties:
 LG_API lg_var lg_atan2(lg_tape *tape, lg_var a, lg_var b); /* angle of (b, a) in (-pi, pi], C's atan2; both 0:
                                                             * the derivative is NaN */
 LG_API lg_var lg_ge(lg_tape *tape, lg_var a, lg_var b);    /* a >= b ? 1 : 0, a condition; derivative 0 */
-/* condition != 0 ? yes : no elementwise, equal shapes. The value of the other one may be infinite or NaN; its
- * derivative gets a cotangent of 0, and 0 times an infinite factor is NaN: choose the argument too, as in
- * select(c, sqrt(select(c, x, 1)), 0). This, not C's `if`, is how a function that becomes a program branches.
- */
+/* condition != 0 ? yes : no, elementwise, equal shapes. The other value may be infinite or NaN. It gets a
+ * cotangent of 0, and 0 times an infinite derivative is NaN: guard the argument too, as in
+ * select(c, sqrt(select(c, x, 1)), 0). A function that becomes a program must branch with select, not with
+ * C's `if`. */
 LG_API lg_var lg_select(lg_tape *tape, lg_var condition, lg_var yes, lg_var no);
 
 /* (1 - z) u + z v elementwise, equal shapes: the gate of multiplicative networks in one node. */

@@ -159,10 +159,10 @@ LG_API lg_status lg_program_sparsity(const lg_program *program, size_t function,
 
 /* ---- loops ---- */
 
-/* Adds a function that calls `function` `times` times: after each call output carry[j].output takes the place
- * of input carry[j].input (equal ports), the other inputs stay. It has the ports of `function`. In C it is a
- * loop. Errors: LG_INVALID_ARGUMENT (times 0 or
- * above 2^24, ports that do not fit), LG_NOT_FOUND, LG_OUT_OF_MEMORY. */
+/* Adds a function that calls `function` `times` times. After each call output carry[j].output becomes input
+ * carry[j].input (equal ports); the other inputs stay the same. The new function has the ports of `function`.
+ * In C it is a loop. Errors: LG_INVALID_ARGUMENT (times 0 or above 2^24, ports that do not fit),
+ * LG_NOT_FOUND, LG_OUT_OF_MEMORY. */
 typedef struct lg_carry {
     const char *output, *input;
 } lg_carry;

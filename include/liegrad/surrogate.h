@@ -153,8 +153,8 @@ typedef struct lg_surrogate_errors {
     double mse; /* discrete: 4(N-1) inner components; others: 4(N+1) */
     double mse_q, mse_v;
     double max_error;            /* largest component */
-    double boundary_error;       /* largest difference from the boundary conditions at s = 0 and L; of the
-                                  * tangents only for the angle network, whose q(L) is where its angles lead */
+    double boundary_error;       /* largest difference from the boundary conditions at s = 0 and L. The angle
+                                  * network: tangents only, because its q(L) follows from its angles */
     double unit_tangent_error;   /* largest ||v| - 1| over all nodes */
     double unit_tangent_between; /* the same half-way between the nodes: what a curve does where no data is */
 } lg_surrogate_errors;

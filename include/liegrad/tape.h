@@ -78,8 +78,8 @@ typedef struct lg_tape_options {
 } lg_tape_options;
 
 LG_API void lg_tape_options_init(lg_tape_options *options);
-/* `options` NULL: defaults. Errors: LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY. The context must outlive the tape.
- */
+/* `options` may be NULL for the defaults. The context must outlive the tape. Errors: LG_INVALID_ARGUMENT,
+ * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_tape_create(const lg_context *context, const lg_tape_options *options, lg_tape **out);
 LG_API void lg_tape_destroy(lg_tape *tape); /* NULL is fine */
 LG_API lg_dtype lg_tape_dtype(const lg_tape *tape);
@@ -88,9 +88,9 @@ LG_API lg_dtype lg_tape_dtype(const lg_tape *tape);
 LG_API size_t lg_tape_bytes(const lg_tape *tape);
 LG_API size_t lg_tape_nodes(const lg_tape *tape);
 
-/* A position on the tape. Rewinding forgets all that came after the mark in O(1); handles made after it
- * become stale. Memory is kept, so a repeated step allocates nothing. Rewinding to a mark that lies ahead of
- * the tape, or that belongs to another tape: LG_INVALID_ARGUMENT, nothing changes; only the mark of an empty
+/* A position on the tape. Rewinding drops everything recorded after the mark in O(1), and handles made after
+ * it become stale. Memory is kept, so a repeated step allocates nothing. Errors: LG_INVALID_ARGUMENT for a
+ * mark that lies ahead of the tape or belongs to another tape; nothing changes then. The mark of an empty
  * tape fits any tape. */
 typedef struct lg_mark {
     uint32_t nodes, parents, generation;
@@ -101,12 +101,11 @@ LG_API lg_mark lg_tape_mark(const lg_tape *tape);
 LG_API lg_status lg_tape_rewind(lg_tape *tape, lg_mark mark);
 LG_API void lg_tape_reset(lg_tape *tape); /* rewind to empty, clear the error */
 
-/* The sticky error. `lg_tape_message` is a sentence with operation, shapes and scope; "" when there is none.
- */
+/* The sticky error. lg_tape_message is a sentence with operation, shapes and scope; "" without an error. */
 LG_API lg_status lg_tape_status(const lg_tape *tape);
 LG_API const char *lg_tape_message(const lg_tape *tape);
-/* A failure of the caller's own, with operation name and reason; ignored when an error stands. Returns
- * LG_NONE. */
+/* Reports the caller's own failure, with an operation name and a reason. It is ignored when the tape already
+ * has an error. Returns LG_NONE. */
 LG_API lg_var lg_tape_fail(lg_tape *tape, lg_status status, const char *operation, const char *reason);
 /* Names what is being built, for messages; `name` is kept by pointer and must live until popped. Nested
  * scopes are joined with '/'; deeper than 8 are counted but not printed. */
@@ -148,18 +147,18 @@ LG_API lg_status lg_vjp(lg_tape *tape, const lg_var *y, const lg_var *cotangent,
 LG_API lg_status lg_jvp(lg_tape *tape, const lg_var *y, size_t ny, const lg_var *x, const lg_var *tangent,
                         size_t nx, lg_var *out);
 /* Unrecorded reverse mode, the last pass of a training step: adds d sum(y) / d wrt[i] to the caller's grad[i]
- * (elements of the tape's type, count of wrt[i]). Temporaries are freed as it goes; the tape is as before. On
- * failure the contents of grad are unspecified and the error sticks. LG_INVALID_ARGUMENT: a variable asked
- * for twice, a grad[i] that is NULL. LG_UNSUPPORTED: called by a
- * custom operation's vjp while it runs. */
+ * (elements of the tape's type, count of wrt[i]). Temporaries are freed during the pass, and the tape is left
+ * as before. On failure the contents of grad are unspecified and the error sticks. Errors:
+ * LG_INVALID_ARGUMENT (a variable twice in wrt, a grad[i] that is NULL), LG_UNSUPPORTED (called by a custom
+ * operation's vjp while it runs). */
 LG_API lg_status lg_backward(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, void *const *grad);
-/* The same, but what grad[i] held is neither read nor kept: grad[i] = d sum(y) / d wrt[i]. For the first or
- * only pass of a step: a large gradient need not be cleared before, nor read while it is formed. */
+/* The same, but it overwrites: grad[i] = d sum(y) / d wrt[i]. Use it for the first or only pass of a step: a
+ * large gradient is then neither cleared beforehand nor read while it is formed. */
 LG_API lg_status lg_backward_set(lg_tape *tape, lg_var y, const lg_var *wrt, size_t n, void *const *grad);
 
-/* Recorded (rows of y flattened) x (x flattened): J[a, b] = d y_a / d x_b, shape (count(y), count(x)). One
- * reverse pass for each element of y when it has fewer than x, otherwise one forward pass for each element of
- * x. */
+/* Recorded Jacobian of the flattened y by the flattened x: J[a, b] = d y_a / d x_b, shape (count(y),
+ * count(x)). It takes one reverse pass for each element of y when y has fewer elements than x, otherwise one
+ * forward pass for each element of x. */
 LG_API lg_var lg_jacobian(lg_tape *tape, lg_var y, lg_var x);
 /* Recorded Hessian-vector product of sum(y): d/dx <grad y, v>, forward over reverse. */
 LG_API lg_var lg_hvp(lg_tape *tape, lg_var y, lg_var x, lg_var v);
