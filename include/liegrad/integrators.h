@@ -135,7 +135,7 @@ typedef struct lg_ode {
     lg_half_field velocity; /* NULL exactly when force is */
     void *user;
     lg_space manifold;        /* ambient forms: the manifold in R^n on which the states lie, for projection;
-                        * factors 0: no constraint */
+                               * factors 0: no constraint */
     lg_variational_step step; /* NULL when the system has no variational integrator of its own */
 } lg_ode;
 
@@ -234,7 +234,7 @@ typedef struct lg_scheme {
  * - symplectic-euler (p first), stormer-verlet
  * Variational:
  * - variational: the integrator of the system
- * Lie group methods; those that use dexpinv use the exact one:
+ * Lie group methods. dexpinv is exact, except in lie-heun and rkmk4-2c, which have none (truncation 0):
  * - lie-euler
  * - lie-heun: k_2 = f(exp(h k_1) y), y1 = exp(h/2 (k_1 + k_2)) y
  * - rkmk3: Kutta's tableau
