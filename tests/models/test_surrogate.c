@@ -356,10 +356,10 @@ static void continuous_points(void **state) {
         make_small(&s, 2 + i, N, TEST_LENGTH, 23);
         curve_of(&s, some_x[4], &at, 1, q, v);
         ask(&s, shown[i], y, dy);
-        assert_close(q[0], some_x[4][0] + y[0], 1e-15, 0.0);
-        assert_close(v[0], dy[0], 1e-15, 0.0);
-        assert_close(q[1], some_x[4][1] + (i == 1 ? sign : 1.0) * y[1], 1e-15, 0.0);
-        assert_close(v[1], (i == 1 ? sign : 1.0) * dy[1], 1e-15, 0.0);
+        assert_close(q[0], some_x[4][0] + y[0], 1e-15, 1e-15);
+        assert_close(v[0], dy[0], 1e-15, 1e-15);
+        assert_close(q[1], some_x[4][1] + (i == 1 ? sign : 1.0) * y[1], 1e-15, 1e-15);
+        assert_close(v[1], (i == 1 ? sign : 1.0) * dy[1], 1e-15, 1e-15);
         free_small(&s);
     }
 }
