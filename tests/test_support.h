@@ -26,7 +26,11 @@ void lg_test_enter(const char *claim, lg_test_body body);
 /* The running test owns `object`: release(object) is called when it ends or fails, the last object first. */
 void lg_test_owns(void *object, void (*release)(void *));
 
-/* Zeroed memory of the running test. */
+/* Gives back what the test has come to own since lg_test_owned() was `mark`: for rounds that take much. */
+size_t lg_test_owned(void);
+void lg_test_give_back(size_t mark);
+
+/* Zeroed memory of the running test, aligned to 64 bytes. */
 void *lg_test_memory(size_t bytes);
 #define TEST_ARRAY(type, count) ((type *)lg_test_memory((count) * sizeof(type)))
 
@@ -59,6 +63,27 @@ static inline bool lg_is_close(double a, double e, double rtol, double atol) {
         if (!lg_is_close(lg_a_, lg_e_, (rtol), (atol)))                                                      \
             fail_msg("%s = %.17g, expected %s = %.17g (difference %.3g)", #a, lg_a_, #e, lg_e_,              \
                      lg_a_ - lg_e_);                                                                         \
+    } while (0)
+
+/* `n` numbers; says which one is off. */
+#define assert_all_close(a, e, n, rtol, atol)                                                                \
+    lg_all_close(#a, (a), (e), (n), (rtol), (atol), __FILE__, __LINE__)
+
+static inline void lg_all_close(const char *name, const double *a, const double *e, size_t n, double rtol,
+                                double atol, const char *file, int line) {
+    for (size_t i = 0; i < n; i++) {
+        if (lg_is_close(a[i], e[i], rtol, atol)) continue;
+        print_error("ERROR: %s: number %zu is %.17g, expected %.17g (difference %.3g)\n", name, i, a[i], e[i],
+                    a[i] - e[i]);
+        _fail(file, line);
+    }
+}
+
+/* A text holds its part. */
+#define assert_says(text, part)                                                                              \
+    do {                                                                                                     \
+        const char *const lg_text_ = (text), *const lg_part_ = (part);                                       \
+        if (strstr(lg_text_, lg_part_) == NULL) fail_msg("'%s' is not in: %s", lg_part_, lg_text_);          \
     } while (0)
 
 #define assert_ok(call)                                                                                      \

@@ -1,82 +1,62 @@
-/* lg-gradcheck (in LG_BIN_DIR) from outside: exit codes, table, JSON. */
+/* lg-gradcheck (in LG_BIN_DIR) from outside: exit codes, table, JSON. Its rows are the library's registry and
+ * every layer, integrator, system, learned Hamiltonian and surrogate: each has derivatives of first and second
+ * order that are differences, a sweep that is the recorded gradient, and plans that are the tape. */
 #include "apps/cli_support.h"
 
 static const char program[] = "lg-gradcheck";
-static cli result;
 
-static int setup(void **state) {
-    cli_make_folder();
-    return cli_folder[0] == '\0' ? -1 : 0;
+static int begin(void **state) {
+    return cli_begin();
 }
 
-static int teardown(void **state) {
-    cli_remove_folder();
-    return 0;
-}
+TEST_GROUP(begin, cli_end)
 
-static void test_everything_passes(void **state) {
-    cli_expect(program, "", 0, " 0 wrong.", &result);
-    assert_null(strstr(result.out, "WRONG"));
-    cli_expect(program, "--seed 77", 0, " 0 wrong.", &result);
-    cli_expect(program, "--only implicit-euler --order 1", 0, "refused", &result);
-    cli_expect(program, "--only custom --json", 0, "\"refused\": true", &result);
-    cli_expect(program, "--only cross --json", 0, "\"adjoint\": ", &result);
-    assert_non_null(strstr(result.out, "\"refused_programs\": 0"));
-}
+static const struct {
+    const char *arguments;
+    int code;
+    const char *says[4], *not [2];
+} runs[] = {
+    {"", 0, {" 0 wrong."}, {"WRONG"}},
+    {"--seed 77", 0, {" 0 wrong."}, {NULL}},
+    {"--only implicit-euler --order 1", 0, {"refused"}, {NULL}},
+    {"--only custom --json", 0, {"\"refused\": true"}, {NULL}},
+    {"--only cross --json",
+     0,
+     {"\"passed\": true", "\"name\": \"cross (4, 3)\"", "\"adjoint\": ", "\"refused_programs\": 0"},
+     {"matmul"}},
+    {"--only scale --json", 0, {"\"slope\": null"}, {NULL}}, /* linear: at rounding */
+    {"--only sin --order 1", 0, {"2.0"}, {NULL}},
+    {"--version", 0, {"lg-gradcheck"}, {NULL}},
+    {"--help", 0, {"--plant"}, {NULL}},
+    {"--plant --only matmul", 0, {" 0 missed."}, {"MISSED", "\n0 mutations caught"}},
+    {"--plant --only cross", 0, {" 0 missed."}, {"MISSED", "\n0 mutations caught"}},
+    {"--plant --only spd_solve", 0, {" 0 missed.", "the transposition changes no number"}, {"MISSED"}},
+    {"--plant", 0, {"caught"}, {NULL}}, /* longer than what is kept of it */
+    {"--plant --only shift --json",
+     0,
+     {"\"missed\": 0", "\"outcome\": \"caught\"", "\"mutation\": \"transpose\"",
+      "\"direction\": \"scalars\""},
+     {NULL}},
+    {"--only nosuch", 2, {"nosuch"}, {NULL}},
+    {"--only nosuch --plant --json", 2, {"nosuch"}, {NULL}},
+    {"--plant --only net", 2, {"there is nothing to plant"}, {NULL}}, /* a network has none of its own */
+    {"--plant --only net --json", 2, {"'net'"}, {NULL}},
+    {"--order 3", 2, {"order"}, {NULL}},
+    {"--order 0", 2, {"order"}, {NULL}},
+    {"--seed -1", 2, {"seed"}, {NULL}},
+    {"--bogus", 2, {"bogus"}, {NULL}},
+    {"surplus", 2, {"surplus"}, {NULL}},
+};
 
-static void test_every_plant_is_caught(void **state) {
-    static const char *const some[] = {"matmul", "cross", "stumpff", "spd_solve", "max", "custom"};
-    for (size_t i = 0; i < sizeof some / sizeof *some; i++) {
-        char arguments[64];
-        (void)snprintf(arguments, sizeof arguments, "--plant --only %s", some[i]);
-        cli_expect(program, arguments, 0, " 0 missed.", &result);
-        assert_null(strstr(result.out, "MISSED"));
-        assert_null(strstr(result.out, "\n0 mutations caught"));
+TEST("every function passes, every plant is caught, and what cannot be run is refused") {
+    static cli result;
+    for (size_t i = 0; i < LG_COUNT(runs); i++) {
+        const bool json = strstr(runs[i].arguments, "--json") != NULL;
+        cli_expect(program, runs[i].arguments, runs[i].code, runs[i].says[0], &result);
+        for (size_t j = 1; j < 4 && runs[i].says[j] != NULL; j++) assert_says(result.out, runs[i].says[j]);
+        for (size_t j = 0; j < 2 && runs[i].not [j] != NULL; j++)
+            assert_null(strstr(result.out, runs[i].not [j]));
+        if (json && runs[i].code == 0) assert_true(json_is_object(result.out));
+        if (json && runs[i].code != 0) assert_string_equal(result.out, "");
     }
-    cli_expect(program, "--plant --only spd_solve", 0, "the transposition changes no number", &result);
-    cli_expect(program, "--plant", 0, "caught", &result); /* longer than what is kept of it */
-    cli_expect(program, "--plant --only shift --json", 0, "\"missed\": 0", &result);
-    assert_true(json_is_object(result.out));
-    assert_non_null(strstr(result.out, "\"outcome\": \"caught\""));
-    assert_non_null(strstr(result.out, "\"mutation\": \"transpose\""));
-    assert_non_null(strstr(result.out, "\"direction\": \"scalars\""));
-    assert_non_null(strstr(result.out, "\"mutation\": \"missing\""));
-}
-
-static void test_one_operation(void **state) {
-    cli_expect(program, "--only cross --json", 0, "\"passed\": true", &result);
-    assert_true(json_is_object(result.out));
-    assert_non_null(strstr(result.out, "\"name\": \"cross (4, 3)\""));
-    assert_null(strstr(result.out, "matmul"));
-    for (const char *key = "name\0order\0slope\0error\0passed\0"; *key != '\0'; key += strlen(key) + 1)
-        assert_non_null(strstr(result.out, key));
-    cli_expect(program, "--only scale --json", 0, "\"slope\": null", &result); /* linear: at rounding */
-    cli_expect(program, "--only sin --order 1", 0, "2.0", &result);
-    cli_expect(program, "--version", 0, "lg-gradcheck", &result);
-    cli_expect(program, "--help", 0, "--plant", &result);
-}
-
-static void test_bad_usage(void **state) {
-    cli_expect(program, "--only nosuch", 2, "nosuch", &result);
-    cli_expect(program, "--only nosuch --plant --json", 2, "nosuch", &result);
-    assert_string_equal(result.out, "");
-    /* A network has no derivative of its own: nothing planted would be nothing missed. */
-    cli_expect(program, "--plant --only net", 2, "there is nothing to plant", &result);
-    cli_expect(program, "--plant --only net --json", 2, "'net'", &result);
-    assert_string_equal(result.out, "");
-    cli_expect(program, "--order 3", 2, "order", &result);
-    cli_expect(program, "--order 0", 2, "order", &result);
-    cli_expect(program, "--seed -1", 2, "seed", &result);
-    cli_expect(program, "--bogus", 2, "bogus", &result);
-    cli_expect(program, "surplus", 2, "surplus", &result);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_everything_passes),
-        cmocka_unit_test(test_every_plant_is_caught),
-        cmocka_unit_test(test_one_operation),
-        cmocka_unit_test(test_bad_usage),
-    };
-    return cmocka_run_group_tests(tests, setup, teardown);
 }

@@ -506,17 +506,11 @@ TEST("what depends on parameters alone is computed once") {
     const lg_parameter_spec theta = {"theta", lg_shape1(3), logarithms};
     const lg_port out = {.name = "y"};
     const lg_function_spec function = {"scaled", &x3, 1, &out, 1, scaled, NULL};
-    lg_program_spec spec;
-    lg_program *program = NULL;
+    const lg_program_spec spec = spec_of(&theta, 1, &function, 1);
+    lg_program *program = test_program(&spec);
     lg_plan *plan;
     lg_error error;
     double y[3];
-    lg_program_spec_init(&spec);
-    spec.parameters = &theta;
-    spec.parameter_count = 1;
-    spec.functions = &function;
-    spec.function_count = 1;
-    assert_ok(lg_program_build(NULL, &spec, &program, &error));
     assert_int_equal(lg_program_operations(program, 0), 2);
     assert_ok(lg_plan_create(program, 0, NULL, &plan, &error));
     for (size_t s = 0; s < plan->steps; s++) {
@@ -524,10 +518,9 @@ TEST("what depends on parameters alone is computed once") {
         for (uint32_t g = 0; plan->step[s].kind == LG_STEP_SCALARS && g < plan->step[s].scalars.groups; g++)
             assert_int_not_equal(plan->step[s].scalars.group[g].op, LG_S_EXP);
     }
-    void *work = aligned_alloc(64, lg_plan_work_size(plan));
+    void *work = lg_test_memory(lg_plan_work_size(plan));
     lg_plan_eval(plan, (const void *const[]){x}, (void *const[]){y}, work);
     for (size_t i = 0; i < 3; i++) assert_close(y[i], x[i] * exp(logarithms[i]), 1e-15, 0);
-    free(work);
     lg_plan_destroy(plan);
 }
 

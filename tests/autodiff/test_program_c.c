@@ -2,18 +2,13 @@
  * over tensors, compiled by gcc and clang, in both types. ctest-labels: slow */
 #include <dlfcn.h>
 #include <float.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
 
 #include "autodiff/op_rows.h"
 #include "autodiff/op_table.h"
 #include "autodiff/program.h"
 #include "liegrad/gradcheck.h"
-#include "liegrad/program.h"
-#include "liegrad/random.h"
-#include "support/fixtures.h"
+#include "program_support.h"
 
 #define WARNINGS "-Wall -Wextra -Wconversion -Wdouble-promotion -Wshadow -pedantic -Werror"
 
@@ -91,20 +86,16 @@ static void add_function(bundle *b, const lg_gradcheck_case *row, size_t index) 
 
 /* As many rows as a program holds, from *next on. */
 static bundle make_bundle(bool gradients, size_t *next) {
-    bundle b = {.row = malloc(LG_PROGRAM_MAX_FUNCTIONS * sizeof(void *)), .gradients = gradients};
-    assert_non_null(b.row);
+    bundle b = {.row = TEST_ARRAY(const lg_gradcheck_case *, LG_PROGRAM_MAX_FUNCTIONS),
+                .gradients = gradients};
     assert_ok(lg_program_create(NULL, &b.program));
+    lg_test_owns(b.program, release_program);
     while (b.functions < LG_PROGRAM_MAX_FUNCTIONS && lg_gradcheck_operation(*next) != NULL) {
         add_function(&b, lg_gradcheck_operation(*next), *next);
         (*next)++;
     }
     assert_true(b.functions > 0);
     return b;
-}
-
-static void free_bundle(bundle *b) {
-    lg_program_destroy(b->program);
-    free(b->row);
 }
 
 /* ---- compiled ---- */
@@ -130,8 +121,7 @@ static void write_file(const compiled *c, const char *name, const char *const *p
 /* A function with arrays of pointers for each of the program's. */
 static char *shims_of(const bundle *b, const lg_c_source *source) {
     const size_t room = 4096 + source->functions * 2048;
-    char *text = malloc(room);
-    assert_non_null(text);
+    char *text = lg_test_memory(room);
     size_t used = (size_t)snprintf(text, room, "#include \"p.h\"\n");
     for (size_t i = 0; i < source->functions; i++) {
         size_t ins = 0, outs = 0;
@@ -173,7 +163,6 @@ static compiled compile(const bundle *b, const char *compiler, const char *flags
     write_file(&c, "p_weights.c",
                (const char *const[]){"#include \"p.h\"\n", c.source->arrays, c.source->weights}, 3);
     write_file(&c, "shims.c", (const char *const[]){shims}, 1);
-    free(shims);
     (void)snprintf(command, sizeof command,
                    "cd %s && %s %s -std=c99 -Wstrict-prototypes -Wmissing-prototypes " WARNINGS
                    " -fPIC -shared p.c p_weights.c shims.c -lm -o lib.so 2>&1",
@@ -242,15 +231,15 @@ static double compare(const bundle *b, const compiled *c, size_t i, lg_tape *tap
     *(void **)&run = dlsym(c->handle, name);
     assert_non_null(run);
     const lg_port *out = lg_program_outputs(b->program, function, &outs);
-    void *in[MOST] = {NULL}, *got[OUTPUTS] = {NULL}, *work = malloc(c->source->work_size * sizeof(double));
-    double *x[MOST] = {NULL}, *want[OUTPUTS] = {NULL}, *mean = calloc(outs, sizeof *mean), worst = 0;
+    void *in[MOST] = {NULL}, *got[OUTPUTS] = {NULL}, *work = TEST_ARRAY(double, c->source->work_size);
+    double *x[MOST] = {NULL}, *want[OUTPUTS] = {NULL}, *mean = TEST_ARRAY(double, outs), worst = 0;
     for (uint32_t k = 0; k < f->inputs; k++) {
-        x[k] = malloc(lg_shape_count(f->arguments[k].shape) * sizeof(double) + 1);
-        in[k] = malloc(lg_shape_count(f->arguments[k].shape) * sizeof(double) + 1);
+        x[k] = TEST_ARRAY(double, lg_shape_count(f->arguments[k].shape));
+        in[k] = TEST_ARRAY(double, lg_shape_count(f->arguments[k].shape));
     }
     for (size_t j = 0; j < outs; j++) {
-        want[j] = malloc(points * lg_shape_count(out[j].shape) * sizeof(double) + 1);
-        got[j] = malloc(points * lg_shape_count(out[j].shape) * sizeof(double) + 1);
+        want[j] = TEST_ARRAY(double, points *lg_shape_count(out[j].shape));
+        got[j] = TEST_ARRAY(double, points *lg_shape_count(out[j].shape));
     }
     const size_t size = c->single ? sizeof(float) : sizeof(double);
     lg_rng_seed(&rng, 14, i);
@@ -287,10 +276,6 @@ static double compare(const bundle *b, const compiled *c, size_t i, lg_tape *tap
                 fail_msg("%s (%s), output %zu, point %zu: error %.3g eps depth", f->name, name, j, p, error);
             if (error > worst) worst = error;
         }
-    for (uint32_t k = 0; k < f->inputs; k++) free(x[k]), free(in[k]);
-    for (size_t j = 0; j < outs; j++) free(want[j]), free(got[j]);
-    free(mean);
-    free(work);
     return worst;
 }
 
@@ -302,7 +287,9 @@ static void check(const bundle *b, const char *compiler, const char *flags, lg_d
     lg_tape *tape = test_tape(LG_F64);
     assert_int_equal(c.source->functions, b->functions);
     for (size_t i = 0; i < c.source->functions; i++) {
+        const size_t mark = lg_test_owned();
         const double error = compare(b, &c, i, tape, points);
+        lg_test_give_back(mark);
         if (error > worst) {
             worst = error;
             which = b->row[c.source->function[i]]->function.name;
@@ -334,7 +321,6 @@ static void check_all(bool gradients) {
         for (size_t i = 0; i < sizeof ways / sizeof *ways; i++)
             if (has(ways[i].compiler))
                 check(&b, ways[i].compiler, "-O2", ways[i].dtype, ways[i].compact, ways[i].points);
-        free_bundle(&b);
     }
 }
 
@@ -344,23 +330,6 @@ TEST("values in C are the tape's, for every compiler, type and form") {
 
 TEST("gradients in C are the tape's, for every compiler, type and form") {
     check_all(true);
-}
-
-TEST("an operation without a row in the registry would be in none of the comparisons") {
-    bool seen[LG_OPS_MOST] = {false};
-    for (size_t gradients = 0, next = 0; gradients < 2;) {
-        bundle b = make_bundle(gradients > 0, &next);
-        for (size_t i = 0; i < b.program->functions; i++)
-            for (uint32_t n = 0; n < b.program->function[i].nodes; n++)
-                seen[lg_op_place(b.program->function[i].node[n].op)] = true;
-        free_bundle(&b);
-        if (lg_gradcheck_operation(next) != NULL) continue;
-        gradients++;
-        next = 0;
-    }
-    for (uint32_t i = 0; lg_ops[i] != NULL; i++)
-        if (!seen[i] && lg_ops[i]->payload != LG_PAYLOAD_IN_PROCESS && lg_ops[i]->forward != NULL)
-            fail_msg("%s is in no program of this test", lg_ops[i]->name);
 }
 
 /* What one function alone needs, and nothing else, stands in its code: no warning of gcc and g++. */
@@ -398,7 +367,6 @@ TEST("every function compiles alone, as C and as C++") {
         bundle b = make_bundle(false, &next);
         if (has("gcc")) check_alone(&b, false, "gcc -std=c99 -Wstrict-prototypes -Wmissing-prototypes");
         if (has("g++")) check_alone(&b, true, "g++ -x c++ -std=c++14");
-        free_bundle(&b);
     }
 }
 
@@ -452,6 +420,7 @@ TEST("functions of the angle in C are the kernels' for all orders") {
     lg_rng_seed(&rng, 5, 5);
     for (size_t i = 0; i < ANGLES; i++) w[i] = angle(&rng, i);
     assert_ok(lg_program_create(NULL, &b.program));
+    lg_test_owns(b.program, release_program);
     for (uint32_t i = 0; i < 2 * (TOP + 1); i++) {
         families[i] =
             (family){i % 2 == 0 ? &lg_op_stumpff : &lg_op_dexpinv_coef, i % 2 == 0 ? TOP + 1 : 1, i / 2};
@@ -464,7 +433,7 @@ TEST("functions of the angle in C are the kernels' for all orders") {
             fail_msg("%s", error.message);
     }
     compiled c = compile(&b, has("gcc") ? "gcc" : "clang", "-O2", LG_F64, false);
-    double *work = malloc(c.source->work_size * sizeof *work);
+    double *work = TEST_ARRAY(double, c.source->work_size);
     for (size_t i = 0; i < c.source->functions; i++) {
         char name[32];
         shim run;
@@ -475,7 +444,5 @@ TEST("functions of the angle in C are the kernels' for all orders") {
         print_message("%s order %u: %.1e\n", families[i].op->name, families[i].order, error);
         assert_close(error, 0, 0, 1e-13);
     }
-    free(work);
     discard(&c);
-    lg_program_destroy(b.program);
 }

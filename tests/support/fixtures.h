@@ -6,6 +6,7 @@
 
 #include "liegrad/integrators.h"
 #include "liegrad/ops.h"
+#include "liegrad/random.h"
 #include "support/fail_alloc.h"
 
 static inline void release_tape(void *tape) {
@@ -20,6 +21,23 @@ static inline lg_tape *test_tape(lg_dtype dtype) {
     assert_ok(lg_tape_create(NULL, &options, &tape));
     lg_test_owns(tape, release_tape);
     return tape;
+}
+
+/* A variable has `n` numbers, these. */
+#define assert_reads(tape, v, n, expected, rtol, atol)                                                       \
+    do {                                                                                                     \
+        double *const lg_read_ = TEST_ARRAY(double, n);                                                      \
+        assert_ok(lg_read(tape, v, lg_read_, n));                                                            \
+        lg_all_close(#v, lg_read_, (expected), (n), (rtol), (atol), __FILE__, __LINE__);                     \
+    } while (0)
+
+/* `n` numbers from [low, high]. */
+static inline double *test_numbers(uint64_t seed, size_t n, double low, double high) {
+    lg_rng rng;
+    double *x = TEST_ARRAY(double, n);
+    lg_rng_seed(&rng, seed, 0);
+    for (size_t i = 0; i < n; i++) x[i] = lg_rng_uniform_in(&rng, low, high);
+    return x;
 }
 
 static inline void release_stepper(void *stepper) {

@@ -17,13 +17,21 @@ static void run_body(void **state) {
     (*(lg_test_body *)*state)();
 }
 
-/* Runs after a failed test too. */
-static int release_owned(void **state) {
-    (void)state;
-    while (owned_count > 0) {
+size_t lg_test_owned(void) {
+    return owned_count;
+}
+
+void lg_test_give_back(size_t mark) {
+    while (owned_count > mark) {
         owned_count--;
         owned[owned_count].release(owned[owned_count].object);
     }
+}
+
+/* Runs after a failed test too. */
+static int release_owned(void **state) {
+    (void)state;
+    lg_test_give_back(0);
     return 0;
 }
 
@@ -48,9 +56,10 @@ void lg_test_owns(void *object, void (*release)(void *)) {
 }
 
 void *lg_test_memory(size_t bytes) {
-    void *memory = calloc(1, bytes > 0 ? bytes : 1);
+    void *memory = NULL;
+    assert_int_equal(posix_memalign(&memory, 64, bytes > 0 ? bytes : 1), 0);
     lg_test_owns(memory, free);
-    return memory;
+    return memset(memory, 0, bytes);
 }
 
 int main(int argc, char **argv) {

@@ -1,0 +1,34 @@
+/* Rows of the gradient check's registry on tapes of the running test. */
+#ifndef LG_ROW_SUPPORT_H
+#define LG_ROW_SUPPORT_H
+
+#include "support/fixtures.h"
+
+#include "autodiff/gradcheck_internal.h"
+
+typedef struct row_on_tape {
+    lg_var x[LG_GRADCHECK_MAX_INPUTS], d[LG_GRADCHECK_MAX_INPUTS], y; /* inputs, directions of them, value */
+} row_on_tape;
+
+/* The row's own point, or one drawn from its range; the generator gives the same on tapes of both types. */
+static inline row_on_tape record_row(lg_tape *tape, lg_rng *rng, const lg_gradcheck_function *f) {
+    row_on_tape r;
+    for (uint32_t i = 0; i < f->inputs; i++) {
+        const lg_gradcheck_argument *a = &f->arguments[i];
+        const size_t count = lg_shape_count(a->shape);
+        const bool plain = a->low == 0.0 && a->high == 0.0;
+        double *x = TEST_ARRAY(double, count), *d = TEST_ARRAY(double, count);
+        for (size_t j = 0; j < count; j++) {
+            const double drawn = lg_rng_uniform_in(rng, plain ? -1.0 : a->low, plain ? 1.0 : a->high);
+            x[j] = a->values != NULL ? a->values[j] : drawn;
+            d[j] = lg_rng_uniform_in(rng, -1.0, 1.0);
+        }
+        r.x[i] = lg_input_f64(tape, a->shape, x);
+        r.d[i] = lg_input_f64(tape, a->shape, d);
+    }
+    r.y = f->build(f->user, tape, r.x);
+    if (lg_tape_status(tape) != LG_OK) fail_msg("%s: %s", f->name, lg_tape_message(tape));
+    return r;
+}
+
+#endif
