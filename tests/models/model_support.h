@@ -1,8 +1,8 @@
-/* Small models of every kind behind the one handle. */
+/* Small models of every kind behind the one handle; all of them are the running test's. */
 #ifndef LG_MODEL_SUPPORT_H
 #define LG_MODEL_SUPPORT_H
 
-#include "test_support.h"
+#include "support/fixtures.h"
 
 #include "liegrad/model.h"
 #include "models/hamiltonian_internal.h"
@@ -14,44 +14,44 @@ typedef struct built {
     lg_hamiltonian hamiltonian;
     lg_surrogate surrogate;
     lg_detector detector;
-    lg_scaler scaler;
-    double *theta, *mean, *scale;
+    double *theta;
     void *work;
-    size_t bytes;
 } built;
 
-/* Work that holds something else, and a piece behind it that must stay as it is. */
-static inline void build_work(built *b) {
-    b->bytes = lg_model_work_size(b->model);
-    assert_true(b->bytes > 0);
-    assert_int_equal(posix_memalign(&b->work, 64, b->bytes + 64), 0);
-    memset(b->work, 0x41, b->bytes + 64);
+static inline void release_model(void *model) {
+    lg_model_destroy(model);
+}
+
+/* After the description and the parameters: owns the model and gives it work memory. */
+static inline built ready_to_run(built b) {
+    lg_test_owns(b.model, release_model);
+    b.work = test_work(lg_model_work_size(b.model));
+    return b;
 }
 
 static inline double *room(size_t count) {
-    double *out = malloc(count * sizeof *out);
-    assert_non_null(out);
-    return out;
-}
-
-static inline void build_hamiltonian(built *b, const lg_hamiltonian_family *family, uint32_t n,
-                                     lg_potential_kind potential, lg_activation activation) {
-    const uint32_t hidden[2] = {9, 8};
-    lg_rng rng;
-    *b = (built){.model = NULL};
-    assert_ok(lg_hamiltonian_init(&b->hamiltonian, family, n, potential, hidden, 2, activation));
-    b->theta = room(lg_hamiltonian_parameters(&b->hamiltonian));
-    lg_rng_seed(&rng, 21, n);
-    lg_hamiltonian_initialise(&b->hamiltonian, &rng, b->theta);
-    assert_ok(lg_model_create_hamiltonian(NULL, &b->hamiltonian, b->theta, &b->model, NULL));
-    build_work(b);
+    return TEST_ARRAY(double, count);
 }
 
 /* From a description and parameters of one's own. */
-static inline void build_from(built *b, const lg_hamiltonian *model, const double *theta) {
-    *b = (built){.hamiltonian = *model};
-    assert_ok(lg_model_create_hamiltonian(NULL, model, theta, &b->model, NULL));
-    build_work(b);
+static inline built build_from(const lg_hamiltonian *model, const double *theta) {
+    const size_t n = lg_hamiltonian_parameters(model);
+    built b = {.hamiltonian = *model, .theta = room(n)};
+    memcpy(b.theta, theta, n * sizeof *theta);
+    assert_ok(lg_model_create_hamiltonian(NULL, model, theta, &b.model, NULL));
+    return ready_to_run(b);
+}
+
+static inline built build_hamiltonian(const lg_hamiltonian_family *family, uint32_t n,
+                                      lg_potential_kind potential, lg_activation activation) {
+    const uint32_t hidden[2] = {9, 8};
+    lg_hamiltonian model;
+    lg_rng rng;
+    assert_ok(lg_hamiltonian_init(&model, family, n, potential, hidden, 2, activation));
+    double *theta = room(lg_hamiltonian_parameters(&model));
+    lg_rng_seed(&rng, 21, n);
+    lg_hamiltonian_initialise(&model, &rng, theta);
+    return build_from(&model, theta);
 }
 
 static inline double energy_of(const built *b, const double *y) {
@@ -60,21 +60,15 @@ static inline double energy_of(const built *b, const double *y) {
     return energy;
 }
 
-/* The model with what theta is now. */
-static inline void build_again(built *b) {
-    lg_model_destroy(b->model);
-    assert_ok(lg_model_create_hamiltonian(NULL, &b->hamiltonian, b->theta, &b->model, NULL));
-}
-
 /* H = |p|^2/(2 m) + c q_3 on T*S^2: the spherical pendulum, c/m = gravity/length. */
-static inline void build_pendulum(built *b, double m, double c) {
-    build_hamiltonian(b, &lg_hamiltonian_chain, 1, LG_POTENTIAL_LINEAR, LG_TANH);
+static inline built build_pendulum(double m, double c) {
     const double theta[5] = {0.0, 0.0, c, 0.0, m};
-    memcpy(b->theta, theta, sizeof theta);
-    build_again(b);
+    lg_hamiltonian model;
+    assert_ok(lg_hamiltonian_init(&model, &lg_hamiltonian_chain, 1, LG_POTENTIAL_LINEAR, NULL, 0, LG_TANH));
+    return build_from(&model, theta);
 }
 
-static inline void build_surrogate(built *b, lg_surrogate_kind kind) {
+static inline built build_surrogate(lg_surrogate_kind kind) {
     const lg_surrogate_options options = {.kind = kind,
                                           .architecture = LG_NET_MULT,
                                           .embedding = 7,
@@ -84,42 +78,30 @@ static inline void build_surrogate(built *b, lg_surrogate_kind kind) {
                                           .normalise = true,
                                           .boundary = kind == LG_SURROGATE_ANGLE};
     lg_rng rng;
-    *b = (built){.model = NULL};
-    assert_ok(lg_surrogate_init(&b->surrogate, &options, 6, 3.3, 1.2, NULL));
-    const size_t n = lg_surrogate_parameters(&b->surrogate);
-    b->theta = room(n);
+    built b = {.model = NULL};
+    assert_ok(lg_surrogate_init(&b.surrogate, &options, 6, 3.3, 1.2, NULL));
+    const size_t n = lg_surrogate_parameters(&b.surrogate);
+    b.theta = room(n);
     lg_rng_seed(&rng, 22, (uint64_t)kind);
-    for (size_t i = 0; i < n; i++) b->theta[i] = 0.3 * lg_rng_normal(&rng);
-    assert_ok(lg_model_create_surrogate(NULL, &b->surrogate, b->theta, &b->model, NULL));
-    build_work(b);
+    for (size_t i = 0; i < n; i++) b.theta[i] = 0.3 * lg_rng_normal(&rng);
+    assert_ok(lg_model_create_surrogate(NULL, &b.surrogate, b.theta, &b.model, NULL));
+    return ready_to_run(b);
 }
 
-static inline void build_detector(built *b, lg_activation activation) {
+static inline built build_detector(lg_activation activation) {
     enum { CHANNELS = 2, LENGTH = 60, CLASSES = 3 };
+    double mean[CHANNELS] = {0.1, 1.1}, scale[CHANNELS] = {2.0, 3.0};
+    const lg_scaler scaler = {.channels = CHANNELS, .mean = mean, .scale = scale};
     lg_rng rng;
-    *b = (built){.model = NULL};
-    b->detector = (lg_detector){.net = lg_cnn_defaults(CHANNELS, LENGTH, CLASSES, activation),
-                                .classes = CLASSES,
-                                .loss = LG_DETECTOR_CROSS_ENTROPY};
-    assert_ok(lg_detector_check(&b->detector, NULL));
-    b->mean = room(CHANNELS);
-    b->scale = room(CHANNELS);
-    for (int c = 0; c < CHANNELS; c++) b->mean[c] = 0.1 + c, b->scale[c] = 2.0 + c;
-    b->scaler = (lg_scaler){.channels = CHANNELS, .mean = b->mean, .scale = b->scale};
-    b->theta = room(lg_cnn_parameters(&b->detector.net));
+    built b = {.detector = {.net = lg_cnn_defaults(CHANNELS, LENGTH, CLASSES, activation),
+                            .classes = CLASSES,
+                            .loss = LG_DETECTOR_CROSS_ENTROPY}};
+    assert_ok(lg_detector_check(&b.detector, NULL));
+    b.theta = room(lg_cnn_parameters(&b.detector.net));
     lg_rng_seed(&rng, 23, 0);
-    lg_cnn_initialise(&b->detector.net, LG_INIT_FAN_IN, &rng, b->theta);
-    assert_ok(lg_model_create_detector(NULL, &b->detector, &b->scaler, b->theta, &b->model, NULL));
-    build_work(b);
-}
-
-static inline void build_free(built *b) {
-    for (size_t i = 0; i < 64; i++) assert_int_equal(((unsigned char *)b->work)[b->bytes + i], 0x41);
-    lg_model_destroy(b->model);
-    free(b->work);
-    free(b->theta);
-    free(b->mean);
-    free(b->scale);
+    lg_cnn_initialise(&b.detector.net, LG_INIT_FAN_IN, &rng, b.theta);
+    assert_ok(lg_model_create_detector(NULL, &b.detector, &scaler, b.theta, &b.model, NULL));
+    return ready_to_run(b);
 }
 
 static inline bool is_chain(const built *b) {
@@ -137,6 +119,47 @@ static inline void draw_state(const built *b, lg_rng *rng, double *y) {
     const lg_space space = space_of(b);
     for (size_t i = 0; i < space.dim; i++) y[i] = lg_rng_normal(rng);
     lg_space_project(&space, y);
+}
+
+/* In exactly as many bytes as asked for. */
+static inline lg_stepper *stepper_of(const built *b, const lg_scheme *scheme) {
+    lg_stepper *stepper;
+    const size_t bytes = lg_model_stepper_size(b->model, scheme);
+    assert_true(bytes > 0);
+    assert_ok(lg_model_stepper_init(test_work(bytes), bytes, b->model, scheme, &stepper));
+    return stepper;
+}
+
+/* A learned Hamiltonian in a random state, with a random input. */
+typedef struct moving {
+    built b;
+    uint32_t n;
+    size_t d, m, r; /* numbers of state, input and tangent coordinates */
+    double y[MOST_STATE], u[MOST_INPUT];
+} moving;
+
+static inline moving put_in_motion(built b, uint64_t seed) {
+    moving s = {.b = b,
+                .n = b.hamiltonian.n,
+                .d = lg_model_inputs(b.model),
+                .m = lg_model_input_size(b.model),
+                .r = lg_model_tangent_size(b.model)};
+    lg_rng rng;
+    assert_true(s.d <= MOST_STATE && s.m <= MOST_INPUT && s.r <= MOST_TANGENT);
+    lg_rng_seed(&rng, 3, seed);
+    draw_state(&b, &rng, s.y);
+    for (size_t i = 0; i < s.m; i++) s.u[i] = lg_rng_normal(&rng);
+    return s;
+}
+
+/* Models 0, 1, ...: of every family with one to three copies. */
+static inline size_t motions(void) {
+    return 3 * lg_hamiltonian_family_count();
+}
+
+static inline moving make_motion(size_t i, lg_potential_kind potential, lg_activation activation) {
+    const uint32_t n = 1 + (uint32_t)i % 3;
+    return put_in_motion(build_hamiltonian(lg_hamiltonian_family_at(i / 3), n, potential, activation), i);
 }
 
 #endif

@@ -1,8 +1,8 @@
-/* Functions of a program made ready, with work memory of their own. */
+/* Functions of a program made ready, with work memory of their own; all is the running test's. */
 #ifndef LG_PLAN_SUPPORT_H
 #define LG_PLAN_SUPPORT_H
 
-#include "test_support.h"
+#include "support/fixtures.h"
 
 #include "liegrad/program.h"
 
@@ -12,10 +12,17 @@ typedef struct ready {
     size_t bytes;
 } ready;
 
-/* Function `name` that marks what is not finite. Its work holds NaN, and a piece behind it that must stay as
- * it is. */
-static inline void make_ready(ready *r, const lg_program *program, const char *name, size_t rows,
-                              lg_dtype dtype) {
+static inline void release_plan(void *plan) {
+    lg_plan_destroy(plan);
+}
+
+static inline void release_program(void *program) {
+    lg_program_destroy(program);
+}
+
+/* Function `name` that marks what is not finite. */
+static inline ready make_ready(const lg_program *program, const char *name, size_t rows, lg_dtype dtype) {
+    ready r;
     lg_plan_options options;
     lg_error error;
     size_t function;
@@ -24,16 +31,11 @@ static inline void make_ready(ready *r, const lg_program *program, const char *n
     options.dtype = dtype;
     options.mark_unfit = true;
     assert_ok(lg_program_find(program, name, &function));
-    if (lg_plan_create(program, function, &options, &r->plan, &error) != LG_OK) fail_msg("%s", error.message);
-    r->bytes = lg_plan_work_size(r->plan);
-    assert_int_equal(posix_memalign(&r->work, 64, r->bytes + 64), 0);
-    memset(r->work, 0xff, r->bytes + 64);
-}
-
-static inline void free_ready(ready *r) {
-    for (size_t i = 0; i < 64; i++) assert_int_equal(((unsigned char *)r->work)[r->bytes + i], 0xff);
-    free(r->work);
-    lg_plan_destroy(r->plan);
+    if (lg_plan_create(program, function, &options, &r.plan, &error) != LG_OK) fail_msg("%s", error.message);
+    lg_test_owns(r.plan, release_plan);
+    r.bytes = lg_plan_work_size(r.plan);
+    r.work = test_work(r.bytes);
+    return r;
 }
 
 static inline void run_value(const ready *r, const double *x, double *y) {
@@ -43,6 +45,24 @@ static inline void run_value(const ready *r, const double *x, double *y) {
 /* y may be NULL. */
 static inline void run_gradient(const ready *r, const double *x, double *y, double *jacobian) {
     lg_plan_eval(r->plan, (const void *const[]){x}, (void *const[]){y, jacobian}, r->work);
+}
+
+/* Value and Jacobian in work memory full of NaN: the Jacobian keeps to its size and is the same without the
+ * value, which is that of the plan of values. The Jacobian has room for a number more. */
+static inline void check_gradient(const ready *value, const ready *gradient, const double *x, double *y,
+                                  double *jacobian) {
+    const size_t outputs = lg_plan_output_count(gradient->plan, 0);
+    const size_t count = lg_plan_output_count(gradient->plan, 1);
+    double *again = TEST_ARRAY(double, count), *plain = TEST_ARRAY(double, outputs);
+    jacobian[count] = 55.0;
+    memset(gradient->work, 0xff, gradient->bytes);
+    run_gradient(gradient, x, y, jacobian);
+    assert_close(jacobian[count], 55.0, 0, 0);
+    run_gradient(gradient, x, NULL, again);
+    assert_memory_equal(jacobian, again, count * sizeof *again);
+    memset(value->work, 0xff, value->bytes);
+    run_value(value, x, plain);
+    for (size_t o = 0; o < outputs; o++) assert_close(y[o], plain[o], 1e-14, 1e-14);
 }
 
 #endif

@@ -2,7 +2,7 @@
 #ifndef LG_SURROGATE_SUPPORT_H
 #define LG_SURROGATE_SUPPORT_H
 
-#include "test_support.h"
+#include "support/fixtures.h"
 
 #include "liegrad/surrogate.h"
 
@@ -51,63 +51,41 @@ static const lg_surrogate_options test_options[] = {
 };
 enum { TEST_OPTIONS = LG_COUNT(test_options) };
 
+/* A surrogate of the running test. */
 typedef struct small {
     lg_surrogate model;
     size_t parameters;
     double *theta;
-    float *theta32;
-    lg_surrogate_curves *curves, *curves32;
-    void *work;
 } small;
 
 /* Number `which` of the settings, tanh, with parameters drawn by `seed`. */
-static inline void make_small(small *s, size_t which, uint32_t intervals, double length, uint64_t seed) {
+static inline small make_small(size_t which, uint32_t intervals, double length, uint64_t seed) {
+    small s;
     lg_surrogate_options options = test_options[which];
     lg_rng rng;
     options.activation = LG_TANH;
-    assert_ok(lg_surrogate_init(&s->model, &options, intervals, length, 1.5, NULL));
-    s->parameters = lg_surrogate_parameters(&s->model);
-    s->theta = malloc(s->parameters * sizeof *s->theta);
+    assert_ok(lg_surrogate_init(&s.model, &options, intervals, length, 1.5, NULL));
+    s.parameters = lg_surrogate_parameters(&s.model);
+    s.theta = TEST_ARRAY(double, s.parameters);
     lg_rng_seed(&rng, seed, which);
-    lg_net_initialise(&s->model.net, LG_INIT_FAN_IN, &rng, s->theta);
-    s->theta32 = malloc(s->parameters * sizeof *s->theta32);
-    for (size_t i = 0; i < s->parameters; i++) s->theta32[i] = (float)s->theta[i];
-    s->curves = s->curves32 = NULL;
-    s->work = NULL;
+    lg_net_initialise(&s.model.net, LG_INIT_FAN_IN, &rng, s.theta);
+    return s;
 }
 
-/* Plans of the parameters as they are now, and their memory. */
-static inline void plan_small(small *s, size_t points) {
-    lg_error error = {LG_OK, ""};
-    if (lg_surrogate_curves_create(NULL, &s->model, s->theta, LG_F64, points, &s->curves, &error) != LG_OK ||
-        lg_surrogate_curves_create(NULL, &s->model, s->theta, LG_F32, points, &s->curves32, &error) != LG_OK)
+/* By a plan of its own, of the parameters as they are now. */
+static inline void typed_curve_of(const small *s, lg_dtype dtype, const double *x, const double *at,
+                                  size_t points, double *q, double *v) {
+    lg_surrogate_curves *curves;
+    lg_error error;
+    if (lg_surrogate_curves_create(NULL, &s->model, s->theta, dtype, points, &curves, &error) != LG_OK)
         fail_msg("%s", error.message);
-    const size_t bytes = lg_surrogate_curves_work_size(s->curves);
-    assert_int_equal(posix_memalign(&s->work, 64, bytes), 0);
-    memset(s->work, 0xff, bytes);
+    lg_surrogate_curve(curves, x, at, points, q, v, test_work(lg_surrogate_curves_work_size(curves)));
+    lg_surrogate_curves_destroy(curves);
 }
 
-static inline void unplan_small(small *s) {
-    lg_surrogate_curves_destroy(s->curves);
-    lg_surrogate_curves_destroy(s->curves32);
-    free(s->work);
-    s->curves = s->curves32 = NULL;
-    s->work = NULL;
-}
-
-static inline void free_small(small *s) {
-    unplan_small(s);
-    free(s->theta);
-    free(s->theta32);
-}
-
-/* By plans of its own. */
 static inline void curve_of(const small *s, const double *x, const double *at, size_t points, double *q,
                             double *v) {
-    small own = *s;
-    plan_small(&own, points);
-    lg_surrogate_curve(own.curves, x, at, points, q, v, own.work);
-    unplan_small(&own);
+    typed_curve_of(s, LG_F64, x, at, points, q, v);
 }
 
 /* theta(s) of curve i, some turning one way and some the other. */
@@ -117,15 +95,18 @@ static inline double test_angle(size_t i, double t) {
 }
 
 /* n curves of N intervals; q by Simpson's rule on fine panels. */
-static inline void make_curves(lg_elastica_curves *set, size_t n, uint32_t intervals) {
+static inline lg_elastica_curves make_curves(size_t n, uint32_t intervals) {
     enum { FINE = 20 };
     const size_t nodes = (size_t)intervals + 1;
-    *set = (lg_elastica_curves){.count = n, .intervals = intervals, .length = TEST_LENGTH, .stiffness = 10.0};
-    set->boundary = calloc(8 * n, sizeof(double));
-    set->q = calloc(2 * nodes * n, sizeof(double));
-    set->v = calloc(2 * nodes * n, sizeof(double));
+    const lg_elastica_curves set = {.count = n,
+                                    .intervals = intervals,
+                                    .length = TEST_LENGTH,
+                                    .stiffness = 10.0,
+                                    .boundary = TEST_ARRAY(double, 8 * n),
+                                    .q = TEST_ARRAY(double, 2 * nodes * n),
+                                    .v = TEST_ARRAY(double, 2 * nodes * n)};
     for (size_t i = 0; i < n; i++) {
-        double *q = set->q + 2 * nodes * i, *v = set->v + 2 * nodes * i, *x = set->boundary + 8 * i;
+        double *q = set.q + 2 * nodes * i, *v = set.v + 2 * nodes * i, *x = set.boundary + 8 * i;
         const double h = 1.0 / ((double)intervals * FINE);
         q[0] = 0.01 * (double)i;
         q[1] = -0.02 * (double)i;
@@ -148,12 +129,7 @@ static inline void make_curves(lg_elastica_curves *set, size_t n, uint32_t inter
         memcpy(x + 4, q + 2 * nodes - 2, 2 * sizeof *x);
         memcpy(x + 6, v + 2 * nodes - 2, 2 * sizeof *x);
     }
-}
-
-static inline void free_curves(lg_elastica_curves *set) {
-    free(set->boundary);
-    free(set->q);
-    free(set->v);
+    return set;
 }
 
 #endif

@@ -1,10 +1,7 @@
 /* Detectors: scaling, losses against direct formulas, learning to tell two sounds apart, the same bits
- * whatever the threads and however often interrupted, use without memory, what is refused. */
+ * whatever the threads and however often interrupted, what is refused. */
+#include "models/series_support.h"
 #include "nn/nn_support.h"
-
-#include "liegrad/detector.h"
-#include "support/fail_alloc.h"
-#include "support/malloc_count.h"
 
 /* ---- a small set: sines of one frequency a class, in noise ---- */
 
@@ -25,10 +22,9 @@ static double frequency(uint32_t label) {
 
 /* `rare`: of ten windows, so many are of class 1 where there are two. */
 static sounds make_sounds(size_t count, uint32_t classes, size_t rare, double noise, bool centred) {
-    sounds s = {.series = {.count = count, .channels = CHANNELS, .length = LENGTH, .classes = classes}};
+    sounds s = {.series = make_series(count, CHANNELS, LENGTH, classes, false, false)};
     lg_rng rng;
     lg_rng_seed(&rng, 31, 0);
-    assert_ok(lg_series_allocate(NULL, false, false, &s.series));
     for (size_t i = 0; i < count; i++) {
         const uint32_t label = rare > 0 ? i % 10 < rare : (uint32_t)(i % classes);
         s.series.label[i] = label;
@@ -40,9 +36,9 @@ static sounds make_sounds(size_t count, uint32_t classes, size_t rare, double no
                                                              noise * lg_rng_normal(&rng)));
         }
     }
-    assert_ok(lg_windows_create(NULL, &s.series, 0, 0, &s.windows, NULL));
-    uint8_t *parts = malloc(count);
-    s.chosen = malloc(count * sizeof *s.chosen);
+    s.windows = cut_windows(&s.series, 0, 0);
+    uint8_t *parts = TEST_ARRAY(uint8_t, count);
+    s.chosen = TEST_ARRAY(uint32_t, count);
     assert_ok(lg_series_split(NULL, &s.series, &s.windows, LG_SPLIT_RANDOM, count > 9 ? 0.3 : 0.0, 0.0, 1,
                               parts, NULL));
     size_t at = 0;
@@ -51,16 +47,8 @@ static sounds make_sounds(size_t count, uint32_t classes, size_t rare, double no
             if (parts[i] == part) s.chosen[at++] = (uint32_t)i;
         if (part == LG_PART_TRAIN) s.training = at;
     }
-    free(parts);
-    assert_ok(lg_scaler_fit(NULL, &s.series, &s.windows, s.chosen, s.training, centred, &s.scaler));
+    s.scaler = fit_scaler(&s.series, &s.windows, s.chosen, s.training, centred);
     return s;
-}
-
-static void free_sounds(sounds *s) {
-    lg_scaler_destroy(NULL, &s->scaler);
-    lg_windows_destroy(NULL, &s->windows);
-    lg_series_destroy(NULL, &s->series);
-    free(s->chosen);
 }
 
 static lg_detector make_detector(uint32_t classes, lg_detector_loss loss, bool centred) {
@@ -77,7 +65,7 @@ static lg_detector make_detector(uint32_t classes, lg_detector_loss loss, bool c
 static double *start_of(const lg_detector *model) {
     lg_rng rng;
     lg_rng_seed(&rng, 32, 0);
-    double *theta = malloc(lg_cnn_parameters(&model->net) * sizeof *theta);
+    double *theta = TEST_ARRAY(double, lg_cnn_parameters(&model->net));
     lg_cnn_initialise(&model->net, LG_INIT_FAN_IN, &rng, theta);
     return theta;
 }
@@ -88,13 +76,12 @@ static lg_detector_data data_of(const sounds *s, const lg_detector *model, size_
     if (lg_detector_data_create(NULL, model, &s->scaler, &s->series, &s->windows, s->chosen, count, dtype,
                                 &data, &error) != LG_OK)
         fail_msg("%s", error.message);
-    return data;
+    return own_lg_detector_data(data);
 }
 
 /* ---- scaling ---- */
 
-static void scaled_windows(void **state) {
-    (void)state;
+TEST("windows are scaled by their channel, and centred by their own mean") {
     for (int centred = 0; centred < 2; centred++)
         for (int dtype = LG_F64; dtype <= LG_F32; dtype++) {
             sounds s = make_sounds(20, 2, 0, 0.1, centred);
@@ -124,9 +111,6 @@ static void scaled_windows(void **state) {
                 assert_close(sum[c] / (double)(data.count * LENGTH), 0.0, 0, 1e-6);
                 assert_close(squares[c] / (double)(data.count * LENGTH), 1.0, 1e-5, 0);
             }
-            lg_detector_data_destroy(NULL, &data);
-            lg_detector_data_destroy(NULL, &data);
-            free_sounds(&s);
         }
 }
 
@@ -134,14 +118,11 @@ static void scaled_windows(void **state) {
 
 static void probabilities(const lg_detector *model, const sounds *s, lg_dtype dtype, const double *theta,
                           uint32_t window, double *probability, double *plane) {
-    void *work;
     lg_detector_plan *plan;
     float x[CHANNELS * LENGTH];
     assert_ok(lg_detector_plan_create(NULL, model, &s->scaler, theta, dtype, &plan, NULL));
-    if (posix_memalign(&work, 64, lg_detector_work_size(plan)) != 0) fail_msg("no memory");
     lg_windows_copy(&s->series, &s->windows, window, x);
-    lg_detector_eval(plan, x, probability, plane, work);
-    free(work);
+    lg_detector_eval(plan, x, probability, plane, test_work(lg_detector_work_size(plan)));
     lg_detector_plan_destroy(plan);
 }
 
@@ -160,8 +141,7 @@ static double direct_loss(const lg_detector *model, const sounds *s, const doubl
     return sum;
 }
 
-static void losses(void **state) {
-    (void)state;
+TEST("losses are those of the probabilities, in both types and over parts of a batch") {
     static const uint32_t samples[] = {4, 0, 11, 5, 5};
     for (int which = 0; which < 3; which++) {
         const uint32_t classes = which == 2 ? 3 : 2;
@@ -178,11 +158,7 @@ static void losses(void **state) {
                 assert_int_equal(fit.parameters, lg_cnn_parameters(&model.net));
                 assert_int_equal(fit.samples, s.training);
                 assert_int_equal(fit.validation, 0);
-                lg_tape_options options;
-                lg_tape_options_init(&options);
-                options.dtype = (lg_dtype)dtype;
-                lg_tape *tape;
-                assert_ok(lg_tape_create(NULL, &options, &tape));
+                lg_tape *tape = test_tape((lg_dtype)dtype);
                 const lg_var flat = lg_input_f64(tape, lg_shape1((uint32_t)fit.parameters), theta);
                 for (size_t count = 1; count <= 5; count += 4) {
                     lg_var loss;
@@ -192,17 +168,11 @@ static void losses(void **state) {
                     const double rtol = dtype == LG_F64 && stored == LG_F64 ? 1e-12 : 1e-5;
                     assert_close(value, direct_loss(&model, &s, theta, samples, count) / 5.0, rtol, 0);
                 }
-                lg_tape_destroy(tape);
-                lg_detector_data_destroy(NULL, &data);
             }
-        free(theta);
-        free_sounds(&s);
     }
 }
 
-/* f32 follows f64; the plane is the network's; logits beyond the range of exp do no harm. */
-static void evaluation(void **state) {
-    (void)state;
+TEST("single precision follows double, and logits beyond the range of exp do no harm") {
     for (int loss = 0; loss < LG_DETECTOR_LOSS_COUNT; loss++) {
         const lg_detector model = make_detector(2, (lg_detector_loss)loss, false);
         sounds s = make_sounds(10, 2, 0, 0.2, false);
@@ -225,18 +195,14 @@ static void evaluation(void **state) {
         probabilities(&model, &s, LG_F64, theta, 0, p, NULL);
         assert_close(p[0], 1.0, 0, 0);
         assert_true(p[1] > 0.0 && p[1] < 1e-120);
-        free(theta);
-        free_sounds(&s);
     }
 }
 
 /* ---- training ---- */
 
-static lg_fit *fit_of(const lg_detector_problem *problem, uint64_t epochs, size_t batch, int threads) {
+static lg_fit *run_detector(const lg_detector_problem *problem, uint64_t epochs, size_t batch, int threads) {
     lg_fit_problem fit_problem;
     lg_fit_options options;
-    lg_fit *fit;
-    lg_error error;
     lg_detector_fit_problem(problem, &fit_problem);
     lg_fit_options_init(&options);
     lg_training_apply(&lg_detector_preset_find("best", NAN)->training, &options);
@@ -245,21 +211,14 @@ static lg_fit *fit_of(const lg_detector_problem *problem, uint64_t epochs, size_
     options.threads = threads;
     options.adam.lr = 1e-2;
     options.keep_best = true;
-    double *theta = start_of(problem->model);
-    if (lg_fit_create(NULL, &fit_problem, &options, theta, &fit, &error) != LG_OK)
-        fail_msg("%s", error.message);
-    free(theta);
+    lg_fit *fit = test_fit(NULL, &fit_problem, &options, start_of(problem->model));
+    run_fit(fit);
     return fit;
-}
-
-static void run(lg_fit *fit) {
-    lg_error error;
-    if (lg_fit_run(fit, &error) != LG_OK) fail_msg("%s", error.message);
 }
 
 /* Windows of the chosen ones from `first` on that are told right. */
 static size_t told_right(const lg_detector *model, const sounds *s, const lg_fit *fit, size_t first) {
-    double *theta = malloc(lg_cnn_parameters(&model->net) * sizeof *theta), p[3];
+    double *theta = TEST_ARRAY(double, lg_cnn_parameters(&model->net)), p[3];
     size_t right = 0;
     lg_fit_parameters(fit, theta);
     for (size_t i = first; i < s->series.count; i++) {
@@ -269,13 +228,10 @@ static size_t told_right(const lg_detector *model, const sounds *s, const lg_fit
             if (p[c] > p[best]) best = c;
         right += best == s->series.label[s->chosen[i]];
     }
-    free(theta);
     return right;
 }
 
-/* Never seen windows, all told right: two classes by either loss, three classes, one in ten. */
-static void learning(void **state) {
-    (void)state;
+TEST("windows never seen are all told right: by either loss, three classes, one in ten") {
     static const struct {
         uint32_t classes;
         size_t rare;
@@ -290,92 +246,31 @@ static void learning(void **state) {
         const lg_detector model = make_detector(cases[i].classes, cases[i].loss, cases[i].centred);
         lg_detector_data data = data_of(&s, &model, s.training, LG_F32);
         const lg_detector_problem problem = {&model, &data, s.training};
-        lg_fit *fit = fit_of(&problem, 60, 10, 1);
-        run(fit);
+        lg_fit *fit = run_detector(&problem, 60, 10, 1);
         assert_int_equal(told_right(&model, &s, fit, s.training), s.series.count - s.training);
-        lg_fit_destroy(fit);
-        lg_detector_data_destroy(NULL, &data);
-        free_sounds(&s);
     }
 }
 
-static void saved_state(const lg_fit *fit, memory_archive *archive) {
-    const lg_archive_writer writer = memory_writer(archive);
-    memory_clear(archive);
-    assert_ok(lg_fit_save(fit, &writer, NULL));
-}
-
-static void same_parameters(const lg_fit *a, const lg_fit *b, size_t n) {
-    double *x = malloc(n * sizeof *x), *y = malloc(n * sizeof *y);
-    lg_fit_current_parameters(a, x);
-    lg_fit_current_parameters(b, y);
-    assert_memory_equal(x, y, n * sizeof *x);
-    lg_fit_parameters(a, x);
-    lg_fit_parameters(b, y);
-    assert_memory_equal(x, y, n * sizeof *x);
-    assert_memory_equal(lg_fit_history(a, LG_FIT_VALIDATION), lg_fit_history(b, LG_FIT_VALIDATION),
-                        6 * sizeof *x);
-    free(x);
-    free(y);
-}
-
-static void same_bits(void **state) {
-    (void)state;
+TEST("a fit gives the same bits whatever the threads") {
     sounds s = make_sounds(60, 2, 0, 0.3, false);
     const lg_detector model = make_detector(2, LG_DETECTOR_CROSS_ENTROPY, false);
     lg_detector_data data = data_of(&s, &model, s.series.count, LG_F32);
     const lg_detector_problem problem = {&model, &data, s.training};
-    const size_t n = lg_cnn_parameters(&model.net);
-    lg_fit *one = fit_of(&problem, 6, 7, 1), *two = fit_of(&problem, 6, 7, 2);
-    run(one);
-    run(two);
-    same_parameters(one, two, n);
-
     lg_fit_problem fit_problem;
-    lg_fit_options options;
-    memory_archive archive = {0};
     lg_detector_fit_problem(&problem, &fit_problem);
     assert_int_equal(fit_problem.validation, s.series.count - s.training);
-    lg_fit_options_init(&options);
-    lg_training_apply(&lg_detector_preset_find("best", NAN)->training, &options);
-    options.epochs = 6;
-    options.batch = 7;
-    options.adam.lr = 1e-2;
-    options.keep_best = true;
-    options.stop_after = 2;
-    double *theta = start_of(&model);
-    lg_fit *resumed;
-    assert_ok(lg_fit_create(NULL, &fit_problem, &options, theta, &resumed, NULL));
-    while (!lg_fit_finished(resumed)) {
-        run(resumed);
-        saved_state(resumed, &archive);
-        lg_fit_destroy(resumed);
-        assert_ok(lg_fit_create(NULL, &fit_problem, &options, theta, &resumed, NULL));
-        const lg_archive_reader reader = memory_reader(&archive);
-        assert_ok(lg_fit_load(resumed, &reader, NULL));
-    }
-    same_parameters(one, resumed, n);
-    memory_clear(&archive);
-    free(theta);
-    lg_fit_destroy(one);
-    lg_fit_destroy(two);
-    lg_fit_destroy(resumed);
-    lg_detector_data_destroy(NULL, &data);
-    free_sounds(&s);
+    assert_same_fits(run_detector(&problem, 6, 7, 1), run_detector(&problem, 6, 7, 2));
 }
 
-/* One sample, one-window batches, all of one class: odd, but no failure. */
-static void small_sets(void **state) {
-    (void)state;
+TEST("one sample, batches of one window and a single class are odd, but no failure") {
     static const size_t counts[] = {1, 2, 5};
     for (size_t i = 0; i < 3; i++)
         for (size_t batch = 0; batch < 2; batch++) {
-            sounds s = {
-                .series = {.count = counts[i], .channels = 1, .length = 1 + (uint32_t)i, .classes = 2}};
-            assert_ok(lg_series_allocate(NULL, false, false, &s.series));
+            sounds s = {.series = make_series(counts[i], 1, 1 + (uint32_t)i, 2, false, false)};
+            for (size_t j = 0; j < counts[i]; j++) s.series.label[j] = 0;
             for (size_t j = 0; j < counts[i] * (1 + i); j++) s.series.x[j] = (float)j;
-            assert_ok(lg_windows_create(NULL, &s.series, 0, 0, &s.windows, NULL));
-            assert_ok(lg_scaler_fit(NULL, &s.series, &s.windows, NULL, counts[i], true, &s.scaler));
+            s.windows = cut_windows(&s.series, 0, 0);
+            s.scaler = fit_scaler(&s.series, &s.windows, NULL, counts[i], true);
             const lg_detector model = {.net = lg_cnn_defaults(1, 1 + (uint32_t)i, 2, LG_RELU),
                                        .classes = 2,
                                        .loss = LG_DETECTOR_CROSS_ENTROPY,
@@ -384,19 +279,13 @@ static void small_sets(void **state) {
             lg_detector_data data = data_of(&s, &model, 0, LG_F32);
             assert_int_equal(data.count, counts[i]);
             const lg_detector_problem problem = {&model, &data, data.count};
-            lg_fit *fit = fit_of(&problem, 3, batch, 1);
-            run(fit);
-            assert_true(isfinite(lg_fit_loss(fit)));
-            lg_fit_destroy(fit);
-            lg_detector_data_destroy(NULL, &data);
-            free_sounds(&s);
+            assert_true(isfinite(lg_fit_loss(run_detector(&problem, 3, batch, 1))));
         }
 }
 
 /* ---- settings ---- */
 
-static void presets(void **state) {
-    (void)state;
+TEST("the presets have their published settings, and losses their names") {
     static const struct {
         double noise, lr, decay;
         uint64_t batch;
@@ -436,8 +325,7 @@ static void presets(void **state) {
 
 /* ---- bad input ---- */
 
-static void refused_detectors(void **state) {
-    (void)state;
+TEST("a detector that fits no network or loss is refused") {
     const lg_detector good = make_detector(2, LG_DETECTOR_MSE, false);
     lg_detector bad[6] = {good, good, good, good, good, good};
     static const char *const sentences[6] = {"at least 2 classes", "cross-entropy", "2 outputs",
@@ -456,43 +344,52 @@ static void refused_detectors(void **state) {
     assert_status(lg_detector_check(NULL, NULL), LG_INVALID_ARGUMENT);
 }
 
-static void refused_data(void **state) {
-    (void)state;
+TEST("series, scalers and choices that do not fit the detector are refused") {
     sounds s = make_sounds(10, 3, 0, 0.1, false);
     const lg_detector model = make_detector(3, LG_DETECTOR_CROSS_ENTROPY, false);
     const lg_detector two = make_detector(2, LG_DETECTOR_MSE, false);
-    lg_detector other = model;
-    lg_scaler scaler = s.scaler;
+    lg_detector longer = model, wider = model;
+    lg_scaler narrow = s.scaler, tiny = s.scaler;
     static const uint32_t beyond[] = {0, 10};
+    double scale[CHANNELS] = {1e-300, 1};
+    longer.net = lg_cnn_defaults(CHANNELS, LENGTH + 1, 3, LG_SWISH);
+    wider.net = lg_cnn_defaults(CHANNELS + 1, LENGTH, 3, LG_SWISH);
+    narrow.channels = 1;
+    tiny.scale = scale;
+    const struct {
+        const lg_detector *model;
+        const lg_scaler *scaler;
+        const uint32_t *chosen;
+        size_t count;
+        lg_status status;
+        const char *word;
+    } cases[] = {
+        {&longer, &s.scaler, NULL, 0, LG_SHAPE, ""},
+        {&wider, &s.scaler, NULL, 0, LG_SHAPE, "3 channels"},
+        {&two, &s.scaler, NULL, 0, LG_SHAPE, "class 2"},
+        {&model, &narrow, NULL, 0, LG_SHAPE, ""},
+        {&model, &s.scaler, beyond, 2, LG_INVALID_ARGUMENT, ""},
+        {&model, &s.scaler, beyond, 0, LG_INVALID_ARGUMENT, ""},
+        {NULL, &s.scaler, NULL, 0, LG_INVALID_ARGUMENT, ""},
+        {&model, &tiny, NULL, 0, LG_NOT_FINITE, ""}, /* as floats */
+        {&model, &s.scaler, NULL, 0, LG_NOT_FINITE, ""},
+    };
     lg_detector_data data = {.count = 5};
-    lg_error error;
-    scaler.channels = 1;
-    other.net = lg_cnn_defaults(CHANNELS, LENGTH + 1, 3, LG_SWISH);
-#define CREATE(m, sc, chosen, count, type)                                                                   \
-    lg_detector_data_create(NULL, m, sc, &s.series, &s.windows, chosen, count, type, &data, &error)
-    assert_status(CREATE(&other, &s.scaler, NULL, 0, LG_F32), LG_SHAPE);
-    other.net = lg_cnn_defaults(CHANNELS + 1, LENGTH, 3, LG_SWISH);
-    assert_status(CREATE(&other, &s.scaler, NULL, 0, LG_F32), LG_SHAPE);
-    assert_non_null(strstr(error.message, "3 channels"));
-    assert_status(CREATE(&two, &s.scaler, NULL, 0, LG_F32), LG_SHAPE);
-    assert_non_null(strstr(error.message, "class 2"));
-    assert_status(CREATE(&model, &scaler, NULL, 0, LG_F32), LG_SHAPE);
-    assert_status(CREATE(&model, &s.scaler, beyond, 2, LG_F32), LG_INVALID_ARGUMENT);
-    assert_status(CREATE(&model, &s.scaler, beyond, 0, LG_F32), LG_INVALID_ARGUMENT);
-    assert_status(CREATE(NULL, &s.scaler, NULL, 0, LG_F32), LG_INVALID_ARGUMENT);
-    s.scaler.scale[0] = 1e-300;
-    assert_status(CREATE(&model, &s.scaler, NULL, 0, LG_F32), LG_NOT_FINITE);
-    assert_true(CREATE(&model, &s.scaler, NULL, 0, LG_F64) == LG_OK);
-    lg_detector_data_destroy(NULL, &data);
-    s.series.x[77] = NAN;
-    assert_status(CREATE(&model, &s.scaler, NULL, 0, LG_F64), LG_NOT_FINITE);
-    assert_int_equal(data.count, 0);
-    free_sounds(&s);
+    for (size_t i = 0; i < LG_COUNT(cases); i++) {
+        lg_error error = {LG_OK, ""};
+        if (i + 1 == LG_COUNT(cases)) s.series.x[77] = NAN;
+        assert_status(lg_detector_data_create(NULL, cases[i].model, cases[i].scaler, &s.series, &s.windows,
+                                              cases[i].chosen, cases[i].count, LG_F32, &data, &error),
+                      cases[i].status);
+        if (strstr(error.message, cases[i].word) == NULL) fail_msg("%zu: %s", i, error.message);
+        assert_int_equal(data.count, 5);
+    }
+    s.series.x[77] = 0;
+    s.scaler = tiny;
+    assert_int_equal(data_of(&s, &model, 10, LG_F64).count, 10);
 }
 
-/* A training part that does not fit the data is refused when the fit is made. */
-static void refused_parts(void **state) {
-    (void)state;
+TEST("a training part that does not fit the data is refused when the fit is made") {
     sounds s = make_sounds(10, 2, 0, 0.1, false);
     const lg_detector model = make_detector(2, LG_DETECTOR_MSE, false);
     lg_detector_data data = data_of(&s, &model, 10, LG_F32);
@@ -506,119 +403,18 @@ static void refused_parts(void **state) {
         assert_status(lg_fit_create(NULL, &fit_problem, NULL, theta, &fit, NULL), LG_INVALID_ARGUMENT);
         assert_null(fit);
     }
-    free(theta);
-    lg_detector_data_destroy(NULL, &data);
-    free_sounds(&s);
 }
 
-static void failing_memory(void **state) {
-    (void)state;
+TEST("every allocation may fail, and nothing leaks") {
     sounds s = make_sounds(10, 2, 0, 0.1, false);
     const lg_detector model = make_detector(2, LG_DETECTOR_MSE, false);
-    lg_fail_alloc memory;
-    lg_context *context = lg_fail_alloc_context(&memory);
-    for (long n = 1;; n++) {
+    EVERY_ALLOCATION_FAILS(context, 3, {
         lg_detector_data data = {.count = 3};
-        lg_fail_alloc_arm(&memory, n);
-        const lg_status status = lg_detector_data_create(context, &model, &s.scaler, &s.series, &s.windows,
-                                                         NULL, 0, LG_F32, &data, NULL);
-        if (!lg_fail_alloc_hit(&memory)) {
-            assert_ok(status);
-            assert_true(n > 3);
+        status = lg_detector_data_create(context, &model, &s.scaler, &s.series, &s.windows, NULL, 0, LG_F32,
+                                         &data, NULL);
+        if (status == LG_OK)
             lg_detector_data_destroy(context, &data);
-            break;
-        }
-        assert_status(status, LG_OUT_OF_MEMORY);
-        assert_int_equal(lg_fail_alloc_live(&memory), 0);
-        assert_int_equal(data.count, 3);
-    }
-    lg_fail_alloc_arm(&memory, 0);
-    lg_context_destroy(context);
-    free_sounds(&s);
-}
-
-/* ---- no memory on the way ---- */
-
-static void eval_takes_nothing(void **state) {
-    (void)state;
-    if (!lg_count_available()) skip();
-    for (int loss = 0; loss < LG_DETECTOR_LOSS_COUNT; loss++) {
-        sounds s = make_sounds(10, 2, 0, 0.1, true);
-        const lg_detector model = make_detector(2, (lg_detector_loss)loss, true);
-        double *theta = start_of(&model), p[2], plane[2];
-        void *work;
-        lg_detector_plan *plan;
-        assert_ok(lg_detector_plan_create(NULL, &model, &s.scaler, theta, LG_F64, &plan, NULL));
-        if (posix_memalign(&work, 64, lg_detector_work_size(plan)) != 0) fail_msg("no memory");
-        assert_no_malloc_no_lock(lg_detector_eval(plan, s.series.x, p, plane, work));
-        lg_detector_plan_destroy(plan);
-        free(work);
-        free(theta);
-        free_sounds(&s);
-    }
-}
-
-typedef struct counting {
-    lg_counts used;
-    bool done;
-} counting;
-
-/* Epochs 1 and 2 warm up; 3 to 5 are counted. */
-static int count_epochs(void *user, const lg_fit_epoch *report) {
-    counting *self = user;
-    if (report->epoch == 2) lg_count_begin();
-    if (report->epoch == 5) {
-        self->used = lg_count_end();
-        self->done = true;
-    }
-    return 0;
-}
-
-static void steady_steps_take_nothing(void **state) {
-    (void)state;
-    if (!lg_count_available()) skip();
-    sounds s = make_sounds(40, 2, 0, 0.1, false);
-    const lg_detector model = make_detector(2, LG_DETECTOR_CROSS_ENTROPY, false);
-    lg_detector_data data = data_of(&s, &model, 40, LG_F32);
-    const lg_detector_problem problem = {&model, &data, s.training};
-    lg_fit_problem fit_problem;
-    lg_fit_options options;
-    counting counted = {.done = false};
-    lg_detector_fit_problem(&problem, &fit_problem);
-    lg_fit_options_init(&options);
-    options.dtype = LG_F32;
-    options.epochs = 5;
-    options.batch = 9;
-    options.shards = 2;
-    options.on_epoch = count_epochs;
-    options.user = &counted;
-    double *theta = start_of(&model);
-    lg_fit *fit;
-    assert_ok(lg_fit_create(NULL, &fit_problem, &options, theta, &fit, NULL));
-    run(fit);
-    assert_true(counted.done);
-    assert_int_equal(counted.used.allocations, 0);
-    lg_fit_destroy(fit);
-    free(theta);
-    lg_detector_data_destroy(NULL, &data);
-    free_sounds(&s);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(scaled_windows),
-        cmocka_unit_test(losses),
-        cmocka_unit_test(evaluation),
-        cmocka_unit_test(learning),
-        cmocka_unit_test(same_bits),
-        cmocka_unit_test(small_sets),
-        cmocka_unit_test(presets),
-        cmocka_unit_test(refused_detectors),
-        cmocka_unit_test(refused_data),
-        cmocka_unit_test(refused_parts),
-        cmocka_unit_test(failing_memory),
-        cmocka_unit_test(eval_takes_nothing),
-        cmocka_unit_test(steady_steps_take_nothing),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
+        else
+            assert_int_equal(data.count, 3);
+    });
 }

@@ -1,5 +1,6 @@
-/* Programs of detectors: logits against the network on a tape, probabilities against lg_detector_eval, Jacobians against central differences;
- * scaling, windows without their means, poolings, strides and paddings, no blocks, both losses. */
+/* Programs of detectors: logits against the network on a tape, probabilities against lg_detector_eval,
+ * Jacobians against central differences; scaling, windows without their means, poolings, strides and
+ * paddings, no blocks, both losses. */
 #include "test_support.h"
 
 #include "models/detector_internal.h"
@@ -37,12 +38,13 @@ static void make(example *e, size_t net, lg_activation activation, uint32_t clas
     e->scaler = (lg_scaler){odd_nets[net].channels, e->mean, e->scale};
     lg_rng rng;
     lg_rng_seed(&rng, 31, net);
-    e->theta = malloc(lg_cnn_parameters(&e->model.net) * sizeof *e->theta);
+    e->theta = TEST_ARRAY(double, lg_cnn_parameters(&e->model.net));
     lg_cnn_initialise(&e->model.net, LG_INIT_FAN_IN, &rng, e->theta);
     if (lg_detector_program(NULL, &e->model, &e->scaler, e->theta, &e->program, &error) != LG_OK)
         fail_msg("%s", error.message);
-    make_ready(&e->value, e->program, "value", 1, LG_F64);
-    make_ready(&e->gradient, e->program, "grad", 1, LG_F64);
+    lg_test_owns(e->program, release_program);
+    e->value = make_ready(e->program, "value", 1, LG_F64);
+    e->gradient = make_ready(e->program, "grad", 1, LG_F64);
     e->inputs = lg_plan_input_count(e->value.plan, 0);
     e->outputs = lg_plan_output_count(e->value.plan, 0);
     assert_int_equal(e->inputs, odd_nets[net].channels * odd_nets[net].length);
@@ -53,26 +55,17 @@ static void make(example *e, size_t net, lg_activation activation, uint32_t clas
     }
 }
 
-static void release(example *e) {
-    free(e->theta);
-    free_ready(&e->value);
-    free_ready(&e->gradient);
-    lg_program_destroy(e->program);
-}
-
 /* The network on a tape, of the window as training scales it. */
 static void against_tape(const example *e) {
     double y[MOST_OUTPUTS], logits[MOST_OUTPUTS], z[MOST_INPUTS];
     float x[MOST_INPUTS];
     const lg_cnn *net = &e->model.net;
-    lg_tape *tape;
+    lg_tape *tape = test_tape(LG_F64);
     for (size_t i = 0; i < e->inputs; i++) x[i] = (float)e->x[i];
     lg_detector_scale(&e->model, &e->scaler, LG_F64, x, z);
-    assert_ok(lg_tape_create(NULL, NULL, &tape));
     const lg_var theta = lg_input_f64(tape, lg_shape1((uint32_t)lg_cnn_parameters(net)), e->theta);
     const lg_var in = lg_input_f64(tape, lg_shape3(1, net->length, net->channels), z);
     assert_ok(lg_read(tape, lg_cnn_record(tape, net, theta, 0, in, NULL), logits, e->outputs));
-    lg_tape_destroy(tape);
     run_value(&e->value, e->x, y);
     for (size_t o = 0; o < e->outputs; o++) assert_close(y[o], logits[o], 1e-13, 1e-14);
 }
@@ -81,11 +74,10 @@ static void against_tape(const example *e) {
 static void against_probabilities(const example *e) {
     double y[MOST_OUTPUTS], probability[MOST_OUTPUTS], again[MOST_OUTPUTS], z[MOST_INPUTS], sum = 0.0;
     float x[MOST_INPUTS];
-    ready of_window, of_scaled;
     for (size_t i = 0; i < e->inputs; i++) x[i] = (float)e->x[i];
     lg_detector_scale(&e->model, &e->scaler, LG_F64, x, z);
-    make_ready(&of_window, e->program, "probability", 1, LG_F64);
-    make_ready(&of_scaled, e->program, "scores", 1, LG_F64);
+    const ready of_window = make_ready(e->program, "probability", 1, LG_F64);
+    const ready of_scaled = make_ready(e->program, "scores", 1, LG_F64);
     run_value(&of_window, e->x, probability);
     run_gradient(&of_scaled, z, again, NULL);
     run_value(&e->value, e->x, y);
@@ -97,29 +89,15 @@ static void against_probabilities(const example *e) {
         for (size_t i = 0; i < e->outputs; i++) sum += exp(y[i]);
         for (size_t i = 0; i < e->outputs; i++) assert_close(probability[i], exp(y[i]) / sum, 1e-13, 0);
     }
-    free_ready(&of_window);
-    free_ready(&of_scaled);
-}
-
-static bool smooth(lg_activation kind) {
-    return kind != LG_RELU && kind != LG_LEAKY_RELU;
 }
 
 /* Of second order with a step so small that it crosses no kink. */
 static void against_differences(const example *e) {
-    const size_t count = e->outputs * e->inputs;
-    double y[MOST_OUTPUTS], plain[MOST_OUTPUTS], up[MOST_OUTPUTS], down[MOST_OUTPUTS], x[MOST_INPUTS];
-    double jacobian[MOST_OUTPUTS * MOST_INPUTS + 1], again[MOST_OUTPUTS * MOST_INPUTS];
-    for (size_t i = 0; i <= count; i++) jacobian[i] = 55.0;
-    memset(e->gradient.work, 0xff, e->gradient.bytes);
-    run_gradient(&e->gradient, e->x, y, jacobian);
-    assert_close(jacobian[count], 55.0, 0, 0);
-    run_gradient(&e->gradient, e->x, NULL, again);
-    assert_memory_equal(jacobian, again, count * sizeof *again);
-    memset(e->value.work, 0xff, e->value.bytes);
-    run_value(&e->value, e->x, plain);
-    for (size_t o = 0; o < e->outputs; o++) assert_close(y[o], plain[o], 1e-14, 1e-14);
-    const double h = smooth(e->model.net.activation) ? 1e-5 : 1e-6;
+    double y[MOST_OUTPUTS], up[MOST_OUTPUTS], down[MOST_OUTPUTS], x[MOST_INPUTS];
+    double jacobian[MOST_OUTPUTS * MOST_INPUTS + 1];
+    check_gradient(&e->value, &e->gradient, e->x, y, jacobian);
+    const lg_activation kind = e->model.net.activation;
+    const double h = kind != LG_RELU && kind != LG_LEAKY_RELU ? 1e-5 : 1e-6;
     memcpy(x, e->x, e->inputs * sizeof *x);
     for (size_t i = 0; i < e->inputs; i++) {
         x[i] = e->x[i] + h;
@@ -132,8 +110,7 @@ static void against_differences(const example *e) {
     }
 }
 
-static void values_and_jacobians(void **state) {
-    (void)state;
+TEST("logits are those of a tape, probabilities those of the logits, and Jacobians their differences") {
     for (int activation = 0; activation < LG_ACTIVATION_COUNT; activation++)
         for (size_t net = 0; net < ODD_NETS; net++)
             for (uint32_t classes = 2; classes <= 3; classes++)
@@ -143,14 +120,10 @@ static void values_and_jacobians(void **state) {
                     against_tape(&e);
                     against_probabilities(&e);
                     against_differences(&e);
-                    release(&e);
                 }
 }
 
-/* Without its own mean a window that is moved is the same: rows add up to 0 over each channel; and one sample
- * says nothing. */
-static void moved_windows(void **state) {
-    (void)state;
+TEST("without its own mean a window that is moved is the same") {
     for (size_t net = 0; net < ODD_NETS; net++) {
         example e;
         make(&e, net, LG_TANH, 3, true);
@@ -164,12 +137,10 @@ static void moved_windows(void **state) {
             assert_close(sum, 0.0, 0, 1e-14 * largest);
         }
         assert_int_equal(largest == 0.0, n == 1);
-        release(&e);
     }
 }
 
-static void nan_in_nan_out(void **state) {
-    (void)state;
+TEST("a sample that is not a number makes logits and Jacobian NaN") {
     example e;
     make(&e, 1, LG_TANH, 3, true);
     double y[MOST_OUTPUTS], jacobian[MOST_OUTPUTS * MOST_INPUTS];
@@ -177,16 +148,12 @@ static void nan_in_nan_out(void **state) {
     run_gradient(&e.gradient, e.x, y, jacobian);
     for (size_t o = 0; o < e.outputs; o++) assert_true(isnan(y[o]));
     for (size_t i = 0; i < e.outputs * e.inputs; i++) assert_true(isnan(jacobian[i]));
-    release(&e);
 }
 
-/* An offset that is large beside the scale rounds nothing, in single precision either. */
-static void offsets(void **state) {
-    (void)state;
+TEST("an offset that is large beside the scale rounds nothing, in single precision either") {
     for (int centred = 0; centred < 2; centred++) {
         example e;
         make(&e, 1, LG_TANH, 3, centred);
-        ready single;
         double y[MOST_OUTPUTS], moved[MOST_OUTPUTS];
         float x[MOST_INPUTS], narrow[MOST_OUTPUTS];
         const size_t n = e.model.net.length;
@@ -197,23 +164,11 @@ static void offsets(void **state) {
         }
         run_value(&e.value, e.x, y);
         for (size_t c = 0; c < e.inputs / n; c++) e.mean[c] += centred ? 0.0 : 4096.0;
-        lg_program_destroy(e.program);
         assert_ok(lg_detector_program(NULL, &e.model, &e.scaler, e.theta, &e.program, NULL));
-        make_ready(&single, e.program, "value", 1, LG_F32);
+        lg_test_owns(e.program, release_program);
+        const ready single = make_ready(e.program, "value", 1, LG_F32);
         lg_plan_eval(single.plan, (const void *const[]){x}, (void *const[]){narrow}, single.work);
         for (size_t o = 0; o < e.outputs; o++) moved[o] = (double)narrow[o];
         for (size_t o = 0; o < e.outputs; o++) assert_close(moved[o], y[o], 1e-5, 1e-6);
-        free_ready(&single);
-        release(&e);
     }
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(values_and_jacobians),
-        cmocka_unit_test(moved_windows),
-        cmocka_unit_test(nan_in_nan_out),
-        cmocka_unit_test(offsets),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,9 +1,6 @@
-/* Learned Hamiltonians on a tape: their program, derivatives and steps; rows of a batch; what they refuse. */
+/* Learned Hamiltonians on a tape: their program, gradient and steps; rows of a batch; what they refuse. */
 #include "models/model_support.h"
-
-#include "liegrad/gradcheck.h"
-#include "liegrad/ops.h"
-#include "liegrad/random.h"
+#include "models/plan_support.h"
 
 enum { BATCH = 3 };
 
@@ -49,11 +46,10 @@ static void record_inputs(setting *s) {
 }
 
 /* `on` the manifold, or anywhere in the ambient space */
-static void open_setting(setting *s, const learned *of, bool on) {
+static setting *make_setting(const learned *of, bool on) {
+    setting *s = TEST_ARRAY(setting, 1);
     lg_rng rng;
-    lg_model_user user;
-    lg_ode ode;
-    build_hamiltonian(&s->built, of->family, of->n, of->potential, of->activation);
+    s->built = build_hamiltonian(of->family, of->n, of->potential, of->activation);
     s->d = lg_model_inputs(s->built.model);
     s->m = lg_model_input_size(s->built.model);
     s->parameters = lg_model_parameters(s->built.model);
@@ -62,15 +58,11 @@ static void open_setting(setting *s, const learned *of, bool on) {
     for (size_t i = 0; i < BATCH * s->d; i++) s->state[i] = lg_rng_normal(&rng);
     for (size_t i = 0; i < BATCH * s->m; i++) s->input[i] = lg_rng_normal(&rng);
     for (size_t b = 0; b < BATCH; b++) s->h[b] = lg_rng_uniform_in(&rng, -0.05, 0.1);
-    assert_ok(lg_model_ode(s->built.model, &user, s->built.work, &ode));
-    for (size_t b = 0; on && b < BATCH; b++) lg_space_project(&ode.space, s->state + b * s->d);
-    assert_ok(lg_tape_create(NULL, NULL, &s->tape));
+    const lg_space space = space_of(&s->built);
+    for (size_t b = 0; on && b < BATCH; b++) lg_space_project(&space, s->state + b * s->d);
+    s->tape = test_tape(LG_F64);
     record_inputs(s);
-}
-
-static void close_setting(setting *s) {
-    lg_tape_destroy(s->tape);
-    build_free(&s->built);
+    return s;
 }
 
 static void assert_rows(const setting *s, lg_var got, const double *expected, size_t width) {
@@ -86,39 +78,25 @@ static void assert_output(const lg_program *program, const char *function, const
                           size_t output, const double *expected, size_t count) {
     double found[2][MOST_STATE];
     void *const out[2] = {found[0], found[1]};
-    lg_plan *plan;
-    lg_error error;
-    size_t number;
-    assert_ok(lg_program_find(program, function, &number));
-    if (lg_plan_create(program, number, NULL, &plan, &error) != LG_OK) fail_msg("%s", error.message);
-    assert_int_equal(lg_plan_output_count(plan, output), count);
-    void *work;
-    assert_int_equal(posix_memalign(&work, 64, lg_plan_work_size(plan)), 0);
-    lg_plan_eval(plan, in, out, work);
+    const ready r = make_ready(program, function, 1, LG_F64);
+    assert_int_equal(lg_plan_output_count(r.plan, output), count);
+    lg_plan_eval(r.plan, in, out, r.work);
     for (size_t i = 0; i < count; i++) assert_close(found[output][i], expected[i], 2e-13, 2e-13);
-    free(work);
-    lg_plan_destroy(plan);
 }
 
-/* The bundle's functions are lg_model_*, and its step is the model's stepper. */
-static void a_program_is_the_model(void **state) {
-    (void)state;
+TEST("the bundle's functions are those of the model, and its step is the model's stepper") {
     for (size_t i = 0; i < MODELS; i++) {
-        setting s;
         lg_program *program;
         lg_error error;
-        lg_stepper *stepper;
         double value, gradient[MOST_STATE], field[MOST_STATE], next[MOST_STATE];
-        open_setting(&s, &models[i], true);
+        const setting s = *make_setting(&models[i], true);
         const lg_model *model = s.built.model;
         const lg_scheme *scheme =
             lg_scheme_find(models[i].family == &lg_hamiltonian_chain ? "cf4" : "stormer-verlet");
         if (lg_hamiltonian_program(NULL, hamiltonian_of(&s), s.built.theta, NULL, &program, &error) != LG_OK)
             fail_msg("%s", error.message);
-        const size_t bytes = lg_model_stepper_size(model, scheme);
-        void *memory;
-        assert_int_equal(posix_memalign(&memory, 64, bytes), 0);
-        assert_ok(lg_model_stepper_init(memory, bytes, model, scheme, &stepper));
+        lg_test_owns(program, release_program);
+        lg_stepper *stepper = stepper_of(&s.built, scheme);
         for (size_t b = 0; b < BATCH; b++) {
             const double *y = s.state + b * s.d, *u = s.input + b * s.m;
             const void *const in[3] = {y, u, &s.h[b]};
@@ -131,95 +109,34 @@ static void a_program_is_the_model(void **state) {
             assert_output(program, "field", in, 0, field, s.d);
             assert_output(program, "step", in, 0, next, s.d);
         }
-        free(memory);
-        lg_program_destroy(program);
-        close_setting(&s);
     }
 }
 
-/* The gradient is the value's, on the manifold and off it. */
-static void gradient_is_the_values(void **state) {
-    (void)state;
+TEST("the recorded gradient is the tape's of the value, on the manifold and off it") {
     for (size_t i = 0; i < MODELS; i++) {
-        setting s;
         lg_var by_tape;
         double expected[BATCH * MOST_STATE];
-        open_setting(&s, &models[i], false);
+        setting s = *make_setting(&models[i], false);
         lg_var gradient = lg_hamiltonian_record_gradient(s.tape, &s.vars, s.y);
         assert_ok(lg_read(s.tape, gradient, expected, BATCH * s.d));
         lg_var sum = lg_sum(s.tape, lg_hamiltonian_record_value(s.tape, &s.vars, s.y));
         assert_ok(lg_grad(s.tape, sum, &s.y, 1, &by_tape));
         assert_rows(&s, by_tape, expected, s.d);
-        close_setting(&s);
     }
-}
-
-/* ---- derivatives ---- */
-
-static lg_var bound(lg_tape *tape, const lg_hamiltonian *model, lg_var theta, lg_hamiltonian_vars *vars) {
-    return lg_hamiltonian_bind(tape, model, theta, vars) == LG_OK ? theta : LG_NONE;
-}
-
-/* x: state, theta, input */
-static lg_var build_value(const void *user, lg_tape *tape, const lg_var *x) {
-    lg_hamiltonian_vars vars;
-    if (lg_is_none(bound(tape, user, x[1], &vars))) return LG_NONE;
-    return lg_hamiltonian_record_value(tape, &vars, x[0]);
-}
-static lg_var build_gradient(const void *user, lg_tape *tape, const lg_var *x) {
-    lg_hamiltonian_vars vars;
-    if (lg_is_none(bound(tape, user, x[1], &vars))) return LG_NONE;
-    return lg_hamiltonian_record_gradient(tape, &vars, x[0]);
-}
-static lg_var build_field(const void *user, lg_tape *tape, const lg_var *x) {
-    lg_hamiltonian_vars vars;
-    if (lg_is_none(bound(tape, user, x[1], &vars))) return LG_NONE;
-    return lg_hamiltonian_record_field(tape, &vars, x[0], x[2]);
-}
-
-static void derivatives(void **state) {
-    (void)state;
-    static lg_var (*const builds[])(const void *, lg_tape *, const lg_var *) = {build_value, build_gradient,
-                                                                                build_field};
-    for (size_t i = 0; i < MODELS; i++)
-        for (size_t j = 0; j < LG_COUNT(builds); j++) {
-            setting s;
-            open_setting(&s, &models[i], false);
-            const lg_gradcheck_argument arguments[] = {
-                {.shape = lg_shape2(BATCH, (uint32_t)s.d), .values = s.state, .scale = 0.2},
-                {.shape = lg_shape1((uint32_t)s.parameters), .values = s.built.theta, .scale = 0.05},
-                {.shape = lg_shape2(BATCH, (uint32_t)s.m), .values = s.input}};
-            const lg_gradcheck_function function = {.name = "learned Hamiltonian",
-                                                    .inputs = builds[j] == build_field ? 3 : 2,
-                                                    .arguments = arguments,
-                                                    .build = builds[j],
-                                                    .user = hamiltonian_of(&s)};
-            lg_gradcheck_result result;
-            const lg_status status = lg_gradcheck(NULL, &function, NULL, &result);
-            if (status != LG_OK) fail_msg("model %zu, function %zu: %s", i, j, result.message);
-            assert_true(result.order[0].checked && result.order[1].checked);
-            close_setting(&s);
-        }
 }
 
 /* ---- steps ---- */
 
 /* A step of each row's own size with input against that of the model's stepper; false when it has none. */
 static bool compare_step(setting *s, const lg_scheme *scheme) {
-    const lg_model *model = s->built.model;
-    const size_t bytes = lg_model_stepper_size(model, scheme);
     double expected[BATCH * MOST_STATE];
     lg_taped_ode ode;
     lg_var parts[2];
-    lg_stepper *stepper;
-    void *memory = NULL;
-    if (bytes == 0) return false;
-    assert_int_equal(posix_memalign(&memory, 64, bytes), 0);
-    assert_ok(lg_model_stepper_init(memory, bytes, model, scheme, &stepper));
+    if (lg_model_stepper_size(s->built.model, scheme) == 0) return false;
+    lg_stepper *stepper = stepper_of(&s->built, scheme);
     for (size_t b = 0; b < BATCH; b++)
         assert_ok(
             lg_step(stepper, 0.0, s->h[b], s->state + b * s->d, s->input + b * s->m, expected + b * s->d));
-    free(memory);
     record_inputs(s);
     assert_ok(lg_hamiltonian_taped_ode(&s->vars, &ode));
     assert_ok(lg_taped_split(s->tape, &ode.space, s->y, parts));
@@ -230,27 +147,21 @@ static bool compare_step(setting *s, const lg_scheme *scheme) {
     return true;
 }
 
-static void steps_equal_the_models(void **state) {
-    (void)state;
+TEST("steps on a tape are those of the model's stepper, with every scheme that it has") {
     for (size_t i = 0; i < MODELS; i++) {
-        setting s;
         bool any = false;
-        open_setting(&s, &models[i], true);
+        setting s = *make_setting(&models[i], true);
         for (size_t j = 0; j < lg_scheme_count(); j++) any = compare_step(&s, lg_scheme_at(j)) || any;
         assert_true(any);
-        close_setting(&s);
     }
 }
 
 /* ---- rows and refusals ---- */
 
-/* A row that is not a number leaves the others as they are, to the last bit. */
-static void rows_are_independent(void **state) {
-    (void)state;
+TEST("a row that is not a number leaves the others as they are") {
     for (size_t i = 0; i < MODELS; i++) {
-        setting s;
         double before[BATCH * MOST_STATE], after[BATCH * MOST_STATE];
-        open_setting(&s, &models[i], true);
+        setting s = *make_setting(&models[i], true);
         assert_ok(
             lg_read(s.tape, lg_hamiltonian_record_field(s.tape, &s.vars, s.y, s.u), before, BATCH * s.d));
         for (size_t j = 0; j < s.d; j++) s.state[s.d + j] = NAN;
@@ -260,32 +171,12 @@ static void rows_are_independent(void **state) {
         for (size_t b = 0; b < BATCH; b += 2)
             assert_memory_equal(after + b * s.d, before + b * s.d, s.d * sizeof *after);
         assert_true(isnan(after[s.d]));
-        close_setting(&s);
     }
 }
 
-/* A chain without mass has no value. */
-static void without_mass(void **state) {
-    (void)state;
+TEST("states, inputs and parameters of the wrong shape are refused") {
     for (size_t i = 0; i < MODELS; i++) {
-        setting s;
-        double value[BATCH];
-        if (models[i].family != &lg_hamiltonian_chain) continue;
-        open_setting(&s, &models[i], true);
-        const size_t k = models[i].n, kinetic = k * k + k;
-        memset(s.built.theta + s.parameters - kinetic, 0, kinetic * sizeof *s.built.theta);
-        record_inputs(&s);
-        assert_ok(lg_read(s.tape, lg_hamiltonian_record_value(s.tape, &s.vars, s.y), value, BATCH));
-        for (size_t b = 0; b < BATCH; b++) assert_true(isnan(value[b]));
-        close_setting(&s);
-    }
-}
-
-static void bad_shapes(void **state) {
-    (void)state;
-    for (size_t i = 0; i < MODELS; i++) {
-        setting s;
-        open_setting(&s, &models[i], true);
+        setting s = *make_setting(&models[i], true);
         const uint32_t m = (uint32_t)s.m, d = (uint32_t)s.d;
         const lg_shape wrong[] = {lg_shape2(BATCH, m + 1), lg_shape2(1, m), lg_shape1(m),
                                   lg_shape3(BATCH, m, 1)};
@@ -305,16 +196,5 @@ static void bad_shapes(void **state) {
         s.vars.model = NULL;
         assert_status(lg_hamiltonian_bind(s.tape, hamiltonian_of(&s), shorter, &s.vars), LG_SHAPE);
         assert_null(s.vars.model);
-        close_setting(&s);
     }
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(gradient_is_the_values), cmocka_unit_test(derivatives),
-        cmocka_unit_test(steps_equal_the_models), cmocka_unit_test(rows_are_independent),
-        cmocka_unit_test(without_mass),           cmocka_unit_test(bad_shapes),
-        cmocka_unit_test(a_program_is_the_model),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

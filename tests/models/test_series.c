@@ -1,27 +1,10 @@
 /* Sets of series: memory, windows through stored windows, splits that tear nothing apart, scaling against
  * direct formulas. */
-#include "test_support.h"
+#include "models/series_support.h"
 
 #include "liegrad/random.h"
-#include "liegrad/series.h"
-#include "support/fail_alloc.h"
 
 /* ---- helpers ---- */
-
-static lg_series make(size_t count, uint32_t channels, uint32_t length, uint32_t classes, bool group,
-                      bool run) {
-    lg_series s = {.count = count, .channels = channels, .length = length, .classes = classes};
-    assert_ok(lg_series_allocate(NULL, group, run, &s));
-    for (size_t i = 0; i < count; i++) s.label[i] = (uint32_t)(i % classes);
-    return s;
-}
-
-static lg_windows cut(const lg_series *s, size_t length, size_t hop) {
-    lg_windows w;
-    lg_error error;
-    if (lg_windows_create(NULL, s, length, hop, &w, &error) != LG_OK) fail_msg("%s", error.message);
-    return w;
-}
 
 /* Sample number `at` of channel c in the run that starts at stored window 0. */
 static float ramp(size_t c, size_t at) {
@@ -38,8 +21,7 @@ static void fill_ramp(lg_series *s) {
 
 /* ---- memory ---- */
 
-static void allocation(void **state) {
-    (void)state;
+TEST("a set has the memory of its sizes, or none") {
     lg_series s = {.count = 3, .channels = 2, .length = 4, .classes = 11, .rate = 5.0};
     assert_ok(lg_series_allocate(NULL, true, false, &s));
     assert_string_equal(s.class_name[0], "0");
@@ -69,7 +51,7 @@ static void allocation(void **state) {
 /* ---- windows ---- */
 
 static void check_ramp(const lg_series *s, const lg_windows *w, const size_t *starts, size_t n) {
-    float *x = malloc((size_t)s->channels * w->length * sizeof *x);
+    float *x = TEST_ARRAY(float, (size_t)s->channels * w->length);
     assert_int_equal(w->count, n);
     for (size_t i = 0; i < n; i++) {
         assert_int_equal(w->first[i] * s->length + w->offset[i], starts[i]);
@@ -79,19 +61,17 @@ static void check_ramp(const lg_series *s, const lg_windows *w, const size_t *st
             for (size_t t = 0; t < w->length; t++)
                 assert_close((double)x[c * w->length + t], (double)ramp(c, starts[i] + t), 0, 0);
     }
-    free(x);
 }
 
 /* Two runs of four and two stored windows of ten samples. */
 static lg_series two_runs(void) {
-    lg_series s = make(6, 3, 10, 2, false, true);
+    lg_series s = make_series(6, 3, 10, 2, false, true);
     for (size_t i = 0; i < 6; i++) s.label[i] = s.run[i] = i < 4 ? 0 : 1;
     fill_ramp(&s);
     return s;
 }
 
-static void windows(void **state) {
-    (void)state;
+TEST("windows are cut out of runs, across stored windows") {
     lg_series s = two_runs();
     const struct {
         size_t length, hop, count, start[8];
@@ -105,10 +85,8 @@ static void windows(void **state) {
         {20, SIZE_MAX, 2, {0, 40}},
     };
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
-        lg_windows w = cut(&s, cases[i].length, cases[i].hop);
+        lg_windows w = cut_windows(&s, cases[i].length, cases[i].hop);
         check_ramp(&s, &w, cases[i].start, cases[i].count);
-        lg_windows_destroy(NULL, &w);
-        lg_windows_destroy(NULL, &w);
     }
     lg_windows w = {.count = 77};
     lg_error error;
@@ -117,44 +95,34 @@ static void windows(void **state) {
     assert_int_equal(w.count, 77);
     assert_status(lg_windows_create(NULL, &s, (size_t)UINT32_MAX + 1, 0, &w, &error), LG_INVALID_ARGUMENT);
     assert_status(lg_windows_create(NULL, NULL, 1, 0, &w, &error), LG_INVALID_ARGUMENT);
-    lg_series_destroy(NULL, &s);
 }
 
-/* The third of a run's four stored windows is of another class, or of another group. */
-static void changes_of_label(void **state) {
-    (void)state;
+TEST("no window crosses a change of class or group") {
     static const size_t starts[] = {0, 5, 10, 20, 30, 35, 40, 45, 50};
     for (int grouped = 0; grouped < 2; grouped++) {
-        lg_series s = make(6, 1, 10, 2, true, true);
+        lg_series s = make_series(6, 1, 10, 2, true, true);
         memset(s.label, 0, 6 * sizeof *s.label);
         *(grouped ? &s.group[2] : &s.label[2]) = 1;
         fill_ramp(&s);
-        lg_windows w = cut(&s, 10, 5);
+        lg_windows w = cut_windows(&s, 10, 5);
         check_ramp(&s, &w, starts, 9);
-        lg_windows_destroy(NULL, &w);
         lg_error error;
         assert_status(lg_windows_create(NULL, &s, 40, 0, &w, &error), LG_INVALID_ARGUMENT);
-        lg_series_destroy(NULL, &s);
     }
 }
 
-static void without_runs(void **state) {
-    (void)state;
+TEST("without runs windows lie inside stored windows") {
     static const size_t starts[] = {0, 4, 10, 14, 20, 24};
-    lg_series s = make(3, 2, 10, 1, false, false);
+    lg_series s = make_series(3, 2, 10, 1, false, false);
     fill_ramp(&s);
-    lg_windows w = cut(&s, 6, 4);
+    lg_windows w = cut_windows(&s, 6, 4);
     check_ramp(&s, &w, starts, 6);
-    lg_windows_destroy(NULL, &w);
     lg_error error;
     assert_status(lg_windows_create(NULL, &s, 11, 0, &w, &error), LG_INVALID_ARGUMENT);
     assert_non_null(strstr(error.message, "runs"));
-    lg_series_destroy(NULL, &s);
-    s = make(1, 1, 1, 1, false, false);
-    w = cut(&s, 0, 0);
+    s = make_series(1, 1, 1, 1, false, false);
+    w = cut_windows(&s, 0, 0);
     assert_int_equal(w.count, 1);
-    lg_windows_destroy(NULL, &w);
-    lg_series_destroy(NULL, &s);
 }
 
 /* ---- splits ---- */
@@ -176,14 +144,12 @@ static counts split_of(const lg_series *s, const lg_windows *w, lg_split kind, d
     return c;
 }
 
-/* Of each class, not only of all. */
-static void random_split(void **state) {
-    (void)state;
+TEST("a random split is one of each class, and its test part depends on the seed alone") {
     enum { N = 250 };
     uint8_t parts[N], again[N], other[N];
-    lg_series s = make(N, 1, 1, 3, false, false);
+    lg_series s = make_series(N, 1, 1, 3, false, false);
     for (size_t i = 0; i < N; i++) s.label[i] = i < 150 ? 0 : i < 240 ? 1 : 2; /* 150, 90, 10 */
-    lg_windows w = cut(&s, 0, 0);
+    lg_windows w = cut_windows(&s, 0, 0);
     const counts c = split_of(&s, &w, LG_SPLIT_RANDOM, 0.2, 0.1, 7, parts);
     assert_int_equal(c.part[LG_PART_TEST], 30 + 18 + 2);
     assert_int_equal(c.part[LG_PART_VALIDATION], 15 + 9 + 1);
@@ -201,36 +167,29 @@ static void random_split(void **state) {
     (void)split_of(&s, &w, LG_SPLIT_RANDOM, 0.2, 0.3, 7, other);
     for (size_t i = 0; i < N; i++) assert_int_equal(parts[i] == LG_PART_TEST, other[i] == LG_PART_TEST);
     assert_int_equal(split_of(&s, &w, LG_SPLIT_RANDOM, 0.0, 0.0, 7, parts).part[LG_PART_TRAIN], N);
-    lg_windows_destroy(NULL, &w);
-    lg_series_destroy(NULL, &s);
 }
 
-static void shuffled(void **state) {
-    (void)state;
+TEST("a random split is shuffled") {
     enum { N = 1000 };
     uint8_t parts[N];
-    lg_series s = make(N, 1, 1, 1, false, false);
-    lg_windows w = cut(&s, 0, 0);
+    lg_series s = make_series(N, 1, 1, 1, false, false);
+    lg_windows w = cut_windows(&s, 0, 0);
     (void)split_of(&s, &w, LG_SPLIT_RANDOM, 0.5, 0.0, 3, parts);
     size_t first_half = 0;
     for (size_t i = 0; i < N / 2; i++) first_half += parts[i] == LG_PART_TEST;
     assert_in_range(first_half, 200, 300); /* six standard deviations of a fair draw */
-    lg_windows_destroy(NULL, &w);
-    lg_series_destroy(NULL, &s);
 }
 
-/* 18 sea states of both classes, 6 runs a state, 4 stored windows a run; windows overlap. */
-static void units_stay_together(void **state) {
-    (void)state;
+TEST("windows of a run, or of a group, stay together") {
     enum { STATES = 18, RUNS = 6, STORED = 4, N = STATES * RUNS * STORED };
     uint8_t parts[4 * N];
-    lg_series s = make(N, 1, 10, 2, true, true);
+    lg_series s = make_series(N, 1, 10, 2, true, true);
     for (size_t i = 0; i < N; i++) {
         s.run[i] = (uint32_t)(1000000 - i / STORED);
         s.group[i] = (uint32_t)(i / STORED % STATES * 7919);
         s.label[i] = (uint32_t)(i / (STORED * STATES) % 2);
     }
-    lg_windows w = cut(&s, 20, 5);
+    lg_windows w = cut_windows(&s, 20, 5);
     assert_true(w.count < sizeof parts);
     for (int kind = LG_SPLIT_RUN; kind <= LG_SPLIT_GROUP; kind++) {
         const uint32_t *unit = kind == LG_SPLIT_RUN ? s.run : s.group;
@@ -243,13 +202,9 @@ static void units_stay_together(void **state) {
             for (size_t j = 0; j < i; j++)
                 if (unit[w.first[i]] == unit[w.first[j]]) assert_int_equal(parts[i], parts[j]);
     }
-    lg_windows_destroy(NULL, &w);
-    lg_series_destroy(NULL, &s);
 }
 
-/* Whatever the sizes: each class trains, and no stratum is emptied. */
-static void every_class_trains(void **state) {
-    (void)state;
+TEST("whatever the sizes each class trains, or the split is refused") {
     lg_rng rng;
     lg_rng_seed(&rng, 5, 0);
     for (int trial = 0; trial < 200; trial++) {
@@ -257,10 +212,10 @@ static void every_class_trains(void **state) {
         const size_t n = 2 + (size_t)lg_rng_below(&rng, 60);
         const uint32_t classes = 1 + (uint32_t)lg_rng_below(&rng, 4);
         if (n < classes) continue;
-        lg_series s = make(n, 1, 1, classes, true, false);
+        lg_series s = make_series(n, 1, 1, classes, true, false);
         for (size_t i = classes; i < n; i++) s.label[i] = (uint32_t)lg_rng_below(&rng, classes);
         for (size_t i = 0; i < n; i++) s.group[i] = (uint32_t)lg_rng_below(&rng, 12);
-        lg_windows w = cut(&s, 0, 0);
+        lg_windows w = cut_windows(&s, 0, 0);
         const lg_split kind = trial % 2 ? LG_SPLIT_GROUP : LG_SPLIT_RANDOM;
         const double test = 0.6 * lg_rng_uniform(&rng), validation = (0.99 - test) * lg_rng_uniform(&rng);
         lg_error error;
@@ -276,52 +231,41 @@ static void every_class_trains(void **state) {
             assert_status(status, LG_INVALID_ARGUMENT);
             assert_non_null(strstr(error.message, "is empty"));
         }
-        lg_windows_destroy(NULL, &w);
-        lg_series_destroy(NULL, &s);
     }
 }
 
-static void refused_splits(void **state) {
-    (void)state;
+TEST("bad fractions, missing units and empty parts are refused") {
+    static const struct {
+        lg_split kind;
+        double test, validation;
+        const char *word;
+    } cases[] = {
+        {LG_SPLIT_RANDOM, -0.1, 0.0, ""},     {LG_SPLIT_RANDOM, 1.0, 0.0, ""},
+        {LG_SPLIT_RANDOM, 0.5, 0.5, ""},      {LG_SPLIT_RANDOM, 0.0, -1.0, ""},
+        {LG_SPLIT_RANDOM, NAN, 0.0, ""},      {LG_SPLIT_RANDOM, 0.0, NAN, ""},
+        {LG_SPLIT_RUN, 0.2, 0.0, "no runs"},  {LG_SPLIT_GROUP, 0.2, 0.0, "no groups"},
+        {LG_SPLIT_COUNT, 0.2, 0.0, ""},       {LG_SPLIT_RANDOM, 0.1, 0.0, "empty"}, /* round(0.1 3) = 0 */
+        {LG_SPLIT_RANDOM, 0.4, 0.0, "label"}, {LG_SPLIT_RANDOM, 0.4, 0.0, "\"1\""},
+    };
     uint8_t parts[6] = {9, 9, 9, 9, 9, 9};
-    lg_series s = make(6, 1, 1, 2, false, false);
-    lg_windows w = cut(&s, 0, 0);
-    lg_error error;
-    static const double fractions[][2] = {{-0.1, 0.0}, {1.0, 0.0}, {0.5, 0.5},
-                                          {0.0, -1.0}, {NAN, 0.0}, {0.0, NAN}};
-    for (size_t i = 0; i < 6; i++) {
-        assert_status(lg_series_split(NULL, &s, &w, LG_SPLIT_RANDOM, fractions[i][0], fractions[i][1], 1,
+    lg_series s = make_series(6, 1, 1, 2, false, false);
+    lg_windows w = cut_windows(&s, 0, 0);
+    for (size_t i = 0; i < LG_COUNT(cases); i++) {
+        lg_error error = {LG_OK, ""};
+        if (strcmp(cases[i].word, "label") == 0) s.label[3] = 2;
+        if (strcmp(cases[i].word, "\"1\"") == 0) memset(s.label, 0, 6 * sizeof *s.label); /* no class 1 */
+        assert_status(lg_series_split(NULL, &s, &w, cases[i].kind, cases[i].test, cases[i].validation, 1,
                                       parts, &error),
                       LG_INVALID_ARGUMENT);
-        assert_true(strlen(error.message) > 0);
+        if (error.message[0] == '\0' || strstr(error.message, cases[i].word) == NULL)
+            fail_msg("%zu: %s", i, error.message);
     }
-    assert_status(lg_series_split(NULL, &s, &w, LG_SPLIT_RUN, 0.2, 0, 1, parts, &error), LG_INVALID_ARGUMENT);
-    assert_non_null(strstr(error.message, "no runs"));
-    assert_status(lg_series_split(NULL, &s, &w, LG_SPLIT_GROUP, 0.2, 0, 1, parts, &error),
+    assert_status(lg_series_split(NULL, &s, NULL, LG_SPLIT_RANDOM, 0.4, 0, 1, parts, NULL),
                   LG_INVALID_ARGUMENT);
-    assert_non_null(strstr(error.message, "no groups"));
-    assert_status(lg_series_split(NULL, &s, &w, (lg_split)LG_SPLIT_COUNT, 0.2, 0, 1, parts, &error),
-                  LG_INVALID_ARGUMENT);
-    assert_status(lg_series_split(NULL, &s, &w, LG_SPLIT_RANDOM, 0.1, 0, 1, parts, &error),
-                  LG_INVALID_ARGUMENT);
-    assert_non_null(strstr(error.message, "empty")); /* round(0.1 3) = 0 */
-    assert_status(lg_series_split(NULL, &s, NULL, LG_SPLIT_RANDOM, 0.1, 0, 1, parts, NULL),
-                  LG_INVALID_ARGUMENT);
-    s.label[3] = 2;
-    assert_status(lg_series_split(NULL, &s, &w, LG_SPLIT_RANDOM, 0.4, 0, 1, parts, &error),
-                  LG_INVALID_ARGUMENT);
-    assert_non_null(strstr(error.message, "label"));
-    memset(s.label, 0, 6 * sizeof *s.label); /* no window of class 1 */
-    assert_status(lg_series_split(NULL, &s, &w, LG_SPLIT_RANDOM, 0.4, 0, 1, parts, &error),
-                  LG_INVALID_ARGUMENT);
-    assert_non_null(strstr(error.message, "\"1\""));
     for (size_t i = 0; i < 6; i++) assert_int_equal(parts[i], 9);
-    lg_windows_destroy(NULL, &w);
-    lg_series_destroy(NULL, &s);
 }
 
-static void split_names(void **state) {
-    (void)state;
+TEST("splits have their names") {
     for (int i = 0; i < LG_SPLIT_COUNT; i++) {
         lg_split found = (lg_split)LG_SPLIT_COUNT;
         assert_ok(lg_split_parse(lg_split_name((lg_split)i), &found));
@@ -333,8 +277,7 @@ static void split_names(void **state) {
     assert_string_equal(lg_split_name((lg_split)LG_SPLIT_COUNT), "unknown");
 }
 
-static void folds(void **state) {
-    (void)state;
+TEST("folds are dealt class by class") {
     static const uint32_t label[] = {0, 0, 1, 0, 2, 1, 0, 0, 1, 1, 5};
     static const uint32_t wanted[] = {0, 1, 0, 2, 0, 1, 0, 1, 2, 0, 0};
     uint32_t fold[11];
@@ -347,8 +290,7 @@ static void folds(void **state) {
 }
 
 /* Strata {0}: units 2, 4, 9; {0, 1}: 3, 7; {1}: 5, 6, 8. The second starts where there is least of 0. */
-static void folds_of_units(void **state) {
-    (void)state;
+TEST("folds are dealt to whole units, stratum by stratum") {
     static const uint32_t unit[] = {9, 4, 4, 2, 2, 2, 7, 7, 3, 3, 3, 5, 6, 8, 8, 9};
     static const uint32_t label[] = {0, 0, 0, 0, 0, 0, 1, 0, 0, 1, 1, 1, 1, 1, 1, 0};
     static const uint32_t wanted[] = {0, 1, 1, 0, 0, 0, 0, 0, 1, 1, 1, 0, 1, 0, 0, 0};
@@ -366,10 +308,7 @@ static void folds_of_units(void **state) {
     for (size_t i = 0; i < 16; i++) assert_int_equal(fold[i], 0);
 }
 
-/* Random units: never torn, balanced in their strata; of two classes, both in every fold's rest; units of one
- * item as no units. */
-static void folds_of_random_units(void **state) {
-    (void)state;
+TEST("units are never torn, balanced in their strata, and of two classes both train in every fold") {
     enum { N = 300, UNITS = 40 };
     lg_rng rng;
     lg_rng_seed(&rng, 12, 0);
@@ -415,12 +354,11 @@ static void folds_of_random_units(void **state) {
 /* ---- scaling ---- */
 
 /* Channel 0: offset 1e6, deviation about 1; channel 1: constant; channel 2: small numbers with a trend. */
-static void scaling(void **state) {
-    (void)state;
+TEST("the scaler has the means and deviations of the chosen windows") {
     enum { N = 40, L = 25 };
     lg_rng rng;
     lg_rng_seed(&rng, 8, 0);
-    lg_series s = make(N, 3, L, 2, false, false);
+    lg_series s = make_series(N, 3, L, 2, false, false);
     for (size_t i = 0; i < N; i++)
         for (size_t t = 0; t < L; t++) {
             float *x = s.x + i * 3 * L + t;
@@ -428,13 +366,12 @@ static void scaling(void **state) {
             x[L] = 0.1f;
             x[2 * L] = (float)(1e-6 * lg_rng_normal(&rng) + 1e-6 * (double)i);
         }
-    lg_windows w = cut(&s, 0, 0);
+    lg_windows w = cut_windows(&s, 0, 0);
     static const uint32_t chosen[] = {3, 17, 4, 39, 0, 3};
     for (int centred = 0; centred < 2; centred++)
         for (int all = 0; all < 2; all++) {
-            lg_scaler scaler;
             const size_t count = all ? N : 6;
-            assert_ok(lg_scaler_fit(NULL, &s, &w, all ? NULL : chosen, count, centred, &scaler));
+            const lg_scaler scaler = fit_scaler(&s, &w, all ? NULL : chosen, count, centred);
             assert_int_equal(scaler.channels, 3);
             for (size_t c = 0; c < 3; c++) {
                 long double mean = 0, squares = 0;
@@ -457,8 +394,6 @@ static void scaling(void **state) {
                 assert_close(scaler.scale[c], c == 1 ? 1.0 : (double)sqrtl(squares), 1e-11, 0);
             }
             if (!centred) assert_close(scaler.mean[1], (double)0.1f, 0, 0);
-            lg_scaler_destroy(NULL, &scaler);
-            lg_scaler_destroy(NULL, &scaler);
         }
     lg_scaler none = {.channels = 5};
     static const uint32_t beyond[] = {N};
@@ -466,30 +401,19 @@ static void scaling(void **state) {
     assert_status(lg_scaler_fit(NULL, &s, &w, chosen, 0, false, &none), LG_INVALID_ARGUMENT);
     assert_status(lg_scaler_fit(NULL, &s, &w, NULL, N + 1, false, &none), LG_INVALID_ARGUMENT);
     assert_int_equal(none.channels, 5);
-    lg_windows_destroy(NULL, &w);
-    lg_series_destroy(NULL, &s);
 }
 
-/* Windows that are constant by themselves and differ from each other: constant when centred, not otherwise.
- */
-static void constant_windows(void **state) {
-    (void)state;
-    lg_series s = make(2, 1, 7, 1, false, false);
+TEST("windows that are constant and differ from each other are constant only when centred") {
+    lg_series s = make_series(2, 1, 7, 1, false, false);
     for (size_t t = 0; t < 7; t++) {
         s.x[t] = 0.1f;
         s.x[7 + t] = 0.3f;
     }
-    lg_windows w = cut(&s, 0, 0);
-    lg_scaler scaler;
-    assert_ok(lg_scaler_fit(NULL, &s, &w, NULL, 2, true, &scaler));
-    assert_close(scaler.scale[0], 1.0, 0, 0);
-    lg_scaler_destroy(NULL, &scaler);
-    assert_ok(lg_scaler_fit(NULL, &s, &w, NULL, 2, false, &scaler));
+    lg_windows w = cut_windows(&s, 0, 0);
+    const lg_scaler scaler = fit_scaler(&s, &w, NULL, 2, false);
+    assert_close(fit_scaler(&s, &w, NULL, 2, true).scale[0], 1.0, 0, 0);
     assert_close(scaler.mean[0], 0.5 * ((double)0.1f + (double)0.3f), 1e-15, 0);
     assert_close(scaler.scale[0], 0.5 * ((double)0.3f - (double)0.1f), 1e-14, 0);
-    lg_scaler_destroy(NULL, &scaler);
-    lg_windows_destroy(NULL, &w);
-    lg_series_destroy(NULL, &s);
 }
 
 /* ---- memory that fails ---- */
@@ -511,44 +435,6 @@ static lg_status all_at_once(const lg_context *context) {
     return status;
 }
 
-static void failing_memory(void **state) {
-    (void)state;
-    lg_fail_alloc memory;
-    lg_context *context = lg_fail_alloc_context(&memory);
-    long n = 1;
-    for (;; n++) {
-        lg_fail_alloc_arm(&memory, n);
-        const lg_status status = all_at_once(context);
-        assert_int_equal(lg_fail_alloc_live(&memory), 0);
-        if (!lg_fail_alloc_hit(&memory)) {
-            assert_ok(status);
-            break;
-        }
-        assert_status(status, LG_OUT_OF_MEMORY);
-    }
-    assert_true(n > 10);
-    lg_fail_alloc_arm(&memory, 0);
-    lg_context_destroy(context);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(allocation),
-        cmocka_unit_test(windows),
-        cmocka_unit_test(changes_of_label),
-        cmocka_unit_test(without_runs),
-        cmocka_unit_test(random_split),
-        cmocka_unit_test(shuffled),
-        cmocka_unit_test(units_stay_together),
-        cmocka_unit_test(every_class_trains),
-        cmocka_unit_test(refused_splits),
-        cmocka_unit_test(split_names),
-        cmocka_unit_test(folds),
-        cmocka_unit_test(folds_of_units),
-        cmocka_unit_test(folds_of_random_units),
-        cmocka_unit_test(scaling),
-        cmocka_unit_test(constant_windows),
-        cmocka_unit_test(failing_memory),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
+TEST("every allocation may fail, and nothing leaks") {
+    EVERY_ALLOCATION_FAILS(context, 10, { status = all_at_once(context); });
 }

@@ -15,16 +15,9 @@ typedef struct example {
     double *theta;
     lg_program *program;
     ready value, gradient;
-    lg_surrogate_curves *curves;
-    void *curve;
+    small curves; /* for curve_of */
+    lg_tape *tape;
 } example;
-
-static void *aligned(size_t bytes) {
-    void *memory;
-    if (posix_memalign(&memory, 64, bytes) != 0) fail_msg("no memory");
-    memset(memory, 0xff, bytes); /* NaN */
-    return memory;
-}
 
 static example make(const lg_surrogate_options *options, double length) {
     example e;
@@ -33,29 +26,21 @@ static example make(const lg_surrogate_options *options, double length) {
         fail_msg("%s", error.message);
     lg_rng rng;
     lg_rng_seed(&rng, 8, options->layers);
-    e.theta = malloc(lg_surrogate_parameters(&e.model) * sizeof *e.theta);
+    e.theta = TEST_ARRAY(double, lg_surrogate_parameters(&e.model));
     lg_net_initialise(&e.model.net, LG_INIT_FAN_IN, &rng, e.theta);
     if (lg_surrogate_program(NULL, &e.model, e.theta, &e.program, &error) != LG_OK)
         fail_msg("%s", error.message);
-    make_ready(&e.value, e.program, "value", 1, LG_F64);
-    make_ready(&e.gradient, e.program, "grad", 1, LG_F64);
+    lg_test_owns(e.program, release_program);
+    e.value = make_ready(e.program, "value", 1, LG_F64);
+    e.gradient = make_ready(e.program, "grad", 1, LG_F64);
     e.inputs = lg_plan_input_count(e.value.plan, 0);
     e.outputs = lg_plan_output_count(e.value.plan, 0);
     static const size_t inputs[] = {8, 9, 9}, outputs[] = {MOST_OUTPUTS, 2, 1};
     assert_int_equal(e.inputs, inputs[options->kind]);
     assert_int_equal(e.outputs, outputs[options->kind]);
-    assert_ok(lg_surrogate_curves_create(NULL, &e.model, e.theta, LG_F64, 1, &e.curves, NULL));
-    e.curve = aligned(lg_surrogate_curves_work_size(e.curves));
+    e.curves = (small){.model = e.model, .theta = e.theta};
+    e.tape = test_tape(LG_F64);
     return e;
-}
-
-static void release(example *e) {
-    free(e->theta);
-    free(e->curve);
-    lg_surrogate_curves_destroy(e->curves);
-    free_ready(&e->value);
-    free_ready(&e->gradient);
-    lg_program_destroy(e->program);
 }
 
 /* Boundary conditions on either side of the mirror (v0y > vNy for side 1), tangents not quite of length 1;
@@ -74,14 +59,14 @@ static void against_curve(const example *e, const double *x) {
     run_value(&e->value, x, y);
     if (model->options.kind == LG_SURROGATE_DISCRETE) {
         for (size_t k = 0; k <= INTERVALS; k++) at[k] = model->length * (double)k / INTERVALS;
-        lg_surrogate_curve(e->curves, x, at, INTERVALS + 1, q, v, e->curve);
+        curve_of(&e->curves, x, at, INTERVALS + 1, q, v);
         for (size_t i = 0; i < 2 * (INTERVALS - 1); i++) {
             assert_close(y[i], q[2 + i], 1e-14, 1e-14);
             assert_close(y[2 * (INTERVALS - 1) + i], v[2 + i], 1e-14, 1e-14);
         }
         return;
     }
-    lg_surrogate_curve(e->curves, x + 1, x, 1, q, v, e->curve);
+    curve_of(&e->curves, x + 1, x, 1, q, v);
     if (model->options.kind == LG_SURROGATE_CONTINUOUS) {
         for (size_t c = 0; c < 2; c++) assert_close(y[c], q[c], 1e-14, 1e-14);
         return;
@@ -92,14 +77,13 @@ static void against_curve(const example *e, const double *x) {
 
 /* The network on a tape at the row that training lays, as a curve is handed over. */
 static double of_network(const example *e, const double *row, size_t output) {
-    lg_tape *tape;
+    lg_tape *tape = e->tape;
     double f[MOST_OUTPUTS];
-    assert_ok(lg_tape_create(NULL, NULL, &tape));
+    lg_tape_reset(tape);
     const lg_net *net = &e->model.net;
     const lg_var theta = lg_input_f64(tape, lg_shape1((uint32_t)lg_net_parameters(net)), e->theta);
     const lg_var y = lg_net_record(tape, net, theta, 0, lg_input_f64(tape, lg_shape2(1, net->inputs), row));
     assert_ok(lg_read(tape, y, f, net->outputs));
-    lg_tape_destroy(tape);
     return f[output];
 }
 
@@ -158,18 +142,9 @@ static void differences(const example *e, const double *x, size_t input, double 
 }
 
 static void against_differences(const example *e, const double *x) {
-    const size_t count = e->outputs * e->inputs;
-    double y[MOST_OUTPUTS], plain[MOST_OUTPUTS], by[MOST_OUTPUTS];
-    double jacobian[MOST_OUTPUTS * MOST_INPUTS + 1], again[MOST_OUTPUTS * MOST_INPUTS];
-    for (size_t i = 0; i <= count; i++) jacobian[i] = 55.0;
-    memset(e->gradient.work, 0xff, e->gradient.bytes);
-    run_gradient(&e->gradient, x, y, jacobian);
-    assert_close(jacobian[count], 55.0, 0, 0);
-    run_gradient(&e->gradient, x, NULL, again);
-    assert_memory_equal(jacobian, again, count * sizeof *again);
-    memset(e->value.work, 0xff, e->value.bytes);
-    run_value(&e->value, x, plain);
-    for (size_t o = 0; o < e->outputs; o++) assert_close(y[o], plain[o], 1e-14, 1e-14);
+    double y[MOST_OUTPUTS], by[MOST_OUTPUTS];
+    double jacobian[MOST_OUTPUTS * MOST_INPUTS + 1];
+    check_gradient(&e->value, &e->gradient, x, y, jacobian);
     const double tolerance = smooth(e->model.options.activation) ? 1e-8 : 1e-7;
     for (size_t input = 0; input < e->inputs; input++) {
         differences(e, x, input, by);
@@ -183,7 +158,7 @@ static void first_column(const example *e, const double *x) {
     double jacobian[2 * MOST_INPUTS], q[2], v[2];
     if (e->model.options.kind != LG_SURROGATE_CONTINUOUS) return;
     run_gradient(&e->gradient, x, NULL, jacobian);
-    lg_surrogate_curve(e->curves, x + 1, x, 1, q, v, e->curve);
+    curve_of(&e->curves, x + 1, x, 1, q, v);
     for (size_t c = 0; c < 2; c++) assert_close(jacobian[9 * c], v[c], 1e-13, 1e-13);
 }
 
@@ -199,7 +174,6 @@ static void all_checks(const lg_surrogate_options *options, double length) {
             against_differences(&e, x);
             first_column(&e, x);
         }
-    release(&e);
 }
 
 static lg_surrogate_options options_of(lg_surrogate_kind kind) {
@@ -211,8 +185,8 @@ static lg_surrogate_options options_of(lg_surrogate_kind kind) {
                                   .activation = LG_TANH};
 }
 
-static void architectures(void **state) {
-    (void)state;
+TEST("every architecture with every number of layers, with and without an embedding, is right in value and "
+     "Jacobian") {
     for (int kind = 0; kind < LG_SURROGATE_KIND_COUNT; kind++)
         for (int net = 0; net < LG_NET_KIND_COUNT; net++)
             for (uint32_t embedding = 0; embedding <= 5; embedding += 5)
@@ -225,8 +199,7 @@ static void architectures(void **state) {
                 }
 }
 
-static void activations(void **state) {
-    (void)state;
+TEST("every activation in every architecture is right in value and Jacobian") {
     for (int kind = 0; kind < LG_SURROGATE_KIND_COUNT; kind++)
         for (int activation = 0; activation < LG_ACTIVATION_COUNT; activation++)
             for (int net = 0; net < LG_NET_KIND_COUNT; net++) {
@@ -237,9 +210,7 @@ static void activations(void **state) {
             }
 }
 
-/* Beams so short that both corrections of the ends reach each other, and of usual length. */
-static void options(void **state) {
-    (void)state;
+TEST("every option is right on beams of usual length, and so short that the corrections of the ends meet") {
     static const double lengths[] = {TEST_LENGTH, 0.5, 0.1};
     for (int kind = 0; kind < LG_SURROGATE_KIND_COUNT; kind++)
         for (unsigned flags = 0; flags < 8; flags++)
@@ -252,9 +223,7 @@ static void options(void **state) {
             }
 }
 
-/* theta(0) and theta(L) are the given angles, whatever the network: so are their derivatives. */
-static void held_angles(void **state) {
-    (void)state;
+TEST("angles that are held are the given ones, whatever the network, and so are their derivatives") {
     static const double lengths[] = {TEST_LENGTH, 0.1};
     lg_surrogate_options o = options_of(LG_SURROGATE_ANGLE);
     o.boundary = true;
@@ -274,13 +243,10 @@ static void held_angles(void **state) {
                         const double wanted = c == at ? -v[1] / square : c == at + 1 ? v[0] / square : 0.0;
                         assert_close(jacobian[c], wanted, 1e-13, 1e-13);
                     }
-                    release(&e);
                 }
 }
 
-/* Moving a beam moves its curve; reflecting it reflects value and Jacobian, exactly with `mirror`. */
-static void symmetries(void **state) {
-    (void)state;
+TEST("moving a beam moves its curve, and reflecting it reflects value and Jacobian exactly") {
     for (int kind = 0; kind < LG_SURROGATE_KIND_COUNT; kind++) {
         lg_surrogate_options o = options_of((lg_surrogate_kind)kind);
         o.mirror = true;
@@ -307,12 +273,10 @@ static void symmetries(void **state) {
                 assert_close(by[c] + by[4 + c], point && o_ % 2 == c ? 1.0 : 0.0, 1e-15, 1e-15);
             }
         }
-        release(&e);
     }
 }
 
-static void nan_in_nan_out(void **state) {
-    (void)state;
+TEST("an end that is not a number makes value and Jacobian NaN") {
     for (int kind = 0; kind < LG_SURROGATE_KIND_COUNT; kind++) {
         const lg_surrogate_options o = options_of((lg_surrogate_kind)kind);
         example e = make(&o, TEST_LENGTH);
@@ -324,13 +288,10 @@ static void nan_in_nan_out(void **state) {
         run_gradient(&e.gradient, x, y, jacobian);
         for (size_t i = 0; i < e.outputs; i++) assert_true(isnan(y[i]));
         for (size_t i = 0; i < e.outputs * e.inputs; i++) assert_true(isnan(jacobian[i]));
-        release(&e);
     }
 }
 
-/* Rows of a batch are those one by one; single precision is double to its rounding. */
-static void batches_and_types(void **state) {
-    (void)state;
+TEST("rows of a batch are those one by one, and single precision is double to its rounding") {
     enum { ROWS = 3 };
     for (int kind = 0; kind < LG_SURROGATE_KIND_COUNT; kind++) {
         lg_surrogate_options o = options_of((lg_surrogate_kind)kind);
@@ -342,9 +303,8 @@ static void batches_and_types(void **state) {
         double x[ROWS * MOST_INPUTS], y[ROWS * MOST_OUTPUTS], one[MOST_OUTPUTS];
         double jacobian[ROWS * MOST_OUTPUTS * MOST_INPUTS], g[MOST_OUTPUTS * MOST_INPUTS];
         float narrow[MOST_INPUTS], yn[MOST_OUTPUTS], gn[MOST_OUTPUTS * MOST_INPUTS];
-        ready batch, single;
-        make_ready(&batch, e.program, "grad", ROWS, LG_F64);
-        make_ready(&single, e.program, "grad", 1, LG_F32);
+        const ready batch = make_ready(e.program, "grad", ROWS, LG_F64);
+        const ready single = make_ready(e.program, "grad", 1, LG_F32);
         for (size_t r = 0; r < ROWS; r++) place(&e, r == 1 ? -1.0 : 1.0, 0.7 * (double)r, x + r * e.inputs);
         run_gradient(&batch, x, y, jacobian);
         for (size_t r = 0; r < ROWS; r++) {
@@ -357,16 +317,10 @@ static void batches_and_types(void **state) {
         lg_plan_eval(single.plan, (const void *const[]){narrow}, (void *const[]){yn, gn}, single.work);
         for (size_t i = 0; i < e.outputs; i++) assert_close((double)yn[i], one[i], 1e-5, 1e-5);
         for (size_t i = 0; i < numbers; i++) assert_close((double)gn[i], g[i], 1e-4, 1e-4);
-        free_ready(&batch);
-        free_ready(&single);
-        release(&e);
     }
 }
 
-/* Where the first numbers that decide about the mirror are zero, the next ones do; beams that are their own
- * image, and tangents of angle pi on both sides. */
-static void undecided_mirrors(void **state) {
-    (void)state;
+TEST("where the first numbers that decide about the mirror are zero, the next ones do") {
     static const double ends[][8] = {
         {0.1, -0.2, 0.8, 0.5, 2.6, 0.3, 0.9, 0.5}, {0.1, -0.2, 0.8, -0.5, 2.6, 0.3, 0.9, -0.5},
         {0.1, -0.2, 1.0, 0.0, 2.6, 0.3, 1.0, 0.0}, {0.1, 0.2, 1.0, 0.0, 2.6, -0.3, 1.0, 0.0},
@@ -381,13 +335,10 @@ static void undecided_mirrors(void **state) {
             memcpy(x + e.inputs - 8, ends[i], sizeof ends[i]);
             against_tape(&e, x);
         }
-        release(&e);
     }
 }
 
-/* The function along a curve is the value at each of its places. */
-static void points(void **state) {
-    (void)state;
+TEST("the function along a curve is the value at each of its places") {
     enum { PLACES = 4 };
     for (int kind = LG_SURROGATE_CONTINUOUS; kind < LG_SURROGATE_KIND_COUNT; kind++)
         for (unsigned flags = 0; flags < 4; flags++) {
@@ -395,20 +346,17 @@ static void points(void **state) {
             o.mirror = flags & 1;
             o.boundary = (flags & 2) && kind == LG_SURROGATE_ANGLE;
             example e = make(&o, TEST_LENGTH);
-            ready point;
             double x[PLACES][MOST_INPUTS], s[PLACES], q[2 * PLACES], v[2 * PLACES], curve[5];
-            make_ready(&point, e.program, "point", PLACES, LG_F64);
+            const ready point = make_ready(e.program, "point", PLACES, LG_F64);
             for (size_t i = 0; i < PLACES; i++) {
                 s[i] = TEST_LENGTH * (double)i / (PLACES - 1);
                 place(&e, -1.0, s[i], x[i]);
             }
             const double *shared = x[0] + 1;
             if (kind == LG_SURROGATE_ANGLE) {
-                ready of_curve;
-                make_ready(&of_curve, e.program, "ends", 1, LG_F64);
+                const ready of_curve = make_ready(e.program, "ends", 1, LG_F64);
                 run_value(&of_curve, shared, curve);
                 shared = curve;
-                free_ready(&of_curve);
             }
             lg_plan_eval(point.plan, (const void *const[]){s, shared}, (void *const[]){q, v}, point.work);
             for (size_t i = 0; i < PLACES; i++) {
@@ -420,22 +368,5 @@ static void points(void **state) {
                         assert_close(v[2 * i + c], jacobian[9 * c], 1e-13, 1e-13);
                 }
             }
-            free_ready(&point);
-            release(&e);
         }
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(architectures),
-        cmocka_unit_test(activations),
-        cmocka_unit_test(options),
-        cmocka_unit_test(held_angles),
-        cmocka_unit_test(symmetries),
-        cmocka_unit_test(nan_in_nan_out),
-        cmocka_unit_test(batches_and_types),
-        cmocka_unit_test(undecided_mirrors),
-        cmocka_unit_test(points),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

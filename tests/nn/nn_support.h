@@ -1,52 +1,59 @@
-/* Shared by the tests of src/nn: an allocator that counts and can fail, an archive in memory, a small
- * regression. */
+/* Shared by the tests of src/nn: fits of the running test, an archive in memory, a small regression. */
 #ifndef LG_NN_SUPPORT_H
 #define LG_NN_SUPPORT_H
 
-#include "test_support.h"
-
-#include <pthread.h>
+#include "support/fixtures.h"
 
 #include "liegrad/nn.h"
 #include "liegrad/ops.h"
 
-/* ---- allocator: counts live blocks and calls; call number fail_at (from 0) gives NULL ---- */
-typedef struct counter {
-    pthread_mutex_t mutex;
-    long calls, live, fail_at;
-} counter;
-
-static void *counter_allocate(void *user, size_t bytes) {
-    counter *c = user;
-    void *memory = NULL;
-    pthread_mutex_lock(&c->mutex);
-    if (c->calls++ != c->fail_at && posix_memalign(&memory, 64, bytes) == 0) c->live++;
-    pthread_mutex_unlock(&c->mutex);
-    return memory;
+static inline void release_context(void *context) {
+    lg_context_destroy(context);
 }
 
-static void counter_release(void *user, void *memory) {
-    counter *c = user;
-    pthread_mutex_lock(&c->mutex);
-    c->live--;
-    pthread_mutex_unlock(&c->mutex);
-    free(memory);
-}
-
-static inline lg_context *counter_context(counter *c, long fail_at, const volatile int *cancel) {
-    *c = (counter){.fail_at = -1};
-    pthread_mutex_init(&c->mutex, NULL);
+/* A context of the running test that the flag cancels. */
+static inline lg_context *cancelled_by(const volatile int *cancel) {
     lg_context_options options;
-    lg_context_options_init(&options);
-    options.allocate = counter_allocate;
-    options.release = counter_release;
-    options.allocator_user = c;
-    options.cancel = cancel;
     lg_context *context = NULL;
+    lg_context_options_init(&options);
+    options.cancel = cancel;
     assert_ok(lg_context_create(&options, &context));
-    c->calls = 0;
-    c->fail_at = fail_at;
+    lg_test_owns(context, release_context);
     return context;
+}
+
+/* ---- fits ---- */
+
+static inline void release_fit(void *fit) {
+    lg_fit_destroy(fit);
+}
+
+static inline lg_fit *test_fit(const lg_context *context, const lg_fit_problem *problem,
+                               const lg_fit_options *options, const double *theta) {
+    lg_fit *fit = NULL;
+    lg_error error;
+    if (lg_fit_create(context, problem, options, theta, &fit, &error) != LG_OK) fail_msg("%s", error.message);
+    lg_test_owns(fit, release_fit);
+    return fit;
+}
+
+static inline lg_fit_options options_of(uint64_t epochs, size_t batch) {
+    lg_fit_options o;
+    lg_fit_options_init(&o);
+    o.epochs = epochs;
+    o.batch = batch;
+    o.adam.lr = 1e-2;
+    return o;
+}
+
+static inline void run_fit(lg_fit *fit) {
+    lg_error error;
+    if (lg_fit_run(fit, &error) != LG_OK) fail_msg("%s", error.message);
+    assert_string_equal(error.message, "");
+}
+
+static inline void assert_message(const lg_error *error, const char *part) {
+    if (strstr(error->message, part) == NULL) fail_msg("\"%s\" does not say \"%s\"", error->message, part);
 }
 
 /* ---- archive in memory ---- */
@@ -56,7 +63,7 @@ typedef struct memory_item {
     uint32_t rank;
     uint64_t dims[4];
     size_t bytes;
-    void *data;
+    void *data; /* of the running test */
 } memory_item;
 
 typedef struct memory_archive {
@@ -65,13 +72,9 @@ typedef struct memory_archive {
     size_t fail_after; /* writes that succeed; 0: all */
 } memory_archive;
 
-static inline size_t element_size(lg_element type) {
-    return type == LG_ELEMENT_F32 || type == LG_ELEMENT_U32 ? 4 : 8;
-}
-
-static inline memory_item *memory_find(memory_archive *archive, const char *path) {
+static inline memory_item *memory_find(const memory_archive *archive, const char *path) {
     for (size_t i = 0; i < archive->count; i++)
-        if (strcmp(archive->items[i].path, path) == 0) return &archive->items[i];
+        if (strcmp(archive->items[i].path, path) == 0) return (memory_item *)(uintptr_t)&archive->items[i];
     return NULL;
 }
 
@@ -85,13 +88,9 @@ static lg_status memory_write(void *user, const char *path, lg_element type, uin
     (void)snprintf(item->path, sizeof item->path, "%s", path);
     item->type = type;
     item->rank = rank;
-    item->bytes = element_size(type);
-    for (uint32_t i = 0; i < rank; i++) {
-        item->dims[i] = dims[i];
-        item->bytes *= dims[i];
-    }
-    item->data = malloc(item->bytes);
-    assert_non_null(item->data);
+    item->bytes = type == LG_ELEMENT_F32 || type == LG_ELEMENT_U32 ? 4 : 8;
+    for (uint32_t i = 0; i < rank; i++) item->bytes *= item->dims[i] = dims[i];
+    item->data = lg_test_memory(item->bytes);
     memcpy(item->data, data, item->bytes);
     return LG_OK;
 }
@@ -116,9 +115,34 @@ static inline lg_archive_reader memory_reader(memory_archive *archive) {
     return (lg_archive_reader){.user = archive, .array = memory_read};
 }
 
-static inline void memory_clear(memory_archive *archive) {
-    for (size_t i = 0; i < archive->count; i++) free(archive->items[i].data);
-    *archive = (memory_archive){0};
+static inline memory_archive state_of(const lg_fit *fit) {
+    memory_archive archive = {.count = 0};
+    const lg_archive_writer writer = memory_writer(&archive);
+    assert_ok(lg_fit_save(fit, &writer, NULL));
+    return archive;
+}
+
+static inline void load_state(lg_fit *fit, memory_archive *archive) {
+    const lg_archive_reader reader = memory_reader(archive);
+    lg_error error;
+    if (lg_fit_load(fit, &reader, &error) != LG_OK) fail_msg("%s", error.message);
+}
+
+/* Every stored array is the same but the seconds. */
+static inline void assert_same_state(const memory_archive *x, const memory_archive *y) {
+    assert_int_equal(x->count, y->count);
+    for (size_t i = 0; i < x->count; i++) {
+        if (strstr(x->items[i].path, "seconds") != NULL) continue;
+        const memory_item *other = memory_find(y, x->items[i].path);
+        assert_non_null(other);
+        assert_int_equal(x->items[i].bytes, other->bytes);
+        if (memcmp(x->items[i].data, other->data, other->bytes) != 0) fail_msg("%s differs", other->path);
+    }
+}
+
+static inline void assert_same_fits(const lg_fit *a, const lg_fit *b) {
+    const memory_archive x = state_of(a), y = state_of(b);
+    assert_same_state(&x, &y);
 }
 
 /* ---- regression t = sin(2 x) + x^2/2 on [-1, 1] by an MLP; mean squared error ---- */
@@ -127,19 +151,21 @@ static inline void memory_clear(memory_archive *archive) {
 typedef struct regression {
     lg_mlp net;
     double x[REGRESSION_SAMPLES], t[REGRESSION_SAMPLES];
-    int poison;     /* a sample whose target is NaN, or -1 */
-    int *cancel_at; /* counts down with each call of the loss; at 0 raises `cancel`. NULL: never */
+    size_t validation; /* of the problem's own */
+    int poison;        /* a sample whose target is NaN, or -1 */
+    int *cancel_at;    /* counts down with each call of the loss; at 0 raises `cancel`. NULL: never */
     volatile int *cancel;
 } regression;
 
-static inline void regression_init(regression *r) {
-    *r = (regression){.poison = -1};
+static inline regression make_regression(void) {
+    regression r = {.poison = -1};
     const uint32_t hidden[2] = {12, 12};
-    assert_ok(lg_mlp_init(&r->net, 1, hidden, 2, 1, LG_TANH, true));
+    assert_ok(lg_mlp_init(&r.net, 1, hidden, 2, 1, LG_TANH, true));
     for (int i = 0; i < REGRESSION_SAMPLES; i++) {
-        r->x[i] = -1.0 + 2.0 * i / (REGRESSION_SAMPLES - 1.0);
-        r->t[i] = sin(2.0 * r->x[i]) + 0.5 * r->x[i] * r->x[i];
+        r.x[i] = -1.0 + 2.0 * i / (REGRESSION_SAMPLES - 1.0);
+        r.t[i] = sin(2.0 * r.x[i]) + 0.5 * r.x[i] * r.x[i];
     }
+    return r;
 }
 
 static lg_status regression_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples,
@@ -162,18 +188,23 @@ static lg_status regression_loss(void *user, lg_tape *tape, lg_var theta, const 
 static inline lg_fit_problem regression_problem(regression *r) {
     return (lg_fit_problem){.parameters = lg_mlp_parameters(&r->net),
                             .samples = REGRESSION_SAMPLES,
+                            .validation = r->validation,
                             .loss = regression_loss,
                             .user = r};
 }
 
-/* Where the tests start from. Caller frees. */
+/* Where the tests start from. */
 static inline double *regression_start(const regression *r) {
     lg_rng rng;
+    double *theta = TEST_ARRAY(double, lg_mlp_parameters(&r->net));
     lg_rng_seed(&rng, 3, 0);
-    double *theta = malloc(lg_mlp_parameters(&r->net) * sizeof *theta);
-    assert_non_null(theta);
     lg_mlp_initialise(&r->net, &rng, theta);
     return theta;
+}
+
+static inline lg_fit *regression_fit(const lg_context *context, regression *r, const lg_fit_options *o) {
+    const lg_fit_problem problem = regression_problem(r);
+    return test_fit(context, &problem, o, regression_start(r));
 }
 
 #endif

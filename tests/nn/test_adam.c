@@ -1,8 +1,6 @@
 /* Adam against its definition and against steps that can be worked out by hand; clipping; schedules. */
 #include "nn_support.h"
-
 #define N 3
-
 /* Algorithm 1 of Kingma & Ba with L2 (the gradient gets decay theta) or decoupled decay. */
 static void reference(const lg_adam_options *o, int step, double rate, double clip, const double *gradient,
                       double *m, double *v, double *theta) {
@@ -17,7 +15,6 @@ static void reference(const lg_adam_options *o, int step, double rate, double cl
         theta[i] -= decay + lr * m_hat / (sqrt(v_hat) + o->eps);
     }
 }
-
 static void compare_with_reference(bool decoupled, double decay) {
     lg_adam_options o;
     lg_adam_options_init(&o);
@@ -42,17 +39,12 @@ static void compare_with_reference(bool decoupled, double decay) {
         }
     }
 }
-
-static void test_sequence(void **state) {
-    (void)state;
+TEST("Adam follows its definition, with decay in the gradient and decoupled, in both types") {
     compare_with_reference(false, 0.0);
     compare_with_reference(false, 0.1);
     compare_with_reference(true, 0.1);
 }
-
-/* With a constant gradient m_hat = g and v_hat = g^2 in every step, so a step is lr g/(|g| + eps). */
-static void test_constant_gradient(void **state) {
-    (void)state;
+TEST("with a constant gradient a step is lr g/(|g| + eps)") {
     lg_adam_options o;
     lg_adam_options_init(&o);
     assert_close(o.lr, 1e-3, 0.0, 0.0);
@@ -67,10 +59,7 @@ static void test_constant_gradient(void **state) {
         assert_close(theta[2], 1.0, 0.0, 0.0);
     }
 }
-
-/* Without a gradient decoupled decay multiplies by 1 - lr decay, L2 walks with unit speed towards zero. */
-static void test_decay_forms(void **state) {
-    (void)state;
+TEST("without a gradient decoupled decay multiplies, and L2 walks with unit speed towards zero") {
     lg_adam_options o;
     lg_adam_options_init(&o);
     o.lr = 0.01;
@@ -90,9 +79,7 @@ static void test_decay_forms(void **state) {
     assert_close(free_[1], -8.0 * 0.995, 1e-15, 0.0);
     assert_close(m0[0], 0.0, 0.0, 0.0);
 }
-
-static void test_clipping(void **state) {
-    (void)state;
+TEST("clipping is relative to the norm, which does not overflow in floats") {
     const double g[N] = {2.0, -3.0, 6.0};
     const float f[N] = {2.0f, -3.0f, 6.0f};
     assert_close(lg_gradient_norm(LG_F64, N, g), 7.0, 1e-15, 0.0);
@@ -106,9 +93,7 @@ static void test_clipping(void **state) {
     const float large[2] = {3e30f, 4e30f};
     assert_close(lg_gradient_norm(LG_F32, 2, large), 5e30, 1e-6, 0.0);
 }
-
-static void test_schedules(void **state) {
-    (void)state;
+TEST("schedules have their rates and names") {
     lg_schedule s = {.kind = LG_SCHEDULE_CONSTANT};
     assert_close(lg_schedule_rate(&s, 17, 20), 1.0, 0.0, 0.0);
     s = (lg_schedule){.kind = LG_SCHEDULE_STEP, .every = 10, .gamma = 0.5};
@@ -130,13 +115,4 @@ static void test_schedules(void **state) {
     lg_schedule_kind kind = LG_SCHEDULE_STEP;
     assert_status(lg_schedule_parse("linear", &kind), LG_NOT_FOUND);
     assert_int_equal(kind, LG_SCHEDULE_STEP);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_sequence),    cmocka_unit_test(test_constant_gradient),
-        cmocka_unit_test(test_decay_forms), cmocka_unit_test(test_clipping),
-        cmocka_unit_test(test_schedules),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,22 +1,20 @@
 /* Convolutional networks against the loops of their definition: default networks of all sizes, values and
  * gradients on a tape, what is refused. */
-#include "test_support.h"
+#include "support/fixtures.h"
 
 #include "liegrad/convolution.h"
-#include "liegrad/gradcheck.h"
-#include "liegrad/ops.h"
 #include "nn/odd_nets.h"
 #include "nn/plain_layers.h"
 
 /* ---- the definition, in double ---- */
 
-/* x (L, C) -> a new array (L'', O); *length, *channels become those of the result. Takes x. */
-static double *naive_block(const lg_cnn *net, const lg_cnn_block *b, double *x, size_t *length,
-                           size_t *channels, const double **theta) {
+/* x (L, C) -> an array (L'', O); *length, *channels become those of the result. */
+static const double *naive_block(const lg_cnn *net, const lg_cnn_block *b, const double *x, size_t *length,
+                                 size_t *channels, const double **theta) {
     const size_t l = *length, c_in = *channels, o = b->channels;
     const size_t convolved = (l + 2 * b->padding - b->kernel) / b->stride + 1;
     const double *w = *theta, *bias = w + b->kernel * c_in * o;
-    double *y = calloc(convolved * o, sizeof *y);
+    double *y = TEST_ARRAY(double, convolved *o);
     for (size_t t = 0; t < convolved; t++)
         for (size_t p = 0; p < o; p++) {
             double sum = bias[p];
@@ -27,13 +25,12 @@ static double *naive_block(const lg_cnn *net, const lg_cnn_block *b, double *x, 
                 }
             y[t * o + p] = plain_activation(net->activation, sum);
         }
-    free(x);
     *theta = bias + o;
     *channels = o;
     *length = convolved;
     if (b->pooling == LG_POOL_NONE) return y;
     const size_t pooled = (convolved - b->pool_size) / b->pool_stride + 1;
-    double *z = calloc(pooled * o, sizeof *z);
+    double *z = TEST_ARRAY(double, pooled *o);
     for (size_t t = 0; t < pooled; t++)
         for (size_t p = 0; p < o; p++) {
             double sum = 0.0, most = -INFINITY;
@@ -44,7 +41,6 @@ static double *naive_block(const lg_cnn *net, const lg_cnn_block *b, double *x, 
             }
             z[t * o + p] = b->pooling == LG_POOL_MAX ? most : sum / b->pool_size;
         }
-    free(y);
     *length = pooled;
     return z;
 }
@@ -52,8 +48,7 @@ static double *naive_block(const lg_cnn *net, const lg_cnn_block *b, double *x, 
 /* One series x (L, C). */
 static void naive(const lg_cnn *net, const double *theta, const double *x, double *y, double *plane) {
     size_t length = net->length, channels = net->channels;
-    double *h = malloc(length * channels * sizeof *h);
-    memcpy(h, x, length * channels * sizeof *h);
+    const double *h = x;
     for (uint32_t i = 0; i < net->blocks; i++) {
         h = naive_block(net, &net->block[i], h, &length, &channels, &theta);
         assert_int_equal(length, net->lengths[i + 1]);
@@ -64,7 +59,6 @@ static void naive(const lg_cnn *net, const double *theta, const double *x, doubl
         in = net->plane;
     }
     plain_dense(&theta, in, net->outputs, true, LG_IDENTITY, net->plane > 0 ? plane : h, y);
-    free(h);
 }
 
 /* ---- networks ---- */
@@ -101,35 +95,21 @@ static example make(lg_cnn net) {
         .net = net, .parameters = lg_cnn_parameters(&net), .numbers = (size_t)net.length * net.channels};
     lg_rng rng;
     lg_rng_seed(&rng, 21, 0);
-    e.theta = malloc(e.parameters * sizeof *e.theta);
+    e.theta = TEST_ARRAY(double, e.parameters);
     lg_cnn_initialise(&net, LG_INIT_FAN_IN, &rng, e.theta);
-    e.x = malloc(ROWS * e.numbers * sizeof *e.x);
+    e.x = TEST_ARRAY(double, ROWS *e.numbers);
     for (size_t i = 0; i < ROWS * e.numbers; i++) e.x[i] = lg_rng_normal(&rng);
     return e;
 }
 
-static void release(example *e) {
-    free(e->theta);
-    free(e->x);
-}
-
 enum { OFFSET = 3 };
-
-static lg_tape *tape_of(lg_dtype dtype) {
-    lg_tape_options options;
-    lg_tape *tape;
-    lg_tape_options_init(&options);
-    options.dtype = dtype;
-    assert_ok(lg_tape_create(NULL, &options, &tape));
-    return tape;
-}
 
 /* Logits and plane of the first `rows` series on a tape. OFFSET numbers that are not the network's lie before
  * its parameters. */
-static void evaluate(const example *e, lg_dtype dtype, uint32_t rows, double *y, double *plane) {
+static void evaluate(const example *e, lg_tape *tape, uint32_t rows, double *y, double *plane) {
     const lg_cnn *net = &e->net;
-    lg_tape *tape = tape_of(dtype);
-    double *flat = calloc(e->parameters + OFFSET, sizeof *flat);
+    lg_tape_reset(tape);
+    double *flat = TEST_ARRAY(double, e->parameters + OFFSET);
     memcpy(flat + OFFSET, e->theta, e->parameters * sizeof *flat);
     const lg_var theta = lg_input_f64(tape, lg_shape1((uint32_t)e->parameters + OFFSET), flat);
     const lg_var x = lg_input_f64(tape, lg_shape3(rows, net->length, net->channels), e->x);
@@ -139,14 +119,11 @@ static void evaluate(const example *e, lg_dtype dtype, uint32_t rows, double *y,
     assert_ok(lg_read(tape, out, y, rows * net->outputs));
     assert_int_equal(lg_is_none(at), net->plane == 0);
     if (net->plane > 0) assert_ok(lg_read(tape, at, plane, rows * net->plane));
-    lg_tape_destroy(tape);
-    free(flat);
 }
 
 /* ---- description ---- */
 
-static void the_default(void **state) {
-    (void)state;
+TEST("the default network has its layers, names and lengths") {
     static const char *const names[] = {"conv1/weight",  "conv1/bias", "conv2/weight", "conv2/bias",
                                         "conv3/weight",  "conv3/bias", "plane/weight", "plane/bias",
                                         "output/weight", "output/bias"};
@@ -177,9 +154,9 @@ static void the_default(void **state) {
     assert_int_equal(lg_cnn_parameters(&classes), 10910 + 12);
 }
 
-static void defaults_of_all_sizes(void **state) {
-    (void)state;
+TEST("default networks of all sizes can be made and evaluated") {
     lg_error error;
+    lg_tape *tape = test_tape(LG_F64);
     for (uint32_t c = 1; c <= 8; c++)
         for (uint32_t l = 1; l <= 64; l++)
             for (uint32_t outputs = 1; outputs <= 3; outputs += 2) {
@@ -195,9 +172,8 @@ static void defaults_of_all_sizes(void **state) {
                     assert_int_equal(net.block[i].channels, c << (i + 1));
                 example e = make(net);
                 double y[3], plane[2];
-                evaluate(&e, LG_F64, 1, y, plane);
+                evaluate(&e, tape, 1, y, plane);
                 for (uint32_t i = 0; i < outputs; i++) assert_true(isfinite(y[i]));
-                release(&e);
             }
     static const uint32_t extremes[] = {1, 3, 511, 512, 513, 4095, 1 << 20};
     for (size_t i = 0; i < 7; i++)
@@ -210,61 +186,38 @@ static void defaults_of_all_sizes(void **state) {
     assert_status(lg_cnn_init(&nothing, &error), LG_INVALID_ARGUMENT);
 }
 
-#define BLOCK(...) .blocks = 1, .block = {{__VA_ARGS__}}
-static void refused(void **state) {
-    (void)state;
+/* Of a line of 9 samples with one block, or of sizes alone. */
+#define LINE(...)                                                                                            \
+    { .channels = 1, .length = 9, .outputs = 1, __VA_ARGS__ }
+#define BLOCK(...) LINE(.blocks = 1, .block = {{__VA_ARGS__}})
+#define SIZES_OF(c, l, o, p)                                                                                 \
+    { .channels = c, .length = l, .outputs = o, .plane = p }
+#define M (1u << 20)
+
+TEST("a description that is refused is told by its block and left as it was") {
     static const struct {
         lg_cnn net;
         const char *sentence;
     } bad[] = {
-        {{.channels = 0, .length = 9, .outputs = 1}, "0 channels"},
-        {{.channels = 1, .length = 0, .outputs = 1}, "0 samples"},
-        {{.channels = 1, .length = 9, .outputs = 0}, "0 outputs"},
-        {{.channels = 1, .length = (1 << 20) + 1, .outputs = 1}, "2^20"},
-        {{.channels = 1, .length = 9, .outputs = 1, .plane = UINT32_MAX}, "2^20"},
-        {{.channels = 1, .length = 9, .outputs = 1, .blocks = 9}, "9 blocks"},
-        {{.channels = 1, .length = 9, .outputs = 1, .activation = (lg_activation)LG_ACTIVATION_COUNT},
-         "activation"},
-        {{.channels = 1, .length = 9, .outputs = 1, BLOCK(.channels = 0, .kernel = 1, .stride = 1)},
-         "block 1"},
-        {{.channels = 1, .length = 9, .outputs = 1, BLOCK(.channels = 1, .kernel = 0, .stride = 1)},
-         "block 1"},
-        {{.channels = 1, .length = 9, .outputs = 1, BLOCK(.channels = 1, .kernel = 1, .stride = 0)},
-         "block 1"},
-        {{.channels = 1, .length = 9, .outputs = 1, BLOCK(.channels = 1, .kernel = 10, .stride = 1)},
-         "block 1: a kernel of 10"},
-        {{.channels = 1,
-          .length = 9,
-          .outputs = 1,
-          BLOCK(.channels = 1, .kernel = 2, .stride = 1, .padding = 2)},
-         "padding of 2"},
-        {{.channels = 1,
-          .length = 9,
-          .outputs = 1,
-          BLOCK(.channels = 1, .kernel = 2, .stride = 1, .padding = UINT32_MAX)},
-         "padding"},
-        {{.channels = 1,
-          .length = 9,
-          .outputs = 1,
-          BLOCK(.channels = 1, .kernel = 2, .stride = 1, .pooling = LG_POOL_MAX)},
-         "pooling size"},
-        {{.channels = 1,
-          .length = 9,
-          .outputs = 1,
-          BLOCK(.channels = 1, .kernel = 2, .stride = 1, .pooling = LG_POOL_MAX, .pool_size = 9,
-                .pool_stride = 1)},
-         "block 1: pooling over 9"},
-        {{.channels = 1,
-          .length = 9,
-          .outputs = 1,
-          BLOCK(.channels = 1, .kernel = 2, .stride = 1, .pooling = (lg_pooling)LG_POOLING_COUNT)},
-         "pooling"},
-        {{.channels = 1 << 16, .length = 1 << 16, .outputs = 1}, "2^31 parameters"},
-        {{.channels = 1 << 20, .length = 1 << 20, .outputs = 1 << 20, .plane = 1 << 20}, "2^31 parameters"},
-        {{.channels = 1 << 20,
-          .length = 1 << 20,
-          .outputs = 1,
-          BLOCK(.channels = 1 << 20, .kernel = 1 << 20, .stride = 1)},
+        {SIZES_OF(0, 9, 1, 0), "0 channels"},
+        {SIZES_OF(1, 0, 1, 0), "0 samples"},
+        {SIZES_OF(1, 9, 0, 0), "0 outputs"},
+        {SIZES_OF(1, M + 1, 1, 0), "2^20"},
+        {SIZES_OF(1, 9, 1, UINT32_MAX), "2^20"},
+        {LINE(.blocks = 9), "9 blocks"},
+        {LINE(.activation = (lg_activation)LG_ACTIVATION_COUNT), "activation"},
+        {BLOCK(0, 1, 1, 0, LG_POOL_NONE, 0, 0), "block 1"},
+        {BLOCK(1, 0, 1, 0, LG_POOL_NONE, 0, 0), "block 1"},
+        {BLOCK(1, 1, 0, 0, LG_POOL_NONE, 0, 0), "block 1"},
+        {BLOCK(1, 10, 1, 0, LG_POOL_NONE, 0, 0), "block 1: a kernel of 10"},
+        {BLOCK(1, 2, 1, 2, LG_POOL_NONE, 0, 0), "padding of 2"},
+        {BLOCK(1, 2, 1, UINT32_MAX, LG_POOL_NONE, 0, 0), "padding"},
+        {BLOCK(1, 2, 1, 0, LG_POOL_MAX, 0, 0), "pooling size"},
+        {BLOCK(1, 2, 1, 0, LG_POOL_MAX, 9, 1), "block 1: pooling over 9"},
+        {BLOCK(1, 2, 1, 0, (lg_pooling)LG_POOLING_COUNT, 0, 0), "pooling"},
+        {SIZES_OF(1 << 16, 1 << 16, 1, 0), "2^31 parameters"},
+        {SIZES_OF(M, M, M, M), "2^31 parameters"},
+        {{.channels = M, .length = M, .outputs = 1, .blocks = 1, .block = {{M, M, 1, 0, LG_POOL_NONE, 0, 0}}},
          "2^31 parameters"},
     };
     lg_error error;
@@ -283,8 +236,7 @@ static void refused(void **state) {
     assert_non_null(strstr(error.message, "block 2"));
 }
 
-static void pooling_names(void **state) {
-    (void)state;
+TEST("poolings have their names") {
     for (int i = 0; i < LG_POOLING_COUNT; i++) {
         lg_pooling found = (lg_pooling)LG_POOLING_COUNT;
         assert_ok(lg_pooling_parse(lg_pooling_name((lg_pooling)i), &found));
@@ -296,10 +248,7 @@ static void pooling_names(void **state) {
     assert_string_equal(lg_pooling_name((lg_pooling)LG_POOLING_COUNT), "unknown");
 }
 
-/* Bounds of uniform laws, deviations of normal ones, biases. Of conv2 of the default network for 6 channels:
- * fan in 60, fan out 120. */
-static void initialisation(void **state) {
-    (void)state;
+TEST("each law of initialisation has its deviation by fan in and fan out, and its biases") {
     const lg_cnn net = lg_cnn_defaults(6, 300, 1, LG_TANH);
     static const struct {
         lg_initialisation kind;
@@ -309,7 +258,7 @@ static void initialisation(void **state) {
                 {LG_INIT_GLOROT_NORMAL, 2.0 / 180},
                 {LG_INIT_HE_UNIFORM, 6.0 / 60 / 3},
                 {LG_INIT_HE_NORMAL, 2.0 / 60}};
-    double *theta = malloc(10913 * sizeof *theta);
+    double *theta = TEST_ARRAY(double, 10913);
     for (size_t i = 0; i < 5; i++) {
         lg_rng rng;
         lg_slice_info w, b;
@@ -326,43 +275,34 @@ static void initialisation(void **state) {
         else
             assert_close(biases, 0.0, 0, 0);
     }
-    free(theta);
 }
 
 /* ---- values ---- */
 
-static void against_loops(const example *e, lg_dtype dtype) {
-    double y[ROWS * 4], plane[ROWS * 4], wanted[4], wanted_plane[4];
-    const lg_cnn *net = &e->net;
-    const double rtol = dtype == LG_F64 ? 1e-12 : 2e-5, atol = dtype == LG_F64 ? 1e-13 : 2e-5;
-    evaluate(e, dtype, ROWS, y, plane);
-    for (size_t r = 0; r < ROWS; r++) {
-        naive(net, e->theta, e->x + r * e->numbers, wanted, wanted_plane);
-        for (size_t i = 0; i < net->outputs; i++)
-            assert_close(y[r * net->outputs + i], wanted[i], rtol, atol);
-        for (size_t i = 0; i < net->plane; i++)
-            assert_close(plane[r * net->plane + i], wanted_plane[i], rtol, atol);
+TEST("networks on a tape are the loops of their definition, in both types") {
+    for (int dtype = LG_F64; dtype <= LG_F32; dtype++) {
+        const double rtol = dtype == LG_F64 ? 1e-12 : 2e-5, atol = dtype == LG_F64 ? 1e-13 : 2e-5;
+        lg_tape *tape = test_tape((lg_dtype)dtype);
+        for (size_t i = 0; i < ALL_NETS * LG_ACTIVATION_COUNT; i++) {
+            double y[ROWS * 4], plane[ROWS * 4], wanted[4], wanted_plane[4];
+            const lg_cnn net = net_number(i % ALL_NETS, (lg_activation)(i / ALL_NETS));
+            const example e = make(net);
+            evaluate(&e, tape, ROWS, y, plane);
+            for (size_t r = 0; r < ROWS; r++) {
+                naive(&net, e.theta, e.x + r * e.numbers, wanted, wanted_plane);
+                for (size_t j = 0; j < net.outputs; j++)
+                    assert_close(y[r * net.outputs + j], wanted[j], rtol, atol);
+                for (size_t j = 0; j < net.plane; j++)
+                    assert_close(plane[r * net.plane + j], wanted_plane[j], rtol, atol);
+            }
+        }
     }
 }
 
-static void on_a_tape(void **state) {
-    (void)state;
-    for (int dtype = LG_F64; dtype <= LG_F32; dtype++)
-        for (int kind = 0; kind < LG_ACTIVATION_COUNT; kind++)
-            for (size_t i = 0; i < ALL_NETS; i++) {
-                example e = make(net_number(i, (lg_activation)kind));
-                against_loops(&e, (lg_dtype)dtype);
-                release(&e);
-            }
-}
-
-static void refused_on_a_tape(void **state) {
-    (void)state;
+TEST("shapes, offsets and tapes that do not fit are refused") {
     const lg_cnn net = lg_cnn_defaults(2, 12, 1, LG_TANH);
     const uint32_t parameters = (uint32_t)lg_cnn_parameters(&net);
-    lg_tape *tape, *other;
-    assert_ok(lg_tape_create(NULL, NULL, &tape));
-    assert_ok(lg_tape_create(NULL, NULL, &other));
+    lg_tape *tape = test_tape(LG_F64), *other = test_tape(LG_F64);
     const struct {
         lg_shape x;
         uint32_t theta;
@@ -386,42 +326,11 @@ static void refused_on_a_tape(void **state) {
     const lg_var foreign = lg_full(other, lg_shape3(1, 12, 2), 0.0);
     assert_true(lg_is_none(lg_cnn_record(tape, &net, theta, 0, foreign, NULL)));
     assert_status(lg_tape_status(tape), LG_STALE_HANDLE);
-    lg_tape_destroy(tape);
-    lg_tape_destroy(other);
 }
 
 /* ---- gradients ---- */
 
-static lg_var build(const void *user, lg_tape *tape, const lg_var *x) {
-    const lg_cnn *net = user;
-    return lg_cnn_record(tape, net, x[1], OFFSET, x[0], NULL);
-}
-
-static void gradients(void **state) {
-    (void)state;
-    static const lg_activation kinds[] = {LG_TANH, LG_SWISH, LG_SINE};
-    for (size_t k = 0; k < 3; k++)
-        for (size_t i = 0; i < ODD_NETS + 3; i++) {
-            lg_cnn net = net_number(i, kinds[k]);
-            for (uint32_t b = 0; b < net.blocks; b++) /* a maximum has kinks */
-                if (net.block[b].pooling == LG_POOL_MAX) net.block[b].pooling = LG_POOL_AVERAGE;
-            net = initialised(net);
-            const lg_gradcheck_argument arguments[2] = {
-                {.shape = lg_shape3(2, net.length, net.channels)},
-                {.shape = lg_shape1((uint32_t)lg_cnn_parameters(&net) + OFFSET),
-                 .low = -0.5,
-                 .high = 0.5,
-                 .scale = 0.25}};
-            const lg_gradcheck_function f = {
-                .name = "cnn", .inputs = 2, .arguments = arguments, .build = build, .user = &net};
-            lg_gradcheck_result result;
-            if (lg_gradcheck(NULL, &f, NULL, &result) != LG_OK) fail_msg("net %zu: %s", i, result.message);
-        }
-}
-
-/* All rectifiers of the first block stand at their kink, where their derivative is 0. */
-static void kink_of_a_rectifier(void **state) {
-    (void)state;
+TEST("at its kink a rectifier has the derivative 0") {
     const lg_cnn net = net_number(0, LG_RELU);
     example e = make(net);
     lg_slice_info first;
@@ -429,30 +338,12 @@ static void kink_of_a_rectifier(void **state) {
     for (size_t j = first.count; j < e.parameters; j++) e.theta[j] = fabs(e.theta[j]);
     memset(e.theta + first.count, 0, net.block[0].channels * sizeof *e.theta);
     memset(e.x, 0, e.numbers * sizeof *e.x);
-    lg_tape *tape = tape_of(LG_F64);
+    lg_tape *tape = test_tape(LG_F64);
     const lg_var theta = lg_input_f64(tape, lg_shape1((uint32_t)e.parameters), e.theta);
     const lg_var x = lg_input_f64(tape, lg_shape3(1, net.length, net.channels), e.x);
     lg_var gradient = LG_NONE;
-    double *g = malloc(e.numbers * sizeof *g);
+    double *g = TEST_ARRAY(double, e.numbers);
     assert_ok(lg_grad(tape, lg_sum(tape, lg_cnn_record(tape, &net, theta, 0, x, NULL)), &x, 1, &gradient));
     assert_ok(lg_read(tape, gradient, g, e.numbers));
     for (size_t j = 0; j < e.numbers; j++) assert_close(g[j], 0.0, 0, 0);
-    lg_tape_destroy(tape);
-    free(g);
-    release(&e);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_default),
-        cmocka_unit_test(defaults_of_all_sizes),
-        cmocka_unit_test(refused),
-        cmocka_unit_test(pooling_names),
-        cmocka_unit_test(initialisation),
-        cmocka_unit_test(on_a_tape),
-        cmocka_unit_test(gradients),
-        cmocka_unit_test(refused_on_a_tape),
-        cmocka_unit_test(kink_of_a_rectifier),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,54 +1,11 @@
 /* The training loop: one step after the other against plain loops, convergence, the same bytes whatever the
  * threads and however often interrupted, validation and best epoch, and what stops it. */
 #include "nn_support.h"
-#include "liegrad/ops.h"
 
-static lg_fit_options options_of(uint64_t epochs, size_t batch) {
-    lg_fit_options o;
-    lg_fit_options_init(&o);
-    o.epochs = epochs;
-    o.batch = batch;
-    o.adam.lr = 1e-2;
-    return o;
-}
-
-static lg_fit *fit_of(const lg_context *context, regression *r, const lg_fit_options *o) {
-    const lg_fit_problem problem = regression_problem(r);
-    double *theta = regression_start(r);
-    lg_fit *fit = NULL;
-    lg_error error;
-    if (lg_fit_create(context, &problem, o, theta, &fit, &error) != LG_OK) fail_msg("%s", error.message);
-    free(theta);
+static lg_fit *run_regression(regression *r, const lg_fit_options *o) {
+    lg_fit *fit = regression_fit(NULL, r, o);
+    run_fit(fit);
     return fit;
-}
-
-static void run_ok(lg_fit *fit) {
-    lg_error error;
-    if (lg_fit_run(fit, &error) != LG_OK) fail_msg("%s", error.message);
-    assert_string_equal(error.message, "");
-}
-
-/* All that a resumed run must share with an uninterrupted one: every stored array but the seconds. */
-static void save(const lg_fit *fit, memory_archive *archive) {
-    memory_clear(archive);
-    const lg_archive_writer writer = memory_writer(archive);
-    assert_ok(lg_fit_save(fit, &writer, NULL));
-}
-
-static void assert_same(const lg_fit *a, const lg_fit *b) {
-    memory_archive x = {0}, y = {0};
-    save(a, &x);
-    save(b, &y);
-    assert_int_equal(x.count, y.count);
-    for (size_t i = 0; i < x.count; i++) {
-        if (strstr(x.items[i].path, "seconds") != NULL) continue;
-        const memory_item *other = memory_find(&y, x.items[i].path);
-        assert_non_null(other);
-        assert_int_equal(x.items[i].bytes, other->bytes);
-        if (memcmp(x.items[i].data, other->data, other->bytes) != 0) fail_msg("%s differs", other->path);
-    }
-    memory_clear(&x);
-    memory_clear(&y);
 }
 
 /* ---- against plain loops: line a x + b through 7 points, batches of 3, 3 and 1 ---- */
@@ -114,10 +71,9 @@ static void check_line(size_t batch, uint32_t shards) {
     o.clip_norm = 1.5;
     o.adam.lr = 0.1;
     o.schedule = (lg_schedule){.kind = LG_SCHEDULE_STEP, .every = 2, .gamma = 0.5};
-    lg_fit *fit = NULL;
-    assert_ok(lg_fit_create(NULL, &problem, &o, start, &fit, NULL));
+    lg_fit *fit = test_fit(NULL, &problem, &o, start);
     assert_true(isnan(lg_fit_loss(fit)));
-    run_ok(fit);
+    run_fit(fit);
     const double loss = line_reference(5, batch == 0 ? 7 : batch, 1.5, expected);
     lg_fit_parameters(fit, theta);
     for (int i = 0; i < 2; i++) assert_close(theta[i], expected[i], 1e-12, 1e-13);
@@ -125,12 +81,9 @@ static void check_line(size_t batch, uint32_t shards) {
     assert_close(lg_fit_history(fit, LG_FIT_RATE)[4], 0.025, 1e-15, 0.0);
     assert_int_equal(lg_fit_steps_done(fit), batch == 0 ? 5 : 5 * ((7 + batch - 1) / batch));
     assert_true(lg_fit_finished(fit));
-    lg_fit_destroy(fit);
 }
 
-/* Partial last batches (3 + 3 + 1), batches of one sample, all samples, more shards than samples. */
-static void test_steps(void **state) {
-    (void)state;
+TEST("steps are those of plain loops, with partial batches and more shards than samples") {
     const size_t batches[] = {3, 1, 0, 7, 100, 4};
     const uint32_t shards[] = {1, 2, 4, 5, 64};
     for (size_t i = 0; i < LG_COUNT(batches); i++)
@@ -139,48 +92,35 @@ static void test_steps(void **state) {
 
 /* The mean squared error of these samples. */
 static double error_of(regression *r, const double *theta, const uint32_t *samples, size_t count) {
-    lg_tape *tape = NULL;
+    lg_tape *tape = test_tape(LG_F64);
     lg_var loss;
     double error;
-    assert_ok(lg_tape_create(NULL, NULL, &tape));
     const lg_var at = lg_parameter(tape, lg_shape1((uint32_t)lg_mlp_parameters(&r->net)), theta);
     assert_ok(regression_loss(r, tape, at, samples, count, count, &loss));
     assert_ok(lg_read(tape, loss, &error, 1));
-    lg_tape_destroy(tape);
     return error;
 }
 
 /* ---- convergence: a separate implementation of the same protocol, with seven other starts, ends
  * between 1.4e-6 and 1.8e-5 after 1500 epochs, and at 0.7e-4 to 1.7e-4 after 400 ---- */
-static void converge(lg_dtype dtype, double bound) {
-    regression r;
-    regression_init(&r);
-    lg_fit_options o = options_of(1500, 16);
-    o.dtype = dtype;
-    o.schedule = (lg_schedule){.kind = LG_SCHEDULE_COSINE, .floor = 0.01};
-    lg_fit *fit = fit_of(NULL, &r, &o);
-    run_ok(fit);
-    const double *loss = lg_fit_history(fit, LG_FIT_LOSS);
-    assert_true(loss[0] > 0.05);
-    printf("regression: loss %.3g -> %.3g\n", loss[0], lg_fit_loss(fit));
-    assert_true(lg_fit_loss(fit) < bound);
-    assert_close(lg_fit_loss(fit), loss[1499], 0.0, 0.0);
-    assert_true(isnan(lg_fit_history(fit, LG_FIT_VALIDATION)[0]));
-    assert_true(lg_fit_seconds_per_epoch(fit) > 0.0);
-    assert_true(lg_fit_tape_bytes(fit) > 0);
-    /* the parameters handed out are those of the loss */
-    double theta[512];
-    uint32_t all[REGRESSION_SAMPLES];
-    for (uint32_t i = 0; i < REGRESSION_SAMPLES; i++) all[i] = i;
-    lg_fit_parameters(fit, theta);
-    assert_true(error_of(&r, theta, all, REGRESSION_SAMPLES) < bound);
-    lg_fit_destroy(fit);
-}
-
-static void test_convergence(void **state) {
-    (void)state;
-    converge(LG_F64, 1e-4);
-    converge(LG_F32, 1e-4);
+TEST("a regression converges in both types, and hands out the parameters of its loss") {
+    for (int dtype = 0; dtype < 2; dtype++) {
+        regression r = make_regression();
+        lg_fit_options o = options_of(1500, 16);
+        o.dtype = (lg_dtype)dtype;
+        o.schedule = (lg_schedule){.kind = LG_SCHEDULE_COSINE, .floor = 0.01};
+        lg_fit *fit = run_regression(&r, &o);
+        const double *loss = lg_fit_history(fit, LG_FIT_LOSS);
+        assert_true(loss[0] > 0.05 && lg_fit_loss(fit) < 1e-4);
+        assert_close(lg_fit_loss(fit), loss[1499], 0.0, 0.0);
+        assert_true(isnan(lg_fit_history(fit, LG_FIT_VALIDATION)[0]));
+        assert_true(lg_fit_seconds_per_epoch(fit) > 0.0 && lg_fit_tape_bytes(fit) > 0);
+        double theta[512];
+        uint32_t all[REGRESSION_SAMPLES];
+        for (uint32_t i = 0; i < REGRESSION_SAMPLES; i++) all[i] = i;
+        lg_fit_parameters(fit, theta);
+        assert_true(error_of(&r, theta, all, REGRESSION_SAMPLES) < 1e-4);
+    }
 }
 
 /* ---- the same bytes ---- */
@@ -195,110 +135,74 @@ static lg_fit_options rich_options(lg_dtype dtype) {
     return o;
 }
 
-static void test_threads(void **state) {
-    (void)state;
+TEST("a fit gives the same bytes whatever the threads, and others with another seed") {
     for (int dtype = 0; dtype < 2; dtype++) {
-        regression r;
-        regression_init(&r);
+        regression r = make_regression();
         lg_fit_options o = rich_options((lg_dtype)dtype);
-        lg_fit *one = fit_of(NULL, &r, &o);
-        run_ok(one);
+        lg_fit *one = run_regression(&r, &o);
         for (int threads = 1; threads <= 3; threads++) {
             o.threads = threads;
-            lg_fit *other = fit_of(NULL, &r, &o);
-            run_ok(other);
-            assert_same(one, other);
-            lg_fit_destroy(other);
+            lg_fit *other = run_regression(&r, &o);
+            assert_same_fits(one, other);
         }
         /* another seed, or another number of shards, must show */
         o.seed = 2;
-        lg_fit *other = fit_of(NULL, &r, &o);
-        run_ok(other);
+        lg_fit *other = run_regression(&r, &o);
         double a[512], b[512];
         lg_fit_current_parameters(one, a);
         lg_fit_current_parameters(other, b);
         assert_memory_not_equal(a, b, lg_mlp_parameters(&r.net) * sizeof *a);
-        lg_fit_destroy(other);
-        lg_fit_destroy(one);
     }
 }
 
-/* Many parameters: the reduction and Adam run over blocks on threads. */
-static void test_threads_many_blocks(void **state) {
-    (void)state;
-    regression r;
-    regression_init(&r);
+TEST("reduction and Adam over blocks on threads give the same bytes") {
+    regression r = make_regression();
     const uint32_t wide[2] = {320, 320};
     assert_ok(lg_mlp_init(&r.net, 1, wide, 2, 1, LG_TANH, true));
     lg_fit_options o = options_of(2, 16);
     o.clip_norm = 0.1;
-    lg_fit *one = fit_of(NULL, &r, &o);
-    run_ok(one);
+    lg_fit *one = run_regression(&r, &o);
     o.threads = 3;
-    lg_fit *three = fit_of(NULL, &r, &o);
-    run_ok(three);
-    assert_same(one, three);
-    lg_fit_destroy(three);
-    lg_fit_destroy(one);
+    lg_fit *three = run_regression(&r, &o);
+    assert_same_fits(one, three);
 }
 
-static void load(lg_fit *fit, memory_archive *archive) {
-    const lg_archive_reader reader = memory_reader(archive);
-    lg_error error;
-    if (lg_fit_load(fit, &reader, &error) != LG_OK) fail_msg("%s", error.message);
-}
-
-static void test_resume(void **state) {
-    (void)state;
+TEST("a resumed fit ends in the bytes of an uninterrupted one") {
     for (int dtype = 0; dtype < 2; dtype++) {
-        regression r;
-        regression_init(&r);
+        regression r = make_regression();
         lg_fit_options o = rich_options((lg_dtype)dtype);
-        lg_fit *whole = fit_of(NULL, &r, &o);
-        run_ok(whole);
+        lg_fit *whole = run_regression(&r, &o);
         o.stop_after = 20;
-        memory_archive archive = {0};
-        lg_fit *half = fit_of(NULL, &r, &o);
-        save(half, &archive); /* a state before the first epoch loads too */
-        load(half, &archive);
-        run_ok(half);
+        lg_fit *half = regression_fit(NULL, &r, &o);
+        memory_archive archive = state_of(half); /* a state before the first epoch loads too */
+        load_state(half, &archive);
+        run_fit(half);
         assert_int_equal(lg_fit_epochs_done(half), 20);
         assert_false(lg_fit_finished(half));
-        save(half, &archive);
-        lg_fit_destroy(half);
+        archive = state_of(half);
         o.threads = 2;
-        lg_fit *rest = fit_of(NULL, &r, &o);
-        load(rest, &archive);
+        lg_fit *rest = regression_fit(NULL, &r, &o);
+        load_state(rest, &archive);
         assert_int_equal(lg_fit_epochs_done(rest), 20);
-        run_ok(rest);
+        run_fit(rest);
         assert_true(lg_fit_finished(rest));
-        assert_same(whole, rest);
-        run_ok(rest); /* nothing left to do */
-        assert_same(whole, rest);
-        memory_clear(&archive);
-        lg_fit_destroy(rest);
-        lg_fit_destroy(whole);
+        assert_same_fits(whole, rest);
+        run_fit(rest); /* nothing left to do */
+        assert_same_fits(whole, rest);
     }
 }
 
-/* The cancel flag goes up somewhere in an epoch, again and again; each time the state is saved and a new
- * object goes on. */
-static void test_cancel(void **state) {
-    (void)state;
-    regression r;
-    regression_init(&r);
+TEST("a fit cancelled anywhere, saved and loaded again and again ends in the same bytes") {
+    regression r = make_regression();
     lg_fit_options o = rich_options(LG_F64);
-    lg_fit *whole = fit_of(NULL, &r, &o);
-    run_ok(whole);
+    lg_fit *whole = run_regression(&r, &o);
 
     volatile int cancel = 0;
     int countdown = 0, stops = 0, inside = 0;
-    counter c;
-    lg_context *context = counter_context(&c, -1, &cancel);
+    lg_context *context = cancelled_by(&cancel);
     r.cancel = &cancel;
     r.cancel_at = &countdown;
-    memory_archive archive = {0};
-    lg_fit *fit = fit_of(context, &r, &o);
+    lg_fit *fit = regression_fit(context, &r, &o);
     for (;;) {
         countdown = 131;
         cancel = 0;
@@ -309,19 +213,13 @@ static void test_cancel(void **state) {
         assert_non_null(strstr(error.message, "epoch"));
         stops++;
         inside += lg_fit_position(fit) > 0;
-        save(fit, &archive);
-        lg_fit_destroy(fit);
-        fit = fit_of(context, &r, &o);
-        load(fit, &archive);
+        memory_archive archive = state_of(fit);
+        fit = regression_fit(context, &r, &o);
+        load_state(fit, &archive);
     }
     assert_true(stops >= 5);
     assert_true(inside >= 3);
-    assert_same(whole, fit);
-    memory_clear(&archive);
-    lg_fit_destroy(fit);
-    lg_fit_destroy(whole);
-    lg_context_destroy(context);
-    assert_int_equal(c.live, 0);
+    assert_same_fits(whole, fit);
 }
 
 /* ---- validation, best epoch, early stopping ---- */
@@ -356,18 +254,13 @@ static lg_status watch_checkpoint(void *user, const lg_fit *fit) {
 
 /* The mean squared error of the samples in [from, to) of the saved permutation. */
 static double part_loss(const lg_fit *fit, regression *r, const double *theta, size_t from, size_t to) {
-    memory_archive archive = {0};
-    save(fit, &archive);
+    const memory_archive archive = state_of(fit);
     const uint32_t *order = memory_find(&archive, "train/permutation")->data;
-    const double error = error_of(r, theta, order + from, to - from);
-    memory_clear(&archive);
-    return error;
+    return error_of(r, theta, order + from, to - from);
 }
 
-static void test_validation(void **state) {
-    (void)state;
-    regression r;
-    regression_init(&r);
+TEST("the best epoch of the validation part is kept and reported") {
+    regression r = make_regression();
     watcher w = {.stop_at = -1};
     lg_fit_options o = options_of(60, 5);
     o.adam.lr = 0.05; /* rough: the last epoch is not the best one */
@@ -375,8 +268,7 @@ static void test_validation(void **state) {
     o.keep_best = true;
     o.on_epoch = watch_epoch;
     o.user = &w;
-    lg_fit *fit = fit_of(NULL, &r, &o);
-    run_ok(fit);
+    lg_fit *fit = run_regression(&r, &o);
     assert_int_equal(w.epochs, 60);
     assert_int_equal(w.last.epoch, 60);
     assert_int_equal(w.last.epochs, 60);
@@ -391,7 +283,6 @@ static void test_validation(void **state) {
     assert_close(part_loss(fit, &r, current, training, 53), w.last.validation, 1e-10, 0.0);
     const double *history = lg_fit_history(fit, LG_FIT_VALIDATION);
     for (int i = 0; i < 60; i++) assert_true(history[i] >= w.best.validation);
-    lg_fit_destroy(fit);
 }
 
 /* ---- a validation part of the problem's own ---- */
@@ -403,30 +294,15 @@ static lg_fit_options own_options(void) {
     return o;
 }
 
-static lg_fit *own_fit(regression *r, const lg_fit_options *o, size_t validation) {
-    lg_fit_problem problem = regression_problem(r);
-    double *theta = regression_start(r);
-    lg_fit *fit = NULL;
-    lg_error error;
-    problem.validation = validation;
-    if (lg_fit_create(NULL, &problem, o, theta, &fit, &error) != LG_OK) fail_msg("%s", error.message);
-    free(theta);
-    return fit;
-}
-
-/* The last samples validate, in their order; the others train, all of them, in a new order. */
-static void test_own_validation(void **state) {
-    (void)state;
-    regression r;
-    regression_init(&r);
+TEST("the last samples validate in their order, and the others train in a new one") {
+    regression r = make_regression();
+    r.validation = OWN;
     watcher w = {.stop_at = -1};
     lg_fit_options o = own_options();
     o.on_epoch = watch_epoch;
     o.user = &w;
-    lg_fit *fit = own_fit(&r, &o, OWN);
-    run_ok(fit);
-    memory_archive archive = {0};
-    save(fit, &archive);
+    lg_fit *fit = run_regression(&r, &o);
+    const memory_archive archive = state_of(fit);
     const uint32_t *order = memory_find(&archive, "train/permutation")->data;
     bool trains[REGRESSION_SAMPLES] = {false};
     size_t moved = 0;
@@ -438,105 +314,80 @@ static void test_own_validation(void **state) {
     for (uint32_t i = 0; i < REGRESSION_SAMPLES; i++)
         assert_int_equal(trains[i], i < REGRESSION_SAMPLES - OWN);
     assert_true(moved > 20);
-    memory_clear(&archive);
     double theta[512];
     lg_fit_parameters(fit, theta);
     assert_close(part_loss(fit, &r, theta, REGRESSION_SAMPLES - OWN, REGRESSION_SAMPLES), w.best.validation,
                  1e-10, 0.0);
     assert_int_equal(lg_fit_best_epoch(fit), w.best.epoch);
-    lg_fit_destroy(fit);
 }
 
-/* Trained on the first samples, with or without others behind them that validate: the same steps. */
-static void test_own_validation_does_not_train(void **state) {
-    (void)state;
-    regression r, fewer;
-    regression_init(&r);
-    regression_init(&fewer);
+TEST("samples behind the training part change no step") {
+    regression r = make_regression(), fewer = r;
     lg_fit_options o = own_options();
+    double x[512], y[512];
     o.keep_best = false;
-    lg_fit *fit = own_fit(&r, &o, OWN), *alone = NULL;
     lg_fit_problem problem = regression_problem(&fewer);
     problem.samples -= OWN;
-    double *theta = regression_start(&fewer), x[512], y[512];
-    assert_ok(lg_fit_create(NULL, &problem, &o, theta, &alone, NULL));
+    r.validation = OWN;
+    lg_fit *fit = regression_fit(NULL, &r, &o),
+           *alone = test_fit(NULL, &problem, &o, regression_start(&fewer));
     for (int i = REGRESSION_SAMPLES - OWN; i < REGRESSION_SAMPLES; i++) fewer.t[i] = NAN;
-    free(theta);
-    run_ok(fit);
-    run_ok(alone);
+    run_fit(fit);
+    run_fit(alone);
     lg_fit_parameters(fit, x);
     lg_fit_parameters(alone, y);
     assert_memory_equal(x, y, lg_mlp_parameters(&r.net) * sizeof *x);
-    lg_fit_destroy(fit);
-    lg_fit_destroy(alone);
 }
 
-static void test_own_validation_resumed(void **state) {
-    (void)state;
-    regression r;
-    regression_init(&r);
+TEST("a validation part of its own is saved, compared and loaded") {
+    regression r = make_regression();
+    r.validation = OWN;
     lg_fit_options o = own_options();
-    lg_fit *whole = own_fit(&r, &o, OWN);
-    run_ok(whole);
+    lg_fit *whole = run_regression(&r, &o);
     o.threads = 2;
-    lg_fit *threaded = own_fit(&r, &o, OWN);
-    run_ok(threaded);
-    assert_same(whole, threaded);
-    lg_fit_destroy(threaded);
-    o.threads = 1;
     o.stop_after = 13;
-    memory_archive archive = {0};
-    lg_fit *fit = own_fit(&r, &o, OWN);
+    memory_archive archive;
+    lg_fit *fit = regression_fit(NULL, &r, &o);
     while (!lg_fit_finished(fit)) {
-        run_ok(fit);
-        save(fit, &archive);
-        lg_fit_destroy(fit);
-        fit = own_fit(&r, &o, OWN);
-        load(fit, &archive);
+        run_fit(fit);
+        archive = state_of(fit);
+        fit = regression_fit(NULL, &r, &o);
+        load_state(fit, &archive);
     }
-    assert_same(whole, fit);
+    assert_same_fits(whole, fit);
 
     /* another part, none, or one drawn by the seed: another run */
     const lg_archive_reader reader = memory_reader(&archive);
     lg_error error;
     for (size_t validation = 0; validation < OWN; validation += OWN - 1) {
-        lg_fit *other = own_fit(&r, &o, validation);
-        assert_status(lg_fit_load(other, &reader, &error), LG_INVALID_ARGUMENT);
+        r.validation = validation;
+        assert_status(lg_fit_load(regression_fit(NULL, &r, &o), &reader, &error), LG_INVALID_ARGUMENT);
         assert_non_null(strstr(error.message, "validation_samples was 11"));
-        lg_fit_destroy(other);
     }
     uint32_t *order = memory_find(&archive, "train/permutation")->data;
     order[REGRESSION_SAMPLES - 1] = order[0];
     order[0] = REGRESSION_SAMPLES - 1;
     assert_status(lg_fit_load(fit, &reader, &error), LG_FORMAT);
     assert_non_null(strstr(error.message, "validation part"));
-    assert_same(whole, fit);
-    lg_fit_destroy(fit);
+    assert_same_fits(whole, fit);
 
     /* without such a part, its number is not there at all: states are as they always were */
-    o.stop_after = 13;
-    fit = own_fit(&r, &o, 0);
-    run_ok(fit);
-    save(fit, &archive);
+    r.validation = 0;
+    fit = regression_fit(NULL, &r, &o);
+    run_fit(fit);
+    archive = state_of(fit);
     assert_null(memory_find(&archive, "train/options/validation_samples"));
-    lg_fit *old = own_fit(&r, &o, 0);
-    load(old, &archive);
-    lg_fit *with_part = own_fit(&r, &o, OWN);
-    assert_status(lg_fit_load(with_part, &reader, &error), LG_INVALID_ARGUMENT);
-    run_ok(fit);
-    run_ok(old);
-    assert_same(fit, old);
-    lg_fit_destroy(fit);
-    lg_fit_destroy(old);
-    lg_fit_destroy(with_part);
-    lg_fit_destroy(whole);
-    memory_clear(&archive);
+    lg_fit *old = regression_fit(NULL, &r, &o);
+    load_state(old, &archive);
+    r.validation = OWN;
+    assert_status(lg_fit_load(regression_fit(NULL, &r, &o), &reader, &error), LG_INVALID_ARGUMENT);
+    run_fit(fit);
+    run_fit(old);
+    assert_same_fits(fit, old);
 }
 
-static void test_own_validation_refused(void **state) {
-    (void)state;
-    regression r;
-    regression_init(&r);
+TEST("a validation part that leaves nothing to train on, or two of them, are refused") {
+    regression r = make_regression();
     lg_fit_problem problem = regression_problem(&r);
     lg_fit_options o = own_options();
     double *theta = regression_start(&r);
@@ -553,7 +404,6 @@ static void test_own_validation_refused(void **state) {
     assert_status(lg_fit_create(NULL, &problem, &o, theta, &fit, &error), LG_INVALID_ARGUMENT);
     assert_non_null(strstr(error.message, "part of its own"));
     assert_null(fit);
-    free(theta);
 }
 
 /* One unit for each sample, whatever the parameter. */
@@ -565,46 +415,36 @@ static lg_status unit_loss(void *user, lg_tape *tape, lg_var theta, const uint32
     return LG_OK;
 }
 
-/* The losses of an epoch are means over the training part and over the validation part, each by itself. */
-static void test_epoch_losses_are_means(void **state) {
-    (void)state;
+TEST("losses of an epoch are means over the training and over the validation part") {
     const double start[1] = {0.5};
     const lg_fit_problem problem = {.parameters = 1, .samples = 53, .loss = unit_loss};
     for (size_t batch = 0; batch <= 10; batch += 5) {
         lg_fit_options o = options_of(2, batch);
         o.validation = 0.2;
-        lg_fit *fit = NULL;
-        assert_ok(lg_fit_create(NULL, &problem, &o, start, &fit, NULL));
-        run_ok(fit);
+        lg_fit *fit = test_fit(NULL, &problem, &o, start);
+        run_fit(fit);
         for (int i = 0; i < 2; i++) {
             assert_close(lg_fit_history(fit, LG_FIT_LOSS)[i], 1.0, 1e-13, 0.0);
             assert_close(lg_fit_history(fit, LG_FIT_VALIDATION)[i], 1.0, 1e-13, 0.0);
         }
-        lg_fit_destroy(fit);
     }
 }
 
-static void test_patience(void **state) {
-    (void)state;
-    regression r;
-    regression_init(&r);
+TEST("training stops when patience ends") {
+    regression r = make_regression();
     lg_fit_options o = options_of(1000, 5);
     o.adam.lr = 0.05;
     o.validation = 0.2;
     o.patience = 3;
-    lg_fit *fit = fit_of(NULL, &r, &o);
-    run_ok(fit);
+    lg_fit *fit = run_regression(&r, &o);
     assert_true(lg_fit_finished(fit));
     assert_true(lg_fit_epochs_done(fit) < 1000);
     assert_int_equal(lg_fit_epochs_done(fit), lg_fit_best_epoch(fit) + 3);
-    lg_fit_destroy(fit);
 }
 
 /* ---- callbacks ---- */
-static void test_checkpoints(void **state) {
-    (void)state;
-    regression r;
-    regression_init(&r);
+TEST("checkpoints come as often as asked for and when stopped, and their failure stops the fit") {
+    regression r = make_regression();
     watcher w = {.stop_at = 7};
     lg_fit_options o = options_of(20, 16);
     o.validation = 0.2;
@@ -612,7 +452,7 @@ static void test_checkpoints(void **state) {
     o.checkpoint = watch_checkpoint;
     o.on_epoch = watch_epoch;
     o.user = &w;
-    lg_fit *fit = fit_of(NULL, &r, &o);
+    lg_fit *fit = regression_fit(NULL, &r, &o);
     lg_error error;
     assert_status(lg_fit_run(fit, &error), LG_CANCELLED);
     assert_int_equal(w.epochs, 7);
@@ -623,65 +463,14 @@ static void test_checkpoints(void **state) {
     assert_non_null(strstr(error.message, "checkpoint"));
     assert_int_equal(lg_fit_epochs_done(fit), 9);
     w.save_status = LG_OK;
-    run_ok(fit);
+    run_fit(fit);
     assert_int_equal(lg_fit_epochs_done(fit), 20);
-    lg_fit_destroy(fit);
 
     volatile int cancel = 1;
-    counter c;
-    lg_context *context = counter_context(&c, -1, &cancel);
+    lg_context *context = cancelled_by(&cancel);
     w = (watcher){.stop_at = -1};
-    fit = fit_of(context, &r, &o);
+    fit = regression_fit(context, &r, &o);
     assert_status(lg_fit_run(fit, &error), LG_CANCELLED);
     assert_int_equal(w.saves, 1);
     assert_int_equal(lg_fit_steps_done(fit), 0);
-    lg_fit_destroy(fit);
-    lg_context_destroy(context);
-}
-
-/* ---- memory ---- */
-static long calls_in_epoch_3;
-static int count_calls(void *user, const lg_fit_epoch *report) {
-    if (report->epoch == 3) calls_in_epoch_3 = ((counter *)user)->calls;
-    return 0;
-}
-
-static void test_no_allocation(void **state) {
-    (void)state;
-    regression r;
-    regression_init(&r);
-    counter c;
-    lg_context *context = counter_context(&c, -1, NULL);
-    lg_fit_options o = options_of(30, 10);
-    o.threads = 2;
-    o.validation = 0.1;
-    o.on_epoch = count_calls;
-    o.user = &c;
-    lg_fit *fit = fit_of(context, &r, &o);
-    run_ok(fit);
-    assert_int_equal(c.calls, calls_in_epoch_3);
-    lg_fit_destroy(fit);
-    lg_context_destroy(context);
-    assert_int_equal(c.live, 0);
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_steps),
-        cmocka_unit_test(test_convergence),
-        cmocka_unit_test(test_threads),
-        cmocka_unit_test(test_threads_many_blocks),
-        cmocka_unit_test(test_resume),
-        cmocka_unit_test(test_cancel),
-        cmocka_unit_test(test_validation),
-        cmocka_unit_test(test_own_validation),
-        cmocka_unit_test(test_own_validation_does_not_train),
-        cmocka_unit_test(test_own_validation_resumed),
-        cmocka_unit_test(test_own_validation_refused),
-        cmocka_unit_test(test_patience),
-        cmocka_unit_test(test_epoch_losses_are_means),
-        cmocka_unit_test(test_checkpoints),
-        cmocka_unit_test(test_no_allocation),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,5 +1,5 @@
-/* Multilayer perceptrons: description, initialisation, values and derivatives on a tape against plain loops
- * and their difference quotients. */
+/* Multilayer perceptrons: description, initialisation, values on a tape against plain loops, the recorded
+ * input gradient against the tape's. */
 #include "nn_support.h"
 #include "plain_layers.h"
 #include "support/fixtures.h"
@@ -25,7 +25,7 @@ typedef struct fixture {
     lg_mlp net;
     size_t outputs, parameters;
     double *flat, *theta; /* theta = flat + OFFSET */
-    double x[ROWS * INPUTS], direction[ROWS * INPUTS], cotangent[ROWS * MOST_OUTPUTS];
+    double x[ROWS * INPUTS];
 } fixture;
 
 static fixture setup(lg_activation kind, bool last_bias, uint32_t hidden_layers, uint32_t outputs) {
@@ -39,8 +39,6 @@ static fixture setup(lg_activation kind, bool last_bias, uint32_t hidden_layers,
     for (size_t i = 0; i < OFFSET; i++) f.flat[i] = 1e6;
     lg_mlp_initialise(&f.net, &rng, f.theta);
     for (size_t i = 0; i < LG_COUNT(f.x); i++) f.x[i] = lg_rng_normal(&rng);
-    for (size_t i = 0; i < LG_COUNT(f.x); i++) f.direction[i] = lg_rng_normal(&rng);
-    for (size_t i = 0; i < LG_COUNT(f.cotangent); i++) f.cotangent[i] = lg_rng_normal(&rng);
     return f;
 }
 
@@ -118,125 +116,52 @@ TEST("each law of initialisation has its bounds, variance and biases") {
     assert_int_equal(untouched, LG_INIT_HE_NORMAL);
 }
 
-/* What the network gives on a tape. */
+/* What the network gives on a tape, and the gradient of the first output as recorded and by the tape. */
 typedef struct recorded {
-    double y[ROWS * MOST_OUTPUTS], dy[ROWS * MOST_OUTPUTS]; /* along the direction */
-    double gradient[ROWS * INPUTS], first[ROWS * INPUTS];   /* by the cotangent, of the first output */
+    double y[ROWS * MOST_OUTPUTS], gradient[ROWS * INPUTS], of_tape[ROWS * INPUTS];
 } recorded;
 
 static recorded record(const fixture *f, lg_tape *tape, uint32_t rows) {
     recorded r;
     lg_mlp_vars vars;
-    lg_var dy = LG_NONE, gradient = LG_NONE;
-    const uint32_t outputs = (uint32_t)f->outputs;
+    lg_var of_tape = LG_NONE;
     lg_tape_reset(tape);
     const lg_var theta = lg_input_f64(tape, lg_shape1((uint32_t)f->parameters + OFFSET), f->flat);
     const lg_var x = lg_input_f64(tape, lg_shape2(rows, INPUTS), f->x);
-    const lg_var direction = lg_input_f64(tape, lg_shape2(rows, INPUTS), f->direction);
-    const lg_var cotangent = lg_input_f64(tape, lg_shape2(rows, outputs), f->cotangent);
     const lg_var y = lg_mlp_record(tape, &f->net, theta, OFFSET, x);
-    assert_ok(lg_jvp(tape, &y, 1, &x, &direction, 1, &dy));
-    assert_ok(lg_vjp(tape, &y, &cotangent, 1, &x, 1, &gradient));
+    assert_ok(lg_grad(tape, lg_sum(tape, lg_slice(tape, y, 1, 0, 1)), &x, 1, &of_tape));
     assert_ok(lg_mlp_bind(tape, &f->net, theta, OFFSET, &vars));
-    const lg_var first = lg_mlp_record_gradient(tape, &f->net, &vars, x);
-    assert_ok(lg_read(tape, y, r.y, rows * outputs));
-    assert_ok(lg_read(tape, dy, r.dy, rows * outputs));
-    assert_ok(lg_read(tape, gradient, r.gradient, rows * INPUTS));
-    assert_ok(lg_read(tape, first, r.first, rows * INPUTS));
+    assert_ok(lg_read(tape, y, r.y, rows * f->outputs));
+    assert_ok(lg_read(tape, lg_mlp_record_gradient(tape, &f->net, &vars, x), r.gradient, rows * INPUTS));
+    assert_ok(lg_read(tape, of_tape, r.of_tape, rows * INPUTS));
     return r;
 }
 
-/* Central differences of the plain loops; h = 1e-5 leaves about 1e-10. */
-static void quotient(const fixture *f, size_t row, const double *direction, double *out) {
-    const double h = 1e-5;
-    double plus[INPUTS], minus[INPUTS], yp[MOST_OUTPUTS], ym[MOST_OUTPUTS];
-    for (size_t i = 0; i < INPUTS; i++) {
-        plus[i] = f->x[INPUTS * row + i] + h * direction[i];
-        minus[i] = f->x[INPUTS * row + i] - h * direction[i];
-    }
-    plain(&f->net, f->theta, plus, yp);
-    plain(&f->net, f->theta, minus, ym);
-    for (size_t o = 0; o < f->outputs; o++) out[o] = (yp[o] - ym[o]) / (2.0 * h);
-}
-
-static void check_row(const fixture *f, const recorded *r, size_t row) {
-    const size_t m = f->outputs;
-    double expected[MOST_OUTPUTS], slope[MOST_OUTPUTS];
-    plain(&f->net, f->theta, f->x + INPUTS * row, expected);
-    quotient(f, row, f->direction + INPUTS * row, slope);
-    for (size_t o = 0; o < m; o++) {
-        assert_close(r->y[m * row + o], expected[o], 1e-13, 1e-14);
-        assert_close(r->dy[m * row + o], slope[o], 1e-7, 1e-9);
-    }
-    for (size_t i = 0; i < INPUTS; i++) {
-        const double unit[INPUTS] = {i == 0, i == 1, i == 2};
-        double sum = 0.0;
-        quotient(f, row, unit, slope);
-        for (size_t o = 0; o < m; o++) sum += f->cotangent[m * row + o] * slope[o];
-        assert_close(r->gradient[INPUTS * row + i], sum, 1e-7, 1e-9);
-        assert_close(r->first[INPUTS * row + i], slope[0], 1e-7, 1e-9);
-    }
-}
-
-TEST("recorded perceptrons of every activation are the plain loops, their derivatives difference quotients") {
+TEST("recorded perceptrons are the plain loops, and their recorded gradient is the tape's") {
     lg_tape *tape = test_tape(LG_F64);
+    double expected[MOST_OUTPUTS];
     for (int kind = 0; kind < LG_ACTIVATION_COUNT; kind++)
         for (uint32_t layers = 0; layers <= 2; layers++)
             for (uint32_t outputs = 1; outputs <= MOST_OUTPUTS; outputs++)
-                for (int bias = 0; bias < 2; bias++)
-                    for (uint32_t rows = 1; rows <= ROWS; rows += ROWS - 1) {
-                        const fixture f = setup((lg_activation)kind, bias == 1, layers, outputs);
-                        const recorded r = record(&f, tape, rows);
-                        for (size_t row = 0; row < rows; row++) check_row(&f, &r, row);
+                for (uint32_t which = 0; which < 4; which++) {
+                    const uint32_t rows = which < 2 ? 1 : ROWS;
+                    const fixture f = setup((lg_activation)kind, which % 2 == 1, layers, outputs);
+                    const recorded r = record(&f, tape, rows);
+                    for (size_t row = 0; row < rows; row++) {
+                        plain(&f.net, f.theta, f.x + INPUTS * row, expected);
+                        for (size_t o = 0; o < outputs; o++)
+                            assert_close(r.y[outputs * row + o], expected[o], 1e-13, 1e-14);
                     }
+                    for (size_t i = 0; i < INPUTS * rows; i++)
+                        assert_close(r.gradient[i], r.of_tape[i], 1e-13, 1e-14);
+                }
 }
 
 TEST("perceptrons in single precision are those in double precision, to rounding") {
-    lg_tape *narrow = test_tape(LG_F32), *wide = test_tape(LG_F64);
-    for (uint32_t rows = 1; rows <= ROWS; rows += ROWS - 1) {
-        const fixture f = setup(LG_SWISH, true, 2, 2);
-        const recorded r = record(&f, narrow, rows), expected = record(&f, wide, rows);
-        for (size_t i = 0; i < 2 * rows; i++) assert_close(r.y[i], expected.y[i], 1e-5, 1e-6);
-        for (size_t i = 0; i < 2 * rows; i++) assert_close(r.dy[i], expected.dy[i], 1e-5, 1e-6);
-        for (size_t i = 0; i < INPUTS * rows; i++)
-            assert_close(r.gradient[i], expected.gradient[i], 1e-5, 1e-6);
-        for (size_t i = 0; i < INPUTS * rows; i++) assert_close(r.first[i], expected.first[i], 1e-5, 1e-6);
-    }
-}
-
-/* sum |dV/dx|^2, the shape of a Hamiltonian's training loss. */
-static lg_var squared_gradient(lg_tape *tape, const fixture *f, lg_var *theta) {
-    lg_mlp_vars vars;
-    lg_tape_reset(tape);
-    *theta = lg_parameter(tape, lg_shape1((uint32_t)f->parameters), f->theta);
-    assert_ok(lg_mlp_bind(tape, &f->net, *theta, 0, &vars));
-    const lg_var x = lg_input(tape, lg_shape2(ROWS, INPUTS), f->x);
-    return lg_sum(tape, lg_square(tape, lg_mlp_record_gradient(tape, &f->net, &vars, x)));
-}
-
-static double squared_gradient_at(lg_tape *tape, const fixture *f, size_t i, double value) {
-    lg_var theta;
-    double sum;
-    const double kept = f->theta[i];
-    f->theta[i] = value;
-    assert_ok(lg_read(tape, squared_gradient(tape, f, &theta), &sum, 1));
-    f->theta[i] = kept;
-    return sum;
-}
-
-TEST("the gradient of the squared input gradient is its difference quotient") {
-    const double h = 1e-5;
-    const fixture f = setup(LG_TANH, true, 2, 2);
-    lg_tape *tape = test_tape(LG_F64);
-    lg_var theta;
-    void *gradient = TEST_ARRAY(double, f.parameters);
-    const lg_var loss = squared_gradient(tape, &f, &theta);
-    assert_ok(lg_backward(tape, loss, &theta, 1, &gradient));
-    for (size_t i = 0; i < f.parameters; i++) {
-        const double plus = squared_gradient_at(tape, &f, i, f.theta[i] + h);
-        const double minus = squared_gradient_at(tape, &f, i, f.theta[i] - h);
-        assert_close(((double *)gradient)[i], (plus - minus) / (2.0 * h), 1e-7, 1e-9);
-    }
+    const fixture f = setup(LG_SWISH, true, 2, 2);
+    const recorded r = record(&f, test_tape(LG_F32), ROWS), expected = record(&f, test_tape(LG_F64), ROWS);
+    for (size_t i = 0; i < 2 * ROWS; i++) assert_close(r.y[i], expected.y[i], 1e-5, 1e-6);
+    for (size_t i = 0; i < INPUTS * ROWS; i++) assert_close(r.gradient[i], expected.gradient[i], 1e-5, 1e-6);
 }
 
 TEST("parameters that are too few, an offset beyond them and inputs of another width are refused") {

@@ -1,10 +1,9 @@
 /* Networks of several architectures: description, values against a plain evaluation of their formulas,
- * derivatives against difference quotients and against each other. */
+ * derivatives by every way against each other. */
 #include "nn_support.h"
 
 #include "kernels/kernels.h"
 #include "liegrad/networks.h"
-#include "liegrad/ops.h"
 #include "plain_layers.h"
 
 enum { ROWS = 5, MAX_WIDTH = 16, MAX_PARAMETERS = 1200 };
@@ -79,8 +78,7 @@ static void each(void (*check)(fixture *f)) {
 
 /* ---- description ---- */
 
-static void test_names(void **state) {
-    (void)state;
+TEST("kinds of networks have their names") {
     lg_net_kind kind = LG_NET_MLP;
     for (int i = 0; i < LG_NET_KIND_COUNT; i++) {
         assert_ok(lg_net_kind_parse(lg_net_kind_name((lg_net_kind)i), &kind));
@@ -92,8 +90,7 @@ static void test_names(void **state) {
     assert_string_equal(lg_net_kind_name((lg_net_kind)LG_NET_KIND_COUNT), "unknown");
 }
 
-static void test_counts(void **state) {
-    (void)state;
+TEST("networks have the numbers of parameters of their formulas") {
     lg_net net;
     assert_ok(lg_net_init(&net, LG_NET_MULT, 9, 190, 190, 5, 2, LG_TANH));
     assert_int_equal(lg_net_parameters(&net), 292602);
@@ -105,23 +102,24 @@ static void test_counts(void **state) {
     assert_int_equal(lg_net_parameters(&net), 9 + 2 * (12 + 9) + 4);
 }
 
-static void test_bad_descriptions(void **state) {
-    (void)state;
+TEST("a description that is refused leaves the network as it was") {
     lg_net net, before;
     assert_ok(lg_net_init(&net, LG_NET_MULT, 3, 0, 4, LG_NET_MAX_LAYERS, 2, LG_TANH));
+    const uint32_t most = 1u << 20, kinds = LG_NET_KIND_COUNT, acts = LG_ACTIVATION_COUNT;
+    const uint32_t bad[][7] = {{kinds, 3, 0, 4, 1, 2, LG_TANH},
+                               {LG_NET_MLP, 0, 0, 4, 1, 2, LG_TANH},
+                               {LG_NET_MLP, 3, 0, 0, 1, 2, LG_TANH},
+                               {LG_NET_MLP, 3, 0, 4, 1, 0, LG_TANH},
+                               {LG_NET_MLP, 3, 0, most + 1, 1, 2, LG_TANH},
+                               {LG_NET_MLP, 3, most + 1, 4, 1, 2, LG_TANH},
+                               {LG_NET_MLP, 3, 0, 4, LG_NET_MAX_LAYERS + 1, 2, LG_TANH},
+                               {LG_NET_MLP, 3, 0, 4, 1, 2, acts}};
     before = net;
     assert_status(lg_net_init(NULL, LG_NET_MLP, 3, 0, 4, 1, 2, LG_TANH), LG_INVALID_ARGUMENT);
-    assert_status(lg_net_init(&net, (lg_net_kind)LG_NET_KIND_COUNT, 3, 0, 4, 1, 2, LG_TANH),
-                  LG_INVALID_ARGUMENT);
-    assert_status(lg_net_init(&net, LG_NET_MLP, 0, 0, 4, 1, 2, LG_TANH), LG_INVALID_ARGUMENT);
-    assert_status(lg_net_init(&net, LG_NET_MLP, 3, 0, 0, 1, 2, LG_TANH), LG_INVALID_ARGUMENT);
-    assert_status(lg_net_init(&net, LG_NET_MLP, 3, 0, 4, 1, 0, LG_TANH), LG_INVALID_ARGUMENT);
-    assert_status(lg_net_init(&net, LG_NET_MLP, 3, 0, (1u << 20) + 1, 1, 2, LG_TANH), LG_INVALID_ARGUMENT);
-    assert_status(lg_net_init(&net, LG_NET_MLP, 3, (1u << 20) + 1, 4, 1, 2, LG_TANH), LG_INVALID_ARGUMENT);
-    assert_status(lg_net_init(&net, LG_NET_MLP, 3, 0, 4, LG_NET_MAX_LAYERS + 1, 2, LG_TANH),
-                  LG_INVALID_ARGUMENT);
-    assert_status(lg_net_init(&net, LG_NET_MLP, 3, 0, 4, 1, 2, (lg_activation)LG_ACTIVATION_COUNT),
-                  LG_INVALID_ARGUMENT);
+    for (size_t i = 0; i < LG_COUNT(bad); i++)
+        assert_status(lg_net_init(&net, (lg_net_kind)bad[i][0], bad[i][1], bad[i][2], bad[i][3], bad[i][4],
+                                  bad[i][5], (lg_activation)bad[i][6]),
+                      LG_INVALID_ARGUMENT);
     assert_memory_equal(&net, &before, sizeof net);
 }
 
@@ -147,8 +145,7 @@ static void check_slices(fixture *f) {
     assert_string_equal(names[count - 1], "output/bias");
 }
 
-static void test_slices(void **state) {
-    (void)state;
+TEST("slices lie one after the other, cover the vector and have names of their own") {
     each(check_slices);
     lg_net net;
     lg_slice_info slice;
@@ -171,8 +168,7 @@ static void check_initialisation(fixture *f) {
     }
 }
 
-static void test_initialisation(void **state) {
-    (void)state;
+TEST("initial parameters of every slice lie within the bound of the law") {
     each(check_initialisation);
 }
 
@@ -206,52 +202,28 @@ static void record_plain(const fixture *f, lg_tape *tape, uint32_t directions, d
     assert_ok(lg_read(tape, dy, derivative, ROWS * 2));
 }
 
-/* By the formulas, and their central differences along `direction`. */
-static void plain_row(const fixture *f, const double *x, const double *direction, double *y, double *dy) {
-    const double h = 1e-5;
-    double plus[2], minus[2], moved[3];
-    plain(&f->net, f->theta, x, y);
-    for (size_t i = 0; i < 3; i++) moved[i] = x[i] + h * direction[i];
-    plain(&f->net, f->theta, moved, plus);
-    for (size_t i = 0; i < 3; i++) moved[i] = x[i] - h * direction[i];
-    plain(&f->net, f->theta, moved, minus);
-    for (size_t o = 0; o < 2; o++) dy[o] = (plus[o] - minus[o]) / (2.0 * h);
-}
-
 static void check_values(fixture *f) {
-    double value[2][ROWS * 2], derivative[2][ROWS * 2], y[2], dy[2];
-    lg_tape *tape = NULL;
-    assert_ok(lg_tape_create(NULL, NULL, &tape));
+    double value[2][ROWS * 2], derivative[2][ROWS * 2], y[2];
+    lg_tape *tape = test_tape(LG_F64);
     for (uint32_t directions = 1; directions <= ROWS; directions += ROWS - 1) {
         record_pair(f, tape, directions, value[0], derivative[0]);
         record_plain(f, tape, directions, value[1], derivative[1]);
         for (size_t i = 0; i < ROWS * 2; i++) assert_close(derivative[0][i], derivative[1][i], 1e-12, 1e-13);
         for (size_t r = 0; r < ROWS; r++) {
-            plain_row(f, f->x + 3 * r, f->dx + (directions == 1 ? 0 : 3 * r), y, dy);
-            for (size_t o = 0; o < 2; o++) {
-                for (int way = 0; way < 2; way++) assert_close(value[way][2 * r + o], y[o], 1e-13, 1e-14);
-                assert_close(derivative[0][2 * r + o], dy[o], 1e-7, 1e-8);
-            }
+            plain(&f->net, f->theta, f->x + 3 * r, y);
+            for (size_t o = 0; o < 4; o++) assert_close(value[o / 2][2 * r + o % 2], y[o % 2], 1e-13, 1e-14);
         }
     }
-    lg_tape_destroy(tape);
 }
 
-static void test_values(void **state) {
-    (void)state;
+TEST("values are those of the formulas, and derivatives of the pair those of lg_jvp") {
     each(check_values);
 }
 
 static void check_single_precision(fixture *f) {
     double value[2][ROWS * 2], derivative[2][ROWS * 2];
     for (int dtype = LG_F64; dtype <= LG_F32; dtype++) {
-        lg_tape_options options;
-        lg_tape *tape = NULL;
-        lg_tape_options_init(&options);
-        options.dtype = (lg_dtype)dtype;
-        assert_ok(lg_tape_create(NULL, &options, &tape));
-        record_pair(f, tape, ROWS, value[dtype != LG_F64], derivative[dtype != LG_F64]);
-        lg_tape_destroy(tape);
+        record_pair(f, test_tape((lg_dtype)dtype), ROWS, value[dtype != LG_F64], derivative[dtype != LG_F64]);
     }
     for (size_t i = 0; i < ROWS * 2; i++) {
         assert_close(value[1][i], value[0][i], 2e-5, 1e-5);
@@ -259,8 +231,7 @@ static void check_single_precision(fixture *f) {
     }
 }
 
-static void test_single_precision(void **state) {
-    (void)state;
+TEST("single precision is double precision to its rounding") {
     each(check_single_precision);
 }
 
@@ -281,14 +252,13 @@ static lg_var loss_of(lg_tape *tape, const fixture *f, lg_var theta, lg_var x, l
 static void check_gradients(fixture *f) {
     static double flat[MAX_PARAMETERS], out[4][MAX_PARAMETERS], by_x[4][ROWS * 3], by_dx[4][ROWS * 3];
     const uint32_t n = (uint32_t)f->n + 2;
-    lg_tape *tape = NULL;
+    lg_tape *tape = test_tape(LG_F64);
     assert_true(n <= MAX_PARAMETERS);
     memset(out, 0, sizeof out);
     memset(by_x, 0, sizeof by_x);
     memset(by_dx, 0, sizeof by_dx);
     flat[0] = flat[n - 1] = 1e3;
     memcpy(flat + 1, f->theta, f->n * sizeof *flat);
-    assert_ok(lg_tape_create(NULL, NULL, &tape));
     for (int way = 0; way < 4; way++) {
         lg_tape_reset(tape);
         const lg_var theta = lg_parameter(tape, lg_shape1(n), flat);
@@ -306,7 +276,6 @@ static void check_gradients(fixture *f) {
         assert_ok(lg_read(tape, g[1], by_x[way], ROWS * 3));
         assert_ok(lg_read(tape, g[2], by_dx[way], ROWS * 3));
     }
-    lg_tape_destroy(tape);
     for (int way = 0; way < 3; way++) {
         assert_true(out[way][0] == 0.0 && out[way][n - 1] == 0.0);
         for (uint32_t i = 0; i < n; i++) assert_close(out[way][i], out[3][i], 1e-10, 1e-11);
@@ -317,21 +286,17 @@ static void check_gradients(fixture *f) {
     }
 }
 
-static void test_gradients(void **state) {
-    (void)state;
+TEST("a pass back, a recorded one, by pairs and by lg_jvp give one gradient") {
     each(check_gradients);
 }
 
-/* Second order through the pair: the gradient of |gradient|^2 by way of pairs equals that by lg_jvp. */
-static void test_gradient_of_gradient(void **state) {
-    (void)state;
+TEST("the gradient of a gradient is the same by pairs and by lg_jvp") {
     static double out[2][MAX_PARAMETERS], flat[MAX_PARAMETERS];
     static const lg_activation kinds[2] = {LG_TANH, LG_SINE};
     fixture f;
     for (int a = 0; a < 2; a++) {
         setup(&f, LG_NET_MULT_AFFINE, 6, 2, kinds[a]);
-        lg_tape *tape = NULL;
-        assert_ok(lg_tape_create(NULL, NULL, &tape));
+        lg_tape *tape = test_tape(LG_F64);
         memcpy(flat + 1, f.theta, f.n * sizeof *flat);
         for (int way = 0; way < 2; way++) {
             lg_tape_reset(tape);
@@ -344,17 +309,14 @@ static void test_gradient_of_gradient(void **state) {
             assert_ok(lg_backward_set(tape, lg_sum(tape, lg_square(tape, g)), &theta, 1, &into));
         }
         for (size_t i = 0; i <= f.n; i++) assert_close(out[0][i], out[1][i], 1e-9, 1e-9);
-        lg_tape_destroy(tape);
     }
 }
 
-static void test_misuse(void **state) {
-    (void)state;
+TEST("shapes and offsets that do not fit are refused") {
     fixture f;
     lg_var y = LG_NONE, dy = LG_NONE;
-    lg_tape *tape = NULL;
+    lg_tape *tape = test_tape(LG_F64);
     setup(&f, LG_NET_MULT, 6, 3, LG_TANH);
-    assert_ok(lg_tape_create(NULL, NULL, &tape));
     for (int i = 0; i < 4; i++) {
         lg_tape_reset(tape);
         const lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)f.n - (i == 0)), f.theta);
@@ -369,7 +331,6 @@ static void test_misuse(void **state) {
     lg_tape_reset(tape);
     const lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)f.n - 1), f.theta);
     assert_true(lg_is_none(lg_net_record(tape, &f.net, theta, 0, lg_input(tape, lg_shape2(ROWS, 3), f.x))));
-    lg_tape_destroy(tape);
 }
 
 /* ---- kernels: no element's result depends on where it stands, or on what else is asked for ---- */
@@ -422,8 +383,7 @@ static void check_positions(const lg_kernels *k, const float *z, const float *u,
     }
 }
 
-static void test_positions(void **state) {
-    (void)state;
+TEST("kernels of pairs do not depend on the position of an element or on what else is asked for") {
     float numbers[4][2 * N];
     lg_rng rng;
     lg_rng_seed(&rng, 5, 0);
@@ -433,21 +393,4 @@ static void test_positions(void **state) {
         const lg_kernels *k = lg_kernels_of(LG_F32, (lg_isa)isa);
         if (k != NULL) check_positions(k, numbers[0], numbers[1], numbers[2], numbers[3]);
     }
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_names),
-        cmocka_unit_test(test_counts),
-        cmocka_unit_test(test_bad_descriptions),
-        cmocka_unit_test(test_slices),
-        cmocka_unit_test(test_initialisation),
-        cmocka_unit_test(test_values),
-        cmocka_unit_test(test_single_precision),
-        cmocka_unit_test(test_gradients),
-        cmocka_unit_test(test_gradient_of_gradient),
-        cmocka_unit_test(test_misuse),
-        cmocka_unit_test(test_positions),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

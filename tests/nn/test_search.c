@@ -1,14 +1,11 @@
 /* Random search: draws, early stopping, what an interruption leaves. */
 #include "test_support.h"
-
 #include "liegrad/search.h"
-
 static lg_range bounds(const char *name, lg_range_kind kind, double low, double high) {
     lg_range range = {.kind = kind, .low = low, .high = high};
     (void)snprintf(range.name, sizeof range.name, "%s", name);
     return range;
 }
-
 static lg_range choices(const char *name, uint32_t count, const char *const *texts) {
     lg_range range = {.kind = LG_RANGE_CHOICE, .choices = count};
     (void)snprintf(range.name, sizeof range.name, "%s", name);
@@ -16,9 +13,7 @@ static lg_range choices(const char *name, uint32_t count, const char *const *tex
         (void)snprintf(range.choice[i], sizeof range.choice[i], "%s", texts[i]);
     return range;
 }
-
 static const char *const three[] = {"a", "b", "c"};
-
 /* u in [0, 1), lr in [1e-4, 1e-1], layers in 0..4, kind of three. */
 static lg_search_space example(void) {
     lg_search_space space = {.count = 4};
@@ -28,18 +23,14 @@ static lg_search_space example(void) {
     space.ranges[3] = choices("kind", 3, three);
     return space;
 }
-
 /* ---- spaces ---- */
-
 static void refused(const lg_search_space *space, const char *word) {
     lg_error error = {LG_OK, ""};
     assert_status(lg_search_space_check(space, &error), LG_INVALID_ARGUMENT);
     if (strstr(error.message, word) == NULL) fail_msg("no '%s' in: %s", word, error.message);
     assert_status(lg_search_space_check(space, NULL), LG_INVALID_ARGUMENT);
 }
-
-static void space_check(void **state) {
-    (void)state;
+TEST("a space of bad ranges is refused by its name") {
     lg_search_space good = example(), s = good;
     assert_ok(lg_search_space_check(&good, NULL));
     refused(NULL, "ranges");
@@ -88,11 +79,7 @@ static void space_check(void **state) {
     (void)snprintf(s.ranges[2].name, sizeof s.ranges[2].name, "lr");
     refused(&s, "'lr' stands twice");
 }
-
-/* Means and variances of the distributions over many trials; both ends of whole numbers; all choices alike.
- */
-static void draws(void **state) {
-    (void)state;
+TEST("draws have means and variances of their laws, both ends of whole numbers and all choices") {
     enum { N = 20000 };
     const lg_search_space space = example();
     double sum[2] = {0}, squares[2] = {0};
@@ -116,9 +103,7 @@ static void draws(void **state) {
     for (int i = 0; i < 5; i++) assert_close(layers[i], N / 5.0, 0, 5 * sqrt(N * 0.2 * 0.8));
     for (int i = 0; i < 3; i++) assert_close(kinds[i], N / 3.0, 0, 5 * sqrt(N * 2.0 / 9));
 }
-
-static void draws_depend_on_seed_and_number(void **state) {
-    (void)state;
+TEST("draws depend on seed, number and range, and on no range behind") {
     lg_search_space space = example();
     double v[3][8], w[8];
     lg_search_draw(&space, 7, 41, v[0]);
@@ -135,9 +120,7 @@ static void draws_depend_on_seed_and_number(void **state) {
     assert_memory_equal(v[0], w, 4 * sizeof *w);
     assert_true(w[4] != w[0]);
 }
-
-static void draws_at_the_edges(void **state) {
-    (void)state;
+TEST("ranges as thin and as wide as can be are drawn from") {
     lg_search_space space = {.count = 6};
     space.ranges[0] = bounds("one", LG_RANGE_UNIFORM, 2.5, 2.5);
     space.ranges[1] = bounds("wide", LG_RANGE_UNIFORM, -1.7e308, 1.7e308);
@@ -158,17 +141,13 @@ static void draws_at_the_edges(void **state) {
     }
     assert_true(low && high);
 }
-
 /* ---- early stopping ---- */
-
 static lg_trial with_report(uint64_t number, uint32_t reports, double value) {
     lg_trial trial = {.number = number, .reports = reports};
     for (uint32_t i = 0; i < reports; i++) trial.report[i] = value;
     return trial;
 }
-
-static void pruning(void **state) {
-    (void)state;
+TEST("a trial worse than the quantile of the others is stopped") {
     lg_search_options o;
     lg_search_options_init(&o);
     assert_true(o.size == sizeof o && o.trials == 50 && o.seed == 1 && o.rungs == 5 && o.warm_up == 5);
@@ -208,9 +187,7 @@ static void pruning(void **state) {
     assert_true(lg_search_prune(&o, t, 6, 4, 0, 2));
     assert_false(lg_search_prune(&o, t, 6, 3, 0, 2));
 }
-
-static void quantiles(void **state) {
-    (void)state;
+TEST("the quantile says how many better ones stop a trial") {
     lg_search_options o;
     lg_search_options_init(&o);
     o.warm_up = 1;
@@ -226,12 +203,9 @@ static void quantiles(void **state) {
             assert_int_equal(lg_search_prune(&o, t, 30, 30, 0, b - 0.5), b >= rows[i].better);
     }
 }
-
 /* ---- running ---- */
-
 #define TRIALS 24
 #define EPOCHS 12
-
 /* A trial's curve of objectives falls towards a value that depends on its numbers; some diverge, some fail.
  * `stop_at` counts the epochs of all trials: there the cancel flag is raised. */
 typedef struct training {
@@ -243,13 +217,11 @@ typedef struct training {
     size_t failures;
     lg_status save; /* what `finished` returns */
 } training;
-
 static double curve(const lg_trial *trial, uint64_t done) {
     const double end = trial->value[0] + 0.1 * trial->value[3];
     if (trial->value[2] == 3 && done >= 5) return NAN;
     return end + exp(-100 * trial->value[1] * (double)done);
 }
-
 static lg_status run(void *user, lg_search *search, lg_trial *trial, lg_error *error) {
     training *t = user;
     trial->parameters = 10 + trial->number;
@@ -268,7 +240,6 @@ static lg_status run(void *user, lg_search *search, lg_trial *trial, lg_error *e
     }
     return LG_OK;
 }
-
 static lg_status finished(void *user, const lg_trial *trials, size_t count, const lg_error *error) {
     training *t = user;
     t->finished++;
@@ -279,7 +250,6 @@ static lg_status finished(void *user, const lg_trial *trials, size_t count, cons
     t->failures += failed;
     return t->save;
 }
-
 static lg_search_options few(void) {
     lg_search_options options;
     lg_search_options_init(&options);
@@ -287,7 +257,6 @@ static lg_search_options few(void) {
     options.seed = 3;
     return options;
 }
-
 /* Trials equal but for the seconds. */
 static void assert_same_trials(const lg_trial *a, const lg_trial *b, size_t count) {
     for (size_t i = 0; i < count; i++) {
@@ -307,7 +276,6 @@ static void assert_same_trials(const lg_trial *a, const lg_trial *b, size_t coun
         assert_memory_equal(x.report, y.report, sizeof x.report);
     }
 }
-
 static void search_whole(training *t, lg_trial *trials) {
     const lg_search_space space = example();
     const lg_search_options options = few();
@@ -319,9 +287,7 @@ static void search_whole(training *t, lg_trial *trials) {
     assert_int_equal(count, TRIALS);
     assert_int_equal(t->finished, TRIALS);
 }
-
-static void whole_search(void **state) {
-    (void)state;
+TEST("a search runs, stops and fails its trials, and finds the best") {
     lg_trial trials[TRIALS], again[TRIALS];
     training t = {.stop_at = 0}, u = {.by_status = true};
     search_whole(&t, trials);
@@ -357,10 +323,7 @@ static void whole_search(void **state) {
     for (size_t i = 0; i < TRIALS; i++)
         if (trials[i].state == LG_TRIAL_DONE) assert_true(trials[i].objective >= trials[best].objective);
 }
-
-/* Cancelled at any epoch of any trial, and continued, the search gives the same table. */
-static void interrupted_search(void **state) {
-    (void)state;
+TEST("a search cancelled at any epoch and continued gives the same table") {
     lg_trial whole[TRIALS], parts[TRIALS];
     training t = {.stop_at = 0};
     search_whole(&t, whole);
@@ -389,10 +352,7 @@ static void interrupted_search(void **state) {
         lg_context_destroy(context);
     }
 }
-
-/* Any trial may be missing, the others in any order: what is missing comes out as before. */
-static void search_with_holes(void **state) {
-    (void)state;
+TEST("whichever trial is missing comes out as before") {
     lg_trial whole[TRIALS], parts[TRIALS];
     training t = {.stop_at = 0};
     search_whole(&t, whole);
@@ -416,9 +376,7 @@ static void search_with_holes(void **state) {
     assert_ok(lg_search_run(NULL, &space, &options, &problem, whole, &count, NULL));
     assert_int_equal(u.finished, 0);
 }
-
-static void refusals(void **state) {
-    (void)state;
+TEST("bad arguments, options and tables are refused, and a table that cannot be saved ends the search") {
     lg_trial trials[TRIALS];
     training t = {.stop_at = 0};
     const lg_search_space space = example(), empty = {.count = 0};
@@ -460,10 +418,7 @@ static void refusals(void **state) {
     assert_status(lg_search_run(NULL, &space, &o, &problem, trials, &count, &error), LG_FILE);
     assert_int_equal(count, 1);
 }
-
-/* Without rungs, and with more rungs than epochs. */
-static void rungs(void **state) {
-    (void)state;
+TEST("there may be no rungs, and more rungs than epochs") {
     lg_trial trials[TRIALS];
     const lg_search_space space = example();
     training t = {.stop_at = 0};
@@ -490,7 +445,6 @@ static void rungs(void **state) {
         }
     assert_false(lg_search_report(NULL, 1, 2, 3.0));
 }
-
 static lg_status run_once(void *user, lg_search *search, lg_trial *trial, lg_error *error) {
     (void)user;
     (void)error;
@@ -499,10 +453,7 @@ static lg_status run_once(void *user, lg_search *search, lg_trial *trial, lg_err
     trial->objective = (double)trial->number;
     return LG_OK;
 }
-
-/* All rungs lie at the end of a trial of one epoch, where nothing is left to stop. */
-static void one_epoch(void **state) {
-    (void)state;
+TEST("at the end of a trial nothing is left to stop") {
     lg_trial trials[TRIALS];
     const lg_search_space space = example();
     const lg_search_problem problem = {run_once, NULL, NULL};
@@ -514,9 +465,7 @@ static void one_epoch(void **state) {
         assert_int_equal(trials[i].reports, 5);
     }
 }
-
-static void best_trial(void **state) {
-    (void)state;
+TEST("the best trial is the first of the least objective that is done") {
     lg_trial t[5];
     static const struct {
         uint64_t number;
@@ -535,23 +484,4 @@ static void best_trial(void **state) {
     assert_int_equal(lg_search_best(NULL, 0), 0);
     assert_string_equal(lg_trial_state_name(LG_TRIAL_PRUNED), "pruned");
     assert_string_equal(lg_trial_state_name((lg_trial_state)LG_TRIAL_STATE_COUNT), "unknown");
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(space_check),
-        cmocka_unit_test(draws),
-        cmocka_unit_test(draws_depend_on_seed_and_number),
-        cmocka_unit_test(draws_at_the_edges),
-        cmocka_unit_test(pruning),
-        cmocka_unit_test(quantiles),
-        cmocka_unit_test(whole_search),
-        cmocka_unit_test(interrupted_search),
-        cmocka_unit_test(search_with_holes),
-        cmocka_unit_test(refusals),
-        cmocka_unit_test(rungs),
-        cmocka_unit_test(one_epoch),
-        cmocka_unit_test(best_trial),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -51,9 +51,30 @@ static inline lg_stepper *test_stepper(const lg_scheme *scheme, const lg_ode *od
     return stepper;
 }
 
-/* Runs a block that sets `status` with every allocation of `context` failing in turn. LG_OUT_OF_MEMORY comes each
- * time until all allocations have failed once, `least` of them or more, then LG_OK. Nothing leaks: the block gives
- * back all that it takes. */
+/* Work memory of the running test, at an address divisible by 64 and full of NaN. The 64 bytes behind it must
+ * stay as they are until the test ends. */
+static inline void release_work(void *block) {
+    size_t bytes;
+    memcpy(&bytes, block, sizeof bytes);
+    const unsigned char *behind = (const unsigned char *)block + 64 + bytes;
+    bool kept = true;
+    for (size_t i = 0; i < 64; i++) kept = kept && behind[i] == 0xff;
+    free(block);
+    if (!kept) fail_msg("something wrote behind %zu bytes of work memory", bytes);
+}
+
+static inline void *test_work(size_t bytes) {
+    void *block = NULL;
+    assert_int_equal(posix_memalign(&block, 64, bytes + 128), 0);
+    memset(block, 0xff, bytes + 128);
+    memcpy(block, &bytes, sizeof bytes);
+    lg_test_owns(block, release_work);
+    return (unsigned char *)block + 64;
+}
+
+/* Runs a block that sets `status` with every allocation of `context` failing in turn. LG_OUT_OF_MEMORY comes
+ * each time until all allocations have failed once, `least` of them or more, then LG_OK. Nothing leaks: the
+ * block gives back all that it takes. */
 #define EVERY_ALLOCATION_FAILS(context, least, ...)                                                          \
     do {                                                                                                     \
         lg_fail_alloc memory_;                                                                               \

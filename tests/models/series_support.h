@@ -1,0 +1,48 @@
+/* Sets, windows and scalers of the running test. */
+#ifndef LG_SERIES_SUPPORT_H
+#define LG_SERIES_SUPPORT_H
+
+#include "support/fixtures.h"
+
+#include "liegrad/detector.h"
+
+/* own_TYPE(value): the running test gives back what the value holds. */
+#define OWNED(type, destroy)                                                                                 \
+    static inline void release_##type(void *value) {                                                         \
+        destroy(NULL, value);                                                                                \
+    }                                                                                                        \
+    static inline type own_##type(type value) {                                                              \
+        type *copy = TEST_ARRAY(type, 1);                                                                    \
+        *copy = value;                                                                                       \
+        lg_test_owns(copy, release_##type);                                                                  \
+        return value;                                                                                        \
+    }
+
+OWNED(lg_series, lg_series_destroy)
+OWNED(lg_windows, lg_windows_destroy)
+OWNED(lg_scaler, lg_scaler_destroy)
+OWNED(lg_detector_data, lg_detector_data_destroy)
+
+static inline lg_series make_series(size_t count, uint32_t channels, uint32_t length, uint32_t classes,
+                                    bool group, bool run) {
+    lg_series s = {.count = count, .channels = channels, .length = length, .classes = classes};
+    assert_ok(lg_series_allocate(NULL, group, run, &s));
+    for (size_t i = 0; i < count; i++) s.label[i] = (uint32_t)(i % classes);
+    return own_lg_series(s);
+}
+
+static inline lg_windows cut_windows(const lg_series *s, size_t length, size_t hop) {
+    lg_windows w;
+    lg_error error;
+    if (lg_windows_create(NULL, s, length, hop, &w, &error) != LG_OK) fail_msg("%s", error.message);
+    return own_lg_windows(w);
+}
+
+static inline lg_scaler fit_scaler(const lg_series *s, const lg_windows *w, const uint32_t *chosen,
+                                   size_t count, bool centred) {
+    lg_scaler scaler;
+    assert_ok(lg_scaler_fit(NULL, s, w, chosen, count, centred, &scaler));
+    return own_lg_scaler(scaler);
+}
+
+#endif
