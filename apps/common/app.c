@@ -169,7 +169,7 @@ void app_adopt(app *self, const app_settings *settings, const void *from, bool p
 
 /* ---- argp from tables ---- */
 
-enum { COMMON = APP_COUNT(common_options) - 1, HELP_SIZE = 1024 };
+enum { COMMON = LG_COUNT(common_options) - 1, HELP_SIZE = 1024 };
 
 /* Texts of hyperparameters are made here: `texts` has HELP_SIZE bytes for each option. */
 static struct argp_option *argp_table(const app *self, char *texts) {

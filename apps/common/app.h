@@ -17,8 +17,6 @@
 #include "liegrad/hyperparameters.h"
 #include "liegrad/status.h"
 
-#define APP_COUNT LG_COUNT
-
 enum {
     APP_EXIT_OK = 0,
     APP_EXIT_CHECK = 1,

@@ -34,7 +34,7 @@ static const struct {
                   {LG_CHECK_FAILED, APP_EXIT_CHECK}};
 
 int app_exit_code(lg_status status) {
-    for (size_t i = 0; i < APP_COUNT(exit_codes); i++)
+    for (size_t i = 0; i < LG_COUNT(exit_codes); i++)
         if (exit_codes[i].status == status) return exit_codes[i].code;
     return APP_EXIT_CHECK;
 }

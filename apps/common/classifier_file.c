@@ -123,12 +123,12 @@ lg_status classifier_file_load(const lg_context *context, const char *path, clas
                                lg_error *error) {
     lg_file_reader *reader = NULL;
     *out = (classifier_file){.method = NULL};
-    lg_status status = lg_file_reader_open(context, path, "classifier", NULL, &reader, error);
+    lg_status status = lg_file_reader_create(context, path, "classifier", NULL, &reader, error);
     if (status != LG_OK) return status;
     status = read_all(context, reader, out, error);
     if (status != LG_OK && error->message[0] == '\0')
         (void)app_error(error, status, "%s", lg_file_reader_message(reader));
-    lg_file_reader_close(reader);
+    lg_file_reader_destroy(reader);
     if (status == LG_OK) return LG_OK;
     const bool loaded = out->classifier.classes > 0; /* what is missing then is the file's fault */
     classifier_file_free(context, out);

@@ -102,7 +102,7 @@ static lg_status check_range(app *v, const train_task *task, const lg_range *ran
     const bool choice = range->kind == LG_RANGE_CHOICE;
     const double between = range->low + 0.381966 * (range->high - range->low);
     const double probes[] = {range->low, range->high, range->kind == LG_RANGE_INTEGER ? range->low : between};
-    const size_t count = choice ? range->choices : APP_COUNT(probes);
+    const size_t count = choice ? range->choices : LG_COUNT(probes);
     lg_status status = LG_OK;
     for (size_t i = 0; i < count && status == LG_OK; i++) {
         char text[64];
@@ -239,7 +239,7 @@ static void print_trials(const searching *search) {
     qsort(order, search->count, sizeof *order, by_objective);
     app_table_begin(&table, 5 + space->count);
     static const char *const heads[] = {"trial", "state", "objective", "parameters", "seconds"};
-    for (size_t c = 0; c < APP_COUNT(heads); c++) app_table_cell(&table, "%s", heads[c]);
+    for (size_t c = 0; c < LG_COUNT(heads); c++) app_table_cell(&table, "%s", heads[c]);
     for (size_t c = 0; c < space->count; c++) app_table_cell(&table, "%s", space->ranges[c].name);
     for (size_t i = 0; i < search->count && i < SHOWN_TRIALS; i++) {
         app_table_cell(&table, "%llu", (unsigned long long)order[i]->number);
@@ -377,7 +377,7 @@ static int read_trials(searching *search) {
     if (!search->values->resume) return APP_EXIT_OK;
     const lg_status status =
         lg_trials_read(self->context, search->values->out, search->file, self->seed, search->setting,
-                       search->trials, (size_t)search->values->trials, &search->count, &error);
+                       (size_t)search->values->trials, search->trials, &search->count, &error);
     search->before = search->count;
     if (status == LG_OK || status == LG_NOT_FOUND) return APP_EXIT_OK;
     if (status == LG_INVALID_ARGUMENT) return app_fail(self, status, "%s", error.message);
@@ -433,7 +433,7 @@ int search_main(app *self, const app_command *train, const train_task *task) {
     lg_error error = {LG_OK, ""};
     char sha256[LG_SHA256_TEXT];
     if (values->out == NULL) return app_usage(self, "--out FILE.csv is missing");
-    int code = app_check_outputs(self, paths, APP_COUNT(paths));
+    int code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code != APP_EXIT_OK) return code;
     lg_search_file *file = app_alloc(1, sizeof *file);
     const lg_status status = lg_search_file_read(self->context, self->arguments[0], file, &error);

@@ -188,7 +188,7 @@ static int run_all(study *self) {
 static int check_outputs(const app *self, const study_task *task) {
     app_path paths[8] = {{"out", study_given.out, APP_WRITTEN}};
     size_t count = 1;
-    for (size_t i = 0; i < task->picture_count && count < APP_COUNT(paths); i++)
+    for (size_t i = 0; i < task->picture_count && count < LG_COUNT(paths); i++)
         paths[count++] = (app_path){task->pictures[i].option, task->pictures[i].path, APP_DRAWN};
     return app_check_outputs(self, paths, count);
 }

@@ -11,7 +11,7 @@
 
 /* Columns beside axes and measures. */
 static const char *const between[] = {"repeat", "seed"}, *const behind[] = {"epochs", "status", "protocol"};
-enum { MOST_COLUMNS = STUDY_AXES + STUDY_MEASURES + APP_COUNT(between) + APP_COUNT(behind) };
+enum { MOST_COLUMNS = STUDY_AXES + STUDY_MEASURES + LG_COUNT(between) + LG_COUNT(behind) };
 
 static void add_name(char *text, size_t size, const char *name) {
     const size_t used = strlen(text);
@@ -21,9 +21,9 @@ static void add_name(char *text, size_t size, const char *name) {
 static void header_of(const study_plan *plan, char *text, size_t size) {
     text[0] = '\0';
     for (uint32_t i = 0; i < plan->axis_count; i++) add_name(text, size, plan->axes[i].name);
-    for (size_t i = 0; i < APP_COUNT(between); i++) add_name(text, size, between[i]);
+    for (size_t i = 0; i < LG_COUNT(between); i++) add_name(text, size, between[i]);
     for (uint32_t i = 0; i < plan->measure_count; i++) add_name(text, size, plan->measures[i]);
-    for (size_t i = 0; i < APP_COUNT(behind); i++) add_name(text, size, behind[i]);
+    for (size_t i = 0; i < LG_COUNT(behind); i++) add_name(text, size, behind[i]);
 }
 
 /* ---- reading ---- */
@@ -53,7 +53,7 @@ static bool parse_repeat(const char *text, uint32_t *out) {
 }
 
 static bool parse_row(const study_plan *plan, char *line, const char **protocol, study_row *row) {
-    const size_t columns = plan->axis_count + APP_COUNT(between) + plan->measure_count + APP_COUNT(behind);
+    const size_t columns = plan->axis_count + LG_COUNT(between) + plan->measure_count + LG_COUNT(behind);
     char *field[MOST_COLUMNS], *at = line;
     size_t n = 0;
     for (; n < columns && at != NULL; n++) {

@@ -99,7 +99,7 @@ static int check_files(app *self, const train_task *task) {
         {"checkpoint", checkpoint, APP_WRITTEN},
         {"history", files->history, APP_WRITTEN},
         {"plot", files->plot, APP_DRAWN}};
-    const int code = app_check_outputs(self, paths, APP_COUNT(paths));
+    const int code = app_check_outputs(self, paths, LG_COUNT(paths));
     free(checkpoint);
     return code;
 }
@@ -266,7 +266,7 @@ static int compare(const app *self, const train_task *task, const stored_run *st
     lg_error error = {LG_OK, ""};
     if (stored->reader == NULL) return APP_EXIT_OK;
     const lg_status status =
-        lg_run_compare(files->resume, task->kind, stored->run, task->settings[0].values, &error);
+        lg_run_compare(task->kind, stored->run, task->settings[0].values, files->resume, &error);
     return status == LG_OK ? APP_EXIT_OK : fail(self, status, &error);
 }
 
@@ -300,7 +300,7 @@ int train_main(app *self, const train_task *task) {
     if (code == APP_EXIT_OK) code = task->read(task->user, self, self->arguments[0], sha256);
     if (code == APP_EXIT_OK) code = open_stored(self, task, &stored);
     if (code == APP_EXIT_OK) code = run_with(self, task, &stored);
-    lg_file_reader_close(stored.reader);
+    lg_file_reader_destroy(stored.reader);
     free(stored.run);
     return code;
 }
@@ -358,7 +358,7 @@ void train_json(const train_session *self, app_json *json) {
     app_json_real(json, "seconds", self->seconds);
     app_json_size(json, "threads", self->app->threads);
     app_json_size(json, "steps", lg_fit_steps_done(fit));
-    app_json_size(json, "tape_bytes", lg_fit_tape_bytes(fit));
+    app_json_size(json, "tape_bytes", lg_fit_tape_size(fit));
     app_json_text(json, "cpu", cpu);
     app_json_text(json, "out", files->out);
     json_run(json, &self->task->settings[0]);
@@ -378,7 +378,7 @@ lg_status train_save_history(const char *path, const lg_fit *fit, lg_error *erro
     (void)fputs("epoch,loss,validation,rate,seconds\n", file.stream);
     for (uint64_t epoch = 0; epoch < lg_fit_epochs_done(fit); epoch++) {
         (void)fprintf(file.stream, "%llu", (unsigned long long)(epoch + 1));
-        for (size_t c = 0; c < APP_COUNT(columns); c++)
+        for (size_t c = 0; c < LG_COUNT(columns); c++)
             csv_number(file.stream, lg_fit_history(fit, columns[c])[epoch]);
         (void)fputc('\n', file.stream);
     }

@@ -107,7 +107,7 @@ static lg_status create_series(const app *self, uint32_t length, size_t windows,
     lg_riser_run run;
     lg_riser_run_init(&run);
     *out = (lg_series){.count = windows, .channels = LG_RISER_CHANNELS, .length = length, .classes = 2};
-    const lg_status status = lg_series_allocate(self->context, true, true, out);
+    const lg_status status = lg_series_allocate(self->context, out, true, true);
     if (status != LG_OK) return status;
     out->rate = run.rate;
     (void)snprintf(out->class_name[0], LG_SERIES_NAME, "intact");
@@ -235,7 +235,7 @@ static int run(app *self) {
     if (values.out == NULL) return app_usage(self, "--out FILE is missing");
     if (app_given(self, "picture") && values.plot == NULL)
         return app_usage(self, "--picture: needs --plot FILE");
-    int code = app_check_outputs(self, paths, APP_COUNT(paths));
+    int code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code == APP_EXIT_OK) code = cut(self, defaults.rate, &length, &windows);
     if (code != APP_EXIT_OK) return code;
     const double begin = app_seconds();

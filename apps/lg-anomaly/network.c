@@ -20,7 +20,8 @@ static bool any_given(const app *self, const char *const *options, size_t count)
 static void default_blocks(const app *self, lg_cnn *net) {
     enum { LONG = 4096 };
     const train_values *values = &train_given;
-    const lg_cnn full = lg_cnn_defaults(net->channels, LONG, net->outputs, net->activation);
+    lg_cnn full;
+    lg_cnn_init_default(&full, net->channels, LONG, net->outputs, net->activation);
     const uint64_t padding = app_given(self, "padding") ? values->padding : 0;
     const bool pooling_given = app_given(self, "pooling") || app_given(self, "pool-size");
     uint64_t left = net->length;
@@ -46,7 +47,7 @@ static void default_blocks(const app *self, lg_cnn *net) {
 static void build_blocks(const app *self, bool fresh, lg_cnn *net) {
     static const char *const options[] = {"filters", "kernel", "stride", "padding", "pooling", "pool-size"};
     const train_values *values = &train_given;
-    if (!any_given(self, options, APP_COUNT(options))) return;
+    if (!any_given(self, options, LG_COUNT(options))) return;
     const bool filters = app_given(self, "filters");
     if (fresh && !filters) {
         default_blocks(self, net);
@@ -86,9 +87,10 @@ static lg_status complete_model(const app *self, const lg_series *series, const 
                          series->classes);
     model->classes = series->classes;
     const uint32_t outputs = model->loss == LG_DETECTOR_MSE ? 1 : series->classes;
-    model->net = stored != NULL
-                     ? stored->net
-                     : lg_cnn_defaults(series->channels, (uint32_t)train_run.window, outputs, activation);
+    if (stored != NULL)
+        model->net = stored->net;
+    else
+        lg_cnn_init_default(&model->net, series->channels, (uint32_t)train_run.window, outputs, activation);
     model->net.activation = activation;
     model->net.plane = plane;
     model->net.outputs = outputs;

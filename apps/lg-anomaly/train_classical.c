@@ -150,7 +150,7 @@ static void list_candidates(const app *self, const train_values *values, double 
     }
     const bool given = values->grid.count > 0, automatic = svm && !app_given(self, "c") && !given;
     const double *grid = given ? values->grid.values : default_grid;
-    const size_t count = given ? values->grid.count : automatic ? APP_COUNT(default_grid) : 0;
+    const size_t count = given ? values->grid.count : automatic ? LG_COUNT(default_grid) : 0;
     for (size_t i = 0; i < count; i++) {
         out->options[i] = base;
         out->options[i].c = grid[i];
@@ -234,7 +234,7 @@ static lg_status draw_path(const classical *self, const lg_tree *whole, const lg
     const trained *base = self->base;
     size_t count = 0;
     lg_pruning_step *steps = app_alloc(whole->count, sizeof *steps);
-    lg_status status = lg_tree_pruning_path(base->app->context, whole, steps, whole->count, &count);
+    lg_status status = lg_tree_pruning_path(base->app->context, whole, whole->count, steps, &count);
     pruned_tree *trees = app_alloc(count, sizeof *trees);
     const cut_series *tested = tested_series(base); /* labels of --test's windows stand elsewhere */
     uint32_t *label = of_windows(tested, tested->data.series.label);

@@ -160,7 +160,7 @@ static void release(void *user, app *self) {
     trained *state = user;
     network_destroy(self->context, &state->net);
     part_indices *const parts[] = {&state->train, &state->validation, &state->test};
-    for (size_t i = 0; i < APP_COUNT(parts); i++) {
+    for (size_t i = 0; i < LG_COUNT(parts); i++) {
         free(parts[i]->list);
         *parts[i] = (part_indices){NULL, 0};
     }

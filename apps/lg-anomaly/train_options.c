@@ -8,7 +8,7 @@
 #define NAMES(linkage, function, ...)                                                                        \
     linkage const char *function(uint32_t value) {                                                           \
         static const char *const names[] = {__VA_ARGS__};                                                    \
-        return value < APP_COUNT(names) ? names[value] : NULL;                                               \
+        return value < LG_COUNT(names) ? names[value] : NULL;                                                \
     }
 NAMES(extern, train_method_name, [METHOD_CNN] = "cnn", [METHOD_LOGISTIC] = "logistic", [METHOD_TREE] = "tree",
       [METHOD_SVM_LINEAR] = "svm-linear", [METHOD_SVM_RBF] = "svm-rbf", [METHOD_BASELINE] = "baseline")
@@ -118,7 +118,7 @@ static const struct {
 
 int train_check_options(const app *self) {
     const train_values *values = &train_given;
-    for (size_t i = 0; i < APP_COUNT(owners); i++)
+    for (size_t i = 0; i < LG_COUNT(owners); i++)
         if (app_given(self, owners[i].option) && (owners[i].methods & 1u << values->method) == 0)
             return app_usage(self, "--%s: --method %s has no such option", owners[i].option,
                              train_method_name(values->method));

@@ -319,7 +319,7 @@ static int watch_with(const app *self, const well_model *model, int file) {
     void *memory = app_alloc(bytes > 0 ? bytes : 1, 1);
     w.bench.score = app_alloc(model->classes, sizeof *w.bench.score);
     w.bench.work = app_alloc(work > 0 ? work : 1, 1);
-    const lg_status status = lg_monitor_init(&options, judge, &w.bench, memory, &w.watch, &error);
+    const lg_status status = lg_monitor_init(&options, judge, &w.bench, &w.watch, memory, bytes, &error);
     code = status == LG_OK ? watch_feed(&w, file, bytes) : app_fail(self, status, "%s", error.message);
     free(memory);
     free(w.bench.score);

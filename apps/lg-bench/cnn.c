@@ -15,9 +15,9 @@ static const double rate = 2.102e-3, decay = 1.221e-5;
 static const lg_activation activations[] = {LG_LEAKY_RELU, LG_TANH, LG_SWISH};
 
 static lg_detector detector_of(const bench *b, lg_activation activation) {
-    lg_detector model = {.net = lg_cnn_defaults(CHANNELS, LENGTH, 1, activation), .classes = 2};
+    lg_detector model = {.classes = 2};
     lg_error error = {LG_OK, ""};
-    bench_check(b, lg_cnn_init(&model.net, &error), error.message);
+    lg_cnn_init_default(&model.net, CHANNELS, LENGTH, 1, activation);
     bench_check(b, lg_detector_check(&model, &error), error.message);
     return model;
 }
@@ -120,7 +120,7 @@ static void train(bench *b, learning *l) {
         bench_note_add(row, "gflops", 2e-3 * products(&l->model.net, true) * WINDOWS / row->median_us);
         bench_note_add(row, "loss", lg_fit_loss(fit));
         bench_note_add(row, "parameters", (double)l->fit.parameters);
-        bench_note_add(row, "tape_bytes", (double)lg_fit_tape_bytes(fit));
+        bench_note_add(row, "tape_bytes", (double)lg_fit_tape_size(fit));
     }
     lg_fit_destroy(fit);
 }
@@ -128,7 +128,7 @@ static void train(bench *b, learning *l) {
 void bench_cnn(bench *b) {
     learning l = {.theta = NULL};
     open_windows(b, &l);
-    for (size_t i = 0; i < APP_COUNT(activations); i++) {
+    for (size_t i = 0; i < LG_COUNT(activations); i++) {
         if (!bench_wanted(b, lg_activation_name(activations[i]))) continue;
         l.model = detector_of(b, activations[i]);
         l.problem = (lg_detector_problem){&l.model, &l.data, WINDOWS};
@@ -206,7 +206,7 @@ static stage open_stage(const bench *b, const lg_cnn *net, uint32_t i, size_t ba
     double *numbers = bench_uniform(most(most(nx, ny), nw), i);
     void **const memory[] = {&s.x, &s.dx, &s.slope, &s.pooled, &s.g, &s.w, &s.wt, &s.dw, &s.bias, &s.db};
     const size_t counts[] = {nx, nx, ny, ny, ny, nw, nw, nw, s.conv.outputs, s.conv.outputs};
-    for (size_t j = 0; j < APP_COUNT(memory); j++) *memory[j] = bench_typed(b->dtype, numbers, counts[j]);
+    for (size_t j = 0; j < LG_COUNT(memory); j++) *memory[j] = bench_typed(b->dtype, numbers, counts[j]);
     free(numbers);
     const size_t scratch = most(most(lg_conv_scratch(&s.conv), lg_conv_input_scratch(&s.conv)),
                                 most(lg_conv_weight_scratch(&s.conv), LG_CONV_BIAS_SCRATCH * s.conv.outputs));
@@ -228,7 +228,7 @@ void bench_cnn_parts(bench *b) {
         const lg_k_windows *w = &s.conv.windows;
         const double flops =
             2.0 * (double)(batch * w->count) * (double)(w->size * w->channels) * (double)s.conv.outputs;
-        for (size_t p = 0; p < APP_COUNT(parts); p++) {
+        for (size_t p = 0; p < LG_COUNT(parts); p++) {
             if (parts[p].inner && i == 0) continue;
             char *name = app_format("block %u: %s", i + 1, parts[p].name);
             bench_row *row = bench_measure(b, name, parts[p].run, &s);

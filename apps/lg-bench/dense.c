@@ -42,7 +42,7 @@ static void dense_gradient(dense *d) {
     const lg_var theta = lg_parameter(d->tape, lg_shape1((uint32_t)d->parameters), d->theta);
     const lg_var loss = dense_loss(d->tape, d, theta);
     (void)lg_backward_set(d->tape, loss, &theta, 1, &d->gradient);
-    (void)lg_read(d->tape, loss, &d->loss, 1);
+    (void)lg_read(d->tape, loss, 1, &d->loss);
 }
 
 static void gradient_call(void *user) {
@@ -52,7 +52,7 @@ static void gradient_call(void *user) {
 static void step_call(void *user) {
     dense *d = user;
     dense_gradient(d);
-    lg_adam_step(&d->adam, d->dtype, ++d->step, 1.0, 1.0, d->parameters, d->gradient, d->m, d->v, d->theta);
+    lg_adam_step(&d->adam, d->dtype, ++d->step, 1.0, 1.0, d->gradient, d->parameters, d->m, d->v, d->theta);
 }
 
 /* The gradient at the start against long double: loss = mean (y - t)^2. */
@@ -139,7 +139,7 @@ static void dense_rows(bench *b, dense *d, double error) {
         const char *name;
         void (*call)(void *user);
     } table[] = {{"step", step_call}, {"gradient", gradient_call}};
-    for (size_t i = 0; i < APP_COUNT(table); i++) {
+    for (size_t i = 0; i < LG_COUNT(table); i++) {
         bench_row *row = bench_measure(b, table[i].name, table[i].call, d);
         if (row == NULL) continue;
         row->batch = d->rows;
@@ -162,14 +162,13 @@ void bench_dense(bench *b) {
     void **const arrays[] = {&d.theta, &d.gradient, &d.m, &d.v};
     d.x = bench_typed(d.dtype, x, d.rows * IN);
     d.target = bench_typed(d.dtype, target, d.rows * OUT);
-    for (size_t i = 0; i < APP_COUNT(arrays); i++)
-        *arrays[i] = placed(b, i == 0 ? theta : NULL, d.parameters);
+    for (size_t i = 0; i < LG_COUNT(arrays); i++) *arrays[i] = placed(b, i == 0 ? theta : NULL, d.parameters);
     d.tape = bench_tape(b, d.dtype, b->threads);
     const double error = dense_error(b, &d);
     dense_rows(b, &d, error);
     if (bench_wanted(b, "fit")) fit_row(b, &d, theta, error);
     lg_tape_destroy(d.tape);
-    for (size_t i = 0; i < APP_COUNT(arrays); i++) lg_free(b->app->context, *arrays[i]);
+    for (size_t i = 0; i < LG_COUNT(arrays); i++) lg_free(b->app->context, *arrays[i]);
     free(d.x);
     free(d.target);
     free(x);
@@ -192,7 +191,7 @@ static void adam_piece(void *user, size_t i) {
     const adam *a = user;
     const size_t first = i * a->n / a->pieces, n = (i + 1) * a->n / a->pieces - first;
     const size_t at = first * bench_size(a->dtype);
-    lg_adam_step(&a->options, a->dtype, a->step, 1.0, 1.0, n, a->gradient + at, a->m + at, a->v + at,
+    lg_adam_step(&a->options, a->dtype, a->step, 1.0, 1.0, a->gradient + at, n, a->m + at, a->v + at,
                  a->theta + at);
 }
 
@@ -237,7 +236,7 @@ void bench_adam(bench *b) {
     double *gradient = bench_uniform(a.n, 1), *theta = bench_uniform(a.n, 2);
     char **const arrays[] = {&a.gradient, &a.theta, &a.m, &a.v};
     const double *const values[] = {gradient, theta, NULL, NULL};
-    for (size_t i = 0; i < APP_COUNT(arrays); i++) *arrays[i] = placed(b, values[i], a.n);
+    for (size_t i = 0; i < LG_COUNT(arrays); i++) *arrays[i] = placed(b, values[i], a.n);
     if (b->threads > 1)
         bench_check(b, lg_thread_pool_create(b->app->context, b->threads, &a.pool), "making threads");
     const double error = adam_error(&a);
@@ -252,5 +251,5 @@ void bench_adam(bench *b) {
     lg_thread_pool_destroy(a.pool);
     free(gradient);
     free(theta);
-    for (size_t i = 0; i < APP_COUNT(arrays); i++) lg_free(b->app->context, *arrays[i]);
+    for (size_t i = 0; i < LG_COUNT(arrays); i++) lg_free(b->app->context, *arrays[i]);
 }

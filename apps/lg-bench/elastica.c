@@ -123,7 +123,7 @@ static void fill_row(const bench *b, const learning *l, const lg_fit *fit, bench
     bench_note_add(row, "loss", lg_fit_loss(fit));
     bench_note_add(row, "epochs", (double)epochs);
     bench_note_add(row, "parameters", (double)l->inner.parameters);
-    bench_note_add(row, "tape_bytes", (double)lg_fit_tape_bytes(fit));
+    bench_note_add(row, "tape_bytes", (double)lg_fit_tape_size(fit));
     row->series_is = "losses";
     row->series_count = epochs;
     row->series = app_alloc(epochs, sizeof *row->series);

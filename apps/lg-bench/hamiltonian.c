@@ -89,8 +89,8 @@ static void open_learning(const bench *b, learning *l) {
     lg_hamiltonian_initialise(&l->model, &rng, l->theta);
 }
 
-static void close_learning(const bench *b, learning *l) {
-    lg_system_destroy(b->app->context, l->system);
+static void close_learning(learning *l) {
+    lg_system_destroy(l->system);
     free(l->t);
     free(l->data);
     free(l->energies);
@@ -115,7 +115,7 @@ static double e1(const bench *b, const learning *l, const double *theta) {
     sample(b, l, TEST, points, 1, TEST_SEED, t, truth, energies);
     lg_step_controller_init(&control);
     control.rtol = control.atol = 1e-10;
-    bench_check(b, lg_model_ode(learned, &user, work, &ode), "making the learned system");
+    bench_check(b, lg_model_ode(learned, &ode, &user, work), "making the learned system");
     bench_check(b,
                 lg_stepper_create(b->app->context, lg_scheme_find(l->model.family->accurate), &ode, &stepper),
                 "making the stepper");
@@ -125,7 +125,7 @@ static double e1(const bench *b, const learning *l, const double *theta) {
                     "integrating the learned flow");
         for (size_t k = 0; k < size; k++) sum += (y[k] - given[k]) * (y[k] - given[k]);
     }
-    lg_stepper_destroy(b->app->context, stepper);
+    lg_stepper_destroy(stepper);
     lg_model_destroy(learned);
     free(work);
     free(t);
@@ -145,7 +145,7 @@ static double full_loss(const bench *b, const learning *l, const double *theta) 
     for (uint32_t i = 0; i < l->what->trajectories; i++) samples[i] = i;
     const lg_var parameters = lg_parameter(tape, lg_shape1((uint32_t)problem.parameters), theta);
     (void)problem.loss(problem.user, tape, parameters, samples, problem.samples, problem.samples, &loss);
-    (void)lg_read(tape, loss, &value, 1);
+    (void)lg_read(tape, loss, 1, &value);
     bench_check_tape(b, tape);
     lg_tape_destroy(tape);
     free(samples);
@@ -236,5 +236,5 @@ void bench_hamiltonian(bench *b) {
         judge_weights(b, &l);
     else
         train(b, &l);
-    close_learning(b, &l);
+    close_learning(&l);
 }

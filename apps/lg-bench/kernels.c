@@ -109,7 +109,7 @@ static void gemm_row(bench *b, gemm *g, const char *how, void (*call)(void *user
 }
 
 void bench_gemm(bench *b) {
-    for (size_t i = 0; i < APP_COUNT(shapes); i++) {
+    for (size_t i = 0; i < LG_COUNT(shapes); i++) {
         const shape s = shapes[i];
         gemm g = {.s = s, .dtype = b->dtype, .k = lg_kernels_for(b->dtype)};
         double *x = bench_uniform(s.m * s.k, 1), *y = bench_uniform(s.k * s.n, 2);
@@ -133,7 +133,7 @@ void bench_gemm(bench *b) {
         bench_check_tape(b, g.tape);
         lg_tape_destroy(g.tape);
         void *const arrays[] = {x, y, g.a, g.b, g.c, g.scratch};
-        for (size_t k = 0; k < APP_COUNT(arrays); k++) free(arrays[k]);
+        for (size_t k = 0; k < LG_COUNT(arrays); k++) free(arrays[k]);
     }
 }
 
@@ -203,7 +203,7 @@ static double ulp_error(const bench *b, const act *a) {
 
 void bench_act(bench *b) {
     const size_t n = (size_t)b->given->width;
-    for (size_t i = 0; i < APP_COUNT(functions); i++) {
+    for (size_t i = 0; i < LG_COUNT(functions); i++) {
         const elementwise *f = &functions[i];
         act a = {.f = f, .k = lg_kernels_for(b->dtype), .n = n};
         double *x = bench_uniform(n, 1);
@@ -265,7 +265,7 @@ void bench_node(bench *b) {
         void (*call)(void *user);
     } table[] = {{"record", record_call}, {"record and backward", both_call}};
     node c = {.tape = bench_tape(b, b->dtype, 1), .n = (size_t)b->given->width, .one = 1, .one32 = 1};
-    for (size_t i = 0; i < APP_COUNT(table); i++) {
+    for (size_t i = 0; i < LG_COUNT(table); i++) {
         bench_row *row = bench_measure(b, table[i].name, table[i].call, &c);
         if (row == NULL) continue;
         bench_check_tape(b, c.tape);

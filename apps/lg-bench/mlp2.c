@@ -321,15 +321,14 @@ static void parts_batch(bench *b, size_t rows) {
     parts p = {.k = lg_kernels_for(b->dtype), .rows = rows, .width = w};
     for (uint64_t l = 0; l < 3; l++) {
         void **const arrays[] = {&p.a[l], &p.g[l], &p.r[l], &p.z[l]};
-        for (uint64_t i = 0; i < APP_COUNT(arrays); i++)
-            *arrays[i] = parts_array(b, rows * w, 10 + 4 * l + i);
+        for (uint64_t i = 0; i < LG_COUNT(arrays); i++) *arrays[i] = parts_array(b, rows * w, 10 + 4 * l + i);
     }
     for (uint64_t l = 0; l < 2; l++) {
         p.weight[l] = parts_array(b, w * w, 30 + l);
         p.transposed[l] = parts_array(b, w * w, 32 + l);
         p.dw[l] = parts_array(b, w * w, 34 + l);
     }
-    for (size_t i = 0; i < APP_COUNT(table); i++) {
+    for (size_t i = 0; i < LG_COUNT(table); i++) {
         char name[64];
         (void)snprintf(name, sizeof name, "%s B=%zu", table[i].name, rows);
         bench_row *row = bench_measure(b, name, table[i].call, &p);
@@ -345,7 +344,7 @@ static void parts_batch(bench *b, size_t rows) {
     }
     for (int l = 0; l < 3; l++) {
         void *const arrays[] = {p.a[l], p.g[l], p.r[l], p.z[l]};
-        for (size_t i = 0; i < APP_COUNT(arrays); i++) free(arrays[i]);
+        for (size_t i = 0; i < LG_COUNT(arrays); i++) free(arrays[i]);
     }
     for (int l = 0; l < 2; l++) {
         free(p.weight[l]);

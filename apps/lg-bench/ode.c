@@ -55,7 +55,7 @@ static void chain_make(chain *c, const bench *b, size_t links) {
     for (int form = 0; form < 2; form++) {
         c->work[form] = app_alloc(lg_system_work_size(c->system), 1);
         bench_check(
-            b, lg_system_ode(c->system, (lg_coordinates)form, &c->user[form], c->work[form], &c->ode[form]),
+            b, lg_system_ode(c->system, (lg_coordinates)form, &c->ode[form], &c->user[form], c->work[form]),
             "making the field");
     }
     c->start = app_alloc(c->dim, sizeof(double));
@@ -66,8 +66,8 @@ static void chain_make(chain *c, const bench *b, size_t links) {
 }
 
 static void chain_end(chain *c) {
-    lg_stepper_destroy(c->bench->app->context, c->stepper);
-    lg_system_destroy(c->bench->app->context, c->system);
+    lg_stepper_destroy(c->stepper);
+    lg_system_destroy(c->system);
     for (int form = 0; form < 2; form++) free(c->work[form]);
     free(c->start);
     free(c->end);
@@ -93,7 +93,7 @@ static double make_reference(chain *c) {
     lg_stepper *classical = stepper_of(c, "dp54");
     integrate(c, c->stepper, reference_tolerance, c->reference);
     integrate(c, classical, reference_tolerance, c->end);
-    lg_stepper_destroy(c->bench->app->context, classical);
+    lg_stepper_destroy(classical);
     return bench_difference(c->end, c->reference, c->dim);
 }
 

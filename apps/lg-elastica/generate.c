@@ -89,7 +89,7 @@ static int run(app *self) {
     lg_elastica_data data = {.sha256 = ""};
     if (values.out == NULL) return app_usage(self, "--out FILE is missing");
     int code = fill_sampling(self, &sampling);
-    if (code == APP_EXIT_OK) code = app_check_outputs(self, paths, APP_COUNT(paths));
+    if (code == APP_EXIT_OK) code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code != APP_EXIT_OK) return code;
     const double begin = app_seconds();
     lg_status status = lg_elastica_generate(self->context, &sampling, &data.curves, &error);

@@ -14,7 +14,7 @@ static uint32_t preset_given;
 
 static const char *preset_name(uint32_t value) {
     static const char *const names[] = {"thesis", "best"};
-    return value < APP_COUNT(names) ? names[value] : NULL;
+    return value < LG_COUNT(names) ? names[value] : NULL;
 }
 
 static const lg_hyperparameter preset_rows[] = {

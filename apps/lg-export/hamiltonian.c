@@ -92,7 +92,7 @@ static void add_code(export_source *source, const lg_hamiltonian *model, const s
                      size_t net_work) {
     const bool chain = model->family->force == NULL;
     export_constant(source, "LINKS", model->n);
-    export_constant(source, "STATE", lg_hamiltonian_state_size(model));
+    export_constant(source, "STATE", lg_hamiltonian_state_dim(model));
     if (chain)
         add_chain(source);
     else
@@ -230,7 +230,7 @@ static void tell(export_source *source, const lg_hamiltonian_file *file, const s
     tell_training(&source->about, file);
     export_provenance(source, &file->provenance, file->run.data_sha256);
     export_size(source, "LINKS", model->n, chain ? "k" : "n");
-    export_size(source, "STATE_SIZE", lg_hamiltonian_state_size(model), "numbers in state, next and field");
+    export_size(source, "STATE_SIZE", lg_hamiltonian_state_dim(model), "numbers in state, next and field");
     export_size(source, "INPUT_SIZE", (chain ? 3 : 1) * (size_t)model->n, "numbers in an input");
     export_size(source, "STEP_EVALUATIONS", (size_t)step->evaluations, "of the network's gradient in a step");
     lg_text_add_named(&source->declarations, source->options->name, declarations);
@@ -307,13 +307,13 @@ static void draw_golden(export_source *source, const lg_hamiltonian *model, doub
 
 static lg_status golden_vectors(export_source *source, const lg_hamiltonian *trained, const lg_model *model,
                                 const lg_scheme *scheme, double dt) {
-    const size_t m = lg_model_input_size(model), bytes = lg_model_stepper_size(model, scheme);
+    const size_t m = lg_model_input_dim(model), bytes = lg_model_stepper_size(model, scheme);
     double h, *input = app_alloc(m, sizeof *input);
     void *memory = app_alloc(bytes > 0 ? bytes : 1, 1), *work = app_alloc(lg_model_work_size(model), 1);
     lg_stepper *stepper;
     export_golden_make(source, true, 2 * source->inputs, "field and step");
     draw_golden(source, trained, input, m);
-    lg_status status = lg_model_stepper_init(memory, bytes, model, scheme, &stepper);
+    lg_status status = lg_model_stepper_init(model, scheme, &stepper, memory, bytes);
     if (status == LG_OK) status = compute_golden(source, model, dt, input, work, stepper, &h);
     if (status == LG_OK) {
         lg_text_add(&source->test, "static const real golden_step = ");
@@ -358,7 +358,7 @@ int export_hamiltonian(const app *self, const lg_model_file *file, export_source
     step_plan step;
     const int chosen = step_choose(self, source, model, &step);
     if (chosen != APP_EXIT_OK) return chosen;
-    source->inputs = lg_hamiltonian_state_size(model);
+    source->inputs = lg_hamiltonian_state_dim(model);
     source->outputs = 1;
     source->depth = (size_t)model->net.layers + 1;
     source->stack += model->family->force == NULL ? CHAIN_STACK : SEPARABLE_STACK;

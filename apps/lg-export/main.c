@@ -244,7 +244,7 @@ static int export_run(app *self) {
     if (code == APP_EXIT_OK) code = export_write(self, &j.source, given.out);
     if (code == APP_EXIT_OK) report(&j);
     export_source_free(&j.source);
-    lg_scheme_destroy(self->context, j.scheme);
+    lg_scheme_destroy(j.scheme);
     free(j.name);
     return code;
 }

@@ -278,10 +278,10 @@ static void add_about(const job *j) {
 static void add_provenance(const job *j, const char *path) {
     lg_file_reader *reader = NULL;
     lg_provenance provenance;
-    if (lg_file_reader_open(j->self->context, path, NULL, NULL, &reader, NULL) != LG_OK) return;
+    if (lg_file_reader_create(j->self->context, path, NULL, NULL, &reader, NULL) != LG_OK) return;
     lg_file_reader_provenance(reader, &provenance);
     export_provenance(j->source, &provenance, NULL);
-    lg_file_reader_close(reader);
+    lg_file_reader_destroy(reader);
 }
 
 /* ---- which functions ---- */

@@ -104,14 +104,14 @@ double export_tolerance(const export_source *source) {
 void export_read_units(const app *self, const char *path, export_options *options) {
     lg_file_reader *reader = NULL;
     lg_archive_reader archive;
-    if (lg_file_reader_open(self->context, path, NULL, NULL, &reader, NULL) != LG_OK) return;
+    if (lg_file_reader_create(self->context, path, NULL, NULL, &reader, NULL) != LG_OK) return;
     if (lg_file_reader_archive(reader, "model", &archive) == LG_OK) {
         if (archive.text(archive.user, "input_units", options->input_units, EXPORT_UNITS) != LG_OK)
             options->input_units[0] = '\0';
         if (archive.text(archive.user, "output_units", options->output_units, EXPORT_UNITS) != LG_OK)
             options->output_units[0] = '\0';
     }
-    lg_file_reader_close(reader);
+    lg_file_reader_destroy(reader);
 }
 
 void export_units(export_source *source, const char *otherwise) {

@@ -218,7 +218,7 @@ int step_choose(const app *self, const export_source *source, const lg_hamiltoni
                                  "the kinds splitting, runge-kutta, rkmk and commutator-free can be had",
                          step_scheme_name(scheme));
     *out = (step_plan){.scheme = scheme};
-    writer->make(out, lg_hamiltonian_state_size(model));
+    writer->make(out, lg_hamiltonian_state_dim(model));
     return APP_EXIT_OK;
 }
 

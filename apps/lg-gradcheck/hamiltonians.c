@@ -29,11 +29,11 @@ static void fill(const lg_hamiltonian *model, double *data) {
     static const double numbers[] = {2.0 / 3, -1.0 / 3, 2.0 / 3,  0.5,     1.0,     0.0, 0.0,  0.6,
                                      0.8,     0.7,      -0.8,     0.6,     0.6,     0.0, -0.8, 0.8,
                                      -0.5,    0.6,      -1.0 / 3, 2.0 / 3, 2.0 / 3, 0.0, 0.9,  -0.9};
-    const size_t d = lg_hamiltonian_state_size(model);
+    const size_t d = lg_hamiltonian_state_dim(model);
     lg_space space;
     if (lg_hamiltonian_space(model->family, model->n, &space) != LG_OK) return;
     for (size_t row = 0; row < TRAJECTORIES * POINTS; row++) {
-        for (size_t j = 0; j < d; j++) data[row * d + j] = numbers[(row % 2 * d + j) % APP_COUNT(numbers)];
+        for (size_t j = 0; j < d; j++) data[row * d + j] = numbers[(row % 2 * d + j) % LG_COUNT(numbers)];
         lg_space_project(&space, data + row * d);
     }
 }
@@ -78,7 +78,7 @@ static lg_var build(const void *user, lg_tape *tape, const lg_var *x) {
         return lg_hamiltonian_record_gradient(tape, &vars, x[0]);
     default:
         return lg_hamiltonian_record_field(tape, &vars, x[0],
-                                           lg_hamiltonian_input_size(&s->model) > 0 ? x[2] : LG_NONE);
+                                           lg_hamiltonian_input_dim(&s->model) > 0 ? x[2] : LG_NONE);
     }
 }
 
@@ -100,12 +100,12 @@ static lg_gradcheck_argument parameters(const lg_hamiltonian *model) {
 
 static settings *add(const lg_hamiltonian *model, question what, const char *label) {
     settings *s = &all[rows];
-    const uint32_t m = lg_hamiltonian_input_size(model);
+    const uint32_t m = lg_hamiltonian_input_dim(model);
     const bool state = what != LOSS;
     *s = (settings){.model = *model, .asked = what};
     (void)snprintf(s->name, sizeof s->name, "hamiltonian %s%s%s %s", model->family->name,
                    model->n == 1 ? " of one " : "", model->n == 1 ? model->family->copy : "", label);
-    if (state) s->arguments[0] = vectors(lg_hamiltonian_state_size(model));
+    if (state) s->arguments[0] = vectors(lg_hamiltonian_state_dim(model));
     s->arguments[state ? 1 : 0] = parameters(model);
     if (what == FIELD && m > 0) s->arguments[2] = vectors(m);
     cases[rows++].function = (lg_gradcheck_function){.name = s->name,
@@ -132,7 +132,7 @@ static void add_loss(const lg_hamiltonian *model, const lg_scheme *scheme, doubl
     s->scheme = scheme, s->penalty = penalty, s->form = form;
     if (penalty == 0) return;
     (void)strcat(s->name, form == LG_PENALTY_MEAN_SQUARE ? ", penalty" : ", penalty as published");
-    if (form == LG_PENALTY_SUM_ABSOLUTE && s->arguments[0].shape.dims[0] == APP_COUNT(off_kink))
+    if (form == LG_PENALTY_SUM_ABSOLUTE && s->arguments[0].shape.dims[0] == LG_COUNT(off_kink))
         s->arguments[0] =
             (lg_gradcheck_argument){.shape = s->arguments[0].shape, .values = off_kink, .scale = 0.25};
 }
@@ -147,7 +147,7 @@ static void add_family(const lg_hamiltonian_family *family) {
         (void)add(&model, GRADIENT, "gradient");
         (void)add(&model, FIELD, "field");
     }
-    for (size_t i = 0; i < APP_COUNT(schemes); i++)
+    for (size_t i = 0; i < LG_COUNT(schemes); i++)
         add_loss(&model, lg_scheme_find(schemes[i]), 0, LG_PENALTY_MEAN_SQUARE);
     const lg_scheme *splitting = lg_scheme_find("stormer-verlet");
     add_loss(&model, splitting, 0.5, LG_PENALTY_MEAN_SQUARE);

@@ -40,10 +40,10 @@ static lg_var build(const void *user, lg_tape *tape, const lg_var *x) {
     lg_system_taped_user bound;
     lg_taped_ode ode;
     lg_var y[LG_TAPED_MAX_PARTS], out[LG_TAPED_MAX_PARTS];
-    const lg_coordinates form = s->part == AMBIENT_FIELD ? LG_COORDINATES_AMBIENT : LG_COORDINATES_LIE;
+    const lg_coordinates coordinates = s->part == AMBIENT_FIELD ? LG_COORDINATES_AMBIENT : LG_COORDINATES_LIE;
     const lg_taped_time t = {.value = 0.2};
     size_t parts = 1;
-    lg_status status = lg_system_taped_ode(s->system, form, x[1], &bound, &ode);
+    lg_status status = lg_system_taped_ode(s->system, coordinates, x[1], &ode, &bound);
     if (status == LG_OK && s->part == FORCE) {
         status = ode.force(ode.user, tape, t, x[0], LG_NONE, out);
     } else if (status == LG_OK && s->part == VELOCITY) {
@@ -60,7 +60,7 @@ static lg_var build(const void *user, lg_tape *tape, const lg_var *x) {
 /* ---- a system with all its parameters given ---- */
 
 /* Numbers that the rule allows, different from each other. */
-static void fill_parameter(const lg_parameter_row *p, size_t count, double *out) {
+static void fill_parameter(const lg_parameter_entry *p, size_t count, double *out) {
     static const double unit[3] = {2.0 / 3.0, -1.0 / 3.0, 2.0 / 3.0};
     for (size_t i = 0; i < count; i++) {
         const double number = 0.7 + 0.11 * (double)i;
@@ -75,7 +75,7 @@ static lg_system *system_of(const char *name, const char *form, size_t links) {
     lg_system *system = NULL;
     lg_error error = {0};
     size_t used = 0, keys = 0;
-    for (const lg_parameter_row *p = lg_system_parameters(name, form); p->key; p++) {
+    for (const lg_parameter_entry *p = lg_system_parameters(name, form); p->key; p++) {
         const size_t count = p->count > 0 ? p->count : links;
         if (p->fallback != NULL || keys == KEYS_MAX || used + count > PARAMETERS_MAX) continue;
         fill_parameter(p, count, numbers + used);
@@ -123,7 +123,7 @@ static void draw_state(const lg_space *space, double *y) {
     lg_rng_seed(&rng, 7, 0);
     for (size_t f = 0; f < space->factors; f++) {
         const lg_space_kind kind = space->factor[f].kind;
-        const size_t state = lg_space_kind_row(kind)->state;
+        const size_t state = lg_space_kind_entry(kind)->state;
         for (size_t i = 0; i < space->factor[f].count; i++, y += state) draw_copy(&rng, kind, state, y);
     }
 }
@@ -173,7 +173,7 @@ static void add_system(const char *name, const char *form, size_t links) {
     draw_state(lg_system_space(system), y);
     add(system, FIELD, y);
     if (lg_system_constrained(system) &&
-        lg_system_taped_ode(system, LG_COORDINATES_AMBIENT, LG_NONE, &bound, &ode) == LG_OK)
+        lg_system_taped_ode(system, LG_COORDINATES_AMBIENT, LG_NONE, &ode, &bound) == LG_OK)
         add(system, AMBIENT_FIELD, y);
     if (!lg_system_separable(system)) return;
     add(system, FORCE, y);

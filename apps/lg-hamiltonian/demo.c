@@ -118,7 +118,7 @@ static lg_status train_model(demo *self) {
 static lg_status judge_model(demo *self) {
     const lg_hamiltonian *model = &self->learner.run.model;
     const double begin = app_seconds();
-    self->predicted = app_alloc(self->test.count * self->test.points * self->test.state_size, sizeof(double));
+    self->predicted = app_alloc(self->test.count * self->test.points * self->test.state_dim, sizeof(double));
     const lg_status status = judge(self->app->context, self->app->threads, model, self->theta, &self->test,
                                    default_tolerance(model), self->predicted, &self->verdict, &self->error);
     self->judging_seconds = app_seconds() - begin;
@@ -136,7 +136,7 @@ static lg_status record_model(demo *self) {
 /* The true and the learned energy along the learned flow of the first test start. */
 static lg_status draw_long(demo *self, const char *picture) {
     const lg_hamiltonian *model = &self->learner.run.model;
-    const size_t dim = self->test.state_size;
+    const size_t dim = self->test.state_dim;
     double *t = app_alloc(LONG_POINTS, sizeof *t), *y = app_alloc(LONG_POINTS * dim, sizeof *y);
     double *energies = app_alloc(2 * LONG_POINTS, sizeof *energies), *work = NULL;
     const lg_system *system = self->scene.system;

@@ -94,13 +94,13 @@ static int evaluate(app *self, lg_hamiltonian_file *file, const lg_trajectories 
     const lg_hamiltonian *model = &file->run.model;
     if (model->family != test->family || model->n != test->n)
         return app_fail(self, LG_SHAPE, "%s: states of %u numbers, but the model %s has %u%s",
-                        self->arguments[1], test->state_size, self->arguments[0],
-                        lg_hamiltonian_state_size(model),
+                        self->arguments[1], test->state_dim, self->arguments[0],
+                        lg_hamiltonian_state_dim(model),
                         model->family != test->family ? " of another layout" : "");
     const double tolerance = values.tolerance > 0 ? values.tolerance : default_tolerance(model);
     double *predicted = NULL;
     if (values.plot != NULL)
-        predicted = app_alloc(test->count * test->points * test->state_size, sizeof *predicted);
+        predicted = app_alloc(test->count * test->points * test->state_dim, sizeof *predicted);
     const double begin = app_seconds();
     lg_status status =
         judge(self->context, self->threads, model, file->theta, test, tolerance, predicted, &result, &error);

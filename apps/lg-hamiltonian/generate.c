@@ -36,7 +36,7 @@ static void report(const app *self, const lg_trajectories *data, double seconds)
         app_json_size(&json, "links", data->n);
         app_json_size(&json, "trajectories", data->count);
         app_json_size(&json, "points", data->points);
-        app_json_size(&json, "state_size", data->state_size);
+        app_json_size(&json, "state_size", data->state_dim);
         app_json_real(&json, "dt", data->dt);
         app_json_real(&json, "noise", values.noise);
         app_json_text(&json, "noise_kind", noise_names[values.noise_kind]);
@@ -48,7 +48,7 @@ static void report(const app *self, const lg_trajectories *data, double seconds)
         return;
     }
     (void)printf("%s: %zu trajectories of %s, %zu points each %g apart, %u numbers a point (%.2f s)\n",
-                 values.out, data->count, data->system, data->points, data->dt, data->state_size, seconds);
+                 values.out, data->count, data->system, data->points, data->dt, data->state_dim, seconds);
 }
 
 static int generate(app *self, const lg_scene *scene) {

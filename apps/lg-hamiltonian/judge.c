@@ -19,11 +19,11 @@ static lg_status flow_of(const lg_context *context, const lg_model *learned, con
     lg_stepper *stepper = NULL;
     lg_step_controller_init(&control);
     control.rtol = control.atol = tolerance;
-    lg_status status = lg_model_ode(learned, &user, work, &ode);
+    lg_status status = lg_model_ode(learned, &ode, &user, work);
     if (status == LG_OK) status = lg_stepper_create(context, scheme, &ode, &stepper);
     if (status == LG_OK)
         status = lg_integrate_adaptive(stepper, &control, times[0], start, times, count, out, stats);
-    lg_stepper_destroy(context, stepper);
+    lg_stepper_destroy(stepper);
     free(work);
     return status;
 }
@@ -42,7 +42,7 @@ typedef struct judgement {
 static void judge_one(void *user, size_t i) {
     const judgement *self = user;
     const lg_trajectories *test = self->test;
-    const size_t size = test->points * test->state_size;
+    const size_t size = test->points * test->state_dim;
     const double *given = test->data + i * size;
     double *own = self->predicted == NULL ? app_alloc(size, sizeof *own) : NULL;
     double *y = own != NULL ? own : self->predicted + i * size;
@@ -83,7 +83,7 @@ lg_status learned_flow(const lg_context *context, const lg_hamiltonian *model, c
 static double energy_error(const lg_model *learned, const lg_trajectories *test) {
     if (test->hamiltonian == NULL) return (double)NAN;
     double *d = app_alloc(test->count, sizeof *d), mean = 0, error = 0;
-    energies_of(learned, test->data, test->count, test->points * test->state_size, d);
+    energies_of(learned, test->data, test->count, test->points * test->state_dim, d);
     for (size_t i = 0; i < test->count; i++) {
         d[i] = test->hamiltonian[i] - d[i];
         mean += d[i];
@@ -121,7 +121,7 @@ static lg_status judge_all(const judgement *work, uint64_t threads, verdict *out
                              lg_status_sentence(work->status[i]));
         sum += work->squares[i];
     }
-    out->e1 = sum / ((double)test->count * (double)test->points * (double)test->state_size);
+    out->e1 = sum / ((double)test->count * (double)test->points * (double)test->state_dim);
     out->e2 = energy_error(work->learned, test);
     return LG_OK;
 }

@@ -68,7 +68,7 @@ static lg_status add_chunks(lg_tape *tape, const lg_fit_problem *fit, const doub
         lg_var loss, parameters = lg_parameter(tape, lg_shape1((uint32_t)fit->parameters), theta);
         lg_status status = fit->loss(fit->user, tape, parameters, samples, count, fit->samples, &loss);
         double part = 0;
-        if (status == LG_OK) status = lg_read(tape, loss, &part, 1);
+        if (status == LG_OK) status = lg_read(tape, loss, 1, &part);
         if (status != LG_OK) return status;
         *sum += part;
     }
@@ -96,7 +96,7 @@ lg_status mean_squared_error(const lg_context *context, const lg_hamiltonian_pro
 void warn_of_inputs(const app *self, const char *path, const lg_trajectories *data) {
     if (data->inputs != NULL)
         app_warn(self, "%s: /inputs (%u a step) are not used: the learned system has none", path,
-                 data->input_size);
+                 data->input_dim);
 }
 
 lg_status save_model(const app *self, const char *path, const learner *trained, const double *theta,

@@ -35,7 +35,7 @@ typedef struct curves {
 static size_t put_blocks(app_plot *plot, const lg_hamiltonian *model, const double *t, const double *y,
                          size_t n, size_t points) {
     const bool chain = on_spheres(model);
-    const size_t dim = lg_hamiltonian_state_size(model), parts = chain ? model->n : 1;
+    const size_t dim = lg_hamiltonian_state_dim(model), parts = chain ? model->n : 1;
     for (size_t i = 0; i < n; i++)
         for (size_t part = 0; part < parts; part++) {
             for (size_t j = 0; j < points; j++) {
@@ -121,7 +121,7 @@ lg_status draw_trajectories(const app *self, const char *picture, const char *ti
                             const double *predicted, size_t n, size_t points, lg_error *error) {
     app_plot plot;
     const size_t links = model->n;
-    const bool space = on_spheres(model), phase = lg_hamiltonian_state_size(model) == 2;
+    const bool space = on_spheres(model), phase = lg_hamiltonian_state_dim(model) == 2;
     const size_t count = space ? links : phase ? LG_COUNT(phase_panels) : LG_COUNT(plane_panels);
     const lg_status status = begin_panels(&plot, picture, count, count > 1 ? 520 : 700, title, error);
     if (status != LG_OK) return status;

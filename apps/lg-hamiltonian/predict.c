@@ -161,7 +161,7 @@ static int write_outputs(app *self, prediction *p) {
 }
 
 static int predict(app *self, const lg_hamiltonian_file *file) {
-    prediction p = {.file = file, .dim = lg_hamiltonian_state_size(&file->run.model)};
+    prediction p = {.file = file, .dim = lg_hamiltonian_state_dim(&file->run.model)};
     p.start = app_alloc(p.dim, sizeof *p.start);
     int code = self->argument_count > 1 ? start_from_scene(self, &p) : start_from_numbers(self, &p);
     p.t_end = values.t_end > 0 ? values.t_end : p.has_scene && p.scene.has_t_end ? p.scene.t_end : 1;

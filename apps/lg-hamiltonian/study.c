@@ -24,7 +24,7 @@ enum { SEED_TEST = 1 }; /* the other is the row's */
 
 /* The numbers of a parameter; NULL when the system has none of that key. */
 static const double *parameter_of(const lg_system *system, const char *key) {
-    const lg_parameter_row *row = lg_system_parameters(lg_system_name(system), lg_system_form(system));
+    const lg_parameter_entry *row = lg_system_parameters(lg_system_name(system), lg_system_form(system));
     const double *numbers = lg_system_parameter_values(system);
     for (; row->key != NULL && strcmp(row->key, key) != 0; row++)
         numbers += row->count > 0 ? row->count : lg_system_links(system);
@@ -195,7 +195,7 @@ static int run(app *host) {
                              .show = show_row,
                              .report = study_report,
                              .pictures = pictures,
-                             .picture_count = APP_COUNT(pictures)};
+                             .picture_count = LG_COUNT(pictures)};
     const int code = study_main(host, &task);
     lg_grid_destroy(host->context, &grid);
     return code;

@@ -17,13 +17,13 @@ static lg_status begin(app_plot *plot, const char *picture, lg_error *error) {
 static const char *const colours[] = {"#1f5fa8", "#d1641f", "#2a9d5c", "#8a4fbf", "#c0392b", "#6b7280"};
 
 static const char *colour_of(size_t series) {
-    return colours[series % APP_COUNT(colours)];
+    return colours[series % LG_COUNT(colours)];
 }
 
 /* gnuplot's filled marks: circle, square, triangle up and down, diamond, pentagon. */
 static int mark_of(size_t series) {
     static const int marks[] = {7, 5, 9, 11, 13, 15};
-    return marks[series % APP_COUNT(marks)];
+    return marks[series % LG_COUNT(marks)];
 }
 
 /* ---- accuracy against time ---- */
@@ -178,7 +178,7 @@ static bool coordinates(const study_file *file, const study_row *key, double x[L
     static const uint32_t chosen[] = {AXIS_INTEGRATOR, AXIS_N, AXIS_M, AXIS_EPS};
     const study_summary s = study_cell_summary(file, *key);
     if (s.runs == s.failed) return false;
-    for (size_t i = 0; i < APP_COUNT(chosen); i++) x[i] = key->at[chosen[i]];
+    for (size_t i = 0; i < LG_COUNT(chosen); i++) x[i] = key->at[chosen[i]];
     x[4] = log10(s.median[STUDY_LOSS]);
     x[5] = log10(s.median[STUDY_E2]);
     x[6] = log10(s.median[STUDY_E1]);
@@ -225,7 +225,7 @@ static void put_axes(FILE *script, const study_plan *plan, const axes *a) {
             "set arrow from %d,0 to %d,1 nohead lc rgb '#555555' lw 1.5\nset label '%s' at %d,1.07 center\n",
             k, k, axis_names[k], k);
     static const uint32_t chosen[] = {AXIS_INTEGRATOR, AXIS_N, AXIS_M, AXIS_EPS};
-    for (int k = 0; k < (int)APP_COUNT(chosen); k++) {
+    for (int k = 0; k < (int)LG_COUNT(chosen); k++) {
         const study_axis *axis = &plan->axes[chosen[k]];
         for (uint32_t i = 0; i < axis->count; i++) put_tick(script, a, k, i, axis->text[i]);
     }

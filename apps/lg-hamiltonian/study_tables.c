@@ -20,7 +20,7 @@ static study_summary integrator_summary(const study_file *file, const study_row 
     study_collection c = study_collect((size_t)runs);
     for (uint64_t i = 0; i < runs; i++) {
         const study_row key = study_run_at(file->plan, i);
-        if (same_on(&key, first, axes, APP_COUNT(axes))) study_add(&c, study_file_find(file, &key));
+        if (same_on(&key, first, axes, LG_COUNT(axes))) study_add(&c, study_file_find(file, &key));
     }
     return study_end(&c);
 }
@@ -113,13 +113,13 @@ static void print_cells(const study_file *file) {
     static const uint32_t measures[] = {STUDY_LOSS, STUDY_E1, STUDY_E2, STUDY_SECONDS};
     static const char *const more[] = {"loss", "E1", "E2", "seconds", "runs", "failed"};
     app_table table;
-    head_cells(&table, file->plan, axes, APP_COUNT(axes), more, APP_COUNT(more));
+    head_cells(&table, file->plan, axes, LG_COUNT(axes), more, LG_COUNT(more));
     for (uint64_t i = 0; i < study_cells(file->plan); i++) {
         const study_row key = study_run_at(file->plan, i);
         const study_summary s = study_cell_summary(file, key);
         if (s.runs == 0) continue;
-        key_cells(&table, file->plan, &key, axes, APP_COUNT(axes));
-        figure_cells(&table, s.median, measures, APP_COUNT(measures));
+        key_cells(&table, file->plan, &key, axes, LG_COUNT(axes));
+        figure_cells(&table, s.median, measures, LG_COUNT(measures));
         app_table_cell(&table, "%zu", s.runs);
         app_table_cell(&table, "%zu", s.failed);
     }
@@ -134,10 +134,10 @@ static void print_best(const study_file *file, bool noisy) {
     const size_t n = best_combinations(file, noisy, best);
     if (n == 0) return;
     app_table table;
-    head_cells(&table, file->plan, axes, APP_COUNT(axes), more, APP_COUNT(more));
+    head_cells(&table, file->plan, axes, LG_COUNT(axes), more, LG_COUNT(more));
     for (size_t i = 0; i < n; i++) {
-        key_cells(&table, file->plan, &best[i].key, axes, APP_COUNT(axes));
-        figure_cells(&table, best[i].summary.geometric, measures, APP_COUNT(measures));
+        key_cells(&table, file->plan, &best[i].key, axes, LG_COUNT(axes));
+        figure_cells(&table, best[i].summary.geometric, measures, LG_COUNT(measures));
         app_table_cell(&table, "%zu", best[i].summary.runs - best[i].summary.failed);
     }
     (void)printf("\nBest combinations %s noise (geometric means)\n", noisy ? "with" : "without");
@@ -149,13 +149,13 @@ static void print_integrators(const study_file *file) {
     static const uint32_t measures[] = {STUDY_E1, STUDY_E2, STUDY_LOSS, STUDY_SECONDS};
     static const char *const more[] = {"E1", "E2", "loss", "seconds", "runs", "failed"};
     app_table table;
-    head_cells(&table, file->plan, axes, APP_COUNT(axes), more, APP_COUNT(more));
+    head_cells(&table, file->plan, axes, LG_COUNT(axes), more, LG_COUNT(more));
     for (uint64_t i = 0; i < integrators_of(file->plan); i++) {
         const study_row key = integrator_at(file->plan, i);
         const study_summary s = integrator_summary(file, &key);
         if (s.runs == 0) continue;
-        key_cells(&table, file->plan, &key, axes, APP_COUNT(axes));
-        figure_cells(&table, s.geometric, measures, APP_COUNT(measures));
+        key_cells(&table, file->plan, &key, axes, LG_COUNT(axes));
+        figure_cells(&table, s.geometric, measures, LG_COUNT(measures));
         app_table_cell(&table, "%zu", s.runs);
         app_table_cell(&table, "%zu", s.failed);
     }
@@ -190,7 +190,7 @@ static void json_best(app_json *json, const char *name, const study_file *file, 
     const size_t n = best_combinations(file, noisy, best);
     app_json_open(json, name, '[');
     for (size_t i = 0; i < n; i++)
-        json_row(json, file->plan, &best[i].key, axes, APP_COUNT(axes), &best[i].summary,
+        json_row(json, file->plan, &best[i].key, axes, LG_COUNT(axes), &best[i].summary,
                  best[i].summary.geometric);
     app_json_close(json, ']');
 }
@@ -201,7 +201,7 @@ static void json_cells(app_json *json, const study_file *file) {
     for (uint64_t i = 0; i < study_cells(file->plan); i++) {
         const study_row key = study_run_at(file->plan, i);
         const study_summary s = study_cell_summary(file, key);
-        if (s.runs > 0) json_row(json, file->plan, &key, axes, APP_COUNT(axes), &s, s.median);
+        if (s.runs > 0) json_row(json, file->plan, &key, axes, LG_COUNT(axes), &s, s.median);
     }
     app_json_close(json, ']');
 }
@@ -212,7 +212,7 @@ static void json_integrators(app_json *json, const study_file *file) {
     for (uint64_t i = 0; i < integrators_of(file->plan); i++) {
         const study_row key = integrator_at(file->plan, i);
         const study_summary s = integrator_summary(file, &key);
-        json_row(json, file->plan, &key, axes, APP_COUNT(axes), &s, s.geometric);
+        json_row(json, file->plan, &key, axes, LG_COUNT(axes), &s, s.geometric);
     }
     app_json_close(json, ']');
 }

@@ -78,7 +78,7 @@ int gradient_read(const simulation *sim, gradient *out) {
 
 typedef struct functional {
     const simulation *sim;
-    lg_coordinates form;
+    lg_coordinates coordinates;
     const double *weights;
     size_t steps;
     lg_system_taped_user user;
@@ -87,7 +87,7 @@ typedef struct functional {
 static lg_status bind(void *user, lg_tape *tape, lg_var parameters, lg_taped_ode *ode) {
     functional *self = user;
     (void)tape;
-    return lg_system_taped_ode(self->sim->system, self->form, parameters, &self->user, ode);
+    return lg_system_taped_ode(self->sim->system, self->coordinates, parameters, ode, &self->user);
 }
 
 static lg_status source(void *user, size_t n, double t, const double *y, double *slope) {
@@ -115,14 +115,14 @@ static int fail_gradient(const simulation *sim, const lg_scheme *scheme, lg_stat
 int gradient_compute(const simulation *sim, const lg_scheme *scheme, const watch *seen, gradient *out) {
     lg_error error = {LG_OK, ""};
     lg_adjoint_problem problem;
-    const lg_coordinates form = lg_system_coordinates_for(scheme);
-    functional user = {.sim = sim, .form = form, .weights = out->weights, .steps = seen->steps};
+    const lg_coordinates coordinates = lg_system_coordinates_for(scheme);
+    functional user = {.sim = sim, .coordinates = coordinates, .weights = out->weights, .steps = seen->steps};
     double *end = app_alloc(sim->dim, sizeof *end);
     out->dy0 = app_alloc(sim->dim, sizeof *out->dy0);
     out->dparameters = app_alloc(lg_system_parameter_count(sim->system), sizeof *out->dparameters);
     lg_adjoint_problem_init(&problem);
     problem.scheme = scheme;
-    problem.ode = &sim->ode[form];
+    problem.ode = &sim->ode[coordinates];
     problem.bind = bind;
     problem.parameters = lg_system_parameter_values(sim->system);
     problem.parameter_count = lg_system_parameter_count(sim->system);

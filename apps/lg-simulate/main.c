@@ -200,7 +200,7 @@ static int run_once(const simulation *sim) {
                          lg_system_name(sim->system));
     int code = method_choose(sim, &what);
     if (code == APP_EXIT_OK) code = run_with(sim, &what.scheme);
-    method_free(sim, &what);
+    method_free(&what);
     return code;
 }
 

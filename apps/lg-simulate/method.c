@@ -84,8 +84,8 @@ int method_read(const simulation *sim, const char *path, method *out) {
     return refuse_if_impossible(sim, "scheme", file);
 }
 
-void method_free(const simulation *sim, method *what) {
-    lg_scheme_destroy(sim->self->context, what->file);
+void method_free(method *what) {
+    lg_scheme_destroy(what->file);
     *what = (method){.file = NULL};
 }
 

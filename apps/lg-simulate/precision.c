@@ -177,7 +177,7 @@ static int choose_methods(diagram *d) {
     if (code == APP_EXIT_OK)
         add_curve(d, &file);
     else
-        method_free(d->sim, &file);
+        method_free(&file);
     return code;
 }
 
@@ -343,7 +343,7 @@ int work_precision(simulation *sim) {
     d.y = app_alloc(sim->dim, sizeof *d.y);
     d.curves = app_alloc(CURVES + 1, sizeof *d.curves);
     const int code = run_diagram(&d);
-    for (size_t c = 0; c < d.count; c++) method_free(sim, &d.curves[c].what);
+    for (size_t c = 0; c < d.count; c++) method_free(&d.curves[c].what);
     free(d.curves);
     free(d.y);
     return code;

@@ -37,8 +37,8 @@ static void json_gradient(app_json *json, const report *what) {
     }
     app_json_close(json, '}');
     app_json_size(json, "checkpoints", slope->stats.checkpoints);
-    app_json_size(json, "state_bytes", slope->stats.state_bytes);
-    app_json_size(json, "tape_bytes", slope->stats.tape_bytes);
+    app_json_size(json, "state_bytes", slope->stats.states_size);
+    app_json_size(json, "tape_bytes", slope->stats.tape_size);
     app_json_real(json, "gradient_seconds", slope->stats.seconds);
 }
 
@@ -154,7 +154,7 @@ static void print_gradient(const report *what) {
         (void)printf("%s%s = %.10g", i % 4 > 0 ? ", " : i > 0 ? ",\n" : "", label, slope->dparameters[i]);
     }
     (void)printf("\n(%zu checkpoints, %zu bytes of states, a tape of %zu bytes, %.3g s)\n",
-                 slope->stats.checkpoints, slope->stats.state_bytes, slope->stats.tape_bytes,
+                 slope->stats.checkpoints, slope->stats.states_size, slope->stats.tape_size,
                  slope->stats.seconds);
 }
 

@@ -112,6 +112,6 @@ lg_status integrate(const simulation *sim, const plan *how, const double *y0, do
     status = how->steps > 0 ? run_fixed(&run, y0, rows) : run_adaptive(&run, y0, rows);
     out->seconds = app_seconds() - begin;
     out->cpu = cpu_seconds() - begin_cpu;
-    lg_stepper_destroy(sim->self->context, stepper);
+    lg_stepper_destroy(stepper);
     return status;
 }

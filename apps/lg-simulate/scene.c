@@ -12,18 +12,18 @@ static int by_offset(const void *a, const void *b) {
     return x->offset < y->offset ? -1 : x->offset > y->offset;
 }
 
-static size_t outer_count(const simulation *sim, const lg_state_row *row) {
+static size_t outer_count(const simulation *sim, const lg_state_entry *row) {
     const size_t links = lg_system_links(sim->system);
     return row->outer > 0 ? row->outer : links > 0 ? links : 1;
 }
 
 static void make_blocks(simulation *sim) {
-    const lg_state_row *rows = lg_system_state(lg_system_name(sim->system), lg_system_form(sim->system));
+    const lg_state_entry *rows = lg_system_state(lg_system_name(sim->system), lg_system_form(sim->system));
     size_t count = 0;
-    for (const lg_state_row *row = rows; row != NULL && row->key != NULL; row++)
+    for (const lg_state_entry *row = rows; row != NULL && row->key != NULL; row++)
         count += outer_count(sim, row);
     sim->blocks = app_alloc(count, sizeof *sim->blocks);
-    for (const lg_state_row *row = rows; row != NULL && row->key != NULL; row++)
+    for (const lg_state_entry *row = rows; row != NULL && row->key != NULL; row++)
         for (size_t i = 0, n = outer_count(sim, row); i < n; i++) {
             const block at = {row->key, row->outer == 1 ? 0 : i + 1, row->first + i * row->stride,
                               row->rows * row->columns, row->columns};
@@ -48,7 +48,7 @@ const block *find_block(const simulation *sim, const char *key, size_t index) {
 }
 
 const double *parameter_values(const simulation *sim, const char *key, size_t *count) {
-    const lg_parameter_row *row =
+    const lg_parameter_entry *row =
         lg_system_parameters(lg_system_name(sim->system), lg_system_form(sim->system));
     const double *at = lg_system_parameter_values(sim->system);
     for (; row != NULL && row->key != NULL; row++) {
@@ -95,7 +95,7 @@ int simulation_open(app *self, const simulate_values *values, const char *path, 
     out->work = app_alloc(lg_system_work_size(out->system), 1);
     for (int form = 0; form < 2 && status == LG_OK; form++)
         status =
-            lg_system_ode(out->system, (lg_coordinates)form, &out->user[form], out->work, &out->ode[form]);
+            lg_system_ode(out->system, (lg_coordinates)form, &out->ode[form], &out->user[form], out->work);
     if (status != LG_OK) return app_fail(self, status, "%s: %s", path, lg_status_sentence(status));
     make_blocks(out);
     return choose_t_end(out, path);

@@ -79,7 +79,7 @@ int method_choose(const simulation *sim, method *out);
 /* By name, or why not. */
 int method_named(const simulation *sim, const char *option, const char *name, method *out);
 int method_read(const simulation *sim, const char *path, method *out);
-void method_free(const simulation *sim, method *what);
+void method_free(method *what);
 /* NULL when the scheme applies to the system, else why it does not. */
 const char *method_obstacle(const simulation *sim, const lg_scheme *scheme);
 /* Names separated by ", "; of those that apply to the system, adaptive ones alone where asked. The caller

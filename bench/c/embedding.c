@@ -185,7 +185,7 @@ static int open_model(const char *path, const char *scheme) {
     const size_t bytes = found != NULL ? lg_model_stepper_size(all.model, found) : 0;
     void *memory = aligned_alloc(64, (bytes + 64) / 64 * 64);
     if (memory == NULL || found == NULL ||
-        lg_model_stepper_init(memory, bytes, all.model, found, &all.stepper) != LG_OK) {
+        lg_model_stepper_init(all.model, found, &all.stepper, memory, bytes) != LG_OK) {
         (void)fprintf(stderr, "%s: no steps with scheme %s\n", path, scheme);
         return 2;
     }

@@ -144,7 +144,7 @@ static bool ours_run(void *self, double tolerance, outcome *out) {
 
 static void ours_end(void *self) {
     ours *o = self;
-    lg_stepper_destroy(NULL, o->stepper);
+    lg_stepper_destroy(o->stepper);
     free(o);
 }
 
@@ -509,7 +509,7 @@ static problem problem_make(size_t links) {
 static void problem_prepare(problem *p) {
     outcome exact = {.y = p->reference}, other = {.y = allocate(p->dim, sizeof(double))};
     for (int form = 0; form < 2; form++)
-        check(lg_system_ode(p->system, (lg_coordinates)form, &p->user[form], p->work[form], &p->ode[form]),
+        check(lg_system_ode(p->system, (lg_coordinates)form, &p->ode[form], &p->user[form], p->work[form]),
               "field");
     void *lie = rkmk_make(p), *classical = dp_make(p);
     if (!ours_run(lie, reference_tolerance, &exact) || !ours_run(classical, reference_tolerance, &other)) {
@@ -523,7 +523,7 @@ static void problem_prepare(problem *p) {
 }
 
 static void problem_end(problem *p) {
-    lg_system_destroy(NULL, p->system);
+    lg_system_destroy(p->system);
     for (int form = 0; form < 2; form++) free(p->work[form]);
     free(p->y0);
     free(p->reference);

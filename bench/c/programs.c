@@ -139,7 +139,7 @@ static int open_all(char **argv) {
     const lg_scheme *scheme = lg_scheme_find(argv[3]);
     if (scheme == NULL || lg_model_inputs(all.model) != D) return 0;
     const size_t bytes = lg_model_stepper_size(all.model, scheme);
-    if (lg_model_stepper_init(reserve(bytes), bytes, all.model, scheme, &all.stepper) != LG_OK) return 0;
+    if (lg_model_stepper_init(all.model, scheme, &all.stepper, reserve(bytes), bytes) != LG_OK) return 0;
     lg_plan_options options;
     lg_plan_options_init(&options);
     options.mark_unfit = true; /* as the other three */

@@ -109,7 +109,7 @@ static void evaluate(session *self) {
 }
 
 static void linearise(session *self) {
-    const size_t r = lg_model_tangent_size(self->model), m = lg_model_input_size(self->model);
+    const size_t r = lg_model_tangent_dim(self->model), m = lg_model_input_dim(self->model);
     double *A = reserve(r * r * sizeof *A), *B = reserve(r * m * sizeof *B),
            *basis = reserve(self->inputs * r * sizeof *basis);
     lg_status status = LG_OK;
@@ -140,9 +140,9 @@ static void predict(session *self) {
     const lg_scheme *scheme = lg_scheme_find("cf4");
     const size_t bytes = lg_model_stepper_size(self->model, scheme);
     void *memory = reserve(bytes);
-    double *input = reserve(lg_model_input_size(self->model) * sizeof *input), energy[2], worst = 0.0;
+    double *input = reserve(lg_model_input_dim(self->model) * sizeof *input), energy[2], worst = 0.0;
     lg_stepper *stepper;
-    lg_status status = lg_model_stepper_init(memory, bytes, self->model, scheme, &stepper);
+    lg_status status = lg_model_stepper_init(self->model, scheme, &stepper, memory, bytes);
     fill_input(self, self->x, 0.0);
     lg_model_eval(self->model, self->x, energy, self->work);
     double begin = now();
@@ -197,7 +197,7 @@ int main(int argc, char **argv) {
                  lg_model_parameters(model), lg_model_work_size(model));
     check_jacobian(&self);
     evaluate(&self);
-    if (lg_model_tangent_size(model) > 0) {
+    if (lg_model_tangent_dim(model) > 0) {
         linearise(&self);
         predict(&self);
     }

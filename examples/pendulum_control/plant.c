@@ -23,7 +23,7 @@ bool plant_create(plant *self) {
     if (lg_system_create(NULL, "pendulum-chain", &options, &self->system, NULL) != LG_OK) return false;
     self->work = malloc(lg_system_work_size(self->system));
     if (self->work == NULL ||
-        lg_system_ode(self->system, LG_COORDINATES_LIE, &self->user, self->work, &self->ode) != LG_OK ||
+        lg_system_ode(self->system, LG_COORDINATES_LIE, &self->ode, &self->user, self->work) != LG_OK ||
         lg_chain_potential_weights(self->system, &self->weight) != LG_OK ||
         lg_chain_mass_matrix(self->system, &self->mass) != LG_OK)
         return false;
@@ -34,8 +34,8 @@ bool plant_create(plant *self) {
 }
 
 void plant_destroy(plant *self) {
-    lg_stepper_destroy(NULL, self->stepper);
-    lg_system_destroy(NULL, self->system);
+    lg_stepper_destroy(self->stepper);
+    lg_system_destroy(self->system);
     free(self->work);
 }
 

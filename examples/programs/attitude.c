@@ -114,7 +114,7 @@ static lg_status draw(void) {
         if (status == LG_OK)
             status = lg_step(stepper, 0, data.h[i] / 2, data.next[i], data.u[i], data.next[i]);
     }
-    lg_stepper_destroy(NULL, stepper);
+    lg_stepper_destroy(stepper);
     return status;
 }
 

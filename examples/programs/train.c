@@ -40,7 +40,7 @@ static lg_var record(loop *l, const uint32_t *samples, uint32_t count) {
 
 static double over_all(loop *l, const uint32_t *order) {
     double value = 0;
-    (void)lg_read(l->tape, record(l, order, (uint32_t)l->how->samples), &value, 1);
+    (void)lg_read(l->tape, record(l, order, (uint32_t)l->how->samples), 1, &value);
     return value;
 }
 
@@ -59,9 +59,9 @@ static lg_status run(loop *l, uint32_t *order, double *first, double *last) {
         if (lg_backward_set(l->tape, loss, l->on_tape, l->parameters, (void *const *)l->gradient) != LG_OK)
             break;
         for (size_t j = 0; j < l->parameters; j++)
-            lg_adam_step(&adam, LG_F64, n + 1, left, 1,
-                         lg_shape_count(lg_program_parameter(l->program, j).shape), l->gradient[j], l->m[j],
-                         l->v[j], l->theta[j]);
+            lg_adam_step(&adam, LG_F64, n + 1, left, 1, l->gradient[j],
+                         lg_shape_count(lg_program_parameter(l->program, j).shape), l->m[j], l->v[j],
+                         l->theta[j]);
     }
     if (last != NULL) *last = over_all(l, order);
     return lg_tape_status(l->tape);

@@ -52,8 +52,8 @@ typedef struct lg_adjoint_problem {
 
 typedef struct lg_adjoint_stats {
     size_t checkpoints; /* C */
-    size_t state_bytes; /* 8 dim (C + 1 + ceil(N/C)) */
-    size_t tape_bytes;  /* all that the tape took, its high-water mark */
+    size_t states_size; /* 8 dim (C + 1 + ceil(N/C)) */
+    size_t tape_size;   /* all that the tape took, its high-water mark */
     double seconds;
 } lg_adjoint_stats;
 

@@ -169,8 +169,8 @@ typedef struct lg_pruning_step {
 } lg_pruning_step;
 /* *count: trees of the sequence, also beyond `room`, where nothing is written; steps may be NULL for room 0.
  * The work is O(nodes (depth + log nodes)). LG_INVALID_ARGUMENT (an empty tree), LG_OUT_OF_MEMORY. */
-LG_API lg_status lg_tree_pruning_path(const lg_context *context, const lg_tree *tree, lg_pruning_step *steps,
-                                      size_t room, size_t *count);
+LG_API lg_status lg_tree_pruning_path(const lg_context *context, const lg_tree *tree, size_t room,
+                                      lg_pruning_step *steps, size_t *count);
 /* The subtree that minimises R_alpha, the smallest such (up to rounding: an alpha of the path gives the tree
  * of its last step). alpha 0 cuts splits that gain nothing; infinity leaves the root. *out is another tree.
  * LG_INVALID_ARGUMENT (alpha < 0 or NaN, an empty tree), LG_OUT_OF_MEMORY. */

@@ -49,11 +49,12 @@ typedef struct lg_cnn {
     uint32_t lengths[LG_CNN_MAX_BLOCKS + 1]; /* set by init: length of the input and after each block */
 } lg_cnn;
 
-/* The default network for series of this size, through lg_cnn_init already. Where a series is too short for
- * three blocks it has fewer, the last kernel as long as what is left at most; pooling is left out where one
- * sample remains. Never fails for channels, length, outputs >= 1 within the limits of lg_cnn_init; beyond
- * them lg_cnn_init refuses the result. */
-LG_API lg_cnn lg_cnn_defaults(uint32_t channels, uint32_t length, uint32_t outputs, lg_activation activation);
+/* Makes the default network for series of this size; lg_cnn_init has been applied. A series too short for
+ * three blocks gets fewer. The last kernel is at most as long as what is left. A block that leaves one sample
+ * has no pooling. The result is valid for channels, length and outputs >= 1 within the limits of lg_cnn_init;
+ * beyond them lg_cnn_init refuses it. */
+LG_API void lg_cnn_init_default(lg_cnn *net, uint32_t channels, uint32_t length, uint32_t outputs,
+                                lg_activation activation);
 /* Checks the description and sets `lengths`. LG_INVALID_ARGUMENT, with a sentence that names the block and
  * *net untouched: sizes of 0 or beyond 2^20, more than 2^31 parameters, a block in which nothing is left of
  * the series. */

@@ -136,8 +136,8 @@ LG_API lg_status lg_hamiltonian_init(lg_hamiltonian *model, const lg_hamiltonian
                                      lg_potential_kind potential, const uint32_t *hidden,
                                      uint32_t hidden_layers, lg_activation activation);
 LG_API size_t lg_hamiltonian_parameters(const lg_hamiltonian *model);
-LG_API uint32_t lg_hamiltonian_state_size(const lg_hamiltonian *model); /* d */
-LG_API uint32_t lg_hamiltonian_input_size(const lg_hamiltonian *model); /* m = forces n */
+LG_API uint32_t lg_hamiltonian_state_dim(const lg_hamiltonian *model); /* d */
+LG_API uint32_t lg_hamiltonian_input_dim(const lg_hamiltonian *model); /* m = forces n */
 /* Where array `index` begins in theta. */
 LG_API size_t lg_hamiltonian_array_offset(const lg_hamiltonian *model, size_t index);
 /* A start with a nearly singular mass sends trajectories far away, and training may end at a mass near 0,

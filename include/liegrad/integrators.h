@@ -6,7 +6,7 @@
  *   lg_stepper *stepper;
  *   lg_stepper_create(context, lg_scheme_find("cf4"), &ode, &stepper);
  *   lg_integrate_fixed(stepper, 0.0, h, steps, NULL, 0, steps, y0, out, NULL);
- *   lg_stepper_destroy(context, stepper);
+ *   lg_stepper_destroy(stepper);
  *
  * or, without any allocation, lg_stepper_size and lg_stepper_init in the caller's memory. No function that
  * takes a stepper allocates or locks. A stepper belongs to one thread at a time.
@@ -43,7 +43,7 @@ typedef enum lg_space_kind {
 } lg_space_kind;
 
 /* One row of the table of factors. Functions work on `count` copies, contiguous; `out` may equal an input. */
-typedef struct lg_space_row {
+typedef struct lg_space_entry {
     const char *name;
     size_t state;   /* numbers in the state of one copy */
     size_t algebra; /* numbers in the algebra of one copy, at most LG_SPACE_MAX_ALGEBRA */
@@ -56,7 +56,7 @@ typedef struct lg_space_row {
     void (*project)(size_t count, double *y); /* to the nearby point of the manifold, in place */
     double (*manifold_error)(size_t count, const double *y); /* largest violation of a constraint, absolute */
     double (*angle)(size_t count, const double *a);          /* largest |u| of the rotations in a; 0 on R^n */
-} lg_space_row;
+} lg_space_entry;
 
 #define LG_SPACE_MAX_ALGEBRA 12
 #define LG_SPACE_MAX_FACTORS 8
@@ -76,7 +76,7 @@ typedef struct lg_space {
 } lg_space;
 
 /* The row of a kind; NULL outside the enumeration. Static, constant. */
-LG_API const lg_space_row *lg_space_kind_row(lg_space_kind kind);
+LG_API const lg_space_entry *lg_space_kind_entry(lg_space_kind kind);
 
 /* Errors: LG_INVALID_ARGUMENT (unknown kind, no factor or more than LG_SPACE_MAX_FACTORS, a count of 0,
  * overflow). */
@@ -270,13 +270,13 @@ LG_API size_t lg_stepper_size(const lg_scheme *scheme, const lg_ode *ode);
  * - LG_INVALID_ARGUMENT: memory too small or misaligned, inconsistent scheme or space, missing functions
  * - LG_UNSUPPORTED: an ambient, splitting or implicit scheme on a space that is not R^n; splitting on an odd
  *   dimension; slgi on a space that is not T*G; an implicit scheme with more than 16384 unknowns */
-LG_API lg_status lg_stepper_init(void *memory, size_t bytes, const lg_scheme *scheme, const lg_ode *ode,
-                                 lg_stepper **out);
+LG_API lg_status lg_stepper_init(const lg_scheme *scheme, const lg_ode *ode, lg_stepper **out, void *memory,
+                                 size_t bytes);
 /* The same in memory from the context (NULL: the C library). Errors: those of lg_stepper_init,
  * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_stepper_create(const lg_context *context, const lg_scheme *scheme, const lg_ode *ode,
                                    lg_stepper **out);
-LG_API void lg_stepper_destroy(const lg_context *context, lg_stepper *stepper); /* NULL is fine */
+LG_API void lg_stepper_destroy(lg_stepper *stepper); /* NULL is fine */
 
 /* One step: y_next = Phi_h(t, y), dim numbers; y_next may equal y. h may be negative. `input` goes to the
  * field, constant over the step; it may be NULL. With input NULL, a field value known at the same (t, y) is
@@ -362,8 +362,8 @@ LG_API lg_step_decision lg_step_controller_decide(const lg_step_controller *cont
                                                   double error, const lg_step_history *history);
 
 /* Root mean square of error_i / (atol + rtol max(|y_i|, |y_next_i|)); 0/0 counts as 0. */
-LG_API double lg_error_norm(const lg_step_controller *control, size_t dim, const double *error,
-                            const double *y, const double *y_next);
+LG_API double lg_error_norm(const lg_step_controller *control, const double *error, const double *y,
+                            const double *y_next, size_t dim);
 
 /* Integrates from (t0, y0) to each of times[0..count-1]; out (count, dim). The times are monotone in either
  * direction from t0, and neighbours may be equal. control->dense says how times between steps are reached.

@@ -55,7 +55,7 @@ typedef struct lg_read_options {
      * true. Turn it off in a process that must not fork. */
     bool probe;
     uint32_t probe_seconds; /* CPU time of the child, default 20 and more for large files */
-    uint64_t max_bytes;     /* largest array in memory, default 8 GiB: beyond it LG_FORMAT */
+    uint64_t max_size;      /* largest array in memory, default 8 GiB: beyond it LG_FORMAT */
 } lg_read_options;
 
 /* Every `const lg_read_options *` may be NULL for these defaults. */
@@ -121,13 +121,13 @@ lg_file_writer_destroy(lg_file_writer *writer); /* NULL is fine; without a commi
 typedef struct lg_file_reader lg_file_reader;
 
 /* `kind` NULL: any. With options->probe every array and attribute of the file is read once in the child. */
-LG_API lg_status lg_file_reader_open(const lg_context *context, const char *path, const char *kind,
-                                     const lg_read_options *options, lg_file_reader **out, lg_error *error);
+LG_API lg_status lg_file_reader_create(const lg_context *context, const char *path, const char *kind,
+                                       const lg_read_options *options, lg_file_reader **out, lg_error *error);
 LG_API lg_status lg_file_reader_archive(lg_file_reader *reader, const char *prefix, lg_archive_reader *out);
 /* The sentence of the last failing archive call of this reader, "" if none. */
 LG_API const char *lg_file_reader_message(const lg_file_reader *reader);
 LG_API void lg_file_reader_provenance(const lg_file_reader *reader, lg_provenance *out);
-LG_API void lg_file_reader_close(lg_file_reader *reader); /* NULL is fine */
+LG_API void lg_file_reader_destroy(lg_file_reader *reader); /* NULL is fine */
 
 /* ---- trajectories ---- */
 
@@ -141,8 +141,8 @@ typedef struct lg_trajectories {
     const lg_hamiltonian_family *family; /* that learns them */
     uint32_t n;                          /* copies of its factors: links of a chain, degrees of freedom */
     size_t count, points;                /* N >= 1, M >= 2 */
-    uint32_t state_size;                 /* d */
-    uint32_t input_size;                 /* m, 0 without inputs */
+    uint32_t state_dim;                  /* d */
+    uint32_t input_dim;                  /* m, 0 without inputs */
     double dt;                           /* (t[M-1] - t[0])/(M-1) */
     double *t;                           /* (M) */
     double *data;                        /* (N, M, d) */
@@ -159,7 +159,7 @@ typedef struct lg_trajectories {
 LG_API lg_status lg_trajectories_create(const lg_context *context, const char *system,
                                         const lg_hamiltonian_family *family, uint32_t n, size_t count,
                                         size_t points, double t_end, bool with_hamiltonian,
-                                        uint32_t input_size, lg_trajectories *out);
+                                        uint32_t input_dim, lg_trajectories *out);
 /* Datasets /t (M), /trajectories (N, M, d), optional /hamiltonian (N) and /inputs (N, M-1, m), any integer or
  * float type. Attributes of the root (or of /trajectories), all optional where they can be derived: `system`,
  * `links` (chains), `layout`. Checked: /t increasing and equidistant (each point within 1e-6 dt and the
@@ -431,8 +431,8 @@ LG_API lg_status lg_checkpoint_open(const lg_context *context, const char *path,
 /* Compares everything that is stored of two runs. Errors: LG_INVALID_ARGUMENT when `stored` is not the run
  * `wanted`; the sentence names the first difference ("...: was written with batch 80, not 100"). `path` is
  * only for the sentence. */
-LG_API lg_status lg_run_compare(const char *path, const lg_run_kind *kind, const void *stored,
-                                const void *wanted, lg_error *error);
+LG_API lg_status lg_run_compare(const lg_run_kind *kind, const void *stored, const void *wanted,
+                                const char *path, lg_error *error);
 
 /* ---- programs ---- */
 
@@ -442,7 +442,7 @@ LG_API lg_status lg_run_compare(const char *path, const lg_run_kind *kind, const
 LG_API lg_status lg_program_save(const lg_context *context, const char *path, const lg_program *program,
                                  const lg_provenance *provenance, lg_error *error);
 /* Everything is checked as lg_program_add_image (liegrad/program_image.h) does, in files as in memory: a
- * program that loads is sound. All arrays together are within options->max_bytes. LG_FORMAT also for
+ * program that loads is sound. All arrays together are within options->max_size. LG_FORMAT also for
  * operations that are not known here, LG_VERSION for those of a later revision. */
 LG_API lg_status lg_program_load(const lg_context *context, const char *path, const lg_read_options *options,
                                  lg_program **out, lg_error *error);
@@ -506,7 +506,7 @@ LG_API lg_status lg_trials_write(const lg_context *context, const char *path, co
  * saved and is to run again. LG_NOT_FOUND: no such file; LG_INVALID_ARGUMENT: of another search (the sentence
  * says what differs), or more than `room`; LG_FORMAT: with the line. */
 LG_API lg_status lg_trials_read(const lg_context *context, const char *path, const lg_search_file *search,
-                                uint64_t seed, const char *setting, lg_trial *trials, size_t room,
+                                uint64_t seed, const char *setting, size_t room, lg_trial *trials,
                                 size_t *count, lg_error *error);
 
 /* ---- scenes ---- */
@@ -579,10 +579,10 @@ LG_API int lg_scene_describe(const char *system, const char *form, char *text, s
  *   a: [[], [1/2], [-1, 2]]
  *   b: [1/6, 2/3, 1/6]
  *
- * lg_scheme_destroy frees the scheme, with the context it was read with; NULL is fine. */
+ * lg_scheme_destroy frees the scheme; NULL is fine. */
 LG_API lg_status lg_scheme_read(const lg_context *context, const char *path, lg_scheme **out,
                                 lg_error *error);
-LG_API void lg_scheme_destroy(const lg_context *context, lg_scheme *scheme);
+LG_API void lg_scheme_destroy(lg_scheme *scheme);
 
 /* ---- grids of `lg-hamiltonian study` ---- */
 

@@ -51,31 +51,31 @@ typedef enum lg_parameter_rule {
 } lg_parameter_rule;
 
 /* A parameter of a system. */
-typedef struct lg_parameter_row {
+typedef struct lg_parameter_entry {
     const char *key;   /* in scenes: "masses" */
     const char *label; /* in gradients: "m" gives m1, m2, ...; with `count` 1 it stands alone: "g" */
     size_t count;      /* numbers; 0: one a link */
     lg_parameter_rule rule;
     const double *fallback; /* `count` numbers (one when count is 0, for all links); NULL: must be given */
     const char *meaning;    /* with its unit */
-} lg_parameter_row;
+} lg_parameter_entry;
 
 /* A part of the state: `outer` blocks, `stride` numbers apart from `first` on, of rows x columns numbers. In
  * scenes a list of lists of lists; levels of one are left out. In layouts a block is the key with its number,
  * "q2"; where `outer` is 1, the key alone. */
-typedef struct lg_state_row {
+typedef struct lg_state_entry {
     const char *key; /* in scenes and layouts: "q" */
     size_t outer;    /* 0: one a link */
     size_t rows, columns, first, stride;
     const double *fallback; /* of one block; NULL: must be given */
-} lg_state_row;
+} lg_state_entry;
 
 /* Name and form of row `index` of the table; false beyond. `form` NULL where there is one only. */
 LG_API bool lg_system_at(size_t index, const char **name, const char **form);
 /* The parameters and the parts of the state of a row, ended by a key NULL; NULL for an unknown pair. `form`
  * NULL: the system's first. */
-LG_API const lg_parameter_row *lg_system_parameters(const char *name, const char *form);
-LG_API const lg_state_row *lg_system_state(const char *name, const char *form);
+LG_API const lg_parameter_entry *lg_system_parameters(const char *name, const char *form);
+LG_API const lg_state_entry *lg_system_state(const char *name, const char *form);
 
 /* `options` may be NULL for the defaults; its arrays are copied. `form` NULL is the first form of that name.
  * Errors, explained in `error` (may be NULL): LG_NOT_FOUND (name, form), LG_INVALID_ARGUMENT (an unknown or
@@ -83,7 +83,7 @@ LG_API const lg_state_row *lg_system_state(const char *name, const char *form);
  * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_system_create(const lg_context *context, const char *name,
                                   const lg_system_options *options, lg_system **out, lg_error *error);
-LG_API void lg_system_destroy(const lg_context *context, lg_system *system); /* NULL is fine */
+LG_API void lg_system_destroy(lg_system *system); /* NULL is fine */
 
 LG_API const char *lg_system_name(const lg_system *system);
 LG_API const char *lg_system_form(const lg_system *system); /* NULL where there is one only */
@@ -122,7 +122,7 @@ typedef enum lg_coordinates {
     LG_COORDINATES_AMBIENT /* on R^dim, field the ambient velocity: for classical schemes; as LIE on R^n */
 } lg_coordinates;
 
-/* The form that a scheme wants: AMBIENT for scheme->ambient and for splitting schemes, LIE otherwise. */
+/* The coordinates that a scheme wants: AMBIENT for scheme->ambient and for splitting schemes, LIE otherwise. */
 LG_API lg_coordinates lg_system_coordinates_for(const lg_scheme *scheme);
 
 /* Memory of one user of the system: system and workspace behind ode.user. */
@@ -155,8 +155,8 @@ typedef struct lg_system_user {
  * VII.1.4), by Newton's method to rounding; LG_NO_CONVERGENCE when the step is too large for it.
  *
  * Errors: LG_INVALID_ARGUMENT. */
-LG_API lg_status lg_system_ode(const lg_system *system, lg_coordinates form, lg_system_user *user,
-                               double *work, lg_ode *ode);
+LG_API lg_status lg_system_ode(const lg_system *system, lg_coordinates coordinates, lg_ode *ode,
+                               lg_system_user *user, double *work);
 
 /* The same on a tape: `parameters` is a variable of lg_system_parameter_count elements, `user` is filled and
  * must outlive the use of `ode`. Chains in Lagrangian form are one custom operation with hand-written first
@@ -168,8 +168,8 @@ typedef struct lg_system_taped_user {
     lg_var parameters;
 } lg_system_taped_user;
 
-LG_API lg_status lg_system_taped_ode(const lg_system *system, lg_coordinates form, lg_var parameters,
-                                     lg_system_taped_user *user, lg_taped_ode *ode);
+LG_API lg_status lg_system_taped_ode(const lg_system *system, lg_coordinates coordinates, lg_var parameters,
+                                     lg_taped_ode *ode, lg_system_taped_user *user);
 
 /* ---- The chain's parts (LG_UNSUPPORTED for another system) ---- */
 

@@ -76,7 +76,7 @@ LG_API void lg_model_jacobian(const lg_model *model, const double *x, double *y,
  *              angular velocities; p_i' gets tau_i x q_i, the algebra element eta_i gets tau_i
  *   separable  u = forces (n): p' = -dV/dq + u
  */
-LG_API size_t lg_model_input_size(const lg_model *model); /* m: 3k, n or 0 */
+LG_API size_t lg_model_input_dim(const lg_model *model); /* m: 3k, n or 0 */
 /* With input (m) or NULL: algebra elements (xi_i, eta_i), 6k, or (q', p'), 2n. */
 LG_API lg_status lg_model_field(const lg_model *model, const double *state, const double *input,
                                 double *field, void *work);
@@ -88,7 +88,7 @@ typedef struct lg_model_user {
     const lg_model *model;
     void *work;
 } lg_model_user;
-LG_API lg_status lg_model_ode(const lg_model *model, lg_model_user *user, void *work, lg_ode *ode);
+LG_API lg_status lg_model_ode(const lg_model *model, lg_ode *ode, lg_model_user *user, void *work);
 
 /* The learned system and a scheme in one piece of the caller's memory: 64-byte aligned, lg_model_stepper_size
  * bytes. A step is then lg_step(stepper, t, h, state, input, next); it stays on the manifold and neither
@@ -97,8 +97,8 @@ LG_API lg_status lg_model_ode(const lg_model *model, lg_model_user *user, void *
  *   chains, variational schemes, slgi
  * - LG_INVALID_ARGUMENT: as lg_stepper_init; the scheme is checked before the memory */
 LG_API size_t lg_model_stepper_size(const lg_model *model, const lg_scheme *scheme);
-LG_API lg_status lg_model_stepper_init(void *memory, size_t bytes, const lg_model *model,
-                                       const lg_scheme *scheme, lg_stepper **out);
+LG_API lg_status lg_model_stepper_init(const lg_model *model, const lg_scheme *scheme, lg_stepper **out,
+                                       void *memory, size_t bytes);
 
 /* ---- linearisation, for LQR, a filter, an observer ----
  *
@@ -107,7 +107,7 @@ LG_API lg_status lg_model_stepper_init(void *memory, size_t bytes, const lg_mode
  *   dq_i = a_1 e_1 + a_2 e_2,  dp_i = b_1 e_1 + b_2 e_2 - q_i (dq_i.p_i);  a_j = e_j.dq_i, b_j = e_j.dp_i,
  * or r = 2n: c = (dq, dp). e_1 is the coordinate axis least along q_i made orthogonal to it, e_2 = q_i x e_1.
  */
-LG_API size_t lg_model_tangent_size(const lg_model *model); /* r */
+LG_API size_t lg_model_tangent_dim(const lg_model *model); /* r */
 /* c' = A c + B du to first order at (state, input), the frame e_1, e_2 held fixed (at an equilibrium nothing
  * is left out). A (r, r), B (r, m), basis (d, r); each may be NULL; input (m) may be NULL: zero. Exact
  * derivatives of the field: second derivatives of the network, no differences. */

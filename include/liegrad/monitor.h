@@ -43,10 +43,10 @@ typedef struct lg_monitor lg_monitor;
 /* Bytes, 64-byte aligned: twice a window as floats, and a little. 0 for options that init refuses. */
 LG_API size_t lg_monitor_size(const lg_monitor_options *options);
 /* LG_INVALID_ARGUMENT with a sentence: a size of 0, hop > window, missing outside [0, 1], votes outside
- * 1..votes_of, votes_of outside 1..64, memory that is not aligned. The monitor lives in `memory` and owns
- * nothing else. */
+ * 1..votes_of, votes_of outside 1..64, memory that is not aligned or smaller than lg_monitor_size. The
+ * monitor lives in `memory` (`size` bytes) and owns nothing else. */
 LG_API lg_status lg_monitor_init(const lg_monitor_options *options, lg_monitor_judge judge, void *user,
-                                 void *memory, lg_monitor **out, lg_error *error);
+                                 lg_monitor **out, void *memory, size_t size, lg_error *error);
 /* One sample (channels), or NULL: lost. A sample with a value that is not finite is lost as a whole. *ready:
  * a window is complete, *verdict is set. Window i holds samples i hop .. i hop + window - 1 of the feed, lost
  * ones counted. Lost samples:

@@ -101,10 +101,10 @@ LG_API void lg_adam_options_init(lg_adam_options *options);
  *   theta = theta [- lr decay theta] - lr (m/(1 - beta1^step)) / (sqrt(v/(1 - beta2^step)) + eps).
  * lr is the options' lr times `rate`. m and v start from zero. */
 LG_API void lg_adam_step(const lg_adam_options *options, lg_dtype dtype, uint64_t step, double rate,
-                         double clip, size_t n, const void *gradient, void *m, void *v, void *theta);
+                         double clip, const void *gradient, size_t n, void *m, void *v, void *theta);
 
 /* Euclidean norm, accumulated in double in a fixed order. */
-LG_API double lg_gradient_norm(lg_dtype dtype, size_t n, const void *gradient);
+LG_API double lg_gradient_norm(const void *gradient, size_t n, lg_dtype dtype);
 /* The factor that brings a gradient of this norm to at most `limit`: min(1, limit/norm), or 1 for limit 0. */
 LG_API double lg_clip_factor(double norm, double limit);
 
@@ -207,7 +207,7 @@ typedef struct lg_fit_options {
     /* Free to differ between runs. */
     int threads;               /* 1, 1..1024; the result does not depend on it */
     uint64_t stop_after;       /* 0: off; else epochs in one call of lg_fit_run */
-    size_t max_tape_bytes;     /* 0: no limit; else for each shard's tape */
+    size_t max_tape_size;      /* 0: no limit; else for each shard's tape */
     uint64_t checkpoint_every; /* 0: off; else calls `checkpoint` after each so many epochs */
     /* Called on the thread of lg_fit_run with a state that can be saved: as said above, and whenever
      * lg_fit_run returns before the plan is finished because of stop_after, the cancel flag or on_epoch. May
@@ -275,7 +275,7 @@ LG_API const double *lg_fit_history(const lg_fit *fit, lg_fit_series series);
 /* Median over the epochs after the first (of the first when it is the only one); NaN before. */
 LG_API double lg_fit_seconds_per_epoch(const lg_fit *fit);
 /* Bytes held by the tapes of all shards: the memory of a step. */
-LG_API size_t lg_fit_tape_bytes(const lg_fit *fit);
+LG_API size_t lg_fit_tape_size(const lg_fit *fit);
 
 /* ---- Newton, for models with few parameters ---- */
 

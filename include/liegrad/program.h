@@ -178,14 +178,14 @@ LG_API lg_status lg_program_add_loop(lg_program *program, const char *name, cons
 typedef struct lg_plan lg_plan;
 
 typedef struct lg_plan_options {
-    size_t size;     /* sizeof(lg_plan_options) */
-    size_t rows;     /* B >= 1; 1 */
-    lg_dtype dtype;  /* LG_F64; LG_F32: parameters are rounded, everything is computed in single precision */
-    bool mark_unfit; /* true: a number of an input that is not finite makes all outputs NaN */
-    bool compact;    /* true: small tensors too are computed in loops, not written out */
-    size_t most_bytes; /* of constants and of work memory; planning takes up to four times as much; 1 GiB.
+    size_t size;      /* sizeof(lg_plan_options) */
+    size_t rows;      /* B >= 1; 1 */
+    lg_dtype dtype;   /* LG_F64; LG_F32: parameters are rounded, everything is computed in single precision */
+    bool mark_unfit;  /* true: a number of an input that is not finite makes all outputs NaN */
+    bool compact;     /* true: small tensors too are computed in loops, not written out */
+    size_t max_size;  /* of constants and of work memory; planning takes up to four times as much; 1 GiB.
                         * Beyond: LG_OUT_OF_MEMORY */
-    double most_work;  /* operations on numbers of a run, and of computing constants; 1e13. Beyond:
+    double most_work; /* operations on numbers of a run, and of computing constants; 1e13. Beyond:
                         * LG_UNSUPPORTED, with the number in the sentence */
 } lg_plan_options;
 

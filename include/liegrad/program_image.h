@@ -59,7 +59,7 @@ typedef struct lg_function_image {
  * which must outlive the image. LG_NOT_FOUND: no such function; LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_function_image_create(const lg_program *program, size_t function,
                                           lg_function_image **out);
-LG_API void lg_function_image_destroy(const lg_program *program, lg_function_image *image); /* NULL is fine */
+LG_API void lg_function_image_destroy(lg_function_image *image); /* NULL is fine */
 
 /* Adds the function; everything is copied, and nothing in it is trusted: names, order, numbers of inputs,
  * shapes, attributes, payloads, numbers that are not finite. With lg_program_build of no functions, which

@@ -39,8 +39,8 @@ typedef struct lg_series {
  * class_name ("0", "1", ...), and where asked group and run, zeroed; other pointers become NULL, channel_name
  * among them. LG_INVALID_ARGUMENT: a size of 0;
  * LG_OUT_OF_MEMORY. On failure *series is as before. */
-LG_API lg_status lg_series_allocate(const lg_context *context, bool with_group, bool with_run,
-                                    lg_series *series);
+LG_API lg_status lg_series_allocate(const lg_context *context, lg_series *series, bool with_group,
+                                    bool with_run);
 /* Leaves it zeroed; a zeroed one may be freed. */
 LG_API void lg_series_destroy(const lg_context *context, lg_series *series);
 

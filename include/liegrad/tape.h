@@ -71,10 +71,10 @@ static inline lg_shape lg_shape4(uint32_t a, uint32_t b, uint32_t c, uint32_t d)
 }
 
 typedef struct lg_tape_options {
-    size_t size;      /* sizeof(lg_tape_options) */
-    lg_dtype dtype;   /* LG_F64 */
-    int threads;      /* 1, 1..1024: large products are split over so many; the bits do not depend on it */
-    size_t max_bytes; /* 0: no limit; else LG_OUT_OF_MEMORY when values, nodes and adjoints would exceed it */
+    size_t size;     /* sizeof(lg_tape_options) */
+    lg_dtype dtype;  /* LG_F64 */
+    int threads;     /* 1, 1..1024: large products are split over so many; the bits do not depend on it */
+    size_t max_size; /* 0: no limit; else LG_OUT_OF_MEMORY when values, nodes and adjoints would exceed it */
 } lg_tape_options;
 
 LG_API void lg_tape_options_init(lg_tape_options *options);
@@ -85,7 +85,7 @@ LG_API void lg_tape_destroy(lg_tape *tape); /* NULL is fine */
 LG_API lg_dtype lg_tape_dtype(const lg_tape *tape);
 
 /* Bytes held (high-water mark: memory is kept for the next step) and nodes recorded now. */
-LG_API size_t lg_tape_bytes(const lg_tape *tape);
+LG_API size_t lg_tape_size(const lg_tape *tape);
 LG_API size_t lg_tape_nodes(const lg_tape *tape);
 
 /* A position on the tape. Rewinding drops everything recorded after the mark in O(1), and handles made after
@@ -133,7 +133,7 @@ LG_API lg_shape lg_var_shape(const lg_tape *tape, lg_var v); /* rank 0 for an in
 /* Borrowed, valid until rewound; NULL for an invalid handle or an erroneous tape. */
 LG_API const void *lg_value(const lg_tape *tape, lg_var v);
 /* Copies to doubles. Errors: the sticky status, LG_STALE_HANDLE, LG_SHAPE when count differs. */
-LG_API lg_status lg_read(const lg_tape *tape, lg_var v, double *out, size_t count);
+LG_API lg_status lg_read(const lg_tape *tape, lg_var v, size_t count, double *out);
 
 /* ---- derivatives ---- */
 

@@ -11,8 +11,8 @@ static size_t round_up(size_t bytes) {
 }
 
 static void *counted_alloc(lg_tape *tape, size_t bytes) {
-    if (tape->options.max_bytes != 0 && tape->bytes + bytes > tape->options.max_bytes) {
-        lg_tape_fail(tape, LG_OUT_OF_MEMORY, "tape", "the limit max_bytes was reached");
+    if (tape->options.max_size != 0 && tape->bytes + bytes > tape->options.max_size) {
+        lg_tape_fail(tape, LG_OUT_OF_MEMORY, "tape", "the limit max_size was reached");
         return NULL;
     }
     void *memory = lg_alloc(tape->context, bytes, 1);

@@ -129,7 +129,7 @@ static void build(check *k, const lg_var *x, lg_var *y) {
 
 static lg_status read_all(check *k, const layout *l, const lg_var *v, double *to) {
     for (size_t i = 0; i < l->count; i++)
-        if (lg_read(k->tape, v[i], to + l->at[i], l->at[i + 1] - l->at[i]) != LG_OK) {
+        if (lg_read(k->tape, v[i], l->at[i + 1] - l->at[i], to + l->at[i]) != LG_OK) {
             if (lg_tape_status(k->tape) == LG_OK)
                 lg_tape_fail(k->tape, LG_SHAPE, "gradcheck", "the function's result changed its shape");
             return tape_failed(k);
@@ -350,7 +350,7 @@ static lg_status check_symmetry(check *k) {
     double way[4], magnitude[4] = {0.0, 0.0, 0.0, 0.0};
     if (lg_jvp(tape, &y, 1, x, d, n, &jd) != LG_OK || lg_jvp(tape, &jd, 1, x, e, n, &jde) != LG_OK)
         return tape_failed(k);
-    if (lg_read(tape, jde, k->second, outputs) != LG_OK) return tape_failed(k);
+    if (lg_read(tape, jde, outputs, k->second) != LG_OK) return tape_failed(k);
     way[0] = dot(k->x + size, k->second, outputs, &magnitude[0]);
     if (lg_vjp(tape, &jd, &c, 1, x, n, h) != LG_OK) return tape_failed(k);
     LG_TRY(read_all(k, &l, h, k->second));

@@ -158,7 +158,7 @@ static void place(check *k, taped *t) {
 static lg_status read_results(check *k, const taped *t, size_t function, double *to) {
     for (size_t j = 0; j < results_of(k, function); j++) {
         const size_t count = lg_shape_count(lg_var_shape(k->tape, t->result[function][j]));
-        if (lg_read(k->tape, t->result[function][j], to, count) != LG_OK) return tape_failed(k);
+        if (lg_read(k->tape, t->result[function][j], count, to) != LG_OK) return tape_failed(k);
         to += count;
     }
     return LG_OK;

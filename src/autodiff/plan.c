@@ -626,11 +626,8 @@ static lg_status plan_loop(planning *p, const lg_program *program, const lg_func
 /* ---- a plan ---- */
 
 void lg_plan_options_init(lg_plan_options *options) {
-    *options = (lg_plan_options){.size = sizeof *options,
-                                 .rows = 1,
-                                 .dtype = LG_F64,
-                                 .most_bytes = (size_t)1 << 30,
-                                 .most_work = 1e13};
+    *options = (lg_plan_options){
+        .size = sizeof *options, .rows = 1, .dtype = LG_F64, .max_size = (size_t)1 << 30, .most_work = 1e13};
 }
 
 static lg_status count_ports(planning *p, const lg_function *f, size_t rows) {
@@ -672,10 +669,10 @@ static lg_status make(planning *p, const lg_program *program, const lg_function 
     p->plan->mark_unfit = options->mark_unfit;
     LG_TRY(count_ports(p, f, options->rows));
     LG_TRY(f->times > 0 ? plan_loop(p, program, f, options) : plan_nodes(p, program, f, options));
-    if (p->plan->work_count * p->plan->k->size > options->most_bytes)
+    if (p->plan->work_count * p->plan->k->size > options->max_size)
         return lg_fail(p->error, LG_OUT_OF_MEMORY,
                        "function '%s' needs %zu bytes of work memory, more than %zu", f->name,
-                       p->plan->work_count * p->plan->k->size, options->most_bytes);
+                       p->plan->work_count * p->plan->k->size, options->max_size);
     if (p->plan->work > options->most_work)
         return lg_fail(p->error, LG_UNSUPPORTED, "function '%s' takes about %.2g operations, more than %.2g",
                        f->name, p->plan->work, options->most_work);
@@ -702,10 +699,10 @@ lg_status lg_plan_create(const lg_program *program, size_t function, const lg_pl
     lg_plan *plan = lg_alloc(program->context, 1, sizeof *plan);
     if (plan == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a plan of '%s'", f->name);
     plan->context = program->context;
-    plan->memory = (lg_heap){.context = program->context, .most = chosen.most_bytes};
+    plan->memory = (lg_heap){.context = program->context, .most = chosen.max_size};
     planning p = {.plan = plan,
                   .temporary = {.context = program->context,
-                                .most = chosen.most_bytes < SIZE_MAX / 4 ? 4 * chosen.most_bytes : 0},
+                                .most = chosen.max_size < SIZE_MAX / 4 ? 4 * chosen.max_size : 0},
                   .compact = chosen.compact,
                   .exchange = program->exchange,
                   .error = error};

@@ -39,10 +39,16 @@ static lg_operation operation_of(const lg_function *f, const lg_program_node *no
     return o;
 }
 
+/* The image is the first member: lg_function_image_destroy is given its address. */
+typedef struct owned_image {
+    lg_function_image image;
+    const lg_context *context;
+} owned_image;
+
 lg_status lg_function_image_create(const lg_program *p, size_t function, lg_function_image **out) {
     if (function >= p->functions) return LG_NOT_FOUND;
     const lg_function *f = &p->function[function];
-    lg_function_image *made = lg_alloc(p->context, 1, sizeof *made);
+    owned_image *made = lg_alloc(p->context, 1, sizeof *made);
     lg_operation *operations = lg_alloc(p->context, f->nodes, sizeof *operations);
     if (made == NULL || operations == NULL) {
         lg_free(p->context, made);
@@ -50,25 +56,27 @@ lg_status lg_function_image_create(const lg_program *p, size_t function, lg_func
         return LG_OUT_OF_MEMORY;
     }
     for (uint32_t i = 0; i < f->nodes; i++) operations[i] = operation_of(f, &f->node[i]);
-    *made = (lg_function_image){.name = f->name,
-                                .inputs = f->input,
-                                .input_count = f->inputs,
-                                .outputs = f->output,
-                                .output_count = f->outputs,
-                                .operations = operations,
-                                .operation_count = f->nodes,
-                                .results = f->result,
-                                .times = f->times,
-                                .callee = f->callee,
-                                .carry = f->carry};
-    *out = made;
+    made->context = p->context;
+    made->image = (lg_function_image){.name = f->name,
+                                      .inputs = f->input,
+                                      .input_count = f->inputs,
+                                      .outputs = f->output,
+                                      .output_count = f->outputs,
+                                      .operations = operations,
+                                      .operation_count = f->nodes,
+                                      .results = f->result,
+                                      .times = f->times,
+                                      .callee = f->callee,
+                                      .carry = f->carry};
+    *out = &made->image;
     return LG_OK;
 }
 
-void lg_function_image_destroy(const lg_program *p, lg_function_image *image) {
-    if (image == NULL) return;
-    lg_free(p->context, image->operations);
-    lg_free(p->context, image);
+void lg_function_image_destroy(lg_function_image *image) {
+    owned_image *owned = (owned_image *)image;
+    if (owned == NULL) return;
+    lg_free(owned->context, image->operations);
+    lg_free(owned->context, owned);
 }
 
 /* ---- from plain data ---- */

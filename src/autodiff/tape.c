@@ -53,7 +53,7 @@ lg_dtype lg_tape_dtype(const lg_tape *tape) {
     return tape->options.dtype;
 }
 
-size_t lg_tape_bytes(const lg_tape *tape) {
+size_t lg_tape_size(const lg_tape *tape) {
     return tape->bytes;
 }
 
@@ -349,7 +349,7 @@ const void *lg_value(const lg_tape *tape, lg_var v) {
     return node != NULL ? node->value : NULL;
 }
 
-lg_status lg_read(const lg_tape *tape, lg_var v, double *out, size_t count) {
+lg_status lg_read(const lg_tape *tape, lg_var v, size_t count, double *out) {
     if (tape->status != LG_OK) return tape->status;
     const lg_node *node = readable(tape, v);
     if (node == NULL) return LG_STALE_HANDLE;

@@ -109,8 +109,8 @@ static size_t next_score(const uint32_t *order, const double *score, size_t stri
     return i;
 }
 
-size_t lg_roc(const uint32_t *truth, uint32_t positive, const double *score, size_t n, uint32_t *order,
-              double *fpr, double *tpr, double *threshold) {
+size_t lg_roc(const uint32_t *truth, const double *score, size_t n, uint32_t positive, double *fpr,
+              double *tpr, double *threshold, uint32_t *order) {
     const size_t positives = count_of(truth, positive, n), negatives = n - positives;
     size_t points = 1, hits = 0, false_alarms = 0;
     if (positives == 0 || negatives == 0) return 0;

@@ -77,13 +77,17 @@ size_t lg_monitor_size(const lg_monitor_options *options) {
            padded(options->window);
 }
 
-lg_status lg_monitor_init(const lg_monitor_options *options, lg_monitor_judge judge, void *user, void *memory,
-                          lg_monitor **out, lg_error *error) {
+lg_status lg_monitor_init(const lg_monitor_options *options, lg_monitor_judge judge, void *user,
+                          lg_monitor **out, void *memory, size_t size, lg_error *error) {
     LG_TRY(check(options, error));
+    const size_t needed = lg_monitor_size(options);
     if (judge == NULL || memory == NULL || out == NULL || (uintptr_t)memory % LG_ALIGNMENT != 0)
         return lg_fail(error, LG_INVALID_ARGUMENT, "a monitor needs a judge and memory aligned to %d bytes",
                        LG_ALIGNMENT);
-    memset(memory, 0, lg_monitor_size(options));
+    if (size < needed)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a monitor needs %zu bytes of memory, not %zu", needed,
+                       size);
+    memset(memory, 0, needed);
     lg_monitor *monitor = memory;
     char *at = (char *)memory + padded(sizeof *monitor);
     monitor->channels = options->channels;

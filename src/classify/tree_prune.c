@@ -231,8 +231,8 @@ static bool cut_weakest(pruner *p, double limit) {
     return true;
 }
 
-lg_status lg_tree_pruning_path(const lg_context *context, const lg_tree *tree, lg_pruning_step *steps,
-                               size_t room, size_t *count) {
+lg_status lg_tree_pruning_path(const lg_context *context, const lg_tree *tree, size_t room,
+                               lg_pruning_step *steps, size_t *count) {
     if (tree == NULL || tree->count == 0 || count == NULL || (steps == NULL && room > 0))
         return LG_INVALID_ARGUMENT;
     pruner p = {.context = context};

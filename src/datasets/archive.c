@@ -184,8 +184,8 @@ static lg_status probe_all(void *user, lg_error *error) {
     return lg_h5_read_all(call->h5, error);
 }
 
-lg_status lg_file_reader_open(const lg_context *context, const char *path, const char *kind,
-                              const lg_read_options *options, lg_file_reader **out, lg_error *error) {
+lg_status lg_file_reader_create(const lg_context *context, const char *path, const char *kind,
+                                const lg_read_options *options, lg_file_reader **out, lg_error *error) {
     if (path == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
     open_call call = {context, path, kind, options, NULL};
     LG_TRY(lg_probe(path, options, probe_all, &call, error));
@@ -197,7 +197,7 @@ lg_status lg_file_reader_open(const lg_context *context, const char *path, const
     if (status == LG_OK)
         *out = reader;
     else
-        lg_file_reader_close(reader);
+        lg_file_reader_destroy(reader);
     return status;
 }
 
@@ -219,7 +219,7 @@ void lg_file_reader_provenance(const lg_file_reader *reader, lg_provenance *out)
     lg_h5_provenance(reader->h5, out);
 }
 
-void lg_file_reader_close(lg_file_reader *reader) {
+void lg_file_reader_destroy(lg_file_reader *reader) {
     if (reader == NULL) return;
     lg_h5_close(reader->h5);
     free_views(reader->context, reader->views);

@@ -16,8 +16,8 @@ typedef struct lg_h5 {
     const lg_context *context;
     char *path;
     hid_t file;
-    hid_t links;        /* link access list that refuses external links */
-    uint64_t max_bytes; /* reading: the largest array */
+    hid_t links;       /* link access list that refuses external links */
+    uint64_t max_size; /* reading: the largest array */
 } lg_h5;
 
 /* The end of a long path, so that a sentence keeps room for its key. */
@@ -54,7 +54,7 @@ lg_status lg_h5_open(const lg_context *context, const char *path, const lg_read_
                      lg_error *error);
 bool lg_h5_has(lg_h5 *h5, const char *name);
 bool lg_h5_has_attribute(lg_h5 *h5, const char *object, const char *name);
-/* Shape of a numeric data set of rank <= 4 whose elements fit into max_bytes as doubles. `epsilon` (may be
+/* Shape of a numeric data set of rank <= 4 whose elements fit into max_size as doubles. `epsilon` (may be
  * NULL): relative spacing of the stored type, 0 for integers. LG_NOT_FOUND: no such data set. */
 lg_status lg_h5_shape(lg_h5 *h5, const char *name, uint32_t *rank, uint64_t dims[4], double *epsilon,
                       lg_error *error);
@@ -75,7 +75,7 @@ typedef struct lg_h5_about {
     bool
         wide; /* numbers that a float need not hold exactly: reals of more than 4 bytes, integers from 4 on */
 } lg_h5_about;
-/* LG_NOT_FOUND: no such data set; LG_FORMAT: not max_bytes enough for `bytes` an element. Nothing is read. */
+/* LG_NOT_FOUND: no such data set; LG_FORMAT: not max_size enough for `bytes` an element. Nothing is read. */
 lg_status lg_h5_look(lg_h5 *h5, const char *name, size_t bytes, lg_h5_about *out, lg_error *error);
 /* Numbers, all of them, into the caller's memory. No second array is made, whatever the stored type. Not
  * checked for finiteness: what is beyond the range of a float becomes an infinity. */

@@ -33,7 +33,7 @@ typedef struct lg_dataset {
     uint64_t dims[LG_MAX_RANK], count;
 } lg_dataset;
 
-/* Of any type, at most max_bytes at `bytes` an element. *d may be closed whatever comes of it. */
+/* Of any type, at most max_size at `bytes` an element. *d may be closed whatever comes of it. */
 lg_status lg_dataset_open(lg_h5 *h5, const char *name, size_t bytes, lg_dataset *d, lg_error *error);
 void lg_dataset_close(lg_dataset *d);
 /* LG_FORMAT with the data set's name. */

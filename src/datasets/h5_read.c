@@ -51,7 +51,7 @@ static lg_status open_handle(const lg_context *context, const char *path, const 
     lg_status status = check_file(path, &bytes, error);
     if (status == LG_OK) {
         uint64_t plausible = bytes > UINT64_MAX / EXPANSION ? UINT64_MAX : bytes * EXPANSION;
-        h5->max_bytes = chosen.max_bytes < plausible ? chosen.max_bytes : plausible;
+        h5->max_size = chosen.max_size < plausible ? chosen.max_size : plausible;
         lg_h5_quiet quiet = lg_quiet_begin();
         h5->file = open_file(path, edit);
         lg_quiet_end(quiet);
@@ -134,7 +134,7 @@ static lg_status read_extent(const lg_h5 *h5, const char *name, size_t bytes, lg
     if (rank > LG_MAX_RANK)
         return lg_fail(error, LG_FORMAT, "%s: /%s: has rank %d, at most %d is read", lg_shown_path(h5->path),
                        name, rank, LG_MAX_RANK);
-    uint64_t most = h5->max_bytes / bytes;
+    uint64_t most = h5->max_size / bytes;
     d->rank = (uint32_t)rank;
     d->count = 1;
     bool fits = true, none = false;

@@ -125,7 +125,7 @@ static lg_status visit_attribute(lg_h5 *h5, hid_t attribute, hid_t type, const c
     const hssize_t count = space >= 0 ? H5Sget_simple_extent_npoints(space) : -1;
     texts t = {.h5 = h5};
     lg_status status = LG_OK;
-    if (count < 0 || (uint64_t)count > h5->max_bytes)
+    if (count < 0 || (uint64_t)count > h5->max_size)
         status = lg_dataset_error(h5, name, "is an attribute that cannot be read", error);
     if (status == LG_OK && count > 0) {
         status = begin_texts(h5, type, count == 1 ? ATTRIBUTE_BYTES : LG_H5_TEXT, UINT64_MAX, &t);

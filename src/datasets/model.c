@@ -286,7 +286,7 @@ lg_status lg_checkpoint_open(const lg_context *context, const char *path, const 
     if (kind == NULL || run == NULL || out == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "a checkpoint is read into a run and a reader");
     lg_file_reader *reader;
-    LG_TRY(lg_file_reader_open(context, path, kind->checkpoint, options, &reader, error));
+    LG_TRY(lg_file_reader_create(context, path, kind->checkpoint, options, &reader, error));
     void *got = lg_alloc(context, 1, kind->run_size);
     lg_status status = got == NULL
                            ? lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path))
@@ -295,7 +295,7 @@ lg_status lg_checkpoint_open(const lg_context *context, const char *path, const 
         memcpy(run, got, kind->run_size);
         *out = reader;
     } else {
-        lg_file_reader_close(reader);
+        lg_file_reader_destroy(reader);
     }
     lg_free(context, got);
     return status;

@@ -213,7 +213,7 @@ static double stored_as(lg_dtype dtype, double x) {
 
 static lg_status check_judged(const lg_h5 *h5, const lg_hamiltonian_file *judged,
                               const lg_hamiltonian_file *stored, lg_error *error) {
-    LG_TRY(lg_run_compare(h5->path, &lg_run_hamiltonian, &stored->run, &judged->run, error));
+    LG_TRY(lg_run_compare(&lg_run_hamiltonian, &stored->run, &judged->run, h5->path, error));
     bool same = judged->parameters == stored->parameters;
     for (size_t i = 0; same && i < stored->parameters; i++)
         same = stored->theta[i] == stored_as(judged->run.training.dtype, judged->theta[i]);

@@ -71,7 +71,7 @@ static lg_status make_system(const char *name, const char *form, lg_system **out
     lg_named_values given[MOST_PARAMETERS];
     lg_system_options options;
     size_t count = 0;
-    const lg_parameter_row *row = lg_system_parameters(name, form);
+    const lg_parameter_entry *row = lg_system_parameters(name, form);
     for (; row != NULL && row->key != NULL && count < MOST_PARAMETERS; row++)
         if (row->fallback == NULL && row->count <= MOST_VALUES)
             given[count++] = (lg_named_values){row->key, unit, row->count > 0 ? row->count : 1};
@@ -90,7 +90,7 @@ const lg_hamiltonian_family *lg_family_of(const char *system, size_t *n) {
         if (make_system(system, forms[i], &made) != LG_OK) continue;
         family = lg_hamiltonian_family_for(made, n);
         if (lg_system_links(made) > 0) *n = 0;
-        lg_system_destroy(NULL, made);
+        lg_system_destroy(made);
     }
     return family;
 }

@@ -21,7 +21,7 @@
 
 void lg_read_options_init(lg_read_options *options) {
     *options = (lg_read_options){
-        .size = sizeof *options, .probe = true, .probe_seconds = 20, .max_bytes = (uint64_t)8 << 30};
+        .size = sizeof *options, .probe = true, .probe_seconds = 20, .max_size = (uint64_t)8 << 30};
 }
 
 lg_status lg_read_options_resolve(const lg_read_options *options, lg_read_options *out, lg_error *error) {
@@ -70,7 +70,7 @@ static void enter_child(const lg_read_options *options, uint64_t file_bytes) {
     const uint64_t patience = 60 + 10 * seconds;
     (void)alarm(patience < INT_MAX ? (unsigned)patience : (unsigned)INT_MAX);
     if (LG_LIMIT_MEMORY) {
-        uint64_t extra = ((uint64_t)1 << 30) + options->max_bytes / 4 + 16 * file_bytes;
+        uint64_t extra = ((uint64_t)1 << 30) + options->max_size / 4 + 16 * file_bytes;
         limit(RLIMIT_AS, (rlim_t)(addresses_in_use() + extra));
     }
 }

@@ -51,7 +51,7 @@ uint64_t lg_program_list_count(const lg_program_list *l, const lg_operation *ope
     return total;
 }
 
-size_t lg_program_row_bytes(const lg_program_column *c) {
+size_t lg_program_row_size(const lg_program_column *c) {
     const size_t one = c->type == LG_ELEMENT_U32 ? sizeof(uint32_t) : 8;
     return one * c->width * (c->affine ? 2 : 1);
 }

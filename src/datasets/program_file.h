@@ -32,7 +32,7 @@ extern const lg_program_column lg_program_operation_rows[OPERATION_COLUMNS];
 enum { PORT_RANK, PORT_SHAPE, SHARED, RANGE, PORT_COLUMNS };
 extern const lg_program_column lg_program_port_rows[PORT_COLUMNS];
 
-size_t lg_program_row_bytes(const lg_program_column *c);
+size_t lg_program_row_size(const lg_program_column *c);
 /* Its shape with `count` rows; the rank. */
 uint32_t lg_program_column_shape(const lg_program_column *c, uint64_t count, uint64_t dims[4]);
 void lg_program_free_columns(const lg_context *context, size_t n, void **columns);

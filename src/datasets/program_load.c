@@ -52,7 +52,7 @@ static lg_status get_columns(reading *r, const char *group, const lg_program_col
         uint64_t dims[4];
         const uint32_t rank = lg_program_column_shape(&rows[i], count, dims);
         const lg_program_key at = lg_program_below(group, rows[i].name);
-        LG_TRY(take(r, at.text, count, lg_program_row_bytes(&rows[i]), &columns[i]));
+        LG_TRY(take(r, at.text, count, lg_program_row_size(&rows[i]), &columns[i]));
         LG_TRY(as_format(r, lg_h5_get(r->h5, at.text, rows[i].type, rank, dims, columns[i], r->error)));
     }
     return LG_OK;
@@ -358,7 +358,7 @@ static lg_status get_program(reading *r, char (**parameter)[NAME], char (**funct
 
 static lg_status load(void *user, lg_h5 *h5, lg_error *error) {
     lg_program **out = user;
-    reading r = {.h5 = h5, .left = h5->max_bytes, .error = error};
+    reading r = {.h5 = h5, .left = h5->max_size, .error = error};
     char(*parameter)[NAME] = NULL, (*function_)[NAME] = NULL;
     const lg_status status = get_program(&r, &parameter, &function_);
     lg_free(h5->context, parameter);

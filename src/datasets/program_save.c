@@ -7,7 +7,7 @@
 static lg_status make_columns(const lg_context *context, const lg_program_column *rows, size_t n,
                               size_t count, void **columns) {
     for (size_t i = 0; i < n; i++)
-        if ((columns[i] = lg_alloc(context, count, lg_program_row_bytes(&rows[i]))) == NULL)
+        if ((columns[i] = lg_alloc(context, count, lg_program_row_size(&rows[i]))) == NULL)
             return LG_OUT_OF_MEMORY;
     return LG_OK;
 }
@@ -184,7 +184,7 @@ static lg_status put_functions(lg_h5 *h5, const lg_program *program, names *know
         status = lg_function_image_create(program, i, &image);
         if (status != LG_OK) return lg_program_no_memory(h5, error);
         status = put_function(h5, program, image, known, error);
-        lg_function_image_destroy(program, image);
+        lg_function_image_destroy(image);
     }
     return status;
 }

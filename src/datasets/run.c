@@ -155,7 +155,7 @@ lg_status lg_run_get(lg_h5 *h5, const lg_run_kind *kind, bool complete, void *ru
 
 /* ---- comparing ---- */
 
-lg_status lg_run_compare(const char *path, const lg_run_kind *kind, const void *stored, const void *wanted,
+lg_status lg_run_compare(const lg_run_kind *kind, const void *stored, const void *wanted, const char *path,
                          lg_error *error) {
     char have[LG_HYPER_TEXT_SIZE], want[LG_HYPER_TEXT_SIZE];
     const lg_hyperparameter *r;

@@ -40,7 +40,7 @@ static const char *find_form(const char *system, const char *text) {
 
 /* One form only, and the state of a Hamiltonian system: `form: hamiltonian` says nothing new. */
 static bool plainly_hamiltonian(const char *system) {
-    const lg_state_row *state = lg_system_state(system, NULL);
+    const lg_state_entry *state = lg_system_state(system, NULL);
     return form_of(system, 0) == NULL && strcmp(state[0].key, "q") == 0 && state[1].key != NULL &&
            strcmp(state[1].key, "p") == 0;
 }
@@ -55,8 +55,8 @@ static bool has_reference(const char *system) {
 
 /* True when a parameter or a part of the state is there once a link. */
 static bool has_links(const char *system, const char *form) {
-    const lg_parameter_row *parameter = lg_system_parameters(system, form);
-    const lg_state_row *part = lg_system_state(system, form);
+    const lg_parameter_entry *parameter = lg_system_parameters(system, form);
+    const lg_state_entry *part = lg_system_state(system, form);
     while (parameter->key != NULL && parameter->count != 0) parameter++;
     while (part->key != NULL && part->outer != 0) part++;
     return parameter->key != NULL || part->key != NULL;
@@ -70,8 +70,8 @@ static bool known_elsewhere(const char *name) {
     const char *key = inner ? name + sizeof initial - 1 : name;
     if (strcmp(name, "links") == 0 || strcmp(name, "reference") == 0) return true;
     for (size_t i = 0; lg_system_at(i, &system, &form); i++) {
-        const lg_parameter_row *parameter = lg_system_parameters(system, form);
-        const lg_state_row *part = lg_system_state(system, form);
+        const lg_parameter_entry *parameter = lg_system_parameters(system, form);
+        const lg_state_entry *part = lg_system_state(system, form);
         for (; !inner && parameter->key != NULL; parameter++)
             if (strcmp(parameter->key, key) == 0) return true;
         for (; inner && part->key != NULL; part++)
@@ -130,7 +130,7 @@ static size_t add_key(scene_table *table, const char *prefix, const lg_key *key)
 
 static void add_parameters(scene_table *table) {
     table->parameters_at = table->count;
-    for (const lg_parameter_row *row = table->parameters; row->key != NULL; row++) {
+    for (const lg_parameter_entry *row = table->parameters; row->key != NULL; row++) {
         const bool positive = row->rule == LG_PARAMETER_POSITIVE;
         const lg_key key = {.name = row->key,
                             .type = row->count == 1 ? LG_KEY_REAL : LG_KEY_BLOCK,
@@ -146,7 +146,7 @@ static void add_parameters(scene_table *table) {
 static void add_parts(scene_table *table) {
     lg_key key = {.type = LG_KEY_BLOCK, .low = -LARGEST, .high = LARGEST, .capacity = 1};
     table->parts_at = table->count;
-    for (const lg_state_row *row = table->parts; row->key != NULL; row++) {
+    for (const lg_state_entry *row = table->parts; row->key != NULL; row++) {
         key.name = row->key;
         key.required = row->fallback == NULL;
         if (table->own_key != NULL && strcmp(table->own_key, row->key) == 0) key.required = false;
@@ -197,7 +197,8 @@ static lg_status wrong_form(const lg_yaml *yaml, const char *system, const lg_ke
 static const char *form_of_initial(const lg_yaml *yaml, const char *system) {
     for (size_t i = 0; form_of(system, i) != NULL; i++) {
         bool all = true;
-        for (const lg_state_row *row = lg_system_state(system, form_of(system, i)); row->key != NULL; row++) {
+        for (const lg_state_entry *row = lg_system_state(system, form_of(system, i)); row->key != NULL;
+             row++) {
             char name[48];
             (void)snprintf(name, sizeof name, "initial.%s", row->key);
             all = all && (row->fallback != NULL || lg_yaml_has(yaml, name));
@@ -259,7 +260,7 @@ static lg_status find_links(reading *r) {
         LG_TRY(count_links(r, table->parameters_at + i, 1, &by));
     }
     for (size_t i = 0; table->parts[i].key != NULL; i++) {
-        const lg_state_row *row = &table->parts[i];
+        const lg_state_entry *row = &table->parts[i];
         if (row->outer != 0) continue;
         LG_TRY(count_links(r, table->parts_at + i, row->rows * row->columns, &by));
         if (table->other_at != 0 && strcmp(row->key, table->own_key) == 0)
@@ -281,7 +282,7 @@ static lg_status check_unit(const reading *r, size_t at, const double *values, s
 }
 
 static lg_status read_parameter(const reading *r, size_t index, double *out) {
-    const lg_parameter_row *row = &r->table->parameters[index];
+    const lg_parameter_entry *row = &r->table->parameters[index];
     const size_t at = r->table->parameters_at + index, count = per_link(row->count, r->links);
     const lg_key_value *value = &r->table->values[at];
     const size_t shape[3] = {1, 1, count};
@@ -428,7 +429,7 @@ lg_status lg_scene_draw_start(const lg_context *context, lg_scene *scene, uint64
 
 void lg_scene_destroy(const lg_context *context, lg_scene *scene) {
     if (scene == NULL) return;
-    lg_system_destroy(context, scene->system);
+    lg_system_destroy(scene->system);
     lg_free(context, scene->state);
     *scene = (lg_scene){.system = NULL};
 }
@@ -461,7 +462,7 @@ static void shape_in_words(size_t outer, bool links, size_t rows, size_t columns
     (void)snprintf(text, size, "%s%s", first, last);
 }
 
-static void describe_parameters(words *w, const lg_parameter_row *row) {
+static void describe_parameters(words *w, const lg_parameter_entry *row) {
     static const char *const rules[] = {[LG_PARAMETER_FINITE] = "",
                                         [LG_PARAMETER_POSITIVE] = " > 0",
                                         [LG_PARAMETER_UNIT_VECTOR] = " of length 1",
@@ -478,7 +479,7 @@ static void describe_parameters(words *w, const lg_parameter_row *row) {
 
 int lg_scene_describe(const char *system, const char *form, char *text, size_t size) {
     words w = {text, size, 0};
-    const lg_parameter_row *parameters = system != NULL ? lg_system_parameters(system, form) : NULL;
+    const lg_parameter_entry *parameters = system != NULL ? lg_system_parameters(system, form) : NULL;
     if (parameters == NULL) return 0;
     if (size > 0) text[0] = '\0';
     add_line(&w, "", "system", system, "required");
@@ -486,7 +487,7 @@ int lg_scene_describe(const char *system, const char *form, char *text, size_t s
     if (has_links(system, form)) add_line(&w, "", "links", "a whole number", "needed when no list tells");
     if (has_reference(system)) add_line(&w, "", "reference", reference_name(0), "");
     describe_parameters(&w, parameters);
-    for (const lg_state_row *row = lg_system_state(system, form); row->key != NULL; row++) {
+    for (const lg_state_entry *row = lg_system_state(system, form); row->key != NULL; row++) {
         char shape[96];
         shape_in_words(row->outer, row->outer == 0, row->rows, row->columns, shape, sizeof shape);
         add_line(&w, "initial.", row->key, shape, row->fallback == NULL ? "required in `initial`" : "");

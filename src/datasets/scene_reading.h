@@ -8,8 +8,8 @@
 
 typedef struct scene_table {
     const char *system, *form;
-    const lg_parameter_row *parameters;
-    const lg_state_row *parts;
+    const lg_parameter_entry *parameters;
+    const lg_state_entry *parts;
     /* A part that may be given under another key and is then converted: chains, omega and p. */
     const char *own_key, *other_key;
     size_t links_at, parameters_at, parts_at, other_at; /* in `keys`; 0: none */

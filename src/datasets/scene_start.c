@@ -28,7 +28,7 @@ static size_t key_of_part(const reading *r, const start *s, size_t part) {
 }
 
 static lg_status read_part(const reading *r, start *s, size_t part) {
-    const lg_state_row *row = &r->table->parts[part];
+    const lg_state_entry *row = &r->table->parts[part];
     const size_t at = key_of_part(r, s, part), size = row->rows * row->columns;
     const size_t shape[3] = {per_link(row->outer, r->links), row->rows, row->columns};
     const lg_key_value *value = &r->table->values[at];
@@ -67,7 +67,7 @@ static lg_status check_alternatives(const reading *r, start *s) {
 
 /* The key of the number at an offset of the state, and which of its blocks that is, from 1. */
 static const char *find_source(const reading *r, const start *s, size_t offset, size_t *block) {
-    const lg_state_row *parts = r->table->parts;
+    const lg_state_entry *parts = r->table->parts;
     for (size_t i = 0; parts[i].key != NULL; i++) {
         const size_t blocks = per_link(parts[i].outer, r->links), stride = parts[i].stride;
         if (offset < parts[i].first) continue;
@@ -123,7 +123,7 @@ static double determinant(const double *a) {
 
 /* The rotation at offset `at`, the first of the numbers of SO(3) and SE(3). */
 static lg_status place_rotation(const reading *r, start *s, size_t at) {
-    const lg_space_row *so3 = lg_space_kind_row(LG_SPACE_SO3);
+    const lg_space_entry *so3 = lg_space_kind_entry(LG_SPACE_SO3);
     double *rotation = s->y + at;
     const double off = so3->manifold_error(1, rotation), det = determinant(rotation);
     if (!(off <= OFF_MANIFOLD)) {
@@ -145,7 +145,7 @@ static lg_status place(const reading *r, start *s) {
     size_t at = 0;
     for (size_t f = 0; f < space->factors; f++) {
         const lg_space_kind kind = space->factor[f].kind;
-        const size_t numbers = lg_space_kind_row(kind)->state;
+        const size_t numbers = lg_space_kind_entry(kind)->state;
         for (size_t i = 0; i < space->factor[f].count; i++, at += numbers) {
             if (kind == LG_SPACE_TS2) LG_TRY(place_on_sphere(r, s, at));
             if (kind == LG_SPACE_SO3 || kind == LG_SPACE_SE3) LG_TRY(place_rotation(r, s, at));

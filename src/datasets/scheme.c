@@ -8,8 +8,10 @@
 #define SYNTAX_SIZE 64
 
 /* What a caller gets is the first member. */
+/* The scheme is the first member: lg_scheme_destroy is given its address. */
 typedef struct scheme_file {
     lg_scheme scheme;
+    const lg_context *context;
     char name[64];
     lg_cf_row rows[LG_SCHEME_MAX_STAGES + 2];
     lg_commutator commutators[LG_SCHEME_MAX_STAGES];
@@ -380,6 +382,7 @@ lg_status lg_scheme_read(const lg_context *context, const char *path, lg_scheme 
     } else {
         r->yaml = yaml;
         r->out = file;
+        file->context = context;
         r->error = error;
         status = read_scheme(r);
     }
@@ -392,6 +395,7 @@ lg_status lg_scheme_read(const lg_context *context, const char *path, lg_scheme 
     return status;
 }
 
-void lg_scheme_destroy(const lg_context *context, lg_scheme *scheme) {
-    lg_free(context, scheme); /* the first member */
+void lg_scheme_destroy(lg_scheme *scheme) {
+    scheme_file *file = (scheme_file *)scheme;
+    if (file != NULL) lg_free(file->context, file);
 }

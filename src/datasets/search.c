@@ -621,7 +621,7 @@ static lg_status read_text(const lg_context *context, const char *path, char **o
 }
 
 lg_status lg_trials_read(const lg_context *context, const char *path, const lg_search_file *search,
-                         uint64_t seed, const char *setting, lg_trial *trials, size_t room, size_t *count,
+                         uint64_t seed, const char *setting, size_t room, lg_trial *trials, size_t *count,
                          lg_error *error) {
     char *data = NULL;
     size_t found = 0;

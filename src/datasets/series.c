@@ -112,7 +112,7 @@ static lg_status read_labels(read_call *call, lg_error *error) {
     if (status == LG_OK) {
         s->classes = names.count;
         status =
-            lg_series_allocate(call->context, lg_h5_has(call->h5, "group"), lg_h5_has(call->h5, "run"), s);
+            lg_series_allocate(call->context, s, lg_h5_has(call->h5, "group"), lg_h5_has(call->h5, "run"));
         if (status != LG_OK) (void)no_memory(call, error);
     }
     if (status == LG_OK) {

@@ -37,7 +37,7 @@ static double *array3(const lg_context *context, size_t a, size_t b, size_t c) {
 
 lg_status lg_trajectories_create(const lg_context *context, const char *system,
                                  const lg_hamiltonian_family *family, uint32_t n, size_t count, size_t points,
-                                 double t_end, bool with_hamiltonian, uint32_t input_size,
+                                 double t_end, bool with_hamiltonian, uint32_t input_dim,
                                  lg_trajectories *out) {
     if (system == NULL || out == NULL || strlen(system) >= LG_SYSTEM_NAME) return LG_INVALID_ARGUMENT;
     if (family == NULL || n < 1 || n > LG_HAMILTONIAN_MAX_COPIES || count < 1 || points < 2)
@@ -50,16 +50,16 @@ lg_status lg_trajectories_create(const lg_context *context, const char *system,
                             .n = n,
                             .count = count,
                             .points = points,
-                            .state_size = n * numbers_per_copy(family),
-                            .input_size = input_size,
+                            .state_dim = n * numbers_per_copy(family),
+                            .input_dim = input_dim,
                             .dt = t_end / (double)(points - 1)};
     memcpy(made.system, system, strlen(system) + 1);
     made.t = lg_alloc(context, points, sizeof(double));
-    made.data = array3(context, count, points, made.state_size);
+    made.data = array3(context, count, points, made.state_dim);
     if (with_hamiltonian) made.hamiltonian = lg_alloc(context, count, sizeof(double));
-    if (input_size > 0) made.inputs = array3(context, count, points - 1, input_size);
+    if (input_dim > 0) made.inputs = array3(context, count, points - 1, input_dim);
     if (made.t == NULL || made.data == NULL || (with_hamiltonian && made.hamiltonian == NULL) ||
-        (input_size > 0 && made.inputs == NULL)) {
+        (input_dim > 0 && made.inputs == NULL)) {
         lg_trajectories_destroy(context, &made);
         return LG_OUT_OF_MEMORY;
     }
@@ -74,9 +74,9 @@ static void hash(lg_trajectories *data) {
     lg_sha256 state;
     lg_sha256_init(&state);
     lg_sha256_add_doubles(&state, data->t, data->points);
-    lg_sha256_add_doubles(&state, data->data, data->count * data->points * data->state_size);
+    lg_sha256_add_doubles(&state, data->data, data->count * data->points * data->state_dim);
     if (data->inputs != NULL)
-        lg_sha256_add_doubles(&state, data->inputs, data->count * (data->points - 1) * data->input_size);
+        lg_sha256_add_doubles(&state, data->inputs, data->count * (data->points - 1) * data->input_dim);
     lg_sha256_finish(&state, data->sha256);
 }
 
@@ -121,8 +121,8 @@ static lg_status read_arrays(read_call *call, lg_error *error) {
             return lg_fail(error, LG_FORMAT, "%s: /inputs: expected shape (%llu, %llu, m)", shown,
                            (unsigned long long)data[0], (unsigned long long)data[1] - 1);
     }
-    out->count = (size_t)data[0], out->points = (size_t)data[1], out->state_size = (uint32_t)data[2];
-    out->input_size = (uint32_t)inputs[2];
+    out->count = (size_t)data[0], out->points = (size_t)data[1], out->state_dim = (uint32_t)data[2];
+    out->input_dim = (uint32_t)inputs[2];
     return LG_OK;
 }
 
@@ -215,7 +215,7 @@ static lg_status check_starts(read_call *call, lg_error *error) {
     const lg_trajectories *out = call->out;
     for (size_t k = 0; k < out->count; k++) {
         uint32_t copy = 0;
-        const double *start = out->data + k * out->points * out->state_size;
+        const double *start = out->data + k * out->points * out->state_dim;
         const double off = off_manifold(out->family, start, out->n, &copy);
         if (off > MANIFOLD_TOLERANCE)
             return lg_fail(error, LG_FORMAT,
@@ -231,10 +231,10 @@ static lg_status check_starts(read_call *call, lg_error *error) {
 static bool looks_like(const lg_hamiltonian_family *family, const lg_trajectories *out) {
     const uint32_t per = numbers_per_copy(family);
     uint32_t copy = 0;
-    if (out->state_size % per != 0) return false;
+    if (out->state_dim % per != 0) return false;
     for (size_t k = 0; k < out->count; k++) {
-        const double *start = out->data + k * out->points * out->state_size;
-        if (off_manifold(family, start, out->state_size / per, &copy) > MANIFOLD_TOLERANCE) return false;
+        const double *start = out->data + k * out->points * out->state_dim;
+        if (off_manifold(family, start, out->state_dim / per, &copy) > MANIFOLD_TOLERANCE) return false;
     }
     return true;
 }
@@ -246,7 +246,7 @@ static const lg_hamiltonian_family *guess_family(const lg_trajectories *out, con
     for (size_t i = 0; i < lg_hamiltonian_family_count(); i++) {
         family = lg_hamiltonian_family_at(i);
         if (layout[0] == '\0' ? looks_like(family, out)
-                              : out->state_size >= numbers_per_copy(family) &&
+                              : out->state_dim >= numbers_per_copy(family) &&
                                     layout_of(family, layout) == wanted_layout(family))
             break;
     }
@@ -255,12 +255,12 @@ static const lg_hamiltonian_family *guess_family(const lg_trajectories *out, con
 
 static lg_status check_size(const lg_trajectories *out, const char *shown, size_t known_n, lg_error *error) {
     const uint32_t per = numbers_per_copy(out->family);
-    if (out->state_size % per != 0 || out->state_size / per > LG_HAMILTONIAN_MAX_COPIES)
+    if (out->state_dim % per != 0 || out->state_dim / per > LG_HAMILTONIAN_MAX_COPIES)
         return lg_fail(error, LG_FORMAT,
                        "%s: /trajectories: d = %u is not %u numbers for each of 1 to %d %ss", shown,
-                       out->state_size, per, LG_HAMILTONIAN_MAX_COPIES, out->family->copy);
-    if (known_n != 0 && known_n != out->state_size / per)
-        return lg_fail(error, LG_FORMAT, "%s: /trajectories: d = %u, %s has %zu", shown, out->state_size,
+                       out->state_dim, per, LG_HAMILTONIAN_MAX_COPIES, out->family->copy);
+    if (known_n != 0 && known_n != out->state_dim / per)
+        return lg_fail(error, LG_FORMAT, "%s: /trajectories: d = %u, %s has %zu", shown, out->state_dim,
                        out->system, known_n * per);
     return LG_OK;
 }
@@ -282,7 +282,7 @@ static lg_status check_system(read_call *call, lg_error *error) {
                        out->system);
     out->family = known != NULL ? known : guess_family(out, layout);
     LG_TRY(check_size(out, shown, known_n, error));
-    out->n = out->state_size / numbers_per_copy(out->family);
+    out->n = out->state_dim / numbers_per_copy(out->family);
     const layout_kind wanted = wanted_layout(out->family);
     if (kind != LAYOUT_NONE && kind != wanted && out->n > 1)
         return lg_fail(error, LG_FORMAT, "%s: attribute layout: '%s' is wanted for %s", shown,
@@ -301,7 +301,7 @@ static lg_status check_links(read_call *call, lg_error *error) {
         LG_TRY(lg_h5_number(call->h5, places[i], "links", LG_ELEMENT_I64, &links, error));
         if (links != (int64_t)out->n)
             return lg_fail(error, LG_FORMAT, "%s: attribute links is %lld, but d = %u means %u",
-                           lg_shown_path(call->path), (long long)links, out->state_size, out->n);
+                           lg_shown_path(call->path), (long long)links, out->state_dim, out->n);
         return LG_OK;
     }
     return LG_OK;
@@ -338,8 +338,8 @@ lg_status lg_trajectories_read(const lg_context *context, const char *path, cons
 /* ---- writing ---- */
 
 static lg_status check_written(const char *path, const lg_trajectories *data, lg_error *error) {
-    uint64_t shape[3] = {data->count, data->points, data->state_size};
-    uint64_t inputs[3] = {data->count, data->points - 1, data->input_size};
+    uint64_t shape[3] = {data->count, data->points, data->state_dim};
+    uint64_t inputs[3] = {data->count, data->points - 1, data->input_dim};
     LG_TRY(lg_check_finite(path, "t", 1, &shape[1], data->t, error));
     LG_TRY(lg_check_finite(path, "trajectories", 3, shape, data->data, error));
     if (data->hamiltonian != NULL)
@@ -349,8 +349,8 @@ static lg_status check_written(const char *path, const lg_trajectories *data, lg
 }
 
 static lg_status put_all(lg_h5 *h5, const lg_trajectories *data, lg_error *error) {
-    uint64_t shape[3] = {data->count, data->points, data->state_size};
-    uint64_t inputs[3] = {data->count, data->points - 1, data->input_size};
+    uint64_t shape[3] = {data->count, data->points, data->state_dim};
+    uint64_t inputs[3] = {data->count, data->points - 1, data->input_dim};
     char layout[LG_LAYOUT_TEXT];
     lg_layout_text(data->family, data->n, layout);
     LG_TRY(lg_h5_put_header(h5, "trajectories", &data->provenance, error));

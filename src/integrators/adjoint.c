@@ -143,7 +143,7 @@ static lg_status compare_forms(lg_adjoint *a, const double *y0) {
     lg_recorded r;
     LG_TRY(advance(a, 0, y0, a->after));
     lg_status status = record(a, 0, y0, &r);
-    if (status == LG_OK) status = lg_read(a->tape, r.next, a->before, d);
+    if (status == LG_OK) status = lg_read(a->tape, r.next, d, a->before);
     if (status != LG_OK) return fail_recording(a, status, 0);
     const double scale = fmax(largest(d, y0), largest(d, a->after));
     for (size_t i = 0; i < d; i++) {
@@ -254,7 +254,7 @@ static lg_status open_adjoint(lg_adjoint *a, bool parameters) {
 static void close_adjoint(lg_adjoint *a) {
     lg_tape_destroy(a->tape);
     lg_free(a->context, a->memory);
-    lg_stepper_destroy(a->context, a->stepper);
+    lg_stepper_destroy(a->stepper);
 }
 
 static lg_status run(lg_adjoint *a, const double *y0, bool gradient) {
@@ -291,8 +291,8 @@ lg_status lg_adjoint_gradient(const lg_context *context, const lg_adjoint_proble
         copy_out(parameters ? problem->parameter_count : 0, a.parameters, dparameters);
         if (stats)
             *stats = (lg_adjoint_stats){.checkpoints = segments,
-                                        .state_bytes = sizeof(double) * d * (segments + 1 + a.longest),
-                                        .tape_bytes = lg_tape_bytes(a.tape),
+                                        .states_size = sizeof(double) * d * (segments + 1 + a.longest),
+                                        .tape_size = lg_tape_size(a.tape),
                                         .seconds = now() - begin};
     }
     close_adjoint(&a);

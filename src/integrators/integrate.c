@@ -80,8 +80,8 @@ lg_step_decision lg_step_controller_decide(const lg_step_controller *control, do
     return (lg_step_decision){accept, control->h_max > 0.0 ? dmin(h, control->h_max) : h};
 }
 
-double lg_error_norm(const lg_step_controller *control, size_t dim, const double *error, const double *y,
-                     const double *y_next) {
+double lg_error_norm(const lg_step_controller *control, const double *error, const double *y,
+                     const double *y_next, size_t dim) {
     return lg_kernels_for(LG_F64)->error_norm(dim, control->rtol, control->atol, error, y, y_next);
 }
 
@@ -102,7 +102,7 @@ typedef struct lg_run {
 /* Of f(t, y) at y: its size relative to the tolerance. `velocity` is overwritten. */
 static double speed_of(const lg_run *run, const double *f, const double *y, double *velocity) {
     lg_space_generator(&run->stepper->ode.space, f, y, velocity);
-    return lg_error_norm(run->control, run->stepper->ode.space.dim, velocity, y, y);
+    return lg_error_norm(run->control, velocity, y, y, run->stepper->ode.space.dim);
 }
 
 /* |f(t + h, exp(h f) . y) - f(t, y)| / h as ambient vectors, relative to the tolerance; NaN where the field
@@ -119,7 +119,7 @@ static lg_status curvature(const lg_run *run, double h, const double *f, double 
     lg_space_generator(&s->ode.space, f, s->run[0], s->error);
     lg_space_generator(&s->ode.space, s->bracket, y, velocity);
     for (size_t i = 0; i < n; i++) s->error[i] = (velocity[i] - s->error[i]) / h;
-    *out = lg_error_norm(run->control, n, s->error, s->run[0], s->run[0]);
+    *out = lg_error_norm(run->control, s->error, s->run[0], s->run[0], n);
     return LG_OK;
 }
 
@@ -137,7 +137,7 @@ static lg_status first_step(lg_run *run) {
     if (run->control->h_initial > 0.0) return LG_OK;
     LG_TRY(lg_stepper_first(s, run->t, span, s->run[0], NULL, &f));
     const double angle = lg_space_angle(&s->ode.space, f);
-    const double size = lg_error_norm(run->control, n, s->run[0], s->run[0], s->run[0]);
+    const double size = lg_error_norm(run->control, s->run[0], s->run[0], s->run[0], n);
     const double speed = speed_of(run, f, s->run[0], s->point);
     if (!lg_all_finite(n, s->point)) return LG_NOT_FINITE;
     double h = 0.01 * size / speed;
@@ -164,7 +164,7 @@ static lg_status attempt(lg_run *run, double target) {
     if (run->stats.steps + run->stats.rejected >= run->control->max_steps) return LG_TOO_MANY_STEPS;
     const lg_status status = lg_step(s, run->t, run->sign * h, s->run[0], NULL, s->run[1]);
     if (status == LG_OK)
-        error = lg_error_norm(run->control, s->ode.space.dim, s->error, s->run[0], s->run[1]);
+        error = lg_error_norm(run->control, s->error, s->run[0], s->run[1], s->ode.space.dim);
     else if (status != LG_NOT_FINITE)
         return status;
     const lg_step_history history = {h, s->angle, run->rejected};

@@ -21,7 +21,7 @@ bool lg_slgi_fits(const lg_space *space) {
 
 /* out = exp(u) R, as the space SO(3) has it: orthogonal to rounding however many steps */
 static void rotate(const double u[3], const double R[9], double out[9]) {
-    lg_space_kind_row(LG_SPACE_SO3)->act(1, u, R, out);
+    lg_space_kind_entry(LG_SPACE_SO3)->act(1, u, R, out);
 }
 
 /* The part in R^2m: q + a x, p + b n */

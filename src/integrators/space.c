@@ -329,7 +329,7 @@ static double se3_dual_manifold_error(size_t count, const double *y) {
 
 /* ---- the table ---- */
 
-static const lg_space_row rows[LG_SPACE_KINDS] = {
+static const lg_space_entry rows[LG_SPACE_KINDS] = {
     [LG_SPACE_RN] = {"R^n", 1, 1, true, rn_act, rn_generator, NULL, NULL, free_project, rn_manifold_error,
                      rn_angle},
     [LG_SPACE_TS2] = {"T*S^2", 6, 6, false, ts2_act, ts2_generator, se3_bracket, se3_dexpinv, ts2_project,
@@ -350,7 +350,7 @@ static void (*const project_gradient[LG_SPACE_KINDS])(size_t count, const double
     [LG_SPACE_SE3] = se3_gradient, [LG_SPACE_SO3_DUAL] = free_gradient, [LG_SPACE_SE3_DUAL] = free_gradient,
 };
 
-const lg_space_row *lg_space_kind_row(lg_space_kind kind) {
+const lg_space_entry *lg_space_kind_entry(lg_space_kind kind) {
     return (unsigned)kind < LG_SPACE_KINDS ? &rows[kind] : NULL;
 }
 
@@ -360,7 +360,7 @@ lg_status lg_space_init(lg_space *space, const lg_space_factor *factors, size_t 
     lg_space result = {.factors = count};
     if (!space || !factors || count < 1 || count > LG_SPACE_MAX_FACTORS) return LG_INVALID_ARGUMENT;
     for (size_t i = 0; i < count; i++) {
-        const lg_space_row *row = lg_space_kind_row(factors[i].kind);
+        const lg_space_entry *row = lg_space_kind_entry(factors[i].kind);
         if (!row || factors[i].count < 1 || factors[i].count > DIM_MAX / LG_SPACE_MAX_FACTORS / 32)
             return LG_INVALID_ARGUMENT;
         result.factor[i] = factors[i];
@@ -384,7 +384,7 @@ bool lg_space_is_abelian(const lg_space *space) {
 /* Visits the factors with running offsets into state (y) and algebra (a). */
 #define FOR_FACTORS(space, row, n, y, a)                                                                     \
     size_t y = 0, a = 0, n = 0;                                                                              \
-    const lg_space_row *row = NULL;                                                                          \
+    const lg_space_entry *row = NULL;                                                                        \
     for (size_t f_ = 0; f_ < (space)->factors &&                                                             \
                         (row = &rows[(space)->factor[f_].kind], n = (space)->factor[f_].count, true);        \
          y += n * row->state, a += n * row->algebra, f_++, (void)y)
@@ -415,7 +415,7 @@ const double lg_dexpinv_series[LG_DEXPINV_MAX + 1] = {
     1.0 / 30240.0, 0.0,        -1.0 / 1209600.0, 0.0, 1.0 / 47900160.0,
 };
 
-static void dexpinv_series(const lg_space_row *row, int K, size_t count, const double *a, const double *b,
+static void dexpinv_series(const lg_space_entry *row, int K, size_t count, const double *a, const double *b,
                            double *out) {
     double term[LG_SPACE_MAX_ALGEBRA], sum[LG_SPACE_MAX_ALGEBRA];
     const size_t m = row->algebra;

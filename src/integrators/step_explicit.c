@@ -16,9 +16,9 @@ static void combine(const lg_stepper *s, double h, const double *coefficient, in
     for (int j = 0; j < stages; j++)
         if (coefficient[j] != 0.0) c[n] = h * coefficient[j], k[n++] = s->row[j];
     if (n > 0)
-        s->kernels->stage_sum(s->row_size, n, c, k, out);
+        s->kernels->stage_sum(s->row_stride, n, c, k, out);
     else
-        memset(out, 0, s->row_size * sizeof(*out));
+        memset(out, 0, s->row_stride * sizeof(*out));
 }
 
 /* out = exp(a) . y, and the largest angle so far */
@@ -53,7 +53,7 @@ static lg_status rkmk_stage(lg_stepper *s, int i, double t, double h, const doub
                             const double *input) {
     const lg_scheme *scheme = s->scheme;
     const bool last = scheme->fsal && i == scheme->stages - 1;
-    double *k = s->k + (size_t)i * s->row_size, *f = last ? s->memo[1].value : k;
+    double *k = s->k + (size_t)i * s->row_stride, *f = last ? s->memo[1].value : k;
     LG_TRY(lg_stepper_evaluate(s, t + scheme->c[i] * h, point, input, f));
     s->row[i] = s->identity ? f : k;
     if (!s->identity) lg_space_dexpinv(&s->ode.space, scheme->dexpinv, s->sigma, f, k);
@@ -103,12 +103,12 @@ lg_status lg_step_commutator_free(lg_stepper *s, double t, double h, const doubl
     const lg_scheme *scheme = s->scheme;
     const size_t n = s->ode.space.dim;
     const double *points[LG_SCHEME_MAX_STAGES];
-    for (int i = 0; i < scheme->stages; i++) s->row[i] = s->k + (size_t)i * s->row_size;
+    for (int i = 0; i < scheme->stages; i++) s->row[i] = s->k + (size_t)i * s->row_stride;
     for (int i = 0; i < scheme->stages; i++) {
         points[i] = cf_point(s, &scheme->rows[i], h, y, points, s->point + (size_t)i * n);
         LG_TRY(i == 0 ? lg_stepper_first(s, t, h, points[0], input, &s->row[0])
                       : lg_stepper_evaluate(s, t + scheme->c[i] * h, points[i], input,
-                                            s->k + (size_t)i * s->row_size));
+                                            s->k + (size_t)i * s->row_stride));
     }
     const double *end = cf_point(s, &scheme->rows[scheme->stages], h, y, points, s->y_next);
     if (end != s->y_next) memcpy(s->y_next, end, n * sizeof(*end));

@@ -35,7 +35,7 @@ static void packed_begin(packed_sum *p, lg_stepper *s, double h, const double *c
                               .most = s->most};
     if (!f) return;
     p->stage.c_new = h * coefficient[known];
-    p->stage.k_new = s->k + (size_t)known * s->row_size;
+    p->stage.k_new = s->k + (size_t)known * s->row_stride;
     s->row[known] = p->stage.k_new;
 }
 

@@ -98,8 +98,8 @@ static size_t lay_out(lg_stepper *s, double *memory, const lg_scheme *scheme, co
     const size_t stages = (size_t)scheme->stages, block = 6 * (size_t)LG_SE3_BLOCK;
     size_t n = space->dim, m = space->algebra_dim;
     if (form->packed) n = m = (m + block - 1) / block * block;
-    s->row_size = in_blocks(m);
-    s->k = carve(&carver, stages * s->row_size);
+    s->row_stride = in_blocks(m);
+    s->k = carve(&carver, stages * s->row_stride);
     s->sigma = carve(&carver, m);
     s->bracket = carve(&carver, m);
     s->point = carve(&carver, form->points ? stages * n : n);
@@ -121,8 +121,8 @@ size_t lg_stepper_size(const lg_scheme *scheme, const lg_ode *ode) {
     return check(scheme, ode) == LG_OK ? lay_out(&layout, NULL, scheme, &ode->space) : 0;
 }
 
-lg_status lg_stepper_init(void *memory, size_t bytes, const lg_scheme *scheme, const lg_ode *ode,
-                          lg_stepper **out) {
+lg_status lg_stepper_init(const lg_scheme *scheme, const lg_ode *ode, lg_stepper **out, void *memory,
+                          size_t bytes) {
     LG_TRY(check(scheme, ode));
     if (!memory || !out || (uintptr_t)memory % LG_ALIGNMENT != 0 || bytes < lg_stepper_size(scheme, ode))
         return LG_INVALID_ARGUMENT;
@@ -143,16 +143,19 @@ lg_status lg_stepper_create(const lg_context *context, const lg_scheme *scheme, 
                             lg_stepper **out) {
     LG_TRY(check(scheme, ode));
     if (!out) return LG_INVALID_ARGUMENT;
-    const size_t bytes = lg_stepper_size(scheme, ode);
-    void *memory = lg_alloc(context, 1, bytes);
+    const size_t size = lg_stepper_size(scheme, ode);
+    void *memory = lg_alloc(context, 1, size);
     if (!memory) return LG_OUT_OF_MEMORY;
-    const lg_status status = lg_stepper_init(memory, bytes, scheme, ode, out);
-    if (status != LG_OK) lg_free(context, memory);
+    const lg_status status = lg_stepper_init(scheme, ode, out, memory, size);
+    if (status == LG_OK)
+        (*out)->context = context;
+    else
+        lg_free(context, memory);
     return status;
 }
 
-void lg_stepper_destroy(const lg_context *context, lg_stepper *stepper) {
-    lg_free(context, stepper);
+void lg_stepper_destroy(lg_stepper *stepper) {
+    if (stepper) lg_free(stepper->context, stepper);
 }
 
 /* ---- the step ---- */

@@ -30,6 +30,7 @@ typedef struct lg_newton {
 typedef struct lg_step_form lg_step_form;
 
 struct lg_stepper {
+    const lg_context *context; /* of lg_stepper_create */
     const lg_scheme *scheme;
     const lg_step_form *form; /* stepper.c */
     lg_ode ode;
@@ -42,11 +43,11 @@ struct lg_stepper {
     bool dense;    /* the last step succeeded: dense output may look at it */
     const struct lg_kernels *kernels;
     lg_memo memo[2];
-    size_t row_size;                         /* numbers in a row, at least algebra_dim */
-    double *k;                               /* (stages, row_size) */
+    size_t row_stride;                       /* numbers in a row, at least algebra_dim */
+    double *k;                               /* (stages, row_stride) */
     const double *row[LG_SCHEME_MAX_STAGES]; /* k_i of this step: in k, or where a memo keeps it */
-    double *sigma;                           /* row_size */
-    double *bracket;                         /* row_size */
+    double *sigma;                           /* row_stride */
+    double *bracket;                         /* row_stride */
     double *most;                            /* LG_SE3_BLOCK: squares of angles, for packed steps */
     double difference[LG_SCHEME_MAX_STAGES]; /* RKMK: b less the weights of the embedded solution */
     double *point;                           /* (stages, dim) for commutator-free schemes, else dim */

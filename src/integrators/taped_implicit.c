@@ -151,13 +151,13 @@ static lg_status linearise(const problem *s, newton *w) {
     const lg_shape shape = lg_shape2(s->batch, s->n);
     lg_var x = lg_input_f64(s->tape, shape, w->x), r;
     LG_TRY(residual(s, x, &r));
-    LG_TRY(lg_read(s->tape, r, w->r, count));
+    LG_TRY(lg_read(s->tape, r, count, w->r));
     const lg_mark recorded = lg_tape_mark(s->tape);
     for (size_t j = 0; j < n; j++) {
         for (size_t i = 0; i < count; i++) w->seed[i] = i % n == j ? 1.0 : 0.0;
         lg_var direction = lg_input_f64(s->tape, shape, w->seed), moved;
         LG_TRY(lg_jvp(s->tape, &r, 1, &x, &direction, 1, &moved));
-        LG_TRY(lg_read(s->tape, moved, w->column, count));
+        LG_TRY(lg_read(s->tape, moved, count, w->column));
         for (size_t i = 0; i < count; i++) w->inverse[i * n + j] = w->column[i];
         LG_TRY(lg_tape_rewind(s->tape, recorded));
     }
@@ -235,7 +235,7 @@ static lg_status size_of(const problem *s, double *size) {
     double sum = 0.0;
     for (size_t p = 0; p < lg_taped_parts(&s->ode->space); p++) {
         double one;
-        LG_TRY(lg_read(s->tape, lg_sum(s->tape, lg_square(s->tape, s->y->part[p])), &one, 1));
+        LG_TRY(lg_read(s->tape, lg_sum(s->tape, lg_square(s->tape, s->y->part[p])), 1, &one));
         sum += one;
     }
     *size = sqrt(sum);

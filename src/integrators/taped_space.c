@@ -134,7 +134,7 @@ static lg_var polar(lg_tape *tape, lg_var X) {
     for (int more = 3, n = 0; more > 0 && n < LONGEST && isfinite(change); n++) {
         lg_var squared;
         R = polar_step(tape, R, &squared);
-        if (lg_read(tape, squared, &change, 1) != LG_OK) return LG_NONE;
+        if (lg_read(tape, squared, 1, &change) != LG_OK) return LG_NONE;
         if (change <= 1e-8) more--;
     }
     return lg_reshape(tape, R, shape);

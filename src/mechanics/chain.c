@@ -8,7 +8,7 @@
 
 static const double one = 1.0;
 
-const lg_parameter_row lg_chain_parameters[] = {
+const lg_parameter_entry lg_chain_parameters[] = {
     [CHAIN_GRAVITY] = {"gravity", "g", 1, LG_PARAMETER_FINITE, NULL, "acceleration along -e3, m/s^2"},
     [CHAIN_MASSES] = {"masses", "m", 0, LG_PARAMETER_POSITIVE, &one, "mass at the end of each link, kg"},
     [CHAIN_LENGTHS] = {"lengths", "L", 0, LG_PARAMETER_POSITIVE, &one, "length of each link, m"},

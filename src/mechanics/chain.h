@@ -11,7 +11,7 @@
 
 /* Rows of the table of parameters, of both forms. */
 enum { CHAIN_GRAVITY, CHAIN_MASSES, CHAIN_LENGTHS };
-extern const lg_parameter_row lg_chain_parameters[];
+extern const lg_parameter_entry lg_chain_parameters[];
 
 /* Numbers that do not depend on the state; k each. */
 typedef struct lg_chain {

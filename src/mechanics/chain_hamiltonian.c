@@ -176,7 +176,7 @@ static size_t work_of(size_t links) {
     return (6 + 12) * links; /* v and g, then the parts of chain_work */
 }
 
-static const lg_state_row state[] = {
+static const lg_state_entry state[] = {
     {.key = "q", .outer = 0, .rows = 1, .columns = 3, .first = 0, .stride = 6},
     {.key = "p", .outer = 0, .rows = 1, .columns = 3, .first = 3, .stride = 6},
     {.key = NULL}};

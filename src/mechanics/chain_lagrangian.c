@@ -144,7 +144,7 @@ static size_t work_of(size_t links) {
     return (3 + CHAIN_MOMENTUM_WORK) * links;
 }
 
-static const lg_state_row state[] = {
+static const lg_state_entry state[] = {
     {.key = "q", .outer = 0, .rows = 1, .columns = 3, .first = 0, .stride = 6},
     {.key = "omega", .outer = 0, .rows = 1, .columns = 3, .first = 3, .stride = 6},
     {.key = NULL}};

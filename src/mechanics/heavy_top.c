@@ -36,7 +36,7 @@ static const double inertia_fallback[3] = {0.234375, 0.46875, 0.234375}, mass_fa
                     length_fallback = 2.0, chi_fallback[3] = {0.0, 1.0, 0.0},
                     gamma0_fallback[3] = {0.0, 0.0, -9.81};
 
-static const lg_parameter_row parameters[] = {
+static const lg_parameter_entry parameters[] = {
     {"inertia", "I", 3, LG_PARAMETER_POSITIVE, inertia_fallback,
      "principal moments of inertia about the fixed point, kg m^2"},
     {"mass", "m", 1, LG_PARAMETER_POSITIVE, &mass_fallback, "mass, kg"},
@@ -59,7 +59,7 @@ enum { ATTITUDE = 0, MOMENTUM = 9, POSITION = 12, SHIFT = 15 }; /* places in the
 
 static const double identity[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
 
-static const lg_state_row spatial_state[] = {
+static const lg_state_entry spatial_state[] = {
     {"Q", 1, 3, 3, ATTITUDE, 9, identity},
     {"pi", 1, 1, 3, MOMENTUM, 3, NULL},
     {.key = NULL},
@@ -207,7 +207,7 @@ const lg_system_row lg_system_row_top_direct = {
 
 enum { GAMMA = 0, BODY_MOMENTUM = 3 }; /* places in the state */
 
-static const lg_state_row poisson_state[] = {
+static const lg_state_entry poisson_state[] = {
     {"Gamma", 1, 1, 3, GAMMA, 3, NULL},
     {"Pi", 1, 1, 3, BODY_MOMENTUM, 3, NULL},
     {.key = NULL},

@@ -5,12 +5,12 @@
 #include "liegrad/ops.h"
 #include "mechanics/system.h"
 
-static const lg_parameter_row no_parameters[] = {{.key = NULL}};
-static const lg_state_row one_degree[] = {
+static const lg_parameter_entry no_parameters[] = {{.key = NULL}};
+static const lg_state_entry one_degree[] = {
     {.key = "q", .outer = 1, .rows = 1, .columns = 1, .first = 0, .stride = 1},
     {.key = "p", .outer = 1, .rows = 1, .columns = 1, .first = 1, .stride = 1},
     {.key = NULL}};
-static const lg_state_row two_degrees[] = {
+static const lg_state_entry two_degrees[] = {
     {.key = "q", .outer = 1, .rows = 1, .columns = 2, .first = 0, .stride = 2},
     {.key = "p", .outer = 1, .rows = 1, .columns = 2, .first = 2, .stride = 2},
     {.key = NULL}};

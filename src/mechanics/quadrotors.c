@@ -37,7 +37,7 @@ static const double inertia_fallback[3] = {0.0820, 0.0845, 0.1377}, payload_fall
                     gravity_fallback = 9.81, kx_fallback = 4.0, kv_fallback = 4.0, kq_fallback = 100.0,
                     kw_fallback = 20.0, beta_fallback = 0.52359877559829887;
 
-static const lg_parameter_row parameters[] = {
+static const lg_parameter_entry parameters[] = {
     {"J", "J", 3, LG_PARAMETER_POSITIVE, inertia_fallback,
      "principal moments of inertia of each quadrotor, kg m^2"},
     {"payload", "m_y", 1, LG_PARAMETER_POSITIVE, &payload_fallback, "mass of the payload, kg"},
@@ -58,7 +58,7 @@ enum { POSITION = 0, VELOCITY = 3, QUADROTOR = 6, RATE = 9, QUADROTOR_SIZE = 12,
 static const double position_fallback[3] = {-2.0, 0.0, 0.0}, zero[3] = {0.0, 0.0, 0.0},
                     identity[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
 
-static const lg_state_row state[] = {
+static const lg_state_entry state[] = {
     {"y", 1, 1, 3, POSITION, 3, position_fallback},
     {"v", 1, 1, 3, VELOCITY, 3, zero},
     {"R", 2, 3, 3, QUADROTOR, QUADROTOR_SIZE, identity},

@@ -19,7 +19,7 @@
 static const double inertia_fallback[3] = {1.0, 2.0, 3.0};
 static const double identity[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
 
-static const lg_parameter_row parameters[] = {
+static const lg_parameter_entry parameters[] = {
     {"inertia", "I", 3, LG_PARAMETER_POSITIVE, inertia_fallback, "principal moments of inertia, kg m^2"},
     {.key = NULL},
 };
@@ -30,7 +30,7 @@ static const double *inertia_of(const void *user) {
 
 /* ---- body momentum ---- */
 
-static const lg_state_row momentum_state[] = {{"mu", 1, 1, 3, 0, 3, NULL}, {.key = NULL}};
+static const lg_state_entry momentum_state[] = {{"mu", 1, 1, 3, 0, 3, NULL}, {.key = NULL}};
 
 static lg_status momentum_space(size_t links, lg_space *out) {
     (void)links;
@@ -80,7 +80,7 @@ const lg_system_row lg_system_row_rigid_body = {
 
 enum { ATTITUDE = 0, SPATIAL_MOMENTUM = 9 }; /* places in the state */
 
-static const lg_state_row attitude_state[] = {
+static const lg_state_entry attitude_state[] = {
     {"R", 1, 3, 3, ATTITUDE, 9, identity},
     {"pi", 1, 1, 3, SPATIAL_MOMENTUM, 3, NULL},
     {.key = NULL},

@@ -34,12 +34,12 @@ static const lg_system_row *find_row(const char *name, const char *form) {
     return NULL;
 }
 
-const lg_parameter_row *lg_system_parameters(const char *name, const char *form) {
+const lg_parameter_entry *lg_system_parameters(const char *name, const char *form) {
     const lg_system_row *row = find_row(name, form);
     return row ? row->parameters : NULL;
 }
 
-const lg_state_row *lg_system_state(const char *name, const char *form) {
+const lg_state_entry *lg_system_state(const char *name, const char *form) {
     const lg_system_row *row = find_row(name, form);
     return row ? row->state : NULL;
 }
@@ -80,7 +80,7 @@ static lg_status fail_row(const char *name, const char *form, lg_error *error) {
 
 static lg_status fail_key(const lg_system_row *row, const char *key, lg_error *error) {
     list_text known = {.length = 0};
-    for (const lg_parameter_row *p = row->parameters; p->key; p++) list_add(&known, p->key);
+    for (const lg_parameter_entry *p = row->parameters; p->key; p++) list_add(&known, p->key);
     if (known.length == 0)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s has no parameter \"%s\"; it has none", row->name,
                        key ? key : "(null)");
@@ -90,11 +90,11 @@ static lg_status fail_key(const lg_system_row *row, const char *key, lg_error *e
 
 /* ---- parameters ---- */
 
-static size_t numbers_of(const lg_parameter_row *parameter, size_t links) {
+static size_t numbers_of(const lg_parameter_entry *parameter, size_t links) {
     return parameter->count > 0 ? parameter->count : links;
 }
 
-static lg_status check_rule(const lg_parameter_row *p, const double *x, size_t n, lg_error *error) {
+static lg_status check_rule(const lg_parameter_entry *p, const double *x, size_t n, lg_error *error) {
     double square = 0.0;
     for (size_t i = 0; i < n; i++) {
         char place[32] = "";
@@ -126,7 +126,7 @@ static lg_status check_keys(const lg_system_row *row, const lg_system_options *o
         return lg_fail(error, LG_INVALID_ARGUMENT, "the parameters of %s are NULL", row->name);
     for (size_t i = 0; i < options->parameter_count; i++) {
         const lg_named_values *given = &options->parameters[i];
-        const lg_parameter_row *p = row->parameters;
+        const lg_parameter_entry *p = row->parameters;
         while (p->key && !same(p->key, given->key)) p++;
         if (!p->key) return fail_key(row, given->key, error);
         if (given_for(options, given->key) != given)
@@ -136,7 +136,7 @@ static lg_status check_keys(const lg_system_row *row, const lg_system_options *o
 }
 
 static lg_status check_parameter(const lg_system_row *row, const lg_system_options *options,
-                                 const lg_parameter_row *p, size_t links, lg_error *error) {
+                                 const lg_parameter_entry *p, size_t links, lg_error *error) {
     const lg_named_values *given = given_for(options, p->key);
     const size_t n = numbers_of(p, links);
     if (!given && !p->fallback)
@@ -150,7 +150,7 @@ static lg_status check_parameter(const lg_system_row *row, const lg_system_optio
     return check_rule(p, given->values, n, error);
 }
 
-static void copy_parameter(const lg_system_options *options, const lg_parameter_row *p, size_t links,
+static void copy_parameter(const lg_system_options *options, const lg_parameter_entry *p, size_t links,
                            double *out) {
     const lg_named_values *given = given_for(options, p->key);
     for (size_t i = 0; i < numbers_of(p, links); i++)
@@ -174,7 +174,7 @@ lg_var lg_system_taped_parameter(const lg_system *system, lg_tape *tape, lg_var 
 }
 
 void lg_system_parameter_label(const lg_system *system, size_t index, char *text) {
-    const lg_parameter_row *p = system->row->parameters;
+    const lg_parameter_entry *p = system->row->parameters;
     while (p->key && index >= numbers_of(p, system->links)) index -= numbers_of(p++, system->links);
     if (!p->key)
         text[0] = '\0';
@@ -211,7 +211,7 @@ static size_t write_layout(const lg_system_row *row, size_t links, char *out) {
     layout_text text = {out, 0};
     size_t at = 0;
     if (row->layout) append(&text, row->layout);
-    for (const lg_state_row *s = row->state; !row->layout && s->key;) {
+    for (const lg_state_entry *s = row->state; !row->layout && s->key;) {
         const size_t outer = s->outer > 0 ? s->outer : links;
         const size_t block = at >= s->first && s->stride > 0 ? (at - s->first) / s->stride : 0;
         if (block >= outer || at != s->first + block * s->stride) {
@@ -232,7 +232,7 @@ static size_t write_layout(const lg_system_row *row, size_t links, char *out) {
 #define LINKS_MAX 1000000
 
 static bool has_links(const lg_system_row *row) {
-    for (const lg_state_row *s = row->state; s->key; s++)
+    for (const lg_state_entry *s = row->state; s->key; s++)
         if (s->outer == 0) return true;
     return false;
 }
@@ -242,7 +242,7 @@ static lg_status check_options(const lg_system_row *row, const lg_system_options
     if (has_links(row) && (links < 1 || links > LINKS_MAX))
         return lg_fail(error, LG_INVALID_ARGUMENT, "links = %zu is outside 1..%d", links, LINKS_MAX);
     LG_TRY(check_keys(row, options, error));
-    for (const lg_parameter_row *p = row->parameters; p->key; p++)
+    for (const lg_parameter_entry *p = row->parameters; p->key; p++)
         LG_TRY(check_parameter(row, options, p, links, error));
     return LG_OK;
 }
@@ -258,6 +258,7 @@ static lg_status make(const lg_context *context, const lg_system_row *row, const
     LG_TRY(row->space(links, &space));
     lg_system *system = lg_alloc(context, head + count + constants + text, sizeof(double));
     if (!system) return LG_OUT_OF_MEMORY;
+    system->context = context;
     system->row = row;
     system->links = links;
     system->space = space;
@@ -291,8 +292,8 @@ lg_status lg_system_create(const lg_context *context, const char *name, const lg
     return lg_fail(error, status, "%s", status == LG_OK ? "" : lg_status_sentence(status));
 }
 
-void lg_system_destroy(const lg_context *context, lg_system *system) {
-    lg_free(context, system);
+void lg_system_destroy(lg_system *system) {
+    if (system) lg_free(system->context, system);
 }
 
 /* ---- asking ---- */
@@ -391,23 +392,23 @@ static lg_status generated_field(void *user, double t, const double *y, const do
     return LG_OK;
 }
 
-static lg_field field_of(const lg_system *system, lg_coordinates form) {
+static lg_field field_of(const lg_system *system, lg_coordinates coordinates) {
     const lg_system_row *row = system->row;
-    if (form == LG_COORDINATES_LIE || row->field[form]) return row->field[form];
+    if (coordinates == LG_COORDINATES_LIE || row->field[coordinates]) return row->field[coordinates];
     return lg_system_constrained(system) ? generated_field : row->field[LG_COORDINATES_LIE];
 }
 
-lg_status lg_system_ode(const lg_system *system, lg_coordinates form, lg_system_user *user, double *work,
-                        lg_ode *ode) {
-    if (!system || !user || !work || !ode || (unsigned)form > LG_COORDINATES_AMBIENT)
+lg_status lg_system_ode(const lg_system *system, lg_coordinates coordinates, lg_ode *ode,
+                        lg_system_user *user, double *work) {
+    if (!system || !user || !work || !ode || (unsigned)coordinates > LG_COORDINATES_AMBIENT)
         return LG_INVALID_ARGUMENT;
     lg_ode result = {.space = system->space,
-                     .field = field_of(system, form),
+                     .field = field_of(system, coordinates),
                      .force = system->row->force,
                      .velocity = system->row->velocity,
                      .user = user,
                      .step = system->row->step};
-    if (form == LG_COORDINATES_AMBIENT) {
+    if (coordinates == LG_COORDINATES_AMBIENT) {
         result.manifold = system->space;
         LG_TRY(lg_space_init_rn(&result.space, system->space.dim));
     }
@@ -470,10 +471,11 @@ static lg_status taped_velocity(void *user, lg_tape *tape, lg_taped_time t, lg_v
     return own->system->row->taped_velocity(own->system, tape, t, p, input, own->parameters, out);
 }
 
-lg_status lg_system_taped_ode(const lg_system *system, lg_coordinates form, lg_var parameters,
-                              lg_system_taped_user *user, lg_taped_ode *ode) {
-    if (!system || !user || !ode || (unsigned)form > LG_COORDINATES_AMBIENT) return LG_INVALID_ARGUMENT;
-    const bool ambient = form == LG_COORDINATES_AMBIENT, constrained = lg_system_constrained(system);
+lg_status lg_system_taped_ode(const lg_system *system, lg_coordinates coordinates, lg_var parameters,
+                              lg_taped_ode *ode, lg_system_taped_user *user) {
+    if (!system || !user || !ode || (unsigned)coordinates > LG_COORDINATES_AMBIENT)
+        return LG_INVALID_ARGUMENT;
+    const bool ambient = coordinates == LG_COORDINATES_AMBIENT, constrained = lg_system_constrained(system);
     if (ambient && system->row->extended) return LG_UNSUPPORTED;
     lg_taped_ode result = {.space = system->space,
                            .field = ambient && constrained ? taped_ambient : taped_field,

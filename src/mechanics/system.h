@@ -25,12 +25,12 @@ typedef enum lg_structure {
 } lg_structure;
 
 typedef struct lg_system_row {
-    const char *name, *form;            /* form NULL: the only one */
-    const lg_parameter_row *parameters; /* ended by a key NULL */
-    const lg_state_row *state;          /* ended by a key NULL */
-    const char *layout;                 /* NULL: from `state`, in the order of offsets */
-    bool separable;                     /* force and velocity are there, plain and on a tape */
-    size_t unreported;                  /* numbers at the end of the state that are not reported */
+    const char *name, *form;              /* form NULL: the only one */
+    const lg_parameter_entry *parameters; /* ended by a key NULL */
+    const lg_state_entry *state;          /* ended by a key NULL */
+    const char *layout;                   /* NULL: from `state`, in the order of offsets */
+    bool separable;                       /* force and velocity are there, plain and on a tape */
+    size_t unreported;                    /* numbers at the end of the state that are not reported */
     lg_status (*space)(size_t links, lg_space *out);
     size_t (*constants)(size_t links); /* numbers made from the parameters once; NULL: none */
     void (*prepare)(lg_system *system, double *constants);
@@ -59,6 +59,7 @@ typedef struct lg_system_row {
 
 /* One block of memory with all it points to. */
 struct lg_system {
+    const lg_context *context;
     const lg_system_row *row;
     size_t links; /* 0 where the system has none */
     lg_space space;

@@ -50,7 +50,7 @@ typedef struct reference {
 } reference;
 
 static void reference_destroy(const lg_context *context, reference *r) {
-    lg_stepper_destroy(context, r->stepper);
+    lg_stepper_destroy(r->stepper);
     lg_free(context, r->work);
 }
 
@@ -66,7 +66,7 @@ static lg_status reference_create(const lg_context *context, const lg_system *sy
     r->control.atol = atol;
     r->control.max_steps = 10000000;
     lg_status status =
-        lg_system_ode(system, lie ? LG_COORDINATES_LIE : LG_COORDINATES_AMBIENT, &r->user, r->work, &ode);
+        lg_system_ode(system, lie ? LG_COORDINATES_LIE : LG_COORDINATES_AMBIENT, &ode, &r->user, r->work);
     if (status == LG_OK)
         status = lg_stepper_create(context, lg_scheme_find(lie ? "rkmk54" : "dp54"), &ode, &r->stepper);
     if (status != LG_OK) lg_free(context, r->work);

@@ -30,12 +30,12 @@ size_t lg_hamiltonian_parameters(const lg_hamiltonian *model) {
     return lg_hamiltonian_array_offset(model, LG_HAMILTONIAN_MAX_ARRAYS);
 }
 
-uint32_t lg_hamiltonian_state_size(const lg_hamiltonian *model) {
+uint32_t lg_hamiltonian_state_dim(const lg_hamiltonian *model) {
     lg_space space;
     return lg_hamiltonian_space(model->family, model->n, &space) == LG_OK ? (uint32_t)space.dim : 0;
 }
 
-uint32_t lg_hamiltonian_input_size(const lg_hamiltonian *model) {
+uint32_t lg_hamiltonian_input_dim(const lg_hamiltonian *model) {
     return model->family->forces * model->n;
 }
 

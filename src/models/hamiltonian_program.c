@@ -9,11 +9,11 @@ typedef struct recording {
 
 /* Inputs: x, then u where the system has one, then h of a step. */
 static lg_var input_of(const recording *r, const lg_var *x) {
-    return lg_hamiltonian_input_size(r->model) > 0 ? x[1] : LG_NONE;
+    return lg_hamiltonian_input_dim(r->model) > 0 ? x[1] : LG_NONE;
 }
 
 static lg_var step_of(const recording *r, const lg_var *x) {
-    return lg_hamiltonian_input_size(r->model) > 0 ? x[2] : x[1];
+    return lg_hamiltonian_input_dim(r->model) > 0 ? x[2] : x[1];
 }
 
 static lg_status value(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
@@ -84,7 +84,7 @@ enum { MOST_FUNCTIONS = 7 };
 static lg_status build(const lg_context *context, recording *r, const double *theta, bool in_a_loop,
                        lg_program **out, lg_error *error) {
     const lg_hamiltonian *model = r->model;
-    const uint32_t d = lg_hamiltonian_state_size(model), m = lg_hamiltonian_input_size(model);
+    const uint32_t d = lg_hamiltonian_state_dim(model), m = lg_hamiltonian_input_dim(model);
     const size_t inputs = m > 0 ? 2 : 1;
     const lg_port h = {.name = "h", .shape = lg_shape1(1), .low = 0.001, .high = 0.05};
     lg_port in[3] = {{.name = "x", .shape = lg_shape1(d)}, {.name = "u", .shape = lg_shape1(m)}};

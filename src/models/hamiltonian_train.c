@@ -20,7 +20,7 @@ static void store(lg_dtype dtype, void *values, size_t i, double value) {
  * stand beside the concatenated predictions. */
 static void fill_states(const lg_hamiltonian_problem *problem, lg_dtype dtype, const uint32_t *samples,
                         size_t count, size_t first, size_t last, void *values) {
-    const size_t d = lg_hamiltonian_state_size(problem->model);
+    const size_t d = lg_hamiltonian_state_dim(problem->model);
     size_t at = 0;
     for (size_t j = first; j <= last; j++)
         for (size_t s = 0; s < count; s++) {

@@ -8,8 +8,8 @@ static bool is_hamiltonian(const lg_model *model) {
 
 /* ---- the field ---- */
 
-size_t lg_model_input_size(const lg_model *model) {
-    return is_hamiltonian(model) ? lg_hamiltonian_input_size(&model->hamiltonian) : 0;
+size_t lg_model_input_dim(const lg_model *model) {
+    return is_hamiltonian(model) ? lg_hamiltonian_input_dim(&model->hamiltonian) : 0;
 }
 
 lg_status lg_model_field(const lg_model *model, const double *state, const double *input, double *field,
@@ -43,7 +43,7 @@ static lg_status ode_drift(void *user, double t, const double *p, const double *
     return LG_OK;
 }
 
-lg_status lg_model_ode(const lg_model *model, lg_model_user *user, void *work, lg_ode *ode) {
+lg_status lg_model_ode(const lg_model *model, lg_ode *ode, lg_model_user *user, void *work) {
     if (!is_hamiltonian(model)) return LG_UNSUPPORTED;
     if (user == NULL || ode == NULL) return LG_INVALID_ARGUMENT;
     lg_ode made = {.field = ode_field, .user = user};
@@ -73,7 +73,7 @@ static size_t before_stepper(const lg_model *model) {
 static lg_status equation(const lg_model *model, const lg_scheme *scheme, lg_model_user *user, void *work,
                           lg_ode *ode) {
     if (model == NULL || scheme == NULL) return LG_INVALID_ARGUMENT;
-    LG_TRY(lg_model_ode(model, user, work, ode));
+    LG_TRY(lg_model_ode(model, ode, user, work));
     return scheme->kind == LG_SCHEME_VARIATIONAL ? LG_UNSUPPORTED : LG_OK;
 }
 
@@ -85,20 +85,20 @@ size_t lg_model_stepper_size(const lg_model *model, const lg_scheme *scheme) {
     return bytes > 0 ? before_stepper(model) + bytes : 0;
 }
 
-lg_status lg_model_stepper_init(void *memory, size_t bytes, const lg_model *model, const lg_scheme *scheme,
-                                lg_stepper **out) {
+lg_status lg_model_stepper_init(const lg_model *model, const lg_scheme *scheme, lg_stepper **out,
+                                void *memory, size_t bytes) {
     lg_model_user asked;
     lg_ode ode;
     LG_TRY(equation(model, scheme, &asked, NULL, &ode));
     const size_t before = before_stepper(model);
     /* Without memory: whether the scheme fits, which is said before anything about the memory. */
     if (memory == NULL || (uintptr_t)memory % LG_ALIGNMENT != 0 || bytes < before || out == NULL)
-        return lg_stepper_init(NULL, 0, scheme, &ode, NULL);
+        return lg_stepper_init(scheme, &ode, NULL, NULL, 0);
     char *base = memory;
     lg_model_user *user = memory;
     lg_stepper *made;
     ode.user = user;
-    LG_TRY(lg_stepper_init(base + before, bytes - before, scheme, &ode, &made));
+    LG_TRY(lg_stepper_init(scheme, &ode, &made, base + before, bytes - before));
     *user = (lg_model_user){model, base + padded(sizeof *user)};
     *out = made;
     return LG_OK;

@@ -12,7 +12,7 @@ static bool is_hamiltonian(const lg_model *model) {
     return model != NULL && model->kind == LG_MODEL_HAMILTONIAN;
 }
 
-size_t lg_model_tangent_size(const lg_model *model) {
+size_t lg_model_tangent_dim(const lg_model *model) {
     return is_hamiltonian(model) ? (size_t)model->hamiltonian.family->tangent * model->hamiltonian.n : 0;
 }
 
@@ -26,7 +26,7 @@ typedef struct linear_parts {
 } linear_parts;
 
 static linear_parts parts_of(const lg_model *model, void *work, size_t *doubles) {
-    const size_t d = model->inputs, m = lg_model_input_size(model), r = lg_model_tangent_size(model);
+    const size_t d = model->inputs, m = lg_model_input_dim(model), r = lg_model_tangent_dim(model);
     const size_t sizes[] = {m, d * d, d * m, d * r, d, r};
     double *at[LG_COUNT(sizes)] = {NULL};
     *doubles = 0;
@@ -46,7 +46,7 @@ size_t lg_model_linear_work_size(const lg_model *model) {
 const double *lg_model_no_input(const lg_model *model, void *work) {
     size_t doubles;
     double *zeros = parts_of(model, work, &doubles).zeros;
-    memset(zeros, 0, lg_model_input_size(model) * sizeof *zeros);
+    memset(zeros, 0, lg_model_input_dim(model) * sizeof *zeros);
     return zeros;
 }
 
@@ -71,7 +71,7 @@ static void fill_coordinates(const lg_model *model, const double *state, const d
 /* out (r, columns) = C matrix (d, columns) */
 static void to_coordinates(const lg_model *model, const double *state, const double *matrix, size_t columns,
                            const linear_parts *w, double *out) {
-    const size_t d = model->inputs, r = lg_model_tangent_size(model);
+    const size_t d = model->inputs, r = lg_model_tangent_dim(model);
     for (size_t j = 0; j < columns; j++) {
         for (size_t i = 0; i < d; i++) w->velocity[i] = matrix[i * columns + j];
         fill_coordinates(model, state, w->velocity, w->c);
@@ -81,7 +81,7 @@ static void to_coordinates(const lg_model *model, const double *state, const dou
 
 /* A = C jx basis, column by column. */
 static void fill_A(const lg_model *model, const double *state, const linear_parts *w, double *A) {
-    const size_t d = model->inputs, r = lg_model_tangent_size(model);
+    const size_t d = model->inputs, r = lg_model_tangent_dim(model);
     for (size_t j = 0; j < r; j++) {
         for (size_t i = 0; i < d; i++) {
             double sum = 0.0;
@@ -96,7 +96,7 @@ static void fill_A(const lg_model *model, const double *state, const linear_part
 lg_status lg_model_linearise(const lg_model *model, const double *state, const double *input, double *A,
                              double *B, double *basis, void *work) {
     if (!is_hamiltonian(model)) return LG_UNSUPPORTED;
-    const size_t d = model->inputs, m = lg_model_input_size(model), r = lg_model_tangent_size(model);
+    const size_t d = model->inputs, m = lg_model_input_dim(model), r = lg_model_tangent_dim(model);
     size_t doubles;
     const linear_parts w = parts_of(model, work, &doubles);
     const double *const x[] = {state, input != NULL ? input : lg_model_no_input(model, work)};

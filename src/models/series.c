@@ -9,7 +9,7 @@
 
 /* ---- memory ---- */
 
-lg_status lg_series_allocate(const lg_context *context, bool with_group, bool with_run, lg_series *series) {
+lg_status lg_series_allocate(const lg_context *context, lg_series *series, bool with_group, bool with_run) {
     if (series == NULL || series->count == 0 || series->channels == 0 || series->length == 0 ||
         series->classes == 0)
         return LG_INVALID_ARGUMENT;

@@ -10,7 +10,7 @@ void lg_adam_options_init(lg_adam_options *options) {
 }
 
 void lg_adam_step(const lg_adam_options *options, lg_dtype dtype, uint64_t step, double rate, double clip,
-                  size_t n, const void *gradient, void *m, void *v, void *theta) {
+                  const void *gradient, size_t n, void *m, void *v, void *theta) {
     const double correction1 = 1.0 - pow(options->beta1, (double)step);
     const double correction2 = 1.0 - pow(options->beta2, (double)step);
     lg_kernels_for(dtype)->adam(n, options->lr * rate, options->beta1, options->beta2, options->eps,
@@ -18,7 +18,7 @@ void lg_adam_step(const lg_adam_options *options, lg_dtype dtype, uint64_t step,
                                 gradient, m, v, theta);
 }
 
-double lg_gradient_norm(lg_dtype dtype, size_t n, const void *gradient) {
+double lg_gradient_norm(const void *gradient, size_t n, lg_dtype dtype) {
     return sqrt(lg_kernels_for(dtype)->dot(n, gradient, gradient));
 }
 

@@ -117,7 +117,8 @@ static uint32_t default_channels(uint32_t in) {
     return out > 0 ? out : 1;
 }
 
-lg_cnn lg_cnn_defaults(uint32_t channels, uint32_t length, uint32_t outputs, lg_activation activation) {
+void lg_cnn_init_default(lg_cnn *out, uint32_t channels, uint32_t length, uint32_t outputs,
+                         lg_activation activation) {
     lg_cnn net = {.channels = channels,
                   .length = length,
                   .plane = DEFAULT_PLANE,
@@ -140,7 +141,7 @@ lg_cnn lg_cnn_defaults(uint32_t channels, uint32_t length, uint32_t outputs, lg_
         net.blocks++;
     }
     (void)lg_cnn_init(&net, NULL);
-    return net;
+    *out = net;
 }
 
 /* ---- parameters ---- */

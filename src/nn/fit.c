@@ -152,7 +152,7 @@ static lg_status create_shards(lg_fit *fit) {
     lg_tape_options tape;
     lg_tape_options_init(&tape);
     tape.dtype = fit->options.dtype;
-    tape.max_bytes = fit->options.max_tape_bytes;
+    tape.max_size = fit->options.max_tape_size;
     tape.threads = fit->options.threads / (int)fit->options.shards;
     if (tape.threads < 1) tape.threads = 1;
     fit->shards = lg_alloc(fit->context, fit->options.shards, sizeof *fit->shards);
@@ -421,9 +421,9 @@ double lg_fit_seconds_per_epoch(const lg_fit *fit) {
     return 0.5 * (fit->scratch[(n - 1) / 2] + fit->scratch[n / 2]);
 }
 
-size_t lg_fit_tape_bytes(const lg_fit *fit) {
+size_t lg_fit_tape_size(const lg_fit *fit) {
     size_t bytes = 0;
     for (size_t i = 0; i < fit->options.shards; i++)
-        if (fit->shards[i].tape != NULL) bytes += lg_tape_bytes(fit->shards[i].tape);
+        if (fit->shards[i].tape != NULL) bytes += lg_tape_size(fit->shards[i].tape);
     return bytes;
 }

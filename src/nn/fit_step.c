@@ -31,7 +31,7 @@ static lg_status chunk_loss(const lg_fit *fit, lg_shard *shard, const uint32_t *
     double value = 0.0;
     LG_TRY(lg_tape_status(tape));
     LG_TRY(given);
-    LG_TRY(lg_read(tape, loss, &value, 1));
+    LG_TRY(lg_read(tape, loss, 1, &value));
     shard->loss += value;
     if (!fit->with_gradient || !isfinite(shard->loss)) return LG_OK;
     void *gradient = shard->gradient;
@@ -146,8 +146,8 @@ static void adam_block(void *user, size_t block) {
     const size_t stride = fit->problem.parameters * size;
     char *const arrays[3] = {(char *)s->theta + at, (char *)s->m + at, (char *)s->v + at};
     for (size_t i = 0; fit->careful && i < 3; i++) memcpy(fit->backup + i * stride + at, arrays[i], n * size);
-    lg_adam_step(&fit->options.adam, fit->options.dtype, s->step + 1, fit->rate, fit->clip, n,
-                 fit->shards[0].gradient + at, arrays[1], arrays[2], arrays[0]);
+    lg_adam_step(&fit->options.adam, fit->options.dtype, s->step + 1, fit->rate, fit->clip,
+                 fit->shards[0].gradient + at, n, arrays[1], arrays[2], arrays[0]);
     fit->overflowed[block] = false;
     for (size_t i = 0; fit->careful && i < 3; i++)
         if (!fit->k->all_finite(n, arrays[i])) fit->overflowed[block] = true;

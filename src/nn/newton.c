@@ -44,14 +44,14 @@ static lg_status record_loss(newton *w, const double *at, lg_var *theta, lg_var 
     *theta = lg_parameter(w->tape, lg_shape1((uint32_t)w->n), at);
     LG_TRY(w->problem->loss(w->problem->user, w->tape, *theta, w->samples, w->problem->samples,
                             w->problem->samples, loss));
-    return lg_read(w->tape, *loss, value, 1);
+    return lg_read(w->tape, *loss, 1, value);
 }
 
 static lg_status derivatives(newton *w, double *value) {
     lg_var theta, loss, gradient;
     LG_TRY(record_loss(w, w->theta, &theta, &loss, value));
     LG_TRY(lg_grad(w->tape, loss, &theta, 1, &gradient));
-    LG_TRY(lg_read(w->tape, gradient, w->gradient, w->n));
+    LG_TRY(lg_read(w->tape, gradient, w->n, w->gradient));
     const lg_mark mark = lg_tape_mark(w->tape);
     for (size_t j = 0; j < w->n; j++) {
         void *unit;
@@ -59,7 +59,7 @@ static lg_status derivatives(newton *w, double *value) {
         if (lg_is_none(direction)) return lg_tape_status(w->tape);
         for (size_t i = 0; i < w->n; i++) ((double *)unit)[i] = i == j ? 1.0 : 0.0;
         LG_TRY(lg_jvp(w->tape, &gradient, 1, &theta, &direction, 1, &column));
-        LG_TRY(lg_read(w->tape, column, w->hessian + j * w->n, w->n));
+        LG_TRY(lg_read(w->tape, column, w->n, w->hessian + j * w->n));
         LG_TRY(lg_tape_rewind(w->tape, mark));
     }
     return LG_OK;

@@ -85,7 +85,7 @@ static inline void classifier_make(const sample *of, fitted *out) {
                                .length = LENGTH,
                                .classes = of->classes,
                                .rate = 10}};
-    assert_ok(lg_series_allocate(NULL, false, false, &out->series));
+    assert_ok(lg_series_allocate(NULL, &out->series, false, false));
     out->series.channel_name = lg_alloc(NULL, CHANNELS, sizeof *out->series.channel_name);
     for (uint32_t c = 0; c < CHANNELS; c++)
         (void)snprintf(out->series.channel_name[c], LG_SERIES_NAME, "%s", names[c]);

@@ -153,7 +153,7 @@ static inline sample detector_default(const char *folder, uint32_t channels, uin
                   .centred = relu,
                   .compiler = "gcc",
                   .flags = "-O2"};
-    out.net = lg_cnn_defaults(channels, length, classes == 2 ? 1 : classes, relu ? LG_RELU : LG_TANH);
+    lg_cnn_init_default(&out.net, channels, length, classes == 2 ? 1 : classes, relu ? LG_RELU : LG_TANH);
     for (uint32_t i = 0; i < out.net.blocks && relu; i++)
         if (out.net.block[i].pooling != LG_POOL_NONE) out.net.block[i].pooling = LG_POOL_MAX;
     return out;

@@ -121,7 +121,7 @@ static inline learned learned_make(const sample *of) {
     learned_save(&made, of->folder);
     assert_ok(lg_model_create_hamiltonian(NULL, &run->model, made.file.theta, &made.model, NULL));
     made.n = lg_model_inputs(made.model);
-    made.m = lg_model_input_size(made.model);
+    made.m = lg_model_input_dim(made.model);
     return made;
 }
 
@@ -138,7 +138,7 @@ static inline void learned_scheme(learned *made, const sample *of) {
 }
 
 static inline void learned_free(learned *made) {
-    lg_scheme_destroy(NULL, made->read);
+    lg_scheme_destroy(made->read);
     lg_model_destroy(made->model);
     free(made->file.theta);
 }

@@ -162,7 +162,7 @@ static inline void outside_on_tape(lg_tape *tape, const lg_program *program, siz
     }
     assert_ok(lg_program_record(tape, program, function, NULL, x, y));
     for (size_t j = 0; j < out->ports; j++)
-        assert_ok(lg_read(tape, y[j], out->x[j] + first * out->count[j], rows * out->count[j]));
+        assert_ok(lg_read(tape, y[j], rows * out->count[j], out->x[j] + first * out->count[j]));
 }
 
 static inline bool outside_shares(const lg_program *program, size_t function) {

@@ -53,7 +53,7 @@ static void write_other(const other *what) {
     data.noise = data.severity = NAN;
     data.series = (lg_series){
         .count = what->count, .channels = what->channels, .length = what->length, .classes = what->classes};
-    assert_int_equal(lg_series_allocate(NULL, false, what->of_run > 0, &data.series), LG_OK);
+    assert_int_equal(lg_series_allocate(NULL, &data.series, false, what->of_run > 0), LG_OK);
     data.series.rate = what->rate;
     lg_rng_seed(&rng, 11, 0);
     const size_t window = (size_t)what->channels * what->length;

@@ -321,7 +321,7 @@ static void copy(const char *from, const char *to) {
 /* Everything in the file but errors and test set. */
 static void assert_same_training(const lg_hamiltonian_file *a, const lg_hamiltonian_file *b) {
     const size_t bytes = a->parameters * sizeof(double);
-    assert_ok(lg_run_compare("model", &lg_run_hamiltonian, &a->run, &b->run, NULL));
+    assert_ok(lg_run_compare(&lg_run_hamiltonian, &a->run, &b->run, "model", NULL));
     assert_memory_equal(a->theta, b->theta, bytes);
     assert_memory_equal(a->adam_m, b->adam_m, bytes);
     assert_memory_equal(a->adam_v, b->adam_v, bytes);

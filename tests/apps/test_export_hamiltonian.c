@@ -34,7 +34,7 @@ static void open_pair(pair *p, const sample *of, const char *dtype) {
     const size_t bytes = lg_model_stepper_size(p->here.model, p->here.scheme);
     p->memory = aligned(bytes);
     p->work = aligned(lg_model_work_size(p->here.model));
-    assert_ok(lg_model_stepper_init(p->memory, bytes, p->here.model, p->here.scheme, &p->stepper));
+    assert_ok(lg_model_stepper_init(p->here.model, p->here.scheme, &p->stepper, p->memory, bytes));
     assert_int_equal(p->lib.inputs, p->here.n);
     assert_int_equal((size_t)export_constant(folder, "m", "INPUT_SIZE"), p->here.m);
 }

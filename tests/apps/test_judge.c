@@ -76,7 +76,7 @@ static void learned_end(learned *self) {
 /* Mean over trajectories, points (t = 0 included) and coordinates of the squared difference. */
 static double first_error(const lg_hamiltonian_file *file, const lg_trajectories *test) {
     const bool chain = test->family == &lg_hamiltonian_chain;
-    const size_t size = test->points * test->state_size;
+    const size_t size = test->points * test->state_dim;
     learned self;
     lg_step_controller control;
     lg_stepper *stepper = NULL;
@@ -85,7 +85,7 @@ static double first_error(const lg_hamiltonian_file *file, const lg_trajectories
     learned_begin(file, &self);
     lg_ode ode = {.field = field, .user = &self};
     const lg_space_factor links = {LG_SPACE_TS2, test->n};
-    assert_ok(chain ? lg_space_init(&ode.space, &links, 1) : lg_space_init_rn(&ode.space, test->state_size));
+    assert_ok(chain ? lg_space_init(&ode.space, &links, 1) : lg_space_init_rn(&ode.space, test->state_dim));
     assert_ok(lg_stepper_create(NULL, lg_scheme_find(chain ? "rkmk54" : "dp54"), &ode, &stepper));
     lg_step_controller_init(&control);
     control.rtol = control.atol = 1e-11;
@@ -95,7 +95,7 @@ static double first_error(const lg_hamiltonian_file *file, const lg_trajectories
             lg_integrate_adaptive(stepper, &control, test->t[0], given, test->t, test->points, y, NULL));
         for (size_t k = 0; k < size; k++) sum += (y[k] - given[k]) * (y[k] - given[k]);
     }
-    lg_stepper_destroy(NULL, stepper);
+    lg_stepper_destroy(stepper);
     learned_end(&self);
     free(y);
     return sum / (double)(test->count * size);
@@ -108,7 +108,7 @@ static double second_error(const lg_hamiltonian_file *file, const lg_trajectorie
     assert_true(test->count <= 64);
     learned_begin(file, &self);
     for (size_t i = 0; i < test->count; i++) {
-        const double *start = test->data + i * test->points * test->state_size;
+        const double *start = test->data + i * test->points * test->state_dim;
         double energy;
         lg_model_eval(self.model, start, &energy, self.work);
         d[i] = test->hamiltonian[i] - energy;
@@ -155,7 +155,7 @@ TEST("E1 and E2 are those that are computed here") {
 TEST("results that overflow are null and end with a sentence; an unknown E2 is no failure") {
     lg_trajectories test;
     read_data("test.h5", &test);
-    const size_t last = test.points * test.state_size - 1;
+    const size_t last = test.points * test.state_dim - 1;
     const double kept = test.data[last];
     test.data[last] = 1e200;
     write_data("far.h5", &test);
@@ -205,7 +205,7 @@ TEST("trajectories of too many points are refused") {
 /* ---- starts and noise ---- */
 
 static const double *point(const lg_trajectories *data, size_t i, size_t j) {
-    return data->data + (i * data->points + j) * data->state_size;
+    return data->data + (i * data->points + j) * data->state_dim;
 }
 
 TEST("starts of a chain lie in the box that is asked for") {
@@ -229,7 +229,7 @@ static void check_noise(const lg_trajectories *clean, const char *kind, double e
     char line[256];
     lg_trajectories noisy;
     double sum = 0;
-    const size_t d = clean->state_size;
+    const size_t d = clean->state_dim;
     (void)snprintf(line, sizeof line,
                    "oscillators.yaml --trajectories 40 --points 9 --t-end 0.5 --noise %g --noise-kind %s",
                    eps, kind);

@@ -340,13 +340,13 @@ static void read_array(const char *name, const char *key, uint32_t rank, const u
     lg_file_reader *reader = NULL;
     lg_archive_reader archive;
     cli_path(name, path, sizeof path);
-    assert_ok(lg_file_reader_open(NULL, path, "trajectory", NULL, &reader, NULL));
+    assert_ok(lg_file_reader_create(NULL, path, "trajectory", NULL, &reader, NULL));
     assert_ok(lg_file_reader_archive(reader, "", &archive));
     if (dims != NULL)
         assert_ok(archive.array(archive.user, key, LG_ELEMENT_F64, rank, dims, out));
     else
         assert_ok(archive.text(archive.user, key, (char *)out, rank));
-    lg_file_reader_close(reader);
+    lg_file_reader_destroy(reader);
 }
 
 static void expect_text(const char *name, const char *key, const char *value) {

@@ -21,7 +21,7 @@ static void write_series(void) {
     lg_series_data data = {.noise = NAN, .severity = NAN};
     data.series =
         (lg_series){.count = SETS, .channels = CHANNELS, .length = WINDOW, .classes = 2, .rate = RATE};
-    assert_ok(lg_series_allocate(NULL, false, false, &data.series));
+    assert_ok(lg_series_allocate(NULL, &data.series, false, false));
     for (uint32_t n = 0; n < SETS; n++) {
         data.series.label[n] = n % 2;
         for (uint32_t c = 0; c < CHANNELS; c++)

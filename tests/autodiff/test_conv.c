@@ -266,7 +266,7 @@ static void check_block(const reference *r, lg_activation kind, uint32_t size, u
         const lg_var z = way == 0 ? lg_conv1d_pooled(tape, in[0], in[1], in[2], 2, 1, kind, size, step)
                                   : composed(tape, in, kind, size, step);
         void *const to[3] = {grad[way][0], grad[way][1], grad[way][2]};
-        assert_ok(lg_read(tape, z, y[way], ny));
+        assert_ok(lg_read(tape, z, ny, y[way]));
         assert_ok(lg_backward_set(tape, lg_sum(tape, lg_mul(tape, z, g)), in, 3, to));
     }
     assert_all_close(y[0], y[1], ny, 1e-13, 1e-14);

@@ -155,7 +155,7 @@ TEST("the kernels' cotangents are those that are recorded; inputs may be views o
         lg_var g = lg_input_f64(tape, lg_shape2(ROWS, result_width(map)), p->g);
         lg_var sum = lg_sum(tape, lg_mul(tape, apply(tape, map, x), g));
         assert_ok(lg_grad(tape, sum, &all, 1, &gradient));
-        assert_ok(lg_read(tape, gradient, expected, total));
+        assert_ok(lg_read(tape, gradient, total, expected));
         assert_ok(lg_backward_set(tape, sum, &all, 1, (void *[]){found}));
         assert_all_close(found, expected, total, 1e-12, 1e-12);
     }
@@ -181,7 +181,7 @@ static double along(int map, const problem *p, double at, int order) {
             assert_ok(lg_jvp(tape, &y, 1, &s, &one, 1, &next));
         y = next;
     }
-    assert_ok(lg_read(tape, y, &value, 1));
+    assert_ok(lg_read(tape, y, 1, &value));
     return value;
 }
 

@@ -69,7 +69,7 @@ static void by_tape(const lg_program *program, size_t function, size_t rows, con
     for (size_t i = 0; i < n->inputs; i++) in[i] = lg_input(tape, lg_port_shape(&port[i], rows), n->in[i]);
     if (lg_program_record(tape, program, function, NULL, in, out) != LG_OK)
         fail_msg("%s", lg_tape_message(tape));
-    for (size_t j = 0; j < n->outputs; j++) assert_ok(lg_read(tape, out[j], n->out[j], n->out_count[j]));
+    for (size_t j = 0; j < n->outputs; j++) assert_ok(lg_read(tape, out[j], n->out_count[j], n->out[j]));
 }
 
 /* ---- running ---- */
@@ -216,7 +216,7 @@ static void check_jacobian(const char *name, const lg_program *program, size_t v
             for (size_t i = 0; !out[j].shared && i < inputs; i++) {
                 if (in[i].shared) continue;
                 const size_t count = lg_shape_count(out[j].shape) * lg_shape_count(in[i].shape);
-                assert_ok(lg_read(tape, lg_jacobian(tape, y[j], x[i]), n.out[block++] + row * count, count));
+                assert_ok(lg_read(tape, lg_jacobian(tape, y[j], x[i]), count, n.out[block++] + row * count));
             }
     }
     open_plan(&r, program, jacobian, rows, LG_F64, &n);
@@ -246,8 +246,8 @@ static void check_modes(const char *name, const lg_program *program, size_t valu
     assert_int_equal(n.outputs, adjoint ? inputs : outputs);
     for (size_t j = 0; j < n.outputs; j++) {
         double *other = TEST_ARRAY(double, n.out_count[j]), size = 1e-3;
-        assert_ok(lg_read(tape, got[j], n.out[j], n.out_count[j]));
-        assert_ok(lg_read(tape, expected[j], other, n.out_count[j]));
+        assert_ok(lg_read(tape, got[j], n.out_count[j], n.out[j]));
+        assert_ok(lg_read(tape, expected[j], n.out_count[j], other));
         for (size_t i = 0; i < n.out_count[j]; i++) size = fmax(size, fabs(other[i]));
         lg_all_close(name, n.out[j], other, n.out_count[j], 0.0, 1e-12 * size, __FILE__, __LINE__);
     }
@@ -725,7 +725,7 @@ TEST("without the mark, rows do not touch each other") {
     }
 }
 
-TEST("most_bytes bounds a plan, and more memory never hurts") {
+TEST("max_size bounds a plan, and more memory never hurts") {
     const lg_port x = {.name = "x", .shape = {1, {16}}};
     const uint32_t hidden[2] = {64, 64};
     lg_mlp net;
@@ -737,7 +737,7 @@ TEST("most_bytes bounds a plan, and more memory never hurts") {
             lg_plan *plan = NULL;
             lg_error error;
             lg_plan_options options = plan_options(rows, LG_F64);
-            options.most_bytes = most;
+            options.max_size = most;
             const lg_status status = lg_plan_create(program, 0, &options, &plan, &error);
             if (status == LG_OK) {
                 assert_true(lg_plan_work_size(plan) <= most + 64);
@@ -760,8 +760,8 @@ TEST("most_bytes bounds a plan, and more memory never hurts") {
     bad[0].rows = 0;
     bad[1].dtype = (lg_dtype)7;
     bad[2].size = 1;
-    bad[3].most_bytes = SIZE_MAX;
-    bad[4].most_bytes = SIZE_MAX;
+    bad[3].max_size = SIZE_MAX;
+    bad[4].max_size = SIZE_MAX;
     bad[4].rows = (size_t)1 << 30;
     for (size_t i = 0; i < 3; i++)
         assert_status(lg_plan_create(program, 0, &bad[i], &plan, NULL), LG_INVALID_ARGUMENT);
@@ -889,6 +889,6 @@ TEST("long recordings take memory in proportion") {
     const lg_function_spec function = {"rounds", &in, 1, &out, 1, record_rounds, NULL};
     const lg_program_spec spec = spec_of(NULL, 0, &function, 1);
     lg_plan_options options = plan_options(1, LG_F64);
-    options.most_bytes = (size_t)16 << 20;
+    options.max_size = (size_t)16 << 20;
     (void)test_plan(test_program(&spec), 0, &options);
 }

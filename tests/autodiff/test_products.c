@@ -30,9 +30,9 @@ static double *evaluate(shape s, int variant, const double *a, const double *b, 
     lg_var c = functions[variant](tape, wrt[0], wrt[1]), gradient[2];
     lg_var weighted = lg_mul(tape, c, lg_input_f64(tape, lg_shape2(s.m, s.n), test_numbers(3, mn, -1, 1)));
     assert_ok(lg_grad(tape, weighted, wrt, 2, gradient));
-    assert_ok(lg_read(tape, c, out, mn));
-    assert_ok(lg_read(tape, gradient[0], out + mn, mk));
-    assert_ok(lg_read(tape, gradient[1], out + mn + mk, kn));
+    assert_ok(lg_read(tape, c, mn, out));
+    assert_ok(lg_read(tape, gradient[0], mk, out + mn));
+    assert_ok(lg_read(tape, gradient[1], kn, out + mn + mk));
     /* Unrecorded, accumulated in place: the same numbers. */
     void *const grad[2] = {lg_test_memory(mk * bytes), lg_test_memory(kn * bytes)};
     assert_ok(lg_backward(tape, weighted, wrt, 2, grad));

@@ -117,7 +117,7 @@ TEST("bad tables and options are refused, and the classifier is untouched") {
 
 static lg_series make_series(void) {
     lg_series s = {.count = 24, .channels = 6, .length = 40, .classes = 3};
-    assert_ok(lg_series_allocate(NULL, false, false, &s));
+    assert_ok(lg_series_allocate(NULL, &s, false, false));
     lg_rng rng;
     lg_rng_seed(&rng, 9, 1);
     for (size_t i = 0; i < 24; i++) {

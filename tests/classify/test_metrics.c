@@ -35,7 +35,7 @@ static void expect_roc(const uint32_t *truth, const double *score, uint32_t clas
     double column[TABLE_WINDOWS], x[TABLE_WINDOWS + 1], y[TABLE_WINDOWS + 1], t[TABLE_WINDOWS + 1];
     uint32_t order[TABLE_WINDOWS];
     for (int i = 0; i < TABLE_WINDOWS; i++) column[i] = score[(size_t)i * classes + 1];
-    assert_int_equal(lg_roc(truth, 1, column, TABLE_WINDOWS, order, x, y, t), points);
+    assert_int_equal(lg_roc(truth, column, TABLE_WINDOWS, 1, x, y, t, order), points);
     for (size_t i = 0; i < points; i++) {
         assert_close(x[i], fpr[i], 1e-15, 0);
         assert_close(y[i], tpr[i], 1e-15, 0);
@@ -54,19 +54,19 @@ TEST("a characteristic by hand, with ties, NaN and one class only") {
     const double score[] = {0.9, 0.5, 0.5, 0.1}, flat[] = {2, 2, 2, 2}, missing[] = {0.9, 0.5, NAN, NAN};
     double fpr[5], tpr[5], threshold[5];
     uint32_t order[4];
-    assert_int_equal(lg_roc(truth, 1, score, 4, order, fpr, tpr, threshold), 4);
+    assert_int_equal(lg_roc(truth, score, 4, 1, fpr, tpr, threshold, order), 4);
     const double f[] = {0, 0, 0.5, 1}, t[] = {0, 0.5, 1, 1}, h[] = {INFINITY, 0.9, 0.5, 0.1};
     for (int i = 0; i < 4; i++) {
         assert_close(fpr[i], f[i], 0, 0);
         assert_close(tpr[i], t[i], 0, 0);
         assert_close(threshold[i], h[i], 0, 0);
     }
-    assert_int_equal(lg_roc(truth, 1, flat, 4, order, fpr, tpr, threshold), 2);
-    assert_int_equal(lg_roc(truth, 1, missing, 4, order, fpr, tpr, threshold), 4);
+    assert_int_equal(lg_roc(truth, flat, 4, 1, fpr, tpr, threshold, order), 2);
+    assert_int_equal(lg_roc(truth, missing, 4, 1, fpr, tpr, threshold, order), 4);
     assert_close(threshold[3], -INFINITY, 0, 0);
-    assert_int_equal(lg_roc(truth, 2, score, 4, order, fpr, tpr, threshold), 0);
-    assert_int_equal(lg_roc(truth + 2, 1, score, 1, order, fpr, tpr, threshold), 0); /* positives only */
-    assert_int_equal(lg_roc(truth, 1, score, 0, order, fpr, tpr, threshold), 0);
+    assert_int_equal(lg_roc(truth, score, 4, 2, fpr, tpr, threshold, order), 0);
+    assert_int_equal(lg_roc(truth + 2, score, 1, 1, fpr, tpr, threshold, order), 0); /* positives only */
+    assert_int_equal(lg_roc(truth, score, 0, 1, fpr, tpr, threshold, order), 0);
 }
 
 TEST("areas by hand, with ties and absent classes") {

@@ -41,7 +41,7 @@ static lg_monitor *start(const lg_monitor_options *options, witness *w) {
     w->window = options->window;
     assert_in_range(lg_monitor_size(options), 1, ROOM);
     memset(memory, 0xa5, sizeof memory);
-    assert_ok(lg_monitor_init(options, look, w, memory, &watch, NULL));
+    assert_ok(lg_monitor_init(options, look, w, &watch, memory, lg_monitor_size(options), NULL));
     return watch;
 }
 
@@ -324,11 +324,15 @@ TEST("bad options are refused") {
     bad[8].size = 3;
     for (int i = 0; i < BAD; i++) {
         assert_int_equal(lg_monitor_size(&bad[i]), 0);
-        assert_status(lg_monitor_init(&bad[i], look, &w, memory, &watch, &error), LG_INVALID_ARGUMENT);
+        assert_status(lg_monitor_init(&bad[i], look, &w, &watch, memory, ROOM, &error), LG_INVALID_ARGUMENT);
         assert_true(error.message[0] != '\0');
     }
-    assert_status(lg_monitor_init(&good, NULL, &w, memory, &watch, &error), LG_INVALID_ARGUMENT);
-    assert_status(lg_monitor_init(&good, look, &w, memory + 8, &watch, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_monitor_init(&good, NULL, &w, &watch, memory, ROOM, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_monitor_init(&good, look, &w, &watch, memory + 8, ROOM - 8, &error),
+                  LG_INVALID_ARGUMENT);
+    const size_t short_by_one = lg_monitor_size(&good) - 1;
+    assert_status(lg_monitor_init(&good, look, &w, &watch, memory, short_by_one, &error),
+                  LG_INVALID_ARGUMENT);
     assert_ptr_equal(watch, memory);
     assert_int_equal(lg_monitor_size(NULL), 0);
 }

@@ -67,9 +67,9 @@ TEST("same tree as the golden one") {
 static void expect_path(const lg_tree *tree, const double *alpha, const double *impurity, size_t count) {
     lg_pruning_step steps[256];
     size_t got = 0;
-    assert_ok(lg_tree_pruning_path(NULL, tree, NULL, 0, &got));
+    assert_ok(lg_tree_pruning_path(NULL, tree, 0, NULL, &got));
     assert_int_equal(got, count);
-    assert_ok(lg_tree_pruning_path(NULL, tree, steps, 256, &got));
+    assert_ok(lg_tree_pruning_path(NULL, tree, 256, steps, &got));
     assert_int_equal(got, count);
     for (size_t i = 0; i < count; i++) {
         assert_close(steps[i].alpha, alpha[i], 1e-10, 1e-15);
@@ -203,7 +203,7 @@ TEST("pruning minimises the risk") {
         size_t count;
         draw_table(seed, 1000, x, label);
         assert_ok(lg_tree_fit(NULL, &options, x, label, ROWS, FEATURES, CLASSES, &tree, NULL));
-        assert_ok(lg_tree_pruning_path(NULL, &tree, steps, ROWS, &count));
+        assert_ok(lg_tree_pruning_path(NULL, &tree, ROWS, steps, &count));
         for (size_t i = 0; i < count; i++) {
             if (i > 0)
                 assert_true(steps[i].alpha >= steps[i - 1].alpha && steps[i].nodes < steps[i - 1].nodes);
@@ -378,7 +378,7 @@ TEST("bad tables and options are refused") {
     assert_status(lg_tree_prune(NULL, &golden, -1.0, &tree), LG_INVALID_ARGUMENT);
     assert_status(lg_tree_prune(NULL, &golden, NAN, &tree), LG_INVALID_ARGUMENT);
     assert_status(lg_tree_prune(NULL, &empty, 0.0, &tree), LG_INVALID_ARGUMENT);
-    assert_status(lg_tree_pruning_path(NULL, &empty, NULL, 0, &count), LG_INVALID_ARGUMENT);
+    assert_status(lg_tree_pruning_path(NULL, &empty, 0, NULL, &count), LG_INVALID_ARGUMENT);
     lg_criterion criterion = LG_GINI;
     assert_ok(lg_criterion_parse("entropy", &criterion));
     assert_int_equal(criterion, LG_ENTROPY);

@@ -81,7 +81,7 @@ static int use(const lg_context *context) {
     lg_var loss = lg_sum(tape, lg_square(tape, g));
     void *out = grad;
     int failed =
-        lg_backward(tape, loss, &theta, 1, &out) != LG_OK || lg_read(tape, g, taped, ROWS * 3) != LG_OK;
+        lg_backward(tape, loss, &theta, 1, &out) != LG_OK || lg_read(tape, g, ROWS * 3, taped) != LG_OK;
     lg_tape_destroy(tape);
 
     if (run(context, &net, params, x, y, dx) != LG_OK) return 4;

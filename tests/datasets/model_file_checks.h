@@ -139,7 +139,7 @@ static inline lg_status read_checkpoint(const lg_context *context, const char *p
     model_run run;
     lg_file_reader *reader;
     const lg_status status = lg_checkpoint_open(context, path, options, model_kind, &run, &reader, error);
-    if (status == LG_OK) lg_file_reader_close(reader);
+    if (status == LG_OK) lg_file_reader_destroy(reader);
     return status;
 }
 
@@ -171,12 +171,12 @@ static inline void resume_checkpoint(void (*look)(const model_run *run, lg_file_
     lg_fit_parameters(fit, straight);
     lg_fit_destroy(fit);
     assert_ok(lg_checkpoint_open(NULL, good_checkpoint(), NULL, model_kind, &run, &reader, NULL));
-    assert_ok(lg_run_compare("check.h5", model_kind, &run, &wanted, NULL));
+    assert_ok(lg_run_compare(model_kind, &run, &wanted, "check.h5", NULL));
     assert_ok(lg_file_reader_archive(reader, "fit", &archive));
     fit = make_fit(theta, 3);
     assert_ok(lg_fit_load(fit, &archive, NULL));
     if (look != NULL) look(&run, reader, &archive);
-    lg_file_reader_close(reader);
+    lg_file_reader_destroy(reader);
     assert_ok(lg_fit_run(fit, NULL));
     lg_fit_parameters(fit, resumed);
     lg_fit_destroy(fit);
@@ -202,11 +202,11 @@ static inline void refuse_other_runs(const model_run *wanted, const model_run *r
                                      size_t count) {
     lg_error error;
     for (size_t i = 0; i < count; i++) {
-        assert_status(lg_run_compare("a.h5", model_kind, &runs[i], wanted, &error), LG_INVALID_ARGUMENT);
+        assert_status(lg_run_compare(model_kind, &runs[i], wanted, "a.h5", &error), LG_INVALID_ARGUMENT);
         assert_non_null(strstr(error.message, "a.h5"));
         if (strstr(error.message, words[i]) == NULL) fail_msg("no '%s' in: %s", words[i], error.message);
     }
-    assert_ok(lg_run_compare("a.h5", model_kind, wanted, wanted, &error));
+    assert_ok(lg_run_compare(model_kind, wanted, wanted, "a.h5", &error));
 }
 
 /* ---- memory ---- */
@@ -226,7 +226,7 @@ static inline lg_status open_step(const lg_context *context, void *user, lg_erro
     const lg_read_options options = without_probe();
     LG_TRY(lg_checkpoint_open(context, user, &options, model_kind, &run, &reader, error));
     const lg_status status = lg_file_reader_archive(reader, "fit", &archive);
-    lg_file_reader_close(reader);
+    lg_file_reader_destroy(reader);
     return status;
 }
 

@@ -80,7 +80,7 @@ static inline lg_status plan_mutant(const lg_program *program, size_t function, 
     options.rows = rows;
     options.dtype = dtype;
     options.mark_unfit = rows % 2 == 1;
-    options.most_bytes = MUTANT_BYTES;
+    options.max_size = MUTANT_BYTES;
     options.most_work = MUTANT_WORK;
     const lg_status status = lg_plan_create(program, function, &options, &plan, &error);
     if (status != LG_OK) {
@@ -110,7 +110,7 @@ static inline void run_mutant(const lg_program *program, tally *t, size_t mutant
         lg_function_image *image;
         assert_ok(lg_function_image_create(program, f, &image));
         const bool long_loop = image->times > 100; /* as long as it says: the caller's matter */
-        lg_function_image_destroy(program, image);
+        lg_function_image_destroy(image);
         for (size_t r = 0; r < LG_COUNT(rows) && !long_loop; r++) {
             const lg_dtype dtype = mutant % 2 == 0 ? LG_F64 : LG_F32;
             const lg_status planned = plan_mutant(program, f, rows[r], dtype);
@@ -442,7 +442,7 @@ static inline lg_program *copy_until(const lg_program *from, size_t function) {
         lg_error error;
         assert_ok(lg_function_image_create(from, f, &image));
         if (lg_program_add_image(made, image, &error) != LG_OK) fail_msg("%s", error.message);
-        lg_function_image_destroy(from, image);
+        lg_function_image_destroy(image);
     }
     return made;
 }
@@ -472,7 +472,7 @@ static inline void mutate_function(const lg_program *program, size_t function, s
     note_time(t, begun, mutant_number);
     lg_program_destroy(made);
     free_mutant(&m);
-    lg_function_image_destroy(program, image);
+    lg_function_image_destroy(image);
 }
 
 /* The network's functions and every operation of the registry in turn. */
@@ -501,7 +501,7 @@ static inline void read_mutant(const char *path, bool probe, tally *t, size_t nu
     lg_error error = {LG_OK, ""};
     lg_read_options_init(&options);
     options.probe = probe;
-    options.max_bytes = (uint64_t)64 << 20;
+    options.max_size = (uint64_t)64 << 20;
     const double begun = seconds_now();
     const lg_status status = lg_program_load(NULL, path, &options, &program, &error);
     if (status == LG_OK) {

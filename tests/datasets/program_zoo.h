@@ -165,7 +165,7 @@ static inline lg_status zoo_differentiate(lg_tape *tape, lg_var y, const lg_var 
 /* Function of the program on a tape with inputs from `seed`, and its first output differentiated by them.
  * Any status; values, where there are any, go into hash. */
 static inline lg_status zoo_run(const lg_program *program, size_t function, size_t rows, lg_dtype dtype,
-                                uint64_t seed, size_t most_bytes, uint64_t *hash) {
+                                uint64_t seed, size_t max_size, uint64_t *hash) {
     lg_tape_options options;
     lg_tape *tape;
     lg_rng rng;
@@ -176,7 +176,7 @@ static inline lg_status zoo_run(const lg_program *program, size_t function, size
     lg_rng_seed(&rng, seed, rows);
     lg_tape_options_init(&options);
     options.dtype = dtype;
-    options.max_bytes = most_bytes;
+    options.max_size = max_size;
     assert_ok(lg_tape_create(NULL, &options, &tape));
     for (size_t i = 0; i < inputs; i++) x[i] = zoo_input(tape, &in[i], rows, &rng);
     lg_status status = lg_tape_status(tape);
@@ -187,7 +187,7 @@ static inline lg_status zoo_run(const lg_program *program, size_t function, size
             *hash = (*hash ^ value[b]) * 0x100000001b3u;
     }
     if (status == LG_OK) status = zoo_differentiate(tape, y[0], x, inputs);
-    assert_true(most_bytes == 0 || lg_tape_bytes(tape) <= most_bytes);
+    assert_true(max_size == 0 || lg_tape_size(tape) <= max_size);
     lg_tape_destroy(tape);
     return status;
 }

@@ -142,7 +142,7 @@ static void assert_same_net(const lg_cnn *a, const lg_cnn *b) {
 
 static void assert_same_model(const lg_detector_file *a, const lg_detector_file *b) {
     const lg_detector *have = &a->run.model, *want = &b->run.model;
-    assert_ok(lg_run_compare("a.h5", &lg_run_detector, &a->run, &b->run, NULL));
+    assert_ok(lg_run_compare(&lg_run_detector, &a->run, &b->run, "a.h5", NULL));
     assert_same_net(&have->net, &want->net);
     assert_int_equal(have->classes, want->classes);
     assert_int_equal(have->loss, want->loss);
@@ -528,7 +528,7 @@ static lg_status read_classifier(const lg_context *context, const char *path, co
     double weights[6];
     uint32_t counts[3];
     const uint64_t dims[2] = {2, 3};
-    LG_TRY(lg_file_reader_open(context, path, "classifier", options, &reader, error));
+    LG_TRY(lg_file_reader_create(context, path, "classifier", options, &reader, error));
     lg_status status = lg_file_reader_names(reader, &names, error);
     if (status == LG_OK) {
         lg_series_destroy(context, &names);
@@ -541,7 +541,7 @@ static lg_status read_classifier(const lg_context *context, const char *path, co
         status = archive.array(archive.user, "classifier/tree/counts", LG_ELEMENT_U32, 1, dims + 1, counts);
     if (status != LG_OK && error != NULL && error->message[0] == '\0')
         (void)lg_fail(error, status, "%s", lg_file_reader_message(reader));
-    lg_file_reader_close(reader);
+    lg_file_reader_destroy(reader);
     return status;
 }
 
@@ -560,7 +560,7 @@ TEST("the names and arrays of a classifier come back as they were written") {
     double weights[6];
     uint32_t counts[3], rank;
     uint64_t dims[4];
-    assert_ok(lg_file_reader_open(NULL, good_classifier(), "classifier", NULL, &reader, NULL));
+    assert_ok(lg_file_reader_create(NULL, good_classifier(), "classifier", NULL, &reader, NULL));
     assert_ok(lg_file_reader_names(reader, &names, NULL));
     assert_int_equal(names.classes, 2);
     assert_int_equal(names.channels, 3);
@@ -579,7 +579,7 @@ TEST("the names and arrays of a classifier come back as they were written") {
     for (int i = 0; i < 6; i++) assert_close(weights[i], i + 1, 0, 0);
     assert_ok(archive.array(archive.user, "classifier/tree/counts", LG_ELEMENT_U32, 1, dims + 1, counts));
     assert_int_equal(counts[2], 4294967295u);
-    lg_file_reader_close(reader);
+    lg_file_reader_destroy(reader);
     lg_series_destroy(NULL, &names);
     lg_series_destroy(NULL, &want);
     refuse_damaged_files(read_classifier, good_classifier(), "");

@@ -78,7 +78,7 @@ TEST("a model comes back as it was saved") {
         make_model(e, &file);
         assert_ok(lg_model_save_hamiltonian(NULL, path, &file, NULL, NULL));
         assert_ok(lg_model_load_hamiltonian(NULL, path, NULL, &again, NULL));
-        assert_ok(lg_run_compare(path, &lg_run_hamiltonian, &again.run, &file.run, NULL));
+        assert_ok(lg_run_compare(&lg_run_hamiltonian, &again.run, &file.run, path, NULL));
         size_t bytes = file.parameters * sizeof(double);
         assert_int_equal(again.parameters, file.parameters);
         assert_memory_equal(again.theta, file.theta, bytes);
@@ -292,7 +292,7 @@ TEST("recorded errors leave all else in the file as it was") {
     assert_ok(lg_model_record_hamiltonian(NULL, path, &file, NULL));
     assert_verdict(path, &file);
     assert_ok(lg_model_load_hamiltonian(NULL, path, NULL, &again, NULL));
-    assert_ok(lg_run_compare(path, &lg_run_hamiltonian, &again.run, &file.run, NULL));
+    assert_ok(lg_run_compare(&lg_run_hamiltonian, &again.run, &file.run, path, NULL));
     assert_memory_equal(again.theta, file.theta, sizeof best);
     assert_memory_equal(again.adam_m, file.adam_m, sizeof best);
     assert_memory_equal(again.adam_v, file.adam_v, sizeof best);
@@ -424,13 +424,13 @@ TEST("a file without a schedule has steps") {
     const char *path = good_checkpoint();
     delete_attribute(path, "run", "schedule");
     assert_ok(lg_checkpoint_open(NULL, path, NULL, &lg_run_hamiltonian, &run, &reader, NULL));
-    lg_file_reader_close(reader);
+    lg_file_reader_destroy(reader);
     wanted.training.schedule = LG_SCHEDULE_STEP;
-    assert_ok(lg_run_compare(path, &lg_run_hamiltonian, &run, &wanted, NULL));
+    assert_ok(lg_run_compare(&lg_run_hamiltonian, &run, &wanted, path, NULL));
     path = good_model(0);
     delete_attribute(path, "run", "schedule");
     assert_ok(lg_model_load_hamiltonian(NULL, path, NULL, &file, NULL));
-    assert_ok(lg_run_compare(path, &lg_run_hamiltonian, &file.run, &wanted, NULL));
+    assert_ok(lg_run_compare(&lg_run_hamiltonian, &file.run, &wanted, path, NULL));
     lg_hamiltonian_file_destroy(NULL, &file);
     /* Their fits were saved with a floor of 0, whatever lr_gamma: they must find it again. */
     lg_fit_options options;
@@ -480,7 +480,7 @@ TEST("a NaN in the saved state of the optimiser is found when the fit takes it")
     assert_ok(lg_file_reader_archive(reader, "fit", &archive));
     lg_status status = lg_fit_load(fit, &archive, NULL);
     assert_true(status == LG_FORMAT || status == LG_NOT_FINITE);
-    lg_file_reader_close(reader);
+    lg_file_reader_destroy(reader);
     lg_fit_destroy(fit);
 }
 

@@ -70,9 +70,7 @@ static void write_surrogate(const char *path) {
 static void write_detector(const char *path) {
     lg_rng rng;
     lg_rng_seed(&rng, 3, 0);
-    lg_detector_file file = {.run = {.model = {.net = lg_cnn_defaults(2, 60, 3, LG_SWISH),
-                                               .classes = 3,
-                                               .loss = LG_DETECTOR_CROSS_ENTROPY},
+    lg_detector_file file = {.run = {.model = {.classes = 3, .loss = LG_DETECTOR_CROSS_ENTROPY},
                                      .training = training,
                                      .test_fraction = 0.2,
                                      .validation_fraction = 0.1,
@@ -86,6 +84,7 @@ static void write_detector(const char *path) {
                              .f1 = NAN,
                              .test_mse = NAN};
     assert_non_null(file.class_name);
+    lg_cnn_init_default(&file.run.model.net, 2, 60, 3, LG_SWISH);
     for (int c = 0; c < 3; c++) (void)snprintf(file.class_name[c], LG_SERIES_NAME, "class %d", c);
     for (int c = 0; c < 2; c++) file.scaler.scale[c] = 1.5 + c;
     file.parameters = lg_cnn_parameters(&file.run.model.net);

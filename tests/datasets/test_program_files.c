@@ -202,7 +202,7 @@ TEST("a file of a newer version is refused") {
 TEST("a file beyond the limits is refused") {
     lg_read_options options;
     lg_read_options_init(&options);
-    options.max_bytes = 3000; /* no array is larger, all together are */
+    options.max_size = 3000; /* no array is larger, all together are */
     lg_error error;
     assert_status(read_program(NULL, fresh(), &options, &error), LG_FORMAT);
     assert_non_null(strstr(error.message, "limit"));

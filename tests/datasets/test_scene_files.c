@@ -80,7 +80,7 @@ static lg_scene read_text(const char *name, const char *text, const char *form_w
 }
 
 static const double *parameter(const lg_scene *scene, const char *key) {
-    const lg_parameter_row *row =
+    const lg_parameter_entry *row =
         lg_system_parameters(lg_system_name(scene->system), lg_system_form(scene->system));
     const double *values = lg_system_parameter_values(scene->system);
     for (; strcmp(row->key, key) != 0; row++)
@@ -245,7 +245,7 @@ static void make_state(const lg_space *space, double *y) {
     memset(y, 0, space->dim * sizeof *y);
     for (size_t f = 0; f < space->factors; f++) {
         const lg_space_kind kind = space->factor[f].kind;
-        for (size_t i = 0; i < space->factor[f].count; i++, at += lg_space_kind_row(kind)->state)
+        for (size_t i = 0; i < space->factor[f].count; i++, at += lg_space_kind_entry(kind)->state)
             for (size_t d = 0; d < 3 && kind != LG_SPACE_RN; d++)
                 y[at + (kind == LG_SPACE_SO3 || kind == LG_SPACE_SE3 ? 4 * d : 0)] = 1;
     }
@@ -254,7 +254,7 @@ static void make_state(const lg_space *space, double *y) {
     lg_space_act(space, a, y, y);
 }
 
-static void gather(const lg_state_row *row, size_t links, const double *y, double *out) {
+static void gather(const lg_state_entry *row, size_t links, const double *y, double *out) {
     const size_t blocks = row->outer > 0 ? row->outer : links, size = row->rows * row->columns;
     for (size_t b = 0; b < blocks; b++)
         memcpy(out + b * size, y + row->first + b * row->stride, size * sizeof *y);
@@ -272,7 +272,8 @@ static void compose(whole *w, double *parameters, double *y) {
     if (w->form != NULL) put(w, "form: %s\n", w->form);
     if (w->links > 0) put(w, "links: %zu\n", w->links);
     w->line = 1U + (w->form != NULL) + (w->links > 0);
-    for (const lg_parameter_row *row = lg_system_parameters(w->name, w->form); row->key != NULL; row++, n++) {
+    for (const lg_parameter_entry *row = lg_system_parameters(w->name, w->form); row->key != NULL;
+         row++, n++) {
         const size_t count = row->count > 0 ? row->count : w->links;
         assert_true(n < MOST && used + count <= MOST);
         for (size_t i = 0; i < count; i++)
@@ -292,10 +293,10 @@ static void compose(whole *w, double *parameters, double *y) {
     assert_ok(lg_system_create(NULL, w->name, &options, &system, NULL));
     assert_true(lg_system_dim(system) <= MOST);
     make_state(lg_system_space(system), y);
-    lg_system_destroy(NULL, system);
+    lg_system_destroy(system);
     put(w, "initial:\n");
     w->line++;
-    for (const lg_state_row *row = lg_system_state(w->name, w->form); row->key != NULL; row++) {
+    for (const lg_state_entry *row = lg_system_state(w->name, w->form); row->key != NULL; row++) {
         gather(row, w->links, y, part);
         put_key(w, "initial.", row->key,
                 (const size_t[3]){row->outer > 0 ? row->outer : w->links, row->rows, row->columns}, part);
@@ -304,7 +305,7 @@ static void compose(whole *w, double *parameters, double *y) {
 
 /* Links that stand for any number; 0 where there are none. */
 static size_t links_of(const char *name, const char *form) {
-    for (const lg_state_row *row = lg_system_state(name, form); row->key != NULL; row++)
+    for (const lg_state_entry *row = lg_system_state(name, form); row->key != NULL; row++)
         if (row->outer == 0) return 2;
     return 0;
 }
@@ -321,7 +322,7 @@ TEST("scenes of every system are read") {
         assert_int_equal(lg_system_links(scene.system), w.links);
         for (size_t p = 0; p < lg_system_parameter_count(scene.system); p++)
             assert_close(lg_system_parameter_values(scene.system)[p], parameters[p], 0, 0);
-        for (const lg_state_row *row = lg_system_state(w.name, w.form); row->key != NULL; row++) {
+        for (const lg_state_entry *row = lg_system_state(w.name, w.form); row->key != NULL; row++) {
             const size_t size = (row->outer > 0 ? row->outer : w.links) * row->rows * row->columns;
             gather(row, w.links, scene.state, found);
             gather(row, w.links, y, expected);
@@ -332,7 +333,7 @@ TEST("scenes of every system are read") {
         char text[4096], small[8];
         const int length = lg_scene_describe(w.name, w.form, text, sizeof text);
         assert_int_equal(length, strlen(text));
-        for (const lg_parameter_row *row = lg_system_parameters(w.name, w.form); row->key != NULL; row++)
+        for (const lg_parameter_entry *row = lg_system_parameters(w.name, w.form); row->key != NULL; row++)
             assert_non_null(strstr(text, row->key));
         assert_int_equal(lg_scene_describe(w.name, w.form, small, sizeof small), length);
     }
@@ -388,14 +389,14 @@ TEST("every system refuses what is wrong with its scene") {
     whole w = {.key = NULL};
     for (size_t i = 0; lg_system_at(i, &w.name, &w.form); i++) {
         w.links = links_of(w.name, w.form);
-        for (const lg_parameter_row *row = lg_system_parameters(w.name, w.form); row->key != NULL; row++) {
+        for (const lg_parameter_entry *row = lg_system_parameters(w.name, w.form); row->key != NULL; row++) {
             refuse_values(&w, row->key, row->rule == LG_PARAMETER_POSITIVE);
             refuse_twice(&w, row->key);
             refuse_gone(&w, row->key, row->fallback == NULL);
             if (row->rule == LG_PARAMETER_UNIT_VECTOR)
                 refuse(&w, row->key, "[0, 0.6, 0.8001]", "unit vector");
         }
-        for (const lg_state_row *row = lg_system_state(w.name, w.form); row->key != NULL; row++) {
+        for (const lg_state_entry *row = lg_system_state(w.name, w.form); row->key != NULL; row++) {
             char key[64];
             (void)snprintf(key, sizeof key, "initial.%s", row->key);
             refuse_values(&w, key, false);

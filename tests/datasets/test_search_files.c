@@ -180,9 +180,9 @@ TEST("trials come back as they were written") {
     const char *path = scratch_path("trials.csv"), *again = scratch_path("again.csv");
     make_trials(&file, trials);
     assert_ok(lg_trials_write(NULL, path, &file, SEED, "data 1", trials, N, NULL));
-    assert_ok(lg_trials_read(NULL, path, &file, SEED, "data 1", NULL, 0, &count, NULL));
+    assert_ok(lg_trials_read(NULL, path, &file, SEED, "data 1", 0, NULL, &count, NULL));
     assert_int_equal(count, N);
-    assert_ok(lg_trials_read(NULL, path, &file, SEED, "data 1", back, N, &count, NULL));
+    assert_ok(lg_trials_read(NULL, path, &file, SEED, "data 1", N, back, &count, NULL));
     assert_int_equal(count, N);
     for (size_t i = 0; i < N; i++) assert_same_trial(&back[i], &trials[N - 1 - i]); /* sorted */
     assert_ok(lg_trials_write(NULL, again, &file, SEED, "data 1", back, N, NULL));
@@ -196,13 +196,13 @@ TEST("trials come back as they were written") {
         wide[used++] = data[i];
     }
     write_bytes_to(again, wide, used);
-    assert_ok(lg_trials_read(NULL, again, &file, SEED, "data 1", back, N, &count, NULL));
+    assert_ok(lg_trials_read(NULL, again, &file, SEED, "data 1", N, back, &count, NULL));
     assert_int_equal(count, N);
     free(data);
     free(wide);
     /* None yet. */
     assert_ok(lg_trials_write(NULL, path, &file, 1, NULL, NULL, 0, NULL));
-    assert_ok(lg_trials_read(NULL, path, &file, 1, "", back, N, &count, NULL));
+    assert_ok(lg_trials_read(NULL, path, &file, 1, "", N, back, &count, NULL));
     assert_int_equal(count, 0);
 }
 
@@ -250,7 +250,7 @@ TEST("of a table that is cut anywhere the complete lines are read") {
         write_bytes_to(cut, data, keep);
         for (size_t i = 0; i < keep; i++) lines += data[i] == '\n';
         lg_error error = {LG_OK, ""};
-        const lg_status status = lg_trials_read(NULL, cut, &file, SEED, NULL, back, N, &count, &error);
+        const lg_status status = lg_trials_read(NULL, cut, &file, SEED, NULL, N, back, &count, &error);
         assert_status(status, keep < first ? LG_FORMAT : LG_OK);
         assert_int_equal(count, keep < first ? 77 : lines < 2 ? 0 : lines - 2);
         if (keep < first) assert_non_null(strstr(error.message, "line 1"));
@@ -314,7 +314,7 @@ TEST("a damaged table is refused") {
         size_t count = 77;
         lg_error error = {LG_OK, ""};
         write_text_to(bad, changed);
-        assert_status(lg_trials_read(NULL, bad, &file, 5, NULL, back, 2, &count, &error), LG_FORMAT);
+        assert_status(lg_trials_read(NULL, bad, &file, 5, NULL, 2, back, &count, &error), LG_FORMAT);
         if (strstr(error.message, wrong[i].line) == NULL || strstr(error.message, wrong[i].word) == NULL)
             fail_msg("%zu: no '%s' or '%s' in: %s", i, wrong[i].line, wrong[i].word, error.message);
         assert_int_equal(count, 77);
@@ -322,11 +322,11 @@ TEST("a damaged table is refused") {
     text[size / 2] = '\0';
     write_bytes_to(bad, text, size);
     size_t count;
-    assert_status(lg_trials_read(NULL, bad, &file, 5, NULL, NULL, 0, &count, NULL), LG_FORMAT);
+    assert_status(lg_trials_read(NULL, bad, &file, 5, NULL, 0, NULL, &count, NULL), LG_FORMAT);
     write_bytes_to(bad, "", 0);
-    assert_status(lg_trials_read(NULL, bad, &file, 5, NULL, NULL, 0, &count, NULL), LG_FORMAT);
-    assert_status(lg_trials_read(NULL, scratch, &file, 5, NULL, NULL, 0, &count, NULL), LG_FILE);
-    assert_status(lg_trials_read(NULL, scratch_path("none"), &file, 5, NULL, NULL, 0, &count, NULL),
+    assert_status(lg_trials_read(NULL, bad, &file, 5, NULL, 0, NULL, &count, NULL), LG_FORMAT);
+    assert_status(lg_trials_read(NULL, scratch, &file, 5, NULL, 0, NULL, &count, NULL), LG_FILE);
+    assert_status(lg_trials_read(NULL, scratch_path("none"), &file, 5, NULL, 0, NULL, &count, NULL),
                   LG_NOT_FOUND);
     free(text);
 }
@@ -348,21 +348,21 @@ TEST("a table of another search is refused") {
     (void)strcpy(other[5].fixed_value[1], "64");
     other[6].fixed_count = 2;
     for (int i = 0; i < 7; i++) {
-        assert_status(lg_trials_read(NULL, path, &other[i], 5, "data", back, N, &count, &error),
+        assert_status(lg_trials_read(NULL, path, &other[i], 5, "data", N, back, &count, &error),
                       LG_INVALID_ARGUMENT);
         assert_non_null(strstr(error.message, i < 5 ? "other ranges" : "other fixed options"));
     }
-    assert_status(lg_trials_read(NULL, path, &file, 6, "data", back, N, &count, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_trials_read(NULL, path, &file, 6, "data", N, back, &count, &error), LG_INVALID_ARGUMENT);
     assert_non_null(strstr(error.message, "seed 5, not 6"));
-    assert_status(lg_trials_read(NULL, path, &file, 5, "dat", back, N, &count, &error), LG_INVALID_ARGUMENT);
-    assert_status(lg_trials_read(NULL, path, &file, 5, "data", back, N - 1, &count, &error),
+    assert_status(lg_trials_read(NULL, path, &file, 5, "dat", N, back, &count, &error), LG_INVALID_ARGUMENT);
+    assert_status(lg_trials_read(NULL, path, &file, 5, "data", N - 1, back, &count, &error),
                   LG_INVALID_ARGUMENT);
     assert_non_null(strstr(error.message, "holds 6 trials, more than 5"));
     assert_int_equal(count, 77);
     /* Lines say nothing about what is compared. */
     lg_search_file moved = file;
     moved.line[0] = 40;
-    assert_ok(lg_trials_read(NULL, path, &moved, 5, "data", back, N, &count, NULL));
+    assert_ok(lg_trials_read(NULL, path, &moved, 5, "data", N, back, &count, NULL));
 }
 
 TEST("trials that could not be read are not written") {
@@ -440,7 +440,7 @@ static lg_status session_go(session *s) {
         write_bytes_to(s->path, data, size - 5);
         free(data);
     }
-    const lg_status found = lg_trials_read(NULL, s->path, s->file, 1, "d", trials, 12, &count, NULL);
+    const lg_status found = lg_trials_read(NULL, s->path, s->file, 1, "d", 12, trials, &count, NULL);
     assert_true(found == LG_OK || found == LG_NOT_FOUND);
     const lg_search_problem problem = {session_run, session_save, s};
     const lg_status status =
@@ -481,7 +481,7 @@ static lg_status use_memory(const lg_context *context, void *user, lg_error *err
     make_trials(file, trials);
     LG_TRY(lg_search_file_read(context, scratch_path("ranges.yaml"), &other, error));
     LG_TRY(lg_trials_write(context, scratch_path("m.csv"), file, 1, NULL, trials, N, error));
-    return lg_trials_read(context, scratch_path("m.csv"), file, 1, NULL, trials, N, &count, error);
+    return lg_trials_read(context, scratch_path("m.csv"), file, 1, NULL, N, trials, &count, error);
 }
 
 TEST("every allocation may fail, and nothing leaks") {

@@ -22,7 +22,7 @@ static void make_series(bool full, lg_series_data *out) {
                          .noise = NAN,
                          .severity = NAN};
     lg_series *s = &out->series;
-    assert_ok(lg_series_allocate(NULL, full, full, s));
+    assert_ok(lg_series_allocate(NULL, s, full, full));
     for (size_t i = 0; i < WINDOWS * WINDOW; i++) s->x[i] = sample(i);
     for (size_t i = 0; i < WINDOWS; i++) s->label[i] = i / 3 == 0 ? 0 : 2; /* class 1 does not occur */
     for (size_t c = 0; c < 3; c++) set_name(s->class_name[c], class_names[c]);
@@ -133,7 +133,7 @@ TEST("names that cannot be joined, and more than an attribute holds, come back")
         lg_series_data data = {.series = {.count = classes, .channels = 3, .length = 1, .classes = classes}},
                        again;
         const char *path = scratch_path("names.h5");
-        assert_ok(lg_series_allocate(NULL, false, false, &data.series));
+        assert_ok(lg_series_allocate(NULL, &data.series, false, false));
         data.series.channel_name = lg_alloc(NULL, 3, sizeof *data.series.channel_name);
         for (uint32_t i = 0; i < classes; i++) {
             data.series.label[i] = i;
@@ -400,7 +400,7 @@ TEST("runs whose windows do not follow one another are left out, with a warning"
 
 static lg_series classes_like(uint32_t classes, const char *const *names) {
     lg_series like = {.count = 1, .channels = 1, .length = 1, .classes = classes};
-    assert_ok(lg_series_allocate(NULL, false, false, &like));
+    assert_ok(lg_series_allocate(NULL, &like, false, false));
     for (uint32_t c = 0; c < classes; c++) set_name(like.class_name[c], names[c]);
     return like;
 }
@@ -866,9 +866,9 @@ TEST("the limit counts what lies in memory: floats, whatever the stored type") {
     lg_read_options_init(&options);
     const char *path = foreign_file(H5T_IEEE_F64LE, 3, false);
     put_labels(path, "y", H5T_STD_U8LE, 1, plain);
-    options.max_bytes = WINDOWS * WINDOW * sizeof(float);
+    options.max_size = WINDOWS * WINDOW * sizeof(float);
     assert_ok(read_data(NULL, path, &options, NULL));
-    options.max_bytes--;
+    options.max_size--;
     assert_status(read_data(NULL, path, &options, &error), LG_FORMAT);
     assert_non_null(strstr(error.message, "/X"));
 }

@@ -96,7 +96,7 @@ TEST("a model comes back as it was saved") {
         if (e == 2) file.has_errors = false;
         assert_ok(lg_model_save_surrogate(NULL, path, &file, NULL, NULL));
         assert_ok(lg_model_load_surrogate(NULL, path, NULL, &again, NULL));
-        assert_ok(lg_run_compare(path, &lg_run_surrogate, &again.run, &file.run, NULL));
+        assert_ok(lg_run_compare(&lg_run_surrogate, &again.run, &file.run, path, NULL));
         assert_int_equal(again.parameters, file.parameters);
         assert_memory_equal(again.theta, file.theta, file.parameters * sizeof(double));
         assert_memory_equal(&again.run.model.net, &file.run.model.net, sizeof(lg_net));

@@ -56,10 +56,10 @@ TEST("trajectories come back as they were written") {
         assert_string_equal(again.system, "pendulum-chain");
         assert_ptr_equal(again.family, &lg_hamiltonian_chain);
         assert_int_equal(again.n, links);
-        assert_int_equal(again.state_size, 6 * links);
+        assert_int_equal(again.state_dim, 6 * links);
         assert_int_equal(again.count, 4);
         assert_int_equal(again.points, 5);
-        assert_int_equal(again.input_size, 2);
+        assert_int_equal(again.input_dim, 2);
         assert_memory_equal(again.t, data.t, 5 * sizeof(double));
         assert_memory_equal(again.data, data.data, 4 * 5 * 6 * links * sizeof(double));
         assert_memory_equal(again.hamiltonian, data.hamiltonian, 4 * sizeof(double));

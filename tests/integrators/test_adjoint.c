@@ -557,7 +557,7 @@ TEST("checkpoints change nothing") {
             assert_bits(&r, &first);
             const size_t used = counts[i] > 0 ? counts[i] : 5, longest = (STEPS + used - 1) / used;
             assert_int_equal(r.stats.checkpoints, used);
-            assert_int_equal(r.stats.state_bytes, 8 * 12 * (used + 1 + longest));
+            assert_int_equal(r.stats.states_size, 8 * 12 * (used + 1 + longest));
         }
     }
 }
@@ -659,20 +659,20 @@ TEST("the gradient of 10^5 steps is the one by hand, in the memory of a formula"
     print_message("  relative errors %.1e %.1e %.1e\n", r.dy0[0] / lambda[0] - 1.0,
                   r.dy0[1] / lambda[1] - 1.0, r.dparameters[0] / da - 1.0);
     print_message("  C = %zu, states %zu bytes, tape %zu bytes, %.3g s\n", r.stats.checkpoints,
-                  r.stats.state_bytes, r.stats.tape_bytes, r.stats.seconds);
+                  r.stats.states_size, r.stats.tape_size, r.stats.seconds);
     for (int i = 0; i < 2; i++) {
         assert_close(r.y_end[i], y[LONG][i], 1e-9, 1e-9);
         assert_close(r.dy0[i], lambda[i], 1e-9, 0.0);
     }
     assert_close(r.dparameters[0], da, 1e-9, 0.0);
-    assert_true(r.stats.state_bytes + r.stats.tape_bytes < 10000000);
-    assert_int_equal(r.stats.state_bytes, 8 * 2 * (317 + 1 + 316));
+    assert_true(r.stats.states_size + r.stats.tape_size < 10000000);
+    assert_int_equal(r.stats.states_size, 8 * 2 * (317 + 1 + 316));
     assert_true(r.stats.seconds > 0.0);
     /* The tape holds one step, however many there are. */
-    const size_t tape_bytes = r.stats.tape_bytes;
+    const size_t tape_bytes = r.stats.tape_size;
     s.steps = 10;
     gradient_of(&s, &r);
-    assert_int_equal(r.stats.tape_bytes, tape_bytes);
+    assert_int_equal(r.stats.tape_size, tape_bytes);
 }
 
 /* ---- what may go wrong ---- */

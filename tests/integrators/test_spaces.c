@@ -64,14 +64,14 @@ static const struct space_case {
 
 typedef struct fixture {
     const struct space_case *of;
-    const lg_space_row *row;
+    const lg_space_entry *row;
     lg_space space;
     size_t dim, algebra; /* of all copies */
     lg_rng rng;
 } fixture;
 
 static fixture make(const struct space_case *c, size_t copies) {
-    fixture f = {.of = c, .row = lg_space_kind_row(c->kind)};
+    fixture f = {.of = c, .row = lg_space_kind_entry(c->kind)};
     assert_ok(lg_space_init(&f.space, &(lg_space_factor){c->kind, copies}, 1));
     f.dim = c->state * copies;
     f.algebra = c->algebra * copies;
@@ -148,7 +148,7 @@ TEST("a copy's result is the same bits wherever it stands and however many there
             a[0] = 2.5; /* beyond the series of the fast kernels, its neighbours are not */
             lg_space_act(&f.space, a, y, out);
             lg_space_dexpinv(&f.space, LG_DEXPINV_EXACT, a, b, x);
-            const lg_space_row *row = f.row;
+            const lg_space_entry *row = f.row;
             for (size_t i = 0; i < copies; i++) {
                 row->act(1, a + i * row->algebra, y + i * row->state, one);
                 assert_memory_equal(one, out + i * row->state, row->state * sizeof(*one));
@@ -389,7 +389,7 @@ TEST("every action stays on its manifold over 10^5 steps") {
                 if (f.algebra == 6) bounded_orbit(a);
                 worst = fmax(worst, drift(&f, a, turning != 0, y));
             }
-        print_message("%-8s off by %.1e after 10^5 steps\n", lg_space_kind_row(cases[k].kind)->name, worst);
+        print_message("%-8s off by %.1e after 10^5 steps\n", lg_space_kind_entry(cases[k].kind)->name, worst);
         assert_true(worst <= 2e-14);
     }
 }

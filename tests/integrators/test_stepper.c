@@ -224,11 +224,11 @@ TEST("a stepper keeps to the caller's memory") {
     unsigned char *memory = aligned_alloc(64, (bytes + 127) / 64 * 64);
     lg_stepper *stepper = NULL;
     memset(memory, 0xa5, bytes + 1);
-    assert_status(lg_stepper_init(memory, bytes - 1, scheme, &ode, &stepper), LG_INVALID_ARGUMENT);
-    assert_status(lg_stepper_init(memory + 8, bytes, scheme, &ode, &stepper), LG_INVALID_ARGUMENT);
-    assert_status(lg_stepper_init(NULL, bytes, scheme, &ode, &stepper), LG_INVALID_ARGUMENT);
+    assert_status(lg_stepper_init(scheme, &ode, &stepper, memory, bytes - 1), LG_INVALID_ARGUMENT);
+    assert_status(lg_stepper_init(scheme, &ode, &stepper, memory + 8, bytes), LG_INVALID_ARGUMENT);
+    assert_status(lg_stepper_init(scheme, &ode, &stepper, NULL, bytes), LG_INVALID_ARGUMENT);
     assert_null(stepper);
-    assert_ok(lg_stepper_init(memory, bytes, scheme, &ode, &stepper));
+    assert_ok(lg_stepper_init(scheme, &ode, &stepper, memory, bytes));
     double y[3] = {0.1, 0.2, 0.3};
     assert_ok(lg_step(stepper, 0.0, 0.1, y, NULL, y));
     assert_true(memory[bytes] == 0xa5); /* nothing beyond the block */
@@ -267,7 +267,7 @@ TEST("control is a pure function") {
     assert_close(lg_step_controller_decide(&c, 0.2, 1e-20, &plain).h, 0.2, 0.0, 0.0);
     const double e[2] = {3e-6, 0.0}, y[2] = {1.0, 0.0}, next[2] = {-2.0, 0.0};
     c.rtol = 1e-6, c.atol = 0.0;
-    assert_close(lg_error_norm(&c, 2, e, y, next), sqrt(0.5 * 1.5 * 1.5), 1e-14, 0.0);
+    assert_close(lg_error_norm(&c, e, y, next, 2), sqrt(0.5 * 1.5 * 1.5), 1e-14, 0.0);
 }
 
 /* y' = y; the times of the evaluations are noted. */
@@ -293,7 +293,7 @@ TEST("a run uses the lower order of a pair") {
     c.h_initial = h;
     lg_stepper *stepper = make("dp54", ode_on(LG_SPACE_RN, 1, noting_field, &seen));
     assert_ok(lg_step(stepper, 0.0, h, y0, NULL, y));
-    const double error = lg_error_norm(&c, 1, lg_stepper_error(stepper), y0, y);
+    const double error = lg_error_norm(&c, lg_stepper_error(stepper), y0, y, 1);
     assert_true(error < 1.0 && error > 1e-3); /* accepted, and not clamped */
     lg_stepper_reset(stepper);
     seen.count = 0;

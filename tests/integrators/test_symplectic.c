@@ -52,7 +52,7 @@ static void flat_jacobian(const lg_scheme *scheme, double h, double *psi) {
     lg_var y = lg_input(tape, lg_shape2(1, 4), y0);
     assert_ok(lg_taped_split(tape, &ode.space, y, start));
     assert_ok(lg_taped_integrate(tape, scheme, &ode, 0.0, h, STEPS, STEPS, start, end));
-    assert_ok(lg_read(tape, lg_jacobian(tape, lg_taped_join(tape, &ode.space, end), y), psi, 16));
+    assert_ok(lg_read(tape, lg_jacobian(tape, lg_taped_join(tape, &ode.space, end), y), 16, psi));
 }
 
 /* The largest element of Psi^T J Psi - J. */
@@ -140,8 +140,8 @@ static void top_flow(const lg_scheme *scheme, double h, flow *f) {
     y[1] = lg_add(tape, mu, lg_slice(tape, moved, 2, 3, 3));
     assert_ok(lg_taped_integrate(tape, scheme, &ode, 0.0, h, STEPS, STEPS, y, end));
     lg_var joined = lg_taped_join(tape, &ode.space, end);
-    assert_ok(lg_read(tape, joined, y1, 12));
-    assert_ok(lg_read(tape, lg_jacobian(tape, joined, moved), jacobian, 12 * 6));
+    assert_ok(lg_read(tape, joined, 12, y1));
+    assert_ok(lg_read(tape, lg_jacobian(tape, joined, moved), 12 * 6, jacobian));
     memcpy(f->before, mu0, sizeof(mu0));
     memcpy(f->after, y1 + 9, sizeof(f->after));
     for (int j = 0; j < 6; j++) {

@@ -97,7 +97,7 @@ static void random_start(lg_rng *rng, const lg_space *space, double *y) {
     double a[MAX_DIM];
     size_t at = 0;
     for (size_t f = 0; f < space->factors; f++) {
-        const size_t width = lg_space_kind_row(space->factor[f].kind)->state;
+        const size_t width = lg_space_kind_entry(space->factor[f].kind)->state;
         for (size_t i = 0; i < space->factor[f].count; i++, at += width)
             memcpy(y + at, origin[space->factor[f].kind], width * sizeof(*y));
     }
@@ -175,7 +175,7 @@ static void compare(lg_tape *tape, const lg_scheme *scheme, double tolerance) {
             lg_integrate_fixed(stepper, t0, h, STEPS, NULL, 0, EVERY, p.start + b * dim, expected, NULL));
         for (size_t n = 0; n < STEPS / EVERY; n++) {
             lg_var joined = lg_taped_join(tape, &p.taped.space, out + n * parts);
-            assert_ok(lg_read(tape, joined, got, BATCH * dim));
+            assert_ok(lg_read(tape, joined, BATCH * dim, got));
             assert_states(scheme->name, got + b * dim, expected + (n + 1) * dim, dim, tolerance);
         }
     }
@@ -257,7 +257,7 @@ static void compare_rows(lg_tape *tape, const lg_scheme *scheme, double toleranc
         assert_ok(lg_taped_split(tape, &p.taped.space, start, y));
         const lg_status status = lg_taped_step_over(tape, scheme, &p.taped, &over, y, y);
         if (status != LG_OK) fail_msg("%s: %s", scheme->name, lg_tape_message(tape));
-        assert_ok(lg_read(tape, lg_taped_join(tape, &p.taped.space, y), got, BATCH * dim));
+        assert_ok(lg_read(tape, lg_taped_join(tape, &p.taped.space, y), BATCH * dim, got));
         for (size_t b = 0; b < BATCH; b++) {
             lg_stepper_reset(stepper);
             assert_ok(lg_step(stepper, given & ROW_TIMES ? row_t[b] : t, given & ROW_STEPS ? row_h[b] : h,
@@ -288,9 +288,9 @@ TEST("a time is the sum of what it holds; one that holds a step of its own is a 
     lg_var rows = lg_input(tape, lg_shape2(BATCH, 1), row_t),
            step = lg_input(tape, lg_shape2(BATCH, 1), other);
     const lg_taped_time all = {.value = 0.6, .rows = rows, .weight = 3.0, .step = step};
-    assert_ok(lg_read(tape, lg_taped_time_rows(tape, all, BATCH), column, BATCH));
+    assert_ok(lg_read(tape, lg_taped_time_rows(tape, all, BATCH), BATCH, column));
     for (int b = 0; b < BATCH; b++) assert_close(column[b], 0.6 + row_t[b] + 3.0 * other[b], 0.0, 1e-15);
-    assert_ok(lg_read(tape, lg_taped_time_rows(tape, (lg_taped_time){.value = 0.6}, BATCH), column, BATCH));
+    assert_ok(lg_read(tape, lg_taped_time_rows(tape, (lg_taped_time){.value = 0.6}, BATCH), BATCH, column));
     for (int b = 0; b < BATCH; b++) assert_close(column[b], 0.6, 0.0, 0.0);
     lg_var start = lg_input(tape, lg_shape2(BATCH, (uint32_t)dim), p.start);
     assert_ok(lg_taped_split(tape, &p.taped.space, start, y));
@@ -298,10 +298,10 @@ TEST("a time is the sum of what it holds; one that holds a step of its own is a 
     lg_taped_interval over = make_interval(tape, ROW_STEPS, 0.0, 0.0); /* its step is another variable */
     over.t = (lg_taped_time){.rows = lg_input(tape, lg_shape2(BATCH, 1), sum)};
     assert_ok(lg_taped_step_over(tape, scheme, &p.taped, &over, y, out));
-    assert_ok(lg_read(tape, lg_taped_join(tape, &p.taped.space, out), expected, BATCH * dim));
+    assert_ok(lg_read(tape, lg_taped_join(tape, &p.taped.space, out), BATCH * dim, expected));
     over.t = all;
     assert_ok(lg_taped_step_over(tape, scheme, &p.taped, &over, y, out));
-    assert_ok(lg_read(tape, lg_taped_join(tape, &p.taped.space, out), got, BATCH * dim));
+    assert_ok(lg_read(tape, lg_taped_join(tape, &p.taped.space, out), BATCH * dim, got));
     assert_states("times", got, expected, BATCH * dim, 1e-14);
 }
 
@@ -323,7 +323,7 @@ static void slope(lg_tape *tape, const lg_scheme *scheme, double tolerance) {
     lg_var end = lg_taped_join(tape, &p.taped.space, y);
     lg_var direction = lg_input_f64(tape, lg_shape2(BATCH, 1), one);
     assert_ok(lg_jvp(tape, &end, 1, &over.h_rows, &direction, 1, &moved));
-    assert_ok(lg_read(tape, moved, got, BATCH * dim));
+    assert_ok(lg_read(tape, moved, BATCH * dim, got));
     for (size_t b = 0; b < BATCH; b++) {
         const double *at = p.start + b * dim, *u = row_u + b * INPUTS;
         double f[MAX_DIM] = {0.0};
@@ -365,7 +365,7 @@ static double nth_derivative(double a, double c, int n, bool by_h) {
     const lg_var x = by_h ? over.h_rows : over.t.rows;
     assert_ok(lg_taped_step_over(tape, lg_scheme_find("rk4"), &ode, &over, &y, &y));
     for (; n > 0; n--) assert_ok(lg_grad(tape, lg_sum(tape, y), &x, 1, &y));
-    assert_ok(lg_read(tape, y, &got, 1));
+    assert_ok(lg_read(tape, y, 1, &got));
     return got;
 }
 
@@ -399,7 +399,7 @@ TEST("the comparison sees an error of the size that it is to see: a weight off b
     lg_tape *tape = test_tape(LG_F64);
     assert_ok(lg_taped_split(tape, &p.plain.space, lg_input(tape, lg_shape2(1, (uint32_t)dim), p.start), y));
     assert_ok(lg_taped_step(tape, scheme, &p.taped, 0.0, 0.1, y, y));
-    assert_ok(lg_read(tape, lg_taped_join(tape, &p.plain.space, y), got, dim));
+    assert_ok(lg_read(tape, lg_taped_join(tape, &p.plain.space, y), dim, got));
     lg_stepper *stepper = test_stepper(&off, &p.plain);
     assert_ok(lg_step(stepper, 0.0, 0.1, p.start, NULL, next));
     for (size_t i = 0; i < dim; i++) most = fmax(most, fabs(got[i] - next[i]));
@@ -436,7 +436,7 @@ static void assert_joined(const char *name, lg_tape *tape, const operands *o, bo
     const size_t width = algebra ? o->space.algebra_dim : o->space.dim;
     lg_var joined =
         algebra ? lg_taped_join_algebra(tape, &o->space, parts) : lg_taped_join(tape, &o->space, parts);
-    assert_ok(lg_read(tape, joined, got, BATCH * width));
+    assert_ok(lg_read(tape, joined, BATCH * width, got));
     assert_states(name, got, o->expected, BATCH * width, 1e-14);
 }
 
@@ -664,8 +664,8 @@ static void assert_recorded_alike(lg_tape *tape, size_t nodes, lg_var got, size_
                                   lg_var expected) {
     double a[2 * BATCH], b[2 * BATCH];
     assert_int_equal(nodes, expected_nodes);
-    assert_ok(lg_read(tape, got, a, LG_COUNT(a)));
-    assert_ok(lg_read(tape, expected, b, LG_COUNT(b)));
+    assert_ok(lg_read(tape, got, LG_COUNT(a), a));
+    assert_ok(lg_read(tape, expected, LG_COUNT(b), b));
     assert_memory_equal(a, b, sizeof a);
 }
 
@@ -732,12 +732,12 @@ TEST("R^2n in one part and R^n x R^n are the same to splitting schemes, to the l
     lg_var y = lg_input(tape, lg_shape2(1, 12), p.start);
     assert_ok(lg_taped_split(tape, &p.taped.space, y, two));
     assert_ok(lg_taped_integrate(tape, scheme, &p.taped, 0.0, 0.1, 3, 3, two, ends));
-    assert_ok(lg_read(tape, lg_taped_join(tape, &p.taped.space, ends), expected, 12));
+    assert_ok(lg_read(tape, lg_taped_join(tape, &p.taped.space, ends), 12, expected));
     p.taped.space = p.plain.space;
     p.wave.evaluations = 0;
     assert_ok(lg_taped_integrate(tape, scheme, &p.taped, 0.0, 0.1, 3, 3, &y, &one));
     assert_int_equal(p.wave.evaluations, 7);
-    assert_ok(lg_read(tape, one, got, 12));
+    assert_ok(lg_read(tape, one, 12, got));
     assert_memory_equal(got, expected, sizeof(got));
     assert_ok(lg_space_init_rn(&p.taped.space, 11));
     assert_status(lg_taped_step(tape, scheme, &p.taped, 0.0, 0.1, &y, &one), LG_UNSUPPORTED);
@@ -841,7 +841,7 @@ TEST("implicit steps that do not converge say so") {
     lg_tape *tape = test_tape(LG_F64);
     lg_var y = lg_input(tape, lg_shape2(1, 1), &y0);
     assert_ok(lg_taped_step(tape, scheme, &ode, 0.0, 0.4, &y, &out));
-    assert_ok(lg_read(tape, out, &y1, 1));
+    assert_ok(lg_read(tape, out, 1, &y1));
     assert_close(y1, 0.5, 1e-15, 0.0); /* the smaller root of 0.4 y^2 - y + 0.4 */
     out = LG_NONE;
     assert_status(lg_taped_step(tape, scheme, &ode, 0.0, 0.6, &y, &out), LG_NO_CONVERGENCE);

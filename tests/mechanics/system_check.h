@@ -14,7 +14,7 @@
 enum { SYSTEM_MAX_DIM = 128, SYSTEM_MAX_BATCH = 4 };
 
 static inline void release_system(void *system) {
-    lg_system_destroy(NULL, system);
+    lg_system_destroy(system);
 }
 
 /* A system of the running test. */
@@ -57,7 +57,7 @@ static inline void evaluate(const lg_system *system, double t, const double *y, 
     lg_system_user user;
     lg_ode ode;
     assert_true(lg_system_work_size(system) / sizeof(double) <= SYSTEM_MAX_DIM);
-    assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &ode));
+    assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &ode, &user, work));
     assert_ok(ode.field(ode.user, t, y, NULL, algebra));
 }
 
@@ -80,10 +80,10 @@ static inline void integrate(const lg_system *system, double tolerance, const do
     lg_step_controller_init(&control);
     control.rtol = tolerance;
     control.atol = tolerance;
-    assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &ode));
+    assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &ode, &user, work));
     assert_ok(lg_stepper_create(NULL, lg_scheme_find("rkmk54"), &ode, &stepper));
     assert_ok(lg_integrate_adaptive(stepper, &control, 0.0, y0, times, count, out, &stats));
-    lg_stepper_destroy(NULL, stepper);
+    lg_stepper_destroy(stepper);
 }
 
 static inline void random_rotation(lg_rng *rng, double R[9]) {
@@ -122,7 +122,7 @@ static inline lg_var build_field(const void *user, lg_tape *tape, const lg_var *
     lg_var y[LG_TAPED_MAX_PARTS], algebra[LG_TAPED_MAX_PARTS];
     lg_system_taped_user taped;
     lg_taped_ode ode;
-    if (lg_system_taped_ode(check->system, LG_COORDINATES_LIE, x[1], &taped, &ode) != LG_OK ||
+    if (lg_system_taped_ode(check->system, LG_COORDINATES_LIE, x[1], &ode, &taped) != LG_OK ||
         lg_taped_split(tape, space, x[0], y) != LG_OK ||
         ode.field(ode.user, tape, t, y, LG_NONE, algebra) != LG_OK)
         return LG_NONE;
@@ -137,7 +137,7 @@ static inline lg_var build_field(const void *user, lg_tape *tape, const lg_var *
 static inline void algebra_in_parts(const lg_space *space, const double *algebra, double *out) {
     for (size_t f = 0; f < space->factors; f++) {
         const size_t copies = space->factor[f].count,
-                     size = lg_space_kind_row(space->factor[f].kind)->algebra;
+                     size = lg_space_kind_entry(space->factor[f].kind)->algebra;
         for (size_t i = 0; i < copies; i++)
             for (size_t j = 0; j < size; j++)
                 out[size < 6 ? i * size + j : (j / 3) * 3 * copies + 3 * i + j % 3] = algebra[i * size + j];
@@ -165,7 +165,7 @@ static inline void check_taped_values(const lg_system *system, double t, bool ro
                          lg_input_f64(tape, lg_shape2(batch, 1), system_check_delays)};
     lg_var field = build_field(&check, tape, x);
     if (lg_tape_status(tape) != LG_OK) fail_msg("%s", lg_tape_message(tape));
-    assert_ok(lg_read(tape, field, taped, batch * n));
+    assert_ok(lg_read(tape, field, batch * n, taped));
     for (uint32_t b = 0; b < batch; b++) {
         double size = 0.0;
         evaluate(system, rows ? t + system_check_delays[b] : t, states + b * dim, algebra);

@@ -113,7 +113,7 @@ TEST("one link by hand") {
     lg_ode ode;
     assert_close(lg_system_hamiltonian(system, y, work), 0.5 * 1.25 + 0.8, 1e-15, 0.0);
     assert_close(lg_system_invariant(system, 1, y, work), 0.3, 1e-15, 0.0);
-    assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &ode));
+    assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &ode, &user, work));
     assert_ok(ode.field(&user, 0.0, y, NULL, a));
     for (int i = 0; i < 6; i++) assert_close(a[i], e[i], 0.0, 1e-15);
     double m[1], weight[1];

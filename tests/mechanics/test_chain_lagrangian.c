@@ -48,8 +48,8 @@ TEST("the field is the dense solution of the constrained equations, for up to 20
         for (int repeat = 0; repeat < 3; repeat++) {
             random_links(&rng, k, y);
             dense_accelerations(system, y, a);
-            assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &lie));
-            assert_ok(lg_system_ode(system, LG_COORDINATES_AMBIENT, &user, work, &ambient));
+            assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &lie, &user, work));
+            assert_ok(lg_system_ode(system, LG_COORDINATES_AMBIENT, &ambient, &user, work));
             assert_ok(lie.field(&user, 0.0, y, NULL, f));
             assert_ok(ambient.field(&user, 0.0, y, NULL, g));
             lg_space_generator(&lie.space, f, y, velocity);
@@ -125,7 +125,7 @@ TEST("one link by hand") {
     double f[6], work[18];
     lg_system_user user;
     lg_ode ode;
-    assert_ok(lg_system_ode(system, LG_COORDINATES_AMBIENT, &user, work, &ode));
+    assert_ok(lg_system_ode(system, LG_COORDINATES_AMBIENT, &ode, &user, work));
     assert_ok(ode.field(&user, 0.0, y, NULL, f));
     const double expected[6] = {1.6, 0.0, -1.2, 0.0, GRAVITY * 0.6, 0.0}; /* omega' = g/L e3 x q, L = 1 */
     for (int i = 0; i < 6; i++) assert_close(f[i], expected[i], 1e-15, 1e-15);
@@ -156,8 +156,8 @@ TEST("off the manifold numbers or NaN come out") {
         lg_rng rng;
         lg_rng_seed(&rng, 34, k);
         random_links(&rng, k, y);
-        assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &lie));
-        assert_ok(lg_system_ode(system, LG_COORDINATES_AMBIENT, &user, work, &ambient));
+        assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &lie, &user, work));
+        assert_ok(lg_system_ode(system, LG_COORDINATES_AMBIENT, &ambient, &user, work));
         assert_true(lg_space_is_abelian(&ambient.space) && ambient.manifold.factor[0].kind == LG_SPACE_TS2);
         for (size_t i = 0; i < 6 * k; i++) y[i] *= 1.02;
         assert_ok(lie.field(&user, 0.0, y, NULL, a));
@@ -179,7 +179,7 @@ TEST("off the manifold numbers or NaN come out") {
 static void steps(const lg_system *system, double h, size_t n, double *y, double *work) {
     lg_system_user user;
     lg_ode ode;
-    assert_ok(lg_system_ode(system, LG_COORDINATES_AMBIENT, &user, work, &ode));
+    assert_ok(lg_system_ode(system, LG_COORDINATES_AMBIENT, &ode, &user, work));
     assert_non_null(ode.step);
     for (size_t i = 0; i < n; i++) assert_ok(ode.step(&user, (double)i * h, h, y));
 }
@@ -257,7 +257,7 @@ TEST("variational steps that fail leave the state") {
     double y[12] = {1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0}, before[12], work[36];
     lg_system_user user;
     lg_ode ode;
-    assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &ode));
+    assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &ode, &user, work));
     memcpy(before, y, sizeof(y));
     assert_ok(ode.step(&user, 0.0, 0.0, y));
     assert_memory_equal(y, before, sizeof(y));

@@ -34,7 +34,7 @@ static void record(taped_case *c, const double *y, const double *parameters) {
     c->y = lg_input_f64(c->tape, lg_shape2(BATCH, d), y);
     c->parameters =
         lg_input_f64(c->tape, lg_shape1((uint32_t)lg_system_parameter_count(c->system)), parameters);
-    assert_ok(lg_system_taped_ode(c->system, c->form, c->parameters, &c->user, &c->ode));
+    assert_ok(lg_system_taped_ode(c->system, c->form, c->parameters, &c->ode, &c->user));
     if (c->form == LG_COORDINATES_AMBIENT) {
         assert_ok(c->ode.field(c->ode.user, c->tape, (lg_taped_time){0}, &c->y, LG_NONE, &c->f));
         return;
@@ -62,10 +62,10 @@ TEST("fields on a float tape are the plain ones") {
             for (size_t i = 0; i < BATCH * d; i++) y[i] = (double)(float)y[i];
             taped_case c = {.tape = test_tape(LG_F32), .system = system, .form = forms[n].form};
             record(&c, y, lg_system_parameter_values(system));
-            assert_ok(lg_read(c.tape, c.f, got, BATCH * d));
+            assert_ok(lg_read(c.tape, c.f, BATCH * d, got));
             lg_system_user user;
             lg_ode ode;
-            assert_ok(lg_system_ode(system, c.form, &user, work, &ode));
+            assert_ok(lg_system_ode(system, c.form, &ode, &user, work));
             for (size_t b = 0; b < BATCH; b++) {
                 assert_ok(ode.field(&user, 0.0, y + b * d, NULL, f));
                 for (size_t i = 0; i < d; i++) assert_close(got[b * d + i], f[i], 2e-4, 2e-4);
@@ -98,7 +98,7 @@ TEST("NaN in one row is no error of the tape and stays in that row") {
     y[12] = NAN;
     taped_case c = {.tape = test_tape(LG_F64), .system = system, .form = LG_COORDINATES_LIE};
     record(&c, y, lg_system_parameter_values(system));
-    assert_ok(lg_read(c.tape, c.f, f, BATCH * 12));
+    assert_ok(lg_read(c.tape, c.f, BATCH * 12, f));
     assert_true(isnan(f[12 + 3]));
     for (int i = 0; i < 12; i++) assert_true(isfinite(f[i]) && isfinite(f[24 + i]));
 }
@@ -115,11 +115,11 @@ TEST("inputs may depend on each other: derivatives are total outside") {
     lg_taped_ode ode;
     lg_var x = lg_input_f64(t, lg_shape3(1, 2, 3), x0), y[2] = {x, lg_square(t, lg_square(t, x))}, f[2], g;
     lg_var parameters = lg_input_f64(t, lg_shape1(5), lg_system_parameter_values(system));
-    assert_ok(lg_system_taped_ode(system, LG_COORDINATES_LIE, parameters, &user, &ode));
+    assert_ok(lg_system_taped_ode(system, LG_COORDINATES_LIE, parameters, &ode, &user));
     assert_ok(ode.field(ode.user, t, (lg_taped_time){0}, y, LG_NONE, f));
     lg_var S = lg_sum(t, lg_square(t, f[1]));
     assert_ok(lg_grad(t, S, &x, 1, &g));
-    assert_ok(lg_read(t, g, recorded, 6));
+    assert_ok(lg_read(t, g, 6, recorded));
     assert_ok(lg_backward_set(t, S, &x, 1, &memory));
     for (int i = 0; i < 6; i++) assert_close(recorded[i], swept[i], 1e-11, 1e-11);
 }
@@ -128,10 +128,10 @@ TEST("forms that have no field on a tape are refused") {
     lg_system *system = make("hamiltonian", 1);
     lg_system_taped_user user;
     lg_taped_ode ode;
-    assert_status(lg_system_taped_ode(system, LG_COORDINATES_AMBIENT, LG_NONE, &user, &ode), LG_UNSUPPORTED);
+    assert_status(lg_system_taped_ode(system, LG_COORDINATES_AMBIENT, LG_NONE, &ode, &user), LG_UNSUPPORTED);
     assert_status(
-        lg_system_taped_ode(system, (lg_coordinates)(LG_COORDINATES_AMBIENT + 1), LG_NONE, &user, &ode),
+        lg_system_taped_ode(system, (lg_coordinates)(LG_COORDINATES_AMBIENT + 1), LG_NONE, &ode, &user),
         LG_INVALID_ARGUMENT);
-    assert_status(lg_system_taped_ode(NULL, LG_COORDINATES_LIE, LG_NONE, &user, &ode), LG_INVALID_ARGUMENT);
-    assert_status(lg_system_taped_ode(system, LG_COORDINATES_LIE, LG_NONE, &user, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_system_taped_ode(NULL, LG_COORDINATES_LIE, LG_NONE, &ode, &user), LG_INVALID_ARGUMENT);
+    assert_status(lg_system_taped_ode(system, LG_COORDINATES_LIE, LG_NONE, NULL, &user), LG_INVALID_ARGUMENT);
 }

@@ -128,7 +128,7 @@ TEST("coarse steps keep what the form keeps") {
         lg_system_user user;
         lg_ode ode;
         state_of(system, &skew, Q, pi, y);
-        assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &ode));
+        assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &ode, &user, work));
         lg_stepper *stepper = test_stepper(lg_scheme_find("lie-euler"), &ode);
         memcpy(out, y, sizeof(out));
         for (int n = 0; n < 500; n++) assert_ok(lg_step(stepper, 0.0, 0.02, out, NULL, out));
@@ -154,7 +154,7 @@ TEST("to slgi the quadratic form is the cotangent one") {
         lg_ode ode;
         state_of(system, &skew, Q, pi, start);
         memcpy(end[f], start, sizeof(start));
-        assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &ode));
+        assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &ode, &user, work));
         lg_stepper *stepper = test_stepper(lg_scheme_find("slgi"), &ode);
         for (int n = 0; n < 50; n++) assert_ok(lg_step(stepper, 0.01 * n, 0.01, end[f], NULL, end[f]));
     }
@@ -175,11 +175,11 @@ static void flow_gradient(int form, const double *Q, const double *pi, double *g
     state_of(system, &skew, Q, pi, y);
     lg_tape *tape = test_tape(LG_F64);
     lg_var p = lg_input_f64(tape, lg_shape1(count), lg_system_parameter_values(system));
-    assert_ok(lg_system_taped_ode(system, LG_COORDINATES_LIE, p, &user, &ode));
+    assert_ok(lg_system_taped_ode(system, LG_COORDINATES_LIE, p, &ode, &user));
     assert_ok(lg_taped_split(tape, &ode.space, lg_input_f64(tape, lg_shape2(1, dim), y), parts));
     assert_ok(lg_taped_integrate(tape, lg_scheme_find("rkmk4"), &ode, 0.0, 0.02, 5, 5, parts, out));
     assert_ok(lg_grad(tape, lg_add(tape, lg_sum(tape, out[0]), lg_sum(tape, out[1])), &p, 1, &g));
-    assert_ok(lg_read(tape, g, gradient, count));
+    assert_ok(lg_read(tape, g, count, gradient));
 }
 
 /* The derivatives of the quadratic form in M, l, chi are those of the top: its start does not depend on them.

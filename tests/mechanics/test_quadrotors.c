@@ -281,6 +281,6 @@ TEST("parallel links cannot hold the payload") {
     thesis_start(y);
     for (int i = 0; i < 2; i++)
         for (int j = 0; j < 3; j++) y[Q + i * LINK + j] = j == 2;
-    assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &user, work, &ode));
+    assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &ode, &user, work));
     assert_status(ode.field(ode.user, 0.0, y, NULL, algebra), LG_NOT_FINITE);
 }

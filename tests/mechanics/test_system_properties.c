@@ -56,13 +56,13 @@ static void draw_parameter(lg_rng *rng, lg_parameter_rule rule, size_t count, do
     if (rule == LG_PARAMETER_UNIT_VECTOR) normalise(count, out);
 }
 
-static size_t numbers_of(const lg_parameter_row *row, size_t links) {
+static size_t numbers_of(const lg_parameter_entry *row, size_t links) {
     return row->count > 0 ? row->count : links;
 }
 
 /* A system with these numbers for all parameters, in the order of the table. */
 static lg_system *system_of(const char *name, const char *form, size_t links, const double *numbers) {
-    const lg_parameter_row *rows = lg_system_parameters(name, form);
+    const lg_parameter_entry *rows = lg_system_parameters(name, form);
     size_t count = 0;
     while (rows[count].key) count++;
     lg_named_values *given = calloc(count + 1, sizeof *given);
@@ -86,10 +86,10 @@ static lg_system *system_of(const char *name, const char *form, size_t links, co
 
 static lg_system *draw_system(lg_rng *rng, const char *name, const char *form, size_t links) {
     size_t count = 0;
-    for (const lg_parameter_row *row = lg_system_parameters(name, form); row->key; row++)
+    for (const lg_parameter_entry *row = lg_system_parameters(name, form); row->key; row++)
         count += numbers_of(row, links);
     double *numbers = take(count), *at = numbers;
-    for (const lg_parameter_row *row = lg_system_parameters(name, form); row->key; row++) {
+    for (const lg_parameter_entry *row = lg_system_parameters(name, form); row->key; row++) {
         draw_parameter(rng, row->rule, numbers_of(row, links), at);
         at += numbers_of(row, links);
     }
@@ -100,7 +100,7 @@ static lg_status try_field(const sample *s, const lg_system *system, lg_coordina
                            double *out) {
     lg_system_user user;
     lg_ode ode;
-    assert_ok(lg_system_ode(system, form, &user, s->work, &ode));
+    assert_ok(lg_system_ode(system, form, &ode, &user, s->work));
     return ode.field(ode.user, s->t, y, NULL, out);
 }
 
@@ -139,7 +139,7 @@ static void open_sample(sample *s, const char *name, const char *form, size_t li
 }
 
 static bool has_links(const char *name, const char *form) {
-    for (const lg_state_row *row = lg_system_state(name, form); row->key; row++)
+    for (const lg_state_entry *row = lg_system_state(name, form); row->key; row++)
         if (row->outer == 0) return true;
     return false;
 }
@@ -152,7 +152,7 @@ static void on_every_sample(void (*check)(sample *s)) {
             for (uint64_t seed = 1; seed <= SEEDS; seed++) {
                 open_sample(&s, name, form, has_links(name, form) ? some_links[k] : 0, seed);
                 check(&s);
-                lg_system_destroy(NULL, s.system);
+                lg_system_destroy(s.system);
             }
 }
 
@@ -194,7 +194,7 @@ static lg_status try_recording(const sample *s, lg_coordinates form, const doubl
     r->parameters =
         lg_input_f64(r->tape, lg_shape1((uint32_t)s->parameters), lg_system_parameter_values(s->system));
     r->y = lg_input_f64(r->tape, lg_shape2(BATCH, (uint32_t)s->dim), y);
-    return lg_system_taped_ode(s->system, form, r->parameters, &r->user, &r->ode);
+    return lg_system_taped_ode(s->system, form, r->parameters, &r->ode, &r->user);
 }
 
 static void open_recording(const sample *s, lg_coordinates form, const double *y, recording *r) {
@@ -220,7 +220,7 @@ static lg_var record_field(const sample *s, recording *r) {
 
 static void read_out(const sample *s, const recording *r, lg_var x, size_t count, double *out) {
     if (lg_tape_status(r->tape) != LG_OK) fail_msg("%s: %s", s->label, lg_tape_message(r->tape));
-    assert_ok(lg_read(r->tape, x, out, count));
+    assert_ok(lg_read(r->tape, x, count, out));
 }
 
 /* Rows of the plain field at y (BATCH, dim), in the order of the parts. */
@@ -309,7 +309,7 @@ static void halves(sample *s) {
     lg_system_user user;
     lg_ode ode;
     recording r;
-    assert_ok(lg_system_ode(s->system, LG_COORDINATES_AMBIENT, &user, s->work, &ode));
+    assert_ok(lg_system_ode(s->system, LG_COORDINATES_AMBIENT, &ode, &user, s->work));
     open_recording(s, LG_COORDINATES_LIE, s->y, &r);
     if ((ode.force != NULL) != separable || (ode.velocity != NULL) != separable ||
         (r.ode.force != NULL) != separable || (r.ode.velocity != NULL) != separable)
@@ -474,13 +474,13 @@ static void canonical(size_t copies, const double *y, const double *d, double *o
 static void cotangent_sphere(size_t copies, const double *y, const double *d, double *out) {
     for (size_t i = 0; i < copies; i++, y += 6, d += 6, out += 6) {
         const double f[6] = {d[3], d[4], d[5], -d[0], -d[1], -d[2]};
-        lg_space_kind_row(LG_SPACE_TS2)->generator(1, f, y, out);
+        lg_space_kind_entry(LG_SPACE_TS2)->generator(1, f, y, out);
     }
 }
 
 /* On (R, pi): R' = hat(dH/dpi) R, pi' = -(the slope of H along the turn of R alone) + dH/dpi x pi. */
 static void rotation_and_momentum(const double *y, const double *turn, const double *velocity, double *out) {
-    lg_space_kind_row(LG_SPACE_SO3)->generator(1, velocity, y, out);
+    lg_space_kind_entry(LG_SPACE_SO3)->generator(1, velocity, y, out);
     cross(velocity, y + 9, out + 9);
     for (int i = 0; i < 3; i++) out[9 + i] -= turn[i];
 }
@@ -533,7 +533,7 @@ static void bracket_velocity(const sample *s, const double *y, const double *d, 
             fail_msg("%s: the test has no bracket on this space", s->label);
         brackets[factor->kind].velocity(factor->count, y, d, out);
         for (size_t i = 0; i < taken; i++, f++) {
-            const lg_space_row *row = lg_space_kind_row(s->space->factor[f].kind);
+            const lg_space_entry *row = lg_space_kind_entry(s->space->factor[f].kind);
             y += s->space->factor[f].count * row->state;
             d += s->space->factor[f].count * row->algebra;
             out += s->space->factor[f].count * row->state;
@@ -664,7 +664,7 @@ static void variational_step(sample *s) {
     double *velocity = take(s->dim), *side[2] = {take(s->dim), take(s->dim)}, *rate = take(s->dim);
     lg_system_user user;
     lg_ode ode;
-    assert_ok(lg_system_ode(s->system, LG_COORDINATES_AMBIENT, &user, s->work, &ode));
+    assert_ok(lg_system_ode(s->system, LG_COORDINATES_AMBIENT, &ode, &user, s->work));
     if (!ode.step) return;
     plain(s, s->system, LG_COORDINATES_AMBIENT, s->y, velocity);
     const double h = STEP / (1.0 + largest(s->dim, velocity));
@@ -682,7 +682,7 @@ static void variational_step(sample *s) {
 /* ---- derivatives in the parameters ---- */
 
 /* Moves number i of the parameter at p (count numbers) by s; a unit vector stays one. */
-static void move_parameter(const lg_parameter_row *row, size_t count, size_t i, double s, double *p) {
+static void move_parameter(const lg_parameter_entry *row, size_t count, size_t i, double s, double *p) {
     p[i] += s;
     if (row->rule == LG_PARAMETER_UNIT_VECTOR) normalise(count, p);
 }
@@ -690,7 +690,7 @@ static void move_parameter(const lg_parameter_row *row, size_t count, size_t i, 
 /* w.f, of all rows and numbers of the field under weights, where number i of a parameter is moved. */
 typedef struct moved_sum {
     const sample *s;
-    const lg_parameter_row *row;
+    const lg_parameter_entry *row;
     size_t count, offset, i; /* numbers of the parameter, where they begin, the one that moves */
     const double *weight;
 } moved_sum;
@@ -706,7 +706,7 @@ static double sum_at(const void *of, double by) {
         system_of(lg_system_name(s->system), lg_system_form(s->system), lg_system_links(s->system), p);
     plain_rows(s, moved, LG_COORDINATES_LIE, s->y, f);
     for (size_t j = 0; j < n; j++) sum += m->weight[j] * f[j];
-    lg_system_destroy(NULL, moved);
+    lg_system_destroy(moved);
     arena_used = mark;
     return sum;
 }
@@ -725,7 +725,7 @@ static void taped_gradient(const sample *s, const double *weight, double *gradie
         fail_msg("%s: %s", s->label, lg_tape_message(r.tape));
     const size_t counts[2] = {s->parameters, BATCH * s->dim};
     for (int i = 0; i < 2; i++) {
-        assert_ok(lg_read(r.tape, g[i], recorded, counts[i]));
+        assert_ok(lg_read(r.tape, g[i], counts[i], recorded));
         same(s, "recorded and swept gradients", counts[i], recorded, out[i],
              1e-11 * (1.0 + largest(counts[i], recorded)));
     }

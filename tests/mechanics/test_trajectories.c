@@ -247,7 +247,7 @@ static lg_status sample_chain(const lg_context *context, void *user) {
     s->t[0] = s->y[0] = 7.0;
     lg_status status = lg_system_create(context, "pendulum-chain", &chain, &system, NULL);
     if (status == LG_OK) status = lg_generate_trajectories(context, system, &o, s->t, s->y, s->H, NULL);
-    lg_system_destroy(context, system);
+    lg_system_destroy(system);
     if (status != LG_OK) assert_true(s->t[0] == 7.0 && s->y[0] == 7.0);
     return status;
 }

@@ -93,9 +93,8 @@ static inline built build_detector(lg_activation activation) {
     double mean[CHANNELS] = {0.1, 1.1}, scale[CHANNELS] = {2.0, 3.0};
     const lg_scaler scaler = {.channels = CHANNELS, .mean = mean, .scale = scale};
     lg_rng rng;
-    built b = {.detector = {.net = lg_cnn_defaults(CHANNELS, LENGTH, CLASSES, activation),
-                            .classes = CLASSES,
-                            .loss = LG_DETECTOR_CROSS_ENTROPY}};
+    built b = {.detector = {.classes = CLASSES, .loss = LG_DETECTOR_CROSS_ENTROPY}};
+    lg_cnn_init_default(&b.detector.net, CHANNELS, LENGTH, CLASSES, activation);
     assert_ok(lg_detector_check(&b.detector, NULL));
     b.theta = room(lg_cnn_parameters(&b.detector.net));
     lg_rng_seed(&rng, 23, 0);
@@ -126,7 +125,7 @@ static inline lg_stepper *stepper_of(const built *b, const lg_scheme *scheme) {
     lg_stepper *stepper;
     const size_t bytes = lg_model_stepper_size(b->model, scheme);
     assert_true(bytes > 0);
-    assert_ok(lg_model_stepper_init(test_work(bytes), bytes, b->model, scheme, &stepper));
+    assert_ok(lg_model_stepper_init(b->model, scheme, &stepper, test_work(bytes), bytes));
     return stepper;
 }
 
@@ -142,8 +141,8 @@ static inline moving put_in_motion(built b, uint64_t seed) {
     moving s = {.b = b,
                 .n = b.hamiltonian.n,
                 .d = lg_model_inputs(b.model),
-                .m = lg_model_input_size(b.model),
-                .r = lg_model_tangent_size(b.model)};
+                .m = lg_model_input_dim(b.model),
+                .r = lg_model_tangent_dim(b.model)};
     lg_rng rng;
     assert_true(s.d <= MOST_STATE && s.m <= MOST_INPUT && s.r <= MOST_TANGENT);
     lg_rng_seed(&rng, 3, seed);

@@ -26,7 +26,7 @@ OWNED(lg_detector_data, lg_detector_data_destroy)
 static inline lg_series make_series(size_t count, uint32_t channels, uint32_t length, uint32_t classes,
                                     bool group, bool run) {
     lg_series s = {.count = count, .channels = channels, .length = length, .classes = classes};
-    assert_ok(lg_series_allocate(NULL, group, run, &s));
+    assert_ok(lg_series_allocate(NULL, &s, group, run));
     for (size_t i = 0; i < count; i++) s.label[i] = (uint32_t)(i % classes);
     return own_lg_series(s);
 }

@@ -51,9 +51,15 @@ static sounds make_sounds(size_t count, uint32_t classes, size_t rare, double no
     return s;
 }
 
+static lg_cnn default_net(uint32_t channels, uint32_t length, uint32_t outputs, lg_activation activation) {
+    lg_cnn net;
+    lg_cnn_init_default(&net, channels, length, outputs, activation);
+    return net;
+}
+
 static lg_detector make_detector(uint32_t classes, lg_detector_loss loss, bool centred) {
     const uint32_t outputs = loss == LG_DETECTOR_MSE ? 1 : classes;
-    const lg_detector model = {.net = lg_cnn_defaults(CHANNELS, LENGTH, outputs, LG_SWISH),
+    const lg_detector model = {.net = default_net(CHANNELS, LENGTH, outputs, LG_SWISH),
                                .classes = classes,
                                .loss = loss,
                                .centred = centred};
@@ -164,7 +170,7 @@ TEST("losses are those of the probabilities, in both types and over parts of a b
                     lg_var loss;
                     double value;
                     assert_ok(fit.loss(fit.user, tape, flat, samples, count, 5, &loss));
-                    assert_ok(lg_read(tape, loss, &value, 1));
+                    assert_ok(lg_read(tape, loss, 1, &value));
                     const double rtol = dtype == LG_F64 && stored == LG_F64 ? 1e-12 : 1e-5;
                     assert_close(value, direct_loss(&model, &s, theta, samples, count) / 5.0, rtol, 0);
                 }
@@ -271,7 +277,7 @@ TEST("one sample, batches of one window and a single class are odd, but no failu
             for (size_t j = 0; j < counts[i] * (1 + i); j++) s.series.x[j] = (float)j;
             s.windows = cut_windows(&s.series, 0, 0);
             s.scaler = fit_scaler(&s.series, &s.windows, NULL, counts[i], true);
-            const lg_detector model = {.net = lg_cnn_defaults(1, 1 + (uint32_t)i, 2, LG_RELU),
+            const lg_detector model = {.net = default_net(1, 1 + (uint32_t)i, 2, LG_RELU),
                                        .classes = 2,
                                        .loss = LG_DETECTOR_CROSS_ENTROPY,
                                        .centred = true};
@@ -332,7 +338,7 @@ TEST("a detector that fits no network or loss is refused") {
                                              "lg_cnn_init",        "unknown loss",  "kernel"};
     bad[0].classes = 1;
     bad[1].classes = 3;
-    bad[2].net = lg_cnn_defaults(CHANNELS, LENGTH, 2, LG_SWISH);
+    bad[2].net = default_net(CHANNELS, LENGTH, 2, LG_SWISH);
     bad[3].net.lengths[1] = 7;
     bad[4].loss = (lg_detector_loss)LG_DETECTOR_LOSS_COUNT;
     bad[5].net.block[0].kernel = 41;
@@ -352,8 +358,8 @@ TEST("series, scalers and choices that do not fit the detector are refused") {
     lg_scaler narrow = s.scaler, tiny = s.scaler;
     static const uint32_t beyond[] = {0, 10};
     double scale[CHANNELS] = {1e-300, 1};
-    longer.net = lg_cnn_defaults(CHANNELS, LENGTH + 1, 3, LG_SWISH);
-    wider.net = lg_cnn_defaults(CHANNELS + 1, LENGTH, 3, LG_SWISH);
+    longer.net = default_net(CHANNELS, LENGTH + 1, 3, LG_SWISH);
+    wider.net = default_net(CHANNELS + 1, LENGTH, 3, LG_SWISH);
     narrow.channels = 1;
     tiny.scale = scale;
     const struct {

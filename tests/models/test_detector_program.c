@@ -65,7 +65,7 @@ static void against_tape(const example *e) {
     lg_detector_scale(&e->model, &e->scaler, LG_F64, x, z);
     const lg_var theta = lg_input_f64(tape, lg_shape1((uint32_t)lg_cnn_parameters(net)), e->theta);
     const lg_var in = lg_input_f64(tape, lg_shape3(1, net->length, net->channels), z);
-    assert_ok(lg_read(tape, lg_cnn_record(tape, net, theta, 0, in, NULL), logits, e->outputs));
+    assert_ok(lg_read(tape, lg_cnn_record(tape, net, theta, 0, in, NULL), e->outputs, logits));
     run_value(&e->value, e->x, y);
     for (size_t o = 0; o < e->outputs; o++) assert_close(y[o], logits[o], 1e-13, 1e-14);
 }

@@ -13,7 +13,7 @@ typedef struct data {
 } data;
 
 static void release_system(void *system) {
-    lg_system_destroy(NULL, system);
+    lg_system_destroy(system);
 }
 
 static data make_data(const char *name, size_t links) {
@@ -62,7 +62,7 @@ static double loss_of(const lg_hamiltonian_problem *problem, const double *theta
     lg_hamiltonian_fit_problem(problem, &fit);
     const lg_var parameter = lg_parameter(tape, lg_shape1((uint32_t)fit.parameters), theta);
     assert_ok(fit.loss(fit.user, tape, parameter, samples, N, N, &loss));
-    assert_ok(lg_read(tape, loss, &value, 1));
+    assert_ok(lg_read(tape, loss, 1, &value));
     return value;
 }
 
@@ -87,7 +87,7 @@ static exact exact_chain(size_t k) {
 
 static lg_ode ode_of(const lg_system *system, lg_coordinates coordinates, lg_system_user *user) {
     lg_ode ode;
-    assert_ok(lg_system_ode(system, coordinates, user, test_work(lg_system_work_size(system)), &ode));
+    assert_ok(lg_system_ode(system, coordinates, &ode, user, test_work(lg_system_work_size(system))));
     return ode;
 }
 
@@ -243,7 +243,7 @@ static void driven_by(const lg_hamiltonian_family *family, const lg_space *space
     assert_ok(lg_taped_split(tape, space, lg_input_f64(tape, shape, dH), slopes));
     family->field(tape, parts, slopes, LG_NONE, out);
     assert_ok(lg_taped_generator(tape, space, out, parts, out));
-    assert_ok(lg_read(tape, lg_taped_join(tape, space, out), velocity, space->dim));
+    assert_ok(lg_read(tape, lg_taped_join(tape, space, out), space->dim, velocity));
 }
 
 static void check_system(const lg_system *system) {

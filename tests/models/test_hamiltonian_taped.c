@@ -51,7 +51,7 @@ static setting *make_setting(const learned *of, bool on) {
     lg_rng rng;
     s->built = build_hamiltonian(of->family, of->n, of->potential, of->activation);
     s->d = lg_model_inputs(s->built.model);
-    s->m = lg_model_input_size(s->built.model);
+    s->m = lg_model_input_dim(s->built.model);
     s->parameters = lg_model_parameters(s->built.model);
     assert_true(s->d <= MOST_STATE && s->m <= MOST_INPUT);
     lg_rng_seed(&rng, 31, of->n);
@@ -70,7 +70,7 @@ static void assert_rows(const setting *s, lg_var got, const double *expected, si
     const lg_shape shape = lg_var_shape(s->tape, got);
     if (lg_tape_status(s->tape) != LG_OK) fail_msg("%s", lg_tape_message(s->tape));
     assert_true(shape.rank == 2 && shape.dims[0] == BATCH && shape.dims[1] == width);
-    assert_ok(lg_read(s->tape, got, values, BATCH * width));
+    assert_ok(lg_read(s->tape, got, BATCH * width, values));
     for (size_t i = 0; i < BATCH * width; i++) assert_close(values[i], expected[i], 2e-13, 2e-13);
 }
 
@@ -118,7 +118,7 @@ TEST("the recorded gradient is the tape's of the value, on the manifold and off 
         double expected[BATCH * MOST_STATE];
         setting s = *make_setting(&models[i], false);
         lg_var gradient = lg_hamiltonian_record_gradient(s.tape, &s.vars, s.y);
-        assert_ok(lg_read(s.tape, gradient, expected, BATCH * s.d));
+        assert_ok(lg_read(s.tape, gradient, BATCH * s.d, expected));
         lg_var sum = lg_sum(s.tape, lg_hamiltonian_record_value(s.tape, &s.vars, s.y));
         assert_ok(lg_grad(s.tape, sum, &s.y, 1, &by_tape));
         assert_rows(&s, by_tape, expected, s.d);
@@ -163,11 +163,11 @@ TEST("a row that is not a number leaves the others as they are") {
         double before[BATCH * MOST_STATE], after[BATCH * MOST_STATE];
         setting s = *make_setting(&models[i], true);
         assert_ok(
-            lg_read(s.tape, lg_hamiltonian_record_field(s.tape, &s.vars, s.y, s.u), before, BATCH * s.d));
+            lg_read(s.tape, lg_hamiltonian_record_field(s.tape, &s.vars, s.y, s.u), BATCH * s.d, before));
         for (size_t j = 0; j < s.d; j++) s.state[s.d + j] = NAN;
         record_inputs(&s);
         assert_ok(
-            lg_read(s.tape, lg_hamiltonian_record_field(s.tape, &s.vars, s.y, s.u), after, BATCH * s.d));
+            lg_read(s.tape, lg_hamiltonian_record_field(s.tape, &s.vars, s.y, s.u), BATCH * s.d, after));
         for (size_t b = 0; b < BATCH; b += 2)
             assert_memory_equal(after + b * s.d, before + b * s.d, s.d * sizeof *after);
         assert_true(isnan(after[s.d]));

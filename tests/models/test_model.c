@@ -37,19 +37,19 @@ TEST("only Hamiltonians have fields, steps and a linearisation") {
         lg_ode ode = {.user = &b};
         lg_stepper *stepper = NULL;
         double numbers[300] = {0};
-        assert_int_equal(lg_model_input_size(m), 0);
-        assert_int_equal(lg_model_tangent_size(m), 0);
+        assert_int_equal(lg_model_input_dim(m), 0);
+        assert_int_equal(lg_model_tangent_dim(m), 0);
         assert_int_equal(lg_model_stepper_size(m, cf4), 0);
         assert_status(lg_model_field(m, numbers, NULL, numbers + 150, b.work), LG_UNSUPPORTED);
-        assert_status(lg_model_ode(m, &user, b.work, &ode), LG_UNSUPPORTED);
+        assert_status(lg_model_ode(m, &ode, &user, b.work), LG_UNSUPPORTED);
         assert_true(user.model == NULL && ode.user == &b);
-        assert_status(lg_model_stepper_init(b.work, 1 << 20, m, cf4, &stepper), LG_UNSUPPORTED);
+        assert_status(lg_model_stepper_init(m, cf4, &stepper, b.work, 1 << 20), LG_UNSUPPORTED);
         assert_null(stepper);
         assert_status(lg_model_linearise(m, numbers, NULL, numbers, numbers, numbers, b.work),
                       LG_UNSUPPORTED);
         assert_status(lg_model_deviation(m, numbers, numbers, numbers, b.work), LG_UNSUPPORTED);
     }
-    assert_int_equal(lg_model_work_size(NULL) + lg_model_input_size(NULL) + lg_model_tangent_size(NULL), 0);
+    assert_int_equal(lg_model_work_size(NULL) + lg_model_input_dim(NULL) + lg_model_tangent_dim(NULL), 0);
 }
 
 /* ---- the field ---- */
@@ -206,7 +206,7 @@ static void along(const built *b, const double *y, const double *direction, size
 }
 
 static void check_basis(const built *b, const double *y, const double *basis) {
-    const size_t r = lg_model_tangent_size(b->model), d = lg_model_inputs(b->model);
+    const size_t r = lg_model_tangent_dim(b->model), d = lg_model_inputs(b->model);
     for (size_t j = 0; j < r; j++) {
         double direction[MOST_STATE], c[MOST_TANGENT];
         for (size_t i = 0; i < d; i++) direction[i] = basis[i * r + j];
@@ -223,7 +223,7 @@ static void check_basis(const built *b, const double *y, const double *basis) {
 /* Central differences of the field along the manifold and in the input; h = 1e-5 leaves about 1e-9. */
 static void check_linearisation(const built *b, const double *y, const double *input) {
     const double h = 1e-5;
-    const size_t r = lg_model_tangent_size(b->model), m = lg_model_input_size(b->model);
+    const size_t r = lg_model_tangent_dim(b->model), m = lg_model_input_dim(b->model);
     double A[MOST_TANGENT * MOST_TANGENT], B[MOST_TANGENT * MOST_INPUT], basis[MOST_STATE * MOST_TANGENT];
     double alone[MOST_STATE * MOST_TANGENT];
     double at[MOST_STATE], up[MOST_STATE], down[MOST_STATE], c[MOST_TANGENT], largest = 0.0;
@@ -395,8 +395,8 @@ TEST("every scheme steps as by hand and stays on the manifold, or is refused") {
             continue;
         }
         assert_int_equal(lg_model_stepper_size(s.b.model, scheme), 0);
-        assert_status(lg_model_stepper_init(s.b.work, 1 << 20, s.b.model, scheme, &stepper), LG_UNSUPPORTED);
-        assert_status(lg_model_stepper_init(NULL, 0, s.b.model, scheme, &stepper), LG_UNSUPPORTED);
+        assert_status(lg_model_stepper_init(s.b.model, scheme, &stepper, s.b.work, 1 << 20), LG_UNSUPPORTED);
+        assert_status(lg_model_stepper_init(s.b.model, scheme, &stepper, NULL, 0), LG_UNSUPPORTED);
         assert_null(stepper);
     }
 }
@@ -458,16 +458,16 @@ TEST("memory that is too small or misplaced is refused, and so are bad schemes")
                  {memory, bytes, b.model, cf4, NULL},         {memory, bytes, NULL, cf4, &stepper},
                  {memory, bytes, b.model, NULL, &stepper},    {memory, bytes, b.model, &bad, &stepper}};
     for (size_t i = 0; i < LG_COUNT(cases); i++)
-        assert_status(lg_model_stepper_init(cases[i].memory, cases[i].bytes, cases[i].model, cases[i].scheme,
-                                            cases[i].out),
+        assert_status(lg_model_stepper_init(cases[i].model, cases[i].scheme, cases[i].out, cases[i].memory,
+                                            cases[i].bytes),
                       LG_INVALID_ARGUMENT);
     assert_int_equal(lg_model_stepper_size(b.model, &bad), 0);
     assert_int_equal(lg_model_stepper_size(NULL, cf4) + lg_model_stepper_size(b.model, NULL), 0);
     assert_null(stepper);
     lg_model_user user;
     lg_ode ode;
-    assert_status(lg_model_ode(b.model, NULL, b.work, &ode), LG_INVALID_ARGUMENT);
-    assert_status(lg_model_ode(b.model, &user, b.work, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_model_ode(b.model, &ode, NULL, b.work), LG_INVALID_ARGUMENT);
+    assert_status(lg_model_ode(b.model, NULL, &user, b.work), LG_INVALID_ARGUMENT);
 }
 
 /* ---- what is not a number ---- */

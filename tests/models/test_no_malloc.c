@@ -137,7 +137,7 @@ static void count_steps(const moving *s, const lg_scheme *scheme) {
     if (bytes == 0) return;
     void *memory = test_work(bytes);
     memcpy(y, s->y, sizeof y);
-    assert_no_malloc_no_lock(status = lg_model_stepper_init(memory, bytes, model, scheme, &stepper));
+    assert_no_malloc_no_lock(status = lg_model_stepper_init(model, scheme, &stepper, memory, bytes));
     assert_ok(status);
     for (int n = 0; n < 4; n++) {
         assert_no_malloc_no_lock(status = lg_step(stepper, 0.0, 0.01, y, n < 2 ? s->u : NULL, y));
@@ -156,7 +156,7 @@ static void count_motion(const moving *s) {
     assert_no_malloc_no_lock(status[0] = lg_model_field(model, s->y, s->u, field, s->b.work));
     assert_no_malloc_no_lock(status[1] = lg_model_linearise(model, s->y, s->u, A, B, basis, s->b.work));
     assert_no_malloc_no_lock(status[2] = lg_model_deviation(model, s->y, s->y, c, s->b.work));
-    assert_no_malloc_no_lock(status[3] = lg_model_ode(model, &user, s->b.work, &ode));
+    assert_no_malloc_no_lock(status[3] = lg_model_ode(model, &ode, &user, s->b.work));
     for (int i = 0; i < 4; i++) assert_ok(status[i]);
     for (size_t i = 0; i < lg_scheme_count(); i++) count_steps(s, lg_scheme_at(i));
 }

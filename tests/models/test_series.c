@@ -23,7 +23,7 @@ static void fill_ramp(lg_series *s) {
 
 TEST("a set has the memory of its sizes, or none") {
     lg_series s = {.count = 3, .channels = 2, .length = 4, .classes = 11, .rate = 5.0};
-    assert_ok(lg_series_allocate(NULL, true, false, &s));
+    assert_ok(lg_series_allocate(NULL, &s, true, false));
     assert_string_equal(s.class_name[0], "0");
     assert_string_equal(s.class_name[10], "10");
     assert_non_null(s.group);
@@ -40,11 +40,11 @@ TEST("a set has the memory of its sizes, or none") {
                              {.count = 1, .channels = 1, .length = 1, .classes = 0}};
     for (size_t i = 0; i < 4; i++) {
         lg_series copy = bad[i];
-        assert_status(lg_series_allocate(NULL, false, false, &copy), LG_INVALID_ARGUMENT);
+        assert_status(lg_series_allocate(NULL, &copy, false, false), LG_INVALID_ARGUMENT);
         assert_null(copy.x);
     }
     lg_series huge = {.count = SIZE_MAX / 2, .channels = UINT32_MAX, .length = UINT32_MAX, .classes = 1};
-    assert_status(lg_series_allocate(NULL, true, true, &huge), LG_OUT_OF_MEMORY);
+    assert_status(lg_series_allocate(NULL, &huge, true, true), LG_OUT_OF_MEMORY);
     assert_null(huge.x);
 }
 
@@ -423,7 +423,7 @@ static lg_status all_at_once(const lg_context *context) {
     lg_windows w = {0};
     lg_scaler scaler = {0};
     uint8_t parts[8];
-    lg_status status = lg_series_allocate(context, true, true, &s);
+    lg_status status = lg_series_allocate(context, &s, true, true);
     for (size_t i = 0; status == LG_OK && i < 8; i++) s.label[i] = (uint32_t)(i % 2);
     if (status == LG_OK) status = lg_windows_create(context, &s, 0, 0, &w, NULL);
     if (status == LG_OK) status = lg_series_split(context, &s, &w, LG_SPLIT_RANDOM, 0.3, 0, 1, parts, NULL);

@@ -237,8 +237,8 @@ static void ask(const small *s, const double *row, double *y, double *dy) {
     const lg_var x = lg_input(tape, lg_shape2(1, net->inputs), row);
     const lg_var direction = lg_input(tape, lg_shape2(1, net->inputs), along);
     assert_ok(lg_net_record_jvp(tape, net, theta, 0, x, direction, &out, &slope));
-    assert_ok(lg_read(tape, out, y, net->outputs));
-    if (dy != NULL) assert_ok(lg_read(tape, slope, dy, net->outputs));
+    assert_ok(lg_read(tape, out, net->outputs, y));
+    if (dy != NULL) assert_ok(lg_read(tape, slope, net->outputs, dy));
     lg_tape_destroy(tape);
 }
 

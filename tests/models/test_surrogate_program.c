@@ -83,7 +83,7 @@ static double of_network(const example *e, const double *row, size_t output) {
     const lg_net *net = &e->model.net;
     const lg_var theta = lg_input_f64(tape, lg_shape1((uint32_t)lg_net_parameters(net)), e->theta);
     const lg_var y = lg_net_record(tape, net, theta, 0, lg_input_f64(tape, lg_shape2(1, net->inputs), row));
-    assert_ok(lg_read(tape, y, f, net->outputs));
+    assert_ok(lg_read(tape, y, net->outputs, f));
     return f[output];
 }
 

@@ -26,7 +26,7 @@ static double loss_of(const lg_surrogate_problem *problem, lg_dtype dtype, const
         gradient != NULL ? lg_parameter(tape, shape, theta) : lg_input_f64(tape, shape, theta);
     const lg_status status = fit.loss(fit.user, tape, parameters, samples, count, batch, &loss);
     if (status != LG_OK) fail_msg("%s: %s", lg_status_name(status), lg_tape_message(tape));
-    assert_ok(lg_read(tape, loss, &value, 1));
+    assert_ok(lg_read(tape, loss, 1, &value));
     void *out = gradient;
     if (gradient != NULL) assert_ok(lg_backward_set(tape, loss, &parameters, 1, &out));
     return value;

@@ -74,9 +74,14 @@ static const struct {
 } sizes[] = {{1, 1}, {1, 5}, {2, 7}, {6, 300}, {6, 100}, {1, 152}, {1, 96}, {13, 31}};
 enum { SIZES = LG_COUNT(sizes), ALL_NETS = ODD_NETS + SIZES };
 
+static lg_cnn default_net(uint32_t channels, uint32_t length, uint32_t outputs, lg_activation activation) {
+    lg_cnn net;
+    lg_cnn_init_default(&net, channels, length, outputs, activation);
+    return net;
+}
+
 static lg_cnn net_number(size_t i, lg_activation kind) {
-    if (i >= ODD_NETS)
-        return lg_cnn_defaults(sizes[i - ODD_NETS].channels, sizes[i - ODD_NETS].length, 2, kind);
+    if (i >= ODD_NETS) return default_net(sizes[i - ODD_NETS].channels, sizes[i - ODD_NETS].length, 2, kind);
     lg_cnn net = odd_nets[i];
     net.activation = kind;
     return initialised(net);
@@ -116,9 +121,9 @@ static void evaluate(const example *e, lg_tape *tape, uint32_t rows, double *y, 
     lg_var at = LG_NONE;
     const lg_var out = lg_cnn_record(tape, net, theta, OFFSET, x, &at);
     if (lg_tape_status(tape) != LG_OK) fail_msg("%s", lg_tape_message(tape));
-    assert_ok(lg_read(tape, out, y, rows * net->outputs));
+    assert_ok(lg_read(tape, out, rows * net->outputs, y));
     assert_int_equal(lg_is_none(at), net->plane == 0);
-    if (net->plane > 0) assert_ok(lg_read(tape, at, plane, rows * net->plane));
+    if (net->plane > 0) assert_ok(lg_read(tape, at, rows * net->plane, plane));
 }
 
 /* ---- description ---- */
@@ -129,7 +134,7 @@ TEST("the default network has its layers, names and lengths") {
                                         "output/weight", "output/bias"};
     static const uint64_t dims[][3] = {{5, 6, 12}, {12},      {5, 12, 24}, {24},   {5, 24, 48},
                                        {48},       {1632, 2}, {2},         {2, 1}, {1}};
-    const lg_cnn net = lg_cnn_defaults(6, 300, 1, LG_LEAKY_RELU);
+    const lg_cnn net = default_net(6, 300, 1, LG_LEAKY_RELU);
     assert_int_equal(lg_cnn_parameters(&net), 10913);
     static const uint32_t lengths[] = {300, 148, 72, 34};
     for (int i = 0; i < 4; i++) assert_int_equal(net.lengths[i], lengths[i]);
@@ -150,7 +155,7 @@ TEST("the default network has its layers, names and lengths") {
     }
     assert_int_equal(at, 10913);
     assert_false(lg_cnn_slice(&net, 10, &info));
-    const lg_cnn classes = lg_cnn_defaults(6, 300, 4, LG_SWISH);
+    const lg_cnn classes = default_net(6, 300, 4, LG_SWISH);
     assert_int_equal(lg_cnn_parameters(&classes), 10910 + 12);
 }
 
@@ -160,7 +165,7 @@ TEST("default networks of all sizes can be made and evaluated") {
     for (uint32_t c = 1; c <= 8; c++)
         for (uint32_t l = 1; l <= 64; l++)
             for (uint32_t outputs = 1; outputs <= 3; outputs += 2) {
-                lg_cnn net = lg_cnn_defaults(c, l, outputs, LG_TANH);
+                lg_cnn net = default_net(c, l, outputs, LG_TANH);
                 const lg_cnn before = net;
                 if (lg_cnn_init(&net, &error) != LG_OK) fail_msg("%u x %u: %s", c, l, error.message);
                 assert_memory_equal(before.lengths, net.lengths, sizeof net.lengths);
@@ -178,11 +183,11 @@ TEST("default networks of all sizes can be made and evaluated") {
     static const uint32_t extremes[] = {1, 3, 511, 512, 513, 4095, 1 << 20};
     for (size_t i = 0; i < 7; i++)
         for (size_t j = 0; j < 7; j++) {
-            lg_cnn net = lg_cnn_defaults(extremes[i], extremes[j], 1 << 20, LG_TANH);
+            lg_cnn net = default_net(extremes[i], extremes[j], 1 << 20, LG_TANH);
             if (lg_cnn_init(&net, &error) != LG_OK)
                 fail_msg("%u x %u: %s", extremes[i], extremes[j], error.message);
         }
-    lg_cnn nothing = lg_cnn_defaults(0, 0, 0, LG_TANH);
+    lg_cnn nothing = default_net(0, 0, 0, LG_TANH);
     assert_status(lg_cnn_init(&nothing, &error), LG_INVALID_ARGUMENT);
 }
 
@@ -230,7 +235,7 @@ TEST("a description that is refused is told by its block and left as it was") {
         assert_int_equal(net.lengths[0], 77);
     }
     assert_status(lg_cnn_init(NULL, &error), LG_INVALID_ARGUMENT);
-    lg_cnn second = lg_cnn_defaults(1, 30, 1, LG_TANH);
+    lg_cnn second = default_net(1, 30, 1, LG_TANH);
     second.block[1].kernel = 14; /* 13 are left */
     assert_status(lg_cnn_init(&second, &error), LG_INVALID_ARGUMENT);
     assert_non_null(strstr(error.message, "block 2"));
@@ -249,7 +254,7 @@ TEST("poolings have their names") {
 }
 
 TEST("each law of initialisation has its deviation by fan in and fan out, and its biases") {
-    const lg_cnn net = lg_cnn_defaults(6, 300, 1, LG_TANH);
+    const lg_cnn net = default_net(6, 300, 1, LG_TANH);
     static const struct {
         lg_initialisation kind;
         double deviation;
@@ -300,7 +305,7 @@ TEST("networks on a tape are the loops of their definition, in both types") {
 }
 
 TEST("shapes, offsets and tapes that do not fit are refused") {
-    const lg_cnn net = lg_cnn_defaults(2, 12, 1, LG_TANH);
+    const lg_cnn net = default_net(2, 12, 1, LG_TANH);
     const uint32_t parameters = (uint32_t)lg_cnn_parameters(&net);
     lg_tape *tape = test_tape(LG_F64), *other = test_tape(LG_F64);
     const struct {
@@ -344,6 +349,6 @@ TEST("at its kink a rectifier has the derivative 0") {
     lg_var gradient = LG_NONE;
     double *g = TEST_ARRAY(double, e.numbers);
     assert_ok(lg_grad(tape, lg_sum(tape, lg_cnn_record(tape, &net, theta, 0, x, NULL)), &x, 1, &gradient));
-    assert_ok(lg_read(tape, gradient, g, e.numbers));
+    assert_ok(lg_read(tape, gradient, e.numbers, g));
     for (size_t j = 0; j < e.numbers; j++) assert_close(g[j], 0.0, 0, 0);
 }

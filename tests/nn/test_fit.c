@@ -97,7 +97,7 @@ static double error_of(regression *r, const double *theta, const uint32_t *sampl
     double error;
     const lg_var at = lg_parameter(tape, lg_shape1((uint32_t)lg_mlp_parameters(&r->net)), theta);
     assert_ok(regression_loss(r, tape, at, samples, count, count, &loss));
-    assert_ok(lg_read(tape, loss, &error, 1));
+    assert_ok(lg_read(tape, loss, 1, &error));
     return error;
 }
 
@@ -114,7 +114,7 @@ TEST("a regression converges in both types, and hands out the parameters of its 
         assert_true(loss[0] > 0.05 && lg_fit_loss(fit) < 1e-4);
         assert_close(lg_fit_loss(fit), loss[1499], 0.0, 0.0);
         assert_true(isnan(lg_fit_history(fit, LG_FIT_VALIDATION)[0]));
-        assert_true(lg_fit_seconds_per_epoch(fit) > 0.0 && lg_fit_tape_bytes(fit) > 0);
+        assert_true(lg_fit_seconds_per_epoch(fit) > 0.0 && lg_fit_tape_size(fit) > 0);
         double theta[512];
         uint32_t all[REGRESSION_SAMPLES];
         for (uint32_t i = 0; i < REGRESSION_SAMPLES; i++) all[i] = i;

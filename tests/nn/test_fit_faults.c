@@ -215,7 +215,7 @@ TEST("a loss that fails, or is none, stops the fit") {
 TEST("a tape beyond its limit is out of memory") {
     regression r = make_regression();
     lg_fit_options o = options_of(2, 0);
-    o.max_tape_bytes = 1000;
+    o.max_tape_size = 1000;
     assert_status(lg_fit_run(regression_fit(NULL, &r, &o), NULL), LG_OUT_OF_MEMORY);
 }
 
@@ -371,7 +371,7 @@ TEST("a state of other hyperparameters is refused by their names") {
     o.threads = 2;
     o.stop_after = 1;
     o.checkpoint_every = 5;
-    o.max_tape_bytes = (size_t)1 << 30;
+    o.max_tape_size = (size_t)1 << 30;
     load_state(regression_fit(NULL, &s.r, &o), &s.archive);
 }
 

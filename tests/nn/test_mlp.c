@@ -131,9 +131,9 @@ static recorded record(const fixture *f, lg_tape *tape, uint32_t rows) {
     const lg_var y = lg_mlp_record(tape, &f->net, theta, OFFSET, x);
     assert_ok(lg_grad(tape, lg_sum(tape, lg_slice(tape, y, 1, 0, 1)), &x, 1, &of_tape));
     assert_ok(lg_mlp_bind(tape, &f->net, theta, OFFSET, &vars));
-    assert_ok(lg_read(tape, y, r.y, rows * f->outputs));
-    assert_ok(lg_read(tape, lg_mlp_record_gradient(tape, &f->net, &vars, x), r.gradient, rows * INPUTS));
-    assert_ok(lg_read(tape, of_tape, r.of_tape, rows * INPUTS));
+    assert_ok(lg_read(tape, y, rows * f->outputs, r.y));
+    assert_ok(lg_read(tape, lg_mlp_record_gradient(tape, &f->net, &vars, x), rows * INPUTS, r.gradient));
+    assert_ok(lg_read(tape, of_tape, rows * INPUTS, r.of_tape));
     return r;
 }
 

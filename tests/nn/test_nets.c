@@ -183,8 +183,8 @@ static void record_pair(const fixture *f, lg_tape *tape, uint32_t directions, do
     const lg_var x = lg_input_f64(tape, lg_shape2(ROWS, 3), f->x);
     const lg_var dx = lg_input_f64(tape, lg_shape2(directions, 3), f->dx);
     assert_ok(lg_net_record_jvp(tape, &f->net, theta, 0, x, dx, &y, &dy));
-    assert_ok(lg_read(tape, y, value, ROWS * 2));
-    assert_ok(lg_read(tape, dy, derivative, ROWS * 2));
+    assert_ok(lg_read(tape, y, ROWS * 2, value));
+    assert_ok(lg_read(tape, dy, ROWS * 2, derivative));
 }
 
 /* The same by lg_net_record and lg_jvp. */
@@ -198,8 +198,8 @@ static void record_plain(const fixture *f, lg_tape *tape, uint32_t directions, d
         lg_broadcast_to(tape, lg_input_f64(tape, lg_shape2(directions, 3), f->dx), lg_shape2(ROWS, 3));
     const lg_var y = lg_net_record(tape, &f->net, theta, 0, x);
     assert_ok(lg_jvp(tape, &y, 1, &x, &dx, 1, &dy));
-    assert_ok(lg_read(tape, y, value, ROWS * 2));
-    assert_ok(lg_read(tape, dy, derivative, ROWS * 2));
+    assert_ok(lg_read(tape, y, ROWS * 2, value));
+    assert_ok(lg_read(tape, dy, ROWS * 2, derivative));
 }
 
 static void check_values(fixture *f) {
@@ -272,9 +272,9 @@ static void check_gradients(fixture *f) {
         }
         lg_var g[3];
         assert_ok(lg_grad(tape, loss, wrt, 3, g));
-        assert_ok(lg_read(tape, g[0], out[way], n));
-        assert_ok(lg_read(tape, g[1], by_x[way], ROWS * 3));
-        assert_ok(lg_read(tape, g[2], by_dx[way], ROWS * 3));
+        assert_ok(lg_read(tape, g[0], n, out[way]));
+        assert_ok(lg_read(tape, g[1], ROWS * 3, by_x[way]));
+        assert_ok(lg_read(tape, g[2], ROWS * 3, by_dx[way]));
     }
     for (int way = 0; way < 3; way++) {
         assert_true(out[way][0] == 0.0 && out[way][n - 1] == 0.0);

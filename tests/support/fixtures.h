@@ -27,7 +27,7 @@ static inline lg_tape *test_tape(lg_dtype dtype) {
 #define assert_reads(tape, v, n, expected, rtol, atol)                                                       \
     do {                                                                                                     \
         double *const lg_read_ = TEST_ARRAY(double, n);                                                      \
-        assert_ok(lg_read(tape, v, lg_read_, n));                                                            \
+        assert_ok(lg_read(tape, v, n, lg_read_));                                                            \
         lg_all_close(#v, lg_read_, (expected), (n), (rtol), (atol), __FILE__, __LINE__);                     \
     } while (0)
 
@@ -41,7 +41,7 @@ static inline double *test_numbers(uint64_t seed, size_t n, double low, double h
 }
 
 static inline void release_stepper(void *stepper) {
-    lg_stepper_destroy(NULL, stepper);
+    lg_stepper_destroy(stepper);
 }
 
 static inline lg_stepper *test_stepper(const lg_scheme *scheme, const lg_ode *ode) {
