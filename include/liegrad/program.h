@@ -66,6 +66,12 @@ typedef struct lg_function_spec {
     void *user;
 } lg_function_spec;
 
+/* Inside of a recording for lg_program_build: calls a function that the same program has already, of one output,
+ * which is returned. On the tape it is recorded as by lg_program_record. The program keeps a call: its plans and its
+ * C have the called function once, however often it is called. Inputs: as many as the function has. Errors stick to
+ * the tape: LG_NOT_FOUND (no such function, or no recording), those of lg_program_record. */
+LG_API lg_var lg_program_call(lg_tape *tape, const char *function, const lg_var *inputs);
+
 /* A tensor of weights. */
 typedef struct lg_parameter_spec {
     const char *name; /* a C identifier, unique in the program */

@@ -5,6 +5,7 @@
 
 #include "autodiff/plan_code.h"
 #include "autodiff/plan_graph.h"
+#include "autodiff/program_call.h"
 #include "kernels/product.h"
 
 /* ---- what becomes of a node ---- */
@@ -571,6 +572,7 @@ static size_t bits(size_t n) {
 /* What an operation adds to the longest path: 1, and log2 of the terms of its longest sum. */
 static size_t own_depth(const lg_graph *g, const lg_graph_node *n) {
     const lg_shape *shapes[LG_MAX_INPUTS];
+    if (n->op == &lg_op_call) return ((const lg_plan *)n->attr.pointer)->depth;
     if (n->op->terms == NULL) return 1;
     lg_graph_shapes(g, n, shapes);
     const size_t terms = n->op->terms(shapes, &n->attr, &n->shape);
@@ -586,22 +588,47 @@ static lg_status find_depth(planning *p) {
             if (n->in[k] != LG_GRAPH_NONE && depth[n->in[k]] > depth[i]) depth[i] = depth[n->in[k]];
         if (n->sort == LG_GRAPH_OPERATION) {
             depth[i] += own_depth(&p->g, n);
-            p->plan->work += lg_graph_work(&p->g, n);
+            p->plan->work +=
+                n->op == &lg_op_call ? ((const lg_plan *)n->attr.pointer)->work : lg_graph_work(&p->g, n);
         }
         if (depth[i] > p->plan->depth) p->plan->depth = depth[i];
     }
     return LG_OK;
 }
 
-/* ---- loops ---- */
+/* ---- calls and loops ---- */
+
+/* A plan of what is called: the caller looks for numbers that are not finite. */
+static lg_status plan_callee(planning *p, const lg_program *program, size_t function,
+                             const lg_plan_options *options, lg_plan **out) {
+    lg_plan_options inner = *options;
+    inner.mark_unfit = false;
+    return lg_plan_create(program, function, &inner, out, p->error);
+}
+
+/* One plan for all calls of a function. */
+static lg_status plan_calls(planning *p, const lg_program *program, const lg_plan_options *options) {
+    lg_plan *plan = p->plan;
+    for (uint32_t i = 0; i < p->g.count; i++) {
+        lg_graph_node *n = &p->g.node[i];
+        if (n->op != &lg_op_call) continue;
+        if (plan->callee == NULL) {
+            plan->callee = keep(p, program->functions, sizeof *plan->callee);
+            if (p->failed) return LG_OUT_OF_MEMORY;
+            plan->callees = program->functions;
+        }
+        lg_plan **callee = &plan->callee[n->attr.i[0]];
+        if (*callee == NULL) LG_TRY(plan_callee(p, program, n->attr.i[0], options, callee));
+        n->attr.pointer = *callee;
+    }
+    return LG_OK;
+}
 
 static lg_status plan_loop(planning *p, const lg_program *program, const lg_function *f,
                            const lg_plan_options *options) {
     lg_plan *plan = p->plan, *callee;
     for (size_t j = 0; j < plan->outputs; j++) plan->spill[j] = LG_NO_SPILL; /* the callee has its own */
-    lg_plan_options inner = *options;
-    inner.mark_unfit = false;
-    LG_TRY(lg_plan_create(program, f->callee, &inner, &callee, p->error));
+    LG_TRY(plan_callee(p, program, f->callee, options, &callee));
     lg_plan_step *step = new_step(p, LG_STEP_CALL);
     if (step == NULL) {
         lg_plan_destroy(callee);
@@ -656,6 +683,7 @@ static lg_status plan_nodes(planning *p, const lg_program *program, const lg_fun
                          p->error));
     p->item = take(p, p->g.count, sizeof *p->item);
     if (p->failed) return LG_OUT_OF_MEMORY;
+    LG_TRY(plan_calls(p, program, options));
     find_fates(p);
     LG_TRY(add_steps(p));
     LG_TRY(find_depth(p));
@@ -723,6 +751,7 @@ void lg_plan_destroy(lg_plan *plan) {
     if (plan == NULL) return;
     for (size_t s = 0; s < plan->steps; s++)
         if (plan->step[s].kind == LG_STEP_CALL) lg_plan_destroy(plan->step[s].call.callee);
+    for (size_t i = 0; i < plan->callees; i++) lg_plan_destroy(plan->callee[i]);
     lg_heap_destroy(&plan->memory);
     lg_free(plan->context, plan);
 }

@@ -120,7 +120,9 @@ struct lg_plan {
     size_t depth;      /* operations one after another at most, counting a sum of n terms as log2 n + 1 */
     double work;       /* operations on numbers of a run */
     size_t *spill;     /* by output: where in the work memory it goes when nobody wants it, or LG_NO_SPILL */
-    lg_heap memory;    /* everything the plan owns but callees */
+    lg_plan **callee;  /* by function of the program: plans of what steps call (program_call.h), owned */
+    size_t callees;
+    lg_heap memory; /* everything the plan owns but callees */
 };
 
 #endif

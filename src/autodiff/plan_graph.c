@@ -1,5 +1,6 @@
-#include "autodiff/op_rows.h"
 #include "autodiff/plan_graph.h"
+#include "autodiff/op_rows.h"
+#include "autodiff/program_call.h"
 
 #include <math.h>
 #include <string.h>
@@ -124,6 +125,7 @@ enum { SMALL = 1024, GROWTH = 2 };
 
 static bool folds(const making *m, const lg_graph_node *n) {
     size_t in = 0;
+    if (n->op == &lg_op_call) return false; /* a graph has no plan of what is called */
     for (uint32_t k = 0; k < n->inputs; k++) {
         if (n->in[k] == LG_GRAPH_NONE) continue;
         if (m->g.node[n->in[k]].sort != LG_GRAPH_CONSTANT) return false;

@@ -1,7 +1,7 @@
 /* Programs: what they own, what is checked when a part is added, looking at them. */
 #include "autodiff/op_rows.h"
 #include "autodiff/op_table.h"
-#include "autodiff/program.h"
+#include "autodiff/program_call.h"
 
 #include <math.h>
 #include <string.h>
@@ -371,6 +371,27 @@ static lg_status check_leaf(const lg_program *p, const lg_function *f, uint32_t 
     return LG_OK;
 }
 
+/* Calls go to functions that were there before, so they end. */
+static lg_status check_call(const lg_program *p, const lg_function *f, uint32_t i, lg_error *error) {
+    const lg_program_node *node = &f->node[i];
+    const lg_affine to = node->i[0];
+    if (to.rows != 0 || to.base < 0 || (uint64_t)to.base >= p->functions)
+        return bad_node(f, i, "it calls no function that was there before", error);
+    const lg_function *callee = &p->function[to.base];
+    if (callee->outputs != 1 || callee->inputs != node->inputs)
+        return bad_node(f, i, "the function that it calls has other inputs or outputs", error);
+    for (size_t rows = 1; rows <= 3; rows++)
+        for (uint32_t k = 0; k <= node->inputs; k++) {
+            const lg_program_node *at = k < node->inputs ? &f->node[f->edges[node->first + k]] : node;
+            const lg_shape wanted =
+                lg_port_shape(k < node->inputs ? &callee->input[k] : &callee->output[0], rows);
+            lg_shape there;
+            if (!lg_node_shape_at(at, rows, &there) || !lg_same_shape(&there, &wanted))
+                return bad_node(f, i, "shapes are not those of the function that it calls", error);
+        }
+    return LG_OK;
+}
+
 static lg_status check_payload(const lg_function *f, uint32_t i, lg_error *error) {
     const lg_program_node *node = &f->node[i];
     const lg_payload payload = node->op->payload;
@@ -422,7 +443,7 @@ static bool affine_within(lg_affine a) {
 
 static lg_status check_node(const lg_program *p, const lg_function *f, uint32_t i, lg_error *error) {
     const lg_program_node *node = &f->node[i];
-    if (node->op == NULL || lg_op_place(node->op) == LG_OPS_MOST)
+    if (node->op == NULL || (node->op != &lg_op_call && lg_op_place(node->op) == LG_OPS_MOST))
         return bad_node(f, i, "there is no such operation", error);
     const lg_op *op = node->op;
     if (node->rank > LG_MAX_RANK) return bad_node(f, i, "its rank is too high", error);
@@ -436,6 +457,7 @@ static lg_status check_node(const lg_program *p, const lg_function *f, uint32_t 
     for (int k = 0; k < 4; k++) within = within && affine_within(node->dims[k]) && affine_within(node->i[k]);
     if (!within) return bad_node(f, i, "a dimension or attribute is too large", error);
     if (node->op == &lg_op_leaf) LG_TRY(check_leaf(p, f, i, error));
+    if (node->op == &lg_op_call) LG_TRY(check_call(p, f, i, error));
     LG_TRY(check_payload(f, i, error));
     return check_shapes(f, i, error);
 }

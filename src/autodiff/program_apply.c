@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "autodiff/op_rows.h"
-#include "autodiff/program.h"
+#include "autodiff/program_call.h"
 
 typedef struct applying {
     lg_tape *tape;
@@ -77,6 +77,11 @@ static bool keep_payload(lg_tape *tape, const lg_program_node *node, lg_attr *at
 
 static lg_var record(const applying *a, const lg_program_node *node, const lg_var *in, lg_shape shape) {
     lg_attr attr;
+    lg_var out = LG_NONE;
+    if (node->op == &lg_op_call) {
+        (void)lg_program_record(a->tape, a->program, lg_called(node), a->parameters, in, &out);
+        return out;
+    }
     if (!lg_node_attr_at(a->f, node, a->rows, &attr))
         return lg_tape_fail(a->tape, LG_SHAPE, node->op->name, "an attribute is out of range");
     if (node->op->record != NULL) return node->op->record(a->tape, in[0], &attr, shape);

@@ -10,7 +10,7 @@
 #include <string.h>
 
 #include "autodiff/op_rows.h"
-#include "autodiff/program.h"
+#include "autodiff/program_call.h"
 #include "liegrad/random.h"
 
 /* A derivative is made of operations that are known: three numbers of rows are enough. Other code may branch
@@ -21,6 +21,7 @@ static const size_t rows_of[RECORDINGS] = {2, 3, 5, 2, 3, 2, 3, 2};
 typedef struct recording {
     lg_tape *tape;
     lg_var *output;
+    lg_calls calls;
 } recording;
 
 typedef struct building {
@@ -76,8 +77,13 @@ static lg_status record(building *b, size_t which, lg_var *leaves) {
     for (size_t i = 0; i < spec->input_count; i++)
         leaves[p->parameters + i] = input_leaf(tape, &spec->inputs[i], rows_of[which], &rng);
     for (size_t j = 0; j < spec->output_count; j++) b->r[which].output[j] = LG_NONE;
+    b->r[which].calls.program = p;
+    b->r[which].calls.parameters = leaves;
+    b->r[which].calls.count = 0;
+    tape->calls = &b->r[which].calls;
     const lg_status status =
         spec->record(spec->user, tape, leaves, leaves + p->parameters, b->r[which].output);
+    tape->calls = NULL;
     if (lg_tape_status(tape) != LG_OK)
         return lg_fail(b->error, lg_tape_status(tape), "function '%s': %s", spec->name,
                        lg_tape_message(tape));
@@ -174,18 +180,38 @@ static lg_status compare_structure(const building *b) {
         for (size_t j = 0; j < b->spec->output_count; j++)
             if (b->r[0].output[j].index != b->r[k].output[j].index)
                 return refuse_structure(b, b->r[0].output[j].index);
+        for (size_t c = 0; c < b->r[0].calls.count; c++)
+            if (b->r[k].calls.count != b->r[0].calls.count ||
+                memcmp(&b->r[k].calls.mark[c], &b->r[0].calls.mark[c], sizeof(lg_call_mark)) != 0)
+                return refuse_structure(b, b->r[0].calls.mark[c].result);
     }
     return LG_OK;
 }
 
+/* What node i of the first tape takes: a call takes the inputs of the function. */
+typedef struct taking {
+    const lg_call_mark *call; /* NULL: an operation */
+    const uint32_t *nodes;
+    uint32_t count;
+} taking;
+
+static taking taken_from(const building *b, uint32_t i) {
+    const lg_tape *tape = b->r[0].tape;
+    const lg_call_mark *call = lg_calls_find(&b->r[0].calls, i);
+    if (call != NULL)
+        return (taking){call, call->input, (uint32_t)b->program->function[call->function].inputs};
+    return (taking){NULL, tape->parents + tape->nodes[i].parents, tape->nodes[i].inputs};
+}
+
 /* Marks what the outputs need and numbers it. All parameters and inputs that are needed stay leaves. */
 static uint32_t number_nodes(building *b) {
-    const lg_tape *tape = b->r[0].tape;
     uint32_t nodes = 0;
     for (size_t j = 0; j < b->spec->output_count; j++) b->place[b->r[0].output[j].index] = 1;
-    for (uint32_t i = b->count; i-- > 0;)
-        for (uint32_t k = 0; b->place[i] != 0 && k < tape->nodes[i].inputs; k++)
-            b->place[tape->parents[tape->nodes[i].parents + k]] = 1;
+    for (uint32_t i = b->count; i-- > 0;) {
+        if (b->place[i] == 0) continue;
+        const taking from = taken_from(b, i);
+        for (uint32_t k = 0; k < from.count; k++) b->place[from.nodes[k]] = 1;
+    }
     for (uint32_t i = 0; i < b->count; i++)
         if (b->place[i] != 0) b->place[i] = ++nodes;
     return nodes;
@@ -345,13 +371,17 @@ static lg_status leaf(building *b, uint32_t i, lg_program_node *node) {
 /* ---- the function ---- */
 
 static lg_status node(building *b, uint32_t i, lg_program_node *out) {
-    const lg_tape *tape = b->r[0].tape;
-    const lg_node *from = &tape->nodes[i];
+    const lg_node *from = &b->r[0].tape->nodes[i];
+    const taking takes = taken_from(b, i);
     lg_function *f = &b->made;
-    *out = (lg_program_node){.op = from->op, .inputs = from->inputs, .first = (uint32_t)f->edge_count};
-    for (uint32_t k = 0; k < from->inputs; k++)
-        f->edges[f->edge_count++] = b->place[tape->parents[from->parents + k]] - 1;
+    *out = (lg_program_node){.op = from->op, .inputs = takes.count, .first = (uint32_t)f->edge_count};
+    for (uint32_t k = 0; k < takes.count; k++) f->edges[f->edge_count++] = b->place[takes.nodes[k]] - 1;
     if (!affine_shape(b, i, out)) return refuse(b, i, "its shape is not affine in the number of rows");
+    if (takes.call != NULL) {
+        out->op = &lg_op_call;
+        out->i[0].base = takes.call->function;
+        return LG_OK;
+    }
     if (!affine_attributes(b, i, out))
         return refuse(b, i, "an attribute is not affine in the number of rows");
     for (uint32_t k = 0; k < LG_WHOLE_COUNT; k++)
@@ -392,7 +422,7 @@ static lg_status make_nodes(building *b) {
     lg_function *f = &b->made;
     size_t edges = 0;
     f->nodes = number_nodes(b);
-    for (uint32_t i = 0; i < b->count; i++) edges += b->place[i] != 0 ? node_in(b, 0, i)->inputs : 0;
+    for (uint32_t i = 0; i < b->count; i++) edges += b->place[i] != 0 ? taken_from(b, i).count : 0;
     f->node = memory(b, f->nodes, sizeof *f->node);
     f->edges = memory(b, edges + 1, sizeof *f->edges);
     f->result = memory(b, f->outputs, sizeof *f->result);
@@ -461,6 +491,7 @@ lg_status lg_program_record_function(lg_program *program, const lg_function_spec
     for (size_t k = 0; k < b.recordings; k++) {
         lg_tape_destroy(b.r[k].tape);
         lg_free(program->context, b.r[k].output);
+        lg_calls_destroy(&b.r[k].calls);
     }
     lg_free(program->context, b.place);
     lg_function_destroy(program->context, &b.made);

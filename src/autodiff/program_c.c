@@ -1,6 +1,8 @@
 /* Programs as C, the whole: each function by a plan of one row made in double precision, what is told of it,
  * and the arrays. */
+#include "autodiff/op_rows.h"
 #include "autodiff/program_c.h"
+#include "autodiff/program_call.h"
 
 #include <limits.h>
 #include <stdio.h>
@@ -139,6 +141,15 @@ typedef struct writing {
     lg_text sizes, declarations, arrays, weights;
 } writing;
 
+static bool is_called(const lg_program *program, size_t function) {
+    for (size_t i = function + 1; i < program->functions; i++)
+        for (uint32_t k = 0; k < program->function[i].nodes; k++)
+            if (program->function[i].node[k].op == &lg_op_call &&
+                lg_called(&program->function[i].node[k]) == function)
+                return true;
+    return false;
+}
+
 static bool write_function(writing *w, size_t index, const char *alias) {
     lg_c *c = &w->c;
     const lg_function *f = &c->program->function[index];
@@ -150,11 +161,15 @@ static bool write_function(writing *w, size_t index, const char *alias) {
     lg_plan_options_init(&options);
     options.mark_unfit = w->options->mark_unfit;
     options.compact = w->options->compact;
+    const bool shared = is_called(c->program, index);
     if (!check_function(c, title)) return false;
     c->status = lg_plan_create(c->program, index, &options, &plan, c->error);
     if (c->status != LG_OK) return false;
     (void)snprintf(name, sizeof name, "%s_%s", c->name, title);
-    (void)lg_c_write_plan(c, plan, name, &work);
+    if (shared)
+        lg_c_write_shared(c, plan, name, &work);
+    else
+        (void)lg_c_write_plan(c, plan, name, &work);
     if (work > INT_MAX) (void)lg_c_fail(c, LG_UNSUPPORTED, "function '%s' is too large for C", f->name);
     add_declaration(c, &w->declarations, f, title, plan, work);
     lg_text_add(&w->sizes, "#define %s_WORK_SIZE %zu\n", name, work > 0 ? work : 1);

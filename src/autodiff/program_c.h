@@ -96,5 +96,7 @@ void lg_c_elementwise(lg_c *c, const lg_op *op, const lg_evaluation *e);
 void lg_c_scalars(lg_c *c, const lg_scalar_step *step);
 /* A plan as the function `public`, or as a static one (NULL); its name, NULL on failure. */
 const char *lg_c_write_plan(lg_c *c, const lg_plan *plan, const char *public, size_t *work);
+/* The same for a function that others call: its body is static, `public` calls it and marks what is not finite. */
+void lg_c_write_shared(lg_c *c, const lg_plan *plan, const char *public, size_t *work);
 
 #endif

@@ -174,31 +174,37 @@ static void add_marks(lg_c *c, const lg_plan *plan) {
         }
 }
 
-const char *lg_c_write_plan(lg_c *c, const lg_plan *plan, const char *public, size_t *work) {
+/* "void @(const real *x0, ..., real *y0, ..., real *work) {", then `body`. */
+static void add_whole(lg_text *to, const lg_plan *plan, const char *storage, const lg_text *head,
+                      const lg_text *body) {
+    lg_text_add(to, "%svoid @(", storage);
+    for (size_t i = 0; i < plan->inputs; i++) lg_text_add(to, "const real *x%zu, ", i);
+    for (size_t j = 0; j < plan->outputs; j++) lg_text_add(to, "real *y%zu, ", j);
+    lg_text_add(to, "real *work) {\n%s%s}\n", head->data != NULL ? head->data : "",
+                body->data != NULL ? body->data : "");
+}
+
+/* Public functions stand once; the text of others may be there. */
+static const char *define_whole(lg_c *c, const lg_plan *plan, const lg_text *text, const char *public) {
+    if (public == NULL) return lg_c_define(c, plan->name, text->data, CALLING_FRAME, false);
+    lg_text_add(&c->code, "\n");
+    lg_c_add_definition(&c->code, text->data, public);
+    c->stack += CALLING_FRAME;
+    return public;
+}
+
+static const char *write_body(lg_c *c, const lg_plan *plan, const char *public, bool marks, size_t *work) {
     lg_c_frame frame = {.plan = plan, .body = {.context = c->context}};
     lg_text text = {.context = c->context}, head = {.context = c->context};
-    const char *name = public;
     c->frame = &frame;
     lg_c_collect_constants(c, plan);
     write_steps(c, plan);
-    add_marks(c, plan);
-    const char *body = frame.body.data != NULL ? frame.body.data : "";
-    add_head(plan, body, &head, c);
-    lg_text_add(&text, "%svoid @(", public == NULL ? "static " : "");
-    for (size_t i = 0; i < plan->inputs; i++) lg_text_add(&text, "const real *x%zu, ", i);
-    for (size_t j = 0; j < plan->outputs; j++) lg_text_add(&text, "real *y%zu, ", j);
-    lg_text_add(&text, "real *work) {\n%s%s%s}\n", frame.work == 0 ? "    (void)work;\n" : "",
-                head.data != NULL ? head.data : "", body);
+    if (marks) add_marks(c, plan);
+    add_head(plan, frame.body.data != NULL ? frame.body.data : "", &head, c);
+    if (frame.work == 0) lg_text_add(&head, "    (void)work;\n");
+    add_whole(&text, plan, public == NULL ? "static " : "", &head, &frame.body);
     if (text.failed || head.failed || frame.body.failed) lg_c_fail_memory(c);
-    if (!lg_c_good(c)) {
-        name = NULL;
-    } else if (public == NULL) {
-        name = lg_c_define(c, plan->name, text.data, CALLING_FRAME, false);
-    } else {
-        lg_text_add(&c->code, "\n");
-        lg_c_add_definition(&c->code, text.data, public);
-        c->stack += CALLING_FRAME;
-    }
+    const char *name = lg_c_good(c) ? define_whole(c, plan, &text, public) : NULL;
     *work = frame.work;
     c->frame = NULL;
     lg_text_destroy(&text);
@@ -206,4 +212,28 @@ const char *lg_c_write_plan(lg_c *c, const lg_plan *plan, const char *public, si
     lg_text_destroy(&frame.body);
     lg_free(c->context, frame.range);
     return name;
+}
+
+const char *lg_c_write_plan(lg_c *c, const lg_plan *plan, const char *public, size_t *work) {
+    return write_body(c, plan, public, plan->mark_unfit, work);
+}
+
+void lg_c_write_shared(lg_c *c, const lg_plan *plan, const char *public, size_t *work) {
+    lg_c_frame frame = {.plan = plan, .body = {.context = c->context}};
+    lg_text text = {.context = c->context};
+    const lg_text nothing = {.data = NULL};
+    const char *name = write_body(c, plan, NULL, false, work);
+    if (name == NULL) return;
+    c->frame = &frame;
+    lg_text_add(&frame.body, "    %s(", name);
+    for (size_t i = 0; i < plan->inputs; i++) lg_text_add(&frame.body, "x%zu, ", i);
+    for (size_t j = 0; j < plan->outputs; j++) lg_text_add(&frame.body, "y%zu, ", j);
+    lg_text_add(&frame.body, "work);\n");
+    add_marks(c, plan);
+    add_whole(&text, plan, "", &nothing, &frame.body);
+    if (text.failed || frame.body.failed) lg_c_fail_memory(c);
+    if (lg_c_good(c)) (void)define_whole(c, plan, &text, public);
+    c->frame = NULL;
+    lg_text_destroy(&text);
+    lg_text_destroy(&frame.body);
 }

@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "autodiff/program.h"
+#include "autodiff/program_call.h"
 
 /* Leaves by name; all of revision 1. */
 static const char *const leaf_names[] = {
@@ -103,7 +103,8 @@ static lg_status find_operation(const making *m, size_t i, lg_program_node *node
             node->op = &lg_op_leaf;
             node->leaf = (lg_leaf)leaf;
         }
-    if (o->name != NULL && node->leaf == LG_LEAF_NONE) node->op = lg_op_named(o->name);
+    if (o->name != NULL && node->leaf == LG_LEAF_NONE)
+        node->op = strcmp(o->name, lg_op_call.name) == 0 ? &lg_op_call : lg_op_named(o->name);
     if (node->op == NULL || (node->op == &lg_op_leaf && node->leaf == LG_LEAF_NONE))
         return refuse(m, i, LG_FORMAT, "there is no such operation");
     const uint32_t known = node->op == &lg_op_leaf ? 1u : 1u + node->op->revision;

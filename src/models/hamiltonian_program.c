@@ -1,5 +1,6 @@
 /* A learned Hamiltonian as a bundle of functions. */
 #include "core/core.h"
+#include "integrators/taped_internal.h"
 #include "models/hamiltonian_internal.h"
 
 typedef struct recording {
@@ -41,13 +42,34 @@ static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_
     return lg_tape_status(tape);
 }
 
+/* The equation of a step: it calls the functions of the program that have its sides. */
+static lg_status call_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
+                            lg_var *algebra) {
+    const lg_space *space = user;
+    const lg_var in[2] = {lg_taped_join(tape, space, y), input};
+    (void)t;
+    return lg_taped_split_algebra(tape, space, lg_program_call(tape, "field", in), algebra);
+}
+
+static lg_status call_force(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input, lg_var *out) {
+    const lg_var in[2] = {q, input};
+    (void)user, (void)t;
+    *out = lg_program_call(tape, "force", in);
+    return lg_tape_status(tape);
+}
+
+static lg_status call_drift(void *user, lg_tape *tape, lg_taped_time t, lg_var p, lg_var input, lg_var *out) {
+    (void)user, (void)t, (void)input;
+    *out = lg_program_call(tape, "drift", &p);
+    return lg_tape_status(tape);
+}
+
 static lg_status step(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const recording *r = user;
-    lg_hamiltonian_vars vars;
-    lg_taped_ode ode;
+    lg_taped_ode ode = {.field = call_field, .force = call_force, .velocity = call_drift, .user = &ode.space};
     lg_var parts[LG_HAMILTONIAN_MAX_PARTS];
-    LG_TRY(lg_hamiltonian_bind(tape, r->model, theta[0], &vars));
-    LG_TRY(lg_hamiltonian_taped_ode(&vars, &ode));
+    (void)theta;
+    LG_TRY(lg_hamiltonian_space(r->model->family, r->model->n, &ode.space));
     LG_TRY(lg_taped_split(tape, &ode.space, x[0], parts));
     const lg_taped_interval over = {.h_rows = step_of(r, x), .input = input_of(r, x)};
     LG_TRY(lg_taped_step_over(tape, r->scheme, &ode, &over, parts, parts));
@@ -95,12 +117,12 @@ static lg_status build(const lg_context *context, recording *r, const double *th
                                                   {"grad", in, 1, energy, 2, gradient, r},
                                                   {"field", in, inputs, &rate, 1, field, r}};
     size_t count = 3;
-    if (!in_a_loop) functions[count++] = (lg_function_spec){"step", in, inputs + 1, &next, 1, step, r};
-    if (in_a_loop) functions[count++] = (lg_function_spec){"velocity", in, inputs, &rate, 1, velocity, r};
-    if (in_a_loop && model->family->force != NULL) {
+    if (model->family->force != NULL) {
         functions[count++] = (lg_function_spec){"force", half, 2, &rate, 1, force, r};
         functions[count++] = (lg_function_spec){"drift", half, 1, &rate, 1, drift, r};
     }
+    if (in_a_loop) functions[count++] = (lg_function_spec){"velocity", in, inputs, &rate, 1, velocity, r};
+    if (!in_a_loop) functions[count++] = (lg_function_spec){"step", in, inputs + 1, &next, 1, step, r};
     const lg_parameter_spec weights = {"theta", lg_shape1((uint32_t)lg_hamiltonian_parameters(model)), theta};
     lg_program_spec spec;
     lg_program_spec_init(&spec);
