@@ -37,10 +37,11 @@ static void take_texts(export_source *source, const lg_c_source *c) {
     if (c->work_size > source->work) source->work = c->work_size;
 }
 
-int export_bundle(const app *self, export_source *source, lg_program *program, export_function *functions,
-                  size_t count) {
+int export_bundle(const app *self, export_source *source, lg_program *program, bool compact,
+                  export_function *functions, size_t count) {
     size_t *chosen = app_alloc(count, sizeof *chosen);
     const char **names = app_alloc(count, sizeof *names);
+    bool *hidden = app_alloc(count, sizeof *hidden);
     lg_error error = {LG_OK, ""};
     lg_c_options how;
     lg_c_source *c = NULL;
@@ -49,10 +50,13 @@ int export_bundle(const app *self, export_source *source, lg_program *program, e
     how.dtype = source->options->dtype;
     how.functions = chosen;
     how.names = names;
+    how.hidden = hidden;
+    how.compact = compact;
     how.function_count = count;
-    lg_status status = export_round_parameters(source, program);
+    lg_status status = LG_OK;
     for (size_t i = 0; i < count && status == LG_OK; i++) {
         names[i] = functions[i].name;
+        hidden[i] = functions[i].hidden;
         status = lg_program_find(program, functions[i].function, &chosen[i]);
     }
     if (status == LG_OK) status = lg_program_write_c(program, &how, &c, &error);
@@ -61,6 +65,7 @@ int export_bundle(const app *self, export_source *source, lg_program *program, e
         take_texts(source, c);
     }
     lg_c_source_destroy(c);
+    free(hidden);
     free((void *)names);
     free(chosen);
     if (status == LG_NOT_FINITE) { /* export_write says so */

@@ -16,14 +16,14 @@ enum { GOLDEN_STREAM = 0x64657463, STACK = 1024 };
 static int add_code(const app *self, export_source *source, const lg_model_file *file) {
     const lg_detector *model = &file->detector.run.model;
     export_function functions[] = {
-        {"value", "eval", 0}, {"grad", "grad", 0}, {"probability", "probability", 0}};
+        {"value", "eval", 0, false}, {"grad", "grad", 0, false}, {"probability", "probability", 0, false}};
     const size_t scores = (model->classes + 7) / 8 * 8;
     lg_program *program = NULL;
     lg_error error = {LG_OK, ""};
     const lg_status status = lg_detector_program(self->context, model, &file->detector.scaler,
                                                  file->detector.theta, &program, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, source->options->file);
-    const int code = export_bundle(self, source, program, functions, LG_COUNT(functions));
+    const int code = export_bundle(self, source, program, true, functions, LG_COUNT(functions));
     lg_program_destroy(program);
     if (code != APP_EXIT_OK) return code;
     const size_t classify = scores + functions[2].work;

@@ -146,11 +146,11 @@ void export_golden_write(const export_source *source, text *to);
 typedef struct export_function {
     const char *function, *name;
     size_t work; /* out: reals of work memory that it needs */
+    bool hidden; /* static: for fragments behind it */
 } export_function;
-/* Adds their code, arrays and weights. Parameters of the program are rounded to the exported type. An exit
- * code; a sentence has been said on failure. */
-int export_bundle(const app *self, export_source *source, lg_program *program, export_function *functions,
-                  size_t count);
+/* Adds their code, arrays and weights. `compact` as lg_c_options has it. An exit code; a sentence has been said on failure. */
+int export_bundle(const app *self, export_source *source, lg_program *program, bool compact,
+                  export_function *functions, size_t count);
 /* lg_program_set_parameter of all of them, rounded. */
 lg_status export_round_parameters(const export_source *source, lg_program *program);
 
@@ -164,11 +164,6 @@ int export_classifier(const app *self, const char *path, export_source *source);
 int export_program(const app *self, const char *path, export_source *source);
 /* All functions of a program under their own names; destroys it. `path`: of the model's file. */
 int export_whole(const app *self, const char *path, lg_program *program, export_source *source);
-
-/* Perceptrons of Hamiltonians (nets.c): constants, tables and fragments of a network whose parameters are
- * `NAME_weights` from element 0; the weights themselves with their names. Work of the fragments' functions, in
- * reals. net_value(x, y, work); net_vjp(x, cotangent, y, dx, work) */
-size_t export_mlp(export_source *source, const lg_mlp *net, const double *theta);
 
 /* ---- the model's name in C (name.c) ---- */
 

@@ -154,7 +154,7 @@ static void add_code(const export_source *source, text *to) {
     lg_text_add_named(to, name, export_fragment_text("prelude"));
     lg_text_add(to, "%s",
                 export_fragment_text(source->options->dtype == LG_F32 ? "prelude_f32" : "prelude_f64"));
-    lg_text_add(to, "\n%s", export_fragment_text("unfit"));
+    lg_text_add(to, "\n%s\n%s", export_fragment_text("noinline"), export_fragment_text("unfit"));
     if (source->arrays.length > 0) add_arrays(source, to);
     lg_text_add(to, "\n%s", or_nothing(&source->code));
 }

@@ -1,5 +1,6 @@
-/* Learned Hamiltonians as C: value, gradient, field and one step of a scheme. */
-#include "lg-export/steps.h"
+/* Learned Hamiltonians as C: value, gradient, field and one step of a scheme, which are functions of the model's
+ * program; code/hamiltonian has what stands around them. */
+#include "lg-export/export.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -42,62 +43,18 @@ static double invert_mass(const lg_hamiltonian *model, const double *theta, doub
     return condition;
 }
 
-static bool all_finite(const export_options *options, const double *x, size_t n) {
-    bool finite = true;
-    for (size_t i = 0; i < n; i++) finite = finite && isfinite(export_round(options, x[i]));
-    return finite;
-}
-
 /* What the tolerance has room for without a condition. */
 enum { LEAST_CONDITION = 20 };
 
-/* The kinetic part: `mass_inverse` or `kinetic`. False: numbers that the type cannot hold. */
-static bool add_kinetic(export_source *source, const lg_hamiltonian *model, const double *theta) {
+/* The condition of a chain's mass matrix. False: its inverse has numbers that the type cannot hold. */
+static bool find_condition(export_source *source, const lg_hamiltonian *model, const double *theta) {
     const size_t k = model->n;
-    const double *kinetic = theta + lg_mlp_parameters(&model->net);
-    const bool chain = model->family->force == NULL;
-    char comment[80];
     double *W = app_alloc(k * k, sizeof *W);
-    source->condition = 1.0;
-    if (chain)
-        source->condition = fmax(1.0, invert_mass(model, theta, W) / LEAST_CONDITION);
-    else
-        memcpy(W, kinetic, k * k * sizeof *W);
-    const bool fits = all_finite(source->options, W, k * k);
-    (void)snprintf(comment, sizeof comment,
-                   chain ? "m^-1 (%zu, %zu), m = Gamma^T Gamma + diag(max(0, b))" : "A (%zu, %zu)", k, k);
-    if (fits) export_array(source, chain ? "mass_inverse" : "kinetic", &(export_part){comment, k * k, W}, 1);
+    bool fits = true;
+    source->condition = fmax(1.0, invert_mass(model, theta, W) / LEAST_CONDITION);
+    for (size_t i = 0; i < k * k; i++) fits = fits && isfinite(export_round(source->options, W[i]));
     free(W);
     return fits;
-}
-
-/* ---- code ---- */
-
-/* Reals of work of the model's own functions, the network's left out: enumerations of the fragments. */
-static size_t field_work(const lg_hamiltonian *model) {
-    const size_t k = model->n;
-    return model->family->force == NULL ? 11 * k + k * k : k;
-}
-
-static void add_chain(export_source *source) {
-    lg_text_add(&source->code, "\n/* Points of T*S^2 that are off by less are returned to it. */\n");
-    export_real(source, "manifold_rounding", source->options->dtype == LG_F32 ? 5e-5 : 1e-13);
-    export_constant(source, "STUMPFF_TERMS", source->options->dtype == LG_F32 ? 7 : 12);
-    export_code(source, "se3_vectors");
-    export_code(source, "hamiltonian_chain");
-    export_code(source, "se3_act");
-}
-
-static void add_code(export_source *source, const lg_hamiltonian *model, const step_plan *step,
-                     size_t net_work) {
-    const bool chain = model->family->force == NULL;
-    export_constant(source, "LINKS", model->n);
-    export_constant(source, "STATE", lg_hamiltonian_state_dim(model));
-    if (chain)
-        add_chain(source);
-    else
-        export_code(source, "hamiltonian_separable");
-    source->work = step_code(source, step, chain, field_work(model) + net_work);
 }
 
 /* ---- what NAME.h says ---- */
@@ -143,11 +100,32 @@ static void tell_separable(export_source *source, unsigned n) {
     lg_text_add(about, "time          as in the dt of the training data\n");
 }
 
-static void tell_scheme(text *about, const step_plan *step) {
-    const char *what = step->scheme->kind == LG_SCHEME_SPLITTING ? "gradient of V" : "field";
-    lg_text_add(about, "step          %s, order %d: costs %d evaluation%s of the %s\n",
-                step_scheme_name(step->scheme), step->scheme->order, step->evaluations,
-                step->evaluations == 1 ? "" : "s", what);
+/* Families of which more is said than their functions' names. */
+typedef struct family_kind {
+    const char *family, *copies;
+    void (*tell)(export_source *source, unsigned n);
+    bool manifold; /* states are points of T*S^2 */
+} family_kind;
+
+static const family_kind kinds[] = {
+    {"chain", "k", tell_chain, true},
+    {"separable", "n", tell_separable, false},
+};
+
+static const family_kind *kind_of(const lg_hamiltonian *model) {
+    for (size_t i = 0; i < LG_COUNT(kinds); i++)
+        if (strcmp(kinds[i].family, model->family->name) == 0) return &kinds[i];
+    return NULL;
+}
+
+static const char *scheme_name(const lg_scheme *scheme) {
+    return scheme->name != NULL ? scheme->name : "a scheme without a name";
+}
+
+static void tell_scheme(text *about, const lg_scheme *scheme, size_t evaluations) {
+    lg_text_add(about, "step          %s, order %d: costs %zu evaluation%s of the %s\n", scheme_name(scheme),
+                scheme->order, evaluations, evaluations == 1 ? "" : "s",
+                scheme->kind == LG_SCHEME_SPLITTING ? "gradient of V" : "field");
 }
 
 static void tell_test_set(text *about, const lg_hamiltonian_file *file) {
@@ -213,14 +191,10 @@ static const char declarations[] =
     "void NAME_step(NAME_real h, const NAME_real *state, const NAME_real *input, NAME_real *next,\n"
     "               NAME_real *work);\n";
 
-static void tell(export_source *source, const lg_hamiltonian_file *file, const step_plan *step) {
+static void tell(export_source *source, const lg_hamiltonian_file *file, size_t evaluations) {
     const lg_hamiltonian *model = &file->run.model;
-    const bool chain = model->family->force == NULL;
-    if (chain)
-        tell_chain(source, model->n);
-    else
-        tell_separable(source, model->n);
-    tell_scheme(&source->about, step);
+    kind_of(model)->tell(source, model->n);
+    tell_scheme(&source->about, source->options->scheme, evaluations);
     if (source->condition > 1.0)
         lg_text_add(
             &source->about,
@@ -229,10 +203,10 @@ static void tell(export_source *source, const lg_hamiltonian_file *file, const s
             source->condition);
     tell_training(&source->about, file);
     export_provenance(source, &file->provenance, file->run.data_sha256);
-    export_size(source, "LINKS", model->n, chain ? "k" : "n");
+    export_size(source, "LINKS", model->n, kind_of(model)->copies);
     export_size(source, "STATE_SIZE", lg_hamiltonian_state_dim(model), "numbers in state, next and field");
-    export_size(source, "INPUT_SIZE", (chain ? 3 : 1) * (size_t)model->n, "numbers in an input");
-    export_size(source, "STEP_EVALUATIONS", (size_t)step->evaluations, "of the network's gradient in a step");
+    export_size(source, "INPUT_SIZE", lg_hamiltonian_input_dim(model), "numbers in an input");
+    export_size(source, "STEP_EVALUATIONS", evaluations, "of the network's gradient in a step");
     lg_text_add_named(&source->declarations, source->options->name, declarations);
 }
 
@@ -305,75 +279,137 @@ static void draw_golden(export_source *source, const lg_hamiltonian *model, doub
     for (size_t i = 0; i < m; i++) input[i] = export_round(options, lg_rng_uniform_in(&rng, -1.0, 1.0));
 }
 
-static lg_status golden_vectors(export_source *source, const lg_hamiltonian *trained, const lg_model *model,
-                                const lg_scheme *scheme, double dt) {
+static void write_golden(export_source *source, const double *input, size_t m, double h) {
+    lg_text_add(&source->test, "static const real golden_step = ");
+    lg_text_add_real(&source->test, source->options->dtype, h);
+    lg_text_add(&source->test, ";\nstatic const real golden_input[%zu] = {\n", m);
+    lg_text_add_reals(&source->test, source->options->dtype, 4, input, m);
+    lg_text_add(&source->test, "};\n");
+    export_test_code(source, "test_hamiltonian");
+}
+
+static lg_status golden_vectors(export_source *source, const lg_hamiltonian_file *trained,
+                                const lg_model *model) {
+    const lg_scheme *scheme = source->options->scheme;
     const size_t m = lg_model_input_dim(model), bytes = lg_model_stepper_size(model, scheme);
     double h, *input = app_alloc(m, sizeof *input);
     void *memory = app_alloc(bytes > 0 ? bytes : 1, 1), *work = app_alloc(lg_model_work_size(model), 1);
     lg_stepper *stepper;
     export_golden_make(source, true, 2 * source->inputs, "field and step");
-    draw_golden(source, trained, input, m);
+    draw_golden(source, &trained->run.model, input, m);
     lg_status status = lg_model_stepper_init(model, scheme, &stepper, memory, bytes);
-    if (status == LG_OK) status = compute_golden(source, model, dt, input, work, stepper, &h);
-    if (status == LG_OK) {
-        lg_text_add(&source->test, "static const real golden_step = ");
-        lg_text_add_real(&source->test, source->options->dtype, h);
-        lg_text_add(&source->test, ";\nstatic const real golden_input[%zu] = {\n", m);
-        lg_text_add_reals(&source->test, source->options->dtype, 4, input, m);
-        lg_text_add(&source->test, "};\n");
-        export_test_code(source, "test_hamiltonian");
-    }
+    if (status == LG_OK) status = compute_golden(source, model, trained->run.dt, input, work, stepper, &h);
+    if (status == LG_OK) write_golden(source, input, m, h);
     free(work);
     free(memory);
     free(input);
     return status;
 }
 
-/* ---- all together ---- */
+/* ---- code ---- */
 
-/* Bytes of the frames of all functions here, by family, beside the network's; gcc and clang, -O0 to -O3. */
-enum { CHAIN_STACK = 3072, SEPARABLE_STACK = 1536 };
-
-/* Families that have no fragments: functions value, grad, field and step of the program. */
-static int export_as_program(const app *self, const lg_hamiltonian_file *trained, export_source *source) {
+/* Schemes without an explicit step on the model's space: a sentence and APP_EXIT_USAGE. */
+static int check_scheme(const app *self, const lg_hamiltonian *model, const lg_scheme *scheme) {
+    static const struct {
+        bool chain, separable;
+    } explicit_step[LG_SCHEME_KINDS] = {[LG_SCHEME_RKMK] = {true, true},
+                                        [LG_SCHEME_COMMUTATOR_FREE] = {true, true},
+                                        [LG_SCHEME_SPLITTING] = {false, true}};
+    const bool chain = model->family->force == NULL;
     lg_error error = {LG_OK, ""};
-    lg_program *program;
-    const char *path = self->arguments[0];
-    const lg_status status = lg_hamiltonian_program(self->context, &trained->run.model, trained->theta,
-                                                    source->options->scheme, &program, &error);
-    source->parameters = 0; /* export_whole counts them */
-    return status == LG_OK ? export_whole(self, path, program, source)
-                           : app_fail_file(self, status, &error, path);
+    if (lg_scheme_check(scheme, &error) != LG_OK) return app_usage(self, "%s", error.message);
+    if (chain ? explicit_step[scheme->kind].chain && !scheme->ambient : explicit_step[scheme->kind].separable)
+        return APP_EXIT_OK;
+    return app_usage(
+        self,
+        chain ? "%s is no explicit Lie group scheme, which a step on T*S^2 needs: cf4, rkmk4, "
+                "lie-euler and other rows or files of the kinds rkmk and commutator-free can be had"
+              : "%s is not explicit: stormer-verlet, rk4, cf4 and other rows or files of the "
+                "kinds splitting, runge-kutta, rkmk and commutator-free can be had",
+        scheme_name(scheme));
 }
 
-static bool has_fragments(const lg_hamiltonian_family *family) {
-    return strcmp(family->name, "chain") == 0 || strcmp(family->name, "separable") == 0;
+/* Bytes of the frames of code/hamiltonian, gcc and clang, -O0 to -O3. */
+enum { STACK = 1024 };
+
+/* The program's functions, and around them the ones of NAME.h. */
+static int add_code(const app *self, export_source *source, const lg_hamiltonian_file *trained,
+                    lg_program *program) {
+    export_function functions[] = {{.function = "value", .name = "eval"},
+                                   {.function = "grad", .name = "grad"},
+                                   {.function = "field", .name = "flow", .hidden = true},
+                                   {.function = "step", .name = "advance", .hidden = true}};
+    const lg_hamiltonian *model = &trained->run.model;
+    const int code = export_bundle(self, source, program, true, functions, LG_COUNT(functions));
+    if (code != APP_EXIT_OK) return code;
+    lg_text_add(&source->code, "\n");
+    export_constant(source, "LINKS", model->n);
+    export_constant(source, "STATE", lg_hamiltonian_state_dim(model));
+    export_constant(source, "INPUT", lg_hamiltonian_input_dim(model));
+    if (kind_of(model)->manifold)
+        export_real(source, "manifold_rounding", source->options->dtype == LG_F32 ? 5e-5 : 1e-13);
+    export_code(source, kind_of(model)->manifold ? "arrive_ts2" : "arrive");
+    export_code(source, "hamiltonian");
+    source->work += lg_hamiltonian_state_dim(model);
+    source->stack += STACK;
+    return APP_EXIT_OK;
+}
+
+/* Of the network's gradient in a step: a scheme's step calls the field, or the force. */
+static size_t evaluations_of(const lg_program *program) {
+    static const char *const callees[] = {"field", "force"};
+    size_t step, callee, count = 0;
+    if (lg_program_find(program, "step", &step) != LG_OK) return 0;
+    for (size_t i = 0; i < LG_COUNT(callees); i++)
+        if (lg_program_find(program, callees[i], &callee) == LG_OK)
+            count += lg_program_calls(program, step, callee);
+    return count;
+}
+
+/* ---- all together ---- */
+
+static int export_known(const app *self, const lg_model_file *file, lg_program *program,
+                        export_source *source) {
+    const lg_hamiltonian_file *trained = &file->hamiltonian;
+    const lg_hamiltonian *model = &trained->run.model;
+    const char *path = self->arguments[0];
+    source->inputs = lg_hamiltonian_state_dim(model);
+    source->outputs = 1;
+    source->depth = (size_t)model->net.layers + 1;
+    source->parameters = trained->parameters;
+    const int code = add_code(self, source, trained, program);
+    if (code != APP_EXIT_OK) return code;
+    const lg_status status = golden_vectors(source, trained, file->model);
+    if (status != LG_OK)
+        return app_fail(self, status, "%s: golden vectors of its field and step: %s", path,
+                        lg_status_sentence(status));
+    tell(source, trained, evaluations_of(program));
+    return APP_EXIT_OK;
 }
 
 int export_hamiltonian(const app *self, const lg_model_file *file, export_source *source) {
     const lg_hamiltonian_file *trained = &file->hamiltonian;
     const lg_hamiltonian *model = &trained->run.model;
     const char *path = self->arguments[0];
-    if (!has_fragments(model->family)) return export_as_program(self, trained, source);
-    step_plan step;
-    const int chosen = step_choose(self, source, model, &step);
-    if (chosen != APP_EXIT_OK) return chosen;
-    source->inputs = lg_hamiltonian_state_dim(model);
-    source->outputs = 1;
-    source->depth = (size_t)model->net.layers + 1;
-    source->stack += model->family->force == NULL ? CHAIN_STACK : SEPARABLE_STACK;
-    source->parameters = trained->parameters;
-    if (!add_kinetic(source, model, trained->theta))
+    const bool known = kind_of(model) != NULL;
+    lg_error error = {LG_OK, ""};
+    lg_program *program;
+    int code = known ? check_scheme(self, model, source->options->scheme) : APP_EXIT_OK;
+    if (code != APP_EXIT_OK) return code;
+    source->condition = 1.0;
+    if (known && model->family->force == NULL && !find_condition(source, model, trained->theta))
         return app_fail(self, LG_FORMAT,
                         "%s: the mass matrix is not positive definite, or its inverse is not a number of the "
                         "exported type",
                         path);
-    const size_t net_work = export_mlp(source, &model->net, trained->theta);
-    add_code(source, model, &step, net_work);
-    tell(source, trained, &step);
-    const lg_status status = golden_vectors(source, model, file->model, step.scheme, trained->run.dt);
-    if (status != LG_OK)
-        return app_fail(self, status, "%s: golden vectors of its field and step: %s", path,
-                        lg_status_sentence(status));
-    return APP_EXIT_OK;
+    const lg_status status = lg_hamiltonian_program(self->context, model, trained->theta,
+                                                    source->options->scheme, &program, &error);
+    if (status != LG_OK) return app_fail_file(self, status, &error, path);
+    if (!known) {
+        source->parameters = 0; /* export_whole counts them */
+        return export_whole(self, path, program, source);
+    }
+    code = export_known(self, file, program, source);
+    lg_program_destroy(program);
+    return code;
 }

@@ -25,19 +25,24 @@ typedef struct surrogate_form {
 } surrogate_form;
 
 static const surrogate_form forms[LG_SURROGATE_KIND_COUNT] = {
-    [LG_SURROGATE_DISCRETE] = {{{"value", "eval", 0}, {"grad", "grad", 0}}, 2, "curve_discrete", 0, false},
-    [LG_SURROGATE_CONTINUOUS] =
-        {{{"value", "eval", 0}, {"grad", "grad", 0}, {"point", "point", 0}, {"place", "place", 0}},
-         4,
-         "curve_continuous",
-         0,
-         true},
-    [LG_SURROGATE_ANGLE] =
-        {{{"value", "eval", 0}, {"grad", "grad", 0}, {"ends", "ends", 0}, {"point", "point", 0}},
-         4,
-         "curve_angle",
-         8,
-         true},
+    [LG_SURROGATE_DISCRETE] =
+        {{{"value", "eval", 0, false}, {"grad", "grad", 0, false}}, 2, "curve_discrete", 0, false},
+    [LG_SURROGATE_CONTINUOUS] = {{{"value", "eval", 0, false},
+                                  {"grad", "grad", 0, false},
+                                  {"point", "point", 0, false},
+                                  {"place", "place", 0, false}},
+                                 4,
+                                 "curve_continuous",
+                                 0,
+                                 true},
+    [LG_SURROGATE_ANGLE] = {{{"value", "eval", 0, false},
+                             {"grad", "grad", 0, false},
+                             {"ends", "ends", 0, false},
+                             {"point", "point", 0, false}},
+                            4,
+                            "curve_angle",
+                            8,
+                            true},
 };
 
 static const char *const boundary_names[NUMBERS] = {"q0x", "q0y", "v0x", "v0y", "qNx", "qNy", "vNx", "vNy"};
@@ -66,7 +71,7 @@ static int add_code(const app *self, export_source *source, const lg_surrogate *
     lg_error error = {LG_OK, ""};
     const lg_status status = lg_surrogate_program(self->context, model, theta, &program, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, source->options->file);
-    const int code = export_bundle(self, source, program, form.functions, form.count);
+    const int code = export_bundle(self, source, program, true, form.functions, form.count);
     lg_program_destroy(program);
     if (code != APP_EXIT_OK) return code;
     add_constants(source, model);

@@ -66,11 +66,13 @@ typedef struct lg_function_spec {
     void *user;
 } lg_function_spec;
 
-/* Inside of a recording for lg_program_build: calls a function that the same program has already, of one output,
- * which is returned. On the tape it is recorded as by lg_program_record. The program keeps a call: its plans and its
- * C have the called function once, however often it is called. Inputs: as many as the function has. Errors stick to
- * the tape: LG_NOT_FOUND (no such function, or no recording), those of lg_program_record. */
-LG_API lg_var lg_program_call(lg_tape *tape, const char *function, const lg_var *inputs);
+/* Inside of a recording for lg_program_build: calls a function that the same program has already and returns one of
+ * its outputs. On the tape it is recorded as by lg_program_record. The program keeps a call: its plans and its C have
+ * the called function once, however often it is called. Inputs: as many as the function has. Errors stick to the
+ * tape: LG_NOT_FOUND (no such function or output so far, or no recording), those of lg_program_record. */
+LG_API lg_var lg_program_call(lg_tape *tape, const char *function, size_t output, const lg_var *inputs);
+/* How often `function` calls `callee` by itself. */
+LG_API size_t lg_program_calls(const lg_program *program, size_t function, size_t callee);
 
 /* A tensor of weights. */
 typedef struct lg_parameter_spec {
@@ -189,6 +191,7 @@ typedef struct lg_plan_options {
     lg_dtype dtype;   /* LG_F64; LG_F32: parameters are rounded, everything is computed in single precision */
     bool mark_unfit;  /* true: a number of an input that is not finite makes all outputs NaN */
     bool compact;     /* true: small tensors too are computed in loops, not written out */
+    bool packed;      /* true: less work memory, its tensors are not aligned to 64 bytes; slower */
     size_t max_size;  /* of constants and of work memory; planning takes up to four times as much; 1 GiB.
                         * Beyond: LG_OUT_OF_MEMORY */
     double most_work; /* operations on numbers of a run, and of computing constants; 1e13. Beyond:
@@ -224,8 +227,9 @@ typedef struct lg_c_options {
     const size_t *functions;  /* which, by number */
     size_t function_count;    /* 0: all */
     const char *const *names; /* of those functions in C, C identifiers; NULL, also one of them: its own */
-    bool mark_unfit;          /* true (the default): as lg_plan_options has it */
-    bool compact;             /* likewise, false: less code, slower where tensors are small */
+    const bool *hidden; /* which of them are static and not declared, for code behind them; NULL: none */
+    bool mark_unfit;    /* true (the default): as lg_plan_options has it */
+    bool compact;       /* likewise, false: less code, slower where tensors are small */
 } lg_c_options;
 LG_API void lg_c_options_init(lg_c_options *options);
 

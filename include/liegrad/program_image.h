@@ -5,6 +5,7 @@
  *   `input`      whole[0].base is the number of the input
  *   `parameter`  whole[0].base is the number of the parameter
  *   `constant`   element j is reals[j % real_count]
+ * `call` is output whole[1].base of the earlier function number whole[0].base, whose inputs it takes.
  *
  * Written and read without loss: lg_program_add_image of an image makes an equal function.
  */

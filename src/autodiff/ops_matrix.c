@@ -117,10 +117,12 @@ static void matmul_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar
 
 static const lg_c_fragment c_start = {
     .comment = "y (m, n) = c, whose elements are so far apart down and along; NULL: 0.",
-    .text = LG_C(static void start(int m, int n, const real *c, int down, int along, real *RESTRICT y) {
-        for (int i = 0; i < m; i++)
-            for (int j = 0; j < n; j++) y[i * n + j] = c == NULL ? REAL(0.0) : c[i * down + j * along];
-    })};
+    .text =
+        LG_C(static NOINLINE void start(int m, int n, const real *c, int down, int along, real *RESTRICT y) {
+            for (int i = 0; i < m; i++)
+                for (int j = 0; j < n; j++) y[i * n + j] = c == NULL ? REAL(0.0) : c[i * down + j * along];
+        }),
+    .needs = {&lg_c_noinline}};
 
 static const lg_c_fragment c_products[] = {
     [NN] = {.comment = "y (m, n) += a (m, k) b (k, n)",

@@ -49,7 +49,7 @@ typedef struct planning {
     size_t *constant_at, *constant_count, constants, constant_capacity;
     lg_exchange exchange;
     lg_error *error;
-    bool compact, failed;
+    bool compact, packed, failed;
 } planning;
 
 static void *take(planning *p, size_t count, size_t size) {
@@ -64,8 +64,9 @@ static void *keep(planning *p, size_t count, size_t size) {
     return memory;
 }
 
-static size_t aligned(size_t count) {
-    return (count + 15) / 16 * 16;
+static size_t aligned(const planning *p, size_t count) {
+    const size_t unit = p->packed ? 4 : 16;
+    return (count + unit - 1) / unit * unit;
 }
 
 /* ---- fates ---- */
@@ -126,12 +127,17 @@ static void find_fates(planning *p) {
 
 /* ---- the work memory ---- */
 
+/* The first hole that is large enough, or the last one, when it ends the memory, made larger. */
 static size_t give_room(planning *p, size_t count) {
-    count = aligned(count);
+    count = aligned(p, count);
     for (piece **at = &p->free; *at != NULL; at = &(*at)->next) {
         piece *hole = *at;
-        if (hole->count < count) continue;
         const size_t offset = hole->offset;
+        if (hole->count < count && offset + hole->count == p->plan->work_count) {
+            p->plan->work_count = offset + count;
+            hole->count = count;
+        }
+        if (hole->count < count) continue;
         hole->offset += count;
         hole->count -= count;
         if (hole->count == 0) *at = hole->next;
@@ -143,7 +149,7 @@ static size_t give_room(planning *p, size_t count) {
 }
 
 static void take_back(planning *p, size_t offset, size_t count) {
-    count = aligned(count);
+    count = aligned(p, count);
     if (count == 0) return;
     piece **at = &p->free, *before = NULL;
     while (*at != NULL && (*at)->offset < offset) {
@@ -190,8 +196,9 @@ static lg_place add_constant(planning *p, const double *values, size_t count) {
     p->constant[p->constants] = values;
     p->constant_at[p->constants] = p->constant_room;
     p->constant_count[p->constants++] = count;
-    p->constant_room += aligned(count);
-    return (lg_place){LG_AREA_CONSTANTS, 0, p->constant_room - aligned(count)};
+    const size_t at = p->constant_room;
+    p->constant_room += aligned(p, count);
+    return (lg_place){LG_AREA_CONSTANTS, 0, at};
 }
 
 static lg_status fill_constants(planning *p) {
@@ -642,7 +649,8 @@ static lg_status plan_loop(planning *p, const lg_program *program, const lg_func
     step->call.carry = carry;
     for (size_t i = 0; i < f->inputs; i++)
         if (carry[i] != UINT32_MAX)
-            step->call.next[i] = (lg_place){LG_AREA_WORK, 0, give_room(p, 2 * aligned(plan->input_count[i]))};
+            step->call.next[i] =
+                (lg_place){LG_AREA_WORK, 0, give_room(p, 2 * ((plan->input_count[i] + 15) / 16 * 16))};
     step->call.work = (lg_place){
         LG_AREA_WORK, 0, give_room(p, (lg_plan_work_size(callee) + plan->k->size - 1) / plan->k->size)};
     plan->depth = callee->depth * f->times;
@@ -732,6 +740,7 @@ lg_status lg_plan_create(const lg_program *program, size_t function, const lg_pl
                   .temporary = {.context = program->context,
                                 .most = chosen.max_size < SIZE_MAX / 4 ? 4 * chosen.max_size : 0},
                   .compact = chosen.compact,
+                  .packed = chosen.packed,
                   .exchange = program->exchange,
                   .error = error};
     lg_status status = make(&p, program, f, &chosen);

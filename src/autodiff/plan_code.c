@@ -2,14 +2,16 @@
 
 #include <string.h>
 
-/* Elements of an output, of all inputs. */
-enum { MOST_OUT = 12, MOST_IN = 64 };
+/* Elements of an output, of all inputs; terms of a sum: kernels are quicker, and shorter as C. */
+enum { MOST_OUT = 12, MOST_IN = 64, MOST_TERMS = 16 };
 
 bool lg_code_fits(const lg_graph *g, const lg_graph_node *n) {
     const lg_op *op = n->op;
     size_t in = 0;
     if (n->sort != LG_GRAPH_OPERATION || (op->element == NULL && op->expand == NULL)) return false;
-    if (n->count > MOST_OUT || (op->most_code > 0 && lg_graph_work(g, n) > op->most_code)) return false;
+    const double work = lg_graph_work(g, n);
+    if (n->count > MOST_OUT || work > MOST_TERMS * (double)n->count) return false;
+    if (op->most_code > 0 && work > op->most_code) return false;
     for (uint32_t k = 0; k < n->inputs; k++)
         if (n->in[k] != LG_GRAPH_NONE) in += g->node[n->in[k]].count;
     return in <= MOST_IN;

@@ -374,17 +374,18 @@ static lg_status check_leaf(const lg_program *p, const lg_function *f, uint32_t 
 /* Calls go to functions that were there before, so they end. */
 static lg_status check_call(const lg_program *p, const lg_function *f, uint32_t i, lg_error *error) {
     const lg_program_node *node = &f->node[i];
-    const lg_affine to = node->i[0];
+    const lg_affine to = node->i[0], output = node->i[1];
     if (to.rows != 0 || to.base < 0 || (uint64_t)to.base >= p->functions)
         return bad_node(f, i, "it calls no function that was there before", error);
     const lg_function *callee = &p->function[to.base];
-    if (callee->outputs != 1 || callee->inputs != node->inputs)
+    if (output.rows != 0 || output.base < 0 || (uint64_t)output.base >= callee->outputs ||
+        callee->inputs != node->inputs)
         return bad_node(f, i, "the function that it calls has other inputs or outputs", error);
     for (size_t rows = 1; rows <= 3; rows++)
         for (uint32_t k = 0; k <= node->inputs; k++) {
             const lg_program_node *at = k < node->inputs ? &f->node[f->edges[node->first + k]] : node;
             const lg_shape wanted =
-                lg_port_shape(k < node->inputs ? &callee->input[k] : &callee->output[0], rows);
+                lg_port_shape(k < node->inputs ? &callee->input[k] : &callee->output[output.base], rows);
             lg_shape there;
             if (!lg_node_shape_at(at, rows, &there) || !lg_same_shape(&there, &wanted))
                 return bad_node(f, i, "shapes are not those of the function that it calls", error);

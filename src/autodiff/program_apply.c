@@ -77,10 +77,11 @@ static bool keep_payload(lg_tape *tape, const lg_program_node *node, lg_attr *at
 
 static lg_var record(const applying *a, const lg_program_node *node, const lg_var *in, lg_shape shape) {
     lg_attr attr;
-    lg_var out = LG_NONE;
     if (node->op == &lg_op_call) {
-        (void)lg_program_record(a->tape, a->program, lg_called(node), a->parameters, in, &out);
-        return out;
+        lg_var out[LG_PROGRAM_MAX_PORTS];
+        return lg_program_record(a->tape, a->program, lg_called(node), a->parameters, in, out) == LG_OK
+                   ? out[lg_called_output(node)]
+                   : LG_NONE;
     }
     if (!lg_node_attr_at(a->f, node, a->rows, &attr))
         return lg_tape_fail(a->tape, LG_SHAPE, node->op->name, "an attribute is out of range");

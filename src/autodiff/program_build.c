@@ -380,6 +380,7 @@ static lg_status node(building *b, uint32_t i, lg_program_node *out) {
     if (takes.call != NULL) {
         out->op = &lg_op_call;
         out->i[0].base = takes.call->function;
+        out->i[1].base = takes.call->output;
         return LG_OK;
     }
     if (!affine_attributes(b, i, out))

@@ -1,8 +1,6 @@
 /* Programs as C, the whole: each function by a plan of one row made in double precision, what is told of it,
  * and the arrays. */
-#include "autodiff/op_rows.h"
 #include "autodiff/program_c.h"
-#include "autodiff/program_call.h"
 
 #include <limits.h>
 #include <stdio.h>
@@ -143,14 +141,11 @@ typedef struct writing {
 
 static bool is_called(const lg_program *program, size_t function) {
     for (size_t i = function + 1; i < program->functions; i++)
-        for (uint32_t k = 0; k < program->function[i].nodes; k++)
-            if (program->function[i].node[k].op == &lg_op_call &&
-                lg_called(&program->function[i].node[k]) == function)
-                return true;
+        if (lg_program_calls(program, i, function) > 0) return true;
     return false;
 }
 
-static bool write_function(writing *w, size_t index, const char *alias) {
+static bool write_function(writing *w, size_t index, const char *alias, bool hidden) {
     lg_c *c = &w->c;
     const lg_function *f = &c->program->function[index];
     const char *title = alias != NULL ? alias : f->name;
@@ -161,18 +156,21 @@ static bool write_function(writing *w, size_t index, const char *alias) {
     lg_plan_options_init(&options);
     options.mark_unfit = w->options->mark_unfit;
     options.compact = w->options->compact;
-    const bool shared = is_called(c->program, index);
+    options.packed = true;
+    const char *storage = hidden ? "static " : "";
     if (!check_function(c, title)) return false;
     c->status = lg_plan_create(c->program, index, &options, &plan, c->error);
     if (c->status != LG_OK) return false;
     (void)snprintf(name, sizeof name, "%s_%s", c->name, title);
-    if (shared)
-        lg_c_write_shared(c, plan, name, &work);
+    if (is_called(c->program, index))
+        lg_c_write_shared(c, plan, storage, name, &work);
     else
-        (void)lg_c_write_plan(c, plan, name, &work);
+        (void)lg_c_write_plan(c, plan, storage, name, &work);
     if (work > INT_MAX) (void)lg_c_fail(c, LG_UNSUPPORTED, "function '%s' is too large for C", f->name);
-    add_declaration(c, &w->declarations, f, title, plan, work);
-    lg_text_add(&w->sizes, "#define %s_WORK_SIZE %zu\n", name, work > 0 ? work : 1);
+    if (!hidden) {
+        add_declaration(c, &w->declarations, f, title, plan, work);
+        lg_text_add(&w->sizes, "#define %s_WORK_SIZE %zu\n", name, work > 0 ? work : 1);
+    }
     lg_c_source *out = w->out;
     out->function[out->functions] = index;
     out->work[out->functions] = work > 0 ? work : 1;
@@ -222,7 +220,8 @@ static void write_all(writing *w) {
         if (index >= c->program->functions)
             (void)lg_c_fail(c, LG_NOT_FOUND, "there is no such function");
         else
-            (void)write_function(w, index, o->names != NULL && o->function_count > 0 ? o->names[i] : NULL);
+            (void)write_function(w, index, o->names != NULL && o->function_count > 0 ? o->names[i] : NULL,
+                                 o->hidden != NULL && o->function_count > 0 && o->hidden[i]);
     }
     out->work_size = out->work_size > 0 ? out->work_size : 1;
     lg_text_add(&w->sizes, "#define %s_WORK_SIZE %zu /* the largest of them */\n", c->name, out->work_size);

@@ -94,9 +94,11 @@ void lg_c_use(lg_c *c, lg_place place, size_t count);
 
 void lg_c_elementwise(lg_c *c, const lg_op *op, const lg_evaluation *e);
 void lg_c_scalars(lg_c *c, const lg_scalar_step *step);
-/* A plan as the function `public`, or as a static one (NULL); its name, NULL on failure. */
-const char *lg_c_write_plan(lg_c *c, const lg_plan *plan, const char *public, size_t *work);
-/* The same for a function that others call: its body is static, `public` calls it and marks what is not finite. */
-void lg_c_write_shared(lg_c *c, const lg_plan *plan, const char *public, size_t *work);
+/* A plan as the function `name` of its own, or as a static one that stands once (NULL); its name, NULL on
+ * failure. `storage`: "" or "static ". */
+const char *lg_c_write_plan(lg_c *c, const lg_plan *plan, const char *storage, const char *name,
+                            size_t *work);
+/* The same for a function that others call: `name` calls its body and marks what is not finite. */
+void lg_c_write_shared(lg_c *c, const lg_plan *plan, const char *storage, const char *name, size_t *work);
 
 #endif

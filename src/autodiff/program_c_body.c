@@ -38,13 +38,13 @@ static void write_tensor(lg_c *c, const lg_tensor_step *s) {
 
 static const lg_c_fragment c_dense_rows = {
     .comment = "y (m, n) = x (m, k) w (k, n) + b (n; or NULL)",
-    .text = LG_C(
-        static void dense_rows(int m, int n, int k, const real *x, const real *w, const real *b, real *y) {
-            for (int i = 0; i < m; i++, x += k, y += n) {
-                for (int j = 0; j < n; j++) y[j] = b == NULL ? REAL(0.0) : b[j];
-                dense_add(k, n, w, x, y);
-            }
-        }),
+    .text = LG_C(static NOINLINE void dense_rows(int m, int n, int k, const real *x, const real *w,
+                                                 const real *b, real *y) {
+        for (int i = 0; i < m; i++, x += k, y += n) {
+            for (int j = 0; j < n; j++) y[j] = b == NULL ? REAL(0.0) : b[j];
+            dense_add(k, n, w, x, y);
+        }
+    }),
     .needs = {&lg_c_dense_add}};
 
 static void write_dense(lg_c *c, const lg_dense_step *s) {
@@ -84,7 +84,7 @@ static void write_call(lg_c *c, const lg_call_step *s) {
     const lg_plan *callee = s->callee;
     size_t work = 0;
     lg_c_frame *own = c->frame;
-    const char *name = lg_c_write_plan(c, callee, NULL, &work);
+    const char *name = lg_c_write_plan(c, callee, "static ", NULL, &work);
     c->frame = own;
     if (name == NULL) return;
     lg_text *body = &own->body;
@@ -143,7 +143,7 @@ static void write_steps(lg_c *c, const lg_plan *plan) {
 
 /* ---- functions ---- */
 
-static const lg_c_fragment c_unfit = {.file = {"unfit", "unfit"}};
+static const lg_c_fragment c_unfit = {.file = {"unfit", "unfit"}, .needs = {&lg_c_noinline}};
 
 /* Places of outputs that nobody wants; the results last of all. Where the plan is a loop, its callee has
  * places of its own. */
@@ -163,12 +163,14 @@ static void add_head(const lg_plan *plan, const char *body, lg_text *to, lg_c *c
     }
 }
 
-static void add_marks(lg_c *c, const lg_plan *plan) {
+/* `placed`: outputs that nobody wants have places. */
+static void add_marks(lg_c *c, const lg_plan *plan, bool placed) {
     if (!plan->mark_unfit) return;
     lg_c_need(c, &c_unfit);
     for (size_t i = 0; i < plan->inputs; i++)
         for (size_t j = 0; j < plan->outputs; j++) {
-            if (plan->spill[j] == LG_NO_SPILL) lg_text_add(&c->frame->body, "    if (y%zu != NULL)\n    ", j);
+            if (!placed || plan->spill[j] == LG_NO_SPILL)
+                lg_text_add(&c->frame->body, "    if (y%zu != NULL)\n    ", j);
             lg_text_add(&c->frame->body, "    mark_unfit(%zu, x%zu, %zu, y%zu);\n", plan->input_count[i], i,
                         plan->output_count[j], j);
         }
@@ -184,27 +186,28 @@ static void add_whole(lg_text *to, const lg_plan *plan, const char *storage, con
                 body->data != NULL ? body->data : "");
 }
 
-/* Public functions stand once; the text of others may be there. */
-static const char *define_whole(lg_c *c, const lg_plan *plan, const lg_text *text, const char *public) {
-    if (public == NULL) return lg_c_define(c, plan->name, text->data, CALLING_FRAME, false);
+/* Functions with a name of their own stand once; the text of others may be there. */
+static const char *define_whole(lg_c *c, const lg_plan *plan, const lg_text *text, const char *name) {
+    if (name == NULL) return lg_c_define(c, plan->name, text->data, CALLING_FRAME, false);
     lg_text_add(&c->code, "\n");
-    lg_c_add_definition(&c->code, text->data, public);
+    lg_c_add_definition(&c->code, text->data, name);
     c->stack += CALLING_FRAME;
-    return public;
+    return name;
 }
 
-static const char *write_body(lg_c *c, const lg_plan *plan, const char *public, bool marks, size_t *work) {
+static const char *write_body(lg_c *c, const lg_plan *plan, const char *storage, const char *name, bool marks,
+                              size_t *work) {
     lg_c_frame frame = {.plan = plan, .body = {.context = c->context}};
     lg_text text = {.context = c->context}, head = {.context = c->context};
     c->frame = &frame;
     lg_c_collect_constants(c, plan);
     write_steps(c, plan);
-    if (marks) add_marks(c, plan);
+    if (marks) add_marks(c, plan, true);
     add_head(plan, frame.body.data != NULL ? frame.body.data : "", &head, c);
     if (frame.work == 0) lg_text_add(&head, "    (void)work;\n");
-    add_whole(&text, plan, public == NULL ? "static " : "", &head, &frame.body);
+    add_whole(&text, plan, storage, &head, &frame.body);
     if (text.failed || head.failed || frame.body.failed) lg_c_fail_memory(c);
-    const char *name = lg_c_good(c) ? define_whole(c, plan, &text, public) : NULL;
+    name = lg_c_good(c) ? define_whole(c, plan, &text, name) : NULL;
     *work = frame.work;
     c->frame = NULL;
     lg_text_destroy(&text);
@@ -214,25 +217,26 @@ static const char *write_body(lg_c *c, const lg_plan *plan, const char *public, 
     return name;
 }
 
-const char *lg_c_write_plan(lg_c *c, const lg_plan *plan, const char *public, size_t *work) {
-    return write_body(c, plan, public, plan->mark_unfit, work);
+const char *lg_c_write_plan(lg_c *c, const lg_plan *plan, const char *storage, const char *name,
+                            size_t *work) {
+    return write_body(c, plan, storage, name, plan->mark_unfit, work);
 }
 
-void lg_c_write_shared(lg_c *c, const lg_plan *plan, const char *public, size_t *work) {
+void lg_c_write_shared(lg_c *c, const lg_plan *plan, const char *storage, const char *name, size_t *work) {
     lg_c_frame frame = {.plan = plan, .body = {.context = c->context}};
     lg_text text = {.context = c->context};
     const lg_text nothing = {.data = NULL};
-    const char *name = write_body(c, plan, NULL, false, work);
-    if (name == NULL) return;
+    const char *body = write_body(c, plan, "static ", NULL, false, work);
+    if (body == NULL) return;
     c->frame = &frame;
-    lg_text_add(&frame.body, "    %s(", name);
+    lg_text_add(&frame.body, "    %s(", body);
     for (size_t i = 0; i < plan->inputs; i++) lg_text_add(&frame.body, "x%zu, ", i);
     for (size_t j = 0; j < plan->outputs; j++) lg_text_add(&frame.body, "y%zu, ", j);
     lg_text_add(&frame.body, "work);\n");
-    add_marks(c, plan);
-    add_whole(&text, plan, "", &nothing, &frame.body);
+    add_marks(c, plan, false);
+    add_whole(&text, plan, storage, &nothing, &frame.body);
     if (text.failed || frame.body.failed) lg_c_fail_memory(c);
-    if (lg_c_good(c)) (void)define_whole(c, plan, &text, public);
+    if (lg_c_good(c)) (void)define_whole(c, plan, &text, name);
     c->frame = NULL;
     lg_text_destroy(&text);
     lg_text_destroy(&frame.body);

@@ -14,7 +14,9 @@ static lg_status shape(const lg_shape *const *in, uint32_t inputs, const lg_attr
 }
 
 static lg_status forward(lg_evaluation *e) {
-    lg_plan_eval(e->attr->pointer, e->x, &e->y, e->scratch);
+    void *outputs[LG_PROGRAM_MAX_PORTS] = {NULL};
+    outputs[e->attr->i[1]] = e->y;
+    lg_plan_eval(e->attr->pointer, e->x, outputs, e->scratch);
     return LG_OK;
 }
 
@@ -22,19 +24,21 @@ static size_t scratch(const lg_evaluation *e) {
     return lg_plan_work_size(e->attr->pointer);
 }
 
-/* "name($0, $1, $y, $s)" */
+/* "name($0, $1, NULL, $y, $s)" */
 static void write_c(lg_c *c, const lg_evaluation *e) {
     lg_text call = {.context = c->context};
     const lg_tensor_step *step = c->step;
     lg_c_frame *frame = c->frame;
     size_t work = 0;
-    const char *name = lg_c_write_plan(c, e->attr->pointer, NULL, &work);
+    const lg_plan *plan = e->attr->pointer;
+    const char *name = lg_c_write_plan(c, plan, "static ", NULL, &work);
     c->frame = frame;
     c->step = step;
     if (name == NULL) return;
     lg_text_add(&call, "%s(", name);
     for (uint32_t i = 0; i < e->inputs; i++) lg_text_add(&call, "$%u, ", i);
-    lg_text_add(&call, "$y, $s)");
+    for (size_t j = 0; j < plan->outputs; j++) lg_text_add(&call, j == e->attr->i[1] ? "$y, " : "NULL, ");
+    lg_text_add(&call, "$s)");
     lg_c_scratch(c, work);
     if (call.failed)
         lg_c_fail_memory(c);
@@ -45,6 +49,15 @@ static void write_c(lg_c *c, const lg_evaluation *e) {
 
 const lg_op lg_op_call = {LG_OP("call", ~0u, 1, LG_MAX_INPUTS, shape, forward, lg_no_vjp, lg_zero_jvp),
                           .given = true, .scratch = scratch, .write_c = write_c};
+
+size_t lg_program_calls(const lg_program *program, size_t function, size_t callee) {
+    size_t calls = 0;
+    if (function >= program->functions) return 0;
+    const lg_function *f = &program->function[function];
+    for (uint32_t i = 0; i < f->nodes; i++)
+        calls += f->node[i].op == &lg_op_call && lg_called(&f->node[i]) == callee;
+    return calls;
+}
 
 /* ---- marks of a recording ---- */
 
@@ -72,23 +85,24 @@ static lg_call_mark *new_mark(lg_calls *calls) {
     return &calls->mark[calls->count++];
 }
 
-lg_var lg_program_call(lg_tape *tape, const char *function, const lg_var *inputs) {
+lg_var lg_program_call(lg_tape *tape, const char *function, size_t output, const lg_var *inputs) {
     lg_calls *calls = tape->calls;
-    lg_var out = LG_NONE;
+    lg_var outputs[LG_PROGRAM_MAX_PORTS];
     size_t number;
     if (tape->status != LG_OK) return LG_NONE;
     if (calls == NULL || lg_program_find(calls->program, function, &number) != LG_OK ||
-        calls->program->function[number].outputs != 1)
+        calls->program->function[number].outputs <= output)
         return lg_tape_fail(tape, LG_NOT_FOUND, "call",
                             calls == NULL ? "no program is being built here"
-                                          : "the program has no such function of one output, so far");
+                                          : "the program has no such function or output, so far");
     const uint32_t before = tape->count;
-    if (lg_program_record(tape, calls->program, number, calls->parameters, inputs, &out) != LG_OK)
+    if (lg_program_record(tape, calls->program, number, calls->parameters, inputs, outputs) != LG_OK)
         return LG_NONE;
+    const lg_var out = outputs[output];
     if (out.index < before) return out; /* one of the inputs */
     lg_call_mark *mark = new_mark(calls);
     if (mark == NULL) return lg_tape_fail(tape, LG_OUT_OF_MEMORY, "call", "no memory");
-    *mark = (lg_call_mark){.result = out.index, .function = (uint32_t)number};
+    *mark = (lg_call_mark){.result = out.index, .function = (uint32_t)number, .output = (uint32_t)output};
     for (size_t i = 0; i < calls->program->function[number].inputs; i++) mark->input[i] = inputs[i].index;
     return out;
 }

@@ -1,7 +1,7 @@
 /* Calls: an operation of programs that runs another function of the same program. It never stands on a tape: what
  * lg_program_call records there are the operations of that function, with a mark that makes them one call in the
- * program. attr.i[0] is the number of the function, which was there before; inputs are its inputs, the output is
- * its only output. In a plan attr.pointer is the plan of that function. */
+ * program. attr.i[0] is the number of the function, which was there before, i[1] which of its outputs the result is;
+ * inputs are its inputs. In a plan attr.pointer is the plan of that function. */
 #ifndef LG_PROGRAM_CALL_H
 #define LG_PROGRAM_CALL_H
 
@@ -13,9 +13,13 @@ static inline uint32_t lg_called(const lg_program_node *call) {
     return (uint32_t)call->i[0].base;
 }
 
-/* The node `result` is what `function` makes of the nodes `inputs`. */
+static inline uint32_t lg_called_output(const lg_program_node *call) {
+    return (uint32_t)call->i[1].base;
+}
+
+/* The node `result` is the `output` that `function` makes of the nodes `input`. */
 typedef struct lg_call_mark {
-    uint32_t result, function;
+    uint32_t result, function, output;
     uint32_t input[LG_MAX_INPUTS];
 } lg_call_mark;
 

@@ -42,25 +42,39 @@ static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_
     return lg_tape_status(tape);
 }
 
+/* The same by a call of grad. */
+static lg_status field_of_grad(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const recording *r = user;
+    lg_space space;
+    lg_var state[LG_HAMILTONIAN_MAX_PARTS], dH[LG_HAMILTONIAN_MAX_PARTS], out[LG_HAMILTONIAN_MAX_PARTS];
+    (void)theta;
+    LG_TRY(lg_hamiltonian_space(r->model->family, r->model->n, &space));
+    LG_TRY(lg_taped_split(tape, &space, x[0], state));
+    LG_TRY(lg_taped_split(tape, &space, lg_program_call(tape, "grad", 1, x), dH));
+    r->model->family->field(tape, state, dH, input_of(r, x), out);
+    y[0] = lg_taped_join_algebra(tape, &space, out);
+    return lg_tape_status(tape);
+}
+
 /* The equation of a step: it calls the functions of the program that have its sides. */
 static lg_status call_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                             lg_var *algebra) {
     const lg_space *space = user;
     const lg_var in[2] = {lg_taped_join(tape, space, y), input};
     (void)t;
-    return lg_taped_split_algebra(tape, space, lg_program_call(tape, "field", in), algebra);
+    return lg_taped_split_algebra(tape, space, lg_program_call(tape, "field", 0, in), algebra);
 }
 
 static lg_status call_force(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input, lg_var *out) {
     const lg_var in[2] = {q, input};
     (void)user, (void)t;
-    *out = lg_program_call(tape, "force", in);
+    *out = lg_program_call(tape, "force", 0, in);
     return lg_tape_status(tape);
 }
 
 static lg_status call_drift(void *user, lg_tape *tape, lg_taped_time t, lg_var p, lg_var input, lg_var *out) {
     (void)user, (void)t, (void)input;
-    *out = lg_program_call(tape, "drift", &p);
+    *out = lg_program_call(tape, "drift", 0, &p);
     return lg_tape_status(tape);
 }
 
@@ -113,9 +127,10 @@ static lg_status build(const lg_context *context, recording *r, const double *th
     in[inputs] = h;
     const lg_port half[] = {{.name = "x", .shape = lg_shape1(d / 2)}, {.name = "u", .shape = lg_shape1(m)}};
     const lg_port energy[] = {{.name = "y"}, {.name = "g"}}, rate = {.name = "f"}, next = {.name = "next"};
-    lg_function_spec functions[MOST_FUNCTIONS] = {{"value", in, 1, energy, 1, value, r},
-                                                  {"grad", in, 1, energy, 2, gradient, r},
-                                                  {"field", in, inputs, &rate, 1, field, r}};
+    lg_function_spec functions[MOST_FUNCTIONS] = {
+        {"value", in, 1, energy, 1, value, r},
+        {"grad", in, 1, energy, 2, gradient, r},
+        {"field", in, inputs, &rate, 1, in_a_loop ? field : field_of_grad, r}};
     size_t count = 3;
     if (model->family->force != NULL) {
         functions[count++] = (lg_function_spec){"force", half, 2, &rate, 1, force, r};

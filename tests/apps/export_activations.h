@@ -1,6 +1,6 @@
-/* The fragments of lg-export behind activations, in one precision: EXPORT_REAL and EXPORT_NAME(x) are defined
- * by the file that includes this, which may do so again with others. Activations become
- * EXPORT_NAME(activate_tanh) and so on. */
+/* tanh and sigmoid as exported code has them, in one precision: EXPORT_NAME(tanh)(n, z) and
+ * EXPORT_NAME(sigmoid)(n, z), in place. The file that includes this defines EXPORT_REAL and EXPORT_NAME(x); it may do
+ * so again with others. */
 #define NAME_real  EXPORT_REAL
 #define real       EXPORT_NAME(real)
 #define exp_core   EXPORT_NAME(exp_core)
@@ -20,42 +20,12 @@
 #include "../../src/autodiff/code/tanh.c"
 #include "../../src/autodiff/code/sigmoid.c"
 
-#define activate EXPORT_NAME(activate_tanh)
-#define activate_slope EXPORT_NAME(slope_tanh)
-#include "../../apps/lg-export/code/activations/activation_tanh.c"
-#include "../../apps/lg-export/code/activations/activation_tanh_slope.c"
-#undef activate
-#undef activate_slope
-#define activate EXPORT_NAME(activate_sigmoid)
-#define activate_slope EXPORT_NAME(slope_sigmoid)
-#include "../../apps/lg-export/code/activations/activation_sigmoid.c"
-#include "../../apps/lg-export/code/activations/activation_sigmoid_slope.c"
-#undef activate
-#undef activate_slope
-#define activate EXPORT_NAME(activate_swish)
-#define activate_slope EXPORT_NAME(slope_swish)
-#include "../../apps/lg-export/code/activations/activation_swish.c"
-#include "../../apps/lg-export/code/activations/activation_swish_slope.c"
-#undef activate
-#undef activate_slope
-#define activate EXPORT_NAME(activate_relu)
-#define activate_slope EXPORT_NAME(slope_relu)
-#include "../../apps/lg-export/code/activations/activation_relu.c"
-#include "../../apps/lg-export/code/activations/activation_relu_slope.c"
-#undef activate
-#undef activate_slope
-#define activate EXPORT_NAME(activate_leaky_relu)
-#define activate_slope EXPORT_NAME(slope_leaky_relu)
-#include "../../apps/lg-export/code/activations/activation_leaky_relu.c"
-#include "../../apps/lg-export/code/activations/activation_leaky_relu_slope.c"
-#undef activate
-#undef activate_slope
-#define activate EXPORT_NAME(activate_sine)
-#define activate_slope EXPORT_NAME(slope_sine)
-#include "../../apps/lg-export/code/activations/activation_sine.c"
-#include "../../apps/lg-export/code/activations/activation_sine_slope.c"
-#undef activate
-#undef activate_slope
+static void EXPORT_NAME(tanh)(int n, real *z) {
+    for (int i = 0; i < n; i++) z[i] = tanh_of(z[i]);
+}
+static void EXPORT_NAME(sigmoid)(int n, real *z) {
+    for (int i = 0; i < n; i++) z[i] = sigmoid_of(z[i]);
+}
 /* clang-format on */
 
 #undef NAME_real

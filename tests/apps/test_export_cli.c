@@ -534,8 +534,7 @@ static void test_self_test_fails(void **state) {
         {"sed -i '0,/^    -*[0-9]/s//    1.5 + &/' pendulum_weights.c", "WRONG"},
         {"sed -i '0,/^    -*[0-9]/s//    NAN + &/; s/#include/#include <math.h>\\n&/' pendulum_weights.c",
          "WRONG"},
-        {"sed -i 's/^void pendulum_grad(.*/&\\n    jacobian[0] = work[0];\\n    return;/' pendulum.c",
-         "WRONG"},
+        {"sed -i 's/^void pendulum_grad(.*/&\\n    y1[0] = work[0];\\n    return;/' pendulum.c", "WRONG"},
         {"sed -i 's/^void pendulum_eval(/static void inner_eval(/' pendulum.c && echo 'void "
          "pendulum_eval(const real "
          "*x, real *y, real *work) { const int odd = work[0] > 1; inner_eval(x, y, work); if (odd) y[0] *= 1 "

@@ -350,8 +350,12 @@ static export_library open_geometry(const char *dtype) {
     (void)snprintf(command, sizeof command,
                    "cd %s && printf '%%s\\n' 'void m_act(const real *, const real *, real *);' "
                    "'void m_dexpinv(const real *, real *);' "
-                   "'void m_act(const real *a, const real *y, real *out) { space_act(a, y, out); }' "
-                   "'void m_dexpinv(const real *a, real *b) { space_dexpinv(a, b); }' >> m.c",
+                   "'void m_act(const real *a, const real *y, real *out) { real q[3], p[3]; "
+                   "so3_exp(1, 1, a, y, q); se3_act(1, a, a + 3, y, y + 3, p); "
+                   "for (int i = 0; i < 3; i++) { out[i] = q[i]; out[3 + i] = p[i]; } }' "
+                   "'void m_dexpinv(const real *a, real *b) { real B[3], v[3]; so3_dexpinv(1, a, b, B); "
+                   "se3_dexpinv(1, a, a + 3, b, b + 3, v); "
+                   "for (int i = 0; i < 3; i++) { b[i] = B[i]; b[3 + i] = v[i]; } }' >> m.c",
                    folder);
     export_expect(command);
     return export_open(folder, "m", of.compiler, of.flags);

@@ -1,5 +1,0 @@
-/* z <- z */
-static void activate(int n, real *z) {
-    (void)n;
-    (void)z;
-}

@@ -1,8 +1,0 @@
-/* z <- sigmoid(z) = 1/(1 + exp(-z)), and its derivative. */
-static void activate_slope(int n, real *RESTRICT z, real *RESTRICT slope) {
-    for (int i = 0; i < n; i++) {
-        const real y = sigmoid_of(z[i]);
-        slope[i] = y * (REAL(1.0) - y);
-        z[i] = y;
-    }
-}

@@ -1,4 +1,0 @@
-/* z <- tanh(z) */
-static void activate(int n, real *z) {
-    for (int i = 0; i < n; i++) z[i] = tanh_of(z[i]);
-}

@@ -1,0 +1,189 @@
+/* Calls in programs: the same numbers as without, one copy of what is called, refusals. */
+#include "program_support.h"
+
+#include "autodiff/plan.h"
+#include "liegrad/ops.h"
+#include "liegrad/program_image.h"
+
+/* product(x, y) = (x . y, theta x o y); thrice(x, y) = p(p(p(x))) with p(x) = theta x o y */
+static lg_status product(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    (void)user;
+    lg_var both = lg_mul(tape, x[0], x[1]);
+    y[0] = lg_rowdot(tape, x[0], x[1]);
+    y[1] = lg_mul(tape, both, theta[0]);
+    return lg_tape_status(tape);
+}
+
+static lg_status other(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    (void)user, (void)theta;
+    y[0] = lg_sin(tape, x[0]);
+    return lg_tape_status(tape);
+}
+
+typedef struct way {
+    bool calls;
+    const char *function;
+    size_t output;
+} way;
+
+static lg_status thrice(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+    const way *w = user;
+    lg_var at[2] = {x[0], x[1]}, both[2];
+    for (int i = 0; i < 3; i++) {
+        if (w->calls)
+            at[0] = lg_program_call(tape, w->function, w->output, at);
+        else if (product(NULL, tape, theta, at, both) == LG_OK)
+            at[0] = both[1];
+    }
+    y[0] = lg_add(tape, at[0], x[0]);
+    return lg_tape_status(tape);
+}
+
+static const lg_port pair[2] = {{.name = "x", .shape = {1, {4, 0, 0, 0}}},
+                                {.name = "y", .shape = {1, {4, 0, 0, 0}}}};
+static const lg_port results[2] = {{.name = "dot"}, {.name = "both"}};
+static const double weights[4] = {0.5, -1.5, 2.0, 0.25};
+
+static lg_status build(way *w, lg_program **out, lg_error *error) {
+    const lg_parameter_spec theta = {"theta", lg_shape1(4), weights};
+    const lg_function_spec functions[] = {{"other", pair, 1, results, 1, other, NULL},
+                                          {"product", pair, 2, results, 2, product, NULL},
+                                          {"thrice", pair, 2, results, 1, thrice, w}};
+    const lg_program_spec spec = spec_of(&theta, 1, functions, LG_COUNT(functions));
+    return lg_program_build(NULL, &spec, out, error);
+}
+
+static lg_program *built(bool calls) {
+    way w = {calls, "product", 1};
+    lg_program *program = NULL;
+    lg_error error;
+    if (build(&w, &program, &error) != LG_OK) fail_msg("%s", error.message);
+    lg_test_owns(program, release_program);
+    return program;
+}
+
+static const double x[2][12] = {{1, 2, 3, 4, -1, 0.5, 7, 2, 0.1, 0.2, 0.3, 0.4},
+                                {2, -1, 0.5, 3, 1, 1, 1, 1, -2, 4, 0.25, 9}};
+
+/* Numbers of output 0 of `function` for so many rows; the depth of its plan. */
+static size_t values_of(lg_program *program, size_t function, size_t rows, lg_dtype dtype, double *y) {
+    lg_plan_options options;
+    lg_plan *plan;
+    lg_error error;
+    float single[2][12], ys[256];
+    lg_plan_options_init(&options);
+    options.rows = rows;
+    options.dtype = dtype;
+    if (lg_plan_create(program, function, &options, &plan, &error) != LG_OK) fail_msg("%s", error.message);
+    void *work = aligned_alloc(64, lg_plan_work_size(plan));
+    for (size_t i = 0; i < 24; i++) single[i / 12][i % 12] = (float)x[i / 12][i % 12];
+    const void *in[2] = {dtype == LG_F64 ? (const void *)x[0] : single[0],
+                         dtype == LG_F64 ? (const void *)x[1] : single[1]};
+    void *out[2] = {dtype == LG_F64 ? (void *)y : ys, NULL};
+    lg_plan_eval(plan, in, out, work);
+    for (size_t i = 0; dtype == LG_F32 && i < lg_plan_output_count(plan, 0); i++) y[i] = (double)ys[i];
+    const size_t depth = plan->depth;
+    free(work);
+    lg_plan_destroy(plan);
+    return depth;
+}
+
+static void assert_equal_functions(lg_program *a, lg_program *b, size_t function, size_t rows, size_t count) {
+    double want[256] = {0}, got[256] = {1};
+    for (int single = 0; single < 2; single++) {
+        const size_t depth = values_of(a, function, rows, single ? LG_F32 : LG_F64, want);
+        /* the depth of what is called is that of all its outputs */
+        assert_true(depth >= values_of(b, function, rows, single ? LG_F32 : LG_F64, got));
+        for (size_t i = 0; i < count; i++) assert_close(got[i], want[i], single ? 1e-6 : 1e-15, 0);
+    }
+}
+
+TEST("a call computes what the called function does, in plans of any rows and in derivatives") {
+    lg_program *with = built(true), *without = built(false);
+    for (size_t rows = 1; rows <= 3; rows++) assert_equal_functions(with, without, 2, rows, 4 * rows);
+    assert_equal_functions(with, without, derived(with, LG_DERIVATIVE_JACOBIAN, "thrice"), 1, 16);
+}
+
+TEST("the program keeps calls, and counts them") {
+    lg_program *with = built(true);
+    assert_int_equal(lg_program_calls(with, 2, 1), 3);
+    assert_int_equal(lg_program_calls(with, 2, 0), 0);
+    assert_int_equal(lg_program_calls(with, 3, 1), 0);
+    assert_int_equal(lg_program_calls(built(false), 2, 1), 0);
+}
+
+TEST("on a tape a call is what it calls") {
+    lg_program *with = built(true), *without = built(false);
+    lg_tape *tape = test_tape(LG_F64);
+    lg_var theta = lg_parameter(tape, lg_shape1(4), weights), in[2], a, b;
+    for (int i = 0; i < 2; i++) in[i] = lg_input(tape, lg_shape2(3, 4), x[i]);
+    assert_ok(lg_program_record(tape, with, 2, &theta, in, &a));
+    assert_ok(lg_program_record(tape, without, 2, &theta, in, &b));
+    assert_memory_equal(lg_value(tape, a), lg_value(tape, b), 12 * sizeof(double));
+}
+
+TEST("calls of functions or outputs that are not there yet are refused") {
+    static const way ways[] = {{true, "thrice", 0}, {true, "nothing", 0}, {true, "product", 2}};
+    for (size_t i = 0; i < LG_COUNT(ways); i++) {
+        way w = ways[i];
+        lg_program *program = NULL;
+        lg_error error;
+        assert_int_equal(build(&w, &program, &error), LG_NOT_FOUND);
+        assert_non_null(strstr(error.message, "no such function or output"));
+        assert_null(program);
+    }
+    lg_tape *tape = test_tape(LG_F64);
+    lg_var in[2] = {lg_input(tape, lg_shape2(1, 4), x[0]), LG_NONE};
+    assert_true(lg_is_none(lg_program_call(tape, "product", 0, in)));
+    assert_int_equal(lg_tape_status(tape), LG_NOT_FOUND);
+}
+
+/* One number of the image's only call, which makes it call something else. */
+static lg_status add_changed(lg_program *program, size_t which, int64_t value, lg_error *error) {
+    lg_function_image *image;
+    assert_ok(lg_function_image_create(program, 2, &image));
+    image->name = "changed";
+    for (size_t i = 0; i < image->operation_count; i++) {
+        lg_operation *o = &image->operations[i];
+        if (strcmp(o->name, "call") == 0) o->whole[which].base = value;
+    }
+    const lg_status status = lg_program_add_image(program, image, error);
+    lg_function_image_destroy(program, image);
+    return status;
+}
+
+TEST("images keep calls, and may call earlier functions with their shapes alone") {
+    lg_program *program = built(true);
+    lg_error error;
+    assert_ok(add_changed(program, 2, 0, &error));
+    assert_equal_functions(program, program, 3, 1, 4);
+    double want[4], got[4];
+    (void)values_of(program, 2, 1, LG_F64, want);
+    (void)values_of(program, 3, 1, LG_F64, got);
+    assert_memory_equal(want, got, sizeof want);
+    static const struct {
+        size_t which;
+        int64_t value;
+    } bad[] = {{0, 0}, {0, 4}, {0, 5}, {0, -1}, {1, 0}, {1, 2}, {1, -1}};
+    for (size_t i = 0; i < LG_COUNT(bad); i++) {
+        lg_program *fresh = built(true);
+        assert_int_equal(add_changed(fresh, bad[i].which, bad[i].value, &error), LG_FORMAT);
+        assert_int_equal(lg_program_functions(fresh), 3);
+    }
+}
+
+TEST("nothing is left behind when memory ends") {
+    const lg_parameter_spec theta = {"theta", lg_shape1(4), weights};
+    EVERY_ALLOCATION_FAILS(context, 20, {
+        way w = {true, "product", 1};
+        const lg_function_spec functions[] = {{"product", pair, 2, results, 2, product, NULL},
+                                              {"thrice", pair, 2, results, 1, thrice, &w}};
+        const lg_program_spec spec = spec_of(&theta, 1, functions, LG_COUNT(functions));
+        lg_program *program = NULL;
+        lg_plan *plan = NULL;
+        status = lg_program_build(context, &spec, &program, NULL);
+        if (status == LG_OK) status = lg_plan_create(program, 1, NULL, &plan, NULL);
+        lg_plan_destroy(plan);
+        lg_program_destroy(program);
+    });
+}
