@@ -150,7 +150,7 @@ static lg_status add_changed(lg_program *program, size_t which, int64_t value, l
         if (strcmp(o->name, "call") == 0) o->whole[which].base = value;
     }
     const lg_status status = lg_program_add_image(program, image, error);
-    lg_function_image_destroy(program, image);
+    lg_function_image_destroy(image);
     return status;
 }
 
