@@ -131,12 +131,12 @@ lg_status classifier_file_load(const lg_context *context, const char *path, clas
     lg_file_reader_destroy(reader);
     if (status == LG_OK) return LG_OK;
     const bool loaded = out->classifier.classes > 0; /* what is missing then is the file's fault */
-    classifier_file_free(context, out);
+    classifier_file_free(out);
     return status == LG_NOT_FOUND && loaded ? LG_FORMAT : status;
 }
 
-void classifier_file_free(const lg_context *context, classifier_file *file) {
-    lg_series_destroy(context, &file->names);
-    lg_classifier_destroy(context, &file->classifier);
+void classifier_file_free(classifier_file *file) {
+    lg_series_destroy(&file->names);
+    lg_classifier_destroy(&file->classifier);
     *file = (classifier_file){.method = NULL};
 }

@@ -25,6 +25,6 @@ lg_status classifier_file_save(const lg_context *context, const char *path, cons
 /* Window and hop fit the classifier, the classes are named as many as it has. On failure *out is zeroed. */
 lg_status classifier_file_load(const lg_context *context, const char *path, classifier_file *out,
                                lg_error *error);
-void classifier_file_free(const lg_context *context, classifier_file *file); /* a zeroed one may be freed */
+void classifier_file_free(classifier_file *file); /* a zeroed one may be freed */
 
 #endif

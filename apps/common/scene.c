@@ -4,7 +4,7 @@
 
 int app_scene_start(const app *self, lg_scene *scene, const char *path) {
     if (scene->has_initial) return APP_EXIT_OK;
-    const lg_status status = lg_scene_draw_start(self->context, scene, self->seed);
+    const lg_status status = lg_scene_draw_start(scene, self->seed);
     if (status == LG_UNSUPPORTED)
         return app_fail(
             self, LG_FORMAT,

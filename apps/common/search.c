@@ -202,7 +202,7 @@ static lg_status run_trial(void *user, lg_search *session, lg_trial *trial, lg_e
     if (status == LG_OK) status = task->describe(task->user, &v, NULL, error);
     if (status == LG_OK) status = task->hold_out(task->user, &v, search->values->validation, error);
     if (status == LG_OK) status = run_fit(&self, error);
-    task->release(task->user, &v);
+    task->release(task->user);
     return status;
 }
 

@@ -284,7 +284,7 @@ static int run_with(app *self, const train_task *task, stored_run *stored) {
         if (code == APP_EXIT_OK) code = compare(self, task, stored);
     }
     if (code == APP_EXIT_OK) code = train(&session, stored->reader);
-    task->release(task->user, self);
+    task->release(task->user);
     return code;
 }
 

@@ -50,7 +50,7 @@ typedef struct train_task {
     /* The fit; it is destroyed by `release`, with what prepare and hold_out made, whether they failed or
      * not. */
     lg_status (*create)(void *user, app *app, const lg_fit_options *options, lg_fit **fit, lg_error *error);
-    void (*release)(void *user, app *app);
+    void (*release)(void *user);
     /* The plan was carried out as far as asked: judges, writes the model, draws and reports. */
     int (*finish)(void *user, train_session *session);
     /* In a search: what is to be lowered, asked where a rung is passed, and at the end; how many weights. */

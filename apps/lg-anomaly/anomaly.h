@@ -46,7 +46,7 @@ typedef struct well_model {
 lg_status well_model_of_detector(const app *app, const lg_detector_file *file, well_model *out,
                                  lg_error *error);
 int well_model_load(const app *app, const char *path, well_model *out);
-void well_model_free(const app *app, well_model *model); /* a zeroed one may be freed */
+void well_model_free(well_model *model); /* a zeroed one may be freed */
 /* Bytes of work memory for well_model_score. */
 size_t well_model_work(const well_model *model);
 /* A window (channels, window), as recorded -> score (classes); the class is lg_class_of(score). plane: as for

@@ -66,6 +66,6 @@ lg_status cut_and_split(const lg_context *context, const lg_series *series, cons
     if (status == LG_OK) return LG_OK;
     free(*parts);
     *parts = NULL;
-    lg_windows_destroy(context, windows);
+    lg_windows_destroy(windows);
     return status;
 }

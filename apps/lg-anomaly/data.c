@@ -31,7 +31,7 @@ int read_series_of(const app *self, const char *path, const well_model *model, l
     if (series->channels != model->channels) {
         const int failed = app_fail(self, LG_SHAPE, "%s: %u channels, the model was trained on %u", path,
                                     series->channels, model->channels);
-        lg_series_data_destroy(self->context, out);
+        lg_series_data_destroy(out);
         return failed;
     }
     warn_of_names(self, path, series, model->channels, model->channel_name);

@@ -446,8 +446,8 @@ static int evaluate_all(const app *self, const well_model *model) {
     for (size_t i = 0; i < count; i++) {
         judgement_free(&list[i].judged);
         free(list[i].part.list);
-        lg_windows_destroy(self->context, &list[i].from.windows);
-        lg_series_data_destroy(self->context, &list[i].from.data);
+        lg_windows_destroy(&list[i].from.windows);
+        lg_series_data_destroy(&list[i].from.data);
     }
     free(list);
     return code;
@@ -472,7 +472,7 @@ static int run(app *self) {
     if (code != APP_EXIT_OK) return code;
     if (values.plot != NULL) code = check_view(self, &model, evaluate_views[values.picture], false);
     if (code == APP_EXIT_OK) code = evaluate_all(self, &model);
-    well_model_free(self, &model);
+    well_model_free(&model);
     return code;
 }
 

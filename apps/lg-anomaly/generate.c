@@ -118,9 +118,9 @@ static lg_status create_series(const app *self, uint32_t length, size_t windows,
     return LG_OK;
 }
 
-static void free_data(const app *self, lg_series_data *data) {
+static void free_data(lg_series_data *data) {
     data->series.channel_name = NULL;
-    lg_series_data_destroy(self->context, data);
+    lg_series_data_destroy(data);
 }
 
 /* ---- the picture ---- */
@@ -261,7 +261,7 @@ static int run(app *self) {
         if (status != LG_OK) code = app_fail_file(self, status, &error, values.plot);
     }
     if (code == APP_EXIT_OK) report(self, &data, seconds);
-    free_data(self, &data);
+    free_data(&data);
     return code;
 }
 

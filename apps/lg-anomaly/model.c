@@ -111,13 +111,13 @@ int well_model_load(const app *self, const char *path, well_model *out) {
                     path, kind[0] != '\0' ? "a '" : "no model of liegrad", kind, kind[0] != '\0' ? "'" : "");
 }
 
-void well_model_free(const app *self, well_model *model) {
+void well_model_free(well_model *model) {
     lg_detector_plan_destroy(model->plan);
     if (model->network) {
-        lg_detector_file_destroy(self->context, &model->detector);
+        lg_detector_file_destroy(&model->detector);
     } else {
-        lg_series_destroy(self->context, &model->names);
-        lg_classifier_destroy(self->context, &model->classifier);
+        lg_series_destroy(&model->names);
+        lg_classifier_destroy(&model->classifier);
     }
     *model = (well_model){.network = false};
 }

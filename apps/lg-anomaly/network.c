@@ -183,14 +183,14 @@ lg_status network_create(const lg_context *context, const lg_series *series, con
         lg_detector_fit_problem(&out->problem, &out->fit_problem);
         status = create_fit(context, options, out, error);
     }
-    if (status != LG_OK) network_destroy(context, out);
+    if (status != LG_OK) network_destroy(out);
     return status;
 }
 
-void network_destroy(const lg_context *context, network *net) {
+void network_destroy(network *net) {
     lg_fit_destroy(net->fit);
-    lg_detector_data_destroy(context, &net->data);
-    lg_scaler_destroy(context, &net->scaler);
+    lg_detector_data_destroy(&net->data);
+    lg_scaler_destroy(&net->scaler);
     *net = (network){.fit = NULL};
 }
 

@@ -145,9 +145,9 @@ int with_task(app *self, int (*main_)(app *self, const train_task *task)) {
     state->app = self;
     const train_task task = network_task(state);
     const int code = main_(self, &task);
-    task.release(state, self);
-    lg_series_data_destroy(self->context, &state->all.data);
-    lg_series_data_destroy(self->context, &state->foreign.data);
+    task.release(state);
+    lg_series_data_destroy(&state->all.data);
+    lg_series_data_destroy(&state->foreign.data);
     free(state);
     return code;
 }

@@ -73,7 +73,7 @@ typedef struct network {
 lg_status network_create(const lg_context *context, const lg_series *series, const lg_windows *windows,
                          const part_indices *train, const part_indices *validation,
                          const lg_fit_options *options, network *out, lg_error *error);
-void network_destroy(const lg_context *context, network *net);
+void network_destroy(network *net);
 /* The fit's result as a file in memory, names borrowed from the series; free its theta with free. */
 lg_detector_file network_file(const network *net, const lg_series *series);
 

@@ -45,7 +45,7 @@ static lg_status create_features(classical *self, lg_error *error) {
     status = lg_features_create(context, baseline ? LG_FEATURES_BASELINE : (lg_feature_kind)values->features,
                                 values->directions == 1, series, (uint32_t)base->cut.window, &scaler,
                                 &self->model.classifier.features, error);
-    lg_scaler_destroy(context, &scaler);
+    lg_scaler_destroy(&scaler);
     return status;
 }
 
@@ -226,7 +226,7 @@ static lg_status prune_and_judge(const classical *self, const lg_tree *whole, co
     out->test_accuracy =
         tree_accuracy(&pruned, pca, self->foreign_table != NULL ? self->foreign_table : self->table,
                       tested_label, &base->test);
-    lg_tree_destroy(base->app->context, &pruned);
+    lg_tree_destroy(&pruned);
     return LG_OK;
 }
 
@@ -260,7 +260,7 @@ static lg_status draw_alphas(const classical *self, lg_error *error) {
         base->app->context, &options, self->table, self->label, base->train.list, base->train.count,
         self->model.classifier.features.count, base->all.data.series.classes, &whole, error);
     if (status == LG_OK) status = draw_path(self, &whole.tree, &whole.pca, error);
-    lg_classifier_destroy(base->app->context, &whole);
+    lg_classifier_destroy(&whole);
     return status;
 }
 
@@ -412,7 +412,7 @@ int train_classical(trained *base) {
     classical self = {.base = base};
     describe(base, &self.model);
     const int code = train(&self);
-    lg_classifier_destroy(base->app->context, &self.model.classifier);
+    lg_classifier_destroy(&self.model.classifier);
     free(self.label);
     free(self.unit);
     free(self.table);

@@ -156,9 +156,9 @@ static lg_status create(void *user, app *self, const lg_fit_options *options, lg
     return status;
 }
 
-static void release(void *user, app *self) {
+static void release(void *user) {
     trained *state = user;
-    network_destroy(self->context, &state->net);
+    network_destroy(&state->net);
     part_indices *const parts[] = {&state->train, &state->validation, &state->test};
     for (size_t i = 0; i < LG_COUNT(parts); i++) {
         free(parts[i]->list);
@@ -166,8 +166,8 @@ static void release(void *user, app *self) {
     }
     judgement_free(&state->train_judged);
     judgement_free(&state->judged);
-    lg_windows_destroy(self->context, &state->all.windows);
-    lg_windows_destroy(self->context, &state->foreign.windows);
+    lg_windows_destroy(&state->all.windows);
+    lg_windows_destroy(&state->foreign.windows);
 }
 
 /* The loss of the validation part at the best epoch so far. */

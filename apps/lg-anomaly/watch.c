@@ -338,7 +338,7 @@ static int run(app *self) {
     else
         code = watch_with(self, &model, file);
     if (values.input != NULL && file >= 0) (void)close(file);
-    well_model_free(self, &model);
+    well_model_free(&model);
     return code;
 }
 

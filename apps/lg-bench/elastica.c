@@ -202,5 +202,5 @@ void bench_elastica(bench *b) {
         free(l.theta);
     }
     free(l.order);
-    lg_elastica_curves_destroy(b->app->context, &l.curves);
+    lg_elastica_curves_destroy(&l.curves);
 }

@@ -193,5 +193,5 @@ void bench_elastica_curve(bench *b) {
         u.work = NULL;
     }
     close_use(&u);
-    lg_surrogate_file_destroy(b->app->context, &file);
+    lg_surrogate_file_destroy(&file);
 }

@@ -182,9 +182,9 @@ static int run(app *self) {
             free(e.chosen.list);
             free(e.node_error);
         }
-        lg_elastica_data_destroy(self->context, &data);
+        lg_elastica_data_destroy(&data);
     }
-    lg_surrogate_file_destroy(self->context, &file);
+    lg_surrogate_file_destroy(&file);
     return code;
 }
 

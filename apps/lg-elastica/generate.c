@@ -106,7 +106,7 @@ static int run(app *self) {
         status = draw_set(self, path, &data.curves, &error);
     }
     if (status == LG_OK) report(self, &data, seconds);
-    lg_elastica_data_destroy(self->context, &data);
+    lg_elastica_data_destroy(&data);
     return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, path);
 }
 

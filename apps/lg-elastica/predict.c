@@ -271,7 +271,7 @@ static int run(app *self) {
     free(p.v);
     free(p.theta);
     beam_curve_free(&p.truth);
-    lg_surrogate_file_destroy(self->context, &file);
+    lg_surrogate_file_destroy(&file);
     return code;
 }
 

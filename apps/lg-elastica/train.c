@@ -172,9 +172,8 @@ static lg_status create(void *user, app *self, const lg_fit_options *options, lg
     return status;
 }
 
-static void release(void *user, app *self) {
+static void release(void *user) {
     training *state = user;
-    (void)self;
     lg_fit_destroy(state->fit);
     free(state->train.list);
     free(state->test.list);
@@ -308,7 +307,7 @@ int with_task(app *self, int (*main_)(app *self, const train_task *task)) {
                              .objective = objective,
                              .parameters = parameters};
     const int code = main_(self, &task);
-    lg_elastica_data_destroy(self->context, &state.data);
+    lg_elastica_data_destroy(&state.data);
     return code;
 }
 

@@ -424,6 +424,6 @@ int export_classifier(const app *self, const char *path, export_source *source) 
     const lg_status status = classifier_file_load(self->context, path, &file, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, path);
     const int code = export_loaded(self, &file, source);
-    classifier_file_free(self->context, &file);
+    classifier_file_free(&file);
     return code;
 }

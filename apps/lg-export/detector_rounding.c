@@ -153,7 +153,7 @@ static lg_status network_program(const exported_detector *model, lg_program **ou
         scale[c] = 1;
         scale[channels + c] = 0;
     }
-    const lg_scaler scaler = {alone.net.channels, scale + channels, scale};
+    const lg_scaler scaler = {.channels = alone.net.channels, .mean = scale + channels, .scale = scale};
     alone.centred = false;
     const lg_status status = lg_detector_program(NULL, &alone, &scaler, model->theta, out, NULL);
     free(scale);

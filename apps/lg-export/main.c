@@ -132,7 +132,7 @@ static int build_model(job *j) {
     const int code = kind != LG_MODEL_HAMILTONIAN && given.scheme != NULL
                          ? refuse_scheme(j)
                          : kinds[kind].build(j->self, &j->file, &j->source);
-    lg_model_file_destroy(j->self->context, &j->file);
+    lg_model_file_destroy(&j->file);
     return code;
 }
 

@@ -57,7 +57,7 @@ static lg_status make_scene(demo *self) {
     options.form = FORM;
     options.parameters = &parameters;
     options.parameter_count = 1;
-    self->scene = (lg_scene){.segments = 1};
+    self->scene = (lg_scene){.segments = 1, .context = self->app->context};
     return lg_system_create(self->app->context, "pendulum-chain", &options, &self->scene.system,
                             &self->error);
 }
@@ -246,9 +246,9 @@ static int run(app *host) {
     else
         report(&self, app_seconds() - begin);
     learner_destroy(&self.learner);
-    lg_trajectories_destroy(host->context, &self.data);
-    lg_trajectories_destroy(host->context, &self.test);
-    lg_scene_destroy(host->context, &self.scene);
+    lg_trajectories_destroy(&self.data);
+    lg_trajectories_destroy(&self.test);
+    lg_scene_destroy(&self.scene);
     free(self.theta);
     free(self.predicted);
     return code;

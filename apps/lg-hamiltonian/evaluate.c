@@ -151,11 +151,11 @@ static int run(app *self) {
         warn_of_systems(self, file.run.system, test.system);
         warn_of_training_data(self, file.run.data_sha256, test.sha256);
         code = evaluate(self, &file, &test);
-        lg_trajectories_destroy(self->context, &test);
+        lg_trajectories_destroy(&test);
     } else {
         code = app_fail_file(self, status, &error, self->arguments[1]);
     }
-    lg_hamiltonian_file_destroy(self->context, &file);
+    lg_hamiltonian_file_destroy(&file);
     return code;
 }
 

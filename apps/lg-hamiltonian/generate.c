@@ -71,7 +71,7 @@ static int generate(app *self, const lg_scene *scene) {
     data.provenance = app_provenance(self, self->seed);
     status = lg_trajectories_write(self->context, values.out, &data, &error);
     if (status == LG_OK) report(self, &data, app_seconds() - begin);
-    lg_trajectories_destroy(self->context, &data);
+    lg_trajectories_destroy(&data);
     return status == LG_OK ? APP_EXIT_OK : app_fail_file(self, status, &error, values.out);
 }
 
@@ -90,7 +90,7 @@ static int run(app *self) {
         app_warn(self,
                  "%s: line %u: `initial` is one start and was not used; the starts were drawn (key `starts`)",
                  self->arguments[0], scene.line_initial);
-    lg_scene_destroy(self->context, &scene);
+    lg_scene_destroy(&scene);
     return code;
 }
 

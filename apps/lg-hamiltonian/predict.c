@@ -171,8 +171,8 @@ static int predict(app *self, const lg_hamiltonian_file *file) {
     free(p.start);
     free(p.truth);
     free(p.energy);
-    lg_trajectories_destroy(self->context, &p.y);
-    lg_scene_destroy(self->context, &p.scene);
+    lg_trajectories_destroy(&p.y);
+    lg_scene_destroy(&p.scene);
     return code;
 }
 
@@ -190,7 +190,7 @@ static int run(app *self) {
         lg_model_load_hamiltonian(self->context, self->arguments[0], NULL, &file, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
     code = predict(self, &file);
-    lg_hamiltonian_file_destroy(self->context, &file);
+    lg_hamiltonian_file_destroy(&file);
     return code;
 }
 

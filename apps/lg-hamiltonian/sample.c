@@ -44,6 +44,6 @@ lg_status sample_scene(const lg_context *context, const lg_scene *scene, const s
     if (status == LG_OK)
         *out = data;
     else
-        lg_trajectories_destroy(context, &data);
+        lg_trajectories_destroy(&data);
     return status;
 }

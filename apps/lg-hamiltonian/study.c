@@ -170,9 +170,9 @@ static lg_status do_run(void *user, const app *self, const study_plan *plan, uin
     status = sample_scene(self->context, &test_scene, &testing, &test, error);
     if (status == LG_OK) {
         status = train_and_judge(self, run_of(grid, plan, row), threads, &data, &test, row, error);
-        lg_trajectories_destroy(self->context, &test);
+        lg_trajectories_destroy(&test);
     }
-    lg_trajectories_destroy(self->context, &data);
+    lg_trajectories_destroy(&data);
     return status;
 }
 
@@ -197,7 +197,7 @@ static int run(app *host) {
                              .pictures = pictures,
                              .picture_count = LG_COUNT(pictures)};
     const int code = study_main(host, &task);
-    lg_grid_destroy(host->context, &grid);
+    lg_grid_destroy(&grid);
     return code;
 }
 

@@ -62,9 +62,8 @@ static lg_status create(void *user, app *self, const lg_fit_options *how, lg_fit
     return status;
 }
 
-static void release(void *user, app *self) {
+static void release(void *user) {
     training *state = user;
-    (void)self;
     learner_destroy(&state->learner);
 }
 
@@ -136,7 +135,7 @@ static int run_train(app *self) {
                              .release = release,
                              .finish = finish};
     const int code = train_main(self, &task);
-    lg_trajectories_destroy(self->context, &state.data);
+    lg_trajectories_destroy(&state.data);
     return code;
 }
 

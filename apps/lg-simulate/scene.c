@@ -83,7 +83,7 @@ int simulation_open(app *self, const simulate_values *values, const char *path, 
     lg_status status = lg_scene_read(self->context, path, NULL, &out->scene, &error);
     /* Starts are drawn in Hamiltonian form. */
     if (status == LG_OK && !out->scene.has_initial && out->scene.line_form == 0) {
-        lg_scene_destroy(self->context, &out->scene);
+        lg_scene_destroy(&out->scene);
         status = lg_scene_read(self->context, path, "hamiltonian", &out->scene, &error);
     }
     if (status != LG_OK) return app_fail_file(self, status, &error, path);
@@ -103,7 +103,7 @@ int simulation_open(app *self, const simulate_values *values, const char *path, 
 
 void simulation_close(simulation *sim) {
     if (sim->self == NULL) return;
-    lg_scene_destroy(sim->self->context, &sim->scene);
+    lg_scene_destroy(&sim->scene);
     free(sim->work);
     free(sim->blocks);
     *sim = (simulation){.self = NULL};

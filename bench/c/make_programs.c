@@ -67,7 +67,7 @@ static lg_status make_hamiltonian(const char *path, lg_program **out, lg_error *
     lg_status status = lg_model_load_hamiltonian(NULL, path, NULL, &file, error);
     if (status != LG_OK) return status;
     status = lg_hamiltonian_program(NULL, &file.run.model, file.theta, NULL, out, error);
-    lg_hamiltonian_file_destroy(NULL, &file);
+    lg_hamiltonian_file_destroy(&file);
     return status;
 }
 

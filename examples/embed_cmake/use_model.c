@@ -207,6 +207,6 @@ int main(int argc, char **argv) {
     free(self.near);
     free(self.y);
     free(self.jacobian);
-    lg_model_file_destroy(NULL, &file);
+    lg_model_file_destroy(&file);
     return self.failed;
 }

@@ -17,7 +17,7 @@ class File {
             throw std::runtime_error(error.message);
     }
     ~File() {
-        lg_model_file_destroy(nullptr, &file_);
+        lg_model_file_destroy(&file_);
     }
     File(const File &) = delete;
     File &operator=(const File &) = delete;

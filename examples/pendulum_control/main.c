@@ -212,6 +212,6 @@ int main(int argc, char **argv) {
         (void)fputs("out of memory\n", stderr);
     release(&memory);
     plant_destroy(&true_plant);
-    lg_model_file_destroy(NULL, &file);
+    lg_model_file_destroy(&file);
     return code;
 }

@@ -46,6 +46,7 @@ typedef struct lg_features {
     uint32_t *pair;            /* (pairs, 2) */
     double *scale;             /* (channels): channels are divided by it before COV and BASELINE */
     uint32_t count;            /* d */
+    const lg_context *context; /* whose memory the arrays are in */
 } lg_features;
 /* `directions_x`: only channels of the x-direction, those whose name ends in "_x", or without names every
  * second one from the first. BASELINE pairs acc_lower with moment of the same ending (acc_lower_x, moment_x),
@@ -55,7 +56,7 @@ typedef struct lg_features {
 LG_API lg_status lg_features_create(const lg_context *context, lg_feature_kind kind, bool directions_x,
                                     const lg_series *series, uint32_t length, const lg_scaler *scaler,
                                     lg_features *out, lg_error *error);
-LG_API void lg_features_destroy(const lg_context *context, lg_features *features);
+LG_API void lg_features_destroy(lg_features *features);
 /* Bytes of work for lg_features_compute. */
 LG_API size_t lg_features_work_size(const lg_features *features);
 /* x (channels, length) -> out (d). A constant channel, or one sample, has standard deviation and covariance 0
@@ -84,13 +85,14 @@ typedef struct lg_pca {
     double *vectors;             /* (d, k) */
     double *variance;            /* (variances) all eigenvalues, falling; explained ratio: over their sum */
     uint32_t variances;          /* min(n, d); 0 for k = 0, where they are not computed */
+    const lg_context *context;   /* whose memory the arrays are in */
 } lg_pca;
 /* x (n, d). components 0..min(n, d). Errors: LG_INVALID_ARGUMENT, LG_NOT_FINITE, LG_NO_CONVERGENCE,
  * LG_OUT_OF_MEMORY. Where d > n the eigenvectors come from the Gram matrix Z Z^T. With components, n or d
  * must be at most 8192. "First of equals": equal to 1e-9. */
 LG_API lg_status lg_pca_fit(const lg_context *context, const double *x, size_t n, uint32_t d,
                             uint32_t components, lg_pca *out, lg_error *error);
-LG_API void lg_pca_destroy(const lg_context *context, lg_pca *pca);
+LG_API void lg_pca_destroy(lg_pca *pca);
 /* Width of p: k, or d for k = 0. */
 LG_API uint32_t lg_pca_outputs(const lg_pca *pca);
 /* x (n, d) -> p (n, k); work: d doubles. */
@@ -104,6 +106,7 @@ typedef struct lg_logistic {
     double *weight;    /* (rows, d) */
     double *intercept; /* (rows) */
     uint32_t iterations;
+    const lg_context *context; /* whose memory the arrays are in */
 } lg_logistic;
 /* Minimises C sum_i -log p(label_i | x_i) + |w|^2/2 by Newton's method with backtracking; intercepts are not
  * penalised. x (n, d), C > 0. With d >= n in the coordinates of the rows' span, where the minimiser lies.
@@ -112,7 +115,7 @@ typedef struct lg_logistic {
  * classes, a label out of range), LG_NO_CONVERGENCE, LG_NOT_FINITE, LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_logistic_fit(const lg_context *context, const double *x, const uint32_t *label, size_t n,
                                  uint32_t d, uint32_t classes, double c, lg_logistic *out, lg_error *error);
-LG_API void lg_logistic_destroy(const lg_context *context, lg_logistic *model);
+LG_API void lg_logistic_destroy(lg_logistic *model);
 /* x (n, d) -> probability (n, classes) */
 LG_API void lg_logistic_predict(const lg_logistic *model, const double *x, size_t n, double *probability);
 
@@ -141,8 +144,9 @@ typedef struct lg_tree_node {
 typedef struct lg_tree {
     uint32_t inputs, classes, count; /* nodes; node 0 is the root, children after their parents */
     lg_criterion criterion;
-    lg_tree_node *node; /* (count) */
-    uint32_t *counts;   /* (count, classes): training samples of each class */
+    lg_tree_node *node;        /* (count) */
+    uint32_t *counts;          /* (count, classes): training samples of each class */
+    const lg_context *context; /* whose memory the arrays are in */
 } lg_tree;
 /* Splits half-way between neighbouring distinct values (the lower one, where half-way rounds to the upper);
  * the split of the largest fall of the impurity, ties (of the computed numbers) to the lower feature, then
@@ -154,7 +158,7 @@ typedef struct lg_tree {
 LG_API lg_status lg_tree_fit(const lg_context *context, const lg_tree_options *options, const double *x,
                              const uint32_t *label, size_t n, uint32_t d, uint32_t classes, lg_tree *out,
                              lg_error *error);
-LG_API void lg_tree_destroy(const lg_context *context, lg_tree *tree);
+LG_API void lg_tree_destroy(lg_tree *tree);
 /* 0 for a single leaf. Samples of children must add up to their parent's. */
 LG_API uint32_t lg_tree_depth(const lg_tree *tree);
 LG_API uint32_t lg_tree_leaf(const lg_tree *tree, const double *x); /* index of the leaf of x (d) */
@@ -185,10 +189,11 @@ typedef struct lg_svm {
     lg_kernel kernel;
     double gamma, c;
     uint32_t inputs, classes, vectors;
-    uint32_t *vectors_of; /* (classes); vectors are grouped by class */
-    double *vector;       /* (vectors, d) */
-    double *coefficient;  /* (classes - 1, vectors), libsvm's order */
-    double *rho;          /* (classes (classes - 1)/2) */
+    uint32_t *vectors_of;      /* (classes); vectors are grouped by class */
+    double *vector;            /* (vectors, d) */
+    double *coefficient;       /* (classes - 1, vectors), libsvm's order */
+    double *rho;               /* (classes (classes - 1)/2) */
+    const lg_context *context; /* whose memory the arrays are in */
 } lg_svm;
 /* C-SVC with hinge loss, C > 0; gamma <= 0: 1/(d var x), over all numbers of x (1 where they are all the
  * same). A class that does not occur has no vectors and is never given. Standardise first: libsvm forms |x -
@@ -197,7 +202,7 @@ typedef struct lg_svm {
 LG_API lg_status lg_svm_fit(const lg_context *context, lg_kernel kernel, double c, double gamma,
                             const double *x, const uint32_t *label, size_t n, uint32_t d, uint32_t classes,
                             lg_svm *out, lg_error *error);
-LG_API void lg_svm_destroy(const lg_context *context, lg_svm *svm);
+LG_API void lg_svm_destroy(lg_svm *svm);
 /* The decision w.x + b of a linear kernel with two classes: w (d), b; positive for class 1. Errors:
  * LG_UNSUPPORTED for another kernel or more classes. */
 LG_API lg_status lg_svm_plane(const lg_svm *svm, double *w, double *b);
@@ -246,7 +251,7 @@ LG_API lg_status lg_classifier_fit(const lg_context *context, const lg_method_op
                                    const double *x, const uint32_t *label, const uint32_t *chosen,
                                    size_t count, uint32_t d, uint32_t classes, lg_classifier *out,
                                    lg_error *error);
-LG_API void lg_classifier_destroy(const lg_context *context, lg_classifier *classifier);
+LG_API void lg_classifier_destroy(lg_classifier *classifier);
 /* Bytes of work for the two functions below. */
 LG_API size_t lg_classifier_work_size(const lg_classifier *classifier);
 /* Features f (d) -> score (classes): probabilities; for svm as lg_svm_predict. */

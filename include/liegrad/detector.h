@@ -40,8 +40,9 @@ LG_API lg_status lg_detector_check(const lg_detector *model, lg_error *error);
 typedef struct lg_detector_data {
     size_t count;
     lg_dtype dtype;
-    void *x;         /* (count, length, channels) */
-    uint32_t *label; /* (count) */
+    void *x;                   /* (count, length, channels) */
+    uint32_t *label;           /* (count) */
+    const lg_context *context; /* whose memory the arrays are in */
 } lg_detector_data;
 /* Of windows `chosen` (count; NULL: all of them), in this order: the training part first, then the validation
  * part. Errors, with a sentence: LG_SHAPE (channels, length or classes other than the model's),
@@ -51,7 +52,7 @@ LG_API lg_status lg_detector_data_create(const lg_context *context, const lg_det
                                          const lg_scaler *scaler, const lg_series *series,
                                          const lg_windows *windows, const uint32_t *chosen, size_t count,
                                          lg_dtype dtype, lg_detector_data *out, lg_error *error);
-LG_API void lg_detector_data_destroy(const lg_context *context, lg_detector_data *data);
+LG_API void lg_detector_data_destroy(lg_detector_data *data);
 
 /* A model and what it learns from: the first `training` windows of data are trained on, the rest are the
  * validation part (lg_fit_problem.validation; set lg_fit_options.keep_best for the parameters of its best

@@ -140,12 +140,13 @@ typedef struct lg_elastica_curves {
     size_t count;       /* n */
     uint32_t intervals; /* N */
     double length, stiffness;
-    bool continuous;  /* values of the continuous problem at the nodes, not of the discrete one */
-    double *boundary; /* (n, 8): q0, v0, qN, vN */
-    double *q, *v;    /* (n, N + 1, 2) */
-    double *energy;   /* (n), or NULL */
-    double *x;        /* (n), or NULL */
-    uint32_t *kind;   /* (n), lg_elastica_case of each, or NULL */
+    bool continuous;           /* values of the continuous problem at the nodes, not of the discrete one */
+    double *boundary;          /* (n, 8): q0, v0, qN, vN */
+    double *q, *v;             /* (n, N + 1, 2) */
+    double *energy;            /* (n), or NULL */
+    double *x;                 /* (n), or NULL */
+    uint32_t *kind;            /* (n), lg_elastica_case of each, or NULL */
+    const lg_context *context; /* whose memory the arrays are in */
 } lg_elastica_curves;
 
 typedef struct lg_elastica_sampling {
@@ -168,8 +169,7 @@ LG_API lg_status lg_elastica_generate(const lg_context *context, const lg_elasti
  * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_elastica_curves_create(const lg_context *context, size_t count, uint32_t intervals,
                                            bool optional, lg_elastica_curves *out);
-LG_API void lg_elastica_curves_destroy(const lg_context *context,
-                                       lg_elastica_curves *curves); /* leaves it zeroed */
+LG_API void lg_elastica_curves_destroy(lg_elastica_curves *curves); /* leaves it zeroed */
 
 LG_END_DECLS
 

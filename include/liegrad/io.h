@@ -151,6 +151,7 @@ typedef struct lg_trajectories {
     char sha256[LG_SHA256_TEXT]; /* of t, data and inputs as little-endian doubles, one after the other; set
                                      by reader and writer */
     lg_provenance provenance;
+    const lg_context *context; /* whose memory the arrays are in */
 } lg_trajectories;
 
 /* Sets system (may be ""), family, n, sizes, dt and t = 0, dt, ..., t_end; allocates t, data
@@ -171,7 +172,7 @@ LG_API lg_status lg_trajectories_read(const lg_context *context, const char *pat
  * not written. */
 LG_API lg_status lg_trajectories_write(const lg_context *context, const char *path, lg_trajectories *data,
                                        lg_error *error);
-LG_API void lg_trajectories_destroy(const lg_context *context, lg_trajectories *data);
+LG_API void lg_trajectories_destroy(lg_trajectories *data);
 
 /* ---- learned Hamiltonians ---- */
 
@@ -210,6 +211,7 @@ typedef struct lg_hamiltonian_file {
     double e1, e2;    /* errors on a test set, if one was evaluated: lg_model_record_hamiltonian */
     lg_test_set test; /* which one */
     lg_provenance provenance;
+    const lg_context *context; /* whose memory the arrays are in */
 } lg_hamiltonian_file;
 
 /* /model/potential/layer1/{weight (in, out), bias} ..., /model/mass/{gamma (k, k), b (k)} or /model/kinetic/A
@@ -237,7 +239,7 @@ LG_API lg_status lg_model_load_hamiltonian(const lg_context *context, const char
  * is not finite. */
 LG_API lg_status lg_model_record_hamiltonian(const lg_context *context, const char *path,
                                              const lg_hamiltonian_file *file, lg_error *error);
-LG_API void lg_hamiltonian_file_destroy(const lg_context *context, lg_hamiltonian_file *file);
+LG_API void lg_hamiltonian_file_destroy(lg_hamiltonian_file *file);
 
 /* ---- curves of the elastica ---- */
 
@@ -268,7 +270,7 @@ LG_API lg_status lg_elastica_data_read(const lg_context *context, const char *pa
  * stiffness that is not positive, an unknown case. */
 LG_API lg_status lg_elastica_data_write(const lg_context *context, const char *path, lg_elastica_data *data,
                                         lg_error *error);
-LG_API void lg_elastica_data_destroy(const lg_context *context, lg_elastica_data *data);
+LG_API void lg_elastica_data_destroy(lg_elastica_data *data);
 
 /* ---- surrogates of the elastica ---- */
 
@@ -292,6 +294,7 @@ typedef struct lg_surrogate_file {
     size_t epochs_done;
     double *history[LG_FIT_SERIES_COUNT]; /* as in lg_hamiltonian_file */
     lg_provenance provenance;
+    const lg_context *context; /* whose memory the arrays are in */
 } lg_surrogate_file;
 
 /* Kind "surrogate": /model/embedding, /model/layer1, ... as lg_net_slice names them, /trained (n, 8; may be
@@ -305,7 +308,7 @@ LG_API lg_status lg_model_save_surrogate(const lg_context *context, const char *
 LG_API lg_status lg_model_load_surrogate(const lg_context *context, const char *path,
                                          const lg_read_options *options, lg_surrogate_file *out,
                                          lg_error *error);
-LG_API void lg_surrogate_file_destroy(const lg_context *context, lg_surrogate_file *file);
+LG_API void lg_surrogate_file_destroy(lg_surrogate_file *file);
 /* ---- labelled series ---- */
 
 typedef struct lg_series_data {
@@ -358,7 +361,7 @@ LG_API lg_status lg_series_read(const lg_context *context, const char *path, con
  * twice the same, a run that stands apart. */
 LG_API lg_status lg_series_write(const lg_context *context, const char *path, lg_series_data *data,
                                  lg_error *error);
-LG_API void lg_series_data_destroy(const lg_context *context, lg_series_data *data);
+LG_API void lg_series_data_destroy(lg_series_data *data);
 
 /* Attributes `classes`, `class_labels`, `channels` and `rate` of a file of any kind, from series->classes,
  * class_name, class_label, channels, channel_name and rate; the rest of the series is not looked at. Names
@@ -394,6 +397,7 @@ typedef struct lg_detector_file {
     size_t epochs_done;
     double *history[LG_FIT_SERIES_COUNT];
     lg_provenance provenance;
+    const lg_context *context; /* whose memory the arrays are in */
 } lg_detector_file;
 
 /* Kind "detector": /model/conv1/weight ... as lg_cnn_slice names them, /scaler/{mean, scale} (channels), root
@@ -408,7 +412,7 @@ LG_API lg_status lg_model_save_detector(const lg_context *context, const char *p
 LG_API lg_status lg_model_load_detector(const lg_context *context, const char *path,
                                         const lg_read_options *options, lg_detector_file *out,
                                         lg_error *error);
-LG_API void lg_detector_file_destroy(const lg_context *context, lg_detector_file *file);
+LG_API void lg_detector_file_destroy(lg_detector_file *file);
 
 /* ---- checkpoints of unfinished trainings ---- */
 
@@ -467,7 +471,7 @@ typedef struct lg_model_file {
  * (read by lg_classifier_load), programs (read by lg_program_load). */
 LG_API lg_status lg_model_load(const lg_context *context, const char *path, const lg_read_options *options,
                                lg_model_file *out, lg_error *error);
-LG_API void lg_model_file_destroy(const lg_context *context, lg_model_file *file);
+LG_API void lg_model_file_destroy(lg_model_file *file);
 
 /* ---- random search ---- */
 
@@ -527,7 +531,8 @@ typedef struct lg_scene {
     double low, high;  /* box: chains p = q x u, u ~ U[low,high]^3; others U[low,high]^d; -1, 1 */
     uint32_t segments; /* consecutive trajectories from one start, >= 1 */
     uint32_t line_system, line_form, line_initial,
-        line_starts; /* for the caller's own messages; 0 when absent */
+        line_starts;           /* for the caller's own messages; 0 when absent */
+    const lg_context *context; /* whose memory the arrays are in */
 } lg_scene;
 
 /* A YAML (or JSON) file. Keys: `system`; `form`; the parameters of the system; `links` where lists have one
@@ -541,9 +546,9 @@ LG_API lg_status lg_scene_read(const lg_context *context, const char *path, cons
 /* Draws the start of a scene without `initial`, as `starts` says. It is the first start of
  * lg_generate_trajectories with this seed. Errors: LG_INVALID_ARGUMENT (the scene has a start),
  * LG_OUT_OF_MEMORY, those of lg_system_start. */
-LG_API lg_status lg_scene_draw_start(const lg_context *context, lg_scene *scene, uint64_t seed);
+LG_API lg_status lg_scene_draw_start(lg_scene *scene, uint64_t seed);
 /* With the context it was read with. Leaves it zeroed; NULL and a zeroed scene are fine. */
-LG_API void lg_scene_destroy(const lg_context *context, lg_scene *scene);
+LG_API void lg_scene_destroy(lg_scene *scene);
 
 /* The keys of a system in this form (NULL: its first), one a line: name, shape, meaning, whether required,
  * for docs and --help. Returns the length as snprintf does, 0 for an unknown pair. */
@@ -608,7 +613,7 @@ typedef struct lg_grid {
 } lg_grid;
 
 LG_API lg_status lg_grid_read(const lg_context *context, const char *path, lg_grid *out, lg_error *error);
-LG_API void lg_grid_destroy(const lg_context *context, lg_grid *grid); /* as lg_scene_destroy */
+LG_API void lg_grid_destroy(lg_grid *grid); /* as lg_scene_destroy */
 LG_API uint64_t lg_grid_runs(const lg_grid *grid);
 
 LG_END_DECLS

@@ -33,6 +33,7 @@ typedef struct lg_series {
     char (*class_label)[LG_SERIES_NAME];  /* (classes), what stood for each class in the file that was read,
                                            * such as "1", "2"; NULL: unknown, or the names themselves */
     char (*channel_name)[LG_SERIES_NAME]; /* (channels), "" where unknown, or NULL */
+    const lg_context *context;            /* whose memory the arrays are in */
 } lg_series;
 
 /* Sizes count, channels, length, classes (and rate) of *series are set by the caller; allocates x, label,
@@ -42,7 +43,7 @@ typedef struct lg_series {
 LG_API lg_status lg_series_allocate(const lg_context *context, lg_series *series, bool with_group,
                                     bool with_run);
 /* Leaves it zeroed; a zeroed one may be freed. */
-LG_API void lg_series_destroy(const lg_context *context, lg_series *series);
+LG_API void lg_series_destroy(lg_series *series);
 
 /* ---- windows: how a set is cut for a method ---- */
 
@@ -51,7 +52,8 @@ LG_API void lg_series_destroy(const lg_context *context, lg_series *series);
 typedef struct lg_windows {
     size_t count;
     uint32_t length;
-    uint32_t *first, *offset; /* (count) */
+    uint32_t *first, *offset;  /* (count) */
+    const lg_context *context; /* whose memory the arrays are in */
 } lg_windows;
 
 /* Windows of `length` samples every `hop` samples of each run (0: the stored length; hop 0: hop = length).
@@ -60,7 +62,7 @@ typedef struct lg_windows {
  * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_windows_create(const lg_context *context, const lg_series *series, size_t length,
                                    size_t hop, lg_windows *out, lg_error *error);
-LG_API void lg_windows_destroy(const lg_context *context, lg_windows *windows);
+LG_API void lg_windows_destroy(lg_windows *windows);
 /* out (channels, length) */
 LG_API void lg_windows_copy(const lg_series *series, const lg_windows *windows, size_t index, float *out);
 
@@ -103,7 +105,8 @@ LG_API lg_status lg_folds(const lg_context *context, const uint32_t *label, cons
 /* Of each channel, over all samples of the windows it was fitted on; a constant channel has scale 1. */
 typedef struct lg_scaler {
     uint32_t channels;
-    double *mean, *scale; /* (channels) */
+    double *mean, *scale;      /* (channels) */
+    const lg_context *context; /* whose memory the arrays are in */
 } lg_scaler;
 /* Mean and standard deviation (divided by the number of samples) over the windows `chosen` (count; NULL: the
  * first `count`), accumulated in double, two passes. `centred`: each window's own mean is taken off each
@@ -111,7 +114,7 @@ typedef struct lg_scaler {
  * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_scaler_fit(const lg_context *context, const lg_series *series, const lg_windows *windows,
                                const uint32_t *chosen, size_t count, bool centred, lg_scaler *out);
-LG_API void lg_scaler_destroy(const lg_context *context, lg_scaler *scaler);
+LG_API void lg_scaler_destroy(lg_scaler *scaler);
 
 LG_END_DECLS
 

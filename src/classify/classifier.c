@@ -76,11 +76,11 @@ static lg_status fit_chain(fitting *f, const double *x, const uint32_t *label, c
     return fit_method(f, k, c, error);
 }
 
-static void free_fitted(const lg_context *context, lg_classifier *c) {
-    lg_pca_destroy(context, &c->pca);
-    lg_logistic_destroy(context, &c->logistic);
-    lg_tree_destroy(context, &c->tree);
-    lg_svm_destroy(context, &c->svm);
+static void free_fitted(lg_classifier *c) {
+    lg_pca_destroy(&c->pca);
+    lg_logistic_destroy(&c->logistic);
+    lg_tree_destroy(&c->tree);
+    lg_svm_destroy(&c->svm);
 }
 
 lg_status lg_classifier_fit(const lg_context *context, const lg_method_options *options, const double *x,
@@ -101,7 +101,7 @@ lg_status lg_classifier_fit(const lg_context *context, const lg_method_options *
     lg_free(context, f.p);
     lg_free(context, f.label);
     if (status != LG_OK) {
-        free_fitted(context, &made);
+        free_fitted(&made);
         return status;
     }
     made.features = out->features;
@@ -109,10 +109,10 @@ lg_status lg_classifier_fit(const lg_context *context, const lg_method_options *
     return LG_OK;
 }
 
-void lg_classifier_destroy(const lg_context *context, lg_classifier *classifier) {
+void lg_classifier_destroy(lg_classifier *classifier) {
     if (classifier == NULL) return;
-    lg_features_destroy(context, &classifier->features);
-    free_fitted(context, classifier);
+    lg_features_destroy(&classifier->features);
+    free_fitted(classifier);
     *classifier = (lg_classifier){0};
 }
 

@@ -367,14 +367,18 @@ lg_status lg_classifier_load(const lg_context *context, const lg_archive_reader 
                              lg_error *error) {
     (void)lg_fail(error, LG_OK, "%s", "");
     if (reader == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");
-    lg_classifier c = {0};
+    lg_classifier c = {.features = {.context = context},
+                       .pca = {.context = context},
+                       .logistic = {.context = context},
+                       .tree = {.context = context},
+                       .svm = {.context = context}};
     double *nodes = NULL;
     const lg_status status = read_classifier(context, reader, &c, &nodes, error);
     lg_free(context, nodes);
     if (status == LG_OK)
         forget_others(&c);
     else
-        lg_classifier_destroy(context, &c);
+        lg_classifier_destroy(&c);
     *out = c;
     return status;
 }

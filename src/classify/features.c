@@ -137,7 +137,7 @@ lg_status lg_features_create(const lg_context *context, lg_feature_kind kind, bo
     (void)lg_fail(error, LG_OK, "%s", "");
     if (series == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");
     LG_TRY(check_create(kind, series, length, scaler, error));
-    lg_features f = {.kind = kind, .channels = series->channels, .length = length};
+    lg_features f = {.kind = kind, .channels = series->channels, .length = length, .context = context};
     f.select = lg_alloc(context, f.channels, sizeof *f.select);
     f.pair = lg_alloc(context, 2 * (size_t)f.channels, sizeof *f.pair);
     f.scale = lg_alloc(context, f.channels, sizeof *f.scale);
@@ -151,7 +151,7 @@ lg_status lg_features_create(const lg_context *context, lg_feature_kind kind, bo
         status = check_made(&f, directions_x, error);
     }
     if (status != LG_OK) {
-        lg_features_destroy(context, &f);
+        lg_features_destroy(&f);
         return status;
     }
     f.count = (uint32_t)lg_features_count(&f);
@@ -159,11 +159,11 @@ lg_status lg_features_create(const lg_context *context, lg_feature_kind kind, bo
     return LG_OK;
 }
 
-void lg_features_destroy(const lg_context *context, lg_features *features) {
+void lg_features_destroy(lg_features *features) {
     if (features == NULL) return;
-    lg_free(context, features->select);
-    lg_free(context, features->pair);
-    lg_free(context, features->scale);
+    lg_free(features->context, features->select);
+    lg_free(features->context, features->pair);
+    lg_free(features->context, features->scale);
     *features = (lg_features){0};
 }
 

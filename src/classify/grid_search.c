@@ -63,7 +63,7 @@ static lg_status try_fold(const search *s, size_t option, uint32_t fold, double 
             status = LG_OUT_OF_MEMORY;
         lg_free(s->context, work);
     }
-    lg_classifier_destroy(s->context, &c);
+    lg_classifier_destroy(&c);
     lg_free(s->context, rows);
     return status;
 }

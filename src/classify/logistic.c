@@ -531,21 +531,21 @@ lg_status lg_logistic_fit(const lg_context *context, const double *x, const uint
     LG_TRY(lg_check_table(x, n, d, error));
     size_t *counts = lg_alloc(context, classes, sizeof *counts);
     if (counts == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u classes", classes);
-    lg_logistic model = {.inputs = d, .classes = classes};
+    lg_logistic model = {.inputs = d, .classes = classes, .context = context};
     const lg_status status = fit_model(context, x, label, n, c, counts, &model, error);
     lg_free(context, counts);
     if (status != LG_OK) {
-        lg_logistic_destroy(context, &model);
+        lg_logistic_destroy(&model);
         return status;
     }
     *out = model;
     return LG_OK;
 }
 
-void lg_logistic_destroy(const lg_context *context, lg_logistic *model) {
+void lg_logistic_destroy(lg_logistic *model) {
     if (model == NULL) return;
-    lg_free(context, model->weight);
-    lg_free(context, model->intercept);
+    lg_free(model->context, model->weight);
+    lg_free(model->context, model->intercept);
     *model = (lg_logistic){0};
 }
 

@@ -204,23 +204,23 @@ lg_status lg_pca_fit(const lg_context *context, const double *x, size_t n, uint3
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "principal components need at most %d rows or %d features, these are %zu and %u",
                        LG_EIGEN_MAX, LG_EIGEN_MAX, n, d);
-    lg_pca p = {.inputs = d, .components = components};
+    lg_pca p = {.inputs = d, .components = components, .context = context};
     p.variances = components > 0 ? (uint32_t)small : 0;
     const lg_status status = fit_into(context, x, n, &p, error);
     if (status != LG_OK) {
-        lg_pca_destroy(context, &p);
+        lg_pca_destroy(&p);
         return status;
     }
     *out = p;
     return LG_OK;
 }
 
-void lg_pca_destroy(const lg_context *context, lg_pca *pca) {
+void lg_pca_destroy(lg_pca *pca) {
     if (pca == NULL) return;
-    lg_free(context, pca->mean);
-    lg_free(context, pca->scale);
-    lg_free(context, pca->vectors);
-    lg_free(context, pca->variance);
+    lg_free(pca->context, pca->mean);
+    lg_free(pca->context, pca->scale);
+    lg_free(pca->context, pca->vectors);
+    lg_free(pca->context, pca->variance);
     *pca = (lg_pca){0};
 }
 

@@ -304,7 +304,7 @@ lg_status lg_svm_fit(const lg_context *context, lg_kernel kernel, double c, doub
     (void)lg_fail(error, LG_OK, "%s", "");
     LG_TRY(check_fit(kernel, c, gamma, label, classes, out, error));
     LG_TRY(lg_check_table(x, n, d, error));
-    lg_svm svm = {.kernel = kernel, .c = c, .inputs = d, .classes = classes};
+    lg_svm svm = {.kernel = kernel, .c = c, .inputs = d, .classes = classes, .context = context};
     training t = {.context = context, .x = x, .n = n, .d = d, .classes = classes, .factor = 1.0};
     if (kernel == LG_KERNEL_RBF) svm.gamma = gamma > 0.0 ? gamma : default_gamma(x, n * d, d);
     if (kernel == LG_KERNEL_LINEAR) t.factor = factor_for(x, n * d);
@@ -323,19 +323,19 @@ lg_status lg_svm_fit(const lg_context *context, lg_kernel kernel, double c, doub
     const lg_status status = fit_model(&t, label, &svm, error);
     lg_free(context, t.counts);
     if (status != LG_OK) {
-        lg_svm_destroy(context, &svm);
+        lg_svm_destroy(&svm);
         return status;
     }
     *out = svm;
     return LG_OK;
 }
 
-void lg_svm_destroy(const lg_context *context, lg_svm *svm) {
+void lg_svm_destroy(lg_svm *svm) {
     if (svm == NULL) return;
-    lg_free(context, svm->vectors_of);
-    lg_free(context, svm->vector);
-    lg_free(context, svm->coefficient);
-    lg_free(context, svm->rho);
+    lg_free(svm->context, svm->vectors_of);
+    lg_free(svm->context, svm->vector);
+    lg_free(svm->context, svm->coefficient);
+    lg_free(svm->context, svm->rho);
     *svm = (lg_svm){0};
 }
 

@@ -365,7 +365,7 @@ static lg_status grower_create(grower *g) {
 static void grower_free(grower *g) {
     void *const owned[] = {g->items, g->spare, g->side, g->i_log_i, g->left, g->right, g->stack};
     for (size_t i = 0; i < LG_COUNT(owned); i++) lg_free(g->context, owned[i]);
-    lg_tree_destroy(g->context, &g->tree);
+    lg_tree_destroy(&g->tree);
 }
 
 lg_status lg_tree_fit(const lg_context *context, const lg_tree_options *options, const double *x,
@@ -377,7 +377,7 @@ lg_status lg_tree_fit(const lg_context *context, const lg_tree_options *options,
     LG_TRY(check_options(options, error));
     LG_TRY(check_table(x, label, n, d, classes, error));
     g.options = *options;
-    g.tree = (lg_tree){.inputs = d, .classes = classes, .criterion = options->criterion};
+    g.tree = (lg_tree){.inputs = d, .classes = classes, .criterion = options->criterion, .context = context};
     lg_status status = grower_create(&g);
     if (status == LG_OK) {
         fill_columns(&g, x, label);
@@ -392,10 +392,10 @@ lg_status lg_tree_fit(const lg_context *context, const lg_tree_options *options,
                    lg_status_sentence(status));
 }
 
-void lg_tree_destroy(const lg_context *context, lg_tree *tree) {
+void lg_tree_destroy(lg_tree *tree) {
     if (tree == NULL) return;
-    lg_free(context, tree->node);
-    lg_free(context, tree->counts);
+    lg_free(tree->context, tree->node);
+    lg_free(tree->context, tree->counts);
     *tree = (lg_tree){.inputs = 0};
 }
 

@@ -59,6 +59,7 @@ static void copy_kept(const lg_tree *tree, const bool *cut, visit *stack, lg_tre
 
 lg_status lg_tree_compact(const lg_context *context, const lg_tree *tree, const bool *cut, lg_tree *out) {
     lg_tree copy = *tree;
+    copy.context = context;
     visit *stack = lg_alloc(context, (size_t)tree->count + 1, sizeof *stack);
     if (stack == NULL) return LG_OUT_OF_MEMORY;
     copy.count = count_kept(tree, cut, stack);
@@ -69,7 +70,7 @@ lg_status lg_tree_compact(const lg_context *context, const lg_tree *tree, const 
         copy_kept(tree, cut, stack, &copy);
         *out = copy;
     } else {
-        lg_tree_destroy(context, &copy);
+        lg_tree_destroy(&copy);
     }
     lg_free(context, stack);
     return all ? LG_OK : LG_OUT_OF_MEMORY;
@@ -120,7 +121,7 @@ static void pruner_free(pruner *p) {
     void *const owned[] = {p->parent, p->leaves, p->level, p->at_depth, p->stack,
                            p->own,    p->branch, p->link,  p->cut};
     for (size_t i = 0; i < LG_COUNT(owned); i++) lg_free(p->context, owned[i]);
-    lg_tree_destroy(p->context, &p->ordered);
+    lg_tree_destroy(&p->ordered);
 }
 
 static double link_of(const pruner *p, uint32_t t) {

@@ -11,9 +11,9 @@
 #define STIFFNESS     10.0
 enum { BOUNDARY = 8, Q0 = 0, V0 = 2, QN = 4, VN = 6 };
 
-void lg_elastica_data_destroy(const lg_context *context, lg_elastica_data *data) {
+void lg_elastica_data_destroy(lg_elastica_data *data) {
     if (data == NULL) return;
-    lg_elastica_curves_destroy(context, &data->curves);
+    lg_elastica_curves_destroy(&data->curves);
     *data = (lg_elastica_data){.sha256 = ""};
 }
 
@@ -286,11 +286,11 @@ static lg_status read_checked(void *user, lg_h5 *h5, lg_error *error) {
 lg_status lg_elastica_data_read(const lg_context *context, const char *path, const lg_read_options *options,
                                 lg_elastica_data *out, lg_error *error) {
     if (path == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
-    lg_elastica_data made = {.sha256 = ""};
+    lg_elastica_data made = {.curves = {.context = context}};
     read_call call = {.context = context, .path = path, .out = &made};
     const lg_status status = lg_h5_read(context, path, options, read_checked, &call, error);
     if (status != LG_OK) {
-        lg_elastica_data_destroy(context, &made);
+        lg_elastica_data_destroy(&made);
         return status;
     }
     hash(&made);

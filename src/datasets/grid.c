@@ -204,13 +204,13 @@ lg_status lg_grid_read(const lg_context *context, const char *path, lg_grid *out
     if (status == LG_OK)
         *out = made;
     else
-        lg_grid_destroy(context, &made);
+        lg_grid_destroy(&made);
     return status;
 }
 
-void lg_grid_destroy(const lg_context *context, lg_grid *grid) {
+void lg_grid_destroy(lg_grid *grid) {
     if (grid == NULL) return;
-    lg_scene_destroy(context, &grid->scene);
+    lg_scene_destroy(&grid->scene);
     *grid = (lg_grid){.repeats = 0};
 }
 

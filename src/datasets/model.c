@@ -226,7 +226,7 @@ lg_status lg_run_load(const lg_context *context, const char *path, const lg_read
                       const lg_run_kind *kind, void *file, lg_error *error) {
     load_call call = {kind, file};
     const lg_status status = lg_h5_read(context, path, options, load_file, &call, error);
-    if (status != LG_OK) kind->release(context, file);
+    if (status != LG_OK) kind->release(file);
     return status;
 }
 

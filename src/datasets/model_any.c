@@ -16,8 +16,8 @@ static lg_status make_hamiltonian(const lg_context *context, lg_model_file *file
                                        &file->model, error);
 }
 
-static void free_hamiltonian(const lg_context *context, lg_model_file *file) {
-    lg_hamiltonian_file_destroy(context, &file->hamiltonian);
+static void free_hamiltonian(lg_model_file *file) {
+    lg_hamiltonian_file_destroy(&file->hamiltonian);
 }
 
 static lg_status load_surrogate(const lg_context *context, const char *path, const lg_read_options *options,
@@ -30,8 +30,8 @@ static lg_status make_surrogate(const lg_context *context, lg_model_file *file, 
                                      error);
 }
 
-static void free_surrogate(const lg_context *context, lg_model_file *file) {
-    lg_surrogate_file_destroy(context, &file->surrogate);
+static void free_surrogate(lg_model_file *file) {
+    lg_surrogate_file_destroy(&file->surrogate);
 }
 
 static lg_status load_detector(const lg_context *context, const char *path, const lg_read_options *options,
@@ -44,8 +44,8 @@ static lg_status make_detector(const lg_context *context, lg_model_file *file, l
                                     file->detector.theta, &file->model, error);
 }
 
-static void free_detector(const lg_context *context, lg_model_file *file) {
-    lg_detector_file_destroy(context, &file->detector);
+static void free_detector(lg_model_file *file) {
+    lg_detector_file_destroy(&file->detector);
 }
 
 typedef struct kind_row {
@@ -53,7 +53,7 @@ typedef struct kind_row {
     lg_status (*load)(const lg_context *context, const char *path, const lg_read_options *options,
                       lg_model_file *out, lg_error *error);
     lg_status (*make)(const lg_context *context, lg_model_file *file, lg_error *error);
-    void (*release)(const lg_context *context, lg_model_file *file);
+    void (*release)(lg_model_file *file);
 } kind_row;
 
 static const kind_row rows[LG_MODEL_KIND_COUNT] = {
@@ -108,13 +108,13 @@ lg_status lg_model_load(const lg_context *context, const char *path, const lg_re
     if (status == LG_OK)
         *out = made;
     else
-        lg_model_file_destroy(context, &made);
+        lg_model_file_destroy(&made);
     return status;
 }
 
-void lg_model_file_destroy(const lg_context *context, lg_model_file *file) {
+void lg_model_file_destroy(lg_model_file *file) {
     if (file == NULL) return;
     lg_model_destroy(file->model);
-    if ((unsigned)file->kind < LG_MODEL_KIND_COUNT) rows[file->kind].release(context, file);
+    if ((unsigned)file->kind < LG_MODEL_KIND_COUNT) rows[file->kind].release(file);
     memset(file, 0, sizeof *file);
 }

@@ -228,6 +228,7 @@ static lg_status get_scaler(lg_h5 *h5, lg_detector_file *file, lg_error *error) 
         const char *name;
         double **out;
     } arrays[] = {{"scaler/mean", &file->scaler.mean}, {"scaler/scale", &file->scaler.scale}};
+    file->scaler.context = h5->context;
     for (size_t i = 0; i < LG_COUNT(arrays); i++) {
         uint64_t dims[4];
         LG_TRY(lg_as_format(lg_h5_get_doubles(h5, arrays[i].name, 1, dims, arrays[i].out, error), error));
@@ -270,14 +271,14 @@ static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
     return LG_OK;
 }
 
-void lg_detector_file_destroy(const lg_context *context, lg_detector_file *file) {
+void lg_detector_file_destroy(lg_detector_file *file) {
     if (file == NULL) return;
-    lg_free(context, file->theta);
-    lg_scaler_destroy(context, &file->scaler);
-    lg_free(context, file->class_name);
-    lg_free(context, file->class_label);
-    lg_free(context, file->channel_name);
-    lg_history_destroy(context, file->history);
+    lg_free(file->context, file->theta);
+    lg_scaler_destroy(&file->scaler);
+    lg_free(file->context, file->class_name);
+    lg_free(file->context, file->class_label);
+    lg_free(file->context, file->channel_name);
+    lg_history_destroy(file->context, file->history);
     *file = (lg_detector_file){.parameters = 0};
 }
 

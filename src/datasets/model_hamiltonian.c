@@ -191,12 +191,12 @@ static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
     return get_verdict(h5, file, error);
 }
 
-void lg_hamiltonian_file_destroy(const lg_context *context, lg_hamiltonian_file *file) {
+void lg_hamiltonian_file_destroy(lg_hamiltonian_file *file) {
     if (file == NULL) return;
-    lg_free(context, file->theta);
-    lg_free(context, file->adam_m);
-    lg_free(context, file->adam_v);
-    lg_history_destroy(context, file->history);
+    lg_free(file->context, file->theta);
+    lg_free(file->context, file->adam_m);
+    lg_free(file->context, file->adam_v);
+    lg_history_destroy(file->context, file->history);
     *file = (lg_hamiltonian_file){0};
 }
 
@@ -224,10 +224,10 @@ static lg_status check_judged(const lg_h5 *h5, const lg_hamiltonian_file *judged
 
 static lg_status record(void *user, lg_h5 *h5, lg_error *error) {
     const lg_hamiltonian_file *judged = user;
-    lg_hamiltonian_file stored = {.parameters = 0};
+    lg_hamiltonian_file stored = {.context = h5->context};
     lg_status status = lg_run_get_file(h5, &lg_run_hamiltonian, &stored, error);
     if (status == LG_OK) status = check_judged(h5, judged, &stored, error);
-    lg_hamiltonian_file_destroy(h5->context, &stored);
+    lg_hamiltonian_file_destroy(&stored);
     for (size_t i = 0; status == LG_OK && i < LG_COUNT(verdict_names); i++)
         status = lg_h5_remove_attribute(h5, "", verdict_names[i], error);
     return status == LG_OK ? put_verdict(h5, judged, error) : status;

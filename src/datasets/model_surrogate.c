@@ -103,11 +103,11 @@ static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
     return lg_model_get_number(h5, "test_mse", &tested, &file->test_mse, error);
 }
 
-void lg_surrogate_file_destroy(const lg_context *context, lg_surrogate_file *file) {
+void lg_surrogate_file_destroy(lg_surrogate_file *file) {
     if (file == NULL) return;
-    lg_free(context, file->theta);
-    lg_free(context, file->trained);
-    lg_history_destroy(context, file->history);
+    lg_free(file->context, file->theta);
+    lg_free(file->context, file->trained);
+    lg_history_destroy(file->context, file->history);
     *file = (lg_surrogate_file){0};
 }
 

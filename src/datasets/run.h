@@ -32,7 +32,7 @@ struct lg_run_kind {
     /* What else is in the file; `fitted`: lg_fit_save writes optimizer and generator. */
     lg_status (*put_rest)(lg_h5 *h5, const void *file, bool fitted, lg_error *error);
     lg_status (*get_rest)(lg_h5 *h5, void *file, lg_error *error);
-    void (*release)(const lg_context *context, void *file);
+    void (*release)(void *file);
 };
 
 /* ---- runs (run.c) ---- */
@@ -47,7 +47,7 @@ lg_status lg_run_get(lg_h5 *h5, const lg_run_kind *kind, bool complete, void *ru
 
 lg_status lg_run_save(const lg_context *context, const char *path, const lg_run_kind *kind, const void *file,
                       const lg_fit *fit, lg_error *error);
-/* `file`: zeroed; on failure it is released. */
+/* `file`: zero but for its context; on failure it is released. */
 lg_status lg_run_load(const lg_context *context, const char *path, const lg_read_options *options,
                       const lg_run_kind *kind, void *file, lg_error *error);
 /* Replaces a model file by a copy that edit(user, h5, error) changed, first for a try in the child of
@@ -72,8 +72,8 @@ void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES
  * lg_model_load_kind. Every file structure names the members alike that all kinds have;
  * lg_kind_file_destroy is the kind's own. */
 #define LG_RUN_KIND(kind, checkpoint_name)                                                                   \
-    static void release(const lg_context *context, void *file) {                                             \
-        lg_##kind##_file_destroy(context, file);                                                             \
+    static void release(void *file) {                                                                        \
+        lg_##kind##_file_destroy(file);                                                                      \
     }                                                                                                        \
     const lg_run_kind lg_run_##kind = {.name = #kind,                                                        \
                                        .checkpoint = checkpoint_name,                                        \
@@ -106,7 +106,7 @@ void lg_history_destroy(const lg_context *context, double *history[LG_FIT_SERIES
                                    const lg_read_options *options, lg_##kind##_file *out, lg_error *error) { \
         if (path == NULL || out == NULL)                                                                     \
             return lg_fail(error, LG_INVALID_ARGUMENT, "a model file needs a name");                         \
-        lg_##kind##_file made = {.parameters = 0};                                                           \
+        lg_##kind##_file made = {.context = context};                                                        \
         LG_TRY(lg_run_load(context, path, options, &lg_run_##kind, &made, error));                           \
         *out = made;                                                                                         \
         return LG_OK;                                                                                        \

@@ -354,6 +354,7 @@ static lg_status fill(reading *r) {
     *r->out = (lg_scene){.low = -1,
                          .high = 1,
                          .segments = 1,
+                         .context = r->context,
                          .has_initial = v[KEY_INITIAL].line != 0,
                          .has_t_end = v[KEY_T_END].line != 0,
                          .t_end = v[KEY_T_END].line != 0 ? v[KEY_T_END].real[0] : 0,
@@ -383,13 +384,13 @@ static lg_status read_scene(const lg_context *context, lg_yaml *yaml, const char
     LG_TRY(lg_yaml_read(yaml, sets, more != NULL ? 2 : 1, known_elsewhere, table->title, error));
     reading r = {context, yaml, table, 0, out, error};
     const lg_status status = fill(&r);
-    if (status != LG_OK) lg_scene_destroy(context, out);
+    if (status != LG_OK) lg_scene_destroy(out);
     return status;
 }
 
 lg_status lg_scene_from(const lg_context *context, lg_yaml *yaml, const char *form_wanted,
                         const lg_key_set *more, lg_scene *out, lg_error *error) {
-    lg_scene made = {.system = NULL};
+    lg_scene made = {.context = context};
     scene_table *table = lg_alloc(context, 1, sizeof *table);
     if (table == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_yaml_path(yaml));
     const lg_status status = read_scene(context, yaml, form_wanted, more, table, &made, error);
@@ -408,14 +409,14 @@ lg_status lg_scene_read(const lg_context *context, const char *path, const char 
     return status;
 }
 
-lg_status lg_scene_draw_start(const lg_context *context, lg_scene *scene, uint64_t seed) {
+lg_status lg_scene_draw_start(lg_scene *scene, uint64_t seed) {
     if (scene == NULL || scene->system == NULL || scene->state != NULL) return LG_INVALID_ARGUMENT;
     lg_trajectory_options options;
     lg_trajectory_options_init(&options);
     options.starts = scene->starts;
     options.low = scene->low;
     options.high = scene->high;
-    double *state = lg_alloc(context, lg_system_dim(scene->system), sizeof *state);
+    double *state = lg_alloc(scene->context, lg_system_dim(scene->system), sizeof *state);
     if (state == NULL) return LG_OUT_OF_MEMORY;
     lg_rng rng;
     lg_rng_seed(&rng, seed, 0);
@@ -423,14 +424,14 @@ lg_status lg_scene_draw_start(const lg_context *context, lg_scene *scene, uint64
     if (status == LG_OK)
         scene->state = state;
     else
-        lg_free(context, state);
+        lg_free(scene->context, state);
     return status;
 }
 
-void lg_scene_destroy(const lg_context *context, lg_scene *scene) {
+void lg_scene_destroy(lg_scene *scene) {
     if (scene == NULL) return;
     lg_system_destroy(scene->system);
-    lg_free(context, scene->state);
+    lg_free(scene->context, scene->state);
     *scene = (lg_scene){.system = NULL};
 }
 

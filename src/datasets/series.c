@@ -7,9 +7,9 @@
 #include "datasets/run.h"
 #include "datasets/series_files.h"
 
-void lg_series_data_destroy(const lg_context *context, lg_series_data *data) {
+void lg_series_data_destroy(lg_series_data *data) {
     if (data == NULL) return;
-    lg_series_destroy(context, &data->series);
+    lg_series_destroy(&data->series);
     *data = (lg_series_data){.sha256 = ""};
 }
 
@@ -250,11 +250,11 @@ lg_status lg_series_read(const lg_context *context, const char *path, const lg_r
     if (like != NULL && (like->classes < 1 || like->class_name == NULL))
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: the series to compare with has no classes",
                        lg_shown_path(path));
-    lg_series_data made = {.sha256 = ""};
+    lg_series_data made = {.series = {.context = context}};
     read_call call = {.context = context, .path = path, .like = like, .out = &made};
     const lg_status status = lg_h5_read(context, path, options, read_checked, &call, error);
     if (status != LG_OK) {
-        lg_series_data_destroy(context, &made);
+        lg_series_data_destroy(&made);
         return status;
     }
     warn(&call);
@@ -373,7 +373,8 @@ lg_status lg_file_reader_names(lg_file_reader *reader, lg_series *out, lg_error 
                        .rate = sensing.rate,
                        .class_name = sensing.class_name,
                        .class_label = sensing.class_label,
-                       .channel_name = sensing.channel_name};
+                       .channel_name = sensing.channel_name,
+                       .context = h5->context};
     return LG_OK;
 }
 

@@ -19,12 +19,12 @@ static uint32_t numbers_per_copy(const lg_hamiltonian_family *family) {
 
 /* ---- making and freeing ---- */
 
-void lg_trajectories_destroy(const lg_context *context, lg_trajectories *data) {
+void lg_trajectories_destroy(lg_trajectories *data) {
     if (data == NULL) return;
-    lg_free(context, data->t);
-    lg_free(context, data->data);
-    lg_free(context, data->hamiltonian);
-    lg_free(context, data->inputs);
+    lg_free(data->context, data->t);
+    lg_free(data->context, data->data);
+    lg_free(data->context, data->hamiltonian);
+    lg_free(data->context, data->inputs);
     *data = (lg_trajectories){0};
 }
 
@@ -52,7 +52,8 @@ lg_status lg_trajectories_create(const lg_context *context, const char *system,
                             .points = points,
                             .state_dim = n * numbers_per_copy(family),
                             .input_dim = input_dim,
-                            .dt = t_end / (double)(points - 1)};
+                            .dt = t_end / (double)(points - 1),
+                            .context = context};
     memcpy(made.system, system, strlen(system) + 1);
     made.t = lg_alloc(context, points, sizeof(double));
     made.data = array3(context, count, points, made.state_dim);
@@ -60,7 +61,7 @@ lg_status lg_trajectories_create(const lg_context *context, const char *system,
     if (input_dim > 0) made.inputs = array3(context, count, points - 1, input_dim);
     if (made.t == NULL || made.data == NULL || (with_hamiltonian && made.hamiltonian == NULL) ||
         (input_dim > 0 && made.inputs == NULL)) {
-        lg_trajectories_destroy(context, &made);
+        lg_trajectories_destroy(&made);
         return LG_OUT_OF_MEMORY;
     }
     for (size_t j = 0; j < points; j++) made.t[j] = t_end * ((double)j / (double)(points - 1));
@@ -323,11 +324,11 @@ static lg_status read_checked(void *user, lg_h5 *h5, lg_error *error) {
 lg_status lg_trajectories_read(const lg_context *context, const char *path, const lg_read_options *options,
                                lg_trajectories *out, lg_error *error) {
     if (path == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "a file needs a name");
-    lg_trajectories made = {.system = ""};
+    lg_trajectories made = {.context = context};
     read_call call = {.context = context, .path = path, .out = &made};
     const lg_status status = lg_h5_read(context, path, options, read_checked, &call, error);
     if (status != LG_OK) {
-        lg_trajectories_destroy(context, &made);
+        lg_trajectories_destroy(&made);
         return status;
     }
     hash(&made);

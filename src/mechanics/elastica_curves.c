@@ -16,7 +16,7 @@ lg_status lg_elastica_curves_create(const lg_context *context, size_t count, uin
     if (!out || count < 1 || intervals < 1 || intervals > LG_ELASTICA_MAX_INTERVALS)
         return LG_INVALID_ARGUMENT;
     const size_t row = 2 * ((size_t)intervals + 1) * sizeof(double);
-    lg_elastica_curves c = {.count = count, .intervals = intervals};
+    lg_elastica_curves c = {.count = count, .intervals = intervals, .context = context};
     c.boundary = lg_alloc(context, count, 8 * sizeof(double));
     c.q = lg_alloc(context, count, row);
     c.v = lg_alloc(context, count, row);
@@ -26,21 +26,21 @@ lg_status lg_elastica_curves_create(const lg_context *context, size_t count, uin
         c.kind = lg_alloc(context, count, sizeof(uint32_t));
     }
     if (!c.boundary || !c.q || !c.v || (optional && (!c.energy || !c.x || !c.kind))) {
-        lg_elastica_curves_destroy(context, &c);
+        lg_elastica_curves_destroy(&c);
         return LG_OUT_OF_MEMORY;
     }
     *out = c;
     return LG_OK;
 }
 
-void lg_elastica_curves_destroy(const lg_context *context, lg_elastica_curves *curves) {
+void lg_elastica_curves_destroy(lg_elastica_curves *curves) {
     if (!curves) return;
-    lg_free(context, curves->boundary);
-    lg_free(context, curves->q);
-    lg_free(context, curves->v);
-    lg_free(context, curves->energy);
-    lg_free(context, curves->x);
-    lg_free(context, curves->kind);
+    lg_free(curves->context, curves->boundary);
+    lg_free(curves->context, curves->q);
+    lg_free(curves->context, curves->v);
+    lg_free(curves->context, curves->energy);
+    lg_free(curves->context, curves->x);
+    lg_free(curves->context, curves->kind);
     *curves = (lg_elastica_curves){.count = 0};
 }
 
@@ -212,7 +212,7 @@ lg_status lg_elastica_generate(const lg_context *context, const lg_elastica_samp
                            : LG_OUT_OF_MEMORY;
     if (status == LG_OK) j.errors = lg_alloc(context, families * blocks, sizeof *j.errors);
     if (status != LG_OK || !j.errors) {
-        lg_elastica_curves_destroy(context, &curves);
+        lg_elastica_curves_destroy(&curves);
         return lg_fail(error, LG_OUT_OF_MEMORY, "elastica: no memory for %zu curves", sampling->count);
     }
     curves.length = sampling->problem.length;
@@ -221,7 +221,7 @@ lg_status lg_elastica_generate(const lg_context *context, const lg_elastica_samp
     status = run(&j, families * blocks, error);
     lg_free(context, j.errors);
     if (status != LG_OK) {
-        lg_elastica_curves_destroy(context, &curves);
+        lg_elastica_curves_destroy(&curves);
         return status;
     }
     *out = curves;

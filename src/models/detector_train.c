@@ -48,7 +48,7 @@ lg_status lg_detector_data_create(const lg_context *context, const lg_detector *
     LG_TRY(check_data(model, scaler, series, windows, chosen, count, error));
     const lg_kernels *k = lg_kernels_for(dtype);
     const size_t numbers = (size_t)model->net.length * model->net.channels;
-    lg_detector_data made = {.count = count, .dtype = dtype};
+    lg_detector_data made = {.count = count, .dtype = dtype, .context = context};
     lg_status status = LG_OK;
     made.x = lg_alloc(context, count, numbers * k->size);
     made.label = lg_alloc(context, count, sizeof *made.label);
@@ -67,17 +67,17 @@ lg_status lg_detector_data_create(const lg_context *context, const lg_detector *
     }
     lg_free(context, window);
     if (status != LG_OK) {
-        lg_detector_data_destroy(context, &made);
+        lg_detector_data_destroy(&made);
         return status;
     }
     *out = made;
     return LG_OK;
 }
 
-void lg_detector_data_destroy(const lg_context *context, lg_detector_data *data) {
+void lg_detector_data_destroy(lg_detector_data *data) {
     if (data == NULL) return;
-    lg_free(context, data->x);
-    lg_free(context, data->label);
+    lg_free(data->context, data->x);
+    lg_free(data->context, data->label);
     *data = (lg_detector_data){0};
 }
 

@@ -17,7 +17,8 @@ lg_status lg_series_allocate(const lg_context *context, lg_series *series, bool 
                       .channels = series->channels,
                       .length = series->length,
                       .classes = series->classes,
-                      .rate = series->rate};
+                      .rate = series->rate,
+                      .context = context};
     const uint64_t window = (uint64_t)made.channels * made.length;
     if (window > SIZE_MAX / sizeof(float)) return LG_OUT_OF_MEMORY;
     made.x = lg_alloc(context, made.count, (size_t)window * sizeof(float));
@@ -27,7 +28,7 @@ lg_status lg_series_allocate(const lg_context *context, lg_series *series, bool 
     if (with_run) made.run = lg_alloc(context, made.count, sizeof *made.run);
     if (made.x == NULL || made.label == NULL || made.class_name == NULL ||
         (with_group && made.group == NULL) || (with_run && made.run == NULL)) {
-        lg_series_destroy(context, &made);
+        lg_series_destroy(&made);
         return LG_OUT_OF_MEMORY;
     }
     for (uint32_t c = 0; c < made.classes; c++)
@@ -36,15 +37,15 @@ lg_status lg_series_allocate(const lg_context *context, lg_series *series, bool 
     return LG_OK;
 }
 
-void lg_series_destroy(const lg_context *context, lg_series *series) {
+void lg_series_destroy(lg_series *series) {
     if (series == NULL) return;
-    lg_free(context, series->x);
-    lg_free(context, series->label);
-    lg_free(context, series->group);
-    lg_free(context, series->run);
-    lg_free(context, series->class_name);
-    lg_free(context, series->class_label);
-    lg_free(context, series->channel_name);
+    lg_free(series->context, series->x);
+    lg_free(series->context, series->label);
+    lg_free(series->context, series->group);
+    lg_free(series->context, series->run);
+    lg_free(series->context, series->class_name);
+    lg_free(series->context, series->class_label);
+    lg_free(series->context, series->channel_name);
     *series = (lg_series){0};
 }
 
@@ -107,7 +108,7 @@ lg_status lg_windows_create(const lg_context *context, const lg_series *series, 
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "%zu stored windows, cut into windows of %zu samples: both must be below 2^32",
                        series->count, length);
-    lg_windows made = {.length = (uint32_t)length};
+    lg_windows made = {.length = (uint32_t)length, .context = context};
     const uint64_t all = (uint64_t)series->count * series->length;
     const uint64_t step = hop < all ? hop : all; /* no overflow: one hop beyond the end is enough */
     made.count = cut_all(series, step, &made);
@@ -124,7 +125,7 @@ lg_status lg_windows_create(const lg_context *context, const lg_series *series, 
     made.first = lg_alloc(context, made.count, sizeof *made.first);
     made.offset = lg_alloc(context, made.count, sizeof *made.offset);
     if (made.first == NULL || made.offset == NULL) {
-        lg_windows_destroy(context, &made);
+        lg_windows_destroy(&made);
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the places of the windows");
     }
     (void)cut_all(series, step, &made);
@@ -132,10 +133,10 @@ lg_status lg_windows_create(const lg_context *context, const lg_series *series, 
     return LG_OK;
 }
 
-void lg_windows_destroy(const lg_context *context, lg_windows *windows) {
+void lg_windows_destroy(lg_windows *windows) {
     if (windows == NULL) return;
-    lg_free(context, windows->first);
-    lg_free(context, windows->offset);
+    lg_free(windows->context, windows->first);
+    lg_free(windows->context, windows->offset);
     *windows = (lg_windows){0};
 }
 
@@ -230,7 +231,7 @@ lg_status lg_scaler_fit(const lg_context *context, const lg_series *series, cons
     if (series == NULL || windows == NULL || out == NULL || count == 0) return LG_INVALID_ARGUMENT;
     if (!in_range(windows, chosen, count)) return LG_INVALID_ARGUMENT;
     const size_t channels = series->channels;
-    lg_scaler made = {.channels = series->channels};
+    lg_scaler made = {.channels = series->channels, .context = context};
     scan s = {series, windows, chosen, count, NULL};
     s.window = lg_alloc(context, channels * windows->length, sizeof *s.window);
     double *mean = lg_alloc(context, 3 * channels, sizeof *mean);
@@ -247,16 +248,16 @@ lg_status lg_scaler_fit(const lg_context *context, const lg_series *series, cons
     lg_free(context, s.window);
     lg_free(context, mean);
     if (!good) {
-        lg_scaler_destroy(context, &made);
+        lg_scaler_destroy(&made);
         return LG_OUT_OF_MEMORY;
     }
     *out = made;
     return LG_OK;
 }
 
-void lg_scaler_destroy(const lg_context *context, lg_scaler *scaler) {
+void lg_scaler_destroy(lg_scaler *scaler) {
     if (scaler == NULL) return;
-    lg_free(context, scaler->mean);
-    lg_free(context, scaler->scale);
+    lg_free(scaler->context, scaler->mean);
+    lg_free(scaler->context, scaler->scale);
     *scaler = (lg_scaler){0};
 }

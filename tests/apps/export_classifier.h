@@ -106,14 +106,14 @@ static inline void classifier_make(const sample *of, fitted *out) {
     if (lg_classifier_fit(NULL, &options, table, out->series.label, NULL, windows.count, features->count,
                           of->classes, &out->classifier, &error) != LG_OK)
         fail_msg("%s: %s", of->folder, error.message);
-    lg_windows_destroy(NULL, &windows);
+    lg_windows_destroy(&windows);
     free(table);
 }
 
 static inline void classifier_free(fitted *of) {
-    lg_classifier_destroy(NULL, &of->classifier);
-    lg_series_destroy(NULL, &of->series);
-    lg_scaler_destroy(NULL, &of->scaler);
+    lg_classifier_destroy(&of->classifier);
+    lg_series_destroy(&of->series);
+    lg_scaler_destroy(&of->scaler);
 }
 
 /* As lg-anomaly train writes it: NAME.h5. */

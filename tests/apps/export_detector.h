@@ -119,8 +119,9 @@ static inline void detector_save(const sample *of) {
     memset(file.run.data_sha256, 'a', LG_SHA256_TEXT - 1);
     file.parameters = lg_cnn_parameters(net);
     file.theta = calloc(file.parameters, sizeof(double));
-    file.scaler = (lg_scaler){net->channels, calloc(net->channels, sizeof(double)),
-                              calloc(net->channels, sizeof(double))};
+    file.scaler = (lg_scaler){.channels = net->channels,
+                              .mean = calloc(net->channels, sizeof(double)),
+                              .scale = calloc(net->channels, sizeof(double))};
     file.class_name = calloc(of->classes, sizeof *file.class_name);
     file.channel_name = calloc(net->channels, sizeof *file.channel_name);
     for (int i = 0; i < LG_FIT_SERIES_COUNT; i++) file.history[i] = calloc(3, sizeof(double));
@@ -174,7 +175,7 @@ static inline void detector_change(const sample *of, size_t from_end, double cha
     changed.theta = theta;
     changed.scaler = file.detector.scaler;
     assert_ok(lg_model_save_detector(NULL, path, &changed, NULL, NULL));
-    lg_model_file_destroy(NULL, &file);
+    lg_model_file_destroy(&file);
     free(theta);
 }
 
@@ -200,7 +201,7 @@ static inline double detector_mean(const sample *of) {
         lg_model_eval(file.model, x, &y, work);
         mean += y / DRAWN;
     }
-    lg_model_file_destroy(NULL, &file);
+    lg_model_file_destroy(&file);
     free(work);
     free(x);
     return mean;

@@ -69,7 +69,7 @@ static void write_other(const other *what) {
     }
     cli_path(what->name, path, sizeof path);
     if (lg_series_write(NULL, path, &data, &error) != LG_OK) fail_msg("%s", error.message);
-    lg_series_data_destroy(NULL, &data);
+    lg_series_data_destroy(&data);
 }
 
 static lg_series_data read_back(const char *name) {
@@ -253,9 +253,9 @@ TEST("generated windows are those that are asked for, and the same for the same 
     lg_series_data cracked = read_back("cracked.h5");
     assert_memory_equal(cracked.series.x, s->x, 9 * size * sizeof *s->x);
     assert_memory_not_equal(cracked.series.x + 9 * size, s->x + 9 * size, 9 * size * sizeof *s->x);
-    lg_series_data_destroy(NULL, &same);
-    lg_series_data_destroy(NULL, &two);
-    lg_series_data_destroy(NULL, &cracked);
+    lg_series_data_destroy(&same);
+    lg_series_data_destroy(&two);
+    lg_series_data_destroy(&cracked);
 }
 
 /* Lines of a text, and what stands in the last column of the line that begins with `time`. */
@@ -433,8 +433,8 @@ TEST("a test set may be a file of its own") {
     assert_close(json_number(result.out, "accuracy"), accuracy, 0, 0);
     cli_expect(lg, "train data.h5 --test data.h5 --method logistic --out given.h5", 0, "", &result);
     assert_non_null(strstr(result.err, "nothing is tested on unseen data"));
-    lg_series_data_destroy(NULL, &data);
-    lg_series_data_destroy(NULL, &fresh);
+    lg_series_data_destroy(&data);
+    lg_series_data_destroy(&fresh);
 }
 
 /* fresh.h5 as another program would write it: no names of classes, /y is low, low + 1, ... */
@@ -452,7 +452,7 @@ static void write_numbered(const char *name, uint32_t low, bool named) {
     assert_true(H5Dwrite(set, H5T_NATIVE_UINT32, H5S_ALL, H5S_ALL, H5P_DEFAULT, data.series.label) >= 0);
     assert_true(H5Adelete(file, "classes") >= 0 && H5Adelete(file, "format") >= 0);
     assert_true(H5Dclose(set) >= 0 && H5Fclose(file) >= 0);
-    lg_series_data_destroy(NULL, &data);
+    lg_series_data_destroy(&data);
 }
 
 TEST("a model remembers what stood for its classes, also in files without names") {
@@ -592,7 +592,7 @@ static void expect_same_models(const char *a, const char *b, bool same) {
     const bool equal =
         memcmp(files[0].theta, files[1].theta, files[0].parameters * sizeof *files[0].theta) == 0;
     if (equal != same) fail_msg("%s and %s %s", a, b, equal ? "are the same" : "differ");
-    for (int i = 0; i < 2; i++) lg_detector_file_destroy(NULL, &files[i]);
+    for (int i = 0; i < 2; i++) lg_detector_file_destroy(&files[i]);
 }
 
 #define TRAIN "train data.h5 --batch 20 --plane 3 --split run "

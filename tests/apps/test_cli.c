@@ -279,8 +279,8 @@ static void assert_same_parameters(const char *a, const char *b, bool same) {
     const int difference = memcmp(first.theta, second.theta, first.parameters * sizeof(double));
     if ((difference == 0) != same)
         fail_msg("%s and %s: parameters are %s", a, b, same ? "different" : "the same");
-    lg_hamiltonian_file_destroy(NULL, &first);
-    lg_hamiltonian_file_destroy(NULL, &second);
+    lg_hamiltonian_file_destroy(&first);
+    lg_hamiltonian_file_destroy(&second);
 }
 
 TEST("the same seed gives the same bits, in one run or resumed") {
@@ -347,7 +347,7 @@ static void assert_recorded(const lg_hamiltonian_file *file, double e1, double e
     assert_true(file->test.trajectories == 6 && file->test.points == 8);
     assert_close(file->test.t_end, 1, 1e-15, 0);
     assert_string_equal(file->test.sha256, test.sha256);
-    lg_trajectories_destroy(NULL, &test);
+    lg_trajectories_destroy(&test);
 }
 
 TEST("errors are recorded in the model's file") {
@@ -368,8 +368,8 @@ TEST("errors are recorded in the model's file") {
     load("rec.h5", &after);
     assert_recorded(&after, e1, e2);
     assert_same_training(&before, &after);
-    lg_hamiltonian_file_destroy(NULL, &before);
-    lg_hamiltonian_file_destroy(NULL, &after);
+    lg_hamiltonian_file_destroy(&before);
+    lg_hamiltonian_file_destroy(&after);
     /* A checkpoint is no model; the one beside the model goes on to the same bits. */
     copy("rc.h5", "rc.before");
     cli_expect(lg, "evaluate rc.h5 test.h5 --record", 3, "rc.h5", &result);
@@ -379,7 +379,7 @@ TEST("errors are recorded in the model's file") {
     assert_same_parameters("rec.h5", "whole.h5", true);
     load("rec.h5", &after);
     assert_false(after.has_e1 || after.has_e2 || after.test.sha256[0] != '\0');
-    lg_hamiltonian_file_destroy(NULL, &after);
+    lg_hamiltonian_file_destroy(&after);
 }
 
 /* Test data without energies take the E2 of others away; the training data are no test set, which is said. A
@@ -392,7 +392,7 @@ TEST("recorded errors replace the first ones, and a link to the model stays a li
     load("model.h5", &file);
     assert_true(file.has_e2 && file.test.trajectories == 40);
     assert_string_equal(file.test.sha256, file.run.data_sha256);
-    lg_hamiltonian_file_destroy(NULL, &file);
+    lg_hamiltonian_file_destroy(&file);
     copy("test.h5", "plain.h5");
     cli_path("plain.h5", path, sizeof path);
     const hid_t plain = H5Fopen(path, H5F_ACC_RDWR, H5P_DEFAULT);
@@ -401,7 +401,7 @@ TEST("recorded errors replace the first ones, and a link to the model stays a li
     assert_int_equal(result.err[0], '\0');
     load("model.h5", &file);
     assert_true(file.has_e1 && !file.has_e2 && file.test.trajectories == 6);
-    lg_hamiltonian_file_destroy(NULL, &file);
+    lg_hamiltonian_file_destroy(&file);
 }
 
 TEST("a folder that cannot be written is told before the evaluation; root may write everywhere") {
@@ -433,8 +433,8 @@ TEST("what the demonstration judges, it records") {
     cli_path("demo/test.h5", path, sizeof path);
     assert_ok(lg_trajectories_read(NULL, path, NULL, &test, NULL));
     assert_string_equal(file.test.sha256, test.sha256);
-    lg_trajectories_destroy(NULL, &test);
-    lg_hamiltonian_file_destroy(NULL, &file);
+    lg_trajectories_destroy(&test);
+    lg_hamiltonian_file_destroy(&file);
     cli_path("demo", path, sizeof path);
     DIR *folder = opendir(path);
     assert_non_null(folder);

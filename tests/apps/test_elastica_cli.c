@@ -450,7 +450,7 @@ TEST("generated curves are those that are asked for, and the same for the same s
     double q[16];
     assert_int_equal(json_array(result.out, "q", q, 16), 16);
     for (size_t i = 0; i < 16; i++) assert_close(c->q[16 + i], q[i], 0, 1e-10);
-    lg_elastica_data_destroy(NULL, &data);
+    lg_elastica_data_destroy(&data);
     /* The same bits whatever the threads. */
     run("generate --case both --count 5 --intervals 7 --gap 0.02 --out g1.h5 --threads 1 --json");
     const char *hash = json_find(result.out, "sha256");
@@ -631,8 +631,8 @@ static void assert_same_parameters(const char *a, const char *b, bool same) {
     const int difference = memcmp(first.theta, second.theta, first.parameters * sizeof(double));
     if ((difference == 0) != same)
         fail_msg("%s and %s: parameters are %s", a, b, same ? "different" : "the same");
-    lg_surrogate_file_destroy(NULL, &first);
-    lg_surrogate_file_destroy(NULL, &second);
+    lg_surrogate_file_destroy(&first);
+    lg_surrogate_file_destroy(&second);
 }
 
 TEST("the same seed gives the same bits, in one run or resumed") {

@@ -41,7 +41,7 @@ static void open_pair(pair *p, const sample *of, const char *dtype) {
 
 static void close_pair(pair *p) {
     export_close(&p->lib);
-    lg_model_file_destroy(NULL, &p->file);
+    lg_model_file_destroy(&p->file);
     free(p->work);
     free(p->score_work);
     lg_detector_plan_destroy(p->scores);

@@ -139,9 +139,9 @@ static void check_errors(const char *scene, const char *integrator, const char *
     assert_string_equal(result.err, "");
     assert_close(json_number(result.out, "E1"), first_error(&model, &test), 1e-6, 0);
     assert_close(json_number(result.out, "E2"), second_error(&model, &test), 1e-6, 0);
-    lg_hamiltonian_file_destroy(NULL, &model);
-    lg_trajectories_destroy(NULL, &train);
-    lg_trajectories_destroy(NULL, &test);
+    lg_hamiltonian_file_destroy(&model);
+    lg_trajectories_destroy(&train);
+    lg_trajectories_destroy(&test);
 }
 
 TEST("E1 and E2 are those that are computed here") {
@@ -174,7 +174,7 @@ TEST("results that overflow are null and end with a sentence; an unknown E2 is n
     write_data("unknown.h5", &test);
     test.hamiltonian = energies;
     cli_expect(lg, "evaluate model.h5 unknown.h5 --json", 0, "\"E2\": null", &result);
-    lg_trajectories_destroy(NULL, &test);
+    lg_trajectories_destroy(&test);
 }
 
 TEST("test data of another system is told") {
@@ -184,7 +184,7 @@ TEST("test data of another system is told") {
     write_data("quartic.h5", &test);
     test.system[0] = '\0';
     write_data("nameless.h5", &test);
-    lg_trajectories_destroy(NULL, &test);
+    lg_trajectories_destroy(&test);
     cli_expect(lg, "evaluate model.h5 quartic.h5 --json", 0, "\"E1\"", &result);
     assert_non_null(strstr(result.err, "model.h5 was trained on coupled-oscillators"));
     assert_non_null(strstr(result.err, "quartic.h5 holds quartic"));
@@ -195,7 +195,7 @@ TEST("test data of another system is told") {
 TEST("trajectories of too many points are refused") {
     lg_trajectories data;
     generate("oscillators.yaml --trajectories 2 --points 513 --t-end 0.5", "long.h5", &data);
-    lg_trajectories_destroy(NULL, &data);
+    lg_trajectories_destroy(&data);
     cli_expect(lg, "train long.h5 --integrator rk4 --epochs 1 --out m.h5", 3,
                "long.h5: /trajectories has 513 points", &result);
     assert_non_null(strstr(result.err, "512"));
@@ -217,7 +217,7 @@ TEST("starts of a chain lie in the box that is asked for") {
             assert_close(q[0] * q[0] + q[1] * q[1] + q[2] * q[2], 1, 1e-14, 0);
             for (int c = 0; c < 3; c++) assert_close(p[c], 2 * (q[(c + 1) % 3] - q[(c + 2) % 3]), 0, 2e-3);
         }
-    lg_trajectories_destroy(NULL, &data);
+    lg_trajectories_destroy(&data);
 }
 
 /* H = (q1^2 + p1^2)/2 + p2^2/2 + q2^2/2 + q2^4/4, state q1 q2 p1 p2. */
@@ -245,7 +245,7 @@ static void check_noise(const lg_trajectories *clean, const char *kind, double e
     }
     /* 1280 numbers: the mean of their squares is within 20 percent */
     assert_close(sum / (double)(clean->count * (clean->points - 1) * d), variance, 0.2, 0);
-    lg_trajectories_destroy(NULL, &noisy);
+    lg_trajectories_destroy(&noisy);
 }
 
 TEST("starts lie in the box, and the noise is of the size that is asked for") {
@@ -262,7 +262,7 @@ TEST("starts lie in the box, and the noise is of the size that is asked for") {
     }
     check_noise(&clean, "normal", 1e-2, 1e-4);
     check_noise(&clean, "uniform", 1e-2, 1e-4 / 3);
-    lg_trajectories_destroy(NULL, &clean);
+    lg_trajectories_destroy(&clean);
 }
 
 /* ---- study ---- */

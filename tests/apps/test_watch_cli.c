@@ -32,7 +32,7 @@ static void write_series(void) {
     (void)snprintf(data.series.class_name[1], LG_SERIES_NAME, "broken");
     cli_path("data.h5", path, sizeof path);
     assert_ok(lg_series_write(NULL, path, &data, NULL));
-    lg_series_data_destroy(NULL, &data);
+    lg_series_data_destroy(&data);
 }
 
 static int make_models(void **state) {

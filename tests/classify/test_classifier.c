@@ -54,8 +54,8 @@ TEST("chains tell clouds apart") {
             lg_classifier again = {0};
             assert_ok(lg_classifier_fit(NULL, &o, x, label, chosen, 80, 5, classes, &again, NULL));
             assert_memory_equal(c.pca.mean, again.pca.mean, 5 * sizeof(double));
-            lg_classifier_destroy(NULL, &c);
-            lg_classifier_destroy(NULL, &again);
+            lg_classifier_destroy(&c);
+            lg_classifier_destroy(&again);
         }
 }
 
@@ -83,7 +83,7 @@ TEST("wide, short, scaled and contradictory tables give finite scores") {
                     lg_classifier_score(&c, x + i * d, work, work + classes);
                     for (uint32_t k = 0; k < classes; k++) assert_true(isfinite(work[k]));
                 }
-                lg_classifier_destroy(NULL, &c);
+                lg_classifier_destroy(&c);
             }
 }
 
@@ -140,7 +140,7 @@ static void make_classifier(const lg_series *s, size_t t, lg_classifier *c) {
     assert_ok(lg_features_table(NULL, &c->features, s, &w, 1, x, NULL));
     const lg_method_options o = options_of(t);
     assert_ok(lg_classifier_fit(NULL, &o, x, s->label, NULL, w.count, c->features.count, 3, c, NULL));
-    lg_windows_destroy(NULL, &w);
+    lg_windows_destroy(&w);
 }
 
 /* Chain t, saved. */
@@ -160,7 +160,7 @@ static void open_archived(const lg_series *s, size_t t, archived *a) {
 
 static void close_archived(archived *a) {
     memory_clear(&a->archive);
-    lg_classifier_destroy(NULL, &a->c);
+    lg_classifier_destroy(&a->c);
 }
 
 TEST("archives keep every bit") {
@@ -181,10 +181,10 @@ TEST("archives keep every bit") {
             assert_ok(lg_classifier_window(&back, s.x + i * 240, read, work));
             assert_memory_equal(kept, read, sizeof kept);
         }
-        lg_classifier_destroy(NULL, &back);
+        lg_classifier_destroy(&back);
         close_archived(&a);
     }
-    lg_series_destroy(NULL, &s);
+    lg_series_destroy(&s);
 }
 
 /* Every entry of every stored array, one at a time, becomes another number; every dimension another size: the
@@ -200,7 +200,7 @@ static void use(const lg_archive_reader *reader, const float *x) {
     if (c.features.channels * c.features.length <= 240)
         (void)lg_classifier_window(&c, x, work, work + c.classes);
     free(work);
-    lg_classifier_destroy(NULL, &c);
+    lg_classifier_destroy(&c);
 }
 
 TEST("archives that lie are refused, or what they give can be used") {
@@ -236,7 +236,7 @@ TEST("archives that lie are refused, or what they give can be used") {
         }
         close_archived(&a);
     }
-    lg_series_destroy(NULL, &s);
+    lg_series_destroy(&s);
 }
 
 TEST("lies in an archive are refused by name") {
@@ -279,7 +279,7 @@ TEST("lies in an archive are refused by name") {
         assert_non_null(strstr(e.message, lies[i].path));
         close_archived(&a);
     }
-    lg_series_destroy(NULL, &s);
+    lg_series_destroy(&s);
 }
 
 static void replace(memory_archive *archive, const char *path, const void *data, size_t rows,
@@ -317,10 +317,10 @@ TEST("trees with cycles are refused") {
         replace(&a.archive, "classifier/tree/node", node, 7, sizeof node[0]);
         replace(&a.archive, "classifier/tree/counts", counts, 7, sizeof counts[0]);
         assert_status(lg_classifier_load(NULL, &a.reader, &back, NULL), honest ? LG_OK : LG_FORMAT);
-        lg_classifier_destroy(NULL, &back);
+        lg_classifier_destroy(&back);
         close_archived(&a);
     }
-    lg_series_destroy(NULL, &s);
+    lg_series_destroy(&s);
 }
 
 TEST("every allocation may fail") {
@@ -343,11 +343,11 @@ TEST("every allocation may fail") {
                 if (what == 2)
                     status = lg_grid_search(context, &o, 1, 2, x, label, unit, NULL, 12, 3, 3, 1, rates,
                                             &best, NULL);
-                lg_classifier_destroy(context, &back);
+                lg_classifier_destroy(&back);
             });
         close_archived(&a);
     }
-    lg_series_destroy(NULL, &s);
+    lg_series_destroy(&s);
 }
 
 /* ---- choosing ---- */

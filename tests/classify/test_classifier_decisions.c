@@ -40,10 +40,10 @@ typedef struct chain {
 
 static void release(void *of) {
     chain *f = of;
-    lg_classifier_destroy(NULL, &f->c);
-    lg_scaler_destroy(NULL, &f->scaler);
-    lg_windows_destroy(NULL, &f->windows);
-    lg_series_destroy(NULL, &f->series);
+    lg_classifier_destroy(&f->c);
+    lg_scaler_destroy(&f->scaler);
+    lg_windows_destroy(&f->windows);
+    lg_series_destroy(&f->series);
 }
 
 static chain *make(lg_series series, lg_feature_kind kind, bool directions_x, lg_method method,

@@ -25,7 +25,7 @@ static lg_series make_series(size_t count, uint32_t channels, uint32_t length, b
 static void free_series(lg_series *s) {
     free(s->channel_name);
     s->channel_name = NULL;
-    lg_series_destroy(NULL, s);
+    lg_series_destroy(s);
 }
 
 static double covariance(const float *a, const float *b, size_t n) {
@@ -56,12 +56,12 @@ TEST("deviations by their definition, raw samples as they stand") {
     for (int t = 0; t < 37; t++) s.x[t] = 1e5f + 0.1f;
     out = compute(&f, s.x);
     assert_close(out[0], 0.0, 0, 0); /* not what rounding of the mean leaves */
-    lg_features_destroy(NULL, &f);
+    lg_features_destroy(&f);
     assert_ok(lg_features_create(NULL, LG_FEATURES_RAW, true, &s, 37, NULL, &f, NULL));
     assert_int_equal(f.count, 3 * 37);
     out = compute(&f, s.x);
     for (int i = 0; i < 37; i++) assert_close(out[37 + i], s.x[2 * 37 + i], 0, 0);
-    lg_features_destroy(NULL, &f);
+    lg_features_destroy(&f);
     free_series(&s);
 }
 
@@ -74,7 +74,7 @@ TEST("the root squares to the covariance, with dependent and constant channels")
         s.x[5 * 50 + i] = 1e5f + 0.1f;
     }
     double mean[6] = {0}, scale[6] = {1, 2, 3, 0.5, 1e6, 3};
-    const lg_scaler scaler = {6, mean, scale};
+    const lg_scaler scaler = {.channels = 6, .mean = mean, .scale = scale};
     lg_features f;
     assert_ok(lg_features_create(NULL, LG_FEATURES_COV, false, &s, 50, &scaler, &f, NULL));
     assert_int_equal(f.count, 21);
@@ -90,7 +90,7 @@ TEST("the root squares to the covariance, with dependent and constant channels")
         }
     for (int i = 0; i < 6; i++) assert_true(root[i][i] >= 0.0);
     for (int j = 0; j < 6; j++) assert_close(root[5][j], 0.0, 0, 1e-18); /* no rounding of a constant */
-    lg_features_destroy(NULL, &f);
+    lg_features_destroy(&f);
     free_series(&s);
 }
 
@@ -125,7 +125,7 @@ TEST("roots 2^18 apart are right to the last digits") {
                 }
             assert_close(sum, k == l ? root[k] : 0.0, 0, 4e-15);
         }
-    lg_features_destroy(NULL, &f);
+    lg_features_destroy(&f);
     free_series(&s);
 }
 
@@ -158,7 +158,7 @@ TEST("one channel, many, more than samples; copies of each other; the memory beh
                         for (uint32_t k = 0; k < m; k++) square += root[i * m + k] * root[k * m + j];
                         assert_close(square, covariance(s.x + i * n, s.x + j * n, n), 0, 1e-13 * largest);
                     }
-                lg_features_destroy(NULL, &f);
+                lg_features_destroy(&f);
                 free_series(&s);
             }
 }
@@ -181,10 +181,10 @@ TEST("moments that are 2 acceleration + offset give intercept and slope, in this
     for (int p = 0; p < 10; p++) mean += 0.1 * sqrt(covariance(s.x + 500 + 10 * p, s.x + 500 + 10 * p, 10));
     assert_close(out[2], mean, 1e-13, 0);
     assert_close(out[3], 0.0, 0, 0);
-    lg_features_destroy(NULL, &f);
+    lg_features_destroy(&f);
     assert_ok(lg_features_create(NULL, LG_FEATURES_BASELINE, true, &s, 100, NULL, &f, NULL));
     assert_int_equal(f.count, 2);
-    lg_features_destroy(NULL, &f);
+    lg_features_destroy(&f);
     free_series(&s);
 }
 
@@ -195,14 +195,14 @@ TEST("windows of one sample have zeros") {
         assert_ok(lg_features_create(NULL, (lg_feature_kind)kind, false, &s, 1, NULL, &f, NULL));
         double *out = compute(&f, s.x);
         for (uint32_t i = 0; i < f.count; i++) assert_close(out[i], 0.0, 0, 0);
-        lg_features_destroy(NULL, &f);
+        lg_features_destroy(&f);
     }
     free_series(&s);
 }
 
 TEST("a constant channel has zero, not what rounding of its mean leaves") {
     double mean[1] = {0}, scale[1] = {3};
-    const lg_scaler scaler = {1, mean, scale};
+    const lg_scaler scaler = {.channels = 1, .mean = mean, .scale = scale};
     for (uint32_t length = 2; length <= 60; length++) {
         lg_series s = make_series(1, 1, length, false);
         for (uint32_t t = 0; t < length; t++) s.x[t] = 0.1f;
@@ -210,7 +210,7 @@ TEST("a constant channel has zero, not what rounding of its mean leaves") {
         assert_ok(lg_features_create(NULL, LG_FEATURES_COV, false, &s, length, &scaler, &f, NULL));
         double *out = compute(&f, s.x);
         assert_close(out[0], 0.0, 0, 0);
-        lg_features_destroy(NULL, &f);
+        lg_features_destroy(&f);
         free_series(&s);
     }
 }
@@ -236,7 +236,7 @@ TEST("features have the names of their channels") {
         assert_string_equal(text, cases[i].name);
         (void)lg_features_name(&f, NULL, cases[i].index, text, sizeof text);
         assert_string_equal(text, cases[i].bare);
-        lg_features_destroy(NULL, &f);
+        lg_features_destroy(&f);
         lg_feature_kind kind;
         assert_ok(lg_feature_kind_parse(lg_feature_kind_name(cases[i].kind), &kind));
         assert_int_equal(kind, cases[i].kind);
@@ -262,9 +262,9 @@ TEST("threads give the same bits") {
             assert_ok(lg_features_table(NULL, &f, &s, &w, threads, more, NULL));
             assert_memory_equal(one, more, 23 * f.count * sizeof *one);
         }
-        lg_features_destroy(NULL, &f);
+        lg_features_destroy(&f);
     }
-    lg_windows_destroy(NULL, &w);
+    lg_windows_destroy(&w);
     free_series(&s);
 }
 
@@ -281,7 +281,8 @@ TEST("windows, scalers and samples that do not fit are refused") {
         lg_features_create(NULL, (lg_feature_kind)LG_FEATURE_KIND_COUNT, false, &s, 20, NULL, &f, &e), bad);
     assert_status(lg_features_create(NULL, LG_FEATURES_RAW, false, &s, 1u << 20, NULL, &f, &e), bad);
     double mean[3] = {0}, scale[3] = {1, 0, 1};
-    const lg_scaler zero = {3, mean, scale}, narrow = {2, mean, scale};
+    const lg_scaler zero = {.channels = 3, .mean = mean, .scale = scale},
+                    narrow = {.channels = 2, .mean = mean, .scale = scale};
     assert_status(lg_features_create(NULL, LG_FEATURES_COV, false, &s, 20, &zero, &f, &e), bad);
     assert_status(lg_features_create(NULL, LG_FEATURES_COV, false, &s, 20, &narrow, &f, &e), bad);
     assert_int_equal(f.count, 77);
@@ -298,9 +299,9 @@ TEST("windows, scalers and samples that do not fit are refused") {
     assert_status(lg_features_table(NULL, &f, &s, &w, 2, table, &e), LG_NOT_FINITE);
     assert_non_null(strstr(e.message, "window 0"));
     assert_status(lg_features_table(NULL, &f, &s, &w, 0, table, &e), bad);
-    lg_windows_destroy(NULL, &w);
+    lg_windows_destroy(&w);
     free(work);
-    lg_features_destroy(NULL, &f);
+    lg_features_destroy(&f);
     free_series(&s);
 }
 
@@ -313,8 +314,8 @@ TEST("every allocation may fail") {
         lg_features f = {0};
         status = lg_features_create(context, LG_FEATURES_COV, false, &s, 30, NULL, &f, NULL);
         if (status == LG_OK) status = lg_features_table(context, &f, &s, &w, 2, table, NULL);
-        lg_features_destroy(context, &f);
+        lg_features_destroy(&f);
     });
-    lg_windows_destroy(NULL, &w);
+    lg_windows_destroy(&w);
     free_series(&s);
 }

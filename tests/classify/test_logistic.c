@@ -22,7 +22,7 @@ TEST("weights are scikit-learn's") {
             for (uint32_t j = 0; j < d; j++) assert_close(m.weight[a * d + j], row[j], 1e-7, 1e-7);
             assert_close(m.intercept[a], row[d], 1e-7, 1e-7);
         }
-        lg_logistic_destroy(NULL, &m);
+        lg_logistic_destroy(&m);
     }
 }
 
@@ -66,7 +66,7 @@ TEST("the gradient of what is minimised vanishes") {
                 sum += j < m.inputs ? m.weight[a * m.inputs + j] : m.intercept[a];
             assert_close(sum, 0.0, 0, 1e-11);
         }
-        lg_logistic_destroy(NULL, &m);
+        lg_logistic_destroy(&m);
     }
 }
 
@@ -82,7 +82,7 @@ TEST("correlated features take few iterations") {
         assert_ok(lg_logistic_fit(NULL, x, label, N, D, classes, 100.0, &m, NULL));
         assert_close(largest_gradient(&m, x, label, N, 100.0), 0.0, 0, 1e-6);
         assert_true(m.iterations <= 20); /* of Newton's method: none is wasted on a poor solution */
-        lg_logistic_destroy(NULL, &m);
+        lg_logistic_destroy(&m);
     }
 }
 
@@ -96,7 +96,7 @@ TEST("without a penalty the classes' weights still sum to zero") {
     for (int j = 0; j < D; j++)
         assert_close((m.weight[j] + m.weight[D + j] + m.weight[2 * D + j]) / largest, 0.0, 0, 1e-13);
     assert_close(largest_gradient(&m, x, label, N, 1e10), 0.0, 0, 1e-1);
-    lg_logistic_destroy(NULL, &m);
+    lg_logistic_destroy(&m);
 }
 
 TEST("contradictory, scaled and incomplete tables have their minimiser") {
@@ -110,7 +110,7 @@ TEST("contradictory, scaled and incomplete tables have their minimiser") {
     assert_ok(lg_logistic_fit(NULL, x, label, 40, 2, 2, 1.0, &m, NULL));
     assert_close(m.intercept[0], log(1.0 / 3.0), 1e-9, 0);
     assert_close(m.weight[0], 0.0, 0, 1e-12);
-    lg_logistic_destroy(NULL, &m);
+    lg_logistic_destroy(&m);
     static const double factors[] = {1e-12, 1e12};
     for (int f = 0; f < 2; f++) {
         x = clouds(40, 2, 2, 1.0, 6, label);
@@ -119,7 +119,7 @@ TEST("contradictory, scaled and incomplete tables have their minimiser") {
         lg_logistic_predict(&m, x, 40, p);
         for (int i = 0; i < 80; i++) assert_true(p[i] >= 0.0 && p[i] <= 1.0);
         assert_close(largest_gradient(&m, x, label, 40, 1.0) / factors[f], 0.0, 0, f == 0 ? 1e3 : 1e-4);
-        lg_logistic_destroy(NULL, &m);
+        lg_logistic_destroy(&m);
     }
     for (int i = 0; i < 40; i++) label[i] = i % 2 == 0 ? 0 : 2; /* class 1 is not seen */
     assert_ok(lg_logistic_fit(NULL, x, label, 40, 2, 3, 1.0, &m, NULL));
@@ -128,7 +128,7 @@ TEST("contradictory, scaled and incomplete tables have their minimiser") {
         assert_close(p[3 * i + 1], 0.0, 0, 0);
         assert_close(p[3 * i] + p[3 * i + 2], 1.0, 1e-14, 0);
     }
-    lg_logistic_destroy(NULL, &m);
+    lg_logistic_destroy(&m);
 }
 
 TEST("bad tables and penalties are refused") {
@@ -159,7 +159,7 @@ TEST("every allocation may fail") {
         EVERY_ALLOCATION_FAILS(context, 1, {
             lg_logistic m = {0};
             status = lg_logistic_fit(context, x, label, n, d, classes, 1.0, &m, NULL);
-            lg_logistic_destroy(context, &m);
+            lg_logistic_destroy(&m);
         });
     }
 }

@@ -39,7 +39,7 @@ TEST("components are orthonormal, uncorrelated, sorted and of a fixed sign") {
         check_components(x, n, d, &p);
         for (uint32_t j = 0; j < p.variances; j++) trace += p.variance[j];
         assert_close(trace, d, 1e-12, 0); /* each standardised feature has variance 1 */
-        lg_pca_destroy(NULL, &p);
+        lg_pca_destroy(&p);
     }
 }
 
@@ -55,8 +55,8 @@ TEST("both routes agree: more rows or more features") {
     assert_ok(lg_pca_fit(NULL, twice, 12, 9, 5, &b, NULL));
     for (int i = 0; i < 5; i++) assert_close(a.variance[i], b.variance[i], 1e-12, 0);
     for (int i = 0; i < 45; i++) assert_close(a.vectors[i], b.vectors[i], 1e-10, 1e-11);
-    lg_pca_destroy(NULL, &a);
-    lg_pca_destroy(NULL, &b);
+    lg_pca_destroy(&a);
+    lg_pca_destroy(&b);
 }
 
 TEST("components of two features by hand") {
@@ -67,7 +67,7 @@ TEST("components of two features by hand") {
     assert_close(p.variance[1], 2.0 / 3.0, 1e-14, 0);
     const double expected[] = {HALF_ROOT, HALF_ROOT, HALF_ROOT, -HALF_ROOT};
     for (int i = 0; i < 4; i++) assert_close(p.vectors[i], expected[i], 1e-14, 0);
-    lg_pca_destroy(NULL, &p);
+    lg_pca_destroy(&p);
 }
 
 TEST("scales, constant features and constant tables") {
@@ -82,24 +82,24 @@ TEST("scales, constant features and constant tables") {
     for (int i = 0; i < 30; i++) square += expected[3 * i] * expected[3 * i] / 30;
     assert_close(mean, 0.0, 0, 1e-15);
     assert_close(square, 1.0, 1e-14, 0);
-    lg_pca_destroy(NULL, &p);
+    lg_pca_destroy(&p);
     const double factor[3] = {1e-12, 1e12, 1};
     for (int i = 0; i < 90; i++) x[i] = x[i] * factor[i % 3] + (i % 3 == 2 ? 1e6 : 0.0);
     assert_ok(lg_pca_fit(NULL, x, 30, 3, 0, &p, NULL));
     lg_pca_eval(&p, x, 30, z, work);
     for (int i = 0; i < 90; i++) assert_close(z[i], expected[i], 1e-8, 1e-8);
-    lg_pca_destroy(NULL, &p);
+    lg_pca_destroy(&p);
     for (int i = 0; i < 30; i++) x[3 * i + 1] = 0.1; /* constant: scale 1, not its rounding */
     assert_ok(lg_pca_fit(NULL, x, 30, 3, 3, &p, NULL));
     assert_close(p.scale[1], 1.0, 0, 0);
     assert_close(p.variance[2], 0.0, 0, 1e-14);
-    lg_pca_destroy(NULL, &p);
+    lg_pca_destroy(&p);
     for (int i = 0; i < 90; i++) x[i] = 5.0; /* all constant, d > n too: still orthonormal */
     assert_ok(lg_pca_fit(NULL, x, 3, 30, 3, &p, NULL));
     check_components(x, 3, 30, &p);
-    lg_pca_destroy(NULL, &p);
+    lg_pca_destroy(&p);
     assert_ok(lg_pca_fit(NULL, x, 1, 5, 1, &p, NULL));
-    lg_pca_destroy(NULL, &p);
+    lg_pca_destroy(&p);
 }
 
 TEST("too many components and numbers that are not finite are refused") {
@@ -125,6 +125,6 @@ TEST("every allocation may fail") {
         EVERY_ALLOCATION_FAILS(context, 1, {
             lg_pca p = {0};
             status = lg_pca_fit(context, x, n, 3, 2, &p, NULL);
-            lg_pca_destroy(context, &p);
+            lg_pca_destroy(&p);
         });
 }

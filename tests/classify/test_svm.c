@@ -115,7 +115,7 @@ TEST("ties of votes are broken as libsvm does") {
             turned += turn;
         }
         reference_free(&r);
-        lg_svm_destroy(NULL, &svm);
+        lg_svm_destroy(&svm);
     }
     print_message("%u ties, %u would turn\n", ties, turned);
     assert_true(ties > 20 && turned > 5);
@@ -161,7 +161,7 @@ TEST("decisions are libsvm's, for lists and for tables") {
             }
         }
         reference_free(&r);
-        lg_svm_destroy(NULL, &svm);
+        lg_svm_destroy(&svm);
     }
 }
 
@@ -192,7 +192,7 @@ TEST("the dual is optimal (Karush, Kuhn, Tucker)") {
         for (size_t i = 0; i < N * d; i++) mean += x[i] / (N * d);
         for (size_t i = 0; i < N * d; i++) var += (x[i] - mean) * (x[i] - mean) / (N * d);
         assert_close(svm.gamma, 1.0 / (d * var), 1e-12, 0);
-        lg_svm_destroy(NULL, &svm);
+        lg_svm_destroy(&svm);
     }
 }
 
@@ -209,10 +209,10 @@ TEST("two points: the plane half-way, margin 1 at both; class 1 on the positive 
     lg_svm_predict(&svm, x, 2, score, work);
     assert_close(score[3], 1.0, 1e-9, 0);
     assert_close(score[1], -1.0, 1e-9, 0);
-    lg_svm_destroy(NULL, &svm);
+    lg_svm_destroy(&svm);
     assert_ok(lg_svm_fit(NULL, LG_KERNEL_RBF, 10.0, 1.0, x, label, 2, 2, 2, &svm, NULL));
     assert_status(lg_svm_plane(&svm, w, &b), LG_UNSUPPORTED);
-    lg_svm_destroy(NULL, &svm);
+    lg_svm_destroy(&svm);
 }
 
 TEST("classes that do not occur are never given, and the others as without them") {
@@ -230,8 +230,8 @@ TEST("classes that do not occur are never given, and the others as without them"
         assert_close(b[1], -1.0, 0, 0);
         assert_close(b[3], -1.0, 0, 0);
     }
-    lg_svm_destroy(NULL, &three);
-    lg_svm_destroy(NULL, &five);
+    lg_svm_destroy(&three);
+    lg_svm_destroy(&five);
 }
 
 TEST("scaled and contradictory tables have finite, scaled decisions") {
@@ -250,7 +250,7 @@ TEST("scaled and contradictory tables have finite, scaled decisions") {
             lg_svm_predict(&svm, scaled, N, score, work);
             if (f == 0) memcpy(first, score, sizeof score);
             for (int i = 0; i < 2 * N; i++) assert_close(score[i], first[i], 5e-3, 5e-3);
-            lg_svm_destroy(NULL, &svm);
+            lg_svm_destroy(&svm);
         }
     for (int i = 0; i < N; i++) x[2 * i] = x[2 * i + 1] = 7.0; /* one point, both labels */
     for (int kernel = LG_KERNEL_LINEAR; kernel <= LG_KERNEL_RBF; kernel++) {
@@ -258,7 +258,7 @@ TEST("scaled and contradictory tables have finite, scaled decisions") {
         assert_ok(lg_svm_fit(NULL, (lg_kernel)kernel, 1.0, 0.0, x, label, N, 2, 2, &svm, NULL));
         lg_svm_predict(&svm, x, N, score, work);
         for (int i = 0; i < 2 * N; i++) assert_true(isfinite(score[i]));
-        lg_svm_destroy(NULL, &svm);
+        lg_svm_destroy(&svm);
     }
 }
 
@@ -287,7 +287,7 @@ TEST("every allocation may fail") {
         EVERY_ALLOCATION_FAILS(context, 1, {
             lg_svm m = {0};
             status = lg_svm_fit(context, LG_KERNEL_RBF, 1.0, 0, x, label, 30, d, 3, &m, NULL);
-            lg_svm_destroy(context, &m);
+            lg_svm_destroy(&m);
         });
     }
 }

@@ -54,13 +54,13 @@ TEST("same tree as the golden one") {
         lg_tree_predict(&tree, table_test, TABLE_TESTS, got);
         for (int i = 0; i < TABLE_TESTS * TABLE_CLASSES; i++)
             assert_close(got[i], probability[c][i], 1e-15, 0);
-        lg_tree_destroy(NULL, &tree);
+        lg_tree_destroy(&tree);
         options.ccp_alpha = alpha[c];
         assert_ok(lg_tree_fit(NULL, &options, table_x, table_y, TABLE_ROWS, TABLE_FEATURES, TABLE_CLASSES,
                               &tree, NULL));
         assert_int_equal(tree.count, nodes[c]);
         assert_int_equal(lg_tree_depth(&tree), depths[c]);
-        lg_tree_destroy(NULL, &tree);
+        lg_tree_destroy(&tree);
     }
 }
 
@@ -171,7 +171,7 @@ TEST("every split is the best there is") {
             draw_table(seed, seed % 2 == 0 ? 5 : 1000, x, label);
             assert_ok(lg_tree_fit(NULL, &options, x, label, ROWS, FEATURES, CLASSES, &tree, NULL));
             expect_best_splits(&tree, (lg_criterion)c, x, label, leaf);
-            lg_tree_destroy(NULL, &tree);
+            lg_tree_destroy(&tree);
         }
 }
 
@@ -214,13 +214,13 @@ TEST("pruning minimises the risk") {
             assert_int_equal(lg_tree_depth(&pruned), steps[i].depth);
             assert_close(risk(&pruned, 0.0), steps[i].impurity, 1e-12, 1e-14);
             assert_close(risk(&pruned, steps[i].alpha), smallest_risk(&tree, 0, steps[i].alpha), 1e-12, 0);
-            lg_tree_destroy(NULL, &pruned);
+            lg_tree_destroy(&pruned);
         }
         assert_ok(lg_tree_prune(NULL, &tree, INFINITY, &pruned));
         assert_int_equal(pruned.count, 1);
         assert_memory_equal(pruned.counts, tree.counts, CLASSES * sizeof *tree.counts);
-        lg_tree_destroy(NULL, &pruned);
-        lg_tree_destroy(NULL, &tree);
+        lg_tree_destroy(&pruned);
+        lg_tree_destroy(&tree);
     }
 }
 
@@ -245,8 +245,8 @@ TEST("a split that gains nothing is made") {
         /* Without gain at the root alpha 0 keeps all: the two splits below gain. */
         assert_ok(lg_tree_prune(NULL, &tree, 0.0, &pruned));
         assert_int_equal(pruned.count, 7);
-        lg_tree_destroy(NULL, &pruned);
-        lg_tree_destroy(NULL, &tree);
+        lg_tree_destroy(&pruned);
+        lg_tree_destroy(&tree);
     }
 }
 
@@ -262,7 +262,7 @@ TEST("ties go to the lower feature and threshold") {
         assert_ok(lg_tree_fit(NULL, &options, x, y, 4, 3, 2, &tree, NULL));
         assert_int_equal(tree.node[0].feature, 1);
         assert_close(tree.node[0].threshold, 0.5, 0, 0);
-        lg_tree_destroy(NULL, &tree);
+        lg_tree_destroy(&tree);
     }
 }
 
@@ -276,7 +276,7 @@ TEST("depth, leaves and splits keep their limits") {
         options.max_depth = depth;
         assert_ok(lg_tree_fit(NULL, &options, x, label, ROWS, FEATURES, CLASSES, &tree, NULL));
         assert_int_equal(lg_tree_depth(&tree), depth);
-        lg_tree_destroy(NULL, &tree);
+        lg_tree_destroy(&tree);
     }
     lg_tree_options options = options_of(LG_ENTROPY, 3);
     options.min_samples_split = 10;
@@ -285,7 +285,7 @@ TEST("depth, leaves and splits keep their limits") {
         assert_true(tree.node[i].samples >= 3);
         if (tree.node[i].left != 0) assert_true(tree.node[i].samples >= 10);
     }
-    lg_tree_destroy(NULL, &tree);
+    lg_tree_destroy(&tree);
 }
 
 TEST("a threshold lies between neighbouring doubles") {
@@ -300,7 +300,7 @@ TEST("a threshold lies between neighbouring doubles") {
         assert_true(tree.node[0].threshold >= pairs[i][0] && tree.node[0].threshold < pairs[i][1]);
         assert_int_equal(lg_tree_leaf(&tree, &pairs[i][0]), 1);
         assert_int_equal(lg_tree_leaf(&tree, &pairs[i][1]), 2);
-        lg_tree_destroy(NULL, &tree);
+        lg_tree_destroy(&tree);
     }
 }
 
@@ -315,15 +315,15 @@ TEST("tables without a split are one leaf") {
     lg_tree_predict(&tree, same, 1, p);
     assert_close(p[1], 2.0 / 3.0, 1e-15, 0);
     assert_int_equal(lg_tree_depth(&tree), 0);
-    lg_tree_destroy(NULL, &tree);
+    lg_tree_destroy(&tree);
     assert_ok(lg_tree_fit(NULL, &options, same + 3, y, 3, 1, 2, &tree, NULL)); /* -0 and 0 are equal */
     assert_int_equal(tree.count, 1);
-    lg_tree_destroy(NULL, &tree);
+    lg_tree_destroy(&tree);
     assert_ok(lg_tree_fit(NULL, &options, one, y, 1, 1, 4, &tree, NULL)); /* classes 1 to 3 do not occur */
     lg_tree_predict(&tree, one, 1, p);
     assert_close(p[0], 1.0, 0, 0);
     assert_close(p[3], 0.0, 0, 0);
-    lg_tree_destroy(NULL, &tree);
+    lg_tree_destroy(&tree);
 }
 
 TEST("a tree as deep as it has rows: no recursion anywhere") {
@@ -342,8 +342,8 @@ TEST("a tree as deep as it has rows: no recursion anywhere") {
     assert_true(lg_tree_depth(&tree) > DEEP / 4);
     assert_ok(lg_tree_prune(NULL, &tree, 1.0, &pruned));
     assert_int_equal(pruned.count, 1);
-    lg_tree_destroy(NULL, &pruned);
-    lg_tree_destroy(NULL, &tree);
+    lg_tree_destroy(&pruned);
+    lg_tree_destroy(&tree);
 }
 
 TEST("bad tables and options are refused") {
@@ -394,7 +394,7 @@ TEST("every allocation may fail, and the tree is untouched") {
         status = lg_tree_fit(context, &options, table_x, table_y, TABLE_ROWS, TABLE_FEATURES, TABLE_CLASSES,
                              &tree, NULL);
         if (status == LG_OK)
-            lg_tree_destroy(context, &tree);
+            lg_tree_destroy(&tree);
         else
             assert_int_equal(tree.inputs, 77);
     });

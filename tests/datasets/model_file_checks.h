@@ -41,7 +41,7 @@ static inline const char *good_model(size_t which) {
         model_file file;
         make_model(which, &file);
         assert_ok(model_save(NULL, original, &file, NULL, NULL));
-        model_free(NULL, &file);
+        model_free(&file);
     }
     copy_file(original, path);
     return path;
@@ -55,7 +55,7 @@ static inline lg_status read_model(const lg_context *context, const char *path,
                                    const lg_read_options *options, lg_error *error) {
     model_file file;
     const lg_status status = model_load(context, path, options, &file, error);
-    if (status == LG_OK) model_free(context, &file);
+    if (status == LG_OK) model_free(&file);
     return status;
 }
 
@@ -111,13 +111,13 @@ static inline void load_fitted(model_file *again) {
     assert_int_equal(again->epochs_done, 3);
     assert_memory_equal(again->history[LG_FIT_LOSS], lg_fit_history(fit, LG_FIT_LOSS), 3 * sizeof(double));
     lg_fit_destroy(fit);
-    model_free(NULL, &file);
+    model_free(&file);
 }
 
 static inline void model_with_fit(void) {
     model_file again;
     load_fitted(&again);
-    model_free(NULL, &again);
+    model_free(&again);
 }
 
 static inline lg_status write_checkpoint(const lg_context *context, const char *path, const lg_fit *fit,
@@ -215,7 +215,7 @@ static inline lg_status save_step(const lg_context *context, void *user, lg_erro
     model_file file;
     make_model(MODEL_SINGLE, &file);
     const lg_status status = model_save(context, user, &file, NULL, error);
-    model_free(NULL, &file);
+    model_free(&file);
     return status;
 }
 

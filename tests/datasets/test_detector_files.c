@@ -192,9 +192,9 @@ TEST("a model comes back as it was saved") {
         assert_string_equal(again.provenance.command, "train");
         assert_ok(lg_model_save_detector(NULL, second, &again, NULL, NULL));
         assert_same_bytes(path, second);
-        lg_detector_file_destroy(NULL, &file);
-        lg_detector_file_destroy(NULL, &again);
-        lg_detector_file_destroy(NULL, &again);
+        lg_detector_file_destroy(&file);
+        lg_detector_file_destroy(&again);
+        lg_detector_file_destroy(&again);
     }
 }
 
@@ -219,7 +219,7 @@ TEST("every layer is an array below its name") {
         assert_ok(lg_h5_text(h5, "model", "blocks", blocks, sizeof blocks, NULL));
         if (examples[e].blocks != NULL) assert_string_equal(blocks, examples[e].blocks);
         lg_h5_close(h5);
-        lg_detector_file_destroy(NULL, &file);
+        lg_detector_file_destroy(&file);
     }
 }
 
@@ -242,8 +242,8 @@ TEST("a model written by hand may leave out what is not needed") {
     assert_true(isnan(file.accuracy) && isnan(file.f1) && isnan(file.test_mse));
     assert_close(file.rate, 0, 0, 0);
     assert_int_equal(file.epochs_done, 0);
-    lg_detector_file_destroy(NULL, &file);
-    lg_detector_file_destroy(NULL, &full);
+    lg_detector_file_destroy(&file);
+    lg_detector_file_destroy(&full);
 }
 
 TEST("the text of the blocks is read as it is written") {
@@ -433,7 +433,7 @@ TEST("a model that could not be read is not saved") {
     assert_status(lg_model_save_detector(NULL, path, &file, NULL, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_model_save_detector(NULL, NULL, &file, NULL, NULL), LG_INVALID_ARGUMENT);
     assert_int_not_equal(access(path, F_OK), 0);
-    lg_detector_file_destroy(NULL, &file);
+    lg_detector_file_destroy(&file);
     assert_status(lg_model_save_detector(NULL, path, &file, NULL, NULL), LG_INVALID_ARGUMENT);
 }
 
@@ -515,7 +515,7 @@ static lg_status write_classifier(const lg_context *context, const char *path, l
         if (status == LG_OK) status = lg_file_writer_commit(writer, error);
         lg_file_writer_destroy(writer);
     }
-    lg_series_destroy(NULL, &names);
+    lg_series_destroy(&names);
     return status;
 }
 
@@ -531,7 +531,7 @@ static lg_status read_classifier(const lg_context *context, const char *path, co
     LG_TRY(lg_file_reader_create(context, path, "classifier", options, &reader, error));
     lg_status status = lg_file_reader_names(reader, &names, error);
     if (status == LG_OK) {
-        lg_series_destroy(context, &names);
+        lg_series_destroy(&names);
         status = lg_file_reader_archive(reader, "", &archive);
     }
     if (status == LG_OK) status = archive.text(archive.user, "classifier/method", method, sizeof method);
@@ -580,8 +580,8 @@ TEST("the names and arrays of a classifier come back as they were written") {
     assert_ok(archive.array(archive.user, "classifier/tree/counts", LG_ELEMENT_U32, 1, dims + 1, counts));
     assert_int_equal(counts[2], 4294967295u);
     lg_file_reader_destroy(reader);
-    lg_series_destroy(NULL, &names);
-    lg_series_destroy(NULL, &want);
+    lg_series_destroy(&names);
+    lg_series_destroy(&want);
     refuse_damaged_files(read_classifier, good_classifier(), "");
     survive_changed_bytes(read_classifier, good_classifier(), 60);
     delete_link(good_classifier(), "classes");
@@ -598,7 +598,7 @@ TEST("names and rates that could not be read are not written") {
     assert_non_null(strstr(error.message, "'a|x' is there twice"));
     names.rate = NAN;
     assert_status(lg_file_writer_names(writer, &names, NULL), LG_NOT_FINITE);
-    lg_series_destroy(NULL, &names);
+    lg_series_destroy(&names);
     assert_status(lg_file_writer_names(writer, &names, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_file_writer_names(writer, NULL, NULL), LG_INVALID_ARGUMENT);
     lg_file_writer_destroy(writer);

@@ -46,7 +46,7 @@ static const char *good_file(void) {
         lg_elastica_data data;
         make_curves(3.3, INTERVALS, CURVES, true, &data);
         assert_ok(lg_elastica_data_write(NULL, original, &data, NULL));
-        lg_elastica_data_destroy(NULL, &data);
+        lg_elastica_data_destroy(&data);
     }
     copy_file(original, path);
     return path;
@@ -56,7 +56,7 @@ static lg_status read_data(const lg_context *context, const char *path, const lg
                            lg_error *error) {
     lg_elastica_data data;
     const lg_status status = lg_elastica_data_read(context, path, options, &data, error);
-    if (status == LG_OK) lg_elastica_data_destroy(context, &data);
+    if (status == LG_OK) lg_elastica_data_destroy(&data);
     return status;
 }
 
@@ -93,9 +93,9 @@ TEST("curves come back as they were written") {
         }
         assert_ok(lg_elastica_data_write(NULL, second, &again, NULL));
         assert_same_bytes(path, second);
-        lg_elastica_data_destroy(NULL, &data);
-        lg_elastica_data_destroy(NULL, &again);
-        lg_elastica_data_destroy(NULL, &again);
+        lg_elastica_data_destroy(&data);
+        lg_elastica_data_destroy(&again);
+        lg_elastica_data_destroy(&again);
     }
 }
 
@@ -111,7 +111,7 @@ TEST("the hash is that of boundary, q and v as little-endian doubles, one after 
     lg_sha256_add(&sha, data.curves.v, (size_t)CURVES * NODES * 2 * sizeof(double));
     lg_sha256_finish(&sha, text);
     assert_string_equal(data.sha256, text);
-    lg_elastica_data_destroy(NULL, &data);
+    lg_elastica_data_destroy(&data);
 }
 
 /* ---- files of other programs ---- */
@@ -167,8 +167,8 @@ TEST("files of other programs are read") {
         assert_null(again.curves.energy);
         assert_string_equal(again.provenance.command, "");
         assert_int_equal(strlen(again.sha256), 64);
-        lg_elastica_data_destroy(NULL, &data);
-        lg_elastica_data_destroy(NULL, &again);
+        lg_elastica_data_destroy(&data);
+        lg_elastica_data_destroy(&again);
     }
 }
 
@@ -195,8 +195,8 @@ TEST("optional arrays and attributes are read in the types that other programs c
         assert_close(again.curves.x[i], x[i], 0, 0);
         assert_int_equal(again.curves.kind[i], kinds[i]);
     }
-    lg_elastica_data_destroy(NULL, &data);
-    lg_elastica_data_destroy(NULL, &again);
+    lg_elastica_data_destroy(&data);
+    lg_elastica_data_destroy(&again);
 }
 
 /* Chords alone, or the trapezoidal rule, would be off by more than the rounding hides. */
@@ -212,8 +212,8 @@ TEST("the length of a curve is found to rounding") {
         const char *path = foreign_file(&data.curves, H5T_IEEE_F32LE, false);
         assert_ok(lg_elastica_data_read(NULL, path, NULL, &again, NULL));
         assert_close(again.curves.length, cases[i].length, 1e-15, 0);
-        lg_elastica_data_destroy(NULL, &data);
-        lg_elastica_data_destroy(NULL, &again);
+        lg_elastica_data_destroy(&data);
+        lg_elastica_data_destroy(&again);
     }
 }
 
@@ -240,8 +240,8 @@ TEST("the length of coarse discrete equilibria is found") {
             foreign_file(&data.curves, cases[i].single ? H5T_IEEE_F32LE : H5T_IEEE_F64LE, false);
         assert_ok(lg_elastica_data_read(NULL, path, NULL, &again, NULL));
         assert_close(again.curves.length, sampling.problem.length, 0, 0);
-        lg_elastica_data_destroy(NULL, &data);
-        lg_elastica_data_destroy(NULL, &again);
+        lg_elastica_data_destroy(&data);
+        lg_elastica_data_destroy(&again);
     }
 }
 
@@ -253,7 +253,7 @@ TEST("a damaged file is refused") {
     lg_elastica_data data;
     make_curves(3.3, INTERVALS, CURVES, false, &data);
     survive_changed_bytes(read_data, foreign_file(&data.curves, H5T_IEEE_F32BE, true), 60);
-    lg_elastica_data_destroy(NULL, &data);
+    lg_elastica_data_destroy(&data);
 }
 
 TEST("an array of the wrong shape or value is refused by name") {
@@ -379,7 +379,7 @@ TEST("curves that could not be read are not written") {
     assert_status(lg_elastica_data_write(NULL, scratch_path("no/folder.h5"), &data, NULL), LG_FILE);
     assert_status(lg_elastica_data_write(NULL, NULL, &data, NULL), LG_INVALID_ARGUMENT);
     assert_int_not_equal(access(path, F_OK), 0);
-    lg_elastica_data_destroy(NULL, &data);
+    lg_elastica_data_destroy(&data);
     assert_status(lg_elastica_data_write(NULL, path, &data, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_elastica_data_read(NULL, NULL, NULL, &data, NULL), LG_INVALID_ARGUMENT);
 }
@@ -390,7 +390,7 @@ static lg_status write_step(const lg_context *context, void *user, lg_error *err
     lg_elastica_data data;
     make_curves(3.3, INTERVALS, CURVES, true, &data);
     const lg_status status = lg_elastica_data_write(context, user, &data, error);
-    lg_elastica_data_destroy(NULL, &data);
+    lg_elastica_data_destroy(&data);
     return status;
 }
 

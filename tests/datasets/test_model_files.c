@@ -94,8 +94,8 @@ TEST("a model comes back as it was saved") {
         assert_string_equal(again.provenance.liegrad_version, lg_version());
         assert_ok(lg_model_save_hamiltonian(NULL, second, &again, NULL, NULL));
         assert_same_bytes(path, second);
-        lg_hamiltonian_file_destroy(NULL, &file);
-        lg_hamiltonian_file_destroy(NULL, &again);
+        lg_hamiltonian_file_destroy(&file);
+        lg_hamiltonian_file_destroy(&again);
     }
 }
 
@@ -123,7 +123,7 @@ TEST("every layer is an array below its name") {
     assert_memory_equal(gamma_, file.theta + 46, sizeof gamma_);
     assert_memory_equal(b, file.theta + 50, sizeof b);
     assert_int_equal(file.parameters, 52);
-    lg_hamiltonian_file_destroy(NULL, &file);
+    lg_hamiltonian_file_destroy(&file);
 }
 
 TEST("a model written by hand may leave out what is not needed") {
@@ -140,7 +140,7 @@ TEST("a model written by hand may leave out what is not needed") {
     assert_int_equal(file.parameters, 52);
     /* What is not known is out of no range. */
     assert_ok(lg_model_save_hamiltonian(NULL, scratch_path("again.h5"), &file, NULL, NULL));
-    lg_hamiltonian_file_destroy(NULL, &file);
+    lg_hamiltonian_file_destroy(&file);
 }
 
 TEST("a damaged model is refused") {
@@ -254,7 +254,7 @@ TEST("a model that could not be read is not saved") {
                   LG_FILE);
     assert_non_null(strstr(error.message, "no/folder/model.h5"));
     assert_int_not_equal(access(path, F_OK), 0);
-    lg_hamiltonian_file_destroy(NULL, &file);
+    lg_hamiltonian_file_destroy(&file);
 }
 
 /* ---- recording errors ---- */
@@ -275,7 +275,7 @@ static void assert_verdict(const char *path, const lg_hamiltonian_file *want) {
     assert_true(got.test.trajectories == want->test.trajectories && got.test.points == want->test.points);
     assert_close(got.test.t_end, want->test.t_end, 0, 0);
     assert_string_equal(got.test.sha256, want->test.sha256);
-    lg_hamiltonian_file_destroy(NULL, &got);
+    lg_hamiltonian_file_destroy(&got);
 }
 
 /* What the errors do not touch: a model with the state of its fit, and an attribute of somebody else. */
@@ -312,8 +312,8 @@ TEST("recorded errors leave all else in the file as it was") {
     copy_file(path, once);
     assert_ok(lg_model_record_hamiltonian(NULL, path, &again, NULL));
     assert_same_bytes(path, once);
-    lg_hamiltonian_file_destroy(NULL, &file);
-    lg_hamiltonian_file_destroy(NULL, &again);
+    lg_hamiltonian_file_destroy(&file);
+    lg_hamiltonian_file_destroy(&again);
 }
 
 /* What another test set said goes, also where this one says nothing; weights of floats are found again. */
@@ -330,7 +330,7 @@ TEST("recorded errors replace those of another test set") {
         file.test = (lg_test_set){.trajectories = 3};
         assert_ok(lg_model_record_hamiltonian(NULL, path, &file, NULL));
         assert_verdict(path, &file);
-        lg_hamiltonian_file_destroy(NULL, &file);
+        lg_hamiltonian_file_destroy(&file);
     }
 }
 
@@ -341,7 +341,7 @@ static lg_status record_into(const lg_context *context, const char *path, const 
     make_model(0, &file);
     set_verdict(&file);
     const lg_status status = lg_model_record_hamiltonian(context, path, &file, error);
-    lg_hamiltonian_file_destroy(NULL, &file);
+    lg_hamiltonian_file_destroy(&file);
     return status;
 }
 
@@ -360,7 +360,7 @@ TEST("errors are recorded only into the model that they are of, and only when fi
     set_verdict(&file);
     file.theta[51] = nextafter(file.theta[51], 9);
     assert_not_recorded(&file, LG_INVALID_ARGUMENT, "other parameters");
-    lg_hamiltonian_file_destroy(NULL, &file);
+    lg_hamiltonian_file_destroy(&file);
     make_model(0, &file);
     set_verdict(&file);
     file.run.training.seed = 5;
@@ -375,7 +375,7 @@ TEST("errors are recorded only into the model that they are of, and only when fi
     file.e2 = 0;
     assert_status(lg_model_record_hamiltonian(NULL, NULL, &file, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_model_record_hamiltonian(NULL, "model.h5", NULL, NULL), LG_INVALID_ARGUMENT);
-    lg_hamiltonian_file_destroy(NULL, &file);
+    lg_hamiltonian_file_destroy(&file);
     assert_refused(record_into, good_checkpoint(), LG_FORMAT, "checkpoint", "");
     refuse_damaged_files(record_into, good_model(0), "");
     survive_changed_bytes(record_into, good_model(0), 60);
@@ -411,7 +411,7 @@ TEST("a model comes back with the state of its fit") {
     lg_hamiltonian_file again;
     load_fitted(&again);
     assert_int_equal(again.adam_step, 9);
-    lg_hamiltonian_file_destroy(NULL, &again);
+    lg_hamiltonian_file_destroy(&again);
 }
 
 /* ---- checkpoints ---- */
@@ -431,7 +431,7 @@ TEST("a file without a schedule has steps") {
     delete_attribute(path, "run", "schedule");
     assert_ok(lg_model_load_hamiltonian(NULL, path, NULL, &file, NULL));
     assert_ok(lg_run_compare(&lg_run_hamiltonian, &file.run, &wanted, path, NULL));
-    lg_hamiltonian_file_destroy(NULL, &file);
+    lg_hamiltonian_file_destroy(&file);
     /* Their fits were saved with a floor of 0, whatever lr_gamma: they must find it again. */
     lg_fit_options options;
     lg_fit_options_init(&options);

@@ -42,7 +42,7 @@ static void write_hamiltonian(const char *path) {
     file.parameters = lg_hamiltonian_parameters(&file.run.model);
     file.theta = numbers(file.parameters, &rng);
     assert_ok(lg_model_save_hamiltonian(NULL, path, &file, NULL, NULL));
-    lg_hamiltonian_file_destroy(NULL, &file);
+    lg_hamiltonian_file_destroy(&file);
 }
 
 static void write_surrogate(const char *path) {
@@ -64,7 +64,7 @@ static void write_surrogate(const char *path) {
     file.parameters = lg_surrogate_parameters(&file.run.model);
     file.theta = numbers(file.parameters, &rng);
     assert_ok(lg_model_save_surrogate(NULL, path, &file, NULL, NULL));
-    lg_surrogate_file_destroy(NULL, &file);
+    lg_surrogate_file_destroy(&file);
 }
 
 static void write_detector(const char *path) {
@@ -90,7 +90,7 @@ static void write_detector(const char *path) {
     file.parameters = lg_cnn_parameters(&file.run.model.net);
     file.theta = numbers(file.parameters, &rng);
     assert_ok(lg_model_save_detector(NULL, path, &file, NULL, NULL));
-    lg_detector_file_destroy(NULL, &file);
+    lg_detector_file_destroy(&file);
 }
 
 static void (*const writers[LG_MODEL_KIND_COUNT])(const char *) = {
@@ -116,7 +116,7 @@ static lg_status read_any(const lg_context *context, const char *path, const lg_
     memcpy(&untouched, &file, sizeof file);
     const lg_status status = lg_model_load(context, path, options, &file, error);
     if (status == LG_OK)
-        lg_model_file_destroy(context, &file);
+        lg_model_file_destroy(&file);
     else
         assert_memory_equal(&file, &untouched, sizeof file);
     return status;
@@ -168,8 +168,8 @@ TEST("a Hamiltonian loads as a model") {
     assert_memory_equal(&file.hamiltonian.run.model.net, &own.run.model.net, sizeof(lg_mlp));
     assert_string_equal(file.hamiltonian.run.system, "pendulum-chain");
     lg_model_destroy(expected);
-    lg_model_file_destroy(NULL, &file);
-    lg_hamiltonian_file_destroy(NULL, &own);
+    lg_model_file_destroy(&file);
+    lg_hamiltonian_file_destroy(&own);
 }
 
 TEST("a surrogate loads as a model") {
@@ -184,8 +184,8 @@ TEST("a surrogate loads as a model") {
     assert_same_model(file.model, expected);
     assert_same_numbers(file.surrogate.theta, own.theta, own.parameters);
     lg_model_destroy(expected);
-    lg_model_file_destroy(NULL, &file);
-    lg_surrogate_file_destroy(NULL, &own);
+    lg_model_file_destroy(&file);
+    lg_surrogate_file_destroy(&own);
 }
 
 TEST("a detector loads as a model") {
@@ -204,8 +204,8 @@ TEST("a detector loads as a model") {
     assert_int_equal(file.detector.scaler.channels, 2);
     lg_model_destroy(expected);
     assert_string_equal(file.detector.class_name[2], "class 2");
-    lg_model_file_destroy(NULL, &file);
-    lg_detector_file_destroy(NULL, &own);
+    lg_model_file_destroy(&file);
+    lg_detector_file_destroy(&own);
 }
 
 TEST("a structure that was moved still finds its numbers") {
@@ -220,20 +220,20 @@ TEST("a structure that was moved still finds its numbers") {
     lg_model_eval(second.model, x, y, work);
     for (int i = 0; i < 3; i++) assert_true(isfinite(y[i]));
     free(work);
-    lg_model_file_destroy(NULL, &second);
+    lg_model_file_destroy(&second);
 }
 
 TEST("a freed file is zero and may be freed again") {
     static const lg_model_file zero;
     lg_model_file file;
     memset(&file, 0, sizeof file);
-    lg_model_file_destroy(NULL, &file); /* a zeroed one */
-    lg_model_file_destroy(NULL, NULL);
+    lg_model_file_destroy(&file); /* a zeroed one */
+    lg_model_file_destroy(NULL);
     for (int kind = 0; kind < LG_MODEL_KIND_COUNT; kind++) {
         assert_ok(lg_model_load(NULL, fresh((lg_model_kind)kind), NULL, &file, NULL));
-        lg_model_file_destroy(NULL, &file);
+        lg_model_file_destroy(&file);
         assert_memory_equal(&file, &zero, sizeof file);
-        lg_model_file_destroy(NULL, &file); /* twice */
+        lg_model_file_destroy(&file); /* twice */
     }
 }
 
@@ -271,14 +271,14 @@ TEST("data and checkpoints are no models") {
     assert_ok(
         lg_trajectories_create(NULL, "quartic", &lg_hamiltonian_separable, 2, 2, 3, 1.0, false, 0, &data));
     assert_ok(lg_trajectories_write(NULL, path, &data, NULL));
-    lg_trajectories_destroy(NULL, &data);
+    lg_trajectories_destroy(&data);
     assert_refused(read_any, path, LG_FORMAT, "trajectories", "data");
     assert_ok(lg_model_load_hamiltonian(NULL, fresh(LG_MODEL_HAMILTONIAN), NULL, &file, NULL));
     path = scratch_path("checkpoint.h5");
     assert_ok(lg_checkpoint_create(NULL, path, &lg_run_hamiltonian, &file.run, NULL, &writer, NULL));
     assert_ok(lg_file_writer_commit(writer, NULL));
     lg_file_writer_destroy(writer);
-    lg_hamiltonian_file_destroy(NULL, &file);
+    lg_hamiltonian_file_destroy(&file);
     assert_refused(read_any, path, LG_FORMAT, "checkpoint", "unfinished");
 }
 

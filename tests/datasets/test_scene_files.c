@@ -43,7 +43,7 @@ static lg_status read_scene(const lg_context *context, const char *path, const l
     (void)options;
     lg_scene scene;
     const lg_status status = lg_scene_read(context, path, NULL, &scene, error);
-    if (status == LG_OK) lg_scene_destroy(context, &scene);
+    if (status == LG_OK) lg_scene_destroy(&scene);
     return status;
 }
 
@@ -52,7 +52,7 @@ static lg_status read_grid(const lg_context *context, const char *path, const lg
     (void)options;
     lg_grid grid;
     const lg_status status = lg_grid_read(context, path, &grid, error);
-    if (status == LG_OK) lg_grid_destroy(context, &grid);
+    if (status == LG_OK) lg_grid_destroy(&grid);
     return status;
 }
 
@@ -105,17 +105,17 @@ TEST("every key of a scene is read") {
     assert_int_equal(scene.line_form, 3);
     assert_int_equal(scene.line_initial, 8);
     assert_int_equal(scene.segments, 1);
-    lg_scene_destroy(NULL, &scene);
+    lg_scene_destroy(&scene);
     assert_null(scene.system);
     assert_null(scene.state);
-    lg_scene_destroy(NULL, &scene);
-    lg_scene_destroy(NULL, NULL);
+    lg_scene_destroy(&scene);
+    lg_scene_destroy(NULL);
     scene = read_text("scene.json", json_scene, NULL);
     assert_string_equal(lg_system_form(scene.system), "lagrangian");
     assert_close(parameter(&scene, "gravity")[0], -9.81, 0, 0);
     assert_close(parameter(&scene, "masses")[0], 1, 0, 0);
     assert_close(scene.state[4], 2, 0, 0);
-    lg_scene_destroy(NULL, &scene);
+    lg_scene_destroy(&scene);
     scene = read_text("flat.yaml",
                       "system: quartic\nform: hamiltonian\ninitial: {q: [1, -2], p: [.5, 4]}\n"
                       "starts: {kind: box, low: -3, high: 2, segments: 3}\n",
@@ -127,7 +127,7 @@ TEST("every key of a scene is read") {
     assert_close(scene.low, -3, 0, 0);
     assert_close(scene.high, 2, 0, 0);
     assert_true(!scene.has_t_end && scene.line_starts == 4);
-    lg_scene_destroy(NULL, &scene);
+    lg_scene_destroy(&scene);
 }
 
 TEST("one link and one number may leave out their lists; a scalar is a list of one") {
@@ -140,12 +140,12 @@ TEST("one link and one number may leave out their lists; a scalar is a list of o
         assert_close(parameter(&scene, "masses")[0], 2, 0, 0);
         assert_close(scene.state[2], 1, 0, 0);
         assert_close(scene.state[3], 1, 0, 0);
-        lg_scene_destroy(NULL, &scene);
+        lg_scene_destroy(&scene);
     }
     lg_scene scene = read_text("short.yaml", "system: oscillator\ninitial: {q: 3, p: [4]}\n", NULL);
     assert_close(scene.state[0], 3, 0, 0);
     assert_close(scene.state[1], 4, 0, 0);
-    lg_scene_destroy(NULL, &scene);
+    lg_scene_destroy(&scene);
     /* Links may be told by the start alone; parts that need not be given have their defaults. */
     scene = read_text("short.yaml",
                       "system: pendulum-chain\ngravity: 1\ninitial: {q: [[0, 0, 1], [0, 1, 0]], omega: "
@@ -153,12 +153,12 @@ TEST("one link and one number may leave out their lists; a scalar is a list of o
                       NULL);
     assert_int_equal(lg_system_links(scene.system), 2);
     assert_close(scene.state[11], 2, 0, 0);
-    lg_scene_destroy(NULL, &scene);
+    lg_scene_destroy(&scene);
     scene = read_text("short.yaml", "system: heavy-top\ninitial: {pi: [1, 2, 3]}\n", NULL);
     const double expected[12] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 2, 3};
     for (int i = 0; i < 12; i++) assert_close(scene.state[i], expected[i], 0, 0);
     assert_string_equal(lg_system_form(scene.system), "cotangent");
-    lg_scene_destroy(NULL, &scene);
+    lg_scene_destroy(&scene);
 }
 
 TEST("a scene may have many links") {
@@ -174,7 +174,7 @@ TEST("a scene may have many links") {
     assert_int_equal(lg_system_links(scene.system), LINKS);
     assert_close(scene.state[6 * 7 + 2], -1, 0, 0);
     assert_close(scene.state[6 * (LINKS - 1) + 3], LINKS - 1, 0, 0);
-    lg_scene_destroy(NULL, &scene);
+    lg_scene_destroy(&scene);
     free(text);
 }
 
@@ -329,7 +329,7 @@ TEST("scenes of every system are read") {
             for (size_t j = 0; j < size; j++) assert_close(found[j], expected[j], 0, 0);
         }
         assert_false(scene.projected);
-        lg_scene_destroy(NULL, &scene);
+        lg_scene_destroy(&scene);
         char text[4096], small[8];
         const int length = lg_scene_describe(w.name, w.form, text, sizeof text);
         assert_int_equal(length, strlen(text));
@@ -439,7 +439,7 @@ TEST("keys of other systems and forms, and keys that nothing has, are refused wi
 static const char *form_read(const char *text, const char *wanted) {
     lg_scene scene = read_text("form.yaml", text, wanted);
     const char *form = lg_system_form(scene.system);
-    lg_scene_destroy(NULL, &scene);
+    lg_scene_destroy(&scene);
     return form;
 }
 
@@ -460,7 +460,7 @@ TEST("the form of a scene follows from what is given, or is asked for") {
     lg_scene scene;
     assert_ok(lg_scene_read(NULL, path, "hamiltonian", &scene, NULL));
     assert_string_equal(lg_system_form(scene.system), "hamiltonian");
-    lg_scene_destroy(NULL, &scene);
+    lg_scene_destroy(&scene);
     assert_refused(read_scene, file_of("grid.yaml", "scene: pendulum.yaml\nintegrators: [cf4]\n"), LG_FORMAT,
                    "grid.yaml", "lg-hamiltonian study");
 }
@@ -476,14 +476,14 @@ TEST("the drawn start is the first of the trajectories that are generated with t
     options.starts = LG_STARTS_BOX, options.low = 1, options.high = 3;
     double t[2], y[2 * 2 * 12], energy[2];
     assert_ok(lg_generate_trajectories(NULL, scene.system, &options, t, y, energy, NULL));
-    assert_ok(lg_scene_draw_start(NULL, &scene, 5));
+    assert_ok(lg_scene_draw_start(&scene, 5));
     assert_memory_equal(scene.state, y, 12 * sizeof *y);
-    assert_status(lg_scene_draw_start(NULL, &scene, 5), LG_INVALID_ARGUMENT);
-    lg_scene_destroy(NULL, &scene);
+    assert_status(lg_scene_draw_start(&scene, 5), LG_INVALID_ARGUMENT);
+    lg_scene_destroy(&scene);
     scene = read_text("drawn.yaml", "system: heavy-top\n", NULL);
-    assert_status(lg_scene_draw_start(NULL, &scene, 5), LG_UNSUPPORTED);
+    assert_status(lg_scene_draw_start(&scene, 5), LG_UNSUPPORTED);
     assert_null(scene.state);
-    lg_scene_destroy(NULL, &scene);
+    lg_scene_destroy(&scene);
 }
 
 TEST("omega and p give the same motion, read in both forms") {
@@ -524,9 +524,9 @@ TEST("omega and p give the same motion, read in both forms") {
     lg_scene back = read_text("p.yaml", text, NULL);
     assert_string_equal(lg_system_form(back.system), "lagrangian");
     for (int i = 0; i < 18; i++) assert_close(back.state[i], lagrangian.state[i], 0, 1e-14);
-    lg_scene_destroy(NULL, &back);
-    lg_scene_destroy(NULL, &lagrangian);
-    lg_scene_destroy(NULL, &hamiltonian);
+    lg_scene_destroy(&back);
+    lg_scene_destroy(&lagrangian);
+    lg_scene_destroy(&hamiltonian);
 }
 
 /* ---- the manifold ---- */
@@ -553,12 +553,12 @@ TEST("rounding is projected and told, and more is an error") {
     assert_close(q[0] / q[2], 0.6000001 / 0.8000002, 1e-15, 0);
     assert_non_null(strstr(logged, "near.yaml"));
     assert_non_null(strstr(logged, "line"));
-    lg_scene_destroy(context, &scene);
+    lg_scene_destroy(&scene);
     path = changed("near.yaml", good_scene, "[1, 0, -3]", "[1, 1e-7, -3]");
     assert_ok(lg_scene_read(context, path, NULL, &scene, NULL));
     assert_true(scene.projected);
     assert_close(scene.state[10], 0, 0, 0);
-    lg_scene_destroy(context, &scene);
+    lg_scene_destroy(&scene);
     lg_context_destroy(context);
     assert_refused(read_scene, changed("off.yaml", good_scene, "[0, 1, 0]", "[0, 1.00001, 0]"), LG_FORMAT,
                    "line 9", "sphere");
@@ -588,7 +588,7 @@ TEST("rotations are projected when nearly orthogonal and refused otherwise") {
         assert_close(scene.projection, 2e-7, 1e-3, 0);
         assert_close(scene.state[8], 1, 0, 1e-15);
         assert_close(lg_space_manifold_error(lg_system_space(scene.system), scene.state), 0, 0, 1e-15);
-        lg_scene_destroy(NULL, &scene);
+        lg_scene_destroy(&scene);
         (void)snprintf(text, sizeof text, tops[i], "1.00001");
         assert_refused(read_scene, file_of("top.yaml", text), LG_FORMAT, i == 0 ? "line 2" : "line 3",
                        "no rotation");
@@ -601,7 +601,7 @@ TEST("rotations are projected when nearly orthogonal and refused otherwise") {
     assert_close(scene.state[0], -2, 0, 0);
     assert_close(scene.state[6], 0.6, 0, 0);
     assert_close(scene.state[9], 0.8, 0, 0);
-    lg_scene_destroy(NULL, &scene);
+    lg_scene_destroy(&scene);
     assert_refused(read_scene, changed("b.yaml", BODIES, "[[0.6, -0.8, 0]", "[[0.6, 0.8, 0]"), LG_FORMAT,
                    "line 3", "initial.R: matrix 1");
     assert_refused(read_scene, changed("b.yaml", BODIES, "\n [0, 0, 1]]]", "\n [0, 0, 2]]]"), LG_FORMAT,
@@ -741,10 +741,10 @@ TEST("every key of a grid is read") {
     assert_true(how->epochs == 100 && how->batch == 80 && how->lr_step == 50 && how->shards == 4);
     assert_close(how->lr, 1e-2, 0, 0);
     assert_close(grid.t_end, 0.1, 0, 0);
-    lg_grid_destroy(NULL, &grid);
+    lg_grid_destroy(&grid);
     assert_ok(lg_grid_read(NULL, changed("grid.yaml", good_grid, "t_end: 0.1\n", ""), &grid, NULL));
     assert_close(grid.t_end, 3, 0, 0);
-    lg_grid_destroy(NULL, &grid);
+    lg_grid_destroy(&grid);
     const char *own = file_of(
         "own.yaml",
         "system: quartic\nt_end: 0.3\nintegrators: stormer-verlet\nN: 900\nM: 6\nhidden: [100, 50, 50]\n");
@@ -753,9 +753,9 @@ TEST("every key of a grid is read") {
     assert_int_equal(lg_grid_runs(&grid), 1);
     assert_close(grid.t_end, 0.3, 0, 0);
     assert_close(grid.eps[0], 0, 0, 0);
-    lg_grid_destroy(NULL, &grid);
+    lg_grid_destroy(&grid);
     assert_null(grid.scene.system);
-    lg_grid_destroy(NULL, &grid);
+    lg_grid_destroy(&grid);
 }
 
 TEST("a bad grid is refused with its line and word") {
@@ -833,7 +833,7 @@ TEST("every file of scenes/ is a scene or a grid, and every system has a scene")
         assert_false(scene.projected);
         for (size_t i = 0; lg_system_at(i, &name, &form); i++)
             if (strcmp(name, lg_system_name(scene.system)) == 0) systems[i] = true;
-        lg_scene_destroy(NULL, &scene);
+        lg_scene_destroy(&scene);
         count++;
     }
     (void)closedir(folder);
@@ -873,17 +873,17 @@ TEST("the files of scenes/ have their form and their start") {
             assert_int_equal(lg_system_dim(scene.system), scenes[i].dim);
             assert_close(scene.state[scenes[i].at], scenes[i].value, 1e-15, 0);
         }
-        lg_scene_destroy(NULL, &scene);
+        lg_scene_destroy(&scene);
     }
     lg_grid grid;
     (void)snprintf(path, sizeof path, "%s/../scenes/study-thesis.yaml", LG_TEST_DIR);
     assert_ok(lg_grid_read(NULL, path, &grid, NULL));
     assert_int_equal(lg_grid_runs(&grid), 960);
-    lg_grid_destroy(NULL, &grid);
+    lg_grid_destroy(&grid);
     (void)snprintf(path, sizeof path, "%s/../scenes/study-small.yaml", LG_TEST_DIR);
     assert_ok(lg_grid_read(NULL, path, &grid, NULL));
     assert_int_equal(lg_grid_runs(&grid), 96);
-    lg_grid_destroy(NULL, &grid);
+    lg_grid_destroy(&grid);
 }
 
 /* ---- memory ---- */

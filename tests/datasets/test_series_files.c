@@ -49,7 +49,7 @@ static const char *good_file(void) {
         lg_series_data data;
         make_series(true, &data);
         assert_ok(lg_series_write(NULL, original, &data, NULL));
-        lg_series_data_destroy(NULL, &data);
+        lg_series_data_destroy(&data);
     }
     copy_file(original, path);
     return path;
@@ -59,7 +59,7 @@ static lg_status read_data(const lg_context *context, const char *path, const lg
                            lg_error *error) {
     lg_series_data data;
     const lg_status status = lg_series_read(context, path, options, NULL, &data, error);
-    if (status == LG_OK) lg_series_data_destroy(context, &data);
+    if (status == LG_OK) lg_series_data_destroy(&data);
     return status;
 }
 
@@ -107,9 +107,9 @@ TEST("a series comes back as it was written") {
         }
         assert_ok(lg_series_write(NULL, second, &again, NULL));
         assert_same_bytes(path, second);
-        lg_series_data_destroy(NULL, &data);
-        lg_series_data_destroy(NULL, &again);
-        lg_series_data_destroy(NULL, &again);
+        lg_series_data_destroy(&data);
+        lg_series_data_destroy(&again);
+        lg_series_data_destroy(&again);
     }
 }
 
@@ -123,7 +123,7 @@ TEST("the hash is that of x as little-endian floats, then the labels") {
     lg_sha256_add(&sha, data.series.label, sizeof(uint32_t) * WINDOWS);
     lg_sha256_finish(&sha, text);
     assert_string_equal(data.sha256, text);
-    lg_series_data_destroy(NULL, &data);
+    lg_series_data_destroy(&data);
 }
 
 /* Names that cannot be joined by |, and more of them than an attribute holds. */
@@ -147,8 +147,8 @@ TEST("names that cannot be joined, and more than an attribute holds, come back")
         assert_memory_equal(again.series.class_name, data.series.class_name, classes * LG_SERIES_NAME);
         assert_memory_equal(again.series.label, data.series.label, classes * sizeof(uint32_t));
         assert_names(again.series.channel_name, 3, "|\xce\xb8|");
-        lg_series_data_destroy(NULL, &data);
-        lg_series_data_destroy(NULL, &again);
+        lg_series_data_destroy(&data);
+        lg_series_data_destroy(&again);
     }
 }
 
@@ -206,7 +206,7 @@ static void assert_labels(const char *path, const lg_series *like, const char *n
     if (lg_series_read(NULL, path, NULL, like, &data, &error) != LG_OK) fail_msg("%s", error.message);
     assert_names(data.series.class_name, data.series.classes, names);
     assert_memory_equal(data.series.label, expected, WINDOWS * sizeof *expected);
-    lg_series_data_destroy(NULL, &data);
+    lg_series_data_destroy(&data);
 }
 
 static const double plain[WINDOWS] = {0, 1, 0, 1, 1, 0};
@@ -234,7 +234,7 @@ TEST("samples are read in the types of other programs") {
         assert_true(isnan(data.noise) && isnan(data.severity));
         assert_string_equal(data.provenance.command, "");
         assert_int_equal(strlen(data.sha256), 64);
-        lg_series_data_destroy(NULL, &data);
+        lg_series_data_destroy(&data);
     }
 }
 
@@ -329,7 +329,7 @@ TEST("a list of texts is names, and a list of numbers is not") {
     assert_memory_equal(data.series.label, expected, sizeof expected);
     assert_string_equal(data.series.class_name[0], "dry|cold");
     assert_string_equal(data.series.channel_name[1], "wet");
-    lg_series_data_destroy(NULL, &data);
+    lg_series_data_destroy(&data);
     replace_integer(path, "/", "classes", 2);
     replace_integer(path, "/", "channels", 2);
     replace_text(path, "/", "noise", "gaussian"); /* means something else there */
@@ -355,7 +355,7 @@ TEST("units of other programs are read") {
     for (size_t i = 0; i < WINDOWS; i++) assert_int_equal(data.series.run[i], runs[i]);
     assert_close(data.series.rate, 12.5, 0, 0);
     assert_names(data.series.channel_name, 2, "left|");
-    lg_series_data_destroy(NULL, &data);
+    lg_series_data_destroy(&data);
 }
 
 typedef struct heard {
@@ -392,7 +392,7 @@ TEST("runs whose windows do not follow one another are left out, with a warning"
     assert_non_null(data.series.group);
     assert_int_equal(h.count, 1);
     assert_non_null(strstr(h.last, "series.h5: /run: the windows of run 1"));
-    lg_series_data_destroy(context, &data);
+    lg_series_data_destroy(&data);
     lg_context_destroy(context);
 }
 
@@ -437,8 +437,8 @@ TEST("classes are matched by name") {
         assert_names(data.series.class_name, 3, cases[i].names);
         assert_memory_equal(data.series.label, cases[i].expected, sizeof cases[i].expected);
         assert_int_equal(h.count, cases[i].warnings);
-        lg_series_data_destroy(context, &data);
-        lg_series_destroy(NULL, &like);
+        lg_series_data_destroy(&data);
+        lg_series_destroy(&like);
         lg_context_destroy(context);
     }
 }
@@ -464,7 +464,7 @@ TEST("classes that do not match are refused") {
         if (cases[i].classes != NULL) replace_text(path, "/", "classes", cases[i].classes);
         assert_status(lg_series_read(NULL, path, NULL, &like, &data, &error), LG_FORMAT);
         if (strstr(error.message, cases[i].word) == NULL) fail_msg("%s", error.message);
-        lg_series_destroy(NULL, &like);
+        lg_series_destroy(&like);
     }
     /* What does not occur needs no match. */
     lg_series like = classes_like(2, cases[0].like);
@@ -473,7 +473,7 @@ TEST("classes that do not match are refused") {
     put_labels(path, "y", H5T_STD_I32LE, 1, plain);
     replace_text(path, "/", "classes", "intact|broken|unheard of");
     assert_labels(path, &like, "intact|broken", expected);
-    lg_series_destroy(NULL, &like);
+    lg_series_destroy(&like);
     assert_status(lg_series_read(NULL, path, NULL, &like, &(lg_series_data){.sha256 = ""}, NULL),
                   LG_INVALID_ARGUMENT);
 }
@@ -530,10 +530,10 @@ TEST("what numbers with names mean does not depend on which of them occur") {
                          cases[i].train == one    ? "1|2|3"
                          : cases[i].train == zero ? "0|1|2"
                                                   : "-1|7|9");
-            lg_series_data_destroy(context, &data);
+            lg_series_data_destroy(&data);
         }
         assert_int_equal(h.count, 0);
-        lg_series_data_destroy(context, &train);
+        lg_series_data_destroy(&train);
         lg_context_destroy(context);
     }
 }
@@ -548,7 +548,7 @@ TEST("labels without names are names: one that did not occur is no number of a c
     put_labels(path, "y", H5T_STD_I32LE, 1, y);
     assert_status(lg_series_read(NULL, path, NULL, &like, &data, &error), LG_FORMAT);
     assert_non_null(strstr(error.message, "'0' is none of the classes 1|2|3"));
-    lg_series_destroy(NULL, &like);
+    lg_series_destroy(&like);
 }
 
 /* Neither 0 nor K occurs and nothing else tells: 0 is taken, with a warning. class_labels tells. */
@@ -565,12 +565,12 @@ TEST("class_labels tells what 0 means; without it 0 is taken, with a warning") {
     assert_memory_equal(data.series.label, from_zero, sizeof from_zero);
     assert_int_equal(h.count, 1);
     assert_non_null(strstr(h.last, "class_labels"));
-    lg_series_data_destroy(context, &data);
+    lg_series_data_destroy(&data);
     replace_text(path, "/", "class_labels", "2|3|1");
     assert_ok(lg_series_read(context, path, NULL, NULL, &data, NULL));
     assert_memory_equal(data.series.label, given, sizeof given);
     assert_int_equal(h.count, 1);
-    lg_series_data_destroy(context, &data);
+    lg_series_data_destroy(&data);
     lg_context_destroy(context);
     replace_text(path, "/", "class_labels", "2|3");
     assert_refused(read_data, path, LG_FORMAT, "class_labels", "2 labels, but 3 classes");
@@ -594,12 +594,12 @@ TEST("what this program writes counts from 0, whatever the file that was read sa
     assert_ok(lg_series_write(context, out, &data, NULL));
     assert_ok(lg_series_read(context, out, NULL, &data.series, &again, NULL));
     assert_memory_equal(again.series.label, expected, sizeof expected);
-    lg_series_data_destroy(context, &again);
+    lg_series_data_destroy(&again);
     assert_ok(lg_series_read(context, out, NULL, NULL, &again, NULL));
     assert_memory_equal(again.series.label, expected, sizeof expected);
     assert_int_equal(h.count, 0);
-    lg_series_data_destroy(context, &again);
-    lg_series_data_destroy(context, &data);
+    lg_series_data_destroy(&again);
+    lg_series_data_destroy(&data);
     lg_context_destroy(context);
 }
 
@@ -647,7 +647,7 @@ TEST("a spread that floats lose is told, or refused") {
             fail_msg("%zu: %s", i, error.message);
         assert_int_equal(h.count, cases[i].warning != NULL);
         if (cases[i].warning != NULL && strstr(h.last, cases[i].warning) == NULL) fail_msg("%s", h.last);
-        if (status == LG_OK) lg_series_data_destroy(context, &data);
+        if (status == LG_OK) lg_series_data_destroy(&data);
         lg_context_destroy(context);
     }
 }
@@ -673,7 +673,7 @@ TEST("more than one block of rows is read, in chunks that do not divide them") {
         assert_ok(lg_series_read(NULL, path, NULL, NULL, &data, NULL));
         for (size_t i = 0; i < (size_t)ROWS * SAMPLES; i++)
             if (data.series.x[i] != (float)x[i]) fail_msg("sample %zu", i);
-        lg_series_data_destroy(NULL, &data);
+        lg_series_data_destroy(&data);
     }
     free(x);
 }
@@ -689,7 +689,7 @@ TEST("rates of other programs are read") {
     assert_close(data.series.rate, 0, 0, 0);
     assert_int_equal(h.count, 1);
     assert_non_null(strstr(h.last, "attribute rate"));
-    lg_series_data_destroy(context, &data);
+    lg_series_data_destroy(&data);
     lg_context_destroy(context);
 }
 
@@ -945,7 +945,7 @@ TEST("a series that could not be read is not written") {
     assert_status(lg_series_write(NULL, NULL, &data, NULL), LG_INVALID_ARGUMENT);
     assert_int_not_equal(access(path, F_OK), 0);
     assert_ok(lg_series_write(NULL, path, &data, NULL));
-    lg_series_data_destroy(NULL, &data);
+    lg_series_data_destroy(&data);
     assert_status(lg_series_write(NULL, path, &data, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_series_read(NULL, NULL, NULL, NULL, &data, NULL), LG_INVALID_ARGUMENT);
     assert_status(lg_series_read(NULL, path, NULL, NULL, NULL, NULL), LG_INVALID_ARGUMENT);
@@ -959,8 +959,8 @@ static lg_status read_like_step(const lg_context *context, void *user, lg_error 
     lg_series_data data;
     const lg_read_options options = without_probe();
     const lg_status status = lg_series_read(context, user, &options, &like, &data, error);
-    if (status == LG_OK) lg_series_data_destroy(context, &data);
-    lg_series_destroy(NULL, &like);
+    if (status == LG_OK) lg_series_data_destroy(&data);
+    lg_series_destroy(&like);
     return status;
 }
 
@@ -968,7 +968,7 @@ static lg_status write_step(const lg_context *context, void *user, lg_error *err
     lg_series_data data;
     make_series(true, &data);
     const lg_status status = lg_series_write(context, user, &data, error);
-    lg_series_data_destroy(NULL, &data);
+    lg_series_data_destroy(&data);
     return status;
 }
 

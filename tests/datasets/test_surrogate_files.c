@@ -112,9 +112,9 @@ TEST("a model comes back as it was saved") {
         assert_string_equal(again.provenance.command, "train");
         assert_ok(lg_model_save_surrogate(NULL, second, &again, NULL, NULL));
         assert_same_bytes(path, second);
-        lg_surrogate_file_destroy(NULL, &file);
-        lg_surrogate_file_destroy(NULL, &again);
-        lg_surrogate_file_destroy(NULL, &again);
+        lg_surrogate_file_destroy(&file);
+        lg_surrogate_file_destroy(&again);
+        lg_surrogate_file_destroy(&again);
     }
 }
 
@@ -133,7 +133,7 @@ TEST("every slice of the vector lies under its name, in the type of the training
         assert_int_equal(total, file.parameters);
         assert_true(lg_h5_has(h5, "model/embedding/weight") == (examples[e].options.embedding > 0));
         lg_h5_close(h5);
-        lg_surrogate_file_destroy(NULL, &file);
+        lg_surrogate_file_destroy(&file);
     }
 }
 
@@ -151,7 +151,7 @@ TEST("a model written by hand may leave out what is not needed") {
     assert_int_equal(file.epochs_done, 0);
     assert_int_equal(file.run.model.options.kind, LG_SURROGATE_ANGLE);
     assert_true(file.run.model.options.boundary);
-    lg_surrogate_file_destroy(NULL, &file);
+    lg_surrogate_file_destroy(&file);
 }
 
 TEST("a damaged model is refused") {
@@ -233,7 +233,7 @@ TEST("a model that could not be read is not saved") {
     file.run = run;
     assert_status(lg_model_save_surrogate(NULL, NULL, &file, NULL, NULL), LG_INVALID_ARGUMENT);
     assert_int_not_equal(access(path, F_OK), 0);
-    lg_surrogate_file_destroy(NULL, &file);
+    lg_surrogate_file_destroy(&file);
     assert_status(lg_model_save_surrogate(NULL, path, &file, NULL, NULL), LG_INVALID_ARGUMENT);
 }
 

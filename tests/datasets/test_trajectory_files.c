@@ -34,7 +34,7 @@ static const char *good_file(uint32_t links) {
     const char *path = scratch_path("good.h5");
     make_chain(NULL, links, 3, 5, &data);
     assert_ok(lg_trajectories_write(NULL, path, &data, NULL));
-    lg_trajectories_destroy(NULL, &data);
+    lg_trajectories_destroy(&data);
     return path;
 }
 
@@ -42,7 +42,7 @@ static lg_status read_and_free(const lg_context *context, const char *path, cons
                                lg_error *error) {
     lg_trajectories data;
     lg_status status = lg_trajectories_read(context, path, options, &data, error);
-    if (status == LG_OK) lg_trajectories_destroy(context, &data);
+    if (status == LG_OK) lg_trajectories_destroy(&data);
     return status;
 }
 
@@ -70,8 +70,8 @@ TEST("trajectories come back as they were written") {
         assert_true(again.provenance.has_seed && again.provenance.seed == 12345678901234567890u);
         assert_ok(lg_trajectories_write(NULL, second, &again, NULL));
         assert_same_bytes(path, second);
-        lg_trajectories_destroy(NULL, &data);
-        lg_trajectories_destroy(NULL, &again);
+        lg_trajectories_destroy(&data);
+        lg_trajectories_destroy(&again);
     }
 }
 
@@ -90,7 +90,7 @@ TEST("the hash is that of t, data and inputs as little-endian doubles") {
     data.data[17] = nextafter(data.data[17], 2);
     assert_ok(lg_trajectories_write(NULL, scratch_path("hash.h5"), &data, NULL));
     assert_string_not_equal(data.sha256, digest);
-    lg_trajectories_destroy(NULL, &data);
+    lg_trajectories_destroy(&data);
 }
 
 /* ---- files of other programs ---- */
@@ -126,7 +126,7 @@ TEST("numbers are read in the types of other programs") {
     for (int i = 0; i < 24; i++) assert_close(data.data[i], points[i], 0, 0);
     assert_close(data.hamiltonian[1], 250, 0, 0);
     assert_null(data.inputs);
-    lg_trajectories_destroy(NULL, &data);
+    lg_trajectories_destroy(&data);
 }
 
 TEST("texts are read in the types of other programs") {
@@ -142,7 +142,7 @@ TEST("texts are read in the types of other programs") {
         lg_trajectories data;
         assert_ok(lg_trajectories_read(NULL, path, NULL, &data, NULL));
         assert_string_equal(data.system, "pendulum-chain");
-        lg_trajectories_destroy(NULL, &data);
+        lg_trajectories_destroy(&data);
     }
 }
 
@@ -156,21 +156,21 @@ TEST("attributes that follow from the data may be missing") {
         assert_ok(lg_trajectories_read(NULL, path, NULL, &data, NULL));
         assert_ptr_equal(data.family, &lg_hamiltonian_chain);
         assert_int_equal(data.n, 2);
-        lg_trajectories_destroy(NULL, &data);
+        lg_trajectories_destroy(&data);
     }
     delete_link(path, "hamiltonian");
     delete_link(path, "inputs");
     assert_ok(lg_trajectories_read(NULL, path, NULL, &data, NULL));
     assert_null(data.hamiltonian);
     assert_null(data.inputs);
-    lg_trajectories_destroy(NULL, &data);
+    lg_trajectories_destroy(&data);
     /* Attributes on the data set; a system of the user's own with a layout. */
     replace_text(path, "trajectories", "system", "double spherical pendulum on a cart");
     assert_refused(read_and_free, path, LG_FORMAT, "system", "layout");
     replace_text(path, "trajectories", "layout", "q1 p1 q2 p2");
     assert_ok(lg_trajectories_read(NULL, path, NULL, &data, NULL));
     assert_string_equal(data.system, "double spherical pendulum on a cart");
-    lg_trajectories_destroy(NULL, &data);
+    lg_trajectories_destroy(&data);
 }
 
 TEST("times stored as floats are equidistant to their own rounding") {
@@ -329,7 +329,7 @@ TEST("data is not taken from other files") {
     lg_trajectories data;
     make_chain(NULL, 1, 3, 5, &data);
     assert_ok(lg_trajectories_write(NULL, target, &data, NULL));
-    lg_trajectories_destroy(NULL, &data);
+    lg_trajectories_destroy(&data);
     const char *path = good_file(1);
     hid_t file = open_for_change(path);
     assert_true(H5Ldelete(file, "t", H5P_DEFAULT) >= 0);
@@ -376,7 +376,7 @@ TEST("wrong arguments are refused") {
     data.data[20] = NAN;
     assert_status(lg_trajectories_write(NULL, scratch_path("nan.h5"), &data, NULL), LG_NOT_FINITE);
     assert_int_not_equal(access(scratch_path("nan.h5"), F_OK), 0);
-    lg_trajectories_destroy(NULL, &data);
+    lg_trajectories_destroy(&data);
 }
 
 /* ---- memory and disk ---- */
@@ -392,7 +392,7 @@ static lg_status write_step(const lg_context *context, void *user, lg_error *err
     lg_trajectories data;
     make_chain(NULL, 2, 3, 5, &data);
     lg_status status = lg_trajectories_write(context, user, &data, error);
-    lg_trajectories_destroy(NULL, &data);
+    lg_trajectories_destroy(&data);
     return status;
 }
 
@@ -400,7 +400,7 @@ static lg_status create_step(const lg_context *context, void *user, lg_error *er
     (void)user, (void)error;
     lg_trajectories data;
     lg_status status = lg_trajectories_create(context, "", &lg_hamiltonian_chain, 2, 3, 5, 1, true, 2, &data);
-    if (status == LG_OK) lg_trajectories_destroy(context, &data);
+    if (status == LG_OK) lg_trajectories_destroy(&data);
     return status;
 }
 
@@ -433,7 +433,7 @@ TEST("a full disk leaves no file") {
         assert_int_equal(setrlimit(RLIMIT_FSIZE, &limit), 0);
         assert_int_equal(status, LG_FILE);
         assert_non_null(strstr(error.message, "good.h5"));
-        lg_trajectories_destroy(NULL, &data);
+        lg_trajectories_destroy(&data);
         assert_same_bytes(path, copy);
         assert_int_equal(scratch_files(), files);
     }
@@ -462,7 +462,7 @@ TEST("a place that cannot be written is refused") {
     assert_int_equal(stat(target, &about), 0);
     assert_int_equal(about.st_mode & 0777, 0640);
     assert_ok(read_and_free(NULL, target, NULL, NULL));
-    lg_trajectories_destroy(NULL, &data);
+    lg_trajectories_destroy(&data);
 }
 
 /* A reader that dies, loops or eats memory in the child is a sentence in the parent. */

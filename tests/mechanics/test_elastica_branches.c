@@ -124,8 +124,8 @@ TEST("generated curves are the solutions one by one, whatever the threads") {
             assert_close(one.boundary[8 * i + 6 + c], one.v[102 * i + 100 + c], 0, 0);
         }
     }
-    lg_elastica_curves_destroy(NULL, &one);
-    lg_elastica_curves_destroy(NULL, &two);
+    lg_elastica_curves_destroy(&one);
+    lg_elastica_curves_destroy(&two);
     assert_null(two.q);
 }
 
@@ -138,14 +138,14 @@ TEST("without a gap the ends are the bifurcations themselves") {
     assert_ok(lg_elastica_generate(NULL, &s, &curves, NULL));
     assert_close(curves.energy[0], curves.energy[8], 1e-12, 0); /* x = 0 and 2 pi */
     assert_close(curves.energy[4], curves.energy[5], 1e-12, 0); /* pi, twice */
-    lg_elastica_curves_destroy(NULL, &curves);
+    lg_elastica_curves_destroy(&curves);
     s.count = 100; /* x = 2 pi is x = 0, whatever its neighbours */
     assert_ok(lg_elastica_generate(NULL, &s, &curves, NULL));
     for (size_t k = 0; k < 102; k++) assert_close(curves.q[99 * 102 + k], curves.q[k], 0, 1e-11);
-    lg_elastica_curves_destroy(NULL, &curves);
+    lg_elastica_curves_destroy(&curves);
     s.count = 1;
     assert_ok(lg_elastica_generate(NULL, &s, &curves, NULL));
-    lg_elastica_curves_destroy(NULL, &curves);
+    lg_elastica_curves_destroy(&curves);
 }
 
 TEST("bad samplings are refused") {
@@ -184,10 +184,10 @@ static lg_status everything(const lg_context *context) {
     if (status == LG_OK)
         status = lg_elastica_branches(context, &p, NULL, true, 2, theta, solutions, &count, NULL);
     if (status == LG_OK) status = lg_elastica_generate(context, &s, &curves, NULL);
-    lg_elastica_curves_destroy(context, &curves);
+    lg_elastica_curves_destroy(&curves);
     s.continuous = true;
     if (status == LG_OK) status = lg_elastica_generate(context, &s, &curves, NULL);
-    lg_elastica_curves_destroy(context, &curves);
+    lg_elastica_curves_destroy(&curves);
     return status;
 }
 

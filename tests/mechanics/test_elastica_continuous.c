@@ -166,5 +166,5 @@ TEST("generated curves are the solutions one by one") {
             assert_close(curves.v[102 * i + 2 * k], cos(theta[k]), 0, 1e-11);
         }
     }
-    lg_elastica_curves_destroy(NULL, &curves);
+    lg_elastica_curves_destroy(&curves);
 }

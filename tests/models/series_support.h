@@ -9,7 +9,7 @@
 /* own_TYPE(value): the running test gives back what the value holds. */
 #define OWNED(type, destroy)                                                                                 \
     static inline void release_##type(void *value) {                                                         \
-        destroy(NULL, value);                                                                                \
+        destroy(value);                                                                                      \
     }                                                                                                        \
     static inline type own_##type(type value) {                                                              \
         type *copy = TEST_ARRAY(type, 1);                                                                    \

@@ -419,7 +419,7 @@ TEST("every allocation may fail, and nothing leaks") {
         status = lg_detector_data_create(context, &model, &s.scaler, &s.series, &s.windows, NULL, 0, LG_F32,
                                          &data, NULL);
         if (status == LG_OK)
-            lg_detector_data_destroy(context, &data);
+            lg_detector_data_destroy(&data);
         else
             assert_int_equal(data.count, 3);
     });

@@ -35,7 +35,7 @@ static void make(example *e, size_t net, lg_activation activation, uint32_t clas
         e->mean[c] = centred ? 0.0 : mean[c];
         e->scale[c] = scale[c];
     }
-    e->scaler = (lg_scaler){odd_nets[net].channels, e->mean, e->scale};
+    e->scaler = (lg_scaler){.channels = odd_nets[net].channels, .mean = e->mean, .scale = e->scale};
     lg_rng rng;
     lg_rng_seed(&rng, 31, net);
     e->theta = TEST_ARRAY(double, lg_cnn_parameters(&e->model.net));

@@ -31,9 +31,9 @@ TEST("a set has the memory of its sizes, or none") {
     assert_null(s.channel_name);
     assert_close(s.rate, 5.0, 0, 0);
     for (size_t i = 0; i < 24; i++) assert_close((double)s.x[i], 0.0, 0, 0);
-    lg_series_destroy(NULL, &s);
+    lg_series_destroy(&s);
     assert_null(s.x);
-    lg_series_destroy(NULL, &s);
+    lg_series_destroy(&s);
     const lg_series bad[] = {{.count = 0, .channels = 1, .length = 1, .classes = 1},
                              {.count = 1, .channels = 0, .length = 1, .classes = 1},
                              {.count = 1, .channels = 1, .length = 0, .classes = 1},
@@ -429,9 +429,9 @@ static lg_status all_at_once(const lg_context *context) {
     if (status == LG_OK) status = lg_series_split(context, &s, &w, LG_SPLIT_RANDOM, 0.3, 0, 1, parts, NULL);
     if (status == LG_OK) status = lg_folds(context, s.label, NULL, 8, 3, (uint32_t[8]){0});
     if (status == LG_OK) status = lg_scaler_fit(context, &s, &w, NULL, 8, false, &scaler);
-    lg_scaler_destroy(context, &scaler);
-    lg_windows_destroy(context, &w);
-    lg_series_destroy(context, &s);
+    lg_scaler_destroy(&scaler);
+    lg_windows_destroy(&w);
+    lg_series_destroy(&s);
     return status;
 }
 
