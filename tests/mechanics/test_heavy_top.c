@@ -1,9 +1,4 @@
-/* The heavy top in four forms: fields against the Hamiltonian, flows against the equations in the body. */
-#include "support/fixtures.h"
-
-#include "liegrad/geometry.h"
-#include "liegrad/ops.h"
-#include "mechanics/system.h"
+/* The heavy top in four forms: flows against the equations in the body. */
 #include "body_check.h"
 
 static const char *const forms[] = {"cotangent", "direct", "lie-poisson", "quadratic"};
@@ -38,22 +33,6 @@ static void state_of(const lg_system *system, const top *of, const double *Q, co
 static void random_start(lg_rng *rng, double size, double *Q, double *pi) {
     random_rotation(rng, Q);
     for (int i = 0; i < 3; i++) pi[i] = lg_rng_uniform_in(rng, -size, size);
-}
-
-TEST("cotangent, direct and quadratic have the same velocity of (Q, pi)") {
-    lg_rng rng;
-    lg_rng_seed(&rng, 13, 0);
-    double Q[9], pi[3], y[18], v[FORMS][18];
-    random_start(&rng, 3.0, Q, pi);
-    for (int form = 0; form < FORMS; form++) {
-        lg_system *system = make_top(&skew, form);
-        state_of(system, &skew, Q, pi, y);
-        velocity(system, 0.0, y, v[form]);
-    }
-    for (int i = 0; i < 12; i++) {
-        assert_close(v[DIRECT][i], v[COTANGENT][i], 1e-14, 1e-13);
-        assert_close(v[QUADRATIC][i], v[COTANGENT][i], 1e-14, 1e-13);
-    }
 }
 
 /* ---- flows against the equations in the body ---- */
@@ -112,6 +91,7 @@ TEST("flows of every form are those of the equations in the body") {
     }
 }
 
+<<<<<<< HEAD
 /* Coarse steps of Lie-Euler keep what the form keeps: both Casimirs of se(3)*, and pi.Gamma0 of the direct
  * product. */
 TEST("coarse steps keep what the form keeps") {
@@ -141,6 +121,8 @@ TEST("coarse steps keep what the form keeps") {
     }
 }
 
+=======
+>>>>>>> 6b87377 (Tests of systems leave to the tables what the tables say)
 /* With the symplectic integrator at theta = 1/2, (Q, pi) of quadratic are those of cotangent to rounding. */
 TEST("to slgi the quadratic form is the cotangent one") {
     static const int canonical[] = {COTANGENT, QUADRATIC};
@@ -161,6 +143,7 @@ TEST("to slgi the quadratic form is the cotangent one") {
     for (int i = 0; i < 12; i++) assert_close(end[1][i], end[0][i], 0.0, 1e-12);
     assert_true(largest_difference(end[0], start, 12) > 0.1);
 }
+<<<<<<< HEAD
 
 /* ---- on a tape ---- */
 
@@ -179,7 +162,7 @@ static void flow_gradient(int form, const double *Q, const double *pi, double *g
     assert_ok(lg_taped_split(tape, &ode.space, lg_input_f64(tape, lg_shape2(1, dim), y), parts));
     assert_ok(lg_taped_integrate(tape, lg_scheme_find("rkmk4"), &ode, 0.0, 0.02, 5, 5, parts, out));
     assert_ok(lg_grad(tape, lg_add(tape, lg_sum(tape, out[0]), lg_sum(tape, out[1])), &p, 1, &g));
-    assert_ok(lg_read(tape, g, count, gradient));
+    assert_ok(lg_read(tape, g, gradient, count));
 }
 
 /* The derivatives of the quadratic form in M, l, chi are those of the top: its start does not depend on them.
@@ -233,3 +216,5 @@ TEST("parameters that a top cannot have are refused") {
     assert_status(lg_system_create(NULL, "heavy-top", &options, &system, NULL), LG_NOT_FOUND);
     assert_null(system);
 }
+=======
+>>>>>>> 6b87377 (Tests of systems leave to the tables what the tables say)

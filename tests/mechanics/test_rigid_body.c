@@ -1,31 +1,10 @@
 /* The free rigid body against Jacobi's elliptic functions, its attitude against the equations in the body. */
-#include "test_support.h"
-
-#include "liegrad/geometry.h"
 #include "body_check.h"
 
 static const double inertia[3] = {1.0, 2.0, 3.0};
 
 static lg_system *make_body(const char *name, const double *moments) {
     return make_system(name, NULL, &(lg_named_values){"inertia", moments, 3}, 1);
-}
-
-/* mu_i' = mu_j mu_k (1/I_k - 1/I_j), i j k cyclic */
-static void euler(const double *I, const double *mu, double *out) {
-    for (int i = 0; i < 3; i++) {
-        const int j = (i + 1) % 3, k = (i + 2) % 3;
-        out[i] = mu[j] * mu[k] * (1.0 / I[k] - 1.0 / I[j]);
-    }
-}
-
-TEST("the field is Euler's") {
-    const double mu[3] = {0.4, -1.3, 0.8};
-    double expected[3], v[3];
-    lg_system *system = make_body("rigid-body", inertia);
-    euler(inertia, mu, expected);
-    velocity(system, 0.0, mu, v);
-    for (int i = 0; i < 3; i++) assert_close(v[i], expected[i], 1e-14, 1e-15);
-    assert_string_equal(lg_system_layout(system), "mu");
 }
 
 /* sn, cn, dn of u for the modulus with complement m1 = 1 - k^2, by the arithmetic-geometric mean (Abramowitz
@@ -47,26 +26,6 @@ static void jacobi(double u, double m1, double *sn, double *cn, double *dn) {
     *sn = sin(phi);
     *cn = cos(phi);
     *dn = sqrt(m1 + (1.0 - m1) * *cn * *cn);
-}
-
-TEST("the elliptic functions of this test are right") {
-    /* sn^2 + cn^2 = 1; the limits sin (m = 0) and tanh (m = 1); sn(K/2)^2 = 1/(1 + k') with K = pi/(2 agm(1,
-     * k')). */
-    double sn, cn, dn, a = 1.0, b = 0.8;
-    jacobi(0.7, 1.0 - 1e-14, &sn, &cn, &dn);
-    assert_close(sn, sin(0.7), 1e-12, 0.0);
-    jacobi(0.7, 1e-14, &sn, &cn, &dn);
-    assert_close(sn, tanh(0.7), 1e-12, 0.0);
-    assert_close(cn, 1.0 / cosh(0.7), 1e-12, 0.0);
-    assert_close(dn, 1.0 / cosh(0.7), 1e-12, 0.0);
-    for (int i = 0; i < 8; i++) {
-        const double mean = 0.5 * (a + b);
-        b = sqrt(a * b);
-        a = mean;
-    }
-    jacobi(acos(-1.0) / (4.0 * a), 0.64, &sn, &cn, &dn);
-    assert_close(sn * sn, 1.0 / 1.8, 1e-13, 0.0);
-    assert_close(dn * dn, 0.8, 1e-13, 0.0);
 }
 
 /* The solution with 2 E = 1 and I_1 < I_2 < I_3, |mu|^2 > 2 E I_2 (Landau and Lifshitz, Mechanics, 37):
@@ -138,24 +97,4 @@ TEST("the attitude is that of the equations in the body") {
     for (size_t k = 0; k < lg_system_invariants(system); k++)
         assert_close(lg_system_invariant(system, k, end, work), lg_system_invariant(system, k, y, work),
                      1e-11, 0.0);
-    assert_int_equal(lg_system_invariants(system), 2);
-    assert_string_equal(lg_system_layout(system), "R pi");
-}
-
-TEST("moments of inertia that cannot be are refused") {
-    static const double bad[3][3] = {{1.0, 0.0, 1.0}, {1.0, -2.0, 1.0}, {1.0, NAN, 1.0}};
-    lg_system_options options;
-    lg_system *system = NULL;
-    lg_named_values value = {.key = "inertia", .count = 3};
-    lg_system_options_init(&options);
-    options.parameters = &value;
-    options.parameter_count = 1;
-    for (int i = 0; i < 3; i++) {
-        value.values = bad[i];
-        assert_status(lg_system_create(NULL, "rigid-body", &options, &system, NULL), LG_INVALID_ARGUMENT);
-    }
-    value = (lg_named_values){"inertia", inertia, 2};
-    assert_status(lg_system_create(NULL, "rigid-body-attitude", &options, &system, NULL),
-                  LG_INVALID_ARGUMENT);
-    assert_null(system);
 }
