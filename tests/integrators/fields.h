@@ -161,23 +161,6 @@ static inline lg_status top_field(void *user, double t, const double *y, const d
     return LG_OK;
 }
 
-/* The same as a quadratic Hamiltonian with (q, p) in R^6: p = -M l e2 in the body, constant; q' = p - Q^T
- * Gamma0. */
-static inline lg_status top_quadratic_field(void *user, double t, const double *y, const double *input,
-                                            double *out) {
-    const real gamma0[3] = {0.0L, 0.0L, -9.81L};
-    real x[18], f[6], Qp[3], torque[3], turn[3];
-    widen(18, y, x);
-    top_omega_l(x, f);
-    for (int i = 0; i < 3; i++) Qp[i] = dot_l(x + 3 * i, x + 15);
-    cross_l(gamma0, Qp, torque);
-    cross_l(f, x + 9, turn);
-    for (int i = 0; i < 3; i++) f[3 + i] = -torque[i] - turn[i];
-    narrow(6, f, out);
-    for (int j = 0; j < 3; j++) out[6 + j] = (double)(x[15 + j] - gamma0[2] * x[6 + j]), out[9 + j] = 0.0;
-    return LG_OK;
-}
-
 /* Turning fast, or slowly enough for a short step to be small. */
 static inline void top_start(double spin, double y[12]) {
     const double start[12] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0.0, 0.46875 * spin, 0.234375 * -4.61538};

@@ -46,44 +46,6 @@ static lg_ode ode_on(lg_space_kind kind, size_t count, lg_field field, void *use
     return ode;
 }
 
-/* The largest share of h f in an exponent when all f_i are the same. */
-static double largest_share(const lg_scheme *scheme) {
-    double largest = scheme->kind == LG_SCHEME_RKMK ? 1.0 : 0.0;
-    for (int i = 0; scheme->kind == LG_SCHEME_RKMK && i < scheme->stages; i++)
-        largest = fmax(largest, fabs(scheme->c[i]));
-    const int rows = scheme->stages + 1 + (scheme->embedded_order > 0);
-    for (int i = 0; scheme->kind == LG_SCHEME_COMMUTATOR_FREE && i < rows; i++) {
-        for (int e = 0; e < scheme->rows[i].exponentials; e++) {
-            double share = 0.0;
-            for (int j = 0; j < scheme->stages; j++) share += scheme->rows[i].coefficient[e][j];
-            largest = fmax(largest, fabs(share));
-        }
-    }
-    return largest;
-}
-
-TEST("every scheme is exact for a constant field, and reports its angle") {
-    double a[6] = {0.5, -0.4, 0.7, 0.3, 0.6, -0.2}, y[6] = {0.6, 0.0, 0.8, 0.8, 0.5, -0.6}, exact[6], out[6],
-           ha[6];
-    for (int i = 0; i < 6; i++) ha[i] = 0.9 * a[i];
-    lg_se3_exp_act(ha, y, exact);
-    size_t tested = 0;
-    for (size_t i = 0; i < lg_scheme_count(); i++) {
-        const lg_scheme *scheme = lg_scheme_at(i);
-        if (scheme->ambient || largest_share(scheme) == 0.0) continue;
-        lg_stepper *stepper = make(scheme->name, ode_on(LG_SPACE_TS2, 1, constant_field, a));
-        assert_ok(lg_step(stepper, 0.0, 0.9, y, NULL, out));
-        for (int j = 0; j < 6; j++) assert_close(out[j], exact[j], 0.0, 4e-15);
-        const double *error = lg_stepper_error(stepper);
-        assert_true((error != NULL) == (scheme->embedded_order > 0));
-        for (int j = 0; error && j < 6; j++) assert_close(error[j], 0.0, 0.0, 4e-15);
-        assert_close(lg_stepper_angle(stepper), largest_share(scheme) * 0.9 * sqrt(lg_dot3(a, a)), 1e-14,
-                     0.0);
-        tested++;
-    }
-    assert_true(tested > 0);
-}
-
 /* Stages carry t + c_i h: t^4 is integrated exactly by order 5, t^3's quadrature by order 4 is tested by its
  * error. */
 TEST("stages carry time and input") {

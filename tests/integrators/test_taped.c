@@ -1,11 +1,8 @@
-/* The taped interpreter against the plain one, on every scheme of the table and every kind of space; its
- * derivatives; what it keeps and what it refuses. */
+/* The taped interpreter against the plain one, on every scheme of the table and every kind of space; what it
+ * keeps and what it refuses. lg-gradcheck holds the derivatives of every scheme against differences. */
 #include "support/fixtures.h"
 
 #include "integrators/taped_internal.h"
-#include "liegrad/gradcheck.h"
-#include "liegrad/ops.h"
-#include "liegrad/random.h"
 
 enum { BATCH = 3, STEPS = 4, EVERY = 2, MAX_DIM = 72, INPUTS = 2 };
 
@@ -17,14 +14,13 @@ typedef struct wave {
     lg_space space;
     size_t dim, m;
     double W[MAX_DIM * MAX_DIM], phase[MAX_DIM], U[INPUTS * MAX_DIM];
-    lg_var variable; /* W on the tape, or LG_NONE: a constant */
     int evaluations; /* on the tape */
 } wave;
 
 static void wave_init(wave *w, const lg_space *space, size_t dim, size_t m, uint64_t seed) {
     lg_rng rng;
     lg_rng_seed(&rng, seed, 0);
-    *w = (wave){.space = *space, .dim = dim, .m = m, .variable = LG_NONE};
+    *w = (wave){.space = *space, .dim = dim, .m = m};
     assert_true(dim <= MAX_DIM && m <= MAX_DIM);
     for (size_t i = 0; i < dim * m; i++) w->W[i] = lg_rng_normal(&rng) / sqrt((double)dim);
     for (size_t j = 0; j < m; j++) w->phase[j] = lg_rng_normal(&rng);
@@ -44,8 +40,7 @@ static lg_status plain_wave(void *user, double t, const double *y, const double 
 
 static lg_var taped_waves(wave *w, lg_tape *tape, lg_taped_time t, lg_var y, lg_var input) {
     const uint32_t batch = lg_var_shape(tape, y).dims[0], m = (uint32_t)w->m;
-    const lg_shape shape = lg_shape2((uint32_t)w->dim, m);
-    lg_var W = lg_is_none(w->variable) ? lg_input_f64(tape, shape, w->W) : w->variable;
+    lg_var W = lg_input_f64(tape, lg_shape2((uint32_t)w->dim, m), w->W);
     lg_var phase = lg_input_f64(tape, lg_shape1(m), w->phase);
     if (lg_taped_time_varies(t))
         phase = lg_add(tape, phase, lg_scale(tape, lg_taped_time_rows(tape, t, batch), 0.7));
@@ -386,26 +381,6 @@ TEST("derivatives in h and t to order 4 are closed forms") {
         assert_close(nth_derivative(0.0, 1.0, n, false), by_t[n], 1e-13, 1e-14);
 }
 
-TEST("the comparison sees an error of the size that it is to see: a weight off by 1e-10") {
-    static pair p;
-    const lg_scheme *scheme = lg_scheme_find("rkmk4");
-    lg_scheme off = *scheme;
-    double got[MAX_DIM], next[MAX_DIM], most = 0.0;
-    lg_var y[LG_TAPED_MAX_PARTS];
-    off.b[0] += 1e-10;
-    off.b[3] -= 1e-10;
-    make_pair(&p, scheme);
-    const size_t dim = p.plain.space.dim;
-    lg_tape *tape = test_tape(LG_F64);
-    assert_ok(lg_taped_split(tape, &p.plain.space, lg_input(tape, lg_shape2(1, (uint32_t)dim), p.start), y));
-    assert_ok(lg_taped_step(tape, scheme, &p.taped, 0.0, 0.1, y, y));
-    assert_ok(lg_read(tape, lg_taped_join(tape, &p.plain.space, y), dim, got));
-    lg_stepper *stepper = test_stepper(&off, &p.plain);
-    assert_ok(lg_step(stepper, 0.0, 0.1, p.start, NULL, next));
-    for (size_t i = 0; i < dim; i++) most = fmax(most, fabs(got[i] - next[i]));
-    assert_true(most > 1e-12 && most < 1e-9);
-}
-
 /* ---- every kind of factor ---- */
 
 typedef struct operands {
@@ -500,98 +475,6 @@ TEST("maps of every kind of space are the plain ones") {
         }
     check_maps(tape, all_kinds, LG_COUNT(all_kinds));
     check_projection(tape, all_kinds, LG_COUNT(all_kinds));
-}
-
-/* ---- derivatives ---- */
-
-typedef struct differentiated {
-    const char *scheme;
-    double theta; /* negative: the scheme's own */
-    const lg_space_factor *factors;
-    size_t count;
-} differentiated;
-
-static const lg_space_factor short_product[] = {{LG_SPACE_RN, 1},       {LG_SPACE_TS2, 1},
-                                                {LG_SPACE_SO3, 1},      {LG_SPACE_SE3, 1},
-                                                {LG_SPACE_SO3_DUAL, 1}, {LG_SPACE_SE3_DUAL, 1}};
-static const lg_space_factor rotation[] = {{LG_SPACE_SE3, 1}};
-static const lg_space_factor flat[] = {{LG_SPACE_RN, 5}};
-static const lg_space_factor two_flat[] = {{LG_SPACE_RN, 3}, {LG_SPACE_RN, 3}};
-#define ON(factors) factors, LG_COUNT(factors)
-
-static const differentiated differentiable[] = {
-    {"lie-heun", -1.0, ON(short_product)}, {"rkmk4", -1.0, ON(short_product)},
-    {"rkmk4-2c", -1.0, ON(short_product)}, {"cg3", -1.0, ON(short_product)},
-    {"cf43", -1.0, ON(short_product)},     {"rk4-projected", -1.0, ON(short_product)},
-    {"implicit-euler", -1.0, ON(flat)},    {"midpoint", -1.0, ON(flat)},
-    {"midpoint", 0.3, ON(flat)},           {"slgi", -1.0, ON(rotation)},
-    {"slgi", 0.0, ON(rotation)},           {"slgi", 0.3, ON(cotangent)},
-    {"slgi", 1.0, ON(cotangent)},          {"symplectic-euler", -1.0, ON(two_flat)},
-};
-
-typedef struct checked {
-    lg_scheme scheme;
-    lg_space space, manifold;
-    wave *wave;
-    bool rows;
-} checked;
-
-/* x: y (2, dim), W, and for a step with rows h (2, 1), t (2, 1), input (2, INPUTS); else one of size 0.3 */
-static lg_var build_step(const void *user, lg_tape *tape, const lg_var *x) {
-    const checked *c = user;
-    lg_taped_interval over = {.t = {.value = 0.1}, .h = 0.3};
-    if (c->rows) over = (lg_taped_interval){.t = {.rows = x[3]}, .h_rows = x[2], .input = x[4]};
-    lg_var y[LG_TAPED_MAX_PARTS];
-    wave w = *c->wave;
-    lg_taped_ode ode = {.space = c->space, .manifold = c->manifold, .field = taped_wave, .user = &w};
-    w.variable = x[1];
-    if (c->scheme.kind == LG_SCHEME_SPLITTING) ode.force = ode.velocity = taped_half_wave;
-    lg_status status = lg_taped_split(tape, &c->space, x[0], y);
-    if (status == LG_OK) status = lg_taped_step_over(tape, &c->scheme, &ode, &over, y, y);
-    if (status != LG_OK) return lg_tape_fail(tape, status, c->scheme.name, "the step failed");
-    return lg_taped_join(tape, &c->space, y);
-}
-
-static void check_derivatives(const differentiated *row, bool rows) {
-    static wave w;
-    checked c = {.scheme = *lg_scheme_find(row->scheme), .wave = &w, .rows = rows};
-    lg_space starts;
-    lg_rng rng;
-    double y[2 * MAX_DIM];
-    if (row->theta >= 0.0) c.scheme.theta = row->theta;
-    assert_ok(lg_space_init(&starts, row->factors, row->count));
-    c.space = starts;
-    if (c.scheme.project) {
-        c.manifold = starts;
-        assert_ok(lg_space_init_rn(&c.space, starts.dim));
-    }
-    const bool halves = c.scheme.kind == LG_SCHEME_SPLITTING;
-    wave_init(&w, &c.space, halves ? c.space.dim / 2 : c.space.dim,
-              halves ? c.space.dim / 2 : c.space.algebra_dim, 17);
-    lg_rng_seed(&rng, 19, 0);
-    for (size_t b = 0; b < 2; b++) random_start(&rng, &starts, y + b * starts.dim);
-    const lg_gradcheck_argument arguments[] = {
-        {.shape = lg_shape2(2, (uint32_t)starts.dim), .values = y},
-        {.shape = lg_shape2((uint32_t)w.dim, (uint32_t)w.m), .values = w.W},
-        {.shape = lg_shape2(2, 1), .values = row_h},
-        {.shape = lg_shape2(2, 1), .values = row_t},
-        {.shape = lg_shape2(2, INPUTS), .values = row_u}};
-    const lg_gradcheck_function function = {.name = row->scheme,
-                                            .inputs = rows ? LG_COUNT(arguments) : 2,
-                                            .arguments = arguments,
-                                            .build = build_step,
-                                            .user = &c};
-    lg_gradcheck_result result;
-    const lg_status status = lg_gradcheck(NULL, &function, NULL, &result);
-    if (status != LG_OK) fail_msg("%s, theta %g: %s", row->scheme, c.scheme.theta, result.message);
-    assert_true(result.order[0].checked && result.order[1].checked);
-}
-
-TEST("derivatives are exact to second order") {
-    for (size_t i = 0; i < LG_COUNT(differentiable); i++) {
-        check_derivatives(&differentiable[i], false);
-        check_derivatives(&differentiable[i], true);
-    }
 }
 
 /* ---- what is kept ---- */

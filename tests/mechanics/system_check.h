@@ -125,36 +125,6 @@ static inline void random_links(lg_rng *rng, size_t links, double *y) {
 
 /* ---- taped fields ---- */
 
-<<<<<<< HEAD
-typedef struct taped_check {
-    const lg_system *system;
-    double t;
-    bool rows; /* the time is x[2], (B, 1), added to t */
-} taped_check;
-
-/* x: states (B, dim), parameters (P), times -> algebra (B, algebra_dim), parts one after another */
-static inline lg_var build_field(const void *user, lg_tape *tape, const lg_var *x) {
-    const taped_check *check = user;
-    const lg_space *space = lg_system_space(check->system);
-    const uint32_t batch = lg_var_shape(tape, x[0]).dims[0];
-    const size_t parts = lg_taped_parts(space);
-    const lg_taped_time t = {.value = check->t, .rows = check->rows ? x[2] : LG_NONE};
-    lg_var y[LG_TAPED_MAX_PARTS], algebra[LG_TAPED_MAX_PARTS];
-    lg_system_taped_user taped;
-    lg_taped_ode ode;
-    if (lg_system_taped_ode(check->system, LG_COORDINATES_LIE, x[1], &ode, &taped) != LG_OK ||
-        lg_taped_split(tape, space, x[0], y) != LG_OK ||
-        ode.field(ode.user, tape, t, y, LG_NONE, algebra) != LG_OK)
-        return LG_NONE;
-    for (size_t i = 0; i < parts; i++) {
-        const uint32_t count = (uint32_t)lg_shape_count(lg_var_shape(tape, algebra[i]));
-        algebra[i] = lg_reshape(tape, algebra[i], lg_shape2(batch, count / batch));
-    }
-    return lg_concat(tape, algebra, parts, 1);
-}
-
-=======
->>>>>>> 6b87377 (Tests of systems leave to the tables what the tables say)
 /* Plain algebra in the order of the parts: on factors with parts (u, v) the u of all copies come first. */
 static inline void algebra_in_parts(const lg_space *space, const double *algebra, double *out) {
     for (size_t f = 0; f < space->factors; f++) {
@@ -168,63 +138,4 @@ static inline void algebra_in_parts(const lg_space *space, const double *algebra
     }
 }
 
-<<<<<<< HEAD
-/* Later times for the rows of a batch. */
-static const double system_check_delays[SYSTEM_MAX_BATCH] = {0.3, -0.2, 0.9, 0.5};
-
-/* `states` (batch, dim) at the time t, or with `rows` each later by its delay: values equal to rounding. */
-static inline void check_taped_values(const lg_system *system, double t, bool rows, const double *states,
-                                      uint32_t batch) {
-    const lg_space *space = lg_system_space(system);
-    const uint32_t dim = (uint32_t)lg_system_dim(system), n = (uint32_t)space->algebra_dim;
-    const uint32_t count = (uint32_t)lg_system_parameter_count(system);
-    const taped_check check = {system, t, rows};
-    double taped[SYSTEM_MAX_BATCH * SYSTEM_MAX_DIM], algebra[SYSTEM_MAX_DIM], plain[SYSTEM_MAX_DIM];
-    lg_tape *tape = NULL;
-    assert_true(batch <= SYSTEM_MAX_BATCH);
-    assert_ok(lg_tape_create(NULL, NULL, &tape));
-    const lg_var x[3] = {lg_input_f64(tape, lg_shape2(batch, dim), states),
-                         lg_input_f64(tape, lg_shape1(count), lg_system_parameter_values(system)),
-                         lg_input_f64(tape, lg_shape2(batch, 1), system_check_delays)};
-    lg_var field = build_field(&check, tape, x);
-    if (lg_tape_status(tape) != LG_OK) fail_msg("%s", lg_tape_message(tape));
-    assert_ok(lg_read(tape, field, taped, batch * n));
-    for (uint32_t b = 0; b < batch; b++) {
-        double size = 0.0;
-        evaluate(system, rows ? t + system_check_delays[b] : t, states + b * dim, algebra);
-        algebra_in_parts(space, algebra, plain);
-        for (uint32_t i = 0; i < n; i++) size = fmax(size, fabs(plain[i]));
-        for (uint32_t i = 0; i < n; i++) assert_close(taped[b * n + i], plain[i], 0.0, 1e-13 * size);
-    }
-    lg_tape_destroy(tape);
-}
-
-/* The same, both ways, and derivatives to second order in the states, all parameters and the times. */
-static inline void check_taped_field(const lg_system *system, double t, const double *states, uint32_t batch,
-                                     double parameter_scale) {
-    const uint32_t dim = (uint32_t)lg_system_dim(system);
-    const uint32_t count = (uint32_t)lg_system_parameter_count(system);
-    const taped_check check = {system, t, true};
-    check_taped_values(system, t, false, states, batch);
-    check_taped_values(system, t, true, states, batch);
-
-    const lg_gradcheck_argument arguments[3] = {
-        {.shape = lg_shape2(batch, dim), .values = states, .scale = 0.1},
-        {.shape = lg_shape1(count), .values = lg_system_parameter_values(system), .scale = parameter_scale},
-        {.shape = lg_shape2(batch, 1), .values = system_check_delays}};
-    const lg_gradcheck_function function = {.name = lg_system_name(system),
-                                            .inputs = 3,
-                                            .arguments = arguments,
-                                            .build = build_field,
-                                            .user = &check};
-    lg_gradcheck_result result;
-    (void)lg_gradcheck(NULL, &function, NULL, &result);
-    printf("%s %s: slopes %.3f %.3f, errors %.1e %.1e\n", lg_system_name(system),
-           lg_system_form(system) ? lg_system_form(system) : "", result.order[0].slope, result.order[1].slope,
-           result.order[0].error, result.order[1].error);
-    if (!result.passed) fail_msg("%s", result.message);
-}
-
-=======
->>>>>>> 6b87377 (Tests of systems leave to the tables what the tables say)
 #endif

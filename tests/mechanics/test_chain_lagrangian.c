@@ -13,73 +13,6 @@ static const double masses[MAX_LINKS] = {1.0, 1.3, 0.7, 2.0, 0.4, 1.1, 0.9, 1.6,
                     lengths[MAX_LINKS] = {1.0, 0.8, 1.5, 0.6, 1.1, 0.7, 1.2, 0.9, 1.0, 0.5,
                                           1.3, 0.8, 0.6, 1.1, 0.9, 1.4, 0.7, 1.0, 1.2, 0.8};
 
-<<<<<<< HEAD
-/* q'' from the 3k + k equations m q'' + diag(q_i) mu = -grad V, q_i.q_i'' = -|q_i'|^2. */
-static void dense_accelerations(const lg_system *system, const double *y, double *a) {
-    const size_t k = lg_system_links(system), n = 4 * k;
-    double *A = TEST_ARRAY(double, n *n + 2 * n + k * k + k), *b = A + n * n, *x = b + n, *m = x + n,
-           *weights = m + k * k;
-    assert_ok(lg_chain_mass_matrix(system, m));
-    assert_ok(lg_chain_potential_weights(system, weights));
-    for (size_t i = 0; i < k; i++) {
-        double v[3];
-        lg_cross3(y + 6 * i + 3, y + 6 * i, v);
-        for (size_t c = 0; c < 3; c++) {
-            for (size_t j = 0; j < k; j++) A[(3 * i + c) * n + 3 * j + c] = m[i * k + j];
-            A[(3 * i + c) * n + 3 * k + i] = A[(3 * k + i) * n + 3 * i + c] = y[6 * i + c];
-        }
-        b[3 * i + 2] = -weights[i];
-        b[3 * k + i] = -lg_dot3(v, v);
-    }
-    dense_solve(n, A, b, x);
-    memcpy(a, x, 3 * k * sizeof(*a));
-}
-
-TEST("the field is the dense solution of the constrained equations, for up to 20 links") {
-    static const size_t links[] = {1, 2, 3, 4, 5, 10, 19, 20};
-    lg_rng rng;
-    lg_rng_seed(&rng, 31, 0);
-    double worst = 0.0;
-    for (size_t n = 0; n < sizeof(links) / sizeof(*links); n++) {
-        const size_t k = links[n];
-        lg_system *system = make_chain("lagrangian", k, GRAVITY, masses, lengths);
-        double *work = TEST_ARRAY(double, lg_system_work_size(system) / sizeof(double));
-        double y[6 * MAX_LINKS], a[3 * MAX_LINKS], f[6 * MAX_LINKS], g[6 * MAX_LINKS],
-            velocity[6 * MAX_LINKS];
-        lg_system_user user;
-        lg_ode lie, ambient;
-        for (int repeat = 0; repeat < 3; repeat++) {
-            random_links(&rng, k, y);
-            dense_accelerations(system, y, a);
-            assert_ok(lg_system_ode(system, LG_COORDINATES_LIE, &lie, &user, work));
-            assert_ok(lg_system_ode(system, LG_COORDINATES_AMBIENT, &ambient, &user, work));
-            assert_ok(lie.field(&user, 0.0, y, NULL, f));
-            assert_ok(ambient.field(&user, 0.0, y, NULL, g));
-            lg_space_generator(&lie.space, f, y, velocity);
-            double size = 0.0;
-            for (size_t i = 0; i < 3 * k; i++) size = fmax(size, fabs(a[i]));
-            for (size_t i = 0; i < k; i++) {
-                const double *q = y + 6 * i, *x = a + 3 * i, along = lg_dot3(q, x);
-                double turn[3], v[3];
-                lg_cross3(q, x, turn);
-                lg_cross3(q + 3, q, v);
-                for (int c = 0; c < 3; c++) {
-                    assert_true(f[6 * i + c] == q[3 + c]);
-                    worst = fmax(worst, fabs(f[6 * i + 3 + c] - (q[c] * along - x[c])) / size);
-                    assert_close(velocity[6 * i + c], v[c], 1e-14, 1e-14);
-                    assert_close(g[6 * i + c], v[c], 1e-14, 1e-14);
-                    worst = fmax(worst, fabs(velocity[6 * i + 3 + c] - turn[c]) / size);
-                    worst = fmax(worst, fabs(g[6 * i + 3 + c] - turn[c]) / size);
-                }
-            }
-        }
-    }
-    print_message("  largest difference to the dense solution %.2g\n", worst);
-    assert_true(worst < 1e-13);
-}
-
-=======
->>>>>>> 6b87377 (Tests of systems leave to the tables what the tables say)
 TEST("momenta and velocities are inverse, and both forms have the same invariants") {
     lg_rng rng;
     lg_rng_seed(&rng, 32, 0);
@@ -124,22 +57,6 @@ TEST("invariants and manifold are kept by chains of up to 20 links") {
     }
 }
 
-<<<<<<< HEAD
-TEST("one link by hand") {
-    lg_system *system = make_chain("lagrangian", 1, GRAVITY, masses, lengths);
-    const double y[6] = {0.6, 0.0, 0.8, 0.0, 2.0, 0.0};
-    double f[6], work[18];
-    lg_system_user user;
-    lg_ode ode;
-    assert_ok(lg_system_ode(system, LG_COORDINATES_AMBIENT, &ode, &user, work));
-    assert_ok(ode.field(&user, 0.0, y, NULL, f));
-    const double expected[6] = {1.6, 0.0, -1.2, 0.0, GRAVITY * 0.6, 0.0}; /* omega' = g/L e3 x q, L = 1 */
-    for (int i = 0; i < 6; i++) assert_close(f[i], expected[i], 1e-15, 1e-15);
-    assert_string_equal(lg_system_layout(system), "q1 omega1");
-}
-
-=======
->>>>>>> 6b87377 (Tests of systems leave to the tables what the tables say)
 /* Upright plus 1e-8 falls like cosh(t sqrt(g/L)): nothing is lost beside gravity. An equilibrium stays. */
 TEST("an upright pendulum falls as cosh, an equilibrium stays") {
     lg_system *system = make_chain("lagrangian", 1, GRAVITY, masses, lengths);
@@ -195,7 +112,7 @@ TEST("NaN in one row of a tape is no error and stays in that row") {
     y[12] = NAN;
     lg_tape *t = test_tape(LG_F64);
     lg_var parts[2], p = lg_input_f64(t, lg_shape1(5), lg_system_parameter_values(system));
-    assert_ok(lg_system_taped_ode(system, LG_COORDINATES_LIE, p, &user, &ode));
+    assert_ok(lg_system_taped_ode(system, LG_COORDINATES_LIE, p, &ode, &user));
     assert_ok(lg_taped_split(t, &ode.space, lg_input_f64(t, lg_shape2(3, 12), y), parts));
     assert_ok(ode.field(ode.user, t, (lg_taped_time){0}, parts, LG_NONE, parts));
     assert_ok(lg_read(t, lg_taped_join(t, &ode.space, parts), 36, f));
@@ -214,7 +131,7 @@ TEST("inputs may depend on each other: derivatives are total outside") {
     lg_taped_ode ode;
     lg_var x = lg_input_f64(t, lg_shape3(1, 2, 3), x0), y[2] = {x, lg_square(t, lg_square(t, x))}, f[2], g;
     lg_var parameters = lg_input_f64(t, lg_shape1(5), lg_system_parameter_values(system));
-    assert_ok(lg_system_taped_ode(system, LG_COORDINATES_LIE, parameters, &user, &ode));
+    assert_ok(lg_system_taped_ode(system, LG_COORDINATES_LIE, parameters, &ode, &user));
     assert_ok(ode.field(ode.user, t, (lg_taped_time){0}, y, LG_NONE, f));
     lg_var S = lg_sum(t, lg_square(t, f[1]));
     assert_ok(lg_grad(t, S, &x, 1, &g));
