@@ -6,6 +6,15 @@
 
 #include "liegrad/program.h"
 
+/* RECORDING(name) { ... } is a recording that puts `y` on the tape from `theta` and `x`, for `user`. */
+#define RECORDING(name)                                                                                      \
+    static void name##_on_tape(void *, lg_tape *, const lg_var *, const lg_var *, lg_var *);                 \
+    static lg_status name(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {      \
+        name##_on_tape(user, tape, theta, x, y);                                                             \
+        return lg_tape_status(tape);                                                                         \
+    }                                                                                                        \
+    static void name##_on_tape(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y)
+
 static inline void release_program(void *program) {
     lg_program_destroy(program);
 }

@@ -1,6 +1,6 @@
 /* Plans: equal to the tape for many numbers of rows, whatever lies in the work memory and whatever is asked
  * for; shared work is shared rightly. lg-gradcheck holds the plans of every operation, network, scheme and
- * system against the tape, one call at a time: here are rows, float, Jacobians, and what plans do with memory.
+ * system against the tape, one call at a time. Here are rows, float, Jacobians and memory.
  * ctest-labels: threads isa */
 #include <pthread.h>
 
@@ -224,8 +224,8 @@ static void check_jacobian(const char *name, const lg_program *program, size_t v
     compare(name, rows, &r, &n, 1e-11);
 }
 
-/* The forward and the adjoint function against lg_jvp and lg_vjp of the value on a tape. Their inputs are those
- * of the value and then directions of its inputs or weights of its outputs. */
+/* The forward and the adjoint function against lg_jvp and lg_vjp of the value on a tape. Their inputs are
+ * those of the value and then directions of its inputs or weights of its outputs. */
 static void check_modes(const char *name, const lg_program *program, size_t value, size_t mode, bool adjoint,
                         size_t rows) {
     numbers n;
@@ -273,14 +273,12 @@ static void check_derivatives(const char *name, lg_program *program, bool indepe
 
 /* ---- networks ---- */
 
-static lg_status record_net(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(record_net) {
     y[0] = lg_net_record(tape, user, theta[0], 0, x[0]);
-    return lg_tape_status(tape);
 }
 
-static lg_status record_value(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(record_value) {
     y[0] = lg_mlp_record(tape, user, theta[0], 0, x[0]);
-    return lg_tape_status(tape);
 }
 
 static const lg_port y_ports[] = {{.name = "y"}, {.name = "z"}, {.name = "a"},
@@ -328,7 +326,7 @@ TEST("a learned Hamiltonian's and its steps' plans and derivatives are those of 
 
 /* ---- odd outputs and odd shapes ---- */
 
-static lg_status record_odd(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(record_odd) {
     const uint32_t rows = lg_var_shape(tape, x[0]).dims[0];
     y[0] = lg_sin(tape, x[0]); /* twice an output */
     y[1] = y[0];
@@ -342,7 +340,6 @@ static lg_status record_odd(void *user, lg_tape *tape, const lg_var *theta, cons
     y[8] = x[1];
     y[9] = lg_add(tape, x[0], lg_mul(tape, x[2], lg_full(tape, lg_shape1(4), 2.0)));
     y[10] = lg_slice(tape, x[0], 1, 4, 0); /* empty */
-    return lg_tape_status(tape);
 }
 
 TEST("outputs may be inputs, constants, views, empty or the same") {
@@ -359,10 +356,8 @@ TEST("outputs may be inputs, constants, views, empty or the same") {
     check_all("odd outputs", program);
 }
 
-static lg_status record_scalar_rows(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x,
-                                    lg_var *y) {
+RECORDING(record_scalar_rows) {
     y[0] = lg_mul(tape, lg_exp(tape, x[0]), lg_sin(tape, x[1]));
-    return lg_tape_status(tape);
 }
 
 TEST("rows may have no shape: (B)") {
@@ -383,7 +378,7 @@ static lg_var repeated(lg_tape *tape, lg_var x, uint32_t rows, uint32_t width, u
 enum { WIDTH = 4, COPIES = 2 };
 
 /* x (B, 4), w shared (4, 4) */
-static lg_status record_meeting(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(record_meeting) {
     static const uint32_t chosen[3] = {3, 0, 0};
     const uint32_t rows = lg_var_shape(tape, x[0]).dims[0], all = rows * COPIES;
     const lg_var r = repeated(tape, x[0], rows, WIDTH, COPIES), other = lg_sin(tape, r);
@@ -403,7 +398,6 @@ static lg_status record_meeting(void *user, lg_tape *tape, const lg_var *theta, 
     y[8] = lg_slice(tape, lg_matmul(tape, other, lg_matmul_tn(tape, r, r)), 0, 0, rows);
     y[9] = lg_slice(tape, lg_add(tape, lg_matmul(tape, r, x[1]), theta[0]), 0, 0, rows);
     y[10] = lg_sum_axis(tape, other, 0, false); /* (4): as many numbers as rows when 2 B = 4 */
-    return lg_tape_status(tape);
 }
 
 TEST("rows that meet are not treated one by one") {
@@ -418,7 +412,7 @@ TEST("rows that meet are not treated one by one") {
 
 /* Batches times one matrix whose rows repeat, and that has as many rows as the batch when 2 B = 4: its rows
  * are none of the batch. x (B, 4) */
-static lg_status record_matrix(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(record_matrix) {
     static const double right_values[12] = {1, 2, 3, 1, 2, 3, -1, 4, 2, -1, 4, 2},
                         left_values[8] = {1, 2, 1, 2, 3, 4, 3, 4};
     static const uint32_t turned[4] = {3, 0, 1, 2};
@@ -439,7 +433,6 @@ static lg_status record_matrix(void *user, lg_tape *tape, const lg_var *theta, c
                     lg_mul(tape, r, lg_reshape(tape, lg_slice(tape, from_input, 0, 1, 2), lg_shape2(1, 4))),
                     0, 0, rows);
     y[5] = lg_gather(tape, from_input, turned, 4);
-    return lg_tape_status(tape);
 }
 
 TEST("a matrix with as many rows as the batch is no batch") {
@@ -484,10 +477,9 @@ TEST("shared work is done once") {
 }
 
 /* Chosen inputs and outputs: only what they need. */
-static lg_status record_two(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(record_two) {
     y[0] = lg_mlp_record(tape, user, theta[0], 0, x[0]);
     y[1] = lg_mul(tape, lg_sin(tape, x[1]), lg_slice(tape, x[0], 1, 0, 2));
-    return lg_tape_status(tape);
 }
 
 TEST("chosen inputs and outputs cost only what they need") {
@@ -614,10 +606,9 @@ TEST("loops are single steps") {
 }
 
 /* Two outputs change places. */
-static lg_status record_exchange(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(record_exchange) {
     y[0] = lg_scale(tape, x[1], 2.0);
     y[1] = lg_add(tape, x[0], x[2]);
-    return lg_tape_status(tape);
 }
 
 TEST("loops carry several outputs, in any order, and refuse what cannot be") {

@@ -22,9 +22,8 @@ static void make_network(network *n, uint32_t inputs, uint32_t width, uint32_t o
     lg_mlp_initialise(&n->net, &rng, n->theta);
 }
 
-static lg_status record_value(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(record_value) {
     y[0] = lg_mlp_record(tape, user, theta[0], 0, x[0]);
-    return lg_tape_status(tape);
 }
 
 static lg_status record_gradient(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
@@ -32,9 +31,8 @@ static lg_status record_gradient(void *user, lg_tape *tape, const lg_var *theta,
     return lg_grad(tape, y[0], x, 1, &y[1]);
 }
 
-static lg_status record_loss(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(record_loss) {
     y[0] = lg_mean(tape, lg_square(tape, lg_mlp_record(tape, user, theta[0], 0, x[0])));
-    return lg_tape_status(tape);
 }
 
 static const lg_port x3 = {.name = "x", .shape = {1, {3, 0, 0, 0}}};
@@ -111,77 +109,66 @@ static lg_program *build_pair(network *n) {
 
 /* ---- what is refused, and how it is said ---- */
 
-static lg_status identity(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(identity) {
     y[0] = lg_scale(tape, x[0], 1.0);
-    return lg_tape_status(tape);
 }
 
 static uint32_t rows_in(lg_tape *tape, lg_var x) {
     return lg_var_shape(tape, x).dims[0];
 }
 
-static lg_status branch(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(branch) {
     const double *values = lg_value(tape, x[0]);
     y[0] = values[0] > values[1] ? lg_sin(tape, x[0]) : lg_exp(tape, lg_sin(tape, x[0]));
-    return lg_tape_status(tape);
 }
 
-static lg_status loop_over_rows(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(loop_over_rows) {
     lg_var rows[8];
     for (uint32_t r = 0; r < rows_in(tape, x[0]); r++) rows[r] = lg_sin(tape, lg_slice(tape, x[0], 0, r, 1));
     y[0] = lg_concat(tape, rows, rows_in(tape, x[0]), 0);
-    return lg_tape_status(tape);
 }
 
-static lg_status put_back(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(put_back) {
     lg_scope_push(tape, "friction");
     const lg_var copy = lg_input(tape, lg_var_shape(tape, x[0]), lg_value(tape, x[0]));
     lg_scope_pop(tape);
     y[0] = lg_mul(tape, x[0], copy);
-    return lg_tape_status(tape);
 }
 
 /* Numbers of a parameter, too. */
-static lg_status weight_put_back(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(weight_put_back) {
     y[0] = lg_mul(tape, x[0], lg_input(tape, lg_var_shape(tape, theta[0]), lg_value(tape, theta[0])));
-    return lg_tape_status(tape);
 }
 
-static lg_status closed_over(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(closed_over) {
     static const double data[5 * 3] = {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
     y[0] = lg_sub(tape, x[0], lg_input(tape, lg_var_shape(tape, x[0]), data));
-    return lg_tape_status(tape);
 }
 
-static lg_status attribute(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(attribute) {
     const double *values = lg_value(tape, x[0]);
     y[0] = lg_scale(tape, x[0], values[0]);
-    return lg_tape_status(tape);
 }
 
-static lg_status coefficients(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(coefficients) {
     const lg_var both[2] = {x[0], lg_sin(tape, x[0])};
     const double c[2] = {1.0, (double)rows_in(tape, x[0])};
     y[0] = lg_linear_combination(tape, both, c, 2);
-    return lg_tape_status(tape);
 }
 
-static lg_status quadratic(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(quadratic) {
     const uint32_t rows = rows_in(tape, x[0]);
     const lg_var all = lg_reshape(tape, lg_matmul_nt(tape, x[0], x[0]), lg_shape1(rows * rows));
     y[0] = lg_sum(tape, lg_sin(tape, all));
-    return lg_tape_status(tape);
 }
 
-static lg_status square(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(square) {
     y[0] = lg_matmul_nt(tape, x[0], x[0]);
-    return lg_tape_status(tape);
 }
 
-static lg_status doubled(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(doubled) {
     const lg_var both[2] = {x[0], x[0]};
     y[0] = lg_concat(tape, both, 2, 0);
-    return lg_tape_status(tape);
 }
 
 static lg_status triple_forward(void *user, lg_dtype dtype, const void *const *in, void *y) {
@@ -190,10 +177,9 @@ static lg_status triple_forward(void *user, lg_dtype dtype, const void *const *i
     return LG_OK;
 }
 
-static lg_status custom(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(custom) {
     static const lg_custom_op triple = {.name = "triple", .forward = triple_forward};
     y[0] = lg_add(tape, x[0], lg_custom(tape, &triple, &x[1], 1, lg_shape1(3)));
-    return lg_tape_status(tape);
 }
 
 static lg_status fall(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
@@ -210,30 +196,26 @@ static lg_status implicit(void *user, lg_tape *tape, const lg_var *theta, const 
     return status;
 }
 
-static lg_status nothing(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    return lg_tape_status(tape);
+RECORDING(nothing) {
 }
 
-static lg_status resets(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(resets) {
     const double one[3] = {1.0, 1.0, 1.0};
     lg_tape_reset(tape);
     y[0] = lg_input(tape, lg_shape1(3), one);
-    return lg_tape_status(tape);
 }
 
 static lg_status fails(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     return LG_NO_CONVERGENCE;
 }
 
-static lg_status misfits(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(misfits) {
     y[0] = lg_cross(tape, x[0], lg_slice(tape, x[0], 1, 0, 2));
-    return lg_tape_status(tape);
 }
 
-static lg_status endless(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(endless) {
     const double infinite[3] = {1.0, INFINITY, 2.0};
     y[0] = lg_max(tape, x[0], lg_input(tape, lg_shape1(3), infinite));
-    return lg_tape_status(tape);
 }
 
 typedef struct refusal {
@@ -364,10 +346,9 @@ TEST("two functions of one name are refused") {
 
 /* ---- derivatives that cannot be; on failure the program is as before ---- */
 
-static lg_status shared_and_not(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(shared_and_not) {
     y[0] = lg_mul(tape, x[0], x[1]);
     y[1] = lg_mean(tape, lg_square(tape, x[0]));
-    return lg_tape_status(tape);
 }
 
 TEST("derivatives that cannot be are refused, and the program stays as it was") {
@@ -434,15 +415,13 @@ TEST("derivatives that cannot be are refused, and the program stays as it was") 
 }
 
 /* Rows that meet, and NaN wherever inputs without a range are tried. */
-static lg_status centred_root(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(centred_root) {
     const lg_var root = lg_sqrt(tape, lg_add_scalar(tape, x[0], -2.0));
     y[0] = lg_sub(tape, root, lg_mean_axis(tape, root, 0, true));
-    return lg_tape_status(tape);
 }
 
-static lg_status centred(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(centred) {
     y[0] = lg_sub(tape, x[0], lg_mean_axis(tape, x[0], 0, true));
-    return lg_tape_status(tape);
 }
 
 TEST("jacobians of rows that meet are refused") {
@@ -496,9 +475,8 @@ TEST("on a tape errors stick, and outputs are untouched") {
 
 /* ---- what depends on parameters alone is computed once ---- */
 
-static lg_status scaled(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
+RECORDING(scaled) {
     y[0] = lg_mul(tape, x[0], lg_exp(tape, theta[0]));
-    return lg_tape_status(tape);
 }
 
 TEST("what depends on parameters alone is computed once") {

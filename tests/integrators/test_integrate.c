@@ -213,9 +213,8 @@ TEST("the steps seen are a chain from start to end, and repeating them gives the
 
 /* ---- rejection and first steps ---- */
 
-static lg_status spin_field(void *user, double t, const double *y, const double *input, double *out) {
+FIELD(spin_field, y) {
     for (int i = 0; i < 6; i++) out[i] = ((const double *)user)[i];
-    return LG_OK;
 }
 
 TEST("a free rotation is exact for every h: only the angle bounds the step") {
@@ -243,14 +242,12 @@ TEST("a free rotation is exact for every h: only the angle bounds the step") {
 }
 
 /* R^1: y' = rate y */
-static lg_status growth(void *user, double t, const double *y, const double *input, double *out) {
+FIELD(growth, y) {
     out[0] = *(const double *)user * y[0];
-    return LG_OK;
 }
 
-static lg_status from_zero(void *user, double t, const double *y, const double *input, double *out) {
+FIELD(from_zero, y) {
     out[0] = t > 0.0 ? 3.0 * t * t : 0.0;
-    return LG_OK;
 }
 
 TEST("whatever the scale, few steps are wasted at the start") {
@@ -282,10 +279,9 @@ TEST("whatever the scale, few steps are wasted at the start") {
 
 /* ---- failures ---- */
 
-static lg_status noise(void *user, double t, const double *y, const double *input, double *out) {
+FIELD(noise, y) {
     const double x = 1e9 * sin(1e9 * t + 1.0);
     out[0] = 1e12 * (x - floor(x) - 0.5);
-    return LG_OK;
 }
 
 TEST("runs that cannot go on say so and keep what is done") {

@@ -15,7 +15,7 @@ typedef struct field_data {
 } field_data;
 
 /* u_i = scale (q_i x p_i + (t, input or 1/2, -1/4)), v_i = scale (p_i + q_(i+1) |q_i|) */
-static lg_status swirl(void *user, double t, const double *y, const double *input, double *out) {
+FIELD(swirl, y) {
     field_data *d = user;
     d->calls++;
     for (size_t i = 0; i < d->copies; i++) {
@@ -29,7 +29,6 @@ static lg_status swirl(void *user, double t, const double *y, const double *inpu
         }
     }
     if (d->broken > 0 && d->calls >= d->broken) out[6 * d->copies - 2] = NAN;
-    return LG_OK;
 }
 
 static void fill(size_t copies, double *y) {
@@ -58,7 +57,7 @@ static double largest(size_t n, const double *x) {
 /* Relative to the largest number. */
 static void assert_same(size_t n, const double *x, const double *y, double relative) {
     const double size = largest(n, y);
-    for (size_t i = 0; i < n; i++) assert_close(x[i], y[i], 0.0, relative * size);
+    assert_all_close(x, y, n, 0.0, relative * size);
 }
 
 /* Steps of several sizes, one of them twice from the same state, as after a rejection. */

@@ -345,7 +345,7 @@ TEST("splitting schemes by hand") {
     for (int i = 0; i < 2; i++) e[2 + i] += h * f[i], e[i] += h * e[2 + i];
     lg_stepper *stepper = test_stepper(lg_scheme_find("symplectic-euler"), &ode);
     assert_ok(lg_step(stepper, 0.0, h, y, NULL, out));
-    for (int i = 0; i < 4; i++) assert_close(out[i], e[i], 0.0, 1e-15);
+    assert_all_close(out, e, 4, 0.0, 1e-15);
     memcpy(e, y, sizeof(e));
     for (int half = 0; half < 2; half++) {
         (void)quartic_force(NULL, 0, e, NULL, f);
@@ -354,7 +354,7 @@ TEST("splitting schemes by hand") {
     }
     stepper = test_stepper(lg_scheme_find("stormer-verlet"), &ode);
     assert_ok(lg_step(stepper, 0.0, h, y, NULL, out));
-    for (int i = 0; i < 4; i++) assert_close(out[i], e[i], 0.0, 1e-15);
+    assert_all_close(out, e, 4, 0.0, 1e-15);
 }
 
 static lg_status variational(void *user, double t, double h, double *y) {
@@ -386,16 +386,14 @@ TEST("a variational step is the system's own") {
 /* ---- implicit schemes ---- */
 
 /* A stiff linear problem, and its exact step. */
-static lg_status stiff_field(void *user, double t, const double *y, const double *input, double *out) {
+FIELD(stiff_field, y) {
     out[0] = -1e6 * (y[0] - t);
     out[1] = y[0] - y[1];
-    return LG_OK;
 }
 
 /* y' = y^2 + 1e3: the implicit Euler stage is real for small steps only */
-static lg_status unsolvable_field(void *user, double t, const double *y, const double *input, double *out) {
+FIELD(unsolvable_field, y) {
     out[0] = y[0] * y[0] + 1e3;
-    return LG_OK;
 }
 
 TEST("implicit steps are exact on stiff problems, or do not converge") {
@@ -420,133 +418,12 @@ TEST("implicit steps are exact on stiff problems, or do not converge") {
     assert_close(out[0], (1.0 - sqrt(1.0 - 4e-3 * 1.5)) / 2e-3, 1e-12, 0.0);
 }
 
-/* ---- symplectic Lie group integrators: the residual of 6 equations in long double ---- */
-
-/* sum_k sign^k ad_u^k b/(k + shift)!: shift 0 exp, 1 dexp */
-static void so3_series(int shift, real sign, const real *u, const real *b, real *out) {
-    real term[3] = {b[0], b[1], b[2]}, sum[3] = {b[0], b[1], b[2]};
-    for (int k = 1; k < 60; k++) {
-        cross_l(u, term, term);
-        for (int i = 0; i < 3; i++) term[i] *= sign / (k + shift), sum[i] += term[i];
-    }
-    memcpy(out, sum, sizeof(sum));
-}
-
-/* Ad_{exp(u)}^* on so(3)* */
-static void coadjoint(const real *u, const real *mu, real *out) {
-    so3_series(0, -1.0L, u, mu, out);
-}
-
-/* dexp_{-u}^* */
-static void dexp_minus_star(const real *u, const real *mu, real *out) {
-    so3_series(1, 1.0L, u, mu, out);
-}
-
-static void rotate_columns(const real *u, const real *Q, real *out) {
-    for (int j = 0; j < 3; j++) {
-        real column[3] = {Q[j], Q[3 + j], Q[6 + j]};
-        so3_series(0, 1.0L, u, column, column);
-        for (int i = 0; i < 3; i++) out[3 * i + j] = column[i];
-    }
-}
-
-static void slgi_residual(real theta, real h, const real *y, const real *z, real *r) {
-    real turn[3], point[12], b[3], sum[3], c[3], f[6];
-    for (int i = 0; i < 3; i++) turn[i] = theta * z[i];
-    rotate_columns(turn, y, point);
-    coadjoint(turn, z + 3, b);
-    for (int i = 0; i < 3; i++) sum[i] = y[9 + i] + b[i];
-    dexp_minus_star(z, sum, sum);
-    dexp_minus_star(turn, b, c);
-    for (int i = 0; i < 3; i++) point[9 + i] = sum[i] - theta * c[i];
-    top_l(point, f);
-    for (int i = 0; i < 6; i++) r[i] = z[i] - h * f[i];
-}
-
-static void gauss(real a[6][7]) {
-    for (int k = 0; k < 6; k++) {
-        int p = k;
-        for (int i = k; i < 6; i++)
-            if (fabsl(a[i][k]) > fabsl(a[p][k])) p = i;
-        for (int j = 0; j < 7; j++) {
-            const real swap = a[k][j];
-            a[k][j] = a[p][j], a[p][j] = swap;
-        }
-        for (int i = 0; i < 6; i++) {
-            const real factor = a[i][k] / a[k][k];
-            for (int j = k; j < 7 && i != k; j++) a[i][j] -= factor * a[k][j];
-        }
-    }
-    for (int k = 0; k < 6; k++) a[k][6] /= a[k][k];
-}
-
-/* By continuation from short steps, full Newton with central differences. */
-static void slgi_step(real theta, real h, real *y) {
-    enum { PARTS = 12 };
-    real z[6] = {0}, r[6], up[6], down[6], a[6][7];
-    for (int part = 1; part <= PARTS; part++) {
-        for (int i = 0; i < 6 && part > 1; i++) z[i] *= (real)part / (part - 1);
-        for (int iteration = 0; iteration < (part < PARTS ? 4 : 12); iteration++) {
-            const real hp = h * part / PARTS;
-            slgi_residual(theta, hp, y, z, r);
-            for (int j = 0; j < 6; j++) {
-                const real keep = z[j], delta = 1e-7L;
-                z[j] = keep + delta, slgi_residual(theta, hp, y, z, up);
-                z[j] = keep - delta, slgi_residual(theta, hp, y, z, down);
-                z[j] = keep;
-                for (int i = 0; i < 6; i++) a[i][j] = (up[i] - down[i]) / (2 * delta);
-            }
-            for (int i = 0; i < 6; i++) a[i][6] = r[i];
-            gauss(a);
-            for (int i = 0; i < 6; i++) z[i] -= a[i][6];
-        }
-    }
-    real u[3], Q[9], mu[3], n[3], minus[3];
-    for (int i = 0; i < 3; i++) u[i] = (theta - 1.0L) * z[i], minus[i] = -z[i];
-    rotate_columns(z, y, Q);
-    coadjoint(minus, y + 9, mu);
-    coadjoint(u, z + 3, n);
-    memcpy(y, Q, sizeof(Q));
-    for (int i = 0; i < 3; i++) y[9 + i] = mu[i] + n[i];
-}
-
-static lg_stepper *top_stepper(double theta, lg_field f, lg_scheme *scheme) {
-    lg_ode ode = {.field = f};
-    *scheme = *lg_scheme_find("slgi");
-    scheme->theta = theta;
-    assert_ok(lg_space_init(&ode.space, &(lg_space_factor){LG_SPACE_SE3, 1}, 1));
-    return test_stepper(scheme, &ode);
-}
-
-TEST("slgi solves its six equations in long double") {
-    static const double thetas[] = {0.0, 0.3, 0.5, 1.0}, steps[] = {0.005, 0.01, 0.02};
-    for (size_t i = 0; i < 4; i++) {
-        for (size_t k = 0; k < 3; k++) {
-            lg_scheme scheme;
-            double y[12], worst = 0.0;
-            real e[12];
-            top_start(150.0, y);
-            widen(12, y, e);
-            lg_stepper *stepper = top_stepper(thetas[i], top_field, &scheme);
-            for (int n = 0; n < 10; n++) {
-                assert_ok(lg_step(stepper, 0.0, steps[k], y, NULL, y));
-                slgi_step(thetas[i], steps[k], e);
-            }
-            for (int j = 0; j < 12; j++) worst = fmax(worst, fabs(y[j] - (double)e[j]));
-            print_message(
-                "  theta = %.1f, h = %.3f: %.2g after 10 steps, %.1f evaluations a step, angle %.2f\n",
-                thetas[i], steps[k], worst, (double)lg_stepper_evaluations(stepper) / 10.0,
-                lg_stepper_angle(stepper));
-            assert_true(worst <= 1e-11);
-        }
-    }
-}
+/* ---- symplectic Lie group integrators: orders are in test_orders.c, the form in test_symplectic.c ---- */
 
 /* T*(R^m) inside, with SO(3) at rest. */
-static lg_status resting_field(void *user, double t, const double *y, const double *input, double *out) {
+FIELD(resting_field, y) {
     memset(out, 0, 6 * sizeof(*out));
     out[6] = y[13], out[7] = -sin(y[12]);
-    return LG_OK;
 }
 
 /* q = theta q0 + (1 - theta) q1 and p = (1 - theta) p0 + theta p1 move the other one, by iteration. */
@@ -576,9 +453,8 @@ TEST("slgi on R^m is symplectic Euler with p or q first, and the midpoint rule b
     }
 }
 
-static lg_status nan_field(void *user, double t, const double *y, const double *input, double *out) {
+FIELD(nan_field, y) {
     for (int i = 0; i < 6; i++) out[i] = NAN;
-    return LG_OK;
 }
 
 TEST("spaces and fields that slgi cannot take are refused") {
@@ -586,7 +462,6 @@ TEST("spaces and fields that slgi cannot take are refused") {
                                                {{LG_SPACE_SE3, 2}, {LG_SPACE_RN, 2}},
                                                {{LG_SPACE_SE3, 1}, {LG_SPACE_RN, 3}},
                                                {{LG_SPACE_RN, 2}, {LG_SPACE_SE3, 1}}};
-    lg_scheme scheme;
     lg_stepper *stepper = NULL;
     lg_ode ode = {.field = top_field};
     for (size_t i = 0; i < 4; i++) {
@@ -597,7 +472,9 @@ TEST("spaces and fields that slgi cannot take are refused") {
     double y[12], before[12];
     top_start(150.0, y);
     memcpy(before, y, sizeof(y));
-    stepper = top_stepper(0.5, nan_field, &scheme);
+    ode.field = nan_field;
+    assert_ok(lg_space_init(&ode.space, &(lg_space_factor){LG_SPACE_SE3, 1}, 1));
+    stepper = test_stepper(lg_scheme_find("slgi"), &ode);
     assert_status(lg_step(stepper, 0.0, 0.01, y, NULL, y), LG_NOT_FINITE);
     assert_memory_equal(y, before, sizeof(y));
 }

@@ -28,13 +28,11 @@ static lg_status mixed_velocity(void *user, lg_tape *tape, lg_taped_time t, lg_v
     return lg_tape_status(tape);
 }
 
-static lg_status field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
-                       lg_var *out) {
+TAPED_FIELD(field) {
     lg_var half[2];
     (void)mixed_velocity(user, tape, t, lg_slice(tape, y[0], 1, 2, 2), input, &half[0]);
     (void)force(user, tape, t, lg_slice(tape, y[0], 1, 0, 2), input, &half[1]);
     out[0] = lg_concat(tape, half, 2, 1);
-    return lg_tape_status(tape);
 }
 
 enum { STEPS = 3 };

@@ -27,7 +27,7 @@ static void wave_init(wave *w, const lg_space *space, size_t dim, size_t m, uint
     for (size_t i = 0; i < INPUTS * m; i++) w->U[i] = lg_rng_normal(&rng);
 }
 
-static lg_status plain_wave(void *user, double t, const double *y, const double *input, double *out) {
+FIELD(plain_wave, y) {
     const wave *w = user;
     for (size_t j = 0; j < w->m; j++) {
         double sum = w->phase[j] + 0.7 * t;
@@ -35,7 +35,6 @@ static lg_status plain_wave(void *user, double t, const double *y, const double 
         for (size_t l = 0; input != NULL && l < INPUTS; l++) sum += w->U[l * w->m + j] * input[l];
         out[j] = 0.6 * sin(sum);
     }
-    return LG_OK;
 }
 
 static lg_var taped_waves(wave *w, lg_tape *tape, lg_taped_time t, lg_var y, lg_var input) {
@@ -300,51 +299,12 @@ TEST("a time is the sum of what it holds; one that holds a step of its own is a 
     assert_states("times", got, expected, BATCH * dim, 1e-14);
 }
 
-/* dy/dh at h = 0 is f(t, y) . y, for every scheme that does not project. */
-static void slope(lg_tape *tape, const lg_scheme *scheme, double tolerance) {
-    static pair p;
-    static double expected[BATCH * MAX_DIM], got[BATCH * MAX_DIM];
-    const double none[BATCH] = {0.0}, one[BATCH] = {1.0, 1.0, 1.0};
-    lg_var y[LG_TAPED_MAX_PARTS], moved;
-    if (scheme->project) return;
-    make_pair(&p, scheme);
-    const size_t dim = p.plain.space.dim, n = p.plain.space.algebra_dim, half = dim / 2;
-    lg_tape_reset(tape);
-    lg_taped_interval over = make_interval(tape, EVERYTHING, 0.0, 0.0);
-    over.h_rows = lg_input_f64(tape, lg_shape2(BATCH, 1), none);
-    lg_var start = lg_input_f64(tape, lg_shape2(BATCH, (uint32_t)dim), p.start);
-    assert_ok(lg_taped_split(tape, &p.taped.space, start, y));
-    assert_ok(lg_taped_step_over(tape, scheme, &p.taped, &over, y, y));
-    lg_var end = lg_taped_join(tape, &p.taped.space, y);
-    lg_var direction = lg_input_f64(tape, lg_shape2(BATCH, 1), one);
-    assert_ok(lg_jvp(tape, &end, 1, &over.h_rows, &direction, 1, &moved));
-    assert_ok(lg_read(tape, moved, BATCH * dim, got));
-    for (size_t b = 0; b < BATCH; b++) {
-        const double *at = p.start + b * dim, *u = row_u + b * INPUTS;
-        double f[MAX_DIM] = {0.0};
-        if (scheme->kind == LG_SCHEME_SPLITTING) {
-            assert_ok(p.plain.velocity(p.plain.user, row_t[b], at + half, u, expected + b * dim));
-            assert_ok(p.plain.force(p.plain.user, row_t[b], at, u, expected + b * dim + half));
-        } else {
-            assert_true(n <= MAX_DIM);
-            assert_ok(p.plain.field(p.plain.user, row_t[b], at, u, f));
-            lg_space_generator(&p.plain.space, f, at, expected + b * dim);
-        }
-    }
-    assert_states(scheme->name, got, expected, BATCH * dim, tolerance);
-}
-
-TEST("the derivative in h at h = 0 is the field, for every scheme") {
-    every_scheme(slope, LG_F64, 1e-13);
-}
-
 /* y' = a y + c t^3, user: a, c */
-static lg_status cubic(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input, lg_var *f) {
+TAPED_FIELD(cubic) {
     const double *of = user;
     lg_var rows = lg_taped_time_rows(tape, t, lg_var_shape(tape, y[0]).dims[0]);
     lg_var terms[2] = {y[0], lg_mul(tape, rows, lg_square(tape, rows))};
-    f[0] = lg_linear_combination(tape, terms, of, 2);
-    return lg_tape_status(tape);
+    out[0] = lg_linear_combination(tape, terms, of, 2);
 }
 
 /* d^n y1/dx^n of one step of RK4 from y = 0.7, t = 0.4, h = 0.3; x: h or t */
@@ -505,9 +465,8 @@ TEST("known values are not evaluated again") {
 }
 
 /* y' = -y, time and input ignored */
-static lg_status decay(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input, lg_var *f) {
-    f[0] = lg_neg(tape, y[0]);
-    return lg_tape_status(tape);
+TAPED_FIELD(decay) {
+    out[0] = lg_neg(tape, y[0]);
 }
 static lg_status half_decay(void *user, lg_tape *tape, lg_taped_time t, lg_var half, lg_var input,
                             lg_var *out) {
@@ -708,10 +667,8 @@ TEST("a manifold that does not fit is refused") {
 }
 
 /* y' = 1 + y^2: y1 = y0 + h (1 + y1^2) has no real solution for h > 1/2 at y0 = 0. */
-static lg_status without_solution(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
-                                  lg_var *f) {
-    f[0] = lg_add_scalar(tape, lg_square(tape, y[0]), 1.0);
-    return lg_tape_status(tape);
+TAPED_FIELD(without_solution) {
+    out[0] = lg_add_scalar(tape, lg_square(tape, y[0]), 1.0);
 }
 
 TEST("implicit steps that do not converge say so") {

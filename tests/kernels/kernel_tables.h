@@ -10,7 +10,9 @@ static inline void every_table(void (*test)(const lg_kernels *)) {
     for (int dtype = 0; dtype < 2; dtype++)
         for (int isa = 0; isa < LG_ISA_COUNT; isa++) {
             const lg_kernels *k = lg_kernels_of((lg_dtype)dtype, (lg_isa)isa);
+            const size_t mark = lg_test_owned();
             if (k != NULL) test(k);
+            lg_test_give_back(mark);
         }
 }
 

@@ -38,9 +38,7 @@ static double epsilon(const lg_kernels *k) {
 
 /* The exact number of elements, so that a sanitizer sees a read or write past the end. */
 static void *numbers(const lg_kernels *k, size_t n) {
-    void *x = calloc(n > 0 ? n : 1, k->size);
-    assert_non_null(x);
-    return x;
+    return lg_test_memory(n * k->size);
 }
 
 static void *random_numbers(const lg_kernels *k, lg_rng *rng, size_t n, double low, double high) {
@@ -123,49 +121,18 @@ static void call_function(const lg_kernels *k, size_t f, size_t n, const void *x
 
 /* Zeros, denormals, ends of ranges, infinities, NaN, multiples of pi/2 and their neighbours. */
 static size_t special_values(const lg_kernels *k, void *x) {
-    static const double values[] = {0.0,
-                                    1.0,
-                                    0.5,
-                                    2.0,
-                                    1e-300,
-                                    4.9e-324,
-                                    1e-40,
-                                    1e-45,
-                                    1e-5,
-                                    1e-10,
-                                    20.0,
-                                    50.0,
-                                    88.7,
-                                    88.8,
-                                    103.9,
-                                    104.1,
-                                    709.7,
-                                    709.8,
-                                    745.1,
-                                    745.2,
-                                    746.0,
-                                    1e3,
-                                    1e5,
-                                    999999.9,
-                                    1e6,
-                                    1000001.0,
-                                    1e10,
-                                    1e22,
-                                    1e38,
-                                    1e300,
-                                    DBL_MAX,
-                                    FLT_MAX,
-                                    FLT_MIN,
-                                    DBL_MIN,
-                                    1.1754942e-38,
-                                    INFINITY,
-                                    0.34657359027997264,
-                                    0.70710678118654746,
-                                    0.70710678118654757,
-                                    1.4142135623730951};
+    static const double values[] = {
+        0.0,   1.0,     0.5,     2.0,     1e-300,  4.9e-324, 1e-40,    1e-45,     1e-5,
+        1e-10, 20.0,    50.0,    88.7,    88.8,    103.9,    104.1,    709.7,     709.8,
+        745.1, 745.2,   746.0,   1e3,     1e5,     1e6,      1e10,     1e22,      1e38,
+        1e300, DBL_MAX, FLT_MAX, FLT_MIN, DBL_MIN, INFINITY, 999999.9, 1000001.0, 1.1754942e-38};
+    static const double roots[] = {0.34657359027997264, 0.70710678118654746, 0.70710678118654757,
+                                   1.4142135623730951};
     size_t n = 0;
     for (size_t i = 0; i < LG_COUNT(values); i++)
         for (int sign = -1; sign <= 1; sign += 2) set(k, x, n++, sign * values[i]);
+    for (size_t i = 0; i < LG_COUNT(roots); i++)
+        for (int sign = -1; sign <= 1; sign += 2) set(k, x, n++, sign * roots[i]);
     for (int i = 1; i < 400; i += i < 20 ? 1 : 37) set(k, x, n++, i * 1.5707963267948966);
     set(k, x, n++, NAN);
     return n;
@@ -204,8 +171,6 @@ TEST_EVERY_TABLE("functions are right to a few units in the last place", k) {
         print_message("%s %-8s %-12s %.2f ulp\n", type_names[k->dtype], lg_isa_name(k->isa),
                       functions[f].name, worst);
     }
-    free(x);
-    free(y);
 }
 
 /* ---- results do not depend on position ---- */
@@ -289,7 +254,6 @@ TEST_EVERY_TABLE("an element has the same bits wherever it stands in an array", 
             }
         }
     }
-    free(special), free(x), free(g), free(h), free(y), free(in_place), free(one);
 }
 
 /* ---- elementwise ---- */
@@ -339,7 +303,6 @@ TEST_EVERY_TABLE("elementwise functions have their values, at kinks and NaN too"
     assert_close(get(k, y, 0), 3, 0, 0);
     k->fill(6, -1.5, z);
     for (size_t i = 0; i < 6; i++) assert_close(get(k, z, i), -1.5, 0, 0);
-    free(x), free(y), free(z);
     for (size_t n = 0; n < 70; n++) {
         void *v = numbers(k, n);
         assert_true(k->all_finite(n, v));
@@ -350,7 +313,6 @@ TEST_EVERY_TABLE("elementwise functions have their values, at kinks and NaN too"
             set(k, v, i, k->dtype == LG_F64 ? -DBL_MAX : (double)FLT_MAX);
         }
         assert_true(k->all_finite(n, v));
-        free(v);
     }
 }
 
@@ -373,7 +335,6 @@ TEST_EVERY_TABLE("strided operations are the contiguous ones", k) {
                             assert_close(get(k, y, i * cols + j), get(k, one, 0), 0, 0);
                         }
                 }
-                free(a), free(b), free(y), free(one);
             }
 }
 
@@ -443,7 +404,6 @@ TEST_EVERY_TABLE("derivatives of activations to order 8 are exact", k) {
                 assert_close(get(k, y, i), 2 * expected[s][order], 2 * epsilon(k), 0);
             }
         }
-    free(x), free(y), free(h), free(g);
 }
 
 TEST_EVERY_TABLE(
@@ -477,8 +437,6 @@ TEST_EVERY_TABLE(
         if (to_x && !add_x) memcpy(dx, y, n * k->size);
         assert_memory_equal(found_q, dq, n * k->size);
         assert_memory_equal(found_x, dx, n * k->size);
-        free(x), free(c), free(q), free(h), free(both), free(dq), free(dx), free(found_q), free(found_x),
-            free(y);
     }
 }
 
@@ -500,7 +458,6 @@ TEST_EVERY_TABLE("bias_act is the addition and then the activation, to the bit",
                 }
                 k->act((lg_k_act)kind, 0, n, x, NULL, NULL, z);
                 assert_memory_equal(y, z, n * k->size);
-                free(x), free(bias), free(y), free(z);
             }
 }
 
@@ -527,6 +484,7 @@ static double chain(const lg_kernels *t, size_t k, const void *a, size_t ca, con
 static void check_gemm(const lg_kernels *t, lg_rng *rng, size_t m, size_t n, size_t k, bool transposed,
                        bool accumulate, size_t pad) {
     const size_t ra = transposed ? 1 : k, ca = transposed ? m : 1, ldb = n + pad, ldc = n + pad;
+    const size_t mark = lg_test_owned();
     void *a = random_numbers(t, rng, m * k, -1, 1),
          *b = random_numbers(t, rng, k > 0 ? k * ldb - pad : 0, -1, 1);
     void *c = random_numbers(t, rng, m * ldc - pad, -1, 1), *before = numbers(t, m * ldc - pad);
@@ -546,7 +504,7 @@ static void check_gemm(const lg_kernels *t, lg_rng *rng, size_t m, size_t n, siz
                          type_names[t->dtype], lg_isa_name(t->isa), m, n, k, transposed ? " transposed" : "",
                          accumulate ? " accumulate" : "", i, j, got, expected);
         }
-    free(a), free(b), free(c), free(before);
+    lg_test_give_back(mark);
 }
 
 TEST_EVERY_TABLE("products are chains of multiply-adds, to the bit", t) {
@@ -594,7 +552,6 @@ TEST_EVERY_TABLE("matvec is right to rounding, the same for every row and number
             k->matvec(8, n, at(k, a, 5 * n), x, z, false);
             assert_memory_equal(at(k, y, 5), z, 8 * k->size);
         }
-        free(a), free(x), free(y), free(z);
     }
 }
 
@@ -608,7 +565,6 @@ TEST_EVERY_TABLE("transposes", k) {
             for (size_t i = 0; i < rows; i++)
                 for (size_t j = 0; j < cols; j++)
                     assert_close(get(k, y, j * rows + i), get(k, x, i * cols + j), 0, 0);
-            free(x), free(y);
         }
 }
 
@@ -630,7 +586,6 @@ TEST_EVERY_TABLE("sums and dot products have the same bits on every instruction 
         const lg_kernels *base = lg_kernels_of(k->dtype, LG_ISA_BASELINE);
         assert_true(k->sum(n, x) == base->sum(n, x));
         assert_true(k->dot(n, x, y) == base->dot(n, x, y));
-        free(x), free(y);
     }
     static const size_t shapes[][2] = {{1, 1}, {5, 3}, {8, 100}, {13, 300}, {50, 1}, {3, 700}};
     for (size_t s = 0; s < LG_COUNT(shapes); s++) {
@@ -653,7 +608,6 @@ TEST_EVERY_TABLE("sums and dot products have the same bits on every instruction 
             for (size_t j = 0; j < cols; j++) k->binary[LG_K_ADD](1, one, at(k, x, i * cols + j), one);
             assert_close(get(k, y, i), get(k, one, 0), 0, 0);
         }
-        free(x), free(y), free(one);
     }
 }
 
@@ -680,49 +634,32 @@ TEST_EVERY_TABLE("cross products and dot products of rows", k) {
                 assert_close(get(k, y, i), s, 0, 4 * epsilon(k));
             }
         }
-        free(a), free(b), free(y);
     }
 }
 
-/* Relative everywhere, next to the zeros of the functions too: the table's arguments are the very doubles. */
-TEST("lg_stumpff is relatively exact, next to its zeros too") {
-    double worst = 0;
+/* Relative everywhere, next to the zeros of the functions too: the table's arguments are the very doubles. In
+ * single precision only those that rounding does not move are compared. */
+TEST_EVERY_TABLE("Stumpff functions are relatively exact, next to their zeros too", t) {
+    const double tolerance = t->dtype == LG_F64 ? 1e-13 : 0.51 * (double)FLT_EPSILON;
+    void *x = numbers(t, 1), *y = numbers(t, 9);
+    double c[9], part[9];
     for (size_t i = 0; i < LG_COUNT(stumpff_table); i++) {
-        double c[9], part[9];
-        lg_stumpff(stumpff_table[i].w, 8, stumpff_table[i].order, c);
-        for (int k = 0; k < 9; k++) {
-            const double e = stumpff_table[i].c[k];
-            assert_close(c[k], e, 1e-13, 0);
-            worst = fmax(worst, fabs(c[k] - e) / fabs(e));
-        }
+        const double w = stumpff_table[i].w, *e = stumpff_table[i].c;
+        const int order = stumpff_table[i].order;
+        lg_stumpff(w, 8, order, c);
+        assert_all_close(c, e, 9, 1e-13, 0);
         for (int K = 0; K < 8; K++) { /* the number of functions asked for does not matter */
-            lg_stumpff(stumpff_table[i].w, K, stumpff_table[i].order, part);
-            for (int k = 0; k <= K; k++) assert_close(part[k], c[k], 1e-15, 0);
+            lg_stumpff(w, K, order, part);
+            assert_all_close(part, c, (size_t)K + 1, 1e-15, 0);
         }
+        if (t->dtype == LG_F32 && (double)(float)w != w) continue;
+        t->convert_in(1, &w, x);
+        t->stumpff(1, 8, order, x, y);
+        t->convert_out(9, y, part);
+        assert_all_close(part, e, 9, tolerance, 0);
     }
-    print_message("lg_stumpff: relative error %.2e\n", worst);
-    double c[4];
     lg_stumpff(NAN, 3, 1, c);
     for (int k = 0; k < 4; k++) assert_true(isnan(c[k]));
-}
-
-TEST_EVERY_TABLE("Stumpff functions of the kernels are relatively exact", t) {
-    double worst = 0;
-    for (size_t i = 0; i < LG_COUNT(stumpff_table); i++) {
-        /* in single precision the argument is not the table's: only those that do not move it are compared */
-        double w[1] = {stumpff_table[i].w};
-        if (t->dtype == LG_F32 && (double)(float)w[0] != w[0]) continue;
-        void *x = numbers(t, 1), *y = numbers(t, 9);
-        t->convert_in(1, w, x);
-        t->stumpff(1, 8, stumpff_table[i].order, x, y);
-        for (size_t k = 0; k < 9; k++) {
-            const double e = stumpff_table[i].c[k];
-            assert_close(get(t, y, k), e, t->dtype == LG_F64 ? 1e-13 : 0.51 * (double)FLT_EPSILON, 0);
-            worst = fmax(worst, fabs(get(t, y, k) - e) / fabs(e));
-        }
-        free(x), free(y);
-    }
-    print_message("%s %-8s stumpff: relative error %.2e\n", type_names[t->dtype], lg_isa_name(t->isa), worst);
 }
 
 /* ---- Lie group actions ---- */
@@ -734,9 +671,9 @@ TEST_EVERY_TABLE("SE(3) acts as the plain functions do, with the same bits at ev
     lg_rng rng;
     lg_rng_seed(&rng, 71, 0);
     for (size_t n = 0; n <= 19; n++) {
-        double *a = calloc(6 * n + 1, sizeof *a), *y = calloc(6 * n + 1, sizeof *y),
-               *out = calloc(6 * n + 1, sizeof *out);
-        double *inverse = calloc(6 * n + 1, sizeof *inverse), largest = 0.0;
+        double *a = TEST_ARRAY(double, 6 * n), *y = TEST_ARRAY(double, 6 * n),
+               *out = TEST_ARRAY(double, 6 * n);
+        double *inverse = TEST_ARRAY(double, 6 * n), largest = 0.0;
         for (size_t i = 0; i < 6 * n; i++) {
             a[i] = lg_rng_uniform_in(&rng, -1, 1);
             y[i] = lg_rng_uniform_in(&rng, -1, 1);
@@ -752,11 +689,11 @@ TEST_EVERY_TABLE("SE(3) acts as the plain functions do, with the same bits at ev
         for (size_t i = 0; i < n; i++) {
             double e[6], one[6];
             lg_se3_exp_act(a + 6 * i, y + 6 * i, e);
-            for (int j = 0; j < 6; j++) assert_close(out[6 * i + (size_t)j], e[j], 0, 1e-14);
+            assert_all_close(out + 6 * i, e, 6, 0, 1e-14);
             t->se3_act(1, a + 6 * i, y + 6 * i, one);
             assert_memory_equal(one, out + 6 * i, sizeof one);
             lg_se3_dexpinv(a + 6 * i, y + 6 * i, e);
-            for (int j = 0; j < 6; j++) assert_close(inverse[6 * i + (size_t)j], e[j], 2e-14, 2e-14);
+            assert_all_close(inverse + 6 * i, e, 6, 2e-14, 2e-14);
             t->se3_dexpinv(1, a + 6 * i, y + 6 * i, one);
             assert_memory_equal(one, inverse + 6 * i, sizeof one);
         }
@@ -772,7 +709,6 @@ TEST_EVERY_TABLE("SE(3) acts as the plain functions do, with the same bits at ev
             assert_true(isnan(out[6 * i]) && (n < 2 || isfinite(out[6 * ((i + 1) % n)])));
             a[6 * i + 1] = kept;
         }
-        free(a), free(y), free(out), free(inverse);
     }
 }
 
@@ -847,7 +783,6 @@ TEST_EVERY_TABLE("small positive systems are solved, and those that are not posi
             assert_true(isnan(get(t, l, kk + i)) && isnan(get(t, l, 3 * kk + i)));
             assert_false(isnan(get(t, l, i)));
         }
-        free(a), free(l), free(b), free(x), free(in_place);
     }
 }
 
@@ -878,9 +813,7 @@ TEST_EVERY_TABLE("Adam is its formula, with both kinds of decay", k) {
                 assert_close(get(k, v, i), ev[i], 16 * epsilon(k), 4 * epsilon(k));
                 assert_close(get(k, theta, i), et[i], 16 * epsilon(k), 16 * epsilon(k));
             }
-            free(g);
         }
-        free(m), free(v), free(theta);
     }
 }
 
@@ -902,22 +835,5 @@ TEST_EVERY_TABLE("an update of Adam does not depend on its position", k) {
                 at_mutable(k, copy[1], i), at_mutable(k, copy[2], i));
     for (int a = 0; a < 3; a++) {
         assert_memory_equal(copy[a], all[a], N * k->size);
-        free(copy[a]), free(all[a]);
     }
-    free(g);
-}
-
-TEST("the description of the machine names the set in use and fits the memory") {
-    char text[200], cut[8];
-    const int length = lg_cpu_describe(text, sizeof text);
-    assert_true(length > 0 && (size_t)length == strlen(text));
-    assert_non_null(strstr(text, lg_isa_name(lg_isa_in_use())));
-    assert_int_equal(lg_cpu_describe(cut, sizeof cut), length);
-    assert_int_equal(strlen(cut), sizeof cut - 1);
-    print_message("%s\n", text);
-    assert_int_equal(unsetenv("OPENBLAS_CORETYPE"), 0);
-    lg_runtime_setup();
-    assert_true(lg_cpu_describe(text, sizeof text) > 0);
-    print_message("%s\n", text);
-    assert_null(getenv("OPENBLAS_CORETYPE")); /* child processes do not inherit it */
 }

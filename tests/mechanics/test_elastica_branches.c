@@ -86,47 +86,44 @@ TEST("bad arguments of branches are refused") {
 
 /* ---- sets of curves ---- */
 
-TEST("generated curves are the solutions one by one, whatever the threads") {
-    lg_elastica_sampling s;
-    lg_elastica_sampling_init(&s);
-    lg_elastica_curves one = {.count = 0}, two = {.count = 0};
-    s.right_end = true;
-    s.count = 91;
-    assert_ok(lg_elastica_generate(NULL, &s, &one, NULL));
-    assert_int_equal(one.count, 182);
-    assert_false(one.continuous);
-    s.threads = 3;
-    assert_ok(lg_elastica_generate(NULL, &s, &two, NULL));
-    assert_memory_equal(one.q, two.q, 182 * 102 * sizeof(double));
-    assert_memory_equal(one.v, two.v, 182 * 102 * sizeof(double));
-    assert_memory_equal(one.energy, two.energy, 182 * sizeof(double));
-    assert_close(one.x[0], 0.01 * PI, 1e-15, 0);
-    assert_close(one.x[45], 0.99 * PI, 1e-15, 0); /* 46 in the first half */
-    assert_close(one.x[46], 1.01 * PI, 1e-15, 0);
-    assert_close(one.x[90], 1.99 * PI, 1e-15, 0);
-    for (size_t i = 0; i < one.count; i += 11) {
-        lg_elastica p = s.problem;
-        lg_elastica_solution solution;
-        double q[102], v[102];
-        assert_int_equal(one.kind[i], i < 91 ? LG_ELASTICA_BOTH_ENDS : LG_ELASTICA_RIGHT_END);
-        lg_elastica_set_case(&p, (lg_elastica_case)one.kind[i], one.x[i]);
-        assert_ok(lg_elastica_solve(NULL, &p, NULL, theta, &solution, NULL));
-        lg_elastica_curve(&p, theta, q, v);
-        assert_close(one.energy[i], solution.energy, 1e-12, 0);
-        for (size_t k = 0; k < 102; k++) {
-            assert_close(one.q[102 * i + k], q[k], 0, 1e-11);
-            assert_close(one.v[102 * i + k], v[k], 0, 1e-11);
+TEST("generated curves are the solutions one by one, discrete and continuous, whatever the threads") {
+    for (int continuous = 0; continuous < 2; continuous++) {
+        lg_elastica_sampling s;
+        lg_elastica_sampling_init(&s);
+        lg_elastica_curves one = {.count = 0}, two = {.count = 0};
+        s.right_end = true;
+        s.continuous = continuous;
+        s.count = 91;
+        assert_ok(lg_elastica_generate(NULL, &s, &one, NULL));
+        assert_int_equal(one.count, 182);
+        assert_int_equal(one.continuous, continuous);
+        s.threads = 3;
+        assert_ok(lg_elastica_generate(NULL, &s, &two, NULL));
+        assert_memory_equal(one.q, two.q, 182 * 102 * sizeof(double));
+        assert_memory_equal(one.v, two.v, 182 * 102 * sizeof(double));
+        assert_memory_equal(one.energy, two.energy, 182 * sizeof(double));
+        const double ends[4] = {0.01 * PI, 0.99 * PI, 1.01 * PI, 1.99 * PI}; /* 46 in the first half */
+        const double found[4] = {one.x[0], one.x[45], one.x[46], one.x[90]};
+        assert_all_close(found, ends, 4, 1e-15, 0);
+        for (size_t i = 0; i < one.count; i += 11) {
+            lg_elastica p = s.problem;
+            lg_elastica_solution solution;
+            double q[102], v[102];
+            assert_int_equal(one.kind[i], i < 91 ? LG_ELASTICA_BOTH_ENDS : LG_ELASTICA_RIGHT_END);
+            lg_elastica_set_case(&p, (lg_elastica_case)one.kind[i], one.x[i]);
+            assert_ok(continuous ? lg_elastica_solve_continuous(NULL, &p, NULL, theta, q, &solution, NULL)
+                                 : lg_elastica_solve(NULL, &p, NULL, theta, &solution, NULL));
+            lg_elastica_curve(&p, theta, continuous ? NULL : q, v);
+            assert_close(one.energy[i], solution.energy, 1e-11, 0);
+            assert_all_close(one.q + 102 * i, q, 102, 0, 1e-11);
+            assert_all_close(one.v + 102 * i, v, 102, 0, 1e-11);
+            const double boundary[8] = {q[0], q[1], v[0], v[1], q[100], q[101], v[100], v[101]};
+            assert_all_close(one.boundary + 8 * i, boundary, 8, 0, 1e-11);
         }
-        for (size_t c = 0; c < 2; c++) {
-            assert_close(one.boundary[8 * i + c], q[c], 0, 0);
-            assert_close(one.boundary[8 * i + 2 + c], one.v[102 * i + c], 0, 0);
-            assert_close(one.boundary[8 * i + 4 + c], q[100 + c], 0, 0);
-            assert_close(one.boundary[8 * i + 6 + c], one.v[102 * i + 100 + c], 0, 0);
-        }
+        lg_elastica_curves_destroy(&one);
+        lg_elastica_curves_destroy(&two);
+        assert_null(two.q);
     }
-    lg_elastica_curves_destroy(&one);
-    lg_elastica_curves_destroy(&two);
-    assert_null(two.q);
 }
 
 TEST("without a gap the ends are the bifurcations themselves") {

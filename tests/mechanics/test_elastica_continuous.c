@@ -1,5 +1,5 @@
-/* The continuous elastica: against its own first integral, an explicit Runge-Kutta method, Richardson's
- * extrapolation of discrete solutions, and closed forms. */
+/* The continuous elastica: against its own first integral, Richardson's extrapolation of discrete solutions,
+ * and closed forms. */
 #include "liegrad/elastica.h"
 #include "test_support.h"
 
@@ -116,25 +116,6 @@ TEST("half loops and circles are closed forms") {
     for (size_t k = 0; k <= 50; k++) assert_close(theta[k], -2.0 - 2.0 * PI * (double)k / 50.0, 0, 1e-11);
 }
 
-/* 10^6 steps of no shooting: the classical Runge-Kutta method from the left end, where growth allows it. */
-TEST("the solution is that of the classical Runge-Kutta method") {
-    const lg_elastica p = family(LG_ELASTICA_RIGHT_END, 1.0 / 3.0, N);
-    const lg_elastica_solution s = solved(&p);
-    const double h = p.length / N, a = s.force[0] / p.stiffness, b = s.force[1] / p.stiffness;
-    double t = theta[0],
-           w = (-25.0 * theta[0] + 48.0 * theta[1] - 36.0 * theta[2] + 16.0 * theta[3] - 3.0 * theta[4]) /
-               (12.0 * h);
-    for (size_t k = 1; k <= N; k++) {
-        const double w1 = w, f1 = a * sin(t) - b * cos(t);
-        const double w2 = w + 0.5 * h * f1, t2 = t + 0.5 * h * w1, f2 = a * sin(t2) - b * cos(t2);
-        const double w3 = w + 0.5 * h * f2, t3 = t + 0.5 * h * w2, f3 = a * sin(t3) - b * cos(t3);
-        const double w4 = w + h * f3, t4 = t + h * w3, f4 = a * sin(t4) - b * cos(t4);
-        t += h / 6.0 * (w1 + 2.0 * w2 + 2.0 * w3 + w4);
-        w += h / 6.0 * (f1 + 2.0 * f2 + 2.0 * f3 + f4);
-        assert_close(theta[k], t, 0, 1e-8);
-    }
-}
-
 TEST("a guess chooses the minimum") {
     const lg_elastica p = family(LG_ELASTICA_BOTH_ENDS, 0.1, 50);
     lg_elastica_options o;
@@ -146,25 +127,4 @@ TEST("a guess chooses the minimum") {
     const double lowest = solved(&p).energy;
     assert_ok(lg_elastica_solve_continuous(NULL, &p, &o, theta, NULL, &s, NULL));
     assert_true(s.energy > lowest + 4.0);
-}
-
-TEST("generated curves are the solutions one by one") {
-    lg_elastica_sampling sampling;
-    lg_elastica_sampling_init(&sampling);
-    lg_elastica_curves curves = {.count = 0};
-    sampling.right_end = sampling.continuous = true;
-    sampling.count = 26;
-    sampling.threads = 2;
-    assert_ok(lg_elastica_generate(NULL, &sampling, &curves, NULL));
-    assert_true(curves.continuous);
-    for (size_t i = 0; i < curves.count; i += 3) {
-        const lg_elastica p = family((lg_elastica_case)curves.kind[i], curves.x[i] / PI, 50);
-        assert_close(solved(&p).energy, curves.energy[i], 1e-11, 0);
-        for (size_t k = 0; k <= 50; k++) {
-            assert_close(curves.q[102 * i + 2 * k], q[2 * k], 0, 1e-11);
-            assert_close(curves.q[102 * i + 2 * k + 1], q[2 * k + 1], 0, 1e-11);
-            assert_close(curves.v[102 * i + 2 * k], cos(theta[k]), 0, 1e-11);
-        }
-    }
-    lg_elastica_curves_destroy(&curves);
 }

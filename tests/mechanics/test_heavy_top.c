@@ -108,6 +108,6 @@ TEST("to slgi the quadratic form is the cotangent one") {
         lg_stepper *stepper = test_stepper(lg_scheme_find("slgi"), &ode);
         for (int n = 0; n < 50; n++) assert_ok(lg_step(stepper, 0.01 * n, 0.01, end[f], NULL, end[f]));
     }
-    for (int i = 0; i < 12; i++) assert_close(end[1][i], end[0][i], 0.0, 1e-12);
+    assert_all_close(end[1], end[0], 12, 0.0, 1e-12);
     assert_true(largest_difference(end[0], start, 12) > 0.1);
 }

@@ -92,7 +92,7 @@ TEST("the attitude is that of the equations in the body") {
     const top of = {.inertia = {inertia[0], inertia[1], inertia[2]}};
     rk4_in_the_body(&of, T / 4000, 4000, body);
     integrate(system, 1e-12, y, &T, 1, end);
-    for (int i = 0; i < 9; i++) assert_close(end[i], body[i], 0.0, 1e-10);
+    assert_all_close(end, body, 9, 0.0, 1e-10);
     for (int i = 9; i < 12; i++) assert_close(end[i], y[i], 0.0, 0.0);
     for (size_t k = 0; k < lg_system_invariants(system); k++)
         assert_close(lg_system_invariant(system, k, end, work), lg_system_invariant(system, k, y, work),

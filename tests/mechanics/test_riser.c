@@ -48,7 +48,7 @@ TEST("periods are the published ones, to half a digit") {
         assert_ok(lg_riser_periods(&slack, rows[r].locked, periods));
         printf("r = %.2f, %s: %.4f %.4f %.4f s\n", rows[r].severity, rows[r].locked ? "locked" : "free",
                periods[0], periods[1], periods[2]);
-        for (int i = 0; i < 3; i++) assert_close(periods[i], rows[r].periods[i], 0.0, rows[r].half_digit);
+        assert_all_close(periods, rows[r].periods, 3, 0.0, rows[r].half_digit);
         for (int i = 1; i < N; i++) assert_true(periods[i] < periods[i - 1] && periods[i] > 0.0);
         assert_ok(lg_riser_periods(&tight, !rows[r].locked, other));
         for (int i = 0; i < 3 && rows[r].locked; i++) assert_close(other[i], periods[i], 1e-14, 0.0);
@@ -99,7 +99,7 @@ TEST("periods and matrices are those of the energies") {
         RISER_MATRIX(LINE, line);
         inverse_iteration(mass, stiffness, 5, modes, expected);
         assert_ok(lg_riser_periods(p, true, periods));
-        for (int i = 0; i < 5; i++) assert_close(periods[i], expected[i], 1e-10, 0.0);
+        assert_all_close(periods, expected, 5, 1e-10, 0.0);
 
         lg_riser_matrices m;
         lg_riser_matrices_make(p, &m);

@@ -76,7 +76,7 @@ TEST("samples keep the energy and depend on the seed alone") {
     /* Independent of the tolerance to 1e-11, and energy is that of the start everywhere. */
     o.rtol = 1e-9, o.atol = 1e-10;
     assert_ok(lg_generate_trajectories(NULL, system, &o, t2, y2, H2, NULL));
-    for (int i = 0; i < N * M * D; i++) assert_close(y2[i], y[i], 0.0, 1e-8);
+    assert_all_close(y2, y, N * M * D, 0.0, 1e-8);
     for (int i = 0; i < N; i++)
         for (int j = 0; j < M; j++)
             assert_close(lg_system_hamiltonian(system, y + (i * M + j) * D, work), H[i], 1e-11, 1e-11);

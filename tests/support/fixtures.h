@@ -7,7 +7,28 @@
 #include "liegrad/integrators.h"
 #include "liegrad/ops.h"
 #include "liegrad/random.h"
+#include "liegrad/taped.h"
 #include "support/fail_alloc.h"
+
+/* FIELD(name, y) { ... } is a field, or half of one, that puts `out` from t and y and cannot fail. */
+#define FIELD(name, y)                                                                                       \
+    static void name##_at(void *, double, const double *, const double *, double *);                         \
+    static lg_status name(void *user, double t, const double *y, const double *input, double *out) {         \
+        name##_at(user, t, y, input, out);                                                                   \
+        return LG_OK;                                                                                        \
+    }                                                                                                        \
+    static void name##_at(void *user, double t, const double *y, const double *input, double *out)
+
+/* The same on a tape, of the parts of y. */
+#define TAPED_FIELD(name)                                                                                    \
+    static void name##_on_tape(void *, lg_tape *, lg_taped_time, const lg_var *, lg_var, lg_var *);          \
+    static lg_status name(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,         \
+                          lg_var *out) {                                                                     \
+        name##_on_tape(user, tape, t, y, input, out);                                                        \
+        return lg_tape_status(tape);                                                                         \
+    }                                                                                                        \
+    static void name##_on_tape(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,    \
+                               lg_var *out)
 
 static inline void release_tape(void *tape) {
     lg_tape_destroy(tape);
