@@ -86,6 +86,12 @@ static inline void cli_link(const char *target, const char *name) {
     assert_int_equal(symlink(target, path), 0);
 }
 
+static inline void cli_unlink(const char *name) {
+    char path[1024];
+    cli_path(name, path, sizeof path);
+    assert_int_equal(unlink(path), 0);
+}
+
 static inline size_t cli_read(const char *name, char *out, size_t size) {
     char path[1024];
     cli_path(name, path, sizeof path);
@@ -176,27 +182,21 @@ static inline void cli_expect_limited(const char *program, const char *arguments
         fail_msg("%s %s: '%s' is not in\n%s%s", program, arguments, words, result->out, result->err);
 }
 
-/* A command line that is refused: its exit code and words of the sentence. */
+static inline void cli_expect(const char *program, const char *arguments, int code, const char *words,
+                              cli *result) {
+    cli_expect_limited(program, arguments, 0, code, words, result);
+}
+
+/* Command lines that are refused; those of all executables: test_refused. */
 typedef struct cli_bad {
     const char *arguments;
     int code;
     const char *words;
 } cli_bad;
 
-static inline void cli_expect(const char *program, const char *arguments, int code, const char *words,
-                              cli *result) {
-    cli_expect_limited(program, arguments, 0, code, words, result);
-}
-
-/* Each is refused as it says, in a message that begins with the program's name, with nothing on standard
- * output and no temporary file left. */
 static inline void cli_expect_refused(const char *program, const cli_bad *rows, size_t count, cli *result) {
-    for (size_t i = 0; i < count; i++) {
+    for (size_t i = 0; i < count; i++)
         cli_expect(program, rows[i].arguments, rows[i].code, rows[i].words, result);
-        if (strncmp(result->err, program, strlen(program)) != 0)
-            fail_msg("%s: the message does not begin with the program: %s", rows[i].arguments, result->err);
-        assert_string_equal(result->out, "");
-    }
     assert_int_equal(cli_count_files("tmp"), 0);
 }
 
@@ -301,6 +301,55 @@ static inline double json_number(const char *text, const char *key) {
     return s != NULL && json_number_end(s) != NULL ? strtod(s, NULL) : (double)NAN;
 }
 
+/* Numbers of an array of numbers, or of an array of such arrays, one after the other. */
+static inline size_t json_array(const char *text, const char *key, double *out, size_t room) {
+    const char *s = json_find(text, key);
+    if (s == NULL || *s != '[') fail_msg("no array '%s' in %.200s", key, text);
+    size_t n = 0;
+    for (int depth = 0; s != NULL; s++) {
+        if (*s == '[') depth++;
+        if (*s == ']' && --depth == 0) break;
+        if (strchr("[], \n", *s) != NULL) continue;
+        const char *end = json_number_end(s);
+        if (end == NULL) fail_msg("'%s' holds no numbers", key);
+        if (n < room) out[n] = strtod(s, NULL);
+        n++;
+        s = end - 1;
+    }
+    return n;
+}
+
+/* Whether the member is as `want` says: * for anything, <x, >x, a number to 1e-12 of it, or its text. */
+static inline bool json_is(const char *object, const char *key, const char *want) {
+    const char *value = json_find(object, key);
+    if (value == NULL) fail_msg("no key '%s' in %s", key, object);
+    const bool compared = *want == '<' || *want == '>';
+    if (*want == '*') return true;
+    if (!compared && *want != '-' && !isdigit((unsigned char)*want))
+        return strncmp(value, want, strlen(want)) == 0;
+    const double number = json_number(object, key), than = strtod(want + compared, NULL);
+    return *want == '<' ? number < than : *want == '>' ? number > than : lg_is_close(number, than, 1e-12, 0);
+}
+
+/* One object with these members: "points 6, loss <1e-3, preset null, seconds *". */
+static inline void json_expect(const char *object, const char *members) {
+    char list[1024], key[64], want[64], *save = NULL;
+    (void)snprintf(list, sizeof list, "%s", members);
+    for (char *member = strtok_r(list, ",", &save); member != NULL; member = strtok_r(NULL, ",", &save)) {
+        assert_int_equal(sscanf(member, " %63s %63[^,]", key, want), 2);
+        if (!json_is(object, key, want)) fail_msg("%s: not %s in %s", key, want, object);
+    }
+}
+
+/* The command with --json: one object with these members. */
+static inline void cli_json(const char *program, const char *arguments, const char *members, cli *result) {
+    char line[4096];
+    (void)snprintf(line, sizeof line, "%s --json", arguments);
+    cli_expect(program, line, 0, "", result);
+    if (!json_is_object(result->out)) fail_msg("%s %s: no JSON object: %s", program, line, result->out);
+    json_expect(result->out, members);
+}
+
 /* ---- what programs with several commands share ---- */
 
 /* A folder for the group of tests, with a file that is empty and one that is no HDF5 file. */
@@ -316,23 +365,18 @@ static inline int cli_begin(void) {
 }
 
 static inline int cli_end(void **state) {
-    (void)state;
     cli_remove_folder();
     return 0;
 }
 
-static inline void cli_expect_help(const char *program, const char *const *commands, size_t count,
-                                   cli *result) {
-    char line[64], words[64];
-    (void)snprintf(words, sizeof words, "%s (liegrad) ", program);
-    cli_expect(program, "--version", 0, words, result);
-    cli_expect(program, "--help", 0, "Commands:", result);
-    (void)snprintf(words, sizeof words, "Usage: %s", program);
-    for (size_t i = 0; i < count; i++) {
-        (void)snprintf(line, sizeof line, "%s --help", commands[i]);
-        cli_expect(program, line, 0, words, result);
-        assert_non_null(strstr(result->out, "--threads"));
-    }
+static inline void cli_release_folder(void *folder) {
+    cli_remove_folder();
+}
+
+/* A folder of the running test alone. */
+static inline void cli_test_folder(void) {
+    assert_int_equal(cli_begin(), 0);
+    lg_test_owns(cli_folder, cli_release_folder);
 }
 
 /* Half a minute for a file to appear. */
@@ -346,70 +390,6 @@ static inline void cli_interrupt(cli_child child, cli *result) {
     assert_int_equal(kill(child.pid, SIGINT), 0);
     cli_finish(child, result);
     assert_int_equal(result->code, 130);
-}
-
-/* A training without end over `arguments`, interrupted: its checkpoint is named, and there is no model. */
-static inline void cli_interrupt_training(const char *program, const char *arguments, cli *result) {
-    char line[1024];
-    (void)snprintf(line, sizeof line, "%s --epochs 1000000 --checkpoint-every 1 --out never.h5", arguments);
-    const cli_child child = cli_start(program, line, 0);
-    cli_wait_for("never.h5.checkpoint");
-    cli_interrupt(child, result);
-    assert_non_null(strstr(result->err, "--resume never.h5.checkpoint"));
-    assert_false(cli_exists("never.h5"));
-}
-
-/* The table of a search without its column of seconds, which no two runs share. */
-static inline void cli_read_trials(const char *name, char *out, size_t size) {
-    char *text = malloc(size);
-    assert_non_null(text);
-    (void)cli_read(name, text, size);
-    size_t used = 0;
-    int column = 0;
-    for (const char *s = text; *s != '\0'; s++) {
-        if (*s == ',') column++;
-        if (*s == '\n') column = 0;
-        if (column != 5) out[used++] = *s;
-    }
-    out[used] = '\0';
-    free(text);
-}
-
-/* Ranges of a search of data.h5 that train would not take, each with words of the sentence. */
-static inline void cli_expect_bad_ranges(const char *program, const char *const (*rows)[2], size_t count,
-                                         cli *result) {
-    for (size_t i = 0; i < count; i++) {
-        cli_write("bad.yaml", rows[i][0]);
-        cli_expect(program, "search bad.yaml data.h5 --out s.csv", 3, rows[i][1], result);
-        if (strstr(result->err, "bad.yaml") == NULL) fail_msg("no file in: %s", result->err);
-    }
-    assert_false(cli_exists("s.csv"));
-}
-
-/* The published searches: names and values are such as train takes, which is checked before the data. */
-static inline void cli_expect_published(const char *program, const char *const *names, size_t count,
-                                        cli *result) {
-    char line[2048], words[64];
-    (void)snprintf(words, sizeof words, "%s search: empty.h5", program);
-    for (size_t i = 0; i < count; i++) {
-        (void)snprintf(line, sizeof line, "search %s/../searches/%s.yaml empty.h5 --out s.csv", LG_TEST_DIR,
-                       names[i]);
-        cli_expect(program, line, 3, words, result);
-    }
-}
-
-/* once.csv is a search of six trials. Three of them, then the others: the same table. Threads do not matter.
- */
-static inline void cli_expect_same_table(const char *program, cli *result) {
-    static char once[16384], again[16384];
-#define CLI_SEARCH "search ranges.yaml data.h5 --warm-up 2 --out again.csv "
-    cli_expect(program, CLI_SEARCH "--trials 3 --threads 1", 0, "", result);
-    cli_expect(program, CLI_SEARCH "--trials 6 --resume --threads 2 --json", 0, "", result);
-    assert_close(json_number(result->out, "new"), 3, 0, 0);
-    cli_read_trials("once.csv", once, sizeof once);
-    cli_read_trials("again.csv", again, sizeof again);
-    assert_string_equal(once, again);
-    cli_expect(program, CLI_SEARCH "--trials 6 --resume", 0, "best: trial", result);
 }
 
 #endif

@@ -78,7 +78,6 @@ static inline bool export_has(const char *compiler) {
 /* For the group's end: the folder and all in it. */
 static inline int export_end(void **state) {
     char command[300];
-    (void)state;
     (void)snprintf(command, sizeof command, "rm -rf -- '%s'", cli_folder);
     return system(command) == 0 ? 0 : -1;
 }

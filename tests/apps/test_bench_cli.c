@@ -6,16 +6,14 @@ static int setup(void **state) {
     return cli_begin();
 }
 
-static void run_case(const char *arguments, double largest_error, cli *result) {
-    char words[512];
-    (void)snprintf(words, sizeof words, "%s --json", arguments);
-    cli_expect("lg-bench", words, 0, "median_us", result);
-    if (!json_is_object(result->out)) fail_msg("lg-bench %s: no JSON object: %s", words, result->out);
-    const double median = json_number(result->out, "median_us"), least = json_number(result->out, "min_us");
-    assert_true(least > 0 && least <= median);
+static cli result;
+
+static void run_case(const char *arguments, double largest_error) {
+    cli_json("lg-bench", arguments, "min_us >0", &result);
+    assert_true(json_number(result.out, "min_us") <= json_number(result.out, "median_us"));
     if (largest_error < 0) return;
-    const double error = json_number(result->out, "error");
-    if (!(error >= 0 && error <= largest_error)) fail_msg("lg-bench %s: error %g", words, error);
+    const double error = json_number(result.out, "error");
+    if (!(error >= 0 && error <= largest_error)) fail_msg("lg-bench %s: error %g", arguments, error);
 }
 
 TEST("every case runs") {
@@ -42,30 +40,24 @@ TEST("every case runs") {
         {"ode --links 2 --repeats 1 --only N=2", 0.1},
         {"ode --links 3 --repeats 1 --only tol=1e-12", 1e-9},
     };
-    cli result;
-    for (size_t i = 0; i < LG_COUNT(cases); i++) run_case(cases[i].arguments, cases[i].error, &result);
+    for (size_t i = 0; i < LG_COUNT(cases); i++) run_case(cases[i].arguments, cases[i].error);
 }
 
 /* The other program's way: parameters written, read again, judged. Two epochs lower the loss. */
 TEST("a Hamiltonian is trained, read again and judged") {
-    cli result;
-    run_case("hamiltonian-quartic --epochs 3 --out set --judge", 0.2, &result);
+    run_case("hamiltonian-quartic --epochs 3 --out set --judge", 0.2);
     const double trained = json_number(result.out, "error");
     assert_true(isfinite(json_number(result.out, "E1")));
     assert_true(json_find(result.out, "losses") != NULL);
     assert_true(cli_exists("set.data") && cli_exists("set.weights"));
-    run_case("hamiltonian-quartic --weights set.weights", 10, &result);
+    run_case("hamiltonian-quartic --weights set.weights", 10);
     assert_true(trained < json_number(result.out, "error"));
     cli_expect("lg-bench", "hamiltonian --weights set.weights", 3, "set.weights", &result);
-    cli_expect("lg-bench", "hamiltonian-quartic --weights set.weights --out set", 2,
-               "--out: set.weights is an input of --weights", &result);
-    cli_expect("lg-bench", "hamiltonian --weights missing", 3, "missing", &result);
 }
 
 TEST("the list names all cases") {
     static const char *const names[] = {"mlp2", "hamiltonian", "dense", "adam",   "scalar", "jvp",
                                         "gemm", "act",         "node",  "batch1", "ode"};
-    cli result;
     cli_expect("lg-bench", "list", 0, "mlp2", &result);
     for (size_t i = 0; i < LG_COUNT(names); i++) assert_non_null(strstr(result.out, names[i]));
     cli_expect("lg-bench", "list --json", 0, "\"cases\"", &result);
@@ -76,12 +68,11 @@ TEST("the list names all cases") {
 TEST("an integration tells its work") {
     static const char *const keys[] = {"steps", "rejected", "evaluations", "manifold_error",
                                        "reference_error"};
-    cli result;
-    run_case("ode --links 2 --repeats 1 --only tol=1e-06", 1e-4, &result);
+    run_case("ode --links 2 --repeats 1 --only tol=1e-06", 1e-4);
     for (size_t i = 0; i < LG_COUNT(keys); i++) assert_non_null(json_find(result.out, keys[i]));
     assert_true(json_number(result.out, "manifold_error") <= 1e-14);
     assert_true(json_number(result.out, "evaluations") >= 6 * json_number(result.out, "steps"));
-    run_case("ode --links 1 --repeats 1 --only step", -1, &result);
+    run_case("ode --links 1 --repeats 1 --only step", -1);
     assert_non_null(strstr(result.out, "ns a link"));
 }
 
@@ -89,21 +80,10 @@ TEST("an integration tells its work") {
 TEST("the report says on what it ran") {
     static const char *const keys[] = {"cpu",      "kernels", "dtype",  "threads",
                                        "error_is", "p10_us",  "p90_us", "rows"};
-    cli result;
-    run_case("act --width 64 --repeats 1 --only exp", 3, &result);
+    run_case("act --width 64 --repeats 1 --only exp", 3);
     for (size_t i = 0; i < LG_COUNT(keys); i++) assert_non_null(json_find(result.out, keys[i]));
     assert_null(strstr(result.out, "tanh"));
     cli_expect("lg-bench", "mlp2 --batch 2 --width 4 --repeats 1", 0, "B=2", &result);
-}
-
-TEST("bad options are refused") {
-    static const char *const bad[] = {"nothing",          "mlp2 --batch 0",
-                                      "mlp2 --dtype f16", "mlp2 --repeats x",
-                                      "mlp2 --width -1",  "act --repeats 1 --only nothing"};
-    cli result;
-    for (size_t i = 0; i < LG_COUNT(bad); i++) cli_expect("lg-bench", bad[i], 2, "lg-bench", &result);
-    cli_expect("lg-bench", "scalar --dtype f32", 2, "f64", &result);
-    cli_expect("lg-bench", "ode --dtype f32", 2, "f64", &result);
 }
 
 TEST_GROUP(setup, cli_end)

@@ -64,5 +64,6 @@ void *lg_test_memory(size_t bytes) {
 
 int main(int argc, char **argv) {
     if (argc > 1) cmocka_set_test_filter(argv[1]);
-    return _cmocka_run_group_tests("tests", tests, test_count, group_begin, group_end);
+    const int failed = _cmocka_run_group_tests("tests", tests, test_count, group_begin, NULL);
+    return failed != 0 || (group_end != NULL && group_end(NULL) != 0);
 }

@@ -1,0 +1,687 @@
+/* Command lines that executables refuse: exit code, a message that begins with the program's name and holds the
+ * words, nothing on standard output, no file. Then files whose text is wrong, each with the command that reads it. */
+#include "cli_support.h"
+
+#include <hdf5.h>
+
+#include "liegrad/io.h"
+#include "liegrad/random.h"
+#include "liegrad/series.h"
+
+/* Words in braces in a line are taken in turn, and each stands for % in `words`. A word `--option=x` is `--option x`
+ * in the line and `x` in `words`; NULL as `words` is `--option: 'x'`. */
+typedef struct refusal {
+    const char *line;
+    int code;
+    const char *words;
+} refusal;
+
+static cli result;
+
+static void run(const char *program, const char *const *lines, size_t count) {
+    for (size_t i = 0; i < count; i++) cli_expect(program, lines[i], 0, "", &result);
+}
+#define RUN(program, ...)                                                                                    \
+    run(program, (const char *const[]){__VA_ARGS__}, LG_COUNT(((const char *const[]){__VA_ARGS__})))
+
+/* A number of a data set becomes another one. */
+static void spoil(const char *name, const char *set_name, size_t index, double value) {
+    static double data[16384];
+    char path[1024];
+    cli_path(name, path, sizeof path);
+    const hid_t file = H5Fopen(path, H5F_ACC_RDWR, H5P_DEFAULT);
+    const hid_t set = H5Dopen2(file, set_name, H5P_DEFAULT);
+    assert_true(H5Dget_storage_size(set) <= sizeof data);
+    assert_true(H5Dread(set, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, data) >= 0);
+    data[index] = value;
+    assert_true(H5Dwrite(set, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, data) >= 0);
+    assert_true(H5Dclose(set) >= 0 && H5Fclose(file) >= 0);
+}
+
+/* A file with nothing but its kind. */
+static void make_kind(const char *name, const char *kind) {
+    char path[1024];
+    lg_file_writer *writer;
+    cli_path(name, path, sizeof path);
+    assert_ok(lg_file_writer_create(NULL, path, kind, NULL, &writer, NULL));
+    assert_ok(lg_file_writer_commit(writer, NULL));
+    lg_file_writer_destroy(writer);
+}
+
+/* `with` for the bytes from..to-1 of `text`. */
+static void replace(const char *text, size_t from, size_t to, const char *with, char *out, size_t size) {
+    (void)snprintf(out, size, "%.*s%s%s", (int)from, text, with, text + to);
+}
+
+/* The row with this word for its braces, which are the bytes from..to-1 of its line. */
+static void refuse(const char *program, const refusal *row, size_t from, size_t to, const char *word) {
+    char line[1024], words[256], argument[128];
+    const size_t equals = strncmp(word, "--", 2) == 0 ? strcspn(word, "=") : 0;
+    const char *value = word + equals + (word[equals] == '=');
+    replace(word, equals, equals + (word[equals] == '='), equals > 0 ? " " : "", argument, sizeof argument);
+    replace(row->line, from, to, argument, line, sizeof line);
+    if (row->words == NULL)
+        (void)snprintf(words, sizeof words, "%.*s: '%s'", (int)equals, word, value);
+    else {
+        const size_t place = strcspn(row->words, "%");
+        replace(row->words, place, place + (row->words[place] == '%'), row->words[place] == '%' ? value : "",
+                words, sizeof words);
+    }
+    cli_expect(program, line, row->code, words, &result);
+    if (strncmp(result.err, program, strlen(program)) != 0)
+        fail_msg("%s: the message does not begin with the program: %s", line, result.err);
+    assert_string_equal(result.out, "");
+}
+
+static void refuse_row(const char *program, const refusal *row) {
+    const size_t from = strcspn(row->line, "{"), to = strcspn(row->line, "}");
+    char list[512], *save = NULL;
+    if (row->line[from] == '\0') {
+        refuse(program, row, from, from, "");
+        return;
+    }
+    (void)snprintf(list, sizeof list, "%.*s", (int)(to - from - 1), row->line + from + 1);
+    for (char *word = strtok_r(list, " ", &save); word != NULL; word = strtok_r(NULL, " ", &save))
+        refuse(program, row, from, to + 1, word);
+}
+
+/* All rows; then the folder holds what it held before. */
+static void refuse_all(const char *program, const refusal *rows, size_t count) {
+    const int before = cli_count_files("");
+    for (size_t i = 0; i < count; i++) refuse_row(program, &rows[i]);
+    assert_int_equal(cli_count_files(""), before);
+}
+#define REFUSE(program, rows) refuse_all(program, rows, LG_COUNT(rows))
+
+/* bad.yaml with the first text makes `line` end with code 3, its name and the second text. */
+static void refuse_texts(const char *program, const char *line, const char *const (*rows)[2], size_t count) {
+    for (size_t i = 0; i < count; i++) {
+        cli_write("bad.yaml", rows[i][0]);
+        refuse_row(program, &(refusal){line, 3, rows[i][1]});
+        assert_non_null(strstr(result.err, "bad.yaml"));
+    }
+}
+
+/* ---- lg-hamiltonian ---- */
+
+#define TRAIN "train train.h5 --out m.h5 "
+
+static const refusal hamiltonian[] = {
+    {"", 2, "which command"},
+    {"--json", 2, "which command"},
+    {"learn", 2, "'learn' is no command"},
+    {"{train generate}", 2, "missing argument"},
+    {"evaluate model.h5", 2, "missing argument"},
+    {"train train.h5", 2, "--out FILE is missing"},
+    {"generate scene.yaml", 2, "--out FILE is missing"},
+    {"study grid.yaml", 2, "--out FILE.csv is missing"},
+    {"train train.h5 test.h5 --out m.h5", 2, "'test.h5' is one argument too many"},
+    {TRAIN "{--bogus --epochs}", 2, "%"},
+    {TRAIN "{--epochs=0 --lr=0 --hidden=10,,3 --threads=0 --seed=-1 --integrator=leapfrog --plot=loss.pdf}",
+     2, NULL},
+    {TRAIN "--hidden 1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1", 2,
+     "--hidden: a list of 20 numbers is too long: at most 15"},
+    {TRAIN "--integrator leapfrog", 2, "is not one of euler"},
+    {TRAIN "--integrator stormer-verlet", 2, "stormer-verlet needs a separable"},
+    {TRAIN "--integrator variational", 2, "variational cannot be differentiated"},
+    {TRAIN "--integrator slgi", 2, "slgi is for SE(3)"},
+    {TRAIN "--integrator rk4-projected", 2, "rk4-projected: training does not project"},
+    {"--threads -2 train train.h5 --out m.h5", 2, "--threads: '-2'"},
+    {TRAIN "{--penalty=1e-3}", 2, "penalty"},
+    {TRAIN "--newton", 2, "--newton"},
+    {"train {missing.h5 empty.h5 foreign.h5 model.h5 .} --out m.h5", 3, "%"},
+    {"train nan.h5 --out m.h5", 3, "nan.h5: /trajectories: NaN at index (1, 1, 1)"},
+    {"evaluate model.h5 nan.h5", 3, "NaN"},
+    {"train train.h5 --out nowhere/m.h5", 3, "nowhere/m.h5"},
+    {"train train.h5 --out .", 3, "folder"},
+    {TRAIN "{--history=nowhere/h.csv --checkpoint=nowhere/c.h5 --resume=missing.h5 --resume=foreign.h5 "
+           "--resume=model.h5}",
+     3, "%"},
+    {"train train.h5 --out train.h5", 2, "--out: train.h5 is an input and would be replaced"},
+    {TRAIN "--history ./train.h5", 2, "--history: ./train.h5 is an input"},
+    {TRAIN "--history m.h5", 2, "--history: m.h5 is what --out writes too"},
+    {TRAIN "--checkpoint m.h5", 2, "--checkpoint: m.h5 is what --out writes too"},
+    {"train train.h5 --out model.h5 --resume model.h5", 2, "--out: model.h5 is an input of --resume"},
+    {"generate scene.yaml --out scene.yaml", 2, "--out: scene.yaml is an input"},
+    {"predict model.h5 start.yaml --out model.h5", 2, "--out: model.h5 is an input"},
+    {"predict model.h5 start.yaml --out m.gp --plot m.svg", 2, "--plot: m.gp is what --out writes too"},
+    {"evaluate model.h5 link.dat --plot link.svg", 2, "--plot: link.dat is an input"},
+    {"study grid.yaml --out grid.yaml", 2, "--out: grid.yaml is an input"},
+    {"study grid.yaml --out s.csv --plot s.svg --plot-noise s.png", 2, "--plot-noise: s.dat is what --plot"},
+    {"generate scene.yaml --out d.h5 {--trajectories=-5 --points=1 --t-end=-1 --noise=-0.1 "
+     "--noise-kind=pink}",
+     2, NULL},
+    {"generate {missing.yaml train.h5} --out d.h5", 3, "%"},
+    {"generate scene.yaml --out nowhere/d.h5", 3, "nowhere/d.h5"},
+    {"evaluate {missing.h5 test.h5} test.h5", 3, "%"},
+    {"evaluate model.h5 missing.h5", 3, "missing.h5"},
+    {"evaluate model.h5 test.h5 {--tolerance=0}", 2, NULL},
+    {"evaluate model.h5 {./model.h5 twin.h5} --record", 2,
+     "--record: model.h5 is the model and the test data too"},
+    {"evaluate nowhere/model.h5 test.h5 --record", 3, "nowhere/model.h5: cannot be written"},
+    {"evaluate {missing.h5 train.h5} test.h5 --record", 3, "%"},
+    {"predict model.h5", 2, "--initial"},
+    {"predict model.h5 start.yaml --initial 1,2", 2, "not both"},
+    {"predict model.h5 --initial 1,2,3", 2, "3 numbers"},
+    {"predict model.h5 {--initial=1,0,0,0,nan,0}", 2, NULL},
+    {"predict model.h5 --initial 1,0,0,1,0,0", 2, "manifold"},
+    {"predict model.h5 quartic.yaml", 3, "quartic.yaml"},
+    {"predict model.h5 start.yaml --out nowhere/p.h5", 3, "nowhere/p.h5"},
+    {"study {missing.yaml scene.yaml} --out s.csv", 3, "%"},
+    {"study grid.yaml --out nowhere/s.csv", 3, "nowhere/s.csv"},
+    {"study grid.yaml --out scene.yaml", 3, "not the table of a study"},
+    {"study grid.yaml --out s.csv {--plot=s.jpg --jobs=0}", 2, NULL},
+    {"study grid.yaml --out s.csv --plot-noise nowhere/s.svg", 3, "nowhere/s.svg"},
+    {"demo --out scene.yaml", 3, "scene.yaml"},
+};
+
+TEST("lg-hamiltonian refuses with exit code and word, and writes nothing") {
+    cli_test_folder();
+    cli_write("scene.yaml", "system: pendulum-chain\ngravity: 1\nmasses: [1]\nlengths: [1]\n");
+    cli_write("start.yaml",
+              "system: pendulum-chain\nform: hamiltonian\ngravity: 1\nmasses: [1]\nlengths: [1]\n"
+              "initial: { q: [[0.6, 0, 0.8]], p: [[0, 0.5, 0]] }\nt_end: 2\n");
+    cli_write("quartic.yaml", "system: quartic\n");
+    cli_write("grid.yaml",
+              "system: pendulum-chain\ngravity: 1\nmasses: [1]\nlengths: [1]\nintegrators: [cf4]\n"
+              "N: [12]\nM: [3]\neps: [0]\nrepeats: 1\nt_end: 0.1\nepochs: 1\nbatch: 8\n"
+              "hidden: [6]\ntest: { trajectories: 4, points: 5 }\nseed: 3\n");
+    RUN("lg-hamiltonian",
+        "generate scene.yaml --trajectories 40 --points 4 --t-end 0.1 --out train.h5 --seed 5",
+        "generate scene.yaml --trajectories 6 --points 8 --t-end 1 --out test.h5 --seed 6",
+        "generate scene.yaml --trajectories 3 --points 4 --t-end 0.1 --out nan.h5",
+        "train train.h5 --hidden 12,12 --batch 16 --epochs 1 --out model.h5");
+    spoil("nan.h5", "trajectories", 31, NAN); /* trajectory 1, point 1, component 1 */
+    cli_link("test.h5", "link.dat");
+    cli_link("model.h5", "twin.h5");
+    REFUSE("lg-hamiltonian", hamiltonian);
+    cli_expect("lg-hamiltonian",
+               TRAIN "--hidden 30,30,30,30,30,30,30,30 --activation identity --dtype f32 --lr 1e3", 4,
+               "epoch 2, batch 1: the loss", &result);
+    static const char *const scenes[][2] = {
+        {"system: pendulum-chain\nmasses: [1]\nlengths: [1]\nmasses: [2]\ngravity: 1\n", "line 4"},
+        {"system: [pendulum-chain\n", "bad.yaml"},
+    }; /* the others: test_scene_files */
+    refuse_texts("lg-hamiltonian", "generate bad.yaml --out d.h5", scenes, LG_COUNT(scenes));
+}
+#undef TRAIN
+
+/* ---- lg-elastica ---- */
+
+#define TRAIN "train data.h5 --out m.h5 "
+
+static const refusal elastica[] = {
+    {"", 2, "which command"},
+    {"bend", 2, "'bend' is no command"},
+    {"--bogus", 2, "--bogus"},
+    {"solve", 2, "no boundary conditions: give --case and --x, or --theta0 and --thetaN"},
+    {"solve extra --x 1", 2, "'extra' is one argument too many"},
+    {"solve --case both-ends", 2, "--x X is missing"},
+    {"solve --case left-end --x 1", 2, "--case: 'left-end' is not one of both-ends, right-end"},
+    {"solve {--x=nan --x=inf --x=1,2 --sweep=1}", 2, NULL},
+    {"solve --thetaN 1 {--theta0=nan}", 2, NULL},
+    {"solve --x 1 --theta0 1", 2, "either --case and --x or --theta0 and --thetaN"},
+    {"solve --theta0 1", 2, "--thetaN B is missing"},
+    {"solve --thetaN 1", 2, "--theta0 A is missing"},
+    {"solve --theta0 1 --thetaN -1 --rotation 1", 2, "the nearest that do are -2 and 4.28318530718"},
+    {"solve --theta0 1 --thetaN -1 --rotation -2.000001", 2, "the nearest that do are -2 and"},
+    {"solve --x 1 {--intervals=1 --intervals=50.5 --length=0 --stiffness=-1 --gradient-tol=0 --qN=1,nan}", 2,
+     NULL},
+    {"solve --x 1 {--length=2.9 --length=3}", 2, "the ends are 3 apart"},
+    {"solve --sweep 3 --length 2", 2, "the ends are 3 apart"},
+    {"solve --x 1 --qN 5,0", 2, "the ends are 5 apart"},
+    {"solve --x 1 --q0 1", 2, "--q0: two numbers, x,y; not 1"},
+    {"solve --x 1 --qN 1,2,3", 2, "--qN: two numbers, x,y; not 3"},
+    {"solve --x 1 --branches --continuous", 2, "--continuous: --branches is of the discrete problem"},
+    {"solve --x 1 --saddles", 2, "--saddles: works together with"},
+    {"solve --x 1 --sweep 5", 2, "--x: --sweep goes over the x of a case"},
+    {"solve --sweep 5 --branches", 2, "either --branches or --sweep"},
+    {"solve --x 1 --qN 1,nan", 2, "'1,nan' is not a list, separated by commas, of: a number\n"},
+    {"solve --x 1 --intervals 99999999", 2, "of at least 2 and at most"},
+    {"solve --x 1 --stiffness 1e301", 2, "'1e301' is not a number above 0 and at most 1e+300\n"},
+    {"solve --x 1 --stiffness 0", 2, "'0' is not a number above 0\n"},
+    {"solve --x 1 --seed 18446744073709551616", 2, "a whole number of at least 0 and below 2^64\n"},
+    {"solve --x 1 --plot {c.pdf}", 2, "%"},
+    {"solve --x 1 {--plot=nowhere/c.svg --out=nowhere/c.csv}", 3, "%"},
+    {"solve --x 1 --out .", 3, "folder"},
+    {"solve --x 1 --out c.dat --plot c.svg", 2, "--plot: c.dat is what --out writes too"},
+    {"solve --sweep 3 --out c.gp --plot c.svg", 2, "--plot: c.gp is what --out writes too"},
+    {"generate", 2, "--out FILE is missing"},
+    {"generate --out d.h5 --case neither", 2, "--case: 'neither' is not one of both-ends, right-end, both"},
+    {"generate --out d.h5 {--count=0 --intervals=1 --gap=0.5 --gap=-0.1 --gap=nan --plot=d.jpg}", 2, NULL},
+    {"generate --out d.h5 --length 2.5 --count 4", 2, "the ends are 3 apart"},
+    {"generate --out nowhere/d.h5", 3, "nowhere/d.h5"},
+    {"generate --out d.gp --plot d.svg", 2, "--plot: d.gp is what --out writes too"},
+    {"generate --out d.svg --plot nowhere/../d.svg", 3, "nowhere"},
+    {"generate --out d.svg --plot ./d.svg", 2, "--plot: ./d.svg is what --out writes too"},
+    {"train data.h5 --out data.h5", 2, "--out: data.h5 is an input and would be replaced"},
+    {"train data.h5 --out {./data.h5 link.h5}", 2, "--out: % is an input"},
+    {"train link.dat --out link.h5", 2, "--out: link.h5 is an input"},
+    {TRAIN "--history link.h5", 2, "--history: link.h5 is an input"},
+    {TRAIN "--history ./m.h5", 2, "--history: ./m.h5 is what --out writes too"},
+    {TRAIN "--history m.h5.checkpoint", 2, "is what --checkpoint writes too"},
+    {"train data.h5 --out m.dat --plot m.svg", 2, "--plot: m.dat is what --out writes too"},
+    {"train data.h5 --out model.h5 --resume model.h5", 2, "--out: model.h5 is an input of --resume"},
+    {TRAIN "--resume {data.h5 missing.h5 model.h5}", 3, "%"},
+    {TRAIN "--resume data.h5 --checkpoint data.h5", 2, "--checkpoint: data.h5 is an input"},
+    {TRAIN "--network angle --gamma 1", 2, "--gamma: --network angle has no such option"},
+    {"evaluate model.h5 link.dat --plot link.svg", 2, "--plot: link.dat is an input"},
+    {"predict model.h5 --x 1 --out model.h5", 2, "--out: model.h5 is an input"},
+    {"predict model.h5 --x 1 --out p.gp --plot p.png", 2, "--plot: p.gp is what --out writes too"},
+    {"search ranges.yaml data.h5 --out {data.h5 ranges.yaml}", 2, "--out: % is an input"},
+    {"search ranges.yaml data.h5 --out ranges.yaml --resume", 2, "--out: ranges.yaml is an input"},
+    {"search ranges.yaml data.h5 --out s.dat --plot s.svg", 2, "--plot: s.dat is what --out writes too"},
+    {"train", 2, "missing argument"},
+    {"train data.h5", 2, "--out FILE is missing"},
+    {TRAIN "--network deep", 2, "--network: 'deep' is not one of discrete, continuous"},
+    {TRAIN "--normalise yes", 2, "--normalise: 'yes' is not one of false, true"},
+    {TRAIN "--boundary true", 2, "--boundary: --network discrete has no"},
+    {"train both.h5 --out m.h5 --network angle --preset thesis", 2, "--preset: thesis has no settings"},
+    {TRAIN "--train-fraction 0.95 --test-fraction 0.1", 2, "more than 1 together"},
+    {TRAIN "--train-fraction 0.001", 2, "no curve of 40 to train on"},
+    {TRAIN "--plot {l.pdf}", 2, "%"},
+    {"train data.h5 --out nowhere/m.h5", 3, "nowhere/m.h5"},
+    {TRAIN "--history nowhere/h.csv", 3, "nowhere/h.csv"},
+    {"train {missing.h5 empty.h5 foreign.h5 model.h5 torn.h5} --out m.h5", 3, "%"},
+    {"train nan.h5 --out m.h5", 3, "nan.h5: /q: NaN at index (1, 6, 1)"},
+    {TRAIN "--resume model.h5 --preset best", 2, "--preset: a resumed run"},
+    {"evaluate model.h5", 2, "missing argument"},
+    {"evaluate {missing.h5 data.h5} data.h5", 3, "%"},
+    {"evaluate model.h5 {missing.h5 coarse.h5 long.h5}", 3, "%"},
+    {"evaluate angle.h5 long.h5", 3, "long.h5"},
+    {"evaluate model.h5 nan.h5", 3, "NaN"},
+    {"evaluate model.h5 data.h5 {--part=half --plot=e.gif}", 2, NULL},
+    {"evaluate model.h5 right.h5 --part test", 2, "was not trained on right.h5"},
+    {"predict model.h5", 2, "no boundary conditions"},
+    {"predict model.h5 {--x=nan}", 2, NULL},
+    {"predict model.h5 --x 1 --s 0,4", 2, "--s: 4 is outside [0, 3.3], the beam"},
+    {"predict model.h5 --x 1 --s -1,1", 2, "--s: -1 is outside"},
+    {"predict model.h5 --x 1 --s 1,0.5", 2, "--s: 0.5 stands after 1; they must rise"},
+    {"predict model.h5 --x 1 --s 1 --points 5", 2, "either --s or --points"},
+    {"predict model.h5 --x 1 {--points=1}", 2, NULL},
+    {"predict model.h5 --x 1 --qN 9,0", 2, "the ends are 9 apart"},
+    {"predict {missing.h5 data.h5} --x 1", 3, "%"},
+    {"predict model.h5 --x 1 --out nowhere/p.csv", 3, "nowhere/p.csv"},
+    {"search ranges.yaml data.h5", 2, "--out FILE.csv is missing"},
+    {"search ranges.yaml --out s.csv", 2, "missing argument"},
+    {"search {missing.yaml data.h5} data.h5 --out s.csv", 3, "%"},
+    {"search ranges.yaml missing.h5 --out s.csv", 3, "missing.h5"},
+    {"search ranges.yaml data.h5 --out nowhere/s.csv", 3, "nowhere/s.csv"},
+    {"search ranges.yaml data.h5 --out s.csv {--trials=0 --rungs=17 --quantile=0 --validation=1}", 2, NULL},
+};
+
+/* Ranges of a search that train would not take: each with the line that is wrong. */
+static const char *const elastica_ranges[][2] = {
+    {"fixed: {bogus: 1}\nranges:\n  layers: {integer: [0, 4]}\n", "line 1: 'bogus' is no option of train"},
+    {"fixed:\n  out: m.h5\nranges:\n  layers: {integer: [0, 4]}\n", "line 2: 'out' is no option of train"},
+    {"ranges:\n  resume: {choice: [a, b]}\n", "line 2: 'resume' is no option of train"},
+    {"ranges:\n  layers: {integer: [0, 4]}\n  width: {integer: [1, 4]}\n", "line 3: 'width' is no option"},
+    {"ranges:\n  layers: {integer: [0, 15]}\n", "line 2: layers: '15'"},
+    {"ranges:\n  layers: {uniform: [0, 4]}\n", "line 2: layers: '1.5"},
+    {"ranges:\n  lr: {uniform: [0, 1]}\n", "line 2: lr: '0'"},
+    {"ranges:\n  activation: {choice: [tanh, tan]}\n", "line 2: activation: 'tan' is not one of"},
+    {"fixed: {epochs: 0}\nranges:\n  layers: {integer: [0, 4]}\n", "line 1: epochs: '0'"},
+    {"fixed: {lr: 1}\n", "ranges"},
+    {"ranges:\n  lr: {log-uniform: [1, 1e4]}\n",
+     "line 2: lr: '10000' is not a number above 0 and at most 1000"},
+    {"fixed: {network: angle}\nranges:\n  gamma: {uniform: [0, 1]}\n",
+     "line 3: 'gamma' is no option of --network angle"},
+};
+
+TEST("lg-elastica refuses with exit code and word, and writes nothing") {
+    cli_test_folder();
+    cli_write("ranges.yaml", "fixed: {network: discrete}\nranges:\n  layers: {integer: [0, 2]}\n");
+    RUN("lg-elastica", "generate --case both-ends --count 40 --intervals 10 --out data.h5",
+        "generate --case right-end --count 40 --intervals 10 --out right.h5",
+        "generate --case both --count 10 --intervals 10 --out both.h5",
+        "generate --case both-ends --count 8 --intervals 6 --out coarse.h5",
+        "generate --case both-ends --count 8 --intervals 10 --length 4 --out long.h5",
+        "generate --count 6 --intervals 8 --out nan.h5", "generate --count 6 --intervals 8 --out torn.h5",
+        "train data.h5 --hidden 12 --layers 1 --batch 8 --epochs 1 --out model.h5",
+        "train data.h5 --network angle --embedding 4 --hidden 4 --layers 1 --epochs 1 --out angle.h5");
+    spoil("nan.h5", "q", 31, NAN);
+    spoil("torn.h5", "boundary", 8, 0.25);
+    cli_link("data.h5", "link.h5");
+    cli_link("data.h5", "link.dat");
+    REFUSE("lg-elastica", elastica);
+    cli_expect(
+        "lg-elastica",
+        TRAIN
+        "--hidden 12 --layers 14 --batch 8 --lr 1e3 --schedule constant --activation identity --epochs 9",
+        4, "epoch", &result);
+    refuse_texts("lg-elastica", "search bad.yaml data.h5 --out s.csv", elastica_ranges,
+                 LG_COUNT(elastica_ranges));
+    assert_false(cli_exists("s.csv"));
+    char line[2048] = "predict model.h5 --x 1 --s 0";
+    for (int i = 1; i < 256; i++) (void)strcat(line, ",1");
+    RUN("lg-elastica", line);
+    (void)strcat(line, ",1");
+    cli_expect("lg-elastica", line, 2, "--s: a list of 257 numbers is too long: at most 256; use --points\n",
+               &result);
+    (void)strcat(line, ",x");
+    cli_expect("lg-elastica", line, 2, "a list of 258 numbers", &result);
+    (void)strcpy(line + sizeof "predict model.h5 --x 1 --s 0" + 300, "x");
+    cli_expect("lg-elastica", line, 2, ",1,1,...' is not a list", &result);
+}
+#undef TRAIN
+
+/* ---- lg-anomaly ---- */
+
+#define TRAIN "train data.h5 --out m.h5 "
+#define WATCH "watch tree.h5 --input feed.csv "
+
+/* Noise of standard deviation 1 + 3 c about 2 c in class c. */
+static void write_series(const char *name, size_t count, uint32_t channels, uint32_t length,
+                         uint32_t classes) {
+    char path[1024];
+    lg_rng rng;
+    lg_series_data data = {.noise = NAN, .severity = NAN};
+    data.series = (lg_series){.count = count, .channels = channels, .length = length, .classes = classes};
+    assert_ok(lg_series_allocate(NULL, &data.series, false, false));
+    lg_rng_seed(&rng, 11, 0);
+    for (size_t i = 0; i < count; i++) {
+        const uint32_t c = data.series.label[i] = (uint32_t)(i % classes);
+        for (size_t k = 0; k < (size_t)channels * length; k++)
+            data.series.x[i * channels * length + k] = (float)(2.0 * c + (1 + 3.0 * c) * lg_rng_normal(&rng));
+    }
+    cli_path(name, path, sizeof path);
+    assert_ok(lg_series_write(NULL, path, &data, NULL));
+    lg_series_data_destroy(&data);
+}
+
+static const refusal anomaly[] = {
+    {"", 2, "which command"},
+    {"guess", 2, "'guess' is no command"},
+    {"generate", 2, "--out FILE is missing"},
+    {"generate --out nowhere/s.h5", 3, "nowhere/s.h5"},
+    {"generate --out s.h5 {--noise=-1 --noise=nan --runs=0 --hours=0 --severity=0 --severity=1.1 "
+     "--plot=s.jpg}",
+     2, NULL},
+    {"generate --out s.h5 --housing loose", 2, "'loose' is not one of slack, tight"},
+    {"generate --out s.h5 --window 0.3", 2, "--window 0.3: is 1.5 samples"},
+    {"generate --out s.h5 --window 7200", 2, "shorter than one window"},
+    {"generate --out s.h5 --runs 100000 --hours 1000 --window 0.2", 2, "more than a file may hold"},
+    {"generate --out s.h5 --picture housings", 2, "--picture: needs --plot FILE"},
+    {"feed {--hours=0 --gaps=-1}", 2, NULL},
+    {"feed --json", 2, "--json: the feed itself goes to standard output"},
+    {"feed --out nowhere/f.csv", 3, "nowhere/f.csv"},
+    {"train", 2, "missing argument"},
+    {"train data.h5", 2, "--out FILE is missing"},
+    {"train data.h5 --out data.h5", 2, "--out: data.h5 is an input"},
+    {"train {missing.h5 empty.h5 foreign.h5 model.h5} --out m.h5", 3, "%"},
+    {TRAIN "--method forest", 2, "'forest' is not one of cnn, logistic"},
+    {TRAIN "--features cov", 2, "--features: --method cnn has no such option"},
+    {TRAIN "--method tree --lr 1", 2, "--lr: --method tree has no such option"},
+    {TRAIN "--method logistic --gamma 1", 2, "--gamma: --method logistic"},
+    {TRAIN "--method svm-rbf --c 1 --grid 1,2", 2, "--grid: chooses C"},
+    {TRAIN "--method svm-rbf --grid 1,0", 2, "--grid: C must be above 0"},
+    {TRAIN "--method tree --ccp-alpha 0.1", 2, "--ccp-alpha: belongs to --prune post"},
+    {TRAIN "--method tree --prune pre --max-depth 3", 2, "--prune pre: chooses"},
+    {TRAIN "--test-fraction 0.9 --validation 0.5", 2, "together below 1"},
+    {TRAIN "--window 0.3", 2, "--window 0.3: is 1.5 samples"},
+    {TRAIN "--window 3600", 2, "18000"},
+    {TRAIN "--hop 0", 2, "--hop 0: is 0 samples"},
+    {"train three.h5 --out m.h5 --window 2.5", 2, "the data do not tell their rate: give samples"},
+    {"train three.h5 --out m.h5 --loss mse", 2, "--loss mse: is for two classes, the data have 3"},
+    {"train three.h5 --out m.h5 --split {run group}", 2, "%"},
+    {"train single.h5 --out m.h5 --method {cnn tree}", 2, "all windows are of one class, '0'"},
+    {TRAIN "--test {three.h5 missing.h5}", 3, "%"},
+    {"train data.h5 --out fresh.h5 --test fresh.h5", 2, "--out: fresh.h5 is an input of --test"},
+    {TRAIN "--test fresh.h5 --test-fraction 0.1", 2, "--test: does not go with"},
+    {TRAIN "--kernel 200", 2, "block"},
+    {TRAIN "--filters 1,2,3,4,5,6,7,8,9", 2, "--filters: a list of 9 numbers is too long: at most 8"},
+    {TRAIN "--method logistic --components 1000", 2, "component"},
+    {"train three.h5 --out m.h5 --method baseline", 2, "channel"},
+    {TRAIN "--picture roc", 2, "--picture: needs --plot FILE"},
+    {TRAIN "--plot p.svg --picture tree", 2, "--picture tree: the model is no tree"},
+    {TRAIN "--method tree --plot p.svg --picture loss", 2, "--picture loss: is drawn"},
+    {TRAIN "--resume {missing.h5 model.h5}", 3, "%"},
+    {TRAIN "--resume model.h5 --preset best", 2, "--preset: a resumed run"},
+    {"evaluate model.h5", 2, "missing argument"},
+    {"evaluate {missing.h5 foreign.h5} data.h5", 3, "%"},
+    {"evaluate data.h5 data.h5", 3, "data.h5: holds"},
+    {"evaluate model.h5 {model.h5 three.h5}", 3, "%"},
+    {"evaluate model.h5 fresh.h5 --part test", 2, "--part test: model.h5 was not trained on fresh.h5"},
+    {"evaluate logistic.h5 data.h5 --part validation", 2, "no windows in it"},
+    {"evaluate model.h5 data.h5 --votes {3 6,5}", 2, "--votes: two numbers"},
+    {"evaluate three-model.h5 three.h5 --votes 3,5", 2, "--votes: three.h5 does not tell its recordings"},
+    {"evaluate model.h5 data.h5 --scores model.h5", 2, "--scores: model.h5 is an input"},
+    {"evaluate model.h5 data.h5 fresh.h5 --scores s.csv", 2, "for one data file at a time"},
+    {"evaluate model.h5 data.h5 --picture roc", 2, "--picture: needs --plot FILE"},
+    {"evaluate model.h5 data.h5 --plot p.svg --picture loss", 2, "'loss' is not one of default, pairs"},
+    {"evaluate logistic.h5 data.h5 --plot p.svg --picture pruning", 2, "'pruning' is not one of"},
+    {"evaluate model.h5 data.h5 --plot p.svg --picture clouds", 2, "--picture clouds: a cnn has no features"},
+    {"evaluate model.h5 brief.h5", 3, "brief.h5: not one window of 150 samples fits"},
+    {TRAIN "--test brief.h5 --method {cnn tree}", 3, "brief.h5: not one window of 150 samples fits"},
+    {"search ranges.yaml data.h5", 2, "--out FILE.csv is missing"},
+    {"search missing.yaml data.h5 --out s.csv", 3, "missing.yaml"},
+    {"search ranges.yaml missing.h5 --out s.csv", 3, "missing.h5"},
+    {"search ranges.yaml data.h5 --out ranges.yaml", 2, "--out: ranges.yaml is an input"},
+    {"watch", 2, "MODEL.h5"},
+    {"watch {none.h5 feed.csv data.h5} --input feed.csv", 3, "%"},
+    {"watch tree.h5 --input none.csv", 3, "none.csv"},
+    {"watch tree.h5 --input .", 3, "directory"},
+    {WATCH "--votes 6", 2, "--votes 6"},
+    {WATCH "{--votes=0 --votes-of=65 --bridge=-1 --missing=1.5 --crack-at=soon --hop=nan}", 2, NULL},
+    {WATCH "--hop {31 0.01}", 2, "--hop %"},
+    {"watch tree.h5 --quiet --input words.csv", 3, "no line holds 6 numbers"},
+    {"watch tree.h5 --quiet --input wide.csv", 3, "line 1: more than 7 numbers"},
+};
+
+static const char *const anomaly_ranges[][2] = {
+    {"fixed: {bogus: 1}\nranges:\n  plane: {integer: [0, 4]}\n", "line 1: 'bogus' is no option of train"},
+    {"fixed:\n  test: m.h5\nranges:\n  plane: {integer: [0, 4]}\n", "line 2: 'test' is no option"},
+    {"ranges:\n  lr: {uniform: [0.1, 1]}\n  c: {uniform: [1, 2]}\n", "line 3: 'c' is no option of --method"},
+    {"ranges:\n  max-depth: {integer: [1, 2]}\n", "line 2: 'max-depth' is no option of --method cnn"},
+    {"fixed: {method: cnn}\nranges:\n  components: {choice: [1, 2]}\n", "line 3: 'components' is no"},
+    {"fixed:\n  lr: 0.1\n  prune: pre\nranges:\n  plane: {integer: [0, 4]}\n", "line 3: 'prune' is no"},
+    {"ranges:\n  method: {choice: [cnn, tree]}\n", "line 2: 'method' can only be cnn in a search"},
+    {"fixed: {method: tree}\nranges:\n  plane: {integer: [0, 4]}\n", "line 1: 'method' can only be"},
+};
+
+TEST("lg-anomaly refuses with exit code and word, and writes nothing") {
+    cli_test_folder();
+    cli_write("ranges.yaml", "fixed: {epochs: 1}\nranges:\n  plane: {integer: [0, 3]}\n");
+    cli_write("feed.csv", "1,2,3,4,5,6\n");
+    cli_write("words.csv", "acc,moment\nfoo,bar\n");
+    cli_write("wide.csv", "1,2,3,4,5,6,7,8\n1,2,3,4,5,6,7,8\n");
+    write_series("three.h5", 60, 2, 40, 3);
+    write_series("single.h5", 10, 2, 20, 1);
+    RUN("lg-anomaly", "generate --runs 16 --hours 0.1 --noise 1 --window 30 --out data.h5",
+        "generate --runs 4 --hours 0.1 --noise 1 --window 30 --seed 9 --out fresh.h5",
+        "generate --runs 2 --hours 0.005 --window 10 --out brief.h5",
+        "train data.h5 --epochs 1 --out model.h5", "train data.h5 --method logistic --out logistic.h5",
+        "train data.h5 --method tree --out tree.h5", "train three.h5 --epochs 1 --out three-model.h5");
+    REFUSE("lg-anomaly", anomaly);
+    refuse_texts("lg-anomaly", "search bad.yaml data.h5 --out s.csv", anomaly_ranges,
+                 LG_COUNT(anomaly_ranges));
+    cli_expect("lg-anomaly",
+               TRAIN
+               "--filters 30,30,30,30,30,30,30,30 --kernel 1 --pooling none --activation identity --lr 1e3 "
+               "--schedule constant --epochs 3",
+               4, "; the state before it is in m.h5.checkpoint", &result);
+}
+
+/* ---- lg-simulate ---- */
+
+static const refusal simulate[] = {
+    {"", 2, "missing argument; expected: SCENE.yaml"},
+    {"missing.yaml", 3, "missing.yaml"},
+    {".", 3, "."},
+    {"no-start.yaml", 3, "`initial` is missing"},
+    {"no-end.yaml", 2, "no final time: give --t-end T"},
+    {"chain.yaml oscillator.yaml", 2, "one argument too many"},
+    {"chain.yaml --bogus", 2, "--bogus"},
+    {"chain.yaml --method leapfrog", 2, "'leapfrog' is not one of euler, implicit-euler, midpoint"},
+    {"chain.yaml --method symplectic-euler --steps 10", 2, "not separable; those that do: euler,"},
+    {"chain.yaml --method slgi --steps 10", 2, "heavy-top, form cotangent or quadratic"},
+    {"direct.yaml --method slgi --steps 10", 2, "does not apply to heavy-top, direct"},
+    {"cotangent.yaml --method variational --steps 10", 2, "no discrete Lagrangian"},
+    {"chain.yaml --method rkmk4", 2, "'rkmk4' needs --steps N, as it does not estimate its error; adaptive"},
+    {"chain.yaml --method rkmk4 --tol 1e-6", 2, "--tol: 'rkmk4' does not estimate its error"},
+    {"chain.yaml --steps 10 --tol 1e-6", 2, "either --steps (equal steps) or --tol"},
+    {"chain.yaml {--steps=0 --steps=-3 --steps=1e3 --tol=0 --tol=nan --tol=-1e-3 --atol=-1 --t-end=0 "
+     "--t-end=-1 --t-end=inf --points=1}",
+     2, NULL},
+    {"cotangent.yaml --method slgi --steps 10 {--theta=1.5 --theta=-0.1}", 2, NULL},
+    {"chain.yaml --method rkmk4 --steps 10 --theta 0.5", 2, "--theta: 'rkmk4' has no such parameter"},
+    {"chain.yaml --dexpinv {11 most}", 2, "--dexpinv: '%' is neither"},
+    {"chain.yaml --method cf4 --steps 10 --dexpinv 2", 2, "--dexpinv: 'cf4' does not use it"},
+    {"chain.yaml --scheme missing.yaml", 3, "missing.yaml"},
+    {"chain.yaml --scheme chain.yaml --steps 10", 3, "chain.yaml: line"},
+    {"chain.yaml --scheme chain.yaml --method rk4", 2, "either --method or --scheme"},
+    {"chain.yaml --scheme verlet.yaml --steps 50", 2, "not separable"},
+    {"chain.yaml --scheme kutta3.yaml", 2, "'kutta3' needs --steps"},
+    {"chain.yaml {--out=nowhere/t.h5 --plot=nowhere/t.svg}", 3, "%"},
+    {"chain.yaml --out .", 3, "folder"},
+    {"chain.yaml --out chain.yaml", 2, "--out: chain.yaml is an input and would be replaced"},
+    {"chain.yaml --scheme oscillator.yaml --out oscillator.yaml", 2, "is an input of --scheme"},
+    {"chain.yaml --gradient @oscillator.yaml --out oscillator.yaml", 2, "is an input of --gradient"},
+    {"chain.yaml --out t.dat --plot t.svg", 2, "--plot: t.dat is what --out writes too"},
+    {"chain.yaml --plot t.pdf", 2, "t.pdf"},
+    {"chain.yaml --plot-kind 3d", 2, "--plot-kind: works together with --plot only"},
+    {"chain.yaml --plot t.svg {--plot-kind=pie}", 2, NULL},
+    {"oscillator.yaml --plot t.svg --plot-kind 3d", 2, "no picture in space of oscillator"},
+    {"chain.yaml --points 5 --times 0,1", 2, "either --points or --times"},
+    {"chain.yaml --times 0.5,{0.2 2} --out t.h5", 2, "--times: %"},
+    {"chain.yaml --method rk4 --steps 10 --points 4 --out t.h5", 2,
+     "3 intervals, which do not divide 10 steps"},
+    {"chain.yaml --method rk4 --steps 10 --times 0.25 --out t.h5", 2,
+     "--times: 0.25 is no multiple of the step"},
+    {"chain.yaml --gradient 1,2", 2, "2 weights, but the state has 12 numbers: q1 omega1 q2 omega2"},
+    {"chain.yaml --gradient 1,x", 2, "'x' is not a number"},
+    {"chain.yaml --gradient @missing.txt", 3, "missing.txt"},
+    {"chain.yaml --method variational --steps 400 --gradient 1,1,1,1,1,1,1,1,1,1,1,1", 2,
+     "'variational' has no differentiable form on pendulum-chain, lagrangian"},
+    {"chain.yaml --checkpoints 4", 2, "--checkpoints: works together with --gradient only"},
+    {"chain.yaml --work-precision --gradient 1,2", 2, "either --work-precision or --gradient"},
+    {"chain.yaml --work-precision --methods rk4,leapfrog", 2, "--methods: 'leapfrog' is not one of"},
+    {"chain.yaml --work-precision --methods stormer-verlet", 2, "not separable"},
+    {"chain.yaml --methods rk4", 2, "--methods: works together with --work-precision only"},
+    {"oscillator.yaml --t-end 1e18", 4, "the step size fell below the resolution of time at t = 0"},
+    {"chain.yaml --max-steps 5", 4, "is all that 5 steps reached"},
+    {"chain.yaml --method euler --steps 40 --t-end 1e6", 4, "not finite"},
+};
+
+static const char *const schemes[][2] = {
+    {"order: 3\n", "kind"},
+    {"kind: magic\norder: 3\n", "'magic' is none of rkmk, runge-kutta, commutator-free, splitting"},
+    {"kind: rkmk\n", "order"},
+    {"kind: rkmk\norder: 3\nb: [1]\n", "needs the key 'a'"},
+    {"kind: rkmk\norder: 1\na: [[]]\nb: [1]\nkick: [1]\n",
+     "line 5: kick: a scheme of kind rkmk has no such key"},
+    {"kind: rkmk\norder: 1\na: [[]]\nb: [1]\nb: [1]\n", "line 5"},
+    {"kind: rkmk\norder: 1\na: [[]]\nb: [1]\ncolour: red\n", "colour"},
+    {"kind: rkmk\norder: 1\na: [[]]\nb: [0.9]\n", "weights do not sum to 1"},
+    {"kind: rkmk\norder: 1\na: [[]]\nb: [one]\n", "line 4: b: 'one' is neither a number nor a quotient"},
+    {"kind: rkmk\norder: 1\na: [[]]\nb: [1/0]\n", "'1/0'"},
+    {"kind: rkmk\norder: 1\na: [[]]\nb: 1\n", "0 stages"},
+    {"kind: rkmk\norder: 1\na: [[]]\nb: [0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.2]\n", "9 stages, 1 to 8"},
+    {"kind: rkmk\norder: 2\na: [[]]\nb: [0.5, 0.5]\n", "line 3: a: a list for each stage"},
+    {"kind: rkmk\norder: 2\na: [[1], [1]]\nb: [0.5, 0.5]\n", "not explicit"},
+    {"kind: rkmk\norder: 2\na: [[], [1]]\nb: [0.5, 0.5]\nc: [0, 0.5]\n", "c_i is not the sum"},
+    {"kind: rkmk\norder: 2\na: [[], [1]]\nb: [0.5, 0.5]\ndexpinv: 12\n", "dexpinv: '12'"},
+    {"kind: rkmk\norder: 2\nembedded_order: 1\na: [[], [1]]\nb: [0.5, 0.5]\nembedded: [0.5, 0.5]\n",
+     "no error could be"},
+    {"kind: rkmk\norder: 2\na: [[], [1]]\nb: [0.5, 0.5]\nembedded: [1, 0]\n", "belong together"},
+    {"kind: rkmk\norder: 2\na: [[], [1]]\nb: [0.5, 0.5]\ncommutators: [[1, 1, 9, 0.5]]\n", "commutators"},
+    {"kind: commutator-free\norder: 1\nrows: [[]]\n", "0 stages"},
+    {"kind: commutator-free\norder: 1\nrows: [[], [0.5]]\n", "do not sum"},
+    {"kind: commutator-free\norder: 1\nrows: [[], {base: 2, exponentials: []}]\n", "base"},
+    {"kind: commutator-free\norder: 1\nrows: [[], {bass: 1}]\n", "`base` and `exponentials`"},
+    {"kind: splitting\norder: 1\nkick: [1]\ndrift: [1, 0]\n", "2 numbers, at most 1"},
+    {"[", "bad.yaml: line"},
+};
+
+TEST("lg-simulate refuses with exit code and word, and writes nothing") {
+    cli_test_folder();
+    cli_write("oscillator.yaml", "system: oscillator\ninitial: {q: 0.6, p: -0.8}\nt_end: 3\n");
+    cli_write("no-end.yaml", "system: oscillator\ninitial: {q: 0.6, p: -0.8}\n");
+    cli_write("no-start.yaml", "system: rigid-body\ninertia: [1, 2, 3]\nt_end: 3\n");
+    cli_write("chain.yaml",
+              "system: pendulum-chain\nform: lagrangian\ngravity: 9.81\nmasses: [1, 1.3]\n"
+              "lengths: [1, 0.8]\ninitial: {q: [[0.8, 0, -0.6], [0, 0.6, 0.8]], omega: [[0.3, 0.5, "
+              "0.4], [0.2, 0.3, -0.225]]}\nt_end: 1\n");
+    cli_write("kutta3.yaml",
+              "name: kutta3\nkind: rkmk\norder: 3\na: [[], [1/2], [-1, 2]]\nb: [1/6, 2/3, 1/6]\n");
+    cli_write("verlet.yaml", "kind: splitting\norder: 2\nkick: [0.5, 0.5]\ndrift: [1, 0]\n");
+    for (const char *form = "direct\0cotangent\0"; *form != '\0'; form += strlen(form) + 1) {
+        char name[32], text[512];
+        (void)snprintf(name, sizeof name, "%s.yaml", form);
+        (void)snprintf(
+            text, sizeof text,
+            "system: heavy-top\nform: %s\ninertia: [0.5, 0.6, 0.3]\nmass: 1\nlength: 0.5\n"
+            "chi: [0, 0, 1]\ngamma0: [0, 0, -9.81]\ninitial: {Q: [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "
+            "pi: [0.2, -1, 2]}\nt_end: 0.5\n",
+            form);
+        cli_write(name, text);
+    }
+    REFUSE("lg-simulate", simulate);
+    refuse_texts("lg-simulate", "chain.yaml --scheme bad.yaml --steps 10", schemes, LG_COUNT(schemes));
+}
+
+/* ---- lg-export ---- */
+
+static const refusal export[] = {
+    {"", 2, "missing argument"},
+    {"pendulum.h5", 2, "--out is missing"},
+    {"pendulum.h5 beam.h5 --out o", 2, "'beam.h5' is one argument too many"},
+    {"pendulum.h5 --out o --bogus", 2, "--bogus"},
+    {"pendulum.h5 --out o --dtype f16", 2, "'f16' is not one of f64, f32"},
+    {"pendulum.h5 --out o {--golden=0 --golden=1001 --seed=x}", 2, NULL},
+    {"pendulum.h5 --out o --name {2x _x}", 2, "begin with a letter"},
+    {"pendulum.h5 --out o --name {a-b a/b}", 2, "letters, digits and _ only"},
+    {"pendulum.h5 --out o --name {a__b a_}", 2, "reserved"},
+    {"pendulum.h5 --out o --name {int class xor_eq math}", 2, "taken by C or C++"},
+    {"pendulum.h5 --out o --name {Makefile makeFILE}", 2, "make takes"},
+    {"pendulum.h5 --out o --name {golden NAME}", 2, "words that begin so"},
+    {"pendulum.h5 --out o --name a1234567890123456789012345678901234567890", 2, "1 to 40 letters"},
+    {"pendulum.h5 --out o --name class --golden 2 --scheme nothing", 2, "--name: 'class'"},
+    {"pendulum.h5 --out o --scheme nothing", 2, "cf4"},
+    {"pendulum.h5 --out o --scheme {rk4 stormer-verlet slgi variational}", 2, "%"},
+    {"pendulum.h5 --out o --scheme {missing.yaml bad.yaml ./pendulum.h5}", 3, "%"},
+    {"{beam.h5 hollow-classifier.h5} --out o --scheme cf4", 2, "only Hamiltonians"},
+    {"{missing.h5 empty.h5 foreign.h5 /dev/null . hollow.h5 hollow-classifier.h5} --out o", 3, "%"},
+    {"data.h5 --out o", 3, "trajectories"},
+    {"check.h5 --out o", 3, "checkpoint"},
+    {"odd.h5 --out o", 3, "'poem', expected hamiltonian, surrogate, detector, classifier or program"},
+    {"pendulum.h5 --out foreign.h5", 3, "foreign.h5: cannot be written: Not a directory"},
+    {"pendulum.h5 --out nowhere/o", 3, "nowhere/o: cannot be written: No such file"},
+    {"pendulum.h5 --out pendulum.h5/o", 3, "Not a directory"},
+    {"pendulum.h5 --out {/dev/null /proc/o dangling}", 3, "%"},
+};
+
+TEST("lg-export refuses with exit code and word, and writes nothing") {
+    cli_test_folder();
+    cli_write("scene.yaml", "system: pendulum-chain\ngravity: 1\nmasses: [1]\nlengths: [1]\n");
+    cli_write("bad.yaml", "kind: rkmk\norder: 3\na: [[], [1/2], [-1, 2]]\nb: [1/6, 2/3]\n");
+    RUN("lg-hamiltonian", "generate scene.yaml --trajectories 4 --points 2 --out train.h5",
+        "train train.h5 --epochs 1 --hidden 4 --out pendulum.h5");
+    RUN("lg-elastica", "generate --count 4 --intervals 4 --out curves.h5",
+        "train curves.h5 --epochs 1 --hidden 3 --layers 1 --out beam.h5");
+    make_kind("data.h5", "trajectories");
+    make_kind("check.h5", "checkpoint");
+    make_kind("odd.h5", "poem");
+    make_kind("hollow.h5", "hamiltonian");
+    make_kind("hollow-classifier.h5", "classifier");
+    cli_link("nothing/there", "dangling");
+    REFUSE("lg-export", export);
+}
+
+/* ---- lg-bench ---- */
+
+static const refusal bench[] = {
+    {"nothing", 2, "lg-bench"},
+    {"mlp2 {--batch=0 --dtype=f16 --repeats=x --width=-1}", 2, "lg-bench"},
+    {"act --repeats 1 --only nothing", 2, "lg-bench"},
+    {"{scalar ode} --dtype f32", 2, "f64"},
+    {"hamiltonian --weights {scene.yaml missing}", 3, "%"},
+    {"hamiltonian-quartic --weights set.weights --out set", 2, "--out: set.weights is an input of --weights"},
+};
+
+TEST("lg-bench refuses with exit code and word, and writes nothing") {
+    cli_test_folder();
+    cli_write("scene.yaml", "no weights\n");
+    cli_write("set.weights", "");
+    REFUSE("lg-bench", bench);
+}

@@ -1,0 +1,315 @@
+/* What the executables that train have in common: help, the same bits for the same seed, Ctrl-C, resumption, searches,
+ * full disks. */
+#include "cli_support.h"
+
+#include "liegrad/io.h"
+
+static cli result;
+
+static void run(const char *program, const char *format, ...) __attribute__((format(printf, 2, 3)));
+static void run(const char *program, const char *format, ...) {
+    char line[1024];
+    va_list arguments;
+    va_start(arguments, format);
+    (void)vsnprintf(line, sizeof line, format, arguments);
+    va_end(arguments);
+    cli_expect(program, line, 0, "", &result);
+}
+
+/* Data are NAME.h5, other data NAME-2.h5. */
+static const struct trainer {
+    const char *program, *name, *generate, *generate_other, *options;
+    const char *resumed;     /* members of the resumed run's object: options are the checkpoint's */
+    const char *not_resumed; /* options that a resumed run refuses */
+} trainers[] = {
+    {"lg-hamiltonian", "chain", "generate scene.yaml --trajectories 40 --points 4 --t-end 0.1 --seed 5",
+     "generate scene.yaml --trajectories 6 --points 8 --t-end 1 --seed 6", "--hidden 12,12 --batch 16",
+     "epochs 6", "--batch=10"},
+    {"lg-elastica", "beam", "generate --case both-ends --count 40 --intervals 10",
+     "generate --case right-end --count 40 --intervals 10", "--hidden 12 --layers 1 --batch 8 --shards 4",
+     "epochs 6, preset null", "--batch=10 --hidden=13 --gamma=1 --train-fraction=0.5"},
+    {"lg-anomaly", "riser", "generate --runs 16 --hours 0.1 --noise 1 --window 30",
+     "generate --runs 4 --hours 0.1 --noise 1 --window 30 --seed 9", "--batch 20 --plane 3 --split run",
+     "epochs 6, split \"run\", plane 3", "--batch=10 --plane=2 --split=group --validation=0.3"},
+};
+
+static const char scene[] = "system: pendulum-chain\ngravity: 1\nmasses: [1]\nlengths: [1]\n";
+static const char start[] =
+    "system: pendulum-chain\nform: hamiltonian\ngravity: 1\nmasses: [1]\nlengths: [1]\n"
+    "initial: { q: [[0.6, 0, 0.8]], p: [[0, 0.5, 0]] }\nt_end: 2\n";
+
+static int setup(void **state) {
+    if (cli_begin() != 0) return -1;
+    cli_write("scene.yaml", scene);
+    cli_write("start.yaml", start);
+    for (const struct trainer *t = trainers; t < trainers + LG_COUNT(trainers); t++) {
+        run(t->program, "%s --out %s.h5", t->generate, t->name);
+        run(t->program, "%s --out %s-2.h5", t->generate_other, t->name);
+        run(t->program, "train %s.h5 %s --epochs 1 --out %s-model.h5", t->name, t->options, t->name);
+    }
+    return 0;
+}
+
+TEST("every command has help, every executable a version") {
+    static const struct {
+        const char *program, *commands, *words;
+    } rows[] = {
+        {"lg-hamiltonian", "generate train evaluate predict study demo", "Commands:"},
+        {"lg-elastica", "solve generate train evaluate predict search", "Commands:"},
+        {"lg-anomaly", "generate feed train evaluate search watch", "Commands:"},
+        {"lg-simulate", "", "--work-precision"},
+        {"lg-export", "", "NAME_step"},
+    };
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        char list[128], words[64], *save = NULL;
+        (void)snprintf(words, sizeof words, "%s (liegrad) ", rows[i].program);
+        cli_expect(rows[i].program, "--version", 0, words, &result);
+        cli_expect(rows[i].program, "--help", 0, rows[i].words, &result);
+        (void)snprintf(words, sizeof words, "Usage: %s", rows[i].program);
+        (void)snprintf(list, sizeof list, "%s", rows[i].commands);
+        for (char *command = strtok_r(list, " ", &save); command != NULL;
+             command = strtok_r(NULL, " ", &save)) {
+            run(rows[i].program, "%s --help", command);
+            assert_says(result.out, words);
+            assert_says(result.out, "--threads");
+            run(rows[i].program, "%s --version", command);
+            assert_says(result.out, "(liegrad)");
+        }
+    }
+}
+
+/* ---- training ---- */
+
+static void load(const char *name, lg_model_file *file, const double **theta, size_t *count) {
+    char path[1024];
+    cli_path(name, path, sizeof path);
+    assert_ok(lg_model_load(NULL, path, NULL, file, NULL));
+    *count = lg_model_parameters(file->model);
+    *theta = file->kind == LG_MODEL_HAMILTONIAN ? file->hamiltonian.theta
+             : file->kind == LG_MODEL_SURROGATE ? file->surrogate.theta
+                                                : file->detector.theta;
+}
+
+static void expect_weights(const char *a, const char *b, bool same) {
+    lg_model_file files[2];
+    const double *theta[2];
+    size_t count[2];
+    load(a, &files[0], &theta[0], &count[0]);
+    load(b, &files[1], &theta[1], &count[1]);
+    assert_int_equal(count[0], count[1]);
+    const bool equal = memcmp(theta[0], theta[1], count[0] * sizeof(double)) == 0;
+    if (equal != same) fail_msg("%s and %s %s", a, b, equal ? "are the same" : "differ");
+    for (int i = 0; i < 2; i++) lg_model_file_destroy(&files[i]);
+}
+
+/* Each of the options is named in the message. */
+static void expect_not_resumed(const struct trainer *t) {
+    char list[256], line[256], *save = NULL;
+    (void)snprintf(list, sizeof list, "%s", t->not_resumed);
+    for (char *option = strtok_r(list, " ", &save); option != NULL; option = strtok_r(NULL, " ", &save)) {
+        char *value = strchr(option, '=');
+        *value = '\0';
+        (void)snprintf(line, sizeof line, "train %s.h5 --resume c.h5 --out r.h5 %s %s", t->name, option,
+                       value + 1);
+        cli_expect(t->program, line, 2, strrchr(option, '-') + 1, &result);
+    }
+    (void)snprintf(line, sizeof line, "train %s-2.h5 --resume c.h5 --out r.h5", t->name);
+    cli_expect(t->program, line, 2, "c.h5", &result);
+    assert_false(cli_exists("r.h5"));
+}
+
+TEST("the same seed gives the same bits on any threads, in one run or resumed, and another seed gives "
+     "others") {
+    for (const struct trainer *t = trainers; t < trainers + LG_COUNT(trainers); t++) {
+        char line[256];
+        run(t->program, "train %s.h5 %s --epochs 6 --threads 1 --seed 4 --out one.h5", t->name, t->options);
+        run(t->program, "train %s.h5 %s --epochs 6 --threads 2 --seed 4 --out two.h5", t->name, t->options);
+        run(t->program, "train %s.h5 %s --epochs 6 --threads 2 --seed 5 --out other.h5", t->name, t->options);
+        (void)snprintf(line, sizeof line,
+                       "train %s.h5 %s --epochs 6 --seed 4 --stop-after 2 --checkpoint c.h5 --out half.h5",
+                       t->name, t->options);
+        cli_json(t->program, line, "epochs 2", &result);
+        (void)snprintf(line, sizeof line, "train %s.h5 --resume c.h5 --out resumed.h5", t->name);
+        cli_json(t->program, line, t->resumed, &result);
+        expect_weights("one.h5", "two.h5", true);
+        expect_weights("one.h5", "resumed.h5", true);
+        expect_weights("one.h5", "other.h5", false);
+        expect_not_resumed(t);
+    }
+}
+
+TEST("Ctrl-C saves the state of a training, and leaves no model") {
+    for (const struct trainer *t = trainers; t < trainers + LG_COUNT(trainers); t++) {
+        char line[256];
+        (void)snprintf(
+            line, sizeof line,
+            "train %s.h5 %s --epochs 1000000 --checkpoint-every 1 --out never.h5 --history never.csv",
+            t->name, t->options);
+        const cli_child child = cli_start(t->program, line, 0);
+        cli_wait_for("never.h5.checkpoint");
+        cli_interrupt(child, &result);
+        assert_says(result.err, "--resume never.h5.checkpoint");
+        assert_false(cli_exists("never.h5"));
+        assert_true(cli_exists("never.csv"));
+        (void)snprintf(line, sizeof line,
+                       "train %s.h5 --resume never.h5.checkpoint --stop-after 1 --out now.h5", t->name);
+        cli_json(t->program, line, "epochs >0", &result);
+        cli_unlink("never.h5.checkpoint");
+        cli_unlink("never.csv");
+    }
+}
+
+/* ---- searches ---- */
+
+static const struct searcher {
+    const char *program, *name, *ranges, *best, *published;
+} searchers[] = {
+    {"lg-elastica", "beam",
+     "fixed: {network: discrete, batch: 16, epochs: 6, mirror: true}\nranges:\n  architecture: {choice: "
+     "[mlp, "
+     "resnet]}\n  layers: {integer: [0, 2]}\n  hidden: {integer: [4, 12]}\n  gamma: {uniform: [0, 1e-2]}\n"
+     "  lr: {log-uniform: [1e-4, 1e-1]}\n",
+     "lg-elastica train beam.h5", "elastica-discrete elastica-continuous elastica-angle"},
+    {"lg-anomaly", "riser",
+     "fixed: {epochs: 6, batch: 10, preset: thesis}\nranges:\n  activation: {choice: [tanh, swish]}\n"
+     "  lr: {log-uniform: [1e-4, 1e-1]}\n  plane: {integer: [0, 3]}\n",
+     "lg-anomaly train riser.h5 --epochs 6", "anomaly anomaly-wide"},
+};
+
+/* A table of trials without its column of seconds, which no two runs share. */
+static char *read_trials(const char *name) {
+    enum { SIZE = 65536 };
+    char *text = lg_test_memory(SIZE), *out = text;
+    int column = 0;
+    (void)cli_read(name, text, SIZE);
+    for (const char *s = text; *s != '\0'; s++) {
+        column = *s == '\n' ? 0 : column + (*s == ',');
+        if (column != 5) *out++ = *s;
+    }
+    *out = '\0';
+    return text;
+}
+
+TEST("a search goes on where it was stopped, whatever the threads, and only as it was begun") {
+    for (const struct searcher *s = searchers; s < searchers + LG_COUNT(searchers); s++) {
+        char line[1024], again[512];
+        cli_write("ranges.yaml", s->ranges);
+        (void)snprintf(line, sizeof line,
+                       "search ranges.yaml %s.h5 --warm-up 2 --trials 6 --out once.csv --plot s.svg",
+                       s->name);
+        cli_json(s->program, line, "trials 6, new 6, best {", &result);
+        const char *best = json_find(result.out, "best");
+        json_expect(best, "objective >0, objective <10");
+        assert_non_null(json_find(json_find(best, "values"), "lr"));
+        assert_true(cli_exists("s.gp"));
+        run(s->program, "search ranges.yaml %s.h5 --warm-up 2 --trials 3 --out again.csv --threads 1",
+            s->name);
+        (void)snprintf(again, sizeof again,
+                       "search ranges.yaml %s.h5 --warm-up 2 --trials 6 --out again.csv --resume", s->name);
+        run(s->program, "%s --threads 2 --json", again);
+        json_expect(result.out, "new 3");
+        assert_string_equal(read_trials("once.csv"), read_trials("again.csv"));
+        run(s->program, "%s", again);
+        assert_says(result.out, "best: trial");
+        assert_says(result.out, s->best);
+        cli_json(s->program, again, "new 0", &result);
+        static const char *const others[][2] = {{"--seed 2", "seed"}, {"--quantile 0.3", "settings"}};
+        for (size_t i = 0; i < LG_COUNT(others); i++) {
+            (void)snprintf(line, sizeof line, "%s %s", again, others[i][0]);
+            cli_expect(s->program, line, 2, others[i][1], &result);
+        }
+        (void)snprintf(line, sizeof line,
+                       "search ranges.yaml %s-2.h5 --warm-up 2 --trials 6 --resume --out again.csv", s->name);
+        cli_expect(s->program, line, 2, "data", &result);
+        (void)snprintf(line, sizeof line, "search ranges.yaml %s-model.h5 --trials 2 --out few.csv", s->name);
+        cli_expect(s->program, line, 3, "-model.h5", &result);
+        run(s->program, "search ranges.yaml %s.h5 --trials 2 --out new-%s.csv --resume --json", s->name,
+            s->name);
+        json_expect(result.out, "new 2");
+        cli_unlink("again.csv");
+    }
+}
+
+/* Names and values are such as train takes, which is checked before the data. */
+TEST("the published searches are read") {
+    for (const struct searcher *s = searchers; s < searchers + LG_COUNT(searchers); s++) {
+        char names[128], line[2048], words[64], *save = NULL;
+        (void)snprintf(words, sizeof words, "%s search: empty.h5", s->program);
+        (void)snprintf(names, sizeof names, "%s", s->published);
+        for (char *name = strtok_r(names, " ", &save); name != NULL; name = strtok_r(NULL, " ", &save)) {
+            (void)snprintf(line, sizeof line, "search %s/../searches/%s.yaml empty.h5 --out s.csv",
+                           LG_TEST_DIR, name);
+            cli_expect(s->program, line, 3, words, &result);
+        }
+    }
+}
+
+/* What was finished is kept, as a search of so many trials would have it. */
+TEST("Ctrl-C keeps the table of a search") {
+    cli_write("ranges.yaml", searchers[0].ranges);
+    const cli_child child =
+        cli_start("lg-elastica", "search ranges.yaml beam.h5 --trials 100000 --warm-up 2 --out long.csv", 0);
+    cli_wait_for("long.csv");
+    cli_interrupt(child, &result);
+    assert_says(result.err, "continue with --resume");
+    const char *finished = read_trials("long.csv");
+    int trials = -2;
+    for (const char *s = finished; *s != '\0'; s++) trials += *s == '\n';
+    run("lg-elastica", "search ranges.yaml beam.h5 --trials %d --warm-up 2 --out short.csv", trials);
+    assert_string_equal(finished, read_trials("short.csv"));
+}
+
+/* ---- full disks ---- */
+
+TEST("a full disk is told with the file's name, and leaves no file") {
+    static const struct {
+        const char *program, *line;
+        rlim_t limit;
+        const char *words;
+    } rows[] = {
+        {"lg-hamiltonian", "generate scene.yaml --out full.h5 --trajectories 300", 4096, "full.h5"},
+        {"lg-hamiltonian", "train chain.h5 --epochs 1 --out full.h5", 2048, "full.h5"},
+        {"lg-hamiltonian", "train chain.h5 --epochs 9 --out full.h5 --stop-after 1", 2048,
+         "full.h5.checkpoint"},
+        {"lg-hamiltonian", "predict chain-model.h5 start.yaml --points 500 --out full.h5", 2048, "full.h5"},
+        {"lg-hamiltonian", "train chain.h5 --batch 8 --epochs 60 --out m.h5 --history full.csv", 512,
+         "full.csv"},
+        /* The data of the picture fit, the picture does not. */
+        {"lg-hamiltonian", "evaluate chain-model.h5 chain-2.h5 --plot full.svg", 8192, "full.svg"},
+        {"lg-elastica", "generate --count 100 --out full.h5", 4096, "full.h5"},
+        {"lg-elastica", "train beam.h5 --hidden 12 --epochs 1 --out full.h5", 2048, "full.h5"},
+        {"lg-elastica", "train beam.h5 --hidden 12 --epochs 9 --out full.h5 --stop-after 1", 2048,
+         "full.h5.checkpoint"},
+        {"lg-elastica", "predict beam-model.h5 --x 1 --points 500 --out full.csv", 2048, "full.csv"},
+        {"lg-elastica", "solve --x 1 --intervals 500 --out full.csv", 2048, "full.csv"},
+        {"lg-elastica", "search ranges.yaml beam.h5 --trials 6 --warm-up 2 --out full.csv", 200, "full.csv"},
+        /* First the data are too long, then the script, then the picture. */
+        {"lg-elastica", "solve --x 1 --intervals 500 --plot full.svg", 2048, "full.dat"},
+        {"lg-elastica", "solve --sweep 3 --intervals 4 --plot full.svg", 300, "full.gp"},
+        {"lg-elastica", "solve --x 1 --intervals 20 --plot full.svg", 16384, "full.svg"},
+        {"lg-anomaly", "generate --runs 2 --hours 0.05 --out full.h5", 4096, "full.h5"},
+        {"lg-anomaly", "train riser.h5 --epochs 1 --out full.h5", 2048, "full.h5"},
+        {"lg-anomaly", "train riser.h5 --method tree --out full.h5", 2048, "full.h5"},
+        {"lg-anomaly", "feed --hours 0.02 --out full.csv", 2048, "full.csv"},
+        {"lg-anomaly", "evaluate riser-model.h5 riser.h5 --scores full.csv", 200, "full.csv"},
+        {"lg-simulate", "start.yaml --out full.h5", 4096, "full.h5"},
+        {"lg-simulate", "start.yaml --plot full.svg", 4096, "full"},
+    };
+    cli_write("ranges.yaml", searchers[0].ranges);
+    const int before = cli_count_files("");
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        cli_run_limited(rows[i].program, rows[i].line, rows[i].limit, &result);
+        /* Without gnuplot there is no picture that could not be written. */
+        if (result.code == 0 && strstr(rows[i].line, "--plot") != NULL &&
+            strstr(result.err, "gnuplot") != NULL)
+            cli_run_limited("lg-elastica", "solve --x 1 --intervals 500 --plot full.svg", 2048, &result);
+        else if (strstr(result.err, rows[i].words) == NULL)
+            fail_msg("%s: '%s' is not in %s", rows[i].line, rows[i].words, result.err);
+        if (result.code != 3) fail_msg("%s: exit code %d: %s", rows[i].line, result.code, result.err);
+        if (cli_count_files("full") + cli_count_files("tmp") > 0)
+            fail_msg("%s: a file is left", rows[i].line);
+    }
+    assert_int_equal(cli_count_files(""), before);
+}
+
+TEST_GROUP(setup, cli_end)
