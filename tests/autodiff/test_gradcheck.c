@@ -101,7 +101,7 @@ TEST("operations outside the table are refused") {
     lg_gradcheck_result result;
     stray = lg_op_exp;
     assert_status(lg_gradcheck(NULL, &f, NULL, &result), LG_UNSUPPORTED);
-    assert_non_null(strstr(result.message, "'exp' is not in the table"));
+    assert_says(result.message, "'exp' is not in the table");
 }
 
 TEST("names of rows are different, and their operations exist") {
@@ -332,10 +332,10 @@ TEST("a function that is declared zero must be zero") {
     lg_gradcheck_case row = {
         .function = {.name = "not zero", .inputs = 1, .arguments = three, .build = zero_claim}, .zero = true};
     assert_status(lg_gradcheck_run(NULL, &row, NULL, &result), LG_CHECK_FAILED);
-    assert_non_null(strstr(result.message, "identically zero"));
+    assert_says(result.message, "identically zero");
     row.function.stops = true;
     assert_status(lg_gradcheck_run(NULL, &row, NULL, &result), LG_CHECK_FAILED);
-    assert_non_null(strstr(result.message, "not zero"));
+    assert_says(result.message, "not zero");
 }
 
 /* ---- manifolds ---- */
@@ -361,7 +361,7 @@ TEST("tangents on a manifold are checked against its perturbations") {
     assert_ok(lg_gradcheck(NULL, &sphere, NULL, &result));
     slip = 1e-3;
     assert_status(lg_gradcheck(NULL, &sphere, NULL, &result), LG_CHECK_FAILED);
-    assert_non_null(strstr(result.message, "difference quotient"));
+    assert_says(result.message, "difference quotient");
     sphere.perturb = no_perturb;
     assert_status(lg_gradcheck(NULL, &sphere, NULL, &result), LG_NO_CONVERGENCE);
     sphere.perturb = NULL;

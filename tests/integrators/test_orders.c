@@ -191,6 +191,28 @@ TEST("every splitting scheme has its order") {
     }
 }
 
+TEST("every embedded solution has its order: the estimate is of the next one") {
+    for (size_t i = 0; i < lg_scheme_count(); i++) {
+        const lg_scheme *scheme = lg_scheme_at(i);
+        if (scheme->embedded_order == 0) continue;
+        const problem p = chain_problem(scheme, 0.01);
+        lg_stepper *stepper = test_stepper(scheme, &p.ode);
+        fit_line fit = {0};
+        for (int k = 0; k <= 10; k++) { /* five halvings */
+            const double h = 0.2 * pow(2.0, -0.5 * k);
+            double out[DIM_MAX], largest = 0.0;
+            lg_stepper_reset(stepper);
+            assert_ok(lg_step(stepper, 0.3, h, p.y0, NULL, out));
+            for (size_t j = 0; j < p.n; j++) largest = fmax(largest, fabs(lg_stepper_error(stepper)[j]));
+            fit_add(&fit, log(h), log(largest));
+        }
+        const double slope = fit_slope(&fit);
+        print_message("  %-16s estimate of order %.3f\n", scheme->name, slope);
+        if (!has_order(slope, scheme->embedded_order + 1) || has_order(slope, scheme->embedded_order + 2))
+            fail_msg("%s: measured order %.3f, expected %d", scheme->name, slope, scheme->embedded_order + 1);
+    }
+}
+
 TEST("slgi has order 2 for theta = 1/2, else 1") {
     static const struct {
         double theta;
