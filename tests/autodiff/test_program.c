@@ -291,7 +291,7 @@ TEST("recordings that depend on numbers or rows are refused by name") {
     }
 }
 
-TEST("parameters that are not finite, named twice or not given are refused") {
+TEST("parameters that are not finite, named twice or not given are refused, and functions named twice") {
     const double numbers[3] = {0.5, NAN, 1.0}, good[3] = {1.0, 2.0, 3.0}, bad[3] = {1.0, -INFINITY, 3.0};
     const lg_port out = {.name = "y"};
     const lg_function_spec function = {"f", &x3, 1, &out, 1, identity, NULL};
@@ -318,8 +318,11 @@ TEST("parameters that are not finite, named twice or not given are refused") {
         if (strstr(error.message, cases[i].words) == NULL) fail_msg("%s", error.message);
         assert_null(program);
     }
-    spec.parameters = twice;
-    spec.parameter_count = 1;
+    const lg_function_spec alike[2] = {function, function};
+    spec = spec_of(NULL, 0, alike, 2);
+    assert_status(lg_program_build(NULL, &spec, &program, &error), LG_INVALID_ARGUMENT);
+    assert_says(error.message, "two functions are called 'f'");
+    spec = spec_of(twice, 1, &function, 1);
     assert_ok(lg_program_build(NULL, &spec, &program, &error));
     assert_int_equal(lg_program_set_parameter(program, 0, bad), LG_NOT_FINITE);
     assert_memory_equal(lg_program_parameter(program, 0).values, good, sizeof good);
@@ -329,19 +332,6 @@ TEST("parameters that are not finite, named twice or not given are refused") {
     assert_int_equal(lg_program_build(NULL, &spec, &program, &error), LG_INVALID_ARGUMENT);
     assert_int_equal(lg_program_build(NULL, NULL, &program, &error), LG_INVALID_ARGUMENT);
     lg_program_destroy(NULL);
-}
-
-TEST("two functions of one name are refused") {
-    const lg_port out = {.name = "y"};
-    const lg_function_spec functions[2] = {{"f", &x3, 1, &out, 1, identity, NULL},
-                                           {"f", &x3, 1, &out, 1, identity, NULL}};
-    lg_program_spec spec;
-    lg_program *program = NULL;
-    lg_error error;
-    spec = spec_of(NULL, 0, functions, 2);
-    assert_int_equal(lg_program_build(NULL, &spec, &program, &error), LG_INVALID_ARGUMENT);
-    assert_says(error.message, "two functions are called 'f'");
-    assert_null(program);
 }
 
 /* ---- derivatives that cannot be; on failure the program is as before ---- */

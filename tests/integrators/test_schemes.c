@@ -333,29 +333,7 @@ TEST("random commutator-free schemes are those of long double") {
     assert_true(worst <= 1e-12);
 }
 
-/* ---- splitting, variational ---- */
-
-TEST("splitting schemes by hand") {
-    const double h = 0.02;
-    double y[4] = {0.4, -0.7, 0.3, 0.6}, e[4], f[2], out[4];
-    lg_ode ode = {.field = quartic_field, .force = quartic_force, .velocity = quartic_velocity};
-    assert_ok(lg_space_init_rn(&ode.space, 4));
-    memcpy(e, y, sizeof(e));
-    (void)quartic_force(NULL, 0, e, NULL, f);
-    for (int i = 0; i < 2; i++) e[2 + i] += h * f[i], e[i] += h * e[2 + i];
-    lg_stepper *stepper = test_stepper(lg_scheme_find("symplectic-euler"), &ode);
-    assert_ok(lg_step(stepper, 0.0, h, y, NULL, out));
-    assert_all_close(out, e, 4, 0.0, 1e-15);
-    memcpy(e, y, sizeof(e));
-    for (int half = 0; half < 2; half++) {
-        (void)quartic_force(NULL, 0, e, NULL, f);
-        for (int i = 0; i < 2; i++) e[2 + i] += h / 2 * f[i];
-        for (int i = 0; half == 0 && i < 2; i++) e[i] += h * e[2 + i];
-    }
-    stepper = test_stepper(lg_scheme_find("stormer-verlet"), &ode);
-    assert_ok(lg_step(stepper, 0.0, h, y, NULL, out));
-    assert_all_close(out, e, 4, 0.0, 1e-15);
-}
+/* ---- variational ---- */
 
 static lg_status variational(void *user, double t, double h, double *y) {
     if (user) return *(lg_status *)user;

@@ -424,20 +424,6 @@ TEST("slgi keeps a heavy top on T*SO(3) over 10^5 steps") {
     }
 }
 
-/* 10^4 steps of the chain: what is seen above is not seen everywhere. */
-TEST("rk4 leaves the manifold, with a projection it does not") {
-    static double swing = 0.0;
-    for (int projected = 0; projected < 2; projected++) {
-        const lg_scheme *scheme = lg_scheme_find(projected ? "rk4-projected" : "rk4");
-        const lg_ode ode = chain_ode(scheme, &swing);
-        lg_stepper *stepper = test_stepper(scheme, &ode);
-        double y[CHAIN_DIM];
-        chain_start(y);
-        for (int n = 0; n < 10000; n++) assert_ok(lg_step(stepper, 0.01 * n, 0.01, y, NULL, y));
-        assert_true((lg_space_manifold_error(&ode.manifold, y) <= 1e-13) == (projected == 1));
-    }
-}
-
 TEST("the dual spaces keep |G|^2 and G.P, relative to |G|^2 and |G| |P|") {
     static const lg_space_kind kinds[] = {LG_SPACE_SO3_DUAL, LG_SPACE_SE3_DUAL};
     for (int k = 0; k < 2; k++) {
