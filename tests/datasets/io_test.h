@@ -1,5 +1,5 @@
-/* Shared by the tests of files: a scratch folder, damaged copies, HDF5 written as another program would, an
- * allocator that fails. */
+/* Shared by the tests of files: a scratch folder, damaged copies, HDF5 written as another program would,
+ * tables of damage, allocations that fail. */
 #ifndef LG_IO_TEST_H
 #define LG_IO_TEST_H
 
@@ -8,7 +8,6 @@
 
 #include "datasets/h5.h"
 #include "support/fixtures.h"
-#include "test_support.h"
 
 /* HDF5 1.10 loses a block of its own free list when a damaged header makes H5Fopen fail. Objects that we
  * forget to close are found by scratch_end instead. */
@@ -65,14 +64,14 @@ static inline const char *scratch_path(const char *name) {
 
 /* ---- bytes ---- */
 
+/* Memory of the running test; a zero stands behind. */
 static inline unsigned char *read_bytes_of(const char *path, size_t *size) {
     FILE *file = fopen(path, "rb");
     assert_non_null(file);
     assert_int_equal(fseek(file, 0, SEEK_END), 0);
     *size = (size_t)ftell(file);
     rewind(file);
-    unsigned char *data = malloc(*size + 1);
-    assert_non_null(data);
+    unsigned char *data = lg_test_memory(*size + 1);
     assert_int_equal(fread(data, 1, *size, file), *size);
     (void)fclose(file);
     return data;
@@ -94,8 +93,6 @@ static inline void assert_same_bytes(const char *a, const char *b) {
     unsigned char *da = read_bytes_of(a, &na), *db = read_bytes_of(b, &nb);
     assert_int_equal(na, nb);
     assert_memory_equal(da, db, na);
-    free(da);
-    free(db);
 }
 
 /* A copy: cheaper than writing through the library, which waits for the disk. */
@@ -103,7 +100,16 @@ static inline void copy_file(const char *from, const char *to) {
     size_t size;
     unsigned char *data = read_bytes_of(from, &size);
     write_bytes_to(to, data, size);
-    free(data);
+}
+
+/* A copy of what `write` writes, which is written once: waiting for the disk is dear. */
+static inline const char *fresh_copy(const char *name, void (*write)(const char *path)) {
+    char original[64];
+    (void)snprintf(original, sizeof original, "%s.original", name);
+    if (access(scratch_path(original), F_OK) != 0) write(scratch_path(original));
+    const char *path = scratch_path(name);
+    copy_file(scratch_path(original), path);
+    return path;
 }
 
 /* ---- readers under damage ---- */
@@ -152,7 +158,6 @@ static inline void refuse_damaged_files(read_fn reader, const char *good, const 
     assert_refused(reader, bad, LG_FORMAT, line, "");
     write_text_to(bad, "It was a dark and stormy night.\n");
     assert_refused(reader, bad, LG_FORMAT, line, "");
-    free(data);
 }
 
 /* Single bytes changed all over a file: any status, but the process lives on. */
@@ -171,7 +176,6 @@ static inline void survive_changed_bytes(read_fn reader, const char *good, size_
             fail_msg("byte %zu: %s: %s", at, lg_status_name(status), error.message);
         data[at] = before;
     }
-    free(data);
 }
 
 /* ---- HDF5 as another program writes it ---- */
@@ -182,15 +186,28 @@ static inline hid_t open_for_change(const char *path) {
     return file;
 }
 
+/* A data set as another program stores it; packed: in chunks that do not divide it. */
+static inline void put_dataset(hid_t file, const char *name, hid_t stored, hid_t memory, int rank,
+                               const hsize_t *dims, bool packed, const void *data) {
+    hsize_t chunk[4];
+    for (int i = 0; i < rank; i++) chunk[i] = dims[i] / 2 + 1;
+    hid_t space = H5Screate_simple(rank, dims, NULL), plist = H5Pcreate(H5P_DATASET_CREATE);
+    if (packed)
+        assert_true(H5Pset_chunk(plist, rank, chunk) >= 0 && H5Pset_shuffle(plist) >= 0 &&
+                    H5Pset_deflate(plist, 4) >= 0);
+    hid_t set = H5Dcreate2(file, name, stored, space, H5P_DEFAULT, plist, H5P_DEFAULT);
+    assert_true(set >= 0);
+    if (data != NULL) assert_true(H5Dwrite(set, memory, H5S_ALL, H5S_ALL, H5P_DEFAULT, data) >= 0);
+    assert_true(H5Dclose(set) >= 0 && H5Pclose(plist) >= 0 && H5Sclose(space) >= 0);
+}
+
 /* Puts a data set in place of what stands there. */
 static inline void replace_dataset(const char *path, const char *name, hid_t stored, hid_t memory, int rank,
                                    const hsize_t *dims, const void *data) {
-    hid_t file = open_for_change(path), space = H5Screate_simple(rank, dims, NULL);
+    hid_t file = open_for_change(path);
     if (H5Lexists(file, name, H5P_DEFAULT) > 0) assert_true(H5Ldelete(file, name, H5P_DEFAULT) >= 0);
-    hid_t set = H5Dcreate2(file, name, stored, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
-    assert_true(set >= 0);
-    if (data != NULL) assert_true(H5Dwrite(set, memory, H5S_ALL, H5S_ALL, H5P_DEFAULT, data) >= 0);
-    assert_true(H5Dclose(set) >= 0 && H5Sclose(space) >= 0 && H5Fclose(file) >= 0);
+    put_dataset(file, name, stored, memory, rank, dims, false, data);
+    assert_true(H5Fclose(file) >= 0);
 }
 
 static inline void delete_link(const char *path, const char *name) {
@@ -227,78 +244,96 @@ static inline void replace_integer(const char *path, const char *object, const c
     replace_attribute(path, object, name, H5T_STD_I64LE, H5T_NATIVE_INT64, &value);
 }
 
-/* ---- tables of bad input: each case in a fresh copy of a good file ---- */
+/* Puts a data set of that size, in chunks and without a byte behind it, in place of what stands there. */
+static inline void declare_dataset(const char *path, const char *name, hid_t type, int rank,
+                                   const hsize_t *dims) {
+    const hsize_t chunk[4] = {1, 1, 1, 1};
+    delete_link(path, name);
+    hid_t file = open_for_change(path), plist = H5Pcreate(H5P_DATASET_CREATE);
+    hid_t space = H5Screate_simple(rank, dims, NULL);
+    assert_true(H5Pset_chunk(plist, rank, chunk) >= 0);
+    hid_t set = H5Dcreate2(file, name, type, space, H5P_DEFAULT, plist, H5P_DEFAULT);
+    assert_true(set >= 0 && H5Dclose(set) >= 0 && H5Sclose(space) >= 0);
+    assert_true(H5Pclose(plist) >= 0 && H5Fclose(file) >= 0);
+}
+
+/* ---- tables of damage: each row in a fresh copy of a good file ---- */
 
 typedef const char *(*fresh_fn)(void);
 
-typedef struct bad_array {
-    const char *name;
+typedef struct change {
+    enum { IS_GONE, IS_TEXT, IS_REAL, IS_WHOLE, IS_ARRAY, IS_DECLARED } what;
+    const char *text;
+    double real;
+    int64_t whole;
     int rank;
     hsize_t dims[4];
-    double value; /* everywhere */
+} change;
+
+#define GONE                                                                                                 \
+    { .what = IS_GONE }
+#define TEXT(value)                                                                                          \
+    { .what = IS_TEXT, .text = value }
+#define REAL(value)                                                                                          \
+    { .what = IS_REAL, .real = value }
+#define WHOLE(value)                                                                                         \
+    { .what = IS_WHOLE, .whole = value }
+#define RANK_OF(...) (sizeof((hsize_t[]){__VA_ARGS__}) / sizeof(hsize_t))
+#define ARRAY(value, ...)                                                                                    \
+    {                                                                                                        \
+        .what = IS_ARRAY, .real = value, .rank = RANK_OF(__VA_ARGS__), .dims = { __VA_ARGS__ }               \
+    }
+#define SCALAR(value)                                                                                        \
+    { .what = IS_ARRAY, .real = value }
+#define DECLARED(...)                                                                                        \
+    {                                                                                                        \
+        .what = IS_DECLARED, .rank = RANK_OF(__VA_ARGS__), .dims = { __VA_ARGS__ }                           \
+    }
+
+/* What is changed: a data set or group "model/conv1", or the attribute "model@links" of one; "@kind" is the
+ * root's. The sentence holds the word and, unless the word begins with ~, the name of what is changed. */
+typedef struct damage {
+    const char *at;
+    change change;
     lg_status status;
     const char *word;
-} bad_array;
+} damage;
 
-/* `named`: the sentence holds the array's name too. */
-static inline void refuse_arrays(read_fn reader, fresh_fn fresh, bool named, const bad_array *cases,
-                                 size_t count) {
-    for (size_t i = 0; i < count; i++) {
-        const bad_array *c = &cases[i];
-        const char *path = fresh();
-        double data[256];
-        for (size_t j = 0; j < LG_COUNT(data); j++) data[j] = c->value;
-        replace_dataset(path, c->name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, c->rank, c->dims, data);
-        assert_refused(reader, path, c->status, named ? c->name : "", c->word);
-    }
+static inline void change_attribute(const char *path, const char *object, const char *name, const change *c) {
+    if (c->what == IS_GONE) delete_attribute(path, object, name);
+    if (c->what == IS_TEXT) replace_text(path, object, name, c->text);
+    if (c->what == IS_WHOLE) replace_integer(path, object, name, c->whole);
+    if (c->what == IS_REAL)
+        replace_attribute(path, object, name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, &c->real);
 }
 
-static inline void refuse_without_links(read_fn reader, fresh_fn fresh, const char *word,
-                                        const char *const *links, size_t count) {
-    for (size_t i = 0; i < count; i++) {
-        const char *path = fresh();
-        delete_link(path, links[i]);
-        assert_refused(reader, path, LG_FORMAT, links[i], word);
-    }
+static inline void change_link(const char *path, const char *name, const change *c) {
+    double data[256];
+    for (size_t j = 0; j < LG_COUNT(data); j++) data[j] = c->real;
+    if (c->what == IS_GONE) delete_link(path, name);
+    if (c->what == IS_DECLARED) declare_dataset(path, name, H5T_IEEE_F64LE, c->rank, c->dims);
+    if (c->what == IS_ARRAY)
+        replace_dataset(path, name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, c->rank, c->dims, data);
 }
 
-typedef struct bad_value {
-    const char *object, *name, *text; /* text NULL: deleted */
-    const char *word;
-} bad_value;
-
-static inline void refuse_texts(read_fn reader, fresh_fn fresh, const bad_value *cases, size_t count) {
-    for (size_t i = 0; i < count; i++) {
-        const bad_value *c = &cases[i];
-        const char *path = fresh();
-        delete_attribute(path, c->object, c->name);
-        if (c->text != NULL) replace_text(path, c->object, c->name, c->text);
-        assert_refused(reader, path, LG_FORMAT, c->name, c->word);
+/* The name of what is changed, without the object of an attribute. */
+static inline const char *apply_change(const char *path, const char *at, const change *c) {
+    const char *mark = strchr(at, '@');
+    char object[64] = "/";
+    if (mark == NULL) {
+        change_link(path, at, c);
+        return at;
     }
+    if (mark > at) (void)snprintf(object, sizeof object, "%.*s", (int)(mark - at), at);
+    change_attribute(path, object, mark + 1, c);
+    return mark + 1;
 }
 
-typedef struct bad_integer {
-    const char *object, *name;
-    int64_t value;
-    const char *word;
-} bad_integer;
-
-static inline void refuse_integers(read_fn reader, fresh_fn fresh, const bad_integer *cases, size_t count) {
+static inline void refuse_damage(read_fn reader, fresh_fn fresh, const damage *rows, size_t count) {
     for (size_t i = 0; i < count; i++) {
-        const char *path = fresh();
-        replace_integer(path, cases[i].object, cases[i].name, cases[i].value);
-        assert_refused(reader, path, LG_FORMAT, cases[i].word, "");
-    }
-}
-
-/* Attributes {object, name} that are NaN. */
-static inline void refuse_nans(read_fn reader, fresh_fn fresh, const char *word,
-                               const char *const (*names)[2], size_t count) {
-    for (size_t i = 0; i < count; i++) {
-        const double nan_value = NAN;
-        const char *path = fresh();
-        replace_attribute(path, names[i][0], names[i][1], H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, &nan_value);
-        assert_refused(reader, path, LG_NOT_FINITE, names[i][1], word);
+        const bool elsewhere = rows[i].word[0] == '~';
+        const char *path = fresh(), *name = apply_change(path, rows[i].at, &rows[i].change);
+        assert_refused(reader, path, rows[i].status, elsewhere ? "" : name, rows[i].word + elsewhere);
     }
 }
 
@@ -313,6 +348,8 @@ static inline hsize_t open_identifiers(void) {
     }
     return total;
 }
+
+/* ---- allocations that fail ---- */
 
 /* Calls act(context, user) with every allocation failing in turn; HDF5 keeps no identifier open. Returns how often it
  * failed. */

@@ -316,99 +316,44 @@ static inline void change_port(mutant *m, lg_rng *rng) {
     const bool input = below_n(rng, 2) == 0;
     lg_port *p = input ? &m->in[below_room(rng, m->image.input_count)]
                        : &m->out[below_room(rng, m->image.output_count)];
-    switch (below_n(rng, 6)) {
-    case 0:
-        p->name = PICK(rng, odd_names);
-        break;
-    case 1:
-        p->unit = PICK(rng, odd_names);
-        break;
-    case 2:
-        p->shape.rank = (uint32_t)edge(rng, p->shape.rank);
-        break;
-    case 3:
-        p->shape.dims[below_n(rng, LG_MAX_RANK)] = (uint32_t)edge(rng, 3);
-        break;
-    case 4:
-        p->shared = !p->shared;
-        break;
-    default:
-        *(below_n(rng, 2) == 0 ? &p->low : &p->high) = odd_real(rng);
-    }
+    const uint32_t what = below_n(rng, 6);
+    if (what == 0) p->name = PICK(rng, odd_names);
+    if (what == 1) p->unit = PICK(rng, odd_names);
+    if (what == 2) p->shape.rank = (uint32_t)edge(rng, p->shape.rank);
+    if (what == 3) p->shape.dims[below_n(rng, LG_MAX_RANK)] = (uint32_t)edge(rng, 3);
+    if (what == 4) p->shared = !p->shared;
+    if (what >= 5) *(below_n(rng, 2) == 0 ? &p->low : &p->high) = odd_real(rng);
 }
 
 static inline void change_function(mutant *m, lg_rng *rng) {
     lg_function_image *f = &m->image;
-    switch (below_n(rng, 7)) {
-    case 0:
-        f->name = PICK(rng, odd_names);
-        break;
-    case 1:
-        f->times = (uint32_t)edge(rng, f->times);
-        break;
-    case 2:
-        f->callee = (uint32_t)edge(rng, f->callee);
-        break;
-    case 3:
-        m->carry[below_room(rng, f->input_count)] = (uint32_t)edge(rng, 0);
-        break;
-    case 4:
-        f->input_count = below_n(rng, 4) == 0 ? 65 : below_n(rng, f->input_count + 1);
-        break;
-    case 5:
-        f->output_count = below_n(rng, 4) == 0 ? 65 : below_n(rng, f->output_count + 1);
-        break;
-    default:
-        m->results[below_room(rng, f->output_count)] = (uint32_t)edge(rng, f->operation_count / 2);
-    }
+    const uint32_t what = below_n(rng, 7);
+    if (what == 0) f->name = PICK(rng, odd_names);
+    if (what == 1) f->times = (uint32_t)edge(rng, f->times);
+    if (what == 2) f->callee = (uint32_t)edge(rng, f->callee);
+    if (what == 3) m->carry[below_room(rng, f->input_count)] = (uint32_t)edge(rng, 0);
+    if (what == 4) f->input_count = below_n(rng, 4) == 0 ? 65 : below_n(rng, f->input_count + 1);
+    if (what == 5) f->output_count = below_n(rng, 4) == 0 ? 65 : below_n(rng, f->output_count + 1);
+    if (what >= 6) m->results[below_room(rng, f->output_count)] = (uint32_t)edge(rng, f->operation_count / 2);
 }
 
 static inline void change_operation(mutant *m, lg_rng *rng, size_t i) {
     lg_operation *o = &m->operations[i];
-    switch (below_n(rng, 12)) {
-    case 0:
-        o->name = PICK(rng, odd_operations);
-        break;
-    case 1:
-        o->revision = (uint32_t)edge(rng, o->revision);
-        break;
-    case 2:
-        o->input_count = below_n(rng, 70);
-        break;
-    case 3:
-        m->inputs[i][below_room(rng, o->input_count)] = (uint32_t)edge(rng, (int64_t)i);
-        break;
-    case 4:
-        m->inputs[i][below_room(rng, o->input_count)] = below_n(rng, i);
-        break;
-    case 5:
-        o->rank = below_n(rng, 8) == 0 ? UINT32_MAX : below_n(rng, 6);
-        break;
-    case 6:
-        o->real = odd_real(rng);
-        break;
-    case 7:
-        if (below_n(rng, 2) == 0)
-            o->real_count = below_n(rng, 70);
-        else
-            m->reals[i][below_n(rng, o->real_count)] = odd_real(rng);
-        break;
-    case 8:
-        if (below_n(rng, 2) == 0)
-            o->index_count = below_n(rng, 70);
-        else
-            m->indices[i][below_n(rng, o->index_count)] = (uint32_t)edge(rng, 3);
-        break;
-    case 9: {
-        lg_affine *a = some_affine(rng, o);
-        a->rows = edge(rng, a->rows);
-        break;
-    }
-    default: {
-        lg_affine *a = some_affine(rng, o);
-        a->base = edge(rng, a->base);
-    }
-    }
+    const uint32_t what = below_n(rng, 14);
+    if (what == 0) o->name = PICK(rng, odd_operations);
+    if (what == 1) o->revision = (uint32_t)edge(rng, o->revision);
+    if (what == 2) o->input_count = below_n(rng, 70);
+    if (what == 3) m->inputs[i][below_room(rng, o->input_count)] = (uint32_t)edge(rng, (int64_t)i);
+    if (what == 4) m->inputs[i][below_room(rng, o->input_count)] = below_n(rng, i);
+    if (what == 5) o->rank = below_n(rng, 8) == 0 ? UINT32_MAX : below_n(rng, 6);
+    if (what == 6) o->real = odd_real(rng);
+    if (what == 7) o->real_count = below_n(rng, 70);
+    if (what == 8) m->reals[i][below_n(rng, o->real_count)] = odd_real(rng);
+    if (what == 9) o->index_count = below_n(rng, 70);
+    if (what == 10) m->indices[i][below_n(rng, o->index_count)] = (uint32_t)edge(rng, 3);
+    lg_affine *a = some_affine(rng, o);
+    if (what == 11) a->rows = edge(rng, a->rows);
+    if (what >= 12) a->base = edge(rng, a->base);
 }
 
 static inline void change_image(mutant *m, lg_rng *rng) {
@@ -602,7 +547,6 @@ static inline void mutate_bytes(size_t count, uint64_t seed) {
         }
         if (below_n(&rng, 10) == 0) size -= below_n(&rng, size);
         write_bytes_to(scratch_path("mutant.h5"), data, size);
-        free(data);
         read_mutant(scratch_path("mutant.h5"), true, &t, i);
     }
     tell("files", count, &t);

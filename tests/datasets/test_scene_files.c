@@ -1,7 +1,5 @@
-/* Scenes and grids: every key, the matrix of bad input, the scenes that come with the program. */
-#include <dirent.h>
+/* Scenes and grids: every key, tables of bad input, the scenes that come with the program. */
 #include <stdarg.h>
-#include <sys/stat.h>
 
 #include "io_test.h"
 
@@ -71,12 +69,31 @@ static const char *changed(const char *name, const char *text, const char *from,
     return file_of(name, out);
 }
 
-static lg_scene read_text(const char *name, const char *text, const char *form_wanted) {
+OWNED(lg_scene, lg_scene_destroy)
+OWNED(lg_grid, lg_grid_destroy)
+
+/* `form_wanted` may be NULL. */
+static lg_scene read_form(const char *path, const char *form_wanted) {
     lg_scene scene;
     lg_error error = {LG_OK, ""};
-    if (lg_scene_read(NULL, file_of(name, text), form_wanted, &scene, &error) != LG_OK)
-        fail_msg("%s: %s", text, error.message);
-    return scene;
+    if (lg_scene_read(NULL, path, form_wanted, &scene, &error) != LG_OK) fail_msg("%s", error.message);
+    return *own_lg_scene(scene);
+}
+
+static lg_scene read_text(const char *name, const char *text, const char *form_wanted) {
+    return read_form(file_of(name, text), form_wanted);
+}
+
+static lg_grid read_good_grid(const char *path) {
+    lg_grid grid;
+    lg_error error = {LG_OK, ""};
+    if (lg_grid_read(NULL, path, &grid, &error) != LG_OK) fail_msg("%s", error.message);
+    return *own_lg_grid(grid);
+}
+
+/* The first numbers of a start. */
+static void assert_state(const lg_scene *scene, const double *expected, size_t count) {
+    assert_memory_equal(scene->state, expected, count * sizeof *expected);
 }
 
 static const double *parameter(const lg_scene *scene, const char *key) {
@@ -89,82 +106,88 @@ static const double *parameter(const lg_scene *scene, const char *key) {
 }
 
 TEST("every key of a scene is read") {
+    static const double state12[12] = {0.6, 0, 0.8, 0, 2, 0, 0, 1, 0, 1, 0, -3};
     lg_scene scene = read_text("scene.yaml", good_scene, NULL);
     assert_string_equal(lg_system_name(scene.system), "pendulum-chain");
     assert_string_equal(lg_system_form(scene.system), "hamiltonian");
-    assert_int_equal(lg_system_links(scene.system), 2);
-    assert_int_equal(lg_system_dim(scene.system), 12);
+    assert_true(lg_system_links(scene.system) == 2 && lg_system_dim(scene.system) == 12);
     assert_close(parameter(&scene, "gravity")[0], 9.81, 0, 0);
     assert_close(parameter(&scene, "masses")[1], 1.3, 0, 0);
     assert_close(parameter(&scene, "lengths")[1], 0.8, 0, 0);
-    const double state12[12] = {0.6, 0, 0.8, 0, 2, 0, 0, 1, 0, 1, 0, -3};
-    for (int i = 0; i < 12; i++) assert_close(scene.state[i], state12[i], 0, 0);
+    assert_state(&scene, state12, 12);
     assert_true(scene.has_initial && !scene.projected && scene.has_t_end && !scene.has_starts);
-    assert_close(scene.t_end, 3, 0, 0);
-    assert_int_equal(scene.line_system, 2);
-    assert_int_equal(scene.line_form, 3);
-    assert_int_equal(scene.line_initial, 8);
-    assert_int_equal(scene.segments, 1);
-    lg_scene_destroy(&scene);
-    assert_null(scene.system);
-    assert_null(scene.state);
-    lg_scene_destroy(&scene);
-    lg_scene_destroy(NULL);
+    assert_true(scene.t_end == 3 && scene.segments == 1);
+    assert_true(scene.line_system == 2 && scene.line_form == 3 && scene.line_initial == 8);
     scene = read_text("scene.json", json_scene, NULL);
     assert_string_equal(lg_system_form(scene.system), "lagrangian");
     assert_close(parameter(&scene, "gravity")[0], -9.81, 0, 0);
     assert_close(parameter(&scene, "masses")[0], 1, 0, 0);
     assert_close(scene.state[4], 2, 0, 0);
-    lg_scene_destroy(&scene);
     scene = read_text("flat.yaml",
                       "system: quartic\nform: hamiltonian\ninitial: {q: [1, -2], p: [.5, 4]}\n"
                       "starts: {kind: box, low: -3, high: 2, segments: 3}\n",
                       "hamiltonian");
     assert_int_equal(lg_system_dim(scene.system), 4);
-    assert_close(scene.state[1], -2, 0, 0);
-    assert_close(scene.state[2], 0.5, 0, 0);
+    assert_true(scene.state[1] == -2 && scene.state[2] == 0.5);
     assert_true(scene.has_starts && scene.starts == LG_STARTS_BOX && scene.segments == 3);
-    assert_close(scene.low, -3, 0, 0);
-    assert_close(scene.high, 2, 0, 0);
-    assert_true(!scene.has_t_end && scene.line_starts == 4);
-    lg_scene_destroy(&scene);
+    assert_true(scene.low == -3 && scene.high == 2 && !scene.has_t_end && scene.line_starts == 4);
+}
+
+TEST("freed scenes and grids are zero and may be freed again") {
+    lg_scene scene;
+    lg_grid grid;
+    assert_ok(lg_scene_read(NULL, file_of("scene.yaml", good_scene), NULL, &scene, NULL));
+    assert_ok(lg_grid_read(NULL, file_of("grid.yaml", good_grid), &grid, NULL));
+    for (int i = 0; i < 2; i++) {
+        lg_scene_destroy(&scene);
+        lg_grid_destroy(&grid);
+        assert_true(scene.system == NULL && scene.state == NULL && grid.scene.system == NULL);
+    }
+    lg_scene_destroy(NULL);
 }
 
 TEST("one link and one number may leave out their lists; a scalar is a list of one") {
-    static const char *const chains[] = {
-        "system: pendulum-chain\ngravity: 1\nmasses: 2\ninitial: {q: [0, 0, 1], omega: [1, 0, 0]}\n",
-        "system: pendulum-chain\ngravity: 1\nmasses: [2]\ninitial: {q: [[0, 0, 1]], omega: [1, 0, 0]}\n"};
-    for (size_t i = 0; i < LG_COUNT(chains); i++) {
-        lg_scene scene = read_text("short.yaml", chains[i], NULL);
-        assert_int_equal(lg_system_links(scene.system), 1);
-        assert_close(parameter(&scene, "masses")[0], 2, 0, 0);
-        assert_close(scene.state[2], 1, 0, 0);
-        assert_close(scene.state[3], 1, 0, 0);
-        lg_scene_destroy(&scene);
+    static const struct {
+        const char *text, *form;
+        size_t links, count;
+        double state[12];
+    } cases[] = {
+        {"system: pendulum-chain\ngravity: 1\nmasses: 2\ninitial: {q: [0, 0, 1], omega: [1, 0, 0]}\n",
+         "lagrangian",
+         1,
+         6,
+         {0, 0, 1, 1, 0, 0}},
+        {"system: pendulum-chain\ngravity: 1\nmasses: [2]\ninitial: {q: [[0, 0, 1]], omega: [1, 0, 0]}\n",
+         "lagrangian",
+         1,
+         6,
+         {0, 0, 1, 1, 0, 0}},
+        {"system: oscillator\ninitial: {q: 3, p: [4]}\n", NULL, 0, 2, {3, 4}},
+        /* links may be told by the start alone */
+        {"system: pendulum-chain\ngravity: 1\n"
+         "initial: {q: [[0, 0, 1], [0, 1, 0]], omega: [[0, 0, 0], [0, 0, 2]]}\n",
+         "lagrangian",
+         2,
+         12,
+         {0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 2}},
+        /* parts that need not be given have their defaults */
+        {"system: heavy-top\ninitial: {pi: [1, 2, 3]}\n",
+         "cotangent",
+         0,
+         12,
+         {1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 2, 3}}};
+    for (size_t i = 0; i < LG_COUNT(cases); i++) {
+        const lg_scene scene = read_text("short.yaml", cases[i].text, NULL);
+        if (cases[i].form != NULL) assert_string_equal(lg_system_form(scene.system), cases[i].form);
+        assert_int_equal(lg_system_links(scene.system), cases[i].links);
+        if (i < 2) assert_close(parameter(&scene, "masses")[0], 2, 0, 0);
+        assert_state(&scene, cases[i].state, cases[i].count);
     }
-    lg_scene scene = read_text("short.yaml", "system: oscillator\ninitial: {q: 3, p: [4]}\n", NULL);
-    assert_close(scene.state[0], 3, 0, 0);
-    assert_close(scene.state[1], 4, 0, 0);
-    lg_scene_destroy(&scene);
-    /* Links may be told by the start alone; parts that need not be given have their defaults. */
-    scene = read_text("short.yaml",
-                      "system: pendulum-chain\ngravity: 1\ninitial: {q: [[0, 0, 1], [0, 1, 0]], omega: "
-                      "[[0, 0, 0], [0, 0, 2]]}\n",
-                      NULL);
-    assert_int_equal(lg_system_links(scene.system), 2);
-    assert_close(scene.state[11], 2, 0, 0);
-    lg_scene_destroy(&scene);
-    scene = read_text("short.yaml", "system: heavy-top\ninitial: {pi: [1, 2, 3]}\n", NULL);
-    const double expected[12] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 2, 3};
-    for (int i = 0; i < 12; i++) assert_close(scene.state[i], expected[i], 0, 0);
-    assert_string_equal(lg_system_form(scene.system), "cotangent");
-    lg_scene_destroy(&scene);
 }
 
 TEST("a scene may have many links") {
     enum { LINKS = 10000 };
-    char *text = malloc(LINKS * 20 + 200), *at = text;
-    assert_non_null(text);
+    char *text = TEST_ARRAY(char, LINKS * 20 + 200), *at = text;
     at += sprintf(at, "system: pendulum-chain\ngravity: 1\ninitial:\n  q: [");
     for (int i = 0; i < LINKS; i++) at += sprintf(at, "[0,0,%d],", i == 7 ? -1 : 1);
     at += sprintf(at, "]\n  omega: [");
@@ -174,8 +197,6 @@ TEST("a scene may have many links") {
     assert_int_equal(lg_system_links(scene.system), LINKS);
     assert_close(scene.state[6 * 7 + 2], -1, 0, 0);
     assert_close(scene.state[6 * (LINKS - 1) + 3], LINKS - 1, 0, 0);
-    lg_scene_destroy(&scene);
-    free(text);
 }
 
 /* ---- all systems, from their tables ---- */
@@ -329,7 +350,6 @@ TEST("scenes of every system are read") {
             for (size_t j = 0; j < size; j++) assert_close(found[j], expected[j], 0, 0);
         }
         assert_false(scene.projected);
-        lg_scene_destroy(&scene);
         char text[4096], small[8];
         const int length = lg_scene_describe(w.name, w.form, text, sizeof text);
         assert_int_equal(length, strlen(text));
@@ -437,10 +457,7 @@ TEST("keys of other systems and forms, and keys that nothing has, are refused wi
 /* ---- forms ---- */
 
 static const char *form_read(const char *text, const char *wanted) {
-    lg_scene scene = read_text("form.yaml", text, wanted);
-    const char *form = lg_system_form(scene.system);
-    lg_scene_destroy(&scene);
-    return form;
+    return lg_system_form(read_text("form.yaml", text, wanted).system);
 }
 
 TEST("the form of a scene follows from what is given, or is asked for") {
@@ -448,19 +465,15 @@ TEST("the form of a scene follows from what is given, or is asked for") {
     static const char with_p[] =
         "system: pendulum-chain\ngravity: 1\ninitial: {q: [0, 0, 1], p: [1, 0, 0]}\n";
     static const char top[] = "system: heavy-top\ninitial: {Gamma: [0, 0, 1], Pi: [1, 2, 3]}\n";
-    assert_string_equal(form_read(bare, NULL), "lagrangian");
-    assert_string_equal(form_read(bare, "hamiltonian"), "hamiltonian");
-    assert_string_equal(form_read(with_p, NULL), "hamiltonian");
-    assert_string_equal(form_read(with_p, "lagrangian"), "lagrangian");
-    assert_string_equal(form_read(top, NULL), "lie-poisson");
-    assert_string_equal(form_read("system: heavy-top\n", "hamiltonian"), "cotangent");
+    static const char given[] = "system: pendulum-chain\ngravity: 1\nform: lagrangian\nlinks: 2\n";
+    static const char *const cases[][3] = {
+        {bare, NULL, "lagrangian"},           {bare, "hamiltonian", "hamiltonian"},
+        {with_p, NULL, "hamiltonian"},        {with_p, "lagrangian", "lagrangian"},
+        {top, NULL, "lie-poisson"},           {"system: heavy-top\n", "hamiltonian", "cotangent"},
+        {given, "hamiltonian", "hamiltonian"}};
+    for (size_t i = 0; i < LG_COUNT(cases); i++)
+        assert_string_equal(form_read(cases[i][0], cases[i][1]), cases[i][2]);
     assert_null(form_read("system: quartic\n", "hamiltonian"));
-    const char *path =
-        file_of("form.yaml", "system: pendulum-chain\ngravity: 1\nform: lagrangian\nlinks: 2\n");
-    lg_scene scene;
-    assert_ok(lg_scene_read(NULL, path, "hamiltonian", &scene, NULL));
-    assert_string_equal(lg_system_form(scene.system), "hamiltonian");
-    lg_scene_destroy(&scene);
     assert_refused(read_scene, file_of("grid.yaml", "scene: pendulum.yaml\nintegrators: [cf4]\n"), LG_FORMAT,
                    "grid.yaml", "lg-hamiltonian study");
 }
@@ -479,11 +492,9 @@ TEST("the drawn start is the first of the trajectories that are generated with t
     assert_ok(lg_scene_draw_start(&scene, 5));
     assert_memory_equal(scene.state, y, 12 * sizeof *y);
     assert_status(lg_scene_draw_start(&scene, 5), LG_INVALID_ARGUMENT);
-    lg_scene_destroy(&scene);
     scene = read_text("drawn.yaml", "system: heavy-top\n", NULL);
     assert_status(lg_scene_draw_start(&scene, 5), LG_UNSUPPORTED);
     assert_null(scene.state);
-    lg_scene_destroy(&scene);
 }
 
 TEST("omega and p give the same motion, read in both forms") {
@@ -524,9 +535,6 @@ TEST("omega and p give the same motion, read in both forms") {
     lg_scene back = read_text("p.yaml", text, NULL);
     assert_string_equal(lg_system_form(back.system), "lagrangian");
     for (int i = 0; i < 18; i++) assert_close(back.state[i], lagrangian.state[i], 0, 1e-14);
-    lg_scene_destroy(&back);
-    lg_scene_destroy(&lagrangian);
-    lg_scene_destroy(&hamiltonian);
 }
 
 /* ---- the manifold ---- */
@@ -544,26 +552,33 @@ TEST("rounding is projected and told, and more is an error") {
     lg_context_options_init(&options);
     options.log = keep_log;
     assert_ok(lg_context_create(&options, &context));
+    lg_test_owns(context, release_context);
     const char *path = changed("near.yaml", good_scene, "[0.6, 0, 0.8]", "[0.6000001, 0, 0.8000002]");
     assert_ok(lg_scene_read(context, path, NULL, &scene, NULL));
+    const double *q = own_lg_scene(scene)->state;
     assert_true(scene.projected);
     assert_close(scene.projection, 2.2e-7, 0.01, 0);
-    const double *q = scene.state;
     assert_close(q[0] * q[0] + q[1] * q[1] + q[2] * q[2], 1, 1e-15, 0);
     assert_close(q[0] / q[2], 0.6000001 / 0.8000002, 1e-15, 0);
     assert_non_null(strstr(logged, "near.yaml"));
     assert_non_null(strstr(logged, "line"));
-    lg_scene_destroy(&scene);
-    path = changed("near.yaml", good_scene, "[1, 0, -3]", "[1, 1e-7, -3]");
-    assert_ok(lg_scene_read(context, path, NULL, &scene, NULL));
-    assert_true(scene.projected);
-    assert_close(scene.state[10], 0, 0, 0);
-    lg_scene_destroy(&scene);
-    lg_context_destroy(context);
+    scene = read_form(changed("near.yaml", good_scene, "[1, 0, -3]", "[1, 1e-7, -3]"), NULL);
+    assert_true(scene.projected && scene.state[10] == 0);
     assert_refused(read_scene, changed("off.yaml", good_scene, "[0, 1, 0]", "[0, 1.00001, 0]"), LG_FORMAT,
                    "line 9", "sphere");
     assert_refused(read_scene, changed("off.yaml", good_scene, "[0, 2, 0]", "[0.01, 2, 0]"), LG_FORMAT,
                    "line 10", "orthogonal");
+}
+
+typedef struct bad_text {
+    const char *from, *to, *line, *word;
+} bad_text;
+
+/* `good` with each change. */
+static void refuse_changes(read_fn reader, const char *good, const bad_text *rows, size_t count) {
+    for (size_t i = 0; i < count; i++)
+        assert_refused(reader, changed("bad.yaml", good, rows[i].from, rows[i].to), LG_FORMAT, rows[i].line,
+                       rows[i].word);
 }
 
 #define BODIES                                                                                               \
@@ -588,7 +603,6 @@ TEST("rotations are projected when nearly orthogonal and refused otherwise") {
         assert_close(scene.projection, 2e-7, 1e-3, 0);
         assert_close(scene.state[8], 1, 0, 1e-15);
         assert_close(lg_space_manifold_error(lg_system_space(scene.system), scene.state), 0, 0, 1e-15);
-        lg_scene_destroy(&scene);
         (void)snprintf(text, sizeof text, tops[i], "1.00001");
         assert_refused(read_scene, file_of("top.yaml", text), LG_FORMAT, i == 0 ? "line 2" : "line 3",
                        "no rotation");
@@ -601,34 +615,19 @@ TEST("rotations are projected when nearly orthogonal and refused otherwise") {
     assert_close(scene.state[0], -2, 0, 0);
     assert_close(scene.state[6], 0.6, 0, 0);
     assert_close(scene.state[9], 0.8, 0, 0);
-    lg_scene_destroy(&scene);
-    assert_refused(read_scene, changed("b.yaml", BODIES, "[[0.6, -0.8, 0]", "[[0.6, 0.8, 0]"), LG_FORMAT,
-                   "line 3", "initial.R: matrix 1");
-    assert_refused(read_scene, changed("b.yaml", BODIES, "\n [0, 0, 1]]]", "\n [0, 0, 2]]]"), LG_FORMAT,
-                   "line 4", "initial.R: matrix 2");
-    assert_refused(read_scene, changed("b.yaml", BODIES, "[-0.6, 0, 0.8]", "[-0.6, 0, 0.7]"), LG_FORMAT,
-                   "line 7", "initial.q: row 2");
-    assert_refused(read_scene, changed("b.yaml", BODIES, "[0, -1, 0]", "[1, -1, 0]"), LG_FORMAT, "line 9",
-                   "initial.omega: row 2");
+    static const bad_text rows[] = {{"[[0.6, -0.8, 0]", "[[0.6, 0.8, 0]", "line 3", "initial.R: matrix 1"},
+                                    {"\n [0, 0, 1]]]", "\n [0, 0, 2]]]", "line 4", "initial.R: matrix 2"},
+                                    {"[-0.6, 0, 0.8]", "[-0.6, 0, 0.7]", "line 7", "initial.q: row 2"},
+                                    {"[0, -1, 0]", "[1, -1, 0]", "line 9", "initial.omega: row 2"}};
+    refuse_changes(read_scene, BODIES, rows, LG_COUNT(rows));
 }
 
-typedef struct bad_text {
-    const char *from, *to, *line, *word;
-} bad_text;
-
+/* What no value of any system may look like: the test of every system. */
 TEST("a bad scene is refused with its line and word") {
     static const bad_text cases[] = {
         {"gravity: 9.81", "gravity: 9.81m/s", "line 4", "gravity"},
         {"gravity: 9.81", "gravity: 9,81", "line 4", "gravity"},
-        {"gravity: 9.81", "gravity: .nan", "line 4", "gravity"},
-        {"gravity: 9.81", "gravity: .inf", "line 4", "gravity"},
         {"gravity: 9.81", "gravity: 1e999", "line 4", "finite"},
-        {"gravity: 9.81", "gravity: 0x10", "line 4", "gravity"},
-        {"gravity: 9.81", "gravity: \"9.81\"", "line 4", "gravity"},
-        {"gravity: 9.81", "gravity: [9.81]", "line 4", "gravity"},
-        {"gravity: 9.81", "gravity:", "line 4", "gravity"},
-        {"gravity: 9.81", "gravity: 9.81\ngravity: 9.81", "line 5", "twice"},
-        {"gravity: 9.81\n", "", "line 2", "'gravity' is missing"},
         {"system: pendulum-chain\n", "", "line 2", "'system' is missing"},
         {"system: pendulum-chain", "system: pendulum", "line 2", "pendulum-chain"},
         {"system: pendulum-chain", "system: quartic", "line 4", "does not belong"},
@@ -636,11 +635,6 @@ TEST("a bad scene is refused with its line and word") {
         {"form: hamiltonian", "form: [hamiltonian]", "line 3", "form"},
         {"form: hamiltonian", "form:", "line 3", "form"},
         {"masses: [1, 1.3]", "masses: [1, 1.3, 2]", "line 6", "lengths"},
-        {"masses: [1, 1.3]", "masses: [1, 0]", "line 5", "masses"},
-        {"masses: [1, 1.3]", "masses: [1, -2]", "line 5", "masses"},
-        {"masses: [1, 1.3]", "masses: []", "line 5", "masses"},
-        {"masses: [1, 1.3]", "masses: [1, [1.3]]", "line 5", "masses"},
-        {"masses: [1, 1.3]", "masses: {a: 1}", "line 5", "masses"},
         {"masses: [1, 1.3]", "links: 2.5", "line 5", "whole"},
         {"masses: [1, 1.3]", "links: 0", "line 5", "outside [1, 1e+06]"},
         {"masses: [1, 1.3]", "links: 1000001", "line 5", "outside [1, 1e+06]"},
@@ -676,20 +670,16 @@ TEST("a bad scene is refused with its line and word") {
         {"t_end: 3", "a: [[[[[[[[[[[[[[[[[[[[[[", "line 11", "brackets"},
         {"t_end: 3", "\"t\\0end\": 3", "line 11", "unknown key"},
     };
-    for (size_t i = 0; i < LG_COUNT(cases); i++)
-        assert_refused(read_scene, changed("bad.yaml", good_scene, cases[i].from, cases[i].to), LG_FORMAT,
-                       cases[i].line, cases[i].word);
-    assert_refused(read_scene, file_of("bad.yaml", "system: quartic\ninitial: {q: [1], p: [1, 2]}\n"),
-                   LG_FORMAT, "line 2", "initial.q");
-    assert_refused(read_scene, file_of("bad.yaml", "system: quartic\nform: lagrangian\n"), LG_FORMAT,
-                   "line 2", "hamiltonian");
-    assert_refused(read_scene, file_of("bad.yaml", "system: pendulum-chain\ngravity: 1\n"), LG_FORMAT,
-                   "line 1", "links");
-    assert_refused(read_scene, file_of("bad.yaml", "- system\n- quartic\n"), LG_FORMAT, "line 1", "keys");
-    assert_refused(read_scene, file_of("bad.yaml", "# only a comment\n"), LG_FORMAT, "line 1", "nothing");
-    /* An anchor that holds itself. */
-    assert_refused(read_scene, file_of("bad.yaml", "system: quartic\ninitial: &a {q: *a, p: [1, 2]}\n"),
-                   LG_FORMAT, "line 2", "initial.q");
+    refuse_changes(read_scene, good_scene, cases, LG_COUNT(cases));
+    static const char *const texts[][3] = {
+        {"system: quartic\ninitial: {q: [1], p: [1, 2]}\n", "line 2", "initial.q"},
+        {"system: quartic\nform: lagrangian\n", "line 2", "hamiltonian"},
+        {"system: pendulum-chain\ngravity: 1\n", "line 1", "links"},
+        {"- system\n- quartic\n", "line 1", "keys"},
+        {"# only a comment\n", "line 1", "nothing"},
+        {"system: quartic\ninitial: &a {q: *a, p: [1, 2]}\n", "line 2", "initial.q"}}; /* holds itself */
+    for (size_t i = 0; i < LG_COUNT(texts); i++)
+        assert_refused(read_scene, file_of("bad.yaml", texts[i][0]), LG_FORMAT, texts[i][1], texts[i][2]);
 }
 
 TEST("a damaged scene is refused") {
@@ -707,8 +697,7 @@ TEST("a damaged scene is refused") {
     }
     /* Large, and deep in a way that costs a slow parser. */
     size_t bytes = (1 << 20) + 1;
-    char *big = malloc(bytes);
-    assert_non_null(big);
+    char *big = TEST_ARRAY(char, bytes);
     memset(big, '[', bytes);
     write_bytes_to(scratch_path("big.yaml"), big, bytes);
     assert_refused(read_scene, scratch_path("big.yaml"), LG_FORMAT, "larger", "");
@@ -718,21 +707,18 @@ TEST("a damaged scene is refused") {
     for (size_t i = 1; i < bytes; i += 2) big[i] = ' ';
     write_bytes_to(scratch_path("big.yaml"), big, 20000);
     assert_refused(read_scene, scratch_path("big.yaml"), LG_FORMAT, "line 1", "");
-    free(big);
 }
 
 /* ---- grids ---- */
 
 TEST("every key of a grid is read") {
-    lg_grid grid;
     (void)file_of("scene.yaml", good_scene);
-    assert_ok(lg_grid_read(NULL, file_of("grid.yaml", good_grid), &grid, NULL));
+    lg_grid grid = read_good_grid(file_of("grid.yaml", good_grid));
     assert_int_equal(lg_grid_runs(&grid), 2 * 2 * 1 * 3 * 2 * 2 * 5);
     assert_int_equal(lg_system_links(grid.scene.system), 2);
     assert_true(grid.integrators[0] == lg_scheme_find("cf4") && grid.integrators[1] == lg_scheme_find("rk4"));
     assert_true(grid.n[1] == 500 && grid.m[0] == 5 && grid.m_count == 1 && grid.substeps[1] == 2);
-    assert_close(grid.eps[2], 0.1, 0, 0);
-    assert_close(grid.penalty[1], 1e-3, 0, 0);
+    assert_true(grid.eps[2] == 0.1 && grid.penalty[1] == 1e-3 && grid.t_end == 0.1);
     const lg_mlp *net = &grid.run.model.net;
     const lg_training *how = &grid.run.training;
     assert_true(net->layers == 3 && net->width[2] == 30 && net->activation == LG_TANH);
@@ -740,22 +726,12 @@ TEST("every key of a grid is read") {
     assert_true(grid.test_trajectories == 7 && grid.test_points == 9 && grid.seed == UINT64_MAX);
     assert_true(how->epochs == 100 && how->batch == 80 && how->lr_step == 50 && how->shards == 4);
     assert_close(how->lr, 1e-2, 0, 0);
-    assert_close(grid.t_end, 0.1, 0, 0);
-    lg_grid_destroy(&grid);
-    assert_ok(lg_grid_read(NULL, changed("grid.yaml", good_grid, "t_end: 0.1\n", ""), &grid, NULL));
-    assert_close(grid.t_end, 3, 0, 0);
-    lg_grid_destroy(&grid);
-    const char *own = file_of(
-        "own.yaml",
-        "system: quartic\nt_end: 0.3\nintegrators: stormer-verlet\nN: 900\nM: 6\nhidden: [100, 50, 50]\n");
-    assert_ok(lg_grid_read(NULL, own, &grid, NULL));
+    assert_close(read_good_grid(changed("grid.yaml", good_grid, "t_end: 0.1\n", "")).t_end, 3, 0, 0);
+    grid = read_good_grid(file_of("own.yaml", "system: quartic\nt_end: 0.3\nintegrators: stormer-verlet\n"
+                                              "N: 900\nM: 6\nhidden: [100, 50, 50]\n"));
     assert_string_equal(lg_system_name(grid.scene.system), "quartic");
     assert_int_equal(lg_grid_runs(&grid), 1);
-    assert_close(grid.t_end, 0.3, 0, 0);
-    assert_close(grid.eps[0], 0, 0, 0);
-    lg_grid_destroy(&grid);
-    assert_null(grid.scene.system);
-    lg_grid_destroy(&grid);
+    assert_true(grid.t_end == 0.3 && grid.eps[0] == 0);
 }
 
 TEST("a bad grid is refused with its line and word") {
@@ -776,7 +752,6 @@ TEST("a bad grid is refused with its line and word") {
         {"test: {trajectories: 7, points: 9}", "test: 7", "line 11", "test"},
         {"seed: 18446744073709551615", "seed: -1", "line 12", "seed"},
         {"seed: 18446744073709551615", "seed: 18446744073709551616", "line 12", "seed"},
-        {"scene: scene.yaml", "scene: nothing.yaml", "line 1", "nothing.yaml"},
         {"scene: scene.yaml", "scene: [scene.yaml]", "line 1", "scene"},
         {"scene: scene.yaml\n", "", "line 1", "'scene' or 'system'"},
         {"scene: scene.yaml", "scene: scene.yaml\nsystem: quartic", "line 2", "unknown key 'system'"},
@@ -785,11 +760,9 @@ TEST("a bad grid is refused with its line and word") {
         {"t_end: 0.1", "lr: 0", "line 13", "lr"},
     };
     (void)file_of("scene.yaml", good_scene);
-    for (size_t i = 0; i < LG_COUNT(cases); i++) {
-        lg_status expected = strcmp(cases[i].word, "nothing.yaml") == 0 ? LG_NOT_FOUND : LG_FORMAT;
-        assert_refused(read_grid, changed("bad.yaml", good_grid, cases[i].from, cases[i].to), expected,
-                       cases[i].line, cases[i].word);
-    }
+    refuse_changes(read_grid, good_grid, cases, LG_COUNT(cases));
+    assert_refused(read_grid, changed("bad.yaml", good_grid, "scene: scene.yaml", "scene: nothing.yaml"),
+                   LG_NOT_FOUND, "line 1", "nothing.yaml");
     /* A broken scene is told with its own line, and the grid's. */
     (void)changed("scene.yaml", good_scene, "gravity: 9.81", "gravity: heavy");
     assert_refused(read_grid, file_of("bad.yaml", good_grid), LG_FORMAT, "line 1", "line 4");
@@ -813,34 +786,32 @@ static bool is_yaml(const char *name) {
     return length > 5 && strcmp(name + length - 5, ".yaml") == 0;
 }
 
-/* Every file of scenes/ is a scene, or a grid where its name says so; every system has a scene. */
 TEST("every file of scenes/ is a scene or a grid, and every system has a scene") {
+    enum { MOST_SYSTEMS = 128 };
     char path[512];
-    size_t count = 0, seen = 0;
     const char *name, *form, *const folder_name = LG_TEST_DIR "/../scenes";
-    while (lg_system_at(seen, NULL, NULL)) seen++;
-    bool *systems = calloc(seen, sizeof *systems);
-    assert_non_null(systems);
+    bool systems[MOST_SYSTEMS] = {false};
     DIR *folder = opendir(folder_name);
     assert_non_null(folder);
     for (struct dirent *entry; (entry = readdir(folder)) != NULL;) {
-        lg_scene scene;
-        lg_error error = {LG_OK, ""};
         if (!is_yaml(entry->d_name) || strncmp(entry->d_name, "study-", 6) == 0) continue;
         (void)snprintf(path, sizeof path, "%s/%.200s", folder_name, entry->d_name);
-        if (lg_scene_read(NULL, path, NULL, &scene, &error) != LG_OK) fail_msg("%s", error.message);
-        assert_true(scene.has_t_end);
-        assert_false(scene.projected);
-        for (size_t i = 0; lg_system_at(i, &name, &form); i++)
+        const lg_scene scene = read_form(path, NULL);
+        assert_true(scene.has_t_end && !scene.projected);
+        for (size_t i = 0; lg_system_at(i, &name, &form); i++) {
+            assert_true(i < MOST_SYSTEMS);
             if (strcmp(name, lg_system_name(scene.system)) == 0) systems[i] = true;
-        lg_scene_destroy(&scene);
-        count++;
+        }
     }
     (void)closedir(folder);
-    assert_true(count > 0);
     for (size_t i = 0; lg_system_at(i, &name, &form); i++)
         if (!systems[i]) fail_msg("no scene of %s", name);
-    free(systems);
+}
+
+static const char *scene_path(const char *name) {
+    static char path[512];
+    (void)snprintf(path, sizeof path, "%s/../scenes/%s.yaml", LG_TEST_DIR, name);
+    return path;
 }
 
 TEST("the files of scenes/ have their form and their start") {
@@ -861,29 +832,19 @@ TEST("the files of scenes/ have their form and their start") {
                   {"chain-2", "lagrangian", 12, 8, 0.70710678118654752},
                   {"chain-20", "lagrangian", 120, 118, 1},
                   {"quadrotors", NULL, 42, 36, -0.98480775301220806}};
-    char path[512];
     for (size_t i = 0; i < LG_COUNT(scenes); i++) {
-        lg_scene scene;
-        const char *wanted = scenes[i].dim == 0 ? "hamiltonian" : NULL;
-        (void)snprintf(path, sizeof path, "%s/../scenes/%s.yaml", LG_TEST_DIR, scenes[i].name);
-        assert_ok(lg_scene_read(NULL, path, wanted, &scene, NULL));
+        const lg_scene scene =
+            read_form(scene_path(scenes[i].name), scenes[i].dim == 0 ? "hamiltonian" : NULL);
         if (scenes[i].form != NULL) assert_string_equal(lg_system_form(scene.system), scenes[i].form);
         assert_int_equal(scene.has_initial, scenes[i].dim > 0);
-        if (scenes[i].dim > 0) {
-            assert_int_equal(lg_system_dim(scene.system), scenes[i].dim);
-            assert_close(scene.state[scenes[i].at], scenes[i].value, 1e-15, 0);
-        }
-        lg_scene_destroy(&scene);
+        if (scenes[i].dim == 0) continue;
+        assert_int_equal(lg_system_dim(scene.system), scenes[i].dim);
+        assert_close(scene.state[scenes[i].at], scenes[i].value, 1e-15, 0);
     }
-    lg_grid grid;
-    (void)snprintf(path, sizeof path, "%s/../scenes/study-thesis.yaml", LG_TEST_DIR);
-    assert_ok(lg_grid_read(NULL, path, &grid, NULL));
-    assert_int_equal(lg_grid_runs(&grid), 960);
-    lg_grid_destroy(&grid);
-    (void)snprintf(path, sizeof path, "%s/../scenes/study-small.yaml", LG_TEST_DIR);
-    assert_ok(lg_grid_read(NULL, path, &grid, NULL));
-    assert_int_equal(lg_grid_runs(&grid), 96);
-    lg_grid_destroy(&grid);
+    const lg_grid thesis = read_good_grid(scene_path("study-thesis"));
+    const lg_grid few = read_good_grid(scene_path("study-small"));
+    assert_int_equal(lg_grid_runs(&thesis), 960);
+    assert_int_equal(lg_grid_runs(&few), 96);
 }
 
 /* ---- memory ---- */

@@ -23,6 +23,12 @@ static lg_search_file read_example(void) {
 }
 
 TEST("ranges are read") {
+    static const lg_range expected[] = {
+        {.name = "architecture", .kind = LG_RANGE_CHOICE, .choices = 2, .choice = {"mlp", "resnet"}},
+        {.name = "layers", .kind = LG_RANGE_INTEGER, .low = 0, .high = 4},
+        {.name = "gamma", .kind = LG_RANGE_UNIFORM, .low = 0, .high = 1e-2},
+        {.name = "lr", .kind = LG_RANGE_LOG_UNIFORM, .low = 1e-4, .high = 1e-1},
+        {.name = "normalise", .kind = LG_RANGE_CHOICE, .choices = 2, .choice = {"true", "false"}}};
     const lg_search_file f = read_example();
     const lg_range *r = f.space.ranges;
     assert_int_equal(f.fixed_count, 3);
@@ -30,21 +36,15 @@ TEST("ranges are read") {
     assert_string_equal(f.fixed_value[0], "discrete");
     assert_string_equal(f.fixed_name[2], "lr-gamma");
     assert_string_equal(f.fixed_value[2], "1e-1");
-    assert_int_equal(f.fixed_line[1], 1);
-    assert_int_equal(f.space.count, 5);
-    assert_string_equal(r[0].name, "architecture");
-    assert_int_equal(r[0].kind, LG_RANGE_CHOICE);
-    assert_int_equal(r[0].choices, 2);
-    assert_string_equal(r[0].choice[1], "resnet");
-    assert_int_equal(r[1].kind, LG_RANGE_INTEGER);
-    assert_true(r[1].low == 0 && r[1].high == 4);
-    assert_int_equal(r[2].kind, LG_RANGE_UNIFORM);
-    assert_true(r[2].low == 0 && r[2].high == 1e-2);
-    assert_int_equal(r[3].kind, LG_RANGE_LOG_UNIFORM);
-    assert_true(r[3].low == 1e-4 && r[3].high == 1e-1);
-    assert_string_equal(r[4].choice[0], "true");
-    assert_int_equal(f.line[0], 3);
-    assert_int_equal(f.line[3], 7);
+    assert_true(f.fixed_line[1] == 1 && f.line[0] == 3 && f.line[3] == 7);
+    assert_int_equal(f.space.count, LG_COUNT(expected));
+    for (size_t i = 0; i < LG_COUNT(expected); i++) {
+        assert_string_equal(r[i].name, expected[i].name);
+        assert_true(r[i].kind == expected[i].kind && r[i].choices == expected[i].choices);
+        assert_true(r[i].low == expected[i].low && r[i].high == expected[i].high);
+        for (uint32_t c = 0; c < r[i].choices; c++)
+            assert_string_equal(r[i].choice[c], expected[i].choice[c]);
+    }
     /* `fixed` may be missing; JSON is YAML. */
     lg_search_file g;
     const char *path = scratch_path("only.json");
@@ -189,8 +189,7 @@ TEST("trials come back as they were written") {
     assert_same_bytes(path, again);
     /* Windows' line ends. */
     size_t size, used = 0;
-    unsigned char *data = read_bytes_of(path, &size), *wide = malloc(2 * size);
-    assert_non_null(wide);
+    unsigned char *data = read_bytes_of(path, &size), *wide = TEST_ARRAY(unsigned char, 2 * size);
     for (size_t i = 0; i < size; i++) {
         if (data[i] == '\n') wide[used++] = '\r';
         wide[used++] = data[i];
@@ -198,8 +197,6 @@ TEST("trials come back as they were written") {
     write_bytes_to(again, wide, used);
     assert_ok(lg_trials_read(NULL, again, &file, SEED, "data 1", N, back, &count, NULL));
     assert_int_equal(count, N);
-    free(data);
-    free(wide);
     /* None yet. */
     assert_ok(lg_trials_write(NULL, path, &file, 1, NULL, NULL, 0, NULL));
     assert_ok(lg_trials_read(NULL, path, &file, 1, "", N, back, &count, NULL));
@@ -225,14 +222,12 @@ TEST("the table of trials is text that other programs read") {
     if (comma) (void)setlocale(LC_NUMERIC, "C");
     size_t size;
     char *text = (char *)read_bytes_of(path, &size);
-    text[size] = '\0';
     assert_memory_equal(text, "# seed 5 space ", 15);
     assert_string_equal(strchr(text, '\n') + 1,
                         "trial,state,objective,parameters,epochs,seconds,architecture,layers,gamma,lr,"
                         "normalise,rung1,rung2\n"
                         "1,failed,nan,0,0,0,mlp,0,0,0.001,false,,\n"
                         "3,pruned,0.5,7,100,1.25,resnet,4,0.0078125,0.0625,true,0.75,0.5\n");
-    free(text);
 }
 
 /* Cut anywhere: complete lines are read, the last one runs again. */
@@ -256,7 +251,6 @@ TEST("of a table that is cut anywhere the complete lines are read") {
         if (keep < first) assert_non_null(strstr(error.message, "line 1"));
         for (size_t i = 0; status == LG_OK && i < count; i++) assert_same_trial(&back[i], &trials[N - 1 - i]);
     }
-    free(data);
 }
 
 /* Static memory, until the next call. */
@@ -277,7 +271,6 @@ TEST("a damaged table is refused") {
     assert_ok(lg_trials_write(NULL, path, &file, 5, NULL, t, 2, NULL));
     size_t size;
     char *text = (char *)read_bytes_of(path, &size);
-    text[size] = '\0';
     static const struct {
         const char *from, *to, *line, *word;
     } wrong[] = {
@@ -319,48 +312,50 @@ TEST("a damaged table is refused") {
             fail_msg("%zu: no '%s' or '%s' in: %s", i, wrong[i].line, wrong[i].word, error.message);
         assert_int_equal(count, 77);
     }
-    text[size / 2] = '\0';
-    write_bytes_to(bad, text, size);
     size_t count;
-    assert_status(lg_trials_read(NULL, bad, &file, 5, NULL, 0, NULL, &count, NULL), LG_FORMAT);
-    write_bytes_to(bad, "", 0);
-    assert_status(lg_trials_read(NULL, bad, &file, 5, NULL, 0, NULL, &count, NULL), LG_FORMAT);
-    assert_status(lg_trials_read(NULL, scratch, &file, 5, NULL, 0, NULL, &count, NULL), LG_FILE);
-    assert_status(lg_trials_read(NULL, scratch_path("none"), &file, 5, NULL, 0, NULL, &count, NULL),
-                  LG_NOT_FOUND);
-    free(text);
+    text[size / 2] = '\0';
+    write_bytes_to(scratch_path("zero.csv"), text, size);
+    write_bytes_to(scratch_path("empty.csv"), "", 0);
+    static const struct {
+        const char *name;
+        lg_status status;
+    } files[] = {{"zero.csv", LG_FORMAT}, {"empty.csv", LG_FORMAT}, {".", LG_FILE}, {"none", LG_NOT_FOUND}};
+    for (size_t i = 0; i < LG_COUNT(files); i++)
+        assert_status(
+            lg_trials_read(NULL, scratch_path(files[i].name), &file, 5, NULL, 0, NULL, &count, NULL),
+            files[i].status);
 }
 
 TEST("a table of another search is refused") {
     const lg_search_file file = read_example();
     lg_trial trials[N], back[N];
-    size_t count = 77;
-    lg_error error = {LG_OK, ""};
     const char *path = scratch_path("trials.csv");
     make_trials(&file, trials);
     assert_ok(lg_trials_write(NULL, path, &file, 5, "data", trials, N, NULL));
-    lg_search_file other[7] = {file, file, file, file, file, file, file};
-    other[0].space.ranges[2].high = 1.0000000000000002e-2;
-    other[1].space.ranges[1].kind = LG_RANGE_UNIFORM;
-    (void)strcpy(other[2].space.ranges[0].choice[1], "mult");
-    (void)strcpy(other[3].space.ranges[0].name, "arch");
-    other[4].space.count = 4;
-    (void)strcpy(other[5].fixed_value[1], "64");
-    other[6].fixed_count = 2;
-    for (int i = 0; i < 7; i++) {
-        assert_status(lg_trials_read(NULL, path, &other[i], 5, "data", N, back, &count, &error),
-                      LG_INVALID_ARGUMENT);
-        assert_non_null(strstr(error.message, i < 5 ? "other ranges" : "other fixed options"));
-    }
-    assert_status(lg_trials_read(NULL, path, &file, 6, "data", N, back, &count, &error), LG_INVALID_ARGUMENT);
-    assert_non_null(strstr(error.message, "seed 5, not 6"));
-    assert_status(lg_trials_read(NULL, path, &file, 5, "dat", N, back, &count, &error), LG_INVALID_ARGUMENT);
-    assert_status(lg_trials_read(NULL, path, &file, 5, "data", N - 1, back, &count, &error),
-                  LG_INVALID_ARGUMENT);
-    assert_non_null(strstr(error.message, "holds 6 trials, more than 5"));
-    assert_int_equal(count, 77);
+#define OTHER(seed, data, room, word, ...)                                                                   \
+    do {                                                                                                     \
+        lg_search_file other = file;                                                                         \
+        size_t count = 77;                                                                                   \
+        lg_error error = {LG_OK, ""};                                                                        \
+        __VA_ARGS__;                                                                                         \
+        assert_status(lg_trials_read(NULL, path, &other, seed, data, room, back, &count, &error),            \
+                      LG_INVALID_ARGUMENT);                                                                  \
+        if (strstr(error.message, word) == NULL) fail_msg("no '%s' in: %s", word, error.message);            \
+        assert_int_equal(count, 77);                                                                         \
+    } while (0)
+    OTHER(5, "data", N, "other ranges", other.space.ranges[2].high = 1.0000000000000002e-2);
+    OTHER(5, "data", N, "other ranges", other.space.ranges[1].kind = LG_RANGE_UNIFORM);
+    OTHER(5, "data", N, "other ranges", (void)strcpy(other.space.ranges[0].choice[1], "mult"));
+    OTHER(5, "data", N, "other ranges", (void)strcpy(other.space.ranges[0].name, "arch"));
+    OTHER(5, "data", N, "other ranges", other.space.count = 4);
+    OTHER(5, "data", N, "other fixed options", (void)strcpy(other.fixed_value[1], "64"));
+    OTHER(5, "data", N, "other fixed options", other.fixed_count = 2);
+    OTHER(6, "data", N, "seed 5, not 6", (void)0);
+    OTHER(5, "dat", N, "", (void)0);
+    OTHER(5, "data", N - 1, "holds 6 trials, more than 5", (void)0);
     /* Lines say nothing about what is compared. */
     lg_search_file moved = file;
+    size_t count;
     moved.line[0] = 40;
     assert_ok(lg_trials_read(NULL, path, &moved, 5, "data", N, back, &count, NULL));
 }
@@ -438,7 +433,6 @@ static lg_status session_go(session *s) {
     if (s->tear) {
         unsigned char *data = read_bytes_of(s->path, &size);
         write_bytes_to(s->path, data, size - 5);
-        free(data);
     }
     const lg_status found = lg_trials_read(NULL, s->path, s->file, 1, "d", 12, trials, &count, NULL);
     assert_true(found == LG_OK || found == LG_NOT_FOUND);
@@ -455,11 +449,9 @@ TEST("a resumed search ends as one that was not interrupted") {
     session one = {.file = &file, .path = whole};
     assert_ok(session_go(&one));
     size_t size;
-    char *text = (char *)read_bytes_of(whole, &size);
-    text[size] = '\0';
+    const char *text = (const char *)read_bytes_of(whole, &size);
     assert_non_null(strstr(text, "pruned"));
     assert_non_null(strstr(text, "done"));
-    free(text);
     for (long stop = 1; stop <= one.epochs; stop++) {
         session two = {.file = &file, .path = parts, .stop_at = stop};
         (void)unlink(parts);

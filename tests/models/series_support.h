@@ -6,18 +6,6 @@
 
 #include "liegrad/detector.h"
 
-/* own_TYPE(value): the running test gives back what the value holds. */
-#define OWNED(type, destroy)                                                                                 \
-    static inline void release_##type(void *value) {                                                         \
-        destroy(value);                                                                                      \
-    }                                                                                                        \
-    static inline type own_##type(type value) {                                                              \
-        type *copy = TEST_ARRAY(type, 1);                                                                    \
-        *copy = value;                                                                                       \
-        lg_test_owns(copy, release_##type);                                                                  \
-        return value;                                                                                        \
-    }
-
 OWNED(lg_series, lg_series_destroy)
 OWNED(lg_windows, lg_windows_destroy)
 OWNED(lg_scaler, lg_scaler_destroy)
@@ -28,21 +16,21 @@ static inline lg_series make_series(size_t count, uint32_t channels, uint32_t le
     lg_series s = {.count = count, .channels = channels, .length = length, .classes = classes};
     assert_ok(lg_series_allocate(NULL, &s, group, run));
     for (size_t i = 0; i < count; i++) s.label[i] = (uint32_t)(i % classes);
-    return own_lg_series(s);
+    return *own_lg_series(s);
 }
 
 static inline lg_windows cut_windows(const lg_series *s, size_t length, size_t hop) {
     lg_windows w;
     lg_error error;
     if (lg_windows_create(NULL, s, length, hop, &w, &error) != LG_OK) fail_msg("%s", error.message);
-    return own_lg_windows(w);
+    return *own_lg_windows(w);
 }
 
 static inline lg_scaler fit_scaler(const lg_series *s, const lg_windows *w, const uint32_t *chosen,
                                    size_t count, bool centred) {
     lg_scaler scaler;
     assert_ok(lg_scaler_fit(NULL, s, w, chosen, count, centred, &scaler));
-    return own_lg_scaler(scaler);
+    return *own_lg_scaler(scaler);
 }
 
 #endif

@@ -82,7 +82,7 @@ static lg_detector_data data_of(const sounds *s, const lg_detector *model, size_
     if (lg_detector_data_create(NULL, model, &s->scaler, &s->series, &s->windows, s->chosen, count, dtype,
                                 &data, &error) != LG_OK)
         fail_msg("%s", error.message);
-    return own_lg_detector_data(data);
+    return *own_lg_detector_data(data);
 }
 
 /* ---- scaling ---- */

@@ -7,10 +7,6 @@
 #include "liegrad/nn.h"
 #include "liegrad/ops.h"
 
-static inline void release_context(void *context) {
-    lg_context_destroy(context);
-}
-
 /* A context of the running test that the flag cancels. */
 static inline lg_context *cancelled_by(const volatile int *cancel) {
     lg_context_options options;

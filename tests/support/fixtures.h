@@ -30,6 +30,22 @@
     static void name##_on_tape(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,    \
                                lg_var *out)
 
+/* own_TYPE(value): a copy whose contents the running test gives back with destroy(copy). */
+#define OWNED(type, destroy)                                                                                 \
+    static inline void release_##type(void *value) {                                                         \
+        destroy(value);                                                                                      \
+    }                                                                                                        \
+    static inline type *own_##type(type value) {                                                             \
+        type *copy = TEST_ARRAY(type, 1);                                                                    \
+        *copy = value;                                                                                       \
+        lg_test_owns(copy, release_##type);                                                                  \
+        return copy;                                                                                         \
+    }
+
+static inline void release_context(void *context) {
+    lg_context_destroy(context);
+}
+
 static inline void release_tape(void *tape) {
     lg_tape_destroy(tape);
 }

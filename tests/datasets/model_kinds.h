@@ -1,0 +1,455 @@
+/* The kinds of models in files: examples of each, and its functions on lg_model_file. */
+#ifndef LG_MODEL_KINDS_H
+#define LG_MODEL_KINDS_H
+
+#include "io_test.h"
+
+#include "liegrad/detector.h"
+#include "liegrad/model.h"
+#include "liegrad/networks.h"
+#include "models/hamiltonian_internal.h"
+
+/* As exact as dtype. What a file holds is released by the file's own function: lg_alloc. */
+static inline double *numbers(size_t count, lg_rng *rng, lg_dtype dtype) {
+    double *out = lg_alloc(NULL, count, sizeof *out);
+    assert_non_null(out);
+    for (size_t i = 0; i < count; i++)
+        out[i] = dtype == LG_F32 ? (double)(float)lg_rng_normal(rng) : lg_rng_normal(rng);
+    return out;
+}
+
+static inline void draw_history(double **history, size_t epochs, lg_rng *rng) {
+    for (int i = 0; i < LG_FIT_SERIES_COUNT; i++) history[i] = numbers(epochs, rng, LG_F64);
+}
+
+enum { EPOCHS = 6, TRAINED = 3 };
+
+/* ---- Hamiltonians ---- */
+
+typedef struct hamiltonian_example {
+    const lg_hamiltonian_family *family;
+    uint32_t links;
+    lg_potential_kind potential;
+    lg_dtype dtype;
+} hamiltonian_example;
+
+static const hamiltonian_example hamiltonian_examples[] = {
+    {&lg_hamiltonian_chain, 2, LG_POTENTIAL_MLP, LG_F64},
+    {&lg_hamiltonian_chain, 1, LG_POTENTIAL_LINEAR, LG_F32},
+    {&lg_hamiltonian_separable, 2, LG_POTENTIAL_MLP, LG_F32},
+    {&lg_hamiltonian_separable, 3, LG_POTENTIAL_LINEAR, LG_F64},
+};
+
+static inline lg_hamiltonian_run make_hamiltonian_run(size_t which) {
+    static const uint32_t hidden[] = {4, 3};
+    const hamiltonian_example *e = &hamiltonian_examples[which];
+    lg_hamiltonian_run run = {.scheme = lg_scheme_find(e->family->scheme),
+                              .substeps = 2,
+                              .penalty = 0.125,
+                              .penalty_form = LG_PENALTY_SUM_ABSOLUTE,
+                              .training = {.dtype = e->dtype,
+                                           .epochs = 100,
+                                           .batch = 80,
+                                           .lr = 0.01,
+                                           .schedule = LG_SCHEDULE_COSINE,
+                                           .lr_gamma = 0.1,
+                                           .lr_step = 50,
+                                           .weight_decay = 1e-9,
+                                           .adam_eps = 1e-11,
+                                           .clip = 0.25,
+                                           .validation = 0.1,
+                                           .shards = 4,
+                                           .seed = UINT64_MAX},
+                              .trajectories = 500,
+                              .points = 5,
+                              .dt = 0.025};
+    (void)snprintf(run.system, sizeof run.system, "%s",
+                   e->family == &lg_hamiltonian_chain ? "pendulum-chain" : "quartic");
+    (void)snprintf(run.data_sha256, sizeof run.data_sha256, "%064d", 42);
+    assert_ok(lg_hamiltonian_init(&run.model, e->family, e->links, e->potential, hidden, 2, LG_TANH));
+    return run;
+}
+
+static inline void make_hamiltonian(size_t which, lg_hamiltonian_file *file) {
+    lg_rng rng;
+    lg_rng_seed(&rng, 3, 4);
+    *file = (lg_hamiltonian_file){.run = make_hamiltonian_run(which),
+                                  .adam_step = 700,
+                                  .has_rng = true,
+                                  .rng = rng,
+                                  .epochs_done = EPOCHS,
+                                  .has_e1 = true,
+                                  .e1 = 1.7e-7};
+    const size_t n = file->parameters = lg_hamiltonian_parameters(&file->run.model);
+    file->theta = numbers(n, &rng, file->run.training.dtype);
+    file->adam_m = numbers(n, &rng, LG_F64);
+    file->adam_v = numbers(n, &rng, LG_F64);
+    for (size_t i = 0; i < n; i++) file->adam_v[i] = fabs(file->adam_v[i]);
+    draw_history(file->history, EPOCHS, &rng);
+    for (int i = 0; i < EPOCHS; i++) file->history[LG_FIT_VALIDATION][i] = NAN;
+}
+
+static inline void same_hamiltonian(const lg_hamiltonian_file *a, const lg_hamiltonian_file *b) {
+    assert_memory_equal(a->adam_m, b->adam_m, b->parameters * sizeof(double));
+    assert_memory_equal(a->adam_v, b->adam_v, b->parameters * sizeof(double));
+    assert_true(a->adam_step == b->adam_step && a->has_rng == b->has_rng);
+    assert_memory_equal(&a->rng, &b->rng, sizeof b->rng);
+    assert_true(a->has_e1 == b->has_e1 && a->has_e2 == b->has_e2);
+    assert_close(a->e1, b->e1, 0, 0);
+    assert_memory_equal(&a->run.model.net, &b->run.model.net, sizeof b->run.model.net);
+}
+
+/* ---- surrogates ---- */
+
+typedef struct surrogate_example {
+    lg_surrogate_options options;
+    lg_dtype dtype;
+} surrogate_example;
+
+static const surrogate_example surrogate_examples[] = {
+    {{.kind = LG_SURROGATE_DISCRETE,
+      .architecture = LG_NET_MLP,
+      .hidden = 5,
+      .layers = 2,
+      .activation = LG_TANH,
+      .normalise = true,
+      .gamma = 7e-3},
+     LG_F32},
+    {{.kind = LG_SURROGATE_CONTINUOUS,
+      .architecture = LG_NET_MULT,
+      .embedding = 6,
+      .hidden = 4,
+      .layers = 2,
+      .activation = LG_SIGMOID,
+      .mirror = true,
+      .gamma = 2e-2},
+     LG_F64},
+    {{.kind = LG_SURROGATE_ANGLE,
+      .architecture = LG_NET_MULT_AFFINE,
+      .hidden = 3,
+      .layers = 1,
+      .activation = LG_SWISH,
+      .boundary = true},
+     LG_F64},
+    {{.kind = LG_SURROGATE_DISCRETE,
+      .architecture = LG_NET_RESNET,
+      .embedding = 4,
+      .hidden = 4,
+      .layers = 0,
+      .activation = LG_SINE},
+     LG_F64},
+};
+
+/* What surrogates and detectors of the tests are trained with. */
+static inline lg_training some_training(lg_dtype dtype, double validation) {
+    return (lg_training){.dtype = dtype,
+                         .epochs = 300,
+                         .batch = 32,
+                         .lr = 0.002,
+                         .schedule = LG_SCHEDULE_STEP,
+                         .lr_step = 100,
+                         .lr_gamma = 0.1,
+                         .weight_decay = 1e-7,
+                         .adam_eps = 1e-8,
+                         .clip = 0.5,
+                         .validation = validation,
+                         .shards = 2,
+                         .seed = 77};
+}
+
+static inline lg_surrogate_run make_surrogate_run(size_t which) {
+    const surrogate_example *e = &surrogate_examples[which];
+    lg_surrogate_run run = {.training = some_training(e->dtype, 0.2),
+                            .train_fraction = 0.9,
+                            .test_fraction = 0.1,
+                            .curves = 1000,
+                            .continuous = true};
+    assert_ok(lg_surrogate_init(&run.model, &e->options, 4, 3.3, 1.5, NULL));
+    (void)snprintf(run.data_sha256, sizeof run.data_sha256, "%064d", 42);
+    return run;
+}
+
+/* Example 1 has no test part, example 2 no errors. */
+static inline void make_surrogate(size_t which, lg_surrogate_file *file) {
+    lg_rng rng;
+    lg_rng_seed(&rng, 5, 6);
+    *file = (lg_surrogate_file){.run = make_surrogate_run(which),
+                                .trained_count = TRAINED,
+                                .has_errors = which != 2,
+                                .train_mse = which == 2 ? 0 : 2.5e-7,
+                                .test_mse = which == 1 || which == 2 ? NAN : 3.5e-7,
+                                .epochs_done = EPOCHS};
+    file->parameters = lg_surrogate_parameters(&file->run.model);
+    file->theta = numbers(file->parameters, &rng, file->run.training.dtype);
+    file->trained = numbers(8 * TRAINED, &rng, LG_F64);
+    draw_history(file->history, EPOCHS, &rng);
+}
+
+static inline void assert_same_or_nan(double a, double b) {
+    if (isnan(b))
+        assert_true(isnan(a));
+    else
+        assert_close(a, b, 0, 0);
+}
+
+static inline void same_surrogate(const lg_surrogate_file *a, const lg_surrogate_file *b) {
+    assert_memory_equal(&a->run.model.net, &b->run.model.net, sizeof b->run.model.net);
+    assert_int_equal(a->trained_count, b->trained_count);
+    assert_memory_equal(a->trained, b->trained, 8 * b->trained_count * sizeof(double));
+    assert_true(a->has_errors == b->has_errors);
+    if (b->has_errors) assert_close(a->train_mse, b->train_mse, 0, 0);
+    assert_same_or_nan(a->test_mse, b->test_mse);
+}
+
+/* ---- detectors ---- */
+
+typedef struct detector_example {
+    lg_cnn net; /* outputs by the loss */
+    uint32_t classes;
+    lg_detector_loss loss;
+    bool centred;
+    lg_dtype dtype;
+    const char *blocks; /* as the file says it */
+} detector_example;
+
+#define SMALL_BLOCK                                                                                          \
+    { 1, 2, 1, 0, LG_POOL_NONE, 1, 1 }
+
+static const detector_example detector_examples[] = {
+    {{.channels = 3,
+      .length = 40,
+      .blocks = 3,
+      .block = {{4, 5, 1, 0, LG_POOL_AVERAGE, 2, 2},
+                {5, 3, 2, 1, LG_POOL_MAX, 3, 1},
+                {2, 1, 1, 0, LG_POOL_NONE, 1, 1}},
+      .plane = 2,
+      .activation = LG_TANH},
+     2,
+     LG_DETECTOR_MSE,
+     true,
+     LG_F32,
+     "4 kernel 5 stride 1 padding 0 average 2/2, 5 kernel 3 stride 2 padding 1 max 3/1, 2 kernel 1 stride 1 "
+     "padding 0 none"},
+    {{.channels = 2,
+      .length = 9,
+      .blocks = 1,
+      .block = {{3, 4, 3, 3, LG_POOL_NONE, 1, 1}},
+      .plane = 0,
+      .activation = LG_RELU},
+     5,
+     LG_DETECTOR_CROSS_ENTROPY,
+     false,
+     LG_F64,
+     "3 kernel 4 stride 3 padding 3 none"},
+    {{.channels = 1, .length = 1, .blocks = 0, .plane = 3, .activation = LG_SWISH},
+     2,
+     LG_DETECTOR_CROSS_ENTROPY,
+     false,
+     LG_F64,
+     ""},
+    {{.channels = 1,
+      .length = 30,
+      .blocks = LG_CNN_MAX_BLOCKS,
+      .block = {SMALL_BLOCK,
+                SMALL_BLOCK,
+                SMALL_BLOCK,
+                SMALL_BLOCK,
+                SMALL_BLOCK,
+                SMALL_BLOCK,
+                SMALL_BLOCK,
+                {1, 2, 1, 1, LG_POOL_MAX, 2, 3}},
+      .plane = 1,
+      .activation = LG_SINE},
+     2,
+     LG_DETECTOR_MSE,
+     false,
+     LG_F64,
+     NULL},
+};
+
+static inline lg_detector_run make_detector_run(size_t which) {
+    const detector_example *e = &detector_examples[which];
+    lg_detector_run run = {
+        .model = {.net = e->net, .classes = e->classes, .loss = e->loss, .centred = e->centred},
+        .training = some_training(e->dtype, 0),
+        .split = LG_SPLIT_GROUP,
+        .test_fraction = 0.2,
+        .validation_fraction = 0.1,
+        .windows = 43200,
+        .window = e->net.length,
+        .hop = 150};
+    run.model.net.outputs = e->loss == LG_DETECTOR_MSE ? 1 : e->classes;
+    assert_ok(lg_cnn_init(&run.model.net, NULL));
+    assert_ok(lg_detector_check(&run.model, NULL));
+    (void)snprintf(run.data_sha256, sizeof run.data_sha256, "%064d", 42);
+    return run;
+}
+
+/* Example 1 has no error, example 2 knows neither errors, rate nor channels. */
+static inline void make_detector(size_t which, lg_detector_file *file) {
+    const detector_example *e = &detector_examples[which];
+    lg_rng rng;
+    lg_rng_seed(&rng, 5, 6);
+    const uint32_t channels = e->net.channels;
+    *file = (lg_detector_file){.run = make_detector_run(which),
+                               .rate = which == 2 ? 0 : 10,
+                               .accuracy = which == 2 ? NAN : 0.9875,
+                               .f1 = which == 2 ? NAN : 0.75,
+                               .test_mse = which == 1 || which == 2 ? NAN : 1.5e-3,
+                               .epochs_done = EPOCHS};
+    file->parameters = lg_cnn_parameters(&file->run.model.net);
+    file->theta = numbers(file->parameters, &rng, e->dtype);
+    file->scaler = (lg_scaler){.channels = channels, .mean = numbers(channels, &rng, LG_F64)};
+    file->scaler.scale = numbers(channels, &rng, LG_F64);
+    file->class_name = lg_alloc(NULL, e->classes, sizeof *file->class_name);
+    file->class_label = lg_alloc(NULL, e->classes, sizeof *file->class_label);
+    if (which != 2) file->channel_name = lg_alloc(NULL, channels, sizeof *file->channel_name);
+    for (uint32_t c = 0; c < channels; c++) {
+        file->scaler.scale[c] = 0.1 + fabs(file->scaler.scale[c]);
+        if (which != 2) (void)snprintf(file->channel_name[c], LG_SERIES_NAME, "acc_%u_x", c);
+    }
+    for (uint32_t c = 0; c < e->classes; c++) {
+        (void)snprintf(file->class_name[c], LG_SERIES_NAME, "state %u", c);
+        (void)snprintf(file->class_label[c], LG_SERIES_NAME, "%u", c + 1);
+    }
+    draw_history(file->history, EPOCHS, &rng);
+}
+
+static inline void assert_same_net(const lg_cnn *a, const lg_cnn *b) {
+    assert_int_equal(a->channels, b->channels);
+    assert_int_equal(a->length, b->length);
+    assert_int_equal(a->blocks, b->blocks);
+    assert_memory_equal(a->block, b->block, b->blocks * sizeof *b->block);
+    assert_memory_equal(a->lengths, b->lengths, (b->blocks + 1) * sizeof *b->lengths);
+    assert_int_equal(a->plane, b->plane);
+    assert_int_equal(a->outputs, b->outputs);
+    assert_int_equal(a->activation, b->activation);
+}
+
+static inline void same_detector(const lg_detector_file *a, const lg_detector_file *b) {
+    const lg_detector *have = &a->run.model, *want = &b->run.model;
+    const size_t channels = want->net.channels;
+    assert_same_net(&have->net, &want->net);
+    assert_true(have->classes == want->classes && have->loss == want->loss && have->centred == want->centred);
+    assert_int_equal(a->scaler.channels, channels);
+    assert_memory_equal(a->scaler.mean, b->scaler.mean, channels * sizeof(double));
+    assert_memory_equal(a->scaler.scale, b->scaler.scale, channels * sizeof(double));
+    assert_memory_equal(a->class_name, b->class_name, want->classes * LG_SERIES_NAME);
+    assert_non_null(a->class_label);
+    assert_memory_equal(a->class_label, b->class_label, want->classes * LG_SERIES_NAME);
+    assert_true((a->channel_name != NULL) == (b->channel_name != NULL));
+    if (b->channel_name != NULL)
+        assert_memory_equal(a->channel_name, b->channel_name, channels * LG_SERIES_NAME);
+    assert_close(a->rate, b->rate, 0, 0);
+    assert_same_or_nan(a->accuracy, b->accuracy);
+    assert_same_or_nan(a->f1, b->f1);
+    assert_same_or_nan(a->test_mse, b->test_mse);
+}
+
+/* ---- the kinds ---- */
+
+/* What files of all kinds have. */
+typedef struct common {
+    void *run;
+    lg_training *training;
+    size_t parameters, epochs_done;
+    double *theta, **history;
+    lg_provenance *provenance;
+} common;
+
+typedef struct kind_row {
+    const char *name, *checkpoint;
+    const lg_run_kind *run;
+    size_t examples, bad, single; /* examples: how many, the one that is made bad, one in single precision */
+    size_t loads, saves;          /* allocations at the least */
+    void (*make)(size_t which, lg_model_file *out);
+    lg_status (*save)(const lg_context *context, const char *path, const lg_model_file *file,
+                      const lg_fit *fit, lg_error *error);
+    lg_status (*load)(const lg_context *context, const char *path, const lg_read_options *options,
+                      lg_model_file *out, lg_error *error);
+    void (*destroy)(lg_model_file *file);
+    common (*common)(lg_model_file *file);
+    void (*same)(const lg_model_file *a, const lg_model_file *b);
+    read_fn read, read_checkpoint;
+    fresh_fn fresh; /* the example that is made bad */
+} kind_row;
+
+static const kind_row kinds[LG_MODEL_KIND_COUNT];
+
+static inline const char *good_model(lg_model_kind kind, size_t which) {
+    char name[48];
+    (void)snprintf(name, sizeof name, "%s%zu.original", kinds[kind].name, which);
+    const char *path = scratch_path("model.h5"), *original = scratch_path(name);
+    if (access(original, F_OK) != 0) {
+        lg_model_file file;
+        kinds[kind].make(which, &file);
+        assert_ok(kinds[kind].save(NULL, original, &file, NULL, NULL));
+        kinds[kind].destroy(&file);
+    }
+    copy_file(original, path);
+    return path;
+}
+
+#define KIND_FUNCTIONS(k, K)                                                                                 \
+    static void make_any_##k(size_t which, lg_model_file *out) {                                             \
+        *out = (lg_model_file){.kind = LG_MODEL_##K};                                                        \
+        make_##k(which, &out->k);                                                                            \
+        (void)snprintf(out->k.provenance.command, sizeof out->k.provenance.command, "train");                \
+    }                                                                                                        \
+    static lg_status save_##k(const lg_context *context, const char *path, const lg_model_file *file,        \
+                              const lg_fit *fit, lg_error *error) {                                          \
+        return lg_model_save_##k(context, path, &file->k, fit, error);                                       \
+    }                                                                                                        \
+    static lg_status load_##k(const lg_context *context, const char *path, const lg_read_options *options,   \
+                              lg_model_file *out, lg_error *error) {                                         \
+        return lg_model_load_##k(context, path, options, &out->k, error);                                    \
+    }                                                                                                        \
+    static void destroy_##k(lg_model_file *file) {                                                           \
+        lg_##k##_file_destroy(&file->k);                                                                     \
+    }                                                                                                        \
+    static common common_##k(lg_model_file *file) {                                                          \
+        lg_##k##_file *f = &file->k;                                                                         \
+        return (common){&f->run,  &f->run.training, f->parameters, f->epochs_done,                           \
+                        f->theta, f->history,       &f->provenance};                                         \
+    }                                                                                                        \
+    static void same_any_##k(const lg_model_file *a, const lg_model_file *b) {                               \
+        same_##k(&a->k, &b->k);                                                                              \
+    }                                                                                                        \
+    static lg_status read_##k(const lg_context *context, const char *path, const lg_read_options *options,   \
+                              lg_error *error) {                                                             \
+        lg_model_file file;                                                                                  \
+        const lg_status status = load_##k(context, path, options, &file, error);                             \
+        if (status == LG_OK) destroy_##k(&file);                                                             \
+        return status;                                                                                       \
+    }                                                                                                        \
+    static lg_status read_checkpoint_##k(const lg_context *context, const char *path,                        \
+                                         const lg_read_options *options, lg_error *error) {                  \
+        lg_##k##_run run;                                                                                    \
+        lg_file_reader *reader;                                                                              \
+        const lg_status status =                                                                             \
+            lg_checkpoint_open(context, path, options, &lg_run_##k, &run, &reader, error);                   \
+        if (status == LG_OK) lg_file_reader_destroy(reader);                                                 \
+        return status;                                                                                       \
+    }                                                                                                        \
+    static const char *fresh_##k(void) {                                                                     \
+        return good_model(LG_MODEL_##K, kinds[LG_MODEL_##K].bad);                                            \
+    }
+
+KIND_FUNCTIONS(hamiltonian, HAMILTONIAN)
+KIND_FUNCTIONS(surrogate, SURROGATE)
+KIND_FUNCTIONS(detector, DETECTOR)
+
+#define KIND_ROW(k, checkpoint, bad, single, loads, saves)                                                   \
+    {                                                                                                        \
+#k, checkpoint, &lg_run_##k, LG_COUNT(k##_examples), bad, single, loads, saves, make_any_##k,        \
+            save_##k, load_##k, destroy_##k, common_##k, same_any_##k, read_##k, read_checkpoint_##k,        \
+            fresh_##k                                                                                        \
+    }
+
+static const kind_row kinds[LG_MODEL_KIND_COUNT] = {
+    [LG_MODEL_HAMILTONIAN] = KIND_ROW(hamiltonian, "checkpoint", 0, 2, 9, 8),
+    [LG_MODEL_SURROGATE] = KIND_ROW(surrogate, "surrogate-checkpoint", 1, 0, 8, 6),
+    [LG_MODEL_DETECTOR] = KIND_ROW(detector, "detector-checkpoint", 1, 0, 12, 8),
+};
+
+#endif
