@@ -351,8 +351,8 @@ static inline hsize_t open_identifiers(void) {
 
 /* ---- allocations that fail ---- */
 
-/* Calls act(context, user) with every allocation failing in turn; HDF5 keeps no identifier open. Returns how often it
- * failed. */
+/* Calls act(context, user) with every allocation failing in turn; HDF5 keeps no identifier open. Returns how
+ * often it failed. */
 static inline size_t
 fail_every_allocation(lg_status (*act)(const lg_context *context, void *user, lg_error *error), void *user) {
     lg_error error;

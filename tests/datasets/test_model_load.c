@@ -153,20 +153,6 @@ TEST("a missing file or argument is refused") {
     assert_status(lg_model_load(NULL, fresh(LG_MODEL_DETECTOR), NULL, NULL, NULL), LG_INVALID_ARGUMENT);
 }
 
-/* ---- damage ---- */
-
-TEST("a damaged file of any kind, and bad weights, are refused") {
-    static const damage of[LG_MODEL_KIND_COUNT] = {
-        [LG_MODEL_HAMILTONIAN] = {"model/potential/layer1/weight", ARRAY(NAN, 6, 4), LG_NOT_FINITE, ""},
-        [LG_MODEL_SURROGATE] = {"model/embedding/weight", ARRAY(1, 6, 9), LG_FORMAT, ""},
-        [LG_MODEL_DETECTOR] = {"scaler/scale", GONE, LG_FORMAT, ""}};
-    for (int kind = 0; kind < LG_MODEL_KIND_COUNT; kind++) {
-        refuse_damaged_files(read_any, kinds[kind].fresh(), "");
-        survive_changed_bytes(read_any, kinds[kind].fresh(), 60);
-        refuse_damage(read_any, kinds[kind].fresh, &of[kind], 1);
-    }
-}
-
 TEST("every allocation may fail, and nothing leaks") {
     for (int kind = 0; kind < LG_MODEL_KIND_COUNT; kind++)
         assert_true(fail_every_reading(read_any, fresh((lg_model_kind)kind)) >= 2);

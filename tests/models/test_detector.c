@@ -319,14 +319,7 @@ TEST("the presets have their published settings, and losses their names") {
     assert_close(lg_detector_preset_find("thesis", NAN)->noise, 1, 0, 0);
     assert_null(lg_detector_preset_find("worst", 1.0));
     assert_null(lg_detector_preset_find(NULL, 1.0));
-    for (int i = 0; i < LG_DETECTOR_LOSS_COUNT; i++) {
-        lg_detector_loss found = (lg_detector_loss)LG_DETECTOR_LOSS_COUNT;
-        assert_ok(lg_detector_loss_parse(lg_detector_loss_name((lg_detector_loss)i), &found));
-        assert_int_equal(found, i);
-    }
-    lg_detector_loss kept = LG_DETECTOR_CROSS_ENTROPY;
-    assert_status(lg_detector_loss_parse("hinge", &kept), LG_NOT_FOUND);
-    assert_int_equal(kept, LG_DETECTOR_CROSS_ENTROPY);
+    ASSERT_NAMED(lg_detector_loss, lg_detector_loss, LG_DETECTOR_LOSS_COUNT);
 }
 
 /* ---- bad input ---- */

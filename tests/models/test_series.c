@@ -169,17 +169,6 @@ TEST("a random split is one of each class, and its test part depends on the seed
     assert_int_equal(split_of(&s, &w, LG_SPLIT_RANDOM, 0.0, 0.0, 7, parts).part[LG_PART_TRAIN], N);
 }
 
-TEST("a random split is shuffled") {
-    enum { N = 1000 };
-    uint8_t parts[N];
-    lg_series s = make_series(N, 1, 1, 1, false, false);
-    lg_windows w = cut_windows(&s, 0, 0);
-    (void)split_of(&s, &w, LG_SPLIT_RANDOM, 0.5, 0.0, 3, parts);
-    size_t first_half = 0;
-    for (size_t i = 0; i < N / 2; i++) first_half += parts[i] == LG_PART_TEST;
-    assert_in_range(first_half, 200, 300); /* six standard deviations of a fair draw */
-}
-
 TEST("windows of a run, or of a group, stay together") {
     enum { STATES = 18, RUNS = 6, STORED = 4, N = STATES * RUNS * STORED };
     uint8_t parts[4 * N];
@@ -266,15 +255,7 @@ TEST("bad fractions, missing units and empty parts are refused") {
 }
 
 TEST("splits have their names") {
-    for (int i = 0; i < LG_SPLIT_COUNT; i++) {
-        lg_split found = (lg_split)LG_SPLIT_COUNT;
-        assert_ok(lg_split_parse(lg_split_name((lg_split)i), &found));
-        assert_int_equal(found, i);
-    }
-    lg_split kept = LG_SPLIT_RUN;
-    assert_status(lg_split_parse("rnu", &kept), LG_NOT_FOUND);
-    assert_int_equal(kept, LG_SPLIT_RUN);
-    assert_string_equal(lg_split_name((lg_split)LG_SPLIT_COUNT), "unknown");
+    ASSERT_NAMED(lg_split, lg_split, LG_SPLIT_COUNT);
 }
 
 TEST("folds are dealt class by class") {

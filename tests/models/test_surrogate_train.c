@@ -191,42 +191,6 @@ TEST("single precision is double precision to its rounding") {
     }
 }
 
-static void reflect(lg_elastica_curves *set) {
-    const size_t nodes = ((size_t)set->intervals + 1) * set->count;
-    for (size_t i = 1; i < 8 * set->count; i += 2) set->boundary[i] = -set->boundary[i];
-    for (size_t i = 1; i < 2 * nodes; i += 2) set->q[i] = -set->q[i];
-    for (size_t i = 1; i < 2 * nodes; i += 2) set->v[i] = -set->v[i];
-}
-
-TEST("with the mirror a set and its mirror image are one, and without they are not") {
-    lg_elastica_curves set = make_curves(CURVES, 8), image = make_curves(CURVES, 8);
-    reflect(&image);
-    for (size_t which = 0; which < TEST_OPTIONS; which++) {
-        const small s = make_small(which, 8, TEST_LENGTH, 10);
-        const lg_surrogate_problem problem = {&s.model, &set, everything, CURVES};
-        const lg_surrogate_problem mirrored = {&s.model, &image, everything, CURVES};
-        const double a = whole_loss(&problem, s.theta, NULL), b = whole_loss(&mirrored, s.theta, NULL);
-        assert_true(s.model.options.mirror ? a == b : fabs(a - b) > 1e-6);
-    }
-}
-
-TEST("a network that gives the curve itself has loss 0, or what one wrong number costs") {
-    enum { N = 5 };
-    const small s = make_small(1, N, TEST_LENGTH, 11);
-    lg_elastica_curves set = make_curves(1, N);
-    const lg_surrogate_problem problem = {&s.model, &set, everything, 1};
-    double *bias = s.theta + s.parameters - 4 * (N - 1);
-    memset(s.theta, 0, s.parameters * sizeof *s.theta);
-    memcpy(bias, set.q + 2, 2 * (N - 1) * sizeof *bias);
-    memcpy(bias + 2 * (N - 1), set.v + 2, 2 * (N - 1) * sizeof *bias);
-    assert_close(whole_loss(&problem, s.theta, NULL), 0.0, 0.0, 0.0);
-    bias[3] += 0.5; /* q_2y: two differences */
-    assert_close(whole_loss(&problem, s.theta, NULL), 0.25 / 16.0 + 0.3 * 2.0 * 0.25 / 20.0, 1e-14, 0.0);
-    bias[3] -= 0.5;
-    bias[15] += 0.5; /* v_4y, beside the end: still two, one of them to the end */
-    assert_close(whole_loss(&problem, s.theta, NULL), 0.25 / 16.0 + 0.3 * 2.0 * 0.25 / 20.0, 1e-14, 0.0);
-}
-
 TEST("problems without curves, with others or of another length are refused") {
     static const uint32_t beyond[2] = {0, CURVES};
     const small s = make_small(2, 6, TEST_LENGTH, 13);

@@ -242,15 +242,7 @@ TEST("a description that is refused is told by its block and left as it was") {
 }
 
 TEST("poolings have their names") {
-    for (int i = 0; i < LG_POOLING_COUNT; i++) {
-        lg_pooling found = (lg_pooling)LG_POOLING_COUNT;
-        assert_ok(lg_pooling_parse(lg_pooling_name((lg_pooling)i), &found));
-        assert_int_equal(found, i);
-    }
-    lg_pooling kept = LG_POOL_MAX;
-    assert_status(lg_pooling_parse("mean", &kept), LG_NOT_FOUND);
-    assert_int_equal(kept, LG_POOL_MAX);
-    assert_string_equal(lg_pooling_name((lg_pooling)LG_POOLING_COUNT), "unknown");
+    ASSERT_NAMED(lg_pooling, lg_pooling, LG_POOLING_COUNT);
 }
 
 TEST("each law of initialisation has its deviation by fan in and fan out, and its biases") {

@@ -111,9 +111,7 @@ TEST("each law of initialisation has its bounds, variance and biases") {
         assert_int_equal(biases > 0.0, expected[kind].bias);
         for (size_t i = 0; i < lg_mlp_parameters(&net); i++) assert_true(isfinite(theta[i]));
     }
-    lg_initialisation untouched = LG_INIT_HE_NORMAL;
-    assert_status(lg_initialisation_parse("xavier", &untouched), LG_NOT_FOUND);
-    assert_int_equal(untouched, LG_INIT_HE_NORMAL);
+    ASSERT_NAMED(lg_initialisation, lg_initialisation, LG_INITIALISATION_COUNT);
 }
 
 /* What the network gives on a tape, and the gradient of the first output as recorded and by the tape. */

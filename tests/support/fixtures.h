@@ -30,6 +30,20 @@
     static void name##_on_tape(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,    \
                                lg_var *out)
 
+/* prefix_parse() takes what prefix_name() gives of all values of an enumeration, and leaves its output where
+ * it knows no such name. */
+#define ASSERT_NAMED(type, prefix, count)                                                                    \
+    do {                                                                                                     \
+        type found_ = (type)0;                                                                               \
+        for (int i_ = 0; i_ < (int)(count); i_++) {                                                          \
+            assert_ok(prefix##_parse(prefix##_name((type)i_), &found_));                                     \
+            assert_int_equal(found_, i_);                                                                    \
+        }                                                                                                    \
+        assert_status(prefix##_parse("no such name", &found_), LG_NOT_FOUND);                                \
+        assert_int_equal(found_, (int)(count)-1);                                                            \
+        assert_string_equal(prefix##_name((type)(count)), "unknown");                                        \
+    } while (0)
+
 /* own_TYPE(value): a copy whose contents the running test gives back with destroy(copy). */
 #define OWNED(type, destroy)                                                                                 \
     static inline void release_##type(void *value) {                                                         \
