@@ -258,6 +258,8 @@ static bool over_input(planning *p, uint32_t node, uint32_t now) {
 
 static void give_place(planning *p, uint32_t node, uint32_t now) {
     item *it = &p->item[node];
+    if (it->place.area == LG_AREA_OUTPUT)
+        p->plan->spill[it->place.number] = give_room(p, p->g.node[node].count);
     if (it->place.area != LG_AREA_NONE || over_input(p, node, now)) return;
     it->place = (lg_place){LG_AREA_WORK, 0, give_room(p, p->g.node[node].count)};
 }
@@ -468,8 +470,7 @@ static lg_status add_dense(planning *p, uint32_t node) {
                           .b = {LG_AREA_NONE, 0, 0},
                           .kind = (lg_activation)n->attr.i[0]};
     if (product->inputs > 2) made.b = place_of(p, product->in[2]);
-    if (p->item[node].place.area == LG_AREA_NONE)
-        p->item[node].place = (lg_place){LG_AREA_WORK, 0, give_room(p, n->count)};
+    give_place(p, node, UINT32_MAX);
     made.y = p->item[node].place;
     step->dense = made;
     return p->failed ? LG_OUT_OF_MEMORY : LG_OK;
@@ -522,7 +523,6 @@ static void place_outputs(planning *p) {
         p->plan->spill[j] = LG_NO_SPILL;
         if ((it->fate != CODE && it->fate != TENSOR) || it->place.area != LG_AREA_NONE) continue;
         it->place = (lg_place){LG_AREA_OUTPUT, (uint32_t)j, 0};
-        p->plan->spill[j] = give_room(p, p->plan->output_count[j]);
     }
 }
 

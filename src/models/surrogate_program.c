@@ -104,14 +104,6 @@ static lg_var boundary_input(const drawing *d, lg_var x, lg_var sign) {
     return lg_div(t, lg_sub(t, seen, row(d, centre, BOUNDARY)), row(d, scale, BOUNDARY));
 }
 
-/* The network's input; s (B, 1) where there is a place, x of as many rows or one. */
-static lg_var curve_input(const drawing *d, lg_var s, lg_var x, lg_var sign) {
-    const lg_var ends = boundary_input(d, x, sign);
-    if (places(d->model) == 0) return ends;
-    return beside(d, lg_scale(d->tape, s, 1.0 / d->model->length),
-                  lg_broadcast_to(d->tape, ends, lg_shape2(rows_of(d, s), BOUNDARY)));
-}
-
 /* Outputs that are points, and count from q0, stand before the tangents. */
 static uint32_t points_in(const lg_surrogate *model) {
     return model->options.kind == LG_SURROGATE_DISCRETE ? model->net.outputs / 2 : model->net.outputs;
@@ -128,11 +120,27 @@ static lg_var hand_over(const drawing *d, lg_var f, lg_var x, lg_var sign) {
     return n == outputs ? q : beside(d, q, columns(d, y, n, outputs - n));
 }
 
+/* x -> R and what the network takes of x (B, 9) */
+static lg_status curve_side(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
+    const drawing d = {t, user, theta[0]};
+    const lg_var sign = sign_of(&d, in[0]);
+    y[0] = beside(&d, sign, boundary_input(&d, in[0], sign));
+    return lg_tape_status(t);
+}
+
+/* The same by a call: the network's input, and R. */
+static lg_var called_input(const drawing *d, lg_var s, lg_var x, lg_var *sign) {
+    const lg_var side = lg_program_call(d->tape, "side", 0, &x);
+    const lg_var ends = columns(d, side, 1, BOUNDARY);
+    *sign = columns(d, side, 0, 1);
+    return places(d->model) == 0 ? ends : beside(d, lg_scale(d->tape, s, 1.0 / d->model->length), ends);
+}
+
 static lg_status curve_value(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
     const drawing d = {t, user, theta[0]};
     const lg_var x = columns(&d, in[0], places(d.model), BOUNDARY), s = columns(&d, in[0], 0, 1);
-    const lg_var sign = sign_of(&d, x);
-    y[0] = hand_over(&d, net(&d, curve_input(&d, s, x, sign)), x, sign);
+    lg_var sign = LG_NONE, input = called_input(&d, s, x, &sign);
+    y[0] = hand_over(&d, net(&d, input), x, sign);
     return lg_tape_status(t);
 }
 
@@ -214,7 +222,7 @@ static lg_status curve_gradient(void *user, lg_tape *t, const lg_var *theta, con
     const drawing d = {t, user, theta[0]};
     const uint32_t first = places(d.model), rows = rows_of(&d, in[0]);
     const lg_var x = columns(&d, in[0], first, BOUNDARY), s = columns(&d, in[0], 0, 1);
-    const lg_var sign = sign_of(&d, x), input = curve_input(&d, s, x, sign);
+    lg_var sign = LG_NONE, input = called_input(&d, s, x, &sign);
     y[0] = hand_over(&d, net(&d, input), x, sign);
     const lg_var by = net_jacobian(&d, input, MOST_DIRECTIONS - 1 + first);
     y[1] = input_columns(&d, lg_mul(t, reflected_rows(&d, by, sign), moves(&d, sign, rows)));
@@ -312,14 +320,19 @@ static lg_status angle_gradient(void *user, lg_tape *t, const lg_var *theta, con
 
 /* ---- along a curve ---- */
 
+/* Numbers of the curve (count) for every row of s. */
+static lg_var for_all(const drawing *d, lg_var numbers, uint32_t count, lg_var s) {
+    const lg_var row = lg_reshape(d->tape, numbers, lg_shape2(1, count));
+    return lg_broadcast_to(d->tape, row, lg_shape2(rows_of(d, s), count));
+}
+
 /* s, x of the curve -> q, v */
 static lg_status curve_point(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
     const drawing d = {t, user, theta[0]};
-    const lg_var x = lg_reshape(t, in[1], lg_shape2(1, BOUNDARY)), sign = sign_of(&d, x);
+    const lg_var x = for_all(&d, in[1], BOUNDARY, in[0]);
     const double along[1 + BOUNDARY] = {1.0 / d.model->length};
-    lg_var f = LG_NONE, slope = LG_NONE;
-    LG_TRY(lg_net_record_jvp(t, &d.model->net, d.theta, 0, curve_input(&d, in[0], x, sign),
-                             row(&d, along, 1 + BOUNDARY), &f, &slope));
+    lg_var f = LG_NONE, slope = LG_NONE, sign = LG_NONE, input = called_input(&d, in[0], x, &sign);
+    LG_TRY(lg_net_record_jvp(t, &d.model->net, d.theta, 0, input, row(&d, along, 1 + BOUNDARY), &f, &slope));
     y[0] = hand_over(&d, f, x, sign);
     y[1] = reflected(&d, slope, sign);
     return lg_tape_status(t);
@@ -328,8 +341,8 @@ static lg_status curve_point(void *user, lg_tape *t, const lg_var *theta, const 
 /* s, x of the curve -> q */
 static lg_status curve_place(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
     const drawing d = {t, user, theta[0]};
-    const lg_var x = lg_reshape(t, in[1], lg_shape2(1, BOUNDARY)), sign = sign_of(&d, x);
-    y[0] = hand_over(&d, net(&d, curve_input(&d, in[0], x, sign)), x, sign);
+    const lg_var both = beside(&d, in[0], for_all(&d, in[1], BOUNDARY, in[0]));
+    y[0] = lg_program_call(t, "value", 0, &both);
     return lg_tape_status(t);
 }
 
@@ -365,18 +378,20 @@ static const lg_port angle_in[2] = {{.name = "s", .shape = {1, {1}}},
                                     {.name = "ends", .shape = {1, {CURVE_NUMBERS}}, .shared = true}};
 static const lg_port value_out[2] = {{.name = "y"}, {.name = "g"}};
 static const lg_port point_out[2] = {{.name = "q"}, {.name = "v"}};
-static const lg_port ends_out = {.name = "ends"}, theta_out = {.name = "theta"};
+static const lg_port side_out = {.name = "side"}, ends_out = {.name = "ends"}, theta_out = {.name = "theta"};
 
-enum { MOST_FUNCTIONS = 4 };
+enum { MOST_FUNCTIONS = 5 };
 static const struct bundle {
     const char *description;
     lg_function_spec function[MOST_FUNCTIONS];
 } bundles[LG_SURROGATE_KIND_COUNT] = {
     [LG_SURROGATE_DISCRETE] = {"discrete surrogate of a beam",
-                               {{"value", &x8, 1, value_out, 1, curve_value, NULL},
+                               {{"side", &x8, 1, &side_out, 1, curve_side, NULL},
+                                {"value", &x8, 1, value_out, 1, curve_value, NULL},
                                 {"grad", &x8, 1, value_out, 2, curve_gradient, NULL}}},
     [LG_SURROGATE_CONTINUOUS] = {"continuous surrogate of a beam",
-                                 {{"value", &x9, 1, value_out, 1, curve_value, NULL},
+                                 {{"side", &x8, 1, &side_out, 1, curve_side, NULL},
+                                  {"value", &x9, 1, value_out, 1, curve_value, NULL},
                                   {"grad", &x9, 1, value_out, 2, curve_gradient, NULL},
                                   {"point", point_in, 2, point_out, 2, curve_point, NULL},
                                   {"place", point_in, 2, point_out, 1, curve_place, NULL}}},
