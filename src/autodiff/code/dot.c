@@ -1,16 +1,28 @@
+/* Clang would write such a loop out where it knows n, or turn several of them into one with gathers, but should
+ * have it in place. */
+#if defined(__clang__)
+#define AS_IT_STANDS _Pragma("clang loop vectorize(disable) unroll(disable)")
+#define IN_PLACE     inline
+#else
+#define AS_IT_STANDS
+#define IN_PLACE
+#endif
+
 /* Sum of w[i] x[i]: eight partial sums side by side, which compilers keep in one vector. */
-static real dot(int n, const real *RESTRICT w, const real *RESTRICT x) {
+static IN_PLACE real dot(int n, const real *RESTRICT w, const real *RESTRICT x) {
     real s0 = REAL(0.0), s1 = s0, s2 = s0, s3 = s0, s4 = s0, s5 = s0, s6 = s0, s7 = s0;
-    for (; n >= 8; n -= 8, w += 8, x += 8) {
-        s0 += w[0] * x[0];
-        s1 += w[1] * x[1];
-        s2 += w[2] * x[2];
-        s3 += w[3] * x[3];
-        s4 += w[4] * x[4];
-        s5 += w[5] * x[5];
-        s6 += w[6] * x[6];
-        s7 += w[7] * x[7];
+    const int whole = n - n % 8;
+    AS_IT_STANDS
+    for (int i = 0; i < whole; i += 8) {
+        s0 += w[i] * x[i];
+        s1 += w[i + 1] * x[i + 1];
+        s2 += w[i + 2] * x[i + 2];
+        s3 += w[i + 3] * x[i + 3];
+        s4 += w[i + 4] * x[i + 4];
+        s5 += w[i + 5] * x[i + 5];
+        s6 += w[i + 6] * x[i + 6];
+        s7 += w[i + 7] * x[i + 7];
     }
-    for (; n > 0; n--) s0 += *w++ * *x++;
+    for (int i = whole; i < n; i++) s0 += w[i] * x[i];
     return ((s0 + s4) + (s2 + s6)) + ((s1 + s5) + (s3 + s7));
 }
