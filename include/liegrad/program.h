@@ -67,8 +67,8 @@ typedef struct lg_function_spec {
 } lg_function_spec;
 
 /* Inside of a recording for lg_program_build: calls a function that the same program has already and returns one of
- * its outputs. On the tape it is recorded as by lg_program_record. The program keeps a call: its plans and its C have
- * the called function once, however often it is called. Inputs: as many as the function has. Errors stick to the
+ * its outputs. On the tape it is recorded as by lg_program_record. The program keeps a call: its C, and plans that are
+ * asked for it (lg_plan_options.calls), have the called function once, however often it is called. Inputs: as many as the function has. Errors stick to the
  * tape: LG_NOT_FOUND (no such function or output so far, or no recording), those of lg_program_record. */
 LG_API lg_var lg_program_call(lg_tape *tape, const char *function, size_t output, const lg_var *inputs);
 /* How often `function` calls `callee` by itself. */
@@ -186,12 +186,13 @@ LG_API lg_status lg_program_add_loop(lg_program *program, const char *name, cons
 typedef struct lg_plan lg_plan;
 
 typedef struct lg_plan_options {
-    size_t size;      /* sizeof(lg_plan_options) */
-    size_t rows;      /* B >= 1; 1 */
-    lg_dtype dtype;   /* LG_F64; LG_F32: parameters are rounded, everything is computed in single precision */
-    bool mark_unfit;  /* true: a number of an input that is not finite makes all outputs NaN */
-    bool compact;     /* true: small tensors too are computed in loops, not written out */
-    bool packed;      /* true: less work memory, its tensors are not aligned to 64 bytes; slower */
+    size_t size;     /* sizeof(lg_plan_options) */
+    size_t rows;     /* B >= 1; 1 */
+    lg_dtype dtype;  /* LG_F64; LG_F32: parameters are rounded, everything is computed in single precision */
+    bool mark_unfit; /* true: a number of an input that is not finite makes all outputs NaN */
+    bool compact;    /* true: small tensors too are computed in loops, not written out */
+    bool packed;     /* true: less work memory, its tensors are not aligned to 64 bytes; slower */
+    bool calls; /* true: what is called is a plan of its own, which all calls share; false: written out */
     size_t max_size;  /* of constants and of work memory; planning takes up to four times as much; 1 GiB.
                         * Beyond: LG_OUT_OF_MEMORY */
     double most_work; /* operations on numbers of a run, and of computing constants; 1e13. Beyond:

@@ -8,11 +8,13 @@
 typedef struct making {
     lg_graph g;
     const lg_program *program;
-    const lg_function *f;
+    const lg_function *f;  /* what is looked at: the function, or one that it calls */
+    const uint32_t *input; /* nodes that are its inputs; NULL: inputs of the graph */
     size_t rows;
     lg_dtype dtype;
-    uint8_t *needed; /* by node of the function */
-    uint32_t *of;    /* node of the function -> node of the graph */
+    bool calls;      /* stay; else they are written out */
+    uint8_t *needed; /* by node of f */
+    uint32_t *of;    /* node of f -> node of the graph */
     const double **parameter;
     double work, most_work; /* of folding */
     bool symbolic;          /* parameters are inputs */
@@ -380,9 +382,9 @@ static uint32_t unread(const lg_function *f, const lg_program_node *n, size_t ro
     return op->unread(&attr, n->inputs);
 }
 
+/* What the results need that are marked. */
 static void mark_needed(making *m) {
     const lg_function *f = m->f;
-    for (size_t j = 0; j < f->outputs; j++) m->needed[f->result[j]] = 1;
     for (uint32_t i = f->nodes; i-- > 0;) {
         if (!m->needed[i]) continue;
         const uint32_t not = unread(f, &f->node[i], m->rows);
@@ -404,6 +406,7 @@ static const double *rounded(making *m, const double *values, size_t count, size
 
 static uint32_t leaf(making *m, const lg_program_node *n, lg_shape shape) {
     const size_t count = lg_shape_count(shape);
+    if (n->leaf == LG_LEAF_INPUT && m->input != NULL) return m->input[n->number];
     if (n->leaf == LG_LEAF_INPUT)
         return add(
             m, &(lg_graph_node){.sort = LG_GRAPH_INPUT, .number = n->number, .shape = shape, .count = count});
@@ -418,6 +421,32 @@ static uint32_t leaf(making *m, const lg_program_node *n, lg_shape shape) {
 static void tidy(lg_attr *attr, const lg_op *op) {
     for (uint32_t k = 0; k < LG_WHOLE_COUNT; k++)
         if (op->follows >> k & 1) attr->i[k] = 0;
+}
+
+static lg_status all_nodes(making *m, lg_error *error);
+
+/* The output of what the node calls, on its inputs: the called function's operations instead of the call. */
+static lg_status write_out(making *m, const lg_program_node *call, const uint32_t *in, uint32_t *out,
+                           lg_error *error) {
+    making inner = *m;
+    inner.f = &m->program->function[lg_called(call)];
+    inner.input = in;
+    inner.needed = take(m, inner.f->nodes, 1);
+    inner.of = take(m, inner.f->nodes, sizeof *inner.of);
+    if (m->failed) return LG_OUT_OF_MEMORY;
+    const uint32_t result = inner.f->result[lg_called_output(call)];
+    inner.needed[result] = 1;
+    const lg_status status = all_nodes(&inner, error);
+    m->g = inner.g;
+    m->work = inner.work;
+    m->failed = inner.failed;
+    *out = inner.of[result];
+    return status;
+}
+
+/* Loops stay. */
+static bool writes_out(const making *m, const lg_program_node *n) {
+    return n->op == &lg_op_call && !m->calls && m->program->function[lg_called(n)].times == 0;
 }
 
 static lg_status node(making *m, uint32_t i, lg_error *error) {
@@ -444,6 +473,7 @@ static lg_status node(making *m, uint32_t i, lg_error *error) {
         if (!lg_node_shape_at(&f->node[edge], m->rows, &shapes[k])) return LG_SHAPE;
         pointers[k] = &shapes[k];
     }
+    if (writes_out(m, from)) return write_out(m, from, in, &m->of[i], error);
     if (!lg_node_attr_at(f, from, m->rows, &made.attr) ||
         op->shape(pointers, from->inputs, &made.attr, &shape) != LG_OK || !lg_same_shape(&shape, &stated))
         return lg_fail(error, LG_SHAPE, "function '%s', operation %u (%s) does not fit %zu rows", f->name, i,
@@ -456,6 +486,13 @@ static lg_status node(making *m, uint32_t i, lg_error *error) {
                        "function '%s': what depends on parameters alone takes more than %.2g operations",
                        f->name, m->most_work);
     return m->failed ? LG_OUT_OF_MEMORY : LG_OK;
+}
+
+static lg_status all_nodes(making *m, lg_error *error) {
+    mark_needed(m);
+    for (uint32_t i = 0; i < m->f->nodes; i++)
+        if (m->needed[i]) LG_TRY(node(m, i, error));
+    return LG_OK;
 }
 
 /* What simplification left behind goes. */
@@ -487,23 +524,23 @@ static lg_status make(making *made, lg_graph *out, lg_error *error) {
     m.parameter = take(&m, m.program->parameters + 1, sizeof *m.parameter);
     m.g.result = take(&m, f->outputs, sizeof *m.g.result);
     if (m.failed) return LG_OUT_OF_MEMORY;
-    mark_needed(&m);
-    for (uint32_t i = 0; i < f->nodes; i++)
-        if (m.needed[i]) LG_TRY(node(&m, i, error));
+    for (size_t j = 0; j < f->outputs; j++) m.needed[f->result[j]] = 1;
+    LG_TRY(all_nodes(&m, error));
     for (size_t j = 0; j < f->outputs; j++) m.g.result[j] = m.of[f->result[j]];
     if (!drop_unused(&m)) return LG_OUT_OF_MEMORY;
     *out = m.g;
     return LG_OK;
 }
 
-lg_status lg_graph_make(lg_heap *heap, const lg_program *program, const lg_function *f, size_t rows,
-                        lg_dtype dtype, double most_work, lg_graph *out, lg_error *error) {
+lg_status lg_graph_make(lg_heap *heap, const lg_program *program, const lg_function *f,
+                        const lg_plan_options *options, lg_graph *out, lg_error *error) {
     making m = {.g = {.heap = heap},
                 .program = program,
                 .f = f,
-                .rows = rows,
-                .dtype = dtype,
-                .most_work = most_work};
+                .rows = options->rows,
+                .dtype = options->dtype,
+                .calls = options->calls,
+                .most_work = options->most_work};
     return make(&m, out, error);
 }
 

@@ -35,9 +35,10 @@ typedef struct lg_graph {
 /* The same for any parameters: they are inputs behind those of the function. */
 lg_status lg_graph_make_symbolic(lg_heap *heap, const lg_program *program, const lg_function *function,
                                  size_t rows, lg_graph *out, lg_error *error);
-/* LG_UNSUPPORTED: folding takes more than `most_work` operations. */
-lg_status lg_graph_make(lg_heap *heap, const lg_program *program, const lg_function *function, size_t rows,
-                        lg_dtype dtype, double most_work, lg_graph *out, lg_error *error);
+/* rows, dtype, calls and most_work as in the options. LG_UNSUPPORTED: folding takes more than most_work
+ * operations. */
+lg_status lg_graph_make(lg_heap *heap, const lg_program *program, const lg_function *function,
+                        const lg_plan_options *options, lg_graph *out, lg_error *error);
 
 /* Operations on numbers that a node takes, about: its elements times the terms of its longest sum. */
 double lg_graph_work(const lg_graph *graph, const lg_graph_node *node);

@@ -157,6 +157,7 @@ static bool write_function(writing *w, size_t index, const char *alias, bool hid
     options.mark_unfit = w->options->mark_unfit;
     options.compact = w->options->compact;
     options.packed = true;
+    options.calls = true;
     const char *storage = hidden ? "static " : "";
     if (!check_function(c, title)) return false;
     c->status = lg_plan_create(c->program, index, &options, &plan, c->error);

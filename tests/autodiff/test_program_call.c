@@ -66,7 +66,8 @@ static const double x[2][12] = {{1, 2, 3, 4, -1, 0.5, 7, 2, 0.1, 0.2, 0.3, 0.4},
                                 {2, -1, 0.5, 3, 1, 1, 1, 1, -2, 4, 0.25, 9}};
 
 /* Numbers of output 0 of `function` for so many rows; the depth of its plan. */
-static size_t values_of(lg_program *program, size_t function, size_t rows, lg_dtype dtype, double *y) {
+static size_t values_of(lg_program *program, size_t function, size_t rows, lg_dtype dtype, bool calls,
+                        double *y) {
     lg_plan_options options;
     lg_plan *plan;
     lg_error error;
@@ -74,6 +75,7 @@ static size_t values_of(lg_program *program, size_t function, size_t rows, lg_dt
     lg_plan_options_init(&options);
     options.rows = rows;
     options.dtype = dtype;
+    options.calls = calls;
     if (lg_plan_create(program, function, &options, &plan, &error) != LG_OK) fail_msg("%s", error.message);
     void *work = aligned_alloc(64, lg_plan_work_size(plan));
     for (size_t i = 0; i < 24; i++) single[i / 12][i % 12] = (float)x[i / 12][i % 12];
@@ -90,10 +92,13 @@ static size_t values_of(lg_program *program, size_t function, size_t rows, lg_dt
 
 static void assert_equal_functions(lg_program *a, lg_program *b, size_t function, size_t rows, size_t count) {
     double want[256] = {0}, got[256] = {1};
-    for (int single = 0; single < 2; single++) {
-        const size_t depth = values_of(a, function, rows, single ? LG_F32 : LG_F64, want);
+    for (int k = 0; k < 4; k++) {
+        const bool single = k % 2 == 1, calls = k / 2 == 1;
+        const lg_dtype dtype = single ? LG_F32 : LG_F64;
+        const size_t depth = values_of(a, function, rows, dtype, calls, want);
+        const size_t plain = values_of(b, function, rows, dtype, calls, got);
         /* the depth of what is called is that of all its outputs */
-        assert_true(depth >= values_of(b, function, rows, single ? LG_F32 : LG_F64, got));
+        assert_true(calls ? depth >= plain : depth == plain);
         for (size_t i = 0; i < count; i++) assert_close(got[i], want[i], single ? 1e-6 : 1e-15, 0);
     }
 }
@@ -160,8 +165,8 @@ TEST("images keep calls, and may call earlier functions with their shapes alone"
     assert_ok(add_changed(program, 2, 0, &error));
     assert_equal_functions(program, program, 3, 1, 4);
     double want[4], got[4];
-    (void)values_of(program, 2, 1, LG_F64, want);
-    (void)values_of(program, 3, 1, LG_F64, got);
+    (void)values_of(program, 2, 1, LG_F64, true, want);
+    (void)values_of(program, 3, 1, LG_F64, true, got);
     assert_memory_equal(want, got, sizeof want);
     static const struct {
         size_t which;
@@ -176,16 +181,21 @@ TEST("images keep calls, and may call earlier functions with their shapes alone"
 
 TEST("nothing is left behind when memory ends") {
     const lg_parameter_spec theta = {"theta", lg_shape1(4), weights};
-    EVERY_ALLOCATION_FAILS(context, 20, {
-        way w = {true, "product", 1};
-        const lg_function_spec functions[] = {{"product", pair, 2, results, 2, product, NULL},
-                                              {"thrice", pair, 2, results, 1, thrice, &w}};
-        const lg_program_spec spec = spec_of(&theta, 1, functions, LG_COUNT(functions));
-        lg_program *program = NULL;
-        lg_plan *plan = NULL;
-        status = lg_program_build(context, &spec, &program, NULL);
-        if (status == LG_OK) status = lg_plan_create(program, 1, NULL, &plan, NULL);
-        lg_plan_destroy(plan);
-        lg_program_destroy(program);
-    });
+    lg_plan_options options;
+    lg_plan_options_init(&options);
+    for (int calls = 0; calls < 2; calls++) {
+        options.calls = calls == 1;
+        EVERY_ALLOCATION_FAILS(context, 20, {
+            way w = {true, "product", 1};
+            const lg_function_spec functions[] = {{"product", pair, 2, results, 2, product, NULL},
+                                                  {"thrice", pair, 2, results, 1, thrice, &w}};
+            const lg_program_spec spec = spec_of(&theta, 1, functions, LG_COUNT(functions));
+            lg_program *program = NULL;
+            lg_plan *plan = NULL;
+            status = lg_program_build(context, &spec, &program, NULL);
+            if (status == LG_OK) status = lg_plan_create(program, 1, &options, &plan, NULL);
+            lg_plan_destroy(plan);
+            lg_program_destroy(program);
+        });
+    }
 }
