@@ -1,21 +1,25 @@
 /* Euler's elastica: equilibria of a planar inextensible beam clamped at both ends.
  *
  * The beam has length L and bending stiffness EI; its curve q(s), 0 <= s <= L, has the unit tangent
- * v(s) = q'(s) = (cos theta(s), sin theta(s)). Given q(0), q(L), theta(0) and the rotation theta(L) -
- * theta(0), it minimises the bending energy (EI/2) int |q''|^2 ds. Nothing here has units of its own: lengths
- * in one unit, EI in energy times length.
+ * v(s) = q'(s) = (cos theta(s), sin theta(s)). Given are q(0), q(L), theta(0) and the rotation
+ * theta(L) - theta(0); the curve minimises the bending energy (EI/2) int |q''|^2 ds. Any consistent units
+ * will do: lengths in one unit, EI in energy times length.
  *
  * Discrete problem. On N equal intervals of length h = L/N the energy is the trapezoidal rule on
- * (EI/2)(|a_k^-|^2 + |a_{k+1}^+|^2), a_k^- = ((-2 v_{k+1} - 4 v_k) h + 6 (q_{k+1} - q_k))/h^2 and a_{k+1}^+ =
- * ((4 v_{k+1} + 2 v_k) h - 6 (q_{k+1} - q_k))/h^2, subject to |v_k| = 1. For given tangents it is quadratic
- * in q, and what remains is a function of the N - 1 inner angles,
+ * (EI/2)(|a_k^-|^2 + |a_{k+1}^+|^2) with
+ *
+ *   a_k^-     = ((-2 v_{k+1} - 4 v_k) h + 6 (q_{k+1} - q_k))/h^2,
+ *   a_{k+1}^+ = ((4 v_{k+1} + 2 v_k) h - 6 (q_{k+1} - q_k))/h^2,
+ *
+ * subject to |v_k| = 1. For given tangents it is quadratic in q. Minimised over q it is a function of the
+ * N - 1 inner angles,
  *
  *   E(theta) = (EI/h) sum_k (1 - cos(theta_{k+1} - theta_k)) + P |r|^2,   P = 18 EI N^2/L^3,
  *   r = (q_N - q_0) - h (v_0/2 + v_1 + ... + v_{N-1} + v_N/2),
  *   q_{k+1} = q_k + (h/2)(v_k + v_{k+1}) + (h/L) r,
  *
- * whose Hessian is tridiagonal plus a matrix of rank two: a Newton step costs O(N), and its inertia is that
- * of the constrained problem (a minimum has no negative eigenvalue).
+ * Its Hessian is tridiagonal plus a matrix of rank two, so a Newton step costs O(N). The inertia of the
+ * Hessian is that of the constrained problem: a minimum has no negative eigenvalue.
  *
  * Continuous problem. EI theta'' = lx sin theta - ly cos theta with the end angles and int v ds = q_N - q_0;
  * (lx, ly) is the force in the beam.
@@ -42,10 +46,10 @@ typedef struct lg_elastica {
     double stiffness;   /* EI > 0; 10 */
     double q0[2];       /* (0, 0) */
     double qN[2];       /* (3, 0); |qN - q0| < L. It may be q0 */
-    double theta0;      /* tangent angle at s = 0, radians; at most 1e6 */
-    double rotation;    /* theta(L) - theta(0) followed along the beam, radians: whole turns count. At most
-                         * N/2 turns, and 20 */
-    uint32_t intervals; /* N, 50; continuous: the curve is asked for at its N + 1 nodes */
+    double theta0;      /* tangent angle at s = 0, radians; |theta0| <= 1e6 */
+    double rotation;    /* theta(L) - theta(0) along the beam, radians: whole turns count. At most N/2 turns
+                         * and at most 20 */
+    uint32_t intervals; /* N, 50; the continuous problem gives the curve at the N + 1 nodes */
 } lg_elastica;
 
 /* The defaults named above, theta0 = rotation = 0. */
@@ -58,7 +62,7 @@ typedef enum lg_elastica_case { LG_ELASTICA_BOTH_ENDS, LG_ELASTICA_RIGHT_END } l
 #define LG_ELASTICA_CASE_COUNT 2
 LG_API const char *lg_elastica_case_name(lg_elastica_case kind); /* "both-ends", "right-end" */
 LG_API lg_status lg_elastica_case_parse(const char *name, lg_elastica_case *out); /* LG_NOT_FOUND */
-/* Sets theta0 and rotation, and leaves the rest of *problem. */
+/* Sets theta0 and rotation of *problem. */
 LG_API void lg_elastica_set_case(lg_elastica *problem, lg_elastica_case kind, double x);
 
 /* LG_INVALID_ARGUMENT, with a sentence: a number out of range, an endpoint farther away than L;
@@ -67,46 +71,47 @@ LG_API lg_status lg_elastica_check(const lg_elastica *problem, lg_error *error);
 
 typedef struct lg_elastica_options {
     size_t size;               /* sizeof(lg_elastica_options) */
-    double gradient_tolerance; /* 1e-12: largest |dE/dtheta_k| over the largest term it is summed from. Where
-                                * rounding of the angles alone is more (N in the thousands), iterations end
-                                * when the steps no longer shrink */
+    double gradient_tolerance; /* 1e-12: largest |dE/dtheta_k| relative to the largest of its terms. With N in
+                                * the thousands rounding of the angles exceeds it; the iteration then ends
+                                * when its steps no longer shrink */
     uint32_t max_iterations;   /* 200: Newton steps for one problem of the continuation */
-    double max_step;           /* 0.05: largest change of an end angle between two problems of it */
+    double max_step;           /* 0.05: largest change of an end angle between two problems */
     const double *guess;       /* (N + 1) angles to start from instead of the continuation, or NULL */
 } lg_elastica_options;
 LG_API void lg_elastica_options_init(lg_elastica_options *options);
 
 typedef struct lg_elastica_solution {
     double energy;
-    double gradient; /* largest |dE/dtheta_k| at the solution, 2 P r iterated as a number of its own, as
-                      * r loses digits like 1/N^2; continuous: largest |EI theta'' - lx sin + ly cos| */
+    double gradient; /* largest |dE/dtheta_k| at the solution. Its force 2 P r is an unknown of the iteration,
+                      * because r computed from the angles loses digits like 1/N^2. Continuous problem:
+                      * largest |EI theta'' - lx sin theta + ly cos theta| */
     double residual; /* of the discrete Euler-Lagrange equations in (q, v, Lambda) at the rounded nodes and
-                      * tangents, relative to their largest term: about 1e-11 at N = 50, growing like N^2 to
-                      * N^3 by rounding alone; continuous: largest defect of the differential equation
-                      * relative to the larger of force and EI theta'^2/2 */
-    double force[2]; /* (lx, ly): multiplier of q(L) - q(0), d energy/d(qN - q0) */
+                      * tangents, relative to their largest term. Rounding alone gives about 1e-11 at N = 50
+                      * and grows like N^2 to N^3. Continuous problem: largest defect of the differential
+                      * equation, relative to the larger of force and EI theta'^2/2 */
+    double force[2]; /* (lx, ly): the multiplier of q(L) - q(0), which is d energy/d(qN - q0) */
     uint32_t negative_eigenvalues; /* of the Hessian in the inner angles; 0: a local minimum */
     uint32_t iterations;           /* Newton steps in all */
     uint32_t problems;             /* of the continuation, the last one included */
 } lg_elastica_solution;
 
-/* The minimum that continuation from a moderate problem leads to: for the two cases above the global one.
- * Where the continuation fails, the lowest minimum found from many starts. At x = 0, where two arches are
- * equal, the upper one; at x = pi (w = pi) the loop that w < pi leads to. Neighbouring angles of a result
- * differ by less than pi: with too few intervals for the loops that the rotation asks for there may be no
- * such minimum, and a loop far from both ends of a taut beam can be anywhere: both are LG_NO_CONVERGENCE.
- * theta: N + 1 angles, theta[0] = theta0, theta[N] = theta0 + rotation to rounding. `options` NULL: defaults;
- * `solution` may be NULL. With options->guess: the stationary point that Newton's method (damped, so that it
- * goes downhill) finds from there. Errors: those of lg_elastica_check; LG_NO_CONVERGENCE (with the gradient
- * reached; also where the result is no minimum, which the sentence says, and then theta and solution are
- * filled all the same); LG_OUT_OF_MEMORY; LG_CANCELLED. */
+/* Finds the minimum to which continuation from a moderate problem leads. For the two cases above it is the
+ * global one. When the continuation fails, the result is the lowest minimum found from many starts. At x = 0
+ * two arches are equal, and the upper one is returned; at x = pi (w = pi) the loop to which w < pi leads.
+ * With options->guess the result is the stationary point that a damped Newton method, which goes downhill,
+ * finds from the guess. theta: N + 1 angles, theta[0] = theta0, theta[N] = theta0 + rotation to rounding;
+ * neighbouring angles differ by less than pi. `options` NULL: defaults; `solution` may be NULL. Errors: those
+ * of lg_elastica_check, LG_OUT_OF_MEMORY, LG_CANCELLED, and LG_NO_CONVERGENCE:
+ * - no solution; the sentence has the gradient that was reached. Two reasons are too few intervals for the
+ *   loops of the rotation, and a loop far from both ends of a taut beam, which can be anywhere
+ * - the result is no minimum; the sentence says so, and theta and solution are filled */
 LG_API lg_status lg_elastica_solve(const lg_context *context, const lg_elastica *problem,
                                    const lg_elastica_options *options, double *theta,
                                    lg_elastica_solution *solution, lg_error *error);
-/* The same for the continuous problem, by Chebyshev collocation on panels refined until the defect is at
- * `gradient_tolerance`, from a discrete solution of its own (of the guess, when there is one); theta (N + 1)
- * at the nodes s_k = k h, v likewise by cos and sin, q (N + 1, 2), which may be NULL, by the quadrature of
- * the collocation. Negative eigenvalues are those of the second variation under the constraint. */
+/* The same for the continuous problem, by Chebyshev collocation. Panels are refined until the defect is at
+ * `gradient_tolerance`. The start is a discrete solution, found from the guess when there is one. theta
+ * (N + 1) and q (N + 1, 2) are values at the nodes s_k = k h; q, which may be NULL, comes from the quadrature
+ * of the collocation. Negative eigenvalues are those of the second variation under the constraint. */
 LG_API lg_status lg_elastica_solve_continuous(const lg_context *context, const lg_elastica *problem,
                                               const lg_elastica_options *options, double *theta, double *q,
                                               lg_elastica_solution *solution, lg_error *error);
@@ -115,19 +120,19 @@ LG_API lg_status lg_elastica_solve_continuous(const lg_context *context, const l
 LG_API void lg_elastica_curve(const lg_elastica *problem, const double *theta, double *q, double *v);
 /* E(theta). */
 LG_API double lg_elastica_energy(const lg_elastica *problem, const double *theta);
-/* Multipliers Lambda_1..Lambda_{N-1} of |v_k| = 1 in the discrete Euler-Lagrange equations of the action
- * (trapezoidal energy) + h sum Lambda_k (|v_k|^2 - 1), and the largest residual of these (as in
- * lg_elastica_solution), or of |v_k|^2 = 1, at these nodes and tangents (N + 1, 2), from wherever they come;
- * NaN when they are not finite. lambda (N - 1) may be NULL. */
+/* The discrete Euler-Lagrange equations of the action (trapezoidal energy) + h sum Lambda_k (|v_k|^2 - 1) at
+ * any nodes and tangents q, v (N + 1, 2). lambda (N - 1), which may be NULL, becomes the multipliers
+ * Lambda_1..Lambda_{N-1}. Returns the largest residual of the equations (as in lg_elastica_solution) and of
+ * |v_k|^2 = 1; NaN when q or v is not finite. */
 LG_API double lg_elastica_euler_lagrange(const lg_elastica *problem, const double *q, const double *v,
                                          double *lambda);
 
-/* All equilibria of the discrete problem with this rotation that a search from many starts finds, by rising
- * energy: theta (room, N + 1), solutions (room). Minima only, or with `saddles` every stationary point but
- * those with a kink, a right angle or more between neighbouring nodes. When more are found than fit, the
- * lowest stay; *count is the number stored, <= room, 0 when there is none. The same tangents with another
- * rotation (whole turns more or less) are another problem. Deterministic. Errors: those of
- * lg_elastica_check, LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, LG_CANCELLED. */
+/* All equilibria of the discrete problem that a search from many starts finds, by rising energy: theta
+ * (room, N + 1), solutions (room). They are minima; with `saddles` all stationary points except those with a
+ * kink, an angle of pi/2 or more between neighbouring nodes. When more are found than fit, the lowest are
+ * kept. *count is the number stored, 0 when there is none. The rotation is fixed: the same tangents with
+ * whole turns more or less are another problem. Deterministic. Errors: those of lg_elastica_check,
+ * LG_INVALID_ARGUMENT, LG_OUT_OF_MEMORY, LG_CANCELLED. */
 LG_API lg_status lg_elastica_branches(const lg_context *context, const lg_elastica *problem,
                                       const lg_elastica_options *options, bool saddles, size_t room,
                                       double *theta, lg_elastica_solution *solutions, size_t *count,
@@ -135,12 +140,12 @@ LG_API lg_status lg_elastica_branches(const lg_context *context, const lg_elasti
 
 /* ---- sets of curves ---- */
 
-/* n curves over families of boundary conditions, arrays owned. */
+/* n curves over families of boundary conditions. */
 typedef struct lg_elastica_curves {
     size_t count;       /* n */
     uint32_t intervals; /* N */
     double length, stiffness;
-    bool continuous;           /* values of the continuous problem at the nodes, not of the discrete one */
+    bool continuous;           /* true: nodes of continuous solutions; false: discrete solutions */
     double *boundary;          /* (n, 8): q0, v0, qN, vN */
     double *q, *v;             /* (n, N + 1, 2) */
     double *energy;            /* (n), or NULL */
@@ -153,19 +158,19 @@ typedef struct lg_elastica_sampling {
     bool both_ends, right_end; /* which families, in this order; at least one */
     size_t count;              /* curves of each; 1000 */
     double gap;                /* distance kept from x = 0, pi and 2 pi, in units of pi; 0.01, in [0, 0.5) */
-    bool continuous;           /* false: values of the discrete problem */
+    bool continuous;           /* false: discrete solutions */
     lg_elastica problem;       /* endpoints, length, stiffness, intervals */
     int threads;               /* 1 */
 } lg_elastica_sampling;
 LG_API void lg_elastica_sampling_init(lg_elastica_sampling *sampling); /* both-ends only */
 
-/* x equidistant over each of the two intervals [gap pi, (1 - gap) pi] and its mirror image, ends included,
- * count/2 values in each (one more in the first when count is odd; a single value lies at the interval's
- * beginning). The optional arrays are filled. The result does not depend on `threads`. Errors: those of the
+/* x takes equidistant values in the interval [gap pi, (1 - gap) pi] and in its mirror image, ends included:
+ * count/2 values in each, one more in the first when count is odd. A single value lies at the beginning of
+ * its interval. The optional arrays are filled. The result does not depend on `threads`. Errors: those of the
  * solver, with the x of the curve; LG_INVALID_ARGUMENT. */
 LG_API lg_status lg_elastica_generate(const lg_context *context, const lg_elastica_sampling *sampling,
                                       lg_elastica_curves *out, lg_error *error);
-/* Allocates boundary, q and v, and the optional arrays where asked; zeroed. LG_INVALID_ARGUMENT,
+/* Allocates boundary, q and v, with `optional` the other arrays too; numbers are zero. LG_INVALID_ARGUMENT,
  * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_elastica_curves_create(const lg_context *context, size_t count, uint32_t intervals,
                                            bool optional, lg_elastica_curves *out);

@@ -1,16 +1,16 @@
 /* Gradient check: are the derivatives of a function built on a tape right?
  *
  * In double precision only. For each of a few random directions d and cotangents c, at each order:
- *   - slope: the Taylor remainder R(h) = <c, f(x(h)) - f(x)> - <J^T c, x(h) - x>, x(h) = x + h d, falls like
- * h^2: the slope of max(|R(h)|, |R(-h)|) over halvings of h, by regression over the smallest h above
- * rounding, is at least 1.9; or the remainder is at rounding level for all h, as of a linear function;
- *   - the forward mode J d equals the difference quotient of f (extrapolated, order h^4) in each element;
- *   - <c, J d> = <J^T c, d> to rounding;
+ *   - The Taylor remainder R(h) = <c, f(x(h)) - f(x)> - <J^T c, x(h) - x>, x(h) = x + h d, falls like h^2.
+ *     The slope of max(|R(h)|, |R(-h)|) over halvings of h, by regression over the smallest h above rounding,
+ *     is at least 1.9. Or the remainder is at rounding level for all h, as for a linear function.
+ *   - The forward mode J d equals the difference quotient of f (extrapolated, order h^4) in each element.
+ *   - <c, J d> = <J^T c, d> to rounding.
  *   - lg_backward equals lg_vjp to rounding.
- * Second order is the same for G(x, c) = J(x)^T c, and
- *   <c, D^2 f[d, e]> = <d, H e> = <e, H d>, the first once as jvp of jvp, once as vjp of jvp.
+ * Second order checks the same for G(x, c) = J(x)^T c. In addition <c, D^2 f[d, e]> = <d, H e> = <e, H d>;
+ * the left side is computed as jvp of jvp and as vjp of jvp.
  *
- * An argument on a manifold is moved along its algebra: x(h) = exp(h d).x by the callback `perturb`.
+ * An argument on a manifold moves along its algebra: the callback `perturb` gives x(h) = exp(h d).x.
  */
 #ifndef LIEGRAD_GRADCHECK_H
 #define LIEGRAD_GRADCHECK_H
@@ -26,7 +26,7 @@ typedef struct lg_gradcheck_argument {
     lg_shape shape;
     const double *values; /* the point, count(shape) numbers; NULL: drawn uniformly from [low, high) */
     double low, high;     /* both 0: [-1, 1) */
-    double scale;         /* length of a unit of d; 0: 1. Steps are scale/16 and less. */
+    double scale;         /* length of a unit of d; 0 means 1. Steps are at most scale/16 */
     uint32_t algebra;     /* numbers of a direction along the manifold; 0: a flat argument */
 } lg_gradcheck_argument;
 
@@ -34,8 +34,8 @@ typedef struct lg_gradcheck_function {
     const char *name;
     uint32_t inputs; /* 1..LG_GRADCHECK_MAX_INPUTS */
     const lg_gradcheck_argument *arguments;
-    /* Records y from the arguments' variables x[0..inputs-1]. Errors stick to the tape; lg_tape_fail reports
-     * your own. */
+    /* Records y from the arguments' variables x[0..inputs-1]. Errors stick to the tape; report your own with
+     * lg_tape_fail. */
     lg_var (*build)(const void *user, lg_tape *tape, const lg_var *x);
     /* Only for arguments with algebra > 0. perturb: moved = exp(h d).x; tangent: its derivative with respect
      * to h at h = 0, of x's shape. */
@@ -43,46 +43,44 @@ typedef struct lg_gradcheck_function {
                          double *moved);
     lg_status (*tangent)(const void *user, uint32_t argument, const double *x, const double *d, double *dx);
     const void *user;
-    /* A numeric lg_custom operation inside: there is no second order, and asking for it must be
+    /* The function contains a numeric lg_custom operation: the second order must be refused with
      * LG_NOT_DIFFERENTIABLE. */
     bool first_order_only;
-    /* lg_stop_gradient inside, and nothing else: the derivative must be exactly zero although the value
-     * moves. */
+    /* The function is lg_stop_gradient of its arguments: the derivative must be exactly zero although the
+     * value changes. */
     bool stops;
 } lg_gradcheck_function;
 
-/* A deliberate fault, to see that a check catches it. VJP, JVP: what one operation's vjp or jvp returns is
- * changed wherever it is called. SCALARS: what one operation's scalar code (of plans, liegrad/program.h)
- * gives is changed. PLAN: a step of a plan that is made is changed. */
+/* A planted fault shows that a check catches it. The direction says what is changed. */
 typedef enum lg_plant_direction {
-    LG_PLANT_VJP,
-    LG_PLANT_JVP,
-    LG_PLANT_SCALARS,
-    LG_PLANT_PLAN
+    LG_PLANT_VJP,     /* the result of one operation's vjp, wherever it is called */
+    LG_PLANT_JVP,     /* the result of one operation's jvp */
+    LG_PLANT_SCALARS, /* the result of one operation's scalar code in plans (liegrad/program.h) */
+    LG_PLANT_PLAN     /* one step of a plan */
 } lg_plant_direction;
 #define LG_PLANT_DIRECTIONS 4
 typedef enum lg_plant_mutation {
     LG_PLANT_SIGN,      /* negated */
     LG_PLANT_DROP,      /* one input's contribution is left out; scalar code: the last element is 0 */
-    LG_PLANT_FACTOR,    /* times 1 + 1/1024 */
-    LG_PLANT_TRANSPOSE, /* numbers in the order of the transposed tensor (last two axes); scalar code: each in
-                         * the place of the one before */
+    LG_PLANT_FACTOR,    /* multiplied by 1 + 1/1024 */
+    LG_PLANT_TRANSPOSE, /* the last two axes are swapped in memory; scalar code: each number takes the place
+                         * of the one before */
     /* Of plans: */
     LG_PLANT_MISSING,   /* a step is left out */
     LG_PLANT_OPERAND,   /* a step reads another place */
     LG_PLANT_OPERATION, /* a step computes something else */
-    LG_PLANT_CONSTANT,  /* constants times 1 + 1/1024, and 1/1024 more */
+    LG_PLANT_CONSTANT,  /* constants c become c (1 + 1/1024) + 1/1024 */
     LG_PLANT_CLOBBER    /* a step writes over numbers that are still needed */
 } lg_plant_mutation;
 #define LG_PLANT_MUTATIONS      4 /* of derivatives and scalar code */
 #define LG_PLANT_PLAN_MUTATIONS 5
 
 typedef struct lg_gradcheck_plant {
-    const char
-        *operation; /* name as in messages: "mul", "matmul", ...; PLAN: "value", "forward", "adjoint" */
+    /* Name as in messages: "mul", "matmul", ...; of plans "value", "forward", "adjoint". */
+    const char *operation;
     lg_plant_direction direction;
     lg_plant_mutation mutation;
-    uint32_t input; /* whose cotangent (vjp), which input's tangent is dropped (jvp), which step (plan) */
+    uint32_t input; /* the input whose cotangent (vjp) or tangent (jvp) it is; the step of a plan */
 } lg_gradcheck_plant;
 
 typedef struct lg_gradcheck_options {
@@ -91,8 +89,8 @@ typedef struct lg_gradcheck_options {
     int order;      /* 2; the highest order that is checked, 1 or 2 */
     int directions; /* 2 */
     double slope;   /* 1.9 */
-    double
-        difference_tolerance; /* 1e-6: J d against the difference quotient, relative to the largest element */
+    /* 1e-6: J d against the difference quotient, relative to the largest element. */
+    double difference_tolerance;
     double rounding_tolerance; /* 1e-10: what must hold to rounding, relative to the sum of magnitudes */
     const lg_gradcheck_plant *plant; /* NULL */
 } lg_gradcheck_options;
@@ -108,14 +106,16 @@ typedef struct lg_gradcheck_order {
 typedef struct lg_gradcheck_result {
     bool passed;
     lg_gradcheck_order order[LG_GRADCHECK_ORDERS];
-    size_t plant_applied, plant_changed; /* calls that the plant met; those whose numbers it changed */
+    size_t plant_applied, plant_changed; /* calls that met the plant; those whose result it changed */
     char message[320];                   /* what failed; "" when passed */
 } lg_gradcheck_result;
 
-/* `options` NULL: defaults. `result` is always filled. LG_OK: passed; LG_CHECK_FAILED: a derivative is wrong,
- * or a value is not finite; LG_INVALID_ARGUMENT: options, or a function without name, build, arguments or
- * (where a manifold asks for them) perturb and tangent, or an unknown operation to plant in; else what
- * building or a callback reported, LG_OUT_OF_MEMORY. */
+/* `options` NULL: defaults. `result` is always filled. Returns:
+ * - LG_OK: passed
+ * - LG_CHECK_FAILED: a derivative is wrong, or a value is not finite
+ * - LG_INVALID_ARGUMENT: wrong options; a function without name, build or arguments, or without perturb and
+ *   tangent although an argument lies on a manifold; an unknown operation to plant in
+ * - LG_OUT_OF_MEMORY, and what building or a callback reported */
 LG_API lg_status lg_gradcheck(const lg_context *context, const lg_gradcheck_function *function,
                               const lg_gradcheck_options *options, lg_gradcheck_result *result);
 
@@ -124,66 +124,66 @@ LG_API lg_status lg_gradcheck(const lg_context *context, const lg_gradcheck_func
 #define LG_GRADCHECK_CASE_OPERATIONS 3
 typedef struct lg_gradcheck_case {
     lg_gradcheck_function function;
-    /* The operations for which this row stands: their derivatives are mutated by --plant. NULL ends the list;
-     * a composed function stands for none. */
+    /* The operations that this case tests: --plant changes their derivatives. NULL ends the list; a composed
+     * function tests none. */
     const char *operations[LG_GRADCHECK_CASE_OPERATIONS];
-    /* The derivative is identically zero (a sign, the second derivative of a kink): nothing can be planted;
-     * that it is zero is checked. */
+    /* The derivative is identically zero (a sign, the second derivative of a kink). The check is that it is
+     * zero; nothing can be planted. */
     bool zero;
-    /* A word of the sentence by which lg_program_build refuses the function; NULL: it can be a program. */
+    /* NULL: the function can be a program. Else a word of the sentence with which lg_program_build refuses
+     * it. */
     const char *no_program;
 } lg_gradcheck_case;
 
-/* Checks a row: lg_gradcheck, and that the derivative is exactly zero where the row says so. */
-LG_API lg_status lg_gradcheck_run(const lg_context *context, const lg_gradcheck_case *row,
+/* Runs lg_gradcheck on the function of a case. Checks that a derivative is exactly zero if `zero` says so. */
+LG_API lg_status lg_gradcheck_run(const lg_context *context, const lg_gradcheck_case *test,
                                   const lg_gradcheck_options *options, lg_gradcheck_result *result);
 
-/* Is the row's function as a program (liegrad/program.h) the same function? It is recorded with the row's
- * arguments as shared inputs (where values are given: moved by 1/100 of the scale), and derived. At fresh
+/* Checks that the function of a case stays the same function as a program (liegrad/program.h). The arguments
+ * become shared inputs; given values are moved by 1/100 of the scale. The program is derived. At fresh
  * points:
- *   - lg_program_record has the bits of the function recorded on the tape: value, J d and J^T c,
- *   - plans of the function, of its forward and of its adjoint equal the tape to rounding_tolerance/100,
- *     relative to the largest element (of a derivative: at least 1/1000 of the value's).
- * A row that says so must be refused instead. */
+ *   - lg_program_record gives value, J d and J^T c with the bits of the function recorded on the tape
+ *   - plans of the function, its forward and its adjoint equal the tape to rounding_tolerance/100, relative
+ *     to the largest element (for a derivative at least 1/1000 of the largest element of the value)
+ * A case with `no_program` must be refused instead. */
 typedef struct lg_gradcheck_program_result {
     bool passed, refused;
     double value, forward, adjoint;      /* largest relative errors of plans; NaN when refused */
-    size_t plant_applied, plant_changed; /* operations (steps) that the plant met; those that it changed */
+    size_t plant_applied, plant_changed; /* operations (steps) that met the plant; those that it changed */
     char message[320];                   /* what failed, or why it is refused; "" when passed */
 } lg_gradcheck_program_result;
 
-/* As lg_gradcheck_run; of the plants those of scalar code and of plans strike. */
-LG_API lg_status lg_gradcheck_program(const lg_context *context, const lg_gradcheck_case *row,
+/* Returns what lg_gradcheck_run does. Plants in scalar code and in plans have an effect, others none. */
+LG_API lg_status lg_gradcheck_program(const lg_context *context, const lg_gradcheck_case *test,
                                       const lg_gradcheck_options *options,
                                       lg_gradcheck_program_result *result);
 
-/* Row number `index` = 0, 1, ... of all operations in every variant of shapes that matters; NULL beyond the
- * last. Static. */
+/* Case `index` = 0, 1, ... of a table that has every operation with every variant of shapes that matters;
+ * NULL beyond the last. Static. */
 LG_API const lg_gradcheck_case *lg_gradcheck_operation(size_t index);
 
 typedef enum lg_plant_outcome { LG_PLANT_CAUGHT, LG_PLANT_MISSED, LG_PLANT_EXCLUDED } lg_plant_outcome;
 /* `reason` says why a mutation is excluded, or what caught it. */
-typedef void (*lg_plant_report_fn)(void *user, const lg_gradcheck_case *row, const lg_gradcheck_plant *plant,
+typedef void (*lg_plant_report_fn)(void *user, const lg_gradcheck_case *test, const lg_gradcheck_plant *plant,
                                    lg_plant_outcome outcome, const char *reason);
 
-/* Plants every mutation in the vjp and jvp of every operation for which the row stands, in each of its
- * inputs, in its scalar code, and in the plans of the row's value, forward and adjoint (one step for each
- * mutation), and checks. Excluded, and reported as such, are mutations that cannot be seen:
- *   - of an operation or input that is constant to differentiation, or a leaf: its derivative is never asked
- * for;
- *   - of a numeric derivative's derivative: asking for it is an error;
- *   - in a row whose derivative is identically zero;
- *   - transpositions that change no number: fewer than two axes longer than one, all equal, or symmetric;
- *   - of scalar code of an operation that the row's plans do not have: too large, or folded away;
- *   - of plans that have no such step, or where the fault changes rounding alone.
- * Returns LG_OK whether caught or missed, else as lg_gradcheck. */
-LG_API lg_status lg_gradcheck_plant_all(const lg_context *context, const lg_gradcheck_case *row,
+/* Plants every mutation and runs the check each time: in the vjp and jvp of every operation of the case, for
+ * each of its inputs; in its scalar code; and in one step of the plans of value, forward and adjoint.
+ * Mutations that cannot be seen are excluded, and reported as excluded:
+ *   - of an operation or input that is constant to differentiation, or of a leaf: its derivative is not used
+ *   - of the derivative of a numeric derivative, which is an error
+ *   - in a case whose derivative is identically zero
+ *   - transpositions that change no number: fewer than two axes longer than one, equal numbers, symmetry
+ *   - in scalar code of an operation that is not in the plans, because it is too large or folded away
+ *   - in plans that have no such step, or where the fault changes rounding only
+ * Returns LG_OK whether faults are caught or missed, else what lg_gradcheck returns. */
+LG_API lg_status lg_gradcheck_plant_all(const lg_context *context, const lg_gradcheck_case *test,
                                         const lg_gradcheck_options *options, lg_plant_report_fn report,
                                         void *user);
-LG_API const char *
-lg_plant_direction_name(lg_plant_direction direction); /* "vjp", "jvp", "scalars", "plan" */
-LG_API const char *lg_plant_mutation_name(
-    lg_plant_mutation mutation); /* "sign", "drop", "factor", "transpose", "missing", ... */
+/* "vjp", "jvp", "scalars", "plan" */
+LG_API const char *lg_plant_direction_name(lg_plant_direction direction);
+/* "sign", "drop", "factor", "transpose", "missing", ... */
+LG_API const char *lg_plant_mutation_name(lg_plant_mutation mutation);
 
 LG_END_DECLS
 

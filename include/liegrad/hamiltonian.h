@@ -1,22 +1,25 @@
 /* Learned Hamiltonians H_Theta on phase spaces: a table of families, description, initialisation, training
- * loss and evaluation on a tape. A trained one in a loop: liegrad/model.h.
+ * loss and evaluation on a tape. liegrad/model.h evaluates a trained one in a loop.
  *
- * Every Hamiltonian has a network V, an MLP whose last layer has no bias, or a linear function (one weight a
- * coordinate), and what its family adds. The families:
+ * Every Hamiltonian has a function V and terms of its family. V is an MLP whose last layer has no bias, or
+ * linear with one weight a coordinate. The families:
  *
  * - "chain", n links on (T*S^2)^n, state q_1, p_1, ..., q_n, p_n (6n numbers):
  *   H = 1/2 p^T M(q)^{-1} p + V(q), M_ij = m_ij P_i P_j (i != j), M_ii = m_ii I, P_i = I - q_i q_i^T,
  *   m = Gamma^T Gamma + diag(max(0, b)). V takes q (3n numbers). Forces: spatial torques tau_i.
- *   On T*S^2: q' = v - q(q.v), p' = -g + q(q.g) + p(q.v) - q(p.v) with v = dH/dp, g = dH/dq, lifted to se(3)
- *   as xi = q x v, eta = g x q + v x p + tau. The kinetic gradient needs one n x n solve only: W = m^{-1},
- *   G_il = q_i.q_l, (W o G) lambda = u with u_i = q_i.(W p)_i, then v_i = sum_j W_ij (p_j - lambda_j q_j),
- *   dT/dq_i = -lambda_i v_i. Schemes that leave the manifold differentiate the extension
- *   T = 1/2 p^T W p + 1/2 u^T S^{-1} r, S_il = delta_il (1 - |q_i|^2)/m_ii + W_il G_il,
- *   r_i = q_i.p_i/m_ii - u_i, which agrees with it on the manifold and is definite near it.
+ *   On T*S^2 with v = dH/dp, g = dH/dq:
+ *     q' = v - q(q.v), p' = -g + q(q.g) + p(q.v) - q(p.v),
+ *   lifted to se(3) as xi = q x v, eta = g x q + v x p + tau. The kinetic gradient takes one n x n solve:
+ *     W = m^{-1}, G_il = q_i.q_l, (W o G) lambda = u with u_i = q_i.(W p)_i,
+ *     v_i = sum_j W_ij (p_j - lambda_j q_j), dT/dq_i = -lambda_i v_i.
+ *   Schemes that leave the manifold differentiate an extension of T, which equals T on the manifold and is
+ *   definite near it:
+ *     T = 1/2 p^T W p + 1/2 u^T S^{-1} r, S_il = delta_il (1 - |q_i|^2)/m_ii + W_il G_il,
+ *     r_i = q_i.p_i/m_ii - u_i.
  * - "separable", n degrees of freedom on R^{2n}, state q, p: H = 1/2 |A p|^2 + V(q), V takes q. Forces: n.
  *
- * The flat parameter vector: V's layers in order (weight (in, out) row-major, then bias), then the family's
- * arrays: Gamma (n, n) and b (n), or A (n, n).
+ * The flat parameter vector has V's layers in order (weight (in, out) row-major, then bias), then the arrays
+ * of the family: Gamma (n, n) and b (n), or A (n, n).
  */
 #ifndef LIEGRAD_HAMILTONIAN_H
 #define LIEGRAD_HAMILTONIAN_H
@@ -50,8 +53,8 @@ typedef struct lg_hamiltonian {
     lg_mlp net; /* V: family->inputs n -> hidden -> 1; without hidden layers for the linear potential */
 } lg_hamiltonian;
 
-/* What theta gives to all rows of a batch, made once by lg_hamiltonian_bind. Borrows the model; valid until
- * the tape is rewound. */
+/* Variables that depend on theta alone and serve all rows of a batch; lg_hamiltonian_bind makes them once.
+ * Borrows the model; valid until the tape is rewound. */
 typedef struct lg_hamiltonian_vars {
     const lg_hamiltonian *model;
     lg_mlp_vars net;
@@ -60,10 +63,10 @@ typedef struct lg_hamiltonian_vars {
 
 /* ---- families ----
  *
- * A row says what one kind of learned Hamiltonian is; everything else follows from it: training, evaluation,
- * files, C. A row of one's own may be given to lg_hamiltonian_init; files know the rows of the table
+ * A family says what one kind of learned Hamiltonian is. Training, evaluation, files and C follow from it.
+ * lg_hamiltonian_init takes a family of your own too; files know those of the table
  * (src/models/hamiltonian_families.c) by name. y, gradients and algebra elements are arrays of the space's
- * parts (liegrad/taped.h). What is recorded is recorded on `tape`; failures stick to it.
+ * parts (liegrad/taped.h). The functions record on `tape`, and failures stick to it.
  */
 typedef struct lg_hamiltonian_array {
     const char *name; /* in files, below /model: "mass/gamma" */
@@ -77,7 +80,7 @@ struct lg_hamiltonian_family {
     lg_space_kind factor[LG_HAMILTONIAN_MAX_PARTS]; /* of the space, n copies each */
     uint32_t factors;
     uint32_t inputs;                       /* of V, for each of the n */
-    uint32_t forces;                       /* of an input that acts on the system, for each of the n */
+    uint32_t forces;                       /* numbers of an input for each of the n */
     const char *layout[3];                 /* names of the parts of a state, ended by NULL: "q", "p" */
     bool numbered;                         /* the state is q1 p1 q2 p2 ... instead of q p */
     const char *state_units, *energy_unit; /* in files */
@@ -91,7 +94,7 @@ struct lg_hamiltonian_family {
     lg_var (*energy)(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y); /* H (B, 1) */
     /* dH/dy. NULL: the energy is differentiated. */
     void (*gradient)(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out);
-    /* The same at points of the manifold, shorter: for Lie group schemes in training. NULL: `gradient`. */
+    /* A shorter form that holds on the manifold, for training with Lie group schemes. NULL: `gradient`. */
     void (*gradient_on_manifold)(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y,
                                  lg_var *out);
     /* The field from dH/dy: an algebra element; input (B, forces n) or LG_NONE. */
@@ -101,15 +104,15 @@ struct lg_hamiltonian_family {
     /* Separable systems, for splitting schemes: -dH/dq + input from q, dH/dp from p. Both or NULL. */
     lg_var (*force)(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var q, lg_var input);
     lg_var (*drift)(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var p);
-    /* Coordinates of the tangent space, `tangent` for each of the n, in plain numbers: basis (d, r) whose
-     * columns are the coordinates' directions, and c (r) of an ambient vector (d). NULL: those of R^d. */
+    /* Coordinates of the tangent space, `tangent` for each of the n: the columns of basis (d, r) are their
+     * directions; c (r) are the coordinates of an ambient vector (d). NULL: those of R^d. */
     uint32_t tangent;
     void (*basis)(uint32_t n, const double *state, double *basis);
     void (*coordinates)(uint32_t n, const double *state, const double *vector, double *c);
     /* Whether trajectories of the system can be learned, and with which n. */
     bool (*learns)(const lg_system *system, size_t *n);
-    /* Distance of one copy of the state from the manifold, relative to its momentum, and what is wanted
-     * there in words. NULL: every state lies on it. */
+    /* Distance of one copy of the state from the manifold, relative to its momentum. NULL: every state lies
+     * on it. `manifold` says in words what must hold there. */
     double (*off_manifold)(const double *copy);
     const char *manifold;
 };
@@ -117,21 +120,21 @@ struct lg_hamiltonian_family {
 LG_API size_t lg_hamiltonian_family_count(void);
 LG_API const lg_hamiltonian_family *lg_hamiltonian_family_at(size_t index);       /* NULL beyond */
 LG_API const lg_hamiltonian_family *lg_hamiltonian_family_find(const char *name); /* NULL: none */
-/* The first row that learns the system, and its n; NULL: none does. */
+/* The first family that learns the system, and its n; NULL: none does. */
 LG_API const lg_hamiltonian_family *lg_hamiltonian_family_for(const lg_system *system, size_t *n);
 /* Errors: those of lg_space_init. */
 LG_API lg_status lg_hamiltonian_space(const lg_hamiltonian_family *family, uint32_t n, lg_space *space);
 
-/* For rows: V (B, 1) of x (B, ...), inputs n numbers a row, and dV/dx in x's shape; `input` in the shape of
- * `part`, after a check that it has as many numbers in as many rows. */
+/* For the functions of a family: V (B, 1) of x (B, ...), which has `inputs` n numbers a row, and dV/dx in the
+ * shape of x. The third one gives `input` the shape of `part`; rows and numbers must be equally many. */
 LG_API lg_var lg_hamiltonian_potential(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x);
 LG_API lg_var lg_hamiltonian_potential_gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x);
 LG_API lg_var lg_hamiltonian_input_like(lg_tape *tape, lg_var input, lg_var part);
 
 /* ---- description ---- */
 
-/* Errors: LG_INVALID_ARGUMENT for n outside 1..LG_HAMILTONIAN_MAX_COPIES, hidden widths of 0 or too many
- * layers, no family. `hidden` is ignored for the linear potential. */
+/* Errors: LG_INVALID_ARGUMENT (n outside 1..LG_HAMILTONIAN_MAX_COPIES, a hidden width of 0, too many layers,
+ * no family). `hidden` is ignored for the linear potential. */
 LG_API lg_status lg_hamiltonian_init(lg_hamiltonian *model, const lg_hamiltonian_family *family, uint32_t n,
                                      lg_potential_kind potential, const uint32_t *hidden,
                                      uint32_t hidden_layers, lg_activation activation);
@@ -140,11 +143,11 @@ LG_API uint32_t lg_hamiltonian_state_dim(const lg_hamiltonian *model); /* d */
 LG_API uint32_t lg_hamiltonian_input_dim(const lg_hamiltonian *model); /* m = forces n */
 /* Where array `index` begins in theta. */
 LG_API size_t lg_hamiltonian_array_offset(const lg_hamiltonian *model, size_t index);
-/* A start with a nearly singular mass sends trajectories far away, and training may end at a mass near 0,
- * from which no gradient leads away: a chain's Gamma and b are drawn again, at most 10000 times, while a
- * pivot of m is below this (of one link, 2 draws in 100). */
+/* Gamma and b of a chain are drawn again, at most 10000 times, while a pivot of m is below this (2 of 100
+ * draws for one link). A nearly singular initial mass sends trajectories far away, and training may end at a
+ * mass near 0, where gradients vanish. */
 #define LG_HAMILTONIAN_LEAST_PIVOT 0.1
-/* Weights and biases U(+-1/sqrt(fan_in)); the family's arrays ~ U[0, 1]. */
+/* Weights and biases are drawn from U(+-1/sqrt(fan_in)), the family's arrays from U[0, 1]. */
 LG_API void lg_hamiltonian_initialise(const lg_hamiltonian *model, lg_rng *rng, double *theta);
 /* A chain's learned mass matrix m = Gamma^T Gamma + diag(max(0, b)), (n, n), symmetric. LG_UNSUPPORTED: a
  * family without one. */
@@ -160,7 +163,7 @@ typedef enum lg_penalty_form { LG_PENALTY_MEAN_SQUARE, LG_PENALTY_SUM_ABSOLUTE }
 /* Trajectories (N, M, d) with equidistant points dt apart, and how to learn from them. Borrowed data. */
 typedef struct lg_hamiltonian_problem {
     const lg_hamiltonian *model;
-    const lg_scheme *scheme; /* any with a taped form that fits the space */
+    const lg_scheme *scheme; /* any that can be recorded on a tape and fits the space */
     uint32_t substeps;       /* integrator steps between two points, >= 1 */
     double penalty;          /* mu; 0: none */
     lg_penalty_form penalty_form;
@@ -170,9 +173,9 @@ typedef struct lg_hamiltonian_problem {
 } lg_hamiltonian_problem;
 
 /* Errors: LG_INVALID_ARGUMENT (nothing to learn from, points outside 2..LG_HAMILTONIAN_MAX_POINTS, N M above
- * 2^32 - 1, substeps 0, dt or penalty out of range or not finite, no scheme, an unknown form),
- * LG_UNSUPPORTED (a scheme without a taped form, a splitting scheme for a family without force and drift, a
- * penalty outside R^d). */
+ * 2^32 - 1, substeps 0, dt or penalty out of range or not finite, no scheme, an unknown penalty_form),
+ * LG_UNSUPPORTED (a scheme that cannot be recorded, a splitting scheme for a family without force and drift,
+ * a penalty outside R^d). */
 LG_API lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *problem, lg_error *error);
 
 /* Fills a training problem for lg_fit: loss = mean squared difference over (batch, d, M - 1) of predicted and
@@ -180,32 +183,32 @@ LG_API lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *prob
  */
 LG_API void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg_fit_problem *out);
 
-/* Settings of Adam that training a Hamiltonian wants, beside its default betas. Early in a run a nearly
- * singular mass matrix gives gradients a million times those of the end; Adam's second moment remembers them
- * for a thousand steps, longer than a run of a hundred epochs has, and the mass matrix stops moving (about
- * one seed in nine): hence a bound on the norm. Near the end gradients are of the size of the usual eps =
- * 1e-8, which then acts as a brake. */
+/* Settings of Adam for Hamiltonians. Early in a run a nearly singular mass matrix gives gradients a million
+ * times larger than those at the end. Adam's second moment remembers them for a thousand steps, more than a
+ * run of a hundred epochs has, and the mass matrix stops moving (about one seed in nine): the norm is clipped
+ * for that reason. Near the end gradients are as small as the usual eps of 1e-8, which would slow Adam down.
+ */
 #define LG_HAMILTONIAN_ADAM_EPS 1e-12
 #define LG_HAMILTONIAN_CLIP     1e-3
 
 /* ---- on a tape: batches of states, theta a variable ----
  *
- * Recorded by the formulas at the top; rows are independent. To be differentiated to any order in states,
- * inputs and theta. Functions return LG_NONE with the tape's error (LG_SHAPE: a state or an input whose shape
- * is not as said).
+ * The formulas at the top are recorded; rows are independent. Results can be differentiated to any order in
+ * states, inputs and theta. Functions return LG_NONE with the tape's error (LG_SHAPE: a state or an input of
+ * another shape than stated).
  */
 
-/* theta: the flat vector, (lg_hamiltonian_parameters). Errors: the tape's (LG_SHAPE when theta is longer or
- * shorter), which stick; `vars` is untouched then. */
+/* theta (lg_hamiltonian_parameters) is the flat vector. Errors stick to the tape (LG_SHAPE: theta has another
+ * length); `vars` is untouched then. */
 LG_API lg_status lg_hamiltonian_bind(lg_tape *tape, const lg_hamiltonian *model, lg_var theta,
                                      lg_hamiltonian_vars *vars);
 /* state (B, d) -> H (B, 1) */
 LG_API lg_var lg_hamiltonian_record_value(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state);
-/* state (B, d) -> dH/dstate (B, d) in the state's layout: of a chain v_i at p_i, and dT/dq_i + dV/dq_i at
- * q_i. Rows are NaN where the mass matrix or W o G is not positive definite. */
+/* state (B, d) -> dH/dstate (B, d) in the layout of the state. For a chain the numbers at p_i are v_i, those
+ * at q_i are dT/dq_i + dV/dq_i. Rows are NaN where the mass matrix or W o G is not positive definite. */
 LG_API lg_var lg_hamiltonian_record_gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state);
-/* state (B, d), input (B, m) or LG_NONE -> field, an algebra element: (xi, eta) a link, eta with the torque,
- * or (q', p'), p' with the force. */
+/* state (B, d), input (B, m) or LG_NONE -> field, an algebra element: (xi, eta) of each link, where eta
+ * includes the torque, or (q', p'), where p' includes the force. */
 LG_API lg_var lg_hamiltonian_record_field(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var state,
                                           lg_var input);
 /* The same -> y' (B, d). */
@@ -220,8 +223,8 @@ LG_API lg_status lg_hamiltonian_taped_ode(lg_hamiltonian_vars *vars, lg_taped_od
  *   grad  (x) -> y, g             H and its gradient, as lg_hamiltonian_record_gradient
  *   field (x, u) -> f             as lg_hamiltonian_record_field
  *   step  (x, u, h) -> next       one step of `scheme` (NULL: the family's), u held
- * with x (d), u (m), h (1). Errors: those of lg_program_build; LG_UNSUPPORTED, an implicit scheme: its stage
- * is found with numbers. */
+ * with x (d), u (m), h (1). Errors: those of lg_program_build; LG_UNSUPPORTED (an implicit scheme, which
+ * finds its stage by iteration). */
 LG_API lg_status lg_hamiltonian_program(const lg_context *context, const lg_hamiltonian *model,
                                         const double *theta, const lg_scheme *scheme, lg_program **out,
                                         lg_error *error);

@@ -122,7 +122,8 @@ typedef enum lg_coordinates {
     LG_COORDINATES_AMBIENT /* on R^dim, field the ambient velocity: for classical schemes; as LIE on R^n */
 } lg_coordinates;
 
-/* The coordinates that a scheme wants: AMBIENT for scheme->ambient and for splitting schemes, LIE otherwise. */
+/* The coordinates that a scheme wants: AMBIENT for scheme->ambient and for splitting schemes, LIE otherwise.
+ */
 LG_API lg_coordinates lg_system_coordinates_for(const lg_scheme *scheme);
 
 /* Memory of one user of the system: system and workspace behind ode.user. */

@@ -28,9 +28,9 @@ typedef struct lg_metrics {
 LG_API lg_metrics lg_metrics_of(const uint64_t *confusion, uint32_t classes);
 
 /* Receiver operating characteristic of `score` for class `positive` against all others: points by falling
- * threshold, (fpr, tpr) from (0, 0) to (1, 1), equal scores in one point. fpr, tpr and threshold have room for
- * n + 1 numbers; threshold[0] = infinity. `order` (n < 2^32) is work memory. A NaN score counts as -infinity.
- * Returns the number of points, 0 when one side is empty. */
+ * threshold, (fpr, tpr) from (0, 0) to (1, 1), equal scores in one point. fpr, tpr and threshold have room
+ * for n + 1 numbers; threshold[0] = infinity. `order` (n < 2^32) is work memory. A NaN score counts as
+ * -infinity. Returns the number of points, 0 when one side is empty. */
 LG_API size_t lg_roc(const uint32_t *truth, const double *score, size_t n, uint32_t positive, double *fpr,
                      double *tpr, double *threshold, uint32_t *order);
 /* Area under it, ties counted half; NaN when one side is empty. With more than two classes the mean of one

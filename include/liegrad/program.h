@@ -66,10 +66,11 @@ typedef struct lg_function_spec {
     void *user;
 } lg_function_spec;
 
-/* Inside of a recording for lg_program_build: calls a function that the same program has already and returns one of
- * its outputs. On the tape it is recorded as by lg_program_record. The program keeps a call: its C, and plans that are
- * asked for it (lg_plan_options.calls), have the called function once, however often it is called. Inputs: as many as the function has. Errors stick to the
- * tape: LG_NOT_FOUND (no such function or output so far, or no recording), those of lg_program_record. */
+/* Inside of a recording for lg_program_build: calls a function that the same program has already and returns
+ * one of its outputs. On the tape it is recorded as by lg_program_record. The program keeps a call: its C, and
+ * plans with lg_plan_options.calls, have the called function once, however often it is called. Inputs: as many
+ * as the function has. Errors stick to the tape: LG_NOT_FOUND (no such function or output so far, or no
+ * recording), those of lg_program_record. */
 LG_API lg_var lg_program_call(lg_tape *tape, const char *function, size_t output, const lg_var *inputs);
 /* How often `function` calls `callee` by itself. */
 LG_API size_t lg_program_calls(const lg_program *program, size_t function, size_t callee);

@@ -1,9 +1,10 @@
-/* A drilling riser, blowout preventer (BOP) and wellhead in waves and current: the scene that generates
- * sensor data of an intact and of a damaged well. Equations, parameters with units and sources:
- * docs/riser.md.
+/* A drilling riser, blowout preventer (BOP) and wellhead in waves and current. The scene generates sensor
+ * data of an intact and of a damaged well. docs/riser.md has the equations, and the parameters with their
+ * units and sources.
  *
- * Two horizontal directions x and y, each with 14 degrees of freedom: wellhead offset u, BOP rotation th, 12
- * riser nodes; top fixed. Coupled by drag, by the soil and by the wellhead, which act along the resultant.
+ * Each of the two horizontal directions x and y has 14 degrees of freedom: wellhead offset u, BOP rotation th
+ * and 12 riser nodes; the top is fixed. Drag, soil and wellhead act along the resultant and so couple the
+ * directions.
  */
 #ifndef LIEGRAD_RISER_H
 #define LIEGRAD_RISER_H
@@ -52,14 +53,14 @@ typedef struct lg_riser_parameters {
 } lg_riser_parameters;
 /* The standard scene, intact, slack. */
 LG_API void lg_riser_parameters_init(lg_riser_parameters *out);
-/* LG_INVALID_ARGUMENT with a sentence that names the parameter, or for a structure that does not stand: mass
- * or stiffness, with the soil's initial spring and the housing beyond its gap, not positive definite, or
- * beyond floating point. One that stands only beyond the gap passes; it leans. */
+/* LG_INVALID_ARGUMENT with a sentence that names the parameter, or for a structure that cannot stand: the
+ * mass or stiffness matrix (with the soil's initial spring, and the housing beyond its gap) is not positive
+ * definite or overflows. A structure that is stable only beyond the gap passes; it leans. */
 LG_API lg_status lg_riser_parameters_check(const lg_riser_parameters *parameters, lg_error *error);
 
-/* Periods of the undamped linear system, s, longest first; `locked`: the housing beyond its gap (or tight),
- * otherwise below it. periods (LG_RISER_DOF). Errors: LG_NO_CONVERGENCE, LG_INVALID_ARGUMENT (also a
- * structure that does not stand on that stiffness). */
+/* Periods of the undamped linear system, s, longest first: periods (LG_RISER_DOF). `locked`: with the
+ * stiffness of a housing beyond its gap or tight, else of one within its gap. Errors: LG_NO_CONVERGENCE,
+ * LG_INVALID_ARGUMENT (also a structure that cannot stand with that stiffness). */
 LG_API lg_status lg_riser_periods(const lg_riser_parameters *parameters, bool locked,
                                   double periods[LG_RISER_DOF]);
 
@@ -77,19 +78,19 @@ typedef struct lg_sea_state {
 typedef struct lg_wave {
     double amplitude, frequency, wavenumber, direction, phase; /* m, rad/s, 1/m, rad, rad */
 } lg_wave;
-/* The waves of a run with this seed, by rising frequency. All have the same amplitude, Hs/sqrt(8 n), so that
- * the variance of the elevation is Hs^2/16; one frequency is drawn from each n-th of the spectrum's energy,
- * the direction of each from cos^12, the phase uniformly; wavenumbers from frequency^2 = g k tanh(k depth).
- * LG_INVALID_ARGUMENT: a sea state that is not finite, a negative height, a period or depth that is not
- * positive (in a calm sea the period does not matter), a period, depth or gravity so small or large that a
- * frequency or wavenumber is zero or infinite; then waves are untouched. */
+/* The waves of a run with this seed, by rising frequency. All n have the amplitude Hs/sqrt(8 n), so the
+ * variance of the elevation is Hs^2/16. The spectrum is cut into n parts of equal energy, and one frequency
+ * is drawn from each. Directions are drawn from cos^12 and phases uniformly; wavenumbers k solve
+ * frequency^2 = g k tanh(k depth). Errors, with waves untouched: LG_INVALID_ARGUMENT
+ * - a sea state that is not finite, a negative height
+ * - a period or depth that is not positive (in a calm sea the period does not matter)
+ * - a period, depth or gravity for which a frequency or wavenumber is zero or infinite */
 LG_API lg_status lg_sea_components(const lg_sea_state *sea, double depth, double gravity, uint64_t seed,
                                    lg_wave waves[LG_RISER_COMPONENTS]);
 
 #define LG_SEA_STATES 18 /* Hs {1.5, 2, 2.5, 3, 3.5, 4.5} x directions {20, 45, 70} degrees */
-/* Number `index` (modulo 18) of the standard ones, heights outermost, its period and direction drawn by rng:
- * Tp = 4.2 sqrt(Hs) U(.95, 1.25)
- * + 1, direction +- 10 degrees. */
+/* Standard sea state `index` (modulo 18); the direction changes fastest. The rng draws the period
+ * Tp = 4.2 sqrt(Hs) U(0.95, 1.25) + 1 and adds up to 10 degrees either way to the direction. */
 LG_API lg_sea_state lg_sea_state_draw(uint32_t index, lg_rng *rng);
 
 /* ---- simulation ---- */
@@ -97,27 +98,28 @@ LG_API lg_sea_state lg_sea_state_draw(uint32_t index, lg_rng *rng);
 typedef struct lg_riser_run {
     size_t size; /* sizeof(lg_riser_run) */
     lg_sea_state sea;
-    uint64_t seed; /* of the waves; the noise has a stream of its own, so that runs may share their waves */
-    uint64_t noise_seed;
-    double noise;      /* factor on the noise of the sensors; 0: none; 1 */
-    double dt;         /* 0.05 s; 1/(rate dt) must be whole */
-    double rate;       /* 5 Hz */
-    double discard;    /* 200 s before the first sample */
-    double ramp;       /* 100 s over which the forcing grows */
-    double crack_time; /* s after the first sample: the severity holds for samples from then on, before it the
-                        * well is intact; 0: from the start; INFINITY: never */
-    double drag_scale; /* 1; 0 and damping 0 for energy checks */
+    uint64_t seed;       /* of the waves */
+    uint64_t noise_seed; /* of the sensors' noise; runs with the same waves may differ in noise */
+    double noise;        /* factor on the noise of the sensors; 0: none; 1 */
+    double dt;           /* 0.05 s; 1/(rate dt) must be whole */
+    double rate;         /* 5 Hz */
+    double discard;      /* 200 s before the first sample */
+    double ramp;         /* 100 s over which the forcing grows */
+    double crack_time;   /* s after the first sample: the well is intact before and has the severity from then
+                        * on. 0: damaged from the start; INFINITY: never */
+    double drag_scale;   /* factor on drag; 1. Energy checks take 0, and no damping */
 } lg_riser_run;
 LG_API void lg_riser_run_init(lg_riser_run *out);
 
-/* samples (count, LG_RISER_CHANNELS): at 0, 1/rate, ... Errors, with a sentence: LG_INVALID_ARGUMENT (also a
- * structure that does not stand, waves beyond floating point), LG_OUT_OF_MEMORY, LG_CANCELLED, LG_NOT_FINITE
- * (the step is too large). Same bits for the same seeds and instruction set; may be called by many threads at
- * once. */
+/* samples (count, LG_RISER_CHANNELS) at times 0, 1/rate, ... Equal seeds give equal bits on one instruction
+ * set. Threads may call it at the same time. Errors, with a sentence: LG_INVALID_ARGUMENT (also a structure
+ * that cannot stand, waves that overflow), LG_OUT_OF_MEMORY, LG_CANCELLED, LG_NOT_FINITE (the step is too
+ * large). */
 LG_API lg_status lg_riser_simulate(const lg_context *context, const lg_riser_parameters *parameters,
                                    const lg_riser_run *run, size_t count, float *samples, lg_error *error);
 
-/* The same, piece by piece: a feed of any length in constant memory. Samples do not depend on the pieces. */
+/* The same piece by piece: a feed of any length in constant memory. The size of the pieces does not change
+ * the samples. */
 typedef struct lg_riser_stream lg_riser_stream;
 LG_API lg_status lg_riser_stream_create(const lg_context *context, const lg_riser_parameters *parameters,
                                         const lg_riser_run *run, lg_riser_stream **out, lg_error *error);
@@ -126,19 +128,20 @@ LG_API void lg_riser_stream_destroy(lg_riser_stream *stream); /* NULL is fine */
  * LG_CANCELLED some of them are written, and the stream may only be destroyed. */
 LG_API lg_status lg_riser_stream_next(lg_riser_stream *stream, size_t count, float *samples, lg_error *error);
 
-/* The state for tests and pictures: q (2, LG_RISER_DOF) x then y, velocities likewise. Integrates freely (no
- * waves, no current, no noise) from (q, v), in place, `steps` steps of dt; energy (steps + 1) or NULL:
- * kinetic plus potential energy, J, of the conservative part. Damping and drag as in the parameters. */
+/* Free motion without waves, current and noise, for tests and pictures: integrates the state q, v
+ * (2, LG_RISER_DOF), x before y, in place over `steps` steps of dt. energy (steps + 1) or NULL: kinetic plus
+ * potential energy of the conservative part, J. Damping and drag are those of the parameters; `damped` false
+ * leaves them out. */
 LG_API lg_status lg_riser_free_motion(const lg_context *context, const lg_riser_parameters *parameters,
                                       double dt, size_t steps, bool damped, double *q, double *v,
                                       double *energy, lg_error *error);
 
 /* ---- the standard set of runs ---- */
 
-/* 54 conditions (3 top tensions with their flex joints x 18 sea states), each intact and broken: run number
- * `index` (modulo 108) has condition index / 2 and is broken when odd. Intact and broken share the waves; the
- * three tensions share period and direction of a sea state, not its waves. Noise is always another one.
- * *label: 0 intact, 1 broken; *sea_state: 0..17. */
+/* There are 54 conditions: 3 top tensions with their flex joints times 18 sea states. Run `index` (modulo
+ * 108) has condition index/2; it is intact when even and broken when odd. The two runs of a condition share
+ * the waves. The three tensions share the period and direction of a sea state but have different waves. Every
+ * run has its own noise. *label: 0 intact, 1 broken; *sea_state: 0..17. */
 #define LG_RISER_RUNS 108
 LG_API void lg_riser_standard_run(uint32_t index, uint64_t seed, double severity,
                                   lg_riser_parameters *parameters, lg_riser_run *run, uint32_t *label,

@@ -1,8 +1,9 @@
-/* Random search over hyperparameters, resumable, with early stopping of bad trials. It knows nothing of what
- * is trained: a trial is a row of numbers, an objective to be lowered, and reports on the way.
+/* Random search over hyperparameters. A search can be resumed, and bad trials are stopped early. It knows
+ * nothing about what is trained: a trial is a list of numbers, an objective to be lowered, and reports on the
+ * way.
  *
- * Trial t's values depend on the seed and t alone, whatever ran before: an interrupted search continues to
- * the same trials, and trials may run in any order.
+ * The values of trial t depend on the seed and t alone. So an interrupted search continues with the same
+ * trials, and trials may run in any order.
  */
 #ifndef LIEGRAD_SEARCH_H
 #define LIEGRAD_SEARCH_H
@@ -19,7 +20,7 @@ LG_BEGIN_DECLS
 
 typedef enum lg_range_kind {
     LG_RANGE_UNIFORM,     /* [low, high) */
-    LG_RANGE_LOG_UNIFORM, /* the logarithm uniform; low > 0 */
+    LG_RANGE_LOG_UNIFORM, /* uniform in the logarithm; low > 0 */
     LG_RANGE_INTEGER,     /* low..high, whole numbers, both ends included */
     LG_RANGE_CHOICE       /* one of the choices; the value is its position */
 } lg_range_kind;
@@ -62,60 +63,64 @@ typedef struct lg_search_options {
     size_t size;     /* sizeof(lg_search_options) */
     uint64_t trials; /* 50: planned total, earlier ones included */
     uint64_t seed;   /* 1 */
-    uint32_t rungs; /* 5, 0..LG_TRIAL_REPORTS: they cut a trial's epochs into rungs + 1 equal parts, the first
-                     * one after 1/(rungs + 1) of them; 0: no early stopping */
-    uint32_t warm_up; /* 5: trials that must have passed a rung before others are stopped there */
-    double quantile;  /* 0.5, in (0, 1]: a trial is stopped at a rung where at least this part of those before
-                       * were better */
+    uint32_t rungs; /* 5, 0..LG_TRIAL_REPORTS: rungs divide a trial's epochs into rungs + 1 equal parts; 0: no
+                     * early stopping */
+    uint32_t warm_up; /* 5: trials that must have reached a rung before any trial is stopped there */
+    double quantile;  /* 0.5, in (0, 1]: a trial is stopped at a rung when at least this part of the earlier
+                       * trials was better there */
 } lg_search_options;
 LG_API void lg_search_options_init(lg_search_options *options);
 
-/* LG_INVALID_ARGUMENT with a sentence: no range, a name twice, low above high, a bound that is not finite, a
- * logarithm of what is not positive, whole numbers that are none or beyond 2^53, no choice, a choice twice; a
- * name or choice that is empty or holds a comma, a double quote or a control character. */
+/* LG_INVALID_ARGUMENT with a sentence:
+ * - no range; two ranges of the same name
+ * - low above high; a bound that is not finite, or not positive in a logarithmic range
+ * - bounds of an integer range that are not whole or beyond 2^53
+ * - no choice, or the same choice twice
+ * - a name or choice that is empty or has a comma, a double quote or a control character */
 LG_API lg_status lg_search_space_check(const lg_search_space *space, lg_error *error);
-/* value (space->count) of trial `number`, for a space that passed the check. A range's value depends on the
- * seed, the number, the range and its position: ranges added at the end leave the others as they were. */
+/* value (space->count) of trial `number`; the space has passed the check. A value depends on the seed, the
+ * number, the range and its position, so a range added at the end does not change the values of others. */
 LG_API void lg_search_draw(const lg_search_space *space, uint64_t seed, uint64_t number, double *value);
-/* Whether trial `number` with `objective` at rung `rung` (0, 1, ...) is to be stopped. Only trials with lower
- * numbers count, so that the answer does not depend on what else ran before. True when the objective is not
- * finite. Otherwise, of the n trials that reached the rung (stopped there or not), b were better, strictly:
- * true when n >= warm_up, n > 0 and b >= max(1, quantile n). A tie is not better; an objective that is not
- * finite is worse than every finite one. */
+/* Whether trial `number` with `objective` at rung `rung` (0, 1, ...) is to be stopped. True when the
+ * objective is not finite. Otherwise let n be the number of trials with lower numbers that reached the rung
+ * (stopped there or not), and b the number of those that were strictly better: true when n >= warm_up, n > 0
+ * and b >= max(1, quantile n). An objective that is not finite is worse than every finite one. */
 LG_API bool lg_search_prune(const lg_search_options *options, const lg_trial *trials, size_t count,
                             uint64_t number, uint32_t rung, double objective);
 
 /* A trial's side of the search. */
 typedef struct lg_search lg_search;
-/* Called by a trial after `done` of its `total` epochs with its objective of now. Records the rungs passed
- * since the last report, all with this objective. True: stop, the trial is lost, because of one of these
- * rungs or, at any time, an objective that is not finite. After the last epoch a finite one never stops. */
+/* A trial calls it after `done` of its `total` epochs with its present objective, which is recorded for all
+ * rungs passed since the last report. Returns true when the trial is to be stopped: at one of these rungs, or
+ * because the objective is not finite. After the last epoch a finite objective never stops a trial. */
 LG_API bool lg_search_report(lg_search *search, uint64_t done, uint64_t total, double objective);
 
 typedef struct lg_search_problem {
     /* Runs one trial: reads trial->number and trial->value, reports, sets objective, parameters and epochs.
-     * LG_OK: done, pruned when a report said so, failed when the objective is not finite. LG_CANCELLED: the
-     * search stops and the trial is not kept; after a report that said stop it is the same as LG_OK, so that
-     * the status of lg_fit_run may be handed on. Any other status: the trial failed, with `error` (never
-     * NULL), and the search goes on. */
+     * What it returns:
+     * - LG_OK: the trial is pruned when a report said stop, failed when the objective is not finite, else
+     *   done
+     * - LG_CANCELLED: the search stops and the trial is not kept. After a report that said stop it means
+     *   LG_OK, so the status of lg_fit_run may be returned as it is
+     * - any other status: the trial failed with `error` (never NULL), and the search goes on */
     lg_status (*run)(void *user, lg_search *search, lg_trial *trial, lg_error *error);
-    /* After each trial, with all of them so far, the new one last: where results are saved. `error`: LG_OK,
-     * or why the trial failed. May be NULL. A status other than LG_OK stops the search. */
+    /* Called after each trial with all trials so far, the new one last: saves results. `error` holds LG_OK or
+     * why the trial failed. A status other than LG_OK stops the search. The callback may be NULL. */
     lg_status (*finished)(void *user, const lg_trial *trials, size_t count, const lg_error *error);
     void *user;
 } lg_search_problem;
 
 /* Runs the trials whose numbers are not among the first *count of `trials` (room for options->trials), one
  * after the other by rising number, and appends them. The cancel flag is read before each trial. `options`
- * NULL: defaults. Errors: LG_INVALID_ARGUMENT (what the check refuses, options outside their range, an
- * earlier trial twice or beyond the plan), LG_CANCELLED, what `finished` returned; the trials so far stay.
- * Interrupted anywhere and continued with the trials so far, a search whose `run` is a pure function of its
- * trial ends with the same trials, but for their seconds, as one that was not. */
+ * NULL: defaults. Errors, with the trials so far kept: LG_INVALID_ARGUMENT (the check refuses the space, an
+ * option is out of range, an earlier trial is there twice or beyond the plan), LG_CANCELLED, the status of
+ * `finished`. When `run` is a pure function of its trial, an interrupted and continued search ends with the
+ * same trials as an uninterrupted one, except for their seconds. */
 LG_API lg_status lg_search_run(const lg_context *context, const lg_search_space *space,
                                const lg_search_options *options, const lg_search_problem *problem,
                                lg_trial *trials, size_t *count, lg_error *error);
-/* Position of the trial that is done with the lowest objective, of equal ones that with the lowest number;
- * `count` when there is none. */
+/* Position of the done trial with the lowest objective; among equal ones, the lowest number. `count` when no
+ * trial is done. */
 LG_API size_t lg_search_best(const lg_trial *trials, size_t count);
 
 LG_END_DECLS

@@ -518,14 +518,14 @@ lg_status lg_gradcheck(const lg_context *context, const lg_gradcheck_function *f
     return status;
 }
 
-lg_status lg_gradcheck_run(const lg_context *context, const lg_gradcheck_case *row,
+lg_status lg_gradcheck_run(const lg_context *context, const lg_gradcheck_case *test,
                            const lg_gradcheck_options *options, lg_gradcheck_result *result) {
-    if (row == NULL || result == NULL) return LG_INVALID_ARGUMENT;
-    LG_TRY(lg_gradcheck(context, &row->function, options, result));
-    if (!row->zero || result->order[0].derivative == 0.0) return LG_OK;
+    if (test == NULL || result == NULL) return LG_INVALID_ARGUMENT;
+    LG_TRY(lg_gradcheck(context, &test->function, options, result));
+    if (!test->zero || result->order[0].derivative == 0.0) return LG_OK;
     result->passed = result->order[0].passed = false;
     (void)snprintf(result->message, sizeof result->message,
-                   "%s, order 1: the derivative should be identically zero but is %.3g", row->function.name,
+                   "%s, order 1: the derivative should be identically zero but is %.3g", test->function.name,
                    result->order[0].derivative);
     return LG_CHECK_FAILED;
 }

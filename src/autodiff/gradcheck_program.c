@@ -289,21 +289,21 @@ static lg_status make_planted(check *k, lg_error *error) {
     return status;
 }
 
-/* What the row says: that it is refused, in a sentence with a certain word. */
-static lg_status check_refusal(check *k, const lg_gradcheck_case *row, lg_status status,
+/* What the test says: that it is refused, in a sentence with a certain word. */
+static lg_status check_refusal(check *k, const lg_gradcheck_case *test, lg_status status,
                                const lg_error *error) {
     k->result->refused = status != LG_OK;
     k->result->value = k->result->forward = k->result->adjoint = NAN;
     (void)snprintf(k->result->message, sizeof k->result->message, "%.300s",
                    status != LG_OK ? error->message : "it became a program, although declared impossible");
-    return status == LG_UNSUPPORTED && strstr(error->message, row->no_program) != NULL ? LG_OK
-                                                                                       : LG_CHECK_FAILED;
+    return status == LG_UNSUPPORTED && strstr(error->message, test->no_program) != NULL ? LG_OK
+                                                                                        : LG_CHECK_FAILED;
 }
 
-static lg_status run(check *k, const lg_gradcheck_case *row) {
+static lg_status run(check *k, const lg_gradcheck_case *test) {
     lg_error error = {.message = ""};
     lg_status status = build_program(k, &error);
-    if (row->no_program != NULL) return check_refusal(k, row, status, &error);
+    if (test->no_program != NULL) return check_refusal(k, test, status, &error);
     if (status == LG_OK) status = derive(k, &error);
     if (status == LG_OK) status = make_plans(k, k->plan, &error);
     if (status == LG_OK && k->options->plant != NULL) status = make_planted(k, &error);
@@ -319,22 +319,22 @@ static lg_status run(check *k, const lg_gradcheck_case *row) {
     return LG_OK;
 }
 
-lg_status lg_gradcheck_program(const lg_context *context, const lg_gradcheck_case *row,
+lg_status lg_gradcheck_program(const lg_context *context, const lg_gradcheck_case *test,
                                const lg_gradcheck_options *options, lg_gradcheck_program_result *result) {
     lg_gradcheck_options chosen;
     lg_gradcheck_options_init(&chosen);
-    if (row == NULL || result == NULL) return LG_INVALID_ARGUMENT;
+    if (test == NULL || result == NULL) return LG_INVALID_ARGUMENT;
     *result = (lg_gradcheck_program_result){0};
     if (options != NULL) chosen = *options;
-    if (!lg_gradcheck_valid(&row->function, &chosen)) return LG_INVALID_ARGUMENT;
-    check k = {.context = context, .f = &row->function, .options = &chosen, .result = result};
+    if (!lg_gradcheck_valid(&test->function, &chosen)) return LG_INVALID_ARGUMENT;
+    check k = {.context = context, .f = &test->function, .options = &chosen, .result = result};
     lg_rng_seed(&k.rng, chosen.seed, 3);
-    const lg_status status = run(&k, row);
+    const lg_status status = run(&k, test);
     result->passed = status == LG_OK;
     result->plant_applied = k.plant.applied;
     result->plant_changed = k.plant.changed;
     if (status != LG_OK && result->message[0] == '\0')
-        (void)snprintf(result->message, sizeof result->message, "%.80s, program: %s", row->function.name,
+        (void)snprintf(result->message, sizeof result->message, "%.80s, program: %s", test->function.name,
                        lg_status_sentence(status));
     for (size_t f = 0; f < FUNCTIONS; f++) {
         lg_plan_destroy(k.plan[f]);
