@@ -2,32 +2,32 @@
  * x = (q0, v0, qN, vN), 8 numbers.
  *
  * - LG_SURROGATE_DISCRETE: x -> the inner nodes and tangents (q_1, ..., q_{N-1}, v_1, ..., v_{N-1}), 4(N-1)
- *   numbers; the ends are the given ones.
- *   Loss: mean of squares of the 4(N-1) differences + gamma times the mean of squares of the differences'
- *   own node-to-node differences (2N of q, 2N of v; 0 at the ends).
- * - LG_SURROGATE_CONTINUOUS: (s/L, x) -> q(s), v = dq/ds the true derivative (forward mode).
- *   Loss: mean over points of (|q - q_k|^2 + |v - v_k|^2 + gamma (|v|^2 - 1)^2)/2. (The published program's
- *   sum of means: MSE(q) + MSE(v) + (gamma/2) mean (|v|^2 - 1)^2.) A sample is a point (s_k, x).
+ *   numbers; the ends are those of x.
+ *   Loss, with e_k the errors at node k and e_0 = e_N = 0: the mean square of the 4(N-1) errors plus gamma
+ *   times the mean square of the e_{k+1} - e_k (2N of q, 2N of v).
+ * - LG_SURROGATE_CONTINUOUS: (s/L, x) -> q(s); v = dq/ds is its derivative (forward mode).
+ *   Loss: mean over points of (|q - q_k|^2 + |v - v_k|^2 + gamma (|v|^2 - 1)^2)/2; in the published program
+ *   MSE(q) + MSE(v) + (gamma/2) mean (|v|^2 - 1)^2. A sample is a point (s_k, x).
  * - LG_SURROGATE_ANGLE: theta(s) = pi f(theta_0/pi, theta_N/pi, s), v = (cos theta, sin theta), q = q_0 +
  *   int v ds by Gauss's rule of 3 points on panels; theta_0, theta_N in (-pi, pi] from v0, vN.
  *   Option `boundary` holds the end angles:
  *     theta = pi f(s) + (theta_0 - pi f(0)) e^{-100 s^2} + (theta_N - pi f(L)) e^{-100 (s-L)^2}
- *   (where a short beam's e^{-100 L^2} counts, the two weights are combined so that each is 1 at its end and
- *   0 at the other).
- *   Loss: mean over nodes of (|q - q_k|^2 + |v - v_k|^2)/2; gamma has no part in it. A sample is a curve: one
- *   set of Gauss points, 3 on each interval between two nodes, serves all its nodes.
+ *   For a short beam, whose e^{-100 L^2} is not negligible, the two weights are combined so that each is 1 at
+ *   its end and 0 at the other.
+ *   Loss: mean over nodes of (|q - q_k|^2 + |v - v_k|^2)/2, without gamma. A sample is a curve; its Gauss
+ *   points, 3 on each interval between two nodes, serve all its nodes.
  *
- * `normalise`: the x-coordinates of the ends enter as (x - centre)/centre, centre = half the distance of the
- * ends in the training data. Places are counted from q0: moving a beam moves its curve.
+ * `normalise`: the x-coordinates of the ends enter as (x - centre)/centre, where centre is half the distance
+ * of the ends in the training data. Positions are relative to q0, so moving a beam moves its curve.
  *
- * `between` (continuous network): sample k of a curve is not node k but a point within half an interval of
- * it, another one in each curve, since at the nodes alone a network may turn freely in between. q and v there
- * come from cubics through nodes and tangents (continuous values), or from polynomials through six nodes, q
- * and v by themselves (discrete values, whose tangents are not quite the derivative of their curve).
+ * `between` (continuous network): a network trained at the nodes alone may turn freely between them. With
+ * this option sample k of a curve is a point within half an interval of node k, another one in each curve.
+ * For continuous data q and v there come from cubics through nodes and tangents. For discrete data, whose
+ * tangents are not quite the derivative of the curve, q and v each come from polynomials through six nodes.
  *
  * `mirror`: the problem is symmetric under reflection at the chord. Boundary conditions with v0y < vNy are
- * reflected (all y -> -y), and so is their curve: the network learns one half, and is exactly equivariant.
- * Where v0y = vNy the sign of v0y decides, then that of qNy - q0y.
+ * reflected (all y -> -y) together with their curve. So the network learns one half and is exactly
+ * equivariant. If v0y = vNy, the sign of v0y decides, then that of qNy - q0y.
  */
 #ifndef LIEGRAD_SURROGATE_H
 #define LIEGRAD_SURROGATE_H
@@ -52,7 +52,7 @@ typedef enum lg_surrogate_kind {
 LG_API const char *lg_surrogate_kind_name(lg_surrogate_kind kind); /* "discrete", "continuous", "angle" */
 LG_API lg_status lg_surrogate_kind_parse(const char *name, lg_surrogate_kind *out); /* LG_NOT_FOUND */
 
-/* What a network looks like, before the data tell its sizes. */
+/* Settings of a network; the data give its sizes. */
 typedef struct lg_surrogate_options {
     lg_surrogate_kind kind;
     lg_net_kind architecture;
@@ -83,21 +83,21 @@ typedef struct lg_surrogate_preset {
     lg_surrogate_kind kind;
     bool boundary;      /* angle network */
     bool merged;        /* data of both families */
-    double fraction;    /* part of the data trained on; of rows that fit, the nearest is taken */
+    double fraction;    /* part of the data that is trained on; the nearest preset is taken */
     const char *source; /* "table 5.3", ... */
     lg_surrogate_options model;
     lg_training training;
 } lg_surrogate_preset;
-/* NULL for an unknown name or a combination without a row. Static storage. */
+/* NULL for an unknown name or a combination without a preset. Static storage. */
 LG_API const lg_surrogate_preset *lg_surrogate_preset_find(const char *name, lg_surrogate_kind kind,
                                                            bool boundary, bool merged, double fraction);
 
 /* ---- training ---- */
 
-/* Which curves are trained on and tested on: a permutation drawn by `seed` (in a stream of its own), whose
- * first test_fraction n entries (rounded) are the test part, the same for every train_fraction, and whose
- * following train_fraction n the training part. parts (n): lg_part of each curve (liegrad/nn.h).
- * LG_INVALID_ARGUMENT: fractions outside [0, 1], together more than 1, or a training part without a curve. */
+/* Splits curves into parts (n): lg_part of each curve (liegrad/nn.h). `seed` draws a permutation (in a stream
+ * of its own). Its first test_fraction n entries (rounded) are the test part, which does not depend on
+ * train_fraction; the next train_fraction n entries are the training part. LG_INVALID_ARGUMENT: fractions
+ * outside [0, 1], together more than 1, or a training part without a curve. */
 LG_API lg_status lg_surrogate_split(size_t n, double train_fraction, double test_fraction, uint64_t seed,
                                     uint8_t *parts);
 
@@ -116,21 +116,22 @@ LG_API void lg_surrogate_fit_problem(const lg_surrogate_problem *problem, lg_fit
 
 /* ---- as a program ---- */
 
-/* A bundle on one parameter `theta`, of the kind's functions:
+/* A bundle with one parameter `theta` and the functions of the kind:
  *   value  x -> y, and grad  x -> y, g: y and its Jacobian, as liegrad/model.h says for the kind
  *   point  continuous: s, x (8, one for all rows) -> q, v at s; angle: s, ends (5, one for all rows) -> theta
  *   place  continuous: s, x (8, one for all rows) -> q at s
- *   ends   angle: x (8) -> ends: R, theta_0, theta_N, and what pi f lacks at both ends (0 without `boundary`)
+ *   ends   angle: x (8) -> ends: R, theta_0, theta_N, theta_0 - pi f(0) and theta_N - pi f(L) (the last two
+ *          are 0 without `boundary`)
  * Errors: those of lg_program_build. */
 LG_API lg_status lg_surrogate_program(const lg_context *context, const lg_surrogate *model,
                                       const double *theta, lg_program **out, lg_error *error);
 
 /* ---- use, without a tape ---- */
 
-/* Plans for the curves of a network; immutable, threads may share them, each with work of its own. theta is
- * copied, and rounded to `dtype`, in which the program computes; cubics and integrals are double. `points`:
- * of how many points a curve has as a rule, for speed. Errors: those of lg_surrogate_program and
- * lg_plan_create. */
+/* Plans for the curves of a network. They are immutable; threads may share them, each with its own work
+ * memory. theta is copied and rounded to `dtype`, in which the program computes; cubics and integrals are
+ * double. `points` is the usual number of points of a curve; it affects speed only. Errors: those of
+ * lg_surrogate_program and lg_plan_create. */
 typedef struct lg_surrogate_curves lg_surrogate_curves;
 LG_API lg_status lg_surrogate_curves_create(const lg_context *context, const lg_surrogate *model,
                                             const double *theta, lg_dtype dtype, size_t points,
@@ -138,13 +139,13 @@ LG_API lg_status lg_surrogate_curves_create(const lg_context *context, const lg_
 LG_API void lg_surrogate_curves_destroy(lg_surrogate_curves *curves); /* NULL is fine */
 /* Bytes, to be aligned to 64. */
 LG_API size_t lg_surrogate_curves_work_size(const lg_surrogate_curves *curves);
-/* The curve of boundary conditions x (8) at s (points), 0 <= s <= L, rising: q, v (points, 2) or NULL. The
- * discrete network interpolates between its nodes (cubic Hermite, and its derivative; at its own nodes its
- * own values); the angle network integrates over fixed panels, equal
- * parts of the N intervals and at least 50, and from the last whole one to s: what it gives at s depends on
- * what else is asked for by rounding alone, and at the data's nodes it is the rule of the loss; q asks for
- * many more evaluations than v alone. A number of x that is not finite makes the curve NaN, one of s its
- * point. No allocation, no lock. */
+/* The curve of boundary conditions x (8) at s (points), 0 <= s <= L, rising: q, v (points, 2) or NULL.
+ * - The discrete network interpolates between its nodes: cubic Hermite and its derivative. At a node the
+ *   result is the network's own value.
+ * - The angle network integrates over fixed panels, equal parts of the N intervals and at least 50, and from
+ *   the last whole panel to s. The result at s depends on the other points by rounding only, and at the nodes
+ *   of the data it follows the rule of the loss. q takes many more evaluations than v alone.
+ * An x that is not finite makes the curve NaN, an s that is not finite its point. No allocation, no lock. */
 LG_API void lg_surrogate_curve(const lg_surrogate_curves *curves, const double *x, const double *s,
                                size_t points, double *q, double *v, void *work);
 
@@ -156,11 +157,11 @@ typedef struct lg_surrogate_errors {
     double boundary_error;       /* largest difference from the boundary conditions at s = 0 and L. The angle
                                   * network: tangents only, because its q(L) follows from its angles */
     double unit_tangent_error;   /* largest ||v| - 1| over all nodes */
-    double unit_tangent_between; /* the same half-way between the nodes: what a curve does where no data is */
+    double unit_tangent_between; /* the same half-way between the nodes, where there are no data */
 } lg_surrogate_errors;
-/* Over curves `chosen` (count), NULL: all of them, whatever `count`. node_error: (N + 1, 2) or NULL, mean
- * over the curves of |q - q_k| and of |v - v_k| at each node. Errors: LG_SHAPE as above, LG_INVALID_ARGUMENT
- * (no curves, an index out of range), LG_OUT_OF_MEMORY, LG_NOT_FINITE. */
+/* Errors over the curves `chosen` (count); NULL: all curves, and count is not read. node_error (N + 1, 2) or
+ * NULL: mean over the curves of |q - q_k| and of |v - v_k| at each node. Errors: LG_SHAPE as above,
+ * LG_INVALID_ARGUMENT (no curves, an index out of range), LG_OUT_OF_MEMORY, LG_NOT_FINITE. */
 LG_API lg_status lg_surrogate_evaluate(const lg_context *context, const lg_surrogate *model,
                                        const double *theta, const lg_elastica_curves *curves,
                                        const uint32_t *chosen, size_t count, double *node_error,
@@ -168,13 +169,17 @@ LG_API lg_status lg_surrogate_evaluate(const lg_context *context, const lg_surro
 
 /* ---- range ---- */
 
-/* Outside the boundary conditions that it was trained on, a network's curve means nothing. `trained` (n, 8)
- * are the training part's. Distances are of (qN - q0, v0, vN). The largest distance of one of them from its
- * nearest other one, up to one in a hundred (at most 32) left out, which may stand alone; 0 for n < 2. */
+/* A network's curve means nothing outside the boundary conditions that it was trained on: `trained` (n, 8),
+ * those of the training part. The distance between two boundary conditions is the Euclidean one of
+ * (v0, qN - q0, vN).
+ *
+ * The reach: each trained condition has a distance to its nearest neighbour. The n/100 largest of these
+ * distances (at most 32) are left out, because single conditions may stand alone; the largest of the others
+ * is returned. 0 for n < 2. */
 LG_API double lg_surrogate_reach(const double *trained, size_t n);
-/* Distance of x, for a model with `mirror` of x or its mirror image, from the nearest trained boundary
- * condition; infinite for n = 0 or NaN in x. A query farther than twice the reach lies outside the trained
- * range. */
+/* Distance of x from the nearest trained boundary condition; for a model with `mirror` the smaller one of x
+ * and its mirror image. Infinite for n = 0 or NaN in x. A query is outside the trained range when its
+ * distance is more than twice the reach. */
 LG_API double lg_surrogate_distance(const lg_surrogate *model, const double *trained, size_t n,
                                     const double *x);
 

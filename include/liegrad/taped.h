@@ -1,4 +1,5 @@
-/* Integrators that the tape can see through: the schemes of liegrad/integrators.h on batches of trajectories.
+/* Integrators on a tape: steps of the schemes in liegrad/integrators.h are recorded for batches of
+ * trajectories, so that they can be differentiated.
  *
  * A point of a space and an element of its algebra are tuples of variables, the parts, in the order of the
  * space's factors:
@@ -10,15 +11,13 @@
  * - LG_SPACE_SO3_DUAL with k copies: one part x (B, k, 3); algebra: one part u (B, k, 3)
  *
  * Splitting schemes take R^n x R^n, two parts q, p (B, n), or R^2n, one part with q before p. Rows of a batch
- * are independent trajectories: a field's row depends on the same row of the state, the input and the time
- * only.
+ * are independent trajectories: row b of a field depends only on row b of the state, the input and the time.
  *
- * Everything recorded can be differentiated to any order, in the start, the input, time and step size where
- * they are variables, and in whatever the field depends on, except steps of implicit schemes,
- * LG_SCHEME_IMPLICIT and LG_SCHEME_SLGI: those find their stage with plain numbers and record two Newton
- * corrections at it, whose first and second derivatives are exact (higher ones are not). The plain
- * interpreter and this one agree to rounding on every scheme. LG_SCHEME_VARIATIONAL has no taped form; dense
- * output and error estimates have none either.
+ * Steps can be differentiated to any order in the start, in whatever the field depends on, and in the input,
+ * the time and the step size where they are variables. Implicit schemes (LG_SCHEME_IMPLICIT, LG_SCHEME_SLGI)
+ * are an exception: they find their stage with plain numbers and record two Newton corrections at it, whose
+ * first and second derivatives are exact; higher ones are not. The plain interpreter and this one agree to
+ * rounding on every scheme. LG_SCHEME_VARIATIONAL, dense output and error estimates cannot be recorded.
  */
 #ifndef LIEGRAD_TAPED_H
 #define LIEGRAD_TAPED_H
@@ -32,9 +31,9 @@ LG_BEGIN_DECLS
 
 /* ---- Time ---- */
 
-/* A time for each row of a batch: value + rows + weight step, where LG_NONE counts as zero. The last term is
- * the interpreter's: where the step is a variable, a stage's t + c h is recorded only if its field asks for
- * it. */
+/* A time for each row of a batch: value + rows + weight step, where LG_NONE counts as zero. The interpreter
+ * sets the last term: when the step is a variable, the time t + c h of a stage is recorded only if the field
+ * uses it. */
 typedef struct lg_taped_time {
     double value;
     lg_var rows; /* (B, 1) or LG_NONE */
@@ -46,17 +45,17 @@ typedef struct lg_taped_time {
 static inline bool lg_taped_time_varies(lg_taped_time t) {
     return !lg_is_none(t.rows) || !lg_is_none(t.step);
 }
-/* The time as a variable (batch, 1), a constant one where it does not vary; at most two nodes. Errors: those
- * of the tape. */
+/* The time as a variable (batch, 1), constant when the time does not vary. Records at most two nodes. Errors:
+ * those of the tape. */
 LG_API lg_var lg_taped_time_rows(lg_tape *tape, lg_taped_time t, uint32_t batch);
 
 /* ---- Differential equations ---- */
 
-/* Writes the parts of f(t, y) in the algebra. `input` is what the step was given, (B, m), or LG_NONE. A field
- * that does not depend on t, or on the input, ignores it and nothing is recorded for it. Failures stick to
- * the tape; a status other than LG_OK ends the run. Implicit schemes call it while they search, on nodes that
- * are rewound afterwards: it may use variables made before the step, but must not keep any that it made. They
- * ask for its forward mode (lg_jvp). */
+/* Writes the parts of f(t, y) in the algebra. `input` (B, m) is the input of the step, or LG_NONE. A field
+ * may ignore t and the input; nothing is recorded for them then. Failures stick to the tape, and a status
+ * other than LG_OK ends the run. Implicit schemes call the field during their iteration, use its forward mode
+ * (lg_jvp), and rewind these nodes afterwards: the field may use variables made before the step, but must not
+ * keep variables of its own. */
 typedef lg_status (*lg_taped_field)(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                                     lg_var *algebra);
 /* For splitting schemes: force -dV/dq from q, velocity dK/dp from p; t is the time of the positions. */
@@ -65,18 +64,18 @@ typedef lg_status (*lg_taped_half_field)(void *user, lg_tape *tape, lg_taped_tim
 
 typedef struct lg_taped_ode {
     lg_space space;
-    lg_taped_field field;         /* NULL only when all that is used is a splitting scheme */
+    lg_taped_field field;         /* may be NULL when only splitting schemes are used */
     lg_taped_half_field force;    /* for splitting schemes, else NULL */
     lg_taped_half_field velocity; /* likewise */
     void *user;
-    lg_space manifold; /* for schemes that project: where the states of R^n, joined, ought to lie; its dim is
-                        * that of `space`. factors 0: everywhere */
+    lg_space manifold; /* for schemes that project: where the joined states of R^n lie; its dim is that of
+                        * `space`. factors 0: no manifold */
 } lg_taped_ode;
 
 /* ---- Points and algebra elements ---- */
 
-/* From a state as the plain interpreter has it, (B, dim), to parts, and back. Errors: LG_STALE_HANDLE,
- * LG_SHAPE, the tape's; on failure nothing is written, or LG_NONE returned. */
+/* From a state (B, dim), as the plain interpreter has it, to parts, and back. Errors: LG_STALE_HANDLE,
+ * LG_SHAPE, the tape's. On failure the parts are not written, and lg_taped_join returns LG_NONE. */
 LG_API lg_status lg_taped_split(lg_tape *tape, const lg_space *space, lg_var y, lg_var *parts);
 LG_API lg_var lg_taped_join(lg_tape *tape, const lg_space *space, const lg_var *parts);
 
@@ -97,20 +96,21 @@ LG_API lg_status lg_taped_generator(lg_tape *tape, const lg_space *space, const 
 
 /* ---- Steps ---- */
 
-/* From where a step goes, how far, and the input that is held meanwhile. With designated initialisers what is
- * not named is LG_NONE: {.t = {.value = 0.5}, .h = 0.1}; {.t = {.rows = times}, .h_rows = steps, .input = u}.
- */
+/* Start and size of a step, and the input, which is constant over the step. Designated initialisers set the
+ * members that are not named to LG_NONE:
+ *   {.t = {.value = 0.5}, .h = 0.1}
+ *   {.t = {.rows = times}, .h_rows = steps, .input = u} */
 typedef struct lg_taped_interval {
     lg_taped_time t; /* the start */
-    double h;        /* the step where h_rows is LG_NONE, else not read */
+    double h;        /* the step; not read when h_rows is set */
     lg_var h_rows;   /* (B, 1), a step for each row, or LG_NONE */
-    lg_var input;    /* (B, m), goes to the field as it is, or LG_NONE */
+    lg_var input;    /* (B, m) for the field, or LG_NONE */
 } lg_taped_interval;
 
-/* One step from (t, y): out is the point at t + h; it may be y. Nothing is kept between calls; a stage that
- * only the next step or an error estimate would use is not recorded. A row equals the step with the same
- * numbers as constants to rounding. Errors as lg_taped_integrate, and on the tape too LG_SHAPE (a time, step
- * or input whose shape is not as said, B that of the state); on failure `out` is untouched. */
+/* One step from (t, y): out is the point at t + h; it may be y. Nothing is kept between calls, and a stage
+ * that only the next step or an error estimate needs is not recorded. Times and steps as variables give the
+ * same numbers as constants, to rounding. Errors: those of lg_taped_integrate; LG_SHAPE, also on the tape (a
+ * time, step or input that has not the stated shape with the state's B). On failure `out` is untouched. */
 LG_API lg_status lg_taped_step_over(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode,
                                     const lg_taped_interval *over, const lg_var *y, lg_var *out);
 /* The same with one constant t and h for all rows, without input. */
@@ -118,14 +118,15 @@ LG_API lg_status lg_taped_step(lg_tape *tape, const lg_scheme *scheme, const lg_
                                double h, const lg_var *y, lg_var *out);
 
 /* `steps` steps of size h from t0 and y0. Every `every`-th point is kept: out has (steps/every) x parts
- * variables, row 0 is the point after `every` steps. A force at an unchanged q is evaluated once, and so is
- * what FSAL schemes know at the end of a step. Memory on the tape grows linearly with steps; a step of an
- * implicit scheme keeps two evaluations of the field and a matrix of (B, m, m), m the dimension of the
- * algebra. Errors: LG_INVALID_ARGUMENT (steps or every 0, every not dividing steps, missing functions,
- * inconsistent scheme, a manifold of another dimension), LG_UNSUPPORTED (an ambient, implicit or splitting
- * scheme on a space that is not R^n, LG_SCHEME_SLGI on one that is not its own, LG_SCHEME_VARIATIONAL),
- * LG_NO_CONVERGENCE (an implicit stage) and LG_NOT_FINITE (the field at its start), both also on the tape;
- * the field's, the tape's. */
+ * variables, and row 0 is the point after `every` steps. A force at an unchanged q is evaluated once; FSAL
+ * schemes reuse the last evaluation of a step. Memory on the tape grows linearly with steps. A step of an
+ * implicit scheme keeps two evaluations of the field and a matrix (B, m, m), m the dimension of the algebra.
+ * Errors, beside those of the field and the tape:
+ * - LG_INVALID_ARGUMENT: steps or every 0, every does not divide steps, missing functions, an inconsistent
+ *   scheme, a manifold of another dimension
+ * - LG_UNSUPPORTED: an ambient, implicit or splitting scheme on a space that is not R^n, LG_SCHEME_SLGI on a
+ *   space that is not T*G, LG_SCHEME_VARIATIONAL
+ * - LG_NO_CONVERGENCE (an implicit stage), LG_NOT_FINITE (the field at its start), both also on the tape */
 LG_API lg_status lg_taped_integrate(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode,
                                     double t0, double h, size_t steps, size_t every, const lg_var *y0,
                                     lg_var *out);
