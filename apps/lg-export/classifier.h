@@ -1,4 +1,4 @@
-/* A classical classifier on its way to C: what its parts share. */
+/* Export of a classical classifier: declarations that its files share. */
 #ifndef LG_EXPORT_CLASSIFIER_H
 #define LG_EXPORT_CLASSIFIER_H
 
@@ -6,7 +6,7 @@
 #include "lg-export/window.h"
 #include "liegrad/classify.h"
 
-/* What is exported, and what its parts are made of. */
+/* The classifier that is exported. */
 typedef struct classifier_job {
     export_source *source;
     const classifier_file *file;
@@ -21,14 +21,14 @@ typedef struct classifier_linear {
 } classifier_linear;
 
 bool classifier_is_linear(const lg_classifier *c);
-/* Of the exported type. */
+/* eps of the exported type. */
 double classifier_eps(const classifier_job *j);
 /* Feature i is accurate to about eps times this number, at the training mean (classifier_rounding.c). */
 double classifier_size_of(const classifier_job *j, size_t i);
-/* What rounding of decisions on windows is multiplied by, beside 20 eps depth; w is read where decisions are
+/* Factor of the rounding of decisions on windows, beside 20 eps depth; w is read when decisions are
  * linear. */
 double classifier_condition(const classifier_job *j, const classifier_linear *w);
-/* Draws windows, computes what the library says of them. An exit code (classifier_golden.c). */
+/* Draws windows and computes the results of the library. Returns an exit code (classifier_golden.c). */
 int classifier_golden(const classifier_job *j, const app *self);
 
 #endif

@@ -164,9 +164,9 @@ static double arc_length(const double *q, const double *v, uint32_t intervals) {
     return sum;
 }
 
-/* The same if the curve minimises the discrete energy (liegrad/elastica.h): q_{k+1} - q_k - (h/2)(v_k +
- * v_{k+1}) is then the same for all k, and h the regression of the second differences of q on those of v. NaN
- * when straight. */
+/* Length of a curve that minimises the discrete energy (liegrad/elastica.h): q_{k+1} - q_k - (h/2)(v_k +
+ * v_{k+1}) is the same for all k, so h is the regression of the second differences of q on those of v. NaN
+ * for a straight curve. */
 static double trapezoid_length(const double *q, const double *v, uint32_t intervals) {
     double products = 0, squares = 0;
     for (size_t i = 0; i < 2 * (size_t)(intervals - 1); i++) {
@@ -182,13 +182,14 @@ static int compare(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* To three significant digits: what another program was told. At most 0.5 % away. */
+/* Rounds to three significant digits, which changes the length by at most 0.5 %: the setting of the other
+ * program. */
 static double rounded(double x) {
     const double unit = pow(10, floor(log10(x)) - 2);
     return unit >= 1 ? round(x / unit) * unit : round(x / unit) / round(1 / unit);
 }
 
-/* Of the two readings of the curves the one on which they agree more. */
+/* The length, estimated in the way on which the curves agree better. */
 static double agreed_length(const lg_elastica_curves *c, double *lengths) {
     static double (*const rules[])(const double *, const double *, uint32_t) = {arc_length, trapezoid_length};
     const size_t row = 2 * ((size_t)c->intervals + 1), n = c->count;

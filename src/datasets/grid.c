@@ -11,8 +11,8 @@
 #define LISTS LG_GRID_VALUES
 #define FORM  "hamiltonian" /* learned is a Hamiltonian */
 
-/* The grid's own keys. Limits of what a grid varies, which are 0 to 0 here, are those of the hyperparameter
- * `row`. */
+/* The grid's own keys. Limits of 0 to 0 stand for those of the hyperparameter `row`, which the grid
+ * varies. */
 enum {
     KEY_INTEGRATORS,
     KEY_PENALTY,
@@ -60,7 +60,7 @@ static lg_key key_of(const lg_hyperparameter *row) {
                     row->value_name};
 }
 
-/* What a grid varies, and the seed, which it derives. */
+/* The hyperparameters that a grid varies, and the seed, which it derives. */
 static bool is_shared(const lg_hyperparameter *row) {
     static const char *const varied[] = {"integrator", "penalty", "substeps", "seed"};
     for (size_t i = 0; i < LG_COUNT(varied); i++)

@@ -1,4 +1,4 @@
-/* What reading and writing of HDF5 share: types of numbers, handles, and what is there. */
+/* HDF5 for reading and writing: types of numbers, handles, existence of objects. */
 #include "datasets/h5_internal.h"
 
 #include <string.h>

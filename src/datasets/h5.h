@@ -1,6 +1,6 @@
-/* One HDF5 file being composed in memory or read. Paths name objects from the root, without a leading slash;
- * "" is the root. Every function silences HDF5's own messages for its duration. All failures give a sentence
- * with the file and the key. */
+/* One HDF5 file that is composed in memory or read. Paths start at the root and have no leading slash; "" is
+ * the root. Every function silences HDF5's own messages while it runs. Failures give a sentence with the file
+ * and the key. */
 #ifndef LG_H5_H
 #define LG_H5_H
 
@@ -32,21 +32,21 @@ static inline const char *lg_tamed(char *text) {
 
 /* ---- composing; nothing touches the disk before lg_h5_commit ---- */
 lg_status lg_h5_create(const lg_context *context, const char *path, lg_h5 **out, lg_error *error);
-/* Groups on the way are made. dims: rank numbers. */
+/* Missing groups of the path are made. dims has rank numbers. */
 lg_status lg_h5_put(lg_h5 *h5, const char *name, lg_element type, uint32_t rank, const uint64_t *dims,
                     const void *data, lg_error *error);
 /* Texts of `size` bytes each, terminators included, (count, size). */
 lg_status lg_h5_put_texts(lg_h5 *h5, const char *name, const char *texts, size_t size, uint64_t count,
                           lg_error *error);
-/* Attributes of a group, made if need be, or of a data set. Texts are fixed-length UTF-8, cut at LG_H5_TEXT -
- * 1 bytes. */
+/* Attributes of a data set, or of a group, which is made if it is missing. Texts are fixed-length UTF-8, cut
+ * at LG_H5_TEXT - 1 bytes. */
 lg_status lg_h5_put_text(lg_h5 *h5, const char *object, const char *name, const char *value, lg_error *error);
 lg_status lg_h5_put_number(lg_h5 *h5, const char *object, const char *name, lg_element type,
                            const void *value, lg_error *error);
 /* LG_OK when there was none. */
 lg_status lg_h5_remove_attribute(lg_h5 *h5, const char *object, const char *name, lg_error *error);
 lg_status lg_h5_commit(lg_h5 *h5, lg_error *error);
-/* A copy in memory of a file that is there, to be read and changed; lg_h5_commit replaces the file. */
+/* A copy in memory of an existing file, to be read and changed; lg_h5_commit replaces the file. */
 lg_status lg_h5_edit(const lg_context *context, const char *path, lg_h5 **out, lg_error *error);
 
 /* ---- reading ---- */
@@ -62,7 +62,7 @@ lg_status lg_h5_shape(lg_h5 *h5, const char *name, uint32_t *rank, uint64_t dims
  * fit. */
 lg_status lg_h5_get(lg_h5 *h5, const char *name, lg_element type, uint32_t rank, const uint64_t *dims,
                     void *out, lg_error *error);
-/* The same into fresh memory (lg_free), with the shape found; rank as asked, else LG_FORMAT. Doubles must be
+/* The same into new memory (lg_free); dims becomes the shape. LG_FORMAT: another rank. Doubles must be
  * finite. */
 lg_status lg_h5_get_doubles(lg_h5 *h5, const char *name, uint32_t rank, uint64_t dims[4], double **out,
                             lg_error *error);
@@ -72,16 +72,15 @@ typedef struct lg_h5_about {
     lg_h5_class kind; /* LG_H5_WHOLE: integers and enumerations; LG_H5_WORDS: texts of any sort */
     uint32_t rank;    /* <= 4 */
     uint64_t dims[4], count;
-    bool
-        wide; /* numbers that a float need not hold exactly: reals of more than 4 bytes, integers from 4 on */
+    bool wide; /* a float may round the numbers: reals of more than 4 bytes, integers of 4 bytes and more */
 } lg_h5_about;
-/* LG_NOT_FOUND: no such data set; LG_FORMAT: not max_size enough for `bytes` an element. Nothing is read. */
+/* Reads nothing. LG_NOT_FOUND: no such data set; LG_FORMAT: with `bytes` an element it exceeds max_size. */
 lg_status lg_h5_look(lg_h5 *h5, const char *name, size_t bytes, lg_h5_about *out, lg_error *error);
-/* Numbers, all of them, into the caller's memory. No second array is made, whatever the stored type. Not
- * checked for finiteness: what is beyond the range of a float becomes an infinity. */
+/* All numbers into the caller's memory, without a second array for any stored type. Finiteness is not
+ * checked: numbers beyond the range of a float become infinite. */
 lg_status lg_h5_get_floats(lg_h5 *h5, const char *name, float *out, lg_error *error);
-/* The same numbers as doubles, a block of whole rows of the first extent at a time, in order: visit(user,
- * row, rows, values). Of a block only about a megabyte, or a chunk up to 64 of them, is in memory. */
+/* The same numbers as doubles, in order, in blocks of whole rows of the first extent: visit(user, row, rows,
+ * values). A block takes about a megabyte, or one chunk of up to 64 megabytes. */
 typedef void (*lg_h5_rows)(void *user, uint64_t row, uint64_t rows, const double *values);
 lg_status lg_h5_each_rows(lg_h5 *h5, const char *name, lg_h5_rows visit, void *user, lg_error *error);
 /* Integers that fit, or reals that are whole (up to 2^53). Errors: LG_FORMAT, LG_NOT_FINITE with the index.
@@ -92,8 +91,8 @@ lg_status lg_h5_get_wholes(lg_h5 *h5, const char *name, const lg_h5_about *about
  * LG_H5_TEXT each, padding removed. All extents but the first are 1. */
 typedef lg_status (*lg_h5_visit)(void *user, uint64_t index, const char *text, lg_error *error);
 lg_status lg_h5_each_text(lg_h5 *h5, const char *name, lg_h5_visit visit, void *user, lg_error *error);
-/* The same for the texts of an attribute, one or a list; a single one may have up to 64 KiB. *words false: it
- * is missing or of another type, and nothing was visited. */
+/* The same for the texts of an attribute, one or a list; a single one may have up to 64 KiB. *words is false
+ * when the attribute is missing or of another type; nothing is visited then. */
 lg_status lg_h5_each_attribute_text(lg_h5 *h5, const char *object, const char *name, bool *words,
                                     lg_h5_visit visit, void *user, lg_error *error);
 
@@ -105,7 +104,7 @@ lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_eleme
                        lg_error *error);
 /* Reads every numeric data set and every attribute once: what the probe of an archive does. */
 lg_status lg_h5_read_all(lg_h5 *h5, lg_error *error);
-/* Version and kind. `foreign`: a file of another format, or of none, is fine. kind NULL: any. */
+/* Checks version and kind; kind NULL: any. `foreign` allows files of another format or without one. */
 lg_status lg_h5_check_format(lg_h5 *h5, const char *kind, bool foreign, lg_error *error);
 
 void lg_h5_close(lg_h5 *h5); /* NULL is fine */
@@ -124,9 +123,9 @@ lg_h5 *lg_file_reader_h5(lg_file_reader *reader);
 
 /* ---- probe ---- */
 
-/* Runs read(user, error) in a forked child with limits on memory and CPU time. A child that dies gives
- * LG_FORMAT; otherwise its status and sentence. options NULL: the defaults; without options->probe: LG_OK at
- * once. A file that cannot be opened at all is left to the reader that follows. */
+/* Runs read(user, error) in a forked child with limits on memory and CPU time. Returns the status and
+ * sentence of the child, or LG_FORMAT when it dies. options NULL: the defaults; without options->probe: LG_OK
+ * at once. A file that cannot be opened gives LG_OK; the reader that follows reports it. */
 lg_status lg_probe(const char *path, const lg_read_options *options,
                    lg_status (*read)(void *user, lg_error *error), void *user, lg_error *error);
 /* Opens the file and runs read(user, h5, error), first in the child of lg_probe, then here. */

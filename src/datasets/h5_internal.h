@@ -1,5 +1,5 @@
-/* Inside of h5.h: h5.c is below h5_read.c, h5_texts.c and h5_write.c, which do not call each other but for the
- * data sets that h5_texts.c opens by h5_read.c. */
+/* For the files behind h5.h. h5_read.c, h5_texts.c and h5_write.c use h5.c; h5_texts.c opens data sets with
+ * h5_read.c. There are no other calls between them. */
 #ifndef LG_H5_INTERNAL_H
 #define LG_H5_INTERNAL_H
 
@@ -8,7 +8,7 @@
 /* By how many bytes a file in memory grows. */
 #define LG_CORE_INCREMENT ((size_t)1 << 20)
 
-/* Silence while a function talks to HDF5; what was set before comes back. */
+/* HDF5 prints no messages between begin and end; end restores the setting before. */
 typedef struct lg_h5_quiet {
     H5E_auto2_t report;
     void *user;
@@ -33,7 +33,8 @@ typedef struct lg_dataset {
     uint64_t dims[LG_MAX_RANK], count;
 } lg_dataset;
 
-/* Of any type, at most max_size at `bytes` an element. *d may be closed whatever comes of it. */
+/* A data set of any type; LG_FORMAT when it exceeds max_size with `bytes` an element. *d may be closed after
+ * a failure too. */
 lg_status lg_dataset_open(lg_h5 *h5, const char *name, size_t bytes, lg_dataset *d, lg_error *error);
 void lg_dataset_close(lg_dataset *d);
 /* LG_FORMAT with the data set's name. */

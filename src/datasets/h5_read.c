@@ -8,8 +8,7 @@
 
 #include "datasets/h5_internal.h"
 
-/* What a byte of file can hold at most when compressed, with room to spare; larger declared sizes are absurd.
- */
+/* Upper bound on the bytes of data in a compressed byte of the file; larger declared sizes are absurd. */
 #define EXPANSION 8192u
 
 /* ---- opening ---- */
@@ -203,7 +202,7 @@ static H5T_conv_ret_t no_overflow(H5T_conv_except_t kind, hid_t from, hid_t to, 
                                                                                  : H5T_CONV_UNHANDLED;
 }
 
-/* A filter that the data went through and that is not here to undo it: its name; false for none. */
+/* Whether the data went through a filter that is not available here; its name. */
 static bool missing_filter(hid_t set, char *name, size_t size) {
     hid_t list = H5Dget_create_plist(set);
     const int filters = list >= 0 ? H5Pget_nfilters(list) : 0;
@@ -221,8 +220,8 @@ static bool missing_filter(hid_t set, char *name, size_t size) {
     return missing;
 }
 
-/* HDF5 converts as it reads, in pieces of a megabyte. `checked`: what is out of range is an error; else what
- * is beyond the range of a float becomes an infinity. */
+/* HDF5 converts while it reads, in pieces of a megabyte. `checked`: a number out of range is an error; else
+ * numbers beyond the range of a float become infinite. */
 static lg_status read_part(lg_h5 *h5, const char *name, const lg_dataset *d, hid_t memory, hid_t room,
                            hid_t part, bool checked, void *out, lg_error *error) {
     char filter[64] = "";
@@ -378,7 +377,7 @@ lg_status lg_h5_get_floats(lg_h5 *h5, const char *name, float *out, lg_error *er
     return get_all(h5, name, sizeof *out, H5T_NATIVE_FLOAT, false, out, error);
 }
 
-/* Rows of a block: of a megabyte, but whole chunks where these are not much larger. */
+/* Rows of a block: a megabyte, or whole chunks if these are not much larger. */
 static hsize_t rows_of_block(const lg_dataset *d) {
     const uint64_t row = d->count / d->dims[0], megabyte = (1u << 20) / sizeof(double);
     hsize_t rows = row < megabyte ? megabyte / row : 1, chunk[LG_MAX_RANK] = {0};
@@ -493,7 +492,7 @@ static lg_status open_attribute(lg_h5 *h5, const char *object, const char *name,
     return LG_OK;
 }
 
-/* Any string type, terminated, padding removed. No memory of ours is needed. */
+/* Any string type, terminated, padding removed. Allocates nothing. */
 static lg_status read_text(lg_h5 *h5, const char *object, const char *name, const attribute *a, char *out,
                            size_t size, lg_error *error) {
     if (H5Tget_class(a->type) != H5T_STRING)
@@ -559,7 +558,7 @@ lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_eleme
             status = attribute_error(h5, object, name, LG_FORMAT, "is not an integer", error);
     }
     if (status == LG_OK && type != LG_ELEMENT_F64 && type != LG_ELEMENT_F32) {
-        /* Conversion clips: compare with the value as a double. */
+        /* The conversion clips; compare with the value as a double. */
         double got = type == LG_ELEMENT_I64   ? (double)value.i64
                      : type == LG_ELEMENT_U64 ? (double)value.u64
                                               : value.u32;
@@ -585,7 +584,7 @@ static herr_t sweep_attribute(hid_t location, const char *name, const H5A_info_t
     hid_t attribute_id = H5Aopen(location, name, H5P_DEFAULT);
     if (attribute_id < 0) return -1;
     hid_t type = H5Aget_type(attribute_id);
-    /* Variable-length texts are read by those who ask for them. */
+    /* Variable-length texts are not read here. */
     if (type >= 0 && H5Tis_variable_str(type) <= 0 && H5Tget_class(type) != H5T_VLEN &&
         H5Aget_storage_size(attribute_id) <= sizeof small)
         (void)H5Aread(attribute_id, type, small);
@@ -601,7 +600,7 @@ static herr_t sweep_object(hid_t root, const char *name, const H5O_info_t *info,
     (void)H5Aiterate2(object, H5_INDEX_NAME, H5_ITER_NATIVE, NULL, sweep_attribute, s);
     (void)H5Oclose(object);
     lg_dataset d = {.set = H5I_INVALID_HID, .type = H5I_INVALID_HID};
-    /* Foreign types are left alone; numbers must be readable. */
+    /* Types of other programs are skipped; numbers must be readable. */
     if (info->type == H5O_TYPE_DATASET && open_numbers(s->h5, name, &d, NULL) == LG_OK) {
         double *data = lg_alloc(s->h5->context, (size_t)d.count, sizeof *data);
         s->status = data == NULL ? lg_fail(s->error, LG_OUT_OF_MEMORY, "%s: /%s: out of memory",

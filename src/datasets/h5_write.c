@@ -23,8 +23,8 @@ lg_status lg_h5_create(const lg_context *context, const char *path, lg_h5 **out,
     LG_TRY(lg_h5_new(context, path, &h5, error));
     lg_h5_quiet quiet = lg_quiet_begin();
     hid_t create = H5Pcreate(H5P_FILE_CREATE), access = H5Pcreate(H5P_FILE_ACCESS);
-    /* No times: the same content gives the same bytes. The name is not used: nothing is stored behind the
-     * core driver. */
+    /* No times are stored: the same content gives the same bytes. The core driver stores nothing under the
+     * name. */
     if (create >= 0 && access >= 0 && H5Pset_obj_track_times(create, false) >= 0 &&
         H5Pset_fapl_core(access, LG_CORE_INCREMENT, false) >= 0)
         h5->file = H5Fcreate("liegrad-in-memory", H5F_ACC_TRUNC, create, access);
@@ -44,7 +44,7 @@ static lg_status not_stored(const lg_h5 *h5, const char *object, const char *nam
                    lg_shown_path(h5->path), object, *name == '\0' ? "" : " attribute ", name);
 }
 
-/* A link creation list that makes groups on the way, in UTF-8. */
+/* A link creation list that makes the missing groups of a path, in UTF-8. */
 static hid_t intermediate(void) {
     hid_t list = H5Pcreate(H5P_LINK_CREATE);
     if (list >= 0 &&
@@ -106,7 +106,7 @@ lg_status lg_h5_put_texts(lg_h5 *h5, const char *name, const char *texts, size_t
     return stored ? LG_OK : not_stored(h5, name, "", error);
 }
 
-/* Opens an object; makes it a group when it is not there. */
+/* Opens an object; makes a group when there is none. */
 static hid_t open_or_make(lg_h5 *h5, const char *object) {
     if (*object == '\0') return H5Oopen(h5->file, "/", H5P_DEFAULT);
     if (lg_h5_has(h5, object)) return H5Oopen(h5->file, object, h5->links);

@@ -1,4 +1,4 @@
-/* The tables of hyperparameters, and what a row does with text and numbers. */
+/* The tables of hyperparameters, and their conversion from and to text and numbers. */
 #include "liegrad/hyperparameters.h"
 
 #include <math.h>
@@ -128,7 +128,7 @@ const lg_hyperparameter lg_surrogate_hyperparameters[] = {
     TRAINING(lg_surrogate_run, validation, REAL, PRESET(), VALIDATION),
     LG_HYPERPARAMETER_END};
 
-/* The network; the part for validation is drawn here and not by lg_fit, so that recordings and groups stay
+/* The network. The validation part is drawn here and not by lg_fit, so that recordings and groups stay
  * whole. */
 enum { NETWORK = 1 };
 
@@ -182,7 +182,7 @@ static const void *member_of(const lg_hyperparameter *row, const void *run) {
     return (const char *)run + row->offset;
 }
 
-/* Number of the row that a pointer points to; beyond the last where it is none. */
+/* Number of the row that a pointer points to; beyond the last when it points to none. */
 static uint64_t row_number(const lg_hyperparameter *row, const void *at) {
     const void *pointer;
     uint32_t value = 0;
@@ -191,7 +191,7 @@ static uint64_t row_number(const lg_hyperparameter *row, const void *at) {
     return value;
 }
 
-/* A name's or flag's number, or a whole one, whatever the width of its member. */
+/* The whole number of a name, a flag or an integer member of any width. */
 static uint64_t whole_at(const lg_hyperparameter *row, const void *run) {
     const void *at = member_of(row, run);
     if (row->value_at != NULL) return row_number(row, at);
@@ -315,7 +315,7 @@ void lg_hyperparameters_default(const lg_hyperparameter *rows, void *run) {
 
 /* ---- what a row takes, in words ---- */
 
-/* The fewest digits, 15 or 17, that give the number back. */
+/* Writes 15 digits if they give the number back, else 17. */
 static void bound_text(double bound, char out[32]) {
     (void)snprintf(out, 32, "%.15g", bound);
     if (strtod(out, NULL) != bound) (void)snprintf(out, 32, "%.17g", bound);
@@ -330,7 +330,7 @@ static bool exceeds(const lg_hyperparameter *row, const char *text) {
     }
 }
 
-/* Bounds that stand for none are named only where `text` is beyond them. */
+/* Bounds that mean "none" are named only when `text` is beyond them. */
 static size_t number_text(const lg_hyperparameter *row, const char *text, char *out, size_t size) {
     const bool list = is_list(row), whole = row->type == LG_HYPER_WHOLES || is_whole(row);
     const bool low = row->low > -1e300, high = row->high < 0x1p63 || exceeds(row, text);

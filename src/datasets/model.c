@@ -7,7 +7,7 @@
 
 /* ---- a file structure through the offsets of its kind ---- */
 
-/* Pointers to the members that every file structure has. */
+/* Pointers to the members that all file structures have. */
 typedef struct model_view {
     void *run;
     size_t *parameters, *epochs_done;
@@ -66,7 +66,7 @@ static lg_status put_slice(lg_h5 *h5, const slice *s, lg_dtype dtype, const doub
     return status;
 }
 
-/* The archive that lg_fit_save writes through: the root of the file. */
+/* The archive for lg_fit_save: the root of the file. */
 typedef struct fit_target {
     lg_h5 *h5;
     lg_error error;
@@ -141,7 +141,7 @@ lg_status lg_as_format(lg_status status, lg_error *error) {
     return LG_FORMAT;
 }
 
-/* Shapes are compared before anything of the size that the attributes claim is allocated. */
+/* Compares shapes before it allocates arrays of the sizes in the attributes. */
 static lg_status check_slices(lg_h5 *h5, const lg_run_kind *kind, const void *run, lg_error *error) {
     slice s;
     for (uint32_t i = 0; slice_at(kind, run, i, &s); i++) {
@@ -172,7 +172,8 @@ static lg_status get_weights(lg_h5 *h5, const lg_run_kind *kind, const model_vie
     return LG_OK;
 }
 
-/* The validation series of a run without validation part is NaN: history is not checked for finiteness. */
+/* The history is not checked for finiteness, because the validation series of a run without validation part
+ * is NaN. */
 static lg_status get_history(lg_h5 *h5, const model_view *view, lg_error *error) {
     bool first = true;
     for (size_t i = 0; i < LG_FIT_SERIES_COUNT; i++) {

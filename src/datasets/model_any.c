@@ -64,7 +64,7 @@ static const kind_row rows[LG_MODEL_KIND_COUNT] = {
 
 /* ---- what is no model ---- */
 
-/* In the words of the sentence; the last row stands for any other kind. */
+/* Words for the sentence; the last row is for any other kind. */
 static const struct {
     const char *kind, *what;
 } others[] = {

@@ -24,8 +24,8 @@ static void show_blocks(const void *user, char *text, size_t size) {
     }
 }
 
-/* Takes the next word, up to a blank, comma or stroke; blanks before it are skipped. False: none, or too
- * long. */
+/* Takes the next word, up to a blank, comma or slash; blanks before it are skipped. False: no word, or a long
+ * one. */
 static bool next_word(const char **at, char word[16]) {
     *at += strspn(*at, " ");
     const size_t length = strcspn(*at, " ,/");
@@ -44,7 +44,7 @@ static bool next_number(const char **at, uint32_t *out) {
     return true;
 }
 
-/* "kernel 5": true with the number; where another word or the end stands, nothing is taken. */
+/* "kernel 5": true, with the number. Takes nothing at another word or at the end. */
 static bool named_number(const char **at, const char *name, uint32_t *out, bool *bad) {
     const char *look = *at;
     char word[16];

@@ -133,7 +133,7 @@ static lg_status put_verdict(lg_h5 *h5, const lg_hamiltonian_file *file, lg_erro
     return test->sha256[0] != '\0' ? lg_h5_put_text(h5, "", "test_sha256", test->sha256, error) : LG_OK;
 }
 
-/* It is for people: what cannot be read is unknown, and the model is no worse. */
+/* The test set is for people only: an attribute that cannot be read counts as unknown. */
 static void get_test_set(lg_h5 *h5, lg_test_set *test) {
     lg_test_set got = {.trajectories = 0};
     if (lg_h5_number(h5, "", "test_trajectories", LG_ELEMENT_U64, &got.trajectories, NULL) == LG_OK)

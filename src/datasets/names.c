@@ -64,8 +64,8 @@ NAMES(noise, [LG_NOISE_NORMAL] = "normal", [LG_NOISE_UNIFORM] = "uniform")
 
 enum { MOST_PARAMETERS = 16, MOST_VALUES = 32 };
 
-/* Every parameter as a unit vector, which is positive and finite where it is one number: the family does not
- * depend on them. */
+/* Every parameter is a unit vector, which for one number is 1, positive and finite. The family does not
+ * depend on the parameters. */
 static lg_status make_system(const char *name, const char *form, lg_system **out) {
     double unit[MOST_VALUES] = {1.0};
     lg_named_values given[MOST_PARAMETERS];

@@ -1,4 +1,4 @@
-/* What every file of this room calls things: enumerations, systems, layouts, missing keys. */
+/* Names that the files of this folder share: enumerations, systems, layouts, missing keys. */
 #ifndef LG_NAMES_H
 #define LG_NAMES_H
 
@@ -34,7 +34,7 @@ const lg_hamiltonian_family *lg_family_of(const char *system, size_t *n);
 /* Layout of the family's states: "q1 p1 q2 p2 ..." or "q p". */
 void lg_layout_text(const lg_hamiltonian_family *family, uint32_t n, char text[LG_LAYOUT_TEXT]);
 
-/* A missing key is a matter of format: LG_NOT_FOUND becomes LG_FORMAT, here and in `error` (may be NULL). */
+/* LG_NOT_FOUND of a key becomes LG_FORMAT, in the result and in `error` (may be NULL). */
 lg_status lg_missing_is_format(lg_status status, lg_error *error);
 
 /* Adds them as little-endian doubles, or numbers of four bytes. */

@@ -1,5 +1,5 @@
-/* HDF5 1.10 crashes or loops on some damaged files. The complete read happens first in a child that may die.
- */
+/* HDF5 1.10 crashes or loops on some damaged files. Therefore a child process, which may die, reads the file
+ * first. */
 #include <errno.h>
 #include <limits.h>
 #include <signal.h>
@@ -61,11 +61,12 @@ static void enter_child(const lg_read_options *options, uint64_t file_bytes) {
     (void)signal(SIGINT, SIG_IGN); /* Ctrl-C is the parent's; it would look like a crash */
     (void)signal(SIGPIPE, SIG_IGN);
     int sink = open("/dev/null", O_WRONLY);
-    if (sink >= 0) (void)dup2(sink, STDERR_FILENO); /* the C library's last words on a broken heap */
+    if (sink >= 0) (void)dup2(sink, STDERR_FILENO); /* the C library's message on a broken heap */
     limit(RLIMIT_CORE, 0);
     uint64_t seconds = options->probe_seconds + (file_bytes >> 25); /* and one for each 32 MiB */
     limit(RLIMIT_CPU, (rlim_t)seconds);
-    /* A lock that another thread of the parent held at the fork is held for ever: that takes no CPU time. */
+    /* A lock that another thread of the parent held at the fork stays locked; waiting for it takes no CPU
+     * time. */
     (void)signal(SIGALRM, SIG_DFL);
     const uint64_t patience = 60 + 10 * seconds;
     (void)alarm(patience < INT_MAX ? (unsigned)patience : (unsigned)INT_MAX);

@@ -1,6 +1,6 @@
-/* Programs in files, the layout. Parameters and functions lie below /parameters and /functions by name, in the
- * order of /parameter_names and /function_names. A function's operations are columns of one number or row each;
- * ports likewise. Names of operations stand once, in /operations. */
+/* The layout of programs in files. Parameters and functions are below /parameters and /functions by name;
+ * /parameter_names and /function_names have their order. The operations of a function are columns with one
+ * number or row for each; so are its ports. /operations has the name of each operation once. */
 #ifndef LG_PROGRAM_FILE_H
 #define LG_PROGRAM_FILE_H
 
@@ -37,7 +37,7 @@ size_t lg_program_row_size(const lg_program_column *c);
 uint32_t lg_program_column_shape(const lg_program_column *c, uint64_t count, uint64_t dims[4]);
 void lg_program_free_columns(const lg_context *context, size_t n, void **columns);
 
-/* One of the lists that operations point into, end to end. */
+/* One of the lists of a function; the parts of its operations follow each other. */
 typedef struct lg_program_list {
     const char *name;
     lg_element type;
@@ -46,7 +46,7 @@ typedef struct lg_program_list {
 enum { LG_PROGRAM_LISTS = 3 };
 extern const lg_program_list lg_program_lists[LG_PROGRAM_LISTS]; /* edges, reals, indices */
 
-/* How many elements of it the operation has; all n operations. */
+/* How many elements of it each of the n operations has. */
 uint32_t lg_program_count_of(const lg_program_list *l, const lg_operation *o);
 uint64_t lg_program_list_count(const lg_program_list *l, const lg_operation *operations, size_t n);
 

@@ -1,4 +1,4 @@
-/* Programs in files: loading. What a file claims is checked before memory is taken for it. */
+/* Loads programs from files. Sizes in the file are checked before memory is allocated. */
 #include "datasets/program_file.h"
 
 #include <stdio.h>
@@ -18,14 +18,14 @@ static lg_status bad(const reading *r, const char *name, const char *what) {
     return lg_fail(r->error, LG_FORMAT, "%s: /%s: %s", lg_shown_path(r->h5->path), name, what);
 }
 
-/* Missing keys and wrong shapes are matters of format. */
+/* Missing keys and wrong shapes become LG_FORMAT. */
 static lg_status as_format(const reading *r, lg_status status) {
     if (status != LG_NOT_FOUND && status != LG_SHAPE && status != LG_INVALID_ARGUMENT) return status;
     if (r->error != NULL) r->error->status = LG_FORMAT;
     return LG_FORMAT;
 }
 
-/* Memory that stays within what may be read. */
+/* Memory within the limit of the reader. */
 static lg_status take(reading *r, const char *name, uint64_t count, size_t size, void **out) {
     if (count > r->left / size) return bad(r, name, "holds more than the file can hold or the limit allows");
     r->left -= count * size;
@@ -87,7 +87,7 @@ static lg_status get_texts(reading *r, const char *path, size_t most, char (**ou
     return LG_OK;
 }
 
-/* A name that leads to no other place of the file. */
+/* A name that cannot lead to another place of the file. */
 static bool is_plain(const char *name) {
     for (const char *c = name; *c != '\0'; c++)
         if (!((*c >= 'a' && *c <= 'z') || (*c >= 'A' && *c <= 'Z') || (*c >= '0' && *c <= '9') || *c == '_'))
@@ -178,7 +178,7 @@ static lg_status fill_operations(reading *r, const char *group, function *f, siz
     return LG_OK;
 }
 
-/* Operations point into the list, end to end. */
+/* The parts of the operations follow each other in the list. */
 static lg_status point_into(reading *r, const char *group, function *f, size_t n, size_t k) {
     const lg_program_list *l = &lg_program_lists[k];
     uint64_t there = 0;

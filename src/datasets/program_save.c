@@ -12,7 +12,7 @@ static lg_status make_columns(const lg_context *context, const lg_program_column
     return LG_OK;
 }
 
-/* Names of operations, each once, in the order in which they are met. */
+/* Names of operations, each once, in the order of their first use. */
 typedef struct names {
     const char *name[MOST_NAMES];
     uint32_t revision[MOST_NAMES];

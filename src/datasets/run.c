@@ -16,7 +16,7 @@ static const lg_hyperparameter *row_at(const lg_run_kind *kind, size_t index) {
     return row->name != NULL ? row : NULL;
 }
 
-/* Whether the member is what a file without the attribute leaves. A model cannot do without its own. */
+/* Whether the member has the value of a file without the attribute. Attributes of /model are required. */
 static bool is_unknown(const lg_run_kind *kind, const lg_hyperparameter *r, const void *run) {
     return strcmp(r->group, "run") == 0 &&
            memcmp((const char *)run + r->offset, (const char *)kind->defaults + r->offset, r->size) == 0;

@@ -1,7 +1,7 @@
-/* Models in files. A kind of model is data: a table of what describes its run, the slices of its parameter
- * vector, and where its file structure keeps what all kinds have. Attributes of /model say what is learned,
- * those of /run how and on what; weights lie below /model by name; optimizer, generator and history are the
- * same for all. */
+/* Models in files. A kind of model is data: a table that describes its run, the slices of its parameter
+ * vector, and the offsets of the members that all file structures have. Attributes of /model say what is
+ * learned, those of /run how and from which data. Weights are below /model by name. Optimizer, generator and
+ * history are the same for all kinds. */
 #ifndef LG_RUN_H
 #define LG_RUN_H
 
@@ -9,8 +9,8 @@
 #include "liegrad/hyperparameters.h"
 #include "liegrad/networks.h"
 
-/* A fact about the model or its data: what a run has beside its hyperparameters. What follows are designated
- * initialisers, `.low = 0` when there is nothing to say. */
+/* A fact about the model or its data, which is part of a run beside the hyperparameters. The last arguments
+ * are designated initialisers; `.low = 0` adds nothing. */
 #define LG_FACT(struct_, group_, name_, type_, member, ...)                                                  \
     LG_HYPERPARAMETER(struct_, group_, name_, type_, member, .high = 1e300, __VA_ARGS__)
 
@@ -20,7 +20,7 @@ struct lg_run_kind {
     /* The run. Both tables end with a row without a name. */
     const lg_hyperparameter *facts, *hyperparameters;
     size_t run_size, training; /* offset of its lg_training */
-    const void *defaults;      /* a run with what stands for unknown in a file that lacks an attribute */
+    const void *defaults;      /* a run with the values for attributes that a file lacks */
     lg_status (*build)(lg_h5 *h5, void *run, lg_error *error); /* rows read: the model is made from them */
     lg_status (*check)(const void *run);                       /* the model is one that init would make */
     lg_status (*describe)(lg_h5 *h5, const void *run, lg_error *error); /* attributes for people */
@@ -29,7 +29,7 @@ struct lg_run_kind {
     bool (*slice)(const void *run, uint32_t index, lg_slice_info *out);
     /* The file structure: offsets of what all kinds have. */
     size_t file_run, file_parameters, file_theta, file_epochs, file_history, file_provenance;
-    /* What else is in the file; `fitted`: lg_fit_save writes optimizer and generator. */
+    /* The rest of the file; `fitted`: lg_fit_save writes optimizer and generator. */
     lg_status (*put_rest)(lg_h5 *h5, const void *file, bool fitted, lg_error *error);
     lg_status (*get_rest)(lg_h5 *h5, void *file, lg_error *error);
     void (*release)(void *file);
@@ -39,7 +39,7 @@ struct lg_run_kind {
 
 lg_status lg_run_check(const char *path, const lg_run_kind *kind, const void *run, lg_error *error);
 lg_status lg_run_put(lg_h5 *h5, const lg_run_kind *kind, const void *run, lg_error *error);
-/* `complete`: every key of /run must be there, but for optional ones; otherwise missing ones keep their
+/* `complete`: all keys of /run except optional ones must exist; otherwise missing ones keep their
  * defaults. */
 lg_status lg_run_get(lg_h5 *h5, const lg_run_kind *kind, bool complete, void *run, lg_error *error);
 
@@ -50,16 +50,16 @@ lg_status lg_run_save(const lg_context *context, const char *path, const lg_run_
 /* `file`: zero but for its context; on failure it is released. */
 lg_status lg_run_load(const lg_context *context, const char *path, const lg_read_options *options,
                       const lg_run_kind *kind, void *file, lg_error *error);
-/* Replaces a model file by a copy that edit(user, h5, error) changed, first for a try in the child of
- * lg_probe. */
+/* Replaces a model file by a copy that edit(user, h5, error) has changed. The child of lg_probe tries it
+ * first. */
 lg_status lg_run_edit(const lg_context *context, const char *path,
                       lg_status (*edit)(void *user, lg_h5 *h5, lg_error *error), void *user, lg_error *error);
-/* What lg_run_load does with a file that is open; `file` holds something on failure too. */
+/* lg_run_load for an open file; on failure `file` may have arrays, which the caller frees. */
 lg_status lg_run_get_file(lg_h5 *h5, const lg_run_kind *kind, void *file, lg_error *error);
 
-/* Numbers, or positions of names, become the run's value, unchecked: one number, or `count` of a list. */
+/* Sets the value of the run, unchecked: one number, `count` numbers of a list, or positions of names. */
 void lg_hyperparameter_fill(const lg_hyperparameter *row, const double *values, uint32_t count, void *run);
-/* LG_NOT_FOUND and LG_SHAPE of a key are matters of format in a file: here and in `error` (may be NULL). */
+/* LG_NOT_FOUND and LG_SHAPE of a key become LG_FORMAT, in the result and in `error` (may be NULL). */
 lg_status lg_as_format(lg_status status, lg_error *error);
 /* An optional, finite number of the root. */
 lg_status lg_model_get_number(lg_h5 *h5, const char *name, bool *has, double *value, lg_error *error);

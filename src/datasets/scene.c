@@ -24,7 +24,7 @@ static const char *system_name(uint32_t value) {
     return NULL;
 }
 
-/* The forms of a system by value; NULL beyond the last, and where there is one only. */
+/* The forms of a system by value; NULL beyond the last, and for a system with one form. */
 static const char *form_of(const char *system, size_t value) {
     const char *name, *form;
     for (size_t i = 0; lg_system_at(i, &name, &form); i++)
@@ -38,7 +38,7 @@ static const char *find_form(const char *system, const char *text) {
     return form_of(system, i);
 }
 
-/* One form only, and the state of a Hamiltonian system: `form: hamiltonian` says nothing new. */
+/* A Hamiltonian system with one form: `form: hamiltonian` is allowed and has no effect. */
 static bool plainly_hamiltonian(const char *system) {
     const lg_state_entry *state = lg_system_state(system, NULL);
     return form_of(system, 0) == NULL && strcmp(state[0].key, "q") == 0 && state[1].key != NULL &&
@@ -53,7 +53,7 @@ static bool has_reference(const char *system) {
     return strcmp(system, "quadrotors") == 0;
 }
 
-/* True when a parameter or a part of the state is there once a link. */
+/* True when a parameter or a part of the state has one entry for each link. */
 static bool has_links(const char *system, const char *form) {
     const lg_parameter_entry *parameter = lg_system_parameters(system, form);
     const lg_state_entry *part = lg_system_state(system, form);
@@ -248,7 +248,7 @@ static lg_status count_links(reading *r, size_t at, size_t inner, const char **b
     return LG_OK;
 }
 
-/* Every list that is there has one entry a link; the first of them says how many links. */
+/* Every list has one entry for each link; the first list gives the number of links. */
 static lg_status find_links(reading *r) {
     const scene_table *table = r->table;
     const char *by = "", *needed = "links";

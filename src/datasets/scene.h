@@ -1,4 +1,4 @@
-/* Scenes inside other files: a study grid holds the keys of a scene at its top. */
+/* Scenes inside other files: a study grid has the keys of a scene at its top. */
 #ifndef LG_SCENE_H
 #define LG_SCENE_H
 

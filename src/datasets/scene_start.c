@@ -1,5 +1,5 @@
-/* The start of a scene: its numbers are put into the state's order, what was given under another key is
- * converted, and the point is put onto the manifold when it is off by rounding. */
+/* The start of a scene. Its numbers are put in the order of the state, parts under another key are converted,
+ * and a point that is off the manifold by rounding is projected. */
 #include "datasets/scene_reading.h"
 
 #include <math.h>
@@ -89,8 +89,8 @@ static double norm3(const double *a) {
     return sqrt(lg_dot3(a, a));
 }
 
-/* (q, w) at offset `at` onto T S^2: q/|q|, w - q (q.w). What is off by rounding is projected and told, more
- * is an error. */
+/* Projects (q, w) at offset `at` to T S^2: q/|q|, w - q (q.w). A point that is off by rounding gives a
+ * warning, more is an error. */
 static lg_status place_on_sphere(const reading *r, start *s, size_t at) {
     size_t block;
     double *q = s->y + at, *w = q + 3, length = norm3(q), off_sphere = fabs(length - 1);
@@ -121,7 +121,7 @@ static double determinant(const double *a) {
     return lg_dot3(a, minors);
 }
 
-/* The rotation at offset `at`, the first of the numbers of SO(3) and SE(3). */
+/* The rotation at offset `at`: the first nine numbers of SO(3) and SE(3). */
 static lg_status place_rotation(const reading *r, start *s, size_t at) {
     const lg_space_entry *so3 = lg_space_kind_entry(LG_SPACE_SO3);
     double *rotation = s->y + at;
@@ -158,7 +158,7 @@ static lg_status place(const reading *r, start *s) {
     return LG_OK;
 }
 
-/* What was given under the other key becomes the system's own. */
+/* Converts the part under the other key to that of the system. */
 static lg_status convert(const reading *r, start *s) {
     const lg_system *system = r->out->system;
     if (!s->other) return LG_OK;

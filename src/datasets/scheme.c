@@ -71,7 +71,7 @@ static const lg_key keys[KEY_COUNT] = {
     [KEY_DRIFT] = {.name = "drift", .type = LG_KEY_BLOCK},
 };
 
-/* Which kinds must have a key (bit set in `needed`) and which may. */
+/* The kinds that must have a key (bits of `needed`), and those that may. */
 #define BIT(kind)    (1U << (kind))
 #define TABLEAU_BITS (BIT(KIND_RKMK) | BIT(KIND_RUNGE_KUTTA))
 static const struct {
@@ -140,7 +140,7 @@ static lg_status read_number(reader *r, const yaml_node_t *node, enum key_index 
                         "%s: '%s' is neither a number nor a quotient a/b", keys[key].name, text);
 }
 
-/* A list of at most `most` numbers; those beyond its end stay. */
+/* A list of at most `most` numbers; numbers of `out` beyond its end are unchanged. */
 static lg_status read_list(reader *r, const yaml_node_t *node, enum key_index key, size_t most, double *out,
                            size_t *count) {
     if (node->type != YAML_SEQUENCE_NODE) return fail_at(r, node, key, "a list of numbers is expected");
@@ -240,7 +240,7 @@ static lg_status read_tableau(reader *r) {
 
 /* ---- rows of exponentials ---- */
 
-/* One list of numbers stands for a list of it alone. */
+/* A single list of numbers means a list with this list as its only entry. */
 static lg_status read_exponentials(reader *r, const yaml_node_t *node, enum key_index key, lg_cf_row *row) {
     size_t count = 0;
     const size_t stages = (size_t)r->out->scheme.stages, items = items_of(node);

@@ -44,7 +44,7 @@ static size_t pairs_of(const yaml_node_t *map) {
     return (size_t)(map->data.mapping.pairs.top - map->data.mapping.pairs.start);
 }
 
-/* Copies a scalar shorter than `size` and without a NUL; false when it is none or empty. */
+/* Copies a scalar shorter than `size` and without a NUL; false for other nodes and an empty scalar. */
 static bool copy_text(const yaml_node_t *node, char *out, size_t size) {
     if (node->type != YAML_SCALAR_NODE) return false;
     const size_t length = node->data.scalar.length;
@@ -67,7 +67,7 @@ static bool copy_name(const yaml_node_t *node, char out[LG_RANGE_NAME]) {
     return true;
 }
 
-/* The line where a name stood before, 0 when it is new. */
+/* The line of an earlier entry with this name, 0 when it is new. */
 static uint32_t seen(const lg_search_file *file, const char *name) {
     for (size_t i = 0; i < file->fixed_count; i++)
         if (strcmp(file->fixed_name[i], name) == 0) return file->fixed_line[i];
@@ -217,7 +217,7 @@ static void add_text(lg_sha256 *sha, const char *text) {
     lg_sha256_add(sha, text, strlen(text) + 1);
 }
 
-/* Bits of numbers, not their digits; texts with their terminators. */
+/* Hashes the bits of numbers, and texts with their terminators. */
 static void add_bits(lg_sha256 *sha, uint64_t bits) {
     uint8_t bytes[8];
     for (int i = 0; i < 8; i++) bytes[i] = (uint8_t)(bits >> (8 * i));
@@ -322,7 +322,7 @@ static void add(text *t, const char *format, ...) {
     t->used += (size_t)length;
 }
 
-/* 17 digits, and one word each for what is not finite. */
+/* 17 digits; nan, inf and -inf. */
 static void add_number(text *t, double x) {
     if (isnan(x))
         add(t, ",nan");
@@ -518,7 +518,7 @@ static lg_status parse_trial(const table *t, const lg_search_space *space, char 
     return line == NULL ? LG_OK : bad(t, "more cells than columns", line);
 }
 
-/* `# seed S space HASH setting HASH`, the same as this search writes. */
+/* `# seed S space HASH setting HASH` must be what this search writes. */
 static lg_status check_head(table *t, const lg_search_file *search, uint64_t seed, const char *setting) {
     char want[2][HASH_DIGITS + 1], seen_hash[2][HASH_DIGITS + 1], seen_seed[24];
     const char *shown = lg_shown_path(t->path);

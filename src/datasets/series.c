@@ -40,7 +40,8 @@ static int compare_runs(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* True when the windows of each run stand together; else *which does not. `sorted` (count): room. */
+/* True when the windows of each run are consecutive; else *which is a run whose windows are not. `sorted`
+ * (count) is work memory. */
 static bool runs_together(const uint32_t *run, size_t count, uint32_t *sorted, uint32_t *which) {
     size_t stretches = 0;
     for (size_t i = 0; i < count; i++)
@@ -63,7 +64,7 @@ typedef struct read_call {
     lg_h5 *h5;
     lg_series_data *out;
     bool wide;     /* /X: lg_h5_about */
-    bool bad_rate; /* attribute rate of another program is none */
+    bool bad_rate; /* the attribute rate of another program is no number */
     lg_precision precision;
     bool ours;               /* written by this program: its attributes are what they say */
     bool torn;               /* runs are there and not together, */
@@ -102,7 +103,7 @@ static lg_status read_shape(read_call *call, lg_error *error) {
     return LG_OK;
 }
 
-/* Labels first: they say how many classes there are. Then the memory of the whole. */
+/* Reads labels first, which give the number of classes; then allocates the set. */
 static lg_status read_labels(read_call *call, lg_error *error) {
     lg_series *s = &call->out->series;
     lg_labels labels = {.context = call->context};
@@ -169,7 +170,7 @@ static lg_status read_samples(read_call *call, lg_error *error) {
 
 /* ---- attributes ---- */
 
-/* NaN where it is not known. What another program means by it may be no number. */
+/* NaN when it is unknown; the attribute of another program may be no number. */
 static lg_status optional_number(read_call *call, const char *name, double *out, lg_error *error) {
     double value = NAN;
     *out = NAN;

@@ -1,4 +1,4 @@
-/* What the files of series and of their models share: names of classes and channels, labels of any type. */
+/* For files of series and of their models: names of classes and channels, labels of any type. */
 #ifndef LG_SERIES_FILES_H
 #define LG_SERIES_FILES_H
 
@@ -20,30 +20,30 @@ typedef struct lg_names {
 void lg_names_destroy(lg_names *names);
 /* LG_OUT_OF_MEMORY; LG_FORMAT: longer than LG_SERIES_NAME - 1 bytes, more than LG_SERIES_CLASSES. */
 lg_status lg_names_add(lg_names *names, const char *text);
-/* Index of the one that is there, or of a new one; *known says which. Never mixed with lg_names_add. */
+/* Index of the name, which is added when it is new; *known says whether it was there. Not to be mixed with
+ * lg_names_add. */
 lg_status lg_names_meet(lg_names *names, const char *text, uint32_t *index, bool *known);
 
 bool lg_names_find(const lg_names *names, const char *text, uint32_t *index); /* by `order` */
 
 /* Names in a file: attribute `key` of the root, joined by | or a list of texts; else data set /key (count) of
- * texts. Neither: count 0. Attributes and data sets of numbers are no names and left alone. `unique`: none
- * empty, none twice; then with `order`. names->context is set by the caller; freed by the caller in any case.
- */
+ * texts; else count 0. Attributes and data sets of numbers are ignored. `unique`: no name is empty or occurs
+ * twice, and `order` is set. The caller sets names->context and frees the names, after a failure too. */
 lg_status lg_names_get(lg_h5 *h5, const char *key, bool unique, lg_names *names, lg_error *error);
-/* The same as memory that a structure owns: *out stays as it is where there are none. *count 0: becomes their
- * number; else another number is LG_FORMAT. */
+/* The same as an array that a struct owns; without names *out is unchanged. *count 0 becomes the number of
+ * names; otherwise another number is LG_FORMAT. */
 lg_status lg_names_list(lg_h5 *h5, const char *key, bool unique, uint32_t *count,
                         char (**out)[LG_SERIES_NAME], lg_error *error);
-/* Joined where that can be taken apart again and is short enough, else as a data set. */
+/* Writes joined names if they are short and can be split again, else a data set. */
 lg_status lg_names_put(lg_h5 *h5, const char *key, const char (*name)[LG_SERIES_NAME], uint32_t count,
                        lg_error *error);
 /* LG_INVALID_ARGUMENT: not terminated; with `unique`, one empty or two equal. */
 lg_status lg_names_check(const lg_context *context, const char *path, const char *what,
                          const char (*name)[LG_SERIES_NAME], uint32_t count, bool unique, lg_error *error);
-/* `names` as memory of its own: the list that a structure owns; names is then empty. NULL for none. */
+/* Moves the list out of `names`, which is empty then; NULL when there are none. */
 char (*lg_names_take(lg_names *names))[LG_SERIES_NAME];
 
-/* Attribute `rate` of the root, Hz; 0 where it is missing. */
+/* Attribute `rate` of the root, Hz; 0 when it is missing. */
 lg_status lg_rate_get(lg_h5 *h5, double *rate, lg_error *error);
 
 /* The classes and channels of a model or data set, and its rate: attributes `classes`, `class_labels`,
@@ -65,7 +65,7 @@ void lg_sensing_destroy(const lg_context *context, lg_sensing *sensing);
 
 /* ---- single precision (series_precision.c) ---- */
 
-/* Channels of which single precision rounds away more than 1 % of the standard deviation. */
+/* Channels that lose more than 1 % of their standard deviation in single precision. */
 typedef struct lg_precision {
     uint32_t channels;              /* how many */
     double part;                    /* of the standard deviation, where it is largest */
@@ -73,13 +73,13 @@ typedef struct lg_precision {
 } lg_precision;
 /* /X of any type, as floats into series->x. Read once. */
 lg_status lg_series_convert(lg_h5 *h5, lg_series *series, lg_precision *out, lg_error *error);
-/* LG_FORMAT where more than half is lost. */
+/* LG_FORMAT when a channel loses more than half. */
 lg_status lg_precision_check(const char *path, const lg_precision *precision, lg_error *error);
 void lg_precision_warn(const lg_context *context, const char *path, const lg_precision *precision);
 
 /* ---- labels (series_labels.c) ---- */
 
-/* /y as it stands: the distinct values in rising order, and of each window which of them. */
+/* /y as in the file: the distinct values in rising order, and for each window the index of its value. */
 typedef struct lg_labels {
     const lg_context *context;
     size_t count;
@@ -89,18 +89,18 @@ typedef struct lg_labels {
     int64_t *value;     /* (distinct) rising; of numbers */
     lg_names text;      /* (distinct) rising; of numbers set by lg_labels_classes */
     uint32_t *class_of; /* (distinct); set by lg_labels_classes */
-    lg_names of_class;  /* what /y holds for each class; none: their names. Set by lg_labels_classes */
-    bool guessed;       /* numbers from 0 or from 1: nothing says which, 0 is taken: worth a warning */
-    bool by_number;     /* taken as numbers of the classes of `like`, as nothing else fits: worth a warning */
+    lg_names of_class;  /* the label of each class in /y; none: the names. Set by lg_labels_classes */
+    bool guessed;       /* nothing says whether numbers count from 0 or 1; 0 is taken, with a warning */
+    bool by_number;     /* taken as class numbers of `like`: nothing else fits; with a warning */
 } lg_labels;
 
 void lg_labels_destroy(lg_labels *labels);
-/* labels->context is set by the caller; freed by the caller in any case. Texts: LG_SERIES_CLASSES different
- * ones at most. A missing data set is LG_FORMAT. */
+/* The caller sets labels->context and frees the labels, after a failure too. At most LG_SERIES_CLASSES
+ * different texts. A missing data set is LG_FORMAT. */
 lg_status lg_labels_read(lg_h5 *h5, const char *name, size_t count, lg_labels *labels, lg_error *error);
-/* What the classes are called, by attribute `classes`, the values themselves, or `like` (may be NULL), and
- * which one each value is: LG_SERIES_CLASSES at most. `names` receives them; its context is set by the
- * caller. `ours`: numbers with names count from 0. */
+/* The names of the classes, from the attribute `classes`, the values themselves or `like` (may be NULL), and
+ * the class of each value; at most LG_SERIES_CLASSES. `names`, whose context the caller sets, receives the
+ * names. `ours`: numbers with names count from 0. */
 lg_status lg_labels_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_labels *labels, lg_names *names,
                             lg_error *error);
 

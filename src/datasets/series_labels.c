@@ -33,7 +33,7 @@ static int compare_values(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* Sorts; equal ones once. Returns how many are left. */
+/* Sorts and removes duplicates. Returns how many are left. */
 static size_t sort_distinct(int64_t *values, size_t count) {
     size_t kept = 0;
     qsort(values, count, sizeof *values, compare_values);
@@ -94,7 +94,7 @@ static lg_status meet_text(void *user, uint64_t index, const char *text, lg_erro
     return status == LG_OK ? LG_OK : too_many(call->h5, call->name, error);
 }
 
-/* Names were numbered as they came: now by rising name. */
+/* Names were numbered in the order of their occurrence; they are renumbered by rising name. */
 static lg_status sort_texts(const lg_h5 *h5, lg_labels *labels, lg_error *error) {
     lg_names *text = &labels->text;
     lg_names sorted = {.context = h5->context};
@@ -167,7 +167,7 @@ static bool whole_of(const char *text, double *value) {
     return lg_number_parse(text, value) == LG_OK && floor(*value) == *value;
 }
 
-/* Place in `list` (count) of this text, or else, where both are whole numbers, of this value. */
+/* Index in `list` (count) of this text, else of an equal whole number. */
 static bool find_in(char (*list)[LG_SERIES_NAME], uint32_t count, const char *text, uint32_t *out) {
     double value, other;
     for (uint32_t c = 0; c < count; c++)
@@ -184,7 +184,7 @@ static bool find_in(char (*list)[LG_SERIES_NAME], uint32_t count, const char *te
     return false;
 }
 
-/* The labels that occur, as places in `list`; else the first that is not there. */
+/* The labels that occur, as indices in `list`; false with the first one that is not in the list. */
 static bool find_labels(char (*list)[LG_SERIES_NAME], uint32_t count, lg_labels *labels, uint32_t *missing) {
     for (uint32_t i = 0; i < labels->distinct; i++)
         if (!find_in(list, count, labels->text.name[i], &labels->class_of[i])) {
@@ -242,7 +242,7 @@ static lg_status copy_list(const lg_h5 *h5, char (*list)[LG_SERIES_NAME], uint32
     return LG_OK;
 }
 
-/* The file says what /y holds for each of its classes. */
+/* The file has the label of each class. */
 static lg_status given_labels(lg_h5 *h5, lg_labels *labels, const lg_names *names, bool *given,
                               lg_error *error) {
     uint32_t missing = 0;
@@ -268,8 +268,8 @@ static bool same_names(const lg_names *names, const lg_series *like) {
     return true;
 }
 
-/* The same classes in the same order as in `like`: what stood for them there stands for them here. Numbers
- * that did not occur there are an error, texts may be names. */
+/* The classes are those of `like` in the same order, so the labels of `like` apply. Other numbers are an
+ * error; texts may be names. */
 static lg_status labels_like(lg_h5 *h5, const lg_series *like, lg_labels *labels, const lg_names *names,
                              bool *done, lg_error *error) {
     uint32_t missing = 0;
@@ -310,7 +310,7 @@ static lg_status own_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_lab
     return done ? LG_OK : own_rule(h5, ours, labels, names, error);
 }
 
-/* Classes of the file to those of `like`, by name. */
+/* Maps classes of the file to those of `like` by name. */
 static lg_status match_names(const lg_h5 *h5, const lg_series *like, lg_labels *labels, const lg_names *names,
                              lg_error *error) {
     for (uint32_t i = 0; i < labels->distinct; i++) {
@@ -321,8 +321,8 @@ static lg_status match_names(const lg_h5 *h5, const lg_series *like, lg_labels *
     return LG_OK;
 }
 
-/* Labels without names to the classes of `like`: by its labels, else by its names. Where neither are numbers,
- * labels from 0 on are taken as the places of the classes. */
+/* Maps labels without names to the classes of `like`: by its labels, else by its names. If neither are
+ * numbers, labels that begin with 0 are taken as indices of the classes. */
 static lg_status match_labels(const lg_h5 *h5, const lg_series *like, lg_labels *labels, lg_error *error) {
     const uint32_t count = like->classes;
     uint32_t missing = 0, unnamed = 0;

@@ -1,4 +1,4 @@
-/* Samples of more than single precision: converted, and what the conversion loses of each channel. */
+/* Converts samples to single precision and measures what each channel loses. */
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
@@ -9,7 +9,7 @@
 static const double worth_a_warning = 0.01, lost = 0.5;
 /* A standard deviation below this part of the largest value is rounding of the doubles themselves. */
 static const double constant = 1e-13;
-/* Halfway to what would be the next float after the largest. */
+/* Halfway between the largest float and the next one beyond the range. */
 static const double beyond = 0x1.ffffffp127;
 
 /* Sum of squares as scale^2 * sum: neither overflows nor vanishes. */
@@ -42,7 +42,7 @@ static float to_float(double value) {
     return fabs(value) >= beyond ? (float)copysign(INFINITY, value) : (float)value;
 }
 
-/* One channel of a window; what is not finite is found later. */
+/* One channel of a window; numbers that are not finite are found later. */
 static void convert(channel_sums *sums, const double *values, size_t length, float *out) {
     double deviation = 0, error = 0, d2 = 0, e2 = 0;
     for (size_t t = 0; t < length; t++) {

@@ -240,8 +240,9 @@ static bool looks_like(const lg_hamiltonian_family *family, const lg_trajectorie
     return true;
 }
 
-/* Of data that do not name their system, by their layout (squeezed) or, without one, by where their starts
- * lie: the first row that fits, else the last one. Of one degree of freedom both layouts are the same. */
+/* The family of data without a system: by their layout (squeezed), or without a layout by the manifold on
+ * which the starts lie. The first family that fits is taken, else the last one. For one degree of freedom
+ * both layouts are the same. */
 static const lg_hamiltonian_family *guess_family(const lg_trajectories *out, const char *layout) {
     const lg_hamiltonian_family *family = NULL;
     for (size_t i = 0; i < lg_hamiltonian_family_count(); i++) {
@@ -292,7 +293,8 @@ static lg_status check_system(read_call *call, lg_error *error) {
     return LG_OK;
 }
 
-/* `links` counts for numbered layouts only: programs disagree on what it is for others, and d tells. */
+/* `links` is read for numbered layouts only. For others programs disagree on its meaning, and d gives the
+ * number. */
 static lg_status check_links(read_call *call, lg_error *error) {
     static const char *const places[] = {"", "trajectories"};
     const lg_trajectories *out = call->out;

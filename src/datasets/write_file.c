@@ -22,8 +22,8 @@ static lg_status file_error(lg_error *error, const char *path, const char *what,
     return lg_fail(error, LG_FILE, "%s: %s: %s", lg_shown_path(path), what, strerror(code));
 }
 
-/* Beyond RLIMIT_FSIZE the kernel sends SIGXFSZ, which kills by default: it is held back for this thread and
- * taken away, so that write returns EFBIG whatever the process does with signals. */
+/* Beyond RLIMIT_FSIZE the kernel sends SIGXFSZ, which kills by default. The signal is blocked for this thread
+ * and consumed, so that write returns EFBIG whatever the process does with signals. */
 static int write_all(int fd, const unsigned char *data, size_t bytes) {
     sigset_t limit, before, pending;
     sigemptyset(&limit);
@@ -59,7 +59,7 @@ static int create_temporary(const char *target, char *name, size_t size, mode_t 
     return -1;
 }
 
-/* Some file systems cannot sync a folder; the rename stands all the same. */
+/* Some file systems cannot sync a folder; the file is renamed nevertheless. */
 static void sync_folder(const char *target, char *buffer) {
     const char *slash = strrchr(target, '/');
     size_t length = slash == NULL ? 0 : (size_t)(slash - target) + 1;
@@ -93,7 +93,7 @@ lg_status lg_file_write(const lg_context *context, const char *path, const void 
     bool exists = stat(path, &old) == 0;
     if (exists && !S_ISREG(old.st_mode))
         return lg_fail(error, LG_FILE, "%s: exists and is not a regular file", lg_shown_path(path));
-    /* A symbolic link stays: its target is replaced. */
+    /* A symbolic link is kept; its target is replaced. */
     char *resolved = exists ? realpath(path, NULL) : NULL;
     const char *target = resolved != NULL ? resolved : path;
     size_t size = strlen(target) + 64;

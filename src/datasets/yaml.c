@@ -76,8 +76,8 @@ static lg_status read_bytes(const lg_context *context, const char *path, unsigne
     return status;
 }
 
-/* libyaml needs quadratic time on deep nesting; no file of ours is deep. Brackets in texts and comments count
- * too. */
+/* libyaml needs quadratic time for deep nesting; valid files are not deep. Brackets in texts and comments
+ * count too. */
 static lg_status check_depth(const char *path, const unsigned char *data, size_t bytes, lg_error *error) {
     unsigned line = 1;
     int depth = 0;
@@ -460,7 +460,7 @@ static lg_status read_pair(const reading *r, const yaml_node_t *key_node, const 
     const char *text = plain_text(key_node, NAME_SIZE);
     if (key_node->type != YAML_SCALAR_NODE)
         return lg_yaml_fail(r->yaml, line, LG_FORMAT, r->error, "a key must be a name");
-    /* A dot would make a key of an inner mapping of it. */
+    /* With a dot it would be a key of an inner mapping. */
     if (text == NULL || strchr(text, '.') != NULL) return unknown_key(r, key_node, prefix, false);
     (void)snprintf(name, sizeof name, "%s%s", prefix, text);
     const lg_key *key = find_key(r, name, &value);

@@ -1,5 +1,5 @@
-/* YAML and JSON files through tables of keys. A table is flat: "initial.q" is key q of the mapping `initial`.
- * Each value keeps its line. Adding a key or a system is adding rows. */
+/* Reads YAML and JSON files by tables of keys. A table is flat: "initial.q" is key q of the mapping
+ * `initial`. Each value keeps its line. A new key or system is a new row. */
 #ifndef LG_YAML_H
 #define LG_YAML_H
 
@@ -57,19 +57,19 @@ struct yaml_document_s *lg_yaml_document(lg_yaml *yaml);
 
 /* True when the top mapping has the key; "initial.q" is key q of its mapping `initial`. */
 bool lg_yaml_has(const lg_yaml *yaml, const char *key);
-/* The value of a NAME or TEXT key of the top mapping, before the rest can be read: required. */
+/* The value of a required NAME or TEXT key of the top mapping, before the rest is read. */
 lg_status lg_yaml_name(lg_yaml *yaml, const lg_key *key, lg_key_value *value, lg_error *error);
-/* Reads the top mapping. Refused, each with its line: keys in no table, duplicate keys, missing keys, wrong
- * shapes, numbers that are none or out of range. `elsewhere` (may be NULL) knows the keys that other systems
- * have, `system` names the one at hand. */
+/* Reads the top mapping. Refuses, with the line: unknown keys, duplicate keys, missing keys, wrong shapes,
+ * texts that are no numbers, numbers out of range. `elsewhere` (may be NULL) knows the keys of other systems;
+ * `system` is the name of this one. */
 lg_status lg_yaml_read(lg_yaml *yaml, const lg_key_set *sets, size_t set_count,
                        bool (*elsewhere)(const char *name), const char *system, lg_error *error);
-/* How many entries of `inner` numbers a BLOCK has: those of its list; a list of `inner` > 1 numbers and a
- * single number are one entry. */
+/* The number of entries of `inner` numbers in a BLOCK. A list of `inner` > 1 numbers is one entry, and so is
+ * a single number. */
 lg_status lg_yaml_entries(lg_yaml *yaml, const lg_key *key, const lg_key_value *value, size_t inner,
                           size_t *out, lg_error *error);
-/* The numbers of a BLOCK, lists of lists of lists of these lengths, where levels of one may be left out.
- * `lines` (may be NULL): the line of each. */
+/* The numbers of a BLOCK: lists of lists of lists of these lengths; levels of length one may be left out.
+ * `lines` (may be NULL) becomes the line of each number. */
 lg_status lg_yaml_block(lg_yaml *yaml, const lg_key *key, const lg_key_value *value, const size_t shape[3],
                         double *out, uint32_t *lines, lg_error *error);
 /* "FILE: line 7: ..." */

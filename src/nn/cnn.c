@@ -31,7 +31,7 @@ static bool size_fits(uint32_t x) {
     return x >= 1 && x <= MAX_SIZE;
 }
 
-/* Of block number i, counted from 0; *length becomes that of what it gives. */
+/* Checks block i, counted from 0; *length becomes the length of its output. */
 static lg_status check_block(const lg_cnn_block *b, uint32_t i, uint32_t *length, lg_error *error) {
     const uint32_t number = i + 1;
     const bool pooled = b->pooling != LG_POOL_NONE;
@@ -200,8 +200,8 @@ bool lg_cnn_slice(const lg_cnn *net, uint32_t index, lg_slice_info *out) {
     return true;
 }
 
-/* Each layer is drawn as a dense one of the same fan in; a convolution's fan out is `kernel` times as large
- * as that one's. */
+/* Each layer is drawn as a dense one of the same fan in; the fan out of a convolution is `kernel` times as
+ * large. */
 void lg_cnn_initialise(const lg_cnn *net, lg_initialisation kind, lg_rng *rng, double *theta) {
     cnn_layout layout;
     lg_cnn_layout(net, &layout);

@@ -1,5 +1,5 @@
-/* The layers of a convolutional network (liegrad/convolution.h) in the order in which their parameters lie in
- * the flat vector, each weight before its bias: convolutions, the plane where there is one, the output. */
+/* The layers of a convolutional network (liegrad/convolution.h) in the order of their parameters in the flat
+ * vector: convolutions, the plane if there is one, the output. Each weight is before its bias. */
 #ifndef LG_CNN_H
 #define LG_CNN_H
 
@@ -7,7 +7,8 @@
 
 #define CNN_MAX_LAYERS (LG_CNN_MAX_BLOCKS + 2)
 
-/* y = x W + b, x the kernel's samples of a convolution's input, or all numbers of a series: W (in, out). */
+/* y = x W + b with W (in, out); x is the part of the input under the kernel of a convolution, or all numbers
+ * of a series. */
 typedef struct cnn_layer {
     size_t in;
     uint32_t out;
@@ -23,11 +24,11 @@ typedef struct cnn_layout {
 
 void lg_cnn_layout(const lg_cnn *net, cnn_layout *layout);
 
-/* lg_cnn_record with convolutions and poolings as operations of their own: a program of values and recorded
- * derivatives then computes each convolution once. */
+/* lg_cnn_record with separate operations for convolutions and poolings, so that a program of values and
+ * recorded derivatives computes each convolution once. */
 lg_var lg_cnn_record_apart(lg_tape *tape, const lg_cnn *net, lg_var theta, lg_var x);
 
-/* Channels and samples that enter block i, or, for i = blocks, the layers behind the last one. */
+/* Channels and samples of the input of block i; for i = blocks, of the layers behind the last block. */
 static inline uint32_t cnn_channels(const lg_cnn *net, uint32_t i) {
     return i == 0 ? net->channels : net->block[i - 1].channels;
 }

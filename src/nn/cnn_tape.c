@@ -3,7 +3,7 @@
 #include "nn/cnn.h"
 #include "liegrad/ops.h"
 
-/* The network's parameters and input, or nothing to be done. */
+/* Checks the network's parameters and input. */
 static bool fits(lg_tape *tape, const lg_cnn *net, size_t parameters, size_t offset, lg_var x) {
     if (lg_tape_status(tape) != LG_OK) return false;
     if (parameters > UINT32_MAX || offset > UINT32_MAX - parameters) {
@@ -28,7 +28,7 @@ static lg_var bias(lg_tape *tape, lg_var theta, size_t offset, const cnn_layer *
     return lg_slice(tape, theta, 0, (uint32_t)(offset + l->bias), l->out);
 }
 
-/* `apart`: convolution, activation and pooling are operations of their own. */
+/* `apart`: convolution, activation and pooling are separate operations. */
 static lg_var convolve(lg_tape *tape, const lg_cnn *net, uint32_t i, bool apart, lg_var w, lg_var b,
                        lg_var x) {
     const lg_cnn_block *it = &net->block[i];

@@ -110,7 +110,7 @@ static lg_status check_options(const lg_fit_problem *problem, const lg_fit_optio
     return LG_OK;
 }
 
-/* The problem's own part, or the nearest number of samples, but at least one on either side. */
+/* The validation part of the problem, or the nearest number of samples with at least one on either side. */
 static size_t validation_samples(const lg_fit_problem *problem, double part) {
     if (!(part > 0.0)) return problem->validation;
     const size_t count = (size_t)floor(part * (double)problem->samples + 0.5);
@@ -244,8 +244,8 @@ void lg_fit_destroy(lg_fit *fit) {
 
 /* ---- epochs ---- */
 
-/* Once an epoch, or what is left of one: within it parameters cannot leave the range for which a moderate
- * step is safe. */
+/* Called once an epoch, or for the rest of one: within an epoch parameters cannot leave the range in which a
+ * moderate step is safe. */
 static void measure_parameters(lg_fit *fit) {
     fit->largest = sqrt(fit->k->dot(fit->problem.parameters, fit->state.theta, fit->state.theta));
 }
@@ -279,7 +279,7 @@ static lg_status train_epoch(lg_fit *fit, double rate, lg_error *error) {
     return LG_OK;
 }
 
-/* Mean loss of the validation part, in batches as large as those of training; NaN without one. */
+/* Mean loss of the validation part, in batches of the size of training; NaN without such a part. */
 static lg_status validate(lg_fit *fit, double *loss, lg_error *error) {
     const size_t total = fit->problem.samples - fit->training;
     const uint32_t *samples = fit->state.order + fit->training;
@@ -339,8 +339,7 @@ static lg_status checkpoint(lg_fit *fit, lg_error *error) {
                    lg_status_sentence(status));
 }
 
-/* Leaves before the plan is finished; `saved` tells that the state as it was at the last end of an epoch is
- * safe. */
+/* Ends before the planned total; `saved` says that the state at the last end of an epoch is saved. */
 static lg_status leave(lg_fit *fit, lg_status status, bool saved, lg_error *error) {
     if (!saved || fit->state.position > 0) LG_TRY(checkpoint(fit, error));
     return status;

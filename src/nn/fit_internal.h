@@ -1,4 +1,4 @@
-/* The training loop inside: what is saved (lg_fit_state) and what is only machinery. */
+/* The training loop: its state, which is saved (lg_fit_state), and its working memory. */
 #ifndef LG_FIT_INTERNAL_H
 #define LG_FIT_INTERNAL_H
 
@@ -6,7 +6,7 @@
 #include "core/core.h"
 #include "liegrad/nn.h"
 
-/* All that the next step depends on, besides the hyperparameters. One allocation each. */
+/* Everything that the next step depends on, except the hyperparameters. One allocation each. */
 typedef struct lg_fit_state {
     void *memory;
     void *theta, *m, *v, *best; /* (parameters), the fit's type */
@@ -41,8 +41,8 @@ struct lg_fit {
     lg_fit_state state;
     lg_thread_pool *pool;
     lg_shard *shards;
-    /* The batch in work: pieces in use, its samples, whether gradients are wanted; then what the step needs.
-     */
+    /* The present batch: pieces in use, its samples, whether gradients are wanted; then the data of the
+     * step. */
     size_t active, batch_samples;
     bool with_gradient;
     double clip, rate;
@@ -60,20 +60,20 @@ struct lg_fit {
 lg_status lg_fit_state_create(const lg_fit *fit, lg_fit_state *out);
 void lg_fit_state_destroy(const lg_fit *fit, lg_fit_state *state);
 
-/* Loss of a batch at the present parameters, summed over shards in order, with gradients in the shards when
- * asked. `what` names the place in the error's sentence. */
+/* Loss of a batch at the present parameters, summed over shards in order; with gradients in the shards if
+ * wanted. The sentence of an error uses `what`. */
 lg_status lg_fit_batch_loss(lg_fit *fit, const uint32_t *samples, size_t count, bool with_gradient,
                             const char *what, double *loss, lg_error *error);
 /* One Adam step on a batch; on failure theta, m, v are as before. */
 lg_status lg_fit_step(lg_fit *fit, const uint32_t *samples, size_t count, double rate, double *loss,
                       lg_error *error);
 
-/* Batches in an epoch's first `samples` samples. */
+/* Batches in the first `samples` samples of an epoch. */
 static inline uint64_t lg_fit_batches(const lg_fit *fit, uint64_t samples) {
     return (samples + fit->batch - 1) / fit->batch;
 }
 
-/* What "best" compares, of a finished epoch counted from 1. */
+/* The loss that decides which epoch is best, for a finished epoch counted from 1. */
 static inline double lg_fit_criterion(const lg_fit *fit, uint64_t epoch) {
     const lg_fit_series series = fit->training < fit->problem.samples ? LG_FIT_VALIDATION : LG_FIT_LOSS;
     return fit->state.history[series][epoch - 1];

@@ -1,6 +1,6 @@
-/* One step of training. A batch is cut into contiguous pieces, one a shard; each shard has its tape and its
- * gradient. Gradients are added pairwise, (0 + 1) + (2 + 3) ..., then Adam runs. Nothing here depends on
- * which thread does what: a task writes to its own shard, or to its own block of parameters. */
+/* One step of training. A batch is cut into contiguous pieces, one for each shard, which has its own tape and
+ * gradient. Gradients are added pairwise, (0 + 1) + (2 + 3) ..., then Adam runs. Results do not depend on the
+ * threads: a task writes to its own shard, or to its own block of parameters. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -9,12 +9,10 @@
 #include "autodiff/tape_internal.h"
 #include "nn/fit_internal.h"
 
-/* Blocks are handed to threads when there are at least so many; below, waking them costs more than they save.
- */
+/* Threads are used from this number of blocks on; below, waking them costs more than they save. */
 #define PARALLEL_BLOCKS 16
 
-/* A gradient that one sweep writes and nobody adds to needs no pass over it when its norm is only wanted to
- * be moderate. */
+/* A gradient that one sweep writes alone needs no further pass when it is only checked to be moderate. */
 static bool bound_suffices(const lg_fit *fit, const lg_shard *shard, size_t count) {
     return fit->active == 1 && count == shard->count && fit->options.clip_norm == 0.0;
 }
@@ -71,7 +69,7 @@ static void cut(lg_fit *fit, const uint32_t *samples, size_t count) {
     fit->batch_samples = count;
 }
 
-/* A number that is not finite; NaN has no sign worth telling. */
+/* Text of a number that is not finite; NaN is written without a sign. */
 static const char *shown(double x) {
     return isnan(x) ? "NaN" : x > 0 ? "inf" : "-inf";
 }
@@ -109,7 +107,7 @@ static void for_blocks(lg_fit *fit, void (*task)(void *user, size_t block)) {
     for (size_t i = 0; i < fit->blocks; i++) task(fit, i);
 }
 
-/* Sum of the shards' gradients into the first one's. */
+/* Adds the gradients of all shards into that of the first one. */
 static void reduce_block(void *user, size_t block) {
     lg_fit *fit = user;
     const size_t n = block_length(fit, block), at = block * LG_FIT_BLOCK * fit->k->size;
@@ -120,7 +118,7 @@ static void reduce_block(void *user, size_t block) {
     fit->partial[block] = fit->k->dot(n, gradient, gradient);
 }
 
-/* Norm of the sum of the shards' gradients, which is then in the first one's. */
+/* Adds the gradients of all shards into that of the first one and returns its norm. */
 static double reduced_norm(lg_fit *fit) {
     double squared = 0.0;
     for_blocks(fit, reduce_block);
@@ -172,7 +170,7 @@ static lg_status gradient_failure(const lg_fit *fit, const char *what, lg_error 
     return lg_fail(error, LG_NOT_FINITE, "%s: the norm of the gradient overflows", what);
 }
 
-/* Names what overflowed and puts the state before the step back. */
+/* Reports what overflowed and restores the state before the step. */
 static lg_status step_failure(lg_fit *fit, const char *what, lg_error *error) {
     static const char *const names[3] = {"parameter", "first moment of parameter",
                                          "second moment of parameter"};

@@ -59,8 +59,8 @@ size_t lg_mlp_parameters(const lg_mlp *net) {
     return lg_mlp_weight_offset(net, net->layers);
 }
 
-/* Weights have the scale sqrt(gain/(fan_in + both fan_out)): half the width of a uniform law, or a standard
- * deviation. */
+/* The scale of weights is sqrt(gain/(fan_in + both fan_out)): half the width of a uniform distribution, or a
+ * standard deviation. */
 typedef struct initialisation {
     const char *name;
     double gain, both;

@@ -8,8 +8,8 @@
 
 #define MAX_WIDTH (1u << 20)
 
-/* What stands between embedding and output. The dense layers of layer i are named by `steps` and i plus
- * `number`. */
+/* The layers between embedding and output. The dense layers of layer i have the names in `steps` and the
+ * number i + `number`. */
 static const struct body {
     const char *name;
     const char *heads[NET_MAX_HEADS];

@@ -1,6 +1,6 @@
-/* The dense layers of a network (liegrad/networks.h), in the order in which its parameters lie in the flat
- * vector: embedding, the layers that read the network's input ("heads": U, V and H for the gated kinds), then
- * for each of its l layers one or two, then the output. */
+/* The dense layers of a network (liegrad/networks.h) in the order of its parameters in the flat vector:
+ * embedding, the layers that read the input of the network ("heads": U, V and H for the gated kinds), one or
+ * two for each of its l layers, the output. */
 #ifndef LG_NET_H
 #define LG_NET_H
 

@@ -4,7 +4,7 @@
 #include "autodiff/dual.h"
 #include "core/core.h"
 
-/* The dense layers' parameters as views of the flat vector; LG_NONE where there is no bias. */
+/* The parameters of the dense layers as views of the flat vector; LG_NONE for a missing bias. */
 typedef struct bound {
     net_layout layout;
     lg_var weight[NET_MAX_DENSE], bias[NET_MAX_DENSE];

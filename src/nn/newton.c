@@ -1,4 +1,5 @@
-/* Damped Newton on the full batch, the Hessian by forward over reverse, for models with few parameters. */
+/* Damped Newton method on the full batch, for models with few parameters. Forward over reverse mode gives the
+ * Hessian. */
 #include <math.h>
 #include <string.h>
 
@@ -72,7 +73,7 @@ static double largest(const double *x, size_t n) {
     return top;
 }
 
-/* (H + damping I) step = -gradient; false when that is not positive definite. */
+/* Solves (H + damping I) step = -gradient; false when the matrix is not positive definite. */
 static bool solve_step(newton *w, double damping) {
     const int n = (int)w->n, one = 1;
     int info = 0;
@@ -85,7 +86,7 @@ static bool solve_step(newton *w, double damping) {
     return info == 0;
 }
 
-/* Raises the damping until a step lowers the loss. False: no step does. */
+/* Raises the damping until a step lowers the loss; *moved false: no step does. */
 static lg_status descend(newton *w, double value, double scale, double *damping, bool *moved) {
     *moved = false;
     for (int attempt = 0; attempt < 60 && !*moved; attempt++) {

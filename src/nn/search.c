@@ -1,4 +1,4 @@
-/* Random search with early stopping: what a trial is, when it stops, which ones are left to run. */
+/* Random search with early stopping: drawing, stopping and running trials. */
 #include "liegrad/search.h"
 
 #include <math.h>
@@ -8,7 +8,7 @@
 #include "core/core.h"
 #include "liegrad/random.h"
 
-/* A trial is drawn from streams of its own, apart from those that training with the same seed takes. */
+/* Streams for drawing trials, different from those of training with the same seed. */
 #define STREAM_TAG UINT64_C(0x7365617263680000)
 
 struct lg_search {
@@ -32,7 +32,7 @@ void lg_search_options_init(lg_search_options *options) {
 
 /* ---- spaces ---- */
 
-/* Terminated, not empty, and a cell of a table without quotes. */
+/* Terminated, not empty, and a valid cell of a table without quotes. */
 static bool is_name(const char name[LG_RANGE_NAME]) {
     const char *end = memchr(name, '\0', LG_RANGE_NAME);
     if (end == NULL || end == name) return false;
@@ -108,7 +108,7 @@ static double clamp(double x, double low, double high) {
     return x < low ? low : x > high ? high : x;
 }
 
-/* Rounding may not leave the range, nor reach the open end of a uniform one. */
+/* Keeps rounding within the range, and below the open end of a uniform one. */
 static double draw(const lg_range *range, lg_rng *rng) {
     const double low = range->low, high = range->high;
     switch (range->kind) {
