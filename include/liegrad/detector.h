@@ -65,10 +65,10 @@ typedef struct lg_detector_problem {
 LG_API void lg_detector_fit_problem(const lg_detector_problem *problem, lg_fit_problem *out);
 
 /* Settings by the level of the sensors' noise: those published for the subsea well ("thesis"), and our own
- * ("best"), which have a row for data of unknown noise besides. */
+ * ("best"), which include one for data of unknown noise. */
 typedef struct lg_detector_preset {
-    const char *name; /* "thesis", "best" */
-    double noise;     /* 1, 10, 50, or NaN: unknown. The nearest row is taken, the first where none is near */
+    const char *name;   /* "thesis", "best" */
+    double noise;       /* 1, 10, 50, or NaN: unknown. The nearest preset is taken, else the first */
     const char *source; /* "table 6.5", ... */
     lg_activation activation;
     lg_detector_loss loss;

@@ -1,7 +1,7 @@
-/* The hyperparameters of learned models: one table for each kind of run in liegrad/io.h. A row says the
+/* The hyperparameters of learned models: one table for each kind of run in liegrad/io.h. An entry has the
  * name, type, range, default and meaning of one member of the run. Command lines, ranges of searches, grids
- * of studies, attributes of files, the comparison of a resumed run with the stored one and JSON all come from
- * these rows.
+ * of studies, attributes of files, the comparison of a resumed run with the stored one and JSON all use these
+ * tables.
  *
  *   lg_surrogate_run run;
  *   lg_hyperparameters_default(lg_surrogate_hyperparameters, &run);
@@ -28,41 +28,41 @@ typedef enum lg_hyper_type {
     LG_HYPER_NAME,   /* an enumeration, or a bool with two names; a name everywhere */
     LG_HYPER_WHOLES, /* a list of whole numbers through `get` and `put`; commas separate them in a text */
     LG_HYPER_REALS,  /* a list of numbers, likewise */
-    LG_HYPER_TEXT,   /* char array; for facts about the data, which nobody sets */
-    LG_HYPER_SHOWN   /* a text that `show` makes of several members; for facts, too */
+    LG_HYPER_TEXT,   /* char array; a fact about the data, which cannot be set */
+    LG_HYPER_SHOWN   /* a text that `show` makes from several members; also a fact */
 } lg_hyper_type;
 
 /* The most numbers in a list, and room for any value as text. */
 #define LG_HYPER_LIST_MAX  256
 #define LG_HYPER_TEXT_SIZE 4096
 
-/* A table of rows ends with a row whose name is NULL. */
+/* A table ends with an entry whose name is NULL. */
 typedef struct lg_hyperparameter {
     const char *name; /* in files and grids, such as lr_step */
-    const char
-        *option;       /* on command lines, and with _ for - in JSON; NULL: the name with - for _; "": none */
+    /* On command lines, and with _ for - in JSON; NULL: the name with - for _; "": none. */
+    const char *option;
     const char *group; /* of the HDF5 file: "model" or "run". What is stored must be the same in a resumed
                          * run. NULL: it is not stored */
     lg_hyper_type type;
     size_t offset, size; /* of the member in the run */
     double low, high;    /* of each number */
     bool above;          /* low itself is refused */
-    bool optional;       /* files of earlier versions lack it: the default of the file stands */
+    bool optional;       /* files of earlier versions lack it; the run then has the default for files */
     const char *(*value_name)(uint32_t value); /* FLAG, NAME: NULL beyond the last */
-    const void *(*value_at)(uint32_t value);   /* NAME of a pointer to a row of a table: the row */
+    const void *(*value_at)(uint32_t value);   /* NAME of a pointer into a table: the entry */
     /* Lists: the numbers of the member, at most `most` <= LG_HYPER_LIST_MAX; `get` returns how many. */
     uint32_t (*get)(const void *member, double *values);
     void (*put)(void *member, const double *values, uint32_t count);
     uint32_t most;
     void (*show)(const void *run, char *text, size_t size); /* SHOWN */
-    const char *value;     /* the default as text; NULL: it depends, and `otherwise` says on what */
+    const char *value;     /* the default as text; NULL: `otherwise` says where the default comes from */
     const char *otherwise; /* "the preset's" */
     const char *unit;      /* what --help calls a value; NULL: NAME */
     const char *meaning;   /* one sentence without its full stop */
-    uint32_t methods;      /* bit v: it applies where the run's method is number v; 0: always */
+    uint32_t methods;      /* bit v: it applies when the run's method is number v; 0: always */
 } lg_hyperparameter;
 
-/* A row about `member` of `struct_`; what follows are designated initialisers. */
+/* An entry for `member` of `struct_`; the last arguments are designated initialisers. */
 #define LG_HYPERPARAMETER(struct_, group_, name_, type_, member, ...)                                        \
     {                                                                                                        \
         .group = group_, .name = name_, .type = LG_HYPER_##type_, .offset = offsetof(struct_, member),       \
@@ -71,35 +71,35 @@ typedef struct lg_hyperparameter {
 #define LG_HYPERPARAMETER_END                                                                                \
     { .name = NULL }
 
-/* Of lg_hamiltonian_run, lg_surrogate_run and lg_detector_run. A surrogate's method is its network, in the
- * order of lg_surrogate_kind; the detector's only one is bit 0, and rows with methods = 0 there belong to the
- * split of the data, which other methods share. */
+/* The tables of lg_hamiltonian_run, lg_surrogate_run and lg_detector_run. The method of a surrogate is its
+ * network, in the order of lg_surrogate_kind. The detector has one method, bit 0; its entries with methods =
+ * 0 belong to the split of the data, which the classical methods share. */
 LG_API extern const lg_hyperparameter lg_hamiltonian_hyperparameters[], lg_surrogate_hyperparameters[],
     lg_detector_hyperparameters[];
 
-/* By name or by name on command lines; NULL when there is none. */
-LG_API const lg_hyperparameter *lg_hyperparameter_find(const lg_hyperparameter *rows, const char *name);
+/* Finds an entry by its name or its name on command lines; NULL when there is none. */
+LG_API const lg_hyperparameter *lg_hyperparameter_find(const lg_hyperparameter *table, const char *name);
 /* Its name on command lines, cut to `size` bytes; "" for one that has none. */
-LG_API void lg_hyperparameter_option(const lg_hyperparameter *row, char *text, size_t size);
+LG_API void lg_hyperparameter_option(const lg_hyperparameter *entry, char *text, size_t size);
 /* "Width of the hidden layers (1 to 1048576; default the preset's)". Returns the length as snprintf does. */
-LG_API int lg_hyperparameter_describe(const lg_hyperparameter *row, char *text, size_t size);
+LG_API int lg_hyperparameter_describe(const lg_hyperparameter *entry, char *text, size_t size);
 
-/* The text becomes the run's value. LG_INVALID_ARGUMENT, with a sentence that says what it should be, and the
- * run untouched. */
-LG_API lg_status lg_hyperparameter_set(const lg_hyperparameter *row, const char *text, void *run,
+/* Sets the run's value from text. LG_INVALID_ARGUMENT with a sentence that says which values are possible;
+ * the run is untouched then. */
+LG_API lg_status lg_hyperparameter_set(const lg_hyperparameter *entry, const char *text, void *run,
                                        lg_error *error);
 /* The run's value as lg_hyperparameter_set takes it, cut to `size` bytes; "?" for an unknown name. */
-LG_API void lg_hyperparameter_show(const lg_hyperparameter *row, const void *run, char *text, size_t size);
-/* The value of a number; the position of a name; NaN for other types. */
-LG_API double lg_hyperparameter_number(const lg_hyperparameter *row, const void *run);
-/* The same for whole numbers, flags and names, to the last digit; 0 for other types. */
-LG_API uint64_t lg_hyperparameter_whole(const lg_hyperparameter *row, const void *run);
-/* Whether number or name are in the row's range; true for other types. */
-LG_API bool lg_hyperparameter_fits(const lg_hyperparameter *row, const void *run);
-/* The value of one run becomes that of the other. */
-LG_API void lg_hyperparameter_copy(const lg_hyperparameter *row, const void *from, void *to);
-/* Sets what has a default of its own and leaves the rest. */
-LG_API void lg_hyperparameters_default(const lg_hyperparameter *rows, void *run);
+LG_API void lg_hyperparameter_show(const lg_hyperparameter *entry, const void *run, char *text, size_t size);
+/* The value of a number, or the position of a name; NaN for other types. */
+LG_API double lg_hyperparameter_number(const lg_hyperparameter *entry, const void *run);
+/* The exact value of whole numbers, flags and names; 0 for other types. */
+LG_API uint64_t lg_hyperparameter_whole(const lg_hyperparameter *entry, const void *run);
+/* Whether the number or name is within its range; true for other types. */
+LG_API bool lg_hyperparameter_fits(const lg_hyperparameter *entry, const void *run);
+/* Copies the value from one run to another. */
+LG_API void lg_hyperparameter_copy(const lg_hyperparameter *entry, const void *from, void *to);
+/* Sets every hyperparameter that has a default; the others are unchanged. */
+LG_API void lg_hyperparameters_default(const lg_hyperparameter *table, void *run);
 
 LG_END_DECLS
 

@@ -42,7 +42,7 @@ typedef enum lg_space_kind {
     LG_SPACE_KINDS
 } lg_space_kind;
 
-/* One row of the table of factors. Functions work on `count` copies, contiguous; `out` may equal an input. */
+/* An entry of the table of factors. Functions work on `count` contiguous copies; `out` may equal an input. */
 typedef struct lg_space_entry {
     const char *name;
     size_t state;   /* numbers in the state of one copy */
@@ -75,7 +75,7 @@ typedef struct lg_space {
     size_t algebra_dim; /* numbers in an algebra element */
 } lg_space;
 
-/* The row of a kind; NULL outside the enumeration. Static, constant. */
+/* The entry of a kind; NULL outside the enumeration. Static, constant. */
 LG_API const lg_space_entry *lg_space_kind_entry(lg_space_kind kind);
 
 /* Errors: LG_INVALID_ARGUMENT (unknown kind, no factor or more than LG_SPACE_MAX_FACTORS, a count of 0,
@@ -197,7 +197,7 @@ typedef struct lg_commutator {
 
 #define LG_DENSE_POWERS 5
 
-/* A scheme is data: copy a row and change it, or fill in your own; nothing is registered. */
+/* A scheme is data: copy one of the library's and change it, or fill in your own; nothing is registered. */
 typedef struct lg_scheme {
     const char *name;
     lg_scheme_kind kind;
@@ -243,7 +243,7 @@ typedef struct lg_scheme {
  * - cg3: Crouch and Grossman, order 3
  * - cf4; cf43: cf4 with an embedded solution of order 3, adaptive
  * - cf32a, cf32b: 3(2), adaptive
- * - slgi: theta = 1/2; for another theta copy the row
+ * - slgi: theta = 1/2; for another theta copy the scheme
  *
  * lg_scheme_at takes 0..lg_scheme_count()-1 and returns NULL beyond. lg_scheme_find returns NULL for an
  * unknown name. Rows are static and constant. */

@@ -1,6 +1,6 @@
 /* Mechanical systems: parameters, states, vector fields, invariants, and trajectories sampled from them.
  *
- * A system is a row of a table (src/mechanics), found by name and form; docs/systems.md has its equations,
+ * A system is an entry of a table (src/mechanics), found by name and form; docs/systems.md has its equations,
  * keys, state order, invariants and the names of its parameters in gradients. Rows: oscillator; quartic;
  * coupled-oscillators; pendulum-chain (lagrangian | hamiltonian); rigid-body; rigid-body-attitude; heavy-top
  * (cotangent | direct | lie-poisson | quadratic); quadrotors.
@@ -70,10 +70,10 @@ typedef struct lg_state_entry {
     const double *fallback; /* of one block; NULL: must be given */
 } lg_state_entry;
 
-/* Name and form of row `index` of the table; false beyond. `form` NULL where there is one only. */
+/* Name and form of entry `index` of the table; false beyond. `form` NULL where there is one only. */
 LG_API bool lg_system_at(size_t index, const char **name, const char **form);
-/* The parameters and the parts of the state of a row, ended by a key NULL; NULL for an unknown pair. `form`
- * NULL: the system's first. */
+/* The parameters and the parts of the state of a system, ended by a key NULL; NULL for an unknown pair.
+ * `form` NULL: the system's first. */
 LG_API const lg_parameter_entry *lg_system_parameters(const char *name, const char *form);
 LG_API const lg_state_entry *lg_system_state(const char *name, const char *form);
 

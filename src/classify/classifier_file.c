@@ -1,5 +1,5 @@
-/* Classifiers in archives. One list names what is stored, in both directions; what is read is checked before
- * anything is computed with it: sizes before memory is taken, then values. */
+/* Classifiers in archives. One list names what is stored, for reading and writing. The reader checks sizes
+ * before it allocates, and then all values. */
 #include "classify/classify_internal.h"
 
 #include <math.h>
@@ -20,7 +20,7 @@ typedef struct item {
 #define SCALARS 13
 #define ARRAYS  15
 
-/* Numbers of the file that say how large everything else is. */
+/* Numbers of the file that give the sizes of everything else. */
 typedef struct header {
     uint32_t classes, channels, length, selected, segments, pairs, count, inputs, components, variances,
         nodes, vectors, iterations;
@@ -208,7 +208,7 @@ static lg_status check_rules(const rule *rules, size_t count, lg_error *error) {
     return LG_OK;
 }
 
-/* Puts the sizes into *c once they fit each other. */
+/* Puts the sizes into *c after checking that they fit each other. */
 static lg_status take_sizes(const header *h, lg_classifier *c, lg_error *error) {
     lg_features *f = &c->features;
     const bool baseline = f->kind == LG_FEATURES_BASELINE, svm = c->method >= LG_METHOD_SVM_LINEAR;
@@ -249,7 +249,7 @@ static size_t element_size(lg_element type) {
     return type == LG_ELEMENT_F64 ? sizeof(double) : sizeof(uint32_t);
 }
 
-/* Compares the stored shape before it takes memory for it. */
+/* Compares the stored shape before it allocates. */
 static lg_status read_array(const lg_context *context, const lg_archive_reader *r, const item *it,
                             lg_error *error) {
     uint32_t rank = 0;

@@ -35,12 +35,12 @@ static inline double lg_sum_of(const double *a, size_t n) {
     return ((lane[0] + lane[4]) + (lane[2] + lane[6])) + ((lane[1] + lane[5]) + (lane[3] + lane[7]));
 }
 
-/* What every fit asks of its table: sizes that LAPACK counts, finite numbers; labels below `classes`, of
- * which at least two occur. counts (classes) receives how often each does. */
+/* Checks that every fit makes of its table: sizes within LAPACK's integers, finite numbers, labels below
+ * `classes`, at least two classes that occur. counts (classes) becomes the number of rows of each class. */
 lg_status lg_check_table(const double *x, size_t n, uint32_t d, lg_error *error);
 lg_status lg_check_labels(const uint32_t *label, size_t n, uint32_t classes, size_t *counts, lg_error *error);
 
-/* How many features its kind, channels and length make. */
+/* The number of features for kind, channels and length. */
 uint64_t lg_features_count(const lg_features *features);
 
 /* gradient (channels, length) = sum_i cotangent[i] d feature_i/dx at the window for which

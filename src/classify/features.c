@@ -50,8 +50,8 @@ static bool is_x(const lg_series *series, uint32_t channel) {
     return has_names(series) ? ends_in(series->channel_name[channel], "_x") : channel % 2 == 0;
 }
 
-/* The moment that goes with acceleration `channel`, or UINT32_MAX. Without names two sensors of accelerations
- * stand before that of the moments, each (x, y). */
+/* The moment that belongs to acceleration `channel`, or UINT32_MAX. Without names the channels are two
+ * acceleration sensors and then the moments, each (x, y). */
 static uint32_t moment_of(const lg_series *series, uint32_t channel) {
     if (!has_names(series)) return channel < 2 && channel + 4 < series->channels ? channel + 4 : UINT32_MAX;
     const char *direction = after(series->channel_name[channel], "acc_lower");
@@ -169,7 +169,7 @@ void lg_features_destroy(lg_features *features) {
 
 /* ---- numbers ---- */
 
-/* What the computation of features leaves in `work`, and their derivative reads. */
+/* Numbers that the computation of features leaves in `work` for the derivative. */
 typedef struct kept {
     double *z; /* what is left of the channels without their means: (m, length), or baseline (pairs, 2,
                 * length), part by part */
@@ -209,7 +209,7 @@ size_t lg_features_work_size(const lg_features *f) {
     return work_doubles(f) * sizeof(double);
 }
 
-/* As lg_sum_of; of up to 2^29 equal numbers it is exact, and so is their mean. */
+/* As lg_sum_of; the sum of up to 2^29 equal numbers is exact, and so is their mean. */
 static double sum_of_floats(const float *x, size_t n) {
     double lane[8] = {0};
     size_t i = 0;
@@ -219,9 +219,9 @@ static double sum_of_floats(const float *x, size_t n) {
     return ((lane[0] + lane[4]) + (lane[2] + lane[6])) + ((lane[1] + lane[5]) + (lane[3] + lane[7]));
 }
 
-/* z (length) = (x - mean)/scale. Returns the standard deviation of z, denominator `length`. The mean comes
- * off first, while x is exact: of a constant nothing is left, no rounding that standardisation would blow up.
- */
+/* z (length) = (x - mean)/scale. Returns the standard deviation of z, denominator `length`. The mean is
+ * subtracted first, while x is exact, so a constant becomes exactly 0 and leaves no rounding for
+ * standardisation to enlarge. */
 static double centre(const float *x, size_t length, double scale, double *z) {
     const double mean = sum_of_floats(x, length) / (double)length;
     for (size_t i = 0; i < length; i++) z[i] = ((double)x[i] - mean) / scale;
@@ -321,7 +321,7 @@ static lg_status singular_rows(double *g, size_t m, double *norm) {
     return LG_NO_CONVERGENCE;
 }
 
-/* Below which a root counts as 0: of an eigenvalue LG_NULL_EIGENVALUE times the largest one. */
+/* Roots below this count as 0: that of LG_NULL_EIGENVALUE times the largest eigenvalue. */
 static double null_root(const double *roots, size_t m) {
     double largest = 0.0;
     for (size_t k = 0; k < m; k++) largest = fmax(largest, roots[k]);

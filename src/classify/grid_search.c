@@ -25,7 +25,7 @@ typedef struct search {
     lg_error *error;    /* (count, folds) */
 } search;
 
-/* Rows of the table that fold `fold` learns from, or is tested on; without folds both are all. */
+/* Rows of the table that fold `fold` learns from, or is tested on; without folds all rows for both. */
 static size_t gather(const search *s, uint32_t fold, bool test, uint32_t *out) {
     size_t n = 0;
     for (size_t i = 0; i < s->rows; i++)
@@ -94,7 +94,7 @@ static lg_status count_units(const search *s, size_t *counts) {
     return LG_OK;
 }
 
-/* At most as many folds as there are rows, or units, of the class that has the fewest. */
+/* At most as many folds as the rarest class has rows, or units. */
 static lg_status limit_folds(search *s, uint32_t folds, size_t *counts, lg_error *error) {
     size_t smallest = s->rows;
     LG_TRY(lg_check_labels(s->own, s->rows, s->classes, counts, error));

@@ -29,7 +29,7 @@
 #define EXACT 1e-9
 /* Doubles of the table that are worked on at a time: both passes over them find them in the cache. */
 #define BLOCK_DOUBLES 32768
-/* Score of a class that training has not seen: its probability is 0 beside scores that add up to 0. */
+/* Score of a class that does not occur in training: beside scores that add up to 0 its probability is 0. */
 #define UNSEEN (-1e4)
 
 typedef struct problem {
@@ -317,8 +317,8 @@ static lg_status conjugate_gradients(problem *p) {
     return LG_OK;
 }
 
-/* A factor is made, and made anew, when the products before have cost as much. With one row of theta a new
- * one solves the equations by itself. */
+/* A factor is computed, or computed again, when the products since the last one have cost as much. With one
+ * row of theta a new factor solves the equations by itself. */
 static lg_status find_step(problem *p) {
     if (p->spent < p->worth) {
         if (p->factor == NULL) make_diagonal(p);
@@ -336,7 +336,7 @@ static lg_status find_step(problem *p) {
 
 /* ---- Newton's method ---- */
 
-/* Goes along the step as far as the objective falls enough; what rounding hides counts as fallen. */
+/* Backtracks until the objective falls enough; a fall below rounding is accepted. */
 static lg_status backtrack(problem *p, double decrement) {
     const double slack = 0x1p-48 * p->objective;
     double length = 1.0;

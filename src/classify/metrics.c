@@ -1,4 +1,4 @@
-/* Confusion matrices, what is read from them, receiver operating characteristics. */
+/* Confusion matrices, metrics of them, receiver operating characteristics. */
 #include <math.h>
 #include <string.h>
 
@@ -63,7 +63,7 @@ lg_metrics lg_metrics_of(const uint64_t *confusion, uint32_t classes) {
 
 /* ---- receiver operating characteristic ---- */
 
-/* NaN stands below every number: such a window is the last to be called positive. */
+/* NaN counts as below every number: such a window is the last to be called positive. */
 static double key_of(double score) {
     return isnan(score) ? -(double)INFINITY : score;
 }

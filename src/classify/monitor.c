@@ -1,4 +1,5 @@
-/* A feed of samples cut into windows that a judge sees one by one, with votes over the last of them. */
+/* Cuts a feed of samples into windows, which a judge sees one by one, and counts votes over the last of
+ * them. */
 #include <math.h>
 #include <string.h>
 
@@ -115,9 +116,9 @@ static float *before(const lg_monitor *monitor, uint64_t back) {
     return &monitor->ring[(size_t)(slot % monitor->window) * monitor->channels];
 }
 
-/* The gap that ends with `sample`: a straight line from the last received sample, where that is near enough.
- * A feed that begins with lost samples has them filled with the first received one. What has left the ring
- * was judged before. */
+/* Fills the gap that ends with `sample`: by a straight line from the last received sample if the gap is
+ * short, and at the beginning of a feed by the first received sample. Samples that have left the ring were
+ * judged before. */
 static void fill_gap(lg_monitor *monitor, const float *sample) {
     const uint64_t gap = monitor->gap, inside = gap < monitor->window ? gap : monitor->window;
     const float *last = monitor->received ? monitor->last : sample;

@@ -105,8 +105,8 @@ static void complete(const double *rows, size_t before, size_t d, double *v) {
     cblas_dscal((int)d, 1.0 / norm, v, 1);
 }
 
-/* From eigenvectors u of Z Z^T/n (n, n; rows, rising): v = Z^T u/|Z^T u|, orthogonal again to rounding; what
- * has no variance gets some orthogonal direction. */
+/* From eigenvectors u of Z Z^T/n (n, n; rows, rising): v = Z^T u/|Z^T u|, made orthogonal to rounding. A
+ * component without variance gets some orthogonal direction. */
 static void from_gram(const double *z, const double *u, const double *variance, size_t n, size_t d, size_t k,
                       double *rows) {
     for (size_t j = 0; j < k; j++) {
@@ -125,7 +125,7 @@ static void from_gram(const double *z, const double *u, const double *variance, 
     }
 }
 
-/* The largest component positive; the first of those that are equal but for rounding. */
+/* Makes the largest component positive, the first of those that are equal up to rounding. */
 static void fix_sign(double *v, size_t d) {
     double largest = 0.0;
     for (size_t i = 0; i < d; i++) largest = fmax(largest, fabs(v[i]));

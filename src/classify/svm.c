@@ -126,7 +126,8 @@ static void training_free(training *t) {
     lg_free(t->context, t->nodes);
 }
 
-/* libsvm does not look whether it got its memory. What it will take is asked for, and given back, first. */
+/* libsvm does not check its allocations. Therefore the memory that it will take is allocated and freed
+ * first. */
 static bool memory_is_there(const training *t) {
     const double kernel = 4.0 * (double)t->n * (double)t->n, cache = CACHE_MB * 1048576.0;
     void *volatile probe = malloc((size_t)(kernel < cache ? kernel : cache) +
@@ -142,7 +143,7 @@ static struct svm_model *run_libsvm(const training *t, size_t n, const struct sv
     return svm_train(&problem, parameter);
 }
 
-/* Part of the rows that a rough solution on PILOT_ROWS of them, at equal distances, makes support vectors. */
+/* The part of the rows that are support vectors in a rough solution on PILOT_ROWS equidistant rows. */
 static double pilot(const training *t) {
     double target[PILOT_ROWS];
     struct svm_node *rows[PILOT_ROWS];
@@ -391,7 +392,7 @@ static void kernel_values(const lg_svm *svm, const double *x, double *k) {
             k[v] = exp(-svm->gamma * square_distance(svm->vector + v * d, x, d));
 }
 
-/* libsvm's answer, the first of the classes with the most votes, gets the largest score. votes (classes) */
+/* Makes the score of libsvm's answer, the first class with the most votes, the largest. votes (classes) */
 static void prefer_first(const double *votes, size_t classes, double *score) {
     size_t first = 0, largest = 0;
     for (size_t i = 1; i < classes; i++) {
@@ -477,7 +478,7 @@ static pair_view pair_at(const lg_svm *svm, size_t pair) {
     return view_pair(svm, i, j, first_i, first_j);
 }
 
-/* One of the classes has no vectors. Of two classes each has some. */
+/* One of the classes has no vectors; this does not happen with two classes. */
 static bool is_empty(const lg_svm *svm, const pair_view *p) {
     return svm->classes > 2 && (p->count_a == 0 || p->count_b == 0);
 }

@@ -1,4 +1,4 @@
-/* Models in a loop: plans of a bundle's functions behind one handle. */
+/* Models in a loop: one handle for the plans of the functions of a bundle. */
 #include "liegrad/model.h"
 
 #include "core/core.h"

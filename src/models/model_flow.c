@@ -91,7 +91,7 @@ lg_status lg_model_stepper_init(const lg_model *model, const lg_scheme *scheme, 
     lg_ode ode;
     LG_TRY(equation(model, scheme, &asked, NULL, &ode));
     const size_t before = before_stepper(model);
-    /* Without memory: whether the scheme fits, which is said before anything about the memory. */
+    /* Reports a fault of the scheme first; the memory is missing, misaligned or too small. */
     if (memory == NULL || (uintptr_t)memory % LG_ALIGNMENT != 0 || bytes < before || out == NULL)
         return lg_stepper_init(scheme, &ode, NULL, NULL, 0);
     char *base = memory;

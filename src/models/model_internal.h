@@ -28,7 +28,7 @@ void lg_model_run(const lg_model *model, lg_model_function function, const doubl
                   void *work);
 /* Bytes beside the plans' work that a Hamiltonian's functions take. */
 size_t lg_model_linear_work_size(const lg_model *model);
-/* Zeros in the place of an input that is not given. */
+/* Zeros for an input that is NULL. */
 const double *lg_model_no_input(const lg_model *model, void *work);
 
 #endif

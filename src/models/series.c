@@ -173,7 +173,7 @@ static double squares_about(const float *x, size_t n, double mean) {
     return sum;
 }
 
-/* What the passes over the windows share. */
+/* Data for the passes over the windows. */
 typedef struct scan {
     const lg_series *series;
     const lg_windows *windows;
@@ -186,8 +186,7 @@ static void load(const scan *s, size_t i) {
     lg_windows_copy(s->series, s->windows, s->chosen != NULL ? s->chosen[i] : i, s->window);
 }
 
-/* Means of the windows' means, which are as long as each other; a channel that never changes keeps its value.
- */
+/* Means of the means of the windows, which have equal lengths; a constant channel keeps its value exactly. */
 static void fit_means(const scan *s, double *mean) {
     const size_t channels = s->series->channels, length = s->windows->length;
     double *first = mean + channels, *constant = mean + 2 * channels;

@@ -1,4 +1,4 @@
-/* Splits of sets of series and folds: units that stay together, sorted into strata, dealt out. */
+/* Splits and folds of sets of series: units that stay together are sorted into strata and dealt out. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -133,7 +133,7 @@ static void shuffle_units(unit *units, size_t n, lg_rng *rng) {
     }
 }
 
-/* One stratum. Validation gives way to testing, both to the one unit that training keeps. */
+/* One stratum. Training keeps one unit, then testing has precedence over validation. */
 static size_t deal(const split_task *t, unit *units, size_t n, lg_rng *rng) {
     size_t test = (size_t)floor(t->test * (double)n + 0.5);
     size_t validation = (size_t)floor(t->validation * (double)n + 0.5);

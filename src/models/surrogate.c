@@ -73,8 +73,8 @@ size_t lg_surrogate_parameters(const lg_surrogate *model) {
 
 /* ---- what the network sees ---- */
 
-/* The first number that is not zero decides; they all change sign under reflection. Where all are zero the
- * boundary conditions are their own mirror image. */
+/* The first number that is not zero decides; all change sign under reflection. If all are zero, the boundary
+ * conditions are their own mirror image. */
 double lg_surrogate_sign(const lg_surrogate *model, const double *x) {
     const double order[] = {x[LG_AT_V0 + 1] - x[LG_AT_VN + 1], x[LG_AT_V0 + 1],
                             x[LG_AT_QN + 1] - x[LG_AT_Q0 + 1]};
@@ -157,8 +157,8 @@ static bool fraction(double x) {
     return x >= 0.0 && x <= 1.0;
 }
 
-/* The labels of the permuted order are shuffled instead of indices: label i stands at the same place for all
- * fractions, and no memory is needed. */
+/* Shuffles labels instead of indices: label i is at the same place for all fractions, and no memory is
+ * needed. */
 lg_status lg_surrogate_split(size_t n, double train_fraction, double test_fraction, uint64_t seed,
                              uint8_t *parts) {
     if (!fraction(train_fraction) || !fraction(test_fraction) || parts == NULL) return LG_INVALID_ARGUMENT;

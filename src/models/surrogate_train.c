@@ -129,7 +129,7 @@ static void between_nodes(const part *b, const curve *c, double at, double *q, d
     lg_surrogate_hermite(c->q + 2 * k, c->v + 2 * k, b->problem->model->length / n, at - (double)k, q, v);
 }
 
-/* The point of a curve that a sample stands for: s, q and v. */
+/* The point of a curve that is the sample: s, q and v. */
 static double point_of_sample(const part *b, const curve *c, uint32_t sample, double *q, double *v) {
     const uint32_t n = b->problem->curves->intervals, node = sample % (n + 1);
     double at = node;
@@ -237,8 +237,8 @@ static lg_var integrals(const part *b, lg_var trig) {
     return lg_pad(b->tape, sum, 1, 1, 0);
 }
 
-/* The x-components of all curves, then their y-components, as the rows of cos and sin stand: values (2B,
- * N + 1) of `points` less their start. */
+/* Values (2B, N + 1) of `points` less their start: the x-components of all curves, then their y-components,
+ * as the rows of cos and sin. */
 static void put_components(const part *b, void *values, size_t i, const double *points, const double *start,
                            double sign) {
     const size_t nodes = (size_t)b->problem->curves->intervals + 1;
