@@ -3,7 +3,7 @@
 #ifndef LG_TEST_EXPORT_CLASSIFIER_H
 #define LG_TEST_EXPORT_CLASSIFIER_H
 
-#include "export_support.h"
+#include "export_models.h"
 
 #include "core/core.h"
 #include "liegrad/classify.h"
@@ -12,7 +12,7 @@
 #include "liegrad/series.h"
 
 typedef struct sample {
-    const char *folder;
+    const char *name;
     lg_feature_kind kind;
     bool directions_x;
     lg_method method;
@@ -47,12 +47,15 @@ static const sample samples[] = {
     {"baseline-linear", BASELINE, true, LINEAR, 0, 2, "gcc", "-O3"},
     {"baseline-rbf", BASELINE, false, RBF, 3, 3, "clang", "-O3"},
 };
-enum { SAMPLES = LG_COUNT(samples), CHANNELS = 4, LENGTH = 33, WINDOWS = 40 };
+enum { CHANNELS = 4, LENGTH = 33, WINDOWS = 40, INPUTS = CHANNELS * LENGTH };
 
 typedef struct fitted {
+    const sample *of;
     lg_classifier classifier;
     lg_series series;
     lg_scaler scaler;
+    double *work;
+    float window[INPUTS];
 } fitted;
 
 /* A window of a class as recorded: correlated noise, larger in later classes, with an offset; sizes of the
@@ -73,57 +76,62 @@ static inline void classifier_window(lg_rng *rng, uint32_t class, float *x) {
     }
 }
 
-static inline void classifier_make(const sample *of, fitted *out) {
+static inline void classifier_release(void *of) {
+    fitted *f = of;
+    lg_classifier_destroy(&f->classifier);
+    lg_series_destroy(&f->series);
+    lg_scaler_destroy(&f->scaler);
+}
+
+static inline fitted *classifier_fit(const sample *of) {
     static const char *const names[CHANNELS] = {"acc_lower_x", "acc_lower_y", "moment_x", "moment_y"};
     lg_error error = {LG_OK, ""};
     lg_windows windows;
     lg_method_options options;
     lg_rng rng;
+    fitted *f = TEST_ARRAY(fitted, 1);
     lg_rng_seed(&rng, 11, of->classes);
-    *out = (fitted){.series = {.count = WINDOWS * of->classes,
-                               .channels = CHANNELS,
-                               .length = LENGTH,
-                               .classes = of->classes,
-                               .rate = 10}};
-    assert_ok(lg_series_allocate(NULL, &out->series, false, false));
-    out->series.channel_name = lg_alloc(NULL, CHANNELS, sizeof *out->series.channel_name);
+    f->of = of;
+    f->series = (lg_series){.count = WINDOWS * of->classes,
+                            .channels = CHANNELS,
+                            .length = LENGTH,
+                            .classes = of->classes,
+                            .rate = 10};
+    assert_ok(lg_series_allocate(NULL, &f->series, false, false));
+    lg_test_owns(f, classifier_release);
+    f->series.channel_name = lg_alloc(NULL, CHANNELS, sizeof *f->series.channel_name);
     for (uint32_t c = 0; c < CHANNELS; c++)
-        (void)snprintf(out->series.channel_name[c], LG_SERIES_NAME, "%s", names[c]);
-    for (size_t i = 0; i < out->series.count; i++) {
-        out->series.label[i] = (uint32_t)(i % of->classes);
-        classifier_window(&rng, out->series.label[i], out->series.x + i * CHANNELS * LENGTH);
+        (void)snprintf(f->series.channel_name[c], LG_SERIES_NAME, "%s", names[c]);
+    for (size_t i = 0; i < f->series.count; i++) {
+        f->series.label[i] = (uint32_t)(i % of->classes);
+        classifier_window(&rng, f->series.label[i], f->series.x + i * INPUTS);
     }
-    assert_ok(lg_windows_create(NULL, &out->series, 0, 0, &windows, &error));
-    assert_ok(lg_scaler_fit(NULL, &out->series, &windows, NULL, windows.count, false, &out->scaler));
-    lg_features *features = &out->classifier.features;
-    assert_ok(lg_features_create(NULL, of->kind, of->directions_x, &out->series, LENGTH, &out->scaler,
-                                 features, &error));
-    double *table = calloc(windows.count * features->count, sizeof *table);
-    assert_ok(lg_features_table(NULL, features, &out->series, &windows, 1, table, &error));
+    assert_ok(lg_windows_create(NULL, &f->series, 0, 0, &windows, &error));
+    assert_ok(lg_scaler_fit(NULL, &f->series, &windows, NULL, windows.count, false, &f->scaler));
+    lg_features *features = &f->classifier.features;
+    assert_ok(lg_features_create(NULL, of->kind, of->directions_x, &f->series, LENGTH, &f->scaler, features,
+                                 &error));
+    double *table = TEST_ARRAY(double, windows.count * features->count);
+    assert_ok(lg_features_table(NULL, features, &f->series, &windows, 1, table, &error));
     lg_method_options_init(&options);
     options.method = of->method;
     options.components = of->components < features->count ? of->components : features->count;
-    if (lg_classifier_fit(NULL, &options, table, out->series.label, NULL, windows.count, features->count,
-                          of->classes, &out->classifier, &error) != LG_OK)
-        fail_msg("%s: %s", of->folder, error.message);
+    if (lg_classifier_fit(NULL, &options, table, f->series.label, NULL, windows.count, features->count,
+                          of->classes, &f->classifier, &error) != LG_OK)
+        fail_msg("%s: %s", of->name, error.message);
     lg_windows_destroy(&windows);
-    free(table);
-}
-
-static inline void classifier_free(fitted *of) {
-    lg_classifier_destroy(&of->classifier);
-    lg_series_destroy(&of->series);
-    lg_scaler_destroy(&of->scaler);
+    f->work = lg_test_memory(lg_classifier_work_size(&f->classifier) +
+                             lg_classifier_jacobian_work_size(&f->classifier));
+    return f;
 }
 
 /* As lg-anomaly train writes it: NAME.h5. */
-static inline void classifier_save(const fitted *of, const char *name) {
+static inline void classifier_save(const fitted *f) {
     char file[128], path[1024], hash[LG_SHA256_TEXT] = "";
     lg_file_writer *writer = NULL;
     lg_archive_writer to;
-    lg_error error = {LG_OK, ""};
     const double fraction = 0.25, accuracy = 0.9375, f1 = 0.875;
-    const uint64_t seed = 1, count = of->series.count, length = LENGTH;
+    const uint64_t seed = 1, count = f->series.count, length = LENGTH;
     const struct {
         const char *path;
         lg_element type;
@@ -135,30 +143,34 @@ static inline void classifier_save(const fitted *of, const char *name) {
                 {"run/windows", LG_ELEMENT_U64, &count},
                 {"run/window", LG_ELEMENT_U64, &length},
                 {"run/hop", LG_ELEMENT_U64, &length}};
-    (void)snprintf(file, sizeof file, "%s.h5", name);
+    (void)snprintf(file, sizeof file, "%s.h5", f->of->name);
     cli_path(file, path, sizeof path);
     memset(hash, 'b', LG_SHA256_TEXT - 1);
-    assert_ok(lg_file_writer_create(NULL, path, "classifier", NULL, &writer, &error));
+    assert_ok(lg_file_writer_create(NULL, path, "classifier", NULL, &writer, NULL));
     assert_ok(lg_file_writer_archive(writer, "", &to));
-    assert_ok(lg_file_writer_names(writer, &of->series, &error));
+    assert_ok(lg_file_writer_names(writer, &f->series, NULL));
     for (size_t i = 0; i < LG_COUNT(rows); i++)
         assert_ok(to.array(to.user, rows[i].path, rows[i].type, 0, NULL, rows[i].value));
-    assert_ok(to.text(to.user, "run/method", lg_method_name(of->classifier.method)));
+    assert_ok(to.text(to.user, "run/method", lg_method_name(f->classifier.method)));
     assert_ok(to.text(to.user, "run/split", "random"));
     assert_ok(to.text(to.user, "run/data_sha256", hash));
-    assert_ok(lg_classifier_save(&of->classifier, &to, &error));
-    assert_ok(lg_file_writer_commit(writer, &error));
+    assert_ok(lg_classifier_save(&f->classifier, &to, NULL));
+    assert_ok(lg_file_writer_commit(writer, NULL));
     lg_file_writer_destroy(writer);
 }
 
-/* Exports NAME.h5 to NAME-DTYPE as model `m`. */
-static inline void classifier_export(const fitted *of, const char *name, const char *dtype, char *folder,
-                                     size_t size) {
-    char line[256];
-    classifier_save(of, name);
-    (void)snprintf(folder, size, "%s-%s", name, dtype);
-    (void)snprintf(line, sizeof line, "%s.h5 --out %s --name m --dtype %s --seed 7", name, folder, dtype);
-    export_run(line);
+static inline const char *classifier_name(size_t i) {
+    return samples[i].name;
+}
+
+static inline export_way classifier_way(size_t i) {
+    return (export_way){samples[i].compiler, samples[i].flags};
+}
+
+static inline void *classifier_make(size_t i) {
+    fitted *f = classifier_fit(&samples[i]);
+    classifier_save(f);
+    return f;
 }
 
 #endif

@@ -3,7 +3,9 @@
 #ifndef LG_TEST_EXPORT_DETECTOR_H
 #define LG_TEST_EXPORT_DETECTOR_H
 
-#include "export_support.h"
+#include "export_models.h"
+
+#include <float.h>
 
 #include "liegrad/detector.h"
 #include "liegrad/io.h"
@@ -17,83 +19,44 @@
 #define MAX     LG_POOL_MAX
 
 typedef struct sample {
-    const char *folder;
-    lg_cnn net;
+    const char *name, *compiler, *flags;
     uint32_t classes;
     lg_detector_loss loss;
     bool centred;
-    const char *compiler, *flags;
+    lg_cnn
+        net; /* channels, length, blocks, {channels, kernel, stride, padding, pooling, size, stride}, plane, outputs */
 } sample;
 
-/* channels, length, blocks, {channels, kernel, stride, padding, pooling, size, stride}, plane, outputs */
-static const sample samples[] = {
-    {"average",
-     {3,
-      40,
-      3,
-      {{6, 5, 1, 0, AVERAGE, 2, 2}, {12, 5, 1, 0, AVERAGE, 2, 2}, {5, 3, 1, 0, AVERAGE, 2, 1}},
-      2,
-      1,
-      LG_TANH,
-      {0}},
-     2,
-     MSE,
-     false,
-     "gcc",
-     "-O2"},
-    {"maximum",
-     {2, 31, 2, {{5, 4, 2, 3, MAX, 3, 2}, {9, 3, 1, 1, MAX, 2, 3}}, 0, 3, LG_SWISH, {0}},
-     3,
-     CROSS,
-     true,
-     "clang",
-     "-O3"},
-    {"none",
-     {4, 25, 2, {{3, 5, 3, 2, NONE, 1, 1}, {8, 2, 1, 1, NONE, 1, 1}}, 5, 2, LG_SIGMOID, {0}},
-     2,
-     CROSS,
-     false,
-     "gcc",
-     "-O3 -march=native"},
-    {"kinks",
-     {2,
-      30,
-      3,
-      {{4, 3, 1, 1, MAX, 2, 2}, {6, 3, 2, 0, NONE, 1, 1}, {4, 2, 1, 1, AVERAGE, 3, 2}},
-      3,
-      4,
-      LG_RELU,
-      {0}},
-     4,
-     CROSS,
-     false,
-     "clang",
-     "-O2"},
-    {"leaky",
-     {1, 20, 1, {{7, 5, 2, 4, AVERAGE, 4, 1}}, 0, 1, LG_LEAKY_RELU, {0}},
-     2,
-     MSE,
-     true,
-     "gcc",
-     "-O1"},
-    {"sine", {1, 1, 1, {{2, 1, 1, 0, MAX, 1, 1}}, 1, 2, LG_SINE, {0}}, 2, CROSS, false, "clang", "-O1"},
-    {"plain", {3, 7, 0, {{0, 0, 0, 0, NONE, 0, 0}}, 4, 1, LG_TANH, {0}}, 2, MSE, true, "gcc", "-O2"},
-    {"linear",
-     {2, 9, 0, {{0, 0, 0, 0, NONE, 0, 0}}, 0, 3, LG_IDENTITY, {0}},
-     3,
-     CROSS,
-     false,
-     "clang",
-     "-O3"},
-    {"one", {2, 16, 1, {{1, 3, 1, 0, NONE, 1, 1}}, 1, 1, LG_IDENTITY, {0}}, 2, MSE, false, "gcc", "-O0"},
-};
-enum { SAMPLES = LG_COUNT(samples) };
+#define NET(channels, length, blocks, plane, outputs, activation, ...)                                       \
+    {                                                                                                        \
+        channels, length, blocks, {__VA_ARGS__}, plane, outputs, LG_##activation, {                          \
+            0                                                                                                \
+        }                                                                                                    \
+    }
 
-/* Writes FOLDER.h5; offsets and scales of the channels are far from 0 and 1. */
-static inline void detector_save(const sample *of) {
+static const sample samples[] = {
+    {"average", "gcc", "-O2", 2, MSE, false,
+     NET(3, 40, 3, 2, 1, TANH, {6, 5, 1, 0, AVERAGE, 2, 2}, {12, 5, 1, 0, AVERAGE, 2, 2},
+         {5, 3, 1, 0, AVERAGE, 2, 1})},
+    {"maximum", "clang", "-O3", 3, CROSS, true,
+     NET(2, 31, 2, 0, 3, SWISH, {5, 4, 2, 3, MAX, 3, 2}, {9, 3, 1, 1, MAX, 2, 3})},
+    {"none", "gcc", "-O3 -march=native", 2, CROSS, false,
+     NET(4, 25, 2, 5, 2, SIGMOID, {3, 5, 3, 2, NONE, 1, 1}, {8, 2, 1, 1, NONE, 1, 1})},
+    {"kinks", "clang", "-O2", 4, CROSS, false,
+     NET(2, 30, 3, 3, 4, RELU, {4, 3, 1, 1, MAX, 2, 2}, {6, 3, 2, 0, NONE, 1, 1},
+         {4, 2, 1, 1, AVERAGE, 3, 2})},
+    {"leaky", "gcc", "-O1", 2, MSE, true, NET(1, 20, 1, 0, 1, LEAKY_RELU, {7, 5, 2, 4, AVERAGE, 4, 1})},
+    {"sine", "clang", "-O1", 2, CROSS, false, NET(1, 1, 1, 1, 2, SINE, {2, 1, 1, 0, MAX, 1, 1})},
+    {"plain", "gcc", "-O2", 2, MSE, true, NET(3, 7, 0, 4, 1, TANH, {0, 0, 0, 0, NONE, 0, 0})},
+    {"linear", "clang", "-O3", 3, CROSS, false, NET(2, 9, 0, 0, 3, IDENTITY, {0, 0, 0, 0, NONE, 0, 0})},
+    {"one", "gcc", "-O0", 2, MSE, false, NET(2, 16, 1, 1, 1, IDENTITY, {1, 3, 1, 0, NONE, 1, 1})},
+};
+
+/* Writes NAME.h5; offsets and scales of the channels are far from 0 and 1. `offset` is added to the last parameter, the
+ * offset of the output layer, and `weight` to the one before. */
+static inline void detector_save(const sample *of, double weight, double offset) {
     char path[1024], name[128];
     lg_rng rng;
-    lg_error error = {LG_OK, ""};
     lg_rng_seed(&rng, 5, (uint64_t)of->net.length);
     lg_detector_file file = {
         .run = {.model = {.net = of->net, .classes = of->classes, .loss = of->loss, .centred = of->centred},
@@ -118,15 +81,17 @@ static inline void detector_save(const sample *of) {
     assert_ok(lg_cnn_init(net, NULL));
     memset(file.run.data_sha256, 'a', LG_SHA256_TEXT - 1);
     file.parameters = lg_cnn_parameters(net);
-    file.theta = calloc(file.parameters, sizeof(double));
-    file.scaler = (lg_scaler){.channels = net->channels,
-                              .mean = calloc(net->channels, sizeof(double)),
-                              .scale = calloc(net->channels, sizeof(double))};
-    file.class_name = calloc(of->classes, sizeof *file.class_name);
-    file.channel_name = calloc(net->channels, sizeof *file.channel_name);
-    for (int i = 0; i < LG_FIT_SERIES_COUNT; i++) file.history[i] = calloc(3, sizeof(double));
+    file.theta = TEST_ARRAY(double, file.parameters);
+    file.scaler.channels = net->channels;
+    file.scaler.mean = TEST_ARRAY(double, net->channels);
+    file.scaler.scale = TEST_ARRAY(double, net->channels);
+    file.class_name = lg_test_memory(of->classes * sizeof *file.class_name);
+    file.channel_name = lg_test_memory(net->channels * sizeof *file.channel_name);
+    for (int i = 0; i < LG_FIT_SERIES_COUNT; i++) file.history[i] = TEST_ARRAY(double, 3);
     lg_cnn_initialise(net, LG_INIT_GLOROT_UNIFORM, &rng, file.theta);
     for (size_t i = 0; i < file.parameters; i++) file.theta[i] += 0.1 * lg_rng_normal(&rng);
+    file.theta[file.parameters - 1] += offset;
+    file.theta[file.parameters - 2] += weight;
     for (uint32_t c = 0; c < net->channels; c++) {
         file.scaler.mean[c] = of->centred ? 0 : 10 * lg_rng_normal(&rng);
         file.scaler.scale[c] = pow(10, lg_rng_uniform_in(&rng, -2, 4));
@@ -134,92 +99,111 @@ static inline void detector_save(const sample *of) {
     }
     for (uint32_t c = 0; c < of->classes; c++)
         (void)snprintf(file.class_name[c], LG_SERIES_NAME, "state\t\"%u\" \xc3\xa9?\?/ */", c);
-    (void)snprintf(name, sizeof name, "%s.h5", of->folder);
+    (void)snprintf(name, sizeof name, "%s.h5", of->name);
     cli_path(name, path, sizeof path);
-    if (lg_model_save_detector(NULL, path, &file, NULL, &error) != LG_OK) fail_msg("%s", error.message);
-    for (int i = 0; i < LG_FIT_SERIES_COUNT; i++) free(file.history[i]);
-    free(file.channel_name);
-    free(file.class_name);
-    free(file.scaler.mean);
-    free(file.scaler.scale);
-    free(file.theta);
+    assert_ok(lg_model_save_detector(NULL, path, &file, NULL, NULL));
 }
 
 /* The default network for windows of this size; maxima and ReLU where `relu`. */
-static inline sample detector_default(const char *folder, uint32_t channels, uint32_t length,
-                                      uint32_t classes, bool relu) {
-    sample out = {.folder = folder,
-                  .classes = classes,
-                  .loss = classes == 2 ? MSE : CROSS,
-                  .centred = relu,
-                  .compiler = "gcc",
-                  .flags = "-O2"};
+static inline sample detector_default(const char *name, uint32_t channels, uint32_t length, uint32_t classes,
+                                      bool relu) {
+    sample out = {.name = name, .classes = classes, .loss = classes == 2 ? MSE : CROSS, .centred = relu};
     lg_cnn_init_default(&out.net, channels, length, classes == 2 ? 1 : classes, relu ? LG_RELU : LG_TANH);
     for (uint32_t i = 0; i < out.net.blocks && relu; i++)
         if (out.net.block[i].pooling != LG_POOL_NONE) out.net.block[i].pooling = LG_POOL_MAX;
     return out;
 }
 
-/* Adds to a parameter of FOLDER.h5, counted from the last one, which is 1: an offset of the output layer. */
-static inline void detector_change(const sample *of, size_t from_end, double change) {
-    char path[1024], name[128];
+/* ---- as the library has it ---- */
+
+typedef struct detector {
     lg_model_file file;
-    (void)snprintf(name, sizeof name, "%s.h5", of->folder);
-    cli_path(name, path, sizeof path);
-    assert_ok(lg_model_load(NULL, path, NULL, &file, NULL));
-    lg_detector_file changed = file.detector;
-    double *theta = calloc(changed.parameters, sizeof *theta);
-    assert_non_null(theta);
-    memcpy(theta, file.detector.theta, changed.parameters * sizeof *theta);
-    theta[changed.parameters - from_end] += change;
-    changed.theta = theta;
-    changed.scaler = file.detector.scaler;
-    assert_ok(lg_model_save_detector(NULL, path, &changed, NULL, NULL));
-    lg_model_file_destroy(&file);
-    free(theta);
+    lg_detector_plan *scores;
+    void *work;
+    double *near[3]; /* two Jacobians, a window */
+    float *window;
+} detector;
+
+static inline void detector_release(void *of) {
+    detector *d = of;
+    lg_detector_plan_destroy(d->scores);
+    lg_model_file_destroy(&d->file);
 }
 
-/* The mean of a single logit over windows like those of the training data. */
-static inline double detector_mean(const sample *of) {
-    enum { DRAWN = 200 };
-    char path[1024], name[128];
-    lg_model_file file;
-    lg_rng rng;
-    double mean = 0, y;
-    (void)snprintf(name, sizeof name, "%s.h5", of->folder);
+static inline detector *detector_load(const char *of) {
+    char name[64], path[1024];
+    detector *d = TEST_ARRAY(detector, 1);
+    (void)snprintf(name, sizeof name, "%s.h5", of);
     cli_path(name, path, sizeof path);
-    assert_ok(lg_model_load(NULL, path, NULL, &file, NULL));
-    const lg_scaler *scaler = &file.detector.scaler;
-    const size_t n = lg_model_inputs(file.model), length = of->net.length;
-    double *x = calloc(n, sizeof *x);
-    void *work = aligned_alloc(64, (lg_model_work_size(file.model) + 64) / 64 * 64);
-    assert_true(x != NULL && work != NULL);
-    lg_rng_seed(&rng, 1, 1);
-    for (int v = 0; v < DRAWN; v++) {
+    assert_ok(lg_model_load(NULL, path, NULL, &d->file, NULL));
+    const lg_detector_file *file = &d->file.detector;
+    assert_ok(lg_detector_plan_create(NULL, &file->run.model, &file->scaler, file->theta, LG_F64, &d->scores,
+                                      NULL));
+    lg_test_owns(d, detector_release);
+    d->work = TEST_ARRAY(unsigned char, lg_model_work_size(d->file.model) + lg_detector_work_size(d->scores));
+    const size_t inputs = lg_model_inputs(d->file.model), all = inputs * lg_model_outputs(d->file.model);
+    for (int i = 0; i < 3; i++) d->near[i] = TEST_ARRAY(double, i < 2 ? all : inputs);
+    d->window = TEST_ARRAY(float, inputs);
+    return d;
+}
+
+static inline const char *detector_name(size_t i) {
+    return samples[i].name;
+}
+
+static inline export_way detector_way(size_t i) {
+    return (export_way){samples[i].compiler, samples[i].flags};
+}
+
+static inline void *detector_make(size_t i) {
+    detector_save(&samples[i], 0, 0);
+    return detector_load(samples[i].name);
+}
+
+/* ---- windows ---- */
+
+static inline bool has_kinks(const lg_cnn *net) {
+    bool kinks = net->activation == LG_RELU || net->activation == LG_LEAKY_RELU;
+    for (uint32_t i = 0; i < net->blocks; i++) kinks = kinks || net->block[i].pooling == LG_POOL_MAX;
+    return kinks;
+}
+
+/* Where a kink lies within rounding, the gradient may be that of its other side. */
+static inline bool is_smooth(const exported *e, lg_rng *rng, const double *x) {
+    const detector *d = e->model;
+    const lg_detector_file *file = &d->file.detector;
+    const size_t n = e->lib.inputs, all = n * e->lib.outputs, length = file->run.model.net.length;
+    const double eps = e->lib.single ? FLT_EPSILON : DBL_EPSILON;
+    double change = 0, sum = 0;
+    if (!has_kinks(&file->run.model.net)) return true;
+    lg_model_jacobian(d->file.model, x, NULL, d->near[0], d->work);
+    for (int k = 0; k < 2; k++) {
         for (size_t i = 0; i < n; i++)
-            x[i] = scaler->mean[i / length] + scaler->scale[i / length] * lg_rng_normal(&rng);
-        lg_model_eval(file.model, x, &y, work);
-        mean += y / DRAWN;
+            d->near[2][i] = x[i] + 16 * eps * lg_rng_normal(rng) * file->scaler.scale[i / length];
+        lg_model_jacobian(d->file.model, d->near[2], NULL, d->near[1], d->work);
+        change += pow(export_norm(d->near[1], d->near[0], all), 2);
+        sum += pow(export_norm(d->near[0], NULL, all), 2);
     }
-    lg_model_file_destroy(&file);
-    free(work);
-    free(x);
-    return mean;
+    return change <= pow(e->lib.tolerance / 2, 2) * sum;
 }
 
-/* Exports FOLDER.h5 to FOLDER-DTYPE as model `m`. */
-static inline void detector_export_saved(const sample *of, const char *dtype, int seed, char *folder,
-                                         size_t size) {
-    char line[256];
-    (void)snprintf(folder, size, "%s-%s", of->folder, dtype);
-    (void)snprintf(line, sizeof line, "%s.h5 --out %s --name m --dtype %s --seed %d", of->folder, folder,
-                   dtype, seed);
-    export_run(line);
+static inline void detector_draw(void *user, lg_rng *rng, double *x) {
+    const exported *e = user;
+    const detector *d = e->model;
+    const lg_detector *model = &d->file.detector.run.model;
+    const lg_scaler *scaler = &d->file.detector.scaler;
+    do {
+        for (size_t c = 0; c < model->net.channels; c++) {
+            const double offset = model->centred ? 3 * scaler->scale[c] * lg_rng_normal(rng) : 0;
+            for (size_t i = c * model->net.length; i < (c + 1) * model->net.length; i++)
+                x[i] = (float)(scaler->mean[c] + offset + scaler->scale[c] * lg_rng_normal(rng));
+        }
+    } while (!is_smooth(e, rng, x));
 }
 
-static inline void detector_export(const sample *of, const char *dtype, char *folder, size_t size) {
-    detector_save(of);
-    detector_export_saved(of, dtype, 7, folder, size);
+static inline void detector_reference(void *user, const double *x, double *y, double *jacobian) {
+    const detector *d = ((const exported *)user)->model;
+    lg_model_jacobian(d->file.model, x, y, jacobian, d->work);
 }
 
 #endif

@@ -3,49 +3,23 @@
  */
 #include "export_classifier.h"
 
-enum { ROWS = 1000, INPUTS = CHANNELS * LENGTH, MOST = 512 };
-
-typedef struct pair {
-    const sample *of;
-    fitted here;
-    export_library lib;
-    double *work;
-    float window[INPUTS];
-} pair;
-
-static void open_pair(pair *p, const sample *of, const char *dtype) {
-    char folder[64];
-    p->of = of;
-    classifier_make(of, &p->here);
-    classifier_export(&p->here, of->folder, dtype, folder, sizeof folder);
-    p->lib = export_open(folder, "m", export_has(of->compiler) ? of->compiler : "cc", of->flags);
-    p->work = calloc(lg_classifier_work_size(&p->here.classifier) / sizeof(double) +
-                         lg_classifier_jacobian_work_size(&p->here.classifier) / sizeof(double),
-                     sizeof *p->work);
-    assert_int_equal(p->lib.inputs, INPUTS);
-    assert_int_equal(p->lib.outputs, lg_classifier_outputs(&p->here.classifier));
-}
-
-static void close_pair(pair *p) {
-    export_close(&p->lib);
-    classifier_free(&p->here);
-    free(p->work);
-}
+enum { ROWS = 1000, MOST = 512 };
 
 /* ---- windows ---- */
 
-static void as_floats(pair *p, const double *x) {
-    for (size_t i = 0; i < INPUTS; i++) p->window[i] = (float)x[i];
+static void as_floats(fitted *f, const double *x) {
+    for (size_t i = 0; i < INPUTS; i++) f->window[i] = (float)x[i];
 }
 
 /* Within rounding of a threshold a window may fall on its other side. */
-static bool is_decided(pair *p) {
-    const lg_classifier *c = &p->here.classifier;
-    const double margin = p->lib.single ? 1e-4 : 1e-12;
+static bool is_decided(const exported *e) {
+    const fitted *of = e->model;
+    const lg_classifier *c = &of->classifier;
+    const double margin = e->lib.single ? 1e-4 : 1e-12;
     double f[MOST], number[MOST];
     if (c->method != LG_METHOD_TREE) return true;
-    assert_ok(lg_features_compute(&c->features, p->window, f, p->work));
-    lg_pca_eval(&c->pca, f, 1, number, p->work);
+    assert_ok(lg_features_compute(&c->features, of->window, f, of->work));
+    lg_pca_eval(&c->pca, f, 1, number, of->work);
     for (uint32_t i = 0; c->tree.node[i].left != 0;) {
         const lg_tree_node *node = &c->tree.node[i];
         if (fabs(number[node->feature] - node->threshold) < margin * (1 + fabs(node->threshold)))
@@ -56,41 +30,31 @@ static bool is_decided(pair *p) {
 }
 
 static void draw_window(void *user, lg_rng *rng, double *x) {
-    pair *p = user;
+    const exported *e = user;
+    fitted *f = e->model;
     do {
-        classifier_window(rng, (uint32_t)lg_rng_below(rng, p->of->classes), p->window);
-    } while (!is_decided(p));
-    for (size_t i = 0; i < INPUTS; i++) x[i] = p->window[i];
+        classifier_window(rng, (uint32_t)lg_rng_below(rng, f->of->classes), f->window);
+    } while (!is_decided(e));
+    for (size_t i = 0; i < INPUTS; i++) x[i] = f->window[i];
 }
 
 static void reference(void *user, const double *x, double *y, double *jacobian) {
-    pair *p = user;
-    as_floats(p, x);
-    assert_ok(lg_classifier_decisions(&p->here.classifier, p->window, y, jacobian, p->work));
+    fitted *f = ((const exported *)user)->model;
+    as_floats(f, x);
+    assert_ok(lg_classifier_decisions(&f->classifier, f->window, y, jacobian, f->work));
 }
 
 /* ---- NAME_features, NAME_classify ---- */
 
-static void call_features(const pair *p, const double *x, double *out) {
-    const size_t d = p->here.classifier.features.count;
-    void *in = export_reals(&p->lib, x, INPUTS), *to = export_reals(&p->lib, out, d);
-    EXPORT_FUNCTION(&p->lib, "features", void, (const void *, void *, void *), features);
-    export_spoil(&p->lib);
-    features(in, to, p->lib.work);
-    export_doubles(&p->lib, to, out, d);
+static void call_features(const exported *e, const double *x, double *out) {
+    const size_t d = ((const fitted *)e->model)->classifier.features.count;
+    void *in = export_reals(&e->lib, x, INPUTS), *to = export_reals(&e->lib, out, d);
+    EXPORT_FUNCTION(&e->lib, "features", void, (const void *, void *, void *), features);
+    export_spoil(&e->lib);
+    features(in, to, e->lib.work);
+    export_doubles(&e->lib, to, out, d);
     free(to);
     free(in);
-}
-
-static int call_classify(const pair *p, const double *x, double *score) {
-    void *in = export_reals(&p->lib, x, INPUTS), *out = export_reals(&p->lib, score, p->of->classes);
-    EXPORT_FUNCTION(&p->lib, "classify", int, (const void *, void *, void *), classify);
-    export_spoil(&p->lib);
-    const int class = classify(in, out, p->lib.work);
-    export_doubles(&p->lib, out, score, p->of->classes);
-    free(out);
-    free(in);
-    return class;
 }
 
 /* Features: the norm of the differences, each in units of what training has seen of it. */
@@ -104,37 +68,38 @@ static double features_error(const double *got, const double *want, const lg_pca
     return all > 0 ? sqrt(sum / all) : sqrt(sum);
 }
 
-static void check_classes(pair *p) {
-    const lg_classifier *c = &p->here.classifier;
-    const uint32_t classes = p->of->classes;
+static void check_classes(exported *e) {
+    const fitted *f = e->model;
+    const lg_classifier *c = &f->classifier;
+    const uint32_t classes = f->of->classes;
     double x[INPUTS], got[MOST] = {0}, want[MOST], worst[2] = {0, 0};
     size_t seen[8] = {0}, close = 0;
     lg_rng rng;
     lg_rng_seed(&rng, 3, 4);
     for (size_t r = 0; r < ROWS; r++) {
-        draw_window(p, &rng, x);
-        assert_ok(lg_features_compute(&c->features, p->window, want, p->work));
-        call_features(p, x, got);
+        draw_window(e, &rng, x);
+        assert_ok(lg_features_compute(&c->features, f->window, want, f->work));
+        call_features(e, x, got);
         const double features = features_error(got, want, &c->pca);
-        assert_true(features <= p->lib.tolerance);
-        assert_ok(lg_classifier_window(c, p->window, want, p->work));
+        assert_true(features <= e->lib.tolerance);
+        assert_ok(lg_classifier_window(c, f->window, want, f->work));
         const uint32_t class = lg_class_of(want, classes);
         double second = -INFINITY, size = 1;
         for (uint32_t k = 0; k < classes; k++) {
             if (k != class && want[k] > second) second = want[k];
             size = fmax(size, fabs(want[k]));
         }
-        const int found = call_classify(p, x, got);
-        assert_int_equal(call_classify(p, x, NULL), found);
+        const int found = export_classify(&e->lib, x, got, classes);
+        assert_int_equal(export_classify(&e->lib, x, NULL, classes), found);
         assert_true(found >= 0 && found < (int)classes);
         seen[found]++;
-        if (want[class] - second <= 10 * p->lib.tolerance * size) {
+        if (want[class] - second <= 10 * e->lib.tolerance * size) {
             close++; /* the class is a matter of rounding */
             continue;
         }
         assert_int_equal(found, class);
         const double error = export_norm(got, want, classes) / size;
-        if (!(error <= 4 * p->lib.tolerance)) fail_msg("%s: scores %.3g", p->of->folder, error);
+        if (!(error <= 4 * e->lib.tolerance)) fail_msg("%s: scores %.3g", e->name, error);
         worst[0] = fmax(worst[0], error);
         worst[1] = fmax(worst[1], features);
     }
@@ -162,171 +127,91 @@ static void edge_window(int kind, double *x) {
     }
 }
 
-static void check_edges(pair *p) {
-    const size_t outputs = p->lib.outputs;
+static void check_edges(exported *e) {
+    fitted *of = e->model;
+    const lg_classifier *c = &of->classifier;
+    const size_t size = e->lib.outputs * INPUTS;
+    const double within = e->lib.tolerance;
+    double *jacobian = TEST_ARRAY(double, size), *wanted = TEST_ARRAY(double, size);
     for (int kind = 0; kind < EDGES; kind++) {
         double x[INPUTS], y[MOST] = {0}, mine[MOST], f[MOST], got[MOST] = {0};
-        double *jacobian = calloc(outputs * INPUTS, sizeof *jacobian);
-        double *wanted = calloc(outputs * INPUTS, sizeof *wanted);
         edge_window(kind, x);
-        as_floats(p, x);
-        assert_ok(lg_classifier_decisions(&p->here.classifier, p->window, mine, wanted, p->work));
-        assert_ok(lg_features_compute(&p->here.classifier.features, p->window, f, p->work));
-        call_features(p, x, got);
-        const double within = p->lib.tolerance;
-        const double error = features_error(got, f, &p->here.classifier.pca);
-        if (!(error <= within)) fail_msg("%s, edge %d: features %.3g", p->of->folder, kind, error);
-        export_grad(&p->lib, x, y, jacobian);
-        for (size_t i = 0; i < outputs; i++) assert_true(isfinite(y[i]));
-        for (size_t i = 0; i < outputs * INPUTS; i++) assert_true(isfinite(jacobian[i]));
-        if (kind == CONSTANT && p->of->kind != RAW)
-            for (size_t i = 0; i < outputs * INPUTS; i++) assert_true(jacobian[i] == 0);
+        as_floats(of, x);
+        assert_ok(lg_classifier_decisions(c, of->window, mine, wanted, of->work));
+        assert_ok(lg_features_compute(&c->features, of->window, f, of->work));
+        call_features(e, x, got);
+        const double error = features_error(got, f, &c->pca);
+        if (!(error <= within)) fail_msg("%s, edge %d: features %.3g", e->name, kind, error);
+        export_grad(&e->lib, x, y, jacobian);
+        for (size_t i = 0; i < e->lib.outputs; i++) assert_true(isfinite(y[i]));
+        for (size_t i = 0; i < size; i++) assert_true(isfinite(jacobian[i]));
+        if (kind == CONSTANT && of->of->kind != RAW)
+            for (size_t i = 0; i < size; i++) assert_true(jacobian[i] == 0);
         /* Both take the roots of channels that say the same for 0, and nothing along them. Far from all
          * support vectors single precision has no number for the gradient. */
-        const bool some = export_norm(wanted, NULL, outputs * INPUTS) > 1e-30;
-        const double slope = export_worst(jacobian, wanted, 1, outputs * INPUTS);
-        if (some && !(slope <= 100 * within))
-            fail_msg("%s, edge %d: gradient %.3g", p->of->folder, kind, slope);
-        free(wanted);
-        free(jacobian);
+        const bool some = export_norm(wanted, NULL, size) > 1e-30;
+        const double slope = export_worst(jacobian, wanted, 1, size);
+        if (some && !(slope <= 100 * within)) fail_msg("%s, edge %d: gradient %.3g", e->name, kind, slope);
     }
 }
 
-static void check_nan(pair *p) {
-    const lg_features *f = &p->here.classifier.features;
-    double x[INPUTS], y[MOST] = {0};
-    edge_window(ONE_CONSTANT, x);
-    for (uint32_t i = 0; i < f->selected; i++) {
-        if (p->of->kind == BASELINE && f->select[i] == 1 && p->of->directions_x) continue;
-        const double before = x[f->select[i] * LENGTH + 20];
-        x[f->select[i] * LENGTH + 20] = NAN;
-        export_eval(&p->lib, x, y);
-        for (size_t o = 0; o < p->lib.outputs; o++) assert_true(isnan(y[o]));
-        x[f->select[i] * LENGTH + 20] = before;
-    }
+static void more(exported *e) {
+    assert_int_equal(e->lib.inputs, INPUTS);
+    assert_int_equal(e->lib.outputs, lg_classifier_outputs(&((const fitted *)e->model)->classifier));
+    check_classes(e);
+    check_edges(e);
 }
 
-static void same_numbers(const char *dtype) {
-    for (size_t s = 0; s < SAMPLES; s++) {
-        pair p;
-        char title[96];
-        open_pair(&p, &samples[s], dtype);
-        (void)snprintf(title, sizeof title, "%s %s", samples[s].folder, dtype);
-        export_compare(&p.lib, title, ROWS, draw_window, reference, &p);
-        check_classes(&p);
-        check_edges(&p);
-        check_nan(&p);
-        close_pair(&p);
-    }
+static const export_kind classifiers = {
+    LG_COUNT(samples), classifier_name, classifier_way, classifier_make, draw_window, reference, more};
+
+TEST("features, decisions, scores and classes are the library's in double precision") {
+    export_compare_all(&classifiers, "f64");
 }
 
-static void in_double(void **state) {
-    (void)state;
-    same_numbers("f64");
+TEST("features, decisions, scores and classes are the library's in single precision") {
+    export_compare_all(&classifiers, "f32");
 }
 
-static void in_float(void **state) {
-    (void)state;
-    same_numbers("f32");
-}
-
-/* ---- one sample, a class without vectors ---- */
-
-static void lonely_class(void **state) {
-    (void)state;
-    sample of = samples[11]; /* raw-rbf, four classes */
-    for (int linear = 0; linear < 2; linear++) {
-        pair p = {.of = &of};
-        char folder[64];
-        of.folder = linear ? "lonely-linear" : "lonely-rbf";
-        of.method = linear ? LINEAR : RBF;
-        classifier_make(&of, &p.here);
-        lg_svm *svm = &p.here.classifier.svm;
-        /* the last class loses its vectors */
-        svm->vectors -= svm->vectors_of[3];
+TEST("a class may have no support vectors") {
+    static const lg_method methods[] = {RBF, LINEAR};
+    static const char *const names[] = {"lonely-rbf", "lonely-linear"};
+    for (int i = 0; i < 2; i++) {
+        sample of = samples[11]; /* raw-rbf, four classes */
+        of.name = names[i];
+        of.method = methods[i];
+        fitted *f = classifier_fit(&of);
+        lg_svm *svm = &f->classifier.svm;
+        svm->vectors -= svm->vectors_of[3]; /* the last class loses its own */
         for (size_t r = 1; r < 3; r++)
             memmove(svm->coefficient + r * svm->vectors,
                     svm->coefficient + r * (svm->vectors + svm->vectors_of[3]),
                     svm->vectors * sizeof(double));
         svm->vectors_of[3] = 0;
-        classifier_export(&p.here, of.folder, "f64", folder, sizeof folder);
-        p.lib = export_open(folder, "m", "cc", "-O2");
-        p.work = calloc(lg_classifier_work_size(&p.here.classifier) / sizeof(double) +
-                            lg_classifier_jacobian_work_size(&p.here.classifier) / sizeof(double),
-                        sizeof *p.work);
-        export_compare(&p.lib, of.folder, 100, draw_window, reference, &p);
-        check_classes(&p);
-        close_pair(&p);
+        classifier_save(f);
+        exported e = export_saved(of.name, "f64", 7, f);
+        export_compile(&e, (export_way){"cc", "-O2"});
+        export_compare(&e.lib, of.name, 100, draw_window, reference, &e);
+        check_classes(&e);
+        export_close(&e.lib);
     }
 }
 
-static void expect_words(const char *path, const char *const *words, size_t count) {
-    static char text[CLI_TEXT];
-    assert_true(cli_read(path, text, sizeof text) > 0);
-    for (size_t i = 0; i < count; i++)
-        if (strstr(text, words[i]) == NULL) fail_msg("%s does not say '%s'", path, words[i]);
+TEST("the header tells the windows, the classes, the features and where they come from") {
+    (void)export_saved("std-tree", "f32", 7, classifier_make(5));
+    export_expect_words("std-tree-f32/m.h",
+                        "#define m_CHANNELS 4|#define m_LENGTH 33|#define m_CLASSES 2|"
+                        "#define m_FEATURES 4|#define m_RATE 10.0|Gradient: 0 everywhere|0.9375|"
+                        "bbbbbbbb|moment_y|std acc_lower_x");
+    (void)export_saved("cov-logistic", "f32", 7, classifier_make(0));
+    export_expect_words("cov-logistic-f32/m.h",
+                        "cov acc_lower_x moment_x|logit of class 1|contains the factor");
 }
 
-static void documented(void **state) {
-    (void)state;
-    fitted of;
-    char folder[64];
-    classifier_make(&samples[5], &of); /* std-tree */
-    classifier_export(&of, "tree", "f32", folder, sizeof folder);
-    classifier_free(&of);
-    static const char *const tree[] = {"#define m_CHANNELS 4",
-                                       "#define m_LENGTH 33",
-                                       "#define m_CLASSES 2",
-                                       "#define m_FEATURES 4",
-                                       "#define m_RATE 10.0",
-                                       "Gradient: 0 everywhere",
-                                       "0.9375",
-                                       "bbbbbbbb",
-                                       "moment_y",
-                                       "std acc_lower_x"};
-    expect_words("tree-f32/m.h", tree, LG_COUNT(tree));
-    classifier_make(&samples[0], &of); /* cov-logistic */
-    classifier_export(&of, "cov", "f32", folder, sizeof folder);
-    classifier_free(&of);
-    static const char *const cov[] = {"cov acc_lower_x moment_x", "logit of class 1", "contains the factor"};
-    expect_words("cov-f32/m.h", cov, LG_COUNT(cov));
+TEST("classifiers are built in every way") {
+    export_build(&classifiers, 3, "f32", export_check_ways);
+    const exported e = export_saved(classifier_name(0), "f64", 7, classifier_make(0));
+    export_check_objects(e.folder, "m");
 }
 
-static void builds(void **state) {
-    (void)state;
-    static const size_t chosen[] = {0, 3};
-    for (size_t i = 0; i < 2; i++) {
-        fitted of;
-        char folder[64];
-        classifier_make(&samples[chosen[i]], &of);
-        classifier_export(&of, "ways", i == 0 ? "f64" : "f32", folder, sizeof folder);
-        classifier_free(&of);
-        if (i == 1) export_check_ways(folder, "m");
-        export_check_objects(folder, "m");
-    }
-}
-
-static void damaged_file(void **state) {
-    (void)state;
-    static cli result;
-    fitted of;
-    classifier_make(&samples[0], &of);
-    classifier_save(&of, "whole");
-    classifier_free(&of);
-    export_expect("head -c 3000 whole.h5 > half.h5");
-    cli_expect("lg-export", "half.h5 --out half", 3, "half.h5", &result);
-    assert_false(cli_exists("half"));
-}
-
-static int setup(void **state) {
-    (void)state;
-    return export_begin();
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(in_double),  cmocka_unit_test(in_float), cmocka_unit_test(lonely_class),
-        cmocka_unit_test(documented), cmocka_unit_test(builds),   cmocka_unit_test(damaged_file),
-    };
-    return cmocka_run_group_tests(tests, setup, export_end);
-}
+TEST_GROUP(export_setup, export_end)

@@ -1,19 +1,55 @@
-/* Models that the library does not know (examples/programs/), trained, differentiated and written as C:
- * value, field, step, loss and the derivatives equal the tape's at random inputs. ctest-labels: slow */
-#include "apps/outside_models.h"
+/* Models that the library does not know (examples/programs/), trained, differentiated and exported: self-tests in both
+ * types by all compilers, as straight code and as loops, objects that need libm alone, the stated stack. That the C of
+ * each operation is the tape's: test_program_c. ctest-labels: slow */
+#include "../../examples/programs/programs.h"
+#include "export_support.h"
+#include "liegrad/io.h"
 
-enum { POINTS = 1000 };
+static const struct {
+    const char *name, *function;
+    lg_status (*make)(lg_program **out, training *how, lg_error *error);
+} models[] = {{"throw", "value", make_throw},
+              {"driven", "step", make_driven},
+              {"attitude", "step", make_attitude},
+              {"waveforms", "value", make_waveforms}};
 
-static void compare(const model *m, lg_program *program, lg_dtype dtype) {
-    model_compare(m, program, dtype == LG_F64 ? "gcc" : "clang", "-O2", dtype, POINTS);
+static void release_program(void *program) {
+    lg_program_destroy(program);
 }
 
-static void written_functions_equal_the_tape(void **state) {
-    (void)state;
-    model_for_each(compare);
+/* NAME.h5: a trained program with the derivatives of its function. */
+static void make(size_t i) {
+    char path[1024], file[64];
+    lg_program *program = NULL;
+    training how;
+    lg_error error = {.status = LG_OK};
+    if (models[i].make(&program, &how, &error) != LG_OK) fail_msg("%s: %s", models[i].name, error.message);
+    lg_test_owns(program, release_program);
+    assert_true(use(program, models[i].function));
+    (void)snprintf(file, sizeof file, "%s.h5", models[i].name);
+    cli_path(file, path, sizeof path);
+    assert_ok(lg_program_save(NULL, path, program, NULL, NULL));
 }
 
-int main(void) {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(written_functions_equal_the_tape)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
+TEST("self-tests of models from outside pass, their objects need libm alone and keep the stated stack") {
+    static const char *const options[] = {"--dtype f64", "--dtype f32", "--dtype f64 --compact"};
+    for (size_t i = 0; i < LG_COUNT(models); i++) {
+        make(i);
+        for (size_t k = 0; k < LG_COUNT(options); k++) {
+            char folder[64], line[256];
+            (void)snprintf(folder, sizeof folder, "%s%zu", models[i].name, k);
+            (void)snprintf(line, sizeof line, "%s.h5 --out %s --name m --golden 20 %s", models[i].name,
+                           folder, options[k]);
+            export_run(line);
+            export_check_ways(folder, "m");
+            export_check_objects(folder, "m");
+            export_check_stack(folder);
+        }
+    }
 }
+
+static int setup(void **state) {
+    return export_begin();
+}
+
+TEST_GROUP(setup, export_end)

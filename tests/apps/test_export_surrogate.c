@@ -1,277 +1,134 @@
 /* Surrogates of the elastica exported as C against the library: value, Jacobian and curve of random boundary
  * conditions; what the header says. */
-#include "export_surrogate_support.h"
+#include "export_surrogate.h"
 
 typedef struct example {
-    const char *name;
-    const char *compiler, *flags;
-    lg_surrogate_options options;
+    const char *name, *compiler, *flags;
     uint32_t intervals;
     double length;
     bool trained;
+    lg_surrogate_options options;
 } example;
+
+#define NETWORK(kind_, architecture_, embedding_, hidden_, layers_, activation_, ...)                        \
+    {                                                                                                        \
+        .kind = LG_SURROGATE_##kind_, .architecture = LG_NET_##architecture_, .embedding = embedding_,       \
+        .hidden = hidden_, .layers = layers_, .activation = LG_##activation_, __VA_ARGS__                    \
+    }
 
 /* The last beam is so short that what holds one end counts at the other one too. */
 static const example examples[] = {
-    {"plain",
-     "gcc",
-     "-O2",
-     {.kind = LG_SURROGATE_DISCRETE,
-      .architecture = LG_NET_MLP,
-      .hidden = 13,
-      .layers = 2,
-      .activation = LG_TANH},
-     8,
-     3.3,
-     true},
-    {"nodes",
-     "clang",
-     "-O1",
-     {.kind = LG_SURROGATE_DISCRETE,
-      .architecture = LG_NET_RESNET,
-      .embedding = 5,
-      .hidden = 11,
-      .layers = 2,
-      .activation = LG_SINE,
-      .normalise = true,
-      .mirror = true},
-     50,
-     1.0,
-     true},
-    {"direct",
-     "g++",
-     "-O2",
-     {.kind = LG_SURROGATE_DISCRETE,
-      .architecture = LG_NET_MULT,
-      .hidden = 9,
-      .layers = 0,
-      .activation = LG_SWISH,
-      .mirror = true},
-     2,
-     20.0,
-     false},
-    {"gated",
-     "gcc",
-     "-O3 -march=native -ffp-contract=fast",
-     {.kind = LG_SURROGATE_CONTINUOUS,
-      .architecture = LG_NET_MULT,
-      .embedding = 6,
-      .hidden = 10,
-      .layers = 3,
-      .activation = LG_SIGMOID,
-      .normalise = true,
-      .mirror = true},
-     50,
-     3.3,
-     true},
-    {"smooth",
-     "clang",
-     "-O3",
-     {.kind = LG_SURROGATE_CONTINUOUS,
-      .architecture = LG_NET_MLP,
-      .hidden = 17,
-      .layers = 1,
-      .activation = LG_TANH,
-      .mirror = true},
-     10,
-     3.3,
-     false},
-    {"kinked",
-     "gcc",
-     "-O0",
-     {.kind = LG_SURROGATE_CONTINUOUS,
-      .architecture = LG_NET_RESNET,
-      .hidden = 8,
-      .layers = 0,
-      .activation = LG_LEAKY_RELU,
-      .normalise = true},
-     10,
-     1.0,
-     true},
-    {"bend",
-     "gcc",
-     "-O2",
-     {.kind = LG_SURROGATE_ANGLE,
-      .architecture = LG_NET_MULT_AFFINE,
-      .hidden = 9,
-      .layers = 2,
-      .activation = LG_TANH,
-      .mirror = true,
-      .boundary = true},
-     60,
-     3.3,
-     true},
-    {"turning",
-     "clang++",
-     "-O2",
-     {.kind = LG_SURROGATE_ANGLE,
-      .architecture = LG_NET_RESNET,
-      .embedding = 5,
-      .hidden = 8,
-      .layers = 1,
-      .activation = LG_SINE},
-     7,
-     3.3,
-     false},
-    {"brief",
-     "clang",
-     "-O2",
-     {.kind = LG_SURROGATE_ANGLE,
-      .architecture = LG_NET_MLP,
-      .hidden = 12,
-      .layers = 0,
-      .activation = LG_SWISH,
-      .boundary = true},
-     5,
-     0.15,
-     true},
+    {"plain", "gcc", "-O2", 8, 3.3, true, NETWORK(DISCRETE, MLP, 0, 13, 2, TANH, .mirror = false)},
+    {"nodes", "clang", "-O1", 50, 1.0, true,
+     NETWORK(DISCRETE, RESNET, 5, 11, 2, SINE, .normalise = true, .mirror = true)},
+    {"direct", "g++", "-O2", 2, 20.0, false, NETWORK(DISCRETE, MULT, 0, 9, 0, SWISH, .mirror = true)},
+    {"gated", "gcc", "-O3 -march=native -ffp-contract=fast", 50, 3.3, true,
+     NETWORK(CONTINUOUS, MULT, 6, 10, 3, SIGMOID, .normalise = true, .mirror = true)},
+    {"smooth", "clang", "-O3", 10, 3.3, false, NETWORK(CONTINUOUS, MLP, 0, 17, 1, TANH, .mirror = true)},
+    {"kinked", "gcc", "-O0", 10, 1.0, true,
+     NETWORK(CONTINUOUS, RESNET, 0, 8, 0, LEAKY_RELU, .normalise = true)},
+    {"bend", "gcc", "-O2", 60, 3.3, true,
+     NETWORK(ANGLE, MULT_AFFINE, 0, 9, 2, TANH, .mirror = true, .boundary = true)},
+    {"turning", "clang++", "-O2", 7, 3.3, false, NETWORK(ANGLE, RESNET, 5, 8, 1, SINE, .mirror = false)},
+    {"brief", "clang", "-O2", 5, 0.15, true, NETWORK(ANGLE, MLP, 0, 12, 0, SWISH, .boundary = true)},
 };
 
-static void compare_all(bool single) {
-    for (size_t e = 0; e < LG_COUNT(examples); e++) {
-        const example *x = &examples[e];
-        if (!export_has(x->compiler)) continue;
-        beam b = beam_make(&x->options, x->intervals, x->length, x->trained);
-        beam_check(&b, x->name, single, x->compiler, x->flags,
-                   x->options.kind == LG_SURROGATE_ANGLE ? 200 : 1000);
-        beam_free(&b);
-    }
+static const char *name_of(size_t i) {
+    return examples[i].name;
 }
 
-static void double_precision(void **state) {
-    (void)state;
-    compare_all(false);
+static export_way way_of(size_t i) {
+    return (export_way){examples[i].compiler, examples[i].flags};
 }
 
-static void single_precision(void **state) {
-    (void)state;
-    compare_all(true);
+static void *make(size_t i) {
+    const example *x = &examples[i];
+    return beam_make(x->name, &x->options, x->intervals, x->length, x->trained);
 }
 
-/* A curve is a curve: it begins where it is told to, its tangent is its derivative, the nodes lie on it. */
-static void curves_are_curves(void **state) {
-    (void)state;
-    for (size_t e = 0; e < LG_COUNT(examples); e++) {
-        const example *x = &examples[e];
-        const double h = 1e-5 * x->length, length = x->length;
-        double boundary[8], s[POINTS], q[2 * POINTS], v[2 * POINTS];
+static const export_kind beams = {LG_COUNT(examples), name_of,        way_of,     make,
+                                  beam_draw,          beam_reference, beam_curves};
+
+TEST("values, Jacobians and curves are the library's in double precision") {
+    export_compare_all(&beams, "f64");
+}
+
+TEST("values, Jacobians and curves are the library's in single precision") {
+    export_compare_all(&beams, "f32");
+}
+
+/* A place that is not finite loses its own point, a boundary condition all of them. */
+TEST("points of a curve are NaN where their place or the boundary conditions are") {
+    for (size_t i = 0; i < LG_COUNT(examples); i++) {
+        double boundary[8], s[] = {0, 0.3, NAN, 0.9}, q[8], v[8];
         lg_rng rng;
-        lg_rng_seed(&rng, 3, e);
-        beam b = beam_make(&x->options, x->intervals, x->length, x->trained);
-        beam_export(&b, x->name, false);
-        b.lib = export_open(x->name, x->name, "cc", "-O1");
-        draw_boundary(&rng, length, boundary);
-        const double places[] = {0, 0.31 * length - h, 0.31 * length, 0.31 * length + h, length};
-        memcpy(s, places, sizeof places);
-        beam_curve(&b, boundary, s, LG_COUNT(places), q, v);
-        for (size_t c = 0; c < 2; c++) {
-            if (x->options.kind != LG_SURROGATE_CONTINUOUS) assert_close(q[c], boundary[c], 0, 0);
-            if (x->options.kind == LG_SURROGATE_DISCRETE) assert_close(q[8 + c], boundary[4 + c], 0, 0);
-            if (x->options.kind == LG_SURROGATE_DISCRETE || x->options.boundary) {
-                assert_close(v[c], boundary[2 + c], 0, 1e-13);
-                assert_close(v[8 + c], boundary[6 + c], 0, 1e-13);
-            }
-            assert_close((q[6 + c] - q[2 + c]) / (2 * h), v[4 + c], 1e-5, 1e-5);
-        }
-        s[3] = NAN; /* that point alone is lost */
-        beam_curve(&b, boundary, s, LG_COUNT(places), q, v);
-        for (size_t c = 0; c < 2; c++)
-            assert_true(isnan(q[6 + c]) && isnan(v[6 + c]) && isfinite(q[8 + c]) && isfinite(v[8 + c]));
-        boundary[6] = NAN; /* vNx: now all of it */
-        beam_curve(&b, boundary, s, LG_COUNT(places), q, v);
-        for (size_t i = 0; i < 2 * LG_COUNT(places); i++) assert_true(isnan(q[i]) && isnan(v[i]));
-        export_close(&b.lib);
-        beam_free(&b);
+        lg_rng_seed(&rng, 3, i);
+        exported e = export_saved(name_of(i), "f64", 1, make(i));
+        export_compile(&e, (export_way){"cc", "-O1"});
+        draw_boundary(&rng, examples[i].length, boundary);
+        for (size_t k = 0; k < 4; k++) s[k] *= examples[i].length;
+        beam_curve(&e.lib, boundary, s, 4, q, v);
+        for (size_t k = 0; k < 8; k++)
+            assert_true(isnan(q[k]) == (k / 2 == 2) && isnan(v[k]) == (k / 2 == 2));
+        boundary[6] = NAN; /* vNx */
+        beam_curve(&e.lib, boundary, s, 4, q, v);
+        for (size_t k = 0; k < 8; k++) assert_true(isnan(q[k]) && isnan(v[k]));
+        export_close(&e.lib);
     }
 }
 
-/* The sum over thousands of panels in single precision is as good as its terms: a plain sum would lose ten
- * times as much. */
-static void many_panels(void **state) {
-    (void)state;
+/* A plain sum would lose ten times as much. */
+TEST("the sum over thousands of panels in single precision is as good as its terms") {
     enum { PANELS = 20000 };
-    const lg_surrogate_options options = {
-        .kind = LG_SURROGATE_ANGLE, .architecture = LG_NET_MLP, .hidden = 2, .activation = LG_TANH};
+    const lg_surrogate_options options = NETWORK(ANGLE, MLP, 0, 2, 0, TANH, .mirror = false);
     double boundary[8], s[2], q[2][4], v[4];
-    beam b = beam_make(&options, PANELS, 3.3, false);
+    beam *b = beam_make("panels", &options, PANELS, 3.3, false);
     lg_rng rng;
     lg_rng_seed(&rng, 4, 4);
     draw_boundary(&rng, 3.3, boundary);
-    beam_export(&b, "panels", true);
-    b.lib = export_open("panels", "panels", "gcc", "-O2");
-    for (size_t c = 0; c < 8; c++) boundary[c] = c < 2 ? 0 : export_rounded(&b.lib, boundary[c]);
-    s[0] = export_rounded(&b.lib, 1.1);
-    s[1] = export_rounded(&b.lib, 3.3);
-    lg_surrogate_curve(b.curves, boundary, s, 2, q[0], v, b.work);
-    beam_curve(&b, boundary, s, 2, q[1], v);
+    exported e = export_saved("panels", "f32", 1, b);
+    export_compile(&e, (export_way){"gcc", "-O2"});
+    for (size_t c = 0; c < 8; c++) boundary[c] = c < 2 ? 0 : export_rounded(&e.lib, boundary[c]);
+    for (size_t i = 0; i < 2; i++) s[i] = export_rounded(&e.lib, i == 0 ? 1.1 : 3.3);
+    lg_surrogate_curve(b->curves, boundary, s, 2, q[0], v, b->work);
+    beam_curve(&e.lib, boundary, s, 2, q[1], v);
     const double error = export_worst(q[1], q[0], 1, 4);
     print_message("%d panels: %.2e\n", PANELS, error);
     assert_close(error, 0, 0, 4e-7);
-    export_close(&b.lib);
-    beam_free(&b);
+    export_close(&e.lib);
 }
 
-/* What a model of each kind is, where its numbers come from, and the range it was trained on. */
-static void header_tells(void **state) {
-    (void)state;
-    static char out[EXPORT_TEXT];
+TEST("the header tells what a model is, where its numbers come from, and the range it was trained on") {
     static const struct {
         size_t example;
-        const char *words[6];
+        const char *words;
     } rows[] = {
-        {0, {"discrete network", "inner nodes and tangents", "L = 3.3, N = 8", "q_7x q_7y", "mlp", NULL}},
-        {3,
-         {"continuous network", "dq/ds", "embedding 6, sigmoid", "x-coordinates of the ends", "mirror",
-          NULL}},
-        {6, {"angle network", "radians", "curvature", "given ones by construction", "mult-affine", NULL}},
+        {0, "discrete network|inner nodes and tangents|L = 3.3, N = 8|q_7x q_7y|mlp"},
+        {3, "continuous network|dq/ds|embedding 6, sigmoid|x-coordinates of the ends|mirror"},
+        {6, "angle network|radians|curvature|given ones by construction|mult-affine"},
     };
-    static const char *const all[] = {"2.5e-07",    "3.5e-07",     "lg-elastica train beams.h5",
-                                      "0000000042", "1000 curves", "batches of 32",
-                                      "m.h5"};
     for (size_t r = 0; r < LG_COUNT(rows); r++) {
-        const example *x = &examples[rows[r].example];
-        beam b = beam_make(&x->options, x->intervals, x->length, x->trained);
+        const beam *b = make(rows[r].example);
+        const exported e = export_saved(name_of(rows[r].example), "f64", 1, NULL);
         double least = INFINITY;
-        char range[64];
-        beam_export(&b, "m", false);
-        assert_int_equal(export_shell("cat m/m.h", out), 0);
-        for (const char *const *w = rows[r].words; *w != NULL; w++)
-            if (strstr(out, *w) == NULL) fail_msg("no '%s' in\n%s", *w, out);
-        for (size_t i = 0; i < LG_COUNT(all); i++)
-            if (strstr(out, all[i]) == NULL) fail_msg("no '%s' in\n%s", all[i], out);
-        for (size_t i = 0; i < TRAINED; i++) least = fmin(least, b.file.trained[8 * i + 4]);
+        char header[96], range[64];
+        (void)snprintf(header, sizeof header, "%s/m.h", e.folder);
+        export_expect_words(header, rows[r].words);
+        export_expect_words(
+            header, "2.5e-07|3.5e-07|lg-elastica train beams.h5|0000000042|1000 curves|batches of 32");
+        for (size_t i = 0; i < TRAINED; i++) least = fmin(least, b->file.surrogate.trained[8 * i + 4]);
         (void)snprintf(range, sizeof range, "qNx   %.6g to ", least);
-        if (strstr(out, range) == NULL) fail_msg("no '%s' in\n%s", range, out);
-        assert_true(strstr(out, "NAME") == NULL);
-        beam_free(&b);
+        export_expect_words(header, range);
     }
+    export_expect("! grep -r NAME */m.h");
+    static cli result;
+    cli_json("lg-export", "plain.h5 --out told", "kind \"surrogate\", scheme null", &result);
 }
 
-/* One model of each kind in every way. */
-static void compiled_every_way(void **state) {
-    (void)state;
+TEST("a model of each kind is built in every way") {
     static const size_t chosen[] = {1, 3, 6};
-    for (size_t i = 0; i < LG_COUNT(chosen); i++) {
-        const example *x = &examples[chosen[i]];
-        beam b = beam_make(&x->options, x->intervals, x->length, x->trained);
-        beam_export(&b, x->name, i == 1);
-        export_check_ways(x->name, x->name);
-        export_check_objects(x->name, x->name);
-        export_check_stack(x->name);
-        beam_free(&b);
-    }
+    for (size_t i = 0; i < LG_COUNT(chosen); i++)
+        export_build(&beams, chosen[i], i == 1 ? "f32" : "f64", export_check_ways);
 }
 
-static int begin(void **state) {
-    (void)state;
-    return export_begin();
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(double_precision),  cmocka_unit_test(single_precision),
-        cmocka_unit_test(curves_are_curves), cmocka_unit_test(many_panels),
-        cmocka_unit_test(header_tells),      cmocka_unit_test(compiled_every_way),
-    };
-    return cmocka_run_group_tests(tests, begin, export_end);
-}
+TEST_GROUP(export_setup, export_end)
