@@ -4,6 +4,18 @@
 #include "golden/logistic_table.h"
 #include "support/fixtures.h"
 
+static void release(void *model) {
+    lg_logistic_destroy(model);
+}
+
+static const lg_logistic *fit(const double *x, const uint32_t *label, size_t n, uint32_t d, uint32_t classes,
+                              double c) {
+    lg_logistic *model = TEST_ARRAY(lg_logistic, 1);
+    assert_ok(lg_logistic_fit(NULL, x, label, n, d, classes, c, model, NULL));
+    lg_test_owns(model, release);
+    return model;
+}
+
 TEST("weights are scikit-learn's") {
     for (size_t t = 0; t < sizeof logistic_table / sizeof logistic_table[0]; t++) {
         const uint32_t classes = logistic_table[t].classes, n = logistic_table[t].n, d = logistic_table[t].d;
@@ -15,14 +27,12 @@ TEST("weights are scikit-learn's") {
                 x[i * d + j] =
                     sin(0.7 * (i + 1.0) * (j + 1.0) + 0.3 * j) + 0.4 * cos((label[i] + 1.0) * (j + 2.0));
         }
-        lg_logistic m;
-        assert_ok(lg_logistic_fit(NULL, x, label, n, d, classes, logistic_table[t].c, &m, NULL));
+        const lg_logistic *m = fit(x, label, n, d, classes, logistic_table[t].c);
         for (uint32_t a = 0; a < (classes == 2 ? 1 : classes); a++) {
             const double *row = logistic_table[t].row + a * (d + 1);
-            for (uint32_t j = 0; j < d; j++) assert_close(m.weight[a * d + j], row[j], 1e-7, 1e-7);
-            assert_close(m.intercept[a], row[d], 1e-7, 1e-7);
+            for (uint32_t j = 0; j < d; j++) assert_close(m->weight[a * d + j], row[j], 1e-7, 1e-7);
+            assert_close(m->intercept[a], row[d], 1e-7, 1e-7);
         }
-        lg_logistic_destroy(&m);
     }
 }
 
@@ -56,17 +66,14 @@ TEST("the gradient of what is minimised vanishes") {
     for (size_t t = 0; t < sizeof cases / sizeof cases[0]; t++) {
         uint32_t *label = TEST_ARRAY(uint32_t, cases[t].n);
         double *x = clouds(cases[t].n, cases[t].d, cases[t].classes, cases[t].apart, 11 + t, label);
-        lg_logistic m;
-        assert_ok(
-            lg_logistic_fit(NULL, x, label, cases[t].n, cases[t].d, cases[t].classes, cases[t].c, &m, NULL));
-        assert_close(largest_gradient(&m, x, label, cases[t].n, cases[t].c), 0.0, 0, cases[t].tolerance);
-        for (uint32_t j = 0; j <= m.inputs && m.classes > 2; j++) {
+        const lg_logistic *m = fit(x, label, cases[t].n, cases[t].d, cases[t].classes, cases[t].c);
+        assert_close(largest_gradient(m, x, label, cases[t].n, cases[t].c), 0.0, 0, cases[t].tolerance);
+        for (uint32_t j = 0; j <= m->inputs && m->classes > 2; j++) {
             double sum = 0;
-            for (uint32_t a = 0; a < m.classes; a++)
-                sum += j < m.inputs ? m.weight[a * m.inputs + j] : m.intercept[a];
+            for (uint32_t a = 0; a < m->classes; a++)
+                sum += j < m->inputs ? m->weight[a * m->inputs + j] : m->intercept[a];
             assert_close(sum, 0.0, 0, 1e-11);
         }
-        lg_logistic_destroy(&m);
     }
 }
 
@@ -78,11 +85,9 @@ TEST("correlated features take few iterations") {
         double *x = clouds(N, D, classes, 0.5, classes, label);
         for (int i = 0; i < N; i++)
             for (int j = 1; j < D; j++) x[i * D + j] = 0.97 * x[i * D + j - 1] + 0.03 * x[i * D + j];
-        lg_logistic m;
-        assert_ok(lg_logistic_fit(NULL, x, label, N, D, classes, 100.0, &m, NULL));
-        assert_close(largest_gradient(&m, x, label, N, 100.0), 0.0, 0, 1e-6);
-        assert_true(m.iterations <= 20); /* of Newton's method: none is wasted on a poor solution */
-        lg_logistic_destroy(&m);
+        const lg_logistic *m = fit(x, label, N, D, classes, 100.0);
+        assert_close(largest_gradient(m, x, label, N, 100.0), 0.0, 0, 1e-6);
+        assert_true(m->iterations <= 20); /* of Newton's method: none is wasted on a poor solution */
     }
 }
 
@@ -90,45 +95,39 @@ TEST("without a penalty the classes' weights still sum to zero") {
     enum { N = 200, D = 13, K = 3 };
     uint32_t label[N];
     double *x = clouds(N, D, K, 0.1, 9, label), largest = 0;
-    lg_logistic m;
-    assert_ok(lg_logistic_fit(NULL, x, label, N, D, K, 1e10, &m, NULL));
-    for (int i = 0; i < K * D; i++) largest = fmax(largest, fabs(m.weight[i]));
+    const lg_logistic *m = fit(x, label, N, D, K, 1e10);
+    for (int i = 0; i < K * D; i++) largest = fmax(largest, fabs(m->weight[i]));
     for (int j = 0; j < D; j++)
-        assert_close((m.weight[j] + m.weight[D + j] + m.weight[2 * D + j]) / largest, 0.0, 0, 1e-13);
-    assert_close(largest_gradient(&m, x, label, N, 1e10), 0.0, 0, 1e-1);
-    lg_logistic_destroy(&m);
+        assert_close((m->weight[j] + m->weight[D + j] + m->weight[2 * D + j]) / largest, 0.0, 0, 1e-13);
+    assert_close(largest_gradient(m, x, label, N, 1e10), 0.0, 0, 1e-1);
 }
 
 TEST("contradictory, scaled and incomplete tables have their minimiser") {
     uint32_t label[40];
     double *x = clouds(40, 2, 2, 1.0, 6, label), p[120];
-    lg_logistic m;
     for (int i = 0; i < 40; i++) { /* the same rows with both labels, 3 to 1 */
         x[2 * i] = x[2 * i + 1] = 7.0;
         label[i] = i % 4 == 0;
     }
-    assert_ok(lg_logistic_fit(NULL, x, label, 40, 2, 2, 1.0, &m, NULL));
-    assert_close(m.intercept[0], log(1.0 / 3.0), 1e-9, 0);
-    assert_close(m.weight[0], 0.0, 0, 1e-12);
-    lg_logistic_destroy(&m);
+    const lg_logistic *m = fit(x, label, 40, 2, 2, 1.0);
+    assert_close(m->intercept[0], log(1.0 / 3.0), 1e-9, 0);
+    assert_close(m->weight[0], 0.0, 0, 1e-12);
     static const double factors[] = {1e-12, 1e12};
     for (int f = 0; f < 2; f++) {
         x = clouds(40, 2, 2, 1.0, 6, label);
         for (int i = 0; i < 80; i++) x[i] *= factors[f];
-        assert_ok(lg_logistic_fit(NULL, x, label, 40, 2, 2, 1.0, &m, NULL));
-        lg_logistic_predict(&m, x, 40, p);
+        m = fit(x, label, 40, 2, 2, 1.0);
+        lg_logistic_predict(m, x, 40, p);
         for (int i = 0; i < 80; i++) assert_true(p[i] >= 0.0 && p[i] <= 1.0);
-        assert_close(largest_gradient(&m, x, label, 40, 1.0) / factors[f], 0.0, 0, f == 0 ? 1e3 : 1e-4);
-        lg_logistic_destroy(&m);
+        assert_close(largest_gradient(m, x, label, 40, 1.0) / factors[f], 0.0, 0, f == 0 ? 1e3 : 1e-4);
     }
     for (int i = 0; i < 40; i++) label[i] = i % 2 == 0 ? 0 : 2; /* class 1 is not seen */
-    assert_ok(lg_logistic_fit(NULL, x, label, 40, 2, 3, 1.0, &m, NULL));
-    lg_logistic_predict(&m, x, 40, p);
+    m = fit(x, label, 40, 2, 3, 1.0);
+    lg_logistic_predict(m, x, 40, p);
     for (int i = 0; i < 40; i++) {
         assert_close(p[3 * i + 1], 0.0, 0, 0);
         assert_close(p[3 * i] + p[3 * i + 2], 1.0, 1e-14, 0);
     }
-    lg_logistic_destroy(&m);
 }
 
 TEST("bad tables and penalties are refused") {

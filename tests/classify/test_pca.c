@@ -5,6 +5,17 @@
 
 #define HALF_ROOT 0.70710678118654752440
 
+static void release(void *pca) {
+    lg_pca_destroy(pca);
+}
+
+static const lg_pca *fit(const double *x, size_t n, uint32_t d, uint32_t components) {
+    lg_pca *pca = TEST_ARRAY(lg_pca, 1);
+    assert_ok(lg_pca_fit(NULL, x, n, d, components, pca, NULL));
+    lg_test_owns(pca, release);
+    return pca;
+}
+
 /* W orthonormal; projections uncorrelated with variances as told; their sum is the trace. */
 static void check_components(const double *x, size_t n, uint32_t d, const lg_pca *p) {
     const uint32_t k = p->components;
@@ -33,13 +44,11 @@ TEST("components are orthonormal, uncorrelated, sorted and of a fixed sign") {
         uint32_t label[50];
         const uint32_t n = sizes[i][0], d = sizes[i][1];
         double *x = clouds(n, d, 2, 2.0, 3, label), trace = 0;
-        lg_pca p;
-        assert_ok(lg_pca_fit(NULL, x, n, d, sizes[i][2], &p, NULL));
-        assert_int_equal(lg_pca_outputs(&p), sizes[i][2]);
-        check_components(x, n, d, &p);
-        for (uint32_t j = 0; j < p.variances; j++) trace += p.variance[j];
+        const lg_pca *p = fit(x, n, d, sizes[i][2]);
+        assert_int_equal(lg_pca_outputs(p), sizes[i][2]);
+        check_components(x, n, d, p);
+        for (uint32_t j = 0; j < p->variances; j++) trace += p->variance[j];
         assert_close(trace, d, 1e-12, 0); /* each standardised feature has variance 1 */
-        lg_pca_destroy(&p);
     }
 }
 
@@ -50,56 +59,46 @@ TEST("both routes agree: more rows or more features") {
     double *x = clouds(6, 9, 2, 1.0, 8, label), twice[12 * 9];
     memcpy(twice, x, 54 * sizeof *x);
     memcpy(twice + 54, x, 54 * sizeof *x);
-    lg_pca a, b;
-    assert_ok(lg_pca_fit(NULL, x, 6, 9, 5, &a, NULL));
-    assert_ok(lg_pca_fit(NULL, twice, 12, 9, 5, &b, NULL));
-    for (int i = 0; i < 5; i++) assert_close(a.variance[i], b.variance[i], 1e-12, 0);
-    for (int i = 0; i < 45; i++) assert_close(a.vectors[i], b.vectors[i], 1e-10, 1e-11);
-    lg_pca_destroy(&a);
-    lg_pca_destroy(&b);
+    const lg_pca *a, *b;
+    a = fit(x, 6, 9, 5);
+    b = fit(twice, 12, 9, 5);
+    for (int i = 0; i < 5; i++) assert_close(a->variance[i], b->variance[i], 1e-12, 0);
+    for (int i = 0; i < 45; i++) assert_close(a->vectors[i], b->vectors[i], 1e-10, 1e-11);
 }
 
 TEST("components of two features by hand") {
     const double x[] = {1, 1, -1, -1, 1, -1, -1, 1, 1, 1, -1, -1}; /* r = (4 - 2)/6 */
-    lg_pca p;
-    assert_ok(lg_pca_fit(NULL, x, 6, 2, 2, &p, NULL));
-    assert_close(p.variance[0], 4.0 / 3.0, 1e-14, 0);
-    assert_close(p.variance[1], 2.0 / 3.0, 1e-14, 0);
+    const lg_pca *p = fit(x, 6, 2, 2);
+    assert_close(p->variance[0], 4.0 / 3.0, 1e-14, 0);
+    assert_close(p->variance[1], 2.0 / 3.0, 1e-14, 0);
     const double expected[] = {HALF_ROOT, HALF_ROOT, HALF_ROOT, -HALF_ROOT};
-    for (int i = 0; i < 4; i++) assert_close(p.vectors[i], expected[i], 1e-14, 0);
-    lg_pca_destroy(&p);
+    for (int i = 0; i < 4; i++) assert_close(p->vectors[i], expected[i], 1e-14, 0);
 }
 
 TEST("scales, constant features and constant tables") {
     uint32_t label[30];
     double *x = clouds(30, 3, 2, 1.0, 4, label), z[90], expected[90], work[3];
-    lg_pca p;
-    assert_ok(lg_pca_fit(NULL, x, 30, 3, 0, &p, NULL));
-    assert_int_equal(lg_pca_outputs(&p), 3);
-    lg_pca_eval(&p, x, 30, expected, work);
+    const lg_pca *p = fit(x, 30, 3, 0);
+    assert_int_equal(lg_pca_outputs(p), 3);
+    lg_pca_eval(p, x, 30, expected, work);
     double mean = 0, square = 0;
     for (int i = 0; i < 30; i++) mean += expected[3 * i] / 30;
     for (int i = 0; i < 30; i++) square += expected[3 * i] * expected[3 * i] / 30;
     assert_close(mean, 0.0, 0, 1e-15);
     assert_close(square, 1.0, 1e-14, 0);
-    lg_pca_destroy(&p);
     const double factor[3] = {1e-12, 1e12, 1};
     for (int i = 0; i < 90; i++) x[i] = x[i] * factor[i % 3] + (i % 3 == 2 ? 1e6 : 0.0);
-    assert_ok(lg_pca_fit(NULL, x, 30, 3, 0, &p, NULL));
-    lg_pca_eval(&p, x, 30, z, work);
+    p = fit(x, 30, 3, 0);
+    lg_pca_eval(p, x, 30, z, work);
     for (int i = 0; i < 90; i++) assert_close(z[i], expected[i], 1e-8, 1e-8);
-    lg_pca_destroy(&p);
     for (int i = 0; i < 30; i++) x[3 * i + 1] = 0.1; /* constant: scale 1, not its rounding */
-    assert_ok(lg_pca_fit(NULL, x, 30, 3, 3, &p, NULL));
-    assert_close(p.scale[1], 1.0, 0, 0);
-    assert_close(p.variance[2], 0.0, 0, 1e-14);
-    lg_pca_destroy(&p);
+    p = fit(x, 30, 3, 3);
+    assert_close(p->scale[1], 1.0, 0, 0);
+    assert_close(p->variance[2], 0.0, 0, 1e-14);
     for (int i = 0; i < 90; i++) x[i] = 5.0; /* all constant, d > n too: still orthonormal */
-    assert_ok(lg_pca_fit(NULL, x, 3, 30, 3, &p, NULL));
-    check_components(x, 3, 30, &p);
-    lg_pca_destroy(&p);
-    assert_ok(lg_pca_fit(NULL, x, 1, 5, 1, &p, NULL));
-    lg_pca_destroy(&p);
+    p = fit(x, 3, 30, 3);
+    check_components(x, 3, 30, p);
+    p = fit(x, 1, 5, 1);
 }
 
 TEST("too many components and numbers that are not finite are refused") {

@@ -14,6 +14,25 @@ static lg_tree_options options_of(lg_criterion criterion, uint32_t leaf) {
     return options;
 }
 
+static void release(void *tree) {
+    lg_tree_destroy(tree);
+}
+
+static const lg_tree *fit(const lg_tree_options *options, const double *x, const uint32_t *label, size_t n,
+                          uint32_t d, uint32_t classes) {
+    lg_tree *tree = TEST_ARRAY(lg_tree, 1);
+    assert_ok(lg_tree_fit(NULL, options, x, label, n, d, classes, tree, NULL));
+    lg_test_owns(tree, release);
+    return tree;
+}
+
+static const lg_tree *pruned_at(const lg_tree *tree, double alpha) {
+    lg_tree *pruned = TEST_ARRAY(lg_tree, 1);
+    assert_ok(lg_tree_prune(NULL, tree, alpha, pruned));
+    lg_test_owns(pruned, release);
+    return pruned;
+}
+
 /* A tree of the table, borrowed. */
 #define GOLDEN(name, of)                                                                                     \
     {                                                                                                        \
@@ -46,21 +65,16 @@ TEST("same tree as the golden one") {
     double got[TABLE_TESTS * TABLE_CLASSES];
     for (int c = 0; c < 2; c++) {
         lg_tree_options options = options_of((lg_criterion)c, 8);
-        lg_tree tree;
-        assert_ok(lg_tree_fit(NULL, &options, table_x, table_y, TABLE_ROWS, TABLE_FEATURES, TABLE_CLASSES,
-                              &tree, NULL));
-        expect_same(&tree, &golden[c]);
-        assert_int_equal(lg_tree_depth(&tree), whole_depth[c]);
-        lg_tree_predict(&tree, table_test, TABLE_TESTS, got);
+        const lg_tree *tree = fit(&options, table_x, table_y, TABLE_ROWS, TABLE_FEATURES, TABLE_CLASSES);
+        expect_same(tree, &golden[c]);
+        assert_int_equal(lg_tree_depth(tree), whole_depth[c]);
+        lg_tree_predict(tree, table_test, TABLE_TESTS, got);
         for (int i = 0; i < TABLE_TESTS * TABLE_CLASSES; i++)
             assert_close(got[i], probability[c][i], 1e-15, 0);
-        lg_tree_destroy(&tree);
         options.ccp_alpha = alpha[c];
-        assert_ok(lg_tree_fit(NULL, &options, table_x, table_y, TABLE_ROWS, TABLE_FEATURES, TABLE_CLASSES,
-                              &tree, NULL));
-        assert_int_equal(tree.count, nodes[c]);
-        assert_int_equal(lg_tree_depth(&tree), depths[c]);
-        lg_tree_destroy(&tree);
+        tree = fit(&options, table_x, table_y, TABLE_ROWS, TABLE_FEATURES, TABLE_CLASSES);
+        assert_int_equal(tree->count, nodes[c]);
+        assert_int_equal(lg_tree_depth(tree), depths[c]);
     }
 }
 
@@ -167,11 +181,9 @@ TEST("every split is the best there is") {
         for (int c = 0; c < LG_CRITERION_COUNT; c++) {
             const uint32_t leaf = seed % 3 == 0 ? 4 : 1;
             const lg_tree_options options = options_of((lg_criterion)c, leaf);
-            lg_tree tree;
             draw_table(seed, seed % 2 == 0 ? 5 : 1000, x, label);
-            assert_ok(lg_tree_fit(NULL, &options, x, label, ROWS, FEATURES, CLASSES, &tree, NULL));
-            expect_best_splits(&tree, (lg_criterion)c, x, label, leaf);
-            lg_tree_destroy(&tree);
+            const lg_tree *tree = fit(&options, x, label, ROWS, FEATURES, CLASSES);
+            expect_best_splits(tree, (lg_criterion)c, x, label, leaf);
         }
 }
 
@@ -199,28 +211,25 @@ TEST("pruning minimises the risk") {
     lg_pruning_step steps[ROWS];
     for (uint64_t seed = 1; seed <= 10; seed++) {
         const lg_tree_options options = options_of((lg_criterion)(seed % 2), 1);
-        lg_tree tree, pruned;
+        const lg_tree *tree, *pruned;
         size_t count;
         draw_table(seed, 1000, x, label);
-        assert_ok(lg_tree_fit(NULL, &options, x, label, ROWS, FEATURES, CLASSES, &tree, NULL));
-        assert_ok(lg_tree_pruning_path(NULL, &tree, ROWS, steps, &count));
+        tree = fit(&options, x, label, ROWS, FEATURES, CLASSES);
+        assert_ok(lg_tree_pruning_path(NULL, tree, ROWS, steps, &count));
         for (size_t i = 0; i < count; i++) {
             if (i > 0)
                 assert_true(steps[i].alpha >= steps[i - 1].alpha && steps[i].nodes < steps[i - 1].nodes);
             if (i + 1 < count && steps[i + 1].alpha <= steps[i].alpha)
                 continue; /* goes together with the next */
-            assert_ok(lg_tree_prune(NULL, &tree, steps[i].alpha, &pruned));
-            assert_int_equal(pruned.count, steps[i].nodes);
-            assert_int_equal(lg_tree_depth(&pruned), steps[i].depth);
-            assert_close(risk(&pruned, 0.0), steps[i].impurity, 1e-12, 1e-14);
-            assert_close(risk(&pruned, steps[i].alpha), smallest_risk(&tree, 0, steps[i].alpha), 1e-12, 0);
-            lg_tree_destroy(&pruned);
+            pruned = pruned_at(tree, steps[i].alpha);
+            assert_int_equal(pruned->count, steps[i].nodes);
+            assert_int_equal(lg_tree_depth(pruned), steps[i].depth);
+            assert_close(risk(pruned, 0.0), steps[i].impurity, 1e-12, 1e-14);
+            assert_close(risk(pruned, steps[i].alpha), smallest_risk(tree, 0, steps[i].alpha), 1e-12, 0);
         }
-        assert_ok(lg_tree_prune(NULL, &tree, INFINITY, &pruned));
-        assert_int_equal(pruned.count, 1);
-        assert_memory_equal(pruned.counts, tree.counts, CLASSES * sizeof *tree.counts);
-        lg_tree_destroy(&pruned);
-        lg_tree_destroy(&tree);
+        pruned = pruned_at(tree, INFINITY);
+        assert_int_equal(pruned->count, 1);
+        assert_memory_equal(pruned->counts, tree->counts, CLASSES * sizeof *tree->counts);
     }
 }
 
@@ -232,21 +241,18 @@ static const uint32_t exclusive_y[] = {0, 1, 1, 0};
 TEST("a split that gains nothing is made") {
     for (int c = 0; c < LG_CRITERION_COUNT; c++) {
         const lg_tree_options options = options_of((lg_criterion)c, 1);
-        lg_tree tree, pruned;
-        assert_ok(lg_tree_fit(NULL, &options, exclusive_x, exclusive_y, 4, 2, 2, &tree, NULL));
-        assert_int_equal(tree.count, 7);
-        assert_int_equal(tree.node[0].feature, 0);
-        assert_close(tree.node[0].threshold, 0.5, 0, 0);
+        const lg_tree *pruned, *tree = fit(&options, exclusive_x, exclusive_y, 4, 2, 2);
+        assert_int_equal(tree->count, 7);
+        assert_int_equal(tree->node[0].feature, 0);
+        assert_close(tree->node[0].threshold, 0.5, 0, 0);
         for (int i = 0; i < 4; i++) {
             double p[2];
-            lg_tree_predict(&tree, &exclusive_x[2 * i], 1, p);
+            lg_tree_predict(tree, &exclusive_x[2 * i], 1, p);
             assert_close(p[exclusive_y[i]], 1.0, 0, 0);
         }
         /* Without gain at the root alpha 0 keeps all: the two splits below gain. */
-        assert_ok(lg_tree_prune(NULL, &tree, 0.0, &pruned));
-        assert_int_equal(pruned.count, 7);
-        lg_tree_destroy(&pruned);
-        lg_tree_destroy(&tree);
+        pruned = pruned_at(tree, 0.0);
+        assert_int_equal(pruned->count, 7);
     }
 }
 
@@ -257,35 +263,29 @@ TEST("ties go to the lower feature and threshold") {
     const uint32_t y[] = {0, 1, 1, 0};
     for (int c = 0; c < LG_CRITERION_COUNT; c++) {
         lg_tree_options options = options_of((lg_criterion)c, 1);
-        lg_tree tree;
         options.max_depth = 1;
-        assert_ok(lg_tree_fit(NULL, &options, x, y, 4, 3, 2, &tree, NULL));
-        assert_int_equal(tree.node[0].feature, 1);
-        assert_close(tree.node[0].threshold, 0.5, 0, 0);
-        lg_tree_destroy(&tree);
+        const lg_tree *tree = fit(&options, x, y, 4, 3, 2);
+        assert_int_equal(tree->node[0].feature, 1);
+        assert_close(tree->node[0].threshold, 0.5, 0, 0);
     }
 }
 
 TEST("depth, leaves and splits keep their limits") {
     double x[ROWS * FEATURES];
     uint32_t label[ROWS];
-    lg_tree tree;
     draw_table(3, 1000, x, label);
     for (uint32_t depth = 1; depth <= 4; depth++) {
         lg_tree_options options = options_of(LG_GINI, 1);
         options.max_depth = depth;
-        assert_ok(lg_tree_fit(NULL, &options, x, label, ROWS, FEATURES, CLASSES, &tree, NULL));
-        assert_int_equal(lg_tree_depth(&tree), depth);
-        lg_tree_destroy(&tree);
+        assert_int_equal(lg_tree_depth(fit(&options, x, label, ROWS, FEATURES, CLASSES)), depth);
     }
     lg_tree_options options = options_of(LG_ENTROPY, 3);
     options.min_samples_split = 10;
-    assert_ok(lg_tree_fit(NULL, &options, x, label, ROWS, FEATURES, CLASSES, &tree, NULL));
-    for (uint32_t i = 0; i < tree.count; i++) {
-        assert_true(tree.node[i].samples >= 3);
-        if (tree.node[i].left != 0) assert_true(tree.node[i].samples >= 10);
+    const lg_tree *tree = fit(&options, x, label, ROWS, FEATURES, CLASSES);
+    for (uint32_t i = 0; i < tree->count; i++) {
+        assert_true(tree->node[i].samples >= 3);
+        if (tree->node[i].left != 0) assert_true(tree->node[i].samples >= 10);
     }
-    lg_tree_destroy(&tree);
 }
 
 TEST("a threshold lies between neighbouring doubles") {
@@ -294,13 +294,11 @@ TEST("a threshold lies between neighbouring doubles") {
                                {0.0, 0x1p-1074},     {-0x1p-1074, 0.0}, {-1.0 - 0x1p-52, -1.0}};
     const uint32_t y[] = {0, 1};
     for (size_t i = 0; i < LG_COUNT(pairs); i++) {
-        lg_tree tree;
-        assert_ok(lg_tree_fit(NULL, &options, pairs[i], y, 2, 1, 2, &tree, NULL));
-        assert_int_equal(tree.count, 3);
-        assert_true(tree.node[0].threshold >= pairs[i][0] && tree.node[0].threshold < pairs[i][1]);
-        assert_int_equal(lg_tree_leaf(&tree, &pairs[i][0]), 1);
-        assert_int_equal(lg_tree_leaf(&tree, &pairs[i][1]), 2);
-        lg_tree_destroy(&tree);
+        const lg_tree *tree = fit(&options, pairs[i], y, 2, 1, 2);
+        assert_int_equal(tree->count, 3);
+        assert_true(tree->node[0].threshold >= pairs[i][0] && tree->node[0].threshold < pairs[i][1]);
+        assert_int_equal(lg_tree_leaf(tree, &pairs[i][0]), 1);
+        assert_int_equal(lg_tree_leaf(tree, &pairs[i][1]), 2);
     }
 }
 
@@ -309,21 +307,17 @@ TEST("tables without a split are one leaf") {
     const double same[] = {2, 2, 2, -0.0, 0.0, 0.0}, one[] = {5.0};
     const uint32_t y[] = {0, 1, 1};
     double p[4];
-    lg_tree tree;
-    assert_ok(lg_tree_fit(NULL, &options, same, y, 3, 1, 2, &tree, NULL));
-    assert_int_equal(tree.count, 1);
-    lg_tree_predict(&tree, same, 1, p);
+    const lg_tree *tree = fit(&options, same, y, 3, 1, 2);
+    assert_int_equal(tree->count, 1);
+    lg_tree_predict(tree, same, 1, p);
     assert_close(p[1], 2.0 / 3.0, 1e-15, 0);
-    assert_int_equal(lg_tree_depth(&tree), 0);
-    lg_tree_destroy(&tree);
-    assert_ok(lg_tree_fit(NULL, &options, same + 3, y, 3, 1, 2, &tree, NULL)); /* -0 and 0 are equal */
-    assert_int_equal(tree.count, 1);
-    lg_tree_destroy(&tree);
-    assert_ok(lg_tree_fit(NULL, &options, one, y, 1, 1, 4, &tree, NULL)); /* classes 1 to 3 do not occur */
-    lg_tree_predict(&tree, one, 1, p);
+    assert_int_equal(lg_tree_depth(tree), 0);
+    tree = fit(&options, same + 3, y, 3, 1, 2); /* -0 and 0 are equal */
+    assert_int_equal(tree->count, 1);
+    tree = fit(&options, one, y, 1, 1, 4); /* classes 1 to 3 do not occur */
+    lg_tree_predict(tree, one, 1, p);
     assert_close(p[0], 1.0, 0, 0);
     assert_close(p[3], 0.0, 0, 0);
-    lg_tree_destroy(&tree);
 }
 
 TEST("a tree as deep as it has rows: no recursion anywhere") {
@@ -331,54 +325,57 @@ TEST("a tree as deep as it has rows: no recursion anywhere") {
     const lg_tree_options options = options_of(LG_GINI, 1);
     double *x = TEST_ARRAY(double, DEEP);
     uint32_t *y = TEST_ARRAY(uint32_t, DEEP);
-    lg_tree tree, pruned;
+    const lg_tree *tree, *pruned;
     assert_true(x != NULL && y != NULL);
     for (uint32_t i = 0; i < DEEP; i++) {
         x[i] = i;
         y[i] = i % 2; /* the best split cuts off an end */
     }
-    assert_ok(lg_tree_fit(NULL, &options, x, y, DEEP, 1, 2, &tree, NULL));
-    assert_int_equal(tree.count, 2 * DEEP - 1);
-    assert_true(lg_tree_depth(&tree) > DEEP / 4);
-    assert_ok(lg_tree_prune(NULL, &tree, 1.0, &pruned));
-    assert_int_equal(pruned.count, 1);
-    lg_tree_destroy(&pruned);
-    lg_tree_destroy(&tree);
+    tree = fit(&options, x, y, DEEP, 1, 2);
+    assert_int_equal(tree->count, 2 * DEEP - 1);
+    assert_true(lg_tree_depth(tree) > DEEP / 4);
+    pruned = pruned_at(tree, 1.0);
+    assert_int_equal(pruned->count, 1);
 }
 
-TEST("bad tables and options are refused") {
+TEST("bad tables and options are refused, and the tree is untouched") {
+    static const double x[] = {1, 2, 3}, bad[] = {1, NAN, 3}, worse[] = {1, 2, -INFINITY};
+    static const uint32_t y[] = {0, 1, 0}, out_of_range[] = {0, 2, 0};
+    const struct {
+        const double *x;
+        const uint32_t *y;
+        uint32_t rows, features, classes;
+        lg_status status;
+        const char *words;
+    } tables[] = {{x, y, 0, 1, 2, LG_INVALID_ARGUMENT, ""},
+                  {x, y, 3, 0, 2, LG_INVALID_ARGUMENT, ""},
+                  {x, y, 3, 1, 0, LG_INVALID_ARGUMENT, ""},
+                  {x, out_of_range, 3, 1, 2, LG_INVALID_ARGUMENT, "label 2 of row 1"},
+                  {bad, y, 3, 1, 2, LG_NOT_FINITE, "row 1"},
+                  {worse, y, 3, 1, 2, LG_NOT_FINITE, "row 2"}};
     const lg_tree_options good = options_of(LG_GINI, 1);
-    const double x[] = {1, 2, 3}, bad[] = {1, NAN, 3}, worse[] = {1, 2, -INFINITY};
-    const uint32_t y[] = {0, 1, 0}, out_of_range[] = {0, 2, 0};
+    lg_tree_options options[] = {good, good, good, good};
+    options[0].min_samples_split = 1;
+    options[1].min_samples_leaf = 0;
+    options[2].ccp_alpha = NAN;
+    options[3].criterion = (lg_criterion)LG_CRITERION_COUNT;
     lg_tree tree = {.inputs = 77};
     lg_error error;
-    assert_status(lg_tree_fit(NULL, &good, x, y, 0, 1, 2, &tree, &error), LG_INVALID_ARGUMENT);
-    assert_status(lg_tree_fit(NULL, &good, x, y, 3, 0, 2, &tree, &error), LG_INVALID_ARGUMENT);
-    assert_status(lg_tree_fit(NULL, &good, x, y, 3, 1, 0, &tree, &error), LG_INVALID_ARGUMENT);
-    assert_status(lg_tree_fit(NULL, &good, x, out_of_range, 3, 1, 2, &tree, &error), LG_INVALID_ARGUMENT);
-    assert_non_null(strstr(error.message, "label 2 of row 1"));
-    assert_status(lg_tree_fit(NULL, &good, bad, y, 3, 1, 2, &tree, &error), LG_NOT_FINITE);
-    assert_non_null(strstr(error.message, "row 1"));
-    assert_status(lg_tree_fit(NULL, &good, worse, y, 3, 1, 2, &tree, NULL), LG_NOT_FINITE);
-    lg_tree_options options = good;
-    options.min_samples_split = 1;
-    assert_status(lg_tree_fit(NULL, &options, x, y, 3, 1, 2, &tree, NULL), LG_INVALID_ARGUMENT);
-    options = good;
-    options.min_samples_leaf = 0;
-    assert_status(lg_tree_fit(NULL, &options, x, y, 3, 1, 2, &tree, NULL), LG_INVALID_ARGUMENT);
-    options = good;
-    options.ccp_alpha = NAN;
-    assert_status(lg_tree_fit(NULL, &options, x, y, 3, 1, 2, &tree, NULL), LG_INVALID_ARGUMENT);
-    options = good;
-    options.criterion = (lg_criterion)LG_CRITERION_COUNT;
-    assert_status(lg_tree_fit(NULL, &options, x, y, 3, 1, 2, &tree, NULL), LG_INVALID_ARGUMENT);
-    assert_int_equal(tree.inputs, 77);
+    for (size_t i = 0; i < LG_COUNT(tables); i++) {
+        assert_status(lg_tree_fit(NULL, &good, tables[i].x, tables[i].y, tables[i].rows, tables[i].features,
+                                  tables[i].classes, &tree, &error),
+                      tables[i].status);
+        assert_says(error.message, tables[i].words);
+    }
+    for (size_t i = 0; i < LG_COUNT(options); i++)
+        assert_status(lg_tree_fit(NULL, &options[i], x, y, 3, 1, 2, &tree, NULL), LG_INVALID_ARGUMENT);
     const lg_tree golden = GOLDEN(leaf_gini, LG_GINI), empty = {.inputs = 0};
     size_t count;
     assert_status(lg_tree_prune(NULL, &golden, -1.0, &tree), LG_INVALID_ARGUMENT);
     assert_status(lg_tree_prune(NULL, &golden, NAN, &tree), LG_INVALID_ARGUMENT);
     assert_status(lg_tree_prune(NULL, &empty, 0.0, &tree), LG_INVALID_ARGUMENT);
     assert_status(lg_tree_pruning_path(NULL, &empty, 0, NULL, &count), LG_INVALID_ARGUMENT);
+    assert_int_equal(tree.inputs, 77);
     lg_criterion criterion = LG_GINI;
     assert_ok(lg_criterion_parse("entropy", &criterion));
     assert_int_equal(criterion, LG_ENTROPY);
