@@ -22,6 +22,35 @@ static inline double *clouds(size_t n, uint32_t d, uint32_t classes, double apar
     return x;
 }
 
+/* Objects by value, whose memory the running test owns. */
+#define CLASSIFY_OWNED(type)                                                                                 \
+    static inline void release_##type(void *object) {                                                        \
+        type##_destroy(object);                                                                              \
+    }                                                                                                        \
+    static inline type own_##type(type object) {                                                             \
+        type *kept = TEST_ARRAY(type, 1);                                                                    \
+        *kept = object;                                                                                      \
+        lg_test_owns(kept, release_##type);                                                                  \
+        return object;                                                                                       \
+    }
+CLASSIFY_OWNED(lg_series)
+CLASSIFY_OWNED(lg_features)
+CLASSIFY_OWNED(lg_windows)
+CLASSIFY_OWNED(lg_classifier)
+
+static inline lg_features features_of(lg_feature_kind kind, bool directions_x, const lg_series *series,
+                                      uint32_t length, const lg_scaler *scaler) {
+    lg_features f;
+    assert_ok(lg_features_create(NULL, kind, directions_x, series, length, scaler, &f, NULL));
+    return own_lg_features(f);
+}
+
+static inline lg_windows windows_of(const lg_series *series) {
+    lg_windows w;
+    assert_ok(lg_windows_create(NULL, series, 0, 0, &w, NULL));
+    return own_lg_windows(w);
+}
+
 typedef struct memory_item {
     char path[64];
     lg_element type;

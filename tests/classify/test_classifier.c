@@ -125,22 +125,21 @@ static lg_series make_series(void) {
         for (size_t t = 0; t < 240; t++)
             s.x[i * 240 + t] = (float)(lg_rng_normal(&rng) * (1.0 + (double)s.label[i] * (t / 40 == 2)));
     }
-    return s;
+    return own_lg_series(s);
 }
 
-/* Fits chain t on features of the series. */
-static void make_classifier(const lg_series *s, size_t t, lg_classifier *c) {
+/* Chain t on features of the series. */
+static lg_classifier make_classifier(const lg_series *s, size_t t) {
     static const lg_feature_kind kinds[] = {LG_FEATURES_STD, LG_FEATURES_COV, LG_FEATURES_RAW,
                                             LG_FEATURES_BASELINE};
-    *c = (lg_classifier){0};
-    lg_windows w;
-    assert_ok(lg_windows_create(NULL, s, 0, 0, &w, NULL));
-    assert_ok(lg_features_create(NULL, kinds[t % 4], false, s, 40, NULL, &c->features, NULL));
-    double *x = TEST_ARRAY(double, w.count * c->features.count);
-    assert_ok(lg_features_table(NULL, &c->features, s, &w, 1, x, NULL));
+    lg_classifier c = {0};
+    const lg_windows w = windows_of(s);
+    assert_ok(lg_features_create(NULL, kinds[t % 4], false, s, 40, NULL, &c.features, NULL));
+    double *x = TEST_ARRAY(double, w.count *c.features.count);
+    assert_ok(lg_features_table(NULL, &c.features, s, &w, 1, x, NULL));
     const lg_method_options o = options_of(t);
-    assert_ok(lg_classifier_fit(NULL, &o, x, s->label, NULL, w.count, c->features.count, 3, c, NULL));
-    lg_windows_destroy(&w);
+    assert_ok(lg_classifier_fit(NULL, &o, x, s->label, NULL, w.count, c.features.count, 3, &c, NULL));
+    return own_lg_classifier(c);
 }
 
 /* Chain t, saved. */
@@ -150,41 +149,39 @@ typedef struct archived {
     lg_archive_reader reader;
 } archived;
 
-static void open_archived(const lg_series *s, size_t t, archived *a) {
-    a->archive = (memory_archive){0};
-    a->reader = memory_reader(&a->archive);
-    const lg_archive_writer writer = memory_writer(&a->archive);
-    make_classifier(s, t, &a->c);
-    assert_ok(lg_classifier_save(&a->c, &writer, NULL));
+static void release_archived(void *of) {
+    memory_clear(&((archived *)of)->archive);
 }
 
-static void close_archived(archived *a) {
-    memory_clear(&a->archive);
-    lg_classifier_destroy(&a->c);
+static archived *save(const lg_series *s, size_t t) {
+    archived *a = TEST_ARRAY(archived, 1);
+    lg_test_owns(a, release_archived);
+    a->reader = memory_reader(&a->archive);
+    const lg_archive_writer writer = memory_writer(&a->archive);
+    a->c = make_classifier(s, t);
+    assert_ok(lg_classifier_save(&a->c, &writer, NULL));
+    return a;
 }
 
 TEST("archives keep every bit") {
     lg_series s = make_series();
     for (size_t t = 0; t < CHAINS; t++) {
-        archived a;
         lg_classifier back;
         lg_error e;
-        open_archived(&s, t, &a);
-        const lg_status status = lg_classifier_load(NULL, &a.reader, &back, &e);
+        archived *a = save(&s, t);
+        const lg_status status = lg_classifier_load(NULL, &a->reader, &back, &e);
         if (status != LG_OK) fail_msg("%s", e.message);
-        assert_int_equal(back.method, a.c.method);
+        assert_int_equal(back.method, a->c.method);
         assert_int_equal(lg_classifier_work_size(&back) / sizeof(double),
-                         lg_classifier_work_size(&a.c) / sizeof(double));
-        double *work = TEST_ARRAY(double, lg_classifier_work_size(&a.c) / sizeof(double)), kept[3], read[3];
+                         lg_classifier_work_size(&a->c) / sizeof(double));
+        double *work = TEST_ARRAY(double, lg_classifier_work_size(&a->c) / sizeof(double)), kept[3], read[3];
         for (size_t i = 0; i < s.count; i++) {
-            assert_ok(lg_classifier_window(&a.c, s.x + i * 240, kept, work));
+            assert_ok(lg_classifier_window(&a->c, s.x + i * 240, kept, work));
             assert_ok(lg_classifier_window(&back, s.x + i * 240, read, work));
             assert_memory_equal(kept, read, sizeof kept);
         }
         lg_classifier_destroy(&back);
-        close_archived(&a);
     }
-    lg_series_destroy(&s);
 }
 
 /* Every entry of every stored array, one at a time, becomes another number; every dimension another size: the
@@ -208,10 +205,9 @@ TEST("archives that lie are refused, or what they give can be used") {
     static const uint32_t wrong32[] = {0, 1, 2, 3, 7, 1u << 20, UINT32_MAX};
     lg_series s = make_series();
     for (size_t t = 0; t < CHAINS; t++) {
-        archived a;
-        open_archived(&s, t, &a);
-        for (size_t i = 0; i < a.archive.count; i++) {
-            memory_item *item = &a.archive.item[i];
+        archived *a = save(&s, t);
+        for (size_t i = 0; i < a->archive.count; i++) {
+            memory_item *item = &a->archive.item[i];
             const size_t size = item->type == LG_ELEMENT_F64 ? 8 : 4;
             const size_t step = item->bytes / size > 12 ? item->bytes / size / 12 : 1;
             for (size_t at = 0; (at + 1) * size <= item->bytes; at += step)
@@ -219,24 +215,22 @@ TEST("archives that lie are refused, or what they give can be used") {
                     unsigned char saved[8];
                     memcpy(saved, item->data + at * size, size);
                     memcpy(item->data + at * size, size == 8 ? (const void *)&wrong[w] : &wrong32[w], size);
-                    use(&a.reader, s.x);
+                    use(&a->reader, s.x);
                     memcpy(item->data + at * size, saved, size);
                 }
             for (uint32_t r = 0; r < item->rank; r++) {
                 item->dims[r] ^= 1;
                 lg_classifier back;
-                assert_status(lg_classifier_load(NULL, &a.reader, &back, NULL), LG_FORMAT);
+                assert_status(lg_classifier_load(NULL, &a->reader, &back, NULL), LG_FORMAT);
                 item->dims[r] ^= 1;
             }
             const char first = item->path[0]; /* missing */
             lg_classifier back;
             item->path[0] = '?';
-            assert_status(lg_classifier_load(NULL, &a.reader, &back, NULL), LG_NOT_FOUND);
+            assert_status(lg_classifier_load(NULL, &a->reader, &back, NULL), LG_NOT_FOUND);
             item->path[0] = first;
         }
-        close_archived(&a);
     }
-    lg_series_destroy(&s);
 }
 
 TEST("lies in an archive are refused by name") {
@@ -263,10 +257,9 @@ TEST("lies in an archive are refused by name") {
                 {5, "classifier/svm/gamma", 0, -1.0, LG_FORMAT}};
     lg_series s = make_series();
     for (size_t i = 0; i < sizeof lies / sizeof lies[0]; i++) {
-        archived a;
         lg_classifier back;
-        open_archived(&s, lies[i].chain, &a);
-        memory_item *item = memory_find(&a.archive, lies[i].path);
+        archived *a = save(&s, lies[i].chain);
+        memory_item *item = memory_find(&a->archive, lies[i].path);
         assert_non_null(item);
         const uint32_t whole = (uint32_t)(lies[i].value > 0 ? lies[i].value : 0);
         if (item->type == LG_ELEMENT_F64)
@@ -274,12 +267,10 @@ TEST("lies in an archive are refused by name") {
         else
             memcpy(item->data + 4 * lies[i].entry, &whole, 4);
         lg_error e;
-        const lg_status status = lg_classifier_load(NULL, &a.reader, &back, &e);
+        const lg_status status = lg_classifier_load(NULL, &a->reader, &back, &e);
         if (status != lies[i].status) fail_msg("%s: %s", lies[i].path, lg_status_name(status));
         assert_non_null(strstr(e.message, lies[i].path));
-        close_archived(&a);
     }
-    lg_series_destroy(&s);
 }
 
 static void replace(memory_archive *archive, const char *path, const void *data, size_t rows,
@@ -310,25 +301,21 @@ TEST("trees with cycles are refused") {
             memcpy(&node[i][1], children[honest][i], sizeof children[honest][i]);
             node[i][5] = counts[i][0] = 1;
         }
-        archived a;
         lg_classifier back;
-        open_archived(&s, 2, &a);
-        replace(&a.archive, "classifier/tree/nodes", &seven, 1, sizeof seven);
-        replace(&a.archive, "classifier/tree/node", node, 7, sizeof node[0]);
-        replace(&a.archive, "classifier/tree/counts", counts, 7, sizeof counts[0]);
-        assert_status(lg_classifier_load(NULL, &a.reader, &back, NULL), honest ? LG_OK : LG_FORMAT);
+        archived *a = save(&s, 2);
+        replace(&a->archive, "classifier/tree/nodes", &seven, 1, sizeof seven);
+        replace(&a->archive, "classifier/tree/node", node, 7, sizeof node[0]);
+        replace(&a->archive, "classifier/tree/counts", counts, 7, sizeof counts[0]);
+        assert_status(lg_classifier_load(NULL, &a->reader, &back, NULL), honest ? LG_OK : LG_FORMAT);
         lg_classifier_destroy(&back);
-        close_archived(&a);
     }
-    lg_series_destroy(&s);
 }
 
 TEST("every allocation may fail") {
     lg_series s = make_series();
     for (size_t t = 0; t < CHAINS; t++) {
-        archived a;
         lg_classifier back;
-        open_archived(&s, t, &a);
+        archived *a = save(&s, t);
         static const uint32_t unit[12] = {0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3};
         uint32_t label[12];
         double *x = clouds(12, 3, 3, 1.0, 2, label);
@@ -338,16 +325,14 @@ TEST("every allocation may fail") {
                 double rates[1];
                 size_t best;
                 back = (lg_classifier){0};
-                if (what == 0) status = lg_classifier_load(context, &a.reader, &back, NULL);
+                if (what == 0) status = lg_classifier_load(context, &a->reader, &back, NULL);
                 if (what == 1) status = lg_classifier_fit(context, &o, x, label, NULL, 12, 3, 3, &back, NULL);
                 if (what == 2)
                     status = lg_grid_search(context, &o, 1, 2, x, label, unit, NULL, 12, 3, 3, 1, rates,
                                             &best, NULL);
                 lg_classifier_destroy(&back);
             });
-        close_archived(&a);
     }
-    lg_series_destroy(&s);
 }
 
 /* ---- choosing ---- */

@@ -2,6 +2,7 @@
  * threads, bad input. */
 #include "classify_support.h"
 
+#include "core/core.h"
 #include "support/fixtures.h"
 
 static const char *const riser[6] = {"acc_lower_x", "acc_lower_y", "acc_upper_x",
@@ -15,17 +16,11 @@ static lg_series make_series(size_t count, uint32_t channels, uint32_t length, b
     for (size_t i = 0; i < count * channels * length; i++)
         s.x[i] = (float)(lg_rng_normal(&rng) * (1.0 + (double)((i / length) % channels)) + 3.0);
     if (named) {
-        s.channel_name = calloc(channels, sizeof *s.channel_name);
+        s.channel_name = lg_alloc(NULL, channels, sizeof *s.channel_name);
         for (uint32_t c = 0; c < channels; c++)
             (void)snprintf(s.channel_name[c], LG_SERIES_NAME, "%s", riser[c]);
     }
-    return s;
-}
-
-static void free_series(lg_series *s) {
-    free(s->channel_name);
-    s->channel_name = NULL;
-    lg_series_destroy(s);
+    return own_lg_series(s);
 }
 
 static double covariance(const float *a, const float *b, size_t n) {
@@ -47,8 +42,7 @@ static double *compute(const lg_features *f, const float *x) {
 
 TEST("deviations by their definition, raw samples as they stand") {
     lg_series s = make_series(1, 6, 37, true);
-    lg_features f;
-    assert_ok(lg_features_create(NULL, LG_FEATURES_STD, false, &s, 37, NULL, &f, NULL));
+    lg_features f = features_of(LG_FEATURES_STD, false, &s, 37, NULL);
     assert_int_equal(f.count, 6);
     double *out = compute(&f, s.x);
     for (int c = 0; c < 6; c++)
@@ -56,13 +50,10 @@ TEST("deviations by their definition, raw samples as they stand") {
     for (int t = 0; t < 37; t++) s.x[t] = 1e5f + 0.1f;
     out = compute(&f, s.x);
     assert_close(out[0], 0.0, 0, 0); /* not what rounding of the mean leaves */
-    lg_features_destroy(&f);
-    assert_ok(lg_features_create(NULL, LG_FEATURES_RAW, true, &s, 37, NULL, &f, NULL));
+    f = features_of(LG_FEATURES_RAW, true, &s, 37, NULL);
     assert_int_equal(f.count, 3 * 37);
     out = compute(&f, s.x);
     for (int i = 0; i < 37; i++) assert_close(out[37 + i], s.x[2 * 37 + i], 0, 0);
-    lg_features_destroy(&f);
-    free_series(&s);
 }
 
 /* S S = covariance of the scaled channels, S symmetric and positive semidefinite; also with a channel that is
@@ -75,8 +66,7 @@ TEST("the root squares to the covariance, with dependent and constant channels")
     }
     double mean[6] = {0}, scale[6] = {1, 2, 3, 0.5, 1e6, 3};
     const lg_scaler scaler = {.channels = 6, .mean = mean, .scale = scale};
-    lg_features f;
-    assert_ok(lg_features_create(NULL, LG_FEATURES_COV, false, &s, 50, &scaler, &f, NULL));
+    lg_features f = features_of(LG_FEATURES_COV, false, &s, 50, &scaler);
     assert_int_equal(f.count, 21);
     double *out = compute(&f, s.x), root[6][6];
     for (int i = 0, at = 0; i < 6; i++)
@@ -90,8 +80,6 @@ TEST("the root squares to the covariance, with dependent and constant channels")
         }
     for (int i = 0; i < 6; i++) assert_true(root[i][i] >= 0.0);
     for (int j = 0; j < 6; j++) assert_close(root[5][j], 0.0, 0, 1e-18); /* no rounding of a constant */
-    lg_features_destroy(&f);
-    free_series(&s);
 }
 
 static double sign_of(unsigned bits) {
@@ -112,8 +100,7 @@ TEST("roots 2^18 apart are right to the last digits") {
             s.x[i * N + t] = (float)sum;
             assert_true((double)s.x[i * N + t] == sum);
         }
-    lg_features f;
-    assert_ok(lg_features_create(NULL, LG_FEATURES_COV, false, &s, N, NULL, &f, NULL));
+    lg_features f = features_of(LG_FEATURES_COV, false, &s, N, NULL);
     double *out = compute(&f, s.x);
     for (unsigned k = 0; k < M; k++)
         for (unsigned l = 0; l < M; l++) {
@@ -125,8 +112,6 @@ TEST("roots 2^18 apart are right to the last digits") {
                 }
             assert_close(sum, k == l ? root[k] : 0.0, 0, 4e-15);
         }
-    lg_features_destroy(&f);
-    free_series(&s);
 }
 
 TEST("one channel, many, more than samples; copies of each other; the memory behind the work stays") {
@@ -138,8 +123,7 @@ TEST("one channel, many, more than samples; copies of each other; the memory beh
                 lg_series s = make_series(1, m, n, false);
                 for (uint32_t i = 1; copies && i < m; i += 2)
                     memcpy(s.x + i * n, s.x + (i - 1) * n, n * sizeof *s.x);
-                lg_features f;
-                assert_ok(lg_features_create(NULL, LG_FEATURES_COV, false, &s, n, NULL, &f, NULL));
+                lg_features f = features_of(LG_FEATURES_COV, false, &s, n, NULL);
                 const size_t size = lg_features_work_size(&f) / sizeof(double);
                 double *out = TEST_ARRAY(double, f.count), *work = TEST_ARRAY(double, (size + 1));
                 double *root = TEST_ARRAY(double, m *m), largest = 0.0;
@@ -158,8 +142,6 @@ TEST("one channel, many, more than samples; copies of each other; the memory beh
                         for (uint32_t k = 0; k < m; k++) square += root[i * m + k] * root[k * m + j];
                         assert_close(square, covariance(s.x + i * n, s.x + j * n, n), 0, 1e-13 * largest);
                     }
-                lg_features_destroy(&f);
-                free_series(&s);
             }
 }
 
@@ -172,8 +154,7 @@ TEST("moments that are 2 acceleration + offset give intercept and slope, in this
             s.x[400 + 10 * part + t] = sign * (3.0f + 2.0f * (float)(1 + part)) - 7.0f;
             s.x[100 + 10 * part + t] = sign; /* acc_lower_y does not vary over the parts */
         }
-    lg_features f;
-    assert_ok(lg_features_create(NULL, LG_FEATURES_BASELINE, false, &s, 100, NULL, &f, NULL));
+    lg_features f = features_of(LG_FEATURES_BASELINE, false, &s, 100, NULL);
     assert_int_equal(f.count, 4);
     double *out = compute(&f, s.x), mean = 0;
     assert_close(out[0], 3.0, 1e-13, 0);
@@ -181,23 +162,18 @@ TEST("moments that are 2 acceleration + offset give intercept and slope, in this
     for (int p = 0; p < 10; p++) mean += 0.1 * sqrt(covariance(s.x + 500 + 10 * p, s.x + 500 + 10 * p, 10));
     assert_close(out[2], mean, 1e-13, 0);
     assert_close(out[3], 0.0, 0, 0);
-    lg_features_destroy(&f);
-    assert_ok(lg_features_create(NULL, LG_FEATURES_BASELINE, true, &s, 100, NULL, &f, NULL));
+    f = features_of(LG_FEATURES_BASELINE, true, &s, 100, NULL);
     assert_int_equal(f.count, 2);
-    lg_features_destroy(&f);
-    free_series(&s);
 }
 
 TEST("windows of one sample have zeros") {
     lg_series s = make_series(1, 3, 1, false);
     lg_features f;
     for (int kind = LG_FEATURES_STD; kind <= LG_FEATURES_COV; kind++) {
-        assert_ok(lg_features_create(NULL, (lg_feature_kind)kind, false, &s, 1, NULL, &f, NULL));
+        f = features_of((lg_feature_kind)kind, false, &s, 1, NULL);
         double *out = compute(&f, s.x);
         for (uint32_t i = 0; i < f.count; i++) assert_close(out[i], 0.0, 0, 0);
-        lg_features_destroy(&f);
     }
-    free_series(&s);
 }
 
 TEST("a constant channel has zero, not what rounding of its mean leaves") {
@@ -206,12 +182,9 @@ TEST("a constant channel has zero, not what rounding of its mean leaves") {
     for (uint32_t length = 2; length <= 60; length++) {
         lg_series s = make_series(1, 1, length, false);
         for (uint32_t t = 0; t < length; t++) s.x[t] = 0.1f;
-        lg_features f;
-        assert_ok(lg_features_create(NULL, LG_FEATURES_COV, false, &s, length, &scaler, &f, NULL));
+        lg_features f = features_of(LG_FEATURES_COV, false, &s, length, &scaler);
         double *out = compute(&f, s.x);
         assert_close(out[0], 0.0, 0, 0);
-        lg_features_destroy(&f);
-        free_series(&s);
     }
 }
 
@@ -229,30 +202,25 @@ TEST("features have the names of their channels") {
                  {LG_FEATURES_RAW, true, 41, "raw moment_x 1", "raw 4 1"},
                  {LG_FEATURES_BASELINE, false, 3, "slope moment_y acc_lower_y", "slope 5 1"}};
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
-        lg_features f;
         char text[200];
-        assert_ok(lg_features_create(NULL, cases[i].kind, cases[i].x, &s, 20, NULL, &f, NULL));
+        lg_features f = features_of(cases[i].kind, cases[i].x, &s, 20, NULL);
         assert_int_equal(lg_features_name(&f, &s, cases[i].index, text, sizeof text), strlen(cases[i].name));
         assert_string_equal(text, cases[i].name);
         (void)lg_features_name(&f, NULL, cases[i].index, text, sizeof text);
         assert_string_equal(text, cases[i].bare);
-        lg_features_destroy(&f);
         lg_feature_kind kind;
         assert_ok(lg_feature_kind_parse(lg_feature_kind_name(cases[i].kind), &kind));
         assert_int_equal(kind, cases[i].kind);
     }
     lg_feature_kind kind;
     assert_status(lg_feature_kind_parse("covariance", &kind), LG_NOT_FOUND);
-    free_series(&s);
 }
 
 TEST("threads give the same bits") {
     lg_series s = make_series(23, 6, 60, false);
-    lg_windows w;
-    assert_ok(lg_windows_create(NULL, &s, 0, 0, &w, NULL));
+    const lg_windows w = windows_of(&s);
     for (int kind = 0; kind < LG_FEATURE_KIND_COUNT; kind++) {
-        lg_features f;
-        assert_ok(lg_features_create(NULL, (lg_feature_kind)kind, false, &s, 60, NULL, &f, NULL));
+        lg_features f = features_of((lg_feature_kind)kind, false, &s, 60, NULL);
         double *one = TEST_ARRAY(double, 23 * f.count), *more = TEST_ARRAY(double, 23 * f.count);
         assert_ok(lg_features_table(NULL, &f, &s, &w, 1, one, NULL));
         double *row = compute(&f, s.x + 22 * 6 * 60);
@@ -262,10 +230,7 @@ TEST("threads give the same bits") {
             assert_ok(lg_features_table(NULL, &f, &s, &w, threads, more, NULL));
             assert_memory_equal(one, more, 23 * f.count * sizeof *one);
         }
-        lg_features_destroy(&f);
     }
-    lg_windows_destroy(&w);
-    free_series(&s);
 }
 
 TEST("windows, scalers and samples that do not fit are refused") {
@@ -286,36 +251,29 @@ TEST("windows, scalers and samples that do not fit are refused") {
     assert_status(lg_features_create(NULL, LG_FEATURES_COV, false, &s, 20, &zero, &f, &e), bad);
     assert_status(lg_features_create(NULL, LG_FEATURES_COV, false, &s, 20, &narrow, &f, &e), bad);
     assert_int_equal(f.count, 77);
-    assert_ok(lg_features_create(NULL, LG_FEATURES_COV, false, &s, 20, NULL, &f, &e));
+    f = features_of(LG_FEATURES_COV, false, &s, 20, NULL);
     double out[6], *work = malloc(lg_features_work_size(&f));
     for (int t = 0; t < 20; t++) s.x[20 + t] = INFINITY; /* which is constant */
     assert_status(lg_features_compute(&f, s.x, out, work), LG_NOT_FINITE);
     for (int t = 0; t < 20; t++) s.x[20 + t] = 1.0f;
     s.x[30] = NAN;
     assert_status(lg_features_compute(&f, s.x, out, work), LG_NOT_FINITE);
-    lg_windows w;
-    assert_ok(lg_windows_create(NULL, &s, 0, 0, &w, NULL));
+    const lg_windows w = windows_of(&s);
     double table[12];
     assert_status(lg_features_table(NULL, &f, &s, &w, 2, table, &e), LG_NOT_FINITE);
     assert_non_null(strstr(e.message, "window 0"));
     assert_status(lg_features_table(NULL, &f, &s, &w, 0, table, &e), bad);
-    lg_windows_destroy(&w);
     free(work);
-    lg_features_destroy(&f);
-    free_series(&s);
 }
 
 TEST("every allocation may fail") {
     lg_series s = make_series(4, 6, 30, false);
-    lg_windows w;
     double table[4 * 21];
-    assert_ok(lg_windows_create(NULL, &s, 0, 0, &w, NULL));
+    const lg_windows w = windows_of(&s);
     EVERY_ALLOCATION_FAILS(context, 1, {
         lg_features f = {0};
         status = lg_features_create(context, LG_FEATURES_COV, false, &s, 30, NULL, &f, NULL);
         if (status == LG_OK) status = lg_features_table(context, &f, &s, &w, 2, table, NULL);
         lg_features_destroy(&f);
     });
-    lg_windows_destroy(&w);
-    free_series(&s);
 }

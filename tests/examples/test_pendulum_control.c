@@ -12,8 +12,7 @@
 
 /* ---- Riccati ---- */
 
-static void known_solutions(void **state) {
-    (void)state;
+TEST("the Riccati equation has its known solutions") {
     const double a = 1.0, g = 1.0, q = 3.0; /* 2 p - p^2 + 3 = 0 */
     double p = 0.0;
     assert_true(riccati_solve(1, &a, &g, &q, &p));
@@ -30,8 +29,7 @@ static void known_solutions(void **state) {
     for (int i = 0; i < 4; i++) assert_close(P[i], 2.0, 1e-12, 0.0);
 }
 
-static void random_systems(void **state) {
-    (void)state;
+TEST("random systems have a solution: positive definite, with a small residual") {
     lg_rng rng;
     lg_rng_seed(&rng, 5, 0);
     for (int n = 1; n <= RICCATI_MAX; n++)
@@ -65,8 +63,7 @@ static void random_systems(void **state) {
         }
 }
 
-static void without_a_solution(void **state) {
-    (void)state;
+TEST("what has no solution is refused, and nothing is written") {
     double P[4] = {7, 7, 7, 7};
     const double one = 1.0, zero = 0.0, nan_ = NAN;
     assert_false(riccati_solve(1, &one, &zero, &one, P)); /* unstable, out of reach */
@@ -97,31 +94,42 @@ typedef struct fixture {
     char why[256];
 } fixture;
 
-static bool make(fixture *self, const double *w, double mass, double torque_max) {
+static void release(void *of) {
+    lg_model_destroy(((fixture *)of)->model);
+}
+
+/* Of a model that does not fit `why` says what is wrong. */
+static fixture *make(const double *w, double mass, double torque_max, bool fits) {
     const double theta[5] = {w[0], w[1], w[2], sqrt(mass), -1.0};
     lg_hamiltonian learned;
-    memset(self, 0, sizeof *self);
+    fixture *self = TEST_ARRAY(fixture, 1);
     assert_ok(lg_hamiltonian_init(&learned, lg_hamiltonian_family_find("chain"), 1, LG_POTENTIAL_LINEAR, NULL,
                                   0, LG_TANH));
     assert_int_equal(lg_hamiltonian_parameters(&learned), 5);
     assert_ok(lg_model_create_hamiltonian(NULL, &learned, theta, &self->model, NULL));
-    assert_int_equal(posix_memalign(&self->work, 64, controller_work_size(self->model)), 0);
-    return controller_init(&self->control, self->model, self->work, torque_max, self->why);
+    lg_test_owns(self, release);
+    self->work = lg_test_memory(controller_work_size(self->model));
+    assert_int_equal(controller_init(&self->control, self->model, self->work, torque_max, self->why), fits);
+    return self;
 }
 
-static void release(fixture *self) {
-    lg_model_destroy(self->model);
-    free(self->work);
+static void release_plant(void *of) {
+    plant_destroy(of);
+}
+
+static plant *make_plant(void) {
+    plant *truth = TEST_ARRAY(plant, 1);
+    assert_true(plant_create(truth));
+    lg_test_owns(truth, release_plant);
+    return truth;
 }
 
 /* V = w.q: upright along w, m g L = |w|; a'' = |w|/m a + u/m in both directions, the unstable rate is
  * sqrt(|w|/m). */
-static void design_of_a_tilted_model(void **state) {
-    (void)state;
+TEST("a controller is designed for a tilted potential") {
     const double w[3] = {0.3, -0.2, 2.0}, mass = 0.5, size = norm(w);
-    fixture self;
-    assert_true(make(&self, w, mass, 0.7));
-    const controller *c = &self.control;
+    fixture *self = make(w, mass, 0.7, true);
+    const controller *c = &self->control;
     for (int i = 0; i < 3; i++) assert_close(c->upright[i], w[i] / size, 0.0, 1e-14);
     assert_close(c->energy_scale, size, 1e-14, 0.0);
     assert_close(c->energy_up, size, 1e-14, 0.0);
@@ -141,18 +149,14 @@ static void design_of_a_tilted_model(void **state) {
         assert_close(along, 0.0, 0.0, 1e-12);
         assert_true(j >= 2 || sqrt(across) > 1.5 * size);
     }
-    release(&self);
 }
 
-static void models_that_it_refuses(void **state) {
-    (void)state;
+TEST("models that cannot be balanced are refused with a sentence") {
     const double sideways[3] = {1.0, 0.0, 0.1}, below[3] = {0.01, 0.0, -1.0}, huge[3] = {0.0, 0.0, 1e308};
     const double *const cases[] = {sideways, below, huge}; /* huge: m g L overflows */
     for (size_t i = 0; i < 3; i++) {
-        fixture self;
-        assert_false(make(&self, cases[i], 1.0, 0.35));
-        assert_true(strlen(self.why) > 10);
-        release(&self);
+        const fixture *self = make(cases[i], 1.0, 0.35, false);
+        assert_true(strlen(self->why) > 10);
     }
 }
 
@@ -169,31 +173,28 @@ static void draw_state(lg_rng *rng, bool near, double *y) {
 
 /* Swinging up, W = (H - 1)^2/2 + L^2/2 of the true pendulum falls whenever the torque is more than rounding;
  * balancing, c^T P c falls. Both over one control period. */
-static void lyapunov_functions_fall(void **state) {
-    (void)state;
+TEST("Lyapunov functions fall, swinging up and balancing") {
     const double w[3] = {0.0, 0.0, 1.0};
-    fixture self;
-    plant truth;
     lg_rng rng;
     int swings = 0, balances = 0;
-    assert_true(make(&self, w, 1.0, 0.35));
-    assert_true(plant_create(&truth));
+    fixture *self = make(w, 1.0, 0.35, true);
+    plant *truth = make_plant();
     lg_rng_seed(&rng, 9, 0);
     for (int n = 0; n < 4000; n++) {
         double y[6], torque[3], before[2], after[2], c[4];
         draw_state(&rng, n % 2 == 0, y);
-        self.control.mode = n % 4 < 2 ? SWING_UP : BALANCE;
-        controller_step(&self.control, y, torque);
+        self->control.mode = n % 4 < 2 ? SWING_UP : BALANCE;
+        controller_step(&self->control, y, torque);
         assert_true(norm(torque) <= 0.35 * (1.0 + 1e-14));
-        const double far = distance(&self.control, y, c);
-        const double H = plant_energy(&truth, y) - 1.0, L = y[0] * y[4] - y[1] * y[3];
+        const double far = distance(&self->control, y, c);
+        const double H = plant_energy(truth, y) - 1.0, L = y[0] * y[4] - y[1] * y[3];
         before[0] = 0.5 * (H * H + L * L), before[1] = far;
-        assert_true((self.control.mode == BALANCE) ==
-                    (far < self.control.region * (n % 4 < 2 ? catch_fraction : 1.0)));
-        assert_true(plant_advance(&truth, 1e-3, torque, y));
-        const double H1 = plant_energy(&truth, y) - 1.0, L1 = y[0] * y[4] - y[1] * y[3];
-        after[0] = 0.5 * (H1 * H1 + L1 * L1), after[1] = distance(&self.control, y, c);
-        if (self.control.mode == BALANCE) {
+        assert_true((self->control.mode == BALANCE) ==
+                    (far < self->control.region * (n % 4 < 2 ? catch_fraction : 1.0)));
+        assert_true(plant_advance(truth, 1e-3, torque, y));
+        const double H1 = plant_energy(truth, y) - 1.0, L1 = y[0] * y[4] - y[1] * y[3];
+        after[0] = 0.5 * (H1 * H1 + L1 * L1), after[1] = distance(&self->control, y, c);
+        if (self->control.mode == BALANCE) {
             assert_true(after[1] < before[1]);
             balances++;
         } else if (norm(torque) > 0.01 && before[0] > 1e-3) {
@@ -202,37 +203,29 @@ static void lyapunov_functions_fall(void **state) {
         }
     }
     assert_true(swings > 1000 && balances > 300);
-    plant_destroy(&truth);
-    release(&self);
 }
 
-static void the_torque_does_what_it_says(void **state) {
-    (void)state;
-    plant truth;
-    assert_true(plant_create(&truth));
+TEST("the power of the torque is the gain of energy") {
+    plant *truth = make_plant();
     const double torque[3] = {0.1, -0.05, 0.2};
     double y[6] = {0.6, 0.0, 0.8, 0.0, 0.3, 0.0}, power = 0.0, before, rate[3];
     const double q[3] = {0.6, 0.0, 0.8}, p[3] = {0.0, 0.3, 0.0};
     cross(q, p, rate); /* omega = q x q' */
     for (int i = 0; i < 3; i++) power += torque[i] * rate[i];
-    before = plant_energy(&truth, y);
-    assert_true(plant_advance(&truth, 1e-6, torque, y));
-    assert_close((plant_energy(&truth, y) - before) / 1e-6, power, 1e-4, 0.0);
-    plant_destroy(&truth);
+    before = plant_energy(truth, y);
+    assert_true(plant_advance(truth, 1e-6, torque, y));
+    assert_close((plant_energy(truth, y) - before) / 1e-6, power, 1e-4, 0.0);
 }
 
-static void states_that_are_not_finite(void **state) {
-    (void)state;
+TEST("a state that is not finite gives no torque") {
     const double w[3] = {0.0, 0.0, 1.0};
-    fixture self;
-    assert_true(make(&self, w, 1.0, 0.35));
+    fixture *self = make(w, 1.0, 0.35, true);
     for (int i = 0; i < 6; i++) {
         double y[6] = {0.0, 0.0, 1.0, 0.01, 0.0, 0.0}, torque[3] = {9.0, 9.0, 9.0};
         y[i] = NAN;
-        controller_step(&self.control, y, torque);
+        controller_step(&self->control, y, torque);
         for (int j = 0; j < 3; j++) assert_close(torque[j], 0.0, 0.0, 0.0);
     }
-    release(&self);
 }
 
 typedef struct run {
@@ -256,13 +249,10 @@ static void run_counted(plant *truth, controller *control, run *r, lg_counts *us
 }
 
 /* With a potential tilted as a learned one is. */
-static void a_run_without_allocation(void **state) {
-    (void)state;
+TEST("a run allocates nothing, takes no lock, catches and holds the pendulum") {
     const double w[3] = {1e-3, -1e-3, 0.998};
-    fixture self;
-    plant truth;
-    assert_true(make(&self, w, 1.001, 0.35));
-    assert_true(plant_create(&truth));
+    fixture *self = make(w, 1.001, 0.35, true);
+    plant *truth = make_plant();
     run r = {{{malloc(STEPS * sizeof(int64_t)), 0, STEPS},
               {malloc(STEPS * sizeof(int64_t)), 0, STEPS},
               {malloc(TIMED * sizeof(int64_t)), 0, TIMED},
@@ -273,7 +263,7 @@ static void a_run_without_allocation(void **state) {
      * runs. */
     lg_counts used = {0, 0, 1};
     for (int attempt = 0; attempt < 5 && used.locks > 0; attempt++)
-        run_counted(&truth, &self.control, &r, &used);
+        run_counted(truth, &self->control, &r, &used);
     if (lg_count_available()) {
         assert_int_equal(used.allocations, 0);
         assert_int_equal(used.releases, 0);
@@ -298,12 +288,9 @@ static void a_run_without_allocation(void **state) {
     free(r.times.wake.ns);
     free(r.times.response.ns);
     free(r.record.rows);
-    plant_destroy(&truth);
-    release(&self);
 }
 
-static void summaries(void **state) {
-    (void)state;
+TEST("latencies are summed up by their quantiles") {
     int64_t ns[2001];
     samples s = {ns, 0, 2001};
     assert_true(isnan(samples_summary(&s).median));
@@ -318,8 +305,7 @@ static void summaries(void **state) {
 
 /* Samples lie between the edge of the row that counts them and the next edge; each series holds all of them,
  * and the script draws from a row's edge to the next (gnuplot: steps). */
-static void histogram(void **state) {
-    (void)state;
+TEST("the histogram counts each sample once, in its own bin") {
     enum { EDGES = DECADES * DECADE_BINS + 1 };
     char folder[] = "/tmp/liegrad it's XXXXXX", path[PATH], line[256];
     int64_t few[] = {1500, 1500, 1500, 990000}, ends[] = {0, 1000000000, 1, 200};
@@ -361,27 +347,8 @@ static void histogram(void **state) {
 }
 
 /* What gnuplot is told, a folder's quotes doubled. */
-static void folders_for_gnuplot(void **state) {
-    (void)state;
+TEST("a quote in a folder is doubled for gnuplot") {
     char command[2 * PATH + 8];
     change_folder("it's \"$(x)' #", command);
     assert_string_equal(command, "cd 'it''s \"$(x)'' #'");
-}
-
-int main(void) {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(known_solutions),
-        cmocka_unit_test(random_systems),
-        cmocka_unit_test(without_a_solution),
-        cmocka_unit_test(design_of_a_tilted_model),
-        cmocka_unit_test(models_that_it_refuses),
-        cmocka_unit_test(lyapunov_functions_fall),
-        cmocka_unit_test(the_torque_does_what_it_says),
-        cmocka_unit_test(states_that_are_not_finite),
-        cmocka_unit_test(a_run_without_allocation),
-        cmocka_unit_test(summaries),
-        cmocka_unit_test(histogram),
-        cmocka_unit_test(folders_for_gnuplot),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }
