@@ -188,7 +188,7 @@ TEST("interrupted generation ends at once") {
     const struct timespec pause = {0, 400000000};
     const double begin = children_seconds();
     const cli_child child =
-        cli_start(lg, "generate --count 100000 --intervals 100 --continuous --out many.h5 --threads 1", 0);
+        cli_start(lg, "generate --count 100000 --intervals 100 --out many.h5 --threads 1", 0);
     (void)nanosleep(&pause, NULL);
     cli_interrupt(child, &result);
     assert_says(result.err, "stopped by Ctrl-C");
