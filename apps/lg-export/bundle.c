@@ -32,6 +32,7 @@ static void take_texts(export_source *source, const lg_c_source *c) {
     lg_text_add(&source->code, "%s\n", c->code);
     lg_text_add(&source->weights, "%s", c->weights);
     source->stack += c->stack_size;
+    source->calls += c->stack_calls;
     source->numbers += c->numbers;
     source->integers += c->integers;
     if (c->work_size > source->work) source->work = c->work_size;

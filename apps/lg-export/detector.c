@@ -9,7 +9,7 @@
 #include "liegrad/detector.h"
 #include "liegrad/metrics.h"
 
-enum { GOLDEN_STREAM = 0x64657463, STACK = 1024 };
+enum { GOLDEN_STREAM = 0x64657463, STACK = 1024, CALLS = 2 };
 
 /* ---- code ---- */
 
@@ -30,6 +30,7 @@ static int add_code(const app *self, export_source *source, const lg_model_file 
     const size_t most = functions[0].work > classify ? functions[0].work : classify;
     if (most > source->work) source->work = most;
     source->stack += STACK;
+    source->calls += CALLS;
     source->depth = model->net.blocks + (model->net.plane > 0) + 2;
     export_size(source, "EVAL_WORK_SIZE", most, "numbers of work that suffice for all but the gradient");
     export_constant(source, "AT_NET", scores);

@@ -68,8 +68,9 @@ typedef struct export_source {
                      golden vectors in the texts below */
     size_t functions; /* of a bundle */
     size_t work;      /* NAME_WORK_SIZE, in reals, enough for every function */
-    size_t stack; /* NAME_STACK_SIZE: bound on the sum of all frames of NAME.c in bytes, gcc and clang, -O0 to
-                     -O3 */
+    size_t stack; /* NAME_STACK_SIZE: bound on the frames of functions that call each other, in bytes, gcc and
+                     clang, -O0 to -O3 */
+    size_t calls; /* so many functions, or fewer, call each other; 0: `stack` bounds the sum of all frames */
     size_t depth; /* maps one after another; the stated tolerance is 20 eps depth condition */
     double condition; /* 1, or by how much the model multiplies rounding, told in `about` */
     text about; /* lines (without comment signs, any bytes) for the head of NAME.h: what it is, inputs, units,

@@ -214,16 +214,18 @@ static const char makefile[] =
     "test: NAME_test\n"
     "\t./NAME_test\n"
     "\n"
-    "# The sum of the frames of all functions, of those named scalars_<n>, which follow each other, the "
-    "largest\n"
-    "# alone, against NAME_STACK_SIZE.\n"
+    "# Frames against NAME_STACK_SIZE: the largest %CALLS% ones, as no more functions call each other (0: "
+    "all),\n"
+    "# and of those named scalars_<n>, which call nothing, the largest alone.\n"
     "stack: NAME_.c NAME_.h\n"
     "\t$(CC) $(CFLAGS) -fstack-usage -c NAME_.c -o NAME_stack.o\n"
-    "\tawk -F '\\t' '{ if ($$1 !~ /:scalars_[0-9]/) sum += $$2; else if ($$2 > most) most = $$2; "
+    "\tsort -t \"$$(printf '\\t')\" -k 2,2nr NAME_stack.su | awk -F '\\t' '"
+    "{ if ($$1 ~ /:scalars_[0-9]/) most = $$2 > most ? $$2 : most; "
+    "else if (%CALLS% == 0 || ++n <= %CALLS%) sum += $$2; "
     "if ($$3 !~ /^static|bounded/) open = 1 } END { sum += most; print \"stack:\", sum, "
     "\"bytes of "
     "at most "
-    "%STACK%\"; exit NR == 0 || open || sum > %STACK% }' NAME_stack.su\n"
+    "%STACK%\"; exit NR == 0 || open || sum > %STACK% }'\n"
     "\n"
     "size: NAME_.o NAME_weights.o\n"
     "\t$(SIZE) NAME_.o NAME_weights.o\n"
@@ -244,6 +246,9 @@ static void add_makefile(const export_source *source, text *to) {
             s += 4;
         } else if (strncmp(s, "%STACK%", 7) == 0) {
             lg_text_add(to, "%zu", source->stack);
+            s += 6;
+        } else if (strncmp(s, "%CALLS%", 7) == 0) {
+            lg_text_add(to, "%zu", source->calls);
             s += 6;
         } else {
             lg_text_add(to, "%c", *s);

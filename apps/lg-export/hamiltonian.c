@@ -329,8 +329,8 @@ static int check_scheme(const app *self, const lg_hamiltonian *model, const lg_s
         scheme_name(scheme));
 }
 
-/* Bytes of the frames of code/hamiltonian, gcc and clang, -O0 to -O3. */
-enum { STACK = 1024 };
+/* Bytes of the frames of code/hamiltonian, gcc and clang, -O0 to -O3, and how many there are. */
+enum { STACK = 1024, CALLS = 2 };
 
 /* The program's functions, and around them the ones of NAME.h. */
 static int add_code(const app *self, export_source *source, const lg_hamiltonian_file *trained,
@@ -352,6 +352,7 @@ static int add_code(const app *self, export_source *source, const lg_hamiltonian
     export_code(source, "hamiltonian");
     source->work += lg_hamiltonian_state_dim(model);
     source->stack += STACK;
+    source->calls += CALLS;
     return APP_EXIT_OK;
 }
 

@@ -337,6 +337,7 @@ static void take_texts(job *j) {
     lg_text_add(&source->weights, "%s", j->c->weights);
     source->work = j->c->work_size;
     source->stack = j->c->stack_size;
+    source->calls = j->c->stack_calls;
     source->depth = j->c->most_depth > 0 ? j->c->most_depth : 1;
     source->numbers = j->c->numbers;
     source->integers = j->c->integers;

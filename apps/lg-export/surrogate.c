@@ -15,7 +15,7 @@ enum { PLACES = 5, NUMBERS = 8, GOLDEN_STREAM = 0x676f6c64 };
 
 /* Functions of the program that the code needs, the fragment of the curve, reals of work that this one needs
  * beside theirs, and whether s is the first input. */
-enum { FUNCTIONS = 4, CURVE_STACK = 2048 };
+enum { FUNCTIONS = 4, CURVE_STACK = 2048, CURVE_CALLS = 6 };
 typedef struct surrogate_form {
     export_function functions[FUNCTIONS];
     size_t count;
@@ -83,6 +83,7 @@ static int add_code(const app *self, export_source *source, const lg_surrogate *
         if (i != 1 && least + form.functions[i].work > source->work)
             source->work = least + form.functions[i].work;
     source->stack += CURVE_STACK;
+    source->calls += CURVE_CALLS;
     return APP_EXIT_OK;
 }
 

@@ -249,9 +249,10 @@ typedef struct lg_c_source {
     size_t *function, *work, *depth; /* by function: its number, numbers of work memory, and operations one
                                         after another at most, a sum of n terms as log2 n + 1 */
     size_t work_size, most_depth;    /* the largest */
-    size_t stack_size;               /* bytes: bound on the sum of the frames of all functions, of those named
-                                        scalars_<n> the largest alone (gcc, clang, -O0 to -O3) */
-    size_t numbers, integers;        /* in the arrays */
+    size_t stack_size;        /* bytes: bound on the frames of functions that call each other (gcc, clang,
+                                        -O0 to -O3) */
+    size_t stack_calls;       /* so many functions, or fewer, call each other */
+    size_t numbers, integers; /* in the arrays */
 } lg_c_source;
 
 /* Errors: LG_INVALID_ARGUMENT (options, a name that C or the code has already), LG_NOT_FOUND (a function),

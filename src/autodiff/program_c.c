@@ -132,6 +132,10 @@ void lg_c_options_init(lg_c_options *options) {
     *options = (lg_c_options){.size = sizeof *options, .dtype = LG_F64, .mark_unfit = true};
 }
 
+/* Bytes of the frame of a function that calls, and of a function of a fragment, gcc and clang, -O0 to -O3: clang
+ * spills much of what it unrolls. */
+enum { CALLING_FRAME = 1024, FRAGMENT_FRAME = 1024 };
+
 typedef struct writing {
     lg_c c;
     const lg_c_options *options;
@@ -227,7 +231,8 @@ static void write_all(writing *w) {
     out->work_size = out->work_size > 0 ? out->work_size : 1;
     lg_text_add(&w->sizes, "#define %s_WORK_SIZE %zu /* the largest of them */\n", c->name, out->work_size);
     add_arrays(c, &w->arrays, &w->weights);
-    out->stack_size = c->stack + c->deepest;
+    out->stack_size = CALLING_FRAME * c->most_nesting + c->largest + FRAGMENT_FRAME * c->most_chain;
+    out->stack_calls = c->most_nesting + 1 + c->most_chain;
     out->numbers = c->weights;
     out->integers = c->indices;
     if (!lg_c_good(c) || unfit_or_failed(w)) return;

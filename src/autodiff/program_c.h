@@ -54,7 +54,9 @@ struct lg_c {
     size_t indices, index_capacity;
     lg_c_piece *table; /* of the indices */
     size_t tables, table_capacity;
-    size_t stack, deepest; /* bytes: sum of what is called, largest of the blocks of scalar code */
+    /* What bounds the stack: functions of plans that call each other, now and at most; functions of fragments that
+     * do, at most; bytes of the largest function of an operation, which calls fragments alone. */
+    size_t nesting, most_nesting, most_chain, largest;
     lg_c_frame *frame;
     const lg_tensor_step *step;
     size_t indices_at; /* $i */
@@ -77,8 +79,10 @@ void lg_c_add_line(lg_text *to, int depth, const char *line, size_t length);
 void lg_c_add_definition(lg_text *to, const char *text, const char *name);
 void lg_c_need(lg_c *c, const lg_c_fragment *fragment);
 /* A static function with this text (@ for its name), unless it stands there; its name. `title` begins it;
- * `stack`: bytes of its frame; blocks are counted once, for they follow each other. NULL on failure. */
-const char *lg_c_define(lg_c *c, const char *title, const char *text, size_t stack, bool block);
+ * NULL on failure. */
+const char *lg_c_define(lg_c *c, const char *title, const char *text);
+/* An operation's function takes so many bytes of stack. */
+void lg_c_largest(lg_c *c, size_t bytes);
 /* The ranges of the plan's constants that its steps read, into the table of weights. */
 void lg_c_collect_constants(lg_c *c, const lg_plan *plan);
 /* Where an element of the constants that steps read stands in the weights. */

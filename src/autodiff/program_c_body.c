@@ -6,9 +6,6 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Bytes of the frame of a function that calls, gcc and clang, -O0 to -O3. */
-enum { CALLING_FRAME = 512 };
-
 /* ---- steps ---- */
 
 static bool fits_int(lg_c *c, size_t count, const char *what) {
@@ -188,10 +185,9 @@ static void add_whole(lg_text *to, const lg_plan *plan, const char *storage, con
 
 /* Functions with a name of their own stand once; the text of others may be there. */
 static const char *define_whole(lg_c *c, const lg_plan *plan, const lg_text *text, const char *name) {
-    if (name == NULL) return lg_c_define(c, plan->name, text->data, CALLING_FRAME, false);
+    if (name == NULL) return lg_c_define(c, plan->name, text->data);
     lg_text_add(&c->code, "\n");
     lg_c_add_definition(&c->code, text->data, name);
-    c->stack += CALLING_FRAME;
     return name;
 }
 
@@ -200,6 +196,7 @@ static const char *write_body(lg_c *c, const lg_plan *plan, const char *storage,
     lg_c_frame frame = {.plan = plan, .body = {.context = c->context}};
     lg_text text = {.context = c->context}, head = {.context = c->context};
     c->frame = &frame;
+    if (++c->nesting > c->most_nesting) c->most_nesting = c->nesting;
     lg_c_collect_constants(c, plan);
     write_steps(c, plan);
     if (marks) add_marks(c, plan, true);
@@ -210,6 +207,7 @@ static const char *write_body(lg_c *c, const lg_plan *plan, const char *storage,
     name = lg_c_good(c) ? define_whole(c, plan, &text, name) : NULL;
     *work = frame.work;
     c->frame = NULL;
+    c->nesting--;
     lg_text_destroy(&text);
     lg_text_destroy(&head);
     lg_text_destroy(&frame.body);
@@ -226,7 +224,9 @@ void lg_c_write_shared(lg_c *c, const lg_plan *plan, const char *storage, const 
     lg_c_frame frame = {.plan = plan, .body = {.context = c->context}};
     lg_text text = {.context = c->context};
     const lg_text nothing = {.data = NULL};
+    c->nesting++; /* the function around the body */
     const char *body = write_body(c, plan, "static ", NULL, false, work);
+    c->nesting--;
     if (body == NULL) return;
     c->frame = &frame;
     lg_text_add(&frame.body, "    %s(", body);

@@ -392,6 +392,9 @@ static void add_loops(lg_text *to, uint32_t levels, const size_t *length) {
 }
 
 /* A function over all elements: over n of them, or where there are levels, over `length` of each. */
+/* Bytes: clang writes loops over short rows out. */
+enum { BROADCAST_FRAME = 4096 };
+
 static const char *define_elements(lg_c *c, const lg_op *op, const lg_attr *attr, uint32_t inputs,
                                    const element_ends *user, const size_t *length) {
     const ends to = {user, element_input, user->levels == 0 ? element_output_i : element_output};
@@ -407,11 +410,12 @@ static const char *define_elements(lg_c *c, const lg_op *op, const lg_attr *attr
         add_parameters(&text, op, attr, inputs, user->over);
         add_unused(&text, &g, op, attr, inputs, user->over);
         add_loops(&text, user->levels, length);
+        lg_c_largest(c, user->levels > 0 ? BROADCAST_FRAME : frame_of(&lines));
         lg_text_add(&text, "%s    }\n}\n", lines.data);
         if (text.failed || lines.failed)
             (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
         else
-            name = lg_c_define(c, op->name, text.data, frame_of(&lines), false);
+            name = lg_c_define(c, op->name, text.data);
     }
     close_graph(&g);
     lg_scalars_destroy(&s);
@@ -547,7 +551,8 @@ static void define_block(lg_c *c, const lg_text *lines) {
                 parameters.data != NULL ? parameters.data : "void", body);
     lg_c_need(c, &lg_c_noinline);
     const bool failed = text.failed || parameters.failed || arguments.failed || lines->failed;
-    const char *name = failed ? NULL : lg_c_define(c, "scalars", text.data, frame_of(lines), true);
+    const char *name = failed ? NULL : lg_c_define(c, "scalars", text.data);
+    lg_c_largest(c, frame_of(lines));
     if (failed) (void)lg_c_fail(c, LG_OUT_OF_MEMORY, "out of memory");
     if (name != NULL)
         lg_text_add(&c->frame->body, "    %s(%s);\n", name, arguments.data != NULL ? arguments.data : "");

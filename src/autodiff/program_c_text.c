@@ -6,10 +6,6 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Bytes of the frame of a function of a fragment, gcc and clang, -O0 to -O3: clang spills much of what it
- * unrolls. */
-enum { FRAGMENT_FRAME = 1024 };
-
 /* ---- failures ---- */
 
 bool lg_c_fail(lg_c *c, lg_status status, const char *format, ...) {
@@ -146,6 +142,21 @@ static void check_name(lg_c *c, const char *text) {
                             "'%s' cannot be the name: the code uses words that begin so", c->name);
 }
 
+static const char *text_of(const lg_c *c, const lg_c_fragment *fragment) {
+    if (fragment->text != NULL) return fragment->text;
+    return lg_c_text_of(fragment->file[c->dtype == LG_F32 ? 1 : 0]);
+}
+
+/* Functions that may call each other, down to the fragments that need none. */
+static size_t chain_of(const lg_c *c, const lg_c_fragment *fragment) {
+    size_t below = 0;
+    for (size_t i = 0; i < LG_C_NEEDS && fragment->needs[i] != NULL; i++) {
+        const size_t chain = chain_of(c, fragment->needs[i]);
+        if (chain > below) below = chain;
+    }
+    return functions_in(text_of(c, fragment)) + below;
+}
+
 void lg_c_need(lg_c *c, const lg_c_fragment *fragment) {
     if (c->status != LG_OK) return;
     for (size_t i = 0; i < c->fragments; i++)
@@ -153,10 +164,10 @@ void lg_c_need(lg_c *c, const lg_c_fragment *fragment) {
     for (size_t i = 0; i < LG_C_NEEDS && fragment->needs[i] != NULL; i++) lg_c_need(c, fragment->needs[i]);
     if (!ROOM(c, fragment, fragment_capacity, c->fragments + 1)) return;
     c->fragment[c->fragments++] = fragment;
-    const char *text = fragment->text;
-    if (text == NULL) text = lg_c_text_of(fragment->file[c->dtype == LG_F32 ? 1 : 0]);
+    const char *text = text_of(c, fragment);
+    const size_t chain = chain_of(c, fragment);
+    if (chain > c->most_chain) c->most_chain = chain;
     check_name(c, text);
-    c->stack += FRAGMENT_FRAME * functions_in(text);
     lg_text_add(&c->code, "\n");
     if (fragment->comment != NULL) lg_text_add(&c->code, "/* %s */\n", fragment->comment);
     if (fragment->text != NULL)
@@ -181,7 +192,11 @@ static uint64_t hash_of(const char *text) {
     return h;
 }
 
-const char *lg_c_define(lg_c *c, const char *title, const char *text, size_t stack, bool block) {
+void lg_c_largest(lg_c *c, size_t bytes) {
+    if (bytes > c->largest) c->largest = bytes;
+}
+
+const char *lg_c_define(lg_c *c, const char *title, const char *text) {
     if (!lg_c_good(c)) return NULL;
     const uint64_t hash = hash_of(text);
     for (size_t i = 0; i < c->functions; i++)
@@ -195,8 +210,6 @@ const char *lg_c_define(lg_c *c, const char *title, const char *text, size_t sta
         return NULL;
     }
     (void)snprintf(made->name, sizeof made->name, "%s_%zu", title, ++c->functions);
-    if (!block) c->stack += stack;
-    if (block && stack > c->deepest) c->deepest = stack;
     lg_text_add(&c->code, "\n");
     lg_c_add_definition(&c->code, text, made->name);
     return made->name;
