@@ -2,6 +2,7 @@
  * recorded into models of Hamiltonians. */
 #include "model_kinds.h"
 
+#include "datasets/run.h"
 #include "liegrad/ops.h"
 
 #define EACH_KIND(k) (const kind_row *k = kinds; k < kinds + LG_MODEL_KIND_COUNT; k++)
@@ -196,18 +197,10 @@ TEST("what is wrong in a Hamiltonian is refused by name") {
         {"@format_version", TEXT("two"), LG_FORMAT, "integer"},
         {"@format_version", WHOLE(2), LG_VERSION, ""},
         {"@format_version", WHOLE(0), LG_FORMAT, ""},
-        {"model@family", GONE, LG_FORMAT, "missing"},
-        {"model@family", TEXT("pendulum"), LG_FORMAT, "known name"},
-        {"model@links", GONE, LG_FORMAT, "missing"},
-        {"model@links", TEXT("two"), LG_FORMAT, "integer"},
         {"model@links", WHOLE(3), LG_FORMAT, "~layer1"}, /* fits lg_hamiltonian_init, but not the arrays */
         {"model@links", WHOLE(0), LG_FORMAT, ""},
-        {"model@links", WHOLE(-1), LG_FORMAT, ""},
         {"model@links", WHOLE(1 << 20), LG_FORMAT, ""},
         {"model@links", WHOLE(5000000000), LG_FORMAT, ""},
-        {"model@potential", TEXT("cubic"), LG_FORMAT, "known name"},
-        {"model@activation", TEXT("softsign"), LG_FORMAT, "known name"},
-        {"model@hidden", GONE, LG_FORMAT, "missing"},
         {"model@hidden", TEXT("4,,3"), LG_FORMAT, "separated by commas"},
         {"model@hidden", TEXT("4,-3"), LG_FORMAT, "separated by commas"},
         {"model@hidden", TEXT("4,3,"), LG_FORMAT, "separated by commas"},
@@ -215,15 +208,7 @@ TEST("what is wrong in a Hamiltonian is refused by name") {
         {"model@hidden", TEXT("4,99999999999"), LG_FORMAT, "at most 1048576"},
         {"model@hidden", TEXT("1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1"), LG_FORMAT, "at most 15"},
         {"model@hidden", TEXT("4,4"), LG_FORMAT, "~layer2"},
-        {"run@dtype", TEXT("f16"), LG_FORMAT, "known name"},
-        {"run@integrator", TEXT("magic"), LG_FORMAT, "known name"},
-        {"run@schedule", TEXT("sawtooth"), LG_FORMAT, "known name"},
         {"run@substeps", WHOLE(0), LG_FORMAT, ""},
-        {"run@seed", WHOLE(-1), LG_FORMAT, ""},
-        {"run@lr", TEXT("fast"), LG_FORMAT, "number"},
-        {"run@lr", REAL(NAN), LG_NOT_FINITE, "finite"},
-        {"run@dt", REAL(NAN), LG_NOT_FINITE, "finite"},
-        {"run@penalty", REAL(NAN), LG_NOT_FINITE, "finite"},
         {"@E1", REAL(NAN), LG_NOT_FINITE, "finite"},
     };
     refuse_damage(read_hamiltonian, fresh_hamiltonian, rows, LG_COUNT(rows));
@@ -240,31 +225,15 @@ TEST("what is wrong in a surrogate is refused by name") {
         {"trained", ARRAY(NAN, 3, 8), LG_NOT_FINITE, "(0, 0)"},
         {"train/history/rate", ARRAY(1, 3), LG_FORMAT, "epoch"},
         {"@kind", TEXT("hamiltonian"), LG_FORMAT, "surrogate"},
-        {"model@network", GONE, LG_FORMAT, "missing"},
-        {"model@network", TEXT("fuzzy"), LG_FORMAT, "known name"},
-        {"model@architecture", TEXT("unet"), LG_FORMAT, "known name"},
-        {"model@activation", TEXT("gelu"), LG_FORMAT, "known name"},
-        {"model@hidden", GONE, LG_FORMAT, "missing"},
         {"model@hidden", WHOLE(0), LG_FORMAT, "is out of range"},
         {"model@hidden", WHOLE(5), LG_FORMAT, "~shape"},
         {"model@hidden", WHOLE(1 << 20), LG_FORMAT, "~shape"},
-        {"model@mirror", TEXT("yes"), LG_FORMAT, "integer"},
-        {"model@mirror", WHOLE(2), LG_FORMAT, "0 nor 1"},
         {"model@boundary", WHOLE(1), LG_FORMAT, "~angle"},
         {"model@layers", WHOLE(99), LG_FORMAT, "is out of range"},
-        {"model@layers", WHOLE(-1), LG_FORMAT, ""},
         {"model@intervals", WHOLE(1), LG_FORMAT, ""},
         {"model@intervals", WHOLE(4000000000), LG_FORMAT, ""},
         {"model@embedding", WHOLE(7), LG_FORMAT, ""},
         {"model@length", WHOLE(0), LG_FORMAT, ""},
-        {"model@length", REAL(NAN), LG_NOT_FINITE, "finite"},
-        {"model@centre", WHOLE(-1), LG_FORMAT, ""},
-        {"run@values", TEXT("exact"), LG_FORMAT, "known name"},
-        {"run@schedule", TEXT("sawtooth"), LG_FORMAT, "known name"},
-        {"run@lr", TEXT("fast"), LG_FORMAT, "number"},
-        {"run@lr", REAL(NAN), LG_NOT_FINITE, "finite"},
-        {"run@gamma", WHOLE(-1), LG_FORMAT, ""},
-        {"run@gamma", REAL(NAN), LG_NOT_FINITE, "finite"},
         {"run@train_fraction", WHOLE(2), LG_FORMAT, ""},
         {"@train_mse", REAL(NAN), LG_NOT_FINITE, "finite"},
         {"@test_mse", REAL(NAN), LG_NOT_FINITE, "finite"},
@@ -308,34 +277,20 @@ TEST("what is wrong in a detector is refused by name") {
         {"@f1", REAL(NAN), LG_NOT_FINITE, ""},
         {"@test_mse", REAL(NAN), LG_NOT_FINITE, ""},
         {"model@blocks", GONE, LG_FORMAT, "missing"},
-        {"model@channels", GONE, LG_FORMAT, "missing"},
         {"model@channels", WHOLE(0), LG_FORMAT, ""},
         {"model@channels", WHOLE(3), LG_FORMAT, "~shape"},
         {"model@channels", WHOLE(1 << 20), LG_FORMAT, "~shape"},
         {"model@channels", WHOLE(1 << 21), LG_FORMAT, "~no network"},
-        {"model@length", GONE, LG_FORMAT, "missing"},
         {"model@length", WHOLE(0), LG_FORMAT, ""},
         {"model@length", WHOLE(90), LG_FORMAT, "~shape"},
         {"model@length", WHOLE(4000000000), LG_FORMAT, "~sizes"},
-        {"model@plane", GONE, LG_FORMAT, "missing"},
         {"model@plane", WHOLE(1 << 20), LG_FORMAT, "plane/weight"},
-        {"model@plane", WHOLE(-1), LG_FORMAT, ""},
-        {"model@centred", GONE, LG_FORMAT, "missing"},
-        {"model@centred", WHOLE(2), LG_FORMAT, "0 nor 1"},
-        {"model@classes", GONE, LG_FORMAT, "missing"},
         {"model@classes", WHOLE(1), LG_FORMAT, ""},
         {"model@classes", WHOLE(6), LG_FORMAT, "~shape"},
         {"model@classes", WHOLE(4000000000), LG_FORMAT, "~no network"},
         {"model@classes", WHOLE((int64_t)1 << 40), LG_FORMAT, ""},
-        {"model@loss", GONE, LG_FORMAT, "missing"},
-        {"model@loss", TEXT("hinge"), LG_FORMAT, "known name"},
         {"model@loss", TEXT("mse"), LG_FORMAT, "~2 classes"}, /* of five classes */
-        {"model@activation", TEXT("gelu"), LG_FORMAT, "known name"},
-        {"run@split", TEXT("by hand"), LG_FORMAT, "known name"},
-        {"run@lr", TEXT("fast"), LG_FORMAT, "number"},
         {"run@test_fraction", WHOLE(1), LG_FORMAT, "out of range"},
-        {"run@test_fraction", REAL(NAN), LG_NOT_FINITE, ""},
-        {"run@validation_fraction", WHOLE(-1), LG_FORMAT, "out of range"},
     };
     refuse_damage(read_detector, fresh_detector, rows, LG_COUNT(rows));
 }
@@ -773,42 +728,61 @@ TEST("a NaN in the saved state of the optimiser is found when the fit takes it")
 }
 
 TEST("a damaged checkpoint is refused, and no checkpoint is taken for a model or a model for one") {
-    static const damage of_hamiltonians[] = {{"run@batch", GONE, LG_FORMAT, "missing"},
-                                             {"run@lr", GONE, LG_FORMAT, "missing"},
-                                             {"run@data_sha256", GONE, LG_FORMAT, "missing"},
-                                             {"run@integrator", GONE, LG_FORMAT, "missing"},
-                                             {"run@dtype", GONE, LG_FORMAT, "missing"},
-                                             {"run@seed", GONE, LG_FORMAT, "missing"},
-                                             {"run@dt", GONE, LG_FORMAT, "missing"},
-                                             {"@format_version", WHOLE(7), LG_VERSION, "7"},
-                                             {"run@batch", TEXT("eighty"), LG_FORMAT, "integer"},
-                                             {"run@lr", REAL(NAN), LG_NOT_FINITE, "finite"}};
-    static const damage of_surrogates[] = {
-        {"run@gamma", GONE, LG_FORMAT, "missing"},       {"run@train_fraction", GONE, LG_FORMAT, "missing"},
-        {"run@curves", GONE, LG_FORMAT, "missing"},      {"run@batch", GONE, LG_FORMAT, "missing"},
-        {"run@data_sha256", GONE, LG_FORMAT, "missing"}, {"run@lr", GONE, LG_FORMAT, "missing"}};
-    static const damage of_detectors[] = {
-        {"run@split", GONE, LG_FORMAT, "missing"},   {"run@test_fraction", GONE, LG_FORMAT, "missing"},
-        {"run@windows", GONE, LG_FORMAT, "missing"}, {"run@hop", GONE, LG_FORMAT, "missing"},
-        {"run@batch", GONE, LG_FORMAT, "missing"},   {"run@data_sha256", GONE, LG_FORMAT, "missing"},
-        {"run@lr", GONE, LG_FORMAT, "missing"}};
-    static const struct {
-        const damage *rows;
-        size_t count, changes;
-    } of[LG_MODEL_KIND_COUNT] = {[LG_MODEL_HAMILTONIAN] = {of_hamiltonians, LG_COUNT(of_hamiltonians), 300},
-                                 [LG_MODEL_SURROGATE] = {of_surrogates, LG_COUNT(of_surrogates), 60},
-                                 [LG_MODEL_DETECTOR] = {of_detectors, LG_COUNT(of_detectors), 60}};
+    static const damage rows[] = {{"@format_version", WHOLE(7), LG_VERSION, "7"}};
     for
         EACH_KIND(k) {
-            const size_t n = number_of(k);
             fresh_kind = k;
             refuse_damaged_files(k->read_checkpoint, good_checkpoint(k), "");
-            survive_changed_bytes(k->read_checkpoint, good_checkpoint(k), of[n].changes);
-            refuse_damage(k->read_checkpoint, fresh_checkpoint, of[n].rows, of[n].count);
+            survive_changed_bytes(k->read_checkpoint, good_checkpoint(k),
+                                  number_of(k) == LG_MODEL_HAMILTONIAN ? 300 : 60);
+            refuse_damage(k->read_checkpoint, fresh_checkpoint, rows, LG_COUNT(rows));
             assert_refused(k->read_checkpoint, k->fresh(), LG_FORMAT, "kind", k->checkpoint);
             assert_refused(k->read, good_checkpoint(k), LG_FORMAT, "kind", k->name);
         }
     assert_refused(record_into, good_checkpoint(&kinds[LG_MODEL_HAMILTONIAN]), LG_FORMAT, "checkpoint", "");
+}
+
+/* ---- every row of the tables that describe a run ---- */
+
+static const damage wrong_values[LG_HYPER_SHOWN + 1][2] = {
+    [LG_HYPER_REAL] = {{NULL, TEXT("many"), LG_FORMAT, "number"}, {NULL, REAL(NAN), LG_NOT_FINITE, "finite"}},
+    [LG_HYPER_U64] = {{NULL, TEXT("many"), LG_FORMAT, "integer"}, {NULL, WHOLE(-1), LG_FORMAT, ""}},
+    [LG_HYPER_U32] = {{NULL, TEXT("many"), LG_FORMAT, "integer"}, {NULL, WHOLE(-1), LG_FORMAT, ""}},
+    [LG_HYPER_FLAG] = {{NULL, TEXT("yes"), LG_FORMAT, "integer"}, {NULL, WHOLE(2), LG_FORMAT, "0 nor 1"}},
+    [LG_HYPER_NAME] = {{NULL, TEXT("no such name"), LG_FORMAT, "known name"},
+                       {NULL, TEXT(""), LG_FORMAT, "known name"}}};
+
+/* `whole`: nothing may be missing but what files of earlier versions lack. */
+static void refuse_row(const lg_hyperparameter *r, bool whole, read_fn reader, fresh_fn fresh) {
+    char at[64];
+    (void)snprintf(at, sizeof at, "%s@%s", r->group, r->name);
+    const bool needed = !r->optional && (whole || strcmp(r->group, "model") == 0);
+    const damage gone = {at, GONE, LG_FORMAT, "missing"},
+                 below = {at, REAL(nextafter(r->low, -INFINITY)), LG_FORMAT, "out of range"};
+    if (needed) refuse_damage(reader, fresh, &gone, 1);
+    if (r->type == LG_HYPER_REAL) refuse_damage(reader, fresh, &below, 1);
+    for (size_t i = 0; i < 2 && wrong_values[r->type][i].word != NULL; i++) {
+        damage row = wrong_values[r->type][i];
+        row.at = at;
+        refuse_damage(reader, fresh, &row, 1);
+    }
+    if (needed) return;
+    const char *path = fresh();
+    (void)apply_change(path, at, &gone.change);
+    assert_ok(reader(NULL, path, NULL, NULL));
+}
+
+TEST("every hyperparameter of a model and of a checkpoint is refused by name when it is missing or wrong") {
+    for
+        EACH_KIND(k) {
+            const lg_hyperparameter *const tables[] = {k->run->facts, k->run->hyperparameters};
+            fresh_kind = k;
+            for (size_t t = 0; t < LG_COUNT(tables); t++)
+                for (const lg_hyperparameter *r = tables[t]; r->name != NULL; r++) {
+                    refuse_row(r, false, k->read, k->fresh);
+                    refuse_row(r, true, k->read_checkpoint, fresh_checkpoint);
+                }
+        }
 }
 
 /* The run of example `which`, changed, is refused with that word. */
