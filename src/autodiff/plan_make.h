@@ -1,6 +1,6 @@
 /* A plan under construction: what its files share. plan.c makes a plan. It asks plan_fates.c what becomes of
- * each node, and plan_steps.c for the steps. Steps stand in the order of plan_order.c and find their places in
- * plan_memory.c. */
+ * each node, and plan_steps.c for the steps. Steps stand in the order of plan_order.c and find their places
+ * in plan_memory.c. */
 #ifndef LG_PLAN_MAKE_H
 #define LG_PLAN_MAKE_H
 
