@@ -318,7 +318,7 @@ const lg_gradcheck_case *integrator_rows(size_t *count) {
         own = app_alloc(most, sizeof *own);
         for (size_t i = 0; i < lg_scheme_count(); i++) {
             const lg_scheme *scheme = lg_scheme_at(i);
-            if (scheme->kind == LG_SCHEME_VARIATIONAL) continue; /* has no taped form */
+            if (scheme->kind == LG_SCHEME_VARIATIONAL) continue; /* not on the tape */
             rows[used] = row_of_scheme(scheme, &own[used]);
             used++;
             rows[used] = row_of_step(scheme, &own[used]);

@@ -26,10 +26,10 @@
 
 LG_BEGIN_DECLS
 
-/* Makes the taped form of `ode` with these parameters, a variable of shape (parameter_count), on this tape;
- * LG_NONE when there are none. Called before each recorded step, on an empty tape but for the leaves. What it
- * points to must live until the next call. Its space has the dimension of the plain one; for splitting
- * schemes it may be R^2n in one factor or two. */
+/* Fills in `ode`, the form of the equation that the tape can record. `parameters` is a variable of shape
+ * (parameter_count) on this tape, or LG_NONE when there are none. Called before each recorded step, on a tape
+ * that is empty but for the leaves. What `ode` points to must live until the next call. Its space has the
+ * dimension of the plain one; for splitting schemes it may be R^2n in one factor or two. */
 typedef lg_status (*lg_adjoint_bind)(void *user, lg_tape *tape, lg_var parameters, lg_taped_ode *ode);
 
 /* The functional's derivative in the state after step n (0 is the start), at time t: adds dJ_n/dy to
@@ -62,10 +62,10 @@ LG_API void lg_adjoint_problem_init(lg_adjoint_problem *problem);
 
 /* y_end (dim): the state after step N; dy0 (dim): dJ/dy0 in the ambient space, unprojected; dparameters
  * (parameter_count). Any of them may be NULL, and what is not asked for is not computed. stats may be NULL.
- * The first step is compared with its taped form before the run. Errors, explained in `error` (may be NULL):
- * LG_INVALID_ARGUMENT (also: plain and taped form differ), LG_UNSUPPORTED (the scheme has no taped form),
- * LG_OUT_OF_MEMORY, LG_NOT_FINITE (a state, the gradient), LG_CANCELLED, those of the field, of bind and of
- * source. On failure nothing is written. */
+ * Before the run the first step is computed from `ode` and from the form that bind makes, and both are
+ * compared. Errors, explained in `error` (may be NULL): LG_INVALID_ARGUMENT (also: the two forms differ),
+ * LG_UNSUPPORTED (the scheme has no form that the tape can record), LG_OUT_OF_MEMORY, LG_NOT_FINITE (a state,
+ * the gradient), LG_CANCELLED, those of the field, of bind and of source. On failure nothing is written. */
 LG_API lg_status lg_adjoint_gradient(const lg_context *context, const lg_adjoint_problem *problem,
                                      const double *y0, double *y_end, double *dy0, double *dparameters,
                                      lg_adjoint_stats *stats, lg_error *error);

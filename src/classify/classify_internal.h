@@ -54,8 +54,8 @@ void lg_pca_reverse(const lg_pca *pca, const double *p, double *x);
 /* b_c + w_c.x: a number for two classes, else one a class. */
 void lg_logistic_scores(const lg_logistic *model, const double *x, double *score);
 
-/* Decisions of all pairs at x; kernel (vectors) receives K(x_v, x). Of a pair without vectors of one class: 1
- * for the other class, 0 without any. */
+/* Decisions of all pairs at x. kernel (vectors) receives K(x_v, x). For a pair in which one class has no
+ * vectors the decision is 1 for the other class; without any vectors it is 0. */
 void lg_svm_decisions(const lg_svm *svm, const double *x, double *decision, double *kernel);
 /* gradient (d) of decision number `pair`, with the kernel that the function above left. */
 void lg_svm_decision_gradient(const lg_svm *svm, const double *x, const double *kernel, size_t pair,

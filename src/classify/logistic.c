@@ -20,8 +20,9 @@
 #define TOLERANCE 1e-13
 /* Conjugate gradients of a step at most. */
 #define MAX_CG 2000
-/* A factor costs the time of about FACTOR_COST q (1 + q/(3 n))/rows products with the Hessian. So many are
- * spent before one is made, these among them before the first step: short tables have one at once. */
+/* A factor costs as much time as about FACTOR_COST q (1 + q/(3 n))/rows products with the Hessian. It is
+ * made after this many products have been spent. The products below are credited before the first step, so
+ * that short tables have a factor at once. */
 #define FACTOR_COST (1.0 / 16.0)
 #define START       8.0
 #define SMALL_Q     12

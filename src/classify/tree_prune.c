@@ -76,8 +76,8 @@ lg_status lg_tree_compact(const lg_context *context, const lg_tree *tree, const 
     return all ? LG_OK : LG_OUT_OF_MEMORY;
 }
 
-/* The child of fewer samples first: the one that waits is the larger, so that the samples at hand halve with
- * every node that waits, and 32 places are enough for any tree whose samples add up. */
+/* The child of fewer samples is taken first and the larger one waits. The number of samples at hand so
+ * halves with every node that waits, and 32 places are enough for any tree whose samples add up. */
 uint32_t lg_tree_depth(const lg_tree *tree) {
     struct {
         uint32_t node, depth;

@@ -26,9 +26,9 @@ int lg_cpu_describe(char *text, size_t size) {
                     openblas_get_corename(), threads, threads == 1 ? "" : "s");
 }
 
-/* OpenBLAS releases older than a processor take it for the newest they know, and run AVX2 kernels where
- * AVX-512 is there at twice the speed. The environment is read when the table of kernels is chosen: it is
- * chosen anew. */
+/* An OpenBLAS release older than the processor takes it for the newest one that it knows. It then runs AVX2
+ * kernels on a machine with AVX-512, at half the speed. OpenBLAS reads the environment when it chooses its
+ * table of kernels, so the choice is made again here. */
 static void fit_core_type(void) {
 #if defined(__x86_64__)
     static const char *const narrow[] = {"Haswell", "Zen", "Excavator", "Sandybridge", "Nehalem", "Prescott"};

@@ -127,9 +127,9 @@ static unsigned long code_point(const unsigned char *s, size_t *length) {
     return code;
 }
 
-/* Pairs that mean something in a comment (its end, another beginning, a trigraph) are kept apart by a blank;
- * a backslash never ends a line; control characters become blanks; what is not ASCII is written as a number.
- */
+/* Pairs that mean something in a comment (its end, another beginning, a trigraph) are separated by a blank.
+ * A backslash never ends a line. Control characters become blanks. Characters outside ASCII are written as
+ * numbers. */
 void lg_text_add_comment(lg_text *to, const char *value) {
     for (const unsigned char *s = (const unsigned char *)value; *s != '\0'; s++) {
         const char next = (char)s[1];

@@ -1,5 +1,5 @@
-/* Worker threads. Indices are handed out by an atomic counter; between runs workers first watch the round for
- * a moment, as the next run often comes within microseconds, then sleep. */
+/* Worker threads. An atomic counter hands out indices. Between runs a worker first polls for a new round, as
+ * the next run often comes within microseconds. Then it sleeps. */
 #include <pthread.h>
 #include <stdatomic.h>
 

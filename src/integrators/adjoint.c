@@ -14,12 +14,12 @@ typedef struct lg_adjoint {
     lg_error *error;
     lg_stepper *stepper;
     lg_tape *tape;
-    size_t dim, segments, longest; /* steps in the longest segment */
+    size_t dim, segments, longest; /* longest: steps in the longest segment */
     double *memory;
     double *checkpoint; /* (segments + 1, dim): the starts of the segments, the end */
     double *state;      /* (longest, dim): the starts of the steps of the segment at hand */
     double *after;      /* dJ/dy after the step at hand */
-    double *before;     /* and before it */
+    double *before;     /* dJ/dy before the step at hand */
     double *parameters; /* dJ/dparameters of the steps done, or NULL: not asked for */
 } lg_adjoint;
 
@@ -63,8 +63,8 @@ static lg_status advance(lg_adjoint *a, size_t n, const double *y, double *next)
     return status == LG_OK ? LG_OK : fail_at(a, status, n, lg_status_sentence(status));
 }
 
-/* The checkpoint at the end of segment s from the one at its start; the last segment's states are kept. The
- * stepper forgets what it knew of the segment before, so that computing the segment again gives the same
+/* Computes the checkpoint at the end of segment s from the one at its start, and keeps the states of the
+ * last segment. The stepper forgets the segment before, so that a segment computed again gives the same
  * bits. */
 static lg_status cross_segment(lg_adjoint *a, size_t s) {
     const size_t d = a->dim, begin = first_step(a, s), end = first_step(a, s + 1);
@@ -123,12 +123,13 @@ static lg_status record(lg_adjoint *a, size_t n, const double *y, lg_recorded *r
 static lg_status fail_recording(const lg_adjoint *a, lg_status status, size_t n) {
     const char *message = lg_tape_message(a->tape);
     if (message[0] == '\0')
-        message = status == LG_UNSUPPORTED ? "the scheme has no taped form here" : lg_status_sentence(status);
+        message = status == LG_UNSUPPORTED ? "the scheme has no form here that the tape can record"
+                                           : lg_status_sentence(status);
     return fail_at(a, status, n, message);
 }
 
-/* Both forms are made by the caller: parameters or formulas that differ would give the gradient of something
- * else. */
+/* The caller gives both forms of the equation. If their parameters or formulas differ, the gradient belongs
+ * to another problem. */
 static const double agreement = 1e-8;
 
 static double largest(size_t n, const double *x) {
@@ -137,7 +138,7 @@ static double largest(size_t n, const double *x) {
     return most;
 }
 
-/* The first step in both forms, before a long run that could not be differentiated. */
+/* Compares the first step of both forms before the run, so that a long run is not wasted. */
 static lg_status compare_forms(lg_adjoint *a, const double *y0) {
     const size_t d = a->dim;
     lg_recorded r;
@@ -151,8 +152,8 @@ static lg_status compare_forms(lg_adjoint *a, const double *y0) {
         if (difference <= agreement * scale) continue;
         return lg_fail(
             a->error, LG_INVALID_ARGUMENT,
-            "after the first step number %zu of the state is %.17g in the taped form and %.17g in the "
-            "plain one",
+            "after the first step number %zu of the state is %.17g in the form that the tape records "
+            "and %.17g in the plain one",
             i, a->before[i], a->after[i]);
     }
     return LG_OK;
@@ -169,7 +170,7 @@ static lg_status add_source(lg_adjoint *a, size_t n, const double *y, double *gr
                            : lg_fail(a->error, status, "source %zu: %s", n, lg_status_sentence(status));
 }
 
-/* From dJ/dy after step n, which starts at y, to that before it. */
+/* Takes dJ/dy from after step n, which starts at y, to before it. */
 static lg_status reverse_step(lg_adjoint *a, size_t n, const double *y) {
     lg_recorded r;
     if (lg_cancelled(a->context)) return fail_at(a, LG_CANCELLED, n, "cancelled");

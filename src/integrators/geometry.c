@@ -57,8 +57,8 @@ void lg_so3_exp(const double u[3], double R[9]) {
     lg_so3_exp_multiply(u, identity, R);
 }
 
-/* The rows of 4 q q^T, q = (scalar, vector) the unit quaternion, are linear in R; the one with the largest
- * diagonal entry has at least length 2 and loses nothing. */
+/* The rows of 4 q q^T are linear in R, where q = (scalar, vector) is the unit quaternion. The row with the
+ * largest diagonal entry has length at least 2, so normalising it loses no digits. */
 void lg_so3_log(const double R[9], double u[3]) {
     const double wx = R[7] - R[5], wy = R[2] - R[6], wz = R[3] - R[1];
     const double xy = R[1] + R[3], xz = R[2] + R[6], yz = R[5] + R[7];
@@ -230,8 +230,8 @@ static coefficients dexpinv_coefficients(const double a[6]) {
     return (coefficients){-0.5, 0.0, lg_dexpinv_coef(w, 0), 2.0 * lg_dexpinv_coef(w, 1)};
 }
 
-/* phi(ad_a) b. With x = ad_a b and xx = ad_a ad_a b this is b + g1 x + g2 xx, and rho times the derivatives
- * of the coefficients, with the rotational parts of x and xx, on the translational part. */
+/* phi(ad_a) b. Let x = ad_a b and xx = ad_a ad_a b. The result is b + g1 x + g2 xx. The translational part
+ * has one more term: rho times the derivatives of g1 and g2, with the rotational parts of x and xx. */
 static void se3_function(coefficients k, const double a[6], const double b[6], double out[6]) {
     double x[6], xx[6];
     se3_cross(a, b, x);

@@ -1,10 +1,10 @@
 /* One implicit stage by Newton's method, and the implicit schemes on R^n.
  *
- * The unknown is z = h f(t + theta h, stage(z)). The Jacobian of the residual is taken by differences and
- * kept as long as the corrections shrink tenfold; steps are damped by the natural monotonicity test
- * (Deuflhard, Newton methods for nonlinear problems, 3.3). Where that fails, h is reached in parts, each from
- * the solution before. Nothing is kept from one step of the integration to the next, so that a step depends
- * on its arguments only.
+ * The unknown is z = h f(t + theta h, stage(z)). The Jacobian of the residual is computed by differences. It
+ * is kept as long as the corrections shrink tenfold. Steps are damped by the natural monotonicity test
+ * (Deuflhard, Newton methods for nonlinear problems, 3.3). When that fails, h is reached in parts, each of
+ * which starts from the solution of the part before. Nothing is kept from one step of the integration to the
+ * next, so a step depends on its arguments only.
  */
 #include <float.h>
 #include <math.h>
@@ -99,8 +99,8 @@ static lg_status linearise(const lg_equation *e) {
     return factorise(m, w->jacobian, w->pivot) ? LG_OK : LG_NO_CONVERGENCE;
 }
 
-/* Tries z - lambda step, lambda = 1, 1/2, ...; LG_OK: it is in `trial`, its residual known, its correction in
- * `next`. LG_NO_CONVERGENCE: no lambda shrinks the correction. */
+/* Tries z - lambda step for lambda = 1, 1/2, ... On LG_OK the point is in `trial`, its residual is known and
+ * its correction is in `next`. LG_NO_CONVERGENCE: no lambda shrinks the correction. */
 static lg_status damped(const lg_equation *e, double size, double *next_size, double *lambda) {
     lg_newton *w = &e->s->newton;
     const size_t m = e->s->ode.space.algebra_dim;
@@ -124,8 +124,9 @@ static void subtract(size_t n, double *x, const double *y) {
 
 #define ROUNDING (0.05 * DBL_EPSILON)
 
-/* Corrections with one Jacobian from `newton.step` on, as long as they shrink tenfold. *done: newton.z is the
- * solution; otherwise the Jacobian is due, and newton.residual is known at newton.z. */
+/* Repeats corrections with one Jacobian, beginning with `newton.step`, as long as they shrink tenfold.
+ * *done: newton.z is the solution. Otherwise a new Jacobian is needed, and newton.residual is known at
+ * newton.z. */
 static lg_status chords(const lg_equation *e, bool *done) {
     lg_newton *w = &e->s->newton;
     const size_t m = e->s->ode.space.algebra_dim;
@@ -163,7 +164,8 @@ static lg_status iterate(const lg_equation *e) {
     return done ? LG_OK : LG_NO_CONVERGENCE;
 }
 
-/* Reaches h in `parts` equal parts: z is about proportional to h. One part starts from h f(t, y). */
+/* Reaches h in `parts` equal parts, since z is about proportional to h. A single part starts from h f(t, y).
+ */
 static lg_status in_parts(lg_equation e, double t, double theta, double h, int parts) {
     lg_newton *w = &e.s->newton;
     const size_t m = e.s->ode.space.algebra_dim;

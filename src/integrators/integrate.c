@@ -70,7 +70,7 @@ lg_step_decision lg_step_controller_decide(const lg_step_controller *control, do
     const bool accept = error <= 1.0 && !turned;
     double factor = control->factor_min; /* also for an error that is not a number */
     if (error <= DBL_MAX) factor = control->safety * pow(dmax(error, DBL_MIN), -exponent);
-    /* The angle is nearly proportional to the step: do not ask for one that will be refused. */
+    /* The angle is nearly proportional to the step. This limit avoids a step that would be refused. */
     if (history->angle > 0.0) factor = dmin(factor, control->safety * control->max_angle / history->angle);
     if (turned) factor = dmin(factor, 0.5);
     if (isnan(history->angle)) factor = control->factor_min;
@@ -123,9 +123,9 @@ static lg_status curvature(const lg_run *run, double h, const double *f, double 
     return LG_OK;
 }
 
-/* Hairer, Norsett and Wanner, Solving ordinary differential equations I, II.4: a step for which an Euler
- * step's terms of first and second order are a hundredth of the tolerance to the power of the order, and no
- * rotation beyond half of the largest. */
+/* Hairer, Norsett and Wanner, Solving ordinary differential equations I, II.4. The first step is so small
+ * that the first- and second-order terms of an Euler step are a hundredth of the tolerance, to the power
+ * 1/order, and that no rotation exceeds half of the largest angle. */
 static lg_status first_step(lg_run *run) {
     lg_stepper *s = run->stepper;
     const size_t n = s->ode.space.dim;

@@ -291,7 +291,7 @@ static const char *variational_fault(const lg_scheme *s) {
     return NULL;
 }
 
-/* What a kind does not have is not asked for. */
+/* Only what the kind has is checked. */
 static const char *kind_fault(const lg_scheme *s) {
     const bool rkmk = s->kind == LG_SCHEME_RKMK;
     if (s->embedded_order > 0 && !rkmk && s->kind != LG_SCHEME_COMMUTATOR_FREE)

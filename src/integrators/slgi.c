@@ -56,7 +56,8 @@ static void end(const lg_stepper *s, const double *y, const double *z, double *o
     translate(s, 1.0, 1.0, y, z, out);
 }
 
-/* xi is an angle; n is measured by the momentum; the rest component by component. */
+/* The scale of xi is 1, as xi is an angle. The scale of n is the momentum. Components in R^2m have their own
+ * scales. */
 static void set_scale(lg_stepper *s, const double *y) {
     double *scale = s->newton.scale;
     const double momentum = sqrt(lg_dot3(y + 9, y + 9));

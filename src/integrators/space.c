@@ -12,12 +12,12 @@
 #include "liegrad/adjoint.h"
 #include "liegrad/geometry.h"
 
-/* The groups keep |q| = 1 and R^T R = I exactly, rounding does not: the rounding error of a coefficient is
- * the same in every step with the same |u|, and the drift grows with the number of steps. An action here ends
- * with one Newton correction of the constraint for points that are off by less than LG_LIE_ROUNDING, nothing
- * in exact arithmetic; points farther away are starts that somebody meant, and keep their distance. Dual
- * spaces have no constraint, but invariants whose values only the start knows: there the rotation itself is
- * made exact. */
+/* In exact arithmetic the groups keep |q| = 1 and R^T R = I. Rounding does not: the rounding error of a
+ * coefficient is the same in every step with the same |u|, so the drift grows with the number of steps.
+ * Therefore every action ends with one Newton correction of the constraint. It applies to points whose
+ * constraint is off by less than LG_LIE_ROUNDING. Points farther away are taken as intended and keep their
+ * distance. Dual spaces have no constraint, but they have invariants whose values follow from the start.
+ * There the rotation itself is made exact. */
 
 /* The larger one, NaN when either is. */
 static double worse(double a, double b) {
@@ -259,9 +259,10 @@ static void se3_gradient(size_t count, const double *y, double *g) {
 /* ---- dual spaces ---- */
 
 /* exp(hat(u)) by a quaternion q = (scalar, v): x + k (scalar v x x + v x (v x x)) is a rotation for any q
- * when k = 2/|q|^2. k has twice the precision and a sum is rounded once, so that |x| has no error that
- * repeats from step to step: it drifts like a random walk. q is not of unit length: at k = 2 the sums lie
- * half-way between two numbers too often, where what k is off by decides for the same side every time. */
+ * when k = 2/|q|^2. k has twice the precision, and each sum is rounded once. The error of |x| then does not
+ * repeat from step to step: it drifts like a random walk. q is deliberately not of unit length. With k = 2
+ * too many sums would lie half-way between two numbers, and the error of k would round them to the same side
+ * every time. */
 typedef struct rotor {
     double scalar, v[3], k, k_low;
 } rotor;

@@ -47,8 +47,8 @@ static void rkmk_exponent(lg_stepper *s, double h, const double *coefficient, in
     }
 }
 
-/* Stage i >= 1 at `point`. With `fsal` the last stage's point is y1 and its f stays in memo[1] for the next
- * step. */
+/* Stage i >= 1 at `point`. With `fsal` the point of the last stage is y1. Its f stays in memo[1] for the
+ * next step. */
 static lg_status rkmk_stage(lg_stepper *s, int i, double t, double h, const double *point,
                             const double *input) {
     const lg_scheme *scheme = s->scheme;
@@ -86,8 +86,8 @@ void lg_dense_rkmk(const lg_stepper *s, const double *weight, double *y) {
 
 /* ---- commutator-free ---- */
 
-/* out = the point of the row, out not y nor one of `points`; returns out, or the base where there is no
- * exponential. */
+/* Writes the point of the row to `out`, which is neither y nor one of `points`. Returns out, or the base
+ * when the row has no exponential. */
 static const double *cf_point(lg_stepper *s, const lg_cf_row *row, double h, const double *y,
                               const double *const *points, double *out) {
     const double *from = row->base == LG_CF_START ? y : points[row->base];

@@ -1,5 +1,5 @@
-/* RKMK with exact dexpinv on copies of T*S^2: one kernel a stage, and what only kernels read, k_i and sigma, is
- * packed. */
+/* RKMK with exact dexpinv on copies of T*S^2. Each stage is one kernel. k_i and sigma are read by kernels
+ * alone, so they are packed. */
 #include "integrators/stepper.h"
 
 #include <math.h>
@@ -12,7 +12,8 @@ bool lg_packed_fits(const lg_scheme *scheme, const lg_space *space) {
            space->factor[0].kind == LG_SPACE_TS2;
 }
 
-/* A stage from the k_j of j < stages, of which the last is still to be made when there is an f. */
+/* The exponent and point of a stage from the k_j, j < stages. With an f, the last k_j is computed from it
+ * first. */
 typedef struct packed_sum {
     const double *k[LG_SCHEME_MAX_STAGES];
     double c[LG_SCHEME_MAX_STAGES];

@@ -7,8 +7,8 @@
 
 /* ---- memory ---- */
 
-/* Forms of a step, the first one of a kind that fits the scheme and the space is taken, and what they ask of the
- * space and the functions. */
+/* The forms of a step, and what each needs of the space and the functions. The first form of the scheme's
+ * kind that fits the scheme and the space is used. */
 struct lg_step_form {
     lg_scheme_kind kind;
     bool (*fits)(const lg_scheme *scheme, const lg_space *space); /* NULL: always */

@@ -25,8 +25,8 @@ typedef struct lg_newton {
     size_t *pivot;       /* m */
 } lg_newton;
 
-/* Elements of the algebra are rows of whole blocks (LG_K_STAGE_BLOCK), aligned; what lies behind algebra_dim
- * numbers is 0. */
+/* An element of the algebra is a row of whole blocks (LG_K_STAGE_BLOCK), aligned. The entries beyond
+ * algebra_dim are 0. */
 typedef struct lg_step_form lg_step_form;
 
 struct lg_stepper {
@@ -64,7 +64,8 @@ lg_status lg_stepper_evaluate(lg_stepper *s, double t, const double *y, const do
 /* Takes the angle of an exponent into account. */
 void lg_stepper_turn(lg_stepper *s, const double *a);
 
-/* Whether the memo is of this time, up to rounding, and of this y of n numbers; to make it so. */
+/* Says whether the memo holds this time, up to rounding, and this y of n numbers. The second function sets
+ * both. */
 bool lg_memo_holds(const lg_memo *memo, size_t n, double t, double h, const double *y);
 void lg_memo_keep(lg_memo *memo, size_t n, double t, const double *y);
 
@@ -83,8 +84,8 @@ lg_status lg_step_packed(lg_stepper *s, double t, double h, const double *y, con
 void lg_dense_rkmk(const lg_stepper *s, const double *weight, double *y);
 void lg_dense_packed(const lg_stepper *s, const double *weight, double *y);
 
-/* Solves z = h f(t + theta h, stage(z)) into s->newton.z; `stage` writes the point of z. newton.scale is set.
- * Errors: LG_NO_CONVERGENCE, LG_NOT_FINITE (the field at y is not finite), the field's. */
+/* Solves z = h f(t + theta h, stage(z)) into s->newton.z. `stage` writes the point of z. The caller sets
+ * newton.scale. Errors: LG_NO_CONVERGENCE, LG_NOT_FINITE (the field at y is not finite), the field's. */
 typedef void (*lg_stage_map)(const lg_stepper *s, const double *y, const double *z, double *point);
 lg_status lg_newton_solve(lg_stepper *s, double t, double h, const double *y, const double *input,
                           lg_stage_map stage);

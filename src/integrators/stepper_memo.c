@@ -1,4 +1,4 @@
-/* What steps of all kinds stand on: evaluations and what is kept of them, angles. */
+/* Shared by steps of all kinds: evaluations of the field, the memo of their values, and angles. */
 #include "integrators/stepper.h"
 
 #include <float.h>
@@ -61,7 +61,7 @@ void lg_stepper_turn(lg_stepper *s, const double *a) {
     if (angle > s->angle || isnan(angle)) s->angle = angle;
 }
 
-/* 0 x is 0 or, where x is not finite, NaN; eight sums, so that they need not wait for each other. */
+/* 0 x is 0, or NaN where x is not finite. Eight independent sums shorten the chain of additions. */
 bool lg_all_finite(size_t n, const double *x) {
     double zero[8] = {0.0}, sum = 0.0;
     size_t i = 0;

@@ -32,8 +32,8 @@ static void by_rows(const run *r, lg_parts *x) {
     for (size_t p = 0; p < r->parts; p++) x->part[p] = lg_taped_by_rows(r->tape, &r->over, x->part[p]);
 }
 
-/* h sum_j weight_j k_j over the stages with a weight, but for the rows of the step; false when all weights
- * are zero. */
+/* h sum_j weight_j k_j over the stages with a nonzero weight, without the factor of the rows of the step.
+ * False when all weights are zero. */
 static bool combine(const run *r, const double *weight, const lg_parts *k, int stages, lg_parts *out) {
     int used[LG_SCHEME_MAX_STAGES], n = 0;
     double c[LG_SCHEME_MAX_STAGES];

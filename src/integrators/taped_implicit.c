@@ -1,13 +1,14 @@
 /* Implicit steps on the tape. The unknown is x = h f(t + theta h, Y(x)), an element of the algebra for each
- * row of the batch; Y is the stage that belongs to it, and the step ends at a function of y and x.
+ * row of the batch. Y is the stage that belongs to x, and the end of the step is a function of y and x.
  *
- * Newton's method finds x* with numbers, everything it records is rewound. What stays is, with the constant
- * matrix K = (dr/dx)^-1 at x*, r(x) = x - h f(t + theta h, Y(x)):
+ * Newton's method finds x* in plain numbers, and all that it records is rewound. With the residual r(x) = x
+ * - h f(t + theta h, Y(x)) and the constant matrix K = (dr/dx)^-1 at x*, the tape keeps
  *
  *   x1 = x* - K r(x*),   x2 = x1 - K r(x1).
  *
- * Let x(p) be the solution for the parameters p, x(p0) = x*. As I - K dr/dx vanishes at (x*, p0), x1 - x(p)
- * is of second order in p - p0, and x2 - x(p) of third: derivatives of x2 are exact to the second. */
+ * Let x(p) be the solution for the parameters p, with x(p0) = x*. As I - K dr/dx vanishes at (x*, p0), the
+ * error x1 - x(p) is of second order in p - p0 and x2 - x(p) is of third order. So the first and second
+ * derivatives of x2 are exact. */
 #include "integrators/taped_internal.h"
 
 #include <float.h>
@@ -184,9 +185,9 @@ static bool improve(const problem *s, newton *w, double *moved, double *size) {
     return true;
 }
 
-/* Newton's method from x until its change is rounding: as small as that of x, or no longer falling. `state`
- * is the size of y. Errors: LG_NO_CONVERGENCE and LG_NOT_FINITE (at the first x), not on the tape; the
- * field's. */
+/* Newton's method from x. It ends when its change is rounding: the change is as small as the rounding of x,
+ * or it no longer falls. `state` is the size of y. Errors: LG_NO_CONVERGENCE and LG_NOT_FINITE (at the first
+ * x), which do not go to the tape, and those of the field. */
 static lg_status iterate(const problem *s, newton *w, double state) {
     enum { LONGEST = 30 };
     const double eps = lg_tape_dtype(s->tape) == LG_F64 ? DBL_EPSILON : FLT_EPSILON;
@@ -207,8 +208,8 @@ static bool failed(lg_status status) {
     return status == LG_NO_CONVERGENCE || status == LG_NOT_FINITE;
 }
 
-/* x* for the step h, which is reached in parts where it cannot be at once: x is about proportional to h.
- */
+/* x* for the step h. When one solution for h is not found, h is reached in parts: x is about proportional to
+ * h. */
 static lg_status solve(const problem *s, newton *w, double state) {
     enum { PARTS_MAX = 64 };
     const size_t count = (size_t)s->batch * s->n;

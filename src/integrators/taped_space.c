@@ -124,8 +124,8 @@ static lg_var polar_step(lg_tape *tape, lg_var X, lg_var *change) {
 }
 
 /* The orthogonal polar factor of X (B, k, 9), see lg_so3_project. The error after a step is half the square
- * of the one before: three steps after a change of 1e-4 leave rounding, and exact derivatives of the orders
- * below 8. */
+ * of the error before. After a change of 1e-4 three steps leave rounding only, and derivatives below order 8
+ * are exact. */
 static lg_var polar(lg_tape *tape, lg_var X) {
     enum { LONGEST = 100 };
     const lg_shape shape = lg_var_shape(tape, X);

@@ -72,8 +72,8 @@ static const void *windows_of(const lg_kernels *k, const lg_k_windows *w, const 
 
 /* ---- convolution ---- */
 
-/* The bias stands so many times in scratch, so that rows pass through the activation in long rows, without
- * remainders in vectors. */
+/* The bias is repeated in scratch, so that several rows pass through the activation as one long row without
+ * remainders of vectors. */
 enum { TOGETHER = 16 };
 
 /* What is averaged of a piece. */

@@ -70,13 +70,15 @@ typedef enum lg_k_lie {
 #define LG_K_ACT_ORDERS 8 /* highest derivative of an activation */
 #define LG_LEAKY_SLOPE  0.01
 
-/* A point this close to its manifold was taken from it by rounding: a step's error, many times over. */
+/* A point this close to its manifold is taken as off by rounding alone. The limit is many times the error of
+ * a step. */
 #define LG_LIE_ROUNDING 1e-13
 
-/* A stage of Runge-Kutta-Munthe-Kaas on copies of T*S^2. First, unless f is NULL, k_new = dexp_sigma^-1(f), f
- * the field's value at the stage before, sigma its exponent; then sigma = sum_j c_j k_j + c_new k_new and out
- * = exp(sigma) . y. f and out are plain; the others are packed: told apart in blocks that only the table's
- * own functions read. All arrays have room for, and are aligned to, whole blocks of LG_SE3_BLOCK copies. */
+/* A stage of Runge-Kutta-Munthe-Kaas on copies of T*S^2. First, unless f is NULL, k_new = dexp_sigma^-1(f),
+ * where f is the field's value at the stage before and sigma its exponent. Then sigma = sum_j c_j k_j +
+ * c_new k_new and out = exp(sigma) . y. f and out are plain. The others are packed: blocks in a layout that
+ * only the functions of this table read. All arrays are aligned to whole blocks of LG_SE3_BLOCK copies and
+ * have room for them. */
 typedef struct lg_se3_stage {
     size_t count;
     const double *c, *const *k, *y, *f;
@@ -252,10 +254,10 @@ typedef struct lg_kernels {
     /* Scalar code on registers of the table's type. */
     void (*scalars)(size_t groups, const lg_scalar_group *group, const uint32_t *operands, void *registers);
 
-    /* Of integrators, in double in both tables, the same bits on every set. stage_sum: out = sum_{j < n} c_j
-     * k_j, 1
-     * <= n <= LG_K_STAGES, rows aligned to LG_ALIGNMENT, m a multiple of LG_K_STAGE_BLOCK. error_norm: root
-     * mean square of error_i / (atol + rtol max(|y_i|, |y_next_i|)), 0/0 counts as 0. */
+    /* Of integrators, in double in both tables, the same bits on every set.
+     * stage_sum: out = sum_{j < n} c_j k_j, 1 <= n <= LG_K_STAGES, rows aligned to LG_ALIGNMENT, m a
+     * multiple of LG_K_STAGE_BLOCK.
+     * error_norm: root mean square of error_i / (atol + rtol max(|y_i|, |y_next_i|)), 0/0 counts as 0. */
     void (*stage_sum)(size_t m, int n, const double *c, const double *const *k, double *out);
     double (*error_norm)(size_t dim, double rtol, double atol, const double *error, const double *y,
                          const double *y_next);

@@ -6,13 +6,19 @@
 
 /* ---- Stumpff functions ----
  *
- * c_k^(d)(w) = (-1)^d sum_i (-w)^i ((i+d)!/i!) / (k + 2(i+d))!.
+ *   c_k^(d)(w) = (-1)^d sum_i (-w)^i ((i+d)!/i!) / (k + 2(i+d))!.
  *
- * |w| <= 16: this series. Next to the zeros of c_0, c_1 and c_0' = -c_1/2 (the others have none there) they
- * are taken from cos and sin of x = sqrt(w), with the rounding error of x carried along: relative accuracy is
- * kept. |w| > 16: c_0, c_1, c_2 = 2 sin(x/2)^2/w in closed form, then c_{k+2} = (1/k! - c_k)/w,   c_0' =
- * -c_1/2,   2w c_k^(d+1) = c_{k-1}^(d) - (k + 2d) c_k^(d) (from d/dx (x^k c_k) = x^(k-1) c_{k-1}), except
- * where the series hardly cancels: then these recursions would. */
+ * |w| <= 16: this series. c_0, c_1 and c_0' = -c_1/2 have zeros there, the other functions have none. Next
+ * to these zeros the functions are computed from cos and sin of x = sqrt(w), and the rounding error of x is
+ * carried along. This keeps the relative accuracy.
+ *
+ * |w| > 16: c_0, c_1 and c_2 = 2 sin(x/2)^2/w in closed form, then
+ *
+ *   c_{k+2} = (1/k! - c_k)/w,   c_0' = -c_1/2,   2w c_k^(d+1) = c_{k-1}^(d) - (k + 2d) c_k^(d).
+ *
+ * The last one follows from d/dx (x^k c_k) = x^(k-1) c_{k-1}. Where the series hardly cancels, it is used
+ * here too, because these recursions would lose digits.
+ */
 
 enum {
     SHORT_TERMS = 10,

@@ -53,9 +53,9 @@ static inline void tensions(const lg_chain *chain, const double *y, double *rest
     if (middle > below) z[0] = z[0] - l[0] * up;
 }
 
-/* The acceleration q_i'' of a link; `force` is lambda_i q_i - lambda_{i+1} q_{i+1}; `above` the acceleration
- * of the mass above it on the way in, of its own on the way out, both without gravity, which only the first
- * link feels. */
+/* The acceleration q_i'' of a link. `force` is lambda_i q_i - lambda_{i+1} q_{i+1}. `above` enters as the
+ * acceleration of the mass above and leaves as that of the link's own mass. Both are without gravity, which
+ * only the first link feels. */
 static inline void accelerate(const lg_chain *chain, size_t i, const double force[3], double above[3],
                               double out[3]) {
     for (int c = 0; c < 3; c++) {

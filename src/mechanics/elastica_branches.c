@@ -94,8 +94,8 @@ static bool is_known(const branch_list *list, const double *theta) {
     return false;
 }
 
-/* Mirror images have one energy but for rounding: of two such the one with the larger first inner angle is
- * first. */
+/* Mirror images have the same energy up to rounding. Of such a pair the one with the larger first inner
+ * angle comes first. */
 static bool goes_before(const lg_beam_branch *a, const double *theta_a, const lg_beam_branch *b,
                         const double *theta_b) {
     if (fabs(a->energy - b->energy) > 1e-11 * fmax(fabs(a->energy), fabs(b->energy)))
@@ -141,8 +141,8 @@ static void take(branch_list *list, const lg_beam *beam, lg_beam_work *w, uint32
     take_image(list, beam, w, branch);
 }
 
-/* Stationary points of the discrete problem with a kink, two neighbouring nodes more than a right angle
- * apart, are artefacts of the grid. */
+/* A stationary point whose neighbouring nodes differ by more than a right angle has a kink. It is an
+ * artefact of the grid. */
 static bool is_kinked(const lg_beam *beam, const double *theta) {
     for (size_t k = 0; k < beam->n; k++)
         if (!(fabs(theta[k + 1] - theta[k]) < 0.5 * LG_PI)) return true;
@@ -200,7 +200,7 @@ static lg_status search_between(const lg_beam *beam, lg_beam_work *w, branch_lis
 
 static lg_status search(const lg_beam *beam, lg_beam_work *w, bool saddles, bool quick, branch_list *list) {
     const size_t starts = quick ? 2 * LG_COUNT(regular) : STARTS;
-    if (!quick) { /* a branch about to end has few starts that lead to it, but a path */
+    if (!quick) { /* a branch near its end is reached from few starts, but along a path */
         lg_beam_end end;
         LG_TRY(lg_beam_follow(beam, w, PATH_STEP, &end));
         if (end == LG_BEAM_MINIMUM) take(list, beam, w, w->iterations);

@@ -1,15 +1,16 @@
 /* The continuous problem, theta'' = lx sin theta - ly cos theta, by Chebyshev collocation on panels.
  *
- * Unknown on a panel of length l that begins at s_0: theta and theta' there and w = theta'' at the extreme
- * points t_i of a Chebyshev polynomial, t in [0, 1]; angles are integrals of the interpolant of w,
+ * A panel has length l and begins at s_0. Its unknowns are theta and theta' at s_0, and w = theta'' at the
+ * extreme points t_i of a Chebyshev polynomial, t in [0, 1]. Angles are integrals of the interpolant of w,
  *
- *   theta_i = theta_0 + l t_i theta'_0 + l^2 sum_k B_ik w_k,   w_i = f(theta_i),
+ *   theta_i = theta_0 + l t_i theta'_0 + l^2 sum_k B_ik w_k,   w_i = f(theta_i).
  *
- * which, unlike differentiation, loses no digits. Newton's method eliminates w panel by panel (I - l^2 f' B
- * is dense and small) and solves for what joins them: theta and theta' at the ends of the panels and the
- * force, with the continuity of both, the end angles and int v ds = (d, 0). As all of it is one system, what
- * grows like exp(s/layer) along the beam does no harm. Panels are halved until w meets the equation between
- * the t_i too and the tails of the series of w, cos theta and sin theta have vanished.
+ * Integration loses no digits, unlike differentiation. Newton's method eliminates w panel by panel: I - l^2
+ * f' B is dense and small. It then solves for the unknowns that join the panels, theta and theta' at their
+ * ends, and for the force. The equations are the continuity of both, the end angles and int v ds = (d, 0).
+ * All of them form one system, so solutions that grow like exp(s/layer) along the beam do no harm. Panels
+ * are halved until w satisfies the equation between the t_i too and the tails of the series of w, cos theta
+ * and sin theta have vanished.
  */
 #include <float.h>
 #include <math.h>
@@ -227,9 +228,9 @@ static bool panel_respond(const reference *r, const double force[2], panel *p) {
     return true;
 }
 
-/* What the panel adds: its values at the end (theta, theta'; then the two components of its chord) and, in
- * columns 1..4, their derivatives by theta_0, theta'_0 and the force; column 0 also has what w's defect
- * brings. */
+/* Contributions of the panel. Column 0 holds its values at the end: theta, theta', then the two components
+ * of its chord, with the effect of w's defect. Columns 1..4 hold their derivatives by theta_0, theta'_0 and
+ * the force. */
 static void panel_transfer(const reference *r, const panel *p, double out[4][RIGHT]) {
     const double l = p->length;
     memset(out, 0, 4 * sizeof *out);
@@ -557,8 +558,8 @@ lg_status lg_collocation_polish(lg_collocation *c, const lg_beam *beam, lg_beam_
     return LG_OK;
 }
 
-/* Finer and finer discrete problems until the collocation takes; given up when two of them have no solution.
- */
+/* Solves finer and finer discrete problems until the collocation converges from one of them. Gives up when
+ * two of them have no solution. */
 static lg_status solve_from(lg_collocation *c, lg_beam *fine, const double *guess, size_t guess_n,
                             double step, lg_beam_work *work, lg_beam_end *end) {
     lg_status status = LG_NO_CONVERGENCE;

@@ -295,10 +295,10 @@ static bool factor_definite(const lg_beam *beam, lg_beam_work *w) {
     return false;
 }
 
-/* lambda = 2 P r is stiff: a step that is right to first order leaves the valley of small |r| along a tangent
- * and could only be short. Moves theta by Y times two numbers, the least in the metric of T, until r is what
- * it would be to first order, `wanted`, up to an energy of `small` (second-order correction: Nocedal and
- * Wright, Numerical Optimization, 18.3). */
+/* lambda = 2 P r is stiff. A step that is right to first order leaves the valley of small |r| along a
+ * tangent, and it would have to be short. This moves theta by a combination of the columns of Y, the least
+ * in the metric of T, until r is its first-order value `wanted`, up to an energy of `small` (second-order
+ * correction: Nocedal and Wright, Numerical Optimization, 18.3). */
 static void correct_closure(const lg_beam *beam, lg_beam_work *w, const double wanted[2], double small) {
     const double P = penalty(beam), soft = 0.5 / P;
     const double xx = w->capacity[0] - soft, xy = w->capacity[1], yy = w->capacity[2] - soft;
@@ -370,8 +370,8 @@ static lg_beam_end descend(const lg_beam *beam, lg_beam_work *w) {
     return polish(beam, w, CLOSE) ? end_of(beam, w) : LG_BEAM_LOST;
 }
 
-/* The direction of lowest curvature, largest entry 1, into z: inverse iteration at the smallest shift, found
- * by bisection on the inertia, that makes the Hessian definite. */
+/* Writes the direction of lowest curvature to z, scaled to a largest entry of 1. Inverse iteration uses the
+ * smallest shift that makes the Hessian definite, found by bisection on the inertia. */
 static bool lowest_direction(const lg_beam *beam, lg_beam_work *w) {
     const size_t n = beam->n;
     double low = 0.0, high = SHIFT_FIRST, force[2];
@@ -400,7 +400,8 @@ static bool lowest_direction(const lg_beam *beam, lg_beam_work *w) {
     return true;
 }
 
-/* From a saddle in both directions; the minimum of lower energy, of the two equally low ones the first. */
+/* Goes downhill from a saddle in both directions. The result is the minimum of lower energy, or the first of
+ * two equally low ones. */
 static lg_beam_end escape(const lg_beam *beam, lg_beam_work *w) {
     lg_beam_end ends[2];
     double energies[2], middle = 0.0;

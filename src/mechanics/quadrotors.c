@@ -7,14 +7,15 @@
  *   omega_i' = q_i x (v' - g e3)/L_i - q_i x u_perp_i/(m_i L_i),   q_i' = omega_i x q_i
  *   J Omega_i' = -Omega_i x J Omega_i + M_i,   R_i' = hat(omega) R_i, omega = R_i Omega_i
  *
- * The thrusts are taken as they are asked for: attitudes and links are coupled by nothing, and M_i = 0. The
+ * The thrusts are those that the control law asks for. Attitudes and links are not coupled, and M_i = 0. The
  * control law tracks y_d(t) = (t - 5/2, 0, (t - 5/2)^2 - 7) with the error e = y - y_d:
  *
  *   A = y_d'' - kx e - kv e' - g e3, s = (G^T G)^-1 G^T m_y A with G = [q_1 q_2]
  *   u_par_i = (m_i q_i.A + m_i L_i |omega_i|^2 + s_i) q_i
- *   d = -A/|A|, n the direction of e_y - (e_y.d) d, q_d,i = cos(beta) d +- sin(beta) n x d, omega_d,i = q_d,i
- * x q_d,i' c_i = -kq q_d,i x q_i - kw (omega_i - P_i omega_d,i) - (q_i.omega_d,i) omega_i x q_i u_perp_i =
- * -q_i x (m_i q_i x (v' - g e3) - m_i L_i c_i)
+ *   d = -A/|A|, n the direction of e_y - (e_y.d) d
+ *   q_d,i = cos(beta) d +- sin(beta) n x d, omega_d,i = q_d,i x q_d,i'
+ *   c_i = -kq q_d,i x q_i - kw (omega_i - P_i omega_d,i) - (q_i.omega_d,i) omega_i x q_i
+ *   u_perp_i = -q_i x (m_i q_i x (v' - g e3) - m_i L_i c_i)
  *
  * with A' = y_d''' - kx e' - kv (v' - y_d''). With q_1, q_2 and A in a plane, e'' = -kx e - kv e'.
  *
@@ -130,7 +131,7 @@ static void payload(const double *p, const double *const q[2], const double *con
     for (int i = 0; i < 3; i++) x[i] = force[i] / p[PAYLOAD];
 }
 
-/* Wanted direction and its derivative: the middle d and the arm n x d, with their derivatives. */
+/* The wanted direction is built from the middle d and the arm n x d. Each has its derivative beside it. */
 typedef struct directions {
     double d[3], dd[3], arm[3], darm[3];
 } directions;

@@ -1,10 +1,10 @@
 /* The free rigid body: its body momentum on so(3)*, and its attitude on SO(3) for a given spatial momentum.
  *
  * Body momentum mu, principal moments of inertia I: Euler's equations mu' = mu x I^-1 mu. Under the action
- * exp(u) mu, the velocity of u is u x mu, so f = -I^-1 mu and any multiple of mu beside it. The part of I^-1
- * mu along mu moves nothing and is left out: a rotation about mu would only be undone by the others'
- * commutators, near a principal axis at the cost of three digits. The orbits are the spheres |mu| = const,
- * which every scheme on so(3)* keeps.
+ * exp(u) mu, the velocity of u is u x mu, so f is -I^-1 mu plus any multiple of mu. The part of I^-1 mu
+ * along mu has no effect and is left out. With it, the commutators of the other parts would have to undo a
+ * rotation about mu, which costs three digits near a principal axis. The orbits are the spheres |mu| =
+ * const, which every scheme on so(3)* keeps.
  *
  * Attitude: R' = hat(omega) R, omega = R I^-1 R^T pi, with the spatial momentum pi constant.
  */

@@ -1,6 +1,7 @@
-/* Motion of the riser: Newmark's rule with beta = 1/4, gamma = 1/2 (Newmark 1959), the linear part with
- * nominal springs of the foundation implicit. Drag enters at predicted velocities; what the foundation's laws
- * differ from their springs enters at a prediction of the four numbers it depends on, corrected twice. */
+/* Motion of the riser by Newmark's rule with beta = 1/4, gamma = 1/2 (Newmark 1959). The linear part, with
+ * nominal springs of the foundation, is implicit. Drag is evaluated at predicted velocities. The difference
+ * between the foundation's laws and their springs is evaluated at a prediction of the four numbers that it
+ * depends on, which is corrected twice. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -185,8 +186,9 @@ void lg_riser_motion_start(lg_riser_motion *m, const double *water) {
     add_shortfall(&m->start, f, m->a);
 }
 
-/* The shortfall at the end of the step, by fixed point from a prediction. m->input has q~, a the acceleration
- * without any. A round brings it closer by dt^2/4 times S^-1 times the change of stiffness. */
+/* The shortfall at the end of the step, by fixed point from a prediction. m->input has q~, and a is the
+ * acceleration without any shortfall. A round multiplies the error by dt^2/4 times S^-1 times the change of
+ * stiffness. */
 static void end_shortfall(const lg_riser_motion *m, const double *a, double f[4]) {
     const double quarter = 0.25 * m->dt * m->dt, *u = m->step.table, *th = u + LG_RISER_ROW;
     double base[4], x[4];

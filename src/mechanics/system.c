@@ -114,7 +114,7 @@ static lg_status check_rule(const lg_parameter_entry *p, const double *x, size_t
     return LG_OK;
 }
 
-/* What was given for the key; NULL: nothing. */
+/* The entry that was given for the key, or NULL. */
 static const lg_named_values *given_for(const lg_system_options *options, const char *key) {
     for (size_t i = 0; i < options->parameter_count; i++)
         if (same(options->parameters[i].key, key)) return &options->parameters[i];
@@ -157,7 +157,7 @@ static void copy_parameter(const lg_system_options *options, const lg_parameter_
         out[i] = given ? given->values[i] : p->fallback[p->count > 0 ? i : 0];
 }
 
-/* Offset of the numbers of parameter `index`; of all when it is beyond. */
+/* Offset of the numbers of parameter `index`. Beyond the last parameter: the count of all numbers. */
 static size_t parameter_offset(const lg_system_row *row, size_t links, size_t index) {
     size_t at = 0;
     for (size_t i = 0; i < index && row->parameters[i].key; i++) at += numbers_of(&row->parameters[i], links);
@@ -205,8 +205,8 @@ static void append_number(layout_text *text, size_t number) {
     append(text, first);
 }
 
-/* The blocks of the state in the order of offsets, for as far as they follow each other. Returns the length.
- */
+/* Describes the blocks of the state in the order of offsets, up to the first gap. Returns the length of the
+ * text. */
 static size_t write_layout(const lg_system_row *row, size_t links, char *out) {
     layout_text text = {out, 0};
     size_t at = 0;
@@ -342,7 +342,7 @@ bool lg_system_separable(const lg_system *system) {
     return system->row->separable;
 }
 
-/* Where the ambient field is made from the other one, that one's value comes last. */
+/* Where the ambient field is computed from the other one, the value of the other one comes last. */
 static size_t own_work(const lg_system *system) {
     return system->row->work ? system->row->work(system->links) : 0;
 }

@@ -105,7 +105,7 @@ static const char *options_fault(const lg_trajectory_options *o) {
     return NULL;
 }
 
-/* One job of lg_generate_trajectories; results wait in own memory until all is well. */
+/* One job of lg_generate_trajectories. Results stay in memory of its own until all starts have succeeded. */
 typedef struct sampling {
     const lg_context *context;
     const lg_system *system;

@@ -152,8 +152,8 @@ static size_t numbers_a_window(const lg_cnn *net) {
     return sum;
 }
 
-/* So many that their values lie in a second cache of a megabyte, about: from 8 to 15 windows of 6 x 300 there
- * is no difference, below and above there is. */
+/* Their values fill a second cache of a megabyte, about. From 8 to 15 windows of 6 x 300 the speed is the
+ * same; with fewer or more it is lower. */
 static size_t chunk_of(const lg_detector_problem *problem) {
     const size_t limit = ((size_t)3 << 19) / lg_kernels_for(problem->data->dtype)->size;
     const size_t chunk = limit / numbers_a_window(&problem->model->net);

@@ -114,8 +114,8 @@ static lg_status check_scheme(const lg_hamiltonian *model, const lg_scheme *sche
     lg_space space;
     LG_TRY(lg_hamiltonian_space(family, model->n, &space));
     if (scheme->kind == LG_SCHEME_VARIATIONAL)
-        return lg_fail(error, LG_UNSUPPORTED, "%s cannot be differentiated: it has no taped form",
-                       scheme->name);
+        return lg_fail(error, LG_UNSUPPORTED,
+                       "%s cannot be differentiated: it has no form that the tape can record", scheme->name);
     if (scheme->kind == LG_SCHEME_SPLITTING && family->force == NULL)
         return lg_fail(error, LG_UNSUPPORTED, "%s needs a separable Hamiltonian; that of family %s is not",
                        scheme->name, family->name);

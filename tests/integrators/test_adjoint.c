@@ -620,7 +620,7 @@ TEST("bad problems are refused by name, and nothing is written") {
     refused_setup(&s, LG_INVALID_ARGUMENT, "dimension");
     s = chain_setup("rkmk4");
     s.bind_shift = 1e-4; /* the gradient at other parameters */
-    refused_setup(&s, LG_INVALID_ARGUMENT, "taped form");
+    refused_setup(&s, LG_INVALID_ARGUMENT, "form that the tape records");
     s = chain_setup("rkmk4");
     s.taped.field = NULL;
     refused_setup(&s, LG_INVALID_ARGUMENT, "step 1");
@@ -648,10 +648,10 @@ static lg_status own_step(void *user, double t, double h, double *y) {
     return LG_OK;
 }
 
-TEST("schemes without a taped form are refused") {
+TEST("schemes without a form that the tape can record are refused") {
     setup s = chain_setup("variational");
     s.ode.step = own_step;
-    refused_setup(&s, LG_UNSUPPORTED, "no taped form");
+    refused_setup(&s, LG_UNSUPPORTED, "no form here that the tape can record");
 }
 
 TEST("failures of callbacks end the run, and nothing is written") {
