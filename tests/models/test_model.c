@@ -118,7 +118,6 @@ static lg_status hand_velocity(void *user, double t, const double *p, const doub
 }
 
 /* q' is that without input; p_i' has tau_i x q_i more, or u. */
-/* q' is that without input; p_i' has tau_i x q_i more, or u. */
 TEST("the field is that of the gradient by hand, and inputs push the momenta") {
     for (size_t i = 0; i < motions(); i++) {
         const moving s = make_motion(i, LG_POTENTIAL_MLP, LG_SWISH);
