@@ -1,8 +1,6 @@
-/* make_programs hamiltonian MODEL.h5 FOLDER | make_programs pendulum FOLDER: a program as a file,
- * FOLDER/p.h5, and as C, FOLDER/p.h, p.c, p_weights.c.
- *
- * pendulum: y (4), one step of bench/cpp/pendulum.hpp, 0.01 s, written with plain operations on variables of
- * one number a row; functions `step` and its adjoint `adj1_step`. */
+/* make_programs FOLDER: a program as a file, FOLDER/p.h5, and as C, FOLDER/p.h, p.c, p_weights.c: y (4), one step
+ * of bench/cpp/pendulum.hpp, 0.01 s, written with plain operations on variables of one number a row; functions
+ * `step` and its adjoint `adj1_step`. */
 #include <stdio.h>
 #include <string.h>
 
@@ -62,15 +60,6 @@ static lg_status make_pendulum(lg_program **out, lg_error *error) {
     return lg_program_derive(*out, &what, error);
 }
 
-static lg_status make_hamiltonian(const char *path, lg_program **out, lg_error *error) {
-    lg_hamiltonian_file file;
-    lg_status status = lg_model_load_hamiltonian(NULL, path, NULL, &file, error);
-    if (status != LG_OK) return status;
-    status = lg_hamiltonian_program(NULL, &file.run.model, file.theta, NULL, out, error);
-    lg_hamiltonian_file_destroy(&file);
-    return status;
-}
-
 static int write_file(const char *folder, const char *name, const char *const *parts) {
     char path[1024];
     (void)snprintf(path, sizeof path, "%s/%s", folder, name);
@@ -104,11 +93,8 @@ static int write_all(const char *folder, const lg_program *program, lg_error *er
 int main(int argc, char **argv) {
     lg_error error = {.status = LG_OK};
     lg_program *program = NULL;
-    const int pendulum = argc == 3 && strcmp(argv[1], "pendulum") == 0;
-    if (!pendulum && !(argc == 4 && strcmp(argv[1], "hamiltonian") == 0)) return 2;
-    const lg_status status =
-        pendulum ? make_pendulum(&program, &error) : make_hamiltonian(argv[2], &program, &error);
-    const int good = status == LG_OK && write_all(argv[argc - 1], program, &error);
+    if (argc != 2) return 2;
+    const int good = make_pendulum(&program, &error) == LG_OK && write_all(argv[1], program, &error);
     if (!good) (void)fprintf(stderr, "%s\n", error.message);
     lg_program_destroy(program);
     return good ? 0 : 1;
