@@ -268,7 +268,7 @@ static error_t parse_top(int key, char *text, struct argp_state *state) {
     dispatch *d = state->input;
     if (key == ARGP_KEY_NO_ARGS) {
         char *names = command_names(d->commands);
-        argp_error(state, "which command? There are: %s", names);
+        argp_error(state, "a command is missing; the commands are: %s", names);
         free(names);
     }
     if (key != ARGP_KEY_ARG) return parse_option(key, text, state, d->self);
@@ -285,7 +285,7 @@ static error_t parse_top(int key, char *text, struct argp_state *state) {
         return 0;
     }
     char *names = command_names(d->commands);
-    argp_error(state, "'%s' is no command; there are: %s", text, names);
+    argp_error(state, "'%s' is not a command; the commands are: %s", text, names);
     free(names);
     return ARGP_ERR_UNKNOWN;
 }

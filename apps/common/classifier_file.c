@@ -78,7 +78,7 @@ static lg_status read_texts(const lg_archive_reader *from, classifier_file *out,
     if (status != LG_OK) return status;
     out->method = known_method(method);
     if (out->method == NULL || lg_split_parse(split, &out->split) != LG_OK)
-        return app_error(error, LG_FORMAT, "/run: method or split are not those of a classifier");
+        return app_error(error, LG_FORMAT, "/run: a classifier has no such method or split");
     return LG_OK;
 }
 

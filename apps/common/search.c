@@ -61,7 +61,7 @@ static lg_status virtual_set(app *v, const train_task *task, const char *name, c
     lg_error reason = {LG_OK, ""};
     app_slot *slot = app_find_slot(v, name);
     if (!is_hyperparameter(task, slot))
-        return app_error(error, LG_FORMAT, "'%s' is no option of train that determines its result", name);
+        return app_error(error, LG_FORMAT, "'%s' is not an option of train that determines its result", name);
     if (task->only != NULL && strcmp(name, task->method) == 0 && strcmp(text, task->only) != 0)
         return app_error(error, LG_FORMAT, "'%s' can only be %s in a search", name, task->only);
     if (app_store(slot, text, &reason) != LG_OK)
@@ -124,7 +124,7 @@ static lg_status check_method(const app *v, const train_task *task, const lg_sea
         const char *name = fixed ? file->fixed_name[i] : space->ranges[range].name,
                    *refuses = train_refuses(task, app_find_slot(v, name));
         *line = fixed ? file->fixed_line[i] : file->line[range];
-        if (refuses != NULL) return app_error(error, LG_FORMAT, "'%s' is no option of %s", name, refuses);
+        if (refuses != NULL) return app_error(error, LG_FORMAT, "'%s' is not an option of %s", name, refuses);
     }
     return LG_OK;
 }
@@ -386,10 +386,10 @@ static int read_trials(searching *search) {
 
 static int none_done(const searching *search) {
     if (search->failure.status == LG_OK)
-        return app_fail(search->app, LG_NO_CONVERGENCE, "none of the %zu trials in %s was done",
+        return app_fail(search->app, LG_NO_CONVERGENCE, "none of the %zu trials in %s was finished",
                         search->count, search->values->out);
     return app_fail(search->app, LG_NO_CONVERGENCE,
-                    "none of %zu trials was done; trial %llu failed first: %s", search->count,
+                    "none of %zu trials was finished; trial %llu failed first: %s", search->count,
                     (unsigned long long)search->failed, search->failure.message);
 }
 

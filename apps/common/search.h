@@ -21,7 +21,7 @@ extern const app_option search_options[];
     "The file has `ranges`, options of train each with one of {uniform: [a, b]}, {log-uniform: [a, b]}, "    \
     "{integer: [a, b]}, {choice: [a, ...]}, and `fixed`, options with a value; what neither says is the "    \
     "preset's. A trial depends on the seed and its number alone. One that fails is kept as such; exit "      \
-    "code 4 when none was done. Ctrl-C keeps the finished trials and ends with exit code 130; --resume "     \
+    "code 4 when none was finished. Ctrl-C keeps the finished trials and ends with exit code 130; --resume " \
     "continues to the same table."
 
 /* Arguments RANGES.yaml DATA.h5; `train` is the command whose task is searched. Returns the exit code. */

@@ -90,7 +90,8 @@ int boundary_read(const app *self, const boundary_values *values, const lg_elast
     const bool family = app_given(self, "case") || app_given(self, "x");
     const bool angles = app_given(self, "theta0") || app_given(self, "thetaN");
     *out = (boundary){.problem = *problem};
-    if (family && angles) return app_usage(self, "either --case and --x or --theta0 and --thetaN");
+    if (family && angles)
+        return app_usage(self, "either --case with --x, or --theta0 with --thetaN, not both");
     if (!family && !angles)
         return app_usage(self, "no boundary conditions: give --case and --x, or --theta0 and --thetaN");
     int code = boundary_ends(self, values, &out->problem);

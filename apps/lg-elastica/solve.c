@@ -209,15 +209,15 @@ static int solve_branches(const app *self, const boundary *where, const lg_elast
 static int check_options(const app *self) {
     static const char *const alone[] = {"x", "theta0", "thetaN", "rotation"};
     const bool many = values.branches || values.sweep > 0;
-    if (values.branches && values.sweep > 0) return app_usage(self, "either --branches or --sweep");
+    if (values.branches && values.sweep > 0) return app_usage(self, "either --branches or --sweep, not both");
     if (values.continuous && many)
-        return app_usage(self, "--continuous: %s is of the discrete problem only",
+        return app_usage(self, "--continuous: %s works on the discrete problem only",
                          values.branches ? "--branches" : "--sweep");
     if (values.saddles && !many)
         return app_usage(self, "--saddles: works together with --branches or --sweep only");
     for (size_t i = 0; values.sweep > 0 && i < LG_COUNT(alone); i++)
         if (app_given(self, alone[i]))
-            return app_usage(self, "--%s: --sweep goes over the x of a case", alone[i]);
+            return app_usage(self, "--%s: --sweep already varies the x of a case", alone[i]);
     return APP_EXIT_OK;
 }
 

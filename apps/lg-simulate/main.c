@@ -111,8 +111,8 @@ static int fail_run(const simulation *sim, const plan *how, const outcome *run, 
             "larger --tol or --atol",
             name, run->t, run->stats.steps);
     case LG_TOO_MANY_STEPS:
-        return app_fail(self, status, "%s: t = %g is all that %zu steps reached (--max-steps); t_end is %g",
-                        name, run->t, how->max_steps, how->t_end);
+        return app_fail(self, status, "%s: reached only t = %g in %zu steps (--max-steps); t_end is %g", name,
+                        run->t, how->max_steps, how->t_end);
     case LG_NOT_FINITE:
         return app_fail(self, status, "%s: the state is not finite in the step from t = %g, after %zu steps",
                         name, run->t, run->stats.steps);

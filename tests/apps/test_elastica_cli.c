@@ -298,12 +298,12 @@ TEST("a trial that fails is a row of the table, and the search goes on") {
     cli_write("wild.yaml", "fixed: {epochs: 9, batch: 8, hidden: 4, layers: 14, activation: identity, "
                            "schedule: constant}\nranges:\n  lr: {log-uniform: [5e2, 1e3]}\n");
     cli_expect(lg, "search wild.yaml data.h5 --trials 2 --out wild.csv --plot wild.svg --json", 4,
-               "none of 2 trials was done; trial 0 failed first: ", &result);
+               "none of 2 trials was finished; trial 0 failed first: ", &result);
     assert_true(cli_exists("wild.csv"));
     json_expect(result.out, "done 0, trials 2");
     assert_null(json_find(result.out, "best"));
     cli_expect(lg, "search wild.yaml data.h5 --trials 2 --out wild.csv --resume", 4,
-               "none of the 2 trials in wild.csv was done", &result);
+               "none of the 2 trials in wild.csv was finished", &result);
     /* No room for a network of 10^13 parameters. */
     cli_write("roomy.yaml", "fixed: {epochs: 1, batch: 8, layers: 14}\n"
                             "ranges:\n  hidden: {choice: [4, 1048576]}\n");

@@ -107,9 +107,9 @@ static void refuse_texts(const char *program, const char *line, const char *cons
 #define TRAIN "train train.h5 --out m.h5 "
 
 static const refusal hamiltonian[] = {
-    {"", 2, "which command"},
-    {"--json", 2, "which command"},
-    {"learn", 2, "'learn' is no command"},
+    {"", 2, "a command is missing"},
+    {"--json", 2, "a command is missing"},
+    {"learn", 2, "'learn' is not a command"},
     {"{train generate}", 2, "missing argument"},
     {"evaluate model.h5", 2, "missing argument"},
     {"train train.h5", 2, "--out FILE is missing"},
@@ -211,8 +211,8 @@ TEST("lg-hamiltonian refuses with exit code and word, and writes nothing") {
 #define TRAIN "train data.h5 --out m.h5 "
 
 static const refusal elastica[] = {
-    {"", 2, "which command"},
-    {"bend", 2, "'bend' is no command"},
+    {"", 2, "a command is missing"},
+    {"bend", 2, "'bend' is not a command"},
     {"--bogus", 2, "--bogus"},
     {"solve", 2, "no boundary conditions: give --case and --x, or --theta0 and --thetaN"},
     {"solve extra --x 1", 2, "'extra' is one argument too many"},
@@ -220,7 +220,7 @@ static const refusal elastica[] = {
     {"solve --case left-end --x 1", 2, "--case: 'left-end' is not one of both-ends, right-end"},
     {"solve {--x=nan --x=inf --x=1,2 --sweep=1}", 2, NULL},
     {"solve --thetaN 1 {--theta0=nan}", 2, NULL},
-    {"solve --x 1 --theta0 1", 2, "either --case and --x or --theta0 and --thetaN"},
+    {"solve --x 1 --theta0 1", 2, "either --case with --x, or --theta0 with --thetaN, not both"},
     {"solve --theta0 1", 2, "--thetaN B is missing"},
     {"solve --thetaN 1", 2, "--theta0 A is missing"},
     {"solve --theta0 1 --thetaN -1 --rotation 1", 2, "the nearest that do are -2 and 4.28318530718"},
@@ -232,10 +232,10 @@ static const refusal elastica[] = {
     {"solve --x 1 --qN 5,0", 2, "the ends are 5 apart"},
     {"solve --x 1 --q0 1", 2, "--q0: two numbers, x,y; not 1"},
     {"solve --x 1 --qN 1,2,3", 2, "--qN: two numbers, x,y; not 3"},
-    {"solve --x 1 --branches --continuous", 2, "--continuous: --branches is of the discrete problem"},
+    {"solve --x 1 --branches --continuous", 2, "--continuous: --branches works on the discrete problem"},
     {"solve --x 1 --saddles", 2, "--saddles: works together with"},
-    {"solve --x 1 --sweep 5", 2, "--x: --sweep goes over the x of a case"},
-    {"solve --sweep 5 --branches", 2, "either --branches or --sweep"},
+    {"solve --x 1 --sweep 5", 2, "--x: --sweep already varies the x of a case"},
+    {"solve --sweep 5 --branches", 2, "either --branches or --sweep, not both"},
     {"solve --x 1 --qN 1,nan", 2, "'1,nan' is not a list, separated by commas, of: a number\n"},
     {"solve --x 1 --intervals 99999999", 2, "of at least 2 and at most"},
     {"solve --x 1 --stiffness 1e301", 2, "'1e301' is not a number above 0 and at most 1e+300\n"},
@@ -312,10 +312,13 @@ static const refusal elastica[] = {
 
 /* Ranges of a search that train would not take: each with the line that is wrong. */
 static const char *const elastica_ranges[][2] = {
-    {"fixed: {bogus: 1}\nranges:\n  layers: {integer: [0, 4]}\n", "line 1: 'bogus' is no option of train"},
-    {"fixed:\n  out: m.h5\nranges:\n  layers: {integer: [0, 4]}\n", "line 2: 'out' is no option of train"},
-    {"ranges:\n  resume: {choice: [a, b]}\n", "line 2: 'resume' is no option of train"},
-    {"ranges:\n  layers: {integer: [0, 4]}\n  width: {integer: [1, 4]}\n", "line 3: 'width' is no option"},
+    {"fixed: {bogus: 1}\nranges:\n  layers: {integer: [0, 4]}\n",
+     "line 1: 'bogus' is not an option of train"},
+    {"fixed:\n  out: m.h5\nranges:\n  layers: {integer: [0, 4]}\n",
+     "line 2: 'out' is not an option of train"},
+    {"ranges:\n  resume: {choice: [a, b]}\n", "line 2: 'resume' is not an option of train"},
+    {"ranges:\n  layers: {integer: [0, 4]}\n  width: {integer: [1, 4]}\n",
+     "line 3: 'width' is not an option"},
     {"ranges:\n  layers: {integer: [0, 15]}\n", "line 2: layers: '15'"},
     {"ranges:\n  layers: {uniform: [0, 4]}\n", "line 2: layers: '1.5"},
     {"ranges:\n  lr: {uniform: [0, 1]}\n", "line 2: lr: '0'"},
@@ -325,7 +328,7 @@ static const char *const elastica_ranges[][2] = {
     {"ranges:\n  lr: {log-uniform: [1, 1e4]}\n",
      "line 2: lr: '10000' is not a number above 0 and at most 1000"},
     {"fixed: {network: angle}\nranges:\n  gamma: {uniform: [0, 1]}\n",
-     "line 3: 'gamma' is no option of --network angle"},
+     "line 3: 'gamma' is not an option of --network angle"},
 };
 
 TEST("lg-elastica refuses with exit code and word, and writes nothing") {
@@ -390,8 +393,8 @@ static void write_series(const char *name, size_t count, uint32_t channels, uint
 }
 
 static const refusal anomaly[] = {
-    {"", 2, "which command"},
-    {"guess", 2, "'guess' is no command"},
+    {"", 2, "a command is missing"},
+    {"guess", 2, "'guess' is not a command"},
     {"generate", 2, "--out FILE is missing"},
     {"generate --out nowhere/s.h5", 3, "nowhere/s.h5"},
     {"generate --out s.h5 {--noise=-1 --noise=nan --runs=0 --hours=0 --severity=0 --severity=1.1 "
@@ -469,10 +472,11 @@ static const refusal anomaly[] = {
 };
 
 static const char *const anomaly_ranges[][2] = {
-    {"fixed: {bogus: 1}\nranges:\n  plane: {integer: [0, 4]}\n", "line 1: 'bogus' is no option of train"},
-    {"fixed:\n  test: m.h5\nranges:\n  plane: {integer: [0, 4]}\n", "line 2: 'test' is no option"},
-    {"ranges:\n  lr: {uniform: [0.1, 1]}\n  c: {uniform: [1, 2]}\n", "line 3: 'c' is no option of --method"},
-    {"ranges:\n  max-depth: {integer: [1, 2]}\n", "line 2: 'max-depth' is no option of --method cnn"},
+    {"fixed: {bogus: 1}\nranges:\n  plane: {integer: [0, 4]}\n", "line 1: 'bogus' is not an option of train"},
+    {"fixed:\n  test: m.h5\nranges:\n  plane: {integer: [0, 4]}\n", "line 2: 'test' is not an option"},
+    {"ranges:\n  lr: {uniform: [0.1, 1]}\n  c: {uniform: [1, 2]}\n",
+     "line 3: 'c' is not an option of --method"},
+    {"ranges:\n  max-depth: {integer: [1, 2]}\n", "line 2: 'max-depth' is not an option of --method cnn"},
     {"fixed: {method: cnn}\nranges:\n  components: {choice: [1, 2]}\n", "line 3: 'components' is no"},
     {"fixed:\n  lr: 0.1\n  prune: pre\nranges:\n  plane: {integer: [0, 4]}\n", "line 3: 'prune' is no"},
     {"ranges:\n  method: {choice: [cnn, tree]}\n", "line 2: 'method' can only be cnn in a search"},
@@ -552,14 +556,14 @@ static const refusal simulate[] = {
     {"chain.yaml --gradient 1,x", 2, "'x' is not a number"},
     {"chain.yaml --gradient @missing.txt", 3, "missing.txt"},
     {"chain.yaml --method variational --steps 400 --gradient 1,1,1,1,1,1,1,1,1,1,1,1", 2,
-     "'variational' has no differentiable form on pendulum-chain, lagrangian"},
+     "'variational' cannot be differentiated on pendulum-chain, lagrangian"},
     {"chain.yaml --checkpoints 4", 2, "--checkpoints: works together with --gradient only"},
     {"chain.yaml --work-precision --gradient 1,2", 2, "either --work-precision or --gradient"},
     {"chain.yaml --work-precision --methods rk4,leapfrog", 2, "--methods: 'leapfrog' is not one of"},
     {"chain.yaml --work-precision --methods stormer-verlet", 2, "not separable"},
     {"chain.yaml --methods rk4", 2, "--methods: works together with --work-precision only"},
     {"oscillator.yaml --t-end 1e18", 4, "the step size fell below the resolution of time at t = 0"},
-    {"chain.yaml --max-steps 5", 4, "is all that 5 steps reached"},
+    {"chain.yaml --max-steps 5", 4, "in 5 steps (--max-steps)"},
     {"chain.yaml --method euler --steps 40 --t-end 1e6", 4, "not finite"},
 };
 
