@@ -162,7 +162,7 @@ lg_status lg_detector_plan_create(const lg_context *context, const lg_detector *
     memcpy(numbers + channels, scaler->scale, channels * sizeof *numbers);
     *made = (lg_detector_plan){.context = context,
                                .model = *model,
-                               .scaler = {scaler->channels, numbers, numbers + channels},
+                               .scaler = {.channels = scaler->channels, .mean = numbers, .scale = numbers + channels},
                                .numbers = numbers,
                                .dtype = dtype};
     status = make_scores(made, theta, error);
