@@ -160,11 +160,12 @@ lg_status lg_detector_plan_create(const lg_context *context, const lg_detector *
     }
     memcpy(numbers, scaler->mean, channels * sizeof *numbers);
     memcpy(numbers + channels, scaler->scale, channels * sizeof *numbers);
-    *made = (lg_detector_plan){.context = context,
-                               .model = *model,
-                               .scaler = {.channels = scaler->channels, .mean = numbers, .scale = numbers + channels},
-                               .numbers = numbers,
-                               .dtype = dtype};
+    *made = (lg_detector_plan){
+        .context = context,
+        .model = *model,
+        .scaler = {.channels = scaler->channels, .mean = numbers, .scale = numbers + channels},
+        .numbers = numbers,
+        .dtype = dtype};
     status = make_scores(made, theta, error);
     if (status == LG_OK)
         *out = made;
