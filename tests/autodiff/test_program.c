@@ -328,6 +328,7 @@ TEST("parameters that are not finite, named twice or not given are refused, and 
     assert_memory_equal(lg_program_parameter(program, 0).values, good, sizeof good);
     assert_int_equal(lg_program_set_parameter(program, 1, good), LG_NOT_FOUND);
     assert_null(lg_program_parameter(program, 1).name);
+    lg_program_destroy(program);
     spec.size = 8;
     assert_int_equal(lg_program_build(NULL, &spec, &program, &error), LG_INVALID_ARGUMENT);
     assert_int_equal(lg_program_build(NULL, NULL, &program, &error), LG_INVALID_ARGUMENT);

@@ -370,6 +370,7 @@ TEST("the choice by cross-validation is the one by hand") {
         }
         expected += right / tested / FOLDS;
         free(work);
+        lg_classifier_destroy(&c);
     }
     assert_close(rates[2], expected, 1e-14, 0);
     for (int i = 0; i < 4; i++)

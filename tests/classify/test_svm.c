@@ -171,6 +171,7 @@ TEST("decisions are libsvm's, for lists and for tables") {
             }
         }
         reference_free(&r);
+        lg_svm_destroy(&svm);
     }
 }
 

@@ -249,5 +249,6 @@ TEST("a few epochs bring the loss of every kind to a fraction") {
         lg_fit_parameters(fit, s.theta);
         const double after = whole_loss(&problem, s.theta, NULL);
         assert_true(after < 0.6 * before);
+        lg_fit_destroy(fit);
     }
 }
