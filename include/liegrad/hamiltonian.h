@@ -222,8 +222,10 @@ LG_API lg_status lg_hamiltonian_taped_ode(lg_hamiltonian_vars *vars, lg_taped_od
  *   value (x) -> y                H
  *   grad  (x) -> y, g             H and its gradient, as lg_hamiltonian_record_gradient
  *   field (x, u) -> f             as lg_hamiltonian_record_field
+ *   force (q, u) -> f             -dV/dq + u, where the family has it (separable ones)
+ *   drift (p) -> f                dT/dp, likewise
  *   step  (x, u, h) -> next       one step of `scheme` (NULL: the family's), u held
- * with x (d), u (m), h (1). Errors: those of lg_program_build; LG_UNSUPPORTED (an implicit scheme, which
+ * with x (d), u (m), h (1), q and p (d/2). Errors: those of lg_program_build; LG_UNSUPPORTED (an implicit scheme, which
  * finds its stage by iteration). */
 LG_API lg_status lg_hamiltonian_program(const lg_context *context, const lg_hamiltonian *model,
                                         const double *theta, const lg_scheme *scheme, lg_program **out,
