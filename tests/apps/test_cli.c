@@ -1,10 +1,8 @@
 /* lg-hamiltonian (in LG_BIN_DIR) from outside: judging and recording, pictures, studies. What it shares with other
  * executables: test_runs; what it refuses: test_refused. */
-#include "cli_support.h"
+#include "cli_files.h"
 
 #include <hdf5.h>
-
-#include "liegrad/io.h"
 
 static const char lg[] = "lg-hamiltonian";
 static cli result;
@@ -102,32 +100,6 @@ TEST("separable systems are trained and judged") {
 
 /* ---- errors on record ---- */
 
-static void release_file(void *file) {
-    lg_hamiltonian_file_destroy(file);
-}
-
-static lg_hamiltonian_file *load(const char *name) {
-    char path[1024];
-    lg_hamiltonian_file *file = TEST_ARRAY(lg_hamiltonian_file, 1);
-    cli_path(name, path, sizeof path);
-    assert_ok(lg_model_load_hamiltonian(NULL, path, NULL, file, NULL));
-    lg_test_owns(file, release_file);
-    return file;
-}
-
-static void release_trajectories(void *data) {
-    lg_trajectories_destroy(data);
-}
-
-static lg_trajectories *load_data(const char *name) {
-    char path[1024];
-    lg_trajectories *data = TEST_ARRAY(lg_trajectories, 1);
-    cli_path(name, path, sizeof path);
-    assert_ok(lg_trajectories_read(NULL, path, NULL, data, NULL));
-    lg_test_owns(data, release_trajectories);
-    return data;
-}
-
 static void shell(const char *format, ...) __attribute__((format(printf, 1, 2)));
 static void shell(const char *format, ...) {
     char command[1024];
@@ -160,7 +132,7 @@ static void assert_same_training(const lg_hamiltonian_file *a, const lg_hamilton
 TEST("errors are recorded in the model's file, and nothing else changes") {
     cli_expect(lg, TRAIN "--epochs 6 --seed 4 --stop-after 2 --checkpoint rc.h5 --out rec.h5", 0, "rec.h5",
                &result);
-    const lg_hamiltonian_file *before = load("rec.h5");
+    const lg_hamiltonian_file *before = cli_hamiltonian("rec.h5");
     assert_false(before->has_e1 || before->has_e2 || before->test.trajectories > 0);
     shell("cp rec.h5 rec.before");
     cli_json(lg, "evaluate rec.h5 test.h5", "recorded false", &result);
@@ -170,20 +142,20 @@ TEST("errors are recorded in the model's file, and nothing else changes") {
     assert_null(strstr(result.out, "Recorded"));
     shell("cmp rec.h5 rec.before");
     cli_json(lg, "evaluate rec.h5 test.h5 --record", "recorded true", &result);
-    const lg_hamiltonian_file *after = load("rec.h5");
+    const lg_hamiltonian_file *after = cli_hamiltonian("rec.h5");
     assert_true(after->has_e1 && after->has_e2);
     assert_close(after->e1, json_number(result.out, "E1"), 0, 0);
     assert_close(after->e2, json_number(result.out, "E2"), 0, 0);
     assert_true(after->test.trajectories == 6 && after->test.points == 8);
     assert_close(after->test.t_end, 1, 1e-15, 0);
-    assert_string_equal(after->test.sha256, load_data("test.h5")->sha256);
+    assert_string_equal(after->test.sha256, cli_trajectories("test.h5")->sha256);
     assert_same_training(before, after);
     /* A checkpoint is no model. What goes on from the one beside the model has no errors yet. */
     shell("cp rc.h5 rc.before");
     cli_expect(lg, "evaluate rc.h5 test.h5 --record", 3, "rc.h5", &result);
     shell("cmp rc.h5 rc.before");
     cli_json(lg, "train train.h5 --resume rc.h5 --out rec.h5", "epochs 6", &result);
-    after = load("rec.h5");
+    after = cli_hamiltonian("rec.h5");
     assert_false(after->has_e1 || after->has_e2 || after->test.sha256[0] != '\0');
 }
 
@@ -193,7 +165,7 @@ TEST("recorded errors replace the first ones, and a link to the model stays a li
     char path[1024];
     cli_expect(lg, "evaluate twin.h5 train.h5 --record", 0, "Recorded in twin.h5", &result);
     assert_says(result.err, "train.h5 holds the data that twin.h5 was trained on");
-    const lg_hamiltonian_file *file = load("model.h5");
+    const lg_hamiltonian_file *file = cli_hamiltonian("model.h5");
     assert_true(file->has_e2 && file->test.trajectories == 40);
     assert_string_equal(file->test.sha256, file->run.data_sha256);
     shell("cp test.h5 plain.h5 && test -L twin.h5");
@@ -202,7 +174,7 @@ TEST("recorded errors replace the first ones, and a link to the model stays a li
     assert_true(H5Ldelete(plain, "hamiltonian", H5P_DEFAULT) >= 0 && H5Fclose(plain) >= 0);
     cli_expect(lg, "evaluate model.h5 plain.h5 --record", 0, "E2 unknown", &result);
     assert_string_equal(result.err, "");
-    file = load("model.h5");
+    file = cli_hamiltonian("model.h5");
     assert_true(file->has_e1 && !file->has_e2 && file->test.trajectories == 6);
 }
 
@@ -217,11 +189,11 @@ TEST("a folder that cannot be written is told before the evaluation; root may wr
 
 TEST("what the demonstration judges, it records") {
     cli_json(lg, "demo --epochs 1 --t-end 1 --out demo", "E1 *", &result);
-    const lg_hamiltonian_file *file = load("demo/model.h5");
+    const lg_hamiltonian_file *file = cli_hamiltonian("demo/model.h5");
     assert_true(file->has_e1 && file->has_e2 && file->test.trajectories == 100 && file->test.points == 15);
     assert_close(file->e1, json_number(result.out, "E1"), 0, 0);
     assert_close(file->e2, json_number(result.out, "E2"), 0, 0);
-    assert_string_equal(file->test.sha256, load_data("demo/test.h5")->sha256);
+    assert_string_equal(file->test.sha256, cli_trajectories("demo/test.h5")->sha256);
     shell("rm -r demo");
 }
 

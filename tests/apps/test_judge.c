@@ -1,9 +1,8 @@
 /* The headline numbers of lg-hamiltonian (in LG_BIN_DIR), computed a second time: E1 and E2 of `evaluate`,
  * starts, noise and energies of `generate`, medians and geometric means of `study`. */
-#include "cli_support.h"
+#include "cli_files.h"
 
 #include "liegrad/integrators.h"
-#include "liegrad/io.h"
 #include "models/hamiltonian_internal.h"
 
 static const char lg[] = "lg-hamiltonian";
@@ -31,19 +30,6 @@ static int setup(void **state) {
     return 0;
 }
 
-static void release_data(void *data) {
-    lg_trajectories_destroy(data);
-}
-
-static lg_trajectories *read_data(const char *name) {
-    char path[1024];
-    lg_trajectories *data = TEST_ARRAY(lg_trajectories, 1);
-    cli_path(name, path, sizeof path);
-    assert_ok(lg_trajectories_read(NULL, path, NULL, data, NULL));
-    lg_test_owns(data, release_data);
-    return data;
-}
-
 static void write_data(const char *name, lg_trajectories *data) {
     char path[1024];
     cli_path(name, path, sizeof path);
@@ -54,7 +40,7 @@ static lg_trajectories *generate(const char *arguments, const char *name) {
     char line[512];
     (void)snprintf(line, sizeof line, "generate %s --out %s", arguments, name);
     cli_expect(lg, line, 0, name, &result);
-    return read_data(name);
+    return cli_trajectories(name);
 }
 
 /* ---- E1 and E2 ---- */
@@ -126,14 +112,9 @@ static double second_error(const lg_hamiltonian_file *file, const lg_trajectorie
     return sum / (double)test->count;
 }
 
-static void release_model(void *file) {
-    lg_hamiltonian_file_destroy(file);
-}
-
 /* model.h5 learned in a few epochs, and test.h5. */
 static lg_hamiltonian_file *learn(const char *scene, const char *integrator, const char *noise) {
-    char line[512], path[1024];
-    lg_hamiltonian_file *model = TEST_ARRAY(lg_hamiltonian_file, 1);
+    char line[512];
     (void)snprintf(line, sizeof line, "%s --trajectories 24 --points 3 --t-end 0.2 --seed 4 --noise %s",
                    scene, noise);
     (void)generate(line, "train.h5");
@@ -144,10 +125,7 @@ static lg_hamiltonian_file *learn(const char *scene, const char *integrator, con
                    "train train.h5 --hidden 8,8 --batch 8 --epochs 2 --integrator %s --out model.h5",
                    integrator);
     cli_expect(lg, line, 0, "model.h5", &result);
-    cli_path("model.h5", path, sizeof path);
-    assert_ok(lg_model_load_hamiltonian(NULL, path, NULL, model, NULL));
-    lg_test_owns(model, release_model);
-    return model;
+    return cli_hamiltonian("model.h5");
 }
 
 TEST("E1 and E2 are those that are computed here") {
@@ -159,7 +137,7 @@ TEST("E1 and E2 are those that are computed here") {
     };
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         const lg_hamiltonian_file *model = learn(rows[i][0], rows[i][1], rows[i][2]);
-        const lg_trajectories *test = read_data("test.h5");
+        const lg_trajectories *test = cli_trajectories("test.h5");
         cli_json(lg, "evaluate model.h5 test.h5", "", &result);
         assert_string_equal(result.err, "");
         assert_close(json_number(result.out, "E1"), first_error(model, test), 1e-6, 0);
@@ -176,7 +154,7 @@ static void expect_not_finite(const char *name, const char *words, const char *m
 
 TEST("results that overflow are null and end with a sentence; an unknown E2 is no failure") {
     (void)learn("oscillators.yaml", "rk4", "1e-2");
-    lg_trajectories *test = read_data("test.h5"), unknown = *test;
+    lg_trajectories *test = cli_trajectories("test.h5"), unknown = *test;
     const size_t last = test->points * test->state_dim - 1;
     const double kept = test->data[last];
     test->data[last] = 1e200;
@@ -193,7 +171,7 @@ TEST("results that overflow are null and end with a sentence; an unknown E2 is n
 
 TEST("test data of another system is told") {
     (void)learn("oscillators.yaml", "rk4", "1e-2");
-    lg_trajectories *test = read_data("test.h5");
+    lg_trajectories *test = cli_trajectories("test.h5");
     (void)snprintf(test->system, sizeof test->system, "quartic");
     write_data("quartic.h5", test);
     test->system[0] = '\0';

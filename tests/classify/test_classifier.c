@@ -1,9 +1,9 @@
 /* ctest-labels: threads
  * The chain: every method on hard tables, through archives and back, archives that lie, cross-validation. */
 #include "classify_support.h"
+#include "support/memory_archive.h"
 
 #include "liegrad/metrics.h"
-#include "support/fixtures.h"
 
 /* One thread of BLAS, as in the executables: the thread sanitizer cannot see into its own. */
 __attribute__((constructor)) static void one_thread_of_blas(void) {
@@ -125,7 +125,7 @@ static lg_series make_series(void) {
         for (size_t t = 0; t < 240; t++)
             s.x[i * 240 + t] = (float)(lg_rng_normal(&rng) * (1.0 + (double)s.label[i] * (t / 40 == 2)));
     }
-    return own_lg_series(s);
+    return *own_lg_series(s);
 }
 
 /* Chain t on features of the series. */
@@ -139,7 +139,7 @@ static lg_classifier make_classifier(const lg_series *s, size_t t) {
     assert_ok(lg_features_table(NULL, &c.features, s, &w, 1, x, NULL));
     const lg_method_options o = options_of(t);
     assert_ok(lg_classifier_fit(NULL, &o, x, s->label, NULL, w.count, c.features.count, 3, &c, NULL));
-    return own_lg_classifier(c);
+    return *own_lg_classifier(c);
 }
 
 /* Chain t, saved. */
@@ -149,13 +149,8 @@ typedef struct archived {
     lg_archive_reader reader;
 } archived;
 
-static void release_archived(void *of) {
-    memory_clear(&((archived *)of)->archive);
-}
-
 static archived *save(const lg_series *s, size_t t) {
     archived *a = TEST_ARRAY(archived, 1);
-    lg_test_owns(a, release_archived);
     a->reader = memory_reader(&a->archive);
     const lg_archive_writer writer = memory_writer(&a->archive);
     a->c = make_classifier(s, t);
@@ -207,16 +202,17 @@ TEST("archives that lie are refused, or what they give can be used") {
     for (size_t t = 0; t < CHAINS; t++) {
         archived *a = save(&s, t);
         for (size_t i = 0; i < a->archive.count; i++) {
-            memory_item *item = &a->archive.item[i];
+            memory_item *item = &a->archive.items[i];
+            unsigned char *bytes = item->data;
             const size_t size = item->type == LG_ELEMENT_F64 ? 8 : 4;
             const size_t step = item->bytes / size > 12 ? item->bytes / size / 12 : 1;
             for (size_t at = 0; (at + 1) * size <= item->bytes; at += step)
                 for (int w = 0; w < 7; w++) {
                     unsigned char saved[8];
-                    memcpy(saved, item->data + at * size, size);
-                    memcpy(item->data + at * size, size == 8 ? (const void *)&wrong[w] : &wrong32[w], size);
+                    memcpy(saved, bytes + at * size, size);
+                    memcpy(bytes + at * size, size == 8 ? (const void *)&wrong[w] : &wrong32[w], size);
                     use(&a->reader, s.x);
-                    memcpy(item->data + at * size, saved, size);
+                    memcpy(bytes + at * size, saved, size);
                 }
             for (uint32_t r = 0; r < item->rank; r++) {
                 item->dims[r] ^= 1;
@@ -263,9 +259,9 @@ TEST("lies in an archive are refused by name") {
         assert_non_null(item);
         const uint32_t whole = (uint32_t)(lies[i].value > 0 ? lies[i].value : 0);
         if (item->type == LG_ELEMENT_F64)
-            memcpy(item->data + 8 * lies[i].entry, &lies[i].value, 8);
+            ((double *)item->data)[lies[i].entry] = lies[i].value;
         else
-            memcpy(item->data + 4 * lies[i].entry, &whole, 4);
+            ((uint32_t *)item->data)[lies[i].entry] = whole;
         lg_error e;
         const lg_status status = lg_classifier_load(NULL, &a->reader, &back, &e);
         if (status != lies[i].status) fail_msg("%s: %s", lies[i].path, lg_status_name(status));
@@ -277,11 +273,7 @@ static void replace(memory_archive *archive, const char *path, const void *data,
                     size_t row_bytes) {
     memory_item *item = memory_find(archive, path);
     assert_non_null(item);
-    free(item->data);
-    item->bytes = rows * row_bytes;
-    item->data = malloc(item->bytes);
-    assert_non_null(item->data);
-    memcpy(item->data, data, item->bytes);
+    memory_fill(item, data, rows * row_bytes);
     item->dims[0] = rows;
 }
 

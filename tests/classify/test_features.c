@@ -3,7 +3,6 @@
 #include "classify_support.h"
 
 #include "core/core.h"
-#include "support/fixtures.h"
 
 static const char *const riser[6] = {"acc_lower_x", "acc_lower_y", "acc_upper_x",
                                      "acc_upper_y", "moment_x",    "moment_y"};
@@ -20,7 +19,7 @@ static lg_series make_series(size_t count, uint32_t channels, uint32_t length, b
         for (uint32_t c = 0; c < channels; c++)
             (void)snprintf(s.channel_name[c], LG_SERIES_NAME, "%s", riser[c]);
     }
-    return own_lg_series(s);
+    return *own_lg_series(s);
 }
 
 static double covariance(const float *a, const float *b, size_t n) {

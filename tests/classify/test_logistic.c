@@ -2,7 +2,6 @@
 #include "classify_support.h"
 
 #include "golden/logistic_table.h"
-#include "support/fixtures.h"
 
 static void release(void *model) {
     lg_logistic_destroy(model);

@@ -1,8 +1,6 @@
 /* Principal components: orthonormal, of the right variance, signs fixed, both routes agree; hard tables. */
 #include "classify_support.h"
 
-#include "support/fixtures.h"
-
 #define HALF_ROOT 0.70710678118654752440
 
 static void release(void *pca) {

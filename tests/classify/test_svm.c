@@ -4,8 +4,6 @@
 
 #include <libsvm/svm.h>
 
-#include "support/fixtures.h"
-
 static void release(void *svm) {
     lg_svm_destroy(svm);
 }

@@ -1,4 +1,4 @@
-/* Shared by the tests of src/nn: fits of the running test, an archive in memory, a small regression. */
+/* Shared by the tests of src/nn: fits of the running test and their states, a small regression. */
 #ifndef LG_NN_SUPPORT_H
 #define LG_NN_SUPPORT_H
 
@@ -6,6 +6,7 @@
 
 #include "liegrad/nn.h"
 #include "liegrad/ops.h"
+#include "support/memory_archive.h"
 
 /* A context of the running test that the flag cancels. */
 static inline lg_context *cancelled_by(const volatile int *cancel) {
@@ -52,64 +53,7 @@ static inline void assert_message(const lg_error *error, const char *part) {
     if (strstr(error->message, part) == NULL) fail_msg("\"%s\" does not say \"%s\"", error->message, part);
 }
 
-/* ---- archive in memory ---- */
-typedef struct memory_item {
-    char path[64];
-    lg_element type;
-    uint32_t rank;
-    uint64_t dims[4];
-    size_t bytes;
-    void *data; /* of the running test */
-} memory_item;
-
-typedef struct memory_archive {
-    memory_item items[64];
-    size_t count;
-    size_t fail_after; /* writes that succeed; 0: all */
-} memory_archive;
-
-static inline memory_item *memory_find(const memory_archive *archive, const char *path) {
-    for (size_t i = 0; i < archive->count; i++)
-        if (strcmp(archive->items[i].path, path) == 0) return (memory_item *)(uintptr_t)&archive->items[i];
-    return NULL;
-}
-
-static lg_status memory_write(void *user, const char *path, lg_element type, uint32_t rank,
-                              const uint64_t *dims, const void *data) {
-    memory_archive *archive = user;
-    if (archive->fail_after > 0 && archive->count >= archive->fail_after) return LG_FILE;
-    assert_null(memory_find(archive, path));
-    assert_true(archive->count < LG_COUNT(archive->items));
-    memory_item *item = &archive->items[archive->count++];
-    (void)snprintf(item->path, sizeof item->path, "%s", path);
-    item->type = type;
-    item->rank = rank;
-    item->bytes = type == LG_ELEMENT_F32 || type == LG_ELEMENT_U32 ? 4 : 8;
-    for (uint32_t i = 0; i < rank; i++) item->bytes *= item->dims[i] = dims[i];
-    item->data = lg_test_memory(item->bytes);
-    memcpy(item->data, data, item->bytes);
-    return LG_OK;
-}
-
-static lg_status memory_read(void *user, const char *path, lg_element type, uint32_t rank,
-                             const uint64_t *dims, void *out) {
-    const memory_item *item = memory_find(user, path);
-    if (item == NULL) return LG_NOT_FOUND;
-    if (item->rank != rank) return LG_SHAPE;
-    for (uint32_t i = 0; i < rank; i++)
-        if (item->dims[i] != dims[i]) return LG_SHAPE;
-    if (item->type != type) return LG_FORMAT;
-    memcpy(out, item->data, item->bytes);
-    return LG_OK;
-}
-
-static inline lg_archive_writer memory_writer(memory_archive *archive) {
-    return (lg_archive_writer){.user = archive, .array = memory_write};
-}
-
-static inline lg_archive_reader memory_reader(memory_archive *archive) {
-    return (lg_archive_reader){.user = archive, .array = memory_read};
-}
+/* ---- states of fits ---- */
 
 static inline memory_archive state_of(const lg_fit *fit) {
     memory_archive archive = {.count = 0};
