@@ -1,0 +1,112 @@
+/* Features of single channels: their numbers as they are, and standard deviations. */
+#include "classify/features.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+/* As lg_sum_of; the sum of up to 2^29 equal numbers is exact, and so is their mean. */
+static double sum_of_floats(const float *x, size_t n) {
+    double lane[8] = {0};
+    size_t i = 0;
+    for (; i + 8 <= n; i += 8)
+        for (size_t j = 0; j < 8; j++) lane[j] += (double)x[i + j];
+    for (size_t j = 0; i < n; i++, j++) lane[j] += (double)x[i];
+    return ((lane[0] + lane[4]) + (lane[2] + lane[6])) + ((lane[1] + lane[5]) + (lane[3] + lane[7]));
+}
+
+/* The mean is subtracted first, while x is exact, so a constant becomes exactly 0 and leaves no rounding for
+ * standardisation to enlarge. */
+double lg_centre(const float *x, size_t length, double scale, double *z) {
+    const double mean = sum_of_floats(x, length) / (double)length;
+    for (size_t i = 0; i < length; i++) z[i] = ((double)x[i] - mean) / scale;
+    const double rest = lg_sum_of(z, length) / (double)length; /* what rounding left of the mean */
+    for (size_t i = 0; i < length; i++) z[i] -= rest;
+    return sqrt(lg_dot(z, z, length) / (double)length);
+}
+
+void lg_deviation_reverse(const double *z, size_t n, double deviation, double scale, double cotangent,
+                          double *gradient) {
+    if (!(deviation > 0.0)) return;
+    const double factor = cotangent / ((double)n * deviation * scale);
+    for (size_t t = 0; t < n; t++) gradient[t] += factor * z[t];
+}
+
+/* ---- raw: the window ---- */
+
+static uint64_t raw_count(const lg_features *f) {
+    return (uint64_t)f->selected * f->length;
+}
+
+static size_t raw_work(const lg_features *f) {
+    return f->length;
+}
+
+static lg_status compute_raw(const lg_features *f, const float *x, double *out, double *work) {
+    (void)work;
+    for (uint32_t i = 0; i < f->selected; i++) {
+        const float *channel = x + (size_t)f->select[i] * f->length;
+        for (uint32_t t = 0; t < f->length; t++) *out++ = (double)channel[t];
+    }
+    return LG_OK;
+}
+
+static void reverse_raw(const lg_features *f, const double *cotangent, double *work, double *gradient) {
+    (void)work;
+    for (uint32_t i = 0; i < f->selected; i++, cotangent += f->length)
+        memcpy(gradient + (size_t)f->select[i] * f->length, cotangent, f->length * sizeof *gradient);
+}
+
+static int describe_raw(const lg_features *f, const lg_series *series, uint32_t index, char *text,
+                        size_t size) {
+    char name[LG_SERIES_NAME];
+    (void)lg_channel_name(series, f->select[index / f->length], name, sizeof name);
+    return snprintf(text, size, "raw %s %u", name, index % f->length);
+}
+
+const lg_feature_row lg_feature_raw = {.name = "raw",
+                                       .count = raw_count,
+                                       .work = raw_work,
+                                       .compute = compute_raw,
+                                       .reverse = reverse_raw,
+                                       .describe = describe_raw};
+
+/* ---- standard deviations; work holds (m, length) of the channels without their means, (m) deviations ---- */
+
+static uint64_t std_count(const lg_features *f) {
+    return f->selected;
+}
+
+static size_t std_work(const lg_features *f) {
+    const size_t m = f->selected;
+    return m * f->length + m;
+}
+
+static lg_status compute_std(const lg_features *f, const float *x, double *out, double *work) {
+    double *deviation = work + (size_t)f->selected * f->length;
+    for (size_t i = 0; i < f->selected; i++)
+        out[i] = deviation[i] =
+            lg_centre(x + (size_t)f->select[i] * f->length, f->length, 1.0, work + i * f->length);
+    return LG_OK;
+}
+
+static void reverse_std(const lg_features *f, const double *cotangent, double *work, double *gradient) {
+    const double *deviation = work + (size_t)f->selected * f->length;
+    for (size_t i = 0; i < f->selected; i++)
+        lg_deviation_reverse(work + i * f->length, f->length, deviation[i], 1.0, cotangent[i],
+                             gradient + (size_t)f->select[i] * f->length);
+}
+
+static int describe_std(const lg_features *f, const lg_series *series, uint32_t index, char *text,
+                        size_t size) {
+    char name[LG_SERIES_NAME];
+    (void)lg_channel_name(series, f->select[index], name, sizeof name);
+    return snprintf(text, size, "std %s", name);
+}
+
+const lg_feature_row lg_feature_std = {.name = "std",
+                                       .count = std_count,
+                                       .work = std_work,
+                                       .compute = compute_std,
+                                       .reverse = reverse_std,
+                                       .describe = describe_std};
