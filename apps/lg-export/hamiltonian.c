@@ -47,7 +47,7 @@ static double invert_mass(const lg_hamiltonian *model, const double *theta, doub
 enum { LEAST_CONDITION = 20 };
 
 /* The condition of a chain's mass matrix. False: its inverse has numbers that the type cannot hold. */
-static bool find_condition(export_source *source, const lg_hamiltonian *model, const double *theta) {
+static bool chain_condition(export_source *source, const lg_hamiltonian *model, const double *theta) {
     const size_t k = model->n;
     double *W = app_alloc(k * k, sizeof *W);
     bool fits = true;
@@ -100,16 +100,60 @@ static void tell_separable(export_source *source, unsigned n) {
     lg_text_add(about, "time          as in the dt of the training data\n");
 }
 
-/* Families of which more is said than their functions' names. */
+/* ---- golden states, as in training data ---- */
+
+/* q_i uniform on the sphere, p_i = q_i x u, u ~ U[0, 1]^3. */
+static void draw_chain(uint32_t k, lg_rng *rng, double *y) {
+    for (uint32_t i = 0; i < k; i++, y += 6) {
+        double u[3], norm = 0.0;
+        for (int c = 0; c < 3; c++) y[c] = lg_rng_normal(rng);
+        for (int c = 0; c < 3; c++) norm += y[c] * y[c];
+        for (int c = 0; c < 3; c++) y[c] /= sqrt(norm), u[c] = lg_rng_uniform(rng);
+        for (int c = 0; c < 3; c++)
+            y[3 + c] = y[(c + 1) % 3] * u[(c + 2) % 3] - y[(c + 2) % 3] * u[(c + 1) % 3];
+    }
+}
+
+/* U[-1, 1]. */
+static void draw_separable(uint32_t n, lg_rng *rng, double *y) {
+    for (uint32_t i = 0; i < 2 * n; i++) y[i] = lg_rng_uniform_in(rng, -1.0, 1.0);
+}
+
+/* ---- families of which more is known than their functions ---- */
+
 typedef struct family_kind {
     const char *family, *copies;
     void (*tell)(export_source *source, unsigned n);
-    bool manifold; /* states are points of T*S^2 */
+    void (*draw)(uint32_t n, lg_rng *rng, double *y); /* a golden state */
+    /* Sets source->condition. False: the exported type cannot hold the parameters. NULL: it stays 1. */
+    bool (*condition)(export_source *source, const lg_hamiltonian *model, const double *theta);
+    const char *arrive;                   /* code that writes the state after a step */
+    bool manifold;                        /* states are points of T*S^2 */
+    bool steps[LG_SCHEME_KINDS], ambient; /* schemes whose step is explicit; in an ambient space, too */
+    const char *others;                   /* follows the name of another scheme */
 } family_kind;
 
 static const family_kind kinds[] = {
-    {"chain", "k", tell_chain, true},
-    {"separable", "n", tell_separable, false},
+    {.family = "chain",
+     .copies = "k",
+     .tell = tell_chain,
+     .draw = draw_chain,
+     .condition = chain_condition,
+     .arrive = "arrive_ts2",
+     .manifold = true,
+     .steps = {[LG_SCHEME_RKMK] = true, [LG_SCHEME_COMMUTATOR_FREE] = true},
+     .others = " is no explicit Lie group scheme, which a step on T*S^2 needs: cf4, rkmk4, lie-euler and "
+               "other rows "
+               "or files of the kinds rkmk and commutator-free can be had"},
+    {.family = "separable",
+     .copies = "n",
+     .tell = tell_separable,
+     .draw = draw_separable,
+     .arrive = "arrive",
+     .steps = {[LG_SCHEME_RKMK] = true, [LG_SCHEME_COMMUTATOR_FREE] = true, [LG_SCHEME_SPLITTING] = true},
+     .ambient = true,
+     .others = " is not explicit: stormer-verlet, rk4, cf4 and other rows or files of the kinds splitting, "
+               "runge-kutta, rkmk and commutator-free can be had"},
 };
 
 static const family_kind *kind_of(const lg_hamiltonian *model) {
@@ -212,22 +256,6 @@ static void tell(export_source *source, const lg_hamiltonian_file *file, size_t 
 
 /* ---- golden vectors ---- */
 
-/* As in training data: on chains q_i uniform on the sphere, p_i = q_i x u, u ~ U[0, 1]^3; else U[-1, 1]. */
-static void draw_state(const lg_hamiltonian *model, lg_rng *rng, double *y) {
-    if (model->family->force != NULL) {
-        for (uint32_t i = 0; i < 2 * model->n; i++) y[i] = lg_rng_uniform_in(rng, -1.0, 1.0);
-        return;
-    }
-    for (uint32_t i = 0; i < model->n; i++, y += 6) {
-        double u[3], norm = 0.0;
-        for (int c = 0; c < 3; c++) y[c] = lg_rng_normal(rng);
-        for (int c = 0; c < 3; c++) norm += y[c] * y[c];
-        for (int c = 0; c < 3; c++) y[c] /= sqrt(norm), u[c] = lg_rng_uniform(rng);
-        for (int c = 0; c < 3; c++)
-            y[3 + c] = y[(c + 1) % 3] * u[(c + 2) % 3] - y[(c + 2) % 3] * u[(c + 1) % 3];
-    }
-}
-
 static double norm(const double *x, size_t n) {
     double sum = 0.0;
     for (size_t i = 0; i < n; i++) sum += x[i] * x[i];
@@ -274,7 +302,7 @@ static void draw_golden(export_source *source, const lg_hamiltonian *model, doub
     double *x = source->golden.x;
     lg_rng rng;
     lg_rng_seed(&rng, options->seed, 0);
-    for (size_t i = 0; i < count; i++) draw_state(model, &rng, x + i * n);
+    for (size_t i = 0; i < count; i++) kind_of(model)->draw(model->n, &rng, x + i * n);
     for (size_t i = 0; i < count * n; i++) x[i] = export_round(options, x[i]);
     for (size_t i = 0; i < m; i++) input[i] = export_round(options, lg_rng_uniform_in(&rng, -1.0, 1.0));
 }
@@ -309,24 +337,11 @@ static lg_status golden_vectors(export_source *source, const lg_hamiltonian_file
 /* ---- code ---- */
 
 /* Schemes without an explicit step on the model's space: a sentence and APP_EXIT_USAGE. */
-static int check_scheme(const app *self, const lg_hamiltonian *model, const lg_scheme *scheme) {
-    static const struct {
-        bool chain, separable;
-    } explicit_step[LG_SCHEME_KINDS] = {[LG_SCHEME_RKMK] = {true, true},
-                                        [LG_SCHEME_COMMUTATOR_FREE] = {true, true},
-                                        [LG_SCHEME_SPLITTING] = {false, true}};
-    const bool chain = model->family->force == NULL;
+static int check_scheme(const app *self, const family_kind *kind, const lg_scheme *scheme) {
     lg_error error = {LG_OK, ""};
     if (lg_scheme_check(scheme, &error) != LG_OK) return app_usage(self, "%s", error.message);
-    if (chain ? explicit_step[scheme->kind].chain && !scheme->ambient : explicit_step[scheme->kind].separable)
-        return APP_EXIT_OK;
-    return app_usage(
-        self,
-        chain ? "%s is no explicit Lie group scheme, which a step on T*S^2 needs: cf4, rkmk4, "
-                "lie-euler and other rows or files of the kinds rkmk and commutator-free can be had"
-              : "%s is not explicit: stormer-verlet, rk4, cf4 and other rows or files of the "
-                "kinds splitting, runge-kutta, rkmk and commutator-free can be had",
-        scheme_name(scheme));
+    if (kind->steps[scheme->kind] && (kind->ambient || !scheme->ambient)) return APP_EXIT_OK;
+    return app_usage(self, "%s%s", scheme_name(scheme), kind->others);
 }
 
 /* Bytes of the frames of code/hamiltonian, gcc and clang, -O0 to -O3, and how many there are. */
@@ -348,7 +363,7 @@ static int add_code(const app *self, export_source *source, const lg_hamiltonian
     export_constant(source, "INPUT", lg_hamiltonian_input_dim(model));
     if (kind_of(model)->manifold)
         export_real(source, "manifold_rounding", source->options->dtype == LG_F32 ? 5e-5 : 1e-13);
-    export_code(source, kind_of(model)->manifold ? "arrive_ts2" : "arrive");
+    export_code(source, kind_of(model)->arrive);
     export_code(source, "hamiltonian");
     source->work += lg_hamiltonian_state_dim(model);
     source->stack += STACK;
@@ -392,13 +407,13 @@ int export_hamiltonian(const app *self, const lg_model_file *file, export_source
     const lg_hamiltonian_file *trained = &file->hamiltonian;
     const lg_hamiltonian *model = &trained->run.model;
     const char *path = self->arguments[0];
-    const bool known = kind_of(model) != NULL;
+    const family_kind *kind = kind_of(model);
     lg_error error = {LG_OK, ""};
     lg_program *program;
-    int code = known ? check_scheme(self, model, source->options->scheme) : APP_EXIT_OK;
+    int code = kind != NULL ? check_scheme(self, kind, source->options->scheme) : APP_EXIT_OK;
     if (code != APP_EXIT_OK) return code;
     source->condition = 1.0;
-    if (known && model->family->force == NULL && !find_condition(source, model, trained->theta))
+    if (kind != NULL && kind->condition != NULL && !kind->condition(source, model, trained->theta))
         return app_fail(self, LG_FORMAT,
                         "%s: the mass matrix is not positive definite, or its inverse is not a number of the "
                         "exported type",
@@ -406,7 +421,7 @@ int export_hamiltonian(const app *self, const lg_model_file *file, export_source
     const lg_status status = lg_hamiltonian_program(self->context, model, trained->theta,
                                                     source->options->scheme, &program, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, path);
-    if (!known) {
+    if (kind == NULL) {
         source->parameters = 0; /* export_whole counts them */
         return export_whole(self, path, program, source);
     }

@@ -34,16 +34,8 @@ static lg_status gradient(void *user, lg_tape *tape, const lg_var *theta, const 
     return lg_tape_status(tape);
 }
 
+/* The field needs dH/dx alone: it calls grad, and a plan leaves out the value. */
 static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    const recording *r = user;
-    lg_hamiltonian_vars vars;
-    LG_TRY(lg_hamiltonian_bind(tape, r->model, theta[0], &vars));
-    y[0] = lg_hamiltonian_record_field(tape, &vars, x[0], input_of(r, x));
-    return lg_tape_status(tape);
-}
-
-/* The same by a call of grad. */
-static lg_status field_of_grad(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const recording *r = user;
     lg_space space;
     lg_var state[LG_HAMILTONIAN_MAX_PARTS], dH[LG_HAMILTONIAN_MAX_PARTS], out[LG_HAMILTONIAN_MAX_PARTS];
@@ -127,10 +119,9 @@ static lg_status build(const lg_context *context, recording *r, const double *th
     in[inputs] = h;
     const lg_port half[] = {{.name = "x", .shape = lg_shape1(d / 2)}, {.name = "u", .shape = lg_shape1(m)}};
     const lg_port energy[] = {{.name = "y"}, {.name = "g"}}, rate = {.name = "f"}, next = {.name = "next"};
-    lg_function_spec functions[MOST_FUNCTIONS] = {
-        {"value", in, 1, energy, 1, value, r},
-        {"grad", in, 1, energy, 2, gradient, r},
-        {"field", in, inputs, &rate, 1, in_a_loop ? field : field_of_grad, r}};
+    lg_function_spec functions[MOST_FUNCTIONS] = {{"value", in, 1, energy, 1, value, r},
+                                                  {"grad", in, 1, energy, 2, gradient, r},
+                                                  {"field", in, inputs, &rate, 1, field, r}};
     size_t count = 3;
     if (model->family->force != NULL) {
         functions[count++] = (lg_function_spec){"force", half, 2, &rate, 1, force, r};
@@ -166,8 +157,7 @@ static lg_status finish(lg_program *bundle, const double *theta, lg_error *error
     return status == LG_OK ? LG_OK : lg_fail(error, status, "a parameter is not finite");
 }
 
-/* The Jacobian's rows are tried at initial parameters: the given ones may have a singular mass, where all is
- * NaN. */
+/* The Jacobian's rows are tried at initial parameters. The given ones may have a singular mass, where all is NaN. */
 lg_status lg_hamiltonian_bundle(const lg_context *context, const lg_hamiltonian *model, const double *theta,
                                 lg_program **out, lg_error *error) {
     recording r = {.model = model};
