@@ -71,7 +71,7 @@ const lg_feature_row lg_feature_raw = {.name = "raw",
                                        .reverse = reverse_raw,
                                        .describe = describe_raw};
 
-/* ---- standard deviations; work holds (m, length) of the channels without their means, (m) deviations ---- */
+/* ---- standard deviations; work: the channels without their means (m, length), deviations (m) ---- */
 
 static uint64_t std_count(const lg_features *f) {
     return f->selected;
