@@ -4,17 +4,15 @@
  * each window the element of h where x is largest, POOL_PLACE(g, x) puts it back: linear in the first input,
  * constant to differentiation in the second. Maximum pooling is POOL_PICK(x, x).
  */
-#include "autodiff/op_c.h"
+#include "autodiff/ops_pool.h"
+
 #include "autodiff/op_rows.h"
 #include "autodiff/ops_windows.h"
-#include "autodiff/tape_internal.h"
-#include "kernels/conv.h"
 
 extern const lg_op lg_op_pool_pick;
 
 /* ---- pooling: sizes ---- */
 
-/* Of a series (batch, length, channels) of this shape; attr.i = {size, stride}. */
 bool lg_pool_of(const lg_shape *x, const lg_attr *attr, lg_k_windows *out) {
     *out = (lg_k_windows){
         .length = x->dims[1], .channels = x->dims[2], .size = attr->i[0], .stride = attr->i[1]};

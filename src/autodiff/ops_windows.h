@@ -1,24 +1,14 @@
-/* What operations along time have in common: windows of a series, and pooling, which a convolution may end
- * with. */
+/* Windows of a series as C, for operations along time. */
 #ifndef LG_OPS_WINDOWS_H
 #define LG_OPS_WINDOWS_H
 
-#include "kernels/conv.h"
 #include "autodiff/op_c.h"
-#include "autodiff/tape_internal.h"
+#include "kernels/kernels.h"
 
+extern const lg_c_fragment lg_c_windows; /* their type */
+
+/* An expression of them. */
 enum { LG_WINDOWS_TEXT = 160 };
-
-/* Windows of a series (batch, length, channels) of this shape; attr.i = {size, stride}. False: they do not
- * fit. */
-bool lg_pool_of(const lg_shape *x, const lg_attr *attr, lg_k_windows *out);
-/* A pooling operation of a, and of b unless it is LG_NONE, with the size and stride of attr; length: of the
- * series, where the inputs leave it open. */
-lg_var lg_record_pool(lg_tape *tape, const lg_op *op, lg_var a, lg_var b, const lg_attr *attr,
-                      uint32_t length);
-
-/* Windows as C: their type, an expression of them, their means. */
-extern const lg_c_fragment lg_c_windows, lg_c_pool_mean;
 const char *lg_windows_text(const lg_k_windows *windows, char text[LG_WINDOWS_TEXT]);
 
 #endif
