@@ -116,7 +116,7 @@ void lg_classifier_destroy(lg_classifier *classifier) {
     *classifier = (lg_classifier){0};
 }
 
-/* ---- judging: work is d features, k components, then what the stages need one after the other ---- */
+/* ---- judging; work: d features, k components, then the work of the stages, which share it in turn ---- */
 
 static size_t larger(size_t a, size_t b) {
     return a > b ? a : b;
@@ -201,7 +201,7 @@ static void decide(const lg_classifier *c, const pieces *p, double *y) {
     }
 }
 
-/* Derivative of output o by p, not of a tree. */
+/* Derivative of output o by p. There is none for a tree. */
 static const double *gradient_of(const lg_classifier *c, const pieces *p, size_t o) {
     if (c->method == LG_METHOD_LOGISTIC) return c->logistic.weight + o * c->logistic.inputs;
     lg_svm_decision_gradient(&c->svm, p->p, p->kernel, o, p->by_p);

@@ -20,7 +20,7 @@ typedef struct item {
 #define SCALARS 13
 #define ARRAYS  15
 
-/* Numbers of the file that give the sizes of everything else. */
+/* The numbers of the file that determine the sizes of all arrays. */
 typedef struct header {
     uint32_t classes, channels, length, selected, segments, pairs, count, inputs, components, variances,
         nodes, vectors, iterations;
@@ -249,7 +249,7 @@ static size_t element_size(lg_element type) {
     return type == LG_ELEMENT_F64 ? sizeof(double) : sizeof(uint32_t);
 }
 
-/* Compares the stored shape before it allocates. */
+/* Checks the stored shape before it allocates. */
 static lg_status read_array(const lg_context *context, const lg_archive_reader *r, const item *it,
                             lg_error *error) {
     uint32_t rank = 0;
@@ -297,7 +297,8 @@ static bool is_index(double x, double below) {
     return x >= 0.0 && x < below && floor(x) == x;
 }
 
-/* Children come after their parent, and each node but the root is the child of one: a tree. */
+/* Checks that the nodes form a tree: children come after their parent, and each node except the root is the
+ * child of exactly one node. */
 static const char *unpack_nodes(lg_tree *tree, const double *rows, bool *child) {
     for (uint32_t i = 0; i < tree->count; i++) {
         const double *row = rows + 6 * (size_t)i;
@@ -356,7 +357,7 @@ static lg_status read_classifier(const lg_context *context, const lg_archive_rea
     return LG_OK;
 }
 
-/* Models of other methods are zeroed. */
+/* Zeroes the models of the other methods. */
 static void forget_others(lg_classifier *c) {
     if (c->method != LG_METHOD_LOGISTIC) c->logistic = (lg_logistic){0};
     if (c->method != LG_METHOD_TREE) c->tree = (lg_tree){0};

@@ -25,7 +25,7 @@ typedef struct search {
     lg_error *error;    /* (count, folds) */
 } search;
 
-/* Rows of the table that fold `fold` learns from, or is tested on; without folds all rows for both. */
+/* Rows of the table that train fold `fold`, or test it. Without folds all rows do both. */
 static size_t gather(const search *s, uint32_t fold, bool test, uint32_t *out) {
     size_t n = 0;
     for (size_t i = 0; i < s->rows; i++)
@@ -81,7 +81,7 @@ static int by_key(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* counts (classes): units that hold the class. */
+/* counts (classes): number of units with rows of the class. */
 static lg_status count_units(const search *s, size_t *counts) {
     uint64_t *keys = lg_alloc(s->context, s->rows, sizeof *keys);
     if (keys == NULL) return LG_OUT_OF_MEMORY;
@@ -94,7 +94,7 @@ static lg_status count_units(const search *s, size_t *counts) {
     return LG_OK;
 }
 
-/* At most as many folds as the rarest class has rows, or units. */
+/* Limits the folds to the number of rows, or units, of the rarest class. */
 static lg_status limit_folds(search *s, uint32_t folds, size_t *counts, lg_error *error) {
     size_t smallest = s->rows;
     LG_TRY(lg_check_labels(s->own, s->rows, s->classes, counts, error));
@@ -124,7 +124,7 @@ static lg_status prepare(search *s, uint32_t folds, lg_error *error) {
     return lg_fail(error, status, "no memory for %zu rows", s->rows);
 }
 
-/* Mean of each option's folds; an option that did not converge has NaN and is not chosen. */
+/* Averages each option over its folds. An option that did not converge gets NaN and is not chosen. */
 static lg_status collect(const search *s, double *accuracy, size_t *best, lg_error *error) {
     const uint32_t folds = s->folds < 2 ? 1 : s->folds;
     size_t chosen = s->count;
@@ -137,7 +137,7 @@ static lg_status collect(const search *s, double *accuracy, size_t *best, lg_err
         double sum = 0.0;
         for (uint32_t f = 0; f < folds; f++)
             sum += s->status[o * folds + f] == LG_OK ? s->part[o * folds + f] : NAN;
-        s->part[o] = sum / folds; /* its folds are not read again: o <= o folds */
+        s->part[o] = sum / folds; /* overwrites only folds that have been read: o <= o folds */
         if (!isnan(s->part[o]) && (chosen == s->count || s->part[o] > s->part[chosen])) chosen = o;
     }
     if (chosen == s->count)

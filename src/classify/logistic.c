@@ -1,9 +1,9 @@
 /* Logistic regression by Newton's method (Nelder and Wedderburn 1972; Boyd and Vandenberghe, "Convex
  * Optimization", 9.5: damped steps, Newton decrement).
  *
- * Rows of the table are centred and get a last column of ones, q = d + 1: as the intercept is not penalised,
- * that is the same problem. theta is (rows, q), its last column the intercepts. Where d >= n, x^T = Q R and
- * the columns of R take the place of the rows: the minimiser has w = Q v, |w| = |v|. */
+ * Rows of the table are centred and get a last column of ones, q = d + 1. The problem stays the same,
+ * because the intercept is not penalised. theta is (rows, q); its last column has the intercepts. If d >= n,
+ * x^T = Q R, and the columns of R replace the rows: the minimiser has w = Q v, |w| = |v|. */
 #include "classify/classify_internal.h"
 
 #include <cblas.h>
@@ -15,22 +15,22 @@
 
 #define MAX_ITERATIONS 200
 #define MAX_HALVINGS   60
-/* Of the squared Newton decrement, as a part of the objective; the step that is measured is still taken, and
- * squares the error. */
+/* Newton's method stops when the squared decrement is this part of the objective. It still takes the step
+ * that was measured, which squares the error. */
 #define TOLERANCE 1e-13
-/* Conjugate gradients of a step at most. */
+/* Largest number of conjugate gradient iterations in a step. */
 #define MAX_CG 2000
-/* A factor costs as much time as about FACTOR_COST q (1 + q/(3 n))/rows products with the Hessian. It is
- * made after this many products have been spent. The products below are credited before the first step, so
- * that short tables have a factor at once. */
+/* A factorisation takes about as long as FACTOR_COST q (1 + q/(3 n))/rows products with the Hessian. It is
+ * made after that many products. The products below are credited before the first step, so that short tables
+ * are factored at once. */
 #define FACTOR_COST (1.0 / 16.0)
 #define START       8.0
 #define SMALL_Q     12
-/* What conjugate gradients leave of the model's fall, at the end. */
+/* Tolerance of conjugate gradients in the last steps, as a part of the decrease of the quadratic model. */
 #define EXACT 1e-9
-/* Doubles of the table that are worked on at a time: both passes over them find them in the cache. */
+/* Doubles of the table in one block: both passes over a block find it in the cache. */
 #define BLOCK_DOUBLES 32768
-/* Score of a class that does not occur in training: beside scores that add up to 0 its probability is 0. */
+/* Score of a class that does not occur in training. The other scores add up to 0, so its probability is 0. */
 #define UNSEEN (-1e4)
 
 typedef struct problem {
@@ -45,18 +45,18 @@ typedef struct problem {
     double *residual; /* (n, rows): p - y */
     double *weight;   /* (n, rows): rows == 1: p (1 - p), else p */
     double *scaled;   /* (n, q); with `factor` */
-    double *factor;   /* (q, q) Cholesky's, for conjugate gradients; NULL until it pays */
+    double *factor;   /* (q, q) Cholesky factor, for conjugate gradients; NULL until it pays */
     double *diagonal; /* (q) until then */
     double *vectors;  /* (4, unknowns): of conjugate gradients */
     double objective, forcing;
-    double worth; /* products that cost as much as a factor */
+    double worth; /* number of products that take as long as a factorisation */
     double spent; /* products since the factor was made */
     bool solved;  /* the last step is as exact as `forcing` */
 } problem;
 
 /* ---- the objective ---- */
 
-/* Sums log(1 + e), e >= 0, in products: one logarithm for many terms. */
+/* Sums log(1 + e), e >= 0, as the logarithm of a product: one logarithm for many terms. */
 typedef struct log_sum {
     double sum, product;
     int count;
@@ -74,7 +74,7 @@ static inline void log_sum_add(log_sum *s, double e) {
     s->count = 0;
 }
 
-/* Two classes, one logit. Small tails are formed without cancellation. */
+/* Two classes, one logit. Small probabilities are computed without cancellation. */
 static double binary_loss(problem *p) {
     log_sum logs = {0.0, 1.0, 0};
     double linear = 0.0;
@@ -127,7 +127,7 @@ static void scores(const problem *p, size_t first, size_t last, const double *th
         cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasTrans, n, rows, q, 1.0, x, q, theta, q, 0.0, out, rows);
 }
 
-/* Value at `theta`; residual and weight belong to it then. */
+/* The objective at `theta`. Sets residual and weight for that point. */
 static double evaluate(problem *p, const double *theta) {
     scores(p, 0, p->n, theta);
     double square = 0.0;
@@ -157,9 +157,9 @@ static void add_penalty(const problem *p, const double *v, double *out) {
 
 /* ---- the step: conjugate gradients ---- */
 
-/* The Hessian is sum_i C (diag(p_i) - p_i p_i^T) (x) x_i x_i^T and the penalty. On vectors that add up to 0
- * over the classes, where all steps lie, diag(p) - p p^T of K equal p is 1/K: the preconditioner has the same
- * number, sum_c p_c (1 - p_c)/(K - 1), for every class; with one row of theta it is the Hessian itself. */
+/* The Hessian is sum_i C (diag(p_i) - p_i p_i^T) (x) x_i x_i^T plus the penalty. All steps add up to 0 over
+ * the classes. On such vectors diag(p) - p p^T is 1/K for K equal p. The preconditioner therefore uses one
+ * number, sum_c p_c (1 - p_c)/(K - 1), for every class. With one row of theta it is the Hessian itself. */
 static double curvature(const problem *p, size_t i) {
     const size_t k = p->rows;
     const double *w = p->weight + i * k;
@@ -169,7 +169,7 @@ static double curvature(const problem *p, size_t i) {
     return p->c * sum / (double)(k - 1);
 }
 
-/* Few features: rank-one updates of the upper triangle, without the calls. */
+/* For few features: rank-one updates of the upper triangle, without calls of BLAS. */
 static void form_small(const problem *p) {
     const size_t q = p->q;
     double upper[SMALL_Q * SMALL_Q] = {0};
@@ -193,7 +193,8 @@ static void form_large(const problem *p) {
                 p->factor, (int)q);
 }
 
-/* The preconditioner's upper triangle, row-major; its diagonal gets `ridge` of its largest entry. */
+/* The preconditioner's upper triangle, row-major. `ridge` times the largest entry is added to the
+ * diagonal. */
 static void form(const problem *p, double ridge) {
     const size_t q = p->q;
     double largest = 0.0;
@@ -274,8 +275,9 @@ static void hessian_product(problem *p, const double *v, double *out) {
     p->spent += 1.0;
 }
 
-/* Minimiser, gradients and steps add up to 0 over the classes. What rounding leaves of the sum is taken off:
- * there the preconditioner is far from the Hessian, which on the intercepts' sum is 0. */
+/* Minimiser, gradients and steps add up to 0 over the classes. This subtracts what rounding leaves of the
+ * sum: in that direction the preconditioner is far from the Hessian, which is 0 for the sum of the
+ * intercepts. */
 static void balance(const problem *p, double *v) {
     for (size_t j = 0; j < p->q && p->rows > 1; j++) {
         double sum = 0.0;
@@ -284,8 +286,8 @@ static void balance(const problem *p, double *v) {
     }
 }
 
-/* As exactly as the last decrement asks for (Dembo, Eisenstat, Steihaug 1982); without a factor, at most
- * until that would have cost as much. */
+/* The tolerance follows from the last decrement (Dembo, Eisenstat, Steihaug 1982). Without a factor the
+ * iteration stops when it has taken as long as a factorisation. */
 static lg_status conjugate_gradients(problem *p) {
     const size_t n = p->unknowns;
     const double limit = p->factor == NULL ? p->worth + 1.0 : MAX_CG;
@@ -295,7 +297,7 @@ static lg_status conjugate_gradients(problem *p) {
     balance(p, r);
     precondition(p, r, direction);
     double rho = lg_dot(r, direction, n);
-    double fallen = 0.0, last = 1.0; /* of the quadratic model: in all, by the last direction */
+    double fallen = 0.0, last = 1.0; /* decrease of the quadratic model: in all, by the last direction */
     size_t iteration = 0;
     for (; rho > 0.0 && (double)(iteration + 1) * last > p->forcing * fallen; iteration++) {
         p->solved = p->factor != NULL;
@@ -318,8 +320,8 @@ static lg_status conjugate_gradients(problem *p) {
     return LG_OK;
 }
 
-/* A factor is computed, or computed again, when the products since the last one have cost as much. With one
- * row of theta a new factor solves the equations by itself. */
+/* Factors, first or again, when the products since the last factorisation have taken as long as one. With one
+ * row of theta a new factor solves the equations alone. */
 static lg_status find_step(problem *p) {
     if (p->spent < p->worth) {
         if (p->factor == NULL) make_diagonal(p);
@@ -378,7 +380,7 @@ static lg_status newton(problem *p, uint32_t *iterations) {
 
 /* ---- fitting ---- */
 
-/* x^T = Q R as LAPACK leaves it: the row-major table (n, d) is its column-major (d, n). */
+/* x^T = Q R in LAPACK's form: the row-major table (n, d) is a column-major (d, n). */
 typedef struct span {
     double *qr, *tau, *work;
     int lwork;
@@ -415,7 +417,7 @@ static lg_status take_span(const lg_context *context, const double *x, const dou
     return info == 0 ? LG_OK : LG_NO_CONVERGENCE;
 }
 
-/* v (n) at the front of w (d), zeros behind it: w = Q v. */
+/* w = Q v in place: on entry w (d) has v (n), then zeros. */
 static void leave_span(const span *s, size_t n, size_t d, double *w) {
     const int rows = (int)d, one = 1, reflections = (int)n;
     int info = 0;
@@ -454,7 +456,8 @@ static void problem_free(problem *p) {
     for (size_t i = 0; i < LG_COUNT(blocks); i++) lg_free(p->context, blocks[i]);
 }
 
-/* theta of the classes that occur -> the model, in the coordinates and with the origin of the table. */
+/* Writes the model from theta of the classes that occur, in the coordinates and with the origin of the
+ * table. */
 static void write_model(const problem *p, const size_t *counts, const double *mean, const span *s,
                         lg_logistic *model) {
     const size_t d = model->inputs, rows = p->classes == 2 ? 1 : p->classes;

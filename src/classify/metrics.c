@@ -63,7 +63,7 @@ lg_metrics lg_metrics_of(const uint64_t *confusion, uint32_t classes) {
 
 /* ---- receiver operating characteristic ---- */
 
-/* NaN counts as below every number: such a window is the last to be called positive. */
+/* NaN ranks below every number: such a window is the last one to be called positive. */
 static double key_of(double score) {
     return isnan(score) ? -(double)INFINITY : score;
 }
@@ -82,7 +82,8 @@ static void sift(uint32_t *order, const double *score, size_t stride, size_t roo
     order[root] = one;
 }
 
-/* Heap sort: falling scores, no memory. Equal ones end in one point, their order does not matter. */
+/* Heap sort into falling scores, without memory. The order of equal scores does not matter, because they form
+ * one point of the curve. */
 static void sort_falling(uint32_t *order, const double *score, size_t stride, size_t n) {
     for (size_t i = 0; i < n; i++) order[i] = (uint32_t)i;
     for (size_t i = n / 2; i-- > 0;) sift(order, score, stride, i, n);
@@ -100,7 +101,7 @@ static size_t count_of(const uint32_t *truth, uint32_t positive, size_t n) {
     return count;
 }
 
-/* From position i of the order, the positions of one score: counts its windows of either side. */
+/* Passes all positions from i on that have the same score, and counts their windows of both sides. */
 static size_t next_score(const uint32_t *order, const double *score, size_t stride, const uint32_t *truth,
                          uint32_t positive, size_t i, size_t n, size_t *hits, size_t *false_alarms) {
     const double key = key_of(score[order[i] * stride]);

@@ -1,12 +1,12 @@
-/* Cuts a feed of samples into windows, which a judge sees one by one, and counts votes over the last of
- * them. */
+/* Cuts a feed of samples into windows, passes them to a judge one by one, and counts the votes of the last
+ * windows. */
 #include <math.h>
 #include <string.h>
 
 #include "core/core.h"
 #include "liegrad/monitor.h"
 
-/* Slot s % window of the ring holds sample s; all arrays lie behind the structure in the caller's memory. */
+/* Slot s % window of the ring holds sample s. All arrays follow the structure in the caller's memory. */
 struct lg_monitor {
     uint32_t channels, window, hop, bridge;
     uint32_t most_missing; /* in a window that is judged */
@@ -95,7 +95,7 @@ lg_status lg_monitor_init(const lg_monitor_options *options, lg_monitor_judge ju
     monitor->window = options->window;
     monitor->hop = options->hop == 0 ? options->window : options->hop;
     monitor->bridge = options->bridge;
-    /* 0.1 of 300 is 30, whatever the rounding of 0.1 */
+    /* the factor makes 0.1 of 300 equal 30 in spite of the rounding of 0.1 */
     monitor->most_missing = (uint32_t)floor(options->missing * options->window * (1.0 + 1e-12));
     monitor->votes = options->votes;
     monitor->votes_of = options->votes_of;
@@ -116,9 +116,9 @@ static float *before(const lg_monitor *monitor, uint64_t back) {
     return &monitor->ring[(size_t)(slot % monitor->window) * monitor->channels];
 }
 
-/* Fills the gap that ends with `sample`: by a straight line from the last received sample if the gap is
- * short, and at the beginning of a feed by the first received sample. Samples that have left the ring were
- * judged before. */
+/* Fills the gap that ends with `sample`. A short gap gets a straight line from the last received sample; at
+ * the beginning of a feed the gap gets the first received sample. Samples that have left the ring are already
+ * judged. */
 static void fill_gap(lg_monitor *monitor, const float *sample) {
     const uint64_t gap = monitor->gap, inside = gap < monitor->window ? gap : monitor->window;
     const float *last = monitor->received ? monitor->last : sample;

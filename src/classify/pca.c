@@ -26,7 +26,7 @@ lg_status lg_eigen(double *a, size_t n, double *values, double *work) {
     return info == 0 ? LG_OK : LG_NO_CONVERGENCE;
 }
 
-/* ---- what every fit asks of its table ---- */
+/* ---- checks of every fit's table ---- */
 
 lg_status lg_check_table(const double *x, size_t n, uint32_t d, lg_error *error) {
     if (x == NULL || n == 0 || d == 0)
@@ -60,12 +60,12 @@ lg_status lg_check_labels(const uint32_t *label, size_t n, uint32_t classes, siz
 
 /* ---- standardisation ---- */
 
-/* mean and scale of column j. Constant to rounding: scale 1. */
+/* Mean and scale of each column. The scale is 1 for a column that is constant to rounding. */
 static lg_status measure(const double *x, size_t n, uint32_t d, lg_pca *p) {
     const double weight = 1.0 / (double)n;
     for (size_t i = 0; i < n; i++)
         for (uint32_t j = 0; j < d; j++) p->mean[j] += weight * x[i * d + j];
-    for (size_t i = 0; i < n; i++) /* second pass: variance in place of the scale */
+    for (size_t i = 0; i < n; i++) /* second pass: `scale` holds the variance */
         for (uint32_t j = 0; j < d; j++) {
             const double z = x[i * d + j] - p->mean[j];
             p->scale[j] += weight * z * z;
@@ -84,7 +84,7 @@ static void standardise(const lg_pca *p, const double *x, double *z) {
 
 /* ---- components: rows v (k, d) ---- */
 
-/* v becomes orthogonal to the rows before it, twice for rounding; returns its norm. */
+/* Makes v orthogonal to the rows before it, twice because of rounding. Returns its norm. */
 static double orthogonalise(const double *rows, size_t before, size_t d, double *v) {
     for (int pass = 0; pass < 2; pass++)
         for (size_t i = 0; i < before; i++)
@@ -92,8 +92,8 @@ static double orthogonalise(const double *rows, size_t before, size_t d, double 
     return sqrt(lg_dot(v, v, d));
 }
 
-/* A unit vector orthogonal to all `before` < d rows. Of the axes, one has at least the mean square distance
- * (d - before)/d from their span. */
+/* A unit vector orthogonal to all `before` < d rows. At least one coordinate axis has a squared distance of
+ * (d - before)/d or more from their span. */
 static void complete(const double *rows, size_t before, size_t d, double *v) {
     const double enough = sqrt(0.5 * (double)(d - before) / (double)d);
     double norm = 0.0;
@@ -105,8 +105,8 @@ static void complete(const double *rows, size_t before, size_t d, double *v) {
     cblas_dscal((int)d, 1.0 / norm, v, 1);
 }
 
-/* From eigenvectors u of Z Z^T/n (n, n; rows, rising): v = Z^T u/|Z^T u|, made orthogonal to rounding. A
- * component without variance gets some orthogonal direction. */
+/* From eigenvectors u of Z Z^T/n (n, n; rows, by rising eigenvalue): v = Z^T u/|Z^T u|, made orthogonal to
+ * rounding. A component without variance becomes any orthogonal direction. */
 static void from_gram(const double *z, const double *u, const double *variance, size_t n, size_t d, size_t k,
                       double *rows) {
     for (size_t j = 0; j < k; j++) {
@@ -125,7 +125,7 @@ static void from_gram(const double *z, const double *u, const double *variance, 
     }
 }
 
-/* Makes the largest component positive, the first of those that are equal up to rounding. */
+/* Makes the largest component positive. If several are equal up to rounding, the first one counts. */
 static void fix_sign(double *v, size_t d) {
     double largest = 0.0;
     for (size_t i = 0; i < d; i++) largest = fmax(largest, fabs(v[i]));

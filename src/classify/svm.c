@@ -1,5 +1,5 @@
-/* Support vector classification: libsvm (Chang and Lin 2011) solves the dual, models are converted and
- * evaluated here. */
+/* Support vector classification. libsvm (Chang and Lin 2011) solves the dual; this file converts and
+ * evaluates the models. */
 #include "classify/classify_internal.h"
 
 #include <libsvm/svm.h>
@@ -11,15 +11,15 @@
 #include <cblas.h>
 
 #define CACHE_MB 200.0
-/* libsvm walks through lists of (index, value) for each entry of the kernel that it needs. A table of the
- * whole kernel by BLAS costs less when it needs many and the lists are long: never below so many features nor
- * above so many rows (8 bytes an entry), always up to so many rows, in between as a trial on a few rows says.
- */
+/* For each entry of the kernel libsvm walks through lists of (index, value). When it needs many entries and
+ * the lists are long, a table of the whole kernel by BLAS is faster. Below TABLE_FEATURES features and above
+ * TABLE_ROWS rows (8 bytes an entry) there is no table. Otherwise there is one up to TABLE_ALWAYS rows;
+ * beyond that a trial on PILOT_ROWS rows decides. */
 #define TABLE_FEATURES 8
 #define TABLE_ROWS     8192
 #define TABLE_ALWAYS   1500
 #define PILOT_ROWS     300
-/* What libsvm takes besides its cache: bytes a row. */
+/* Memory of libsvm besides its cache, bytes a row. */
 #define ROW_BYTES 256
 
 /* ---- training ---- */
@@ -59,14 +59,15 @@ static void sort_rows(training *t, const uint32_t *label) {
             t->scaled[i * t->d + j] = t->factor * t->x[t->order[i] * (size_t)t->d + j];
 }
 
-/* For libsvm's kernel PRECOMPUTED: entry `value` of node 0 of a row is its number, of node j its kernel with
- * row j; nothing else of a node is read. As a node is two doubles wide, two rows share their nodes: the
- * second of the two begins a double later. */
+/* For libsvm's kernel PRECOMPUTED: `value` of node 0 of a row is the row's number, `value` of node j its
+ * kernel with row j. libsvm reads nothing else of a node. A node is two doubles wide, so two rows share their
+ * nodes: the second row begins one double later. */
 static double *table_row(const training *t, size_t i) {
     return (double *)(void *)t->nodes + i / 2 * 2 * (t->n + 1) + i % 2;
 }
 
-/* Entries first..first+rows-1 against first..n-1, and their mirror images. product (rows, n - first) */
+/* Fills the entries of rows first..first+rows-1 with columns first..n-1, and their transposes. product (rows,
+ * n - first) */
 static void fill_stripe(const training *t, size_t first, size_t rows, const double *square, double *product) {
     const size_t columns = t->n - first, d = t->d;
     const double gamma = t->parameter.gamma, *x = t->scaled + first * d;
@@ -126,8 +127,8 @@ static void training_free(training *t) {
     lg_free(t->context, t->nodes);
 }
 
-/* libsvm does not check its allocations. Therefore the memory that it will take is allocated and freed
- * first. */
+/* libsvm does not check its allocations. Therefore this allocates and frees the memory that libsvm will
+ * take. */
 static bool memory_is_there(const training *t) {
     const double kernel = 4.0 * (double)t->n * (double)t->n, cache = CACHE_MB * 1048576.0;
     void *volatile probe = malloc((size_t)(kernel < cache ? kernel : cache) +
@@ -143,7 +144,7 @@ static struct svm_model *run_libsvm(const training *t, size_t n, const struct sv
     return svm_train(&problem, parameter);
 }
 
-/* The part of the rows that are support vectors in a rough solution on PILOT_ROWS equidistant rows. */
+/* The fraction of support vectors in a rough solution on PILOT_ROWS equidistant rows. */
 static double pilot(const training *t) {
     double target[PILOT_ROWS];
     struct svm_node *rows[PILOT_ROWS];
@@ -163,8 +164,8 @@ static double pilot(const training *t) {
     return part;
 }
 
-/* In nanoseconds an entry: lists about 8 + 1.1 d, of as many columns as there are vectors; the table 6 + d/16
- * for each entry. Vectors become fewer, as a part, with the rows. */
+/* Lists take about 8 + 1.1 d ns an entry, for as many columns as there are support vectors. The table takes
+ * 6 + d/16 ns for every entry. The fraction of support vectors falls as the rows grow. */
 static bool table_pays(const training *t) {
     if (t->d < TABLE_FEATURES || t->n > TABLE_ROWS) return false;
     if (t->n <= TABLE_ALWAYS) return true;
@@ -189,8 +190,8 @@ static lg_status lay_table(training *t) {
     return work != NULL && t->nodes != NULL ? LG_OK : LG_OUT_OF_MEMORY;
 }
 
-/* Squares of linear kernels must keep clear of the ends of single precision, in which libsvm stores them:
- * with x' = f x and C' = C/f^2 the dual has alpha' = alpha/f^2 and the same margins. */
+/* libsvm stores linear kernels in single precision, so their squares must stay inside its range. With x' = f
+ * x and C' = C/f^2 the dual has alpha' = alpha/f^2 and the same margins. */
 static double factor_for(const double *x, size_t count) {
     double largest = 0.0;
     for (size_t i = 0; i < count; i++) largest = fmax(largest, fabs(x[i]));
@@ -202,7 +203,7 @@ static double factor_for(const double *x, size_t count) {
 
 /* ---- conversion ---- */
 
-/* Row of the coefficients that a vector of class `own` has against class `other`. */
+/* The row with the coefficients of vectors of class `own` against class `other`. */
 static size_t coefficient_row(size_t own, size_t other) {
     return other > own ? other - 1 : other;
 }
@@ -263,7 +264,7 @@ static lg_status train(training *t, const uint32_t *label, lg_svm *out) {
     return status;
 }
 
-/* 1/(d var) over all numbers; 1 where they are all the same. */
+/* 1/(d var), var over all numbers; 1 if all numbers are equal. */
 static double default_gamma(const double *x, size_t count, uint32_t d) {
     const double mean = lg_sum_of(x, count) / (double)count;
     double variance = 0.0;
@@ -392,7 +393,7 @@ static void kernel_values(const lg_svm *svm, const double *x, double *k) {
             k[v] = exp(-svm->gamma * square_distance(svm->vector + v * d, x, d));
 }
 
-/* Makes the score of libsvm's answer, the first class with the most votes, the largest. votes (classes) */
+/* libsvm answers the first class with the most votes. This makes its score the largest. votes (classes) */
 static void prefer_first(const double *votes, size_t classes, double *score) {
     size_t first = 0, largest = 0;
     for (size_t i = 1; i < classes; i++) {
@@ -402,13 +403,13 @@ static void prefer_first(const double *votes, size_t classes, double *score) {
     if (largest != first) score[first] = nextafter(score[largest], INFINITY);
 }
 
-/* Less than 1/3 in size, or as much, whatever x is. */
+/* A number of size at most 1/3, rising with x. */
 static double bounded(double x) {
     return isfinite(x) ? x / (3.0 * (fabs(x) + 1.0)) : 0.0;
 }
 
-/* Votes, and in `lean` the sum of the decisions for each class. A pair without vectors of one class is won by
- * the other. */
+/* Counts votes in `score` and sums the decisions for each class in `lean`. If one class of a pair has no
+ * vectors, the other class wins. */
 static void vote(const lg_svm *svm, const double *k, double *score, double *lean) {
     const size_t classes = svm->classes;
     size_t pair = 0, first_i = 0;
@@ -478,7 +479,7 @@ static pair_view pair_at(const lg_svm *svm, size_t pair) {
     return view_pair(svm, i, j, first_i, first_j);
 }
 
-/* One of the classes has no vectors; this does not happen with two classes. */
+/* Whether one class of the pair has no vectors. With two classes this does not happen. */
 static bool is_empty(const lg_svm *svm, const pair_view *p) {
     return svm->classes > 2 && (p->count_a == 0 || p->count_b == 0);
 }
@@ -497,7 +498,7 @@ void lg_svm_decisions(const lg_svm *svm, const double *x, double *decision, doub
     }
 }
 
-/* Adds those of vectors first..first + count - 1: of x_v.x, or of exp(-gamma |x_v - x|^2). */
+/* Adds the gradients of the kernels x_v.x or exp(-gamma |x_v - x|^2) for vectors first..first + count - 1. */
 static void add_gradients(const lg_svm *svm, const double *x, const double *kernel, const double *coefficient,
                           size_t first, size_t count, double *gradient) {
     const size_t d = svm->inputs;

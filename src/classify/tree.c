@@ -2,8 +2,8 @@
  *
  * Each column is sorted once. A node owns the same range of positions in every column; when it is split, the
  * range is partitioned and keeps its order, so that a level of the tree costs O(d n). A column whose values
- * are all equal within a node is not looked at again below it: it may hold rows of the sibling there, but its
- * values stay equal, which is all that is asked of it. */
+ * are all equal within a node is not searched or partitioned below that node. Its range may then hold rows of
+ * the sibling, which is harmless because all its values are equal. */
 #include "classify/tree.h"
 
 #include <math.h>
@@ -45,7 +45,7 @@ typedef struct item {
     uint32_t row, label;
 } item;
 
-/* A node that is to be split: positions first..last-1 of every column. */
+/* A node that waits to be split: positions first..last-1 of every column. */
 typedef struct task {
     uint32_t node, first, last, depth;
 } task;
@@ -65,7 +65,7 @@ typedef struct grower {
     uint8_t *side;          /* (n), by row: 1 goes right */
     double *i_log_i;        /* (n + 1), entropy only */
     uint32_t *left, *right; /* (classes) of the split in question */
-    task *stack;            /* (n): tasks are disjoint, not empty ranges */
+    task *stack;            /* (n): tasks are disjoint ranges, none empty */
     size_t tasks;
     lg_tree tree;
     uint32_t room; /* nodes */
@@ -118,7 +118,7 @@ static bool may_split(const grower *g, const lg_tree_node *node, const uint32_t 
     return true;
 }
 
-/* Appends a leaf; a task when it may be split. True when it is one. */
+/* Appends a leaf, and a task if the leaf may be split. True if there is a task. */
 static bool add_node(grower *g, const uint32_t *counts, uint32_t first, uint32_t last, uint32_t depth) {
     lg_tree *tree = &g->tree;
     const uint32_t index = tree->count++;
@@ -131,7 +131,7 @@ static bool add_node(grower *g, const uint32_t *counts, uint32_t first, uint32_t
     return true;
 }
 
-/* Half-way, rounded below the upper value. */
+/* Half-way between both values; below the upper value in spite of rounding. */
 static double between(double lower, double upper) {
     const double middle = 0.5 * lower + 0.5 * upper;
     return middle >= lower && middle < upper ? middle : lower;
@@ -143,7 +143,8 @@ static void take(split *best, double score, uint32_t feature, uint32_t position,
         (split){true, feature, position, between(column[position - 1].value, column[position].value), score};
 }
 
-/* Score of Gini: sum over both sides of |counts|^2/samples; n impurity is samples minus it. */
+/* Gini score: the sum over both sides of |counts|^2/samples. n times the impurity is samples minus the
+ * score. */
 static void search_gini(grower *g, const task *t, uint32_t feature, split *best) {
     const item *column = &g->items[(size_t)feature * g->n];
     const uint32_t samples = t->last - t->first, leaf = g->options.min_samples_leaf;
@@ -166,7 +167,7 @@ static double entropy_score(const grower *g, const uint32_t *counts, uint32_t sa
     return sum - g->i_log_i[samples];
 }
 
-/* Score of the entropy: minus samples times impurity, over both sides. */
+/* Entropy score: minus the sum over both sides of samples times impurity. */
 static void search_entropy(grower *g, const task *t, uint32_t feature, split *best) {
     const item *column = &g->items[(size_t)feature * g->n];
     const uint32_t samples = t->last - t->first, leaf = g->options.min_samples_leaf;
@@ -200,7 +201,7 @@ static split find_split(grower *g, const task *t) {
     return best;
 }
 
-/* Left rows first, in every column that varies; both parts keep their order. */
+/* Puts left rows first in every column that varies. Both parts keep their order. */
 static void partition(grower *g, const task *t) {
     for (uint32_t j = 0; j < g->tree.inputs; j++) {
         if (is_constant(g, t, j)) continue;
@@ -281,7 +282,7 @@ static void merge(const item *a, size_t a_count, const item *b, size_t b_count, 
     memcpy(out + (a_end - a), b, (size_t)(b_end - b) * sizeof *out);
 }
 
-/* Rising values, equal ones by row. */
+/* Sorts by rising value, equal values by row. */
 static void sort_items(item *items, item *spare, size_t n) {
     item *from = items, *to = spare;
     for (size_t i = 0; i < n; i += RUN) insertion_sort(&items[i], n - i < RUN ? n - i : RUN);
@@ -308,7 +309,7 @@ static void fill_columns(grower *g, const double *x, const uint32_t *label) {
 
 /* ---- the public side ---- */
 
-/* So that nodes, and twice the nodes, are numbers of 32 bits. */
+/* With this limit the number of nodes, and twice that number, fit in 32 bits. */
 #define MOST_ROWS ((size_t)1 << 29)
 
 static lg_status check_options(const lg_tree_options *o, lg_error *error) {

@@ -1,4 +1,4 @@
-/* What growing and pruning of decision trees share. */
+/* Functions that growing and pruning of decision trees share. */
 #ifndef LG_CLASSIFY_TREE_H
 #define LG_CLASSIFY_TREE_H
 

@@ -1,9 +1,9 @@
 /* Minimal cost-complexity pruning: Breiman et al. (1984), chapter 3.
  *
- * With R(t) = (n_t/n) impurity_t and, over the leaves below t, R(T_t) and |T_t|, the branch at t is worth
- * keeping as long as alpha < g(t) = (R(t) - R(T_t))/(|T_t| - 1). The branch of the smallest g is cut, its
- * ancestors get new R(T), |T| and g, and so on to the root. A tournament over the nodes keeps the smallest g
- * at hand: a cut costs O(depth log nodes). */
+ * R(t) = (n_t/n) impurity_t; R(T_t) is its sum over the leaves below t and |T_t| their number. The branch at
+ * t is worth keeping as long as alpha < g(t) = (R(t) - R(T_t))/(|T_t| - 1). The branch of the smallest g is
+ * cut, its ancestors get new R(T), |T| and g, and so on to the root. A tournament tree over the nodes finds
+ * the smallest g: a cut costs O(depth log nodes). */
 #include <math.h>
 #include <string.h>
 
@@ -76,8 +76,8 @@ lg_status lg_tree_compact(const lg_context *context, const lg_tree *tree, const 
     return all ? LG_OK : LG_OUT_OF_MEMORY;
 }
 
-/* The child of fewer samples is taken first and the larger one waits. The number of samples at hand so
- * halves with every node that waits, and 32 places are enough for any tree whose samples add up. */
+/* Visits the child of fewer samples first while the larger one waits. Every node that waits halves the number
+ * of samples of the current node, so 32 places are enough for any tree whose samples add up. */
 uint32_t lg_tree_depth(const lg_tree *tree) {
     struct {
         uint32_t node, depth;
@@ -108,7 +108,7 @@ typedef struct pruner {
     const lg_context *context;
     const lg_tree *tree; /* in depth-first order, its own */
     lg_tree ordered;
-    uint32_t nodes, depth;                                /* of the subtree at hand */
+    uint32_t nodes, depth;                                /* of the current subtree */
     uint32_t base;                                        /* leaves of the tournament, a power of two */
     uint32_t *parent, *leaves, *level, *at_depth, *stack; /* (count) */
     double *own, *branch;                                 /* R(t), R(T_t) */
@@ -161,7 +161,7 @@ static lg_status pruner_allocate(pruner *p) {
 }
 
 static lg_status pruner_create(pruner *p, const lg_tree *tree) {
-    if (tree->count > (uint32_t)1 << 30) return LG_OUT_OF_MEMORY; /* twice as many are numbered below */
+    if (tree->count > (uint32_t)1 << 30) return LG_OUT_OF_MEMORY; /* twice the count must fit */
     LG_TRY(lg_tree_compact(p->context, tree, NULL, &p->ordered));
     p->tree = &p->ordered;
     p->nodes = p->tree->count;
@@ -193,7 +193,7 @@ static lg_status pruner_create(pruner *p, const lg_tree *tree) {
     return LG_OK;
 }
 
-/* Takes what hangs below t out of the subtree. */
+/* Removes all nodes below t from the subtree. */
 static void remove_below(pruner *p, uint32_t t) {
     size_t used = 0;
     p->stack[used++] = t;

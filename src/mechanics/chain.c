@@ -1,4 +1,4 @@
-/* The pendulum chain: parameters, constants, what both forms compute. */
+/* The pendulum chain: parameters, constants, and the functions common to both forms. */
 #include "mechanics/chain.h"
 
 #include <math.h>

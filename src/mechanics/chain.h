@@ -9,11 +9,11 @@
 
 #include "mechanics/system.h"
 
-/* Rows of the table of parameters, of both forms. */
+/* Rows of the table of parameters, for both forms. */
 enum { CHAIN_GRAVITY, CHAIN_MASSES, CHAIN_LENGTHS };
 extern const lg_parameter_entry lg_chain_parameters[];
 
-/* Numbers that do not depend on the state; k each. */
+/* Arrays that do not depend on the state, k entries each. */
 typedef struct lg_chain {
     size_t links;
     double gravity;
@@ -30,7 +30,7 @@ typedef struct lg_chain {
 
 enum { CHAIN_CONSTANTS = 8 };
 
-/* On every path of a step, hence here: the parameters stand in the order of their table. */
+/* The parameters stand in the order of their table. Inline, since every field evaluation calls it. */
 static inline lg_chain lg_chain_of(const lg_system *system) {
     const size_t k = system->links;
     const double *p = system->parameters;
@@ -49,7 +49,7 @@ static inline lg_chain lg_chain_of(const lg_system *system) {
                       .w_next = c + 7 * k};
 }
 
-/* Members of both rows. */
+/* Functions that both rows use. */
 lg_status lg_chain_space(size_t links, lg_space *out);
 size_t lg_chain_constants(size_t links);
 void lg_chain_prepare(lg_system *system, double *constants);

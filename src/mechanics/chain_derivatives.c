@@ -49,7 +49,7 @@ static void copy_out(lg_dtype dtype, const double *from, size_t n, void *to, siz
         for (size_t i = 0; i < n; i++) ((float *)to)[first + i] = (float)from[i];
 }
 
-/* The scratch is an input of the operation, so that the tape owns it. Its values mean nothing outside. */
+/* The scratch is an input of the operation, so that the tape owns it. Nobody else reads its values. */
 static double *scratch_of(const lg_chain_batch *batch) {
     union {
         const void *lent;

@@ -201,7 +201,7 @@ const lg_system_row lg_system_row_chain_hamiltonian = {
 
 /* ---- public parts ---- */
 
-/* Results go through the workspace, so that a failure leaves v and g alone. */
+/* Results go through the workspace, so that v and g are unchanged on failure. */
 static lg_status public_gradient(const lg_system *system, const double *y, double *v, double *g, double *work,
                                  lg_status (*evaluate)(const lg_chain *, const double *, double *, double *,
                                                        double *)) {

@@ -7,7 +7,7 @@ static inline double dot(const double *a, const double *b) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/* b_i but for gravity, and e_i */
+/* b_i without gravity, and e_i */
 static inline double load(const lg_chain *chain, const double *y, size_t i) {
     return chain->length[i] * dot(y + 6 * i + 3, y + 6 * i + 3);
 }
@@ -16,7 +16,7 @@ static inline double coupling(const lg_chain *chain, const double *y, size_t i) 
     return -chain->light[i] * dot(y + 6 * i, y + 6 * i + 6);
 }
 
-/* An end of the elimination: what the rows done so far take from the next one. */
+/* One end of the elimination: what the eliminated rows subtract from the next row. */
 typedef struct front {
     double d, b;
 } front;
@@ -67,7 +67,7 @@ static inline void accelerate(const lg_chain *chain, size_t i, const double forc
 
 typedef double pair __attribute__((vector_size(16), may_alias, aligned(8)));
 
-/* In pairs, as they are read next. */
+/* Writes two numbers at a time, because they are read next two at a time. */
 static inline void write_lie(const double *y, const double *a, double *out) {
     const double along = dot(y, a);
     *(pair *)out = (pair){y[3], y[4]};
@@ -139,7 +139,7 @@ static double invariant(const lg_system *system, size_t index, const double *y, 
     return index == 0 ? lg_chain_energy(&chain, y, work) : lg_chain_vertical_momentum(&chain, y, work);
 }
 
-/* The largest user is lg_chain_velocities. */
+/* lg_chain_velocities needs the most. */
 static size_t work_of(size_t links) {
     return (3 + CHAIN_MOMENTUM_WORK) * links;
 }

@@ -1,5 +1,6 @@
-/* The chain's fields on a tape, both forms, as compositions of plain operations on k x k matrices; the
- * Lagrangian one inside a custom operation whose value and first derivatives cost O(k) (chain_derivatives.c).
+/* The chain's fields on a tape, in both forms, as compositions of plain operations on k x k matrices. The
+ * Lagrangian composition stands inside a custom operation whose value and first derivatives cost O(k)
+ * (chain_derivatives.c).
  */
 #include "liegrad/ops.h"
 #include "mechanics/chain_derivatives.h"
@@ -91,12 +92,12 @@ enum { Q, OMEGA, PARAMETERS, VARIABLES };
 enum { SIZES = VARIABLES, SCRATCH, INPUTS }; /* of the field: two constants follow */
 enum { TANGENT_SIZES = 2 * VARIABLES, TANGENT_SCRATCH, TANGENT_INPUTS }; /* of its derivative */
 
-/* Variables of their own for partial derivatives: an input may depend on another one. */
+/* Copies the inputs to separate variables, for partial derivatives: one input may depend on another. */
 static void separate(lg_tape *tape, const lg_var *in, size_t n, lg_var *out) {
     for (size_t i = 0; i < n; i++) out[i] = lg_scale(tape, in[i], 1.0);
 }
 
-/* out[i] for what is needed among the first n inputs, y being made of the variables x. */
+/* Writes out[i] for those of the first n inputs that need it; y is computed from the variables x. */
 static lg_status pull_back(lg_tape *tape, lg_var y, lg_var g, const lg_var *x, size_t n, const bool *need,
                            lg_var *out) {
     lg_var wanted[2 * VARIABLES], found[2 * VARIABLES];

@@ -15,7 +15,7 @@
 
 #define NEWTON_MAX     50
 #define ROUNDING       1e-15 /* of (|q|^2 - 1)/2 */
-#define NEARLY         1e-13 /* where a residual that grows again is rounding */
+#define NEARLY         1e-13 /* a residual below this that grows again is rounding */
 #define STEP_TOO_LARGE 1e6
 
 typedef struct step_work {

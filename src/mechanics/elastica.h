@@ -1,7 +1,7 @@
-/* Inside of the elastica: the problem in the frame of its chord, and the searches that work there.
+/* Internals of the elastica: the problem in the frame of its chord, and the searches in that frame.
  *
- * Lengths are measured in L, energies in EI/L, and the chord q_N - q_0 = (d, 0) lies along the x axis. What
- * is left of a problem is the number of intervals, d and the two end angles.
+ * Lengths are measured in L, energies in EI/L, and the chord q_N - q_0 = (d, 0) lies along the x axis. The
+ * number of intervals, d and the two end angles describe the problem completely.
  */
 #ifndef LG_ELASTICA_INTERNAL_H
 #define LG_ELASTICA_INTERNAL_H
@@ -14,11 +14,12 @@
 typedef struct lg_beam {
     size_t n;     /* intervals, >= 2 */
     double d;     /* chord, in [0, 1) */
-    double first; /* theta_0, in (-pi, pi] but where the caller's choice of turns is kept */
+    double first; /* theta_0, in (-pi, pi] unless the caller's choice of turns is kept */
     double last;  /* theta_N */
 } lg_beam;
 
-/* How to come back: theta = theta_beam + turn, force = rotation(chord) force_beam * EI/L^2. */
+/* The way back to the caller's frame: theta = theta_beam + turn, force = rotation(chord) force_beam *
+ * EI/L^2. */
 typedef struct lg_beam_frame {
     lg_beam beam;
     double turn, chord;
@@ -27,8 +28,8 @@ typedef struct lg_beam_frame {
 
 lg_beam_frame lg_beam_frame_make(const lg_elastica *problem);
 
-/* A point theta with its force, all derivatives there and a factorisation. One block of memory, for beams of
- * up to `room` intervals. Arrays have n + 1 entries; those of inner angles use 1..n-1. */
+/* A point theta with its force, all derivatives there and a factorisation. One block of memory serves beams
+ * of up to `room` intervals. Arrays have n + 1 entries; arrays over inner angles use entries 1..n-1. */
 typedef struct lg_beam_work {
     const lg_context *context;
     size_t room;
@@ -41,7 +42,7 @@ typedef struct lg_beam_work {
     double force[2];    /* lambda */
     double energy;      /* E(theta), with 2 P r for the force */
     double *gradient;   /* of E, with `force` in place of 2 P r */
-    double largest;     /* term in the gradient */
+    double largest;     /* the largest term in the gradient */
     double defect[2];   /* r - lambda/(2 P) */
     double *diag, *off; /* the tridiagonal part T of the Hessian; off[k] couples k and k + 1 */
     double *ux, *uy;    /* U = h (-sin theta, cos theta) */
@@ -71,42 +72,44 @@ typedef enum lg_beam_end {
     LG_BEAM_LOST    /* no stationary point within the limit */
 } lg_beam_end;
 
-/* From work->theta (its ends are set) downhill to a stationary point, which stays in `work` with force,
- * energy, gradient and inertia. Unless saddles are kept, a saddle is left along its steepest curvature, to
- * the lower one of the two minima. */
+/* Goes downhill from work->theta, whose ends are set, to a stationary point. The point stays in `work` with
+ * force, energy, gradient and inertia. Unless saddles are kept, the search leaves a saddle along its
+ * direction of lowest curvature, both ways, and takes the lower one of the two minima. */
 lg_beam_end lg_beam_minimise(const lg_beam *beam, lg_beam_work *work);
-/* Newton's method without regard to the energy, steps cut at half a radian. */
+/* Newton's method without regard to the energy; steps are limited to half a radian. */
 lg_beam_end lg_beam_stationary(const lg_beam *beam, lg_beam_work *work);
-/* Implicit steps of the gradient flow, each 1/rate long or shorter: takes the short waves away first. */
+/* Implicit steps of the gradient flow, each 1/rate long or shorter. The flow removes the short waves
+ * first. */
 void lg_beam_flow(const lg_beam *beam, lg_beam_work *work, double rate, int steps);
-/* Negative eigenvalues of the second variation at work->theta under the force, q_N - q_0 held exactly. */
+/* The number of negative eigenvalues of the second variation at `theta` under `force`, with q_N - q_0 held
+ * exactly. */
 uint32_t lg_beam_inertia(const lg_beam *beam, lg_beam_work *work, const double theta[],
                          const double force[2]);
 double lg_beam_energy(const lg_beam *beam, const double *theta);
 /* Cubic interpolation between equidistant nodes; `to` and `from` do not overlap. */
 void lg_beam_prolong(size_t from_n, const double *from, size_t to_n, double *to);
-/* Intervals at which the branch of `beam` is looked for before its own n is taken: <= n. */
+/* Number of intervals, <= n, of the coarse problem that finds the branch before `beam` itself is solved. */
 size_t lg_beam_coarse(const lg_beam *beam);
 
-/* From a moderate problem to this one; angles change by at most `step` between two problems. The result
- * stays in `work`. Errors: LG_CANCELLED, LG_OUT_OF_MEMORY; what else failed is in *end. */
+/* Continuation from a moderate problem to this one; angles change by at most `step` between two problems. The
+ * result stays in `work`. Errors: LG_CANCELLED, LG_OUT_OF_MEMORY; *end has the outcome otherwise. */
 lg_status lg_beam_follow(const lg_beam *beam, lg_beam_work *work, double step, lg_beam_end *end);
-/* From the solution of `from` in work->theta to `beam`, both of the same n. */
+/* Continuation from the solution of `from`, which is in work->theta, to `beam`; both have the same n. */
 lg_status lg_beam_continue(const lg_beam *from, const lg_beam *beam, lg_beam_work *work, double step,
                            lg_beam_end *end);
-/* lg_beam_follow, and a search from many starts where it finds no minimum. */
+/* Calls lg_beam_follow, and searches from many starts when that finds no minimum. */
 lg_status lg_beam_solve(const lg_beam *beam, lg_beam_work *work, double step, lg_beam_end *end);
 
 typedef struct lg_beam_branch {
     double energy, gradient, force[2];
     uint32_t negative, iterations;
 } lg_beam_branch;
-/* Distinct stationary points from many starts by rising energy: branches (room), theta (room, n + 1). When
- * more are found than there is room for, the lowest stay. `quick`: from fewer starts. */
+/* Distinct stationary points found from many starts, sorted by rising energy: branches (room), theta (room,
+ * n + 1). If there are more than `room`, the lowest are kept. `quick`: fewer starts. */
 lg_status lg_beam_search(const lg_beam *beam, lg_beam_work *work, bool saddles, bool quick, size_t room,
                          double *theta, lg_beam_branch *branches, size_t *count);
 
-/* Options with the defaults in place of NULL; LG_INVALID_ARGUMENT. */
+/* Copies the options, or the defaults for NULL. Error: LG_INVALID_ARGUMENT. */
 lg_status lg_elastica_options_take(const lg_elastica_options *options, lg_elastica_options *out,
                                    lg_error *error);
 /* The failure of a search that ended at `end`. */
@@ -119,8 +122,8 @@ lg_status lg_elastica_no_minimum(lg_beam_end end, const lg_beam *beam, const lg_
 typedef struct lg_collocation lg_collocation;
 lg_status lg_collocation_create(const lg_context *context, lg_collocation **out);
 void lg_collocation_destroy(const lg_context *context, lg_collocation *collocation);
-/* From the angles at `beam->n` + 1 equidistant points, and the force. LG_NO_CONVERGENCE, LG_CANCELLED,
- * LG_OUT_OF_MEMORY. */
+/* Starts from the angles at `beam->n` + 1 equidistant points and the force. Errors: LG_NO_CONVERGENCE,
+ * LG_CANCELLED, LG_OUT_OF_MEMORY. */
 lg_status lg_collocation_solve(lg_collocation *collocation, const lg_beam *beam, const double *theta,
                                const double force[2], double tolerance);
 typedef struct lg_collocation_result {
@@ -133,15 +136,16 @@ void lg_collocation_sample(const lg_collocation *collocation, size_t n, double *
 
 /* Intervals of the discrete problem that the collocation starts from. */
 size_t lg_collocation_grid(const lg_beam *beam);
-/* From the discrete solution in `work`: LG_NO_CONVERGENCE also when the result is on another branch. */
+/* Starts from the discrete solution in `work`. LG_NO_CONVERGENCE also when the result is on another
+ * branch. */
 lg_status lg_collocation_polish(lg_collocation *collocation, const lg_beam *beam, lg_beam_work *work,
                                 lg_beam_end *end);
 /* Angles (N + 1) and nodes (N + 1, 2) of the problem; q may be NULL. */
 void lg_collocation_export(const lg_collocation *collocation, const lg_elastica *problem,
                            const lg_beam_frame *frame, double *theta, double *q);
 
-/* One problem of a family: from the solution of `from` (NULL: none) in work->theta. On LG_OK the minimum is
- * in `work`. */
+/* Solves one problem of a family, starting from the solution of `from` in work->theta (from NULL: no start is
+ * given). On LG_OK the minimum is in `work`. */
 lg_status lg_beam_next(const lg_beam *from, const lg_beam *beam, lg_beam_work *work, double step,
                        lg_beam_end *end);
 

@@ -52,7 +52,8 @@ static const double regular[][MODES] = {{0},
                                         {-8, 0, -1},
                                         {0, 0, 0, 0, 2},
                                         {0, 0, 0, 0, -2}};
-/* Each once as it stands and once times sqrt(1 - d), as the angles of a nearly straight beam. */
+/* Each start is used as it stands and multiplied by sqrt(1 - d), the size of angles of a nearly straight
+ * beam. */
 #define STARTS        (2 * (LG_COUNT(regular) + RANDOM_STARTS))
 #define BETWEEN       8 /* starts between two minima */
 #define BETWEEN_TILTS 3 /* with 0, 1, -1 sqrt(1 - d) sin(2 pi s/L) */
@@ -149,7 +150,7 @@ static bool is_kinked(const lg_beam *beam, const double *theta) {
     return false;
 }
 
-/* Newton's method from points along the gradient flow from w->base, which comes by the saddles. */
+/* Newton's method from points along the gradient flow from w->base, which passes near the saddles. */
 static void search_saddles(const lg_beam *beam, lg_beam_work *w, branch_list *list) {
     const uint32_t limit = w->limit;
     w->limit = limit < FLOW_LIMIT ? limit : FLOW_LIMIT;
@@ -172,7 +173,7 @@ static size_t minimum_rank(const branch_list *list, size_t index) {
     return rank;
 }
 
-/* The way from the lowest minimum to each other passes over a saddle. */
+/* A path from the lowest minimum to any other minimum passes over a saddle. */
 static lg_status search_between(const lg_beam *beam, lg_beam_work *w, branch_list *list) {
     const size_t n = beam->n, nodes = list->nodes;
     double *ends = lg_alloc(w->context, 2 * nodes, sizeof *ends);
@@ -218,7 +219,7 @@ static lg_status search(const lg_beam *beam, lg_beam_work *w, bool saddles, bool
     return saddles ? search_between(beam, w, list) : LG_OK;
 }
 
-/* The list of a coarser beam, each branch carried to the nodes of `beam`. */
+/* Carries each branch of a coarser beam's list over to the nodes of `beam`. */
 static lg_status refine_all(const branch_list *coarse, const lg_beam *beam, lg_beam_work *w, bool saddles,
                             branch_list *list) {
     for (size_t i = 0; i < coarse->count; i++) {

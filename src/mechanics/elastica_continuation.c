@@ -1,9 +1,9 @@
 /* Continuation in the end angles and the chord, and the public solver.
  *
- * A moderate problem has end angles of the same ratio of which the larger is 1 radian, and a chord of
- * moderate length. From its minimum the problem asked for is reached on a line in both end angles and in
- * log(1 - d), a minimum at every step. For theta_N = -theta_0 and for theta_0 = 0 this is the branch of
- * global minima.
+ * The start is a moderate problem: its end angles have the same ratio as those of the problem asked for, the
+ * larger of them is 1 radian, and its chord has a moderate length. The continuation goes from the minimum of
+ * the moderate problem to the problem asked for along a line in both end angles and log(1 - d). It finds a
+ * minimum at every step. For theta_N = -theta_0 and for theta_0 = 0 this is the branch of global minima.
  */
 #include <math.h>
 #include <string.h>
@@ -13,7 +13,7 @@
 #define CHORD_LOW    0.3
 #define CHORD_HIGH   0.92
 #define CHORD_STEP   0.2  /* of log(1 - d) */
-#define PROBLEMS_MAX 4000 /* beyond: many turns, which wind evenly and need no path */
+#define PROBLEMS_MAX 4000 /* a longer path means many turns: they wind evenly and need no path */
 #define COARSE       256
 #define BRANCHES     16
 #define SEARCH_LIMIT 60 /* Newton steps from one of many starts */
@@ -42,7 +42,8 @@ static void set_line(const lg_beam *beam, double *theta) {
     }
 }
 
-/* The next guess: by the secant when there are two points behind, otherwise moved with the ends. */
+/* The next guess. `secant`: it extrapolates the last two points; otherwise the last point moves with the
+ * ends. */
 static void predict(const lg_beam *beam, lg_beam_work *w, bool secant) {
     const size_t n = beam->n;
     const double first = beam->first - w->theta[0], last = beam->last - w->theta[n];
@@ -116,7 +117,7 @@ void lg_beam_prolong(size_t from_n, const double *from, size_t to_n, double *to)
     to[to_n] = from[from_n];
 }
 
-/* work->theta from intervals `from` to those of the beam, and the minimum there. */
+/* Interpolates work->theta from `from` intervals to those of the beam, and finds the minimum there. */
 static lg_beam_end refine(size_t from, const lg_beam *beam, lg_beam_work *work) {
     memcpy(work->before, work->theta, (from + 1) * sizeof(double));
     lg_beam_prolong(from, work->before, beam->n, work->theta);

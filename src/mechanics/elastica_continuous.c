@@ -20,7 +20,7 @@
 
 #define DEGREE       16
 #define M            (DEGREE + 1)
-#define SERIES       (M + 2) /* coefficients of theta */
+#define SERIES       (M + 2) /* coefficients of the series of theta */
 #define RIGHT        5       /* right-hand sides: defect, theta_0, theta'_0, lx, ly */
 #define PANELS_FIRST 8
 #define PANELS_MAX   256
@@ -31,7 +31,7 @@
 #define TAIL         1e-13
 #define STEP_MAX     0.5
 #define FINE_MAX     4096
-#define FAR          0.3 /* radians between the discrete solution that it started from and the result */
+#define FAR          0.3 /* radians; a result farther from its discrete start is on another branch */
 
 /* Matrices of the reference panel. */
 typedef struct reference {
@@ -167,8 +167,8 @@ static lg_status make_room(lg_collocation *c) {
 
 /* ---- small dense systems ---- */
 
-/* Gauss with partial pivoting on rows of `columns` numbers: the right-hand sides stand behind the n columns
- * of the matrix and become the solution. False when singular. */
+/* Gaussian elimination with partial pivoting on rows of `columns` numbers. The right-hand sides follow the n
+ * columns of the matrix and are replaced by the solution. False when the matrix is singular. */
 static bool eliminate(size_t n, size_t columns, double *a) {
     for (size_t k = 0; k < n; k++) {
         size_t p = k;
@@ -207,7 +207,7 @@ static void panel_angles(const reference *r, panel *p) {
     }
 }
 
-/* How w answers to its defect and to changes of theta_0, theta'_0 and the force. */
+/* The change of w caused by its defect and by changes of theta_0, theta'_0 and the force. */
 static bool panel_respond(const reference *r, const double force[2], panel *p) {
     double a[M * (M + RIGHT)];
     const size_t columns = M + RIGHT;
@@ -338,7 +338,7 @@ static lg_status newton(lg_collocation *c, const lg_beam *beam) {
 
 /* ---- defect and panels ---- */
 
-/* Of the size of the terms: force, and theta'^2/2. */
+/* The size of the terms of the equation: force, and theta'^2/2. */
 static double equation_scale(const lg_collocation *c) {
     double scale = hypot(c->force[0], c->force[1]);
     for (size_t j = 0; j < c->count; j++) scale = fmax(scale, 0.5 * c->panels[j].slope * c->panels[j].slope);
@@ -408,7 +408,7 @@ static void halve(const reference *r, const panel *p, panel out[2]) {
     }
 }
 
-/* Sets defect, gradient and series; halves where needed. *done when there was no need. */
+/* Sets defect, gradient and series, and halves panels that need it. *done is set when none does. */
 static lg_status refine(lg_collocation *c, double tolerance, bool *done) {
     const double scale = equation_scale(c);
     size_t count = 0;

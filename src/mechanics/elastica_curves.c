@@ -4,9 +4,10 @@
 
 #include "mechanics/elastica.h"
 
-/* Neighbours in x start from each other in blocks of this length, whatever the number of threads. */
+/* Within a block of this many values of x each curve starts from the one before. Blocks do not depend on the
+ * number of threads. */
 #define BLOCK 25
-/* The next curve is reached from the last one when no end angle is farther away, radians. */
+/* The next curve starts from the last one when no end angle changes by more than this, radians. */
 #define NEAR 0.2
 
 /* ---- memory ---- */
@@ -61,7 +62,7 @@ static lg_status check_sampling(const lg_elastica_sampling *s, lg_error *error) 
     if (s->threads < 1 || s->threads > 1024)
         return lg_fail(error, LG_INVALID_ARGUMENT, "elastica: %d threads", s->threads);
     lg_elastica problem = s->problem;
-    lg_elastica_set_case(&problem, LG_ELASTICA_BOTH_ENDS, 1.0); /* what the caller left there is not used */
+    lg_elastica_set_case(&problem, LG_ELASTICA_BOTH_ENDS, 1.0); /* replaces what the caller left there */
     return lg_elastica_check(&problem, error);
 }
 
@@ -72,7 +73,7 @@ static double boundary_angle(const lg_elastica_sampling *s, size_t number) {
     return LG_PI * ((double)half + s->gap + t * (1.0 - 2.0 * s->gap));
 }
 
-/* One set under construction; blocks write to rows of their own. */
+/* A set under construction; each block writes its own rows. */
 typedef struct job {
     const lg_context *context;
     const lg_elastica_sampling *sampling;
@@ -81,7 +82,7 @@ typedef struct job {
     lg_error *errors;
 } job;
 
-/* What one block works with. */
+/* The memory of one block. */
 typedef struct block_memory {
     lg_beam_work work;
     lg_collocation *collocation;

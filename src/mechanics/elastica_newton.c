@@ -7,12 +7,13 @@
  *   [ -U^T -1/(2 P) ] [dlambda] = - [c],   C = 1/(2 P) + U^T T^-1 U,   C dlambda = c + U^T T^-1 g,
  *
  * which for c = 0 is the step of the Hessian T + 2 P U U^T (Sherman, Morrison, Woodbury). On the way down
- * lambda is 2 P r; for the last digits it is free, as P grows like n^2 and r then loses them.
+ * lambda is 2 P r. For the last digits lambda is free, because P grows like n^2 and r then loses them.
  *
  * Inertia (Haynsworth): the number of negative eigenvalues of T + 2 P U U^T is that of T, plus the number of
- * positive ones of C, minus 2. T is often indefinite where the whole is not, so it is factored with pivots
- * of one and two rows (Bunch 1974; N. Higham, Accuracy and Stability of Numerical Algorithms, 11.1.4), which
- * needs no exchange of rows; a pivot of zero is moved by one rounding of the largest entry.
+ * positive ones of C, minus 2. T is often indefinite where T + 2 P U U^T is not. It is therefore factored
+ * with pivots of one and two rows (Bunch 1974; N. Higham, Accuracy and Stability of Numerical Algorithms,
+ * 11.1.4), which needs no exchange of rows. A pivot of zero is replaced by one rounding unit of the largest
+ * entry.
  */
 #include <float.h>
 #include <math.h>
@@ -64,15 +65,15 @@ static double penalty(const lg_beam *beam) {
     return 18.0 * (double)beam->n * (double)beam->n;
 }
 
-/* sum += x, what rounding takes away kept in carry (Kahan). */
+/* sum += x; `carry` keeps the rounding error (Kahan). */
 static void add(double *sum, double *carry, double x) {
     const double y = x - *carry, t = *sum + y;
     *carry = (t - *sum) - y;
     *sum = t;
 }
 
-/* Energy, r, U and the bending part of gradient and Hessian at `theta`. With `own` the force stays what it
- * is and the defect is r - lambda/(2 P); without, it is set to 2 P r. */
+/* Energy, r, U and the bending part of gradient and Hessian at `theta`. `own`: the force keeps its value and
+ * the defect is r - lambda/(2 P). Otherwise the force is set to 2 P r. */
 static void evaluate(const lg_beam *beam, lg_beam_work *w, bool own) {
     const size_t n = beam->n;
     const double *theta = w->theta, h = 1.0 / (double)n, N = (double)n, P = penalty(beam);
@@ -192,8 +193,8 @@ static void solve_tridiagonal(size_t n, const lg_beam_work *w, double *const x[3
     }
 }
 
-/* Factors T + shift h, solves for U and -gradient, and counts the negative eigenvalues of the whole. False
- * when it is singular to rounding. */
+/* Factors T + shift h, solves for U and -gradient, and counts the negative eigenvalues of the shifted
+ * Hessian. False when that is singular to rounding. */
 static bool factor(const lg_beam *beam, lg_beam_work *w, double shift) {
     const size_t n = beam->n;
     const double soft = 0.5 / penalty(beam);
@@ -219,7 +220,7 @@ static bool factor(const lg_beam *beam, lg_beam_work *w, double shift) {
     return isfinite(w->det) && w->det != 0.0;
 }
 
-/* From z, Y and C: z becomes dtheta, the result is dlambda. */
+/* Computes the step from z, Y and C: z becomes dtheta, `force` dlambda. */
 static void step(const lg_beam *beam, lg_beam_work *w, double force[2]) {
     double a = w->defect[0], b = w->defect[1];
     for (size_t k = 1; k < beam->n; k++) {
@@ -257,8 +258,8 @@ static bool is_solved(const lg_beam *beam, const lg_beam_work *w) {
            fmax(fabs(w->defect[0]), fabs(w->defect[1])) <= allowed;
 }
 
-/* Whole steps in (theta, lambda) until solved, or until they no longer shrink below STAGNATION, which is
- * rounding. False, and back at the start, when they grow. */
+/* Takes whole steps in (theta, lambda) until the problem is solved, or until steps below STAGNATION no longer
+ * shrink, which is rounding. When the steps grow it restores the start and returns false. */
 static bool polish(const lg_beam *beam, lg_beam_work *w, double within) {
     double before = within, force[2];
     copy(beam, w->saved, w->theta);
@@ -287,7 +288,7 @@ static bool polish(const lg_beam *beam, lg_beam_work *w, double within) {
 
 /* ---- downhill ---- */
 
-/* The smallest shift of a rising sequence that makes the Hessian positive definite; 0 when it is. */
+/* Tries rising shifts until the Hessian is positive definite; the shift is 0 when it already is. */
 static bool factor_definite(const lg_beam *beam, lg_beam_work *w) {
     if (factor(beam, w, 0.0) && w->negative == 0) return true;
     for (double shift = SHIFT_FIRST; shift < SHIFT_LAST; shift *= 4.0)
@@ -295,10 +296,10 @@ static bool factor_definite(const lg_beam *beam, lg_beam_work *w) {
     return false;
 }
 
-/* lambda = 2 P r is stiff. A step that is right to first order leaves the valley of small |r| along a
- * tangent, and it would have to be short. This moves theta by a combination of the columns of Y, the least
- * in the metric of T, until r is its first-order value `wanted`, up to an energy of `small` (second-order
- * correction: Nocedal and Wright, Numerical Optimization, 18.3). */
+/* lambda = 2 P r is stiff: a first-order step leaves the valley of small |r| along a tangent, so it would
+ * have to be short. This second-order correction (Nocedal and Wright, Numerical Optimization, 18.3) moves
+ * theta by a combination of the columns of Y, the smallest in the metric of T, until r equals its first-order
+ * value `wanted` up to an energy of `small`. */
 static void correct_closure(const lg_beam *beam, lg_beam_work *w, const double wanted[2], double small) {
     const double P = penalty(beam), soft = 0.5 / P;
     const double xx = w->capacity[0] - soft, xy = w->capacity[1], yy = w->capacity[2] - soft;
@@ -315,7 +316,7 @@ static void correct_closure(const lg_beam *beam, lg_beam_work *w, const double w
     }
 }
 
-/* Along z from theta; false when the energy does not sink. */
+/* Line search along z from theta; false when the energy does not decrease. */
 static bool search_line(const lg_beam *beam, lg_beam_work *w, double share) {
     const double start = w->energy, soft = 0.5 / penalty(beam);
     double slope = 0.0, r[2] = {w->force[0] * soft, w->force[1] * soft}, change[2] = {0.0, 0.0};
@@ -344,7 +345,7 @@ static lg_beam_end end_of(const lg_beam *beam, const lg_beam_work *w) {
     return w->negative == 0 ? LG_BEAM_MINIMUM : LG_BEAM_SADDLE;
 }
 
-/* To a stationary point, energy sinking. */
+/* Goes downhill to a stationary point. */
 static lg_beam_end descend(const lg_beam *beam, lg_beam_work *w) {
     double force[2];
     evaluate(beam, w, false);
@@ -360,7 +361,7 @@ static lg_beam_end descend(const lg_beam *beam, lg_beam_work *w) {
         const double size = length(beam, w->z);
         if (!isfinite(size)) return LG_BEAM_LOST;
         if (definite && size < CLOSE && polish(beam, w, size)) return end_of(beam, w);
-        if (definite && size < CLOSE) { /* polishing evaluated anew */
+        if (definite && size < CLOSE) { /* polish() has evaluated another point */
             factor(beam, w, 0.0);
             step(beam, w, force);
         }

@@ -1,8 +1,9 @@
 /* The heavy top, a rigid body with a fixed point, in four forms.
  *
- * Q takes body to inertial coordinates; I are the principal moments of inertia about the fixed point, chi the
- * unit vector in the body from it to the centre of mass, at the distance l, M the mass, Gamma0 gravity in the
- * inertial frame: the potential energy is M l Gamma0.Q chi. With the spatial momentum pi,
+ * Q takes body to inertial coordinates. I are the principal moments of inertia about the fixed point. The
+ * centre of mass lies at the distance l from the fixed point, in the direction of the unit vector chi of the
+ * body. M is the mass and Gamma0 gravity in the inertial frame, so that the potential energy is
+ * M l Gamma0.Q chi. With the spatial momentum pi,
  *
  *   Q' = hat(omega) Q, omega = Q I^-1 Q^T pi, pi' = tau = M l Gamma0 x Q chi;
  *
@@ -11,16 +12,16 @@
  *   Pi' = Pi x I^-1 Pi + M l Gamma x chi, Gamma' = Gamma x I^-1 Pi.
  *
  * - cotangent: right-trivialised T*SO(3) as SE(3), f = (dH/dpi, -R_Q^* dH/dQ) = (omega, tau - omega x pi).
- * The velocity of pi under (u, n) is n + u x pi, and -ad_u^* pi = u x pi: this is the f of the symplectic
- * integrators.
+ *   The velocity of pi under (u, n) is n + u x pi, and -ad_u^* pi = u x pi: this is the f of the symplectic
+ *   integrators.
  * - direct: the direct product SO(3) x R^3, f = (omega, tau).
  * - lie-poisson: (Gamma, Pi) in se(3)* under (R Gamma, R Pi + r x R Gamma), f = -(dH/dPi, dH/dGamma)
  *   = -(I^-1 Pi, M l chi).
  * - quadratic: q in R^3 with a constant momentum p = -M l chi makes the Hamiltonian quadratic,
  *     H = 1/2 Pi.I^-1 Pi + 1/2 |p - Gamma|^2 - 1/2 |Gamma|^2:
  *     pi' = -Gamma0 x Q p, q' = p - Q^T Gamma0, p' = 0.
- *   The state holds p + M l chi, which is zero for the top: a shift of p by a constant is symplectic, the
- * start does not depend on the parameters, and derivatives in M, l, chi are those of the top.
+ *   The state holds p + M l chi, which is zero for the top. This shift of p by a constant is symplectic. With
+ *   it the start does not depend on the parameters, and derivatives in M, l, chi are those of the top.
  *
  * Celledoni, Cokaj, Leone, Murari, Owren: Lie group integrators for mechanical systems (2022).
  */
@@ -53,7 +54,7 @@ static const double *parameters_of(const void *user) {
     return ((const lg_system_user *)user)->system->parameters;
 }
 
-/* ---- (Q, pi): the state of cotangent and direct, and how that of quadratic begins ---- */
+/* ---- (Q, pi): the state of cotangent and direct, and the first part of the state of quadratic ---- */
 
 enum { ATTITUDE = 0, MOMENTUM = 9, POSITION = 12, SHIFT = 15 }; /* places in the state */
 
@@ -271,13 +272,13 @@ static lg_status quadratic_space(size_t links, lg_space *out) {
     return lg_space_init(out, (const lg_space_factor[]){{LG_SPACE_SE3, 1}, {LG_SPACE_RN, 6}}, 2);
 }
 
-/* -p */
+/* out = -p */
 static void quadratic_arm(const double *parameter, const double *y, double out[3]) {
     weight_arm(parameter, out);
     for (int i = 0; i < 3; i++) out[i] -= y[SHIFT + i];
 }
 
-/* The energy is H - |p|^2/2, as in the other forms. */
+/* The invariant called energy is H - |p|^2/2, the same as in the other forms. */
 static double quadratic_invariant(const lg_system *system, size_t index, const double *y, double *work) {
     const double *parameter = system->parameters;
     double arm[3];
@@ -287,7 +288,7 @@ static double quadratic_invariant(const lg_system *system, size_t index, const d
     return spatial_energy(parameter, y, arm);
 }
 
-/* The energy and |p|^2/2, which is constant. */
+/* H: the energy plus |p|^2/2, which is constant. */
 static double quadratic_generating(const lg_system *system, const double *y, double *work) {
     double arm[3];
     quadratic_arm(system->parameters, y, arm);

@@ -1,14 +1,15 @@
 /* Two quadrotors that carry a point mass on rigid massless links, under a tracking control law.
  *
- * e3 points along gravity, DOWN. Payload y, links q_i in S^2, quadrotors at y - L_i q_i, attitudes R_i with
- * body rates Omega_i. Thrusts u_i, split along and across the link; moments M_i:
+ * e3 points along gravity, DOWN. The payload is at y, the links are q_i in S^2, the quadrotors are at
+ * y - L_i q_i and have attitudes R_i with body rates Omega_i. The thrusts u_i are split along and across the
+ * link; the moments are M_i:
  *
  *   M_q (v' - g e3) = sum_i u_par_i - m_i L_i |omega_i|^2 q_i,   M_q = m_y I + sum_i m_i q_i q_i^T
  *   omega_i' = q_i x (v' - g e3)/L_i - q_i x u_perp_i/(m_i L_i),   q_i' = omega_i x q_i
  *   J Omega_i' = -Omega_i x J Omega_i + M_i,   R_i' = hat(omega) R_i, omega = R_i Omega_i
  *
- * The thrusts are those that the control law asks for. Attitudes and links are not coupled, and M_i = 0. The
- * control law tracks y_d(t) = (t - 5/2, 0, (t - 5/2)^2 - 7) with the error e = y - y_d:
+ * The quadrotors deliver the thrusts of the control law exactly. Attitudes and links are not coupled, and
+ * M_i = 0. The control law tracks y_d(t) = (t - 5/2, 0, (t - 5/2)^2 - 7) with the error e = y - y_d:
  *
  *   A = y_d'' - kx e - kv e' - g e3, s = (G^T G)^-1 G^T m_y A with G = [q_1 q_2]
  *   u_par_i = (m_i q_i.A + m_i L_i |omega_i|^2 + s_i) q_i
@@ -160,7 +161,7 @@ static directions directions_from(const double A[3], const double dA[3]) {
     return of;
 }
 
-/* The angular acceleration c_i that is asked of link i. */
+/* c_i, the angular acceleration that the control law wants of link i. */
 static void wanted_acceleration(const double *p, const directions *of, int link, const double q[3],
                                 const double w[3], double c[3]) {
     const double cosine = cos(p[BETA]), sine = side[link] * sin(p[BETA]);

@@ -212,7 +212,7 @@ static void add_springs(const lg_riser_parameters *p, double wellhead, double *s
 
 /* ---- check ---- */
 
-/* At least where the housing is at its stiffest, beyond its gap. */
+/* Whether the riser stands with the housing at its stiffest, beyond its gap. */
 static bool stands(const lg_riser_parameters *p) {
     lg_riser_matrices m;
     lg_wellhead w;

@@ -1,9 +1,9 @@
-/* Inside of the riser scene: matrices, laws of the foundation, waves, time stepping. docs/riser.md has the
+/* Internals of the riser scene: matrices, laws of the foundation, waves, time stepping. docs/riser.md has the
  * equations.
  *
- * Arrays of one direction have LG_RISER_ROW entries, those beyond LG_RISER_DOF zero; of both, x before y.
- * Degrees of freedom: 0 offset u, 1 rotation th, 2 + i riser node i. Stations, where the water acts: 0 the
- * BOP at h_cg, 1 the flex joint (half a segment), 2 + i riser node i.
+ * An array of one direction has LG_RISER_ROW entries; those beyond LG_RISER_DOF are zero. An array of both
+ * directions has x before y. Degrees of freedom: 0 offset u, 1 rotation th, 2 + i riser node i. The water
+ * acts at stations: 0 the BOP at h_cg, 1 the flex joint (half a segment), 2 + i riser node i.
  */
 #ifndef LG_RISER_INTERNAL_H
 #define LG_RISER_INTERNAL_H
@@ -19,8 +19,8 @@
 double lg_riser_segment(const lg_riser_parameters *p);                /* length, m */
 double lg_riser_height(const lg_riser_parameters *p, size_t station); /* above the sea floor, m */
 
-/* Of one direction, symmetric, row-major; stiffness and damping without wellhead and soil springs, damping
- * with their dashpots. */
+/* Matrices of one direction, symmetric, row-major. Stiffness and damping leave out the springs of wellhead
+ * and soil; damping includes their dashpots. */
 typedef struct lg_riser_matrices {
     double mass[LG_RISER_MATRIX], stiffness[LG_RISER_MATRIX], damping[LG_RISER_MATRIX];
 } lg_riser_matrices;
@@ -28,7 +28,7 @@ void lg_riser_matrices_make(const lg_riser_parameters *p, lg_riser_matrices *out
 
 /* ---- foundation: radial laws ---- */
 
-/* force/deflection at deflection r >= 0, and energy. */
+/* The secant functions give force/deflection at deflection r >= 0, the energy functions the stored energy. */
 typedef struct lg_wellhead {
     bool tight;
     double inner, outer;    /* N m/rad: below and beyond the gap */
@@ -43,14 +43,14 @@ double lg_soil_energy(double stiffness, double strength, double r);
 
 /* ---- waves and current ---- */
 
-/* k > 0 with frequency^2 = gravity k tanh(k depth). */
+/* Returns the k > 0 with frequency^2 = gravity k tanh(k depth). */
 double lg_dispersion(double frequency, double depth, double gravity);
 
 #define LG_WATER_BLOCK 256 /* steps computed together */
 #define LG_WATER_HALF  (LG_WATER_BLOCK / 2)
 
-/* What the water does at times n dt: velocities at stations and inertia forces on degrees of freedom, from
- * tables cos, sin (omega_j i dt) that are made once and amplitudes at the middle of each block. */
+/* Velocities of the water at stations and its inertia forces on degrees of freedom, at times n dt. They come
+ * from tables of cos, sin (omega_j i dt), computed once, and the amplitudes at the middle of each block. */
 typedef struct lg_water {
     const lg_kernels *kernels;
     bool calm;
@@ -68,13 +68,13 @@ typedef struct lg_water {
 lg_status lg_water_create(const lg_context *context, const lg_riser_parameters *p, const lg_riser_run *run,
                           lg_water *out);
 void lg_water_destroy(const lg_context *context, lg_water *water);
-/* Row n of `rows`: 2 LG_RISER_STATE numbers, good until a row of another block is asked for. */
+/* Row n of `rows`: 2 LG_RISER_STATE numbers, valid until the caller asks for a row of another block. */
 const double *lg_water_at(lg_water *water, size_t n);
 
 /* ---- motion ---- */
 
-/* Newmark's acceleration as a product: a = [f, q~, v~] table, where f is what is treated explicitly. With dt
- * = 0 the acceleration that belongs to (q, v). */
+/* Newmark's acceleration as a product: a = [f, q~, v~] table, where f are the forces treated explicitly. For
+ * dt = 0 this is the acceleration that belongs to (q, v). */
 #define LG_RISER_INPUTS (3 * LG_RISER_ROW)
 typedef struct lg_riser_operator {
     double table[LG_RISER_INPUTS * LG_RISER_ROW];
@@ -90,15 +90,15 @@ typedef struct lg_riser_motion {
     double dt, bop_centre, bop_height, soil_stiffness, soil_strength;
     const lg_kernels *kernels;
 } lg_riser_motion;
-/* At rest, for parameters that passed the check; `damped` false: neither dashpots nor drag.
- * LG_INVALID_ARGUMENT: a matrix that is not positive definite. */
+/* A motion at rest, for parameters that passed the check. `damped` false: no dashpots and no drag.
+ * LG_INVALID_ARGUMENT: a matrix is not positive definite. */
 lg_status lg_riser_motion_init(const lg_riser_parameters *p, double dt, bool damped, double drag_scale,
                                lg_riser_motion *out);
-/* Another severity from now on; the motion goes on. */
+/* Changes the severity of the damage; the motion continues with its state. */
 lg_status lg_riser_motion_change(lg_riser_motion *motion, const lg_riser_parameters *p, bool damped);
-/* Accelerations that belong to q, v; `water`: 2 LG_RISER_STATE numbers. */
+/* Sets the accelerations that belong to q, v; `water`: 2 LG_RISER_STATE numbers. */
 void lg_riser_motion_start(lg_riser_motion *motion, const double *water);
-/* To the time that `water` belongs to. */
+/* Advances the motion by one step, to the time of `water`. */
 void lg_riser_motion_step(lg_riser_motion *motion, const double *water);
 double lg_riser_motion_energy(const lg_riser_motion *motion);
 

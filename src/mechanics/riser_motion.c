@@ -1,7 +1,7 @@
 /* Motion of the riser by Newmark's rule with beta = 1/4, gamma = 1/2 (Newmark 1959). The linear part, with
  * nominal springs of the foundation, is implicit. Drag is evaluated at predicted velocities. The difference
- * between the foundation's laws and their springs is evaluated at a prediction of the four numbers that it
- * depends on, which is corrected twice. */
+ * between the foundation's laws and their springs depends on four numbers. It is evaluated at a prediction of
+ * these, which is corrected twice. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -148,7 +148,7 @@ static void water_forces(lg_riser_motion *m, const double *water, const double *
     }
 }
 
-/* Force and moment by which the foundation falls short of its nominal springs at x, as (ux, thx, uy, thy). */
+/* Nominal springs minus the foundation's laws: forces and moments at x = (ux, thx, uy, thy). */
 static void shortfall(const lg_riser_motion *m, const double x[4], double out[4]) {
     const double soil = m->soil_stiffness -
                         lg_soil_secant(m->soil_stiffness, m->soil_strength, sqrt(x[0] * x[0] + x[2] * x[2]));
@@ -164,7 +164,7 @@ static void apply(lg_riser_motion *m, const lg_riser_operator *operator, double 
                      LG_RISER_ROW, a, LG_RISER_ROW, false);
 }
 
-/* a += S^-1 f with f on offset and rotation; those are the first two rows of the table. */
+/* a += S^-1 f; f acts on offset and rotation, the first two rows of the table. */
 static void add_shortfall(const lg_riser_operator *operator, const double f[4], double *a) {
     const double *u = operator->table, *th = u + LG_RISER_ROW;
     for (size_t d = 0; d < 2; d++)
@@ -216,7 +216,7 @@ void lg_riser_motion_step(lg_riser_motion *m, const double *water) {
         for (size_t i = d * R, k = 0; k < R; i++, k++) {
             half[k] = m->q[i] + dt * m->v[i] + quarter * m->a[i];
             half[R + k] = m->v[i] + 0.5 * dt * m->a[i];
-            v[i] = m->v[i] + dt * m->a[i]; /* predicted with the acceleration as it is */
+            v[i] = m->v[i] + dt * m->a[i]; /* predicted with the acceleration at the start */
         }
     }
     water_forces(m, water, v);
@@ -362,8 +362,8 @@ struct lg_riser_stream {
     const lg_context *context;
     lg_rng noise;
     double sigma[LG_RISER_CHANNELS];
-    size_t step;   /* that the motion is at */
-    size_t sample; /* that comes next */
+    size_t step;   /* number of the current step */
+    size_t sample; /* number of the next sample */
     size_t discarded, steps;
     size_t crack; /* first sample of the broken well, SIZE_MAX: never, or from the start */
 };
@@ -424,7 +424,7 @@ void lg_riser_stream_destroy(lg_riser_stream *s) {
     lg_free(s->context, s);
 }
 
-/* What the sensors would see without noise. */
+/* The measurements without noise. */
 static void measure(const lg_riser_stream *s, double out[LG_RISER_CHANNELS]) {
     const lg_riser_parameters *p = &s->parameters;
     const lg_riser_motion *m = &s->motion;

@@ -66,7 +66,7 @@ static bool is_positive(double x) {
     return x > 0.0 && isfinite(x);
 }
 
-/* Whether the numbers of every wave fit: a period may be too short or too long for floating point. */
+/* Whether the numbers of all waves are finite: a period may be too short or too long for floating point. */
 static bool waves_fit(const lg_wave *waves) {
     for (size_t j = 0; j < LG_RISER_COMPONENTS; j++)
         if (!is_positive(waves[j].frequency) || !is_positive(waves[j].wavenumber)) return false;

@@ -1,4 +1,4 @@
-/* Systems: making them, asking them, and the table. */
+/* Systems: the table, construction and queries. */
 #include "mechanics/system.h"
 
 #include <math.h>
@@ -186,7 +186,7 @@ void lg_system_parameter_label(const lg_system *system, size_t index, char *text
 
 /* ---- layout ---- */
 
-/* A text that grows, or is only counted where `at` is NULL. */
+/* A text under construction; where `at` is NULL its length is only counted. */
 typedef struct layout_text {
     char *at;
     size_t length;
@@ -342,7 +342,8 @@ bool lg_system_separable(const lg_system *system) {
     return system->row->separable;
 }
 
-/* Where the ambient field is computed from the other one, the value of the other one comes last. */
+/* Workspace of the row itself. When the ambient field is computed from the LIE field, the value of the LIE
+ * field follows it. */
 static size_t own_work(const lg_system *system) {
     return system->row->work ? system->row->work(system->links) : 0;
 }

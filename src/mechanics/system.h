@@ -1,7 +1,7 @@
-/* Inside of a system, and the row that each file of this room fills in.
+/* Internals of a system, and the row that each file of this folder fills in.
  *
- * A new system is a file with its row (one for each form) and a line in the list at the end (docs/adding.md):
- * parameters and parts of the state are tables, which scenes, messages, layouts and gradients read.
+ * A new system is a file with its row (one for each form) and a line in the list at the end (docs/adding.md).
+ * Its parameters and the parts of its state are tables; scenes, messages, layouts and gradients read them.
  */
 #ifndef LG_SYSTEM_H
 #define LG_SYSTEM_H
@@ -10,16 +10,18 @@
 #include "liegrad/mechanics.h"
 #include "liegrad/taped.h"
 
-/* How the field follows from the energy H, which the first invariant gives. The test of all rows checks the
- * field against it. */
+/* How the field follows from the energy H, the first invariant. A test of all rows checks the field against
+ * the energy. */
 typedef enum lg_structure {
     LG_STRUCTURE_UNSTATED, /* only where there is no energy */
-    /* y' = {y, H} with the bracket of the space: canonical on R^2n as (q, p) and on T*S^2 as (q, p); on
-     * T*SO(3) as (R, pi), pi the spatial momentum, SE(3) or SO(3) x R^3; on so(3)* as body momentum, mu' = mu
-     * x dH/dmu; on se(3)* as (Gamma, Pi), Gamma' = Gamma x dH/dPi, Pi' = Pi x dH/dPi + Gamma x dH/dGamma. */
+    /* y' = {y, H} with the bracket of the space:
+     * - R^2n and T*S^2: canonical in (q, p);
+     * - T*SO(3): (R, pi) with the spatial momentum pi, as SE(3) or SO(3) x R^3;
+     * - so(3)*: the body momentum, mu' = mu x dH/dmu;
+     * - se(3)*: (Gamma, Pi), Gamma' = Gamma x dH/dPi, Pi' = Pi x dH/dPi + Gamma x dH/dGamma. */
     LG_STRUCTURE_HAMILTONIAN,
-    /* Euler-Lagrange equations of L = K - V, V(q) = H(q, 0), K = H - V, on R^2n as (q, q') and on TS^2 as (q,
-     * omega). */
+    /* Euler-Lagrange equations of L = K - V, V(q) = H(q, 0), K = H - V; y is (q, q') on R^2n and (q, omega)
+     * on TS^2. */
     LG_STRUCTURE_LAGRANGIAN,
     LG_STRUCTURE_OTHER /* the field only keeps H */
 } lg_structure;
@@ -29,16 +31,16 @@ typedef struct lg_system_row {
     const lg_parameter_entry *parameters; /* ended by a key NULL */
     const lg_state_entry *state;          /* ended by a key NULL */
     const char *layout;                   /* NULL: from `state`, in the order of offsets */
-    bool separable;                       /* force and velocity are there, plain and on a tape */
+    bool separable;                       /* the row has force and velocity, plain and on a tape */
     size_t unreported;                    /* numbers at the end of the state that are not reported */
     lg_status (*space)(size_t links, lg_space *out);
-    size_t (*constants)(size_t links); /* numbers made from the parameters once; NULL: none */
+    size_t (*constants)(size_t links); /* how many numbers `prepare` makes from the parameters; NULL: none */
     void (*prepare)(lg_system *system, double *constants);
     size_t (*work)(size_t links);  /* doubles of workspace; NULL: none */
     const char *const *invariants; /* names, ended by NULL; "energy" first where there is one */
     double (*invariant)(const lg_system *system, size_t index, const double *y, double *work);
     lg_structure structure;
-    /* What stands for H in the structure; NULL: the energy. */
+    /* The function that takes the place of H in the structure; NULL: the energy. */
     double (*generating)(const lg_system *system, const double *y, double *work);
     /* By lg_coordinates; AMBIENT NULL: the generator of the other one. The user is lg_system_user. */
     lg_field field[2];
@@ -46,8 +48,8 @@ typedef struct lg_system_row {
                       form */
     lg_half_field force, velocity;
     lg_variational_step step; /* NULL: none; user is lg_system_user */
-    /* The LIE field on a tape, batches as liegrad/taped.h says; parameters: all of them, (P), in the order of
-     * the table. Differentiable to any order in y and parameters, but for what a row says. */
+    /* The LIE field on a tape, for batches as in liegrad/taped.h; parameters: all of them, (P), in the order
+     * of the table. It is differentiable to any order in y and parameters, unless the row says otherwise. */
     lg_status (*taped)(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                        lg_var parameters, lg_var *algebra);
     /* For splitting schemes; NULL: none. */
@@ -80,7 +82,7 @@ lg_status lg_separable_field(void *user, double t, const double *y, const double
 lg_status lg_separable_taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
                              lg_var input, lg_var parameters, lg_var *algebra);
 
-/* The rows, first forms first. */
+/* The rows. The first form of each system stands first. */
 extern const lg_system_row lg_system_row_oscillator, lg_system_row_quartic, lg_system_row_coupled;
 extern const lg_system_row lg_system_row_chain_lagrangian, lg_system_row_chain_hamiltonian;
 extern const lg_system_row lg_system_row_rigid_body, lg_system_row_attitude;

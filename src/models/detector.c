@@ -62,7 +62,7 @@ static double own_mean(const lg_detector *model, const float *x) {
     return ((sum[0] + sum[1]) + (sum[2] + sum[3])) / (double)n;
 }
 
-/* x is near its mean as a rule: the difference in double loses nothing. */
+/* x is usually near its mean, so the difference is taken in double and loses no digits. */
 void lg_detector_scale(const lg_detector *model, const lg_scaler *scaler, lg_dtype dtype, const float *x,
                        void *out) {
     const size_t n = model->net.length, channels = model->net.channels;
@@ -101,13 +101,13 @@ void lg_detector_scale_numbers(const lg_detector *model, const lg_scaler *scaler
 struct lg_detector_plan {
     const lg_context *context;
     lg_detector model;
-    lg_scaler scaler; /* its arrays are in `numbers` */
+    lg_scaler scaler; /* its arrays point into `numbers` */
     double *numbers;
     lg_plan *scores;
     lg_dtype dtype;
 };
 
-/* The caller's memory: a scaled window, the results and the plan's, in this order. */
+/* The caller's memory: a scaled window, the results and the plan's work, in this order. */
 typedef struct pieces {
     char *z, *probability, *plane, *plan;
 } pieces;
@@ -181,7 +181,7 @@ void lg_detector_plan_destroy(lg_detector_plan *plan) {
     lg_free(plan->context, plan);
 }
 
-/* Scaled in double: an offset of the sensors rounds nothing. */
+/* Scales in double, so that an offset of the sensors causes no rounding errors. */
 void lg_detector_eval(const lg_detector_plan *plan, const float *x, double *probability, double *plane,
                       void *work) {
     const lg_kernels *k = lg_kernels_for(plan->dtype);

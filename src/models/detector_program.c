@@ -2,9 +2,9 @@
  *
  * The network reads z (length, channels) of a window x (channels, length) as recorded,
  *   z_tc = (x_ct - m_c - mean_c)/scale_c,
- * with m_c the channel's own mean over the window for `centred` models, else 0. The scaling's mean is a sum
- * of two parameters, of which the first one is a number of single precision, and a window's own mean that of
- * differences to its first sample: so an offset rounds nothing in single precision either.
+ * with m_c the channel's own mean over the window for `centred` models, else 0. The scaling's mean is the sum
+ * of two parameters; the first is a number of single precision. A window's own mean is computed from the
+ * differences to its first sample. An offset therefore causes no rounding errors, in single precision too.
  */
 #include "core/core.h"
 #include "liegrad/detector.h"
@@ -30,12 +30,12 @@ static lg_var logits(lg_tape *t, const lg_detector *model, const lg_var *theta, 
     return lg_cnn_record(t, &model->net, theta[THETA], 0, scaled(t, model, theta, x), NULL);
 }
 
-/* The same as it is differentiated. */
+/* The same with the recording that the Jacobian differentiates. */
 static lg_var logits_apart(lg_tape *t, const lg_detector *model, const lg_var *theta, lg_var x) {
     return lg_cnn_record_apart(t, &model->net, theta[THETA], scaled(t, model, theta, x));
 }
 
-/* Of logits (B, outputs): (B, classes). Neither of two classes loses digits where it is small. */
+/* Logits (B, outputs) -> probabilities (B, classes). Of two classes, a small probability keeps all digits. */
 static lg_var probabilities(lg_tape *t, const lg_detector *model, lg_var y) {
     if (model->loss == LG_DETECTOR_MSE) {
         const lg_var both[2] = {lg_neg(t, y), y};
@@ -70,7 +70,7 @@ static lg_status probability(void *user, lg_tape *t, const lg_var *theta, const 
     return lg_tape_status(t);
 }
 
-/* Of a window that is scaled. */
+/* The functions of a window that is already scaled. */
 static lg_status scores(void *user, lg_tape *t, const lg_var *theta, const lg_var *z, lg_var *y) {
     const lg_detector *model = user;
     lg_var plane;
@@ -81,7 +81,7 @@ static lg_status scores(void *user, lg_tape *t, const lg_var *theta, const lg_va
 
 lg_status lg_detector_program(const lg_context *context, const lg_detector *model, const lg_scaler *scaler,
                               const double *theta, lg_program **out, lg_error *error) {
-    /* Recording only reads the model. */
+    /* The union only drops const: recording only reads the model. */
     union {
         const lg_detector *borrowed;
         void *user;

@@ -110,7 +110,7 @@ static lg_var put_windows(const lg_detector_problem *problem, lg_tape *tape, con
     return x;
 }
 
-/* (count, outputs): the label itself, or a 1 in its column. */
+/* Targets (count, outputs): the label itself, or a 1 in its column. */
 static lg_var put_targets(const lg_detector_problem *problem, lg_tape *tape, const uint32_t *samples,
                           uint32_t count) {
     const uint32_t outputs = problem->model->net.outputs;
@@ -142,7 +142,7 @@ static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint3
     return lg_tape_status(tape);
 }
 
-/* Numbers that one window leaves on a tape, about: each block's input, sums, activations and their
+/* About how many numbers one window leaves on a tape: each block's input, sums, activations and their
  * cotangents. */
 static size_t numbers_a_window(const lg_cnn *net) {
     size_t sum = (size_t)net->length * net->channels;
@@ -152,8 +152,8 @@ static size_t numbers_a_window(const lg_cnn *net) {
     return sum;
 }
 
-/* Their values fill a second cache of a megabyte, about. From 8 to 15 windows of 6 x 300 the speed is the
- * same; with fewer or more it is lower. */
+/* Windows on a tape at once: their values fill about one megabyte of L2 cache. From 8 to 15 windows of 6 x
+ * 300 the speed is the same; with fewer or more it is lower. */
 static size_t chunk_of(const lg_detector_problem *problem) {
     const size_t limit = ((size_t)3 << 19) / lg_kernels_for(problem->data->dtype)->size;
     const size_t chunk = limit / numbers_a_window(&problem->model->net);
@@ -161,7 +161,7 @@ static size_t chunk_of(const lg_detector_problem *problem) {
 }
 
 void lg_detector_fit_problem(const lg_detector_problem *problem, lg_fit_problem *out) {
-    /* The loss only reads the problem. */
+    /* The union only drops const: the loss only reads the problem. */
     union {
         const lg_detector_problem *borrowed;
         void *user;
@@ -196,7 +196,8 @@ static const lg_detector_preset presets[] = {
 };
 /* clang-format on */
 
-/* A level that is not known is nearest to a row for such data, and to no other. */
+/* Distance between levels of noise. An unknown level is at distance 0 from the row for unknown levels
+ * only. */
 static double level_distance(double row, double noise) {
     if (isnan(row) || isnan(noise)) return isnan(row) && isnan(noise) ? 0 : INFINITY;
     return fabs(row - noise);

@@ -12,7 +12,7 @@ enum {
     INVERSE_MII
 }; /* vars->kinetic: m^-1 (1, n, n), NaN where m is not positive definite; 1/m_ii (1, n, 1) */
 
-/* ---- the mass matrix in plain numbers: arrays Gamma (n, n), b (n) ---- */
+/* ---- the mass matrix from numbers, off the tape: arrays Gamma (n, n), b (n) ---- */
 
 static void mass(size_t n, const double *gamma, double *m) {
     const double *b = gamma + n * n;
@@ -24,7 +24,7 @@ static void mass(size_t n, const double *gamma, double *m) {
         }
 }
 
-/* Cholesky's pivots of m are at least LG_HAMILTONIAN_LEAST_PIVOT. */
+/* Whether all Cholesky pivots of m are at least LG_HAMILTONIAN_LEAST_PIVOT. */
 static bool usable(uint32_t n, const double *arrays) {
     double m[LG_HAMILTONIAN_MAX_COPIES * LG_HAMILTONIAN_MAX_COPIES];
     mass(n, arrays, m);
@@ -154,7 +154,7 @@ static void velocity(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_va
 
 /* ---- coordinates of the tangent space ---- */
 
-/* e_1: the coordinate axis least along q (the first of equals), made orthogonal to it; e_2 = q x e_1. */
+/* e_1: the coordinate axis of least |q_i| (the first of equals), made orthogonal to q; e_2 = q x e_1. */
 static void frame_at(const double *q, double e[2][3]) {
     size_t least = 0;
     for (size_t c = 1; c < 3; c++)

@@ -1,4 +1,4 @@
-/* The table of families, and what follows from a row alone. */
+/* The table of families, and functions that need a row only. */
 #include <string.h>
 
 #include "core/core.h"

@@ -4,7 +4,7 @@
 
 #include "liegrad/hamiltonian.h"
 
-/* The table: X(name) stands for the row lg_hamiltonian_<name>. Data that do not name their system are those of
+/* The table: X(name) stands for the row lg_hamiltonian_<name>. Data that do not name their system belong to
  * the first row that they fit. */
 #define LG_HAMILTONIAN_FAMILIES(X) X(chain) X(separable)
 
@@ -18,12 +18,12 @@ void lg_hamiltonian_gradient_parts(lg_tape *tape, const lg_hamiltonian_vars *var
 /* y' of the parts y for schemes that leave the manifold. */
 lg_status lg_hamiltonian_velocity_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y,
                                         lg_var input, lg_var *out);
-/* The equation as training wants it for a scheme: on the manifold for Lie group schemes, else on R^d, whose
- * space has the parts of `start`. `vars` must outlive the use of `ode`. */
+/* The equation that training solves with a scheme: on the manifold for Lie group schemes, else on R^d with
+ * the parts of `start`. `vars` must outlive the use of `ode`. */
 lg_status lg_hamiltonian_training_ode(lg_tape *tape, lg_hamiltonian_vars *vars, const lg_scheme *scheme,
                                       const lg_var *start, lg_taped_ode *ode);
-/* What a model in a loop needs: value, grad and field as in lg_hamiltonian_program; velocity (x, u) -> y' and
- * its Jacobian jac_velocity; where the family has them force (q, u) and drift (p). */
+/* The functions of a model in a loop: value, grad and field as in lg_hamiltonian_program; velocity (x, u) ->
+ * y' and its Jacobian jac_velocity; force (q, u) and drift (p) if the family has them. */
 lg_status lg_hamiltonian_bundle(const lg_context *context, const lg_hamiltonian *model, const double *theta,
                                 lg_program **out, lg_error *error);
 

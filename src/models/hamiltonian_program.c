@@ -48,7 +48,7 @@ static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_
     return lg_tape_status(tape);
 }
 
-/* The equation of a step: it calls the functions of the program that have its sides. */
+/* The equation of a step; its right-hand sides are calls of the program's functions. */
 static lg_status call_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                             lg_var *algebra) {
     const lg_space *space = user;
@@ -157,7 +157,8 @@ static lg_status finish(lg_program *bundle, const double *theta, lg_error *error
     return status == LG_OK ? LG_OK : lg_fail(error, status, "a parameter is not finite");
 }
 
-/* The Jacobian's rows are tried at initial parameters. The given ones may have a singular mass, where all is NaN. */
+/* Checks the Jacobian at initial parameters, because a singular mass in the given ones makes all values
+ * NaN. */
 lg_status lg_hamiltonian_bundle(const lg_context *context, const lg_hamiltonian *model, const double *theta,
                                 lg_program **out, lg_error *error) {
     recording r = {.model = model};

@@ -4,7 +4,7 @@
 #include "liegrad/ops.h"
 #include "models/hamiltonian_internal.h"
 
-/* ---- what theta gives ---- */
+/* ---- quantities that depend on theta only ---- */
 
 static lg_var array_of(lg_tape *tape, const lg_hamiltonian *model, lg_var theta, size_t index) {
     const uint32_t n = model->n, rank = model->family->arrays[index].rank;
@@ -45,7 +45,7 @@ lg_var lg_hamiltonian_potential_gradient(lg_tape *tape, const lg_hamiltonian_var
                       lg_var_shape(tape, x));
 }
 
-/* Its rows are checked here, where a wrong width could broadcast. */
+/* Checks the shape of the input here, because a wrong width could broadcast. */
 lg_var lg_hamiltonian_input_like(lg_tape *tape, lg_var input, lg_var part) {
     const lg_shape shape = lg_var_shape(tape, part), given = lg_var_shape(tape, input);
     const size_t rows = shape.dims[0], width = lg_shape_count(shape) / (rows > 0 ? rows : 1);
@@ -87,7 +87,7 @@ lg_status lg_hamiltonian_velocity_parts(lg_tape *tape, const lg_hamiltonian_vars
 
 /* ---- functions of states (B, d) ---- */
 
-/* The space and the parts of the state; false with the tape's error. */
+/* Takes the space and the parts of the state. Returns false when the tape has an error. */
 static bool parts_of(lg_tape *tape, const lg_hamiltonian *model, lg_var state, lg_space *space, lg_var *y) {
     return lg_hamiltonian_space(model->family, model->n, space) == LG_OK &&
            lg_taped_split(tape, space, state, y) == LG_OK;

@@ -1,4 +1,4 @@
-/* Learned Hamiltonians: the training loss, and the fields that only training wants. */
+/* Learned Hamiltonians: the training loss, and fields that only training uses. */
 #include <float.h>
 #include <string.h>
 
@@ -16,8 +16,8 @@ static void store(lg_dtype dtype, void *values, size_t i, double value) {
         ((float *)values)[i] = (float)value;
 }
 
-/* Points first..last of the samples, state by state: ((last - first + 1) count, d), point-major, so that they
- * stand beside the concatenated predictions. */
+/* Points first..last of the samples as states ((last - first + 1) count, d). All samples of one point follow
+ * each other, the order of the concatenated predictions. */
 static void fill_states(const lg_hamiltonian_problem *problem, lg_dtype dtype, const uint32_t *samples,
                         size_t count, size_t first, size_t last, void *values) {
     const size_t d = lg_hamiltonian_state_dim(problem->model);
@@ -29,7 +29,7 @@ static void fill_states(const lg_hamiltonian_problem *problem, lg_dtype dtype, c
         }
 }
 
-/* The same as parts of the space. */
+/* The same points, split into the parts of the space. */
 static lg_status given_points(lg_tape *tape, const lg_hamiltonian_problem *problem, const lg_space *space,
                               const uint32_t *samples, size_t count, size_t first, size_t last,
                               lg_var *parts) {
@@ -108,7 +108,7 @@ static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint3
     return lg_tape_status(tape);
 }
 
-/* Whether the scheme can be trained through on the model's space. */
+/* Whether training can differentiate the scheme on the model's space. */
 static lg_status check_scheme(const lg_hamiltonian *model, const lg_scheme *scheme, lg_error *error) {
     const lg_hamiltonian_family *family = model->family;
     lg_space space;
@@ -133,7 +133,7 @@ lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *problem, lg
     if (problem->points < 2 || problem->points > LG_HAMILTONIAN_MAX_POINTS)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the number of points is %zu, not in 2..%d",
                        problem->points, LG_HAMILTONIAN_MAX_POINTS);
-    /* The points of a batch stand in one tensor. */
+    /* All points of a batch stand in one tensor. */
     if (problem->trajectories > UINT32_MAX / problem->points)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "%zu trajectories of %zu points are more than 2^32 - 1 points", problem->trajectories,
@@ -152,7 +152,7 @@ lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *problem, lg
 }
 
 void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg_fit_problem *out) {
-    /* The loss only reads the problem. */
+    /* The union only drops const: the loss only reads the problem. */
     union {
         const lg_hamiltonian_problem *borrowed;
         void *user;

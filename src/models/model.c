@@ -12,7 +12,7 @@ static const char *const function_names[LG_MODEL_FUNCTIONS] = {
     [LG_MODEL_FORCE] = "force", [LG_MODEL_DRIFT] = "drift",   [LG_MODEL_LINEAR] = "jac_velocity",
 };
 
-/* Plans of the functions that the bundle has; the work of the largest. */
+/* Makes plans of the functions that the bundle has, and finds the largest work. */
 static lg_status make_plans(lg_model *model, const lg_program *bundle, lg_error *error) {
     lg_plan_options options;
     lg_plan_options_init(&options);
@@ -27,7 +27,8 @@ static lg_status make_plans(lg_model *model, const lg_program *bundle, lg_error 
     return LG_OK;
 }
 
-/* From a bundle with value and grad, which is destroyed; `hamiltonian` NULL for other kinds. */
+/* Makes a model from a bundle with value and grad, and destroys the bundle. `hamiltonian`: NULL for other
+ * kinds. */
 static lg_status create(const lg_context *context, lg_model_kind kind, const lg_hamiltonian *hamiltonian,
                         lg_program *bundle, lg_model **out, lg_error *error) {
     lg_model *made = lg_alloc(context, 1, sizeof *made);

@@ -69,7 +69,7 @@ static size_t before_stepper(const lg_model *model) {
     return padded(sizeof(lg_model_user)) + padded(model->work);
 }
 
-/* The model's equation, and whether the scheme is one for it. */
+/* Makes the model's equation and checks that the scheme fits it. */
 static lg_status equation(const lg_model *model, const lg_scheme *scheme, lg_model_user *user, void *work,
                           lg_ode *ode) {
     if (model == NULL || scheme == NULL) return LG_INVALID_ARGUMENT;
@@ -91,7 +91,7 @@ lg_status lg_model_stepper_init(const lg_model *model, const lg_scheme *scheme, 
     lg_ode ode;
     LG_TRY(equation(model, scheme, &asked, NULL, &ode));
     const size_t before = before_stepper(model);
-    /* Reports a fault of the scheme first; the memory is missing, misaligned or too small. */
+    /* The memory is missing, misaligned or too small. A fault of the scheme is reported first. */
     if (memory == NULL || (uintptr_t)memory % LG_ALIGNMENT != 0 || bytes < before || out == NULL)
         return lg_stepper_init(scheme, &ode, NULL, NULL, 0);
     char *base = memory;

@@ -16,7 +16,7 @@ size_t lg_model_tangent_dim(const lg_model *model) {
     return is_hamiltonian(model) ? (size_t)model->hamiltonian.family->tangent * model->hamiltonian.n : 0;
 }
 
-/* Behind the plans' work, in doubles. */
+/* Arrays that follow the plans' work, in doubles. */
 typedef struct linear_parts {
     double *zeros;    /* (m): no input */
     double *jx, *ju;  /* (d, d), (d, m) */
@@ -50,7 +50,7 @@ const double *lg_model_no_input(const lg_model *model, void *work) {
     return zeros;
 }
 
-/* The row's basis, or the coordinates of R^d. */
+/* The basis of the model's row, or the identity on R^d. */
 static void fill_basis(const lg_model *model, const double *state, double *basis) {
     const size_t d = model->inputs;
     if (model->hamiltonian.family->basis != NULL) {

@@ -1,4 +1,4 @@
-/* Recording pieces that programs of learned models share. */
+/* Recordings that programs of learned models share. */
 #include "models/record.h"
 
 #include "kernels/kernels.h"

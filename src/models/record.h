@@ -1,4 +1,4 @@
-/* Recording pieces that programs of learned models share. */
+/* Recordings that programs of learned models share. */
 #ifndef LG_MODELS_RECORD_H
 #define LG_MODELS_RECORD_H
 
@@ -9,7 +9,7 @@ static inline lg_var lg_columns(lg_tape *tape, lg_var x, uint32_t first, uint32_
     return lg_slice(tape, x, 1, first, count);
 }
 
-/* Each row of x `copies` times, one behind the other: (B, ...) -> (B copies, ...). */
+/* Repeats each row of x `copies` times in succession: (B, ...) -> (B copies, ...). */
 lg_var lg_record_copies(lg_tape *tape, lg_var x, uint32_t copies);
 /* Unit vectors e_at[0], e_at[1], ... (`at` NULL: e_0, e_1, ...) of n numbers, for each of `rows` rows: (rows
  * count, n). */

@@ -68,8 +68,8 @@ static size_t end_of_label(const lg_series *series, size_t first, size_t end) {
     return i;
 }
 
-/* Windows of one run, [first, end): into *out from its window `at` on, or only counted where out->first is
- * NULL. Returns how many there are then. */
+/* Writes the windows of one run, [first, end), to *out from place `at` on, or only counts them if out->first
+ * is NULL. Returns the number of windows including those before `at`. */
 static size_t cut_run(const lg_series *series, size_t first, size_t end, uint64_t hop, size_t at,
                       lg_windows *out) {
     const uint64_t stored = series->length, samples = (end - first) * stored;
@@ -156,7 +156,7 @@ void lg_windows_copy(const lg_series *series, const lg_windows *windows, size_t 
 
 /* ---- scaling ---- */
 
-/* Mean of n samples; that of equal ones is exact. */
+/* Mean of n samples; the mean of equal samples is exact. */
 static double mean_of(const float *x, size_t n) {
     double sum = 0.0;
     bool constant = true;

@@ -96,7 +96,7 @@ static int by_stratum(const void *a, const void *b) {
     return order != 0 ? order : by_id(a, b);
 }
 
-/* The units of the keys, stratum by stratum, in each by rising number. */
+/* The units of the keys, stratum by stratum, sorted by number within a stratum. */
 static void collect_units(unit_set *set) {
     uint32_t *classes = set->classes;
     qsort(set->keys, set->items, sizeof *set->keys, by_key);
@@ -156,7 +156,7 @@ static size_t deal_all(split_task *t, uint64_t seed) {
     return tested;
 }
 
-/* The first class of which no unit trains, or the number of classes. */
+/* The first class without a unit in the training part, or the number of classes. */
 static uint32_t unseen_class(split_task *t) {
     const unit *u = t->set.unit;
     for (size_t i = 0; i < t->set.units; i++)
@@ -246,7 +246,7 @@ typedef struct fold_task {
     double *held;  /* (folds, classes) of them in the fold */
 } fold_task;
 
-/* The first of the folds that hold the least part of the classes of u. */
+/* The fold with the least part of the classes of u, the first of equals. */
 static size_t emptiest_fold(const fold_task *t, const unit *u) {
     size_t best = 0;
     double least = INFINITY;

@@ -71,10 +71,10 @@ size_t lg_surrogate_parameters(const lg_surrogate *model) {
     return lg_net_parameters(&model->net);
 }
 
-/* ---- what the network sees ---- */
+/* ---- the network's input ---- */
 
-/* The first number that is not zero decides; all change sign under reflection. If all are zero, the boundary
- * conditions are their own mirror image. */
+/* The sign of the first number that is not zero. All of these numbers change sign under reflection. If all
+ * are zero, the boundary conditions are their own mirror image. */
 double lg_surrogate_sign(const lg_surrogate *model, const double *x) {
     const double order[] = {x[LG_AT_V0 + 1] - x[LG_AT_VN + 1], x[LG_AT_V0 + 1],
                             x[LG_AT_QN + 1] - x[LG_AT_Q0 + 1]};
@@ -157,7 +157,7 @@ static bool fraction(double x) {
     return x >= 0.0 && x <= 1.0;
 }
 
-/* Shuffles labels instead of indices: label i is at the same place for all fractions, and no memory is
+/* Shuffles labels instead of indices: label i has the same place for all fractions, and no memory is
  * needed. */
 lg_status lg_surrogate_split(size_t n, double train_fraction, double test_fraction, uint64_t seed,
                              uint8_t *parts) {
@@ -190,7 +190,7 @@ static void relative(const double *x, double sign, double *out) {
     }
 }
 
-/* Squared distance of x from its nearest neighbour among the trained ones, number `but` left out. */
+/* Squared distance of x from its nearest neighbour among the training curves without number `but`. */
 static double nearest(const double *trained, size_t n, size_t but, const double *x, double sign) {
     double least = INFINITY, here[6], there[6];
     relative(x, sign, here);
@@ -203,7 +203,7 @@ static double nearest(const double *trained, size_t n, size_t but, const double 
     return least;
 }
 
-/* The largest distances so far, by falling size: those that are left out, and one more. */
+/* The largest distances so far, in decreasing order: those that the range leaves out, and one more. */
 enum { LONERS = 32 };
 
 double lg_surrogate_reach(const double *trained, size_t n) {

@@ -1,5 +1,5 @@
-/* Surrogates without a tape: curves in the caller's memory, by plans of the model's program, and their errors
- * against given ones. What is around the network's functions, cubics and integrals, is double. */
+/* Surrogates without a tape: plans of the model's program compute curves in the caller's memory, and their
+ * errors against given curves. Cubics and integrals around the network's functions are in double. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -8,10 +8,10 @@
 #include "liegrad/program.h"
 #include "models/surrogate_internal.h"
 
-/* Rows that go through a network at once, and the panels of the quadrature at least. */
+/* Rows in one batch of a network at most, and the least number of panels of the quadrature. */
 enum { BLOCK = 64, PANELS = 50 };
 
-/* Functions of the bundle that curves need, and of how many rows. */
+/* Functions of the bundle that curves need; `many`: also with a plan for many rows. */
 typedef enum asked { VALUE, ENDS, POINT, PLACE, ASKED } asked;
 static const struct {
     const char *name;
@@ -25,12 +25,13 @@ struct lg_surrogate_curves {
     const lg_context *context;
     lg_surrogate model;
     lg_dtype dtype;
-    size_t rows;                      /* of the second plans: points, or curves of the discrete network */
+    size_t rows;                      /* of the plans `all`: points, or curves of the discrete network */
     lg_plan *one[ASKED], *all[ASKED]; /* NULL: the kind has no such function, or rows is 1 */
-    size_t plan_work;                 /* bytes of the largest */
+    size_t plan_work;                 /* bytes, of the largest plan */
 };
 
-/* Numbers of the function of boundary conditions: those of the discrete network, or what serves a curve. */
+/* Outputs of the function of boundary conditions: those of the discrete network, or the numbers of a
+ * curve. */
 static size_t made_numbers(const lg_surrogate *model) {
     return model->options.kind == LG_SURROGATE_DISCRETE ? model->net.outputs : LG_SURROGATE_ENDS;
 }
@@ -38,17 +39,17 @@ static size_t made_numbers(const lg_surrogate *model) {
 /* ---- memory ---- */
 
 typedef enum role { WHOLE, PART, ASKED_FOR } role;
-/* A place at which the angle network is asked: a Gauss point with its share of the integral, over a whole
- * panel or a part of one, or a point of the curve. */
+/* A place at which the angle network is evaluated: a point of the curve, or a Gauss point with its share of
+ * the integral over a whole panel or a part of one. */
 typedef struct place {
     double share;
     role role;
 } place;
 
-/* The caller's memory, cut into pieces; numbers of the plans' type but for `curve`. */
+/* The caller's memory, cut into pieces. All numbers except `curve` have the plans' type. */
 typedef struct run {
     const lg_surrogate_curves *c;
-    char *x, *made; /* boundary conditions (8), what is made of them; discrete: (rows) of them */
+    char *x, *made; /* boundary conditions (8), the numbers made from them; discrete: (rows) of each */
     char *s;        /* (rows) */
     char *q, *v;    /* (rows, 2), or theta (rows) */
     place *places;  /* (rows) */
@@ -131,14 +132,14 @@ static lg_status create(const lg_context *context, const lg_surrogate *model, co
     return status;
 }
 
-/* Panels are the same whatever points are asked for: equal parts of the data's intervals, so that the rule at
- * their nodes is that of training, and at least PANELS. */
+/* Number of panels. It does not depend on the points: panels are equal parts of the data's intervals, at
+ * least PANELS in all, so that the data's nodes are ends of panels as in training. */
 static size_t panels_of(const lg_surrogate *model) {
     const size_t n = model->intervals;
     return n * ((PANELS + n - 1) / n);
 }
 
-/* Equal blocks of the places of a curve of so many points. */
+/* Rows of a block: the places of a curve of `points` points are cut into equal blocks. */
 static size_t rows_for(const lg_surrogate *model, size_t points) {
     const bool angle = model->options.kind == LG_SURROGATE_ANGLE;
     const size_t places = points + (angle ? LG_GAUSS_POINTS * panels_of(model) : 0);
@@ -162,14 +163,14 @@ void lg_surrogate_curves_destroy(lg_surrogate_curves *curves) {
     lg_free(curves->context, curves);
 }
 
-/* r->made from the boundary conditions. */
+/* Computes r->made from the boundary conditions. */
 static void make_of_ends(const run *r, asked which) {
     const lg_plan *plan = r->c->all[which] != NULL ? r->c->all[which] : r->c->one[which];
     lg_plan_eval(plan, (const void *const[]){r->x}, (void *const[]){r->made}, r->plan);
 }
 
-/* r->q and r->v at the first `count` places of r->s, of curve `shared`. Few of them go one by one; behind the
- * last one there are as many more as the plan has rows. */
+/* Computes r->q and r->v at the first `count` places of r->s, for the curve `shared`. A few places go one by
+ * one. Otherwise the last place is repeated until the plan's rows are full. */
 static void ask(const run *r, asked which, const char *shared, size_t count) {
     const size_t rows = r->c->rows, size = size_of(r->c->dtype);
     const size_t width = size * (r->c->model.options.kind == LG_SURROGATE_CONTINUOUS ? 2 : 1);
@@ -188,7 +189,7 @@ static double number(const run *r, const char *values, size_t at) {
     return lg_surrogate_get(r->c->dtype, values, at);
 }
 
-/* What is asked for: boundary conditions and where the points go; q and v may be NULL. */
+/* A curve to compute: its boundary conditions, and the arrays for its points; q and v may be NULL. */
 typedef struct target {
     const double *x;
     double *q, *v;
@@ -264,15 +265,15 @@ static void continuous_curve(const run *r, const target *t, const double *s, siz
 
 /* ---- angle ---- */
 
-/* What runs along a curve: the integral so far. */
+/* The state of the integration along a curve. */
 typedef struct walk {
-    double whole[2], part[2]; /* over whole panels, and from there to the next point */
-    size_t panels;            /* whole ones so far */
-    size_t filled;            /* places waiting */
-    size_t done;              /* points handed over */
+    double whole[2], part[2]; /* integral over whole panels, and from their end to the next point */
+    size_t panels;            /* whole panels so far */
+    size_t filled;            /* places that wait for evaluation */
+    size_t done;              /* points written */
 } walk;
 
-/* Takes the places that wait in their order: shares of the integral are added, points handed over. */
+/* Evaluates the waiting places in their order: adds shares to the integral and writes points. */
 static void empty(const run *r, const target *t, walk *w) {
     if (w->filled == 0) return;
     ask(r, POINT, r->made, w->filled);
@@ -303,7 +304,7 @@ static void gauss(const run *r, const target *t, walk *w, double a, double b, ro
         wait_for(r, t, w, a + lg_gauss_at[g] * (b - a), (b - a) * lg_gauss_weight[g], as);
 }
 
-/* The integral up to s: whole panels, then the part of the next one. */
+/* Queues the integral up to s: whole panels, then the part of the next one. */
 static void integrate_to(const run *r, const target *t, walk *w, double s) {
     const double panels = (double)panels_of(&r->c->model), h = r->c->model.length / panels;
     const double place_in = s / h;
@@ -326,8 +327,8 @@ static void angle_curve(const run *r, const target *t, const double *s, size_t p
 
 /* ---- any curve ---- */
 
-/* A number of x makes the whole curve NaN when it is not finite, one of s its point: a branch of ReLU, or the
- * end that s is beyond, would hide it. */
+/* A number of x that is not finite makes the whole curve NaN; an s that is not finite makes its point NaN. A
+ * branch of ReLU, or limiting s to an end, would hide such a number. */
 static void mark_unfit(const target *t, const double *s, size_t points) {
     double mark = 0.0;
     for (size_t i = 0; i < 8; i++) mark += 0.0 * t->x[i];
@@ -355,7 +356,7 @@ void lg_surrogate_curve(const lg_surrogate_curves *curves, const double *x, cons
 
 /* ---- evaluation ---- */
 
-/* Curves of one model beside given ones. */
+/* Comparison of one model's curves with given curves. */
 typedef struct judging {
     const lg_elastica_curves *curves;
     const uint32_t *chosen; /* NULL: all */
@@ -371,7 +372,7 @@ static size_t number_of(const judging *j, size_t i) {
     return j->chosen != NULL ? j->chosen[i] : i;
 }
 
-/* NaN once there was one. */
+/* The larger number; NaN if a or b is NaN. */
 static double larger(double a, double b) {
     return b <= a || isnan(a) ? a : b;
 }
@@ -408,7 +409,7 @@ static void judge_node(judging *j, size_t k, size_t part, const double *got, con
     j->e.max_error = larger(j->e.max_error, larger(fabs(dx), fabs(dy)));
 }
 
-/* Adds the curve that stands in j->q and j->v, number i of those chosen. */
+/* Adds the errors of the curve in j->q and j->v, number i of the chosen curves. */
 static void judge(judging *j, const lg_surrogate *model, size_t i) {
     const size_t at = number_of(j, i), nodes = (size_t)j->curves->intervals + 1;
     const double *q = j->curves->q + 2 * nodes * at, *v = j->curves->v + 2 * nodes * at;
@@ -421,12 +422,12 @@ static void judge(judging *j, const lg_surrogate *model, size_t i) {
     judge_ends(j, model, j->curves->boundary + 8 * at);
 }
 
-/* The tangents half-way between the nodes stand in j->v. */
+/* j->v holds the tangents half-way between the nodes. */
 static void judge_between(judging *j) {
     j->e.unit_tangent_between = larger(j->e.unit_tangent_between, off_unit(j->v, j->curves->intervals));
 }
 
-/* Of the discrete network many curves at once: its parameters are read once for all of them. */
+/* Evaluates the discrete network for many curves at once, so that its parameters are read once for all. */
 static void judge_discrete(judging *j, const run *r) {
     const size_t nodes = (size_t)r->c->model.intervals + 1, outputs = made_numbers(&r->c->model);
     const target t = {NULL, j->q, j->v};

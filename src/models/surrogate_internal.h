@@ -12,18 +12,19 @@ static const double lg_gauss_weight[LG_GAUSS_POINTS] = {5.0 / 18.0, 8.0 / 18.0, 
 /* Pi to double precision. */
 #define LG_SURROGATE_PI 3.14159265358979323846
 
-/* What the angle network's curves have for all their places: R, theta_0, theta_N, and what pi f lacks there. */
+/* Size of the numbers of a curve that serve all places of the angle network: R, theta_0, theta_N and the
+ * errors of pi f at both ends. */
 enum { LG_SURROGATE_ENDS = 5 };
 
-/* Where the components of boundary conditions x = (q0, v0, qN, vN) begin. */
+/* Offsets of the components of boundary conditions x = (q0, v0, qN, vN). */
 enum { LG_AT_Q0 = 0, LG_AT_V0 = 2, LG_AT_QN = 4, LG_AT_VN = 6 };
 
-/* -1 where the network works on the mirror image of these boundary conditions, else 1. */
+/* -1 if the network works on the mirror image of these boundary conditions, else 1. */
 double lg_surrogate_sign(const lg_surrogate *model, const double *x);
 /* theta_0 and theta_N in (-pi, pi], of the mirror image for sign -1. */
 void lg_surrogate_angles(const double *x, double sign, double *angles);
-/* How far from its node, in intervals, a sample of training `between` nodes lies: U[-1/2, 1/2), always the
- * same for the same sample. */
+/* For training `between` nodes: a sample's distance from its node in intervals, U[-1/2, 1/2). The same sample
+ * always has the same distance. */
 double lg_surrogate_shift(uint64_t sample);
 /* The cubic through both nodes q (2, 2) with their tangents v (2, 2) at 0 <= t <= 1 of an interval of length
  * h, and its derivative by arc length. */
@@ -35,11 +36,11 @@ void lg_surrogate_row(const lg_surrogate *model, const double *x, double sign, d
  * discrete and the continuous network, whose rows are affine in them: 8 or 9 numbers. */
 void lg_surrogate_row_tangent(const lg_surrogate *model, const double *dx, double sign, double ds,
                               double *row);
-/* Weights at s of what is missing in the angles at the ends: (1, 0) at s = 0, (0, 1) at s = L. */
+/* Weights at s of the corrections of the two end angles: (1, 0) at s = 0, (0, 1) at s = L. */
 void lg_surrogate_end_weights(const lg_surrogate *model, double s, double *weights);
 /* Their derivatives by s. */
 void lg_surrogate_end_slopes(const lg_surrogate *model, double s, double *slopes);
-/* LG_SHAPE where these curves are not for the model. */
+/* LG_SHAPE if these curves do not fit the model. */
 lg_status lg_surrogate_check_curves(const lg_surrogate *model, const lg_elastica_curves *curves,
                                     lg_error *error);
 

@@ -1,5 +1,5 @@
-/* Published hyperparameters of the surrogates, and our own. One row a setting; of rows that fit the one with
- * the nearest part of the data is taken. */
+/* Published hyperparameters of the surrogates, and our own. Each row is a setting. Among the rows that fit,
+ * the one with the nearest part of the data is used. */
 #include <math.h>
 #include <string.h>
 
@@ -20,8 +20,8 @@
         .lr_step = every_, .lr_gamma = factor_, .weight_decay = decay_, .adam_eps = 1e-8, .clip = clip_,     \
         .validation = 0.0, .shards = shards_, .seed = 1                                                      \
     }
-/* Multilayer perceptron from the boundary conditions to all inner nodes. Its parameters outweigh a batch: one
- * shard. */
+/* Multilayer perceptron from the boundary conditions to all inner nodes. It has more parameters than a batch
+ * has numbers, hence one shard. */
 #define DISCRETE(name, merged, fraction, source, layers, hidden, act, normalise, mirror, gamma, ...)         \
     {                                                                                                        \
         name, LG_SURROGATE_DISCRETE, false, merged, fraction, source,                                        \
@@ -29,7 +29,7 @@
                   false, gamma),                                                                             \
             TRAINING(__VA_ARGS__)                                                                            \
     }
-/* Multiplicative network of s and the boundary conditions, behind an embedding as wide as it. */
+/* Multiplicative network of s and the boundary conditions, after an embedding of the same width. */
 #define CONTINUOUS(name, merged, fraction, source, kind, layers, hidden, act, normalise, mirror, between,    \
                    gamma, ...)                                                                               \
     {                                                                                                        \
@@ -38,7 +38,7 @@
                   false, between, gamma),                                                                    \
             TRAINING(__VA_ARGS__)                                                                            \
     }
-/* The same of the end angles and s; a batch of 20 curves is one of about 1000 points. */
+/* The same network of the end angles and s; a batch of 20 curves has about 1000 points. */
 #define ANGLE(name, boundary, merged, fraction, source, kind, layers, hidden, act, mirror, ...)              \
     {                                                                                                        \
         name, LG_SURROGATE_ANGLE, boundary, merged, fraction, source,                                        \

@@ -1,14 +1,15 @@
 /* Surrogates as programs, with their Jacobians.
  *
- * With R the sign of the mirror (1, or -1 on y-components) and f the network on its own side of it:
- *   discrete    q_i = q0 + R f_i, v_i = R f_i', both functions of (v0, qN - q0, vN): columns of q0 are those
- *               of -qN, and the identity for q
- *   continuous  q = q0 + R f(s/L, v0, qN - q0, vN), likewise
- *   angle       theta = R (pi f(s) + m_0 w_0(s) + m_N w_N(s)), m_0 = theta_0 - pi f(0), m_N = theta_N - pi
- *               f(L), f(s) = f(theta_0/pi, theta_N/pi, s); w are the weights at the ends, 0 without
- * `boundary`. A tangent of length 0 has no angle: the derivatives by it are NaN.
+ * R is the sign of the mirror (1, or -1 on y-components), f the network on its own side of the mirror.
+ *   discrete    q_i = q0 + R f_i, v_i = R f_i', both functions of (v0, qN - q0, vN)
+ *   continuous  q = q0 + R f(s/L, v0, qN - q0, vN)
+ *   angle       theta = R (pi f(s) + m_0 w_0(s) + m_N w_N(s)), f(s) = f(theta_0/pi, theta_N/pi, s),
+ *               m_0 = theta_0 - pi f(0), m_N = theta_N - pi f(L)
+ * For discrete and continuous, the derivative by q0 is the negative of that by qN, plus the identity for q.
+ * w are the weights at the ends; they are 0 without `boundary`. A tangent of length 0 has no angle: the
+ * derivatives by it are NaN.
  *
- * x are boundary conditions (B, 8); the network's input has s before them where there is a place.
+ * x are boundary conditions (B, 8). Kinds with an arc length have s before them in the network's input.
  */
 #include <math.h>
 
@@ -20,7 +21,7 @@
 
 enum { BOUNDARY = 8, MOST_DIRECTIONS = 7 };
 
-/* A model on a tape. */
+/* A model that is recorded on a tape. */
 typedef struct drawing {
     lg_tape *tape;
     const lg_surrogate *model;
@@ -40,7 +41,7 @@ static lg_var beside(const drawing *d, lg_var a, lg_var b) {
     return lg_concat(d->tape, both, 2, 1);
 }
 
-/* Numbers that serve all rows. */
+/* (1, count), the same numbers for all rows. */
 static lg_var row(const drawing *d, const double *values, uint32_t count) {
     return lg_input_f64(d->tape, lg_shape2(1, count), values);
 }
@@ -49,14 +50,14 @@ static lg_var net(const drawing *d, lg_var input) {
     return lg_net_record(d->tape, &d->model->net, d->theta, 0, input);
 }
 
-/* 1 where arc length stands before the boundary conditions. */
+/* How many inputs stand before the boundary conditions: 1, arc length, or 0 for the discrete network. */
 static uint32_t places(const lg_surrogate *model) {
     return model->options.kind == LG_SURROGATE_DISCRETE ? 0 : 1;
 }
 
 /* ---- the mirror ---- */
 
-/* R (B, 1): the first of these numbers that is not zero decides. */
+/* R (B, 1): the sign of the first of turn, v0, rise that is not zero. */
 static lg_var sign_of(const drawing *d, lg_var x) {
     lg_tape *t = d->tape;
     if (!d->model->options.mirror) return lg_full(t, lg_shape2(rows_of(d, x), 1), 1.0);
@@ -82,7 +83,8 @@ static lg_var reflected(const drawing *d, lg_var y, lg_var sign) {
 
 /* ---- discrete and continuous ---- */
 
-/* x-coordinates of the ends enter as (x - centre)/centre: what is taken off, and the divisors. */
+/* The network takes x-coordinates of the ends as (x - centre)/centre. `centre` is subtracted, `scale`
+ * divides. */
 static void scaling(const lg_surrogate *model, double *centre, double *scale) {
     for (size_t c = 0; c < BOUNDARY; c++) {
         const bool point = c == LG_AT_Q0 || c == LG_AT_QN;
@@ -91,7 +93,7 @@ static void scaling(const lg_surrogate *model, double *centre, double *scale) {
     }
 }
 
-/* x seen from q0, on the network's side of the mirror (B, 8). */
+/* x relative to q0, on the network's side of the mirror (B, 8). */
 static lg_var boundary_input(const drawing *d, lg_var x, lg_var sign) {
     static const double counted[BOUNDARY] = {1.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0};
     lg_tape *t = d->tape;
@@ -104,12 +106,12 @@ static lg_var boundary_input(const drawing *d, lg_var x, lg_var sign) {
     return lg_div(t, lg_sub(t, seen, row(d, centre, BOUNDARY)), row(d, scale, BOUNDARY));
 }
 
-/* Outputs that are points, and count from q0, stand before the tangents. */
+/* Number of outputs that are points relative to q0; they stand before the tangents. */
 static uint32_t points_in(const lg_surrogate *model) {
     return model->options.kind == LG_SURROGATE_DISCRETE ? model->net.outputs / 2 : model->net.outputs;
 }
 
-/* The network's output f (B, outputs) as it is handed over. */
+/* The curve's numbers (B, outputs) from the network's output f (B, outputs). */
 static lg_var hand_over(const drawing *d, lg_var f, lg_var x, lg_var sign) {
     lg_tape *t = d->tape;
     const uint32_t n = points_in(d->model), outputs = d->model->net.outputs, rows = rows_of(d, f);
@@ -120,7 +122,7 @@ static lg_var hand_over(const drawing *d, lg_var f, lg_var x, lg_var sign) {
     return n == outputs ? q : beside(d, q, columns(d, y, n, outputs - n));
 }
 
-/* x -> R and what the network takes of x (B, 9) */
+/* x -> R and the network's input from x (B, 9) */
 static lg_status curve_side(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
     const drawing d = {t, user, theta[0]};
     const lg_var sign = sign_of(&d, in[0]);
@@ -128,7 +130,7 @@ static lg_status curve_side(void *user, lg_tape *t, const lg_var *theta, const l
     return lg_tape_status(t);
 }
 
-/* The same by a call: the network's input, and R. */
+/* The same by a call. Returns the network's input and sets R. */
 static lg_var called_input(const drawing *d, lg_var s, lg_var x, lg_var *sign) {
     const lg_var side = lg_program_call(d->tape, "side", 0, &x);
     const lg_var ends = columns(d, side, 1, BOUNDARY);
@@ -144,8 +146,8 @@ static lg_status curve_value(void *user, lg_tape *t, const lg_var *theta, const 
     return lg_tape_status(t);
 }
 
-/* The derivative of the network's input by what the Jacobian is by, (B, 1, directions): s where there is a
- * place, then v0, qN - q0, vN, each of which moves one column of it. */
+/* Derivatives of the network's input by the directions, (B, 1, directions): s if the kind has it, then v0,
+ * qN - q0, vN. Each direction changes one column of the input. */
 static lg_var moves(const drawing *d, lg_var sign, uint32_t rows) {
     lg_tape *t = d->tape;
     double centre[BOUNDARY], scale[BOUNDARY], ones[BOUNDARY];
@@ -158,7 +160,7 @@ static lg_var moves(const drawing *d, lg_var sign, uint32_t rows) {
     return lg_reshape(t, all, lg_shape3(rows, 1, count + places(d->model)));
 }
 
-/* dq/dq0 where all else stays (1, outputs, 2). */
+/* dq/dq0 with all else fixed (1, outputs, 2). */
 static lg_var identity(const drawing *d) {
     static const double pair[4] = {1.0, 0.0, 0.0, 1.0};
     const uint32_t n = points_in(d->model), outputs = d->model->net.outputs;
@@ -167,7 +169,7 @@ static lg_var identity(const drawing *d) {
     return lg_pad(d->tape, lg_reshape(d->tape, all, lg_shape3(1, n, 2)), 1, 0, outputs - n);
 }
 
-/* Columns of the directions, by (B, outputs, directions), become those of the input. */
+/* From the directions to the columns of the input x: by (B, outputs, directions) -> (B, outputs, inputs). */
 static lg_var input_columns(const drawing *d, lg_var by) {
     lg_tape *t = d->tape;
     const uint32_t first = places(d->model), count = BOUNDARY - LG_AT_V0;
@@ -177,7 +179,7 @@ static lg_var input_columns(const drawing *d, lg_var by) {
     return lg_concat(t, parts + 1 - first, 2 + first, 2);
 }
 
-/* Columns of the network's input that the directions move: s where there is a place, then all but q0. */
+/* Columns of the network's input that the directions change: s if the kind has it, then all except q0. */
 static lg_var moved_columns(const drawing *d, lg_var by) {
     const uint32_t first = places(d->model);
     const lg_var ends = lg_slice(d->tape, by, 2, first + LG_AT_V0, BOUNDARY - LG_AT_V0);
@@ -185,8 +187,8 @@ static lg_var moved_columns(const drawing *d, lg_var by) {
     return first > 0 ? lg_concat(d->tape, both, 2, 2) : ends;
 }
 
-/* Derivatives of f by these columns (B, outputs, directions), in one batch: of cotangents where the outputs
- * are fewer, else of directions. */
+/* Derivatives of f by these columns (B, outputs, directions), in one batch. They are computed in reverse mode
+ * if there are no more outputs than directions, else in forward mode. */
 static lg_var net_jacobian(const drawing *d, lg_var input, uint32_t directions) {
     static const uint32_t column[MOST_DIRECTIONS] = {0, 3, 4, 5, 6, 7, 8};
     lg_tape *t = d->tape;
@@ -206,7 +208,7 @@ static lg_var net_jacobian(const drawing *d, lg_var input, uint32_t directions) 
     return moved_columns(d, lg_reshape(t, by, lg_shape3(rows, count, inputs)));
 }
 
-/* by (B, outputs, directions), each pair of outputs times (1, R). */
+/* `by` (B, outputs, directions) with each pair of outputs times (1, R). */
 static lg_var reflected_rows(const drawing *d, lg_var by, lg_var sign) {
     const lg_shape shape = lg_var_shape(d->tape, by);
     const uint32_t rows = shape.dims[0];
@@ -231,7 +233,8 @@ static lg_status curve_gradient(void *user, lg_tape *t, const lg_var *theta, con
 
 /* ---- angle ---- */
 
-/* theta of a tangent v (B, 2), of the mirror image for R = -1. -0 would turn pi into -pi: |-0| = 0. */
+/* theta of a tangent v (B, 2), of its mirror image for R = -1. A component -0 would turn pi into -pi; |-0| =
+ * 0. */
 static lg_var angle_of(const drawing *d, lg_var v, lg_var sign) {
     lg_tape *t = d->tape;
     const lg_var zero = lg_full(t, lg_var_shape(t, sign), 0.0), y = lg_mul(t, sign, columns(d, v, 1, 1));
@@ -250,7 +253,7 @@ static lg_var end_weights(const drawing *d, lg_var s) {
     lg_tape *t = d->tape;
     const double length = d->model->length, c = exp(-100.0 * length * length);
     const double mixed = 1.0 / ((1.0 - c) * (1.0 + c));
-    const double high = (double)(float)length; /* s - L rounds nothing near L in single precision either */
+    const double high = (double)(float)length; /* s - L is exact near L, in single precision too */
     const lg_var rest = lg_add_scalar(t, lg_add_scalar(t, s, -high), high - length);
     const lg_var a = lg_exp(t, lg_scale(t, lg_square(t, s), -100.0));
     const lg_var b = lg_exp(t, lg_scale(t, lg_square(t, rest), -100.0));
@@ -259,7 +262,7 @@ static lg_var end_weights(const drawing *d, lg_var s) {
     return beside(d, lg_linear_combination(t, both, own, 2), lg_linear_combination(t, both, other, 2));
 }
 
-/* What a curve has for all its places: R, theta_0, theta_N, m_0, m_N (B, 5). */
+/* The numbers of a curve that serve all its places: R, theta_0, theta_N, m_0, m_N (B, 5). */
 enum { CURVE_SIGN, CURVE_ANGLES, CURVE_MISSING = 3, CURVE_NUMBERS = LG_SURROGATE_ENDS };
 
 /* R, theta_0, theta_N (B, 3) */
@@ -294,7 +297,7 @@ static lg_var hold_ends(const drawing *d, lg_var angle, lg_var s, lg_var curve, 
     return d->model->options.mirror ? lg_mul(t, angle, columns(d, curve, CURVE_SIGN, 1)) : angle;
 }
 
-/* The network is asked at s and both ends in one batch. */
+/* Evaluates the network at s and at both ends in one batch. */
 static lg_status angle_value(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
     const drawing d = {t, user, theta[0]};
     const lg_var s = columns(&d, in[0], 0, 1), curve = side_and_angles(&d, columns(&d, in[0], 1, BOUNDARY));
@@ -320,7 +323,7 @@ static lg_status angle_gradient(void *user, lg_tape *t, const lg_var *theta, con
 
 /* ---- along a curve ---- */
 
-/* Numbers of the curve (count) for every row of s. */
+/* Repeats the numbers of the curve (count) for every row of s. */
 static lg_var for_all(const drawing *d, lg_var numbers, uint32_t count, lg_var s) {
     const lg_var row = lg_reshape(d->tape, numbers, lg_shape2(1, count));
     return lg_broadcast_to(d->tape, row, lg_shape2(rows_of(d, s), count));
@@ -404,7 +407,7 @@ static const struct bundle {
 
 lg_status lg_surrogate_program(const lg_context *context, const lg_surrogate *model, const double *theta,
                                lg_program **out, lg_error *error) {
-    /* Recording only reads the model. */
+    /* The union only drops const: recording only reads the model. */
     union {
         const lg_surrogate *borrowed;
         void *user;

@@ -15,7 +15,7 @@ typedef struct part {
     size_t count;
 } part;
 
-/* Curve number i of the training part, reflected where `sign` says so. */
+/* Curve number i of the training part, reflected for `sign` -1. */
 typedef struct curve {
     const double *x, *q, *v;
     double sign;
@@ -47,7 +47,7 @@ static void put_row(const part *b, void *values, size_t row, const curve *c, dou
     lg_surrogate_put(lg_tape_dtype(b->tape), values, row * n, numbers, n);
 }
 
-/* Arc length of node k of the data, which for networks of a continuous s may have another N. */
+/* Arc length of node k of the data. For networks of a continuous s the data may have another N. */
 static double node_of_data(const part *b, uint32_t k) {
     const uint32_t n = b->problem->curves->intervals;
     return k == n ? b->problem->model->length : b->problem->model->length * k / n;
@@ -56,7 +56,7 @@ static double node_of_data(const part *b, uint32_t k) {
 /* ---- discrete ---- */
 
 /* Mean of squares of the node-to-node differences of d (B, 4(N - 1)), which is zero at the ends: 4N numbers a
- * sample. As (B, 2, 2(N + 1)) the next node of a component stands two places on. */
+ * sample. In the shape (B, 2, 2(N + 1)) the next node of a component is two places further. */
 static lg_var rough(lg_tape *tape, lg_var d, uint32_t count, uint32_t intervals) {
     lg_var nodes = lg_reshape(tape, d, lg_shape3(count, 2, 2 * (intervals - 1)));
     nodes = lg_pad(tape, nodes, 2, 2, 2);
@@ -86,7 +86,7 @@ static lg_var discrete_loss(const part *b, lg_var theta) {
 
 /* ---- continuous ---- */
 
-/* d/ds of the inputs (s/L, x) as one row that serves all. */
+/* d/ds of the inputs (s/L, x), one row for all samples. */
 static lg_var along_s(const part *b) {
     const double tangent[9] = {1.0 / b->problem->model->length};
     return lg_input_f64(b->tape, lg_shape2(1, 9), tangent);
@@ -116,8 +116,8 @@ static void interpolate(const double *values, uint32_t n, double at, double *out
     }
 }
 
-/* q and v between the nodes. The tangents of the continuous problem are the derivative of its curve; those of
- * the discrete one are not quite, and both are interpolated by themselves. */
+/* q and v between the nodes. Only in the continuous problem are the tangents exactly the derivative of the
+ * curve. In the discrete one q and v are therefore interpolated separately. */
 static void between_nodes(const part *b, const curve *c, double at, double *q, double *v) {
     const uint32_t n = b->problem->curves->intervals;
     if (!b->problem->curves->continuous) {
@@ -129,7 +129,7 @@ static void between_nodes(const part *b, const curve *c, double at, double *q, d
     lg_surrogate_hermite(c->q + 2 * k, c->v + 2 * k, b->problem->model->length / n, at - (double)k, q, v);
 }
 
-/* The point of a curve that is the sample: s, q and v. */
+/* The sample: a point of a curve with s, q and v. */
 static double point_of_sample(const part *b, const curve *c, uint32_t sample, double *q, double *v) {
     const uint32_t n = b->problem->curves->intervals, node = sample % (n + 1);
     double at = node;
@@ -220,8 +220,9 @@ static lg_var angles_of(const part *b, lg_var theta, uint32_t places) {
     return model->options.boundary ? hold_ends(b, angle, places) : angle;
 }
 
-/* int_0^{s_k} of what `trig` (2B, R) holds at the Gauss points, k = 0..N: (2B, N + 1). Sums over intervals by
- * doubling: after the step of length d each column is the sum of the 2d intervals that end there. */
+/* Integrals from 0 to s_k, k = 0..N, of the function with values `trig` (2B, R): (2B, N + 1). Only the Gauss
+ * points are used. Sums over intervals are made by doubling: after the step of length d each column is the
+ * sum of the 2d intervals that end there. */
 static lg_var integrals(const part *b, lg_var trig) {
     const uint32_t n = b->problem->curves->intervals;
     const double h = b->problem->model->length / n;
@@ -237,8 +238,8 @@ static lg_var integrals(const part *b, lg_var trig) {
     return lg_pad(b->tape, sum, 1, 1, 0);
 }
 
-/* Values (2B, N + 1) of `points` less their start: the x-components of all curves, then their y-components,
- * as the rows of cos and sin. */
+/* `points` relative to their start, (2B, N + 1): the x-components of all curves, then their y-components, in
+ * the order of the rows of cos and sin. */
 static void put_components(const part *b, void *values, size_t i, const double *points, const double *start,
                            double sign) {
     const size_t nodes = (size_t)b->problem->curves->intervals + 1;
@@ -272,8 +273,8 @@ static lg_var angle_loss(const part *b, lg_var theta) {
 
 /* ---- as a learning problem ---- */
 
-/* chunk: samples on a tape at once, so that its values stay in the second cache; of the angle network as many
- * curves as have about 400 places. */
+/* chunk: samples on a tape at once, few enough that the values stay in the L2 cache; for the angle network as
+ * many curves as have about 400 places. */
 static const struct learned {
     lg_var (*loss)(const part *b, lg_var theta);
     bool points; /* samples are points of curves */
@@ -321,7 +322,7 @@ lg_status lg_surrogate_problem_check(const lg_surrogate_problem *problem, lg_err
 }
 
 void lg_surrogate_fit_problem(const lg_surrogate_problem *problem, lg_fit_problem *out) {
-    /* The loss only reads the problem. */
+    /* The union only drops const: the loss only reads the problem. */
     union {
         const lg_surrogate_problem *borrowed;
         void *user;
