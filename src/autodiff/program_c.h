@@ -1,5 +1,6 @@
 /* The writer of C inside: what has been written once, and the plan that is being written. program_c_text.c has
- * the pieces, program_c_scalars.c and program_c_body.c the bodies of functions, program_c.c the whole. */
+ * the pieces, program_c_lines.c scalar code as lines, program_c_elements.c, program_c_scalars.c and
+ * program_c_body.c the bodies of functions, program_c.c the whole. */
 #ifndef LG_PROGRAM_C_H
 #define LG_PROGRAM_C_H
 
