@@ -29,16 +29,24 @@ typedef struct lg_graph {
     uint32_t count, capacity;
     uint32_t *table; /* hashes: 1 + node */
     uint32_t slots;
-    uint32_t *result; /* by output */
+    uint32_t *result;       /* by output */
+    double work, most_work; /* of folding */
+    bool failed;            /* out of memory */
 } lg_graph;
 
-/* The same for any parameters: they are inputs behind those of the function. */
-lg_status lg_graph_make_symbolic(lg_heap *heap, const lg_program *program, const lg_function *function,
-                                 size_t rows, lg_graph *out, lg_error *error);
 /* rows, dtype, calls and most_work as in the options. LG_UNSUPPORTED: folding takes more than most_work
  * operations. */
 lg_status lg_graph_make(lg_heap *heap, const lg_program *program, const lg_function *function,
                         const lg_plan_options *options, lg_graph *out, lg_error *error);
+
+/* Memory of the graph's heap. NULL: `failed` is set. */
+void *lg_graph_take(lg_graph *graph, size_t count, size_t size);
+/* The node's number; an equal node that was there before is taken. node->in may live on the caller's stack.
+ * 0 after a failure. */
+uint32_t lg_graph_add(lg_graph *graph, const lg_graph_node *node);
+uint32_t lg_graph_add_constant(lg_graph *graph, lg_shape shape, const double *value, bool weights);
+/* What stands for an operation after simplification (plan_simplify.c); shapes: of its inputs. */
+uint32_t lg_graph_operation(lg_graph *graph, const lg_graph_node *node, const lg_shape *const *shapes);
 
 /* Operations on numbers that a node takes, about: its elements times the terms of its longest sum. */
 double lg_graph_work(const lg_graph *graph, const lg_graph_node *node);

@@ -1,6 +1,7 @@
 /* Which elements of outputs depend on which elements of an input: sets of elements pushed through the
  * simplified graph of one row. Where an operation has scalar code that is short enough, the code tells;
  * elsewhere every element is taken to depend on all that comes in. */
+#include <math.h>
 #include <string.h>
 
 #include "autodiff/plan_graph.h"
@@ -100,7 +101,8 @@ static lg_status spread(spreading *s, uint32_t node) {
 
 static lg_status find(spreading *s, const lg_program *program, const lg_function *f, size_t output,
                       size_t input, unsigned char *pattern, lg_error *error) {
-    LG_TRY(lg_graph_make_symbolic(&s->heap, program, f, 1, &s->g, error));
+    const lg_plan_options options = {.rows = 1, .dtype = LG_F64, .most_work = INFINITY};
+    LG_TRY(lg_graph_make(&s->heap, program, f, &options, &s->g, error));
     const size_t elements = lg_shape_count(f->input[input].shape);
     s->words = (elements + 63) / 64;
     s->set = lg_heap_take(&s->heap, s->g.count, sizeof *s->set);
