@@ -7,6 +7,7 @@
 
 #include "liegrad/io.h"
 #include "liegrad/random.h"
+#include "support/fixtures.h"
 
 static const char lg[] = "lg-anomaly";
 static cli result;
@@ -69,17 +70,14 @@ static void write_other(const other *what) {
     lg_series_data_destroy(&data);
 }
 
-static void release_data(void *data) {
-    lg_series_data_destroy(data);
-}
+OWNED(lg_series_data, lg_series_data_destroy)
 
 static lg_series_data *read_back(const char *name) {
     char path[1024];
-    lg_series_data *data = TEST_ARRAY(lg_series_data, 1);
+    lg_series_data data;
     cli_path(name, path, sizeof path);
-    assert_ok(lg_series_read(NULL, path, NULL, NULL, data, NULL));
-    lg_test_owns(data, release_data);
-    return data;
+    assert_ok(lg_series_read(NULL, path, NULL, NULL, &data, NULL));
+    return own_lg_series_data(data);
 }
 
 static int setup(void **state) {

@@ -3,16 +3,13 @@
 
 #include "golden/logistic_table.h"
 
-static void release(void *model) {
-    lg_logistic_destroy(model);
-}
+OWNED(lg_logistic, lg_logistic_destroy)
 
 static const lg_logistic *fit(const double *x, const uint32_t *label, size_t n, uint32_t d, uint32_t classes,
                               double c) {
-    lg_logistic *model = TEST_ARRAY(lg_logistic, 1);
-    assert_ok(lg_logistic_fit(NULL, x, label, n, d, classes, c, model, NULL));
-    lg_test_owns(model, release);
-    return model;
+    lg_logistic model;
+    assert_ok(lg_logistic_fit(NULL, x, label, n, d, classes, c, &model, NULL));
+    return own_lg_logistic(model);
 }
 
 TEST("weights are scikit-learn's") {

@@ -3,15 +3,12 @@
 
 #define HALF_ROOT 0.70710678118654752440
 
-static void release(void *pca) {
-    lg_pca_destroy(pca);
-}
+OWNED(lg_pca, lg_pca_destroy)
 
 static const lg_pca *fit(const double *x, size_t n, uint32_t d, uint32_t components) {
-    lg_pca *pca = TEST_ARRAY(lg_pca, 1);
-    assert_ok(lg_pca_fit(NULL, x, n, d, components, pca, NULL));
-    lg_test_owns(pca, release);
-    return pca;
+    lg_pca pca;
+    assert_ok(lg_pca_fit(NULL, x, n, d, components, &pca, NULL));
+    return own_lg_pca(pca);
 }
 
 /* W orthonormal; projections uncorrelated with variances as told; their sum is the trace. */

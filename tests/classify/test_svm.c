@@ -4,16 +4,13 @@
 
 #include <libsvm/svm.h>
 
-static void release(void *svm) {
-    lg_svm_destroy(svm);
-}
+OWNED(lg_svm, lg_svm_destroy)
 
 static const lg_svm *fit(lg_kernel kernel, double c, double gamma, const double *x, const uint32_t *label,
                          size_t n, uint32_t d, uint32_t classes) {
-    lg_svm *svm = TEST_ARRAY(lg_svm, 1);
-    assert_ok(lg_svm_fit(NULL, kernel, c, gamma, x, label, n, d, classes, svm, NULL));
-    lg_test_owns(svm, release);
-    return svm;
+    lg_svm svm;
+    assert_ok(lg_svm_fit(NULL, kernel, c, gamma, x, label, n, d, classes, &svm, NULL));
+    return own_lg_svm(svm);
 }
 
 /* ---- libsvm on the same rows ---- */

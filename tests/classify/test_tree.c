@@ -14,23 +14,19 @@ static lg_tree_options options_of(lg_criterion criterion, uint32_t leaf) {
     return options;
 }
 
-static void release(void *tree) {
-    lg_tree_destroy(tree);
-}
+OWNED(lg_tree, lg_tree_destroy)
 
 static const lg_tree *fit(const lg_tree_options *options, const double *x, const uint32_t *label, size_t n,
                           uint32_t d, uint32_t classes) {
-    lg_tree *tree = TEST_ARRAY(lg_tree, 1);
-    assert_ok(lg_tree_fit(NULL, options, x, label, n, d, classes, tree, NULL));
-    lg_test_owns(tree, release);
-    return tree;
+    lg_tree tree;
+    assert_ok(lg_tree_fit(NULL, options, x, label, n, d, classes, &tree, NULL));
+    return own_lg_tree(tree);
 }
 
 static const lg_tree *pruned_at(const lg_tree *tree, double alpha) {
-    lg_tree *pruned = TEST_ARRAY(lg_tree, 1);
-    assert_ok(lg_tree_prune(NULL, tree, alpha, pruned));
-    lg_test_owns(pruned, release);
-    return pruned;
+    lg_tree pruned;
+    assert_ok(lg_tree_prune(NULL, tree, alpha, &pruned));
+    return own_lg_tree(pruned);
 }
 
 /* A tree of the table, borrowed. */
