@@ -470,26 +470,60 @@ RECORDING(scaled) {
     y[0] = lg_mul(tape, x[0], lg_exp(tape, theta[0]));
 }
 
-TEST("what depends on parameters alone is computed once") {
-    const double logarithms[3] = {0.5, -1.0, 2.0}, x[3] = {1.0, 2.0, -3.0};
-    const lg_parameter_spec theta = {"theta", lg_shape1(3), logarithms};
+/* Whether a step of the plan is this operation, or has it as scalar code. */
+static bool computes(const lg_plan *plan, const lg_op *op, lg_scalar_op code) {
+    for (size_t s = 0; s < plan->steps; s++) {
+        const lg_plan_step *step = &plan->step[s];
+        if (step->kind == LG_STEP_TENSOR && step->tensor.op == op) return true;
+        for (uint32_t g = 0; step->kind == LG_STEP_SCALARS && g < step->scalars.groups; g++)
+            if (step->scalars.group[g].op == code) return true;
+    }
+    return false;
+}
+
+static const double logarithms[3] = {0.5, -1.0, 2.0}, x_at[3] = {1.0, 2.0, -3.0};
+static const lg_parameter_spec three_logarithms = {"theta", {.rank = 1, .dims = {3}}, logarithms};
+
+/* A program with one function of x (3). */
+static lg_program *program_of(lg_record_function record) {
     const lg_port out = {.name = "y"};
-    const lg_function_spec function = {"scaled", &x3, 1, &out, 1, scaled, NULL};
-    const lg_program_spec spec = spec_of(&theta, 1, &function, 1);
-    lg_program *program = test_program(&spec);
+    const lg_function_spec function = {"f", &x3, 1, &out, 1, record, NULL};
+    const lg_program_spec spec = spec_of(&three_logarithms, 1, &function, 1);
+    return test_program(&spec);
+}
+
+TEST("what depends on parameters alone is computed once") {
+    lg_program *program = program_of(scaled);
     lg_plan *plan;
     lg_error error;
     double y[3];
+    unsigned char pattern[9];
     assert_int_equal(lg_program_operations(program, 0), 2);
     assert_ok(lg_plan_create(program, 0, NULL, &plan, &error));
-    for (size_t s = 0; s < plan->steps; s++) {
-        if (plan->step[s].kind == LG_STEP_TENSOR) assert_int_not_equal(plan->step[s].tensor.op, &lg_op_exp);
-        for (uint32_t g = 0; plan->step[s].kind == LG_STEP_SCALARS && g < plan->step[s].scalars.groups; g++)
-            assert_int_not_equal(plan->step[s].scalars.group[g].op, LG_S_EXP);
-    }
+    assert_false(computes(plan, &lg_op_exp, LG_S_EXP));
+    assert_true(computes(plan, &lg_op_mul, LG_S_MUL));
     void *work = lg_test_memory(lg_plan_work_size(plan));
-    lg_plan_eval(plan, (const void *const[]){x}, (void *const[]){y}, work);
-    for (size_t i = 0; i < 3; i++) assert_close(y[i], x[i] * exp(logarithms[i]), 1e-15, 0);
+    lg_plan_eval(plan, (const void *const[]){x_at}, (void *const[]){y}, work);
+    for (size_t i = 0; i < 3; i++) assert_close(y[i], x_at[i] * exp(logarithms[i]), 1e-15, 0);
+    lg_plan_destroy(plan);
+    assert_ok(lg_program_sparsity(program, 0, 0, 0, pattern, &error));
+    for (size_t i = 0; i < 9; i++) assert_int_equal(pattern[i], i % 4 == 0);
+}
+
+RECORDING(left_over) {
+    const lg_var zero = lg_full(tape, lg_shape1(1), 0.0);
+    y[0] = lg_add(tape, lg_cos(tape, x[0]), lg_mul(tape, lg_sin(tape, x[0]), zero));
+}
+
+TEST("what simplification leaves behind is not computed") {
+    lg_plan *plan;
+    lg_error error;
+    lg_plan_options options;
+    lg_plan_options_init(&options);
+    options.compact = true;
+    assert_ok(lg_plan_create(program_of(left_over), 0, &options, &plan, &error));
+    assert_true(computes(plan, &lg_op_cos, LG_S_COS));
+    assert_false(computes(plan, &lg_op_sin, LG_S_SIN));
     lg_plan_destroy(plan);
 }
 
