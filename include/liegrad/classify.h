@@ -64,7 +64,7 @@ LG_API size_t lg_features_work_size(const lg_features *features);
 /* x (channels, length) -> out (d). A constant channel, or a single sample, has standard deviation and
  * covariance exactly 0. The root of a covariance comes from the singular values of the centred, scaled
  * window; its error is a few eps = 2^-52 times its norm. Errors: LG_NO_CONVERGENCE (of these singular
- * values), LG_NOT_FINITE; out is undefined then. */
+ * values), LG_NOT_FINITE; out is then undefined. */
 LG_API lg_status lg_features_compute(const lg_features *features, const float *x, double *out, double *work);
 /* Writes the name of feature `index` and returns its length as snprintf does:
  *   "raw acc_lower_x 17" (the sample), "std acc_lower_x", "cov acc_lower_x moment_x",
@@ -153,11 +153,11 @@ typedef struct lg_tree {
     const lg_context *context; /* whose memory the arrays are in */
 } lg_tree;
 /* Grows a tree from x (n, d) and label (n). A threshold lies half-way between neighbouring distinct values;
- * it is the lower value when half-way rounds to the upper one. The split with the largest fall of the
- * impurity is taken; among equal ones (as computed) that of the lower feature, then of the lower threshold.
- * An impure node is split whenever options and values allow it, even when the split gains nothing: exclusive
- * or needs such a split. Nodes are in depth-first order, left before right. Columns are sorted once; a level
- * then costs O(d n). Memory: 16 d n bytes. Errors: LG_INVALID_ARGUMENT (n, d or classes 0, n > 2^29, a label
+ * it is the lower value when half-way rounds to the upper one. The best split has the largest decrease of the
+ * impurity; among equal ones (as computed) the lower feature wins, then the lower threshold. An impure node
+ * is split whenever options and values allow it, even when the split gains nothing: "exclusive or" needs such
+ * a split. Nodes are in depth-first order, left before right. Columns are sorted once; a level then costs
+ * O(d n). Memory: 16 d n bytes. Errors: LG_INVALID_ARGUMENT (n, d or classes 0, n > 2^29, a label
  * out of range, min_samples_split < 2, min_samples_leaf < 1, ccp_alpha < 0), LG_NOT_FINITE, LG_OUT_OF_MEMORY,
  * LG_CANCELLED. */
 LG_API lg_status lg_tree_fit(const lg_context *context, const lg_tree_options *options, const double *x,
@@ -176,8 +176,8 @@ typedef struct lg_pruning_step {
     double alpha, impurity; /* impurity: sum over leaves of (n_t/n) impurity_t */
     uint32_t nodes, depth;
 } lg_pruning_step;
-/* *count becomes the length of the sequence, of which the first `room` steps are written. steps may be NULL
- * for room 0. The work is O(nodes (depth + log nodes)). LG_INVALID_ARGUMENT (an empty tree),
+/* Writes the first `room` steps of the sequence; *count becomes the length of the whole sequence. steps may
+ * be NULL for room 0. The work is O(nodes (depth + log nodes)). Errors: LG_INVALID_ARGUMENT (an empty tree),
  * LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_tree_pruning_path(const lg_context *context, const lg_tree *tree, size_t room,
                                       lg_pruning_step *steps, size_t *count);
@@ -247,12 +247,13 @@ typedef struct lg_classifier {
     uint32_t classes;
     lg_features features;
     lg_pca pca;
-    lg_logistic logistic; /* the one of `method`; the others are zeroed */
+    lg_logistic logistic; /* of these models only the one of `method` is used; the others are zeroed */
     lg_tree tree;
     lg_svm svm;
 } lg_classifier;
 
-/* Fits pca and model on rows `chosen` (count; NULL: all) of table x (rows, d). `out->features` is kept. */
+/* Fits pca and model on rows `chosen` (count; NULL: all) of table x (rows, d). `out->features` does not
+ * change. */
 LG_API lg_status lg_classifier_fit(const lg_context *context, const lg_method_options *options,
                                    const double *x, const uint32_t *label, const uint32_t *chosen,
                                    size_t count, uint32_t d, uint32_t classes, lg_classifier *out,
@@ -267,11 +268,11 @@ LG_API void lg_classifier_score(const lg_classifier *classifier, const double *f
 LG_API lg_status lg_classifier_window(const lg_classifier *classifier, const float *x, double *score,
                                       double *work);
 #define LG_NULL_EIGENVALUE 5.684341886080802e-14 /* 2^-44 */
-/* The numbers from which scores are made, and their Jacobian:
+/* The numbers that determine the scores, and their Jacobian:
  *   logistic  logits: 1 for two classes (of class 1), else K
  *   tree      class fractions (K); Jacobian 0
- *   svm       decisions of the pairs (i, j), i < j: K (K - 1)/2 numbers, positive for i. For K > 2 a pair of
- *             which only i has vectors has decision 1, only j: -1, neither: 0
+ *   svm       decisions of the pairs (i, j), i < j: K (K - 1)/2 numbers, positive for i. For K > 2 the
+ *             decision is 1 if only i has vectors, -1 if only j has vectors, 0 if neither has
  * x (channels, length) -> y (lg_classifier_outputs), jacobian (outputs, channels length) or NULL. Derivatives
  * with respect to channels without features are 0, and so are those of a standard deviation of 0, of the root
  * of a covariance within its null space, and of a baseline slope when the accelerations are equal. The null
@@ -293,12 +294,13 @@ LG_API lg_status lg_classifier_load(const lg_context *context, const lg_archive_
 /* ---- grid search (grid_search.c) by cross-validation on the training part ---- */
 
 /* Tries every options[i] (count) with `folds` stratified folds of rows `chosen` (rows; NULL: all of x).
- * accuracy (count) becomes the mean over the folds, *best the first of the highest. unit has a number for
- * every row of x, as label has, or is NULL: rows with equal numbers, such as the windows of a sea state, fall
- * into one fold (lg_folds, liegrad/series.h). Otherwise a setting could win because it remembers neighbours
- * of the rows that it is tested on. There are at most as many folds as the rarest class that occurs has rows,
- * or units. With fewer than two the accuracy is that on the training rows. A fold with fewer rows than
- * components uses as many components as it has rows. Options that do not converge have accuracy NaN and are
+ * accuracy (count) becomes the mean over the folds, *best the first option of the highest accuracy. `unit`
+ * (NULL: none) has a number for every row of x, like label. Rows with equal numbers, such as the windows of a
+ * sea state, fall into one fold (lg_folds, liegrad/series.h). Otherwise a setting could win because it
+ * remembers neighbours of the rows that test it. The number of folds is limited to the number of rows, or
+ * units, of the rarest class that occurs. With fewer than two folds the accuracy is that on the training
+ * rows. A fold with fewer rows than components uses as many components as it has rows. Options that do not
+ * converge have accuracy NaN and are
  * not chosen. Errors: LG_NO_CONVERGENCE (no options converge), those of lg_classifier_fit. The result does
  * not depend on `threads` >= 1. */
 LG_API lg_status lg_grid_search(const lg_context *context, const lg_method_options *options, size_t count,

@@ -1,4 +1,4 @@
-/* The context: where memory comes from, who hears the log, who may cancel.
+/* The context: the allocator, the log callback and the cancel flag.
  *
  * A context is immutable after creation and may be shared by threads. Objects made with it must be destroyed
  * before it.
@@ -30,7 +30,7 @@ typedef void (*lg_release_fn)(void *user, void *memory);
 typedef struct lg_context_options {
     size_t size;             /* sizeof(lg_context_options) */
     lg_allocate_fn allocate; /* NULL: the C library's */
-    lg_release_fn release;   /* NULL exactly when allocate is NULL */
+    lg_release_fn release;   /* NULL if and only if allocate is NULL */
     void *allocator_user;
     lg_log_fn log; /* NULL: silence */
     void *log_user;
@@ -47,9 +47,9 @@ LG_API void lg_context_destroy(lg_context *context); /* NULL is fine */
 /* "1.0.0" */
 LG_API const char *lg_version(void);
 
-/* One line on what computes: instruction set chosen, BLAS. Written to `text` (at most `size` bytes with the
- * terminator); returns the length without truncation, as snprintf does. LIEGRAD_ISA=baseline|avx2|avx512 in
- * the environment forces an instruction set that the machine has. */
+/* Writes one line that names the CPU, the chosen instruction set and the BLAS to `text` (at most `size` bytes
+ * with the terminator). Returns the length without truncation, as snprintf does. The environment variable
+ * LIEGRAD_ISA=baseline|avx2|avx512 forces an instruction set that the machine has. */
 LG_API int lg_cpu_describe(char *text, size_t size);
 
 /* For executables, before any thread: gives OpenBLAS one thread and, unless OPENBLAS_CORETYPE is set, the

@@ -4,10 +4,11 @@
  * padding p (zeros at both ends) and `channels` O:
  *   L' = floor((L + 2p - k)/s) + 1,  y[b, t, o] = bias[o] + sum_{j,c} x[b, s t + j - p, c] W[j, c, o]
  * (a correlation, as usual), then the activation, then pooling over windows of pool_size samples every
- * pool_stride: L'' = floor((L' - pool_size)/pool_stride) + 1. Then the (L'', O) numbers of each series in one
- * row, activation(fc1) to `plane` numbers (0: none), and the output layer: `outputs` logits.
- * Default: 3 blocks, channels 2C, 4C, 8C (4096 at most, fewer where one block would have 2^28 weights),
- * kernel 5, average pooling 2/2, plane 2. Without blocks, it is a perceptron of the whole series.
+ * pool_stride: L'' = floor((L' - pool_size)/pool_stride) + 1. After the last block the (L'', O) numbers of
+ * each series form one row. A dense layer with activation maps it to `plane` numbers (0: no such layer), and
+ * the output layer to `outputs` logits.
+ * Default: 3 blocks, channels 2C, 4C, 8C (4096 at most, fewer if one block would have 2^28 weights), kernel
+ * 5, average pooling 2/2, plane 2. Without blocks, it is a perceptron of the whole series.
  */
 #ifndef LIEGRAD_CONVOLUTION_H
 #define LIEGRAD_CONVOLUTION_H
@@ -49,15 +50,14 @@ typedef struct lg_cnn {
     uint32_t lengths[LG_CNN_MAX_BLOCKS + 1]; /* set by init: length of the input and after each block */
 } lg_cnn;
 
-/* Makes the default network for series of this size; lg_cnn_init has been applied. A series too short for
- * three blocks gets fewer. The last kernel is at most as long as what is left. A block that leaves one sample
- * has no pooling. The result is valid for channels, length and outputs >= 1 within the limits of lg_cnn_init;
- * beyond them lg_cnn_init refuses it. */
+/* Makes the default network for series of this size and applies lg_cnn_init. A series too short for three
+ * blocks gets fewer. The last kernel is at most as long as the series before it. A block that leaves one
+ * sample has no pooling. The result is valid for channels, length and outputs >= 1 within the limits of
+ * lg_cnn_init; beyond them lg_cnn_init refuses it. */
 LG_API void lg_cnn_init_default(lg_cnn *net, uint32_t channels, uint32_t length, uint32_t outputs,
                                 lg_activation activation);
-/* Checks the description and sets `lengths`. LG_INVALID_ARGUMENT, with a sentence that names the block and
- * *net untouched: sizes of 0 or beyond 2^20, more than 2^31 parameters, a block in which nothing is left of
- * the series. */
+/* Checks the description and sets `lengths`. LG_INVALID_ARGUMENT (sizes of 0 or beyond 2^20, more than 2^31
+ * parameters, a block after which no sample is left): a sentence names the block, and *net is untouched. */
 LG_API lg_status lg_cnn_init(lg_cnn *net, lg_error *error);
 
 LG_API size_t lg_cnn_parameters(const lg_cnn *net);

@@ -1,7 +1,7 @@
 /* Detectors: convolutional networks that tell the class of a window of sensor data.
  *
  * A window (channels, length) is scaled channel by channel, z = (x - mean)/scale, with the numbers of the
- * training part; with `centred` each window's own mean is taken off first. Loss:
+ * training part; with `centred` each window's own mean is subtracted first. Loss:
  *   LG_DETECTOR_MSE            two classes, one output: mean of (sigmoid(y) - label)^2
  *   LG_DETECTOR_CROSS_ENTROPY  an output a class: mean of -log softmax(y)[label]
  */
@@ -31,7 +31,7 @@ typedef struct lg_detector {
     lg_detector_loss loss;
     bool centred;
 } lg_detector;
-/* net has been through lg_cnn_init. LG_INVALID_ARGUMENT with a sentence. */
+/* `net` must come from lg_cnn_init. Errors: LG_INVALID_ARGUMENT with a sentence. */
 LG_API lg_status lg_detector_check(const lg_detector *model, lg_error *error);
 
 /* ---- training ---- */
@@ -44,19 +44,19 @@ typedef struct lg_detector_data {
     uint32_t *label;           /* (count) */
     const lg_context *context; /* whose memory the arrays are in */
 } lg_detector_data;
-/* Of windows `chosen` (count; NULL: all of them), in this order: the training part first, then the validation
- * part. Errors, with a sentence: LG_SHAPE (channels, length or classes other than the model's),
- * LG_INVALID_ARGUMENT (no windows, or one that does not exist), LG_OUT_OF_MEMORY, LG_NOT_FINITE (overflow in
- * dtype). */
+/* Makes the data of windows `chosen` (count; NULL: all of them), in this order: the training part first, then
+ * the validation part. Errors, with a sentence: LG_SHAPE (channels, length or classes other than the
+ * model's), LG_INVALID_ARGUMENT (no windows, or one that does not exist), LG_OUT_OF_MEMORY, LG_NOT_FINITE
+ * (overflow in dtype). */
 LG_API lg_status lg_detector_data_create(const lg_context *context, const lg_detector *model,
                                          const lg_scaler *scaler, const lg_series *series,
                                          const lg_windows *windows, const uint32_t *chosen, size_t count,
                                          lg_dtype dtype, lg_detector_data *out, lg_error *error);
 LG_API void lg_detector_data_destroy(lg_detector_data *data);
 
-/* A model and what it learns from: the first `training` windows of data are trained on, the rest are the
- * validation part (lg_fit_problem.validation; set lg_fit_options.keep_best for the parameters of its best
- * epoch). Borrowed. */
+/* A model and its data. The first `training` windows are the training part, the others the validation
+ * part (lg_fit_problem.validation; set lg_fit_options.keep_best for the parameters of its best epoch).
+ * Borrowed. */
 typedef struct lg_detector_problem {
     const lg_detector *model;
     const lg_detector_data *data;
@@ -64,8 +64,8 @@ typedef struct lg_detector_problem {
 } lg_detector_problem;
 LG_API void lg_detector_fit_problem(const lg_detector_problem *problem, lg_fit_problem *out);
 
-/* Settings by the level of the sensors' noise: those published for the subsea well ("thesis"), and our own
- * ("best"), which include one for data of unknown noise. */
+/* Settings for levels of the sensors' noise: those published for the subsea well ("thesis"), and our own
+ * ("best"). Our own include one for data of unknown noise. */
 typedef struct lg_detector_preset {
     const char *name;   /* "thesis", "best" */
     double noise;       /* 1, 10, 50, or NaN: unknown. The nearest preset is taken, else the first */
@@ -80,7 +80,7 @@ LG_API const lg_detector_preset *lg_detector_preset_find(const char *name, doubl
 /* ---- as a program ---- */
 
 /* A bundle on the parameters `theta`, `mean`, `mean_rest` and `inverse_scale`; x is a window as recorded
- * (channels, length), z one that is scaled (length, channels):
+ * (channels, length), z a scaled window (length, channels):
  *   value        x -> y, the logits
  *   grad         x -> y, g: (outputs, channels length)
  *   probability  x -> probability (classes)

@@ -1,9 +1,9 @@
 /* Euler's elastica: equilibria of a planar inextensible beam clamped at both ends.
  *
  * The beam has length L and bending stiffness EI; its curve q(s), 0 <= s <= L, has the unit tangent
- * v(s) = q'(s) = (cos theta(s), sin theta(s)). Given are q(0), q(L), theta(0) and the rotation
- * theta(L) - theta(0); the curve minimises the bending energy (EI/2) int |q''|^2 ds. Any consistent units
- * will do: lengths in one unit, EI in energy times length.
+ * v(s) = q'(s) = (cos theta(s), sin theta(s)). The ends q(0), q(L), the angle theta(0) and the rotation
+ * theta(L) - theta(0) are given. The curve minimises the bending energy (EI/2) int |q''|^2 ds. Units may be
+ * any consistent ones: lengths in one unit, EI in energy times length.
  *
  * Discrete problem. On N equal intervals of length h = L/N the energy is the trapezoidal rule on
  * (EI/2)(|a_k^-|^2 + |a_{k+1}^+|^2) with
@@ -11,7 +11,7 @@
  *   a_k^-     = ((-2 v_{k+1} - 4 v_k) h + 6 (q_{k+1} - q_k))/h^2,
  *   a_{k+1}^+ = ((4 v_{k+1} + 2 v_k) h - 6 (q_{k+1} - q_k))/h^2,
  *
- * subject to |v_k| = 1. For given tangents it is quadratic in q. Minimised over q it is a function of the
+ * subject to |v_k| = 1. For given tangents it is quadratic in q. Its minimum over q is a function of the
  * N - 1 inner angles,
  *
  *   E(theta) = (EI/h) sum_k (1 - cos(theta_{k+1} - theta_k)) + P |r|^2,   P = 18 EI N^2/L^3,
@@ -95,15 +95,15 @@ typedef struct lg_elastica_solution {
     uint32_t problems;             /* of the continuation, the last one included */
 } lg_elastica_solution;
 
-/* Finds the minimum to which continuation from a moderate problem leads. For the two cases above it is the
- * global one. When the continuation fails, the result is the lowest minimum found from many starts. At x = 0
- * two arches are equal, and the upper one is returned; at x = pi (w = pi) the loop to which w < pi leads.
- * With options->guess the result is the stationary point that a damped Newton method, which goes downhill,
- * finds from the guess. theta: N + 1 angles, theta[0] = theta0, theta[N] = theta0 + rotation to rounding;
- * neighbouring angles differ by less than pi. `options` NULL: defaults; `solution` may be NULL. Errors: those
- * of lg_elastica_check, LG_OUT_OF_MEMORY, LG_CANCELLED, and LG_NO_CONVERGENCE:
- * - no solution; the sentence has the gradient that was reached. Two reasons are too few intervals for the
- *   loops of the rotation, and a loop far from both ends of a taut beam, which can be anywhere
+/* Finds a minimum by continuation from a moderate problem. For the two cases above it is the global minimum.
+ * When the continuation fails, the result is the lowest minimum found from many starts. At x = 0 two arches
+ * have the same energy, and the upper one is returned. At x = pi (w = pi) the result is the limit of the
+ * loops for w < pi. With options->guess the result is the stationary point that a damped, descending Newton
+ * method finds from the guess. theta: N + 1 angles, theta[0] = theta0, theta[N] = theta0 + rotation to
+ * rounding; neighbouring angles differ by less than pi. `options` NULL: defaults; `solution` may be NULL.
+ * Errors: those of lg_elastica_check, LG_OUT_OF_MEMORY, LG_CANCELLED, and LG_NO_CONVERGENCE:
+ * - no solution; the sentence has the gradient that was reached. Possible reasons: too few intervals for the
+ *   loops of the rotation; a loop far from both ends of a taut beam, whose position is undetermined
  * - the result is no minimum; the sentence says so, and theta and solution are filled */
 LG_API lg_status lg_elastica_solve(const lg_context *context, const lg_elastica *problem,
                                    const lg_elastica_options *options, double *theta,

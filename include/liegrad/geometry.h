@@ -33,10 +33,10 @@ LG_API void lg_so3_exp(const double u[3], double R[9]);
 LG_API void lg_so3_exp_act(const double u[3], const double q[3], double out[3]);
 /* out = exp(hat(u)) R */
 LG_API void lg_so3_exp_multiply(const double u[3], const double R[9], double out[9]);
-/* u with exp(hat(u)) = R and |u| <= pi, to a few 1e-16 at every angle: from the unit quaternion with
- * nonnegative scalar part, out of the row of 4 q q^T with the largest diagonal entry. At |u| = pi, where u
+/* u with exp(hat(u)) = R and |u| <= pi, to a few 1e-16 at every angle. It comes from the unit quaternion with
+ * nonnegative scalar part, read from the row of 4 q q^T with the largest diagonal entry. At |u| = pi, where u
  * and -u are the same rotation, the component of u with the largest magnitude (the first of equals) is
- * positive. R off by rounding gives u off by as much; it need not be exactly orthogonal. */
+ * positive. R need not be exactly orthogonal: rounding errors in R give errors of the same size in u. */
 LG_API void lg_so3_log(const double R[9], double u[3]);
 /* Ad_R b = R b and its dual Ad_R^* mu = R^T mu */
 LG_API void lg_so3_adjoint(const double R[9], const double b[3], double out[3]);

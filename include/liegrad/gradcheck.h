@@ -91,7 +91,7 @@ typedef struct lg_gradcheck_options {
     double slope;   /* 1.9 */
     /* 1e-6: J d against the difference quotient, relative to the largest element. */
     double difference_tolerance;
-    double rounding_tolerance; /* 1e-10: what must hold to rounding, relative to the sum of magnitudes */
+    double rounding_tolerance; /* 1e-10: for equalities up to rounding, relative to the sum of magnitudes */
     const lg_gradcheck_plant *plant; /* NULL */
 } lg_gradcheck_options;
 LG_API void lg_gradcheck_options_init(lg_gradcheck_options *options);

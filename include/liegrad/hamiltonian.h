@@ -1,5 +1,5 @@
 /* Learned Hamiltonians H_Theta on phase spaces: a table of families, description, initialisation, training
- * loss and evaluation on a tape. liegrad/model.h evaluates a trained one in a loop.
+ * loss and evaluation on a tape. liegrad/model.h evaluates a trained Hamiltonian in a control loop.
  *
  * Every Hamiltonian has a function V and terms of its family. V is an MLP whose last layer has no bias, or
  * linear with one weight a coordinate. The families:
@@ -53,7 +53,7 @@ typedef struct lg_hamiltonian {
     lg_mlp net; /* V: family->inputs n -> hidden -> 1; without hidden layers for the linear potential */
 } lg_hamiltonian;
 
-/* Variables that depend on theta alone and serve all rows of a batch; lg_hamiltonian_bind makes them once.
+/* Variables that depend on theta alone and serve all rows of a batch. lg_hamiltonian_bind makes them once.
  * Borrows the model; valid until the tape is rewound. */
 typedef struct lg_hamiltonian_vars {
     const lg_hamiltonian *model;
@@ -63,8 +63,8 @@ typedef struct lg_hamiltonian_vars {
 
 /* ---- families ----
  *
- * A family says what one kind of learned Hamiltonian is. Training, evaluation, files and C follow from it.
- * lg_hamiltonian_init takes a family of your own too; files know those of the table
+ * A family describes one kind of learned Hamiltonian. Training, evaluation, files and C use this description.
+ * lg_hamiltonian_init also takes a family of your own; files refer to the families of the table
  * (src/models/hamiltonian_families.c) by name. y, gradients and algebra elements are arrays of the space's
  * parts (liegrad/taped.h). The functions record on `tape`, and failures stick to it.
  */
@@ -126,7 +126,8 @@ LG_API const lg_hamiltonian_family *lg_hamiltonian_family_for(const lg_system *s
 LG_API lg_status lg_hamiltonian_space(const lg_hamiltonian_family *family, uint32_t n, lg_space *space);
 
 /* For the functions of a family: V (B, 1) of x (B, ...), which has `inputs` n numbers a row, and dV/dx in the
- * shape of x. The third one gives `input` the shape of `part`; rows and numbers must be equally many. */
+ * shape of x. The third function gives `input` the shape of `part`; the numbers of rows and of elements must
+ * be equal. */
 LG_API lg_var lg_hamiltonian_potential(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x);
 LG_API lg_var lg_hamiltonian_potential_gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x);
 LG_API lg_var lg_hamiltonian_input_like(lg_tape *tape, lg_var input, lg_var part);
@@ -143,9 +144,9 @@ LG_API uint32_t lg_hamiltonian_state_dim(const lg_hamiltonian *model); /* d */
 LG_API uint32_t lg_hamiltonian_input_dim(const lg_hamiltonian *model); /* m = forces n */
 /* Where array `index` begins in theta. */
 LG_API size_t lg_hamiltonian_array_offset(const lg_hamiltonian *model, size_t index);
-/* Gamma and b of a chain are drawn again, at most 10000 times, while a pivot of m is below this (2 of 100
- * draws for one link). A nearly singular initial mass sends trajectories far away, and training may end at a
- * mass near 0, where gradients vanish. */
+/* While a pivot of m is below this number, Gamma and b of a chain are drawn again, at most 10000 times (2 of
+ * 100 draws for one link). A nearly singular initial mass sends trajectories far away, and training may end
+ * at a mass near 0, where gradients vanish. */
 #define LG_HAMILTONIAN_LEAST_PIVOT 0.1
 /* Weights and biases are drawn from U(+-1/sqrt(fan_in)), the family's arrays from U[0, 1]. */
 LG_API void lg_hamiltonian_initialise(const lg_hamiltonian *model, lg_rng *rng, double *theta);
@@ -160,7 +161,8 @@ LG_API lg_status lg_hamiltonian_mass(const lg_hamiltonian *model, const double *
  * the batch of sum_j |2 G(y_j) - 2 G(x)|, where 2 G = q_1^2 + p_1^2. */
 typedef enum lg_penalty_form { LG_PENALTY_MEAN_SQUARE, LG_PENALTY_SUM_ABSOLUTE } lg_penalty_form;
 
-/* Trajectories (N, M, d) with equidistant points dt apart, and how to learn from them. Borrowed data. */
+/* A training problem: trajectories (N, M, d) with equidistant points dt apart, and settings. Borrowed
+ * data. */
 typedef struct lg_hamiltonian_problem {
     const lg_hamiltonian *model;
     const lg_scheme *scheme; /* any that can be recorded on a tape and fits the space */
@@ -183,11 +185,11 @@ LG_API lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *prob
  */
 LG_API void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg_fit_problem *out);
 
-/* Settings of Adam for Hamiltonians. Early in a run a nearly singular mass matrix gives gradients a million
- * times larger than those at the end. Adam's second moment remembers them for a thousand steps, more than a
- * run of a hundred epochs has, and the mass matrix stops moving (about one seed in nine): the norm is clipped
- * for that reason. Near the end gradients are as small as the usual eps of 1e-8, which would slow Adam down.
- */
+/* Settings of Adam for Hamiltonians. The gradient's norm is clipped for this reason: early in a run a nearly
+ * singular mass matrix gives gradients a million times larger than those at the end. Adam's second moment
+ * remembers them for a thousand steps, more than a run of a hundred epochs has, and the mass matrix stops
+ * moving (about one seed in nine). eps is smaller than the usual 1e-8, because gradients near the end are
+ * that small and the usual value would slow Adam down. */
 #define LG_HAMILTONIAN_ADAM_EPS 1e-12
 #define LG_HAMILTONIAN_CLIP     1e-3
 
@@ -225,8 +227,8 @@ LG_API lg_status lg_hamiltonian_taped_ode(lg_hamiltonian_vars *vars, lg_taped_od
  *   force (q, u) -> f             -dV/dq + u, where the family has it (separable ones)
  *   drift (p) -> f                dT/dp, likewise
  *   step  (x, u, h) -> next       one step of `scheme` (NULL: the family's), u held
- * with x (d), u (m), h (1), q and p (d/2). Errors: those of lg_program_build; LG_UNSUPPORTED (an implicit scheme, which
- * finds its stage by iteration). */
+ * with x (d), u (m), h (1), q and p (d/2). Errors: those of lg_program_build; LG_UNSUPPORTED (an implicit
+ * scheme, which finds its stage by iteration). */
 LG_API lg_status lg_hamiltonian_program(const lg_context *context, const lg_hamiltonian *model,
                                         const double *theta, const lg_scheme *scheme, lg_program **out,
                                         lg_error *error);

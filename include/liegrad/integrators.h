@@ -115,9 +115,9 @@ LG_API double lg_space_angle(const lg_space *space, const double *a);
 
 /* ---- Differential equations ---- */
 
-/* algebra = f(t, y), ode.space.algebra_dim numbers. `input` is what the stepper was given, or NULL. A status
- * other than LG_OK ends the integration, which returns it. An adaptive integration first tries smaller steps
- * after LG_NOT_FINITE. */
+/* algebra = f(t, y), ode.space.algebra_dim numbers. `input` is the input of lg_step, or NULL. A status other
+ * than LG_OK ends the integration, which returns it; after LG_NOT_FINITE an adaptive integration first tries
+ * smaller steps. */
 typedef lg_status (*lg_field)(void *user, double t, const double *y, const double *input, double *algebra);
 /* For separable systems on R^2n, y = (q, p). `half` is q for the force -dV/dq, and p for the velocity dK/dp.
  * `half` and `out` have n numbers each. */
@@ -132,7 +132,7 @@ typedef struct lg_ode {
     lg_space space;
     lg_field field;         /* may be NULL when only splitting schemes are used */
     lg_half_field force;    /* NULL when the system is not separable */
-    lg_half_field velocity; /* NULL exactly when force is */
+    lg_half_field velocity; /* NULL if and only if force is */
     void *user;
     lg_space manifold;        /* ambient forms: the manifold in R^n on which the states lie, for projection;
                                * factors 0: no constraint */

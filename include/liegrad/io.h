@@ -1,6 +1,6 @@
 /* Files: HDF5 data, models and checkpoints; YAML scenes and study grids. Library `liegrad_io`.
  *
- * What holds for every function here:
+ * Rules for every function here:
  * - A failure gives a status. When `error` is not NULL it also gives a sentence with the file, the key and,
  *   for YAML, the line. Outputs are untouched, and nothing leaks.
  * - A structure that owns memory is released by its own `_free` or `_destroy`, which leaves it zeroed. A
@@ -88,7 +88,8 @@ LG_API void lg_sha256_finish(lg_sha256 *state, char text[LG_SHA256_TEXT]);
 
 /* ---- where a file comes from ---- */
 
-/* Optional in files of other programs: then empty. `liegrad_version` is filled by the writers when empty. */
+/* Files of other programs may lack these texts; they are then empty. Writers fill an empty
+ * `liegrad_version`. */
 typedef struct lg_provenance {
     char liegrad_version[32];
     char command[2048]; /* the command line, cut when longer */
@@ -131,8 +132,8 @@ LG_API void lg_file_reader_destroy(lg_file_reader *reader); /* NULL is fine */
 
 /* ---- trajectories ---- */
 
-/* Systems are known by the names of liegrad/mechanics.h ("pendulum-chain", "quartic", "coupled-oscillators").
- * A data set may have another one, or none: its layout tells the family. */
+/* Systems have the names of liegrad/mechanics.h ("pendulum-chain", "quartic", "coupled-oscillators"). A data
+ * set may have another name, or none; its layout then determines the family. */
 #define LG_SYSTEM_NAME 64
 
 /* N trajectories of M equidistant points of d numbers. */
@@ -176,7 +177,8 @@ LG_API void lg_trajectories_destroy(lg_trajectories *data);
 
 /* ---- learned Hamiltonians ---- */
 
-/* What was trained, how, and on what: written to models and checkpoints, compared on resume. */
+/* Model, training and data of a run. Models and checkpoints store it, and a resumed run is compared with
+ * it. */
 typedef struct lg_hamiltonian_run {
     lg_hamiltonian model;
     char system[LG_SYSTEM_NAME];
@@ -190,7 +192,7 @@ typedef struct lg_hamiltonian_run {
     char data_sha256[LG_SHA256_TEXT];
 } lg_hamiltonian_run;
 
-/* What a model was judged on. 0 and "": unknown. */
+/* The test set that a model was judged on. 0 and "": unknown. */
 typedef struct lg_test_set {
     uint64_t trajectories, points; /* N, M */
     double t_end;                  /* from the first point to the last */
@@ -214,17 +216,18 @@ typedef struct lg_hamiltonian_file {
     const lg_context *context; /* whose memory the arrays are in */
 } lg_hamiltonian_file;
 
-/* /model/potential/layer1/{weight (in, out), bias} ..., /model/mass/{gamma (k, k), b (k)} or /model/kinetic/A
- * (n, n), /optimizer/adam/{m, v, step}, /rng, /train/history/{loss, validation, seconds, rate}. `file` is
- * borrowed, pointers and all. With a `fit` (may be NULL) its whole state is written by lg_fit_save in place
- * of the file's optimizer, rng and history; theta is always the file's. Errors also: LG_NOT_FINITE for
- * parameters that are not, LG_INVALID_ARGUMENT for a model that lg_hamiltonian_init would refuse. */
+/* /model/potential/layer1/{weight (in, out), bias} ..., /model/mass/{gamma (k, k), b (k)} or
+ * /model/kinetic/A (n, n), /optimizer/adam/{m, v, step}, /rng, /train/history/{loss, validation, seconds,
+ * rate}. `file` is borrowed with everything that it points to. With a `fit` (may be NULL), lg_fit_save
+ * writes its whole state in place of the file's optimizer, rng and history; theta is always the file's.
+ * Errors also: LG_NOT_FINITE for parameters that are not finite, LG_INVALID_ARGUMENT for a model that
+ * lg_hamiltonian_init would refuse. */
 LG_API lg_status lg_model_save_hamiltonian(const lg_context *context, const char *path,
                                            const lg_hamiltonian_file *file, const lg_fit *fit,
                                            lg_error *error);
-/* Everything is validated against lg_hamiltonian_init; weights are finite. A model written by hand needs
- * `kind`, `family`, `links`, `potential`, `activation`, `hidden` and /model; the rest takes zero or the
- * defaults. Without `schedule`, which files of earlier versions lack, the schedule is LG_SCHEDULE_STEP. */
+/* Checks that weights are finite and that lg_hamiltonian_init accepts the model. A model written by hand
+ * needs `kind`, `family`, `links`, `potential`, `activation`, `hidden` and /model; everything else becomes
+ * zero or the default. Files of earlier versions lack `schedule`; the schedule is then LG_SCHEDULE_STEP. */
 LG_API lg_status lg_model_load_hamiltonian(const lg_context *context, const char *path,
                                            const lg_read_options *options, lg_hamiltonian_file *out,
                                            lg_error *error);
@@ -254,11 +257,12 @@ typedef struct lg_elastica_data {
  * Attributes of the root, optional: `length`, `stiffness` (10), `values` ("discrete" or "continuous";
  * discrete).
  *
- * Without `length` the curves tell it, in two readings: the sum over the intervals of chord
- * (phi/2)/sin(phi/2), phi the turning of the tangent (arcs); and N times the regression of the second
- * differences of q_k on those of (v_k + v_{k+1})/2 (exact for minimisers of the discrete energy). The median
- * over the curves of the reading on which they agree more, from the first to the last tenth, rounded to three
- * significant digits (at most 0.5 %): a length that was not chosen with three digits needs the attribute.
+ * Without `length` the reader estimates it from the curves, in two ways. The first is the sum over the
+ * intervals of chord (phi/2)/sin(phi/2), phi the turning of the tangent (arcs). The second is N times the
+ * regression of the second differences of q_k on those of (v_k + v_{k+1})/2 (exact for minimisers of the
+ * discrete energy). The reader takes the estimate that varies less over the curves, from the first to the
+ * last tenth, and rounds its median to three significant digits (at most 0.5 %). A length with more digits
+ * needs the attribute.
  *
  * Checked: everything finite, 2 <= N <= LG_ELASTICA_MAX_INTERVALS, |v| = 1 within 1e-6 at the ends, the first
  * and last nodes and tangents are the boundary's within 1e-6 (1 + their size), no ends farther apart than
@@ -327,50 +331,50 @@ typedef struct lg_series_data {
  *   - attribute `classes`: K names, joined by | or as a list of texts. Without it the labels are the names,
  *     in rising order. The first rule that holds says which label has which name:
  *       1. attribute `class_labels` (K texts, likewise): what /y holds for each class;
- *       2. `like` (see below) has the same names in the same order, and class_label: as there. A number that
- *          is not among them is an error;
+ *       2. if `like` (see below) has the same names in the same order and class_label: as in `like`. A number
+ *          that is not among them is an error;
  *       3. /y of whole numbers within 1..K, K among them: counted from 1 (not in files written here);
  *       4. whole numbers within 0..K-1: counted from 0; with a warning where 0 does not occur, because the
  *          base is then a guess (no warning for files written here);
  *       5. texts that are all among the names: by name;
- *       6. the different labels are K: in rising order (texts bytewise).
- *     What was found is series.class_label; with `like` it is that of `like`.
- *   - attribute `channels`: names, likewise; `rate`: samples a second; in files of other programs a `rate`
- *     that is no such number is taken as unknown, with a warning.
+ *       6. there are K different labels: in rising order (texts bytewise).
+ *     The result is series.class_label; with `like` it is that of `like`.
+ *   - attribute `channels`: names, in the same form; `rate`: samples a second. In files of other programs a
+ *     `rate` that is not such a number counts as unknown, with a warning.
  *   - /group, /run (n) or (n, 1): whole numbers 0 to 2^32 - 1, or texts, which become 0, 1, ... in rising
- *     order. Windows of a run that do not stand together: the runs are taken as unknown, with a warning.
+ *     order. If the windows of a run are not consecutive, the runs count as unknown, with a warning.
  *   - attributes `noise`, `severity`, `housing`, of files written here.
  *
- * Attributes `classes` and `channels` that are numbers are no names and left alone. With `like` (may be
- * NULL), a series read before or the names of a model (lg_file_reader_names), the classes are those of
- * `like`: those that occur are matched by name, or by value where both names are whole numbers. In a file
- * without `classes` the labels must be among the class_label of `like`, or else among its names; where
- * neither are numbers, labels that begin with 0 and are all numbers of classes of `like` are taken so, with a
+ * Attributes `classes` and `channels` that are numbers are not names and are ignored. `like` (may be NULL) is
+ * a series read before, or the names of a model (lg_file_reader_names). With it the classes are those of
+ * `like`: the file's classes are matched by name, or by value if both names are whole numbers. In a file
+ * without `classes` the labels must be among the class_label of `like`, or else among its names. If neither
+ * are numbers, labels that start at 0 and are all numbers of classes of `like` count as such numbers, with a
  * warning.
  *
- * X of more than single precision: where the rounding to floats (root mean square) is above 1 % of a
- * channel's standard deviation there is a warning, above 50 % the file is refused, unless the channel is
- * constant up to 1e-13 of its largest value. Errors also: LG_FORMAT for labels that are empty or not whole, a
- * label or class that `like` does not have, no window; LG_NOT_FINITE with window, channel and sample, also
- * for what a float cannot hold. */
+ * For X of more than single precision there is a warning if the rounding to floats (root mean square) is
+ * above 1 % of a channel's standard deviation. Above 50 % the file is refused, unless the channel is constant
+ * up to 1e-13 of its largest value. Errors also: LG_FORMAT for labels that are empty or not whole, a label or
+ * class that `like` does not have, no window; LG_NOT_FINITE with window, channel and sample, also for numbers
+ * that a float cannot hold. */
 LG_API lg_status lg_series_read(const lg_context *context, const char *path, const lg_read_options *options,
                                 const lg_series *like, lg_series_data *out, lg_error *error);
-/* Kind "series": /X as f32, /y as u32 (class_label is not written), /group, /run where known; names that
- * cannot be joined by | in 4095 bytes become data sets /classes, /channels of texts. Fills sha256. Errors
- * also: LG_NOT_FINITE; LG_INVALID_ARGUMENT for a label beyond the classes, class names that are empty or
- * twice the same, a run that stands apart. */
+/* Kind "series": /X as f32, /y as u32 (class_label is not written), /group and /run if they are known. Names
+ * that cannot be joined by | in 4095 bytes become data sets /classes, /channels of texts. Fills sha256.
+ * Errors also: LG_NOT_FINITE; LG_INVALID_ARGUMENT for a label beyond the classes, empty or repeated class
+ * names, a run whose windows are not consecutive. */
 LG_API lg_status lg_series_write(const lg_context *context, const char *path, lg_series_data *data,
                                  lg_error *error);
 LG_API void lg_series_data_destroy(lg_series_data *data);
 
 /* Attributes `classes`, `class_labels`, `channels` and `rate` of a file of any kind, from series->classes,
- * class_name, class_label, channels, channel_name and rate; the rest of the series is not looked at. Names
- * that cannot be joined become data sets /classes, /channels. LG_INVALID_ARGUMENT: classes without names,
- * empty or twice the same. */
+ * class_name, class_label, channels, channel_name and rate; the rest of the series is not read. Names that
+ * cannot be joined become data sets /classes, /channels. LG_INVALID_ARGUMENT: classes without names, empty or
+ * repeated names. */
 LG_API lg_status lg_file_writer_names(lg_file_writer *writer, const lg_series *series, lg_error *error);
-/* The same back; channel_name NULL and channels 0 where they are not named, class_label NULL where not told.
- * Freed by lg_series_destroy with the reader's context; a series without windows is good as `like` above.
- * LG_FORMAT: no `classes`. */
+/* Reads these attributes back. Without names of channels, channel_name is NULL and channels 0; without labels
+ * class_label is NULL. Freed by lg_series_destroy with the reader's context. The series has no windows but
+ * can serve as `like` above. LG_FORMAT: no `classes`. */
 LG_API lg_status lg_file_reader_names(lg_file_reader *reader, lg_series *out, lg_error *error);
 
 /* ---- detectors ---- */
@@ -428,7 +432,7 @@ LG_API extern const lg_run_kind lg_run_hamiltonian, lg_run_surrogate, lg_run_det
 LG_API lg_status lg_checkpoint_create(const lg_context *context, const char *path, const lg_run_kind *kind,
                                       const void *run, const lg_provenance *provenance, lg_file_writer **out,
                                       lg_error *error);
-/* Opens a checkpoint and gives its run. lg_file_reader_archive(reader, "fit", &archive) gives /fit. */
+/* Opens a checkpoint and reads its run. lg_file_reader_archive(reader, "fit", &archive) opens /fit. */
 LG_API lg_status lg_checkpoint_open(const lg_context *context, const char *path,
                                     const lg_read_options *options, const lg_run_kind *kind, void *run,
                                     lg_file_reader **out, lg_error *error);
@@ -440,23 +444,23 @@ LG_API lg_status lg_run_compare(const lg_run_kind *kind, const void *stored, con
 
 /* ---- programs ---- */
 
-/* Kind "program": parameters, functions and operations as they were recorded, numbers to the last bit; the
- * layout stands in docs/files.md. What is loaded makes plans, derivatives and C with the same bits, and the
+/* Kind "program": parameters, functions and operations as they were recorded, numbers to the last bit;
+ * docs/files.md has the layout. A loaded program makes plans, derivatives and C with the same bits, and the
  * same bytes when it is saved again. `provenance` may be NULL. The program keeps the context. */
 LG_API lg_status lg_program_save(const lg_context *context, const char *path, const lg_program *program,
                                  const lg_provenance *provenance, lg_error *error);
-/* Everything is checked as lg_program_add_image (liegrad/program_image.h) does, in files as in memory: a
- * program that loads is sound. All arrays together are within options->max_size. LG_FORMAT also for
- * operations that are not known here, LG_VERSION for those of a later revision. */
+/* Checks everything as lg_program_add_image (liegrad/program_image.h) does for memory: a program that loads
+ * is sound. All arrays together are within options->max_size. LG_FORMAT also for unknown operations,
+ * LG_VERSION for operations of a later revision. */
 LG_API lg_status lg_program_load(const lg_context *context, const char *path, const lg_read_options *options,
                                  lg_program **out, lg_error *error);
 
-/* Attribute `kind` of a file written here (or by hand, without `format`), "" for a file without one or of
- * another format: which loader is wanted. LG_INVALID_ARGUMENT: no room in `size` bytes; 64 are enough. */
+/* Attribute `kind` of a file written here (or by hand, without `format`), which selects the loader. "" for a
+ * file without `kind` or of another format. LG_INVALID_ARGUMENT: no room in `size` bytes; 64 are enough. */
 LG_API lg_status lg_file_kind(const lg_context *context, const char *path, const lg_read_options *options,
                               char *kind, size_t size, lg_error *error);
 
-/* A model file of any of these kinds, ready for use: the control program's way in. */
+/* A model file of any of these kinds, loaded for use in a control program. */
 typedef struct lg_model_file {
     lg_model_kind kind;
     lg_model *model;
@@ -477,7 +481,7 @@ LG_API void lg_model_file_destroy(lg_model_file *file);
 
 #define LG_SEARCH_FIXED_TEXT 64
 
-/* What a search varies, and what it holds fixed: names and values of options, as the command takes them. */
+/* The options that a search varies and those that it holds fixed: names and values as on the command line. */
 typedef struct lg_search_file {
     lg_search_space space;
     size_t fixed_count;
@@ -515,8 +519,8 @@ LG_API lg_status lg_trials_read(const lg_context *context, const char *path, con
 
 /* ---- scenes ---- */
 
-/* One system with its parameters, and a start. Any system of liegrad/mechanics.h; keys and shapes are those
- * of its tables there. */
+/* A system of liegrad/mechanics.h with its parameters and a start. Keys and shapes are those of its tables
+ * there. */
 typedef struct lg_scene {
     lg_system *system; /* owned */
     bool has_initial;
@@ -536,14 +540,15 @@ typedef struct lg_scene {
 } lg_scene;
 
 /* A YAML (or JSON) file. Keys: `system`; `form`; the parameters of the system; `links` where lists have one
- * entry a link (else told by them); `initial` with the parts of the state; `t_end`; `starts` {kind, low,
- * high, segments}; quadrotors: `reference` (parabola). Chains take `omega` or `p` in either form and convert:
- * p_i = m_ii q_i' + P_i sum_{j != i} m_ij q_j', q_i' = omega_i x q_i. The form is `form_wanted` where the
- * system has it, whatever `form` says. With NULL it is `form`, else the first form whose state `initial`
- * gives, else the system's first. A projection is logged as a warning with its line. `out` is overwritten. */
+ * entry a link (else the lists determine it); `initial` with the parts of the state; `t_end`; `starts` {kind,
+ * low, high, segments}; quadrotors: `reference` (parabola). Chains take `omega` or `p` in either form and
+ * convert them: p_i = m_ii q_i' + P_i sum_{j != i} m_ij q_j', q_i' = omega_i x q_i. If the system has the
+ * form `form_wanted`, the scene has this form, whatever `form` says. If form_wanted is NULL, the form is
+ * `form`, else the first form whose state `initial` gives, else the system's first. A projection is logged as
+ * a warning with its line. `out` is overwritten. */
 LG_API lg_status lg_scene_read(const lg_context *context, const char *path, const char *form_wanted,
                                lg_scene *out, lg_error *error);
-/* Draws the start of a scene without `initial`, as `starts` says. It is the first start of
+/* Draws the start of a scene without `initial` according to `starts`. It is the first start of
  * lg_generate_trajectories with this seed. Errors: LG_INVALID_ARGUMENT (the scene has a start),
  * LG_OUT_OF_MEMORY, those of lg_system_start. */
 LG_API lg_status lg_scene_draw_start(lg_scene *scene, uint64_t seed);

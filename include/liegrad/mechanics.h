@@ -96,22 +96,22 @@ LG_API size_t lg_system_parameter_count(const lg_system *system);
 LG_API const double *lg_system_parameter_values(const lg_system *system);
 LG_API void lg_system_parameter_label(const lg_system *system, size_t index, char *text);
 LG_API size_t lg_system_dim(const lg_system *system); /* numbers in a state */
-/* Numbers of it that are reported, the first ones: all, but for heavy-top, quadratic, whose last six are p
- * and q. */
+/* How many of them, from the first, are reported: all, except for heavy-top in the form quadratic, whose last
+ * six numbers are p and q. */
 LG_API size_t lg_system_reported(const lg_system *system);
 LG_API size_t lg_system_links(const lg_system *system);     /* chains: k; others 0 */
 LG_API bool lg_system_constrained(const lg_system *system); /* lives on a manifold other than R^n */
 LG_API bool lg_system_separable(const lg_system *system);   /* H = K(p) + V(q): splitting schemes apply */
 
-/* Bytes of work that the functions below need (at least 8); the caller's, content irrelevant before and
- * after. */
+/* Bytes of work memory that the functions below need (at least 8). Its content does not matter before or
+ * after a call. */
 LG_API size_t lg_system_work_size(const lg_system *system);
 
-/* H(y); work: lg_system_work_size bytes. NaN where there is none (quadrotors), and off the manifold where
- * it is not defined. */
+/* H(y); work: lg_system_work_size bytes. NaN for systems without an energy (quadrotors), and off the manifold
+ * where the energy is not defined. */
 LG_API double lg_system_hamiltonian(const lg_system *system, const double *y, double *work);
 
-/* First integrals of the exact flow: "energy" first where there is one, then as docs/systems.md says. */
+/* First integrals of the exact flow: "energy" first if the system has one, then those of docs/systems.md. */
 LG_API size_t lg_system_invariants(const lg_system *system);
 LG_API const char *lg_system_invariant_name(const lg_system *system, size_t index); /* NULL beyond */
 LG_API double lg_system_invariant(const lg_system *system, size_t index, const double *y,
@@ -122,8 +122,8 @@ typedef enum lg_coordinates {
     LG_COORDINATES_AMBIENT /* on R^dim, field the ambient velocity: for classical schemes; as LIE on R^n */
 } lg_coordinates;
 
-/* The coordinates that a scheme wants: AMBIENT for scheme->ambient and for splitting schemes, LIE otherwise.
- */
+/* The coordinates that a scheme needs: AMBIENT for scheme->ambient and for splitting schemes, LIE
+ * otherwise. */
 LG_API lg_coordinates lg_system_coordinates_for(const lg_scheme *scheme);
 
 /* Memory of one user of the system: system and workspace behind ode.user. */
@@ -133,8 +133,8 @@ typedef struct lg_system_user {
 } lg_system_user;
 
 /* Fills `ode` (space, functions, user, for AMBIENT the manifold). `user` (filled too) and `work`
- * (lg_system_work_size bytes) must outlive its use. The ambient field is the generator of the other one,
- * f(t, y) . y, but for chains in Hamiltonian form. Chains, e3 up:
+ * (lg_system_work_size bytes) must outlive its use. The ambient field is the generator of the LIE field,
+ * f(t, y) . y, except for chains in Hamiltonian form. Chains, e3 up:
  *
  * Lagrangian form, state q_1, omega_1, q_2, omega_2, ... The tensions lambda of the links solve a symmetric
  * tridiagonal system, d_i lambda_i + e_{i-1} lambda_{i-1} + e_i lambda_{i+1} = b_i with
@@ -178,14 +178,14 @@ LG_API lg_status lg_system_taped_ode(const lg_system *system, lg_coordinates coo
 LG_API lg_status lg_chain_mass_matrix(const lg_system *system, double *m);
 /* V(q) = sum_i weight_i e3.q_i: the k weights mu_i g L_i. Both forms. */
 LG_API lg_status lg_chain_potential_weights(const lg_system *system, double *weights);
-/* Between the forms, of the same parameters: q_1, omega_1, ... to q_1, p_1, ... and back; `from` and `to`
- * (6k) may be equal. With q_i' = omega_i x q_i: p_i = m_ii q_i' + P_i sum_{j != i} m_ij q_j', P_i = I - q_i
- * q_i^T; back q_i' = dH/dp_i and omega_i = q_i x q_i'. Systems of either form. O(k). work:
- * lg_system_work_size bytes. Errors: LG_NOT_FINITE (back only). */
+/* Converts states between the two forms with the same parameters: q_1, omega_1, ... to q_1, p_1, ... and
+ * back. `from` and `to` (6k) may be equal. With q_i' = omega_i x q_i: p_i = m_ii q_i' + P_i sum_{j != i} m_ij
+ * q_j', P_i = I - q_i q_i^T; back q_i' = dH/dp_i and omega_i = q_i x q_i'. Systems of either form. O(k).
+ * work: lg_system_work_size bytes. Errors: LG_NOT_FINITE (back only). */
 LG_API lg_status lg_chain_momenta(const lg_system *system, const double *from, double *to, double *work);
 LG_API lg_status lg_chain_velocities(const lg_system *system, const double *from, double *to, double *work);
 
-/* What follows is for the Hamiltonian form only. */
+/* The next two functions are for the Hamiltonian form only. */
 
 /* On the manifold. dH/dp_i -> v (3k), dH/dq_i -> g (3k), from y (6k). W = m^-1 is tridiagonal; with G_il =
  * q_i.q_l and u_i = q_i.(W p)_i, (W o G) lambda = u: v_i = sum_j W_ij (p_j - lambda_j q_j), dT/dq_i =
@@ -196,10 +196,10 @@ LG_API lg_status lg_chain_gradient(const lg_system *system, const double *y, dou
                                    double *work);
 
 /* Near the manifold: the gradient of T = 1/2 p^T W p + 1/2 u^T S^-1 r, symmetric
- * S_il = delta_il (1 - |q_i|^2)/m_ii + W_il G_il, r_i = q_i.p_i/m_ii - u_i, which equals the kinetic energy
- * on it (k = 1: |p|^2/(2 m_11) everywhere). Its field is that of lg_chain_gradient on the manifold; v and g
- * themselves differ there by what the field does not see. Errors: LG_NOT_FINITE (S is not positive definite).
- */
+ * S_il = delta_il (1 - |q_i|^2)/m_ii + W_il G_il, r_i = q_i.p_i/m_ii - u_i. T equals the kinetic energy on
+ * the manifold (k = 1: |p|^2/(2 m_11) everywhere). There its field equals that of lg_chain_gradient; v and g
+ * themselves differ by parts that do not change the field. Errors: LG_NOT_FINITE (S is not positive
+ * definite). */
 LG_API lg_status lg_chain_gradient_extended(const lg_system *system, const double *y, double *v, double *g,
                                             double *work);
 
@@ -240,15 +240,15 @@ LG_API lg_status lg_system_start(const lg_system *system, const lg_trajectory_op
 
 /* Samples trajectories with RKMK(5,4) on manifolds and Dormand-Prince 5(4) on R^n. Outputs: t (M),
  * trajectories (N, M, d), hamiltonian (N) = H at each start. Noise is added to all points but the first, in
- * ambient coordinates, after the integration. The start of number i depends on (seed, i) only, its noise
- * likewise: the starts are the same for every noise, N, M and T (with segments = 1). `options` NULL: the
+ * ambient coordinates, after the integration. Start and noise of number i depend on (seed, i) only, so the
+ * starts are the same for every noise, N, M and T (with segments = 1). `options` NULL: the
  * defaults. Errors, explained in `error` (may be NULL): LG_INVALID_ARGUMENT, LG_UNSUPPORTED (starts),
  * LG_OUT_OF_MEMORY, LG_CANCELLED, those of lg_integrate_adaptive. On failure nothing is written. */
 LG_API lg_status lg_generate_trajectories(const lg_context *context, const lg_system *system,
                                           const lg_trajectory_options *options, double *t,
                                           double *trajectories, double *hamiltonian, lg_error *error);
 
-/* The same reference from given starts (N, d), without noise: for judging. `times` as in
+/* The same reference solutions from given starts (N, d), without noise, for judging models. `times` as in
  * lg_integrate_adaptive from t0 = 0, out (N, count, d). rtol, atol <= 0: 1e-12, 1e-13. Errors as above; on
  * failure nothing is written. */
 LG_API lg_status lg_reference_trajectories(const lg_context *context, const lg_system *system,

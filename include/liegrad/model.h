@@ -14,7 +14,7 @@
  * positive definite. The networks of a model that was trained in single precision are evaluated in double
  * here.
  *
- * What a model is a function of, x -> y (rows of the Jacobian are outputs, columns inputs):
+ * Inputs x and outputs y of the kinds (rows of the Jacobian are outputs, columns inputs):
  *   Hamiltonian            state (6k: q_1 p_1 q_2 p_2 ..., or 2n: q p) -> H (1)
  *   surrogate, discrete    boundary conditions (8: q0 v0 qN vN) -> inner nodes and tangents (q_1 .. q_{N-1},
  *                          v_1 .. v_{N-1}), 4(N-1)
@@ -22,9 +22,9 @@
  *   surrogate, angle       (s, q0 v0 qN vN), 9 -> theta(s), 1. Column 0 is the curvature.
  *   detector               window as recorded (channels, length) -> logits (outputs of its network)
  *
- * The gradient of a Hamiltonian is that of lg_hamiltonian_record_gradient. It is that of the extension of H
- * to the ambient space, whose field is the flow on the manifold. ReLU and max pooling have the derivative of
- * the branch that is taken.
+ * The gradient of a Hamiltonian is that of lg_hamiltonian_record_gradient: the gradient of the extension of H
+ * to the ambient space. The field of the extension gives the flow on the manifold. ReLU and max pooling have
+ * the derivative of the branch that is taken.
  */
 #ifndef LIEGRAD_MODEL_H
 #define LIEGRAD_MODEL_H
@@ -44,9 +44,9 @@ LG_BEGIN_DECLS
 typedef enum lg_model_kind { LG_MODEL_HAMILTONIAN, LG_MODEL_SURROGATE, LG_MODEL_DETECTOR } lg_model_kind;
 #define LG_MODEL_KIND_COUNT 3
 
-/* Immutable; holds plans (liegrad/program.h) of the functions that it needs, made by lg_model_load or from
- * descriptions that have been through their own init. Errors: those of lg_program_build and lg_plan_create.
- * Nothing is borrowed. */
+/* An immutable handle with plans (liegrad/program.h) of the functions that it needs. It is made by
+ * lg_model_load or from descriptions that their own init functions have filled. Errors: those of
+ * lg_program_build and lg_plan_create. Nothing is borrowed. */
 typedef struct lg_model lg_model;
 LG_API lg_status lg_model_create_hamiltonian(const lg_context *context, const lg_hamiltonian *hamiltonian,
                                              const double *theta, lg_model **out, lg_error *error);
@@ -71,7 +71,7 @@ LG_API void lg_model_jacobian(const lg_model *model, const double *x, double *y,
 
 /* ---- Hamiltonians in a loop (other kinds: sizes 0, LG_UNSUPPORTED) ----
  *
- * The learned system with an input u that acts beside it:
+ * The learned system with an input u:
  *   chain      u = (tau_1, ..., tau_k), 3k: spatial torques about the links' own joints, conjugate to their
  *              angular velocities; p_i' gets tau_i x q_i, the algebra element eta_i gets tau_i
  *   separable  u = forces (n): p' = -dV/dq + u
@@ -90,9 +90,10 @@ typedef struct lg_model_user {
 } lg_model_user;
 LG_API lg_status lg_model_ode(const lg_model *model, lg_ode *ode, lg_model_user *user, void *work);
 
-/* The learned system and a scheme in one piece of the caller's memory: 64-byte aligned, lg_model_stepper_size
- * bytes. A step is then lg_step(stepper, t, h, state, input, next); it stays on the manifold and neither
- * allocates nor locks. `model` and `scheme` must outlive the stepper. There is nothing to destroy. Errors:
+/* Puts the learned system and a scheme into one piece of the caller's memory: 64-byte aligned,
+ * lg_model_stepper_size bytes. lg_step(stepper, t, h, state, input, next) then makes a step; it stays on the
+ * manifold and neither allocates nor locks. `model` and `scheme` must outlive the stepper. There is nothing
+ * to destroy. Errors:
  * - LG_UNSUPPORTED, and size 0: classical schemes on chains (they leave the manifold), splitting schemes on
  *   chains, variational schemes, slgi
  * - LG_INVALID_ARGUMENT: as lg_stepper_init; the scheme is checked before the memory */
@@ -105,15 +106,16 @@ LG_API lg_status lg_model_stepper_init(const lg_model *model, const lg_scheme *s
  * Coordinates c (r) of states near y: y + basis c to first order, with r = 4k: for link i, with e_1, e_2
  * orthonormal and orthogonal to q_i, c_i = (a_1, a_2, b_1, b_2) means
  *   dq_i = a_1 e_1 + a_2 e_2,  dp_i = b_1 e_1 + b_2 e_2 - q_i (dq_i.p_i);  a_j = e_j.dq_i, b_j = e_j.dp_i,
- * or r = 2n: c = (dq, dp). e_1 is the coordinate axis least along q_i made orthogonal to it, e_2 = q_i x e_1.
+ * or r = 2n: c = (dq, dp). e_1 is the coordinate axis of the smallest |component| of q_i, made orthogonal to
+ * q_i; e_2 = q_i x e_1.
  */
 LG_API size_t lg_model_tangent_dim(const lg_model *model); /* r */
-/* c' = A c + B du to first order at (state, input), the frame e_1, e_2 held fixed (at an equilibrium nothing
- * is left out). A (r, r), B (r, m), basis (d, r); each may be NULL; input (m) may be NULL: zero. Exact
- * derivatives of the field: second derivatives of the network, no differences. */
+/* c' = A c + B du to first order at (state, input), with the frame e_1, e_2 held fixed (this neglects nothing
+ * at an equilibrium). A (r, r), B (r, m), basis (d, r); each may be NULL; input (m) may be NULL: zero. The
+ * derivatives of the field are exact: they use second derivatives of the network, not differences. */
 LG_API lg_status lg_model_linearise(const lg_model *model, const double *state, const double *input,
                                     double *A, double *B, double *basis, void *work);
-/* c (r) of `other` - `state`, a_j and b_j above with the frame at `state`. */
+/* The coordinates c (r) of `other` - `state`: a_j and b_j above in the frame at `state`. */
 LG_API lg_status lg_model_deviation(const lg_model *model, const double *state, const double *other,
                                     double *c, void *work);
 

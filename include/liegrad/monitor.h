@@ -17,15 +17,15 @@ typedef struct lg_monitor_options {
     uint32_t channels; /* >= 1 */
     uint32_t window;   /* samples of a window */
     uint32_t hop;      /* 0: window; samples from one window to the next, <= window */
-    uint32_t bridge;   /* 5: gaps of at most so many samples are filled by straight lines */
+    uint32_t bridge;   /* 5: gaps of at most this many samples are filled by straight lines */
     double missing;    /* 0.1: largest part of a window that may be missing, bridged samples included */
     uint32_t votes;    /* k = 3: alarm when k of the last n judged windows are positive */
     uint32_t votes_of; /* n = 5, 1..64 */
 } lg_monitor_options;
 LG_API void lg_monitor_options_init(lg_monitor_options *options);
 
-/* Judges a window (channels, window): sets *positive and *score (the higher, the more so). x lies in the
- * monitor's memory, 64-byte aligned, and is the judge's until it returns. */
+/* Judges a window (channels, window): sets *positive and *score (higher means more positive). x lies in the
+ * monitor's memory, 64-byte aligned; the judge may use it until it returns. */
 typedef lg_status (*lg_monitor_judge)(void *user, const float *x, bool *positive, double *score);
 
 typedef struct lg_verdict {
@@ -40,7 +40,7 @@ typedef struct lg_verdict {
 } lg_verdict;
 
 typedef struct lg_monitor lg_monitor;
-/* Bytes, 64-byte aligned: twice a window as floats, and a little. 0 for options that init refuses. */
+/* Bytes, to be 64-byte aligned: two windows of floats and a small rest. 0 for options that init refuses. */
 LG_API size_t lg_monitor_size(const lg_monitor_options *options);
 /* LG_INVALID_ARGUMENT with a sentence: a size of 0, hop > window, missing outside [0, 1], votes outside
  * 1..votes_of, votes_of outside 1..64, memory that is not aligned or smaller than lg_monitor_size. The

@@ -1,10 +1,10 @@
 /* Networks of several architectures behind one description: multilayer perceptrons, residual and
- * multiplicative networks, with or without a periodic embedding of their inputs. Functions mirror those of
- * lg_mlp (liegrad/nn.h), which remains the one for hidden layers of different widths.
+ * multiplicative networks, with or without a periodic embedding of their inputs. The functions correspond to
+ * those of lg_mlp (liegrad/nn.h); use lg_mlp for hidden layers of different widths.
  *
  * With inputs x (B, in), h = hidden, l = layers, sigma = activation; weights are (in, out), y = x W + b:
  *
- *   embedding e > 0:  x <- sin(2 pi (x A + b)), (B, e); otherwise x is as it came
+ *   embedding e > 0:  x <- sin(2 pi (x A + b)), (B, e); otherwise x does not change
  *   LG_NET_MLP        H = sigma(x W + b), then l times H <- sigma(H W + b), y = H W + b
  *   LG_NET_RESNET     H = sigma(x W + b), then l times H <- H + sigma(H A + b) B, y = H W + b
  *   LG_NET_MULT       U = sigma(x W_1 + b_1), V = sigma(x W_2 + b_2), H = sigma(x W_3 + b_3), then l times
@@ -51,11 +51,15 @@ LG_API lg_status lg_net_init(lg_net *net, lg_net_kind kind, uint32_t inputs, uin
                              uint32_t hidden, uint32_t layers, uint32_t outputs, lg_activation activation);
 LG_API size_t lg_net_parameters(const lg_net *net);
 
-/* A named piece of a flat parameter vector: what files store and initialisation draws. In the vector lie,
- * each with its weight and then its bias: "embedding" (when there is one); of an MLP "layer1".."layer<l +
- * 1>"; of a residual network "first", then for i = 1..l "inner<i>" (A) and "outer<i>" (B, without a bias); of
- * a multiplicative one "u", "v", "first", then "gate<i>", for LG_NET_MULT_AFFINE followed by "affine<i>"
- * (W_o); last "output". Without an embedding, an MLP's vector is that of the lg_mlp of the same widths. */
+/* A named slice of a flat parameter vector, the unit of files and of initialisation. The vector has these
+ * layers in order, each with its weight and then its bias:
+ * - "embedding", if there is one
+ * - MLP: "layer1".."layer<l + 1>"
+ * - residual network: "first", then for i = 1..l "inner<i>" (A) and "outer<i>" (B, without a bias)
+ * - multiplicative network: "u", "v", "first", then for i = 1..l "gate<i>", followed by "affine<i>" (W_o) for
+ *   LG_NET_MULT_AFFINE
+ * - "output"
+ * Without an embedding, an MLP's vector is that of the lg_mlp of the same widths. */
 typedef struct lg_slice_info {
     char name[48];    /* "embedding/weight", "layer1/bias", "gate2/weight", ... */
     uint32_t rank;    /* 1, 2, or 3 (convolutions: k, C, O) */

@@ -92,7 +92,8 @@ typedef struct lg_adam_options {
     double beta1, beta2; /* 0.9, 0.999, in [0, 1) */
     double eps;          /* 1e-8, > 0 */
     double weight_decay; /* 0, >= 0 */
-    bool decoupled; /* false: gradient + decay theta (L2); true: theta - lr decay theta beside the step */
+    bool
+        decoupled; /* false: gradient + decay theta (L2); true: theta - lr decay theta, apart from the step */
 } lg_adam_options;
 LG_API void lg_adam_options_init(lg_adam_options *options);
 
@@ -132,10 +133,10 @@ LG_API double lg_schedule_rate(const lg_schedule *schedule, uint64_t epoch, uint
 
 /* ---- training ---- */
 
-/* Samples of a shard that lie on its tape at once: larger shards are taken in pieces of so many. */
+/* Most samples of a shard on its tape at once; larger shards are cut into pieces of this size. */
 #define LG_FIT_CHUNK 128
 
-/* What is learned. Borrowed by the fit, with all that it points to. */
+/* The learning problem. The fit borrows it and everything that it points to. */
 typedef struct lg_fit_problem {
     size_t parameters; /* length of theta */
     size_t samples;    /* < 2^32 */
@@ -147,8 +148,8 @@ typedef struct lg_fit_problem {
     lg_status (*loss)(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                       size_t batch, lg_var *loss);
     void *user;
-    size_t validation; /* the last so many samples are the validation part; lg_fit_options.validation, which
-                        * draws one at random, must then be 0. 0: no such part */
+    size_t validation; /* this many samples at the end are the validation part; 0: no such part. Otherwise
+                        * lg_fit_options.validation, which draws one at random, must be 0 */
     size_t chunk; /* samples on a tape at once, so that their values stay in the cache; 0: LG_FIT_CHUNK */
 } lg_fit_problem;
 
@@ -158,7 +159,7 @@ typedef enum lg_part { LG_PART_NONE, LG_PART_TRAIN, LG_PART_TEST, LG_PART_VALIDA
 
 typedef struct lg_fit lg_fit;
 
-/* How a model is trained, as command lines and files say it: the hyperparameters of lg_fit_options. */
+/* The hyperparameters of lg_fit_options as command lines and files name them. */
 typedef struct lg_training {
     lg_dtype dtype;
     uint64_t epochs; /* planned total */
@@ -192,8 +193,8 @@ typedef struct lg_fit_options {
     uint64_t epochs; /* 100: planned total, >= 1 */
     size_t batch;    /* 0: all samples; the last batch of an epoch may be smaller */
     uint32_t shards; /* 4, 1..1024: contiguous near-equal pieces of a batch, min(shards, batch) of them. Each
-                      * has a gradient of its own: where parameters outweigh the batch take 1; threads beyond
-                      * the shards split the large products instead */
+                      * has its own gradient, so take 1 for a model that is large compared with the batch;
+                      * threads beyond the shards split the large products instead */
     lg_adam_options adam; /* those of lg_adam_options_init */
     lg_schedule schedule; /* constant */
     double clip_norm;     /* 0: off; else the bound on the gradient's Euclidean norm */
@@ -223,7 +224,7 @@ LG_API void lg_fit_options_init(lg_fit_options *options);
 /* Sets the hyperparameters of *options, and leaves the rest. */
 LG_API void lg_training_apply(const lg_training *training, lg_fit_options *options);
 
-/* theta: `parameters` doubles, copied: where training starts (a warm start is any such vector). The context
+/* theta: `parameters` doubles, copied. Training starts from them; any vector makes a warm start. The context
  * must outlive the fit. `options` NULL: defaults. Errors: LG_INVALID_ARGUMENT (the sentence names the
  * option), LG_NOT_FINITE for theta, LG_OUT_OF_MEMORY. */
 LG_API lg_status lg_fit_create(const lg_context *context, const lg_fit_problem *problem,
@@ -293,9 +294,9 @@ typedef struct lg_newton_result {
 } lg_newton_result;
 
 /* Minimises the full-batch loss from theta (`parameters` doubles, in/out) by Newton's method with Levenberg's
- * damping: (H + mu I) s = -g, the step taken when it lowers the loss, H exact by forward over reverse
- * differentiation. LG_OK at the tolerance, where rounding lets no step lower the loss (then it is at its
- * floor), and after max_iterations (then result->iterations says so). The whole batch lies on one f64 tape.
+ * damping: (H + mu I) s = -g. A step is taken when it lowers the loss; H is exact, by forward over reverse
+ * differentiation. Returns LG_OK at the tolerance, when no step lowers the loss any more because of rounding,
+ * and after max_iterations (see result->iterations). The whole batch lies on one f64 tape.
  * `options` NULL: defaults; `result` may be NULL. Errors, theta untouched: LG_INVALID_ARGUMENT (a NULL, no
  * samples, parameters outside 1..LG_NEWTON_MAX_PARAMETERS), LG_OUT_OF_MEMORY, LG_NOT_FINITE, LG_CANCELLED,
  * the loss callback's. */

@@ -3,8 +3,8 @@
  * shapes that do not fit, LG_INVALID_ARGUMENT for an axis, index or order out of range, LG_OUT_OF_MEMORY.
  *
  * Broadcasting: shapes are aligned at the last axis, a missing axis counts as 1, an axis of 1 repeats.
- * All derivatives exist to any order unless said. Kinks: the mask is a frozen constant (second derivative 0),
- * ties as said at the operation.
+ * All derivatives exist to any order unless an operation says otherwise. Kinks: the mask is a constant, so
+ * the second derivative is 0; each operation says what it does at ties.
  */
 #ifndef LIEGRAD_OPS_H
 #define LIEGRAD_OPS_H
@@ -24,8 +24,8 @@ LG_API lg_var lg_max(lg_tape *tape, lg_var a, lg_var b); /* larger of two; ties:
 LG_API lg_var lg_atan2(lg_tape *tape, lg_var a, lg_var b); /* angle of (b, a) in (-pi, pi], C's atan2; both 0:
                                                             * the derivative is NaN */
 LG_API lg_var lg_ge(lg_tape *tape, lg_var a, lg_var b);    /* a >= b ? 1 : 0, a condition; derivative 0 */
-/* condition != 0 ? yes : no, elementwise, equal shapes. The other value may be infinite or NaN. It gets a
- * cotangent of 0, and 0 times an infinite derivative is NaN: guard the argument too, as in
+/* condition != 0 ? yes : no, elementwise, equal shapes. The value that is not selected may be infinite or
+ * NaN. It gets a cotangent of 0, and 0 times an infinite derivative is NaN: guard the argument too, as in
  * select(c, sqrt(select(c, x, 1)), 0). A function that becomes a program must branch with select, not with
  * C's `if`. */
 LG_API lg_var lg_select(lg_tape *tape, lg_var condition, lg_var yes, lg_var no);
@@ -100,10 +100,10 @@ LG_API lg_var lg_conv1d_dense(lg_tape *tape, lg_var x, lg_var w, lg_var b, uint3
                               lg_activation kind);
 /* Mean of `size` samples every `stride`: (B, L, C) -> (B, floor((L - size)/stride) + 1, C). */
 LG_API lg_var lg_avg_pool1d(lg_tape *tape, lg_var x, uint32_t size, uint32_t stride);
-/* lg_avg_pool1d(lg_conv1d_dense(...), size, step) in one: of the convolution only sigma' is kept. */
+/* lg_avg_pool1d(lg_conv1d_dense(...), size, step) in one node, which keeps only sigma' of the convolution. */
 LG_API lg_var lg_conv1d_pooled(lg_tape *tape, lg_var x, lg_var w, lg_var b, uint32_t stride, uint32_t padding,
                                lg_activation kind, uint32_t size, uint32_t step);
-/* Largest of them; ties: to the first. A kink: second derivative 0. */
+/* Maximum of `size` samples every `stride`; ties: to the first. A kink: second derivative 0. */
 LG_API lg_var lg_max_pool1d(lg_tape *tape, lg_var x, uint32_t size, uint32_t stride);
 
 /* ---- rows of vectors: the last axis is the vector, all others are batch; equal shapes ---- */
@@ -143,17 +143,17 @@ LG_API lg_var lg_log_softmax(lg_tape *tape, lg_var x); /* over the last axis */
 
 /* ---- your own operation ---- */
 
-/* Builds with operations: derivatives of any order. `inputs` are the operation's inputs, `y` its output, g
- * its cotangent; write LG_NONE or a variable of inputs[i]'s shape to out[i]; out[i] is only asked for where
- * need[i]. */
+/* Records the vjp with operations, so that derivatives of any order exist. `inputs` are the operation's
+ * inputs, `y` its output, g its cotangent. Where need[i] is true, write LG_NONE or a variable of inputs[i]'s
+ * shape to out[i]. */
 typedef lg_status (*lg_custom_vjp_fn)(void *user, lg_tape *tape, const lg_var *inputs, size_t n, lg_var y,
                                       lg_var g, const bool *need, lg_var *out);
-/* tangents[i] is LG_NONE where inputs[i] does not vary. Write the output's tangent. */
+/* Records the jvp: writes the output's tangent. tangents[i] is LG_NONE where inputs[i] does not vary. */
 typedef lg_status (*lg_custom_jvp_fn)(void *user, lg_tape *tape, const lg_var *inputs, size_t n, lg_var y,
                                       const lg_var *tangents, lg_var *out);
 /* Numeric: values only, elements of the tape's type. `y` has the declared shape. */
 typedef lg_status (*lg_custom_forward_fn)(void *user, lg_dtype dtype, const void *const *inputs, void *y);
-/* Adds nothing: writes the cotangents of all inputs for which out[i] != NULL. First order only. */
+/* Writes (does not add) the cotangents of all inputs for which out[i] != NULL. First order only. */
 typedef lg_status (*lg_custom_numeric_vjp_fn)(void *user, lg_dtype dtype, const void *const *inputs,
                                               const void *y, const void *g, void *const *out);
 typedef lg_status (*lg_custom_numeric_jvp_fn)(void *user, lg_dtype dtype, const void *const *inputs,
@@ -163,10 +163,10 @@ typedef lg_status (*lg_custom_numeric_jvp_fn)(void *user, lg_dtype dtype, const 
 typedef struct lg_custom_op {
     const char *name; /* for messages; must outlive the tape */
     lg_custom_forward_fn forward;
-    /* Of each pair one or none: this derivative is LG_NOT_DIFFERENTIABLE then. A numeric derivative gives
-     * first order; asking for more is LG_NOT_DIFFERENTIABLE and names the operation. Both kinds of a vjp
-     * together: the numeric one serves lg_backward and lg_backward_set, where nothing is recorded, the other
-     * one lg_grad and lg_vjp: any order, and a fast last pass. */
+    /* Give one of each pair, or none: then this derivative is LG_NOT_DIFFERENTIABLE. A numeric derivative
+     * gives first order only; a higher order is LG_NOT_DIFFERENTIABLE with the operation's name. If both
+     * kinds of vjp are given, lg_backward and lg_backward_set, which record nothing, use the numeric one,
+     * lg_grad and lg_vjp the other: any order, and a fast last pass. */
     lg_custom_vjp_fn vjp;
     lg_custom_numeric_vjp_fn numeric_vjp;
     lg_custom_jvp_fn jvp;

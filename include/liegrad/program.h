@@ -1,4 +1,4 @@
-/* Programs: mathematics written once, with operations on a tape, cut loose from the tape.
+/* Programs: functions that were recorded once, with operations on a tape, and no longer need the tape.
  *
  * A program is a bundle of named functions on one set of parameters. Each function was recorded from C code
  * (lg_program_build) and can be
@@ -13,12 +13,13 @@
  *       return lg_tape_status(tape);
  *   }
  *
- * Rows. An input is one value for each row of a batch, (B, shape...) on the tape, or one that all rows share.
- * A program serves every B >= 1: numbers of rows, and what follows from them, are affine in B.
+ * Rows. An input has one value for each row of a batch, (B, shape...) on the tape, or one value that all rows
+ * share. A program serves every B >= 1: all numbers of rows in it are affine in B.
  *
- * What is recorded must not depend on the numbers in the inputs or parameters: no branch on a value, no value
+ * The recording must not depend on the numbers in the inputs or parameters: no branch on a value, no value
  * read from the tape and put back. lg_program_build records eight times, at random points and three numbers
- * of rows, and refuses by name what differs (a branch that all these points take alike is not seen).
+ * of rows. If the recordings differ, it refuses the function and names the difference. It cannot see a branch
+ * that all these points take alike.
  * Operations of the caller's own (lg_custom) cannot be in a program.
  */
 #ifndef LIEGRAD_PROGRAM_H
@@ -41,11 +42,11 @@ typedef struct lg_port {
     const char *name; /* a C identifier, unique among the function's inputs and outputs */
     lg_shape shape;   /* of one row, without the batch axis: rank 0 to 3. Shared: of the whole, rank 0 to 4 */
     bool shared;      /* one value for all rows */
-    const char *unit; /* NULL: none is known; at most 64 bytes, none of control, \ " ? or marks of comments */
+    const char *unit; /* NULL: unknown; at most 64 bytes, no control characters, \ " ? or comment marks */
     double low, high; /* inputs: the range in which checks draw random numbers; 0, 0: -1 to 1 */
 } lg_port;
 
-/* Its shape on a tape with so many rows: (rows, shape...), or the shape itself where it is shared. */
+/* The port's shape on a tape with `rows` rows: (rows, shape...), or the shape itself if it is shared. */
 LG_API lg_shape lg_port_shape(const lg_port *port, size_t rows);
 
 /* ---- building ---- */
@@ -66,13 +67,13 @@ typedef struct lg_function_spec {
     void *user;
 } lg_function_spec;
 
-/* Inside of a recording for lg_program_build: calls a function that the same program has already and returns
- * one of its outputs. On the tape it is recorded as by lg_program_record. The program keeps a call: its C, and
- * plans with lg_plan_options.calls, have the called function once, however often it is called. Inputs: as many
- * as the function has. Errors stick to the tape: LG_NOT_FOUND (no such function or output so far, or no
- * recording), those of lg_program_record. */
+/* To be used inside of a recording for lg_program_build: calls a function that the same program already has
+ * and returns one of its outputs. The tape records the function's operations, as lg_program_record does. The
+ * program keeps a call: its C, and plans with lg_plan_options.calls, contain the called function once,
+ * however often it is called. Inputs: as many as the function has. Errors stick to the tape: LG_NOT_FOUND (no
+ * such function or output so far, or no recording), those of lg_program_record. */
 LG_API lg_var lg_program_call(lg_tape *tape, const char *function, size_t output, const lg_var *inputs);
-/* How often `function` calls `callee` by itself. */
+/* Number of direct calls of `callee` in `function`. */
 LG_API size_t lg_program_calls(const lg_program *program, size_t function, size_t callee);
 
 /* A tensor of weights. */
@@ -100,7 +101,7 @@ LG_API lg_status lg_program_build(const lg_context *context, const lg_program_sp
                                   lg_error *error);
 LG_API void lg_program_destroy(lg_program *program); /* NULL is fine */
 
-/* ---- looking ---- */
+/* ---- contents ---- */
 
 LG_API size_t lg_program_functions(const lg_program *program);
 LG_API const char *lg_program_function_name(const lg_program *program, size_t function); /* NULL beyond */
@@ -122,7 +123,7 @@ LG_API size_t lg_program_operations(const lg_program *program, size_t function);
 /* ---- on a tape ---- */
 
 /* Records function number `function` on a tape of either type. `parameters`: lg_program_parameters variables
- * of their shapes, to be trained on; NULL: the stored values, as constants. Inputs as at the recording, with
+ * of their shapes, for training; NULL: the stored values, as constants. Inputs as at the recording, with
  * B rows. outputs: as many variables as the function has. Errors stick to the tape: LG_SHAPE,
  * LG_STALE_HANDLE, LG_NOT_FOUND (function), those of operations. On failure outputs are untouched. */
 LG_API lg_status lg_program_record(lg_tape *tape, const lg_program *program, size_t function,
@@ -151,11 +152,11 @@ typedef struct lg_derivative {
 } lg_derivative;
 
 LG_API void lg_derivative_init(lg_derivative *what);
-/* Adds the function. Jacobians are of each row by the same row: rows that depend on each other are refused,
- * found by a trial. All directions pass through as rows of one batch, and what does not depend on the
- * direction is computed once by lg_plan. Errors: LG_INVALID_ARGUMENT, LG_NOT_FOUND (function, input or
- * output), LG_UNSUPPORTED (a Jacobian by a shared input or of a shared output), LG_NOT_DIFFERENTIABLE,
- * LG_OUT_OF_MEMORY. On failure the program is as before. */
+/* Adds the derivative as a function. A Jacobian differentiates each row of the output by the same row of the
+ * input. A trial finds rows that depend on other rows; they are refused. All directions are rows of one
+ * batch, and lg_plan computes once what does not depend on the direction. Errors: LG_INVALID_ARGUMENT,
+ * LG_NOT_FOUND (function, input or output), LG_UNSUPPORTED (a Jacobian by a shared input or of a shared
+ * output), LG_NOT_DIFFERENTIABLE, LG_OUT_OF_MEMORY. On failure the program is as before. */
 LG_API lg_status lg_program_derive(lg_program *program, const lg_derivative *what, lg_error *error);
 
 /* Structural sparsity, whatever the parameters: pattern[a * n + b] = 1 where element a of one row of the
@@ -181,22 +182,23 @@ LG_API lg_status lg_program_add_loop(lg_program *program, const char *name, cons
 
 /* ---- running ---- */
 
-/* A function made ready for a number of rows and a type: only what the outputs need, what depends on
- * parameters alone computed once, equal subexpressions once, memory packed. Immutable: threads may share it,
- * each with work memory of its own. It keeps nothing of the program. */
+/* A function prepared for a number of rows and a type. It has only the operations that the outputs need,
+ * values that depend on parameters alone are computed in advance, equal subexpressions are computed once, and
+ * memory is packed. Immutable: threads may share it, each with work memory of its own. It keeps nothing of
+ * the program. */
 typedef struct lg_plan lg_plan;
 
 typedef struct lg_plan_options {
-    size_t size;     /* sizeof(lg_plan_options) */
-    size_t rows;     /* B >= 1; 1 */
-    lg_dtype dtype;  /* LG_F64; LG_F32: parameters are rounded, everything is computed in single precision */
-    bool mark_unfit; /* true: a number of an input that is not finite makes all outputs NaN */
-    bool compact;    /* true: small tensors too are computed in loops, not written out */
-    bool packed;     /* true: less work memory, its tensors are not aligned to 64 bytes; slower */
-    bool calls; /* true: what is called is a plan of its own, which all calls share; false: written out */
+    size_t size;      /* sizeof(lg_plan_options) */
+    size_t rows;      /* B >= 1; 1 */
+    lg_dtype dtype;   /* LG_F64; LG_F32: parameters are rounded, everything is computed in single precision */
+    bool mark_unfit;  /* true: a number of an input that is not finite makes all outputs NaN */
+    bool compact;     /* true: small tensors too are computed in loops, not written out */
+    bool packed;      /* true: less work memory, its tensors are not aligned to 64 bytes; slower */
+    bool calls;       /* true: all calls share one plan of the called function; false: calls are inlined */
     size_t max_size;  /* of constants and of work memory; planning takes up to four times as much; 1 GiB.
                         * Beyond: LG_OUT_OF_MEMORY */
-    double most_work; /* operations on numbers of a run, and of computing constants; 1e13. Beyond:
+    double most_work; /* most operations on numbers in a run, and in computing constants; 1e13. Beyond:
                         * LG_UNSUPPORTED, with the number in the sentence */
 } lg_plan_options;
 
@@ -218,10 +220,10 @@ LG_API void lg_plan_eval(const lg_plan *plan, const void *const *inputs, void *c
 
 /* ---- C ---- */
 
-/* Functions as C99 and C++14 that needs libm alone, allocates nothing and keeps no state: the steps of a plan
- * of one row, made in double precision. A file NAME.h has `sizes` and `declarations` (in extern "C"); NAME.c
- * begins with #include "NAME.h", then `arrays`, then `code`; NAME_weights.c has the same, and `weights`
- * instead of `code`. */
+/* Functions as source that is C99 and C++14, needs libm alone, allocates nothing and keeps no state: the
+ * steps of a plan of one row, made in double precision. A file NAME.h has `sizes` and `declarations` (in
+ * extern "C"); NAME.c begins with #include "NAME.h", then `arrays`, then `code`; NAME_weights.c has the same,
+ * and `weights` instead of `code`. */
 typedef struct lg_c_options {
     size_t size;              /* sizeof(lg_c_options) */
     const char *name;         /* a C identifier, with which all that is visible begins */

@@ -1,6 +1,6 @@
-/* Random search over hyperparameters. A search can be resumed, and bad trials are stopped early. It knows
- * nothing about what is trained: a trial is a list of numbers, an objective to be lowered, and reports on the
- * way.
+/* Random search over hyperparameters. A search can be resumed, and bad trials are stopped early. It does not
+ * depend on the model: a trial is a list of numbers, an objective to be lowered, and reports during the
+ * trial.
  *
  * The values of trial t depend on the seed and t alone. So an interrupted search continues with the same
  * trials, and trials may run in any order.
@@ -90,7 +90,7 @@ LG_API bool lg_search_prune(const lg_search_options *options, const lg_trial *tr
 
 /* A trial's side of the search. */
 typedef struct lg_search lg_search;
-/* A trial calls it after `done` of its `total` epochs with its present objective, which is recorded for all
+/* A trial calls this after `done` of its `total` epochs with its current objective, which is recorded for all
  * rungs passed since the last report. Returns true when the trial is to be stopped: at one of these rungs, or
  * because the objective is not finite. After the last epoch a finite objective never stops a trial. */
 LG_API bool lg_search_report(lg_search *search, uint64_t done, uint64_t total, double objective);

@@ -1,4 +1,4 @@
-/* What a function reports when it cannot do what was asked.
+/* Statuses and sentences of failures.
  *
  * Every public function that can fail returns an lg_status. On failure pure outputs are untouched; in/out
  * arguments say in their own comment what happens to them. The library never exits, aborts or prints.

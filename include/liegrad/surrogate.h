@@ -83,7 +83,7 @@ typedef struct lg_surrogate_preset {
     lg_surrogate_kind kind;
     bool boundary;      /* angle network */
     bool merged;        /* data of both families */
-    double fraction;    /* part of the data that is trained on; the nearest preset is taken */
+    double fraction;    /* part of the data used for training; the nearest preset is taken */
     const char *source; /* "table 5.3", ... */
     lg_surrogate_options model;
     lg_training training;
