@@ -17,7 +17,7 @@ static const app_option common_options[] = {
     APP_ROW_FLAG(app, json, "json", "Print the result as one JSON object"),
     APP_ROW_SIZE(app, seed, "seed", "S", 0, 0x1p64, "Seed of all random numbers (default 1)"),
     APP_ROW_SIZE(app, threads, "threads", "T", 1, 256,
-                 "Threads (default: the processors there are); results do not depend on it"),
+                 "Number of threads (default: all processors); results do not depend on it"),
     APP_ROW_END};
 
 void app_out_of_memory(void) {
@@ -223,7 +223,7 @@ static error_t parse_command(int key, char *text, struct argp_state *state) {
     switch (key) {
     case ARGP_KEY_ARG:
         if (self->argument_count >= command->arguments_max)
-            argp_error(state, "'%s' is one argument too many; expected: %s", text,
+            argp_error(state, "too many arguments: '%s'; expected: %s", text,
                        command->arguments != NULL ? command->arguments : "none");
         self->arguments[self->argument_count++] = text;
         return 0;
@@ -268,7 +268,7 @@ static error_t parse_top(int key, char *text, struct argp_state *state) {
     dispatch *d = state->input;
     if (key == ARGP_KEY_NO_ARGS) {
         char *names = command_names(d->commands);
-        argp_error(state, "a command is missing; the commands are: %s", names);
+        argp_error(state, "a command is missing; commands: %s", names);
         free(names);
     }
     if (key != ARGP_KEY_ARG) return parse_option(key, text, state, d->self);

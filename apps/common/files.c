@@ -109,7 +109,7 @@ static int check_output(const app *self, const used_file *files, size_t at) {
     for (size_t i = 0; i < at; i++) {
         if (!app_same_file(file->path, files[i].path)) continue;
         if (files[i].written)
-            return app_usage(self, "--%s: %s is what --%s writes too", file->option, file->path,
+            return app_usage(self, "--%s: %s is also the output file of --%s", file->option, file->path,
                              files[i].option);
         return app_usage(self, "--%s: %s is an input%s%s and would be replaced", file->option, file->path,
                          files[i].option != NULL ? " of --" : "",

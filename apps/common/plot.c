@@ -135,11 +135,11 @@ lg_status app_plot_end(const app *self, app_plot *plot, bool *drawn, lg_error *e
         *drawn = code == 0 && status == LG_OK;
         if (code == 127)
             app_warn(self,
-                     "gnuplot is not installed: %s is not drawn, its data and script are left in %s and %s "
-                     "(in their folder: gnuplot SCRIPT > PICTURE)",
+                     "gnuplot is not installed, so %s is not drawn; its data and script are in %s and %s "
+                     "(to draw it, in their folder: gnuplot SCRIPT > PICTURE)",
                      plot->picture, plot->data_path, plot->script_path);
         else if (code != 0)
-            app_warn(self, "gnuplot failed: %s is not drawn, its data and script are left in %s and %s",
+            app_warn(self, "gnuplot failed, so %s is not drawn; its data and script are in %s and %s",
                      plot->picture, plot->data_path, plot->script_path);
     }
     plot_free(plot);

@@ -11,20 +11,23 @@ search_values search_given = {.trials = 50, .rungs = 5, .warm_up = 5, .quantile 
 
 const app_option search_options[] = {
     APP_ROW_SIZE(search_values, trials, "trials", "n", 1, 1000000,
-                 "Planned total, earlier ones included (default 50)"),
-    APP_ROW_TEXT(search_values, out, "out", "FILE.csv", "The table of trials, written after each"),
+                 "Planned number of trials, earlier ones included (default 50)"),
+    APP_ROW_TEXT(search_values, out, "out", "FILE.csv", "Table of trials, written after each trial"),
     APP_ROW_FLAG(search_values, resume, "resume",
-                 "Continue the search of that table; without it a table that is there is replaced"),
+                 "Continue the search of this table; without --resume an existing table is replaced"),
     APP_ROW_SIZE(search_values, rungs, "rungs", "r", 0, LG_TRIAL_REPORTS,
-                 "Points of a trial where it is compared with earlier ones (default 5; 0: never)"),
+                 "Number of points at which a trial is compared with earlier ones (default 5; 0: never)"),
     APP_ROW_SIZE(search_values, warm_up, "warm-up", "n", 0, 1000000,
-                 "Trials that must have passed a rung before others are stopped there (default 5)"),
+                 "Number of trials that must have passed a rung before others are stopped there (default 5)"),
     APP_ROW_REAL(search_values, quantile, "quantile", "Q", 1e-9, 1,
-                 "A trial is stopped where this part of the earlier ones was better (default 0.5)"),
+                 "A trial is stopped at a rung where at least this part of the earlier trials was better "
+                 "(default 0.5)"),
     APP_ROW_REAL(
         search_values, validation, "validation", "F", 1e-9, 0.9,
-        "Part of the training data that is held out: the error on it is the objective (default 0.1)"),
-    APP_ROW_TEXT(search_values, plot, "plot", "FILE.svg|.png", "Draw objective and best so far"),
+        "Part of the training data that is held out; the objective is the error on it (default 0.1)"),
+    APP_ROW_TEXT(search_values, plot, "plot", "FILE.svg|.png",
+                 "Draw the objective of each trial and the "
+                 "best so far"),
     APP_ROW_END};
 
 typedef struct searching {

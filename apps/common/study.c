@@ -13,9 +13,9 @@ study_values study_given;
 
 const app_option study_options[] = {
     APP_ROW_TEXT(study_values, out, "out", "FILE.csv",
-                 "The table of runs; rows that it already holds are not run again"),
+                 "Table of runs; runs that it already has are not repeated"),
     APP_ROW_SIZE(study_values, jobs, "jobs", "J", 1, 256,
-                 "Runs at the same time (default: --threads); each uses threads/jobs threads"),
+                 "Number of simultaneous runs (default: --threads); each uses threads/jobs threads"),
     APP_ROW_SIZE(study_values, stop_after, "stop-after", "n", 1, 1e9, "Stop after n new runs"), APP_ROW_END};
 
 typedef struct study {

@@ -11,18 +11,17 @@ train_files train_given_files;
 
 const app_option train_file_options[] = {
     APP_ROW_TEXT(train_files, out, "out", "FILE", "The model file to write"),
-    APP_ROW_TEXT(
-        train_files, checkpoint, "checkpoint", "FILE",
-        "Where the state goes (default: FILE of --out with .checkpoint appended, when stopped early)"),
+    APP_ROW_TEXT(train_files, checkpoint, "checkpoint", "FILE",
+                 "File for the state (default: FILE of --out with .checkpoint appended, when stopped early)"),
     APP_ROW_SIZE(train_files, checkpoint_every, "checkpoint-every", "n", 1, 1e9,
-                 "Epochs between checkpoints (default 10 with --checkpoint)"),
+                 "Number of epochs between checkpoints (default 10 with --checkpoint)"),
     APP_ROW_SIZE(train_files, stop_after, "stop-after", "n", 1, 1e9,
-                 "Stop after n epochs of this run, state saved"),
+                 "Save the state and stop after n epochs of this run"),
     APP_ROW_TEXT(train_files, resume, "resume", "FILE",
-                 "Continue from a checkpoint, to the same bits as one run; options not given are the "
-                 "checkpoint's"),
+                 "Continue from a checkpoint; the result has the same bits as one run. Options not given "
+                 "are the checkpoint's"),
     APP_ROW_TEXT(train_files, history, "history", "FILE.csv",
-                 "One row an epoch: epoch, loss, validation, rate, seconds"),
+                 "Write one row for each epoch: epoch, loss, validation, rate, seconds"),
     APP_ROW_TEXT(train_files, plot, "plot", "FILE.svg|.png", "Draw the loss"),
     APP_ROW_END};
 

@@ -18,7 +18,9 @@ static lg_status samples_of(const char *option, double value, double rate, uint6
     if (fabs(samples - whole) > 1e-6 * samples)
         return app_error(error, LG_INVALID_ARGUMENT, "--%s %g: is %.6g samples, not a whole number%s", option,
                          value, samples,
-                         rate > 0 ? "" : " (the data do not tell their rate: give samples, not seconds)");
+                         rate > 0 ? ""
+                                  : " (the sampling rate of the data is unknown: give samples, not "
+                                    "seconds)");
     *out = (uint64_t)whole;
     return LG_OK;
 }

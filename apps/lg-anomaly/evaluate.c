@@ -19,13 +19,13 @@ static const char *const part_names[] = {"auto", "all", "train", "validation", "
 
 static const app_option evaluate_options[] = {
     APP_ROW_CHOICE(evaluate_values, part, "part", part_names,
-                   "all, or the train, validation or test part of the data that the model was trained on; "
-                   "auto (default): test of those data, all of others"),
+                   "Windows to judge: all, or the train, validation or test part of the data that the model "
+                   "was trained on; auto (default): the test part of those data, all windows of other data"),
     APP_ROW_SIZES(evaluate_values, votes, "votes", "K,N", 1, MAX_VOTES,
-                  "Alarm when K of the last N windows of a recording are of another class than the first: "
-                  "time to detection, false alarms a day"),
+                  "Raise an alarm when K of the last N windows of a recording are not of the first class; "
+                  "report time to detection and false alarms a day"),
     APP_ROW_TEXT(evaluate_values, scores, "scores", "FILE.csv",
-                 "A row a window: run, group, truth, class, scores"),
+                 "Write one row for each window: run, group, truth, class, scores"),
     APP_ROW_TEXT(evaluate_values, plot, "plot", "FILE.svg|.png", "Draw a picture"),
     APP_ROW_CHOICE(evaluate_values, picture, "picture", evaluate_view_names, EVALUATE_VIEW_HELP),
     APP_ROW_END};
@@ -63,13 +63,13 @@ static int choose_part(evaluation *e) {
     e->part_name = part_names[part];
     if (part == PART_ALL) {
         if (same && values.part == PART_AUTO)
-            app_warn(e->app, "%s was trained on %s without a test part: these errors are those of training",
+            app_warn(e->app, "%s was trained on %s without a test part: these are training errors",
                      e->app->arguments[0], e->path);
         e->part = part_all(e->from.windows.count);
         return APP_EXIT_OK;
     }
     if (!same)
-        return app_usage(e->app, "--part %s: %s was not trained on %s but on other data", part_names[part],
+        return app_usage(e->app, "--part %s: %s was trained on other data than %s", part_names[part],
                          e->app->arguments[0], e->path);
     lg_error error = {LG_OK, ""};
     uint8_t *parts = app_alloc(e->from.windows.count, 1);
@@ -404,7 +404,7 @@ static int evaluate(evaluation *e) {
     code = choose_part(e);
     if (code != APP_EXIT_OK) return code;
     if (values.votes.count > 0 && series->run == NULL)
-        return app_usage(self, "--votes: %s does not tell its recordings (/run)", e->path);
+        return app_usage(self, "--votes: %s has no recordings (/run)", e->path);
     if (values.votes.count > 0 && e->part.count < e->from.windows.count &&
         e->model->cut.split == LG_SPLIT_RANDOM)
         app_warn(self,
@@ -457,11 +457,11 @@ static int check_options(const app *self) {
     const app_path paths[] = {{"scores", values.scores, APP_WRITTEN}, {"plot", values.plot, APP_DRAWN}};
     const app_sizes *votes = &values.votes;
     if (votes->count != 0 && (votes->count != 2 || votes->values[0] > votes->values[1]))
-        return app_usage(self, "--votes: two numbers are wanted, K of N with K at most N, such as 3,5");
+        return app_usage(self, "--votes: expected two numbers K,N with K at most N, such as 3,5");
     if (app_given(self, "picture") && values.plot == NULL)
         return app_usage(self, "--picture: needs --plot FILE");
     if ((values.plot != NULL || values.scores != NULL) && self->argument_count > 2)
-        return app_usage(self, "--plot and --scores: for one data file at a time");
+        return app_usage(self, "--plot and --scores take one data file only");
     return app_check_outputs(self, paths, LG_COUNT(paths));
 }
 
@@ -481,12 +481,11 @@ const app_command evaluate_command = {
     .arguments = "MODEL.h5 DATA.h5 ...",
     .summary = "Judge a detector on labelled windows",
     .details =
-        "On the data that the model was trained on, the windows of its test part are judged, cut and split "
-        "as "
-        "they were then. With --votes each recording is watched in order of time: the time to detection runs "
-        "from the first sample that is damaged to the end of the window that raises the alarm; false alarms "
-        "are those before any damage. Several data files give a row each: the probability of detection "
-        "against severity.",
+        "If DATA.h5 is the data that the model was trained on, the windows of its test part are judged, cut "
+        "and split as in training. With --votes each recording is judged in order of time. The time to "
+        "detection runs from the first damaged sample to the end of the window that raises the alarm. "
+        "Alarms before any damage are false alarms. Each of several data files gives one row, for the "
+        "probability of detection against severity.",
     .options = evaluate_options,
     .values = &values,
     .arguments_min = 2,

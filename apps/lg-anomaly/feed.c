@@ -25,18 +25,21 @@ static const char *const housings[] = {[LG_HOUSING_SLACK] = "slack", [LG_HOUSING
 static const app_option feed_options[] = {
     APP_ROW_REAL(feed_values, hours, "hours", "H", 1e-4, 1e6, "Length of the feed (default 24)"),
     APP_ROW_REAL(feed_values, crack_at, "crack-at", "HOURS", 0, 1e6,
-                 "When the casing breaks, in hours (`watch --crack-at` takes seconds; default: never)"),
+                 "Time at which the casing breaks, in hours (`watch --crack-at` takes seconds; default: "
+                 "never)"),
     APP_ROW_REAL(feed_values, severity, "severity", "R", 1e-3, 1,
-                 "Rotational stiffness left to it then: 1 is intact (default 0.58)"),
+                 "Remaining fraction of its rotational stiffness after that: 1 is intact (default 0.58)"),
     APP_ROW_REAL(feed_values, gaps, "gaps", "N", 0, 86400,
-                 "Gaps a day on average: lines that are missing (default 0)"),
-    APP_ROW_REAL(feed_values, gap_seconds, "gap-seconds", "S", 0.2, 86400, "Their mean length (default 30)"),
+                 "Average number of gaps a day; a gap is a series of missing lines (default 0)"),
+    APP_ROW_REAL(feed_values, gap_seconds, "gap-seconds", "S", 0.2, 86400,
+                 "Mean length of a gap (default "
+                 "30)"),
     APP_ROW_REAL(feed_values, nan, "nan", "N", 0, 432000,
-                 "Samples a day on average with one value that is nan (default 0)"),
+                 "Average number of samples a day with one value nan (default 0)"),
     APP_ROW_REAL(feed_values, noise, "noise", "F", 0, 1e6,
-                 "Noise of the sensors in units of the data sheet's (default 1)"),
+                 "Noise of the sensors as a multiple of the data sheet's (default 1)"),
     APP_ROW_CHOICE(feed_values, housing, "housing", housings, "slack (default) or tight"),
-    APP_ROW_TEXT(feed_values, out, "out", "FILE.csv", "Where it goes (default: standard output)"),
+    APP_ROW_TEXT(feed_values, out, "out", "FILE.csv", "File for the feed (default: standard output)"),
     APP_ROW_END};
 
 static feed_values values = {.hours = 24, .crack_at = NAN, .severity = 0.58, .gap_seconds = 30, .noise = 1};
@@ -306,7 +309,7 @@ static int run(app *self) {
     totals sum = {0, 0, 0, 0};
     sink to;
     if (values.out == NULL && self->json)
-        return app_usage(self, "--json: the feed itself goes to standard output; give --out FILE.csv");
+        return app_usage(self, "--json: the feed would also go to standard output; give --out FILE.csv");
     const int checked = app_check_outputs(self, &path, 1);
     if (checked != APP_EXIT_OK) return checked;
     lg_riser_run_init(&defaults);
@@ -334,13 +337,13 @@ static int run(app *self) {
 
 const app_command feed_command = {
     .name = "feed",
-    .summary = "A feed of the simulated well as CSV, with gaps and a crack if wanted",
+    .summary = "Simulate a feed of the well as CSV, with optional gaps and a crack",
     .details =
-        "A line of names (time and the six channels), then a line a sample: seconds since the start, "
-        "accelerations in m/s^2, moments in N m. One well; each hour is a sea state of its own, drawn from "
-        "the 18 of `generate`, and begins anew. Memory does not depend on the length. Example: 30 days with "
-        "a late crack, watched:\n\n"
-        "  lg-anomaly feed --hours 720 --crack-at 700 --gaps 20 --nan 50 | lg-anomaly watch model.h5",
+        "The first line has the names (time and the six channels). Each further line is a sample: seconds "
+        "since the start, accelerations in m/s^2, moments in N m. There is one well. Every hour starts "
+        "again with its own sea state, drawn from the 18 of `generate`. Memory does not depend on the "
+        "length. Example, a watch over 30 days with a late crack:\n\n  lg-anomaly feed --hours 720 "
+        "--crack-at 700 --gaps 20 --nan 50 | lg-anomaly watch model.h5",
     .options = feed_options,
     .values = &values,
     .run = run};

@@ -23,18 +23,19 @@ static const char *const pictures[] = {"states", "housings", NULL};
 static const app_option generate_options[] = {
     APP_ROW_TEXT(generate_values, out, "out", "FILE", "The HDF5 file to write"),
     APP_ROW_REAL(generate_values, noise, "noise", "F", 0, 1e6,
-                 "Noise of the sensors in units of the data sheet's: 1, 10, 50, ... (default 1)"),
+                 "Noise of the sensors as a multiple of the data sheet's: 1, 10, 50, ... (default 1)"),
     APP_ROW_SIZE(
         generate_values, runs, "runs", "n", 1, MAX_RUNS,
-        "Recordings (default 108: 3 top tensions x 18 sea states, each intact and broken). Fewer are "
-        "spread over the conditions, pair by pair; more repeat them with other waves"),
+        "Recordings (default 108: 3 top tensions x 18 sea states, each intact and broken). A smaller number "
+        "is spread over the conditions, pair by pair; a larger one repeats them with other waves"),
     APP_ROW_REAL(generate_values, hours, "hours", "H", 1e-3, 1000, "Length of a recording (default 1)"),
     APP_ROW_CHOICE(generate_values, housing, "housing", housings, "slack (default) or tight"),
-    APP_ROW_REAL(generate_values, severity, "severity", "R", 1e-3, 1,
-                 "Rotational stiffness left to the broken casing: 1 is intact (default 0.58)"),
+    APP_ROW_REAL(
+        generate_values, severity, "severity", "R", 1e-3, 1,
+        "Remaining fraction of the broken casing's rotational stiffness: 1 is intact (default 0.58)"),
     APP_ROW_REAL(generate_values, window, "window", "SECONDS", 0.2, 1e6, "Length of a window (default 60)"),
     APP_ROW_TEXT(generate_values, plot, "plot", "FILE.svg|.png",
-                 "Draw a recording against time, and its moments against its accelerations"),
+                 "Draw recordings against time, and their moments against their accelerations"),
     APP_ROW_CHOICE(generate_values, picture, "picture", pictures,
                    "With --plot: states, intact and broken (default), or housings, slack and tight"),
     APP_ROW_END};
@@ -217,7 +218,7 @@ static int cut(const app *self, double rate, uint32_t *length, size_t *windows) 
         return app_usage(self, "--window %g: a recording of %g h is shorter than one window", values.window,
                          values.hours);
     if (count * (double)values.runs > 4e9)
-        return app_usage(self, "%g windows are more than a file may hold: fewer --runs or --hours",
+        return app_usage(self, "%g windows are more than a file may hold: reduce --runs or --hours",
                          count * (double)values.runs);
     *length = (uint32_t)whole;
     *windows = (size_t)count;
@@ -267,12 +268,13 @@ static int run(app *self) {
 
 const app_command generate_command = {
     .name = "generate",
-    .summary = "Labelled windows of a simulated subsea well, intact and broken",
+    .summary = "Simulate labelled windows of a subsea well, intact and broken",
     .details =
-        "The file holds /X (n, 6, samples) as 32-bit floats, /y (0 intact, 1 broken), /group (the sea state, "
-        "0 to 17: windows that --split group keeps together) and /run (the recording). Channels: "
-        "accelerations of the lower and the upper sensor in m/s^2 and the bending moment in N m, each in x "
-        "and y. Data for the probability of detection against severity: one file for each --severity.",
+        "The file holds /X (n, 6, samples) as 32-bit floats, /y (0 intact, 1 broken), /group (the sea "
+        "state, 0 to 17; --split group keeps the windows of a group together) and /run (the recording). "
+        "Channels: accelerations of the lower and the upper sensor in m/s^2 and the bending moment in N m, "
+        "each in x and y. For the probability of detection against severity, make one file for each "
+        "--severity.",
     .options = generate_options,
     .values = &values,
     .run = run};

@@ -107,8 +107,8 @@ int well_model_load(const app *self, const char *path, well_model *out) {
     if (status != LG_OK) return app_fail_file(self, status, &error, path);
     if (strcmp(kind, kinds[0]) == 0) return load_detector(self, path, out);
     if (strcmp(kind, kinds[1]) == 0) return load_classifier(self, path, out);
-    return app_fail(self, LG_FORMAT, "%s: holds %s%s%s, not a detector or classifier as train writes them",
-                    path, kind[0] != '\0' ? "a '" : "no model of liegrad", kind, kind[0] != '\0' ? "'" : "");
+    return app_fail(self, LG_FORMAT, "%s: holds %s%s%s, not a detector or classifier written by train", path,
+                    kind[0] != '\0' ? "a '" : "no model of liegrad", kind, kind[0] != '\0' ? "'" : "");
 }
 
 void well_model_free(well_model *model) {

@@ -83,7 +83,7 @@ static lg_status complete_model(const app *self, const lg_series *series, const 
                          series->class_name[0]);
     if (model->loss == LG_DETECTOR_MSE && series->classes != 2)
         return app_error(error, LG_INVALID_ARGUMENT,
-                         "--loss mse: is for two classes, the data have %u: take cross-entropy",
+                         "--loss mse is for two classes, but the data have %u: use cross-entropy",
                          series->classes);
     model->classes = series->classes;
     const uint32_t outputs = model->loss == LG_DETECTOR_MSE ? 1 : series->classes;

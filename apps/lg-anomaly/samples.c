@@ -239,7 +239,7 @@ static sample_kind take_line(sample_reader *reader, const char *p, const char *e
     }
     if (cut)
         (void)snprintf(reader->problem, sizeof reader->problem,
-                       "the last line has no end, its last number may be cut");
+                       "the last line has no line end, so its last number may be cut");
     else if (timed && !isfinite(*time))
         (void)snprintf(reader->problem, sizeof reader->problem, "the time is not a number");
     else

@@ -15,10 +15,10 @@ const app_command search_command = {
     .name = "search",
     .arguments = "RANGES.yaml DATA.h5",
     .summary = "Random search over the options of train --method cnn",
-    .details = "The objective is the network's loss on the part that is held out, at its best "
-               "epoch.\n\n" SEARCH_DETAILS
-               " The test part (fixed: test-fraction, split) is never looked at: train the "
-               "best trial to see it.",
+    .details =
+        "The objective is the network's loss on the held-out part at its best epoch.\n\n" SEARCH_DETAILS
+        " The search never uses the test part (fixed: test-fraction, split): train the best trial to "
+        "evaluate it.",
     SEARCH_SHARED,
     .arguments_min = 2,
     .arguments_max = 2,

@@ -35,7 +35,7 @@ void json_trained(app_json *json, const trained *self, const well_model *model) 
 }
 
 void print_trained(const trained *self, const well_model *model) {
-    (void)printf("%zu windows to train on, accuracy %.4f on them; the test part (%s):\n", self->train.count,
+    (void)printf("%zu windows for training, accuracy %.4f on them; the test part (%s):\n", self->train.count,
                  self->train_judged.metrics.accuracy,
                  train_given.test != NULL ? train_given.test : lg_split_name(self->cut.split));
     print_metrics(&self->judged, model);
@@ -55,7 +55,7 @@ static int read_test(trained *state) {
         return app_fail(self, LG_SHAPE, "%s: %u channels, %s has %u", path, test->series.channels,
                         self->arguments[0], series->channels);
     if (strcmp(test->sha256, state->all.data.sha256) == 0)
-        app_warn(self, "%s holds the windows of %s: nothing is tested on unseen data", path,
+        app_warn(self, "%s holds the same windows as %s: there is no test on unseen data", path,
                  self->arguments[0]);
     return APP_EXIT_OK;
 }
@@ -76,14 +76,14 @@ static void warn_of_cut(const trained *self) {
     const well_cut *cut = &self->cut;
     if (cut->validation_fraction > 0 && self->validation.count == 0)
         app_warn(self->app,
-                 "--validation %g: too small a part of these %ss to have a window: the last epoch's "
-                 "parameters are taken",
+                 "--validation %g: this fraction of the %ss has no window: the parameters of the last epoch "
+                 "are kept",
                  cut->validation_fraction,
                  cut->split == LG_SPLIT_RANDOM ? "window" : lg_split_name(cut->split));
     if (self->cut.hop < self->cut.window && cut->split == LG_SPLIT_RANDOM &&
         (cut->test_fraction > 0 || cut->validation_fraction > 0))
-        app_warn(self->app, "windows overlap and are split at random: samples that were trained on are "
-                            "tested on too; take --split run or --split group");
+        app_warn(self->app, "windows overlap and are split at random, so training samples are also test "
+                            "samples; use --split run or --split group");
 }
 
 int cut_parts(trained *self) {
@@ -162,10 +162,10 @@ const app_command train_command = {
     .summary = "Train a detector on labelled windows",
     .details =
         "DATA.h5 holds /X (n, channels, samples) and /y (n), any number of classes; /group, /run and the "
-        "attributes rate, classes and channels where they are known (docs/anomaly.md).\n\nAll that is fitted "
-        "-- scaling, components, grids -- is fitted on the training part. Metrics are those of the test "
-        "part: precision, recall and F1 of class 1 where there are two, otherwise their mean over the "
-        "classes; false_alarms_per_day: windows of class 0 that were given another class, were all of them "
+        "attributes rate, classes and channels if they are known (docs/anomaly.md).\n\nScaling, components "
+        "and grids are fitted on the training part only. Metrics are those of the test part: precision, "
+        "recall and F1 of class 1 for two classes, otherwise their mean over the classes. "
+        "false_alarms_per_day is the number of windows a day that would be given another class if all were "
         "of class 0.\n\nCtrl-C saves a checkpoint (cnn) and ends with exit code 130; --resume continues to "
         "the same bits.",
     .options = train_options,

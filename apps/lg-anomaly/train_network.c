@@ -51,7 +51,7 @@ static void report(const trained *self, const train_session *session, const well
     (void)printf("\n%llu epochs (%.4f s each, %.1f s in all)", (unsigned long long)lg_fit_epochs_done(fit),
                  lg_fit_seconds_per_epoch(fit), session->seconds);
     if (self->validation.count > 0)
-        (void)printf(", the parameters are those of epoch %llu, the best on %zu windows for validation",
+        (void)printf(", the parameters are those of epoch %llu, the best one on %zu validation windows",
                      (unsigned long long)lg_fit_best_epoch(fit), self->validation.count);
     (void)printf("\n");
     print_trained(self, model);
@@ -145,7 +145,7 @@ static lg_status hold_out(void *user, app *self, double validation, lg_error *er
     state->validation = part_of(parts, windows, LG_PART_VALIDATION);
     free(parts);
     if (state->validation.count > 0) return LG_OK;
-    return app_error(error, LG_INVALID_ARGUMENT, "the validation part has no windows: a larger --validation");
+    return app_error(error, LG_INVALID_ARGUMENT, "the validation part has no windows: increase --validation");
 }
 
 static lg_status create(void *user, app *self, const lg_fit_options *options, lg_fit **fit, lg_error *error) {

@@ -34,20 +34,20 @@ enum {
 #define ROW(name, type, member, ...) LG_HYPERPARAMETER(train_values, NULL, name, type, member, __VA_ARGS__)
 static const lg_hyperparameter rows[] = {
     ROW("method", NAME, method, .value_name = train_method_name, .value = "cnn",
-        .meaning = "The network, or a classical method; baseline: ten minutes sliding by one, lines of "
-                   "moment against acceleration, logistic"),
+        .meaning = "The network (cnn) or a classical method; baseline: windows of ten minutes every minute, "
+                   "regression lines of moment against acceleration, logistic regression"),
     ROW("window", REAL, window, .high = 1e9, .unit = "SECONDS", .otherwise = "as stored; baseline: 600 s",
-        .meaning = "Length of a window; samples where the data do not tell their rate"),
+        .meaning = "Length of a window; in samples if the sampling rate of the data is unknown"),
     ROW("hop", REAL, hop, .high = 1e9, .unit = "SECONDS", .otherwise = "the window; baseline: 60 s",
-        .meaning = "From one window to the next"),
+        .meaning = "Distance from one window to the next"),
     ROW("features", NAME, features, .value_name = features_name, .value = "cov", .methods = CLASSICAL,
-        .meaning = "Classical methods: the samples, standard deviations, or the square root of the "
-                   "covariance"),
+        .meaning = "Features of classical methods: the samples, standard deviations, or the square root of "
+                   "the covariance"),
     ROW("components", U64, components, .high = 1 << 20, .value = "0", .unit = "k",
-        .methods = CLASSICAL | BASELINE, .meaning = "Principal components, 0: none are formed"),
+        .methods = CLASSICAL | BASELINE, .meaning = "Number of principal components; 0: none"),
     ROW("directions", NAME, directions, .value_name = directions_name, .value = "xy",
         .methods = CLASSICAL | BASELINE,
-        .meaning = "All channels; x: those whose name ends in _x, or every second one"),
+        .meaning = "Channels to use: all, or x (names that end in _x, or every second channel)"),
     ROW("criterion", NAME, criterion, .value_name = criterion_name, .value = "gini", .methods = TREE,
         .meaning = "Trees: impurity"),
     ROW("prune", NAME, prune, .value_name = prune_name, .value = "none", .methods = TREE,
@@ -59,9 +59,9 @@ static const lg_hyperparameter rows[] = {
     ROW("max_depth", U64, max_depth, .low = 1, .high = 1e6, .unit = "n", .methods = TREE,
         .otherwise = "no limit", .meaning = "Trees: depth at most"),
     ROW("min_samples_split", U64, min_split, .low = 2, .high = 1e9, .value = "2", .unit = "n",
-        .methods = TREE, .meaning = "Trees: a node of fewer windows is not split"),
+        .methods = TREE, .meaning = "Trees: least number of windows of a node that is split"),
     ROW("min_samples_leaf", U64, min_leaf, .low = 1, .high = 1e9, .value = "1", .unit = "n", .methods = TREE,
-        .meaning = "Trees: windows of a leaf at least"),
+        .meaning = "Trees: least number of windows of a leaf"),
     ROW("c", REAL, c, .above = true, .high = 1e300, .value = "1", .unit = "C",
         .methods = LOGISTIC | LINEAR | RBF | BASELINE,
         .meaning = "Inverse of the penalty; svm: unless given, the best of --grid"),
@@ -70,10 +70,11 @@ static const lg_hyperparameter rows[] = {
     ROW("gamma", REAL, gamma, .above = true, .high = 1e300, .unit = "G", .methods = RBF,
         .otherwise = "1/(features x their variance)", .meaning = "svm-rbf: exp(-G |x - y|^2)"),
     ROW("preset", NAME, preset, .value_name = train_preset_name, .value = "best", .methods = CNN,
-        .meaning = "cnn: where options that are not given come from, the published settings or ours"),
+        .meaning = "cnn: source of options that are not given: the published settings or ours"),
     ROW("filters", WHOLES, filters, .get = app_sizes_get, .put = app_sizes_put, .low = 1, .high = 1 << 20,
         .most = LG_CNN_MAX_BLOCKS, .unit = "n,n,...", .methods = CNN,
-        .otherwise = "2, 4, 8 times those of the data; fewer blocks where windows are too short for three",
+        .otherwise = "2, 4, 8 times the channels of the data; fewer blocks if windows are too short for "
+                     "three",
         .meaning = "cnn: channels of each block"),
     ROW("kernel", U64, kernel, .low = 1, .high = 1 << 20, .value = "5", .unit = "n", .methods = CNN,
         .meaning = "cnn: samples of a kernel"),
@@ -82,9 +83,9 @@ static const lg_hyperparameter rows[] = {
     ROW("padding", U64, padding, .high = 1 << 20, .value = "0", .unit = "n", .methods = CNN,
         .meaning = "cnn: zeros at both ends of a series"),
     ROW("pooling", NAME, pooling, .value_name = pooling_name, .value = "average", .methods = CNN,
-        .meaning = "cnn: after each convolution"),
+        .meaning = "cnn: pooling after each convolution"),
     ROW("pool_size", U64, pool_size, .low = 1, .high = 1 << 20, .value = "2", .unit = "n", .methods = CNN,
-        .meaning = "cnn: samples that are pooled to one"),
+        .meaning = "cnn: number of samples pooled to one"),
     LG_HYPERPARAMETER_END};
 
 train_values train_given;
@@ -123,11 +124,11 @@ int train_check_options(const app *self) {
             return app_usage(self, "--%s: --method %s has no such option", owners[i].option,
                              train_method_name(values->method));
     if (app_given(self, "c") && app_given(self, "grid"))
-        return app_usage(self, "--grid: chooses C, which --c gives");
+        return app_usage(self, "--grid and --c cannot be given together: both choose C");
     for (size_t i = 0; i < values->grid.count; i++)
         if (!(values->grid.values[i] > 0)) return app_usage(self, "--grid: C must be above 0");
     if (app_given(self, "ccp-alpha") && values->prune != PRUNE_POST)
-        return app_usage(self, "--ccp-alpha: belongs to --prune post");
+        return app_usage(self, "--ccp-alpha: needs --prune post");
     if (values->prune == PRUNE_PRE && (app_given(self, "max-depth") || app_given(self, "min-samples-split") ||
                                        app_given(self, "min-samples-leaf")))
         return app_usage(self,
@@ -135,6 +136,6 @@ int train_check_options(const app *self) {
     if (app_given(self, "picture") && train_given_files.plot == NULL)
         return app_usage(self, "--picture: needs --plot FILE");
     if (values->test != NULL && app_given(self, "test-fraction"))
-        return app_usage(self, "--test: does not go with --test-fraction");
+        return app_usage(self, "--test and --test-fraction cannot be given together");
     return APP_EXIT_OK;
 }

@@ -47,7 +47,7 @@ static const char *view_missing(const well_model *model, int view, bool training
                    : "is drawn while a tree is trained";
     case VIEW_PAIRS:
     case VIEW_CLOUDS:
-        return classical ? NULL : "a cnn has no features; take plane";
+        return classical ? NULL : "a cnn has no features; use plane";
     case VIEW_VARIANCE:
         return classical && model->classifier.pca.variances > 0 ? NULL
                                                                 : "needs principal components (--components)";

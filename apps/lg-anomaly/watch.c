@@ -19,21 +19,23 @@ typedef struct watch_values {
 } watch_values;
 
 static const app_option watch_options[] = {
-    APP_ROW_TEXT(watch_values, input, "input", "FILE", "Samples (default: standard input)"),
+    APP_ROW_TEXT(watch_values, input, "input", "FILE", "File of samples (default: standard input)"),
     APP_ROW_SIZE(watch_values, votes, "votes", "K", 1, 64,
-                 "Alarm when K of the last windows are not of the first class (default 3)"),
-    APP_ROW_SIZE(watch_values, votes_of, "votes-of", "N", 1, 64, "How many last windows vote (default 5)"),
+                 "Raise an alarm when K of the last windows are not of the first class (default 3)"),
+    APP_ROW_SIZE(watch_values, votes_of, "votes-of", "N", 1, 64,
+                 "Number of last windows that vote (default "
+                 "5)"),
     APP_ROW_POSITIVE(watch_values, hop, "hop", "S",
                      "Seconds from one window to the next (default: a window)"),
     APP_ROW_REAL(watch_values, bridge, "bridge", "S", 0, 1e9,
                  "Gaps of at most S seconds are filled by straight lines (default 1)"),
     APP_ROW_REAL(watch_values, missing, "missing", "P", 0, 1,
-                 "Windows with a larger part missing are not judged (default 0.1)"),
+                 "Windows with a larger fraction of missing samples are not judged (default 0.1)"),
     APP_ROW_POSITIVE(watch_values, rate, "rate", "HZ",
-                     "The feed has HZ samples a second, whatever its times say (default: the model's)"),
+                     "Sampling rate of the feed, whatever its times say (default: the model's)"),
     APP_ROW_REAL(watch_values, crack_at, "crack-at", "T", -1e300, 1e300,
-                 "When the damage began, in seconds of the feed (`feed --crack-at` takes hours): for trials "
-                 "with a known truth"),
+                 "Time at which the damage began, in seconds of the feed (`feed --crack-at` takes hours), "
+                 "for trials with a known truth"),
     APP_ROW_FLAG(watch_values, quiet, "quiet", "Print changes of the alarm only"),
     APP_ROW_END};
 
@@ -234,7 +236,8 @@ static int set_options(const app *self, const well_model *model, watching *w, lg
     w->rate_known = app_given(self, "rate") || model->rate > 0;
     w->rate = app_given(self, "rate") ? values.rate : model->rate > 0 ? model->rate : 1.0;
     if (!w->rate_known)
-        app_warn(self, "the model does not know its sampling rate: seconds stand for samples (see --rate)");
+        app_warn(self, "the model has no sampling rate: options in seconds count samples instead (see "
+                       "--rate)");
     if (app_given(self, "rate") && model->rate > 0 && fabs(values.rate / model->rate - 1) > 1e-3)
         app_warn(self, "the model was trained at %.6g Hz, not %.6g Hz", model->rate, values.rate);
     lg_monitor_options_init(o);
@@ -247,7 +250,7 @@ static int set_options(const app *self, const well_model *model, watching *w, lg
         return app_usage(self, "--votes %llu of --votes-of %llu", (unsigned long long)values.votes,
                          (unsigned long long)values.votes_of);
     if (app_given(self, "hop") && !samples_of(values.hop, w->rate, 1, model->window, &o->hop))
-        return app_usage(self, "--hop %.6g: from one sample (%.6g s) to a window (%.6g s)", values.hop,
+        return app_usage(self, "--hop %.6g: allowed are one sample (%.6g s) to a window (%.6g s)", values.hop,
                          1 / w->rate, model->window / w->rate);
     if (!samples_of(values.bridge, w->rate, 0, 4e9, &o->bridge))
         return app_usage(self, "--bridge %.6g: at most 4e9 samples", values.bridge);
@@ -345,26 +348,23 @@ static int run(app *self) {
 const app_command watch_command = {
     .name = "watch",
     .arguments = "MODEL.h5",
-    .summary = "Judge a feed of samples, window by window, in fixed memory",
+    .summary = "Judge a feed of samples window by window, in fixed memory",
     .details =
-        "A line of the feed is a sample: a number for each channel of the model, separated by commas, "
-        "semicolons or blanks, with a first column of seconds or without one. The first lines tell which; "
-        "later "
-        "lines with another number of columns are malformed. Blank lines, lines of names and comments (#) "
-        "are "
-        "skipped. Empty fields and nan are lost samples. Without times a line that cannot be read is a lost "
-        "sample too; with times it is left out, and the times tell which samples are missing. A last line "
-        "without an end may be cut: its sample is lost.\n"
-        "A time that jumps is believed when three more samples go on from there; else its line is malformed. "
-        "A feed whose times do not have the model's sampling rate is refused; --rate HZ takes it as it is: "
-        "windows of as many samples, on a grid of HZ.\n"
-        "A verdict is printed as soon as its window is complete: time of its last sample, class, score, "
-        "votes for an alarm among the last windows, samples missing, alarm. Of a long gap the first windows "
-        "are printed, the others counted. The summary follows at the end, after Ctrl-C too (exit code 130). "
-        "With --json each is one object on a line of its own.\n"
-        "With --crack-at: the time to detection is that from T to the end of the first window not of the "
-        "first class while the alarm stands (the time of its last sample and one interval); false alarms are "
-        "those that begin before T, and days before T are those of judged windows.",
+        "A line of the feed is a sample: one number for each channel of the model, separated by commas, "
+        "semicolons or blanks. A first column of seconds is optional; the first lines show whether there is "
+        "one. Later lines with another number of columns are malformed. Blank lines, lines of names and "
+        "comments (#) are skipped. Empty fields and nan are lost samples. Without times an unreadable line "
+        "is a lost sample too. With times it is skipped, and the times show which samples are missing. A "
+        "last line without a line end may be cut; its sample is lost.\nA time that jumps is accepted when "
+        "three more samples continue from it; otherwise its line is malformed. A feed whose times do not "
+        "have the model's sampling rate is refused. --rate HZ accepts it unchanged: windows have the same "
+        "number of samples, on a grid of HZ.\nA verdict is printed as soon as its window is complete: time "
+        "of its last sample, class, score, votes for an alarm among the last windows, samples missing, "
+        "alarm. For a long gap only the first windows are printed; the others are counted. The summary "
+        "follows at the end, also after Ctrl-C (exit code 130). With --json each verdict and the summary is "
+        "one object on its own line.\nWith --crack-at the time to detection runs from T to the end of the "
+        "first window that is not of the first class while the alarm is on (the time of its last sample "
+        "plus one interval). Alarms that begin before T are false; days before T count judged windows only.",
     .options = watch_options,
     .values = &values,
     .arguments_min = 1,

@@ -52,7 +52,7 @@ static double steps_between(const watching *self, double from, double to) {
 /* The clock was set, or the feed was away for longer than is worth filling: begins anew after a window that
  * is lost as a whole. */
 static void begin_anew(watching *self, double time) {
-    app_warn(self->app, "the time goes from %.15g s to %.15g s: the feed begins anew there", self->now, time);
+    app_warn(self->app, "the time goes from %.15g s to %.15g s: the feed restarts there", self->now, time);
     const uint64_t window = self->bench.model->window;
     self->tally.absent += window;
     set_clock(self, time - (double)(window + 1) / self->rate);
@@ -257,12 +257,13 @@ static bool check_rate(watching *self) {
         self->refused = true;
         (void)app_fail(
             self->app, LG_FILE,
-            "the times of the feed say %.4g samples a second, the model was trained at %.4g: resample "
-            "the feed, or force it with --rate %.4g (windows of as many samples, shorter or longer)",
+            "the times of the feed give %.4g samples a second, the model was trained at %.4g: resample the "
+            "feed, or force it with --rate %.4g (windows of the same number of samples, so shorter or "
+            "longer)",
             1 / interval, self->rate, 1 / interval);
         return false;
     }
-    app_warn(self->app, "the times of the feed say %.4g samples a second, --rate %.4g: its grid is kept",
+    app_warn(self->app, "the times of the feed give %.4g samples a second; the grid of --rate %.4g is used",
              1 / interval, self->rate);
     t->follow = false;
     t->usual = fmax(1, ceil(steps - rate_tolerance));

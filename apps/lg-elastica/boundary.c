@@ -57,7 +57,7 @@ static int fix_rotation(const app *self, double wanted, boundary *out) {
         const double other = nearest + (wanted > nearest ? 2 * pi : -2 * pi);
         return app_usage(self,
                          "--rotation: %.12g does not lead from the first angle to the second; the nearest "
-                         "that do are %.12g and %.12g",
+                         "rotations that do are %.12g and %.12g",
                          wanted, nearest, other);
     }
     out->count = 1;
@@ -91,7 +91,7 @@ int boundary_read(const app *self, const boundary_values *values, const lg_elast
     const bool angles = app_given(self, "theta0") || app_given(self, "thetaN");
     *out = (boundary){.problem = *problem};
     if (family && angles)
-        return app_usage(self, "either --case with --x, or --theta0 with --thetaN, not both");
+        return app_usage(self, "--case with --x and --theta0 with --thetaN cannot be given together");
     if (!family && !angles)
         return app_usage(self, "no boundary conditions: give --case and --x, or --theta0 and --thetaN");
     int code = boundary_ends(self, values, &out->problem);

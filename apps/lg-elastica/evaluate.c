@@ -17,9 +17,10 @@ static const char *const part_names[] = {"all", "train", "test", NULL};
 
 static const app_option evaluate_options[] = {
     APP_ROW_CHOICE(evaluate_values, part, "part", part_names,
-                   "all (default), or the train or test part of the data that the model was trained on"),
+                   "Curves to use: all (default), or the train or test part of the data that the model was "
+                   "trained on"),
     APP_ROW_TEXT(evaluate_values, plot, "plot", "FILE.svg|.png",
-                 "Draw ten curves, true and learned, their tangents, and the mean error along the beam"),
+                 "Draw ten curves, true and learned, with their tangents and the mean error along the beam"),
     APP_ROW_END};
 
 static evaluate_values values;
@@ -119,8 +120,8 @@ static int choose(const app *self, const lg_surrogate_run *run, const lg_elastic
         return APP_EXIT_OK;
     }
     if (strcmp(run->data_sha256, data->sha256) != 0 || run->curves != data->curves.count)
-        return app_usage(self, "--part %s: %s was not trained on %s but on other data",
-                         part_names[values.part], self->arguments[0], self->arguments[1]);
+        return app_usage(self, "--part %s: %s was trained on other data than %s", part_names[values.part],
+                         self->arguments[0], self->arguments[1]);
     const bool train = values.part == PART_TRAIN;
     const lg_status status = split_curves(run, train ? chosen : &other, train ? &other : chosen, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, self->arguments[0]);
@@ -133,11 +134,13 @@ static int choose(const app *self, const lg_surrogate_run *run, const lg_elastic
 static void warn_of_range(const app *self, const evaluation *e) {
     if (e->beyond.count > 0)
         app_warn(self,
-                 "%zu of %zu curves lie outside the range that %s was trained on (boundary conditions up to "
-                 "%.3g away; the trained ones are at most %.3g apart): expect large errors there",
+                 "%zu of %zu curves lie outside the training range of %s (boundary conditions up to %.3g "
+                 "away; those of the training part are at most %.3g apart): expect large errors there",
                  e->beyond.count, e->chosen.count, self->arguments[0], e->beyond.largest, e->beyond.reach);
     if (e->file->run.continuous != e->curves->continuous)
-        app_warn(self, "%s was trained on %s values, %s holds %s ones: the errors contain their difference",
+        app_warn(self,
+                 "%s was trained on %s values, but %s holds %s ones: the errors include their "
+                 "difference",
                  self->arguments[0], e->file->run.continuous ? "continuous" : "discrete", self->arguments[1],
                  e->curves->continuous ? "continuous" : "discrete");
 }
@@ -193,9 +196,10 @@ const app_command evaluate_command = {
     .arguments = "MODEL.h5 DATA.h5",
     .summary = "Judge a network on curves",
     .details =
-        "The mean squared error is over curves, nodes and components: the inner 4(N - 1) for the discrete "
-        "network, all 4(N + 1) for the others. Boundary conditions farther from the trained ones than "
-        "twice their largest gap lie outside the trained range and are counted.",
+        "The mean squared error is over curves, nodes and components: 4(N - 1) inner ones for the discrete "
+        "network, all 4(N + 1) for the others. Boundary conditions lie outside the training range if they "
+        "are farther from those of the training part than twice the largest gap among these. The command "
+        "counts them.",
     .options = evaluate_options,
     .values = &values,
     .arguments_min = 2,

@@ -18,18 +18,18 @@ static const char *const families_names[] = {"both-ends", "right-end", "both", N
 
 static const app_option generate_options[] = {
     APP_ROW_CHOICE(generate_values, kind, "case", families_names,
-                   "both-ends (default), right-end, or both, one after the other"),
+                   "both-ends (default), right-end, or both in succession"),
     APP_ROW_SIZE(generate_values, count, "count", "n", 1, 100000000, "Curves of each case (default 1000)"),
     APP_ROW_SIZE(generate_values, intervals, "intervals", "N", LG_ELASTICA_MIN_INTERVALS,
-                 LG_ELASTICA_MAX_INTERVALS, "Equal intervals between the nodes (default 50)"),
+                 LG_ELASTICA_MAX_INTERVALS, "Number of equal intervals between the nodes (default 50)"),
     APP_ROW_REAL(generate_values, gap, "gap", "G", 0, 0.499,
                  "Distance kept from x = 0, pi and 2 pi, in units of pi (default 0.01)"),
     APP_ROW_FLAG(generate_values, continuous, "continuous",
-                 "Values of the differential equation at the nodes, not of the discrete problem"),
+                 "Store solutions of the differential equation at the nodes instead of discrete solutions"),
     APP_ROW_POSITIVE(generate_values, length, "length", "L", "Length of the beam (default 3.3)"),
     APP_ROW_POSITIVE(generate_values, stiffness, "stiffness", "EI", "Bending stiffness (default 10)"),
-    APP_ROW_REALS(generate_values, q0, "q0", "X,Y", "Where the beam begins (default 0,0)", NULL),
-    APP_ROW_REALS(generate_values, qN, "qN", "X,Y", "Where it ends (default 3,0)", NULL),
+    APP_ROW_REALS(generate_values, q0, "q0", "X,Y", "Start of the beam (default 0,0)", NULL),
+    APP_ROW_REALS(generate_values, qN, "qN", "X,Y", "End of the beam (default 3,0)", NULL),
     APP_ROW_TEXT(generate_values, out, "out", "FILE", "The HDF5 file to write"),
     APP_ROW_TEXT(generate_values, plot, "plot", "FILE.svg|.png", "Draw some of the curves"),
     APP_ROW_END};
@@ -112,11 +112,11 @@ static int run(app *self) {
 
 const app_command generate_command = {
     .name = "generate",
-    .summary = "Equilibria over a range of boundary conditions, as training data",
+    .summary = "Compute equilibria over a range of boundary conditions as training data",
     .details =
-        "The file holds /boundary (n, 8) as q0, v0, qN, vN, /q and /v (n, N + 1, 2), /energy, /x and "
-        "/case (n). x is equidistant over [G pi, (1 - G) pi] and its mirror image, ends included: half of "
-        "the curves in each.",
+        "The file holds /boundary (n, 8) as q0, v0, qN, vN, /q and /v (n, N + 1, 2), /energy, /x and /case "
+        "(n). x takes equidistant values in [G pi, (1 - G) pi] and in its mirror image, ends included; each "
+        "interval has half of the curves.",
     .options = generate_options,
     .values = &values,
     .run = run};

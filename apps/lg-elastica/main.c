@@ -6,7 +6,7 @@ int main(int argc, char **argv) {
                                predict_command, search_command,   {.run = NULL}};
     return app_main(
         argc, argv, "lg-elastica",
-        "Euler's elastica: equilibria of a planar inextensible beam clamped at both ends, sets of "
-        "them, and networks that give the curve from the boundary conditions.",
+        "Euler's elastica: equilibria of a planar inextensible beam clamped at both ends, data sets of "
+        "equilibria, and networks that compute the curve from the boundary conditions.",
         commands);
 }

@@ -17,13 +17,16 @@ typedef struct predict_values {
 
 static const app_option predict_options[] = {
     BOUNDARY_ROWS(predict_values, where, "the family trained on", "that of the training data"),
-    APP_ROW_REALS(predict_values, s, "s", "S,S,...", "Arc lengths, rising, in [0, L]", "use --points"),
+    APP_ROW_REALS(predict_values, s, "s", "S,S,...", "Ascending arc lengths in [0, L]", "use --points"),
     APP_ROW_SIZE(predict_values, points, "points", "n", 2, 10000000,
-                 "Instead: equidistant ones, the ends included (default: the nodes trained on)"),
+                 "Number of equidistant arc lengths, ends included, instead of --s (default: the nodes of "
+                 "the training data)"),
     APP_ROW_FLAG(predict_values, solve, "solve",
-                 "Solve the beam too, and report the largest difference at the nodes"),
+                 "Also solve the beam, and report the largest difference at the nodes"),
     APP_ROW_TEXT(predict_values, out, "out", "FILE.csv", "Columns s, x, y, vx, vy, theta"),
-    APP_ROW_TEXT(predict_values, plot, "plot", "FILE.svg|.png", "Draw it; with --solve, beside the solution"),
+    APP_ROW_TEXT(predict_values, plot, "plot", "FILE.svg|.png",
+                 "Draw the curve; with --solve, the solution "
+                 "too"),
     APP_ROW_END};
 
 static predict_values values;
@@ -71,9 +74,9 @@ static int read_points(const app *self, prediction *p) {
                   : i + 1 == p->points ? length
                                        : length * ((double)i / (double)(p->points - 1));
         if (!(p->s[i] >= 0 && p->s[i] <= length))
-            return app_usage(self, "--s: %.12g is outside [0, %.12g], the beam", p->s[i], length);
+            return app_usage(self, "--s: %.12g is outside the beam [0, %.12g]", p->s[i], length);
         if (i > 0 && p->s[i] < p->s[i - 1])
-            return app_usage(self, "--s: %.12g stands after %.12g; they must rise", p->s[i], p->s[i - 1]);
+            return app_usage(self, "--s: %.12g follows %.12g; arc lengths must ascend", p->s[i], p->s[i - 1]);
     }
     return APP_EXIT_OK;
 }
@@ -244,8 +247,8 @@ static int predict(const app *self, prediction *p) {
                         : (double)NAN;
     if (!is_inside(p))
         app_warn(self,
-                 "outside the trained range: the nearest trained boundary conditions are %.3g away, and they "
-                 "are at most %.3g apart: the curve may mean nothing",
+                 "outside the training range: the nearest boundary conditions of the training part are %.3g "
+                 "away, and these are at most %.3g apart; the curve may be meaningless",
                  p->distance, p->reach);
     code = compute(self, p);
     if (code == APP_EXIT_OK) code = check_finite(self, p);
@@ -259,7 +262,9 @@ static int run(app *self) {
     const app_path paths[] = {{"out", values.out, APP_WRITTEN}, {"plot", values.plot, APP_DRAWN}};
     lg_error error = {LG_OK, ""};
     lg_surrogate_file file;
-    if (values.s.count > 0 && values.points > 0) return app_usage(self, "either --s or --points");
+    if (values.s.count > 0 && values.points > 0)
+        return app_usage(self, "--s and --points cannot be given "
+                               "together");
     int code = app_check_outputs(self, paths, LG_COUNT(paths));
     if (code != APP_EXIT_OK) return code;
     const lg_status status = lg_model_load_surrogate(self->context, self->arguments[0], NULL, &file, &error);
@@ -278,11 +283,12 @@ static int run(app *self) {
 const app_command predict_command = {
     .name = "predict",
     .arguments = "MODEL.h5",
-    .summary = "The learned curve of one pair of boundary conditions",
+    .summary = "Compute the learned curve for given boundary conditions",
     .details =
-        "`distance` is that of the boundary conditions from the nearest trained ones, `reach` the largest "
-        "one among these; a query farther than twice the reach is not `inside`, and a warning says so. "
-        "`seconds`: the median of a few evaluations in double precision.",
+        "`distance` is the distance of the boundary conditions from the nearest ones of the training part. "
+        "`reach` is the largest such distance among the training part itself. A query farther than twice "
+        "the reach is not `inside`, and there is a warning. `seconds`: the median of a few evaluations in "
+        "double precision.",
     .options = predict_options,
     .values = &values,
     .arguments_min = 1,

@@ -19,16 +19,16 @@ static const app_option solve_options[] = {
     APP_ROW_POSITIVE(solve_values, length, "length", "L", "Length of the beam (default 3.3)"),
     APP_ROW_POSITIVE(solve_values, stiffness, "stiffness", "EI", "Bending stiffness (default 10)"),
     APP_ROW_SIZE(solve_values, intervals, "intervals", "N", LG_ELASTICA_MIN_INTERVALS,
-                 LG_ELASTICA_MAX_INTERVALS, "Equal intervals between the nodes (default 50)"),
+                 LG_ELASTICA_MAX_INTERVALS, "Number of equal intervals between the nodes (default 50)"),
     APP_ROW_POSITIVE(solve_values, gradient_tol, "gradient-tol", "TOL",
-                     "Largest gradient, relative to the largest term it is summed from (default 1e-12)"),
+                     "Largest gradient, relative to the largest term in its sum (default 1e-12)"),
     APP_ROW_FLAG(solve_values, continuous, "continuous",
                  "Solve the differential equation instead of the discrete problem"),
     APP_ROW_FLAG(solve_values, branches, "branches",
-                 "All minima that a search from many starts finds, by rising energy"),
-    APP_ROW_FLAG(solve_values, saddles, "saddles", "With --branches or --sweep: saddles too"),
+                 "Search from many starts, and list all minima found by rising energy"),
+    APP_ROW_FLAG(solve_values, saddles, "saddles", "With --branches or --sweep: list saddles too"),
     APP_ROW_SIZE(solve_values, sweep, "sweep", "n", 2, 10000,
-                 "The branches of a case at n equidistant x in [0, 2 pi], followed from one to the next"),
+                 "Follow the branches of a case over n equidistant x in [0, 2 pi]"),
     APP_ROW_TEXT(solve_values, out, "out", "FILE.csv",
                  "Write the curves (columns s, x, y, vx, vy, theta), or the sweep"),
     APP_ROW_TEXT(solve_values, plot, "plot", "FILE.svg|.png",
@@ -191,7 +191,7 @@ static int solve_branches(const app *self, const boundary *where, const lg_elast
                         error.message[0] != '\0' ? error.message : lg_status_sentence(status));
     int code = APP_EXIT_OK;
     if (found.count == 0) code = app_fail(self, LG_NO_CONVERGENCE, "no equilibrium was found");
-    if (found.full) app_warn(self, "there may be more branches than were kept");
+    if (found.full) app_warn(self, "there may be more branches than those listed");
     if (code == APP_EXIT_OK) {
         char **labels = branch_labels(&found);
         code = write_outputs(self, found.list, found.count, true, labels);
@@ -209,12 +209,13 @@ static int solve_branches(const app *self, const boundary *where, const lg_elast
 static int check_options(const app *self) {
     static const char *const alone[] = {"x", "theta0", "thetaN", "rotation"};
     const bool many = values.branches || values.sweep > 0;
-    if (values.branches && values.sweep > 0) return app_usage(self, "either --branches or --sweep, not both");
+    if (values.branches && values.sweep > 0)
+        return app_usage(self, "--branches and --sweep cannot be given "
+                               "together");
     if (values.continuous && many)
-        return app_usage(self, "--continuous: %s works on the discrete problem only",
+        return app_usage(self, "--continuous: %s is for the discrete problem only",
                          values.branches ? "--branches" : "--sweep");
-    if (values.saddles && !many)
-        return app_usage(self, "--saddles: works together with --branches or --sweep only");
+    if (values.saddles && !many) return app_usage(self, "--saddles: needs --branches or --sweep");
     for (size_t i = 0; values.sweep > 0 && i < LG_COUNT(alone); i++)
         if (app_given(self, alone[i]))
             return app_usage(self, "--%s: --sweep already varies the x of a case", alone[i]);
@@ -252,11 +253,11 @@ static int run(app *self) {
 
 const app_command solve_command = {
     .name = "solve",
-    .summary = "Equilibria of a clamped beam",
-    .details = "The solution is the minimum of the bending energy with the ends, end angles and rotation "
-               "given: for a case the global one. Exit code 4 when no acceptable minimum is found; "
-               "--branches lists what there is, over the three rotations nearest to none unless "
-               "--rotation chooses one.",
+    .summary = "Solve for equilibria of a clamped beam",
+    .details = "The solution is a minimum of the bending energy for the given ends, end angles and "
+               "rotation; for a case it is the global minimum. The exit code is 4 when no acceptable "
+               "minimum is found. --branches lists all minima found for the three rotations nearest to "
+               "zero, or for the one of --rotation.",
     .options = solve_options,
     .values = &values,
     .run = run};

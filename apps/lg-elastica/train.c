@@ -23,7 +23,7 @@ static const lg_hyperparameter preset_rows[] = {
      .size = sizeof preset_given,
      .value_name = preset_name,
      .value = "best",
-     .meaning = "Where options that are not given come from, the published settings or ours"},
+     .meaning = "Source of options that are not given: the published settings or ours"},
     LG_HYPERPARAMETER_END};
 
 static const app_settings settings[] = {{lg_surrogate_hyperparameters, &run, sizeof run},
@@ -111,8 +111,8 @@ lg_status split_curves(const lg_surrogate_run *from, part_indices *train, part_i
         *test = indices_of(parts, n, LG_PART_TEST);
     } else {
         (void)app_error(error, status,
-                        "fractions %g for training and %g for testing: more than 1 together, or no curve of "
-                        "%zu to train on",
+                        "fractions %g for training and %g for testing: they add up to more than 1, or leave "
+                        "none of %zu curves for training",
                         from->train_fraction, from->test_fraction, n);
     }
     free(parts);
@@ -143,7 +143,9 @@ static lg_status hold_out(void *user, app *self, double validation, lg_error *er
     free(parts);
     free(whole.list);
     if (status == LG_OK && state->train.count > 0 && state->test.count > 0) return LG_OK;
-    return app_error(error, LG_INVALID_ARGUMENT, "--validation %g of %zu curves leaves a part without any",
+    return app_error(error, LG_INVALID_ARGUMENT,
+                     "--validation %g: of %zu curves, the training or "
+                     "validation part has none",
                      validation, whole.count);
 }
 

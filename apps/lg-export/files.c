@@ -326,7 +326,7 @@ static lg_status look_at(const place *at, size_t file, lg_error *error) {
         else if (!is_ours(at, file, path))
             status = app_error(error, LG_FILE,
                                "%s: exists and was not written by lg-export for the name %s: choose another "
-                               "folder, one for each model",
+                               "folder for each model",
                                path, at->source->options->name);
     }
     free(path);

@@ -85,9 +85,9 @@ static void tell_chain(export_source *source, unsigned k) {
                           "              p_i' = xi_i x p_i + eta_i x q_i; xi_i is the angular velocity");
     export_units(source, "those of the training data");
     lg_text_add(about,
-                "time          as in the dt of the training data\n"
-                "manifold      A state off it is not projected: value, gradient and field are those of the\n"
-                "              formulas as they stand, and steps keep the distance but for rounding.\n");
+                "time          as in the dt of the training data\nmanifold      A state off the manifold is "
+                "not projected: value, gradient and field are those\n              of the formulas, and "
+                "steps keep the distance up to rounding.\n");
 }
 
 static void tell_separable(export_source *source, unsigned n) {
@@ -142,9 +142,8 @@ static const family_kind kinds[] = {
      .arrive = "arrive_ts2",
      .manifold = true,
      .steps = {[LG_SCHEME_RKMK] = true, [LG_SCHEME_COMMUTATOR_FREE] = true},
-     .others = " is no explicit Lie group scheme, which a step on T*S^2 needs: cf4, rkmk4, lie-euler and "
-               "other rows "
-               "or files of the kinds rkmk and commutator-free can be had"},
+     .others = " is not an explicit Lie group scheme, which a step on T*S^2 needs: use cf4, rkmk4, "
+               "lie-euler, or another scheme or file of the kinds rkmk and commutator-free"},
     {.family = "separable",
      .copies = "n",
      .tell = tell_separable,
@@ -152,8 +151,8 @@ static const family_kind kinds[] = {
      .arrive = "arrive",
      .steps = {[LG_SCHEME_RKMK] = true, [LG_SCHEME_COMMUTATOR_FREE] = true, [LG_SCHEME_SPLITTING] = true},
      .ambient = true,
-     .others = " is not explicit: stormer-verlet, rk4, cf4 and other rows or files of the kinds splitting, "
-               "runge-kutta, rkmk and commutator-free can be had"},
+     .others = " is not explicit: use stormer-verlet, rk4, cf4, or another scheme or file of the kinds "
+               "splitting, runge-kutta, rkmk and commutator-free"},
 };
 
 static const family_kind *kind_of(const lg_hamiltonian *model) {
@@ -167,7 +166,7 @@ static const char *scheme_name(const lg_scheme *scheme) {
 }
 
 static void tell_scheme(text *about, const lg_scheme *scheme, size_t evaluations) {
-    lg_text_add(about, "step          %s, order %d: costs %zu evaluation%s of the %s\n", scheme_name(scheme),
+    lg_text_add(about, "step          %s, order %d: %zu evaluation%s of the %s\n", scheme_name(scheme),
                 scheme->order, evaluations, evaluations == 1 ? "" : "s",
                 scheme->kind == LG_SCHEME_SPLITTING ? "gradient of V" : "field");
 }
@@ -178,7 +177,7 @@ static void tell_test_set(text *about, const lg_hamiltonian_file *file) {
     if (test->trajectories > 0)
         lg_text_add(about, "test set      %llu trajectories", (unsigned long long)test->trajectories);
     else
-        lg_text_add(about, "test set      one whose size is not on record");
+        lg_text_add(about, "test set      of unknown size");
     if (test->points > 0) lg_text_add(about, " of %llu points", (unsigned long long)test->points);
     if (test->t_end > 0) lg_text_add(about, " over a time of %g", test->t_end);
     lg_text_add(about, "%s\n", own ? ": THE TRAINING DATA" : "");
@@ -198,7 +197,7 @@ static void tell_test(text *about, const lg_hamiltonian_file *file) {
     if (file->has_e1 || file->has_e2)
         tell_test_set(about, file);
     else
-        lg_text_add(about, "test set      none is on record\n");
+        lg_text_add(about, "test set      none recorded\n");
 }
 
 static void tell_training(text *about, const lg_hamiltonian_file *file) {
@@ -242,8 +241,8 @@ static void tell(export_source *source, const lg_hamiltonian_file *file, size_t 
     if (source->condition > 1.0)
         lg_text_add(
             &source->about,
-            "condition     %.1f: the mass matrix is nearly singular, rounding is so much larger, and so is "
-            "the\n              tolerance\n",
+            "condition     %.1f: the mass matrix is nearly singular, which multiplies rounding and the\n    "
+            "          tolerance by this factor\n",
             source->condition);
     tell_training(&source->about, file);
     export_provenance(source, &file->provenance, file->run.data_sha256);

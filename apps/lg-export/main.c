@@ -18,21 +18,25 @@ static const char *const dtypes[] = {"f64", "f32", NULL};
 static const app_option options[] = {
     APP_ROW_TEXT(
         export_values, out, "out", "DIR",
-        "Folder for the five files (required); made when there is none. One that holds a file of these names "
-        "is refused unless lg-export wrote it for the same NAME: each model needs a folder of its own"),
+        "Folder for the five files (required); it is made if it does not exist. A folder that holds a file "
+        "of these names is refused unless lg-export wrote it for the same NAME: each model needs its own "
+        "folder"),
     APP_ROW_TEXT(export_values, name, "name", "NAME",
-                 "What the functions and files are called (default: the file's name as a C identifier)"),
-    APP_ROW_CHOICE(export_values, dtype, "dtype", dtypes, "Numbers of the code: f64 (default) or f32"),
+                 "Name of the functions and files (default: the model file's name as a C identifier)"),
+    APP_ROW_CHOICE(export_values, dtype, "dtype", dtypes,
+                   "Type of the numbers in the code: f64 (default) "
+                   "or f32"),
     APP_ROW_TEXT(
         export_values, scheme, "scheme", "NAME",
         "Hamiltonians: the scheme of NAME_step, a name of liegrad/integrators.h or a YAML file (default: "
         "cf4 for chains, stormer-verlet otherwise)"),
     APP_ROW_TEXT(export_values, functions, "functions", "NAMES",
-                 "Programs: which functions, separated by commas (default: all)"),
+                 "Programs: functions to export, separated by commas (default: all)"),
     APP_ROW_FLAG(export_values, compact, "compact",
-                 "Programs: small tensors in loops too, not as straight code: less code, slower"),
+                 "Programs: write loops for small tensors too, not straight code; this gives less, slower "
+                 "code"),
     APP_ROW_SIZE(export_values, golden, "golden", "N", 1, 1000,
-                 "Golden vectors of the self-test (default 8)"),
+                 "Number of golden vectors of the self-test (default 8)"),
     APP_ROW_END};
 
 /* What is being exported, and what has to be freed. */
@@ -60,7 +64,7 @@ static int choose_name(job *j) {
     } else {
         j->name = export_name_from(j->options.file);
         if (j->name == NULL)
-            return app_usage(j->self, "no name can be made from '%s': use --name", j->options.file);
+            return app_usage(j->self, "'%s' gives no valid name: use --name", j->options.file);
     }
     j->options.name = j->name;
     return APP_EXIT_OK;
@@ -75,7 +79,7 @@ static int unknown_scheme(const job *j) {
     text names = {.data = NULL};
     for (size_t i = 0; i < lg_scheme_count(); i++)
         lg_text_add(&names, "%s%s", i > 0 ? ", " : "", lg_scheme_at(i)->name);
-    const int code = app_usage(j->self, "--scheme: '%s' is no file (.yaml, .yml, .json) and not one of %s",
+    const int code = app_usage(j->self, "--scheme: '%s' is neither a file (.yaml, .yml, .json) nor one of %s",
                                given.scheme, names.data);
     lg_text_destroy(&names);
     return code;
@@ -117,7 +121,7 @@ static const struct {
                                 [LG_MODEL_DETECTOR] = {"detector", export_detector}};
 
 static int refuse_scheme(const job *j) {
-    return app_usage(j->self, "--scheme: only Hamiltonians have steps, and %s is a %s", j->path, j->kind);
+    return app_usage(j->self, "--scheme is for Hamiltonians; %s is a %s", j->path, j->kind);
 }
 
 static int build_model(job *j) {
@@ -159,8 +163,7 @@ static int build(job *j) {
     export_read_units(j->self, j->path, &j->options);
     const bool program = strcmp(kind, "program") == 0;
     if (!program && (given.functions != NULL || given.compact))
-        return app_usage(j->self, "--functions and --compact are for programs, and %s is a %s", j->path,
-                         kind);
+        return app_usage(j->self, "--functions and --compact are for programs; %s is a %s", j->path, kind);
     if (!program && strcmp(kind, "classifier") != 0) return build_model(j);
     j->kind = program ? "program" : "classifier";
     if (given.scheme != NULL) return refuse_scheme(j);
@@ -235,7 +238,7 @@ static int export_run(app *self) {
              .source = {.condition = 1}};
     j.source.options = &j.options;
     if (given.out == NULL || given.out[0] == '\0')
-        return app_usage(self, "--out is missing: which folder is for the files?");
+        return app_usage(self, "--out is missing: give a folder for the files");
     int code = choose_name(&j);
     if (code == APP_EXIT_OK) code = choose_scheme(&j);
     if (code == APP_EXIT_OK) code = build(&j);
@@ -256,19 +259,14 @@ int main(int argc, char **argv) {
          .summary = "Writes a trained model as C99 sources for control code",
          .details =
              "NAME.h, NAME.c, NAME_weights.c, NAME_test.c and a Makefile: code that is C99 and C++14, needs "
-             "libm, and memcpy, memmove and memset where a compiler puts them in, allocates nothing, keeps "
-             "no state and works in the caller's memory. NAME.h says what the "
-             "functions take, in which order and units.\n\n"
-             "All models but programs: NAME_eval, NAME_grad (gradient or Jacobian by the inputs). "
-             "Hamiltonians: "
-             "NAME_hamiltonian, NAME_field, NAME_step. Surrogates of beams: NAME_curve. Detectors and "
-             "classifiers: "
-             "NAME_classify, NAME_class_names; classifiers also NAME_features. Programs: NAME_<function> for "
-             "each of "
-             "their functions.\n\n"
-             "In the folder: make test compares with golden vectors of the library, make stack checks the "
-             "stated "
-             "bound on the stack, make size shows what the objects take.",
+             "libm (and memcpy, memmove and memset if the compiler inserts them), allocates nothing, keeps "
+             "no state and works in the caller's memory. NAME.h describes the inputs and outputs of the "
+             "functions with order and units.\n\nAll models except programs: NAME_eval, NAME_grad (gradient "
+             "or Jacobian by the inputs). Hamiltonians: NAME_hamiltonian, NAME_field, NAME_step. Surrogates "
+             "of beams: NAME_curve. Detectors and classifiers: NAME_classify, NAME_class_names; classifiers "
+             "also NAME_features. Programs: NAME_<function> for each of their functions.\n\nIn the folder, "
+             "make test compares the code with golden vectors of the library, make stack checks the stated "
+             "bound on the stack, and make size shows the size of the objects.",
          .options = options,
          .values = &given,
          .arguments_min = 1,

@@ -41,18 +41,18 @@ static bool begins_a_word(const char *name, const char *code) {
 const char *export_name_problem(const char *name) {
     char word[LONGEST + 3];
     const size_t length = strlen(name);
-    if (length == 0 || length > LONGEST) return "it has to have 1 to 40 letters";
-    if (!is_letter(name[0])) return "it has to begin with a letter";
+    if (length == 0 || length > LONGEST) return "it must have 1 to 40 letters";
+    if (!is_letter(name[0])) return "it must begin with a letter";
     for (const char *s = name; *s != '\0'; s++)
         if (!in_word(*s)) return "letters, digits and _ only";
     if (strstr(name, "__") != NULL || name[length - 1] == '_') return "__ and a _ at the end are reserved";
     (void)snprintf(word, sizeof word, " %s ", name);
-    if (strstr(reserved, word) != NULL) return "the word is taken by C or C++";
+    if (strstr(reserved, word) != NULL) return "the word is reserved by C or C++";
     if (strcmp(name, "run") == 0 || strcmp(name, "golden") == 0)
-        return "the self-test uses words that begin so";
-    if (strcasecmp(name, "makefile") == 0) return "make takes such files for its own";
+        return "the self-test uses words with this beginning";
+    if (strcasecmp(name, "makefile") == 0) return "make treats files of this name as its own";
     for (const export_fragment *f = export_fragments; f->name != NULL; f++)
-        if (begins_a_word(name, f->text)) return "the code uses words that begin so";
+        if (begins_a_word(name, f->text)) return "the code uses words with this beginning";
     return NULL;
 }
 

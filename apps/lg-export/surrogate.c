@@ -113,10 +113,9 @@ static void add_inputs(text *to, const lg_surrogate *model) {
     lg_text_add(to, "inputs x (%d):\n", NUMBERS + place);
     if (place) lg_text_add(to, "  %-24s  arc length from q0, 0 to L, unit of length of L\n", "s");
     lg_text_add(to,
-                "  %-24s  where the beam begins, unit of length of L; anywhere: places count from there\n"
-                "  %-24s  unit tangent there, no unit\n"
-                "  %-24s  where it ends, unit of length of L\n"
-                "  %-24s  unit tangent there\n",
+                "  %-24s  start of the beam, unit of length of L; positions are relative to it\n  %-24s  "
+                "unit tangent there, no unit\n  %-24s  end of the beam, unit of length of L\n  %-24s  unit "
+                "tangent there\n",
                 "q0x q0y", "v0x v0y", "qNx qNy", "vNx vNy");
     if (model->options.kind == LG_SURROGATE_DISCRETE)
         lg_text_add(
@@ -138,7 +137,7 @@ static void add_inputs(text *to, const lg_surrogate *model) {
 /* Least and largest of each boundary condition seen in training. */
 static void add_range(text *to, const lg_surrogate_file *file) {
     if (file->trained_count == 0) return;
-    lg_text_add(to, "Trained on %zu boundary conditions; outside their range the curve means nothing:\n",
+    lg_text_add(to, "Trained on %zu boundary conditions; outside their range the curve is meaningless:\n",
                 file->trained_count);
     for (size_t c = 0; c < NUMBERS; c++) {
         double least = INFINITY, largest = -INFINITY;
@@ -148,7 +147,7 @@ static void add_range(text *to, const lg_surrogate_file *file) {
         }
         lg_text_add(to, "  %-4s  %.6g to %.6g\n", boundary_names[c], least, largest);
     }
-    if (file->run.model.options.mirror) lg_text_add(to, "  or the mirror image of such ones (all y -> -y)\n");
+    if (file->run.model.options.mirror) lg_text_add(to, "  or their mirror images (all y -> -y)\n");
     lg_text_add(to, "  Distance of (qN - q0, v0, vN) from the nearest trained ones: at most about %.3g.\n\n",
                 2 * lg_surrogate_reach(file->trained, file->trained_count));
 }
@@ -159,8 +158,8 @@ static void add_options(text *to, const lg_surrogate *model) {
         const char *sentence;
     } rows[] = {
         {model->options.normalise, "x-coordinates of the ends enter scaled"},
-        {model->options.mirror, "curves of mirrored boundary conditions are mirror images, exactly"},
-        {model->options.boundary, "the angles at both ends are the given ones by construction"},
+        {model->options.mirror, "curves of mirrored boundary conditions are exact mirror images"},
+        {model->options.boundary, "the angles at both ends equal the given ones by construction"},
     };
     lg_text_add(to, "network       %s, %u layers of %u after the first, embedding %u, %s\n",
                 lg_net_kind_name(model->net.kind), model->net.layers, model->net.hidden, model->net.embedding,

@@ -28,9 +28,9 @@ void export_window_code(export_source *source, const export_window *window) {
                 "scores overflow.\n * %s */\n",
                 name, window->scores, name, window->score_words);
     lg_text_add_named(&source->declarations, name,
-                      "int NAME_classify(const NAME_real *window, NAME_real *probability, NAME_real *work);\n"
-                      "/* What the classes are called, UTF-8. */\n"
-                      "extern const char *const NAME_class_names[NAME_CLASSES];\n");
+                      "int NAME_classify(const NAME_real *window, NAME_real *probability, NAME_real "
+                      "*work);\n/* Names of the classes, UTF-8. */\nextern const char *const "
+                      "NAME_class_names[NAME_CLASSES];\n");
 }
 
 int export_window_check(const app *self, const export_source *source, double largest) {
@@ -46,8 +46,8 @@ int export_window_check(const app *self, const export_source *source, double lar
 void export_window_words(export_source *source, const export_window *window) {
     text *to = &source->about;
     lg_text_add(to,
-                "inputs x (%llu): a window of %u channels and %u samples each, x[channel * %u + sample].\n"
-                "As recorded: scaling is done inside.\n",
+                "inputs x (%llu): a window of %u channels and %u samples each, x[channel * %u + "
+                "sample].\nThe window is as recorded: the code scales it.\n",
                 (unsigned long long)window->channels * window->length, window->channels, window->length,
                 window->length);
     for (uint32_t i = 0; i < window->channels; i++)
@@ -69,7 +69,7 @@ void export_window_score_words(text *to, const export_window *window) {
         lg_text_add(to, "accuracy      %.6g on the test part, F1 %.6g (mean over the classes)\n",
                     window->accuracy, window->f1);
     else
-        lg_text_add(to, "accuracy      not known: no test part\n");
+        lg_text_add(to, "accuracy      unknown: there was no test part\n");
 }
 
 /* ---- golden vectors ---- */

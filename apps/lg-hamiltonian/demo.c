@@ -256,7 +256,7 @@ static int run(app *host) {
 
 const app_command demo_command = {.name = "demo",
                                   .arguments = NULL,
-                                  .summary = "Learn the spherical pendulum, judge it, draw it",
+                                  .summary = "Learn, test and draw the spherical pendulum",
                                   .details = NULL,
                                   .options = demo_options,
                                   .values = &values,

@@ -14,13 +14,13 @@ typedef struct evaluate_values {
 } evaluate_values;
 
 static const app_option evaluate_options[] = {
-    APP_ROW_REAL(
-        evaluate_values, tolerance, "tolerance", "TOL", 1e-14, 1e-2,
-        "Of the adaptive integration of the learned flow (default 1e-10; 1e-13 for linear potentials)"),
+    APP_ROW_REAL(evaluate_values, tolerance, "tolerance", "TOL", 1e-14, 1e-2,
+                 "Tolerance of the adaptive integration of the learned flow (default 1e-10; 1e-13 for linear "
+                 "potentials)"),
     APP_ROW_TEXT(evaluate_values, plot, "plot", "FILE.svg|.png",
                  "Draw the test trajectories, true and predicted"),
     APP_ROW_FLAG(evaluate_values, record, "record",
-                 "Write E1, E2 and what they were measured on into MODEL.h5, where lg-export finds them"),
+                 "Write E1, E2 and the test set's description into MODEL.h5, where lg-export finds them"),
     APP_ROW_END};
 
 static evaluate_values values;
@@ -162,7 +162,7 @@ static int run(app *self) {
 const app_command evaluate_command = {
     .name = "evaluate",
     .arguments = "MODEL.h5 TEST.h5",
-    .summary = "Judge a model on test trajectories: E1 and E2",
+    .summary = "Measure a model's errors E1 and E2 on test trajectories",
     .details = "E1: mean of the squared differences over trajectories, coordinates and points, t = 0 "
                "included; the learned "
                "flow is integrated by an adaptive method of order 5 from the file's first points. E2: mean "

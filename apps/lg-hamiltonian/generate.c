@@ -20,7 +20,7 @@ static const app_option generate_options[] = {
     APP_ROW_POSITIVE(generate_values, t_end, "t-end", "T",
                      "Time of the last point (default: the scene's t_end, or 0.1)"),
     APP_ROW_REAL(generate_values, noise, "noise", "EPS", 0, 1e300,
-                 "Size of the noise on all points but the first (default 0)"),
+                 "Size of the noise on all points except the first (default 0)"),
     APP_ROW_CHOICE(generate_values, noise_kind, "noise-kind", noise_names,
                    "normal: EPS N(0,1); uniform: EPS U(-1,1)"),
     APP_ROW_TEXT(generate_values, out, "out", "FILE", "The HDF5 file to write"),
@@ -88,7 +88,8 @@ static int run(app *self) {
     code = generate(self, &scene);
     if (code == APP_EXIT_OK && scene.has_initial)
         app_warn(self,
-                 "%s: line %u: `initial` is one start and was not used; the starts were drawn (key `starts`)",
+                 "%s: line %u: `initial` is a single start and was not used; the starts were drawn (key "
+                 "`starts`)",
                  self->arguments[0], scene.line_initial);
     lg_scene_destroy(&scene);
     return code;
@@ -98,10 +99,10 @@ const app_command generate_command = {.name = "generate",
                                       .arguments = "SCENE.yaml",
                                       .summary = "Sample trajectories of a scene from random starts",
                                       .details = "The file holds /t (M), /trajectories (N, M, d) and "
-                                                 "/hamiltonian (N), the energies at the starts. The "
-                                                 "system, its parameters and how starts are drawn are the "
-                                                 "scene's. The starts depend on the seed and their "
-                                                 "number only, not on N, M, T or the noise.",
+                                                 "/hamiltonian (N), the energies at the starts. The scene "
+                                                 "gives the system, its parameters and the distribution of "
+                                                 "starts. Each start depends on the seed and its number "
+                                                 "only, not on N, M, T or the noise.",
                                       .options = generate_options,
                                       .values = &values,
                                       .arguments_min = 1,

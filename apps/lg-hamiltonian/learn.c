@@ -95,7 +95,7 @@ lg_status mean_squared_error(const lg_context *context, const lg_hamiltonian_pro
 
 void warn_of_inputs(const app *self, const char *path, const lg_trajectories *data) {
     if (data->inputs != NULL)
-        app_warn(self, "%s: /inputs (%u a step) are not used: the learned system has none", path,
+        app_warn(self, "%s: /inputs (%u a step) are not used: the learned system has no inputs", path,
                  data->input_dim);
 }
 

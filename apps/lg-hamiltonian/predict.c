@@ -20,10 +20,10 @@ static const app_option predict_options[] = {
     APP_ROW_SIZE(predict_values, points, "points", "M", 2, 1e8,
                  "Equidistant points, the start included (default 101)"),
     APP_ROW_REAL(predict_values, tolerance, "tolerance", "TOL", 1e-14, 1e-2,
-                 "Of the adaptive integration (default 1e-10; 1e-13 for linear potentials)"),
+                 "Tolerance of the adaptive integration (default 1e-10; 1e-13 for linear potentials)"),
     APP_ROW_TEXT(predict_values, out, "out", "FILE", "Write the trajectory as a data file (HDF5)"),
     APP_ROW_TEXT(predict_values, plot, "plot", "FILE.svg|.png",
-                 "Draw it; with a scene, beside the true trajectory"),
+                 "Draw the trajectory; with a scene, the true one too"),
     APP_ROW_END};
 
 static predict_values values = {.points = 101};
@@ -181,7 +181,7 @@ static int run(app *self) {
     lg_hamiltonian_file file;
     const bool scene = self->argument_count > 1;
     if (scene == (values.initial.count > 0))
-        return app_usage(self, scene ? "either --initial or a scene, not both"
+        return app_usage(self, scene ? "--initial and a scene cannot be given together"
                                      : "no start: give --initial X,X,... or a scene");
     const app_path paths[] = {{"out", values.out, APP_WRITTEN}, {"plot", values.plot, APP_DRAWN}};
     int code = app_check_outputs(self, paths, LG_COUNT(paths));
@@ -196,10 +196,10 @@ static int run(app *self) {
 
 const app_command predict_command = {.name = "predict",
                                      .arguments = "MODEL.h5 [SCENE.yaml]",
-                                     .summary = "Follow the learned flow from a start",
-                                     .details = "The start is --initial, or the scene's `initial`; with a "
-                                                "scene the true flow is integrated too and the "
-                                                "largest difference reported.",
+                                     .summary = "Integrate the learned flow from a start",
+                                     .details = "The start is --initial, or the scene's `initial`. With a "
+                                                "scene the true flow is integrated too, and the largest "
+                                                "difference is reported.",
                                      .options = predict_options,
                                      .values = &values,
                                      .arguments_min = 1,

@@ -7,7 +7,7 @@ lg_status scene_family(const lg_scene *scene, const lg_hamiltonian_family **fami
     const lg_hamiltonian_family *found = lg_hamiltonian_family_for(scene->system, &copies);
     if (found == NULL)
         return app_error(error, LG_UNSUPPORTED,
-                         "no Hamiltonian is learned for system %s, which lg-simulate integrates",
+                         "lg-hamiltonian cannot learn system %s; lg-simulate can integrate it",
                          lg_system_name(scene->system));
     if (copies > LG_HAMILTONIAN_MAX_COPIES)
         return app_error(error, LG_UNSUPPORTED, "%zu %ss are more than the %d that can be learned", copies,

@@ -204,15 +204,15 @@ static int run(app *host) {
 const app_command study_command = {.name = "study",
                                    .arguments = "GRID.yaml",
                                    .summary = "Train over a grid of integrators, N, M, noise and repeats",
-                                   .details = "One row a run: integrator, substeps, N, M, eps, penalty, "
-                                              "repeat, seed, loss (mean squared error at the end), E1, "
-                                              "E2, seconds of training, epochs. Rows are appended as runs "
-                                              "end, so that the same command continues after "
+                                   .details = "The table has one row for each run: integrator, substeps, N, "
+                                              "M, eps, penalty, repeat, seed, loss (mean squared error at "
+                                              "the end), E1, E2, seconds of training, epochs. Rows are "
+                                              "appended as runs end; the same command continues after "
                                               "Ctrl-C or a crash. Runs of one repeat share initial weights, "
-                                              "starts, noise and test trajectories. Printed: "
+                                              "starts, noise and test trajectories. The command prints "
                                               "medians over the repeats of each cell and geometric means "
-                                              "over all runs of an integrator. The default seed is "
-                                              "the grid's.",
+                                              "over all runs of an integrator. The default seed is the "
+                                              "grid's.",
                                    .options = picture_options,
                                    .values = &values,
                                    STUDY_SHARED,

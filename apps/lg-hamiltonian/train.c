@@ -12,7 +12,8 @@ static struct { bool newton; } given;
 static const app_option options[] = {
     APP_ROW_FLAG(
         __typeof__(given), newton, "newton",
-        "After the last epoch, full-batch Newton iterations to the floor of the loss (few parameters)"),
+        "After the last epoch, minimise the loss to rounding by Newton's method on all data (for few "
+        "parameters)"),
     APP_ROW_END};
 
 static lg_hamiltonian_run run; /* all that determines the result */
@@ -144,13 +145,10 @@ const app_command train_command = {
     .arguments = "DATA.h5",
     .summary = "Fit a Hamiltonian to trajectories",
     .details = "Loss: the mean squared difference over trajectories, coordinates and points (the first "
-               "excluded) between the "
-               "data and what the integrator predicts with the learned Hamiltonian; with --penalty, plus the "
-               "penalty. The `loss` "
-               "reported is this mean squared error (no penalty) over all trajectories of the file, in "
-               "double precision, at the "
-               "parameters that are written; `running_loss` is the last epoch's mean over its "
-               "batches.\n\nCtrl-C saves a "
+               "excluded) between the data and the integrator's prediction with the learned Hamiltonian; "
+               "with --penalty, plus the penalty. The `loss` reported is this mean squared error (no "
+               "penalty) over all trajectories of the file, in double precision, at the parameters that are "
+               "written; `running_loss` is the last epoch's mean over its batches.\n\nCtrl-C saves a "
                "checkpoint and ends with exit code 130; --resume continues to the same bits.",
     .options = options,
     .values = &given,

@@ -105,9 +105,9 @@ static int fail_gradient(const simulation *sim, const lg_scheme *scheme, lg_stat
     if (status == LG_CANCELLED) return app_fail(sim->self, status, "stopped by Ctrl-C");
     if (status == LG_UNSUPPORTED) {
         const char *form = lg_system_form(sim->system);
-        return app_usage(
-            sim->self, "--gradient: '%s' cannot be differentiated on %s%s%s; rkmk4, for one, can",
-            scheme->name, lg_system_name(sim->system), form != NULL ? ", " : "", form != NULL ? form : "");
+        return app_usage(sim->self, "--gradient: '%s' cannot be differentiated on %s%s%s; rkmk4 can",
+                         scheme->name, lg_system_name(sim->system), form != NULL ? ", " : "",
+                         form != NULL ? form : "");
     }
     return app_fail(sim->self, status, "--gradient with %s: %s", scheme->name, sentence);
 }

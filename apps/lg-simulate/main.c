@@ -14,11 +14,12 @@ static const app_option options[] = {
     APP_ROW_TEXT(simulate_values, scheme, "scheme", "FILE.yaml", "A method of your own: a tableau in a file"),
     APP_ROW_SIZE(simulate_values, steps, "steps", "N", 1, 1e12, "N equal steps"),
     APP_ROW_REAL(simulate_values, tol, "tol", "T", 1e-15, 1,
-                 "Adaptive steps: tolerance T |y_i| + A of component i (default 1e-9)"),
+                 "Adaptive steps; the tolerance of component i is T |y_i| + A (default 1e-9)"),
     APP_ROW_REAL(simulate_values, atol, "atol", "A", 0, 1e300,
-                 "The absolute part of the tolerance (default 1e-4 T, at least 1e-16: for states of size 1)"),
+                 "Absolute part of the tolerance (default 1e-4 T, at least 1e-16, which fits states of size "
+                 "1)"),
     APP_ROW_SIZE(simulate_values, max_steps, "max-steps", "N", 1, 1e12,
-                 "Adaptive steps to give up after, rejected ones included (default 1000000)"),
+                 "Stop after this many adaptive steps, rejected ones included (default 1000000)"),
     APP_ROW_POSITIVE(simulate_values, t_end, "t-end", "T", "Final time (default: the scene's t_end)"),
     APP_ROW_REAL(simulate_values, theta, "theta", "TH", 0, 1,
                  "Parameter of slgi, midpoint and implicit-euler: order 2 at 1/2, else 1"),
@@ -27,21 +28,24 @@ static const app_option options[] = {
     APP_ROW_TEXT(simulate_values, out, "out", "FILE.h5", "Write the trajectory (HDF5)"),
     APP_ROW_SIZE(simulate_values, points, "points", "M", 2, 1e8,
                  "Equidistant points of the trajectory, the start included (default 501, or steps)"),
-    APP_ROW_REALS(simulate_values, times, "times", "T,T,...", "Times of the trajectory instead, ascending",
+    APP_ROW_REALS(simulate_values, times, "times", "T,T,...",
+                  "Ascending times of the trajectory, instead "
+                  "of --points",
                   "use --points"),
     APP_ROW_TEXT(simulate_values, plot, "plot", "FILE.svg|.png", "Draw the run, or the diagram"),
     APP_ROW_CHOICE(simulate_values, plot_kind, "plot-kind", picture_kinds,
                    "overview, components, invariants, manifold, steps or 3d (default overview)"),
     APP_ROW_FLAG(simulate_values, work_precision, "work-precision",
-                 "Error at the final time against CPU time and evaluations, several methods"),
+                 "Compare methods: error at the final time against CPU time and evaluations"),
     APP_ROW_TEXT(simulate_values, methods, "methods", "NAME,NAME,...",
-                 "Those of --work-precision (default: a selection of those that apply)"),
+                 "Methods of --work-precision (default: a selection of those that apply)"),
     APP_ROW_SIZE(simulate_values, levels, "levels", "L", 1, 40,
-                 "Runs of each method in --work-precision: steps times 2, tolerances by 10 (default 9)"),
+                 "Runs of each method in --work-precision; from run to run steps are doubled, tolerances "
+                 "divided by 10 (default 9)"),
     APP_ROW_TEXT(simulate_values, gradient, "gradient", "W,W,...|@FILE",
-                 "J = sum W_k y_k at the end, its gradient in the start and in the parameters"),
+                 "Compute J = sum W_k y_k at the end and its gradient by the start and the parameters"),
     APP_ROW_SIZE(simulate_values, checkpoints, "checkpoints", "C", 1, 1e12,
-                 "States kept for --gradient (default: the square root of the number of steps)"),
+                 "Number of states stored for --gradient (default: the square root of the number of steps)"),
     APP_ROW_END};
 
 /* ---- options against each other ---- */
@@ -62,12 +66,12 @@ static int check_options(const app *self) {
     for (size_t i = 0; i < LG_COUNT(dependencies); i++) {
         const dependency *d = &dependencies[i];
         if (!app_given(self, d->option) || app_given(self, d->other) == d->needs) continue;
-        if (d->needs) return app_usage(self, "--%s: works together with --%s only", d->option, d->other);
-        return app_usage(self, "either --%s or --%s, not both", d->option, d->other);
+        if (d->needs) return app_usage(self, "--%s: needs --%s", d->option, d->other);
+        return app_usage(self, "--%s and --%s cannot be given together", d->option, d->other);
     }
     if (!values.work_precision && app_given(self, "steps") &&
         (app_given(self, "tol") || app_given(self, "atol")))
-        return app_usage(self, "either --steps (equal steps) or --tol (adaptive ones), not both");
+        return app_usage(self, "--steps (equal steps) and --tol (adaptive steps) cannot be given together");
     return APP_EXIT_OK;
 }
 
@@ -89,7 +93,9 @@ static int check_control(const simulation *sim, const lg_scheme *scheme) {
         app_given(self, "tol") || app_given(self, "atol")
             ? app_usage(self, "--tol: '%s' does not estimate its error: give --steps N; adaptive methods: %s",
                         scheme->name, names)
-            : app_usage(self, "'%s' needs --steps N, as it does not estimate its error; adaptive methods: %s",
+            : app_usage(self,
+                        "'%s' needs --steps N, because it does not estimate its error; adaptive "
+                        "methods: %s",
                         scheme->name, names);
     free(names);
     return code;
@@ -107,8 +113,8 @@ static int fail_run(const simulation *sim, const plan *how, const outcome *run, 
     case LG_STEP_TOO_SMALL:
         return app_fail(
             self, status,
-            "%s: the step size fell below the resolution of time at t = %.17g, after %zu steps; try a "
-            "larger --tol or --atol",
+            "%s: the step size fell below the rounding of time at t = %.17g, after %zu steps; try a larger "
+            "--tol or --atol",
             name, run->t, run->stats.steps);
     case LG_TOO_MANY_STEPS:
         return app_fail(self, status, "%s: reached only t = %g in %zu steps (--max-steps); t_end is %g", name,
@@ -196,7 +202,7 @@ static int run_with(const simulation *sim, const lg_scheme *scheme) {
 static int run_once(const simulation *sim) {
     method what = {.file = NULL};
     if (values.plot != NULL && values.plot_kind == PICTURE_SPACE && !has_space_picture(sim))
-        return app_usage(sim->self, "--plot-kind 3d: there is no picture in space of %s",
+        return app_usage(sim->self, "--plot-kind 3d: there is no spatial picture of %s",
                          lg_system_name(sim->system));
     int code = method_choose(sim, &what);
     if (code == APP_EXIT_OK) code = run_with(sim, &what.scheme);
@@ -265,17 +271,17 @@ static char *describe_methods(void) {
     text = list_methods(text, is_cotangent, " for the heavy top as cotangent or quadratic. Adaptive: ");
     return list_methods(
         text, is_adaptive,
-        "; they take --steps too.\nEvery number of the state counts as of size 1 in the absolute "
-        "tolerance: --atol for other sizes.");
+        "; they take --steps too.\nThe default absolute tolerance fits numbers of size 1 in the state; set "
+        "--atol for other sizes.");
 }
 
 int main(int argc, char **argv) {
     char *details = describe_methods();
     const app_command command[] = {
         {.arguments = "SCENE.yaml",
-         .summary = "Integrates a mechanical system with a classical or a Lie group method: "
-                    "final state, invariants, distance from the manifold, pictures, "
-                    "work-precision diagrams, gradients.",
+         .summary = "Integrates a mechanical system with a classical or a Lie group method. Gives the final "
+                    "state, invariants, the distance from the manifold, pictures, work-precision diagrams "
+                    "and gradients.",
          .details = details,
          .options = options,
          .values = &values,

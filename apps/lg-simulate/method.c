@@ -28,7 +28,8 @@ static const struct {
 } demands[LG_SCHEME_KINDS] = {
     [LG_SCHEME_SPLITTING] = {is_separable, "it splits H = K(p) + V(q), and the system is not separable"},
     [LG_SCHEME_SLGI] = {on_cotangent_group,
-                        "it lives on the cotangent bundle of SO(3): heavy-top, form cotangent or quadratic"},
+                        "it needs a system on the cotangent bundle of SO(3): heavy-top, form cotangent or "
+                        "quadratic"},
     [LG_SCHEME_VARIATIONAL] = {has_variational_step, "the system has no discrete Lagrangian of its own"}};
 
 const char *method_obstacle(const simulation *sim, const lg_scheme *scheme) {
@@ -54,7 +55,7 @@ static int refuse_if_impossible(const simulation *sim, const char *option, const
     if (obstacle == NULL) return APP_EXIT_OK;
     char *names = method_names(sim, true, false);
     const char *form = lg_system_form(sim->system);
-    const int code = app_usage(sim->self, "--%s: '%s' does not apply to %s%s%s: %s; those that do: %s",
+    const int code = app_usage(sim->self, "--%s: '%s' does not apply to %s%s%s: %s; methods that apply: %s",
                                option, scheme->name, lg_system_name(sim->system), form != NULL ? ", " : "",
                                form != NULL ? form : "", obstacle, names);
     free(names);
@@ -104,10 +105,10 @@ static int set_dexpinv(const simulation *sim, lg_scheme *scheme) {
     uint64_t terms = 0;
     const bool exact = strcmp(text, "exact") == 0;
     if (!exact && (!app_parse_size(text, &terms) || terms > LG_DEXPINV_MAX))
-        return app_usage(sim->self, "--dexpinv: '%s' is neither `exact` nor a whole number of at most %d",
-                         text, LG_DEXPINV_MAX);
+        return app_usage(sim->self, "--dexpinv: '%s' is neither `exact` nor a whole number up to %d", text,
+                         LG_DEXPINV_MAX);
     if (scheme->kind != LG_SCHEME_RKMK || scheme->ambient)
-        return app_usage(sim->self, "--dexpinv: '%s' does not use it; the RKMK methods do", scheme->name);
+        return app_usage(sim->self, "--dexpinv: '%s' has no dexpinv; RKMK methods have one", scheme->name);
     scheme->dexpinv = exact ? LG_DEXPINV_EXACT : (int)terms;
     return APP_EXIT_OK;
 }

@@ -242,8 +242,8 @@ static void print_table(const diagram *d) {
                                         "CPU s",  "error",     "order"};
     app_table table;
     (void)printf(
-        "%s to t = %g. Error: |y - reference|/|reference| at the end; the reference is %s at tolerance %.0e, "
-        "%.1e from\nits run at tolerance %.0e.\n\n",
+        "%s to t = %g. Error: |y - reference|/|reference| at the end; the reference is %s at tolerance "
+        "%.0e;\nit differs by %.1e from a run at tolerance %.0e.\n\n",
         lg_system_name(d->sim->system), d->sim->t_end, d->reference, d->tol, d->reference_error, 10 * d->tol);
     app_table_begin(&table, LG_COUNT(heads));
     for (size_t i = 0; i < LG_COUNT(heads); i++) app_table_cell(&table, "%s", heads[i]);

@@ -146,7 +146,7 @@ static void print_gradient(const report *what) {
     const gradient *slope = what->slope;
     char label[64];
     const size_t count = lg_system_parameter_count(sim->system);
-    (void)printf("\nJ = %.17g; its gradient in the start, on the tangent space:\n", slope->j);
+    (void)printf("\nJ = %.17g; its gradient by the start, projected onto the tangent space:\n", slope->j);
     print_blocks(sim, slope->dy0);
     (void)printf("and in the parameters:\n");
     for (size_t i = 0; i < count; i++) {

@@ -55,8 +55,8 @@ static int check_steps(const simulation *sim, const plan *how, const samples *pa
         if (sim->values->points > 0)
             return app_usage(
                 sim->self,
-                "--points: %llu points are %llu intervals, which do not divide %zu steps, and '%s' "
-                "has no dense output",
+                "--points: %llu points make %llu intervals, which do not divide %zu steps, and '%s' has no "
+                "dense output",
                 (unsigned long long)sim->values->points, (unsigned long long)sim->values->points - 1,
                 how->steps, how->scheme->name);
         return app_usage(sim->self,

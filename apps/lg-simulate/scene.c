@@ -72,7 +72,9 @@ static int choose_t_end(simulation *sim, const char *path) {
     for (size_t i = 0; i < times->count; i++)
         if (times->values[i] < 0 || times->values[i] > sim->t_end ||
             (i > 0 && times->values[i] <= times->values[i - 1]))
-            return app_usage(sim->self, "--times: %g is out of place: times must ascend and lie in [0, %g]",
+            return app_usage(sim->self,
+                             "--times: %g is not allowed there; times must ascend and lie in [0, "
+                             "%g]",
                              times->values[i], sim->t_end);
     return APP_EXIT_OK;
 }

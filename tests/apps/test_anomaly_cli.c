@@ -281,7 +281,7 @@ TEST("a test set may be a file of its own, also of a resumed training") {
     const double accuracy = json_number(result.out, "accuracy");
     assert_close(number("evaluate given.h5 fresh.h5", "accuracy"), accuracy, 0, 0);
     run("train data.h5 --test data.h5 --method logistic --out given.h5");
-    assert_says(result.err, "nothing is tested on unseen data");
+    assert_says(result.err, "there is no test on unseen data");
     run("train data.h5 --test fresh.h5 --epochs 4 --out half.h5 --stop-after 2 --checkpoint t.h5");
     json("train data.h5 --test fresh.h5 --epochs 4 --out whole.h5 --resume t.h5",
          "epochs 4, test_windows 48");

@@ -63,7 +63,7 @@ TEST("all commands take scenes with and without a start, and say what they make 
     cli_expect("lg-simulate", "scene.yaml --seed 4 --t-end 0.1", 0, "", &result);
     assert_non_null(strstr(result.err, "the start is drawn with seed 4"));
     cli_expect(lg, "generate start.yaml --trajectories 4 --points 2 --out drawn.h5", 0, "drawn.h5", &result);
-    assert_non_null(strstr(result.err, "`initial` is one start and was not used"));
+    assert_non_null(strstr(result.err, "`initial` is a single start and was not used"));
 }
 
 TEST("pictures and histories are drawn") {

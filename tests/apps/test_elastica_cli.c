@@ -281,12 +281,12 @@ TEST("a prediction is told with its place, its reach and its error") {
 
 TEST("a query that the network was not trained for is answered with a warning") {
     json("predict model.h5 --case right-end --x 2", "inside false");
-    assert_says(result.err, "warning: outside the trained range");
+    assert_says(result.err, "warning: outside the training range");
     assert_true(json_number(result.out, "distance") > 2 * json_number(result.out, "reach"));
     json("predict model.h5 --x 1 --qN 1,0", "");
     assert_says(result.err, "outside");
     json("evaluate model.h5 right.h5", "outside >20, largest_distance >0.5");
-    assert_says(result.err, "of 40 curves lie outside the range");
+    assert_says(result.err, "of 40 curves lie outside the training range");
     json("evaluate model.h5 data.h5", "outside 0");
     assert_string_equal(result.err, "");
     run("generate --count 8 --intervals 10 --continuous --out smooth.h5");

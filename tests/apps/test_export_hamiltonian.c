@@ -459,9 +459,8 @@ static void the_header_tells_the_errors(void **state) {
         "E1            1.2346e-07: mean squared error", "E2            3.4568e-04: mean |d - mean d|",
         "test set      100 trajectories of 15 points over a time of 1.5\n",
         "test SHA-256  0000000000000000000000000000000000000000000000000000000000000007\n"};
-    static const char *const bare[] = {"E1            1.2346e-07",
-                                       "test set      one whose size is not on record"};
-    static const char *const none[] = {"test set      none is on record"};
+    static const char *const bare[] = {"E1            1.2346e-07", "test set      of unknown size"};
+    static const char *const none[] = {"test set      none recorded"};
     static const char *const own[] = {"over a time of 1.5: THE TRAINING DATA"};
     char folder[64];
     (void)state;

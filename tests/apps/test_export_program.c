@@ -96,7 +96,7 @@ static void refusals(void **state) {
     cli_expect("lg-export", "refused.h5 --out r --functions value,nothing", 2,
                "the program has no function 'nothing'", &result);
     cli_expect("lg-export", "refused.h5 --out r --functions ,", 2, "none is named", &result);
-    cli_expect("lg-export", "refused.h5 --out r --scheme rk4", 2, "only Hamiltonians have steps", &result);
+    cli_expect("lg-export", "refused.h5 --out r --scheme rk4", 2, "--scheme is for Hamiltonians", &result);
     cli_expect("lg-export", "refused.h5 --out r --name dense", 2, "cannot be the name", &result);
 }
 

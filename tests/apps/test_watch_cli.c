@@ -228,7 +228,7 @@ TEST("times that jitter and drift lose no sample, and a clock that is set does n
     add_samples(true, 0, 80, 0);
     add("1e300,1,1\n-1e300,1,1\n"); /* nothing goes on from 1e300 */
     watch("", "judged 4, windows 5, malformed 2");
-    assert_says(result.err, "begins anew");
+    assert_says(result.err, "restarts");
 }
 
 TEST("values that are missing are lost samples, and other lines are malformed") {
@@ -343,10 +343,10 @@ TEST("a feed of another rate is refused before anything is judged, or forced ont
     static const struct {
         double rate, jitter;
         const char *refused;
-    } rows[] = {{50, 0, "say 50 samples a second"},
-                {2.5, 0, "say 2.5 samples a second"},
-                {5.1, 0, "say 5.1 samples a second"},
-                {4.9, 0, "say 4.9 samples a second"},
+    } rows[] = {{50, 0, "give 50 samples a second"},
+                {2.5, 0, "give 2.5 samples a second"},
+                {5.1, 0, "give 5.1 samples a second"},
+                {4.9, 0, "give 4.9 samples a second"},
                 {5.04, 0, NULL},
                 {4.96, 0, NULL},
                 {5, 0, NULL},
@@ -367,7 +367,7 @@ TEST("a feed of another rate is refused before anything is judged, or forced ont
     feed_at(50, 10000, 0);
     watch("--rate 5", "received >998, received <1002, absent 0");
     assert_close(json_number(line_of(20), "time"), 20 * 8 + 7.8, 0, 0.11);
-    assert_says(result.err, "say 50 samples a second, --rate 5");
+    assert_says(result.err, "give 50 samples a second; the grid of --rate 5");
     watch("--rate 50", "received 10000");
     feed_at(2.5, 400, 0);
     watch("--rate 5", "received 400, absent 399");
