@@ -67,9 +67,9 @@ static void drain(int from, FILE *to) {
         if (got > 0) (void)fwrite(buffer, 1, (size_t)got, to);
 }
 
-/* Runs `gnuplot script` in the folder of the script, whose standard output is the picture. Its exit status: 127 when there is none, -1
- * when it could not be started or died. The picture is written by us, whole or not at all: gnuplot does not
- * see a full disk. */
+/* Runs `gnuplot script` in the script's folder and copies its standard output, the picture. Returns the exit
+ * status: 127 if there is no gnuplot, -1 if it could not be started or died. The caller writes the picture,
+ * whole or not at all, because gnuplot does not notice a full disk. */
 static int run_gnuplot(const char *script, FILE *picture) {
     int ends[2];
     if (pipe(ends) != 0) return -1;

@@ -107,9 +107,9 @@ typedef struct study_task {
     void *user;
     /* Reads the grid, argument 0; an exit code. */
     int (*read)(void *user, app *app, study_plan *plan);
-    /* Trains and judges one run on so many threads: sets results, the last one included, and epochs. Called
-     * by several threads at once. A run whose numbers blow up is a result of the study; any other failure ends
-     * it. */
+    /* Trains and judges one run on `threads` threads: sets results, the last one included, and epochs.
+     * Several threads call it at once. A run whose numbers overflow is a result of the study; any other
+     * failure ends the study. */
     lg_status (*run)(void *user, const app *app, const study_plan *plan, uint64_t threads, study_row *row,
                      lg_error *error);
     /* The line of progress after a run. */

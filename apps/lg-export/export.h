@@ -1,8 +1,8 @@
-/* lg-export: what its files have in common.
+/* lg-export: declarations that its files share.
  *
- * A model becomes five files. What is the same for every model of a kind is C code below code/ (fragments,
- * built into the executable as text); what differs between models is data: sizes, tables and weights, written
- * by the functions here.
+ * A model becomes five files. Code that is the same for every model of a kind are fragments: C files below
+ * code/, built into the executable as text. Sizes, tables and weights differ between models; the functions
+ * here write them.
  *
  *   NAME.h          inputs, outputs, units, order, provenance, error; sizes; prototypes
  *   NAME.c          constants and tables of this model, then the fragments its kind needs
@@ -11,11 +11,11 @@
  *   Makefile
  *
  * Fragments are C99 and C++14 without warnings (-Wall -Wextra -Wconversion -Wdouble-promotion -Wshadow
- * -pedantic), need libm alone, and follow these rules: functions static but for those of NAME.h, no static
+ * -pedantic), need libm alone, and follow these rules: functions are static except those of NAME.h, no static
  * variables; `real` is the type; numbers are REAL(0.5), with a point; mathematics by macros of the prelude
- * (EXP, SIN, COS, SQRT, FABS, FLOOR, ATAN2, ...); sizes and indices int; RESTRICT for restrict; arrays in
- * `work` alone, but for a few numbers; no recursion, no function pointers; loops over tables instead of
- * unrolled code. The letters NAME_ at the beginning of a word become the model's name and _.
+ * (EXP, SIN, COS, SQRT, FABS, FLOOR, ATAN2, ...); sizes and indices int; RESTRICT for restrict; arrays only
+ * in `work`, except a few numbers; no recursion, no function pointers; loops over tables instead of unrolled
+ * code. The letters NAME_ at the beginning of a word become the model's name and _.
  */
 #ifndef LG_EXPORT_H
 #define LG_EXPORT_H
@@ -29,25 +29,25 @@
 
 typedef lg_text text;
 
-/* ---- what a kind of model gives ---- */
+/* ---- options and sources ---- */
 
 enum { EXPORT_UNITS = 256 };
 
 typedef struct export_options {
     const char *name;            /* a C identifier */
     const char *file;            /* the model's file, without its folder */
-    char sha256[LG_SHA256_TEXT]; /* of that file, "" where it is not known */
+    char sha256[LG_SHA256_TEXT]; /* of that file, "" if unknown */
     lg_dtype dtype;              /* of the exported code */
     const lg_scheme *scheme;     /* of Hamiltonians, never NULL there */
     const char *functions;       /* of programs: names with commas, NULL: all */
     bool compact;                /* of programs: loops instead of straight code */
     uint64_t golden;             /* golden vectors in the self-test, >= 1 */
     uint64_t seed;               /* of their inputs */
-    char input_units[EXPORT_UNITS], output_units[EXPORT_UNITS]; /* as the model's file has them, or "" */
+    char input_units[EXPORT_UNITS], output_units[EXPORT_UNITS]; /* from the model's file, or "" */
 } export_options;
 
-/* Golden vectors of the self-test. Inputs are numbers of the exported type (export_round), outputs what the
- * library computes from them in double with the stored parameters. */
+/* Golden vectors of the self-test. Inputs are numbers of the exported type (export_round). The library
+ * computes the outputs from them in double with the stored parameters. */
 typedef struct export_golden {
     size_t count;
     double *x;        /* (count, inputs) */
@@ -59,7 +59,7 @@ typedef struct export_golden {
     const char *extra_name; /* "field and step" */
 } export_golden;
 
-/* A model as C under construction; texts hold finished C with the name in place. */
+/* The C of a model under construction. The texts hold finished C with the model's name. */
 typedef struct export_source {
     const export_options *options;
     size_t inputs, outputs;
@@ -70,12 +70,12 @@ typedef struct export_source {
     size_t work;      /* NAME_WORK_SIZE, in reals, enough for every function */
     size_t stack; /* NAME_STACK_SIZE: bound on the frames of functions that call each other, in bytes, gcc and
                      clang, -O0 to -O3 */
-    size_t calls; /* so many functions, or fewer, call each other; 0: `stack` bounds the sum of all frames */
-    size_t depth; /* maps one after another; the stated tolerance is 20 eps depth condition */
-    double condition; /* 1, or by how much the model multiplies rounding, told in `about` */
-    text about; /* lines (without comment signs, any bytes) for the head of NAME.h: what it is, inputs, units,
-                   order, data, error */
-    text sizes; /* #define NAME_LINKS 1 ... for NAME.h */
+    size_t calls; /* bound on the depth of calls; 0: `stack` bounds the sum of all frames */
+    size_t depth; /* number of maps in succession; the stated tolerance is 20 eps depth condition */
+    double condition; /* 1, or the factor by which the model multiplies rounding; `about` explains it */
+    text about;       /* lines (without comment signs, any bytes) for the head of NAME.h: description, inputs,
+                   units, order, data, error */
+    text sizes;       /* #define NAME_LINKS 1 ... for NAME.h */
     text declarations; /* prototypes with comments, beside NAME_eval and NAME_grad */
     text arrays;       /* extern declarations of arrays, for NAME.c */
     text weights;      /* their definitions, for NAME_weights.c */
@@ -122,7 +122,7 @@ double export_round(const export_options *options, double value);
 double export_tolerance(const export_source *source);
 /* input_units and output_units from the attributes of /model in the file, "" where there are none. */
 void export_read_units(const app *self, const char *path, export_options *options);
-/* Lines for `about`: these, or `otherwise` where the file has none. */
+/* Lines for `about`: the file's units, or `otherwise` if the file has none. */
 void export_units(export_source *source, const char *otherwise);
 /* Lines for `about`: command line, seed, CPU and version of the training, SHA-256 of its data ("": unknown).
  */
@@ -131,33 +131,34 @@ void export_source_free(export_source *source);
 
 /* ---- golden vectors (golden.c) ---- */
 
-/* Zeroed arrays for options->golden vectors (inputs and outputs of `source` are set): jacobian and extras as
- * asked for. */
+/* Makes zeroed arrays for options->golden vectors; inputs and outputs of `source` are already set. `jacobian`
+ * and `extras` say which arrays there are besides x and y. */
 void export_golden_make(export_source *source, bool jacobian, size_t extras, const char *extra_name);
-/* Whether all are finite in the exported type and so are the squares of their norms, which the self-test
- * takes. */
+/* Whether all numbers, and the squares of their norms that the self-test computes, are finite in the exported
+ * type. */
 bool export_golden_fits(const export_source *source);
-/* Their text for NAME_test.c. */
+/* Writes the golden vectors as text for NAME_test.c. */
 void export_golden_write(const export_source *source, text *to);
 
 /* ---- code that the library writes (bundle.c) ---- */
 
-/* A function of a model's program, and what it is called in C. Those of NAME_eval and NAME_grad stand first:
- * NAME.h declares them by itself. */
+/* A function of a model's program, and its name in C. Those of NAME_eval and NAME_grad stand first; NAME.h
+ * always declares these two. */
 typedef struct export_function {
     const char *function, *name;
     size_t work; /* out: reals of work memory that it needs */
-    bool hidden; /* static: for fragments behind it */
+    bool hidden; /* static: for the fragments after it */
 } export_function;
-/* Adds their code, arrays and weights. `compact` as lg_c_options has it. An exit code; a sentence has been said on failure. */
+/* Adds the code, arrays and weights of the functions; `compact` as in lg_c_options. Returns an exit code; on
+ * failure a message has been printed. */
 int export_bundle(const app *self, export_source *source, lg_program *program, bool compact,
                   export_function *functions, size_t count);
-/* lg_program_set_parameter of all of them, rounded. */
+/* Replaces all parameters of the program by their rounded values. */
 lg_status export_round_parameters(const export_source *source, lg_program *program);
 
 /* ---- kinds (one file each; golden vectors included) ---- */
 
-/* An exit code; a sentence has been said on failure. `source->options` is set by the caller. */
+/* These return an exit code; on failure a message has been printed. The caller sets `source->options`. */
 int export_hamiltonian(const app *self, const lg_model_file *file, export_source *source);
 int export_surrogate(const app *self, const lg_model_file *file, export_source *source);
 int export_detector(const app *self, const lg_model_file *file, export_source *source);
@@ -168,9 +169,10 @@ int export_whole(const app *self, const char *path, lg_program *program, export_
 
 /* ---- the model's name in C (name.c) ---- */
 
-/* Why it cannot be the name, or NULL: not a C identifier, a word of C, C++ or the code, too long. */
+/* Returns the reason why `name` is refused, or NULL: not a C identifier, a word of C, C++ or the code, too
+ * long. */
 const char *export_name_problem(const char *name);
-/* One made from the file's name (without folder), to be freed; NULL when none can be. */
+/* A name made from the file's name (without folder), to be freed; NULL if that is impossible. */
 char *export_name_from(const char *file);
 
 /* ---- files (files.c) ---- */
@@ -178,11 +180,11 @@ char *export_name_from(const char *file);
 enum { EXPORT_FILES = 5 };
 /* NAME.h, NAME.c, NAME_weights.c, NAME_test.c, Makefile; freed with free. */
 char *export_file_name(const export_options *options, size_t file);
-/* The five files in folder `out`: composed in memory, written to a temporary folder, renamed. A folder that
- * does not exist or is empty gets all or none; in another one these five are replaced one by one when all are
- * written, and only where they are free or begin with the line by which lg-export marks its files for this
- * name. A model of numbers that are not finite, or whose golden vectors are not, is refused. An exit code; a
- * sentence has been said on failure. */
+/* Writes the five files to folder `out`: they are composed in memory, written to a temporary folder and
+ * renamed. A folder that does not exist or is empty gets all five or none. In any other folder the five are
+ * replaced one by one after all are written. An existing file is replaced only if it begins with the line by
+ * which lg-export marks its files for this name. A model with numbers or golden vectors that are not finite
+ * is refused. Returns an exit code; on failure a message has been printed. */
 int export_write(const app *self, const export_source *source, const char *out);
 
 #endif

@@ -1,5 +1,5 @@
-/* Learned Hamiltonians as C: value, gradient, field and one step of a scheme, which are functions of the model's
- * program; code/hamiltonian has what stands around them. */
+/* Learned Hamiltonians as C: value, gradient, field and one step of a scheme. These are functions of the
+ * model's program; code/hamiltonian has the code around them. */
 #include "lg-export/export.h"
 
 #include <math.h>

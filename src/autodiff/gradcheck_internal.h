@@ -17,8 +17,7 @@ typedef struct lg_plant {
         struct lg_plant *plant;
     } wrong;
 } lg_plant;
-/* The plant stays where it is as long as its exchange is used. LG_INVALID_ARGUMENT: there is no such operation.
- */
+/* The plant must not move while its exchange is in use. LG_INVALID_ARGUMENT: there is no such operation. */
 lg_status lg_plant_open(lg_plant *plant, const lg_gradcheck_plant *chosen);
 
 /* Whether function and options can be checked. */

@@ -1,4 +1,4 @@
-/* An operation: one row of the table (op_table.h). Shape rule, forward, vjp, jvp and C of an operation stand together.
+/* An operation: one row of the table (op_table.h). Its shape rule, forward, vjp, jvp and C stand together.
  *
  * Shape rule and forward know neither tape nor program: they get shapes, values, attributes and scratch
  * memory, and serve both. The vjp and jvp are written with operations on a tape, so they can be
@@ -122,15 +122,16 @@ struct lg_op {
     lg_instead (*instead)(const lg_known *known);
     /* Terms of its longest sum, for error bounds; 0: numbers are moved only. NULL: 1. */
     size_t (*terms)(const lg_shape *const *in, const lg_attr *attr, const lg_shape *shape);
-    /* A plan makes one step of y = sigma(x W + b), a layer, where nobody else takes the product: of a row that
-     * says so of its inputs, and a row behind it that is sigma, an lg_activation in attr->i[0]. */
+    /* A plan fuses y = sigma(x W + b), a layer, into one step if nothing else uses the product. The first
+     * row, for whose inputs begins_layer is true, is the product; the row after it, with ends_layer, is
+     * sigma, an lg_activation in attr->i[0]. */
     bool (*begins_layer)(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr);
     bool ends_layer;
     /* The evaluation as C (op_c.h); it sees shapes and attributes, no values. NULL: as `element` says. */
     void (*write_c)(struct lg_c *c, const lg_evaluation *e);
 };
 
-/* A row used instead of another one where derivatives are taken or scalar code is made: for planted errors. */
+/* For planted errors: `by` replaces `row` when derivatives are taken or scalar code is made. */
 typedef struct lg_exchange {
     const lg_op *row, *by; /* NULL: no row is exchanged */
 } lg_exchange;

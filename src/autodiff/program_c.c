@@ -132,8 +132,8 @@ void lg_c_options_init(lg_c_options *options) {
     *options = (lg_c_options){.size = sizeof *options, .dtype = LG_F64, .mark_unfit = true};
 }
 
-/* Bytes of the frame of a function that calls, and of a function of a fragment, gcc and clang, -O0 to -O3: clang
- * spills much of what it unrolls. */
+/* Bytes of the frame of a function that calls, and of a function of a fragment, with gcc and clang, -O0 to
+ * -O3. Clang spills many values in loops that it unrolls. */
 enum { CALLING_FRAME = 1024, FRAGMENT_FRAME = 1024 };
 
 typedef struct writing {

@@ -1,6 +1,6 @@
-/* The writer of C inside: what has been written once, and the plan that is being written. program_c_text.c has
- * the pieces, program_c_lines.c scalar code as lines, program_c_elements.c, program_c_scalars.c and
- * program_c_body.c the bodies of functions, program_c.c the whole. */
+/* Internals of the writer of C: the code that is already written, and the plan that is being written.
+ * program_c_text.c writes pieces of text, program_c_lines.c scalar code as lines, program_c_elements.c,
+ * program_c_scalars.c and program_c_body.c bodies of functions, program_c.c the whole file. */
 #ifndef LG_PROGRAM_C_H
 #define LG_PROGRAM_C_H
 
@@ -9,19 +9,19 @@
 #include "autodiff/scalars.h"
 #include "core/text.h"
 
-/* A function that stands in the code: its text with @ for its name. */
+/* A function that is already in the code: its text with @ for its name. */
 typedef struct lg_c_function {
     uint64_t hash; /* of the text */
     char *text;
     char name[96];
 } lg_c_function;
 
-/* Numbers of a table that lie together. */
+/* A contiguous piece of a table. */
 typedef struct lg_c_piece {
     size_t at, count;
 } lg_c_piece;
 
-/* A range of a plan's constants, and where it lies in the table of weights. */
+/* A range of a plan's constants, and its place in the table of weights. */
 typedef struct lg_c_range {
     size_t from, count, at;
 } lg_c_range;
@@ -32,7 +32,7 @@ typedef struct lg_c_frame {
     lg_text body;      /* statements */
     lg_c_range *range; /* by `from`, apart */
     size_t ranges, range_capacity;
-    size_t work; /* numbers of work memory, so far */
+    size_t work; /* numbers of work memory so far */
 } lg_c_frame;
 
 struct lg_c {
@@ -43,7 +43,7 @@ struct lg_c {
     lg_status status;
     lg_error *error;
     lg_text code;                   /* fragments and functions */
-    const lg_c_fragment **fragment; /* that stand there */
+    const lg_c_fragment **fragment; /* already in `code` */
     size_t fragments, fragment_capacity;
     lg_c_function *function;
     size_t functions, function_capacity;
@@ -55,8 +55,9 @@ struct lg_c {
     size_t indices, index_capacity;
     lg_c_piece *table; /* of the indices */
     size_t tables, table_capacity;
-    /* What bounds the stack: functions of plans that call each other, now and at most; functions of fragments that
-     * do, at most; bytes of the largest function of an operation, which calls fragments alone. */
+    /* For the bound on the stack: the depth of calls between functions of plans, now and at most; the largest
+     * depth of calls between functions of fragments; bytes of the largest function of an operation, which
+     * calls fragments only. */
     size_t nesting, most_nesting, most_chain, largest;
     lg_c_frame *frame;
     const lg_tensor_step *step;
@@ -69,7 +70,7 @@ struct lg_c {
 bool lg_c_fail(lg_c *c, lg_status status, const char *format, ...) __attribute__((format(printf, 3, 4)));
 void lg_c_fail_memory(lg_c *c);
 bool lg_c_good(lg_c *c); /* no failure so far, texts included */
-/* Room for `needed` elements of `size` bytes; what is new is zero. */
+/* Makes room for `needed` elements of `size` bytes; new elements are zero. */
 bool lg_c_room(lg_c *c, void **array, size_t *capacity, size_t needed, size_t size);
 
 /* ---- pieces of text ---- */

@@ -1,7 +1,8 @@
-/* Calls: an operation of programs that runs another function of the same program. It never stands on a tape: what
- * lg_program_call records there are the operations of that function, with a mark that makes them one call in the
- * program. attr.i[0] is the number of the function, which was there before, i[1] which of its outputs the result is;
- * inputs are its inputs. In a plan attr.pointer is the plan of that function. */
+/* Calls: an operation of programs that runs another function of the same program. A tape never has it: there
+ * lg_program_call records the operations of the called function, with a mark that makes them one call in the
+ * program. attr.i[0] is the number of the called function, which must already exist, i[1] the number of the
+ * output that is the result. The inputs are those of the function. In a plan attr.pointer is the plan of that
+ * function. */
 #ifndef LG_PROGRAM_CALL_H
 #define LG_PROGRAM_CALL_H
 

@@ -1,4 +1,5 @@
-/* Family "chain": pendulum chains on (T*S^2)^n. Formulas: liegrad/hamiltonian.h. Parts q, p, v, g: (B, n, 3). */
+/* Family "chain": pendulum chains on (T*S^2)^n; liegrad/hamiltonian.h has the formulas. Parts q, p, v, g: (B,
+ * n, 3). */
 #include <math.h>
 #include <string.h>
 
