@@ -21,17 +21,17 @@ _Static_assert(sizeof(lg_dtype) == sizeof(uint32_t) && sizeof(lg_activation) == 
     LG_HYPERPARAMETER(run_, "run", #member, type, training.member, __VA_ARGS__)
 #define TRAINING_ROWS(run_, samples, methods_, VALUE)                                                        \
     TRAINING(run_, dtype, NAME, .value_name = lg_name_dtype, .methods = methods_, VALUE("f64"),              \
-             .meaning = "Numbers that the weights are trained in"),                                          \
+             .meaning = "Type of the weights in training"),                                                  \
         TRAINING(run_, epochs, U64, .low = 1, .high = 1e9, .methods = methods_, VALUE("100"), .unit = "E",   \
-                 .meaning = "Planned total of epochs, a resumed run included"),                              \
+                 .meaning = "Planned total number of epochs, those before a resume included"),               \
         TRAINING(run_, batch, U64, .low = 1, .high = 1e9, .methods = methods_, VALUE("80"), .unit = "B",     \
                  .meaning = samples " in a batch"),                                                          \
         TRAINING(run_, lr, REAL, .high = 1e3, .above = true, .methods = methods_, VALUE("1e-2"),             \
                  .unit = "R", .meaning = "Learning rate of Adam"),                                           \
         TRAINING(run_, schedule, NAME, .value_name = lg_name_schedule, .optional = true,                     \
-                 .methods = methods_, VALUE("step"), .meaning = "How the rate falls"),                       \
+                 .methods = methods_, VALUE("step"), .meaning = "Schedule of the learning rate"),            \
         TRAINING(run_, lr_step, U64, .low = 1, .high = 1e9, .methods = methods_, VALUE("50"), .unit = "E",   \
-                 .meaning = "step: epochs after which the rate is multiplied by --lr-gamma"),                \
+                 .meaning = "step: number of epochs after which the rate is multiplied by --lr-gamma"),      \
         TRAINING(run_, lr_gamma, REAL, .high = 1, .methods = methods_, VALUE("0.1"), .unit = "G",            \
                  .meaning = "step: that factor, above 0; cosine: the last factor"),                          \
         TRAINING(run_, weight_decay, REAL, .high = 1e3, .methods = methods_, VALUE("0"), .unit = "W",        \
@@ -41,12 +41,12 @@ _Static_assert(sizeof(lg_dtype) == sizeof(uint32_t) && sizeof(lg_activation) == 
         TRAINING(run_, clip, REAL, .high = 1e300, .methods = methods_, VALUE("1e-3"), .unit = "NORM",        \
                  .meaning = "Bound on the gradient's norm, 0 for none"),                                     \
         TRAINING(run_, shards, U32, .low = 1, .high = 1024, .methods = methods_, VALUE("4"), .unit = "n",    \
-                 .meaning = "Pieces of a batch that threads share; the bits of the result depend on it"),    \
+                 .meaning = "Pieces of a batch that threads work on; the bits of the result depend on it"),  \
         TRAINING(run_, seed, U64, .high = 0x1p64, .option = "", .value = "1", .unit = "S",                   \
                  .meaning = "Seed of all random numbers")
 #define VALIDATION                                                                                           \
     .high = 0.9, .unit = "F",                                                                                \
-    .meaning = "Fraction kept for validation; the best epoch's parameters are then taken"
+    .meaning = "Fraction kept for validation; the parameters of the best epoch are then the result"
 
 #define CONSTANT(text) .value = text
 #define PRESET(text)   .otherwise = "the preset's"
@@ -101,7 +101,8 @@ enum {
 const lg_hyperparameter lg_surrogate_hyperparameters[] = {
     SURROGATE("model", "network", NAME, model.options.kind, .value_name = lg_name_surrogate,
               .value = "discrete", .meaning = "Kind of network"),
-    OPTION("model", architecture, NAME, .value_name = lg_name_net, PRESET(), .meaning = "Its layers"),
+    OPTION("model", architecture, NAME, .value_name = lg_name_net, PRESET(),
+           .meaning = "Architecture of the network"),
     OPTION("model", activation, NAME, .value_name = lg_name_activation, PRESET(),
            .meaning = "Activation of the hidden layers"),
     OPTION("model", embedding, U32, .high = 1 << 20, PRESET(), .unit = "E",
@@ -111,7 +112,7 @@ const lg_hyperparameter lg_surrogate_hyperparameters[] = {
     OPTION("model", layers, U32, .high = LG_NET_MAX_LAYERS, PRESET(), .unit = "l",
            .meaning = "Hidden layers after the first one"),
     OPTION("model", normalise, FLAG, .value_name = lg_name_truth, PRESET(),
-           .meaning = "The ends' x enter as (x - c)/c, c half their distance"),
+           .meaning = "Scale the ends' x-coordinates to (x - c)/c, c half their distance"),
     OPTION("model", mirror, FLAG, .value_name = lg_name_truth, PRESET(),
            .meaning = "Learn one half of the boundary conditions; the other is its mirror image"),
     OPTION("model", boundary, FLAG, .value_name = lg_name_truth, .value = "false", .methods = ANGLE,
@@ -119,11 +120,11 @@ const lg_hyperparameter lg_surrogate_hyperparameters[] = {
     OPTION("run", gamma, REAL, .high = 1e12, PRESET(), .unit = "G", .methods = DISCRETE | CONTINUOUS,
            .meaning = "discrete: weight of node-to-node differences; continuous: of |v|^2 = 1"),
     OPTION("run", between, FLAG, .value_name = lg_name_truth, PRESET(),
-           .meaning = "Continuous network: learn from points between the nodes too, by interpolation"),
+           .meaning = "Continuous network: learn from interpolated points between the nodes too"),
     SURROGATE("run", "train_fraction", REAL, train_fraction, .high = 1, .value = "0.9", .unit = "F",
-              .meaning = "Part of the curves that is trained on"),
+              .meaning = "Part of the curves for training"),
     SURROGATE("run", "test_fraction", REAL, test_fraction, .high = 1, .value = "0.1", .unit = "F",
-              .meaning = "Part that is tested on, the same for every --train-fraction"),
+              .meaning = "Part of the curves for testing, the same for every --train-fraction"),
     TRAINING_ROWS(lg_surrogate_run, "Curves (continuous: points)", 0, PRESET),
     TRAINING(lg_surrogate_run, validation, REAL, PRESET(), VALIDATION),
     LG_HYPERPARAMETER_END};
@@ -142,16 +143,17 @@ const lg_hyperparameter lg_detector_hyperparameters[] = {
              .methods = NETWORK, .meaning = "cnn: activation of all layers"),
     DETECTOR("model", "loss", NAME, model.loss, .value_name = lg_name_detector_loss,
              .otherwise = "the preset's; cross-entropy for more than two classes", .methods = NETWORK,
-             .meaning = "cnn: what is lowered; mse is for two classes"),
-    DETECTOR("model", "centred", FLAG, model.centred, .value_name = lg_name_yes, .value = "no",
-             .methods = NETWORK,
-             .meaning = "cnn: take each window's mean off its channels, so that the network learns from the "
-                        "motion alone"),
+             .meaning = "cnn: loss function; mse is for two classes"),
+    DETECTOR(
+        "model", "centred", FLAG, model.centred, .value_name = lg_name_yes, .value = "no", .methods = NETWORK,
+        .meaning = "cnn: subtract each window's mean from its channels, so that the network learns from the "
+                   "motion alone"),
     DETECTOR("run", "split", NAME, split, .value_name = lg_name_split, .value = "random",
-             .meaning = "What stays together: random (windows one by one), run (recordings) or group (such "
-                        "as sea states); windows of one recording resemble each other: random flatters"),
+             .meaning = "Units of the split: random (single windows), run (recordings) or group (such as sea "
+                        "states); windows of one recording resemble each other, so random gives too good "
+                        "figures"),
     DETECTOR("run", "test_fraction", REAL, test_fraction, .high = 0.95, .value = "0.2", .unit = "F",
-             .meaning = "Part that is tested on"),
+             .meaning = "Part of the windows for testing"),
     DETECTOR("run", "validation_fraction", REAL, validation_fraction, .option = "validation", .value = "0.1",
              .methods = NETWORK, VALIDATION),
     TRAINING_ROWS(lg_detector_run, "cnn: windows", NETWORK, PRESET),
