@@ -1,6 +1,6 @@
-/* What the commands of lg-anomaly share: labelled data, models of either kind, judging, pictures. Functions
- * that return int return an exit code, and have told the user when it is not APP_EXIT_OK; those that return a
- * status explain a failure in `error`. */
+/* Declarations that the commands of lg-anomaly share: labelled data, models of both kinds, judging, pictures.
+ * Functions that return int return an exit code, and have printed a message when it is not APP_EXIT_OK.
+ * Functions that return a status explain a failure in `error`. */
 #ifndef LG_APPS_ANOMALY_H
 #define LG_APPS_ANOMALY_H
 
@@ -17,7 +17,7 @@ extern const app_command generate_command, feed_command, train_command, evaluate
 
 /* ---- models (model.c) ---- */
 
-/* How the data of a model were cut and split: with the same data the same windows are tested again. */
+/* How the data of a model were cut and split. With the same data the same windows are tested again. */
 typedef struct well_cut {
     lg_split split;
     double test_fraction, validation_fraction;
@@ -37,7 +37,7 @@ typedef struct well_model {
     well_cut cut;
     bool probabilities;        /* scores are probabilities; false: decisions of support vectors */
     lg_detector_file detector; /* network */
-    lg_detector_plan *plan;    /* of it, in the type that it was trained in */
+    lg_detector_plan *plan;    /* of the detector, in its training type */
     lg_classifier classifier;  /* otherwise */
     lg_series names;           /* of a loaded classifier: owns its names */
 } well_model;
@@ -52,17 +52,17 @@ size_t well_model_work(const well_model *model);
 /* A window (channels, window), as recorded -> score (classes); the class is lg_class_of(score). plane: as for
  * lg_detector_eval, NULL unless model->network. work: 64-byte aligned. No allocation. */
 lg_status well_model_score(const well_model *model, const float *x, double *score, double *plane, void *work);
-/* How much a window is of any class but the first: the score of class 1 (two classes), 1 - that of class 0
- * (probabilities), the best of the others less that of class 0. */
+/* A score for "not of the first class": the score of class 1 (two classes), 1 - that of class 0
+ * (probabilities), or the best of the others minus that of class 0. */
 double well_model_alarm(const well_model *model, const double *score);
 
-/* Kind "classifier": /run, /classifier. What `model` says and model->classifier. */
+/* Writes kind "classifier": /run from `model`, /classifier from model->classifier. */
 lg_status well_model_save(const app *app, const char *path, const well_model *model, double accuracy,
                           double f1, lg_error *error);
 
 /* ---- data (data.c) ---- */
 
-/* `like`: NULL, or a series read before whose classes are meant. */
+/* `like`: NULL, or a series read before that determines the classes. */
 int read_series(const app *app, const char *path, const lg_series *like, lg_series_data *out);
 /* The same with the classes of a model; channels must be the model's. */
 int read_series_of(const app *app, const char *path, const well_model *model, lg_series_data *out);
@@ -77,7 +77,7 @@ part_indices part_all(size_t count);
 
 /* ---- judging (judge.c) ---- */
 
-/* What a model says of some windows. */
+/* Results of a model on some windows. */
 typedef struct judgement {
     size_t count;
     uint32_t classes;
@@ -98,8 +98,8 @@ lg_status judge_rows(const app *app, const well_model *model, const lg_series *s
                      const lg_windows *windows, const part_indices *part, const double *table, judgement *out,
                      lg_error *error);
 void judgement_free(judgement *judged);
-/* The false alarms a day that the rate of windows makes of the false positive rate: windows that follow every
- * `hop` samples. NaN when the rate is unknown. */
+/* False alarms a day: the false positive rate times the number of windows a day, one every `hop` samples. NaN
+ * when the rate is unknown. */
 double false_alarms_per_day(const judgement *judged, uint64_t hop, double rate);
 /* accuracy, precision, recall, f1, auc, confusion, false_alarms_per_day. */
 void json_metrics(app_json *json, const judgement *judged, uint64_t hop, double rate);
@@ -133,7 +133,7 @@ typedef struct pruned_tree {
 /* Accuracy and node count against alpha; rising alpha; `chosen`: the alpha of the model, a line. */
 lg_status draw_pruning(const app *app, const char *picture, const pruned_tree *trees, size_t count,
                        double chosen, lg_error *error);
-/* Boxes with the split, impurity, samples and class; down to where it can be read. */
+/* Boxes with the split, impurity, samples and class, for as many levels as are readable. */
 lg_status draw_tree(const app *app, const char *picture, const lg_tree *tree,
                     char (*class_name)[LG_SERIES_NAME], char *const *column_name, lg_error *error);
 /* The first three columns in space, the plane w.x + b = 0 and its margins w.x + b = -+1; w (3). */

@@ -1,4 +1,4 @@
-/* From the options to windows and the parts of a training. */
+/* Makes the windows and the parts of a training from the options. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -7,9 +7,9 @@
 
 /* The baseline's: ten minutes, every minute. */
 static const double baseline_window = 600, baseline_hop = 60;
-enum { BASELINE_STORED = 10 }; /* where the rate is unknown: stored windows in place of minutes */
+enum { BASELINE_STORED = 10 }; /* if the rate is unknown: stored windows instead of minutes */
 
-/* Seconds, or samples where the rate is unknown. */
+/* Seconds, or samples if the rate is unknown. */
 static lg_status samples_of(const char *option, double value, double rate, uint64_t *out, lg_error *error) {
     const double samples = rate > 0 ? value * rate : value, whole = floor(samples + 0.5);
     if (!(whole >= 1 && whole < 4294967296.0))
@@ -25,7 +25,7 @@ static lg_status samples_of(const char *option, double value, double rate, uint6
     return LG_OK;
 }
 
-/* Ten minutes where the recordings have them, otherwise the stored windows. */
+/* Ten minutes if the recordings are long enough, otherwise the stored windows. */
 static void baseline_defaults(const lg_series *series, uint64_t *window, uint64_t *hop) {
     if (series->run == NULL) {
         *window = series->length;

@@ -1,5 +1,5 @@
-/* lg-anomaly evaluate: a model over labelled data, window by window, sea state by sea state, and as a watch
- * that votes. */
+/* lg-anomaly evaluate: judges a model on labelled data, by window, by sea state, and by recording with
+ * votes. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -32,10 +32,10 @@ static const app_option evaluate_options[] = {
 
 static evaluate_values values;
 
-/* What voting makes of the recordings. Times in seconds, or samples where the rate is unknown. */
+/* Results of voting on the recordings. Times in seconds, or samples if the rate is unknown. */
 typedef struct voting {
     size_t damaged, detected, false_alarms;
-    double median, largest, intact_time; /* time to detection; observed before any damage */
+    double median, largest, intact_time; /* time to detection; time observed before any damage */
     double a_day;                        /* false alarms; NaN where the rate is unknown */
 } voting;
 
@@ -85,7 +85,7 @@ static int choose_part(evaluation *e) {
 
 /* ---- voting ---- */
 
-/* Stored window with which the recording of each one begins. */
+/* For each stored window, the first stored window of its recording. */
 static uint32_t *run_begins(const lg_series *series) {
     uint32_t *begin = app_alloc(series->count, sizeof *begin);
     for (size_t i = 1; i < series->count; i++)
@@ -299,7 +299,7 @@ static void print_evaluation(const evaluation *e) {
     print_groups(e);
 }
 
-/* Several files: a row each, for the probability of detection against severity or noise. */
+/* One row for each of several files, for the probability of detection against severity or noise. */
 static void print_files(const evaluation *list, size_t count) {
     app_table table;
     const bool votes = values.votes.count > 0;

@@ -11,7 +11,7 @@
 
 /* Bytes of a line: a time, six numbers of at most 16 characters, commas. */
 enum { HOUR = 3600, LINE_BYTES = 32 + 17 * LG_RISER_CHANNELS };
-/* Streams of random numbers, apart from those of the scene. */
+/* Streams of random numbers, different from those of the scene. */
 enum { STREAM_SEA = 0x66656564, STREAM_FAULTS = 0x6661756c };
 
 typedef struct feed_values {
@@ -65,7 +65,7 @@ static char *put_float(char *at, float value) {
     int exponent = (int)floor(log10(x));
     const int shift = 8 - exponent;
     uint64_t digits = (uint64_t)((shift >= 0 ? x * powers[shift] : x / powers[-shift]) + 0.5);
-    if (digits >= 1000000000u) { /* log10 or the rounding went over a power of ten */
+    if (digits >= 1000000000u) { /* log10 or the rounding crossed a power of ten */
         digits = (digits + 5) / 10;
         exponent++;
     }
@@ -106,7 +106,7 @@ typedef struct feeding {
     app_progress progress;
 } feeding;
 
-/* The well is one and the same, one of the standard ones; sea, waves and noise are the hour's. */
+/* All hours have the same well, one of the standard ones. Sea, waves and noise are those of the hour. */
 static void scene_of(const app *self, uint64_t index, lg_riser_parameters *parameters, lg_riser_run *run) {
     uint32_t label, sea_state;
     lg_rng rng;
@@ -123,7 +123,7 @@ static void scene_of(const app *self, uint64_t index, lg_riser_parameters *param
     run->noise = values.noise;
 }
 
-/* Lines of hour `index`, but for those in gaps. A gap ends with the hour. */
+/* Writes the lines of hour `index` except those in gaps. A gap ends with the hour. */
 static void put_hour(const feeding *self, uint64_t index, uint64_t count, hour *out) {
     lg_rng rng;
     lg_rng_seed(&rng, self->app->seed ^ (index * UINT64_C(0x9e3779b97f4a7c15)), STREAM_FAULTS);
@@ -179,11 +179,11 @@ static void make_hour(void *user, size_t slot) {
 
 /* ---- where it goes ---- */
 
-/* A file of any length appears when it is complete; what is there and is no regular file (a pipe, a device)
- * is written to as it is. */
+/* A regular file of any length appears when it is complete. An existing target of another type (a pipe, a
+ * device) is written to directly. */
 typedef struct sink {
     int fd;
-    char *temporary; /* NULL: straight */
+    char *temporary; /* NULL: written directly */
 } sink;
 
 static bool sink_open(const char *path, sink *out) {
@@ -267,7 +267,7 @@ static int write_failed(const app *self) {
                     strerror(number));
 }
 
-/* Rounds of `crew` hours, made at once and written in order. */
+/* Rounds of `crew` hours; the hours of a round are simulated in parallel and written in order. */
 static int write_hours(feeding *feed, const sink *to, totals *sum) {
     const app *self = feed->app;
     const uint64_t whole = HOUR * feed->rate, hours = (feed->samples + whole - 1) / whole;

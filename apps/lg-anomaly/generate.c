@@ -128,7 +128,7 @@ static void free_data(lg_series_data *data) {
 
 enum { SHOWN_SECONDS = 3600 };
 
-/* One condition of the first runs, in two versions. */
+/* Two versions of one condition of the first runs. */
 static lg_status draw(const app *self, double rate, lg_error *error) {
     const bool states = values.picture == PICTURE_STATES;
     const double seconds = fmin(values.hours * 3600, SHOWN_SECONDS);
@@ -207,7 +207,7 @@ static lg_status simulate(const app *self, size_t windows_of_run, lg_series *ser
     return app_interrupted() ? LG_CANCELLED : status;
 }
 
-/* Whole windows of a recording, whole samples of a window. */
+/* A recording must have whole windows, a window whole samples. */
 static int cut(const app *self, double rate, uint32_t *length, size_t *windows) {
     const double samples = values.window * rate, whole = floor(samples + 0.5);
     if (fabs(samples - whole) > 1e-6 * samples)

@@ -1,4 +1,4 @@
-/* What a model says of windows, and how right it is. */
+/* Scores of a model on windows, and its errors. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

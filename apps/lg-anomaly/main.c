@@ -1,4 +1,4 @@
-/* lg-anomaly: classes of windows of sensor data, and a feed that is watched. */
+/* lg-anomaly: classification of windows of sensor data, and a watch over a feed. */
 #include "lg-anomaly/anomaly.h"
 
 int main(int argc, char **argv) {

@@ -1,4 +1,4 @@
-/* Models of either kind, from and to files, and what they say of a window. */
+/* Models of both kinds: reading, writing, and scores of a window. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

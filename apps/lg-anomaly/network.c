@@ -1,4 +1,4 @@
-/* From the options to a trained network. */
+/* Makes and trains a network from the options. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -15,8 +15,8 @@ static bool any_given(const app *self, const char *const *options, size_t count)
     return false;
 }
 
-/* The default blocks where convolutions and pooling are given: three, or as many as are left something of the
- * window. The first is there in any case, for lg_cnn_init to refuse. */
+/* The default blocks for given convolutions and pooling: three, or as many as leave a sample of the window.
+ * The first block is always there, so that lg_cnn_init can refuse it. */
 static void default_blocks(const app *self, lg_cnn *net) {
     enum { LONG = 4096 };
     const train_values *values = &train_given;
@@ -43,7 +43,7 @@ static void default_blocks(const app *self, lg_cnn *net) {
     }
 }
 
-/* Blocks as the options say, the rest as they are. */
+/* Sets blocks from the options; the others do not change. */
 static void build_blocks(const app *self, bool fresh, lg_cnn *net) {
     static const char *const options[] = {"filters", "kernel", "stride", "padding", "pooling", "pool-size"};
     const train_values *values = &train_given;
@@ -72,7 +72,7 @@ static void build_blocks(const app *self, bool fresh, lg_cnn *net) {
     }
 }
 
-/* The model that options and data describe. Of a stored one the blocks are not hyperparameters. */
+/* The model of options and data. The blocks of a stored model are not hyperparameters. */
 static lg_status complete_model(const app *self, const lg_series *series, const lg_detector *stored,
                                 lg_error *error) {
     lg_detector *model = &train_run.model;

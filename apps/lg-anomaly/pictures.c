@@ -61,7 +61,8 @@ static void put_axis(FILE *script, char axis, const char *name) {
     (void)fputs(strlen(name) > 16 ? " font ',7'\n" : "\n", script);
 }
 
-/* "datafile index c using a:b[:c] ..." of every class; with its name where wanted, beside a larger point. */
+/* "datafile index c using a:b[:c] ..." for every class; `titles` adds its name and a larger point to the
+ * key. */
 static void put_classes(FILE *script, const labelled *points, const char *columns, double size, bool titles) {
     for (uint32_t c = 0; c < points->classes; c++)
         (void)fprintf(script, "%sdatafile index %u using %s with points pt 7 ps %g lc rgb '%s' notitle",
@@ -89,7 +90,7 @@ static span column_span(const labelled *points, uint32_t k) {
     return (span){s.low - room, s.high + room};
 }
 
-/* One block a column: middle of the bin, and of each class the part of its points there. */
+/* One block for each column: the middle of the bin, and for each class the fraction of its points there. */
 static void put_histogram(app_plot *plot, const labelled *points, uint32_t k, span s) {
     const size_t cells = (size_t)BINS * points->classes;
     size_t *count = calloc(cells, sizeof *count), *total = calloc(points->classes, sizeof *total);
@@ -198,8 +199,8 @@ lg_status draw_clouds(const app *self, const char *picture, const labelled *poin
     return picture_end(self, &plot, error);
 }
 
-/* Upwards goes the column along which the plane's normal is longest in units of the picture: it is solved for
- * that one. */
+/* The vertical axis is the column along which the plane's normal is longest in units of the picture; the
+ * plane is solved for this column. */
 static void upright(const span s[3], const double *w, uint32_t column[3]) {
     uint32_t best = 2;
     for (uint32_t k = 0; k < 3; k++)

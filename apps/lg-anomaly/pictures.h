@@ -1,4 +1,4 @@
-/* What the pictures of lg-anomaly share. */
+/* Declarations that the pictures of lg-anomaly share. */
 #ifndef LG_APPS_ANOMALY_PICTURES_H
 #define LG_APPS_ANOMALY_PICTURES_H
 

@@ -1,4 +1,4 @@
-/* Lines of numbers, fast: no memory, no locale, no call a number on the usual path. */
+/* Fast reading of lines of numbers: no allocation, no locale, and no library call for a number as a rule. */
 #include "lg-anomaly/samples.h"
 
 #include <ctype.h>
@@ -18,7 +18,7 @@ enum {
     ROOM_FIELD = 512,     /* of a line, for each number of many */
     LONGEST_NUMBER = 512, /* characters */
     LAYOUT_VOTES = 3,     /* lines of one kind that settle the layout */
-    LAYOUT_LINES = 50,    /* looked at for it */
+    LAYOUT_LINES = 50,    /* examined for the layout */
     PATIENCE_MS = 200     /* Ctrl-C is seen within it */
 };
 
@@ -44,7 +44,8 @@ typedef struct decimal {
     bool negative;
 } decimal;
 
-/* [+-] digits [. digits] [e [+-] digits]; its end, or NULL. The text ends with something else. */
+/* [+-] digits [. digits] [e [+-] digits]. Returns its end, or NULL. Another character must follow the
+ * number. */
 static const char *scan_decimal(const char *p, decimal *out) {
     uint64_t digits = 0;
     int count = 0, exponent = 0;
@@ -82,7 +83,7 @@ static const char *scan_decimal(const char *p, decimal *out) {
     return p;
 }
 
-/* Through the library, which rounds correctly: long numbers, large exponents. */
+/* Long numbers and large exponents go through the library, which rounds correctly. */
 static double convert_slowly(const char *text, const char *end) {
     char copy[LONGEST_NUMBER + 1];
     double value = (double)NAN;
@@ -120,7 +121,7 @@ static bool ends_field(char c) {
     return c == ',' || c == ';' || c == '#' || c == '\n' || is_blank(c);
 }
 
-/* Words for a number that is not there; the end of the word, or NULL. */
+/* Accepts a word for a missing number. Returns the end of the word, or NULL. */
 static const char *scan_word(const char *p, const char *end) {
     static const char *const words[] = {"nan", "inf", "infinity", "na", "n/a", "null", "none"};
     if (*p == '-' || *p == '+') p++;
@@ -202,14 +203,14 @@ static sample_kind refuse_count(sample_reader *reader) {
     return SAMPLE_MALFORMED;
 }
 
-/* The layout that the fields of a line speak for. */
+/* The layout that the number of fields of a line suggests. */
 static sample_layout layout_of(const sample_reader *reader) {
     const uint32_t c = reader->channels;
     if (reader->fields == c) return LAYOUT_VALUES;
     return reader->fields == c + 1 && isfinite(reader->field[0]) ? LAYOUT_TIMED : LAYOUT_UNKNOWN;
 }
 
-/* Whether the fields fit the layout; one that is not known yet is settled. */
+/* Whether the fields fit the layout. An unknown layout is set from them. */
 static bool fits_layout(sample_reader *reader, bool open) {
     const uint32_t c = reader->channels;
     if (reader->layout == LAYOUT_UNKNOWN) reader->layout = layout_of(reader);
@@ -219,7 +220,7 @@ static bool fits_layout(sample_reader *reader, bool open) {
     return reader->fields == wanted;
 }
 
-/* A last number that ends with the file. */
+/* Whether the last number ends at the end of the file. */
 static bool may_be_cut(const sample_reader *reader, const char *from, const char *end) {
     if (!reader->unended || reader->lines == 0) return false;
     return !ends_field(end[-1]) && memchr(from, '#', (size_t)(end - from)) == NULL;
@@ -268,7 +269,7 @@ static uint64_t hash_line(const char *from, const char *to) {
     return hash;
 }
 
-/* A line of words before the first sample, or one of them again. */
+/* Whether the line is a line of words before the first sample, or a repetition of one. */
 static bool is_header(sample_reader *reader, const char *from, const char *to) {
     const uint64_t hash = hash_line(from, to);
     for (uint32_t i = 0; i < reader->headers; i++)
@@ -280,7 +281,7 @@ static bool is_header(sample_reader *reader, const char *from, const char *to) {
 
 /* ---- the stream of lines ---- */
 
-/* Waits for more; false: the end, Ctrl-C or a failure. */
+/* Waits for more data; false: the end, Ctrl-C or a failure. */
 static bool fill(sample_reader *reader) {
     struct pollfd poll_in = {reader->file, POLLIN, 0};
     if (reader->begin > 0) {
@@ -304,7 +305,7 @@ static bool fill(sample_reader *reader) {
 
 typedef enum found { FOUND_LINE, FOUND_LONG_LINE, FOUND_NOTHING } found;
 
-/* *from..*to: the next line without its end, followed by '\n'. */
+/* Sets *from..*to to the next line without its line end, followed by '\n'. */
 static found next_line(sample_reader *reader, const char **from, const char **to) {
     size_t searched = 0; /* bytes after begin without an end of line */
     for (;;) {
@@ -358,7 +359,7 @@ typedef struct election {
     sample_layout names, first; /* what the names say; the first line of numbers */
 } election;
 
-/* Another line; true: it is decided. */
+/* Counts another line; true: the layout is decided. */
 static bool elect(sample_reader *reader, election *e, const char *from, const char *to) {
     bool open;
     from = text_of(e->lines++ == 0, from, to);
@@ -379,7 +380,7 @@ static bool elect(sample_reader *reader, election *e, const char *from, const ch
 
 static bool fill(sample_reader *reader);
 
-/* Looks at the first lines, as far as the buffer goes, without taking them; they are read again. */
+/* Examines the first lines in the buffer without consuming them; they are read again. */
 static void look_ahead(sample_reader *reader) {
     election e = {{0, 0, 0}, 0, LAYOUT_UNKNOWN, LAYOUT_UNKNOWN};
     size_t at = 0; /* after begin */

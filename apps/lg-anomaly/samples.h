@@ -16,24 +16,23 @@ enum { SAMPLE_HEADERS = 20 }; /* lines of words before the first sample */
 
 typedef enum sample_layout { LAYOUT_UNKNOWN, LAYOUT_VALUES, LAYOUT_TIMED } sample_layout;
 
-/* A line is C numbers, or a time in seconds and C numbers, separated by commas, semicolons or blanks; one
- * separator more at its end is fine, as are blanks around numbers and \r\n. Skipped: blank lines, comments
- * from # on, lines of words before the first sample (names, units), and those same lines when they come
- * again.
+/* A line has C numbers, or a time in seconds and C numbers, separated by commas, semicolons or blanks. One
+ * more separator at its end, blanks around numbers and \r\n are allowed. The reader skips blank lines,
+ * comments from # on, lines of words before the first sample (names, units), and repetitions of these lines.
  *
- * Whether there is a time is decided once, by the first lines: three of one kind, of which a line of names
- * may be one. From then on a line of another number of columns is malformed.
+ * The first lines decide once whether there is a time: three of one kind, and a line of names may be one of
+ * them. From then on a line with another number of columns is malformed.
  *
- * A last line without an end may have been cut within its last number: it is malformed, with its time, unless
- * something (a separator, a blank, \r, a comment) follows that number, or it is the only line. */
+ * A last line without a line end may have been cut within its last number. It is malformed, with its time,
+ * unless something (a separator, a blank, \r, a comment) follows that number, or it is the only line. */
 typedef struct sample_reader {
     int file;
     uint32_t channels;
     sample_layout layout;
     uint64_t line;                   /* number of the last line, from 1 */
-    uint64_t lines;                  /* read so far that hold a sample or should */
+    uint64_t lines;                  /* lines read so far that have, or should have, a sample */
     double *field;                   /* (channels + 1) */
-    uint32_t fields;                 /* of the line; beyond channels + 1 they are not looked at */
+    uint32_t fields;                 /* of the line; those beyond channels + 1 are not read */
     bool words;                      /* the line holds something that is no number */
     uint64_t header[SAMPLE_HEADERS]; /* hashes of the lines of words before the first sample */
     uint32_t headers;

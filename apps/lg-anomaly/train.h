@@ -1,4 +1,4 @@
-/* Training: what `train` and `search` have in common. */
+/* Training: declarations that `train` and `search` share. */
 #ifndef LG_APPS_ANOMALY_TRAIN_H
 #define LG_APPS_ANOMALY_TRAIN_H
 
@@ -8,7 +8,7 @@
 enum { METHOD_CNN, METHOD_LOGISTIC, METHOD_TREE, METHOD_SVM_LINEAR, METHOD_SVM_RBF, METHOD_BASELINE };
 enum { PRUNE_NONE, PRUNE_PRE, PRUNE_POST };
 
-/* What the command line gave beside files and train_run. */
+/* Values of the command line besides files and train_run. */
 typedef struct train_values {
     const char *test;
     int picture;
@@ -46,7 +46,7 @@ typedef struct cut_series {
     lg_windows windows;
 } cut_series;
 
-/* Samples of a window, and from one to the next, that the options say for this data. */
+/* Samples of a window, and from one to the next, by the options for this data. */
 lg_status window_of(const app *app, const lg_series *series, uint64_t *window, uint64_t *hop,
                     lg_error *error);
 /* Windows and their parts. parts: (windows->count), freed with free. */
@@ -55,8 +55,8 @@ lg_status cut_and_split(const lg_context *context, const lg_series *series, cons
 
 /* ---- networks (network.c) ---- */
 
-/* Completes train_run with what options and data say; what was not given is the preset's, *preset, or that of
- * `stored`, and then *preset is NULL. */
+/* Completes train_run from options and data. Values that were not given come from the preset, *preset, or
+ * from `stored`; then *preset is NULL. */
 lg_status network_run(app *app, const lg_series_data *data, const lg_detector_run *stored,
                       const lg_detector_preset **preset, lg_error *error);
 well_cut cut_of_run(const lg_detector_run *run);
@@ -99,7 +99,7 @@ const cut_series *tested_series(const trained *self);
 int read_all(void *user, app *app, const char *path, char sha256[LG_SHA256_TEXT]);
 /* Windows and parts by self->cut, which gets their number. */
 int cut_parts(trained *self);
-/* The task of `train --method cnn` and `search` (train_network.c), but for reading. */
+/* The task of `train --method cnn` and `search` (train_network.c), without reading. */
 train_task network_task(trained *self);
 /* Any other method, with everything read and cut. Exit codes. */
 int train_classical(trained *self);
@@ -125,7 +125,7 @@ enum {
     VIEW_ROC
 };
 extern const char *const view_names[];
-/* The same without what is drawn while a model is trained only. */
+/* The same without the pictures that are drawn during training only. */
 extern const char *const evaluate_view_names[];
 extern const int evaluate_views[]; /* VIEW_... of each */
 #define EVALUATE_VIEW_HELP                                                                                   \
@@ -138,7 +138,8 @@ extern const int evaluate_views[]; /* VIEW_... of each */
 
 /* The view that a model has by default; `training`: while it is trained. */
 int view_of(const well_model *model, int wanted, bool training);
-/* Whether the model has such a picture; otherwise says why not: exit code of usage. */
+/* Checks that the model has such a picture; otherwise prints the reason and returns the exit code of
+ * usage. */
 int check_view(const app *app, const well_model *model, int view, bool training);
 /* Draws windows `judged->window` of the series. LG_UNSUPPORTED for VIEW_LOSS and VIEW_PRUNING. */
 lg_status draw_view(const app *app, const char *picture, int view, const well_model *model,

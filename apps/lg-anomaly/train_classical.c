@@ -8,7 +8,7 @@
 enum { MAX_GRID = 1024, SHOWN_GRID = 8 };
 static const double default_grid[] = {0.1, 1, 10, 100};
 
-/* Candidates, and which was chosen. */
+/* Candidates, and the chosen one. */
 typedef struct choice {
     size_t count, best;
     lg_method_options *options; /* (count) */
@@ -60,7 +60,7 @@ static lg_status fill_table(const classical *self, const cut_series *from, doubl
                              (int)self->base->app->threads, *out, error);
 }
 
-/* What stored windows have, for the windows cut from them; NULL for NULL. */
+/* Values of stored windows, carried over to the windows cut from them; NULL for NULL. */
 static uint32_t *of_windows(const cut_series *from, const uint32_t *stored) {
     if (stored == NULL) return NULL;
     uint32_t *out = app_alloc(from->windows.count, sizeof *out);
@@ -68,7 +68,7 @@ static uint32_t *of_windows(const cut_series *from, const uint32_t *stored) {
     return out;
 }
 
-/* What a split keeps whole, folds keep whole. */
+/* Folds keep together what the split keeps together. */
 static const uint32_t *units_of(const trained *base) {
     const lg_series *series = &base->all.data.series;
     if (base->cut.split == LG_SPLIT_RUN) return series->run;
@@ -236,7 +236,7 @@ static lg_status draw_path(const classical *self, const lg_tree *whole, const lg
     lg_pruning_step *steps = app_alloc(whole->count, sizeof *steps);
     lg_status status = lg_tree_pruning_path(base->app->context, whole, whole->count, steps, &count);
     pruned_tree *trees = app_alloc(count, sizeof *trees);
-    const cut_series *tested = tested_series(base); /* labels of --test's windows stand elsewhere */
+    const cut_series *tested = tested_series(base); /* labels of --test's windows are in another array */
     uint32_t *label = of_windows(tested, tested->data.series.label);
     for (size_t i = 0; i < count && status == LG_OK; i++)
         status = prune_and_judge(self, whole, pca, steps[i].alpha, label, &trees[i]);

@@ -86,7 +86,7 @@ static lg_status judge(trained *self, const well_model *model, lg_error *error) 
                                            &self->test, &self->judged, error);
 }
 
-/* What is written when training has ended: model, picture. */
+/* Writes the model and the picture after training. */
 static int finish(void *user, train_session *session) {
     trained *self = user;
     const char *path = train_given_files.out;

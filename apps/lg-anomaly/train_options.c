@@ -106,7 +106,7 @@ const app_option train_options[] = {
 
 /* ---- what does not go together ---- */
 
-/* Which methods have the options that are no hyperparameters. */
+/* The methods of those options that are not hyperparameters. */
 static const struct {
     const char *option;
     unsigned methods;

@@ -1,4 +1,4 @@
-/* From a model and windows to the points, curves and planes that are drawn. */
+/* Computes the points, curves and planes of pictures from a model and windows. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -298,7 +298,7 @@ static lg_status view_regressions(const viewing *v, lg_error *error) {
 lg_status draw_view(const app *self, const char *picture, int view, const well_model *model,
                     const lg_series *series, const lg_windows *windows, const judgement *judged,
                     lg_error *error) {
-    lg_series named = *series; /* what the file does not name, the model may */
+    lg_series named = *series; /* the model's names replace those that the file lacks */
     if (named.channel_name == NULL) named.channel_name = model->channel_name;
     const viewing v = {self, picture, model, &named, windows, judged};
     if (judged->count == 0)

@@ -92,12 +92,12 @@ static void count_verdict(watching *self, const lg_verdict *v) {
     t->positive_before += before && positive;
     t->alarms_before += before && rises;
     if (rises && isnan(t->first_alarm)) t->first_alarm = self->now;
-    /* An alarm that was standing counts from the first window that votes for it after the crack. A sample
-     * stands for the interval that follows it. */
+    /* An alarm that is already on counts from the first window that votes for it after the crack. A sample
+     * represents the interval that follows it. */
     if (!before && positive && v->alarm && isnan(t->detection)) t->detection = self->now + 1 / self->rate;
 }
 
-/* Of a gap the first windows are printed, the others only counted. */
+/* Prints the first windows of a gap and counts the others. */
 static bool left_out(watching *self, const lg_verdict *v) {
     if (!self->in_gap || v->judged || v->alarm != self->alarm || ++self->gap_windows <= TOLD_NOT_JUDGED)
         return false;
@@ -274,7 +274,7 @@ static int read_feed(watching *self, sample_reader *reader, float *sample) {
         else
             break;
         if (app_interrupted() || self->refused) break;
-        if (ferror(stdout)) break; /* nobody listens; app_main says so */
+        if (ferror(stdout)) break; /* the output is closed; app_main reports it */
     }
     watch_settle(self);
     if (self->refused) return APP_EXIT_FILE;

@@ -1,5 +1,5 @@
-/* What the files of `lg-anomaly watch` share: watch.c prints verdicts and the summary, watch_time.c knows
- * which sample of the feed is which. */
+/* Declarations that the files of `lg-anomaly watch` share: watch.c prints verdicts and the summary,
+ * watch_time.c finds the place of each sample in the feed. */
 #ifndef LG_APPS_ANOMALY_WATCH_H
 #define LG_APPS_ANOMALY_WATCH_H
 
@@ -10,10 +10,10 @@
 enum {
     DAY = 86400,       /* s */
     FIRST_TIMES = 100, /* the feed's interval is measured from so many, or from a window's worth */
-    HELD = 16          /* samples that wait until their time is believed */
+    HELD = 16          /* samples that wait until their time is accepted */
 };
 
-/* What the judge needs and leaves behind. */
+/* Inputs and results of the judge. */
 typedef struct bench {
     const well_model *model;
     double *score; /* (classes) */
@@ -28,13 +28,13 @@ typedef struct tally {
     double first_alarm, detection;                          /* times; NaN: none */
 } tally;
 
-/* A sample with a time that waits until that is believed. */
+/* A sample that waits until its time is accepted. */
 typedef struct held_sample {
     double time;
     uint64_t line;
 } held_sample;
 
-/* What the times of the feed are held against. */
+/* The clock that the times of the feed are compared with. */
 typedef struct timing {
     held_sample first[FIRST_TIMES], held[HELD];
     float *first_values, *held_values; /* (FIRST_TIMES, channels), (HELD, channels) */
@@ -63,9 +63,9 @@ typedef struct watching {
 
 /* ---- verdicts (watch.c) ---- */
 
-/* Hands a sample to the watch at the clock's time, NULL: lost; counts and prints what comes of it. */
+/* Passes a sample (NULL: lost) to the watch at the clock's time; counts and prints the results. */
 void watch_push(watching *self, const float *sample);
-/* The windows of a gap that were not printed one by one, as one line. */
+/* Prints one line for the windows of a gap that were not printed one by one. */
 void watch_end_gap(watching *self);
 
 /* ---- samples and their times (watch_time.c) ---- */
@@ -73,12 +73,12 @@ void watch_end_gap(watching *self);
 /* `rate_known`, `bench` and `rate` are set. */
 void watch_time_open(watching *self);
 void watch_time_close(watching *self);
-/* A line of the feed; time NaN in a feed without times. Pushes it, what is missing before it, or holds it
- * until its time is believed. */
+/* Takes a line of the feed; time NaN in a feed without times. Pushes the missing samples before it and the
+ * sample, or holds it until its time is accepted. */
 void watch_take(watching *self, const float *sample, double time, uint64_t line);
 /* A line that could not be read. */
 void watch_take_malformed(watching *self, const sample_reader *reader, const float *sample, double time);
-/* The feed has ended: what still waits is settled. */
+/* The feed has ended: decides on the samples that still wait. */
 void watch_settle(watching *self);
 
 #endif

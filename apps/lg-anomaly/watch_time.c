@@ -1,4 +1,4 @@
-/* Which sample of a feed is which: the clock, times that are wrong or jump, the feed's own rate. */
+/* Places of samples in a feed: the clock, times that are wrong or jump, the feed's own rate. */
 #include "lg-anomaly/watch.h"
 
 #include <math.h>
@@ -11,15 +11,16 @@ enum {
     LONGEST_GAP = 7 * DAY,  /* s */
     LEAST_TIMES = 12,       /* the feed's interval is measured from no fewer, */
     LEAST_DIFFERENCES = 10, /* but for a feed that is shorter */
-    BELIEVED = 4,           /* samples in line that make a jump of the time true, the first included */
+    BELIEVED = 4,           /* samples in a line that confirm a jump of the time, the first included */
     NEAR = 10               /* intervals of the feed between samples in line, at most */
 };
 /* Largest difference between the feed's rate and the expected one. */
 static const double rate_tolerance = 0.01;
-/* Part of the difference between a sample's time and the expected one by which the clock is corrected: it
- * follows a sampling rate that is a little off, and evens out jitter. */
+/* The clock is corrected by this part of the difference between a sample's time and the expected one. It then
+ * follows a sampling rate that is slightly wrong, and averages jitter. */
 static const double clock_gain = 0.05;
-/* A difference below this part of the sampling interval is rounding: the sample's time holds. */
+/* A difference below this part of the sampling interval is rounding; the clock then takes the sample's
+ * time. */
 static const double clock_exact = 1e-3;
 
 /* ---- the clock ---- */
@@ -49,8 +50,7 @@ static double steps_between(const watching *self, double from, double to) {
     return floor((to - from) * self->rate + 0.5);
 }
 
-/* The clock was set, or the feed was away for longer than is worth filling: begins anew after a window that
- * is lost as a whole. */
+/* Restarts after a window that is lost as a whole: the clock was set, or the gap is too long to be filled. */
 static void begin_anew(watching *self, double time) {
     app_warn(self->app, "the time goes from %.15g s to %.15g s: the feed restarts there", self->now, time);
     const uint64_t window = self->bench.model->window;
@@ -60,8 +60,8 @@ static void begin_anew(watching *self, double time) {
     set_clock(self, time);
 }
 
-/* Advances the clock to a sample that says when it was taken, and pushes what is missing before it. False: a
- * sample that was there already. */
+/* Advances the clock to a sample with a time, and pushes the missing samples before it. False: the sample is
+ * a repetition. */
 static bool advance(watching *self, double time) {
     const double steps = steps_between(self, self->now, time);
     if (steps > LONGEST_GAP * self->rate || steps < -(double)self->bench.model->window) {
@@ -88,7 +88,7 @@ static void push_received(watching *self, const float *sample) {
     watch_push(self, sample);
 }
 
-/* A sample whose time is believed. */
+/* Pushes a sample whose time is accepted. */
 static void accept(watching *self, const float *sample, double time) {
     if (!self->started || !self->rate_known)
         set_clock(self, time);
@@ -107,9 +107,10 @@ static void count_malformed(watching *self, uint64_t line, const char *problem, 
 
 /* ---- times that jump ----
  *
- * A sample whose time does not follow the clock waits. When BELIEVED samples stand in line (each at most NEAR
- * usual intervals after the one before it), their times are true, and the clock jumps there. When instead a
- * sample follows the clock as if those that wait had come with wrong times, they are malformed. */
+ * A sample whose time does not follow the clock waits. A line is a series of samples, each at most NEAR usual
+ * intervals after the one before it. When BELIEVED waiting samples form a line, their times are accepted and
+ * the clock jumps there. When instead a sample follows the clock, the waiting samples have wrong times and
+ * are malformed. */
 
 static float *held_values(watching *self, uint32_t i) {
     return &self->timing.held_values[(size_t)i * self->bench.model->channels];
@@ -127,8 +128,9 @@ static void reject_held(watching *self, uint32_t i) {
     count_malformed(self, self->timing.held[i].line, problem, false);
 }
 
-/* Held samples first..last-1 are a line, and the last one in it is true. Of those before them lines of two or
- * more are believed where they fit between the clock and it, single samples where they are near it too. */
+/* Held samples first..last-1 form a line whose last time is accepted. Earlier lines of two or more
+ * samples are accepted if they fit between the clock and this line; single samples only if they are near
+ * it as well. */
 static void settle(watching *self, uint32_t first, uint32_t last) {
     timing *t = &self->timing;
     bool fits[HELD] = {false};
@@ -153,7 +155,7 @@ static void settle(watching *self, uint32_t first, uint32_t last) {
     t->holds = 0;
 }
 
-/* Beginning of the line that ends with held sample `last` - 1. */
+/* The first sample of the line that ends with held sample `last` - 1. */
 static uint32_t line_before(const watching *self, uint32_t last) {
     uint32_t first = last - 1;
     while (first > 0 && in_line(self, self->timing.held[first - 1].time, self->timing.held[first].time))
@@ -161,7 +163,7 @@ static uint32_t line_before(const watching *self, uint32_t last) {
     return first;
 }
 
-/* Nothing more comes, or nothing more can wait: the last line of at least two is the best that is known. */
+/* The feed has ended, or no more samples can wait. Accepts the last line of at least two samples. */
 static void settle_held(watching *self, bool at_end) {
     timing *t = &self->timing;
     for (uint32_t last = t->holds; last > 1; last--) {
@@ -186,7 +188,7 @@ static void hold(watching *self, const float *sample, double time, uint64_t line
     timing *t = &self->timing;
     if (t->holds > 0) {
         const double last = t->held[t->holds - 1].time;
-        if (steps_between(self, last, time) == 0) { /* one that waits, twice */
+        if (steps_between(self, last, time) == 0) { /* repetition of a waiting sample */
             self->tally.repeated++;
             return;
         }
@@ -221,8 +223,8 @@ static int compare_reals(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* Mean of the differences that are near their median: gaps, wrong times and rounded ones do not disturb it.
- * *blur: how far it may be off, relative. False: too few. */
+/* Mean of the differences near their median, which gaps, wrong times and rounded times do not disturb. *blur:
+ * bound on its relative error. False: too few differences. */
 static bool measure_interval(const timing *t, double *interval, double *blur) {
     double difference[FIRST_TIMES], sum = 0, lowest = INFINITY, highest = 0;
     uint32_t count = 0, near = 0;
@@ -245,7 +247,7 @@ static bool measure_interval(const timing *t, double *interval, double *blur) {
     return true;
 }
 
-/* Measures; false: the feed has another rate, and nobody forces it. */
+/* Measures the rate. False: the feed has another rate, and --rate does not force it. */
 static bool check_rate(watching *self) {
     timing *t = &self->timing;
     double interval, blur;
@@ -295,8 +297,8 @@ void watch_take(watching *self, const float *sample, double time, uint64_t line)
     }
 }
 
-/* A line that could not be read. Without times it stands for a sample, once there was one; with times those
- * of the others tell what is missing. */
+/* A line that could not be read. In a feed without times it is a lost sample, unless it precedes the first
+ * sample. In a feed with times the other times show which samples are missing. */
 void watch_take_malformed(watching *self, const sample_reader *reader, const float *sample, double time) {
     const bool timed = reader->layout == LAYOUT_TIMED && self->rate_known;
     const bool lost = !timed || isfinite(time);

@@ -1,6 +1,6 @@
-/* What the commands of lg-elastica share: boundary conditions as options, curves, models, pictures. Functions
- * that return int return an exit code, and have told the user when it is not APP_EXIT_OK; those that return a
- * status explain a failure in `error`. */
+/* Declarations that the commands of lg-elastica share: boundary conditions as options, curves, models,
+ * pictures. Functions that return int return an exit code, and have printed a message when it is not
+ * APP_EXIT_OK. Functions that return a status explain a failure in `error`. */
 #ifndef LG_APPS_BEAM_H
 #define LG_APPS_BEAM_H
 
@@ -39,8 +39,8 @@ typedef struct boundary_values {
 
 #define BOUNDARY_ROTATIONS 3
 
-/* Boundary conditions and the rotations that come into question: the one given, or B - A wrapped to
- * (-pi, pi], one turn less, one turn more. `chosen` is the case's own, or the one given; NaN otherwise. */
+/* Boundary conditions and the possible rotations: the given one, or B - A wrapped to (-pi, pi], one turn less
+ * and one turn more. `chosen` is the rotation of the case or the given one; NaN otherwise. */
 typedef struct boundary {
     lg_elastica problem; /* with the first rotation */
     size_t count;
@@ -70,14 +70,15 @@ typedef struct beam_curve {
 beam_curve beam_curve_create(const lg_elastica *problem);
 void beam_curve_free(beam_curve *curve);
 
-/* The equilibrium with the chosen rotation, or without one that of lowest energy. Tells what went wrong. */
+/* The equilibrium with the chosen rotation, or without one the equilibrium of lowest energy. Prints
+ * failures. */
 int beam_solve(const app *app, const boundary *where, const lg_elastica_options *options, bool continuous,
                beam_curve *out);
 
 typedef struct beam_curves {
     size_t count;
     beam_curve *list; /* by rising energy */
-    bool full;        /* the search stopped for want of room */
+    bool full;        /* the search stopped because the list was full */
 } beam_curves;
 /* All equilibria of the discrete problem that the library finds, over the boundary's rotations. */
 lg_status beam_branches(const lg_context *context, const boundary *where, const lg_elastica_options *options,

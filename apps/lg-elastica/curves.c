@@ -51,9 +51,10 @@ static const char *sentence_of(lg_status status, const lg_error *error) {
     return error->message[0] != '\0' ? error->message : lg_status_sentence(status);
 }
 
-/* No curve whose angles differ by at most pi from node to node has less energy: where |r|/N lies below the
- * point whose tangent leads to (pi, 2), the largest convex function under 1 - cos is 1 - cos itself, and
- * Jensen's inequality spreads the rotation evenly. Below the continuous energy's bound EI r^2/(2 L), too. */
+/* A lower bound on the energy of curves whose angles differ by at most pi from node to node. Where |r|/N lies
+ * below the point whose tangent leads to (pi, 2), the largest convex function under 1 - cos is 1 - cos
+ * itself. By Jensen's inequality the minimum then spreads the rotation evenly. The bound is also below the
+ * bound EI r^2/(2 L) of the continuous energy. */
 static double energy_bound(const lg_elastica *problem) {
     const double n = (double)problem->intervals, each = fabs(problem->rotation) / n, half = sin(0.5 * each);
     return each <= 0.8 ? problem->stiffness * n / problem->length * n * 2 * half * half : 0;

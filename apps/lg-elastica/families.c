@@ -1,4 +1,4 @@
-/* Sets of curves: reading them, which family they are of, whether a network knows their like. */
+/* Sets of curves: reading, their family, and whether they lie in the training range of a network. */
 #include <math.h>
 
 #include "lg-elastica/beam.h"

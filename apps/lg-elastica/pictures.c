@@ -64,7 +64,7 @@ static void extend(box *b, const double *pairs, size_t points) {
     }
 }
 
-/* Height in pixels for curves drawn `width` wide, without what stands around them. */
+/* Height in pixels of curves drawn `width` wide, without the margins. */
 static int height_of(const box *b, int width) {
     const double dx = fmax(b->high[0] - b->low[0], 1e-6), dy = b->high[1] - b->low[1];
     const double height = 1.12 * (double)width * dy / dx;

@@ -83,7 +83,7 @@ static int read_points(const app *self, prediction *p) {
 
 /* ---- the curve ---- */
 
-/* Plans for so many points, and their work memory. */
+/* Plans for `points` points, and their work memory. */
 static int open_curves(const app *self, const lg_surrogate_file *file, size_t points,
                        lg_surrogate_curves **curves, void **work) {
     lg_error error = {LG_OK, ""};
@@ -126,7 +126,7 @@ static int check_finite(const app *self, const prediction *p) {
     return APP_EXIT_OK;
 }
 
-/* At the nodes, whatever points were asked for. */
+/* The comparison is at the nodes, whatever points the user chose. */
 static int compare(const app *self, prediction *p) {
     const lg_surrogate *model = &p->file->run.model;
     const size_t nodes = (size_t)model->intervals + 1;
@@ -157,7 +157,7 @@ static int compare(const app *self, prediction *p) {
 
 /* ---- output ---- */
 
-/* A model that does not say what it was trained on knows no outside. */
+/* A model without the boundary conditions of its training part has no range. */
 static bool is_inside(const prediction *p) {
     return p->file->trained_count == 0 || p->distance <= 2 * p->reach;
 }

@@ -126,7 +126,7 @@ static int prepare(void *user, app *self) {
     return status == LG_OK ? APP_EXIT_OK : app_fail(self, status, "%s", app_sentence(status, &error));
 }
 
-/* The training part without what is held out. */
+/* The training part without the held-out curves. */
 static lg_status hold_out(void *user, app *self, double validation, lg_error *error) {
     training *state = user;
     part_indices whole, test;
