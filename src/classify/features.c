@@ -1,5 +1,5 @@
-/* Features of windows: their kinds and the channels that they are of. The numbers of each kind, their
- * derivatives and names: features_channel.c, features_cov.c, features_baseline.c. */
+/* Features of windows: their kinds and their channels. The computation of each kind, with its derivatives and
+ * names, is in features_channel.c, features_cov.c and features_baseline.c. */
 #include "classify/features.h"
 
 #include <math.h>
@@ -38,7 +38,7 @@ static bool ends_in(const char *text, const char *end) {
     return a >= b && strcmp(text + a - b, end) == 0;
 }
 
-/* What follows `start` in `text`, or NULL. */
+/* The rest of `text` after `start`, or NULL. */
 static const char *after(const char *text, const char *start) {
     const size_t length = strlen(start);
     return strncmp(text, start, length) == 0 ? text + length : NULL;
@@ -48,8 +48,8 @@ static bool is_x(const lg_series *series, uint32_t channel) {
     return has_names(series) ? ends_in(series->channel_name[channel], "_x") : channel % 2 == 0;
 }
 
-/* The moment that belongs to acceleration `channel`, or UINT32_MAX. Without names the channels are two
- * acceleration sensors and then the moments, each (x, y). */
+/* The moment that belongs to acceleration `channel`, or UINT32_MAX. Channels without names are two
+ * acceleration sensors followed by the moments, each (x, y). */
 static uint32_t moment_of(const lg_series *series, uint32_t channel) {
     if (!has_names(series)) return channel < 2 && channel + 4 < series->channels ? channel + 4 : UINT32_MAX;
     const char *direction = after(series->channel_name[channel], "acc_lower");

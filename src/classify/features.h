@@ -1,4 +1,4 @@
-/* Kinds of features, one row each, and what the files of the kinds share. */
+/* Kinds of features, one row each, and declarations that their files share. */
 #ifndef LG_CLASSIFY_FEATURES_H
 #define LG_CLASSIFY_FEATURES_H
 
@@ -6,7 +6,7 @@
 
 typedef struct lg_feature_row {
     const char *name;
-    uint32_t segments; /* parts into which the windows of pairs of channels are cut; 0: no pairs are made */
+    uint32_t segments; /* parts of a window, for kinds of pairs of channels; 0: no pairs */
     uint64_t (*count)(const lg_features *f); /* of features */
     size_t (*work)(const lg_features *f);    /* doubles */
     lg_status (*compute)(const lg_features *f, const float *x, double *out, double *work);
@@ -24,11 +24,11 @@ size_t lg_features_work_doubles(const lg_features *features);
 
 /* z (length) = (x - mean)/scale. Returns the standard deviation of z, denominator `length`. */
 double lg_centre(const float *x, size_t length, double scale, double *z);
-/* Adds the derivative of a standard deviation, d sigma/dx_t = z_t/(n sigma scale); none where it is 0. */
+/* Adds the derivative of a standard deviation, d sigma/dx_t = z_t/(n sigma scale); nothing if sigma is 0. */
 void lg_deviation_reverse(const double *z, size_t n, double deviation, double scale, double cotangent,
                           double *gradient);
 
-/* The name of a channel, or its number where it has none. */
+/* The name of a channel, or its number if it has no name. */
 int lg_channel_name(const lg_series *series, uint32_t channel, char *text, size_t size);
 
 #endif

@@ -1,11 +1,11 @@
-/* Features of single channels: their numbers as they are, and standard deviations. */
+/* Features of single channels: the samples themselves, and standard deviations. */
 #include "classify/features.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
-/* As lg_sum_of; the sum of up to 2^29 equal numbers is exact, and so is their mean. */
+/* Sums in the order of lg_sum_of. The sum of up to 2^29 equal numbers is exact, and so is their mean. */
 static double sum_of_floats(const float *x, size_t n) {
     double lane[8] = {0};
     size_t i = 0;
@@ -20,7 +20,7 @@ static double sum_of_floats(const float *x, size_t n) {
 double lg_centre(const float *x, size_t length, double scale, double *z) {
     const double mean = sum_of_floats(x, length) / (double)length;
     for (size_t i = 0; i < length; i++) z[i] = ((double)x[i] - mean) / scale;
-    const double rest = lg_sum_of(z, length) / (double)length; /* what rounding left of the mean */
+    const double rest = lg_sum_of(z, length) / (double)length; /* the part of the mean left by rounding */
     for (size_t i = 0; i < length; i++) z[i] -= rest;
     return sqrt(lg_dot(z, z, length) / (double)length);
 }

@@ -10,8 +10,8 @@
 typedef struct kept {
     double *z;       /* (m, length): the scaled channels without their means */
     double *vectors; /* (m, m) orthonormal eigenvectors of the covariance, one a row */
-    double *roots;   /* (m) roots of its eigenvalues, in the order of the vectors */
-    double *rest;    /* m max(length, 2 m) that need not stay */
+    double *roots;   /* (m) square roots of its eigenvalues, in the order of the vectors */
+    double *rest;    /* m max(length, 2 m) temporary numbers */
 } kept;
 
 static kept keep_in(const lg_features *f, double *work) {
@@ -30,13 +30,13 @@ static uint64_t cov_count(const lg_features *f) {
     return m * (m + 1) / 2;
 }
 
-/* The covariance C = Z Z^T/n is never formed: its small eigenvalues would lose half of their digits. Its
- * eigenvectors are the left singular vectors of Z (m, n), the roots of its eigenvalues are the singular
- * values over sqrt(n). */
+/* The covariance C = Z Z^T/n is never formed, because its small eigenvalues would lose half of their digits.
+ * Its eigenvectors are the left singular vectors of Z (m, n); the square roots of its eigenvalues are the
+ * singular values over sqrt(n). */
 
-/* Rows of z (m, n), orthogonalised one after the other: z = G^T Q, G (m, m) upper triangular, rows of Q
- * orthonormal. Gram and Schmidt's method in its modified form, whose G is as accurate as Householder's
- * (Bjorck 1967); Q is not kept, z is destroyed. */
+/* Orthogonalises the rows of z (m, n): z = G^T Q, G (m, m) upper triangular, rows of Q orthonormal. The
+ * method is modified Gram-Schmidt, whose G is as accurate as Householder's (Bjorck 1967). Q is not kept, z is
+ * destroyed. */
 static void triangle(double *z, size_t m, size_t n, double *g) {
     memset(g, 0, m * m * sizeof *g);
     for (size_t k = 0; k < m; k++) {
@@ -52,7 +52,7 @@ static void triangle(double *z, size_t m, size_t n, double *g) {
     }
 }
 
-/* Of rows of m numbers, too few for several sums. */
+/* Dot product of rows of m numbers; m is too small for several partial sums. */
 static double product(const double *a, const double *b, size_t m) {
     if (m >= 16) return lg_dot(a, b, m);
     double sum = 0.0;
@@ -60,7 +60,7 @@ static double product(const double *a, const double *b, size_t m) {
     return sum;
 }
 
-/* Rotates rows a and b (m) of product ab and norms na, nb until they are orthogonal. */
+/* Makes rows a and b (m) orthogonal by a rotation; ab is their dot product, na and nb their norms. */
 static void rotate(double *a, double *b, size_t m, double ab, double na, double nb) {
     const double middle = (nb - na) * (nb + na) / (2.0 * ab);
     const double size = 1.0 / (fabs(middle) + sqrt(1.0 + middle * middle));
@@ -73,8 +73,8 @@ static void rotate(double *a, double *b, size_t m, double ab, double na, double 
     }
 }
 
-/* Every pair of rows of g (m, m) once. Returns whether any had to be rotated; rows of norm at most `least`
- * stay. norm (m): of the rows. */
+/* Visits every pair of rows of g (m, m) once. Returns whether any pair was rotated; rows of norm at most
+ * `least` are left alone. norm (m): norms of the rows. */
 static bool sweep(double *g, size_t m, double least, double *norm) {
     const double tolerance = DBL_EPSILON * sqrt((double)m + 2.0);
     bool rotated = false;
@@ -95,7 +95,7 @@ static bool sweep(double *g, size_t m, double least, double *norm) {
 /* Rotates rows of g (m, m) until all are orthogonal (one-sided Jacobi, Hestenes 1958): they become singular
  * values times right singular vectors. norm (m): the singular values. */
 static lg_status singular_rows(double *g, size_t m, double *norm) {
-    enum { SWEEPS = 60 }; /* quadratic convergence: ten are many */
+    enum { SWEEPS = 60 }; /* convergence is quadratic: more than ten are rare */
     for (size_t k = 0; k < m; k++) norm[k] = sqrt(lg_dot(g + k * m, g + k * m, m));
     const double all = sqrt(lg_dot(norm, norm, m));
     if (!isfinite(all)) return LG_NOT_FINITE;
@@ -104,15 +104,15 @@ static lg_status singular_rows(double *g, size_t m, double *norm) {
     return LG_NO_CONVERGENCE;
 }
 
-/* Roots below this count as 0: that of LG_NULL_EIGENVALUE times the largest eigenvalue. */
+/* Roots below this number count as 0: the square root of LG_NULL_EIGENVALUE times the largest eigenvalue. */
 static double null_root(const double *roots, size_t m) {
     double largest = 0.0;
     for (size_t k = 0; k < m; k++) largest = fmax(largest, roots[k]);
     return sqrt(LG_NULL_EIGENVALUE) * largest;
 }
 
-/* Row k of v (m, m) becomes a unit vector orthogonal to the rows marked as known: what they leave, twice, of
- * the coordinate of which they leave most. */
+/* Sets row k of v (m, m) to a unit vector orthogonal to the known rows. It orthogonalises, twice, the unit
+ * coordinate vector of which the known rows leave most. */
 static void complete_row(double *v, size_t m, size_t k, const double *known) {
     double *row = v + k * m, least = INFINITY;
     size_t best = 0;
@@ -133,8 +133,8 @@ static void complete_row(double *v, size_t m, size_t k, const double *known) {
     for (size_t i = 0; i < m; i++) row[i] /= norm;
 }
 
-/* Rows of v become orthonormal; those of the null space, whose directions are rounding, any basis of it.
- * known (m) is overwritten. */
+/* Makes the rows of v orthonormal. Directions within the null space are only rounding; its rows become any
+ * basis of it. known (m) is overwritten. */
 static void orthonormalise(double *v, size_t m, const double *roots, double *known) {
     const double null = null_root(roots, m);
     for (size_t k = 0; k < m; k++) {
@@ -152,7 +152,7 @@ static void orthonormalise(double *v, size_t m, const double *roots, double *kno
     }
 }
 
-/* From window x to the triangle's rotated rows: singular values and vectors of the scaled channels. */
+/* Computes singular values and vectors of the scaled channels of window x, by triangle and rotations. */
 static lg_status decompose(const lg_features *f, const float *x, const kept *k) {
     const size_t m = f->selected, length = f->length;
     for (size_t i = 0; i < m; i++) {
@@ -204,10 +204,10 @@ static void turn(const double *v, size_t m, bool back, const double *a, double *
         }
 }
 
-/* S S = C: S dS + dS S = dC, Sylvester's equation, is diagonal between eigenvectors of C,
+/* From S S = C follows Sylvester's equation S dS + dS S = dC. It is diagonal in the eigenvectors of C,
  *   (V dS V^T)_ij = (V dC V^T)_ij/(s_i + s_j),
  * and self-adjoint (Higham, Functions of Matrices, 2008, section 6.1). Within the null space the root has a
- * kink: 0. */
+ * kink; the derivative is taken as 0. */
 static void solve_sylvester(const double *roots, size_t m, double *a) {
     const double null = null_root(roots, m);
     for (size_t i = 0; i < m; i++)
@@ -217,7 +217,7 @@ static void solve_sylvester(const double *roots, size_t m, double *a) {
         }
 }
 
-/* With H the cotangent of C = Z Z^T/n, that of Z is 2 H Z/n; the rows of Z have mean 0, and so has this. */
+/* If H is the cotangent of C = Z Z^T/n, that of Z is 2 H Z/n. Its rows have mean 0 like those of Z. */
 static void reverse_cov(const lg_features *f, const double *cotangent, double *work, double *gradient) {
     const kept k = keep_in(f, work);
     const size_t m = f->selected, length = f->length;
