@@ -1,5 +1,5 @@
-/* Clang would write such a loop out where it knows n, or turn several of them into one with gathers, but should
- * have it in place. */
+/* Clang would unroll such a loop where it knows n, or merge several of them into one with gathers. The pragma
+ * prevents both. Clang should inline the function. */
 #if defined(__clang__)
 #define AS_IT_STANDS _Pragma("clang loop vectorize(disable) unroll(disable)")
 #define IN_PLACE     inline
