@@ -16,7 +16,7 @@ TEST("a loss that is NaN stops before its batch, and goes on when the cause is g
     assert_status(lg_fit_run(fit, &error), LG_NOT_FINITE);
     assert_int_equal(error.status, LG_NOT_FINITE);
     assert_message(&error, "epoch 2, batch 3");
-    assert_message(&error, "loss");
+    assert_message(&error, "the loss is NaN");
     assert_int_equal(lg_fit_position(fit), 20);
     assert_int_equal(lg_fit_steps_done(fit), 8);
     double theta[512], again[512];
