@@ -31,28 +31,32 @@ static void invert(size_t k, const double *m, double *W) {
     free(l);
 }
 
-/* W = m^-1 (k, k). Returns max_i m_ii W_ii >= 1, which multiplies the rounding of what is solved with W: how
- * nearly the rows of m depend on each other, whatever their scale. */
-static double invert_mass(const lg_hamiltonian *model, const double *theta, double *W) {
+/* W = m^-1 (k, k). *condition = max_i m_ii W_ii >= 1, which multiplies the rounding of what is solved with W: how
+ * nearly the rows of m depend on each other, whatever their scale. False: the family has no mass. */
+static bool invert_mass(const lg_hamiltonian *model, const double *theta, double *W, double *condition) {
     const size_t k = model->n;
-    double condition = 1.0, *m = app_alloc(k * k, sizeof *m);
-    (void)lg_hamiltonian_mass(model, theta, m);
-    invert(k, m, W);
-    for (size_t i = 0; i < k; i++) condition = fmax(condition, m[i * k + i] * W[i * k + i]);
+    double *m = app_alloc(k * k, sizeof *m);
+    const bool has_mass = lg_hamiltonian_mass(model, theta, m) == LG_OK;
+    *condition = 1.0;
+    if (has_mass) invert(k, m, W);
+    for (size_t i = 0; has_mass && i < k; i++) *condition = fmax(*condition, m[i * k + i] * W[i * k + i]);
     free(m);
-    return condition;
+    return has_mass;
 }
 
 /* What the tolerance has room for without a condition. */
 enum { LEAST_CONDITION = 20 };
 
-/* The condition of a chain's mass matrix. False: its inverse has numbers that the type cannot hold. */
-static bool chain_condition(export_source *source, const lg_hamiltonian *model, const double *theta) {
+/* The condition of a mass matrix, where the family has one. False: its inverse has numbers that the type cannot
+ * hold. */
+static bool find_condition(export_source *source, const lg_hamiltonian *model, const double *theta) {
     const size_t k = model->n;
-    double *W = app_alloc(k * k, sizeof *W);
+    double condition, *W = app_alloc(k * k, sizeof *W);
     bool fits = true;
-    source->condition = fmax(1.0, invert_mass(model, theta, W) / LEAST_CONDITION);
-    for (size_t i = 0; i < k * k; i++) fits = fits && isfinite(export_round(source->options, W[i]));
+    const bool has_mass = invert_mass(model, theta, W, &condition);
+    source->condition = fmax(1.0, condition / LEAST_CONDITION);
+    for (size_t i = 0; has_mass && i < k * k; i++)
+        fits = fits && isfinite(export_round(source->options, W[i]));
     free(W);
     return fits;
 }
@@ -60,105 +64,51 @@ static bool chain_condition(export_source *source, const lg_hamiltonian *model, 
 /* ---- what NAME.h says ---- */
 
 /* "state (6)     words" */
-static void tell_numbers(text *about, const char *what, unsigned count, const char *words) {
+static void tell_numbers(text *about, const char *what, size_t count, const char *words) {
     char label[32];
-    (void)snprintf(label, sizeof label, "%s (%u)", what, count);
+    (void)snprintf(label, sizeof label, "%s (%zu)", what, count);
     lg_text_add(about, "%-12s  %s\n", label, words);
 }
 
-static void tell_chain(export_source *source, unsigned k) {
-    text *about = &source->about;
-    lg_text_add(about,
-                "Learned Hamiltonian H(q, p) = 1/2 p.M(q)^-1 p + V(q) of a chain of %u link%s on T*S^2.\n\n",
-                k, k == 1 ? "" : "s");
-    tell_numbers(about, "state", 6 * k,
-                 k == 1 ? "q p, three numbers each: |q| = 1, q.p = 0"
-                        : "q_1 p_1 q_2 p_2 ..., three numbers each: |q_i| = 1, q_i.p_i = 0");
-    tell_numbers(about, "input", 3 * k,
-                 k == 1 ? "tau: spatial torque about the link's joint, conjugate to its angular\n"
-                          "              velocity; NULL for none"
-                        : "tau_1 tau_2 ...: spatial torques about the links' own joints, conjugate to\n"
-                          "              their angular velocities; NULL for none");
-    tell_numbers(about, "field", 6 * k,
-                 k == 1 ? "xi eta in se(3): q' = xi x q, p' = xi x p + eta x q; xi is the angular velocity"
-                        : "xi_1 eta_1 xi_2 eta_2 ... in se(3): q_i' = xi_i x q_i,\n"
-                          "              p_i' = xi_i x p_i + eta_i x q_i; xi_i is the angular velocity");
-    export_units(source, "those of the training data");
-    lg_text_add(about,
-                "time          as in the dt of the training data\nmanifold      A state off the manifold is "
-                "not projected: value, gradient and field are those\n              of the formulas, and "
-                "steps keep the distance up to rounding.\n");
+/* "q1 p1 q2 p2 ..., each with |q| = 1 and q.p = 0" */
+static void tell_state(text *about, const lg_hamiltonian *model) {
+    const lg_hamiltonian_family *family = model->family;
+    const uint32_t groups = !family->numbered || model->n == 1 ? 0 : 2; /* written out */
+    text words = {0};
+    for (const char *const *part = family->layout; groups == 0 && *part != NULL; part++)
+        lg_text_add(&words, "%s%s", part > family->layout ? " " : "", *part);
+    for (uint32_t i = 1; i <= groups; i++)
+        for (const char *const *part = family->layout; *part != NULL; part++)
+            lg_text_add(&words, "%s%s%u", i > 1 || part > family->layout ? " " : "", *part, i);
+    lg_text_add(&words, "%s", groups > 0 && model->n > groups ? " ..." : "");
+    if (family->manifold != NULL)
+        lg_text_add(&words, ", %s%s", groups > 0 ? "each with " : "", family->manifold);
+    tell_numbers(about, "state", lg_hamiltonian_state_dim(model), words.data);
+    lg_text_destroy(&words);
 }
 
-static void tell_separable(export_source *source, unsigned n) {
+static void tell_model(export_source *source, const lg_hamiltonian *model) {
+    const lg_hamiltonian_family *family = model->family;
     text *about = &source->about;
-    lg_text_add(about, "Learned Hamiltonian H(q, p) = 1/2 |A p|^2 + V(q) on R^%u.\n\n", 2 * n);
-    tell_numbers(about, "state", 2 * n, n == 1 ? "q p" : "q_1 q_2 ... p_1 p_2 ...");
-    tell_numbers(about, "input", n, "forces: p' = -dV/dq + input; NULL for none");
-    tell_numbers(about, "field", 2 * n, n == 1 ? "q' p'" : "q_1' q_2' ... p_1' p_2' ...");
+    const size_t d = lg_hamiltonian_state_dim(model), m = lg_hamiltonian_input_dim(model);
+    char input[256];
+    lg_text_add(about, "Learned Hamiltonian, family %s, of %u %s%s%s%s.\n\n", family->name, model->n,
+                family->copy, model->n == 1 ? "" : "s", family->formula != NULL ? ": H = " : "",
+                family->formula != NULL ? family->formula : "");
+    tell_state(about, model);
+    (void)snprintf(input, sizeof input, "%s%sNULL for none",
+                   family->input_meaning != NULL ? family->input_meaning : "",
+                   family->input_meaning != NULL ? "; " : "");
+    tell_numbers(about, "input", m, m > 0 ? input : "none: NULL");
+    tell_numbers(about, "field", d,
+                 family->field_meaning != NULL ? family->field_meaning : "an element of the algebra");
     export_units(source, "those of the training data");
     lg_text_add(about, "time          as in the dt of the training data\n");
-}
-
-/* ---- golden states, as in training data ---- */
-
-/* q_i uniform on the sphere, p_i = q_i x u, u ~ U[0, 1]^3. */
-static void draw_chain(uint32_t k, lg_rng *rng, double *y) {
-    for (uint32_t i = 0; i < k; i++, y += 6) {
-        double u[3], norm = 0.0;
-        for (int c = 0; c < 3; c++) y[c] = lg_rng_normal(rng);
-        for (int c = 0; c < 3; c++) norm += y[c] * y[c];
-        for (int c = 0; c < 3; c++) y[c] /= sqrt(norm), u[c] = lg_rng_uniform(rng);
-        for (int c = 0; c < 3; c++)
-            y[3 + c] = y[(c + 1) % 3] * u[(c + 2) % 3] - y[(c + 2) % 3] * u[(c + 1) % 3];
-    }
-}
-
-/* U[-1, 1]. */
-static void draw_separable(uint32_t n, lg_rng *rng, double *y) {
-    for (uint32_t i = 0; i < 2 * n; i++) y[i] = lg_rng_uniform_in(rng, -1.0, 1.0);
-}
-
-/* ---- families of which more is known than their functions ---- */
-
-typedef struct family_kind {
-    const char *family, *copies;
-    void (*tell)(export_source *source, unsigned n);
-    void (*draw)(uint32_t n, lg_rng *rng, double *y); /* a golden state */
-    /* Sets source->condition. False: the exported type cannot hold the parameters. NULL: it stays 1. */
-    bool (*condition)(export_source *source, const lg_hamiltonian *model, const double *theta);
-    const char *arrive;                   /* code that writes the state after a step */
-    bool manifold;                        /* states are points of T*S^2 */
-    bool steps[LG_SCHEME_KINDS], ambient; /* schemes whose step is explicit; in an ambient space, too */
-    const char *others;                   /* follows the name of another scheme */
-} family_kind;
-
-static const family_kind kinds[] = {
-    {.family = "chain",
-     .copies = "k",
-     .tell = tell_chain,
-     .draw = draw_chain,
-     .condition = chain_condition,
-     .arrive = "arrive_ts2",
-     .manifold = true,
-     .steps = {[LG_SCHEME_RKMK] = true, [LG_SCHEME_COMMUTATOR_FREE] = true},
-     .others = " is not an explicit Lie group scheme, which a step on T*S^2 needs: use cf4, rkmk4, "
-               "lie-euler, or another scheme or file of the kinds rkmk and commutator-free"},
-    {.family = "separable",
-     .copies = "n",
-     .tell = tell_separable,
-     .draw = draw_separable,
-     .arrive = "arrive",
-     .steps = {[LG_SCHEME_RKMK] = true, [LG_SCHEME_COMMUTATOR_FREE] = true, [LG_SCHEME_SPLITTING] = true},
-     .ambient = true,
-     .others = " is not explicit: use stormer-verlet, rk4, cf4, or another scheme or file of the kinds "
-               "splitting, runge-kutta, rkmk and commutator-free"},
-};
-
-static const family_kind *kind_of(const lg_hamiltonian *model) {
-    for (size_t i = 0; i < LG_COUNT(kinds); i++)
-        if (strcmp(kinds[i].family, model->family->name) == 0) return &kinds[i];
-    return NULL;
+    if (family->manifold != NULL)
+        lg_text_add(
+            about,
+            "manifold      A state off it is not projected: value, gradient and field are those of the\n"
+            "              formulas as they stand, and steps keep the distance but for rounding.\n");
 }
 
 static const char *scheme_name(const lg_scheme *scheme) {
@@ -236,7 +186,7 @@ static const char declarations[] =
 
 static void tell(export_source *source, const lg_hamiltonian_file *file, size_t evaluations) {
     const lg_hamiltonian *model = &file->run.model;
-    kind_of(model)->tell(source, model->n);
+    tell_model(source, model);
     tell_scheme(&source->about, source->options->scheme, evaluations);
     if (source->condition > 1.0)
         lg_text_add(
@@ -246,7 +196,9 @@ static void tell(export_source *source, const lg_hamiltonian_file *file, size_t 
             source->condition);
     tell_training(&source->about, file);
     export_provenance(source, &file->provenance, file->run.data_sha256);
-    export_size(source, "LINKS", model->n, kind_of(model)->copies);
+    char copies[64];
+    (void)snprintf(copies, sizeof copies, "copies, each a %s", model->family->copy);
+    export_size(source, "LINKS", model->n, copies);
     export_size(source, "STATE_SIZE", lg_hamiltonian_state_dim(model), "numbers in state, next and field");
     export_size(source, "INPUT_SIZE", lg_hamiltonian_input_dim(model), "numbers in an input");
     export_size(source, "STEP_EVALUATIONS", evaluations, "of the network's gradient in a step");
@@ -299,18 +251,21 @@ static void draw_golden(export_source *source, const lg_hamiltonian *model, doub
     const export_options *options = source->options;
     const size_t n = source->inputs, count = source->golden.count;
     double *x = source->golden.x;
+    lg_space space;
     lg_rng rng;
+    (void)lg_hamiltonian_space(model->family, model->n, &space);
     lg_rng_seed(&rng, options->seed, 0);
-    for (size_t i = 0; i < count; i++) kind_of(model)->draw(model->n, &rng, x + i * n);
+    for (size_t i = 0; i < count; i++) (void)lg_space_start(&space, NULL, &rng, x + i * n);
     for (size_t i = 0; i < count * n; i++) x[i] = export_round(options, x[i]);
     for (size_t i = 0; i < m; i++) input[i] = export_round(options, lg_rng_uniform_in(&rng, -1.0, 1.0));
 }
 
 static void write_golden(export_source *source, const double *input, size_t m, double h) {
+    static const double none = 0.0;
     lg_text_add(&source->test, "static const real golden_step = ");
     lg_text_add_real(&source->test, source->options->dtype, h);
-    lg_text_add(&source->test, ";\nstatic const real golden_input[%zu] = {\n", m);
-    lg_text_add_reals(&source->test, source->options->dtype, 4, input, m);
+    lg_text_add(&source->test, ";\nstatic const real golden_input[%zu] = {\n", m > 0 ? m : 1);
+    lg_text_add_reals(&source->test, source->options->dtype, 4, m > 0 ? input : &none, m > 0 ? m : 1);
     lg_text_add(&source->test, "};\n");
     export_test_code(source, "test_hamiltonian");
 }
@@ -336,15 +291,26 @@ static lg_status golden_vectors(export_source *source, const lg_hamiltonian_file
 /* ---- code ---- */
 
 /* Schemes without an explicit step on the model's space: a sentence and APP_EXIT_USAGE. */
-static int check_scheme(const app *self, const family_kind *kind, const lg_scheme *scheme) {
+static int check_scheme(const app *self, const lg_hamiltonian *model, const lg_scheme *scheme) {
     lg_error error = {LG_OK, ""};
+    lg_space space;
+    (void)lg_hamiltonian_space(model->family, model->n, &space);
     if (lg_scheme_check(scheme, &error) != LG_OK) return app_usage(self, "%s", error.message);
-    if (kind->steps[scheme->kind] && (kind->ambient || !scheme->ambient)) return APP_EXIT_OK;
-    return app_usage(self, "%s%s", scheme_name(scheme), kind->others);
+    const bool flat = lg_space_is_abelian(&space), separable = model->family->force != NULL;
+    const bool lie = scheme->kind == LG_SCHEME_RKMK || scheme->kind == LG_SCHEME_COMMUTATOR_FREE;
+    if ((lie && (flat || !scheme->ambient)) || (scheme->kind == LG_SCHEME_SPLITTING && separable))
+        return APP_EXIT_OK;
+    return app_usage(
+        self,
+        flat ? "%s is not explicit: rk4, cf4 and other rows or files of the kinds runge-kutta, rkmk and "
+               "commutator-free can be had%s"
+             : "%s is no explicit Lie group scheme, which a step of this model needs: cf4, rkmk4, lie-euler "
+               "and other rows or files of the kinds rkmk and commutator-free can be had%s",
+        scheme_name(scheme), separable ? ", or stormer-verlet and other splittings" : "");
 }
 
 /* Bytes of the frames of code/hamiltonian, gcc and clang, -O0 to -O3, and how many there are. */
-enum { STACK = 1024, CALLS = 2 };
+enum { STACK = 1024, CALLS = 3 };
 
 /* The program's functions, and around them the ones of NAME.h. */
 static int add_code(const app *self, export_source *source, const lg_hamiltonian_file *trained,
@@ -354,15 +320,17 @@ static int add_code(const app *self, export_source *source, const lg_hamiltonian
                                    {.function = "field", .name = "flow", .hidden = true},
                                    {.function = "step", .name = "advance", .hidden = true}};
     const lg_hamiltonian *model = &trained->run.model;
+    const size_t m = lg_hamiltonian_input_dim(model);
     const int code = export_bundle(self, source, program, true, functions, LG_COUNT(functions));
     if (code != APP_EXIT_OK) return code;
     lg_text_add(&source->code, "\n");
     export_constant(source, "LINKS", model->n);
     export_constant(source, "STATE", lg_hamiltonian_state_dim(model));
-    export_constant(source, "INPUT", lg_hamiltonian_input_dim(model));
-    if (kind_of(model)->manifold)
-        export_real(source, "manifold_rounding", source->options->dtype == LG_F32 ? 5e-5 : 1e-13);
-    export_code(source, kind_of(model)->arrive);
+    if (m > 0) export_constant(source, "INPUT", m);
+    const bool ts2 = model->family->factors == 1 && model->family->factor[0] == LG_SPACE_TS2;
+    if (ts2) export_real(source, "manifold_rounding", source->options->dtype == LG_F32 ? 5e-5 : 1e-13);
+    export_code(source, ts2 ? "arrive_ts2" : "arrive");
+    export_code(source, m > 0 ? "forced" : "unforced");
     export_code(source, "hamiltonian");
     source->work += lg_hamiltonian_state_dim(model);
     source->stack += STACK;
@@ -402,17 +370,21 @@ static int export_known(const app *self, const lg_model_file *file, lg_program *
     return APP_EXIT_OK;
 }
 
+/* A field with as many numbers as the state: NAME_field and NAME_step can be had. */
+static bool is_known(const lg_hamiltonian *model) {
+    lg_space space;
+    return lg_hamiltonian_space(model->family, model->n, &space) == LG_OK && space.algebra_dim == space.dim;
+}
+
 int export_hamiltonian(const app *self, const lg_model_file *file, export_source *source) {
     const lg_hamiltonian_file *trained = &file->hamiltonian;
     const lg_hamiltonian *model = &trained->run.model;
     const char *path = self->arguments[0];
-    const family_kind *kind = kind_of(model);
     lg_error error = {LG_OK, ""};
     lg_program *program;
-    int code = kind != NULL ? check_scheme(self, kind, source->options->scheme) : APP_EXIT_OK;
+    int code = check_scheme(self, model, source->options->scheme);
     if (code != APP_EXIT_OK) return code;
-    source->condition = 1.0;
-    if (kind != NULL && kind->condition != NULL && !kind->condition(source, model, trained->theta))
+    if (!find_condition(source, model, trained->theta))
         return app_fail(self, LG_FORMAT,
                         "%s: the mass matrix is not positive definite, or its inverse is not a number of the "
                         "exported type",
@@ -420,7 +392,7 @@ int export_hamiltonian(const app *self, const lg_model_file *file, export_source
     const lg_status status = lg_hamiltonian_program(self->context, model, trained->theta,
                                                     source->options->scheme, &program, &error);
     if (status != LG_OK) return app_fail_file(self, status, &error, path);
-    if (kind == NULL) {
+    if (!is_known(model)) {
         source->parameters = 0; /* export_whole counts them */
         return export_whole(self, path, program, source);
     }

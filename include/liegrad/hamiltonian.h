@@ -84,8 +84,10 @@ struct lg_hamiltonian_family {
     const char *layout[3];                 /* names of the parts of a state, ended by NULL: "q", "p" */
     bool numbered;                         /* the state is q1 p1 q2 p2 ... instead of q p */
     const char *state_units, *energy_unit; /* in files */
-    const char *scheme;                    /* default of training and of exported steps */
-    const char *accurate;                  /* embedded pair with which learned flows are integrated */
+    /* For headers of exported C: H, an input and a field in words; NULL: not said. */
+    const char *formula, *input_meaning, *field_meaning;
+    const char *scheme;   /* default of training and of exported steps */
+    const char *accurate; /* embedded pair with which learned flows are integrated */
     lg_hamiltonian_array arrays[LG_HAMILTONIAN_MAX_ARRAYS + 1];
     /* Initial arrays, drawn from U[0, 1], are drawn again while this is false. NULL: always usable. */
     bool (*usable)(uint32_t n, const double *arrays);

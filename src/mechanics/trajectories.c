@@ -7,8 +7,14 @@
 
 /* ---- starts ---- */
 
-static void sphere_start(lg_rng *rng, double low, double high, double *y) {
+static void box_start(lg_rng *rng, double low, double high, size_t n, double *y) {
+    for (size_t i = 0; i < n; i++) y[i] = lg_rng_uniform_in(rng, low, high);
+}
+
+/* q uniform on the sphere, p = q x u, u in the box. */
+static void sphere_start(lg_rng *rng, double low, double high, size_t n, double *y) {
     double norm = 0.0, u[3];
+    (void)n;
     while (!(norm > 1e-8)) { /* (almost) never twice */
         for (int c = 0; c < 3; c++) y[c] = lg_rng_normal(rng);
         norm = sqrt(lg_dot3(y, y));
@@ -18,6 +24,15 @@ static void sphere_start(lg_rng *rng, double low, double high, double *y) {
     lg_cross3(y, u, y + 3);
 }
 
+/* How one copy of a factor is drawn, and the low end of its usual box. NULL: it cannot be. */
+static const struct {
+    void (*draw)(lg_rng *rng, double low, double high, size_t n, double *y);
+    double low;
+} samplers[LG_SPACE_KINDS] = {[LG_SPACE_RN] = {box_start, -1.0},
+                              [LG_SPACE_TS2] = {sphere_start, 0.0},
+                              [LG_SPACE_SO3_DUAL] = {box_start, -1.0},
+                              [LG_SPACE_SE3_DUAL] = {box_start, -1.0}};
+
 static const char *starts_fault(const lg_trajectory_options *o) {
     if (o->size != sizeof(*o)) return "options of unknown size";
     if ((unsigned)o->starts > LG_STARTS_BOX) return "unknown kind of starts";
@@ -26,18 +41,27 @@ static const char *starts_fault(const lg_trajectory_options *o) {
     return NULL;
 }
 
-lg_status lg_system_start(const lg_system *system, const lg_trajectory_options *options, lg_rng *rng,
-                          double *y) {
+lg_status lg_space_start(const lg_space *space, const lg_trajectory_options *options, lg_rng *rng,
+                         double *y) {
     lg_trajectory_options defaults;
     lg_trajectory_options_init(&defaults);
     const lg_trajectory_options *o = options ? options : &defaults;
-    if (!system || !rng || !y || starts_fault(o)) return LG_INVALID_ARGUMENT;
-    const bool chain = system->row == &lg_system_row_chain_hamiltonian, box = o->starts == LG_STARTS_BOX;
-    if (!chain && lg_system_constrained(system)) return LG_UNSUPPORTED;
-    const double low = box ? o->low : chain ? 0.0 : -1.0, high = box ? o->high : 1.0;
-    for (size_t i = 0; chain && i < system->links; i++) sphere_start(rng, low, high, y + 6 * i);
-    for (size_t i = 0; !chain && i < system->space.dim; i++) y[i] = lg_rng_uniform_in(rng, low, high);
+    if (!space || !rng || !y || starts_fault(o)) return LG_INVALID_ARGUMENT;
+    const bool box = o->starts == LG_STARTS_BOX;
+    for (size_t f = 0; f < space->factors; f++)
+        if (samplers[space->factor[f].kind].draw == NULL) return LG_UNSUPPORTED;
+    for (size_t f = 0; f < space->factors; f++) {
+        const lg_space_kind kind = space->factor[f].kind;
+        const size_t n = lg_space_kind_entry(kind)->state;
+        const double low = box ? o->low : samplers[kind].low, high = box ? o->high : 1.0;
+        for (size_t i = 0; i < space->factor[f].count; i++, y += n) samplers[kind].draw(rng, low, high, n, y);
+    }
     return LG_OK;
+}
+
+lg_status lg_system_start(const lg_system *system, const lg_trajectory_options *options, lg_rng *rng,
+                          double *y) {
+    return system ? lg_space_start(&system->space, options, rng, y) : LG_INVALID_ARGUMENT;
 }
 
 /* ---- the reference integrator ---- */

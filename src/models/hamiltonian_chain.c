@@ -217,6 +217,10 @@ const lg_hamiltonian_family lg_hamiltonian_chain = {
     .numbered = true,
     .state_units = "q: 1, p: kg m^2/s",
     .energy_unit = "J",
+    .formula = "1/2 p.M(q)^-1 p + V(q) on T*S^2",
+    .input_meaning = "a spatial torque about each link's own joint, conjugate to its angular velocity",
+    .field_meaning =
+        "(xi, eta) of each link in se(3): q' = xi x q, p' = xi x p + eta x q; xi is the angular velocity",
     .scheme = "cf4",
     .accurate = "rkmk54",
     .arrays = {{"mass/gamma", 2}, {"mass/b", 1}},

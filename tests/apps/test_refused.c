@@ -608,7 +608,7 @@ TEST("lg-simulate refuses with exit code and word, and writes nothing") {
     cli_test_folder();
     cli_write("oscillator.yaml", "system: oscillator\ninitial: {q: 0.6, p: -0.8}\nt_end: 3\n");
     cli_write("no-end.yaml", "system: oscillator\ninitial: {q: 0.6, p: -0.8}\n");
-    cli_write("no-start.yaml", "system: rigid-body\ninertia: [1, 2, 3]\nt_end: 3\n");
+    cli_write("no-start.yaml", "system: rigid-body-attitude\ninertia: [1, 2, 3]\nt_end: 3\n");
     cli_write("chain.yaml",
               "system: pendulum-chain\nform: lagrangian\ngravity: 9.81\nmasses: [1, 1.3]\n"
               "lengths: [1, 0.8]\ninitial: {q: [[0.8, 0, -0.6], [0, 0.6, 0.8]], omega: [[0.3, 0.5, "

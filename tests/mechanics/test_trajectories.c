@@ -60,7 +60,11 @@ TEST("starts have the laws of the thesis") {
     for (int c = 0; c < 3; c++) assert_close(tangent[c], 1.0 / 3.0, 0.0, 4.0 / sqrt(3.0 * 3 * n));
     assert_close(square, 2.0 / 3.0, 0.0, 4.0 / sqrt(3.0 * n));
     assert_true(low >= -1.0 && low < -0.99 && high <= 1.0 && high > 0.99);
-    lg_system *body = make("rigid-body-attitude", 1);
+    lg_system *dual = make("rigid-body", 1), *body = make("rigid-body-attitude", 1);
+    for (int i = 0; i < 100; i++) {
+        assert_ok(lg_system_start(dual, NULL, &rng, y));
+        for (int c = 0; c < 3; c++) assert_true(fabs(y[c]) <= 1.0 && y[c] != 0.0);
+    }
     assert_status(lg_system_start(body, NULL, &rng, y), LG_UNSUPPORTED);
 }
 

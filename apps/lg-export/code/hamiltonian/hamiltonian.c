@@ -1,4 +1,3 @@
-static const real no_input[INPUT] = {REAL(0.0)};
 
 NAME_real NAME_hamiltonian(const NAME_real *state, NAME_real *work) {
     real energy;
@@ -7,7 +6,7 @@ NAME_real NAME_hamiltonian(const NAME_real *state, NAME_real *work) {
 }
 
 void NAME_field(const NAME_real *state, const NAME_real *input, NAME_real *field, NAME_real *work) {
-    NAME_flow(state, input != NULL ? input : no_input, field, work);
+    flow(state, input, field, work);
 }
 
 /* A step of length 0 gives the state as it is, to the bit. */
@@ -17,6 +16,6 @@ void NAME_step(NAME_real h, const NAME_real *state, const NAME_real *input, NAME
         for (int i = 0; i < STATE; i++) next[i] = state[i];
         return;
     }
-    NAME_advance(state, input != NULL ? input : no_input, &h, work, work + STATE);
+    advance(h, state, input, work, work + STATE);
     arrive(state, work, next);
 }
