@@ -33,10 +33,4 @@ static inline uint32_t cnn_channels(const lg_cnn *net, uint32_t i) {
     return i == 0 ? net->channels : net->block[i - 1].channels;
 }
 
-/* Samples after the convolution of block i and before its pooling. */
-static inline uint32_t cnn_convolved(const lg_cnn *net, uint32_t i) {
-    const lg_cnn_block *b = &net->block[i];
-    return (net->lengths[i] + 2 * b->padding - b->kernel) / b->stride + 1;
-}
-
 #endif

@@ -14,7 +14,7 @@ static const char start_scene[] =
 static const char quartic[] = "system: quartic\n";
 static const char grid[] =
     "system: pendulum-chain\ngravity: 1\nmasses: [1]\nlengths: [1]\nintegrators: [cf4, euler]\n"
-    "N: [12]\nM: [3]\neps: [0]\nrepeats: 2\nt_end: 0.1\nepochs: 2\nbatch: 8\nhidden: [6]\n"
+    "N: [6, 12]\nM: [3]\neps: [0]\nrepeats: 2\nt_end: 0.1\nepochs: 2\nbatch: 8\nhidden: [6]\n"
     "test: { trajectories: 4, points: 5 }\nseed: 3\n";
 
 #define TRAIN "train train.h5 --hidden 12,12 --batch 16 "
@@ -208,13 +208,13 @@ TEST("a study runs, and goes on where it was stopped") {
     if (!cli_exists("p.png")) assert_says(result.err, "gnuplot");
     cli_json(lg, "study grid.yaml --out again.csv --stop-after 1", "done 1", &result);
     shell("printf 'cf4,1,12,3,0,0,1,12' >> again.csv"); /* a row that was cut */
-    cli_json(lg, "study grid.yaml --out again.csv --jobs 1", "done 4, new 3", &result);
+    cli_json(lg, "study grid.yaml --out again.csv --jobs 1", "done 8, new 7", &result);
     cli_json(lg, "study grid.yaml --out again.csv", "new 0", &result);
-    shell("test $(wc -l < once.csv) = 5 && test $(wc -l < again.csv) = 5");
+    shell("test $(wc -l < once.csv) = 9 && test $(wc -l < again.csv) = 9");
     cli_expect(lg, "study grid.yaml --out again.csv --seed 8", 3, "other settings", &result);
     cli_expect_limited(lg, "study grid.yaml --out limited.csv --jobs 1", 200, 3, "limited.csv", &result);
     shell("test -z \"$(tail -c 1 limited.csv)\"");
-    cli_json(lg, "study grid.yaml --out limited.csv", "done 4", &result);
+    cli_json(lg, "study grid.yaml --out limited.csv", "done 8", &result);
 }
 
 TEST_GROUP(setup, cli_end)

@@ -206,6 +206,10 @@ TEST("the header tells the windows, the classes, the features and where they com
     (void)export_saved("cov-logistic", "f32", 7, classifier_make(0));
     export_expect_words("cov-logistic-f32/m.h",
                         "cov acc_lower_x moment_x|logit of class 1|contains the factor");
+    static cli result;
+    cli_expect("lg-export", "cov-logistic.h5 --out told --name m --dtype f32 --json", 0, "", &result);
+    assert_true(json_number(result.out, "weights_bytes") >=
+                4.0 * export_constant("told", "m", "FEATURES")); /* a logit has a number for each */
 }
 
 TEST("classifiers are built in every way") {

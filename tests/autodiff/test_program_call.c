@@ -171,10 +171,18 @@ TEST("images keep calls, and may call earlier functions with their shapes alone"
     static const struct {
         size_t which;
         int64_t value;
-    } bad[] = {{0, 0}, {0, 4}, {0, 5}, {0, -1}, {1, 0}, {1, 2}, {1, -1}};
+        const char *words;
+    } bad[] = {{0, 0, ""},
+               {0, 3, "was there before"},
+               {0, 5, "was there before"},
+               {0, -1, "was there before"},
+               {1, 0, ""},
+               {1, 2, "other inputs or outputs"},
+               {1, -1, "other inputs or outputs"}};
     for (size_t i = 0; i < LG_COUNT(bad); i++) {
         lg_program *fresh = built(true);
         assert_int_equal(add_changed(fresh, bad[i].which, bad[i].value, &error), LG_FORMAT);
+        assert_non_null(strstr(error.message, bad[i].words));
         assert_int_equal(lg_program_functions(fresh), 3);
     }
 }
