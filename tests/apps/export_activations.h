@@ -1,6 +1,6 @@
 /* tanh and sigmoid as exported code has them, in one precision: EXPORT_NAME(tanh)(n, z) and
- * EXPORT_NAME(sigmoid)(n, z), in place. The file that includes this defines EXPORT_REAL and EXPORT_NAME(x); it may do
- * so again with others. */
+ * EXPORT_NAME(sigmoid)(n, z), in place. The file that includes this defines EXPORT_REAL and EXPORT_NAME(x);
+ * it may do so again with others. */
 #define NAME_real  EXPORT_REAL
 #define real       EXPORT_NAME(real)
 #define exp_core   EXPORT_NAME(exp_core)

@@ -23,8 +23,8 @@ typedef struct sample {
     uint32_t classes;
     lg_detector_loss loss;
     bool centred;
-    lg_cnn
-        net; /* channels, length, blocks, {channels, kernel, stride, padding, pooling, size, stride}, plane, outputs */
+    /* channels, length, blocks, {channels, kernel, stride, padding, pooling, size, stride}, plane, outputs */
+    lg_cnn net;
 } sample;
 
 #define NET(channels, length, blocks, plane, outputs, activation, ...)                                       \
@@ -52,8 +52,8 @@ static const sample samples[] = {
     {"one", "gcc", "-O0", 2, MSE, false, NET(2, 16, 1, 1, 1, IDENTITY, {1, 3, 1, 0, NONE, 1, 1})},
 };
 
-/* Writes NAME.h5; offsets and scales of the channels are far from 0 and 1. `offset` is added to the last parameter, the
- * offset of the output layer, and `weight` to the one before. */
+/* Writes NAME.h5; offsets and scales of the channels are far from 0 and 1. `offset` is added to the last
+ * parameter, the offset of the output layer, and `weight` to the one before. */
 static inline void detector_save(const sample *of, double weight, double offset) {
     char path[1024], name[128];
     lg_rng rng;

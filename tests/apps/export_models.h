@@ -1,5 +1,5 @@
-/* One driver for the exported models of every kind: made, written as C, compiled, compared with the library, built in every
- * way. A test file has a row of export_kind for its examples. */
+/* One driver for the exported models of every kind: made, written as C, compiled, compared with the library,
+ * built in every way. A test file has a row of export_kind for its examples. */
 #ifndef LG_TEST_EXPORT_MODELS_H
 #define LG_TEST_EXPORT_MODELS_H
 

@@ -1,6 +1,6 @@
-/* lg-anomaly (in LG_BIN_DIR) from outside: the scene's data, models of every method on them and on data of other
- * shapes, votes, scores, pictures. What it shares with other executables: test_runs; what it refuses: test_refused;
- * watching: test_watch_cli. */
+/* lg-anomaly (in LG_BIN_DIR) from outside: the scene's data, models of every method on them and on data of
+ * other shapes, votes, scores, pictures. What it shares with other executables: test_runs; what it refuses:
+ * test_refused; watching: test_watch_cli. */
 #include "cli_support.h"
 
 #include <hdf5.h>

@@ -1,5 +1,5 @@
-/* lg-hamiltonian (in LG_BIN_DIR) from outside: judging and recording, pictures, studies. What it shares with other
- * executables: test_runs; what it refuses: test_refused. */
+/* lg-hamiltonian (in LG_BIN_DIR) from outside: judging and recording, pictures, studies. What it shares with
+ * other executables: test_runs; what it refuses: test_refused. */
 #include "cli_files.h"
 
 #include <hdf5.h>

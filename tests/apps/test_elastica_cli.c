@@ -1,5 +1,5 @@
-/* lg-elastica (in LG_BIN_DIR) from outside: equilibria, curves, networks, searches whose trials fail. What it shares with
- * other executables: test_runs; what it refuses: test_refused. */
+/* lg-elastica (in LG_BIN_DIR) from outside: equilibria, curves, networks, searches whose trials fail. What it
+ * shares with other executables: test_runs; what it refuses: test_refused. */
 #include "cli_support.h"
 
 #include "liegrad/io.h"

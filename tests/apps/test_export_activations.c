@@ -1,4 +1,5 @@
-/* tanh and sigmoid of exported code against the mathematics library in extended precision, in double and float. */
+/* tanh and sigmoid of exported code against the mathematics library in extended precision, in double and
+ * float. */
 #include "test_support.h"
 
 #include <float.h>

@@ -1,6 +1,6 @@
-/* lg-export (in LG_BIN_DIR) from outside: names, folders that exist, damaged files, interruption, a full disk, foreign
- * words in comments; and that the self-test it writes can fail. What it refuses: test_refused; what the code of each
- * kind of model computes is tested with the kinds. */
+/* lg-export (in LG_BIN_DIR) from outside: names, folders that exist, damaged files, interruption, a full
+ * disk, foreign words in comments; and that the self-test it writes can fail. What it refuses: test_refused;
+ * what the code of each kind of model computes is tested with the kinds. */
 #include "export_support.h"
 
 #include "liegrad/io.h"

@@ -73,7 +73,8 @@ TEST("values, gradients and classes are the library's in single precision") {
     export_compare_all(&detectors, "f32");
 }
 
-/* Offsets of 10 at scales from 0.01 on: the rounding of the mean to float is given beside it, so the depth is 6. */
+/* Offsets of 10 at scales from 0.01 on: the rounding of the mean to float is given beside it. The depth is
+ * 6. */
 TEST("the header tells the windows, the classes and where they come from") {
     (void)export_saved(detector_name(0), "f32", 7, detector_make(0));
     export_expect_words("average-f32/m.h",

@@ -1,6 +1,6 @@
-/* Models that the library does not know (examples/programs/), trained, differentiated and exported: self-tests in both
- * types by all compilers, as straight code and as loops, objects that need libm alone, the stated stack. That the C of
- * each operation is the tape's: test_program_c. ctest-labels: slow */
+/* Models that the library does not know (examples/programs/), trained, differentiated and exported:
+ * self-tests in both types by all compilers, as straight code and as loops, objects that need libm alone, the
+ * stated stack. That the C of each operation is the tape's: test_program_c. ctest-labels: slow */
 #include "../../examples/programs/programs.h"
 #include "export_support.h"
 #include "liegrad/io.h"

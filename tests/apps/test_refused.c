@@ -1,5 +1,6 @@
-/* Command lines that executables refuse: exit code, a message that begins with the program's name and holds the
- * words, nothing on standard output, no file. Then files whose text is wrong, each with the command that reads it. */
+/* Command lines that executables refuse: exit code, a message that begins with the program's name and holds
+ * the words, nothing on standard output, no file. Then files whose text is wrong, each with the command that
+ * reads it. */
 #include "cli_support.h"
 
 #include <hdf5.h>
@@ -8,8 +9,8 @@
 #include "liegrad/random.h"
 #include "liegrad/series.h"
 
-/* Words in braces in a line are taken in turn, and each stands for % in `words`. A word `--option=x` is `--option x`
- * in the line and `x` in `words`; NULL as `words` is `--option: 'x'`. */
+/* Words in braces in a line are taken in turn, and each stands for % in `words`. A word `--option=x` is
+ * `--option x` in the line and `x` in `words`; NULL as `words` is `--option: 'x'`. */
 typedef struct refusal {
     const char *line;
     int code;

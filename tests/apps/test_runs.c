@@ -1,5 +1,5 @@
-/* What the executables that train have in common: help, the same bits for the same seed, Ctrl-C, resumption, searches,
- * full disks. */
+/* What the executables that train have in common: help, the same bits for the same seed, Ctrl-C, resumption,
+ * searches, full disks. */
 #include "cli_support.h"
 
 #include "liegrad/io.h"

@@ -1,5 +1,5 @@
-/* lg-simulate (in LG_BIN_DIR) from outside: numbers with known answers, schemes from files, trajectories, pictures,
- * gradients. What it refuses: test_refused. */
+/* lg-simulate (in LG_BIN_DIR) from outside: numbers with known answers, schemes from files, trajectories,
+ * pictures, gradients. What it refuses: test_refused. */
 #include "cli_support.h"
 
 #include "liegrad/integrators.h"
@@ -290,7 +290,7 @@ static double difference(const char *options, const double direction[3]) {
     return (8 * (j[0] - j[1]) - (j[2] - j[3])) / (12 * d);
 }
 
-/* The tangent of the start is at right angles to the normals (q, 0) and (omega, q) of |q| = 1, q.omega = 0. */
+/* The start's tangent is at right angles to the normals (q, 0) and (omega, q) of |q| = 1, q.omega = 0. */
 TEST("the gradient of an end is that of differences, in parameters and tangent to the start") {
     static const char *const methods[] = {"--method rkmk4 --steps 60", "--method rk4-projected --steps 20",
                                           "--tol 1e-11"};

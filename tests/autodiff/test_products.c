@@ -45,7 +45,8 @@ static double *evaluate(shape s, int variant, const double *a, const double *b, 
 }
 
 TEST("products are naive loops, and the same bits for any number of threads") {
-    lg_runtime_setup(); /* BLAS has one thread, as in the executables; the thread sanitizer does not see its others */
+    /* BLAS has one thread, as in the executables; the thread sanitizer does not see its others. */
+    lg_runtime_setup();
     for (size_t i = 0; i < LG_COUNT(shapes) * 6; i++) {
         const shape s = shapes[i / 6];
         const int variant = (int)(i % 3);
