@@ -1,12 +1,28 @@
 /* lg-hamiltonian: learn the Hamiltonian of a mechanical system from trajectories. */
 #include "lg-hamiltonian/learning.h"
 
+#include <stdlib.h>
+
+/* With a line for each family of the table. */
+static char *summary(void) {
+    char *text =
+        app_format("Learns the Hamiltonian of a mechanical system from sampled trajectories. The system's "
+                   "family says what is learned, and the default integrator:\n");
+    for (size_t i = 0; i < lg_hamiltonian_family_count(); i++) {
+        const lg_hamiltonian_family *family = lg_hamiltonian_family_at(i);
+        char *longer =
+            app_format("%s\n  %-12s %s (%s)", text, family->name, family->description, family->scheme);
+        free(text);
+        text = longer;
+    }
+    return text;
+}
+
 int main(int argc, char **argv) {
     app_command commands[7] = {generate_command, train_command, evaluate_command, predict_command,
                                study_command,    demo_command,  {.run = NULL}};
-    return app_main(
-        argc, argv, "lg-hamiltonian",
-        "Learns the Hamiltonian of a mechanical system from sampled trajectories, on R^2n and on the "
-        "constrained (T*S^2)^k of pendulum chains.",
-        commands);
+    char *text = summary();
+    const int code = app_main(argc, argv, "lg-hamiltonian", text, commands);
+    free(text);
+    return code;
 }

@@ -2,7 +2,8 @@
  * loss and evaluation on a tape. liegrad/model.h evaluates a trained Hamiltonian in a control loop.
  *
  * Every Hamiltonian has a function V and terms of its family. V is an MLP whose last layer has no bias, or
- * linear with one weight a coordinate. The families:
+ * linear with one weight a coordinate. A family is a row, lg_hamiltonian_family; lg_hamiltonian_family_at
+ * lists them, and docs/adding.md adds one. Two of them:
  *
  * - "chain", n links on (T*S^2)^n, state q_1, p_1, ..., q_n, p_n (6n numbers):
  *   H = 1/2 p^T M(q)^{-1} p + V(q), M_ij = m_ij P_i P_j (i != j), M_ii = m_ii I, P_i = I - q_i q_i^T,
@@ -18,8 +19,8 @@
  *     r_i = q_i.p_i/m_ii - u_i.
  * - "separable", n degrees of freedom on R^{2n}, state q, p: H = 1/2 |A p|^2 + V(q), V takes q. Forces: n.
  *
- * The flat parameter vector has V's layers in order (weight (in, out) row-major, then bias), then the arrays
- * of the family: Gamma (n, n) and b (n), or A (n, n).
+ * The flat parameter vector has V's layers in order (weight (in, out) row-major, then bias), then the `arrays`
+ * of the family: Gamma (n, n) and b (n) of a chain, A (n, n) of a separable system.
  */
 #ifndef LIEGRAD_HAMILTONIAN_H
 #define LIEGRAD_HAMILTONIAN_H

@@ -1,5 +1,6 @@
 /* A trained model in a control loop: one handle for learned Hamiltonians, surrogates and detectors, evaluated
- * without a tape in the caller's memory.
+ * without a tape in the caller's memory. The library is liegrad. Only lg_model_load is in liegrad_io, because
+ * it reads HDF5.
  *
  *   lg_model_file file;                                            (liegrad/io.h)
  *   lg_model_load(NULL, "pendulum.h5", NULL, &file, &error);
@@ -15,7 +16,7 @@
  * here.
  *
  * Inputs x and outputs y of the kinds (rows of the Jacobian are outputs, columns inputs):
- *   Hamiltonian            state (6k: q_1 p_1 q_2 p_2 ..., or 2n: q p) -> H (1)
+ *   Hamiltonian            state of its family (chain, 6k: q_1 p_1 q_2 p_2 ...; separable, 2n: q p) -> H (1)
  *   surrogate, discrete    boundary conditions (8: q0 v0 qN vN) -> inner nodes and tangents (q_1 .. q_{N-1},
  *                          v_1 .. v_{N-1}), 4(N-1)
  *   surrogate, continuous  (s, q0 v0 qN vN), 9 -> q(s), 2. Column 0 of the Jacobian is the tangent v(s).
@@ -71,18 +72,20 @@ LG_API void lg_model_jacobian(const lg_model *model, const double *x, double *y,
 
 /* ---- Hamiltonians in a loop (other kinds: sizes 0, LG_UNSUPPORTED) ----
  *
- * The learned system with an input u:
+ * State, input, field and tangent coordinates follow from the row of the model's family
+ * (lg_hamiltonian_family). `factor` and `layout` give the state, `forces` and `field` the input u and the
+ * algebra element, `tangent`, `basis` and `coordinates` the linearisation. Of the library's families:
  *   chain      u = (tau_1, ..., tau_k), 3k: spatial torques about the links' own joints, conjugate to their
  *              angular velocities; p_i' gets tau_i x q_i, the algebra element eta_i gets tau_i
  *   separable  u = forces (n): p' = -dV/dq + u
  */
-LG_API size_t lg_model_input_dim(const lg_model *model); /* m: 3k, n or 0 */
-/* With input (m) or NULL: algebra elements (xi_i, eta_i), 6k, or (q', p'), 2n. */
+LG_API size_t lg_model_input_dim(const lg_model *model); /* m = forces n; chain 3k, separable n */
+/* With input (m) or NULL: the algebra element of the space; chain (xi_i, eta_i), 6k, separable (q', p'), 2n. */
 LG_API lg_status lg_model_field(const lg_model *model, const double *state, const double *input,
                                 double *field, void *work);
 
-/* The learned system for an integrator: space (T*S^2)^k or R^2n, field, and for separable systems force and
- * velocity; the stepper's `input` is u. `user` (filled too), `model` and `work` (lg_model_work_size bytes)
+/* The learned system for an integrator: lg_hamiltonian_space (chain (T*S^2)^k, separable R^2n), field, and
+ * force and velocity if the family has them; the stepper's `input` is u. `user` (filled too), `model` and `work` (lg_model_work_size bytes)
  * must outlive the use of `ode`. LG_INVALID_ARGUMENT: user or ode NULL. */
 typedef struct lg_model_user {
     const lg_model *model;
@@ -94,8 +97,9 @@ LG_API lg_status lg_model_ode(const lg_model *model, lg_ode *ode, lg_model_user 
  * lg_model_stepper_size bytes. lg_step(stepper, t, h, state, input, next) then makes a step; it stays on the
  * manifold and neither allocates nor locks. `model` and `scheme` must outlive the stepper. There is nothing
  * to destroy. Errors:
- * - LG_UNSUPPORTED, and size 0: classical schemes on chains (they leave the manifold), splitting schemes on
- *   chains, variational schemes, slgi
+ * - LG_UNSUPPORTED, and size 0: classical schemes on a space other than R^d (they leave the manifold),
+ *   splitting schemes for a family without force and drift, variational schemes, slgi where the space is
+ *   not SE(3) x R^2m
  * - LG_INVALID_ARGUMENT: as lg_stepper_init; the scheme is checked before the memory */
 LG_API size_t lg_model_stepper_size(const lg_model *model, const lg_scheme *scheme);
 LG_API lg_status lg_model_stepper_init(const lg_model *model, const lg_scheme *scheme, lg_stepper **out,
@@ -103,11 +107,11 @@ LG_API lg_status lg_model_stepper_init(const lg_model *model, const lg_scheme *s
 
 /* ---- linearisation, for LQR, a filter, an observer ----
  *
- * Coordinates c (r) of states near y: y + basis c to first order, with r = 4k: for link i, with e_1, e_2
- * orthonormal and orthogonal to q_i, c_i = (a_1, a_2, b_1, b_2) means
- *   dq_i = a_1 e_1 + a_2 e_2,  dp_i = b_1 e_1 + b_2 e_2 - q_i (dq_i.p_i);  a_j = e_j.dq_i, b_j = e_j.dp_i,
- * or r = 2n: c = (dq, dp). e_1 is the coordinate axis of the smallest |component| of q_i, made orthogonal to
- * q_i; e_2 = q_i x e_1.
+ * Coordinates c (r) of states near y: y + basis c to first order, r = tangent n. A family without `basis` has
+ * c = dy; for separable systems that is (dq, dp). Chains have r = 4k: for link i, with e_1, e_2 orthonormal
+ * and orthogonal to q_i, c_i = (a_1, a_2, b_1, b_2) means
+ *   dq_i = a_1 e_1 + a_2 e_2,  dp_i = b_1 e_1 + b_2 e_2 - q_i (dq_i.p_i);  a_j = e_j.dq_i, b_j = e_j.dp_i.
+ * e_1 is the coordinate axis of the smallest |component| of q_i, made orthogonal to q_i; e_2 = q_i x e_1.
  */
 LG_API size_t lg_model_tangent_dim(const lg_model *model); /* r */
 /* c' = A c + B du to first order at (state, input), with the frame e_1, e_2 held fixed (this neglects nothing
@@ -115,7 +119,7 @@ LG_API size_t lg_model_tangent_dim(const lg_model *model); /* r */
  * derivatives of the field are exact: they use second derivatives of the network, not differences. */
 LG_API lg_status lg_model_linearise(const lg_model *model, const double *state, const double *input,
                                     double *A, double *B, double *basis, void *work);
-/* The coordinates c (r) of `other` - `state`: a_j and b_j above in the frame at `state`. */
+/* The coordinates c (r) of `other` - `state`; for chains a_j and b_j above, in the frame at `state`. */
 LG_API lg_status lg_model_deviation(const lg_model *model, const double *state, const double *other,
                                     double *c, void *work);
 

@@ -75,7 +75,7 @@ const lg_hyperparameter lg_hamiltonian_hyperparameters[] = {
                 .high = 1 << 20, .most = LG_MLP_MAX_LAYERS - 1, .value = "100,100,100", .unit = "W,W,...",
                 .meaning = "Widths of the hidden layers of the potential"),
     HAMILTONIAN("run", "integrator", NAME, scheme, .value_name = lg_name_scheme, .value_at = lg_scheme_number,
-                .otherwise = "cf4 for pendulum chains, stormer-verlet otherwise",
+                .otherwise = "that of the family, see lg-hamiltonian --help",
                 .meaning = "Scheme of the steps between two points"),
     HAMILTONIAN("run", "substeps", U32, substeps, .low = 1, .high = 1e6, .value = "1", .unit = "n",
                 .meaning = "Integrator steps between two points"),

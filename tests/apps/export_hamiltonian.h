@@ -127,7 +127,7 @@ static inline learned learned_make(const sample *of) {
 
 /* The scheme of the row, as the library has it. */
 static inline void learned_scheme(learned *made, const sample *of) {
-    const char *name = of->scheme[0] != '\0' ? of->scheme : of->family == CHAIN ? "cf4" : "stormer-verlet";
+    const char *name = of->scheme[0] != '\0' ? of->scheme : of->family->scheme;
     char path[1024];
     made->scheme = lg_scheme_find(name);
     if (made->scheme != NULL) return;

@@ -256,6 +256,21 @@ static void every_model_agrees_with_the_library(void **state) {
 
 /* A mass matrix that is nearly singular multiplies rounding: the stated tolerance knows, and is not far above
  * what happens. */
+/* Rows of the table that have no sample above, too. */
+static void the_self_test_of_every_family_passes(void **state) {
+    (void)state;
+    for (size_t i = 0; i < lg_hamiltonian_family_count(); i++) {
+        const lg_hamiltonian_family *family = lg_hamiltonian_family_at(i);
+        const sample of = {family->name, family, 2, MLP, LG_TANH, "", 0, "cc", "-O1"};
+        char folder[64], command[128];
+        learned made = learned_make(&of);
+        learned_export(&of, "f64", folder, sizeof folder);
+        (void)snprintf(command, sizeof command, "make -C %s test CFLAGS=-O1", folder);
+        export_expect(command);
+        learned_free(&made);
+    }
+}
+
 static void nearly_singular_masses_have_a_condition(void **state) {
     static const sample of = {"stiff3", CHAIN, 3, MLP, LG_TANH, "", 4, "gcc", "-O2"};
     static const char *const dtypes[] = {"f64", "f32"};
@@ -539,6 +554,7 @@ static void masses_without_an_inverse_are_refused(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_model_agrees_with_the_library),
+        cmocka_unit_test(the_self_test_of_every_family_passes),
         cmocka_unit_test(nearly_singular_masses_have_a_condition),
         cmocka_unit_test(long_runs_stay_on_the_manifold),
         cmocka_unit_test(steps_of_a_turn_agree),

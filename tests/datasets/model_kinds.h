@@ -33,6 +33,7 @@ typedef struct hamiltonian_example {
     lg_dtype dtype;
 } hamiltonian_example;
 
+/* Then one of every family. */
 static const hamiltonian_example hamiltonian_examples[] = {
     {&lg_hamiltonian_chain, 2, LG_POTENTIAL_MLP, LG_F64},
     {&lg_hamiltonian_chain, 1, LG_POTENTIAL_LINEAR, LG_F32},
@@ -40,9 +41,15 @@ static const hamiltonian_example hamiltonian_examples[] = {
     {&lg_hamiltonian_separable, 3, LG_POTENTIAL_LINEAR, LG_F64},
 };
 
+static inline hamiltonian_example hamiltonian_example_of(size_t which) {
+    const size_t n = LG_COUNT(hamiltonian_examples);
+    if (which < n) return hamiltonian_examples[which];
+    return (hamiltonian_example){lg_hamiltonian_family_at(which - n), 2, LG_POTENTIAL_MLP, LG_F64};
+}
+
 static inline lg_hamiltonian_run make_hamiltonian_run(size_t which) {
     static const uint32_t hidden[] = {4, 3};
-    const hamiltonian_example *e = &hamiltonian_examples[which];
+    const hamiltonian_example example = hamiltonian_example_of(which), *e = &example;
     lg_hamiltonian_run run = {.scheme = lg_scheme_find(e->family->scheme),
                               .substeps = 2,
                               .penalty = 0.125,
@@ -375,6 +382,11 @@ typedef struct kind_row {
 } kind_row;
 
 static const kind_row kinds[LG_MODEL_KIND_COUNT];
+
+/* Numbers of examples, those of every family included. */
+static inline size_t examples_of(const kind_row *k) {
+    return k->examples + (k == &kinds[LG_MODEL_HAMILTONIAN] ? lg_hamiltonian_family_count() : 0);
+}
 
 static inline const char *good_model(lg_model_kind kind, size_t which) {
     char name[48];

@@ -27,7 +27,7 @@ static void assert_same_file(const kind_row *k, lg_model_file *a, lg_model_file 
 TEST("a model comes back as it was saved, and may be freed twice") {
     for
         EACH_KIND(k)
-    for (size_t e = 0; e < k->examples; e++) {
+    for (size_t e = 0; e < examples_of(k); e++) {
         lg_model_file file, again = {.kind = number_of(k)};
         const char *path = scratch_path("round.h5"), *second = scratch_path("round2.h5");
         k->make(e, &file);

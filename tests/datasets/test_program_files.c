@@ -2,6 +2,8 @@
  * test_program_mutants.c. */
 #include "program_mutants.h"
 
+#include "autodiff/op_table.h"
+
 static lg_status read_program(const lg_context *context, const char *path, const lg_read_options *options,
                               lg_error *error) {
     lg_program *program = NULL;
@@ -81,6 +83,38 @@ TEST("every operation that can be in a program comes back, with its derivative")
         checked++;
     }
     assert_true(checked > 0);
+}
+
+/* Operations that a file may name: leaves, calls, and the rows of the table that run outside the process. */
+static bool is_in_files(const char *name) {
+    static const char *const others[] = {"input", "parameter", "constant", "call"};
+    const lg_op *op = lg_op_named(name);
+    for (size_t i = 0; i < LG_COUNT(others); i++)
+        if (strcmp(name, others[i]) == 0) return true;
+    return op != NULL && op->forward != NULL && op->payload != LG_PAYLOAD_IN_PROCESS;
+}
+
+TEST("docs/files.md lists every operation of a program once, and no other") {
+    FILE *page = fopen(LG_TEST_DIR "/../docs/files.md", "r");
+    size_t listed[LG_OPS_MOST + 1] = {0}, room = 0;
+    char *line = NULL;
+    bool inside = false;
+    assert_non_null(page);
+    while (getline(&line, &room, page) >= 0 && !(inside && strncmp(line, "```", 3) == 0)) {
+        inside = inside || strncmp(line, "Operations; ", 12) == 0;
+        if (!inside || strncmp(line, "| `", 3) != 0) continue;
+        *strstr(line + 2, " |") = '\0';
+        for (const char *name = strtok(line, "|`, "); name != NULL; name = strtok(NULL, "|`, ")) {
+            if (!is_in_files(name)) fail_msg("programs have no operation '%s'", name);
+            listed[lg_op_place(lg_op_named(name))]++;
+        }
+    }
+    free(line);
+    (void)fclose(page);
+    for (uint32_t i = 0; lg_ops[i] != NULL; i++)
+        if (is_in_files(lg_ops[i]->name) && listed[i] != 1)
+            fail_msg("'%s' is listed %zu times", lg_ops[i]->name, listed[i]);
+    assert_int_equal(listed[LG_OPS_MOST], 4); /* those that are no rows */
 }
 
 TEST("an empty program comes back") {

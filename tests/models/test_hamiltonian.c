@@ -278,6 +278,44 @@ TEST("of every family and every system that it learns the true energy drives the
     }
 }
 
+/* Random states as data: the loss of training with the family's scheme, recorded. */
+static double loss_by_default(const moving *s, const lg_scheme *scheme) {
+    data set = {.d = s->d, .t = {0.0, 0.02}, .y = room(N * M * s->d)};
+    lg_error error = {LG_OK, ""};
+    lg_rng rng;
+    lg_rng_seed(&rng, 5, 1);
+    for (size_t i = 0; i < N * M; i++) draw_state(&s->b, &rng, set.y + i * s->d);
+    const lg_hamiltonian_problem problem = {.model = &s->b.hamiltonian,
+                                            .scheme = scheme,
+                                            .substeps = 1,
+                                            .trajectories = N,
+                                            .points = M,
+                                            .dt = set.t[1],
+                                            .data = set.y};
+    if (lg_hamiltonian_problem_check(&problem, &error) != LG_OK) fail_msg("%s", error.message);
+    return loss_of(&problem, s->b.theta);
+}
+
+TEST("of every family the default scheme trains, steps and is a program, and the accurate one has an "
+     "estimate") {
+    for (size_t m = 0; m < motions(); m++) {
+        const moving s = make_motion(m, LG_POTENTIAL_MLP, LG_TANH);
+        const lg_hamiltonian_family *family = s.b.hamiltonian.family;
+        const lg_scheme *schemes[] = {lg_scheme_find(family->scheme), lg_scheme_find(family->accurate)};
+        lg_program *program;
+        lg_error error = {LG_OK, ""};
+        assert_true(schemes[0] != NULL && schemes[1] != NULL && schemes[1]->embedded_order > 0);
+        assert_true(isfinite(loss_by_default(&s, schemes[0])));
+        if (lg_hamiltonian_program(NULL, &s.b.hamiltonian, s.b.theta, NULL, &program, &error) != LG_OK)
+            fail_msg("%s: %s", family->name, error.message);
+        lg_program_destroy(program);
+        for (size_t i = 0; i < LG_COUNT(schemes); i++) {
+            double next[MOST_STATE];
+            assert_ok(lg_step(stepper_of(&s.b, schemes[i]), 0.0, 0.01, s.y, s.u, next));
+        }
+    }
+}
+
 TEST("whatever the seed, no start has a nearly singular mass") {
     lg_hamiltonian model;
     double theta[3 + 2], least = INFINITY, largest = 0.0;
