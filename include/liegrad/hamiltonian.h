@@ -19,8 +19,8 @@
  *     r_i = q_i.p_i/m_ii - u_i.
  * - "separable", n degrees of freedom on R^{2n}, state q, p: H = 1/2 |A p|^2 + V(q), V takes q. Forces: n.
  *
- * The flat parameter vector has V's layers in order (weight (in, out) row-major, then bias), then the `arrays`
- * of the family: Gamma (n, n) and b (n) of a chain, A (n, n) of a separable system.
+ * The flat parameter vector has V's layers in order (weight (in, out) row-major, then bias), then the
+ * `arrays` of the family: Gamma (n, n) and b (n) of a chain, A (n, n) of a separable system.
  */
 #ifndef LIEGRAD_HAMILTONIAN_H
 #define LIEGRAD_HAMILTONIAN_H

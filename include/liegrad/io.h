@@ -236,10 +236,9 @@ LG_API lg_status lg_model_load_hamiltonian(const lg_context *context, const char
  * included. A failure changes nothing.
  *   E1 = mean over trajectories, coordinates and points (the first included) of the squared difference
  *        between the test trajectories and the accurately integrated learned flow
- *   E2 = mean |d - mean d|, d = true H - learned H at the starts. A function that is constant along the
- *        motion of every Hamiltonian (a Casimir function) can be added to H without a change of any motion, so
- *        trajectories do not determine it. On T*S^2 and R^2n that is a constant, which E2 removes. On so(3)*
- *        it is a function of |mu|^2, which E2 contains.
+ *   E2 = mean |d - mean d|, d = true H - learned H at the starts. Trajectories determine H up to a function
+ *        that is constant along the motion of every Hamiltonian. On T*S^2 and R^2n that is a number, which E2
+ *        removes. On so(3)* it is a function of |mu|^2, which remains in E2.
  * Run and theta of `file` must be those of the file at `path`, as loaded or saved. Errors also:
  * LG_INVALID_ARGUMENT for another model, such as one trained in the meantime; LG_NOT_FINITE for E1 or E2 that
  * is not finite. */

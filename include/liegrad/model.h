@@ -80,13 +80,14 @@ LG_API void lg_model_jacobian(const lg_model *model, const double *x, double *y,
  *   separable  u = forces (n): p' = -dV/dq + u
  */
 LG_API size_t lg_model_input_dim(const lg_model *model); /* m = forces n; chain 3k, separable n */
-/* With input (m) or NULL: the algebra element of the space; chain (xi_i, eta_i), 6k, separable (q', p'), 2n. */
+/* With input (m) or NULL: the algebra element of the space; chain (xi_i, eta_i), 6k, separable (q', p'),
+ * 2n. */
 LG_API lg_status lg_model_field(const lg_model *model, const double *state, const double *input,
                                 double *field, void *work);
 
 /* The learned system for an integrator: lg_hamiltonian_space (chain (T*S^2)^k, separable R^2n), field, and
- * force and velocity if the family has them; the stepper's `input` is u. `user` (filled too), `model` and `work` (lg_model_work_size bytes)
- * must outlive the use of `ode`. LG_INVALID_ARGUMENT: user or ode NULL. */
+ * force and velocity if the family has them; the stepper's `input` is u. `user` (filled too), `model` and
+ * `work` (lg_model_work_size bytes) must outlive the use of `ode`. LG_INVALID_ARGUMENT: user or ode NULL. */
 typedef struct lg_model_user {
     const lg_model *model;
     void *work;

@@ -278,6 +278,17 @@ TEST("of every family and every system that it learns the true energy drives the
     }
 }
 
+TEST("every family has all of its words, and a name of its own") {
+    const lg_hamiltonian_family *row;
+    for (size_t i = 0; (row = lg_hamiltonian_family_at(i)) != NULL; i++) {
+        const char *const words[] = {row->name,        row->description, row->copy,
+                                     row->state_units, row->energy_unit, row->layout[0]};
+        for (size_t w = 0; w < LG_COUNT(words); w++) assert_true(words[w] != NULL && words[w][0] != '\0');
+        assert_true((row->off_manifold == NULL) == (row->manifold == NULL));
+        assert_ptr_equal(lg_hamiltonian_family_find(row->name), row);
+    }
+}
+
 /* Random states as data: the loss of training with the family's scheme, recorded. */
 static double loss_by_default(const moving *s, const lg_scheme *scheme) {
     data set = {.d = s->d, .t = {0.0, 0.02}, .y = room(N * M * s->d)};
@@ -296,8 +307,7 @@ static double loss_by_default(const moving *s, const lg_scheme *scheme) {
     return loss_of(&problem, s->b.theta);
 }
 
-TEST("of every family the default scheme trains, steps and is a program, and the accurate one has an "
-     "estimate") {
+TEST("of every family the default scheme trains, steps and is a program, the accurate one estimates") {
     for (size_t m = 0; m < motions(); m++) {
         const moving s = make_motion(m, LG_POTENTIAL_MLP, LG_TANH);
         const lg_hamiltonian_family *family = s.b.hamiltonian.family;
