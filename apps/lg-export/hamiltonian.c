@@ -31,8 +31,8 @@ static void invert(size_t k, const double *m, double *W) {
     free(l);
 }
 
-/* W = m^-1 (k, k). *condition = max_i m_ii W_ii >= 1, which multiplies the rounding of what is solved with W: how
- * nearly the rows of m depend on each other, whatever their scale. False: the family has no mass. */
+/* W = m^-1 (k, k). *condition = max_i m_ii W_ii >= 1, which multiplies the rounding of what is solved with W:
+ * how nearly the rows of m depend on each other, whatever their scale. False: the family has no mass. */
 static bool invert_mass(const lg_hamiltonian *model, const double *theta, double *W, double *condition) {
     const size_t k = model->n;
     double *m = app_alloc(k * k, sizeof *m);
@@ -47,8 +47,8 @@ static bool invert_mass(const lg_hamiltonian *model, const double *theta, double
 /* What the tolerance has room for without a condition. */
 enum { LEAST_CONDITION = 20 };
 
-/* The condition of a mass matrix, where the family has one. False: its inverse has numbers that the type cannot
- * hold. */
+/* The condition of a mass matrix, where the family has one. False: its inverse has numbers that the type
+ * cannot hold. */
 static bool find_condition(export_source *source, const lg_hamiltonian *model, const double *theta) {
     const size_t k = model->n;
     double condition, *W = app_alloc(k * k, sizeof *W);

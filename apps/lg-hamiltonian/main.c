@@ -10,8 +10,7 @@ static char *summary(void) {
                    "family says what is learned, and the default integrator:\n");
     for (size_t i = 0; i < lg_hamiltonian_family_count(); i++) {
         const lg_hamiltonian_family *family = lg_hamiltonian_family_at(i);
-        char *longer =
-            app_format("%s\n  %-12s %s (%s)", text, family->name, family->description, family->scheme);
+        char *longer = app_format("%s\n  %-12s %s (%s)", text, family->name, family->formula, family->scheme);
         free(text);
         text = longer;
     }

@@ -205,8 +205,8 @@ LG_API lg_status lg_chain_gradient_extended(const lg_system *system, const doubl
 
 /* ---- Starts and trajectories ---- */
 
-/* How starts are drawn. On T*S^2 q = normalised N(0, I_3) and p = q x u with u uniform in a box; on R^n, so(3)* and
- * se(3)* the state is uniform in a box. */
+/* How starts are drawn. On T*S^2 q = normalised N(0, I_3) and p = q x u with u uniform in a box; on R^n,
+ * so(3)* and se(3)* the state is uniform in a box. */
 typedef enum lg_starts {
     LG_STARTS_THESIS, /* the box is [0, 1]^3 on T*S^2, [-1, 1]^n elsewhere */
     LG_STARTS_BOX     /* the box is [low, high] in every coordinate */
@@ -232,8 +232,8 @@ typedef struct lg_trajectory_options {
 
 LG_API void lg_trajectory_options_init(lg_trajectory_options *options);
 
-/* One random start, space->dim numbers, as `starts`, `low` and `high` of the options say (NULL: the defaults), factor by
- * factor. Errors: LG_INVALID_ARGUMENT, LG_UNSUPPORTED (a factor SO(3) or SE(3)). */
+/* One random start, space->dim numbers, as `starts`, `low` and `high` of the options say (NULL: the
+ * defaults), factor by factor. Errors: LG_INVALID_ARGUMENT, LG_UNSUPPORTED (a factor SO(3) or SE(3)). */
 LG_API lg_status lg_space_start(const lg_space *space, const lg_trajectory_options *options, lg_rng *rng,
                                 double *y);
 /* The same on the system's space. lg_generate_trajectories draws its first one from stream 0 of the seed. */

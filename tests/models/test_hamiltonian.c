@@ -281,8 +281,8 @@ TEST("of every family and every system that it learns the true energy drives the
 TEST("every family has all of its words, and a name of its own") {
     const lg_hamiltonian_family *row;
     for (size_t i = 0; (row = lg_hamiltonian_family_at(i)) != NULL; i++) {
-        const char *const words[] = {row->name,        row->description, row->copy,
-                                     row->state_units, row->energy_unit, row->layout[0]};
+        const char *const words[] = {row->name,        row->description, row->copy,   row->state_units,
+                                     row->energy_unit, row->layout[0],   row->formula};
         for (size_t w = 0; w < LG_COUNT(words); w++) assert_true(words[w] != NULL && words[w][0] != '\0');
         assert_true((row->off_manifold == NULL) == (row->manifold == NULL));
         assert_ptr_equal(lg_hamiltonian_family_find(row->name), row);
