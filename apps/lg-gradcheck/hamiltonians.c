@@ -130,6 +130,7 @@ static void add_loss(const lg_hamiltonian *model, const lg_scheme *scheme, doubl
     if (lg_hamiltonian_problem_check(&problem, NULL) != LG_OK) return;
     settings *s = add(model, LOSS, scheme->name);
     s->scheme = scheme, s->penalty = penalty, s->form = form;
+    if (scheme->kind == LG_SCHEME_IMPLICIT) cases[rows - 1].no_program = "implicit stage";
     if (penalty == 0) return;
     (void)strcat(s->name, form == LG_PENALTY_MEAN_SQUARE ? ", penalty" : ", penalty as published");
     if (form == LG_PENALTY_SUM_ABSOLUTE && s->arguments[0].shape.dims[0] == LG_COUNT(off_kink))
@@ -138,7 +139,6 @@ static void add_loss(const lg_hamiltonian *model, const lg_scheme *scheme, doubl
 }
 
 static void add_family(const lg_hamiltonian_family *family) {
-    static const char *const schemes[] = {"euler", "lie-euler", "rk4", "cf4", "rkmk4", "stormer-verlet"};
     static const uint32_t hidden[1] = {4};
     lg_hamiltonian model;
     for (uint32_t n = 1; n <= MOST_COPIES; n++) {
@@ -147,8 +147,8 @@ static void add_family(const lg_hamiltonian_family *family) {
         (void)add(&model, GRADIENT, "gradient");
         (void)add(&model, FIELD, "field");
     }
-    for (size_t i = 0; i < LG_COUNT(schemes); i++)
-        add_loss(&model, lg_scheme_find(schemes[i]), 0, LG_PENALTY_MEAN_SQUARE);
+    for (size_t i = 0; i < lg_scheme_count(); i++)
+        add_loss(&model, lg_scheme_at(i), 0, LG_PENALTY_MEAN_SQUARE);
     const lg_scheme *splitting = lg_scheme_find("stormer-verlet");
     add_loss(&model, splitting, 0.5, LG_PENALTY_MEAN_SQUARE);
     add_loss(&model, splitting, 0.5, LG_PENALTY_SUM_ABSOLUTE);

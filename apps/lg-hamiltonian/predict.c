@@ -42,7 +42,7 @@ typedef struct prediction {
     double seconds;
 } prediction;
 
-/* Distance from T*S^2 of a start typed by hand; one off by rounding is projected. */
+/* Distance from the manifold of a start typed by hand; one off by rounding is projected. */
 static int check_start(const app *self, prediction *p) {
     const lg_hamiltonian *model = &p->file->run.model;
     lg_space space;
@@ -50,7 +50,8 @@ static int check_start(const app *self, prediction *p) {
     if (status != LG_OK) return app_fail(self, status, "%s", lg_status_sentence(status));
     const double distance = lg_space_manifold_error(&space, p->start);
     if (!(distance <= 1e-6))
-        return app_usage(self, "--initial: the start is off the manifold |q| = 1, q.p = 0 by %g", distance);
+        return app_usage(self, "--initial: the start is off the manifold, %s, by %g", model->family->manifold,
+                         distance);
     if (distance > 1e-14) app_warn(self, "the start was off the manifold by %g and is projected", distance);
     if (distance > 1e-14) lg_space_project(&space, p->start);
     return APP_EXIT_OK;

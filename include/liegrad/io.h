@@ -132,7 +132,7 @@ LG_API void lg_file_reader_destroy(lg_file_reader *reader); /* NULL is fine */
 
 /* ---- trajectories ---- */
 
-/* Systems have the names of liegrad/mechanics.h ("pendulum-chain", "quartic", "coupled-oscillators"). A data
+/* Systems have the names of liegrad/mechanics.h ("pendulum-chain", "quartic", "oscillator", ...). A data
  * set may have another name, or none; its layout then determines the family. */
 #define LG_SYSTEM_NAME 64
 

@@ -77,25 +77,6 @@ void lg_detector_scale(const lg_detector *model, const lg_scaler *scaler, lg_dty
     }
 }
 
-double lg_detector_mean(const double *x, size_t n) {
-    double sum[4] = {0.0};
-    size_t t = 0;
-    for (; t + 4 <= n; t += 4)
-        for (size_t j = 0; j < 4; j++) sum[j] += x[t + j];
-    for (; t < n; t++) sum[0] += x[t];
-    return ((sum[0] + sum[1]) + (sum[2] + sum[3])) / (double)n;
-}
-
-void lg_detector_scale_numbers(const lg_detector *model, const lg_scaler *scaler, const double *x,
-                               double *out) {
-    const size_t n = model->net.length, channels = model->net.channels;
-    for (size_t c = 0; c < channels; c++, x += n) {
-        const double own = model->centred ? lg_detector_mean(x, n) : 0.0;
-        const double mean = scaler->mean[c] + own, inverse = 1.0 / scaler->scale[c];
-        for (size_t t = 0; t < n; t++) out[t * channels + c] = (x[t] - mean) * inverse;
-    }
-}
-
 /* ---- evaluation ---- */
 
 struct lg_detector_plan {

@@ -7,10 +7,5 @@
 /* One window x (channels, length) as the network reads it: out (length, channels) of dtype. */
 void lg_detector_scale(const lg_detector *model, const lg_scaler *scaler, lg_dtype dtype, const float *x,
                        void *out);
-/* The same of a window of doubles, in double; the same bits for numbers that are floats. */
-void lg_detector_scale_numbers(const lg_detector *model, const lg_scaler *scaler, const double *x,
-                               double *out);
-/* Mean of x (n), four sums side by side. */
-double lg_detector_mean(const double *x, size_t n);
 
 #endif

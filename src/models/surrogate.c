@@ -108,32 +108,12 @@ void lg_surrogate_row(const lg_surrogate *model, const double *x, double sign, d
     row[LG_AT_QN] = (row[LG_AT_QN] - model->centre) / model->centre;
 }
 
-void lg_surrogate_row_tangent(const lg_surrogate *model, const double *dx, double sign, double ds,
-                              double *row) {
-    if (model->options.kind == LG_SURROGATE_CONTINUOUS) *row++ = ds / model->length;
-    for (size_t c = 0; c < 8; c++) {
-        const bool point = c < LG_AT_V0 || (c >= LG_AT_QN && c < LG_AT_VN);
-        row[c] = (c % 2 == 1 ? sign : 1.0) * (point ? dx[c] - dx[c % 2] : dx[c]);
-    }
-    if (!model->options.normalise) return;
-    row[LG_AT_Q0] /= model->centre;
-    row[LG_AT_QN] /= model->centre;
-}
-
 void lg_surrogate_end_weights(const lg_surrogate *model, double s, double *weights) {
     const double rest = s - model->length;
     const double a = exp(-100.0 * s * s), b = exp(-100.0 * rest * rest);
     const double c = exp(-100.0 * model->length * model->length);
     weights[0] = (a - c * b) / ((1.0 - c) * (1.0 + c));
     weights[1] = (b - c * a) / ((1.0 - c) * (1.0 + c));
-}
-
-void lg_surrogate_end_slopes(const lg_surrogate *model, double s, double *slopes) {
-    const double rest = s - model->length;
-    const double a = -200.0 * s * exp(-100.0 * s * s), b = -200.0 * rest * exp(-100.0 * rest * rest);
-    const double c = exp(-100.0 * model->length * model->length);
-    slopes[0] = (a - c * b) / ((1.0 - c) * (1.0 + c));
-    slopes[1] = (b - c * a) / ((1.0 - c) * (1.0 + c));
 }
 
 lg_status lg_surrogate_check_curves(const lg_surrogate *model, const lg_elastica_curves *curves,

@@ -32,14 +32,8 @@ void lg_surrogate_hermite(const double *q, const double *v, double h, double t, 
                           double *tangent);
 /* A row of the network's input at s: 8 numbers (discrete), 9 (continuous) or 3 (angle). */
 void lg_surrogate_row(const lg_surrogate *model, const double *x, double sign, double s, double *row);
-/* The derivative of that row in direction dx (8) of the boundary conditions and ds of the place, for the
- * discrete and the continuous network, whose rows are affine in them: 8 or 9 numbers. */
-void lg_surrogate_row_tangent(const lg_surrogate *model, const double *dx, double sign, double ds,
-                              double *row);
 /* Weights at s of the corrections of the two end angles: (1, 0) at s = 0, (0, 1) at s = L. */
 void lg_surrogate_end_weights(const lg_surrogate *model, double s, double *weights);
-/* Their derivatives by s. */
-void lg_surrogate_end_slopes(const lg_surrogate *model, double s, double *slopes);
 /* LG_SHAPE if these curves do not fit the model. */
 lg_status lg_surrogate_check_curves(const lg_surrogate *model, const lg_elastica_curves *curves,
                                     lg_error *error);
