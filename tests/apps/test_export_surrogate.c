@@ -1,5 +1,6 @@
 /* Surrogates of the elastica exported as C against the library: value, Jacobian and curve of random boundary
- * conditions; what the header says. */
+ * conditions; what the header says.
+ * ctest-labels: slow */
 #include "export_surrogate.h"
 
 typedef struct example {
