@@ -30,16 +30,23 @@ typedef struct problem {
 
 /* ---- stages and ends ---- */
 
+/* out = y + weight x; a part of y may be a tensor, and that of x is a vector. */
+static void flat_moved(const problem *s, double weight, const lg_parts *x, lg_parts *out) {
+    const size_t parts = lg_taped_parts(&s->ode->space);
+    for (size_t p = 0; p < parts; p++) {
+        const lg_var y = s->y->part[p];
+        out->part[p] =
+            lg_taped_moved(s->tape, y, weight, lg_reshape(s->tape, x->part[p], lg_var_shape(s->tape, y)));
+    }
+}
+
 /* Y = y + theta x */
 static void flat_stage(const problem *s, const lg_parts *x, lg_parts *out) {
-    const size_t parts = lg_taped_parts(&s->ode->space);
-    for (size_t p = 0; p < parts; p++)
-        out->part[p] = lg_taped_moved(s->tape, s->y->part[p], s->scheme->theta, x->part[p]);
+    flat_moved(s, s->scheme->theta, x, out);
 }
 
 static void flat_end(const problem *s, const lg_parts *x, lg_parts *out) {
-    const size_t parts = lg_taped_parts(&s->ode->space);
-    for (size_t p = 0; p < parts; p++) out->part[p] = lg_add(s->tape, s->y->part[p], x->part[p]);
+    flat_moved(s, 1.0, x, out);
 }
 
 /* (q + a dq, p + b dp) on R^2m */

@@ -231,8 +231,7 @@ static lg_var join(lg_tape *tape, const lg_space *space, side which, const lg_va
     FOR_FACTORS(space, f, row, at) {
         const uint32_t *width = widths(row, which), count = (uint32_t)space->factor[f].count;
         block[f] = row->parts == 1 ? parts[at] : lg_concat(tape, parts + at, 2, 2);
-        if (row != &rows[LG_SPACE_RN])
-            block[f] = lg_reshape(tape, block[f], lg_shape2(batch, count * (width[0] + width[1])));
+        block[f] = lg_reshape(tape, block[f], lg_shape2(batch, count * (width[0] + width[1])));
     }
     if (lg_tape_status(tape) != LG_OK) return LG_NONE;
     return space->factors == 1 ? block[0] : lg_concat(tape, block, space->factors, 1);

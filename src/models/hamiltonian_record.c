@@ -172,29 +172,13 @@ static lg_status manifold_field(void *user, lg_tape *tape, lg_taped_time t, cons
     return lg_tape_status(tape);
 }
 
-/* Implicit schemes hand parts over as vectors (B, width). */
 static lg_status ambient_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                                lg_var *out) {
     const lg_hamiltonian_vars *vars = user;
-    const lg_hamiltonian_family *family = vars->model->family;
-    lg_space space;
-    lg_var parts[LG_HAMILTONIAN_MAX_PARTS], velocity[LG_HAMILTONIAN_MAX_PARTS];
     (void)t;
-    LG_TRY(lg_hamiltonian_space(family, vars->model->n, &space));
-    const size_t count = lg_taped_parts(&space);
-    for (size_t i = 0; i < count; i++) {
-        const lg_shape shape = lg_var_shape(tape, y[i]);
-        const uint32_t n = vars->model->n, width = shape.rank == 2 ? shape.dims[1] / n : 0;
-        parts[i] = width > 0 ? lg_reshape(tape, y[i], lg_shape3(shape.dims[0], n, width)) : y[i];
-    }
-    if (family->velocity != NULL)
-        family->velocity(tape, vars, parts, velocity);
-    else
-        LG_TRY(lg_hamiltonian_velocity_parts(tape, vars, parts, input, velocity));
-    for (size_t i = 0; i < count; i++) {
-        const lg_shape shape = lg_var_shape(tape, y[i]);
-        out[i] = shape.rank == 2 ? lg_reshape(tape, velocity[i], shape) : velocity[i];
-    }
+    if (vars->model->family->velocity == NULL)
+        return lg_hamiltonian_velocity_parts(tape, vars, y, input, out);
+    vars->model->family->velocity(tape, vars, y, out);
     return lg_tape_status(tape);
 }
 

@@ -81,16 +81,6 @@ static lg_var squared_error(lg_tape *tape, const lg_hamiltonian_problem *problem
     return total;
 }
 
-/* Implicit schemes that leave the manifold solve for numbers of R^d: they take parts (B, width). */
-static bool takes_vectors(const lg_scheme *scheme, const lg_space *space) {
-    return scheme->kind == LG_SCHEME_IMPLICIT && scheme->ambient && !lg_space_is_abelian(space);
-}
-
-/* Parts one after the other, `parts` of each point, in the shapes of `like`. */
-static void shape_like(lg_tape *tape, const lg_shape *like, size_t parts, size_t count, lg_var *vars) {
-    for (size_t i = 0; i < count; i++) vars[i] = lg_reshape(tape, vars[i], like[i % parts]);
-}
-
 static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                             size_t batch, lg_var *loss) {
     const lg_hamiltonian_problem *problem = user;
@@ -103,17 +93,9 @@ static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint3
     LG_TRY(lg_hamiltonian_space(model->family, model->n, &space));
     LG_TRY(given_points(tape, problem, &space, samples, count, 0, 0, start));
     LG_TRY(lg_hamiltonian_training_ode(tape, &vars, problem->scheme, start, &ode));
-    const size_t steps = problem->substeps * (problem->points - 1), parts = lg_taped_parts(&space);
-    const bool vectors = takes_vectors(problem->scheme, &space);
-    lg_shape given[LG_HAMILTONIAN_MAX_PARTS], vector[LG_HAMILTONIAN_MAX_PARTS];
-    for (size_t i = 0; i < parts; i++) {
-        given[i] = lg_var_shape(tape, start[i]);
-        vector[i] = lg_shape2(given[i].dims[0], (uint32_t)lg_shape_count(given[i]) / given[i].dims[0]);
-    }
-    if (vectors) shape_like(tape, vector, parts, parts, start);
+    const size_t steps = problem->substeps * (problem->points - 1);
     LG_TRY(lg_taped_integrate(tape, problem->scheme, &ode, 0.0, problem->dt / problem->substeps, steps,
                               problem->substeps, start, predicted));
-    if (vectors) shape_like(tape, given, parts, parts * (problem->points - 1), predicted);
     const double terms = (double)batch * (double)space.dim * (double)(problem->points - 1);
     lg_var squares = squared_error(tape, problem, &space, samples, count, predicted);
     lg_var total = lg_scale(tape, squares, 1.0 / terms);
