@@ -331,6 +331,7 @@ static int add_code(const app *self, export_source *source, const lg_hamiltonian
     if (ts2) export_real(source, "manifold_rounding", source->options->dtype == LG_F32 ? 5e-5 : 1e-13);
     export_code(source, ts2 ? "arrive_ts2" : "arrive");
     export_code(source, m > 0 ? "forced" : "unforced");
+    lg_text_add(&source->code, "\n");
     export_code(source, "hamiltonian");
     source->work += lg_hamiltonian_state_dim(model);
     source->stack += STACK;

@@ -29,7 +29,7 @@ static const app_option options[] = {
     APP_ROW_TEXT(
         export_values, scheme, "scheme", "NAME",
         "Hamiltonians: the scheme of NAME_step, a name of liegrad/integrators.h or a YAML file (default: "
-        "the family's, cf4 for chains)"),
+        "the family's)"),
     APP_ROW_TEXT(export_values, functions, "functions", "NAMES",
                  "Programs: functions to export, separated by commas (default: all)"),
     APP_ROW_FLAG(export_values, compact, "compact",

@@ -1,6 +1,8 @@
-/* Models that the library does not know (examples/programs/), trained, differentiated and exported:
- * self-tests in both types by all compilers, as straight code and as loops, objects that need libm alone, the
- * stated stack. That the C of each operation is the tape's: test_program_c. ctest-labels: slow */
+/* Models that the library does not know (examples/programs/), trained, differentiated and exported.
+ * Self-tests by three compilers, objects that need libm alone.
+ * For one model, and in test_export_outside_ways for all: both types
+ * by all compilers, straight code and loops, the stated stack.
+ * test_program_c compares the C of each operation with the tape. ctest-labels: slow */
 #include "../../examples/programs/programs.h"
 #include "export_support.h"
 #include "liegrad/io.h"
@@ -13,8 +15,14 @@ static const struct {
               {"attitude", "step", make_attitude},
               {"waveforms", "value", make_waveforms}};
 
-/* The model that is compiled in every way; larger ones take minutes. */
-enum { ALL_WAYS = 1 };
+/* Whether the model is compiled in every way; those behind the first two take a minute each. */
+static bool in_every_way(size_t i) {
+#ifdef EVERY_MODEL
+    return i < LG_COUNT(models);
+#else
+    return i == 1;
+#endif
+}
 
 static void release_program(void *program) {
     lg_program_destroy(program);
@@ -39,18 +47,18 @@ TEST("self-tests of models from outside pass, their objects need libm alone and 
     static const char *const options[] = {"--dtype f64", "--dtype f32", "--dtype f64 --compact"};
     for (size_t i = 0; i < LG_COUNT(models); i++) {
         make(i);
-        for (size_t k = 0; k < (i == ALL_WAYS ? LG_COUNT(options) : 1); k++) {
+        for (size_t k = 0; k < (in_every_way(i) ? LG_COUNT(options) : 1); k++) {
             char folder[64], line[256];
             (void)snprintf(folder, sizeof folder, "%s%zu", models[i].name, k);
             (void)snprintf(line, sizeof line, "%s.h5 --out %s --name m --golden 20 %s", models[i].name,
                            folder, options[k]);
             export_run(line);
-            if (i == ALL_WAYS && k == 0)
+            if (in_every_way(i) && k == 0)
                 export_check_ways(folder, "m");
             else
                 export_check_each(folder, "m", few, LG_COUNT(few));
             export_check_objects(folder, "m");
-            if (i == ALL_WAYS) export_check_stack(folder);
+            if (in_every_way(i)) export_check_stack(folder);
         }
     }
 }

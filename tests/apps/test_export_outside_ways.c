@@ -1,0 +1,6 @@
+/* The models of test_export_outside, all of them in every way. ctest-labels: study */
+#include "../../examples/programs/programs.h"
+#include "export_support.h"
+
+#define EVERY_MODEL
+#include "test_export_outside.c"
